@@ -30,8 +30,7 @@ struct GridGeometry {
 
   // d(world)/d(index).
   glm::dmat3 indexToWorldMatrix() const {
-    return glm::dmat3(direction[0] * spacing.x, direction[1] * spacing.y,
-                      direction[2] * spacing.z);
+    return glm::dmat3(direction[0] * spacing.x, direction[1] * spacing.y, direction[2] * spacing.z);
   }
   glm::dvec3 indexToWorld(const glm::dvec3& index) const {
     return origin + direction * (spacing * index);

@@ -9,7 +9,13 @@
 namespace isobrick {
 
 // The numbers are part of the file format (docs/FORMAT.md); do not renumber.
-enum class VoxelType : std::uint32_t { kUint8 = 0, kInt8 = 1, kUint16 = 2, kInt16 = 3, kFloat32 = 4 };
+enum class VoxelType : std::uint32_t {
+  kUint8 = 0,
+  kInt8 = 1,
+  kUint16 = 2,
+  kInt16 = 3,
+  kFloat32 = 4
+};
 inline constexpr std::uint32_t kVoxelTypeCount = 5;
 
 // Size of one voxel in bytes.

@@ -1,0 +1,63 @@
+// A hash table from edges to vertex numbers.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "extract/edge_key.h"
+
+namespace isobrick {
+
+// Open addressing with linear probing; grows by doubling. Clearing keeps the memory and costs what
+// was stored, so one object serves block after block. The kernels look up every vertex of a
+// transition here, where std::unordered_map's node for every vertex took most of the time.
+template <typename Number>
+class EdgeVertexMap {
+ public:
+  EdgeVertexMap() : slots_(kLeastSlots) {}
+
+  // The number of `key`; where it has none yet, `number` is stored and `*inserted` set.
+  Number findOrInsert(EdgeKey key, Number number, bool* inserted) {
+    if (2 * (size_ + 1) > slots_.size()) grow();
+    Slot& slot = slots_[find(key)];
+    *inserted = slot.key == kNoEdge;
+    if (*inserted) {
+      slot = {key, number};
+      ++size_;
+    }
+    return slot.number;
+  }
+
+  void clear() {
+    if (size_ == 0) return;
+    slots_.assign(slots_.size(), Slot{});
+    size_ = 0;
+  }
+  std::size_t size() const { return size_; }
+
+ private:
+  static constexpr std::size_t kLeastSlots = 1024;
+  struct Slot {
+    EdgeKey key = kNoEdge;
+    Number number = 0;
+  };
+
+  std::size_t find(EdgeKey key) const {
+    // Fibonacci hashing: neighbouring edges differ in few low bits.
+    const std::size_t mask = slots_.size() - 1;
+    std::size_t at = static_cast<std::size_t>((key * 0x9E3779B97F4A7C15ull) >> 20) & mask;
+    while (slots_[at].key != key && slots_[at].key != kNoEdge) at = (at + 1) & mask;
+    return at;
+  }
+  void grow() {
+    std::vector<Slot> old(2 * slots_.size());
+    old.swap(slots_);
+    for (const Slot& slot : old)
+      if (slot.key != kNoEdge) slots_[find(slot.key)] = slot;
+  }
+
+  std::vector<Slot> slots_;
+  std::size_t size_ = 0;
+};
+
+}  // namespace isobrick

@@ -1,0 +1,71 @@
+// The samples of one brick, with gradients.
+#pragma once
+
+#include <vector>
+
+#include "storage/brick_layout.h"
+
+namespace isobrick {
+
+// Reads samples of `level` by their index in the level. Borrowed memory: valid while the brick is
+// held. T: the voxel type.
+template <typename T>
+class SampleView {
+ public:
+  SampleView() = default;
+  SampleView(const Lattice& lattice, int level, const IndexBox& box, const T* data)
+      : data_(data), box_(box), stride_{1, box.count.x, box.count.x * box.count.y} {
+    for (int axis = 0; axis < 3; ++axis) {
+      auto& taps = taps_[axis];
+      taps.resize(static_cast<std::size_t>(box.count[axis]));
+      for (std::int64_t i = 0; i < box.count[axis]; ++i) {
+        // At the border of the volume the difference is one-sided. Elsewhere a brick's own corners
+        // always have both neighbours in the apron; the apron itself is never asked.
+        const std::int64_t low = i > 0 ? i - 1 : i;
+        const std::int64_t high = i + 1 < box.count[axis] ? i + 1 : i;
+        const auto distance =
+            static_cast<double>(lattice.position(level, axis, box.first[axis] + high) -
+                                lattice.position(level, axis, box.first[axis] + low));
+        taps[static_cast<std::size_t>(i)] = {(low - i) * stride_[axis], (high - i) * stride_[axis],
+                                             static_cast<float>(1.0 / distance)};
+      }
+    }
+  }
+
+  const IndexBox& box() const { return box_; }
+
+  std::int64_t offset(const Index3& sample) const {
+    return linearIndex(sample - box_.first, box_.count);
+  }
+  std::int64_t stride(int axis) const { return stride_[axis]; }
+  const T* at(std::int64_t offset) const { return data_ + offset; }
+  float value(const Index3& sample) const { return static_cast<float>(data_[offset(sample)]); }
+
+  // Central differences at a sample, in values per voxel of level 0 (rule 12).
+  glm::vec3 gradient(const Index3& sample) const {
+    const Index3 local = sample - box_.first;
+    return gradientAtLocal(local, linearIndex(local, box_.count));
+  }
+  glm::vec3 gradientAtLocal(const Index3& local, std::int64_t offset) const {
+    const T* at = data_ + offset;
+    glm::vec3 g;
+    for (int axis = 0; axis < 3; ++axis) {
+      const Tap& tap = taps_[axis][static_cast<std::size_t>(local[axis])];
+      g[axis] = (static_cast<float>(at[tap.high]) - static_cast<float>(at[tap.low])) *
+                tap.inverse_distance;
+    }
+    return g;
+  }
+
+ private:
+  struct Tap {
+    std::int64_t low = 0, high = 0;  // offsets from the sample
+    float inverse_distance = 0;      // 1/voxel
+  };
+  const T* data_ = nullptr;
+  IndexBox box_;
+  std::int64_t stride_[3] = {0, 0, 0};
+  std::vector<Tap> taps_[3];
+};
+
+}  // namespace isobrick

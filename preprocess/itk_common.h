@@ -1,0 +1,85 @@
+// What the two ITK sources share. Private to itk_source.cpp and itk_series_source.cpp: ITK headers
+// go no further.
+#pragma once
+
+#include <itkImageIOBase.h>
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "preprocess/volume_source.h"
+#include "storage/error.h"
+
+namespace isobrick::itk_detail {
+
+using Component = itk::ImageIOBase::IOComponentType;
+
+// Registers the formats and silences what ITK and GDCM print on stderr; once, thread-safe.
+void prepareItk();
+
+// One line for a failed call, without ITK's prefixes: "cannot read 'path': reason; what to do".
+Error itkError(const std::string& path, const std::exception& exception);
+
+// Opens `path` and reads its header. Throws Error for missing files, unknown formats, damaged
+// headers and for images with more than one value per voxel.
+itk::ImageIOBase::Pointer openImage(const std::string& path);
+
+// Voxels per axis; trailing axes of length 1 are dropped, missing ones are 1. Throws Error for
+// images with more than one time step or channel.
+Index3 imageVoxels(const std::string& path, const itk::ImageIOBase& image);
+
+// Spacing, origin and direction as ITK gives them (LPS for medical formats), not yet tidied.
+GridGeometry imageGeometry(const itk::ImageIOBase& image);
+
+// The voxel type with exactly this component's values, if it is one of the five.
+std::optional<VoxelType> exactVoxelType(Component component);
+
+// Reads slices [first, first + count) as the image's component type.
+void readImageSlices(const std::string& path, itk::ImageIOBase& image, std::int64_t first,
+                     std::int64_t count, void* out);
+
+// Element by element from `component` to `type`; values must fit.
+void convertComponents(Component component, const void* in, std::size_t count, VoxelType type,
+                       void* out);
+
+// A single file with a 3-D image.
+std::unique_ptr<VolumeSource> openItkFile(const std::string& path);
+// A folder with a DICOM series or a stack of slices.
+std::unique_ptr<VolumeSource> openItkFolder(const std::string& path);
+
+// Calls `f(tag)` with the C++ type of a component.
+template <typename F>
+decltype(auto) visitComponent(Component component, F&& f) {
+  switch (component) {
+    case Component::UCHAR:
+      return f(VoxelTag<std::uint8_t>{});
+    case Component::CHAR:
+      return f(VoxelTag<std::int8_t>{});
+    case Component::USHORT:
+      return f(VoxelTag<std::uint16_t>{});
+    case Component::SHORT:
+      return f(VoxelTag<std::int16_t>{});
+    case Component::UINT:
+      return f(VoxelTag<std::uint32_t>{});
+    case Component::INT:
+      return f(VoxelTag<std::int32_t>{});
+    case Component::ULONG:
+      return f(VoxelTag<unsigned long>{});
+    case Component::LONG:
+      return f(VoxelTag<long>{});
+    case Component::ULONGLONG:
+      return f(VoxelTag<unsigned long long>{});
+    case Component::LONGLONG:
+      return f(VoxelTag<long long>{});
+    case Component::FLOAT:
+      return f(VoxelTag<float>{});
+    case Component::DOUBLE:
+      return f(VoxelTag<double>{});
+    default:
+      throw Error("this kind of voxel is not supported; convert it to a scalar type first");
+  }
+}
+
+}  // namespace isobrick::itk_detail

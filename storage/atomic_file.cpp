@@ -1,0 +1,146 @@
+#include "storage/atomic_file.h"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+
+#include "storage/error.h"
+
+namespace isobrick {
+namespace {
+
+const char* adviceFor(int error) {
+  switch (error) {
+    case ENOSPC:
+    case EDQUOT:
+      return "free some space or choose another folder with -o";
+    case ENOENT:
+    case ENOTDIR:
+      return "create the folder first or choose another one with -o";
+    case EACCES:
+    case EPERM:
+    case EROFS:
+      return "choose a folder that you may write to with -o";
+    case EISDIR:
+      return "it is a folder; name a file in it with -o";
+    case ENAMETOOLONG:
+      return "choose a shorter name with -o";
+    case EFBIG:
+      return "raise the limit on file sizes or choose another file system with -o";
+    default:
+      return "check the disk or choose another folder with -o";
+  }
+}
+
+[[noreturn]] void failWriting(const std::string& path, int error) {
+  throw Error("cannot write '" + path + "': " + std::strerror(error) + "; " + adviceFor(error));
+}
+
+std::string folderOf(const std::string& path) {
+  const std::size_t slash = path.find_last_of('/');
+  if (slash == std::string::npos) return ".";
+  return slash == 0 ? "/" : path.substr(0, slash);
+}
+
+// True where `path` still names the file that is open as `fd`.
+bool namesOpenFile(const std::string& path, int fd) {
+  struct stat named = {}, opened = {};
+  return stat(path.c_str(), &named) == 0 && fstat(fd, &opened) == 0 &&
+         named.st_dev == opened.st_dev && named.st_ino == opened.st_ino;
+}
+
+// Opens, locks and empties the temporary. The lock tells a leftover of a killed process from the
+// file of a living one. Between open and lock the other process may have published the file; then
+// it is not ours to empty, and the next round makes a new one.
+int openTemporary(const std::string& path, const std::string& temporary_path) {
+  for (;;) {
+    const int fd = open(temporary_path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666);
+    if (fd < 0) failWriting(path, errno);
+    const bool busy = flock(fd, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK;
+    if (busy) {
+      close(fd);
+      throw Error("cannot write '" + path + "': another process is writing '" + temporary_path +
+                  "'; wait for it or choose another name with -o");
+    }
+    if (!namesOpenFile(temporary_path, fd)) {
+      close(fd);
+      continue;
+    }
+    if (ftruncate(fd, 0) != 0) {
+      const int error = errno;
+      close(fd);
+      failWriting(path, error);
+    }
+    return fd;
+  }
+}
+
+}  // namespace
+
+AtomicFile::AtomicFile(const std::string& path) : path_(path), temporary_path_(path + ".partial") {
+  // Renaming over a device or a folder would destroy it or fail after all the work.
+  struct stat status = {};
+  if (path.empty() || path.back() == '/') failWriting(path, EISDIR);
+  if (stat(path.c_str(), &status) == 0 && !S_ISREG(status.st_mode)) {
+    if (S_ISDIR(status.st_mode)) failWriting(path, EISDIR);
+    throw Error("cannot write '" + path +
+                "': it exists and is not a regular file; choose another "
+                "name with -o");
+  }
+  fd_ = openTemporary(path_, temporary_path_);
+}
+
+AtomicFile::~AtomicFile() { closeAndRemove(); }
+
+void AtomicFile::closeAndRemove() noexcept {
+  if (fd_ < 0) return;
+  unlink(temporary_path_.c_str());  // before close, which gives up the lock
+  close(fd_);
+  fd_ = -1;
+}
+
+void AtomicFile::write(const void* data, std::size_t bytes) {
+  pwrite(data, bytes, position_);
+  position_ += bytes;
+}
+
+void AtomicFile::pwrite(const void* data, std::size_t bytes, std::uint64_t offset) {
+  constexpr std::size_t kMostPerCall = std::size_t{1} << 30;  // Linux writes less than 2^31 a call
+  const char* at = static_cast<const char*>(data);
+  while (bytes > 0) {
+    const ssize_t written =
+        ::pwrite(fd_, at, std::min(bytes, kMostPerCall), static_cast<off_t>(offset));
+    if (written < 0) {
+      if (errno == EINTR) continue;
+      failWriting(path_, errno);
+    }
+    if (written == 0) failWriting(path_, ENOSPC);
+    at += written;
+    offset += static_cast<std::uint64_t>(written);
+    bytes -= static_cast<std::size_t>(written);
+  }
+}
+
+void AtomicFile::commit() {
+  if (fsync(fd_) != 0) failWriting(path_, errno);
+  if (std::rename(temporary_path_.c_str(), path_.c_str()) != 0) failWriting(path_, errno);
+  // From here the file is published: the destructor has nothing to remove.
+  const int fd = fd_;
+  fd_ = -1;
+  close(fd);
+  const int folder = open(folderOf(path_).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (folder < 0) return;  // a folder that may be written but not read; the rename itself is done
+  const int result = fsync(folder);
+  const int error = errno;
+  close(folder);
+  // Some file systems cannot sync folders; the rename is as durable there as it gets.
+  if (result != 0 && error != EINVAL && error != ENOTSUP) failWriting(path_, error);
+}
+
+}  // namespace isobrick

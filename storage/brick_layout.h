@@ -1,0 +1,71 @@
+// How the levels of a pyramid are cut into bricks, and bricks into tiles and curvature nodes.
+#pragma once
+
+#include "storage/grid.h"
+
+namespace isobrick {
+
+// A half-open box of indices [first, first + count) per axis; of samples, cells, bricks or tiles.
+struct IndexBox {
+  Index3 first{0};
+  Index3 count{0};
+
+  bool operator==(const IndexBox&) const = default;
+  Index3 end() const { return first + count; }
+  std::int64_t size() const { return elementCount(count); }
+};
+
+// Pure arithmetic on a lattice and two edge lengths in cells; nothing here touches a file.
+//
+// A brick of level l covers brick_cells^3 cells of that level (fewer at the far border) and stores
+// every sample that meshing those cells needs: their corners and one more sample on each side for
+// central differences, as far as the volume reaches. A tile is tile_cells^3 cells of a brick: the
+// smallest block that has a value range. A curvature node is a cell of level 1, stored with the
+// level-0 brick that holds its 2x2x2 cells.
+class BrickLayout {
+ public:
+  BrickLayout() = default;
+  BrickLayout(const Lattice& lattice, std::int64_t brick_cells, std::int64_t tile_cells)
+      : lattice_(lattice), brick_cells_(brick_cells), tile_cells_(tile_cells) {}
+
+  const Lattice& lattice() const { return lattice_; }
+  std::int64_t brickCells() const { return brick_cells_; }
+  std::int64_t tileCells() const { return tile_cells_; }
+
+  Index3 bricks(int level) const { return ceilDivide(lattice_.cells(level), brick_cells_); }
+
+  // Cells of `level` that the brick covers.
+  IndexBox brickCellBox(int level, const Index3& brick) const {
+    const Index3 first = brick * brick_cells_;
+    return {first, glm::min(Index3(brick_cells_), lattice_.cells(level) - first)};
+  }
+  // Samples of `level` that the brick stores: the cells' corners and an apron of one.
+  IndexBox brickSampleBox(int level, const Index3& brick) const {
+    const IndexBox cells = brickCellBox(level, brick);
+    const Index3 first = glm::max(cells.first - Index3(1), Index3(0));
+    const Index3 last = glm::min(cells.end() + Index3(1), lattice_.samples(level) - Index3(1));
+    return {first, last - first + Index3(1)};
+  }
+  // Tiles per axis inside the brick.
+  Index3 brickTiles(int level, const Index3& brick) const {
+    return ceilDivide(brickCellBox(level, brick).count, tile_cells_);
+  }
+  // Curvature nodes (cells of level 1) per axis inside a brick of level 0.
+  Index3 brickNodes(const Index3& brick) const {
+    return ceilDivide(brickCellBox(0, brick).count, 2);
+  }
+
+  static Index3 ceilDivide(const Index3& a, std::int64_t b) { return (a + Index3(b - 1)) / b; }
+
+ private:
+  Lattice lattice_;
+  std::int64_t brick_cells_ = 64;
+  std::int64_t tile_cells_ = 4;
+};
+
+// Position of `index` in a dense block of `dims`, x fastest.
+constexpr std::int64_t linearIndex(const Index3& index, const Index3& dims) {
+  return (index.z * dims.y + index.y) * dims.x + index.x;
+}
+
+}  // namespace isobrick

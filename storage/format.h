@@ -1,0 +1,91 @@
+// The `.isb` file, version 1, as it lies on disk; docs/FORMAT.md is its specification in words.
+//
+//   header (512 bytes)
+//   parts of bricks, in any order: samples, tile ranges, curvature
+//   level table   (LevelRecord  * level_count)
+//   brick table   (BrickRecord  * brick_count; the bricks of level 0 first, x fastest)
+//   provenance    (JSON, UTF-8)
+//
+// All numbers are little-endian. Structs have no padding; a big-endian host is refused at compile
+// time. Everything read from here is hostile until pyramid.cpp has checked it.
+#pragma once
+
+#include <bit>
+#include <cstdint>
+#include <type_traits>
+
+namespace isobrick::format {
+
+static_assert(std::endian::native == std::endian::little, "isobrick needs a little-endian host");
+
+inline constexpr char kMagic[8] = {'I', 'S', 'O', 'B', 'R', 'I', 'C', 'K'};
+inline constexpr std::uint32_t kVersion = 1;
+
+// Samples begin at multiples of this, so that a brick can be paged and used in place.
+inline constexpr std::uint64_t kSampleAlignment = 4096;
+// Tables and the other parts begin at multiples of this.
+inline constexpr std::uint64_t kPartAlignment = 64;
+
+enum class Filter : std::uint32_t { kAverage = 0, kSubsample = 1 };
+enum class Codec : std::uint32_t {
+  kStored = 0,    // the bytes themselves
+  kConstant = 1,  // no bytes: every element of the part has the same value
+  kAbsent = 2,    // no bytes: the part was not made (curvature of coarser levels, --no-curvature)
+};
+
+struct Header {
+  char magic[8];
+  std::uint32_t version;
+  std::uint32_t header_bytes;  // sizeof(Header)
+  std::uint64_t file_bytes;    // size of the whole file: a shorter file was truncated
+  std::uint32_t voxel_type;
+  std::uint32_t filter;
+  std::uint32_t level_count;
+  std::uint32_t brick_cells;  // cells per brick and axis: a power of two, 4 .. 256
+  std::uint32_t tile_cells;   // cells per tile and axis: a power of two, 2 .. brick_cells
+  std::uint32_t has_curvature;
+  std::uint64_t dims[3];  // voxels per axis
+  double spacing[3];
+  double origin[3];
+  double direction[9];  // column-major: world direction of index axis x, then y, then z
+  double value_min, value_max;
+  double curvature_epsilon;  // samples with |gradient| < epsilon * (range of the tile) are left out
+  std::uint64_t level_table_offset;
+  std::uint64_t level_table_checksum;
+  std::uint64_t brick_table_offset;
+  std::uint64_t brick_count;
+  std::uint64_t brick_table_checksum;
+  std::uint64_t provenance_offset;
+  std::uint64_t provenance_bytes;
+  std::uint64_t provenance_checksum;
+  std::uint8_t reserved[224];     // zero
+  std::uint64_t header_checksum;  // XXH3-64 of all the bytes before it
+};
+static_assert(sizeof(Header) == 512 && std::is_trivially_copyable_v<Header>);
+
+struct LevelRecord {
+  std::uint64_t samples[3];
+  std::uint64_t bricks[3];
+  std::uint64_t first_brick;  // row of the brick table
+};
+static_assert(sizeof(LevelRecord) == 56);
+
+struct PartRecord {
+  std::uint64_t offset;        // from the start of the file; 0 where there are no bytes
+  std::uint64_t checksum;      // XXH3-64 of the stored bytes; 0 where there are none
+  std::uint32_t stored_bytes;  // size in the file
+  std::uint32_t codec;
+};
+static_assert(sizeof(PartRecord) == 24);
+
+struct BrickRecord {
+  PartRecord samples;
+  PartRecord ranges;
+  PartRecord curvature;
+  float range_min, range_max;  // closure over the brick's cells (rule 7)
+  float constant;              // the value of samples whose codec is kConstant
+  std::uint32_t reserved;      // zero
+};
+static_assert(sizeof(BrickRecord) == 88);
+
+}  // namespace isobrick::format

@@ -1,0 +1,334 @@
+#include "storage/pyramid.h"
+
+#include <bit>
+#include <cmath>
+#include <cstring>
+
+#include "storage/checksum.h"
+#include "storage/error.h"
+
+namespace isobrick {
+namespace {
+
+bool isPowerOfTwoWithin(std::uint32_t value, std::uint32_t least, std::uint32_t greatest) {
+  return std::has_single_bit(value) && value >= least && value <= greatest;
+}
+
+// True where [offset, offset + bytes) lies in a file of `file_bytes`; safe against overflow.
+bool liesWithin(std::uint64_t offset, std::uint64_t bytes, std::uint64_t file_bytes) {
+  return offset <= file_bytes && bytes <= file_bytes - offset;
+}
+
+std::string brickName(int level, const Index3& brick) {
+  return "brick (" + std::to_string(brick.x) + "," + std::to_string(brick.y) + "," +
+         std::to_string(brick.z) + ") of level " + std::to_string(level);
+}
+
+}  // namespace
+
+Pyramid::Pyramid(const std::string& path, std::uint64_t budget_bytes)
+    : file_(path), budget_bytes_(budget_bytes) {
+  readHeader();
+}
+
+void Pyramid::fail(const std::string& what) const { throw Error("'" + path() + "' " + what); }
+
+void Pyramid::readHeader() {
+  constexpr std::uint64_t kSize = sizeof(format::Header);
+  if (file_.size() < kSize || std::memcmp(file_.data(), format::kMagic, 8) != 0)
+    fail("is not an isobrick pyramid; make one with 'isobrick build'");
+  format::Header header;
+  std::memcpy(&header, file_.data(), kSize);
+  if (header.version != format::kVersion)
+    fail("has format version " + std::to_string(header.version) + ", this program reads version " +
+         std::to_string(format::kVersion) + "; build it again or use the program that wrote it");
+  if (header.header_bytes != kSize ||
+      header.header_checksum != checksum64(&header, offsetof(format::Header, header_checksum)))
+    fail("has a damaged header; build it again");
+  if (header.file_bytes != file_.size())
+    fail("has " + std::to_string(file_.size()) + " bytes where its header says " +
+         std::to_string(header.file_bytes) + ": it was cut or changed; build it again");
+
+  bool sane = header.voxel_type < kVoxelTypeCount && header.filter <= 1 &&
+              header.has_curvature <= 1 && isPowerOfTwoWithin(header.brick_cells, 4, 256) &&
+              isPowerOfTwoWithin(header.tile_cells, 2, header.brick_cells) &&
+              std::isfinite(header.value_min) && std::isfinite(header.value_max) &&
+              header.value_min <= header.value_max && std::isfinite(header.curvature_epsilon) &&
+              header.curvature_epsilon >= 0;
+  for (int axis = 0; axis < 3; ++axis) {
+    sane = sane && header.dims[axis] >= 2 &&
+           header.dims[axis] <= static_cast<std::uint64_t>(kMaxVoxelsPerAxis) &&
+           std::isfinite(header.spacing[axis]) && header.spacing[axis] > 0 &&
+           std::isfinite(header.origin[axis]);
+  }
+  for (const double d : header.direction) sane = sane && std::isfinite(d);
+  if (!sane) fail("has impossible numbers in its header; build it again");
+
+  for (int axis = 0; axis < 3; ++axis) {
+    spec_.voxels[axis] = static_cast<std::int64_t>(header.dims[axis]);
+    spec_.geometry.spacing[axis] = header.spacing[axis];
+    spec_.geometry.origin[axis] = header.origin[axis];
+    for (int row = 0; row < 3; ++row)
+      spec_.geometry.direction[axis][row] = header.direction[3 * axis + row];
+  }
+  if (!(std::abs(glm::determinant(spec_.geometry.direction)) > 1e-6))
+    fail("has directions that do not span space; build it again");
+  spec_.voxel_type = static_cast<VoxelType>(header.voxel_type);
+  spec_.filter = static_cast<format::Filter>(header.filter);
+  spec_.brick_cells = header.brick_cells;
+  spec_.tile_cells = header.tile_cells;
+  spec_.has_curvature = header.has_curvature != 0;
+  spec_.curvature_epsilon = header.curvature_epsilon;
+  value_range_ = {static_cast<float>(header.value_min), static_cast<float>(header.value_max)};
+  layout_ = spec_.layout();
+  if (header.level_count != static_cast<std::uint32_t>(lattice().levels()))
+    fail("has a wrong number of levels; build it again");
+  readTables(header);
+}
+
+void Pyramid::readTables(const format::Header& header) {
+  const auto table = [&](std::uint64_t offset, std::uint64_t bytes, std::uint64_t checksum,
+                         const char* name) {
+    std::uint64_t sum = 0;
+    if (!liesWithin(offset, bytes, file_.size()) || !file_.checksum(offset, bytes, &sum) ||
+        sum != checksum)
+      fail(std::string("has a damaged ") + name + "; build it again");
+    return file_.data() + offset;
+  };
+  // The layout follows from the header, so the tables must have just the sizes that it gives.
+  std::uint64_t rows = 0;
+  std::vector<format::LevelRecord> levels(static_cast<std::size_t>(lattice().levels()));
+  const std::uint64_t level_bytes = levels.size() * sizeof(format::LevelRecord);
+  std::memcpy(
+      levels.data(),
+      table(header.level_table_offset, level_bytes, header.level_table_checksum, "level table"),
+      level_bytes);
+  for (int level = 0; level < lattice().levels(); ++level) {
+    const format::LevelRecord& record = levels[static_cast<std::size_t>(level)];
+    const Index3 samples = lattice().samples(level);
+    const Index3 bricks = layout_.bricks(level);
+    bool same = record.first_brick == rows;
+    for (int axis = 0; axis < 3; ++axis)
+      same = same && record.samples[axis] == static_cast<std::uint64_t>(samples[axis]) &&
+             record.bricks[axis] == static_cast<std::uint64_t>(bricks[axis]);
+    if (!same) fail("has a level table that contradicts its header; build it again");
+    first_brick_.push_back(rows);
+    rows += static_cast<std::uint64_t>(elementCount(bricks));
+  }
+  // kMaxVoxelsPerAxis bounds `rows` by 2^57, so the product fits; the file's size bounds it
+  // further.
+  if (header.brick_count != rows || rows > file_.size() / sizeof(format::BrickRecord))
+    fail("has a wrong number of bricks; build it again");
+  bricks_.resize(rows);
+  const std::uint64_t brick_bytes = rows * sizeof(format::BrickRecord);
+  std::memcpy(
+      bricks_.data(),
+      table(header.brick_table_offset, brick_bytes, header.brick_table_checksum, "brick table"),
+      brick_bytes);
+  provenance_.assign(
+      reinterpret_cast<const char*>(table(header.provenance_offset, header.provenance_bytes,
+                                          header.provenance_checksum, "provenance")),
+      header.provenance_bytes);
+
+  std::vector<BrickPager::Piece> pieces;
+  pieces.reserve(3 * rows);
+  for (int level = 0; level < lattice().levels(); ++level) {
+    const Index3 count = layout_.bricks(level);
+    Index3 brick;
+    for (brick.z = 0; brick.z < count.z; ++brick.z)
+      for (brick.y = 0; brick.y < count.y; ++brick.y)
+        for (brick.x = 0; brick.x < count.x; ++brick.x) {
+          const std::size_t row = brickRow(level, brick);
+          for (const PartKind kind : {kSamples, kRanges, kCurvature}) {
+            const format::PartRecord& part = record(kind, row);
+            const auto codec = static_cast<format::Codec>(part.codec);
+            const bool may_be_absent = kind == kCurvature && (level > 0 || !spec_.has_curvature);
+            const bool sane =
+                codec == format::Codec::kStored
+                    ? !may_be_absent && part.stored_bytes == expectedBytes(kind, level, brick) &&
+                          liesWithin(part.offset, part.stored_bytes, file_.size()) &&
+                          part.offset % format::kPartAlignment == 0
+                    : part.stored_bytes == 0 && part.offset == 0 &&
+                          codec ==
+                              (may_be_absent ? format::Codec::kAbsent : format::Codec::kConstant);
+            if (!sane)
+              fail("has an impossible entry for " + brickName(level, brick) + "; build it again");
+            pieces.push_back({part.offset, part.stored_bytes, part.checksum});
+          }
+          if (!(bricks_[row].range_min <= bricks_[row].range_max))
+            fail("has an impossible range for " + brickName(level, brick) + "; build it again");
+        }
+  }
+  pager_ = std::make_unique<BrickPager>(file_, std::move(pieces), budget_bytes_);
+}
+
+std::uint64_t Pyramid::expectedBytes(PartKind kind, int level, const Index3& brick) const {
+  switch (kind) {
+    case kSamples:
+      return static_cast<std::uint64_t>(layout_.brickSampleBox(level, brick).size()) *
+             voxelBytes(spec_.voxel_type);
+    case kRanges:
+      return static_cast<std::uint64_t>(elementCount(layout_.brickTiles(level, brick))) * 2 *
+             voxelBytes(spec_.voxel_type);
+    case kCurvature:
+      return static_cast<std::uint64_t>(elementCount(layout_.brickNodes(brick))) * 3;
+  }
+  return 0;
+}
+
+const format::PartRecord& Pyramid::record(PartKind kind, std::size_t row) const {
+  const format::BrickRecord& brick = bricks_[row];
+  return kind == kSamples ? brick.samples : kind == kRanges ? brick.ranges : brick.curvature;
+}
+
+std::size_t Pyramid::brickRow(int level, const Index3& brick) const {
+  return first_brick_[static_cast<std::size_t>(level)] +
+         static_cast<std::size_t>(linearIndex(brick, layout_.bricks(level)));
+}
+
+BrickPart Pyramid::acquire(PartKind kind, int level, const Index3& brick) const {
+  static constexpr const char* kNames[] = {"samples", "ranges", "curvature"};
+  const std::size_t row = brickRow(level, brick);
+  BrickPart part;
+  part.piece_ = 3 * row + static_cast<std::size_t>(kind);
+  const char* why = "";
+  part.data_ = pager_->acquire(part.piece_, &why);
+  if (part.data_ == nullptr)
+    fail(brickName(level, brick) + ", " + kNames[kind] + ", " +
+         std::to_string(record(kind, row).stored_bytes) + " bytes at offset " +
+         std::to_string(record(kind, row).offset) + ", " + why +
+         "; build it again or restore a copy");
+  part.pager_ = pager_.get();
+  return part;
+}
+
+ValueRange Pyramid::brickRange(int level, const Index3& brick) const {
+  const format::BrickRecord& row = bricks_[brickRow(level, brick)];
+  return {row.range_min, row.range_max};
+}
+
+BrickSamples Pyramid::samples(int level, const Index3& brick) const {
+  BrickSamples result;
+  result.box = layout_.brickSampleBox(level, brick);
+  const format::BrickRecord& row = bricks_[brickRow(level, brick)];
+  if (row.samples.stored_bytes > 0) {
+    result.part = acquire(kSamples, level, brick);
+    return result;
+  }
+  result.part.made_.resize(expectedBytes(kSamples, level, brick));
+  visitVoxelType(spec_.voxel_type, [&](auto tag) {
+    using T = typename decltype(tag)::Type;
+    std::fill_n(reinterpret_cast<T*>(result.part.made_.data()), result.box.size(),
+                static_cast<T>(row.constant));
+  });
+  result.part.data_ = result.part.made_.data();
+  return result;
+}
+
+void Pyramid::tileRanges(int level, const Index3& brick, std::vector<ValueRange>& out) const {
+  const format::BrickRecord& row = bricks_[brickRow(level, brick)];
+  const auto count = static_cast<std::size_t>(elementCount(layout_.brickTiles(level, brick)));
+  if (row.ranges.stored_bytes == 0) {
+    out.assign(count, ValueRange{row.range_min, row.range_max});
+    return;
+  }
+  const BrickPart part = acquire(kRanges, level, brick);
+  out.resize(count);
+  visitVoxelType(spec_.voxel_type, [&](auto tag) {
+    using T = typename decltype(tag)::Type;
+    const T* pairs = reinterpret_cast<const T*>(part.data());
+    for (std::size_t i = 0; i < count; ++i)
+      out[i] = {static_cast<float>(pairs[2 * i]), static_cast<float>(pairs[2 * i + 1])};
+  });
+}
+
+void Pyramid::curvature(const Index3& brick, std::vector<std::uint8_t>& out) const {
+  out.clear();
+  if (!spec_.has_curvature) return;
+  const auto count = static_cast<std::size_t>(3 * elementCount(layout_.brickNodes(brick)));
+  if (curvatureBytes(brick) == 0) {
+    out.assign(count, 0);
+    return;
+  }
+  const BrickPart part = acquire(kCurvature, 0, brick);
+  out.resize(count);
+  std::memcpy(out.data(), part.data(), count);
+}
+
+std::uint64_t Pyramid::sampleBytes(int level, const Index3& brick) const {
+  return bricks_[brickRow(level, brick)].samples.stored_bytes;
+}
+std::uint64_t Pyramid::rangeBytes(int level, const Index3& brick) const {
+  return bricks_[brickRow(level, brick)].ranges.stored_bytes;
+}
+std::uint64_t Pyramid::curvatureBytes(const Index3& brick) const {
+  return bricks_[brickRow(0, brick)].curvature.stored_bytes;
+}
+
+PyramidBytes Pyramid::bytes() const {
+  PyramidBytes sum;
+  sum.total = file_.size();
+  const std::uint64_t voxel = voxelBytes(spec_.voxel_type);
+  sum.raw = static_cast<std::uint64_t>(elementCount(spec_.voxels)) * voxel;
+  for (std::size_t row = 0; row < bricks_.size(); ++row) {
+    const bool finest = lattice().levels() == 1 || row < first_brick_[1];
+    (finest ? sum.samples_level0 : sum.samples_coarser) += bricks_[row].samples.stored_bytes;
+    sum.ranges += bricks_[row].ranges.stored_bytes;
+    sum.curvature += bricks_[row].curvature.stored_bytes;
+  }
+  // Aprons: what the stored bricks hold beyond one copy of the samples they cover.
+  const Index3 count = layout_.bricks(0);
+  Index3 brick;
+  for (brick.z = 0; brick.z < count.z; ++brick.z)
+    for (brick.y = 0; brick.y < count.y; ++brick.y)
+      for (brick.x = 0; brick.x < count.x; ++brick.x) {
+        if (sampleBytes(0, brick) == 0) continue;
+        const IndexBox cells = layout_.brickCellBox(0, brick);
+        Index3 own = cells.count;
+        for (int axis = 0; axis < 3; ++axis)
+          if (cells.end()[axis] == spec_.voxels[axis] - 1) ++own[axis];
+        sum.aprons_level0 +=
+            sampleBytes(0, brick) - static_cast<std::uint64_t>(elementCount(own)) * voxel;
+      }
+  sum.index = sum.total - sum.samples_level0 - sum.samples_coarser - sum.ranges - sum.curvature;
+  return sum;
+}
+
+std::optional<BrickDamage> Pyramid::verifyBrick(int level, const Index3& brick) const {
+  try {
+    const BrickSamples block = samples(level, brick);
+    std::vector<ValueRange> ranges;
+    tileRanges(level, brick, ranges);
+    std::vector<std::uint8_t> coefficients;
+    if (level == 0) curvature(brick, coefficients);
+    ValueRange all;
+    for (const ValueRange& range : ranges) {
+      if (!(range.min <= range.max)) return BrickDamage{level, brick, "a tile's range is reversed"};
+      all.include(range);
+    }
+    const ValueRange stated = brickRange(level, brick);
+    if (all.min < stated.min || all.max > stated.max)
+      return BrickDamage{level, brick, "a tile's range exceeds the brick's"};
+    // Every sample in the brick's cells must lie in the brick's range.
+    const IndexBox cells = layout_.brickCellBox(level, brick);
+    const bool inside = visitVoxelType(spec_.voxel_type, [&](auto tag) {
+      using T = typename decltype(tag)::Type;
+      const T* data = block.data<T>();
+      Index3 at;
+      for (at.z = cells.first.z; at.z <= cells.end().z; ++at.z)
+        for (at.y = cells.first.y; at.y <= cells.end().y; ++at.y)
+          for (at.x = cells.first.x; at.x <= cells.end().x; ++at.x) {
+            const auto value =
+                static_cast<float>(data[linearIndex(at - block.box.first, block.box.count)]);
+            if (!(value >= stated.min && value <= stated.max)) return false;
+          }
+      return true;
+    });
+    if (!inside) return BrickDamage{level, brick, "a sample lies outside the brick's range"};
+  } catch (const Error& error) {
+    return BrickDamage{level, brick, error.what()};
+  }
+  return std::nullopt;
+}
+
+}  // namespace isobrick

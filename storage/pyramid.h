@@ -1,0 +1,136 @@
+// Reading a pyramid: a validated `.isb` file whose bricks come and go.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "storage/brick_pager.h"
+#include "storage/pyramid_info.h"
+
+namespace isobrick {
+
+class Pyramid;
+
+// The hold on one part of a brick. The memory that `data()` returns stays valid and unchanged as
+// long as this object lives. Movable; used by one thread at a time.
+class BrickPart {
+ public:
+  BrickPart() = default;
+  BrickPart(BrickPart&& other) noexcept { swap(other); }
+  BrickPart& operator=(BrickPart&& other) noexcept {
+    swap(other);
+    return *this;
+  }
+  ~BrickPart() {
+    if (pager_ != nullptr) pager_->release(piece_);
+  }
+
+  const std::byte* data() const { return data_; }
+
+ private:
+  friend class Pyramid;
+  void swap(BrickPart& other) noexcept {
+    std::swap(pager_, other.pager_);
+    std::swap(piece_, other.piece_);
+    std::swap(data_, other.data_);
+    std::swap(made_, other.made_);
+  }
+
+  BrickPager* pager_ = nullptr;  // null where the bytes were made rather than mapped
+  std::size_t piece_ = 0;
+  const std::byte* data_ = nullptr;
+  std::vector<std::byte> made_;
+};
+
+// The samples of one brick: `box` in samples of the level, x fastest, of the pyramid's voxel type.
+struct BrickSamples {
+  IndexBox box;
+  BrickPart part;
+
+  template <typename T>
+  const T* data() const {
+    return reinterpret_cast<const T*>(part.data());
+  }
+};
+
+// What verify found wrong with one part of one brick.
+struct BrickDamage {
+  int level = 0;
+  Index3 brick{0};
+  std::string what;
+};
+
+// An open pyramid. All const members are thread-safe; bricks may be held by any number of threads.
+// The file must not be changed while it is open; where it is cut short all the same, acquiring a
+// brick throws Error (and never crashes).
+class Pyramid {
+ public:
+  static constexpr std::uint64_t kDefaultBudgetBytes = std::uint64_t{1} << 30;
+
+  // Opens and validates header, tables and provenance: sizes, offsets and checksums. Reads no
+  // brick. `budget_bytes` bounds the bytes of the file that stay resident (see BrickPager). Throws
+  // Error where the file is not a pyramid, was truncated, is damaged or of a newer version.
+  explicit Pyramid(const std::string& path, std::uint64_t budget_bytes = kDefaultBudgetBytes);
+
+  const std::string& path() const { return file_.path(); }
+  const PyramidSpec& spec() const { return spec_; }
+  const BrickLayout& layout() const { return layout_; }
+  const Lattice& lattice() const { return layout_.lattice(); }
+  // Least and greatest voxel of level 0.
+  const ValueRange& valueRange() const { return value_range_; }
+  // JSON text: source, filter, tool version, notes.
+  const std::string& provenance() const { return provenance_; }
+  PyramidBytes bytes() const;
+
+  // Closure of the values in the brick's cells (rule 7): every sample of the levels 0 to
+  // level + log2(brick_cells) in them. In memory; no read.
+  ValueRange brickRange(int level, const Index3& brick) const;
+
+  // The brick's samples, at least those of layout().brickSampleBox(). Throws Error that names the
+  // brick where its bytes are damaged or cannot be read.
+  BrickSamples samples(int level, const Index3& brick) const;
+  // Closures of the brick's tiles, layout().brickTiles() of them, x fastest: every sample of the
+  // levels 0 to level + log2(tile_cells) in the tile. `out` is resized.
+  void tileRanges(int level, const Index3& brick, std::vector<ValueRange>& out) const;
+  // Three coefficients (CurvatureCode) for each of layout().brickNodes(brick) cells of level 1 in a
+  // brick of level 0, x fastest; over the range of the level-0 tile that holds the node's first
+  // cell. Empty where the pyramid has none. `out` is resized.
+  void curvature(const Index3& brick, std::vector<std::uint8_t>& out) const;
+
+  // Bytes that the samples of a brick take in the file (0 for a constant brick).
+  std::uint64_t sampleBytes(int level, const Index3& brick) const;
+  std::uint64_t rangeBytes(int level, const Index3& brick) const;
+  std::uint64_t curvatureBytes(const Index3& brick) const;
+  // Row of the brick in the file's table: a number that identifies it among all levels.
+  std::size_t brickRow(int level, const Index3& brick) const;
+  std::size_t brickCount() const { return bricks_.size(); }
+
+  // Reads every part of one brick and says what is wrong with it, values and ranges included.
+  std::optional<BrickDamage> verifyBrick(int level, const Index3& brick) const;
+
+  BrickPager::Counters counters() const { return pager_->counters(); }
+
+ private:
+  enum PartKind { kSamples = 0, kRanges = 1, kCurvature = 2 };
+  void readHeader();
+  void readTables(const format::Header& header);
+  std::uint64_t expectedBytes(PartKind kind, int level, const Index3& brick) const;
+  const format::PartRecord& record(PartKind kind, std::size_t row) const;
+  BrickPart acquire(PartKind kind, int level, const Index3& brick) const;
+  [[noreturn]] void fail(const std::string& what) const;
+
+  MappedFile file_;
+  std::uint64_t budget_bytes_;
+  PyramidSpec spec_;
+  BrickLayout layout_;
+  ValueRange value_range_;
+  std::string provenance_;
+  std::vector<std::size_t> first_brick_;  // per level
+  std::vector<format::BrickRecord> bricks_;
+  std::unique_ptr<BrickPager> pager_;
+};
+
+}  // namespace isobrick

@@ -1,0 +1,41 @@
+// What is known of a pyramid as a whole.
+#pragma once
+
+#include <string>
+
+#include "storage/brick_layout.h"
+#include "storage/format.h"
+#include "storage/value_range.h"
+#include "storage/voxel_type.h"
+
+namespace isobrick {
+
+// Fixed before the first brick is written.
+struct PyramidSpec {
+  Index3 voxels{0};  // per axis 2 .. kMaxVoxelsPerAxis
+  VoxelType voxel_type = VoxelType::kUint8;
+  GridGeometry geometry;
+  format::Filter filter = format::Filter::kAverage;
+  std::int64_t brick_cells = 64;  // power of two, 4 .. 256
+  std::int64_t tile_cells = 4;    // power of two, 2 .. brick_cells
+  bool has_curvature = true;
+  // Samples with |gradient| < curvature_epsilon * (range of their tile) per voxel do not count for
+  // the curvature bound: the isosurface has no curvature where the gradient vanishes.
+  double curvature_epsilon = 1.0 / 64;
+
+  BrickLayout layout() const { return {Lattice(voxels), brick_cells, tile_cells}; }
+};
+
+// Where the bytes of a file are, by kind.
+struct PyramidBytes {
+  std::uint64_t total = 0;
+  std::uint64_t raw = 0;             // voxels of level 0 without anything around them
+  std::uint64_t samples_level0 = 0;  // bricks of level 0, aprons included
+  std::uint64_t aprons_level0 = 0;   // the part of samples_level0 that another brick holds too
+  std::uint64_t samples_coarser = 0;
+  std::uint64_t ranges = 0;
+  std::uint64_t curvature = 0;
+  std::uint64_t index = 0;  // header, tables, provenance and alignment
+};
+
+}  // namespace isobrick
