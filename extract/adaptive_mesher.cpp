@@ -251,7 +251,7 @@ class AdaptiveMesher::Brick {
     if (shared) batch_.shared.push_back({number, key});
     return number;
   }
-  glm::vec3 gradientOf(const EdgeEnd& end) {
+  glm::dvec3 gradientOf(const EdgeEnd& end) {
     return (end.level == level_ ? ownView() : fineView(end.sample)).gradient(end.sample);
   }
 

@@ -41,8 +41,8 @@ class WorldFrame {
 
   // The unit normal towards lower values for an index-space gradient. Where the gradient vanishes
   // the edge itself knows the way: from its inside end to its outside end.
-  glm::vec3 normal(const glm::vec3& gradient, int edge_axis, bool low_end_is_inside) const {
-    const glm::dvec3 world = normal_matrix_ * glm::dvec3(gradient);
+  glm::vec3 normal(const glm::dvec3& gradient, int edge_axis, bool low_end_is_inside) const {
+    const glm::dvec3 world = normal_matrix_ * gradient;
     const double length = std::sqrt(world.x * world.x + world.y * world.y + world.z * world.z);
     if (length > 0 && std::isfinite(length)) return glm::vec3(world * (-1.0 / length));
     glm::dvec3 along{0.0};
@@ -62,9 +62,8 @@ class WorldFrame {
 };
 
 // The gradient at a point of an edge, linear between its ends.
-inline glm::vec3 gradientAt(const glm::vec3& low, const glm::vec3& high, double t) {
-  const float s = static_cast<float>(t);
-  return low + s * (high - low);
+inline glm::dvec3 gradientAt(const glm::dvec3& low, const glm::dvec3& high, double t) {
+  return (1.0 - t) * low + t * high;
 }
 
 }  // namespace isobrick

@@ -27,7 +27,7 @@ class SampleView {
             static_cast<double>(lattice.position(level, axis, box.first[axis] + high) -
                                 lattice.position(level, axis, box.first[axis] + low));
         taps[static_cast<std::size_t>(i)] = {(low - i) * stride_[axis], (high - i) * stride_[axis],
-                                             static_cast<float>(1.0 / distance)};
+                                             distance};
       }
     }
   }
@@ -42,17 +42,17 @@ class SampleView {
   float value(const Index3& sample) const { return static_cast<float>(data_[offset(sample)]); }
 
   // Central differences at a sample, in values per voxel of level 0 (rule 12).
-  glm::vec3 gradient(const Index3& sample) const {
+  glm::dvec3 gradient(const Index3& sample) const {
     const Index3 local = sample - box_.first;
     return gradientAtLocal(local, linearIndex(local, box_.count));
   }
-  glm::vec3 gradientAtLocal(const Index3& local, std::int64_t offset) const {
+  glm::dvec3 gradientAtLocal(const Index3& local, std::int64_t offset) const {
     const T* at = data_ + offset;
-    glm::vec3 g;
+    glm::dvec3 g;
     for (int axis = 0; axis < 3; ++axis) {
       const Tap& tap = taps_[axis][static_cast<std::size_t>(local[axis])];
-      g[axis] = (static_cast<float>(at[tap.high]) - static_cast<float>(at[tap.low])) *
-                tap.inverse_distance;
+      g[axis] =
+          (static_cast<double>(at[tap.high]) - static_cast<double>(at[tap.low])) / tap.distance;
     }
     return g;
   }
@@ -60,7 +60,7 @@ class SampleView {
  private:
   struct Tap {
     std::int64_t low = 0, high = 0;  // offsets from the sample
-    float inverse_distance = 0;      // 1/voxel
+    double distance = 1;             // in voxels
   };
   const T* data_ = nullptr;
   IndexBox box_;

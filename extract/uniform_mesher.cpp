@@ -170,8 +170,8 @@ class UniformMesher::Sweep {
     index[axis] = from + t * (to - from);
     Index3 next = local;
     ++next[axis];
-    const glm::vec3 gradient = gradientAt(view_.gradientAtLocal(local, offset),
-                                          view_.gradientAtLocal(next, offset + step), t);
+    const glm::dvec3 gradient = gradientAt(view_.gradientAtLocal(local, offset),
+                                           view_.gradientAtLocal(next, offset + step), t);
     const auto number = static_cast<std::uint32_t>(batch_.positions.size());
     batch_.positions.push_back(context_.frame.position(index));
     batch_.normals.push_back(context_.frame.normal(gradient, axis, low >= context_.isovalue));
