@@ -78,6 +78,8 @@ class AdaptiveMesher::Brick {
 
   // States of the tile's cells and of all that touch them. False where the tile has no leaf.
   bool classify() {
+    all_leaves_ = isUniform();
+    if (all_leaves_) return true;
     const Index3 dims = tile_.count + Index3(2);
     states_.resize(static_cast<std::size_t>(elementCount(dims)));
     bool any_leaf = false;
@@ -92,7 +94,22 @@ class AdaptiveMesher::Brick {
         }
     return any_leaf;
   }
+  // True where the focus alone makes leaves of this level of the tile and of all that touches it:
+  // most tiles of a brick that the sphere of interest only grazes.
+  bool isUniform() const {
+    const Index3 first = glm::max(tile_.first - Index3(1), Index3(0));
+    const Index3 last = glm::min(tile_.end(), lattice_.cells(level_) - Index3(1));
+    const IndexBox ring{first, last - first + Index3(1)};
+    const Index3 first_parent = first / std::int64_t{2};
+    const IndexBox parents{first_parent, last / std::int64_t{2} - first_parent + Index3(1)};
+    using Share = RefinementOracle::Share;
+    if (context_.oracle.shareOfRefined(level_ + 1, parents) != Share::kAll) return false;
+    if (level_ > 0 && context_.oracle.shareOfRefined(level_, ring) != Share::kNone) return false;
+    return level_ > 0 || !context_.hasCurvatureOracle() ||
+           !context_.oracle.curvatureMayApply(parents);
+  }
   CellState stateOf(const Index3& cell) const {
+    if (all_leaves_) return CellState::kLeaf;  // beyond the volume too, which changes nothing
     return states_[static_cast<std::size_t>(
         linearIndex(cell - tile_.first + Index3(1), tile_.count + Index3(2)))];
   }
@@ -110,6 +127,10 @@ class AdaptiveMesher::Brick {
   }
 
   void resolveCorner(const Index3& sample, EdgeEnd& corner) {
+    if (all_leaves_) {
+      corner = {ownView().value(sample), level_, sample};
+      return;
+    }
     bool touches_leaf = false, touches_finer = false, touches_coarser = false;
     for (int n = 0; n < 8; ++n) {
       const CellState state = stateOf(sample - Index3(n & 1, n >> 1 & 1, n >> 2));
@@ -459,6 +480,7 @@ class AdaptiveMesher::Brick {
   std::array<std::optional<HeldBrick>, 8> children_;
   // The tile at hand.
   IndexBox tile_;
+  bool all_leaves_ = false;  // then states_ is not filled
   std::vector<CellState> states_;
   std::vector<EdgeEnd> corners_;
 };

@@ -1,0 +1,26 @@
+#!/usr/bin/env bash
+# From a fresh Debian 12 machine to a mesh and a picture of it: installs what is needed, builds a
+# release, writes a CT-like head of 256^3 voxels, builds its pyramid, extracts the bone around a
+# focus point and renders it. Safe to run again.
+#   tools/quickstart.sh [FOLDER]        default: quickstart-out
+set -euo pipefail
+cd "$(dirname "$0")/.."
+out=${1:-quickstart-out}
+tools/install_packages.sh
+mkdir -p build
+cmake --preset release >build/quickstart-configure.log 2>&1 || { cat build/quickstart-configure.log; exit 1; }
+cmake --build --preset release --parallel "$(nproc)" --target isobrick
+isobrick=build/release/isobrick
+mkdir -p "$out"
+
+echo; echo "== a volume"
+"$isobrick" phantom head --size 256 -o "$out/head.nrrd"
+echo; echo "== its pyramid"
+"$isobrick" build "$out/head.nrrd" -o "$out/head.isb" --force
+echo; echo "== the bone around a focus point, coarser with distance"
+"$isobrick" extract "$out/head.isb" --iso 1324 --focus 150,60,150 --radius 40 -o "$out/bone.ply"
+echo; echo "== a picture"
+"$isobrick" render "$out/head.isb" --iso 1324 --focus 150,60,150 --radius 40 --color-by-level -o "$out/bone.png"
+echo
+echo "mesh:    $out/bone.ply"
+echo "picture: $out/bone.png"
