@@ -1,5 +1,4 @@
 // Folders: a DICOM series, or a stack of 2-D images. Slices are read one file at a time.
-#include <gdcmScanner.h>
 #include <itkGDCMImageIO.h>
 
 #include <algorithm>
@@ -11,6 +10,7 @@
 #include <map>
 #include <set>
 
+#include "preprocess/dicom_header.h"
 #include "preprocess/itk_common.h"
 #include "preprocess/source_checks.h"
 
@@ -19,16 +19,17 @@ namespace {
 
 namespace fs = std::filesystem;
 
-const gdcm::Tag kSeriesUid(0x0020, 0x000e);
-const gdcm::Tag kInstanceNumber(0x0020, 0x0013);
-const gdcm::Tag kImagePosition(0x0020, 0x0032);
-const gdcm::Tag kImageOrientation(0x0020, 0x0037);
-const gdcm::Tag kRows(0x0028, 0x0010);
-const gdcm::Tag kColumns(0x0028, 0x0011);
-const gdcm::Tag kBitsStored(0x0028, 0x0101);
-const gdcm::Tag kPixelRepresentation(0x0028, 0x0103);
-const gdcm::Tag kRescaleIntercept(0x0028, 0x1052);
-const gdcm::Tag kRescaleSlope(0x0028, 0x1053);
+constexpr std::uint32_t kSeriesUid = 0x0020000e;
+constexpr std::uint32_t kInstanceNumber = 0x00200013;
+constexpr std::uint32_t kImagePosition = 0x00200032;
+constexpr std::uint32_t kImageOrientation = 0x00200037;
+constexpr std::uint32_t kRows = 0x00280010;
+constexpr std::uint32_t kColumns = 0x00280011;
+constexpr std::uint32_t kBitsAllocated = 0x00280100;
+constexpr std::uint32_t kBitsStored = 0x00280101;
+constexpr std::uint32_t kPixelRepresentation = 0x00280103;
+constexpr std::uint32_t kRescaleIntercept = 0x00281052;
+constexpr std::uint32_t kRescaleSlope = 0x00281053;
 
 struct DicomSlice {
   std::string path;
@@ -76,27 +77,19 @@ std::vector<std::string> filesIn(const std::string& folder) {
 
 // The DICOM images among `files`. Only headers are read.
 std::vector<DicomSlice> scanDicom(const std::vector<std::string>& files) {
-  gdcm::Scanner scanner;
-  for (const gdcm::Tag& tag :
-       {kSeriesUid, kInstanceNumber, kImagePosition, kImageOrientation, kRows, kColumns,
-        kBitsStored, kPixelRepresentation, kRescaleIntercept, kRescaleSlope})
-    scanner.AddTag(tag);
   std::vector<DicomSlice> slices;
-  if (files.empty() || !scanner.Scan(files)) return slices;
   for (const std::string& file : files) {
-    if (!scanner.IsKey(file.c_str())) continue;
-    const auto value = [&](const gdcm::Tag& tag) {
-      const char* text = scanner.GetValue(file.c_str(), tag);
-      std::string result = text != nullptr ? text : "";
-      while (!result.empty() && (result.back() == ' ' || result.back() == '\0')) result.pop_back();
-      return result;
-    };
-    // Other DICOM objects (DICOMDIR, reports, structure sets) have no rows.
-    if (value(kRows).empty() || value(kColumns).empty()) continue;
-    slices.push_back({file, value(kSeriesUid), value(kImagePosition), value(kImageOrientation),
-                      value(kInstanceNumber), value(kColumns) + " x " + value(kRows),
-                      value(kBitsStored) + '/' + value(kPixelRepresentation) + '/' +
-                          value(kRescaleSlope) + '/' + value(kRescaleIntercept)});
+    const DicomHeader header = readDicomHeader(file);
+    if (header.state == DicomHeader::State::kDamaged)
+      throw Error("cannot read '" + file + "': the DICOM file is cut short or damaged; get the " +
+                  "whole file again, or move it elsewhere if it is not of this series");
+    if (header.state != DicomHeader::State::kImage) continue;
+    slices.push_back({file, header.value(kSeriesUid), header.value(kImagePosition),
+                      header.value(kImageOrientation), header.value(kInstanceNumber),
+                      header.value(kColumns) + " x " + header.value(kRows),
+                      header.value(kBitsAllocated) + '/' + header.value(kBitsStored) + '/' +
+                          header.value(kPixelRepresentation) + '/' + header.value(kRescaleSlope) +
+                          '/' + header.value(kRescaleIntercept)});
   }
   return slices;
 }
@@ -159,16 +152,19 @@ std::optional<glm::dvec3> sortSlices(std::vector<DicomSlice>& slices, const glm:
   const glm::dvec3 step = (positionOf(slices.back()) - positionOf(slices.front())) /
                           static_cast<double>(slices.size() - 1);
   const double mean_gap = glm::dot(step, normal);
+  const auto pairText = [&](std::size_t i) {
+    return "'" + slices[i - 1].path + "' and '" + slices[i].path + "'";
+  };
+  for (std::size_t i = 1; i < slices.size(); ++i)
+    if (height(slices[i]) - height(slices[i - 1]) <= 1e-4 * mean_gap || mean_gap <= 0)
+      throw Error("cannot use " + pairText(i) +
+                  ": they are at the same position (several time "
+                  "steps, or copies); keep one volume in the folder");
   double greatest_deviation = 0;
   for (std::size_t i = 1; i < slices.size(); ++i) {
     const double gap = height(slices[i]) - height(slices[i - 1]);
-    const std::string pair = "'" + slices[i - 1].path + "' and '" + slices[i].path + "'";
-    if (gap <= 1e-4 * mean_gap || mean_gap <= 0)
-      throw Error("cannot use " + pair +
-                  ": they are at the same position (several time steps, or "
-                  "copies); keep one volume in the folder");
     if (std::abs(gap - mean_gap) > 0.1 * mean_gap)
-      throw Error("cannot use " + pair + ": they are " + std::to_string(gap) +
+      throw Error("cannot use " + pairText(i) + ": they are " + std::to_string(gap) +
                   " mm apart and others " + std::to_string(mean_gap) +
                   " mm on average; find the missing slices or resample the series");
     greatest_deviation = std::max(greatest_deviation, std::abs(gap - mean_gap));
@@ -187,10 +183,8 @@ struct SliceImage {
 
 class SliceReader {
  public:
-  explicit SliceReader(bool is_dicom) : is_dicom_(is_dicom) {}
-
-  SliceImage open(const std::string& path, const Index3& expected) const {
-    SliceImage slice{is_dicom_ ? openDicom(path) : openImage(path)};
+  static SliceImage open(const std::string& path, const Index3& expected) {
+    SliceImage slice{openImage(path)};
     const Index3 voxels = imageVoxels(path, *slice.image);
     if (voxels.z != 1)
       throw Error("cannot use '" + path + "': it holds " + std::to_string(voxels.z) +
@@ -211,20 +205,6 @@ class SliceReader {
   }
 
  private:
-  static itk::ImageIOBase::Pointer openDicom(const std::string& path) {
-    const itk::ImageIOBase::Pointer image = itk::GDCMImageIO::New().GetPointer();
-    try {
-      image->SetFileName(path);
-      image->ReadImageInformation();
-    } catch (const std::exception& exception) {
-      throw itkError(path, exception);
-    }
-    if (image->GetNumberOfComponents() != 1)
-      throw Error("cannot use '" + path + "': it is a colour image; choose a series of grey ones");
-    return image;
-  }
-
-  bool is_dicom_;
   std::vector<std::byte> buffer_;
 };
 
@@ -234,8 +214,8 @@ bool isInteger(Component component) {
 
 class SliceStackSource final : public VolumeSource {
  public:
-  SliceStackSource(VolumeInfo info, std::vector<std::string> files, SliceReader reader)
-      : info_(std::move(info)), files_(std::move(files)), reader_(std::move(reader)) {}
+  SliceStackSource(VolumeInfo info, std::vector<std::string> files)
+      : info_(std::move(info)), files_(std::move(files)) {}
 
   const VolumeInfo& info() const override { return info_; }
 
@@ -243,7 +223,7 @@ class SliceStackSource final : public VolumeSource {
     const auto voxels = static_cast<std::size_t>(info_.voxels.x * info_.voxels.y);
     for (std::int64_t k = first; k < first + count; ++k) {
       const std::string& path = files_[static_cast<std::size_t>(k)];
-      const SliceImage slice = reader_.open(path, info_.voxels);
+      const SliceImage slice = SliceReader::open(path, info_.voxels);
       const Component component = slice.component();
       // Files may change between opening and reading; anything new must not be cut off silently.
       const bool fits = exactVoxelType(component) == info_.voxel_type ||
@@ -289,7 +269,7 @@ VoxelType scanVoxelType(const std::vector<std::string>& files, const Index3& vox
   std::int64_t least = 0, greatest = 0;
   const auto count = static_cast<std::size_t>(voxels.x * voxels.y);
   for (const std::string& path : files) {
-    const SliceImage slice = reader.open(path, voxels);
+    const SliceImage slice = SliceReader::open(path, voxels);
     if (!isInteger(slice.component())) return VoxelType::kFloat32;
     const std::byte* const pixels = reader.read(path, slice);
     visitComponent(slice.component(), [&](auto tag) {
@@ -319,9 +299,9 @@ std::unique_ptr<VolumeSource> openDicomSeries(const std::string& folder,
   VolumeInfo info;
   info.source = folder;
   info.format = "DICOM series";
-  SliceReader reader(true);
+  SliceReader reader;
   // In-plane geometry and the stack's normal are the same for all slices.
-  const SliceImage any = reader.open(slices.front().path, Index3(0));
+  const SliceImage any = SliceReader::open(slices.front().path, Index3(0));
   info.voxels = imageVoxels(folder, *any.image);
   info.voxels.z = static_cast<std::int64_t>(slices.size());
   checkVoxelCounts(folder, info.voxels);
@@ -351,7 +331,7 @@ std::unique_ptr<VolumeSource> openDicomSeries(const std::string& folder,
   const auto& dicom = static_cast<const itk::GDCMImageIO&>(*any.image);
   if (dicom.GetRescaleSlope() != 1 || dicom.GetRescaleIntercept() != 0)
     info.notes.push_back("rescale slope and intercept were applied to the stored values");
-  return std::make_unique<SliceStackSource>(std::move(info), std::move(files), std::move(reader));
+  return std::make_unique<SliceStackSource>(std::move(info), std::move(files));
 }
 
 // "slice9" before "slice10": runs of digits compare as numbers.
@@ -395,8 +375,7 @@ std::unique_ptr<VolumeSource> openImageStack(const std::string& folder,
   if (files.size() == 1) return openItkFile(files.front());
   VolumeInfo info;
   info.source = folder;
-  SliceReader reader(false);
-  const SliceImage first = reader.open(files.front(), Index3(0));
+  const SliceImage first = SliceReader::open(files.front(), Index3(0));
   const std::string io_name = first.image->GetNameOfClass();
   info.format = io_name.substr(0, io_name.find("ImageIO")) + " stack";
   info.voxels = imageVoxels(folder, *first.image);
@@ -411,7 +390,7 @@ std::unique_ptr<VolumeSource> openImageStack(const std::string& folder,
   if (!exact)
     info.notes.push_back(itk::ImageIOBase::GetComponentTypeAsString(first.component()) +
                          " voxels were converted to float32");
-  return std::make_unique<SliceStackSource>(std::move(info), std::move(files), std::move(reader));
+  return std::make_unique<SliceStackSource>(std::move(info), std::move(files));
 }
 
 }  // namespace

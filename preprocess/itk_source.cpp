@@ -1,7 +1,7 @@
 // Single files that ITK reads, and what the folder source shares with them.
-#include <gdcmTrace.h>
+#include <dlfcn.h>
 #include <itkBioRadImageIOFactory.h>
-#include <itkGDCMImageIOFactory.h>
+#include <itkGDCMImageIO.h>
 #include <itkGiplImageIOFactory.h>
 #include <itkImageIOFactory.h>
 #include <itkLSMImageIOFactory.h>
@@ -13,7 +13,10 @@
 #include <itkPNGImageIOFactory.h>
 #include <itkTIFFImageIOFactory.h>
 #include <itkVTKImageIOFactory.h>
+#include <unistd.h>
 
+#include <cstdarg>
+#include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <iostream>
@@ -22,6 +25,7 @@
 #include <new>
 #include <sstream>
 
+#include "preprocess/dicom_header.h"
 #include "preprocess/itk_common.h"
 #include "preprocess/nifti_check.h"
 #include "preprocess/raw_run.h"
@@ -93,21 +97,46 @@ std::string formatName(const itk::ImageIOBase& image) {
   return name.substr(0, name.find("ImageIO"));
 }
 
+// Throws Error for DICOM files that are damaged or hold no image.
+bool isDicomImage(const std::string& path) {
+  if (!std::filesystem::is_regular_file(path)) return false;
+  switch (readDicomHeader(path).state) {
+    case DicomHeader::State::kNotDicom:
+      return false;
+    case DicomHeader::State::kNoImage:
+      throw Error("cannot use '" + path + "': it is a DICOM file without an image; name the " +
+                  "folder of the series");
+    case DicomHeader::State::kDamaged:
+      throw Error("cannot read '" + path + "': the DICOM file is cut short or damaged; get the " +
+                  "whole file again");
+    case DicomHeader::State::kImage:
+      break;
+  }
+  return true;
+}
+
+// libtiff prints on the C stream. ITK's copy of it has renamed functions and no header.
+void silenceTiff() {
+  using Handler = void (*)(const char*, const char*, std::va_list);
+  using SetHandler = Handler (*)(Handler);
+  for (const char* name : {"itk_TIFFSetErrorHandler", "itk_TIFFSetWarningHandler",
+                           "TIFFSetErrorHandler", "TIFFSetWarningHandler"})
+    if (void* const function = dlsym(RTLD_DEFAULT, name))
+      reinterpret_cast<SetHandler>(function)(nullptr);
+}
+
 }  // namespace
 
 void prepareItk() {
   static std::once_flag once;
   std::call_once(once, [] {
     itk::Object::GlobalWarningDisplayOff();
-    gdcm::Trace::DebugOff();
-    gdcm::Trace::WarningOff();
-    gdcm::Trace::ErrorOff();
-    // The first that claims a file gets it: formats with a magic number come first, DICOM, which
-    // tries hard, last.
+    silenceTiff();
+    // DICOM is not among them: openImage() looks at such files itself (dicom_header.h).
     registerFactories<itk::NrrdImageIOFactory, itk::MetaImageIOFactory, itk::NiftiImageIOFactory,
                       itk::LSMImageIOFactory, itk::TIFFImageIOFactory, itk::PNGImageIOFactory,
                       itk::VTKImageIOFactory, itk::MRCImageIOFactory, itk::GiplImageIOFactory,
-                      itk::BioRadImageIOFactory, itk::GDCMImageIOFactory>();
+                      itk::BioRadImageIOFactory>();
   });
 }
 
@@ -133,11 +162,16 @@ itk::ImageIOBase::Pointer openImage(const std::string& path) {
   itk::ImageIOBase::Pointer image;
   try {
     const CerrCapture silence;
-    image = itk::ImageIOFactory::CreateImageIO(path.c_str(), itk::IOFileModeEnum::ReadMode);
+    if (isDicomImage(path))
+      image = itk::GDCMImageIO::New().GetPointer();
+    else
+      image = itk::ImageIOFactory::CreateImageIO(path.c_str(), itk::IOFileModeEnum::ReadMode);
     if (image.IsNotNull()) {
       image->SetFileName(path);
       image->ReadImageInformation();
     }
+  } catch (const Error&) {
+    throw;
   } catch (const std::exception& exception) {
     throw itkError(path, exception);
   }
@@ -260,8 +294,9 @@ const char* rawTypeName(Component component) {
   }
 }
 
-// A 3-D image in one file. Uncompressed NRRD, MetaImage and VTK files are read piece by piece; all
-// others are held in memory from the first readSlices() until the last slice was delivered.
+// A 3-D image in one file. Uncompressed NRRD and MetaImage files are read piece by piece; all
+// others are held in memory from the first readSlices() until the last slice was delivered. (ITK
+// could stream others too, but where it does it does not notice that the data end early.)
 class ItkFileSource final : public VolumeSource {
  public:
   explicit ItkFileSource(const std::string& path) : image_(openImage(path)) {
@@ -275,16 +310,7 @@ class ItkFileSource final : public VolumeSource {
     info_.geometry = imageGeometry(*image_);
     tidyGeometry(path, info_.geometry, info_.notes);
     chooseVoxelType();
-    if (openAsRaw()) return;
-    const Index3 voxels = info_.voxels;
-    image_->SetUseStreamedReading(true);
-    itk::ImageIORegion whole(3), one_slice(3);
-    for (unsigned axis = 0; axis < 3; ++axis) {
-      whole.SetSize(axis, static_cast<itk::SizeValueType>(voxels[static_cast<int>(axis)]));
-      one_slice.SetSize(axis, axis == 2 ? 1 : whole.GetSize(axis));
-    }
-    streams_ = image_->GetNumberOfDimensions() == 3 && image_->CanStreamRead() &&
-               image_->GenerateStreamableReadRegionFromRequestedRegion(one_slice) == one_slice;
+    openAsRaw();
   }
 
   const VolumeInfo& info() const override { return info_; }
@@ -293,27 +319,16 @@ class ItkFileSource final : public VolumeSource {
     if (raw_) return raw_->readSlices(first, count, out);
     const auto slice_voxels = static_cast<std::size_t>(info_.voxels.x * info_.voxels.y);
     const std::size_t voxels = slice_voxels * static_cast<std::size_t>(count);
-    const std::size_t component_bytes = image_->GetComponentSize();
-    const bool last = first + count == info_.voxels.z;
     try {
-      if (streams_) {
-        const bool converts = !exactVoxelType(image_->GetComponentType());
-        if (converts) allocate(voxels * component_bytes);
-        void* const target = converts ? buffer_.get() : out;
-        readImageSlices(info_.source, *image_, first, count, target);
-        if (converts)
-          convertComponents(image_->GetComponentType(), target, voxels, info_.voxel_type, out);
-      } else {
-        if (!buffer_) load();
-        convertComponents(
-            image_->GetComponentType(),
-            buffer_.get() + static_cast<std::size_t>(first) * slice_voxels * component_bytes,
-            voxels, info_.voxel_type, out);
-      }
+      if (!buffer_) load();
     } catch (const std::bad_alloc& exception) {
       throw itkError(info_.source, exception);
     }
-    if (last) buffer_.reset();
+    convertComponents(
+        image_->GetComponentType(),
+        buffer_.get() + static_cast<std::size_t>(first) * slice_voxels * image_->GetComponentSize(),
+        voxels, info_.voxel_type, out);
+    if (first + count == info_.voxels.z) buffer_.reset();
   }
 
  private:
@@ -337,22 +352,28 @@ class ItkFileSource final : public VolumeSource {
                             " were applied to the stored values");
   }
 
-  // Lets a file whose voxels are plain bytes be read as such; false where it is not one.
-  bool openAsRaw() {
+  // Lets a file whose voxels are plain bytes be read as such.
+  void openAsRaw() {
     const auto run = info_.format == "NRRD"        ? findNrrdRun(info_.source)
                      : info_.format == "MetaImage" ? findMetaImageRun(info_.source)
                                                    : std::nullopt;
     const char* const type = rawTypeName(image_->GetComponentType());
-    if (!run || type == nullptr || image_->GetNumberOfDimensions() != 3) return false;
-    raw_ = openRawRun(info_.source, *run, info_.voxels, type);
-    return true;
+    if (run && type != nullptr && image_->GetNumberOfDimensions() == 3)
+      raw_ = openRawRun(info_.source, *run, info_.voxels, type);
   }
 
   // The whole image into buffer_.
   void load() {
     if (info_.format == "NIfTI") checkNifti();
-    allocate(static_cast<std::size_t>(elementCount(info_.voxels)) * image_->GetComponentSize());
-    readImageSlices(info_.source, *image_, 0, info_.voxels.z, buffer_.get());
+    const std::size_t bytes =
+        static_cast<std::size_t>(elementCount(info_.voxels)) * image_->GetComponentSize();
+    // More than the machine has would only be refused by the kernel, or not even by it.
+    const auto physical = static_cast<std::uint64_t>(sysconf(_SC_PHYS_PAGES)) *
+                          static_cast<std::uint64_t>(sysconf(_SC_PAGESIZE));
+    if (bytes > physical) throw std::bad_alloc();
+    auto whole = std::make_unique_for_overwrite<std::byte[]>(bytes);
+    readImageSlices(info_.source, *image_, 0, info_.voxels.z, whole.get());
+    buffer_ = std::move(whole);
   }
 
   void checkNifti() const {
@@ -366,20 +387,10 @@ class ItkFileSource final : public VolumeSource {
     checkNiftiWhole(info_.source, static_cast<std::uint64_t>(needed));
   }
 
-  void allocate(std::size_t bytes) {
-    if (buffer_ && buffer_bytes_ >= bytes) return;
-    buffer_.reset();
-    buffer_ = std::make_unique_for_overwrite<std::byte[]>(bytes);
-    buffer_bytes_ = bytes;
-  }
-
   itk::ImageIOBase::Pointer image_;
   VolumeInfo info_;
-  std::unique_ptr<VolumeSource> raw_;  // reads the voxels, where it is set
-  bool streams_ = false;
-  // Streaming: the requested slices, where they need conversion. Otherwise the whole image.
-  std::unique_ptr<std::byte[]> buffer_;
-  std::size_t buffer_bytes_ = 0;
+  std::unique_ptr<VolumeSource> raw_;    // reads the voxels, where it is set
+  std::unique_ptr<std::byte[]> buffer_;  // otherwise: the whole image
 };
 
 }  // namespace

@@ -153,7 +153,9 @@ class RawSource final : public VolumeSource {
   void open(const std::string& path) {
     fd_ = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
     if (fd_ < 0)
-      throw Error("cannot open '" + path + "': " + std::strerror(errno) + "; check the path");
+      throw Error("cannot open '" + path + "'" +
+                  (header_path_.empty() ? "" : ", which '" + header_path_ + "' names") + ": " +
+                  std::strerror(errno) + "; check the path");
     try {
       checkSize();
     } catch (...) {

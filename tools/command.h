@@ -1,0 +1,29 @@
+// What a subcommand is: a parser for its words and the work that follows.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <functional>
+#include <stdexcept>
+
+namespace isobrick {
+
+struct Command {
+  CLI::App* parser = nullptr;  // owned by the App that it was added to
+  std::function<int()> run;    // returns the exit status; throws Error, Cancelled and UsageError
+};
+
+// The words given do not fit together, which shows only after they were parsed: exit status 2.
+class UsageError : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+// One file each.
+Command addBuildCommand(CLI::App& app);
+Command addInfoCommand(CLI::App& app);
+Command addVerifyCommand(CLI::App& app);
+Command addExtractCommand(CLI::App& app);
+Command addRenderCommand(CLI::App& app);
+Command addPhantomCommand(CLI::App& app);
+
+}  // namespace isobrick

@@ -1,0 +1,138 @@
+// isobrick extract: a mesh of one isosurface, or its size.
+#include <fmt/format.h>
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "extract/counting_sink.h"
+#include "extract/extractor.h"
+#include "extract/mesh_file_sink.h"
+#include "tools/byte_size.h"
+#include "tools/command.h"
+#include "tools/json_output.h"
+#include "tools/measured_sink.h"
+#include "tools/parse_text.h"
+#include "tools/parsed_option.h"
+#include "tools/progress_bar.h"
+#include "tools/query_options.h"
+#include "tools/stopwatch.h"
+#include "tools/thread_count.h"
+
+namespace isobrick {
+namespace {
+
+struct ExtractArguments {
+  QueryOptions query;
+  std::string output;  // empty: the mesh is counted only
+  int repeat = 1;
+  bool json = false;
+};
+
+struct ExtractResult {
+  ExtractionReport report;  // of the last repeat
+  std::uint64_t vertices = 0;
+  double open_seconds = 0;
+  std::vector<double> extract_seconds;  // one for every repeat, without the time in a file's sink
+  double write_seconds = 0;             // inside the file's sink: writing, and waiting for the disk
+};
+
+ExtractResult extract(const ExtractArguments& arguments) {
+  ExtractResult result;
+  const Stopwatch open_watch;
+  const Pyramid pyramid(arguments.query.path, arguments.query.memory_bytes);
+  result.open_seconds = open_watch.seconds();
+  const Query query = makeQuery(arguments.query, pyramid);
+  // Before the work, so that a path that cannot be written costs no time.
+  const auto file_sink = arguments.output.empty() ? nullptr : makeMeshFileSink(arguments.output);
+  warnOfEmptySurface(arguments.query, pyramid);
+
+  ProgressBar bar(0, "million triangles");
+  for (int repeat = 1; repeat <= arguments.repeat; ++repeat) {
+    const bool to_file = file_sink != nullptr && repeat == arguments.repeat;
+    CountingSink counting_sink;
+    TriangleSink& sink = to_file ? static_cast<TriangleSink&>(*file_sink) : counting_sink;
+    MeasuredSink measured(sink, bar);
+    const Stopwatch watch;
+    result.report = extractIsosurface(pyramid, query, measured);
+    const double seconds = watch.seconds();
+    if (to_file) result.write_seconds = measured.seconds();
+    result.extract_seconds.push_back(seconds - result.write_seconds);
+    result.vertices = to_file ? file_sink->vertices() : counting_sink.vertices();
+  }
+  return result;
+}
+
+Json jsonOfResult(const ExtractArguments& arguments, const ExtractResult& result) {
+  const ExtractionReport& report = result.report;
+  Json json;
+  json["output"] = arguments.output.empty() ? Json() : Json(arguments.output);
+  json["isovalue"] = arguments.query.isovalue;
+  json["triangles"] = report.triangles;
+  json["vertices"] = result.vertices;
+  json["seconds"] = {{"open", result.open_seconds},
+                     {"extract", result.extract_seconds},
+                     {"write", result.write_seconds}};
+  json["levels"] = Json::array();
+  for (const LevelCounts& counts : report.levels)
+    json["levels"].push_back({{"level", counts.level},
+                              {"cells", counts.cells},
+                              {"triangles", counts.triangles},
+                              {"transition_cells", counts.transition_cells}});
+  json["bricks"] = {{"active", report.bricks_active}, {"read", report.bricks_read}};
+  json["bytes_read"] = report.bytes_read;
+  json["bytes_active"] = report.bytes_active;
+  json["peak_rss_bytes"] = peakResidentBytes();
+  json["threads"] = arguments.query.threads;
+  return json;
+}
+
+void printSummary(const ExtractArguments& arguments, const ExtractResult& result) {
+  const ExtractionReport& report = result.report;
+  fmt::print("{}{} triangles, {} vertices\n",
+             arguments.output.empty() ? "" : arguments.output + ": ", countText(report.triangles),
+             countText(result.vertices));
+  for (const LevelCounts& counts : report.levels)
+    fmt::print("  level {:<2} {:>14} triangles in {} cells, {} of them in transition\n",
+               counts.level, countText(counts.triangles), countText(counts.cells),
+               countText(counts.transition_cells));
+  fmt::print("bricks: {} active of {}, {} read of {}\n", countText(report.bricks_active),
+             byteSizeText(report.bytes_active), countText(report.bricks_read),
+             byteSizeText(report.bytes_read));
+  std::string extract_text;
+  for (const double seconds : result.extract_seconds)
+    extract_text += fmt::format(" {:.4f}", seconds);
+  fmt::print("seconds: open {:.4f}, extract{}, write {:.4f}; {} threads; peak memory {}\n",
+             result.open_seconds, extract_text, result.write_seconds, arguments.query.threads,
+             byteSizeText(peakResidentBytes()));
+}
+
+int runExtract(const ExtractArguments& arguments) {
+  const ExtractResult result =
+      runWithThreads(arguments.query.threads, [&] { return extract(arguments); });
+  if (arguments.json)
+    printJson(jsonOfResult(arguments, result));
+  else
+    printSummary(arguments, result);
+  return 0;
+}
+
+}  // namespace
+
+Command addExtractCommand(CLI::App& app) {
+  CLI::App* const sub = app.add_subcommand("extract", "Extract an isosurface of a pyramid");
+  const auto arguments = std::make_shared<ExtractArguments>();
+  addQueryOptions(*sub, arguments->query);
+  sub->add_option("-o,--output", arguments->output,
+                  "Mesh to write, .ply or .stl, in world units; replaces an older one. Without it "
+                  "the mesh is only counted")
+      ->type_name("MESH");
+  addParsedOption(
+      *sub, "--repeat", arguments->repeat,
+      [](const std::string& text) { return parseInteger(text, 1, 1000000); }, "N",
+      "Extract N times, for timing; the last one is written");
+  sub->add_flag("--json", arguments->json, "Print one JSON object instead of the summary");
+  return {sub, [arguments] { return runExtract(*arguments); }};
+}
+
+}  // namespace isobrick

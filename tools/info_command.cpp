@@ -1,0 +1,127 @@
+// isobrick info: what a pyramid is.
+#include <fmt/format.h>
+
+#include <memory>
+#include <string>
+
+#include "storage/pyramid.h"
+#include "tools/byte_size.h"
+#include "tools/command.h"
+#include "tools/json_output.h"
+#include "tools/one_line.h"
+
+namespace isobrick {
+namespace {
+
+struct InfoArguments {
+  std::string path;
+  bool json = false;
+};
+
+// The provenance as an object. It comes from a file that anybody may have made: what is no JSON, or
+// is nested without end, is given as text.
+Json provenanceOf(const Pyramid& pyramid) {
+  constexpr int kDeepest = 32;
+  bool too_deep = false;
+  const auto guard = [&](int depth, Json::parse_event_t, Json&) {
+    too_deep = too_deep || depth > kDeepest;
+    return depth <= kDeepest;
+  };
+  Json json = Json::parse(pyramid.provenance(), guard, false);
+  if (too_deep || json.is_discarded()) return pyramid.provenance();
+  return json;
+}
+
+Json jsonOfLevels(const Pyramid& pyramid) {
+  Json levels = Json::array();
+  for (int level = 0; level < pyramid.lattice().levels(); ++level)
+    levels.push_back({{"level", level},
+                      {"dimensions", jsonOf(pyramid.lattice().samples(level))},
+                      {"bricks", elementCount(pyramid.layout().bricks(level))}});
+  return levels;
+}
+
+const char* filterName(format::Filter filter) {
+  return filter == format::Filter::kAverage ? "average" : "subsample";
+}
+
+void printInfoJson(const Pyramid& pyramid) {
+  const PyramidSpec& spec = pyramid.spec();
+  const PyramidBytes bytes = pyramid.bytes();
+  Json json;
+  json["dimensions"] = jsonOf(spec.voxels);
+  json["voxel_type"] = voxelTypeName(spec.voxel_type);
+  json["spacing"] = jsonOf(spec.geometry.spacing);
+  json["origin"] = jsonOf(spec.geometry.origin);
+  // The world directions of the index axes x, y and z.
+  json["direction"] = {jsonOf(spec.geometry.direction[0]), jsonOf(spec.geometry.direction[1]),
+                       jsonOf(spec.geometry.direction[2])};
+  json["value_range"] = {pyramid.valueRange().min, pyramid.valueRange().max};
+  json["levels"] = jsonOfLevels(pyramid);
+  json["bytes"] = {{"total", bytes.total},
+                   {"raw", bytes.raw},
+                   {"samples_level0", bytes.samples_level0},
+                   {"aprons_level0", bytes.aprons_level0},
+                   {"samples_coarser", bytes.samples_coarser},
+                   {"ranges", bytes.ranges},
+                   {"curvature", bytes.curvature},
+                   {"index", bytes.index}};
+  json["brick_cells"] = spec.brick_cells;
+  json["tile_cells"] = spec.tile_cells;
+  json["has_curvature"] = spec.has_curvature;
+  json["curvature_epsilon"] = spec.curvature_epsilon;
+  json["filter"] = filterName(spec.filter);
+  json["provenance"] = provenanceOf(pyramid);
+  printJson(json);
+}
+
+void printInfoText(const Pyramid& pyramid) {
+  const PyramidSpec& spec = pyramid.spec();
+  const GridGeometry& geometry = spec.geometry;
+  const PyramidBytes bytes = pyramid.bytes();
+  fmt::print("{}: {} x {} x {} {}, values {} to {}\n", pyramid.path(), spec.voxels.x, spec.voxels.y,
+             spec.voxels.z, voxelTypeName(spec.voxel_type), pyramid.valueRange().min,
+             pyramid.valueRange().max);
+  fmt::print("spacing    {} {} {}\n", geometry.spacing.x, geometry.spacing.y, geometry.spacing.z);
+  fmt::print("origin     {} {} {}\n", geometry.origin.x, geometry.origin.y, geometry.origin.z);
+  for (int axis = 0; axis < 3; ++axis) {
+    const glm::dvec3& to = geometry.direction[axis];
+    fmt::print("axis {}     {} {} {}\n", "xyz"[axis], to.x, to.y, to.z);
+  }
+  fmt::print("bricks     {} cells, tiles {} cells; filter {}; curvature {}\n", spec.brick_cells,
+             spec.tile_cells, filterName(spec.filter), spec.has_curvature ? "yes" : "no");
+  fmt::print(
+      "bytes      {} ({:.2f} x raw): level 0 {} (of it aprons {}), coarser {}, ranges {}, "
+      "curvature {}, index {}\n",
+      byteSizeText(bytes.total), static_cast<double>(bytes.total) / static_cast<double>(bytes.raw),
+      byteSizeText(bytes.samples_level0), byteSizeText(bytes.aprons_level0),
+      byteSizeText(bytes.samples_coarser), byteSizeText(bytes.ranges),
+      byteSizeText(bytes.curvature), byteSizeText(bytes.index));
+  for (int level = 0; level < pyramid.lattice().levels(); ++level) {
+    const Index3 samples = pyramid.lattice().samples(level);
+    fmt::print("level {:<4} {} x {} x {} samples, {} bricks\n", level, samples.x, samples.y,
+               samples.z, elementCount(pyramid.layout().bricks(level)));
+  }
+  fmt::print("made from  {}\n", oneLine(pyramid.provenance()));
+}
+
+int runInfo(const InfoArguments& arguments) {
+  const Pyramid pyramid(arguments.path);
+  if (arguments.json)
+    printInfoJson(pyramid);
+  else
+    printInfoText(pyramid);
+  return 0;
+}
+
+}  // namespace
+
+Command addInfoCommand(CLI::App& app) {
+  CLI::App* const sub = app.add_subcommand("info", "Say what a pyramid holds");
+  const auto arguments = std::make_shared<InfoArguments>();
+  sub->add_option("FILE", arguments->path, "Pyramid (.isb)")->type_name("PATH")->required();
+  sub->add_flag("--json", arguments->json, "Print one JSON object instead of text");
+  return {sub, [arguments] { return runInfo(*arguments); }};
+}
+
+}  // namespace isobrick

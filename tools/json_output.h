@@ -1,0 +1,31 @@
+// The object that --json prints.
+#pragma once
+
+#include <cstdio>
+#include <glm/vec3.hpp>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "storage/grid.h"
+
+namespace isobrick {
+
+// Keys stay in the order in which they were put.
+using Json = nlohmann::ordered_json;
+
+inline Json jsonOf(const Index3& v) { return {v.x, v.y, v.z}; }
+inline Json jsonOf(const glm::dvec3& v) { return {v.x, v.y, v.z}; }
+
+// Prints the object `json` on stdout, a line for every key. Paths need not be UTF-8, JSON must be.
+inline void printJson(const Json& json) {
+  const auto textOf = [](const Json& part) {
+    return part.dump(-1, ' ', false, Json::error_handler_t::replace);
+  };
+  std::string text;
+  for (const auto& [key, value] : json.items())
+    text += (text.empty() ? "{\n  " : ",\n  ") + textOf(key) + ": " + textOf(value);
+  text += "\n}\n";
+  std::fwrite(text.data(), 1, text.size(), stdout);
+}
+
+}  // namespace isobrick

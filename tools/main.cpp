@@ -1,0 +1,119 @@
+// The `isobrick` command.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <csignal>
+#include <cstdio>
+#include <cstring>
+#include <new>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "storage/error.h"
+#include "tools/command.h"
+#include "tools/interrupt.h"
+#include "tools/one_line.h"
+
+namespace isobrick {
+namespace {
+
+enum ExitStatus { kSucceeded = 0, kFailed = 1, kWrongUsage = 2, kInterrupted = 130 };
+
+constexpr char kExamples[] = R"(
+Examples:
+  isobrick phantom head --size 256 -o head.nrrd      make a test volume
+  isobrick build head.nrrd                           make head.isb in the current folder
+  isobrick build scan.raw --raw-dims 512,512,400 --raw-type u16
+  isobrick info head.isb
+  isobrick extract head.isb --iso 1324 -o bone.ply   the finest surface
+  isobrick extract head.isb --iso 1324 --focus 128,40,128 --radius 30 -o part.stl
+  isobrick render head.isb --iso 500 -o skin.png
+
+'isobrick SUBCOMMAND --help' lists the options of a subcommand.
+Exit status: 0 success, 1 failed, 2 wrong usage, 130 interrupted.)";
+
+std::vector<Command> addCommands(CLI::App& app) {
+  app.name("isobrick");
+  app.set_version_flag("--version", "isobrick " ISOBRICK_VERSION, "Print the version and exit");
+  app.set_help_flag("-h,--help", "Print this help and exit");
+  app.get_formatter()->column_width(38);
+  app.require_subcommand(1);
+  std::vector<Command> commands = {addBuildCommand(app),  addInfoCommand(app),
+                                   addVerifyCommand(app), addExtractCommand(app),
+                                   addRenderCommand(app), addPhantomCommand(app)};
+  app.footer(kExamples);  // last: subcommands would inherit it
+  return commands;
+}
+
+int reportUsage(const CLI::App& app, const std::string& message) {
+  std::string command = "isobrick";
+  for (const CLI::App* chosen : app.get_subcommands()) command += " " + chosen->get_name();
+  fmt::print(stderr, "isobrick: {}; try '{} --help'\n", oneLine(message), command);
+  return kWrongUsage;
+}
+
+// The exit status where the words themselves end the run (help, version, wrong usage).
+std::optional<int> parseArguments(CLI::App& app, int argc, char** argv) {
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::Success& wish) {
+    app.exit(wish);
+    return std::fflush(stdout) == 0 ? kSucceeded : kFailed;
+  } catch (const CLI::RequiredError& error) {
+    // For an unknown subcommand CLI11 only says that one is missing.
+    const std::vector<std::string> unknown = app.remaining();
+    if (app.get_subcommands().empty() && !unknown.empty())
+      return reportUsage(app, fmt::format("unknown subcommand or option '{}'", unknown.front()));
+    return reportUsage(app, error.what());
+  } catch (const CLI::ParseError& error) {
+    return reportUsage(app, error.what());
+  }
+  return std::nullopt;
+}
+
+int runChosen(const std::vector<Command>& commands) {
+  const auto chosen = std::find_if(commands.begin(), commands.end(),
+                                   [](const Command& c) { return c.parser->parsed(); });
+  const int status = chosen->run();
+  if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0)
+    throw Error(fmt::format("cannot write to the standard output: {}", std::strerror(errno)));
+  return status;
+}
+
+int reportFailure(const std::exception& failure) {
+  fmt::print(stderr, "isobrick: {}\n", oneLine(failure.what()));
+  return kFailed;
+}
+
+int runReportingFailures(const CLI::App& app, const std::vector<Command>& commands) {
+  try {
+    return runChosen(commands);
+  } catch (const UsageError& error) {
+    return reportUsage(app, error.what());
+  } catch (const Cancelled& cancelled) {
+    reportFailure(cancelled);
+    return kInterrupted;
+  } catch (const std::bad_alloc&) {
+    return reportFailure(Error(
+        "not enough memory; close other programs, or ask for less: a coarser level or a box"));
+  } catch (const std::exception& failure) {
+    return reportFailure(failure);
+  }
+}
+
+}  // namespace
+}  // namespace isobrick
+
+int main(int argc, char** argv) {
+  using namespace isobrick;
+  // A file that grows past the limit of `ulimit -f` is to be an error, not the end of the process.
+  std::signal(SIGXFSZ, SIG_IGN);
+
+  CLI::App app("Adaptive, crack-free isosurfaces of volumes that are larger than memory.");
+  const std::vector<Command> commands = addCommands(app);
+  if (const auto status = parseArguments(app, argc, argv)) return *status;
+  installInterruptHandler();
+  return runReportingFailures(app, commands);
+}

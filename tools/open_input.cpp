@@ -1,0 +1,110 @@
+#include "tools/open_input.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cctype>
+#include <filesystem>
+#include <limits>
+#include <string_view>
+
+#include "storage/error.h"
+#include "tools/command.h"
+#include "tools/parse_text.h"
+#include "tools/parsed_option.h"
+
+namespace isobrick {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string lowerExtension(const fs::path& path) {
+  std::string extension = path.extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return extension;
+}
+
+bool isOneOf(std::string_view extension, std::initializer_list<std::string_view> all) {
+  return std::find(all.begin(), all.end(), extension) != all.end();
+}
+
+}  // namespace
+
+void addInputOptions(CLI::App& app, InputOptions& options) {
+  app.add_option("INPUT", options.path,
+                 "Volume: NRRD, MetaImage, NIfTI, TIFF, MRC, ... file, folder of a DICOM series or "
+                 "of TIFF slices, or a raw file")
+      ->type_name("PATH")
+      ->required();
+  CLI::Option* const dims =
+      addParsedOption(app, "--raw-dims", options.raw_dims, parseIndex3, "X,Y,Z",
+                      "The input has no header, and this many voxels per axis");
+  CLI::Option* const type =
+      app.add_option("--raw-type", options.raw.type, "Its voxels; u32, i32 and f64 become float32")
+          ->type_name("T")
+          ->check(CLI::IsMember({"u8", "i8", "u16", "i16", "f32", "u32", "i32", "f64"}));
+  dims->needs(type);
+  type->needs(dims);
+  app.add_option("--raw-endian", options.raw_endian, "Its byte order; default: little")
+      ->type_name("E")
+      ->check(CLI::IsMember({"little", "big"}))
+      ->needs(dims);
+  addParsedOption(app, "--raw-spacing", options.raw.spacing, parsePoint, "X,Y,Z",
+                  "Distances between its voxels in world units; default: 1,1,1")
+      ->needs(dims);
+  addParsedOption(
+      app, "--raw-offset", options.raw.offset_bytes,
+      [](const std::string& text) {
+        return parseInteger(text, 0, std::numeric_limits<std::int64_t>::max());
+      },
+      "BYTES", "Where its first voxel is; default: 0")
+      ->needs(dims);
+}
+
+// ITK has a word for most files that it does not know; for these there is a better one.
+void refuseKnownMisfits(const InputOptions& options) {
+  const std::string& path = options.path;
+  std::error_code ignored;
+  if (options.raw_dims || !fs::is_regular_file(path, ignored)) return;
+  const std::string extension = lowerExtension(path);
+  if (isOneOf(extension, {".vti", ".vdb"}))
+    throw Error(
+        fmt::format("cannot read '{}': {} files are not supported yet; convert it to .nrrd "
+                    "or .mhd first",
+                    path, extension));
+  if (extension == ".isb")
+    throw Error(
+        fmt::format("'{}' is a pyramid already; give the volume that it was made of", path));
+  if (isOneOf(extension, {".raw", ".bin", ".dat", ".vol", ".u8", ".u16", ".i16", ".f32"}))
+    throw UsageError(
+        fmt::format("'{}' has no header; give its dimensions and voxel type with "
+                    "--raw-dims X,Y,Z and --raw-type T (and --raw-endian, "
+                    "--raw-spacing, --raw-offset where they are not little, 1,1,1 "
+                    "and 0)",
+                    path));
+}
+
+std::unique_ptr<VolumeSource> openInput(const InputOptions& options) {
+  if (options.raw_dims) {
+    RawLayout layout = options.raw;
+    layout.voxels = *options.raw_dims;
+    layout.big_endian = options.raw_endian == "big";
+    return openRawSource(options.path, layout);
+  }
+  return openItkSource(options.path);
+}
+
+std::string defaultOutputName(const std::string& input_path) {
+  std::error_code error;
+  fs::path path = fs::path(input_path);
+  if (fs::is_directory(path, error)) {
+    // "." and "scans/" have a name too.
+    const fs::path whole = fs::weakly_canonical(path, error);
+    return (whole.has_filename() ? whole.filename().string() : "volume") + ".isb";
+  }
+  if (lowerExtension(path) == ".gz") path = path.stem();
+  return path.stem().string() + ".isb";
+}
+
+}  // namespace isobrick

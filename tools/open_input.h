@@ -1,0 +1,33 @@
+// From what the user names as input to a volume source.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "preprocess/volume_source.h"
+
+namespace isobrick {
+
+struct InputOptions {
+  std::string path;
+  std::optional<Index3> raw_dims;  // given: the file has no header
+  RawLayout raw;                   // everything but the dimensions
+  std::string raw_endian = "little";
+};
+
+// INPUT and the --raw-... options.
+void addInputOptions(CLI::App& app, InputOptions& options);
+
+// Throws Error for files whose names tell that they are not supported, and UsageError for those
+// that need --raw-dims. Opens nothing.
+void refuseKnownMisfits(const InputOptions& options);
+
+// Throws Error for input that cannot be opened.
+std::unique_ptr<VolumeSource> openInput(const InputOptions& options);
+
+// "head.isb" for "scans/head.nii.gz", and for the folder "scans/head".
+std::string defaultOutputName(const std::string& input_path);
+
+}  // namespace isobrick

@@ -1,0 +1,137 @@
+#include "tools/parse_text.h"
+
+#include <fmt/format.h>
+
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <string_view>
+#include <system_error>
+
+namespace isobrick {
+namespace {
+
+[[noreturn]] void refuse(const std::string& text, std::string_view expected) {
+  throw std::invalid_argument(fmt::format("'{}' is not {}", text, expected));
+}
+
+// from_chars knows no leading plus sign, users do.
+template <typename T>
+bool parseWhole(std::string_view text, T& value) {
+  if (text.size() > 1 && text[0] == '+' && text[1] != '-') text.remove_prefix(1);
+  const char* const end = text.data() + text.size();
+  const auto [stop, error] = std::from_chars(text.data(), end, value);
+  return error == std::errc() && stop == end;
+}
+
+bool parseFinite(std::string_view text, double& value) {
+  return parseWhole(text, value) && std::isfinite(value);
+}
+
+// Parses "a,b,c" with `parse(part, values[i])`; false where a part is bad or the count is another.
+template <typename T, std::size_t count, typename Parse>
+bool parseList(std::string_view text, std::array<T, count>& values, Parse parse) {
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::size_t comma = text.find(',');
+    if ((comma == std::string_view::npos) != (i + 1 == count)) return false;
+    if (!parse(text.substr(0, comma), values[i])) return false;
+    if (comma != std::string_view::npos) text.remove_prefix(comma + 1);
+  }
+  return true;
+}
+
+}  // namespace
+
+double parseNumber(const std::string& text) {
+  double value = 0;
+  if (!parseFinite(text, value)) refuse(text, "a number");
+  return value;
+}
+
+double parseNumberFrom(const std::string& text, double least) {
+  const double value = parseNumber(text);
+  if (!(value >= least)) refuse(text, fmt::format("a number of at least {}", least));
+  return value;
+}
+
+double parseSingle(const std::string& text) {
+  const double value = parseNumber(text);
+  if (std::abs(value) > std::numeric_limits<float>::max())
+    refuse(text, "within the range of single precision");
+  return value;
+}
+
+std::int64_t parseInteger(const std::string& text, std::int64_t least, std::int64_t most) {
+  std::int64_t value = 0;
+  if (!parseWhole<std::int64_t>(text, value) || value < least || value > most)
+    refuse(text, most == std::numeric_limits<std::int64_t>::max()
+                     ? fmt::format("a whole number of at least {}", least)
+                     : fmt::format("a whole number from {} to {}", least, most));
+  return value;
+}
+
+glm::dvec3 parsePoint(const std::string& text) {
+  std::array<double, 3> v{};
+  if (!parseList(text, v, parseFinite)) refuse(text, "three numbers X,Y,Z without spaces");
+  return {v[0], v[1], v[2]};
+}
+
+Index3 parseIndex3(const std::string& text) {
+  std::array<std::int64_t, 3> v{};
+  if (!parseList(text, v, parseWhole<std::int64_t>))
+    refuse(text, "three whole numbers X,Y,Z without spaces");
+  return {v[0], v[1], v[2]};
+}
+
+std::uint64_t parseByteSize(const std::string& text) {
+  constexpr std::string_view kExpected = "a size in bytes such as 65536, 256M or 1.5G";
+  std::string_view digits = text;
+  double unit = 1;
+  constexpr std::string_view kUnits = "KMGT";
+  if (!digits.empty()) {
+    const char last = digits.back();
+    const char upper = last >= 'a' && last <= 'z' ? static_cast<char>(last - 'a' + 'A') : last;
+    if (const std::size_t power = kUnits.find(upper); power != std::string_view::npos) {
+      unit = std::exp2(10 * static_cast<double>(power + 1));
+      digits.remove_suffix(1);
+    }
+  }
+  double value = 0;
+  if (!parseFinite(digits, value)) refuse(text, kExpected);
+  const double bytes = std::floor(value * unit);
+  if (!(bytes >= 1 && bytes < 0x1p63) || (unit == 1 && bytes != value)) refuse(text, kExpected);
+  return static_cast<std::uint64_t>(bytes);
+}
+
+Corners parseCorners(const std::string& text) {
+  std::array<double, 6> v{};
+  if (!parseList(text, v, parseFinite))
+    refuse(text, "six numbers X0,Y0,Z0,X1,Y1,Z1 without spaces");
+  const Corners corners{{v[0], v[1], v[2]}, {v[3], v[4], v[5]}};
+  for (int axis = 0; axis < 3; ++axis)
+    if (!(corners.lower[axis] < corners.upper[axis]))
+      refuse(text, "a box: the first corner must be below the second on every axis");
+  return corners;
+}
+
+PixelSize parsePixelSize(const std::string& text) {
+  const std::string_view all = text;
+  const std::size_t cross = all.find('x');
+  PixelSize size;
+  if (cross == std::string_view::npos || !parseWhole(all.substr(0, cross), size.width) ||
+      !parseWhole(all.substr(cross + 1), size.height) || size.width < 1 || size.height < 1)
+    refuse(text, "a size in pixels such as 1024x768");
+  return size;
+}
+
+glm::vec3 parseColor(const std::string& text) {
+  std::array<double, 3> v{};
+  bool fits = parseList(text, v, parseFinite);
+  for (const double part : v) fits = fits && part >= 0 && part <= 1;
+  if (!fits) refuse(text, "a colour R,G,B of three numbers from 0 to 1 without spaces");
+  return glm::vec3(glm::dvec3(v[0], v[1], v[2]));
+}
+
+}  // namespace isobrick

@@ -1,0 +1,47 @@
+// Numbers as users write them on a command line: the same in every locale, and the whole word
+// counts
+// ("12x", "nan" and "" are refused).
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "storage/grid.h"
+
+namespace isobrick {
+
+// All throw std::invalid_argument with what is wrong and what is expected.
+
+// A finite number: 500, -1.5, 2e-3.
+double parseNumber(const std::string& text);
+// The same, at least `least`.
+double parseNumberFrom(const std::string& text, double least);
+// A number that single precision, in which voxels are compared, can hold.
+double parseSingle(const std::string& text);
+// A whole number within [least, most].
+std::int64_t parseInteger(const std::string& text, std::int64_t least, std::int64_t most);
+// "X,Y,Z"
+glm::dvec3 parsePoint(const std::string& text);
+Index3 parseIndex3(const std::string& text);
+// "65536", "256M", "1.5G": K, M, G and T stand for powers of 1024.
+std::uint64_t parseByteSize(const std::string& text);
+
+// A closed box as its two corners.
+struct Corners {
+  glm::dvec3 lower{0.0};
+  glm::dvec3 upper{0.0};
+};
+// "X0,Y0,Z0,X1,Y1,Z1" with every lower coordinate below its upper one.
+Corners parseCorners(const std::string& text);
+
+// A picture's size in pixels.
+struct PixelSize {
+  int width = 0;
+  int height = 0;
+};
+// "1024x768"
+PixelSize parsePixelSize(const std::string& text);
+// "R,G,B", each 0 .. 1.
+glm::vec3 parseColor(const std::string& text);
+
+}  // namespace isobrick

@@ -1,0 +1,78 @@
+// isobrick phantom: test volumes of any size.
+#include <fmt/format.h>
+
+#include <memory>
+#include <string>
+
+#include "preprocess/phantom.h"
+#include "preprocess/volume_writer.h"
+#include "storage/grid.h"
+#include "tools/command.h"
+#include "tools/interrupt.h"
+#include "tools/parse_text.h"
+#include "tools/parsed_option.h"
+#include "tools/progress_bar.h"
+
+namespace isobrick {
+namespace {
+
+struct PhantomArguments {
+  PhantomSpec spec;
+  std::string type;  // empty: the phantom's own
+  std::string output;
+};
+
+VoxelType voxelTypeOf(const std::string& short_name) {
+  if (short_name == "u8") return VoxelType::kUint8;
+  if (short_name == "i8") return VoxelType::kInt8;
+  if (short_name == "u16") return VoxelType::kUint16;
+  if (short_name == "i16") return VoxelType::kInt16;
+  return VoxelType::kFloat32;
+}
+
+int runPhantom(PhantomArguments& arguments) {
+  if (!arguments.type.empty()) arguments.spec.voxel_type = voxelTypeOf(arguments.type);
+  const Phantom phantom(arguments.spec);
+  const auto source = makePhantomSource(arguments.spec);
+  const std::string type_name(voxelTypeName(phantom.voxelType()));
+  {
+    const double bytes = static_cast<double>(elementCount(source->info().voxels)) *
+                         static_cast<double>(voxelBytes(phantom.voxelType()));
+    ProgressBar bar(bytes / 1e6, "MB");
+    VolumeWriteOptions options;
+    options.cancel = &interruptFlag();
+    options.progress = [&bar](double share) { bar.show("phantom", share); };
+    writeVolume(*source, arguments.output, options);
+  }
+  fmt::print("{}: {} of {}^3 {} voxels; use --iso {}\n", arguments.output, arguments.spec.name,
+             arguments.spec.size, type_name, phantom.storedIsovalue());
+  return 0;
+}
+
+}  // namespace
+
+Command addPhantomCommand(CLI::App& app) {
+  CLI::App* const sub =
+      app.add_subcommand("phantom", "Make an analytic test volume and say which isovalue to use");
+  const auto arguments = std::make_shared<PhantomArguments>();
+  sub->add_option("NAME", arguments->spec.name, "Which one")
+      ->required()
+      ->check(CLI::IsMember(phantomNames()));
+  addParsedOption(
+      *sub, "--size", arguments->spec.size,
+      [](const std::string& text) { return parseInteger(text, 2, kMaxVoxelsPerAxis); }, "N",
+      "Voxels per axis")
+      ->required();
+  sub->add_option("-o,--output", arguments->output,
+                  "Volume to write: .nrrd, .mhd (with a .raw beside it) or .raw; replaces an older "
+                  "one")
+      ->type_name("FILE")
+      ->required();
+  sub->add_option("--type", arguments->type,
+                  "Voxels; default: u16 for head, u8 for gyroid, f32 for the others")
+      ->type_name("T")
+      ->check(CLI::IsMember({"u8", "i8", "u16", "i16", "f32"}));
+  return {sub, [arguments] { return runPhantom(*arguments); }};
+}
+
+}  // namespace isobrick

@@ -1,0 +1,47 @@
+#include "tools/picture_mesh.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "extract/extractor.h"
+#include "extract/indexed_mesh.h"
+#include "tools/measured_sink.h"
+#include "tools/progress_bar.h"
+
+namespace isobrick {
+namespace {
+
+IndexedMesh extractMesh(const Pyramid& pyramid, const Query& query) {
+  ProgressBar bar(0, "million triangles");
+  IndexedMeshSink mesh_sink;
+  MeasuredSink measured(mesh_sink, bar);
+  extractIsosurface(pyramid, query, measured);
+  return mesh_sink.takeMesh();
+}
+
+}  // namespace
+
+PictureMesh extractPictureMesh(const QueryOptions& options) {
+  const Pyramid pyramid(options.path, options.memory_bytes);
+  const Query query = makeQuery(options, pyramid);
+  warnOfEmptySurface(options, pyramid);
+  IndexedMesh mesh = extractMesh(pyramid, query);
+
+  const GridGeometry& geometry = pyramid.spec().geometry;
+  const glm::dvec3 center =
+      geometry.indexToWorld(glm::dvec3(pyramid.spec().voxels - Index3(1)) / 2.0);
+  PictureMesh result;
+  result.positions.reserve(mesh.positions.size());
+  for (const glm::dvec3& position : mesh.positions)
+    result.positions.emplace_back(position - center);
+  result.normals = std::move(mesh.normals);
+  result.triangles = std::move(mesh.triangles);
+  result.triangle_levels = std::move(mesh.triangle_levels);
+  if (query.focus)
+    result.focus = {geometry.indexToWorld(query.focus->center) - center,
+                    query.focus->radius *
+                        std::min({geometry.spacing.x, geometry.spacing.y, geometry.spacing.z})};
+  return result;
+}
+
+}  // namespace isobrick

@@ -1,0 +1,43 @@
+// A line on the terminal that says how far long work is.
+#pragma once
+
+#include <chrono>
+#include <mutex>
+#include <string>
+#include <string_view>
+
+namespace isobrick {
+
+// Draws on stderr where that is a terminal and does nothing anywhere else. The line is wiped when
+// the bar goes out of scope, also by an exception, so that what follows begins on a clean line.
+// Thread-safe; cheap enough to be called for every brick (it draws ten times a second at most).
+class ProgressBar {
+ public:
+  // `total` is what a whole phase stands for, in `unit`, for the rate: 268.4 and "MB". Where it is
+  // 0 the amount is not known beforehand: use count().
+  ProgressBar(double total, std::string unit);
+  ~ProgressBar();
+  ProgressBar(const ProgressBar&) = delete;
+  ProgressBar& operator=(const ProgressBar&) = delete;
+
+  // "read  ######....  61 %  512 MB/s  3 s left"; a new phase starts its own clock.
+  void show(std::string_view phase, double fraction);
+  // "extract  12.3 million triangles  8.1 million triangles/s"
+  void count(std::string_view phase, double amount);
+
+ private:
+  using Clock = std::chrono::steady_clock;
+  bool isTime(std::string_view phase);
+  void draw(std::string line);
+
+  const bool is_terminal_;
+  const double total_;
+  const std::string unit_;
+  std::mutex mutex_;  // guards all below
+  std::string phase_;
+  Clock::time_point phase_begin_{};
+  Clock::time_point last_drawn_{};
+  bool is_dirty_ = false;
+};
+
+}  // namespace isobrick

@@ -1,0 +1,39 @@
+// The options with which extract and render say what surface they want.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "storage/pyramid.h"
+#include "tools/parse_text.h"
+
+namespace isobrick {
+
+struct Query;
+
+struct QueryOptions {
+  std::string path;
+  double isovalue = 0;
+  std::optional<glm::dvec3> focus;
+  std::optional<double> radius;
+  std::optional<double> curvature_tolerance;
+  std::optional<double> curvature_radius;
+  std::optional<int> level;
+  std::optional<Corners> box;
+  bool world = false;
+  std::uint64_t memory_bytes = Pyramid::kDefaultBudgetBytes;
+  int threads = 0;
+};
+
+// FILE, --iso and all that narrow the query down.
+void addQueryOptions(CLI::App& app, QueryOptions& options);
+
+// The query in voxel indices, whatever the user's units are; stopped by Ctrl-C.
+Query makeQuery(const QueryOptions& options, const Pyramid& pyramid);
+
+// One line on stderr where the isovalue separates no voxels, so that the mesh will be empty.
+void warnOfEmptySurface(const QueryOptions& options, const Pyramid& pyramid);
+
+}  // namespace isobrick

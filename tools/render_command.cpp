@@ -1,0 +1,107 @@
+// isobrick render: a picture of one isosurface, without a window.
+#include <fmt/format.h>
+
+#include <memory>
+#include <string>
+
+#include "storage/atomic_file.h"
+#include "tools/byte_size.h"
+#include "tools/command.h"
+#include "tools/interrupt.h"
+#include "tools/parse_text.h"
+#include "tools/parsed_option.h"
+#include "tools/picture_mesh.h"
+#include "tools/query_options.h"
+#include "tools/stopwatch.h"
+#include "tools/thread_count.h"
+#include "viewer/image_writer.h"
+#include "viewer/offscreen_renderer.h"
+
+namespace isobrick {
+namespace {
+
+struct RenderArguments {
+  QueryOptions query;
+  std::string output;
+  PixelSize size{RenderOptions{}.width, RenderOptions{}.height};
+  RenderOptions picture;
+  bool show_focus = false;
+};
+
+RenderOptions makeRenderOptions(const RenderArguments& arguments, const PictureMesh& mesh) {
+  RenderOptions options = arguments.picture;
+  options.width = arguments.size.width;
+  options.height = arguments.size.height;
+  if (arguments.show_focus && mesh.focus) {
+    options.focus_sphere.emplace();
+    options.focus_sphere->center = mesh.focus->center;
+    options.focus_sphere->radius = mesh.focus->radius;
+  }
+  return options;
+}
+
+int runRender(const RenderArguments& arguments) {
+  // Neither a slip of the pen nor a machine that cannot draw shall cost an extraction.
+  imageFormatOf(arguments.output);
+  { const AtomicFile probe(arguments.output); }
+  OffscreenRenderer renderer;
+  if (arguments.size.width > renderer.greatestSize() ||
+      arguments.size.height > renderer.greatestSize())
+    throw UsageError(fmt::format("--size {}x{} is too large; at most {} pixels each",
+                                 arguments.size.width, arguments.size.height,
+                                 renderer.greatestSize()));
+  const Stopwatch extract_watch;
+  const PictureMesh mesh =
+      runWithThreads(arguments.query.threads, [&] { return extractPictureMesh(arguments.query); });
+  const double extract_seconds = extract_watch.seconds();
+
+  interruptFlag().check();
+  const Stopwatch draw_watch;
+  const Image image =
+      renderer.render({mesh.positions, mesh.normals, mesh.triangles, mesh.triangle_levels},
+                      makeRenderOptions(arguments, mesh));
+  interruptFlag().check();
+  writeImage(arguments.output, image);
+  fmt::print("{}: {} x {} pixels, {} triangles; extract {:.2f} s, draw {:.2f} s ({})\n",
+             arguments.output, image.width, image.height, countText(mesh.triangles.size() / 3),
+             extract_seconds, draw_watch.seconds(), renderer.deviceName());
+  return 0;
+}
+
+}  // namespace
+
+Command addRenderCommand(CLI::App& app) {
+  CLI::App* const sub = app.add_subcommand("render", "Draw an isosurface of a pyramid to a file");
+  const auto arguments = std::make_shared<RenderArguments>();
+  RenderOptions& picture = arguments->picture;
+  addQueryOptions(*sub, arguments->query);
+  sub->add_option("-o,--output", arguments->output,
+                  "Picture to write: .png (8 bits, sRGB) or .exr (half floats, linear); replaces "
+                  "an older one")
+      ->type_name("IMAGE")
+      ->required();
+  addParsedOption(*sub, "--size", arguments->size, parsePixelSize, "WxH",
+                  "Pixels; default: 1024x1024");
+  addParsedOption(*sub, "--azimuth", picture.orbit.azimuth, parseNumber, "DEGREES",
+                  "Walk around the surface, to the right; 0 looks along +y; default: 25");
+  addParsedOption(*sub, "--elevation", picture.orbit.elevation, parseNumber, "DEGREES",
+                  "Look from above, up to 90, or from below; default: 15");
+  sub->add_flag("--color-by-level", picture.color_by_level,
+                "Colour triangles by their level: red for 0, then yellow, green, blue");
+  sub->add_flag("--wireframe", picture.wireframe, "Draw the edges of the triangles");
+  sub->add_flag("--show-focus", arguments->show_focus, "Draw the outline of the sphere of interest")
+      ->needs(sub->get_option("--focus"));
+  addParsedOption(*sub, "--color", picture.surface_color, parseColor, "R,G,B",
+                  "Colour of the surface, sRGB from 0 to 1");
+  addParsedOption(*sub, "--background-top", picture.background_top, parseColor, "R,G,B",
+                  "Colour at the upper edge of the picture");
+  addParsedOption(*sub, "--background-bottom", picture.background_bottom, parseColor, "R,G,B",
+                  "Colour at the lower edge");
+  addParsedOption(
+      *sub, "--background", picture.background_top,
+      [&picture](const std::string& text) { return picture.background_bottom = parseColor(text); },
+      "R,G,B", "Both of them");
+  return {sub, [arguments] { return runRender(*arguments); }};
+}
+
+}  // namespace isobrick

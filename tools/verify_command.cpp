@@ -1,0 +1,84 @@
+// isobrick verify: reads every brick and names the damaged ones.
+#include <fmt/format.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <atomic>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "storage/pyramid.h"
+#include "tools/byte_size.h"
+#include "tools/command.h"
+#include "tools/interrupt.h"
+#include "tools/one_line.h"
+#include "tools/progress_bar.h"
+#include "tools/stopwatch.h"
+#include "tools/thread_count.h"
+
+namespace isobrick {
+namespace {
+
+struct VerifyArguments {
+  std::string path;
+  int threads = allCores();
+};
+
+// Checks all bricks of all levels; the damages in the order of the file's brick table.
+std::vector<BrickDamage> findDamages(const Pyramid& pyramid) {
+  ProgressBar bar(static_cast<double>(pyramid.bytes().total) / 1e6, "MB");
+  const auto total = static_cast<double>(pyramid.brickCount());
+  std::atomic<std::int64_t> checked{0};
+  std::mutex mutex;
+  std::vector<BrickDamage> damages;  // guarded by mutex
+  for (int level = 0; level < pyramid.lattice().levels(); ++level) {
+    const Index3 bricks = pyramid.layout().bricks(level);
+    tbb::parallel_for(std::int64_t{0}, elementCount(bricks), [&](std::int64_t i) {
+      interruptFlag().check();
+      const Index3 brick{i % bricks.x, i / bricks.x % bricks.y, i / (bricks.x * bricks.y)};
+      if (auto damage = pyramid.verifyBrick(level, brick)) {
+        const std::lock_guard lock(mutex);
+        damages.push_back(std::move(*damage));
+      }
+      bar.show("verify", static_cast<double>(++checked) / total);
+    });
+  }
+  std::sort(damages.begin(), damages.end(), [&](const BrickDamage& a, const BrickDamage& b) {
+    return pyramid.brickRow(a.level, a.brick) < pyramid.brickRow(b.level, b.brick);
+  });
+  return damages;
+}
+
+int runVerify(const VerifyArguments& arguments) {
+  const Stopwatch watch;
+  const Pyramid pyramid(arguments.path);
+  const std::vector<BrickDamage> damages =
+      runWithThreads(arguments.threads, [&] { return findDamages(pyramid); });
+  for (const BrickDamage& damage : damages)
+    fmt::print(stderr, "isobrick: level {}, brick ({},{},{}): {}\n", damage.level, damage.brick.x,
+               damage.brick.y, damage.brick.z, oneLine(damage.what));
+  const std::string bricks = countText(pyramid.brickCount());
+  if (!damages.empty()) {
+    fmt::print("{}: {} of {} bricks are damaged; build it again\n", arguments.path,
+               countText(damages.size()), bricks);
+    return 1;
+  }
+  fmt::print("{}: all {} bricks are whole ({} in {:.2f} s)\n", arguments.path, bricks,
+             byteSizeText(pyramid.bytes().total), watch.seconds());
+  return 0;
+}
+
+}  // namespace
+
+Command addVerifyCommand(CLI::App& app) {
+  CLI::App* const sub =
+      app.add_subcommand("verify", "Check every byte of a pyramid and name damaged bricks");
+  const auto arguments = std::make_shared<VerifyArguments>();
+  sub->add_option("FILE", arguments->path, "Pyramid (.isb)")->type_name("PATH")->required();
+  addThreadsOption(*sub, arguments->threads);
+  return {sub, [arguments] { return runVerify(*arguments); }};
+}
+
+}  // namespace isobrick

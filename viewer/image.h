@@ -1,0 +1,61 @@
+// A picture in memory, and the two ways of writing down a colour.
+#pragma once
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+namespace isobrick {
+
+// An opaque RGB picture with linear light (twice the value is twice the light) and the primaries of
+// Rec. 709, which are those of sRGB. 0 is black and 1 is the white of a screen; greater values are
+// kept by EXR and clipped by PNG. Linear light is what averaging pixels and EXR need; the sRGB
+// curve is applied once, on the way to 8 bits.
+struct Image {
+  int width = 0;   // pixels
+  int height = 0;  // pixels
+  // 3 floats a pixel, rows from top to bottom, pixels from left to right: width * height * 3.
+  std::vector<float> rgb;
+
+  std::size_t offsetOf(int x, int y) const {
+    assert(x >= 0 && x < width && y >= 0 && y < height);
+    return 3 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(width) +
+                static_cast<std::size_t>(x));
+  }
+};
+
+// The sRGB curve (IEC 61966-2-1): linear light 0..1 to screen values 0..1; others are clipped, and
+// NaN is black.
+inline float srgbFromLinear(float linear) {
+  if (!(linear > 0.0f)) return 0.0f;
+  if (linear >= 1.0f) return 1.0f;
+  return linear <= 0.0031308f ? 12.92f * linear : 1.055f * std::pow(linear, 1.0f / 2.4f) - 0.055f;
+}
+
+// The inverse of the sRGB curve, for values 0..1.
+inline float linearFromSrgb(float srgb) {
+  return srgb <= 0.04045f ? srgb / 12.92f : std::pow((srgb + 0.055f) / 1.055f, 2.4f);
+}
+
+// The 8-bit screen value nearest to a linear one. toSrgb8(linearFromSrgb(k / 255)) is k.
+inline std::uint8_t toSrgb8(float linear) {
+  return static_cast<std::uint8_t>(std::lround(255.0f * srgbFromLinear(linear)));
+}
+
+// A picture from 8-bit sRGB values in the order of Image::rgb, for instance a window's contents.
+// Written as PNG it gives the same bytes again.
+inline Image imageFromSrgb8(int width, int height, std::span<const std::uint8_t> rgb) {
+  assert(width >= 0 && height >= 0);
+  assert(rgb.size() == static_cast<std::size_t>(width) * static_cast<std::size_t>(height) * 3);
+  Image image{width, height, std::vector<float>(rgb.size())};
+  std::transform(rgb.begin(), rgb.end(), image.rgb.begin(), [](std::uint8_t value) {
+    return linearFromSrgb(static_cast<float>(value) / 255.0f);
+  });
+  return image;
+}
+
+}  // namespace isobrick

@@ -1,0 +1,31 @@
+// Pictures to files: .png (8-bit sRGB) and .exr (16-bit half floats, linear).
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <vector>
+
+#include "viewer/image.h"
+
+namespace isobrick {
+
+enum class ImageFormat { kPng, kExr };
+
+// The format that a file name asks for by its extension, in upper or lower case. Throws Error for
+// any other extension: ask before long work, so that a slip of the pen costs nothing.
+ImageFormat imageFormatOf(const std::filesystem::path& path);
+
+// Writes `image` in the format that the extension asks for. The file appears under its name only
+// when it is complete, replacing what was there; when writing fails nothing is left behind and
+// Error names the path. Holds the encoded file in memory (at most the size of the pixels).
+// Safe to call from several threads for different paths.
+void writeImage(const std::filesystem::path& path, const Image& image);
+
+// The bytes of a file. `image` has at least one pixel. Throws Error (without a path).
+// PNG: RGB, 8 bits, sRGB curve, values clipped to 0..1.
+std::vector<char> encodePng(const Image& image);
+// EXR: one part of scan lines, channels R, G, B as half floats (11 significant bits, values clipped
+// to +-65504), ZIP compression, chromaticities of Rec. 709.
+std::vector<char> encodeExr(const Image& image);
+
+}  // namespace isobrick
