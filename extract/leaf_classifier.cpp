@@ -8,8 +8,6 @@ bool LeafClassifier::isFlat(const Index3& cell) {
   const BrickLayout& layout = context_.pyramid.layout();
   const Index3 voxel_cell = std::int64_t{2} * cell;
   const Index3 brick = voxel_cell / layout.brickCells();
-  // A brick whose range the isovalue misses is never asked for.
-  if (!context_.pyramid.brickRange(0, brick).crosses(context_.isovalue)) return false;
   const std::size_t row = context_.pyramid.brickRow(0, brick);
   const auto [entry, is_new] = bricks_.try_emplace(row);
   BrickCurvature& data = entry->second;
@@ -21,7 +19,6 @@ bool LeafClassifier::isFlat(const Index3& cell) {
   const Index3 local = voxel_cell - brick * layout.brickCells();
   const ValueRange& range = data.tile_ranges[static_cast<std::size_t>(
       linearIndex(local / layout.tileCells(), layout.brickTiles(0, brick)))];
-  if (!range.crosses(context_.isovalue)) return false;
   const auto node =
       static_cast<std::size_t>(linearIndex(local / std::int64_t{2}, layout.brickNodes(brick)));
   return static_cast<double>(curvatureBound(data.coefficients.data() + 3 * node, range.min,

@@ -36,9 +36,9 @@ class LeafClassifier {
     return !(level == 1 && context_.hasCurvatureOracle() &&
              context_.oracle.curvatureApplies(cell) && isFlat(cell));
   }
-  // True where the curvature bound of the cell of level 1 is within the tolerance. A cell whose
-  // tile the isosurface does not cross counts as curved: a level 1 leaf there would bring hanging
-  // values to the surface next door for nothing.
+  // True where the curvature bound of the cell of level 1 is within the tolerance. Where the
+  // isovalue is outside the tile's range, the bound at the range's end decides: cells beside a flat
+  // piece of the surface are coarse with it, and no transition is needed between them.
   bool isFlat(const Index3& cell);
 
   const MeshContext& context_;

@@ -3,6 +3,8 @@
 #include <fcntl.h>
 #include <unistd.h>
 
+#include <cctype>
+#include <cerrno>
 #include <cstring>
 #include <limits>
 #include <vector>
@@ -213,11 +215,10 @@ class StlSink : public MeshFileSink {
 }  // namespace
 
 std::unique_ptr<MeshFileSink> makeMeshFileSink(const std::string& path) {
-  const auto endsWith = [&](const std::string& end) {
-    return path.size() > end.size() && path.compare(path.size() - end.size(), end.size(), end) == 0;
-  };
-  if (endsWith(".ply")) return std::make_unique<PlySink>(path);
-  if (endsWith(".stl")) return std::make_unique<StlSink>(path);
+  std::string end = path.size() > 4 ? path.substr(path.size() - 4) : "";
+  for (char& c : end) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  if (end == ".ply") return std::make_unique<PlySink>(path);
+  if (end == ".stl") return std::make_unique<StlSink>(path);
   throw Error("cannot tell the mesh format of '" + path + "'; name it .ply or .stl");
 }
 

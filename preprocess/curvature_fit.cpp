@@ -1,6 +1,7 @@
 #include "preprocess/curvature_fit.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace isobrick {
 namespace {
@@ -23,7 +24,8 @@ using Lanes = std::array<float, kFitLanes>;
 
 struct LaneState {
   Lanes b0{}, b1{}, b2{};
-  Lanes low, inverse_width, least_gradient_squared;
+  Lanes to_unit;                 // from scaled values to 0 .. 1 over the range
+  Lanes least_gradient_squared;  // in scaled values
 };
 
 // Raises the coefficients of all lanes for the sample point `point` of the cell whose lowest voxel
@@ -55,7 +57,7 @@ void addSample(const FitBlock& block, const std::array<int, 3>& cell,
     const bool counts = g2 >= s.least_gradient_squared[i] && g2 > 0;
     const float k = totalCurvature(jet) * kRoundingMargin;
 
-    const float t = std::min(1.0f, std::max(0.0f, (v - s.low[i]) * s.inverse_width[i]));
+    const float t = std::min(1.0f, std::max(0.0f, v * s.to_unit[i]));
     const float u = 1 - t;
     const float basis0 = u * u, basis1 = 2 * t * u, basis2 = t * t;
     const float p = s.b0[i] * basis0 + s.b1[i] * basis1 + s.b2[i] * basis2;
@@ -75,16 +77,27 @@ const std::array<std::array<std::uint8_t, 3>, kCellSamples>& cellSamplePoints() 
 
 void fitCurvature(const FitBlock& block, const std::array<ValueRange, kFitLanes>& ranges,
                   float epsilon, std::array<BernsteinCoefficients, kFitLanes>& result) {
+  // Curvature does not depend on the unit of the values: counted from the range's lower end and
+  // scaled by a power of two to at most 1, single precision neither overflows nor underflows, and
+  // what is linear stays exactly so.
+  FitBlock scaled;
   LaneState state;
   for (std::size_t i = 0; i < kFitLanes; ++i) {
-    const float width = ranges[i].max - ranges[i].min;
-    state.low[i] = ranges[i].min;
-    state.inverse_width[i] = width > 0 ? 1 / width : 0;
-    state.least_gradient_squared[i] = epsilon * width * epsilon * width;
+    const auto low = static_cast<double>(ranges[i].min);
+    const double width = static_cast<double>(ranges[i].max) - low;
+    int exponent = 0;
+    const double part =
+        std::frexp(width, &exponent);  // width = part * 2^exponent, part in [1/2, 1)
+    const double scale = width > 0 ? std::ldexp(1.0, -exponent) : 0;
+    state.to_unit[i] = width > 0 ? static_cast<float>(1 / part) : 0.0f;
+    const auto least = static_cast<float>(static_cast<double>(epsilon) * part);
+    state.least_gradient_squared[i] = least * least;
+    for (std::size_t voxel = 0; voxel < block.size(); ++voxel)
+      scaled[voxel][i] = static_cast<float>((static_cast<double>(block[voxel][i]) - low) * scale);
   }
   for (int cell = 0; cell < 8; ++cell)
     for (const auto& point : kSamplePoints)
-      addSample(block, {cell & 1, (cell >> 1) & 1, cell >> 2}, point, state);
+      addSample(scaled, {cell & 1, (cell >> 1) & 1, cell >> 2}, point, state);
   for (std::size_t i = 0; i < kFitLanes; ++i) result[i] = {state.b0[i], state.b1[i], state.b2[i]};
 }
 

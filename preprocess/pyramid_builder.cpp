@@ -68,7 +68,8 @@ class Build {
     const auto begin = Clock::now();
     work();
     report_.phases.push_back({name, std::chrono::duration<double>(Clock::now() - begin).count()});
-    progress(1);
+    // Not a place to stop: what is published stays published.
+    if (options_.progress) options_.progress(phase_name_, 1);
   }
 
   void progress(double fraction) {
@@ -254,6 +255,8 @@ class Build {
 
 BuildReport buildPyramid(VolumeSource& source, const std::string& path,
                          const BuildOptions& options) {
+  if (options.nan_as.has_value() && !std::isfinite(*options.nan_as))
+    throw Error("the value that replaces NaN and infinite voxels must itself be finite");
   return visitVoxelType(source.info().voxel_type, [&](auto tag) {
     return Build<typename decltype(tag)::Type>(source, path, options).run();
   });

@@ -13,6 +13,13 @@ BrickPager::BrickPager(const MappedFile& file, std::vector<Piece> pieces,
 
 const std::byte* BrickPager::acquire(std::size_t id, const char** why) {
   const Piece& piece = pieces_[id];
+  static constexpr const char* kUnreadable =
+      "cannot be read (the file was cut short or its disk failed)";
+  // A resident piece may have lost its pages too.
+  if (!file_.reaches(piece.offset, piece.bytes)) {
+    *why = kUnreadable;
+    return nullptr;
+  }
   {
     const std::lock_guard lock(mutex_);
     State& state = states_[id];
@@ -25,7 +32,7 @@ const std::byte* BrickPager::acquire(std::size_t id, const char** why) {
   // piece at once both check it, which is rare and harmless.
   std::uint64_t checksum = 0;
   if (!file_.checksum(piece.offset, piece.bytes, &checksum)) {
-    *why = "cannot be read (the file was cut short or its disk failed)";
+    *why = kUnreadable;
     return nullptr;
   }
   if (checksum != piece.checksum) {

@@ -16,6 +16,7 @@ struct CurvatureCode {
 
   // The smallest code with decode(code) >= value; `value` >= 0, in 1/voxel^2.
   static std::uint8_t encodeUp(double value) {
+    if (std::isnan(value)) return 255;  // no bound is known
     if (!(value > 0)) return 0;
     const double step = std::ceil(8.0 * std::log2(value) + 176.0);
     int code = step < 1 ? 1 : step > 255 ? 255 : static_cast<int>(step);

@@ -5,6 +5,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <cerrno>
 #include <csetjmp>
 #include <csignal>
 #include <cstring>
@@ -18,8 +20,13 @@
 namespace isobrick {
 namespace {
 
-// Where this thread goes when a page of the piece that it reads cannot be had.
-thread_local sigjmp_buf* t_escape = nullptr;
+// A page fault maps the cached pages around it as well, up to this much (the kernel's default), and
+// they count as ours until they are given back.
+constexpr std::uint64_t kFaultAroundBytes = 64 * 1024;
+
+// Where this thread goes when a page of the piece that it reads cannot be had. Volatile: only the
+// signal handler looks at it, so the compiler would drop the first of two stores.
+thread_local sigjmp_buf* volatile t_escape = nullptr;
 struct sigaction g_previous_action;
 
 void onSigbus(int signal, siginfo_t* info, void* context) {
@@ -71,20 +78,34 @@ MappedFile::MappedFile(const std::string& path) : path_(path) {
   size_ = static_cast<std::uint64_t>(status.st_size);
   void* map = mmap(nullptr, size_, PROT_READ, MAP_SHARED, fd, 0);
   const int map_error = errno;
-  ::close(fd);
-  if (map == MAP_FAILED)
+  if (map == MAP_FAILED) {
+    ::close(fd);
     throw Error("cannot map '" + path + "': " + std::strerror(map_error) +
                 "; raise the limit on virtual memory");
+  }
+  fd_ = fd;
   data_ = static_cast<const std::byte*>(map);
   // Bricks are asked for as a whole; the kernel's guess around a fault would read others too.
   madvise(map, size_, MADV_RANDOM);
 }
 
-MappedFile::~MappedFile() { munmap(const_cast<std::byte*>(data_), size_); }
+MappedFile::~MappedFile() {
+  munmap(const_cast<std::byte*>(data_), size_);
+  ::close(fd_);
+}
+
+bool MappedFile::reaches(std::uint64_t offset, std::uint64_t bytes) const {
+  struct stat status = {};
+  return fstat(fd_, &status) == 0 && static_cast<std::uint64_t>(status.st_size) >= offset + bytes;
+}
 
 bool MappedFile::checksum(std::uint64_t offset, std::uint64_t bytes, std::uint64_t* result) const {
   const std::uint64_t begin = offset / pageBytes() * pageBytes();
-  madvise(const_cast<std::byte*>(data_ + begin), offset + bytes - begin, MADV_WILLNEED);
+  std::byte* from = const_cast<std::byte*>(data_ + begin);
+  madvise(from, offset + bytes - begin, MADV_WILLNEED);
+  // One call in place of a fault for every few pages. Kernels before 5.14 do not know it (EINVAL).
+  if (madvise(from, offset + bytes - begin, MADV_POPULATE_READ) != 0 && errno != EINVAL)
+    return false;
   sigjmp_buf escape;
   if (sigsetjmp(escape, 0) != 0) {
     t_escape = nullptr;
@@ -98,10 +119,10 @@ bool MappedFile::checksum(std::uint64_t offset, std::uint64_t bytes, std::uint64
 }
 
 void MappedFile::release(std::uint64_t offset, std::uint64_t bytes) const {
-  const std::uint64_t page = pageBytes();
-  const std::uint64_t begin = (offset + page - 1) / page * page;
-  const std::uint64_t end = (offset + bytes) / page * page;
-  if (begin < end) madvise(const_cast<std::byte*>(data_ + begin), end - begin, MADV_DONTNEED);
+  const std::uint64_t begin = offset / kFaultAroundBytes * kFaultAroundBytes;
+  const std::uint64_t end = std::min(
+      size_, (offset + bytes + kFaultAroundBytes - 1) / kFaultAroundBytes * kFaultAroundBytes);
+  madvise(const_cast<std::byte*>(data_ + begin), end - begin, MADV_DONTNEED);
 }
 
 }  // namespace isobrick

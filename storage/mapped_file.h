@@ -26,14 +26,18 @@ class MappedFile {
   [[nodiscard]] bool checksum(std::uint64_t offset, std::uint64_t bytes,
                               std::uint64_t* result) const;
 
-  // Gives the pages that lie wholly inside the piece back to the system; their contents stay
-  // readable and come from the file again.
+  // True while the file is still long enough to hold the piece.
+  bool reaches(std::uint64_t offset, std::uint64_t bytes) const;
+
+  // Gives the pages of the piece back to the system, and those that reading it may have mapped
+  // around it. Pages of a neighbour among them stay readable and come from the page cache again.
   void release(std::uint64_t offset, std::uint64_t bytes) const;
 
  private:
   std::string path_;
   const std::byte* data_ = nullptr;
   std::uint64_t size_ = 0;
+  int fd_ = -1;
 };
 
 }  // namespace isobrick

@@ -30,6 +30,16 @@ bool allEqual(std::span<const std::byte> data, std::size_t element_bytes) {
          std::memcmp(data.data(), data.data() + element_bytes, data.size() - element_bytes) == 0;
 }
 
+// True where every tile's range is that of the brick, which may be wider: it covers the samples of
+// more levels.
+bool allTilesHaveRange(VoxelType type, std::span<const std::byte> ranges, const ValueRange& range) {
+  return visitVoxelType(type, [&](auto tag) {
+    using T = typename decltype(tag)::Type;
+    const T pair[2] = {static_cast<T>(range.min), static_cast<T>(range.max)};
+    return std::memcmp(ranges.data(), pair, sizeof pair) == 0 && allEqual(ranges, sizeof pair);
+  });
+}
+
 }  // namespace
 
 EncodedBrick encodeBrick(VoxelType type, std::span<const std::byte> samples,
@@ -47,7 +57,7 @@ EncodedBrick encodeBrick(VoxelType type, std::span<const std::byte> samples,
   } else {
     brick.samples = storedPart(samples.data(), samples.size());
   }
-  brick.ranges = allEqual(ranges, 2 * voxelBytes(type)) ? emptyPart(format::Codec::kConstant)
+  brick.ranges = allTilesHaveRange(type, ranges, range) ? emptyPart(format::Codec::kConstant)
                                                         : storedPart(ranges.data(), ranges.size());
   if (!curvature.empty()) {
     const auto coefficients = std::as_bytes(curvature);

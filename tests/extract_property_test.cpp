@@ -111,7 +111,6 @@ bool isFlatByPyramid(const Pyramid& pyramid, float isovalue, double tolerance, c
   const Index3 local = std::int64_t{2} * cell - brick * layout.brickCells();
   const ValueRange range = ranges[static_cast<std::size_t>(
       linearIndex(local / layout.tileCells(), layout.brickTiles(0, brick)))];
-  if (!(range.min < isovalue && isovalue <= range.max)) return false;
   const auto node =
       static_cast<std::size_t>(linearIndex(local / std::int64_t{2}, layout.brickNodes(brick)));
   return static_cast<double>(

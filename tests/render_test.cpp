@@ -326,7 +326,7 @@ TEST_F(RenderTest, FocusSphereIsACircleOfItsProjectedSize) {
   options.look_at = LookAtCamera{{0.0, -5.0, 0.0}, {0.0, 0.0, 0.0}, {0.0, 0.0, 1.0}};
   const OwnedMesh sphere = unitSphere();
   const Image without = render(sphere, options);
-  options.focus_sphere = FocusSphere{{0.0, 0.0, 0.0}, 0.5};
+  options.focus_sphere = SphereOutline{{0.0, 0.0, 0.0}, 0.5};
   const Silhouette circle = silhouetteOf(render(sphere, options), without);
   const double focal = 200.0 / std::tan(15.0 * std::numbers::pi / 180.0);
   const double diameter = 2.0 * focal * std::tan(std::asin(0.5 / 5.0));

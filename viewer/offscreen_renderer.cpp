@@ -383,7 +383,7 @@ void fillCorners(const RenderMesh& mesh, std::size_t first_triangle, std::size_t
 
 // The outline of a sphere as a ribbon of triangles: x and y in normalised device coordinates, and
 // the distance from the line's middle in pixels. Empty where the eye is inside the sphere.
-std::vector<glm::vec3> outlineRibbon(const FocusSphere& sphere, const PlacedCamera& camera,
+std::vector<glm::vec3> outlineRibbon(const SphereOutline& sphere, const PlacedCamera& camera,
                                      int width, int height) {
   const glm::dvec3 to_center = sphere.center - camera.eye;
   const double distance = glm::length(to_center);

@@ -58,7 +58,7 @@ struct LookAtCamera {
   glm::dvec3 up{0.0, 0.0, 1.0};
 };
 
-struct FocusSphere {
+struct SphereOutline {
   glm::dvec3 center{0.0};  // world units
   double radius = 0.0;     // world units, > 0
 };
@@ -78,7 +78,7 @@ struct RenderOptions {
   // where triangles get as small as the lines, so that a dense mesh does not drown in them.
   bool wireframe = false;
   // The outline of this sphere is drawn over the picture as a thin circle, hidden by nothing.
-  std::optional<FocusSphere> focus_sphere;
+  std::optional<SphereOutline> focus_sphere;
 
   glm::vec3 surface_color{0.90f, 0.86f, 0.79f};
   // Surfaces seen from the inside (clockwise triangles): dark and warm, unlike any levelColor, so
