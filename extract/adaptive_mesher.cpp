@@ -78,35 +78,11 @@ class AdaptiveMesher::Brick {
 
   // States of the tile's cells and of all that touch them. False where the tile has no leaf.
   bool classify() {
-    all_leaves_ = isUniform();
+    if (!classifier_.mayHoldLeaf(level_, tile_)) return false;
+    all_leaves_ = classifier_.areAllLeaves(level_, tile_);
     if (all_leaves_) return true;
-    const Index3 dims = tile_.count + Index3(2);
-    states_.resize(static_cast<std::size_t>(elementCount(dims)));
-    bool any_leaf = false;
-    std::size_t at = 0;
-    Index3 cell;
-    for (cell.z = tile_.first.z - 1; cell.z <= tile_.end().z; ++cell.z)
-      for (cell.y = tile_.first.y - 1; cell.y <= tile_.end().y; ++cell.y)
-        for (cell.x = tile_.first.x - 1; cell.x <= tile_.end().x; ++cell.x) {
-          states_[at] = classifier_.state(level_, cell);
-          any_leaf = any_leaf || states_[at] == CellState::kLeaf;
-          ++at;
-        }
-    return any_leaf;
-  }
-  // True where the focus alone makes leaves of this level of the tile and of all that touches it:
-  // most tiles of a brick that the sphere of interest only grazes.
-  bool isUniform() const {
-    const Index3 first = glm::max(tile_.first - Index3(1), Index3(0));
-    const Index3 last = glm::min(tile_.end(), lattice_.cells(level_) - Index3(1));
-    const IndexBox ring{first, last - first + Index3(1)};
-    const Index3 first_parent = first / std::int64_t{2};
-    const IndexBox parents{first_parent, last / std::int64_t{2} - first_parent + Index3(1)};
-    using Share = RefinementOracle::Share;
-    if (context_.oracle.shareOfRefined(level_ + 1, parents) != Share::kAll) return false;
-    if (level_ > 0 && context_.oracle.shareOfRefined(level_, ring) != Share::kNone) return false;
-    return level_ > 0 || !context_.hasCurvatureOracle() ||
-           !context_.oracle.curvatureMayApply(parents);
+    classifier_.classify(level_, {tile_.first - Index3(1), tile_.count + Index3(2)}, states_);
+    return std::find(states_.begin(), states_.end(), CellState::kLeaf) != states_.end();
   }
   CellState stateOf(const Index3& cell) const {
     if (all_leaves_) return CellState::kLeaf;  // beyond the volume too, which changes nothing

@@ -3,6 +3,55 @@
 #include "storage/curvature_code.h"
 
 namespace isobrick {
+namespace {
+
+using Share = RefinementOracle::Share;
+
+}  // namespace
+
+void LeafClassifier::classify(int level, const IndexBox& cells, std::vector<CellState>& out) {
+  const Index3 level_cells = context_.lattice().cells(level);
+  const Index3 first = glm::max(cells.first, Index3(0));
+  const Index3 end = glm::min(cells.end(), level_cells);
+  // A parent decides for its eight cells, so it is asked once.
+  const IndexBox parents = parentsOf({first, end - first});
+  parent_is_refined_.clear();
+  Index3 parent;
+  for (parent.z = parents.first.z; parent.z < parents.end().z; ++parent.z)
+    for (parent.y = parents.first.y; parent.y < parents.end().y; ++parent.y)
+      for (parent.x = parents.first.x; parent.x < parents.end().x; ++parent.x)
+        parent_is_refined_.push_back(refines(level + 1, parent) ? 1 : 0);
+  out.resize(static_cast<std::size_t>(cells.size()));
+  std::size_t at = 0;
+  Index3 cell;
+  for (cell.z = cells.first.z; cell.z < cells.end().z; ++cell.z)
+    for (cell.y = cells.first.y; cell.y < cells.end().y; ++cell.y)
+      for (cell.x = cells.first.x; cell.x < cells.end().x; ++cell.x, ++at) {
+        if (glm::any(glm::lessThan(cell, first)) || glm::any(glm::greaterThanEqual(cell, end)))
+          out[at] = CellState::kOutside;
+        else if (parent_is_refined_[static_cast<std::size_t>(
+                     linearIndex(cell / std::int64_t{2} - parents.first, parents.count))] == 0)
+          out[at] = CellState::kCoarser;
+        else
+          out[at] = level > 0 && refines(level, cell) ? CellState::kFiner : CellState::kLeaf;
+      }
+}
+
+bool LeafClassifier::mayHoldLeaf(int level, const IndexBox& cells) const {
+  if (context_.oracle.shareOfRefined(level + 1, parentsOf(cells)) == Share::kNone) return false;
+  return level == 0 || context_.oracle.shareOfRefined(level, cells) != Share::kAll ||
+         (level == 1 && curvatureMayAct(cells));
+}
+
+bool LeafClassifier::areAllLeaves(int level, const IndexBox& cells) const {
+  const Index3 first = glm::max(cells.first - Index3(1), Index3(0));
+  const Index3 end = glm::min(cells.end() + Index3(1), context_.lattice().cells(level));
+  const IndexBox ring{first, end - first};
+  const IndexBox parents = parentsOf(ring);
+  if (context_.oracle.shareOfRefined(level + 1, parents) != Share::kAll) return false;
+  if (level > 0) return context_.oracle.shareOfRefined(level, ring) == Share::kNone;
+  return !curvatureMayAct(parents);
+}
 
 bool LeafClassifier::isFlat(const Index3& cell) {
   const BrickLayout& layout = context_.pyramid.layout();

@@ -17,13 +17,15 @@ class LeafClassifier {
  public:
   explicit LeafClassifier(const MeshContext& context) : context_(context) {}
 
-  CellState state(int level, const Index3& cell) {
-    const Index3 cells = context_.lattice().cells(level);
-    for (int axis = 0; axis < 3; ++axis)
-      if (cell[axis] < 0 || cell[axis] >= cells[axis]) return CellState::kOutside;
-    if (!refines(level + 1, cell / std::int64_t{2})) return CellState::kCoarser;
-    return level > 0 && refines(level, cell) ? CellState::kFiner : CellState::kLeaf;
-  }
+  // States of all cells of a box of `level` (x fastest), which may reach beyond the volume by one.
+  // `out` is resized.
+  void classify(int level, const IndexBox& cells, std::vector<CellState>& out);
+
+  // False where the focus and the tolerance rule out that a cell of the box is a leaf of `level`.
+  bool mayHoldLeaf(int level, const IndexBox& cells) const;
+  // True where every cell in the box and every cell that touches it is a leaf of `level`, by the
+  // focus alone. False where that is not certain.
+  bool areAllLeaves(int level, const IndexBox& cells) const;
 
  private:
   struct BrickCurvature {
@@ -31,6 +33,9 @@ class LeafClassifier {
     std::vector<ValueRange> tile_ranges;
   };
 
+  bool curvatureMayAct(const IndexBox& cells_of_level1) const {
+    return context_.hasCurvatureOracle() && context_.oracle.curvatureMayApply(cells_of_level1);
+  }
   bool refines(int level, const Index3& cell) {
     if (!context_.oracle.refines(level, cell)) return false;
     return !(level == 1 && context_.hasCurvatureOracle() &&
@@ -42,6 +47,7 @@ class LeafClassifier {
   bool isFlat(const Index3& cell);
 
   const MeshContext& context_;
+  std::vector<std::uint8_t> parent_is_refined_;             // of the box at hand
   std::unordered_map<std::size_t, BrickCurvature> bricks_;  // by row of the brick table
 };
 

@@ -8,6 +8,13 @@
 
 namespace isobrick {
 
+// The smallest box of cells of the next coarser level that covers `cells`, which are not negative.
+inline IndexBox parentsOf(const IndexBox& cells) {
+  const Index3 first = cells.first / std::int64_t{2};
+  const Index3 last = (cells.end() - Index3(1)) / std::int64_t{2};
+  return {first, last - first + Index3(1)};
+}
+
 // A pure function of (level, cell); all members are const and thread-safe.
 //
 // With s = distance(cell centre, focus) - r, Eq. 1 refines a cell of level l exactly when

@@ -162,13 +162,15 @@ void expectSameLeaves(const Pyramid& pyramid, const Query& query, const LeafLeve
   ReadLog log(pyramid.brickCount());
   const MeshContext context{pyramid, query, oracle, frame, static_cast<float>(query.isovalue), log};
   LeafClassifier classifier(context);
+  std::vector<CellState> state;
   const Index3 cells = pyramid.lattice().cells(0);
   Index3 cell;
   for (cell.z = 0; cell.z < cells.z; ++cell.z)
     for (cell.y = 0; cell.y < cells.y; ++cell.y)
       for (cell.x = 0; cell.x < cells.x; ++cell.x) {
         const int level = expected.leafLevelAt(cell);
-        ASSERT_EQ(classifier.state(level, cell / (std::int64_t{1} << level)), CellState::kLeaf);
+        classifier.classify(level, {cell / (std::int64_t{1} << level), Index3(1)}, state);
+        ASSERT_EQ(state[0], CellState::kLeaf);
       }
 }
 
