@@ -205,16 +205,15 @@ class AdaptiveMesher::Brick {
   // The vertex on an edge of a leaf of this level.
   std::uint32_t leafEdgeVertex(const Index3& base, int axis) {
     const int b = (axis + 1) % 3, c = (axis + 2) % 3;
-    bool shared = false, touches_coarser = false;
-    for (int n = 0; n < 4; ++n) {
+    bool shared = isOnBrickBorder(b, base[b]) || isOnBrickBorder(c, base[c]);
+    bool touches_coarser = false;
+    for (int n = 0; n < 4 && !all_leaves_; ++n) {
       Index3 around = base;
       around[b] -= n & 1;
       around[c] -= n >> 1;
       const CellState state = stateOf(around);
       touches_coarser = touches_coarser || state == CellState::kCoarser;
-      shared = shared || state != CellState::kLeaf ||
-               glm::any(glm::lessThan(around, cells_.first)) ||
-               glm::any(glm::greaterThanEqual(around, cells_.end()));
+      shared = shared || state != CellState::kLeaf;
     }
     Index3 low = base, high = base;
     ++high[axis];
@@ -226,6 +225,10 @@ class AdaptiveMesher::Brick {
                       {ownView().value(high), level_, high}, true);
     }
     return vertexOn(level_, low, high, axis, corner(low), corner(high), shared);
+  }
+
+  bool isOnBrickBorder(int axis, std::int64_t i) const {
+    return i == cells_.first[axis] || i == cells_.first[axis] + cells_.count[axis];
   }
 
   // The vertex between two samples of `level`, made where the brick does not have it yet.

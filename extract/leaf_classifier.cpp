@@ -27,7 +27,8 @@ void LeafClassifier::classify(int level, const IndexBox& cells, std::vector<Cell
   for (cell.z = cells.first.z; cell.z < cells.end().z; ++cell.z)
     for (cell.y = cells.first.y; cell.y < cells.end().y; ++cell.y)
       for (cell.x = cells.first.x; cell.x < cells.end().x; ++cell.x, ++at) {
-        if (glm::any(glm::lessThan(cell, first)) || glm::any(glm::greaterThanEqual(cell, end)))
+        if (cell.x < first.x || cell.y < first.y || cell.z < first.z || cell.x >= end.x ||
+            cell.y >= end.y || cell.z >= end.z)
           out[at] = CellState::kOutside;
         else if (parent_is_refined_[static_cast<std::size_t>(
                      linearIndex(cell / std::int64_t{2} - parents.first, parents.count))] == 0)
