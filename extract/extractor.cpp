@@ -130,11 +130,13 @@ ExtractionReport extractIsosurface(const Pyramid& pyramid, const Query& query, T
     const BrickWork& item = work[job.work];
     job.batch->clear();
     job.batch->level = item.level;
+    job.batch->fraction_done = static_cast<double>(job.work + 1) / static_cast<double>(work.size());
     Worker& worker = workers.local();
     if (item.adaptive)
       worker.adaptive.mesh(context, item, *job.batch);
     else
       worker.uniform.mesh(context, item, *job.batch);
+    pyramid.throwIfReadsFailed();
     return job;
   };
   const auto deliver = [&](Job job) {

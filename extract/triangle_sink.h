@@ -18,6 +18,7 @@ struct MeshBatch {
   };
 
   int level = 0;
+  double fraction_done = 0;              // of the extraction's bricks, with this one: 0 .. 1
   std::vector<glm::dvec3> positions;     // world units
   std::vector<glm::vec3> normals;        // unit, towards lower values; one for every position
   std::vector<std::uint32_t> triangles;  // three indices into positions each, counter-clockwise

@@ -8,7 +8,6 @@
 #include <chrono>
 #include <cmath>
 #include <cstring>
-#include <memory>
 #include <nlohmann/json.hpp>
 
 #include "preprocess/curvature_bricks.h"
@@ -147,19 +146,24 @@ class Build {
       Index3 brick{0};
       EncodedBrick encoded;
     };
+    // Owned here: what is in flight when a stage throws must not be lost. Jobs end in the order in
+    // which they were taken, so a ring is enough.
+    const auto in_flight = static_cast<std::size_t>(4 * tbb::this_task_arena::max_concurrency());
+    std::vector<Job> jobs(in_flight);
+    std::size_t taken = 0;
     std::int64_t total = 0, written = 0;
     for (int level = 0; level < lattice_.levels(); ++level)
       total += elementCount(layout_.bricks(level));
     int level = 0;
     std::int64_t next = 0;
-    const auto take = [&](tbb::flow_control& control) -> std::shared_ptr<Job> {
+    const auto take = [&](tbb::flow_control& control) -> Job* {
       if (level == lattice_.levels() ||
           (options_.cancel != nullptr && options_.cancel->requested())) {
         control.stop();
         return nullptr;
       }
       const Index3 bricks = layout_.bricks(level);
-      auto job = std::make_shared<Job>();
+      Job* job = &jobs[taken++ % in_flight];
       job->level = level;
       job->brick = {next % bricks.x, next / bricks.x % bricks.y, next / (bricks.x * bricks.y)};
       if (++next == elementCount(bricks)) {
@@ -168,21 +172,18 @@ class Build {
       }
       return job;
     };
-    const auto encode = [&](std::shared_ptr<Job> job) {
+    const auto encode = [&](Job* job) {
       job->encoded = encodeOne(job->level, job->brick);
       return job;
     };
-    const auto write = [&](std::shared_ptr<Job> job) {
+    const auto write = [&](Job* job) {
       writer_.write(job->level, job->brick, job->encoded);
       progress(static_cast<double>(++written) / static_cast<double>(total));
     };
-    const auto in_flight = static_cast<std::size_t>(4 * tbb::this_task_arena::max_concurrency());
     tbb::parallel_pipeline(
-        in_flight,
-        tbb::make_filter<void, std::shared_ptr<Job>>(tbb::filter_mode::serial_in_order, take) &
-            tbb::make_filter<std::shared_ptr<Job>, std::shared_ptr<Job>>(tbb::filter_mode::parallel,
-                                                                         encode) &
-            tbb::make_filter<std::shared_ptr<Job>, void>(tbb::filter_mode::serial_in_order, write));
+        in_flight, tbb::make_filter<void, Job*>(tbb::filter_mode::serial_in_order, take) &
+                       tbb::make_filter<Job*, Job*>(tbb::filter_mode::parallel, encode) &
+                       tbb::make_filter<Job*, void>(tbb::filter_mode::serial_in_order, write));
     if (options_.cancel != nullptr) options_.cancel->check();
   }
 
@@ -257,6 +258,13 @@ BuildReport buildPyramid(VolumeSource& source, const std::string& path,
                          const BuildOptions& options) {
   if (options.nan_as.has_value() && !std::isfinite(*options.nan_as))
     throw Error("the value that replaces NaN and infinite voxels must itself be finite");
+  const auto isPowerOfTwo = [](std::int64_t n) {
+    return n > 0 && std::has_single_bit(static_cast<std::uint64_t>(n));
+  };
+  if (!isPowerOfTwo(options.brick_cells) || options.brick_cells < 4 || options.brick_cells > 256 ||
+      !isPowerOfTwo(options.tile_cells) || options.tile_cells < 2 ||
+      options.tile_cells > options.brick_cells)
+    throw Error("a brick has 4 to 256 cells an axis and a tile 2 up to the brick's, powers of two");
   return visitVoxelType(source.info().voxel_type, [&](auto tag) {
     return Build<typename decltype(tag)::Type>(source, path, options).run();
   });

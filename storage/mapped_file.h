@@ -3,30 +3,41 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <string>
 
 namespace isobrick {
 
-// Maps a whole file for reading. The first mapping installs a handler for SIGBUS (the signal of a
-// page that cannot be read because the file was cut or its disk failed). Thread-safe to read.
+// Maps a whole file for reading. Thread-safe to read.
+//
+// A page that cannot be had when it is touched (the file was cut, its disk failed) raises SIGBUS.
+// The first mapping installs a handler for it: it puts a page of zeros there, notes the place, and
+// the reader goes on. So whoever used mapped bytes asks failedOffset() before the result is
+// believed. Once a page has failed, the file stays failed.
 class MappedFile {
  public:
-  // Throws Error where the file cannot be opened or mapped, or is empty.
+  // Throws Error where the file cannot be opened or mapped, is empty, or too many are open at once
+  // (kMostFiles).
   explicit MappedFile(const std::string& path);
   ~MappedFile();
   MappedFile(const MappedFile&) = delete;
   MappedFile& operator=(const MappedFile&) = delete;
 
+  static constexpr std::size_t kMostFiles = 1024;
+
   const std::string& path() const { return path_; }
   const std::byte* data() const { return data_; }
   std::uint64_t size() const { return size_; }
+
+  // Where the first page that could not be read begins.
+  std::optional<std::uint64_t> failedOffset() const;
 
   // XXH3-64 of `bytes` bytes from `offset`, asked from the disk as one piece; leaves the pages
   // resident. False where a page cannot be read.
   [[nodiscard]] bool checksum(std::uint64_t offset, std::uint64_t bytes,
                               std::uint64_t* result) const;
 
-  // True while the file is still long enough to hold the piece.
+  // True while the file is still long enough to hold the piece, and no page has failed.
   bool reaches(std::uint64_t offset, std::uint64_t bytes) const;
 
   // Gives the pages of the piece back to the system, and those that reading it may have mapped
@@ -38,6 +49,7 @@ class MappedFile {
   const std::byte* data_ = nullptr;
   std::uint64_t size_ = 0;
   int fd_ = -1;
+  std::size_t slot_ = 0;  // among the mappings that the signal handler knows
 };
 
 }  // namespace isobrick

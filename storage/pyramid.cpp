@@ -3,6 +3,7 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <limits>
 
 #include "storage/checksum.h"
 #include "storage/error.h"
@@ -155,7 +156,15 @@ void Pyramid::readTables(const format::Header& header) {
               fail("has an impossible entry for " + brickName(level, brick) + "; build it again");
             pieces.push_back({part.offset, part.stored_bytes, part.checksum});
           }
-          if (!(bricks_[row].range_min <= bricks_[row].range_max))
+          const bool constant_fits = visitVoxelType(spec_.voxel_type, [&](auto tag) {
+            using T = typename decltype(tag)::Type;
+            return bricks_[row].constant >= static_cast<float>(std::numeric_limits<T>::lowest()) &&
+                   bricks_[row].constant <= static_cast<float>(std::numeric_limits<T>::max());
+          });
+          if (!constant_fits)
+            fail("has an impossible constant for " + brickName(level, brick) + "; build it again");
+          if (!(bricks_[row].range_min <= bricks_[row].range_max) ||
+              !std::isfinite(bricks_[row].range_min) || !std::isfinite(bricks_[row].range_max))
             fail("has an impossible range for " + brickName(level, brick) + "; build it again");
         }
   }
@@ -202,6 +211,27 @@ BrickPart Pyramid::acquire(PartKind kind, int level, const Index3& brick) const 
   return part;
 }
 
+void Pyramid::throwIfReadsFailed() const {
+  const std::optional<std::uint64_t> offset = file_.failedOffset();
+  if (!offset) return;
+  const auto holds = [&](const format::PartRecord& part) {
+    return part.stored_bytes > 0 && part.offset + part.stored_bytes > *offset;
+  };
+  // The first brick, in the order of the file, with bytes at the failed page or behind it.
+  for (int level = 0; level < lattice().levels(); ++level) {
+    const Index3 count = layout_.bricks(level);
+    for (std::int64_t i = 0; i < elementCount(count); ++i) {
+      const Index3 brick(i % count.x, i / count.x % count.y, i / (count.x * count.y));
+      const format::BrickRecord& row = bricks_[brickRow(level, brick)];
+      if (holds(row.samples) || holds(row.ranges) || holds(row.curvature))
+        fail(brickName(level, brick) + " became unreadable at offset " + std::to_string(*offset) +
+             " while it was in use (the file was cut short or its disk failed); check the disk and "
+             "build it again or restore a copy");
+    }
+  }
+  fail("became unreadable while it was in use; check the disk");
+}
+
 ValueRange Pyramid::brickRange(int level, const Index3& brick) const {
   const format::BrickRecord& row = bricks_[brickRow(level, brick)];
   return {row.range_min, row.range_max};
@@ -240,6 +270,7 @@ void Pyramid::tileRanges(int level, const Index3& brick, std::vector<ValueRange>
     for (std::size_t i = 0; i < count; ++i)
       out[i] = {static_cast<float>(pairs[2 * i]), static_cast<float>(pairs[2 * i + 1])};
   });
+  throwIfReadsFailed();
 }
 
 void Pyramid::curvature(const Index3& brick, std::vector<std::uint8_t>& out) const {
@@ -253,6 +284,7 @@ void Pyramid::curvature(const Index3& brick, std::vector<std::uint8_t>& out) con
   const BrickPart part = acquire(kCurvature, 0, brick);
   out.resize(count);
   std::memcpy(out.data(), part.data(), count);
+  throwIfReadsFailed();
 }
 
 std::uint64_t Pyramid::sampleBytes(int level, const Index3& brick) const {
@@ -324,6 +356,7 @@ std::optional<BrickDamage> Pyramid::verifyBrick(int level, const Index3& brick) 
           }
       return true;
     });
+    throwIfReadsFailed();
     if (!inside) return BrickDamage{level, brick, "a sample lies outside the brick's range"};
   } catch (const Error& error) {
     return BrickDamage{level, brick, error.what()};

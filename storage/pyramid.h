@@ -65,7 +65,7 @@ struct BrickDamage {
 
 // An open pyramid. All const members are thread-safe; bricks may be held by any number of threads.
 // The file must not be changed while it is open; where it is cut short all the same, acquiring a
-// brick throws Error (and never crashes).
+// brick, or throwIfReadsFailed() after its use, throws Error, and nothing crashes.
 class Pyramid {
  public:
   static constexpr std::uint64_t kDefaultBudgetBytes = std::uint64_t{1} << 30;
@@ -107,6 +107,11 @@ class Pyramid {
   // Row of the brick in the file's table: a number that identifies it among all levels.
   std::size_t brickRow(int level, const Index3& brick) const;
   std::size_t brickCount() const { return bricks_.size(); }
+
+  // Throws Error that names the brick whose bytes could not be read while somebody used them (the
+  // file was cut, its disk failed): what was computed from them is worthless. To be called after
+  // samples were used and before the result is passed on.
+  void throwIfReadsFailed() const;
 
   // Reads every part of one brick and says what is wrong with it, values and ranges included.
   std::optional<BrickDamage> verifyBrick(int level, const Index3& brick) const;

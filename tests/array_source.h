@@ -1,7 +1,11 @@
-// A volume in memory as a source for the builder.
+// Volumes in memory as sources for the builder.
 #pragma once
 
+#include <gtest/gtest.h>
+
+#include <cstdint>
 #include <cstring>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -18,28 +22,66 @@ constexpr VoxelType voxelTypeOf() {
   if constexpr (std::is_same_v<T, float>) return VoxelType::kFloat32;
 }
 
+// What the tests' sources share: their info(), and a check that the builder keeps the contract of
+// VolumeSource::readSlices (ascending, adjoining slices from 0, none past the last). So a source
+// serves one build.
+class CheckedSource : public VolumeSource {
+ public:
+  const VolumeInfo& info() const override { return info_; }
+  VolumeInfo& editInfo() { return info_; }  // not during a build
+  void readSlices(std::int64_t first, std::int64_t count, void* out) final {
+    EXPECT_EQ(first, next_slice_);
+    EXPECT_LE(first + count, info_.voxels.z);
+    next_slice_ = first + count;
+    fillSlices(first, count, out);
+  }
+
+ protected:
+  CheckedSource(const Index3& voxels, VoxelType type) {
+    info_.voxels = voxels;
+    info_.voxel_type = type;
+    info_.source = "memory";
+    info_.format = "test";
+  }
+
+ private:
+  // As VolumeSource::readSlices.
+  virtual void fillSlices(std::int64_t first, std::int64_t count, void* out) = 0;
+
+  VolumeInfo info_;
+  std::int64_t next_slice_ = 0;
+};
+
+// Holds all voxels, x fastest.
 template <typename T>
-class ArraySource : public VolumeSource {
+class ArraySource : public CheckedSource {
  public:
   ArraySource(const Index3& voxels, std::vector<T> values, const GridGeometry& geometry = {})
-      : values_(std::move(values)) {
-    info_.voxels = voxels;
-    info_.voxel_type = voxelTypeOf<T>();
-    info_.geometry = geometry;
-    info_.source = "array";
-    info_.format = "memory";
-  }
-  const VolumeInfo& info() const override { return info_; }
-  void readSlices(std::int64_t first, std::int64_t count, void* out) override {
-    const std::int64_t slice = info_.voxels.x * info_.voxels.y;
-    std::memcpy(out, values_.data() + first * slice,
-                static_cast<std::size_t>(count * slice) * sizeof(T));
+      : CheckedSource(voxels, voxelTypeOf<T>()), values_(std::move(values)) {
+    editInfo().geometry = geometry;
   }
   const std::vector<T>& values() const { return values_; }
 
  private:
-  VolumeInfo info_;
+  void fillSlices(std::int64_t first, std::int64_t count, void* out) override {
+    const std::int64_t slice = info().voxels.x * info().voxels.y;
+    std::memcpy(out, values_.data() + first * slice,
+                static_cast<std::size_t>(count * slice) * sizeof(T));
+  }
+
   std::vector<T> values_;
 };
+
+// field(Index3) at every voxel, x fastest: what an ArraySource of these dimensions takes.
+template <typename T, typename F>
+std::vector<T> arrayOfField(const Index3& dims, F&& field) {
+  std::vector<T> values;
+  values.reserve(static_cast<std::size_t>(elementCount(dims)));
+  for (std::int64_t z = 0; z < dims.z; ++z)
+    for (std::int64_t y = 0; y < dims.y; ++y)
+      for (std::int64_t x = 0; x < dims.x; ++x)
+        values.push_back(static_cast<T>(field(Index3(x, y, z))));
+  return values;
+}
 
 }  // namespace isobrick::test

@@ -3,14 +3,12 @@
 // double precision. Two tables say how tight the bound is and how it does on samples it never saw.
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdint>
 #include <cstdio>
-#include <filesystem>
 #include <functional>
 #include <glm/geometric.hpp>
 #include <limits>
@@ -22,16 +20,13 @@
 #include "preprocess/curvature_fit.h"
 #include "preprocess/pyramid_builder.h"
 #include "storage/curvature_code.h"
+#include "tests/array_source.h"
 #include "tests/plain_reader.h"
+#include "tests/random_numbers.h"
+#include "tests/temporary_folder.h"
 
 namespace isobrick::test {
 namespace {
-
-using Random = std::mt19937_64;
-
-double randomReal(Random& random, double low, double high) {
-  return std::uniform_real_distribution<double>(low, high)(random);
-}
 
 // ---- Eq. 2 ----
 
@@ -221,52 +216,7 @@ TEST(CurvatureCode, BoundIsTheBernsteinPolynomial) {
 
 // ---- stored bounds ----
 
-class TemporaryFolder {
- public:
-  TemporaryFolder() {
-    std::string name =
-        (std::filesystem::temp_directory_path() / "isobrick-curvature-XXXXXX").string();
-    if (mkdtemp(name.data()) == nullptr) throw std::runtime_error("no temporary folder");
-    path_ = name;
-  }
-  ~TemporaryFolder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  std::string file(const std::string& name) const { return (path_ / name).string(); }
-
- private:
-  std::filesystem::path path_;
-};
-
 using Field = std::function<double(const glm::dvec3& voxel)>;
-
-// A volume that is computed slice by slice.
-class FieldSource : public VolumeSource {
- public:
-  FieldSource(const Index3& dims, VoxelType type, Field field) : field_(std::move(field)) {
-    info_.voxels = dims;
-    info_.voxel_type = type;
-    info_.source = "field";
-    info_.format = "test";
-  }
-  const VolumeInfo& info() const override { return info_; }
-  void readSlices(std::int64_t first, std::int64_t count, void* out) override {
-    const Index3 dims = info_.voxels;
-    visitVoxelType(info_.voxel_type, [&](auto tag) {
-      using T = typename decltype(tag)::Type;
-      T* to = static_cast<T*>(out);
-      for (std::int64_t z = first; z < first + count; ++z)
-        for (std::int64_t y = 0; y < dims.y; ++y)
-          for (std::int64_t x = 0; x < dims.x; ++x)
-            *to++ = static_cast<T>(field_(glm::dvec3(x, y, z)));
-    });
-  }
-
- private:
-  VolumeInfo info_;
-  Field field_;
-};
 
 Field whiteNoise(double low, double high) {
   return [random = Random(6), low, high](const glm::dvec3&) mutable {
@@ -320,12 +270,17 @@ struct BoundedVolume {
 BoundedVolume makeBoundedVolume(const TemporaryFolder& folder, const Index3& dims, VoxelType type,
                                 const Field& field, std::int64_t brick_cells = 16,
                                 std::int64_t tile_cells = 4) {
-  FieldSource source(dims, type, field);
   BuildOptions options;
   options.brick_cells = brick_cells;
   options.tile_cells = tile_cells;
   const std::string path = folder.file("volume.isb");
-  buildPyramid(source, path, options);
+  visitVoxelType(type, [&](auto tag) {
+    using T = typename decltype(tag)::Type;
+    // The field is copied because those of noise have a state.
+    ArraySource<T> source(
+        dims, arrayOfField<T>(dims, [field](const Index3& at) { return field(glm::dvec3(at)); }));
+    buildPyramid(source, path, options);
+  });
   BoundedVolume volume;
   volume.pyramid = readPlainPyramid(path);
   volume.dims = volume.pyramid.dims;

@@ -3,7 +3,6 @@
 
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
-#include <unistd.h>
 
 #include <cmath>
 #include <cstdint>
@@ -17,73 +16,16 @@
 #include <vector>
 
 #include "preprocess/pyramid_builder.h"
-#include "storage/error.h"
 #include "storage/pyramid.h"
+#include "tests/array_source.h"
+#include "tests/build_message.h"
 #include "tests/plain_reader.h"
+#include "tests/random_numbers.h"
 #include "tests/reference_pyramid.h"
+#include "tests/temporary_folder.h"
 
 namespace isobrick::test {
 namespace {
-
-class TemporaryFolder {
- public:
-  TemporaryFolder() {
-    std::string name = (std::filesystem::temp_directory_path() / "isobrick-format-XXXXXX").string();
-    if (mkdtemp(name.data()) == nullptr) throw std::runtime_error("no temporary folder");
-    path_ = name;
-  }
-  ~TemporaryFolder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  std::string file(const std::string& name) const { return (path_ / name).string(); }
-  bool isEmpty() const { return std::filesystem::is_empty(path_); }
-
- private:
-  std::filesystem::path path_;
-};
-
-template <typename T>
-constexpr VoxelType voxelTypeOf() {
-  if constexpr (std::is_same_v<T, std::uint8_t>) return VoxelType::kUint8;
-  if constexpr (std::is_same_v<T, std::int8_t>) return VoxelType::kInt8;
-  if constexpr (std::is_same_v<T, std::uint16_t>) return VoxelType::kUint16;
-  if constexpr (std::is_same_v<T, std::int16_t>) return VoxelType::kInt16;
-  return VoxelType::kFloat32;
-}
-
-// A volume in memory; also checks that it is asked for ascending, adjoining slices.
-template <typename T>
-class MemorySource : public VolumeSource {
- public:
-  MemorySource(const Index3& dims, std::vector<T> voxels) : voxels_(std::move(voxels)) {
-    info_.voxels = dims;
-    info_.voxel_type = voxelTypeOf<T>();
-    info_.source = "memory";
-    info_.format = "test";
-  }
-  const VolumeInfo& info() const override { return info_; }
-  void readSlices(std::int64_t first, std::int64_t count, void* out) override {
-    EXPECT_EQ(first, next_slice_);
-    EXPECT_LE(first + count, info_.voxels.z);
-    next_slice_ = first + count;
-    const std::int64_t slice = info_.voxels.x * info_.voxels.y;
-    std::copy_n(voxels_.data() + first * slice, count * slice, static_cast<T*>(out));
-  }
-  VolumeInfo& editInfo() { return info_; }
-  const std::vector<T>& voxels() const { return voxels_; }
-
- private:
-  VolumeInfo info_;
-  std::vector<T> voxels_;
-  std::int64_t next_slice_ = 0;
-};
-
-using Random = std::mt19937_64;
-
-std::int64_t randomInt(Random& random, std::int64_t low, std::int64_t high) {
-  return std::uniform_int_distribution<std::int64_t>(low, high)(random);
-}
 
 // Full-range noise (every rounding matters), or a few values (plateaus, equal tiles), or a blob on
 // a constant background (constant bricks beside others).
@@ -242,7 +184,7 @@ void checkCase(const TemporaryFolder& folder, Random& random, const FormatCase& 
        << c.brick_cells << ", tiles " << c.tile_cells << ", filter " << static_cast<int>(c.filter)
        << ", kind " << c.kind;
   SCOPED_TRACE(name.str());
-  MemorySource<T> source(c.dims, randomVoxels<T>(random, c.dims, c.kind));
+  ArraySource<T> source(c.dims, randomVoxels<T>(random, c.dims, c.kind));
   BuildOptions options;
   options.brick_cells = c.brick_cells;
   options.tile_cells = c.tile_cells;
@@ -261,12 +203,12 @@ void checkCase(const TemporaryFolder& folder, Random& random, const FormatCase& 
   ASSERT_EQ(p.tile_cells, c.tile_cells);
   ASSERT_EQ(p.has_curvature, c.curvature);
   const auto [least, greatest] =
-      std::minmax_element(source.voxels().begin(), source.voxels().end());
+      std::minmax_element(source.values().begin(), source.values().end());
   ASSERT_EQ(p.value_min, static_cast<double>(*least));
   ASSERT_EQ(p.value_max, static_cast<double>(*greatest));
 
   const ReferencePyramid reference =
-      buildReferencePyramid<T>(c.dims, source.voxels(),
+      buildReferencePyramid<T>(c.dims, source.values(),
                                c.filter == format::Filter::kAverage ? ReferenceFilter::kAverage
                                                                     : ReferenceFilter::kSubsample);
   ASSERT_EQ(p.levels.size(), reference.levels.size());
@@ -368,7 +310,7 @@ TEST(Format, FilesAreTheSameForAnyNumberOfThreads) {
   std::vector<std::uint8_t> first;
   for (const std::size_t threads : {1, 2, 4, 4}) {
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
-    MemorySource<std::uint16_t> source(dims, voxels);
+    ArraySource<std::uint16_t> source(dims, voxels);
     BuildOptions options;
     options.brick_cells = 8;
     const std::string path = folder.file("threads.isb");
@@ -387,11 +329,7 @@ void checkLinear(const TemporaryFolder& folder, const Index3& dims, double a,
     return a + slope.x * static_cast<double>(at.x) + slope.y * static_cast<double>(at.y) +
            slope.z * static_cast<double>(at.z);
   };
-  std::vector<T> voxels;
-  for (std::int64_t z = 0; z < dims.z; ++z)
-    for (std::int64_t y = 0; y < dims.y; ++y)
-      for (std::int64_t x = 0; x < dims.x; ++x) voxels.push_back(static_cast<T>(value({x, y, z})));
-  MemorySource<T> source(dims, voxels);
+  ArraySource<T> source(dims, arrayOfField<T>(dims, value));
   BuildOptions options;
   options.brick_cells = 8;
   options.filter = filter;
@@ -437,8 +375,8 @@ TEST(Format, ConstantVolumesStoreNoSamples) {
     visitVoxelType(static_cast<VoxelType>(type), [&](auto tag) {
       using T = typename decltype(tag)::Type;
       const T value = static_cast<T>(std::is_signed_v<T> ? -100 : 200);
-      MemorySource<T> source(dims,
-                             std::vector<T>(static_cast<std::size_t>(elementCount(dims)), value));
+      ArraySource<T> source(dims,
+                            std::vector<T>(static_cast<std::size_t>(elementCount(dims)), value));
       BuildOptions options;
       options.brick_cells = 8;
       const std::string path = folder.file("constant.isb");
@@ -469,16 +407,6 @@ TEST(Format, ConstantRegionsBesideOthers) {
   }
 }
 
-std::string messageOfBuild(VolumeSource& source, const std::string& path,
-                           const BuildOptions& options) {
-  try {
-    buildPyramid(source, path, options);
-  } catch (const Error& error) {
-    return error.what();
-  }
-  return "";
-}
-
 TEST(Format, NotFiniteVoxelsAreRefusedWithThePositionOfTheFirst) {
   const TemporaryFolder folder;
   const Index3 dims(7, 5, 40);
@@ -489,12 +417,12 @@ TEST(Format, NotFiniteVoxelsAreRefusedWithThePositionOfTheFirst) {
       std::vector<float> voxels(static_cast<std::size_t>(elementCount(dims)), 1.5f);
       voxels[static_cast<std::size_t>(linearIndex(at, dims))] = bad;
       voxels.back() = infinity;  // a later one must not be the one that is named
-      MemorySource<float> source(dims, voxels);
+      ArraySource<float> source(dims, voxels);
       const std::string message = messageOfBuild(source, folder.file("nan.isb"), {});
       const std::string position = textOf(plain(at));
       EXPECT_NE(message.find(position), std::string::npos) << message << " lacks " << position;
       EXPECT_NE(message.find("memory"), std::string::npos) << message << " lacks the source";
-      EXPECT_TRUE(folder.isEmpty());
+      EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
     }
 }
 
@@ -510,7 +438,7 @@ TEST(Format, NotFiniteVoxelsAreReplaced) {
     voxels[i] = bad[i % 3];
     expected[i] = -12.5f;
   }
-  MemorySource<float> source(dims, voxels);
+  ArraySource<float> source(dims, voxels);
   BuildOptions options;
   options.brick_cells = 8;
   options.nan_as = -12.5f;
@@ -532,20 +460,20 @@ TEST(Format, ReplacementThatIsNotFiniteIsRefused) {
   for (const float bad : {std::nanf(""), std::numeric_limits<float>::infinity()}) {
     std::vector<float> voxels(64, 1.0f);
     voxels[10] = std::nanf("");
-    MemorySource<float> source(Index3(4), voxels);
+    ArraySource<float> source(Index3(4), voxels);
     BuildOptions options;
     options.nan_as = bad;
     EXPECT_NE(messageOfBuild(source, folder.file("bad.isb"), options), "")
         << "nan_as = " << bad << " was accepted";
-    EXPECT_TRUE(folder.isEmpty());
+    EXPECT_TRUE(std::filesystem::is_empty(folder.path()));
   }
 }
 
 TEST(Format, HeaderHoldsGeometryAndProvenanceItsKeys) {
   const TemporaryFolder folder;
   Random random(8);
-  MemorySource<std::int16_t> source(Index3(6, 7, 8),
-                                    randomVoxels<std::int16_t>(random, Index3(6, 7, 8), 0));
+  ArraySource<std::int16_t> source(Index3(6, 7, 8),
+                                   randomVoxels<std::int16_t>(random, Index3(6, 7, 8), 0));
   GridGeometry& geometry = source.editInfo().geometry;
   geometry.spacing = {0.5, 0.25, 3.0};
   geometry.origin = {-10.125, 1e6, 3e-7};
@@ -586,7 +514,7 @@ TEST(Format, HeaderHoldsGeometryAndProvenanceItsKeys) {
 TEST(Format, PlainReaderRefusesDamage) {
   const TemporaryFolder folder;
   Random random(9);
-  MemorySource<std::uint8_t> source(Index3(9), randomVoxels<std::uint8_t>(random, Index3(9), 0));
+  ArraySource<std::uint8_t> source(Index3(9), randomVoxels<std::uint8_t>(random, Index3(9), 0));
   BuildOptions options;
   options.brick_cells = 4;
   const std::string path = folder.file("good.isb");

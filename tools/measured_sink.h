@@ -7,7 +7,7 @@
 
 namespace isobrick {
 
-// Adds up the time that another sink takes, and shows the triangles that went through. Both sink
+// Adds up the time that another sink takes, and shows how much went through. Both sink
 // and bar outlive it.
 class MeasuredSink : public TriangleSink {
  public:
@@ -19,7 +19,7 @@ class MeasuredSink : public TriangleSink {
   void accept(const MeshBatch& batch) override {
     measure([&] { sink_.accept(batch); });
     triangles_ += batch.triangles.size() / 3;
-    bar_.count("extract", static_cast<double>(triangles_) / 1e6);
+    bar_.show("extract", batch.fraction_done, static_cast<double>(triangles_) / 1e6);
   }
   void finish() override {
     measure([&] { sink_.finish(); });

@@ -43,6 +43,10 @@ ProgressBar::~ProgressBar() {
 }
 
 void ProgressBar::show(std::string_view phase, double fraction) {
+  show(phase, fraction, fraction * total_);
+}
+
+void ProgressBar::show(std::string_view phase, double fraction, double amount) {
   if (!is_terminal_) return;
   const std::lock_guard lock(mutex_);
   if (!isTime(phase)) return;
@@ -52,18 +56,8 @@ void ProgressBar::show(std::string_view phase, double fraction) {
                                  std::string(kBarCharacters - filled, '.'), 100 * fraction);
   const double seconds = secondsSince(phase_begin_);
   if (seconds > kSecondsToRate && fraction > 0)
-    line += fmt::format("  {:.0f} {}/s  {} left", fraction * total_ / seconds, unit_,
+    line += fmt::format("  {:.3g} {}/s  {} left", amount / seconds, unit_,
                         timeText(seconds * (1 - fraction) / fraction));
-  draw(std::move(line));
-}
-
-void ProgressBar::count(std::string_view phase, double amount) {
-  if (!is_terminal_) return;
-  const std::lock_guard lock(mutex_);
-  if (!isTime(phase)) return;
-  std::string line = fmt::format("{}  {:.1f} {}", phase, amount, unit_);
-  const double seconds = secondsSince(phase_begin_);
-  if (seconds > kSecondsToRate) line += fmt::format("  {:.1f} {}/s", amount / seconds, unit_);
   draw(std::move(line));
 }
 

@@ -13,8 +13,7 @@ namespace isobrick {
 // Thread-safe; cheap enough to be called for every brick (it draws ten times a second at most).
 class ProgressBar {
  public:
-  // `total` is what a whole phase stands for, in `unit`, for the rate: 268.4 and "MB". Where it is
-  // 0 the amount is not known beforehand: use count().
+  // `total` is what a whole phase stands for, in `unit`, for the rate: 268.4 and "MB".
   ProgressBar(double total, std::string unit);
   ~ProgressBar();
   ProgressBar(const ProgressBar&) = delete;
@@ -22,8 +21,8 @@ class ProgressBar {
 
   // "read  ######....  61 %  512 MB/s  3 s left"; a new phase starts its own clock.
   void show(std::string_view phase, double fraction);
-  // "extract  12.3 million triangles  8.1 million triangles/s"
-  void count(std::string_view phase, double amount);
+  // The same where what is done, in `unit`, does not follow from the fraction; `total` is not used.
+  void show(std::string_view phase, double fraction, double amount);
 
  private:
   using Clock = std::chrono::steady_clock;
