@@ -8,8 +8,8 @@
 
 namespace isobrick {
 
-// Open addressing with linear probing; grows by doubling. Clearing keeps the memory and costs what
-// was stored, so one object serves block after block. The kernels look up every vertex of a
+// Open addressing with linear probing; grows by doubling. Clearing keeps the memory, so one object
+// serves brick after brick. The kernels look up every vertex of a
 // transition here, where std::unordered_map's node for every vertex took most of the time.
 template <typename Number>
 class EdgeVertexMap {

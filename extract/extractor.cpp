@@ -20,6 +20,9 @@ namespace {
 // Batches that may wait for their turn at the sink, for every thread.
 constexpr std::size_t kBatchesPerThread = 4;
 
+// In voxels from the volume's first voxel.
+constexpr double kFarthestFocus = 0x1p30;
+
 void checkQuery(const Pyramid& pyramid, const Query& query) {
   if (!std::isfinite(query.isovalue))
     throw Error("the isovalue is not a finite number; choose one within the volume's value range");
@@ -29,6 +32,10 @@ void checkQuery(const Pyramid& pyramid, const Query& query) {
     for (int axis = 0; axis < 3; ++axis)
       if (!std::isfinite(query.focus->center[axis]))
         throw Error("the focus point is not finite; give three numbers");
+    // Squared distances beyond would be coarser than the room that rule 3 has for rounding.
+    for (int axis = 0; axis < 3; ++axis)
+      if (std::abs(query.focus->center[axis]) > kFarthestFocus)
+        throw Error("the focus point is more than 2^30 voxels away; move it towards the volume");
     if (!(query.focus->radius >= 0) || !std::isfinite(query.focus->radius))
       throw Error("the radius of interest must be a finite number >= 0");
   }

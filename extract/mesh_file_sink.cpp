@@ -5,6 +5,7 @@
 
 #include <cctype>
 #include <cerrno>
+#include <cstdlib>
 #include <cstring>
 #include <limits>
 #include <vector>
@@ -43,8 +44,8 @@ class ByteBuffer {
 // gone from its folder by the time it is written and vanishes with the process.
 class FaceFile {
  public:
-  explicit FaceFile(const std::string& mesh_path) : path_(mesh_path + ".faces.partial") {
-    fd_ = ::open(path_.c_str(), O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
+  explicit FaceFile(const std::string& mesh_path) : path_(mesh_path + ".faces.XXXXXX") {
+    fd_ = ::mkostemp(path_.data(), O_CLOEXEC);  // a name that nobody else has
     if (fd_ < 0) fail();
     ::unlink(path_.c_str());
   }

@@ -9,7 +9,8 @@
 namespace isobrick {
 
 // The sphere of interest (Sect. 5.1 of the paper): level 0 inside, coarser with distance. Voxel
-// index coordinates and voxels; the centre may lie outside the volume.
+// index coordinates and voxels; the centre may lie outside the volume, up to 2^30 voxels away on
+// each axis.
 struct FocusSphere {
   glm::dvec3 center{0.0};
   double radius = 0;

@@ -46,8 +46,9 @@ void onSigbus(int signal, siginfo_t* info, void*) {
   for (Mapping& mapping : g_mappings) {
     const std::uint64_t size = mapping.size.load();
     const std::uintptr_t begin = mapping.begin.load();
-    // The last page of a mapping reaches beyond the file's size.
-    if (size == 0 || address < begin || address - begin >= size + g_page_bytes) continue;
+    // A mapping ends with its last page, and another may begin right there.
+    const std::uint64_t pages = (size + g_page_bytes - 1) / g_page_bytes;
+    if (size == 0 || address < begin || address - begin >= pages * g_page_bytes) continue;
     const std::uintptr_t page = address / g_page_bytes * g_page_bytes;
     const int saved_errno = errno;
     void* const zeros = mmap(reinterpret_cast<void*>(page), g_page_bytes, PROT_READ,

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <spawn.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -62,6 +63,7 @@ class CliTest : public testing::Test {
     sigemptyset(&defaults);
     sigaddset(&defaults, SIGINT);
     sigaddset(&defaults, SIGTERM);
+    sigaddset(&defaults, SIGHUP);
     posix_spawnattr_setsigdefault(&attributes, &defaults);
     posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGDEF);
 
@@ -537,12 +539,16 @@ TEST_F(CliTest, AnExistingPyramidIsReplacedOnlyWithForce) {
   EXPECT_EQ(readBytes(path("sphere.isb")), old);
   // Nothing is built over its own input.
   expectFailure(1, {"build", "sphere.nrrd", "-o", "sphere.nrrd", "--force"}, "input");
+  // Nor does --force cost a file that is no pyramid: a slice, a raw file behind a header.
+  writeBytes(path("precious.raw"), "not a pyramid");
+  expectFailure(1, {"build", "sphere.nrrd", "-o", "precious.raw", "--force"}, "not a pyramid");
+  EXPECT_EQ(readBytes(path("precious.raw")), "not a pyramid");
 }
 
 TEST_F(CliTest, CtrlCLeavesNothing) {
   runWell({"phantom", "gyroid", "--size", "256", "-o", "gyroid.nrrd"});
   const std::set<std::string> before = files();
-  for (const int signal_number : {SIGINT, SIGTERM}) {
+  for (const int signal_number : {SIGINT, SIGTERM, SIGHUP}) {
     const pid_t pid = start({ISOBRICK_COMMAND, "build", "gyroid.nrrd", "--threads", "1"});
     // In the middle of the work: from the moment on at which the temporary file has bytes in it.
     const auto working = [&] {
@@ -557,6 +563,24 @@ TEST_F(CliTest, CtrlCLeavesNothing) {
     checkFailure(wait(pid), 130, "interrupted");
     EXPECT_EQ(files(), before);
   }
+}
+
+TEST_F(CliTest, APipeAsInputIsRefusedAtOnce) {
+  ASSERT_EQ(mkfifo(path("pipe.nrrd").c_str(), 0600), 0);
+  expectFailure(1, {"build", "pipe.nrrd"}, "neither a file nor a folder");
+  expectFailure(1, {"build", "pipe.nrrd", "--raw-dims", "4,4,4", "--raw-type", "u8"},
+                "neither a file nor a folder");
+}
+
+TEST_F(CliTest, AMeshNeverReplacesItsPyramidNorWritesThroughALink) {
+  runWell({"phantom", "sphere", "--size", "16", "-o", "sphere.nrrd"});
+  runWell({"build", "sphere.nrrd", "-o", "sphere.ply"});
+  expectFailure(1, {"extract", "sphere.ply", "--iso", "0", "-o", "sphere.ply"}, "pyramid itself");
+  // The faces of a PLY wait in a second file, under a name that nobody else has.
+  writeBytes(path("victim"), "precious");
+  fs::create_symlink(path("victim"), path("mesh.ply.faces.partial"));
+  runWell({"extract", "sphere.ply", "--iso", "0", "-o", "mesh.ply"});
+  EXPECT_EQ(readBytes(path("victim")), "precious");
 }
 
 }  // namespace

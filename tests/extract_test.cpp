@@ -348,6 +348,7 @@ TEST(Extract, RefusesQueriesThatMakeNoSense) {
   query.focus = FocusSphere{};
   refuses(query);
   refuses(focusQuery(1, {0, 0, 0}, -1));
+  refuses(focusQuery(1, {0, -1e16, 0}, 1.7e16));  // too far for exact distances
   query = queryAt(1);
   query.curvature_tolerance = 0.1;  // the file has none
   refuses(query);

@@ -1,7 +1,10 @@
 // isobrick build: a volume in, a pyramid out.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <memory>
 #include <new>
 #include <optional>
@@ -51,10 +54,24 @@ struct BuildResult {
   double megabytesPerSecond() const { return static_cast<double>(bytes.raw) / 1e6 / seconds; }
 };
 
+bool isPyramid(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  char magic[sizeof format::kMagic] = {};
+  return file.read(magic, sizeof magic) &&
+         std::equal(std::begin(magic), std::end(magic), std::begin(format::kMagic));
+}
+
 void checkOutput(const BuildArguments& arguments) {
   std::error_code ignored;
   if (fs::equivalent(arguments.input.path, arguments.output, ignored))
     throw Error(fmt::format("'{}' is the input; choose another output with -o", arguments.output));
+  // A slip of the pen must not cost a scan: a data file behind a header, a slice of a series.
+  if (arguments.force && fs::is_regular_file(arguments.output, ignored) &&
+      fs::file_size(arguments.output, ignored) > 0 && !isPyramid(arguments.output))
+    throw Error(
+        fmt::format("'{}' is not a pyramid, and --force replaces only pyramids; choose another "
+                    "output with -o",
+                    arguments.output));
   if (!arguments.force && fs::is_regular_file(fs::symlink_status(arguments.output, ignored)))
     throw Error(
         fmt::format("'{}' exists already; replace it with --force or choose another "
@@ -189,7 +206,7 @@ Command addBuildCommand(CLI::App& app) {
   sub->add_option("-o,--output", arguments->output,
                   "Pyramid to write; default: the input's name with .isb in the current folder")
       ->type_name("OUT.isb");
-  sub->add_flag("--force", arguments->force, "Replace an existing output");
+  sub->add_flag("--force", arguments->force, "Replace an existing pyramid");
   addThreadsOption(*sub, arguments->threads);
   sub->add_flag("--no-curvature", arguments->no_curvature,
                 "Leave out what extract needs for --curvature; builds faster");

@@ -44,8 +44,8 @@ ExtractResult extract(const ExtractArguments& arguments) {
   result.open_seconds = open_watch.seconds();
   const Query query = makeQuery(arguments.query, pyramid);
   // Before the work, so that a path that cannot be written costs no time.
+  refusePyramidAsOutput(arguments.query, arguments.output);
   const auto file_sink = arguments.output.empty() ? nullptr : makeMeshFileSink(arguments.output);
-  warnOfEmptySurface(arguments.query, pyramid);
 
   ProgressBar bar(0, "million triangles");
   for (int repeat = 1; repeat <= arguments.repeat; ++repeat) {
@@ -60,6 +60,7 @@ ExtractResult extract(const ExtractArguments& arguments) {
     result.extract_seconds.push_back(seconds - result.write_seconds);
     result.vertices = to_file ? file_sink->vertices() : counting_sink.vertices();
   }
+  warnOfEmptySurface(arguments.query, pyramid);
   return result;
 }
 

@@ -12,6 +12,7 @@ extern "C" void onInterrupt(int) {
   the_flag.request();
   std::signal(SIGINT, SIG_DFL);
   std::signal(SIGTERM, SIG_DFL);
+  std::signal(SIGHUP, SIG_DFL);
 }
 
 }  // namespace
@@ -19,7 +20,7 @@ extern "C" void onInterrupt(int) {
 CancelFlag& interruptFlag() { return the_flag; }
 
 void installInterruptHandler() {
-  for (const int number : {SIGINT, SIGTERM}) {
+  for (const int number : {SIGINT, SIGTERM, SIGHUP}) {
     struct sigaction previous = {};
     sigaction(number, nullptr, &previous);
     if (previous.sa_handler == SIG_IGN) continue;

@@ -66,7 +66,12 @@ void addInputOptions(CLI::App& app, InputOptions& options) {
 void refuseKnownMisfits(const InputOptions& options) {
   const std::string& path = options.path;
   std::error_code ignored;
-  if (options.raw_dims || !fs::is_regular_file(path, ignored)) return;
+  const fs::file_status status = fs::status(path, ignored);
+  // Opening a pipe would wait for its other end, for ever.
+  if (fs::exists(status) && !fs::is_regular_file(status) && !fs::is_directory(status))
+    throw Error(fmt::format(
+        "cannot read '{}': it is neither a file nor a folder; copy it to a file", path));
+  if (options.raw_dims || !fs::is_regular_file(status)) return;
   const std::string extension = lowerExtension(path);
   if (isOneOf(extension, {".vti", ".vdb"}))
     throw Error(

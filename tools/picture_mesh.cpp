@@ -24,8 +24,8 @@ IndexedMesh extractMesh(const Pyramid& pyramid, const Query& query) {
 PictureMesh extractPictureMesh(const QueryOptions& options) {
   const Pyramid pyramid(options.path, options.memory_bytes);
   const Query query = makeQuery(options, pyramid);
-  warnOfEmptySurface(options, pyramid);
   IndexedMesh mesh = extractMesh(pyramid, query);
+  warnOfEmptySurface(options, pyramid);
 
   const GridGeometry& geometry = pyramid.spec().geometry;
   const glm::dvec3 center =

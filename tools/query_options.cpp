@@ -3,10 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <glm/common.hpp>
 #include <limits>
 
 #include "extract/query.h"
+#include "storage/error.h"
 #include "tools/interrupt.h"
 #include "tools/one_line.h"
 #include "tools/parsed_option.h"
@@ -101,6 +103,12 @@ Query makeQuery(const QueryOptions& options, const Pyramid& pyramid) {
   }
   query.cancel = &interruptFlag();
   return query;
+}
+
+void refusePyramidAsOutput(const QueryOptions& options, const std::string& output) {
+  std::error_code ignored;
+  if (std::filesystem::equivalent(options.path, output, ignored))
+    throw Error(fmt::format("'{}' is the pyramid itself; choose another output with -o", output));
 }
 
 void warnOfEmptySurface(const QueryOptions& options, const Pyramid& pyramid) {

@@ -33,6 +33,9 @@ void addQueryOptions(CLI::App& app, QueryOptions& options);
 // The query in voxel indices, whatever the user's units are; stopped by Ctrl-C.
 Query makeQuery(const QueryOptions& options, const Pyramid& pyramid);
 
+// Throws Error where `output` is the pyramid that is read.
+void refusePyramidAsOutput(const QueryOptions& options, const std::string& output);
+
 // One line on stderr where the isovalue separates no voxels, so that the mesh will be empty.
 void warnOfEmptySurface(const QueryOptions& options, const Pyramid& pyramid);
 

@@ -43,6 +43,7 @@ RenderOptions makeRenderOptions(const RenderArguments& arguments, const PictureM
 int runRender(const RenderArguments& arguments) {
   // Neither a slip of the pen nor a machine that cannot draw shall cost an extraction.
   imageFormatOf(arguments.output);
+  refusePyramidAsOutput(arguments.query, arguments.output);
   { const AtomicFile probe(arguments.output); }
   OffscreenRenderer renderer;
   if (arguments.size.width > renderer.greatestSize() ||

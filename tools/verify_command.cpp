@@ -73,8 +73,8 @@ int runVerify(const VerifyArguments& arguments) {
 }  // namespace
 
 Command addVerifyCommand(CLI::App& app) {
-  CLI::App* const sub =
-      app.add_subcommand("verify", "Check every byte of a pyramid and name damaged bricks");
+  CLI::App* const sub = app.add_subcommand(
+      "verify", "Check every brick and table of a pyramid and name what is damaged");
   const auto arguments = std::make_shared<VerifyArguments>();
   sub->add_option("FILE", arguments->path, "Pyramid (.isb)")->type_name("PATH")->required();
   addThreadsOption(*sub, arguments->threads);
