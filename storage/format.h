@@ -21,7 +21,8 @@ static_assert(std::endian::native == std::endian::little, "isobrick needs a litt
 inline constexpr char kMagic[8] = {'I', 'S', 'O', 'B', 'R', 'I', 'C', 'K'};
 inline constexpr std::uint32_t kVersion = 1;
 
-// Samples begin at multiples of this, so that a brick can be paged and used in place.
+// Samples of at least this many bytes begin at multiples of it, so that a brick can be paged and used
+// in place; fewer begin at kPartAlignment.
 inline constexpr std::uint64_t kSampleAlignment = 4096;
 // Tables and the other parts begin at multiples of this.
 inline constexpr std::uint64_t kPartAlignment = 64;
