@@ -99,11 +99,12 @@ class Build {
       for (std::int64_t i = 0; i < voxels; ++i) {
         if (std::isfinite(slices[i])) continue;
         if (!options_.nan_as.has_value())
-          throw Error("'" + source_.info().source + "' has a voxel that is " +
-                      (std::isnan(slices[i]) ? "not a number" : "infinite") + " at (" +
-                      std::to_string(i % dims.x) + "," + std::to_string(i / dims.x % dims.y) + "," +
-                      std::to_string(first + i / (dims.x * dims.y)) +
-                      "); give the value to put there with --nan-as V");
+          throw Error(
+              "'" + source_.info().source + "' has a voxel that is " +
+              (std::isnan(slices[i]) ? "not a number" : "infinite, or too large for float32,") +
+              " at (" + std::to_string(i % dims.x) + "," + std::to_string(i / dims.x % dims.y) +
+              "," + std::to_string(first + i / (dims.x * dims.y)) +
+              "); give the value to put there with --nan-as V");
         slices[i] = *options_.nan_as;
         ++report_.replaced_voxels;
       }
