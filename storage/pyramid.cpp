@@ -161,7 +161,10 @@ void Pyramid::readTables(const format::Header& header) {
             return bricks_[row].constant >= static_cast<float>(std::numeric_limits<T>::lowest()) &&
                    bricks_[row].constant <= static_cast<float>(std::numeric_limits<T>::max());
           });
-          if (!constant_fits)
+          const bool is_constant =
+              bricks_[row].samples.codec == static_cast<std::uint32_t>(format::Codec::kConstant);
+          if (!constant_fits || (is_constant && (bricks_[row].constant < bricks_[row].range_min ||
+                                                 bricks_[row].constant > bricks_[row].range_max)))
             fail("has an impossible constant for " + brickName(level, brick) + "; build it again");
           if (!(bricks_[row].range_min <= bricks_[row].range_max) ||
               !std::isfinite(bricks_[row].range_min) || !std::isfinite(bricks_[row].range_max))
