@@ -8,9 +8,9 @@
 
 namespace isobrick {
 
-// Open addressing with linear probing; grows by doubling. Clearing keeps the memory, so one object
-// serves brick after brick. The kernels look up every vertex of a
-// transition here, where std::unordered_map's node for every vertex took most of the time.
+// Open addressing with linear probing; grows by doubling. Clearing keeps the memory and walks
+// through all of it, so one object serves brick after brick. The kernels look up every vertex of a
+// mixed brick here; std::unordered_map would allocate a node for each.
 template <typename Number>
 class EdgeVertexMap {
  public:

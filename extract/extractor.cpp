@@ -29,13 +29,13 @@ void checkQuery(const Pyramid& pyramid, const Query& query) {
   if (query.focus && query.uniform_level)
     throw Error("a focus and a uniform level exclude each other; give one of them");
   if (query.focus) {
-    for (int axis = 0; axis < 3; ++axis)
+    for (int axis = 0; axis < 3; ++axis) {
       if (!std::isfinite(query.focus->center[axis]))
         throw Error("the focus point is not finite; give three numbers");
-    // Squared distances beyond would be coarser than the room that rule 3 has for rounding.
-    for (int axis = 0; axis < 3; ++axis)
+      // Squared distances beyond would be coarser than the room that rule 3 has for rounding.
       if (std::abs(query.focus->center[axis]) > kFarthestFocus)
         throw Error("the focus point is more than 2^30 voxels away; move it towards the volume");
+    }
     if (!(query.focus->radius >= 0) || !std::isfinite(query.focus->radius))
       throw Error("the radius of interest must be a finite number >= 0");
   }

@@ -2,6 +2,7 @@
 
 #include "preprocess/curvature_fit.h"
 #include "storage/curvature_code.h"
+#include "storage/voxel_type.h"
 
 namespace isobrick {
 
@@ -56,11 +57,7 @@ std::vector<std::uint8_t> brickCurvature(const BrickLayout& layout, const Index3
 #define ISOBRICK_INSTANTIATE(T)                                                           \
   template std::vector<std::uint8_t> brickCurvature<T>(const BrickLayout&, const Index3&, \
                                                        const T*, const NodeRanges&, double);
-ISOBRICK_INSTANTIATE(std::uint8_t)
-ISOBRICK_INSTANTIATE(std::int8_t)
-ISOBRICK_INSTANTIATE(std::uint16_t)
-ISOBRICK_INSTANTIATE(std::int16_t)
-ISOBRICK_INSTANTIATE(float)
+ISOBRICK_FOR_EACH_VOXEL_TYPE(ISOBRICK_INSTANTIATE)
 #undef ISOBRICK_INSTANTIATE
 
 }  // namespace isobrick

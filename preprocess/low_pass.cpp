@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "storage/brick_layout.h"
+#include "storage/voxel_type.h"
 
 namespace isobrick {
 
@@ -89,11 +90,7 @@ void lowPassSlices(const Lattice& lattice, int level, format::Filter filter, con
 #define ISOBRICK_INSTANTIATE(T)                                                               \
   template void lowPassSlices<T>(const Lattice&, int, format::Filter, const T*, std::int64_t, \
                                  std::int64_t, T*);
-ISOBRICK_INSTANTIATE(std::uint8_t)
-ISOBRICK_INSTANTIATE(std::int8_t)
-ISOBRICK_INSTANTIATE(std::uint16_t)
-ISOBRICK_INSTANTIATE(std::int16_t)
-ISOBRICK_INSTANTIATE(float)
+ISOBRICK_FOR_EACH_VOXEL_TYPE(ISOBRICK_INSTANTIATE)
 #undef ISOBRICK_INSTANTIATE
 
 }  // namespace isobrick

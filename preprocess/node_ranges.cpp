@@ -3,6 +3,8 @@
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
+#include "storage/voxel_type.h"
+
 namespace isobrick {
 namespace {
 
@@ -71,11 +73,7 @@ NodeRanges coarserNodeRanges(const Lattice& lattice, const LevelArrays<T>& level
   template NodeRanges nodeRangesFromSamples<T>(const Lattice&, const LevelArrays<T>&, int); \
   template NodeRanges coarserNodeRanges<T>(const Lattice&, const LevelArrays<T>&,           \
                                            const NodeRanges&, int);
-ISOBRICK_INSTANTIATE(std::uint8_t)
-ISOBRICK_INSTANTIATE(std::int8_t)
-ISOBRICK_INSTANTIATE(std::uint16_t)
-ISOBRICK_INSTANTIATE(std::int16_t)
-ISOBRICK_INSTANTIATE(float)
+ISOBRICK_FOR_EACH_VOXEL_TYPE(ISOBRICK_INSTANTIATE)
 #undef ISOBRICK_INSTANTIATE
 
 }  // namespace isobrick

@@ -12,9 +12,7 @@
 #include <cstring>
 #include <mutex>
 
-#define XXH_INLINE_ALL
-#include <xxhash.h>
-
+#include "storage/checksum.h"
 #include "storage/error.h"
 
 namespace isobrick {
@@ -140,7 +138,7 @@ bool MappedFile::checksum(std::uint64_t offset, std::uint64_t bytes, std::uint64
   // One call in place of a fault for every few pages. Kernels before 5.14 do not know it (EINVAL).
   if (madvise(from, offset + bytes - begin, MADV_POPULATE_READ) != 0 && errno != EINVAL)
     return false;
-  *result = XXH3_64bits(data_ + offset, bytes);
+  *result = checksum64(data_ + offset, bytes);
   return !failedOffset();
 }
 

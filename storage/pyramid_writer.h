@@ -1,7 +1,6 @@
 // Writing a pyramid: bricks in any order under a temporary name, published as a whole.
 #pragma once
 
-#include <memory>
 #include <span>
 #include <string>
 #include <vector>

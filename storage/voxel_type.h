@@ -55,4 +55,12 @@ decltype(auto) visitVoxelType(VoxelType type, F&& f) {
   throw std::logic_error("voxel type out of range");
 }
 
+// Instantiates a template for every voxel type: M(T) is a macro with the explicit instantiation.
+#define ISOBRICK_FOR_EACH_VOXEL_TYPE(M) \
+  M(std::uint8_t)                       \
+  M(std::int8_t)                        \
+  M(std::uint16_t)                      \
+  M(std::int16_t)                       \
+  M(float)
+
 }  // namespace isobrick
