@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <sys/file.h>
 #include <sys/stat.h>
+#include <sys/statvfs.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -39,7 +40,10 @@ const char* adviceFor(int error) {
 }
 
 [[noreturn]] void failWriting(const std::string& path, int error) {
-  throw Error("cannot write '" + path + "': " + std::strerror(error) + "; " + adviceFor(error));
+  const std::string line =
+      "cannot write '" + path + "': " + std::strerror(error) + "; " + adviceFor(error);
+  if (error == ENOSPC || error == EDQUOT || error == EIO) throw ResumableError(line);
+  throw Error(line);
 }
 
 std::string folderOf(const std::string& path) {
@@ -55,10 +59,10 @@ bool namesOpenFile(const std::string& path, int fd) {
          named.st_dev == opened.st_dev && named.st_ino == opened.st_ino;
 }
 
-// Opens, locks and empties the temporary. The lock tells a leftover of a killed process from the
-// file of a living one. Between open and lock the other process may have published the file; then
-// it is not ours to empty, and the next round makes a new one.
-int openTemporary(const std::string& path, const std::string& temporary_path) {
+// Opens and locks the temporary, and empties it if told so. The lock tells a leftover of a killed
+// process from the file of a living one. Between open and lock the other process may have published
+// the file; then it is not ours to empty, and the next round makes a new one.
+int openTemporary(const std::string& path, const std::string& temporary_path, bool empty) {
   for (;;) {
     const int fd = open(temporary_path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666);
     if (fd < 0) failWriting(path, errno);
@@ -72,7 +76,7 @@ int openTemporary(const std::string& path, const std::string& temporary_path) {
       close(fd);
       continue;
     }
-    if (ftruncate(fd, 0) != 0) {
+    if (empty && ftruncate(fd, 0) != 0) {
       const int error = errno;
       close(fd);
       failWriting(path, error);
@@ -83,7 +87,8 @@ int openTemporary(const std::string& path, const std::string& temporary_path) {
 
 }  // namespace
 
-AtomicFile::AtomicFile(const std::string& path) : path_(path), temporary_path_(path + ".partial") {
+AtomicFile::AtomicFile(const std::string& path, Leftover leftover)
+    : path_(path), temporary_path_(path + ".partial") {
   // Renaming over a device or a folder would destroy it or fail after all the work.
   struct stat status = {};
   if (path.empty() || path.back() == '/') failWriting(path, EISDIR);
@@ -93,15 +98,15 @@ AtomicFile::AtomicFile(const std::string& path) : path_(path), temporary_path_(p
                 "': it exists and is not a regular file; choose another "
                 "name with -o");
   }
-  fd_ = openTemporary(path_, temporary_path_);
+  fd_ = openTemporary(path_, temporary_path_, leftover == Leftover::kEmpty);
 }
 
-AtomicFile::~AtomicFile() { closeAndRemove(); }
+AtomicFile::~AtomicFile() { close(); }
 
-void AtomicFile::closeAndRemove() noexcept {
+void AtomicFile::close() noexcept {
   if (fd_ < 0) return;
-  unlink(temporary_path_.c_str());  // before close, which gives up the lock
-  close(fd_);
+  if (!keep_) unlink(temporary_path_.c_str());  // before close, which gives up the lock
+  ::close(fd_);
   fd_ = -1;
 }
 
@@ -127,18 +132,58 @@ void AtomicFile::pwrite(const void* data, std::size_t bytes, std::uint64_t offse
   }
 }
 
+void AtomicFile::writeGathered(std::span<iovec> pieces) {
+  while (!pieces.empty()) {
+    if (pieces.front().iov_len == 0) {
+      pieces = pieces.subspan(1);
+      continue;
+    }
+    const ssize_t written =
+        pwritev(fd_, pieces.data(), static_cast<int>(pieces.size()), static_cast<off_t>(position_));
+    if (written < 0 && errno == EINTR) continue;
+    if (written <= 0) failWriting(path_, written < 0 ? errno : ENOSPC);
+    position_ += static_cast<std::uint64_t>(written);
+    for (auto rest = static_cast<std::size_t>(written); rest > 0;) {
+      iovec& piece = pieces.front();
+      const std::size_t step = std::min(rest, piece.iov_len);
+      piece.iov_base = static_cast<char*>(piece.iov_base) + step;
+      piece.iov_len -= step;
+      rest -= step;
+      if (piece.iov_len == 0) pieces = pieces.subspan(1);
+    }
+  }
+}
+
+std::optional<std::uint64_t> AtomicFile::freeBytes() const {
+  struct statvfs status = {};
+  if (fstatvfs(fd_, &status) != 0 || status.f_blocks == 0) return std::nullopt;
+  return static_cast<std::uint64_t>(status.f_bavail) * status.f_frsize;
+}
+
+void AtomicFile::reserve(std::uint64_t bytes) {
+  int result = 0;
+  do {
+    result = fallocate(fd_, 0, 0, static_cast<off_t>(bytes));
+  } while (result != 0 && errno == EINTR);
+  if (result != 0 && errno != EOPNOTSUPP && errno != ENOSYS) failWriting(path_, errno);
+}
+
+void AtomicFile::cutAfterPosition() {
+  if (ftruncate(fd_, static_cast<off_t>(position_)) != 0) failWriting(path_, errno);
+}
+
 void AtomicFile::commit() {
   if (fsync(fd_) != 0) failWriting(path_, errno);
   if (std::rename(temporary_path_.c_str(), path_.c_str()) != 0) failWriting(path_, errno);
   // From here the file is published: the destructor has nothing to remove.
   const int fd = fd_;
   fd_ = -1;
-  close(fd);
+  ::close(fd);
   const int folder = open(folderOf(path_).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   if (folder < 0) return;  // a folder that may be written but not read; the rename itself is done
   const int result = fsync(folder);
   const int error = errno;
-  close(folder);
+  ::close(folder);
   // Some file systems cannot sync folders; the rename is as durable there as it gets.
   if (result != 0 && error != EINVAL && error != ENOTSUP) failWriting(path_, error);
 }

@@ -1,23 +1,30 @@
 // A file that appears under its name only when it is whole.
 #pragma once
 
+#include <sys/uio.h>
+
 #include <cstddef>
 #include <cstdint>
+#include <optional>
+#include <span>
 #include <string>
 
 namespace isobrick {
 
 // Writes to "<path>.partial" in the same folder; commit() makes the bytes durable and gives them
 // their name, replacing an older file in one step. An AtomicFile that is destroyed without commit()
-// removes its temporary, so a failed or cancelled run leaves nothing behind. A temporary that a
-// killed process left is taken over; one that a living process writes is refused.
+// removes its temporary, so a failed or cancelled run leaves nothing behind, unless
+// keepTemporary(true) was called. A temporary that a killed process left is taken over; one that a
+// living process writes is refused.
 //
-// Every failure (no space, no permission, missing folder, ...) throws Error with the path, the
+// Failures that can pass (no space, ...) throw ResumableError, others Error, with the path, the
 // reason and what to do. Nothing is buffered: hand over blocks of some 64 KiB or more.
 // pwrite() may be called from several threads at once; all other members from one at a time.
 class AtomicFile {
  public:
-  explicit AtomicFile(const std::string& path);
+  // What becomes of the bytes in a temporary that a killed process left.
+  enum class Leftover { kEmpty, kKeep };
+  explicit AtomicFile(const std::string& path, Leftover leftover = Leftover::kEmpty);
   ~AtomicFile();
   AtomicFile(const AtomicFile&) = delete;
   AtomicFile& operator=(const AtomicFile&) = delete;
@@ -31,19 +38,34 @@ class AtomicFile {
   void write(const void* data, std::size_t bytes);
   // Writes at `offset`, which may be anywhere; does not move position().
   void pwrite(const void* data, std::size_t bytes, std::uint64_t offset);
+  // As write(), of several pieces one after the other; changes `pieces`.
+  void writeGathered(std::span<iovec> pieces);
   // Where the next write() goes: the number of bytes given to write() so far.
   std::uint64_t position() const { return position_; }
+  // Appends after `position` from now on; what lies behind it is overwritten or cut off.
+  void continueFrom(std::uint64_t position) { position_ = position; }
+
+  // Free bytes of the file system for this process, or nothing where it cannot tell.
+  std::optional<std::uint64_t> freeBytes() const;
+  // Makes sure that the file can grow to `bytes`: where the file system supports it, the space is
+  // taken now. The file is that long until cutAfterPosition().
+  void reserve(std::uint64_t bytes);
+  void cutAfterPosition();
+
+  // The destructor leaves the temporary where it is.
+  void keepTemporary(bool keep) { keep_ = keep; }
 
   // fsync, rename, fsync of the folder. Once, and nothing may be written afterwards.
   void commit();
 
  private:
-  void closeAndRemove() noexcept;
+  void close() noexcept;
 
   std::string path_;
   std::string temporary_path_;
   int fd_ = -1;
   std::uint64_t position_ = 0;
+  bool keep_ = false;
 };
 
 }  // namespace isobrick

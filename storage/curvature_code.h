@@ -3,7 +3,7 @@
 #pragma once
 
 #include <array>
-#include <cmath>
+#include <bit>
 #include <cstdint>
 #include <limits>
 
@@ -12,34 +12,47 @@ namespace isobrick {
 // Code 0 is exactly 0, code c in 1 .. 254 is 2^((c - 176) / 8), code 255 is infinity: eight steps
 // an octave (at most 9 % above the value) from a sphere's radius of 1,400 voxels to 0.024.
 struct CurvatureCode {
-  static float decode(std::uint8_t code) { return table()[code]; }
+  static constexpr int kStepsPerOctave = 8;
+  static constexpr int kCodeOfOne = 176;
+  // 2^(i / 8), rounded to float: the mantissas of all codes.
+  static constexpr std::array<float, kStepsPerOctave> kOctave = {
+      0x1p+0f,        0x1.172b84p+0f, 0x1.306fep+0f,  0x1.4bfdaep+0f,
+      0x1.6a09e6p+0f, 0x1.8ace54p+0f, 0x1.ae89fap+0f, 0x1.d5818ep+0f};
 
-  // The smallest code with decode(code) >= value; `value` >= 0, in 1/voxel^2.
-  static std::uint8_t encodeUp(double value) {
-    if (std::isnan(value)) return 255;  // no bound is known
+  static constexpr float decode(std::uint8_t code) { return kValues[code]; }
+
+  // The smallest code with decode(code) >= value; `value` >= 0, in 1/voxel^2. NaN gives 255: no
+  // bound is known.
+  static constexpr std::uint8_t encodeUp(double value) {
+    if (value != value) return 255;
     if (!(value > 0)) return 0;
-    const double step = std::ceil(8.0 * std::log2(value) + 176.0);
-    int code = step < 1 ? 1 : step > 255 ? 255 : static_cast<int>(step);
-    // The logarithm may be off by a rounding either way; the table decides.
-    while (code > 1 && static_cast<double>(table()[static_cast<std::size_t>(code) - 1]) >= value)
-      --code;
-    while (code < 255 && static_cast<double>(table()[static_cast<std::size_t>(code)]) < value)
-      ++code;
-    return static_cast<std::uint8_t>(code);
+    // value = mantissa * 2^exponent, by its bits; what is subnormal is below code 1 anyway.
+    const auto bits = std::bit_cast<std::uint64_t>(value);
+    const int exponent = static_cast<int>(bits >> 52) - 1023;
+    const auto mantissa = std::bit_cast<double>((bits & ((1ull << 52) - 1)) | 1023ull << 52);
+    int code = kStepsPerOctave * exponent + kCodeOfOne;
+    for (const float step : kOctave) code += mantissa > static_cast<double>(step);
+    return static_cast<std::uint8_t>(code < 1 ? 1 : code > 255 ? 255 : code);
   }
 
  private:
-  static const std::array<float, 256>& table() {
-    static const std::array<float, 256> values = [] {
-      std::array<float, 256> v{};
-      for (int c = 1; c < 255; ++c)
-        v[static_cast<std::size_t>(c)] = static_cast<float>(std::exp2((c - 176) / 8.0));
-      v[255] = std::numeric_limits<float>::infinity();
-      return v;
-    }();
+  static constexpr std::array<float, 256> makeValues() {
+    std::array<float, 256> values{};
+    for (int code = 1; code < 255; ++code) {
+      // kOctave times a power of two, which is exact.
+      const int octave = code / kStepsPerOctave;
+      const int exponent = octave - kCodeOfOne / kStepsPerOctave;
+      const auto power = std::bit_cast<float>(static_cast<std::uint32_t>(exponent + 127) << 23);
+      values[static_cast<std::size_t>(code)] =
+          kOctave[static_cast<std::size_t>(code % kStepsPerOctave)] * power;
+    }
+    values[255] = std::numeric_limits<float>::infinity();
     return values;
   }
+  static const std::array<float, 256> kValues;
 };
+inline constexpr std::array<float, 256> CurvatureCode::kValues = CurvatureCode::makeValues();
+static_assert(CurvatureCode::kCodeOfOne % CurvatureCode::kStepsPerOctave == 0);
 
 // The quadratic Bernstein polynomial p over [range_min, range_max] with three coded coefficients
 // (Sect. 5.2 of the paper): an upper bound of the total curvature (Eq. 2) of the isosurface

@@ -13,10 +13,19 @@ class Error : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-// The user (or the caller, through a CancelFlag) asked the run to stop; nothing is left behind.
+// A failure of the moment, not of the input: a full disk, a read that failed. The same run may
+// succeed later, so what was done so far is worth keeping.
+class ResumableError : public Error {
+ public:
+  using Error::Error;
+};
+
+// The user (or the caller, through a CancelFlag) asked the run to stop.
 class Cancelled : public Error {
  public:
   Cancelled() : Error("interrupted; nothing was left behind") {}
+  // `what` says what was left behind.
+  explicit Cancelled(const std::string& what) : Error(what) {}
 };
 
 }  // namespace isobrick

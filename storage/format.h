@@ -1,7 +1,7 @@
-// The `.isb` file, version 1, as it lies on disk; docs/FORMAT.md is its specification in words.
+// The `.isb` file, version 2, as it lies on disk; docs/FORMAT.md is its specification in words.
 //
 //   header (512 bytes)
-//   parts of bricks, in any order: samples, tile ranges, curvature
+//   parts of bricks, in the order of the brick table: samples, tile ranges, curvature of each
 //   level table   (LevelRecord  * level_count)
 //   brick table   (BrickRecord  * brick_count; the bricks of level 0 first, x fastest)
 //   provenance    (JSON, UTF-8)
@@ -19,10 +19,10 @@ namespace isobrick::format {
 static_assert(std::endian::native == std::endian::little, "isobrick needs a little-endian host");
 
 inline constexpr char kMagic[8] = {'I', 'S', 'O', 'B', 'R', 'I', 'C', 'K'};
-inline constexpr std::uint32_t kVersion = 1;
+inline constexpr std::uint32_t kVersion = 2;
 
-// Samples of at least this many bytes begin at multiples of it, so that a brick can be paged and used
-// in place; fewer begin at kPartAlignment.
+// Samples of at least this many bytes begin at multiples of it, so that a brick can be paged and
+// used in place; fewer begin at kPartAlignment.
 inline constexpr std::uint64_t kSampleAlignment = 4096;
 // Tables and the other parts begin at multiples of this.
 inline constexpr std::uint64_t kPartAlignment = 64;
@@ -30,8 +30,10 @@ inline constexpr std::uint64_t kPartAlignment = 64;
 enum class Filter : std::uint32_t { kAverage = 0, kSubsample = 1 };
 enum class Codec : std::uint32_t {
   kStored = 0,    // the bytes themselves
-  kConstant = 1,  // no bytes: every element of the part has the same value
+  kConstant = 1,  // no bytes: samples and ranges all have the brick's constant, curvature is 0
   kAbsent = 2,    // no bytes: the part was not made (curvature of coarser levels, --no-curvature)
+  kLz4 = 3,       // a Blosc buffer, packed with LZ4
+  kZstd = 4,      // a Blosc buffer, packed with Zstandard
 };
 
 struct Header {

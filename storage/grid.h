@@ -60,7 +60,7 @@ class Lattice {
   // Cells of level l: per axis ceil((voxels - 1) / 2^l), at least 1.
   Index3 cells(int level) const {
     const std::int64_t step = std::int64_t{1} << level;
-    return (voxels_ - Index3(1) + Index3(step - 1)) / step;
+    return (voxels_ + Index3(step - 2)) >> std::int64_t{level};  // a division would be slow
   }
   // Samples of level l: cells + 1.
   Index3 samples(int level) const { return cells(level) + Index3(1); }

@@ -5,6 +5,7 @@
 #include <cstring>
 #include <limits>
 
+#include "storage/brick_encoder.h"
 #include "storage/checksum.h"
 #include "storage/error.h"
 
@@ -139,39 +140,74 @@ void Pyramid::readTables(const format::Header& header) {
     for (brick.z = 0; brick.z < count.z; ++brick.z)
       for (brick.y = 0; brick.y < count.y; ++brick.y)
         for (brick.x = 0; brick.x < count.x; ++brick.x) {
-          const std::size_t row = brickRow(level, brick);
-          for (const PartKind kind : {kSamples, kRanges, kCurvature}) {
-            const format::PartRecord& part = record(kind, row);
-            const auto codec = static_cast<format::Codec>(part.codec);
-            const bool may_be_absent = kind == kCurvature && (level > 0 || !spec_.has_curvature);
-            const bool sane =
-                codec == format::Codec::kStored
-                    ? !may_be_absent && part.stored_bytes == expectedBytes(kind, level, brick) &&
-                          liesWithin(part.offset, part.stored_bytes, file_.size()) &&
-                          part.offset % format::kPartAlignment == 0
-                    : part.stored_bytes == 0 && part.offset == 0 &&
-                          codec ==
-                              (may_be_absent ? format::Codec::kAbsent : format::Codec::kConstant);
-            if (!sane)
-              fail("has an impossible entry for " + brickName(level, brick) + "; build it again");
-            pieces.push_back({part.offset, part.stored_bytes, part.checksum});
-          }
-          const bool constant_fits = visitVoxelType(spec_.voxel_type, [&](auto tag) {
-            using T = typename decltype(tag)::Type;
-            return bricks_[row].constant >= static_cast<float>(std::numeric_limits<T>::lowest()) &&
-                   bricks_[row].constant <= static_cast<float>(std::numeric_limits<T>::max());
-          });
-          const bool is_constant =
-              bricks_[row].samples.codec == static_cast<std::uint32_t>(format::Codec::kConstant);
-          if (!constant_fits || (is_constant && (bricks_[row].constant < bricks_[row].range_min ||
-                                                 bricks_[row].constant > bricks_[row].range_max)))
-            fail("has an impossible constant for " + brickName(level, brick) + "; build it again");
-          if (!(bricks_[row].range_min <= bricks_[row].range_max) ||
-              !std::isfinite(bricks_[row].range_min) || !std::isfinite(bricks_[row].range_max))
-            fail("has an impossible range for " + brickName(level, brick) + "; build it again");
+          checkBrick(level, brick);
+          for (const PartKind kind : {kSamples, kRanges, kCurvature})
+            pieces.push_back(pieceOf(kind, level, brick));
         }
   }
   pager_ = std::make_unique<BrickPager>(file_, std::move(pieces), budget_bytes_);
+}
+
+void Pyramid::checkBrick(int level, const Index3& brick) const {
+  const format::BrickRecord& row = bricks_[brickRow(level, brick)];
+  const auto refuse = [&](const char* what) {
+    fail(std::string("has an impossible ") + what + " for " + brickName(level, brick) +
+         "; build it again");
+  };
+  for (const PartKind kind : {kSamples, kRanges, kCurvature})
+    if (!isPartSane(kind, level, brick)) refuse("entry");
+  if (!(row.range_min <= row.range_max) || !std::isfinite(row.range_min) ||
+      !std::isfinite(row.range_max))
+    refuse("range");
+  if (!isConstantSane(row)) refuse("constant");
+}
+
+bool Pyramid::isPartSane(PartKind kind, int level, const Index3& brick) const {
+  const std::size_t row = brickRow(level, brick);
+  const format::PartRecord& part = record(kind, row);
+  const bool is_absent = kind == kCurvature && (level > 0 || !spec_.has_curvature);
+  const auto codec = static_cast<format::Codec>(part.codec);
+  switch (codec) {
+    case format::Codec::kConstant:
+    case format::Codec::kAbsent:
+      // Constant ranges are those of constant samples.
+      return (codec == format::Codec::kAbsent) == is_absent && part.stored_bytes == 0 &&
+             part.offset == 0 && (kind != kRanges || bricks_[row].samples.codec == part.codec);
+    case format::Codec::kStored:
+    case format::Codec::kLz4:
+    case format::Codec::kZstd: {
+      const std::uint64_t elements = expectedBytes(kind, level, brick);
+      const bool is_size_right = codec == format::Codec::kStored
+                                     ? part.stored_bytes == elements
+                                     : part.stored_bytes > 0 && part.stored_bytes < elements &&
+                                           elements <= kMostPackedBytes;
+      return !is_absent && is_size_right &&
+             liesWithin(part.offset, part.stored_bytes, file_.size()) &&
+             part.offset % format::kPartAlignment == 0;
+    }
+  }
+  return false;
+}
+
+bool Pyramid::isConstantSane(const format::BrickRecord& row) const {
+  const bool fits_type = visitVoxelType(spec_.voxel_type, [&](auto tag) {
+    using T = typename decltype(tag)::Type;
+    return row.constant >= static_cast<float>(std::numeric_limits<T>::lowest()) &&
+           row.constant <= static_cast<float>(std::numeric_limits<T>::max());
+  });
+  const bool is_used = row.samples.codec == static_cast<std::uint32_t>(format::Codec::kConstant);
+  return fits_type &&
+         (!is_used || (row.constant >= row.range_min && row.constant <= row.range_max));
+}
+
+BrickPager::Piece Pyramid::pieceOf(PartKind kind, int level, const Index3& brick) const {
+  const format::PartRecord& part = record(kind, brickRow(level, brick));
+  const auto codec = static_cast<format::Codec>(part.codec);
+  // checkBrick() has seen to it that the elements of a packed part are fewer than 2^31 bytes.
+  const bool is_packed = codec == format::Codec::kLz4 || codec == format::Codec::kZstd;
+  const auto elements =
+      is_packed ? static_cast<std::uint32_t>(expectedBytes(kind, level, brick)) : 0;
+  return {part.offset, part.stored_bytes, part.checksum, elements, codec};
 }
 
 std::uint64_t Pyramid::expectedBytes(PartKind kind, int level, const Index3& brick) const {
@@ -262,7 +298,7 @@ void Pyramid::tileRanges(int level, const Index3& brick, std::vector<ValueRange>
   const format::BrickRecord& row = bricks_[brickRow(level, brick)];
   const auto count = static_cast<std::size_t>(elementCount(layout_.brickTiles(level, brick)));
   if (row.ranges.stored_bytes == 0) {
-    out.assign(count, ValueRange{row.range_min, row.range_max});
+    out.assign(count, ValueRange{row.constant, row.constant});
     return;
   }
   const BrickPart part = acquire(kRanges, level, brick);
@@ -322,11 +358,23 @@ PyramidBytes Pyramid::bytes() const {
         Index3 own = cells.count;
         for (int axis = 0; axis < 3; ++axis)
           if (cells.end()[axis] == spec_.voxels[axis] - 1) ++own[axis];
-        sum.aprons_level0 +=
-            sampleBytes(0, brick) - static_cast<std::uint64_t>(elementCount(own)) * voxel;
+        const auto all_samples =
+            static_cast<std::uint64_t>(layout_.brickSampleBox(0, brick).size());
+        const auto own_samples = static_cast<std::uint64_t>(elementCount(own));
+        sum.aprons_level0 += sampleBytes(0, brick) * (all_samples - own_samples) / all_samples;
       }
   sum.index = sum.total - sum.samples_level0 - sum.samples_coarser - sum.ranges - sum.curvature;
   return sum;
+}
+
+PyramidCodecs Pyramid::codecs() const {
+  PyramidCodecs result;
+  for (const format::BrickRecord& row : bricks_) {
+    ++result.samples[row.samples.codec];
+    ++result.ranges[row.ranges.codec];
+    ++result.curvature[row.curvature.codec];
+  }
+  return result;
 }
 
 std::optional<BrickDamage> Pyramid::verifyBrick(int level, const Index3& brick) const {

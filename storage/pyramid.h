@@ -14,8 +14,9 @@ namespace isobrick {
 
 class Pyramid;
 
-// The hold on one part of a brick. The memory that `data()` returns stays valid and unchanged as
-// long as this object lives. Movable; used by one thread at a time.
+// The hold on one part of a brick: in the file's map where it is stored, in a buffer where it was
+// unpacked or made. The memory that `data()` returns is aligned to 16 bytes at least, and stays
+// valid and unchanged as long as this object lives. Movable; used by one thread at a time.
 class BrickPart {
  public:
   BrickPart() = default;
@@ -39,7 +40,7 @@ class BrickPart {
     std::swap(made_, other.made_);
   }
 
-  BrickPager* pager_ = nullptr;  // null where the bytes were made rather than mapped
+  BrickPager* pager_ = nullptr;  // null where the bytes were made rather than read
   std::size_t piece_ = 0;
   const std::byte* data_ = nullptr;
   std::vector<std::byte> made_;
@@ -71,8 +72,8 @@ class Pyramid {
   static constexpr std::uint64_t kDefaultBudgetBytes = std::uint64_t{1} << 30;
 
   // Opens and validates header, tables and provenance: sizes, offsets and checksums. Reads no
-  // brick. `budget_bytes` bounds the bytes of the file that stay resident (see BrickPager). Throws
-  // Error where the file is not a pyramid, was truncated, is damaged or of a newer version.
+  // brick. `budget_bytes` bounds what stays of the bricks, mapped and unpacked (see BrickPager).
+  // Throws Error where the file is not a pyramid, was truncated, is damaged or of a newer version.
   explicit Pyramid(const std::string& path, std::uint64_t budget_bytes = kDefaultBudgetBytes);
 
   const std::string& path() const { return file_.path(); }
@@ -84,6 +85,7 @@ class Pyramid {
   // JSON text: source, filter, tool version, notes.
   const std::string& provenance() const { return provenance_; }
   PyramidBytes bytes() const;
+  PyramidCodecs codecs() const;
 
   // Closure of the values in the brick's cells (rule 7): every sample of the levels 0 to
   // level + log2(brick_cells) in them. In memory; no read.
@@ -100,7 +102,7 @@ class Pyramid {
   // cell. Empty where the pyramid has none. `out` is resized.
   void curvature(const Index3& brick, std::vector<std::uint8_t>& out) const;
 
-  // Bytes that the samples of a brick take in the file (0 for a constant brick).
+  // Bytes that the samples of a brick take in the file, packed or not (0 for a constant brick).
   std::uint64_t sampleBytes(int level, const Index3& brick) const;
   std::uint64_t rangeBytes(int level, const Index3& brick) const;
   std::uint64_t curvatureBytes(const Index3& brick) const;
@@ -122,6 +124,10 @@ class Pyramid {
   enum PartKind { kSamples = 0, kRanges = 1, kCurvature = 2 };
   void readHeader();
   void readTables(const format::Header& header);
+  void checkBrick(int level, const Index3& brick) const;
+  bool isPartSane(PartKind kind, int level, const Index3& brick) const;
+  bool isConstantSane(const format::BrickRecord& row) const;
+  BrickPager::Piece pieceOf(PartKind kind, int level, const Index3& brick) const;
   std::uint64_t expectedBytes(PartKind kind, int level, const Index3& brick) const;
   const format::PartRecord& record(PartKind kind, std::size_t row) const;
   BrickPart acquire(PartKind kind, int level, const Index3& brick) const;

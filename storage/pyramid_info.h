@@ -1,7 +1,8 @@
 // What is known of a pyramid as a whole.
 #pragma once
 
-#include <string>
+#include <array>
+#include <string_view>
 
 #include "storage/brick_layout.h"
 #include "storage/format.h"
@@ -31,11 +32,25 @@ struct PyramidBytes {
   std::uint64_t total = 0;
   std::uint64_t raw = 0;             // voxels of level 0 without anything around them
   std::uint64_t samples_level0 = 0;  // bricks of level 0, aprons included
-  std::uint64_t aprons_level0 = 0;   // the part of samples_level0 that another brick holds too
+  // The part of samples_level0 that another brick holds too; of a packed brick in proportion.
+  std::uint64_t aprons_level0 = 0;
   std::uint64_t samples_coarser = 0;
   std::uint64_t ranges = 0;
   std::uint64_t curvature = 0;
   std::uint64_t index = 0;  // header, tables, provenance and alignment
 };
+
+// How many bricks have a part in each codec; the index is the codec's number.
+using CodecCounts = std::array<std::uint64_t, 5>;
+struct PyramidCodecs {
+  CodecCounts samples{}, ranges{}, curvature{};
+};
+
+// "stored", "constant", "absent", "lz4" or "zstd".
+constexpr std::string_view codecName(format::Codec codec) {
+  constexpr std::string_view kNames[] = {"stored", "constant", "absent", "lz4", "zstd"};
+  static_assert(std::size(kNames) == std::tuple_size_v<CodecCounts>);
+  return kNames[static_cast<std::uint32_t>(codec)];
+}
 
 }  // namespace isobrick

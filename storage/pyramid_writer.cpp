@@ -1,135 +1,219 @@
 #include "storage/pyramid_writer.h"
 
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <array>
 #include <cassert>
+#include <cerrno>
+#include <cstddef>
 #include <cstring>
 
 #include "storage/checksum.h"
+#include "storage/error.h"
 
 namespace isobrick {
 namespace {
 
-EncodedPart storedPart(const void* data, std::size_t bytes) {
-  EncodedPart part;
-  part.codec = format::Codec::kStored;
-  part.bytes.resize(bytes);
-  std::memcpy(part.bytes.data(), data, bytes);
-  part.checksum = checksum64(data, bytes);
-  return part;
-}
+// The disk is asked to begin writing after so many bytes: so it works while the next bricks are
+// made, and the fsync at the end has little left to do.
+constexpr std::uint64_t kBytesPerSync = std::uint64_t{8} << 20;
 
-EncodedPart emptyPart(format::Codec codec) {
-  EncodedPart part;
-  part.codec = codec;
-  return part;
-}
+std::string journalPath(const AtomicFile& file) { return file.temporaryPath() + ".journal"; }
 
-// True where all elements of `element_bytes` bytes are the same.
-bool allEqual(std::span<const std::byte> data, std::size_t element_bytes) {
-  return data.size() <= element_bytes ||
-         std::memcmp(data.data(), data.data() + element_bytes, data.size() - element_bytes) == 0;
-}
-
-// True where every tile's range is that of the brick, which may be wider: it covers the samples of
-// more levels.
-bool allTilesHaveRange(VoxelType type, std::span<const std::byte> ranges, const ValueRange& range) {
-  return visitVoxelType(type, [&](auto tag) {
-    using T = typename decltype(tag)::Type;
-    const T pair[2] = {static_cast<T>(range.min), static_cast<T>(range.max)};
-    return std::memcmp(ranges.data(), pair, sizeof pair) == 0 && allEqual(ranges, sizeof pair);
-  });
-}
-
-}  // namespace
-
-EncodedBrick encodeBrick(VoxelType type, std::span<const std::byte> samples,
-                         std::span<const std::byte> ranges, std::span<const std::uint8_t> curvature,
-                         const ValueRange& range) {
-  EncodedBrick brick;
-  brick.range = range;
-  if (allEqual(samples, voxelBytes(type))) {
-    brick.samples = emptyPart(format::Codec::kConstant);
-    brick.constant = visitVoxelType(type, [&](auto tag) {
-      typename decltype(tag)::Type value;
-      std::memcpy(&value, samples.data(), sizeof value);
-      return static_cast<float>(value);
-    });
-  } else {
-    brick.samples = storedPart(samples.data(), samples.size());
-  }
-  brick.ranges = allTilesHaveRange(type, ranges, range) ? emptyPart(format::Codec::kConstant)
-                                                        : storedPart(ranges.data(), ranges.size());
-  if (!curvature.empty()) {
-    const auto coefficients = std::as_bytes(curvature);
-    brick.curvature = coefficients[0] == std::byte{0} && allEqual(coefficients, 1)
-                          ? emptyPart(format::Codec::kConstant)
-                          : storedPart(coefficients.data(), coefficients.size());
-  }
-  return brick;
-}
-
-PyramidWriter::PyramidWriter(const std::string& path, const PyramidSpec& spec)
-    : spec_(spec), layout_(spec.layout()), file_(path) {
+std::vector<format::LevelRecord> levelTable(const BrickLayout& layout) {
+  std::vector<format::LevelRecord> table;
   std::uint64_t first_brick = 0;
-  for (int level = 0; level < layout_.lattice().levels(); ++level) {
-    const Index3 samples = layout_.lattice().samples(level);
-    const Index3 bricks = layout_.bricks(level);
+  for (int level = 0; level < layout.lattice().levels(); ++level) {
+    const Index3 samples = layout.lattice().samples(level);
+    const Index3 bricks = layout.bricks(level);
     format::LevelRecord record = {};
     for (int axis = 0; axis < 3; ++axis) {
       record.samples[axis] = static_cast<std::uint64_t>(samples[axis]);
       record.bricks[axis] = static_cast<std::uint64_t>(bricks[axis]);
     }
     record.first_brick = first_brick;
-    level_table_.push_back(record);
+    table.push_back(record);
     first_brick += static_cast<std::uint64_t>(elementCount(bricks));
   }
-  brick_table_.resize(first_brick);
+  return table;
+}
+
+// Only bricks of some size are worth a page of their own.
+std::uint64_t sampleAlignment(std::uint64_t bytes) {
+  return bytes >= format::kSampleAlignment ? format::kSampleAlignment : format::kPartAlignment;
+}
+
+// "codec=lz4 (it was codec=zstd)" for the first line that differs.
+std::string firstDifference(const std::string& is, const std::string& was) {
+  std::size_t at = 0;
+  while (at < is.size() && at < was.size()) {
+    const std::string line_is = is.substr(at, is.find('\n', at) - at);
+    const std::string line_was = was.substr(at, was.find('\n', at) - at);
+    if (line_is != line_was) return line_is + " (it was " + line_was + ")";
+    at += line_is.size() + 1;
+  }
+  return "more or fewer options";
+}
+
+bool readAll(int fd, std::byte* to, std::size_t bytes, std::uint64_t offset) {
+  while (bytes > 0) {
+    const ssize_t got = pread(fd, to, bytes, static_cast<off_t>(offset));
+    if (got < 0 && errno == EINTR) continue;
+    if (got <= 0) return false;
+    to += got;
+    offset += static_cast<std::uint64_t>(got);
+    bytes -= static_cast<std::size_t>(got);
+  }
+  return true;
+}
+
+// True where the parts of the entry lie behind `begin`, one after the other, and are undamaged.
+bool isUndamaged(int fd, const JournalEntry& entry, std::uint64_t begin,
+                 std::vector<std::byte>& buffer) {
+  std::uint64_t at = begin;
+  for (const format::PartRecord* part :
+       {&entry.record.samples, &entry.record.ranges, &entry.record.curvature}) {
+    if (part->stored_bytes == 0) continue;
+    if (part->offset < at || part->offset > entry.end ||
+        part->stored_bytes > entry.end - part->offset)
+      return false;
+    buffer.resize(part->stored_bytes);
+    if (!readAll(fd, buffer.data(), buffer.size(), part->offset) ||
+        checksum64(buffer.data(), buffer.size()) != part->checksum)
+      return false;
+    at = part->offset + part->stored_bytes;
+  }
+  return at == entry.end;
+}
+
+}  // namespace
+
+PyramidWriter::PyramidWriter(const std::string& path, const PyramidSpec& spec,
+                             const std::string& identity, bool resume, const CancelFlag* cancel)
+    : spec_(spec),
+      layout_(spec.layout()),
+      file_(path, resume ? AtomicFile::Leftover::kKeep : AtomicFile::Leftover::kEmpty),
+      level_table_(levelTable(layout_)) {
+  const format::LevelRecord& last = level_table_.back();
+  brick_table_.resize(last.first_brick + last.bricks[0] * last.bricks[1] * last.bricks[2]);
+  end_ = sizeof(format::Header);
+  std::vector<JournalEntry> entries;
+  if (resume) {
+    // What cannot be continued now is not thrown away.
+    file_.keepTemporary(true);
+    entries = takeOver(identity, cancel);
+    file_.keepTemporary(false);
+  } else {
+    unlink(journalPath(file_).c_str());
+  }
   // The header is written last; until then its place holds zeros, which no reader takes for one.
   const std::array<std::byte, sizeof(format::Header)> blank{};
-  file_.write(blank.data(), blank.size());
-  end_ = blank.size();
+  file_.pwrite(blank.data(), blank.size(), 0);
+  file_.continueFrom(end_);
+  file_.cutAfterPosition();
+  sync_begun_ = end_;
+  journal_ = std::make_unique<WriteJournal>(journalPath(file_), identity, entries);
 }
 
-void PyramidWriter::padTo(std::uint64_t alignment) {
+PyramidWriter::~PyramidWriter() {
+  if (!journal_ || keeps_) return;
+  journal_.reset();
+  unlink(journalPath(file_).c_str());
+}
+
+void PyramidWriter::keepForResume() {
+  keeps_ = true;
+  file_.keepTemporary(true);
+}
+
+std::vector<JournalEntry> PyramidWriter::takeOver(const std::string& identity,
+                                                  const CancelFlag* cancel) {
+  auto journal = WriteJournal::read(journalPath(file_));
+  if (!journal) return {};
+  if (journal->identity != identity)
+    throw Error("cannot continue '" + file_.temporaryPath() +
+                "': it was begun differently: " + firstDifference(identity, journal->identity) +
+                "; do as then, or leave out --resume to begin anew");
+  std::vector<JournalEntry>& entries = journal->entries;
+  if (entries.size() > brick_table_.size()) entries.clear();
+  std::vector<std::byte> buffer;
+  std::size_t good = 0;
+  for (; good < entries.size(); ++good) {
+    if (cancel != nullptr) cancel->check();
+    if (!isUndamaged(file_.fd(), entries[good], end_, buffer)) break;
+    brick_table_[good] = entries[good].record;
+    end_ = entries[good].end;
+  }
+  entries.resize(good);
+  bricks_written_ = bricks_resumed_ = good;
+  return std::move(entries);
+}
+
+void PyramidWriter::write(const EncodedBrick& brick) {
+  assert(bricks_written_ < brick_table_.size());
   static constexpr std::array<std::byte, format::kSampleAlignment> kZeros{};
-  const std::uint64_t rest = (alignment - end_ % alignment) % alignment;
-  file_.write(kZeros.data(), rest);
-  end_ += rest;
-}
-
-format::PartRecord PyramidWriter::append(const EncodedPart& part, std::uint64_t alignment) {
-  format::PartRecord record = {};
-  record.codec = static_cast<std::uint32_t>(part.codec);
-  if (part.bytes.empty()) return record;
-  padTo(alignment);
-  record.offset = end_;
-  record.checksum = part.checksum;
-  record.stored_bytes = static_cast<std::uint32_t>(part.bytes.size());
-  file_.write(part.bytes.data(), part.bytes.size());
-  end_ += part.bytes.size();
-  return record;
-}
-
-void PyramidWriter::write(int level, const Index3& brick, const EncodedBrick& encoded) {
-  const auto row = level_table_[static_cast<std::size_t>(level)].first_brick +
-                   static_cast<std::uint64_t>(linearIndex(brick, layout_.bricks(level)));
-  format::BrickRecord& record = brick_table_[row];
-  // Only bricks of some size are worth a page of their own.
-  const std::uint64_t alignment = encoded.samples.bytes.size() >= format::kSampleAlignment
-                                      ? format::kSampleAlignment
-                                      : format::kPartAlignment;
-  record.samples = append(encoded.samples, alignment);
-  record.ranges = append(encoded.ranges, format::kPartAlignment);
-  record.curvature = append(encoded.curvature, format::kPartAlignment);
-  record.range_min = encoded.range.min;
-  record.range_max = encoded.range.max;
-  record.constant = encoded.constant;
+  std::array<iovec, 6> pieces;
+  std::size_t count = 0;
+  const auto append = [&](const void* data, std::size_t bytes) {
+    pieces[count++] = {const_cast<void*>(data), bytes};  // only read; iovec cannot say so
+    end_ += bytes;
+  };
+  const auto place = [&](const EncodedPart& part, std::uint64_t alignment) {
+    format::PartRecord record = {};
+    record.codec = static_cast<std::uint32_t>(part.codec);
+    if (part.bytes.empty()) return record;
+    append(kZeros.data(), (alignment - end_ % alignment) % alignment);
+    record.offset = end_;
+    record.checksum = part.checksum;
+    record.stored_bytes = static_cast<std::uint32_t>(part.bytes.size());
+    append(part.bytes.data(), part.bytes.size());
+    return record;
+  };
+  format::BrickRecord& record = brick_table_[bricks_written_];
+  record.samples = place(brick.samples, sampleAlignment(brick.samples.bytes.size()));
+  record.ranges = place(brick.ranges, format::kPartAlignment);
+  record.curvature = place(brick.curvature, format::kPartAlignment);
+  record.constant = brick.constant;
+  file_.writeGathered(std::span(pieces).first(count));
+  journal_->add(record, end_);
   ++bricks_written_;
+  if (end_ - sync_begun_ >= kBytesPerSync) {
+    // Asked for, not waited for; where it is not possible, fsync does all the work.
+    sync_file_range(file_.fd(), static_cast<off_t>(sync_begun_),
+                    static_cast<off_t>(end_ - sync_begun_), SYNC_FILE_RANGE_WRITE);
+    sync_begun_ = end_;
+  }
+}
+
+void PyramidWriter::readPart(std::uint64_t row, Part part, std::size_t bytes,
+                             std::byte* out) const {
+  const format::BrickRecord& brick = brick_table_[row];
+  const format::PartRecord& record = part == Part::kSamples ? brick.samples : brick.ranges;
+  const auto codec = static_cast<format::Codec>(record.codec);
+  if (codec == format::Codec::kConstant) {
+    visitVoxelType(spec_.voxel_type, [&](auto tag) {
+      using T = typename decltype(tag)::Type;
+      std::fill_n(reinterpret_cast<T*>(out), bytes / sizeof(T), static_cast<T>(brick.constant));
+    });
+    return;
+  }
+  std::vector<std::byte> stored(record.stored_bytes);
+  if (!readAll(file_.fd(), stored.data(), stored.size(), record.offset) ||
+      !decodePart(codec, stored, bytes, out))
+    throw ResumableError("cannot read '" + file_.temporaryPath() + "' at byte " +
+                         std::to_string(record.offset) +
+                         "; check the disk, or leave out --resume to begin anew");
 }
 
 std::uint64_t PyramidWriter::finish(const ValueRange& voxel_range,
+                                    std::span<const ValueRange> ranges,
                                     const std::string& provenance_json) {
-  assert(bricks_written_ == brick_table_.size());
+  assert(bricks_written_ == brick_table_.size() && ranges.size() == brick_table_.size());
+  for (std::size_t row = 0; row < ranges.size(); ++row) {
+    brick_table_[row].range_min = ranges[row].min;
+    brick_table_[row].range_max = ranges[row].max;
+  }
   format::Header header = {};
   std::memcpy(header.magic, format::kMagic, sizeof header.magic);
   header.version = format::kVersion;
@@ -153,11 +237,13 @@ std::uint64_t PyramidWriter::finish(const ValueRange& voxel_range,
 
   const auto appendTable = [&](const void* data, std::size_t bytes, std::uint64_t* offset,
                                std::uint64_t* checksum) {
-    padTo(format::kPartAlignment);
-    *offset = end_;
-    *checksum = checksum64(data, bytes);
+    static constexpr std::array<std::byte, format::kPartAlignment> kZeros{};
+    const std::size_t gap = (kZeros.size() - end_ % kZeros.size()) % kZeros.size();
+    file_.write(kZeros.data(), gap);
     file_.write(data, bytes);
-    end_ += bytes;
+    *offset = end_ + gap;
+    *checksum = checksum64(data, bytes);
+    end_ += gap + bytes;
   };
   appendTable(level_table_.data(), level_table_.size() * sizeof(format::LevelRecord),
               &header.level_table_offset, &header.level_table_checksum);
@@ -170,7 +256,11 @@ std::uint64_t PyramidWriter::finish(const ValueRange& voxel_range,
   header.file_bytes = end_;
   header.header_checksum = checksum64(&header, offsetof(format::Header, header_checksum));
   file_.pwrite(&header, sizeof header, 0);
+  file_.cutAfterPosition();
   file_.commit();
+  // Last: a kill before this line leaves a journal without a temporary, which means nothing.
+  journal_.reset();
+  unlink(journalPath(file_).c_str());
   return end_;
 }
 

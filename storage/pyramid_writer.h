@@ -1,55 +1,66 @@
-// Writing a pyramid: bricks in any order under a temporary name, published as a whole.
+// Writing a pyramid: bricks in the order of the table under a temporary name, published as a whole.
 #pragma once
 
+#include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "storage/atomic_file.h"
+#include "storage/brick_encoder.h"
+#include "storage/cancel.h"
 #include "storage/pyramid_info.h"
+#include "storage/write_journal.h"
 
 namespace isobrick {
 
-// One part of a brick as it goes to the file.
-struct EncodedPart {
-  std::vector<std::byte> bytes;
-  std::uint64_t checksum = 0;
-  format::Codec codec = format::Codec::kAbsent;
-};
-
-// One brick, ready to be written. Made by many threads at once, without a writer.
-struct EncodedBrick {
-  EncodedPart samples;
-  EncodedPart ranges;
-  EncodedPart curvature;
-  ValueRange range;
-  float constant = 0;
-};
-
-// Encodes the parts of a brick. Thread-safe.
-//   samples    layout.brickSampleBox() voxels of `type`, x fastest
-//   ranges     a (min, max) pair of `type` for every tile, x fastest
-//   curvature  three coefficients (CurvatureCode) for every node; empty where the brick has none
-//   range      closure over all the brick's cells
-EncodedBrick encodeBrick(VoxelType type, std::span<const std::byte> samples,
-                         std::span<const std::byte> ranges, std::span<const std::uint8_t> curvature,
-                         const ValueRange& range);
-
-// Writes `path`. Nothing has that name before finish() returned; a writer that is destroyed earlier
-// removes its temporary. One thread at a time. Every failed write throws Error.
+// Writes `path`. Nothing has that name before finish() returned. What was written so far lies in
+// "<path>.partial", and "<path>.partial.journal" says what of it is good; both are removed with the
+// writer, unless keepForResume() was called, or the process is killed. One thread at a time. Every
+// failed write throws ResumableError.
 class PyramidWriter {
  public:
-  PyramidWriter(const std::string& path, const PyramidSpec& spec);
+  // `identity` is a text of what the file is made from, input and options. With `resume`, the
+  // bricks of an earlier writer are taken over as far as they are undamaged; the identity must be
+  // the same, or Error says so and all stays as it is. Without it they are removed. Takes the
+  // exclusive right to write `path`; where another process has it, throws Error. Looks at `cancel`
+  // (may be null) while it checks what was left.
+  PyramidWriter(const std::string& path, const PyramidSpec& spec, const std::string& identity,
+                bool resume, const CancelFlag* cancel);
+  ~PyramidWriter();
 
-  void write(int level, const Index3& brick, const EncodedBrick& encoded);
+  // Number of bricks, counted in the order of the table, that an earlier writer left behind.
+  std::uint64_t bricksResumed() const { return bricks_resumed_; }
+  std::uint64_t bricksWritten() const { return bricks_written_; }
+  std::uint64_t bytesWritten() const { return end_; }
+
+  // Free bytes of the file system, or nothing where it cannot tell.
+  std::optional<std::uint64_t> freeBytes() const { return file_.freeBytes(); }
+  // Takes `bytes` in all from the file system now. Throws ResumableError where it has fewer.
+  void reserve(std::uint64_t bytes) { file_.reserve(bytes); }
+
+  // Writes the next brick in the order of the table. The journal says so after the next flush().
+  void write(const EncodedBrick& brick);
+  void flush() { journal_->flush(); }
+
+  // Reads the elements of one part of resumed brick `row` (< bricksResumed()). `bytes` is the size
+  // that the layout gives. Thread-safe, also while another thread writes.
+  enum class Part { kSamples, kRanges };
+  void readPart(std::uint64_t row, Part part, std::size_t bytes, std::byte* out) const;
+
+  // The temporary and its journal outlive this object.
+  void keepForResume();
+  const std::string& temporaryPath() const { return file_.temporaryPath(); }
 
   // Writes tables, provenance (JSON) and header, makes them durable and publishes the file. Every
-  // brick of every level was written before. Returns the size of the file in bytes.
-  std::uint64_t finish(const ValueRange& voxel_range, const std::string& provenance_json);
+  // brick of every level was written before; `ranges` are their closures in the same order. Returns
+  // the size of the file in bytes.
+  std::uint64_t finish(const ValueRange& voxel_range, std::span<const ValueRange> ranges,
+                       const std::string& provenance_json);
 
  private:
-  format::PartRecord append(const EncodedPart& part, std::uint64_t alignment);
-  void padTo(std::uint64_t alignment);
+  std::vector<JournalEntry> takeOver(const std::string& identity, const CancelFlag* cancel);
 
   PyramidSpec spec_;
   BrickLayout layout_;
@@ -57,7 +68,10 @@ class PyramidWriter {
   std::uint64_t end_ = 0;  // where the next byte goes
   std::vector<format::LevelRecord> level_table_;
   std::vector<format::BrickRecord> brick_table_;
-  std::size_t bricks_written_ = 0;
+  std::uint64_t bricks_written_ = 0, bricks_resumed_ = 0;
+  std::uint64_t sync_begun_ = 0;  // up to where the disk was asked to begin writing
+  bool keeps_ = false;
+  std::unique_ptr<WriteJournal> journal_;
 };
 
 }  // namespace isobrick

@@ -1,0 +1,119 @@
+#include "storage/write_journal.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstddef>
+#include <cstdio>
+#include <cstring>
+#include <fstream>
+#include <iterator>
+
+#include "storage/checksum.h"
+#include "storage/error.h"
+
+namespace isobrick {
+namespace {
+
+// Followed by the identity's bytes, then the checksum of both.
+struct JournalHeader {
+  char magic[8] = {'I', 'S', 'B', 'J', 'R', 'N', 'L', '1'};
+  std::uint64_t identity_bytes = 0;
+};
+// Longer identities are not ours.
+constexpr std::uint64_t kMostIdentityBytes = std::uint64_t{1} << 20;
+
+std::uint64_t checksumOf(const JournalEntry& entry) {
+  return checksum64(&entry, offsetof(JournalEntry, checksum));
+}
+
+std::string headerOf(const std::string& identity) {
+  JournalHeader header;
+  header.identity_bytes = identity.size();
+  std::string text(reinterpret_cast<const char*>(&header), sizeof header);
+  text += identity;
+  const std::uint64_t checksum = checksum64(text.data(), text.size());
+  text.append(reinterpret_cast<const char*>(&checksum), sizeof checksum);
+  return text;
+}
+
+}  // namespace
+
+std::optional<WriteJournal::Content> WriteJournal::read(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  JournalHeader header;
+  char magic[sizeof header.magic];
+  if (!file.read(magic, sizeof magic) || std::memcmp(magic, header.magic, sizeof magic) != 0 ||
+      !file.read(reinterpret_cast<char*>(&header.identity_bytes), sizeof header.identity_bytes) ||
+      header.identity_bytes > kMostIdentityBytes)
+    return std::nullopt;
+  Content content;
+  content.identity.resize(header.identity_bytes);
+  std::uint64_t checksum = 0;
+  if (!file.read(content.identity.data(), static_cast<std::streamsize>(header.identity_bytes)) ||
+      !file.read(reinterpret_cast<char*>(&checksum), sizeof checksum))
+    return std::nullopt;
+  const std::string expected = headerOf(content.identity);
+  if (std::memcmp(expected.data() + expected.size() - sizeof checksum, &checksum,
+                  sizeof checksum) != 0)
+    return std::nullopt;
+  JournalEntry entry;
+  while (file.read(reinterpret_cast<char*>(&entry), sizeof entry) &&
+         entry.checksum == checksumOf(entry))
+    content.entries.push_back(entry);
+  return content;
+}
+
+WriteJournal::WriteJournal(const std::string& path, const std::string& identity,
+                           const std::vector<JournalEntry>& entries)
+    : path_(path) {
+  // A new file takes the place of the old one in one step: a kill between leaves one of them.
+  const std::string fresh = path + ".new";
+  fd_ = open(fresh.c_str(), O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOFOLLOW, 0666);
+  if (fd_ < 0)
+    throw Error("cannot write '" + fresh + "': " + std::strerror(errno) +
+                "; choose a folder that you may write to with -o");
+  try {
+    const std::string header = headerOf(identity);
+    writeAll(header.data(), header.size());
+    writeAll(entries.data(), entries.size() * sizeof(JournalEntry));
+    if (std::rename(fresh.c_str(), path.c_str()) != 0)
+      throw Error("cannot write '" + path + "': " + std::strerror(errno) + "; check the folder");
+  } catch (...) {
+    unlink(fresh.c_str());
+    close(fd_);
+    throw;
+  }
+}
+
+WriteJournal::~WriteJournal() { close(fd_); }
+
+void WriteJournal::add(const format::BrickRecord& record, std::uint64_t end) {
+  JournalEntry entry;
+  entry.record = record;
+  entry.end = end;
+  entry.checksum = checksumOf(entry);
+  pending_.push_back(entry);
+}
+
+void WriteJournal::flush() {
+  writeAll(pending_.data(), pending_.size() * sizeof(JournalEntry));
+  pending_.clear();
+}
+
+void WriteJournal::writeAll(const void* data, std::size_t bytes) {
+  const char* at = static_cast<const char*>(data);
+  while (bytes > 0) {
+    const ssize_t written = ::write(fd_, at, bytes);
+    if (written < 0 && errno == EINTR) continue;
+    if (written <= 0)
+      throw ResumableError("cannot write '" + path_ +
+                           "': " + std::strerror(written < 0 ? errno : ENOSPC) +
+                           "; free some space or choose another folder with -o");
+    at += written;
+    bytes -= static_cast<std::size_t>(written);
+  }
+}
+
+}  // namespace isobrick

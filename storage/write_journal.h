@@ -1,0 +1,53 @@
+// What is known of a file that is being written, so that a killed run can be continued.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "storage/format.h"
+
+namespace isobrick {
+
+// One brick whose parts are in the temporary file, and where the next one goes.
+struct JournalEntry {
+  format::BrickRecord record;
+  std::uint64_t end = 0;
+  std::uint64_t checksum = 0;  // XXH3-64 of the bytes before it: a torn entry is no entry
+};
+static_assert(sizeof(JournalEntry) == 104);
+
+// A file beside the temporary: an identity text, then entries in the order of the brick table. It
+// is only ever appended to. Used by one thread at a time. Failures throw ResumableError.
+class WriteJournal {
+ public:
+  struct Content {
+    std::string identity;
+    std::vector<JournalEntry> entries;  // up to the first that is damaged
+  };
+  // Nothing where there is no journal, or none that can be read. Never throws for its content.
+  static std::optional<Content> read(const std::string& path);
+
+  // Begins a journal with `entries`, replacing an older one.
+  WriteJournal(const std::string& path, const std::string& identity,
+               const std::vector<JournalEntry>& entries);
+  // Leaves the file where it is.
+  ~WriteJournal();
+  WriteJournal(const WriteJournal&) = delete;
+  WriteJournal& operator=(const WriteJournal&) = delete;
+
+  // Takes note of a brick; flush() writes the notes. To be called after the brick's bytes were
+  // written, so that no entry speaks of bytes that are not there.
+  void add(const format::BrickRecord& record, std::uint64_t end);
+  void flush();
+
+ private:
+  void writeAll(const void* data, std::size_t bytes);
+
+  std::string path_;
+  int fd_ = -1;
+  std::vector<JournalEntry> pending_;
+};
+
+}  // namespace isobrick
