@@ -2,18 +2,22 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
-#include "preprocess/node_ranges.h"
-#include "storage/brick_layout.h"
+#include "preprocess/sample_block.h"
+#include "storage/value_range.h"
 
 namespace isobrick {
 
 // Three CurvatureCode coefficients for every node of a brick of level 0 (x fastest), each a bound
-// over the range of the tile that holds the node. `samples` are the brick's own
-// (layout.brickSampleBox), `tiles` the ranges of all tiles of level 0. Thread-safe.
+// over the range of the tile that holds the node. `samples` cover at least the corners of the
+// brick's cells (layout.brickCellBox), `tiles` are the ranges of the brick's own tiles
+// (layout.brickTiles, x fastest) and hold their samples; epsilon is at least
+// kLeastCurvatureEpsilon. `codes` is resized; what it held does not matter. Thread-safe.
 template <typename T>
-std::vector<std::uint8_t> brickCurvature(const BrickLayout& layout, const Index3& brick,
-                                         const T* samples, const NodeRanges& tiles, double epsilon);
+void brickCurvature(const BrickLayout& layout, const Index3& brick, const SampleBlock<T>& samples,
+                    std::span<const ValueRange> tiles, double epsilon,
+                    std::vector<std::uint8_t>& codes);
 
 }  // namespace isobrick

@@ -212,34 +212,54 @@ bool isInteger(Component component) {
   return component != Component::FLOAT && component != Component::DOUBLE;
 }
 
+// One slice is held as its file stores it; rows are converted as they are asked for.
 class SliceStackSource final : public VolumeSource {
  public:
-  SliceStackSource(VolumeInfo info, std::vector<std::string> files)
-      : info_(std::move(info)), files_(std::move(files)) {}
+  // `slice_bytes` is what a slice takes as it is stored.
+  SliceStackSource(VolumeInfo info, std::vector<std::string> files, std::uint64_t slice_bytes)
+      : info_(std::move(info)), files_(std::move(files)), slice_bytes_(slice_bytes) {}
 
   const VolumeInfo& info() const override { return info_; }
 
-  void readSlices(std::int64_t first, std::int64_t count, void* out) override {
-    const auto voxels = static_cast<std::size_t>(info_.voxels.x * info_.voxels.y);
-    for (std::int64_t k = first; k < first + count; ++k) {
-      const std::string& path = files_[static_cast<std::size_t>(k)];
-      const SliceImage slice = SliceReader::open(path, info_.voxels);
-      const Component component = slice.component();
-      // Files may change between opening and reading; anything new must not be cut off silently.
-      const bool fits = exactVoxelType(component) == info_.voxel_type ||
-                        info_.voxel_type == VoxelType::kFloat32 || isInteger(component);
-      if (!fits)
-        throw Error("cannot read slice " + std::to_string(k) + ", '" + path +
-                    "': its values are of another type than the first slice's; convert all to one");
-      const std::byte* const pixels = reader_.read(path, slice);
-      if (exactVoxelType(component) != info_.voxel_type && info_.voxel_type != VoxelType::kFloat32)
-        checkRange(path, k, component, pixels, voxels);
-      convertComponents(component, pixels, voxels, info_.voxel_type, out);
-      out = static_cast<std::byte*>(out) + voxels * voxelBytes(info_.voxel_type);
+  void readRows(std::int64_t first, std::int64_t count, void* out) override {
+    auto* to = static_cast<std::byte*>(out);
+    for (std::int64_t row = first; row < first + count;) {
+      const std::int64_t k = row / info_.voxels.y, y = row % info_.voxels.y;
+      const std::int64_t rows = std::min(info_.voxels.y - y, first + count - row);
+      if (k != slice_) loadSlice(k);
+      const auto voxels = static_cast<std::size_t>(rows * info_.voxels.x);
+      convertComponents(component_,
+                        pixels_ + static_cast<std::size_t>(y * info_.voxels.x) * component_bytes_,
+                        voxels, info_.voxel_type, to);
+      to += voxels * voxelBytes(info_.voxel_type);
+      row += rows;
     }
   }
 
+  std::vector<std::string> files() const override { return files_; }
+  // ITK's libraries hold the slice too while they decode it, and once more where they rescale it.
+  std::uint64_t bufferBytes() const override { return 3 * slice_bytes_; }
+
  private:
+  void loadSlice(std::int64_t k) {
+    slice_ = -1;
+    const std::string& path = files_[static_cast<std::size_t>(k)];
+    const SliceImage slice = SliceReader::open(path, info_.voxels);
+    component_ = slice.component();
+    component_bytes_ = slice.image->GetComponentSize();
+    // Files may change between opening and reading; anything new must not be cut off silently.
+    const bool is_exact = exactVoxelType(component_) == info_.voxel_type;
+    const bool is_float = info_.voxel_type == VoxelType::kFloat32;
+    if (!is_exact && !is_float && !isInteger(component_))
+      throw Error("cannot read slice " + std::to_string(k) + ", '" + path +
+                  "': its values are of another type than the first slice's; convert all to one");
+    pixels_ = reader_.read(path, slice);
+    if (!is_exact && !is_float)
+      checkRange(path, k, component_, pixels_,
+                 static_cast<std::size_t>(info_.voxels.x * info_.voxels.y));
+    slice_ = k;
+  }
+
   void checkRange(const std::string& path, std::int64_t k, Component component,
                   const std::byte* pixels, std::size_t count) const {
     visitComponent(component, [&](auto in_tag) {
@@ -260,7 +280,13 @@ class SliceStackSource final : public VolumeSource {
 
   VolumeInfo info_;
   std::vector<std::string> files_;
+  std::uint64_t slice_bytes_;
   SliceReader reader_;
+  // The slice that reader_ holds; none is -1.
+  std::int64_t slice_ = -1;
+  const std::byte* pixels_ = nullptr;
+  Component component_ = Component::UNKNOWNCOMPONENTTYPE;
+  std::size_t component_bytes_ = 0;
 };
 
 // The smallest voxel type that holds every value of the series exactly, found by reading it once.
@@ -331,7 +357,8 @@ std::unique_ptr<VolumeSource> openDicomSeries(const std::string& folder,
   const auto& dicom = static_cast<const itk::GDCMImageIO&>(*any.image);
   if (dicom.GetRescaleSlope() != 1 || dicom.GetRescaleIntercept() != 0)
     info.notes.push_back("rescale slope and intercept were applied to the stored values");
-  return std::make_unique<SliceStackSource>(std::move(info), std::move(files));
+  return std::make_unique<SliceStackSource>(std::move(info), std::move(files),
+                                            any.image->GetImageSizeInBytes());
 }
 
 // "slice9" before "slice10": runs of digits compare as numbers.
@@ -390,7 +417,8 @@ std::unique_ptr<VolumeSource> openImageStack(const std::string& folder,
   if (!exact)
     info.notes.push_back(itk::ImageIOBase::GetComponentTypeAsString(first.component()) +
                          " voxels were converted to float32");
-  return std::make_unique<SliceStackSource>(std::move(info), std::move(files));
+  return std::make_unique<SliceStackSource>(std::move(info), std::move(files),
+                                            first.image->GetImageSizeInBytes());
 }
 
 }  // namespace

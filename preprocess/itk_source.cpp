@@ -6,7 +6,6 @@
 #include <itkImageIOFactory.h>
 #include <itkLSMImageIOFactory.h>
 #include <itkMRCImageIOFactory.h>
-#include <itkMetaDataObject.h>
 #include <itkMetaImageIOFactory.h>
 #include <itkNiftiImageIOFactory.h>
 #include <itkNrrdImageIOFactory.h>
@@ -27,7 +26,7 @@
 
 #include "preprocess/dicom_header.h"
 #include "preprocess/itk_common.h"
-#include "preprocess/nifti_check.h"
+#include "preprocess/nifti_run.h"
 #include "preprocess/raw_run.h"
 #include "preprocess/source_checks.h"
 
@@ -142,9 +141,10 @@ void prepareItk() {
 
 Error itkError(const std::string& path, const std::exception& exception) {
   if (dynamic_cast<const std::bad_alloc*>(&exception) != nullptr)
-    return Error("cannot read '" + path + "': not enough memory for its voxels; check the " +
-                 "dimensions in its header, or convert it to an uncompressed .mhd, which is read " +
-                 "piece by piece");
+    return Error(
+        "cannot read '" + path + "': not enough memory for its voxels; check the " +
+        "dimensions in its header, or convert it to .mhd or .nrrd, which are read piece by " +
+        "piece");
   const auto* itk_exception = dynamic_cast<const itk::ExceptionObject*>(&exception);
   return Error(
       "cannot read '" + path + "': " +
@@ -270,55 +270,64 @@ void convertComponents(Component component, const void* in, std::size_t count, V
 
 namespace {
 
-// The name that RawLayout has for a component, or none.
-const char* rawTypeName(Component component) {
-  switch (component) {
-    case Component::UCHAR:
-      return "u8";
-    case Component::CHAR:
-      return "i8";
-    case Component::USHORT:
-      return "u16";
-    case Component::SHORT:
-      return "i16";
-    case Component::UINT:
-      return "u32";
-    case Component::INT:
-      return "i32";
-    case Component::FLOAT:
-      return "f32";
-    case Component::DOUBLE:
-      return "f64";
-    default:
-      return nullptr;
-  }
+// The stored type with exactly this component's values, or none.
+std::optional<StoredType> storedTypeOf(Component component) {
+  return visitComponent(component, [](auto tag) -> std::optional<StoredType> {
+    using T = typename decltype(tag)::Type;
+    if constexpr (std::is_same_v<T, float>) return StoredType::kFloat32;
+    if constexpr (std::is_same_v<T, double>) return StoredType::kFloat64;
+    if constexpr (std::is_integral_v<T>) {
+      constexpr bool kSigned = std::is_signed_v<T>;
+      switch (sizeof(T)) {
+        case 1:
+          return kSigned ? StoredType::kInt8 : StoredType::kUint8;
+        case 2:
+          return kSigned ? StoredType::kInt16 : StoredType::kUint16;
+        case 4:
+          return kSigned ? StoredType::kInt32 : StoredType::kUint32;
+        case 8:
+          return kSigned ? StoredType::kInt64 : StoredType::kUint64;
+      }
+    }
+    return std::nullopt;
+  });
 }
 
-// A 3-D image in one file. Uncompressed NRRD and MetaImage files are read piece by piece; all
-// others are held in memory from the first readSlices() until the last slice was delivered. (ITK
-// could stream others too, but where it does it does not notice that the data end early.)
-class ItkFileSource final : public VolumeSource {
- public:
-  explicit ItkFileSource(const std::string& path) : image_(openImage(path)) {
-    info_.source = path;
-    info_.format = formatName(*image_);
-    info_.voxels = imageVoxels(path, *image_);
-    if (info_.voxels.z == 1)
-      throw Error("cannot use '" + path + "': it is a single 2-D image; name the folder that " +
-                  "holds all slices");
-    checkVoxelCounts(path, info_.voxels);
-    info_.geometry = imageGeometry(*image_);
-    tidyGeometry(path, info_.geometry, info_.notes);
-    chooseVoxelType();
-    openAsRaw();
+VolumeInfo describeVolume(const std::string& path, const itk::ImageIOBase& image) {
+  VolumeInfo info;
+  info.source = path;
+  info.format = formatName(image);
+  info.voxels = imageVoxels(path, image);
+  if (info.voxels.z == 1)
+    throw Error("cannot use '" + path + "': it is a single 2-D image; name the folder that " +
+                "holds all slices");
+  checkVoxelCounts(path, info.voxels);
+  info.geometry = imageGeometry(image);
+  tidyGeometry(path, info.geometry, info.notes);
+  const Component component = image.GetComponentType();
+  if (const auto exact = exactVoxelType(component)) {
+    info.voxel_type = *exact;
+  } else {
+    visitComponent(component, [](auto) {});  // refuses what is no number
+    info.voxel_type = VoxelType::kFloat32;
+    info.notes.push_back(itk::ImageIOBase::GetComponentTypeAsString(component) +
+                         " voxels were converted to float32");
   }
+  return info;
+}
+
+// A 3-D image in one file that cannot be streamed: held in memory from the first readRows() until
+// the last row was delivered. (ITK could stream some of them, but where it does it does not notice
+// that the data end early.)
+class WholeImageSource final : public VolumeSource {
+ public:
+  WholeImageSource(VolumeInfo info, itk::ImageIOBase::Pointer image)
+      : info_(std::move(info)), image_(std::move(image)) {}
 
   const VolumeInfo& info() const override { return info_; }
 
-  void readSlices(std::int64_t first, std::int64_t count, void* out) override {
-    if (raw_) return raw_->readSlices(first, count, out);
-    const auto slice_voxels = static_cast<std::size_t>(info_.voxels.x * info_.voxels.y);
-    const std::size_t voxels = slice_voxels * static_cast<std::size_t>(count);
+  void readRows(std::int64_t first, std::int64_t count, void* out) override {
+    const auto row_voxels = static_cast<std::size_t>(info_.voxels.x);
     try {
       if (!buffer_) load();
     } catch (const std::bad_alloc& exception) {
@@ -326,47 +335,20 @@ class ItkFileSource final : public VolumeSource {
     }
     convertComponents(
         image_->GetComponentType(),
-        buffer_.get() + static_cast<std::size_t>(first) * slice_voxels * image_->GetComponentSize(),
-        voxels, info_.voxel_type, out);
-    if (first + count == info_.voxels.z) buffer_.reset();
+        buffer_.get() + static_cast<std::size_t>(first) * row_voxels * image_->GetComponentSize(),
+        static_cast<std::size_t>(count) * row_voxels, info_.voxel_type, out);
+    if (first + count == info_.voxels.y * info_.voxels.z) buffer_.reset();
+  }
+
+  std::vector<std::string> files() const override { return {info_.source}; }
+  std::uint64_t bufferBytes() const override {
+    return static_cast<std::uint64_t>(elementCount(info_.voxels)) * image_->GetComponentSize();
   }
 
  private:
-  void chooseVoxelType() {
-    const Component component = image_->GetComponentType();
-    if (const auto exact = exactVoxelType(component)) {
-      info_.voxel_type = *exact;
-    } else {
-      visitComponent(component, [](auto) {});  // refuses what is no number
-      info_.voxel_type = VoxelType::kFloat32;
-      info_.notes.push_back(itk::ImageIOBase::GetComponentTypeAsString(component) +
-                            " voxels were converted to float32");
-    }
-    std::string slope, intercept;
-    const itk::MetaDataDictionary& metadata = image_->GetMetaDataDictionary();
-    if (info_.format == "NIfTI" && itk::ExposeMetaData(metadata, "scl_slope", slope) &&
-        itk::ExposeMetaData(metadata, "scl_inter", intercept) &&
-        (std::atof(slope.c_str()) != 1 || std::atof(intercept.c_str()) != 0) &&
-        std::atof(slope.c_str()) != 0)
-      info_.notes.push_back("slope " + slope + " and intercept " + intercept +
-                            " were applied to the stored values");
-  }
-
-  // Lets a file whose voxels are plain bytes be read as such.
-  void openAsRaw() {
-    const auto run = info_.format == "NRRD"        ? findNrrdRun(info_.source)
-                     : info_.format == "MetaImage" ? findMetaImageRun(info_.source)
-                                                   : std::nullopt;
-    const char* const type = rawTypeName(image_->GetComponentType());
-    if (run && type != nullptr && image_->GetNumberOfDimensions() == 3)
-      raw_ = openRawRun(info_.source, *run, info_.voxels, type);
-  }
-
   // The whole image into buffer_.
   void load() {
-    if (info_.format == "NIfTI") checkNifti();
-    const std::size_t bytes =
-        static_cast<std::size_t>(elementCount(info_.voxels)) * image_->GetComponentSize();
+    const std::uint64_t bytes = bufferBytes();
     // More than the machine has would only be refused by the kernel, or not even by it.
     const auto physical = static_cast<std::uint64_t>(sysconf(_SC_PHYS_PAGES)) *
                           static_cast<std::uint64_t>(sysconf(_SC_PAGESIZE));
@@ -376,27 +358,38 @@ class ItkFileSource final : public VolumeSource {
     buffer_ = std::move(whole);
   }
 
-  void checkNifti() const {
-    const itk::MetaDataDictionary& metadata = image_->GetMetaDataDictionary();
-    std::string offset, bits;
-    itk::ExposeMetaData(metadata, "vox_offset", offset);
-    itk::ExposeMetaData(metadata, "bitpix", bits);
-    const double needed =
-        std::atof(offset.c_str()) +
-        static_cast<double>(elementCount(info_.voxels)) * std::atof(bits.c_str()) / 8;
-    checkNiftiWhole(info_.source, static_cast<std::uint64_t>(needed));
-  }
-
-  itk::ImageIOBase::Pointer image_;
   VolumeInfo info_;
-  std::unique_ptr<VolumeSource> raw_;    // reads the voxels, where it is set
-  std::unique_ptr<std::byte[]> buffer_;  // otherwise: the whole image
+  itk::ImageIOBase::Pointer image_;
+  std::unique_ptr<std::byte[]> buffer_;
 };
+
+std::unique_ptr<VolumeSource> openNiftiRun(VolumeInfo info) {
+  const NiftiRun nifti = findNiftiRun(info.source);
+  if (nifti.stored.delivered() != info.voxel_type)
+    throw Error("cannot read '" + info.source + "': its header is contradictory; check that it " +
+                "is not damaged");
+  if (nifti.stored.map) {
+    std::ostringstream note;
+    note << "slope " << nifti.stored.map->slope << " and intercept " << nifti.stored.map->intercept
+         << " were applied to the stored values";
+    info.notes.push_back(note.str());
+  }
+  return openRawRun(std::move(info), nifti.run, nifti.stored);
+}
 
 }  // namespace
 
 std::unique_ptr<VolumeSource> openItkFile(const std::string& path) {
-  return std::make_unique<ItkFileSource>(path);
+  const itk::ImageIOBase::Pointer image = openImage(path);
+  VolumeInfo info = describeVolume(path, *image);
+  if (info.format == "NIfTI") return openNiftiRun(std::move(info));
+  const auto run = info.format == "NRRD"        ? findNrrdRun(path)
+                   : info.format == "MetaImage" ? findMetaImageRun(path)
+                                                : std::nullopt;
+  const auto type = storedTypeOf(image->GetComponentType());
+  if (run && type && image->GetNumberOfDimensions() == 3)
+    return openRawRun(std::move(info), *run, {*type, run->big_endian, {}, false});
+  return std::make_unique<WholeImageSource>(std::move(info), image);
 }
 
 }  // namespace itk_detail

@@ -60,13 +60,13 @@ class PhantomSource final : public VolumeSource {
 
   const VolumeInfo& info() const override { return info_; }
 
-  void readSlices(std::int64_t first, std::int64_t count, void* out) override {
-    const std::int64_t rows = info_.voxels.y;
+  void readRows(std::int64_t first, std::int64_t count, void* out) override {
     const std::size_t row_bytes =
         static_cast<std::size_t>(info_.voxels.x) * voxelBytes(info_.voxel_type);
-    tbb::parallel_for(std::int64_t{0}, count * rows, [&](std::int64_t row) {
-      phantom_.fillRow(row % rows, first + row / rows,
-                       static_cast<std::byte*>(out) + static_cast<std::size_t>(row) * row_bytes);
+    tbb::parallel_for(std::int64_t{0}, count, [&](std::int64_t i) {
+      const std::int64_t row = first + i;
+      phantom_.fillRow(row % info_.voxels.y, row / info_.voxels.y,
+                       static_cast<std::byte*>(out) + static_cast<std::size_t>(i) * row_bytes);
     });
   }
 

@@ -107,7 +107,7 @@ class Phantom {
 // All names, in the order of the documentation.
 std::vector<std::string> phantomNames();
 
-// The phantom as a volume with unit spacing. Slices are made independently of each other, by all
+// The phantom as a volume with unit spacing. Rows are made independently of each other, by all
 // threads that TBB has; the bytes depend on the spec alone.
 std::unique_ptr<VolumeSource> makePhantomSource(const PhantomSpec& spec);
 

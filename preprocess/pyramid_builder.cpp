@@ -1,262 +1,324 @@
 #include "preprocess/pyramid_builder.h"
 
 #include <tbb/parallel_for.h>
-#include <tbb/parallel_pipeline.h>
+#include <tbb/partitioner.h>
 #include <tbb/task_arena.h>
 
 #include <bit>
 #include <chrono>
 #include <cmath>
-#include <cstring>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "preprocess/curvature_bricks.h"
-#include "preprocess/low_pass.h"
-#include "preprocess/node_ranges.h"
-#include "storage/pyramid_writer.h"
+#include "preprocess/brick_maker.h"
+#include "preprocess/brick_pipeline.h"
+#include "preprocess/curvature_fit.h"
+#include "preprocess/input_identity.h"
+#include "preprocess/slice_spool.h"
+#include "storage/checksum.h"
 
 namespace isobrick {
 namespace {
 
-// Slices per request to the source: enough to amortise a call, little beside the volume.
-constexpr std::int64_t kSlicesPerRead = 16;
+PyramidSpec specOf(const VolumeInfo& info, const BuildOptions& options) {
+  PyramidSpec spec;
+  spec.voxels = info.voxels;
+  spec.voxel_type = info.voxel_type;
+  spec.geometry = info.geometry;
+  spec.filter = options.filter;
+  spec.brick_cells = options.brick_cells;
+  spec.tile_cells = options.tile_cells;
+  spec.has_curvature = options.with_curvature;
+  spec.curvature_epsilon = options.curvature_epsilon;
+  return spec;
+}
 
-// One build, phase by phase; T is the voxel type. The levels are plain arrays in memory.
+const char* filterName(format::Filter filter) {
+  return filter == format::Filter::kAverage ? "average" : "subsample";
+}
+
+std::string numberText(double number) { return nlohmann::json(number).dump(); }
+
+// One build; T is the voxel type. The levels come one after the other, each as windows of bricks
+// that pass through the pipeline; what the next level is made from waits in a store.
 template <typename T>
 class Build {
  public:
   Build(VolumeSource& source, const std::string& path, const BuildOptions& options)
       : source_(source),
         options_(options),
-        spec_(makeSpec(source.info(), options)),
+        folder_(std::filesystem::path(path).parent_path().string()),
+        spec_(specOf(source.info(), options)),
         layout_(spec_.layout()),
-        lattice_(layout_.lattice()),
-        writer_(path, spec_) {}
+        needs_(spec_),
+        plan_(makeBuildPlan(spec_, source, options.memory_bytes,
+                            tbb::this_task_arena::max_concurrency())),
+        input_(inputIdentity(source)),
+        identity_(buildIdentity(source, options)),
+        writer_(path, spec_, identity_, options.resume, options.cancel),
+        closures_(layout_),
+        maker_(spec_, options.codec, needs_, closures_, times_) {
+    if (folder_.empty()) folder_ = ".";
+  }
 
   BuildReport run() {
-    const auto begin = Clock::now();
-    phase("read", [&] { readVoxels(); });
-    phase("low-pass", [&] { makeLevels(); });
-    phase("ranges", [&] { makeRanges(); });
-    phase(options_.with_curvature ? "curvature and write" : "write", [&] { writeBricks(); });
-    phase("publish", [&] { report_.file_bytes = writer_.finish(voxel_range_, provenance()); });
-    report_.seconds = std::chrono::duration<double>(Clock::now() - begin).count();
+    const auto begin = PhaseTimes::Clock::now();
+    try {
+      takeSpace();
+      makeLevels();
+      publish();
+    } catch (const Cancelled&) {
+      if (!keepForResume()) throw;
+      throw Cancelled("interrupted; " + whatIsKept());
+    } catch (const ResumableError& error) {
+      if (!keepForResume()) throw;
+      throw ResumableError(std::string(error.what()) + "; " + whatIsKept());
+    }
+    for (std::size_t step = 0; step < kBuildStepNames.size(); ++step)
+      report_.phases.push_back(
+          {kBuildStepNames[step], times_.seconds(static_cast<BuildStep>(step))});
+    report_.seconds = std::chrono::duration<double>(PhaseTimes::Clock::now() - begin).count();
+    report_.bricks = writer_.bricksWritten();
+    report_.bricks_resumed = writer_.bricksResumed();
     return std::move(report_);
   }
 
  private:
-  using Clock = std::chrono::steady_clock;
-
-  static PyramidSpec makeSpec(const VolumeInfo& info, const BuildOptions& options) {
-    PyramidSpec spec;
-    spec.voxels = info.voxels;
-    spec.voxel_type = info.voxel_type;
-    spec.geometry = info.geometry;
-    spec.filter = options.filter;
-    spec.brick_cells = options.brick_cells;
-    spec.tile_cells = options.tile_cells;
-    spec.has_curvature = options.with_curvature;
-    spec.curvature_epsilon = options.curvature_epsilon;
-    return spec;
-  }
-
-  template <typename F>
-  void phase(const char* name, F&& work) {
-    phase_name_ = name;
-    progress(0);
-    const auto begin = Clock::now();
-    work();
-    report_.phases.push_back({name, std::chrono::duration<double>(Clock::now() - begin).count()});
-    // Not a place to stop: what is published stays published.
-    if (options_.progress) options_.progress(phase_name_, 1);
-  }
+  // The samples of a level and the tile ranges of the level below it.
+  struct LevelStore {
+    ScratchVolume samples, finer_tiles;
+  };
 
   void progress(double fraction) {
     if (options_.cancel != nullptr) options_.cancel->check();
-    if (options_.progress) options_.progress(phase_name_, fraction);
+    if (options_.progress) options_.progress("bricks", fraction);
   }
 
-  void readVoxels() {
-    const Index3 dims = spec_.voxels;
-    levels_.resize(static_cast<std::size_t>(lattice_.levels()));
-    levels_[0].resize(static_cast<std::size_t>(elementCount(dims)));
-    for (std::int64_t z = 0; z < dims.z; z += kSlicesPerRead) {
-      const std::int64_t count = std::min(kSlicesPerRead, dims.z - z);
-      T* slices = levels_[0].data() + z * dims.y * dims.x;
-      source_.readSlices(z, count, slices);
-      checkFinite(slices, z, count);
-      progress(static_cast<double>(z + count) / static_cast<double>(dims.z));
+  bool keepForResume() {
+    if (writer_.bricksWritten() == 0) return false;
+    try {
+      writer_.flush();
+    } catch (const Error&) {  // the disk is full: the last bricks are made again
     }
-    const auto [least, greatest] = std::minmax_element(levels_[0].begin(), levels_[0].end());
-    voxel_range_ = {static_cast<float>(*least), static_cast<float>(*greatest)};
+    writer_.keepForResume();
+    return true;
+  }
+  std::string whatIsKept() const {
+    const auto all = static_cast<double>(closures_.all().size());
+    const auto percent = static_cast<int>(100 * static_cast<double>(writer_.bricksWritten()) / all);
+    return std::to_string(percent) + " % of the bricks are kept in '" + writer_.temporaryPath() +
+           "': go on with --resume, or delete it";
   }
 
-  // Refuses or replaces the voxels that no isovalue can be compared with.
-  void checkFinite(T* slices, std::int64_t first, std::int64_t count) {
-    if constexpr (std::is_floating_point_v<T>) {
-      const Index3 dims = spec_.voxels;
-      const std::int64_t voxels = count * dims.y * dims.x;
-      for (std::int64_t i = 0; i < voxels; ++i) {
-        if (std::isfinite(slices[i])) continue;
-        if (!options_.nan_as.has_value())
-          throw Error(
-              "'" + source_.info().source + "' has a voxel that is " +
-              (std::isnan(slices[i]) ? "not a number" : "infinite, or too large for float32,") +
-              " at (" + std::to_string(i % dims.x) + "," + std::to_string(i / dims.x % dims.y) +
-              "," + std::to_string(first + i / (dims.x * dims.y)) +
-              "); give the value to put there with --nan-as V");
-        slices[i] = *options_.nan_as;
-        ++report_.replaced_voxels;
-      }
-    }
+  // A full disk is to show now rather than at the end. Packed bricks are smaller than plain ones,
+  // by how much nobody knows: then only what cannot be enough is refused.
+  void takeSpace() {
+    const std::optional<std::uint64_t> free_bytes = writer_.freeBytes();
+    if (!free_bytes) return;
+    const std::uint64_t have = *free_bytes + writer_.bytesWritten();
+    const std::uint64_t most = plan_.file_bytes_bound;
+    constexpr std::uint64_t kMostPacking = 16;
+    const bool is_packed = options_.codec != format::Codec::kStored;
+    const std::uint64_t least = plan_.scratch_file_bytes + (is_packed ? most / kMostPacking : most);
+    if (have < least)
+      throw ResumableError("not enough space for '" + writer_.temporaryPath() + "': it takes " +
+                           (is_packed ? "at least " : "up to ") + std::to_string(least >> 20) +
+                           " MiB and the disk has " + std::to_string(have >> 20) +
+                           " MiB; free some space, choose another folder with -o" +
+                           (is_packed ? "" : ", or pack it with --codec"));
+    if (have >= most + plan_.scratch_file_bytes) writer_.reserve(most);
   }
 
   void makeLevels() {
-    for (int level = 0; level + 1 < lattice_.levels(); ++level) {
-      const Index3 dims = lattice_.samples(level + 1);
-      auto& coarse = levels_[static_cast<std::size_t>(level) + 1];
-      coarse.resize(static_cast<std::size_t>(elementCount(dims)));
-      tbb::parallel_for(std::int64_t{0}, dims.z, [&](std::int64_t z) {
-        lowPassSlices(lattice_, level, spec_.filter,
-                      levels_[static_cast<std::size_t>(level)].data(), z, 1,
-                      coarse.data() + z * dims.y * dims.x);
-      });
-      progress(static_cast<double>(level + 1) / lattice_.levels());
+    BrickPipeline pipeline(plan_, [this](const BrickBatch& batch) { writeBatch(batch); });
+    std::unique_ptr<LevelStore> store;
+    for (int level = 0; level < layout_.lattice().levels(); ++level) {
+      std::unique_ptr<LevelStore> next = makeStore(level + 1);
+      makeLevel(level, store.get(), next.get(), pipeline);
+      store = std::move(next);
     }
+    pipeline.finish();
   }
 
-  // node_ranges_[k] are the nodes of level tile_level_ + k, up to the bricks of the coarsest level.
-  void makeRanges() {
-    const int last = lattice_.levels() - 1 + log2Of(spec_.brick_cells);
-    node_ranges_.push_back(nodeRangesFromSamples(lattice_, levels_, tile_level_));
-    for (int node_level = tile_level_ + 1; node_level <= last; ++node_level) {
-      node_ranges_.push_back(coarserNodeRanges(lattice_, levels_, node_ranges_.back(), node_level));
-      progress(static_cast<double>(node_level) / last);
+  std::unique_ptr<LevelStore> makeStore(int level) const {
+    if (level == layout_.lattice().levels()) return nullptr;
+    const ScratchVolume::Place place = plan_.stores[static_cast<std::size_t>(level)];
+    return std::unique_ptr<LevelStore>(
+        new LevelStore{{layout_.lattice().samples(level), sizeof(T), place, folder_},
+                       {needs_.allTiles(level - 1) * Index3(2, 1, 1), sizeof(T), place, folder_}});
+  }
+
+  void makeLevel(int level, const LevelStore* store, LevelStore* next, BrickPipeline& pipeline) {
+    const BuildPlan::WindowShape& shape = plan_.windows[static_cast<std::size_t>(level)];
+    const BrickWindows windows(layout_.bricks(level), shape.x, shape.y);
+    std::unique_ptr<SliceSpool> spool = level == 0 ? makeSpool(windows) : nullptr;
+    LargeBuffer handed_on_samples(plan_.handed_on_bytes);
+    pipeline.run(
+        windows.count(),
+        [&](std::int64_t i, BrickWindow& window) {
+          window.bricks = windows.window(i);
+          readWindow(level, store, spool.get(), window);
+        },
+        [&](const BrickWindow& window, BrickBatch& batch) {
+          HandedOn<T> handed_on;
+          if (next != nullptr) {
+            handed_on.samples = reinterpret_cast<T*>(handed_on_samples.data());
+            handed_on.box = needs_.handedOn(level, window.bricks);
+            handed_on.tiles = &next->finer_tiles;
+          }
+          makeBricks(level, window, store, handed_on, batch);
+          if (next != nullptr) next->samples.write(handed_on.box, handed_on.samples);
+        });
+  }
+
+  bool isResumed(int level, const Index3& brick) const {
+    return closures_.row(level, brick) < writer_.bricksResumed();
+  }
+
+  // For sources that are read in order; reading begins where an earlier build ended.
+  std::unique_ptr<SliceSpool> makeSpool(const BrickWindows& windows) {
+    if (source_.readsBoxes()) return nullptr;
+    for (std::int64_t i = 0; i < windows.count(); ++i) {
+      const IndexBox bricks = windows.window(i);
+      if (isResumed(0, bricks.end() - Index3(1))) continue;
+      return std::make_unique<SliceSpool>(source_, needs_.samples(0, bricks).first.z,
+                                          plan_.spool_slices, plan_.spool_place, folder_);
     }
+    return nullptr;
   }
 
-  const NodeRanges& nodesOfLevel(int node_level) const {
-    return node_ranges_[static_cast<std::size_t>(node_level - tile_level_)];
-  }
-
-  // Bricks are encoded side by side and written in the order of the brick table, so that the file
-  // is the same for any number of threads.
-  void writeBricks() {
-    struct Job {
-      int level = 0;
-      Index3 brick{0};
-      EncodedBrick encoded;
-    };
-    // Owned here: what is in flight when a stage throws must not be lost. Jobs end in the order in
-    // which they were taken, so a ring is enough.
-    const auto in_flight = static_cast<std::size_t>(4 * tbb::this_task_arena::max_concurrency());
-    std::vector<Job> jobs(in_flight);
-    std::size_t taken = 0;
-    std::int64_t total = 0, written = 0;
-    for (int level = 0; level < lattice_.levels(); ++level)
-      total += elementCount(layout_.bricks(level));
-    int level = 0;
-    std::int64_t next = 0;
-    const auto take = [&](tbb::flow_control& control) -> Job* {
-      if (level == lattice_.levels() ||
-          (options_.cancel != nullptr && options_.cancel->requested())) {
-        control.stop();
-        return nullptr;
-      }
-      const Index3 bricks = layout_.bricks(level);
-      Job* job = &jobs[taken++ % in_flight];
-      job->level = level;
-      job->brick = {next % bricks.x, next / bricks.x % bricks.y, next / (bricks.x * bricks.y)};
-      if (++next == elementCount(bricks)) {
-        next = 0;
-        ++level;
-      }
-      return job;
-    };
-    const auto encode = [&](Job* job) {
-      job->encoded = encodeOne(job->level, job->brick);
-      return job;
-    };
-    const auto write = [&](Job* job) {
-      writer_.write(job->level, job->brick, job->encoded);
-      progress(static_cast<double>(++written) / static_cast<double>(total));
-    };
-    tbb::parallel_pipeline(
-        in_flight, tbb::make_filter<void, Job*>(tbb::filter_mode::serial_in_order, take) &
-                       tbb::make_filter<Job*, Job*>(tbb::filter_mode::parallel, encode) &
-                       tbb::make_filter<Job*, void>(tbb::filter_mode::serial_in_order, write));
+  void readWindow(int level, const LevelStore* store, SliceSpool* spool, BrickWindow& window) {
     if (options_.cancel != nullptr) options_.cancel->check();
+    window.has_samples = !isResumed(level, window.bricks.end() - Index3(1));
+    if (!window.has_samples) return;
+    const PhaseTimes::Timer timer(times_, BuildStep::kRead);
+    window.sample_box = needs_.samples(level, window.bricks);
+    std::byte* const samples = window.samples.data();
+    if (level > 0) {
+      store->samples.read(window.sample_box, samples);
+      return;
+    }
+    if (spool != nullptr) {
+      spool->releaseBefore(window.sample_box.first.z);
+      spool->read(window.sample_box, samples);
+    } else {
+      source_.readBox(window.sample_box, samples);
+    }
+    checkFinite(reinterpret_cast<T*>(samples), window);
   }
 
-  EncodedBrick encodeOne(int level, const Index3& brick) const {
-    const IndexBox box = layout_.brickSampleBox(level, brick);
-    const Index3 dims = lattice_.samples(level);
-    const T* from = levels_[static_cast<std::size_t>(level)].data();
-    std::vector<T> samples(static_cast<std::size_t>(box.size()));
-    T* to = samples.data();
-    for (std::int64_t z = box.first.z; z < box.end().z; ++z)
-      for (std::int64_t y = box.first.y; y < box.end().y; ++y, to += box.count.x)
-        std::copy_n(from + (z * dims.y + y) * dims.x + box.first.x, box.count.x, to);
-
-    const NodeRanges& tiles = nodesOfLevel(level + tile_level_);
-    const Index3 tile_count = layout_.brickTiles(level, brick);
-    const Index3 first_tile = brick * (spec_.brick_cells / spec_.tile_cells);
-    std::vector<T> ranges;
-    ranges.reserve(static_cast<std::size_t>(2 * elementCount(tile_count)));
-    Index3 tile;
-    for (tile.z = 0; tile.z < tile_count.z; ++tile.z)
-      for (tile.y = 0; tile.y < tile_count.y; ++tile.y)
-        for (tile.x = 0; tile.x < tile_count.x; ++tile.x) {
-          const ValueRange& range = tiles.at(first_tile + tile);
-          ranges.push_back(static_cast<T>(range.min));
-          ranges.push_back(static_cast<T>(range.max));
+  // Refuses or replaces the voxels that no isovalue can be compared with.
+  void checkFinite(T* voxels, const BrickWindow& window) {
+    if constexpr (std::is_floating_point_v<T>) {
+      const IndexBox& box = window.sample_box;
+      // Voxels that no other window counts.
+      const Index3 own_end =
+          glm::min(window.bricks.end() * spec_.brick_cells + Index3(1), box.end());
+      const auto isOwn = [&](const Index3& at) {
+        for (int axis = 0; axis < 3; ++axis) {
+          const bool is_first = window.bricks.first[axis] == 0;
+          const std::int64_t begin = window.bricks.first[axis] * spec_.brick_cells;
+          if (at[axis] < begin + (is_first ? 0 : 1) || at[axis] >= own_end[axis]) return false;
         }
-    std::vector<std::uint8_t> curvature;
-    if (level == 0 && spec_.has_curvature)
-      curvature = brickCurvature(layout_, brick, samples.data(), nodesOfLevel(tile_level_),
-                                 spec_.curvature_epsilon);
-    return encodeBrick(spec_.voxel_type, std::as_bytes(std::span(samples)),
-                       std::as_bytes(std::span(ranges)), curvature,
-                       nodesOfLevel(level + log2Of(spec_.brick_cells)).at(brick));
+        return true;
+      };
+      for (std::int64_t i = 0; i < box.size(); ++i) {
+        if (std::isfinite(voxels[i])) continue;
+        const Index3 at = box.first + Index3(i % box.count.x, i / box.count.x % box.count.y,
+                                             i / (box.count.x * box.count.y));
+        if (!options_.nan_as.has_value())
+          throw Error(
+              "'" + source_.info().source + "' has a voxel that is " +
+              (std::isnan(voxels[i]) ? "not a number" : "infinite, or too large for float32,") +
+              " at (" + std::to_string(at.x) + "," + std::to_string(at.y) + "," +
+              std::to_string(at.z) + "); give the value to put there with --nan-as V");
+        voxels[i] = *options_.nan_as;
+        if (isOwn(at)) ++report_.replaced_voxels;
+      }
+    }
+  }
+
+  void makeBricks(int level, const BrickWindow& window, const LevelStore* store,
+                  const HandedOn<T>& handed_on, BrickBatch& batch) {
+    const auto samples =
+        SampleBlock<T>::dense(reinterpret_cast<const T*>(window.samples.data()), window.sample_box);
+    const IndexBox& bricks = window.bricks;
+    batch.count = static_cast<std::size_t>(bricks.size());
+    const auto brickAt = [&](std::size_t i) {
+      const auto n = static_cast<std::int64_t>(i);
+      return bricks.first + Index3(n % bricks.count.x, n / bricks.count.x, 0);
+    };
+    // Resumed bricks come first, for bricks are written in this order.
+    batch.first = 0;
+    while (batch.first < batch.count && isResumed(level, brickAt(batch.first))) ++batch.first;
+    std::vector<ValueRange> voxels(batch.count);
+    tbb::parallel_for(
+        std::size_t{0}, batch.count,
+        [&](std::size_t i) {
+          if (options_.cancel != nullptr && options_.cancel->requested()) return;
+          const Index3 brick = brickAt(i);
+          voxels[i] = i < batch.first
+                          ? maker_.remake(level, brick, writer_, handed_on)
+                          : maker_.make(level, brick, samples,
+                                        store != nullptr ? &store->finer_tiles : nullptr, handed_on,
+                                        batch.bricks[i]);
+        },
+        tbb::simple_partitioner());
+    for (const ValueRange& range : voxels) voxel_range_.include(range);
+    bricks_made_ += batch.count;
+    progress(static_cast<double>(bricks_made_) / static_cast<double>(closures_.all().size()));
+  }
+
+  void writeBatch(const BrickBatch& batch) {
+    const PhaseTimes::Timer timer(times_, BuildStep::kWrite);
+    for (std::size_t i = batch.first; i < batch.count; ++i) writer_.write(batch.bricks[i]);
+    writer_.flush();
+  }
+
+  void publish() {
+    const PhaseTimes::Timer timer(times_, BuildStep::kPublish);
+    if (inputIdentity(source_) != input_)
+      throw Error("'" + source_.info().source +
+                  "' changed while it was read; build again when nobody writes to it");
+    if (options_.cancel != nullptr) options_.cancel->check();
+    report_.file_bytes = writer_.finish(voxel_range_, closures_.all(), provenance());
   }
 
   std::string provenance() const {
     const VolumeInfo& info = source_.info();
-    nlohmann::json json = {
-        {"tool", "isobrick " + options_.tool_version},
-        {"source", info.source},
-        {"format", info.format},
-        {"filter", spec_.filter == format::Filter::kAverage ? "average" : "subsample"},
-        {"notes", info.notes}};
-    if (report_.replaced_voxels > 0)
-      json["notes"].push_back(std::to_string(report_.replaced_voxels) +
-                              " voxels that were not finite were replaced");
+    nlohmann::json json = {{"tool", "isobrick " + options_.tool_version},
+                           {"source", info.source},
+                           {"format", info.format},
+                           {"filter", filterName(spec_.filter)},
+                           {"identity", identity_},
+                           {"notes", info.notes}};
+    // Whether there were any is not said: a resumed build does not see all voxels.
+    if (options_.nan_as && spec_.voxel_type == VoxelType::kFloat32)
+      json["notes"].push_back("voxels that were not finite became " +
+                              numberText(static_cast<double>(*options_.nan_as)));
     // A path need not be UTF-8; a provenance that cannot be written would lose the whole build.
     return json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
   }
 
-  static int log2Of(std::int64_t power) {
-    return std::countr_zero(static_cast<std::uint64_t>(power));
-  }
-
   VolumeSource& source_;
   const BuildOptions& options_;
+  std::string folder_;  // of the output
   const PyramidSpec spec_;
   const BrickLayout layout_;
-  const Lattice lattice_;
-  const int tile_level_ = log2Of(spec_.tile_cells);
+  const BrickNeeds needs_;
+  const BuildPlan plan_;
+  const std::string input_;
+  const std::string identity_;
   PyramidWriter writer_;
-  LevelArrays<T> levels_;
-  std::vector<NodeRanges> node_ranges_;
+  PhaseTimes times_;
+  BrickClosures closures_;
+  BrickMaker<T> maker_;
   ValueRange voxel_range_;
+  std::size_t bricks_made_ = 0;
   BuildReport report_;
-  const char* phase_name_ = "";
 };
 
-}  // namespace
-
-BuildReport buildPyramid(VolumeSource& source, const std::string& path,
-                         const BuildOptions& options) {
+void checkOptions(const BuildOptions& options) {
   if (options.nan_as.has_value() && !std::isfinite(*options.nan_as))
     throw Error("the value that replaces NaN and infinite voxels must itself be finite");
   const auto isPowerOfTwo = [](std::int64_t n) {
@@ -266,6 +328,37 @@ BuildReport buildPyramid(VolumeSource& source, const std::string& path,
       !isPowerOfTwo(options.tile_cells) || options.tile_cells < 2 ||
       options.tile_cells > options.brick_cells)
     throw Error("a brick has 4 to 256 cells an axis and a tile 2 up to the brick's, powers of two");
+  if (options.with_curvature && !(options.curvature_epsilon >= kLeastCurvatureEpsilon))
+    throw Error("the least gradient that counts for the curvature must be 1/65536 or more");
+}
+
+}  // namespace
+
+std::string buildIdentity(const VolumeSource& source, const BuildOptions& options) {
+  const VolumeInfo& info = source.info();
+  const auto hash = checksum64(&info.geometry, sizeof info.geometry);
+  std::string text = "input=" + inputIdentity(source) + "\n";
+  const auto line = [&](const char* name, const std::string& value) {
+    text += std::string(name) + "=" + value + "\n";
+  };
+  line("voxels", std::to_string(info.voxels.x) + "x" + std::to_string(info.voxels.y) + "x" +
+                     std::to_string(info.voxels.z) + " " +
+                     std::string(voxelTypeName(info.voxel_type)));
+  line("geometry", std::to_string(hash));
+  line("filter", filterName(options.filter));
+  line("codec", std::string(codecName(options.codec)));
+  line("brick", std::to_string(options.brick_cells));
+  line("tile", std::to_string(options.tile_cells));
+  line("curvature", options.with_curvature ? numberText(options.curvature_epsilon) : "none");
+  line("nan_as", options.nan_as ? numberText(static_cast<double>(*options.nan_as)) : "none");
+  line("format", std::to_string(format::kVersion));
+  line("tool", options.tool_version);
+  return text;
+}
+
+BuildReport buildPyramid(VolumeSource& source, const std::string& path,
+                         const BuildOptions& options) {
+  checkOptions(options);
   return visitVoxelType(source.info().voxel_type, [&](auto tag) {
     return Build<typename decltype(tag)::Type>(source, path, options).run();
   });

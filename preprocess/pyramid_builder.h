@@ -1,4 +1,4 @@
-// The preprocessing as a whole: a volume source in, a verified pyramid file out.
+// The preprocessing as a whole: a volume source in, a pyramid file out, in bounded memory.
 #pragma once
 
 #include <functional>
@@ -20,33 +20,57 @@ struct BuildOptions {
   std::int64_t brick_cells = 64;
   std::int64_t tile_cells = 4;
   format::Filter filter = format::Filter::kAverage;
+  // kStored (no compression), kLz4 or kZstd.
+  format::Codec codec = format::Codec::kLz4;
   bool with_curvature = true;
-  // See PyramidSpec::curvature_epsilon.
+  // See PyramidSpec::curvature_epsilon; at least kLeastCurvatureEpsilon (curvature_fit.h).
   double curvature_epsilon = 1.0 / 64;
   // Value that takes the place of NaN and infinite voxels; without it they are refused.
   std::optional<float> nan_as;
   std::string tool_version;
+
+  // Bounds all buffers of the build together, those of the source included. What does not fit lies
+  // in files without a name in the folder of the output. Does not change the result.
+  std::uint64_t memory_bytes = std::uint64_t{512} << 20;
+  // Go on from what an interrupted or killed build of the same input with the same options left
+  // beside the output; without anything there, begin at the beginning. Does not change the result.
+  bool resume = false;
+
   const CancelFlag* cancel = nullptr;
   BuildProgress progress;
 };
 
+// Phases overlap: `busy_seconds` adds up what all threads spent in one, computing or waiting for
+// the disk.
 struct BuildPhase {
-  std::string name;
-  double seconds = 0;
+  std::string name;  // "read", "low-pass", "ranges", "curvature", "pack", "write", "publish"
+  double busy_seconds = 0;
 };
 
 struct BuildReport {
   std::vector<BuildPhase> phases;
   double seconds = 0;
   std::uint64_t file_bytes = 0;
-  std::uint64_t replaced_voxels = 0;  // by nan_as
+  std::uint64_t bricks = 0;
+  std::uint64_t bricks_resumed = 0;   // taken over from an earlier build
+  std::uint64_t replaced_voxels = 0;  // by nan_as, in this run
 };
 
 // Reads `source` to its end and writes a pyramid to `path`, which appears only when it is complete
-// and durable. Uses the calling TBB arena. The levels are held in memory: about 1.2 times the
-// volume's bytes. The file does not depend on the number of threads. Throws Error (bad input, no
-// space, ...) or Cancelled.
+// and durable. Uses the calling TBB arena for computing, and a thread each for reading and writing.
+// The file does not depend on the number of threads, on memory_bytes, or on where earlier builds
+// were interrupted.
+//
+// Throws Error for bad input and for a memory bound too small for one brick (the message says how
+// much it takes), ResumableError where the disk is full or fails, Cancelled. After the last two,
+// "<path>.partial" and its journal stay for `resume` if at least one brick was written, and the
+// message says so; otherwise nothing is left.
 BuildReport buildPyramid(VolumeSource& source, const std::string& path,
                          const BuildOptions& options);
+
+// What a pyramid is made from and how, a line each: files (sizes, times, samples of their content),
+// grid, options. Equal texts mean equal pyramids. It is in the provenance, key "identity", and in
+// the journal of an unfinished build. Reads some blocks of every file.
+std::string buildIdentity(const VolumeSource& source, const BuildOptions& options);
 
 }  // namespace isobrick

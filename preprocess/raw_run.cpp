@@ -59,6 +59,12 @@ std::optional<std::uint64_t> positionOf(std::istream& in) {
   return static_cast<std::uint64_t>(position);
 }
 
+// "LIST" and "slice%03d.raw 1 9 1" are several files. No name at all is one that cannot be opened:
+// ITK would ask for all memory.
+bool isOneFile(const std::string& name) {
+  return !name.starts_with("LIST") && name.find('%') == std::string::npos;
+}
+
 }  // namespace
 
 std::optional<RawRun> findNrrdRun(const std::string& header_path) {
@@ -79,23 +85,27 @@ std::optional<RawRun> findNrrdRun(const std::string& header_path) {
   }
   const auto header_end = positionOf(in);
 
-  if (lowercase(fields["encoding"]) != "raw" || fields["dimension"] != "3" ||
+  const std::string encoding = lowercase(fields["encoding"]);
+  RawRun run;
+  run.header_path = header_path;
+  run.is_deflated = encoding == "gzip" || encoding == "gz";
+  if ((encoding != "raw" && !run.is_deflated) || fields["dimension"] != "3" ||
       fields.contains("lineskip"))
     return std::nullopt;
-  RawRun run;
   run.big_endian = lowercase(fields["endian"]) == "big";
   if (fields.contains("byteskip")) {
     const auto skip = unsignedNumber(fields["byteskip"]);
     if (!skip) return std::nullopt;  // -1: counted from the end
-    run.offset_bytes = *skip;
+    // The format skips bytes after it has inflated them.
+    (run.is_deflated ? run.content_offset_bytes : run.offset_bytes) = *skip;
   }
   if (fields.contains("datafile")) {
     const std::string& name = fields["datafile"];
-    // "LIST" and "slice%03d.raw 1 9 1" are several files.
-    if (name.starts_with("LIST") || name.find('%') != std::string::npos) return std::nullopt;
+    if (!isOneFile(name)) return std::nullopt;
     run.path = besideHeader(header_path, name);
   } else {
-    if (!has_blank_line || !header_end || run.offset_bytes != 0) return std::nullopt;
+    if (!has_blank_line || !header_end || run.offset_bytes + run.content_offset_bytes != 0)
+      return std::nullopt;
     run.path = header_path;
     run.offset_bytes = *header_end;
   }
@@ -118,9 +128,10 @@ std::optional<RawRun> findMetaImageRun(const std::string& header_path) {
     const std::string& value = fields[name];
     return !value.empty() && (value[0] == 'T' || value[0] == 't' || value[0] == '1');
   };
-  if (!isTrue("binarydata") || isTrue("compresseddata") || fields["ndims"] != "3")
-    return std::nullopt;
+  if (!isTrue("binarydata") || fields["ndims"] != "3") return std::nullopt;
   RawRun run;
+  run.header_path = header_path;
+  run.is_deflated = isTrue("compresseddata");
   run.big_endian = isTrue("elementbyteordermsb") || isTrue("binarydatabyteordermsb");
   // Two fields that say the same, or that contradict each other.
   if (fields["elementbyteordermsb"] != fields["binarydatabyteordermsb"] &&
@@ -138,9 +149,7 @@ std::optional<RawRun> findMetaImageRun(const std::string& header_path) {
     run.path = header_path;
     run.offset_bytes = *header_end;
   } else {
-    // "LIST" and "slice%03d.raw 1 9 1" are several files.
-    if (name.empty() || name.starts_with("LIST") || name.find('%') != std::string::npos)
-      return std::nullopt;
+    if (!isOneFile(name)) return std::nullopt;
     run.path = besideHeader(header_path, name);
   }
   return run;

@@ -76,7 +76,7 @@ void writeVoxels(VolumeSource& source, AtomicFile& file, const VolumeWriteOption
   for (std::int64_t first = 0; first < info.voxels.z; first += slices_per_slab) {
     if (options.cancel != nullptr) options.cancel->check();
     const std::int64_t count = std::min(slices_per_slab, info.voxels.z - first);
-    source.readSlices(first, count, slab.data());
+    source.readRows(first * info.voxels.y, count * info.voxels.y, slab.data());
     file.write(slab.data(), static_cast<std::size_t>(count) * slice_bytes);
     if (options.progress)
       options.progress(static_cast<double>(first + count) / static_cast<double>(info.voxels.z));

@@ -1,0 +1,48 @@
+#include "preprocess/brick_closures.h"
+
+#include <bit>
+
+#include "preprocess/tile_ranges.h"
+#include "storage/voxel_type.h"
+
+namespace isobrick {
+
+BrickClosures::BrickClosures(const BrickLayout& layout) : layout_(layout) {
+  std::uint64_t rows = 0;
+  for (int level = 0; level < layout.lattice().levels(); ++level) {
+    first_row_.push_back(rows);
+    rows += static_cast<std::uint64_t>(elementCount(layout.bricks(level)));
+  }
+  ranges_.resize(rows);
+}
+
+template <typename T>
+void BrickClosures::include(int level, const Index3& brick, const ValueRange& tiles,
+                            const SampleBlock<T>& samples) {
+  ranges_[row(level, brick)].include(tiles);
+  const auto log2 = [](std::int64_t n) { return std::countr_zero(static_cast<std::uint64_t>(n)); };
+  const IndexBox cells = layout_.brickCellBox(level, brick);
+  CubeRanges<T> cubes;
+  // Bricks of level - down are cubes of brick_cells / 2^down cells of this level.
+  for (int down = log2(layout_.tileCells()) + 1;
+       down <= std::min(level, log2(layout_.brickCells())); ++down) {
+    const std::int64_t edge = layout_.brickCells() >> down;
+    cubes.reset(BrickLayout::ceilDivide(cells.count, edge));
+    includeClosedCubes(samples, cells, edge, cubes);
+    const Index3 first = cells.first / edge;
+    Index3 at;
+    std::size_t cube = 0;
+    for (at.z = 0; at.z < cubes.dims.z; ++at.z)
+      for (at.y = 0; at.y < cubes.dims.y; ++at.y)
+        for (at.x = 0; at.x < cubes.dims.x; ++at.x, ++cube)
+          ranges_[row(level - down, first + at)].include(cubes.range(cube));
+  }
+}
+
+#define ISOBRICK_INSTANTIATE(T)                                                  \
+  template void BrickClosures::include<T>(int, const Index3&, const ValueRange&, \
+                                          const SampleBlock<T>&);
+ISOBRICK_FOR_EACH_VOXEL_TYPE(ISOBRICK_INSTANTIATE)
+#undef ISOBRICK_INSTANTIATE
+
+}  // namespace isobrick

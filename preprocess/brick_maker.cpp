@@ -1,0 +1,201 @@
+#include "preprocess/brick_maker.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "preprocess/curvature_bricks.h"
+#include "preprocess/low_pass.h"
+#include "storage/voxel_type.h"
+
+namespace isobrick {
+namespace {
+
+// Copies `block` into dense bytes.
+template <typename T>
+void copyDense(const SampleBlock<T>& block, std::vector<std::byte>& bytes) {
+  bytes.resize(static_cast<std::size_t>(block.box.size()) * sizeof(T));
+  std::byte* to = bytes.data();
+  const std::size_t row_bytes = static_cast<std::size_t>(block.box.count.x) * sizeof(T);
+  for (std::int64_t z = block.box.first.z; z < block.box.end().z; ++z)
+    for (std::int64_t y = block.box.first.y; y < block.box.end().y; ++y, to += row_bytes)
+      std::memcpy(to, block.row(y, z), row_bytes);
+}
+
+// Copies the part of `block` that lies in `box` to its place in the dense `target`.
+template <typename T>
+void copyInto(const SampleBlock<T>& block, const IndexBox& box, T* target,
+              const IndexBox& target_box) {
+  for (std::int64_t z = box.first.z; z < box.end().z; ++z)
+    for (std::int64_t y = box.first.y; y < box.end().y; ++y)
+      std::copy_n(
+          &block.at({box.first.x, y, z}), box.count.x,
+          target + linearIndex(Index3(box.first.x, y, z) - target_box.first, target_box.count));
+}
+
+template <typename T>
+void pairsOf(const CubeRanges<T>& ranges, std::vector<T>& pairs) {
+  pairs.resize(2 * ranges.size());
+  for (std::size_t i = 0; i < ranges.size(); ++i) {
+    const ValueRange range = ranges.range(i);
+    pairs[2 * i] = static_cast<T>(range.min);
+    pairs[2 * i + 1] = static_cast<T>(range.max);
+  }
+}
+
+template <typename T>
+ValueRange unionOf(const CubeRanges<T>& ranges) {
+  ValueRange all;
+  for (std::size_t i = 0; i < ranges.size(); ++i) all.include(ranges.range(i));
+  return all;
+}
+
+}  // namespace
+
+// Memory that a thread uses for one brick after the other.
+template <typename T>
+struct BrickMaker<T>::Scratch {
+  std::vector<std::vector<T>> above;  // samples of the levels above, as far as ranges need them
+  CubeRanges<T> tiles;
+  std::vector<T> finer_pairs, pairs, samples;
+  std::vector<ValueRange> tile_ranges;
+};
+
+template <typename T>
+typename BrickMaker<T>::Scratch& BrickMaker<T>::scratch() {
+  thread_local Scratch the_scratch;
+  return the_scratch;
+}
+
+template <typename T>
+ValueRange BrickMaker<T>::make(int level, const Index3& brick, const SampleBlock<T>& samples,
+                               const ScratchVolume* finer_tiles, const HandedOn<T>& handed_on,
+                               EncodedBrick& encoded) const {
+  Scratch& s = scratch();
+  const BrickLayout& layout = needs_.layout();
+  const IndexBox bricks = {brick, Index3(1)};
+  const int top = needs_.levelsAbove(level);
+  s.above.resize(std::max(s.above.size(), static_cast<std::size_t>(top) + 1));
+
+  const auto blockAbove = [&](int above) {
+    return above == 0 ? samples
+                      : SampleBlock<T>::dense(s.above[static_cast<std::size_t>(above)].data(),
+                                              needs_.samplesAbove(level, bricks, above));
+  };
+  {
+    const PhaseTimes::Timer timer(times_, BuildStep::kLowPass);
+    for (int above = 1; above <= top; ++above) {
+      const IndexBox box = needs_.samplesAbove(level, bricks, above);
+      auto& coarse = s.above[static_cast<std::size_t>(above)];
+      coarse.resize(static_cast<std::size_t>(box.size()));
+      lowPassBlock(layout.lattice(), level + above - 1, spec_.filter, blockAbove(above - 1), box,
+                   coarse.data());
+    }
+    if (handed_on.samples != nullptr)
+      copyInto(blockAbove(1), needs_.handedOn(level, bricks), handed_on.samples, handed_on.box);
+  }
+  ValueRange voxels;
+  {
+    const PhaseTimes::Timer timer(times_, BuildStep::kRanges);
+    s.tiles.reset(layout.brickTiles(level, brick));
+    for (int above = 0; above <= top; ++above) {
+      includeClosedCubes(blockAbove(above), needs_.cellsAbove(level, bricks, above),
+                         spec_.tile_cells >> above, s.tiles);
+      if (above == 0 && level == 0) voxels = unionOf(s.tiles);
+    }
+    if (finer_tiles != nullptr) includeFinerTiles(level, brick, *finer_tiles, s);
+    closures_.include(level, brick, unionOf(s.tiles), samples);
+    pairsOf(s.tiles, s.pairs);
+    handOnTiles(level, brick, handed_on, s.pairs);
+  }
+  encoded.curvature.bytes.clear();
+  if (level == 0 && spec_.has_curvature) {
+    const PhaseTimes::Timer timer(times_, BuildStep::kCurvature);
+    s.tile_ranges.clear();
+    for (std::size_t i = 0; i < s.tiles.size(); ++i) s.tile_ranges.push_back(s.tiles.range(i));
+    std::vector<std::uint8_t> codes;
+    brickCurvature<T>(layout, brick, samples, s.tile_ranges, spec_.curvature_epsilon, codes);
+    const auto bytes = std::as_bytes(std::span(codes));
+    encoded.curvature.bytes.assign(bytes.begin(), bytes.end());
+  }
+  const PhaseTimes::Timer timer(times_, BuildStep::kPack);
+  copyDense(samples.part(layout.brickSampleBox(level, brick)), encoded.samples.bytes);
+  const auto pairs = std::as_bytes(std::span(s.pairs));
+  encoded.ranges.bytes.assign(pairs.begin(), pairs.end());
+  encodeBrick(spec_.voxel_type, codec_, encoded);
+  return voxels;
+}
+
+template <typename T>
+ValueRange BrickMaker<T>::remake(int level, const Index3& brick, const PyramidWriter& writer,
+                                 const HandedOn<T>& handed_on) const {
+  Scratch& s = scratch();
+  const BrickLayout& layout = needs_.layout();
+  const std::uint64_t row = closures_.row(level, brick);
+  const IndexBox box = layout.brickSampleBox(level, brick);
+  s.samples.resize(static_cast<std::size_t>(box.size()));
+  s.pairs.resize(static_cast<std::size_t>(2 * elementCount(layout.brickTiles(level, brick))));
+  const auto read = [&](PyramidWriter::Part part, std::vector<T>& elements) {
+    const PhaseTimes::Timer timer(times_, BuildStep::kRead);
+    writer.readPart(row, part, elements.size() * sizeof(T),
+                    reinterpret_cast<std::byte*>(elements.data()));
+  };
+  read(PyramidWriter::Part::kSamples, s.samples);
+  read(PyramidWriter::Part::kRanges, s.pairs);
+
+  const auto samples = SampleBlock<T>::dense(s.samples.data(), box);
+  if (handed_on.samples != nullptr) {
+    const PhaseTimes::Timer timer(times_, BuildStep::kLowPass);
+    const IndexBox coarse = needs_.handedOn(level, {brick, Index3(1)});
+    s.above.resize(std::max<std::size_t>(s.above.size(), 1));
+    s.above[0].resize(static_cast<std::size_t>(coarse.size()));
+    lowPassBlock(layout.lattice(), level, spec_.filter, samples, coarse, s.above[0].data());
+    copyInto(SampleBlock<T>::dense(s.above[0].data(), coarse), coarse, handed_on.samples,
+             handed_on.box);
+  }
+  const PhaseTimes::Timer timer(times_, BuildStep::kRanges);
+  ValueRange tiles, voxels;
+  for (const T value : s.pairs) tiles.include(static_cast<float>(value));
+  closures_.include(level, brick, tiles, samples);
+  handOnTiles(level, brick, handed_on, s.pairs);
+  if (level == 0) {
+    // The brick's apron is of level 0 too.
+    const auto [least, greatest] = std::minmax_element(s.samples.begin(), s.samples.end());
+    voxels = {static_cast<float>(*least) + 0.0f, static_cast<float>(*greatest) + 0.0f};
+  }
+  return voxels;
+}
+
+// A tile takes in its up to eight tiles of the finer level, and with them all finer samples.
+template <typename T>
+void BrickMaker<T>::includeFinerTiles(int level, const Index3& brick,
+                                      const ScratchVolume& finer_tiles, Scratch& s) const {
+  const IndexBox tiles = needs_.tiles(level, {brick, Index3(1)});
+  const Index3 first = tiles.first * std::int64_t{2};
+  const Index3 count = glm::min(tiles.end() * std::int64_t{2}, needs_.allTiles(level - 1)) - first;
+  s.finer_pairs.resize(static_cast<std::size_t>(2 * elementCount(count)));
+  finer_tiles.read({first * Index3(2, 1, 1), count * Index3(2, 1, 1)}, s.finer_pairs.data());
+  std::size_t pair = 0;
+  Index3 at;
+  for (at.z = 0; at.z < count.z; ++at.z)
+    for (at.y = 0; at.y < count.y; ++at.y)
+      for (at.x = 0; at.x < count.x; ++at.x, pair += 2) {
+        const auto tile = static_cast<std::size_t>(linearIndex(at / std::int64_t{2}, s.tiles.dims));
+        s.tiles.min[tile] = std::min(s.tiles.min[tile], s.finer_pairs[pair]);
+        s.tiles.max[tile] = std::max(s.tiles.max[tile], s.finer_pairs[pair + 1]);
+      }
+}
+
+template <typename T>
+void BrickMaker<T>::handOnTiles(int level, const Index3& brick, const HandedOn<T>& handed_on,
+                                const std::vector<T>& pairs) const {
+  if (handed_on.tiles == nullptr) return;
+  const IndexBox tiles = needs_.tiles(level, {brick, Index3(1)});
+  handed_on.tiles->write({tiles.first * Index3(2, 1, 1), tiles.count * Index3(2, 1, 1)},
+                         pairs.data());
+}
+
+#define ISOBRICK_INSTANTIATE(T) template class BrickMaker<T>;
+ISOBRICK_FOR_EACH_VOXEL_TYPE(ISOBRICK_INSTANTIATE)
+#undef ISOBRICK_INSTANTIATE
+
+}  // namespace isobrick

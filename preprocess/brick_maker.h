@@ -1,0 +1,60 @@
+// All that is made of one brick's samples: what is stored of it, and what coarser levels need.
+#pragma once
+
+#include "preprocess/brick_closures.h"
+#include "preprocess/brick_window.h"
+#include "preprocess/phase_times.h"
+#include "preprocess/sample_block.h"
+#include "preprocess/scratch_volume.h"
+#include "preprocess/tile_ranges.h"
+#include "storage/brick_encoder.h"
+#include "storage/pyramid_writer.h"
+
+namespace isobrick {
+
+// What bricks of a level hand on to the next one.
+template <typename T>
+struct HandedOn {
+  T* samples = nullptr;            // of level + 1, dense in `box`; null at the top
+  IndexBox box;                    // BrickNeeds::handedOn of a window
+  ScratchVolume* tiles = nullptr;  // (min, max) of the level's tiles, x twice as wide; or null
+};
+
+// Makes the bricks of one pyramid; the same for all its levels. T is the voxel type. All members
+// are thread-safe for different bricks of one level.
+template <typename T>
+class BrickMaker {
+ public:
+  // `needs`, `closures` and `times` outlive the maker.
+  BrickMaker(const PyramidSpec& spec, format::Codec codec, const BrickNeeds& needs,
+             BrickClosures& closures, PhaseTimes& times)
+      : spec_(spec), codec_(codec), needs_(needs), closures_(closures), times_(times) {}
+
+  // Encodes the brick and hands on what is made of it. `samples` holds needs.samples() of it;
+  // `finer_tiles` are the tiles that the level below handed on, null at level 0. Returns the range
+  // of the brick's samples at level 0, an empty one at others.
+  ValueRange make(int level, const Index3& brick, const SampleBlock<T>& samples,
+                  const ScratchVolume* finer_tiles, const HandedOn<T>& handed_on,
+                  EncodedBrick& encoded) const;
+
+  // Hands on what make() did, and returns the same, from the parts of a brick that an earlier build
+  // wrote.
+  ValueRange remake(int level, const Index3& brick, const PyramidWriter& writer,
+                    const HandedOn<T>& handed_on) const;
+
+ private:
+  struct Scratch;
+  static Scratch& scratch();
+  void includeFinerTiles(int level, const Index3& brick, const ScratchVolume& finer_tiles,
+                         Scratch& s) const;
+  void handOnTiles(int level, const Index3& brick, const HandedOn<T>& handed_on,
+                   const std::vector<T>& pairs) const;
+
+  const PyramidSpec spec_;
+  const format::Codec codec_;
+  const BrickNeeds& needs_;
+  BrickClosures& closures_;
+  PhaseTimes& times_;
+};
+
+}  // namespace isobrick

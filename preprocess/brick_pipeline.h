@@ -1,0 +1,69 @@
+// The threads of a build: one reads, those of the TBB arena make bricks, one writes.
+#pragma once
+
+#include <exception>
+#include <functional>
+#include <mutex>
+#include <optional>
+#include <thread>
+#include <vector>
+
+#include "preprocess/bounded_queue.h"
+#include "preprocess/brick_window.h"
+#include "preprocess/build_plan.h"
+#include "preprocess/scratch_volume.h"
+#include "storage/brick_encoder.h"
+
+namespace isobrick {
+
+// One window on its way from reading to making.
+struct BrickWindow {
+  IndexBox bricks;
+  IndexBox sample_box;  // what `samples` holds, dense
+  LargeBuffer samples;
+  bool has_samples = false;  // false: all its bricks are there already, nothing was read
+};
+
+// Bricks on their way from making to writing, in the order of the brick table.
+struct BrickBatch {
+  std::vector<EncodedBrick> bricks;
+  std::size_t first = 0, count = 0;  // those to be written
+};
+
+// Moves windows and batches between three stages. A buffer that is under way belongs to the stage
+// that took it last; where all are under way, the stage that wants one waits. The first failure of
+// any stage stops all, and is thrown by run() or finish() on the caller's thread.
+class BrickPipeline {
+ public:
+  using Read = std::function<void(std::int64_t window, BrickWindow&)>;
+  using Make = std::function<void(const BrickWindow&, BrickBatch&)>;
+  using Write = std::function<void(const BrickBatch&)>;
+
+  // Starts the writing thread.
+  BrickPipeline(const BuildPlan& plan, Write write);
+  ~BrickPipeline();
+  BrickPipeline(const BrickPipeline&) = delete;
+  BrickPipeline& operator=(const BrickPipeline&) = delete;
+
+  // Takes windows 0 .. windows - 1 through reading (a thread of its own, in order) and making (the
+  // caller's thread, in order), and hands the batches on to the writing thread.
+  void run(std::int64_t windows, const Read& read, const Make& make);
+  // Waits until all batches were written. Afterwards nothing can be run.
+  void finish();
+
+ private:
+  void readAll(std::int64_t windows, const Read& read);
+  void writeAll(const Write& write);
+  void fail(std::exception_ptr failure);
+  void throwFailure();
+
+  std::vector<BrickWindow> windows_;
+  std::vector<BrickBatch> batches_;
+  BoundedQueue<BrickWindow*> free_windows_, full_windows_;
+  BoundedQueue<BrickBatch*> free_batches_, full_batches_;
+  std::mutex mutex_;  // guards failure_
+  std::exception_ptr failure_;
+  std::thread writer_;  // last: it uses all the others
+};
+
+}  // namespace isobrick

@@ -1,0 +1,64 @@
+// Neighbouring bricks of one level that are read and made together.
+#pragma once
+
+#include <cstdint>
+
+#include "storage/brick_layout.h"
+#include "storage/format.h"
+#include "storage/pyramid_info.h"
+
+namespace isobrick {
+
+// What making bricks takes and gives, as boxes of indices. Pure arithmetic.
+class BrickNeeds {
+ public:
+  explicit BrickNeeds(const PyramidSpec& spec);
+
+  const BrickLayout& layout() const { return layout_; }
+  // Coarser levels that a tile's range takes in: log2(tile_cells), less at the top of the pyramid.
+  int levelsAbove(int level) const;
+
+  // Cells of `level` + `above` in the closed cubes of the bricks; their corners are samples.
+  IndexBox cellsAbove(int level, const IndexBox& bricks, int above) const;
+  // Samples of `level` that the bricks take: what they store, and what all coarser samples that
+  // their ranges take in are made from.
+  IndexBox samples(int level, const IndexBox& bricks) const;
+  // The samples of level + `above` among them, above >= 1.
+  IndexBox samplesAbove(int level, const IndexBox& bricks, int above) const;
+  // The samples of level + 1 that these bricks, and no others, hand on to the next level.
+  IndexBox handedOn(int level, const IndexBox& bricks) const;
+  // Tiles of the bricks in the grid of all tiles of the level.
+  IndexBox tiles(int level, const IndexBox& bricks) const;
+  Index3 allTiles(int level) const;
+
+ private:
+  PyramidSpec spec_;
+  BrickLayout layout_;
+  int tile_levels_;
+};
+
+// The bricks of a level in the order of the brick table, a window at a time: some neighbours along
+// x, or whole rows of bricks of one slab.
+class BrickWindows {
+ public:
+  // `per_window`: bricks along x and y; more than one row only where rows are whole.
+  BrickWindows(const Index3& bricks, std::int64_t per_window_x, std::int64_t per_window_y)
+      : bricks_(bricks), x_(per_window_x), y_(per_window_y) {}
+
+  std::int64_t count() const { return along(0) * along(1) * bricks_.z; }
+  IndexBox window(std::int64_t i) const {
+    const Index3 first(i % along(0) * x_, i / along(0) % along(1) * y_, i / (along(0) * along(1)));
+    return {first, glm::min(Index3(x_, y_, 1), bricks_ - first)};
+  }
+
+ private:
+  std::int64_t along(int axis) const {
+    const std::int64_t size = axis == 0 ? x_ : y_;
+    return (bricks_[axis] + size - 1) / size;
+  }
+
+  Index3 bricks_;
+  std::int64_t x_, y_;
+};
+
+}  // namespace isobrick

@@ -1,0 +1,42 @@
+// How a build keeps within its memory.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "preprocess/brick_window.h"
+#include "preprocess/scratch_volume.h"
+#include "preprocess/volume_source.h"
+#include "storage/pyramid_info.h"
+
+namespace isobrick {
+
+// Windows and batches of encoded bricks that are under way at a time: one is filled while the
+// other is emptied.
+inline constexpr std::uint64_t kBuildWindows = 2;
+
+struct BuildPlan {
+  // Bricks of a window along x and y, for every level.
+  struct WindowShape {
+    std::int64_t x = 1, y = 1;
+  };
+  std::vector<WindowShape> windows;
+  std::uint64_t window_bytes = 0;     // samples of the largest window
+  std::uint64_t handed_on_bytes = 0;  // samples that it hands on to the next level
+
+  // Slices between a source that is read in order and its use; 0 where it is read box by box.
+  std::int64_t spool_slices = 0;
+  ScratchVolume::Place spool_place = ScratchVolume::Place::kMemory;
+  // Where the samples of level l, and the ranges of the tiles of level l - 1, wait for their use.
+  std::vector<ScratchVolume::Place> stores;
+
+  std::uint64_t scratch_file_bytes = 0;  // the most that nameless files take at a time
+  std::uint64_t file_bytes_bound = 0;    // the pyramid is at most so large
+};
+
+// Throws Error where `memory_bytes` do not suffice for one brick at a time; the message says how
+// many would.
+BuildPlan makeBuildPlan(const PyramidSpec& spec, const VolumeSource& source,
+                        std::uint64_t memory_bytes, int threads);
+
+}  // namespace isobrick

@@ -1,0 +1,30 @@
+// Samples of a box of one level, as they lie in a larger buffer.
+#pragma once
+
+#include "storage/brick_layout.h"
+
+namespace isobrick {
+
+// A view: the buffer belongs to somebody else and outlives it. Copy it freely.
+template <typename T>
+struct SampleBlock {
+  const T* data = nullptr;                        // the sample at box.first
+  IndexBox box;                                   // in samples of the level
+  std::int64_t row_stride = 0, slice_stride = 0;  // in samples
+
+  // A block that fills its buffer without gaps, x fastest.
+  static SampleBlock dense(const T* data, const IndexBox& box) {
+    return {data, box, box.count.x, box.count.x * box.count.y};
+  }
+  // The sample (box.first.x, y, z); y and z are indices of the level.
+  const T* row(std::int64_t y, std::int64_t z) const {
+    return data + (z - box.first.z) * slice_stride + (y - box.first.y) * row_stride;
+  }
+  const T& at(const Index3& i) const { return row(i.y, i.z)[i.x - box.first.x]; }
+  // The part of it that `inner`, which lies within box, covers.
+  SampleBlock part(const IndexBox& inner) const {
+    return {&at(inner.first), inner, row_stride, slice_stride};
+  }
+};
+
+}  // namespace isobrick

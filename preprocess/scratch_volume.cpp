@@ -1,0 +1,124 @@
+#include "preprocess/scratch_volume.h"
+
+#include <fcntl.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+#include <new>
+
+#include "storage/error.h"
+
+namespace isobrick {
+namespace {
+
+constexpr std::size_t kHugePageBytes = std::size_t{2} << 20;
+
+// A file without a name; file systems that know none get one whose name is removed at once.
+int openNameless(const std::string& folder) {
+  int fd = open(folder.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
+  if (fd >= 0) return fd;
+  std::string name = folder + "/.isobrick-scratch-XXXXXX";
+  fd = mkostemp(name.data(), O_CLOEXEC);
+  if (fd >= 0) unlink(name.c_str());
+  return fd;
+}
+
+}  // namespace
+
+LargeBuffer::LargeBuffer(std::size_t bytes) : bytes_(bytes) {
+  if (bytes < kHugePageBytes) {
+    data_.reset(static_cast<std::byte*>(std::malloc(bytes > 0 ? bytes : 1)));
+  } else {
+    const std::size_t whole = (bytes + kHugePageBytes - 1) / kHugePageBytes * kHugePageBytes;
+    data_.reset(static_cast<std::byte*>(std::aligned_alloc(kHugePageBytes, whole)));
+    if (data_) madvise(data_.get(), whole, MADV_HUGEPAGE);
+  }
+  if (!data_) throw std::bad_alloc();
+}
+
+void LargeBuffer::Free::operator()(std::byte* data) const { std::free(data); }
+
+ScratchVolume::ScratchVolume(const Index3& dims, std::size_t element_bytes, Place place,
+                             const std::string& folder)
+    : dims_(dims), element_bytes_(element_bytes), folder_(folder) {
+  if (place == Place::kMemory) {
+    memory_ = LargeBuffer(static_cast<std::size_t>(elementCount(dims)) * element_bytes);
+    return;
+  }
+  fd_ = openNameless(folder);
+  if (fd_ < 0)
+    throw Error("cannot make a temporary file in '" + folder + "': " + std::strerror(errno) +
+                "; choose a folder that you may write to with -o");
+}
+
+ScratchVolume::~ScratchVolume() {
+  if (fd_ >= 0) close(fd_);
+}
+
+template <typename F>
+void ScratchVolume::forRuns(const IndexBox& box, F&& f) const {
+  // Whole rows of one slice lie together, and so do whole slices.
+  std::int64_t run = box.count.x, runs_y = box.count.y, runs_z = box.count.z;
+  if (box.count.x == dims_.x) {
+    run *= runs_y;
+    runs_y = 1;
+    if (box.count.y == dims_.y) {
+      run *= runs_z;
+      runs_z = 1;
+    }
+  }
+  const std::size_t bytes = static_cast<std::size_t>(run) * element_bytes_;
+  std::size_t at = 0;
+  for (std::int64_t z = 0; z < runs_z; ++z)
+    for (std::int64_t y = 0; y < runs_y; ++y, at += bytes)
+      f(static_cast<std::size_t>(linearIndex(box.first + Index3(0, y, z), dims_)) * element_bytes_,
+        at, bytes);
+}
+
+void ScratchVolume::write(const IndexBox& box, const void* elements) {
+  forRuns(box, [&](std::size_t offset, std::size_t at, std::size_t bytes) {
+    const std::byte* from = static_cast<const std::byte*>(elements) + at;
+    if (fd_ < 0) {
+      std::memcpy(memory_.data() + offset, from, bytes);
+      return;
+    }
+    while (bytes > 0) {
+      const ssize_t written = pwrite(fd_, from, bytes, static_cast<off_t>(offset));
+      if (written < 0 && errno == EINTR) continue;
+      if (written <= 0)
+        throw ResumableError("cannot write a temporary file in '" + folder_ +
+                             "': " + std::strerror(written < 0 ? errno : ENOSPC) +
+                             "; free some space, choose another folder with -o, or give more "
+                             "--memory");
+      from += written;
+      offset += static_cast<std::size_t>(written);
+      bytes -= static_cast<std::size_t>(written);
+    }
+  });
+}
+
+void ScratchVolume::read(const IndexBox& box, void* elements) const {
+  forRuns(box, [&](std::size_t offset, std::size_t at, std::size_t bytes) {
+    std::byte* to = static_cast<std::byte*>(elements) + at;
+    if (fd_ < 0) {
+      std::memcpy(to, memory_.data() + offset, bytes);
+      return;
+    }
+    while (bytes > 0) {
+      const ssize_t got = pread(fd_, to, bytes, static_cast<off_t>(offset));
+      if (got < 0 && errno == EINTR) continue;
+      if (got <= 0)
+        throw ResumableError("cannot read a temporary file in '" + folder_ + "': " +
+                             (got < 0 ? std::strerror(errno) : "it is shorter than it was") +
+                             "; check the disk");
+      to += got;
+      offset += static_cast<std::size_t>(got);
+      bytes -= static_cast<std::size_t>(got);
+    }
+  });
+}
+
+}  // namespace isobrick

@@ -1,0 +1,55 @@
+// Makes a source that can only be read in order look like one that is read box by box.
+#pragma once
+
+#include <condition_variable>
+#include <cstdint>
+#include <exception>
+#include <mutex>
+#include <string>
+#include <thread>
+
+#include "preprocess/scratch_volume.h"
+#include "preprocess/volume_source.h"
+
+namespace isobrick {
+
+// A thread of its own reads the source, some slices ahead of their use, into a ring of slices that
+// lies in memory or in a nameless file. The slices below releaseBefore() give their place to those
+// that come. One thread may use the members; the source must not be used by anybody else.
+class SliceSpool {
+ public:
+  // The ring holds `slices` slices, at least as many as any box asked for spans (plus what lies
+  // between it and the last releaseBefore()). Reading begins with slice `first`.
+  SliceSpool(VolumeSource& source, std::int64_t first, std::int64_t slices,
+             ScratchVolume::Place place, const std::string& folder);
+  // Stops the thread after the rows that it is reading.
+  ~SliceSpool();
+  SliceSpool(const SliceSpool&) = delete;
+  SliceSpool& operator=(const SliceSpool&) = delete;
+
+  // Copies `box`, x fastest, as soon as its slices were read. Throws what the source threw.
+  void read(const IndexBox& box, void* out);
+  void releaseBefore(std::int64_t slice);
+
+  // Rows that the thread asks for at a time.
+  static std::int64_t rowsPerRead(const VolumeInfo& info);
+
+ private:
+  void readAhead();
+  void waitForSlices(std::int64_t end);
+
+  VolumeSource& source_;
+  const Index3 dims_;
+  const std::size_t voxel_bytes_;
+  const std::int64_t slices_;
+  ScratchVolume ring_;
+  std::mutex mutex_;  // guards all below
+  std::condition_variable changed_;
+  std::int64_t begin_;  // first slice that is still needed
+  std::int64_t end_;    // slices below it are in the ring
+  std::exception_ptr failure_;
+  bool stopped_ = false;
+  std::thread reader_;  // last: it uses all the others
+};
+
+}  // namespace isobrick
