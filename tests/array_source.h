@@ -23,17 +23,18 @@ constexpr VoxelType voxelTypeOf() {
 }
 
 // What the tests' sources share: their info(), and a check that the builder keeps the contract of
-// VolumeSource::readSlices (ascending, adjoining slices from 0, none past the last). So a source
-// serves one build.
+// VolumeSource::readRows (ascending rows, none twice, none past the last). So a source serves one
+// build.
 class CheckedSource : public VolumeSource {
  public:
   const VolumeInfo& info() const override { return info_; }
   VolumeInfo& editInfo() { return info_; }  // not during a build
-  void readSlices(std::int64_t first, std::int64_t count, void* out) final {
-    EXPECT_EQ(first, next_slice_);
-    EXPECT_LE(first + count, info_.voxels.z);
-    next_slice_ = first + count;
-    fillSlices(first, count, out);
+  void readRows(std::int64_t first, std::int64_t count, void* out) final {
+    EXPECT_GE(first, next_row_);
+    EXPECT_GT(count, 0);
+    EXPECT_LE(first + count, info_.voxels.y * info_.voxels.z);
+    next_row_ = first + count;
+    fillRows(first, count, out);
   }
 
  protected:
@@ -45,11 +46,11 @@ class CheckedSource : public VolumeSource {
   }
 
  private:
-  // As VolumeSource::readSlices.
-  virtual void fillSlices(std::int64_t first, std::int64_t count, void* out) = 0;
+  // As VolumeSource::readRows.
+  virtual void fillRows(std::int64_t first, std::int64_t count, void* out) = 0;
 
   VolumeInfo info_;
-  std::int64_t next_slice_ = 0;
+  std::int64_t next_row_ = 0;
 };
 
 // Holds all voxels, x fastest.
@@ -63,10 +64,10 @@ class ArraySource : public CheckedSource {
   const std::vector<T>& values() const { return values_; }
 
  private:
-  void fillSlices(std::int64_t first, std::int64_t count, void* out) override {
-    const std::int64_t slice = info().voxels.x * info().voxels.y;
-    std::memcpy(out, values_.data() + first * slice,
-                static_cast<std::size_t>(count * slice) * sizeof(T));
+  void fillRows(std::int64_t first, std::int64_t count, void* out) override {
+    const std::int64_t row = info().voxels.x;
+    std::memcpy(out, values_.data() + first * row,
+                static_cast<std::size_t>(count * row) * sizeof(T));
   }
 
   std::vector<T> values_;

@@ -1,133 +1,20 @@
-// The `isobrick` command from outside: whole runs, every kind of bad input, and Ctrl-C.
-#include <fcntl.h>
-#include <gtest/gtest.h>
-#include <signal.h>
-#include <spawn.h>
+// The `isobrick` command from outside: whole runs and every kind of bad input. What is special to
+// build is in build_command_test.cpp.
 #include <sys/stat.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
-#include <algorithm>
-#include <chrono>
 #include <cstring>
-#include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <limits>
-#include <nlohmann/json.hpp>
-#include <set>
-#include <string>
-#include <thread>
-#include <vector>
 
+#include "command_test.h"
 #include "ply_reader.h"
-#include "temporary_folder.h"
 
 namespace isobrick {
 namespace {
 
-namespace fs = std::filesystem;
-using Json = nlohmann::json;
-using Words = std::vector<std::string>;
+using namespace test;
 
-std::string readBytes(const fs::path& path) {
-  std::ifstream in(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
-
-void writeBytes(const fs::path& path, const std::string& bytes) {
-  std::ofstream(path, std::ios::binary) << bytes;
-}
-
-struct Outcome {
-  int status = -1;  // exit status, or minus the signal that ended the process
-  std::string out, err;
-
-  std::ptrdiff_t errorLines() const { return std::count(err.begin(), err.end(), '\n'); }
-};
-
-class CliTest : public testing::Test {
+class CliTest : public CommandTest {
  protected:
-  // Starts a program in the work folder.
-  pid_t start(Words words) {
-    posix_spawn_file_actions_t actions;
-    posix_spawn_file_actions_init(&actions);
-    posix_spawn_file_actions_addchdir_np(&actions, work_.path().c_str());
-    const int flags = O_WRONLY | O_CREAT | O_TRUNC;
-    posix_spawn_file_actions_addopen(&actions, 1, log_.file("out").c_str(), flags, 0600);
-    posix_spawn_file_actions_addopen(&actions, 2, log_.file("err").c_str(), flags, 0600);
-    // A test that runs in the background may have inherited an ignored SIGINT.
-    posix_spawnattr_t attributes;
-    posix_spawnattr_init(&attributes);
-    sigset_t defaults;
-    sigemptyset(&defaults);
-    sigaddset(&defaults, SIGINT);
-    sigaddset(&defaults, SIGTERM);
-    sigaddset(&defaults, SIGHUP);
-    posix_spawnattr_setsigdefault(&attributes, &defaults);
-    posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGDEF);
-
-    std::vector<char*> argv;
-    for (std::string& word : words) argv.push_back(word.data());
-    argv.push_back(nullptr);
-    pid_t pid = -1;
-    EXPECT_EQ(posix_spawn(&pid, argv[0], &actions, &attributes, argv.data(), environ), 0);
-    posix_spawnattr_destroy(&attributes);
-    posix_spawn_file_actions_destroy(&actions);
-    return pid;
-  }
-
-  Outcome wait(pid_t pid) {
-    int status = 0;
-    EXPECT_EQ(waitpid(pid, &status, 0), pid);
-    return {WIFEXITED(status) ? WEXITSTATUS(status) : -WTERMSIG(status),
-            readBytes(log_.file("out")), readBytes(log_.file("err"))};
-  }
-
-  Outcome run(Words words) {
-    words.insert(words.begin(), ISOBRICK_COMMAND);
-    return wait(start(std::move(words)));
-  }
-
-  // A run that has to succeed; its stdout.
-  std::string runWell(const Words& words) {
-    const Outcome outcome = run(words);
-    EXPECT_EQ(outcome.status, 0) << outcome.err;
-    EXPECT_EQ(outcome.err, "");
-    return outcome.out;
-  }
-  Json runForJson(Words words) {
-    words.push_back("--json");
-    return Json::parse(runWell(words));
-  }
-
-  // A run that has to fail: one line on stderr, nothing on stdout, no file more or less.
-  void expectFailure(int status, const Words& words, const std::string& message) {
-    const std::set<std::string> before = files();
-    checkFailure(run(words), status, message, words);
-    EXPECT_EQ(files(), before);
-  }
-  void checkFailure(const Outcome& outcome, int status, const std::string& message,
-                    const Words& words = {}) {
-    std::string line;
-    for (const std::string& word : words) line += word + " ";
-    EXPECT_EQ(outcome.status, status) << line << "\n" << outcome.err;
-    EXPECT_EQ(outcome.out, "") << line;
-    EXPECT_EQ(outcome.errorLines(), 1) << line << "\n" << outcome.err;
-    EXPECT_EQ(outcome.err.rfind("isobrick: ", 0), 0u) << line << "\n" << outcome.err;
-    EXPECT_NE(outcome.err.find(message), std::string::npos) << line << "\n" << outcome.err;
-  }
-
-  std::string path(const std::string& name) const { return work_.file(name); }
-
-  // All that lies in the work folder.
-  std::set<std::string> files() const {
-    std::set<std::string> names;
-    for (const auto& entry : fs::recursive_directory_iterator(work_.path()))
-      names.insert(fs::relative(entry.path(), work_.path()).string());
-    return names;
-  }
-
   // sphere.nrrd and sphere.isb of 8 bricks on level 0.
   void makeSphere() {
     runWell({"phantom", "sphere", "--size", "32", "-o", "sphere.nrrd"});
@@ -145,8 +32,6 @@ class CliTest : public testing::Test {
   static Words buildRaw(const std::string& name, const std::string& dims = "8,9,10") {
     return {"build", name, "--raw-dims", dims, "--raw-type", "f32"};
   }
-
-  test::TemporaryFolder work_, log_;
 };
 
 TEST_F(CliTest, FromPhantomToPicture) {
@@ -338,7 +223,6 @@ TEST_F(CliTest, WrongUsageExitsWithTwo) {
       {{"build", "sphere.nrrd", "--threads", "0"}, "--threads"},
       {{"build", "sphere.nrrd", "--threads", "12x"}, "12x"},
       {{"build", "sphere.nrrd", "--filter", "median"}, "median"},
-      {{"build", "sphere.nrrd", "more.nrrd"}, "more.nrrd"},
       {{"build", "sphere.nrrd", "--curvature-epsilon", "-1"}, "-1"},
       {{"info"}, "FILE"},
       {{"extract", "sphere.isb"}, "--iso"},
@@ -525,44 +409,12 @@ TEST_F(CliTest, NoSpaceLeavesNothing) {
   checkFailure(full, 1, "standard output");
 }
 
-TEST_F(CliTest, AnExistingPyramidIsReplacedOnlyWithForce) {
+TEST_F(CliTest, ABuildThatFailsLeavesTheOldPyramid) {
   makeSphere();
-  const std::string good = readBytes(path("sphere.isb"));
-  expectFailure(1, {"build", "sphere.nrrd"}, "--force");
-  EXPECT_EQ(readBytes(path("sphere.isb")), good);
-  runWell({"build", "sphere.nrrd", "--force", "--no-curvature"});
-  EXPECT_NE(readBytes(path("sphere.isb")), good);
-  // A build that fails leaves the old one as it was.
-  writeBytes(path("bad.nrrd"), readBytes(path("sphere.nrrd")).substr(0, 5000));
   const std::string old = readBytes(path("sphere.isb"));
+  writeBytes(path("bad.nrrd"), readBytes(path("sphere.nrrd")).substr(0, 5000));
   expectFailure(1, {"build", "bad.nrrd", "-o", "sphere.isb", "--force"}, "bad.nrrd");
   EXPECT_EQ(readBytes(path("sphere.isb")), old);
-  // Nothing is built over its own input.
-  expectFailure(1, {"build", "sphere.nrrd", "-o", "sphere.nrrd", "--force"}, "input");
-  // Nor does --force cost a file that is no pyramid: a slice, a raw file behind a header.
-  writeBytes(path("precious.raw"), "not a pyramid");
-  expectFailure(1, {"build", "sphere.nrrd", "-o", "precious.raw", "--force"}, "not a pyramid");
-  EXPECT_EQ(readBytes(path("precious.raw")), "not a pyramid");
-}
-
-TEST_F(CliTest, CtrlCLeavesNothing) {
-  runWell({"phantom", "gyroid", "--size", "256", "-o", "gyroid.nrrd"});
-  const std::set<std::string> before = files();
-  for (const int signal_number : {SIGINT, SIGTERM, SIGHUP}) {
-    const pid_t pid = start({ISOBRICK_COMMAND, "build", "gyroid.nrrd", "--threads", "1"});
-    // In the middle of the work: from the moment on at which the temporary file has bytes in it.
-    const auto working = [&] {
-      std::error_code error;
-      const auto bytes = fs::file_size(path("gyroid.isb.partial"), error);
-      return !error && bytes > 100000;
-    };
-    for (int wait_ms = 0; !working() && wait_ms < 20000; wait_ms += 5)
-      std::this_thread::sleep_for(std::chrono::milliseconds(5));
-    EXPECT_TRUE(working());
-    kill(pid, signal_number);
-    checkFailure(wait(pid), 130, "interrupted");
-    EXPECT_EQ(files(), before);
-  }
 }
 
 TEST_F(CliTest, APipeAsInputIsRefusedAtOnce) {

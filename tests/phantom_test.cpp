@@ -30,8 +30,8 @@ std::vector<std::byte> generate(const PhantomSpec& spec, std::int64_t slab) {
       static_cast<std::size_t>(voxels.x * voxels.y) * voxelBytes(source->info().voxel_type);
   std::vector<std::byte> bytes(slice_bytes * static_cast<std::size_t>(voxels.z));
   for (std::int64_t first = 0; first < voxels.z; first += slab)
-    source->readSlices(first, std::min(slab, voxels.z - first),
-                       bytes.data() + static_cast<std::size_t>(first) * slice_bytes);
+    source->readRows(first * voxels.y, std::min(slab, voxels.z - first) * voxels.y,
+                     bytes.data() + static_cast<std::size_t>(first) * slice_bytes);
   return bytes;
 }
 

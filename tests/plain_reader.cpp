@@ -1,5 +1,7 @@
 #include "tests/plain_reader.h"
 
+#include <blosc.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstring>
@@ -28,6 +30,32 @@ std::size_t positionIn(const PlainIndex& index, const PlainIndex& dims) {
 
 bool isPowerOfTwo(std::int64_t value) { return value > 0 && (value & (value - 1)) == 0; }
 
+// Numbers are little-endian in the file; put together byte by byte, so on any host.
+std::uint64_t numberAt(const std::uint8_t* from, int bytes) {
+  std::uint64_t value = 0;
+  for (int i = bytes - 1; i >= 0; --i) value = value << 8 | from[i];
+  return value;
+}
+
+float voxelAt(const std::uint8_t* from, std::uint32_t type) {
+  switch (type) {
+    case 0:
+      return static_cast<float>(static_cast<std::uint8_t>(numberAt(from, 1)));
+    case 1:
+      return static_cast<float>(static_cast<std::int8_t>(numberAt(from, 1)));
+    case 2:
+      return static_cast<float>(static_cast<std::uint16_t>(numberAt(from, 2)));
+    case 3:
+      return static_cast<float>(static_cast<std::int16_t>(numberAt(from, 2)));
+    default: {
+      const auto bits = static_cast<std::uint32_t>(numberAt(from, 4));
+      float value;
+      std::memcpy(&value, &bits, sizeof value);
+      return value;
+    }
+  }
+}
+
 class FileBytes {
  public:
   explicit FileBytes(const std::string& path)
@@ -41,42 +69,19 @@ class FileBytes {
     require(holds(offset, bytes), "a read past the end of the file");
     return bytes_.data() + offset;
   }
-  // Numbers are little-endian in the file; put together byte by byte, so on any host.
   std::uint64_t number(std::uint64_t offset, int bytes) const {
-    const std::uint8_t* from = at(offset, static_cast<std::uint64_t>(bytes));
-    std::uint64_t value = 0;
-    for (int i = bytes - 1; i >= 0; --i) value = value << 8 | from[i];
-    return value;
+    return numberAt(at(offset, static_cast<std::uint64_t>(bytes)), bytes);
   }
   std::uint32_t u32(std::uint64_t offset) const {
     return static_cast<std::uint32_t>(number(offset, 4));
   }
   std::uint64_t u64(std::uint64_t offset) const { return number(offset, 8); }
-  float f32(std::uint64_t offset) const {
-    const std::uint32_t bits = u32(offset);
-    float value;
-    std::memcpy(&value, &bits, sizeof value);
-    return value;
-  }
+  float f32(std::uint64_t offset) const { return voxelAt(at(offset, 4), 4); }
   double f64(std::uint64_t offset) const {
     const std::uint64_t bits = u64(offset);
     double value;
     std::memcpy(&value, &bits, sizeof value);
     return value;
-  }
-  float voxel(std::uint64_t offset, std::uint32_t type) const {
-    switch (type) {
-      case 0:
-        return static_cast<float>(static_cast<std::uint8_t>(number(offset, 1)));
-      case 1:
-        return static_cast<float>(static_cast<std::int8_t>(number(offset, 1)));
-      case 2:
-        return static_cast<float>(static_cast<std::uint16_t>(number(offset, 2)));
-      case 3:
-        return static_cast<float>(static_cast<std::int16_t>(number(offset, 2)));
-      default:
-        return f32(offset);
-    }
   }
   // Checks the hash of a piece, and that no other piece holds its bytes.
   void checkHash(std::uint64_t offset, std::uint64_t bytes, std::uint64_t hash,
@@ -106,7 +111,7 @@ constexpr std::uint32_t kVoxelSizes[5] = {1, 1, 2, 2, 4};
 PlainPyramid readHeader(FileBytes& file) {
   PlainPyramid p;
   require(file.size() >= 512 && std::memcmp(file.at(0, 8), "ISOBRICK", 8) == 0, "no pyramid");
-  require(file.u32(8) == 1, "unknown version");
+  require(file.u32(8) == 2, "unknown version");
   require(file.u32(12) == 512, "header_bytes");
   file.checkHash(0, 504, file.u64(504), "the header");
   file.cover(504, 8, "the header's checksum");
@@ -192,17 +197,86 @@ PlainPart readPart(FileBytes& file, std::uint64_t at, std::int64_t expected_byte
   part.checksum = file.u64(at + 8);
   part.stored_bytes = file.u32(at + 16);
   part.codec = file.u32(at + 20);
-  if (part.codec == 0) {
-    require(present && static_cast<std::int64_t>(part.stored_bytes) == expected_bytes,
-            "size of a part");
-    require(part.offset % (is_samples && expected_bytes >= 4096 ? 4096 : 64) == 0,
-            "alignment of a part");
-    file.checkHash(part.offset, part.stored_bytes, part.checksum, "a part of a brick");
-  } else {
+  if (part.codec == 1 || part.codec == 2) {
     require(part.codec == (present ? 1u : 2u), "codec");
     require(part.offset == 0 && part.stored_bytes == 0 && part.checksum == 0, "an empty part");
+    return part;
   }
+  require(part.codec == 0 || part.codec == 3 || part.codec == 4, "unknown codec");
+  require(present, "a part that should be absent");
+  const bool is_stored = part.codec == 0;
+  require(is_stored ? static_cast<std::int64_t>(part.stored_bytes) == expected_bytes
+                    : part.stored_bytes > 0 && part.stored_bytes < expected_bytes,
+          "size of a part");
+  require(part.offset % (is_stored && is_samples && expected_bytes >= 4096 ? 4096 : 64) == 0,
+          "alignment of a part");
+  file.checkHash(part.offset, part.stored_bytes, part.checksum, "a part of a brick");
   return part;
+}
+
+// Section 5, "Packed parts": the table of the buffer's first 16 bytes.
+void checkBloscHeader(const std::uint8_t* buffer, const PlainPart& part, std::uint64_t bytes) {
+  require(part.stored_bytes > 16, "a Blosc buffer without a header");
+  require(buffer[0] == 2 && buffer[1] == 1, "version of a Blosc buffer");
+  require(buffer[2] >> 5 == (part.codec == 3 ? 1 : 4), "compressor of a Blosc buffer");
+  require((buffer[2] & 0x0e) == 0, "flags of a Blosc buffer");
+  const std::uint64_t width = buffer[3], block_bytes = numberAt(buffer + 8, 4);
+  require(width == 1 || width == 2 || width == 4 || width == 8, "typesize of a Blosc buffer");
+  require(numberAt(buffer + 4, 4) == bytes && bytes % width == 0, "nbytes of a Blosc buffer");
+  require(block_bytes % width == 0 && block_bytes >= std::min<std::uint64_t>(128, bytes) &&
+              block_bytes <= std::min<std::uint64_t>(1 << 20, bytes),
+          "blocksize of a Blosc buffer");
+  require(numberAt(buffer + 12, 4) == part.stored_bytes, "cbytes of a Blosc buffer");
+}
+
+// v(i) of section 5 from e(i), number by number.
+void sumUpDifferences(std::vector<std::uint8_t>& elements, int width) {
+  std::uint64_t v = 0;
+  for (std::size_t at = 0; at < elements.size(); at += static_cast<std::size_t>(width)) {
+    const std::uint64_t e = numberAt(elements.data() + at, width);
+    v += e % 2 == 0 ? e / 2 : ~(e / 2);  // ~(e/2) is -(e+1)/2 modulo 2^64
+    for (int i = 0; i < width; ++i)
+      elements[at + static_cast<std::size_t>(i)] = static_cast<std::uint8_t>(v >> (8 * i));
+  }
+}
+
+// The bytes of a part's elements, where it has any in the file.
+std::vector<std::uint8_t> elementsOf(const FileBytes& file, const PlainPart& part,
+                                     std::int64_t expected_bytes) {
+  const std::uint8_t* stored = file.at(part.offset, part.stored_bytes);
+  if (part.codec == 0) return {stored, stored + part.stored_bytes};
+  std::vector<std::uint8_t> elements(static_cast<std::size_t>(expected_bytes));
+  checkBloscHeader(stored, part, elements.size());
+  require(blosc_decompress_ctx(stored, elements.data(), elements.size(), 1) == expected_bytes,
+          "a part that cannot be unpacked");
+  if (part.codec == 4 && (stored[2] & 1) != 0) sumUpDifferences(elements, stored[3]);
+  return elements;
+}
+
+bool hasBytes(const PlainPart& part) { return part.stored_bytes > 0; }
+
+void readElements(const FileBytes& file, std::uint32_t voxel_type, float constant,
+                  PlainBrick& brick) {
+  const std::int64_t voxel = kVoxelSizes[voxel_type];
+  const std::int64_t samples = product(brick.count), tiles = product(brick.tiles);
+  const std::int64_t codes = 3 * product(brick.nodes);
+  brick.samples.assign(static_cast<std::size_t>(samples), constant);
+  if (hasBytes(brick.parts[0])) {
+    const auto elements = elementsOf(file, brick.parts[0], samples * voxel);
+    for (std::size_t i = 0; i < brick.samples.size(); ++i)
+      brick.samples[i] = voxelAt(&elements[i * static_cast<std::size_t>(voxel)], voxel_type);
+  }
+  brick.tile_ranges.assign(static_cast<std::size_t>(tiles), {constant, constant});
+  if (hasBytes(brick.parts[1])) {
+    const auto elements = elementsOf(file, brick.parts[1], tiles * 2 * voxel);
+    for (std::size_t i = 0; i < brick.tile_ranges.size(); ++i) {
+      const std::uint8_t* pair = &elements[2 * i * static_cast<std::size_t>(voxel)];
+      brick.tile_ranges[i] = {voxelAt(pair, voxel_type), voxelAt(pair + voxel, voxel_type)};
+    }
+  }
+  if (brick.parts[2].codec == 2) return;
+  brick.codes.assign(static_cast<std::size_t>(codes), 0);
+  if (hasBytes(brick.parts[2])) brick.codes = elementsOf(file, brick.parts[2], codes);
 }
 
 PlainBrick readBrick(FileBytes& file, const PlainPyramid& p, int level, const PlainIndex& index,
@@ -230,29 +304,26 @@ PlainBrick readBrick(FileBytes& file, const PlainPyramid& p, int level, const Pl
   const float constant = file.f32(at + 80);
   require(file.u32(at + 84) == 0, "reserved field of a brick");
 
-  brick.samples.assign(static_cast<std::size_t>(product(brick.count)), constant);
-  if (brick.parts[0].codec == 0)
-    for (std::size_t i = 0; i < brick.samples.size(); ++i)
-      brick.samples[i] = file.voxel(brick.parts[0].offset + i * voxel, p.voxel_type);
-  else
+  if (brick.parts[0].codec == 1)
     require(constant >= brick.range.min && constant <= brick.range.max, "constant of a brick");
-  brick.tile_ranges.assign(static_cast<std::size_t>(product(brick.tiles)), brick.range);
-  if (brick.parts[1].codec == 0)
-    for (std::size_t i = 0; i < brick.tile_ranges.size(); ++i) {
-      const std::uint64_t pair = brick.parts[1].offset + 2 * i * voxel;
-      brick.tile_ranges[i] = {file.voxel(pair, p.voxel_type),
-                              file.voxel(pair + voxel, p.voxel_type)};
-    }
+  else
+    require(brick.parts[1].codec != 1, "constant ranges of samples that are not");
+  readElements(file, p.voxel_type, constant, brick);
   for (const PlainRange& range : brick.tile_ranges)
     require(range.min <= range.max && range.min >= brick.range.min && range.max <= brick.range.max,
             "range of a tile");
-  if (has_codes) {
-    brick.codes.assign(static_cast<std::size_t>(3 * product(brick.nodes)), 0);
-    if (brick.parts[2].codec == 0)
-      std::copy_n(file.at(brick.parts[2].offset, brick.codes.size()), brick.codes.size(),
-                  brick.codes.begin());
-  }
   return brick;
+}
+
+// Section 1; only writers are held to it.
+void requirePartsInOrder(const PlainPyramid& p) {
+  std::uint64_t end = 512;
+  for (const PlainBrick& brick : p.bricks)
+    for (const PlainPart& part : brick.parts) {
+      if (!hasBytes(part)) continue;
+      require(part.offset >= end, "parts in another order than the brick table");
+      end = part.offset + part.stored_bytes;
+    }
 }
 
 }  // namespace
@@ -302,6 +373,7 @@ PlainPyramid readPlainPyramid(const std::string& path) {
           p.bricks.push_back(
               readBrick(file, p, level, index, p.brick_table_offset + 88 * p.bricks.size()));
   }
+  requirePartsInOrder(p);
   file.requireZeroPadding();
   p.covered = file.takeCovered();
   return p;

@@ -1,6 +1,7 @@
 // A second reader of `.isb` files, written from docs/FORMAT.md alone: it shares no code with
-// storage/ and preprocess/, so that the tests compare the document with the writer. It reads the
-// whole file at once and keeps everything in plain vectors; slow and simple on purpose.
+// storage/ and preprocess/, so that the tests compare the document with the writer. Packed parts it
+// hands to Blosc's own decompress call. It reads the whole file at once and keeps everything in
+// plain vectors; slow and simple on purpose.
 #pragma once
 
 #include <array>

@@ -1,27 +1,25 @@
-// isobrick build: a volume in, a pyramid out.
+// isobrick build: volumes in, pyramids out.
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
+#include <map>
 #include <memory>
-#include <new>
 #include <optional>
+#include <stdexcept>
 #include <string>
+#include <system_error>
+#include <vector>
 
-#include "preprocess/pyramid_builder.h"
 #include "storage/error.h"
-#include "storage/pyramid.h"
+#include "tools/build_batch.h"
+#include "tools/build_one.h"
+#include "tools/build_report.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
+#include "tools/glob_inputs.h"
 #include "tools/interrupt.h"
-#include "tools/json_output.h"
-#include "tools/open_input.h"
 #include "tools/parse_text.h"
 #include "tools/parsed_option.h"
-#include "tools/progress_bar.h"
-#include "tools/stopwatch.h"
 #include "tools/thread_count.h"
 
 namespace isobrick {
@@ -30,160 +28,115 @@ namespace {
 namespace fs = std::filesystem;
 
 struct BuildArguments {
+  std::vector<std::string> inputs;
   InputOptions input;
-  std::string output;
-  int threads = allCores();
-  bool no_curvature = false;
+  std::string output, out_dir;
   std::string filter = "average";
-  std::int64_t brick_cells = 64;
-  std::int64_t tile_cells = 4;
-  double curvature_epsilon = BuildOptions{}.curvature_epsilon;
+  std::string codec = codecOptionName(BuildOptions{}.codec);
   std::optional<double> nan_as;
-  bool force = false;
+  bool no_curvature = false;
   bool json = false;
+  BuildSettings settings{{}, allCores()};
 };
 
-struct BuildResult {
-  VolumeInfo volume;
-  BuildReport report;
-  PyramidBytes bytes;
-  int levels = 0;
-  double open_seconds = 0;
-  double seconds = 0;
+// The folder of --out-dir. One that was made here goes again if nothing is in it at the end.
+class OutputFolder {
+ public:
+  explicit OutputFolder(const std::string& path) : path_(path) {
+    if (path.empty()) return;
+    std::error_code error;
+    if (fs::exists(path, error) && !fs::is_directory(path, error))
+      throw Error(fmt::format("'{}' is not a folder; choose another --out-dir", path));
+    is_ours_ = fs::create_directory(path, error);
+    if (error)
+      throw Error(
+          fmt::format("cannot make the folder '{}': {}; create the folder above it, or "
+                      "choose another --out-dir",
+                      path, error.message()));
+  }
+  ~OutputFolder() {
+    std::error_code ignored;
+    if (is_ours_) fs::remove(path_, ignored);
+  }
+  OutputFolder(const OutputFolder&) = delete;
+  OutputFolder& operator=(const OutputFolder&) = delete;
 
-  double megabytesPerSecond() const { return static_cast<double>(bytes.raw) / 1e6 / seconds; }
+ private:
+  std::string path_;
+  bool is_ours_ = false;
 };
 
-bool isPyramid(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  char magic[sizeof format::kMagic] = {};
-  return file.read(magic, sizeof magic) &&
-         std::equal(std::begin(magic), std::end(magic), std::begin(format::kMagic));
-}
-
-void checkOutput(const BuildArguments& arguments) {
-  std::error_code ignored;
-  if (fs::equivalent(arguments.input.path, arguments.output, ignored))
-    throw Error(fmt::format("'{}' is the input; choose another output with -o", arguments.output));
-  // A slip of the pen must not cost a scan: a data file behind a header, a slice of a series.
-  if (arguments.force && fs::is_regular_file(arguments.output, ignored) &&
-      fs::file_size(arguments.output, ignored) > 0 && !isPyramid(arguments.output))
-    throw Error(
-        fmt::format("'{}' is not a pyramid, and --force replaces only pyramids; choose another "
-                    "output with -o",
-                    arguments.output));
-  if (!arguments.force && fs::is_regular_file(fs::symlink_status(arguments.output, ignored)))
-    throw Error(
-        fmt::format("'{}' exists already; replace it with --force or choose another "
-                    "output with -o",
-                    arguments.output));
-}
-
-BuildOptions makeBuildOptions(const BuildArguments& arguments, ProgressBar& bar) {
-  BuildOptions options;
-  options.brick_cells = arguments.brick_cells;
-  options.tile_cells = arguments.tile_cells;
+BuildSettings makeSettings(const BuildArguments& arguments) {
+  BuildSettings settings = arguments.settings;
+  BuildOptions& options = settings.options;
   options.filter =
       arguments.filter == "average" ? format::Filter::kAverage : format::Filter::kSubsample;
+  options.codec = arguments.codec == "none"  ? format::Codec::kStored
+                  : arguments.codec == "lz4" ? format::Codec::kLz4
+                                             : format::Codec::kZstd;
   options.with_curvature = !arguments.no_curvature;
-  options.curvature_epsilon = arguments.curvature_epsilon;
   if (arguments.nan_as) options.nan_as = static_cast<float>(*arguments.nan_as);
   options.tool_version = ISOBRICK_VERSION;
   options.cancel = &interruptFlag();
-  options.progress = [&bar](std::string_view phase, double share) { bar.show(phase, share); };
-  return options;
+  return settings;
 }
 
-std::uint64_t rawBytes(const VolumeInfo& info) {
-  return static_cast<std::uint64_t>(elementCount(info.voxels)) * voxelBytes(info.voxel_type);
+std::vector<BuildJob> makeJobs(const BuildArguments& arguments) {
+  std::vector<BuildJob> jobs;
+  for (const std::string& input : expandInputs(arguments.inputs)) {
+    BuildJob job;
+    job.input = arguments.input;
+    job.input.path = input;
+    job.output = arguments.output;
+    if (job.output.empty())
+      job.output = (fs::path(arguments.out_dir) / defaultOutputName(input)).string();
+    jobs.push_back(std::move(job));
+  }
+  return jobs;
 }
 
-BuildReport buildOrExplain(VolumeSource& source, const BuildArguments& arguments) {
-  const VolumeInfo& info = source.info();
-  const std::uint64_t bytes = rawBytes(info);
-  ProgressBar bar(static_cast<double>(bytes) / 1e6, "MB");
-  const auto outOfMemory = [&] {
-    return Error(
-        fmt::format("not enough memory for '{}': its {} x {} x {} voxels take {}, and "
-                    "building takes about 1.2 times that; free some memory or check the "
-                    "dimensions",
-                    info.source, info.voxels.x, info.voxels.y, info.voxels.z, byteSizeText(bytes)));
-  };
-  try {
-    return buildPyramid(source, arguments.output, makeBuildOptions(arguments, bar));
-  } catch (const std::bad_alloc&) {
-    throw outOfMemory();
-  } catch (const std::length_error&) {  // what a vector throws for more than all addresses
-    throw outOfMemory();
+// What is wrong with the words themselves is said before anything starts; what is wrong with one
+// input waits for its turn.
+void checkUsage(const BuildArguments& arguments, const std::vector<BuildJob>& jobs) {
+  const BuildOptions& options = arguments.settings.options;
+  if (options.tile_cells > options.brick_cells)
+    throw UsageError("--tile is larger than --brick; a brick is made of tiles");
+  if (!arguments.output.empty() && jobs.size() > 1)
+    throw UsageError(
+        fmt::format("--output names one pyramid, and there are {} inputs; give the "
+                    "folder for all with --out-dir",
+                    jobs.size()));
+  std::map<std::string, std::string> input_of;
+  for (const BuildJob& job : jobs) {
+    const std::string& input = job.input.path;
+    const auto [other, is_new] = input_of.emplace(job.output, input);
+    if (!is_new && other->second == input)
+      throw UsageError(fmt::format("the input '{}' is given twice", input));
+    if (!is_new)
+      throw UsageError(
+          fmt::format("'{}' and '{}' would both become '{}'; build one of them alone, "
+                      "under another name with -o",
+                      other->second, input, job.output));
+    try {
+      refuseKnownMisfits(job.input);
+    } catch (const Error&) {
+    }
   }
 }
 
-BuildResult build(const BuildArguments& arguments) {
-  BuildResult result;
-  const Stopwatch total;
-  const std::unique_ptr<VolumeSource> source = openInput(arguments.input);
-  result.open_seconds = total.seconds();
-  result.report = buildOrExplain(*source, arguments);
-  result.seconds = total.seconds();
-  result.volume = source->info();
-  const Pyramid pyramid(arguments.output);
-  result.bytes = pyramid.bytes();
-  result.levels = pyramid.lattice().levels();
-  if (result.report.replaced_voxels > 0)
-    result.volume.notes.push_back(fmt::format("{} voxels that were not finite became {}",
-                                              result.report.replaced_voxels, *arguments.nan_as));
-  return result;
-}
-
-Json jsonOfResult(const BuildArguments& arguments, const BuildResult& result) {
-  Json json;
-  json["output"] = arguments.output;
-  json["dimensions"] = jsonOf(result.volume.voxels);
-  json["voxel_type"] = voxelTypeName(result.volume.voxel_type);
-  json["levels"] = result.levels;
-  json["seconds"]["total"] = result.seconds;
-  json["seconds"]["open"] = result.open_seconds;
-  for (const BuildPhase& phase : result.report.phases) json["seconds"][phase.name] = phase.seconds;
-  json["bytes"] = {{"total", result.bytes.total},
-                   {"raw", result.bytes.raw},
-                   {"samples_level0", result.bytes.samples_level0},
-                   {"aprons_level0", result.bytes.aprons_level0},
-                   {"samples_coarser", result.bytes.samples_coarser},
-                   {"ranges", result.bytes.ranges},
-                   {"curvature", result.bytes.curvature},
-                   {"index", result.bytes.index}};
-  json["notes"] = result.volume.notes;
-  json["threads"] = arguments.threads;
-  json["peak_rss_bytes"] = peakResidentBytes();
-  json["megabytes_per_second"] = result.megabytesPerSecond();
-  return json;
-}
-
-void printSummary(const BuildArguments& arguments, const BuildResult& result) {
-  const Index3& voxels = result.volume.voxels;
-  fmt::print("{}: {} x {} x {} {}, {} levels, {} ({:.2f} x raw)\n", arguments.output, voxels.x,
-             voxels.y, voxels.z, voxelTypeName(result.volume.voxel_type), result.levels,
-             byteSizeText(result.bytes.total),
-             static_cast<double>(result.bytes.total) / static_cast<double>(result.bytes.raw));
-  for (const std::string& note : result.volume.notes) fmt::print("note: {}\n", note);
-  std::string phases = fmt::format("open {:.2f}", result.open_seconds);
-  for (const BuildPhase& phase : result.report.phases)
-    phases += fmt::format(", {} {:.2f}", phase.name, phase.seconds);
-  fmt::print("{:.2f} s ({}); {:.0f} MB/s; {} threads; peak memory {}\n", result.seconds, phases,
-             result.megabytesPerSecond(), arguments.threads, byteSizeText(peakResidentBytes()));
-}
-
-int runBuild(BuildArguments& arguments) {
-  if (arguments.tile_cells > arguments.brick_cells)
-    throw UsageError("--tile is larger than --brick; a brick is made of tiles");
-  refuseKnownMisfits(arguments.input);
-  if (arguments.output.empty()) arguments.output = defaultOutputName(arguments.input.path);
-  checkOutput(arguments);
-  const BuildResult result = runWithThreads(arguments.threads, [&] { return build(arguments); });
+int runBuild(const BuildArguments& arguments) {
+  const std::vector<BuildJob> jobs = makeJobs(arguments);
+  checkUsage(arguments, jobs);
+  const OutputFolder folder(arguments.out_dir);
+  const BuildSettings settings = makeSettings(arguments);
+  // What is printed must not depend on how many files a pattern happens to match.
+  if (arguments.inputs.size() > 1 || isInputPattern(arguments.inputs.front()))
+    return runBuildBatch(jobs, settings, arguments.json);
+  const BuiltVolume built = buildOne(jobs.front(), settings);
   if (arguments.json)
-    printJson(jsonOfResult(arguments, result));
+    printJson(jsonOfBuilt(jobs.front(), built, settings));
   else
-    printSummary(arguments, result);
+    printBuilt(built, settings);
   return 0;
 }
 
@@ -197,35 +150,76 @@ auto powerOfTwo(std::int64_t least, std::int64_t most) {
   };
 }
 
-}  // namespace
+void addOutputOptions(CLI::App& sub, BuildArguments& arguments) {
+  const auto notEmpty = [](const std::string& text) {
+    if (text.empty()) throw std::invalid_argument("the name is empty");
+    return text;
+  };
+  CLI::Option* const output = addParsedOption(
+      sub, "-o,--output", arguments.output, notEmpty, "OUT.isb",
+      "Pyramid to write, for a single input; default: the input's name with .isb in the current "
+      "folder");
+  addParsedOption(sub, "--out-dir", arguments.out_dir, notEmpty, "DIR",
+                  "Folder for the pyramids, made if it is missing; default: the current folder")
+      ->excludes(output);
+  sub.add_flag("--force", arguments.settings.force,
+               "Build also what is up to date, and replace pyramids of other inputs (never a file "
+               "that is not a pyramid)");
+  sub.add_flag("--resume", arguments.settings.options.resume,
+               "Go on where an interrupted or killed build with the same options ended");
+  sub.add_flag("--json", arguments.json,
+               "Print one JSON object instead of the summary; of many inputs one with a list");
+}
 
-Command addBuildCommand(CLI::App& app) {
-  CLI::App* const sub = app.add_subcommand("build", "Make a pyramid (.isb) of a volume");
-  const auto arguments = std::make_shared<BuildArguments>();
-  addInputOptions(*sub, arguments->input);
-  sub->add_option("-o,--output", arguments->output,
-                  "Pyramid to write; default: the input's name with .isb in the current folder")
-      ->type_name("OUT.isb");
-  sub->add_flag("--force", arguments->force, "Replace an existing pyramid");
-  addThreadsOption(*sub, arguments->threads);
-  sub->add_flag("--no-curvature", arguments->no_curvature,
-                "Leave out what extract needs for --curvature; builds faster");
-  sub->add_option("--filter", arguments->filter,
-                  "How coarser levels are made: average (default) or subsample")
+void addResourceOptions(CLI::App& sub, BuildArguments& arguments) {
+  BuildOptions& options = arguments.settings.options;
+  addParsedOption(
+      sub, "--memory", options.memory_bytes, parseByteSize, "SIZE",
+      fmt::format("Bound of all buffers, such as 300M or 2G; what does not fit waits in "
+                  "nameless files beside the output; default: {}M",
+                  options.memory_bytes >> 20));
+  addThreadsOption(sub, arguments.settings.threads);
+}
+
+void addPyramidOptions(CLI::App& sub, BuildArguments& arguments) {
+  BuildOptions& options = arguments.settings.options;
+  sub.add_option(
+         "--codec", arguments.codec,
+         fmt::format("How bricks are packed: none, lz4 or zstd; default: {}", arguments.codec))
+      ->type_name("C")
+      ->check(CLI::IsMember({"none", "lz4", "zstd"}));
+  sub.add_flag("--no-curvature", arguments.no_curvature,
+               "Leave out what extract needs for --curvature; builds faster");
+  sub.add_option("--filter", arguments.filter,
+                 "How coarser levels are made: average (default) or subsample")
       ->type_name("F")
       ->check(CLI::IsMember({"average", "subsample"}));
-  addParsedOption(*sub, "--brick", arguments->brick_cells, powerOfTwo(4, 256), "N",
+  addParsedOption(sub, "--brick", options.brick_cells, powerOfTwo(4, 256), "N",
                   "Cells per brick and axis, a power of two from 4 to 256; default: 64");
-  addParsedOption(*sub, "--tile", arguments->tile_cells, powerOfTwo(2, 256), "N",
+  addParsedOption(sub, "--tile", options.tile_cells, powerOfTwo(2, 256), "N",
                   "Cells per tile (smallest block with a value range), a power of two; default: 4");
   addParsedOption(
-      *sub, "--curvature-epsilon", arguments->curvature_epsilon,
+      sub, "--curvature-epsilon", options.curvature_epsilon,
       [](const std::string& text) { return parseNumberFrom(text, 0); }, "E",
       "Samples with a gradient below E x the range of their tile do not count for the curvature; "
       "default: 1/64");
-  addParsedOption(*sub, "--nan-as", arguments->nan_as, parseSingle, "V",
+  addParsedOption(sub, "--nan-as", arguments.nan_as, parseSingle, "V",
                   "Value to put where voxels are NaN or infinite; without it they are refused");
-  sub->add_flag("--json", arguments->json, "Print one JSON object instead of the summary");
+}
+
+}  // namespace
+
+Command addBuildCommand(CLI::App& app) {
+  CLI::App* const sub = app.add_subcommand("build", "Make pyramids (.isb) of volumes");
+  const auto arguments = std::make_shared<BuildArguments>();
+  addOutputOptions(*sub, *arguments);
+  addResourceOptions(*sub, *arguments);
+  addPyramidOptions(*sub, *arguments);
+  addInputOptions(*sub, arguments->inputs, arguments->input);
+  sub->footer(R"(
+A pyramid of the same input and options is up to date and is left as it is; one of an input that
+changed, or of other options, is built again. Of many inputs those that fail do not stop the others;
+the exit status is 1 then.)");
   return {sub, [arguments] { return runBuild(*arguments); }};
 }
 

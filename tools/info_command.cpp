@@ -1,8 +1,11 @@
 // isobrick info: what a pyramid is.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <memory>
+#include <numeric>
 #include <string>
+#include <vector>
 
 #include "storage/pyramid.h"
 #include "tools/byte_size.h"
@@ -45,6 +48,28 @@ const char* filterName(format::Filter filter) {
   return filter == format::Filter::kAverage ? "average" : "subsample";
 }
 
+Json jsonOfCodecs(const CodecCounts& counts) {
+  Json json = Json::object();
+  for (std::uint32_t codec = 0; codec < counts.size(); ++codec)
+    if (counts[codec] > 0)
+      json[std::string(codecName(static_cast<format::Codec>(codec)))] = counts[codec];
+  return json;
+}
+
+// "812 lz4, 3 stored, 190 constant": the most frequent first.
+std::string codecsText(const CodecCounts& counts) {
+  std::vector<std::uint32_t> codecs(counts.size());
+  std::iota(codecs.begin(), codecs.end(), 0u);
+  std::stable_sort(codecs.begin(), codecs.end(),
+                   [&](std::uint32_t a, std::uint32_t b) { return counts[a] > counts[b]; });
+  std::string text;
+  for (const std::uint32_t codec : codecs)
+    if (counts[codec] > 0)
+      text += fmt::format("{}{} {}", text.empty() ? "" : ", ", countText(counts[codec]),
+                          codecName(static_cast<format::Codec>(codec)));
+  return text;
+}
+
 void printInfoJson(const Pyramid& pyramid) {
   const PyramidSpec& spec = pyramid.spec();
   const PyramidBytes bytes = pyramid.bytes();
@@ -66,6 +91,11 @@ void printInfoJson(const Pyramid& pyramid) {
                    {"ranges", bytes.ranges},
                    {"curvature", bytes.curvature},
                    {"index", bytes.index}};
+  // Bricks of all levels by the codec of their part, such as {"lz4": 812, "stored": 3}.
+  const PyramidCodecs codecs = pyramid.codecs();
+  json["codecs"] = {{"samples", jsonOfCodecs(codecs.samples)},
+                    {"ranges", jsonOfCodecs(codecs.ranges)},
+                    {"curvature", jsonOfCodecs(codecs.curvature)}};
   json["brick_cells"] = spec.brick_cells;
   json["tile_cells"] = spec.tile_cells;
   json["has_curvature"] = spec.has_curvature;
@@ -97,6 +127,9 @@ void printInfoText(const Pyramid& pyramid) {
       byteSizeText(bytes.samples_level0), byteSizeText(bytes.aprons_level0),
       byteSizeText(bytes.samples_coarser), byteSizeText(bytes.ranges),
       byteSizeText(bytes.curvature), byteSizeText(bytes.index));
+  const PyramidCodecs codecs = pyramid.codecs();
+  fmt::print("samples    {}\nranges     {}\ncurvature  {}\n", codecsText(codecs.samples),
+             codecsText(codecs.ranges), codecsText(codecs.curvature));
   for (int level = 0; level < pyramid.lattice().levels(); ++level) {
     const Index3 samples = pyramid.lattice().samples(level);
     fmt::print("level {:<4} {} x {} x {} samples, {} bricks\n", level, samples.x, samples.y,

@@ -31,10 +31,10 @@ bool isOneOf(std::string_view extension, std::initializer_list<std::string_view>
 
 }  // namespace
 
-void addInputOptions(CLI::App& app, InputOptions& options) {
-  app.add_option("INPUT", options.path,
-                 "Volume: NRRD, MetaImage, NIfTI, TIFF, MRC, ... file, folder of a DICOM series or "
-                 "of TIFF slices, or a raw file")
+void addInputOptions(CLI::App& app, std::vector<std::string>& paths, InputOptions& options) {
+  app.add_option("INPUT", paths,
+                 "Volumes: NRRD, MetaImage, NIfTI, VTI, TIFF, ... files, folders of a DICOM series "
+                 "or of TIFF slices, or raw files; quoted patterns ('scans/*.nrrd') too")
       ->type_name("PATH")
       ->required();
   CLI::Option* const dims =
@@ -73,7 +73,7 @@ void refuseKnownMisfits(const InputOptions& options) {
         "cannot read '{}': it is neither a file nor a folder; copy it to a file", path));
   if (options.raw_dims || !fs::is_regular_file(status)) return;
   const std::string extension = lowerExtension(path);
-  if (isOneOf(extension, {".vti", ".vdb"}))
+  if (extension == ".vdb")
     throw Error(
         fmt::format("cannot read '{}': {} files are not supported yet; convert it to .nrrd "
                     "or .mhd first",
@@ -97,6 +97,9 @@ std::unique_ptr<VolumeSource> openInput(const InputOptions& options) {
     layout.big_endian = options.raw_endian == "big";
     return openRawSource(options.path, layout);
   }
+  std::error_code ignored;
+  if (lowerExtension(options.path) == ".vti" && !fs::is_directory(options.path, ignored))
+    return openVtiSource(options.path);
   return openItkSource(options.path);
 }
 

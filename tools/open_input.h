@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "preprocess/volume_source.h"
 
@@ -17,8 +18,8 @@ struct InputOptions {
   std::string raw_endian = "little";
 };
 
-// INPUT and the --raw-... options.
-void addInputOptions(CLI::App& app, InputOptions& options);
+// INPUT..., which go to `paths`, and the --raw-... options, which hold for each of them.
+void addInputOptions(CLI::App& app, std::vector<std::string>& paths, InputOptions& options);
 
 // Throws Error for files whose names tell that they are not supported, and UsageError for those
 // that need --raw-dims. Opens nothing.

@@ -49,26 +49,31 @@ void ProgressBar::show(std::string_view phase, double fraction) {
 void ProgressBar::show(std::string_view phase, double fraction, double amount) {
   if (!is_terminal_) return;
   const std::lock_guard lock(mutex_);
-  if (!isTime(phase)) return;
   fraction = std::clamp(fraction, 0.0, 1.0);
+  if (phase != phase_) begin(phase, fraction, amount);
+  if (!isTime()) return;
   const auto filled = static_cast<std::size_t>(fraction * kBarCharacters);
   std::string line = fmt::format("{}  {}{} {:3.0f} %", phase, std::string(filled, '#'),
                                  std::string(kBarCharacters - filled, '.'), 100 * fraction);
   const double seconds = secondsSince(phase_begin_);
-  if (seconds > kSecondsToRate && fraction > 0)
-    line += fmt::format("  {:.3g} {}/s  {} left", amount / seconds, unit_,
-                        timeText(seconds * (1 - fraction) / fraction));
+  const double gained = fraction - first_fraction_;
+  if (seconds > kSecondsToRate && gained > 0)
+    line += fmt::format("  {:.3g} {}/s  {} left", (amount - first_amount_) / seconds, unit_,
+                        timeText(seconds * (1 - fraction) / gained));
   draw(std::move(line));
 }
 
-bool ProgressBar::isTime(std::string_view phase) {
+void ProgressBar::begin(std::string_view phase, double fraction, double amount) {
+  phase_ = phase;
+  phase_begin_ = Clock::now();
+  first_fraction_ = fraction;
+  first_amount_ = amount;
+  last_drawn_ = {};
+}
+
+bool ProgressBar::isTime() {
   const auto now = Clock::now();
-  if (phase != phase_) {
-    phase_ = phase;
-    phase_begin_ = now;
-  } else if (now - last_drawn_ < kBetweenDrawings) {
-    return false;
-  }
+  if (now - last_drawn_ < kBetweenDrawings) return false;
   last_drawn_ = now;
   return true;
 }

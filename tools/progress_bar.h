@@ -19,14 +19,16 @@ class ProgressBar {
   ProgressBar(const ProgressBar&) = delete;
   ProgressBar& operator=(const ProgressBar&) = delete;
 
-  // "read  ######....  61 %  512 MB/s  3 s left"; a new phase starts its own clock.
+  // "read  ######....  61 %  512 MB/s  3 s left"; a new phase starts its own clock,
+  // and what was done of it by then (a resumed build begins in the middle) does not count as speed.
   void show(std::string_view phase, double fraction);
   // The same where what is done, in `unit`, does not follow from the fraction; `total` is not used.
   void show(std::string_view phase, double fraction, double amount);
 
  private:
   using Clock = std::chrono::steady_clock;
-  bool isTime(std::string_view phase);
+  void begin(std::string_view phase, double fraction, double amount);
+  bool isTime();
   void draw(std::string line);
 
   const bool is_terminal_;
@@ -35,6 +37,7 @@ class ProgressBar {
   std::mutex mutex_;  // guards all below
   std::string phase_;
   Clock::time_point phase_begin_{};
+  double first_fraction_ = 0, first_amount_ = 0;
   Clock::time_point last_drawn_{};
   bool is_dirty_ = false;
 };

@@ -1,0 +1,181 @@
+#include "tools/build_batch.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <exception>
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include "storage/error.h"
+#include "tools/build_report.h"
+#include "tools/byte_size.h"
+#include "tools/interrupt.h"
+#include "tools/one_line.h"
+#include "tools/stopwatch.h"
+#include "tools/text_table.h"
+
+namespace isobrick {
+namespace {
+
+// What became of one job: a pyramid, or a reason why not.
+struct BatchEntry {
+  const BuildJob* job = nullptr;
+  std::optional<BuiltVolume> built;
+  std::string reason;
+  bool interrupted = false;
+
+  std::string state() const {
+    if (built) return built->skipped ? "up to date" : "built";
+    return interrupted ? "interrupted" : "FAILED";
+  }
+};
+
+class BuildBatch {
+ public:
+  BuildBatch(const std::vector<BuildJob>& jobs, const BuildSettings& settings, bool json)
+      : jobs_(jobs), settings_(settings), json_(json) {}
+
+  int run() {
+    for (const BuildJob& job : jobs_) {
+      const BatchEntry& entry = buildNext(job);
+      if (entry.interrupted) break;
+      if (!json_) printLine(entry);
+      if (!entry.built) fmt::print(stderr, "isobrick: {}\n", oneLine(withInput(entry)));
+    }
+    if (json_)
+      printJson(jsonOfAll());
+    else
+      printTable();
+    const BatchEntry& last = entries_.back();
+    if (last.interrupted) throw Cancelled(withInput(last) + "; " + countsText());
+    return count("FAILED") > 0 ? 1 : 0;
+  }
+
+ private:
+  const BatchEntry& buildNext(const BuildJob& job) {
+    BatchEntry entry;
+    entry.job = &job;
+    try {
+      interruptFlag().check();
+      entry.built = buildOne(labelled(job), settings_);
+    } catch (const Cancelled& cancelled) {
+      entry.reason = cancelled.what();
+      entry.interrupted = true;
+    } catch (const std::exception& failure) {
+      entry.reason = failure.what();
+    }
+    return entries_.emplace_back(std::move(entry));
+  }
+
+  // "[3/8] tooth.nhdr  "
+  BuildJob labelled(const BuildJob& job) const {
+    BuildJob with = job;
+    const std::filesystem::path input(job.input.path);
+    const std::string name = input.has_filename() ? input.filename().string() : input.string();
+    with.label = fmt::format("[{}/{}] {}  ", entries_.size() + 1, jobs_.size(), oneLine(name));
+    return with;
+  }
+
+  // Most reasons name the input themselves.
+  static std::string withInput(const BatchEntry& entry) {
+    const std::string& input = entry.job->input.path;
+    if (entry.reason.find("'" + input + "'") != std::string::npos) return entry.reason;
+    return fmt::format("'{}': {}", input, entry.reason);
+  }
+
+  void printLine(const BatchEntry& entry) const {
+    if (entry.built)
+      fmt::print("{}\n", builtLine(*entry.built));
+    else
+      fmt::print("{}: FAILED: {}\n", oneLine(entry.job->input.path), oneLine(entry.reason));
+    std::fflush(stdout);  // whoever reads a pipe wants to see how far it is; main looks for errors
+  }
+
+  std::size_t count(const std::string& state) const {
+    return static_cast<std::size_t>(
+        std::count_if(entries_.begin(), entries_.end(),
+                      [&](const BatchEntry& entry) { return entry.state() == state; }));
+  }
+
+  std::string countsText() const {
+    const std::size_t done = count("built") + count("up to date") + count("FAILED");
+    std::string text = fmt::format("of {} volumes {} built, {} up to date, {} failed", jobs_.size(),
+                                   count("built"), count("up to date"), count("FAILED"));
+    if (done < jobs_.size()) text += fmt::format(", {} not done", jobs_.size() - done);
+    return text;
+  }
+
+  void printTable() const {
+    TextTable table("LLRLRRRRRL");
+    table.add(
+        {"input", "output", "voxels", "type", "raw", "file", "ratio", "seconds", "MB/s", "state"});
+    BuiltVolume total;
+    for (const BatchEntry& entry : entries_) {
+      const std::string input = oneLine(entry.job->input.path);
+      if (!entry.built) {
+        table.add({input, "-", "-", "-", "-", "-", "-", "-", "-", entry.state()});
+        continue;
+      }
+      const BuiltVolume& built = *entry.built;
+      const Index3& voxels = built.volume.voxels;
+      std::vector<std::string> row = {input, oneLine(built.output),
+                                      fmt::format("{}x{}x{}", voxels.x, voxels.y, voxels.z),
+                                      std::string(voxelTypeName(built.volume.voxel_type))};
+      appendFigures(row, built, !built.skipped);
+      row.push_back(entry.state());
+      table.add(std::move(row));
+      total.bytes.raw += built.bytes.raw;
+      total.bytes.total += built.bytes.total;
+      total.fresh_bytes += built.fresh_bytes;
+    }
+    total.seconds = watch_.seconds();
+    std::vector<std::string> row = {"total", "", "", ""};
+    appendFigures(row, total, true);
+    row.push_back("");
+    table.add(std::move(row));
+    fmt::print("\n{}{} in {:.2f} s; {} threads; peak memory {}\n", table.text(), countsText(),
+               total.seconds, settings_.threads, byteSizeText(peakResidentBytes()));
+  }
+
+  static void appendFigures(std::vector<std::string>& row, const BuiltVolume& of, bool was_built) {
+    const double rate = of.megabytesPerSecond(of.seconds);
+    const auto raw = static_cast<double>(of.bytes.raw);
+    row.push_back(raw > 0 ? byteSizeText(of.bytes.raw) : "-");
+    row.push_back(raw > 0 ? byteSizeText(of.bytes.total) : "-");
+    row.push_back(raw > 0 ? fmt::format("{:.2f}", static_cast<double>(of.bytes.total) / raw) : "-");
+    row.push_back(was_built ? fmt::format("{:.2f}", of.seconds) : "-");
+    row.push_back(rate > 0 ? fmt::format("{:.0f}", rate) : "-");
+  }
+
+  Json jsonOfAll() const {
+    Json json;
+    json["volumes"] = Json::array();
+    for (const BatchEntry& entry : entries_)
+      json["volumes"].push_back(
+          entry.built ? jsonOfBuilt(*entry.job, *entry.built, settings_)
+                      : Json{{"input", entry.job->input.path}, {"error", oneLine(entry.reason)}});
+    json["seconds"] = watch_.seconds();
+    json["built"] = count("built");
+    json["skipped"] = count("up to date");
+    json["failed"] = count("FAILED");
+    json["interrupted"] = entries_.back().interrupted;
+    return json;
+  }
+
+  const std::vector<BuildJob>& jobs_;
+  const BuildSettings& settings_;
+  const bool json_;
+  const Stopwatch watch_;
+  std::vector<BatchEntry> entries_;
+};
+
+}  // namespace
+
+int runBuildBatch(const std::vector<BuildJob>& jobs, const BuildSettings& settings, bool json) {
+  return BuildBatch(jobs, settings, json).run();
+}
+
+}  // namespace isobrick
