@@ -212,7 +212,7 @@ void raiseAtMidpointsAlong(const NodeBlocks& n, Vector least, Polynomial& p) {
   raiseAtMidpoints<A, U, V, true, true>(n, least, p);
 }
 
-void raiseAtAllPlaces(const NodeBlocks& n, Vector least, Polynomial& p) {
+HWY_NOINLINE void raiseAtAllPlaces(const NodeBlocks& n, Vector least, Polynomial& p) {
   raiseAtVoxels<false, false, false>(n, least, p);
   raiseAtVoxels<true, false, false>(n, least, p);
   raiseAtVoxels<false, true, false>(n, least, p);

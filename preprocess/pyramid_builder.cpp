@@ -73,6 +73,10 @@ class Build {
     } catch (const ResumableError& error) {
       if (!keepForResume()) throw;
       throw ResumableError(std::string(error.what()) + "; " + whatIsKept());
+    } catch (const std::bad_alloc&) {
+      if (!keepForResume()) throw;
+      throw ResumableError("not enough memory for '" + source_.info().source +
+                           "'; give a smaller --memory or fewer --threads; " + whatIsKept());
     }
     for (std::size_t step = 0; step < kBuildStepNames.size(); ++step)
       report_.phases.push_back(

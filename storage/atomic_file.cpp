@@ -1,8 +1,10 @@
 #include "storage/atomic_file.h"
 
 #include <fcntl.h>
+#include <linux/magic.h>
 #include <sys/file.h>
 #include <sys/stat.h>
+#include <sys/statfs.h>
 #include <sys/statvfs.h>
 #include <unistd.h>
 
@@ -42,7 +44,8 @@ const char* adviceFor(int error) {
 [[noreturn]] void failWriting(const std::string& path, int error) {
   const std::string line =
       "cannot write '" + path + "': " + std::strerror(error) + "; " + adviceFor(error);
-  if (error == ENOSPC || error == EDQUOT || error == EIO) throw ResumableError(line);
+  if (error == ENOSPC || error == EDQUOT || error == EFBIG || error == EIO)
+    throw ResumableError(line);
   throw Error(line);
 }
 
@@ -161,6 +164,8 @@ std::optional<std::uint64_t> AtomicFile::freeBytes() const {
 }
 
 void AtomicFile::reserve(std::uint64_t bytes) {
+  struct statfs status = {};
+  if (fstatfs(fd_, &status) != 0 || status.f_type == TMPFS_MAGIC) return;
   int result = 0;
   do {
     result = fallocate(fd_, 0, 0, static_cast<off_t>(bytes));

@@ -48,7 +48,8 @@ class AtomicFile {
   // Free bytes of the file system for this process, or nothing where it cannot tell.
   std::optional<std::uint64_t> freeBytes() const;
   // Makes sure that the file can grow to `bytes`: where the file system supports it, the space is
-  // taken now. The file is that long until cutAfterPosition().
+  // taken now. The file is that long until cutAfterPosition(). File systems in memory (tmpfs) are
+  // left alone: there it would take the memory that is to be spared.
   void reserve(std::uint64_t bytes);
   void cutAfterPosition();
 

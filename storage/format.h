@@ -21,8 +21,8 @@ static_assert(std::endian::native == std::endian::little, "isobrick needs a litt
 inline constexpr char kMagic[8] = {'I', 'S', 'O', 'B', 'R', 'I', 'C', 'K'};
 inline constexpr std::uint32_t kVersion = 2;
 
-// Samples of at least this many bytes begin at multiples of it, so that a brick can be paged and
-// used in place; fewer begin at kPartAlignment.
+// Stored samples of at least this many bytes begin at multiples of it, so that a brick can be paged
+// and used in place; fewer begin at kPartAlignment.
 inline constexpr std::uint64_t kSampleAlignment = 4096;
 // Tables and the other parts begin at multiples of this.
 inline constexpr std::uint64_t kPartAlignment = 64;
@@ -33,7 +33,7 @@ enum class Codec : std::uint32_t {
   kConstant = 1,  // no bytes: samples and ranges all have the brick's constant, curvature is 0
   kAbsent = 2,    // no bytes: the part was not made (curvature of coarser levels, --no-curvature)
   kLz4 = 3,       // a Blosc buffer, packed with LZ4
-  kZstd = 4,      // a Blosc buffer, packed with Zstandard
+  kZstd = 4,      // a Blosc buffer, packed with Zstandard; of differences (docs/FORMAT.md)
 };
 
 struct Header {

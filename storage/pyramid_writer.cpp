@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cassert>
 #include <cerrno>
@@ -39,9 +40,11 @@ std::vector<format::LevelRecord> levelTable(const BrickLayout& layout) {
   return table;
 }
 
-// Only bricks of some size are worth a page of their own.
-std::uint64_t sampleAlignment(std::uint64_t bytes) {
-  return bytes >= format::kSampleAlignment ? format::kSampleAlignment : format::kPartAlignment;
+// Only samples that are used in place, and have some size, are worth a page of their own.
+std::uint64_t sampleAlignment(const EncodedPart& samples) {
+  const bool in_place = samples.codec == format::Codec::kStored;
+  return in_place && samples.bytes.size() >= format::kSampleAlignment ? format::kSampleAlignment
+                                                                      : format::kPartAlignment;
 }
 
 // "codec=lz4 (it was codec=zstd)" for the first line that differs.
@@ -68,19 +71,23 @@ bool readAll(int fd, std::byte* to, std::size_t bytes, std::uint64_t offset) {
   return true;
 }
 
-// True where the parts of the entry lie behind `begin`, one after the other, and are undamaged.
+// True where the parts of the entry lie behind `begin`, one after the other with zeros between, and
+// are undamaged.
 bool isUndamaged(int fd, const JournalEntry& entry, std::uint64_t begin,
                  std::vector<std::byte>& buffer) {
   std::uint64_t at = begin;
   for (const format::PartRecord* part :
        {&entry.record.samples, &entry.record.ranges, &entry.record.curvature}) {
     if (part->stored_bytes == 0) continue;
-    if (part->offset < at || part->offset > entry.end ||
-        part->stored_bytes > entry.end - part->offset)
+    if (part->offset < at || part->offset - at >= format::kSampleAlignment ||
+        part->offset > entry.end || part->stored_bytes > entry.end - part->offset)
       return false;
-    buffer.resize(part->stored_bytes);
-    if (!readAll(fd, buffer.data(), buffer.size(), part->offset) ||
-        checksum64(buffer.data(), buffer.size()) != part->checksum)
+    const std::size_t gap = part->offset - at;
+    buffer.resize(gap + part->stored_bytes);
+    if (!readAll(fd, buffer.data(), buffer.size(), at) ||
+        std::any_of(buffer.begin(), buffer.begin() + static_cast<std::ptrdiff_t>(gap),
+                    [](std::byte b) { return b != std::byte{0}; }) ||
+        checksum64(buffer.data() + gap, part->stored_bytes) != part->checksum)
       return false;
     at = part->offset + part->stored_bytes;
   }
@@ -100,10 +107,9 @@ PyramidWriter::PyramidWriter(const std::string& path, const PyramidSpec& spec,
   end_ = sizeof(format::Header);
   std::vector<JournalEntry> entries;
   if (resume) {
-    // What cannot be continued now is not thrown away.
+    // What cannot be continued now, on a full disk for one, is not thrown away.
     file_.keepTemporary(true);
     entries = takeOver(identity, cancel);
-    file_.keepTemporary(false);
   } else {
     unlink(journalPath(file_).c_str());
   }
@@ -114,6 +120,7 @@ PyramidWriter::PyramidWriter(const std::string& path, const PyramidSpec& spec,
   file_.cutAfterPosition();
   sync_begun_ = end_;
   journal_ = std::make_unique<WriteJournal>(journalPath(file_), identity, entries);
+  file_.keepTemporary(false);
 }
 
 PyramidWriter::~PyramidWriter() {
@@ -140,7 +147,8 @@ std::vector<JournalEntry> PyramidWriter::takeOver(const std::string& identity,
   std::vector<std::byte> buffer;
   std::size_t good = 0;
   for (; good < entries.size(); ++good) {
-    if (cancel != nullptr) cancel->check();
+    if (cancel != nullptr && cancel->requested())
+      throw Cancelled("interrupted; '" + file_.temporaryPath() + "' stays as it was");
     if (!isUndamaged(file_.fd(), entries[good], end_, buffer)) break;
     brick_table_[good] = entries[good].record;
     end_ = entries[good].end;
@@ -171,7 +179,7 @@ void PyramidWriter::write(const EncodedBrick& brick) {
     return record;
   };
   format::BrickRecord& record = brick_table_[bricks_written_];
-  record.samples = place(brick.samples, sampleAlignment(brick.samples.bytes.size()));
+  record.samples = place(brick.samples, sampleAlignment(brick.samples));
   record.ranges = place(brick.ranges, format::kPartAlignment);
   record.curvature = place(brick.curvature, format::kPartAlignment);
   record.constant = brick.constant;

@@ -89,8 +89,10 @@ Bytes valuesOf(Content content, std::size_t count, std::uint64_t seed) {
       case Content::kSmooth:
         to[i] = static_cast<T>(60 + 30 * std::sin(0.1 * x) + 25 * std::cos(0.07 * y));
         break;
-      case Content::kRuns:
-        to[i] = i > 0 && random() % 4 != 0 ? to[i - 1] : static_cast<T>(random() & 7);
+      case Content::kRuns:  // never constant
+        to[i] = i < 2              ? static_cast<T>(i + 1)
+                : random() % 4 > 0 ? to[i - 1]
+                                   : static_cast<T>(random() & 7);
         break;
       case Content::kNoise: {
         const std::uint64_t bits = random();
