@@ -70,7 +70,8 @@ class Planner {
   }
   std::uint64_t pipelineBytes(int level, const BuildPlan::WindowShape& shape) const {
     const auto bricks = static_cast<std::uint64_t>(shape.x * shape.y);
-    return kBuildWindows * (windowBytes(level, shape) + bricks * brickBytes(level)) +
+    // Packing takes as much again as the samples of a brick.
+    return kBuildWindows * (windowBytes(level, shape) + 2 * bricks * brickBytes(level)) +
            handedOnBytes(level, shape);
   }
 

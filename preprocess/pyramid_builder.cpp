@@ -322,6 +322,17 @@ class Build {
   BuildReport report_;
 };
 
+// The temporary files are emptied and removed.
+void refuseInputAsTemporary(const VolumeSource& source, const std::string& path) {
+  for (const std::string& file : source.files())
+    for (const char* ending : {"", ".partial", ".partial.journal", ".partial.journal.new"}) {
+      std::error_code ignored;
+      if (std::filesystem::equivalent(file, path + ending, ignored))
+        throw Error("'" + file + "' is an input, and building '" + path +
+                    "' would overwrite it; choose another output with -o");
+    }
+}
+
 void checkOptions(const BuildOptions& options) {
   if (options.nan_as.has_value() && !std::isfinite(*options.nan_as))
     throw Error("the value that replaces NaN and infinite voxels must itself be finite");
@@ -348,6 +359,7 @@ std::string buildIdentity(const VolumeSource& source, const BuildOptions& option
   line("voxels", std::to_string(info.voxels.x) + "x" + std::to_string(info.voxels.y) + "x" +
                      std::to_string(info.voxels.z) + " " +
                      std::string(voxelTypeName(info.voxel_type)));
+  line("format", info.format + (info.encoding.empty() ? "" : ", ") + info.encoding);
   line("geometry", std::to_string(hash));
   line("filter", filterName(options.filter));
   line("codec", std::string(codecName(options.codec)));
@@ -355,7 +367,7 @@ std::string buildIdentity(const VolumeSource& source, const BuildOptions& option
   line("tile", std::to_string(options.tile_cells));
   line("curvature", options.with_curvature ? numberText(options.curvature_epsilon) : "none");
   line("nan_as", options.nan_as ? numberText(static_cast<double>(*options.nan_as)) : "none");
-  line("format", std::to_string(format::kVersion));
+  line("version", std::to_string(format::kVersion));
   line("tool", options.tool_version);
   return text;
 }
@@ -363,6 +375,7 @@ std::string buildIdentity(const VolumeSource& source, const BuildOptions& option
 BuildReport buildPyramid(VolumeSource& source, const std::string& path,
                          const BuildOptions& options) {
   checkOptions(options);
+  refuseInputAsTemporary(source, path);
   return visitVoxelType(source.info().voxel_type, [&](auto tag) {
     return Build<typename decltype(tag)::Type>(source, path, options).run();
   });

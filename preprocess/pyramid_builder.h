@@ -69,8 +69,8 @@ BuildReport buildPyramid(VolumeSource& source, const std::string& path,
                          const BuildOptions& options);
 
 // What a pyramid is made from and how, a line each: files (sizes, times, samples of their content),
-// grid, options. Equal texts mean equal pyramids. It is in the provenance, key "identity", and in
-// the journal of an unfinished build. Reads some blocks of every file.
+// how their voxels are read, grid, options. Equal texts mean equal bricks. It is in the provenance,
+// key "identity", and in the journal of an unfinished build. Reads some blocks of every file.
 std::string buildIdentity(const VolumeSource& source, const BuildOptions& options);
 
 }  // namespace isobrick

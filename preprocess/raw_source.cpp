@@ -140,6 +140,8 @@ std::unique_ptr<VolumeSource> openRawSource(const std::string& path, const RawLa
   info.geometry.spacing = layout.spacing;
   info.source = path;
   info.format = "raw";
+  info.encoding = layout.type + (layout.big_endian ? " big-endian" : " little-endian") +
+                  " at byte " + std::to_string(layout.offset_bytes);
   if (!stored.keepsType()) info.notes.push_back(layout.type + " voxels were converted to float32");
   tidyGeometry(path, info.geometry, info.notes);
   RawRun run;

@@ -31,7 +31,7 @@ class LargeBuffer {
 class ScratchVolume {
  public:
   enum class Place { kMemory, kFile };
-  // The file is made in `folder`. Throws Error where that fails.
+  // The file is made in `folder`. Throws ResumableError where that fails.
   ScratchVolume(const Index3& dims, std::size_t element_bytes, Place place,
                 const std::string& folder);
   ~ScratchVolume();

@@ -18,6 +18,7 @@ struct VolumeInfo {
   GridGeometry geometry;
   std::string source;              // path, or the phantom's name: goes into the provenance
   std::string format;              // "raw", "NRRD", "DICOM series", "phantom", ...
+  std::string encoding;            // what the user, not the file, said of the stored voxels
   std::vector<std::string> notes;  // what was converted on the way in, a line each
 };
 
@@ -75,5 +76,14 @@ std::unique_ptr<VolumeSource> openItkSource(const std::string& path);
 // integers and doubles become float32 with a note. Throws Error for everything else, and where the
 // sizes in the file contradict each other.
 std::unique_ptr<VolumeSource> openVtiSource(const std::string& path);
+
+// Opens an OpenVDB file (.vdb): its first float grid, or else its first grid of doubles, int32 or
+// int64, which become float32; a note names it where there are several. The volume is the box
+// around the active voxels and one voxel more on each side, so that surfaces close; what is not
+// active has the value of the tree there (the background, or the inside of a level set). Values are
+// as stored: distances of level sets are negative inside. The whole grid is held in memory, sparse
+// as it is: bufferBytes(). Throws Error where there is no such grid, where it has no active voxels
+// or a transform that is not linear, and for files that are damaged or cut short.
+std::unique_ptr<VolumeSource> openVdbSource(const std::string& path);
 
 }  // namespace isobrick

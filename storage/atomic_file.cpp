@@ -179,7 +179,9 @@ void AtomicFile::cutAfterPosition() {
 
 void AtomicFile::commit() {
   if (fsync(fd_) != 0) failWriting(path_, errno);
-  if (std::rename(temporary_path_.c_str(), path_.c_str()) != 0) failWriting(path_, errno);
+  if (std::rename(temporary_path_.c_str(), path_.c_str()) != 0)
+    throw ResumableError("cannot give '" + temporary_path_ + "' its name '" + path_ +
+                         "': " + std::strerror(errno) + "; check the folder");
   // From here the file is published: the destructor has nothing to remove.
   const int fd = fd_;
   fd_ = -1;
@@ -190,7 +192,9 @@ void AtomicFile::commit() {
   const int error = errno;
   ::close(folder);
   // Some file systems cannot sync folders; the rename is as durable there as it gets.
-  if (result != 0 && error != EINVAL && error != ENOTSUP) failWriting(path_, error);
+  if (result != 0 && error != EINVAL && error != ENOTSUP)
+    throw Error("'" + path_ + "' is complete, but its folder could not be made durable: " +
+                std::strerror(error) + "; check the disk");
 }
 
 }  // namespace isobrick

@@ -1,6 +1,7 @@
 #include "storage/pyramid_writer.h"
 
 #include <fcntl.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -9,6 +10,9 @@
 #include <cerrno>
 #include <cstddef>
 #include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <limits>
 
 #include "storage/checksum.h"
 #include "storage/error.h"
@@ -71,10 +75,46 @@ bool readAll(int fd, std::byte* to, std::size_t bytes, std::uint64_t offset) {
   return true;
 }
 
+// True where a part of `elements` bytes may have this codec and size in the file.
+bool isPossible(const format::PartRecord& part, std::uint64_t elements) {
+  switch (static_cast<format::Codec>(part.codec)) {
+    case format::Codec::kStored:
+      return part.stored_bytes == elements;
+    case format::Codec::kLz4:
+    case format::Codec::kZstd:
+      return part.stored_bytes > 0 && part.stored_bytes < elements;
+    case format::Codec::kConstant:
+      return elements > 0 && part.stored_bytes == 0;
+    case format::Codec::kAbsent:
+      return elements == 0 && part.stored_bytes == 0;
+  }
+  return false;
+}
+
+// True where the record is one that the brick can have: journals are hostile like other files.
+bool isPossible(const format::BrickRecord& record, const PyramidSpec& spec,
+                const BrickLayout& layout, int level, const Index3& brick) {
+  const std::uint64_t voxel = voxelBytes(spec.voxel_type);
+  const auto count = [](const Index3& v) { return static_cast<std::uint64_t>(elementCount(v)); };
+  const bool has_curvature = level == 0 && spec.has_curvature;
+  const bool constant_fits = visitVoxelType(spec.voxel_type, [&](auto tag) {
+    using T = typename decltype(tag)::Type;
+    return record.constant >= static_cast<float>(std::numeric_limits<T>::lowest()) &&
+           record.constant <= static_cast<float>(std::numeric_limits<T>::max());
+  });
+  return constant_fits &&
+         isPossible(record.samples, count(layout.brickSampleBox(level, brick).count) * voxel) &&
+         isPossible(record.ranges, count(layout.brickTiles(level, brick)) * 2 * voxel) &&
+         isPossible(record.curvature, has_curvature ? count(layout.brickNodes(brick)) * 3 : 0);
+}
+
 // True where the parts of the entry lie behind `begin`, one after the other with zeros between, and
 // are undamaged.
 bool isUndamaged(int fd, const JournalEntry& entry, std::uint64_t begin,
                  std::vector<std::byte>& buffer) {
+  struct stat status = {};
+  if (fstat(fd, &status) != 0 || entry.end > static_cast<std::uint64_t>(status.st_size))
+    return false;
   std::uint64_t at = begin;
   for (const format::PartRecord* part :
        {&entry.record.samples, &entry.record.ranges, &entry.record.curvature}) {
@@ -94,13 +134,29 @@ bool isUndamaged(int fd, const JournalEntry& entry, std::uint64_t begin,
   return at == entry.end;
 }
 
+// The path again, unless somebody else's file has the name of the temporary: an unfinished pyramid
+// begins with zeros, and for a moment at the end with its header.
+const std::string& refuseForeignTemporary(const std::string& path) {
+  std::error_code ignored;
+  if (!std::filesystem::is_regular_file(path + ".partial", ignored)) return path;
+  std::ifstream file(path + ".partial", std::ios::binary);
+  char begin[sizeof format::kMagic] = {};
+  if (file.read(begin, sizeof begin) && std::memcmp(begin, format::kMagic, sizeof begin) != 0 &&
+      std::any_of(std::begin(begin), std::end(begin), [](char c) { return c != 0; }))
+    throw Error("'" + path +
+                ".partial' exists and is not an unfinished pyramid; move it away, or "
+                "choose another output with -o");
+  return path;
+}
+
 }  // namespace
 
 PyramidWriter::PyramidWriter(const std::string& path, const PyramidSpec& spec,
                              const std::string& identity, bool resume, const CancelFlag* cancel)
     : spec_(spec),
       layout_(spec.layout()),
-      file_(path, resume ? AtomicFile::Leftover::kKeep : AtomicFile::Leftover::kEmpty),
+      file_(refuseForeignTemporary(path),
+            resume ? AtomicFile::Leftover::kKeep : AtomicFile::Leftover::kEmpty),
       level_table_(levelTable(layout_)) {
   const format::LevelRecord& last = level_table_.back();
   brick_table_.resize(last.first_brick + last.bricks[0] * last.bricks[1] * last.bricks[2]);
@@ -125,8 +181,7 @@ PyramidWriter::PyramidWriter(const std::string& path, const PyramidSpec& spec,
 
 PyramidWriter::~PyramidWriter() {
   if (!journal_ || keeps_) return;
-  journal_.reset();
-  unlink(journalPath(file_).c_str());
+  journal_->remove();
 }
 
 void PyramidWriter::keepForResume() {
@@ -146,7 +201,16 @@ std::vector<JournalEntry> PyramidWriter::takeOver(const std::string& identity,
   if (entries.size() > brick_table_.size()) entries.clear();
   std::vector<std::byte> buffer;
   std::size_t good = 0;
+  int level = 0;
   for (; good < entries.size(); ++good) {
+    while (level + 1 < layout_.lattice().levels() &&
+           good >= level_table_[static_cast<std::size_t>(level) + 1].first_brick)
+      ++level;
+    const auto i =
+        static_cast<std::int64_t>(good - level_table_[static_cast<std::size_t>(level)].first_brick);
+    const Index3 bricks = layout_.bricks(level);
+    const Index3 brick(i % bricks.x, i / bricks.x % bricks.y, i / (bricks.x * bricks.y));
+    if (!isPossible(entries[good].record, spec_, layout_, level, brick)) break;
     if (cancel != nullptr && cancel->requested())
       throw Cancelled("interrupted; '" + file_.temporaryPath() + "' stays as it was");
     if (!isUndamaged(file_.fd(), entries[good], end_, buffer)) break;
@@ -267,8 +331,8 @@ std::uint64_t PyramidWriter::finish(const ValueRange& voxel_range,
   file_.cutAfterPosition();
   file_.commit();
   // Last: a kill before this line leaves a journal without a temporary, which means nothing.
+  journal_->remove();
   journal_.reset();
-  unlink(journalPath(file_).c_str());
   return end_;
 }
 

@@ -1,14 +1,13 @@
 #include "storage/write_journal.h"
 
 #include <fcntl.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <cstddef>
 #include <cstdio>
 #include <cstring>
-#include <fstream>
-#include <iterator>
 
 #include "storage/checksum.h"
 #include "storage/error.h"
@@ -38,29 +37,64 @@ std::string headerOf(const std::string& identity) {
   return text;
 }
 
+// Opened without waiting (a pipe of that name would wait for ever) and without following links.
+class RegularFile {
+ public:
+  explicit RegularFile(const std::string& path)
+      : fd_(open(path.c_str(), O_RDONLY | O_NONBLOCK | O_NOFOLLOW | O_CLOEXEC)) {
+    struct stat status = {};
+    is_regular_ = fd_ >= 0 && fstat(fd_, &status) == 0 && S_ISREG(status.st_mode);
+  }
+  ~RegularFile() {
+    if (fd_ >= 0) close(fd_);
+  }
+  RegularFile(const RegularFile&) = delete;
+  RegularFile& operator=(const RegularFile&) = delete;
+
+  bool isOpen() const { return is_regular_; }
+  // False where the file has fewer bytes, or cannot be read.
+  bool read(void* to, std::size_t bytes, std::uint64_t offset) const {
+    while (bytes > 0) {
+      const ssize_t got = pread(fd_, to, bytes, static_cast<off_t>(offset));
+      if (got < 0 && errno == EINTR) continue;
+      if (got <= 0) return false;
+      to = static_cast<char*>(to) + got;
+      offset += static_cast<std::uint64_t>(got);
+      bytes -= static_cast<std::size_t>(got);
+    }
+    return true;
+  }
+
+ private:
+  int fd_;
+  bool is_regular_ = false;
+};
+
 }  // namespace
 
 std::optional<WriteJournal::Content> WriteJournal::read(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
+  const RegularFile file(path);
   JournalHeader header;
   char magic[sizeof header.magic];
-  if (!file.read(magic, sizeof magic) || std::memcmp(magic, header.magic, sizeof magic) != 0 ||
-      !file.read(reinterpret_cast<char*>(&header.identity_bytes), sizeof header.identity_bytes) ||
+  if (!file.isOpen() || !file.read(magic, sizeof magic, 0) ||
+      std::memcmp(magic, header.magic, sizeof magic) != 0 ||
+      !file.read(&header.identity_bytes, sizeof header.identity_bytes, sizeof magic) ||
       header.identity_bytes > kMostIdentityBytes)
     return std::nullopt;
   Content content;
   content.identity.resize(header.identity_bytes);
-  std::uint64_t checksum = 0;
-  if (!file.read(content.identity.data(), static_cast<std::streamsize>(header.identity_bytes)) ||
-      !file.read(reinterpret_cast<char*>(&checksum), sizeof checksum))
+  std::uint64_t at = sizeof header, checksum = 0;
+  if (!file.read(content.identity.data(), header.identity_bytes, at) ||
+      !file.read(&checksum, sizeof checksum, at + header.identity_bytes))
     return std::nullopt;
   const std::string expected = headerOf(content.identity);
   if (std::memcmp(expected.data() + expected.size() - sizeof checksum, &checksum,
                   sizeof checksum) != 0)
     return std::nullopt;
   JournalEntry entry;
-  while (file.read(reinterpret_cast<char*>(&entry), sizeof entry) &&
-         entry.checksum == checksumOf(entry))
+  for (at = expected.size();
+       file.read(&entry, sizeof entry, at) && entry.checksum == checksumOf(entry);
+       at += sizeof entry)
     content.entries.push_back(entry);
   return content;
 }
@@ -72,14 +106,15 @@ WriteJournal::WriteJournal(const std::string& path, const std::string& identity,
   const std::string fresh = path + ".new";
   fd_ = open(fresh.c_str(), O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOFOLLOW, 0666);
   if (fd_ < 0)
-    throw Error("cannot write '" + fresh + "': " + std::strerror(errno) +
-                "; choose a folder that you may write to with -o");
+    throw ResumableError("cannot write '" + fresh + "': " + std::strerror(errno) +
+                         "; choose a folder that you may write to with -o");
   try {
     const std::string header = headerOf(identity);
     writeAll(header.data(), header.size());
     writeAll(entries.data(), entries.size() * sizeof(JournalEntry));
     if (std::rename(fresh.c_str(), path.c_str()) != 0)
-      throw Error("cannot write '" + path + "': " + std::strerror(errno) + "; check the folder");
+      throw ResumableError("cannot write '" + path + "': " + std::strerror(errno) +
+                           "; check the folder");
   } catch (...) {
     unlink(fresh.c_str());
     close(fd_);
@@ -100,6 +135,13 @@ void WriteJournal::add(const format::BrickRecord& record, std::uint64_t end) {
 void WriteJournal::flush() {
   writeAll(pending_.data(), pending_.size() * sizeof(JournalEntry));
   pending_.clear();
+}
+
+void WriteJournal::remove() noexcept {
+  struct stat named = {}, opened = {};
+  if (stat(path_.c_str(), &named) == 0 && fstat(fd_, &opened) == 0 &&
+      named.st_dev == opened.st_dev && named.st_ino == opened.st_ino)
+    unlink(path_.c_str());
 }
 
 void WriteJournal::writeAll(const void* data, std::size_t bytes) {

@@ -41,6 +41,9 @@ class WriteJournal {
   // written, so that no entry speaks of bytes that are not there.
   void add(const format::BrickRecord& record, std::uint64_t end);
   void flush();
+  // Removes the file, unless its name has come to mean another one: that of the next writer, who
+  // may begin as soon as the finished file has its name.
+  void remove() noexcept;
 
  private:
   void writeAll(const void* data, std::size_t bytes);

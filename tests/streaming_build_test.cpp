@@ -1,5 +1,6 @@
 // The build in bounded memory: the same bytes however it is cut up, interrupted and continued.
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 #include <tbb/global_control.h>
 #include <tbb/task_arena.h>
 
@@ -296,7 +297,7 @@ TEST_F(ResumeDamaged, FlippedCutAndTornFilesStillGiveTheSameBytes) {
     std::string partial = partial_, journal = journal_;
     switch (round % 5) {
       case 0:  // a page of the temporary never reached the disk
-        partial[randomBelow(random, partial.size())] ^= 0x40;
+        partial[8 + randomBelow(random, partial.size() - 8)] ^= 0x40;
         break;
       case 1:
         partial.resize(randomBelow(random, partial.size()));
@@ -363,6 +364,92 @@ TEST_F(ResumeDamaged, ABuildWithoutResumeBeginsAnew) {
   EXPECT_TRUE(bytesOf(path_) == reference_);
   EXPECT_FALSE(fs::exists(path_ + ".partial"));
   EXPECT_FALSE(fs::exists(path_ + ".partial.journal"));
+}
+
+// Entries whose checksums are right and whose content is impossible end what is taken over.
+TEST_F(ResumeDamaged, ImpossibleEntriesAreNotBelieved) {
+  const auto journal = WriteJournal::read(path_ + ".partial.journal");
+  const auto forge = [&](auto&& change) {
+    std::vector<JournalEntry> entries(journal->entries.begin(), journal->entries.begin() + 10);
+    std::size_t i = 0;
+    while (entries[i].record.samples.stored_bytes == 0) ++i;
+    change(entries[i]);
+    writeBytes(path_ + ".partial", partial_);
+    fs::remove(path_ + ".partial.journal");
+    WriteJournal forged(path_ + ".partial.journal", journal->identity, {});
+    for (const JournalEntry& entry : entries) forged.add(entry.record, entry.end);
+    forged.flush();
+    std::uint64_t resumed = 0;
+    EXPECT_TRUE(resumes(&resumed));
+    EXPECT_EQ(resumed, i);
+  };
+  forge([](JournalEntry& e) { e.record.samples.stored_bytes = 0xFFFFFFFF; });
+  forge([](JournalEntry& e) { e.record.samples.codec = 77; });
+  forge([](JournalEntry& e) { e.record.samples.codec = 1; });
+  forge([](JournalEntry& e) { e.record.constant = 1e9f; });
+  forge([](JournalEntry& e) { e.record.constant = std::numeric_limits<float>::quiet_NaN(); });
+  forge([](JournalEntry& e) { e.end = ~std::uint64_t{0}; });
+  forge([](JournalEntry& e) { e.record.ranges.offset = e.record.samples.offset; });
+}
+
+TEST_F(ResumeDamaged, APipeInPlaceOfTheJournalDoesNotHang) {
+  fs::remove(path_ + ".partial.journal");
+  ASSERT_EQ(mkfifo((path_ + ".partial.journal").c_str(), 0600), 0);
+  EXPECT_TRUE(resumes());
+}
+
+// A build removes its own journal, not that of whoever took the name in between.
+TEST(Resume, OnlyTheOwnJournalIsRemoved) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("a.journal");
+  WriteJournal first(path, "one", {});
+  WriteJournal second(path, "two", {});
+  first.remove();
+  EXPECT_EQ(WriteJournal::read(path)->identity, "two");
+  second.remove();
+  EXPECT_FALSE(fs::exists(path));
+}
+
+TEST(StreamingBuild, TheIdentityKnowsHowRawVoxelsAreRead) {
+  const TemporaryFolder folder;
+  writeBytes(folder.file("a.raw"), std::string(1000 * 4 + 8, 'a'));
+  const auto identity = [&](const std::string& type, bool big_endian, std::uint64_t offset) {
+    RawLayout layout;
+    layout.voxels = {10, 10, 10};
+    layout.type = type;
+    layout.big_endian = big_endian;
+    layout.offset_bytes = offset;
+    writeBytes(folder.file("a.raw"), std::string(1000 * 4 + offset, 'a'));
+    fs::last_write_time(folder.file("a.raw"), fs::file_time_type{});
+    return buildIdentity(*openRawSource(folder.file("a.raw"), layout), {});
+  };
+  EXPECT_EQ(identity("u32", false, 0), identity("u32", false, 0));
+  EXPECT_NE(identity("u32", false, 0), identity("i32", false, 0));
+  EXPECT_NE(identity("u32", false, 0), identity("f32", false, 0));
+  EXPECT_NE(identity("u32", false, 0), identity("u32", true, 0));
+}
+
+// The temporary is emptied and removed: it must be nobody else's file.
+TEST(StreamingBuild, NobodysFileIsTakenForTheTemporary) {
+  const TemporaryFolder folder;
+  RawLayout layout;
+  layout.voxels = {10, 10, 10};
+  layout.type = "u8";
+  const std::string voxels(1000, 'v');
+  for (const char* ending : {".partial", ".partial.journal", ".partial.journal.new"}) {
+    const std::string input = folder.file("a.isb") + ending;
+    writeBytes(input, voxels);
+    const auto source = openRawSource(input, layout);
+    const std::string message = messageOfBuild(*source, folder.file("a.isb"), smallBricks());
+    EXPECT_NE(message.find("is an input"), std::string::npos) << message;
+    EXPECT_EQ(bytesOf(input), voxels);
+    fs::remove(input);
+  }
+  writeBytes(folder.file("a.isb.partial"), voxels);
+  ArraySource<std::uint8_t> source({10, 10, 10}, std::vector<std::uint8_t>(1000));
+  const std::string message = messageOfBuild(source, folder.file("a.isb"), smallBricks());
+  EXPECT_NE(message.find("not an unfinished pyramid"), std::string::npos) << message;
+  EXPECT_EQ(bytesOf(folder.file("a.isb.partial")), voxels);
 }
 
 TEST(Resume, WithNothingLeftBehindBeginsAtTheBeginning) {
