@@ -392,9 +392,9 @@ TEST_F(BuildCommandTest, TheProgressBarOfAList) {
 
 TEST_F(BuildCommandTest, WhatThePlaceOfTheInputSaysBeforeItIsOpenedFailsAlone) {
   makeVolume("a.nrrd");
-  writeBytes(path("b.vdb"), "");
+  writeBytes(path("b.isb"), "");
   ASSERT_EQ(mkfifo(path("pipe.nrrd").c_str(), 0600), 0);
-  const auto [json, outcome] = runListForJson({"build", "b.vdb", "pipe.nrrd", "a.nrrd"}, 1);
+  const auto [json, outcome] = runListForJson({"build", "b.isb", "pipe.nrrd", "a.nrrd"}, 1);
   EXPECT_EQ(json["failed"], 2);
   EXPECT_EQ(json["built"], 1);
 }

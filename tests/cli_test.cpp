@@ -298,7 +298,7 @@ TEST_F(CliTest, InputThatCannotBeRead) {
   expectFailure(1, {"build", "zeros.nrrd"}, "zeros.nrrd");
   expectFailure(1, {"build", "empty.mhd"}, "empty.mhd");
   expectFailure(1, {"build", "scan.vti"}, ".nrrd");
-  expectFailure(1, {"build", "scan.vdb"}, ".nrrd");
+  expectFailure(1, {"build", "scan.vdb"}, "scan.vdb");
   expectFailure(1, {"build", "folder"}, "folder");
   expectFailure(1, {"build", "cut.nrrd"}, "cut.nrrd");
   expectFailure(1, {"build", "cut_header.nrrd"}, "cut_header.nrrd");

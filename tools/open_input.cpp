@@ -33,8 +33,8 @@ bool isOneOf(std::string_view extension, std::initializer_list<std::string_view>
 
 void addInputOptions(CLI::App& app, std::vector<std::string>& paths, InputOptions& options) {
   app.add_option("INPUT", paths,
-                 "Volumes: NRRD, MetaImage, NIfTI, VTI, TIFF, ... files, folders of a DICOM series "
-                 "or of TIFF slices, or raw files; quoted patterns ('scans/*.nrrd') too")
+                 "Volumes: NRRD, MetaImage, NIfTI, VTI, VDB, TIFF, ... files, folders of a DICOM "
+                 "series or of TIFF slices, or raw files; quoted patterns ('scans/*.nrrd') too")
       ->type_name("PATH")
       ->required();
   CLI::Option* const dims =
@@ -73,11 +73,6 @@ void refuseKnownMisfits(const InputOptions& options) {
         "cannot read '{}': it is neither a file nor a folder; copy it to a file", path));
   if (options.raw_dims || !fs::is_regular_file(status)) return;
   const std::string extension = lowerExtension(path);
-  if (extension == ".vdb")
-    throw Error(
-        fmt::format("cannot read '{}': {} files are not supported yet; convert it to .nrrd "
-                    "or .mhd first",
-                    path, extension));
   if (extension == ".isb")
     throw Error(
         fmt::format("'{}' is a pyramid already; give the volume that it was made of", path));
@@ -98,8 +93,11 @@ std::unique_ptr<VolumeSource> openInput(const InputOptions& options) {
     return openRawSource(options.path, layout);
   }
   std::error_code ignored;
-  if (lowerExtension(options.path) == ".vti" && !fs::is_directory(options.path, ignored))
-    return openVtiSource(options.path);
+  if (!fs::is_directory(options.path, ignored)) {
+    const std::string extension = lowerExtension(options.path);
+    if (extension == ".vti") return openVtiSource(options.path);
+    if (extension == ".vdb") return openVdbSource(options.path);
+  }
   return openItkSource(options.path);
 }
 
