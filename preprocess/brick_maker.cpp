@@ -134,13 +134,13 @@ ValueRange BrickMaker<T>::remake(int level, const Index3& brick, const PyramidWr
   const IndexBox box = layout.brickSampleBox(level, brick);
   s.samples.resize(static_cast<std::size_t>(box.size()));
   s.pairs.resize(static_cast<std::size_t>(2 * elementCount(layout.brickTiles(level, brick))));
-  const auto read = [&](PyramidWriter::Part part, std::vector<T>& elements) {
+  const auto read = [&](PartKind part, std::vector<T>& elements) {
     const PhaseTimes::Timer timer(times_, BuildStep::kRead);
     writer.readPart(row, part, elements.size() * sizeof(T),
                     reinterpret_cast<std::byte*>(elements.data()));
   };
-  read(PyramidWriter::Part::kSamples, s.samples);
-  read(PyramidWriter::Part::kRanges, s.pairs);
+  read(PartKind::kSamples, s.samples);
+  read(PartKind::kRanges, s.pairs);
 
   const auto samples = SampleBlock<T>::dense(s.samples.data(), box);
   if (handed_on.samples != nullptr) {

@@ -155,49 +155,16 @@ void Pyramid::checkBrick(int level, const Index3& brick) const {
          "; build it again");
   };
   for (const PartKind kind : {kSamples, kRanges, kCurvature})
-    if (!isPartSane(kind, level, brick)) refuse("entry");
+    if (!isPossiblePart(row, spec_, layout_, kind, level, brick) ||
+        !liesWithin(partOf(row, kind).offset, partOf(row, kind).stored_bytes, file_.size()))
+      refuse("entry");
   if (!(row.range_min <= row.range_max) || !std::isfinite(row.range_min) ||
       !std::isfinite(row.range_max))
     refuse("range");
-  if (!isConstantSane(row)) refuse("constant");
-}
-
-bool Pyramid::isPartSane(PartKind kind, int level, const Index3& brick) const {
-  const std::size_t row = brickRow(level, brick);
-  const format::PartRecord& part = record(kind, row);
-  const bool is_absent = kind == kCurvature && (level > 0 || !spec_.has_curvature);
-  const auto codec = static_cast<format::Codec>(part.codec);
-  switch (codec) {
-    case format::Codec::kConstant:
-    case format::Codec::kAbsent:
-      // Constant ranges are those of constant samples.
-      return (codec == format::Codec::kAbsent) == is_absent && part.stored_bytes == 0 &&
-             part.offset == 0 && (kind != kRanges || bricks_[row].samples.codec == part.codec);
-    case format::Codec::kStored:
-    case format::Codec::kLz4:
-    case format::Codec::kZstd: {
-      const std::uint64_t elements = expectedBytes(kind, level, brick);
-      const bool is_size_right = codec == format::Codec::kStored
-                                     ? part.stored_bytes == elements
-                                     : part.stored_bytes > 0 && part.stored_bytes < elements &&
-                                           elements <= kMostPackedBytes;
-      return !is_absent && is_size_right &&
-             liesWithin(part.offset, part.stored_bytes, file_.size()) &&
-             part.offset % format::kPartAlignment == 0;
-    }
-  }
-  return false;
-}
-
-bool Pyramid::isConstantSane(const format::BrickRecord& row) const {
-  const bool fits_type = visitVoxelType(spec_.voxel_type, [&](auto tag) {
-    using T = typename decltype(tag)::Type;
-    return row.constant >= static_cast<float>(std::numeric_limits<T>::lowest()) &&
-           row.constant <= static_cast<float>(std::numeric_limits<T>::max());
-  });
   const bool is_used = row.samples.codec == static_cast<std::uint32_t>(format::Codec::kConstant);
-  return fits_type &&
-         (!is_used || (row.constant >= row.range_min && row.constant <= row.range_max));
+  if (!isPossibleConstant(row.constant, spec_.voxel_type) ||
+      (is_used && !(row.constant >= row.range_min && row.constant <= row.range_max)))
+    refuse("constant");
 }
 
 BrickPager::Piece Pyramid::pieceOf(PartKind kind, int level, const Index3& brick) const {
@@ -211,22 +178,11 @@ BrickPager::Piece Pyramid::pieceOf(PartKind kind, int level, const Index3& brick
 }
 
 std::uint64_t Pyramid::expectedBytes(PartKind kind, int level, const Index3& brick) const {
-  switch (kind) {
-    case kSamples:
-      return static_cast<std::uint64_t>(layout_.brickSampleBox(level, brick).size()) *
-             voxelBytes(spec_.voxel_type);
-    case kRanges:
-      return static_cast<std::uint64_t>(elementCount(layout_.brickTiles(level, brick))) * 2 *
-             voxelBytes(spec_.voxel_type);
-    case kCurvature:
-      return static_cast<std::uint64_t>(elementCount(layout_.brickNodes(brick))) * 3;
-  }
-  return 0;
+  return partBytes(spec_, layout_, kind, level, brick);
 }
 
 const format::PartRecord& Pyramid::record(PartKind kind, std::size_t row) const {
-  const format::BrickRecord& brick = bricks_[row];
-  return kind == kSamples ? brick.samples : kind == kRanges ? brick.ranges : brick.curvature;
+  return partOf(bricks_[row], kind);
 }
 
 std::size_t Pyramid::brickRow(int level, const Index3& brick) const {
@@ -242,7 +198,7 @@ BrickPart Pyramid::acquire(PartKind kind, int level, const Index3& brick) const 
   const char* why = "";
   part.data_ = pager_->acquire(part.piece_, &why);
   if (part.data_ == nullptr)
-    fail(brickName(level, brick) + ", " + kNames[kind] + ", " +
+    fail(brickName(level, brick) + ", " + kNames[static_cast<std::size_t>(kind)] + ", " +
          std::to_string(record(kind, row).stored_bytes) + " bytes at offset " +
          std::to_string(record(kind, row).offset) + ", " + why +
          "; build it again or restore a copy");

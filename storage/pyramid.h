@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "storage/brick_pager.h"
+#include "storage/brick_parts.h"
 #include "storage/pyramid_info.h"
 
 namespace isobrick {
@@ -121,12 +122,10 @@ class Pyramid {
   BrickPager::Counters counters() const { return pager_->counters(); }
 
  private:
-  enum PartKind { kSamples = 0, kRanges = 1, kCurvature = 2 };
+  using enum PartKind;
   void readHeader();
   void readTables(const format::Header& header);
   void checkBrick(int level, const Index3& brick) const;
-  bool isPartSane(PartKind kind, int level, const Index3& brick) const;
-  bool isConstantSane(const format::BrickRecord& row) const;
   BrickPager::Piece pieceOf(PartKind kind, int level, const Index3& brick) const;
   std::uint64_t expectedBytes(PartKind kind, int level, const Index3& brick) const;
   const format::PartRecord& record(PartKind kind, std::size_t row) const;

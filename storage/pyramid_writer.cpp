@@ -12,7 +12,6 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
-#include <limits>
 
 #include "storage/checksum.h"
 #include "storage/error.h"
@@ -73,39 +72,6 @@ bool readAll(int fd, std::byte* to, std::size_t bytes, std::uint64_t offset) {
     bytes -= static_cast<std::size_t>(got);
   }
   return true;
-}
-
-// True where a part of `elements` bytes may have this codec and size in the file.
-bool isPossible(const format::PartRecord& part, std::uint64_t elements) {
-  switch (static_cast<format::Codec>(part.codec)) {
-    case format::Codec::kStored:
-      return part.stored_bytes == elements;
-    case format::Codec::kLz4:
-    case format::Codec::kZstd:
-      return part.stored_bytes > 0 && part.stored_bytes < elements;
-    case format::Codec::kConstant:
-      return elements > 0 && part.stored_bytes == 0;
-    case format::Codec::kAbsent:
-      return elements == 0 && part.stored_bytes == 0;
-  }
-  return false;
-}
-
-// True where the record is one that the brick can have: journals are hostile like other files.
-bool isPossible(const format::BrickRecord& record, const PyramidSpec& spec,
-                const BrickLayout& layout, int level, const Index3& brick) {
-  const std::uint64_t voxel = voxelBytes(spec.voxel_type);
-  const auto count = [](const Index3& v) { return static_cast<std::uint64_t>(elementCount(v)); };
-  const bool has_curvature = level == 0 && spec.has_curvature;
-  const bool constant_fits = visitVoxelType(spec.voxel_type, [&](auto tag) {
-    using T = typename decltype(tag)::Type;
-    return record.constant >= static_cast<float>(std::numeric_limits<T>::lowest()) &&
-           record.constant <= static_cast<float>(std::numeric_limits<T>::max());
-  });
-  return constant_fits &&
-         isPossible(record.samples, count(layout.brickSampleBox(level, brick).count) * voxel) &&
-         isPossible(record.ranges, count(layout.brickTiles(level, brick)) * 2 * voxel) &&
-         isPossible(record.curvature, has_curvature ? count(layout.brickNodes(brick)) * 3 : 0);
 }
 
 // True where the parts of the entry lie behind `begin`, one after the other with zeros between, and
@@ -210,7 +176,7 @@ std::vector<JournalEntry> PyramidWriter::takeOver(const std::string& identity,
         static_cast<std::int64_t>(good - level_table_[static_cast<std::size_t>(level)].first_brick);
     const Index3 bricks = layout_.bricks(level);
     const Index3 brick(i % bricks.x, i / bricks.x % bricks.y, i / (bricks.x * bricks.y));
-    if (!isPossible(entries[good].record, spec_, layout_, level, brick)) break;
+    if (!isPossibleRecord(entries[good].record, spec_, layout_, level, brick)) break;
     if (cancel != nullptr && cancel->requested())
       throw Cancelled("interrupted; '" + file_.temporaryPath() + "' stays as it was");
     if (!isUndamaged(file_.fd(), entries[good], end_, buffer)) break;
@@ -258,10 +224,10 @@ void PyramidWriter::write(const EncodedBrick& brick) {
   }
 }
 
-void PyramidWriter::readPart(std::uint64_t row, Part part, std::size_t bytes,
+void PyramidWriter::readPart(std::uint64_t row, PartKind part, std::size_t bytes,
                              std::byte* out) const {
   const format::BrickRecord& brick = brick_table_[row];
-  const format::PartRecord& record = part == Part::kSamples ? brick.samples : brick.ranges;
+  const format::PartRecord& record = partOf(brick, part);
   const auto codec = static_cast<format::Codec>(record.codec);
   if (codec == format::Codec::kConstant) {
     visitVoxelType(spec_.voxel_type, [&](auto tag) {

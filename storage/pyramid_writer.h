@@ -9,6 +9,7 @@
 
 #include "storage/atomic_file.h"
 #include "storage/brick_encoder.h"
+#include "storage/brick_parts.h"
 #include "storage/cancel.h"
 #include "storage/pyramid_info.h"
 #include "storage/write_journal.h"
@@ -44,10 +45,9 @@ class PyramidWriter {
   void write(const EncodedBrick& brick);
   void flush() { journal_->flush(); }
 
-  // Reads the elements of one part of resumed brick `row` (< bricksResumed()). `bytes` is the size
-  // that the layout gives. Thread-safe, also while another thread writes.
-  enum class Part { kSamples, kRanges };
-  void readPart(std::uint64_t row, Part part, std::size_t bytes, std::byte* out) const;
+  // Reads the elements of the samples or ranges of resumed brick `row` (< bricksResumed()). `bytes`
+  // is the size that the layout gives. Thread-safe, also while another thread writes.
+  void readPart(std::uint64_t row, PartKind part, std::size_t bytes, std::byte* out) const;
 
   // The temporary and its journal outlive this object.
   void keepForResume();

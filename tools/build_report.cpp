@@ -26,17 +26,6 @@ Json jsonOfPhases(const BuiltVolume& built) {
   return phases;
 }
 
-Json jsonOfBytes(const PyramidBytes& bytes) {
-  return {{"total", bytes.total},
-          {"raw", bytes.raw},
-          {"samples_level0", bytes.samples_level0},
-          {"aprons_level0", bytes.aprons_level0},
-          {"samples_coarser", bytes.samples_coarser},
-          {"ranges", bytes.ranges},
-          {"curvature", bytes.curvature},
-          {"index", bytes.index}};
-}
-
 std::string dimensionsText(const VolumeInfo& volume) {
   return fmt::format("{} x {} x {} {}", volume.voxels.x, volume.voxels.y, volume.voxels.z,
                      voxelTypeName(volume.voxel_type));

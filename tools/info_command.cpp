@@ -83,14 +83,7 @@ void printInfoJson(const Pyramid& pyramid) {
                        jsonOf(spec.geometry.direction[2])};
   json["value_range"] = {pyramid.valueRange().min, pyramid.valueRange().max};
   json["levels"] = jsonOfLevels(pyramid);
-  json["bytes"] = {{"total", bytes.total},
-                   {"raw", bytes.raw},
-                   {"samples_level0", bytes.samples_level0},
-                   {"aprons_level0", bytes.aprons_level0},
-                   {"samples_coarser", bytes.samples_coarser},
-                   {"ranges", bytes.ranges},
-                   {"curvature", bytes.curvature},
-                   {"index", bytes.index}};
+  json["bytes"] = jsonOfBytes(bytes);
   // Bricks of all levels by the codec of their part, such as {"lz4": 812, "stored": 3}.
   const PyramidCodecs codecs = pyramid.codecs();
   json["codecs"] = {{"samples", jsonOfCodecs(codecs.samples)},

@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "storage/grid.h"
+#include "storage/pyramid_info.h"
 
 namespace isobrick {
 
@@ -15,6 +15,18 @@ using Json = nlohmann::ordered_json;
 
 inline Json jsonOf(const Index3& v) { return {v.x, v.y, v.z}; }
 inline Json jsonOf(const glm::dvec3& v) { return {v.x, v.y, v.z}; }
+
+// Where a pyramid's bytes are.
+inline Json jsonOfBytes(const PyramidBytes& bytes) {
+  return {{"total", bytes.total},
+          {"raw", bytes.raw},
+          {"samples_level0", bytes.samples_level0},
+          {"aprons_level0", bytes.aprons_level0},
+          {"samples_coarser", bytes.samples_coarser},
+          {"ranges", bytes.ranges},
+          {"curvature", bytes.curvature},
+          {"index", bytes.index}};
+}
 
 // Prints the object `json` on stdout, a line for every key. Paths need not be UTF-8, JSON must be.
 inline void printJson(const Json& json) {

@@ -1,0 +1,64 @@
+#include "storage/brick_parts.h"
+
+#include <limits>
+
+#include "storage/brick_encoder.h"
+
+namespace isobrick {
+
+std::uint64_t partBytes(const PyramidSpec& spec, const BrickLayout& layout, PartKind kind,
+                        int level, const Index3& brick) {
+  switch (kind) {
+    case PartKind::kSamples:
+      return static_cast<std::uint64_t>(layout.brickSampleBox(level, brick).size()) *
+             voxelBytes(spec.voxel_type);
+    case PartKind::kRanges:
+      return static_cast<std::uint64_t>(elementCount(layout.brickTiles(level, brick))) * 2 *
+             voxelBytes(spec.voxel_type);
+    case PartKind::kCurvature:
+      return static_cast<std::uint64_t>(elementCount(layout.brickNodes(brick))) * 3;
+  }
+  return 0;
+}
+
+bool isPossiblePart(const format::BrickRecord& record, const PyramidSpec& spec,
+                    const BrickLayout& layout, PartKind kind, int level, const Index3& brick) {
+  const format::PartRecord& part = partOf(record, kind);
+  const bool is_absent = kind == PartKind::kCurvature && (level > 0 || !spec.has_curvature);
+  const auto codec = static_cast<format::Codec>(part.codec);
+  switch (codec) {
+    case format::Codec::kConstant:
+    case format::Codec::kAbsent:
+      // Constant ranges are those of constant samples.
+      return (codec == format::Codec::kAbsent) == is_absent && part.stored_bytes == 0 &&
+             part.offset == 0 && (kind != PartKind::kRanges || record.samples.codec == part.codec);
+    case format::Codec::kStored:
+    case format::Codec::kLz4:
+    case format::Codec::kZstd: {
+      const std::uint64_t elements = partBytes(spec, layout, kind, level, brick);
+      const bool is_size_right = codec == format::Codec::kStored
+                                     ? part.stored_bytes == elements
+                                     : part.stored_bytes > 0 && part.stored_bytes < elements &&
+                                           elements <= kMostPackedBytes;
+      return !is_absent && is_size_right && part.offset % format::kPartAlignment == 0;
+    }
+  }
+  return false;
+}
+
+bool isPossibleConstant(float constant, VoxelType type) {
+  return visitVoxelType(type, [&](auto tag) {
+    using T = typename decltype(tag)::Type;
+    return constant >= static_cast<float>(std::numeric_limits<T>::lowest()) &&
+           constant <= static_cast<float>(std::numeric_limits<T>::max());
+  });
+}
+
+bool isPossibleRecord(const format::BrickRecord& record, const PyramidSpec& spec,
+                      const BrickLayout& layout, int level, const Index3& brick) {
+  for (const PartKind kind : {PartKind::kSamples, PartKind::kRanges, PartKind::kCurvature})
+    if (!isPossiblePart(record, spec, layout, kind, level, brick)) return false;
+  return isPossibleConstant(record.constant, spec.voxel_type);
+}
+
+}  // namespace isobrick
