@@ -2,16 +2,15 @@
 # preprocess, extract) with its headers.
 include(CMakePackageConfigHelpers)
 
-install(TARGETS isobrick_storage isobrick_preprocess isobrick_extract EXPORT isobrick_targets
+install(TARGETS isobrick_storage isobrick_preprocess isobrick_sources isobrick_extract EXPORT isobrick_targets
         ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
 if(TARGET isobrick)
 install(TARGETS isobrick RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
 endif()
 foreach(folder storage preprocess extract)
-  file(GLOB headers CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/${folder}/*.h)
   # itk_common.h is private to the ITK sources; its users would need ITK.
-  list(FILTER headers EXCLUDE REGEX "itk_common\\.h$")
-  install(FILES ${headers} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/isobrick/${folder})
+  install(DIRECTORY ${PROJECT_SOURCE_DIR}/${folder} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/isobrick
+          FILES_MATCHING PATTERN "*.h" PATTERN "itk_common.h" EXCLUDE)
 endforeach()
 
 set(config_folder ${CMAKE_INSTALL_LIBDIR}/cmake/isobrick)

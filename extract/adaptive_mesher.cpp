@@ -4,8 +4,8 @@
 #include <array>
 #include <bit>
 
-#include "extract/leaf_classifier.h"
-#include "extract/marching_cubes_table.h"
+#include "extract/kernels/marching_cubes_table.h"
+#include "extract/oracles/leaf_classifier.h"
 #include "extract/sample_view.h"
 
 namespace isobrick {

@@ -1,6 +1,6 @@
 #include "extract/brick_traversal.h"
 
-#include "extract/leaf_classifier.h"
+#include "extract/oracles/leaf_classifier.h"
 
 namespace isobrick {
 namespace {

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "extract/query.h"
-#include "extract/triangle_sink.h"
+#include "extract/sinks/triangle_sink.h"
 #include "storage/pyramid.h"
 
 namespace isobrick {

@@ -1,10 +1,10 @@
 // What every worker of one extraction reads.
 #pragma once
 
-#include "extract/crossing.h"
+#include "extract/kernels/crossing.h"
+#include "extract/oracles/refinement_oracle.h"
 #include "extract/query.h"
 #include "extract/read_log.h"
-#include "extract/refinement_oracle.h"
 #include "storage/pyramid.h"
 
 namespace isobrick {

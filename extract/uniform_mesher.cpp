@@ -3,7 +3,7 @@
 #include <bit>
 #include <cstring>
 
-#include "extract/marching_cubes_table.h"
+#include "extract/kernels/marching_cubes_table.h"
 #include "extract/sample_view.h"
 
 namespace isobrick {

@@ -6,7 +6,7 @@
 
 #include "extract/active_tiles.h"
 #include "extract/brick_traversal.h"
-#include "extract/triangle_sink.h"
+#include "extract/sinks/triangle_sink.h"
 
 namespace isobrick {
 

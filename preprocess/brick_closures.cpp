@@ -2,7 +2,7 @@
 
 #include <bit>
 
-#include "preprocess/tile_ranges.h"
+#include "preprocess/kernels/tile_ranges.h"
 #include "storage/voxel_type.h"
 
 namespace isobrick {

@@ -4,7 +4,7 @@
 #include <span>
 #include <vector>
 
-#include "preprocess/sample_block.h"
+#include "preprocess/kernels/sample_block.h"
 #include "storage/value_range.h"
 
 namespace isobrick {

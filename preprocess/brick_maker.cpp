@@ -4,7 +4,7 @@
 #include <cstring>
 
 #include "preprocess/curvature_bricks.h"
-#include "preprocess/low_pass.h"
+#include "preprocess/kernels/low_pass.h"
 #include "storage/voxel_type.h"
 
 namespace isobrick {

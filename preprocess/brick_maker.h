@@ -3,10 +3,10 @@
 
 #include "preprocess/brick_closures.h"
 #include "preprocess/brick_window.h"
+#include "preprocess/kernels/sample_block.h"
+#include "preprocess/kernels/tile_ranges.h"
 #include "preprocess/phase_times.h"
-#include "preprocess/sample_block.h"
 #include "preprocess/scratch_volume.h"
-#include "preprocess/tile_ranges.h"
 #include "storage/brick_encoder.h"
 #include "storage/pyramid_writer.h"
 

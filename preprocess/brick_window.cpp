@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <bit>
 
-#include "preprocess/low_pass.h"
+#include "preprocess/kernels/low_pass.h"
 
 namespace isobrick {
 namespace {

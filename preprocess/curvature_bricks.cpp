@@ -4,7 +4,7 @@
 #include <cassert>
 #include <type_traits>
 
-#include "preprocess/curvature_fit.h"
+#include "preprocess/kernels/curvature_fit.h"
 #include "storage/voxel_type.h"
 
 namespace isobrick {

@@ -12,8 +12,8 @@
 
 #include "preprocess/brick_maker.h"
 #include "preprocess/brick_pipeline.h"
-#include "preprocess/curvature_fit.h"
 #include "preprocess/input_identity.h"
+#include "preprocess/kernels/curvature_fit.h"
 #include "preprocess/slice_spool.h"
 #include "storage/checksum.h"
 

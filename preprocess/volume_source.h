@@ -50,40 +50,4 @@ class VolumeSource {
   virtual std::uint64_t bufferBytes() const { return 0; }
 };
 
-// How to read a file that has no header.
-struct RawLayout {
-  Index3 voxels{0};
-  // "u8", "i8", "u16", "i16", "f32"; also "u32", "i32" and "f64", which become float32 with a note.
-  std::string type;
-  bool big_endian = false;
-  glm::dvec3 spacing{1.0};
-  std::uint64_t offset_bytes = 0;
-};
-
-// Opens a raw file. Throws Error where the file is shorter than offset + voxels, where it is longer
-// (wrong dimensions are the usual reason; the message names both sizes), or where an axis has
-// fewer than 2 voxels.
-std::unique_ptr<VolumeSource> openRawSource(const std::string& path, const RawLayout& layout);
-
-// Opens anything that ITK reads: NRRD, MetaImage, NIfTI, TIFF, ...; a folder is a DICOM series (it
-// must hold exactly one) or a stack of TIFF slices. Slope and intercept, spacing, origin and
-// direction are applied.
-std::unique_ptr<VolumeSource> openItkSource(const std::string& path);
-
-// Opens VTK XML ImageData (.vti): one piece; of its point data the array that is marked as scalars,
-// or the first with one value per voxel; appended (raw or base64) or inline binary, plain or
-// compressed by zlib. Direction, and extents that do not begin at 0, are applied. 32- and 64-bit
-// integers and doubles become float32 with a note. Throws Error for everything else, and where the
-// sizes in the file contradict each other.
-std::unique_ptr<VolumeSource> openVtiSource(const std::string& path);
-
-// Opens an OpenVDB file (.vdb): its first float grid, or else its first grid of doubles, int32 or
-// int64, which become float32; a note names it where there are several. The volume is the box
-// around the active voxels and one voxel more on each side, so that surfaces close; what is not
-// active has the value of the tree there (the background, or the inside of a level set). Values are
-// as stored: distances of level sets are negative inside. The whole grid is held in memory, sparse
-// as it is: bufferBytes(). Throws Error where there is no such grid, where it has no active voxels
-// or a transform that is not linear, and for files that are damaged or cut short.
-std::unique_ptr<VolumeSource> openVdbSource(const std::string& path);
-
 }  // namespace isobrick

@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "extract/counting_sink.h"
 #include "extract/extractor.h"
-#include "extract/mesh_file_sink.h"
+#include "extract/sinks/counting_sink.h"
+#include "extract/sinks/mesh_file_sink.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/json_output.h"

@@ -8,6 +8,10 @@
 #include <limits>
 #include <string_view>
 
+#include "preprocess/sources/itk_source.h"
+#include "preprocess/sources/raw_source.h"
+#include "preprocess/sources/vdb_source.h"
+#include "preprocess/sources/vti_source.h"
 #include "storage/error.h"
 #include "tools/command.h"
 #include "tools/parse_text.h"

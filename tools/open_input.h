@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "preprocess/sources/raw_source.h"
 #include "preprocess/volume_source.h"
 
 namespace isobrick {

@@ -4,8 +4,8 @@
 #include <memory>
 #include <string>
 
-#include "preprocess/phantom.h"
-#include "preprocess/volume_writer.h"
+#include "preprocess/export/volume_writer.h"
+#include "preprocess/phantoms/phantom.h"
 #include "storage/grid.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"

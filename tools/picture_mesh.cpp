@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "extract/extractor.h"
-#include "extract/indexed_mesh.h"
+#include "extract/sinks/indexed_mesh.h"
 #include "tools/measured_sink.h"
 #include "tools/progress_bar.h"
 

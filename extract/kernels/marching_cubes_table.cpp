@@ -1,0 +1,104 @@
+#include "extract/kernels/marching_cubes_table.h"
+
+#include <stdexcept>
+#include <vector>
+
+namespace isobrick {
+namespace {
+
+using Loop = std::vector<int>;  // edges of the cell, in the direction of the contour
+
+bool liesOnFace(int edge, int face) {
+  const CellEdge& e = kCellEdgeTable[static_cast<std::size_t>(edge)];
+  const int axis = face / 2, side = face % 2;
+  const int offset = axis == 0 ? e.x : axis == 1 ? e.y : e.z;
+  return e.axis != axis && offset == side;
+}
+
+bool shareFace(int a, int b) {
+  for (int face = 0; face < 6; ++face)
+    if (liesOnFace(a, face) && liesOnFace(b, face)) return true;
+  return false;
+}
+
+// The closed contours of a pattern.
+std::vector<Loop> traceLoops(int pattern) {
+  std::array<int, kCellEdges> next;
+  next.fill(-1);
+  for (int axis = 0; axis < 3; ++axis)
+    for (int side = 0; side < 2; ++side) {
+      int corners[4];
+      bool inside[4];
+      for (int i = 0; i < 4; ++i) {
+        const FaceCorner at = kFaceLoop[side][i];
+        corners[i] = side << axis | at.b << (axis + 1) % 3 | at.c << (axis + 2) % 3;
+        inside[i] = (pattern >> corners[i] & 1) != 0;
+      }
+      const auto edgeBetween = [&](int i, int j) {
+        const int low = corners[i] & corners[j], along = corners[i] ^ corners[j];
+        return edgeNumber(along >> 1, low & 1, low >> 1 & 1, low >> 2);
+      };
+      forEachFaceSegment(inside, [&](int i, int j) {
+        next[static_cast<std::size_t>(edgeBetween((i + 3) % 4, i))] = edgeBetween(j, (j + 1) % 4);
+      });
+    }
+  std::vector<Loop> loops;
+  for (int start = 0; start < kCellEdges; ++start) {
+    Loop loop;
+    for (int e = start; next[static_cast<std::size_t>(e)] >= 0;) {
+      loop.push_back(e);
+      const int after = next[static_cast<std::size_t>(e)];
+      next[static_cast<std::size_t>(e)] = -1;
+      e = after;
+    }
+    if (!loop.empty()) loops.push_back(loop);
+  }
+  return loops;
+}
+
+// Triangulates loop[first .. last] against the side (first, last): the first choice of a tip, in
+// order, that leaves no side inside a cell face.
+bool triangulate(const Loop& loop, std::size_t first, std::size_t last, std::vector<int>& out) {
+  if (last - first < 2) return true;
+  const auto sideIsAllowed = [&](std::size_t a, std::size_t b) {
+    return b - a == 1 || !shareFace(loop[a], loop[b]);
+  };
+  for (std::size_t tip = first + 1; tip < last; ++tip) {
+    if (!sideIsAllowed(first, tip) || !sideIsAllowed(tip, last)) continue;
+    const std::size_t mark = out.size();
+    out.insert(out.end(), {loop[first], loop[tip], loop[last]});
+    if (triangulate(loop, first, tip, out) && triangulate(loop, tip, last, out)) return true;
+    out.resize(mark);
+  }
+  return false;
+}
+
+MarchingCubesCase makeCase(int pattern) {
+  MarchingCubesCase result;
+  std::vector<int> edges;
+  for (const Loop& loop : traceLoops(pattern)) {
+    for (const int e : loop)
+      result.crossed_edges = static_cast<std::uint16_t>(result.crossed_edges | 1 << e);
+    // The closing side of the loop is part of the contour, so it needs no check.
+    if (!triangulate(loop, 0, loop.size() - 1, edges))
+      throw std::logic_error("marching cubes: a loop has no triangulation off the cell's faces");
+  }
+  result.triangle_count = static_cast<std::uint8_t>(edges.size() / 3);
+  for (std::size_t i = 0; i < edges.size(); ++i)
+    result.edges.at(i) = static_cast<std::uint8_t>(edges[i]);
+  return result;
+}
+
+}  // namespace
+
+const std::array<MarchingCubesCase, 256>& marchingCubesTable() {
+  static const std::array<MarchingCubesCase, 256> table = [] {
+    std::array<MarchingCubesCase, 256> cases;
+    for (int pattern = 0; pattern < 256; ++pattern)
+      cases[static_cast<std::size_t>(pattern)] = makeCase(pattern);
+    return cases;
+  }();
+  return table;
+}
+
+}  // namespace isobrick

@@ -1,0 +1,31 @@
+// A mesh in memory.
+#pragma once
+
+#include "extract/sinks/vertex_numbering.h"
+
+namespace isobrick {
+
+// Vertices are numbered in the order of first use; every vertex is stored once.
+struct IndexedMesh {
+  std::vector<glm::dvec3> positions;          // world units
+  std::vector<glm::vec3> normals;             // unit, towards lower values
+  std::vector<std::uint32_t> triangles;       // three indices each
+  std::vector<std::uint8_t> triangle_levels;  // pyramid level of each triangle
+};
+
+// Collects a mesh. Throws Error beyond 2^32 - 1 vertices.
+class IndexedMeshSink : public TriangleSink {
+ public:
+  void accept(const MeshBatch& batch) override;
+  const IndexedMesh& mesh() const { return mesh_; }
+  // Moves the mesh out; the sink is empty of it afterwards.
+  IndexedMesh takeMesh() { return std::move(mesh_); }
+
+ private:
+  IndexedMesh mesh_;
+  VertexNumbering numbering_;
+  std::vector<std::uint64_t> numbers_;
+  std::vector<bool> is_new_;
+};
+
+}  // namespace isobrick

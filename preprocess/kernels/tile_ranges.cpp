@@ -1,0 +1,137 @@
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "preprocess/kernels/tile_ranges.cpp"
+#include "preprocess/kernels/tile_ranges.h"
+
+#include <hwy/foreach_target.h>  // must come before highway.h
+#include <hwy/highway.h>
+
+#include <algorithm>
+#include <limits>
+#include <vector>
+
+#include "storage/voxel_type.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace isobrick {
+namespace HWY_NAMESPACE {
+namespace hn = hwy::HWY_NAMESPACE;
+
+// min[x] and max[x] of `rows` rows, element by element; a row of `low` and one of `high` each.
+template <typename T>
+void minMaxOfRows(const T* low, const T* high, std::int64_t rows, std::int64_t stride,
+                  std::int64_t count, T* min, T* max) {
+  const hn::ScalableTag<T> d;
+  const auto lanes = static_cast<std::int64_t>(hn::Lanes(d));
+  const auto vectorAt = [&](std::int64_t x) {
+    auto least = hn::LoadU(d, low + x), greatest = hn::LoadU(d, high + x);
+    for (std::int64_t r = 1; r < rows; ++r) {
+      least = hn::Min(least, hn::LoadU(d, low + r * stride + x));
+      greatest = hn::Max(greatest, hn::LoadU(d, high + r * stride + x));
+    }
+    hn::StoreU(least, d, min + x);
+    hn::StoreU(greatest, d, max + x);
+  };
+  if (count >= lanes) {
+    for (std::int64_t x = 0; x + lanes < count; x += lanes) vectorAt(x);
+    vectorAt(count - lanes);  // overlaps the one before
+    return;
+  }
+  for (std::int64_t x = 0; x < count; ++x) {
+    T least = low[x], greatest = high[x];
+    for (std::int64_t r = 1; r < rows; ++r) {
+      least = std::min(least, low[r * stride + x]);
+      greatest = std::max(greatest, high[r * stride + x]);
+    }
+    min[x] = least;
+    max[x] = greatest;
+  }
+}
+
+// Axis by axis: z, then y, then x, so that a sample is looked at little more than once.
+template <typename T>
+void includeCubes(const SampleBlock<T>& samples, const IndexBox& cells, std::int64_t edge,
+                  CubeRanges<T>& ranges) {
+  const SampleBlock<T> block = samples.part({cells.first, cells.count + Index3(1)});
+  const std::int64_t width = cells.count.x + 1, height = cells.count.y + 1;
+  thread_local std::vector<T> z_min, z_max, y_min, y_max;
+  z_min.resize(static_cast<std::size_t>(width * height));
+  z_max.resize(z_min.size());
+  y_min.resize(static_cast<std::size_t>(width));
+  y_max.resize(y_min.size());
+  // Samples of the closed interval number `i` along an axis of `count` cells.
+  const auto samplesOf = [&](std::int64_t i, std::int64_t count) {
+    return std::min(edge, count - i * edge) + 1;
+  };
+  std::size_t cube = 0;
+  for (std::int64_t tz = 0; tz < ranges.dims.z; ++tz) {
+    for (std::int64_t y = 0; y < height; ++y) {
+      const T* const row = block.data + tz * edge * block.slice_stride + y * block.row_stride;
+      minMaxOfRows(row, row, samplesOf(tz, cells.count.z), block.slice_stride, width,
+                   z_min.data() + y * width, z_max.data() + y * width);
+    }
+    for (std::int64_t ty = 0; ty < ranges.dims.y; ++ty) {
+      minMaxOfRows(z_min.data() + ty * edge * width, z_max.data() + ty * edge * width,
+                   samplesOf(ty, cells.count.y), width, width, y_min.data(), y_max.data());
+      for (std::int64_t tx = 0; tx < ranges.dims.x; ++tx, ++cube) {
+        const std::int64_t first = tx * edge, end = first + samplesOf(tx, cells.count.x);
+        T least = ranges.min[cube], greatest = ranges.max[cube];
+        for (std::int64_t x = first; x < end; ++x) {
+          least = std::min(least, y_min[static_cast<std::size_t>(x)]);
+          greatest = std::max(greatest, y_max[static_cast<std::size_t>(x)]);
+        }
+        ranges.min[cube] = least;
+        ranges.max[cube] = greatest;
+      }
+    }
+  }
+}
+
+#define ISOBRICK_INCLUDE_CUBES(NAME, T)                                              \
+  void NAME(const SampleBlock<T>& samples, const IndexBox& cells, std::int64_t edge, \
+            CubeRanges<T>& ranges) {                                                 \
+    includeCubes<T>(samples, cells, edge, ranges);                                   \
+  }
+ISOBRICK_INCLUDE_CUBES(includeCubesUint8, std::uint8_t)
+ISOBRICK_INCLUDE_CUBES(includeCubesInt8, std::int8_t)
+ISOBRICK_INCLUDE_CUBES(includeCubesUint16, std::uint16_t)
+ISOBRICK_INCLUDE_CUBES(includeCubesInt16, std::int16_t)
+ISOBRICK_INCLUDE_CUBES(includeCubesFloat32, float)
+#undef ISOBRICK_INCLUDE_CUBES
+
+}  // namespace HWY_NAMESPACE
+}  // namespace isobrick
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace isobrick {
+
+template <typename T>
+void CubeRanges<T>::reset(const Index3& new_dims) {
+  dims = new_dims;
+  const auto count = static_cast<std::size_t>(elementCount(dims));
+  min.assign(count, std::numeric_limits<T>::max());
+  max.assign(count, std::numeric_limits<T>::lowest());
+}
+
+HWY_EXPORT(includeCubesUint8);
+HWY_EXPORT(includeCubesInt8);
+HWY_EXPORT(includeCubesUint16);
+HWY_EXPORT(includeCubesInt16);
+HWY_EXPORT(includeCubesFloat32);
+
+#define ISOBRICK_INCLUDE_CUBES(NAME, T)                                            \
+  template struct CubeRanges<T>;                                                   \
+  template <>                                                                      \
+  void includeClosedCubes<T>(const SampleBlock<T>& samples, const IndexBox& cells, \
+                             std::int64_t edge, CubeRanges<T>& ranges) {           \
+    HWY_DYNAMIC_DISPATCH(NAME)(samples, cells, edge, ranges);                      \
+  }
+ISOBRICK_INCLUDE_CUBES(includeCubesUint8, std::uint8_t)
+ISOBRICK_INCLUDE_CUBES(includeCubesInt8, std::int8_t)
+ISOBRICK_INCLUDE_CUBES(includeCubesUint16, std::uint16_t)
+ISOBRICK_INCLUDE_CUBES(includeCubesInt16, std::int16_t)
+ISOBRICK_INCLUDE_CUBES(includeCubesFloat32, float)
+#undef ISOBRICK_INCLUDE_CUBES
+
+}  // namespace isobrick
+#endif

@@ -1,0 +1,249 @@
+#include "preprocess/sources/dicom_header.h"
+
+#include <algorithm>
+#include <array>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <string_view>
+
+#include "storage/error.h"
+
+namespace isobrick {
+namespace {
+
+constexpr std::uint32_t kUndefinedLength = 0xffffffff;
+constexpr std::uint32_t kTransferSyntax = 0x00020010;
+constexpr std::uint32_t kPixelData = 0x7fe00010;
+constexpr std::uint32_t kItem = 0xfffee000;
+constexpr std::uint32_t kItemEnd = 0xfffee00d;
+constexpr std::uint32_t kSequenceEnd = 0xfffee0dd;
+constexpr int kMostNesting = 32;
+constexpr std::uint32_t kMostValueBytes = 1024;  // longer values are of no interest here
+
+// Types of values ("value representations") with a length of four and of two bytes.
+constexpr std::array<std::string_view, 13> kLongTypes = {"OB", "OD", "OF", "OL", "OV", "OW", "SQ",
+                                                         "SV", "UC", "UN", "UR", "UT", "UV"};
+constexpr std::array<std::string_view, 21> kShortTypes = {"AE", "AS", "AT", "CS", "DA", "DS", "DT",
+                                                          "FD", "FL", "IS", "LO", "LT", "PN", "SH",
+                                                          "SL", "SS", "ST", "TM", "UI", "UL", "US"};
+
+bool isOneOf(const auto& names, std::string_view name) {
+  return std::find(names.begin(), names.end(), name) != names.end();
+}
+
+// The file ends early, or what is read makes no sense.
+struct Damaged {};
+
+struct Encoding {
+  bool is_explicit = true;
+  bool big_endian = false;
+};
+
+struct Element {
+  std::uint32_t tag = 0;
+  std::string representation;  // "US", ...; empty in implicit encoding and for items
+  std::uint32_t length = 0;
+};
+
+class Walker {
+ public:
+  explicit Walker(const std::string& path) : in_(path, std::ios::binary) {
+    std::error_code error;
+    size_ = std::filesystem::file_size(path, error);
+    if (!in_ || error)
+      throw Error("cannot open '" + path + "'; check the path and its permissions");
+  }
+
+  DicomHeader walk() {
+    DicomHeader header;
+    constexpr std::uint64_t kPreambleBytes = 128;
+    if (size_ < kPreambleBytes + 4) return header;
+    seek(kPreambleBytes);
+    if (bytes(4) != "DICM") return header;
+    try {
+      header.state =
+          walkDataSet(header.values) ? DicomHeader::State::kImage : DicomHeader::State::kNoImage;
+    } catch (const Damaged&) {
+      header.state = DicomHeader::State::kDamaged;
+    }
+    return header;
+  }
+
+ private:
+  // True where the pixels were found, whole.
+  bool walkDataSet(std::map<std::uint32_t, std::string>& values) {
+    // Group 2 is always explicit little-endian and says how the rest is encoded.
+    Encoding encoding;
+    bool in_meta_group = true;
+    while (at_ < size_) {
+      if (in_meta_group && peekGroup() != 2) {
+        in_meta_group = false;
+        const std::string& syntax = values[kTransferSyntax];
+        // Deflated, or big-endian without types as one maker has it: GDCM may try.
+        if (syntax == "1.2.840.10008.1.2.1.99" || syntax == "1.2.840.113619.5.2") return true;
+        encoding.is_explicit = syntax != "1.2.840.10008.1.2";
+        encoding.big_endian = syntax == "1.2.840.10008.1.2.2";
+      }
+      const Element element = readElement(encoding);
+      if (element.tag == kPixelData) {
+        checkPixels(element, values);
+        return true;
+      }
+      if (element.length == kUndefinedLength) {
+        skipSequence(element.representation == "UN" ? Encoding{false, false} : encoding, 0);
+      } else if (element.length > kMostValueBytes) {
+        skip(element.length);
+      } else {
+        values[element.tag] = text(element, encoding);
+        // The retired "recognition code"; GDCM aborts on any that it does not know.
+        if (element.tag == 0x00080010 && !values[element.tag].starts_with("ACR")) throw Damaged();
+      }
+    }
+    return false;
+  }
+
+  void checkPixels(const Element& element, const std::map<std::uint32_t, std::string>& values) {
+    if (element.length == kUndefinedLength) {  // compressed: fragments up to an end mark
+      for (;;) {
+        const Element item = readElement({false, false});
+        if (item.tag == kSequenceEnd) return;
+        if (item.tag != kItem || item.length == kUndefinedLength) throw Damaged();
+        skip(item.length);
+      }
+    }
+    const auto number = [&](std::uint32_t tag, std::uint64_t otherwise) {
+      const auto found = values.find(tag);
+      return found == values.end() ? otherwise : std::strtoull(found->second.c_str(), nullptr, 10);
+    };
+    // Clamped so that the product fits 64 bits: 16 + 16 + 2 + 20 + 6 bits.
+    const auto clamped = [&](std::uint32_t tag, std::uint64_t otherwise, std::uint64_t most) {
+      return std::min<std::uint64_t>(number(tag, otherwise), most);
+    };
+    const std::uint64_t bits = clamped(0x00280010, 0, 65535) * clamped(0x00280011, 0, 65535) *
+                               clamped(0x00280002, 1, 4) * clamped(0x00280008, 1, 1u << 20) *
+                               clamped(0x00280100, 16, 64);
+    if (element.length < bits / 8) throw Damaged();
+    skip(element.length);
+  }
+
+  // Items of a sequence of undefined length, up to its end mark.
+  void skipSequence(const Encoding& encoding, int depth) {
+    if (depth > kMostNesting) throw Damaged();
+    for (;;) {
+      const Element item = readElement(encoding);
+      if (item.tag == kSequenceEnd) return;
+      if (item.tag != kItem) throw Damaged();
+      if (item.length != kUndefinedLength) {
+        skip(item.length);
+        continue;
+      }
+      for (;;) {
+        const Element element = readElement(encoding);
+        if (element.tag == kItemEnd) break;
+        if (element.length == kUndefinedLength)
+          skipSequence(element.representation == "UN" ? Encoding{false, false} : encoding,
+                       depth + 1);
+        else
+          skip(element.length);
+      }
+    }
+  }
+
+  Element readElement(const Encoding& encoding) {
+    Element element;
+    const std::uint32_t group = number16(encoding.big_endian);
+    element.tag = group << 16 | number16(encoding.big_endian);
+    if (!encoding.is_explicit || group == 0xfffe) {  // items have no type in any encoding
+      element.length = number32(encoding.big_endian);
+      return element;
+    }
+    element.representation = bytes(2);
+    if (isOneOf(kLongTypes, element.representation)) {
+      skip(2);
+      element.length = number32(encoding.big_endian);
+    } else {
+      if (!isOneOf(kShortTypes, element.representation)) throw Damaged();
+      element.length = number16(encoding.big_endian);
+    }
+    checkTypeOfImageElement(element);
+    return element;
+  }
+
+  // GDCM aborts where an element that it works with has another type than the standard says.
+  static void checkTypeOfImageElement(const Element& element) {
+    static constexpr std::array<std::uint32_t, 8> kNumbers = {0x00280002, 0x00280006, 0x00280010,
+                                                              0x00280011, 0x00280100, 0x00280101,
+                                                              0x00280102, 0x00280103};
+    static constexpr std::array<std::uint32_t, 9> kDecimals = {0x00180050, 0x00180088, 0x00181164,
+                                                               0x00200032, 0x00200037, 0x00280030,
+                                                               0x00281050, 0x00281052, 0x00281053};
+    const std::string& type = element.representation;
+    const auto isIn = [&](const auto& tags) {
+      return std::find(tags.begin(), tags.end(), element.tag) != tags.end();
+    };
+    if (isIn(kNumbers) && (type != "US" || element.length != 2)) throw Damaged();
+    if (isIn(kDecimals) && type != "DS") throw Damaged();
+    if (element.tag == 0x00280008 && type != "IS") throw Damaged();
+    if (element.tag == 0x00280004 && type != "CS") throw Damaged();
+    if (element.tag == kPixelData && type != "OW" && type != "OB") throw Damaged();
+  }
+
+  std::string text(const Element& element, const Encoding& encoding) {
+    // Implicit encoding has no types: those of group 28 that are of interest are known numbers.
+    const std::uint32_t tag = element.tag;
+    const bool is_number = element.representation == "US" || element.representation == "SS" ||
+                           (!encoding.is_explicit && (tag >> 16) == 0x0028 && element.length == 2 &&
+                            (tag & 0xffff) != 0x0008 && (tag & 0xffff) < 0x0104);
+    if (is_number && element.length == 2) return std::to_string(number16(encoding.big_endian));
+    std::string value = bytes(element.length);
+    while (!value.empty() && (value.back() == ' ' || value.back() == '\0')) value.pop_back();
+    const std::size_t first = value.find_first_not_of(' ');
+    return first == std::string::npos ? "" : value.substr(first);
+  }
+
+  std::uint32_t peekGroup() {
+    const std::uint64_t here = at_;
+    const std::uint32_t group = number16(false);
+    seek(here);
+    return group;
+  }
+
+  std::uint32_t number16(bool big_endian) {
+    const std::string b = bytes(2);
+    const auto low = static_cast<unsigned char>(b[big_endian ? 1 : 0]);
+    const auto high = static_cast<unsigned char>(b[big_endian ? 0 : 1]);
+    return static_cast<std::uint32_t>(high << 8 | low);
+  }
+  std::uint32_t number32(bool big_endian) {
+    const std::uint32_t first = number16(big_endian), second = number16(big_endian);
+    return big_endian ? first << 16 | second : second << 16 | first;
+  }
+
+  std::string bytes(std::uint32_t count) {
+    if (count > size_ - at_) throw Damaged();
+    std::string result(count, '\0');
+    in_.read(result.data(), static_cast<std::streamsize>(count));
+    if (!in_) throw Damaged();
+    at_ += count;
+    return result;
+  }
+  void skip(std::uint64_t count) {
+    if (count > size_ - at_) throw Damaged();
+    seek(at_ + count);
+  }
+  void seek(std::uint64_t position) {
+    in_.seekg(static_cast<std::streamoff>(position));
+    at_ = position;
+  }
+
+  std::ifstream in_;
+  std::uint64_t size_ = 0;
+  std::uint64_t at_ = 0;  // <= size_
+};
+
+}  // namespace
+
+DicomHeader readDicomHeader(const std::string& path) { return Walker(path).walk(); }
+
+}  // namespace isobrick

@@ -1,0 +1,53 @@
+#include "preprocess/sources/input_file.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <limits>
+
+#include "storage/error.h"
+
+namespace isobrick {
+
+InputFile::InputFile(const std::string& path, const std::string& named_by) : path_(path) {
+  // Without O_NONBLOCK a pipe would be waited for; regular files do not heed it.
+  fd_ = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+  const std::string name =
+      "'" + path + "'" + (named_by.empty() ? "" : ", which '" + named_by + "' names");
+  if (fd_ < 0)
+    throw Error("cannot open " + name + ": " + std::strerror(errno) + "; check the path");
+  struct stat status = {};
+  if (fstat(fd_, &status) != 0 || !S_ISREG(status.st_mode)) {
+    close(fd_);
+    throw Error("cannot read " + name + ": it is not a regular file; copy it to one");
+  }
+  size_ = static_cast<std::uint64_t>(status.st_size);
+  posix_fadvise(fd_, 0, 0, POSIX_FADV_SEQUENTIAL);
+}
+
+InputFile::~InputFile() { close(fd_); }
+
+std::size_t InputFile::readAt(std::uint64_t offset, void* out, std::size_t bytes) const {
+  constexpr std::size_t kMostPerCall = std::size_t{1} << 30;  // Linux reads < 2^31 a call
+  // Hostile offsets: to pread these would be negative.
+  constexpr std::uint64_t kMostOffset = std::numeric_limits<off_t>::max() - kMostPerCall;
+  std::size_t total = 0;
+  while (total < bytes && offset + total <= kMostOffset) {
+    const ssize_t got =
+        pread(fd_, static_cast<std::byte*>(out) + total, std::min(bytes - total, kMostPerCall),
+              static_cast<off_t>(offset + total));
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0)
+      throw ResumableError("cannot read '" + path_ + "' at byte " + std::to_string(offset + total) +
+                           ": " + std::strerror(errno) + "; check the disk, then run again");
+    if (got == 0) break;
+    total += static_cast<std::size_t>(got);
+  }
+  return total;
+}
+
+}  // namespace isobrick

@@ -1,0 +1,445 @@
+// Folders: a DICOM series, or a stack of 2-D images. Slices are read one file at a time.
+#include <itkGDCMImageIO.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <filesystem>
+#include <glm/geometric.hpp>
+#include <limits>
+#include <map>
+#include <set>
+
+#include "preprocess/sources/dicom_header.h"
+#include "preprocess/sources/itk_common.h"
+#include "preprocess/sources/source_checks.h"
+
+namespace isobrick::itk_detail {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::uint32_t kSeriesUid = 0x0020000e;
+constexpr std::uint32_t kInstanceNumber = 0x00200013;
+constexpr std::uint32_t kImagePosition = 0x00200032;
+constexpr std::uint32_t kImageOrientation = 0x00200037;
+constexpr std::uint32_t kRows = 0x00280010;
+constexpr std::uint32_t kColumns = 0x00280011;
+constexpr std::uint32_t kBitsAllocated = 0x00280100;
+constexpr std::uint32_t kBitsStored = 0x00280101;
+constexpr std::uint32_t kPixelRepresentation = 0x00280103;
+constexpr std::uint32_t kRescaleIntercept = 0x00281052;
+constexpr std::uint32_t kRescaleSlope = 0x00281053;
+
+struct DicomSlice {
+  std::string path;
+  std::string series_uid, position, orientation, instance;
+  std::string grid;       // rows and columns: the same in all slices of a volume
+  std::string value_map;  // all that decides how stored numbers become values
+};
+
+// "1\2\3" -> {1, 2, 3}; empty where it is something else.
+std::vector<double> decimalStrings(const std::string& text, std::size_t count) {
+  std::vector<double> values;
+  const char* at = text.c_str();
+  for (;;) {
+    char* end = nullptr;
+    const double value = std::strtod(at, &end);
+    if (end == at || !std::isfinite(value)) break;
+    values.push_back(value);
+    at = end;
+    while (*at == ' ') ++at;
+    if (*at != '\\') break;
+    ++at;
+  }
+  if (values.size() != count) values.clear();
+  return values;
+}
+
+glm::dvec3 positionOf(const DicomSlice& slice) {
+  const std::vector<double> p = decimalStrings(slice.position, 3);
+  return p.empty() ? glm::dvec3(std::numeric_limits<double>::quiet_NaN())
+                   : glm::dvec3(p[0], p[1], p[2]);
+}
+
+std::vector<std::string> filesIn(const std::string& folder) {
+  std::vector<std::string> files;
+  try {
+    for (const fs::directory_entry& entry : fs::directory_iterator(folder))
+      if (entry.is_regular_file()) files.push_back(entry.path().string());
+  } catch (const fs::filesystem_error& error) {
+    throw Error("cannot read the folder '" + folder + "': " + error.code().message() +
+                "; check its permissions");
+  }
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
+// The DICOM images among `files`. Only headers are read.
+std::vector<DicomSlice> scanDicom(const std::vector<std::string>& files) {
+  std::vector<DicomSlice> slices;
+  for (const std::string& file : files) {
+    const DicomHeader header = readDicomHeader(file);
+    if (header.state == DicomHeader::State::kDamaged)
+      throw Error("cannot read '" + file + "': the DICOM file is cut short or damaged; get the " +
+                  "whole file again, or move it elsewhere if it is not of this series");
+    if (header.state != DicomHeader::State::kImage) continue;
+    slices.push_back({file, header.value(kSeriesUid), header.value(kImagePosition),
+                      header.value(kImageOrientation), header.value(kInstanceNumber),
+                      header.value(kColumns) + " x " + header.value(kRows),
+                      header.value(kBitsAllocated) + '/' + header.value(kBitsStored) + '/' +
+                          header.value(kPixelRepresentation) + '/' + header.value(kRescaleSlope) +
+                          '/' + header.value(kRescaleIntercept)});
+  }
+  return slices;
+}
+
+void requireOneSeries(const std::string& folder, const std::vector<DicomSlice>& slices) {
+  std::map<std::string, std::size_t> counts;
+  for (const DicomSlice& slice : slices) ++counts[slice.series_uid];
+  if (counts.size() == 1) return;
+  std::string list;
+  constexpr std::size_t kMostListed = 12;
+  std::size_t listed = 0;
+  for (const auto& [uid, count] : counts) {
+    if (listed++ == kMostListed) {
+      list += ", ...";
+      break;
+    }
+    list += (list.empty() ? "" : ", ") + (uid.empty() ? "(no UID)" : uid) + " (" +
+            std::to_string(count) + (count == 1 ? " image)" : " images)");
+  }
+  throw Error("cannot use the folder '" + folder + "': it holds " + std::to_string(counts.size()) +
+              " DICOM series: " + list + "; move the files of one series to a folder of their own");
+}
+
+// Throws where slices differ in what a volume has only once.
+void requireOneGrid(const std::vector<DicomSlice>& slices) {
+  const DicomSlice& reference = slices.front();
+  const std::vector<double> axes = decimalStrings(reference.orientation, 6);
+  for (const DicomSlice& slice : slices) {
+    const std::vector<double> other = decimalStrings(slice.orientation, 6);
+    bool same = slice.grid == reference.grid && axes.size() == other.size();
+    for (std::size_t i = 0; same && i < axes.size(); ++i)
+      same = std::abs(axes[i] - other[i]) < 1e-3;
+    if (!same)
+      throw Error("cannot use '" + slice.path + "': its size or orientation differs from '" +
+                  reference.path + "' in the same series (a localizer?); move it elsewhere");
+  }
+}
+
+// Sorts the slices by position along the normal of the image plane and gives the step from one to
+// the next, in mm. Without positions: by instance number, and no step.
+std::optional<glm::dvec3> sortSlices(std::vector<DicomSlice>& slices, const glm::dvec3& normal,
+                                     std::vector<std::string>& notes) {
+  const bool has_positions = std::all_of(slices.begin(), slices.end(), [](const DicomSlice& s) {
+    return !std::isnan(positionOf(s).x);
+  });
+  if (!has_positions) {
+    for (const DicomSlice& slice : slices)
+      if (slice.instance.empty())
+        throw Error("cannot use '" + slice.path + "': it has neither a position nor an instance " +
+                    "number to sort the slices by; convert the series with its own software");
+    std::stable_sort(slices.begin(), slices.end(), [](const DicomSlice& a, const DicomSlice& b) {
+      return std::atoll(a.instance.c_str()) < std::atoll(b.instance.c_str());
+    });
+    notes.push_back("slices without positions were sorted by instance number");
+    return std::nullopt;
+  }
+  const auto height = [&](const DicomSlice& s) { return glm::dot(positionOf(s), normal); };
+  std::stable_sort(slices.begin(), slices.end(),
+                   [&](const DicomSlice& a, const DicomSlice& b) { return height(a) < height(b); });
+  const glm::dvec3 step = (positionOf(slices.back()) - positionOf(slices.front())) /
+                          static_cast<double>(slices.size() - 1);
+  const double mean_gap = glm::dot(step, normal);
+  const auto pairText = [&](std::size_t i) {
+    return "'" + slices[i - 1].path + "' and '" + slices[i].path + "'";
+  };
+  for (std::size_t i = 1; i < slices.size(); ++i)
+    if (height(slices[i]) - height(slices[i - 1]) <= 1e-4 * mean_gap || mean_gap <= 0)
+      throw Error("cannot use " + pairText(i) +
+                  ": they are at the same position (several time "
+                  "steps, or copies); keep one volume in the folder");
+  double greatest_deviation = 0;
+  for (std::size_t i = 1; i < slices.size(); ++i) {
+    const double gap = height(slices[i]) - height(slices[i - 1]);
+    if (std::abs(gap - mean_gap) > 0.1 * mean_gap)
+      throw Error("cannot use " + pairText(i) + ": they are " + std::to_string(gap) +
+                  " mm apart and others " + std::to_string(mean_gap) +
+                  " mm on average; find the missing slices or resample the series");
+    greatest_deviation = std::max(greatest_deviation, std::abs(gap - mean_gap));
+  }
+  if (greatest_deviation > 0.01 * mean_gap)
+    notes.push_back("slice distances differ by up to " + std::to_string(greatest_deviation) +
+                    " mm; their mean was used");
+  return step;
+}
+
+// One 2-D file of a series.
+struct SliceImage {
+  itk::ImageIOBase::Pointer image;
+  Component component() const { return image->GetComponentType(); }
+};
+
+class SliceReader {
+ public:
+  static SliceImage open(const std::string& path, const Index3& expected) {
+    SliceImage slice{openImage(path)};
+    const Index3 voxels = imageVoxels(path, *slice.image);
+    if (voxels.z != 1)
+      throw Error("cannot use '" + path + "': it holds " + std::to_string(voxels.z) +
+                  " slices, but the folder is read as a stack of single ones; name that file");
+    if (expected.x != 0 && (voxels.x != expected.x || voxels.y != expected.y))
+      throw Error("cannot use '" + path + "': it has " + std::to_string(voxels.x) + " x " +
+                  std::to_string(voxels.y) + " pixels and the first slice " +
+                  std::to_string(expected.x) + " x " + std::to_string(expected.y) +
+                  "; keep only the slices of one volume in the folder");
+    return slice;
+  }
+
+  // The pixels as the image's component type; valid until the next call.
+  const std::byte* read(const std::string& path, const SliceImage& slice) {
+    buffer_.resize(static_cast<std::size_t>(slice.image->GetImageSizeInBytes()));
+    readImageSlices(path, *slice.image, 0, 1, buffer_.data());
+    return buffer_.data();
+  }
+
+ private:
+  std::vector<std::byte> buffer_;
+};
+
+bool isInteger(Component component) {
+  return component != Component::FLOAT && component != Component::DOUBLE;
+}
+
+// One slice is held as its file stores it; rows are converted as they are asked for.
+class SliceStackSource final : public VolumeSource {
+ public:
+  // `slice_bytes` is what a slice takes as it is stored.
+  SliceStackSource(VolumeInfo info, std::vector<std::string> files, std::uint64_t slice_bytes)
+      : info_(std::move(info)), files_(std::move(files)), slice_bytes_(slice_bytes) {}
+
+  const VolumeInfo& info() const override { return info_; }
+
+  void readRows(std::int64_t first, std::int64_t count, void* out) override {
+    auto* to = static_cast<std::byte*>(out);
+    for (std::int64_t row = first; row < first + count;) {
+      const std::int64_t k = row / info_.voxels.y, y = row % info_.voxels.y;
+      const std::int64_t rows = std::min(info_.voxels.y - y, first + count - row);
+      if (k != slice_) loadSlice(k);
+      const auto voxels = static_cast<std::size_t>(rows * info_.voxels.x);
+      convertComponents(component_,
+                        pixels_ + static_cast<std::size_t>(y * info_.voxels.x) * component_bytes_,
+                        voxels, info_.voxel_type, to);
+      to += voxels * voxelBytes(info_.voxel_type);
+      row += rows;
+    }
+  }
+
+  std::vector<std::string> files() const override { return files_; }
+  // ITK's libraries hold the slice too while they decode it, and once more where they rescale it.
+  std::uint64_t bufferBytes() const override { return 3 * slice_bytes_; }
+
+ private:
+  void loadSlice(std::int64_t k) {
+    slice_ = -1;
+    const std::string& path = files_[static_cast<std::size_t>(k)];
+    const SliceImage slice = SliceReader::open(path, info_.voxels);
+    component_ = slice.component();
+    component_bytes_ = slice.image->GetComponentSize();
+    // Files may change between opening and reading; anything new must not be cut off silently.
+    const bool is_exact = exactVoxelType(component_) == info_.voxel_type;
+    const bool is_float = info_.voxel_type == VoxelType::kFloat32;
+    if (!is_exact && !is_float && !isInteger(component_))
+      throw Error("cannot read slice " + std::to_string(k) + ", '" + path +
+                  "': its values are of another type than the first slice's; convert all to one");
+    pixels_ = reader_.read(path, slice);
+    if (!is_exact && !is_float)
+      checkRange(path, k, component_, pixels_,
+                 static_cast<std::size_t>(info_.voxels.x * info_.voxels.y));
+    slice_ = k;
+  }
+
+  void checkRange(const std::string& path, std::int64_t k, Component component,
+                  const std::byte* pixels, std::size_t count) const {
+    visitComponent(component, [&](auto in_tag) {
+      using In = typename decltype(in_tag)::Type;
+      if constexpr (std::is_integral_v<In>)
+        visitVoxelType(info_.voxel_type, [&](auto out_tag) {
+          using Out = typename decltype(out_tag)::Type;
+          if constexpr (std::is_integral_v<Out>) {
+            const auto* values = reinterpret_cast<const In*>(pixels);
+            if (!std::all_of(values, values + count, [](In v) { return std::in_range<Out>(v); }))
+              throw Error("cannot read slice " + std::to_string(k) + ", '" + path +
+                          "': its values do not fit the type of the first slice; convert all to "
+                          "one type");
+          }
+        });
+    });
+  }
+
+  VolumeInfo info_;
+  std::vector<std::string> files_;
+  std::uint64_t slice_bytes_;
+  SliceReader reader_;
+  // The slice that reader_ holds; none is -1.
+  std::int64_t slice_ = -1;
+  const std::byte* pixels_ = nullptr;
+  Component component_ = Component::UNKNOWNCOMPONENTTYPE;
+  std::size_t component_bytes_ = 0;
+};
+
+// The smallest voxel type that holds every value of the series exactly, found by reading it once.
+VoxelType scanVoxelType(const std::vector<std::string>& files, const Index3& voxels,
+                        SliceReader& reader) {
+  std::int64_t least = 0, greatest = 0;
+  const auto count = static_cast<std::size_t>(voxels.x * voxels.y);
+  for (const std::string& path : files) {
+    const SliceImage slice = SliceReader::open(path, voxels);
+    if (!isInteger(slice.component())) return VoxelType::kFloat32;
+    const std::byte* const pixels = reader.read(path, slice);
+    visitComponent(slice.component(), [&](auto tag) {
+      using T = typename decltype(tag)::Type;
+      const T* const values = reinterpret_cast<const T*>(pixels);
+      const auto [low, high] = std::minmax_element(values, values + count);
+      // Beyond 2^62 only the fact that nothing fits matters.
+      least = std::min(least, static_cast<std::int64_t>(*low));
+      greatest = std::max(
+          greatest, static_cast<std::int64_t>(std::min<long double>(*high, std::int64_t{1} << 62)));
+    });
+  }
+  if (std::in_range<std::int16_t>(least) && std::in_range<std::int16_t>(greatest))
+    return VoxelType::kInt16;
+  if (std::in_range<std::uint16_t>(least) && std::in_range<std::uint16_t>(greatest))
+    return VoxelType::kUint16;
+  return VoxelType::kFloat32;
+}
+
+std::unique_ptr<VolumeSource> openDicomSeries(const std::string& folder,
+                                              std::vector<DicomSlice> slices) {
+  requireOneSeries(folder, slices);
+  // One file with all slices (enhanced, multi-frame).
+  if (slices.size() == 1) return openItkFile(slices.front().path);
+  requireOneGrid(slices);
+
+  VolumeInfo info;
+  info.source = folder;
+  info.format = "DICOM series";
+  SliceReader reader;
+  // In-plane geometry and the stack's normal are the same for all slices.
+  const SliceImage any = SliceReader::open(slices.front().path, Index3(0));
+  info.voxels = imageVoxels(folder, *any.image);
+  info.voxels.z = static_cast<std::int64_t>(slices.size());
+  checkVoxelCounts(folder, info.voxels);
+  info.geometry = imageGeometry(*any.image);
+  const glm::dvec3 normal = glm::cross(info.geometry.direction[0], info.geometry.direction[1]);
+  if (const auto step = sortSlices(slices, normal, info.notes)) {
+    info.geometry.origin = positionOf(slices.front());
+    info.geometry.spacing.z = glm::length(*step);
+    info.geometry.direction[2] = *step / info.geometry.spacing.z;
+  } else {
+    info.geometry.direction[2] = normal;  // the distance is what ITK took for the slice thickness
+  }
+  tidyGeometry(folder, info.geometry, info.notes);
+
+  std::vector<std::string> files;
+  bool one_value_map = true;
+  for (const DicomSlice& slice : slices) {
+    files.push_back(slice.path);
+    one_value_map = one_value_map && slice.value_map == slices.front().value_map;
+  }
+  // A slope or an intercept makes the type of the values wider than the values mostly are (16-bit
+  // CT with intercept -1024), and it may change from slice to slice (PET).
+  const auto exact = exactVoxelType(any.component());
+  info.voxel_type = one_value_map && exact ? *exact : scanVoxelType(files, info.voxels, reader);
+  if (info.voxel_type == VoxelType::kFloat32 && exact != VoxelType::kFloat32)
+    info.notes.push_back("values beyond 16 bits were converted to float32");
+  const auto& dicom = static_cast<const itk::GDCMImageIO&>(*any.image);
+  if (dicom.GetRescaleSlope() != 1 || dicom.GetRescaleIntercept() != 0)
+    info.notes.push_back("rescale slope and intercept were applied to the stored values");
+  return std::make_unique<SliceStackSource>(std::move(info), std::move(files),
+                                            any.image->GetImageSizeInBytes());
+}
+
+// "slice9" before "slice10": runs of digits compare as numbers.
+bool numericNameLess(const std::string& a, const std::string& b) {
+  const auto isDigit = [](char c) { return std::isdigit(static_cast<unsigned char>(c)) != 0; };
+  std::size_t i = 0, j = 0;
+  while (i < a.size() && j < b.size()) {
+    if (isDigit(a[i]) && isDigit(b[j])) {
+      while (i < a.size() && a[i] == '0') ++i;
+      while (j < b.size() && b[j] == '0') ++j;
+      const std::size_t first_i = i, first_j = j;
+      while (i < a.size() && isDigit(a[i])) ++i;
+      while (j < b.size() && isDigit(b[j])) ++j;
+      if (i - first_i != j - first_j) return i - first_i < j - first_j;
+      const int order = a.compare(first_i, i - first_i, b, first_j, j - first_j);
+      if (order != 0) return order < 0;
+    } else {
+      if (a[i] != b[j]) return a[i] < b[j];
+      ++i;
+      ++j;
+    }
+  }
+  if (i == a.size() && j == b.size()) return a < b;  // "01" and "1": any fixed order
+  return i == a.size();
+}
+
+std::vector<std::string> withExtension(const std::vector<std::string>& files,
+                                       const std::set<std::string>& extensions) {
+  std::vector<std::string> result;
+  for (const std::string& file : files) {
+    std::string extension = fs::path(file).extension().string();
+    for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+    if (extensions.contains(extension)) result.push_back(file);
+  }
+  std::sort(result.begin(), result.end(), numericNameLess);
+  return result;
+}
+
+std::unique_ptr<VolumeSource> openImageStack(const std::string& folder,
+                                             std::vector<std::string> files) {
+  if (files.size() == 1) return openItkFile(files.front());
+  VolumeInfo info;
+  info.source = folder;
+  const SliceImage first = SliceReader::open(files.front(), Index3(0));
+  const std::string io_name = first.image->GetNameOfClass();
+  info.format = io_name.substr(0, io_name.find("ImageIO")) + " stack";
+  info.voxels = imageVoxels(folder, *first.image);
+  info.voxels.z = static_cast<std::int64_t>(files.size());
+  checkVoxelCounts(folder, info.voxels);
+  info.geometry.spacing = imageGeometry(*first.image).spacing;
+  info.geometry.spacing.z = info.geometry.spacing.x;
+  info.notes.push_back("image slices have no distance; that of pixels along x was used");
+  tidyGeometry(folder, info.geometry, info.notes);
+  const auto exact = exactVoxelType(first.component());
+  info.voxel_type = exact ? *exact : VoxelType::kFloat32;
+  if (!exact)
+    info.notes.push_back(itk::ImageIOBase::GetComponentTypeAsString(first.component()) +
+                         " voxels were converted to float32");
+  return std::make_unique<SliceStackSource>(std::move(info), std::move(files),
+                                            first.image->GetImageSizeInBytes());
+}
+
+}  // namespace
+
+std::unique_ptr<VolumeSource> openItkFolder(const std::string& path) {
+  prepareItk();
+  const std::vector<std::string> files = filesIn(path);
+  // Names of slice images are no DICOM and may be large: do not scan them.
+  std::vector<std::string> tiffs = withExtension(files, {".tif", ".tiff"});
+  std::vector<std::string> images = withExtension(files, {".png"});
+  std::vector<std::string> others;
+  for (const std::string& file : files)
+    if (std::find(tiffs.begin(), tiffs.end(), file) == tiffs.end() &&
+        std::find(images.begin(), images.end(), file) == images.end())
+      others.push_back(file);
+  std::vector<DicomSlice> dicom = scanDicom(others);
+  if (!dicom.empty()) return openDicomSeries(path, std::move(dicom));
+  if (!tiffs.empty()) return openImageStack(path, std::move(tiffs));
+  if (!images.empty()) return openImageStack(path, std::move(images));
+  throw Error("cannot read the folder '" + path + "': it holds neither DICOM files nor TIFF or " +
+              "PNG slices; name a folder that does, or a file");
+}
+
+}  // namespace isobrick::itk_detail

@@ -1,0 +1,405 @@
+// Single files that ITK reads, and what the folder source shares with them.
+#include "preprocess/sources/itk_source.h"
+
+#include <dlfcn.h>
+#include <itkBioRadImageIOFactory.h>
+#include <itkGDCMImageIO.h>
+#include <itkGiplImageIOFactory.h>
+#include <itkImageIOFactory.h>
+#include <itkLSMImageIOFactory.h>
+#include <itkMRCImageIOFactory.h>
+#include <itkMetaImageIOFactory.h>
+#include <itkNiftiImageIOFactory.h>
+#include <itkNrrdImageIOFactory.h>
+#include <itkPNGImageIOFactory.h>
+#include <itkTIFFImageIOFactory.h>
+#include <itkVTKImageIOFactory.h>
+#include <unistd.h>
+
+#include <cstdarg>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <iostream>
+#include <map>
+#include <mutex>
+#include <new>
+#include <sstream>
+
+#include "preprocess/sources/dicom_header.h"
+#include "preprocess/sources/itk_common.h"
+#include "preprocess/sources/nifti_run.h"
+#include "preprocess/sources/raw_run.h"
+#include "preprocess/sources/source_checks.h"
+
+namespace isobrick {
+namespace itk_detail {
+namespace {
+
+// Without ITK's CMake "use file" nothing is registered; and a factory that was registered twice
+// would only be asked twice.
+template <typename... Factories>
+void registerFactories() {
+  (itk::ObjectFactoryBase::RegisterFactory(Factories::New()), ...);
+}
+
+// ITK's messages carry addresses, class names and line breaks.
+std::string plainMessage(std::string text) {
+  for (char& c : text)
+    if (c == '\n' || c == '\r' || c == '\t') c = ' ';
+  // NRRD's are a chain of callers; the last one knows the reason: "... [nrrd] function: reason"
+  if (const std::size_t last = text.rfind("[nrrd] "); last != std::string::npos) {
+    text.erase(0, last + 7);
+    if (const std::size_t end = text.find(": "); end != std::string::npos) text.erase(0, end + 2);
+  }
+  // "ITK ERROR: NrrdImageIO(0x55d0c0): reason"
+  if (const std::size_t end = text.find("): ");
+      end != std::string::npos && text.find("ERROR") < end)
+    text.erase(0, end + 3);
+  std::string line;
+  for (const char c : text)
+    if (c != ' ' || (!line.empty() && line.back() != ' ')) line += c;
+  while (!line.empty() && (line.back() == ' ' || line.back() == '.' || line.back() == '!'))
+    line.pop_back();
+  constexpr std::size_t kMostCharacters = 300;
+  if (line.size() > kMostCharacters) line = line.substr(0, kMostCharacters) + "...";
+  return line;
+}
+
+// Catches what a library prints on std::cerr while it lives: MetaIO reports there what it does not
+// report otherwise, and the user gets one line for an error. One at a time in the process; another
+// thread's std::cerr meanwhile is caught too.
+class CerrCapture {
+ public:
+  CerrCapture() : lock_(mutex()), previous_(std::cerr.rdbuf(text_.rdbuf())) {}
+  ~CerrCapture() { std::cerr.rdbuf(previous_); }
+  CerrCapture(const CerrCapture&) = delete;
+  CerrCapture& operator=(const CerrCapture&) = delete;
+  std::string text() const { return text_.str(); }
+
+ private:
+  static std::mutex& mutex() {
+    static std::mutex the_mutex;
+    return the_mutex;
+  }
+  std::lock_guard<std::mutex> lock_;
+  std::ostringstream text_;
+  std::streambuf* previous_;
+};
+
+std::string formatName(const itk::ImageIOBase& image) {
+  static const std::map<std::string, std::string> kNames = {{"NrrdImageIO", "NRRD"},
+                                                            {"MetaImageIO", "MetaImage"},
+                                                            {"NiftiImageIO", "NIfTI"},
+                                                            {"GDCMImageIO", "DICOM"},
+                                                            {"VTKImageIO", "VTK legacy"}};
+  const std::string name = image.GetNameOfClass();
+  if (const auto known = kNames.find(name); known != kNames.end()) return known->second;
+  return name.substr(0, name.find("ImageIO"));
+}
+
+// Throws Error for DICOM files that are damaged or hold no image.
+bool isDicomImage(const std::string& path) {
+  if (!std::filesystem::is_regular_file(path)) return false;
+  switch (readDicomHeader(path).state) {
+    case DicomHeader::State::kNotDicom:
+      return false;
+    case DicomHeader::State::kNoImage:
+      throw Error("cannot use '" + path + "': it is a DICOM file without an image; name the " +
+                  "folder of the series");
+    case DicomHeader::State::kDamaged:
+      throw Error("cannot read '" + path + "': the DICOM file is cut short or damaged; get the " +
+                  "whole file again");
+    case DicomHeader::State::kImage:
+      break;
+  }
+  return true;
+}
+
+// libtiff prints on the C stream. ITK's copy of it has renamed functions and no header.
+void silenceTiff() {
+  using Handler = void (*)(const char*, const char*, std::va_list);
+  using SetHandler = Handler (*)(Handler);
+  for (const char* name : {"itk_TIFFSetErrorHandler", "itk_TIFFSetWarningHandler",
+                           "TIFFSetErrorHandler", "TIFFSetWarningHandler"})
+    if (void* const function = dlsym(RTLD_DEFAULT, name))
+      reinterpret_cast<SetHandler>(function)(nullptr);
+}
+
+}  // namespace
+
+void prepareItk() {
+  static std::once_flag once;
+  std::call_once(once, [] {
+    itk::Object::GlobalWarningDisplayOff();
+    silenceTiff();
+    // DICOM is not among them: openImage() looks at such files itself (dicom_header.h).
+    registerFactories<itk::NrrdImageIOFactory, itk::MetaImageIOFactory, itk::NiftiImageIOFactory,
+                      itk::LSMImageIOFactory, itk::TIFFImageIOFactory, itk::PNGImageIOFactory,
+                      itk::VTKImageIOFactory, itk::MRCImageIOFactory, itk::GiplImageIOFactory,
+                      itk::BioRadImageIOFactory>();
+  });
+}
+
+Error itkError(const std::string& path, const std::exception& exception) {
+  if (dynamic_cast<const std::bad_alloc*>(&exception) != nullptr)
+    return Error(
+        "cannot read '" + path + "': not enough memory for its voxels; check the " +
+        "dimensions in its header, or convert it to .mhd or .nrrd, which are read piece by " +
+        "piece");
+  const auto* itk_exception = dynamic_cast<const itk::ExceptionObject*>(&exception);
+  return Error(
+      "cannot read '" + path + "': " +
+      plainMessage(itk_exception != nullptr ? itk_exception->GetDescription() : exception.what()) +
+      "; check that the file is whole and not damaged");
+}
+
+itk::ImageIOBase::Pointer openImage(const std::string& path) {
+  prepareItk();
+  std::error_code error;
+  const auto status = std::filesystem::status(path, error);
+  if (!std::filesystem::exists(status))
+    throw Error("cannot open '" + path + "': " +
+                (error ? error.message() : "No such file or directory") + "; check the path");
+  itk::ImageIOBase::Pointer image;
+  try {
+    const CerrCapture silence;
+    if (isDicomImage(path))
+      image = itk::GDCMImageIO::New().GetPointer();
+    else
+      image = itk::ImageIOFactory::CreateImageIO(path.c_str(), itk::IOFileModeEnum::ReadMode);
+    if (image.IsNotNull()) {
+      image->SetFileName(path);
+      image->ReadImageInformation();
+    }
+  } catch (const Error&) {
+    throw;
+  } catch (const std::exception& exception) {
+    throw itkError(path, exception);
+  }
+  if (image.IsNull())
+    throw Error("cannot read '" + path + "': it is unreadable or in no known format (NRRD, " +
+                "MetaImage, NIfTI, TIFF, DICOM, MRC, VTK legacy, ...); a file without a header " +
+                "needs --raw-dims and --raw-type");
+  if (image->GetNumberOfComponents() != 1)
+    throw Error("cannot use '" + path + "': it has " +
+                std::to_string(image->GetNumberOfComponents()) +
+                " values per voxel (colour, vector or complex); extract one channel first");
+  return image;
+}
+
+Index3 imageVoxels(const std::string& path, const itk::ImageIOBase& image) {
+  Index3 voxels(1);
+  for (unsigned axis = 0; axis < image.GetNumberOfDimensions(); ++axis) {
+    const auto count = image.GetDimensions(axis);
+    if (axis >= 3 && count != 1)
+      throw Error("cannot use '" + path + "': it has " + std::to_string(count) +
+                  " time steps or channels; extract one 3-D volume first");
+    // Hostile headers: more than 63 bits would look negative, which checkVoxelCounts refuses too.
+    if (axis < 3) voxels[static_cast<int>(axis)] = static_cast<std::int64_t>(count);
+  }
+  return voxels;
+}
+
+GridGeometry imageGeometry(const itk::ImageIOBase& image) {
+  GridGeometry geometry;
+  const unsigned axes = std::min(image.GetNumberOfDimensions(), 3u);
+  for (unsigned axis = 0; axis < axes; ++axis) {
+    const int i = static_cast<int>(axis);
+    geometry.spacing[i] = image.GetSpacing(axis);
+    geometry.origin[i] = image.GetOrigin(axis);
+    const std::vector<double> direction = image.GetDirection(axis);
+    for (unsigned row = 0; row < std::min<std::size_t>(direction.size(), 3); ++row)
+      geometry.direction[i][static_cast<int>(row)] = direction[row];
+  }
+  return geometry;
+}
+
+std::optional<VoxelType> exactVoxelType(Component component) {
+  switch (component) {
+    case Component::UCHAR:
+      return VoxelType::kUint8;
+    case Component::CHAR:
+      return VoxelType::kInt8;
+    case Component::USHORT:
+      return VoxelType::kUint16;
+    case Component::SHORT:
+      return VoxelType::kInt16;
+    case Component::FLOAT:
+      return VoxelType::kFloat32;
+    default:
+      return std::nullopt;
+  }
+}
+
+void readImageSlices(const std::string& path, itk::ImageIOBase& image, std::int64_t first,
+                     std::int64_t count, void* out) {
+  const unsigned axes = image.GetNumberOfDimensions();
+  itk::ImageIORegion region(axes);
+  for (unsigned axis = 0; axis < axes; ++axis) {
+    region.SetIndex(axis, axis == 2 ? first : 0);
+    region.SetSize(axis,
+                   axis == 2 ? static_cast<itk::SizeValueType>(count) : image.GetDimensions(axis));
+  }
+  try {
+    const CerrCapture printed;
+    image.SetIORegion(region);
+    image.Read(out);
+    // Data that are cut short or do not inflate are only printed.
+    if (formatName(image) == "MetaImage" && !printed.text().empty())
+      throw std::runtime_error(printed.text());
+  } catch (const std::exception& exception) {
+    throw itkError(path, exception);
+  }
+}
+
+void convertComponents(Component component, const void* in, std::size_t count, VoxelType type,
+                       void* out) {
+  visitComponent(component, [&](auto in_tag) {
+    using In = typename decltype(in_tag)::Type;
+    visitVoxelType(type, [&](auto out_tag) {
+      using Out = typename decltype(out_tag)::Type;
+      if constexpr (std::is_same_v<In, Out>) {
+        std::memcpy(out, in, count * sizeof(Out));
+      } else {
+        const In* const from = static_cast<const In*>(in);
+        Out* const to = static_cast<Out*>(out);
+        for (std::size_t i = 0; i < count; ++i) to[i] = static_cast<Out>(from[i]);
+      }
+    });
+  });
+}
+
+namespace {
+
+// The stored type with exactly this component's values, or none.
+std::optional<StoredType> storedTypeOf(Component component) {
+  return visitComponent(component, [](auto tag) -> std::optional<StoredType> {
+    using T = typename decltype(tag)::Type;
+    if constexpr (std::is_same_v<T, float>) return StoredType::kFloat32;
+    if constexpr (std::is_same_v<T, double>) return StoredType::kFloat64;
+    if constexpr (std::is_integral_v<T>) {
+      constexpr bool kSigned = std::is_signed_v<T>;
+      switch (sizeof(T)) {
+        case 1:
+          return kSigned ? StoredType::kInt8 : StoredType::kUint8;
+        case 2:
+          return kSigned ? StoredType::kInt16 : StoredType::kUint16;
+        case 4:
+          return kSigned ? StoredType::kInt32 : StoredType::kUint32;
+        case 8:
+          return kSigned ? StoredType::kInt64 : StoredType::kUint64;
+      }
+    }
+    return std::nullopt;
+  });
+}
+
+VolumeInfo describeVolume(const std::string& path, const itk::ImageIOBase& image) {
+  VolumeInfo info;
+  info.source = path;
+  info.format = formatName(image);
+  info.voxels = imageVoxels(path, image);
+  if (info.voxels.z == 1)
+    throw Error("cannot use '" + path + "': it is a single 2-D image; name the folder that " +
+                "holds all slices");
+  checkVoxelCounts(path, info.voxels);
+  info.geometry = imageGeometry(image);
+  tidyGeometry(path, info.geometry, info.notes);
+  const Component component = image.GetComponentType();
+  if (const auto exact = exactVoxelType(component)) {
+    info.voxel_type = *exact;
+  } else {
+    visitComponent(component, [](auto) {});  // refuses what is no number
+    info.voxel_type = VoxelType::kFloat32;
+    info.notes.push_back(itk::ImageIOBase::GetComponentTypeAsString(component) +
+                         " voxels were converted to float32");
+  }
+  return info;
+}
+
+// A 3-D image in one file that cannot be streamed: held in memory from the first readRows() until
+// the last row was delivered. (ITK could stream some of them, but where it does it does not notice
+// that the data end early.)
+class WholeImageSource final : public VolumeSource {
+ public:
+  WholeImageSource(VolumeInfo info, itk::ImageIOBase::Pointer image)
+      : info_(std::move(info)), image_(std::move(image)) {}
+
+  const VolumeInfo& info() const override { return info_; }
+
+  void readRows(std::int64_t first, std::int64_t count, void* out) override {
+    const auto row_voxels = static_cast<std::size_t>(info_.voxels.x);
+    try {
+      if (!buffer_) load();
+    } catch (const std::bad_alloc& exception) {
+      throw itkError(info_.source, exception);
+    }
+    convertComponents(
+        image_->GetComponentType(),
+        buffer_.get() + static_cast<std::size_t>(first) * row_voxels * image_->GetComponentSize(),
+        static_cast<std::size_t>(count) * row_voxels, info_.voxel_type, out);
+    if (first + count == info_.voxels.y * info_.voxels.z) buffer_.reset();
+  }
+
+  std::vector<std::string> files() const override { return {info_.source}; }
+  std::uint64_t bufferBytes() const override {
+    return static_cast<std::uint64_t>(elementCount(info_.voxels)) * image_->GetComponentSize();
+  }
+
+ private:
+  // The whole image into buffer_.
+  void load() {
+    const std::uint64_t bytes = bufferBytes();
+    // More than the machine has would only be refused by the kernel, or not even by it.
+    const auto physical = static_cast<std::uint64_t>(sysconf(_SC_PHYS_PAGES)) *
+                          static_cast<std::uint64_t>(sysconf(_SC_PAGESIZE));
+    if (bytes > physical) throw std::bad_alloc();
+    auto whole = std::make_unique_for_overwrite<std::byte[]>(bytes);
+    readImageSlices(info_.source, *image_, 0, info_.voxels.z, whole.get());
+    buffer_ = std::move(whole);
+  }
+
+  VolumeInfo info_;
+  itk::ImageIOBase::Pointer image_;
+  std::unique_ptr<std::byte[]> buffer_;
+};
+
+std::unique_ptr<VolumeSource> openNiftiRun(VolumeInfo info) {
+  const NiftiRun nifti = findNiftiRun(info.source);
+  if (nifti.stored.delivered() != info.voxel_type)
+    throw Error("cannot read '" + info.source + "': its header is contradictory; check that it " +
+                "is not damaged");
+  if (nifti.stored.map) {
+    std::ostringstream note;
+    note << "slope " << nifti.stored.map->slope << " and intercept " << nifti.stored.map->intercept
+         << " were applied to the stored values";
+    info.notes.push_back(note.str());
+  }
+  return openRawRun(std::move(info), nifti.run, nifti.stored);
+}
+
+}  // namespace
+
+std::unique_ptr<VolumeSource> openItkFile(const std::string& path) {
+  const itk::ImageIOBase::Pointer image = openImage(path);
+  VolumeInfo info = describeVolume(path, *image);
+  if (info.format == "NIfTI") return openNiftiRun(std::move(info));
+  const auto run = info.format == "NRRD"        ? findNrrdRun(path)
+                   : info.format == "MetaImage" ? findMetaImageRun(path)
+                                                : std::nullopt;
+  const auto type = storedTypeOf(image->GetComponentType());
+  if (run && type && image->GetNumberOfDimensions() == 3)
+    return openRawRun(std::move(info), *run, {*type, run->big_endian, {}, false});
+  return std::make_unique<WholeImageSource>(std::move(info), image);
+}
+
+}  // namespace itk_detail
+
+std::unique_ptr<VolumeSource> openItkSource(const std::string& path) {
+  std::error_code ignored;
+  return std::filesystem::is_directory(path, ignored) ? itk_detail::openItkFolder(path)
+                                                      : itk_detail::openItkFile(path);
+}
+
+}  // namespace isobrick

@@ -1,0 +1,154 @@
+#include "preprocess/sources/nifti_run.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <initializer_list>
+#include <limits>
+
+#include "preprocess/sources/inflate_stream.h"
+#include "storage/error.h"
+
+namespace isobrick {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t kHeaderBytes = 348;
+
+bool isGzipped(const InputFile& file) {
+  std::array<unsigned char, 2> magic = {};
+  return file.readAt(0, magic.data(), magic.size()) == magic.size() && magic[0] == 0x1f &&
+         magic[1] == 0x8b;
+}
+
+// The file beside `path` that has one of `endings` for `ending` (each perhaps with .gz), or `path`
+// where its name ends otherwise.
+std::string besidePair(const std::string& path, const std::string& ending,
+                       std::initializer_list<const char*> endings) {
+  std::string stem = path;
+  if (stem.ends_with(".gz")) stem.resize(stem.size() - 3);
+  if (!stem.ends_with(ending)) return path;
+  stem.resize(stem.size() - ending.size());
+  std::error_code ignored;
+  for (const char* other : endings)
+    if (fs::exists(stem + other, ignored)) return stem + other;
+  throw Error("cannot read '" + path + "': there is no '" + stem + *endings.begin() +
+              "' beside it; put both files of the pair into one folder");
+}
+
+class NiftiHeader {
+ public:
+  explicit NiftiHeader(const std::string& path) {
+    const auto file = std::make_shared<const InputFile>(path);
+    auto stream = makeFileStream(file, 0);
+    if (isGzipped(*file)) stream = makeInflateStream(path, std::move(stream));
+    if (stream->read(bytes_.data(), kHeaderBytes) != kHeaderBytes)
+      throw Error("cannot read '" + path + "': its header is cut short; get the whole file again");
+    // How the NIfTI library finds the byte order: dim[0] is 1 .. 7.
+    if (const int axes = int16At(40); axes < 1 || axes > 7) {
+      big_endian_ = true;
+      if (const int swapped = int16At(40); swapped < 1 || swapped > 7)
+        throw Error("cannot read '" + path + "': its NIfTI header is damaged, or text (.nia); " +
+                    "get the whole file again, or convert it to .nii");
+    }
+  }
+
+  bool bigEndian() const { return big_endian_; }
+  bool isNifti() const {  // Analyze has no magic
+    return bytes_[344] == 'n' && (bytes_[345] == 'i' || bytes_[345] == '+') && bytes_[346] >= '1' &&
+           bytes_[346] <= '9' && bytes_[347] == 0;
+  }
+  bool isOneFile() const { return isNifti() && bytes_[345] == '+'; }
+  int dataType() const { return int16At(70); }
+  double voxelOffset() const { return static_cast<double>(floatAt(108)); }
+  double slope() const { return static_cast<double>(floatAt(112)); }
+  double intercept() const { return static_cast<double>(floatAt(116)); }
+
+ private:
+  int int16At(std::size_t at) const {
+    return static_cast<std::int16_t>(bytes_[at + (big_endian_ ? 1 : 0)] |
+                                     bytes_[at + (big_endian_ ? 0 : 1)] << 8);
+  }
+  float floatAt(std::size_t at) const {
+    std::array<unsigned char, 4> bytes;
+    std::copy_n(bytes_.begin() + static_cast<std::ptrdiff_t>(at), 4, bytes.begin());
+    if (big_endian_) std::reverse(bytes.begin(), bytes.end());
+    float value;
+    std::memcpy(&value, bytes.data(), sizeof value);
+    return value;
+  }
+
+  std::array<unsigned char, kHeaderBytes> bytes_ = {};
+  bool big_endian_ = false;
+};
+
+StoredType storedType(const std::string& path, int data_type) {
+  switch (data_type) {
+    case 2:
+      return StoredType::kUint8;
+    case 4:
+      return StoredType::kInt16;
+    case 8:
+      return StoredType::kInt32;
+    case 16:
+      return StoredType::kFloat32;
+    case 64:
+      return StoredType::kFloat64;
+    case 256:
+      return StoredType::kInt8;
+    case 512:
+      return StoredType::kUint16;
+    case 768:
+      return StoredType::kUint32;
+    case 1024:
+      return StoredType::kInt64;
+    case 1280:
+      return StoredType::kUint64;
+    default:
+      throw Error("cannot use '" + path + "': its voxels are of NIfTI type " +
+                  std::to_string(data_type) + ", which is no plain number; convert it first");
+  }
+}
+
+// As the NIfTI library and ITK have it: what is not finite counts as 0, and a slope of 0 as 1.
+std::optional<StoredVoxels::Map> valueMap(const NiftiHeader& header) {
+  if (!header.isNifti()) return std::nullopt;
+  StoredVoxels::Map map;
+  if (std::isfinite(header.slope()) && header.slope() != 0) map.slope = header.slope();
+  if (std::isfinite(header.intercept())) map.intercept = header.intercept();
+  constexpr double kNothing = std::numeric_limits<double>::epsilon();
+  if (std::abs(map.slope) <= kNothing) return std::nullopt;
+  if (std::abs(map.slope - 1) <= kNothing && std::abs(map.intercept) <= kNothing)
+    return std::nullopt;
+  return map;
+}
+
+}  // namespace
+
+NiftiRun findNiftiRun(const std::string& path) {
+  NiftiRun result;
+  RawRun& run = result.run;
+  run.header_path = besidePair(path, ".img", {".hdr", ".hdr.gz"});
+  const NiftiHeader header(run.header_path);
+  run.path = header.isOneFile() ? run.header_path
+                                : besidePair(run.header_path, ".hdr", {".img", ".img.gz"});
+  const double offset = header.voxelOffset();
+  if (!(offset >= 0 && offset < 0x1p31))
+    throw Error("cannot read '" + run.header_path + "': it says that the voxels begin at byte " +
+                std::to_string(offset) + "; correct vox_offset in its header");
+  auto offset_bytes = static_cast<std::uint64_t>(offset);
+  if (header.isOneFile()) offset_bytes = std::max<std::uint64_t>(offset_bytes, kHeaderBytes);
+  run.is_deflated = isGzipped(InputFile(run.path, run.path == path ? "" : path));
+  (run.is_deflated ? run.content_offset_bytes : run.offset_bytes) = offset_bytes;
+
+  result.stored.type = storedType(path, header.dataType());
+  result.stored.big_endian = header.bigEndian();
+  result.stored.map = valueMap(header);
+  result.stored.not_finite_is_zero = true;
+  return result;
+}
+
+}  // namespace isobrick

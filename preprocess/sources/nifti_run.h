@@ -1,0 +1,22 @@
+// Where the voxels of a NIfTI or Analyze file are and how they are stored. ITK fills what is
+// missing of such a file with zeros and says nothing; so it reads the geometry only. Private to
+// preprocess/sources/.
+#pragma once
+
+#include <string>
+
+#include "preprocess/sources/raw_run.h"
+#include "preprocess/sources/stored_voxels.h"
+
+namespace isobrick {
+
+struct NiftiRun {
+  RawRun run;
+  StoredVoxels stored;  // slope and intercept included
+};
+
+// `path` is a file that ITK took for NIfTI: .nii, or .hdr or .img of a pair; gzipped or not. Throws
+// Error where the header is damaged or unusual, or the other file of the pair is missing.
+NiftiRun findNiftiRun(const std::string& path);
+
+}  // namespace isobrick

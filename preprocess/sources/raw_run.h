@@ -1,0 +1,48 @@
+// Runs of voxels behind a header: the bytes of the voxels in one piece of one file, as they are or
+// packed as a whole with gzip or zlib. ITK reads most such files only as a whole and takes some
+// that were cut short for whole ones; with this they are streamed and their sizes are checked.
+// Private to preprocess/sources/.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "preprocess/sources/byte_stream.h"
+#include "preprocess/sources/stored_voxels.h"
+#include "preprocess/volume_source.h"
+
+namespace isobrick {
+
+struct RawRun {
+  std::string path;         // of the header's own file, or of the file that it names
+  std::string header_path;  // empty where the user described the file
+  std::uint64_t offset_bytes = 0;
+  bool is_deflated = false;
+  // Where the first voxel is in what inflates; 0 for runs that are not deflated.
+  std::uint64_t content_offset_bytes = 0;
+  bool big_endian = false;
+};
+
+// Nothing where the header is not that of a volume in one run: other encodings, several data files,
+// skipped lines, or anything unusual. Never throws.
+std::optional<RawRun> findNrrdRun(const std::string& header_path);
+std::optional<RawRun> findMetaImageRun(const std::string& header_path);
+
+// The voxels of `info`, which says everything that the source shall say; `stored.delivered()` is
+// its type. Throws Error, naming the header's file, where the data end early: at once, or for
+// deflated ones when that is found. Bytes after them are ignored, but not where the user described
+// the file.
+std::unique_ptr<VolumeSource> openRawRun(VolumeInfo info, const RawRun& run,
+                                         const StoredVoxels& stored);
+
+// The same out of any stream, in which the first voxel is at `content_offset_bytes`. `path` is the
+// file's for messages, `header_path` that of the file that says how many voxels there are.
+std::unique_ptr<VolumeSource> openStream(VolumeInfo info, const StoredVoxels& stored,
+                                         std::unique_ptr<ByteStream> stream,
+                                         std::uint64_t content_offset_bytes,
+                                         const std::string& path, const std::string& header_path);
+
+}  // namespace isobrick

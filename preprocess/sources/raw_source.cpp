@@ -1,0 +1,165 @@
+// Volumes without a header, and raw voxels that another file's header describes.
+#include "preprocess/sources/raw_source.h"
+
+#include <array>
+#include <string_view>
+#include <utility>
+
+#include "preprocess/sources/inflate_stream.h"
+#include "preprocess/sources/input_file.h"
+#include "preprocess/sources/raw_run.h"
+#include "preprocess/sources/source_checks.h"
+#include "preprocess/sources/stored_voxels.h"
+#include "preprocess/volume_source.h"
+#include "storage/error.h"
+
+namespace isobrick {
+namespace {
+
+StoredType storedType(const std::string& path, const std::string& name) {
+  struct Alias {
+    std::string_view name;
+    StoredType type;
+  };
+  static constexpr std::array kAliases = {
+      Alias{"u8", StoredType::kUint8},        Alias{"uint8", StoredType::kUint8},
+      Alias{"uchar", StoredType::kUint8},     Alias{"i8", StoredType::kInt8},
+      Alias{"int8", StoredType::kInt8},       Alias{"char", StoredType::kInt8},
+      Alias{"u16", StoredType::kUint16},      Alias{"uint16", StoredType::kUint16},
+      Alias{"ushort", StoredType::kUint16},   Alias{"i16", StoredType::kInt16},
+      Alias{"int16", StoredType::kInt16},     Alias{"short", StoredType::kInt16},
+      Alias{"u32", StoredType::kUint32},      Alias{"uint32", StoredType::kUint32},
+      Alias{"uint", StoredType::kUint32},     Alias{"i32", StoredType::kInt32},
+      Alias{"int32", StoredType::kInt32},     Alias{"int", StoredType::kInt32},
+      Alias{"f32", StoredType::kFloat32},     Alias{"float32", StoredType::kFloat32},
+      Alias{"float", StoredType::kFloat32},   Alias{"f64", StoredType::kFloat64},
+      Alias{"float64", StoredType::kFloat64}, Alias{"double", StoredType::kFloat64},
+  };
+  for (const Alias& alias : kAliases)
+    if (alias.name == name) return alias.type;
+  throw Error("cannot read '" + path + "': unknown voxel type '" + name +
+              "'; choose one of u8, i8, u16, i16, u32, i32, f32, f64");
+}
+
+// Reads straight from the file, whatever is asked for.
+class RawSource final : public VolumeSource {
+ public:
+  RawSource(VolumeInfo info, const RawRun& run, const StoredVoxels& stored)
+      : info_(std::move(info)),
+        stored_(stored),
+        header_path_(run.header_path),
+        offset_bytes_(run.offset_bytes),
+        file_(run.path, run.header_path == run.path ? "" : run.header_path) {
+    checkSize();
+  }
+
+  const VolumeInfo& info() const override { return info_; }
+
+  void readRows(std::int64_t first, std::int64_t count, void* out) override {
+    readVoxels(first * info_.voxels.x, count * info_.voxels.x, out);
+  }
+
+  bool readsBoxes() const override { return true; }
+
+  void readBox(const IndexBox& box, void* out) const override {
+    const Index3& voxels = info_.voxels;
+    // As few reads as the file allows: rows that adjoin are one.
+    const bool whole_rows = box.count.x == voxels.x;
+    const bool whole_slices = whole_rows && box.count.y == voxels.y;
+    const std::int64_t slices = whole_slices ? 1 : box.count.z;
+    const std::int64_t rows = whole_rows ? 1 : box.count.y;
+    const std::int64_t count = box.size() / (slices * rows);
+    auto* to = static_cast<std::byte*>(out);
+    for (std::int64_t z = 0; z < slices; ++z)
+      for (std::int64_t y = 0; y < rows; ++y) {
+        readVoxels(linearIndex(box.first + Index3(0, y, z), voxels), count, to);
+        to += static_cast<std::size_t>(count) * voxelBytes(info_.voxel_type);
+      }
+  }
+
+  std::vector<std::string> files() const override { return {file_.path()}; }
+  std::uint64_t bufferBytes() const override {
+    return stored_.keepsType() ? 0 : kDecodeBufferBytes;
+  }
+
+ private:
+  // Compares the size of the file with the layout's.
+  void checkSize() const {
+    // At most 2^60 voxels of 8 bytes, so only the offset can overflow.
+    const auto voxel_bytes =
+        static_cast<std::uint64_t>(elementCount(info_.voxels)) * stored_.bytes();
+    const std::uint64_t have = file_.size();
+    std::uint64_t need = 0;
+    const bool overflow = __builtin_add_overflow(voxel_bytes, offset_bytes_, &need);
+    const bool may_be_longer = !header_path_.empty();
+    if (!overflow && (have == need || (may_be_longer && have > need))) return;
+    const std::string needed = overflow ? "more than 2^64" : std::to_string(need);
+    const std::string sizes = "cannot read '" + file_.path() + "': it has " + std::to_string(have) +
+                              " bytes, but an offset of " + std::to_string(offset_bytes_) +
+                              " and " + voxelCountsText(info_.voxels) + " voxels of " +
+                              std::to_string(stored_.bytes()) +
+                              (stored_.bytes() == 1 ? " byte make " : " bytes make ") + needed;
+    if (!header_path_.empty())
+      throw Error(sizes + " (from the header '" + header_path_ + "'); get the whole file again");
+    throw Error(sizes + "; check --raw-dims, --raw-type and --raw-offset" +
+                (overflow || have < need ? ", or get the whole file" : ""));
+  }
+
+  // `count` voxels that adjoin in the file.
+  void readVoxels(std::int64_t first, std::int64_t count, void* out) const {
+    std::uint64_t at = offset_bytes_ + static_cast<std::uint64_t>(first) * stored_.bytes();
+    decodeVoxels(stored_, static_cast<std::size_t>(count), out,
+                 [&](std::byte* to, std::size_t bytes) {
+                   const std::size_t got = file_.readAt(at, to, bytes);
+                   at += got;
+                   if (got < bytes) throw becameShorter(at);
+                 });
+  }
+
+  Error becameShorter(std::uint64_t at) const {
+    const auto slice_bytes =
+        static_cast<std::uint64_t>(info_.voxels.x * info_.voxels.y) * stored_.bytes();
+    return Error("cannot read slice " + std::to_string((at - offset_bytes_) / slice_bytes) +
+                 " of '" + file_.path() + "' at byte " + std::to_string(at) +
+                 ": the file became shorter meanwhile; check the file, then run again");
+  }
+
+  VolumeInfo info_;
+  StoredVoxels stored_;
+  std::string header_path_;  // empty where the user described the file
+  std::uint64_t offset_bytes_;
+  InputFile file_;
+};
+
+}  // namespace
+
+std::unique_ptr<VolumeSource> openRawSource(const std::string& path, const RawLayout& layout) {
+  const StoredVoxels stored{storedType(path, layout.type), layout.big_endian, {}, false};
+  checkVoxelCounts(path, layout.voxels);
+  VolumeInfo info;
+  info.voxels = layout.voxels;
+  info.voxel_type = stored.delivered();
+  info.geometry.spacing = layout.spacing;
+  info.source = path;
+  info.format = "raw";
+  info.encoding = layout.type + (layout.big_endian ? " big-endian" : " little-endian") +
+                  " at byte " + std::to_string(layout.offset_bytes);
+  if (!stored.keepsType()) info.notes.push_back(layout.type + " voxels were converted to float32");
+  tidyGeometry(path, info.geometry, info.notes);
+  RawRun run;
+  run.path = path;
+  run.offset_bytes = layout.offset_bytes;
+  return std::make_unique<RawSource>(std::move(info), run, stored);
+}
+
+std::unique_ptr<VolumeSource> openRawRun(VolumeInfo info, const RawRun& run,
+                                         const StoredVoxels& stored) {
+  if (!run.is_deflated) return std::make_unique<RawSource>(std::move(info), run, stored);
+  auto file = std::make_shared<const InputFile>(run.path,
+                                                run.header_path == run.path ? "" : run.header_path);
+  return openStream(std::move(info), stored,
+                    makeInflateStream(run.path, makeFileStream(std::move(file), run.offset_bytes)),
+                    run.content_offset_bytes, run.path, run.header_path);
+}
+
+}  // namespace isobrick

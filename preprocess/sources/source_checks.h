@@ -1,0 +1,23 @@
+// What every volume source checks before it promises a VolumeInfo. Private to preprocess/sources/.
+#pragma once
+
+#include <string>
+
+#include "preprocess/volume_source.h"
+
+namespace isobrick {
+
+// "512 x 512 x 234"
+std::string voxelCountsText(const Index3& voxels);
+
+// Throws Error unless every axis has 2 .. kMaxVoxelsPerAxis voxels. Afterwards the products of
+// `voxels` with a voxel's size fit 64 bits.
+void checkVoxelCounts(const std::string& path, const Index3& voxels);
+
+// Makes `geometry` what GridGeometry promises: positive spacing and an orthonormal direction.
+// Negative spacings flip their axis; rounding errors of the file's numbers are straightened out
+// (with a note where they are larger than single precision explains). Throws Error for spacings
+// that are zero or not finite and for axes that are not at right angles.
+void tidyGeometry(const std::string& path, GridGeometry& geometry, std::vector<std::string>& notes);
+
+}  // namespace isobrick

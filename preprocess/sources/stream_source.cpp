@@ -1,0 +1,85 @@
+// Voxels that come out of a stream of bytes and are never held whole.
+#include <stdexcept>
+#include <utility>
+
+#include "preprocess/sources/byte_stream.h"
+#include "preprocess/sources/raw_run.h"
+#include "preprocess/sources/stored_voxels.h"
+#include "preprocess/volume_source.h"
+#include "storage/error.h"
+
+namespace isobrick {
+namespace {
+
+class StreamSource final : public VolumeSource {
+ public:
+  StreamSource(VolumeInfo info, const StoredVoxels& stored, std::unique_ptr<ByteStream> stream,
+               std::uint64_t content_offset_bytes, std::string path, std::string header_path)
+      : info_(std::move(info)),
+        stored_(stored),
+        stream_(std::move(stream)),
+        content_offset_bytes_(content_offset_bytes),
+        path_(std::move(path)),
+        header_path_(std::move(header_path)) {}
+
+  const VolumeInfo& info() const override { return info_; }
+
+  void readRows(std::int64_t first, std::int64_t count, void* out) override {
+    const auto row_voxels = static_cast<std::size_t>(info_.voxels.x);
+    const std::uint64_t at =
+        content_offset_bytes_ + static_cast<std::uint64_t>(first) * row_voxels * stored_.bytes();
+    if (at < position_) throw std::logic_error("rows of a stream are asked for in ascending order");
+    const std::uint64_t skipped = skipBytes(*stream_, at - position_);
+    position_ += skipped;
+    if (position_ < at) throw tooShort();
+    decodeVoxels(stored_, static_cast<std::size_t>(count) * row_voxels, out,
+                 [&](std::byte* to, std::size_t bytes) { readBytes(to, bytes); });
+    if (first + count == info_.voxels.y * info_.voxels.z) stream_->finish();
+  }
+
+  std::vector<std::string> files() const override { return {path_}; }
+  std::uint64_t bufferBytes() const override {
+    return stream_->bufferBytes() + (stored_.keepsType() ? 0 : kDecodeBufferBytes);
+  }
+
+ private:
+  void readBytes(std::byte* to, std::size_t bytes) {
+    const std::size_t got = stream_->read(to, bytes);
+    position_ += got;
+    if (got < bytes) throw tooShort();
+  }
+
+  Error tooShort() const {
+    const std::uint64_t needed =
+        content_offset_bytes_ +
+        static_cast<std::uint64_t>(elementCount(info_.voxels)) * stored_.bytes();
+    return Error("cannot read '" + path_ + "': its content ends after " +
+                 std::to_string(position_) + " bytes and the header" +
+                 (header_path_ == path_ ? "" : " '" + header_path_ + "'") + " needs " +
+                 std::to_string(needed) + "; get the whole file again");
+  }
+
+  VolumeInfo info_;
+  StoredVoxels stored_;
+  std::unique_ptr<ByteStream> stream_;
+  std::uint64_t content_offset_bytes_;
+  std::string path_, header_path_;
+  std::uint64_t position_ = 0;  // bytes of content that were read
+};
+
+}  // namespace
+
+std::unique_ptr<VolumeSource> openStream(VolumeInfo info, const StoredVoxels& stored,
+                                         std::unique_ptr<ByteStream> stream,
+                                         std::uint64_t content_offset_bytes,
+                                         const std::string& path, const std::string& header_path) {
+  // At most 2^60 voxels of 8 bytes: only the offset can overflow.
+  const auto bytes = static_cast<std::uint64_t>(elementCount(info.voxels)) * stored.bytes();
+  if (content_offset_bytes > UINT64_MAX - bytes)
+    throw Error("cannot read '" + header_path + "': it says that the voxels begin at byte " +
+                std::to_string(content_offset_bytes) + "; correct its header");
+  return std::make_unique<StreamSource>(std::move(info), stored, std::move(stream),
+                                        content_offset_bytes, path, header_path);
+}
+
+}  // namespace isobrick

@@ -1,0 +1,40 @@
+// The XML of a VTK ImageData file. Private to preprocess/sources/.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "preprocess/sources/input_file.h"
+
+namespace isobrick {
+
+// One DataArray of the point data.
+struct VtiArray {
+  std::string name;
+  std::string type;    // "UInt8", ...
+  std::string format;  // "appended", "binary" or "ascii"
+  std::uint64_t components = 1;
+  std::uint64_t offset = 0;   // appended: bytes or characters behind the '_'
+  std::uint64_t text_at = 0;  // otherwise: the byte of the file behind the tag
+};
+
+// What a file says, as it says it: nothing but its syntax was checked, and what is missing is
+// empty.
+struct VtiHeader {
+  std::string file_type, byte_order, header_type, compressor;  // of VTKFile
+  std::string whole_extent, origin, spacing, direction;        // of ImageData
+  std::vector<std::string> piece_extents;
+  std::string scalars;  // the name that PointData has for the array to take
+  std::vector<VtiArray> point_arrays;
+  bool has_cell_arrays = false;
+  std::string appended_encoding;  // "raw" or "base64"; empty where nothing is appended
+  std::uint64_t appended_at = 0;  // the byte of the file behind the '_'
+};
+
+// Reads the tags of the file up to its appended data or its end; what lies between tags is passed
+// over. Throws Error, naming the byte, for what is no well-formed XML of the kind that VTK writes:
+// elements, attributes, comments and processing instructions.
+VtiHeader readVtiHeader(const InputFile& file);
+
+}  // namespace isobrick

@@ -1,0 +1,291 @@
+// The extractor against the reference mesher over random volumes and random queries (rule 11 in
+// every case, the same crossings to the bit, the same triangle counts). ISOBRICK_PROPERTY_VOLUMES
+// sets the number of volumes (six queries each), ISOBRICK_PROPERTY_SEED the first seed.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <map>
+#include <random>
+#include <set>
+#include <tuple>
+
+#include "extract/extractor.h"
+#include "extract/oracles/leaf_classifier.h"
+#include "extract/sinks/indexed_mesh.h"
+#include "preprocess/pyramid_builder.h"
+#include "storage/curvature_code.h"
+#include "tests/support/array_source.h"
+#include "tests/support/mesh_checker.h"
+#include "tests/support/reference_mesher.h"
+#include "tests/support/temporary_folder.h"
+
+namespace isobrick::test {
+namespace {
+
+constexpr int kQueriesPerVolume = 6;
+
+// What the random queries really exercised; a generator that drifts to empty meshes is a test that
+// cannot fail.
+struct Coverage {
+  int queries = 0, with_triangles = 0, with_transitions = 0, with_two_levels = 0, flattened = 0;
+};
+
+int environmentOr(const char* name, int otherwise) {
+  const char* text = std::getenv(name);
+  return text != nullptr ? std::atoi(text) : otherwise;
+}
+
+class RandomCase {
+ public:
+  explicit RandomCase(std::uint32_t seed) : random_(seed) {}
+
+  int uniform(int low, int high) { return std::uniform_int_distribution<int>(low, high)(random_); }
+  double real(double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random_);
+  }
+  bool chance(double p) { return real(0, 1) < p; }
+
+  Index3 dims() {
+    // Mostly small, so that borders and thin cells are everywhere; now and then up to 70.
+    const int most = chance(0.1) ? 70 : chance(0.4) ? 34 : 14;
+    Index3 d(uniform(2, most), uniform(2, most), uniform(2, most));
+    while (elementCount(d) > 40000) d[uniform(0, 2)] = uniform(2, 20);
+    return d;
+  }
+
+  // Noise, plateaus, smooth bumps with or without noise, or nearly linear.
+  template <typename T>
+  std::vector<T> field(const Index3& dims) {
+    const int kind = uniform(0, 4);
+    const double low = std::is_signed_v<T> && !std::is_floating_point_v<T> ? -100.0 : 0.0;
+    const glm::dvec3 wave(real(0.1, 0.9), real(0.1, 0.9), real(0.1, 0.9));
+    const double phase = real(0, 6), noise = chance(0.5) ? real(0, 20) : 0.0;
+    const int steps = uniform(2, 5);
+    std::vector<T> values;
+    for (std::int64_t z = 0; z < dims.z; ++z)
+      for (std::int64_t y = 0; y < dims.y; ++y)
+        for (std::int64_t x = 0; x < dims.x; ++x) {
+          const double smooth = 0.5 + (std::sin(wave.x * static_cast<double>(x) + phase) +
+                                       std::sin(wave.y * static_cast<double>(y)) +
+                                       std::sin(wave.z * static_cast<double>(z) - phase)) /
+                                          6;
+          double v = 0;
+          switch (kind) {
+            case 0:
+              v = real(0, 200);
+              break;
+            case 1:
+              v = 50 * uniform(0, steps - 1);
+              break;
+            case 2:
+              v = 200 * smooth + real(-noise, noise);
+              break;
+            case 3:
+              v = std::floor(smooth * steps) * 40;
+              break;
+            default:
+              v = 2 * wave.x * static_cast<double>(x) + wave.y * static_cast<double>(y) +
+                  wave.z * static_cast<double>(z) + real(-noise, noise) * 0.1;
+          }
+          v = std::clamp(low + v, low, low + 200);
+          values.push_back(static_cast<T>(std::is_floating_point_v<T> ? v : std::round(v)));
+        }
+    return values;
+  }
+
+ private:
+  std::mt19937 random_;
+};
+
+// The curvature decision of one cell of level 1, from what the pyramid says of it.
+bool isFlatByPyramid(const Pyramid& pyramid, float isovalue, double tolerance, const Index3& cell) {
+  const BrickLayout& layout = pyramid.layout();
+  const Index3 brick = std::int64_t{2} * cell / layout.brickCells();
+  std::vector<ValueRange> ranges;
+  std::vector<std::uint8_t> coefficients;
+  pyramid.tileRanges(0, brick, ranges);
+  pyramid.curvature(brick, coefficients);
+  const Index3 local = std::int64_t{2} * cell - brick * layout.brickCells();
+  const ValueRange range = ranges[static_cast<std::size_t>(
+      linearIndex(local / layout.tileCells(), layout.brickTiles(0, brick)))];
+  const auto node =
+      static_cast<std::size_t>(linearIndex(local / std::int64_t{2}, layout.brickNodes(brick)));
+  return static_cast<double>(
+             curvatureBound(&coefficients[3 * node], range.min, range.max, isovalue)) <= tolerance;
+}
+
+using Point = std::tuple<double, double, double>;
+Point pointOf(const glm::dvec3& p) { return {p.x, p.y, p.z}; }
+
+void expectSameMesh(const IndexedMesh& mesh, const ReferenceMesh& reference,
+                    const ExtractionReport& report) {
+  ASSERT_EQ(mesh.triangles.size() / 3, static_cast<std::size_t>(reference.triangleCount()));
+  ASSERT_EQ(mesh.positions.size(), reference.positions.size());
+  std::map<Point, std::uint32_t> vertex_at;
+  for (std::uint32_t v = 0; v < mesh.positions.size(); ++v)
+    vertex_at.emplace(pointOf(mesh.positions[v]), v);
+  std::vector<std::uint32_t> vertex_of_crossing;
+  for (const ReferenceCrossing& crossing : reference.crossings) {
+    const auto found = vertex_at.find(pointOf(crossing.point()));
+    ASSERT_NE(found, vertex_at.end()) << "a crossing of the reference is missing";
+    vertex_of_crossing.push_back(found->second);
+    const glm::dvec3 normal(mesh.normals[found->second]);
+    ASSERT_GT(glm::dot(normal, crossing.normal), 0.999) << "normals differ";
+  }
+  // The contours on all cell faces, direction included.
+  std::set<std::pair<std::uint32_t, std::uint32_t>> edges;
+  for (std::size_t t = 0; t < mesh.triangles.size(); t += 3)
+    for (std::size_t i = 0; i < 3; ++i)
+      edges.emplace(mesh.triangles[t + i], mesh.triangles[t + (i + 1) % 3]);
+  for (const auto& segment : reference.segments)
+    ASSERT_TRUE(edges.count({vertex_of_crossing[segment[0]], vertex_of_crossing[segment[1]]}) == 1)
+        << "a piece of a contour is missing";
+  std::uint64_t triangles = 0;
+  for (const LevelCounts& counts : report.levels) {
+    const ReferenceLevelCounts& expected =
+        reference.level_counts[static_cast<std::size_t>(counts.level)];
+    EXPECT_EQ(counts.cells, static_cast<std::uint64_t>(expected.cells));
+    EXPECT_EQ(counts.transition_cells, static_cast<std::uint64_t>(expected.transition_cells));
+    EXPECT_EQ(counts.triangles, static_cast<std::uint64_t>(expected.triangles));
+    triangles += counts.triangles;
+  }
+  EXPECT_EQ(report.triangles, triangles);
+}
+
+// The leaves that the fast classifier sees, cell by cell.
+void expectSameLeaves(const Pyramid& pyramid, const Query& query, const LeafLevels& expected) {
+  const RefinementOracle oracle(pyramid.lattice(), query);
+  const WorldFrame frame(pyramid.spec().geometry);
+  ReadLog log(pyramid.brickCount());
+  const MeshContext context{pyramid, query, oracle, frame, static_cast<float>(query.isovalue), log};
+  LeafClassifier classifier(context);
+  std::vector<CellState> state;
+  const Index3 cells = pyramid.lattice().cells(0);
+  Index3 cell;
+  for (cell.z = 0; cell.z < cells.z; ++cell.z)
+    for (cell.y = 0; cell.y < cells.y; ++cell.y)
+      for (cell.x = 0; cell.x < cells.x; ++cell.x) {
+        const int level = expected.leafLevelAt(cell);
+        classifier.classify(level, {cell / (std::int64_t{1} << level), Index3(1)}, state);
+        ASSERT_EQ(state[0], CellState::kLeaf);
+      }
+}
+
+template <typename T>
+void runVolume(std::uint32_t seed, const TemporaryFolder& folder, Coverage& coverage) {
+  RandomCase random(seed);
+  const Index3 dims = random.dims();
+  const std::vector<T> values = random.field<T>(dims);
+  BuildOptions options;
+  options.brick_cells = std::int64_t{4} << random.uniform(0, 4);
+  options.tile_cells = std::min(options.brick_cells, std::int64_t{2} << random.uniform(0, 2));
+  const bool subsample = random.chance(0.2);
+  options.filter = subsample ? format::Filter::kSubsample : format::Filter::kAverage;
+  ArraySource<T> source(dims, values);
+  const std::string path = folder.file("case.isb");
+  buildPyramid(source, path, options);
+  const Pyramid pyramid(path);
+  const ReferencePyramid reference_pyramid = buildReferencePyramid<T>(
+      dims, values, subsample ? ReferenceFilter::kSubsample : ReferenceFilter::kAverage);
+
+  for (int q = 0; q < kQueriesPerVolume; ++q) {
+    SCOPED_TRACE("seed " + std::to_string(seed) + " query " + std::to_string(q) + " dims " +
+                 std::to_string(dims.x) + "x" + std::to_string(dims.y) + "x" +
+                 std::to_string(dims.z) + " brick " + std::to_string(options.brick_cells));
+    Query query;
+    ReferenceQuery expected;
+    const auto sample = static_cast<double>(
+        values[static_cast<std::size_t>(random.uniform(0, static_cast<int>(values.size()) - 1))]);
+    query.isovalue = random.chance(0.6) ? sample : sample + random.real(-3, 3);
+    expected.iso = query.isovalue;
+    if (random.chance(0.85)) {
+      const double reach = static_cast<double>(std::max({dims.x, dims.y, dims.z}));
+      FocusSphere focus;
+      for (int axis = 0; axis < 3; ++axis)
+        focus.center[axis] = random.chance(0.8)
+                                 ? random.real(0, static_cast<double>(dims[axis] - 1))
+                                 : random.real(-reach, 2 * reach);
+      if (random.chance(0.3)) focus.center = glm::round(focus.center);
+      focus.radius =
+          random.chance(0.25) ? 0.0 : random.real(0, random.chance(0.2) ? 2 * reach : reach / 3);
+      query.focus = focus;
+      expected.focus = focus.center;
+      expected.radius = focus.radius;
+    } else if (random.chance(0.5)) {
+      query.uniform_level = random.uniform(0, pyramid.lattice().levels() - 1);
+      expected.level = *query.uniform_level;
+    }
+    if (query.uniform_level.value_or(0) == 0 && random.chance(0.6)) {
+      const double tolerance = random.chance(0.15) ? 0.0 : std::exp(random.real(-9, 5));
+      query.curvature_tolerance = tolerance;
+      expected.flat = [&pyramid, iso = static_cast<float>(query.isovalue),
+                       tolerance](const Index3& cell) {
+        return isFlatByPyramid(pyramid, iso, tolerance, cell);
+      };
+    }
+    IndexedMeshSink sink;
+    const ExtractionReport report = extractIsosurface(pyramid, query, sink);
+    const MeshReport check =
+        checkMesh(sink.mesh().positions, sink.mesh().triangles, indexOptions(dims));
+    ASSERT_TRUE(check.ok()) << check.summary();
+    const ReferenceMesh reference = referenceMesh(reference_pyramid, expected);
+    expectSameMesh(sink.mesh(), reference, report);
+    if (testing::Test::HasFatalFailure()) return;
+    ASSERT_TRUE(auditLeafLevels(reference.leaves).empty());
+    expectSameLeaves(pyramid, query, reference.leaves);
+    if (testing::Test::HasFatalFailure()) return;
+
+    ++coverage.queries;
+    coverage.with_triangles += report.triangles > 0 ? 1 : 0;
+    coverage.with_transitions += reference.transitionCellCount() > 0 ? 1 : 0;
+    coverage.with_two_levels += report.levels.size() > 1 ? 1 : 0;
+    coverage.flattened += query.curvature_tolerance && report.levels.size() > 1 ? 1 : 0;
+
+    query.cull_by_ranges = false;
+    IndexedMeshSink unculled;
+    extractIsosurface(pyramid, query, unculled);
+    ASSERT_EQ(unculled.mesh().positions, sink.mesh().positions);
+    ASSERT_EQ(unculled.mesh().triangles, sink.mesh().triangles);
+  }
+}
+
+TEST(ExtractProperty, MatchesTheReferenceOnRandomQueries) {
+  const TemporaryFolder folder;
+  const int volumes = environmentOr("ISOBRICK_PROPERTY_VOLUMES", 350);
+  const int first = environmentOr("ISOBRICK_PROPERTY_SEED", 1);
+  Coverage coverage;
+  for (int v = 0; v < volumes; ++v) {
+    const auto seed = static_cast<std::uint32_t>(first + v);
+    switch (seed % 5) {
+      case 0:
+        runVolume<std::uint8_t>(seed, folder, coverage);
+        break;
+      case 1:
+        runVolume<std::int8_t>(seed, folder, coverage);
+        break;
+      case 2:
+        runVolume<std::uint16_t>(seed, folder, coverage);
+        break;
+      case 3:
+        runVolume<std::int16_t>(seed, folder, coverage);
+        break;
+      default:
+        runVolume<float>(seed, folder, coverage);
+    }
+    if (HasFatalFailure()) return;
+  }
+  std::printf(
+      "%d queries: %d with triangles, %d with transition fans, %d with several levels, %d "
+      "of them with a curvature tolerance\n",
+      coverage.queries, coverage.with_triangles, coverage.with_transitions,
+      coverage.with_two_levels, coverage.flattened);
+  EXPECT_GT(coverage.with_triangles, coverage.queries * 7 / 10);
+  EXPECT_GT(coverage.with_transitions, coverage.queries / 4);
+  EXPECT_GT(coverage.flattened, coverage.queries / 10);
+}
+
+}  // namespace
+}  // namespace isobrick::test

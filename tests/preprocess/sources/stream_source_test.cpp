@@ -1,0 +1,453 @@
+// Volumes by rows and by boxes: packed files are streamed, raw ones are read anywhere.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <functional>
+#include <limits>
+#include <thread>
+
+#include "preprocess/phantoms/phantom.h"
+#include "preprocess/sources/itk_source.h"
+#include "preprocess/sources/raw_source.h"
+#include "preprocess/volume_source.h"
+#include "tests/support/packed_bytes.h"
+#include "tests/support/random_numbers.h"
+#include "tests/support/volume_files.h"
+
+namespace isobrick {
+namespace {
+
+using namespace test;  // NOLINT: the helpers of volume_files.h
+
+constexpr Index3 kVoxels(7, 5, 6);
+constexpr std::int64_t kRows = 30;
+
+class StreamSourceTest : public VolumeFilesTest {};
+
+std::vector<std::int16_t> sampleVoxels() {
+  std::vector<std::int16_t> values(static_cast<std::size_t>(elementCount(kVoxels)));
+  for (std::size_t i = 0; i < values.size(); ++i)
+    values[i] = static_cast<std::int16_t>(static_cast<int>(i * i * 131) % 60000 - 30000);
+  return values;
+}
+
+const std::string kNrrd = "NRRD0004\ntype: short\ndimension: 3\nsizes: 7 5 6\nencoding: gzip\n";
+const std::string kMeta =
+    "ObjectType = Image\nNDims = 3\nBinaryData = True\nDimSize = 7 5 6\nElementType = MET_SHORT\n"
+    "CompressedData = True\n";
+
+// A NIfTI-1 header of kVoxels, with the four bytes that say that it has no extension.
+struct NiftiFields {
+  std::int16_t data_type = 4, bits = 16;
+  float slope = 0, intercept = 0, offset = 352;
+  const char* magic = "n+1";
+};
+std::string niftiHeader(const NiftiFields& fields, bool big_endian) {
+  std::string header(352, '\0');
+  const auto put = [&](std::size_t at, auto value) {
+    char bytes[sizeof value];
+    std::memcpy(bytes, &value, sizeof value);
+    if (big_endian) std::reverse(bytes, bytes + sizeof value);
+    std::copy_n(bytes, sizeof value, header.begin() + static_cast<std::ptrdiff_t>(at));
+  };
+  put(0, std::int32_t{348});
+  const std::int16_t dims[8] = {3, 7, 5, 6, 1, 1, 1, 1};
+  for (std::size_t i = 0; i < 8; ++i) put(40 + 2 * i, dims[i]);
+  put(70, fields.data_type);
+  put(72, fields.bits);
+  for (std::size_t i = 0; i < 8; ++i) put(76 + 4 * i, 1.0f);
+  put(108, fields.offset);
+  put(112, fields.slope);
+  put(116, fields.intercept);
+  header.replace(344, 3, fields.magic);
+  return header;
+}
+
+class PackedFilesTest : public VolumeFilesTest {
+ protected:
+  // Every format, in both byte orders, with the same voxels: the path of each.
+  std::vector<std::string> writeFiles() const {
+    std::vector<std::string> paths;
+    for (const bool big : {false, true}) {
+      const std::string bytes = bytesOfValues(sampleVoxels(), big), order = big ? "big" : "little";
+      const std::string packed = deflated(bytes, true);
+      const auto add = [&](const std::string& name, const std::string& content) {
+        return write(order + name, content);
+      };
+      paths.push_back(add(".nrrd", kNrrd + "endian: " + order + "\n\n" + packed));
+      add("data.gz", deflated("skipped" + bytes + "more", true));
+      paths.push_back(add(".nhdr", kNrrd + "endian: " + order +
+                                       "\nbyte skip: 7\ndata file: " + order + "data.gz\n"));
+      // Two members, cut inside a voxel, with what is no third one behind them.
+      paths.push_back(add("2.nrrd", kNrrd + "endian: " + order + "\n\n" +
+                                        deflated(bytes.substr(0, 101), true) +
+                                        deflated(bytes.substr(101), true) + "padding"));
+      const std::string msb =
+          std::string("BinaryDataByteOrderMSB = ") + (big ? "True\n" : "False\n");
+      paths.push_back(
+          add(".mha", kMeta + msb + "ElementDataFile = LOCAL\n" + deflated(bytes, false)));
+      add("data.zraw", deflated(bytes, false));
+      paths.push_back(add(".mhd", kMeta + msb + "ElementDataFile = " + order + "data.zraw\n"));
+      const std::string nifti = niftiHeader({}, big) + bytes;
+      paths.push_back(add(".nii.gz", deflated(nifti, true)));
+      paths.push_back(add(".nii", nifti));
+      NiftiFields pair;
+      pair.magic = "ni1";
+      pair.offset = 0;
+      paths.push_back(add("pair.hdr", niftiHeader(pair, big).substr(0, 348)));
+      add("pair.img", bytes);
+      add("packed.img.gz", packed);
+      paths.push_back(add("packed.hdr", niftiHeader(pair, big).substr(0, 348)));
+    }
+    return paths;
+  }
+};
+
+TEST_F(PackedFilesTest, AreReadByAnyNumberOfRows) {
+  const auto values = sampleVoxels();
+  for (const std::string& path : writeFiles())
+    for (const std::int64_t count : {1, 2, 3, 7, 29, 30}) {
+      const auto source = openItkSource(path);
+      ASSERT_EQ(source->info().voxel_type, VoxelType::kInt16) << path;
+      ASSERT_EQ(source->info().voxels, kVoxels) << path;
+      ASSERT_EQ(source->files().size(), 1u);
+      EXPECT_LE(source->bufferBytes(), 400u << 10) << path;
+      std::vector<std::int16_t> read(values.size());
+      for (std::int64_t row = 0; row < kRows; row += count)
+        source->readRows(row, std::min(count, kRows - row), read.data() + row * 7);
+      ASSERT_EQ(read, values) << path << " " << count;
+    }
+}
+
+TEST_F(PackedFilesTest, SkipForwardAndRefuseToGoBack) {
+  const auto values = sampleVoxels();
+  for (const std::string& path : writeFiles()) {
+    const auto source = openItkSource(path);
+    std::vector<std::int16_t> rows(7 * 4);
+    for (const std::int64_t first : {3, 8, 19, 26}) {
+      source->readRows(first, 4, rows.data());
+      EXPECT_TRUE(std::equal(rows.begin(), rows.end(), values.begin() + first * 7)) << path;
+    }
+    if (!source->readsBoxes()) {
+      EXPECT_THROW(source->readRows(2, 1, rows.data()), std::logic_error);
+    }
+  }
+}
+
+TEST_F(PackedFilesTest, EveryPrefixIsAnErrorThatNamesTheFile) {
+  const std::string bytes = bytesOfValues(sampleVoxels());
+  const std::vector<std::pair<std::string, std::string>> files = {
+      {"cut.nrrd", kNrrd + "endian: little\n\n" + deflated(bytes, true)},
+      {"cut.mha", kMeta + "ElementDataFile = LOCAL\n" + deflated(bytes, false)},
+      {"cut.nii.gz", deflated(niftiHeader({}, false) + bytes, true)},
+      {"cut.nii", niftiHeader({}, false) + bytes}};
+  for (const auto& [name, whole] : files) {
+    EXPECT_NO_THROW(openAndRead(write(name, whole)));
+    for (std::size_t size = 0; size < whole.size(); ++size) {
+      const std::string path = write(name, whole.substr(0, size));
+      const std::string message = errorOf([&] { openAndRead(path); });
+      ASSERT_NE(message.find(path), std::string::npos) << size << ": " << message;
+    }
+  }
+}
+
+TEST_F(PackedFilesTest, DamageIsAnErrorAndNeverACrash) {
+  const std::string bytes = bytesOfValues(sampleVoxels());
+  const std::string start = kNrrd + "endian: little\n\n", packed = deflated(bytes, true);
+  std::size_t silent = 0;
+  for (std::size_t i = 0; i < packed.size(); ++i) {
+    std::string damaged = packed;
+    damaged[i] = static_cast<char>(damaged[i] ^ 0x24);
+    try {
+      const auto source = openItkSource(write("damaged.nrrd", start + damaged));
+      EXPECT_NE(readVoxels<std::int16_t>(*source), std::vector<std::int16_t>());
+      ++silent;
+    } catch (const Error& error) {
+      EXPECT_CONTAINS(std::string(error.what()), pathOf("damaged.nrrd"));
+    }
+  }
+  EXPECT_LE(silent, 8u);  // time, system and flags of the gzip header mean nothing to the content
+}
+
+TEST_F(PackedFilesTest, SaysWhereTheContentEnds) {
+  const std::string bytes = bytesOfValues(sampleVoxels());
+  const auto message = [&](const std::string& packed) {
+    return errorOf([&] { openAndRead(write("x.nrrd", kNrrd + "endian: little\n\n" + packed)); });
+  };
+  EXPECT_CONTAINS(message(deflated(bytes.substr(0, 100), true)),
+                  "its content ends after 100 bytes and the header needs 420");
+  const std::string two = deflated(bytes.substr(0, 100), true) + deflated(bytes, true);
+  EXPECT_CONTAINS(message(two.substr(0, deflated(bytes.substr(0, 100), true).size() + 12)),
+                  "cut short after 100 bytes of content");
+  EXPECT_CONTAINS(message("this was never packed"), "damaged after 0 bytes of content");
+  EXPECT_CONTAINS(message(""), "cut short after 0 bytes");
+  std::string checksum = deflated(bytes, true);
+  checksum[checksum.size() - 8] = static_cast<char>(checksum[checksum.size() - 8] ^ 1);
+  EXPECT_CONTAINS(message(checksum), "damaged after 420 bytes");
+  EXPECT_CONTAINS(
+      errorOf([&] { openAndRead(write("lost.mhd", kMeta + "ElementDataFile = none.zraw\n")); }),
+      "lost.mhd' names: No such file");
+}
+
+TEST_F(PackedFilesTest, AReadThatFailsIsNoDamage) {
+  // Nothing is mapped at address 0: reading there is an error of the device.
+  const std::string path =
+      write("disk.nhdr", kNrrd + "endian: little\ndata file: /proc/self/mem\n");
+  try {
+    openAndRead(path);
+    ADD_FAILURE() << "no Error was thrown";
+  } catch (const ResumableError& error) {
+    EXPECT_CONTAINS(std::string(error.what()),
+                    "cannot read '/proc/self/mem' at byte 0: Input/output");
+  }
+}
+
+// ---- NIfTI --------------------------------------------------------------------------------------
+
+// What ITK 5.2 makes of stored numbers: integers become float, then slope and intercept in double.
+template <typename T>
+void checkNiftiScaling(const std::function<std::string(const std::string&)>& write,
+                       std::int16_t data_type) {
+  std::vector<T> stored(static_cast<std::size_t>(elementCount(kVoxels)));
+  for (std::size_t i = 0; i < stored.size(); ++i)
+    stored[i] = static_cast<T>(static_cast<double>(i) * 0.6 + (i % 3 == 0 ? 0 : 0.25));
+  stored[1] = static_cast<T>(std::numeric_limits<T>::max() / 3);
+  stored[2] = static_cast<T>(std::numeric_limits<T>::lowest() / 3);
+  for (const bool big : {false, true})
+    for (const float slope : {0.0f, 1.0f, 2.0078f, std::numeric_limits<float>::quiet_NaN()})
+      for (const float intercept : {0.0f, -3.3f}) {
+        NiftiFields fields{data_type, static_cast<std::int16_t>(8 * sizeof(T)), slope, intercept};
+        const auto source =
+            openItkSource(write(niftiHeader(fields, big) + bytesOfValues(stored, big)));
+        const double s = std::isnan(slope) || slope == 0 ? 1 : static_cast<double>(slope);
+        const auto b = static_cast<double>(intercept);
+        const bool scaled = s != 1 || b != 0;
+        EXPECT_TRUE(source->readsBoxes());
+        visitVoxelType(source->info().voxel_type, [&](auto tag) {
+          using Out = typename decltype(tag)::Type;
+          EXPECT_EQ((std::is_same_v<Out, T>),
+                    (std::is_same_v<T, float>) || (!scaled && sizeof(T) < 4));
+          const auto read = readVoxels<Out>(*source);
+          for (std::size_t i = 0; i < stored.size(); ++i) {
+            double number = static_cast<double>(stored[i]);
+            if constexpr (!std::is_same_v<T, double>)
+              if (scaled) number = static_cast<double>(static_cast<float>(stored[i]));
+            const Out expected =
+                scaled ? static_cast<Out>(number * s + b) : static_cast<Out>(stored[i]);
+            ASSERT_EQ(read[i], expected) << data_type << " " << slope << " " << intercept;
+          }
+        });
+      }
+}
+
+TEST_F(PackedFilesTest, NiftiValuesAreThoseOfItk) {
+  const auto save = [&](const std::string& bytes) { return write("scaled.nii", bytes); };
+  checkNiftiScaling<std::uint8_t>(save, 2);
+  checkNiftiScaling<std::int16_t>(save, 4);
+  checkNiftiScaling<std::int32_t>(save, 8);
+  checkNiftiScaling<float>(save, 16);
+  checkNiftiScaling<double>(save, 64);
+  checkNiftiScaling<std::int8_t>(save, 256);
+  checkNiftiScaling<std::uint16_t>(save, 512);
+  checkNiftiScaling<std::uint32_t>(save, 768);
+  checkNiftiScaling<std::int64_t>(save, 1024);
+  checkNiftiScaling<std::uint64_t>(save, 1280);
+}
+
+TEST_F(PackedFilesTest, NiftiNumbersThatAreNotFiniteAreZeroBeforeTheyAreScaled) {
+  std::vector<float> stored(210, 2.0f);
+  stored[3] = std::numeric_limits<float>::quiet_NaN();
+  stored[4] = std::numeric_limits<float>::infinity();
+  for (const float intercept : {0.0f, 3.5f}) {
+    const NiftiFields fields{16, 32, 1, intercept};
+    const auto source =
+        openItkSource(write("nan.nii", niftiHeader(fields, false) + bytesOfValues(stored)));
+    const auto read = readVoxels<float>(*source);
+    EXPECT_EQ(read[3], intercept);
+    EXPECT_EQ(read[4], intercept);
+    EXPECT_EQ(read[5], 2 + intercept);
+  }
+}
+
+TEST_F(PackedFilesTest, DamagedNiftiHeadersAreErrors) {
+  const std::string bytes = bytesOfValues(sampleVoxels());
+  NiftiFields fields;
+  fields.offset = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_THROW(openAndRead(write("x.nii", niftiHeader(fields, false) + bytes)), Error);
+  fields.offset = 1e30f;
+  EXPECT_THROW(openAndRead(write("x.nii", niftiHeader(fields, false) + bytes)), Error);
+  fields.offset = 0;
+  fields.magic = "ni1";
+  EXPECT_CONTAINS(
+      errorOf([&] { openAndRead(write("alone.hdr", niftiHeader(fields, false).substr(0, 348))); }),
+      "alone.");
+  const std::string whole = niftiHeader({}, false) + bytes;
+  for (std::size_t i = 0; i < 352; ++i)
+    for (const int bits : {0x01, 0x80, 0xff}) {
+      std::string damaged = whole;
+      damaged[i] = static_cast<char>(damaged[i] ^ bits);
+      try {
+        openAndRead(write("damaged.nii", damaged));
+      } catch (const Error&) {
+      }
+    }
+}
+
+// ---- boxes of raw files -------------------------------------------------------------------------
+
+template <typename T>
+void checkBoxes(const std::string& path, const std::string& type, Random& random) {
+  const Index3 dims(13, 9, 11);
+  std::vector<T> values(static_cast<std::size_t>(elementCount(dims)));
+  for (T& value : values) value = static_cast<T>(random() % 100'000);
+  for (const bool big : {false, true}) {
+    std::ofstream(path, std::ios::binary) << "#####" << bytesOfValues(values, big);
+    const auto source = openRawSource(path, {dims, type, big, glm::dvec3(1), 5});
+    ASSERT_TRUE(source->readsBoxes());
+    EXPECT_EQ(source->files(), std::vector<std::string>{path});
+    visitVoxelType(source->info().voxel_type, [&](auto tag) {
+      using Out = typename decltype(tag)::Type;
+      const auto all = readVoxels<Out>(*source);
+      for (int i = 0; i < 60; ++i) {
+        IndexBox box;
+        for (int axis = 0; axis < 3; ++axis) {
+          const bool whole = random() % 3 == 0;
+          box.first[axis] = whole ? 0 : static_cast<std::int64_t>(random() % 9) % dims[axis];
+          const std::int64_t room = dims[axis] - box.first[axis];
+          box.count[axis] = whole ? room : 1 + static_cast<std::int64_t>(random() % 20) % room;
+        }
+        std::vector<Out> read(static_cast<std::size_t>(box.size()));
+        source->readBox(box, read.data());
+        auto at = read.begin();
+        for (std::int64_t z = box.first.z; z < box.end().z; ++z)
+          for (std::int64_t y = box.first.y; y < box.end().y; ++y, at += box.count.x)
+            ASSERT_TRUE(std::equal(at, at + box.count.x,
+                                   all.begin() + linearIndex({box.first.x, y, z}, dims)))
+                << type;
+      }
+    });
+  }
+}
+
+TEST_F(StreamSourceTest, BoxesHaveTheVoxelsOfTheRows) {
+  Random random(5);
+  const std::string path = pathOf("box.raw");
+  checkBoxes<std::uint8_t>(path, "u8", random);
+  checkBoxes<std::int8_t>(path, "i8", random);
+  checkBoxes<std::uint16_t>(path, "u16", random);
+  checkBoxes<std::int16_t>(path, "i16", random);
+  checkBoxes<float>(path, "f32", random);
+  checkBoxes<std::uint32_t>(path, "u32", random);
+  checkBoxes<std::int32_t>(path, "i32", random);
+  checkBoxes<double>(path, "f64", random);
+}
+
+TEST_F(StreamSourceTest, BoxesAreReadByManyThreads) {
+  // Rows of more voxels than a piece of the conversion.
+  const Index3 dims(20'000, 3, 4);
+  std::vector<double> values(static_cast<std::size_t>(elementCount(dims)));
+  for (std::size_t i = 0; i < values.size(); ++i) values[i] = static_cast<double>(i);
+  const auto source =
+      openRawSource(write("big.raw", bytesOfValues(values, true)), {dims, "f64", true});
+  std::vector<std::thread> threads;
+  std::vector<int> wrong(4);
+  for (std::size_t t = 0; t < 4; ++t)
+    threads.emplace_back([&, t] {
+      const IndexBox box{{static_cast<std::int64_t>(t), 0, static_cast<std::int64_t>(t)},
+                         {19'990, 3, 1}};
+      std::vector<float> read(static_cast<std::size_t>(box.size()));
+      for (int repeat = 0; repeat < 20; ++repeat) {
+        source->readBox(box, read.data());
+        for (std::int64_t y = 0; y < 3; ++y)
+          for (std::int64_t x = 0; x < 19'990; ++x)
+            wrong[t] += read[static_cast<std::size_t>(y * 19'990 + x)] !=
+                        static_cast<float>(linearIndex(box.first + Index3(x, y, 0), dims));
+      }
+    });
+  for (std::thread& thread : threads) thread.join();
+  EXPECT_EQ(wrong, std::vector<int>(4));
+}
+
+TEST_F(StreamSourceTest, SourcesOfRowsHaveNoBoxes) {
+  PhantomSpec spec;
+  spec.name = "sphere";
+  spec.size = 8;
+  const auto source = makePhantomSource(spec);
+  EXPECT_FALSE(source->readsBoxes());
+  EXPECT_TRUE(source->files().empty());
+  float voxel = 0;
+  EXPECT_THROW(source->readBox({Index3(0), Index3(1)}, &voxel), std::logic_error);
+}
+
+// ---- real volumes -------------------------------------------------------------------------------
+
+TEST_F(StreamSourceTest, DicomSlicesAreReadByAnyRowsAndSkippedOnesAreNotDecoded) {
+  const fs::path slices = kSharedData / "vhf_head_ct" / "dicom";
+  SKIP_WITHOUT(slices);
+  for (const int n : {1600, 1601, 1602, 1603})
+    write(std::to_string(n), readFile(slices / ("vhf." + std::to_string(n) + ".dcm")));
+  const auto values = readVoxels<std::int16_t>(*openItkSource(folder_.string()), 1);
+  const auto source = openItkSource(folder_.string());
+  ASSERT_EQ(source->files().size(), 4u);
+  EXPECT_EQ(fs::path(source->files()[3]).filename(), "1603");
+  // Some slices, not the volume. (With an intercept ITK takes 4 bytes for each of these voxels.)
+  EXPECT_GE(source->bufferBytes(), 512u * 512 * 4);
+  EXPECT_LE(source->bufferBytes(), 3u * 512 * 512 * 4);
+  fs::remove(pathOf("1602"));  // its rows are skipped
+  std::vector<std::int16_t> rows(512 * 700);
+  const auto check = [&](std::int64_t first, std::int64_t count) {
+    source->readRows(first, count, rows.data());
+    EXPECT_TRUE(std::equal(rows.begin(), rows.begin() + count * 512, values.begin() + first * 512))
+        << first;
+  };
+  check(3, 1);
+  check(4, 129);
+  check(300, 700);
+  check(1024 + 512, 1);
+  check(2047, 1);
+}
+
+TEST_F(StreamSourceTest, HeadCtIsStreamedAndEqualsTheSeriesInOddPieces) {
+  const fs::path folder = kSharedData / "vhf_head_ct";
+  SKIP_WITHOUT(folder);
+  const auto nrrd = openItkSource((folder / "vhf_head.nrrd").string());
+  const auto dicom = openItkSource((folder / "dicom").string());
+  EXPECT_LE(nrrd->bufferBytes(), 400u << 10);
+  std::vector<std::int16_t> a(512 * 777), b(a.size());
+  constexpr std::int64_t kAll = 512 * 234;
+  for (std::int64_t row = 0; row < kAll; row += 1500) {
+    const std::int64_t count = std::min<std::int64_t>(777, kAll - row);
+    nrrd->readRows(row, count, a.data());
+    dicom->readRows(row, count, b.data());
+    std::size_t different = 0;
+    for (std::size_t i = 0; i < static_cast<std::size_t>(count) * 512; ++i)
+      different += a[i] != b[i] + 1024;
+    ASSERT_EQ(different, 0u) << row;
+  }
+}
+
+TEST_F(StreamSourceTest, PackedNiftiEqualsTheUnpackedOne) {
+  const fs::path path = kSharedData / "mr_nifti" / "MR.nii.gz";
+  SKIP_WITHOUT(path);
+  const gzFile in = gzopen(path.c_str(), "rb");
+  ASSERT_NE(in, nullptr);
+  std::string bytes(160 * 232 * 160 + 352, '\0');
+  EXPECT_EQ(gzread(in, bytes.data(), static_cast<unsigned>(bytes.size())),
+            static_cast<int>(bytes.size()));
+  gzclose(in);
+  const auto plain = openItkSource(write("MR.nii", bytes));
+  const auto packed = openItkSource(path.string());
+  EXPECT_EQ(packed->info().notes, plain->info().notes);
+  EXPECT_EQ(packed->info().geometry.origin, plain->info().geometry.origin);
+  const auto values = readVoxels<float>(*packed, 7);
+  EXPECT_EQ(readVoxels<float>(*plain, 3), values);
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const auto stored = static_cast<unsigned char>(bytes[352 + i]);
+    ASSERT_NEAR(values[i], stored * 2.0078431f, 1e-3);
+  }
+}
+
+}  // namespace
+}  // namespace isobrick

@@ -1,0 +1,316 @@
+// OpenVDB files, written here with OpenVDB, and files that must be refused.
+#include "preprocess/sources/vdb_source.h"
+
+#include <gtest/gtest.h>
+#include <openvdb/io/Stream.h>
+#include <openvdb/openvdb.h>
+#include <openvdb/tools/SignedFloodFill.h>
+
+#include <cmath>
+#include <glm/gtc/constants.hpp>
+#include <sstream>
+#include <thread>
+#include <tuple>
+
+#include "preprocess/volume_source.h"
+#include "tests/support/command_test.h"
+#include "tests/support/volume_files.h"
+
+namespace isobrick {
+namespace {
+
+using namespace test;  // NOLINT: the helpers of volume_files.h
+
+// The active voxels of fogGrid().
+const openvdb::Coord kFogMin(-3, 5, 100), kFogMax(8, 11, 117);
+
+template <typename Grid>
+typename Grid::Ptr fogGrid(const std::string& name = "fog") {
+  openvdb::initialize();
+  using Value = typename Grid::ValueType;
+  auto grid = Grid::create(Value(0));
+  auto to = grid->getAccessor();
+  for (int z = kFogMin.z(); z <= kFogMax.z(); ++z)
+    for (int y = kFogMin.y(); y <= kFogMax.y(); ++y)
+      for (int x = kFogMin.x(); x <= kFogMax.x(); ++x)
+        // Numbers that halves hold too.
+        to.setValue({x, y, z}, static_cast<Value>((x * 7 + y * 13 + z * 29) % 101));
+  grid->setName(name);
+  grid->setGridClass(openvdb::GRID_FOG_VOLUME);
+  return grid;
+}
+
+// A ball of radius 10 around (1, 2, 3), its voxels 0.5 apart, its narrow band 3 voxels wide.
+openvdb::FloatGrid::Ptr levelSetBall() {
+  openvdb::initialize();
+  auto grid = openvdb::createLevelSet<openvdb::FloatGrid>(0.5f, 3);
+  auto to = grid->getAccessor();
+  for (int z = -30; z <= 30; ++z)
+    for (int y = -30; y <= 30; ++y)
+      for (int x = -30; x <= 30; ++x) {
+        const float distance = std::sqrt(static_cast<float>(x * x + y * y + z * z)) / 2 - 10;
+        if (std::abs(distance) < 1.5f) to.setValue({x + 2, y + 4, z + 6}, distance);
+      }
+  openvdb::tools::signedFloodFill(grid->tree());
+  return grid;
+}
+
+class VdbSourceTest : public VolumeFilesTest {
+ protected:
+  std::string writeGrids(const openvdb::GridCPtrVec& grids, const std::string& name = "test.vdb") {
+    fs::remove(pathOf(name));
+    openvdb::io::File(pathOf(name)).write(grids);
+    return pathOf(name);
+  }
+  std::string message(const openvdb::GridCPtrVec& grids) {
+    const std::string path = writeGrids(grids);
+    const std::string text = errorOf([&] { openVdbSource(path); });
+    EXPECT_CONTAINS(text, path);
+    return text;
+  }
+};
+
+// What the source must say and deliver, voxel by voxel.
+template <typename Grid>
+void checkVoxels(VolumeSource& source, const Grid& grid, const openvdb::Coord& first) {
+  const Index3 n = source.info().voxels;
+  const auto rows = readVoxels<float>(source);
+  ASSERT_TRUE(source.readsBoxes());
+  const IndexBox box{Index3(1, 2, 3), n - Index3(2, 3, 3)};
+  std::vector<float> boxed(static_cast<std::size_t>(box.size()));
+  source.readBox(box, boxed.data());
+  auto from = grid.getConstAccessor();
+  std::size_t at = 0, at_box = 0;
+  for (std::int64_t z = 0; z < n.z; ++z)
+    for (std::int64_t y = 0; y < n.y; ++y)
+      for (std::int64_t x = 0; x < n.x; ++x) {
+        const openvdb::Coord xyz =
+            first.offsetBy(static_cast<int>(x), static_cast<int>(y), static_cast<int>(z));
+        const auto expected = static_cast<float>(from.getValue(xyz));
+        ASSERT_EQ(rows[at++], expected) << xyz;
+        const Index3 index(x, y, z);
+        if (glm::all(glm::greaterThanEqual(index, box.first)) &&
+            glm::all(glm::lessThan(index, box.end()))) {
+          ASSERT_EQ(boxed[at_box++], expected) << xyz;
+        }
+      }
+}
+
+template <typename Grid>
+void checkFog(const std::string& path, const Grid& grid, std::size_t notes) {
+  const auto source = openVdbSource(path);
+  const VolumeInfo& info = source->info();
+  EXPECT_EQ(info.voxels, Index3(14, 9, 20));
+  EXPECT_EQ(info.voxel_type, VoxelType::kFloat32);
+  EXPECT_EQ(info.notes.size(), notes);
+  EXPECT_EQ(source->files(), std::vector<std::string>{path});
+  EXPECT_GT(source->bufferBytes(), 12u * 7 * 18 * 4);
+  checkVoxels(*source, grid, kFogMin.offsetBy(-1));
+}
+
+TEST_F(VdbSourceTest, ReadsFogOfAllTypesWithTheBackgroundAroundIt) {
+  const auto check = [&](auto grid, std::size_t notes) {
+    checkFog(writeGrids({grid}), *grid, notes);
+  };
+  check(fogGrid<openvdb::FloatGrid>(), 0);
+  check(fogGrid<openvdb::DoubleGrid>(), 1);
+  check(fogGrid<openvdb::Int32Grid>(), 1);
+  check(fogGrid<openvdb::Int64Grid>(), 1);
+  auto half = fogGrid<openvdb::FloatGrid>();
+  half->setSaveFloatAsHalf(true);
+  check(half, 0);
+}
+
+TEST_F(VdbSourceTest, ReadsAllCompressionsAndStreamsWithoutOffsets) {
+  using namespace openvdb::io;
+  const auto grid = fogGrid<openvdb::FloatGrid>();
+  const auto mask = openvdb::MaskGrid::create();
+  for (const std::uint32_t flags : {std::uint32_t{COMPRESS_NONE}, std::uint32_t{COMPRESS_ZIP},
+                                    std::uint32_t{COMPRESS_BLOSC | COMPRESS_ACTIVE_MASK}}) {
+    File file(pathOf("packed.vdb"));
+    file.setCompression(flags);
+    file.write({grid});
+    checkFog(pathOf("packed.vdb"), *grid, 0);
+  }
+  std::ostringstream out;
+  Stream(out).write({mask, grid});
+  checkFog(write("streamed.vdb", out.str()), *grid, 1);
+}
+
+TEST_F(VdbSourceTest, ReadsALevelSetWithItsInsideAndByManyThreads) {
+  const auto sphere = levelSetBall();
+  const auto source = openVdbSource(writeGrids({sphere}));
+  const VolumeInfo& info = source->info();
+  ASSERT_EQ(info.notes.size(), 1u);
+  EXPECT_CONTAINS(info.notes[0], "negative inside");
+  const auto box = sphere->evalActiveVoxelBoundingBox();
+  checkVoxels(*source, *sphere, box.min().offsetBy(-1));
+  EXPECT_EQ(info.geometry.spacing, glm::dvec3(0.5));
+
+  // The box around the middle is inside throughout.
+  std::vector<std::thread> threads;
+  std::vector<std::vector<float>> read(4, std::vector<float>(1000));
+  for (auto& values : read)
+    threads.emplace_back([&source, &info, &values] {
+      source->readBox({info.voxels / std::int64_t{2} - Index3(5), Index3(10)}, values.data());
+    });
+  for (std::thread& thread : threads) thread.join();
+  for (const auto& values : read)
+    for (const float value : values) ASSERT_EQ(value, -1.5f);
+}
+
+TEST_F(VdbSourceTest, AppliesLinearTransforms) {
+  const auto check = [&](const openvdb::math::Transform::Ptr& transform) {
+    const auto grid = fogGrid<openvdb::FloatGrid>();
+    grid->setTransform(transform);
+    const auto source = openVdbSource(writeGrids({grid}));
+    const GridGeometry& g = source->info().geometry;
+    for (const glm::dvec3 index : {glm::dvec3(0), glm::dvec3(13, 0, 0), glm::dvec3(4, 8, 19)}) {
+      const auto expected = transform->indexToWorld(openvdb::Vec3d(index.x, index.y, index.z) +
+                                                    kFogMin.offsetBy(-1).asVec3d());
+      const glm::dvec3 world = g.origin + g.direction * (g.spacing * index);
+      for (int axis = 0; axis < 3; ++axis)
+        EXPECT_NEAR(world[axis], expected[axis], 1e-9) << *transform;
+    }
+  };
+  using openvdb::math::Transform;
+  check(Transform::createLinearTransform(0.25));
+  auto moved = Transform::createLinearTransform(2.0);
+  moved->postTranslate({-7, 0.125, 1000});
+  check(moved);
+  auto turned = Transform::createLinearTransform(1.0);
+  turned->preScale(openvdb::Vec3d(0.5, 2, 3));
+  turned->postRotate(0.7, openvdb::math::X_AXIS);
+  turned->postRotate(-1.1, openvdb::math::Z_AXIS);
+  turned->postTranslate({1, 2, 3});
+  check(turned);
+  auto mirrored = Transform::createLinearTransform(1.0);
+  mirrored->preScale(openvdb::Vec3d(1, -2, 1));
+  check(mirrored);
+}
+
+TEST_F(VdbSourceTest, TakesTheFirstFloatGridAndNamesIt) {
+  const auto grid = fogGrid<openvdb::FloatGrid>("smoke\n1");
+  auto other = openvdb::FloatGrid::create(1.0f);
+  other->setName("other");
+  const auto counts = fogGrid<openvdb::Int32Grid>("counts");
+  auto vectors = openvdb::Vec3SGrid::create();
+  vectors->setName("vel");
+  const auto path = writeGrids({vectors, counts, grid, other});
+  checkFog(path, *grid, 1);
+  EXPECT_CONTAINS(openVdbSource(path)->info().notes[0], "of 4 grids, 'smoke 1' was taken");
+  const auto source = openVdbSource(writeGrids({vectors, counts}));
+  ASSERT_EQ(source->info().notes.size(), 2u);
+  EXPECT_CONTAINS(source->info().notes[0], "'counts'");
+}
+
+TEST_F(VdbSourceTest, ReadsAGridThatSharesItsTree) {
+  const auto first = fogGrid<openvdb::FloatGrid>("first");
+  auto second = first->copy();  // shallow
+  second->setName("second");
+  second->setTransform(openvdb::math::Transform::createLinearTransform(0.5));
+  checkFog(writeGrids({first, second}), *first, 1);
+}
+
+TEST_F(VdbSourceTest, RefusesWhatItCannotUseWithOneLine) {
+  openvdb::initialize();
+  EXPECT_CONTAINS(message({}), "no grids");
+  EXPECT_CONTAINS(message({openvdb::FloatGrid::create(1.0f)}), "no active voxels");
+  EXPECT_CONTAINS(message({fogGrid<openvdb::BoolGrid>("flags")}), "'flags', is of the type 'bool'");
+  EXPECT_CONTAINS(message({openvdb::MaskGrid::create()}), "is of the type 'bool'");
+  EXPECT_CONTAINS(message({openvdb::Vec3SGrid::create()}), "is of the type 'vec3s'");
+
+  auto grid = fogGrid<openvdb::FloatGrid>();
+  grid->setTransform(openvdb::math::Transform::createFrustumTransform(
+      openvdb::BBoxd(openvdb::Vec3d(0), openvdb::Vec3d(100)), 0.5, 10, 1));
+  EXPECT_CONTAINS(message({grid}), "frustum");
+  auto sheared = openvdb::math::Transform::createLinearTransform(1.0);
+  sheared->preShear(0.5, openvdb::math::X_AXIS, openvdb::math::Y_AXIS);
+  grid->setTransform(sheared);
+  EXPECT_CONTAINS(message({grid}), "right angles");
+
+  auto wide = openvdb::FloatGrid::create(0.0f);
+  wide->tree().setValue({0, 0, 0}, 1.0f);
+  wide->tree().setValue({1 << 20, 0, 0}, 1.0f);
+  EXPECT_CONTAINS(message({wide}), "at most");
+  wide->tree().setValue({std::numeric_limits<int>::max(), 0, 0}, 1.0f);
+  wide->tree().setValue({std::numeric_limits<int>::min(), 0, 0}, 1.0f);
+  EXPECT_CONTAINS(message({wide}), "at most");
+  auto corner = openvdb::FloatGrid::create(0.0f);
+  corner->tree().setValue(openvdb::Coord::max(), 1.0f);
+  EXPECT_CONTAINS(message({corner}), "32-bit");
+  errorOf([&] { openVdbSource(pathOf("missing.vdb")); });
+  EXPECT_CONTAINS(errorOf([&] { openVdbSource(write("x.vdb", "not a grid at all")); }), "VDB");
+  errorOf([&] { openVdbSource(write("x.vdb", std::string(5000, '\0'))); });
+}
+
+TEST_F(VdbSourceTest, RefusesFilesThatAreCutShortAndSaysSoItself) {
+  const std::string bytes = readFile(writeGrids({fogGrid<openvdb::FloatGrid>()}));
+  std::ostringstream out;
+  openvdb::io::Stream(out).write({fogGrid<openvdb::DoubleGrid>()});
+  testing::internal::CaptureStderr();
+  for (const std::string& whole : {bytes, out.str()})
+    for (std::size_t size = 0; size < whole.size(); size += size < 1000 ? 1 : 97) {
+      const std::string path = write("cut.vdb", whole.substr(0, size));
+      EXPECT_CONTAINS(errorOf([&] { openVdbSource(path); }), path);
+    }
+  std::string newer = bytes;
+  newer[8] = '\x7f';  // the format's version
+  EXPECT_CONTAINS(errorOf([&] { openVdbSource(write("newer.vdb", newer)); }), "newer");
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
+}
+
+// The lowest and highest voxel, and how many are below 0.
+std::tuple<float, float, double> surveyed(VolumeSource& source) {
+  const auto values = readVoxels<float>(source);
+  const auto [low, high] = std::minmax_element(values.begin(), values.end());
+  const auto inside = std::count_if(values.begin(), values.end(), [](float v) { return v < 0; });
+  return {*low, *high, static_cast<double>(inside)};
+}
+
+TEST_F(VdbSourceTest, ReadsARealFogVolume) {
+  const fs::path path = kSharedData / "vdb/smoke.vdb";
+  SKIP_WITHOUT(path);
+  const auto source = openVdbSource(path.string());
+  const auto [low, high, inside] = surveyed(*source);
+  EXPECT_EQ(low, 0);
+  EXPECT_GT(high, 0.5f);
+}
+
+TEST_F(VdbSourceTest, ReadsARealLevelSetOfASphere) {
+  const fs::path path = kSharedData / "vdb/sphere.vdb";
+  SKIP_WITHOUT(path);
+  const auto source = openVdbSource(path.string());
+  const auto [low, high, inside] = surveyed(*source);
+  EXPECT_LT(low, 0);
+  EXPECT_GT(high, 0);
+  // The outermost active voxel on the x axis says how far it is from the surface.
+  const VolumeInfo& info = source->info();
+  const double spacing = info.geometry.spacing.x;
+  const Index3 middle = info.voxels / std::int64_t{2};
+  float outside = 0;
+  source->readBox({Index3(1, middle.y, middle.z), Index3(1)}, &outside);
+  const double radius = static_cast<double>(middle.x - 1) * spacing - static_cast<double>(outside);
+  const double volume = inside * spacing * spacing * spacing;
+  EXPECT_NEAR(volume / (4.0 / 3 * glm::pi<double>() * std::pow(radius, 3)), 1, 0.01);
+}
+
+// The command as a whole, upper case and all.
+class VdbCommandTest : public CommandTest {};
+TEST_F(VdbCommandTest, BuildsPyramidsOfBothWhoseSurfacesAreClosed) {
+  const auto grid = fogGrid<openvdb::FloatGrid>();
+  openvdb::io::File(path("fog.VDB")).write({grid});
+  const auto sphere = levelSetBall();
+  openvdb::io::File(path("ball.vdb")).write({sphere});
+  runWell({"build", "fog.VDB"});
+  runWell({"build", "ball.vdb"});
+  for (const auto& [name, iso] : {std::pair("fog", "0.5"), std::pair("ball", "0")}) {
+    const std::string stem = name;
+    runWell({"verify", stem + ".isb"});
+    runWell({"extract", stem + ".isb", "--iso", iso, "-o", stem + ".ply"});
+    EXPECT_GT(fs::file_size(path(stem + ".ply")), 10'000u);
+  }
+}
+
+}  // namespace
+}  // namespace isobrick

@@ -1,0 +1,367 @@
+// VTK ImageData files, all variants written by hand, and files that must be refused.
+#include "preprocess/sources/vti_source.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstring>
+#include <functional>
+#include <limits>
+
+#include "preprocess/volume_source.h"
+#include "tests/support/packed_bytes.h"
+#include "tests/support/volume_files.h"
+
+namespace isobrick {
+namespace {
+
+using namespace test;  // NOLINT: the helpers of volume_files.h
+
+constexpr Index3 kVoxels(7, 5, 6);
+
+class VtiSourceTest : public VolumeFilesTest {};
+
+template <typename T>
+std::vector<T> sampleVoxels() {
+  std::vector<T> values(static_cast<std::size_t>(elementCount(kVoxels)));
+  for (std::size_t i = 0; i < values.size(); ++i) values[i] = static_cast<T>(i * i % 251);
+  values[0] = std::numeric_limits<T>::max();
+  values[1] = std::numeric_limits<T>::lowest();
+  return values;
+}
+
+struct Variant {
+  std::string format = "raw";  // "raw" or "base64" (both appended), or "binary"
+  bool zlib = false;
+  bool wide = true;  // header_type UInt64
+  bool big_endian = false;
+  std::size_t block_bytes = 64;
+  bool split_header = false;  // base64: the plain header by itself, as some writers do
+};
+
+// The numbers before the voxels, and the voxels.
+struct Encoded {
+  std::string header, data;
+};
+Encoded encoded(const std::string& bytes, const Variant& v) {
+  std::vector<std::uint64_t> words;
+  Encoded result;
+  if (v.zlib) {
+    std::vector<std::uint64_t> sizes;
+    for (std::size_t at = 0; at < bytes.size(); at += v.block_bytes) {
+      const std::string block = deflated(bytes.substr(at, v.block_bytes), false);
+      sizes.push_back(block.size());
+      result.data += block;
+    }
+    words = {sizes.size(), v.block_bytes, bytes.size() % v.block_bytes};
+    words.insert(words.end(), sizes.begin(), sizes.end());
+  } else {
+    words = {bytes.size()};
+    result.data = bytes;
+  }
+  for (const std::uint64_t word : words)
+    result.header +=
+        v.wide ? bytesOfValues(std::vector<std::uint64_t>{word}, v.big_endian)
+               : bytesOfValues(std::vector<std::uint32_t>{static_cast<std::uint32_t>(word)},
+                               v.big_endian);
+  return result;
+}
+
+std::string encodedText(const Encoded& encoded, const Variant& v) {
+  if (v.format == "raw") return encoded.header + encoded.data;
+  if (v.zlib || v.split_header) return base64(encoded.header) + base64(encoded.data);
+  return base64(encoded.header + encoded.data);
+}
+
+// What stands around the arrays; hostile tests replace parts of it.
+struct Frame {
+  std::string file_type = "ImageData";
+  std::string image = R"(WholeExtent="0 6 0 4 0 5" Origin="1 2 3" Spacing="0.5 0.25 2")";
+  std::string piece = R"(Extent="0 6 0 4 0 5")";
+  std::string point_data = R"(Scalars="values")";
+  std::string compressor;
+};
+
+std::string vtiBytes(const std::string& type, const std::string& text, const Variant& v,
+                     const Frame& frame = {}, const std::string& array_attributes = "") {
+  const bool appended = v.format != "binary";
+  // An array before it, so that the offset is not 0.
+  const std::string other = appended ? "12345678" : base64("12345678");
+  std::string compressor = frame.compressor;
+  if (compressor.empty() && v.zlib) compressor = "vtkZLibDataCompressor";
+  std::string xml = "<?xml version=\"1.0\"?>\n<!-- a > comment -->\n<VTKFile type=\"" +
+                    frame.file_type + "\" version=\"1.0\" byte_order=\"" +
+                    (v.big_endian ? "BigEndian" : "LittleEndian") + "\" header_type=\"" +
+                    (v.wide ? "UInt64" : "UInt32") + "\"" +
+                    (compressor.empty() ? "" : " compressor=\"" + compressor + "\"") + ">\n";
+  xml += "<ImageData " + frame.image + ">\n<FieldData><DataArray type=\"Float64\" Name=\"Time\" " +
+         "format=\"ascii\"> 1 </DataArray></FieldData>\n<Piece " + frame.piece + ">\n<PointData " +
+         frame.point_data + ">\n";
+  const auto array = [&](const std::string& attributes, const std::string& offset,
+                         const std::string& content) {
+    xml += "<DataArray " + attributes + " format='" + (appended ? "appended" : "binary") + "'";
+    if (appended) xml += " offset=\"" + offset + "\"";
+    xml += ">\n  " + (appended ? "" : content) + "\n</DataArray>\n";
+  };
+  array(R"(type="Float32" Name="other &lt;" NumberOfComponents="3")", "0", other);
+  array("type=\"" + type + "\" Name=\"values\" RangeMin=\"0\" " + array_attributes, "8", text);
+  xml += "</PointData>\n<CellData/>\n</Piece>\n</ImageData>\n";
+  if (appended)
+    xml +=
+        "<AppendedData encoding=\"" + v.format + "\">\n   _" + other + text + "\n</AppendedData>\n";
+  return xml + "</VTKFile>\n";
+}
+
+template <typename T>
+void checkVariants(const std::string& path, const std::string& type) {
+  const auto values = sampleVoxels<T>();
+  for (const std::string format : {"raw", "base64", "binary"})
+    for (const bool zlib : {false, true})
+      for (const bool wide : {false, true})
+        for (const bool big : {false, true})
+          for (const std::size_t block : {64u, 105u, 4096u}) {  // 105: the last block is whole
+            Variant v{format, zlib, wide, big, block, block == 64};
+            std::ofstream(path, std::ios::binary)
+                << vtiBytes(type, encodedText(encoded(bytesOfValues(values, big), v), v), v);
+            for (const std::int64_t slab : {1, 4}) {
+              const auto source = openVtiSource(path);
+              const VolumeInfo& info = source->info();
+              EXPECT_EQ(info.voxels, kVoxels);
+              EXPECT_EQ(info.geometry.origin, glm::dvec3(1, 2, 3));
+              EXPECT_EQ(info.geometry.spacing, glm::dvec3(0.5, 0.25, 2));
+              EXPECT_EQ(source->readsBoxes(), format == "raw" && !zlib);
+              EXPECT_EQ(source->files(), std::vector<std::string>{path});
+              visitVoxelType(info.voxel_type, [&](auto tag) {
+                using Out = typename decltype(tag)::Type;
+                EXPECT_EQ((std::is_same_v<Out, T>), info.notes.size() == 1);
+                const auto read = readVoxels<Out>(*source, slab);
+                for (std::size_t i = 0; i < values.size(); ++i)
+                  ASSERT_EQ(read[i], static_cast<Out>(values[i])) << format << zlib << wide << big;
+              });
+            }
+          }
+}
+
+TEST_F(VtiSourceTest, ReadsAllVariantsOfAllTypes) {
+  const std::string path = pathOf("volume.vti");
+  checkVariants<std::uint8_t>(path, "UInt8");
+  checkVariants<std::int8_t>(path, "Int8");
+  checkVariants<std::uint16_t>(path, "UInt16");
+  checkVariants<std::int16_t>(path, "Int16");
+  checkVariants<float>(path, "Float32");
+  checkVariants<std::uint32_t>(path, "UInt32");
+  checkVariants<std::int32_t>(path, "Int32");
+  checkVariants<std::int64_t>(path, "Int64");
+  checkVariants<double>(path, "Float64");
+}
+
+// A whole file of UInt8 with a changed frame, in the variant.
+std::string fileWith(const Frame& frame, const Variant& v = {},
+                     const std::string& attributes = "") {
+  const std::string bytes = bytesOfValues(sampleVoxels<std::uint8_t>());
+  return vtiBytes("UInt8", encodedText(encoded(bytes, v), v), v, frame, attributes);
+}
+
+TEST_F(VtiSourceTest, AppliesExtentsAndDirection) {
+  Frame frame;
+  // Columns are axes: x goes to world y, y to world -x.
+  frame.image =
+      "WholeExtent='10 16 -2 2 0 5' Origin='1 2 3' Spacing='0.5 0.25 2' "
+      "Direction='0 -1 0 1 0 0 0 0 1'";
+  frame.piece = "Extent='10 16 -2 2 0 5'";
+  const auto source = openVtiSource(write("turned.vti", fileWith(frame)));
+  EXPECT_EQ(source->info().voxels, kVoxels);
+  const GridGeometry& geometry = source->info().geometry;
+  EXPECT_EQ(geometry.direction[0], glm::dvec3(0, 1, 0));
+  EXPECT_EQ(geometry.direction[1], glm::dvec3(-1, 0, 0));
+  EXPECT_EQ(geometry.origin, glm::dvec3(1 + 0.5, 2 + 5, 3));
+}
+
+TEST_F(VtiSourceTest, TakesTheScalarsOrTheFirstArrayWithOneComponent) {
+  Frame frame;
+  for (const std::string point_data : {"", "Scalars='none of these'", "Scalars='values'"}) {
+    frame.point_data = point_data;
+    const auto source = openVtiSource(write("arrays.vti", fileWith(frame)));
+    ASSERT_EQ(source->info().notes.size(), 1u);
+    EXPECT_CONTAINS(source->info().notes[0], "of 2 arrays, 'values' was taken");
+  }
+  frame.point_data = "Scalars='other &lt;'";
+  EXPECT_CONTAINS(errorOf([&] { openVtiSource(write("arrays.vti", fileWith(frame))); }),
+                  "3 values per voxel");
+}
+
+TEST_F(VtiSourceTest, RefusesWhatItCannotUseWithOneLine) {
+  const auto refuses = [&](const std::string& bytes, const std::string& reason) {
+    const std::string path = write("refused.vti", bytes);
+    const std::string message = errorOf([&] { readAll(*openVtiSource(path)); });
+    EXPECT_CONTAINS(message, reason);
+    EXPECT_CONTAINS(message, path);
+  };
+  const auto refusesFrame = [&](const std::function<void(Frame&)>& change,
+                                const std::string& reason) {
+    Frame frame;
+    change(frame);
+    refuses(fileWith(frame), reason);
+  };
+  refusesFrame([](Frame& f) { f.file_type = "PolyData"; }, "'PolyData', not ImageData");
+  refusesFrame([](Frame& f) { f.compressor = "vtkLZ4DataCompressor"; }, "vtkLZ4DataCompressor");
+  refusesFrame([](Frame& f) { f.image = ""; }, "WholeExtent");
+  refusesFrame([](Frame& f) { f.image = "WholeExtent='0 6 0 4 0'"; }, "six whole numbers");
+  refusesFrame([](Frame& f) { f.image = "WholeExtent='0 6 0 4 0 5 7'"; }, "six whole numbers");
+  refusesFrame([](Frame& f) { f.image = "WholeExtent='0 6 0 4 0 99999999999999999999'"; },
+               "six whole numbers");
+  refusesFrame([](Frame& f) { f.image = "WholeExtent='0 6 0 4 0 9223372036854775807'"; },
+               "six whole numbers");
+  refusesFrame([](Frame& f) { f.image = "WholeExtent='0 6 0 4 0 6'"; }, "not the whole extent");
+  const auto both = [](Frame& f, const std::string& extent) {
+    f.image = "WholeExtent='" + extent + "'";
+    f.piece = "Extent='" + extent + "'";
+  };
+  refusesFrame([&](Frame& f) { both(f, "0 6 0 4 0 0"); }, "at least 2 voxels");
+  refusesFrame([&](Frame& f) { both(f, "6 0 0 4 0 5"); }, "at least 2 voxels");
+  refusesFrame([&](Frame& f) { both(f, "0 2147483647 0 4 0 5"); }, "at most");
+  refusesFrame([&](Frame& f) { both(f, "0 999999 0 999999 0 999999"); },
+               "needs 1000000000000000000");
+  refusesFrame([&](Frame& f) { both(f, "0 6 0 4 0 6"); }, "has 210 bytes and its extent needs 245");
+  refusesFrame([](Frame& f) { f.image += " Direction='1 0 0'"; }, "nine numbers");
+  refusesFrame([](Frame& f) { f.image += " Direction='1 0 0 1 1 0 0 0 1'"; }, "right angles");
+  refusesFrame([](Frame& f) { f.image += " WholeExtent='0 6 0 4 0 5'"; }, "damaged tag");
+  refusesFrame([](Frame& f) { f.image = R"(WholeExtent="0 6 0 4 0 5" Spacing="0 1 1")"; },
+               "spacing");
+  refusesFrame([](Frame& f) { f.piece += "></Piece><Piece Extent='0 6 0 4 0 5'"; }, "2 pieces");
+
+  const Variant v;
+  const std::string text = encodedText(encoded(std::string(210, 'x'), v), v);
+  refuses(vtiBytes("Bit", text, v), "no number");
+  refuses(vtiBytes("UInt8", text, v, {}, "NumberOfComponents='4'"), "4 values per voxel");
+  refuses(vtiBytes("UInt8", text, v, {}, "NumberOfComponents='-1'"), "is no number");
+  std::string bytes = fileWith({});
+  const auto with = [&](const std::string& old_part, const std::string& new_part) {
+    std::string changed = bytes;
+    const std::size_t at = changed.rfind(old_part);
+    EXPECT_NE(at, std::string::npos) << old_part;
+    return changed.replace(at, old_part.size(), new_part);
+  };
+  refuses(with("offset=\"8\"", "offset=\"99999\""), "behind the end");
+  refuses(with("offset=\"8\"", "offset=\"18446744073709551615\""), "behind the end");
+  refuses(with("offset=\"8\"", "offset=\"18446744073709551616\""), "no number");
+  refuses(with("offset=\"8\"", "offset=\"7\""), "bytes and its extent needs 210");
+  refuses(with("format='appended'", "format='ascii'"), "'ascii'");
+  refuses(with("encoding=\"raw\"", "encoding=\"hex\""), "'hex'");
+  refuses(with("   _", "   x"), "begin with '_'");
+  refuses(with("LittleEndian", "MiddleEndian"), "MiddleEndian");
+  refuses(with("UInt64", "UInt16"), "UInt16");
+  refuses(with("</Piece>", "</Peace>"), "not open");
+  refuses(with("<VTKFile", "<!DOCTYPE x><VTKFile"), "declaration");
+  refuses("", "cut short");
+  refuses("<VTKFile>", "no type");
+  refuses("<html></html>", "no VTK file");
+  refuses(std::string(200'000, '<'), "XML");
+  refuses("<VTKFile type=\"ImageData\" a=\"" + std::string(200'000, 'x'), "tag without an end");
+  std::string deep = "<VTKFile type='ImageData'>";
+  for (int i = 0; i < 1000; ++i) deep += "<a>";
+  refuses(deep, "too deep");
+  refuses(
+      "<VTKFile type='ImageData'><ImageData WholeExtent='0 6 0 4 0 5'><Piece Extent='0 6 0 4 0 "
+      "5'><CellData><DataArray type='UInt8' format='appended' offset='0'/></CellData></Piece>"
+      "</ImageData></VTKFile>",
+      "values of cells");
+  EXPECT_CONTAINS(errorOf([&] { openVtiSource(pathOf("none.vti")); }), "No such file");
+  EXPECT_CONTAINS(errorOf([&] { openVtiSource(folder_.string()); }), "not a regular file");
+}
+
+// UInt8 voxels behind words of any value.
+std::string fileWithWords(const std::vector<std::uint64_t>& words, const std::string& data) {
+  Variant v;
+  v.zlib = true;
+  return vtiBytes("UInt8", bytesOfValues(words) + data, v);
+}
+
+TEST_F(VtiSourceTest, RefusesHostileBlocks) {
+  const std::string bytes(210, 'x');
+  const std::string block = deflated(bytes, false);
+  const auto message = [&](const std::vector<std::uint64_t>& words, const std::string& data) {
+    return errorOf(
+        [&] { readAll(*openVtiSource(write("blocks.vti", fileWithWords(words, data)))); });
+  };
+  EXPECT_NO_THROW(
+      readAll(*openVtiSource(write("good.vti", fileWithWords({1, 210, 0, block.size()}, block)))));
+  EXPECT_NO_THROW(readAll(
+      *openVtiSource(write("good.vti", fileWithWords({1, 300, 210, block.size()}, block)))));
+  EXPECT_NO_THROW(readAll(
+      *openVtiSource(write("good.vti", fileWithWords({1, 210, 210, block.size()}, block)))));
+  constexpr std::uint64_t kMost = ~std::uint64_t{0};
+  for (const std::vector<std::uint64_t>& words :
+       std::vector<std::vector<std::uint64_t>>{{0, 210, 0},
+                                               {0, 0, 210},
+                                               {1, 0, 0, 9},
+                                               {1, 209, 0, 9},
+                                               {1, 211, 0, 9},
+                                               {2, 210, 0, 9, 9},
+                                               {kMost, kMost, 0, 9},
+                                               {kMost, kMost, kMost, 9},
+                                               {kMost, 1, 0, 9},
+                                               {std::uint64_t{1} << 63, 2, 210, 9},
+                                               {kMost / 210 + 2, 210, 0, 9}})
+    EXPECT_CONTAINS(message(words, block), "extent needs 210");
+  // A list of sizes that is longer than the file.
+  EXPECT_CONTAINS(message({210, 1, 0}, block), "cut short");
+  const std::string half = deflated(bytes.substr(0, 105), false);
+  EXPECT_CONTAINS(message({1, 210, 0, half.size()}, half), "damaged after 105 bytes");
+  EXPECT_CONTAINS(message({2, 105, 0, half.size(), 9}, half + block.substr(0, 9)), "damaged after");
+  EXPECT_CONTAINS(message({1, 210, 0, 9}, "not packed"), "damaged after 0 bytes");
+}
+
+TEST_F(VtiSourceTest, EveryPrefixIsAnErrorUntilTheVoxelsAreThere) {
+  for (const std::string format : {"raw", "base64", "binary"})
+    for (const bool zlib : {false, true}) {
+      const Variant v{format, zlib};
+      const std::string whole = fileWith({}, v);
+      // Of the voxels' last byte; what follows is XML that nobody needs where they are appended.
+      const std::size_t end = whole.rfind(format == "binary" ? "\n</VTKFile" : "\n</AppendedData");
+      const std::string path = pathOf("prefix.vti");
+      for (std::size_t size = 0; size < end; size += size < 900 ? 7 : 1) {
+        write("prefix.vti", whole.substr(0, size));
+        const std::string message = errorOf([&] { readAll(*openVtiSource(path)); });
+        ASSERT_NE(message.find(path), std::string::npos) << size << " " << message;
+      }
+    }
+}
+
+TEST_F(VtiSourceTest, DamagedBytesNeverCrash) {
+  for (const std::string format : {"raw", "base64", "binary"}) {
+    const std::string whole = fileWith({}, {format, true});
+    for (std::size_t i = 0; i < whole.size(); ++i) {
+      constexpr int kBits[] = {0x01, 0x20, 0x80};
+      std::string damaged = whole;
+      damaged[i] = static_cast<char>(damaged[i] ^ kBits[i % 3]);
+      try {
+        readAll(*openVtiSource(write("damaged.vti", damaged)));
+      } catch (const Error& error) {
+        EXPECT_EQ(std::string(error.what()).find('\n'), std::string::npos);
+      }
+    }
+  }
+}
+
+template <typename T>
+void checkRealVolume(const fs::path& path, const Index3& voxels, double least, double greatest) {
+  const auto source = openVtiSource(path.string());
+  EXPECT_EQ(source->info().voxels, voxels);
+  EXPECT_LE(source->bufferBytes(), 400u << 10);
+  const auto values = readVoxels<T>(*source, 5);
+  const auto [low, high] = std::minmax_element(values.begin(), values.end());
+  EXPECT_NEAR(static_cast<double>(*low), least, 1e-5);
+  EXPECT_NEAR(static_cast<double>(*high), greatest, 1e-5);
+}
+
+TEST_F(VtiSourceTest, RealVolumes) {
+  SKIP_WITHOUT(kSharedData / "engine");
+  checkRealVolume<std::uint8_t>(kSharedData / "engine" / "engine.vti", Index3(256, 256, 128), 0,
+                                255);
+  checkRealVolume<std::uint8_t>(kSharedData / "aneurism" / "aneurism.vti", Index3(256), 0, 255);
+  checkRealVolume<float>(kSharedData / "fingers_f32" / "fingers.vti", Index3(64), 0, 110.95757294);
+}
+
+}  // namespace
+}  // namespace isobrick

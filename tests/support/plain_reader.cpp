@@ -1,0 +1,399 @@
+#include "tests/support/plain_reader.h"
+
+#include <blosc.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <fstream>
+#include <iterator>
+#include <limits>
+#include <stdexcept>
+
+#define XXH_INLINE_ALL
+#include <xxhash.h>
+
+namespace isobrick::test {
+namespace {
+
+void require(bool holds, const std::string& what) {
+  if (!holds) throw std::runtime_error("plain reader: " + what);
+}
+
+std::int64_t ceilOf(std::int64_t a, std::int64_t b) { return (a + b - 1) / b; }
+
+std::int64_t product(const PlainIndex& dims) { return dims[0] * dims[1] * dims[2]; }
+
+std::size_t positionIn(const PlainIndex& index, const PlainIndex& dims) {
+  return static_cast<std::size_t>((index[2] * dims[1] + index[1]) * dims[0] + index[0]);
+}
+
+bool isPowerOfTwo(std::int64_t value) { return value > 0 && (value & (value - 1)) == 0; }
+
+// Numbers are little-endian in the file; put together byte by byte, so on any host.
+std::uint64_t numberAt(const std::uint8_t* from, int bytes) {
+  std::uint64_t value = 0;
+  for (int i = bytes - 1; i >= 0; --i) value = value << 8 | from[i];
+  return value;
+}
+
+float voxelAt(const std::uint8_t* from, std::uint32_t type) {
+  switch (type) {
+    case 0:
+      return static_cast<float>(static_cast<std::uint8_t>(numberAt(from, 1)));
+    case 1:
+      return static_cast<float>(static_cast<std::int8_t>(numberAt(from, 1)));
+    case 2:
+      return static_cast<float>(static_cast<std::uint16_t>(numberAt(from, 2)));
+    case 3:
+      return static_cast<float>(static_cast<std::int16_t>(numberAt(from, 2)));
+    default: {
+      const auto bits = static_cast<std::uint32_t>(numberAt(from, 4));
+      float value;
+      std::memcpy(&value, &bits, sizeof value);
+      return value;
+    }
+  }
+}
+
+class FileBytes {
+ public:
+  explicit FileBytes(const std::string& path)
+      : bytes_(readWholeFile(path)), covered_(bytes_.size(), false) {}
+
+  std::uint64_t size() const { return bytes_.size(); }
+  bool holds(std::uint64_t offset, std::uint64_t bytes) const {
+    return offset <= size() && bytes <= size() - offset;
+  }
+  const std::uint8_t* at(std::uint64_t offset, std::uint64_t bytes) const {
+    require(holds(offset, bytes), "a read past the end of the file");
+    return bytes_.data() + offset;
+  }
+  std::uint64_t number(std::uint64_t offset, int bytes) const {
+    return numberAt(at(offset, static_cast<std::uint64_t>(bytes)), bytes);
+  }
+  std::uint32_t u32(std::uint64_t offset) const {
+    return static_cast<std::uint32_t>(number(offset, 4));
+  }
+  std::uint64_t u64(std::uint64_t offset) const { return number(offset, 8); }
+  float f32(std::uint64_t offset) const { return voxelAt(at(offset, 4), 4); }
+  double f64(std::uint64_t offset) const {
+    const std::uint64_t bits = u64(offset);
+    double value;
+    std::memcpy(&value, &bits, sizeof value);
+    return value;
+  }
+  // Checks the hash of a piece, and that no other piece holds its bytes.
+  void checkHash(std::uint64_t offset, std::uint64_t bytes, std::uint64_t hash,
+                 const std::string& what) {
+    require(XXH3_64bits(at(offset, bytes), bytes) == hash, "wrong checksum of " + what);
+    cover(offset, bytes, what);
+  }
+  void cover(std::uint64_t offset, std::uint64_t bytes, const std::string& what) {
+    for (std::uint64_t i = offset; i < offset + bytes; ++i) {
+      require(!covered_[i], what + " overlaps another part");
+      covered_[i] = true;
+    }
+  }
+  void requireZeroPadding() const {
+    for (std::size_t i = 0; i < bytes_.size(); ++i)
+      require(covered_[i] || bytes_[i] == 0, "padding that is not zero");
+  }
+  std::vector<bool> takeCovered() { return std::move(covered_); }
+
+ private:
+  std::vector<std::uint8_t> bytes_;
+  std::vector<bool> covered_;
+};
+
+constexpr std::uint32_t kVoxelSizes[5] = {1, 1, 2, 2, 4};
+
+PlainPyramid readHeader(FileBytes& file) {
+  PlainPyramid p;
+  require(file.size() >= 512 && std::memcmp(file.at(0, 8), "ISOBRICK", 8) == 0, "no pyramid");
+  require(file.u32(8) == 2, "unknown version");
+  require(file.u32(12) == 512, "header_bytes");
+  file.checkHash(0, 504, file.u64(504), "the header");
+  file.cover(504, 8, "the header's checksum");
+  p.file_bytes = file.u64(16);
+  require(p.file_bytes == file.size(), "file_bytes");
+  p.voxel_type = file.u32(24);
+  p.filter = file.u32(28);
+  p.brick_cells = file.u32(36);
+  p.tile_cells = file.u32(40);
+  require(p.voxel_type <= 4, "voxel_type");
+  require(p.filter <= 1, "filter");
+  require(isPowerOfTwo(p.brick_cells) && p.brick_cells >= 4 && p.brick_cells <= 256, "brick_cells");
+  require(isPowerOfTwo(p.tile_cells) && p.tile_cells >= 2 && p.tile_cells <= p.brick_cells,
+          "tile_cells");
+  require(file.u32(44) <= 1, "has_curvature");
+  p.has_curvature = file.u32(44) == 1;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const std::uint64_t voxels = file.u64(48 + 8 * axis);
+    require(voxels >= 2 && voxels <= 1048576, "dims");
+    p.dims[axis] = static_cast<std::int64_t>(voxels);
+    p.spacing[axis] = file.f64(72 + 8 * axis);
+    p.origin[axis] = file.f64(96 + 8 * axis);
+    require(std::isfinite(p.spacing[axis]) && p.spacing[axis] > 0, "spacing");
+    require(std::isfinite(p.origin[axis]), "origin");
+  }
+  for (std::size_t i = 0; i < 9; ++i) {
+    p.direction[i] = file.f64(120 + 8 * i);
+    require(std::isfinite(p.direction[i]), "direction");
+  }
+  for (std::size_t a = 0; a < 3; ++a)
+    for (std::size_t b = 0; b < 3; ++b) {
+      double dot = 0;
+      for (std::size_t i = 0; i < 3; ++i) dot += p.direction[3 * a + i] * p.direction[3 * b + i];
+      require(std::abs(dot - (a == b ? 1 : 0)) < 1e-5, "direction is not orthonormal");
+    }
+  p.value_min = file.f64(192);
+  p.value_max = file.f64(200);
+  p.curvature_epsilon = file.f64(208);
+  require(std::isfinite(p.value_min) && std::isfinite(p.value_max) && p.value_min <= p.value_max,
+          "value_min, value_max");
+  require(std::isfinite(p.curvature_epsilon) && p.curvature_epsilon >= 0, "curvature_epsilon");
+  for (std::uint64_t i = 280; i < 504; ++i) require(file.number(i, 1) == 0, "reserved bytes");
+  return p;
+}
+
+std::int64_t cellsOf(const PlainPyramid& p, int level, std::size_t axis) {
+  return ceilOf(p.dims[axis] - 1, std::int64_t{1} << level);
+}
+
+std::uint64_t readLevels(FileBytes& file, PlainPyramid& p) {
+  const std::int64_t most = std::max({p.dims[0], p.dims[1], p.dims[2]}) - 1;
+  int level_count = 1;
+  while ((std::int64_t{1} << (level_count - 1)) < most) ++level_count;
+  require(file.u32(32) == static_cast<std::uint32_t>(level_count), "level_count");
+  p.level_table_offset = file.u64(216);
+  file.checkHash(p.level_table_offset, 56 * static_cast<std::uint64_t>(level_count), file.u64(224),
+                 "the level table");
+  std::uint64_t rows = 0;
+  for (int l = 0; l < level_count; ++l) {
+    const std::uint64_t at = p.level_table_offset + 56 * static_cast<std::uint64_t>(l);
+    PlainLevel level;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      level.samples[axis] = cellsOf(p, l, axis) + 1;
+      level.bricks[axis] = ceilOf(cellsOf(p, l, axis), p.brick_cells);
+      require(file.u64(at + 8 * axis) == static_cast<std::uint64_t>(level.samples[axis]),
+              "samples of a level");
+      require(file.u64(at + 24 + 8 * axis) == static_cast<std::uint64_t>(level.bricks[axis]),
+              "bricks of a level");
+    }
+    level.first_brick = file.u64(at + 48);
+    require(level.first_brick == rows, "first_brick");
+    rows += static_cast<std::uint64_t>(product(level.bricks));
+    p.levels.push_back(level);
+  }
+  require(file.u64(240) == rows, "brick_count");
+  return rows;
+}
+
+PlainPart readPart(FileBytes& file, std::uint64_t at, std::int64_t expected_bytes, bool present,
+                   bool is_samples) {
+  PlainPart part;
+  part.offset = file.u64(at);
+  part.checksum = file.u64(at + 8);
+  part.stored_bytes = file.u32(at + 16);
+  part.codec = file.u32(at + 20);
+  if (part.codec == 1 || part.codec == 2) {
+    require(part.codec == (present ? 1u : 2u), "codec");
+    require(part.offset == 0 && part.stored_bytes == 0 && part.checksum == 0, "an empty part");
+    return part;
+  }
+  require(part.codec == 0 || part.codec == 3 || part.codec == 4, "unknown codec");
+  require(present, "a part that should be absent");
+  const bool is_stored = part.codec == 0;
+  require(is_stored ? static_cast<std::int64_t>(part.stored_bytes) == expected_bytes
+                    : part.stored_bytes > 0 && part.stored_bytes < expected_bytes,
+          "size of a part");
+  require(part.offset % (is_stored && is_samples && expected_bytes >= 4096 ? 4096 : 64) == 0,
+          "alignment of a part");
+  file.checkHash(part.offset, part.stored_bytes, part.checksum, "a part of a brick");
+  return part;
+}
+
+// Section 5, "Packed parts": the table of the buffer's first 16 bytes.
+void checkBloscHeader(const std::uint8_t* buffer, const PlainPart& part, std::uint64_t bytes) {
+  require(part.stored_bytes > 16, "a Blosc buffer without a header");
+  require(buffer[0] == 2 && buffer[1] == 1, "version of a Blosc buffer");
+  require(buffer[2] >> 5 == (part.codec == 3 ? 1 : 4), "compressor of a Blosc buffer");
+  require((buffer[2] & 0x0e) == 0, "flags of a Blosc buffer");
+  const std::uint64_t width = buffer[3], block_bytes = numberAt(buffer + 8, 4);
+  require(width == 1 || width == 2 || width == 4 || width == 8, "typesize of a Blosc buffer");
+  require(numberAt(buffer + 4, 4) == bytes && bytes % width == 0, "nbytes of a Blosc buffer");
+  require(block_bytes % width == 0 && block_bytes >= std::min<std::uint64_t>(128, bytes) &&
+              block_bytes <= std::min<std::uint64_t>(1 << 20, bytes),
+          "blocksize of a Blosc buffer");
+  require(numberAt(buffer + 12, 4) == part.stored_bytes, "cbytes of a Blosc buffer");
+}
+
+// v(i) of section 5 from e(i), number by number.
+void sumUpDifferences(std::vector<std::uint8_t>& elements, int width) {
+  std::uint64_t v = 0;
+  for (std::size_t at = 0; at < elements.size(); at += static_cast<std::size_t>(width)) {
+    const std::uint64_t e = numberAt(elements.data() + at, width);
+    v += e % 2 == 0 ? e / 2 : ~(e / 2);  // ~(e/2) is -(e+1)/2 modulo 2^64
+    for (int i = 0; i < width; ++i)
+      elements[at + static_cast<std::size_t>(i)] = static_cast<std::uint8_t>(v >> (8 * i));
+  }
+}
+
+// The bytes of a part's elements, where it has any in the file.
+std::vector<std::uint8_t> elementsOf(const FileBytes& file, const PlainPart& part,
+                                     std::int64_t expected_bytes) {
+  const std::uint8_t* stored = file.at(part.offset, part.stored_bytes);
+  if (part.codec == 0) return {stored, stored + part.stored_bytes};
+  std::vector<std::uint8_t> elements(static_cast<std::size_t>(expected_bytes));
+  checkBloscHeader(stored, part, elements.size());
+  require(blosc_decompress_ctx(stored, elements.data(), elements.size(), 1) == expected_bytes,
+          "a part that cannot be unpacked");
+  if (part.codec == 4 && (stored[2] & 1) != 0) sumUpDifferences(elements, stored[3]);
+  return elements;
+}
+
+bool hasBytes(const PlainPart& part) { return part.stored_bytes > 0; }
+
+void readElements(const FileBytes& file, std::uint32_t voxel_type, float constant,
+                  PlainBrick& brick) {
+  const std::int64_t voxel = kVoxelSizes[voxel_type];
+  const std::int64_t samples = product(brick.count), tiles = product(brick.tiles);
+  const std::int64_t codes = 3 * product(brick.nodes);
+  brick.samples.assign(static_cast<std::size_t>(samples), constant);
+  if (hasBytes(brick.parts[0])) {
+    const auto elements = elementsOf(file, brick.parts[0], samples * voxel);
+    for (std::size_t i = 0; i < brick.samples.size(); ++i)
+      brick.samples[i] = voxelAt(&elements[i * static_cast<std::size_t>(voxel)], voxel_type);
+  }
+  brick.tile_ranges.assign(static_cast<std::size_t>(tiles), {constant, constant});
+  if (hasBytes(brick.parts[1])) {
+    const auto elements = elementsOf(file, brick.parts[1], tiles * 2 * voxel);
+    for (std::size_t i = 0; i < brick.tile_ranges.size(); ++i) {
+      const std::uint8_t* pair = &elements[2 * i * static_cast<std::size_t>(voxel)];
+      brick.tile_ranges[i] = {voxelAt(pair, voxel_type), voxelAt(pair + voxel, voxel_type)};
+    }
+  }
+  if (brick.parts[2].codec == 2) return;
+  brick.codes.assign(static_cast<std::size_t>(codes), 0);
+  if (hasBytes(brick.parts[2])) brick.codes = elementsOf(file, brick.parts[2], codes);
+}
+
+PlainBrick readBrick(FileBytes& file, const PlainPyramid& p, int level, const PlainIndex& index,
+                     std::uint64_t at) {
+  PlainBrick brick;
+  brick.level = level;
+  brick.index = index;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const std::int64_t cells = cellsOf(p, level, axis);
+    brick.first_cell[axis] = index[axis] * p.brick_cells;
+    brick.cells[axis] = std::min(p.brick_cells, cells - brick.first_cell[axis]);
+    const std::int64_t last_cell = brick.first_cell[axis] + brick.cells[axis] - 1;
+    brick.first_sample[axis] = std::max<std::int64_t>(brick.first_cell[axis] - 1, 0);
+    brick.count[axis] = std::min(last_cell + 2, cells) - brick.first_sample[axis] + 1;
+    brick.tiles[axis] = ceilOf(brick.cells[axis], p.tile_cells);
+    brick.nodes[axis] = ceilOf(brick.cells[axis], 2);
+  }
+  const std::uint32_t voxel = kVoxelSizes[p.voxel_type];
+  const bool has_codes = level == 0 && p.has_curvature;
+  brick.parts[0] = readPart(file, at, product(brick.count) * voxel, true, true);
+  brick.parts[1] = readPart(file, at + 24, product(brick.tiles) * 2 * voxel, true, false);
+  brick.parts[2] = readPart(file, at + 48, product(brick.nodes) * 3, has_codes, false);
+  brick.range = {file.f32(at + 72), file.f32(at + 76)};
+  require(brick.range.min <= brick.range.max, "range of a brick");
+  const float constant = file.f32(at + 80);
+  require(file.u32(at + 84) == 0, "reserved field of a brick");
+
+  if (brick.parts[0].codec == 1)
+    require(constant >= brick.range.min && constant <= brick.range.max, "constant of a brick");
+  else
+    require(brick.parts[1].codec != 1, "constant ranges of samples that are not");
+  readElements(file, p.voxel_type, constant, brick);
+  for (const PlainRange& range : brick.tile_ranges)
+    require(range.min <= range.max && range.min >= brick.range.min && range.max <= brick.range.max,
+            "range of a tile");
+  return brick;
+}
+
+// Section 1; only writers are held to it.
+void requirePartsInOrder(const PlainPyramid& p) {
+  std::uint64_t end = 512;
+  for (const PlainBrick& brick : p.bricks)
+    for (const PlainPart& part : brick.parts) {
+      if (!hasBytes(part)) continue;
+      require(part.offset >= end, "parts in another order than the brick table");
+      end = part.offset + part.stored_bytes;
+    }
+}
+
+}  // namespace
+
+float PlainBrick::sampleAt(const PlainIndex& sample) const {
+  PlainIndex local;
+  for (std::size_t axis = 0; axis < 3; ++axis) local[axis] = sample[axis] - first_sample[axis];
+  return samples.at(positionIn(local, count));
+}
+
+PlainRange PlainBrick::tileRangeOfCell(const PlainIndex& cell, std::int64_t tile_cells) const {
+  PlainIndex tile;
+  for (std::size_t axis = 0; axis < 3; ++axis)
+    tile[axis] = (cell[axis] - first_cell[axis]) / tile_cells;
+  return tile_ranges.at(positionIn(tile, tiles));
+}
+
+const PlainBrick& PlainPyramid::brickAt(int level, const PlainIndex& index) const {
+  const PlainLevel& l = levels.at(static_cast<std::size_t>(level));
+  return bricks.at(l.first_brick + positionIn(index, l.bricks));
+}
+
+std::vector<std::uint8_t> readWholeFile(const std::string& path) {
+  std::ifstream stream(path, std::ios::binary);
+  require(stream.good(), "cannot open " + path);
+  return {std::istreambuf_iterator<char>(stream), std::istreambuf_iterator<char>()};
+}
+
+PlainPyramid readPlainPyramid(const std::string& path) {
+  FileBytes file(path);
+  PlainPyramid p = readHeader(file);
+  const std::uint64_t rows = readLevels(file, p);
+  p.brick_table_offset = file.u64(232);
+  require(rows <= file.size() / 88, "brick_count");
+  file.checkHash(p.brick_table_offset, rows * 88, file.u64(248), "the brick table");
+  p.provenance_offset = file.u64(256);
+  const std::uint64_t text_bytes = file.u64(264);
+  file.checkHash(p.provenance_offset, text_bytes, file.u64(272), "the provenance");
+  p.provenance.assign(reinterpret_cast<const char*>(file.at(p.provenance_offset, text_bytes)),
+                      text_bytes);
+  for (int level = 0; level < static_cast<int>(p.levels.size()); ++level) {
+    const PlainIndex count = p.levels[static_cast<std::size_t>(level)].bricks;
+    PlainIndex index;
+    for (index[2] = 0; index[2] < count[2]; ++index[2])
+      for (index[1] = 0; index[1] < count[1]; ++index[1])
+        for (index[0] = 0; index[0] < count[0]; ++index[0])
+          p.bricks.push_back(
+              readBrick(file, p, level, index, p.brick_table_offset + 88 * p.bricks.size()));
+  }
+  requirePartsInOrder(p);
+  file.requireZeroPadding();
+  p.covered = file.takeCovered();
+  return p;
+}
+
+double plainCurvatureOfCode(std::uint8_t code) {
+  if (code == 0) return 0;
+  if (code == 255) return std::numeric_limits<double>::infinity();
+  return static_cast<double>(static_cast<float>(std::pow(2.0, (code - 176) / 8.0)));
+}
+
+double plainCurvatureBound(const std::uint8_t codes[3], const PlainRange& tile_range,
+                           double value) {
+  const double r0 = static_cast<double>(tile_range.min), r1 = static_cast<double>(tile_range.max);
+  const double t = r1 > r0 ? std::clamp((value - r0) / (r1 - r0), 0.0, 1.0) : 0.0;
+  const double basis[3] = {(1 - t) * (1 - t), 2 * t * (1 - t), t * t};
+  double sum = 0;
+  for (int j = 0; j < 3; ++j)
+    if (basis[j] > 0) sum += basis[j] * plainCurvatureOfCode(codes[j]);
+  return sum;
+}
+
+}  // namespace isobrick::test

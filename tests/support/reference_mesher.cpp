@@ -1,0 +1,615 @@
+#include "tests/support/reference_mesher.h"
+
+#include <algorithm>
+#include <cmath>
+#include <glm/geometric.hpp>
+#include <limits>
+#include <map>
+#include <set>
+#include <stdexcept>
+#include <string>
+#include <tuple>
+#include <unordered_map>
+#include <utility>
+
+namespace isobrick::test {
+
+namespace {
+
+constexpr double kMinT = 1.0 / 4096.0;
+
+[[noreturn]] void broken(const std::string& what) {
+  throw std::logic_error("reference mesher: " + what);
+}
+
+Index3 unit(int axis) {
+  Index3 result(0);
+  result[axis] = 1;
+  return result;
+}
+
+bool before(const Index3& a, const Index3& b) {
+  return std::tie(a.z, a.y, a.x) < std::tie(b.z, b.y, b.x);
+}
+
+template <typename F>
+void forEachIndex(const Index3& dims, F&& f) {
+  for (std::int64_t z = 0; z < dims.z; ++z) {
+    for (std::int64_t y = 0; y < dims.y; ++y) {
+      for (std::int64_t x = 0; x < dims.x; ++x) f(Index3(x, y, z));
+    }
+  }
+}
+
+std::size_t offsetOf(const Index3& dims, const Index3& index) {
+  return static_cast<std::size_t>((index.z * dims.y + index.y) * dims.x + index.x);
+}
+
+// ---- Oracles ------------------------------------------------------------------------------------
+
+// Squared distance from the focus to the centre of the full, unclamped cube of a cell.
+double squaredDistance(const Index3& cell, int level, const glm::dvec3& focus) {
+  const glm::dvec3 centre =
+      (glm::dvec3(cell) + 0.5) * static_cast<double>(std::int64_t{1} << level);
+  const glm::dvec3 d = centre - focus;
+  return d.x * d.x + d.y * d.y + d.z * d.z;
+}
+
+// Rule 3: dist < R_k. The factor on d is larger than 1 by more than all rounding errors together,
+// which keeps the proof that neighbours differ by at most one level.
+bool isNearEnough(const Index3& cell, int level, const glm::dvec3& focus, double radius) {
+  const double d = std::sqrt(3.0) * (1.0 + std::ldexp(1.0, -20));
+  const double reach = radius + d * (3.0 * std::ldexp(1.0, level - 1) - 1.0);
+  return reach > 0 && squaredDistance(cell, level, focus) < reach * reach;
+}
+
+bool isRefined(const Index3& cell, int level, const ReferenceQuery& query) {
+  if (level == 0) return false;
+  if (query.level >= 0) {
+    if (level <= query.level) return false;
+  } else if (query.focus && !isNearEnough(cell, level, *query.focus, query.radius)) {
+    return false;
+  }
+  if (level == 1 && query.flat) {
+    const bool inside_sphere =
+        !query.focus || squaredDistance(cell, 1, *query.focus) <= query.radius * query.radius;
+    if (inside_sphere && query.flat(cell)) return false;
+  }
+  return true;
+}
+
+// ---- Meshing ------------------------------------------------------------------------------------
+
+// The closed box of a leaf, in positions.
+struct LeafBox {
+  int level = 0;
+  Index3 cell{0};
+  Index3 lower{0}, upper{0};
+};
+
+// A point of a loop, before triangulation.
+struct LoopPoint {
+  std::uint32_t crossing = 0;
+  unsigned faces = 0;  // bit f: the point is on face f of the cell
+};
+using Loop = std::vector<LoopPoint>;
+
+// Finds a triangulation of the polygon 0 .. n-1 whose diagonals never join two points of one cell
+// face (rule 10), by trying all. Empty if there is none.
+class LoopTriangulator {
+ public:
+  explicit LoopTriangulator(const Loop& loop) : loop_(loop) {}
+
+  std::vector<std::array<std::size_t, 3>> run() {
+    std::vector<std::array<std::size_t, 3>> triangles;
+    if (!split(0, loop_.size() - 1, triangles)) triangles.clear();
+    return triangles;
+  }
+
+ private:
+  bool mayJoin(std::size_t i, std::size_t j) const {
+    const std::size_t gap = j - i;
+    if (gap == 1 || gap + 1 == loop_.size()) return true;  // a side of the polygon
+    return (loop_[i].faces & loop_[j].faces) == 0;
+  }
+
+  // Triangulates the polygon i .. j, whose side (i, j) is taken care of by the caller.
+  bool split(std::size_t i, std::size_t j, std::vector<std::array<std::size_t, 3>>& triangles) {
+    if (j - i < 2) return true;
+    for (std::size_t k = i + 1; k < j; ++k) {
+      if (!mayJoin(i, k) || !mayJoin(k, j)) continue;
+      const std::size_t mark = triangles.size();
+      triangles.push_back({i, k, j});
+      if (split(i, k, triangles) && split(k, j, triangles)) return true;
+      triangles.resize(mark);
+    }
+    return false;
+  }
+
+  const Loop& loop_;
+};
+
+class Mesher {
+ public:
+  Mesher(const ReferencePyramid& pyramid, const LeafLevels& leaves, double iso)
+      : pyramid_(pyramid),
+        lattice_(pyramid.lattice),
+        leaves_(leaves),
+        iso_(static_cast<float>(iso)),
+        last_(pyramid.lattice.voxels() - Index3(1)),
+        values_(static_cast<std::size_t>(elementCount(lattice_.voxels()))) {
+    if (leaves.cells != last_) throw std::invalid_argument("reference: leaves of another volume");
+  }
+
+  float value(const Index3& p);
+  ReferenceMesh run();
+
+ private:
+  // Least and greatest level of the leaves that touch p.
+  std::pair<int, int> touchingLevels(const Index3& p) const;
+  float computeValue(const Index3& p);
+  float cornerValue(const Index3& p, int level);
+  bool isInside(const Index3& p) { return value(p) >= iso_; }
+  glm::dvec3 gradient(const Index3& p) const;
+
+  std::uint32_t crossingOf(const Index3& base, int axis, int level);
+  ReferenceCrossing computeCrossing(const Index3& base, int axis, std::int64_t upper);
+
+  int faceNeighbourLevel(const LeafBox& leaf, int axis, int side) const;
+  std::vector<std::int64_t> faceSteps(const LeafBox& leaf, int axis, int level) const;
+  void addFace(const LeafBox& leaf, int axis, int side, int level);
+  void addSubFace(const Index3& lower, const Index3& upper, int axis, int side, int level);
+  std::vector<Loop> takeLoops();
+  void meshLeaf(const LeafBox& leaf);
+  void emit(const LeafBox& leaf, std::uint32_t a, std::uint32_t b, std::uint32_t c);
+  void sortCrossings();
+
+  const ReferencePyramid& pyramid_;
+  const Lattice& lattice_;
+  const LeafLevels& leaves_;
+  const float iso_;
+  const Index3 last_;  // the last voxel: greatest position
+
+  std::vector<std::optional<float>> values_;  // by position, once computed
+  std::unordered_map<std::int64_t, std::uint32_t> crossing_of_edge_;
+  // Of the cell at hand: each crossing's successor along its loop, and the faces it is on.
+  std::map<std::uint32_t, std::uint32_t> next_;
+  std::map<std::uint32_t, unsigned> faces_;
+
+  // While meshing, a triangle's corner >= kFanMark is the fan centre number (corner - kFanMark).
+  static constexpr std::uint32_t kFanMark = std::uint32_t{1} << 31;
+  std::vector<glm::dvec3> fan_centres_;
+  ReferenceMesh mesh_;
+};
+
+std::pair<int, int> Mesher::touchingLevels(const Index3& p) const {
+  int least = std::numeric_limits<int>::max();
+  int greatest = -1;
+  forEachIndex(Index3(2), [&](const Index3& corner) {
+    const Index3 cell = p - corner;
+    for (int axis = 0; axis < 3; ++axis) {
+      if (cell[axis] < 0 || cell[axis] >= leaves_.cells[axis]) return;
+    }
+    const int level = leaves_.leafLevelAt(cell);
+    least = std::min(least, level);
+    greatest = std::max(greatest, level);
+  });
+  return {least, greatest};
+}
+
+float Mesher::value(const Index3& p) {
+  std::optional<float>& known = values_[offsetOf(lattice_.voxels(), p)];
+  if (!known) known = computeValue(p);
+  return *known;
+}
+
+// std::clamp, but a NaN becomes `low`: see clampedLerp.
+double clampOrLow(double x, double low, double high) {
+  if (!(x >= low)) return low;
+  return x <= high ? x : high;
+}
+
+// Linear interpolation that stays between its ends, so that a mean of equal values is that value
+// and a half-edge has a crossing only where its edge has one. With the infinite and the NaN (which
+// is never inside) as ends too: the result is on the side of one of the ends.
+double clampedLerp(double a, double b, double w) {
+  return clampOrLow(a + w * (b - a), std::min(a, b), std::max(a, b));
+}
+
+// Rule 6.
+float Mesher::computeValue(const Index3& p) {
+  const auto [m, M] = touchingLevels(p);
+  if (isOnLattice(lattice_, M, p)) return pyramid_.sampleAtPosition(m, p);
+  if (M - m != 1) broken("touching leaves differ by more than one level");
+
+  // Along each axis off the lattice of level M: the ends of the level-M edge and p's weight.
+  std::array<std::int64_t, 3> from{}, to{};
+  std::array<double, 3> weight{};
+  std::vector<int> off;
+  for (int axis = 0; axis < 3; ++axis) {
+    if (isOnLattice(lattice_, M, axis, p[axis])) continue;
+    const auto a = static_cast<std::size_t>(axis);
+    from[a] = (p[axis] >> M) << M;
+    to[a] = std::min(from[a] + (std::int64_t{1} << M), last_[axis]);
+    if (p[axis] != from[a] + (std::int64_t{1} << m)) broken("a value between lattice points");
+    weight[a] = static_cast<double>(p[axis] - from[a]) / static_cast<double>(to[a] - from[a]);
+    off.push_back(axis);
+  }
+  if (off.size() == 3) broken("a lattice point inside a coarser leaf");
+
+  const auto a = static_cast<std::size_t>(off[0]);
+  auto along_first = [&](Index3 q) {
+    q[off[0]] = from[a];
+    const float low = cornerValue(q, M);
+    q[off[0]] = to[a];
+    return clampedLerp(low, cornerValue(q, M), weight[a]);
+  };
+  if (off.size() == 1) return static_cast<float>(along_first(p));
+
+  const auto b = static_cast<std::size_t>(off[1]);
+  Index3 q = p;
+  q[off[1]] = from[b];
+  const double low = along_first(q);
+  q[off[1]] = to[b];
+  return static_cast<float>(clampedLerp(low, along_first(q), weight[b]));
+}
+
+// The value of a corner of a level-M leaf beside a hanging point: by rule 5 it does not hang.
+float Mesher::cornerValue(const Index3& p, int level) {
+  if (touchingLevels(p).second > level)
+    broken("the corner that a hanging point needs hangs itself");
+  return value(p);
+}
+
+// Rule 12: differences of the raw samples of the point's finest level.
+glm::dvec3 Mesher::gradient(const Index3& p) const {
+  const int m = touchingLevels(p).first;
+  const Index3 sample = sampleIndex(lattice_, m, p);
+  glm::dvec3 g(0);
+  for (int axis = 0; axis < 3; ++axis) {
+    Index3 low = sample, high = sample;
+    low[axis] = std::max<std::int64_t>(sample[axis] - 1, 0);
+    high[axis] = std::min(sample[axis] + 1, lattice_.samples(m)[axis] - 1);
+    const double difference = static_cast<double>(pyramid_.sampleAt(m, high)) -
+                              static_cast<double>(pyramid_.sampleAt(m, low));
+    g[axis] = difference / static_cast<double>(lattice_.position(m, axis, high[axis]) -
+                                               lattice_.position(m, axis, low[axis]));
+  }
+  return g;
+}
+
+ReferenceCrossing Mesher::computeCrossing(const Index3& base, int axis, std::int64_t upper) {
+  Index3 end = base;
+  end[axis] = upper;
+  const double a = static_cast<double>(value(base));
+  const double b = static_cast<double>(value(end));
+  if (isInside(base) == isInside(end)) broken("a crossing on an edge that the surface misses");
+
+  ReferenceCrossing crossing;
+  crossing.base = base;
+  crossing.axis = axis;
+  crossing.upper = upper;
+  crossing.t = clampOrLow((static_cast<double>(iso_) - a) / (b - a), kMinT, 1.0 - kMinT);
+  crossing.position =
+      static_cast<double>(base[axis]) + crossing.t * static_cast<double>(upper - base[axis]);
+
+  const glm::dvec3 g = (1.0 - crossing.t) * gradient(base) + crossing.t * gradient(end);
+  const double length = std::sqrt(g.x * g.x + g.y * g.y + g.z * g.z);
+  if (length > 0 && std::isfinite(length)) {
+    crossing.normal = -g / length;
+  } else {
+    crossing.normal[axis] = isInside(base) ? 1.0 : -1.0;
+  }
+  return crossing;
+}
+
+// Rule 8: the crossing of the edge of `level` that begins at `base`, or of the coarser leaf's edge
+// that it is a half of.
+std::uint32_t Mesher::crossingOf(const Index3& base, int axis, int level) {
+  // The leaves around the edge. One of level + 1 covers all of it, so its first voxel step shows
+  // it.
+  const int u = (axis + 1) % 3;
+  const int v = (axis + 2) % 3;
+  int coarsest = level;
+  forEachIndex(Index3(2, 2, 1), [&](const Index3& side) {
+    const Index3 cell = base - side.x * unit(u) - side.y * unit(v);
+    for (int i = 0; i < 3; ++i) {
+      if (cell[i] < 0 || cell[i] >= leaves_.cells[i]) return;
+    }
+    coarsest = std::max(coarsest, leaves_.leafLevelAt(cell));
+  });
+  if (coarsest > level + 1) broken("an edge touches a leaf two levels coarser");
+
+  Index3 lower = base;
+  int edge_level = level;
+  if (coarsest == level + 1 && isOnLattice(lattice_, coarsest, u, base[u]) &&
+      isOnLattice(lattice_, coarsest, v, base[v])) {
+    edge_level = coarsest;
+    lower[axis] = (base[axis] >> coarsest) << coarsest;
+  }
+  const std::int64_t upper = std::min(lower[axis] + (std::int64_t{1} << edge_level), last_[axis]);
+
+  const auto key = static_cast<std::int64_t>(offsetOf(lattice_.voxels(), lower)) * 3 + axis;
+  const auto [found, is_new] =
+      crossing_of_edge_.try_emplace(key, static_cast<std::uint32_t>(mesh_.crossings.size()));
+  if (is_new) {
+    mesh_.crossings.push_back(computeCrossing(lower, axis, upper));
+  } else if (mesh_.crossings[found->second].upper != upper) {
+    broken("one edge with two extents");
+  }
+  return found->second;
+}
+
+// The level of the leaves across a face of a leaf: the leaf's own level or coarser is one leaf,
+// finer is one level finer everywhere. -1 at the volume's border.
+int Mesher::faceNeighbourLevel(const LeafBox& leaf, int axis, int side) const {
+  Index3 lower = leaf.lower;
+  Index3 upper = leaf.upper;
+  if (side == 0) {
+    if (lower[axis] == 0) return -1;
+    lower[axis] -= 1;
+  } else {
+    if (upper[axis] == last_[axis]) return -1;
+    lower[axis] = upper[axis];
+  }
+  upper[axis] = lower[axis] + 1;
+
+  const int level = leaves_.leafLevelAt(lower);
+  forEachIndex(upper - lower, [&](const Index3& offset) {
+    if (leaves_.leafLevelAt(lower + offset) != level) broken("a face with leaves of two levels");
+  });
+  if (level < leaf.level - 1 || level > leaf.level + 1) broken("neighbours two levels apart");
+  return level;
+}
+
+// Where the lattice of `level` divides a leaf's extent along an axis, ends included.
+std::vector<std::int64_t> Mesher::faceSteps(const LeafBox& leaf, int axis, int level) const {
+  std::vector<std::int64_t> steps;
+  for (std::int64_t p = leaf.lower[axis]; p < leaf.upper[axis]; p += std::int64_t{1} << level) {
+    steps.push_back(p);
+  }
+  steps.push_back(leaf.upper[axis]);
+  return steps;
+}
+
+// Adds the boundary of the surface on one face of a leaf, as cells of `level` see it: the leaf's
+// own, or one finer on a transition face.
+void Mesher::addFace(const LeafBox& leaf, int axis, int side, int level) {
+  const int u = (axis + 1) % 3;
+  const int v = (axis + 2) % 3;
+  const std::vector<std::int64_t> us = faceSteps(leaf, u, level);
+  const std::vector<std::int64_t> vs = faceSteps(leaf, v, level);
+  for (std::size_t j = 0; j + 1 < vs.size(); ++j) {
+    for (std::size_t i = 0; i + 1 < us.size(); ++i) {
+      Index3 lower(0), upper(0);
+      lower[axis] = upper[axis] = side == 0 ? leaf.lower[axis] : leaf.upper[axis];
+      lower[u] = us[i];
+      upper[u] = us[i + 1];
+      lower[v] = vs[j];
+      upper[v] = vs[j + 1];
+      addSubFace(lower, upper, axis, side, level);
+    }
+  }
+}
+
+// Marching squares with the inside corners kept apart (rule 9). Walking round the face
+// counter-clockwise as seen from outside the cell, every run of inside corners is cut off by one
+// segment, from the edge that enters the run to the edge that leaves it: it has the inside on its
+// right, so that the loop is counter-clockwise seen from the lower values.
+void Mesher::addSubFace(const Index3& lower, const Index3& upper, int axis, int side, int level) {
+  const int u = (axis + 1) % 3;
+  const int v = (axis + 2) % 3;
+  std::array<Index3, 4> corners = {lower, lower, upper, lower};
+  corners[1][u] = upper[u];
+  corners[3][v] = upper[v];
+  if (side == 0) std::swap(corners[1], corners[3]);
+
+  auto crossing_after = [&](std::size_t i) {
+    const Index3& a = corners[i];
+    const Index3& b = corners[(i + 1) % 4];
+    return crossingOf(before(a, b) ? a : b, a[u] != b[u] ? u : v, level);
+  };
+  for (std::size_t i = 0; i < 4; ++i) {
+    if (isInside(corners[i]) || !isInside(corners[(i + 1) % 4])) continue;
+    std::size_t end = (i + 1) % 4;
+    while (isInside(corners[(end + 1) % 4])) end = (end + 1) % 4;
+    const std::uint32_t from = crossing_after(i);
+    const std::uint32_t to = crossing_after(end);
+    if (!next_.emplace(from, to).second) broken("a loop that forks");
+    const unsigned face = 1u << (2 * axis + side);
+    faces_[from] |= face;
+    faces_[to] |= face;
+    mesh_.segments.push_back({from, to});
+  }
+}
+
+std::vector<Loop> Mesher::takeLoops() {
+  std::vector<Loop> loops;
+  while (!next_.empty()) {
+    Loop loop;
+    const std::uint32_t start = next_.begin()->first;
+    std::uint32_t at = start;
+    do {
+      const auto step = next_.find(at);
+      if (step == next_.end()) broken("a loop that does not close");
+      loop.push_back({at, faces_.at(at)});
+      at = step->second;
+      next_.erase(step);
+    } while (at != start);
+    if (loop.size() < 3) broken("a loop of fewer than three points");
+    loops.push_back(std::move(loop));
+  }
+  faces_.clear();
+  return loops;
+}
+
+void Mesher::emit(const LeafBox& leaf, std::uint32_t a, std::uint32_t b, std::uint32_t c) {
+  mesh_.triangles.insert(mesh_.triangles.end(), {a, b, c});
+  mesh_.triangle_levels.push_back(static_cast<std::int8_t>(leaf.level));
+  mesh_.triangle_cells.push_back(leaf.cell);
+}
+
+void Mesher::meshLeaf(const LeafBox& leaf) {
+  ReferenceLevelCounts& counts = mesh_.level_counts[static_cast<std::size_t>(leaf.level)];
+  bool is_transition = false;
+  for (int axis = 0; axis < 3; ++axis) {
+    for (int side = 0; side < 2; ++side) {
+      const int neighbour = faceNeighbourLevel(leaf, axis, side);
+      const bool is_finer = neighbour >= 0 && neighbour < leaf.level;
+      is_transition = is_transition || is_finer;
+      addFace(leaf, axis, side, is_finer ? neighbour : leaf.level);
+    }
+  }
+
+  const std::size_t triangles_before = mesh_.triangles.size();
+  for (const Loop& loop : takeLoops()) {
+    if (is_transition) {
+      glm::dvec3 sum(0);
+      for (const LoopPoint& point : loop) sum += mesh_.crossings[point.crossing].point();
+      const auto centre = kFanMark + static_cast<std::uint32_t>(fan_centres_.size());
+      fan_centres_.push_back(sum / static_cast<double>(loop.size()));
+      for (std::size_t i = 0; i < loop.size(); ++i) {
+        emit(leaf, loop[i].crossing, loop[(i + 1) % loop.size()].crossing, centre);
+      }
+    } else {
+      const auto triangles = LoopTriangulator(loop).run();
+      if (triangles.empty()) broken("a loop without a triangulation");
+      for (const auto& [i, j, k] : triangles) {
+        emit(leaf, loop[i].crossing, loop[j].crossing, loop[k].crossing);
+      }
+    }
+  }
+
+  const auto triangles = static_cast<std::int64_t>((mesh_.triangles.size() - triangles_before) / 3);
+  counts.leaves += 1;
+  counts.transition_leaves += is_transition;
+  counts.cells += triangles > 0;
+  counts.transition_cells += is_transition && triangles > 0;
+  counts.triangles += triangles;
+}
+
+// Brings crossings into their order, renumbers what refers to them and appends the fan centres.
+void Mesher::sortCrossings() {
+  const std::size_t count = mesh_.crossings.size();
+  std::vector<std::uint32_t> order(count);
+  for (std::size_t i = 0; i < count; ++i) order[i] = static_cast<std::uint32_t>(i);
+  std::sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
+    return mesh_.crossings[a] < mesh_.crossings[b];
+  });
+
+  std::vector<std::uint32_t> rank(count);
+  std::vector<ReferenceCrossing> sorted;
+  for (std::size_t i = 0; i < count; ++i) {
+    rank[order[i]] = static_cast<std::uint32_t>(i);
+    sorted.push_back(mesh_.crossings[order[i]]);
+  }
+  mesh_.crossings = std::move(sorted);
+  for (std::uint32_t& corner : mesh_.triangles) {
+    corner =
+        corner >= kFanMark ? static_cast<std::uint32_t>(count) + (corner - kFanMark) : rank[corner];
+  }
+  for (auto& segment : mesh_.segments) segment = {rank[segment[0]], rank[segment[1]]};
+  std::sort(mesh_.segments.begin(), mesh_.segments.end());
+
+  for (const ReferenceCrossing& crossing : mesh_.crossings) {
+    mesh_.positions.push_back(crossing.point());
+  }
+  mesh_.positions.insert(mesh_.positions.end(), fan_centres_.begin(), fan_centres_.end());
+}
+
+ReferenceMesh Mesher::run() {
+  mesh_.leaves = leaves_;
+  mesh_.level_counts.resize(static_cast<std::size_t>(lattice_.levels()));
+  forEachIndex(leaves_.cells, [&](const Index3& cell) {
+    LeafBox leaf;
+    leaf.level = leaves_.leafLevelAt(cell);
+    leaf.cell = cell >> Index3(leaf.level);
+    leaf.lower = lattice_.position(leaf.level, leaf.cell);
+    leaf.upper = lattice_.position(leaf.level, leaf.cell + Index3(1));
+    if (leaf.lower == cell) meshLeaf(leaf);
+  });
+  sortCrossings();
+  return std::move(mesh_);
+}
+
+}  // namespace
+
+// ---- Oracles ------------------------------------------------------------------------------------
+
+int LeafLevels::leafLevelAt(const Index3& level0_cell) const {
+  return levels.at(offsetOf(cells, level0_cell));
+}
+
+LeafLevels referenceLeafLevels(const Lattice& lattice, const ReferenceQuery& query) {
+  if (query.focus && query.level >= 0) {
+    throw std::invalid_argument("reference: a focus and a uniform level exclude each other");
+  }
+  LeafLevels leaves;
+  leaves.cells = lattice.cells(0);
+  forEachIndex(leaves.cells, [&](const Index3& cell) {
+    int level = lattice.levels() - 1;
+    while (isRefined(cell >> Index3(level), level, query)) --level;
+    leaves.levels.push_back(static_cast<std::int8_t>(level));
+  });
+  return leaves;
+}
+
+std::vector<LeafConflict> auditLeafLevels(const LeafLevels& leaves) {
+  std::set<LeafConflict> conflicts;
+  // Leaves that touch share a lattice point of level 0, so two of their level-0 cells touch.
+  forEachIndex(leaves.cells, [&](const Index3& cell) {
+    const int level = leaves.leafLevelAt(cell);
+    forEachIndex(Index3(3), [&](const Index3& step) {
+      const Index3 other = cell + step - Index3(1);
+      for (int axis = 0; axis < 3; ++axis) {
+        if (other[axis] < 0 || other[axis] >= leaves.cells[axis]) return;
+      }
+      const int other_level = leaves.leafLevelAt(other);
+      if (other_level >= level) return;
+      const Index3 leaf = cell >> Index3(level);
+      const bool is_overlap = (other >> Index3(level)) == leaf;
+      if (level - other_level < 2 && !is_overlap) return;
+      LeafConflict conflict;
+      conflict.cell_a = leaf;
+      conflict.level_a = level;
+      conflict.cell_b = other >> Index3(other_level);
+      conflict.level_b = other_level;
+      conflicts.insert(conflict);
+    });
+  });
+  return {conflicts.begin(), conflicts.end()};
+}
+
+// ---- The mesh -----------------------------------------------------------------------------------
+
+glm::dvec3 ReferenceCrossing::point() const {
+  glm::dvec3 p(base);
+  p[axis] = position;
+  return p;
+}
+
+bool operator<(const ReferenceCrossing& a, const ReferenceCrossing& b) {
+  return std::tie(a.base.z, a.base.y, a.base.x, a.axis) <
+         std::tie(b.base.z, b.base.y, b.base.x, b.axis);
+}
+
+std::int64_t ReferenceMesh::transitionCellCount() const {
+  std::int64_t count = 0;
+  for (const ReferenceLevelCounts& counts : level_counts) count += counts.transition_cells;
+  return count;
+}
+
+ReferenceMesh referenceMesh(const ReferencePyramid& pyramid, const ReferenceQuery& query) {
+  return referenceMesh(pyramid, referenceLeafLevels(pyramid.lattice, query), query.iso);
+}
+
+ReferenceMesh referenceMesh(const ReferencePyramid& pyramid, const LeafLevels& leaves, double iso) {
+  return Mesher(pyramid, leaves, iso).run();
+}
+
+float referenceValue(const ReferencePyramid& pyramid, const LeafLevels& leaves,
+                     const Index3& position) {
+  return Mesher(pyramid, leaves, 0).value(position);
+}
+
+}  // namespace isobrick::test

@@ -1,0 +1,9 @@
+#include "tests/support/test_paths.h"
+
+namespace isobrick::test {
+
+// Definitions of this file alone, so that the others do not depend on where the build is.
+std::string sharedData() { return ISOBRICK_SHARED_DATA; }
+std::string isobrickCommand() { return ISOBRICK_COMMAND; }
+
+}  // namespace isobrick::test

@@ -1,0 +1,14 @@
+// Where the tests find what they do not make themselves.
+#pragma once
+
+#include <string>
+
+namespace isobrick::test {
+
+// Folder of the real volumes; it need not exist.
+std::string sharedData();
+
+// The `isobrick` command of this build.
+std::string isobrickCommand();
+
+}  // namespace isobrick::test

@@ -1,0 +1,440 @@
+// The `isobrick` command from outside: whole runs and every kind of bad input. What is special to
+// build is in build_command_test.cpp.
+#include <sys/stat.h>
+
+#include <cstring>
+#include <limits>
+
+#include "command_test.h"
+#include "ply_reader.h"
+#include "tests/support/test_paths.h"
+
+namespace isobrick {
+namespace {
+
+using namespace test;
+
+class CliTest : public CommandTest {
+ protected:
+  // sphere.nrrd and sphere.isb of 8 bricks on level 0.
+  void makeSphere() {
+    runWell({"phantom", "sphere", "--size", "32", "-o", "sphere.nrrd"});
+    runWell({"build", "sphere.nrrd", "--brick", "16"});
+  }
+  // A raw volume of 8 x 9 x 10 float32 voxels, x + y + z each.
+  std::string makeRawVolume() const {
+    std::string bytes;
+    for (int i = 0; i < 8 * 9 * 10; ++i) {
+      const auto value = static_cast<float>(i % 8 + i / 8 % 9 + i / 72);
+      bytes.append(reinterpret_cast<const char*>(&value), sizeof value);
+    }
+    return bytes;
+  }
+  static Words buildRaw(const std::string& name, const std::string& dims = "8,9,10") {
+    return {"build", name, "--raw-dims", dims, "--raw-type", "f32"};
+  }
+};
+
+TEST_F(CliTest, FromPhantomToPicture) {
+  const std::string made =
+      runWell({"phantom", "head", "--size", "64", "--type", "i16", "-o", "head.nrrd"});
+  EXPECT_NE(made.find("--iso 1324"), std::string::npos) << made;
+
+  const Json built = runForJson({"build", "head.nrrd", "--brick", "16", "--threads", "2"});
+  EXPECT_EQ(built["output"], "head.isb");
+  EXPECT_EQ(built["dimensions"], Json({64, 64, 64}));
+  EXPECT_EQ(built["voxel_type"], "int16");
+  EXPECT_EQ(built["threads"], 2);
+  EXPECT_EQ(built["bytes"]["total"], fs::file_size(path("head.isb")));
+  for (const char* key : {"notes", "peak_rss_bytes", "megabytes_per_second"})
+    EXPECT_TRUE(built.contains(key)) << key;
+  EXPECT_TRUE(built["seconds"].contains("total"));
+
+  const Json info = runForJson({"info", "head.isb"});
+  EXPECT_EQ(info["dimensions"], Json({64, 64, 64}));
+  EXPECT_EQ(info["voxel_type"], "int16");
+  EXPECT_EQ(info["spacing"], Json({1.0, 1.0, 1.0}));
+  EXPECT_EQ(info["origin"].size(), 3u);
+  EXPECT_EQ(info["direction"][1], Json({0.0, 1.0, 0.0}));
+  EXPECT_LT(info["value_range"][0], 500);
+  EXPECT_GT(info["value_range"][1], 1324);
+  EXPECT_EQ(info["levels"].size(), 7u);
+  EXPECT_EQ(info["levels"][1]["level"], 1);
+  EXPECT_EQ(info["levels"][1]["dimensions"], Json({33, 33, 33}));
+  EXPECT_EQ(info["levels"][0]["bricks"], 64);
+  std::uint64_t parts = 0;
+  for (const char* key : {"samples_level0", "samples_coarser", "ranges", "curvature", "index"})
+    parts += info["bytes"][key].get<std::uint64_t>();
+  EXPECT_EQ(info["bytes"]["total"], parts);
+  EXPECT_EQ(info["bytes"]["raw"], 64 * 64 * 64 * 2);
+  EXPECT_EQ(info["brick_cells"], 16);
+  EXPECT_EQ(info["tile_cells"], 4);
+  EXPECT_EQ(info["has_curvature"], true);
+  EXPECT_EQ(info["curvature_epsilon"], 1.0 / 64);
+  EXPECT_EQ(info["filter"], "average");
+  EXPECT_EQ(info["provenance"]["source"], "head.nrrd");
+  EXPECT_NE(runWell({"info", "head.isb"}).find("64 x 64 x 64"), std::string::npos);
+
+  EXPECT_NE(runWell({"verify", "head.isb"}).find("whole"), std::string::npos);
+
+  const Words query = {
+      "extract", "head.isb",           "--iso", "1324",     "--focus", "32,10,32", "--radius",
+      "8",       "--curvature-radius", "4",     "--memory", "1M"};
+  const auto with = [&](Words more) {
+    more.insert(more.begin(), query.begin(), query.end());
+    return more;
+  };
+  const Json mesh = runForJson(with({"-o", "bone.ply", "--repeat", "2", "--threads", "2"}));
+  const test::PlyMesh ply = test::readPly(path("bone.ply"));
+  EXPECT_GT(ply.triangles.size(), 3000u);
+  EXPECT_EQ(mesh["triangles"], ply.triangles.size() / 3);
+  EXPECT_EQ(mesh["vertices"], ply.positions.size());
+  EXPECT_EQ(mesh["output"], "bone.ply");
+  EXPECT_EQ(mesh["isovalue"], 1324);
+  EXPECT_EQ(mesh["threads"], 2);
+  EXPECT_EQ(mesh["seconds"]["extract"].size(), 2u);
+  EXPECT_GE(mesh["seconds"]["open"], 0);
+  EXPECT_GT(mesh["seconds"]["write"], 0);
+  std::uint64_t triangles = 0;
+  for (const Json& level : mesh["levels"]) {
+    triangles += level["triangles"].get<std::uint64_t>();
+    EXPECT_GE(level["cells"], level["transition_cells"]);
+  }
+  EXPECT_GT(mesh["levels"].size(), 1u);
+  EXPECT_EQ(mesh["triangles"], triangles);
+  EXPECT_GT(mesh["bricks"]["active"], 0);
+  EXPECT_GE(mesh["bricks"]["read"], mesh["bricks"]["active"]);
+  EXPECT_GE(mesh["bytes_read"], mesh["bytes_active"]);
+  EXPECT_GT(mesh["peak_rss_bytes"], 0);
+
+  // Counted only, and as STL: the same mesh.
+  const Json counted = runForJson(with({}));
+  EXPECT_EQ(counted["triangles"], mesh["triangles"]);
+  EXPECT_EQ(counted["vertices"], mesh["vertices"]);
+  EXPECT_TRUE(counted["output"].is_null());
+  EXPECT_EQ(runForJson(with({"-o", "bone.stl"}))["triangles"], mesh["triangles"]);
+  const std::string stl = readBytes(path("bone.stl"));
+  std::uint32_t stl_triangles = 0;
+  ASSERT_GE(stl.size(), 84u);
+  std::memcpy(&stl_triangles, stl.data() + 80, sizeof stl_triangles);
+  EXPECT_EQ(mesh["triangles"], stl_triangles);
+  EXPECT_EQ(stl.size(), 84 + 50 * std::size_t{stl_triangles});
+
+  runWell({"render", "head.isb", "--iso", "1324", "--focus", "32,10,32", "--radius", "8",
+           "--show-focus", "--color-by-level", "--wireframe", "--size", "96x64", "-o", "bone.png"});
+  EXPECT_EQ(readBytes(path("bone.png")).substr(1, 3), "PNG");
+  runWell({"render", "head.isb", "--iso", "500", "--level", "2", "--size", "64x64", "--background",
+           "0,0,0", "-o", "skin.exr"});
+  EXPECT_EQ(readBytes(path("skin.exr")).substr(0, 4), "\x76\x2f\x31\x01");
+
+  EXPECT_EQ(files(), (std::set<std::string>{"bone.png", "bone.ply", "bone.stl", "head.isb",
+                                            "head.nrrd", "skin.exr"}));
+}
+
+TEST_F(CliTest, TheSameBytesWithAnyNumberOfThreads) {
+  runWell({"phantom", "torus", "--size", "48", "-o", "torus.mhd"});
+  runWell({"build", "torus.mhd", "--brick", "16", "--threads", "1", "-o", "one.isb"});
+  runWell({"build", "torus.mhd", "--brick", "16", "--threads", "3", "-o", "three.isb"});
+  EXPECT_EQ(readBytes(path("one.isb")), readBytes(path("three.isb")));
+  const Words query = {"--iso", "0", "--focus", "24,38,24", "--radius", "4"};
+  for (const char* threads : {"1", "3"}) {
+    Words words = {"extract", "one.isb", "-o", std::string(threads) + ".ply", "--threads", threads};
+    words.insert(words.end(), query.begin(), query.end());
+    runWell(words);
+  }
+  EXPECT_EQ(readBytes(path("1.ply")), readBytes(path("3.ply")));
+}
+
+TEST_F(CliTest, WorldUnitsAreTheSameQuery) {
+  writeBytes(path("ramp.raw"), makeRawVolume());
+  Words words = buildRaw("ramp.raw");
+  words.insert(words.end(), {"--raw-spacing", "2,2,4", "--brick", "4", "--tile", "2"});
+  runWell(words);
+  EXPECT_EQ(runForJson({"info", "ramp.isb"})["spacing"], Json({2.0, 2.0, 4.0}));
+  const auto extract = [&](Words more) {
+    more.insert(more.begin(), {"extract", "ramp.isb", "--iso", "9.5"});
+    Json json = runForJson(more);
+    return Json{json["triangles"], json["levels"]};
+  };
+  const Json in_voxels = extract({"--focus", "1,2,3", "--radius", "0.5", "--box", "0,0,0,4,4,9"});
+  EXPECT_EQ(in_voxels,
+            extract({"--world", "--focus", "2,4,12", "--radius", "1", "--box", "0,0,0,8,8,36"}));
+  EXPECT_LT(in_voxels[0], extract({})[0]);
+}
+
+TEST_F(CliTest, PathsNeedNotBeAscii) {
+  runWell({"phantom", "sphere", "--size", "16", "-o",
+           "Sch\xc3\xa4"
+           "del \xe9\xa0\xad.nrrd"});
+  EXPECT_EQ(runForJson({"build",
+                        "Sch\xc3\xa4"
+                        "del \xe9\xa0\xad.nrrd"})["output"],
+            "Sch\xc3\xa4"
+            "del \xe9\xa0\xad.isb");
+  // Not even UTF-8; the JSON is.
+  runForJson({"build",
+              "Sch\xc3\xa4"
+              "del \xe9\xa0\xad.nrrd",
+              "-o", "\xff.isb"});
+  EXPECT_TRUE(fs::exists(path("\xff.isb")));
+}
+
+TEST_F(CliTest, AnIsovalueOutsideTheValuesGivesAnEmptyMeshAndAWarning) {
+  makeSphere();
+  for (const char* isovalue : {"1e6", "-1e6"}) {
+    const Outcome outcome =
+        run({"extract", "sphere.isb", "--iso", isovalue, "-o", "empty.ply", "--json"});
+    EXPECT_EQ(outcome.status, 0);
+    EXPECT_EQ(outcome.errorLines(), 1) << outcome.err;
+    EXPECT_NE(outcome.err.find("the mesh is empty"), std::string::npos) << outcome.err;
+    EXPECT_EQ(Json::parse(outcome.out)["triangles"], 0);
+    EXPECT_EQ(test::readPly(path("empty.ply")).triangles.size(), 0u);
+  }
+}
+
+TEST_F(CliTest, HelpAndVersion) {
+  const std::string help = runWell({"--help"});
+  for (const char* name : {"build", "info", "verify", "extract", "render", "phantom"}) {
+    EXPECT_NE(help.find(name), std::string::npos) << name;
+    EXPECT_NE(runWell({name, "--help"}).find("--help"), std::string::npos);
+  }
+  EXPECT_NE(help.find("Examples"), std::string::npos);
+  EXPECT_EQ(runWell({"--version"}).rfind("isobrick ", 0), 0u);
+}
+
+TEST_F(CliTest, WrongUsageExitsWithTwo) {
+  makeSphere();
+  writeBytes(path("ramp.raw"), makeRawVolume());
+  const std::vector<std::pair<Words, std::string>> cases = {
+      {{}, "subcommand"},
+      {{"explode"}, "explode"},
+      {{"--loud"}, "--loud"},
+      {{"build"}, "INPUT"},
+      {{"build", "ramp.raw"}, "--raw-dims"},
+      {{"build", "ramp.raw", "--raw-dims", "8,9,10"}, "--raw-type"},
+      {{"build", "ramp.raw", "--raw-type", "f32"}, "--raw-dims"},
+      {{"build", "ramp.raw", "--raw-dims", "8,9", "--raw-type", "f32"}, "8,9"},
+      {{"build", "ramp.raw", "--raw-dims", "8,9,10x", "--raw-type", "f32"}, "8,9,10x"},
+      {{"build", "ramp.raw", "--raw-dims", "8,9,10", "--raw-type", "f33"}, "f33"},
+      {{"build", "ramp.raw", "--raw-dims", "8,9,10", "--raw-type", "f32", "--raw-offset", "-1"},
+       "-1"},
+      {{"build", "sphere.nrrd", "--brick", "48"}, "power of two"},
+      {{"build", "sphere.nrrd", "--brick", "4", "--tile", "8"}, "--tile"},
+      {{"build", "sphere.nrrd", "--nan-as", "nan"}, "nan"},
+      {{"build", "sphere.nrrd", "--threads", "0"}, "--threads"},
+      {{"build", "sphere.nrrd", "--threads", "12x"}, "12x"},
+      {{"build", "sphere.nrrd", "--filter", "median"}, "median"},
+      {{"build", "sphere.nrrd", "--curvature-epsilon", "-1"}, "-1"},
+      {{"info"}, "FILE"},
+      {{"extract", "sphere.isb"}, "--iso"},
+      {{"extract", "--iso", "0"}, "FILE"},
+      {{"extract", "sphere.isb", "--iso", "12x"}, "12x"},
+      {{"extract", "sphere.isb", "--iso", ""}, "''"},
+      {{"extract", "sphere.isb", "--iso", "nan"}, "nan"},
+      {{"extract", "sphere.isb", "--iso", "inf"}, "inf"},
+      {{"extract", "sphere.isb", "--iso", "1e300"}, "1e300"},
+      {{"extract", "sphere.isb", "--iso", "1,5"}, "1,5"},
+      {{"extract", "sphere.isb", "--iso"}, "--iso"},
+      {{"extract", "sphere.isb", "--iso", "0", "--iso", "1"}, "--iso"},
+      {{"extract", "sphere.isb", "--iso", "0", "--focus", "1,2,3"}, "--radius"},
+      {{"extract", "sphere.isb", "--iso", "0", "--radius", "3"}, "--focus"},
+      {{"extract", "sphere.isb", "--iso", "0", "--focus", "1,2", "--radius", "3"}, "1,2"},
+      {{"extract", "sphere.isb", "--iso", "0", "--focus", "1,2,3,4", "--radius", "3"}, "1,2,3,4"},
+      {{"extract", "sphere.isb", "--iso", "0", "--focus", "1,2,nan", "--radius", "3"}, "nan"},
+      {{"extract", "sphere.isb", "--iso", "0", "--focus", "1,2,3", "--radius", "-3"}, "-3"},
+      {{"extract", "sphere.isb", "--iso", "0", "--focus", "1,2,3", "--radius", "3", "--level", "1"},
+       "--level"},
+      {{"extract", "sphere.isb", "--iso", "0", "--curvature", "1", "--curvature-radius", "2"},
+       "--curvature"},
+      {{"extract", "sphere.isb", "--iso", "0", "--curvature-radius", "0"}, "above 0"},
+      {{"extract", "sphere.isb", "--iso", "0", "--level", "1.5"}, "1.5"},
+      {{"extract", "sphere.isb", "--iso", "0", "--level", "-1"}, "-1"},
+      {{"extract", "sphere.isb", "--iso", "0", "--box", "0,0,0,1,1"}, "0,0,0,1,1"},
+      {{"extract", "sphere.isb", "--iso", "0", "--box", "0,0,0,1,0,1"}, "below"},
+      {{"extract", "sphere.isb", "--iso", "0", "--memory", "many"}, "many"},
+      {{"extract", "sphere.isb", "--iso", "0", "--memory", "0"}, "'0'"},
+      {{"extract", "sphere.isb", "--iso", "0", "--memory", "1.5"}, "1.5"},
+      {{"extract", "sphere.isb", "--iso", "0", "--memory", "-1G"}, "-1G"},
+      {{"extract", "sphere.isb", "--iso", "0", "--repeat", "0"}, "--repeat"},
+      {{"extract", "sphere.isb", "--iso", "0", "--codec", "lz4"}, "--codec"},
+      {{"render", "sphere.isb", "--iso", "0"}, "--output"},
+      {{"render", "sphere.isb", "--iso", "0", "-o", "a.png", "--size", "12"}, "12"},
+      {{"render", "sphere.isb", "--iso", "0", "-o", "a.png", "--size", "0x12"}, "0x12"},
+      {{"render", "sphere.isb", "--iso", "0", "-o", "a.png", "--color", "2,0,0"}, "2,0,0"},
+      {{"render", "sphere.isb", "--iso", "0", "-o", "a.png", "--show-focus"}, "--focus"},
+      {{"phantom", "apple", "--size", "16", "-o", "a.nrrd"}, "apple"},
+      {{"phantom", "sphere", "--size", "1", "-o", "a.nrrd"}, "'1'"},
+      {{"phantom", "sphere", "-o", "a.nrrd"}, "--size"},
+      {{"phantom", "sphere", "--size", "16"}, "--output"},
+  };
+  const std::set<std::string> before = files();
+  for (const auto& [words, message] : cases) {
+    const Outcome outcome = run(words);
+    checkFailure(outcome, 2, message, words);
+    EXPECT_NE(outcome.err.find("--help"), std::string::npos) << outcome.err;
+  }
+  EXPECT_EQ(files(), before);
+}
+
+TEST_F(CliTest, InputThatCannotBeRead) {
+  writeBytes(path("ramp.raw"), makeRawVolume());
+  writeBytes(path("short.raw"), makeRawVolume().substr(1));
+  writeBytes(path("flat.raw"), makeRawVolume());
+  writeBytes(path("notes.txt"), "not a volume\nat all\n");
+  writeBytes(path("zeros.nrrd"), std::string(5000, '\0'));
+  writeBytes(path("empty.mhd"), "");
+  writeBytes(path("scan.vti"), "<VTKFile>");
+  writeBytes(path("scan.vdb"), " BDV");
+  fs::create_directory(path("folder"));
+  runWell({"phantom", "sphere", "--size", "16", "-o", "whole.nrrd"});
+  const std::string whole = readBytes(path("whole.nrrd"));
+  writeBytes(path("cut.nrrd"), whole.substr(0, whole.size() - 1000));
+  writeBytes(path("cut_header.nrrd"), whole.substr(0, 40));
+
+  expectFailure(1, {"build", "missing.nrrd"}, "missing.nrrd");
+  expectFailure(1, buildRaw("missing.raw"), "missing.raw");
+  expectFailure(1, {"build", "missing.raw"}, "missing.raw");
+  expectFailure(1, {"build", "missing\nlines.nrrd"}, "missing lines.nrrd");
+  expectFailure(1, {"build", "notes.txt"}, "notes.txt");
+  expectFailure(1, {"build", "zeros.nrrd"}, "zeros.nrrd");
+  expectFailure(1, {"build", "empty.mhd"}, "empty.mhd");
+  expectFailure(1, {"build", "scan.vti"}, ".nrrd");
+  expectFailure(1, {"build", "scan.vdb"}, "scan.vdb");
+  expectFailure(1, {"build", "folder"}, "folder");
+  expectFailure(1, {"build", "cut.nrrd"}, "cut.nrrd");
+  expectFailure(1, {"build", "cut_header.nrrd"}, "cut_header.nrrd");
+  expectFailure(1, buildRaw("short.raw"), "2879 bytes");
+  expectFailure(1, buildRaw("ramp.raw", "8,9,11"), "--raw-dims");
+  expectFailure(1, buildRaw("ramp.raw", "8,9,9"), "--raw-dims");
+  expectFailure(1, buildRaw("ramp.raw", "1,72,10"), "ramp.raw");
+  expectFailure(1, buildRaw("ramp.raw", "0,9,10"), "ramp.raw");
+  expectFailure(1, buildRaw("ramp.raw", "-8,-9,10"), "ramp.raw");
+  expectFailure(1, buildRaw("ramp.raw", "1000000,1000000,1000000"), "ramp.raw");
+  expectFailure(1, buildRaw("ramp.raw", "9223372036854775807,2,2"), "ramp.raw");
+  expectFailure(1, buildRaw("folder"), "folder");
+}
+
+TEST_F(CliTest, VoxelsThatAreNotNumbers) {
+  std::string bytes = makeRawVolume();
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  std::memcpy(bytes.data() + sizeof(float) * (5 * 72 + 4 * 8 + 3), &nan, sizeof nan);
+  writeBytes(path("holes.raw"), bytes);
+  expectFailure(1, buildRaw("holes.raw"), "(3,4,5)");
+
+  Words words = buildRaw("holes.raw");
+  words.insert(words.end(), {"--nan-as", "-1.5"});
+  const Json built = runForJson(words);
+  EXPECT_NE(built["notes"].dump().find("1 voxel"), std::string::npos) << built["notes"];
+  EXPECT_EQ(runForJson({"info", "holes.isb"})["value_range"], Json({-1.5, 24.0}));
+}
+
+TEST_F(CliTest, DamagedPyramids) {
+  makeSphere();
+  const std::string good = readBytes(path("sphere.isb"));
+  std::string flipped = good;
+  flipped[4096 + 100] ^= 0x10;  // in the samples of the first brick
+  writeBytes(path("flipped.isb"), flipped);
+  {
+    const Outcome outcome = run({"verify", "flipped.isb"});
+    EXPECT_EQ(outcome.status, 1);
+    EXPECT_EQ(outcome.errorLines(), 1) << outcome.err;
+    EXPECT_NE(outcome.err.find("level 0"), std::string::npos) << outcome.err;
+    EXPECT_NE(outcome.err.find("(0,0,0)"), std::string::npos) << outcome.err;
+    EXPECT_NE(outcome.out.find("1 of "), std::string::npos) << outcome.out;
+  }
+  expectFailure(1, {"extract", "flipped.isb", "--iso", "0", "-o", "bad.ply"}, "(0,0,0)");
+  expectFailure(1, {"extract", "flipped.isb", "--iso", "0", "--json"}, "(0,0,0)");
+  expectFailure(1, {"render", "flipped.isb", "--iso", "0", "-o", "bad.png"}, "(0,0,0)");
+
+  std::string header = good;
+  header[40] ^= 0x01;
+  writeBytes(path("header.isb"), header);
+  writeBytes(path("cut.isb"), good.substr(0, good.size() / 2));
+  writeBytes(path("stub.isb"), good.substr(0, 100));
+  writeBytes(path("zeros.isb"), std::string(good.size(), '\0'));
+  writeBytes(path("empty.isb"), "");
+  for (const char* name :
+       {"header.isb", "cut.isb", "stub.isb", "zeros.isb", "empty.isb", "missing.isb", "."}) {
+    expectFailure(1, {"info", name}, name);
+    expectFailure(1, {"verify", name}, name);
+    expectFailure(1, {"extract", name, "--iso", "0", "-o", "bad.ply"}, name);
+    expectFailure(1, {"render", name, "--iso", "0", "-o", "bad.png"}, name);
+  }
+  expectFailure(1, {"build", "sphere.isb"}, "pyramid already");
+}
+
+TEST_F(CliTest, QueriesThatThePyramidCannotAnswer) {
+  makeSphere();
+  runWell({"build", "sphere.nrrd", "--no-curvature", "-o", "plain.isb"});
+  expectFailure(1, {"extract", "sphere.isb", "--iso", "0", "--level", "9"}, "level 9");
+  expectFailure(1, {"extract", "plain.isb", "--iso", "0", "--curvature", "1"}, "curvature");
+  expectFailure(1, {"extract", "sphere.isb", "--iso", "0", "-o", "mesh.xyz"}, ".ply");
+  expectFailure(1, {"render", "sphere.isb", "--iso", "0", "-o", "picture.gif"}, ".png");
+  expectFailure(1, {"phantom", "sphere", "--size", "16", "-o", "volume.xyz"}, ".nrrd");
+}
+
+TEST_F(CliTest, OutputThatCannotBeWritten) {
+  makeSphere();
+  writeBytes(path("file"), "in the way");
+  for (const char* folder : {"nowhere", "file", "/sys"}) {
+    const std::string base = std::string(folder) + "/out";
+    expectFailure(1, {"build", "sphere.nrrd", "-o", base + ".isb"}, base);
+    expectFailure(1, {"extract", "sphere.isb", "--iso", "0", "-o", base + ".ply"}, base);
+    expectFailure(1, {"extract", "sphere.isb", "--iso", "0", "-o", base + ".stl"}, base);
+    expectFailure(1, {"render", "sphere.isb", "--iso", "0", "-o", base + ".png"}, base);
+    expectFailure(1, {"phantom", "sphere", "--size", "16", "-o", base + ".nrrd"}, base);
+  }
+  expectFailure(1, {"build", "sphere.nrrd", "-o", "."}, "'.'");
+  expectFailure(1, {"build", "sphere.nrrd", "-o", "/dev/null"}, "/dev/null");
+}
+
+TEST_F(CliTest, NoSpaceLeavesNothing) {
+  makeSphere();
+  const std::set<std::string> before = files();
+  const auto runLimited = [&](Words words) {
+    // Files of at most 20 blocks of 512 bytes: the same failing write() as on a full disk.
+    const Words shell = {"/bin/sh", "-c", "ulimit -f 20; exec \"$@\"", "sh", isobrickCommand()};
+    words.insert(words.begin(), shell.begin(), shell.end());
+    return wait(start(std::move(words)));
+  };
+  checkFailure(runLimited({"build", "sphere.nrrd", "-o", "new.isb"}), 1, "new.isb");
+  checkFailure(runLimited({"build", "sphere.nrrd", "--force"}), 1, "sphere.isb");
+  checkFailure(runLimited({"extract", "sphere.isb", "--iso", "0", "-o", "new.ply"}), 1, "new.ply");
+  checkFailure(runLimited({"extract", "sphere.isb", "--iso", "0", "-o", "new.stl"}), 1, "new.stl");
+  checkFailure(runLimited({"phantom", "sphere", "--size", "32", "-o", "new.mhd"}), 1, "new");
+  EXPECT_EQ(files(), before);
+  EXPECT_EQ(run({"verify", "sphere.isb"}).status, 0);
+  // What is printed counts too.
+  const Outcome full = wait(start(
+      {"/bin/sh", "-c", "exec \"$0\" info sphere.isb --json > /dev/full", isobrickCommand()}));
+  checkFailure(full, 1, "standard output");
+}
+
+TEST_F(CliTest, ABuildThatFailsLeavesTheOldPyramid) {
+  makeSphere();
+  const std::string old = readBytes(path("sphere.isb"));
+  writeBytes(path("bad.nrrd"), readBytes(path("sphere.nrrd")).substr(0, 5000));
+  expectFailure(1, {"build", "bad.nrrd", "-o", "sphere.isb", "--force"}, "bad.nrrd");
+  EXPECT_EQ(readBytes(path("sphere.isb")), old);
+}
+
+TEST_F(CliTest, APipeAsInputIsRefusedAtOnce) {
+  ASSERT_EQ(mkfifo(path("pipe.nrrd").c_str(), 0600), 0);
+  expectFailure(1, {"build", "pipe.nrrd"}, "neither a file nor a folder");
+  expectFailure(1, {"build", "pipe.nrrd", "--raw-dims", "4,4,4", "--raw-type", "u8"},
+                "neither a file nor a folder");
+}
+
+TEST_F(CliTest, AMeshNeverReplacesItsPyramidNorWritesThroughALink) {
+  runWell({"phantom", "sphere", "--size", "16", "-o", "sphere.nrrd"});
+  runWell({"build", "sphere.nrrd", "-o", "sphere.ply"});
+  expectFailure(1, {"extract", "sphere.ply", "--iso", "0", "-o", "sphere.ply"}, "pyramid itself");
+  // The faces of a PLY wait in a second file, under a name that nobody else has.
+  writeBytes(path("victim"), "precious");
+  fs::create_symlink(path("victim"), path("mesh.ply.faces.partial"));
+  runWell({"extract", "sphere.ply", "--iso", "0", "-o", "mesh.ply"});
+  EXPECT_EQ(readBytes(path("victim")), "precious");
+}
+
+}  // namespace
+}  // namespace isobrick
