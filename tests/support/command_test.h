@@ -18,7 +18,7 @@
 #include <utility>
 #include <vector>
 
-#include "temporary_folder.h"
+#include "tests/support/temporary_folder.h"
 #include "tests/support/test_paths.h"
 
 namespace isobrick::test {

@@ -7,7 +7,7 @@
 
 #include <chrono>
 
-#include "command_test.h"
+#include "tests/support/command_test.h"
 #include "tests/support/test_paths.h"
 
 namespace isobrick {

@@ -6,7 +6,7 @@
 #include <functional>
 #include <thread>
 
-#include "command_test.h"
+#include "tests/support/command_test.h"
 #include "tests/support/test_paths.h"
 
 namespace isobrick {

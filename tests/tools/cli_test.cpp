@@ -5,8 +5,8 @@
 #include <cstring>
 #include <limits>
 
-#include "command_test.h"
-#include "ply_reader.h"
+#include "tests/support/command_test.h"
+#include "tests/support/ply_reader.h"
 #include "tests/support/test_paths.h"
 
 namespace isobrick {
