@@ -1,24 +1,68 @@
-# `cmake --install` and find_package(isobrick): the command, and the library under it (storage,
-# preprocess, extract) with its headers.
+# `cmake --install`: the command, and the library under it with its public headers, found by
+# find_package(isobrick COMPONENTS ...) and by pkg-config. Runtime and development files are components
+# of their own (package.cmake).
 include(CMakePackageConfigHelpers)
 
-install(TARGETS isobrick_storage isobrick_preprocess isobrick_sources isobrick_extract EXPORT isobrick_targets
-        ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
-if(TARGET isobrick)
-install(TARGETS isobrick RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+set(isobrick_components storage extract preprocess sources)
+if(ISOBRICK_WITH_VIEWER)
+  list(APPEND isobrick_components viewer)
 endif()
-foreach(folder storage preprocess extract)
-  # itk_common.h is private to the ITK sources; its users would need ITK.
-  install(DIRECTORY ${PROJECT_SOURCE_DIR}/${folder} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/isobrick
-          FILES_MATCHING PATTERN "*.h" PATTERN "itk_common.h" EXCLUDE)
+
+if(ISOBRICK_COMMAND)
+  file(RELATIVE_PATH lib_from_bin /${CMAKE_INSTALL_BINDIR} /${CMAKE_INSTALL_LIBDIR})
+  file(RELATIVE_PATH lib_from_libexec /${CMAKE_INSTALL_LIBEXECDIR}/isobrick /${CMAKE_INSTALL_LIBDIR})
+  if(BUILD_SHARED_LIBS)
+    set_target_properties(isobrick PROPERTIES INSTALL_RPATH "$ORIGIN/${lib_from_bin}")
+    set_target_properties(isobrick-build PROPERTIES INSTALL_RPATH "$ORIGIN/${lib_from_libexec}")
+  endif()
+  install(TARGETS isobrick RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT runtime)
+  install(TARGETS isobrick-build COMPONENT runtime
+          RUNTIME DESTINATION ${CMAKE_INSTALL_LIBEXECDIR}/isobrick)
+endif()
+
+# The headers that a program may include; tests/house/consumer_test.cmake compiles each alone.
+include(public_headers)
+foreach(header ${isobrick_public_headers})
+  get_filename_component(folder ${header} DIRECTORY)
+  install(FILES ${PROJECT_SOURCE_DIR}/${header} COMPONENT development
+          DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/isobrick/${folder})
 endforeach()
 
+# A component each: a program that extracts does not look for what the sources are built on.
 set(config_folder ${CMAKE_INSTALL_LIBDIR}/cmake/isobrick)
-install(EXPORT isobrick_targets NAMESPACE isobrick:: DESTINATION ${config_folder})
+foreach(component ${isobrick_components})
+  install(TARGETS isobrick_${component} EXPORT isobrick_${component}_targets
+          ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT development
+          LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT runtime
+          NAMELINK_COMPONENT development)
+  install(EXPORT isobrick_${component}_targets NAMESPACE isobrick:: DESTINATION ${config_folder}
+          COMPONENT development)
+endforeach()
 configure_package_config_file(cmake/isobrick-config.cmake.in
   ${PROJECT_BINARY_DIR}/isobrick-config.cmake INSTALL_DESTINATION ${config_folder})
 write_basic_package_version_file(${PROJECT_BINARY_DIR}/isobrick-config-version.cmake
   COMPATIBILITY SameMinorVersion)
 install(FILES ${PROJECT_BINARY_DIR}/isobrick-config.cmake
               ${PROJECT_BINARY_DIR}/isobrick-config-version.cmake
-        DESTINATION ${config_folder})
+        DESTINATION ${config_folder} COMPONENT development)
+
+# pkg-config: isobrick-storage, isobrick-extract, ... What a static library is built on is private to
+# it; `pkg-config --static` names that too.
+function(isobrick_pkg_config component requires requires_private libs_private)
+  set(PC_NAME ${component})
+  set(PC_REQUIRES ${requires})
+  if(BUILD_SHARED_LIBS)
+    set(PC_REQUIRES_PRIVATE "")
+    set(PC_LIBS_PRIVATE "")
+  else()
+    set(PC_REQUIRES_PRIVATE ${requires_private})
+    set(PC_LIBS_PRIVATE ${libs_private})
+  endif()
+  configure_file(${PROJECT_SOURCE_DIR}/cmake/isobrick.pc.in
+                 ${PROJECT_BINARY_DIR}/isobrick-${component}.pc @ONLY)
+  install(FILES ${PROJECT_BINARY_DIR}/isobrick-${component}.pc COMPONENT development
+          DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
+endfunction()
+isobrick_pkg_config(storage "" "blosc" "-lstdc++ -lm")
+isobrick_pkg_config(extract "isobrick-storage" "tbb" "-lstdc++ -lm")
+isobrick_pkg_config(preprocess "isobrick-storage" "tbb libhwy" "-lstdc++ -lm")

@@ -4,6 +4,8 @@
 #include <CLI/CLI.hpp>
 #include <functional>
 #include <stdexcept>
+#include <string_view>
+#include <vector>
 
 namespace isobrick {
 
@@ -18,7 +20,15 @@ class UsageError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+// The subcommands of this executable (isobrick_commands.cpp, build/isobrick_build_commands.cpp).
+std::vector<Command> addCommands(CLI::App& app);
+
+// Where another executable has the subcommand `name`, becomes that executable, with the words
+// `argv`; else returns. Throws Error where it cannot be run.
+void runExternalCommand(std::string_view name, char** argv);
+
 // One file each.
+inline constexpr char kBuildDescription[] = "Make pyramids (.isb) of volumes";
 Command addBuildCommand(CLI::App& app);
 Command addInfoCommand(CLI::App& app);
 Command addVerifyCommand(CLI::App& app);

@@ -1,4 +1,4 @@
-// The `isobrick` command.
+// What the executables of the `isobrick` command share: words in, exit status out.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -21,31 +21,12 @@ namespace {
 
 enum ExitStatus { kSucceeded = 0, kFailed = 1, kWrongUsage = 2, kInterrupted = 130 };
 
-constexpr char kExamples[] = R"(
-Examples:
-  isobrick phantom head --size 256 -o head.nrrd      make a test volume
-  isobrick build head.nrrd                           make head.isb in the current folder
-  isobrick build 'scans/*.nrrd' --out-dir pyramids   one pyramid each; again: only what changed
-  isobrick build scan.raw --raw-dims 512,512,400 --raw-type u16
-  isobrick info head.isb
-  isobrick extract head.isb --iso 1324 -o bone.ply   the finest surface
-  isobrick extract head.isb --iso 1324 --focus 128,40,128 --radius 30 -o part.stl
-  isobrick render head.isb --iso 500 -o skin.png
-
-'isobrick SUBCOMMAND --help' lists the options of a subcommand.
-Exit status: 0 success, 1 failed, 2 wrong usage, 130 interrupted.)";
-
-std::vector<Command> addCommands(CLI::App& app) {
+void describe(CLI::App& app) {
   app.name("isobrick");
   app.set_version_flag("--version", "isobrick " ISOBRICK_VERSION, "Print the version and exit");
   app.set_help_flag("-h,--help", "Print this help and exit");
   app.get_formatter()->column_width(38);
   app.require_subcommand(1);
-  std::vector<Command> commands = {addBuildCommand(app),  addInfoCommand(app),
-                                   addVerifyCommand(app), addExtractCommand(app),
-                                   addRenderCommand(app), addPhantomCommand(app)};
-  app.footer(kExamples);  // last: subcommands would inherit it
-  return commands;
 }
 
 int reportUsage(const CLI::App& app, const std::string& message) {
@@ -112,7 +93,13 @@ int main(int argc, char** argv) {
   // A file that grows past the limit of `ulimit -f` is to be an error, not the end of the process.
   std::signal(SIGXFSZ, SIG_IGN);
 
+  try {
+    if (argc > 1) runExternalCommand(argv[1], argv);
+  } catch (const Error& error) {
+    return reportFailure(error);
+  }
   CLI::App app("Adaptive, crack-free isosurfaces of volumes that are larger than memory.");
+  describe(app);
   const std::vector<Command> commands = addCommands(app);
   if (const auto status = parseArguments(app, argc, argv)) return *status;
   installInterruptHandler();

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "tools/build_one.h"
+#include "tools/build/build_one.h"
 
 namespace isobrick {
 

@@ -1,4 +1,4 @@
-#include "tools/existing_output.h"
+#include "tools/build/existing_output.h"
 
 #include <fmt/format.h>
 

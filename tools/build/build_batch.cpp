@@ -1,4 +1,4 @@
-#include "tools/build_batch.h"
+#include "tools/build/build_batch.h"
 
 #include <fmt/format.h>
 
@@ -10,7 +10,7 @@
 #include <string>
 
 #include "storage/error.h"
-#include "tools/build_report.h"
+#include "tools/build/build_report.h"
 #include "tools/byte_size.h"
 #include "tools/interrupt.h"
 #include "tools/one_line.h"

@@ -1,4 +1,4 @@
-#include "tools/open_input.h"
+#include "tools/build/open_input.h"
 
 #include <fmt/format.h>
 

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "preprocess/pyramid_builder.h"
-#include "tools/open_input.h"
+#include "tools/build/open_input.h"
 
 namespace isobrick {
 

@@ -11,12 +11,12 @@
 #include <vector>
 
 #include "storage/error.h"
-#include "tools/build_batch.h"
-#include "tools/build_one.h"
-#include "tools/build_report.h"
+#include "tools/build/build_batch.h"
+#include "tools/build/build_one.h"
+#include "tools/build/build_report.h"
+#include "tools/build/glob_inputs.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
-#include "tools/glob_inputs.h"
 #include "tools/interrupt.h"
 #include "tools/parse_text.h"
 #include "tools/parsed_option.h"
@@ -210,7 +210,7 @@ void addPyramidOptions(CLI::App& sub, BuildArguments& arguments) {
 }  // namespace
 
 Command addBuildCommand(CLI::App& app) {
-  CLI::App* const sub = app.add_subcommand("build", "Make pyramids (.isb) of volumes");
+  CLI::App* const sub = app.add_subcommand("build", kBuildDescription);
   const auto arguments = std::make_shared<BuildArguments>();
   addOutputOptions(*sub, *arguments);
   addResourceOptions(*sub, *arguments);

@@ -1,4 +1,4 @@
-#include "tools/build_one.h"
+#include "tools/build/build_one.h"
 
 #include <fmt/format.h>
 
@@ -10,8 +10,8 @@
 
 #include "storage/error.h"
 #include "storage/pyramid.h"
+#include "tools/build/existing_output.h"
 #include "tools/byte_size.h"
-#include "tools/existing_output.h"
 #include "tools/progress_bar.h"
 #include "tools/stopwatch.h"
 #include "tools/thread_count.h"

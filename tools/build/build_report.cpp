@@ -1,4 +1,4 @@
-#include "tools/build_report.h"
+#include "tools/build/build_report.h"
 
 #include <fmt/format.h>
 

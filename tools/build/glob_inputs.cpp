@@ -1,4 +1,4 @@
-#include "tools/glob_inputs.h"
+#include "tools/build/glob_inputs.h"
 
 #include <fmt/format.h>
 #include <glob.h>

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "tools/build_one.h"
+#include "tools/build/build_one.h"
 #include "tools/json_output.h"
 
 namespace isobrick {

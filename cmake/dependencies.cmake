@@ -1,0 +1,45 @@
+# What isobrick is built on; all of it in Debian 12 (tools/packages.txt). What only one room needs is
+# looked for only where that room is built.
+find_package(TBB REQUIRED)
+find_package(glm REQUIRED)
+find_package(nlohmann_json REQUIRED)
+find_package(ZLIB REQUIRED)
+find_package(PkgConfig REQUIRED)
+pkg_check_modules(BLOSC REQUIRED IMPORTED_TARGET blosc>=1.21)
+pkg_check_modules(HWY REQUIRED libhwy>=1.0.3)
+
+set(switched_off_sources "")
+
+# ITK reads the medical formats. Only preprocess/sources/itk_*.cpp include it.
+if(ISOBRICK_WITH_ITK)
+  set(isobrick_itk_components
+    ITKIOImageBase ITKIONRRD ITKIOMeta ITKIONIFTI ITKIOTIFF ITKIOGDCM ITKIOPNG ITKIOMRC ITKIOGIPL
+    ITKIOVTK ITKIOLSM ITKIOBioRad)
+  find_package(ITK 5 REQUIRED COMPONENTS ${isobrick_itk_components})
+else()
+  list(APPEND switched_off_sources "/itk_[a-z_]*\\.cpp$")
+endif()
+
+# Debian's FindOpenVDB asks for more of Boost than OpenVDB's headers need. By name, as Highway: the
+# installed package then links them without looking for them.
+if(ISOBRICK_WITH_OPENVDB)
+  find_path(OPENVDB_INCLUDE_DIR openvdb/openvdb.h REQUIRED)
+  find_library(OPENVDB_LIBRARY openvdb REQUIRED)
+  find_path(LOG4CPLUS_INCLUDE_DIR log4cplus/logger.h REQUIRED)  # its log, to be silenced
+  find_path(BOOST_UUID_INCLUDE_DIR boost/uuid/uuid.hpp REQUIRED)
+  set(OPENVDB_INCLUDE_DIRS ${OPENVDB_INCLUDE_DIR} ${LOG4CPLUS_INCLUDE_DIR} ${BOOST_UUID_INCLUDE_DIR})
+  find_package(Imath CONFIG REQUIRED)  # half floats
+  set(OPENVDB_LIBRARIES openvdb log4cplus Imath::Imath)
+else()
+  list(APPEND switched_off_sources "/vdb_[a-z_]*\\.cpp$")
+endif()
+
+if(ISOBRICK_WITH_VIEWER)
+  find_package(PNG REQUIRED)
+  find_package(OpenEXR CONFIG REQUIRED)
+  pkg_check_modules(EPOXY REQUIRED IMPORTED_TARGET epoxy)
+endif()
+if(ISOBRICK_COMMAND)
+  find_package(fmt REQUIRED)
+  find_package(CLI11 REQUIRED)
+endif()

@@ -1,0 +1,44 @@
+# isobrick_library(NAME FOLDER [EXCLUDE REGEX...]): the target isobrick_NAME, alias isobrick::NAME, of all
+# sources in a folder and its rooms.
+#
+# Headers are included as "isobrick/storage/grid.h" everywhere. In the build tree a link named
+# `isobrick` leads to the sources; in an installation it is a folder with the public headers.
+file(MAKE_DIRECTORY ${PROJECT_BINARY_DIR}/include)
+file(CREATE_LINK ${PROJECT_SOURCE_DIR} ${PROJECT_BINARY_DIR}/include/isobrick SYMBOLIC)
+
+# Flags of our own code, and of nobody who links it. The oracles compare the same double in several
+# places: no contraction to fused operations.
+set(isobrick_compile_options
+  -Wall -Wextra -Wpedantic -Wshadow $<$<COMPILE_LANGUAGE:CXX>:-Wconversion> -ffp-contract=off
+  $<$<BOOL:${ISOBRICK_WERROR}>:-Werror>)
+set(isobrick_link_options "")
+if(ISOBRICK_SANITIZE)
+  list(APPEND isobrick_compile_options
+    -fsanitize=${ISOBRICK_SANITIZE} -fno-omit-frame-pointer -g)
+  list(APPEND isobrick_link_options -fsanitize=${ISOBRICK_SANITIZE})
+endif()
+
+function(isobrick_compile_options target)
+  target_compile_features(${target} PUBLIC cxx_std_20)
+  set_target_properties(${target} PROPERTIES CXX_EXTENSIONS OFF)
+  target_compile_options(${target} PRIVATE ${isobrick_compile_options})
+  target_link_options(${target} PRIVATE ${isobrick_link_options})
+endfunction()
+
+function(isobrick_library name folder)
+  cmake_parse_arguments(PARSE_ARGV 2 arg "" "" "EXCLUDE")
+  file(GLOB_RECURSE sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/${folder}/*.cpp)
+  foreach(regex ${arg_EXCLUDE})
+    list(FILTER sources EXCLUDE REGEX ${regex})
+  endforeach()
+  add_library(isobrick_${name} ${sources})
+  add_library(isobrick::${name} ALIAS isobrick_${name})
+  isobrick_compile_options(isobrick_${name})
+  set_target_properties(isobrick_${name} PROPERTIES
+    EXPORT_NAME ${name} POSITION_INDEPENDENT_CODE ON
+    VERSION ${PROJECT_VERSION} SOVERSION ${PROJECT_VERSION_MAJOR}.${PROJECT_VERSION_MINOR})
+  target_include_directories(isobrick_${name} PUBLIC
+    $<BUILD_INTERFACE:${PROJECT_BINARY_DIR}/include> $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}>
+    $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>
+    $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}/isobrick>)
+endfunction()

@@ -1,0 +1,39 @@
+# What programs include as <isobrick/...>. A header in this list includes none that is not in it.
+set(isobrick_public_headers
+  storage/brick_layout.h
+  storage/brick_pager.h
+  storage/brick_parts.h
+  storage/cancel.h
+  storage/curvature_code.h
+  storage/error.h
+  storage/format.h
+  storage/grid.h
+  storage/mapped_file.h
+  storage/pyramid.h
+  storage/pyramid_info.h
+  storage/value_range.h
+  storage/voxel_type.h
+  extract/edge_key.h
+  extract/edge_vertex_map.h
+  extract/extractor.h
+  extract/query.h
+  extract/sinks/counting_sink.h
+  extract/sinks/indexed_mesh.h
+  extract/sinks/mesh_file_sink.h
+  extract/sinks/triangle_sink.h
+  extract/sinks/vertex_numbering.h
+  preprocess/volume_source.h
+  preprocess/pyramid_builder.h
+  preprocess/export/volume_writer.h
+  preprocess/phantoms/phantom.h
+  preprocess/sources/itk_source.h
+  preprocess/sources/raw_source.h
+  preprocess/sources/vdb_source.h
+  preprocess/sources/vti_source.h)
+if(ISOBRICK_WITH_VIEWER)
+  list(APPEND isobrick_public_headers
+    viewer/image.h
+    viewer/image_writer.h
+    viewer/offscreen_renderer.h
+    viewer/render_camera.h)
+endif()

@@ -1,0 +1,10 @@
+// The subcommands of the executable `isobrick-build`, which `isobrick` hands over to.
+#include "tools/command.h"
+
+namespace isobrick {
+
+std::vector<Command> addCommands(CLI::App& app) { return {addBuildCommand(app)}; }
+
+void runExternalCommand(std::string_view, char**) {}
+
+}  // namespace isobrick

@@ -1,0 +1,84 @@
+// The subcommands of the executable `isobrick`.
+#include <fmt/format.h>
+#include <limits.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <iterator>
+#include <string_view>
+
+#include "storage/error.h"
+#include "tools/command.h"
+
+namespace isobrick {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr char kExamples[] = R"(
+Examples:
+  isobrick phantom head --size 256 -o head.nrrd      make a test volume
+  isobrick build head.nrrd                           make head.isb in the current folder
+  isobrick build 'scans/*.nrrd' --out-dir pyramids   one pyramid each; again: only what changed
+  isobrick build scan.raw --raw-dims 512,512,400 --raw-type u16
+  isobrick info head.isb
+  isobrick extract head.isb --iso 1324 -o bone.ply   the finest surface
+  isobrick extract head.isb --iso 1324 --focus 128,40,128 --radius 30 -o part.stl
+  isobrick render head.isb --iso 500 -o skin.png
+
+'isobrick SUBCOMMAND --help' lists the options of a subcommand.
+Exit status: 0 success, 1 failed, 2 wrong usage, 130 interrupted.)";
+
+// Subcommands that another executable has.
+struct ExternalCommand {
+  std::string_view name, description;
+};
+constexpr ExternalCommand kExternalCommands[] = {
+    {"build", kBuildDescription},
+};
+constexpr char kExternalExecutable[] = "isobrick-build";
+
+// The folder of this executable; empty where the system does not say.
+fs::path ownFolder() {
+  char path[PATH_MAX];
+  const ssize_t length = readlink("/proc/self/exe", path, sizeof path);
+  if (length <= 0 || length == static_cast<ssize_t>(sizeof path)) return {};
+  return fs::path(std::string_view(path, static_cast<std::size_t>(length))).parent_path();
+}
+
+}  // namespace
+
+std::vector<Command> addCommands(CLI::App& app) {
+  std::vector<Command> commands;
+  // Only for --help: runExternalCommand() has been asked before.
+  for (const ExternalCommand& command : kExternalCommands)
+    app.add_subcommand(std::string(command.name), std::string(command.description));
+  commands.push_back(addInfoCommand(app));
+  commands.push_back(addVerifyCommand(app));
+  commands.push_back(addExtractCommand(app));
+#if ISOBRICK_WITH_VIEWER
+  commands.push_back(addRenderCommand(app));
+#endif
+  commands.push_back(addPhantomCommand(app));
+  app.footer(kExamples);  // last: subcommands would inherit it
+  return commands;
+}
+
+void runExternalCommand(std::string_view name, char** argv) {
+  const auto is_named = [&](const ExternalCommand& command) { return command.name == name; };
+  if (std::none_of(std::begin(kExternalCommands), std::end(kExternalCommands), is_named)) return;
+  for (const fs::path& folder : {ownFolder(), ownFolder() / ISOBRICK_LIBEXEC_FROM_BIN}) {
+    execv((folder / kExternalExecutable).c_str(), argv);
+    if (errno == ENOENT) continue;
+    throw Error(fmt::format("cannot run '{}': {}; install isobrick again",
+                            (folder / kExternalExecutable).string(), std::strerror(errno)));
+  }
+  throw Error(fmt::format("cannot find '{}' beside '{}' or in '{}'; install isobrick again",
+                          kExternalExecutable, (ownFolder() / "isobrick").string(),
+                          (ownFolder() / ISOBRICK_LIBEXEC_FROM_BIN).lexically_normal().string()));
+}
+
+}  // namespace isobrick
