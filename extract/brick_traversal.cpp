@@ -5,8 +5,6 @@
 namespace isobrick {
 namespace {
 
-using Share = RefinementOracle::Share;
-
 class Traversal {
  public:
   explicit Traversal(const MeshContext& context)
@@ -29,7 +27,7 @@ class Traversal {
     if (classifier_.mayHoldLeaf(level, cells))
       work_.push_back({level, brick, !isUniform(level, cells)});
     // Without a refined cell there is nothing finer inside.
-    if (level == 0 || context_.oracle.shareOfRefined(level, cells) == Share::kNone) return;
+    if (!classifier_.mayRefine(level, cells)) return;
     const Index3 first = 2L * brick;
     const Index3 end = glm::min(first + Index3(2), layout_.bricks(level - 1));
     Index3 child;

@@ -92,10 +92,10 @@ ExtractionReport makeReport(const Pyramid& pyramid, const ReadLog& log,
 
 ExtractionReport extractIsosurface(const Pyramid& pyramid, const Query& query, TriangleSink& sink) {
   checkQuery(pyramid, query);
-  const RefinementOracle oracle(pyramid.lattice(), query);
+  const FocusOracle focus(pyramid.lattice(), query);
   const WorldFrame frame(pyramid.spec().geometry);
   ReadLog log(pyramid.brickCount());
-  const MeshContext context{pyramid, query, oracle, frame, static_cast<float>(query.isovalue), log};
+  const MeshContext context{pyramid, query, focus, frame, static_cast<float>(query.isovalue), log};
   const std::vector<BrickWork> work = traverseBricks(context);
 
   struct Worker {

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "extract/kernels/crossing.h"
-#include "extract/oracles/refinement_oracle.h"
+#include "extract/oracles/focus_oracle.h"
 #include "extract/query.h"
 #include "extract/read_log.h"
 #include "storage/pyramid.h"
@@ -12,13 +12,12 @@ namespace isobrick {
 struct MeshContext {
   const Pyramid& pyramid;
   const Query& query;
-  const RefinementOracle& oracle;
+  const FocusOracle& focus;
   const WorldFrame& frame;
   float isovalue;
   ReadLog& read_log;
 
   const Lattice& lattice() const { return pyramid.lattice(); }
-  bool hasCurvatureOracle() const { return query.curvature_tolerance.has_value(); }
 
   BrickSamples samples(int level, const Index3& brick) const {
     read_log.note(pyramid.brickRow(level, brick), ReadLog::kSamples);

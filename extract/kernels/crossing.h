@@ -1,5 +1,5 @@
-// The vertex on an edge: the arithmetic that both sides of every border share bit by bit (rules 6,
-// 8 and 12).
+// The vertex on an edge: the arithmetic that both sides of every border share bit by bit (rules 8
+// and 12).
 #pragma once
 
 #include <algorithm>
@@ -11,13 +11,6 @@ namespace isobrick {
 
 // Crossings keep this part of the edge away from its ends (rule 8).
 inline constexpr double kLeastCrossing = 1.0 / 4096;
-
-// A + w (B - A), between A and B whatever the rounding: the value of a point that hangs on an edge
-// whose lower end has the value A.
-inline double hangingValue(double a, double b, double w) {
-  const auto [low, high] = std::minmax(a, b);
-  return std::clamp(a + w * (b - a), low, high);
-}
 
 // Where the isosurface crosses an edge with the values `low` and `high` at its ends, as a part of
 // the edge from its lower end. Exactly one of the values is >= isovalue.

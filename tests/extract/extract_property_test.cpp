@@ -157,10 +157,10 @@ void expectSameMesh(const IndexedMesh& mesh, const ReferenceMesh& reference,
 
 // The leaves that the fast classifier sees, cell by cell.
 void expectSameLeaves(const Pyramid& pyramid, const Query& query, const LeafLevels& expected) {
-  const RefinementOracle oracle(pyramid.lattice(), query);
+  const FocusOracle focus(pyramid.lattice(), query);
   const WorldFrame frame(pyramid.spec().geometry);
   ReadLog log(pyramid.brickCount());
-  const MeshContext context{pyramid, query, oracle, frame, static_cast<float>(query.isovalue), log};
+  const MeshContext context{pyramid, query, focus, frame, static_cast<float>(query.isovalue), log};
   LeafClassifier classifier(context);
   std::vector<CellState> state;
   const Index3 cells = pyramid.lattice().cells(0);

@@ -1,0 +1,58 @@
+// The samples that a brick's leaves are made of: its own, and finer ones beside finer leaves.
+#pragma once
+
+#include <array>
+#include <optional>
+#include <utility>
+
+#include "extract/mesh_context.h"
+#include "extract/sample_view.h"
+
+namespace isobrick {
+
+// A brick of one level and the up to eight bricks of the next finer level in it. Each is asked for
+// when its first sample is, and held as long as this object lives. T: the voxel type.
+template <typename T>
+class BrickFamily {
+ public:
+  BrickFamily(const MeshContext& context, int level, const Index3& brick)
+      : context_(context), level_(level), brick_(brick) {}
+
+  const SampleView<T>& own() {
+    if (!own_) hold(level_, brick_, own_);
+    return own_->view;
+  }
+  // The finer brick that holds sample `fine` of the finer level, a point of this brick.
+  const SampleView<T>& finer(const Index3& fine) {
+    const BrickLayout& layout = context_.pyramid.layout();
+    const Index3 first = 2L * brick_;
+    const Index3 last = glm::min(first + Index3(1), layout.bricks(level_ - 1) - Index3(1));
+    const Index3 child = glm::min(fine / layout.brickCells(), last) - first;
+    auto& slot = finer_[static_cast<std::size_t>(child.x + 2 * child.y + 4 * child.z)];
+    if (!slot) hold(level_ - 1, first + child, slot);
+    return slot->view;
+  }
+  // The brick that holds sample `sample` of `level`: this level or the next finer one.
+  const SampleView<T>& at(int level, const Index3& sample) {
+    return level == level_ ? own() : finer(sample);
+  }
+
+ private:
+  struct HeldBrick {
+    BrickSamples samples;
+    SampleView<T> view;
+  };
+  void hold(int level, const Index3& brick, std::optional<HeldBrick>& out) const {
+    BrickSamples samples = context_.samples(level, brick);
+    SampleView<T> view(context_.lattice(), level, samples.box, samples.template data<T>());
+    out.emplace(std::move(samples), std::move(view));
+  }
+
+  const MeshContext& context_;
+  const int level_;
+  const Index3 brick_;
+  std::optional<HeldBrick> own_;
+  std::array<std::optional<HeldBrick>, 8> finer_;
+};
+
+}  // namespace isobrick

@@ -1,0 +1,54 @@
+// The vertices of the brick at hand, one for each edge.
+#pragma once
+
+#include "extract/edge_vertex_map.h"
+#include "extract/meshing/brick_family.h"
+#include "extract/meshing/corner_values.h"
+#include "extract/sinks/triangle_sink.h"
+
+namespace isobrick {
+
+// Makes vertices in a batch. `numbers` remembers the edges that have one; both are empty at first.
+// T: the voxel type.
+template <typename T>
+class BrickVertices {
+ public:
+  BrickVertices(const MeshContext& context, BrickFamily<T>& family,
+                EdgeVertexMap<std::uint32_t>& numbers, MeshBatch& batch)
+      : context_(context), family_(family), numbers_(numbers), batch_(batch) {}
+
+  // The vertex on the edge along `axis` from `low` to `high`, made where there is none yet.
+  // `is_shared`: other bricks may have it too.
+  std::uint32_t vertexOn(int axis, const LatticePoint& low, const LatticePoint& high,
+                         bool is_shared) {
+    const Lattice& lattice = context_.lattice();
+    const Index3 base = lattice.position(low.level, low.sample);
+    const EdgeKey key = makeEdgeKey(base, axis);
+    bool inserted = false;
+    const std::uint32_t number =
+        numbers_.findOrInsert(key, static_cast<std::uint32_t>(batch_.positions.size()), &inserted);
+    if (!inserted) return number;
+    const double t = crossingParameter(context_.isovalue, low.value, high.value);
+    glm::dvec3 index(base);
+    const auto from = static_cast<double>(base[axis]);
+    const auto to = static_cast<double>(lattice.position(high.level, axis, high.sample[axis]));
+    index[axis] = from + t * (to - from);
+    batch_.positions.push_back(context_.frame.position(index));
+    batch_.normals.push_back(context_.frame.normal(gradientAt(gradientOf(low), gradientOf(high), t),
+                                                   axis, low.value >= context_.isovalue));
+    if (is_shared) batch_.shared.push_back({number, key});
+    return number;
+  }
+
+ private:
+  glm::dvec3 gradientOf(const LatticePoint& point) {
+    return family_.at(point.level, point.sample).gradient(point.sample);
+  }
+
+  const MeshContext& context_;
+  BrickFamily<T>& family_;
+  EdgeVertexMap<std::uint32_t>& numbers_;
+  MeshBatch& batch_;
+};
+
+}  // namespace isobrick

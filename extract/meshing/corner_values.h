@@ -1,0 +1,81 @@
+// The values of the leaves' corners (rule 6).
+#pragma once
+
+#include <vector>
+
+#include "extract/kernels/hanging_value.h"
+#include "extract/meshing/brick_family.h"
+#include "extract/meshing/tile_leaves.h"
+#include "storage/index_loop.h"
+
+namespace isobrick {
+
+// A lattice point: its value by rule 6, and the sample that its gradient comes from (rule 12).
+struct LatticePoint {
+  float value = 0;
+  int level = 0;     // the finest of the leaves that touch the point
+  Index3 sample{0};  // index in that level
+};
+
+// The corners of a tile's cells.
+struct TileCorners {
+  IndexBox samples;                  // of the tile's level
+  std::vector<LatticePoint> points;  // x fastest; only corners of leaves are filled
+
+  const LatticePoint& at(const Index3& sample) const {
+    return points[static_cast<std::size_t>(linearIndex(sample - samples.first, samples.count))];
+  }
+};
+
+// Which kinds of leaves touch sample `sample` of a tile.
+struct TouchingLeaves {
+  bool own = false, finer = false, coarser = false;
+};
+inline TouchingLeaves leavesAround(const TileLeaves& leaves, const Index3& sample) {
+  TouchingLeaves touching;
+  for (int n = 0; n < 8; ++n) {
+    const CellState state = leaves.state(sample - Index3(n & 1, n >> 1 & 1, n >> 2));
+    touching.own = touching.own || state == CellState::kLeaf;
+    touching.finer = touching.finer || state == CellState::kFiner;
+    touching.coarser = touching.coarser || state == CellState::kCoarser;
+  }
+  return touching;
+}
+
+// Rule 6 for sample `sample` of a tile, a corner of a leaf: the finest of the leaves that touch it
+// decides, unless it hangs on a coarser one.
+template <typename T>
+LatticePoint cornerPoint(const Lattice& lattice, int level, const Index3& sample,
+                         const TouchingLeaves& touching, BrickFamily<T>& family) {
+  if (touching.finer) {
+    const Index3 fine = glm::min(2L * sample, lattice.samples(level - 1) - Index3(1));
+    return {family.finer(fine).value(fine), level - 1, fine};
+  }
+  const SampleView<T>& view = family.own();
+  if (!touching.coarser) return {view.value(sample), level, sample};
+  const auto ownValue = [&](const Index3& at) { return view.value(at); };
+  return {valueOnCoarserLeaf(lattice, level, sample, ownValue), level, sample};
+}
+
+// Fills `out` for the corners of all leaves of the tile, and keeps its memory.
+template <typename T>
+void resolveCorners(const Lattice& lattice, const TileLeaves& leaves, BrickFamily<T>& family,
+                    TileCorners& out) {
+  out.samples = {leaves.cells.first, leaves.cells.count + Index3(1)};
+  out.points.resize(static_cast<std::size_t>(out.samples.size()));
+  LatticePoint* point = out.points.data();
+  if (leaves.all_leaves) {
+    const SampleView<T>& view = family.own();
+    forEachIndex(out.samples, [&](const Index3& sample) {
+      *point++ = {view.value(sample), leaves.level, sample};
+    });
+    return;
+  }
+  forEachIndex(out.samples, [&](const Index3& sample) {
+    const TouchingLeaves touching = leavesAround(leaves, sample);
+    if (touching.own) *point = cornerPoint(lattice, leaves.level, sample, touching, family);
+    ++point;
+  });
+}
+
+}  // namespace isobrick

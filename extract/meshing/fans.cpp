@@ -1,0 +1,37 @@
+#include "extract/meshing/fans.h"
+
+#include <cmath>
+
+namespace isobrick {
+namespace {
+
+bool hasFlatTriangle(const glm::dvec3& center, std::span<const std::uint32_t> loop,
+                     const MeshBatch& batch) {
+  for (std::size_t i = 0; i < loop.size(); ++i) {
+    const glm::dvec3 area = glm::cross(batch.positions[loop[i]] - center,
+                                       batch.positions[loop[(i + 1) % loop.size()]] - center);
+    if (!(glm::dot(area, area) > 0)) return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+void addFan(const WorldFrame& frame, const glm::dvec3& cell_center,
+            std::span<const std::uint32_t> loop, MeshBatch& batch) {
+  glm::dvec3 center(0.0), normal(0.0);
+  for (const std::uint32_t vertex : loop) {
+    center += batch.positions[vertex];
+    normal += glm::dvec3(batch.normals[vertex]);
+  }
+  center /= static_cast<double>(loop.size());
+  if (hasFlatTriangle(center, loop, batch)) center = cell_center;
+  const double norm = std::sqrt(glm::dot(normal, normal));
+  const auto hub = static_cast<std::uint32_t>(batch.positions.size());
+  batch.positions.push_back(center);
+  batch.normals.push_back(norm > 1e-6 ? glm::vec3(normal / norm) : batch.normals[loop[0]]);
+  for (std::size_t i = 0; i < loop.size(); ++i)
+    addTriangle(frame, hub, loop[i], loop[(i + 1) % loop.size()], batch);
+}
+
+}  // namespace isobrick

@@ -1,0 +1,42 @@
+#include "extract/meshing/leaf_edges.h"
+
+#include <algorithm>
+
+#include "extract/kernels/hanging_value.h"
+
+namespace isobrick {
+namespace {
+
+bool isOnBorder(const IndexBox& brick, int axis, std::int64_t i) {
+  return i == brick.first[axis] || i == brick.first[axis] + brick.count[axis];
+}
+
+}  // namespace
+
+LeafEdge leafEdge(const Lattice& lattice, const TileLeaves& leaves, const IndexBox& brick,
+                  const Index3& base, int axis) {
+  const int b = (axis + 1) % 3, c = (axis + 2) % 3;
+  LeafEdge edge{axis, base, base, false, false};
+  ++edge.high[axis];
+  edge.is_shared = isOnBorder(brick, b, base[b]) || isOnBorder(brick, c, base[c]);
+  if (leaves.all_leaves) return edge;
+
+  bool touches_coarser = false;
+  for (int n = 0; n < 4; ++n) {
+    Index3 around = base;
+    around[b] -= n & 1;
+    around[c] -= n >> 1;
+    const CellState state = leaves.state(around);
+    touches_coarser = touches_coarser || state == CellState::kCoarser;
+    edge.is_shared = edge.is_shared || state != CellState::kLeaf;
+  }
+  if (touches_coarser && isOnCoarserLattice(lattice, leaves.level, b, base[b]) &&
+      isOnCoarserLattice(lattice, leaves.level, c, base[c])) {
+    edge.is_of_coarser = edge.is_shared = true;
+    edge.low[axis] = base[axis] / 2 * 2;
+    edge.high[axis] = std::min(edge.low[axis] + 2, lattice.samples(leaves.level)[axis] - 1);
+  }
+  return edge;
+}
+
+}  // namespace isobrick

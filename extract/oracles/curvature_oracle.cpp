@@ -1,0 +1,46 @@
+#include "extract/oracles/curvature_oracle.h"
+
+#include "storage/curvature_code.h"
+
+namespace isobrick {
+
+CurvatureOracle::CurvatureOracle(const MeshContext& context)
+    : context_(context), is_on_(context.query.curvature_tolerance.has_value()) {
+  if (!context.query.focus) return;
+  center_ = context.query.focus->center;
+  radius_squared_ = context.query.focus->radius * context.query.focus->radius;
+}
+
+Share CurvatureOracle::shareOfRefined(int level, const IndexBox& cells) const {
+  const bool may_keep =
+      level == 1 && is_on_ && squaredDistanceBounds(center_, 1, cells).least <= radius_squared_;
+  return may_keep ? Share::kSome : Share::kAll;
+}
+
+bool CurvatureOracle::isFlat(const Index3& cell) {
+  const BrickLayout& layout = context_.pyramid.layout();
+  const Index3 voxel_cell = std::int64_t{2} * cell;
+  const Index3 brick = voxel_cell / layout.brickCells();
+  const BrickCurvature& curvature = curvatureOf(brick);
+  const Index3 local = voxel_cell - brick * layout.brickCells();
+  const ValueRange& range = curvature.tile_ranges[static_cast<std::size_t>(
+      linearIndex(local / layout.tileCells(), layout.brickTiles(0, brick)))];
+  const auto node =
+      static_cast<std::size_t>(linearIndex(local / std::int64_t{2}, layout.brickNodes(brick)));
+  return static_cast<double>(curvatureBound(curvature.coefficients.data() + 3 * node, range.min,
+                                            range.max, context_.isovalue)) <=
+         *context_.query.curvature_tolerance;
+}
+
+const CurvatureOracle::BrickCurvature& CurvatureOracle::curvatureOf(const Index3& brick) {
+  const std::size_t row = context_.pyramid.brickRow(0, brick);
+  const auto [entry, is_new] = bricks_.try_emplace(row);
+  if (is_new) {
+    context_.read_log.note(row, ReadLog::kCurvature);
+    context_.pyramid.curvature(brick, entry->second.coefficients);
+    context_.tileRanges(0, brick, entry->second.tile_ranges);
+  }
+  return entry->second;
+}
+
+}  // namespace isobrick

@@ -1,0 +1,50 @@
+// The curvature oracle: flat pieces of the surface may be coarse (Sect. 5.2, Eq. 2; rule 4).
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <unordered_map>
+#include <vector>
+
+#include "extract/mesh_context.h"
+#include "extract/oracles/cell_distance.h"
+#include "extract/oracles/oracle_share.h"
+
+namespace isobrick {
+
+// Refines every cell but those of level 1 whose centre lies within the sphere of interest and whose
+// curvature bound is within the query's tolerance; without a tolerance every cell. It acts where
+// the focus refines, so it is asked after the focus: the coarser of the two wins.
+//
+// Keeps the curvature of the bricks that it asked for, so one object serves one thread for one
+// brick.
+class CurvatureOracle {
+ public:
+  explicit CurvatureOracle(const MeshContext& context);
+
+  bool refines(int level, const Index3& cell) {
+    return level != 1 || !is_on_ || squaredDistance(center_, 1, cell) > radius_squared_ ||
+           !isFlat(cell);
+  }
+  Share shareOfRefined(int level, const IndexBox& cells) const;
+
+ private:
+  struct BrickCurvature {
+    std::vector<std::uint8_t> coefficients;
+    std::vector<ValueRange> tile_ranges;
+  };
+
+  // True where the curvature bound of the cell of level 1 is within the tolerance. Where the
+  // isovalue is outside the tile's range, the bound at the range's end decides: cells beside a flat
+  // piece of the surface are coarse with it, and no transition is needed between them.
+  bool isFlat(const Index3& cell);
+  const BrickCurvature& curvatureOf(const Index3& brick);
+
+  const MeshContext& context_;
+  bool is_on_;
+  glm::dvec3 center_{0.0};
+  double radius_squared_ = std::numeric_limits<double>::infinity();
+  std::unordered_map<std::size_t, BrickCurvature> bricks_;  // by row of the brick table
+};
+
+}  // namespace isobrick

@@ -1,0 +1,26 @@
+// One loop over the indices of a box: bricks, tiles, cells or samples.
+#pragma once
+
+#include <utility>
+
+#include "storage/brick_layout.h"
+
+namespace isobrick {
+
+inline bool contains(const IndexBox& box, const Index3& index) {
+  const Index3 end = box.end();
+  return index.x >= box.first.x && index.y >= box.first.y && index.z >= box.first.z &&
+         index.x < end.x && index.y < end.y && index.z < end.z;
+}
+
+// Calls f(index) for every index in the box, x fastest, then y, then z.
+template <typename F>
+void forEachIndex(const IndexBox& box, F&& f) {
+  const Index3 end = box.end();
+  Index3 index;
+  for (index.z = box.first.z; index.z < end.z; ++index.z)
+    for (index.y = box.first.y; index.y < end.y; ++index.y)
+      for (index.x = box.first.x; index.x < end.x; ++index.x) f(std::as_const(index));
+}
+
+}  // namespace isobrick
