@@ -23,6 +23,7 @@ forbid(preprocess "extract/|viewer/|tools/|tests/|epoxy/|GL/|GLFW/|Imf|OpenEXR|b
 forbid(preprocess "preprocess/sources/" "^sources/")
 forbid(preprocess "itk|gdcm" "^sources/itk_")
 forbid(preprocess "openvdb/" "^sources/vdb_")
+forbid(preprocess "expat" "^sources/vti_header")
 forbid(extract "preprocess/|viewer/|tools/|tests/|epoxy/|GL/|GLFW/|Imf|OpenEXR|openvdb/|itk" "")
 forbid(viewer "preprocess/|tools/|tests/|openvdb/|itk" "")
 forbid(viewer "Imf|OpenEXR" "^exr_writer")
