@@ -5,9 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <fstream>
 #include <functional>
-#include <iterator>
 #include <map>
 #include <numbers>
 #include <tuple>
@@ -18,6 +16,7 @@
 #include "extract/sinks/mesh_file_sink.h"
 #include "preprocess/pyramid_builder.h"
 #include "tests/support/array_source.h"
+#include "tests/support/file_bytes.h"
 #include "tests/support/mesh_checker.h"
 #include "tests/support/ply_reader.h"
 #include "tests/support/temporary_folder.h"
@@ -86,11 +85,6 @@ std::vector<std::array<Corner, 3>> sortedTriangles(const IndexedMesh& mesh) {
   }
   std::sort(triangles.begin(), triangles.end());
   return triangles;
-}
-
-std::string bytesOf(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(file), {}};
 }
 
 TEST(Extract, LinearFieldsAreExactOnEveryLevelAndAcrossTransitions) {
@@ -212,7 +206,7 @@ TEST(Extract, FilesAreTheSameForAnyNumberOfThreadsAndAnyBudget) {
       const Pyramid pyramid(path, budget);
       const auto sink = makeMeshFileSink(folder.file("mesh.ply"));
       extractIsosurface(pyramid, query, *sink);
-      files.push_back(bytesOf(folder.file("mesh.ply")));
+      files.push_back(readBytes(folder.file("mesh.ply")));
       if (budget == 1) {
         EXPECT_GT(pyramid.counters().pieces_released, 0u);
       }
@@ -314,7 +308,7 @@ TEST(Extract, SinksAgreeAndFilesHoldTheMesh) {
 
   const auto stl = makeMeshFileSink(folder.file("mesh.stl"));
   extractIsosurface(pyramid, query, *stl);
-  EXPECT_EQ(bytesOf(folder.file("mesh.stl")).size(), 84 + 50 * counter.triangles());
+  EXPECT_EQ(readBytes(folder.file("mesh.stl")).size(), 84 + 50 * counter.triangles());
 }
 
 // Far from the origin, floats no longer separate crossings 1/4096 of an edge apart.
@@ -325,7 +319,7 @@ TEST(Extract, PlyTurnsToDoublesWhereFloatsWouldCollapse) {
   const Pyramid pyramid(buildField<std::uint8_t>(folder, {20, 20, 20}, bumps, BuildOptions{}, far));
   const auto sink = makeMeshFileSink(folder.file("far.ply"));
   extractIsosurface(pyramid, queryAt(100), *sink);
-  EXPECT_NE(bytesOf(folder.file("far.ply")).find("property double x"), std::string::npos);
+  EXPECT_NE(readBytes(folder.file("far.ply")).find("property double x"), std::string::npos);
   const auto mesh = readPly(folder.file("far.ply"));
   MeshCheckOptions options = volumeOptions(far, Index3(20));
   EXPECT_TRUE(checkMesh(mesh.positions, mesh.triangles, options).ok());

@@ -4,38 +4,29 @@
 // ISOBRICK_REFERENCE_CASES sets the number of random cases, ISOBRICK_REFERENCE_SEED the first seed.
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <bit>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
 #include <glm/geometric.hpp>
 #include <numbers>
-#include <random>
 #include <set>
 #include <sstream>
 #include <string>
 
 #include "storage/error.h"
+#include "tests/support/file_bytes.h"
 #include "tests/support/mesh_checker.h"
 #include "tests/support/ply_reader.h"
+#include "tests/support/random_numbers.h"
 #include "tests/support/reference_mesher.h"
 #include "tests/support/reference_pyramid.h"
+#include "tests/support/temporary_folder.h"
 
 namespace isobrick::test {
 namespace {
-
-using Random = std::mt19937_64;
-
-std::int64_t randomInt(Random& random, std::int64_t low, std::int64_t high) {
-  return std::uniform_int_distribution<std::int64_t>(low, high)(random);
-}
-double randomReal(Random& random, double low, double high) {
-  return std::uniform_real_distribution<double>(low, high)(random);
-}
 
 std::uint64_t environmentNumber(const char* name, std::uint64_t fallback) {
   const char* text = std::getenv(name);
@@ -784,8 +775,6 @@ TEST(MeshChecker, FindsBadIndices) {
 class PlyReader : public ::testing::Test {
  protected:
   void SetUp() override {
-    path_ = std::filesystem::temp_directory_path() /
-            ("isobrick_reference_" + std::to_string(::getpid()) + ".ply");
     header_ =
         "ply\nformat binary_little_endian 1.0\ncomment test\nelement vertex 3\n"
         "property float x\nproperty float y\nproperty float z\n"
@@ -802,18 +791,18 @@ class PlyReader : public ::testing::Test {
       put(std::uint8_t{4});
     }
   }
-  void TearDown() override { std::filesystem::remove(path_); }
 
   template <typename T>
   void put(T value) {
     data_.append(reinterpret_cast<const char*>(&value), sizeof(T));
   }
   PlyMesh readBack(const std::string& content) {
-    std::ofstream(path_, std::ios::binary) << content;
+    writeBytes(path_, content);
     return readPly(path_);
   }
 
-  std::filesystem::path path_;
+  TemporaryFolder folder_;
+  const std::filesystem::path path_ = folder_.file("mesh.ply");
   std::string header_, data_;
 };
 

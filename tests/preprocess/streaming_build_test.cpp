@@ -6,8 +6,6 @@
 
 #include <cstring>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 
 #include "preprocess/build_plan.h"
 #include "preprocess/pyramid_builder.h"
@@ -15,6 +13,7 @@
 #include "storage/write_journal.h"
 #include "tests/support/array_source.h"
 #include "tests/support/build_message.h"
+#include "tests/support/file_bytes.h"
 #include "tests/support/random_numbers.h"
 #include "tests/support/temporary_folder.h"
 
@@ -22,16 +21,6 @@ namespace isobrick::test {
 namespace {
 
 namespace fs = std::filesystem;
-
-std::string bytesOf(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(file), {}};
-}
-
-void writeBytes(const std::string& path, const std::string& bytes) {
-  std::ofstream(path, std::ios::binary)
-      .write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
-}
 
 // The same voxels, read box by box.
 template <typename T>
@@ -122,7 +111,7 @@ std::string build(const Index3& dims, const std::vector<T>& values, const std::s
     ArraySource<T> source(dims, values);
     buildPyramid(source, path, options);
   }
-  return bytesOf(path);
+  return readBytes(path);
 }
 
 template <typename T>
@@ -262,8 +251,8 @@ class ResumeDamaged : public testing::Test {
     const std::string message = messageOfBuild(source, path_, options);
     EXPECT_NE(message.find("the disk failed; "), std::string::npos) << message;
     EXPECT_NE(message.find("--resume"), std::string::npos) << message;
-    partial_ = bytesOf(path_ + ".partial");
-    journal_ = bytesOf(path_ + ".partial.journal");
+    partial_ = readBytes(path_ + ".partial");
+    journal_ = readBytes(path_ + ".partial.journal");
     ASSERT_GT(WriteJournal::read(path_ + ".partial.journal")->entries.size(), 20u);
   }
   // True where a resumed build gives the reference's bytes.
@@ -273,7 +262,7 @@ class ResumeDamaged : public testing::Test {
     options.resume = true;
     const BuildReport report = buildPyramid(source, path_, options);
     if (resumed != nullptr) *resumed = report.bricks_resumed;
-    const bool same = bytesOf(path_) == reference_;
+    const bool same = readBytes(path_) == reference_;
     fs::remove(path_);
     return same;
   }
@@ -344,8 +333,8 @@ TEST_F(ResumeDamaged, OtherOptionsAndInputsAreRefusedAndNothingIsLost) {
     BuildOptions options = changed;
     options.resume = true;
     const std::string message = messageOfBuild(source, path_, options);
-    EXPECT_TRUE(bytesOf(path_ + ".partial") == partial_);
-    EXPECT_TRUE(bytesOf(path_ + ".partial.journal") == journal_);
+    EXPECT_TRUE(readBytes(path_ + ".partial") == partial_);
+    EXPECT_TRUE(readBytes(path_ + ".partial.journal") == journal_);
     return message;
   };
   BuildOptions other = options_;
@@ -362,7 +351,7 @@ TEST_F(ResumeDamaged, ABuildWithoutResumeBeginsAnew) {
   ArraySource<std::uint8_t> source(dims_, values_);
   const BuildReport report = buildPyramid(source, path_, options_);
   EXPECT_EQ(report.bricks_resumed, 0u);
-  EXPECT_TRUE(bytesOf(path_) == reference_);
+  EXPECT_TRUE(readBytes(path_) == reference_);
   EXPECT_FALSE(fs::exists(path_ + ".partial"));
   EXPECT_FALSE(fs::exists(path_ + ".partial.journal"));
 }
@@ -443,14 +432,14 @@ TEST(StreamingBuild, NobodysFileIsTakenForTheTemporary) {
     const auto source = openRawSource(input, layout);
     const std::string message = messageOfBuild(*source, folder.file("a.isb"), smallBricks());
     EXPECT_NE(message.find("is an input"), std::string::npos) << message;
-    EXPECT_EQ(bytesOf(input), voxels);
+    EXPECT_EQ(readBytes(input), voxels);
     fs::remove(input);
   }
   writeBytes(folder.file("a.isb.partial"), voxels);
   ArraySource<std::uint8_t> source({10, 10, 10}, std::vector<std::uint8_t>(1000));
   const std::string message = messageOfBuild(source, folder.file("a.isb"), smallBricks());
   EXPECT_NE(message.find("not an unfinished pyramid"), std::string::npos) << message;
-  EXPECT_EQ(bytesOf(folder.file("a.isb.partial")), voxels);
+  EXPECT_EQ(readBytes(folder.file("a.isb.partial")), voxels);
 }
 
 TEST(Resume, WithNothingLeftBehindBeginsAtTheBeginning) {
