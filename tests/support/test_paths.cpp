@@ -4,6 +4,7 @@ namespace isobrick::test {
 
 // Definitions of this file alone, so that the others do not depend on where the build is.
 std::string sharedData() { return ISOBRICK_SHARED_DATA; }
+std::string goldenFolder() { return ISOBRICK_GOLDEN_FOLDER; }
 std::string isobrickCommand() { return ISOBRICK_COMMAND; }
 
 }  // namespace isobrick::test

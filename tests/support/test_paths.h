@@ -8,6 +8,9 @@ namespace isobrick::test {
 // Folder of the real volumes; it need not exist.
 std::string sharedData();
 
+// Folder of the checked-in pyramids.
+std::string goldenFolder();
+
 // The `isobrick` command of this build.
 std::string isobrickCommand();
 

@@ -16,31 +16,19 @@
 #include "preprocess/sources/itk_source.h"
 #include "preprocess/volume_source.h"
 #include "storage/error.h"
-#include "tests/support/test_paths.h"
+#include "tests/support/file_bytes.h"
+#include "tests/support/temporary_folder.h"
 
 namespace isobrick::test {
 
 namespace fs = std::filesystem;
 
-inline const fs::path kSharedData = sharedData();
-
-// Skips the test, saying so, where the real volumes are not at hand.
-#define SKIP_WITHOUT(path) \
-  if (!fs::exists(path)) GTEST_SKIP() << (path) << " is missing"
-
 class VolumeFilesTest : public testing::Test {
  protected:
-  void SetUp() override {
-    std::string name = (fs::temp_directory_path() / "isobrick_source_XXXXXX").string();
-    ASSERT_NE(mkdtemp(name.data()), nullptr);
-    folder_ = name;
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-
   std::string pathOf(const std::string& name) const { return (folder_ / name).string(); }
   std::string write(const std::string& name, const std::string& bytes) const {
     fs::remove(pathOf(name));  // writing over a file may wait for the disk
-    std::ofstream(pathOf(name), std::ios::binary) << bytes;
+    writeBytes(pathOf(name), bytes);
     return pathOf(name);
   }
   std::size_t filesLeft() const {
@@ -48,13 +36,9 @@ class VolumeFilesTest : public testing::Test {
         std::distance(fs::directory_iterator(folder_), fs::directory_iterator()));
   }
 
-  fs::path folder_;
+  TemporaryFolder temporary_;
+  const fs::path folder_ = temporary_.path();
 };
-
-inline std::string readFile(const fs::path& path) {
-  std::ifstream in(path, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
 
 template <typename T>
 std::string bytesOfValues(const std::vector<T>& values, bool big_endian = false) {

@@ -5,15 +5,15 @@
 #
 #   memory_bound.sh ISOBRICK LIMIT_MIB INPUT [BUILD OPTIONS...]
 #
-# INPUT is a file or a folder; or gyroid:N for an N^3 uint8 phantom, or tiled:X,Y,Z for raw uint8
-# voxels of these dimensions (the voxels of a phantom over and over). They are made, and the pyramid
-# is written, in $ISOBRICK_WORK (default: the system's folder for temporary files).
-# Exit status: 0 built and verified, 77 not possible here (says why), else failed.
+# INPUT is a file or a folder; or gyroid:N for an N^3 uint8 phantom, gzip:N and dicom:N for a head of
+# N^3 voxels as a packed NRRD or a DICOM series (by $WRITE_HEAD), or tiled:X,Y,Z for raw uint8 voxels of
+# these dimensions (the voxels of a phantom over and over). They are made, and the pyramid is written,
+# in $ISOBRICK_WORK (default: the system's folder for temporary files).
+# Exit status: 0 built and verified, else failed.
 set -euo pipefail
 
 isobrick=$1 limit_mib=$2 input=$3
 shift 3
-skip() { echo "skipped: $*"; exit 77; }
 
 work=$(mktemp -d "${ISOBRICK_WORK:-${TMPDIR:-/tmp}}/isobrick-memory-XXXXXX")
 group=""
@@ -53,7 +53,13 @@ make_input() {
       rm "$work/tile.raw"
       input=$work/input.raw
       set_options=(--raw-dims "$dims" --raw-type u8) ;;
-    *) [ -e "$input" ] || skip "'$input' is missing" ;;
+    gzip:*)
+      "$WRITE_HEAD" gzip "${input#gzip:}" "$work/input.nrrd"
+      input=$work/input.nrrd ;;
+    dicom:*)
+      mkdir "$work/input"
+      "$WRITE_HEAD" dicom "${input#dicom:}" "$work/input"
+      input=$work/input ;;
   esac
 }
 

@@ -2,7 +2,6 @@
 #include <OpenEXR/ImfRgbaFile.h>
 #include <gtest/gtest.h>
 #include <png.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
@@ -17,6 +16,8 @@
 #include <vector>
 
 #include "storage/error.h"
+#include "tests/support/requirement.h"
+#include "tests/support/temporary_folder.h"
 #include "viewer/image_writer.h"
 #include "viewer/offscreen_renderer.h"
 
@@ -119,7 +120,7 @@ class RenderTest : public ::testing::Test {
       try {
         renderer_ = std::make_unique<OffscreenRenderer>();
       } catch (const Error& error) {
-        GTEST_SKIP() << error.what();
+        SKIP_UNLESS_REQUIRED(error.what());
       }
     }
   }
@@ -398,16 +399,10 @@ TEST_F(RenderTest, ImpossibleViewsAreRefused) {
 
 class ImageFileTest : public ::testing::Test {
  protected:
-  void SetUp() override {
-    std::string pattern = (fs::temp_directory_path() / "isobrick_image_XXXXXX").string();
-    ASSERT_NE(mkdtemp(pattern.data()), nullptr);
-    folder_ = pattern;
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-
   bool folderIsEmpty() const { return fs::is_empty(folder_); }
 
-  fs::path folder_;
+  test::TemporaryFolder temporary_;
+  const fs::path folder_ = temporary_.path();
 };
 
 // All of 0..1, and values that a screen cannot show.

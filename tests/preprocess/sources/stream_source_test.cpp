@@ -12,6 +12,7 @@
 #include "preprocess/sources/itk_source.h"
 #include "preprocess/sources/raw_source.h"
 #include "preprocess/volume_source.h"
+#include "tests/support/nifti_file.h"
 #include "tests/support/packed_bytes.h"
 #include "tests/support/random_numbers.h"
 #include "tests/support/volume_files.h"
@@ -38,33 +39,6 @@ const std::string kMeta =
     "ObjectType = Image\nNDims = 3\nBinaryData = True\nDimSize = 7 5 6\nElementType = MET_SHORT\n"
     "CompressedData = True\n";
 
-// A NIfTI-1 header of kVoxels, with the four bytes that say that it has no extension.
-struct NiftiFields {
-  std::int16_t data_type = 4, bits = 16;
-  float slope = 0, intercept = 0, offset = 352;
-  const char* magic = "n+1";
-};
-std::string niftiHeader(const NiftiFields& fields, bool big_endian) {
-  std::string header(352, '\0');
-  const auto put = [&](std::size_t at, auto value) {
-    char bytes[sizeof value];
-    std::memcpy(bytes, &value, sizeof value);
-    if (big_endian) std::reverse(bytes, bytes + sizeof value);
-    std::copy_n(bytes, sizeof value, header.begin() + static_cast<std::ptrdiff_t>(at));
-  };
-  put(0, std::int32_t{348});
-  const std::int16_t dims[8] = {3, 7, 5, 6, 1, 1, 1, 1};
-  for (std::size_t i = 0; i < 8; ++i) put(40 + 2 * i, dims[i]);
-  put(70, fields.data_type);
-  put(72, fields.bits);
-  for (std::size_t i = 0; i < 8; ++i) put(76 + 4 * i, 1.0f);
-  put(108, fields.offset);
-  put(112, fields.slope);
-  put(116, fields.intercept);
-  header.replace(344, 3, fields.magic);
-  return header;
-}
-
 class PackedFilesTest : public VolumeFilesTest {
  protected:
   // Every format, in both byte orders, with the same voxels: the path of each.
@@ -90,16 +64,16 @@ class PackedFilesTest : public VolumeFilesTest {
           add(".mha", kMeta + msb + "ElementDataFile = LOCAL\n" + deflated(bytes, false)));
       add("data.zraw", deflated(bytes, false));
       paths.push_back(add(".mhd", kMeta + msb + "ElementDataFile = " + order + "data.zraw\n"));
-      const std::string nifti = niftiHeader({}, big) + bytes;
+      const std::string nifti = niftiHeader(kVoxels, {}, big) + bytes;
       paths.push_back(add(".nii.gz", deflated(nifti, true)));
       paths.push_back(add(".nii", nifti));
       NiftiFields pair;
       pair.magic = "ni1";
       pair.offset = 0;
-      paths.push_back(add("pair.hdr", niftiHeader(pair, big).substr(0, 348)));
+      paths.push_back(add("pair.hdr", niftiHeader(kVoxels, pair, big).substr(0, 348)));
       add("pair.img", bytes);
       add("packed.img.gz", packed);
-      paths.push_back(add("packed.hdr", niftiHeader(pair, big).substr(0, 348)));
+      paths.push_back(add("packed.hdr", niftiHeader(kVoxels, pair, big).substr(0, 348)));
     }
     return paths;
   }
@@ -141,8 +115,8 @@ TEST_F(PackedFilesTest, EveryPrefixIsAnErrorThatNamesTheFile) {
   const std::vector<std::pair<std::string, std::string>> files = {
       {"cut.nrrd", kNrrd + "endian: little\n\n" + deflated(bytes, true)},
       {"cut.mha", kMeta + "ElementDataFile = LOCAL\n" + deflated(bytes, false)},
-      {"cut.nii.gz", deflated(niftiHeader({}, false) + bytes, true)},
-      {"cut.nii", niftiHeader({}, false) + bytes}};
+      {"cut.nii.gz", deflated(niftiHeader(kVoxels, {}, false) + bytes, true)},
+      {"cut.nii", niftiHeader(kVoxels, {}, false) + bytes}};
   for (const auto& [name, whole] : files) {
     EXPECT_NO_THROW(openAndRead(write(name, whole)));
     for (std::size_t size = 0; size < whole.size(); ++size) {
@@ -220,7 +194,7 @@ void checkNiftiScaling(const std::function<std::string(const std::string&)>& wri
       for (const float intercept : {0.0f, -3.3f}) {
         NiftiFields fields{data_type, static_cast<std::int16_t>(8 * sizeof(T)), slope, intercept};
         const auto source =
-            openItkSource(write(niftiHeader(fields, big) + bytesOfValues(stored, big)));
+            openItkSource(write(niftiHeader(kVoxels, fields, big) + bytesOfValues(stored, big)));
         const double s = std::isnan(slope) || slope == 0 ? 1 : static_cast<double>(slope);
         const auto b = static_cast<double>(intercept);
         const bool scaled = s != 1 || b != 0;
@@ -262,8 +236,8 @@ TEST_F(PackedFilesTest, NiftiNumbersThatAreNotFiniteAreZeroBeforeTheyAreScaled) 
   stored[4] = std::numeric_limits<float>::infinity();
   for (const float intercept : {0.0f, 3.5f}) {
     const NiftiFields fields{16, 32, 1, intercept};
-    const auto source =
-        openItkSource(write("nan.nii", niftiHeader(fields, false) + bytesOfValues(stored)));
+    const auto source = openItkSource(
+        write("nan.nii", niftiHeader(kVoxels, fields, false) + bytesOfValues(stored)));
     const auto read = readVoxels<float>(*source);
     EXPECT_EQ(read[3], intercept);
     EXPECT_EQ(read[4], intercept);
@@ -275,15 +249,17 @@ TEST_F(PackedFilesTest, DamagedNiftiHeadersAreErrors) {
   const std::string bytes = bytesOfValues(sampleVoxels());
   NiftiFields fields;
   fields.offset = std::numeric_limits<float>::quiet_NaN();
-  EXPECT_THROW(openAndRead(write("x.nii", niftiHeader(fields, false) + bytes)), Error);
+  EXPECT_THROW(openAndRead(write("x.nii", niftiHeader(kVoxels, fields, false) + bytes)), Error);
   fields.offset = 1e30f;
-  EXPECT_THROW(openAndRead(write("x.nii", niftiHeader(fields, false) + bytes)), Error);
+  EXPECT_THROW(openAndRead(write("x.nii", niftiHeader(kVoxels, fields, false) + bytes)), Error);
   fields.offset = 0;
   fields.magic = "ni1";
   EXPECT_CONTAINS(
-      errorOf([&] { openAndRead(write("alone.hdr", niftiHeader(fields, false).substr(0, 348))); }),
+      errorOf([&] {
+        openAndRead(write("alone.hdr", niftiHeader(kVoxels, fields, false).substr(0, 348)));
+      }),
       "alone.");
-  const std::string whole = niftiHeader({}, false) + bytes;
+  const std::string whole = niftiHeader(kVoxels, {}, false) + bytes;
   for (std::size_t i = 0; i < 352; ++i)
     for (const int bits : {0x01, 0x80, 0xff}) {
       std::string damaged = whole;
@@ -379,74 +355,6 @@ TEST_F(StreamSourceTest, SourcesOfRowsHaveNoBoxes) {
   EXPECT_TRUE(source->files().empty());
   float voxel = 0;
   EXPECT_THROW(source->readBox({Index3(0), Index3(1)}, &voxel), std::logic_error);
-}
-
-// ---- real volumes -------------------------------------------------------------------------------
-
-TEST_F(StreamSourceTest, DicomSlicesAreReadByAnyRowsAndSkippedOnesAreNotDecoded) {
-  const fs::path slices = kSharedData / "vhf_head_ct" / "dicom";
-  SKIP_WITHOUT(slices);
-  for (const int n : {1600, 1601, 1602, 1603})
-    write(std::to_string(n), readFile(slices / ("vhf." + std::to_string(n) + ".dcm")));
-  const auto values = readVoxels<std::int16_t>(*openItkSource(folder_.string()), 1);
-  const auto source = openItkSource(folder_.string());
-  ASSERT_EQ(source->files().size(), 4u);
-  EXPECT_EQ(fs::path(source->files()[3]).filename(), "1603");
-  // Some slices, not the volume. (With an intercept ITK takes 4 bytes for each of these voxels.)
-  EXPECT_GE(source->bufferBytes(), 512u * 512 * 4);
-  EXPECT_LE(source->bufferBytes(), 3u * 512 * 512 * 4);
-  fs::remove(pathOf("1602"));  // its rows are skipped
-  std::vector<std::int16_t> rows(512 * 700);
-  const auto check = [&](std::int64_t first, std::int64_t count) {
-    source->readRows(first, count, rows.data());
-    EXPECT_TRUE(std::equal(rows.begin(), rows.begin() + count * 512, values.begin() + first * 512))
-        << first;
-  };
-  check(3, 1);
-  check(4, 129);
-  check(300, 700);
-  check(1024 + 512, 1);
-  check(2047, 1);
-}
-
-TEST_F(StreamSourceTest, HeadCtIsStreamedAndEqualsTheSeriesInOddPieces) {
-  const fs::path folder = kSharedData / "vhf_head_ct";
-  SKIP_WITHOUT(folder);
-  const auto nrrd = openItkSource((folder / "vhf_head.nrrd").string());
-  const auto dicom = openItkSource((folder / "dicom").string());
-  EXPECT_LE(nrrd->bufferBytes(), 400u << 10);
-  std::vector<std::int16_t> a(512 * 777), b(a.size());
-  constexpr std::int64_t kAll = 512 * 234;
-  for (std::int64_t row = 0; row < kAll; row += 1500) {
-    const std::int64_t count = std::min<std::int64_t>(777, kAll - row);
-    nrrd->readRows(row, count, a.data());
-    dicom->readRows(row, count, b.data());
-    std::size_t different = 0;
-    for (std::size_t i = 0; i < static_cast<std::size_t>(count) * 512; ++i)
-      different += a[i] != b[i] + 1024;
-    ASSERT_EQ(different, 0u) << row;
-  }
-}
-
-TEST_F(StreamSourceTest, PackedNiftiEqualsTheUnpackedOne) {
-  const fs::path path = kSharedData / "mr_nifti" / "MR.nii.gz";
-  SKIP_WITHOUT(path);
-  const gzFile in = gzopen(path.c_str(), "rb");
-  ASSERT_NE(in, nullptr);
-  std::string bytes(160 * 232 * 160 + 352, '\0');
-  EXPECT_EQ(gzread(in, bytes.data(), static_cast<unsigned>(bytes.size())),
-            static_cast<int>(bytes.size()));
-  gzclose(in);
-  const auto plain = openItkSource(write("MR.nii", bytes));
-  const auto packed = openItkSource(path.string());
-  EXPECT_EQ(packed->info().notes, plain->info().notes);
-  EXPECT_EQ(packed->info().geometry.origin, plain->info().geometry.origin);
-  const auto values = readVoxels<float>(*packed, 7);
-  EXPECT_EQ(readVoxels<float>(*plain, 3), values);
-  for (std::size_t i = 0; i < values.size(); ++i) {
-    const auto stored = static_cast<unsigned char>(bytes[352 + i]);
-    ASSERT_NEAR(values[i], stored * 2.0078431f, 1e-3);
-  }
 }
 
 }  // namespace

@@ -18,15 +18,8 @@
 #include "preprocess/sources/raw_source.h"
 #include "storage/atomic_file.h"
 #include "storage/error.h"
+#include "tests/support/tiff_file.h"
 #include "tests/support/volume_files.h"
-
-#ifdef __SANITIZE_ADDRESS__
-// ITK forgets a buffer where a TIFF file ends early.
-extern "C" const char* __lsan_default_suppressions();
-extern "C" const char* __lsan_default_suppressions() {
-  return "leak:itk::TIFFImageIO::ReadGenericImage\n";
-}
-#endif
 
 namespace isobrick {
 namespace {
@@ -230,7 +223,7 @@ TEST_F(VolumeSourceTest, WriterWritesPlainRawAndRefusesOtherEndings) {
   const std::string bytes = bytesOfValues(sampleValues<std::int16_t>(24));
   BytesSource source(Index3(2, 3, 4), VoxelType::kInt16, bytes);
   writeVolume(source, pathOf("volume.raw"));
-  EXPECT_EQ(readFile(pathOf("volume.raw")), bytes);
+  EXPECT_EQ(readBytes(pathOf("volume.raw")), bytes);
   EXPECT_CONTAINS(errorOf([&] { writeVolume(source, pathOf("volume.jpg")); }), ".nrrd");
   EXPECT_EQ(filesLeft(), 1u);
 }
@@ -262,17 +255,17 @@ TEST_F(VolumeSourceTest, AtomicFileAppearsWithCommitAndReplacesTheOldOne) {
     file.pwrite("tail", 4, 12);
     EXPECT_EQ(file.position(), 10u);
     file.write("XY", 2);
-    EXPECT_EQ(readFile(path), "old");
+    EXPECT_EQ(readBytes(path), "old");
     file.commit();
   }
-  EXPECT_EQ(readFile(path), "0123ab6789XYtail");
+  EXPECT_EQ(readBytes(path), "0123ab6789XYtail");
   EXPECT_EQ(filesLeft(), 1u);
   {
     AtomicFile abandoned(path);
     abandoned.write("new", 3);
     EXPECT_EQ(filesLeft(), 2u);
   }
-  EXPECT_EQ(readFile(path), "0123ab6789XYtail");
+  EXPECT_EQ(readBytes(path), "0123ab6789XYtail");
   EXPECT_EQ(filesLeft(), 1u);
 }
 
@@ -282,7 +275,7 @@ TEST_F(VolumeSourceTest, AtomicFileTakesOverLeftoversButNotLivingFiles) {
   EXPECT_CONTAINS(errorOf([&] { AtomicFile second(pathOf("file")); }), "another process");
   file.write("new", 3);
   file.commit();
-  EXPECT_EQ(readFile(pathOf("file")), "new");
+  EXPECT_EQ(readBytes(pathOf("file")), "new");
   AtomicFile third(pathOf("file"));  // the lock went with the commit
 }
 
@@ -433,35 +426,6 @@ TEST_F(VolumeSourceTest, DamagedAndUnknownFilesAreOneLineErrors) {
   EXPECT_CONTAINS(errorOf([&] { openItkSource(pathOf("nothing")); }), "neither DICOM");
 }
 
-// A minimal grey little-endian TIFF.
-std::string tiffBytes(std::uint32_t width, std::uint32_t height, std::uint16_t bits,
-                      const std::string& pixels) {
-  std::string bytes = "II*";
-  const auto add16 = [&](std::uint32_t v) {
-    bytes += static_cast<char>(v & 255);
-    bytes += static_cast<char>(v >> 8 & 255);
-  };
-  const auto add32 = [&](std::uint32_t v) {
-    add16(v & 0xffff);
-    add16(v >> 16);
-  };
-  bytes += '\0';
-  add32(8);
-  const std::vector<std::array<std::uint32_t, 2>> entries = {
-      {256, width}, {257, height}, {258, bits},
-      {259, 1},     {262, 1},      {273, 8 + 2 + 9 * 12 + 4},
-      {277, 1},     {278, height}, {279, width * height * bits / 8}};
-  add16(static_cast<std::uint32_t>(entries.size()));
-  for (const auto& [tag, value] : entries) {
-    add16(tag);
-    add16(4);  // LONG
-    add32(1);
-    add32(value);
-  }
-  add32(0);
-  return bytes + pixels;
-}
-
 TEST_F(VolumeSourceTest, TiffStackIsReadInNumericOrder) {
   const auto pixels = [](int k) {
     std::vector<std::uint16_t> values(5 * 4);
@@ -492,162 +456,6 @@ TEST_F(VolumeSourceTest, TiffStackIsReadInNumericOrder) {
   EXPECT_CONTAINS(errorOf([&] { openAndRead(folder_.string()); }), "s11.tif");
   EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
   EXPECT_CONTAINS(errorOf([&] { openItkSource(pathOf("s3.tif")); }), "2-D");
-}
-
-// ---- real volumes -------------------------------------------------------------------------------
-
-TEST_F(VolumeSourceTest, HeadCtIsTheSameAsNrrdAndAsDicom) {
-  const fs::path folder = kSharedData / "vhf_head_ct";
-  SKIP_WITHOUT(folder);
-  const auto nrrd = openItkSource((folder / "vhf_head.nrrd").string());
-  const auto dicom = openItkSource((folder / "dicom").string());
-  for (const VolumeSource* source : {nrrd.get(), dicom.get()}) {
-    EXPECT_EQ(source->info().voxels, Index3(512, 512, 234));
-    EXPECT_EQ(source->info().voxel_type, VoxelType::kInt16);
-    EXPECT_EQ(source->info().geometry.spacing, glm::dvec3(1));
-    EXPECT_EQ(source->info().geometry.direction, glm::dmat3(1));
-  }
-  EXPECT_EQ(dicom->info().geometry.origin, glm::dvec3(0, 0, 1500));
-  EXPECT_EQ(dicom->info().format, "DICOM series");
-  std::vector<std::int16_t> a(512 * 512), b(512 * 512);
-  for (std::int64_t k = 0; k < 234; ++k) {
-    nrrd->readRows(512 * k, 512, a.data());
-    dicom->readRows(512 * k, 512, b.data());
-    std::size_t different = 0;
-    for (std::size_t i = 0; i < a.size(); ++i) different += a[i] != b[i] + 1024;
-    ASSERT_EQ(different, 0u) << "slice " << k;
-  }
-}
-
-// Three consecutive slices of the real series, to be spoiled.
-class DicomFolderTest : public VolumeSourceTest {
- protected:
-  fs::path slice(int number) const {
-    return kSharedData / "vhf_head_ct" / "dicom" / ("vhf." + std::to_string(number) + ".dcm");
-  }
-  void copySlices(std::initializer_list<int> numbers) const {
-    // Names against the order of the positions: it is the positions that count.
-    for (const int n : numbers) write(std::to_string(9999 - n), readFile(slice(n)));
-  }
-};
-
-TEST_F(DicomFolderTest, SlicesAreSortedByPosition) {
-  SKIP_WITHOUT(slice(1600));
-  copySlices({1602, 1600, 1601});
-  const auto source = openItkSource(folder_.string());
-  EXPECT_EQ(source->info().voxels, Index3(512, 512, 3));
-  EXPECT_EQ(source->info().geometry.origin.z, 1599);
-  const auto values = readVoxels<std::int16_t>(*source, 1);
-  std::int16_t stored = 0;
-  for (std::size_t k = 0; k < 3; ++k) {
-    const std::string bytes = readFile(slice(1600 + static_cast<int>(k)));
-    // Uncompressed pixels end the file; voxel (200, 300).
-    const std::size_t pixel = 300 * 512 + 200;
-    std::memcpy(&stored, bytes.data() + bytes.size() - 512 * 512 * 2 + 2 * pixel, 2);
-    EXPECT_EQ(values[k * 512 * 512 + pixel], stored - 1024);
-  }
-}
-
-TEST_F(DicomFolderTest, MissingAndDoubledSlicesAreRefused) {
-  SKIP_WITHOUT(slice(1600));
-  copySlices({1600, 1601, 1603, 1604});
-  EXPECT_CONTAINS(errorOf([&] { openItkSource(folder_.string()); }), "mm apart");
-  copySlices({1602});
-  EXPECT_EQ(openItkSource(folder_.string())->info().voxels.z, 5);
-  write("copy", readFile(slice(1601)));
-  EXPECT_CONTAINS(errorOf([&] { openItkSource(folder_.string()); }), "same position");
-}
-
-TEST_F(DicomFolderTest, SeveralSeriesAreListed) {
-  SKIP_WITHOUT(slice(1600));
-  copySlices({1600, 1601});
-  std::string other = readFile(slice(1602));
-  const std::string uid = "1.2.826.0.1.3680043.2.1125.1.75064541463040.2005072610384286453";
-  const std::string other_uid = "1.2.826.0.1.3680043.2.1125.1.75064541463040.2005072610384286454";
-  const std::size_t at = other.find(uid);
-  ASSERT_NE(at, std::string::npos);
-  other.replace(at, uid.size(), other_uid);
-  write("other", other);
-  const std::string message = errorOf([&] { openItkSource(folder_.string()); });
-  EXPECT_CONTAINS(message, uid + " (2 images)");
-  EXPECT_CONTAINS(message, other_uid + " (1 image)");
-}
-
-TEST_F(DicomFolderTest, DamagedSlicesAreErrorsThatNameTheFile) {
-  SKIP_WITHOUT(slice(1600));
-  copySlices({1600, 1601, 1602});
-  const std::string damaged = pathOf(std::to_string(9999 - 1601));
-  for (const std::uintmax_t bytes : {400'000u, 1500u}) {
-    fs::resize_file(damaged, bytes);
-    testing::internal::CaptureStderr();
-    const std::string message = errorOf([&] { openAndRead(folder_.string()); });
-    EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
-    EXPECT_CONTAINS(message, damaged);
-  }
-}
-
-TEST_F(DicomFolderTest, EveryPrefixOfTheHeaderIsAnErrorAndNeverACrash) {
-  SKIP_WITHOUT(slice(1600));
-  const std::string whole = readFile(slice(1600));
-  for (std::size_t bytes = 0; bytes < 1400; bytes += 3) {
-    const std::string path = write("prefix.dcm", whole.substr(0, bytes));
-    EXPECT_THROW(openItkSource(path), Error) << bytes;
-  }
-}
-
-TEST_F(VolumeSourceTest, ToothIsBigEndian) {
-  const fs::path path = kSharedData / "tooth_u16be" / "tooth.nhdr";
-  SKIP_WITHOUT(path);
-  const auto source = openItkSource(path.string());
-  EXPECT_EQ(source->info().voxels, Index3(103, 94, 161));
-  ASSERT_EQ(source->info().voxel_type, VoxelType::kUint16);
-  const auto values = readVoxels<std::uint16_t>(*source, 10);
-  EXPECT_EQ(*std::max_element(values.begin(), values.end()), 1300);
-  const auto raw = openRawSource((kSharedData / "tooth_u16be" / "tooth.raw").string(),
-                                 {Index3(103, 94, 161), "u16", true});
-  EXPECT_EQ(readVoxels<std::uint16_t>(*raw, 7), values);
-}
-
-TEST_F(VolumeSourceTest, HeadsqHasItsSpacing) {
-  const fs::path path = kSharedData / "headsq_quarter" / "headsq_quarter.mhd";
-  SKIP_WITHOUT(path);
-  const auto source = openItkSource(path.string());
-  EXPECT_EQ(source->info().voxels, Index3(64, 64, 93));
-  EXPECT_EQ(source->info().geometry.spacing, glm::dvec3(3.2, 3.2, 1.5));
-  ASSERT_EQ(source->info().voxel_type, VoxelType::kUint16);
-  EXPECT_EQ(bytesOfValues(readVoxels<std::uint16_t>(*source)),
-            readFile(path.parent_path() / "headsq_quarter_64x64x93_uint16_le.raw"));
-}
-
-TEST_F(VolumeSourceTest, NiftiSlopeIsAppliedAndTruncationIsFound) {
-  const fs::path path = kSharedData / "mr_nifti" / "MR.nii.gz";
-  SKIP_WITHOUT(path);
-  const auto source = openItkSource(path.string());
-  EXPECT_EQ(source->info().voxels, Index3(160, 232, 160));
-  EXPECT_NEAR(source->info().geometry.spacing.x, 1, 1e-6);
-  EXPECT_NEAR(source->info().geometry.spacing.y, 0.898437, 1e-6);
-  ASSERT_EQ(source->info().voxel_type, VoxelType::kFloat32);
-  EXPECT_FALSE(source->info().notes.empty());
-  const auto values = readVoxels<float>(*source, 160);
-  constexpr double kSlope = 2.0078431372549;
-  std::size_t off_grid = 0;
-  double greatest = 0;
-  for (const float v : values) {
-    const double stored = static_cast<double>(v) / kSlope;
-    off_grid += std::abs(stored - std::round(stored)) > 1e-3;
-    greatest = std::max(greatest, stored);
-  }
-  EXPECT_EQ(off_grid, 0u);
-  EXPECT_NEAR(greatest, 255, 1e-3);
-
-  // ITK would fill the rest with zeros.
-  const std::string bytes = readFile(path);
-  EXPECT_CONTAINS(
-      errorOf([&] { openAndRead(write("cut.nii.gz", bytes.substr(0, bytes.size() / 2))); }),
-      "cut short");
-  std::string flipped = bytes;
-  flipped[bytes.size() / 2] = static_cast<char>(flipped[bytes.size() / 2] ^ 0x10);
-  EXPECT_CONTAINS(errorOf([&] { openAndRead(write("flipped.nii.gz", flipped)); }), "damaged");
 }
 
 }  // namespace

@@ -11,6 +11,7 @@
 #include "preprocess/volume_source.h"
 #include "tests/support/packed_bytes.h"
 #include "tests/support/volume_files.h"
+#include "tests/support/vti_file.h"
 
 namespace isobrick {
 namespace {
@@ -30,88 +31,6 @@ std::vector<T> sampleVoxels() {
   return values;
 }
 
-struct Variant {
-  std::string format = "raw";  // "raw" or "base64" (both appended), or "binary"
-  bool zlib = false;
-  bool wide = true;  // header_type UInt64
-  bool big_endian = false;
-  std::size_t block_bytes = 64;
-  bool split_header = false;  // base64: the plain header by itself, as some writers do
-};
-
-// The numbers before the voxels, and the voxels.
-struct Encoded {
-  std::string header, data;
-};
-Encoded encoded(const std::string& bytes, const Variant& v) {
-  std::vector<std::uint64_t> words;
-  Encoded result;
-  if (v.zlib) {
-    std::vector<std::uint64_t> sizes;
-    for (std::size_t at = 0; at < bytes.size(); at += v.block_bytes) {
-      const std::string block = deflated(bytes.substr(at, v.block_bytes), false);
-      sizes.push_back(block.size());
-      result.data += block;
-    }
-    words = {sizes.size(), v.block_bytes, bytes.size() % v.block_bytes};
-    words.insert(words.end(), sizes.begin(), sizes.end());
-  } else {
-    words = {bytes.size()};
-    result.data = bytes;
-  }
-  for (const std::uint64_t word : words)
-    result.header +=
-        v.wide ? bytesOfValues(std::vector<std::uint64_t>{word}, v.big_endian)
-               : bytesOfValues(std::vector<std::uint32_t>{static_cast<std::uint32_t>(word)},
-                               v.big_endian);
-  return result;
-}
-
-std::string encodedText(const Encoded& encoded, const Variant& v) {
-  if (v.format == "raw") return encoded.header + encoded.data;
-  if (v.zlib || v.split_header) return base64(encoded.header) + base64(encoded.data);
-  return base64(encoded.header + encoded.data);
-}
-
-// What stands around the arrays; hostile tests replace parts of it.
-struct Frame {
-  std::string file_type = "ImageData";
-  std::string image = R"(WholeExtent="0 6 0 4 0 5" Origin="1 2 3" Spacing="0.5 0.25 2")";
-  std::string piece = R"(Extent="0 6 0 4 0 5")";
-  std::string point_data = R"(Scalars="values")";
-  std::string compressor;
-};
-
-std::string vtiBytes(const std::string& type, const std::string& text, const Variant& v,
-                     const Frame& frame = {}, const std::string& array_attributes = "") {
-  const bool appended = v.format != "binary";
-  // An array before it, so that the offset is not 0.
-  const std::string other = appended ? "12345678" : base64("12345678");
-  std::string compressor = frame.compressor;
-  if (compressor.empty() && v.zlib) compressor = "vtkZLibDataCompressor";
-  std::string xml = "<?xml version=\"1.0\"?>\n<!-- a > comment -->\n<VTKFile type=\"" +
-                    frame.file_type + "\" version=\"1.0\" byte_order=\"" +
-                    (v.big_endian ? "BigEndian" : "LittleEndian") + "\" header_type=\"" +
-                    (v.wide ? "UInt64" : "UInt32") + "\"" +
-                    (compressor.empty() ? "" : " compressor=\"" + compressor + "\"") + ">\n";
-  xml += "<ImageData " + frame.image + ">\n<FieldData><DataArray type=\"Float64\" Name=\"Time\" " +
-         "format=\"ascii\"> 1 </DataArray></FieldData>\n<Piece " + frame.piece + ">\n<PointData " +
-         frame.point_data + ">\n";
-  const auto array = [&](const std::string& attributes, const std::string& offset,
-                         const std::string& content) {
-    xml += "<DataArray " + attributes + " format='" + (appended ? "appended" : "binary") + "'";
-    if (appended) xml += " offset=\"" + offset + "\"";
-    xml += ">\n  " + (appended ? "" : content) + "\n</DataArray>\n";
-  };
-  array(R"(type="Float32" Name="other &lt;" NumberOfComponents="3")", "0", other);
-  array("type=\"" + type + "\" Name=\"values\" RangeMin=\"0\" " + array_attributes, "8", text);
-  xml += "</PointData>\n<CellData/>\n</Piece>\n</ImageData>\n";
-  if (appended)
-    xml +=
-        "<AppendedData encoding=\"" + v.format + "\">\n   _" + other + text + "\n</AppendedData>\n";
-  return xml + "</VTKFile>\n";
-}
-
 template <typename T>
 void checkVariants(const std::string& path, const std::string& type) {
   const auto values = sampleVoxels<T>();
@@ -120,9 +39,9 @@ void checkVariants(const std::string& path, const std::string& type) {
       for (const bool wide : {false, true})
         for (const bool big : {false, true})
           for (const std::size_t block : {64u, 105u, 4096u}) {  // 105: the last block is whole
-            Variant v{format, zlib, wide, big, block, block == 64};
+            VtiVariant v{format, zlib, wide, big, block, block == 64};
             std::ofstream(path, std::ios::binary)
-                << vtiBytes(type, encodedText(encoded(bytesOfValues(values, big), v), v), v);
+                << vtiBytes(type, vtiText(vtiEncoded(bytesOfValues(values, big), v), v), v);
             for (const std::int64_t slab : {1, 4}) {
               const auto source = openVtiSource(path);
               const VolumeInfo& info = source->info();
@@ -156,14 +75,14 @@ TEST_F(VtiSourceTest, ReadsAllVariantsOfAllTypes) {
 }
 
 // A whole file of UInt8 with a changed frame, in the variant.
-std::string fileWith(const Frame& frame, const Variant& v = {},
+std::string fileWith(const VtiFrame& frame, const VtiVariant& v = {},
                      const std::string& attributes = "") {
   const std::string bytes = bytesOfValues(sampleVoxels<std::uint8_t>());
-  return vtiBytes("UInt8", encodedText(encoded(bytes, v), v), v, frame, attributes);
+  return vtiBytes("UInt8", vtiText(vtiEncoded(bytes, v), v), v, frame, attributes);
 }
 
 TEST_F(VtiSourceTest, AppliesExtentsAndDirection) {
-  Frame frame;
+  VtiFrame frame;
   // Columns are axes: x goes to world y, y to world -x.
   frame.image =
       "WholeExtent='10 16 -2 2 0 5' Origin='1 2 3' Spacing='0.5 0.25 2' "
@@ -178,7 +97,7 @@ TEST_F(VtiSourceTest, AppliesExtentsAndDirection) {
 }
 
 TEST_F(VtiSourceTest, TakesTheScalarsOrTheFirstArrayWithOneComponent) {
-  Frame frame;
+  VtiFrame frame;
   for (const std::string point_data : {"", "Scalars='none of these'", "Scalars='values'"}) {
     frame.point_data = point_data;
     const auto source = openVtiSource(write("arrays.vti", fileWith(frame)));
@@ -197,41 +116,42 @@ TEST_F(VtiSourceTest, RefusesWhatItCannotUseWithOneLine) {
     EXPECT_CONTAINS(message, reason);
     EXPECT_CONTAINS(message, path);
   };
-  const auto refusesFrame = [&](const std::function<void(Frame&)>& change,
+  const auto refusesFrame = [&](const std::function<void(VtiFrame&)>& change,
                                 const std::string& reason) {
-    Frame frame;
+    VtiFrame frame;
     change(frame);
     refuses(fileWith(frame), reason);
   };
-  refusesFrame([](Frame& f) { f.file_type = "PolyData"; }, "'PolyData', not ImageData");
-  refusesFrame([](Frame& f) { f.compressor = "vtkLZ4DataCompressor"; }, "vtkLZ4DataCompressor");
-  refusesFrame([](Frame& f) { f.image = ""; }, "WholeExtent");
-  refusesFrame([](Frame& f) { f.image = "WholeExtent='0 6 0 4 0'"; }, "six whole numbers");
-  refusesFrame([](Frame& f) { f.image = "WholeExtent='0 6 0 4 0 5 7'"; }, "six whole numbers");
-  refusesFrame([](Frame& f) { f.image = "WholeExtent='0 6 0 4 0 99999999999999999999'"; },
+  refusesFrame([](VtiFrame& f) { f.file_type = "PolyData"; }, "'PolyData', not ImageData");
+  refusesFrame([](VtiFrame& f) { f.compressor = "vtkLZ4DataCompressor"; }, "vtkLZ4DataCompressor");
+  refusesFrame([](VtiFrame& f) { f.image = ""; }, "WholeExtent");
+  refusesFrame([](VtiFrame& f) { f.image = "WholeExtent='0 6 0 4 0'"; }, "six whole numbers");
+  refusesFrame([](VtiFrame& f) { f.image = "WholeExtent='0 6 0 4 0 5 7'"; }, "six whole numbers");
+  refusesFrame([](VtiFrame& f) { f.image = "WholeExtent='0 6 0 4 0 99999999999999999999'"; },
                "six whole numbers");
-  refusesFrame([](Frame& f) { f.image = "WholeExtent='0 6 0 4 0 9223372036854775807'"; },
+  refusesFrame([](VtiFrame& f) { f.image = "WholeExtent='0 6 0 4 0 9223372036854775807'"; },
                "six whole numbers");
-  refusesFrame([](Frame& f) { f.image = "WholeExtent='0 6 0 4 0 6'"; }, "not the whole extent");
-  const auto both = [](Frame& f, const std::string& extent) {
+  refusesFrame([](VtiFrame& f) { f.image = "WholeExtent='0 6 0 4 0 6'"; }, "not the whole extent");
+  const auto both = [](VtiFrame& f, const std::string& extent) {
     f.image = "WholeExtent='" + extent + "'";
     f.piece = "Extent='" + extent + "'";
   };
-  refusesFrame([&](Frame& f) { both(f, "0 6 0 4 0 0"); }, "at least 2 voxels");
-  refusesFrame([&](Frame& f) { both(f, "6 0 0 4 0 5"); }, "at least 2 voxels");
-  refusesFrame([&](Frame& f) { both(f, "0 2147483647 0 4 0 5"); }, "at most");
-  refusesFrame([&](Frame& f) { both(f, "0 999999 0 999999 0 999999"); },
+  refusesFrame([&](VtiFrame& f) { both(f, "0 6 0 4 0 0"); }, "at least 2 voxels");
+  refusesFrame([&](VtiFrame& f) { both(f, "6 0 0 4 0 5"); }, "at least 2 voxels");
+  refusesFrame([&](VtiFrame& f) { both(f, "0 2147483647 0 4 0 5"); }, "at most");
+  refusesFrame([&](VtiFrame& f) { both(f, "0 999999 0 999999 0 999999"); },
                "needs 1000000000000000000");
-  refusesFrame([&](Frame& f) { both(f, "0 6 0 4 0 6"); }, "has 210 bytes and its extent needs 245");
-  refusesFrame([](Frame& f) { f.image += " Direction='1 0 0'"; }, "nine numbers");
-  refusesFrame([](Frame& f) { f.image += " Direction='1 0 0 1 1 0 0 0 1'"; }, "right angles");
-  refusesFrame([](Frame& f) { f.image += " WholeExtent='0 6 0 4 0 5'"; }, "damaged tag");
-  refusesFrame([](Frame& f) { f.image = R"(WholeExtent="0 6 0 4 0 5" Spacing="0 1 1")"; },
+  refusesFrame([&](VtiFrame& f) { both(f, "0 6 0 4 0 6"); },
+               "has 210 bytes and its extent needs 245");
+  refusesFrame([](VtiFrame& f) { f.image += " Direction='1 0 0'"; }, "nine numbers");
+  refusesFrame([](VtiFrame& f) { f.image += " Direction='1 0 0 1 1 0 0 0 1'"; }, "right angles");
+  refusesFrame([](VtiFrame& f) { f.image += " WholeExtent='0 6 0 4 0 5'"; }, "damaged tag");
+  refusesFrame([](VtiFrame& f) { f.image = R"(WholeExtent="0 6 0 4 0 5" Spacing="0 1 1")"; },
                "spacing");
-  refusesFrame([](Frame& f) { f.piece += "></Piece><Piece Extent='0 6 0 4 0 5'"; }, "2 pieces");
+  refusesFrame([](VtiFrame& f) { f.piece += "></Piece><Piece Extent='0 6 0 4 0 5'"; }, "2 pieces");
 
-  const Variant v;
-  const std::string text = encodedText(encoded(std::string(210, 'x'), v), v);
+  const VtiVariant v;
+  const std::string text = vtiText(vtiEncoded(std::string(210, 'x'), v), v);
   refuses(vtiBytes("Bit", text, v), "no number");
   refuses(vtiBytes("UInt8", text, v, {}, "NumberOfComponents='4'"), "4 values per voxel");
   refuses(vtiBytes("UInt8", text, v, {}, "NumberOfComponents='-1'"), "is no number");
@@ -272,7 +192,7 @@ TEST_F(VtiSourceTest, RefusesWhatItCannotUseWithOneLine) {
 
 // UInt8 voxels behind words of any value.
 std::string fileWithWords(const std::vector<std::uint64_t>& words, const std::string& data) {
-  Variant v;
+  VtiVariant v;
   v.zlib = true;
   return vtiBytes("UInt8", bytesOfValues(words) + data, v);
 }
@@ -315,7 +235,7 @@ TEST_F(VtiSourceTest, RefusesHostileBlocks) {
 TEST_F(VtiSourceTest, EveryPrefixIsAnErrorUntilTheVoxelsAreThere) {
   for (const std::string format : {"raw", "base64", "binary"})
     for (const bool zlib : {false, true}) {
-      const Variant v{format, zlib};
+      const VtiVariant v{format, zlib};
       const std::string whole = fileWith({}, v);
       // Of the voxels' last byte; what follows is XML that nobody needs where they are appended.
       const std::size_t end = whole.rfind(format == "binary" ? "\n</VTKFile" : "\n</AppendedData");
@@ -342,25 +262,6 @@ TEST_F(VtiSourceTest, DamagedBytesNeverCrash) {
       }
     }
   }
-}
-
-template <typename T>
-void checkRealVolume(const fs::path& path, const Index3& voxels, double least, double greatest) {
-  const auto source = openVtiSource(path.string());
-  EXPECT_EQ(source->info().voxels, voxels);
-  EXPECT_LE(source->bufferBytes(), 400u << 10);
-  const auto values = readVoxels<T>(*source, 5);
-  const auto [low, high] = std::minmax_element(values.begin(), values.end());
-  EXPECT_NEAR(static_cast<double>(*low), least, 1e-5);
-  EXPECT_NEAR(static_cast<double>(*high), greatest, 1e-5);
-}
-
-TEST_F(VtiSourceTest, RealVolumes) {
-  SKIP_WITHOUT(kSharedData / "engine");
-  checkRealVolume<std::uint8_t>(kSharedData / "engine" / "engine.vti", Index3(256, 256, 128), 0,
-                                255);
-  checkRealVolume<std::uint8_t>(kSharedData / "aneurism" / "aneurism.vti", Index3(256), 0, 255);
-  checkRealVolume<float>(kSharedData / "fingers_f32" / "fingers.vti", Index3(64), 0, 110.95757294);
 }
 
 }  // namespace

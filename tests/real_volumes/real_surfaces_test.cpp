@@ -1,8 +1,6 @@
-// The main job on real scans: build, extract around a focus, check the mesh. Skips, and says so,
-// where the scans are missing.
+// The main job on real scans: build, extract around a focus, check the mesh.
 #include <gtest/gtest.h>
 
-#include <filesystem>
 #include <map>
 
 #include "extract/extractor.h"
@@ -40,8 +38,6 @@ void PrintTo(const Scan& scan, std::ostream* out) { *out << scan.path; }
 class RealVolume : public testing::TestWithParam<Scan> {};
 
 TEST_P(RealVolume, GivesClosedSurfacesWithAndWithoutCurvature) {
-  if (!std::filesystem::exists(scanPath(GetParam().path)))
-    GTEST_SKIP() << "no real volumes at " << scanPath(GetParam().path);
   const TemporaryFolder folder;
   const auto source = openItkSource(scanPath(GetParam().path));
   buildPyramid(*source, folder.file("scan.isb"), BuildOptions{});
@@ -82,8 +78,6 @@ INSTANTIATE_TEST_SUITE_P(Scans, RealVolume,
 
 // The DICOM folder is the NRRD in Hounsfield units, 1024 lower.
 TEST(RealVolumes, DicomFolderGivesTheMeshOfTheNrrd) {
-  if (!std::filesystem::exists(scanPath("vhf_head_ct/dicom")))
-    GTEST_SKIP() << "no real volumes at " << scanPath("vhf_head_ct/dicom");
   const TemporaryFolder folder;
   BuildOptions options;
   options.with_curvature = false;

@@ -1,0 +1,103 @@
+// The checked-in pyramids: read by the library and by the plain reader, and built anew. See
+// tests/golden/README.md.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "tests/support/file_bytes.h"
+#include "tests/support/golden_pyramid.h"
+#include "tests/support/temporary_folder.h"
+#include "tests/support/test_paths.h"
+
+namespace isobrick::test {
+namespace {
+
+using Bytes = std::vector<std::uint8_t>;
+
+std::string goldenText(const std::string& name) {
+  return readBytes(goldenFolder() + "/" + name + ".txt");
+}
+
+class Golden : public testing::TestWithParam<GoldenPyramid> {
+ protected:
+  std::string file() const { return goldenFolder() + "/" + GetParam().name + ".isb"; }
+};
+
+TEST_P(Golden, ThePlainReaderFindsWhatTheTextSays) {
+  const std::string text = goldenText(GetParam().name);
+  ASSERT_NE(text, "") << "no dump of " << file();
+  EXPECT_EQ(dumpOf(readPlainPyramid(file())), text);
+}
+
+TEST_P(Golden, TheLibraryFindsWhatTheTextSays) {
+  const std::string text = goldenText(GetParam().name);
+  ASSERT_NE(text, "") << "no dump of " << file();
+  const Pyramid pyramid(file());
+  EXPECT_EQ(dumpOf(pyramid), withoutParts(text));
+  EXPECT_NE(pyramid.provenance().find("golden"), std::string::npos);
+  for (int level = 0; level < pyramid.lattice().levels(); ++level) {
+    const Index3 bricks = pyramid.layout().bricks(level);
+    for (std::int64_t i = 0; i < elementCount(bricks); ++i) {
+      const Index3 brick(i % bricks.x, i / bricks.x % bricks.y, i / bricks.x / bricks.y);
+      const auto damage = pyramid.verifyBrick(level, brick);
+      EXPECT_FALSE(damage) << damage->what;
+    }
+  }
+}
+
+// The file without its provenance (paths, versions) and what the header says of that.
+Bytes withoutProvenance(const std::string& path) {
+  Bytes bytes = readWholeFile(path);
+  const PlainPyramid plain = readPlainPyramid(path);
+  const auto begin = bytes.begin() + static_cast<std::ptrdiff_t>(plain.provenance_offset);
+  bytes.erase(begin, begin + static_cast<std::ptrdiff_t>(plain.provenance.size()));
+  const auto clear = [&](std::size_t at, std::size_t count) {
+    std::fill_n(bytes.begin() + static_cast<std::ptrdiff_t>(at), count, std::uint8_t{0});
+  };
+  clear(16, 8);    // file_bytes
+  clear(256, 24);  // the provenance
+  clear(504, 8);   // header_checksum
+  return bytes;
+}
+
+TEST_P(Golden, IsBuiltTheSameToday) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("today.isb");
+  buildGoldenPyramid(GetParam(), path);
+  // Packed bytes depend on the versions of the libraries that pack.
+  EXPECT_EQ(withoutParts(dumpOf(readPlainPyramid(path))),
+            withoutParts(goldenText(GetParam().name)));
+  if (GetParam().options.codec == format::Codec::kStored) {
+    EXPECT_TRUE(withoutProvenance(path) == withoutProvenance(file()));
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Files, Golden, testing::ValuesIn(goldenPyramids()),
+                         [](const testing::TestParamInfo<GoldenPyramid>& golden) {
+                           std::string name = golden.param.name;
+                           std::replace(name.begin(), name.end(), '-', '_');
+                           return name;
+                         });
+
+TEST(GoldenFolder, ShowsEveryCodecAndHasNoFileTooMany) {
+  std::set<std::uint32_t> codecs;
+  std::set<std::string> expected = {"README.md"}, found;
+  for (const GoldenPyramid& golden : goldenPyramids()) {
+    expected.insert(golden.name + ".isb");
+    expected.insert(golden.name + ".txt");
+    const PlainPyramid plain = readPlainPyramid(goldenFolder() + "/" + golden.name + ".isb");
+    for (const PlainBrick& brick : plain.bricks)
+      for (const PlainPart& part : brick.parts) codecs.insert(part.codec);
+  }
+  for (const auto& entry : std::filesystem::directory_iterator(goldenFolder()))
+    found.insert(entry.path().filename().string());
+  EXPECT_EQ(found, expected);
+  EXPECT_EQ(codecs, (std::set<std::uint32_t>{0, 1, 2, 3, 4}));
+}
+
+}  // namespace
+}  // namespace isobrick::test
