@@ -32,9 +32,9 @@ struct VtiHeader {
   std::uint64_t appended_at = 0;  // the byte of the file behind the '_'
 };
 
-// Reads the tags of the file, with Expat, up to its appended data or its end; what lies between tags
-// is passed over. Throws Error, naming the byte, for what is no well-formed XML of the kind that VTK
-// writes: elements, attributes, comments and processing instructions.
+// Reads the tags of the file, with Expat, up to its appended data or its end; what lies between
+// tags is passed over. Throws Error, naming the byte, for what is no well-formed XML of the kind
+// that VTK writes: elements, attributes, comments and processing instructions.
 VtiHeader readVtiHeader(const InputFile& file);
 
 }  // namespace isobrick
