@@ -62,6 +62,37 @@ IndexBox BrickNeeds::handedOn(int level, const IndexBox& bricks) const {
   return {first, end - first};
 }
 
+// Axes do not depend on each other. Along one, windows differ only near the volume's ends: what a
+// window takes beyond its bricks is less than a brick, so it reaches at most into the last but one
+// of the windows before an end that is cut off.
+template <typename F>
+Index3 BrickNeeds::greatest(int level, const Index3& per_window, F&& box_of) const {
+  constexpr std::int64_t kEnds = 3;
+  const Index3 all = layout_.bricks(level);
+  Index3 most(0);
+  for (int axis = 0; axis < 3; ++axis) {
+    const std::int64_t windows = (all[axis] + per_window[axis] - 1) / per_window[axis];
+    for (std::int64_t i = 0; i < windows; ++i) {
+      if (i == kEnds) i = std::max(i, windows - kEnds);
+      IndexBox bricks{Index3(0), Index3(1)};
+      bricks.first[axis] = i * per_window[axis];
+      bricks.count[axis] = std::min(per_window[axis], all[axis] - bricks.first[axis]);
+      most[axis] = std::max(most[axis], box_of(bricks).count[axis]);
+    }
+  }
+  return most;
+}
+
+Index3 BrickNeeds::greatestSamples(int level, const Index3& per_window) const {
+  return greatest(level, per_window,
+                  [&](const IndexBox& bricks) { return samples(level, bricks); });
+}
+
+Index3 BrickNeeds::greatestHandedOn(int level, const Index3& per_window) const {
+  return greatest(level, per_window,
+                  [&](const IndexBox& bricks) { return handedOn(level, bricks); });
+}
+
 IndexBox BrickNeeds::tiles(int level, const IndexBox& bricks) const {
   const std::int64_t per_brick = spec_.brick_cells / spec_.tile_cells;
   const Index3 first = bricks.first * per_brick;

@@ -27,11 +27,18 @@ class BrickNeeds {
   IndexBox samplesAbove(int level, const IndexBox& bricks, int above) const;
   // The samples of level + 1 that these bricks, and no others, hand on to the next level.
   IndexBox handedOn(int level, const IndexBox& bricks) const;
+  // The most samples along each axis that samples() gives for a window of so many bricks, and that
+  // handedOn() gives. `per_window` are those of BrickWindows, and 1 along z. Buffers are so large.
+  Index3 greatestSamples(int level, const Index3& per_window) const;
+  Index3 greatestHandedOn(int level, const Index3& per_window) const;
   // Tiles of the bricks in the grid of all tiles of the level.
   IndexBox tiles(int level, const IndexBox& bricks) const;
   Index3 allTiles(int level) const;
 
  private:
+  template <typename F>
+  Index3 greatest(int level, const Index3& per_window, F&& box_of) const;
+
   PyramidSpec spec_;
   BrickLayout layout_;
   int tile_levels_;

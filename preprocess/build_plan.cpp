@@ -26,8 +26,8 @@ class Planner {
       : spec_(spec),
         layout_(spec.layout()),
         source_(source),
-        voxel_(voxelBytes(spec.voxel_type)),
-        halo_(spec.tile_cells - 1) {}
+        needs_(spec),
+        voxel_(voxelBytes(spec.voxel_type)) {}
 
   BuildPlan plan(std::uint64_t memory_bytes, int threads) {
     const std::uint64_t fixed = fixedBytes(threads);
@@ -53,11 +53,11 @@ class Planner {
     return glm::min(bricks * spec_.brick_cells + Index3(more), layout_.lattice().samples(level));
   }
   std::uint64_t windowBytes(int level, const BuildPlan::WindowShape& shape) const {
-    return product(around(level, {shape.x, shape.y, 1}, 2 * halo_ + 1)) * voxel_;
+    return product(needs_.greatestSamples(level, {shape.x, shape.y, 1})) * voxel_;
   }
   std::uint64_t handedOnBytes(int level, const BuildPlan::WindowShape& shape) const {
-    const Index3 halves = around(level, {shape.x, shape.y, 1}, 1) / std::int64_t{2} + Index3(1);
-    return product(halves) * voxel_;
+    if (level + 1 == levels()) return 0;
+    return product(needs_.greatestHandedOn(level, {shape.x, shape.y, 1})) * voxel_;
   }
   // The parts of one brick, unpacked.
   std::uint64_t brickBytes(int level) const {
@@ -121,7 +121,7 @@ class Planner {
   // Returns the memory that it takes.
   std::uint64_t placeSpool(std::uint64_t rest) {
     const std::int64_t slices = spec_.voxels.z;
-    const std::int64_t least = std::min(slices, spec_.brick_cells + 2 * halo_ + 1);
+    const std::int64_t least = needs_.greatestSamples(0, Index3(1)).z;
     // A slab more: it comes in while the one before is worked on.
     const std::int64_t most = std::min(slices, least + spec_.brick_cells);
     const std::uint64_t slice_bytes =
@@ -168,8 +168,8 @@ class Planner {
   const PyramidSpec& spec_;
   const BrickLayout layout_;
   const VolumeSource& source_;
+  const BrickNeeds needs_;
   const std::uint64_t voxel_;
-  const std::int64_t halo_;  // samples that ranges take in beyond the bricks
   BuildPlan plan_;
 };
 

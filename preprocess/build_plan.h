@@ -21,7 +21,8 @@ struct BuildPlan {
     std::int64_t x = 1, y = 1;
   };
   std::vector<WindowShape> windows;
-  std::uint64_t window_bytes = 0;     // samples of the largest window
+  // Samples of the largest window: what BrickNeeds gives, no more.
+  std::uint64_t window_bytes = 0;
   std::uint64_t handed_on_bytes = 0;  // samples that it hands on to the next level
 
   // Slices between a source that is read in order and its use; 0 where it is read box by box.

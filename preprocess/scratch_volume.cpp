@@ -8,6 +8,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <new>
+#include <stdexcept>
 
 #include "storage/error.h"
 
@@ -37,6 +38,13 @@ LargeBuffer::LargeBuffer(std::size_t bytes) : bytes_(bytes) {
     if (data_) madvise(data_.get(), whole, MADV_HUGEPAGE);
   }
   if (!data_) throw std::bad_alloc();
+}
+
+std::byte* LargeBuffer::dataFor(std::size_t bytes) const {
+  if (bytes > bytes_)
+    throw std::logic_error("a buffer of " + std::to_string(bytes_) + " bytes is asked for " +
+                           std::to_string(bytes));
+  return data_.get();
 }
 
 void LargeBuffer::Free::operator()(std::byte* data) const { std::free(data); }

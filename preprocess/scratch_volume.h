@@ -17,6 +17,9 @@ class LargeBuffer {
   explicit LargeBuffer(std::size_t bytes);
   std::byte* data() const { return data_.get(); }
   std::size_t size() const { return bytes_; }
+  // data(), for so many bytes. Throws std::logic_error where the buffer has fewer: nothing is ever
+  // written beyond it, whatever its size was reckoned from.
+  std::byte* dataFor(std::size_t bytes) const;
 
  private:
   struct Free {

@@ -1,6 +1,7 @@
 #include "preprocess/slice_spool.h"
 
 #include <algorithm>
+#include <stdexcept>
 
 namespace isobrick {
 namespace {
@@ -68,6 +69,8 @@ void SliceSpool::waitForSlices(std::int64_t end) {
 }
 
 void SliceSpool::read(const IndexBox& box, void* out) {
+  // They would be waited for, for ever.
+  if (box.count.z > slices_) throw std::logic_error("more slices are asked for than are held");
   waitForSlices(box.end().z);
   auto* to = static_cast<std::byte*>(out);
   for (std::int64_t z = box.first.z; z < box.end().z; ++z) {
