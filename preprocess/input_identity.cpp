@@ -1,14 +1,12 @@
 #include "preprocess/input_identity.h"
 
-#include <fcntl.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <cstdio>
-#include <cstring>
+#include <stdexcept>
 
+#include "preprocess/input_file.h"
 #include "storage/checksum.h"
 #include "storage/error.h"
 
@@ -20,78 +18,105 @@ constexpr std::uint64_t kEndBytes = std::uint64_t{64} << 10;
 constexpr std::uint64_t kBlockBytes = std::uint64_t{4} << 10;
 constexpr std::uint64_t kBlocks = 16;
 
-class OpenFile {
- public:
-  explicit OpenFile(const std::string& path)
-      : path_(path), fd_(open(path.c_str(), O_RDONLY | O_CLOEXEC)) {
-    if (fd_ < 0) fail();
-    if (fstat(fd_, &status_) != 0) {
-      close(fd_);
-      fail();
-    }
-  }
-  ~OpenFile() { close(fd_); }
-  OpenFile(const OpenFile&) = delete;
-  OpenFile& operator=(const OpenFile&) = delete;
+void append(std::string& text, const InputFile& file, std::uint64_t offset, std::uint64_t bytes) {
+  const std::size_t begin = text.size();
+  text.resize(begin + bytes);
+  const std::size_t got = file.readAt(offset, text.data() + begin, bytes);
+  if (got < bytes)
+    throw ResumableError("cannot read '" + file.path() + "': it ends at byte " +
+                         std::to_string(offset + got) + " and had " + std::to_string(file.size()) +
+                         " when it was opened; run again when nobody writes to it");
+}
 
-  const struct stat& status() const { return status_; }
-
-  // Appends what the file has of [offset, offset + bytes) to `text`.
-  void appendTo(std::string& text, std::uint64_t offset, std::uint64_t bytes) const {
-    const std::size_t begin = text.size();
-    text.resize(begin + bytes);
-    ssize_t got = 0;
-    do {
-      got = pread(fd_, text.data() + begin, bytes, static_cast<off_t>(offset));
-    } while (got < 0 && errno == EINTR);
-    if (got < 0) fail();
-    text.resize(begin + static_cast<std::size_t>(got));
-  }
-
- private:
-  [[noreturn]] void fail() const {
-    throw ResumableError("cannot read '" + path_ + "': " + std::strerror(errno) +
-                         "; check the path and the disk");
-  }
-
-  std::string path_;
-  int fd_ = -1;
-  struct stat status_ = {};
-};
-
-std::uint64_t contentSample(const OpenFile& file) {
-  const auto bytes = static_cast<std::uint64_t>(file.status().st_size);
+std::uint64_t contentSample(const InputFile& file) {
+  const std::uint64_t bytes = file.size();
   std::string sample;
-  file.appendTo(sample, 0, std::min(bytes, kEndBytes));
-  file.appendTo(sample, bytes - std::min(bytes, kEndBytes), std::min(bytes, kEndBytes));
-  for (std::uint64_t block = 1; block < kBlocks; ++block)
-    file.appendTo(sample, bytes / kBlocks * block, std::min(bytes, kBlockBytes));
+  append(sample, file, 0, std::min(bytes, kEndBytes));
+  append(sample, file, bytes - std::min(bytes, kEndBytes), std::min(bytes, kEndBytes));
+  for (std::uint64_t block = 1; block < kBlocks; ++block) {
+    const std::uint64_t at = bytes / kBlocks * block;
+    append(sample, file, at, std::min(bytes - at, kBlockBytes));
+  }
   return checksum64(sample.data(), sample.size());
+}
+
+std::string identityWithoutFiles(const VolumeSource& source) {
+  std::string text = source.identity();
+  if (text.empty())
+    throw std::logic_error("a volume source has neither files() nor an identity() of its own");
+  // It is a line among others.
+  std::replace(text.begin(), text.end(), '\n', ' ');
+  return text;
 }
 
 }  // namespace
 
 std::string inputIdentity(const VolumeSource& source) {
+  const std::vector<std::string> paths = source.files();
+  if (paths.empty()) return identityWithoutFiles(source);
   std::uint64_t total = 0;
   std::string facts;
   const auto add = [&](std::uint64_t number) {
     facts.append(reinterpret_cast<const char*>(&number), sizeof number);
   };
-  const std::vector<std::string> paths = source.files();
   for (const std::string& path : paths) {
-    const OpenFile file(path);
-    total += static_cast<std::uint64_t>(file.status().st_size);
-    add(static_cast<std::uint64_t>(file.status().st_size));
-    add(static_cast<std::uint64_t>(file.status().st_mtim.tv_sec));
-    add(static_cast<std::uint64_t>(file.status().st_mtim.tv_nsec));
+    const InputFile file(path);
+    total += file.size();
+    add(file.size());
+    add(static_cast<std::uint64_t>(file.changedAt().tv_sec));
+    add(static_cast<std::uint64_t>(file.changedAt().tv_nsec));
     add(contentSample(file));
   }
-  if (paths.empty()) facts = source.info().source;
   char text[100];
   std::snprintf(text, sizeof text, "%zu files, %llu bytes, %016llx", paths.size(),
                 static_cast<unsigned long long>(total),
                 static_cast<unsigned long long>(checksum64(facts.data(), facts.size())));
   return text;
+}
+
+// The stamps first: a change while the content is sampled shows at the next check.
+InputWatch::InputWatch(const VolumeSource& source)
+    : source_(source),
+      files_(source.files()),
+      stamps_(stampsOf(files_)),
+      identity_(inputIdentity(source)) {}
+
+std::vector<InputWatch::Stamp> InputWatch::stampsOf(const std::vector<std::string>& files) {
+  std::vector<Stamp> stamps;
+  for (const std::string& file : files) {
+    struct stat status = {};
+    Stamp stamp = {};  // of a file that cannot be reached: looking into it says why
+    if (stat(file.c_str(), &status) == 0)
+      stamp = {static_cast<std::int64_t>(status.st_dev),
+               static_cast<std::int64_t>(status.st_ino),
+               static_cast<std::int64_t>(status.st_size),
+               status.st_mtim.tv_sec,
+               status.st_mtim.tv_nsec,
+               status.st_ctim.tv_sec,
+               status.st_ctim.tv_nsec};
+    stamps.push_back(stamp);
+  }
+  return stamps;
+}
+
+void InputWatch::check() {
+  if (stampsOf(files_) != stamps_) checkContent();
+}
+
+void InputWatch::checkContent() {
+  std::vector<Stamp> stamps = stampsOf(files_);
+  std::string now;
+  try {
+    now = inputIdentity(source_);
+  } catch (const Error& error) {
+    throw ResumableError("whether '" + source_.info().source +
+                         "' is still as it was cannot be told: " + error.what());
+  }
+  if (now != identity_)
+    throw ResumableError("'" + source_.info().source +
+                         "' changed while it was read; put it back as it was, or build anew when "
+                         "nobody writes to it");
+  stamps_ = std::move(stamps);
 }
 
 }  // namespace isobrick

@@ -1,15 +1,44 @@
 // Whether a volume is still the one that was read before.
 #pragma once
 
+#include <array>
 #include <string>
+#include <vector>
 
 #include "preprocess/volume_source.h"
 
 namespace isobrick {
 
 // One line that changes with the source's files: their number, bytes, times of last change, and
-// blocks of their content, spread from the first to the last byte. Reads at most some 200 KiB of
-// each file. Throws ResumableError where one cannot be read.
+// blocks of their content, spread from the first to the last byte; for a source without files, its
+// identity(). Reads at most some 200 KiB of each file. Throws Error where one cannot be opened, and
+// ResumableError where it cannot be read or ends before its end.
 std::string inputIdentity(const VolumeSource& source);
+
+// A source's input from the beginning of a build to its end. Used by one thread at a time.
+class InputWatch {
+ public:
+  // Samples the input, as inputIdentity() does. `source` outlives this object.
+  explicit InputWatch(const VolumeSource& source);
+  const std::string& identity() const { return identity_; }
+
+  // Both throw ResumableError where the input is no longer what it was, or where that cannot be
+  // told because a file cannot be read. The first only asks for the files' times and sizes, and
+  // looks into them where these have changed: what was read before it returns was of the old
+  // content.
+  void check();
+  void checkContent();
+
+ private:
+  // Of one file: device, inode, bytes, and both times that a change of it changes. The second of
+  // them cannot be set back.
+  using Stamp = std::array<std::int64_t, 7>;
+  static std::vector<Stamp> stampsOf(const std::vector<std::string>& files);
+
+  const VolumeSource& source_;
+  std::vector<std::string> files_;
+  std::vector<Stamp> stamps_;
+  std::string identity_;
+};
 
 }  // namespace isobrick

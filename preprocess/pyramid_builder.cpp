@@ -44,8 +44,10 @@ std::string numberText(double number) { return nlohmann::json(number).dump(); }
 template <typename T>
 class Build {
  public:
-  Build(VolumeSource& source, const std::string& path, const BuildOptions& options)
+  Build(VolumeSource& source, InputWatch& input, const std::string& path,
+        const BuildOptions& options)
       : source_(source),
+        input_(input),
         options_(options),
         folder_(std::filesystem::path(path).parent_path().string()),
         spec_(specOf(source.info(), options)),
@@ -53,8 +55,7 @@ class Build {
         needs_(spec_),
         plan_(makeBuildPlan(spec_, source, options.memory_bytes,
                             tbb::this_task_arena::max_concurrency())),
-        input_(inputIdentity(source)),
-        identity_(buildIdentity(source, options)),
+        identity_(buildIdentity(source.info(), input.identity(), options)),
         writer_(path, spec_, identity_, options.resume, options.cancel),
         closures_(layout_),
         maker_(spec_, options.codec, needs_, closures_, times_) {
@@ -73,6 +74,11 @@ class Build {
     } catch (const ResumableError& error) {
       if (!keepForResume()) throw;
       throw ResumableError(std::string(error.what()) + "; " + whatIsKept());
+    } catch (const Error& error) {
+      // A file that is written or moved while it is read may look damaged.
+      if (inputIsAsItWas() || !keepForResume()) throw;
+      throw ResumableError(std::string(error.what()) + "; it changed while it was read; " +
+                           whatIsKept());
     } catch (const std::bad_alloc&) {
       if (!keepForResume()) throw;
       throw ResumableError("not enough memory for '" + source_.info().source +
@@ -96,6 +102,15 @@ class Build {
   void progress(double fraction) {
     if (options_.cancel != nullptr) options_.cancel->check();
     if (options_.progress) options_.progress("bricks", fraction);
+  }
+
+  bool inputIsAsItWas() {
+    try {
+      input_.checkContent();
+      return true;
+    } catch (const Error&) {
+      return false;
+    }
   }
 
   bool keepForResume() {
@@ -166,13 +181,18 @@ class Build {
         [&](const BrickWindow& window, BrickBatch& batch) {
           HandedOn<T> handed_on;
           if (next != nullptr) {
-            handed_on.samples = reinterpret_cast<T*>(handed_on_samples.data());
             handed_on.box = needs_.handedOn(level, window.bricks);
+            handed_on.samples =
+                reinterpret_cast<T*>(handed_on_samples.dataFor(bytesOf(handed_on.box)));
             handed_on.tiles = &next->finer_tiles;
           }
           makeBricks(level, window, store, handed_on, batch);
           if (next != nullptr) next->samples.write(handed_on.box, handed_on.samples);
         });
+  }
+
+  static std::size_t bytesOf(const IndexBox& box) {
+    return static_cast<std::size_t>(box.size()) * sizeof(T);
   }
 
   bool isResumed(int level, const Index3& brick) const {
@@ -197,7 +217,7 @@ class Build {
     if (!window.has_samples) return;
     const PhaseTimes::Timer timer(times_, BuildStep::kRead);
     window.sample_box = needs_.samples(level, window.bricks);
-    std::byte* const samples = window.samples.data();
+    std::byte* const samples = window.samples.dataFor(bytesOf(window.sample_box));
     if (level > 0) {
       store->samples.read(window.sample_box, samples);
       return;
@@ -208,6 +228,8 @@ class Build {
     } else {
       source_.readBox(window.sample_box, samples);
     }
+    // Before its bricks come to the journal: one of other content must never be gone on with.
+    input_.check();
     checkFinite(reinterpret_cast<T*>(samples), window);
   }
 
@@ -281,9 +303,7 @@ class Build {
 
   void publish() {
     const PhaseTimes::Timer timer(times_, BuildStep::kPublish);
-    if (inputIdentity(source_) != input_)
-      throw Error("'" + source_.info().source +
-                  "' changed while it was read; build again when nobody writes to it");
+    input_.checkContent();
     if (options_.cancel != nullptr) options_.cancel->check();
     report_.file_bytes = writer_.finish(voxel_range_, closures_.all(), provenance());
   }
@@ -305,13 +325,13 @@ class Build {
   }
 
   VolumeSource& source_;
+  InputWatch& input_;  // by the reading thread, and by the caller's where that has ended
   const BuildOptions& options_;
   std::string folder_;  // of the output
   const PyramidSpec spec_;
   const BrickLayout layout_;
   const BrickNeeds needs_;
   const BuildPlan plan_;
-  const std::string input_;
   const std::string identity_;
   PyramidWriter writer_;
   PhaseTimes times_;
@@ -349,10 +369,10 @@ void checkOptions(const BuildOptions& options) {
 
 }  // namespace
 
-std::string buildIdentity(const VolumeSource& source, const BuildOptions& options) {
-  const VolumeInfo& info = source.info();
+std::string buildIdentity(const VolumeInfo& info, const std::string& input_identity,
+                          const BuildOptions& options) {
   const auto hash = checksum64(&info.geometry, sizeof info.geometry);
-  std::string text = "input=" + inputIdentity(source) + "\n";
+  std::string text = "input=" + input_identity + "\n";
   const auto line = [&](const char* name, const std::string& value) {
     text += std::string(name) + "=" + value + "\n";
   };
@@ -368,16 +388,26 @@ std::string buildIdentity(const VolumeSource& source, const BuildOptions& option
   line("curvature", options.with_curvature ? numberText(options.curvature_epsilon) : "none");
   line("nan_as", options.nan_as ? numberText(static_cast<double>(*options.nan_as)) : "none");
   line("version", std::to_string(format::kVersion));
-  line("tool", options.tool_version);
+  line("algorithm", std::to_string(kBuildAlgorithm));
   return text;
+}
+
+std::string buildIdentity(const VolumeSource& source, const BuildOptions& options) {
+  return buildIdentity(source.info(), inputIdentity(source), options);
 }
 
 BuildReport buildPyramid(VolumeSource& source, const std::string& path,
                          const BuildOptions& options) {
+  InputWatch input(source);
+  return buildPyramid(source, input, path, options);
+}
+
+BuildReport buildPyramid(VolumeSource& source, InputWatch& input, const std::string& path,
+                         const BuildOptions& options) {
   checkOptions(options);
   refuseInputAsTemporary(source, path);
   return visitVoxelType(source.info().voxel_type, [&](auto tag) {
-    return Build<typename decltype(tag)::Type>(source, path, options).run();
+    return Build<typename decltype(tag)::Type>(source, input, path, options).run();
   });
 }
 

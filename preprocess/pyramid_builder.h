@@ -13,8 +13,16 @@
 
 namespace isobrick {
 
+class InputWatch;  // input_identity.h
+
 // Called now and then by one thread at a time: the phase's name and how much of it is done, 0 .. 1.
 using BuildProgress = std::function<void(std::string_view phase, double fraction)>;
+
+// Which bricks an input and options become: part of the identity, so that what an older program
+// built is built anew and not gone on with. To be raised with every change after which the same
+// input and options give other bytes: in a kernel, in the packing, in what a source makes of its
+// file, in the order of the file. Never for a release alone.
+inline constexpr int kBuildAlgorithm = 1;
 
 struct BuildOptions {
   std::int64_t brick_cells = 64;
@@ -27,7 +35,7 @@ struct BuildOptions {
   double curvature_epsilon = 1.0 / 64;
   // Value that takes the place of NaN and infinite voxels; without it they are refused.
   std::optional<float> nan_as;
-  std::string tool_version;
+  std::string tool_version;  // goes into the provenance; does not change the identity
 
   // Bounds all buffers of the build together, those of the source included. What does not fit lies
   // in files without a name in the folder of the output. Does not change the result.
@@ -62,15 +70,24 @@ struct BuildReport {
 // were interrupted.
 //
 // Throws Error for bad input and for a memory bound too small for one brick (the message says how
-// much it takes), ResumableError where the disk is full or fails, Cancelled. After the last two,
-// "<path>.partial" and its journal stay for `resume` if at least one brick was written, and the
-// message says so; otherwise nothing is left.
+// much it takes), ResumableError where the disk is full or fails, or where the input changed or
+// cannot be read any more, Cancelled. After the last two, "<path>.partial" and its journal stay for
+// `resume` if at least one brick was written, and the message says so; otherwise nothing is left.
+// What is kept was all read from the input as it was at the beginning: the times of its files are
+// looked at after every window, and its content at the end.
 BuildReport buildPyramid(VolumeSource& source, const std::string& path,
                          const BuildOptions& options);
+// The same for an input that was sampled already; `input` is that of `source`.
+BuildReport buildPyramid(VolumeSource& source, InputWatch& input, const std::string& path,
+                         const BuildOptions& options);
 
-// What a pyramid is made from and how, a line each: files (sizes, times, samples of their content),
-// how their voxels are read, grid, options. Equal texts mean equal bricks. It is in the provenance,
-// key "identity", and in the journal of an unfinished build. Reads some blocks of every file.
+// What a pyramid is made from and how, a line each: input (files with sizes, times and samples of
+// their content, or a phantom's parameters), how voxels are read, grid, options, kBuildAlgorithm.
+// Equal texts mean equal bricks. It is in the provenance, key "identity", and in the journal of an
+// unfinished build. `input_identity` is that of the source, on the first line.
+std::string buildIdentity(const VolumeInfo& info, const std::string& input_identity,
+                          const BuildOptions& options);
+// The same, with some blocks of every file read for it.
 std::string buildIdentity(const VolumeSource& source, const BuildOptions& options);
 
 }  // namespace isobrick

@@ -42,8 +42,14 @@ class VolumeSource {
   // order, by any number of threads at once. Only where readsBoxes().
   virtual void readBox(const IndexBox& box, void* out) const;
 
-  // The files that the voxels come from, in the order of their slices; none for phantoms.
+  // Every file that decides about the voxels: the header first, where it is a file of its own, then
+  // the data in the order of their slices. A file that is missing here can change unnoticed, and
+  // can be overwritten by the output. None for phantoms.
   virtual std::vector<std::string> files() const { return {}; }
+
+  // A source without files: one line that differs for any two sources whose voxels may, all its
+  // parameters in full precision. Empty where there are files. Without either, nothing is built.
+  virtual std::string identity() const = 0;
 
   // The most bytes that the source itself holds at a time while it is read: a slice that its
   // library decodes as a whole, or the whole image of a format that cannot be streamed.

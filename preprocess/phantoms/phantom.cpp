@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cmath>
+#include <cstdio>
 #include <glm/geometric.hpp>
 #include <glm/trigonometric.hpp>
 #include <limits>
@@ -59,6 +60,14 @@ class PhantomSource final : public VolumeSource {
   }
 
   const VolumeInfo& info() const override { return info_; }
+
+  std::string identity() const override {
+    const PhantomSpec& spec = phantom_.spec();
+    char period[40];
+    std::snprintf(period, sizeof period, "%.17g", spec.gyroid_period);
+    return "phantom " + spec.name + ", " + std::to_string(spec.size) + " voxels, " +
+           std::string(voxelTypeName(info_.voxel_type)) + ", period " + period;
+  }
 
   void readRows(std::int64_t first, std::int64_t count, void* out) override {
     const std::size_t row_bytes =

@@ -7,7 +7,7 @@
 #include <memory>
 #include <string>
 
-#include "preprocess/sources/input_file.h"
+#include "preprocess/input_file.h"
 
 namespace isobrick {
 

@@ -237,6 +237,7 @@ class SliceStackSource final : public VolumeSource {
   }
 
   std::vector<std::string> files() const override { return files_; }
+  std::string identity() const override { return {}; }
   // ITK's libraries hold the slice too while they decode it, and once more where they rescale it.
   std::uint64_t bufferBytes() const override { return 3 * slice_bytes_; }
 

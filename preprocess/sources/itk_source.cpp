@@ -27,6 +27,7 @@
 #include <sstream>
 
 #include "preprocess/sources/dicom_header.h"
+#include "preprocess/sources/header_text.h"
 #include "preprocess/sources/itk_common.h"
 #include "preprocess/sources/nifti_run.h"
 #include "preprocess/sources/raw_run.h"
@@ -318,13 +319,13 @@ VolumeInfo describeVolume(const std::string& path, const itk::ImageIOBase& image
   return info;
 }
 
-// A 3-D image in one file that cannot be streamed: held in memory from the first readRows() until
-// the last row was delivered. (ITK could stream some of them, but where it does it does not notice
-// that the data end early.)
+// A 3-D image that cannot be streamed, in one file or behind a header in several: held in memory
+// from the first readRows() until the last row was delivered. (ITK could stream some of them, but
+// where it does it does not notice that the data end early.)
 class WholeImageSource final : public VolumeSource {
  public:
-  WholeImageSource(VolumeInfo info, itk::ImageIOBase::Pointer image)
-      : info_(std::move(info)), image_(std::move(image)) {}
+  WholeImageSource(VolumeInfo info, std::vector<std::string> files, itk::ImageIOBase::Pointer image)
+      : info_(std::move(info)), files_(std::move(files)), image_(std::move(image)) {}
 
   const VolumeInfo& info() const override { return info_; }
 
@@ -342,7 +343,8 @@ class WholeImageSource final : public VolumeSource {
     if (first + count == info_.voxels.y * info_.voxels.z) buffer_.reset();
   }
 
-  std::vector<std::string> files() const override { return {info_.source}; }
+  std::vector<std::string> files() const override { return files_; }
+  std::string identity() const override { return {}; }
   std::uint64_t bufferBytes() const override {
     return static_cast<std::uint64_t>(elementCount(info_.voxels)) * image_->GetComponentSize();
   }
@@ -361,6 +363,7 @@ class WholeImageSource final : public VolumeSource {
   }
 
   VolumeInfo info_;
+  std::vector<std::string> files_;
   itk::ImageIOBase::Pointer image_;
   std::unique_ptr<std::byte[]> buffer_;
 };
@@ -379,9 +382,19 @@ std::unique_ptr<VolumeSource> openNiftiRun(VolumeInfo info) {
   return openRawRun(std::move(info), nifti.run, nifti.stored);
 }
 
+// The file, and those that it names. ITK knows MetaImage by its ending and NRRD by its first bytes.
+std::vector<std::string> filesOf(const std::string& path) {
+  std::error_code ignored;
+  if (!std::filesystem::is_regular_file(path, ignored)) return {path};
+  const std::string ending = lowercase(std::filesystem::path(path).extension().string());
+  return ending == ".mhd" || ending == ".mha" ? metaImageFiles(path) : nrrdFiles(path);
+}
+
 }  // namespace
 
 std::unique_ptr<VolumeSource> openItkFile(const std::string& path) {
+  // First: what has no good names must not come to ITK.
+  std::vector<std::string> files = filesOf(path);
   const itk::ImageIOBase::Pointer image = openImage(path);
   VolumeInfo info = describeVolume(path, *image);
   if (info.format == "NIfTI") return openNiftiRun(std::move(info));
@@ -391,7 +404,7 @@ std::unique_ptr<VolumeSource> openItkFile(const std::string& path) {
   const auto type = storedTypeOf(image->GetComponentType());
   if (run && type && image->GetNumberOfDimensions() == 3)
     return openRawRun(std::move(info), *run, {*type, run->big_endian, {}, false});
-  return std::make_unique<WholeImageSource>(std::move(info), image);
+  return std::make_unique<WholeImageSource>(std::move(info), std::move(files), image);
 }
 
 }  // namespace itk_detail

@@ -26,6 +26,10 @@ struct RawRun {
   bool big_endian = false;
 };
 
+// What VolumeSource::files() of a run says. `header_path` may be empty, or that of the data.
+std::vector<std::string> headerAndData(const std::string& header_path,
+                                       const std::string& data_path);
+
 // Nothing where the header is not that of a volume in one run: other encodings, several data files,
 // skipped lines, or anything unusual. Never throws.
 std::optional<RawRun> findNrrdRun(const std::string& header_path);

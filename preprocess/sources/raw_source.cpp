@@ -5,8 +5,8 @@
 #include <string_view>
 #include <utility>
 
+#include "preprocess/input_file.h"
 #include "preprocess/sources/inflate_stream.h"
-#include "preprocess/sources/input_file.h"
 #include "preprocess/sources/raw_run.h"
 #include "preprocess/sources/source_checks.h"
 #include "preprocess/sources/stored_voxels.h"
@@ -77,7 +77,10 @@ class RawSource final : public VolumeSource {
       }
   }
 
-  std::vector<std::string> files() const override { return {file_.path()}; }
+  std::vector<std::string> files() const override {
+    return headerAndData(header_path_, file_.path());
+  }
+  std::string identity() const override { return {}; }
   std::uint64_t bufferBytes() const override {
     return stored_.keepsType() ? 0 : kDecodeBufferBytes;
   }

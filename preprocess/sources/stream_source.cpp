@@ -37,7 +37,8 @@ class StreamSource final : public VolumeSource {
     if (first + count == info_.voxels.y * info_.voxels.z) stream_->finish();
   }
 
-  std::vector<std::string> files() const override { return {path_}; }
+  std::vector<std::string> files() const override { return headerAndData(header_path_, path_); }
+  std::string identity() const override { return {}; }
   std::uint64_t bufferBytes() const override {
     return stream_->bufferBytes() + (stored_.keepsType() ? 0 : kDecodeBufferBytes);
   }

@@ -15,7 +15,7 @@
 #include <new>
 #include <utility>
 
-#include "preprocess/sources/input_file.h"
+#include "preprocess/input_file.h"
 #include "preprocess/sources/source_checks.h"
 #include "preprocess/volume_source.h"
 #include "storage/error.h"
@@ -233,6 +233,7 @@ class VdbSource final : public VolumeSource {
   const VolumeInfo& info() const override { return info_; }
   bool readsBoxes() const override { return true; }
   std::vector<std::string> files() const override { return {info_.source}; }
+  std::string identity() const override { return {}; }
   std::uint64_t bufferBytes() const override { return grid_->memUsage(); }
 
   void readRows(std::int64_t first, std::int64_t count, void* out) override {

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "preprocess/sources/input_file.h"
+#include "preprocess/input_file.h"
 
 namespace isobrick {
 

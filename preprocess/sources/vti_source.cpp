@@ -8,9 +8,9 @@
 #include <optional>
 #include <utility>
 
+#include "preprocess/input_file.h"
 #include "preprocess/sources/byte_stream.h"
 #include "preprocess/sources/inflate_stream.h"
-#include "preprocess/sources/input_file.h"
 #include "preprocess/sources/raw_run.h"
 #include "preprocess/sources/source_checks.h"
 #include "preprocess/sources/stored_voxels.h"

@@ -33,6 +33,7 @@ class BoxSource final : public VolumeSource {
     info_.format = "test";
   }
   const VolumeInfo& info() const override { return info_; }
+  std::string identity() const override { return info_.source; }
   void readRows(std::int64_t, std::int64_t, void*) override { ADD_FAILURE() << "rows were asked"; }
   bool readsBoxes() const override { return true; }
   void readBox(const IndexBox& box, void* out) const override {

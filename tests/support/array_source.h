@@ -29,6 +29,7 @@ class CheckedSource : public VolumeSource {
  public:
   const VolumeInfo& info() const override { return info_; }
   VolumeInfo& editInfo() { return info_; }  // not during a build
+  std::string identity() const override { return info_.source; }
   void readRows(std::int64_t first, std::int64_t count, void* out) final {
     EXPECT_GE(first, next_row_);
     EXPECT_GT(count, 0);

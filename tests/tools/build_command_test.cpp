@@ -80,6 +80,21 @@ TEST_F(BuildCommandTest, TheDataBehindAHeaderCounts) {
   EXPECT_FALSE(isSkipped({"build", "a.mhd"}));
 }
 
+// The voxels are the same bytes and mean other numbers.
+TEST_F(BuildCommandTest, TheHeaderBeforeTheDataCounts) {
+  makeVolume("a.mhd", "head");
+  runWell({"build", "a.mhd"});
+  const std::string old = readBytes(path("a.isb"));
+  std::string header = readBytes(path("a.mhd"));
+  const std::size_t order = header.find("ByteOrderMSB = False");
+  ASSERT_NE(order, std::string::npos) << header;
+  header.replace(order, 20, "ByteOrderMSB = True");
+  writeBytes(path("a.mhd"), header);
+  EXPECT_FALSE(isSkipped({"build", "a.mhd"}));
+  EXPECT_NE(readBytes(path("a.isb")), old);
+  EXPECT_TRUE(isSkipped({"build", "a.mhd"}));
+}
+
 TEST_F(BuildCommandTest, OtherOptionsAreBuiltAgain) {
   makeVolume("a.nrrd");
   const std::vector<Words> variants = {{},

@@ -8,6 +8,7 @@
 #include <stdexcept>
 #include <system_error>
 
+#include "preprocess/input_identity.h"
 #include "storage/error.h"
 #include "storage/pyramid.h"
 #include "tools/build/existing_output.h"
@@ -19,7 +20,7 @@
 namespace isobrick {
 namespace {
 
-BuildReport buildShowingProgress(VolumeSource& source, const BuildJob& job,
+BuildReport buildShowingProgress(VolumeSource& source, InputWatch& input, const BuildJob& job,
                                  const BuildSettings& settings) {
   const VolumeInfo& info = source.info();
   const double bytes = static_cast<double>(elementCount(info.voxels)) *
@@ -29,7 +30,7 @@ BuildReport buildShowingProgress(VolumeSource& source, const BuildJob& job,
   options.progress = [&](std::string_view phase, double share) {
     bar.show(fmt::format("{}{}", job.label, phase), share);
   };
-  return buildPyramid(source, job.output, options);
+  return buildPyramid(source, input, job.output, options);
 }
 
 // Level 0 comes first, and only its bricks are read from the input.
@@ -55,8 +56,10 @@ BuiltVolume openAndBuild(const BuildJob& job, const BuildSettings& settings) {
   refusePreciousOutput(job.input.path, job.output, settings.force);
   const std::unique_ptr<VolumeSource> source = openInput(job.input);
   built.open_seconds = watch.seconds();
-  built.skipped = !settings.force && isUpToDate(job.output, *source, settings.options);
-  if (!built.skipped) built.report = buildShowingProgress(*source, job, settings);
+  InputWatch input(*source);
+  built.skipped =
+      !settings.force && isUpToDate(job.output, source->info(), input.identity(), settings.options);
+  if (!built.skipped) built.report = buildShowingProgress(*source, input, job, settings);
   built.volume = source->info();
   if (built.report.replaced_voxels > 0)
     built.volume.notes.push_back(fmt::format("{} voxels that were not finite became {}",

@@ -73,8 +73,8 @@ void refusePreciousOutput(const std::string& input, const std::string& output, b
   if (!force) throw Error(fmt::format("'{}' exists already; {}", output, kWaysOut));
 }
 
-bool isUpToDate(const std::string& output, const VolumeSource& source,
-                const BuildOptions& options) {
+bool isUpToDate(const std::string& output, const VolumeInfo& info,
+                const std::string& input_identity, const BuildOptions& options) {
   std::error_code ignored;
   if (!fs::is_regular_file(output, ignored)) return false;
   Origin origin;
@@ -84,10 +84,10 @@ bool isUpToDate(const std::string& output, const VolumeSource& source,
     throw Error(fmt::format("'{}' exists, and from what it was made is unknown ({}); {}", output,
                             error.what(), kWaysOut));
   }
-  const std::string identity = buildIdentity(source, options);
+  const std::string identity = buildIdentity(info, input_identity, options);
   if (origin.identity == identity) return true;
   if (inputLine(origin.identity) == inputLine(identity)) return false;
-  if (origin.source != source.info().source)
+  if (origin.source != info.source)
     throw Error(
         fmt::format("'{}' exists and was made from '{}'; {}", output, origin.source, kWaysOut));
   if (!meansTheSameFile(origin.source, output))

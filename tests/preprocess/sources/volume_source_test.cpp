@@ -167,6 +167,7 @@ class BytesSource final : public VolumeSource {
     info_.geometry = obliqueGeometry();
   }
   const VolumeInfo& info() const override { return info_; }
+  std::string identity() const override { return bytes_; }
   void readRows(std::int64_t first, std::int64_t count, void* out) override {
     if (fails_at >= first && fails_at < first + count) throw Error("row is damaged; test");
     const auto row = static_cast<std::size_t>(info_.voxels.x) * voxelBytes(info_.voxel_type);

@@ -1,8 +1,9 @@
-// A file that is only read, by position. Private to preprocess/sources/.
+// A file that is only read, by position.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
+#include <ctime>
 #include <string>
 
 namespace isobrick {
@@ -18,7 +19,9 @@ class InputFile {
   InputFile& operator=(const InputFile&) = delete;
 
   const std::string& path() const { return path_; }
-  std::uint64_t size() const { return size_; }  // when it was opened
+  // When it was opened: its bytes, and the time of its last change.
+  std::uint64_t size() const { return size_; }
+  const std::timespec& changedAt() const { return changed_at_; }
 
   // Reads `bytes` at `offset`, fewer only where the file ends; returns how many. By any number of
   // threads at once. Throws ResumableError where the disk fails.
@@ -28,6 +31,7 @@ class InputFile {
   std::string path_;
   int fd_ = -1;
   std::uint64_t size_ = 0;
+  std::timespec changed_at_ = {};
 };
 
 }  // namespace isobrick

@@ -1,4 +1,4 @@
-#include "preprocess/sources/input_file.h"
+#include "preprocess/input_file.h"
 
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -26,6 +26,7 @@ InputFile::InputFile(const std::string& path, const std::string& named_by) : pat
     throw Error("cannot read " + name + ": it is not a regular file; copy it to one");
   }
   size_ = static_cast<std::uint64_t>(status.st_size);
+  changed_at_ = status.st_mtim;
   posix_fadvise(fd_, 0, 0, POSIX_FADV_SEQUENTIAL);
 }
 
