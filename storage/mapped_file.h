@@ -6,14 +6,17 @@
 #include <optional>
 #include <string>
 
+#include "storage/bus_error_guard.h"
+
 namespace isobrick {
 
-// Maps a whole file for reading. Thread-safe to read.
+// Maps a whole file for reading. All const members are thread-safe, none is safe in a signal
+// handler; nobody may use the object while it is made or destroyed.
 //
-// A page that cannot be had when it is touched (the file was cut, its disk failed) raises SIGBUS.
-// The first mapping installs a handler for it: it puts a page of zeros there, notes the place, and
-// the reader goes on. So whoever used mapped bytes asks failedOffset() before the result is
-// believed. Once a page has failed, the file stays failed.
+// A page that cannot be had when it is touched (the file was cut, its disk failed) reads as zeros
+// (see BusErrorGuard, also for what becomes of other handlers of SIGBUS). So whoever used mapped
+// bytes asks failedOffset() before the result is believed. Once a page has failed, the file stays
+// failed.
 class MappedFile {
  public:
   // Throws Error where the file cannot be opened or mapped, is empty, or too many are open at once
@@ -23,14 +26,14 @@ class MappedFile {
   MappedFile(const MappedFile&) = delete;
   MappedFile& operator=(const MappedFile&) = delete;
 
-  static constexpr std::size_t kMostFiles = 1024;
+  static constexpr std::size_t kMostFiles = BusErrorGuard::kMostRanges;
 
   const std::string& path() const { return path_; }
   const std::byte* data() const { return data_; }
   std::uint64_t size() const { return size_; }
 
   // Where the first page that could not be read begins.
-  std::optional<std::uint64_t> failedOffset() const;
+  std::optional<std::uint64_t> failedOffset() const { return guard_.failedOffset(); }
 
   // XXH3-64 of `bytes` bytes from `offset`, asked from the disk as one piece; leaves the pages
   // resident. False where a page cannot be read.
@@ -49,7 +52,7 @@ class MappedFile {
   const std::byte* data_ = nullptr;
   std::uint64_t size_ = 0;
   int fd_ = -1;
-  std::size_t slot_ = 0;  // among the mappings that the signal handler knows
+  BusErrorGuard guard_;
 };
 
 }  // namespace isobrick

@@ -1,0 +1,58 @@
+// Pages of mapped files that cannot be had: zeros and a note in place of a crash.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+
+namespace isobrick {
+
+// Guards one range of mapped memory. Touching a page that cannot be had (the file was cut, its disk
+// failed) raises SIGBUS. The handler puts a page of zeros there, notes the place, and the
+// instruction that touched it goes on. So whoever used guarded memory asks failedOffset() before
+// the result is believed.
+//
+// The handler belongs to the process. The first guard() installs it and it stays to the end.
+// Signals that are not ours go to what was installed when the handler came, as the kernel would
+// deliver them: to a handler with its mask and flags (but for SA_ONSTACK: the alternate stack is
+// used where the thread has one), to nobody where they may be ignored, or to the default, which
+// ends the process as if this handler did not exist. After a foreign fault that somebody mended
+// ours is still in place.
+//
+// A handler that somebody else installs later (a JVM, Python's faulthandler) would get our faults.
+// Therefore guard() and keepInFront() put ours in front of it again; it then gets what is foreign,
+// and where it passes that on to what it found itself, that reaches the handlers from before it.
+// Two gaps remain: a fault after a later handler came and before the next guard() or keepInFront()
+// is for that handler, and so is every one after kMostHandlers different handlers have come.
+//
+// Thread-safety: guards of different objects may begin, end and fail at once in any threads. One
+// object is used by one thread at a time, but for failedOffset(). What the handler does is
+// async-signal-safe; nothing else here is to be called from a signal handler.
+class BusErrorGuard {
+ public:
+  static constexpr std::size_t kMostRanges = 1024;
+  static constexpr std::size_t kMostHandlers = 16;
+
+  BusErrorGuard() = default;
+  ~BusErrorGuard() { leave(); }
+  BusErrorGuard(const BusErrorGuard&) = delete;
+  BusErrorGuard& operator=(const BusErrorGuard&) = delete;
+
+  // Guards `size` bytes (at least 1) from `begin`, which begin a page, and the rest of their last
+  // page. Guards nothing and returns false where kMostRanges are guarded already. To be called once
+  // the memory is mapped, and leave() before it is unmapped; nobody may touch it meanwhile.
+  [[nodiscard]] bool guard(const void* begin, std::uint64_t size);
+  void leave() noexcept;
+
+  // Where, from the begin of the range, the first page begins that could not be had.
+  std::optional<std::uint64_t> failedOffset() const noexcept;
+
+  // Costs one system call where the handler is in front.
+  static void keepInFront() noexcept;
+
+ private:
+  static constexpr std::size_t kNone = ~std::size_t{0};
+  std::size_t slot_ = kNone;
+};
+
+}  // namespace isobrick
