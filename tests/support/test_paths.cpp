@@ -6,5 +6,6 @@ namespace isobrick::test {
 std::string sharedData() { return ISOBRICK_SHARED_DATA; }
 std::string goldenFolder() { return ISOBRICK_GOLDEN_FOLDER; }
 std::string isobrickCommand() { return ISOBRICK_COMMAND; }
+std::string isobrickWithFaults() { return ISOBRICK_WITH_FAULTS; }
 
 }  // namespace isobrick::test

@@ -14,4 +14,7 @@ std::string goldenFolder();
 // The `isobrick` command of this build.
 std::string isobrickCommand();
 
+// The same with faults: tests/tools/isobrick_with_faults.cpp.
+std::string isobrickWithFaults();
+
 }  // namespace isobrick::test

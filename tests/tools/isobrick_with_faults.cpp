@@ -1,0 +1,195 @@
+// `isobrick build` in a world where things go wrong at an exact moment:
+//
+//   isobrick_with_faults FAULT build ...
+//
+//   signal:S:N   signal S arrives just before the N-th change to the file system
+//   disk:B       the disk has room for B bytes more, and says so
+//   quota:B      the same, but it says nothing of it beforehand
+//   memory:N     the N-th allocation of 4 KiB or more fails, and all that are larger
+//   none
+//
+// It is linked from the command's own objects; the calls to the system that are named in
+// tests/CMakeLists.txt lead here first (the linker's --wrap). What a killed process leaves can only
+// be different after another such call, so one kill before each of them is all moments there are.
+// The command's status and output are its own.
+
+#include <fcntl.h>
+#include <sys/statvfs.h>
+#include <sys/types.h>
+#include <sys/uio.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cerrno>
+#include <csignal>
+#include <cstdint>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <limits>
+#include <new>
+
+namespace {
+
+constexpr std::size_t kLargeAllocation = 4096;
+
+int g_signal = 0;
+std::atomic<std::int64_t> g_changes_before_signal{-1};
+bool g_disk_is_limited = false, g_disk_tells = false;
+std::atomic<std::int64_t> g_disk_bytes{0};  // left, where it is limited
+std::atomic<std::int64_t> g_allocations_before_failure{-1};
+std::atomic<std::size_t> g_least_failing{std::numeric_limits<std::size_t>::max()};
+
+// False for a text that is none of the above.
+bool readFault(const char* text) {
+  int signal = 0;
+  long long number = 0;
+  char rest = 0;
+  if (std::sscanf(text, "signal:%d:%lld%c", &signal, &number, &rest) == 2) {
+    g_signal = signal;
+    g_changes_before_signal = number;
+    return true;
+  }
+  if (std::sscanf(text, "disk:%lld%c", &number, &rest) == 1) {
+    g_disk_bytes = number;
+    g_disk_is_limited = g_disk_tells = true;
+    return true;
+  }
+  if (std::sscanf(text, "quota:%lld%c", &number, &rest) == 1) {
+    g_disk_bytes = number;
+    g_disk_is_limited = true;
+    return true;
+  }
+  if (std::sscanf(text, "memory:%lld%c", &number, &rest) == 1) {
+    g_allocations_before_failure = number;
+    return true;
+  }
+  return std::strcmp(text, "none") == 0;
+}
+
+void beforeChange() {
+  if (g_changes_before_signal.fetch_sub(1) == 1) std::raise(g_signal);
+}
+
+// How many of `bytes` still fit, which are taken; none: errno is set.
+std::size_t takeSpace(std::size_t bytes) {
+  if (!g_disk_is_limited) return bytes;
+  std::int64_t left = g_disk_bytes.load(), taken = 0;
+  do {
+    taken = std::min(left, static_cast<std::int64_t>(bytes));
+  } while (!g_disk_bytes.compare_exchange_weak(left, left - taken));
+  if (taken == 0 && bytes > 0) errno = ENOSPC;
+  return static_cast<std::size_t>(taken);
+}
+
+bool failsToAllocate(std::size_t bytes) {
+  if (bytes < kLargeAllocation) return false;
+  if (g_allocations_before_failure.fetch_sub(1) == 1) g_least_failing = bytes;
+  return bytes >= g_least_failing.load();
+}
+
+}  // namespace
+
+extern "C" {
+
+int __real_main(int argc, char** argv);
+int __wrap_main(int argc, char** argv) {
+  if (argc < 2 || !readFault(argv[1])) return 125;
+  argv[1] = argv[0];
+  return __real_main(argc - 1, argv + 1);
+}
+
+ssize_t __real_write(int fd, const void* data, size_t bytes);
+ssize_t __wrap_write(int fd, const void* data, size_t bytes) {
+  beforeChange();
+  const std::size_t taken = takeSpace(bytes);
+  return taken == 0 && bytes > 0 ? -1 : __real_write(fd, data, taken);
+}
+
+ssize_t __real_pwrite(int fd, const void* data, size_t bytes, off_t offset);
+ssize_t __wrap_pwrite(int fd, const void* data, size_t bytes, off_t offset) {
+  beforeChange();
+  const std::size_t taken = takeSpace(bytes);
+  return taken == 0 && bytes > 0 ? -1 : __real_pwrite(fd, data, taken, offset);
+}
+
+ssize_t __real_pwritev(int fd, const iovec* pieces, int count, off_t offset);
+ssize_t __wrap_pwritev(int fd, const iovec* pieces, int count, off_t offset) {
+  if (!g_disk_is_limited) {
+    beforeChange();
+    return __real_pwritev(fd, pieces, count, offset);
+  }
+  // One piece at a time, so that the last one that fits can be cut.
+  while (count > 1 && pieces->iov_len == 0) ++pieces, --count;
+  return __wrap_pwrite(fd, pieces->iov_base, pieces->iov_len, offset);
+}
+
+int __real_ftruncate(int fd, off_t bytes);
+int __wrap_ftruncate(int fd, off_t bytes) {
+  beforeChange();
+  return __real_ftruncate(fd, bytes);
+}
+
+int __real_fallocate(int fd, int mode, off_t offset, off_t bytes);
+int __wrap_fallocate(int fd, int mode, off_t offset, off_t bytes) {
+  beforeChange();
+  if (!g_disk_tells || bytes <= g_disk_bytes.load())
+    return __real_fallocate(fd, mode, offset, bytes);
+  errno = ENOSPC;
+  return -1;
+}
+
+int __real_rename(const char* from, const char* to);
+int __wrap_rename(const char* from, const char* to) {
+  beforeChange();
+  return __real_rename(from, to);
+}
+
+int __real_unlink(const char* path);
+int __wrap_unlink(const char* path) {
+  beforeChange();
+  return __real_unlink(path);
+}
+
+int __real_fstatvfs(int fd, struct statvfs* status);
+int __wrap_fstatvfs(int fd, struct statvfs* status) {
+  const int result = __real_fstatvfs(fd, status);
+  if (result == 0 && g_disk_tells)
+    status->f_bavail = static_cast<fsblkcnt_t>(g_disk_bytes.load()) / status->f_frsize;
+  return result;
+}
+
+void* __real_malloc(size_t bytes);
+void* __wrap_malloc(size_t bytes) {
+  return failsToAllocate(bytes) ? nullptr : __real_malloc(bytes);
+}
+
+void* __real_aligned_alloc(size_t alignment, size_t bytes);
+void* __wrap_aligned_alloc(size_t alignment, size_t bytes) {
+  return failsToAllocate(bytes) ? nullptr : __real_aligned_alloc(alignment, bytes);
+}
+
+// operator new and new[], with and without an alignment.
+void* __real__Znwm(size_t bytes);
+void* __wrap__Znwm(size_t bytes) {
+  if (failsToAllocate(bytes)) throw std::bad_alloc();
+  return __real__Znwm(bytes);
+}
+void* __real__Znam(size_t bytes);
+void* __wrap__Znam(size_t bytes) {
+  if (failsToAllocate(bytes)) throw std::bad_alloc();
+  return __real__Znam(bytes);
+}
+void* __real__ZnwmSt11align_val_t(size_t bytes, std::align_val_t alignment);
+void* __wrap__ZnwmSt11align_val_t(size_t bytes, std::align_val_t alignment) {
+  if (failsToAllocate(bytes)) throw std::bad_alloc();
+  return __real__ZnwmSt11align_val_t(bytes, alignment);
+}
+void* __real__ZnamSt11align_val_t(size_t bytes, std::align_val_t alignment);
+void* __wrap__ZnamSt11align_val_t(size_t bytes, std::align_val_t alignment) {
+  if (failsToAllocate(bytes)) throw std::bad_alloc();
+  return __real__ZnamSt11align_val_t(bytes, alignment);
+}
+
+}  // extern "C"
