@@ -152,8 +152,8 @@ bool isSame(const struct sigaction& a, const struct sigaction& b) {
 }
 
 // The entry that passes on to `action`; kMostHandlers where there is none left. The same one again
-// for an action that was here before: it has been away, for while it is in the chain it cannot be
-// in front.
+// for an action that was here before: it went away and came back. (A handler that installs itself
+// over itself makes a loop without us, too.)
 std::size_t entryFor(const struct sigaction& action) {
   const std::size_t count = g_earlier_count.load();
   std::size_t entry = 0;

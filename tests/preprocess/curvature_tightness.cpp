@@ -1,5 +1,5 @@
 // Prints the tables of docs/ALGORITHM.md section 4: how tight the curvature bound is. Ends with 1
-// where a sample is above its bound. Takes a minute or so.
+// where a sample is above its bound.
 
 #include "tests/preprocess/curvature_tightness.h"
 
@@ -45,7 +45,7 @@ bool printTables() {
   std::printf("          ---- median ----------   ---- mean ------------\n");
   std::printf("          tile    own   constant   tile    own   constant\n");
   std::vector<Tightness> all;
-  bool is_bound = true;
+  std::int64_t samples = 0, below = 0;
   for (std::size_t i = 0; i < volumes.size(); ++i) {
     Tightness t = measureTightness(volumes[i]);
     const double medians[3] = {medianOf(t.tile), medianOf(t.own), medianOf(t.constant)};
@@ -53,9 +53,13 @@ bool printTables() {
     std::printf("  %-6s %6.2f %6.2f %8.2f %8.2f %6.2f %8.2f   (infinite bounds: %lld of %lld)\n",
                 cases[i].name, medians[0], medians[1], medians[2], means[0], means[1], means[2],
                 static_cast<long long>(t.infinite), static_cast<long long>(t.samples));
-    is_bound = is_bound && t.below == 0;
+    samples += t.samples;
+    below += t.below;
     all.push_back(std::move(t));
   }
+
+  std::printf("  %lld samples, %lld above their bound\n", static_cast<long long>(samples),
+              static_cast<long long>(below));
 
   std::printf("\n  share of samples whose node may stay coarse, in percent\n");
   std::printf("          radius   tile    own   constant   the sample alone\n");
@@ -84,7 +88,7 @@ bool printTables() {
                   quantileOf(unseen.excess, 1));
     }
   std::printf("\n");
-  return is_bound;
+  return below == 0;
 }
 
 }  // namespace
