@@ -28,6 +28,7 @@ set(isobrick_public_headers
   preprocess/export/volume_writer.h
   preprocess/phantoms/phantom.h
   preprocess/sources/itk_source.h
+  preprocess/sources/open_options.h
   preprocess/sources/raw_source.h
   preprocess/sources/vdb_source.h
   preprocess/sources/vti_source.h)

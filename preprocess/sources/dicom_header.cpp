@@ -1,7 +1,10 @@
 #include "preprocess/sources/dicom_header.h"
 
+#include <sys/stat.h>
+
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -28,9 +31,15 @@ constexpr std::array<std::string_view, 21> kShortTypes = {"AE", "AS", "AT", "CS"
                                                           "FD", "FL", "IS", "LO", "LT", "PN", "SH",
                                                           "SL", "SS", "ST", "TM", "UI", "UL", "US"};
 
-bool isOneOf(const auto& names, std::string_view name) {
-  return std::find(names.begin(), names.end(), name) != names.end();
+// Elements that are one 16-bit number in every file that GDCM can work with.
+constexpr std::array<std::uint32_t, 8> kNumbers = {0x00280002, 0x00280006, 0x00280010, 0x00280011,
+                                                   0x00280100, 0x00280101, 0x00280102, 0x00280103};
+
+bool isOneOf(const auto& all, const auto& one) {
+  return std::find(all.begin(), all.end(), one) != all.end();
 }
+
+std::atomic<std::uint64_t> headers_read{0};
 
 // The file ends early, or what is read makes no sense.
 struct Damaged {};
@@ -58,35 +67,64 @@ class Walker {
   DicomHeader walk() {
     DicomHeader header;
     constexpr std::uint64_t kPreambleBytes = 128;
-    if (size_ < kPreambleBytes + 4) return header;
-    seek(kPreambleBytes);
-    if (bytes(4) != "DICM") return header;
-    try {
-      header.state =
-          walkDataSet(header.values) ? DicomHeader::State::kImage : DicomHeader::State::kNoImage;
-    } catch (const Damaged&) {
-      header.state = DicomHeader::State::kDamaged;
+    if (size_ >= kPreambleBytes + 4) {
+      seek(kPreambleBytes);
+      if (bytes(4) == "DICM") {
+        try {
+          header.state = walkDataSet(header.values) ? DicomHeader::State::kImage
+                                                    : DicomHeader::State::kNoImage;
+        } catch (const Damaged&) {
+          header.state = DicomHeader::State::kDamaged;
+        }
+        return header;
+      }
+      seek(0);
     }
+    walkWithoutPreamble(header);
     return header;
   }
 
  private:
+  // Nothing but the data set itself says that the file is DICOM.
+  void walkWithoutPreamble(DicomHeader& header) {
+    must_ascend_ = true;
+    try {
+      const std::uint32_t group = peekGroup();
+      if (group != 2 && group != 8) return;
+      if (walkDataSet(header.values)) header.state = DicomHeader::State::kImage;
+    } catch (const Damaged&) {
+      // Who gets as far as the pixels of an image of some size is no other file.
+      if (at_pixels_ && header.values.contains(0x00280010) && header.values.contains(0x00280011))
+        header.state = DicomHeader::State::kDamaged;
+    }
+    if (header.state == DicomHeader::State::kNotDicom) header.values.clear();
+  }
+
   // True where the pixels were found, whole.
   bool walkDataSet(std::map<std::uint32_t, std::string>& values) {
     // Group 2 is always explicit little-endian and says how the rest is encoded.
     Encoding encoding;
     bool in_meta_group = true;
+    std::uint32_t last_tag = 0;
     while (at_ < size_) {
       if (in_meta_group && peekGroup() != 2) {
         in_meta_group = false;
+        if (!values.contains(kTransferSyntax)) values[kTransferSyntax] = guessedSyntax();
         const std::string& syntax = values[kTransferSyntax];
         // Deflated, or big-endian without types as one maker has it: GDCM may try.
-        if (syntax == "1.2.840.10008.1.2.1.99" || syntax == "1.2.840.113619.5.2") return true;
+        if (syntax == "1.2.840.10008.1.2.1.99" || syntax == "1.2.840.113619.5.2") {
+          if (must_ascend_) throw Damaged();
+          return true;
+        }
         encoding.is_explicit = syntax != "1.2.840.10008.1.2";
         encoding.big_endian = syntax == "1.2.840.10008.1.2.2";
       }
       const Element element = readElement(encoding);
+      if (must_ascend_ && element.tag <= last_tag) throw Damaged();
+      last_tag = element.tag;
       if (element.tag == kPixelData) {
+        at_pixels_ = true;
+        if (must_ascend_ && !hasSize(values)) throw Damaged();
         checkPixels(element, values);
         return true;
       }
@@ -101,6 +139,25 @@ class Walker {
       }
     }
     return false;
+  }
+
+  // Without group 2: the two encodings that old files have differ in the bytes behind the tag.
+  std::string guessedSyntax() {
+    if (!must_ascend_) return "";
+    const std::uint64_t here = at_;
+    skip(4);
+    const std::string type = bytes(2);
+    seek(here);
+    const bool is_explicit = isOneOf(kLongTypes, type) || isOneOf(kShortTypes, type);
+    return is_explicit ? "1.2.840.10008.1.2.1" : "1.2.840.10008.1.2";
+  }
+
+  static bool hasSize(const std::map<std::uint32_t, std::string>& values) {
+    const auto isPositive = [&](std::uint32_t tag) {
+      const auto found = values.find(tag);
+      return found != values.end() && std::strtoull(found->second.c_str(), nullptr, 10) > 0;
+    };
+    return isPositive(0x00280010) && isPositive(0x00280011);
   }
 
   void checkPixels(const Element& element, const std::map<std::uint32_t, std::string>& values) {
@@ -156,6 +213,7 @@ class Walker {
     element.tag = group << 16 | number16(encoding.big_endian);
     if (!encoding.is_explicit || group == 0xfffe) {  // items have no type in any encoding
       element.length = number32(encoding.big_endian);
+      if (isOneOf(kNumbers, element.tag) && element.length != 2) throw Damaged();
       return element;
     }
     element.representation = bytes(2);
@@ -172,9 +230,6 @@ class Walker {
 
   // GDCM aborts where an element that it works with has another type than the standard says.
   static void checkTypeOfImageElement(const Element& element) {
-    static constexpr std::array<std::uint32_t, 8> kNumbers = {0x00280002, 0x00280006, 0x00280010,
-                                                              0x00280011, 0x00280100, 0x00280101,
-                                                              0x00280102, 0x00280103};
     static constexpr std::array<std::uint32_t, 9> kDecimals = {0x00180050, 0x00180088, 0x00181164,
                                                                0x00200032, 0x00200037, 0x00280030,
                                                                0x00281050, 0x00281052, 0x00281053};
@@ -182,7 +237,7 @@ class Walker {
     const auto isIn = [&](const auto& tags) {
       return std::find(tags.begin(), tags.end(), element.tag) != tags.end();
     };
-    if (isIn(kNumbers) && (type != "US" || element.length != 2)) throw Damaged();
+    if (isOneOf(kNumbers, element.tag) && (type != "US" || element.length != 2)) throw Damaged();
     if (isIn(kDecimals) && type != "DS") throw Damaged();
     if (element.tag == 0x00280008 && type != "IS") throw Damaged();
     if (element.tag == 0x00280004 && type != "CS") throw Damaged();
@@ -191,10 +246,10 @@ class Walker {
 
   std::string text(const Element& element, const Encoding& encoding) {
     // Implicit encoding has no types: those of group 28 that are of interest are known numbers.
-    const std::uint32_t tag = element.tag;
+    const std::uint32_t tag = element.tag, number = tag & 0xffff;
     const bool is_number = element.representation == "US" || element.representation == "SS" ||
                            (!encoding.is_explicit && (tag >> 16) == 0x0028 && element.length == 2 &&
-                            (tag & 0xffff) != 0x0008 && (tag & 0xffff) < 0x0104);
+                            number != 0x0008 && number <= 0x0121);
     if (is_number && element.length == 2) return std::to_string(number16(encoding.big_endian));
     std::string value = bytes(element.length);
     while (!value.empty() && (value.back() == ' ' || value.back() == '\0')) value.pop_back();
@@ -240,10 +295,27 @@ class Walker {
   std::ifstream in_;
   std::uint64_t size_ = 0;
   std::uint64_t at_ = 0;  // <= size_
+  bool must_ascend_ = false;
+  bool at_pixels_ = false;
 };
 
 }  // namespace
 
-DicomHeader readDicomHeader(const std::string& path) { return Walker(path).walk(); }
+FileStamp fileStamp(const std::string& path) {
+  struct stat status = {};
+  if (stat(path.c_str(), &status) != 0) return {};
+  return {static_cast<std::uint64_t>(status.st_size), status.st_mtim.tv_sec,
+          status.st_mtim.tv_nsec};
+}
+
+DicomHeader readDicomHeader(const std::string& path) {
+  headers_read.fetch_add(1, std::memory_order_relaxed);
+  const FileStamp stamp = fileStamp(path);
+  DicomHeader header = Walker(path).walk();
+  header.stamp = stamp;
+  return header;
+}
+
+std::uint64_t dicomHeadersRead() { return headers_read.load(std::memory_order_relaxed); }
 
 }  // namespace isobrick

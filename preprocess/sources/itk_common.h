@@ -9,6 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "preprocess/sources/dicom_header.h"
+#include "preprocess/sources/open_options.h"
 #include "preprocess/volume_source.h"
 #include "storage/error.h"
 
@@ -25,6 +27,10 @@ Error itkError(const std::string& path, const std::exception& exception);
 // Opens `path` and reads its header. Throws Error for missing files, unknown formats, damaged
 // headers and for images with more than one value per voxel.
 itk::ImageIOBase::Pointer openImage(const std::string& path);
+
+// The same for a DICOM image that was walked before. Throws Error too where the file is no longer
+// the one with that stamp: GDCM must not see what was not walked.
+itk::ImageIOBase::Pointer openDicomImage(const std::string& path, const FileStamp& stamp);
 
 // Voxels per axis; trailing axes of length 1 are dropped, missing ones are 1. Throws Error for
 // images with more than one time step or channel.
@@ -45,9 +51,12 @@ void convertComponents(Component component, const void* in, std::size_t count, V
                        void* out);
 
 // A single file with a 3-D image.
-std::unique_ptr<VolumeSource> openItkFile(const std::string& path);
+std::unique_ptr<VolumeSource> openItkFile(const std::string& path, const OpenOptions& options);
+// The same for an image that is open.
+std::unique_ptr<VolumeSource> openItkFile(const std::string& path, itk::ImageIOBase::Pointer image,
+                                          const OpenOptions& options);
 // A folder with a DICOM series or a stack of slices.
-std::unique_ptr<VolumeSource> openItkFolder(const std::string& path);
+std::unique_ptr<VolumeSource> openItkFolder(const std::string& path, const OpenOptions& options);
 
 // Calls `f(tag)` with the C++ type of a component.
 template <typename F>

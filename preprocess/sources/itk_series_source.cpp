@@ -11,8 +11,10 @@
 #include <set>
 
 #include "preprocess/sources/dicom_header.h"
+#include "preprocess/sources/dicom_values.h"
 #include "preprocess/sources/itk_common.h"
 #include "preprocess/sources/source_checks.h"
+#include "storage/abandonable.h"
 
 namespace isobrick::itk_detail {
 namespace {
@@ -25,17 +27,14 @@ constexpr std::uint32_t kImagePosition = 0x00200032;
 constexpr std::uint32_t kImageOrientation = 0x00200037;
 constexpr std::uint32_t kRows = 0x00280010;
 constexpr std::uint32_t kColumns = 0x00280011;
-constexpr std::uint32_t kBitsAllocated = 0x00280100;
-constexpr std::uint32_t kBitsStored = 0x00280101;
-constexpr std::uint32_t kPixelRepresentation = 0x00280103;
-constexpr std::uint32_t kRescaleIntercept = 0x00281052;
-constexpr std::uint32_t kRescaleSlope = 0x00281053;
 
+// What is kept of a file's header: thousands of whole ones would be too much.
 struct DicomSlice {
   std::string path;
+  FileStamp stamp;
   std::string series_uid, position, orientation, instance;
-  std::string grid;       // rows and columns: the same in all slices of a volume
-  std::string value_map;  // all that decides how stored numbers become values
+  std::string grid;  // rows and columns: the same in all slices of a volume
+  DicomValueMap values;
 };
 
 // "1\2\3" -> {1, 2, 3}; empty where it is something else.
@@ -76,20 +75,21 @@ std::vector<std::string> filesIn(const std::string& folder) {
 }
 
 // The DICOM images among `files`. Only headers are read.
-std::vector<DicomSlice> scanDicom(const std::vector<std::string>& files) {
+std::vector<DicomSlice> scanDicom(const std::vector<std::string>& files,
+                                  const OpenOptions& options) {
   std::vector<DicomSlice> slices;
-  for (const std::string& file : files) {
+  for (std::size_t i = 0; i < files.size(); ++i) {
+    options.checkCancel();
+    options.report("scanning slices", static_cast<double>(i) / static_cast<double>(files.size()));
+    const std::string& file = files[i];
     const DicomHeader header = readDicomHeader(file);
     if (header.state == DicomHeader::State::kDamaged)
       throw Error("cannot read '" + file + "': the DICOM file is cut short or damaged; get the " +
                   "whole file again, or move it elsewhere if it is not of this series");
     if (header.state != DicomHeader::State::kImage) continue;
-    slices.push_back({file, header.value(kSeriesUid), header.value(kImagePosition),
+    slices.push_back({file, header.stamp, header.value(kSeriesUid), header.value(kImagePosition),
                       header.value(kImageOrientation), header.value(kInstanceNumber),
-                      header.value(kColumns) + " x " + header.value(kRows),
-                      header.value(kBitsAllocated) + '/' + header.value(kBitsStored) + '/' +
-                          header.value(kPixelRepresentation) + '/' + header.value(kRescaleSlope) +
-                          '/' + header.value(kRescaleIntercept)});
+                      header.value(kColumns) + " x " + header.value(kRows), dicomValueMap(header)});
   }
   return slices;
 }
@@ -175,38 +175,48 @@ std::optional<glm::dvec3> sortSlices(std::vector<DicomSlice>& slices, const glm:
   return step;
 }
 
-// One 2-D file of a series.
+// A file of a stack. Those of a DICOM series were walked before, and are still to be the same.
+struct SliceFile {
+  std::string path;
+  std::optional<FileStamp> dicom_stamp;
+};
+
+// One 2-D file of a series, open.
 struct SliceImage {
   itk::ImageIOBase::Pointer image;
   Component component() const { return image->GetComponentType(); }
 };
 
-class SliceReader {
- public:
-  static SliceImage open(const std::string& path, const Index3& expected) {
-    SliceImage slice{openImage(path)};
-    const Index3 voxels = imageVoxels(path, *slice.image);
-    if (voxels.z != 1)
-      throw Error("cannot use '" + path + "': it holds " + std::to_string(voxels.z) +
-                  " slices, but the folder is read as a stack of single ones; name that file");
-    if (expected.x != 0 && (voxels.x != expected.x || voxels.y != expected.y))
-      throw Error("cannot use '" + path + "': it has " + std::to_string(voxels.x) + " x " +
-                  std::to_string(voxels.y) + " pixels and the first slice " +
-                  std::to_string(expected.x) + " x " + std::to_string(expected.y) +
-                  "; keep only the slices of one volume in the folder");
-    return slice;
-  }
+SliceImage openSlice(const SliceFile& file, const Index3& expected) {
+  const std::string& path = file.path;
+  SliceImage slice{file.dicom_stamp ? openDicomImage(path, *file.dicom_stamp) : openImage(path)};
+  const Index3 voxels = imageVoxels(path, *slice.image);
+  if (voxels.z != 1)
+    throw Error("cannot use '" + path + "': it holds " + std::to_string(voxels.z) +
+                " slices, but the folder is read as a stack of single ones; name that file");
+  if (expected.x != 0 && (voxels.x != expected.x || voxels.y != expected.y))
+    throw Error("cannot use '" + path + "': it has " + std::to_string(voxels.x) + " x " +
+                std::to_string(voxels.y) + " pixels and the first slice " +
+                std::to_string(expected.x) + " x " + std::to_string(expected.y) +
+                "; keep only the slices of one volume in the folder");
+  return slice;
+}
 
-  // The pixels as the image's component type; valid until the next call.
-  const std::byte* read(const std::string& path, const SliceImage& slice) {
-    buffer_.resize(static_cast<std::size_t>(slice.image->GetImageSizeInBytes()));
-    readImageSlices(path, *slice.image, 0, 1, buffer_.data());
-    return buffer_.data();
-  }
-
- private:
-  std::vector<std::byte> buffer_;
+// A slice as its file has it.
+struct SlicePixels {
+  std::shared_ptr<std::vector<std::byte>> bytes;
+  Component component = Component::UNKNOWNCOMPONENTTYPE;
+  std::size_t component_bytes = 0;
 };
+
+// Into `buffer`, which may be that of an earlier slice.
+SlicePixels decodeSlice(const SliceFile& file, const Index3& expected,
+                        std::shared_ptr<std::vector<std::byte>> buffer) {
+  const SliceImage slice = openSlice(file, expected);
+  buffer->resize(static_cast<std::size_t>(slice.image->GetImageSizeInBytes()));
+  readImageSlices(file.path, *slice.image, 0, 1, buffer->data());
+  return {std::move(buffer), slice.component(), slice.image->GetComponentSize()};
+}
 
 bool isInteger(Component component) {
   return component != Component::FLOAT && component != Component::DOUBLE;
@@ -216,8 +226,12 @@ bool isInteger(Component component) {
 class SliceStackSource final : public VolumeSource {
  public:
   // `slice_bytes` is what a slice takes as it is stored.
-  SliceStackSource(VolumeInfo info, std::vector<std::string> files, std::uint64_t slice_bytes)
-      : info_(std::move(info)), files_(std::move(files)), slice_bytes_(slice_bytes) {}
+  SliceStackSource(VolumeInfo info, std::vector<SliceFile> files, std::uint64_t slice_bytes,
+                   const CancelFlag* cancel)
+      : info_(std::move(info)),
+        files_(std::move(files)),
+        slice_bytes_(slice_bytes),
+        cancel_(cancel) {}
 
   const VolumeInfo& info() const override { return info_; }
 
@@ -228,15 +242,20 @@ class SliceStackSource final : public VolumeSource {
       const std::int64_t rows = std::min(info_.voxels.y - y, first + count - row);
       if (k != slice_) loadSlice(k);
       const auto voxels = static_cast<std::size_t>(rows * info_.voxels.x);
-      convertComponents(component_,
-                        pixels_ + static_cast<std::size_t>(y * info_.voxels.x) * component_bytes_,
+      convertComponents(pixels_.component,
+                        pixels_.bytes->data() +
+                            static_cast<std::size_t>(y * info_.voxels.x) * pixels_.component_bytes,
                         voxels, info_.voxel_type, to);
       to += voxels * voxelBytes(info_.voxel_type);
       row += rows;
     }
   }
 
-  std::vector<std::string> files() const override { return files_; }
+  std::vector<std::string> files() const override {
+    std::vector<std::string> paths;
+    for (const SliceFile& file : files_) paths.push_back(file.path);
+    return paths;
+  }
   std::string identity() const override { return {}; }
   // ITK's libraries hold the slice too while they decode it, and once more where they rescale it.
   std::uint64_t bufferBytes() const override { return 3 * slice_bytes_; }
@@ -244,91 +263,107 @@ class SliceStackSource final : public VolumeSource {
  private:
   void loadSlice(std::int64_t k) {
     slice_ = -1;
-    const std::string& path = files_[static_cast<std::size_t>(k)];
-    const SliceImage slice = SliceReader::open(path, info_.voxels);
-    component_ = slice.component();
-    component_bytes_ = slice.image->GetComponentSize();
-    // Files may change between opening and reading; anything new must not be cut off silently.
-    const bool is_exact = exactVoxelType(component_) == info_.voxel_type;
+    const SliceFile& file = files_[static_cast<std::size_t>(k)];
+    auto buffer =
+        pixels_.bytes ? std::move(pixels_.bytes) : std::make_shared<std::vector<std::byte>>();
+    // A large packed slice takes seconds, and its library does not stop before its end.
+    pixels_ = runAbandonable(cancel_, [file, expected = info_.voxels, buffer = std::move(buffer)] {
+      return decodeSlice(file, expected, buffer);
+    });
+    // Whatever the headers said, and whatever became of the files since: nothing is cut off.
+    const bool is_exact = exactVoxelType(pixels_.component) == info_.voxel_type;
     const bool is_float = info_.voxel_type == VoxelType::kFloat32;
-    if (!is_exact && !is_float && !isInteger(component_))
-      throw Error("cannot read slice " + std::to_string(k) + ", '" + path +
-                  "': its values are of another type than the first slice's; convert all to one");
-    pixels_ = reader_.read(path, slice);
-    if (!is_exact && !is_float)
-      checkRange(path, k, component_, pixels_,
-                 static_cast<std::size_t>(info_.voxels.x * info_.voxels.y));
+    if (!is_exact && !is_float) checkRange(file, k);
     slice_ = k;
   }
 
-  void checkRange(const std::string& path, std::int64_t k, Component component,
-                  const std::byte* pixels, std::size_t count) const {
-    visitComponent(component, [&](auto in_tag) {
+  void checkRange(const SliceFile& file, std::int64_t k) const {
+    const std::string slice = "cannot read slice " + std::to_string(k) + ", '" + file.path + "': ";
+    const std::string advice =
+        file.dicom_stamp ? "; give --dicom-float32" : "; convert all to one type";
+    if (!isInteger(pixels_.component))
+      throw Error(slice + "its values are of another type than the first slice's" + advice);
+    visitComponent(pixels_.component, [&](auto in_tag) {
       using In = typename decltype(in_tag)::Type;
       if constexpr (std::is_integral_v<In>)
         visitVoxelType(info_.voxel_type, [&](auto out_tag) {
           using Out = typename decltype(out_tag)::Type;
           if constexpr (std::is_integral_v<Out>) {
-            const auto* values = reinterpret_cast<const In*>(pixels);
-            if (!std::all_of(values, values + count, [](In v) { return std::in_range<Out>(v); }))
-              throw Error("cannot read slice " + std::to_string(k) + ", '" + path +
-                          "': its values do not fit the type of the first slice; convert all to "
-                          "one type");
+            const auto* values = reinterpret_cast<const In*>(pixels_.bytes->data());
+            const auto* end = values + info_.voxels.x * info_.voxels.y;
+            const auto* misfit =
+                std::find_if(values, end, [](In v) { return !std::in_range<Out>(v); });
+            if (misfit != end)
+              throw Error(slice + "its value " + std::to_string(*misfit) + " does not fit the " +
+                          std::string(voxelTypeName(info_.voxel_type)) +
+                          (file.dicom_stamp ? " that the headers suggest" : " of the first slice") +
+                          advice);
           }
         });
     });
   }
 
   VolumeInfo info_;
-  std::vector<std::string> files_;
+  std::vector<SliceFile> files_;
   std::uint64_t slice_bytes_;
-  SliceReader reader_;
-  // The slice that reader_ holds; none is -1.
-  std::int64_t slice_ = -1;
-  const std::byte* pixels_ = nullptr;
-  Component component_ = Component::UNKNOWNCOMPONENTTYPE;
-  std::size_t component_bytes_ = 0;
+  const CancelFlag* cancel_;
+  std::int64_t slice_ = -1;  // the one in pixels_; none is -1
+  SlicePixels pixels_;
 };
 
-// The smallest voxel type that holds every value of the series exactly, found by reading it once.
-VoxelType scanVoxelType(const std::vector<std::string>& files, const Index3& voxels,
-                        SliceReader& reader) {
-  std::int64_t least = 0, greatest = 0;
-  const auto count = static_cast<std::size_t>(voxels.x * voxels.y);
-  for (const std::string& path : files) {
-    const SliceImage slice = SliceReader::open(path, voxels);
-    if (!isInteger(slice.component())) return VoxelType::kFloat32;
-    const std::byte* const pixels = reader.read(path, slice);
-    visitComponent(slice.component(), [&](auto tag) {
-      using T = typename decltype(tag)::Type;
-      const T* const values = reinterpret_cast<const T*>(pixels);
-      const auto [low, high] = std::minmax_element(values, values + count);
-      // Beyond 2^62 only the fact that nothing fits matters.
-      least = std::min(least, static_cast<std::int64_t>(*low));
-      greatest = std::max(
-          greatest, static_cast<std::int64_t>(std::min<long double>(*high, std::int64_t{1} << 62)));
-    });
+// The slope and intercept that GDCM applies: for some kinds of images (MR) not the header's. The
+// maps have them afterwards.
+void believeGdcm(const itk::GDCMImageIO& first, std::vector<DicomSlice>& slices) {
+  const double slope = first.GetRescaleSlope(), intercept = first.GetRescaleIntercept();
+  const DicomValueMap& header = slices.front().values;
+  if (header.slope == slope && header.intercept == intercept) return;
+  for (DicomSlice& slice : slices) {
+    slice.values.slope = slope;
+    slice.values.intercept = intercept;
   }
-  if (std::in_range<std::int16_t>(least) && std::in_range<std::int16_t>(greatest))
-    return VoxelType::kInt16;
-  if (std::in_range<std::uint16_t>(least) && std::in_range<std::uint16_t>(greatest))
-    return VoxelType::kUint16;
-  return VoxelType::kFloat32;
+}
+
+// The type of a series, with a note where it is wider than 16 bits.
+VoxelType chooseVoxelType(const std::vector<DicomSlice>& slices, std::optional<VoxelType> first,
+                          const OpenOptions& options, std::vector<std::string>& notes) {
+  if (options.dicom_float32) {
+    if (first != VoxelType::kFloat32) notes.push_back("values became float32, as was asked");
+    return VoxelType::kFloat32;
+  }
+  std::vector<DicomValueMap> maps;
+  bool is_one_map = true;
+  const auto sameMap = [](const DicomValueMap& a, const DicomValueMap& b) {
+    return a.slope == b.slope && a.intercept == b.intercept && a.bits_stored == b.bits_stored &&
+           a.bits_allocated == b.bits_allocated && a.is_signed == b.is_signed;
+  };
+  for (const DicomSlice& slice : slices) {
+    maps.push_back(slice.values);
+    is_one_map = is_one_map && sameMap(slice.values, slices.front().values);
+  }
+  // GDCM delivers all slices as this type, which holds all that the bits stored allow.
+  if (is_one_map && first) return *first;
+  DicomVoxelType chosen = dicomVoxelType(maps);
+  if (!chosen.note.empty()) notes.push_back(std::move(chosen.note));
+  return chosen.type;
 }
 
 std::unique_ptr<VolumeSource> openDicomSeries(const std::string& folder,
-                                              std::vector<DicomSlice> slices) {
+                                              std::vector<DicomSlice> slices,
+                                              const OpenOptions& options) {
   requireOneSeries(folder, slices);
   // One file with all slices (enhanced, multi-frame).
-  if (slices.size() == 1) return openItkFile(slices.front().path);
+  if (slices.size() == 1)
+    return openItkFile(slices.front().path,
+                       openDicomImage(slices.front().path, slices.front().stamp), options);
   requireOneGrid(slices);
 
   VolumeInfo info;
   info.source = folder;
   info.format = "DICOM series";
-  SliceReader reader;
   // In-plane geometry and the stack's normal are the same for all slices.
-  const SliceImage any = SliceReader::open(slices.front().path, Index3(0));
+  const SliceImage any = openSlice({slices.front().path, slices.front().stamp}, Index3(0));
+  const auto& dicom = static_cast<const itk::GDCMImageIO&>(*any.image);
+  believeGdcm(dicom, slices);
   info.voxels = imageVoxels(folder, *any.image);
   info.voxels.z = static_cast<std::int64_t>(slices.size());
   checkVoxelCounts(folder, info.voxels);
@@ -343,23 +378,13 @@ std::unique_ptr<VolumeSource> openDicomSeries(const std::string& folder,
   }
   tidyGeometry(folder, info.geometry, info.notes);
 
-  std::vector<std::string> files;
-  bool one_value_map = true;
-  for (const DicomSlice& slice : slices) {
-    files.push_back(slice.path);
-    one_value_map = one_value_map && slice.value_map == slices.front().value_map;
-  }
-  // A slope or an intercept makes the type of the values wider than the values mostly are (16-bit
-  // CT with intercept -1024), and it may change from slice to slice (PET).
-  const auto exact = exactVoxelType(any.component());
-  info.voxel_type = one_value_map && exact ? *exact : scanVoxelType(files, info.voxels, reader);
-  if (info.voxel_type == VoxelType::kFloat32 && exact != VoxelType::kFloat32)
-    info.notes.push_back("values beyond 16 bits were converted to float32");
-  const auto& dicom = static_cast<const itk::GDCMImageIO&>(*any.image);
+  info.voxel_type = chooseVoxelType(slices, exactVoxelType(any.component()), options, info.notes);
   if (dicom.GetRescaleSlope() != 1 || dicom.GetRescaleIntercept() != 0)
     info.notes.push_back("rescale slope and intercept were applied to the stored values");
+  std::vector<SliceFile> files;
+  for (DicomSlice& slice : slices) files.push_back({std::move(slice.path), slice.stamp});
   return std::make_unique<SliceStackSource>(std::move(info), std::move(files),
-                                            any.image->GetImageSizeInBytes());
+                                            any.image->GetImageSizeInBytes(), options.cancel);
 }
 
 // "slice9" before "slice10": runs of digits compare as numbers.
@@ -399,15 +424,16 @@ std::vector<std::string> withExtension(const std::vector<std::string>& files,
 }
 
 std::unique_ptr<VolumeSource> openImageStack(const std::string& folder,
-                                             std::vector<std::string> files) {
-  if (files.size() == 1) return openItkFile(files.front());
+                                             const std::vector<std::string>& paths,
+                                             const OpenOptions& options) {
+  if (paths.size() == 1) return openItkFile(paths.front(), options);
   VolumeInfo info;
   info.source = folder;
-  const SliceImage first = SliceReader::open(files.front(), Index3(0));
+  const SliceImage first = openSlice({paths.front(), std::nullopt}, Index3(0));
   const std::string io_name = first.image->GetNameOfClass();
   info.format = io_name.substr(0, io_name.find("ImageIO")) + " stack";
   info.voxels = imageVoxels(folder, *first.image);
-  info.voxels.z = static_cast<std::int64_t>(files.size());
+  info.voxels.z = static_cast<std::int64_t>(paths.size());
   checkVoxelCounts(folder, info.voxels);
   info.geometry.spacing = imageGeometry(*first.image).spacing;
   info.geometry.spacing.z = info.geometry.spacing.x;
@@ -418,27 +444,29 @@ std::unique_ptr<VolumeSource> openImageStack(const std::string& folder,
   if (!exact)
     info.notes.push_back(itk::ImageIOBase::GetComponentTypeAsString(first.component()) +
                          " voxels were converted to float32");
+  std::vector<SliceFile> files;
+  for (const std::string& path : paths) files.push_back({path, std::nullopt});
   return std::make_unique<SliceStackSource>(std::move(info), std::move(files),
-                                            first.image->GetImageSizeInBytes());
+                                            first.image->GetImageSizeInBytes(), options.cancel);
 }
 
 }  // namespace
 
-std::unique_ptr<VolumeSource> openItkFolder(const std::string& path) {
+std::unique_ptr<VolumeSource> openItkFolder(const std::string& path, const OpenOptions& options) {
   prepareItk();
   const std::vector<std::string> files = filesIn(path);
   // Names of slice images are no DICOM and may be large: do not scan them.
-  std::vector<std::string> tiffs = withExtension(files, {".tif", ".tiff"});
-  std::vector<std::string> images = withExtension(files, {".png"});
+  const std::vector<std::string> tiffs = withExtension(files, {".tif", ".tiff"});
+  const std::vector<std::string> images = withExtension(files, {".png"});
+  std::set<std::string> named(tiffs.begin(), tiffs.end());
+  named.insert(images.begin(), images.end());
   std::vector<std::string> others;
   for (const std::string& file : files)
-    if (std::find(tiffs.begin(), tiffs.end(), file) == tiffs.end() &&
-        std::find(images.begin(), images.end(), file) == images.end())
-      others.push_back(file);
-  std::vector<DicomSlice> dicom = scanDicom(others);
-  if (!dicom.empty()) return openDicomSeries(path, std::move(dicom));
-  if (!tiffs.empty()) return openImageStack(path, std::move(tiffs));
-  if (!images.empty()) return openImageStack(path, std::move(images));
+    if (!named.contains(file)) others.push_back(file);
+  std::vector<DicomSlice> dicom = scanDicom(others, options);
+  if (!dicom.empty()) return openDicomSeries(path, std::move(dicom), options);
+  if (!tiffs.empty()) return openImageStack(path, tiffs, options);
+  if (!images.empty()) return openImageStack(path, images, options);
   throw Error("cannot read the folder '" + path + "': it holds neither DICOM files nor TIFF or " +
               "PNG slices; name a folder that does, or a file");
 }

@@ -32,6 +32,7 @@
 #include "preprocess/sources/nifti_run.h"
 #include "preprocess/sources/raw_run.h"
 #include "preprocess/sources/source_checks.h"
+#include "storage/abandonable.h"
 
 namespace isobrick {
 namespace itk_detail {
@@ -155,6 +156,32 @@ Error itkError(const std::string& path, const std::exception& exception) {
       "; check that the file is whole and not damaged");
 }
 
+namespace {
+
+// Reads the header of `image`, which may be null: no known format.
+itk::ImageIOBase::Pointer withInformation(const std::string& path,
+                                          itk::ImageIOBase::Pointer image) {
+  if (image.IsNotNull()) {
+    image->SetFileName(path);
+    image->ReadImageInformation();
+  }
+  return image;
+}
+
+itk::ImageIOBase::Pointer requireScalars(const std::string& path, itk::ImageIOBase::Pointer image) {
+  if (image.IsNull())
+    throw Error("cannot read '" + path + "': it is unreadable or in no known format (NRRD, " +
+                "MetaImage, NIfTI, TIFF, DICOM, MRC, VTK legacy, ...); a file without a header " +
+                "needs --raw-dims and --raw-type");
+  if (image->GetNumberOfComponents() != 1)
+    throw Error("cannot use '" + path + "': it has " +
+                std::to_string(image->GetNumberOfComponents()) +
+                " values per voxel (colour, vector or complex); extract one channel first");
+  return image;
+}
+
+}  // namespace
+
 itk::ImageIOBase::Pointer openImage(const std::string& path) {
   prepareItk();
   std::error_code error;
@@ -169,24 +196,28 @@ itk::ImageIOBase::Pointer openImage(const std::string& path) {
       image = itk::GDCMImageIO::New().GetPointer();
     else
       image = itk::ImageIOFactory::CreateImageIO(path.c_str(), itk::IOFileModeEnum::ReadMode);
-    if (image.IsNotNull()) {
-      image->SetFileName(path);
-      image->ReadImageInformation();
-    }
+    image = withInformation(path, image);
   } catch (const Error&) {
     throw;
   } catch (const std::exception& exception) {
     throw itkError(path, exception);
   }
-  if (image.IsNull())
-    throw Error("cannot read '" + path + "': it is unreadable or in no known format (NRRD, " +
-                "MetaImage, NIfTI, TIFF, DICOM, MRC, VTK legacy, ...); a file without a header " +
-                "needs --raw-dims and --raw-type");
-  if (image->GetNumberOfComponents() != 1)
-    throw Error("cannot use '" + path + "': it has " +
-                std::to_string(image->GetNumberOfComponents()) +
-                " values per voxel (colour, vector or complex); extract one channel first");
-  return image;
+  return requireScalars(path, image);
+}
+
+itk::ImageIOBase::Pointer openDicomImage(const std::string& path, const FileStamp& stamp) {
+  prepareItk();
+  if (fileStamp(path) != stamp)
+    throw Error("cannot read '" + path + "': it changed since its header was read; run again " +
+                "when nobody writes to it");
+  try {
+    const CerrCapture silence;
+    return requireScalars(path, withInformation(path, itk::GDCMImageIO::New().GetPointer()));
+  } catch (const Error&) {
+    throw;
+  } catch (const std::exception& exception) {
+    throw itkError(path, exception);
+  }
 }
 
 Index3 imageVoxels(const std::string& path, const itk::ImageIOBase& image) {
@@ -324,8 +355,12 @@ VolumeInfo describeVolume(const std::string& path, const itk::ImageIOBase& image
 // where it does it does not notice that the data end early.)
 class WholeImageSource final : public VolumeSource {
  public:
-  WholeImageSource(VolumeInfo info, std::vector<std::string> files, itk::ImageIOBase::Pointer image)
-      : info_(std::move(info)), files_(std::move(files)), image_(std::move(image)) {}
+  WholeImageSource(VolumeInfo info, std::vector<std::string> files, itk::ImageIOBase::Pointer image,
+                   const CancelFlag* cancel)
+      : info_(std::move(info)),
+        files_(std::move(files)),
+        image_(std::move(image)),
+        cancel_(cancel) {}
 
   const VolumeInfo& info() const override { return info_; }
 
@@ -357,18 +392,23 @@ class WholeImageSource final : public VolumeSource {
     const auto physical = static_cast<std::uint64_t>(sysconf(_SC_PHYS_PAGES)) *
                           static_cast<std::uint64_t>(sysconf(_SC_PAGESIZE));
     if (bytes > physical) throw std::bad_alloc();
-    auto whole = std::make_unique_for_overwrite<std::byte[]>(bytes);
-    readImageSlices(info_.source, *image_, 0, info_.voxels.z, whole.get());
-    buffer_ = std::move(whole);
+    // ITK reads the image in one call, which may take minutes.
+    buffer_ = runAbandonable(cancel_,
+                             [path = info_.source, image = image_, slices = info_.voxels.z, bytes] {
+                               std::shared_ptr<std::byte[]> whole(new std::byte[bytes]);
+                               readImageSlices(path, *image, 0, slices, whole.get());
+                               return whole;
+                             });
   }
 
   VolumeInfo info_;
   std::vector<std::string> files_;
   itk::ImageIOBase::Pointer image_;
-  std::unique_ptr<std::byte[]> buffer_;
+  const CancelFlag* cancel_;
+  std::shared_ptr<std::byte[]> buffer_;
 };
 
-std::unique_ptr<VolumeSource> openNiftiRun(VolumeInfo info) {
+std::unique_ptr<VolumeSource> openNiftiRun(VolumeInfo info, const OpenOptions& options) {
   const NiftiRun nifti = findNiftiRun(info.source);
   if (nifti.stored.delivered() != info.voxel_type)
     throw Error("cannot read '" + info.source + "': its header is contradictory; check that it " +
@@ -379,7 +419,7 @@ std::unique_ptr<VolumeSource> openNiftiRun(VolumeInfo info) {
          << " were applied to the stored values";
     info.notes.push_back(note.str());
   }
-  return openRawRun(std::move(info), nifti.run, nifti.stored);
+  return openRawRun(std::move(info), nifti.run, nifti.stored, options.cancel);
 }
 
 // The file, and those that it names. ITK knows MetaImage by its ending and NRRD by its first bytes.
@@ -390,29 +430,40 @@ std::vector<std::string> filesOf(const std::string& path) {
   return ending == ".mhd" || ending == ".mha" ? metaImageFiles(path) : nrrdFiles(path);
 }
 
-}  // namespace
-
-std::unique_ptr<VolumeSource> openItkFile(const std::string& path) {
-  // First: what has no good names must not come to ITK.
-  std::vector<std::string> files = filesOf(path);
-  const itk::ImageIOBase::Pointer image = openImage(path);
+std::unique_ptr<VolumeSource> openImageFile(const std::string& path, std::vector<std::string> files,
+                                            itk::ImageIOBase::Pointer image,
+                                            const OpenOptions& options) {
   VolumeInfo info = describeVolume(path, *image);
-  if (info.format == "NIfTI") return openNiftiRun(std::move(info));
+  if (info.format == "NIfTI") return openNiftiRun(std::move(info), options);
   const auto run = info.format == "NRRD"        ? findNrrdRun(path)
                    : info.format == "MetaImage" ? findMetaImageRun(path)
                                                 : std::nullopt;
   const auto type = storedTypeOf(image->GetComponentType());
   if (run && type && image->GetNumberOfDimensions() == 3)
-    return openRawRun(std::move(info), *run, {*type, run->big_endian, {}, false});
-  return std::make_unique<WholeImageSource>(std::move(info), std::move(files), image);
+    return openRawRun(std::move(info), *run, {*type, run->big_endian, {}, false}, options.cancel);
+  return std::make_unique<WholeImageSource>(std::move(info), std::move(files), std::move(image),
+                                            options.cancel);
+}
+
+}  // namespace
+
+std::unique_ptr<VolumeSource> openItkFile(const std::string& path, const OpenOptions& options) {
+  // First: what has no good names must not come to ITK.
+  std::vector<std::string> files = filesOf(path);
+  return openImageFile(path, std::move(files), openImage(path), options);
+}
+
+std::unique_ptr<VolumeSource> openItkFile(const std::string& path, itk::ImageIOBase::Pointer image,
+                                          const OpenOptions& options) {
+  return openImageFile(path, filesOf(path), std::move(image), options);
 }
 
 }  // namespace itk_detail
 
-std::unique_ptr<VolumeSource> openItkSource(const std::string& path) {
+std::unique_ptr<VolumeSource> openItkSource(const std::string& path, const OpenOptions& options) {
   std::error_code ignored;
-  return std::filesystem::is_directory(path, ignored) ? itk_detail::openItkFolder(path)
-                                                      : itk_detail::openItkFile(path);
+  return std::filesystem::is_directory(path, ignored) ? itk_detail::openItkFolder(path, options)
+                                                      : itk_detail::openItkFile(path, options);
 }
 
 }  // namespace isobrick

@@ -4,13 +4,16 @@
 #include <memory>
 #include <string>
 
+#include "preprocess/sources/open_options.h"
 #include "preprocess/volume_source.h"
 
 namespace isobrick {
 
 // Opens anything that ITK reads: NRRD, MetaImage, NIfTI, TIFF, ...; a folder is a DICOM series (it
 // must hold exactly one) or a stack of TIFF slices. Slope and intercept, spacing, origin and
-// direction are applied.
-std::unique_ptr<VolumeSource> openItkSource(const std::string& path);
+// direction are applied. No pixels are decoded: the voxel type of a series follows from its headers
+// (dicom_values.h), each of which is read once.
+std::unique_ptr<VolumeSource> openItkSource(const std::string& path,
+                                            const OpenOptions& options = {});
 
 }  // namespace isobrick

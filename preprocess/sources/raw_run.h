@@ -13,6 +13,7 @@
 #include "preprocess/sources/byte_stream.h"
 #include "preprocess/sources/stored_voxels.h"
 #include "preprocess/volume_source.h"
+#include "storage/cancel.h"
 
 namespace isobrick {
 
@@ -39,14 +40,18 @@ std::optional<RawRun> findMetaImageRun(const std::string& header_path);
 // its type. Throws Error, naming the header's file, where the data end early: at once, or for
 // deflated ones when that is found. Bytes after them are ignored, but not where the user described
 // the file.
+//
+// `cancel`, which may be null and outlives the source, is looked at by what is inflated: between
+// two rows that are asked for there may be gigabytes.
 std::unique_ptr<VolumeSource> openRawRun(VolumeInfo info, const RawRun& run,
-                                         const StoredVoxels& stored);
+                                         const StoredVoxels& stored, const CancelFlag* cancel);
 
 // The same out of any stream, in which the first voxel is at `content_offset_bytes`. `path` is the
 // file's for messages, `header_path` that of the file that says how many voxels there are.
 std::unique_ptr<VolumeSource> openStream(VolumeInfo info, const StoredVoxels& stored,
                                          std::unique_ptr<ByteStream> stream,
                                          std::uint64_t content_offset_bytes,
-                                         const std::string& path, const std::string& header_path);
+                                         const std::string& path, const std::string& header_path,
+                                         const CancelFlag* cancel);
 
 }  // namespace isobrick

@@ -156,13 +156,13 @@ std::unique_ptr<VolumeSource> openRawSource(const std::string& path, const RawLa
 }
 
 std::unique_ptr<VolumeSource> openRawRun(VolumeInfo info, const RawRun& run,
-                                         const StoredVoxels& stored) {
+                                         const StoredVoxels& stored, const CancelFlag* cancel) {
   if (!run.is_deflated) return std::make_unique<RawSource>(std::move(info), run, stored);
   auto file = std::make_shared<const InputFile>(run.path,
                                                 run.header_path == run.path ? "" : run.header_path);
   return openStream(std::move(info), stored,
                     makeInflateStream(run.path, makeFileStream(std::move(file), run.offset_bytes)),
-                    run.content_offset_bytes, run.path, run.header_path);
+                    run.content_offset_bytes, run.path, run.header_path, cancel);
 }
 
 }  // namespace isobrick

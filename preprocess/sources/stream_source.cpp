@@ -1,4 +1,5 @@
 // Voxels that come out of a stream of bytes and are never held whole.
+#include <algorithm>
 #include <stdexcept>
 #include <utility>
 
@@ -14,13 +15,15 @@ namespace {
 class StreamSource final : public VolumeSource {
  public:
   StreamSource(VolumeInfo info, const StoredVoxels& stored, std::unique_ptr<ByteStream> stream,
-               std::uint64_t content_offset_bytes, std::string path, std::string header_path)
+               std::uint64_t content_offset_bytes, std::string path, std::string header_path,
+               const CancelFlag* cancel)
       : info_(std::move(info)),
         stored_(stored),
         stream_(std::move(stream)),
         content_offset_bytes_(content_offset_bytes),
         path_(std::move(path)),
-        header_path_(std::move(header_path)) {}
+        header_path_(std::move(header_path)),
+        cancel_(cancel) {}
 
   const VolumeInfo& info() const override { return info_; }
 
@@ -29,9 +32,7 @@ class StreamSource final : public VolumeSource {
     const std::uint64_t at =
         content_offset_bytes_ + static_cast<std::uint64_t>(first) * row_voxels * stored_.bytes();
     if (at < position_) throw std::logic_error("rows of a stream are asked for in ascending order");
-    const std::uint64_t skipped = skipBytes(*stream_, at - position_);
-    position_ += skipped;
-    if (position_ < at) throw tooShort();
+    skipTo(at);
     decodeVoxels(stored_, static_cast<std::size_t>(count) * row_voxels, out,
                  [&](std::byte* to, std::size_t bytes) { readBytes(to, bytes); });
     if (first + count == info_.voxels.y * info_.voxels.z) stream_->finish();
@@ -44,10 +45,33 @@ class StreamSource final : public VolumeSource {
   }
 
  private:
+  // A request to cancel is answered after so many bytes: some milliseconds of inflating.
+  static constexpr std::size_t kBytesPerLook = std::size_t{1} << 20;
+
+  void checkCancel() const {
+    if (cancel_ != nullptr) cancel_->check();
+  }
+
+  void skipTo(std::uint64_t at) {
+    while (position_ < at) {
+      checkCancel();
+      const std::uint64_t part = std::min<std::uint64_t>(at - position_, kBytesPerLook);
+      const std::uint64_t skipped = skipBytes(*stream_, part);
+      position_ += skipped;
+      if (skipped < part) throw tooShort();
+    }
+  }
+
   void readBytes(std::byte* to, std::size_t bytes) {
-    const std::size_t got = stream_->read(to, bytes);
-    position_ += got;
-    if (got < bytes) throw tooShort();
+    while (bytes > 0) {
+      checkCancel();
+      const std::size_t part = std::min(bytes, kBytesPerLook);
+      const std::size_t got = stream_->read(to, part);
+      position_ += got;
+      if (got < part) throw tooShort();
+      to += part;
+      bytes -= part;
+    }
   }
 
   Error tooShort() const {
@@ -65,6 +89,7 @@ class StreamSource final : public VolumeSource {
   std::unique_ptr<ByteStream> stream_;
   std::uint64_t content_offset_bytes_;
   std::string path_, header_path_;
+  const CancelFlag* cancel_;
   std::uint64_t position_ = 0;  // bytes of content that were read
 };
 
@@ -73,14 +98,15 @@ class StreamSource final : public VolumeSource {
 std::unique_ptr<VolumeSource> openStream(VolumeInfo info, const StoredVoxels& stored,
                                          std::unique_ptr<ByteStream> stream,
                                          std::uint64_t content_offset_bytes,
-                                         const std::string& path, const std::string& header_path) {
+                                         const std::string& path, const std::string& header_path,
+                                         const CancelFlag* cancel) {
   // At most 2^60 voxels of 8 bytes: only the offset can overflow.
   const auto bytes = static_cast<std::uint64_t>(elementCount(info.voxels)) * stored.bytes();
   if (content_offset_bytes > UINT64_MAX - bytes)
     throw Error("cannot read '" + header_path + "': it says that the voxels begin at byte " +
                 std::to_string(content_offset_bytes) + "; correct its header");
   return std::make_unique<StreamSource>(std::move(info), stored, std::move(stream),
-                                        content_offset_bytes, path, header_path);
+                                        content_offset_bytes, path, header_path, cancel);
 }
 
 }  // namespace isobrick

@@ -61,13 +61,52 @@ bool isScalar(const GridBase& grid) {
       grid);
 }
 
+// A file that says how far it was read, and stops where that is wished: what it throws comes out of
+// OpenVDB's call through the stream.
+class WatchedFile final : public std::filebuf {
+ public:
+  WatchedFile(const std::string& path, std::uint64_t bytes, const OpenOptions& options)
+      : bytes_(bytes), options_(options) {
+    open(path, std::ios::in | std::ios::binary);
+  }
+
+ protected:
+  std::streamsize xsgetn(char* to, std::streamsize count) override {
+    look(count);
+    return std::filebuf::xsgetn(to, count);
+  }
+  int_type underflow() override {
+    look(0);
+    return std::filebuf::underflow();
+  }
+
+ private:
+  void look(std::streamsize count) {
+    options_.checkCancel();
+    read_ += static_cast<std::uint64_t>(count);
+    if (read_ - reported_ < kBytesPerReport) return;
+    reported_ = read_;
+    options_.report("loading grid",
+                    static_cast<double>(std::min(read_, bytes_)) / static_cast<double>(bytes_));
+  }
+
+  static constexpr std::uint64_t kBytesPerReport = std::uint64_t{64} << 10;
+  const std::uint64_t bytes_;
+  const OpenOptions& options_;
+  std::uint64_t read_ = 0, reported_ = 0;
+};
+
 // A .vdb file, read front to back. OpenVDB's own io::File goes on with whatever is in memory where
 // a file ends too early; here the stream throws instead, and every byte is read at once rather than
 // at the first access, which would be long after the file was found to be good.
 class VdbFile : private openvdb::io::Archive {
  public:
-  explicit VdbFile(const std::string& path)
-      : path_(path), bytes_(InputFile(path).size()), in_(path, std::ios::binary) {
+  // `options` outlives it.
+  VdbFile(const std::string& path, const OpenOptions& options)
+      : path_(path),
+        bytes_(InputFile(path).size()),
+        file_(path, bytes_, options),
+        in_(file_.is_open() ? &file_ : nullptr) {
     in_.exceptions(std::ios::failbit | std::ios::badbit | std::ios::eofbit);
   }
 
@@ -175,7 +214,8 @@ class VdbFile : private openvdb::io::Archive {
   // The stream refers to this very pointer.
   openvdb::io::StreamMetadata::Ptr stream_metadata_ =
       std::make_shared<openvdb::io::StreamMetadata>();
-  std::ifstream in_;
+  WatchedFile file_;
+  std::istream in_;
   std::vector<Entry> entries_;
 };
 
@@ -283,12 +323,12 @@ std::unique_ptr<VolumeSource> makeSource(VolumeInfo info, const GridBase::Ptr& g
 
 }  // namespace
 
-std::unique_ptr<VolumeSource> openVdbSource(const std::string& path) {
+std::unique_ptr<VolumeSource> openVdbSource(const std::string& path, const OpenOptions& options) {
   VolumeInfo info;
   info.source = path;
   info.format = "OpenVDB";
   info.voxel_type = VoxelType::kFloat32;
-  const GridBase::Ptr grid = VdbFile(path).readScalarGrid(info.notes);
+  const GridBase::Ptr grid = VdbFile(path, options).readScalarGrid(info.notes);
   const VoxelBox box = grownActiveBox(path, *grid);
   info.voxels = box.count;
   info.geometry = geometryOf(path, *grid, box.first, info.notes);

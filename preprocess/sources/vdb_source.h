@@ -4,6 +4,7 @@
 #include <memory>
 #include <string>
 
+#include "preprocess/sources/open_options.h"
 #include "preprocess/volume_source.h"
 
 namespace isobrick {
@@ -15,6 +16,7 @@ namespace isobrick {
 // as stored: distances of level sets are negative inside. The whole grid is held in memory, sparse
 // as it is: bufferBytes(). Throws Error where there is no such grid, where it has no active voxels
 // or a transform that is not linear, and for files that are damaged or cut short.
-std::unique_ptr<VolumeSource> openVdbSource(const std::string& path);
+std::unique_ptr<VolumeSource> openVdbSource(const std::string& path,
+                                            const OpenOptions& options = {});
 
 }  // namespace isobrick

@@ -72,8 +72,9 @@ StoredType storedType(const std::string& path, const std::string& name) {
 // Opening, step by step; each refuses what it cannot use.
 class VtiOpener {
  public:
-  explicit VtiOpener(const std::string& path)
+  VtiOpener(const std::string& path, const CancelFlag* cancel)
       : path_(path),
+        cancel_(cancel),
         file_(std::make_shared<const InputFile>(path)),
         header_(readVtiHeader(*file_)) {}
 
@@ -232,11 +233,11 @@ class VtiOpener {
 
   std::unique_ptr<VolumeSource> openPlain() {
     if (is_base64_)
-      return openStream(std::move(info_), stored_, std::move(stream_), 0, path_, path_);
+      return openStream(std::move(info_), stored_, std::move(stream_), 0, path_, path_, cancel_);
     RawRun run;
     run.path = run.header_path = path_;
     run.offset_bytes = at_;
-    return openRawRun(std::move(info_), run, stored_);
+    return openRawRun(std::move(info_), run, stored_, cancel_);
   }
 
   std::unique_ptr<VolumeSource> openBlocks(std::uint64_t blocks) {
@@ -257,7 +258,7 @@ class VtiOpener {
       throw cannotUse(path_, "its list of " + std::to_string(blocks) + " blocks is cut short");
     return openStream(std::move(info_), stored_,
                       makeInflateBlocksStream(path_, std::move(stream_), block_bytes, need_bytes_),
-                      0, path_, path_);
+                      0, path_, path_, cancel_);
   }
 
   Error wrongSize(const std::string& have) const {
@@ -266,6 +267,7 @@ class VtiOpener {
   }
 
   std::string path_;
+  const CancelFlag* cancel_;
   std::shared_ptr<const InputFile> file_;
   VtiHeader header_;
   VolumeInfo info_;
@@ -281,8 +283,8 @@ class VtiOpener {
 
 }  // namespace
 
-std::unique_ptr<VolumeSource> openVtiSource(const std::string& path) {
-  return VtiOpener(path).open();
+std::unique_ptr<VolumeSource> openVtiSource(const std::string& path, const OpenOptions& options) {
+  return VtiOpener(path, options.cancel).open();
 }
 
 }  // namespace isobrick

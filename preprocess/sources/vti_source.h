@@ -4,6 +4,7 @@
 #include <memory>
 #include <string>
 
+#include "preprocess/sources/open_options.h"
 #include "preprocess/volume_source.h"
 
 namespace isobrick {
@@ -13,6 +14,7 @@ namespace isobrick {
 // compressed by zlib. Direction, and extents that do not begin at 0, are applied. 32- and 64-bit
 // integers and doubles become float32 with a note. Throws Error for everything else, and where the
 // sizes in the file contradict each other.
-std::unique_ptr<VolumeSource> openVtiSource(const std::string& path);
+std::unique_ptr<VolumeSource> openVtiSource(const std::string& path,
+                                            const OpenOptions& options = {});
 
 }  // namespace isobrick

@@ -20,6 +20,17 @@
 namespace isobrick {
 namespace {
 
+std::unique_ptr<VolumeSource> openShowingProgress(const BuildJob& job,
+                                                  const BuildSettings& settings) {
+  ProgressBar bar(100, "%");
+  OpenOptions options;
+  options.cancel = settings.options.cancel;
+  options.progress = [&](std::string_view phase, double share) {
+    bar.show(fmt::format("{}{}", job.label, phase), share);
+  };
+  return openInput(job.input, options);
+}
+
 BuildReport buildShowingProgress(VolumeSource& source, InputWatch& input, const BuildJob& job,
                                  const BuildSettings& settings) {
   const VolumeInfo& info = source.info();
@@ -54,7 +65,7 @@ BuiltVolume openAndBuild(const BuildJob& job, const BuildSettings& settings) {
   BuiltVolume built;
   built.output = job.output;
   refusePreciousOutput(job.input.path, job.output, settings.force);
-  const std::unique_ptr<VolumeSource> source = openInput(job.input);
+  const std::unique_ptr<VolumeSource> source = openShowingProgress(job, settings);
   built.open_seconds = watch.seconds();
   InputWatch input(*source);
   built.skipped =

@@ -64,6 +64,9 @@ void addInputOptions(CLI::App& app, std::vector<std::string>& paths, InputOption
       },
       "BYTES", "Where its first voxel is; default: 0")
       ->needs(dims);
+  app.add_flag("--dicom-float32", options.dicom_float32,
+               "Take a DICOM series as float32, where its headers promise 16 bits and its values "
+               "do not keep to them");
 }
 
 // ITK has a word for most files that it does not know; for these there is a better one.
@@ -89,7 +92,8 @@ void refuseKnownMisfits(const InputOptions& options) {
                     path));
 }
 
-std::unique_ptr<VolumeSource> openInput(const InputOptions& options) {
+std::unique_ptr<VolumeSource> openInput(const InputOptions& options, OpenOptions open) {
+  open.dicom_float32 = options.dicom_float32;
   if (options.raw_dims) {
     RawLayout layout = options.raw;
     layout.voxels = *options.raw_dims;
@@ -99,10 +103,10 @@ std::unique_ptr<VolumeSource> openInput(const InputOptions& options) {
   std::error_code ignored;
   if (!fs::is_directory(options.path, ignored)) {
     const std::string extension = lowerExtension(options.path);
-    if (extension == ".vti") return openVtiSource(options.path);
-    if (extension == ".vdb") return openVdbSource(options.path);
+    if (extension == ".vti") return openVtiSource(options.path, open);
+    if (extension == ".vdb") return openVdbSource(options.path, open);
   }
-  return openItkSource(options.path);
+  return openItkSource(options.path, open);
 }
 
 std::string defaultOutputName(const std::string& input_path) {

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "preprocess/sources/open_options.h"
 #include "preprocess/sources/raw_source.h"
 #include "preprocess/volume_source.h"
 
@@ -17,6 +18,7 @@ struct InputOptions {
   std::optional<Index3> raw_dims;  // given: the file has no header
   RawLayout raw;                   // everything but the dimensions
   std::string raw_endian = "little";
+  bool dicom_float32 = false;
 };
 
 // INPUT..., which go to `paths`, and the --raw-... options, which hold for each of them.
@@ -26,8 +28,8 @@ void addInputOptions(CLI::App& app, std::vector<std::string>& paths, InputOption
 // that need --raw-dims. Opens nothing.
 void refuseKnownMisfits(const InputOptions& options);
 
-// Throws Error for input that cannot be opened.
-std::unique_ptr<VolumeSource> openInput(const InputOptions& options);
+// Throws Error for input that cannot be opened. `open` says what the words do not.
+std::unique_ptr<VolumeSource> openInput(const InputOptions& options, OpenOptions open = {});
 
 // "head.isb" for "scans/head.nii.gz", and for the folder "scans/head".
 std::string defaultOutputName(const std::string& input_path);

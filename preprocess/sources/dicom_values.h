@@ -1,0 +1,52 @@
+// Which values the slices of a DICOM series may hold, told by their headers alone. Private to
+// preprocess/sources/.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "preprocess/sources/dicom_header.h"
+#include "storage/voxel_type.h"
+
+namespace isobrick {
+
+// How the stored numbers of one slice become values, as far as its header says.
+struct DicomValueMap {
+  double slope = 1, intercept = 0;
+  int bits_allocated = 16;
+  int bits_stored = 16;
+  bool is_signed = false;
+  // Stored numbers. What a writer claims to have found; many leave it out, and some are wrong.
+  std::optional<std::int64_t> smallest, largest;
+  std::optional<std::int64_t> padding;  // stands where the scanner saw nothing
+
+  bool operator==(const DicomValueMap&) const = default;
+};
+
+// Missing elements have their usual values; a slope of 0 is taken as 1, as GDCM does.
+DicomValueMap dicomValueMap(const DicomHeader& header);
+
+struct DicomVoxelType {
+  VoxelType type = VoxelType::kFloat32;
+  std::string note;  // for VolumeInfo::notes; empty where there is nothing to say
+};
+
+// The voxel type of a series whose slices have these maps (at least one); no pixel is looked at.
+//
+//   1. A slope or an intercept that is no whole number: float32.
+//   2. All values that the bits stored allow, over all slices, fit int16, or else uint16: that.
+//   3. All slices have their smallest and largest pixel value (0028,0106 and 0107), and with the
+//      padding values (0028,0120) these fit int16, or else uint16: that.
+//   4. At most 16 bits are stored, every slope is 1 or -1, none of 3's elements contradicts: int16
+//      where the bits allow values below zero, else uint16. A CT that stores 12 significant bits in
+//      16 and says -1024 for the intercept is such a series: its bits allow more values than a
+//      16-bit type has, its scanner does not make them.
+//   5. float32, with a note.
+//
+// 3 and 4 trust the header in what it cannot prove. Whoever reads the slices compares every value
+// with the type, and refuses what does not fit: nothing is ever cut off.
+DicomVoxelType dicomVoxelType(const std::vector<DicomValueMap>& maps);
+
+}  // namespace isobrick

@@ -1,0 +1,62 @@
+// Waiting for a call of a library that cannot be interrupted.
+#pragma once
+
+#include <chrono>
+#include <condition_variable>
+#include <exception>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <thread>
+#include <utility>
+
+#include "storage/cancel.h"
+
+namespace isobrick {
+
+// Runs `work()` on a thread of its own and returns what it returns, or throws what it throws. After
+// a request to cancel, which is noticed within some milliseconds, throws Cancelled at once: `work`
+// then goes on alone to its end, and its result is dropped there. So it must own, or share, all
+// that it touches. The process may end meanwhile only by std::_Exit, which runs no destructors of
+// global objects. Without a flag the calling thread does the work.
+template <typename Work>
+auto runAbandonable(const CancelFlag* cancel, Work work) {
+  using Result = decltype(work());
+  if (cancel == nullptr) return work();
+  cancel->check();
+  struct Shared {
+    explicit Shared(Work w) : work(std::move(w)) {}
+    std::optional<Work> work;
+    std::mutex mutex;  // guards all below
+    std::condition_variable changed;
+    std::optional<Result> result;
+    std::exception_ptr failure;
+    bool is_done = false;
+  };
+  const auto shared = std::make_shared<Shared>(std::move(work));
+  std::thread([shared] {
+    std::optional<Result> result;
+    std::exception_ptr failure;
+    try {
+      result.emplace((*shared->work)());
+    } catch (...) {
+      failure = std::current_exception();
+    }
+    shared->work.reset();  // what only the work owned goes here
+    const std::lock_guard lock(shared->mutex);
+    shared->result = std::move(result);
+    shared->failure = failure;
+    shared->is_done = true;
+    shared->changed.notify_all();
+  }).detach();
+
+  // A signal handler can set the flag and nothing more, so nobody wakes this thread.
+  constexpr auto kBetweenLooks = std::chrono::milliseconds(5);
+  std::unique_lock lock(shared->mutex);
+  while (!shared->changed.wait_for(lock, kBetweenLooks, [&] { return shared->is_done; }))
+    cancel->check();
+  if (shared->failure) std::rethrow_exception(shared->failure);
+  return std::move(*shared->result);
+}
+
+}  // namespace isobrick

@@ -1,0 +1,383 @@
+// DICOM series made byte by byte: which voxel type they get, what opening them reads, and files
+// that lack the preamble.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "preprocess/sources/dicom_header.h"
+#include "preprocess/sources/dicom_values.h"
+#include "preprocess/sources/itk_source.h"
+#include "tests/support/volume_files.h"
+
+namespace isobrick {
+namespace {
+
+using namespace test;
+
+// One slice of a CT, and what a test may want to be different.
+struct Slice {
+  int number = 1;
+  int columns = 4, rows = 3;
+  int bits_stored = 16;
+  bool is_signed = true;
+  std::string slope = "1", intercept = "-1024";  // empty: not there
+  std::optional<int> smallest, largest, padding;
+  std::vector<int> pixels;  // all rows; missing ones are 0
+  std::string syntax = "1.2.840.10008.1.2.1";
+  std::string packed;  // what stands for the pixels of a packed syntax
+};
+
+class DicomBytes {
+ public:
+  explicit DicomBytes(bool is_explicit) : is_explicit_(is_explicit) {}
+
+  void add(std::uint32_t tag, const char* type, std::string value) {
+    if (value.size() % 2 != 0) value += type[0] == 'U' && type[1] == 'I' ? '\0' : ' ';
+    addTag(tag);
+    const bool is_long = std::string(type) == "OW" || std::string(type) == "OB";
+    if (is_explicit_) bytes += type;
+    if (is_explicit_ && is_long) add16(0);
+    if (is_explicit_ && !is_long)
+      add16(static_cast<std::uint32_t>(value.size()));
+    else
+      add32(static_cast<std::uint32_t>(value.size()));
+    bytes += value;
+  }
+  void addNumber(std::uint32_t tag, int value) {
+    const auto bits = static_cast<std::uint32_t>(value);
+    add(tag, "US", {static_cast<char>(bits & 255), static_cast<char>(bits >> 8 & 255)});
+  }
+  void addTag(std::uint32_t tag) {
+    add16(tag >> 16);
+    add16(tag & 0xffff);
+  }
+  void add16(std::uint32_t v) {
+    bytes += static_cast<char>(v & 255);
+    bytes += static_cast<char>(v >> 8 & 255);
+  }
+  void add32(std::uint32_t v) {
+    add16(v & 0xffff);
+    add16(v >> 16);
+  }
+
+  std::string bytes;
+
+ private:
+  bool is_explicit_;
+};
+
+const char* const kCtStorage = "1.2.840.10008.5.1.4.1.1.2";
+const char* const kImplicit = "1.2.840.10008.1.2";
+
+// From group 8 on.
+std::string dataSetOf(const Slice& slice) {
+  DicomBytes d(slice.syntax != kImplicit);
+  const std::string uid = "1.2.3." + std::to_string(slice.number);
+  d.add(0x00080016, "UI", kCtStorage);
+  d.add(0x00080018, "UI", uid);
+  d.add(0x00080060, "CS", "CT");
+  d.add(0x00180050, "DS", "1");
+  d.add(0x0020000d, "UI", "1.2.3");
+  d.add(0x0020000e, "UI", "1.2.3.4");
+  d.add(0x00200013, "IS", std::to_string(slice.number));
+  d.add(0x00200032, "DS", "0\\0\\" + std::to_string(slice.number));
+  d.add(0x00200037, "DS", "1\\0\\0\\0\\1\\0");
+  d.addNumber(0x00280002, 1);
+  d.add(0x00280004, "CS", "MONOCHROME2");
+  d.addNumber(0x00280010, slice.rows);
+  d.addNumber(0x00280011, slice.columns);
+  d.add(0x00280030, "DS", "1\\1");
+  d.addNumber(0x00280100, 16);
+  d.addNumber(0x00280101, slice.bits_stored);
+  d.addNumber(0x00280102, slice.bits_stored - 1);
+  d.addNumber(0x00280103, slice.is_signed ? 1 : 0);
+  if (slice.smallest) d.addNumber(0x00280106, *slice.smallest);
+  if (slice.largest) d.addNumber(0x00280107, *slice.largest);
+  if (slice.padding) d.addNumber(0x00280120, *slice.padding);
+  if (!slice.intercept.empty()) d.add(0x00281052, "DS", slice.intercept);
+  if (!slice.slope.empty()) d.add(0x00281053, "DS", slice.slope);
+  if (!slice.packed.empty()) {
+    d.addTag(0x7fe00010);
+    d.bytes += "OB";
+    d.add16(0);
+    d.add32(0xffffffff);
+    d.addTag(0xfffee000);  // an empty table of offsets
+    d.add32(0);
+    d.addTag(0xfffee000);
+    d.add32(static_cast<std::uint32_t>(slice.packed.size()));
+    d.bytes += slice.packed;
+    d.addTag(0xfffee0dd);
+    d.add32(0);
+    return d.bytes;
+  }
+  std::vector<std::uint16_t> pixels(static_cast<std::size_t>(slice.columns * slice.rows));
+  for (std::size_t i = 0; i < slice.pixels.size(); ++i)
+    pixels[i] = static_cast<std::uint16_t>(slice.pixels[i]);
+  d.add(0x7fe00010, "OW", bytesOfValues(pixels));
+  return d.bytes;
+}
+
+std::string metaOf(const Slice& slice) {
+  DicomBytes group(true);
+  group.add(0x00020001, "OB", std::string("\0\1", 2));
+  group.add(0x00020002, "UI", kCtStorage);
+  group.add(0x00020003, "UI", "1.2.3." + std::to_string(slice.number));
+  group.add(0x00020010, "UI", slice.syntax);
+  DicomBytes d(true);
+  d.addTag(0x00020000);
+  d.bytes += "UL";
+  d.add16(4);
+  d.add32(static_cast<std::uint32_t>(group.bytes.size()));
+  return d.bytes + group.bytes;
+}
+
+std::string fileOf(const Slice& slice) {
+  return std::string(128, '\0') + "DICM" + metaOf(slice) + dataSetOf(slice);
+}
+
+class DicomSeriesTest : public VolumeFilesTest {
+ protected:
+  // `count` slices like `slice`; changed by `edit`.
+  void writeSeries(const Slice& slice, int count, const std::function<void(Slice&)>& edit = {}) {
+    for (int k = 1; k <= count; ++k) {
+      Slice one = slice;
+      one.number = k;
+      if (edit) edit(one);
+      write(std::to_string(k) + ".dcm", fileOf(one));
+    }
+  }
+  std::unique_ptr<VolumeSource> open(const OpenOptions& options = {}) {
+    return openItkSource(folder_.string(), options);
+  }
+};
+
+// ---- which type -----------------------------------------------------------------------------
+
+TEST_F(DicomSeriesTest, OpeningDecodesNoPixels) {
+  Slice slice;
+  slice.syntax = "1.2.840.10008.1.2.5";  // RLE
+  slice.packed = std::string(100, '\x7f');
+  writeSeries(slice, 3);
+  const auto source = open();
+  EXPECT_EQ(source->info().voxels, Index3(4, 3, 3));
+  EXPECT_EQ(source->info().voxel_type, VoxelType::kInt16);
+  EXPECT_CONTAINS(errorOf([&] { readAll(*source); }), "1.dcm");
+}
+
+TEST_F(DicomSeriesTest, EveryHeaderIsReadOnce) {
+  writeSeries({}, 5);
+  write("notes.txt", "no slice");
+  const std::uint64_t before = dicomHeadersRead();
+  const auto source = open();
+  readAll(*source);
+  EXPECT_EQ(dicomHeadersRead() - before, 6u);
+}
+
+TEST_F(DicomSeriesTest, AHeadCtKeepsInt16) {
+  Slice slice;  // 16 bits are stored, and the intercept makes more values of them than int16 has
+  slice.pixels = {0, 1024, 4095, 1, 2, 3, 4, 5, 6, 7, 8, 9};
+  writeSeries(slice, 2);
+  const auto source = open();
+  ASSERT_EQ(source->info().voxel_type, VoxelType::kInt16);
+  EXPECT_EQ(source->info().notes.size(), 1u);  // of slope and intercept
+  const auto values = readVoxels<std::int16_t>(*source);
+  EXPECT_EQ(values[0], -1024);
+  EXPECT_EQ(values[2], 4095 - 1024);
+}
+
+TEST_F(DicomSeriesTest, ValuesThatLeaveTheTypeAreRefusedOrFloats) {
+  writeSeries({}, 4, [](Slice& slice) {
+    slice.pixels = {0, 0, slice.number == 3 ? -32768 : -31744};
+  });
+  {
+    const auto source = open();
+    ASSERT_EQ(source->info().voxel_type, VoxelType::kInt16);
+    const std::string message = errorOf([&] { readAll(*source); });
+    for (const char* part : {"slice 2", "3.dcm", "-33792", "int16", "--dicom-float32"})
+      EXPECT_CONTAINS(message, part);
+  }
+  OpenOptions options;
+  options.dicom_float32 = true;
+  const auto source = open(options);
+  ASSERT_EQ(source->info().voxel_type, VoxelType::kFloat32);
+  EXPECT_EQ(source->info().notes.size(), 2u);
+  const auto values = readVoxels<float>(*source);
+  EXPECT_EQ(values[2], -32768);
+  EXPECT_EQ(values[2 * 12 + 2], -33792);
+}
+
+TEST_F(DicomSeriesTest, APaddingValueThatLeavesTheTypeMakesFloats) {
+  Slice slice;
+  slice.padding = -32768;
+  slice.pixels = {-32768, 10};
+  writeSeries(slice, 2);
+  const auto source = open();
+  ASSERT_EQ(source->info().voxel_type, VoxelType::kFloat32);
+  EXPECT_CONTAINS(source->info().notes.front(), "-33792 to 31743");
+  EXPECT_EQ(readVoxels<float>(*source)[0], -33792);
+}
+
+TEST_F(DicomSeriesTest, SlopesOfTheirOwnAreAllTakenIntoAccount) {
+  const auto typeOf = [&](const std::vector<const char*>& slopes) {
+    Slice slice;
+    slice.bits_stored = 12;
+    slice.is_signed = false;
+    slice.intercept = "0";
+    slice.pixels = {0, 7, 4095};
+    writeSeries(slice, static_cast<int>(slopes.size()),
+                [&](Slice& s) { s.slope = slopes[static_cast<std::size_t>(s.number) - 1]; });
+    return open();
+  };
+  EXPECT_EQ(typeOf({"1", "8"})->info().voxel_type, VoxelType::kInt16);  // 0 .. 32760
+  const auto unsigned_values = typeOf({"1", "16"});                     // 0 .. 65520
+  ASSERT_EQ(unsigned_values->info().voxel_type, VoxelType::kUint16);
+  EXPECT_EQ(readVoxels<std::uint16_t>(*unsigned_values)[12 + 2], 65520);
+  EXPECT_EQ(typeOf({"1", "17"})->info().voxel_type, VoxelType::kFloat32);
+  const auto fractions = typeOf({"0.5", "0.25"});
+  ASSERT_EQ(fractions->info().voxel_type, VoxelType::kFloat32);
+  EXPECT_CONTAINS(fractions->info().notes.front(), "no whole number");
+  const auto values = readVoxels<float>(*fractions);
+  EXPECT_EQ(values[1], 3.5f);
+  EXPECT_EQ(values[12 + 1], 1.75f);
+}
+
+TEST_F(DicomSeriesTest, BitsThatAreNotStoredDoNotWrapAround) {
+  Slice slice;
+  slice.bits_stored = 12;
+  slice.is_signed = false;
+  slice.pixels = {0xf000 + 100, 100};  // the upper bits held an overlay once
+  writeSeries(slice, 2);
+  const auto source = open();
+  ASSERT_EQ(source->info().voxel_type, VoxelType::kInt16);
+  const auto values = readVoxels<std::int16_t>(*source);
+  EXPECT_EQ(values[0], 100 - 1024);
+  EXPECT_EQ(values[1], 100 - 1024);
+}
+
+TEST(DicomVoxelTypeTest, FollowsItsRules) {
+  const auto map = [](bool is_signed, int bits, double slope, double intercept) {
+    DicomValueMap m;
+    m.is_signed = is_signed;
+    m.bits_stored = bits;
+    m.bits_allocated = bits > 16 ? 32 : 16;
+    m.slope = slope;
+    m.intercept = intercept;
+    return m;
+  };
+  const auto type = [](std::vector<DicomValueMap> maps) { return dicomVoxelType(maps).type; };
+  // By the bits.
+  EXPECT_EQ(type({map(true, 16, 1, 0)}), VoxelType::kInt16);
+  EXPECT_EQ(type({map(false, 16, 1, 0)}), VoxelType::kUint16);
+  EXPECT_EQ(type({map(false, 15, 1, 0)}), VoxelType::kInt16);
+  EXPECT_EQ(type({map(true, 16, -1, -1)}), VoxelType::kInt16);
+  EXPECT_EQ(type({map(true, 16, 1, 32768)}), VoxelType::kUint16);
+  EXPECT_EQ(type({map(false, 12, 1, -1024), map(false, 12, 2, 60000)}), VoxelType::kFloat32);
+  EXPECT_EQ(type({map(false, 12, 1.5, 0)}), VoxelType::kFloat32);
+  EXPECT_EQ(type({map(false, 12, 1, 0.5)}), VoxelType::kFloat32);
+  EXPECT_EQ(type({map(false, 32, 1, 0)}), VoxelType::kFloat32);
+  EXPECT_EQ(type({map(false, 12, 1e300, 1e300)}), VoxelType::kFloat32);
+  // A shift only.
+  EXPECT_EQ(type({map(false, 16, 1, -1024)}), VoxelType::kInt16);
+  EXPECT_EQ(type({map(false, 16, 1, 5)}), VoxelType::kUint16);
+  EXPECT_EQ(type({map(false, 16, 2, 0)}), VoxelType::kFloat32);
+  // By what the headers claim, if all do.
+  DicomValueMap claims = map(false, 16, 2, 0);
+  claims.smallest = 0;
+  claims.largest = 16383;
+  EXPECT_EQ(type({claims, claims}), VoxelType::kInt16);
+  EXPECT_EQ(type({claims, map(false, 16, 2, 0)}), VoxelType::kFloat32);
+  claims.padding = 65535;
+  EXPECT_EQ(type({claims}), VoxelType::kFloat32);
+  claims = map(false, 16, 1, -1024);
+  claims.smallest = 0;
+  claims.largest = 65535;
+  EXPECT_EQ(type({claims}), VoxelType::kFloat32);
+  EXPECT_NE(dicomVoxelType({claims}).note, "");
+  std::swap(claims.smallest, claims.largest);  // nonsense is no claim
+  EXPECT_EQ(type({claims}), VoxelType::kInt16);
+}
+
+// ---- which files ----------------------------------------------------------------------------
+
+TEST_F(DicomSeriesTest, FilesWithoutPreambleAreRead) {
+  for (const std::string syntax : {"1.2.840.10008.1.2.1", kImplicit})
+    for (const bool with_meta : {false, true}) {
+      std::vector<std::int16_t> expected;
+      for (int k = 1; k <= 3; ++k) {
+        Slice slice;
+        slice.number = k;
+        slice.syntax = syntax;
+        for (int i = 0; i < 12; ++i) slice.pixels.push_back(100 * k + i);
+        for (const int pixel : slice.pixels)
+          expected.push_back(static_cast<std::int16_t>(pixel - 1024));
+        write(std::to_string(k), (with_meta ? metaOf(slice) : "") + dataSetOf(slice));
+      }
+      testing::internal::CaptureStderr();
+      const auto source = open();
+      EXPECT_EQ(source->info().format, "DICOM series");
+      ASSERT_EQ(source->info().voxel_type, VoxelType::kInt16) << syntax;
+      EXPECT_EQ(readVoxels<std::int16_t>(*source), expected) << syntax << with_meta;
+      EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
+      // One that was cut in its pixels is no other file, but a damaged one.
+      const std::string whole = readFile(pathOf("2"));
+      write("2", whole.substr(0, whole.size() - 5));
+      EXPECT_CONTAINS(errorOf([&] { open(); }), pathOf("2"));
+    }
+}
+
+TEST_F(DicomSeriesTest, OtherFilesAreNotMistakenForThem) {
+  writeSeries({}, 3);
+  const std::string set = dataSetOf({});
+  const std::string begin = set.substr(0, set.size() / 2);
+  write("begins_alike", begin);
+  write("begins_alike_and_goes_on", begin + std::string(5000, '\x42'));
+  write("two_bytes", std::string("\x08\x00", 2));
+  write("zeros", std::string("\x08\x00", 2) + std::string(3000, '\0'));
+  // Tags that do not ascend: no data set.
+  write("backwards", set.substr(0, 8 + 26) + set);
+  DicomBytes no_size(true);
+  no_size.add(0x00080060, "CS", "CT");
+  no_size.add(0x7fe00010, "OW", "pixels");
+  write("without_size", no_size.bytes);
+  EXPECT_EQ(open()->info().voxels.z, 3);
+  EXPECT_EQ(readDicomHeader(pathOf("without_size")).state, DicomHeader::State::kNotDicom);
+}
+
+// ---- interruption ---------------------------------------------------------------------------
+
+TEST_F(DicomSeriesTest, ARequestToStopEndsTheScan) {
+  writeSeries({}, 40);
+  CancelFlag cancel;
+  OpenOptions options;
+  options.cancel = &cancel;
+  int calls = 0;
+  options.progress = [&](std::string_view phase, double) {
+    EXPECT_EQ(phase, "scanning slices");
+    if (++calls == 10) cancel.request();
+  };
+  const std::uint64_t before = dicomHeadersRead();
+  EXPECT_THROW(open(options), Cancelled);
+  EXPECT_EQ(calls, 10);
+  EXPECT_EQ(dicomHeadersRead() - before, 10u);
+}
+
+TEST_F(DicomSeriesTest, ARequestToStopEndsReading) {
+  writeSeries({}, 4);
+  CancelFlag cancel;
+  OpenOptions options;
+  options.cancel = &cancel;
+  const auto source = open(options);
+  std::vector<std::int16_t> rows(12);
+  source->readRows(0, 3, rows.data());
+  cancel.request();
+  EXPECT_THROW(source->readRows(3, 3, rows.data()), Cancelled);
+}
+
+}  // namespace
+}  // namespace isobrick
