@@ -51,7 +51,7 @@ std::string identityWithoutFiles(const VolumeSource& source) {
 
 }  // namespace
 
-std::string inputIdentity(const VolumeSource& source) {
+std::string inputIdentity(const VolumeSource& source, const CancelFlag* cancel) {
   const std::vector<std::string> paths = source.files();
   if (paths.empty()) return identityWithoutFiles(source);
   std::uint64_t total = 0;
@@ -60,6 +60,7 @@ std::string inputIdentity(const VolumeSource& source) {
     facts.append(reinterpret_cast<const char*>(&number), sizeof number);
   };
   for (const std::string& path : paths) {
+    if (cancel != nullptr) cancel->check();
     const InputFile file(path);
     total += file.size();
     add(file.size());
@@ -75,11 +76,12 @@ std::string inputIdentity(const VolumeSource& source) {
 }
 
 // The stamps first: a change while the content is sampled shows at the next check.
-InputWatch::InputWatch(const VolumeSource& source)
+InputWatch::InputWatch(const VolumeSource& source, const CancelFlag* cancel)
     : source_(source),
+      cancel_(cancel),
       files_(source.files()),
       stamps_(stampsOf(files_)),
-      identity_(inputIdentity(source)) {}
+      identity_(inputIdentity(source, cancel)) {}
 
 std::vector<InputWatch::Stamp> InputWatch::stampsOf(const std::vector<std::string>& files) {
   std::vector<Stamp> stamps;
@@ -107,7 +109,9 @@ void InputWatch::checkContent() {
   std::vector<Stamp> stamps = stampsOf(files_);
   std::string now;
   try {
-    now = inputIdentity(source_);
+    now = inputIdentity(source_, cancel_);
+  } catch (const Cancelled&) {
+    throw;
   } catch (const Error& error) {
     throw ResumableError("whether '" + source_.info().source +
                          "' is still as it was cannot be told: " + error.what());

@@ -6,20 +6,23 @@
 #include <vector>
 
 #include "preprocess/volume_source.h"
+#include "storage/cancel.h"
 
 namespace isobrick {
 
 // One line that changes with the source's files: their number, bytes, times of last change, and
 // blocks of their content, spread from the first to the last byte; for a source without files, its
-// identity(). Reads at most some 200 KiB of each file. Throws Error where one cannot be opened, and
-// ResumableError where it cannot be read or ends before its end.
-std::string inputIdentity(const VolumeSource& source);
+// identity(). Reads at most some 200 KiB of each file, and looks at `cancel`, which may be null,
+// before each. Throws Error where one cannot be opened, and ResumableError where it cannot be read
+// or ends before its end.
+std::string inputIdentity(const VolumeSource& source, const CancelFlag* cancel = nullptr);
 
 // A source's input from the beginning of a build to its end. Used by one thread at a time.
 class InputWatch {
  public:
-  // Samples the input, as inputIdentity() does. `source` outlives this object.
-  explicit InputWatch(const VolumeSource& source);
+  // Samples the input, as inputIdentity() does. `source` and `cancel`, which is looked at then and
+  // by checkContent(), outlive this object.
+  explicit InputWatch(const VolumeSource& source, const CancelFlag* cancel = nullptr);
   const std::string& identity() const { return identity_; }
 
   // Both throw ResumableError where the input is no longer what it was, or where that cannot be
@@ -36,6 +39,7 @@ class InputWatch {
   static std::vector<Stamp> stampsOf(const std::vector<std::string>& files);
 
   const VolumeSource& source_;
+  const CancelFlag* const cancel_;
   std::vector<std::string> files_;
   std::vector<Stamp> stamps_;
   std::string identity_;

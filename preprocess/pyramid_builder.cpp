@@ -206,7 +206,8 @@ class Build {
       const IndexBox bricks = windows.window(i);
       if (isResumed(0, bricks.end() - Index3(1))) continue;
       return std::make_unique<SliceSpool>(source_, needs_.samples(0, bricks).first.z,
-                                          plan_.spool_slices, plan_.spool_place, folder_);
+                                          plan_.spool_slices, plan_.spool_place, folder_,
+                                          options_.cancel);
     }
     return nullptr;
   }
@@ -218,19 +219,35 @@ class Build {
     const PhaseTimes::Timer timer(times_, BuildStep::kRead);
     window.sample_box = needs_.samples(level, window.bricks);
     std::byte* const samples = window.samples.dataFor(bytesOf(window.sample_box));
-    if (level > 0) {
-      store->samples.read(window.sample_box, samples);
-      return;
+    if (spool != nullptr) spool->releaseBefore(window.sample_box.first.z);
+    // A window may be large and a disk slow: a request to cancel is not to wait for all of it.
+    std::byte* to = samples;
+    for (const IndexBox& slices : piecesOf(window.sample_box)) {
+      if (options_.cancel != nullptr) options_.cancel->check();
+      if (level > 0)
+        store->samples.read(slices, to);
+      else if (spool != nullptr)
+        spool->read(slices, to);
+      else
+        source_.readBox(slices, to);
+      to += bytesOf(slices);
     }
-    if (spool != nullptr) {
-      spool->releaseBefore(window.sample_box.first.z);
-      spool->read(window.sample_box, samples);
-    } else {
-      source_.readBox(window.sample_box, samples);
-    }
+    if (level > 0) return;
     // Before its bricks come to the journal: one of other content must never be gone on with.
     input_.check();
     checkFinite(reinterpret_cast<T*>(samples), window);
+  }
+
+  // The box as some slices at a time, of some MiB together.
+  static std::vector<IndexBox> piecesOf(const IndexBox& box) {
+    constexpr std::int64_t kPieceBytes = std::int64_t{4} << 20;
+    const auto slice_bytes = box.count.x * box.count.y * static_cast<std::int64_t>(sizeof(T));
+    const std::int64_t most = std::max<std::int64_t>(1, kPieceBytes / slice_bytes);
+    std::vector<IndexBox> pieces;
+    for (std::int64_t z = 0; z < box.count.z; z += most)
+      pieces.push_back({box.first + Index3(0, 0, z),
+                        {box.count.x, box.count.y, std::min(most, box.count.z - z)}});
+    return pieces;
   }
 
   // Refuses or replaces the voxels that no isovalue can be compared with.
@@ -297,7 +314,10 @@ class Build {
 
   void writeBatch(const BrickBatch& batch) {
     const PhaseTimes::Timer timer(times_, BuildStep::kWrite);
-    for (std::size_t i = batch.first; i < batch.count; ++i) writer_.write(batch.bricks[i]);
+    for (std::size_t i = batch.first; i < batch.count; ++i) {
+      if (options_.cancel != nullptr) options_.cancel->check();
+      writer_.write(batch.bricks[i]);
+    }
     writer_.flush();
   }
 
@@ -393,12 +413,12 @@ std::string buildIdentity(const VolumeInfo& info, const std::string& input_ident
 }
 
 std::string buildIdentity(const VolumeSource& source, const BuildOptions& options) {
-  return buildIdentity(source.info(), inputIdentity(source), options);
+  return buildIdentity(source.info(), inputIdentity(source, options.cancel), options);
 }
 
 BuildReport buildPyramid(VolumeSource& source, const std::string& path,
                          const BuildOptions& options) {
-  InputWatch input(source);
+  InputWatch input(source, options.cancel);
   return buildPyramid(source, input, path, options);
 }
 

@@ -17,8 +17,10 @@ std::int64_t SliceSpool::rowsPerRead(const VolumeInfo& info) {
 }
 
 SliceSpool::SliceSpool(VolumeSource& source, std::int64_t first, std::int64_t slices,
-                       ScratchVolume::Place place, const std::string& folder)
+                       ScratchVolume::Place place, const std::string& folder,
+                       const CancelFlag* cancel)
     : source_(source),
+      cancel_(cancel),
       dims_(source.info().voxels),
       voxel_bytes_(voxelBytes(source.info().voxel_type)),
       slices_(slices),
@@ -47,6 +49,7 @@ void SliceSpool::readAhead() {
           changed_.wait(lock, [&] { return stopped_ || z < begin_ + slices_; });
           if (stopped_) return;
         }
+        if (cancel_ != nullptr) cancel_->check();
         const std::int64_t count = std::min(most_rows, dims_.y - y);
         source_.readRows(z * dims_.y + y, count, rows.data());
         ring_.write({{0, y, z % slices_}, {dims_.x, count, 1}}, rows.data());

@@ -10,6 +10,7 @@
 
 #include "preprocess/scratch_volume.h"
 #include "preprocess/volume_source.h"
+#include "storage/cancel.h"
 
 namespace isobrick {
 
@@ -19,9 +20,11 @@ namespace isobrick {
 class SliceSpool {
  public:
   // The ring holds `slices` slices, at least as many as any box asked for spans (plus what lies
-  // between it and the last releaseBefore()). Reading begins with slice `first`.
+  // between it and the last releaseBefore()). Reading begins with slice `first`. `cancel`, which
+  // may be null and outlives the spool, ends reading after the rows that are being read: read()
+  // throws Cancelled then.
   SliceSpool(VolumeSource& source, std::int64_t first, std::int64_t slices,
-             ScratchVolume::Place place, const std::string& folder);
+             ScratchVolume::Place place, const std::string& folder, const CancelFlag* cancel);
   // Stops the thread after the rows that it is reading.
   ~SliceSpool();
   SliceSpool(const SliceSpool&) = delete;
@@ -39,6 +42,7 @@ class SliceSpool {
   void waitForSlices(std::int64_t end);
 
   VolumeSource& source_;
+  const CancelFlag* const cancel_;
   const Index3 dims_;
   const std::size_t voxel_bytes_;
   const std::int64_t slices_;

@@ -163,21 +163,54 @@ std::optional<std::uint64_t> AtomicFile::freeBytes() const {
   return static_cast<std::uint64_t>(status.f_bavail) * status.f_frsize;
 }
 
-void AtomicFile::reserve(std::uint64_t bytes) {
+void AtomicFile::reserve(std::uint64_t bytes, const CancelFlag* cancel) {
   struct statfs status = {};
   if (fstatfs(fd_, &status) != 0 || status.f_type == TMPFS_MAGIC) return;
-  int result = 0;
-  do {
-    result = fallocate(fd_, 0, 0, static_cast<off_t>(bytes));
-  } while (result != 0 && errno == EINTR);
-  if (result != 0 && errno != EOPNOTSUPP && errno != ENOSYS) failWriting(path_, errno);
+  // Some file systems take their time for many gigabytes.
+  constexpr std::uint64_t kMostPerCall = std::uint64_t{4} << 30;
+  for (std::uint64_t at = 0; at < bytes;) {
+    if (cancel != nullptr) cancel->check();
+    const std::uint64_t part = std::min(bytes - at, kMostPerCall);
+    const int result = fallocate(fd_, 0, static_cast<off_t>(at), static_cast<off_t>(part));
+    if (result != 0 && errno == EINTR) continue;
+    if (result != 0 && (errno == EOPNOTSUPP || errno == ENOSYS)) return;
+    if (result != 0) failWriting(path_, errno);
+    at += part;
+  }
 }
 
 void AtomicFile::cutAfterPosition() {
   if (ftruncate(fd_, static_cast<off_t>(position_)) != 0) failWriting(path_, errno);
 }
 
-void AtomicFile::commit() {
+// fsync does not return before all is written, which no signal changes; so the bytes are brought to
+// the disk a piece at a time before it. What goes wrong here would not be reported again by fsync.
+void AtomicFile::drain(const CancelFlag& cancel) {
+  constexpr std::uint64_t kPieceBytes = std::uint64_t{4} << 20;
+  constexpr std::uint64_t kPiecesAhead = 4;  // that the disk has to do meanwhile
+  struct stat status = {};
+  if (fstat(fd_, &status) != 0) failWriting(path_, errno);
+  const auto size = static_cast<std::uint64_t>(status.st_size);
+  const auto sync = [&](std::uint64_t at, unsigned flags) {
+    if (at >= size) return true;
+    if (sync_file_range(fd_, static_cast<off_t>(at), static_cast<off_t>(kPieceBytes), flags) == 0)
+      return true;
+    if (errno == EIO || errno == ENOSPC || errno == EDQUOT) failWriting(path_, errno);
+    return errno == EINTR;
+  };
+  for (std::uint64_t at = 0; at < size; at += kPieceBytes) {
+    cancel.check();
+    if (!sync(at + kPiecesAhead * kPieceBytes, SYNC_FILE_RANGE_WRITE) ||
+        !sync(at, SYNC_FILE_RANGE_WAIT_BEFORE | SYNC_FILE_RANGE_WRITE | SYNC_FILE_RANGE_WAIT_AFTER))
+      return;  // a file system that cannot
+  }
+}
+
+void AtomicFile::commit(const CancelFlag* cancel) {
+  if (cancel != nullptr) {
+    drain(*cancel);
+    cancel->check();
+  }
   if (fsync(fd_) != 0) failWriting(path_, errno);
   if (std::rename(temporary_path_.c_str(), path_.c_str()) != 0)
     throw ResumableError("cannot give '" + temporary_path_ + "' its name '" + path_ +

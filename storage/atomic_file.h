@@ -9,6 +9,8 @@
 #include <span>
 #include <string>
 
+#include "storage/cancel.h"
+
 namespace isobrick {
 
 // Writes to "<path>.partial" in the same folder; commit() makes the bytes durable and gives them
@@ -50,17 +52,20 @@ class AtomicFile {
   // Makes sure that the file can grow to `bytes`: where the file system supports it, the space is
   // taken now. The file is that long until cutAfterPosition(). File systems in memory (tmpfs) are
   // left alone: there it would take the memory that is to be spared.
-  void reserve(std::uint64_t bytes);
+  void reserve(std::uint64_t bytes, const CancelFlag* cancel = nullptr);
   void cutAfterPosition();
 
   // The destructor leaves the temporary where it is.
   void keepTemporary(bool keep) { keep_ = keep; }
 
-  // fsync, rename, fsync of the folder. Once, and nothing may be written afterwards.
-  void commit();
+  // Waits for the disk, gives the file its name, waits for the folder. Once, and nothing may be
+  // written afterwards. Looks at `cancel` while it waits for the disk: throws Cancelled, and the
+  // file has not got its name.
+  void commit(const CancelFlag* cancel = nullptr);
 
  private:
   void close() noexcept;
+  void drain(const CancelFlag& cancel);
 
   std::string path_;
   std::string temporary_path_;

@@ -119,7 +119,8 @@ const std::string& refuseForeignTemporary(const std::string& path) {
 
 PyramidWriter::PyramidWriter(const std::string& path, const PyramidSpec& spec,
                              const std::string& identity, bool resume, const CancelFlag* cancel)
-    : spec_(spec),
+    : cancel_(cancel),
+      spec_(spec),
       layout_(spec.layout()),
       file_(refuseForeignTemporary(path),
             resume ? AtomicFile::Leftover::kKeep : AtomicFile::Leftover::kEmpty),
@@ -295,7 +296,7 @@ std::uint64_t PyramidWriter::finish(const ValueRange& voxel_range,
   header.header_checksum = checksum64(&header, offsetof(format::Header, header_checksum));
   file_.pwrite(&header, sizeof header, 0);
   file_.cutAfterPosition();
-  file_.commit();
+  file_.commit(cancel_);
   // Last: a kill before this line leaves a journal without a temporary, which means nothing.
   journal_->remove();
   journal_.reset();

@@ -25,8 +25,9 @@ class PyramidWriter {
   // `identity` is a text of what the file is made from, input and options. With `resume`, the
   // bricks of an earlier writer are taken over as far as they are undamaged; the identity must be
   // the same, or Error says so and all stays as it is. Without it they are removed. Takes the
-  // exclusive right to write `path`; where another process has it, throws Error. Looks at `cancel`
-  // (may be null) while it checks what was left.
+  // exclusive right to write `path`; where another process has it, throws Error. `cancel` may be
+  // null and outlives the writer, which looks at it wherever it may wait for long: here while it
+  // checks what was left, in reserve() and finish() for the disk. Then it throws Cancelled.
   PyramidWriter(const std::string& path, const PyramidSpec& spec, const std::string& identity,
                 bool resume, const CancelFlag* cancel);
   ~PyramidWriter();
@@ -39,7 +40,7 @@ class PyramidWriter {
   // Free bytes of the file system, or nothing where it cannot tell.
   std::optional<std::uint64_t> freeBytes() const { return file_.freeBytes(); }
   // Takes `bytes` in all from the file system now. Throws ResumableError where it has fewer.
-  void reserve(std::uint64_t bytes) { file_.reserve(bytes); }
+  void reserve(std::uint64_t bytes) { file_.reserve(bytes, cancel_); }
 
   // Writes the next brick in the order of the table. The journal says so after the next flush().
   void write(const EncodedBrick& brick);
@@ -62,6 +63,7 @@ class PyramidWriter {
  private:
   std::vector<JournalEntry> takeOver(const std::string& identity, const CancelFlag* cancel);
 
+  const CancelFlag* cancel_;
   PyramidSpec spec_;
   BrickLayout layout_;
   AtomicFile file_;

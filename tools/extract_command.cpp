@@ -10,6 +10,7 @@
 #include "extract/sinks/mesh_file_sink.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
+#include "tools/interrupt.h"
 #include "tools/json_output.h"
 #include "tools/measured_sink.h"
 #include "tools/parse_text.h"
@@ -45,7 +46,8 @@ ExtractResult extract(const ExtractArguments& arguments) {
   const Query query = makeQuery(arguments.query, pyramid);
   // Before the work, so that a path that cannot be written costs no time.
   refusePyramidAsOutput(arguments.query, arguments.output);
-  const auto file_sink = arguments.output.empty() ? nullptr : makeMeshFileSink(arguments.output);
+  const auto file_sink =
+      arguments.output.empty() ? nullptr : makeMeshFileSink(arguments.output, &interruptFlag());
 
   ProgressBar bar(0, "million triangles");
   for (int repeat = 1; repeat <= arguments.repeat; ++repeat) {

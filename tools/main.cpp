@@ -5,6 +5,7 @@
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <new>
 #include <optional>
@@ -103,5 +104,12 @@ int main(int argc, char** argv) {
   const std::vector<Command> commands = addCommands(app);
   if (const auto status = parseArguments(app, argc, argv)) return *status;
   installInterruptHandler();
-  return runReportingFailures(app, commands);
+  const int status = runReportingFailures(app, commands);
+  if (status == kInterrupted) {
+    // A call of a library may still be under way (storage/abandonable.h), and with it everything
+    // that destructors of global objects would take away.
+    std::fflush(nullptr);
+    std::_Exit(status);
+  }
+  return status;
 }

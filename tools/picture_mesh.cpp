@@ -5,6 +5,7 @@
 
 #include "extract/extractor.h"
 #include "extract/sinks/indexed_mesh.h"
+#include "tools/interrupt.h"
 #include "tools/measured_sink.h"
 #include "tools/progress_bar.h"
 
@@ -32,8 +33,11 @@ PictureMesh extractPictureMesh(const QueryOptions& options) {
       geometry.indexToWorld(glm::dvec3(pyramid.spec().voxels - Index3(1)) / 2.0);
   PictureMesh result;
   result.positions.reserve(mesh.positions.size());
-  for (const glm::dvec3& position : mesh.positions)
+  constexpr std::size_t kVerticesPerLook = 1 << 16;
+  for (const glm::dvec3& position : mesh.positions) {
+    if (result.positions.size() % kVerticesPerLook == 0) interruptFlag().check();
     result.positions.emplace_back(position - center);
+  }
   result.normals = std::move(mesh.normals);
   result.triangles = std::move(mesh.triangles);
   result.triangle_levels = std::move(mesh.triangle_levels);

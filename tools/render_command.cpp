@@ -3,7 +3,9 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
+#include "storage/abandonable.h"
 #include "storage/atomic_file.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
@@ -42,30 +44,35 @@ RenderOptions makeRenderOptions(const RenderArguments& arguments, const PictureM
 
 int runRender(const RenderArguments& arguments) {
   // Neither a slip of the pen nor a machine that cannot draw shall cost an extraction.
-  imageFormatOf(arguments.output);
+  const ImageFormat format = imageFormatOf(arguments.output);
   refusePyramidAsOutput(arguments.query, arguments.output);
   { const AtomicFile probe(arguments.output); }
-  OffscreenRenderer renderer;
-  if (arguments.size.width > renderer.greatestSize() ||
-      arguments.size.height > renderer.greatestSize())
+  const auto renderer = std::make_shared<OffscreenRenderer>();
+  if (arguments.size.width > renderer->greatestSize() ||
+      arguments.size.height > renderer->greatestSize())
     throw UsageError(fmt::format("--size {}x{} is too large; at most {} pixels each",
                                  arguments.size.width, arguments.size.height,
-                                 renderer.greatestSize()));
+                                 renderer->greatestSize()));
   const Stopwatch extract_watch;
-  const PictureMesh mesh =
-      runWithThreads(arguments.query.threads, [&] { return extractPictureMesh(arguments.query); });
+  const auto mesh = std::make_shared<const PictureMesh>(
+      runWithThreads(arguments.query.threads, [&] { return extractPictureMesh(arguments.query); }));
   const double extract_seconds = extract_watch.seconds();
 
-  interruptFlag().check();
   const Stopwatch draw_watch;
-  const Image image =
-      renderer.render({mesh.positions, mesh.normals, mesh.triangles, mesh.triangle_levels},
-                      makeRenderOptions(arguments, mesh));
-  interruptFlag().check();
-  writeImage(arguments.output, image);
+  // Neither OpenGL nor the libraries that pack pictures stop before their end.
+  const std::vector<char> picture = runAbandonable(
+      &interruptFlag(), [renderer, mesh, format, options = makeRenderOptions(arguments, *mesh)] {
+        return encodeImage(format, renderer->render({mesh->positions, mesh->normals,
+                                                     mesh->triangles, mesh->triangle_levels},
+                                                    options));
+      });
+  AtomicFile file(arguments.output);
+  file.write(picture.data(), picture.size());
+  file.commit(&interruptFlag());
   fmt::print("{}: {} x {} pixels, {} triangles; extract {:.2f} s, draw {:.2f} s ({})\n",
-             arguments.output, image.width, image.height, countText(mesh.triangles.size() / 3),
-             extract_seconds, draw_watch.seconds(), renderer.deviceName());
+             arguments.output, arguments.size.width, arguments.size.height,
+             countText(mesh->triangles.size() / 3), extract_seconds, draw_watch.seconds(),
+             renderer->deviceName());
   return 0;
 }
 

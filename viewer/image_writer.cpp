@@ -48,10 +48,12 @@ std::vector<char> encodePng(const Image& image) {
   return encoded;
 }
 
+std::vector<char> encodeImage(ImageFormat format, const Image& image) {
+  return format == ImageFormat::kPng ? encodePng(image) : encodeExr(image);
+}
+
 void writeImage(const std::filesystem::path& path, const Image& image) {
-  const ImageFormat format = imageFormatOf(path);
-  const std::vector<char> encoded =
-      format == ImageFormat::kPng ? encodePng(image) : encodeExr(image);
+  const std::vector<char> encoded = encodeImage(imageFormatOf(path), image);
   AtomicFile file(path.string());
   file.write(encoded.data(), encoded.size());
   file.commit();

@@ -21,6 +21,9 @@ ImageFormat imageFormatOf(const std::filesystem::path& path);
 // Safe to call from several threads for different paths.
 void writeImage(const std::filesystem::path& path, const Image& image);
 
+// The picture as the bytes of a file of that format.
+std::vector<char> encodeImage(ImageFormat format, const Image& image);
+
 // The bytes of a file. `image` has at least one pixel. Throws Error (without a path).
 // PNG: RGB, 8 bits, sRGB curve, values clipped to 0..1.
 std::vector<char> encodePng(const Image& image);

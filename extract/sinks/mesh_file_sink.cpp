@@ -61,9 +61,10 @@ class FaceFile {
       done += static_cast<std::size_t>(n);
     }
   }
-  void appendTo(AtomicFile& file) {
+  void appendTo(AtomicFile& file, const CancelFlag* cancel) {
     std::vector<std::byte> buffer(kBufferBytes);
     for (off_t at = 0;;) {
+      if (cancel != nullptr) cancel->check();
       const ssize_t n = ::pread(fd_, buffer.data(), buffer.size(), at);
       if (n < 0 && errno == EINTR) continue;
       if (n < 0) fail();
@@ -84,7 +85,8 @@ class FaceFile {
 
 class PlySink : public MeshFileSink {
  public:
-  explicit PlySink(const std::string& path) : file_(path), faces_(path) {}
+  PlySink(const std::string& path, const CancelFlag* cancel)
+      : cancel_(cancel), file_(path), faces_(path) {}
 
   void begin(const MeshFrame& frame) override {
     double_precision_ = frame.coordinateMagnitudeInVoxels() >= 2048;
@@ -122,10 +124,10 @@ class PlySink : public MeshFileSink {
   void finish() override {
     flushVertices();
     flushFaces();
-    faces_.appendTo(file_);
+    faces_.appendTo(file_, cancel_);
     const std::string header = makeHeader();
     file_.pwrite(header.data(), header.size(), 0);
-    file_.commit();
+    file_.commit(cancel_);
   }
 
   std::uint64_t vertices() const override { return numbering_.count(); }
@@ -157,6 +159,7 @@ class PlySink : public MeshFileSink {
     return head + prefix + std::string(fill, '.') + "\n" + rest;
   }
 
+  const CancelFlag* cancel_;
   AtomicFile file_;
   FaceFile faces_;
   bool double_precision_ = false;
@@ -169,7 +172,7 @@ class PlySink : public MeshFileSink {
 
 class StlSink : public MeshFileSink {
  public:
-  explicit StlSink(const std::string& path) : file_(path) {}
+  StlSink(const std::string& path, const CancelFlag* cancel) : cancel_(cancel), file_(path) {}
 
   void begin(const MeshFrame&) override {
     char header[84] = "isobrick";  // must not begin with "solid": that is how ASCII STL is told
@@ -197,7 +200,7 @@ class StlSink : public MeshFileSink {
     flush();
     const auto count = static_cast<std::uint32_t>(triangles_);
     file_.pwrite(&count, sizeof count, 80);
-    file_.commit();
+    file_.commit(cancel_);
   }
   std::uint64_t vertices() const override { return 3 * triangles_; }
 
@@ -208,6 +211,7 @@ class StlSink : public MeshFileSink {
     bytes_.clear();
   }
 
+  const CancelFlag* cancel_;
   AtomicFile file_;
   ByteBuffer bytes_;
   std::uint64_t triangles_ = 0;
@@ -215,11 +219,11 @@ class StlSink : public MeshFileSink {
 
 }  // namespace
 
-std::unique_ptr<MeshFileSink> makeMeshFileSink(const std::string& path) {
+std::unique_ptr<MeshFileSink> makeMeshFileSink(const std::string& path, const CancelFlag* cancel) {
   std::string end = path.size() > 4 ? path.substr(path.size() - 4) : "";
   for (char& c : end) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  if (end == ".ply") return std::make_unique<PlySink>(path);
-  if (end == ".stl") return std::make_unique<StlSink>(path);
+  if (end == ".ply") return std::make_unique<PlySink>(path, cancel);
+  if (end == ".stl") return std::make_unique<StlSink>(path, cancel);
   throw Error("cannot tell the mesh format of '" + path + "'; name it .ply or .stl");
 }
 

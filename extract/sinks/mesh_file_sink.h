@@ -5,6 +5,7 @@
 #include <string>
 
 #include "extract/sinks/triangle_sink.h"
+#include "storage/cancel.h"
 
 namespace isobrick {
 
@@ -20,7 +21,9 @@ class MeshFileSink : public TriangleSink {
 //         does not separate crossings), nx ny nz, faces with the pyramid level as `level`
 //   .stl  binary: triangles without shared vertices, at most 2^32 - 1
 // Throws Error for another extension and for a path that cannot be written. The file appears under
-// its name in finish(); a sink that is destroyed earlier leaves nothing.
-std::unique_ptr<MeshFileSink> makeMeshFileSink(const std::string& path);
+// its name in finish(); a sink that is destroyed earlier leaves nothing. finish() looks at
+// `cancel`, which may be null and outlives the sink: throws Cancelled, and no file is left.
+std::unique_ptr<MeshFileSink> makeMeshFileSink(const std::string& path,
+                                               const CancelFlag* cancel = nullptr);
 
 }  // namespace isobrick

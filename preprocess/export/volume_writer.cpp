@@ -11,6 +11,9 @@
 namespace isobrick {
 namespace {
 
+// A request to cancel is looked at after so many bytes: some milliseconds for any source.
+constexpr std::uint64_t kBytesPerLook = std::uint64_t{1} << 20;
+
 // Shortest text that reads back as the same double.
 std::string numberText(double value) {
   char text[40];
@@ -68,16 +71,24 @@ std::string metaImageHeader(const VolumeInfo& info, const std::string& data_name
 
 void writeVoxels(VolumeSource& source, AtomicFile& file, const VolumeWriteOptions& options) {
   const VolumeInfo& info = source.info();
-  const std::uint64_t slice_bytes =
-      static_cast<std::uint64_t>(info.voxels.x * info.voxels.y) * voxelBytes(info.voxel_type);
+  const std::uint64_t row_bytes =
+      static_cast<std::uint64_t>(info.voxels.x) * voxelBytes(info.voxel_type);
+  const std::uint64_t slice_bytes = row_bytes * static_cast<std::uint64_t>(info.voxels.y);
   const std::int64_t slices_per_slab = std::clamp(
       static_cast<std::int64_t>(options.slab_bytes / slice_bytes), std::int64_t{1}, info.voxels.z);
-  std::vector<std::byte> slab(static_cast<std::size_t>(slices_per_slab) * slice_bytes);
+  const std::int64_t rows_per_look =
+      std::clamp(static_cast<std::int64_t>(kBytesPerLook / row_bytes), std::int64_t{1},
+                 slices_per_slab * info.voxels.y);
+  std::vector<std::byte> slab(static_cast<std::size_t>(rows_per_look) * row_bytes);
   for (std::int64_t first = 0; first < info.voxels.z; first += slices_per_slab) {
-    if (options.cancel != nullptr) options.cancel->check();
     const std::int64_t count = std::min(slices_per_slab, info.voxels.z - first);
-    source.readRows(first * info.voxels.y, count * info.voxels.y, slab.data());
-    file.write(slab.data(), static_cast<std::size_t>(count) * slice_bytes);
+    const std::int64_t end_row = (first + count) * info.voxels.y;
+    for (std::int64_t row = first * info.voxels.y; row < end_row; row += rows_per_look) {
+      if (options.cancel != nullptr) options.cancel->check();
+      const std::int64_t rows = std::min(rows_per_look, end_row - row);
+      source.readRows(row, rows, slab.data());
+      file.write(slab.data(), static_cast<std::size_t>(rows) * row_bytes);
+    }
     if (options.progress)
       options.progress(static_cast<double>(first + count) / static_cast<double>(info.voxels.z));
   }
@@ -93,7 +104,7 @@ void writeVolume(VolumeSource& source, const std::string& path, const VolumeWrit
     const std::string header = nrrdHeader(source.info());
     file.write(header.data(), header.size());
     writeVoxels(source, file, options);
-    file.commit();
+    file.commit(options.cancel);
   } else if (extension == ".mhd") {
     const std::string data_path = std::filesystem::path(name).replace_extension(".raw").string();
     AtomicFile header_file(path);
@@ -103,12 +114,12 @@ void writeVolume(VolumeSource& source, const std::string& path, const VolumeWrit
     header_file.write(header.data(), header.size());
     writeVoxels(source, data_file, options);
     // The voxels first: a header without them would be worse than the other way round.
-    data_file.commit();
+    data_file.commit(options.cancel);
     header_file.commit();
   } else if (extension == ".raw") {
     AtomicFile file(path);
     writeVoxels(source, file, options);
-    file.commit();
+    file.commit(options.cancel);
   } else {
     throw Error("cannot write '" + path +
                 "': volumes are written as .nrrd, .mhd or .raw; choose "

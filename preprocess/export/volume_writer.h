@@ -13,9 +13,10 @@ namespace isobrick {
 struct VolumeWriteOptions {
   // Called after every slab with the share that is done, 0 .. 1, from the calling thread.
   std::function<void(double fraction)> progress;
-  // Looked at before every slab: throws Cancelled, and no file is left.
+  // Looked at after every MiB, and while the disk is waited for: throws Cancelled, and no file is
+  // left.
   const CancelFlag* cancel = nullptr;
-  // Memory for voxels on the way; at least one slice is held.
+  // So often progress is told; at least a slice.
   std::uint64_t slab_bytes = std::uint64_t{16} << 20;
 };
 

@@ -67,7 +67,7 @@ BuiltVolume openAndBuild(const BuildJob& job, const BuildSettings& settings) {
   refusePreciousOutput(job.input.path, job.output, settings.force);
   const std::unique_ptr<VolumeSource> source = openShowingProgress(job, settings);
   built.open_seconds = watch.seconds();
-  InputWatch input(*source);
+  InputWatch input(*source, settings.options.cancel);
   built.skipped =
       !settings.force && isUpToDate(job.output, source->info(), input.identity(), settings.options);
   if (!built.skipped) built.report = buildShowingProgress(*source, input, job, settings);
