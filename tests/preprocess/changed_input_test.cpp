@@ -10,6 +10,7 @@
 #include "preprocess/pyramid_builder.h"
 #include "preprocess/sources/raw_source.h"
 #include "tests/support/build_message.h"
+#include "tests/support/file_bytes.h"
 #include "tests/support/volume_files.h"
 
 namespace isobrick::test {
@@ -28,7 +29,7 @@ class ChangedInputTest : public VolumeFilesTest {
     options_.brick_cells = 16;
     options_.memory_bytes = leastMemory();
     bricks_ = buildPyramid(*open(), path_, options_).bricks;
-    reference_ = readFile(path_);
+    reference_ = readBytes(path_);
     fs::remove(path_);
   }
   // As `cp -p` of a backup does.
@@ -82,16 +83,16 @@ class ChangedInputTest : public VolumeFilesTest {
     BuildOptions options = options_;
     options.resume = true;
     const BuildReport report = buildPyramid(*open(), path_, options);
-    EXPECT_TRUE(readFile(path_) == reference_);
+    EXPECT_TRUE(readBytes(path_) == reference_);
     EXPECT_FALSE(fs::exists(path_ + ".partial"));
     return report.bricks_resumed;
   }
   std::string refusalToResume() const {
-    const std::string partial = readFile(path_ + ".partial");
+    const std::string partial = readBytes(path_ + ".partial");
     BuildOptions options = options_;
     options.resume = true;
     const std::string message = errorOf([&] { buildPyramid(*open(), path_, options); });
-    EXPECT_TRUE(readFile(path_ + ".partial") == partial);
+    EXPECT_TRUE(readBytes(path_ + ".partial") == partial);
     EXPECT_FALSE(fs::exists(path_));
     return message;
   }
@@ -149,7 +150,7 @@ TEST_F(ChangedInputTest, GoneWhileItIsReadItIsKept) {
 // A backup that makes links changes a time of the file, and nothing in it.
 TEST_F(ChangedInputTest, ALinkMoreIsNoChange) {
   EXPECT_EQ(messageOf(0.3, [&] { fs::create_hard_link(pathOf("a.raw"), pathOf("link")); }), "");
-  EXPECT_TRUE(readFile(path_) == reference_);
+  EXPECT_TRUE(readBytes(path_) == reference_);
 }
 
 // A build of another version of the tool goes on with what this one began.

@@ -13,6 +13,7 @@
 #include "preprocess/sources/raw_source.h"
 #include "tests/support/array_source.h"
 #include "tests/support/build_message.h"
+#include "tests/support/file_bytes.h"
 #include "tests/support/packed_bytes.h"
 #include "tests/support/volume_files.h"
 
@@ -99,7 +100,7 @@ class InputIdentityTest : public VolumeFilesTest {
   // Writes the file as it is now but for one byte, and gives it its time back.
   static void changeQuietly(const std::string& path, std::size_t at) {
     const auto time = fs::last_write_time(path);
-    std::string bytes = readFile(path);
+    std::string bytes = readBytes(path);
     ASSERT_LT(at, bytes.size());
     bytes[at] = static_cast<char>(bytes[at] ^ 1);
     std::ofstream(path, std::ios::binary) << bytes;
@@ -118,7 +119,7 @@ class InputIdentityTest : public VolumeFilesTest {
     const std::string before = buildIdentity(*source, {});
     EXPECT_EQ(buildIdentity(*source, {}), before);
     for (const std::string& name : names) {
-      const std::string bytes = readFile(pathOf(name));
+      const std::string bytes = readBytes(pathOf(name));
       const auto time = fs::last_write_time(pathOf(name));
       changeQuietly(pathOf(name), bytes.size() - 1);
       EXPECT_NE(buildIdentity(*source, {}), before) << name;
@@ -331,7 +332,7 @@ TEST_F(InputIdentityTest, AHeaderIsNotTakenForATemporary) {
     const auto source = openItkSource(pathOf("a.nhdr"));
     const std::string message = messageOfBuild(*source, pathOf("a.isb"), {});
     EXPECT_CONTAINS(message, "is an input");
-    EXPECT_EQ(readFile(header), nrrd("a.raw"));
+    EXPECT_EQ(readBytes(header), nrrd("a.raw"));
     fs::remove(pathOf("a.nhdr"));
     fs::remove(header);
   }

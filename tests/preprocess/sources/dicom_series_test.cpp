@@ -13,6 +13,7 @@
 #include "preprocess/sources/dicom_header.h"
 #include "preprocess/sources/dicom_values.h"
 #include "preprocess/sources/itk_source.h"
+#include "tests/support/file_bytes.h"
 #include "tests/support/volume_files.h"
 
 namespace isobrick {
@@ -325,7 +326,7 @@ TEST_F(DicomSeriesTest, FilesWithoutPreambleAreRead) {
       EXPECT_EQ(readVoxels<std::int16_t>(*source), expected) << syntax << with_meta;
       EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
       // One that was cut in its pixels is no other file, but a damaged one.
-      const std::string whole = readFile(pathOf("2"));
+      const std::string whole = readBytes(pathOf("2"));
       write("2", whole.substr(0, whole.size() - 5));
       EXPECT_CONTAINS(errorOf([&] { open(); }), pathOf("2"));
     }
