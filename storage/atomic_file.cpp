@@ -164,6 +164,7 @@ std::optional<std::uint64_t> AtomicFile::freeBytes() const {
 }
 
 void AtomicFile::reserve(std::uint64_t bytes, const CancelFlag* cancel) {
+  if (cancel != nullptr) cancel->check();
   struct statfs status = {};
   if (fstatfs(fd_, &status) != 0 || status.f_type == TMPFS_MAGIC) return;
   // Some file systems take their time for many gigabytes.

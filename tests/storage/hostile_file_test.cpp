@@ -1019,16 +1019,16 @@ std::uint64_t mappedBytesAround(const MappedFile& file, std::uint64_t offset, st
   const std::uint64_t end =
       std::min((offset + bytes + kFaultAround - 1) / kFaultAround * kFaultAround,
                (file.size() + kPage - 1) / kPage * kPage);
-  std::ifstream pagemap("/proc/self/pagemap", std::ios::binary);
   std::vector<std::uint64_t> pages((end - begin) / kPage);
   const std::uint64_t first = (reinterpret_cast<std::uintptr_t>(file.data()) + begin) / kPage;
-  pagemap.seekg(static_cast<std::streamoff>(first * sizeof(std::uint64_t)));
-  pagemap.read(reinterpret_cast<char*>(pages.data()),
-               static_cast<std::streamsize>(pages.size() * sizeof(std::uint64_t)));
-  if (!pagemap) throw std::runtime_error("cannot read /proc/self/pagemap");
-  return kPage *
-         static_cast<std::uint64_t>(std::count_if(
-             pages.begin(), pages.end(), [](std::uint64_t page) { return page >> 63 != 0; }));
+  const std::size_t wanted = pages.size() * sizeof pages[0];
+  const int pagemap = open("/proc/self/pagemap", O_RDONLY | O_CLOEXEC);
+  const ssize_t got =
+      pread(pagemap, pages.data(), wanted, static_cast<off_t>(first * sizeof pages[0]));
+  close(pagemap);
+  if (got != static_cast<ssize_t>(wanted)) throw std::runtime_error("cannot read the page map");
+  const auto is_mapped = [](std::uint64_t page) { return page >> 63 != 0; };
+  return kPage * static_cast<std::uint64_t>(std::count_if(pages.begin(), pages.end(), is_mapped));
 }
 std::uint64_t mappedBytesAround(const MappedFile& file, const BrickPager::Piece& piece) {
   return mappedBytesAround(file, piece.offset, piece.bytes);
