@@ -15,6 +15,7 @@
 #include "tests/support/build_message.h"
 #include "tests/support/file_bytes.h"
 #include "tests/support/packed_bytes.h"
+#include "tests/support/tiff_file.h"
 #include "tests/support/volume_files.h"
 
 namespace {
@@ -219,24 +220,7 @@ TEST_F(InputIdentityTest, AnotherByteOrderInTheHeaderIsAnotherInput) {
 }
 
 TEST_F(InputIdentityTest, ASliceMoreOrLessIsAChange) {
-  const auto tiff = [&](int k) {  // one 2 x 2 image of 8 bits, in one strip
-    const auto entry = [](int tag, int type, int value) {
-      std::string bytes = {static_cast<char>(tag & 0xff),
-                           static_cast<char>(tag >> 8),
-                           static_cast<char>(type),
-                           0,
-                           1,
-                           0,
-                           0,
-                           0};
-      return bytes + std::string({static_cast<char>(value), 0, 0, 0});
-    };
-    std::string bytes = std::string("II*\0\x0c\0\0\0", 8) + std::string(4, static_cast<char>(k));
-    bytes += std::string("\x09\0", 2) + entry(256, 3, 2) + entry(257, 3, 2) + entry(258, 3, 8) +
-             entry(259, 3, 1) + entry(262, 3, 1) + entry(273, 4, 8) + entry(277, 3, 1) +
-             entry(278, 3, 2) + entry(279, 4, 4) + std::string(4, '\0');
-    return bytes;
-  };
+  const auto tiff = [](int k) { return tiffBytes(2, 2, 8, std::string(4, static_cast<char>(k))); };
   fs::create_directory(pathOf("stack"));
   for (const int k : {1, 2, 4}) write("stack/s" + std::to_string(k) + ".tif", tiff(k));
   const std::string three = identityOf(pathOf("stack"));
