@@ -29,6 +29,8 @@ set(isobrick_public_headers
   preprocess/phantoms/phantom.h
   preprocess/sources/itk_source.h
   preprocess/sources/open_options.h
+  preprocess/sources/open_volume.h
+  preprocess/sources/open_options.h
   preprocess/sources/raw_source.h
   preprocess/sources/vdb_source.h
   preprocess/sources/vti_source.h)

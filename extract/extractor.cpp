@@ -50,8 +50,9 @@ void checkQuery(const Pyramid& pyramid, const Query& query) {
     if (query.uniform_level && *query.uniform_level > 0)
       throw Error("the curvature tolerance acts on level 0; leave out the uniform level");
     if (!pyramid.spec().has_curvature)
-      throw Error("'" + pyramid.path() +
-                  "' holds no curvature; build it without --no-curvature to use a tolerance");
+      throw Error(
+          "'" + pyramid.path() + "' holds no curvature; build it with curvature to use a tolerance",
+          {.path = pyramid.path()}, {Remedy::kBuildWithCurvature});
   }
   if (query.box)
     for (int axis = 0; axis < 3; ++axis)

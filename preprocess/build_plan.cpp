@@ -94,12 +94,14 @@ class Planner {
       return std::to_string((bytes + kMebibyte - 1) / kMebibyte) + "M";
     };
     const std::uint64_t held = source_.bufferBytes();
-    throw Error("a memory of " + mebibytes(memory_bytes) + " is too small to build from '" +
-                source_.info().source + "', which takes " + mebibytes(least) +
-                (held > least / 2 ? ", most of it because this kind of file is not read piece by "
-                                    "piece; convert it to an uncompressed .mhd, or give --memory "
-                                  : "; give --memory ") +
-                mebibytes(least) + " or more");
+    throw Error(
+        "a memory of " + mebibytes(memory_bytes) + " is too small to build from '" +
+            source_.info().source + "', which takes " + mebibytes(least) +
+            (held > least / 2 ? ", most of it because this kind of file is not read piece by "
+                                "piece; convert it to an uncompressed .mhd, or allow "
+                              : "; allow ") +
+            mebibytes(least) + " or more",
+        {.path = source_.info().source}, {Remedy::kAllowMoreMemory});
   }
 
   void chooseWindows(std::uint64_t pipeline_bytes) {

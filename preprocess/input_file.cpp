@@ -19,11 +19,13 @@ InputFile::InputFile(const std::string& path, const std::string& named_by) : pat
   const std::string name =
       "'" + path + "'" + (named_by.empty() ? "" : ", which '" + named_by + "' names");
   if (fd_ < 0)
-    throw Error("cannot open " + name + ": " + std::strerror(errno) + "; check the path");
+    throw Error("cannot open " + name + ": " + std::strerror(errno) + "; check the path",
+                {.path = path});
   struct stat status = {};
   if (fstat(fd_, &status) != 0 || !S_ISREG(status.st_mode)) {
     close(fd_);
-    throw Error("cannot read " + name + ": it is not a regular file; copy it to one");
+    throw Error("cannot read " + name + ": it is not a regular file; copy it to one",
+                {.path = path});
   }
   size_ = static_cast<std::uint64_t>(status.st_size);
   changed_at_ = status.st_mtim;
@@ -44,7 +46,8 @@ std::size_t InputFile::readAt(std::uint64_t offset, void* out, std::size_t bytes
     if (got < 0 && errno == EINTR) continue;
     if (got < 0)
       throw ResumableError("cannot read '" + path_ + "' at byte " + std::to_string(offset + total) +
-                           ": " + std::strerror(errno) + "; check the disk, then run again");
+                               ": " + std::strerror(errno) + "; check the disk, then run again",
+                           {.path = path_, .offset = offset + total});
     if (got == 0) break;
     total += static_cast<std::size_t>(got);
   }

@@ -24,8 +24,10 @@ void append(std::string& text, const InputFile& file, std::uint64_t offset, std:
   const std::size_t got = file.readAt(offset, text.data() + begin, bytes);
   if (got < bytes)
     throw ResumableError("cannot read '" + file.path() + "': it ends at byte " +
-                         std::to_string(offset + got) + " and had " + std::to_string(file.size()) +
-                         " when it was opened; run again when nobody writes to it");
+                             std::to_string(offset + got) + " and had " +
+                             std::to_string(file.size()) +
+                             " when it was opened; run again when nobody writes to it",
+                         {.path = file.path()});
 }
 
 std::uint64_t contentSample(const InputFile& file) {
@@ -114,12 +116,15 @@ void InputWatch::checkContent() {
     throw;
   } catch (const Error& error) {
     throw ResumableError("whether '" + source_.info().source +
-                         "' is still as it was cannot be told: " + error.what());
+                             "' is still as it was cannot be told: " + error.what(),
+                         {.path = source_.info().source});
   }
   if (now != identity_)
-    throw ResumableError("'" + source_.info().source +
-                         "' changed while it was read; put it back as it was, or build anew when "
-                         "nobody writes to it");
+    throw ResumableError(
+        "'" + source_.info().source +
+            "' changed while it was read; put it back as it was, or build anew when "
+            "nobody writes to it",
+        {.path = source_.info().source});
   stamps_ = std::move(stamps);
 }
 

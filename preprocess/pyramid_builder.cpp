@@ -70,19 +70,20 @@ class Build {
       publish();
     } catch (const Cancelled&) {
       if (!keepForResume()) throw;
-      throw Cancelled("interrupted; " + whatIsKept());
+      throw Cancelled("interrupted; " + whatIsKept(), {.path = writer_.temporaryPath()},
+                      {Remedy::kResume});
     } catch (const ResumableError& error) {
       if (!keepForResume()) throw;
-      throw ResumableError(std::string(error.what()) + "; " + whatIsKept());
+      throw resumable(error, "");
     } catch (const Error& error) {
       // A file that is written or moved while it is read may look damaged.
       if (inputIsAsItWas() || !keepForResume()) throw;
-      throw ResumableError(std::string(error.what()) + "; it changed while it was read; " +
-                           whatIsKept());
+      throw resumable(error, "; it changed while it was read");
     } catch (const std::bad_alloc&) {
       if (!keepForResume()) throw;
-      throw ResumableError("not enough memory for '" + source_.info().source +
-                           "'; give a smaller --memory or fewer --threads; " + whatIsKept());
+      throw resumable(Error("not enough memory for '" + source_.info().source + "'",
+                            {.path = source_.info().source}, {Remedy::kUseLessMemory}),
+                      "");
     }
     for (std::size_t step = 0; step < kBuildStepNames.size(); ++step)
       report_.phases.push_back(
@@ -126,7 +127,13 @@ class Build {
     const auto all = static_cast<double>(closures_.all().size());
     const auto percent = static_cast<int>(100 * static_cast<double>(writer_.bricksWritten()) / all);
     return std::to_string(percent) + " % of the bricks are kept in '" + writer_.temporaryPath() +
-           "': go on with --resume, or delete it";
+           "'";
+  }
+  // The same error, of a build that can go on.
+  ResumableError resumable(const Error& error, const std::string& more) const {
+    std::vector<Remedy> remedies = error.remedies();
+    remedies.push_back(Remedy::kResume);
+    return ResumableError(error.what() + more + "; " + whatIsKept(), error.place(), remedies);
   }
 
   // A full disk is to show now rather than at the end. Packed bricks are smaller than plain ones,
@@ -141,10 +148,13 @@ class Build {
     const std::uint64_t least = plan_.scratch_file_bytes + (is_packed ? most / kMostPacking : most);
     if (have < least)
       throw ResumableError("not enough space for '" + writer_.temporaryPath() + "': it takes " +
-                           (is_packed ? "at least " : "up to ") + std::to_string(least >> 20) +
-                           " MiB and the disk has " + std::to_string(have >> 20) +
-                           " MiB; free some space, choose another folder with -o" +
-                           (is_packed ? "" : ", or pack it with --codec"));
+                               (is_packed ? "at least " : "up to ") + std::to_string(least >> 20) +
+                               " MiB and the disk has " + std::to_string(have >> 20) +
+                               " MiB; free some space, or choose another folder" +
+                               (is_packed ? "" : ", or pack it"),
+                           {.path = writer_.temporaryPath()},
+                           is_packed ? std::vector{Remedy::kOtherFolder}
+                                     : std::vector{Remedy::kOtherFolder, Remedy::kPack});
     if (have >= most + plan_.scratch_file_bytes) writer_.reserve(most);
   }
 
@@ -272,9 +282,10 @@ class Build {
         if (!options_.nan_as.has_value())
           throw Error(
               "'" + source_.info().source + "' has a voxel that is " +
-              (std::isnan(voxels[i]) ? "not a number" : "infinite, or too large for float32,") +
-              " at (" + std::to_string(at.x) + "," + std::to_string(at.y) + "," +
-              std::to_string(at.z) + "); give the value to put there with --nan-as V");
+                  (std::isnan(voxels[i]) ? "not a number" : "infinite, or too large for float32,") +
+                  " at (" + std::to_string(at.x) + "," + std::to_string(at.y) + "," +
+                  std::to_string(at.z) + "), and there is no value to put there",
+              {.path = source_.info().source}, {Remedy::kReplaceNotFinite});
         voxels[i] = *options_.nan_as;
         if (isOwn(at)) ++report_.replaced_voxels;
       }
@@ -369,7 +380,8 @@ void refuseInputAsTemporary(const VolumeSource& source, const std::string& path)
       std::error_code ignored;
       if (std::filesystem::equivalent(file, path + ending, ignored))
         throw Error("'" + file + "' is an input, and building '" + path +
-                    "' would overwrite it; choose another output with -o");
+                        "' would overwrite it; choose another output with -o",
+                    {.path = file});
     }
 }
 

@@ -58,8 +58,10 @@ ScratchVolume::ScratchVolume(const Index3& dims, std::size_t element_bytes, Plac
   }
   fd_ = openNameless(folder);
   if (fd_ < 0)
-    throw ResumableError("cannot make a temporary file in '" + folder + "': " +
-                         std::strerror(errno) + "; choose a folder that you may write to with -o");
+    throw ResumableError("cannot make a temporary file in '" + folder +
+                             "': " + std::strerror(errno) +
+                             "; choose a folder that you may write to with -o",
+                         {.path = folder});
 }
 
 ScratchVolume::~ScratchVolume() {
@@ -98,9 +100,9 @@ void ScratchVolume::write(const IndexBox& box, const void* elements) {
       if (written < 0 && errno == EINTR) continue;
       if (written <= 0)
         throw ResumableError("cannot write a temporary file in '" + folder_ +
-                             "': " + std::strerror(written < 0 ? errno : ENOSPC) +
-                             "; free some space, choose another folder with -o, or give more "
-                             "--memory");
+                                 "': " + std::strerror(written < 0 ? errno : ENOSPC) +
+                                 "; free some space, choose another folder, or allow more memory",
+                             {.path = folder_}, {Remedy::kOtherFolder, Remedy::kAllowMoreMemory});
       from += written;
       offset += static_cast<std::size_t>(written);
       bytes -= static_cast<std::size_t>(written);
@@ -120,8 +122,9 @@ void ScratchVolume::read(const IndexBox& box, void* elements) const {
       if (got < 0 && errno == EINTR) continue;
       if (got <= 0)
         throw ResumableError("cannot read a temporary file in '" + folder_ + "': " +
-                             (got < 0 ? std::strerror(errno) : "it is shorter than it was") +
-                             "; check the disk");
+                                 (got < 0 ? std::strerror(errno) : "it is shorter than it was") +
+                                 "; check the disk",
+                             {.path = folder_});
       to += got;
       offset += static_cast<std::size_t>(got);
       bytes -= static_cast<std::size_t>(got);

@@ -45,8 +45,8 @@ const char* adviceFor(int error) {
   const std::string line =
       "cannot write '" + path + "': " + std::strerror(error) + "; " + adviceFor(error);
   if (error == ENOSPC || error == EDQUOT || error == EFBIG || error == EIO)
-    throw ResumableError(line);
-  throw Error(line);
+    throw ResumableError(line, {.path = path});
+  throw Error(line, {.path = path});
 }
 
 std::string folderOf(const std::string& path) {
@@ -73,7 +73,8 @@ int openTemporary(const std::string& path, const std::string& temporary_path, bo
     if (busy) {
       close(fd);
       throw Error("cannot write '" + path + "': another process is writing '" + temporary_path +
-                  "'; wait for it or choose another name with -o");
+                      "'; wait for it or choose another name with -o",
+                  {.path = path});
     }
     if (!namesOpenFile(temporary_path, fd)) {
       close(fd);
@@ -98,8 +99,9 @@ AtomicFile::AtomicFile(const std::string& path, Leftover leftover)
   if (stat(path.c_str(), &status) == 0 && !S_ISREG(status.st_mode)) {
     if (S_ISDIR(status.st_mode)) failWriting(path, EISDIR);
     throw Error("cannot write '" + path +
-                "': it exists and is not a regular file; choose another "
-                "name with -o");
+                    "': it exists and is not a regular file; choose another "
+                    "name with -o",
+                {.path = path});
   }
   fd_ = openTemporary(path_, temporary_path_, leftover == Leftover::kEmpty);
 }
@@ -215,7 +217,8 @@ void AtomicFile::commit(const CancelFlag* cancel) {
   if (fsync(fd_) != 0) failWriting(path_, errno);
   if (std::rename(temporary_path_.c_str(), path_.c_str()) != 0)
     throw ResumableError("cannot give '" + temporary_path_ + "' its name '" + path_ +
-                         "': " + std::strerror(errno) + "; check the folder");
+                             "': " + std::strerror(errno) + "; check the folder",
+                         {.path = temporary_path_});
   // From here the file is published: the destructor has nothing to remove.
   const int fd = fd_;
   fd_ = -1;
@@ -228,7 +231,8 @@ void AtomicFile::commit(const CancelFlag* cancel) {
   // Some file systems cannot sync folders; the rename is as durable there as it gets.
   if (result != 0 && error != EINVAL && error != ENOTSUP)
     throw Error("'" + path_ + "' is complete, but its folder could not be made durable: " +
-                std::strerror(error) + "; check the disk");
+                    std::strerror(error) + "; check the disk",
+                {.path = path_});
 }
 
 }  // namespace isobrick

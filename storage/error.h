@@ -1,16 +1,54 @@
-// Errors that a user can act on.
+// Errors that a user, or the program that called, can act on.
 #pragma once
 
+#include <cstdint>
+#include <glm/vec3.hpp>
+#include <optional>
 #include <stdexcept>
 #include <string>
+#include <utility>
+#include <vector>
 
 namespace isobrick {
 
+// Where a run failed, as far as that is known.
+struct ErrorPlace {
+  std::string path = {};                                // of the file; empty: none
+  std::optional<std::uint64_t> offset = {};             // byte in it
+  std::optional<int> level = {};                        // of the pyramid
+  std::optional<glm::vec<3, std::int64_t>> brick = {};  // of that level
+};
+
+// A parameter of the call that would help. What it is called, the caller knows: the command adds
+// the names of its options.
+enum class Remedy {
+  kAllowMoreMemory,     // BuildOptions::memory_bytes
+  kUseLessMemory,       // the same, or fewer threads
+  kOtherFolder,         // for what is written
+  kPack,                // BuildOptions::codec
+  kReplaceNotFinite,    // BuildOptions::nan_as
+  kResume,              // BuildOptions::resume
+  kBeginAnew,           // without BuildOptions::resume
+  kDescribeRawFile,     // OpenOptions::raw
+  kCorrectRawLayout,    // what OpenOptions::raw says
+  kDicomAsFloat32,      // OpenOptions::dicom_float32
+  kBuildWithCurvature,  // BuildOptions::with_curvature
+};
+
 // A failed run. `what()` is one line that says what went wrong, where (path, offset, brick, voxel)
-// and what to do. Programming mistakes are asserted, never reported through this class.
+// and what to do; place() and remedies() say the same to a program. Programming mistakes are
+// asserted, never reported through this class.
 class Error : public std::runtime_error {
  public:
-  using std::runtime_error::runtime_error;
+  explicit Error(const std::string& what, ErrorPlace place = {}, std::vector<Remedy> remedies = {})
+      : std::runtime_error(what), place_(std::move(place)), remedies_(std::move(remedies)) {}
+
+  const ErrorPlace& place() const { return place_; }
+  const std::vector<Remedy>& remedies() const { return remedies_; }
+
+ private:
+  ErrorPlace place_;
+  std::vector<Remedy> remedies_;
 };
 
 // A failure of the moment, not of the input: a full disk, a read that failed. The same run may
@@ -25,7 +63,7 @@ class Cancelled : public Error {
  public:
   Cancelled() : Error("interrupted; nothing was left behind") {}
   // `what` says what was left behind.
-  explicit Cancelled(const std::string& what) : Error(what) {}
+  using Error::Error;
 };
 
 }  // namespace isobrick

@@ -26,11 +26,13 @@ const std::uint64_t kPageBytes = static_cast<std::uint64_t>(sysconf(_SC_PAGESIZE
 MappedFile::MappedFile(const std::string& path) : path_(path) {
   const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
   if (fd < 0)
-    throw Error("cannot open '" + path + "': " + std::strerror(errno) + "; check the path");
+    throw Error("cannot open '" + path + "': " + std::strerror(errno) + "; check the path",
+                {.path = path});
   struct stat status = {};
   if (fstat(fd, &status) != 0 || !S_ISREG(status.st_mode) || status.st_size == 0) {
     ::close(fd);
-    throw Error("cannot read '" + path + "': it is empty or not a file; build it again");
+    throw Error("cannot read '" + path + "': it is empty or not a file; build it again",
+                {.path = path});
   }
   size_ = static_cast<std::uint64_t>(status.st_size);
   void* map = mmap(nullptr, size_, PROT_READ, MAP_SHARED, fd, 0);
@@ -38,7 +40,8 @@ MappedFile::MappedFile(const std::string& path) : path_(path) {
   if (map == MAP_FAILED) {
     ::close(fd);
     throw Error("cannot map '" + path + "': " + std::strerror(map_error) +
-                "; raise the limit on virtual memory");
+                    "; raise the limit on virtual memory",
+                {.path = path});
   }
   fd_ = fd;
   data_ = static_cast<const std::byte*>(map);
@@ -46,7 +49,8 @@ MappedFile::MappedFile(const std::string& path) : path_(path) {
     munmap(map, size_);
     ::close(fd);
     throw Error("cannot open '" + path + "': " + std::to_string(kMostFiles) +
-                " pyramids are open already; close some");
+                    " pyramids are open already; close some",
+                {.path = path});
   }
   // Bricks are asked for as a whole; the kernel's guess around a fault would read others too.
   madvise(map, size_, MADV_RANDOM);

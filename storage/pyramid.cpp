@@ -33,7 +33,9 @@ Pyramid::Pyramid(const std::string& path, std::uint64_t budget_bytes)
   readHeader();
 }
 
-void Pyramid::fail(const std::string& what) const { throw Error("'" + path() + "' " + what); }
+void Pyramid::fail(const std::string& what) const {
+  throw Error("'" + path() + "' " + what, {.path = path()});
+}
 
 void Pyramid::readHeader() {
   constexpr std::uint64_t kSize = sizeof(format::Header);

@@ -161,9 +161,9 @@ std::vector<JournalEntry> PyramidWriter::takeOver(const std::string& identity,
   auto journal = WriteJournal::read(journalPath(file_));
   if (!journal) return {};
   if (journal->identity != identity)
-    throw Error("cannot continue '" + file_.temporaryPath() +
-                "': it was begun differently: " + firstDifference(identity, journal->identity) +
-                "; do as then, or leave out --resume to begin anew");
+    throw Error("cannot continue '" + file_.temporaryPath() + "': it was begun differently: " +
+                    firstDifference(identity, journal->identity) + "; do as then, or begin anew",
+                {.path = file_.temporaryPath()}, {Remedy::kBeginAnew});
   std::vector<JournalEntry>& entries = journal->entries;
   if (entries.size() > brick_table_.size()) entries.clear();
   std::vector<std::byte> buffer;
@@ -241,8 +241,9 @@ void PyramidWriter::readPart(std::uint64_t row, PartKind part, std::size_t bytes
   if (!readAll(file_.fd(), stored.data(), stored.size(), record.offset) ||
       !decodePart(codec, stored, bytes, out))
     throw ResumableError("cannot read '" + file_.temporaryPath() + "' at byte " +
-                         std::to_string(record.offset) +
-                         "; check the disk, or leave out --resume to begin anew");
+                             std::to_string(record.offset) + "; check the disk, or begin anew",
+                         {.path = file_.temporaryPath(), .offset = record.offset},
+                         {Remedy::kBeginAnew});
 }
 
 std::uint64_t PyramidWriter::finish(const ValueRange& voxel_range,

@@ -107,14 +107,16 @@ WriteJournal::WriteJournal(const std::string& path, const std::string& identity,
   fd_ = open(fresh.c_str(), O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOFOLLOW, 0666);
   if (fd_ < 0)
     throw ResumableError("cannot write '" + fresh + "': " + std::strerror(errno) +
-                         "; choose a folder that you may write to with -o");
+                             "; choose a folder that you may write to with -o",
+                         {.path = fresh});
   try {
     const std::string header = headerOf(identity);
     writeAll(header.data(), header.size());
     writeAll(entries.data(), entries.size() * sizeof(JournalEntry));
     if (std::rename(fresh.c_str(), path.c_str()) != 0)
-      throw ResumableError("cannot write '" + path + "': " + std::strerror(errno) +
-                           "; check the folder");
+      throw ResumableError(
+          "cannot write '" + path + "': " + std::strerror(errno) + "; check the folder",
+          {.path = path});
   } catch (...) {
     unlink(fresh.c_str());
     close(fd_);
@@ -151,8 +153,9 @@ void WriteJournal::writeAll(const void* data, std::size_t bytes) {
     if (written < 0 && errno == EINTR) continue;
     if (written <= 0)
       throw ResumableError("cannot write '" + path_ +
-                           "': " + std::strerror(written < 0 ? errno : ENOSPC) +
-                           "; free some space or choose another folder with -o");
+                               "': " + std::strerror(written < 0 ? errno : ENOSPC) +
+                               "; free some space or choose another folder with -o",
+                           {.path = path_});
     at += written;
     bytes -= static_cast<std::size_t>(written);
   }

@@ -14,6 +14,7 @@
 
 #include "storage/error.h"
 #include "tools/command.h"
+#include "tools/failure_text.h"
 #include "tools/interrupt.h"
 #include "tools/one_line.h"
 
@@ -66,7 +67,7 @@ int runChosen(const std::vector<Command>& commands) {
 }
 
 int reportFailure(const std::exception& failure) {
-  fmt::print(stderr, "isobrick: {}\n", oneLine(failure.what()));
+  fmt::print(stderr, "isobrick: {}\n", oneLine(failureText(failure)));
   return kFailed;
 }
 

@@ -19,7 +19,7 @@ ImageFormat imageFormatOf(const std::filesystem::path& path) {
   if (extension == ".png") return ImageFormat::kPng;
   if (extension == ".exr") return ImageFormat::kExr;
   throw Error("cannot write picture " + path.string() + ": unknown extension '" + extension +
-              "'; name it .png or .exr");
+                  "'; name it .png or .exr");
 }
 
 std::vector<char> encodePng(const Image& image) {

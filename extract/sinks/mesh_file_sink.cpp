@@ -77,7 +77,8 @@ class FaceFile {
  private:
   [[noreturn]] void fail() const {
     throw Error("cannot write '" + path_ + "': " + std::strerror(errno) +
-                "; free some space or choose another folder with -o");
+                    "; free some space or choose another folder with -o",
+                {.path = path_});
   }
   std::string path_;
   int fd_ = -1;
@@ -98,8 +99,9 @@ class PlySink : public MeshFileSink {
     numbering_.number(batch, numbers_, is_new_);
     if (numbering_.count() > std::numeric_limits<std::uint32_t>::max())
       throw Error("'" + file_.path() +
-                  "': a PLY file holds at most 4,294,967,295 vertices; extract a part of the "
-                  "surface or a coarser level");
+                      "': a PLY file holds at most 4,294,967,295 vertices; extract a part of the "
+                      "surface or a coarser level",
+                  {.path = file_.path()});
     for (std::size_t v = 0; v < numbers_.size(); ++v) {
       if (!is_new_[v]) continue;
       const glm::dvec3& p = batch.positions[v];
@@ -182,7 +184,8 @@ class StlSink : public MeshFileSink {
     triangles_ += batch.triangles.size() / 3;
     if (triangles_ > std::numeric_limits<std::uint32_t>::max())
       throw Error("'" + file_.path() +
-                  "': an STL file holds at most 4,294,967,295 triangles; write .ply instead");
+                      "': an STL file holds at most 4,294,967,295 triangles; write .ply instead",
+                  {.path = file_.path()});
     for (std::size_t i = 0; i < batch.triangles.size(); i += 3) {
       const glm::dvec3& a = batch.positions[batch.triangles[i]];
       const glm::dvec3& b = batch.positions[batch.triangles[i + 1]];
@@ -224,7 +227,8 @@ std::unique_ptr<MeshFileSink> makeMeshFileSink(const std::string& path, const Ca
   for (char& c : end) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
   if (end == ".ply") return std::make_unique<PlySink>(path, cancel);
   if (end == ".stl") return std::make_unique<StlSink>(path, cancel);
-  throw Error("cannot tell the mesh format of '" + path + "'; name it .ply or .stl");
+  throw Error("cannot tell the mesh format of '" + path + "'; name it .ply or .stl",
+              {.path = path});
 }
 
 }  // namespace isobrick

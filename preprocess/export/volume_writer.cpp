@@ -122,8 +122,9 @@ void writeVolume(VolumeSource& source, const std::string& path, const VolumeWrit
     file.commit(options.cancel);
   } else {
     throw Error("cannot write '" + path +
-                "': volumes are written as .nrrd, .mhd or .raw; choose "
-                "one of these endings with -o");
+                    "': volumes are written as .nrrd, .mhd or .raw; choose "
+                    "one of these endings with -o",
+                {.path = path});
   }
 }
 

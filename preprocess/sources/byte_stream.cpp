@@ -95,7 +95,8 @@ class Base64Stream final : public ByteStream {
         if (++digits_ == 4) endGroup();
       } else if (meaning != kBlank) {
         throw Error("cannot read '" + file_->path() + "': its base64 data are damaged at byte " +
-                    std::to_string(at_ + i) + "; get the whole file again");
+                        std::to_string(at_ + i) + "; get the whole file again",
+                    {.path = file_->path()});
       }
     }
   }

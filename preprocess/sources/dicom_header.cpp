@@ -61,7 +61,7 @@ class Walker {
     std::error_code error;
     size_ = std::filesystem::file_size(path, error);
     if (!in_ || error)
-      throw Error("cannot open '" + path + "'; check the path and its permissions");
+      throw Error("cannot open '" + path + "'; check the path and its permissions", {.path = path});
   }
 
   DicomHeader walk() {

@@ -121,8 +121,10 @@ bool isEndless(std::int64_t first, std::int64_t last, std::int64_t step) {
 }
 
 Error badPattern(const std::string& header_path, const std::string& pattern) {
-  return Error("cannot use '" + header_path + "': its data files '" + pattern.substr(0, 100) +
-               "' are not a name with one number, as in 'slice%03d.raw 1 9 1'; correct its header");
+  return Error(
+      "cannot use '" + header_path + "': its data files '" + pattern.substr(0, 100) +
+          "' are not a name with one number, as in 'slice%03d.raw 1 9 1'; correct its header",
+      {.path = header_path});
 }
 
 // The last of the volume's dimensions, multiplied with `more` of those before it.

@@ -75,7 +75,9 @@ class InflateStream final : public ByteStream {
   std::size_t inflatePart(Bytef* out, std::size_t bytes) {
     if (zlib_.avail_in == 0 && !refill())
       throw Error("cannot read '" + path_ + "': its compressed data are cut short after " +
-                  std::to_string(content_bytes_) + " bytes of content; get the whole file again");
+                      std::to_string(content_bytes_) +
+                      " bytes of content; get the whole file again",
+                  {.path = path_});
     const uInt most = static_cast<uInt>(std::min(bytes, std::size_t{1} << 30));
     zlib_.next_out = out;
     zlib_.avail_out = most;
@@ -107,7 +109,8 @@ class InflateStream final : public ByteStream {
 
   Error damaged() const {
     return Error("cannot read '" + path_ + "': its compressed data are damaged after " +
-                 std::to_string(content_bytes_) + " bytes of content; get the whole file again");
+                     std::to_string(content_bytes_) + " bytes of content; get the whole file again",
+                 {.path = path_});
   }
 
   std::string path_;

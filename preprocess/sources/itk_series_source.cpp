@@ -68,7 +68,8 @@ std::vector<std::string> filesIn(const std::string& folder) {
       if (entry.is_regular_file()) files.push_back(entry.path().string());
   } catch (const fs::filesystem_error& error) {
     throw Error("cannot read the folder '" + folder + "': " + error.code().message() +
-                "; check its permissions");
+                    "; check its permissions",
+                {.path = folder});
   }
   std::sort(files.begin(), files.end());
   return files;
@@ -85,7 +86,8 @@ std::vector<DicomSlice> scanDicom(const std::vector<std::string>& files,
     const DicomHeader header = readDicomHeader(file);
     if (header.state == DicomHeader::State::kDamaged)
       throw Error("cannot read '" + file + "': the DICOM file is cut short or damaged; get the " +
-                  "whole file again, or move it elsewhere if it is not of this series");
+                      "whole file again, or move it elsewhere if it is not of this series",
+                  {.path = file});
     if (header.state != DicomHeader::State::kImage) continue;
     slices.push_back({file, header.stamp, header.value(kSeriesUid), header.value(kImagePosition),
                       header.value(kImageOrientation), header.value(kInstanceNumber),
@@ -110,7 +112,9 @@ void requireOneSeries(const std::string& folder, const std::vector<DicomSlice>& 
             std::to_string(count) + (count == 1 ? " image)" : " images)");
   }
   throw Error("cannot use the folder '" + folder + "': it holds " + std::to_string(counts.size()) +
-              " DICOM series: " + list + "; move the files of one series to a folder of their own");
+                  " DICOM series: " + list +
+                  "; move the files of one series to a folder of their own",
+              {.path = folder});
 }
 
 // Throws where slices differ in what a volume has only once.
@@ -124,7 +128,8 @@ void requireOneGrid(const std::vector<DicomSlice>& slices) {
       same = std::abs(axes[i] - other[i]) < 1e-3;
     if (!same)
       throw Error("cannot use '" + slice.path + "': its size or orientation differs from '" +
-                  reference.path + "' in the same series (a localizer?); move it elsewhere");
+                      reference.path + "' in the same series (a localizer?); move it elsewhere",
+                  {.path = slice.path});
   }
 }
 
@@ -139,7 +144,8 @@ std::optional<glm::dvec3> sortSlices(std::vector<DicomSlice>& slices, const glm:
     for (const DicomSlice& slice : slices)
       if (slice.instance.empty())
         throw Error("cannot use '" + slice.path + "': it has neither a position nor an instance " +
-                    "number to sort the slices by; convert the series with its own software");
+                        "number to sort the slices by; convert the series with its own software",
+                    {.path = slice.path});
     std::stable_sort(slices.begin(), slices.end(), [](const DicomSlice& a, const DicomSlice& b) {
       return std::atoll(a.instance.c_str()) < std::atoll(b.instance.c_str());
     });
@@ -193,12 +199,14 @@ SliceImage openSlice(const SliceFile& file, const Index3& expected) {
   const Index3 voxels = imageVoxels(path, *slice.image);
   if (voxels.z != 1)
     throw Error("cannot use '" + path + "': it holds " + std::to_string(voxels.z) +
-                " slices, but the folder is read as a stack of single ones; name that file");
+                    " slices, but the folder is read as a stack of single ones; name that file",
+                {.path = path});
   if (expected.x != 0 && (voxels.x != expected.x || voxels.y != expected.y))
     throw Error("cannot use '" + path + "': it has " + std::to_string(voxels.x) + " x " +
-                std::to_string(voxels.y) + " pixels and the first slice " +
-                std::to_string(expected.x) + " x " + std::to_string(expected.y) +
-                "; keep only the slices of one volume in the folder");
+                    std::to_string(voxels.y) + " pixels and the first slice " +
+                    std::to_string(expected.x) + " x " + std::to_string(expected.y) +
+                    "; keep only the slices of one volume in the folder",
+                {.path = path});
   return slice;
 }
 
@@ -279,10 +287,14 @@ class SliceStackSource final : public VolumeSource {
 
   void checkRange(const SliceFile& file, std::int64_t k) const {
     const std::string slice = "cannot read slice " + std::to_string(k) + ", '" + file.path + "': ";
-    const std::string advice =
-        file.dicom_stamp ? "; give --dicom-float32" : "; convert all to one type";
+    const auto misfit = [&](const std::string& what) {
+      if (file.dicom_stamp)
+        return Error(slice + what + "; take the series as float32", {.path = file.path},
+                     {Remedy::kDicomAsFloat32});
+      return Error(slice + what + "; convert all to one type", {.path = file.path});
+    };
     if (!isInteger(pixels_.component))
-      throw Error(slice + "its values are of another type than the first slice's" + advice);
+      throw misfit("its values are of another type than the first slice's");
     visitComponent(pixels_.component, [&](auto in_tag) {
       using In = typename decltype(in_tag)::Type;
       if constexpr (std::is_integral_v<In>)
@@ -291,13 +303,13 @@ class SliceStackSource final : public VolumeSource {
           if constexpr (std::is_integral_v<Out>) {
             const auto* values = reinterpret_cast<const In*>(pixels_.bytes->data());
             const auto* end = values + info_.voxels.x * info_.voxels.y;
-            const auto* misfit =
+            const auto* found =
                 std::find_if(values, end, [](In v) { return !std::in_range<Out>(v); });
-            if (misfit != end)
-              throw Error(slice + "its value " + std::to_string(*misfit) + " does not fit the " +
-                          std::string(voxelTypeName(info_.voxel_type)) +
-                          (file.dicom_stamp ? " that the headers suggest" : " of the first slice") +
-                          advice);
+            if (found != end)
+              throw misfit(
+                  "its value " + std::to_string(*found) + " does not fit the " +
+                  std::string(voxelTypeName(info_.voxel_type)) +
+                  (file.dicom_stamp ? " that the headers suggest" : " of the first slice"));
           }
         });
     });
@@ -468,7 +480,8 @@ std::unique_ptr<VolumeSource> openItkFolder(const std::string& path, const OpenO
   if (!tiffs.empty()) return openImageStack(path, tiffs, options);
   if (!images.empty()) return openImageStack(path, images, options);
   throw Error("cannot read the folder '" + path + "': it holds neither DICOM files nor TIFF or " +
-              "PNG slices; name a folder that does, or a file");
+                  "PNG slices; name a folder that does, or a file",
+              {.path = path});
 }
 
 }  // namespace isobrick::itk_detail

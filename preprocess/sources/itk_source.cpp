@@ -108,10 +108,12 @@ bool isDicomImage(const std::string& path) {
       return false;
     case DicomHeader::State::kNoImage:
       throw Error("cannot use '" + path + "': it is a DICOM file without an image; name the " +
-                  "folder of the series");
+                      "folder of the series",
+                  {.path = path});
     case DicomHeader::State::kDamaged:
       throw Error("cannot read '" + path + "': the DICOM file is cut short or damaged; get the " +
-                  "whole file again");
+                      "whole file again",
+                  {.path = path});
     case DicomHeader::State::kImage:
       break;
   }
@@ -147,13 +149,15 @@ Error itkError(const std::string& path, const std::exception& exception) {
   if (dynamic_cast<const std::bad_alloc*>(&exception) != nullptr)
     return Error(
         "cannot read '" + path + "': not enough memory for its voxels; check the " +
-        "dimensions in its header, or convert it to .mhd or .nrrd, which are read piece by " +
-        "piece");
+            "dimensions in its header, or convert it to .mhd or .nrrd, which are read piece by " +
+            "piece",
+        {.path = path});
   const auto* itk_exception = dynamic_cast<const itk::ExceptionObject*>(&exception);
-  return Error(
-      "cannot read '" + path + "': " +
-      plainMessage(itk_exception != nullptr ? itk_exception->GetDescription() : exception.what()) +
-      "; check that the file is whole and not damaged");
+  return Error("cannot read '" + path + "': " +
+                   plainMessage(itk_exception != nullptr ? itk_exception->GetDescription()
+                                                         : exception.what()) +
+                   "; check that the file is whole and not damaged",
+               {.path = path});
 }
 
 namespace {
@@ -171,12 +175,14 @@ itk::ImageIOBase::Pointer withInformation(const std::string& path,
 itk::ImageIOBase::Pointer requireScalars(const std::string& path, itk::ImageIOBase::Pointer image) {
   if (image.IsNull())
     throw Error("cannot read '" + path + "': it is unreadable or in no known format (NRRD, " +
-                "MetaImage, NIfTI, TIFF, DICOM, MRC, VTK legacy, ...); a file without a header " +
-                "needs --raw-dims and --raw-type");
+                    "MetaImage, NIfTI, TIFF, DICOM, MRC, VTK legacy, ...); say its layout if it "
+                    "has no header",
+                {.path = path}, {Remedy::kDescribeRawFile});
   if (image->GetNumberOfComponents() != 1)
     throw Error("cannot use '" + path + "': it has " +
-                std::to_string(image->GetNumberOfComponents()) +
-                " values per voxel (colour, vector or complex); extract one channel first");
+                    std::to_string(image->GetNumberOfComponents()) +
+                    " values per voxel (colour, vector or complex); extract one channel first",
+                {.path = path});
   return image;
 }
 
@@ -188,7 +194,8 @@ itk::ImageIOBase::Pointer openImage(const std::string& path) {
   const auto status = std::filesystem::status(path, error);
   if (!std::filesystem::exists(status))
     throw Error("cannot open '" + path + "': " +
-                (error ? error.message() : "No such file or directory") + "; check the path");
+                    (error ? error.message() : "No such file or directory") + "; check the path",
+                {.path = path});
   itk::ImageIOBase::Pointer image;
   try {
     const CerrCapture silence;
@@ -209,7 +216,8 @@ itk::ImageIOBase::Pointer openDicomImage(const std::string& path, const FileStam
   prepareItk();
   if (fileStamp(path) != stamp)
     throw Error("cannot read '" + path + "': it changed since its header was read; run again " +
-                "when nobody writes to it");
+                    "when nobody writes to it",
+                {.path = path});
   try {
     const CerrCapture silence;
     return requireScalars(path, withInformation(path, itk::GDCMImageIO::New().GetPointer()));
@@ -226,7 +234,8 @@ Index3 imageVoxels(const std::string& path, const itk::ImageIOBase& image) {
     const auto count = image.GetDimensions(axis);
     if (axis >= 3 && count != 1)
       throw Error("cannot use '" + path + "': it has " + std::to_string(count) +
-                  " time steps or channels; extract one 3-D volume first");
+                      " time steps or channels; extract one 3-D volume first",
+                  {.path = path});
     // Hostile headers: more than 63 bits would look negative, which checkVoxelCounts refuses too.
     if (axis < 3) voxels[static_cast<int>(axis)] = static_cast<std::int64_t>(count);
   }
@@ -334,7 +343,8 @@ VolumeInfo describeVolume(const std::string& path, const itk::ImageIOBase& image
   info.voxels = imageVoxels(path, image);
   if (info.voxels.z == 1)
     throw Error("cannot use '" + path + "': it is a single 2-D image; name the folder that " +
-                "holds all slices");
+                    "holds all slices",
+                {.path = path});
   checkVoxelCounts(path, info.voxels);
   info.geometry = imageGeometry(image);
   tidyGeometry(path, info.geometry, info.notes);
@@ -412,7 +422,8 @@ std::unique_ptr<VolumeSource> openNiftiRun(VolumeInfo info, const OpenOptions& o
   const NiftiRun nifti = findNiftiRun(info.source);
   if (nifti.stored.delivered() != info.voxel_type)
     throw Error("cannot read '" + info.source + "': its header is contradictory; check that it " +
-                "is not damaged");
+                    "is not damaged",
+                {.path = info.source});
   if (nifti.stored.map) {
     std::ostringstream note;
     note << "slope " << nifti.stored.map->slope << " and intercept " << nifti.stored.map->intercept

@@ -36,7 +36,8 @@ std::string besidePair(const std::string& path, const std::string& ending,
   for (const char* other : endings)
     if (fs::exists(stem + other, ignored)) return stem + other;
   throw Error("cannot read '" + path + "': there is no '" + stem + *endings.begin() +
-              "' beside it; put both files of the pair into one folder");
+                  "' beside it; put both files of the pair into one folder",
+              {.path = path});
 }
 
 class NiftiHeader {
@@ -46,13 +47,15 @@ class NiftiHeader {
     auto stream = makeFileStream(file, 0);
     if (isGzipped(*file)) stream = makeInflateStream(path, std::move(stream));
     if (stream->read(bytes_.data(), kHeaderBytes) != kHeaderBytes)
-      throw Error("cannot read '" + path + "': its header is cut short; get the whole file again");
+      throw Error("cannot read '" + path + "': its header is cut short; get the whole file again",
+                  {.path = path});
     // How the NIfTI library finds the byte order: dim[0] is 1 .. 7.
     if (const int axes = int16At(40); axes < 1 || axes > 7) {
       big_endian_ = true;
       if (const int swapped = int16At(40); swapped < 1 || swapped > 7)
         throw Error("cannot read '" + path + "': its NIfTI header is damaged, or text (.nia); " +
-                    "get the whole file again, or convert it to .nii");
+                        "get the whole file again, or convert it to .nii",
+                    {.path = path});
     }
   }
 
@@ -109,7 +112,8 @@ StoredType storedType(const std::string& path, int data_type) {
       return StoredType::kUint64;
     default:
       throw Error("cannot use '" + path + "': its voxels are of NIfTI type " +
-                  std::to_string(data_type) + ", which is no plain number; convert it first");
+                      std::to_string(data_type) + ", which is no plain number; convert it first",
+                  {.path = path});
   }
 }
 
@@ -138,7 +142,8 @@ NiftiRun findNiftiRun(const std::string& path) {
   const double offset = header.voxelOffset();
   if (!(offset >= 0 && offset < 0x1p31))
     throw Error("cannot read '" + run.header_path + "': it says that the voxels begin at byte " +
-                std::to_string(offset) + "; correct vox_offset in its header");
+                    std::to_string(offset) + "; correct vox_offset in its header",
+                {.path = run.header_path});
   auto offset_bytes = static_cast<std::uint64_t>(offset);
   if (header.isOneFile()) offset_bytes = std::max<std::uint64_t>(offset_bytes, kHeaderBytes);
   run.is_deflated = isGzipped(InputFile(run.path, run.path == path ? "" : path));

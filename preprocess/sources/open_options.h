@@ -2,13 +2,28 @@
 #pragma once
 
 #include <functional>
+#include <optional>
+#include <string>
 #include <string_view>
 
 #include "storage/cancel.h"
+#include "storage/grid.h"
 
 namespace isobrick {
 
+// How to read a file that has no header.
+struct RawLayout {
+  Index3 voxels{0};
+  // "u8", "i8", "u16", "i16", "f32"; also "u32", "i32" and "f64", which become float32 with a note.
+  std::string type;
+  bool big_endian = false;
+  glm::dvec3 spacing{1.0};
+  std::uint64_t offset_bytes = 0;
+};
+
 struct OpenOptions {
+  // Given: the file has no header, whatever its name.
+  std::optional<RawLayout> raw;
   // Looked at while the volume is opened, and by the source whenever it is read: it outlives the
   // source. Both throw Cancelled after a request.
   const CancelFlag* cancel = nullptr;

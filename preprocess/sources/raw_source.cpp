@@ -38,7 +38,8 @@ StoredType storedType(const std::string& path, const std::string& name) {
   for (const Alias& alias : kAliases)
     if (alias.name == name) return alias.type;
   throw Error("cannot read '" + path + "': unknown voxel type '" + name +
-              "'; choose one of u8, i8, u16, i16, u32, i32, f32, f64");
+                  "'; choose one of u8, i8, u16, i16, u32, i32, f32, f64",
+              {.path = path});
 }
 
 // Reads straight from the file, whatever is asked for.
@@ -103,9 +104,11 @@ class RawSource final : public VolumeSource {
                               std::to_string(stored_.bytes()) +
                               (stored_.bytes() == 1 ? " byte make " : " bytes make ") + needed;
     if (!header_path_.empty())
-      throw Error(sizes + " (from the header '" + header_path_ + "'); get the whole file again");
-    throw Error(sizes + "; check --raw-dims, --raw-type and --raw-offset" +
-                (overflow || have < need ? ", or get the whole file" : ""));
+      throw Error(sizes + " (from the header '" + header_path_ + "'); get the whole file again",
+                  {.path = header_path_});
+    throw Error(
+        sizes + "; correct the layout" + (overflow || have < need ? ", or get the whole file" : ""),
+        {.path = file_.path()}, {Remedy::kCorrectRawLayout});
   }
 
   // `count` voxels that adjoin in the file.
@@ -123,8 +126,9 @@ class RawSource final : public VolumeSource {
     const auto slice_bytes =
         static_cast<std::uint64_t>(info_.voxels.x * info_.voxels.y) * stored_.bytes();
     return Error("cannot read slice " + std::to_string((at - offset_bytes_) / slice_bytes) +
-                 " of '" + file_.path() + "' at byte " + std::to_string(at) +
-                 ": the file became shorter meanwhile; check the file, then run again");
+                     " of '" + file_.path() + "' at byte " + std::to_string(at) +
+                     ": the file became shorter meanwhile; check the file, then run again",
+                 {.path = file_.path()});
   }
 
   VolumeInfo info_;

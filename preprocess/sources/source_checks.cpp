@@ -24,11 +24,13 @@ void checkVoxelCounts(const std::string& path, const Index3& voxels) {
   for (int axis = 0; axis < 3; ++axis) {
     if (voxels[axis] < 2)
       throw Error("cannot use '" + path + "': it has " + voxelCountsText(voxels) +
-                  " voxels, and isobrick needs at least 2 voxels per axis; choose a 3-D volume");
+                      " voxels, and isobrick needs at least 2 voxels per axis; choose a 3-D volume",
+                  {.path = path});
     if (voxels[axis] > kMaxVoxelsPerAxis)
       throw Error("cannot use '" + path + "': it has " + voxelCountsText(voxels) +
-                  " voxels, and isobrick takes at most " + std::to_string(kMaxVoxelsPerAxis) +
-                  " per axis; check the dimensions or cut the volume");
+                      " voxels, and isobrick takes at most " + std::to_string(kMaxVoxelsPerAxis) +
+                      " per axis; check the dimensions or cut the volume",
+                  {.path = path});
   }
 }
 
@@ -40,10 +42,12 @@ void tidyGeometry(const std::string& path, GridGeometry& geometry,
     const double length = glm::length(direction[axis]);
     if (!std::isfinite(spacing) || spacing == 0 || !std::isfinite(geometry.origin[axis]))
       throw Error("cannot use '" + path + "': spacing or origin of axis " + std::to_string(axis) +
-                  " is zero or not a number; correct its header");
+                      " is zero or not a number; correct its header",
+                  {.path = path});
     if (!std::isfinite(length) || length < 0.5)
       throw Error("cannot use '" + path + "': the direction of axis " + std::to_string(axis) +
-                  " is not a unit vector; correct its header");
+                      " is not a unit vector; correct its header",
+                  {.path = path});
     direction[axis] /= spacing < 0 ? -length : length;
     direction[axis] += 0.0;  // no negative zeros
     spacing = std::abs(spacing);
@@ -53,7 +57,8 @@ void tidyGeometry(const std::string& path, GridGeometry& geometry,
     skew = std::max(skew, std::abs(glm::dot(direction[axis], direction[(axis + 1) % 3])));
   if (skew > kMostSkew)
     throw Error("cannot use '" + path + "': its axes are not at right angles (sheared, or a " +
-                "tilted gantry); resample it to a rectangular grid first");
+                    "tilted gantry); resample it to a rectangular grid first",
+                {.path = path});
   if (skew > kRoundingSkew)
     notes.push_back("axes that were not quite at right angles were straightened");
   if (skew == 0) return;  // axis-aligned directions keep their exact bits

@@ -79,9 +79,10 @@ class StreamSource final : public VolumeSource {
         content_offset_bytes_ +
         static_cast<std::uint64_t>(elementCount(info_.voxels)) * stored_.bytes();
     return Error("cannot read '" + path_ + "': its content ends after " +
-                 std::to_string(position_) + " bytes and the header" +
-                 (header_path_ == path_ ? "" : " '" + header_path_ + "'") + " needs " +
-                 std::to_string(needed) + "; get the whole file again");
+                     std::to_string(position_) + " bytes and the header" +
+                     (header_path_ == path_ ? "" : " '" + header_path_ + "'") + " needs " +
+                     std::to_string(needed) + "; get the whole file again",
+                 {.path = path_});
   }
 
   VolumeInfo info_;
@@ -104,7 +105,8 @@ std::unique_ptr<VolumeSource> openStream(VolumeInfo info, const StoredVoxels& st
   const auto bytes = static_cast<std::uint64_t>(elementCount(info.voxels)) * stored.bytes();
   if (content_offset_bytes > UINT64_MAX - bytes)
     throw Error("cannot read '" + header_path + "': it says that the voxels begin at byte " +
-                std::to_string(content_offset_bytes) + "; correct its header");
+                    std::to_string(content_offset_bytes) + "; correct its header",
+                {.path = header_path});
   return std::make_unique<StreamSource>(std::move(info), stored, std::move(stream),
                                         content_offset_bytes, path, header_path, cancel);
 }

@@ -37,8 +37,9 @@ std::string quoted(const std::string& text) {
 }
 
 Error cannotUse(const std::string& path, const std::string& reason) {
-  return Error("cannot use '" + path + "': " + reason +
-               "; write it again, or convert it to .nrrd or .mhd");
+  return Error(
+      "cannot use '" + path + "': " + reason + "; write it again, or convert it to .nrrd or .mhd",
+      {.path = path});
 }
 
 // OpenVDB knows its grid types, and keeps to itself what it would print, from here on.
@@ -124,7 +125,9 @@ class VdbFile : private openvdb::io::Archive {
   } catch (const Error&) {
     throw;
   } catch (const std::ios_base::failure&) {
-    if (in_.bad()) throw ResumableError("cannot read '" + path_ + "': the disk reports an error");
+    if (in_.bad())
+      throw ResumableError("cannot read '" + path_ + "': the disk reports an error",
+                           {.path = path_});
     throw cannotUse(path_, "it is cut short or damaged");
   } catch (const std::bad_alloc&) {
     throw cannotUse(path_, "its grid does not fit into memory, or the file is damaged");
@@ -227,7 +230,8 @@ VoxelBox grownActiveBox(const std::string& path, const GridBase& grid) {
   const openvdb::CoordBBox box = grid.evalActiveVoxelBoundingBox();
   if (box.empty())
     throw Error("cannot use '" + path + "': its grid " + quoted(grid.getName()) +
-                " has no active voxels; choose a grid that is not empty");
+                    " has no active voxels; choose a grid that is not empty",
+                {.path = path});
   VoxelBox result;
   for (int axis = 0; axis < 3; ++axis) {
     // 64-bit: the box may reach over all 32-bit coordinates.

@@ -55,11 +55,11 @@ class VtiReader {
       const bool is_last = piece.empty();
       const XML_Status status =
           XML_Parse(parser_.get(), piece.data(), static_cast<int>(piece.size()), is_last);
-      if (failure_) throw Error(*failure_);
-      if (status == XML_STATUS_ERROR && !is_done_) throw Error(syntaxError(is_last));
-      if (is_last && !is_done_) throw Error(text(fed, "its XML is cut short"));
+      if (failure_) throw *failure_;
+      if (status == XML_STATUS_ERROR && !is_done_) throw syntaxError(is_last);
+      if (is_last && !is_done_) throw error(fed, "its XML is cut short");
       if (!is_done_ && fed + piece.size() > at() + kMostTagCharacters)
-        throw Error(text(at(), "its XML has a tag without an end"));
+        throw error(at(), "its XML has a tag without an end");
     }
     if (is_appended_) findAppendedData();
     return std::move(header_);
@@ -156,11 +156,11 @@ class VtiReader {
       const std::size_t got = file_.readAt(header_.appended_at, piece.data(), piece.size());
       for (std::size_t i = 0; i < got; ++i, ++header_.appended_at) {
         if (std::string_view(" \t\r\n").find(piece[i]) != std::string_view::npos) continue;
-        if (piece[i] != '_') throw Error(text(header_.appended_at, kNoMark));
+        if (piece[i] != '_') throw error(header_.appended_at, kNoMark);
         ++header_.appended_at;
         return;
       }
-      if (got == 0) throw Error(text(header_.appended_at, kNoMark));
+      if (got == 0) throw error(header_.appended_at, kNoMark);
     }
   }
 
@@ -182,19 +182,21 @@ class VtiReader {
     XML_StopParser(parser_.get(), XML_FALSE);
   }
   void fail(const std::string& reason) {
-    if (!failure_) failure_ = text(at(), reason);
+    if (!failure_) failure_ = error(at(), reason);
     XML_StopParser(parser_.get(), XML_FALSE);
   }
-  std::string syntaxError(bool is_last) const {
+  Error syntaxError(bool is_last) const {
     const XML_Error code = XML_GetErrorCode(parser_.get());
     if (code == XML_ERROR_TAG_MISMATCH)
-      return text(at(), "its XML ends an element that is not open");
-    if (is_last) return text(at(), "its XML is cut short");
-    return text(at(), std::string("its XML has a damaged tag (") + XML_ErrorString(code) + ")");
+      return error(at(), "its XML ends an element that is not open");
+    if (is_last) return error(at(), "its XML is cut short");
+    return error(at(), std::string("its XML has a damaged tag (") + XML_ErrorString(code) + ")");
   }
-  std::string text(std::uint64_t at, const std::string& reason) const {
-    return "cannot read '" + file_.path() + "': " + reason + " at byte " + std::to_string(at) +
-           "; save it again with ParaView, or convert it to .nrrd or .mhd";
+  Error error(std::uint64_t at, const std::string& reason) const {
+    return Error("cannot read '" + file_.path() + "': " + reason + " at byte " +
+                     std::to_string(at) +
+                     "; save it again with ParaView, or convert it to .nrrd or .mhd",
+                 {.path = file_.path(), .offset = at});
   }
 
   const InputFile& file_;
@@ -203,7 +205,7 @@ class VtiReader {
   std::size_t tags_ = 0;
   bool is_done_ = false;
   bool is_appended_ = false;
-  std::optional<std::string> failure_;
+  std::optional<Error> failure_;
   VtiHeader header_;
 };
 

@@ -34,7 +34,8 @@ std::string quoted(const std::string& text) {
 
 Error cannotUse(const std::string& path, const std::string& reason) {
   return Error("cannot use '" + path + "': " + reason +
-               "; save it again with ParaView, or convert it to .nrrd or .mhd");
+                   "; save it again with ParaView, or convert it to .nrrd or .mhd",
+               {.path = path});
 }
 
 // Exactly N numbers with blanks between them.

@@ -12,6 +12,7 @@
 #include "storage/error.h"
 #include "tools/build/build_report.h"
 #include "tools/byte_size.h"
+#include "tools/failure_text.h"
 #include "tools/interrupt.h"
 #include "tools/one_line.h"
 #include "tools/stopwatch.h"
@@ -62,10 +63,10 @@ class BuildBatch {
       interruptFlag().check();
       entry.built = buildOne(labelled(job), settings_);
     } catch (const Cancelled& cancelled) {
-      entry.reason = cancelled.what();
+      entry.reason = failureText(cancelled);
       entry.interrupted = true;
     } catch (const std::exception& failure) {
-      entry.reason = failure.what();
+      entry.reason = failureText(failure);
     }
     return entries_.emplace_back(std::move(entry));
   }

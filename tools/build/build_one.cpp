@@ -9,6 +9,7 @@
 #include <system_error>
 
 #include "preprocess/input_identity.h"
+#include "preprocess/sources/open_volume.h"
 #include "storage/error.h"
 #include "storage/pyramid.h"
 #include "tools/build/existing_output.h"
@@ -23,12 +24,12 @@ namespace {
 std::unique_ptr<VolumeSource> openShowingProgress(const BuildJob& job,
                                                   const BuildSettings& settings) {
   ProgressBar bar(100, "%");
-  OpenOptions options;
+  OpenOptions options = openOptionsOf(job.input);
   options.cancel = settings.options.cancel;
   options.progress = [&](std::string_view phase, double share) {
     bar.show(fmt::format("{}{}", job.label, phase), share);
   };
-  return openInput(job.input, options);
+  return openVolume(job.input.path, options);
 }
 
 BuildReport buildShowingProgress(VolumeSource& source, InputWatch& input, const BuildJob& job,

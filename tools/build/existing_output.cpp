@@ -10,6 +10,7 @@
 
 #include "storage/error.h"
 #include "storage/pyramid.h"
+#include "tools/failure_text.h"
 
 namespace isobrick {
 namespace {
@@ -82,7 +83,7 @@ bool isUpToDate(const std::string& output, const VolumeInfo& info,
     origin = originOf(Pyramid(output));
   } catch (const Error& error) {
     throw Error(fmt::format("'{}' exists, and from what it was made is unknown ({}); {}", output,
-                            error.what(), kWaysOut));
+                            failureText(error), kWaysOut));
   }
   const std::string identity = buildIdentity(info, input_identity, options);
   if (origin.identity == identity) return true;

@@ -6,14 +6,11 @@
 #include <cctype>
 #include <filesystem>
 #include <limits>
-#include <string_view>
 
-#include "preprocess/sources/itk_source.h"
-#include "preprocess/sources/raw_source.h"
-#include "preprocess/sources/vdb_source.h"
-#include "preprocess/sources/vti_source.h"
+#include "preprocess/sources/open_volume.h"
 #include "storage/error.h"
 #include "tools/command.h"
+#include "tools/failure_text.h"
 #include "tools/parse_text.h"
 #include "tools/parsed_option.h"
 
@@ -27,10 +24,6 @@ std::string lowerExtension(const fs::path& path) {
   std::transform(extension.begin(), extension.end(), extension.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
   return extension;
-}
-
-bool isOneOf(std::string_view extension, std::initializer_list<std::string_view> all) {
-  return std::find(all.begin(), all.end(), extension) != all.end();
 }
 
 }  // namespace
@@ -69,44 +62,26 @@ void addInputOptions(CLI::App& app, std::vector<std::string>& paths, InputOption
                "do not keep to them");
 }
 
-// ITK has a word for most files that it does not know; for these there is a better one.
-void refuseKnownMisfits(const InputOptions& options) {
-  const std::string& path = options.path;
-  std::error_code ignored;
-  const fs::file_status status = fs::status(path, ignored);
-  // Opening a pipe would wait for its other end, for ever.
-  if (fs::exists(status) && !fs::is_regular_file(status) && !fs::is_directory(status))
-    throw Error(fmt::format(
-        "cannot read '{}': it is neither a file nor a folder; copy it to a file", path));
-  if (options.raw_dims || !fs::is_regular_file(status)) return;
-  const std::string extension = lowerExtension(path);
-  if (extension == ".isb")
-    throw Error(
-        fmt::format("'{}' is a pyramid already; give the volume that it was made of", path));
-  if (isOneOf(extension, {".raw", ".bin", ".dat", ".vol", ".u8", ".u16", ".i16", ".f32"}))
-    throw UsageError(
-        fmt::format("'{}' has no header; give its dimensions and voxel type with "
-                    "--raw-dims X,Y,Z and --raw-type T (and --raw-endian, "
-                    "--raw-spacing, --raw-offset where they are not little, 1,1,1 "
-                    "and 0)",
-                    path));
+OpenOptions openOptionsOf(const InputOptions& input) {
+  OpenOptions options;
+  options.dicom_float32 = input.dicom_float32;
+  if (input.raw_dims) {
+    options.raw = input.raw;
+    options.raw->voxels = *input.raw_dims;
+    options.raw->big_endian = input.raw_endian == "big";
+  }
+  return options;
 }
 
-std::unique_ptr<VolumeSource> openInput(const InputOptions& options, OpenOptions open) {
-  open.dicom_float32 = options.dicom_float32;
-  if (options.raw_dims) {
-    RawLayout layout = options.raw;
-    layout.voxels = *options.raw_dims;
-    layout.big_endian = options.raw_endian == "big";
-    return openRawSource(options.path, layout);
+void refuseKnownMisfits(const InputOptions& input) {
+  try {
+    refuseUnusablePath(input.path, openOptionsOf(input));
+  } catch (const Error& error) {
+    const std::vector<Remedy>& remedies = error.remedies();
+    if (std::find(remedies.begin(), remedies.end(), Remedy::kDescribeRawFile) == remedies.end())
+      throw;
+    throw UsageError(failureText(error));
   }
-  std::error_code ignored;
-  if (!fs::is_directory(options.path, ignored)) {
-    const std::string extension = lowerExtension(options.path);
-    if (extension == ".vti") return openVtiSource(options.path, open);
-    if (extension == ".vdb") return openVdbSource(options.path, open);
-  }
-  return openItkSource(options.path, open);
 }
 
 std::string defaultOutputName(const std::string& input_path) {

@@ -8,8 +8,6 @@
 #include <vector>
 
 #include "preprocess/sources/open_options.h"
-#include "preprocess/sources/raw_source.h"
-#include "preprocess/volume_source.h"
 
 namespace isobrick {
 
@@ -24,12 +22,12 @@ struct InputOptions {
 // INPUT..., which go to `paths`, and the --raw-... options, which hold for each of them.
 void addInputOptions(CLI::App& app, std::vector<std::string>& paths, InputOptions& options);
 
+// What these words say of how to open the volume.
+OpenOptions openOptionsOf(const InputOptions& input);
+
 // Throws Error for files whose names tell that they are not supported, and UsageError for those
 // that need --raw-dims. Opens nothing.
-void refuseKnownMisfits(const InputOptions& options);
-
-// Throws Error for input that cannot be opened. `open` says what the words do not.
-std::unique_ptr<VolumeSource> openInput(const InputOptions& options, OpenOptions open = {});
+void refuseKnownMisfits(const InputOptions& input);
 
 // "head.isb" for "scans/head.nii.gz", and for the folder "scans/head".
 std::string defaultOutputName(const std::string& input_path);

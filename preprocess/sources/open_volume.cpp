@@ -1,0 +1,86 @@
+#include "preprocess/sources/open_volume.h"
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <filesystem>
+#include <string_view>
+
+#include "preprocess/sources/itk_source.h"
+#include "preprocess/sources/raw_source.h"
+#include "preprocess/sources/vdb_source.h"
+#include "preprocess/sources/vti_source.h"
+#include "storage/error.h"
+
+namespace isobrick {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Endings of files that have no header.
+constexpr std::array<std::string_view, 8> kRawEndings = {".raw", ".bin", ".dat", ".vol",
+                                                         ".u8",  ".u16", ".i16", ".f32"};
+
+std::string lowerEnding(const fs::path& path) {
+  std::string ending = path.extension().string();
+  std::transform(ending.begin(), ending.end(), ending.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return ending;
+}
+
+[[maybe_unused]] Error leftOut(const std::string& path, const char* library) {
+  return Error("cannot read '" + path + "': this isobrick was built without " + library +
+                   "; build it anew with that, or convert the file to .vti or raw voxels",
+               {.path = path});
+}
+
+std::unique_ptr<VolumeSource> openVdb(const std::string& path,
+                                      [[maybe_unused]] const OpenOptions& options) {
+#if ISOBRICK_WITH_OPENVDB
+  return openVdbSource(path, options);
+#else
+  throw leftOut(path, "OpenVDB");
+#endif
+}
+
+std::unique_ptr<VolumeSource> openItk(const std::string& path,
+                                      [[maybe_unused]] const OpenOptions& options) {
+#if ISOBRICK_WITH_ITK
+  return openItkSource(path, options);
+#else
+  throw leftOut(path, "ITK");
+#endif
+}
+
+}  // namespace
+
+void refuseUnusablePath(const std::string& path, const OpenOptions& options) {
+  std::error_code ignored;
+  const fs::file_status status = fs::status(path, ignored);
+  // Opening a pipe would wait for its other end, for ever.
+  if (fs::exists(status) && !fs::is_regular_file(status) && !fs::is_directory(status))
+    throw Error("cannot read '" + path + "': it is neither a file nor a folder; copy it to a file",
+                {.path = path});
+  if (options.raw || !fs::is_regular_file(status)) return;
+  const std::string ending = lowerEnding(path);
+  if (ending == ".isb")
+    throw Error("'" + path + "' is a pyramid already; give the volume that it was made of",
+                {.path = path});
+  if (std::find(kRawEndings.begin(), kRawEndings.end(), ending) != kRawEndings.end())
+    throw Error("'" + path + "' has no header; say how its voxels lie", {.path = path},
+                {Remedy::kDescribeRawFile});
+}
+
+std::unique_ptr<VolumeSource> openVolume(const std::string& path, const OpenOptions& options) {
+  refuseUnusablePath(path, options);
+  if (options.raw) return openRawSource(path, *options.raw);
+  std::error_code ignored;
+  if (!fs::is_directory(path, ignored)) {
+    const std::string ending = lowerEnding(path);
+    if (ending == ".vti") return openVtiSource(path, options);
+    if (ending == ".vdb") return openVdb(path, options);
+  }
+  return openItk(path, options);
+}
+
+}  // namespace isobrick
