@@ -1,12 +1,12 @@
-#include "extract/adaptive_mesher.h"
+#include "isobrick/extract/adaptive_mesher.h"
 
 #include <bit>
 
-#include "extract/meshing/brick_vertices.h"
-#include "extract/meshing/fans.h"
-#include "extract/meshing/leaf_edges.h"
-#include "extract/meshing/transition_face.h"
-#include "storage/index_loop.h"
+#include "isobrick/extract/meshing/brick_vertices.h"
+#include "isobrick/extract/meshing/fans.h"
+#include "isobrick/extract/meshing/leaf_edges.h"
+#include "isobrick/extract/meshing/transition_face.h"
+#include "isobrick/storage/index_loop.h"
 
 namespace isobrick {
 

@@ -1,12 +1,12 @@
 // Marching cubes and transition fans on a brick where leaves of several levels meet.
 #pragma once
 
-#include "extract/active_tiles.h"
-#include "extract/brick_traversal.h"
-#include "extract/edge_vertex_map.h"
-#include "extract/meshing/corner_values.h"
-#include "extract/meshing/tile_leaves.h"
-#include "extract/sinks/triangle_sink.h"
+#include "isobrick/extract/active_tiles.h"
+#include "isobrick/extract/brick_traversal.h"
+#include "isobrick/extract/edge_vertex_map.h"
+#include "isobrick/extract/meshing/corner_values.h"
+#include "isobrick/extract/meshing/tile_leaves.h"
+#include "isobrick/extract/sinks/triangle_sink.h"
 
 namespace isobrick {
 

@@ -1,6 +1,6 @@
-#include "extract/brick_traversal.h"
+#include "isobrick/extract/brick_traversal.h"
 
-#include "extract/oracles/leaf_classifier.h"
+#include "isobrick/extract/oracles/leaf_classifier.h"
 
 namespace isobrick {
 namespace {

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "extract/mesh_context.h"
+#include "isobrick/extract/mesh_context.h"
 
 namespace isobrick {
 

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "extract/edge_key.h"
+#include "isobrick/extract/edge_key.h"
 
 namespace isobrick {
 

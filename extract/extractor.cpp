@@ -1,4 +1,4 @@
-#include "extract/extractor.h"
+#include "isobrick/extract/extractor.h"
 
 #include <tbb/concurrent_queue.h>
 #include <tbb/enumerable_thread_specific.h>
@@ -9,10 +9,10 @@
 #include <memory>
 #include <string>
 
-#include "extract/adaptive_mesher.h"
-#include "extract/brick_traversal.h"
-#include "extract/uniform_mesher.h"
-#include "storage/error.h"
+#include "isobrick/extract/adaptive_mesher.h"
+#include "isobrick/extract/brick_traversal.h"
+#include "isobrick/extract/uniform_mesher.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 namespace {

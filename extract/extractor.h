@@ -4,9 +4,9 @@
 #include <cstdint>
 #include <vector>
 
-#include "extract/query.h"
-#include "extract/sinks/triangle_sink.h"
-#include "storage/pyramid.h"
+#include "isobrick/extract/query.h"
+#include "isobrick/extract/sinks/triangle_sink.h"
+#include "isobrick/storage/pyramid.h"
 
 namespace isobrick {
 

@@ -1,11 +1,11 @@
 // What every worker of one extraction reads.
 #pragma once
 
-#include "extract/kernels/crossing.h"
-#include "extract/oracles/focus_oracle.h"
-#include "extract/query.h"
-#include "extract/read_log.h"
-#include "storage/pyramid.h"
+#include "isobrick/extract/kernels/crossing.h"
+#include "isobrick/extract/oracles/focus_oracle.h"
+#include "isobrick/extract/query.h"
+#include "isobrick/extract/read_log.h"
+#include "isobrick/storage/pyramid.h"
 
 namespace isobrick {
 

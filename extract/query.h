@@ -3,8 +3,8 @@
 
 #include <optional>
 
-#include "storage/cancel.h"
-#include "storage/grid.h"
+#include "isobrick/storage/cancel.h"
+#include "isobrick/storage/grid.h"
 
 namespace isobrick {
 

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "storage/brick_layout.h"
+#include "isobrick/storage/brick_layout.h"
 
 namespace isobrick {
 

@@ -1,10 +1,10 @@
-#include "extract/uniform_mesher.h"
+#include "isobrick/extract/uniform_mesher.h"
 
 #include <bit>
 #include <cstring>
 
-#include "extract/kernels/marching_cubes_table.h"
-#include "extract/sample_view.h"
+#include "isobrick/extract/kernels/marching_cubes_table.h"
+#include "isobrick/extract/sample_view.h"
 
 namespace isobrick {
 namespace {

@@ -4,9 +4,9 @@
 #include <array>
 #include <vector>
 
-#include "extract/active_tiles.h"
-#include "extract/brick_traversal.h"
-#include "extract/sinks/triangle_sink.h"
+#include "isobrick/extract/active_tiles.h"
+#include "isobrick/extract/brick_traversal.h"
+#include "isobrick/extract/sinks/triangle_sink.h"
 
 namespace isobrick {
 

@@ -1,9 +1,9 @@
-#include "preprocess/brick_closures.h"
+#include "isobrick/preprocess/brick_closures.h"
 
 #include <bit>
 
-#include "preprocess/kernels/tile_ranges.h"
-#include "storage/voxel_type.h"
+#include "isobrick/preprocess/kernels/tile_ranges.h"
+#include "isobrick/storage/voxel_type.h"
 
 namespace isobrick {
 

@@ -1,11 +1,11 @@
-#include "preprocess/brick_maker.h"
+#include "isobrick/preprocess/brick_maker.h"
 
 #include <algorithm>
 #include <cstring>
 
-#include "preprocess/curvature_bricks.h"
-#include "preprocess/kernels/low_pass.h"
-#include "storage/voxel_type.h"
+#include "isobrick/preprocess/curvature_bricks.h"
+#include "isobrick/preprocess/kernels/low_pass.h"
+#include "isobrick/storage/voxel_type.h"
 
 namespace isobrick {
 namespace {

@@ -1,14 +1,14 @@
 // All that is made of one brick's samples: what is stored of it, and what coarser levels need.
 #pragma once
 
-#include "preprocess/brick_closures.h"
-#include "preprocess/brick_window.h"
-#include "preprocess/kernels/sample_block.h"
-#include "preprocess/kernels/tile_ranges.h"
-#include "preprocess/phase_times.h"
-#include "preprocess/scratch_volume.h"
-#include "storage/brick_encoder.h"
-#include "storage/pyramid_writer.h"
+#include "isobrick/preprocess/brick_closures.h"
+#include "isobrick/preprocess/brick_window.h"
+#include "isobrick/preprocess/kernels/sample_block.h"
+#include "isobrick/preprocess/kernels/tile_ranges.h"
+#include "isobrick/preprocess/phase_times.h"
+#include "isobrick/preprocess/scratch_volume.h"
+#include "isobrick/storage/brick_encoder.h"
+#include "isobrick/storage/pyramid_writer.h"
 
 namespace isobrick {
 

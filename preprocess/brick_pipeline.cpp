@@ -1,4 +1,4 @@
-#include "preprocess/brick_pipeline.h"
+#include "isobrick/preprocess/brick_pipeline.h"
 
 #include <algorithm>
 

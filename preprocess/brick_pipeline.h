@@ -8,11 +8,11 @@
 #include <thread>
 #include <vector>
 
-#include "preprocess/bounded_queue.h"
-#include "preprocess/brick_window.h"
-#include "preprocess/build_plan.h"
-#include "preprocess/scratch_volume.h"
-#include "storage/brick_encoder.h"
+#include "isobrick/preprocess/bounded_queue.h"
+#include "isobrick/preprocess/brick_window.h"
+#include "isobrick/preprocess/build_plan.h"
+#include "isobrick/preprocess/scratch_volume.h"
+#include "isobrick/storage/brick_encoder.h"
 
 namespace isobrick {
 

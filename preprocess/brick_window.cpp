@@ -1,9 +1,9 @@
-#include "preprocess/brick_window.h"
+#include "isobrick/preprocess/brick_window.h"
 
 #include <algorithm>
 #include <bit>
 
-#include "preprocess/kernels/low_pass.h"
+#include "isobrick/preprocess/kernels/low_pass.h"
 
 namespace isobrick {
 namespace {

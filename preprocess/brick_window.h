@@ -3,9 +3,9 @@
 
 #include <cstdint>
 
-#include "storage/brick_layout.h"
-#include "storage/format.h"
-#include "storage/pyramid_info.h"
+#include "isobrick/storage/brick_layout.h"
+#include "isobrick/storage/format.h"
+#include "isobrick/storage/pyramid_info.h"
 
 namespace isobrick {
 

@@ -1,11 +1,11 @@
-#include "preprocess/build_plan.h"
+#include "isobrick/preprocess/build_plan.h"
 
 #include <algorithm>
 #include <string>
 
-#include "preprocess/slice_spool.h"
-#include "storage/error.h"
-#include "storage/write_journal.h"
+#include "isobrick/preprocess/slice_spool.h"
+#include "isobrick/storage/error.h"
+#include "isobrick/storage/write_journal.h"
 
 namespace isobrick {
 namespace {

@@ -4,10 +4,10 @@
 #include <cstdint>
 #include <vector>
 
-#include "preprocess/brick_window.h"
-#include "preprocess/scratch_volume.h"
-#include "preprocess/volume_source.h"
-#include "storage/pyramid_info.h"
+#include "isobrick/preprocess/brick_window.h"
+#include "isobrick/preprocess/scratch_volume.h"
+#include "isobrick/preprocess/volume_source.h"
+#include "isobrick/storage/pyramid_info.h"
 
 namespace isobrick {
 

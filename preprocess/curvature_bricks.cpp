@@ -1,11 +1,11 @@
-#include "preprocess/curvature_bricks.h"
+#include "isobrick/preprocess/curvature_bricks.h"
 
 #include <algorithm>
 #include <cassert>
 #include <type_traits>
 
-#include "preprocess/kernels/curvature_fit.h"
-#include "storage/voxel_type.h"
+#include "isobrick/preprocess/kernels/curvature_fit.h"
+#include "isobrick/storage/voxel_type.h"
 
 namespace isobrick {
 namespace {

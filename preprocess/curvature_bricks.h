@@ -5,8 +5,8 @@
 #include <span>
 #include <vector>
 
-#include "preprocess/kernels/sample_block.h"
-#include "storage/value_range.h"
+#include "isobrick/preprocess/kernels/sample_block.h"
+#include "isobrick/storage/value_range.h"
 
 namespace isobrick {
 

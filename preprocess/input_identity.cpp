@@ -1,4 +1,4 @@
-#include "preprocess/input_identity.h"
+#include "isobrick/preprocess/input_identity.h"
 
 #include <sys/stat.h>
 
@@ -6,9 +6,9 @@
 #include <cstdio>
 #include <stdexcept>
 
-#include "preprocess/input_file.h"
-#include "storage/checksum.h"
-#include "storage/error.h"
+#include "isobrick/preprocess/input_file.h"
+#include "isobrick/storage/checksum.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 namespace {

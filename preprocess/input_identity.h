@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "preprocess/volume_source.h"
-#include "storage/cancel.h"
+#include "isobrick/preprocess/volume_source.h"
+#include "isobrick/storage/cancel.h"
 
 namespace isobrick {
 

@@ -1,4 +1,4 @@
-#include "preprocess/pyramid_builder.h"
+#include "isobrick/preprocess/pyramid_builder.h"
 
 #include <tbb/parallel_for.h>
 #include <tbb/partitioner.h>
@@ -10,12 +10,12 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "preprocess/brick_maker.h"
-#include "preprocess/brick_pipeline.h"
-#include "preprocess/input_identity.h"
-#include "preprocess/kernels/curvature_fit.h"
-#include "preprocess/slice_spool.h"
-#include "storage/checksum.h"
+#include "isobrick/preprocess/brick_maker.h"
+#include "isobrick/preprocess/brick_pipeline.h"
+#include "isobrick/preprocess/input_identity.h"
+#include "isobrick/preprocess/kernels/curvature_fit.h"
+#include "isobrick/preprocess/slice_spool.h"
+#include "isobrick/storage/checksum.h"
 
 namespace isobrick {
 namespace {

@@ -7,9 +7,9 @@
 #include <string_view>
 #include <vector>
 
-#include "preprocess/volume_source.h"
-#include "storage/cancel.h"
-#include "storage/pyramid_info.h"
+#include "isobrick/preprocess/volume_source.h"
+#include "isobrick/storage/cancel.h"
+#include "isobrick/storage/pyramid_info.h"
 
 namespace isobrick {
 

@@ -1,4 +1,4 @@
-#include "preprocess/scratch_volume.h"
+#include "isobrick/preprocess/scratch_volume.h"
 
 #include <fcntl.h>
 #include <sys/mman.h>
@@ -10,7 +10,7 @@
 #include <new>
 #include <stdexcept>
 
-#include "storage/error.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 namespace {

@@ -5,7 +5,7 @@
 #include <memory>
 #include <string>
 
-#include "storage/brick_layout.h"
+#include "isobrick/storage/brick_layout.h"
 
 namespace isobrick {
 

@@ -1,4 +1,4 @@
-#include "preprocess/slice_spool.h"
+#include "isobrick/preprocess/slice_spool.h"
 
 #include <algorithm>
 #include <stdexcept>

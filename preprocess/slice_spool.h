@@ -8,9 +8,9 @@
 #include <string>
 #include <thread>
 
-#include "preprocess/scratch_volume.h"
-#include "preprocess/volume_source.h"
-#include "storage/cancel.h"
+#include "isobrick/preprocess/scratch_volume.h"
+#include "isobrick/preprocess/volume_source.h"
+#include "isobrick/storage/cancel.h"
 
 namespace isobrick {
 

@@ -1,4 +1,4 @@
-#include "preprocess/volume_source.h"
+#include "isobrick/preprocess/volume_source.h"
 
 #include <stdexcept>
 

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "storage/brick_layout.h"
-#include "storage/voxel_type.h"
+#include "isobrick/storage/brick_layout.h"
+#include "isobrick/storage/voxel_type.h"
 
 namespace isobrick {
 

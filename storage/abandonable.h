@@ -10,7 +10,7 @@
 #include <thread>
 #include <utility>
 
-#include "storage/cancel.h"
+#include "isobrick/storage/cancel.h"
 
 namespace isobrick {
 

@@ -1,4 +1,4 @@
-#include "storage/atomic_file.h"
+#include "isobrick/storage/atomic_file.h"
 
 #include <fcntl.h>
 #include <linux/magic.h>
@@ -13,7 +13,7 @@
 #include <cstdio>
 #include <cstring>
 
-#include "storage/error.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 namespace {

@@ -9,7 +9,7 @@
 #include <span>
 #include <string>
 
-#include "storage/cancel.h"
+#include "isobrick/storage/cancel.h"
 
 namespace isobrick {
 

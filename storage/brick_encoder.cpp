@@ -1,4 +1,4 @@
-#include "storage/brick_encoder.h"
+#include "isobrick/storage/brick_encoder.h"
 
 #include <blosc.h>
 
@@ -7,7 +7,7 @@
 #include <cstring>
 #include <utility>
 
-#include "storage/checksum.h"
+#include "isobrick/storage/checksum.h"
 
 namespace isobrick {
 namespace {

@@ -7,9 +7,9 @@
 #include <span>
 #include <vector>
 
-#include "storage/format.h"
-#include "storage/value_range.h"
-#include "storage/voxel_type.h"
+#include "isobrick/storage/format.h"
+#include "isobrick/storage/value_range.h"
+#include "isobrick/storage/voxel_type.h"
 
 namespace isobrick {
 

@@ -1,7 +1,7 @@
 // How the levels of a pyramid are cut into bricks, and bricks into tiles and curvature nodes.
 #pragma once
 
-#include "storage/grid.h"
+#include "isobrick/storage/grid.h"
 
 namespace isobrick {
 

@@ -1,9 +1,9 @@
-#include "storage/brick_pager.h"
+#include "isobrick/storage/brick_pager.h"
 
 #include <bit>
 #include <utility>
 
-#include "storage/brick_encoder.h"
+#include "isobrick/storage/brick_encoder.h"
 
 namespace isobrick {
 namespace {

@@ -8,8 +8,8 @@
 #include <new>
 #include <vector>
 
-#include "storage/format.h"
-#include "storage/mapped_file.h"
+#include "isobrick/storage/format.h"
+#include "isobrick/storage/mapped_file.h"
 
 namespace isobrick {
 

@@ -1,8 +1,8 @@
-#include "storage/brick_parts.h"
+#include "isobrick/storage/brick_parts.h"
 
 #include <limits>
 
-#include "storage/brick_encoder.h"
+#include "isobrick/storage/brick_encoder.h"
 
 namespace isobrick {
 

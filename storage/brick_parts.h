@@ -2,7 +2,7 @@
 // what is possible, for finished pyramids and for those that a killed build left.
 #pragma once
 
-#include "storage/pyramid_info.h"
+#include "isobrick/storage/pyramid_info.h"
 
 namespace isobrick {
 

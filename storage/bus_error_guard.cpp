@@ -1,4 +1,4 @@
-#include "storage/bus_error_guard.h"
+#include "isobrick/storage/bus_error_guard.h"
 
 #include <sys/mman.h>
 #include <sys/syscall.h>
@@ -12,7 +12,7 @@
 #include <mutex>
 #include <utility>
 
-#include "storage/range_slot.h"
+#include "isobrick/storage/range_slot.h"
 
 namespace isobrick {
 namespace {

@@ -3,7 +3,7 @@
 
 #include <atomic>
 
-#include "storage/error.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 

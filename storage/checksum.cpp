@@ -1,4 +1,4 @@
-#include "storage/checksum.h"
+#include "isobrick/storage/checksum.h"
 
 #define XXH_INLINE_ALL
 #include <xxhash.h>

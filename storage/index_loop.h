@@ -3,7 +3,7 @@
 
 #include <utility>
 
-#include "storage/brick_layout.h"
+#include "isobrick/storage/brick_layout.h"
 
 namespace isobrick {
 

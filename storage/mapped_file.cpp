@@ -1,4 +1,4 @@
-#include "storage/mapped_file.h"
+#include "isobrick/storage/mapped_file.h"
 
 #include <fcntl.h>
 #include <sys/mman.h>
@@ -9,8 +9,8 @@
 #include <cerrno>
 #include <cstring>
 
-#include "storage/checksum.h"
-#include "storage/error.h"
+#include "isobrick/storage/checksum.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 namespace {

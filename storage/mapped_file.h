@@ -6,7 +6,7 @@
 #include <optional>
 #include <string>
 
-#include "storage/bus_error_guard.h"
+#include "isobrick/storage/bus_error_guard.h"
 
 namespace isobrick {
 

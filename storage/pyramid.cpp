@@ -1,13 +1,13 @@
-#include "storage/pyramid.h"
+#include "isobrick/storage/pyramid.h"
 
 #include <bit>
 #include <cmath>
 #include <cstring>
 #include <limits>
 
-#include "storage/brick_encoder.h"
-#include "storage/checksum.h"
-#include "storage/error.h"
+#include "isobrick/storage/brick_encoder.h"
+#include "isobrick/storage/checksum.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 namespace {

@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "storage/brick_pager.h"
-#include "storage/brick_parts.h"
-#include "storage/pyramid_info.h"
+#include "isobrick/storage/brick_pager.h"
+#include "isobrick/storage/brick_parts.h"
+#include "isobrick/storage/pyramid_info.h"
 
 namespace isobrick {
 

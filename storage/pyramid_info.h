@@ -4,10 +4,10 @@
 #include <array>
 #include <string_view>
 
-#include "storage/brick_layout.h"
-#include "storage/format.h"
-#include "storage/value_range.h"
-#include "storage/voxel_type.h"
+#include "isobrick/storage/brick_layout.h"
+#include "isobrick/storage/format.h"
+#include "isobrick/storage/value_range.h"
+#include "isobrick/storage/voxel_type.h"
 
 namespace isobrick {
 

@@ -1,4 +1,4 @@
-#include "storage/pyramid_writer.h"
+#include "isobrick/storage/pyramid_writer.h"
 
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -13,8 +13,8 @@
 #include <filesystem>
 #include <fstream>
 
-#include "storage/checksum.h"
-#include "storage/error.h"
+#include "isobrick/storage/checksum.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 namespace {

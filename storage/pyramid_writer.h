@@ -7,12 +7,12 @@
 #include <string>
 #include <vector>
 
-#include "storage/atomic_file.h"
-#include "storage/brick_encoder.h"
-#include "storage/brick_parts.h"
-#include "storage/cancel.h"
-#include "storage/pyramid_info.h"
-#include "storage/write_journal.h"
+#include "isobrick/storage/atomic_file.h"
+#include "isobrick/storage/brick_encoder.h"
+#include "isobrick/storage/brick_parts.h"
+#include "isobrick/storage/cancel.h"
+#include "isobrick/storage/pyramid_info.h"
+#include "isobrick/storage/write_journal.h"
 
 namespace isobrick {
 

@@ -1,4 +1,4 @@
-#include "storage/write_journal.h"
+#include "isobrick/storage/write_journal.h"
 
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -9,8 +9,8 @@
 #include <cstdio>
 #include <cstring>
 
-#include "storage/checksum.h"
-#include "storage/error.h"
+#include "isobrick/storage/checksum.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 namespace {

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "storage/format.h"
+#include "isobrick/storage/format.h"
 
 namespace isobrick {
 

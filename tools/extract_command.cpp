@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "extract/extractor.h"
-#include "extract/sinks/counting_sink.h"
-#include "extract/sinks/mesh_file_sink.h"
+#include "isobrick/extract/extractor.h"
+#include "isobrick/extract/sinks/counting_sink.h"
+#include "isobrick/extract/sinks/mesh_file_sink.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"

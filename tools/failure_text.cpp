@@ -1,6 +1,6 @@
 #include "tools/failure_text.h"
 
-#include "storage/error.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 namespace {

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "storage/pyramid.h"
+#include "isobrick/storage/pyramid.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/json_output.h"

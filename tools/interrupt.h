@@ -1,7 +1,7 @@
 // Ctrl-C: the first stops the work tidily, the second at once.
 #pragma once
 
-#include "storage/cancel.h"
+#include "isobrick/storage/cancel.h"
 
 namespace isobrick {
 

@@ -10,7 +10,7 @@
 #include <iterator>
 #include <string_view>
 
-#include "storage/error.h"
+#include "isobrick/storage/error.h"
 #include "tools/command.h"
 
 namespace isobrick {

@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "storage/pyramid_info.h"
+#include "isobrick/storage/pyramid_info.h"
 
 namespace isobrick {
 

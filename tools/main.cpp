@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "storage/error.h"
+#include "isobrick/storage/error.h"
 #include "tools/command.h"
 #include "tools/failure_text.h"
 #include "tools/interrupt.h"

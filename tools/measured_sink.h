@@ -1,7 +1,7 @@
 // A sink around a sink that measures it.
 #pragma once
 
-#include "extract/sinks/triangle_sink.h"
+#include "isobrick/extract/sinks/triangle_sink.h"
 #include "tools/progress_bar.h"
 #include "tools/stopwatch.h"
 

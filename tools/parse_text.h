@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <string>
 
-#include "storage/grid.h"
+#include "isobrick/storage/grid.h"
 
 namespace isobrick {
 

@@ -4,9 +4,9 @@
 #include <memory>
 #include <string>
 
-#include "preprocess/export/volume_writer.h"
-#include "preprocess/phantoms/phantom.h"
-#include "storage/grid.h"
+#include "isobrick/preprocess/export/volume_writer.h"
+#include "isobrick/preprocess/phantoms/phantom.h"
+#include "isobrick/storage/grid.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
 #include "tools/parse_text.h"

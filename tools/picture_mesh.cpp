@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <utility>
 
-#include "extract/extractor.h"
-#include "extract/sinks/indexed_mesh.h"
+#include "isobrick/extract/extractor.h"
+#include "isobrick/extract/sinks/indexed_mesh.h"
 #include "tools/interrupt.h"
 #include "tools/measured_sink.h"
 #include "tools/progress_bar.h"

@@ -7,8 +7,8 @@
 #include <glm/common.hpp>
 #include <limits>
 
-#include "extract/query.h"
-#include "storage/error.h"
+#include "isobrick/extract/query.h"
+#include "isobrick/storage/error.h"
 #include "tools/interrupt.h"
 #include "tools/one_line.h"
 #include "tools/parsed_option.h"

@@ -6,7 +6,7 @@
 #include <optional>
 #include <string>
 
-#include "storage/pyramid.h"
+#include "isobrick/storage/pyramid.h"
 #include "tools/parse_text.h"
 
 namespace isobrick {

@@ -5,8 +5,10 @@
 #include <string>
 #include <vector>
 
-#include "storage/abandonable.h"
-#include "storage/atomic_file.h"
+#include "isobrick/storage/abandonable.h"
+#include "isobrick/storage/atomic_file.h"
+#include "isobrick/viewer/image_writer.h"
+#include "isobrick/viewer/offscreen_renderer.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
@@ -16,8 +18,6 @@
 #include "tools/query_options.h"
 #include "tools/stopwatch.h"
 #include "tools/thread_count.h"
-#include "viewer/image_writer.h"
-#include "viewer/offscreen_renderer.h"
 
 namespace isobrick {
 namespace {

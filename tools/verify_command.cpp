@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "storage/pyramid.h"
+#include "isobrick/storage/pyramid.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"

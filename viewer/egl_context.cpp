@@ -1,10 +1,10 @@
-#include "viewer/egl_context.h"
+#include "isobrick/viewer/egl_context.h"
 
 #include <dlfcn.h>
 
 #include <string>
 
-#include "storage/error.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 namespace {

@@ -11,8 +11,8 @@
 #include <string>
 #include <utility>
 
-#include "storage/error.h"
-#include "viewer/image_writer.h"
+#include "isobrick/storage/error.h"
+#include "isobrick/viewer/image_writer.h"
 
 namespace isobrick {
 namespace {

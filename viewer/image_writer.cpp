@@ -1,4 +1,4 @@
-#include "viewer/image_writer.h"
+#include "isobrick/viewer/image_writer.h"
 
 #include <png.h>
 
@@ -7,8 +7,8 @@
 #include <cctype>
 #include <string>
 
-#include "storage/atomic_file.h"
-#include "storage/error.h"
+#include "isobrick/storage/atomic_file.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 
@@ -19,7 +19,7 @@ ImageFormat imageFormatOf(const std::filesystem::path& path) {
   if (extension == ".png") return ImageFormat::kPng;
   if (extension == ".exr") return ImageFormat::kExr;
   throw Error("cannot write picture " + path.string() + ": unknown extension '" + extension +
-                  "'; name it .png or .exr");
+              "'; name it .png or .exr");
 }
 
 std::vector<char> encodePng(const Image& image) {

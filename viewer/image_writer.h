@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <vector>
 
-#include "viewer/image.h"
+#include "isobrick/viewer/image.h"
 
 namespace isobrick {
 

@@ -1,4 +1,4 @@
-#include "viewer/offscreen_renderer.h"
+#include "isobrick/viewer/offscreen_renderer.h"
 
 #include <epoxy/gl.h>
 
@@ -12,12 +12,12 @@
 #include <string>
 #include <vector>
 
-#include "storage/error.h"
-#include "viewer/egl_context.h"
-#include "viewer/render_camera.h"
-#include "viewer/render_shaders.h"
-#include "viewer/sphere_outline.h"
-#include "viewer/surface_corners.h"
+#include "isobrick/storage/error.h"
+#include "isobrick/viewer/egl_context.h"
+#include "isobrick/viewer/render_camera.h"
+#include "isobrick/viewer/render_shaders.h"
+#include "isobrick/viewer/sphere_outline.h"
+#include "isobrick/viewer/surface_corners.h"
 
 namespace isobrick {
 namespace {

@@ -13,7 +13,7 @@
 #include <span>
 #include <string>
 
-#include "viewer/image.h"
+#include "isobrick/viewer/image.h"
 
 namespace isobrick {
 

@@ -1,4 +1,4 @@
-#include "viewer/render_camera.h"
+#include "isobrick/viewer/render_camera.h"
 
 #include <algorithm>
 #include <array>
@@ -8,7 +8,7 @@
 #include <glm/trigonometric.hpp>
 #include <limits>
 
-#include "storage/error.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 namespace {

@@ -4,7 +4,7 @@
 #include <glm/vec3.hpp>
 #include <span>
 
-#include "viewer/offscreen_renderer.h"
+#include "isobrick/viewer/offscreen_renderer.h"
 
 namespace isobrick {
 

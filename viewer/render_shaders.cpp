@@ -1,10 +1,10 @@
-#include "viewer/render_shaders.h"
+#include "isobrick/viewer/render_shaders.h"
 
 #include <algorithm>
 #include <array>
 #include <string>
 
-#include "storage/error.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 namespace {

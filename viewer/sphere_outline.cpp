@@ -1,4 +1,4 @@
-#include "viewer/sphere_outline.h"
+#include "isobrick/viewer/sphere_outline.h"
 
 #include <array>
 #include <cmath>

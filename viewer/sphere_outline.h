@@ -4,8 +4,8 @@
 #include <glm/vec3.hpp>
 #include <vector>
 
-#include "viewer/offscreen_renderer.h"
-#include "viewer/render_camera.h"
+#include "isobrick/viewer/offscreen_renderer.h"
+#include "isobrick/viewer/render_camera.h"
 
 namespace isobrick {
 

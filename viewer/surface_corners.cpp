@@ -1,4 +1,4 @@
-#include "viewer/surface_corners.h"
+#include "isobrick/viewer/surface_corners.h"
 
 #include <algorithm>
 #include <cassert>

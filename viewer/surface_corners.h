@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <glm/vec3.hpp>
 
-#include "viewer/offscreen_renderer.h"
+#include "isobrick/viewer/offscreen_renderer.h"
 
 namespace isobrick {
 

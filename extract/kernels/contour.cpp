@@ -1,4 +1,4 @@
-#include "extract/kernels/contour.h"
+#include "isobrick/extract/kernels/contour.h"
 
 #include <bit>
 

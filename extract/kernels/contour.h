@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <span>
 
-#include "extract/kernels/cell_topology.h"
+#include "isobrick/extract/kernels/cell_topology.h"
 
 namespace isobrick {
 

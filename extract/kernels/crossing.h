@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "storage/grid.h"
+#include "isobrick/storage/grid.h"
 
 namespace isobrick {
 

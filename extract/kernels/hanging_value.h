@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "storage/grid.h"
+#include "isobrick/storage/grid.h"
 
 namespace isobrick {
 

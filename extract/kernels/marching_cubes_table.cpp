@@ -1,4 +1,4 @@
-#include "extract/kernels/marching_cubes_table.h"
+#include "isobrick/extract/kernels/marching_cubes_table.h"
 
 #include <stdexcept>
 #include <vector>

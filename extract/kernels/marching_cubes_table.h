@@ -4,7 +4,7 @@
 #include <array>
 #include <cstdint>
 
-#include "extract/kernels/cell_topology.h"
+#include "isobrick/extract/kernels/cell_topology.h"
 
 namespace isobrick {
 

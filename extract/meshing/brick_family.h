@@ -5,8 +5,8 @@
 #include <optional>
 #include <utility>
 
-#include "extract/mesh_context.h"
-#include "extract/sample_view.h"
+#include "isobrick/extract/mesh_context.h"
+#include "isobrick/extract/sample_view.h"
 
 namespace isobrick {
 

@@ -1,10 +1,10 @@
 // The vertices of the brick at hand, one for each edge.
 #pragma once
 
-#include "extract/edge_vertex_map.h"
-#include "extract/meshing/brick_family.h"
-#include "extract/meshing/corner_values.h"
-#include "extract/sinks/triangle_sink.h"
+#include "isobrick/extract/edge_vertex_map.h"
+#include "isobrick/extract/meshing/brick_family.h"
+#include "isobrick/extract/meshing/corner_values.h"
+#include "isobrick/extract/sinks/triangle_sink.h"
 
 namespace isobrick {
 

@@ -3,10 +3,10 @@
 
 #include <vector>
 
-#include "extract/kernels/hanging_value.h"
-#include "extract/meshing/brick_family.h"
-#include "extract/meshing/tile_leaves.h"
-#include "storage/index_loop.h"
+#include "isobrick/extract/kernels/hanging_value.h"
+#include "isobrick/extract/meshing/brick_family.h"
+#include "isobrick/extract/meshing/tile_leaves.h"
+#include "isobrick/storage/index_loop.h"
 
 namespace isobrick {
 

@@ -1,4 +1,4 @@
-#include "extract/meshing/fans.h"
+#include "isobrick/extract/meshing/fans.h"
 
 #include <cmath>
 

@@ -4,10 +4,10 @@
 #include <span>
 #include <utility>
 
-#include "extract/kernels/contour.h"
-#include "extract/kernels/crossing.h"
-#include "extract/kernels/marching_cubes_table.h"
-#include "extract/sinks/triangle_sink.h"
+#include "isobrick/extract/kernels/contour.h"
+#include "isobrick/extract/kernels/crossing.h"
+#include "isobrick/extract/kernels/marching_cubes_table.h"
+#include "isobrick/extract/sinks/triangle_sink.h"
 
 namespace isobrick {
 

@@ -1,8 +1,8 @@
-#include "extract/meshing/leaf_edges.h"
+#include "isobrick/extract/meshing/leaf_edges.h"
 
 #include <algorithm>
 
-#include "extract/kernels/hanging_value.h"
+#include "isobrick/extract/kernels/hanging_value.h"
 
 namespace isobrick {
 namespace {

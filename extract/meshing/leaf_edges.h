@@ -1,7 +1,7 @@
 // The edges on which a leaf's vertices lie (rule 8).
 #pragma once
 
-#include "extract/meshing/tile_leaves.h"
+#include "isobrick/extract/meshing/tile_leaves.h"
 
 namespace isobrick {
 

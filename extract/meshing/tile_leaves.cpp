@@ -1,4 +1,4 @@
-#include "extract/meshing/tile_leaves.h"
+#include "isobrick/extract/meshing/tile_leaves.h"
 
 #include <algorithm>
 

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "extract/oracles/leaf_classifier.h"
+#include "isobrick/extract/oracles/leaf_classifier.h"
 
 namespace isobrick {
 

@@ -1,4 +1,4 @@
-#include "extract/meshing/transition_face.h"
+#include "isobrick/extract/meshing/transition_face.h"
 
 namespace isobrick {
 

@@ -3,8 +3,8 @@
 
 #include <algorithm>
 
-#include "extract/kernels/contour.h"
-#include "extract/meshing/corner_values.h"
+#include "isobrick/extract/kernels/contour.h"
+#include "isobrick/extract/meshing/corner_values.h"
 
 namespace isobrick {
 

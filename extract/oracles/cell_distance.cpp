@@ -1,4 +1,4 @@
-#include "extract/oracles/cell_distance.h"
+#include "isobrick/extract/oracles/cell_distance.h"
 
 #include <cmath>
 

@@ -1,7 +1,7 @@
 // How far cells are from a point.
 #pragma once
 
-#include "storage/brick_layout.h"
+#include "isobrick/storage/brick_layout.h"
 
 namespace isobrick {
 

@@ -1,6 +1,6 @@
-#include "extract/oracles/curvature_oracle.h"
+#include "isobrick/extract/oracles/curvature_oracle.h"
 
-#include "storage/curvature_code.h"
+#include "isobrick/storage/curvature_code.h"
 
 namespace isobrick {
 

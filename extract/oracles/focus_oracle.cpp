@@ -1,4 +1,4 @@
-#include "extract/oracles/focus_oracle.h"
+#include "isobrick/extract/oracles/focus_oracle.h"
 
 #include <cmath>
 #include <limits>

@@ -4,9 +4,9 @@
 
 #include <vector>
 
-#include "extract/oracles/cell_distance.h"
-#include "extract/oracles/oracle_share.h"
-#include "extract/query.h"
+#include "isobrick/extract/oracles/cell_distance.h"
+#include "isobrick/extract/oracles/oracle_share.h"
+#include "isobrick/extract/query.h"
 
 namespace isobrick {
 

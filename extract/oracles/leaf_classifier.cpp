@@ -1,6 +1,6 @@
-#include "extract/oracles/leaf_classifier.h"
+#include "isobrick/extract/oracles/leaf_classifier.h"
 
-#include "storage/index_loop.h"
+#include "isobrick/storage/index_loop.h"
 
 namespace isobrick {
 

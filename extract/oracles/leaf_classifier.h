@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "extract/oracles/curvature_oracle.h"
-#include "extract/oracles/focus_oracle.h"
+#include "isobrick/extract/oracles/curvature_oracle.h"
+#include "isobrick/extract/oracles/focus_oracle.h"
 
 namespace isobrick {
 

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "storage/brick_layout.h"
+#include "isobrick/storage/brick_layout.h"
 
 namespace isobrick {
 

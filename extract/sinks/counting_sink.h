@@ -1,7 +1,7 @@
 // A sink that keeps nothing.
 #pragma once
 
-#include "extract/sinks/vertex_numbering.h"
+#include "isobrick/extract/sinks/vertex_numbering.h"
 
 namespace isobrick {
 

@@ -1,8 +1,8 @@
-#include "extract/sinks/indexed_mesh.h"
+#include "isobrick/extract/sinks/indexed_mesh.h"
 
 #include <limits>
 
-#include "storage/error.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 

@@ -1,7 +1,7 @@
 // A mesh in memory.
 #pragma once
 
-#include "extract/sinks/vertex_numbering.h"
+#include "isobrick/extract/sinks/vertex_numbering.h"
 
 namespace isobrick {
 

@@ -1,4 +1,4 @@
-#include "extract/sinks/mesh_file_sink.h"
+#include "isobrick/extract/sinks/mesh_file_sink.h"
 
 #include <fcntl.h>
 #include <unistd.h>
@@ -10,9 +10,9 @@
 #include <limits>
 #include <vector>
 
-#include "extract/sinks/vertex_numbering.h"
-#include "storage/atomic_file.h"
-#include "storage/error.h"
+#include "isobrick/extract/sinks/vertex_numbering.h"
+#include "isobrick/storage/atomic_file.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 namespace {

@@ -4,8 +4,8 @@
 #include <memory>
 #include <string>
 
-#include "extract/sinks/triangle_sink.h"
-#include "storage/cancel.h"
+#include "isobrick/extract/sinks/triangle_sink.h"
+#include "isobrick/storage/cancel.h"
 
 namespace isobrick {
 

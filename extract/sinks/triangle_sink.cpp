@@ -1,4 +1,4 @@
-#include "extract/sinks/triangle_sink.h"
+#include "isobrick/extract/sinks/triangle_sink.h"
 
 #include <algorithm>
 #include <cmath>

@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "extract/edge_key.h"
-#include "storage/grid.h"
+#include "isobrick/extract/edge_key.h"
+#include "isobrick/storage/grid.h"
 
 namespace isobrick {
 

@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "extract/edge_vertex_map.h"
-#include "extract/sinks/triangle_sink.h"
+#include "isobrick/extract/edge_vertex_map.h"
+#include "isobrick/extract/sinks/triangle_sink.h"
 
 namespace isobrick {
 

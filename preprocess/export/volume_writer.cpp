@@ -1,12 +1,12 @@
-#include "preprocess/export/volume_writer.h"
+#include "isobrick/preprocess/export/volume_writer.h"
 
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <vector>
 
-#include "storage/atomic_file.h"
-#include "storage/error.h"
+#include "isobrick/storage/atomic_file.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 namespace {

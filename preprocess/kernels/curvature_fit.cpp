@@ -30,7 +30,7 @@
 // - Integer voxels have exact derivatives. Differences of others are rounded, which changes the
 //   square root of k by some e of about 2^-22 (1 + h / |g|). With (s + e)^2 <= (1 + 2^-14) s^2 +
 //   (1 + 2^14) e^2 this is covered by kMargin, kSlack and kInexactDifferences.
-#include "preprocess/kernels/curvature_fit.h"
+#include "isobrick/preprocess/kernels/curvature_fit.h"
 
 #include <algorithm>
 #include <bit>
@@ -38,12 +38,12 @@
 #include <cstddef>
 #include <limits>
 
-#include "storage/curvature_code.h"
+#include "isobrick/storage/curvature_code.h"
 
 // Vectors are kept in structs, which those of a size unknown to the compiler cannot.
 #define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
 #undef HWY_TARGET_INCLUDE
-#define HWY_TARGET_INCLUDE "preprocess/kernels/curvature_fit.cpp"
+#define HWY_TARGET_INCLUDE "isobrick/preprocess/kernels/curvature_fit.cpp"
 #include <hwy/foreach_target.h>
 // After foreach_target.h.
 #include <hwy/highway.h>

@@ -1,6 +1,6 @@
 #undef HWY_TARGET_INCLUDE
-#define HWY_TARGET_INCLUDE "preprocess/kernels/low_pass.cpp"
-#include "preprocess/kernels/low_pass.h"
+#define HWY_TARGET_INCLUDE "isobrick/preprocess/kernels/low_pass.cpp"
+#include "isobrick/preprocess/kernels/low_pass.h"
 
 #include <hwy/foreach_target.h>  // must come before highway.h
 #include <hwy/highway.h>
@@ -9,7 +9,7 @@
 #include <type_traits>
 #include <vector>
 
-#include "storage/voxel_type.h"
+#include "isobrick/storage/voxel_type.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace isobrick {

@@ -1,8 +1,8 @@
 // One step up the pyramid: level l in, level l+1 out (rule 2 of the design; Sect. 3 of the paper).
 #pragma once
 
-#include "preprocess/kernels/sample_block.h"
-#include "storage/format.h"
+#include "isobrick/preprocess/kernels/sample_block.h"
+#include "isobrick/storage/format.h"
 
 namespace isobrick {
 

@@ -1,7 +1,7 @@
 // Samples of a box of one level, as they lie in a larger buffer.
 #pragma once
 
-#include "storage/brick_layout.h"
+#include "isobrick/storage/brick_layout.h"
 
 namespace isobrick {
 

@@ -1,6 +1,6 @@
 #undef HWY_TARGET_INCLUDE
-#define HWY_TARGET_INCLUDE "preprocess/kernels/tile_ranges.cpp"
-#include "preprocess/kernels/tile_ranges.h"
+#define HWY_TARGET_INCLUDE "isobrick/preprocess/kernels/tile_ranges.cpp"
+#include "isobrick/preprocess/kernels/tile_ranges.h"
 
 #include <hwy/foreach_target.h>  // must come before highway.h
 #include <hwy/highway.h>
@@ -9,7 +9,7 @@
 #include <limits>
 #include <vector>
 
-#include "storage/voxel_type.h"
+#include "isobrick/storage/voxel_type.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace isobrick {

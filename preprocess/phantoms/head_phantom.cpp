@@ -1,4 +1,4 @@
-#include "preprocess/phantoms/head_phantom.h"
+#include "isobrick/preprocess/phantoms/head_phantom.h"
 
 #include <algorithm>
 #include <array>
@@ -7,7 +7,7 @@
 #include <numbers>
 #include <vector>
 
-#include "preprocess/phantoms/lattice_noise.h"
+#include "isobrick/preprocess/phantoms/lattice_noise.h"
 
 namespace isobrick {
 namespace {

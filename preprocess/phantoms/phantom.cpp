@@ -1,4 +1,4 @@
-#include "preprocess/phantoms/phantom.h"
+#include "isobrick/preprocess/phantoms/phantom.h"
 
 #include <tbb/parallel_for.h>
 
@@ -11,8 +11,8 @@
 #include <numbers>
 #include <stdexcept>
 
-#include "preprocess/phantoms/head_phantom.h"
-#include "storage/error.h"
+#include "isobrick/preprocess/phantoms/head_phantom.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 namespace {

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "preprocess/volume_source.h"
+#include "isobrick/preprocess/volume_source.h"
 
 namespace isobrick {
 

@@ -1,4 +1,4 @@
-#include "preprocess/sources/byte_stream.h"
+#include "isobrick/preprocess/sources/byte_stream.h"
 
 #include <algorithm>
 #include <array>
@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "storage/error.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 namespace {

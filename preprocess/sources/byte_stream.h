@@ -7,7 +7,7 @@
 #include <memory>
 #include <string>
 
-#include "preprocess/input_file.h"
+#include "isobrick/preprocess/input_file.h"
 
 namespace isobrick {
 

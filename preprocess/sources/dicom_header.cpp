@@ -1,4 +1,4 @@
-#include "preprocess/sources/dicom_header.h"
+#include "isobrick/preprocess/sources/dicom_header.h"
 
 #include <sys/stat.h>
 
@@ -10,7 +10,7 @@
 #include <fstream>
 #include <string_view>
 
-#include "storage/error.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 namespace {

@@ -1,4 +1,4 @@
-#include "preprocess/sources/dicom_values.h"
+#include "isobrick/preprocess/sources/dicom_values.h"
 
 #include <algorithm>
 #include <cmath>

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "preprocess/sources/dicom_header.h"
-#include "storage/voxel_type.h"
+#include "isobrick/preprocess/sources/dicom_header.h"
+#include "isobrick/storage/voxel_type.h"
 
 namespace isobrick {
 

@@ -1,4 +1,4 @@
-#include "preprocess/sources/header_text.h"
+#include "isobrick/preprocess/sources/header_text.h"
 
 #include <algorithm>
 #include <cctype>
@@ -7,8 +7,8 @@
 #include <fstream>
 #include <sstream>
 
-#include "storage/brick_layout.h"
-#include "storage/error.h"
+#include "isobrick/storage/brick_layout.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 namespace {

@@ -1,4 +1,4 @@
-#include "preprocess/sources/inflate_stream.h"
+#include "isobrick/preprocess/sources/inflate_stream.h"
 
 #include <zlib.h>
 
@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "storage/error.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 namespace {

@@ -5,7 +5,7 @@
 #include <memory>
 #include <string>
 
-#include "preprocess/sources/byte_stream.h"
+#include "isobrick/preprocess/sources/byte_stream.h"
 
 namespace isobrick {
 

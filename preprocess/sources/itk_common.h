@@ -9,10 +9,10 @@
 #include <string>
 #include <vector>
 
-#include "preprocess/sources/dicom_header.h"
-#include "preprocess/sources/open_options.h"
-#include "preprocess/volume_source.h"
-#include "storage/error.h"
+#include "isobrick/preprocess/sources/dicom_header.h"
+#include "isobrick/preprocess/sources/open_options.h"
+#include "isobrick/preprocess/volume_source.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick::itk_detail {
 

@@ -10,11 +10,11 @@
 #include <map>
 #include <set>
 
-#include "preprocess/sources/dicom_header.h"
-#include "preprocess/sources/dicom_values.h"
-#include "preprocess/sources/itk_common.h"
-#include "preprocess/sources/source_checks.h"
-#include "storage/abandonable.h"
+#include "isobrick/preprocess/sources/dicom_header.h"
+#include "isobrick/preprocess/sources/dicom_values.h"
+#include "isobrick/preprocess/sources/itk_common.h"
+#include "isobrick/preprocess/sources/source_checks.h"
+#include "isobrick/storage/abandonable.h"
 
 namespace isobrick::itk_detail {
 namespace {

@@ -1,5 +1,5 @@
 // Single files that ITK reads, and what the folder source shares with them.
-#include "preprocess/sources/itk_source.h"
+#include "isobrick/preprocess/sources/itk_source.h"
 
 #include <dlfcn.h>
 #include <itkBioRadImageIOFactory.h>
@@ -26,13 +26,13 @@
 #include <new>
 #include <sstream>
 
-#include "preprocess/sources/dicom_header.h"
-#include "preprocess/sources/header_text.h"
-#include "preprocess/sources/itk_common.h"
-#include "preprocess/sources/nifti_run.h"
-#include "preprocess/sources/raw_run.h"
-#include "preprocess/sources/source_checks.h"
-#include "storage/abandonable.h"
+#include "isobrick/preprocess/sources/dicom_header.h"
+#include "isobrick/preprocess/sources/header_text.h"
+#include "isobrick/preprocess/sources/itk_common.h"
+#include "isobrick/preprocess/sources/nifti_run.h"
+#include "isobrick/preprocess/sources/raw_run.h"
+#include "isobrick/preprocess/sources/source_checks.h"
+#include "isobrick/storage/abandonable.h"
 
 namespace isobrick {
 namespace itk_detail {

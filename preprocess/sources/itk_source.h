@@ -4,8 +4,8 @@
 #include <memory>
 #include <string>
 
-#include "preprocess/sources/open_options.h"
-#include "preprocess/volume_source.h"
+#include "isobrick/preprocess/sources/open_options.h"
+#include "isobrick/preprocess/volume_source.h"
 
 namespace isobrick {
 

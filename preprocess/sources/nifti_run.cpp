@@ -1,4 +1,4 @@
-#include "preprocess/sources/nifti_run.h"
+#include "isobrick/preprocess/sources/nifti_run.h"
 
 #include <algorithm>
 #include <array>
@@ -8,8 +8,8 @@
 #include <initializer_list>
 #include <limits>
 
-#include "preprocess/sources/inflate_stream.h"
-#include "storage/error.h"
+#include "isobrick/preprocess/sources/inflate_stream.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 namespace {

@@ -5,8 +5,8 @@
 
 #include <string>
 
-#include "preprocess/sources/raw_run.h"
-#include "preprocess/sources/stored_voxels.h"
+#include "isobrick/preprocess/sources/raw_run.h"
+#include "isobrick/preprocess/sources/stored_voxels.h"
 
 namespace isobrick {
 

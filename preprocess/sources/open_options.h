@@ -6,8 +6,8 @@
 #include <string>
 #include <string_view>
 
-#include "storage/cancel.h"
-#include "storage/grid.h"
+#include "isobrick/storage/cancel.h"
+#include "isobrick/storage/grid.h"
 
 namespace isobrick {
 

@@ -1,4 +1,4 @@
-#include "preprocess/sources/open_volume.h"
+#include "isobrick/preprocess/sources/open_volume.h"
 
 #include <algorithm>
 #include <array>
@@ -6,11 +6,11 @@
 #include <filesystem>
 #include <string_view>
 
-#include "preprocess/sources/itk_source.h"
-#include "preprocess/sources/raw_source.h"
-#include "preprocess/sources/vdb_source.h"
-#include "preprocess/sources/vti_source.h"
-#include "storage/error.h"
+#include "isobrick/preprocess/sources/itk_source.h"
+#include "isobrick/preprocess/sources/raw_source.h"
+#include "isobrick/preprocess/sources/vdb_source.h"
+#include "isobrick/preprocess/sources/vti_source.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 namespace {

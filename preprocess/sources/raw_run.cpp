@@ -1,9 +1,9 @@
-#include "preprocess/sources/raw_run.h"
+#include "isobrick/preprocess/sources/raw_run.h"
 
 #include <charconv>
 #include <map>
 
-#include "preprocess/sources/header_text.h"
+#include "isobrick/preprocess/sources/header_text.h"
 
 namespace isobrick {
 namespace {

@@ -10,10 +10,10 @@
 #include <string>
 #include <vector>
 
-#include "preprocess/sources/byte_stream.h"
-#include "preprocess/sources/stored_voxels.h"
-#include "preprocess/volume_source.h"
-#include "storage/cancel.h"
+#include "isobrick/preprocess/sources/byte_stream.h"
+#include "isobrick/preprocess/sources/stored_voxels.h"
+#include "isobrick/preprocess/volume_source.h"
+#include "isobrick/storage/cancel.h"
 
 namespace isobrick {
 

@@ -1,17 +1,17 @@
 // Volumes without a header, and raw voxels that another file's header describes.
-#include "preprocess/sources/raw_source.h"
+#include "isobrick/preprocess/sources/raw_source.h"
 
 #include <array>
 #include <string_view>
 #include <utility>
 
-#include "preprocess/input_file.h"
-#include "preprocess/sources/inflate_stream.h"
-#include "preprocess/sources/raw_run.h"
-#include "preprocess/sources/source_checks.h"
-#include "preprocess/sources/stored_voxels.h"
-#include "preprocess/volume_source.h"
-#include "storage/error.h"
+#include "isobrick/preprocess/input_file.h"
+#include "isobrick/preprocess/sources/inflate_stream.h"
+#include "isobrick/preprocess/sources/raw_run.h"
+#include "isobrick/preprocess/sources/source_checks.h"
+#include "isobrick/preprocess/sources/stored_voxels.h"
+#include "isobrick/preprocess/volume_source.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 namespace {

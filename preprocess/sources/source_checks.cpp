@@ -1,9 +1,9 @@
-#include "preprocess/sources/source_checks.h"
+#include "isobrick/preprocess/sources/source_checks.h"
 
 #include <cmath>
 #include <glm/geometric.hpp>
 
-#include "storage/error.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 namespace {

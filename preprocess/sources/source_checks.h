@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "preprocess/volume_source.h"
+#include "isobrick/preprocess/volume_source.h"
 
 namespace isobrick {
 

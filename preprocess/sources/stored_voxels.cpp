@@ -1,4 +1,4 @@
-#include "preprocess/sources/stored_voxels.h"
+#include "isobrick/preprocess/sources/stored_voxels.h"
 
 #include <cmath>
 #include <cstring>

@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "storage/voxel_type.h"
+#include "isobrick/storage/voxel_type.h"
 
 namespace isobrick {
 

@@ -3,11 +3,11 @@
 #include <stdexcept>
 #include <utility>
 
-#include "preprocess/sources/byte_stream.h"
-#include "preprocess/sources/raw_run.h"
-#include "preprocess/sources/stored_voxels.h"
-#include "preprocess/volume_source.h"
-#include "storage/error.h"
+#include "isobrick/preprocess/sources/byte_stream.h"
+#include "isobrick/preprocess/sources/raw_run.h"
+#include "isobrick/preprocess/sources/stored_voxels.h"
+#include "isobrick/preprocess/volume_source.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 namespace {

@@ -1,6 +1,6 @@
 // OpenVDB grids (.vdb), as Houdini, Blender and ParaView write them: the box of a grid's active
 // voxels as a dense volume. The only file that includes OpenVDB.
-#include "preprocess/sources/vdb_source.h"
+#include "isobrick/preprocess/sources/vdb_source.h"
 
 #include <openvdb/io/Archive.h>
 #include <openvdb/io/GridDescriptor.h>
@@ -15,10 +15,10 @@
 #include <new>
 #include <utility>
 
-#include "preprocess/input_file.h"
-#include "preprocess/sources/source_checks.h"
-#include "preprocess/volume_source.h"
-#include "storage/error.h"
+#include "isobrick/preprocess/input_file.h"
+#include "isobrick/preprocess/sources/source_checks.h"
+#include "isobrick/preprocess/volume_source.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 namespace {

@@ -1,4 +1,4 @@
-#include "preprocess/sources/vti_header.h"
+#include "isobrick/preprocess/sources/vti_header.h"
 
 #include <expat.h>
 
@@ -10,7 +10,7 @@
 #include <string_view>
 #include <utility>
 
-#include "storage/error.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 namespace {

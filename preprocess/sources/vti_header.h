@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "preprocess/input_file.h"
+#include "isobrick/preprocess/input_file.h"
 
 namespace isobrick {
 

@@ -1,5 +1,5 @@
 // VTK XML ImageData (.vti), as ParaView writes it.
-#include "preprocess/sources/vti_source.h"
+#include "isobrick/preprocess/sources/vti_source.h"
 
 #include <algorithm>
 #include <array>
@@ -8,15 +8,15 @@
 #include <optional>
 #include <utility>
 
-#include "preprocess/input_file.h"
-#include "preprocess/sources/byte_stream.h"
-#include "preprocess/sources/inflate_stream.h"
-#include "preprocess/sources/raw_run.h"
-#include "preprocess/sources/source_checks.h"
-#include "preprocess/sources/stored_voxels.h"
-#include "preprocess/sources/vti_header.h"
-#include "preprocess/volume_source.h"
-#include "storage/error.h"
+#include "isobrick/preprocess/input_file.h"
+#include "isobrick/preprocess/sources/byte_stream.h"
+#include "isobrick/preprocess/sources/inflate_stream.h"
+#include "isobrick/preprocess/sources/raw_run.h"
+#include "isobrick/preprocess/sources/source_checks.h"
+#include "isobrick/preprocess/sources/stored_voxels.h"
+#include "isobrick/preprocess/sources/vti_header.h"
+#include "isobrick/preprocess/volume_source.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 namespace {

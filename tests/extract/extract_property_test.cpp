@@ -12,11 +12,11 @@
 #include <set>
 #include <tuple>
 
-#include "extract/extractor.h"
-#include "extract/oracles/leaf_classifier.h"
-#include "extract/sinks/indexed_mesh.h"
-#include "preprocess/pyramid_builder.h"
-#include "storage/curvature_code.h"
+#include "isobrick/extract/extractor.h"
+#include "isobrick/extract/oracles/leaf_classifier.h"
+#include "isobrick/extract/sinks/indexed_mesh.h"
+#include "isobrick/preprocess/pyramid_builder.h"
+#include "isobrick/storage/curvature_code.h"
 #include "tests/support/array_source.h"
 #include "tests/support/mesh_checker.h"
 #include "tests/support/reference_mesher.h"

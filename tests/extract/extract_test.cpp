@@ -10,11 +10,11 @@
 #include <numbers>
 #include <tuple>
 
-#include "extract/extractor.h"
-#include "extract/sinks/counting_sink.h"
-#include "extract/sinks/indexed_mesh.h"
-#include "extract/sinks/mesh_file_sink.h"
-#include "preprocess/pyramid_builder.h"
+#include "isobrick/extract/extractor.h"
+#include "isobrick/extract/sinks/counting_sink.h"
+#include "isobrick/extract/sinks/indexed_mesh.h"
+#include "isobrick/extract/sinks/mesh_file_sink.h"
+#include "isobrick/preprocess/pyramid_builder.h"
 #include "tests/support/array_source.h"
 #include "tests/support/file_bytes.h"
 #include "tests/support/mesh_checker.h"

@@ -16,7 +16,7 @@
 #include <sstream>
 #include <string>
 
-#include "storage/error.h"
+#include "isobrick/storage/error.h"
 #include "tests/support/file_bytes.h"
 #include "tests/support/mesh_checker.h"
 #include "tests/support/ply_reader.h"

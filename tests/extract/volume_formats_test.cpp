@@ -11,14 +11,14 @@
 #include <type_traits>
 #include <vector>
 
-#include "extract/extractor.h"
-#include "extract/sinks/indexed_mesh.h"
-#include "preprocess/phantoms/phantom.h"
-#include "preprocess/pyramid_builder.h"
-#include "preprocess/sources/itk_source.h"
-#include "preprocess/sources/raw_source.h"
-#include "preprocess/sources/vdb_source.h"
-#include "preprocess/sources/vti_source.h"
+#include "isobrick/extract/extractor.h"
+#include "isobrick/extract/sinks/indexed_mesh.h"
+#include "isobrick/preprocess/phantoms/phantom.h"
+#include "isobrick/preprocess/pyramid_builder.h"
+#include "isobrick/preprocess/sources/itk_source.h"
+#include "isobrick/preprocess/sources/raw_source.h"
+#include "isobrick/preprocess/sources/vdb_source.h"
+#include "isobrick/preprocess/sources/vti_source.h"
 #include "tests/support/dicom_file.h"
 #include "tests/support/mesh_checker.h"
 #include "tests/support/nifti_file.h"

@@ -1,4 +1,5 @@
-# Installs isobrick into an empty folder and builds and runs a project that finds it there.
+# Installs isobrick into an empty folder, and uses it as other projects do: by find_package, by
+# pkg-config, and as a subdirectory. A program that only extracts must not need ITK or OpenVDB.
 set(prefix ${WORK}/prefix)
 file(REMOVE_RECURSE ${WORK})
 file(MAKE_DIRECTORY ${WORK})
@@ -8,10 +9,69 @@ function(run)
   if(NOT result EQUAL 0)
     message(FATAL_ERROR "failed: ${ARGN}\n${output}")
   endif()
+  set(output "${output}" PARENT_SCOPE)
 endfunction()
+set(configure ${CMAKE_COMMAND} -G ${GENERATOR} -DCMAKE_PREFIX_PATH=${prefix} -DCMAKE_CXX_FLAGS=${FLAGS})
+
 run(${CMAKE_COMMAND} --install ${BUILD} --prefix ${prefix})
-run(${CMAKE_COMMAND} -S ${SOURCE}/tests/house/consumer -B ${WORK}/build -G ${GENERATOR}
-    -DCMAKE_BUILD_TYPE=Release -DCMAKE_PREFIX_PATH=${prefix} -DCMAKE_CXX_FLAGS=${FLAGS})
-run(${CMAKE_COMMAND} --build ${WORK}/build)
-run(${WORK}/build/consumer)
 run(${prefix}/bin/isobrick --version)
+run(${prefix}/bin/isobrick phantom sphere --size 32 -o sphere.mhd)
+run(${prefix}/bin/isobrick build sphere.mhd)
+
+# The project that the README shows, on the volume of its quickstart.
+run(${prefix}/bin/isobrick phantom head --size 256 -o head.nrrd)
+file(READ ${SOURCE}/README.md readme)
+foreach(language cmake cpp)
+  if(NOT readme MATCHES "\n```${language}\n([^`]+)```")
+    message(FATAL_ERROR "the README shows no ${language}")
+  endif()
+  set(${language}_example "${CMAKE_MATCH_1}")
+endforeach()
+file(WRITE ${WORK}/readme/CMakeLists.txt "${cmake_example}")
+file(WRITE ${WORK}/readme/mine.cpp "${cpp_example}")
+run(${configure} -S readme -B readme_build -DCMAKE_BUILD_TYPE=Release)
+run(${CMAKE_COMMAND} --build readme_build)
+run(readme_build/mine)
+if(output MATCHES "^0 vertices")
+  message(FATAL_ERROR "the README's program finds no surface: ${output}")
+endif()
+
+# One component: what it does not need is hidden from it.
+run(${configure} -S ${SOURCE}/tests/house/extract_only -B extract_only -DCMAKE_BUILD_TYPE=Release
+    -DCMAKE_DISABLE_FIND_PACKAGE_ITK=ON -DCMAKE_DISABLE_FIND_PACKAGE_OpenVDB=ON
+    -DCMAKE_DISABLE_FIND_PACKAGE_OpenEXR=ON -DCMAKE_DISABLE_FIND_PACKAGE_PNG=ON)
+run(${CMAKE_COMMAND} --build extract_only)
+run(extract_only/extract_only sphere.isb 0)
+run(ldd extract_only/extract_only)
+if(output MATCHES "(ITK|itk|gdcm|openvdb|OpenEXR|epoxy)")
+  message(FATAL_ERROR "a program that only extracts links ${CMAKE_MATCH_1}:\n${output}")
+endif()
+
+# Every public header alone, with nothing of the source tree in sight.
+file(GLOB_RECURSE headers RELATIVE ${prefix}/include ${prefix}/include/*.h)
+list(LENGTH headers header_count)
+if(header_count LESS 20)
+  message(FATAL_ERROR "only ${header_count} headers were installed")
+endif()
+foreach(header ${headers})
+  file(WRITE ${WORK}/header.cpp "#include <${header}>\nint main() {}\n")
+  run(${CXX} -std=c++20 -fsyntax-only -Wall -Wextra -Werror -I${prefix}/include header.cpp)
+endforeach()
+
+# pkg-config.
+file(GLOB_RECURSE pc_files ${prefix}/isobrick-extract.pc)
+get_filename_component(pc_folder "${pc_files}" DIRECTORY)
+run(${CMAKE_COMMAND} -E env PKG_CONFIG_PATH=${pc_folder} pkg-config
+    --define-variable=prefix=${prefix} --static --cflags --libs isobrick-extract)
+string(STRIP "${output}" pc_flags)
+separate_arguments(pc_flags UNIX_COMMAND "${pc_flags}")
+separate_arguments(extra_flags UNIX_COMMAND "${FLAGS}")
+run(${CXX} -std=c++20 -O1 ${extra_flags} ${SOURCE}/tests/house/extract_only/main.cpp ${pc_flags}
+    -o by_pkg_config)
+run(${WORK}/by_pkg_config sphere.isb 0)
+
+# As a subdirectory, without ITK, OpenVDB and viewer.
+run(${configure} -S ${SOURCE}/tests/house/subdirectory -B subdirectory -DISOBRICK=${SOURCE}
+    -DCMAKE_BUILD_TYPE=Debug)
+run(${CMAKE_COMMAND} --build subdirectory)
+run(subdirectory/extract_only sphere.isb 0)

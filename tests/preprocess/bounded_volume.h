@@ -14,8 +14,8 @@
 #include <type_traits>
 #include <vector>
 
-#include "preprocess/kernels/curvature_fit.h"
-#include "preprocess/pyramid_builder.h"
+#include "isobrick/preprocess/kernels/curvature_fit.h"
+#include "isobrick/preprocess/pyramid_builder.h"
 #include "tests/support/array_source.h"
 #include "tests/support/plain_reader.h"
 #include "tests/support/random_numbers.h"

@@ -1,10 +1,10 @@
 // Windows fit their buffers, and the buffers are no larger than the greatest window.
-#include "preprocess/build_plan.h"
+#include "isobrick/preprocess/build_plan.h"
 
 #include <gtest/gtest.h>
 
-#include "preprocess/brick_window.h"
-#include "storage/error.h"
+#include "isobrick/preprocess/brick_window.h"
+#include "isobrick/storage/error.h"
 #include "tests/support/array_source.h"
 #include "tests/support/random_numbers.h"
 

@@ -6,9 +6,9 @@
 #include <algorithm>
 #include <functional>
 
-#include "preprocess/build_plan.h"
-#include "preprocess/pyramid_builder.h"
-#include "preprocess/sources/raw_source.h"
+#include "isobrick/preprocess/build_plan.h"
+#include "isobrick/preprocess/pyramid_builder.h"
+#include "isobrick/preprocess/sources/raw_source.h"
 #include "tests/support/build_message.h"
 #include "tests/support/file_bytes.h"
 #include "tests/support/volume_files.h"

@@ -8,8 +8,8 @@
 #include <type_traits>
 #include <vector>
 
-#include "preprocess/curvature_bricks.h"
-#include "preprocess/phantoms/phantom.h"
+#include "isobrick/preprocess/curvature_bricks.h"
+#include "isobrick/preprocess/phantoms/phantom.h"
 
 namespace isobrick {
 namespace {

@@ -19,10 +19,10 @@
 #include <string>
 #include <vector>
 
-#include "preprocess/curvature_bricks.h"
-#include "preprocess/kernels/curvature_fit.h"
-#include "preprocess/pyramid_builder.h"
-#include "storage/curvature_code.h"
+#include "isobrick/preprocess/curvature_bricks.h"
+#include "isobrick/preprocess/kernels/curvature_fit.h"
+#include "isobrick/preprocess/pyramid_builder.h"
+#include "isobrick/storage/curvature_code.h"
 #include "tests/preprocess/bounded_volume.h"
 #include "tests/preprocess/curvature_tightness.h"
 #include "tests/support/array_source.h"

@@ -8,8 +8,8 @@
 #include <glm/vec3.hpp>
 #include <vector>
 
-#include "preprocess/kernels/curvature_fit.h"
-#include "storage/curvature_code.h"
+#include "isobrick/preprocess/kernels/curvature_fit.h"
+#include "isobrick/storage/curvature_code.h"
 #include "tests/preprocess/bounded_volume.h"
 #include "tests/support/plain_reader.h"
 #include "tests/support/random_numbers.h"

@@ -8,9 +8,9 @@
 #include <atomic>
 #include <cerrno>
 
-#include "preprocess/phantoms/phantom.h"
-#include "preprocess/pyramid_builder.h"
-#include "preprocess/sources/raw_source.h"
+#include "isobrick/preprocess/phantoms/phantom.h"
+#include "isobrick/preprocess/pyramid_builder.h"
+#include "isobrick/preprocess/sources/raw_source.h"
 #include "tests/support/array_source.h"
 #include "tests/support/build_message.h"
 #include "tests/support/file_bytes.h"

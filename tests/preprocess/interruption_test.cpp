@@ -9,13 +9,13 @@
 #include <string>
 #include <vector>
 
-#include "extract/sinks/mesh_file_sink.h"
-#include "preprocess/export/volume_writer.h"
-#include "preprocess/pyramid_builder.h"
-#include "preprocess/sources/itk_source.h"
-#include "preprocess/sources/vdb_source.h"
-#include "storage/abandonable.h"
-#include "storage/atomic_file.h"
+#include "isobrick/extract/sinks/mesh_file_sink.h"
+#include "isobrick/preprocess/export/volume_writer.h"
+#include "isobrick/preprocess/pyramid_builder.h"
+#include "isobrick/preprocess/sources/itk_source.h"
+#include "isobrick/preprocess/sources/vdb_source.h"
+#include "isobrick/storage/abandonable.h"
+#include "isobrick/storage/atomic_file.h"
 #include "tests/support/file_bytes.h"
 #include "tests/support/packed_bytes.h"
 #include "tests/support/vdb_file.h"

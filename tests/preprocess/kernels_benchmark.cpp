@@ -5,9 +5,9 @@
 #include <random>
 #include <vector>
 
-#include "preprocess/brick_window.h"
-#include "preprocess/kernels/low_pass.h"
-#include "preprocess/kernels/tile_ranges.h"
+#include "isobrick/preprocess/brick_window.h"
+#include "isobrick/preprocess/kernels/low_pass.h"
+#include "isobrick/preprocess/kernels/tile_ranges.h"
 
 namespace isobrick {
 namespace {

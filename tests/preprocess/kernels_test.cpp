@@ -4,8 +4,8 @@
 
 #include <cstring>
 
-#include "preprocess/kernels/low_pass.h"
-#include "preprocess/kernels/tile_ranges.h"
+#include "isobrick/preprocess/kernels/low_pass.h"
+#include "isobrick/preprocess/kernels/tile_ranges.h"
 #include "tests/support/array_source.h"
 #include "tests/support/random_numbers.h"
 

@@ -7,10 +7,10 @@
 #include <cstring>
 #include <filesystem>
 
-#include "preprocess/build_plan.h"
-#include "preprocess/pyramid_builder.h"
-#include "preprocess/sources/raw_source.h"
-#include "storage/write_journal.h"
+#include "isobrick/preprocess/build_plan.h"
+#include "isobrick/preprocess/pyramid_builder.h"
+#include "isobrick/preprocess/sources/raw_source.h"
+#include "isobrick/storage/write_journal.h"
 #include "tests/support/array_source.h"
 #include "tests/support/build_message.h"
 #include "tests/support/file_bytes.h"

@@ -3,10 +3,10 @@
 
 #include <map>
 
-#include "extract/extractor.h"
-#include "extract/sinks/indexed_mesh.h"
-#include "preprocess/pyramid_builder.h"
-#include "preprocess/sources/itk_source.h"
+#include "isobrick/extract/extractor.h"
+#include "isobrick/extract/sinks/indexed_mesh.h"
+#include "isobrick/preprocess/pyramid_builder.h"
+#include "isobrick/preprocess/sources/itk_source.h"
 #include "tests/support/mesh_checker.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/support/test_paths.h"

@@ -15,8 +15,8 @@
 #include <thread>
 #include <vector>
 
-#include "storage/mapped_file.h"
-#include "storage/range_slot.h"
+#include "isobrick/storage/mapped_file.h"
+#include "isobrick/storage/range_slot.h"
 #include "tests/support/child_process.h"
 #include "tests/support/temporary_folder.h"
 

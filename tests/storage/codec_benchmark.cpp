@@ -5,8 +5,8 @@
 #include <cstring>
 #include <vector>
 
-#include "preprocess/phantoms/phantom.h"
-#include "storage/brick_encoder.h"
+#include "isobrick/preprocess/phantoms/phantom.h"
+#include "isobrick/storage/brick_encoder.h"
 
 namespace isobrick {
 namespace {

@@ -19,9 +19,9 @@
 #include <tuple>
 #include <vector>
 
-#include "storage/brick_encoder.h"
-#include "storage/brick_pager.h"
-#include "storage/checksum.h"
+#include "isobrick/storage/brick_encoder.h"
+#include "isobrick/storage/brick_pager.h"
+#include "isobrick/storage/checksum.h"
 #include "tests/support/random_numbers.h"
 #include "tests/support/temporary_folder.h"
 

@@ -15,8 +15,8 @@
 #include <string>
 #include <vector>
 
-#include "preprocess/pyramid_builder.h"
-#include "storage/pyramid.h"
+#include "isobrick/preprocess/pyramid_builder.h"
+#include "isobrick/storage/pyramid.h"
 #include "tests/support/array_source.h"
 #include "tests/support/build_message.h"
 #include "tests/support/plain_reader.h"

@@ -26,11 +26,11 @@
 #define XXH_INLINE_ALL
 #include <xxhash.h>
 
-#include "preprocess/pyramid_builder.h"
-#include "storage/brick_encoder.h"
-#include "storage/error.h"
-#include "storage/pyramid.h"
-#include "storage/pyramid_writer.h"
+#include "isobrick/preprocess/pyramid_builder.h"
+#include "isobrick/storage/brick_encoder.h"
+#include "isobrick/storage/error.h"
+#include "isobrick/storage/pyramid.h"
+#include "isobrick/storage/pyramid_writer.h"
 #include "tests/support/array_source.h"
 #include "tests/support/build_message.h"
 #include "tests/support/child_process.h"

@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "preprocess/volume_source.h"
+#include "isobrick/preprocess/volume_source.h"
 
 namespace isobrick::test {
 

@@ -3,8 +3,8 @@
 
 #include <string>
 
-#include "preprocess/pyramid_builder.h"
-#include "storage/error.h"
+#include "isobrick/preprocess/pyramid_builder.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick::test {
 

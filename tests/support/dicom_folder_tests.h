@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-#include "preprocess/sources/itk_source.h"
+#include "isobrick/preprocess/sources/itk_source.h"
 #include "tests/support/volume_files.h"
 
 namespace isobrick::test {

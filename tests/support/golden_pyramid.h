@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "preprocess/pyramid_builder.h"
-#include "storage/pyramid.h"
+#include "isobrick/preprocess/pyramid_builder.h"
+#include "isobrick/storage/pyramid.h"
 #include "tests/support/plain_reader.h"
 
 namespace isobrick::test {

@@ -16,7 +16,7 @@
 #include <string>
 #include <vector>
 
-#include "storage/grid.h"
+#include "isobrick/storage/grid.h"
 
 namespace isobrick::test {
 

@@ -7,7 +7,7 @@
 #include <glm/vec3.hpp>
 #include <string>
 
-#include "storage/grid.h"
+#include "isobrick/storage/grid.h"
 
 namespace isobrick::test {
 

@@ -7,7 +7,7 @@
 #include <sstream>
 #include <string>
 
-#include "storage/error.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick::test {
 

@@ -24,7 +24,7 @@
 #include <optional>
 #include <vector>
 
-#include "storage/grid.h"
+#include "isobrick/storage/grid.h"
 #include "tests/support/reference_pyramid.h"
 
 namespace isobrick::test {

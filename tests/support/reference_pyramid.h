@@ -10,7 +10,7 @@
 #include <span>
 #include <vector>
 
-#include "storage/grid.h"
+#include "isobrick/storage/grid.h"
 
 namespace isobrick::test {
 

@@ -13,9 +13,9 @@
 #include <string>
 #include <vector>
 
-#include "preprocess/sources/itk_source.h"
-#include "preprocess/volume_source.h"
-#include "storage/error.h"
+#include "isobrick/preprocess/sources/itk_source.h"
+#include "isobrick/preprocess/volume_source.h"
+#include "isobrick/storage/error.h"
 #include "tests/support/file_bytes.h"
 #include "tests/support/temporary_folder.h"
 

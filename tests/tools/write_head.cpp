@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-#include "preprocess/phantoms/phantom.h"
+#include "isobrick/preprocess/phantoms/phantom.h"
 #include "tests/support/dicom_file.h"
 
 namespace isobrick::test {

@@ -15,11 +15,11 @@
 #include <thread>
 #include <vector>
 
-#include "storage/error.h"
+#include "isobrick/storage/error.h"
+#include "isobrick/viewer/image_writer.h"
+#include "isobrick/viewer/offscreen_renderer.h"
 #include "tests/support/requirement.h"
 #include "tests/support/temporary_folder.h"
-#include "viewer/image_writer.h"
-#include "viewer/offscreen_renderer.h"
 
 namespace isobrick {
 namespace {

@@ -9,7 +9,7 @@
 #include <optional>
 #include <string>
 
-#include "storage/error.h"
+#include "isobrick/storage/error.h"
 #include "tools/build/build_report.h"
 #include "tools/byte_size.h"
 #include "tools/failure_text.h"

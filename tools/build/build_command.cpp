@@ -10,7 +10,7 @@
 #include <system_error>
 #include <vector>
 
-#include "storage/error.h"
+#include "isobrick/storage/error.h"
 #include "tools/build/build_batch.h"
 #include "tools/build/build_one.h"
 #include "tools/build/build_report.h"

@@ -8,10 +8,10 @@
 #include <stdexcept>
 #include <system_error>
 
-#include "preprocess/input_identity.h"
-#include "preprocess/sources/open_volume.h"
-#include "storage/error.h"
-#include "storage/pyramid.h"
+#include "isobrick/preprocess/input_identity.h"
+#include "isobrick/preprocess/sources/open_volume.h"
+#include "isobrick/storage/error.h"
+#include "isobrick/storage/pyramid.h"
 #include "tools/build/existing_output.h"
 #include "tools/byte_size.h"
 #include "tools/progress_bar.h"

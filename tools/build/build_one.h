@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <string>
 
-#include "preprocess/pyramid_builder.h"
+#include "isobrick/preprocess/pyramid_builder.h"
 #include "tools/build/open_input.h"
 
 namespace isobrick {

@@ -8,8 +8,8 @@
 #include <iterator>
 #include <nlohmann/json.hpp>
 
-#include "storage/error.h"
-#include "storage/pyramid.h"
+#include "isobrick/storage/error.h"
+#include "isobrick/storage/pyramid.h"
 #include "tools/failure_text.h"
 
 namespace isobrick {

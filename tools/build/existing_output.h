@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "preprocess/pyramid_builder.h"
+#include "isobrick/preprocess/pyramid_builder.h"
 
 namespace isobrick {
 

@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <new>
 
-#include "storage/error.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 namespace {

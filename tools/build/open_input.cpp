@@ -7,8 +7,8 @@
 #include <filesystem>
 #include <limits>
 
-#include "preprocess/sources/open_volume.h"
-#include "storage/error.h"
+#include "isobrick/preprocess/sources/open_volume.h"
+#include "isobrick/storage/error.h"
 #include "tools/command.h"
 #include "tools/failure_text.h"
 #include "tools/parse_text.h"

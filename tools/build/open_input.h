@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "preprocess/sources/open_options.h"
+#include "isobrick/preprocess/sources/open_options.h"
 
 namespace isobrick {
 

@@ -1,5 +1,5 @@
 // The phantoms are ground truth for other tests, so they are tested against mathematics.
-#include "preprocess/phantoms/phantom.h"
+#include "isobrick/preprocess/phantoms/phantom.h"
 
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
@@ -9,7 +9,7 @@
 #include <glm/geometric.hpp>
 #include <random>
 
-#include "storage/error.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 namespace {

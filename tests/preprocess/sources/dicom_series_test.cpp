@@ -10,9 +10,9 @@
 #include <string>
 #include <vector>
 
-#include "preprocess/sources/dicom_header.h"
-#include "preprocess/sources/dicom_values.h"
-#include "preprocess/sources/itk_source.h"
+#include "isobrick/preprocess/sources/dicom_header.h"
+#include "isobrick/preprocess/sources/dicom_values.h"
+#include "isobrick/preprocess/sources/itk_source.h"
 #include "tests/support/file_bytes.h"
 #include "tests/support/volume_files.h"
 

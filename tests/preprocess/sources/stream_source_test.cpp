@@ -8,10 +8,10 @@
 #include <limits>
 #include <thread>
 
-#include "preprocess/phantoms/phantom.h"
-#include "preprocess/sources/itk_source.h"
-#include "preprocess/sources/raw_source.h"
-#include "preprocess/volume_source.h"
+#include "isobrick/preprocess/phantoms/phantom.h"
+#include "isobrick/preprocess/sources/itk_source.h"
+#include "isobrick/preprocess/sources/raw_source.h"
+#include "isobrick/preprocess/volume_source.h"
 #include "tests/support/nifti_file.h"
 #include "tests/support/packed_bytes.h"
 #include "tests/support/random_numbers.h"

@@ -1,5 +1,5 @@
 // OpenVDB files, written here with OpenVDB, and files that must be refused.
-#include "preprocess/sources/vdb_source.h"
+#include "isobrick/preprocess/sources/vdb_source.h"
 
 #include <gtest/gtest.h>
 #include <openvdb/io/Stream.h>
@@ -12,7 +12,7 @@
 #include <thread>
 #include <tuple>
 
-#include "preprocess/volume_source.h"
+#include "isobrick/preprocess/volume_source.h"
 #include "tests/support/command_test.h"
 #include "tests/support/volume_files.h"
 

@@ -1,5 +1,5 @@
 // Reading and writing volumes: raw files, what ITK reads, and files that must be refused.
-#include "preprocess/volume_source.h"
+#include "isobrick/preprocess/volume_source.h"
 
 #include <gtest/gtest.h>
 #include <sys/resource.h>
@@ -13,11 +13,11 @@
 #include <fstream>
 #include <limits>
 
-#include "preprocess/export/volume_writer.h"
-#include "preprocess/sources/itk_source.h"
-#include "preprocess/sources/raw_source.h"
-#include "storage/atomic_file.h"
-#include "storage/error.h"
+#include "isobrick/preprocess/export/volume_writer.h"
+#include "isobrick/preprocess/sources/itk_source.h"
+#include "isobrick/preprocess/sources/raw_source.h"
+#include "isobrick/storage/atomic_file.h"
+#include "isobrick/storage/error.h"
 #include "tests/support/tiff_file.h"
 #include "tests/support/volume_files.h"
 

@@ -1,5 +1,5 @@
 // VTK ImageData files, all variants written by hand, and files that must be refused.
-#include "preprocess/sources/vti_source.h"
+#include "isobrick/preprocess/sources/vti_source.h"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <functional>
 #include <limits>
 
-#include "preprocess/volume_source.h"
+#include "isobrick/preprocess/volume_source.h"
 #include "tests/support/packed_bytes.h"
 #include "tests/support/volume_files.h"
 #include "tests/support/vti_file.h"

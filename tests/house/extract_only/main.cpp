@@ -1,0 +1,16 @@
+// extract_only FILE.isb ISOVALUE: prints how many triangles the surface has.
+#include <cstdio>
+#include <cstdlib>
+#include <isobrick/extract/extractor.h>
+#include <isobrick/extract/sinks/counting_sink.h>
+
+int main(int argc, char** argv) {
+  if (argc != 3) return 2;
+  const isobrick::Pyramid pyramid(argv[1]);
+  isobrick::Query query;
+  query.isovalue = std::atof(argv[2]);
+  isobrick::CountingSink sink;
+  isobrick::extractIsosurface(pyramid, query, sink);
+  std::printf("%llu triangles\n", static_cast<unsigned long long>(sink.triangles()));
+  return sink.triangles() > 0 ? 0 : 1;
+}

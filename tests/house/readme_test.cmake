@@ -1,0 +1,41 @@
+# Runs every example of the README, in order, on the files that tools/quickstart.sh leaves.
+file(REMOVE_RECURSE ${WORK})
+file(MAKE_DIRECTORY ${WORK})
+get_filename_component(bin ${ISOBRICK} DIRECTORY)
+set(ENV{PATH} "${bin}:$ENV{PATH}")
+
+function(run line)
+  execute_process(COMMAND sh -c "${line}" WORKING_DIRECTORY ${WORK} RESULT_VARIABLE result
+                  OUTPUT_VARIABLE output ERROR_VARIABLE output)
+  if(NOT result EQUAL 0)
+    message(FATAL_ERROR "README: '${line}' failed:\n${output}")
+  endif()
+  # A surface that is not there is an example that teaches nothing.
+  if(line MATCHES "^isobrick (extract|render)" AND output MATCHES "(^|[^0-9,])0 triangles")
+    message(FATAL_ERROR "README: '${line}' finds no surface:\n${output}")
+  endif()
+endfunction()
+
+# What the quickstart makes, by its own lines.
+file(STRINGS ${SOURCE}/tools/quickstart.sh quickstart REGEX "^\"\\$isobrick\" (phantom|build)")
+foreach(line ${quickstart})
+  string(REPLACE "\"$isobrick\"" "isobrick" line "${line}")
+  string(REPLACE "$out/" "" line "${line}")
+  run("${line}")
+endforeach()
+
+file(READ ${SOURCE}/README.md readme)
+string(FIND "${readme}" "## Use" begin)
+string(FIND "${readme}" "## As a library" end)
+math(EXPR length "${end} - ${begin}")
+string(SUBSTRING "${readme}" ${begin} ${length} use)
+string(REGEX MATCHALL "\nisobrick [^\n]+" examples "${use}")
+list(LENGTH examples count)
+if(count LESS 8)
+  message(FATAL_ERROR "only ${count} examples were found in the README")
+endif()
+foreach(example ${examples})
+  string(STRIP "${example}" example)
+  run("${example}")
+endforeach()
+message(STATUS "${count} examples ran")
