@@ -27,32 +27,17 @@ struct TileCorners {
   }
 };
 
-// Which kinds of leaves touch sample `sample` of a tile.
-struct TouchingLeaves {
-  bool own = false, finer = false, coarser = false;
-};
-inline TouchingLeaves leavesAround(const TileLeaves& leaves, const Index3& sample) {
-  TouchingLeaves touching;
-  for (int n = 0; n < 8; ++n) {
-    const CellState state = leaves.state(sample - Index3(n & 1, n >> 1 & 1, n >> 2));
-    touching.own = touching.own || state == CellState::kLeaf;
-    touching.finer = touching.finer || state == CellState::kFiner;
-    touching.coarser = touching.coarser || state == CellState::kCoarser;
-  }
-  return touching;
-}
-
-// Rule 6 for sample `sample` of a tile, a corner of a leaf: the finest of the leaves that touch it
-// decides, unless it hangs on a coarser one.
+// Rule 6 for a sample that is a corner of a leaf, touched by cells of these states: the finest of
+// the leaves that touch it decides, unless it hangs on a coarser one.
 template <typename T>
-LatticePoint cornerPoint(const Lattice& lattice, int level, const Index3& sample,
-                         const TouchingLeaves& touching, BrickFamily<T>& family) {
-  if (touching.finer) {
+LatticePoint cornerPoint(const Lattice& lattice, int level, const Index3& sample, StateSet touching,
+                         BrickFamily<T>& family) {
+  if (touching.has(CellState::kFiner)) {
     const Index3 fine = glm::min(2L * sample, lattice.samples(level - 1) - Index3(1));
     return {family.finer(fine).value(fine), level - 1, fine};
   }
   const SampleView<T>& view = family.own();
-  if (!touching.coarser) return {view.value(sample), level, sample};
+  if (!touching.has(CellState::kCoarser)) return {view.value(sample), level, sample};
   const auto ownValue = [&](const Index3& at) { return view.value(at); };
   return {valueOnCoarserLeaf(lattice, level, sample, ownValue), level, sample};
 }
@@ -72,8 +57,9 @@ void resolveCorners(const Lattice& lattice, const TileLeaves& leaves, BrickFamil
     return;
   }
   forEachIndex(out.samples, [&](const Index3& sample) {
-    const TouchingLeaves touching = leavesAround(leaves, sample);
-    if (touching.own) *point = cornerPoint(lattice, leaves.level, sample, touching, family);
+    const StateSet touching = leaves.statesAround(sample);
+    if (touching.has(CellState::kLeaf))
+      *point = cornerPoint(lattice, leaves.level, sample, touching, family);
     ++point;
   });
 }

@@ -21,16 +21,9 @@ LeafEdge leafEdge(const Lattice& lattice, const TileLeaves& leaves, const IndexB
   edge.is_shared = isOnBorder(brick, b, base[b]) || isOnBorder(brick, c, base[c]);
   if (leaves.all_leaves) return edge;
 
-  bool touches_coarser = false;
-  for (int n = 0; n < 4; ++n) {
-    Index3 around = base;
-    around[b] -= n & 1;
-    around[c] -= n >> 1;
-    const CellState state = leaves.state(around);
-    touches_coarser = touches_coarser || state == CellState::kCoarser;
-    edge.is_shared = edge.is_shared || state != CellState::kLeaf;
-  }
-  if (touches_coarser && isOnCoarserLattice(lattice, leaves.level, b, base[b]) &&
+  const StateSet around = leaves.statesAround(base, axis);
+  if (!around.hasOnly(CellState::kLeaf)) edge.is_shared = true;
+  if (around.has(CellState::kCoarser) && isOnCoarserLattice(lattice, leaves.level, b, base[b]) &&
       isOnCoarserLattice(lattice, leaves.level, c, base[c])) {
     edge.is_of_coarser = edge.is_shared = true;
     edge.low[axis] = base[axis] / 2 * 2;

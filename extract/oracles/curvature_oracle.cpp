@@ -11,12 +11,6 @@ CurvatureOracle::CurvatureOracle(const MeshContext& context)
   radius_squared_ = context.query.focus->radius * context.query.focus->radius;
 }
 
-Share CurvatureOracle::shareOfRefined(int level, const IndexBox& cells) const {
-  const bool may_keep =
-      level == 1 && is_on_ && squaredDistanceBounds(center_, 1, cells).least <= radius_squared_;
-  return may_keep ? Share::kSome : Share::kAll;
-}
-
 bool CurvatureOracle::isFlat(const Index3& cell) {
   const BrickLayout& layout = context_.pyramid.layout();
   const Index3 voxel_cell = std::int64_t{2} * cell;

@@ -26,7 +26,11 @@ class CurvatureOracle {
     return level != 1 || !is_on_ || squaredDistance(center_, 1, cell) > radius_squared_ ||
            !isFlat(cell);
   }
-  Share shareOfRefined(int level, const IndexBox& cells) const;
+  Share shareOfRefined(int level, const IndexBox& cells) const {
+    if (level != 1 || !is_on_) return Share::kAll;
+    return squaredDistanceBounds(center_, 1, cells).least <= radius_squared_ ? Share::kSome
+                                                                             : Share::kAll;
+  }
 
  private:
   struct BrickCurvature {

@@ -37,9 +37,10 @@ FocusOracle::FocusOracle(const Lattice& lattice, const Query& query)
 Share FocusOracle::shareOfRefined(int level, const IndexBox& cells) const {
   if (level > last_level_) return Share::kAll;
   const double within = refined_within_squared_[static_cast<std::size_t>(level)];
+  if (within == 0.0) return Share::kNone;
   const DistanceBounds distance = squaredDistanceBounds(focus_, level, cells);
   if (distance.greatest < within) return Share::kAll;
-  if (within == 0.0 || distance.least >= within) return Share::kNone;
+  if (distance.least >= within) return Share::kNone;
   return Share::kSome;
 }
 

@@ -9,7 +9,8 @@
 
 namespace isobrick {
 
-enum class CellState : std::uint8_t { kOutside, kCoarser, kLeaf, kFiner };
+// Bits, so that the states of several cells can be joined.
+enum class CellState : std::uint8_t { kOutside = 1, kCoarser = 2, kLeaf = 4, kFiner = 8 };
 
 // Joins the oracles: a cell is refined where all of them refine it. One object serves one thread
 // for one brick.
@@ -35,8 +36,9 @@ class LeafClassifier {
     return focus_.refines(level, cell) && curvature_.refines(level, cell);
   }
   Share shareOfRefined(int level, const IndexBox& cells) const {
-    return coarserShare(focus_.shareOfRefined(level, cells),
-                        curvature_.shareOfRefined(level, cells));
+    const Share share = focus_.shareOfRefined(level, cells);
+    return share == Share::kNone ? share
+                                 : coarserShare(share, curvature_.shareOfRefined(level, cells));
   }
 
   const Lattice& lattice_;
