@@ -1,6 +1,7 @@
 #include "isobrick/extract/brick_traversal.h"
 
 #include "isobrick/extract/oracles/leaf_classifier.h"
+#include "isobrick/storage/index_loop.h"
 
 namespace isobrick {
 namespace {
@@ -30,10 +31,7 @@ class Traversal {
     if (!classifier_.mayRefine(level, cells)) return;
     const Index3 first = 2L * brick;
     const Index3 end = glm::min(first + Index3(2), layout_.bricks(level - 1));
-    Index3 child;
-    for (child.z = first.z; child.z < end.z; ++child.z)
-      for (child.y = first.y; child.y < end.y; ++child.y)
-        for (child.x = first.x; child.x < end.x; ++child.x) visit(level - 1, child);
+    forEachIndex({first, end - first}, [&](const Index3& child) { visit(level - 1, child); });
   }
 
   // True where all cells of the brick and all that touch it are leaves of `level`, and are wanted.
