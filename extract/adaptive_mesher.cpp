@@ -6,6 +6,7 @@
 #include "isobrick/extract/meshing/fans.h"
 #include "isobrick/extract/meshing/leaf_edges.h"
 #include "isobrick/extract/meshing/transition_face.h"
+#include "isobrick/extract/missing_vertex.h"
 #include "isobrick/storage/index_loop.h"
 
 namespace isobrick {
@@ -16,6 +17,7 @@ class AdaptiveMesher::Brick {
  public:
   Brick(AdaptiveMesher& memory, const MeshContext& context, const BrickWork& work, MeshBatch& batch)
       : context_(context),
+        work_(work),
         batch_(batch),
         lattice_(context.lattice()),
         level_(work.level),
@@ -71,6 +73,7 @@ class AdaptiveMesher::Brick {
 
   CellVertices edgeVertices(const Index3& cell, const MarchingCubesCase& mc) {
     CellVertices vertices;
+    vertices.fill(kNoVertex);
     for (std::uint32_t rest = mc.crossed_edges; rest != 0; rest &= rest - 1) {
       const auto e = static_cast<std::size_t>(std::countr_zero(rest));
       const CellEdge& edge = kCellEdgeTable[e];
@@ -121,12 +124,14 @@ class AdaptiveMesher::Brick {
     const glm::dvec3 low(lattice_.position(level_, cell));
     const glm::dvec3 high(lattice_.position(level_, cell + Index3(1)));
     const glm::dvec3 center = context_.frame.position(0.5 * (low + high));
-    forEachLoop(contour, [&](std::span<const std::uint32_t> loop) {
+    const bool is_closed = forEachLoop(contour, [&](std::span<const std::uint32_t> loop) {
       addFan(context_.frame, center, loop, batch_);
     });
+    if (!is_closed) failMissingVertex(context_, work_);
   }
 
   const MeshContext& context_;
+  const BrickWork& work_;
   MeshBatch& batch_;
   const Lattice& lattice_;
   const int level_;

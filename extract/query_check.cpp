@@ -1,6 +1,7 @@
 #include "isobrick/extract/query_check.h"
 
 #include <cmath>
+#include <limits>
 #include <string>
 
 #include "isobrick/storage/error.h"
@@ -50,7 +51,8 @@ void checkBox(const QueryBox& box) {
 }  // namespace
 
 void checkQuery(const Pyramid& pyramid, const Query& query) {
-  if (!std::isfinite(query.isovalue))
+  // Compared as float.
+  if (!(std::abs(query.isovalue) <= static_cast<double>(std::numeric_limits<float>::max())))
     throw Error("the isovalue is not a finite number; choose one within the volume's value range");
   if (query.focus && query.uniform_level)
     throw Error("a focus and a uniform level exclude each other; give one of them");

@@ -1,9 +1,12 @@
 #include "isobrick/extract/uniform_mesher.h"
 
+#include <algorithm>
 #include <bit>
 #include <cstring>
 
+#include "isobrick/extract/kernels/contour.h"
 #include "isobrick/extract/kernels/marching_cubes_table.h"
+#include "isobrick/extract/missing_vertex.h"
 #include "isobrick/extract/sample_view.h"
 
 namespace isobrick {
@@ -39,6 +42,7 @@ class UniformMesher::Sweep {
         const BrickSamples& samples, MeshBatch& batch)
       : m_(memory),
         context_(context),
+        work_(work),
         batch_(batch),
         cells_(context.pyramid.layout().brickCellBox(work.level, work.brick)),
         view_(context.lattice(), work.level, samples.box, samples.data<T>()),
@@ -61,7 +65,10 @@ class UniformMesher::Sweep {
       if (k == 0 || !layerIsActive(k - 1)) computeSigns(k);
       computeSigns(k + 1);
       for (std::int64_t j = 0; j < ny_; ++j)
-        if (rowIsActive(j, k)) meshRow(j, k);
+        if (rowIsActive(j, k)) {
+          forgetEdgesOfInactiveRows(j, k);
+          meshRow(j, k);
+        }
     }
   }
 
@@ -94,6 +101,31 @@ class UniformMesher::Sweep {
   bool layerIsActive(std::int64_t k) const {
     const auto first = m_.active_rows_.begin() + k / tile_cells_ * m_.tiles_.dims().y;
     return std::find(first, first + m_.tiles_.dims().y, 1) != first + m_.tiles_.dims().y;
+  }
+
+  // An edge on the border of a row of tiles gets its vertex from the row before, in y or z. Where
+  // that row is inactive, the slots still hold numbers of another layer or brick. By its range no
+  // surface comes out of it; a file may say what it likes, so the slots are emptied.
+  void forgetEdgesOfInactiveRows(std::int64_t j, std::int64_t k) {
+    const bool at_row = j > 0 && j % tile_cells_ == 0, at_layer = k > 0 && k % tile_cells_ == 0;
+    if (!at_row && !at_layer) return;
+    const bool has_below = at_row && !rowIsActive(j - 1, k);
+    const bool has_before = at_layer && !rowIsActive(j, k - 1);
+    const bool has_corner = (at_row || at_layer) && !rowIsActive(std::max(j - 1, std::int64_t{0}),
+                                                                 std::max(k - 1, std::int64_t{0}));
+    const auto low = static_cast<std::size_t>(k & 1);
+    if (has_below) {
+      forgetRow(m_.z_edges_, j);
+      forgetRow(m_.x_edges_[1 - low], j);
+    }
+    if (has_before) {
+      forgetRow(m_.y_edges_[low], j);
+      forgetRow(m_.x_edges_[low], j + 1);
+    }
+    if (has_corner) forgetRow(m_.x_edges_[low], j);
+  }
+  void forgetRow(std::vector<std::uint32_t>& slice, std::int64_t j) const {
+    std::fill_n(slice.begin() + j * (nx_ + 1), nx_ + 1, kNoVertex);
   }
 
   // Signs of sample slice `k`, all rows (their cost is small beside the branches to skip some).
@@ -133,6 +165,7 @@ class UniformMesher::Sweep {
     const std::uint16_t first_touch = kFirstTouches[static_cast<std::size_t>(
         (i == 0 ? 1 : 0) | (j == 0 ? 2 : 0) | (k == 0 ? 4 : 0))];
     std::uint32_t vertex[kCellEdges];
+    std::uint32_t greatest = 0;
     for (std::uint32_t rest = mc.crossed_edges; rest != 0; rest &= rest - 1) {
       const int e = std::countr_zero(rest);
       const CellEdge& edge = kCellEdgeTable[static_cast<std::size_t>(e)];
@@ -143,7 +176,9 @@ class UniformMesher::Sweep {
       std::uint32_t& slot = slice[static_cast<std::size_t>(at.y * (nx_ + 1) + at.x)];
       if ((first_touch >> e & 1) != 0) slot = makeVertex(at, edge.axis);
       vertex[e] = slot;
+      greatest = std::max(greatest, slot);
     }
+    if (greatest == kNoVertex) failMissingVertex(context_, work_);
     ++batch_.cells;
     for (int t = 0; t < 3 * mc.triangle_count; t += 3) {
       const std::uint32_t a = vertex[mc.edges[static_cast<std::size_t>(t)]];
@@ -189,6 +224,7 @@ class UniformMesher::Sweep {
 
   UniformMesher& m_;
   const MeshContext& context_;
+  const BrickWork& work_;
   MeshBatch& batch_;
   const IndexBox cells_;
   const SampleView<T> view_;

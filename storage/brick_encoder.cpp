@@ -251,7 +251,6 @@ bool unpack(format::Codec codec, std::span<const std::byte> stored, std::size_t 
             std::byte* out) {
   BloscHeader header;
   if (stored.size() <= sizeof header || bytes > kMostPackedBytes) return false;
-  // A copy: the bytes lie in a file, which somebody may change at any time.
   std::memcpy(&header, stored.data(), sizeof header);
   if (!isHeaderSound(header, codec, stored.size(), bytes) || !areBlocksSound(header, stored) ||
       blosc_decompress_ctx(stored.data(), out, bytes, 1) != static_cast<int>(bytes))

@@ -42,7 +42,8 @@ inline constexpr std::uint64_t kMostPackedBytes = (std::uint64_t{1} << 31) - 1 -
 // The elements of a part again: `bytes` is their size, known from the layout. False where the
 // stored bytes are not what the codec makes of that many bytes; `out` is then worthless, but
 // nothing past `bytes` was written. Any stored bytes are safe, and cost time in proportion to
-// stored bytes and `bytes`. Uses up to 3 MiB of its own while it works. Thread-safe.
+// stored bytes and `bytes`; but nobody may change them meanwhile, so they must not lie in the map
+// of a file. Uses up to 3 MiB of its own while it works. Thread-safe.
 [[nodiscard]] bool decodePart(format::Codec codec, std::span<const std::byte> stored,
                               std::size_t bytes, std::byte* out);
 

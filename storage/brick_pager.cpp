@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "isobrick/storage/brick_encoder.h"
+#include "isobrick/storage/checksum.h"
 
 namespace isobrick {
 namespace {
@@ -48,7 +49,12 @@ const std::byte* BrickPager::holdResident(std::size_t id) {
 // harmless: the second finds it resident.
 const std::byte* BrickPager::bringInStored(std::size_t id, const char** why) {
   const Piece& piece = pieces_[id];
-  if (!readPiece(piece, why)) return nullptr;
+  std::uint64_t checksum = 0;
+  const bool is_read = file_.checksum(piece.offset, piece.bytes, &checksum);
+  if (!is_read || checksum != piece.checksum) {
+    *why = is_read ? kWrongChecksum : kUnreadable;
+    return nullptr;
+  }
   const std::lock_guard lock(mutex_);
   if (states_[id].resident) return addUser(id);
   held_bytes_ += piece.bytes;
@@ -62,8 +68,7 @@ const std::byte* BrickPager::bringInPacked(std::size_t id, const char** why) {
     const std::lock_guard lock(mutex_);
     buffer = makeRoom(piece);
   }
-  const bool is_good = readPiece(piece, why) && unpackPiece(piece, buffer.data.get(), why);
-  file_.release(piece.offset, piece.bytes);
+  const bool is_good = unpackPiece(piece, buffer.data.get(), why);
   const std::lock_guard lock(mutex_);
   held_bytes_ -= piece.bytes;
   if (is_good && !states_[id].resident) return makeResident(id, std::move(buffer));
@@ -71,20 +76,16 @@ const std::byte* BrickPager::bringInPacked(std::size_t id, const char** why) {
   return is_good ? addUser(id) : nullptr;
 }
 
-bool BrickPager::readPiece(const Piece& piece, const char** why) const {
-  std::uint64_t checksum = 0;
-  const bool is_read = file_.checksum(piece.offset, piece.bytes, &checksum);
-  *why = is_read ? kWrongChecksum : kUnreadable;
-  return is_read && checksum == piece.checksum;
-}
-
+// Everything is done with a copy: what the checksum and the checks of the Blosc buffer have seen is
+// what the decoder gets, even while somebody writes to the file.
 bool BrickPager::unpackPiece(const Piece& piece, std::byte* out, const char** why) const {
-  const bool is_unpacked = decodePart(piece.codec, {file_.data() + piece.offset, piece.bytes},
-                                      piece.unpacked_bytes, out);
-  // Pages that vanished since the checksum read as zeros: never as elements.
-  const bool is_read = !file_.failedOffset();
-  *why = is_read ? kNotPacked : kUnreadable;
-  return is_read && is_unpacked;
+  const auto packed = std::make_unique_for_overwrite<std::byte[]>(piece.bytes);
+  *why = kUnreadable;
+  if (!file_.read(piece.offset, piece.bytes, packed.get())) return false;
+  *why = kWrongChecksum;
+  if (checksum64(packed.get(), piece.bytes) != piece.checksum) return false;
+  *why = kNotPacked;
+  return decodePart(piece.codec, {packed.get(), piece.bytes}, piece.unpacked_bytes, out);
 }
 
 void BrickPager::release(std::size_t id) noexcept {
@@ -132,7 +133,7 @@ const std::byte* BrickPager::makeResident(std::size_t id, Buffer unpacked) {
   return dataOf(id);
 }
 
-// A buffer for the piece; it and the pages that will be read are counted. The oldest pieces go
+// A buffer for the piece; it and the copy of the packed bytes are counted. The oldest pieces go
 // before it is made, so that one of theirs can serve.
 BrickPager::Buffer BrickPager::makeRoom(const Piece& piece) {
   const std::uint32_t wanted = bufferBytes(piece.unpacked_bytes);

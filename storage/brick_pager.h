@@ -20,9 +20,10 @@ namespace isobrick {
 //
 // A stored piece is used in place: what it costs is its pages of the map, which are given back to
 // the system. A packed piece is unpacked into a buffer of the heap: what it costs is that buffer
-// (rounded up by at most an eighth), and its pages while it is being unpacked. The buffer of a
-// piece that goes is passed on to the one that comes in, if it fits; no buffer is kept for later,
-// so there is nothing beside the budget. Unpacking itself takes up to 3 MiB for each thread in it.
+// (rounded up by at most an eighth), and, while it is being unpacked, a copy of its packed bytes,
+// on which alone checksum and decoder work. The buffer of a piece that goes is passed on to the one
+// that comes in, if it fits; no buffer is kept for later, so there is nothing beside the budget.
+// Unpacking itself takes up to 3 MiB for each thread in it.
 //
 // All members are thread-safe. Reading, checking and unpacking happen outside the lock.
 class BrickPager {
@@ -45,8 +46,9 @@ class BrickPager {
   BrickPager(const MappedFile& file, std::vector<Piece> pieces, std::uint64_t budget_bytes);
 
   // Makes piece `id` resident and keeps it so until release(id); counts nest. The memory, aligned
-  // to 64 bytes where the piece is, stays valid and unchanged that long. Returns nullptr where the
-  // bytes are damaged or cannot be read: `*why` says which.
+  // to 64 bytes where the piece is, stays valid that long; of a packed piece also unchanged, of a
+  // stored one as long as nobody writes to the file. Returns nullptr where the bytes are damaged or
+  // cannot be read: `*why` says which.
   [[nodiscard]] const std::byte* acquire(std::size_t id, const char** why);
   void release(std::size_t id) noexcept;
 
@@ -75,7 +77,6 @@ class BrickPager {
   const std::byte* holdResident(std::size_t id);
   const std::byte* bringInStored(std::size_t id, const char** why);
   const std::byte* bringInPacked(std::size_t id, const char** why);
-  bool readPiece(const Piece& piece, const char** why) const;
   bool unpackPiece(const Piece& piece, std::byte* out, const char** why) const;
 
   // All of these with the lock held.

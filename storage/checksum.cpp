@@ -7,4 +7,18 @@ namespace isobrick {
 
 std::uint64_t checksum64(const void* data, std::size_t bytes) { return XXH3_64bits(data, bytes); }
 
+struct RunningChecksum::State {
+  XXH3_state_t hash;
+};
+
+RunningChecksum::RunningChecksum() : state_(std::make_unique<State>()) {
+  XXH3_64bits_reset(&state_->hash);
+}
+RunningChecksum::~RunningChecksum() = default;
+
+void RunningChecksum::add(const void* data, std::size_t bytes) {
+  XXH3_64bits_update(&state_->hash, data, bytes);
+}
+std::uint64_t RunningChecksum::value() const { return XXH3_64bits_digest(&state_->hash); }
+
 }  // namespace isobrick

@@ -3,10 +3,28 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 
 namespace isobrick {
 
 // XXH3-64 with seed 0.
 std::uint64_t checksum64(const void* data, std::size_t bytes);
+
+// The same of bytes that come in pieces.
+class RunningChecksum {
+ public:
+  RunningChecksum();
+  ~RunningChecksum();
+  RunningChecksum(const RunningChecksum&) = delete;
+  RunningChecksum& operator=(const RunningChecksum&) = delete;
+
+  void add(const void* data, std::size_t bytes);
+  // checksum64() of all bytes so far.
+  std::uint64_t value() const;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
 
 }  // namespace isobrick

@@ -81,6 +81,18 @@ bool MappedFile::checksum(std::uint64_t offset, std::uint64_t bytes, std::uint64
   return !failedOffset();
 }
 
+bool MappedFile::read(std::uint64_t offset, std::uint64_t bytes, std::byte* out) const {
+  while (bytes > 0) {
+    const ssize_t n = ::pread(fd_, out, bytes, static_cast<off_t>(offset));
+    if (n < 0 && errno == EINTR) continue;
+    if (n <= 0) return false;
+    out += n;
+    offset += static_cast<std::uint64_t>(n);
+    bytes -= static_cast<std::uint64_t>(n);
+  }
+  return true;
+}
+
 void MappedFile::release(std::uint64_t offset, std::uint64_t bytes) const {
   const std::uint64_t begin = offset / kFaultAroundBytes * kFaultAroundBytes;
   const std::uint64_t end = std::min(

@@ -40,6 +40,10 @@ class MappedFile {
   [[nodiscard]] bool checksum(std::uint64_t offset, std::uint64_t bytes,
                               std::uint64_t* result) const;
 
+  // Copies `bytes` bytes from `offset` to `out`, past the map: what was copied is the caller's
+  // alone and stays as it is, whatever happens to the file. False where they cannot be read.
+  [[nodiscard]] bool read(std::uint64_t offset, std::uint64_t bytes, std::byte* out) const;
+
   // True while the file is still long enough to hold the piece, and no page has failed.
   bool reaches(std::uint64_t offset, std::uint64_t bytes) const;
 

@@ -1,5 +1,6 @@
 #include "isobrick/storage/pyramid.h"
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <cstring>
@@ -8,6 +9,7 @@
 #include "isobrick/storage/brick_encoder.h"
 #include "isobrick/storage/checksum.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/usable_geometry.h"
 
 namespace isobrick {
 namespace {
@@ -21,20 +23,21 @@ bool liesWithin(std::uint64_t offset, std::uint64_t bytes, std::uint64_t file_by
   return offset <= file_bytes && bytes <= file_bytes - offset;
 }
 
+}  // namespace
+
 std::string brickName(int level, const Index3& brick) {
   return "brick (" + std::to_string(brick.x) + "," + std::to_string(brick.y) + "," +
          std::to_string(brick.z) + ") of level " + std::to_string(level);
 }
-
-}  // namespace
 
 Pyramid::Pyramid(const std::string& path, std::uint64_t budget_bytes)
     : file_(path), budget_bytes_(budget_bytes) {
   readHeader();
 }
 
-void Pyramid::fail(const std::string& what) const {
-  throw Error("'" + path() + "' " + what, {.path = path()});
+void Pyramid::fail(const std::string& what, ErrorPlace place) const {
+  place.path = path();
+  throw Error("'" + path() + "' " + what, std::move(place));
 }
 
 void Pyramid::readHeader() {
@@ -75,8 +78,8 @@ void Pyramid::readHeader() {
     for (int row = 0; row < 3; ++row)
       spec_.geometry.direction[axis][row] = header.direction[3 * axis + row];
   }
-  if (!(std::abs(glm::determinant(spec_.geometry.direction)) > 1e-6))
-    fail("has directions that do not span space; build it again");
+  if (!isUsableGeometry(spec_.geometry))
+    fail("has a spacing, an origin or directions that give no usable positions; build it again");
   spec_.voxel_type = static_cast<VoxelType>(header.voxel_type);
   spec_.filter = static_cast<format::Filter>(header.filter);
   spec_.brick_cells = header.brick_cells;
@@ -85,27 +88,32 @@ void Pyramid::readHeader() {
   spec_.curvature_epsilon = header.curvature_epsilon;
   value_range_ = {static_cast<float>(header.value_min), static_cast<float>(header.value_max)};
   layout_ = spec_.layout();
+  header_ = header;
   if (header.level_count != static_cast<std::uint32_t>(lattice().levels()))
     fail("has a wrong number of levels; build it again");
   readTables(header);
 }
 
+std::vector<std::byte> Pyramid::readTable(std::uint64_t offset, std::uint64_t bytes,
+                                          std::uint64_t checksum, const char* name) const {
+  std::vector<std::byte> table;
+  if (liesWithin(offset, bytes, file_.size())) {
+    table.resize(bytes);
+    if (file_.read(offset, bytes, table.data()) && checksum64(table.data(), bytes) == checksum)
+      return table;
+  }
+  fail(std::string("has a damaged ") + name + "; build it again");
+}
+
 void Pyramid::readTables(const format::Header& header) {
-  const auto table = [&](std::uint64_t offset, std::uint64_t bytes, std::uint64_t checksum,
-                         const char* name) {
-    std::uint64_t sum = 0;
-    if (!liesWithin(offset, bytes, file_.size()) || !file_.checksum(offset, bytes, &sum) ||
-        sum != checksum)
-      fail(std::string("has a damaged ") + name + "; build it again");
-    return file_.data() + offset;
-  };
   // The layout follows from the header, so the tables must have just the sizes that it gives.
   std::uint64_t rows = 0;
   std::vector<format::LevelRecord> levels(static_cast<std::size_t>(lattice().levels()));
   const std::uint64_t level_bytes = levels.size() * sizeof(format::LevelRecord);
   std::memcpy(
       levels.data(),
-      table(header.level_table_offset, level_bytes, header.level_table_checksum, "level table"),
+      readTable(header.level_table_offset, level_bytes, header.level_table_checksum, "level table")
+          .data(),
       level_bytes);
   for (int level = 0; level < lattice().levels(); ++level) {
     const format::LevelRecord& record = levels[static_cast<std::size_t>(level)];
@@ -123,38 +131,55 @@ void Pyramid::readTables(const format::Header& header) {
   // further.
   if (header.brick_count != rows || rows > file_.size() / sizeof(format::BrickRecord))
     fail("has a wrong number of bricks; build it again");
-  bricks_.resize(rows);
-  const std::uint64_t brick_bytes = rows * sizeof(format::BrickRecord);
-  std::memcpy(
-      bricks_.data(),
-      table(header.brick_table_offset, brick_bytes, header.brick_table_checksum, "brick table"),
-      brick_bytes);
-  provenance_.assign(
-      reinterpret_cast<const char*>(table(header.provenance_offset, header.provenance_bytes,
-                                          header.provenance_checksum, "provenance")),
-      header.provenance_bytes);
+  readBrickTable(header);
+  if (header.provenance_bytes > kMostProvenanceBytes)
+    fail("has a provenance of " + std::to_string(header.provenance_bytes) +
+         " bytes, which is more than any pyramid has; build it again");
+  const std::vector<std::byte> text = readTable(header.provenance_offset, header.provenance_bytes,
+                                                header.provenance_checksum, "provenance");
+  provenance_.assign(reinterpret_cast<const char*>(text.data()), text.size());
 
   std::vector<BrickPager::Piece> pieces;
   pieces.reserve(3 * rows);
-  for (int level = 0; level < lattice().levels(); ++level) {
-    const Index3 count = layout_.bricks(level);
-    Index3 brick;
-    for (brick.z = 0; brick.z < count.z; ++brick.z)
-      for (brick.y = 0; brick.y < count.y; ++brick.y)
-        for (brick.x = 0; brick.x < count.x; ++brick.x) {
-          checkBrick(level, brick);
-          for (const PartKind kind : {kSamples, kRanges, kCurvature})
-            pieces.push_back(pieceOf(kind, level, brick));
-        }
-  }
+  forEachBrick([&](int level, const Index3& brick) {
+    for (const PartKind kind : {kSamples, kRanges, kCurvature})
+      pieces.push_back(pieceOf(kind, level, brick));
+  });
   pager_ = std::make_unique<BrickPager>(file_, std::move(pieces), budget_bytes_);
+}
+
+// A row is checked before the next is looked at, and memory grows with the rows that are possible:
+// a file with holes can be of any size and cost nothing, but a row of zeros is not possible.
+void Pyramid::readBrickTable(const format::Header& header) {
+  constexpr std::size_t kRowsAtATime = 4096;
+  const std::uint64_t rows = header.brick_count;
+  const auto damaged = [&] { fail("has a damaged brick table; build it again"); };
+  std::uint64_t offset = header.brick_table_offset;
+  if (!liesWithin(offset, rows * sizeof(format::BrickRecord), file_.size())) damaged();
+  RunningChecksum checksum;
+  std::vector<format::BrickRecord> some;
+  std::size_t next = 0;
+  forEachBrick([&](int level, const Index3& brick) {
+    if (next == some.size()) {
+      some.resize(std::min<std::uint64_t>(rows - bricks_.size(), kRowsAtATime));
+      next = 0;
+      const std::size_t bytes = some.size() * sizeof(format::BrickRecord);
+      if (!file_.read(offset, bytes, reinterpret_cast<std::byte*>(some.data()))) damaged();
+      checksum.add(some.data(), bytes);
+      offset += bytes;
+    }
+    bricks_.push_back(some[next++]);
+    checkBrick(level, brick);
+  });
+  if (checksum.value() != header.brick_table_checksum) damaged();
 }
 
 void Pyramid::checkBrick(int level, const Index3& brick) const {
   const format::BrickRecord& row = bricks_[brickRow(level, brick)];
   const auto refuse = [&](const char* what) {
     fail(std::string("has an impossible ") + what + " for " + brickName(level, brick) +
-         "; build it again");
+             "; build it again",
+         {.level = level, .brick = brick});
   };
   for (const PartKind kind : {kSamples, kRanges, kCurvature})
     if (!isPossiblePart(row, spec_, layout_, kind, level, brick) ||
@@ -201,9 +226,10 @@ BrickPart Pyramid::acquire(PartKind kind, int level, const Index3& brick) const 
   part.data_ = pager_->acquire(part.piece_, &why);
   if (part.data_ == nullptr)
     fail(brickName(level, brick) + ", " + kNames[static_cast<std::size_t>(kind)] + ", " +
-         std::to_string(record(kind, row).stored_bytes) + " bytes at offset " +
-         std::to_string(record(kind, row).offset) + ", " + why +
-         "; build it again or restore a copy");
+             std::to_string(record(kind, row).stored_bytes) + " bytes at offset " +
+             std::to_string(record(kind, row).offset) + ", " + why +
+             "; build it again or restore a copy",
+         {.offset = record(kind, row).offset, .level = level, .brick = brick});
   part.pager_ = pager_.get();
   return part;
 }
@@ -222,8 +248,10 @@ void Pyramid::throwIfReadsFailed() const {
       const format::BrickRecord& row = bricks_[brickRow(level, brick)];
       if (holds(row.samples) || holds(row.ranges) || holds(row.curvature))
         fail(brickName(level, brick) + " became unreadable at offset " + std::to_string(*offset) +
-             " while it was in use (the file was cut short or its disk failed); check the disk and "
-             "build it again or restore a copy");
+                 " while it was in use (the file was cut short or its disk failed); check the disk "
+                 "and "
+                 "build it again or restore a copy",
+             {.offset = *offset, .level = level, .brick = brick});
     }
   }
   fail("became unreadable while it was in use; check the disk");
@@ -333,44 +361,6 @@ PyramidCodecs Pyramid::codecs() const {
     ++result.curvature[row.curvature.codec];
   }
   return result;
-}
-
-std::optional<BrickDamage> Pyramid::verifyBrick(int level, const Index3& brick) const {
-  try {
-    const BrickSamples block = samples(level, brick);
-    std::vector<ValueRange> ranges;
-    tileRanges(level, brick, ranges);
-    std::vector<std::uint8_t> coefficients;
-    if (level == 0) curvature(brick, coefficients);
-    ValueRange all;
-    for (const ValueRange& range : ranges) {
-      if (!(range.min <= range.max)) return BrickDamage{level, brick, "a tile's range is reversed"};
-      all.include(range);
-    }
-    const ValueRange stated = brickRange(level, brick);
-    if (all.min < stated.min || all.max > stated.max)
-      return BrickDamage{level, brick, "a tile's range exceeds the brick's"};
-    // Every sample in the brick's cells must lie in the brick's range.
-    const IndexBox cells = layout_.brickCellBox(level, brick);
-    const bool inside = visitVoxelType(spec_.voxel_type, [&](auto tag) {
-      using T = typename decltype(tag)::Type;
-      const T* data = block.data<T>();
-      Index3 at;
-      for (at.z = cells.first.z; at.z <= cells.end().z; ++at.z)
-        for (at.y = cells.first.y; at.y <= cells.end().y; ++at.y)
-          for (at.x = cells.first.x; at.x <= cells.end().x; ++at.x) {
-            const auto value =
-                static_cast<float>(data[linearIndex(at - block.box.first, block.box.count)]);
-            if (!(value >= stated.min && value <= stated.max)) return false;
-          }
-      return true;
-    });
-    throwIfReadsFailed();
-    if (!inside) return BrickDamage{level, brick, "a sample lies outside the brick's range"};
-  } catch (const Error& error) {
-    return BrickDamage{level, brick, error.what()};
-  }
-  return std::nullopt;
 }
 
 }  // namespace isobrick

@@ -9,6 +9,8 @@
 
 #include "isobrick/storage/brick_pager.h"
 #include "isobrick/storage/brick_parts.h"
+#include "isobrick/storage/cancel.h"
+#include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid_info.h"
 
 namespace isobrick {
@@ -62,8 +64,11 @@ struct BrickSamples {
 struct BrickDamage {
   int level = 0;
   Index3 brick{0};
-  std::string what;
+  std::string what;  // does not say which brick
 };
+
+// "brick (1,2,3) of level 0".
+std::string brickName(int level, const Index3& brick);
 
 // An open pyramid. All const members are thread-safe; bricks may be held by any number of threads.
 // The file must not be changed while it is open; where it is cut short all the same, acquiring a
@@ -71,6 +76,9 @@ struct BrickDamage {
 class Pyramid {
  public:
   static constexpr std::uint64_t kDefaultBudgetBytes = std::uint64_t{1} << 30;
+
+  // A provenance of more bytes is refused: it is text for people, and comes into memory as a whole.
+  static constexpr std::uint64_t kMostProvenanceBytes = std::uint64_t{64} << 20;
 
   // Opens and validates header, tables and provenance: sizes, offsets and checksums. Reads no
   // brick. `budget_bytes` bounds what stays of the bricks, mapped and unpacked (see BrickPager).
@@ -116,8 +124,14 @@ class Pyramid {
   // samples were used and before the result is passed on.
   void throwIfReadsFailed() const;
 
-  // Reads every part of one brick and says what is wrong with it, values and ranges included.
+  // Reads every part of one brick and says what is wrong with it: bytes, samples that are not
+  // finite, and ranges that are not just what section 6 of docs/FORMAT.md says. For the latter it
+  // also reads tile ranges of the next finer level and samples of coarser ones; where it is their
+  // fault, or they cannot be read, this brick is not named.
   std::optional<BrickDamage> verifyBrick(int level, const Index3& brick) const;
+  // What is wrong outside of the bricks, a line each: reserved fields and padding that are not
+  // zero, parts that overlap, a value range that is not that of the voxels. Reads the padding.
+  std::vector<std::string> verifyRest(const CancelFlag* cancel = nullptr) const;
 
   BrickPager::Counters counters() const { return pager_->counters(); }
 
@@ -125,15 +139,31 @@ class Pyramid {
   using enum PartKind;
   void readHeader();
   void readTables(const format::Header& header);
+  void readBrickTable(const format::Header& header);
+  std::vector<std::byte> readTable(std::uint64_t offset, std::uint64_t bytes,
+                                   std::uint64_t checksum, const char* name) const;
+  // In the order of the brick table.
+  template <typename F>
+  void forEachBrick(F&& f) const {
+    for (int level = 0; level < lattice().levels(); ++level) {
+      const Index3 count = layout_.bricks(level);
+      Index3 brick;
+      for (brick.z = 0; brick.z < count.z; ++brick.z)
+        for (brick.y = 0; brick.y < count.y; ++brick.y)
+          for (brick.x = 0; brick.x < count.x; ++brick.x) f(level, brick);
+    }
+  }
   void checkBrick(int level, const Index3& brick) const;
   BrickPager::Piece pieceOf(PartKind kind, int level, const Index3& brick) const;
   std::uint64_t expectedBytes(PartKind kind, int level, const Index3& brick) const;
   const format::PartRecord& record(PartKind kind, std::size_t row) const;
   BrickPart acquire(PartKind kind, int level, const Index3& brick) const;
-  [[noreturn]] void fail(const std::string& what) const;
+  [[noreturn]] void fail(const std::string& what, ErrorPlace place = {}) const;
+  friend class BrickVerifier;  // storage/pyramid_verify.cpp
 
   MappedFile file_;
   std::uint64_t budget_bytes_;
+  format::Header header_{};
   PyramidSpec spec_;
   BrickLayout layout_;
   ValueRange value_range_;

@@ -15,6 +15,7 @@
 
 #include "isobrick/storage/checksum.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/usable_geometry.h"
 
 namespace isobrick {
 namespace {
@@ -125,6 +126,10 @@ PyramidWriter::PyramidWriter(const std::string& path, const PyramidSpec& spec,
       file_(refuseForeignTemporary(path),
             resume ? AtomicFile::Leftover::kKeep : AtomicFile::Leftover::kEmpty),
       level_table_(levelTable(layout_)) {
+  if (!isUsableGeometry(spec.geometry))
+    throw Error("cannot write '" + path +
+                "': the spacing must be within 2^-100 .. 2^100 and the origin within 2^100; "
+                "choose another unit of length");
   const format::LevelRecord& last = level_table_.back();
   brick_table_.resize(last.first_brick + last.bricks[0] * last.bricks[1] * last.bricks[2]);
   end_ = sizeof(format::Header);

@@ -18,7 +18,7 @@ const char* adviceOf(Remedy remedy) {
     case Remedy::kReplaceNotFinite:
       return "give the value to put there with --nan-as V";
     case Remedy::kResume:
-      return "go on with --resume, or delete what is kept";
+      return "go on with --resume, or delete it";
     case Remedy::kBeginAnew:
       return "leave out --resume to begin anew";
     case Remedy::kDescribeRawFile:

@@ -54,6 +54,9 @@ std::vector<BrickDamage> findDamages(const Pyramid& pyramid) {
 int runVerify(const VerifyArguments& arguments) {
   const Stopwatch watch;
   const Pyramid pyramid(arguments.path);
+  const std::vector<std::string> faults = pyramid.verifyRest(&interruptFlag());
+  for (const std::string& fault : faults)
+    fmt::print(stderr, "isobrick: {}: {}\n", arguments.path, oneLine(fault));
   const std::vector<BrickDamage> damages =
       runWithThreads(arguments.threads, [&] { return findDamages(pyramid); });
   for (const BrickDamage& damage : damages)
@@ -63,6 +66,11 @@ int runVerify(const VerifyArguments& arguments) {
   if (!damages.empty()) {
     fmt::print("{}: {} of {} bricks are damaged; build it again\n", arguments.path,
                countText(damages.size()), bricks);
+    return 1;
+  }
+  if (!faults.empty()) {
+    fmt::print("{}: all {} bricks are whole, but not the rest of the file; build it again\n",
+               arguments.path, bricks);
     return 1;
   }
   fmt::print("{}: all {} bricks are whole ({} in {:.2f} s)\n", arguments.path, bricks,

@@ -13,11 +13,13 @@ namespace isobrick {
 inline constexpr double kLeastCrossing = 1.0 / 4096;
 
 // Where the isosurface crosses an edge with the values `low` and `high` at its ends, as a part of
-// the edge from its lower end. Exactly one of the values is >= isovalue.
+// the edge from its lower end. Exactly one of the values is >= isovalue. Within its bounds for any
+// values, also those that no sound pyramid holds: infinite, NaN, or equal.
 inline double crossingParameter(float isovalue, float low, float high) {
   const double t = (static_cast<double>(isovalue) - static_cast<double>(low)) /
                    (static_cast<double>(high) - static_cast<double>(low));
-  return std::clamp(t, kLeastCrossing, 1.0 - kLeastCrossing);
+  // Not std::clamp, which lets NaN through.
+  return t > kLeastCrossing ? std::min(t, 1.0 - kLeastCrossing) : kLeastCrossing;
 }
 
 // From index space to world space for one volume. Points keep double precision; normals are

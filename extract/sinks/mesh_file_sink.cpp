@@ -190,8 +190,9 @@ class StlSink : public MeshFileSink {
       const glm::dvec3& a = batch.positions[batch.triangles[i]];
       const glm::dvec3& b = batch.positions[batch.triangles[i + 1]];
       const glm::dvec3& c = batch.positions[batch.triangles[i + 2]];
-      const glm::vec3 normal(glm::normalize(glm::cross(b - a, c - a)));
-      put(normal);
+      // A triangle without an area has no normal, and zeros say so.
+      const glm::dvec3 across = glm::cross(b - a, c - a);
+      put(glm::dot(across, across) > 0 ? glm::vec3(glm::normalize(across)) : glm::vec3(0.0f));
       put(glm::vec3(a));
       put(glm::vec3(b));
       put(glm::vec3(c));

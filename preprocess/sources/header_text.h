@@ -1,5 +1,7 @@
-// Headers of NRRD and MetaImage files as text: their fields, and the files that they name. Private
-// to preprocess/sources/.
+// Headers of NRRD and MetaImage files as text: their fields, and the files that they name. ITK's
+// own readers of both give geometry and voxel type, but neither the names of all data files nor
+// where the voxels begin, so these fields are read here a second time. Private to
+// preprocess/sources/.
 #pragma once
 
 #include <cstdint>

@@ -1,5 +1,7 @@
 // Where the voxels of a NIfTI or Analyze file are and how they are stored. ITK fills what is
-// missing of such a file with zeros and says nothing; so it reads the geometry only. Private to
+// missing of such a file with zeros and says nothing; so it reads the geometry only. The NIfTI
+// library itself neither says where the voxels begin in a file that inflates nor streams them,
+// which is why the few fields of the header that matter here are read by hand. Private to
 // preprocess/sources/.
 #pragma once
 

@@ -74,7 +74,7 @@ class ChangedInputTest : public VolumeFilesTest {
   }
   void expectKept(const std::string& message) const {
     EXPECT_CONTAINS(message, "of the bricks are kept in '" + path_ + ".partial'");
-    EXPECT_CONTAINS(message, "--resume");
+    EXPECT_CONTAINS(message, "<resume>");
     EXPECT_TRUE(fs::exists(path_ + ".partial"));
     EXPECT_TRUE(fs::exists(path_ + ".partial.journal"));
   }

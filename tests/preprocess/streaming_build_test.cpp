@@ -176,10 +176,10 @@ TEST(StreamingBuildPlan, TooLittleMemoryIsRefusedWithWhatIsNeeded) {
   ArraySource<std::uint8_t> source(dims, testVolume<std::uint8_t>(dims, 1));
   const std::string message = messageOfBuild(source, folder.file("a.isb"), options);
   EXPECT_NE(message.find("too small"), std::string::npos) << message;
-  EXPECT_NE(message.find("--memory"), std::string::npos) << message;
+  EXPECT_NE(message.find("<more memory>"), std::string::npos) << message;
   EXPECT_TRUE(fs::is_empty(folder.path()));
   // What it asks for is enough.
-  const std::size_t number = message.rfind("--memory ") + 9;
+  const std::size_t number = message.rfind("allow ") + 6;
   options.memory_bytes = std::stoull(message.substr(number)) << 20;
   EXPECT_EQ(messageOfBuild(source, folder.file("a.isb"), options), "");
 }
@@ -216,7 +216,7 @@ TEST(Resume, AnyInterruptionGivesTheSameBytes) {
       } catch (const Cancelled& stop) {
         cancelled = true;
         const bool is_kept = fs::exists(path + ".partial");
-        EXPECT_EQ(std::string(stop.what()).find("--resume") != std::string::npos, is_kept);
+        EXPECT_EQ(textWithRemedies(stop).find("<resume>") != std::string::npos, is_kept);
         EXPECT_EQ(fs::exists(path + ".partial.journal"), is_kept);
         EXPECT_FALSE(fs::exists(path));
         kept += is_kept;
@@ -251,7 +251,7 @@ class ResumeDamaged : public testing::Test {
     options.memory_bytes = leastMemory(probe, options_);
     const std::string message = messageOfBuild(source, path_, options);
     EXPECT_NE(message.find("the disk failed; "), std::string::npos) << message;
-    EXPECT_NE(message.find("--resume"), std::string::npos) << message;
+    EXPECT_NE(message.find("<resume>"), std::string::npos) << message;
     partial_ = readBytes(path_ + ".partial");
     journal_ = readBytes(path_ + ".partial.journal");
     ASSERT_GT(WriteJournal::read(path_ + ".partial.journal")->entries.size(), 20u);

@@ -27,8 +27,22 @@ constexpr std::size_t kPage = 4096;
 
 void touch(const void* address) { (void)*static_cast<const volatile unsigned char*>(address); }
 
+// What handlers saw; in memory that a child shares with its parent.
+struct Seen {
+  volatile std::sig_atomic_t calls = 0, signal = 0, code = 0, usr1_blocked = 0, bus_blocked = 0;
+  const void* volatile address = nullptr;
+};
+
+Seen& seen() {
+  static void* const memory =
+      mmap(nullptr, sizeof(Seen), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+  return *static_cast<Seen*>(memory);
+}
+
 class BusErrorGuardTest : public testing::Test {
  protected:
+  // Before anything is forked: children and their parent share it.
+  void SetUp() override { seen() = Seen(); }
   std::string makeFile(const std::string& name, std::size_t bytes) const {
     std::ofstream(folder_.file(name), std::ios::binary) << std::string(bytes, 'x');
     return folder_.file(name);
@@ -58,18 +72,6 @@ class BusErrorGuardTest : public testing::Test {
 
   TemporaryFolder folder_;
 };
-
-// What handlers saw; in memory that a child shares with its parent.
-struct Seen {
-  volatile std::sig_atomic_t calls = 0, signal = 0, code = 0, usr1_blocked = 0, bus_blocked = 0;
-  const void* volatile address = nullptr;
-};
-
-Seen& seen() {
-  static void* const memory =
-      mmap(nullptr, sizeof(Seen), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
-  return *static_cast<Seen*>(memory);
-}
 
 struct sigaction g_previous;  // of the handlers that know it
 sigjmp_buf g_way_out;

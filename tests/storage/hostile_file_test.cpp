@@ -3,6 +3,7 @@
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
+#include <sys/mman.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
@@ -36,11 +37,11 @@
 #include "tests/support/child_process.h"
 #include "tests/support/plain_reader.h"
 #include "tests/support/random_numbers.h"
+#include "tests/support/requirement.h"
+#include "tests/support/sealed_pyramid.h"
 
 namespace isobrick::test {
 namespace {
-
-using Bytes = std::vector<std::uint8_t>;
 
 // On a disk, unlike tests/temporary_folder.h: what the kernel keeps resident of a mapped file in
 // memory says nothing about paging.
@@ -184,9 +185,11 @@ void forAllBricks(const Pyramid& pyramid, F&& f) {
 struct Verdict {
   std::string open_error;            // empty: the file opened
   std::vector<std::size_t> damaged;  // rows of the bricks that verifyBrick reports
+  std::vector<std::string> rest;     // what verifyRest reports
 };
 
-// Opens the file and verifies every brick; the two only ways to say no are Error and BrickDamage.
+// Opens the file and verifies every brick and the rest; the only ways to say no are Error,
+// BrickDamage and a line of verifyRest.
 Verdict judge(const std::string& path) {
   Verdict verdict;
   try {
@@ -198,7 +201,11 @@ Verdict judge(const std::string& path) {
       EXPECT_EQ(damage->level, level);
       EXPECT_EQ(damage->brick, brick);
       EXPECT_FALSE(damage->what.empty());
+      // Who prints it says which brick and which file.
+      EXPECT_EQ(damage->what.find(brickText(level, brick)), std::string::npos) << damage->what;
+      EXPECT_EQ(damage->what.find(path), std::string::npos) << damage->what;
     });
+    verdict.rest = pyramid.verifyRest();
   } catch (const Error& error) {
     verdict.open_error = error.what();
     // One line that names the file.
@@ -209,7 +216,7 @@ Verdict judge(const std::string& path) {
 }
 
 bool isGood(const Verdict& verdict) {
-  return verdict.open_error.empty() && verdict.damaged.empty();
+  return verdict.open_error.empty() && verdict.damaged.empty() && verdict.rest.empty();
 }
 
 TEST(HostileFile, TheGoodFileIsGood) {
@@ -243,8 +250,13 @@ TEST(HostileFile, EveryFlippedBitOfATinyFileIsFound) {
       Bytes bytes = good;
       bytes[at] ^= static_cast<std::uint8_t>(1 << bit);
       writeBytes(bad, bytes);
-      // Padding has no meaning; everything else is under a checksum.
-      ASSERT_EQ(isGood(judge(bad)), !covered[at]) << "byte " << at << " bit " << bit;
+      const Verdict verdict = judge(bad);
+      ASSERT_FALSE(isGood(verdict)) << "byte " << at << " bit " << bit;
+      // Padding has no meaning, so the file can be used; everything else is under a checksum.
+      if (covered[at]) continue;
+      ASSERT_TRUE(verdict.open_error.empty() && verdict.damaged.empty());
+      ASSERT_NE(verdict.rest.front().find("offset " + std::to_string(at)), std::string::npos)
+          << verdict.rest.front();
     }
 }
 
@@ -406,24 +418,17 @@ TEST(HostileFile, RandomFlipsAnywhere) {
   const DiskFolder folder;
   const std::string bad = folder.file("bad.isb");
   Random random(13);
-  std::string path;
   Bytes good;
-  std::vector<bool> covered;
   for (int round = 0; round < 3000; ++round) {
-    if (round % 1000 == 0) {
-      path = buildGoodFile(folder, VoxelType::kFloat32, kCodecs[round / 1000]);
-      good = readWholeFile(path);
-      covered = readPlainPyramid(path).covered;
-    }
+    if (round % 1000 == 0)
+      good = readWholeFile(buildGoodFile(folder, VoxelType::kFloat32, kCodecs[round / 1000]));
     Bytes bytes = good;
-    bool matters = false;
     for (std::uint64_t flips = 1 + randomBelow(random, 4); flips > 0; --flips) {
       const std::uint64_t at = randomBelow(random, bytes.size());
       bytes[at] = static_cast<std::uint8_t>(randomBelow(random, 256));
-      if (bytes[at] != good[at] && covered[at]) matters = true;
     }
     writeBytes(bad, bytes);
-    ASSERT_EQ(isGood(judge(bad)), !matters) << "round " << round;
+    ASSERT_EQ(isGood(judge(bad)), bytes == good) << "round " << round;
   }
 }
 
@@ -673,6 +678,245 @@ TEST(HostileFile, SealedRowsOfPackedPartsThatContradictThemselvesAreFound) {
   }
 }
 
+// Changes elements of every brick that `edit` takes, seals the file and returns what verify says.
+using EditElements =
+    std::function<bool(const PyramidDraft&, const PyramidDraft::Brick&, PyramidDraft::Elements&)>;
+Verdict judgeEdited(const DiskFolder& folder, const Bytes& good, const EditElements& edit) {
+  PyramidDraft draft(good);
+  for (PyramidDraft::Brick& brick : draft.bricks) {
+    PyramidDraft::Elements elements = draft.elementsOf(brick);
+    if (edit(draft, brick, elements)) draft.setElements(brick, elements, format::Codec::kStored);
+  }
+  const std::string bad = folder.file("bad.isb");
+  writeBytes(bad, draft.seal());
+  return judge(bad);
+}
+
+template <typename T>
+T elementAt(const std::vector<std::byte>& elements, std::size_t i) {
+  T value;
+  std::memcpy(&value, elements.data() + i * sizeof value, sizeof value);
+  return value;
+}
+template <typename T>
+void setElement(std::vector<std::byte>& elements, std::size_t i, T value) {
+  std::memcpy(elements.data() + i * sizeof value, &value, sizeof value);
+}
+
+TEST(HostileFile, ADraftThatWasNotChangedIsGood) {
+  const DiskFolder folder;
+  for (const format::Codec codec : kCodecs) {
+    const Bytes good = readWholeFile(buildGoodFile(folder, VoxelType::kInt16, codec));
+    EXPECT_TRUE(
+        isGood(judgeEdited(folder, good, [](const auto&, const auto&, auto&) { return true; })));
+  }
+}
+
+// Tiles of every brick in turn, one step too narrow or too wide at either end.
+TEST(HostileFile, TileRangesThatAreNotThoseOfTheirSamplesAreFound) {
+  const DiskFolder folder;
+  const Bytes good =
+      readWholeFile(buildGoodFile(folder, VoxelType::kUint16, format::Codec::kStored));
+  Random random(21);
+  const std::size_t rows = PyramidDraft(good).bricks.size();
+  std::size_t narrow = 0, wide = 0, named = 0;
+  for (std::size_t row = 0; row < rows; ++row)
+    for (int round = 0; round < 8; ++round) {
+      bool is_edited = false;
+      const Verdict verdict =
+          judgeEdited(folder, good,
+                      [&](const PyramidDraft& draft, const PyramidDraft::Brick& brick,
+                          PyramidDraft::Elements& elements) {
+                        if (&brick != &draft.bricks[row]) return false;
+                        const std::size_t end = randomBelow(random, elements[1].size() / 2);
+                        const auto value = elementAt<std::uint16_t>(elements[1], end);
+                        const bool is_low = end % 2 == 0;
+                        const auto other = elementAt<std::uint16_t>(elements[1], end ^ 1);
+                        const bool narrower = round % 2 == 0;
+                        const int step = narrower == is_low ? 1 : -1;
+                        const int changed = value + step;
+                        if (narrower && value == other) return false;
+                        if (static_cast<float>(changed) < brick.record.range_min ||
+                            static_cast<float>(changed) > brick.record.range_max)
+                          return false;
+                        setElement(elements[1], end, static_cast<std::uint16_t>(changed));
+                        is_edited = true;
+                        ++(narrower ? narrow : wide);
+                        return true;
+                      });
+      if (!is_edited) continue;
+      ASSERT_EQ(verdict.open_error, "");
+      ASSERT_FALSE(isGood(verdict)) << "row " << row << " round " << round;
+      named += verdict.damaged == std::vector<std::size_t>{row};
+    }
+  EXPECT_GT(narrow, 20u);
+  EXPECT_GT(wide, 20u);
+  // Where only a coarser sample is left outside, it is that sample's brick that is named.
+  EXPECT_GT(10 * named, 9 * (narrow + wide));
+}
+
+TEST(HostileFile, SamplesThatAreNotFiniteAreFound) {
+  const DiskFolder folder;
+  const Bytes good =
+      readWholeFile(buildGoodFile(folder, VoxelType::kFloat32, format::Codec::kStored));
+  Random random(22);
+  using Limits = std::numeric_limits<float>;
+  for (const float value : {Limits::quiet_NaN(), Limits::infinity(), -Limits::infinity()})
+    for (int round = 0; round < 10; ++round) {
+      const std::size_t row = randomBelow(random, 3);  // aprons too
+      const Verdict verdict =
+          judgeEdited(folder, good,
+                      [&](const PyramidDraft& draft, const PyramidDraft::Brick& brick,
+                          PyramidDraft::Elements& elements) {
+                        if (&brick != &draft.bricks[row]) return false;
+                        setElement(elements[0], randomBelow(random, elements[0].size() / 4), value);
+                        return true;
+                      });
+      ASSERT_EQ(verdict.damaged, (std::vector<std::size_t>{row})) << value;
+    }
+}
+
+TEST(HostileFile, ReservedFieldsAndValueRangesThatLieAreFound) {
+  const DiskFolder folder;
+  const Bytes good = readWholeFile(buildGoodFile(folder));
+  const std::string bad = folder.file("bad.isb");
+  const auto judgeDraft = [&](const std::function<void(PyramidDraft&)>& edit) {
+    PyramidDraft draft(good);
+    edit(draft);
+    writeBytes(bad, draft.seal());
+    return judge(bad);
+  };
+  EXPECT_TRUE(isGood(judgeDraft([](PyramidDraft&) {})));
+  EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.header.reserved[77] = 1; }).rest.size(), 1u);
+  EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.header.value_max += 1; }).rest.size(), 1u);
+  EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.bricks[2].record.reserved = 1; }).damaged,
+            (std::vector<std::size_t>{2}));
+  EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.bricks[0].record.range_max += 1; }).damaged,
+            (std::vector<std::size_t>{0}));
+}
+
+// Directions and spacings that overflow are no placement.
+TEST(HostileFile, PlacementsWithoutUsablePositionsAreRefused) {
+  const DiskFolder folder;
+  const Bytes good = readWholeFile(buildTinyFile(folder));
+  const std::string bad = folder.file("bad.isb");
+  for (const auto& [at, number] :
+       {std::pair<std::uint64_t, double>{72, 1e300}, {72, 1e-300}, {96, -1e300}, {120, 1e300}}) {
+    Bytes bytes = good;
+    putU64(bytes, at, std::bit_cast<std::uint64_t>(number));
+    sealHeader(bytes);
+    writeBytes(bad, bytes);
+    EXPECT_NE(judge(bad).open_error.find("positions"), std::string::npos) << number;
+  }
+}
+
+// ---- files with holes: any size, for nothing ----
+
+// A file of `bytes` bytes, all zero but for the header and the level table of a volume of n^3
+// voxels in bricks of four cells.
+void writeHollowFile(const std::string& path, std::int64_t n, std::uint64_t bytes,
+                     std::uint64_t table_checksum) {
+  PyramidSpec spec;
+  spec.voxels = Index3(n);
+  spec.brick_cells = 4;
+  spec.tile_cells = 2;
+  const BrickLayout layout = spec.layout();
+  std::vector<format::LevelRecord> levels;
+  std::uint64_t rows = 0;
+  for (int level = 0; level < layout.lattice().levels(); ++level) {
+    format::LevelRecord record{};
+    for (int axis = 0; axis < 3; ++axis) {
+      record.samples[axis] = static_cast<std::uint64_t>(layout.lattice().samples(level)[axis]);
+      record.bricks[axis] = static_cast<std::uint64_t>(layout.bricks(level)[axis]);
+    }
+    record.first_brick = rows;
+    rows += static_cast<std::uint64_t>(elementCount(layout.bricks(level)));
+    levels.push_back(record);
+  }
+  format::Header header{};
+  std::memcpy(header.magic, format::kMagic, sizeof header.magic);
+  header.version = format::kVersion;
+  header.header_bytes = sizeof header;
+  header.file_bytes = bytes;
+  header.level_count = static_cast<std::uint32_t>(levels.size());
+  header.brick_cells = 4;
+  header.tile_cells = 2;
+  for (int axis = 0; axis < 3; ++axis) {
+    header.dims[axis] = static_cast<std::uint64_t>(n);
+    header.spacing[axis] = 1;
+    header.direction[4 * axis] = 1;
+  }
+  header.level_table_offset = sizeof header;
+  const std::uint64_t level_bytes = levels.size() * sizeof(format::LevelRecord);
+  header.level_table_checksum = XXH3_64bits(levels.data(), level_bytes);
+  header.brick_table_offset = 8192;
+  header.brick_count = rows;
+  header.brick_table_checksum = table_checksum;
+  ASSERT_LE(8192 + rows * sizeof(format::BrickRecord), bytes);
+  Bytes start(sizeof header + level_bytes);
+  std::memcpy(start.data() + sizeof header, levels.data(), level_bytes);
+  std::memcpy(start.data(), &header, sizeof header);
+  sealHeader(start);
+  writeBytes(path, start);
+  std::filesystem::resize_file(path, bytes);
+}
+
+TEST(HostileFile, ATableOfATerabyteInAFileOfHolesIsRefusedAtItsFirstRow) {
+  const DiskFolder folder;
+  const std::string path = folder.file("hollow.isb");
+  try {
+    writeHollowFile(path, 8192, std::uint64_t{1} << 40, 0);
+  } catch (const std::filesystem::filesystem_error&) {
+    SKIP_UNLESS_REQUIRED("no file of a terabyte with holes on this file system");
+  }
+  const int status = statusOfChild([&] {
+    rusage before = {}, after = {};
+    getrusage(RUSAGE_SELF, &before);
+    std::string message;
+    try {
+      const Pyramid pyramid(path);
+    } catch (const Error& error) {
+      message = error.what();
+    } catch (const std::bad_alloc&) {
+      return 3;
+    }
+    getrusage(RUSAGE_SELF, &after);
+    if (message.find(brickText(0, Index3(0))) == std::string::npos) return 4;
+    return after.ru_maxrss - before.ru_maxrss < 64 * 1024 ? 0 : 5;
+  });
+  ASSERT_TRUE(WIFEXITED(status)) << "killed by signal " << WTERMSIG(status);
+  EXPECT_EQ(WEXITSTATUS(status), 0);
+}
+
+// Its checksum, which is that of zeros, is right.
+TEST(HostileFile, ASealedTableOfHolesIsRefusedAtItsFirstRow) {
+  const DiskFolder folder;
+  const std::string path = folder.file("hollow.isb");
+  constexpr std::int64_t kVoxels = 129;
+  std::uint64_t rows = 0;
+  const BrickLayout layout(Lattice(Index3(kVoxels)), 4, 2);
+  for (int level = 0; level < layout.lattice().levels(); ++level)
+    rows += static_cast<std::uint64_t>(elementCount(layout.bricks(level)));
+  const Bytes zeros(rows * sizeof(format::BrickRecord));
+  writeHollowFile(path, kVoxels, 8192 + zeros.size() + 4096,
+                  XXH3_64bits(zeros.data(), zeros.size()));
+  EXPECT_NE(judge(path).open_error.find(brickText(0, Index3(0))), std::string::npos);
+}
+
+TEST(HostileFile, AProvenanceOfAGigabyteIsRefused) {
+  const DiskFolder folder;
+  Bytes bytes = readWholeFile(buildTinyFile(folder));
+  const std::string path = folder.file("long.isb");
+  constexpr std::uint64_t kLong = std::uint64_t{1} << 30;
+  putU64(bytes, kFileBytesAt, bytes.size() + kLong);
+  putU64(bytes, 256, bytes.size());
+  putU64(bytes, 264, kLong);
+  sealHeader(bytes);
+  writeBytes(path, bytes);
+  std::filesystem::resize_file(path, bytes.size() + kLong);
+  EXPECT_NE(judge(path).open_error.find("provenance of 1073741824 bytes"), std::string::npos);
+}
+
 // A file full of noise behind a sound header is no better than a damaged one.
 TEST(HostileFile, ThingsThatAreNotPyramids) {
   const DiskFolder folder;
@@ -866,6 +1110,62 @@ TEST(TruncatedWhileMapped, BricksAreRightOrErrorsWheneverTheFileIsCut) {
     ASSERT_TRUE(WIFEXITED(status)) << "killed by signal " << WTERMSIG(status);
     EXPECT_EQ(WEXITSTATUS(status), 0) << codecName(codec);
   }
+}
+
+// ---- a file that is written to while it is open ----
+
+// Somebody changes bytes of packed parts, and back again, all the time: what comes out is right, or
+// an Error. A decoder that read the bytes after their checksum would see others.
+void readWhileWritten(format::Codec codec) {
+  const DiskFolder folder;
+  const std::string path = buildPagedFile(folder, codec);
+  const PlainPyramid plain = readPlainPyramid(path);
+  const PlainBrick& brick = plain.bricks.front();
+  const PlainPart& part = brick.parts[0];
+  ASSERT_EQ(part.codec, static_cast<std::uint32_t>(codec));
+  const int fd = open(path.c_str(), O_RDWR | O_CLOEXEC);
+  void* const map = mmap(nullptr, plain.file_bytes, PROT_READ | PROT_WRITE, MAP_SHARED, fd, 0);
+  close(fd);
+  ASSERT_NE(map, MAP_FAILED);
+  auto* const bytes = static_cast<volatile std::uint8_t*>(map) + part.offset;
+  std::atomic<bool> stop{false};
+  std::thread writer([&] {
+    Random random(31);
+    while (!stop) {
+      // Blosc's header and table of blocks, or the stream.
+      const std::uint64_t at =
+          random() % 2 == 0 ? randomBelow(random, 24) : randomBelow(random, part.stored_bytes);
+      const std::uint8_t good = bytes[at];
+      bytes[at] = static_cast<std::uint8_t>(good ^ (1 << random() % 8));
+      for (std::uint64_t spins = randomBelow(random, 8000); spins > 0; --spins) g_sink = spins;
+      bytes[at] = good;
+      for (std::uint64_t spins = randomBelow(random, 8000); spins > 0; --spins) g_sink = spins;
+    }
+  });
+  int right = 0, errors = 0, wrong = 0;
+  const Pyramid pyramid(path, 0);  // every time from the file
+  for (int round = 0; round < 40000 && wrong == 0; ++round) try {
+      const BrickSamples samples = pyramid.samples(0, Index3(0));
+      bool differs = false;
+      for (std::size_t i = 0; i < brick.samples.size(); ++i)
+        differs =
+            differs || static_cast<float>(samples.data<std::uint16_t>()[i]) != brick.samples[i];
+      ++(differs ? wrong : right);
+    } catch (const Error&) {
+      ++errors;
+    }
+  stop = true;
+  writer.join();
+  munmap(map, plain.file_bytes);
+  EXPECT_GT(right, 100);
+  EXPECT_GT(errors, 100);
+  EXPECT_EQ(wrong, 0) << codecName(codec) << ", after " << right << " right and " << errors
+                      << " errors";
+}
+
+TEST(WrittenWhileOpen, PackedBricksAreRightOrErrors) {
+  readWhileWritten(format::Codec::kLz4);
+  readWhileWritten(format::Codec::kZstd);
 }
 
 // ---- builds that fail ----

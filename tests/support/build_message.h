@@ -5,16 +5,18 @@
 
 #include "isobrick/preprocess/pyramid_builder.h"
 #include "isobrick/storage/error.h"
+#include "tests/support/remedy_text.h"
 
 namespace isobrick::test {
 
-// Builds `path`; the message of the Error that this throws, or "" where it throws none.
+// Builds `path`; the message and remedies of the Error that this throws, or "" where it throws
+// none.
 inline std::string messageOfBuild(VolumeSource& source, const std::string& path,
                                   const BuildOptions& options) {
   try {
     buildPyramid(source, path, options);
   } catch (const Error& error) {
-    return error.what();
+    return textWithRemedies(error);
   }
   return "";
 }

@@ -17,6 +17,7 @@
 #include "isobrick/preprocess/volume_source.h"
 #include "isobrick/storage/error.h"
 #include "tests/support/file_bytes.h"
+#include "tests/support/remedy_text.h"
 #include "tests/support/temporary_folder.h"
 
 namespace isobrick::test {
@@ -69,7 +70,7 @@ std::string errorOf(F&& action) {
   try {
     action();
   } catch (const Error& error) {
-    const std::string message = error.what();
+    const std::string message = textWithRemedies(error);
     EXPECT_EQ(message.find('\n'), std::string::npos) << message;
     return message;
   }

@@ -209,8 +209,9 @@ TEST_F(BuildCommandTest, AMemoryBoundDoesNotChangeTheResultAndTooLittleIsRefused
   };
   expectFailure(1, with("65536"), "too small");
   const std::string message = run(with("64K")).err;
-  // "...; give --memory 12M or more": so much is enough, and says so.
-  const std::size_t at = message.find("--memory ") + 9;
+  // "...; allow 12M or more; give so much with --memory": that is enough, and says so.
+  EXPECT_NE(message.find("--memory"), std::string::npos) << message;
+  const std::size_t at = message.find("allow ") + 6;
   const std::string enough = message.substr(at, message.find(' ', at) - at);
   const Json built = runForJson(with(enough));
   EXPECT_EQ(built["memory_bytes"], std::stoull(enough) << 20);

@@ -33,7 +33,7 @@ class BuildResumeTest : public CommandTest {
   static constexpr int kSomeChanges = 400;
   void interruptBuild(int signal_number = SIGINT) {
     checkFailure(runWithFault(signalAt(signal_number, kSomeChanges), buildWords()), 130,
-                 "% of the bricks are kept in 'g.isb.partial': go on with --resume");
+                 "% of the bricks are kept in 'g.isb.partial'; go on with --resume");
   }
   void killBuild() {
     EXPECT_EQ(runWithFault(signalAt(SIGKILL, kSomeChanges), buildWords()).status, -SIGKILL);

@@ -2,10 +2,13 @@
 // build is in build_command_test.cpp.
 #include <sys/stat.h>
 
+#include <algorithm>
 #include <cstring>
 #include <limits>
+#include <vector>
 
 #include "tests/support/command_test.h"
+#include "tests/support/plain_reader.h"
 #include "tests/support/ply_reader.h"
 #include "tests/support/test_paths.h"
 
@@ -340,7 +343,21 @@ TEST_F(CliTest, DamagedPyramids) {
     EXPECT_EQ(outcome.errorLines(), 1) << outcome.err;
     EXPECT_NE(outcome.err.find("level 0"), std::string::npos) << outcome.err;
     EXPECT_NE(outcome.err.find("(0,0,0)"), std::string::npos) << outcome.err;
+    EXPECT_EQ(outcome.err.find("(0,0,0)"), outcome.err.rfind("(0,0,0)")) << outcome.err;
+    EXPECT_EQ(outcome.err.find("flipped.isb"), std::string::npos) << outcome.err;
     EXPECT_NE(outcome.out.find("1 of "), std::string::npos) << outcome.out;
+  }
+  {
+    const std::vector<bool> covered = readPlainPyramid(path("sphere.isb")).covered;
+    const auto gap = std::find(covered.begin(), covered.end(), false) - covered.begin();
+    ASSERT_LT(gap, static_cast<std::ptrdiff_t>(covered.size())) << "no padding";
+    std::string padded = good;
+    padded[static_cast<std::size_t>(gap)] ^= 0x10;
+    writeBytes(path("padded.isb"), padded);
+    const Outcome outcome = run({"verify", "padded.isb"});
+    EXPECT_EQ(outcome.status, 1);
+    EXPECT_EQ(outcome.errorLines(), 1) << outcome.err;
+    EXPECT_NE(outcome.err.find("offset " + std::to_string(gap)), std::string::npos) << outcome.err;
   }
   expectFailure(1, {"extract", "flipped.isb", "--iso", "0", "-o", "bad.ply"}, "(0,0,0)");
   expectFailure(1, {"extract", "flipped.isb", "--iso", "0", "--json"}, "(0,0,0)");

@@ -1,8 +1,9 @@
 // extract_only FILE.isb ISOVALUE: prints how many triangles the surface has.
-#include <cstdio>
-#include <cstdlib>
 #include <isobrick/extract/extractor.h>
 #include <isobrick/extract/sinks/counting_sink.h>
+
+#include <cstdio>
+#include <cstdlib>
 
 int main(int argc, char** argv) {
   if (argc != 3) return 2;

@@ -1,0 +1,20 @@
+// A vertex that should have been made before it was asked for.
+#pragma once
+
+#include <string>
+
+#include "isobrick/extract/brick_traversal.h"
+#include "isobrick/storage/error.h"
+
+namespace isobrick {
+
+// Throws the Error for a brick whose samples or ranges do not fit together.
+[[noreturn]] inline void failMissingVertex(const MeshContext& context, const BrickWork& work) {
+  throw Error("'" + context.pyramid.path() + "' contradicts itself in " +
+                  brickName(work.level, work.brick) +
+                  ": its samples and value ranges do not fit together; check it with 'isobrick "
+                  "verify' and build it again",
+              {.path = context.pyramid.path(), .level = work.level, .brick = work.brick});
+}
+
+}  // namespace isobrick

@@ -1,0 +1,178 @@
+#include "tests/support/sealed_pyramid.h"
+
+#include <algorithm>
+#include <cstring>
+#include <stdexcept>
+#include <utility>
+
+#include "isobrick/storage/brick_encoder.h"
+#include "isobrick/storage/checksum.h"
+
+namespace isobrick::test {
+namespace {
+
+constexpr PartKind kKinds[] = {PartKind::kSamples, PartKind::kRanges, PartKind::kCurvature};
+
+format::PartRecord& partOf(format::BrickRecord& record, PartKind kind) {
+  return const_cast<format::PartRecord&>(isobrick::partOf(std::as_const(record), kind));
+}
+
+template <typename T>
+T get(const Bytes& file, std::uint64_t at) {
+  T value;
+  std::memcpy(&value, file.data() + at, sizeof value);
+  return value;
+}
+template <typename T>
+void put(Bytes& file, std::uint64_t at, const T& value) {
+  std::memcpy(file.data() + at, &value, sizeof value);
+}
+
+// The hash of what lies there, or of what of it lies in the file.
+std::uint64_t hashOf(const Bytes& file, std::uint64_t offset, std::uint64_t bytes) {
+  if (offset >= file.size()) return 0;
+  return checksum64(file.data() + offset, std::min<std::uint64_t>(bytes, file.size() - offset));
+}
+
+PyramidSpec specOf(const format::Header& header) {
+  PyramidSpec spec;
+  for (int axis = 0; axis < 3; ++axis)
+    spec.voxels[axis] = static_cast<std::int64_t>(header.dims[axis]);
+  spec.voxel_type = static_cast<VoxelType>(header.voxel_type);
+  spec.brick_cells = header.brick_cells;
+  spec.tile_cells = header.tile_cells;
+  spec.has_curvature = header.has_curvature != 0;
+  return spec;
+}
+
+}  // namespace
+
+PyramidDraft::PyramidDraft(const Bytes& file) {
+  header = get<format::Header>(file, 0);
+  spec_ = specOf(header);
+  layout_ = spec_.layout();
+  std::uint64_t row = 0;
+  for (std::uint32_t level = 0; level < header.level_count; ++level) {
+    levels.push_back(get<format::LevelRecord>(
+        file, header.level_table_offset + level * sizeof(format::LevelRecord)));
+    const Index3 count = layout_.bricks(static_cast<int>(level));
+    for (std::int64_t i = 0; i < elementCount(count); ++i, ++row) {
+      Brick brick;
+      brick.level = static_cast<int>(level);
+      brick.index = Index3(i % count.x, i / count.x % count.y, i / (count.x * count.y));
+      brick.record = get<format::BrickRecord>(
+          file, header.brick_table_offset + row * sizeof(format::BrickRecord));
+      for (const PartKind kind : kKinds) {
+        const format::PartRecord& part = partOf(brick.record, kind);
+        const auto first = file.begin() + static_cast<std::ptrdiff_t>(part.offset);
+        brick.stored[static_cast<std::size_t>(kind)].assign(first, first + part.stored_bytes);
+      }
+      bricks.push_back(std::move(brick));
+    }
+  }
+  provenance.assign(reinterpret_cast<const char*>(file.data()) + header.provenance_offset,
+                    header.provenance_bytes);
+}
+
+PyramidDraft::Elements PyramidDraft::elementsOf(const Brick& brick) const {
+  Elements elements;
+  for (const PartKind kind : kKinds) {
+    const format::PartRecord& part = isobrick::partOf(brick.record, kind);
+    const auto codec = static_cast<format::Codec>(part.codec);
+    auto& out = elements[static_cast<std::size_t>(kind)];
+    if (codec == format::Codec::kAbsent) continue;
+    out.resize(partBytes(spec_, layout_, kind, brick.level, brick.index));
+    if (codec == format::Codec::kConstant) {
+      if (kind == PartKind::kCurvature) continue;
+      visitVoxelType(spec_.voxel_type, [&](auto tag) {
+        using T = typename decltype(tag)::Type;
+        const T value = static_cast<T>(brick.record.constant);
+        for (std::size_t at = 0; at < out.size(); at += sizeof value)
+          std::memcpy(out.data() + at, &value, sizeof value);
+      });
+      continue;
+    }
+    const Bytes& stored = brick.stored[static_cast<std::size_t>(kind)];
+    if (!decodePart(codec, {reinterpret_cast<const std::byte*>(stored.data()), stored.size()},
+                    out.size(), out.data()))
+      throw std::runtime_error("a part of a good pyramid cannot be unpacked");
+  }
+  return elements;
+}
+
+void PyramidDraft::setElements(Brick& brick, const Elements& elements, format::Codec codec) const {
+  EncodedBrick encoded;
+  encoded.samples.bytes = elements[0];
+  encoded.ranges.bytes = elements[1];
+  encoded.curvature.bytes = elements[2];
+  encodeBrick(spec_.voxel_type, codec, encoded);
+  brick.record.constant = encoded.constant;
+  const EncodedPart* const parts[] = {&encoded.samples, &encoded.ranges, &encoded.curvature};
+  for (const PartKind kind : kKinds) {
+    const auto at = static_cast<std::size_t>(kind);
+    const auto* const first = reinterpret_cast<const std::uint8_t*>(parts[at]->bytes.data());
+    brick.stored[at].assign(first, first + parts[at]->bytes.size());
+    partOf(brick.record, kind).codec = static_cast<std::uint32_t>(parts[at]->codec);
+    partOf(brick.record, kind).stored_bytes = static_cast<std::uint32_t>(brick.stored[at].size());
+  }
+}
+
+Bytes PyramidDraft::seal() const {
+  Bytes file(sizeof header);
+  const auto append = [&](const void* data, std::size_t bytes) {
+    file.resize((file.size() + format::kPartAlignment - 1) / format::kPartAlignment *
+                format::kPartAlignment);
+    const std::uint64_t offset = file.size();
+    const auto* const from = static_cast<const std::uint8_t*>(data);
+    file.insert(file.end(), from, from + bytes);
+    return offset;
+  };
+  std::vector<format::BrickRecord> rows;
+  for (const Brick& brick : bricks) {
+    rows.push_back(brick.record);
+    for (const PartKind kind : kKinds) {
+      const Bytes& stored = brick.stored[static_cast<std::size_t>(kind)];
+      format::PartRecord& part = partOf(rows.back(), kind);
+      part.offset = stored.empty() ? 0 : append(stored.data(), stored.size());
+      part.checksum = 0;
+    }
+  }
+  format::Header sealed = header;
+  sealed.level_table_offset = append(levels.data(), levels.size() * sizeof(format::LevelRecord));
+  sealed.brick_table_offset = append(rows.data(), rows.size() * sizeof(format::BrickRecord));
+  sealed.brick_count = rows.size();
+  sealed.provenance_offset = append(provenance.data(), provenance.size());
+  sealed.provenance_bytes = provenance.size();
+  sealed.file_bytes = file.size();
+  put(file, 0, sealed);
+  sealChecksums(file);
+  return file;
+}
+
+void sealChecksums(Bytes& file) {
+  if (file.size() < sizeof(format::Header)) return;
+  auto header = get<format::Header>(file, 0);
+  const std::uint64_t room =
+      header.brick_table_offset < file.size() ? (file.size() - header.brick_table_offset) : 0;
+  const std::uint64_t rows =
+      std::min<std::uint64_t>(header.brick_count, room / sizeof(format::BrickRecord));
+  for (std::uint64_t row = 0; row < rows; ++row) {
+    const std::uint64_t at = header.brick_table_offset + row * sizeof(format::BrickRecord);
+    auto record = get<format::BrickRecord>(file, at);
+    for (const PartKind kind : kKinds) {
+      format::PartRecord& part = partOf(record, kind);
+      if (part.stored_bytes > 0) part.checksum = hashOf(file, part.offset, part.stored_bytes);
+    }
+    put(file, at, record);
+  }
+  header.level_table_checksum =
+      hashOf(file, header.level_table_offset,
+             std::uint64_t{header.level_count} * sizeof(format::LevelRecord));
+  header.brick_table_checksum =
+      hashOf(file, header.brick_table_offset, header.brick_count * sizeof(format::BrickRecord));
+  header.provenance_checksum = hashOf(file, header.provenance_offset, header.provenance_bytes);
+  header.header_checksum = checksum64(&header, offsetof(format::Header, header_checksum));
+  put(file, 0, header);
+}
+
+}  // namespace isobrick::test

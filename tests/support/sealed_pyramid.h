@@ -1,0 +1,59 @@
+// Pyramids that lie: the parts of a good file taken apart, changed at will, and put together again
+// with checksums that are right. Anybody can do that; a checksum only finds accidents.
+//
+//   PyramidDraft draft(readWholeFile("good.isb"));
+//   draft.bricks[0].record.range_max = 1e30f;
+//   Bytes lying = draft.seal();
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "isobrick/storage/brick_parts.h"
+#include "isobrick/storage/format.h"
+
+namespace isobrick::test {
+
+using Bytes = std::vector<std::uint8_t>;
+
+class PyramidDraft {
+ public:
+  struct Brick {
+    int level = 0;
+    Index3 index{0};
+    format::BrickRecord record{};
+    std::array<Bytes, 3> stored;  // samples, ranges, curvature as they lie in the file
+  };
+  using Elements = std::array<std::vector<std::byte>, 3>;
+
+  // `file` is a good pyramid.
+  explicit PyramidDraft(const Bytes& file);
+
+  format::Header header{};
+  std::vector<format::LevelRecord> levels;
+  std::vector<Brick> bricks;  // in the order of the brick table
+  std::string provenance;
+
+  const PyramidSpec& spec() const { return spec_; }
+  const BrickLayout& layout() const { return layout_; }
+
+  // What the three parts of a brick hold, unpacked; constant ones written out.
+  Elements elementsOf(const Brick& brick) const;
+  // Packs them again, as the builder does; codecs, sizes and the constant follow.
+  void setElements(Brick& brick, const Elements& elements, format::Codec codec) const;
+
+  // The file: every part at a multiple of 64, all checksums right.
+  Bytes seal() const;
+
+ private:
+  PyramidSpec spec_;
+  BrickLayout layout_;
+};
+
+// Makes every checksum right for the bytes that the header and the tables point at, wherever that
+// is in the file.
+void sealChecksums(Bytes& file);
+
+}  // namespace isobrick::test
