@@ -389,22 +389,7 @@ namespace {
 HWY_EXPORT(fitRow);
 HWY_EXPORT(encodeRow);
 
-constexpr std::array<std::array<std::uint8_t, 3>, kCellSamples> makeSamplePoints() {
-  std::array<std::array<std::uint8_t, 3>, kCellSamples> points{};
-  std::size_t n = 0;
-  for (std::uint8_t z = 0; z < 3; ++z)
-    for (std::uint8_t y = 0; y < 3; ++y)
-      for (std::uint8_t x = 0; x < 3; ++x)
-        if ((x == 1) + (y == 1) + (z == 1) <= 1) points[n++] = {x, y, z};
-  return points;
-}
-constexpr auto kSamplePoints = makeSamplePoints();
-
 }  // namespace
-
-const std::array<std::array<std::uint8_t, 3>, kCellSamples>& cellSamplePoints() {
-  return kSamplePoints;
-}
 
 CurvatureRow::CurvatureRow(std::int64_t node_count) : nodes(node_count) {
   const std::size_t padded =

@@ -20,6 +20,7 @@
 #include "tests/support/plain_reader.h"
 #include "tests/support/random_numbers.h"
 #include "tests/support/temporary_folder.h"
+#include "tests/support/trilinear_jet.h"
 
 namespace isobrick::test {
 
@@ -203,7 +204,7 @@ inline void forCountedSamples(const BoundedVolume& volume, const NodeBound& node
 
 inline std::vector<glm::dvec3> fittedPoints() {
   std::vector<glm::dvec3> points;
-  for (const auto& p : cellSamplePoints()) points.push_back(glm::dvec3(p[0], p[1], p[2]) / 2.0);
+  for (const auto& p : kCellSamplePoints) points.push_back(glm::dvec3(p[0], p[1], p[2]) / 2.0);
   return points;
 }
 

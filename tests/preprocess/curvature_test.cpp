@@ -29,6 +29,7 @@
 #include "tests/support/plain_reader.h"
 #include "tests/support/random_numbers.h"
 #include "tests/support/temporary_folder.h"
+#include "tests/support/trilinear_jet.h"
 
 namespace isobrick::test {
 namespace {
@@ -328,7 +329,7 @@ class PlainFit {
 
   void addCell(const Point& cell, Places& places) const {
     const float cell_slack = slack(cell);
-    for (const auto& point : cellSamplePoints()) {
+    for (const auto& point : kCellSamplePoints) {
       Point low, high, place;  // the ends of the sample's edge, or twice the sample
       std::size_t along = 3;
       for (std::size_t axis = 0; axis < 3; ++axis) {
@@ -637,8 +638,8 @@ TEST(CurvatureBound, SamplePointsAreTheCornersAndTheEdgesMidpoints) {
     for (std::uint8_t y = 0; y < 3; ++y)
       for (std::uint8_t x = 0; x < 3; ++x)
         if ((x == 1) + (y == 1) + (z == 1) <= 1) expected.push_back({x, y, z});
-  std::vector<std::array<std::uint8_t, 3>> points(cellSamplePoints().begin(),
-                                                  cellSamplePoints().end());
+  std::vector<std::array<std::uint8_t, 3>> points(kCellSamplePoints.begin(),
+                                                  kCellSamplePoints.end());
   std::sort(points.begin(), points.end());
   std::sort(expected.begin(), expected.end());
   EXPECT_EQ(points, expected);
