@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <filesystem>
 #include <string_view>
 
+#include "isobrick/preprocess/sources/header_text.h"
 #include "isobrick/preprocess/sources/itk_source.h"
 #include "isobrick/preprocess/sources/raw_source.h"
 #include "isobrick/preprocess/sources/vdb_source.h"
@@ -21,12 +21,7 @@ namespace fs = std::filesystem;
 constexpr std::array<std::string_view, 8> kRawEndings = {".raw", ".bin", ".dat", ".vol",
                                                          ".u8",  ".u16", ".i16", ".f32"};
 
-std::string lowerEnding(const fs::path& path) {
-  std::string ending = path.extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return ending;
-}
+std::string lowerEnding(const fs::path& path) { return lowercase(path.extension().string()); }
 
 [[maybe_unused]] Error leftOut(const std::string& path, const char* library) {
   return Error("cannot read '" + path + "': this isobrick was built without " + library +
