@@ -15,6 +15,15 @@ constexpr double kRoundingSkew = 1e-5;
 
 }  // namespace
 
+std::string quotedText(const std::string& text, std::size_t most_characters) {
+  std::string result(1, '\'');
+  result.append(text, 0, most_characters);
+  for (char& c : result)
+    if (static_cast<unsigned char>(c) < ' ') c = ' ';
+  result += text.size() > most_characters ? "...'" : "'";
+  return result;
+}
+
 std::string voxelCountsText(const Index3& voxels) {
   return std::to_string(voxels.x) + " x " + std::to_string(voxels.y) + " x " +
          std::to_string(voxels.z);

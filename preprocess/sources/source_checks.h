@@ -1,11 +1,16 @@
 // What every volume source checks before it promises a VolumeInfo. Private to preprocess/sources/.
 #pragma once
 
+#include <cstddef>
 #include <string>
 
 #include "isobrick/preprocess/volume_source.h"
 
 namespace isobrick {
+
+// `text` of a file or a library in quotes, fit for a line of a message: blanks for control
+// characters, and no more than `most_characters` of it.
+std::string quotedText(const std::string& text, std::size_t most_characters);
 
 // "512 x 512 x 234"
 std::string voxelCountsText(const Index3& voxels);

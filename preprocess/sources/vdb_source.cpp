@@ -26,15 +26,7 @@ namespace {
 using openvdb::GridBase;
 
 // Text of a file or of OpenVDB, fit for a line of a message.
-std::string quoted(const std::string& text) {
-  constexpr std::size_t kMostCharacters = 100;
-  std::string result(1, '\'');
-  result.append(text, 0, kMostCharacters);
-  for (char& c : result)
-    if (static_cast<unsigned char>(c) < ' ') c = ' ';
-  result += text.size() > kMostCharacters ? "...'" : "'";
-  return result;
-}
+std::string quoted(const std::string& text) { return quotedText(text, 100); }
 
 Error cannotUse(const std::string& path, const std::string& reason) {
   return Error(

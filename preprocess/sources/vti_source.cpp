@@ -21,16 +21,8 @@
 namespace isobrick {
 namespace {
 
-// Longest text of a file that goes into a message.
-std::string quoted(const std::string& text) {
-  constexpr std::size_t kMostCharacters = 60;
-  std::string result(1, '\'');
-  result.append(text, 0, kMostCharacters);
-  for (char& c : result)
-    if (static_cast<unsigned char>(c) < ' ') c = ' ';
-  result += text.size() > kMostCharacters ? "...'" : "'";
-  return result;
-}
+// Text of a file, fit for a line of a message.
+std::string quoted(const std::string& text) { return quotedText(text, 60); }
 
 Error cannotUse(const std::string& path, const std::string& reason) {
   return Error("cannot use '" + path + "': " + reason +
