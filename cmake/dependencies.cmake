@@ -7,6 +7,8 @@ find_package(ZLIB REQUIRED)
 find_package(EXPAT REQUIRED)
 find_package(PkgConfig REQUIRED)
 pkg_check_modules(BLOSC REQUIRED IMPORTED_TARGET blosc>=1.21)
+pkg_check_modules(ZSTD REQUIRED IMPORTED_TARGET libzstd)
+pkg_check_modules(TIFF REQUIRED IMPORTED_TARGET libtiff-4)
 pkg_check_modules(HWY REQUIRED libhwy>=1.0.3)
 
 set(switched_off_sources "")
@@ -35,9 +37,23 @@ else()
   list(APPEND switched_off_sources "/vdb_[a-z_]*\\.cpp$")
 endif()
 
+# Debian has HDF5 with and without MPI side by side; by pkg-config, as FindHDF5 takes whichever compiler
+# wrapper it meets first.
+if(ISOBRICK_WITH_HDF5)
+  pkg_check_modules(HDF5 REQUIRED IMPORTED_TARGET hdf5-serial)
+else()
+  list(APPEND switched_off_sources "/hdf5_[a-z_]*\\.cpp$")
+endif()
+
+if(ISOBRICK_WITH_OPENEXR OR ISOBRICK_WITH_VIEWER)
+  find_package(OpenEXR CONFIG REQUIRED)
+endif()
+if(NOT ISOBRICK_WITH_OPENEXR)
+  list(APPEND switched_off_sources "/formats/exr_[a-z_]*\\.cpp$" "/sources/exr_[a-z_]*\\.cpp$")
+endif()
+
 if(ISOBRICK_WITH_VIEWER)
   find_package(PNG REQUIRED)
-  find_package(OpenEXR CONFIG REQUIRED)
   pkg_check_modules(EPOXY REQUIRED IMPORTED_TARGET epoxy)
 endif()
 if(ISOBRICK_COMMAND)

@@ -3,7 +3,7 @@
 # of their own (package.cmake).
 include(CMakePackageConfigHelpers)
 
-set(isobrick_components storage extract preprocess sources)
+set(isobrick_components storage extract preprocess sources export)
 if(ISOBRICK_WITH_VIEWER)
   list(APPEND isobrick_components viewer)
 endif()
@@ -64,5 +64,5 @@ function(isobrick_pkg_config component requires requires_private libs_private)
           DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
 endfunction()
 isobrick_pkg_config(storage "" "blosc" "-lstdc++ -lm")
-isobrick_pkg_config(extract "isobrick-storage" "tbb" "-lstdc++ -lm")
-isobrick_pkg_config(preprocess "isobrick-storage" "tbb libhwy" "-lstdc++ -lm")
+isobrick_pkg_config(extract "isobrick-storage" "tbb libhwy zlib" "-lstdc++ -lm")
+isobrick_pkg_config(preprocess "isobrick-storage" "tbb libhwy zlib" "-lstdc++ -lm")

@@ -19,7 +19,7 @@ set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS
   "libtbb-dev, libglm-dev, libblosc-dev, libhwy-dev, nlohmann-json3-dev, zlib1g-dev, libexpat1-dev")
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SUGGESTS
-  "libinsighttoolkit5-dev, libopenvdb-dev, libopenexr-dev, libpng-dev, libepoxy-dev")
+  "libinsighttoolkit5-dev, libopenvdb-dev, libhdf5-dev, libtiff-dev, libzstd-dev, libopenexr-dev, libpng-dev, libepoxy-dev")
 install(FILES ${PROJECT_SOURCE_DIR}/LICENSE ${PROJECT_SOURCE_DIR}/NOTICE
         DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT runtime)
 include(CPack)

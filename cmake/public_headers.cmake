@@ -9,31 +9,44 @@ set(isobrick_public_headers
   storage/error.h
   storage/format.h
   storage/grid.h
-  storage/mapped_file.h
+  storage/paged_file.h
   storage/pyramid.h
   storage/pyramid_info.h
+  storage/residence_policy.h
   storage/value_range.h
   storage/voxel_type.h
+  extract/brick_work.h
   extract/edge_key.h
   extract/edge_vertex_map.h
+  extract/extraction_plan.h
+  extract/extraction_report.h
   extract/extractor.h
+  extract/pyramid_values.h
   extract/query.h
+  extract/surface_mesh.h
   extract/sinks/counting_sink.h
   extract/sinks/indexed_mesh.h
   extract/sinks/mesh_file_sink.h
+  extract/sinks/raw_vector.h
   extract/sinks/triangle_sink.h
+  extract/sinks/vertex_values.h
   extract/sinks/vertex_numbering.h
   preprocess/volume_source.h
   preprocess/pyramid_builder.h
+  preprocess/export/formats/export_volume.h
+  preprocess/export/source_views.h
   preprocess/export/volume_writer.h
   preprocess/phantoms/phantom.h
+  preprocess/sources/exr_source.h
+  preprocess/sources/hdf5_source.h
   preprocess/sources/itk_source.h
   preprocess/sources/open_options.h
   preprocess/sources/open_volume.h
-  preprocess/sources/open_options.h
+  preprocess/sources/pyramid_source.h
   preprocess/sources/raw_source.h
   preprocess/sources/vdb_source.h
-  preprocess/sources/vti_source.h)
+  preprocess/sources/vti_source.h
+  preprocess/sources/zarr_source.h)
 if(ISOBRICK_WITH_VIEWER)
   list(APPEND isobrick_public_headers
     viewer/image.h

@@ -1,6 +1,7 @@
 // The tiles of a brick that the isosurface may cross.
 #pragma once
 
+#include <cstring>
 #include <vector>
 
 #include "isobrick/extract/mesh_context.h"
@@ -14,25 +15,26 @@ class ActiveTiles {
   bool load(const MeshContext& context, int level, const Index3& brick) {
     dims_ = context.pyramid.layout().brickTiles(level, brick);
     const auto count = static_cast<std::size_t>(elementCount(dims_));
-    active_.assign(count, 1);
-    if (!context.query.cull_by_ranges) return true;
-    context.tileRanges(level, brick, ranges_);
-    bool any = false;
-    for (std::size_t i = 0; i < count; ++i) {
-      active_[i] = ranges_[i].crosses(context.isovalue) ? 1 : 0;
-      any = any || active_[i] != 0;
+    if (!context.query.cull_by_ranges) {
+      active_.assign(count, 1);
+      return true;
     }
-    return any;
+    context.crossedTiles(level, brick, active_);
+    return std::memchr(active_.data(), 1, count) != nullptr;
   }
 
   const Index3& dims() const { return dims_; }
+  // Any of the tiles (x, y, z).
+  bool isAnyActive(std::int64_t y, std::int64_t z) const {
+    const auto row = static_cast<std::size_t>(linearIndex({0, y, z}, dims_));
+    return std::memchr(active_.data() + row, 1, static_cast<std::size_t>(dims_.x)) != nullptr;
+  }
   bool isActive(const Index3& tile) const {
     return active_[static_cast<std::size_t>(linearIndex(tile, dims_))] != 0;
   }
 
  private:
   Index3 dims_{0};
-  std::vector<ValueRange> ranges_;
   std::vector<std::uint8_t> active_;
 };
 

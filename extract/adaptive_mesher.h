@@ -4,16 +4,18 @@
 #include "isobrick/extract/active_tiles.h"
 #include "isobrick/extract/brick_traversal.h"
 #include "isobrick/extract/edge_vertex_map.h"
-#include "isobrick/extract/meshing/corner_values.h"
-#include "isobrick/extract/meshing/tile_leaves.h"
+#include "isobrick/extract/meshing/brick_split.h"
+#include "isobrick/extract/meshing/plain_cells.h"
+#include "isobrick/extract/meshing/seam_corners.h"
 #include "isobrick/extract/sinks/triangle_sink.h"
 
 namespace isobrick {
 
-// Meshes the leaves of one level in one brick at a time, tile by tile, and reuses its memory. One
-// object serves one thread. What is done to a tile, in this order, has its files in
-// extract/meshing/: which cells are leaves, what values their corners have, then leaf by leaf the
-// vertices on its edges and its triangles or, beside finer leaves, its fans.
+// Meshes the leaves of one level in one brick at a time and reuses its memory. One object serves
+// one thread. Leaves that only leaves of their level touch go through the kernels of uniform
+// bricks, all together; what is left, the seam, tile by tile and leaf by leaf: what values its
+// corners have, the vertices on its edges and its triangles or, beside finer leaves, its fans. The
+// rules have their files in extract/meshing/.
 class AdaptiveMesher {
  public:
   // Appends the brick's triangles to `batch`, which is empty.
@@ -22,11 +24,17 @@ class AdaptiveMesher {
  private:
   template <typename T>
   class Brick;
+  struct SeamCell {
+    Index3 cell{0};
+    unsigned pattern = 0;  // of its corners
+  };
 
   ActiveTiles tiles_;
-  TileLeaves leaves_;
-  TileCorners corners_;
-  EdgeVertexMap<std::uint32_t> numbers_;  // of the vertices of the brick at hand
+  BrickSplit split_;
+  PlainCells plain_;
+  SeamCorners corners_;
+  std::vector<SeamCell> seam_cells_;
+  EdgeVertexMap<std::uint32_t> numbers_;  // of the seam's vertices in the brick at hand
 };
 
 }  // namespace isobrick

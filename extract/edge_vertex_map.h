@@ -19,13 +19,41 @@ class EdgeVertexMap {
   // The number of `key`; where it has none yet, `number` is stored and `*inserted` set.
   Number findOrInsert(EdgeKey key, Number number, bool* inserted) {
     if (2 * (size_ + 1) > slots_.size()) grow();
-    Slot& slot = slots_[find(key)];
+    Slot& slot = slots_[slotOf(key)];
     *inserted = slot.key == kNoEdge;
     if (*inserted) {
       slot = {key, number};
       ++size_;
     }
     return slot.number;
+  }
+
+  // Null where the key has no number. Valid until the next insertion or removal.
+  const Number* find(EdgeKey key) const {
+    const Slot& slot = slots_[slotOf(key)];
+    return slot.key == kNoEdge ? nullptr : &slot.number;
+  }
+  Number* find(EdgeKey key) {
+    Slot& slot = slots_[slotOf(key)];
+    return slot.key == kNoEdge ? nullptr : &slot.number;
+  }
+  // A key that has a number.
+  void erase(EdgeKey key) {
+    const std::size_t mask = slots_.size() - 1;
+    std::size_t hole = slotOf(key);
+    // What was displaced beyond the hole moves up, so that every key is found from its own slot on.
+    for (std::size_t at = (hole + 1) & mask; slots_[at].key != kNoEdge; at = (at + 1) & mask)
+      if (((at - firstSlotOf(slots_[at].key)) & mask) >= ((at - hole) & mask)) {
+        slots_[hole] = slots_[at];
+        hole = at;
+      }
+    slots_[hole] = Slot{};
+    --size_;
+  }
+  // A key that has no number yet, or this one.
+  void insert(EdgeKey key, Number number) {
+    bool inserted = false;
+    findOrInsert(key, number, &inserted);
   }
 
   void clear() {
@@ -42,10 +70,13 @@ class EdgeVertexMap {
     Number number = 0;
   };
 
-  std::size_t find(EdgeKey key) const {
+  std::size_t firstSlotOf(EdgeKey key) const {
     // Fibonacci hashing: neighbouring edges differ in few low bits.
+    return static_cast<std::size_t>((key * 0x9E3779B97F4A7C15ull) >> 20) & (slots_.size() - 1);
+  }
+  std::size_t slotOf(EdgeKey key) const {
     const std::size_t mask = slots_.size() - 1;
-    std::size_t at = static_cast<std::size_t>((key * 0x9E3779B97F4A7C15ull) >> 20) & mask;
+    std::size_t at = firstSlotOf(key);
     while (slots_[at].key != key && slots_[at].key != kNoEdge) at = (at + 1) & mask;
     return at;
   }
@@ -53,7 +84,7 @@ class EdgeVertexMap {
     std::vector<Slot> old(2 * slots_.size());
     old.swap(slots_);
     for (const Slot& slot : old)
-      if (slot.key != kNoEdge) slots_[find(slot.key)] = slot;
+      if (slot.key != kNoEdge) slots_[slotOf(slot.key)] = slot;
   }
 
   std::vector<Slot> slots_;

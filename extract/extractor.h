@@ -2,37 +2,59 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <vector>
 
+#include "isobrick/extract/extraction_plan.h"
+#include "isobrick/extract/extraction_report.h"
 #include "isobrick/extract/query.h"
 #include "isobrick/extract/sinks/triangle_sink.h"
+#include "isobrick/extract/surface_mesh.h"
 #include "isobrick/storage/pyramid.h"
 
 namespace isobrick {
 
-struct LevelCounts {
-  int level = 0;
-  std::uint64_t cells = 0;  // leaves with at least one triangle
-  std::uint64_t triangles = 0;
-  std::uint64_t transition_cells = 0;  // cells whose triangles are fans
-};
-
-struct ExtractionReport {
-  std::uint64_t triangles = 0;
-  std::vector<LevelCounts> levels;  // those with triangles, finest first
-  std::uint64_t bricks_active = 0;  // bricks with at least one triangle
-  std::uint64_t bricks_read = 0;    // bricks of which any part was asked for
-  std::uint64_t bytes_active = 0;   // stored bytes of the samples of active bricks
-  std::uint64_t bytes_read = 0;     // stored bytes of all parts asked for, each counted once
-};
-
-// Extracts the isosurface into `sink`. One traversal, bricks paged in on demand, the work spread
-// over the calling TBB arena. The result depends on the query alone: not on threads, cache size or
-// what was extracted before. Several extractions may run on one pyramid at the same time.
+// A session on one pyramid: keeps what threads work with from query to query, so that a second
+// query touches no fresh memory. One object serves one call at a time; for several queries at once
+// on a pyramid make several. The pyramid must outlive it.
 //
-// The mesh is closed and oriented away from the volume's border (rule 11). Throws Error for a query
-// that makes no sense for this pyramid (level out of range, no curvature stored, a number that is
-// not finite) or a damaged brick, Cancelled, and whatever the sink throws.
+// What a query costs depends on what comes out: nothing is done for every brick of the file.
+class Extractor {
+ public:
+  explicit Extractor(const Pyramid& pyramid);
+  ~Extractor();
+  Extractor(Extractor&&) noexcept;
+
+  // The bricks that a query needs. Throws Error for a query that makes no sense for this pyramid
+  // (level out of range, no curvature stored, a number that is not finite) and Cancelled.
+  ExtractionPlan plan(const Query& query) const;
+
+  // Meshes the bricks [first, first + count) of a plan of this pyramid into `sink`. Bricks are
+  // paged in on demand, the work is spread over the calling TBB arena. The result depends on the
+  // query alone: not on threads, cache size or what was extracted before. The batches of ranges
+  // that follow each other are those of the whole plan, so ranges may be executed by different
+  // extractors, at the same time, and joined by their edge keys.
+  //
+  // The mesh of the whole plan is closed and oriented away from the volume's border (rule 11).
+  // Throws Error for a damaged brick, Cancelled, and whatever the sink throws. Only the query's
+  // flag cancels it: inside a TBB task whose group is cancelled it goes on to its end.
+  ExtractionReport execute(const ExtractionPlan& plan, std::size_t first, std::size_t count,
+                           TriangleSink& sink);
+
+  // Plan and execution of the whole query.
+  ExtractionReport extract(const Query& query, TriangleSink& sink);
+  // The same into memory, in the place of what `mesh` held. After an exception the mesh is empty.
+  // The parts and every byte depend on the query alone.
+  ExtractionReport extract(const Query& query, SurfaceMesh& mesh);
+
+ private:
+  struct Memory;
+  const Pyramid* pyramid_;
+  std::unique_ptr<Memory> memory_;
+};
+
+// One query without a session.
 ExtractionReport extractIsosurface(const Pyramid& pyramid, const Query& query, TriangleSink& sink);
+ExtractionReport extractIsosurface(const Pyramid& pyramid, const Query& query, SurfaceMesh& mesh);
 
 }  // namespace isobrick

@@ -5,6 +5,7 @@
 #include "isobrick/extract/oracles/focus_oracle.h"
 #include "isobrick/extract/query.h"
 #include "isobrick/extract/read_log.h"
+#include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid.h"
 
 namespace isobrick {
@@ -16,6 +17,7 @@ struct MeshContext {
   const WorldFrame& frame;
   float isovalue;
   ReadLog& read_log;
+  std::uint64_t edition = 0;  // of the pyramid's file when the query began
 
   const Lattice& lattice() const { return pyramid.lattice(); }
 
@@ -26,6 +28,41 @@ struct MeshContext {
   void tileRanges(int level, const Index3& brick, std::vector<ValueRange>& out) const {
     read_log.note(pyramid.brickRow(level, brick), ReadLog::kRanges);
     pyramid.tileRanges(level, brick, out);
+  }
+  // Which tiles of the brick the isosurface may cross.
+  void crossedTiles(int level, const Index3& brick, std::vector<std::uint8_t>& out) const {
+    read_log.note(pyramid.brickRow(level, brick), ReadLog::kRanges);
+    pyramid.crossedTiles(level, brick, isovalue, out);
+  }
+
+  bool isCancelled() const { return query.cancel != nullptr && query.cancel->requested(); }
+  // Throws Error where bytes that this thread has asked for could not be had while it used them. To
+  // be called before what was made of them is passed on, or another reason is given for it.
+  void throwIfReadsFailed() const {
+    if (!pyramid.hasFailedReads()) return;
+    read_log.forEachNewOfThisThread([this](std::size_t row) {
+      const BrickAddress at = pyramid.brickAt(row);
+      pyramid.throwIfReadsFailed(at.level, at.brick);
+    });
+  }
+  // Throws Error where somebody wrote to the file since the query began: one that names a brick of
+  // the query that is not what it was, if there is one; otherwise it may have been. To be called
+  // when no thread is at work on the query any more, before its result is believed. Costs one call
+  // to the system.
+  void throwIfWrittenOver() const {
+    if (pyramid.edition() == edition) return;
+    for (const ReadLog::Entry& entry : read_log.entries()) {
+      const BrickAddress at = pyramid.brickAt(entry.brick_row);
+      const auto look = [&](ReadLog::Mark mark, PartKind kind) {
+        if ((entry.marks & mark) != 0) pyramid.throwIfWrittenOver(kind, at.level, at.brick);
+      };
+      look(ReadLog::kSamples, PartKind::kSamples);
+      look(ReadLog::kRanges, PartKind::kRanges);
+      look(ReadLog::kCurvature, PartKind::kCurvature);
+    }
+    throw Error("'" + pyramid.path() +
+                    "' was written to while it was read, and is what it was; do it again",
+                {.path = pyramid.path()});
   }
 };
 

@@ -8,8 +8,10 @@
 
 namespace isobrick {
 
-// Throws the Error for a brick whose samples or ranges do not fit together.
+// Throws the Error for a brick whose samples or ranges do not fit together; where that is because
+// their bytes could not be had, the Error that says so.
 [[noreturn]] inline void failMissingVertex(const MeshContext& context, const BrickWork& work) {
+  context.throwIfReadsFailed();
   throw Error("'" + context.pyramid.path() + "' contradicts itself in " +
                   brickName(work.level, work.brick) +
                   ": its samples and value ranges do not fit together; check it with 'isobrick "

@@ -1,6 +1,7 @@
 // The samples of one brick, with gradients.
 #pragma once
 
+#include <bit>
 #include <vector>
 
 #include "isobrick/storage/brick_layout.h"
@@ -24,10 +25,11 @@ class SampleView {
         const std::int64_t low = i > 0 ? i - 1 : i;
         const std::int64_t high = i + 1 < box.count[axis] ? i + 1 : i;
         const auto distance =
-            static_cast<double>(lattice.position(level, axis, box.first[axis] + high) -
-                                lattice.position(level, axis, box.first[axis] + low));
+            static_cast<float>(lattice.position(level, axis, box.first[axis] + high) -
+                               lattice.position(level, axis, box.first[axis] + low));
+        const bool is_power = std::has_single_bit(static_cast<std::uint64_t>(distance));
         taps[static_cast<std::size_t>(i)] = {(low - i) * stride_[axis], (high - i) * stride_[axis],
-                                             distance};
+                                             distance, is_power ? 1.0f / distance : 0.0f};
       }
     }
   }
@@ -41,18 +43,21 @@ class SampleView {
   const T* at(std::int64_t offset) const { return data_ + offset; }
   float value(const Index3& sample) const { return static_cast<float>(data_[offset(sample)]); }
 
+  // Asks the processor for a sample that is read soon.
+  void prefetch(const Index3& sample) const { __builtin_prefetch(data_ + offset(sample)); }
+
   // Central differences at a sample, in values per voxel of level 0 (rule 12).
-  glm::dvec3 gradient(const Index3& sample) const {
+  glm::vec3 gradient(const Index3& sample) const {
     const Index3 local = sample - box_.first;
     return gradientAtLocal(local, linearIndex(local, box_.count));
   }
-  glm::dvec3 gradientAtLocal(const Index3& local, std::int64_t offset) const {
+  glm::vec3 gradientAtLocal(const Index3& local, std::int64_t offset) const {
     const T* at = data_ + offset;
-    glm::dvec3 g;
+    glm::vec3 g;
     for (int axis = 0; axis < 3; ++axis) {
       const Tap& tap = taps_[axis][static_cast<std::size_t>(local[axis])];
-      g[axis] =
-          (static_cast<double>(at[tap.high]) - static_cast<double>(at[tap.low])) / tap.distance;
+      const float difference = static_cast<float>(at[tap.high]) - static_cast<float>(at[tap.low]);
+      g[axis] = tap.inverse != 0 ? difference * tap.inverse : difference / tap.distance;
     }
     return g;
   }
@@ -60,7 +65,8 @@ class SampleView {
  private:
   struct Tap {
     std::int64_t low = 0, high = 0;  // offsets from the sample
-    double distance = 1;             // in voxels
+    float distance = 1;              // in voxels
+    float inverse = 1;               // of the distance where that is exact, else 0
   };
   const T* data_ = nullptr;
   IndexBox box_;

@@ -3,6 +3,7 @@
 #include <bit>
 
 #include "isobrick/preprocess/kernels/tile_ranges.h"
+#include "isobrick/storage/index_loop.h"
 #include "isobrick/storage/voxel_type.h"
 
 namespace isobrick {
@@ -30,12 +31,10 @@ void BrickClosures::include(int level, const Index3& brick, const ValueRange& ti
     cubes.reset(BrickLayout::ceilDivide(cells.count, edge));
     includeClosedCubes(samples, cells, edge, cubes);
     const Index3 first = cells.first / edge;
-    Index3 at;
     std::size_t cube = 0;
-    for (at.z = 0; at.z < cubes.dims.z; ++at.z)
-      for (at.y = 0; at.y < cubes.dims.y; ++at.y)
-        for (at.x = 0; at.x < cubes.dims.x; ++at.x, ++cube)
-          ranges_[row(level - down, first + at)].include(cubes.range(cube));
+    forEachIndex({first, cubes.dims}, [&](const Index3& finer) {
+      ranges_[row(level - down, finer)].include(cubes.range(cube++));
+    });
   }
 }
 

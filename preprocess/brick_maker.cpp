@@ -5,6 +5,7 @@
 
 #include "isobrick/preprocess/curvature_bricks.h"
 #include "isobrick/preprocess/kernels/low_pass.h"
+#include "isobrick/storage/index_loop.h"
 #include "isobrick/storage/voxel_type.h"
 
 namespace isobrick {
@@ -175,14 +176,12 @@ void BrickMaker<T>::includeFinerTiles(int level, const Index3& brick,
   s.finer_pairs.resize(static_cast<std::size_t>(2 * elementCount(count)));
   finer_tiles.read({first * Index3(2, 1, 1), count * Index3(2, 1, 1)}, s.finer_pairs.data());
   std::size_t pair = 0;
-  Index3 at;
-  for (at.z = 0; at.z < count.z; ++at.z)
-    for (at.y = 0; at.y < count.y; ++at.y)
-      for (at.x = 0; at.x < count.x; ++at.x, pair += 2) {
-        const auto tile = static_cast<std::size_t>(linearIndex(at / std::int64_t{2}, s.tiles.dims));
-        s.tiles.min[tile] = std::min(s.tiles.min[tile], s.finer_pairs[pair]);
-        s.tiles.max[tile] = std::max(s.tiles.max[tile], s.finer_pairs[pair + 1]);
-      }
+  forEachIndex({Index3(0), count}, [&](const Index3& at) {
+    const auto tile = static_cast<std::size_t>(linearIndex(at / std::int64_t{2}, s.tiles.dims));
+    s.tiles.min[tile] = std::min(s.tiles.min[tile], s.finer_pairs[pair]);
+    s.tiles.max[tile] = std::max(s.tiles.max[tile], s.finer_pairs[pair + 1]);
+    pair += 2;
+  });
 }
 
 template <typename T>

@@ -79,7 +79,7 @@ class Planner {
     std::uint64_t bricks = 0;
     for (int level = 0; level < levels(); ++level) bricks += product(layout_.bricks(level));
     std::uint64_t bytes = kSmallThings + source_.bufferBytes() +
-                          bricks * (sizeof(format::BrickRecord) + sizeof(ValueRange));
+                          bricks * (sizeof(format::BrickRow) + sizeof(ValueRange));
     if (!source_.readsBoxes())
       bytes +=
           static_cast<std::uint64_t>(SliceSpool::rowsPerRead(source_.info()) * spec_.voxels.x) *
@@ -161,9 +161,9 @@ class Planner {
   std::uint64_t fileBytesBound() const {
     std::uint64_t bytes = kMebibyte;  // header, provenance
     for (int level = 0; level < levels(); ++level)
-      bytes += product(layout_.bricks(level)) *
-               (brickBytes(level) + format::kSampleAlignment + 2 * format::kPartAlignment +
-                sizeof(format::BrickRecord));
+      bytes +=
+          product(layout_.bricks(level)) * (brickBytes(level) + format::kSampleAlignment +
+                                            2 * format::kPartAlignment + sizeof(format::BrickRow));
     return bytes;
   }
 

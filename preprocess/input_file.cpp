@@ -10,6 +10,7 @@
 #include <limits>
 
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/file_io.h"
 
 namespace isobrick {
 
@@ -35,23 +36,12 @@ InputFile::InputFile(const std::string& path, const std::string& named_by) : pat
 InputFile::~InputFile() { close(fd_); }
 
 std::size_t InputFile::readAt(std::uint64_t offset, void* out, std::size_t bytes) const {
-  constexpr std::size_t kMostPerCall = std::size_t{1} << 30;  // Linux reads < 2^31 a call
-  // Hostile offsets: to pread these would be negative.
-  constexpr std::uint64_t kMostOffset = std::numeric_limits<off_t>::max() - kMostPerCall;
-  std::size_t total = 0;
-  while (total < bytes && offset + total <= kMostOffset) {
-    const ssize_t got =
-        pread(fd_, static_cast<std::byte*>(out) + total, std::min(bytes - total, kMostPerCall),
-              static_cast<off_t>(offset + total));
-    if (got < 0 && errno == EINTR) continue;
-    if (got < 0)
-      throw ResumableError("cannot read '" + path_ + "' at byte " + std::to_string(offset + total) +
-                               ": " + std::strerror(errno) + "; check the disk, then run again",
-                           {.path = path_, .offset = offset + total});
-    if (got == 0) break;
-    total += static_cast<std::size_t>(got);
-  }
-  return total;
+  const IoResult result = readBytesAt(fd_, offset, out, bytes);
+  if (result.error != 0)
+    throw ResumableError("cannot read '" + path_ + "' " + ioFailureText(offset, result) +
+                             "; check the disk, then run again",
+                         {.path = path_, .offset = offset + result.bytes});
+  return result.bytes;
 }
 
 }  // namespace isobrick

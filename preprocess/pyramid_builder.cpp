@@ -33,11 +33,12 @@ PyramidSpec specOf(const VolumeInfo& info, const BuildOptions& options) {
   return spec;
 }
 
-const char* filterName(format::Filter filter) {
-  return filter == format::Filter::kAverage ? "average" : "subsample";
-}
-
 std::string numberText(double number) { return nlohmann::json(number).dump(); }
+
+std::string spaceText(std::uint64_t bytes) {
+  return bytes < std::uint64_t{1} << 20 ? std::to_string((bytes + 1023) >> 10) + " KiB"
+                                        : std::to_string(bytes >> 20) + " MiB";
+}
 
 // One build; T is the voxel type. The levels come one after the other, each as windows of bricks
 // that pass through the pipeline; what the next level is made from waits in a store.
@@ -69,16 +70,21 @@ class Build {
       makeLevels();
       publish();
     } catch (const Cancelled&) {
-      if (!keepForResume()) throw;
-      throw Cancelled("interrupted; " + whatIsKept(), {.path = writer_.temporaryPath()},
-                      {Remedy::kResume});
+      throw interrupted();
     } catch (const ResumableError& error) {
       if (!keepForResume()) throw;
       throw resumable(error, "");
     } catch (const Error& error) {
       // A file that is written or moved while it is read may look damaged.
-      if (inputIsAsItWas() || !keepForResume()) throw;
-      throw resumable(error, "; it changed while it was read");
+      switch (stateOfInput()) {
+        case InputState::kAsItWas:
+          throw;
+        case InputState::kUnknown:
+          throw interrupted();
+        case InputState::kChanged:
+          if (!keepForResume()) throw;
+          throw resumable(error, "; it changed while it was read");
+      }
     } catch (const std::bad_alloc&) {
       if (!keepForResume()) throw;
       throw resumable(Error("not enough memory for '" + source_.info().source + "'",
@@ -105,12 +111,16 @@ class Build {
     if (options_.progress) options_.progress("bricks", fraction);
   }
 
-  bool inputIsAsItWas() {
+  enum class InputState { kAsItWas, kChanged, kUnknown };
+  // Unknown where the user did not wait for the answer.
+  InputState stateOfInput() {
     try {
       input_.checkContent();
-      return true;
+      return InputState::kAsItWas;
+    } catch (const Cancelled&) {
+      return InputState::kUnknown;
     } catch (const Error&) {
-      return false;
+      return InputState::kChanged;
     }
   }
 
@@ -128,6 +138,11 @@ class Build {
     const auto percent = static_cast<int>(100 * static_cast<double>(writer_.bricksWritten()) / all);
     return std::to_string(percent) + " % of the bricks are kept in '" + writer_.temporaryPath() +
            "'";
+  }
+  Cancelled interrupted() {
+    if (!keepForResume()) return {};
+    return Cancelled("interrupted; " + whatIsKept(), {.path = writer_.temporaryPath()},
+                     {Remedy::kResume});
   }
   // The same error, of a build that can go on.
   ResumableError resumable(const Error& error, const std::string& more) const {
@@ -148,9 +163,9 @@ class Build {
     const std::uint64_t least = plan_.scratch_file_bytes + (is_packed ? most / kMostPacking : most);
     if (have < least)
       throw ResumableError("not enough space for '" + writer_.temporaryPath() + "': it takes " +
-                               (is_packed ? "at least " : "up to ") + std::to_string(least >> 20) +
-                               " MiB and the disk has " + std::to_string(have >> 20) +
-                               " MiB; free some space, or choose another folder" +
+                               (is_packed ? "at least " : "up to ") + spaceText(least) +
+                               " and the disk has " + spaceText(have) +
+                               "; free some space, or choose another folder" +
                                (is_packed ? "" : ", or pack it"),
                            {.path = writer_.temporaryPath()},
                            is_packed ? std::vector{Remedy::kOtherFolder}
@@ -347,6 +362,7 @@ class Build {
                            {"filter", filterName(spec_.filter)},
                            {"identity", identity_},
                            {"notes", info.notes}};
+    if (!info.properties.empty()) json["properties"] = info.properties;
     // Whether there were any is not said: a resumed build does not see all voxels.
     if (options_.nan_as && spec_.voxel_type == VoxelType::kFloat32)
       json["notes"].push_back("voxels that were not finite became " +
@@ -413,7 +429,7 @@ std::string buildIdentity(const VolumeInfo& info, const std::string& input_ident
                      std::string(voxelTypeName(info.voxel_type)));
   line("format", info.format + (info.encoding.empty() ? "" : ", ") + info.encoding);
   line("geometry", std::to_string(hash));
-  line("filter", filterName(options.filter));
+  line("filter", std::string(filterName(options.filter)));
   line("codec", std::string(codecName(options.codec)));
   line("brick", std::to_string(options.brick_cells));
   line("tile", std::to_string(options.tile_cells));

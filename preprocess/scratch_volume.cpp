@@ -11,6 +11,7 @@
 #include <stdexcept>
 
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/file_io.h"
 
 namespace isobrick {
 namespace {
@@ -95,18 +96,12 @@ void ScratchVolume::write(const IndexBox& box, const void* elements) {
       std::memcpy(memory_.data() + offset, from, bytes);
       return;
     }
-    while (bytes > 0) {
-      const ssize_t written = pwrite(fd_, from, bytes, static_cast<off_t>(offset));
-      if (written < 0 && errno == EINTR) continue;
-      if (written <= 0)
-        throw ResumableError("cannot write a temporary file in '" + folder_ +
-                                 "': " + std::strerror(written < 0 ? errno : ENOSPC) +
-                                 "; free some space, choose another folder, or allow more memory",
-                             {.path = folder_}, {Remedy::kOtherFolder, Remedy::kAllowMoreMemory});
-      from += written;
-      offset += static_cast<std::size_t>(written);
-      bytes -= static_cast<std::size_t>(written);
-    }
+    const IoResult result = writeBytesAt(fd_, offset, from, bytes);
+    if (result.error != 0)
+      throw ResumableError("cannot write a temporary file in '" + folder_ +
+                               "': " + std::strerror(result.error) +
+                               "; free some space, choose another folder, or allow more memory",
+                           {.path = folder_}, {Remedy::kOtherFolder, Remedy::kAllowMoreMemory});
   });
 }
 
@@ -117,18 +112,11 @@ void ScratchVolume::read(const IndexBox& box, void* elements) const {
       std::memcpy(to, memory_.data() + offset, bytes);
       return;
     }
-    while (bytes > 0) {
-      const ssize_t got = pread(fd_, to, bytes, static_cast<off_t>(offset));
-      if (got < 0 && errno == EINTR) continue;
-      if (got <= 0)
-        throw ResumableError("cannot read a temporary file in '" + folder_ + "': " +
-                                 (got < 0 ? std::strerror(errno) : "it is shorter than it was") +
-                                 "; check the disk",
-                             {.path = folder_});
-      to += got;
-      offset += static_cast<std::size_t>(got);
-      bytes -= static_cast<std::size_t>(got);
-    }
+    const IoResult result = readBytesAt(fd_, offset, to, bytes);
+    if (result.bytes < bytes)
+      throw ResumableError("cannot read a temporary file in '" + folder_ + "' " +
+                               ioFailureText(offset, result) + "; check the disk",
+                           {.path = folder_});
   });
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -20,6 +21,9 @@ struct VolumeInfo {
   std::string format;              // "raw", "NRRD", "DICOM series", "phantom", ...
   std::string encoding;            // what the user, not the file, said of the stored voxels
   std::vector<std::string> notes;  // what was converted on the way in, a line each
+  // What the file says beside its voxels and a writer of its format wants back, such as the
+  // background of an OpenVDB grid: "vdb.background" and its value as text.
+  std::map<std::string, std::string> properties = {};
 };
 
 // A volume that is read once, in order, a few rows at a time; or, where its file allows it, box by

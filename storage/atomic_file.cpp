@@ -14,6 +14,7 @@
 #include <cstring>
 
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/file_io.h"
 
 namespace isobrick {
 namespace {
@@ -41,12 +42,13 @@ const char* adviceFor(int error) {
   }
 }
 
-[[noreturn]] void failWriting(const std::string& path, int error) {
+[[noreturn]] void failWriting(const std::string& path, int error,
+                              std::optional<std::uint64_t> offset = {}) {
   const std::string line =
       "cannot write '" + path + "': " + std::strerror(error) + "; " + adviceFor(error);
   if (error == ENOSPC || error == EDQUOT || error == EFBIG || error == EIO)
-    throw ResumableError(line, {.path = path});
-  throw Error(line, {.path = path});
+    throw ResumableError(line, {.path = path, .offset = offset});
+  throw Error(line, {.path = path, .offset = offset});
 }
 
 std::string folderOf(const std::string& path) {
@@ -121,42 +123,14 @@ void AtomicFile::write(const void* data, std::size_t bytes) {
 }
 
 void AtomicFile::pwrite(const void* data, std::size_t bytes, std::uint64_t offset) {
-  constexpr std::size_t kMostPerCall = std::size_t{1} << 30;  // Linux writes less than 2^31 a call
-  const char* at = static_cast<const char*>(data);
-  while (bytes > 0) {
-    const ssize_t written =
-        ::pwrite(fd_, at, std::min(bytes, kMostPerCall), static_cast<off_t>(offset));
-    if (written < 0) {
-      if (errno == EINTR) continue;
-      failWriting(path_, errno);
-    }
-    if (written == 0) failWriting(path_, ENOSPC);
-    at += written;
-    offset += static_cast<std::uint64_t>(written);
-    bytes -= static_cast<std::size_t>(written);
-  }
+  const IoResult result = writeBytesAt(fd_, offset, data, bytes);
+  if (result.error != 0) failWriting(path_, result.error, offset + result.bytes);
 }
 
-void AtomicFile::writeGathered(std::span<iovec> pieces) {
-  while (!pieces.empty()) {
-    if (pieces.front().iov_len == 0) {
-      pieces = pieces.subspan(1);
-      continue;
-    }
-    const ssize_t written =
-        pwritev(fd_, pieces.data(), static_cast<int>(pieces.size()), static_cast<off_t>(position_));
-    if (written < 0 && errno == EINTR) continue;
-    if (written <= 0) failWriting(path_, written < 0 ? errno : ENOSPC);
-    position_ += static_cast<std::uint64_t>(written);
-    for (auto rest = static_cast<std::size_t>(written); rest > 0;) {
-      iovec& piece = pieces.front();
-      const std::size_t step = std::min(rest, piece.iov_len);
-      piece.iov_base = static_cast<char*>(piece.iov_base) + step;
-      piece.iov_len -= step;
-      rest -= step;
-      if (piece.iov_len == 0) pieces = pieces.subspan(1);
-    }
-  }
+void AtomicFile::writeGathered(std::span<iovec> spans) {
+  const IoResult result = writeBytesAt(fd_, position_, spans);
+  position_ += result.bytes;
+  if (result.error != 0) failWriting(path_, result.error, position_);
 }
 
 std::optional<std::uint64_t> AtomicFile::freeBytes() const {
@@ -187,23 +161,24 @@ void AtomicFile::cutAfterPosition() {
 }
 
 // fsync does not return before all is written, which no signal changes; so the bytes are brought to
-// the disk a piece at a time before it. What goes wrong here would not be reported again by fsync.
+// the disk some of them at a time before it. What goes wrong here would not be reported again by
+// fsync.
 void AtomicFile::drain(const CancelFlag& cancel) {
-  constexpr std::uint64_t kPieceBytes = std::uint64_t{4} << 20;
-  constexpr std::uint64_t kPiecesAhead = 4;  // that the disk has to do meanwhile
+  constexpr std::uint64_t kStepBytes = std::uint64_t{4} << 20;
+  constexpr std::uint64_t kStepsAhead = 4;  // that the disk has to do meanwhile
   struct stat status = {};
   if (fstat(fd_, &status) != 0) failWriting(path_, errno);
   const auto size = static_cast<std::uint64_t>(status.st_size);
   const auto sync = [&](std::uint64_t at, unsigned flags) {
     if (at >= size) return true;
-    if (sync_file_range(fd_, static_cast<off_t>(at), static_cast<off_t>(kPieceBytes), flags) == 0)
+    if (sync_file_range(fd_, static_cast<off_t>(at), static_cast<off_t>(kStepBytes), flags) == 0)
       return true;
     if (errno == EIO || errno == ENOSPC || errno == EDQUOT) failWriting(path_, errno);
     return errno == EINTR;
   };
-  for (std::uint64_t at = 0; at < size; at += kPieceBytes) {
+  for (std::uint64_t at = 0; at < size; at += kStepBytes) {
     cancel.check();
-    if (!sync(at + kPiecesAhead * kPieceBytes, SYNC_FILE_RANGE_WRITE) ||
+    if (!sync(at + kStepsAhead * kStepBytes, SYNC_FILE_RANGE_WRITE) ||
         !sync(at, SYNC_FILE_RANGE_WAIT_BEFORE | SYNC_FILE_RANGE_WRITE | SYNC_FILE_RANGE_WAIT_AFTER))
       return;  // a file system that cannot
   }

@@ -40,8 +40,8 @@ class AtomicFile {
   void write(const void* data, std::size_t bytes);
   // Writes at `offset`, which may be anywhere; does not move position().
   void pwrite(const void* data, std::size_t bytes, std::uint64_t offset);
-  // As write(), of several pieces one after the other; changes `pieces`.
-  void writeGathered(std::span<iovec> pieces);
+  // As write(), of several spans of memory one after the other; changes `spans`.
+  void writeGathered(std::span<iovec> spans);
   // Where the next write() goes: the number of bytes given to write() so far.
   std::uint64_t position() const { return position_; }
   // Appends after `position` from now on; what lies behind it is overwritten or cut off.

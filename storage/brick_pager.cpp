@@ -1,6 +1,7 @@
 #include "isobrick/storage/brick_pager.h"
 
 #include <bit>
+#include <chrono>
 #include <utility>
 
 #include "isobrick/storage/brick_encoder.h"
@@ -12,168 +13,310 @@ namespace {
 constexpr const char* kUnreadable = "cannot be read (the file was cut short or its disk failed)";
 constexpr const char* kWrongChecksum = "is damaged (checksum mismatch)";
 constexpr const char* kNotPacked = "is damaged (cannot be unpacked)";
+constexpr const char* kNoMemory = "cannot be held (no memory is left)";
 
 // Bricks at the border are a little smaller than the others: with eight sizes for each power of two
 // one's buffer serves the next.
-std::uint32_t bufferBytes(std::uint32_t bytes) {
-  const std::uint32_t step = std::bit_floor(bytes | 512u) / 8;
+std::uint64_t bufferBytes(std::uint64_t bytes) {
+  const std::uint64_t step = std::bit_floor(bytes | 512u) / 8;
   return (bytes + step - 1) / step * step;
 }
 
+bool isPacked(const BrickPager::Part& part) { return part.codec != format::Codec::kStored; }
+
+// Adds the time of its life to a sum.
+class WaitClock {
+ public:
+  explicit WaitClock(std::atomic<std::uint64_t>& sum) : sum_(sum) {}
+  ~WaitClock() {
+    sum_ += static_cast<std::uint64_t>(
+        std::chrono::nanoseconds(std::chrono::steady_clock::now() - begin_).count());
+  }
+  WaitClock(const WaitClock&) = delete;
+
+ private:
+  std::atomic<std::uint64_t>& sum_;
+  const std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
+};
+
 }  // namespace
 
-BrickPager::BrickPager(const MappedFile& file, std::vector<Piece> pieces,
-                       std::uint64_t budget_bytes)
+BrickPager::BrickPager(const PagedFile& file, PartOf part_of, std::uint64_t budget_bytes)
     : file_(file),
-      pieces_(std::move(pieces)),
+      part_of_(std::move(part_of)),
       budget_bytes_(budget_bytes),
-      states_(pieces_.size()) {}
+      policy_(budget_bytes) {}
+
+BrickPager::BrickPager(const PagedFile& file, std::vector<Part> parts, std::uint64_t budget_bytes)
+    : BrickPager(
+          file, [parts = std::move(parts)](std::size_t id) { return parts[id]; }, budget_bytes) {}
+
+BrickPager::~BrickPager() = default;
 
 const std::byte* BrickPager::acquire(std::size_t id, const char** why) {
-  const Piece& piece = pieces_[id];
-  // A resident piece may have lost its pages too.
-  if (!file_.reaches(piece.offset, piece.bytes)) {
-    *why = kUnreadable;
-    return nullptr;
+  // A resident part may have lost its pages too.
+  if (!file_.isWhole()) {
+    const Part part = part_of_(id);
+    if (!file_.reaches(part.offset, part.bytes)) {
+      *why = kUnreadable;
+      return nullptr;
+    }
   }
-  if (const std::byte* data = holdResident(id)) return data;
-  return piece.codec == format::Codec::kStored ? bringInStored(id, why) : bringInPacked(id, why);
-}
-
-const std::byte* BrickPager::holdResident(std::size_t id) {
-  const std::lock_guard lock(mutex_);
-  return states_[id].resident ? addUser(id) : nullptr;
-}
-
-// Two threads that want the same piece at once both read (and unpack) it, which is rare and
-// harmless: the second finds it resident.
-const std::byte* BrickPager::bringInStored(std::size_t id, const char** why) {
-  const Piece& piece = pieces_[id];
-  std::uint64_t checksum = 0;
-  const bool is_read = file_.checksum(piece.offset, piece.bytes, &checksum);
-  if (!is_read || checksum != piece.checksum) {
-    *why = is_read ? kWrongChecksum : kUnreadable;
-    return nullptr;
+  Shard& shard = shardOf(id);
+  std::unique_lock lock(shard.mutex);
+  std::shared_ptr<Entry>& slot = shard.entries[id];
+  if (slot != nullptr && slot->state == State::kResident) {
+    ++shard.hits;
+    ++slot->users;
+    // The first use of what was fetched is what it came for.
+    slot->is_used = !std::exchange(slot->is_ahead, false);
+    slot->query = query_.load(std::memory_order_relaxed);
+    if (isInPlace(slot->part) && slot->edition != edition_.load(std::memory_order_relaxed)) {
+      const std::shared_ptr<Entry> entry = slot;
+      lock.unlock();
+      return checkAnew(shard, *entry, why);
+    }
+    return dataOf(*slot);
   }
-  const std::lock_guard lock(mutex_);
-  if (states_[id].resident) return addUser(id);
-  held_bytes_ += piece.bytes;
-  return makeResident(id, {});
+  const WaitClock wait(wait_nanoseconds_);
+  if (slot != nullptr) {
+    ++shard.loads_joined;
+    return join(shard, lock, std::shared_ptr(slot), why);
+  }
+  const auto entry = std::make_shared<Entry>();
+  slot = entry;
+  lock.unlock();
+  ++misses_;
+  entry->id = id;
+  entry->query = query_;
+  return load(shard, entry, why);
 }
 
-const std::byte* BrickPager::bringInPacked(std::size_t id, const char** why) {
-  const Piece& piece = pieces_[id];
-  Buffer buffer;
+void BrickPager::fetch(std::size_t id) {
+  if (!file_.isWhole()) return;
+  const auto entry = std::make_shared<Entry>();
+  entry->id = id;
+  entry->query = query_;
+  entry->is_ahead = true;
+  Shard& shard = shardOf(id);
   {
-    const std::lock_guard lock(mutex_);
-    buffer = makeRoom(piece);
+    const std::lock_guard lock(shard.mutex);
+    if (!shard.entries.try_emplace(id, entry).second) return;
   }
-  const bool is_good = unpackPiece(piece, buffer.data.get(), why);
-  const std::lock_guard lock(mutex_);
-  held_bytes_ -= piece.bytes;
-  if (is_good && !states_[id].resident) return makeResident(id, std::move(buffer));
-  held_bytes_ -= buffer.bytes;
-  return is_good ? addUser(id) : nullptr;
+  const char* why = "";
+  if (load(shard, entry, &why) == nullptr) return;
+  ++parts_fetched_;
+  release(id);
+}
+
+const std::byte* BrickPager::join(Shard& shard, std::unique_lock<std::mutex>& lock,
+                                  const std::shared_ptr<Entry>& entry, const char** why) {
+  ++entry->users;
+  entry->is_used = !std::exchange(entry->is_ahead, false);
+  shard.loaded.wait(lock, [&] { return entry->state != State::kLoading; });
+  if (entry->state == State::kResident) return dataOf(*entry);
+  *why = entry->why;
+  return nullptr;
+}
+
+const std::byte* BrickPager::load(Shard& shard, const std::shared_ptr<Entry>& entry,
+                                  const char** why) {
+  bool is_good = false;
+  try {
+    is_good = bringIn(*entry, why);
+  } catch (const std::bad_alloc&) {
+    *why = kNoMemory;
+  }
+  if (is_good) {
+    ++parts_read_;
+    bytes_read_ += entry->part.bytes;
+    bytes_unpacked_ += entry->part.unpacked_bytes;
+    const std::lock_guard lock(policy_mutex_);
+    policy_.add(*entry);
+  }
+  {
+    const std::lock_guard lock(shard.mutex);
+    entry->state = is_good ? State::kResident : State::kFailed;
+    entry->why = is_good ? nullptr : *why;
+    if (!is_good) shard.entries.erase(entry->id);
+  }
+  shard.loaded.notify_all();
+  return is_good ? dataOf(*entry) : nullptr;
+}
+
+// A resident part of the caller, who holds it no more where it is not what it was.
+const std::byte* BrickPager::checkAnew(Shard& shard, Entry& entry, const char** why) {
+  const std::uint64_t edition = edition_;
+  if (!checkInPlace(entry.part, why)) {
+    release(entry.id);
+    return nullptr;
+  }
+  const std::lock_guard lock(shard.mutex);
+  entry.edition = edition;
+  return dataOf(entry);
+}
+
+// What a resident part costs.
+std::uint64_t BrickPager::costOf(const Part& part) const {
+  if (isPacked(part)) return bufferBytes(part.unpacked_bytes);
+  return isInPlace(part) ? part.bytes : bufferBytes(part.bytes);
+}
+
+// What it costs is counted where it succeeds. For what is used in place the pages of others go
+// after it has come, as with it the kernel may map pages around it that they had.
+bool BrickPager::bringIn(Entry& entry, const char** why) {
+  const Part& part = entry.part = part_of_(entry.id);
+  entry.bytes = costOf(part);
+  entry.edition = edition_;
+  *why = kUnreadable;
+  if (!file_.reaches(part.offset, part.bytes)) return false;
+  if (isInPlace(part)) {
+    if (!checkInPlace(part, why)) return false;
+    makeRoom(entry.bytes, 0);
+    return true;
+  }
+  const std::uint64_t copy_bytes = isPacked(part) ? part.bytes : 0;
+  bool is_good = false;
+  try {
+    entry.buffer = makeRoom(copy_bytes + entry.bytes, entry.bytes);
+    is_good = isPacked(part) ? unpackPart(part, entry.buffer.data.get(), why)
+                             : readPart(part, entry.buffer.data.get(), why);
+  } catch (const std::bad_alloc&) {
+    *why = kNoMemory;
+  }
+  held_bytes_ -= copy_bytes + (is_good ? 0 : entry.bytes);
+  return is_good;
+}
+
+bool BrickPager::checkInPlace(const Part& part, const char** why) const {
+  std::uint64_t checksum = 0;
+  const bool is_read = file_.checksum(part.offset, part.bytes, &checksum);
+  *why = is_read ? kWrongChecksum : kUnreadable;
+  return is_read && checksum == part.checksum;
+}
+
+bool BrickPager::readPart(const Part& part, std::byte* out, const char** why) const {
+  *why = kUnreadable;
+  if (!file_.read(part.offset, part.bytes, out)) return false;
+  *why = kWrongChecksum;
+  return checksum64(out, part.bytes) == part.checksum;
 }
 
 // Everything is done with a copy: what the checksum and the checks of the Blosc buffer have seen is
 // what the decoder gets, even while somebody writes to the file.
-bool BrickPager::unpackPiece(const Piece& piece, std::byte* out, const char** why) const {
-  const auto packed = std::make_unique_for_overwrite<std::byte[]>(piece.bytes);
-  *why = kUnreadable;
-  if (!file_.read(piece.offset, piece.bytes, packed.get())) return false;
-  *why = kWrongChecksum;
-  if (checksum64(packed.get(), piece.bytes) != piece.checksum) return false;
+bool BrickPager::unpackPart(const Part& part, std::byte* out, const char** why) const {
+  const auto packed = std::make_unique_for_overwrite<std::byte[]>(part.bytes);
+  if (!readPart(part, packed.get(), why)) return false;
   *why = kNotPacked;
-  return decodePart(piece.codec, {packed.get(), piece.bytes}, piece.unpacked_bytes, out);
+  return decodePart(part.codec, {packed.get(), part.bytes}, part.unpacked_bytes, out);
 }
 
 void BrickPager::release(std::size_t id) noexcept {
-  const std::lock_guard lock(mutex_);
-  State& state = states_[id];
-  if (--state.users > 0) return;
-  state.older = newest_;
-  state.newer = kNone;
-  (newest_ == kNone ? oldest_ : states_[newest_].newer) = static_cast<std::uint32_t>(id);
-  newest_ = static_cast<std::uint32_t>(id);
-  evictOverBudget();
+  Shard& shard = shardOf(id);
+  {
+    const std::lock_guard lock(shard.mutex);
+    if (--shard.entries.find(id)->second->users > 0) return;
+  }
+  if (held_bytes_.load() > budget_bytes_) makeRoom(0, 0);
+}
+
+void BrickPager::withdraw(std::size_t id) {
+  Shard& shard = shardOf(id);
+  const std::lock_guard lock(shard.mutex);
+  const auto found = shard.entries.find(id);
+  // As if the query before had fetched it.
+  if (found != shard.entries.end() && found->second->is_ahead) found->second->query = query_ - 1;
+}
+
+std::uint64_t BrickPager::noticeChanges() {
+  const std::uint64_t edition = file_.edition();
+  std::uint64_t known = edition_;
+  while (known < edition && !edition_.compare_exchange_weak(known, edition)) {
+  }
+  return edition;
+}
+
+void BrickPager::beginQuery() {
+  const std::lock_guard lock(policy_mutex_);
+  ++query_;
+  policy_.beginQuery();
 }
 
 BrickPager::Counters BrickPager::counters() const {
-  const std::lock_guard lock(mutex_);
-  return counters_;
-}
-
-std::uint64_t BrickPager::heldBytes() const {
-  const std::lock_guard lock(mutex_);
-  return held_bytes_;
-}
-
-const std::byte* BrickPager::dataOf(std::size_t id) const {
-  const State& state = states_[id];
-  return state.unpacked.data ? state.unpacked.data.get() : file_.data() + pieces_[id].offset;
-}
-
-const std::byte* BrickPager::addUser(std::size_t id) {
-  if (states_[id].users++ == 0) unlink(id);
-  return dataOf(id);
-}
-
-// With one user. What it costs was counted before.
-const std::byte* BrickPager::makeResident(std::size_t id, Buffer unpacked) {
-  const Piece& piece = pieces_[id];
-  State& state = states_[id];
-  state.resident = true;
-  state.users = 1;
-  state.unpacked = std::move(unpacked);
-  ++counters_.pieces_read;
-  counters_.bytes_read += piece.bytes;
-  if (state.unpacked.data) counters_.bytes_unpacked += piece.unpacked_bytes;
-  evictOverBudget();
-  return dataOf(id);
-}
-
-// A buffer for the piece; it and the copy of the packed bytes are counted. The oldest pieces go
-// before it is made, so that one of theirs can serve.
-BrickPager::Buffer BrickPager::makeRoom(const Piece& piece) {
-  const std::uint32_t wanted = bufferBytes(piece.unpacked_bytes);
-  Buffer buffer;
-  while (held_bytes_ + piece.bytes + wanted > budget_bytes_ && oldest_ != kNone) {
-    Buffer evicted = evictOldest();
-    if (evicted.bytes == wanted) buffer = std::move(evicted);
+  Counters sum{.misses = misses_,
+               .parts_read = parts_read_,
+               .bytes_read = bytes_read_,
+               .bytes_unpacked = bytes_unpacked_,
+               .parts_released = parts_released_,
+               .buffers_reused = buffers_reused_,
+               .wait_nanoseconds = wait_nanoseconds_,
+               .parts_fetched = parts_fetched_,
+               .fetched_unused = fetched_unused_};
+  for (const Shard& shard : shards_) {
+    const std::lock_guard lock(shard.mutex);
+    sum.hits += shard.hits;
+    sum.loads_joined += shard.loads_joined;
   }
+  return sum;
+}
+
+const std::byte* BrickPager::dataOf(const Entry& entry) const {
+  return entry.buffer.data ? entry.buffer.data.get() : file_.data() + entry.part.offset;
+}
+
+// Counts `bytes` more, and gives back what exceeds the budget then. A buffer of `buffer_bytes`, if
+// one is wanted, of a part that went, where one fits.
+BrickPager::Buffer BrickPager::makeRoom(std::uint64_t bytes, std::uint64_t buffer_bytes) {
+  Buffer buffer;
+  for (auto entry = takeVictims(bytes); entry != nullptr; entry = std::move(entry->next_leaving)) {
+    if (isInPlace(entry->part))
+      file_.release(entry->part.offset, entry->part.bytes);
+    else if (!buffer.data && entry->buffer.bytes == buffer_bytes)
+      buffer = std::move(entry->buffer);
+  }
+  if (buffer_bytes == 0) return {};
   if (buffer.data)
-    ++counters_.buffers_reused;
+    ++buffers_reused_;
   else
-    buffer.data.reset(new (kBufferAlignment) std::byte[wanted]);
-  buffer.bytes = wanted;
-  held_bytes_ += piece.bytes + wanted;
+    buffer.data.reset(new (kBufferAlignment) std::byte[buffer_bytes]);
+  buffer.bytes = buffer_bytes;
   return buffer;
 }
 
-BrickPager::Buffer BrickPager::evictOldest() {
-  const std::size_t id = oldest_;
-  State& state = states_[id];
-  unlink(id);
-  state.resident = false;
-  ++counters_.pieces_released;
-  if (!state.unpacked.data) {
-    held_bytes_ -= pieces_[id].bytes;
-    file_.release(pieces_[id].offset, pieces_[id].bytes);
-    return {};
+// All that go, each with the next.
+std::shared_ptr<BrickPager::Entry> BrickPager::takeVictims(std::uint64_t bytes) {
+  std::shared_ptr<Entry> leaving;
+  const std::lock_guard lock(policy_mutex_);
+  held_bytes_ += bytes;
+  while (held_bytes_.load() > budget_bytes_) {
+    std::shared_ptr<Entry> entry = takeVictim();
+    if (entry == nullptr) break;
+    held_bytes_ -= entry->bytes;
+    ++parts_released_;
+    entry->next_leaving = std::move(leaving);
+    leaving = std::move(entry);
   }
-  held_bytes_ -= state.unpacked.bytes;
-  return std::exchange(state.unpacked, {});
+  return leaving;
 }
 
-void BrickPager::evictOverBudget() {
-  while (held_bytes_ > budget_bytes_ && oldest_ != kNone) evictOldest();
-}
-
-void BrickPager::unlink(std::size_t id) {
-  const State& state = states_[id];
-  (state.newer == kNone ? newest_ : states_[state.newer].older) = state.older;
-  (state.older == kNone ? oldest_ : states_[state.older].newer) = state.newer;
+std::shared_ptr<BrickPager::Entry> BrickPager::takeVictim() {
+  std::shared_ptr<Entry> taken;
+  policy_.takeVictim([&](ResidencePolicy::Member& member, ResidencePolicy::Which which) {
+    using enum ResidencePolicy::Which;
+    Shard& shard = shardOf(member.id);
+    const std::lock_guard lock(shard.mutex);
+    const auto found = shard.entries.find(member.id);
+    Entry& entry = *found->second;
+    if (entry.users > 0 || (which == kStale && entry.query + 1 >= query_)) return false;
+    if (which == kTakenOnce &&
+        ((entry.is_ahead && entry.query == query_) || std::exchange(entry.is_used, false)))
+      return false;
+    if (entry.is_ahead) ++fetched_unused_;
+    taken = std::move(found->second);
+    shard.entries.erase(found);
+    return true;
+  });
+  return taken;
 }
 
 }  // namespace isobrick

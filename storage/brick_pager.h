@@ -1,63 +1,111 @@
-// Which parts of a mapped file the process holds, and for how long.
+// Which parts of a file the process holds, and for how long.
 #pragma once
 
+#include <array>
+#include <atomic>
+#include <condition_variable>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <new>
+#include <unordered_map>
 #include <vector>
 
 #include "isobrick/storage/format.h"
-#include "isobrick/storage/mapped_file.h"
+#include "isobrick/storage/paged_file.h"
+#include "isobrick/storage/residence_policy.h"
 
 namespace isobrick {
 
-// Hands out pieces of a mapped file, each checked against its checksum when it comes in, and keeps
-// the sum of those that stay resident within a budget: the piece that was let go longest ago goes
-// first. Pieces in use never go, so a budget smaller than what is in use at one moment is exceeded
-// by just that, and nothing waits.
+// Hands out parts of a file, each checked against its checksum when it comes in, and keeps
+// the sum of those that stay resident within a budget: residence_policy.h says who goes first.
+// Parts in use never go, so a budget smaller than what is in use at one moment is exceeded by just
+// that, and nothing waits for room.
 //
-// A stored piece is used in place: what it costs is its pages of the map, which are given back to
-// the system. A packed piece is unpacked into a buffer of the heap: what it costs is that buffer
-// (rounded up by at most an eighth), and, while it is being unpacked, a copy of its packed bytes,
-// on which alone checksum and decoder work. The buffer of a piece that goes is passed on to the one
-// that comes in, if it fits; no buffer is kept for later, so there is nothing beside the budget.
-// Unpacking itself takes up to 3 MiB for each thread in it.
+// A part is absent, loading, or resident, and a resident one may be in use. Whoever wants a part
+// that another thread is loading waits for it: nothing is read or unpacked twice at once. The
+// loading thread never waits for anybody.
 //
-// All members are thread-safe. Reading, checking and unpacking happen outside the lock.
+// A stored part of a mapped file is used in place: what it costs is its pages of the map, which are
+// given back to the system. Any other is read, past the map, into a buffer of the heap, a packed
+// one unpacked on the way: what it costs is that buffer (rounded up by at most an eighth), and,
+// while it is being unpacked, a copy of its packed bytes, on which alone checksum and decoder work.
+// The buffer of a part that goes is passed on to the one that comes in, if it fits; no buffer is
+// kept for later, so there is nothing beside the budget. Unpacking itself takes up to 3 MiB for
+// each thread in it. A part that has left the sum may be on its way out for a moment yet: one for
+// each thread that makes room.
+//
+// All members are thread-safe. Reading, checking, unpacking and giving back happen outside all
+// locks. A hit takes the lock of one of many shards and makes no system call.
 class BrickPager {
  public:
-  struct Piece {
+  struct Part {
     std::uint64_t offset = 0;
     std::uint64_t bytes = 0;  // in the file; 0: nothing is stored; never acquired
     std::uint64_t checksum = 0;
-    std::uint32_t unpacked_bytes = 0;  // of a packed piece
+    std::uint32_t unpacked_bytes = 0;  // of a packed part
     format::Codec codec = format::Codec::kStored;
   };
+  // Where part `id` is: asked, by any thread, when it comes in. The same each time.
+  using PartOf = std::function<Part(std::size_t id)>;
+
   struct Counters {
-    std::uint64_t pieces_read = 0;  // how often a piece came in
-    std::uint64_t bytes_read = 0;   // of the file
+    std::uint64_t hits = 0;          // parts acquired that were resident
+    std::uint64_t misses = 0;        // and that were not
+    std::uint64_t loads_joined = 0;  // and that another thread was loading
+    std::uint64_t parts_read = 0;    // how often a part came in
+    std::uint64_t bytes_read = 0;    // of the file
     std::uint64_t bytes_unpacked = 0;
-    std::uint64_t pieces_released = 0;  // how often one went for the budget
-    std::uint64_t buffers_reused = 0;   // how often its buffer was passed on
+    std::uint64_t parts_released = 0;    // how often one went for the budget
+    std::uint64_t buffers_reused = 0;    // how often its buffer was passed on
+    std::uint64_t wait_nanoseconds = 0;  // of all threads, in acquire() for misses and joined loads
+    std::uint64_t parts_fetched = 0;     // how often one came in ahead of need
+    std::uint64_t fetched_unused = 0;    // and went before anybody acquired it
   };
 
-  BrickPager(const MappedFile& file, std::vector<Piece> pieces, std::uint64_t budget_bytes);
+  BrickPager(const PagedFile& file, PartOf part_of, std::uint64_t budget_bytes);
+  BrickPager(const PagedFile& file, std::vector<Part> parts, std::uint64_t budget_bytes);
+  ~BrickPager();
+  BrickPager(const BrickPager&) = delete;
+  BrickPager& operator=(const BrickPager&) = delete;
 
-  // Makes piece `id` resident and keeps it so until release(id); counts nest. The memory, aligned
-  // to 64 bytes where the piece is, stays valid that long; of a packed piece also unchanged, of a
-  // stored one as long as nobody writes to the file. Returns nullptr where the bytes are damaged or
-  // cannot be read: `*why` says which.
+  // Makes part `id` resident and keeps it so until release(id); counts nest. The memory, aligned
+  // to 64 bytes where the part is, stays valid that long; in a buffer also unchanged, in place as
+  // long as nobody writes to the file. Returns nullptr where the bytes are damaged or cannot be
+  // read: `*why` says which. Another try may succeed.
   [[nodiscard]] const std::byte* acquire(std::size_t id, const char** why);
   void release(std::size_t id) noexcept;
 
+  // Makes part `id` resident ahead of need, and waits for that unless another thread does it. It
+  // stays until it is acquired or another query begins, as far as room can be made elsewhere.
+  // Failures are left to acquire().
+  void fetch(std::size_t id);
+
+  // Takes a fetch() of this query back: the part is not kept for it any more, and unless the next
+  // query takes it, it is among the first to go then.
+  void withdraw(std::size_t id);
+
+  // Whether the part is used in the file's map.
+  bool isInPlace(const Part& part) const {
+    return part.codec == format::Codec::kStored && file_.isMapped();
+  }
+  // Asks the file whether it was written to (PagedFile::edition()), and returns how often it was.
+  // After that every part that is used in place is checked anew when it is acquired next.
+  std::uint64_t noticeChanges();
+
+  // From here on parts are taken for another query: what neither it nor the one before takes goes
+  // first (see ResidencePolicy).
+  void beginQuery();
+
   Counters counters() const;
+  std::uint64_t missCount() const { return misses_.load(std::memory_order_relaxed); }
   // What counts against the budget now.
-  std::uint64_t heldBytes() const;
+  std::uint64_t heldBytes() const { return held_bytes_.load(); }
 
  private:
-  static constexpr std::uint32_t kNone = ~std::uint32_t{0};
+  static constexpr std::size_t kShards = 64;
   static constexpr std::align_val_t kBufferAlignment{format::kPartAlignment};
 
   struct BufferDeleter {
@@ -65,37 +113,59 @@ class BrickPager {
   };
   struct Buffer {
     std::unique_ptr<std::byte[], BufferDeleter> data;
-    std::uint32_t bytes = 0;
+    std::uint64_t bytes = 0;
   };
-  struct State {
-    std::uint32_t users = 0;
-    std::uint32_t newer = kNone, older = kNone;  // neighbours in the queue of unused pieces
-    bool resident = false;
-    Buffer unpacked;  // of a resident packed piece
+  enum class State : std::uint8_t { kLoading, kResident, kFailed };
+  // A part that is loading or resident. The lock of its shard guards state, users, is_used,
+  // is_ahead, query, edition and why; what is loaded is the loader's until the part is resident,
+  // and then does not change.
+  struct Entry : ResidencePolicy::Member {
+    Part part;
+    State state = State::kLoading;
+    bool is_used = false;       // again, since the policy looked at it
+    bool is_ahead = false;      // fetched, and not acquired yet
+    std::uint64_t query = 0;    // that took it last
+    std::uint64_t edition = 0;  // of the file, that its bytes were checked in
+    std::uint32_t users = 1;
+    const char* why = nullptr;  // of a failed one
+    Buffer buffer;              // of one that is not used in place
+    std::shared_ptr<Entry> next_leaving;
+  };
+  struct alignas(64) Shard {
+    mutable std::mutex mutex;
+    std::condition_variable loaded;
+    std::unordered_map<std::size_t, std::shared_ptr<Entry>> entries;
+    std::uint64_t hits = 0;
+    std::uint64_t loads_joined = 0;
   };
 
-  const std::byte* holdResident(std::size_t id);
-  const std::byte* bringInStored(std::size_t id, const char** why);
-  const std::byte* bringInPacked(std::size_t id, const char** why);
-  bool unpackPiece(const Piece& piece, std::byte* out, const char** why) const;
+  Shard& shardOf(std::size_t id) { return shards_[id * 0x9E3779B97F4A7C15u >> 58]; }
+  const std::byte* dataOf(const Entry& entry) const;
+  const std::byte* join(Shard& shard, std::unique_lock<std::mutex>& lock,
+                        const std::shared_ptr<Entry>& entry, const char** why);
+  const std::byte* load(Shard& shard, const std::shared_ptr<Entry>& entry, const char** why);
+  const std::byte* checkAnew(Shard& shard, Entry& entry, const char** why);
+  std::uint64_t costOf(const Part& part) const;
+  bool bringIn(Entry& entry, const char** why);
+  bool checkInPlace(const Part& part, const char** why) const;
+  bool readPart(const Part& part, std::byte* out, const char** why) const;
+  bool unpackPart(const Part& part, std::byte* out, const char** why) const;
+  Buffer makeRoom(std::uint64_t bytes, std::uint64_t buffer_bytes);
+  std::shared_ptr<Entry> takeVictims(std::uint64_t bytes);
+  std::shared_ptr<Entry> takeVictim();
 
-  // All of these with the lock held.
-  const std::byte* dataOf(std::size_t id) const;
-  const std::byte* addUser(std::size_t id);  // of a resident piece
-  const std::byte* makeResident(std::size_t id, Buffer unpacked);
-  Buffer makeRoom(const Piece& piece);
-  Buffer evictOldest();
-  void evictOverBudget();
-  void unlink(std::size_t id);
-
-  const MappedFile& file_;
-  const std::vector<Piece> pieces_;
+  const PagedFile& file_;
+  const PartOf part_of_;
   const std::uint64_t budget_bytes_;
-  mutable std::mutex mutex_;  // guards all below
-  std::vector<State> states_;
-  std::uint32_t newest_ = kNone, oldest_ = kNone;
-  std::uint64_t held_bytes_ = 0;
-  Counters counters_;
+  std::array<Shard, kShards> shards_;
+  std::mutex policy_mutex_;  // taken before that of a shard, never while one is held
+  ResidencePolicy policy_;
+  std::atomic<std::uint64_t> query_{0};    // the latest
+  std::atomic<std::uint64_t> edition_{0};  // of the file, as far as noticed
+  std::atomic<std::uint64_t> held_bytes_{0};
+  std::atomic<std::uint64_t> misses_{0}, parts_read_{0}, bytes_read_{0}, bytes_unpacked_{0},
+      parts_released_{0}, buffers_reused_{0}, wait_nanoseconds_{0}, parts_fetched_{0},
+      fetched_unused_{0};
 };
 
 }  // namespace isobrick

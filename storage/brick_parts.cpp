@@ -21,9 +21,9 @@ std::uint64_t partBytes(const PyramidSpec& spec, const BrickLayout& layout, Part
   return 0;
 }
 
-bool isPossiblePart(const format::BrickRecord& record, const PyramidSpec& spec,
-                    const BrickLayout& layout, PartKind kind, int level, const Index3& brick) {
-  const format::PartRecord& part = partOf(record, kind);
+bool isPossiblePart(const format::BrickRow& row, const PyramidSpec& spec, const BrickLayout& layout,
+                    PartKind kind, int level, const Index3& brick) {
+  const format::PartEntry& part = partOf(row, kind);
   const bool is_absent = kind == PartKind::kCurvature && (level > 0 || !spec.has_curvature);
   const auto codec = static_cast<format::Codec>(part.codec);
   switch (codec) {
@@ -31,7 +31,7 @@ bool isPossiblePart(const format::BrickRecord& record, const PyramidSpec& spec,
     case format::Codec::kAbsent:
       // Constant ranges are those of constant samples.
       return (codec == format::Codec::kAbsent) == is_absent && part.stored_bytes == 0 &&
-             part.offset == 0 && (kind != PartKind::kRanges || record.samples.codec == part.codec);
+             part.offset == 0 && (kind != PartKind::kRanges || row.samples.codec == part.codec);
     case format::Codec::kStored:
     case format::Codec::kLz4:
     case format::Codec::kZstd: {
@@ -54,11 +54,11 @@ bool isPossibleConstant(float constant, VoxelType type) {
   });
 }
 
-bool isPossibleRecord(const format::BrickRecord& record, const PyramidSpec& spec,
-                      const BrickLayout& layout, int level, const Index3& brick) {
+bool isPossibleRow(const format::BrickRow& row, const PyramidSpec& spec, const BrickLayout& layout,
+                   int level, const Index3& brick) {
   for (const PartKind kind : {PartKind::kSamples, PartKind::kRanges, PartKind::kCurvature})
-    if (!isPossiblePart(record, spec, layout, kind, level, brick)) return false;
-  return isPossibleConstant(record.constant, spec.voxel_type);
+    if (!isPossiblePart(row, spec, layout, kind, level, brick)) return false;
+  return isPossibleConstant(row.constant, spec.voxel_type);
 }
 
 }  // namespace isobrick

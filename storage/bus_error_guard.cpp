@@ -7,6 +7,7 @@
 
 #include <array>
 #include <atomic>
+#include <bit>
 #include <cerrno>
 #include <csignal>
 #include <mutex>
@@ -19,9 +20,15 @@ namespace {
 
 constexpr std::uint64_t kNothingFailed = ~std::uint64_t{0};
 
+using Notes = std::atomic<std::uint64_t>;  // 64 pages
+static_assert(Notes::is_always_lock_free && sizeof(Notes) == 8);
+constexpr std::uint64_t kPagesPerNote = 64;
+
 struct GuardedRange {
   RangeSlot range;
   std::atomic<std::uint64_t> failed_offset{kNothingFailed};
+  // A bit for each page that could not be had. Changes only while the range is none.
+  Notes* failed_pages = nullptr;
 };
 
 // What the process had for SIGBUS when an entry of ours took its place.
@@ -44,6 +51,10 @@ std::uintptr_t pageBytes() {
 }
 std::atomic<std::uintptr_t> g_page_bytes{0};  // for the handler
 
+std::uint64_t bytesOfNotes(std::uint64_t range_bytes) {
+  return ((range_bytes - 1) / pageBytes() / kPagesPerNote + 1) * sizeof(Notes);
+}
+
 // ---- only async-signal-safe calls from here ----
 
 // A signal that the kernel sends because an instruction cannot go on. It can neither be ignored nor
@@ -63,8 +74,13 @@ bool mendGuardedPage(std::uintptr_t address) {
     if (mmap(reinterpret_cast<void*>(page), page_bytes, PROT_READ,
              MAP_PRIVATE | MAP_ANONYMOUS | MAP_FIXED, -1, 0) == MAP_FAILED)
       return false;
+    const std::uint64_t offset = page - range->begin;
+    const std::uint64_t number = offset / page_bytes;
+    guarded.failed_pages[number / kPagesPerNote].fetch_or(std::uint64_t{1}
+                                                          << number % kPagesPerNote);
+    // Last: who sees this sees the note too.
     std::uint64_t nothing = kNothingFailed;
-    guarded.failed_offset.compare_exchange_strong(nothing, page - range->begin);
+    guarded.failed_offset.compare_exchange_strong(nothing, offset);
     return true;
   }
   return false;
@@ -197,6 +213,10 @@ bool BusErrorGuard::guard(const void* begin, std::uint64_t size) {
   std::size_t slot = 0;
   while (slot < kMostRanges && g_ranges[slot].range.read()) ++slot;
   if (slot == kMostRanges) return false;
+  void* const notes = mmap(nullptr, bytesOfNotes(size), PROT_READ | PROT_WRITE,
+                           MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+  if (notes == MAP_FAILED) return false;
+  g_ranges[slot].failed_pages = static_cast<Notes*>(notes);
   g_ranges[slot].failed_offset.store(kNothingFailed);
   g_ranges[slot].range.set({reinterpret_cast<std::uintptr_t>(begin), size});
   slot_ = slot;
@@ -206,7 +226,10 @@ bool BusErrorGuard::guard(const void* begin, std::uint64_t size) {
 void BusErrorGuard::leave() noexcept {
   if (slot_ == kNone) return;
   const std::lock_guard lock(g_ranges_mutex);
-  g_ranges[slot_].range.set({});
+  GuardedRange& guarded = g_ranges[slot_];
+  const std::uint64_t size = guarded.range.read().value_or(RangeSlot::Range{}).size;
+  guarded.range.set({});
+  munmap(guarded.failed_pages, bytesOfNotes(size));
   slot_ = kNone;
 }
 
@@ -215,6 +238,23 @@ std::optional<std::uint64_t> BusErrorGuard::failedOffset() const noexcept {
   const std::uint64_t offset = g_ranges[slot_].failed_offset.load();
   if (offset == kNothingFailed) return std::nullopt;
   return offset;
+}
+
+std::optional<std::uint64_t> BusErrorGuard::failedOffset(std::uint64_t offset,
+                                                         std::uint64_t bytes) const noexcept {
+  if (!failedOffset()) return std::nullopt;
+  const std::uint64_t end = (offset + bytes - 1) / pageBytes() + 1;
+  for (std::uint64_t page = offset / pageBytes(); page < end;) {
+    const std::uint64_t notes =
+        g_ranges[slot_].failed_pages[page / kPagesPerNote].load() >> page % kPagesPerNote;
+    if (notes == 0) {
+      page = (page / kPagesPerNote + 1) * kPagesPerNote;
+      continue;
+    }
+    page += static_cast<std::uint64_t>(std::countr_zero(notes));
+    if (page < end) return page * pageBytes();
+  }
+  return std::nullopt;
 }
 
 }  // namespace isobrick

@@ -10,7 +10,8 @@ namespace isobrick {
 // Guards one range of mapped memory. Touching a page that cannot be had (the file was cut, its disk
 // failed) raises SIGBUS. The handler puts a page of zeros there, notes the place, and the
 // instruction that touched it goes on. So whoever used guarded memory asks failedOffset() before
-// the result is believed.
+// the result is believed. The zeros stay until the memory is mapped anew. The notes take a bit for
+// each page, of which only those pages are in memory that have a note.
 //
 // The handler belongs to the process. The first guard() installs it and it stays to the end.
 // Signals that are not ours go to what was installed when the handler came, as the kernel would
@@ -30,7 +31,7 @@ namespace isobrick {
 // async-signal-safe; nothing else here is to be called from a signal handler.
 class BusErrorGuard {
  public:
-  static constexpr std::size_t kMostRanges = 1024;
+  static constexpr std::size_t kMostRanges = 2048;
   static constexpr std::size_t kMostHandlers = 16;
 
   BusErrorGuard() = default;
@@ -39,13 +40,18 @@ class BusErrorGuard {
   BusErrorGuard& operator=(const BusErrorGuard&) = delete;
 
   // Guards `size` bytes (at least 1) from `begin`, which begin a page, and the rest of their last
-  // page. Guards nothing and returns false where kMostRanges are guarded already. To be called once
-  // the memory is mapped, and leave() before it is unmapped; nobody may touch it meanwhile.
+  // page. Guards nothing and returns false where kMostRanges are guarded already, or where there is
+  // no address space for the notes. To be called once the memory is mapped, and leave() before it
+  // is unmapped; nobody may touch it meanwhile.
   [[nodiscard]] bool guard(const void* begin, std::uint64_t size);
   void leave() noexcept;
 
-  // Where, from the begin of the range, the first page begins that could not be had.
+  // Where, from the begin of the range, the page begins that was the first not to be had.
   std::optional<std::uint64_t> failedOffset() const noexcept;
+  // The same of the lowest page that could not be had among those of [offset, offset + bytes),
+  // which lies within the range; `bytes` is at least 1. Costs next to nothing where none failed.
+  std::optional<std::uint64_t> failedOffset(std::uint64_t offset,
+                                            std::uint64_t bytes) const noexcept;
 
   // Costs one system call where the handler is in front.
   static void keepInFront() noexcept;

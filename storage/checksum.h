@@ -10,7 +10,7 @@ namespace isobrick {
 // XXH3-64 with seed 0.
 std::uint64_t checksum64(const void* data, std::size_t bytes);
 
-// The same of bytes that come in pieces.
+// The same of bytes that come one run after the other.
 class RunningChecksum {
  public:
   RunningChecksum();

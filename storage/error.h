@@ -33,6 +33,7 @@ enum class Remedy {
   kCorrectRawLayout,    // what OpenOptions::raw says
   kDicomAsFloat32,      // OpenOptions::dicom_float32
   kBuildWithCurvature,  // BuildOptions::with_curvature
+  kChooseComponent,     // OpenOptions::component
 };
 
 // A failed run. `what()` is one line that says what went wrong, where (path, offset, brick, voxel)

@@ -2,8 +2,8 @@
 //
 //   header (512 bytes)
 //   parts of bricks, in the order of the brick table: samples, tile ranges, curvature of each
-//   level table   (LevelRecord  * level_count)
-//   brick table   (BrickRecord  * brick_count; the bricks of level 0 first, x fastest)
+//   level table   (a LevelRow for each level)
+//   brick table   (a BrickRow for each brick; those of level 0 first, x fastest)
 //   provenance    (JSON, UTF-8)
 //
 // All numbers are little-endian. Structs have no padding; a big-endian host is refused at compile
@@ -66,29 +66,32 @@ struct Header {
 };
 static_assert(sizeof(Header) == 512 && std::is_trivially_copyable_v<Header>);
 
-struct LevelRecord {
+// Row of the level table.
+struct LevelRow {
   std::uint64_t samples[3];
   std::uint64_t bricks[3];
   std::uint64_t first_brick;  // row of the brick table
 };
-static_assert(sizeof(LevelRecord) == 56);
+static_assert(sizeof(LevelRow) == 56);
 
-struct PartRecord {
+// Where a part of a brick is: three of them in a row of the brick table.
+struct PartEntry {
   std::uint64_t offset;        // from the start of the file; 0 where there are no bytes
   std::uint64_t checksum;      // XXH3-64 of the stored bytes; 0 where there are none
   std::uint32_t stored_bytes;  // size in the file
   std::uint32_t codec;
 };
-static_assert(sizeof(PartRecord) == 24);
+static_assert(sizeof(PartEntry) == 24);
 
-struct BrickRecord {
-  PartRecord samples;
-  PartRecord ranges;
-  PartRecord curvature;
+// Row of the brick table.
+struct BrickRow {
+  PartEntry samples;
+  PartEntry ranges;
+  PartEntry curvature;
   float range_min, range_max;  // closure over the brick's cells (rule 7)
   float constant;              // the value of samples whose codec is kConstant
   std::uint32_t reserved;      // zero
 };
-static_assert(sizeof(BrickRecord) == 88);
+static_assert(sizeof(BrickRow) == 88);
 
 }  // namespace isobrick::format

@@ -1,4 +1,4 @@
-// One loop over the indices of a box: bricks, tiles, cells or samples.
+// One loop over the indices of a box (bricks, tiles, cells or samples), and the index of a number.
 #pragma once
 
 #include <utility>
@@ -11,6 +11,11 @@ inline bool contains(const IndexBox& box, const Index3& index) {
   const Index3 end = box.end();
   return index.x >= box.first.x && index.y >= box.first.y && index.z >= box.first.z &&
          index.x < end.x && index.y < end.y && index.z < end.z;
+}
+
+// The index whose linearIndex() in a block of `dims` is `i`.
+inline Index3 indexAt(std::int64_t i, const Index3& dims) {
+  return {i % dims.x, i / dims.x % dims.y, i / (dims.x * dims.y)};
 }
 
 // Calls f(index) for every index in the box, x fastest, then y, then z.

@@ -9,6 +9,7 @@
 #include "isobrick/storage/brick_encoder.h"
 #include "isobrick/storage/checksum.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/index_loop.h"
 #include "isobrick/storage/usable_geometry.h"
 
 namespace isobrick {
@@ -30,8 +31,8 @@ std::string brickName(int level, const Index3& brick) {
          std::to_string(brick.z) + ") of level " + std::to_string(level);
 }
 
-Pyramid::Pyramid(const std::string& path, std::uint64_t budget_bytes)
-    : file_(path), budget_bytes_(budget_bytes) {
+Pyramid::Pyramid(const std::string& path, std::uint64_t budget_bytes, FileAccess access)
+    : file_(path, access), budget_bytes_(budget_bytes) {
   readHeader();
 }
 
@@ -42,10 +43,11 @@ void Pyramid::fail(const std::string& what, ErrorPlace place) const {
 
 void Pyramid::readHeader() {
   constexpr std::uint64_t kSize = sizeof(format::Header);
-  if (file_.size() < kSize || std::memcmp(file_.data(), format::kMagic, 8) != 0)
+  format::Header header{};
+  if (file_.size() >= kSize && !file_.read(0, kSize, reinterpret_cast<std::byte*>(&header)))
+    fail("cannot be read at offset 0; check the disk");
+  if (std::memcmp(header.magic, format::kMagic, sizeof header.magic) != 0)
     fail("is not an isobrick pyramid; make one with 'isobrick build'");
-  format::Header header;
-  std::memcpy(&header, file_.data(), kSize);
   if (header.version != format::kVersion)
     fail("has format version " + std::to_string(header.version) + ", this program reads version " +
          std::to_string(format::kVersion) + "; build it again or use the program that wrote it");
@@ -105,31 +107,37 @@ std::vector<std::byte> Pyramid::readTable(std::uint64_t offset, std::uint64_t by
   fail(std::string("has a damaged ") + name + "; build it again");
 }
 
+template <typename F>
+void Pyramid::forEachBrick(F&& f) const {
+  for (int level = 0; level < lattice().levels(); ++level)
+    forEachIndex({Index3(0), layout_.bricks(level)}, [&](const Index3& brick) { f(level, brick); });
+}
+
 void Pyramid::readTables(const format::Header& header) {
   // The layout follows from the header, so the tables must have just the sizes that it gives.
   std::uint64_t rows = 0;
-  std::vector<format::LevelRecord> levels(static_cast<std::size_t>(lattice().levels()));
-  const std::uint64_t level_bytes = levels.size() * sizeof(format::LevelRecord);
+  std::vector<format::LevelRow> levels(static_cast<std::size_t>(lattice().levels()));
+  const std::uint64_t level_bytes = levels.size() * sizeof(format::LevelRow);
   std::memcpy(
       levels.data(),
       readTable(header.level_table_offset, level_bytes, header.level_table_checksum, "level table")
           .data(),
       level_bytes);
   for (int level = 0; level < lattice().levels(); ++level) {
-    const format::LevelRecord& record = levels[static_cast<std::size_t>(level)];
+    const format::LevelRow& row = levels[static_cast<std::size_t>(level)];
     const Index3 samples = lattice().samples(level);
     const Index3 bricks = layout_.bricks(level);
-    bool same = record.first_brick == rows;
+    bool same = row.first_brick == rows;
     for (int axis = 0; axis < 3; ++axis)
-      same = same && record.samples[axis] == static_cast<std::uint64_t>(samples[axis]) &&
-             record.bricks[axis] == static_cast<std::uint64_t>(bricks[axis]);
+      same = same && row.samples[axis] == static_cast<std::uint64_t>(samples[axis]) &&
+             row.bricks[axis] == static_cast<std::uint64_t>(bricks[axis]);
     if (!same) fail("has a level table that contradicts its header; build it again");
     first_brick_.push_back(rows);
     rows += static_cast<std::uint64_t>(elementCount(bricks));
   }
   // kMaxVoxelsPerAxis bounds `rows` by 2^57, so the product fits; the file's size bounds it
   // further.
-  if (header.brick_count != rows || rows > file_.size() / sizeof(format::BrickRecord))
+  if (header.brick_count != rows || rows > file_.size() / sizeof(format::BrickRow))
     fail("has a wrong number of bricks; build it again");
   readBrickTable(header);
   if (header.provenance_bytes > kMostProvenanceBytes)
@@ -139,13 +147,13 @@ void Pyramid::readTables(const format::Header& header) {
                                                 header.provenance_checksum, "provenance");
   provenance_.assign(reinterpret_cast<const char*>(text.data()), text.size());
 
-  std::vector<BrickPager::Piece> pieces;
-  pieces.reserve(3 * rows);
-  forEachBrick([&](int level, const Index3& brick) {
-    for (const PartKind kind : {kSamples, kRanges, kCurvature})
-      pieces.push_back(pieceOf(kind, level, brick));
-  });
-  pager_ = std::make_unique<BrickPager>(file_, std::move(pieces), budget_bytes_);
+  pager_ = std::make_unique<BrickPager>(
+      file_,
+      [this](std::size_t id) {
+        const BrickAddress at = brickAt(id / 3);
+        return pagedPart(static_cast<PartKind>(id % 3), at.level, at.brick);
+      },
+      budget_bytes_);
 }
 
 // A row is checked before the next is looked at, and memory grows with the rows that are possible:
@@ -155,27 +163,52 @@ void Pyramid::readBrickTable(const format::Header& header) {
   const std::uint64_t rows = header.brick_count;
   const auto damaged = [&] { fail("has a damaged brick table; build it again"); };
   std::uint64_t offset = header.brick_table_offset;
-  if (!liesWithin(offset, rows * sizeof(format::BrickRecord), file_.size())) damaged();
+  if (!liesWithin(offset, rows * sizeof(format::BrickRow), file_.size())) damaged();
   RunningChecksum checksum;
-  std::vector<format::BrickRecord> some;
+  std::vector<format::BrickRow> some;
   std::size_t next = 0;
   forEachBrick([&](int level, const Index3& brick) {
     if (next == some.size()) {
       some.resize(std::min<std::uint64_t>(rows - bricks_.size(), kRowsAtATime));
       next = 0;
-      const std::size_t bytes = some.size() * sizeof(format::BrickRecord);
+      const std::size_t bytes = some.size() * sizeof(format::BrickRow);
       if (!file_.read(offset, bytes, reinterpret_cast<std::byte*>(some.data()))) damaged();
       checksum.add(some.data(), bytes);
       offset += bytes;
     }
     bricks_.push_back(some[next++]);
     checkBrick(level, brick);
+    addToSums(level, brick);
   });
   if (checksum.value() != header.brick_table_checksum) damaged();
+  bytes_.total = file_.size();
+  bytes_.raw =
+      static_cast<std::uint64_t>(elementCount(spec_.voxels)) * voxelBytes(spec_.voxel_type);
+  bytes_.index = bytes_.total - bytes_.samples_level0 - bytes_.samples_coarser - bytes_.ranges -
+                 bytes_.curvature;
+}
+
+void Pyramid::addToSums(int level, const Index3& brick) {
+  const format::BrickRow& row = bricks_[brickRow(level, brick)];
+  (level == 0 ? bytes_.samples_level0 : bytes_.samples_coarser) += row.samples.stored_bytes;
+  bytes_.ranges += row.ranges.stored_bytes;
+  bytes_.curvature += row.curvature.stored_bytes;
+  ++codecs_.samples[row.samples.codec];
+  ++codecs_.ranges[row.ranges.codec];
+  ++codecs_.curvature[row.curvature.codec];
+  if (level > 0 || row.samples.stored_bytes == 0) return;
+  // What the brick holds beyond one copy of the samples that it covers.
+  const IndexBox cells = layout_.brickCellBox(0, brick);
+  Index3 own = cells.count;
+  for (int axis = 0; axis < 3; ++axis)
+    if (cells.end()[axis] == spec_.voxels[axis] - 1) ++own[axis];
+  const auto all_samples = static_cast<std::uint64_t>(layout_.brickSampleBox(0, brick).size());
+  const auto own_samples = static_cast<std::uint64_t>(elementCount(own));
+  bytes_.aprons_level0 += row.samples.stored_bytes * (all_samples - own_samples) / all_samples;
 }
 
 void Pyramid::checkBrick(int level, const Index3& brick) const {
-  const format::BrickRecord& row = bricks_[brickRow(level, brick)];
+  const format::BrickRow& row = bricks_[brickRow(level, brick)];
   const auto refuse = [&](const char* what) {
     fail(std::string("has an impossible ") + what + " for " + brickName(level, brick) +
              "; build it again",
@@ -194,8 +227,8 @@ void Pyramid::checkBrick(int level, const Index3& brick) const {
     refuse("constant");
 }
 
-BrickPager::Piece Pyramid::pieceOf(PartKind kind, int level, const Index3& brick) const {
-  const format::PartRecord& part = record(kind, brickRow(level, brick));
+BrickPager::Part Pyramid::pagedPart(PartKind kind, int level, const Index3& brick) const {
+  const format::PartEntry& part = entryOf(kind, brickRow(level, brick));
   const auto codec = static_cast<format::Codec>(part.codec);
   // checkBrick() has seen to it that the elements of a packed part are fewer than 2^31 bytes.
   const bool is_packed = codec == format::Codec::kLz4 || codec == format::Codec::kZstd;
@@ -208,8 +241,16 @@ std::uint64_t Pyramid::expectedBytes(PartKind kind, int level, const Index3& bri
   return partBytes(spec_, layout_, kind, level, brick);
 }
 
-const format::PartRecord& Pyramid::record(PartKind kind, std::size_t row) const {
+const format::PartEntry& Pyramid::entryOf(PartKind kind, std::size_t row) const {
   return partOf(bricks_[row], kind);
+}
+
+BrickAddress Pyramid::brickAt(std::size_t row) const {
+  const auto after = std::upper_bound(first_brick_.begin(), first_brick_.end(), row);
+  const auto level = static_cast<int>(after - first_brick_.begin()) - 1;
+  const Index3 count = layout_.bricks(level);
+  const auto n = static_cast<std::int64_t>(row - first_brick_[static_cast<std::size_t>(level)]);
+  return {level, Index3(n % count.x, n / count.x % count.y, n / (count.x * count.y))};
 }
 
 std::size_t Pyramid::brickRow(int level, const Index3& brick) const {
@@ -221,51 +262,63 @@ BrickPart Pyramid::acquire(PartKind kind, int level, const Index3& brick) const 
   static constexpr const char* kNames[] = {"samples", "ranges", "curvature"};
   const std::size_t row = brickRow(level, brick);
   BrickPart part;
-  part.piece_ = 3 * row + static_cast<std::size_t>(kind);
+  part.id_ = 3 * row + static_cast<std::size_t>(kind);
   const char* why = "";
-  part.data_ = pager_->acquire(part.piece_, &why);
+  part.data_ = pager_->acquire(part.id_, &why);
   if (part.data_ == nullptr)
     fail(brickName(level, brick) + ", " + kNames[static_cast<std::size_t>(kind)] + ", " +
-             std::to_string(record(kind, row).stored_bytes) + " bytes at offset " +
-             std::to_string(record(kind, row).offset) + ", " + why +
+             std::to_string(entryOf(kind, row).stored_bytes) + " bytes at offset " +
+             std::to_string(entryOf(kind, row).offset) + ", " + why +
              "; build it again or restore a copy",
-         {.offset = record(kind, row).offset, .level = level, .brick = brick});
+         {.offset = entryOf(kind, row).offset, .level = level, .brick = brick});
   part.pager_ = pager_.get();
   return part;
 }
 
-void Pyramid::throwIfReadsFailed() const {
-  const std::optional<std::uint64_t> offset = file_.failedOffset();
-  if (!offset) return;
-  const auto holds = [&](const format::PartRecord& part) {
-    return part.stored_bytes > 0 && part.offset + part.stored_bytes > *offset;
-  };
-  // The first brick, in the order of the file, with bytes at the failed page or behind it.
-  for (int level = 0; level < lattice().levels(); ++level) {
-    const Index3 count = layout_.bricks(level);
-    for (std::int64_t i = 0; i < elementCount(count); ++i) {
-      const Index3 brick(i % count.x, i / count.x % count.y, i / (count.x * count.y));
-      const format::BrickRecord& row = bricks_[brickRow(level, brick)];
-      if (holds(row.samples) || holds(row.ranges) || holds(row.curvature))
-        fail(brickName(level, brick) + " became unreadable at offset " + std::to_string(*offset) +
-                 " while it was in use (the file was cut short or its disk failed); check the disk "
-                 "and "
-                 "build it again or restore a copy",
-             {.offset = *offset, .level = level, .brick = brick});
-    }
-  }
-  fail("became unreadable while it was in use; check the disk");
+void Pyramid::fetch(PartKind kind, int level, const Index3& brick) const {
+  const std::size_t row = brickRow(level, brick);
+  if (entryOf(kind, row).stored_bytes > 0) pager_->fetch(3 * row + static_cast<std::size_t>(kind));
+}
+
+std::uint64_t Pyramid::heldSampleBytes(int level, const Index3& brick) const {
+  return sampleBytes(level, brick) == 0 ? 0 : expectedBytes(kSamples, level, brick);
+}
+
+void Pyramid::withdraw(int level, const Index3& brick) const {
+  for (const PartKind kind : {kSamples, kRanges})
+    pager_->withdraw(3 * brickRow(level, brick) + static_cast<std::size_t>(kind));
+}
+
+void Pyramid::throwIfReadsFailed(int level, const Index3& brick) const {
+  for (const PartKind kind : {kSamples, kRanges, kCurvature}) throwIfReadFailed(kind, level, brick);
+}
+
+void Pyramid::throwIfReadFailed(PartKind kind, int level, const Index3& brick) const {
+  const BrickPager::Part part = pagedPart(kind, level, brick);
+  if (part.bytes == 0 || !pager_->isInPlace(part)) return;
+  const std::optional<std::uint64_t> page = file_.failedOffset(part.offset, part.bytes);
+  if (!page) return;
+  const std::uint64_t offset = std::max(*page, part.offset);
+  fail(brickName(level, brick) + " became unreadable at offset " + std::to_string(offset) +
+           " while it was in use (the file was cut short or its disk failed); check the disk "
+           "and build it again or restore a copy",
+       {.offset = offset, .level = level, .brick = brick});
+}
+
+void Pyramid::throwIfWrittenOver(PartKind kind, int level, const Index3& brick) const {
+  const BrickPager::Part part = pagedPart(kind, level, brick);
+  if (part.bytes > 0 && pager_->isInPlace(part)) acquire(kind, level, brick);
 }
 
 ValueRange Pyramid::brickRange(int level, const Index3& brick) const {
-  const format::BrickRecord& row = bricks_[brickRow(level, brick)];
+  const format::BrickRow& row = bricks_[brickRow(level, brick)];
   return {row.range_min, row.range_max};
 }
 
 BrickSamples Pyramid::samples(int level, const Index3& brick) const {
   BrickSamples result;
   result.box = layout_.brickSampleBox(level, brick);
-  const format::BrickRecord& row = bricks_[brickRow(level, brick)];
+  const format::BrickRow& row = bricks_[brickRow(level, brick)];
   if (row.samples.stored_bytes > 0) {
     result.part = acquire(kSamples, level, brick);
     return result;
@@ -281,7 +334,7 @@ BrickSamples Pyramid::samples(int level, const Index3& brick) const {
 }
 
 void Pyramid::tileRanges(int level, const Index3& brick, std::vector<ValueRange>& out) const {
-  const format::BrickRecord& row = bricks_[brickRow(level, brick)];
+  const format::BrickRow& row = bricks_[brickRow(level, brick)];
   const auto count = static_cast<std::size_t>(elementCount(layout_.brickTiles(level, brick)));
   if (row.ranges.stored_bytes == 0) {
     out.assign(count, ValueRange{row.constant, row.constant});
@@ -295,7 +348,27 @@ void Pyramid::tileRanges(int level, const Index3& brick, std::vector<ValueRange>
     for (std::size_t i = 0; i < count; ++i)
       out[i] = {static_cast<float>(pairs[2 * i]), static_cast<float>(pairs[2 * i + 1])};
   });
-  throwIfReadsFailed();
+  throwIfReadFailed(kRanges, level, brick);
+}
+
+void Pyramid::crossedTiles(int level, const Index3& brick, float isovalue,
+                           std::vector<std::uint8_t>& out) const {
+  const format::BrickRow& row = bricks_[brickRow(level, brick)];
+  const auto count = static_cast<std::size_t>(elementCount(layout_.brickTiles(level, brick)));
+  out.assign(count, 0);
+  if (row.ranges.stored_bytes == 0) return;  // one value does not cross
+  const BrickPart part = acquire(kRanges, level, brick);
+  visitVoxelType(spec_.voxel_type, [&](auto tag) {
+    using T = typename decltype(tag)::Type;
+    const T* pairs = reinterpret_cast<const T*>(part.data());
+    std::uint8_t* crossed = out.data();
+    // Without branches: a loop for vectors.
+    for (std::size_t i = 0; i < count; ++i)
+      crossed[i] = static_cast<std::uint8_t>(
+          static_cast<unsigned>(static_cast<float>(pairs[2 * i]) < isovalue) &
+          static_cast<unsigned>(static_cast<float>(pairs[2 * i + 1]) >= isovalue));
+  });
+  throwIfReadFailed(kRanges, level, brick);
 }
 
 void Pyramid::curvature(const Index3& brick, std::vector<std::uint8_t>& out) const {
@@ -309,7 +382,7 @@ void Pyramid::curvature(const Index3& brick, std::vector<std::uint8_t>& out) con
   const BrickPart part = acquire(kCurvature, 0, brick);
   out.resize(count);
   std::memcpy(out.data(), part.data(), count);
-  throwIfReadsFailed();
+  throwIfReadFailed(kCurvature, 0, brick);
 }
 
 std::uint64_t Pyramid::sampleBytes(int level, const Index3& brick) const {
@@ -320,47 +393,6 @@ std::uint64_t Pyramid::rangeBytes(int level, const Index3& brick) const {
 }
 std::uint64_t Pyramid::curvatureBytes(const Index3& brick) const {
   return bricks_[brickRow(0, brick)].curvature.stored_bytes;
-}
-
-PyramidBytes Pyramid::bytes() const {
-  PyramidBytes sum;
-  sum.total = file_.size();
-  const std::uint64_t voxel = voxelBytes(spec_.voxel_type);
-  sum.raw = static_cast<std::uint64_t>(elementCount(spec_.voxels)) * voxel;
-  for (std::size_t row = 0; row < bricks_.size(); ++row) {
-    const bool finest = lattice().levels() == 1 || row < first_brick_[1];
-    (finest ? sum.samples_level0 : sum.samples_coarser) += bricks_[row].samples.stored_bytes;
-    sum.ranges += bricks_[row].ranges.stored_bytes;
-    sum.curvature += bricks_[row].curvature.stored_bytes;
-  }
-  // Aprons: what the stored bricks hold beyond one copy of the samples they cover.
-  const Index3 count = layout_.bricks(0);
-  Index3 brick;
-  for (brick.z = 0; brick.z < count.z; ++brick.z)
-    for (brick.y = 0; brick.y < count.y; ++brick.y)
-      for (brick.x = 0; brick.x < count.x; ++brick.x) {
-        if (sampleBytes(0, brick) == 0) continue;
-        const IndexBox cells = layout_.brickCellBox(0, brick);
-        Index3 own = cells.count;
-        for (int axis = 0; axis < 3; ++axis)
-          if (cells.end()[axis] == spec_.voxels[axis] - 1) ++own[axis];
-        const auto all_samples =
-            static_cast<std::uint64_t>(layout_.brickSampleBox(0, brick).size());
-        const auto own_samples = static_cast<std::uint64_t>(elementCount(own));
-        sum.aprons_level0 += sampleBytes(0, brick) * (all_samples - own_samples) / all_samples;
-      }
-  sum.index = sum.total - sum.samples_level0 - sum.samples_coarser - sum.ranges - sum.curvature;
-  return sum;
-}
-
-PyramidCodecs Pyramid::codecs() const {
-  PyramidCodecs result;
-  for (const format::BrickRecord& row : bricks_) {
-    ++result.samples[row.samples.codec];
-    ++result.ranges[row.ranges.codec];
-    ++result.curvature[row.curvature.codec];
-  }
-  return result;
 }
 
 }  // namespace isobrick

@@ -29,7 +29,7 @@ class BrickPart {
     return *this;
   }
   ~BrickPart() {
-    if (pager_ != nullptr) pager_->release(piece_);
+    if (pager_ != nullptr) pager_->release(id_);
   }
 
   const std::byte* data() const { return data_; }
@@ -38,13 +38,13 @@ class BrickPart {
   friend class Pyramid;
   void swap(BrickPart& other) noexcept {
     std::swap(pager_, other.pager_);
-    std::swap(piece_, other.piece_);
+    std::swap(id_, other.id_);
     std::swap(data_, other.data_);
     std::swap(made_, other.made_);
   }
 
   BrickPager* pager_ = nullptr;  // null where the bytes were made rather than read
-  std::size_t piece_ = 0;
+  std::size_t id_ = 0;
   const std::byte* data_ = nullptr;
   std::vector<std::byte> made_;
 };
@@ -60,6 +60,12 @@ struct BrickSamples {
   }
 };
 
+// Which brick of a pyramid.
+struct BrickAddress {
+  int level = 0;
+  Index3 brick{0};
+};
+
 // What verify found wrong with one part of one brick.
 struct BrickDamage {
   int level = 0;
@@ -71,8 +77,11 @@ struct BrickDamage {
 std::string brickName(int level, const Index3& brick);
 
 // An open pyramid. All const members are thread-safe; bricks may be held by any number of threads.
-// The file must not be changed while it is open; where it is cut short all the same, acquiring a
-// brick, or throwIfReadsFailed() after its use, throws Error, and nothing crashes.
+//
+// The file should not be changed while it is open. Where it is cut short all the same, or its disk
+// fails, acquiring a brick whose bytes are lost, or throwIfReadsFailed() after its use, throws
+// Error, and nothing crashes; other bricks stay what they were. Where it is written to,
+// throwIfWrittenOver() says so. A file that another one takes the name of stays as it was.
 class Pyramid {
  public:
   static constexpr std::uint64_t kDefaultBudgetBytes = std::uint64_t{1} << 30;
@@ -82,8 +91,11 @@ class Pyramid {
 
   // Opens and validates header, tables and provenance: sizes, offsets and checksums. Reads no
   // brick. `budget_bytes` bounds what stays of the bricks, mapped and unpacked (see BrickPager).
+  // With FileAccess::kRead nothing is mapped: all comes by reads, which suits network file systems,
+  // and what was read is not touched by what happens to the file. Results are the same.
   // Throws Error where the file is not a pyramid, was truncated, is damaged or of a newer version.
-  explicit Pyramid(const std::string& path, std::uint64_t budget_bytes = kDefaultBudgetBytes);
+  explicit Pyramid(const std::string& path, std::uint64_t budget_bytes = kDefaultBudgetBytes,
+                   FileAccess access = FileAccess::kMap);
 
   const std::string& path() const { return file_.path(); }
   const PyramidSpec& spec() const { return spec_; }
@@ -93,8 +105,9 @@ class Pyramid {
   const ValueRange& valueRange() const { return value_range_; }
   // JSON text: source, filter, tool version, notes.
   const std::string& provenance() const { return provenance_; }
-  PyramidBytes bytes() const;
-  PyramidCodecs codecs() const;
+  // Sums over all bricks, made when the pyramid was opened.
+  const PyramidBytes& bytes() const { return bytes_; }
+  const PyramidCodecs& codecs() const { return codecs_; }
 
   // Closure of the values in the brick's cells (rule 7): every sample of the levels 0 to
   // level + log2(brick_cells) in them. In memory; no read.
@@ -106,6 +119,9 @@ class Pyramid {
   // Closures of the brick's tiles, layout().brickTiles() of them, x fastest: every sample of the
   // levels 0 to level + log2(tile_cells) in the tile. `out` is resized.
   void tileRanges(int level, const Index3& brick, std::vector<ValueRange>& out) const;
+  // For each of these tiles 1 where its range crosses the isovalue (ValueRange::crosses), else 0.
+  void crossedTiles(int level, const Index3& brick, float isovalue,
+                    std::vector<std::uint8_t>& out) const;
   // Three coefficients (CurvatureCode) for each of layout().brickNodes(brick) cells of level 1 in a
   // brick of level 0, x fastest; over the range of the level-0 tile that holds the node's first
   // cell. Empty where the pyramid has none. `out` is resized.
@@ -117,12 +133,23 @@ class Pyramid {
   std::uint64_t curvatureBytes(const Index3& brick) const;
   // Row of the brick in the file's table: a number that identifies it among all levels.
   std::size_t brickRow(int level, const Index3& brick) const;
+  // The brick of a row below brickCount().
+  BrickAddress brickAt(std::size_t row) const;
   std::size_t brickCount() const { return bricks_.size(); }
 
-  // Throws Error that names the brick whose bytes could not be read while somebody used them (the
-  // file was cut, its disk failed): what was computed from them is worthless. To be called after
-  // samples were used and before the result is passed on.
-  void throwIfReadsFailed() const;
+  // Throws Error where bytes of this brick could not be had while somebody used them (the file was
+  // cut, its disk failed): what was computed from them is worthless. To be called after samples
+  // were used and before the result is passed on.
+  void throwIfReadsFailed(int level, const Index3& brick) const;
+  // True where that may be so of any brick. Costs next to nothing.
+  bool hasFailedReads() const { return file_.failedOffset().has_value(); }
+
+  // How often the file was found written to: where this number is the same before and after, nobody
+  // wrote to what was used in between. Asks the system for the time of the file's last change.
+  std::uint64_t edition() const { return pager_->noticeChanges(); }
+  // After another edition was found: throws Error where the part of the brick, if it is used in
+  // place, is not what it was when the pyramid was opened.
+  void throwIfWrittenOver(PartKind kind, int level, const Index3& brick) const;
 
   // Reads every part of one brick and says what is wrong with it: bytes, samples that are not
   // finite, and ranges that are not just what section 6 of docs/FORMAT.md says. For the latter it
@@ -133,6 +160,21 @@ class Pyramid {
   // zero, parts that overlap, a value range that is not that of the voxels. Reads the padding.
   std::vector<std::string> verifyRest(const CancelFlag* cancel = nullptr) const;
 
+  // Says that parts are asked for by another query from here on: what queries do not ask for any
+  // more is the first to go.
+  void beginQuery() const { pager_->beginQuery(); }
+  // Brings a part in ahead of its use: see BrickPager::fetch(). Constant bricks have none.
+  void fetchSamples(int level, const Index3& brick) const { fetch(kSamples, level, brick); }
+  void fetchRanges(int level, const Index3& brick) const { fetch(kRanges, level, brick); }
+  // Takes both back, of a query that was cancelled: see BrickPager::withdraw().
+  void withdraw(int level, const Index3& brick) const;
+  // Bytes of the brick's samples in memory, where they are not constant.
+  std::uint64_t heldSampleBytes(int level, const Index3& brick) const;
+  std::uint64_t budgetBytes() const { return budget_bytes_; }
+  // What counts against it now.
+  std::uint64_t heldBytes() const { return pager_->heldBytes(); }
+  // How often a part was asked for that was not resident.
+  std::uint64_t missCount() const { return pager_->missCount(); }
   BrickPager::Counters counters() const { return pager_->counters(); }
 
  private:
@@ -144,24 +186,19 @@ class Pyramid {
                                    std::uint64_t checksum, const char* name) const;
   // In the order of the brick table.
   template <typename F>
-  void forEachBrick(F&& f) const {
-    for (int level = 0; level < lattice().levels(); ++level) {
-      const Index3 count = layout_.bricks(level);
-      Index3 brick;
-      for (brick.z = 0; brick.z < count.z; ++brick.z)
-        for (brick.y = 0; brick.y < count.y; ++brick.y)
-          for (brick.x = 0; brick.x < count.x; ++brick.x) f(level, brick);
-    }
-  }
+  void forEachBrick(F&& f) const;
+  void addToSums(int level, const Index3& brick);
   void checkBrick(int level, const Index3& brick) const;
-  BrickPager::Piece pieceOf(PartKind kind, int level, const Index3& brick) const;
+  BrickPager::Part pagedPart(PartKind kind, int level, const Index3& brick) const;
   std::uint64_t expectedBytes(PartKind kind, int level, const Index3& brick) const;
-  const format::PartRecord& record(PartKind kind, std::size_t row) const;
+  const format::PartEntry& entryOf(PartKind kind, std::size_t row) const;
+  void fetch(PartKind kind, int level, const Index3& brick) const;
   BrickPart acquire(PartKind kind, int level, const Index3& brick) const;
+  void throwIfReadFailed(PartKind kind, int level, const Index3& brick) const;
   [[noreturn]] void fail(const std::string& what, ErrorPlace place = {}) const;
   friend class BrickVerifier;  // storage/pyramid_verify.cpp
 
-  MappedFile file_;
+  PagedFile file_;
   std::uint64_t budget_bytes_;
   format::Header header_{};
   PyramidSpec spec_;
@@ -169,7 +206,9 @@ class Pyramid {
   ValueRange value_range_;
   std::string provenance_;
   std::vector<std::size_t> first_brick_;  // per level
-  std::vector<format::BrickRecord> bricks_;
+  std::vector<format::BrickRow> bricks_;
+  PyramidBytes bytes_;
+  PyramidCodecs codecs_;
   std::unique_ptr<BrickPager> pager_;
 };
 

@@ -53,4 +53,9 @@ constexpr std::string_view codecName(format::Codec codec) {
   return kNames[static_cast<std::uint32_t>(codec)];
 }
 
+// "average" or "subsample".
+constexpr std::string_view filterName(format::Filter filter) {
+  return filter == format::Filter::kAverage ? "average" : "subsample";
+}
+
 }  // namespace isobrick

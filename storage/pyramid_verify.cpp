@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/index_loop.h"
 #include "isobrick/storage/pyramid.h"
 
 namespace isobrick {
@@ -54,7 +55,7 @@ class BrickVerifier {
       if (!covers(stated, seen[tile])) return "a sample lies outside the brick's range";
       if (!covers(ranges[tile], seen[tile])) return "a sample lies outside its tile's range";
     }
-    pyramid_.throwIfReadsFailed();
+    pyramid_.throwIfReadsFailed(level, brick);
     if (hasStrayCodes(brick, ranges, codes)) return "a tile without contrast has a curvature";
     return "";
   }
@@ -82,7 +83,7 @@ class BrickVerifier {
       const Index3 tiles = layout_.brickTiles(level, brick);
       for (std::size_t tile = 0; tile < ranges.size() && fault == nullptr; ++tile)
         if (known[tile] != ranges[tile]) {
-          includeCoarserSamples(level, tileCells(level, brick, indexIn(tile, tiles)),
+          includeCoarserSamples(level, tileCells(level, brick, indexAt(tile, tiles)),
                                 layout_.tileCells(), known[tile]);
           if (!covers(known[tile], ranges[tile])) fault = "a tile's range is wider than its values";
         }
@@ -106,16 +107,15 @@ class BrickVerifier {
       const int finer = level - down;
       const Index3 first = brick << std::int64_t{down};
       const Index3 end = glm::min((brick + Index3(1)) << std::int64_t{down}, layout_.bricks(finer));
-      Index3 at;
-      for (at.z = first.z; at.z < end.z; ++at.z)
-        for (at.y = first.y; at.y < end.y; ++at.y)
-          for (at.x = first.x; at.x < end.x; ++at.x) {
-            const bool fits = takesIn(finer, at, down, samples, down <= tile_levels);
-            if (!fits && !isFaulty(finer, at, false))
-              return "a sample lies outside a range of " + brickName(finer, at);
-          }
+      std::string fault;
+      forEachIndex({first, end - first}, [&](const Index3& at) {
+        if (!fault.empty() || takesIn(finer, at, down, samples, down <= tile_levels)) return;
+        if (!isFaulty(finer, at, false))
+          fault = "a sample lies outside a range of " + brickName(finer, at);
+      });
+      if (!fault.empty()) return fault;
     }
-    pyramid_.throwIfReadsFailed();
+    pyramid_.throwIfReadsFailed(level, brick);
     return "";
   }
 
@@ -135,7 +135,7 @@ class BrickVerifier {
     }
     const Index3 tiles = layout_.brickTiles(finer, at);
     for (std::size_t tile = 0; tile < ranges.size(); ++tile) {
-      const IndexBox cells = tileCells(finer, at, indexIn(tile, tiles));
+      const IndexBox cells = tileCells(finer, at, indexAt(tile, tiles));
       if (!covers(ranges[tile], rangeOfSamples(samples, coarserBox(cells, down)))) return false;
     }
     return true;
@@ -146,9 +146,7 @@ class BrickVerifier {
     if (level > 0) {
       const IndexBox children = childrenOf(level, brick);
       for (std::int64_t i = 0; i < children.size(); ++i)
-        if (isFaulty(level - 1,
-                     children.first + indexIn(static_cast<std::size_t>(i), children.count), true))
-          return true;
+        if (isFaulty(level - 1, children.first + indexAt(i, children.count), true)) return true;
     }
     for (int up = 1; level + up < lattice_.levels(); ++up) {
       if ((std::int64_t{1} << up) > layout_.brickCells()) break;
@@ -168,10 +166,6 @@ class BrickVerifier {
 
   static bool covers(const ValueRange& outer, const ValueRange& inner) {
     return outer.min <= inner.min && outer.max >= inner.max;
-  }
-  static Index3 indexIn(std::size_t i, const Index3& dims) {
-    const auto at = static_cast<std::int64_t>(i);
-    return {at % dims.x, at / dims.x % dims.y, at / (dims.x * dims.y)};
   }
   IndexBox childrenOf(int level, const Index3& brick) const {
     const Index3 first = 2L * brick;
@@ -223,7 +217,7 @@ class BrickVerifier {
     const Index3 tiles = layout_.brickTiles(level, brick);
     for (std::size_t tile = 0; tile < tiles_seen.size(); ++tile)
       tiles_seen[tile].include(
-          rangeOfSamples(samples, tileCells(level, brick, indexIn(tile, tiles))));
+          rangeOfSamples(samples, tileCells(level, brick, indexAt(tile, tiles))));
   }
   void includeFinerRanges(int level, const Index3& brick, std::vector<ValueRange>& tiles_known,
                           ValueRange& brick_known) const {
@@ -232,12 +226,12 @@ class BrickVerifier {
     const IndexBox children = childrenOf(level, brick);
     std::vector<ValueRange> ranges;
     for (std::int64_t i = 0; i < children.size(); ++i) {
-      const Index3 child = children.first + indexIn(static_cast<std::size_t>(i), children.count);
+      const Index3 child = children.first + indexAt(i, children.count);
       brick_known.include(pyramid_.brickRange(level - 1, child));
       pyramid_.tileRanges(level - 1, child, ranges);
       const Index3 child_tiles = layout_.brickTiles(level - 1, child);
       for (std::size_t tile = 0; tile < ranges.size(); ++tile) {
-        const Index3 at = child * tiles_of_brick + indexIn(tile, child_tiles);
+        const Index3 at = child * tiles_of_brick + indexAt(tile, child_tiles);
         const Index3 local = at / std::int64_t{2} - brick * tiles_of_brick;
         tiles_known[static_cast<std::size_t>(linearIndex(local, tiles))].include(ranges[tile]);
       }
@@ -247,15 +241,17 @@ class BrickVerifier {
   void includeCoarserSamples(int level, const IndexBox& cells, std::int64_t edge,
                              ValueRange& known) const {
     const Index3 brick = cells.first / layout_.brickCells();
-    for (int up = 1; (std::int64_t{1} << up) <= edge && level + up < lattice_.levels(); ++up)
-      known.include(rangeOfSamples(pyramid_.samples(level + up, brick >> std::int64_t{up}),
-                                   coarserBox(cells, up)));
+    for (int up = 1; (std::int64_t{1} << up) <= edge && level + up < lattice_.levels(); ++up) {
+      const Index3 above = brick >> std::int64_t{up};
+      known.include(rangeOfSamples(pyramid_.samples(level + up, above), coarserBox(cells, up)));
+      pyramid_.throwIfReadsFailed(level + up, above);
+    }
   }
 
   bool hasStrayFields(int level, const Index3& brick) const {
-    const format::BrickRecord& row = pyramid_.bricks_[pyramid_.brickRow(level, brick)];
+    const format::BrickRow& row = pyramid_.bricks_[pyramid_.brickRow(level, brick)];
     bool stray = row.reserved != 0;
-    for (const format::PartRecord& part : {row.samples, row.ranges, row.curvature})
+    for (const format::PartEntry& part : {row.samples, row.ranges, row.curvature})
       stray = stray || (part.stored_bytes == 0 && part.checksum != 0);
     const bool is_constant =
         row.samples.codec == static_cast<std::uint32_t>(format::Codec::kConstant);
@@ -267,7 +263,7 @@ class BrickVerifier {
     const Index3 tiles = layout_.brickTiles(0, brick);
     for (std::size_t node = 0; 3 * node < codes.size(); ++node) {
       if (codes[3 * node] == 0 && codes[3 * node + 1] == 0 && codes[3 * node + 2] == 0) continue;
-      const Index3 tile = 2L * indexIn(node, nodes) / layout_.tileCells();
+      const Index3 tile = 2L * indexAt(node, nodes) / layout_.tileCells();
       const ValueRange& range = ranges[static_cast<std::size_t>(linearIndex(tile, tiles))];
       if (range.min == range.max) return true;
     }
@@ -300,28 +296,28 @@ std::vector<std::string> Pyramid::verifyRest(const CancelFlag* cancel) const {
   if (brickRange(lattice().levels() - 1, Index3(0)) != value_range_)
     faults.emplace_back("the value range in the header is not that of the voxels");
 
-  struct Piece {
+  struct Extent {
     std::uint64_t offset, bytes;
   };
-  std::vector<Piece> pieces = {
+  std::vector<Extent> extents = {
       {0, sizeof header_},
-      {header_.level_table_offset, header_.level_count * sizeof(format::LevelRecord)},
-      {header_.brick_table_offset, bricks_.size() * sizeof(format::BrickRecord)},
+      {header_.level_table_offset, header_.level_count * sizeof(format::LevelRow)},
+      {header_.brick_table_offset, bricks_.size() * sizeof(format::BrickRow)},
       {header_.provenance_offset, header_.provenance_bytes}};
-  for (const format::BrickRecord& row : bricks_)
-    for (const format::PartRecord& part : {row.samples, row.ranges, row.curvature})
-      if (part.stored_bytes > 0) pieces.push_back({part.offset, part.stored_bytes});
-  std::sort(pieces.begin(), pieces.end(),
-            [](const Piece& a, const Piece& b) { return a.offset < b.offset; });
-  pieces.push_back({file_.size(), 0});
+  for (const format::BrickRow& row : bricks_)
+    for (const format::PartEntry& part : {row.samples, row.ranges, row.curvature})
+      if (part.stored_bytes > 0) extents.push_back({part.offset, part.stored_bytes});
+  std::sort(extents.begin(), extents.end(),
+            [](const Extent& a, const Extent& b) { return a.offset < b.offset; });
+  extents.push_back({file_.size(), 0});
 
   std::uint64_t at = 0, stray_bytes = 0, first_stray = 0, overlaps = 0, first_overlap = 0;
   std::vector<std::byte> padding(std::size_t{64} << 10);
-  for (const Piece& piece : pieces) {
-    if (piece.offset < at && piece.bytes > 0 && overlaps++ == 0) first_overlap = piece.offset;
-    while (at < piece.offset) {
+  for (const Extent& extent : extents) {
+    if (extent.offset < at && extent.bytes > 0 && overlaps++ == 0) first_overlap = extent.offset;
+    while (at < extent.offset) {
       if (cancel != nullptr) cancel->check();
-      const std::uint64_t bytes = std::min<std::uint64_t>(piece.offset - at, padding.size());
+      const std::uint64_t bytes = std::min<std::uint64_t>(extent.offset - at, padding.size());
       if (!file_.read(at, bytes, padding.data())) {
         faults.push_back("the padding at offset " + std::to_string(at) + " cannot be read");
         return faults;
@@ -330,7 +326,7 @@ std::vector<std::string> Pyramid::verifyRest(const CancelFlag* cancel) const {
         if (padding[i] != std::byte{0} && stray_bytes++ == 0) first_stray = at + i;
       at += bytes;
     }
-    at = std::max(at, piece.offset + piece.bytes);
+    at = std::max(at, extent.offset + extent.bytes);
   }
   if (stray_bytes > 0)
     faults.push_back("padding that is not zero: " + std::to_string(stray_bytes) +

@@ -15,6 +15,8 @@
 
 #include "isobrick/storage/checksum.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/file_io.h"
+#include "isobrick/storage/index_loop.h"
 #include "isobrick/storage/usable_geometry.h"
 
 namespace isobrick {
@@ -26,19 +28,19 @@ constexpr std::uint64_t kBytesPerSync = std::uint64_t{8} << 20;
 
 std::string journalPath(const AtomicFile& file) { return file.temporaryPath() + ".journal"; }
 
-std::vector<format::LevelRecord> levelTable(const BrickLayout& layout) {
-  std::vector<format::LevelRecord> table;
+std::vector<format::LevelRow> levelTable(const BrickLayout& layout) {
+  std::vector<format::LevelRow> table;
   std::uint64_t first_brick = 0;
   for (int level = 0; level < layout.lattice().levels(); ++level) {
     const Index3 samples = layout.lattice().samples(level);
     const Index3 bricks = layout.bricks(level);
-    format::LevelRecord record = {};
+    format::LevelRow row = {};
     for (int axis = 0; axis < 3; ++axis) {
-      record.samples[axis] = static_cast<std::uint64_t>(samples[axis]);
-      record.bricks[axis] = static_cast<std::uint64_t>(bricks[axis]);
+      row.samples[axis] = static_cast<std::uint64_t>(samples[axis]);
+      row.bricks[axis] = static_cast<std::uint64_t>(bricks[axis]);
     }
-    record.first_brick = first_brick;
-    table.push_back(record);
+    row.first_brick = first_brick;
+    table.push_back(row);
     first_brick += static_cast<std::uint64_t>(elementCount(bricks));
   }
   return table;
@@ -63,18 +65,6 @@ std::string firstDifference(const std::string& is, const std::string& was) {
   return "more or fewer options";
 }
 
-bool readAll(int fd, std::byte* to, std::size_t bytes, std::uint64_t offset) {
-  while (bytes > 0) {
-    const ssize_t got = pread(fd, to, bytes, static_cast<off_t>(offset));
-    if (got < 0 && errno == EINTR) continue;
-    if (got <= 0) return false;
-    to += got;
-    offset += static_cast<std::uint64_t>(got);
-    bytes -= static_cast<std::size_t>(got);
-  }
-  return true;
-}
-
 // True where the parts of the entry lie behind `begin`, one after the other with zeros between, and
 // are undamaged.
 bool isUndamaged(int fd, const JournalEntry& entry, std::uint64_t begin,
@@ -83,15 +73,15 @@ bool isUndamaged(int fd, const JournalEntry& entry, std::uint64_t begin,
   if (fstat(fd, &status) != 0 || entry.end > static_cast<std::uint64_t>(status.st_size))
     return false;
   std::uint64_t at = begin;
-  for (const format::PartRecord* part :
-       {&entry.record.samples, &entry.record.ranges, &entry.record.curvature}) {
+  for (const format::PartEntry* part :
+       {&entry.row.samples, &entry.row.ranges, &entry.row.curvature}) {
     if (part->stored_bytes == 0) continue;
     if (part->offset < at || part->offset - at >= format::kSampleAlignment ||
         part->offset > entry.end || part->stored_bytes > entry.end - part->offset)
       return false;
     const std::size_t gap = part->offset - at;
     buffer.resize(gap + part->stored_bytes);
-    if (!readAll(fd, buffer.data(), buffer.size(), at) ||
+    if (readBytesAt(fd, at, buffer.data(), buffer.size()).bytes < buffer.size() ||
         std::any_of(buffer.begin(), buffer.begin() + static_cast<std::ptrdiff_t>(gap),
                     [](std::byte b) { return b != std::byte{0}; }) ||
         checksum64(buffer.data() + gap, part->stored_bytes) != part->checksum)
@@ -118,6 +108,19 @@ const std::string& refuseForeignTemporary(const std::string& path) {
 
 }  // namespace
 
+void removeStrayJournal(const std::string& path) noexcept try {
+  if (!std::filesystem::exists(path + ".partial.journal") ||
+      std::filesystem::exists(path + ".partial"))
+    return;
+  // With the exclusive right to write: no other process begins meanwhile.
+  AtomicFile file(path, AtomicFile::Leftover::kKeep);
+  struct stat status = {};
+  const bool is_ours = fstat(file.fd(), &status) == 0 && status.st_size == 0;
+  file.keepTemporary(!is_ours);
+  if (is_ours) unlink(journalPath(file).c_str());
+} catch (const std::exception&) {  // a folder that may not be written to, another process at work
+}
+
 PyramidWriter::PyramidWriter(const std::string& path, const PyramidSpec& spec,
                              const std::string& identity, bool resume, const CancelFlag* cancel)
     : cancel_(cancel),
@@ -130,7 +133,7 @@ PyramidWriter::PyramidWriter(const std::string& path, const PyramidSpec& spec,
     throw Error("cannot write '" + path +
                 "': the spacing must be within 2^-100 .. 2^100 and the origin within 2^100; "
                 "choose another unit of length");
-  const format::LevelRecord& last = level_table_.back();
+  const format::LevelRow& last = level_table_.back();
   brick_table_.resize(last.first_brick + last.bricks[0] * last.bricks[1] * last.bricks[2]);
   end_ = sizeof(format::Header);
   std::vector<JournalEntry> entries;
@@ -163,6 +166,8 @@ void PyramidWriter::keepForResume() {
 
 std::vector<JournalEntry> PyramidWriter::takeOver(const std::string& identity,
                                                   const CancelFlag* cancel) {
+  struct stat status = {};
+  if (fstat(file_.fd(), &status) == 0 && status.st_size == 0) return {};  // made just now
   auto journal = WriteJournal::read(journalPath(file_));
   if (!journal) return {};
   if (journal->identity != identity)
@@ -180,13 +185,12 @@ std::vector<JournalEntry> PyramidWriter::takeOver(const std::string& identity,
       ++level;
     const auto i =
         static_cast<std::int64_t>(good - level_table_[static_cast<std::size_t>(level)].first_brick);
-    const Index3 bricks = layout_.bricks(level);
-    const Index3 brick(i % bricks.x, i / bricks.x % bricks.y, i / (bricks.x * bricks.y));
-    if (!isPossibleRecord(entries[good].record, spec_, layout_, level, brick)) break;
+    const Index3 brick = indexAt(i, layout_.bricks(level));
+    if (!isPossibleRow(entries[good].row, spec_, layout_, level, brick)) break;
     if (cancel != nullptr && cancel->requested())
       throw Cancelled("interrupted; '" + file_.temporaryPath() + "' stays as it was");
     if (!isUndamaged(file_.fd(), entries[good], end_, buffer)) break;
-    brick_table_[good] = entries[good].record;
+    brick_table_[good] = entries[good].row;
     end_ = entries[good].end;
   }
   entries.resize(good);
@@ -197,30 +201,30 @@ std::vector<JournalEntry> PyramidWriter::takeOver(const std::string& identity,
 void PyramidWriter::write(const EncodedBrick& brick) {
   assert(bricks_written_ < brick_table_.size());
   static constexpr std::array<std::byte, format::kSampleAlignment> kZeros{};
-  std::array<iovec, 6> pieces;
+  std::array<iovec, 6> spans;
   std::size_t count = 0;
   const auto append = [&](const void* data, std::size_t bytes) {
-    pieces[count++] = {const_cast<void*>(data), bytes};  // only read; iovec cannot say so
+    spans[count++] = {const_cast<void*>(data), bytes};  // only read; iovec cannot say so
     end_ += bytes;
   };
   const auto place = [&](const EncodedPart& part, std::uint64_t alignment) {
-    format::PartRecord record = {};
-    record.codec = static_cast<std::uint32_t>(part.codec);
-    if (part.bytes.empty()) return record;
+    format::PartEntry entry = {};
+    entry.codec = static_cast<std::uint32_t>(part.codec);
+    if (part.bytes.empty()) return entry;
     append(kZeros.data(), (alignment - end_ % alignment) % alignment);
-    record.offset = end_;
-    record.checksum = part.checksum;
-    record.stored_bytes = static_cast<std::uint32_t>(part.bytes.size());
+    entry.offset = end_;
+    entry.checksum = part.checksum;
+    entry.stored_bytes = static_cast<std::uint32_t>(part.bytes.size());
     append(part.bytes.data(), part.bytes.size());
-    return record;
+    return entry;
   };
-  format::BrickRecord& record = brick_table_[bricks_written_];
-  record.samples = place(brick.samples, sampleAlignment(brick.samples));
-  record.ranges = place(brick.ranges, format::kPartAlignment);
-  record.curvature = place(brick.curvature, format::kPartAlignment);
-  record.constant = brick.constant;
-  file_.writeGathered(std::span(pieces).first(count));
-  journal_->add(record, end_);
+  format::BrickRow& row = brick_table_[bricks_written_];
+  row.samples = place(brick.samples, sampleAlignment(brick.samples));
+  row.ranges = place(brick.ranges, format::kPartAlignment);
+  row.curvature = place(brick.curvature, format::kPartAlignment);
+  row.constant = brick.constant;
+  file_.writeGathered(std::span(spans).first(count));
+  journal_->add(row, end_);
   ++bricks_written_;
   if (end_ - sync_begun_ >= kBytesPerSync) {
     // Asked for, not waited for; where it is not possible, fsync does all the work.
@@ -232,9 +236,9 @@ void PyramidWriter::write(const EncodedBrick& brick) {
 
 void PyramidWriter::readPart(std::uint64_t row, PartKind part, std::size_t bytes,
                              std::byte* out) const {
-  const format::BrickRecord& brick = brick_table_[row];
-  const format::PartRecord& record = partOf(brick, part);
-  const auto codec = static_cast<format::Codec>(record.codec);
+  const format::BrickRow& brick = brick_table_[row];
+  const format::PartEntry& entry = partOf(brick, part);
+  const auto codec = static_cast<format::Codec>(entry.codec);
   if (codec == format::Codec::kConstant) {
     visitVoxelType(spec_.voxel_type, [&](auto tag) {
       using T = typename decltype(tag)::Type;
@@ -242,12 +246,15 @@ void PyramidWriter::readPart(std::uint64_t row, PartKind part, std::size_t bytes
     });
     return;
   }
-  std::vector<std::byte> stored(record.stored_bytes);
-  if (!readAll(file_.fd(), stored.data(), stored.size(), record.offset) ||
-      !decodePart(codec, stored, bytes, out))
-    throw ResumableError("cannot read '" + file_.temporaryPath() + "' at byte " +
-                             std::to_string(record.offset) + "; check the disk, or begin anew",
-                         {.path = file_.temporaryPath(), .offset = record.offset},
+  std::vector<std::byte> stored(entry.stored_bytes);
+  const IoResult result = readBytesAt(file_.fd(), entry.offset, stored.data(), stored.size());
+  const bool is_read = result.bytes == stored.size();
+  if (!is_read || !decodePart(codec, stored, bytes, out))
+    throw ResumableError("cannot read '" + file_.temporaryPath() + "' " +
+                             (is_read ? "at byte " + std::to_string(entry.offset)
+                                      : ioFailureText(entry.offset, result)) +
+                             "; check the disk, or begin anew",
+                         {.path = file_.temporaryPath(), .offset = entry.offset},
                          {Remedy::kBeginAnew});
 }
 
@@ -290,9 +297,9 @@ std::uint64_t PyramidWriter::finish(const ValueRange& voxel_range,
     *checksum = checksum64(data, bytes);
     end_ += gap + bytes;
   };
-  appendTable(level_table_.data(), level_table_.size() * sizeof(format::LevelRecord),
+  appendTable(level_table_.data(), level_table_.size() * sizeof(format::LevelRow),
               &header.level_table_offset, &header.level_table_checksum);
-  appendTable(brick_table_.data(), brick_table_.size() * sizeof(format::BrickRecord),
+  appendTable(brick_table_.data(), brick_table_.size() * sizeof(format::BrickRow),
               &header.brick_table_offset, &header.brick_table_checksum);
   appendTable(provenance_json.data(), provenance_json.size(), &header.provenance_offset,
               &header.provenance_checksum);
@@ -303,7 +310,8 @@ std::uint64_t PyramidWriter::finish(const ValueRange& voxel_range,
   file_.pwrite(&header, sizeof header, 0);
   file_.cutAfterPosition();
   file_.commit(cancel_);
-  // Last: a kill before this line leaves a journal without a temporary, which means nothing.
+  // Last: a kill before this line leaves a journal without a temporary, which means nothing
+  // (removeStrayJournal()).
   journal_->remove();
   journal_.reset();
   return end_;

@@ -16,6 +16,10 @@
 
 namespace isobrick {
 
+// Removes "<path>.partial.journal" where it stands alone: a build that was killed just after it
+// gave the pyramid its name leaves it, and it means nothing. Any failure is silent.
+void removeStrayJournal(const std::string& path) noexcept;
+
 // Writes `path`. Nothing has that name before finish() returned. What was written so far lies in
 // "<path>.partial", and "<path>.partial.journal" says what of it is good; both are removed with the
 // writer, unless keepForResume() was called, or the process is killed. One thread at a time. Every
@@ -68,8 +72,8 @@ class PyramidWriter {
   BrickLayout layout_;
   AtomicFile file_;
   std::uint64_t end_ = 0;  // where the next byte goes
-  std::vector<format::LevelRecord> level_table_;
-  std::vector<format::BrickRecord> brick_table_;
+  std::vector<format::LevelRow> level_table_;
+  std::vector<format::BrickRow> brick_table_;
   std::uint64_t bricks_written_ = 0, bricks_resumed_ = 0;
   std::uint64_t sync_begun_ = 0;  // up to where the disk was asked to begin writing
   bool keeps_ = false;

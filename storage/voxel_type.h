@@ -3,8 +3,11 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <iterator>
+#include <optional>
 #include <stdexcept>
 #include <string_view>
+#include <type_traits>
 
 namespace isobrick {
 
@@ -16,19 +19,35 @@ enum class VoxelType : std::uint32_t {
   kInt16 = 3,
   kFloat32 = 4
 };
-inline constexpr std::uint32_t kVoxelTypeCount = 5;
 
-// Size of one voxel in bytes.
+// What there is to say of each, in the order of the numbers. Other names belong to one format each
+// and stay with its reader or writer.
+struct VoxelTypeInfo {
+  std::string_view name;        // as it is printed
+  std::string_view short_name;  // as the command takes it
+  std::size_t bytes;            // of one voxel
+};
+inline constexpr VoxelTypeInfo kVoxelTypes[] = {{"uint8", "u8", 1},
+                                                {"int8", "i8", 1},
+                                                {"uint16", "u16", 2},
+                                                {"int16", "i16", 2},
+                                                {"float32", "f32", 4}};
+inline constexpr std::uint32_t kVoxelTypeCount = std::size(kVoxelTypes);
+
+// `type`: one of the five; who reads it from a file has checked that.
 constexpr std::size_t voxelBytes(VoxelType type) {
-  constexpr std::size_t kBytes[kVoxelTypeCount] = {1, 1, 2, 2, 4};
-  return kBytes[static_cast<std::uint32_t>(type)];
+  return kVoxelTypes[static_cast<std::uint32_t>(type)].bytes;
+}
+constexpr std::string_view voxelTypeName(VoxelType type) {
+  return kVoxelTypes[static_cast<std::uint32_t>(type)].name;
 }
 
-// "uint8", "int8", "uint16", "int16" or "float32".
-constexpr std::string_view voxelTypeName(VoxelType type) {
-  constexpr std::string_view kNames[kVoxelTypeCount] = {"uint8", "int8", "uint16", "int16",
-                                                        "float32"};
-  return kNames[static_cast<std::uint32_t>(type)];
+// The type of a name, long or short.
+constexpr std::optional<VoxelType> voxelTypeNamed(std::string_view name) {
+  for (std::uint32_t type = 0; type < kVoxelTypeCount; ++type)
+    if (name == kVoxelTypes[type].name || name == kVoxelTypes[type].short_name)
+      return static_cast<VoxelType>(type);
+  return std::nullopt;
 }
 
 template <typename T>
@@ -55,6 +74,16 @@ decltype(auto) visitVoxelType(VoxelType type, F&& f) {
   throw std::logic_error("voxel type out of range");
 }
 
+// The voxel type of a C++ type, which is one of the five.
+template <typename T>
+constexpr VoxelType voxelTypeOf() {
+  if constexpr (std::is_same_v<T, std::uint8_t>) return VoxelType::kUint8;
+  if constexpr (std::is_same_v<T, std::int8_t>) return VoxelType::kInt8;
+  if constexpr (std::is_same_v<T, std::uint16_t>) return VoxelType::kUint16;
+  if constexpr (std::is_same_v<T, std::int16_t>) return VoxelType::kInt16;
+  if constexpr (std::is_same_v<T, float>) return VoxelType::kFloat32;
+}
+
 // Instantiates a template for every voxel type: M(T) is a macro with the explicit instantiation.
 #define ISOBRICK_FOR_EACH_VOXEL_TYPE(M) \
   M(std::uint8_t)                       \
@@ -62,5 +91,9 @@ decltype(auto) visitVoxelType(VoxelType type, F&& f) {
   M(std::uint16_t)                      \
   M(std::int16_t)                       \
   M(float)
+
+#define ISOBRICK_CHECK_BYTES(T) static_assert(voxelBytes(voxelTypeOf<T>()) == sizeof(T));
+ISOBRICK_FOR_EACH_VOXEL_TYPE(ISOBRICK_CHECK_BYTES)
+#undef ISOBRICK_CHECK_BYTES
 
 }  // namespace isobrick

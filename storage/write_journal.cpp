@@ -11,6 +11,7 @@
 
 #include "isobrick/storage/checksum.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/file_io.h"
 
 namespace isobrick {
 namespace {
@@ -54,15 +55,7 @@ class RegularFile {
   bool isOpen() const { return is_regular_; }
   // False where the file has fewer bytes, or cannot be read.
   bool read(void* to, std::size_t bytes, std::uint64_t offset) const {
-    while (bytes > 0) {
-      const ssize_t got = pread(fd_, to, bytes, static_cast<off_t>(offset));
-      if (got < 0 && errno == EINTR) continue;
-      if (got <= 0) return false;
-      to = static_cast<char*>(to) + got;
-      offset += static_cast<std::uint64_t>(got);
-      bytes -= static_cast<std::size_t>(got);
-    }
-    return true;
+    return readBytesAt(fd_, offset, to, bytes).bytes == bytes;
   }
 
  private:
@@ -126,9 +119,9 @@ WriteJournal::WriteJournal(const std::string& path, const std::string& identity,
 
 WriteJournal::~WriteJournal() { close(fd_); }
 
-void WriteJournal::add(const format::BrickRecord& record, std::uint64_t end) {
+void WriteJournal::add(const format::BrickRow& row, std::uint64_t end) {
   JournalEntry entry;
-  entry.record = record;
+  entry.row = row;
   entry.end = end;
   entry.checksum = checksumOf(entry);
   pending_.push_back(entry);
@@ -147,18 +140,11 @@ void WriteJournal::remove() noexcept {
 }
 
 void WriteJournal::writeAll(const void* data, std::size_t bytes) {
-  const char* at = static_cast<const char*>(data);
-  while (bytes > 0) {
-    const ssize_t written = ::write(fd_, at, bytes);
-    if (written < 0 && errno == EINTR) continue;
-    if (written <= 0)
-      throw ResumableError("cannot write '" + path_ +
-                               "': " + std::strerror(written < 0 ? errno : ENOSPC) +
-                               "; free some space or choose another folder with -o",
-                           {.path = path_});
-    at += written;
-    bytes -= static_cast<std::size_t>(written);
-  }
+  const IoResult result = writeNextBytes(fd_, data, bytes);
+  if (result.error != 0)
+    throw ResumableError("cannot write '" + path_ + "': " + std::strerror(result.error) +
+                             "; free some space or choose another folder with -o",
+                         {.path = path_});
 }
 
 }  // namespace isobrick

@@ -29,11 +29,16 @@ void runExternalCommand(std::string_view name, char** argv);
 
 // One file each.
 inline constexpr char kBuildDescription[] = "Make pyramids (.isb) of volumes";
+inline constexpr char kConvertDescription[] =
+    "Write volumes and pyramids in other formats: VDB, NRRD, NIfTI, OME-Zarr, HDF5, ...";
 Command addBuildCommand(CLI::App& app);
+Command addConvertCommand(CLI::App& app);
 Command addInfoCommand(CLI::App& app);
 Command addVerifyCommand(CLI::App& app);
 Command addExtractCommand(CLI::App& app);
 Command addRenderCommand(CLI::App& app);
 Command addPhantomCommand(CLI::App& app);
+Command addBenchCommand(CLI::App& app);
+Command addBenchRowCommand(CLI::App& app);
 
 }  // namespace isobrick

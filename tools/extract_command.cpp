@@ -2,17 +2,21 @@
 #include <fmt/format.h>
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "isobrick/extract/extractor.h"
+#include "isobrick/extract/pyramid_values.h"
 #include "isobrick/extract/sinks/counting_sink.h"
 #include "isobrick/extract/sinks/mesh_file_sink.h"
+#include "isobrick/storage/lowercase.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
 #include "tools/json_output.h"
 #include "tools/measured_sink.h"
+#include "tools/one_line.h"
 #include "tools/parse_text.h"
 #include "tools/parsed_option.h"
 #include "tools/progress_bar.h"
@@ -25,7 +29,9 @@ namespace {
 
 struct ExtractArguments {
   QueryOptions query;
-  std::string output;  // empty: the mesh is counted only
+  std::string output;     // empty: the mesh is counted only
+  std::string attribute;  // the pyramid whose values vertices get; empty: none
+  bool zlib = false;
   int repeat = 1;
   bool json = false;
 };
@@ -35,20 +41,36 @@ struct ExtractResult {
   std::uint64_t vertices = 0;
   double open_seconds = 0;
   std::vector<double> extract_seconds;  // one for every repeat, without the time in a file's sink
-  double write_seconds = 0;             // inside the file's sink: writing, and waiting for the disk
+  BrickPager::Counters pager;
+  std::uint64_t vertices_outside = 0;  // of the other pyramid
+  double write_seconds = 0;            // inside the file's sink: writing, and waiting for the disk
 };
 
 ExtractResult extract(const ExtractArguments& arguments) {
   ExtractResult result;
   const Stopwatch open_watch;
-  const Pyramid pyramid(arguments.query.path, arguments.query.memory_bytes);
+  // Two pyramids share the memory.
+  const bool has_attribute = !arguments.attribute.empty();
+  const std::uint64_t memory_bytes = arguments.query.memory_bytes / (has_attribute ? 2 : 1);
+  const FileAccess access = fileAccess(arguments.query.no_map);
+  const Pyramid pyramid(arguments.query.path, memory_bytes, access);
+  std::optional<Pyramid> other;
+  std::optional<PyramidValues> values;
+  if (has_attribute) {
+    other.emplace(arguments.attribute, memory_bytes, access);
+    values.emplace(*other);
+  }
   result.open_seconds = open_watch.seconds();
   const Query query = makeQuery(arguments.query, pyramid);
   // Before the work, so that a path that cannot be written costs no time.
-  refusePyramidAsOutput(arguments.query, arguments.output);
+  refusePyramidAsOutput(arguments.query.path, arguments.output);
+  if (has_attribute) refusePyramidAsOutput(arguments.attribute, arguments.output);
+  const MeshFileOptions options{
+      .cancel = &interruptFlag(), .values = values ? &*values : nullptr, .zlib = arguments.zlib};
   const auto file_sink =
-      arguments.output.empty() ? nullptr : makeMeshFileSink(arguments.output, &interruptFlag());
+      arguments.output.empty() ? nullptr : makeMeshFileSink(arguments.output, options);
 
+  Extractor extractor(pyramid);
   ProgressBar bar(0, "million triangles");
   for (int repeat = 1; repeat <= arguments.repeat; ++repeat) {
     const bool to_file = file_sink != nullptr && repeat == arguments.repeat;
@@ -56,20 +78,44 @@ ExtractResult extract(const ExtractArguments& arguments) {
     TriangleSink& sink = to_file ? static_cast<TriangleSink&>(*file_sink) : counting_sink;
     MeasuredSink measured(sink, bar);
     const Stopwatch watch;
-    result.report = extractIsosurface(pyramid, query, measured);
+    result.report = extractor.extract(query, measured);
     const double seconds = watch.seconds();
-    if (to_file) result.write_seconds = measured.seconds();
+    if (to_file) result.write_seconds = measured.seconds(arguments.query.threads);
     result.extract_seconds.push_back(seconds - result.write_seconds);
     result.vertices = to_file ? file_sink->vertices() : counting_sink.vertices();
   }
+  result.pager = pyramid.counters();
+  if (values) result.vertices_outside = values->outside();
   warnOfEmptySurface(arguments.query, pyramid);
+  if (result.vertices_outside > 0)
+    fmt::print(stderr,
+               "isobrick: warning: {} of {} vertices lie outside of '{}' and have no value ({})\n",
+               countText(result.vertices_outside), countText(result.vertices),
+               oneLine(arguments.attribute),
+               lowerExtension(arguments.output) == ".glb" ? "0 in the file" : "NaN in the file");
   return result;
+}
+
+// Over all repeats.
+Json jsonOfPager(const BrickPager::Counters& counters) {
+  return {{"hits", counters.hits},
+          {"misses", counters.misses},
+          {"loads_joined", counters.loads_joined},
+          {"bytes_read", counters.bytes_read},
+          {"bytes_unpacked", counters.bytes_unpacked},
+          {"evictions", counters.parts_released},
+          {"fetched", counters.parts_fetched},
+          {"fetched_unused", counters.fetched_unused},
+          {"seconds_waited", 1e-9 * static_cast<double>(counters.wait_nanoseconds)}};
 }
 
 Json jsonOfResult(const ExtractArguments& arguments, const ExtractResult& result) {
   const ExtractionReport& report = result.report;
   Json json;
   json["output"] = arguments.output.empty() ? Json() : Json(arguments.output);
+  if (!arguments.attribute.empty())
+    json["attribute"] = {{"path", arguments.attribute},
+                         {"vertices_outside", result.vertices_outside}};
   json["isovalue"] = arguments.query.isovalue;
   json["triangles"] = report.triangles;
   json["vertices"] = result.vertices;
@@ -85,6 +131,7 @@ Json jsonOfResult(const ExtractArguments& arguments, const ExtractResult& result
   json["bricks"] = {{"active", report.bricks_active}, {"read", report.bricks_read}};
   json["bytes_read"] = report.bytes_read;
   json["bytes_active"] = report.bytes_active;
+  json["pager"] = jsonOfPager(result.pager);
   json["peak_rss_bytes"] = peakResidentBytes();
   json["threads"] = arguments.query.threads;
   return json;
@@ -126,10 +173,18 @@ Command addExtractCommand(CLI::App& app) {
   CLI::App* const sub = app.add_subcommand("extract", "Extract an isosurface of a pyramid");
   const auto arguments = std::make_shared<ExtractArguments>();
   addQueryOptions(*sub, arguments->query);
-  sub->add_option("-o,--output", arguments->output,
-                  "Mesh to write, .ply or .stl, in world units; replaces an older one. Without it "
-                  "the mesh is only counted")
-      ->type_name("MESH");
+  CLI::Option* const output =
+      sub->add_option("-o,--output", arguments->output,
+                      "Mesh to write, .ply, .stl, .obj, .glb or .vtp, in world units; replaces an "
+                      "older one. Without it the mesh is only counted")
+          ->type_name("MESH");
+  sub->add_option("--attribute", arguments->attribute,
+                  "Another pyramid, whose value at every vertex goes into .ply and .vtp (value) or "
+                  ".glb (_VALUE): level 0, interpolated trilinearly where the vertex is in the "
+                  "world. Both pyramids share --memory")
+      ->type_name("OTHER.isb")
+      ->needs(output);
+  sub->add_flag("--zlib", arguments->zlib, "Pack .vtp with zlib")->needs(output);
   addParsedOption(
       *sub, "--repeat", arguments->repeat,
       [](const std::string& text) { return parseInteger(text, 1, 1000000); }, "N",

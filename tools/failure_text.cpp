@@ -30,6 +30,8 @@ const char* adviceOf(Remedy remedy) {
       return "give --dicom-float32";
     case Remedy::kBuildWithCurvature:
       return "build it without --no-curvature to use a tolerance";
+    case Remedy::kChooseComponent:
+      return "take one with --component N, or the root of their squares with --component magnitude";
   }
   return "";
 }

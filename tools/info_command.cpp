@@ -12,12 +12,14 @@
 #include "tools/command.h"
 #include "tools/json_output.h"
 #include "tools/one_line.h"
+#include "tools/query_options.h"
 
 namespace isobrick {
 namespace {
 
 struct InfoArguments {
   std::string path;
+  bool no_map = false;
   bool json = false;
 };
 
@@ -42,10 +44,6 @@ Json jsonOfLevels(const Pyramid& pyramid) {
                       {"dimensions", jsonOf(pyramid.lattice().samples(level))},
                       {"bricks", elementCount(pyramid.layout().bricks(level))}});
   return levels;
-}
-
-const char* filterName(format::Filter filter) {
-  return filter == format::Filter::kAverage ? "average" : "subsample";
 }
 
 Json jsonOfCodecs(const CodecCounts& counts) {
@@ -132,7 +130,7 @@ void printInfoText(const Pyramid& pyramid) {
 }
 
 int runInfo(const InfoArguments& arguments) {
-  const Pyramid pyramid(arguments.path);
+  const Pyramid pyramid(arguments.path, Pyramid::kDefaultBudgetBytes, fileAccess(arguments.no_map));
   if (arguments.json)
     printInfoJson(pyramid);
   else
@@ -146,6 +144,7 @@ Command addInfoCommand(CLI::App& app) {
   CLI::App* const sub = app.add_subcommand("info", "Say what a pyramid holds");
   const auto arguments = std::make_shared<InfoArguments>();
   sub->add_option("FILE", arguments->path, "Pyramid (.isb)")->type_name("PATH")->required();
+  addNoMapFlag(*sub, arguments->no_map);
   sub->add_flag("--json", arguments->json, "Print one JSON object instead of text");
   return {sub, [arguments] { return runInfo(*arguments); }};
 }

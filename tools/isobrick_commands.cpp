@@ -1,6 +1,5 @@
 // The subcommands of the executable `isobrick`.
 #include <fmt/format.h>
-#include <limits.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -12,6 +11,7 @@
 
 #include "isobrick/storage/error.h"
 #include "tools/command.h"
+#include "tools/own_folder.h"
 
 namespace isobrick {
 namespace {
@@ -24,6 +24,7 @@ Examples:
   isobrick build head.nrrd                           make head.isb in the current folder
   isobrick build 'scans/*.nrrd' --out-dir pyramids   one pyramid each; again: only what changed
   isobrick build scan.raw --raw-dims 512,512,400 --raw-type u16
+  isobrick convert head.isb --level 1 -o half.nrrd   a level for other programs
   isobrick info head.isb
   isobrick extract head.isb --iso 1324 -o bone.ply   the finest surface
   isobrick extract head.isb --iso 1324 --focus 128,40,128 --radius 30 -o part.stl
@@ -38,16 +39,9 @@ struct ExternalCommand {
 };
 constexpr ExternalCommand kExternalCommands[] = {
     {"build", kBuildDescription},
+    {"convert", kConvertDescription},
 };
 constexpr char kExternalExecutable[] = "isobrick-build";
-
-// The folder of this executable; empty where the system does not say.
-fs::path ownFolder() {
-  char path[PATH_MAX];
-  const ssize_t length = readlink("/proc/self/exe", path, sizeof path);
-  if (length <= 0 || length == static_cast<ssize_t>(sizeof path)) return {};
-  return fs::path(std::string_view(path, static_cast<std::size_t>(length))).parent_path();
-}
 
 }  // namespace
 
@@ -63,6 +57,8 @@ std::vector<Command> addCommands(CLI::App& app) {
   commands.push_back(addRenderCommand(app));
 #endif
   commands.push_back(addPhantomCommand(app));
+  commands.push_back(addBenchCommand(app));
+  commands.push_back(addBenchRowCommand(app));
   app.footer(kExamples);  // last: subcommands would inherit it
   return commands;
 }

@@ -3,6 +3,7 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "isobrick/preprocess/export/volume_writer.h"
 #include "isobrick/preprocess/phantoms/phantom.h"
@@ -22,16 +23,14 @@ struct PhantomArguments {
   std::string output;
 };
 
-VoxelType voxelTypeOf(const std::string& short_name) {
-  if (short_name == "u8") return VoxelType::kUint8;
-  if (short_name == "i8") return VoxelType::kInt8;
-  if (short_name == "u16") return VoxelType::kUint16;
-  if (short_name == "i16") return VoxelType::kInt16;
-  return VoxelType::kFloat32;
+std::vector<std::string> voxelTypeShortNames() {
+  std::vector<std::string> names;
+  for (const VoxelTypeInfo& type : kVoxelTypes) names.emplace_back(type.short_name);
+  return names;
 }
 
 int runPhantom(PhantomArguments& arguments) {
-  if (!arguments.type.empty()) arguments.spec.voxel_type = voxelTypeOf(arguments.type);
+  arguments.spec.voxel_type = voxelTypeNamed(arguments.type);
   const Phantom phantom(arguments.spec);
   const auto source = makePhantomSource(arguments.spec);
   const std::string type_name(voxelTypeName(phantom.voxelType()));
@@ -71,7 +70,7 @@ Command addPhantomCommand(CLI::App& app) {
   sub->add_option("--type", arguments->type,
                   "Voxels; default: u16 for head, u8 for gyroid, f32 for the others")
       ->type_name("T")
-      ->check(CLI::IsMember({"u8", "i8", "u16", "i16", "f32"}));
+      ->check(CLI::IsMember(voxelTypeShortNames()));
   return {sub, [arguments] { return runPhantom(*arguments); }};
 }
 

@@ -23,7 +23,7 @@ IndexedMesh extractMesh(const Pyramid& pyramid, const Query& query) {
 }  // namespace
 
 PictureMesh extractPictureMesh(const QueryOptions& options) {
-  const Pyramid pyramid(options.path, options.memory_bytes);
+  const Pyramid pyramid(options.path, options.memory_bytes, fileAccess(options.no_map));
   const Query query = makeQuery(options, pyramid);
   IndexedMesh mesh = extractMesh(pyramid, query);
   warnOfEmptySurface(options, pyramid);

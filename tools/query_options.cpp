@@ -79,7 +79,14 @@ void addQueryOptions(CLI::App& app, QueryOptions& options) {
   level->excludes(focus);
   addParsedOption(app, "--memory", options.memory_bytes, parseByteSize, "SIZE",
                   "Bytes of the file to keep in memory, such as 256M; default: 1G");
+  addNoMapFlag(app, options.no_map);
   addThreadsOption(app, options.threads);
+}
+
+void addNoMapFlag(CLI::App& app, bool& no_map) {
+  app.add_flag("--no-map", no_map,
+               "Read all of the file and map nothing of it: for network file systems; the result "
+               "is the same");
 }
 
 Query makeQuery(const QueryOptions& options, const Pyramid& pyramid) {
@@ -105,9 +112,9 @@ Query makeQuery(const QueryOptions& options, const Pyramid& pyramid) {
   return query;
 }
 
-void refusePyramidAsOutput(const QueryOptions& options, const std::string& output) {
+void refusePyramidAsOutput(const std::string& path, const std::string& output) {
   std::error_code ignored;
-  if (std::filesystem::equivalent(options.path, output, ignored))
+  if (std::filesystem::equivalent(path, output, ignored))
     throw Error(fmt::format("'{}' is the pyramid itself; choose another output with -o", output));
 }
 

@@ -24,17 +24,23 @@ struct QueryOptions {
   std::optional<Corners> box;
   bool world = false;
   std::uint64_t memory_bytes = Pyramid::kDefaultBudgetBytes;
+  bool no_map = false;
   int threads = 0;
 };
 
 // FILE, --iso and all that narrow the query down.
 void addQueryOptions(CLI::App& app, QueryOptions& options);
 
+// --no-map, as the other commands have it too.
+void addNoMapFlag(CLI::App& app, bool& no_map);
+
+inline FileAccess fileAccess(bool no_map) { return no_map ? FileAccess::kRead : FileAccess::kMap; }
+
 // The query in voxel indices, whatever the user's units are; stopped by Ctrl-C.
 Query makeQuery(const QueryOptions& options, const Pyramid& pyramid);
 
 // Throws Error where `output` is the pyramid that is read.
-void refusePyramidAsOutput(const QueryOptions& options, const std::string& output);
+void refusePyramidAsOutput(const std::string& path, const std::string& output);
 
 // One line on stderr where the isovalue separates no voxels, so that the mesh will be empty.
 void warnOfEmptySurface(const QueryOptions& options, const Pyramid& pyramid);

@@ -45,7 +45,7 @@ RenderOptions makeRenderOptions(const RenderArguments& arguments, const PictureM
 int runRender(const RenderArguments& arguments) {
   // Neither a slip of the pen nor a machine that cannot draw shall cost an extraction.
   const ImageFormat format = imageFormatOf(arguments.output);
-  refusePyramidAsOutput(arguments.query, arguments.output);
+  refusePyramidAsOutput(arguments.query.path, arguments.output);
   { const AtomicFile probe(arguments.output); }
   const auto renderer = std::make_shared<OffscreenRenderer>();
   if (arguments.size.width > renderer->greatestSize() ||

@@ -9,12 +9,14 @@
 #include <string>
 #include <vector>
 
+#include "isobrick/storage/index_loop.h"
 #include "isobrick/storage/pyramid.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
 #include "tools/one_line.h"
 #include "tools/progress_bar.h"
+#include "tools/query_options.h"
 #include "tools/stopwatch.h"
 #include "tools/thread_count.h"
 
@@ -23,6 +25,7 @@ namespace {
 
 struct VerifyArguments {
   std::string path;
+  bool no_map = false;
   int threads = allCores();
 };
 
@@ -37,7 +40,7 @@ std::vector<BrickDamage> findDamages(const Pyramid& pyramid) {
     const Index3 bricks = pyramid.layout().bricks(level);
     tbb::parallel_for(std::int64_t{0}, elementCount(bricks), [&](std::int64_t i) {
       interruptFlag().check();
-      const Index3 brick{i % bricks.x, i / bricks.x % bricks.y, i / (bricks.x * bricks.y)};
+      const Index3 brick = indexAt(i, bricks);
       if (auto damage = pyramid.verifyBrick(level, brick)) {
         const std::lock_guard lock(mutex);
         damages.push_back(std::move(*damage));
@@ -53,7 +56,7 @@ std::vector<BrickDamage> findDamages(const Pyramid& pyramid) {
 
 int runVerify(const VerifyArguments& arguments) {
   const Stopwatch watch;
-  const Pyramid pyramid(arguments.path);
+  const Pyramid pyramid(arguments.path, Pyramid::kDefaultBudgetBytes, fileAccess(arguments.no_map));
   const std::vector<std::string> faults = pyramid.verifyRest(&interruptFlag());
   for (const std::string& fault : faults)
     fmt::print(stderr, "isobrick: {}: {}\n", arguments.path, oneLine(fault));
@@ -85,6 +88,7 @@ Command addVerifyCommand(CLI::App& app) {
       "verify", "Check every brick and table of a pyramid and name what is damaged");
   const auto arguments = std::make_shared<VerifyArguments>();
   sub->add_option("FILE", arguments->path, "Pyramid (.isb)")->type_name("PATH")->required();
+  addNoMapFlag(*sub, arguments->no_map);
   addThreadsOption(*sub, arguments->threads);
   return {sub, [arguments] { return runVerify(*arguments); }};
 }

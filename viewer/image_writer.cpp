@@ -4,18 +4,16 @@
 
 #include <algorithm>
 #include <cassert>
-#include <cctype>
 #include <string>
 
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/lowercase.h"
 
 namespace isobrick {
 
 ImageFormat imageFormatOf(const std::filesystem::path& path) {
-  std::string extension = path.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char letter) { return static_cast<char>(std::tolower(letter)); });
+  const std::string extension = lowerExtension(path);
   if (extension == ".png") return ImageFormat::kPng;
   if (extension == ".exr") return ImageFormat::kExr;
   throw Error("cannot write picture " + path.string() + ": unknown extension '" + extension +

@@ -1,64 +1,146 @@
 // The vertex on an edge: the arithmetic that both sides of every border share bit by bit (rules 8
 // and 12).
+//
+// All of it is float, in operations that IEEE 754 defines to the bit (+ - * / and the square root,
+// one rounding each, nothing fused), in the order written here. The vector lanes of the uniform
+// kernel (brick_crossings.cpp) repeat it operation by operation.
 #pragma once
 
 #include <algorithm>
 #include <cmath>
+#include <glm/vec3.hpp>
+#include <limits>
 
-#include "isobrick/storage/grid.h"
+#include "isobrick/storage/brick_layout.h"
+#include "isobrick/storage/value_range.h"
 
 namespace isobrick {
 
 // Crossings keep this part of the edge away from its ends (rule 8).
-inline constexpr double kLeastCrossing = 1.0 / 4096;
+inline constexpr float kLeastCrossing = 1.0f / 4096;
+
+// Crossings sit at multiples of 1/32768 of their edge. So a coordinate counted from a brick's
+// origin needs 24 bits at the most (512 half cells and 15 bits), and float holds it exactly.
+inline constexpr int kCrossingBits = 15;
+// Adding this to a number in [0, 1] leaves kCrossingBits behind the point.
+inline constexpr float kCrossingRounder = 1.5f * (1 << (23 - kCrossingBits));
 
 // Where the isosurface crosses an edge with the values `low` and `high` at its ends, as a part of
 // the edge from its lower end. Exactly one of the values is >= isovalue. Within its bounds for any
 // values, also those that no sound pyramid holds: infinite, NaN, or equal.
-inline double crossingParameter(float isovalue, float low, float high) {
-  const double t = (static_cast<double>(isovalue) - static_cast<double>(low)) /
-                   (static_cast<double>(high) - static_cast<double>(low));
-  // Not std::clamp, which lets NaN through.
-  return t > kLeastCrossing ? std::min(t, 1.0 - kLeastCrossing) : kLeastCrossing;
+inline float crossingParameter(float isovalue, float low, float high) {
+  float t = (isovalue - low) / (high - low);
+  t = t > kLeastCrossing ? t : kLeastCrossing;  // not std::clamp, which lets NaN through
+  t = t < 1.0f - kLeastCrossing ? t : 1.0f - kLeastCrossing;
+  return (t + kCrossingRounder) - kCrossingRounder;
 }
 
-// From index space to world space for one volume. Points keep double precision; normals are
-// gradients and transform with the inverse transpose.
+// The coordinate of the crossing at `t` of an edge of `length` voxels that ends at `high`, counted
+// from an origin that brickOrigin() gave. Exact, but for the edges of thin last cells: those end at
+// their brick's origin, on whatever level they are, so their one rounding is the same for all.
+inline float crossingCoordinate(float high, float length, float t) {
+  return high - (1.0f - t) * length;
+}
+
+// The voxel that a brick's coordinates are counted from: along each axis its lower end, or the last
+// voxel where it reaches that.
+inline Index3 brickOrigin(const Lattice& lattice, int level, const IndexBox& cells) {
+  Index3 origin;
+  for (int axis = 0; axis < 3; ++axis) {
+    const bool is_last = cells.end()[axis] == lattice.cells(level)[axis];
+    origin[axis] = lattice.position(level, axis, is_last ? cells.end()[axis] : cells.first[axis]);
+  }
+  return origin;
+}
+
+// The gradient at a point of an edge, linear between its ends.
+inline glm::vec3 gradientAt(const glm::vec3& low, const glm::vec3& high, float t) {
+  const float s = 1.0f - t;
+  return {low.x * s + high.x * t, low.y * s + high.y * t, low.z * s + high.z * t};
+}
+
+// From index space to world space for one volume: normals, which are gradients and transform with
+// the inverse transpose, and the way round of triangles. Positions stay with the brick; see
+// WorldPlacement.
 class WorldFrame {
  public:
-  explicit WorldFrame(const GridGeometry& geometry)
-      : origin_(geometry.origin),
-        matrix_(geometry.indexToWorldMatrix()),
-        normal_matrix_(glm::transpose(glm::inverse(matrix_))),
-        mirrored_(glm::determinant(matrix_) < 0) {}
-
-  glm::dvec3 position(const glm::dvec3& index) const { return origin_ + matrix_ * index; }
+  // `values`: least and greatest voxel, so that squares of gradients neither overflow nor vanish.
+  explicit WorldFrame(const GridGeometry& geometry, const ValueRange& values = {0.0f, 1.0f})
+      : mirrored_(glm::determinant(geometry.indexToWorldMatrix()) < 0) {
+    const glm::dmat3 to_normal = glm::transpose(glm::inverse(geometry.indexToWorldMatrix()));
+    double greatest = 0;
+    for (int column = 0; column < 3; ++column)
+      for (int row = 0; row < 3; ++row)
+        greatest = std::max(greatest, std::abs(to_normal[column][row]));
+    const double difference = static_cast<double>(values.max) - static_cast<double>(values.min);
+    const int scale =
+        difference > 0 ? std::min(kGradientExponent - std::ilogb(difference), kMostExponent) : 0;
+    for (int column = 0; column < 3; ++column)
+      for (int row = 0; row < 3; ++row)
+        normal_matrix_[row][column] =
+            static_cast<float>(std::ldexp(to_normal[column][row] / greatest, scale));
+    for (int column = 0; column < 3; ++column)
+      for (int row = 0; row < 3; ++row)
+        diagonal_ = diagonal_ && (row == column || normal_matrix_[row][column] == 0);
+    for (int axis = 0; axis < 3; ++axis) edge_normals_[axis] = glm::normalize(to_normal[axis]);
+  }
 
   // The unit normal towards lower values for an index-space gradient. Where the gradient vanishes
   // the edge itself knows the way: from its inside end to its outside end.
-  glm::vec3 normal(const glm::dvec3& gradient, int edge_axis, bool low_end_is_inside) const {
-    const glm::dvec3 world = normal_matrix_ * gradient;
-    const double length = std::sqrt(world.x * world.x + world.y * world.y + world.z * world.z);
-    if (length > 0 && std::isfinite(length)) return glm::vec3(world * (-1.0 / length));
-    glm::dvec3 along{0.0};
-    along[edge_axis] = low_end_is_inside ? 1.0 : -1.0;
-    const glm::dvec3 direction = normal_matrix_ * along;
-    return glm::vec3(direction / std::sqrt(glm::dot(direction, direction)));
+  glm::vec3 normal(const glm::vec3& gradient, int edge_axis, bool low_end_is_inside) const {
+    const glm::vec3 world = transformed(gradient);
+    const float square = (world.x * world.x + world.y * world.y) + world.z * world.z;
+    if (!isUsable(square)) return normalInDouble(gradient, edge_axis, low_end_is_inside);
+    const float factor = -1.0f / std::sqrt(square);
+    return {world.x * factor, world.y * factor, world.z * factor};
   }
+
+  // Squares of transformed gradients that have all their bits and a root: neither vanishing nor
+  // infinite nor NaN. Where one is not, normal() takes to double.
+  static constexpr float kLeastSquare = 0x1p-90f;
+  static bool isUsable(float square) {
+    return square >= kLeastSquare && square < std::numeric_limits<float>::infinity();
+  }
+
+  // Row by row: from a gradient to a world direction, up to a factor.
+  const float* normalMatrix() const { return &normal_matrix_[0][0]; }
+  // True where the world's axes are those of the index: then only the diagonal counts.
+  bool isDiagonal() const { return diagonal_; }
 
   // True where the index axes are left-handed in the world, so that triangles must turn round.
   bool mirrored() const { return mirrored_; }
 
  private:
-  glm::dvec3 origin_;
-  glm::dmat3 matrix_;
-  glm::dmat3 normal_matrix_;
+  // Gradients become about 2^this at the most.
+  static constexpr int kGradientExponent = 56;
+  static constexpr int kMostExponent = 120;  // of the factor that makes them so
+
+  glm::vec3 transformed(const glm::vec3& g) const {
+    const auto& m = normal_matrix_;
+    if (diagonal_) return {m[0][0] * g.x, m[1][1] * g.y, m[2][2] * g.z};
+    return {(m[0][0] * g.x + m[0][1] * g.y) + m[0][2] * g.z,
+            (m[1][0] * g.x + m[1][1] * g.y) + m[1][2] * g.z,
+            (m[2][0] * g.x + m[2][1] * g.y) + m[2][2] * g.z};
+  }
+
+  // Gradients that are tiny against the volume's range of values: beside a voxel of 1e36 that means
+  // "no value", say.
+  glm::vec3 normalInDouble(const glm::dvec3& g, int edge_axis, bool low_end_is_inside) const {
+    glm::dvec3 world;
+    for (int row = 0; row < 3; ++row) {
+      const float* m = normal_matrix_[row];
+      world[row] = (m[0] * g.x + m[1] * g.y) + m[2] * g.z;
+    }
+    const double square = (world.x * world.x + world.y * world.y) + world.z * world.z;
+    if (!(square > 0) || !std::isfinite(square))
+      return low_end_is_inside ? edge_normals_[edge_axis] : -edge_normals_[edge_axis];
+    return glm::vec3(world * (-1.0 / std::sqrt(square)));
+  }
+
+  float normal_matrix_[3][3];
+  glm::vec3 edge_normals_[3];  // unit, towards rising indices
+  bool diagonal_ = true;
   bool mirrored_;
 };
-
-// The gradient at a point of an edge, linear between its ends.
-inline glm::dvec3 gradientAt(const glm::dvec3& low, const glm::dvec3& high, double t) {
-  return (1.0 - t) * low + t * high;
-}
 
 }  // namespace isobrick

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <limits>
 #include <optional>
 #include <utility>
 
@@ -16,20 +17,30 @@ template <typename T>
 class BrickFamily {
  public:
   BrickFamily(const MeshContext& context, int level, const Index3& brick)
-      : context_(context), level_(level), brick_(brick) {}
+      : context_(context), level_(level), brick_(brick) {
+    if (level == 0) return;
+    const BrickLayout& layout = context.pyramid.layout();
+    const Index3 second = 2L * brick + Index3(1);
+    for (int axis = 0; axis < 3; ++axis)
+      middle_[axis] = second[axis] < layout.bricks(level - 1)[axis]
+                          ? second[axis] * layout.brickCells()
+                          : std::numeric_limits<std::int64_t>::max();
+  }
 
   const SampleView<T>& own() {
     if (!own_) hold(level_, brick_, own_);
     return own_->view;
   }
+  const BrickSamples& ownSamples() {
+    if (!own_) hold(level_, brick_, own_);
+    return own_->samples;
+  }
   // The finer brick that holds sample `fine` of the finer level, a point of this brick.
   const SampleView<T>& finer(const Index3& fine) {
-    const BrickLayout& layout = context_.pyramid.layout();
-    const Index3 first = 2L * brick_;
-    const Index3 last = glm::min(first + Index3(1), layout.bricks(level_ - 1) - Index3(1));
-    const Index3 child = glm::min(fine / layout.brickCells(), last) - first;
-    auto& slot = finer_[static_cast<std::size_t>(child.x + 2 * child.y + 4 * child.z)];
-    if (!slot) hold(level_ - 1, first + child, slot);
+    const int child = (fine.x >= middle_.x ? 1 : 0) + (fine.y >= middle_.y ? 2 : 0) +
+                      (fine.z >= middle_.z ? 4 : 0);
+    auto& slot = finer_[static_cast<std::size_t>(child)];
+    if (!slot) hold(level_ - 1, 2L * brick_ + Index3(child & 1, child >> 1 & 1, child >> 2), slot);
     return slot->view;
   }
   // The brick that holds sample `sample` of `level`: this level or the next finer one.
@@ -51,6 +62,7 @@ class BrickFamily {
   const MeshContext& context_;
   const int level_;
   const Index3 brick_;
+  Index3 middle_{0};  // first sample of the second of the finer bricks, where there are two
   std::optional<HeldBrick> own_;
   std::array<std::optional<HeldBrick>, 8> finer_;
 };

@@ -8,8 +8,8 @@
 
 namespace isobrick {
 
-// Makes vertices in a batch. `numbers` remembers the edges that have one; both are empty at first.
-// T: the voxel type.
+// Makes vertices in a batch, whose origin is set, behind those that it has. `numbers`, empty at
+// first, remembers the edges that have one made here. T: the voxel type.
 template <typename T>
 class BrickVertices {
  public:
@@ -28,20 +28,20 @@ class BrickVertices {
     const std::uint32_t number =
         numbers_.findOrInsert(key, static_cast<std::uint32_t>(batch_.positions.size()), &inserted);
     if (!inserted) return number;
-    const double t = crossingParameter(context_.isovalue, low.value, high.value);
-    glm::dvec3 index(base);
-    const auto from = static_cast<double>(base[axis]);
-    const auto to = static_cast<double>(lattice.position(high.level, axis, high.sample[axis]));
-    index[axis] = from + t * (to - from);
-    batch_.positions.push_back(context_.frame.position(index));
+    const float t = crossingParameter(context_.isovalue, low.value, high.value);
+    glm::vec3 position(base - batch_.origin);
+    const std::int64_t end = lattice.position(high.level, axis, high.sample[axis]);
+    position[axis] = crossingCoordinate(static_cast<float>(end - batch_.origin[axis]),
+                                        static_cast<float>(end - base[axis]), t);
+    batch_.positions.push_back(position);
     batch_.normals.push_back(context_.frame.normal(gradientAt(gradientOf(low), gradientOf(high), t),
                                                    axis, low.value >= context_.isovalue));
-    if (is_shared) batch_.shared.push_back({number, key});
+    if (is_shared) batch_.shared.push_back({number, 0, key});
     return number;
   }
 
  private:
-  glm::dvec3 gradientOf(const LatticePoint& point) {
+  glm::vec3 gradientOf(const LatticePoint& point) {
     return family_.at(point.level, point.sample).gradient(point.sample);
   }
 

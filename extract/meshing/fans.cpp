@@ -1,6 +1,9 @@
 #include "isobrick/extract/meshing/fans.h"
 
 #include <cmath>
+#include <glm/common.hpp>
+
+#include "isobrick/extract/kernels/crossing.h"
 
 namespace isobrick {
 namespace {
@@ -8,11 +11,19 @@ namespace {
 bool hasFlatTriangle(const glm::dvec3& center, std::span<const std::uint32_t> loop,
                      const MeshBatch& batch) {
   for (std::size_t i = 0; i < loop.size(); ++i) {
-    const glm::dvec3 area = glm::cross(batch.positions[loop[i]] - center,
-                                       batch.positions[loop[(i + 1) % loop.size()]] - center);
+    const glm::dvec3 area =
+        glm::cross(glm::dvec3(batch.positions[loop[i]]) - center,
+                   glm::dvec3(batch.positions[loop[(i + 1) % loop.size()]]) - center);
     if (!(glm::dot(area, area) > 0)) return true;
   }
   return false;
+}
+
+// The nearest point whose coordinates are ones that crossings of the level may have: exact in float
+// from the origin of any brick, so the same point whatever the brick.
+glm::dvec3 onCrossingGrid(const glm::dvec3& point, int level) {
+  const double steps = std::ldexp(1.0, kCrossingBits - level);
+  return glm::floor(point * steps + 0.5) / steps;
 }
 
 }  // namespace
@@ -21,14 +32,14 @@ void addFan(const WorldFrame& frame, const glm::dvec3& cell_center,
             std::span<const std::uint32_t> loop, MeshBatch& batch) {
   glm::dvec3 center(0.0), normal(0.0);
   for (const std::uint32_t vertex : loop) {
-    center += batch.positions[vertex];
+    center += glm::dvec3(batch.positions[vertex]);
     normal += glm::dvec3(batch.normals[vertex]);
   }
-  center /= static_cast<double>(loop.size());
+  center = onCrossingGrid(center / static_cast<double>(loop.size()), batch.level);
   if (hasFlatTriangle(center, loop, batch)) center = cell_center;
   const double norm = std::sqrt(glm::dot(normal, normal));
   const auto hub = static_cast<std::uint32_t>(batch.positions.size());
-  batch.positions.push_back(center);
+  batch.positions.push_back(glm::vec3(center));
   batch.normals.push_back(norm > 1e-6 ? glm::vec3(normal / norm) : batch.normals[loop[0]]);
   for (std::size_t i = 0; i < loop.size(); ++i)
     addTriangle(frame, hub, loop[i], loop[(i + 1) % loop.size()], batch);

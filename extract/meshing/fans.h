@@ -27,8 +27,9 @@ inline void addPlainTriangles(const WorldFrame& frame, const MarchingCubesCase& 
 }
 
 // Appends a fan around the centre of gravity of a loop of the batch's vertices, whose pieces lie in
-// the faces of one cell. `cell_center`: in the world; it takes the place of the centre of gravity
-// where that would make a triangle without area, since it sees all faces from a height.
+// the faces of one cell. `cell_center`: like the batch's positions; it takes the place of the
+// centre of gravity where that would make a triangle without area, since it sees all faces from a
+// height.
 void addFan(const WorldFrame& frame, const glm::dvec3& cell_center,
             std::span<const std::uint32_t> loop, MeshBatch& batch);
 

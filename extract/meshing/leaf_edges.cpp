@@ -13,21 +13,19 @@ bool isOnBorder(const IndexBox& brick, int axis, std::int64_t i) {
 
 }  // namespace
 
-LeafEdge leafEdge(const Lattice& lattice, const TileLeaves& leaves, const IndexBox& brick,
+LeafEdge leafEdge(const Lattice& lattice, const LeafRows& leaves, const IndexBox& brick,
                   const Index3& base, int axis) {
   const int b = (axis + 1) % 3, c = (axis + 2) % 3;
   LeafEdge edge{axis, base, base, false, false};
   ++edge.high[axis];
   edge.is_shared = isOnBorder(brick, b, base[b]) || isOnBorder(brick, c, base[c]);
-  if (leaves.all_leaves) return edge;
-
   const StateSet around = leaves.statesAround(base, axis);
   if (!around.hasOnly(CellState::kLeaf)) edge.is_shared = true;
-  if (around.has(CellState::kCoarser) && isOnCoarserLattice(lattice, leaves.level, b, base[b]) &&
-      isOnCoarserLattice(lattice, leaves.level, c, base[c])) {
+  if (around.has(CellState::kCoarser) && isOnCoarserLattice(lattice, leaves.level(), b, base[b]) &&
+      isOnCoarserLattice(lattice, leaves.level(), c, base[c])) {
     edge.is_of_coarser = edge.is_shared = true;
     edge.low[axis] = base[axis] / 2 * 2;
-    edge.high[axis] = std::min(edge.low[axis] + 2, lattice.samples(leaves.level)[axis] - 1);
+    edge.high[axis] = std::min(edge.low[axis] + 2, lattice.samples(leaves.level())[axis] - 1);
   }
   return edge;
 }

@@ -1,7 +1,7 @@
 // The edges on which a leaf's vertices lie (rule 8).
 #pragma once
 
-#include "isobrick/extract/meshing/tile_leaves.h"
+#include "isobrick/extract/meshing/leaf_rows.h"
 
 namespace isobrick {
 
@@ -14,9 +14,8 @@ struct LeafEdge {
   bool is_shared = false;      // another brick may have the same vertex
 };
 
-// The edge from sample `base` of a leaf of the tile along `axis`. `brick`: the cells of the brick
-// that holds the tile.
-LeafEdge leafEdge(const Lattice& lattice, const TileLeaves& leaves, const IndexBox& brick,
+// The edge from sample `base` of a leaf of the brick along `axis`. `brick`: the brick's cells.
+LeafEdge leafEdge(const Lattice& lattice, const LeafRows& leaves, const IndexBox& brick,
                   const Index3& base, int axis);
 
 }  // namespace isobrick

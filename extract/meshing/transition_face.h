@@ -17,9 +17,60 @@ struct TransitionFace {
   LatticePoint points[3][3];     // [j][i]: i along b, j along c, up to the number of parts
 };
 
-// Face `face` of leaf `cell` of `level`, which is not 0.
-TransitionFace makeTransitionFace(const Lattice& lattice, int level, const Index3& cell, int face,
-                                  const TileCorners& corners);
+// Face `face` of leaf `cell` of `level`, which is not 0. `corners`: the values of the leaf's
+// corners by rule 6, corner x + 2y + 4z.
+inline TransitionFace makeTransitionFace(const Lattice& lattice, int level, const Index3& cell,
+                                         int face, const float (&corners)[8]) {
+  TransitionFace out;
+  out.axis = face / 2;
+  out.side = face % 2;
+  out.b = (out.axis + 1) % 3;
+  out.c = (out.axis + 2) % 3;
+  const int fine = level - 1;
+  const Index3 last = lattice.samples(fine) - Index3(1);
+  out.parts_b = 2 * cell[out.b] + 2 <= last[out.b] ? 2 : 1;
+  out.parts_c = 2 * cell[out.c] + 2 <= last[out.c] ? 2 : 1;
+  Index3 first = std::int64_t{2} * cell;
+  first[out.axis] = std::min(2 * (cell[out.axis] + out.side), last[out.axis]);
+  const auto valueOf = [&](int b, int c) {
+    return corners[(out.side << out.axis) + (b << out.b) + (c << out.c)];
+  };
+  const float values[2][2] = {{valueOf(0, 0), valueOf(1, 0)}, {valueOf(0, 1), valueOf(1, 1)}};
+  // Where a point between two corners lies between them: see hangingWeight().
+  const auto weightAlong = [&](int axis, int parts) {
+    return parts == 1 ? 1.0 : hangingWeight(lattice, fine, axis, first[axis] + 1);
+  };
+  const double weight_b = weightAlong(out.b, out.parts_b);
+  const double weight_c = weightAlong(out.c, out.parts_c);
+  for (int j = 0; j <= out.parts_c; ++j)
+    for (int i = 0; i <= out.parts_b; ++i) {
+      const bool hangs_b = i == 1 && out.parts_b == 2, hangs_c = j == 1 && out.parts_c == 2;
+      const int b = i == out.parts_b ? 1 : 0, c = j == out.parts_c ? 1 : 0;
+      const auto alongB = [&](int at_c) {
+        return hangingValue(static_cast<double>(values[at_c][0]),
+                            static_cast<double>(values[at_c][1]), weight_b);
+      };
+      const auto alongC = [&](int at_b) {
+        return hangingValue(static_cast<double>(values[0][at_b]),
+                            static_cast<double>(values[1][at_b]), weight_c);
+      };
+      float value;
+      if (hangs_b && hangs_c)  // the order of valueOnCoarserLeaf(): the lower axis first
+        value = static_cast<float>(out.b < out.c ? hangingValue(alongB(0), alongB(1), weight_c)
+                                                 : hangingValue(alongC(0), alongC(1), weight_b));
+      else if (hangs_b)
+        value = static_cast<float>(alongB(c));
+      else if (hangs_c)
+        value = static_cast<float>(alongC(b));
+      else
+        value = values[c][b];
+      Index3 sample = first;
+      sample[out.b] += i;
+      sample[out.c] += j;
+      out.points[j][i] = {value, fine, sample};
+    }
+  return out;
+}
 
 // A point of a transition face: points[j][i].
 struct FacePoint {

@@ -1,5 +1,8 @@
 #include "isobrick/extract/oracles/curvature_oracle.h"
 
+#include <bit>
+
+#include "isobrick/extract/row_bits.h"
 #include "isobrick/storage/curvature_code.h"
 
 namespace isobrick {
@@ -26,14 +29,28 @@ bool CurvatureOracle::isFlat(const Index3& cell) {
          *context_.query.curvature_tolerance;
 }
 
+void CurvatureOracle::keepRefined(int level, const Index3& first, std::int64_t count,
+                                  std::uint64_t* bits) {
+  if (level != 1 || !is_on_) return;
+  for (std::int64_t word = 0; word < wordsOf(count); ++word)
+    for (std::uint64_t rest = bits[word]; rest != 0; rest &= rest - 1) {
+      const int bit = std::countr_zero(rest);
+      if (!refines(1, {first.x + 64 * word + bit, first.y, first.z}))
+        bits[word] &= ~(std::uint64_t{1} << bit);
+    }
+}
+
 const CurvatureOracle::BrickCurvature& CurvatureOracle::curvatureOf(const Index3& brick) {
   const std::size_t row = context_.pyramid.brickRow(0, brick);
+  if (last_ != nullptr && last_row_ == row) return *last_;
   const auto [entry, is_new] = bricks_.try_emplace(row);
   if (is_new) {
     context_.read_log.note(row, ReadLog::kCurvature);
     context_.pyramid.curvature(brick, entry->second.coefficients);
     context_.tileRanges(0, brick, entry->second.tile_ranges);
   }
+  last_row_ = row;
+  last_ = &entry->second;  // stays where it is when others come
   return entry->second;
 }
 

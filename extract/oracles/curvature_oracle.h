@@ -26,6 +26,8 @@ class CurvatureOracle {
     return level != 1 || !is_on_ || squaredDistance(center_, 1, cell) > radius_squared_ ||
            !isFlat(cell);
   }
+  // Of the `count` cells from `first` on along x, bit i being first.x + i, keeps those refined.
+  void keepRefined(int level, const Index3& first, std::int64_t count, std::uint64_t* bits);
   Share shareOfRefined(int level, const IndexBox& cells) const {
     if (level != 1 || !is_on_) return Share::kAll;
     return squaredDistanceBounds(center_, 1, cells).least <= radius_squared_ ? Share::kSome
@@ -49,6 +51,8 @@ class CurvatureOracle {
   glm::dvec3 center_{0.0};
   double radius_squared_ = std::numeric_limits<double>::infinity();
   std::unordered_map<std::size_t, BrickCurvature> bricks_;  // by row of the brick table
+  std::size_t last_row_ = 0;                                // asked for last, if any was
+  const BrickCurvature* last_ = nullptr;
 };
 
 }  // namespace isobrick

@@ -1,7 +1,10 @@
 #include "isobrick/extract/oracles/focus_oracle.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
+
+#include "isobrick/extract/row_bits.h"
 
 namespace isobrick {
 namespace {
@@ -42,6 +45,45 @@ Share FocusOracle::shareOfRefined(int level, const IndexBox& cells) const {
   if (distance.greatest < within) return Share::kAll;
   if (distance.least >= within) return Share::kNone;
   return Share::kSome;
+}
+
+void FocusOracle::keepRefined(int level, const Index3& first, std::int64_t count,
+                              std::uint64_t* bits) const {
+  if (level > last_level_) return;
+  // A row cuts the sphere in one piece, in rounded arithmetic too: going away from the focus no
+  // term of the squared distance falls. So its ends are found from where they should be.
+  const double within = refined_within_squared_[static_cast<std::size_t>(level)];
+  const auto isRefined = [&](std::int64_t i) {
+    return refines(level, {first.x + i, first.y, first.z});
+  };
+  const auto edge = static_cast<double>(std::int64_t{1} << level);
+  const double at = focus_.x / edge - 0.5 - static_cast<double>(first.x);  // of the focus, in cells
+  const auto last = static_cast<double>(count - 1);
+  const auto nearest = static_cast<std::int64_t>(std::clamp(at, 0.0, last) + 0.5);
+  // The cell whose centre is nearest, or the one beside it where that is a tie by rounding.
+  std::int64_t from = nearest;
+  if (!isRefined(from)) {
+    if (from + 1 < count && isRefined(from + 1))
+      ++from;
+    else if (from > 0 && isRefined(from - 1))
+      --from;
+    else {
+      keepBits(bits, count, 0, 0);
+      return;
+    }
+  }
+  const double beside = squaredDistance(focus_, level, {first.x + from, first.y, first.z});
+  const double dx = (at - static_cast<double>(from)) * edge;
+  const double half = std::sqrt(std::max(0.0, within - (beside - dx * dx))) / edge;
+  std::int64_t low = static_cast<std::int64_t>(std::clamp(at - half, 0.0, last));
+  std::int64_t high = static_cast<std::int64_t>(std::clamp(at + half, 0.0, last));
+  low = std::min(low, from);
+  high = std::max(high, from);
+  while (low < from && !isRefined(low)) ++low;
+  while (low > 0 && isRefined(low - 1)) --low;
+  while (high > from && !isRefined(high)) --high;
+  while (high + 1 < count && isRefined(high + 1)) ++high;
+  keepBits(bits, count, low, high + 1);
 }
 
 }  // namespace isobrick

@@ -1,31 +1,37 @@
 #include "isobrick/extract/oracles/leaf_classifier.h"
 
+#include <algorithm>
+
+#include "isobrick/extract/row_bits.h"
 #include "isobrick/storage/index_loop.h"
 
 namespace isobrick {
 
-void LeafClassifier::classify(int level, const IndexBox& cells, std::vector<CellState>& out) {
-  const Index3 first = glm::max(cells.first, Index3(0));
-  const IndexBox inside{first, glm::min(cells.end(), lattice_.cells(level)) - first};
-  // A parent decides for its eight cells, so it is asked once.
-  const IndexBox parents = parentsOf(inside);
-  parent_is_refined_.clear();
-  forEachIndex(parents, [&](const Index3& parent) {
-    parent_is_refined_.push_back(refines(level + 1, parent) ? 1 : 0);
-  });
-  const auto parentIsRefined = [&](const Index3& cell) {
-    return parent_is_refined_[static_cast<std::size_t>(
-               linearIndex(cell / std::int64_t{2} - parents.first, parents.count))] != 0;
-  };
-  out.clear();
-  forEachIndex(cells, [&](const Index3& cell) {
-    if (!contains(inside, cell))
-      out.push_back(CellState::kOutside);
-    else if (!parentIsRefined(cell))
-      out.push_back(CellState::kCoarser);
-    else
-      out.push_back(level > 0 && refines(level, cell) ? CellState::kFiner : CellState::kLeaf);
-  });
+CellState LeafClassifier::state(int level, const Index3& cell) {
+  if (!contains({Index3(0), lattice_.cells(level)}, cell)) return CellState::kOutside;
+  if (!refines(level + 1, cell / std::int64_t{2})) return CellState::kCoarser;
+  return level > 0 && refines(level, cell) ? CellState::kFiner : CellState::kLeaf;
+}
+
+void LeafClassifier::classifyRow(int level, const Index3& first, std::int64_t count,
+                                 std::uint64_t* exists, std::uint64_t* refined) {
+  const Index3 first_parent = first / std::int64_t{2};
+  const std::int64_t parents = (first.x + count - 1) / 2 - first_parent.x + 1;
+  // Two rows, one after the other, have the same parents.
+  if (parents_level_ != level + 1 || parents_first_ != first_parent || parents_count_ != parents) {
+    parents_level_ = level + 1;
+    parents_first_ = first_parent;
+    parents_count_ = parents;
+    parents_.resize(static_cast<std::size_t>(wordsOf(parents)));
+    setBits(parents_.data(), parents);
+    keepRefined(level + 1, first_parent, parents, parents_.data());
+  }
+  doubleBits(parents_.data(), parents, first.x % 2, count, exists);
+  std::copy(exists, exists + wordsOf(count), refined);
+  if (level > 0)
+    keepRefined(level, first, count, refined);
+  else
+    std::fill(refined, refined + wordsOf(count), 0);
 }
 
 bool LeafClassifier::mayHoldLeaf(int level, const IndexBox& cells) const {

@@ -19,9 +19,13 @@ class LeafClassifier {
   explicit LeafClassifier(const MeshContext& context)
       : lattice_(context.lattice()), focus_(context.focus), curvature_(context) {}
 
-  // States of all cells of a box of `level` (x fastest), which may reach beyond the volume by one.
-  // `out` is resized.
-  void classify(int level, const IndexBox& cells, std::vector<CellState>& out);
+  // The cell's state; it may lie beyond the volume.
+  CellState state(int level, const Index3& cell);
+  // Of the `count` cells of `level` from `first` on along x, which the volume has, bit i being
+  // first.x + i: those whose parent is refined, and of these the ones that are refined themselves.
+  // Both get whole words, with zeros behind the last cell.
+  void classifyRow(int level, const Index3& first, std::int64_t count, std::uint64_t* exists,
+                   std::uint64_t* refined);
 
   // False where the oracles rule out that a cell of the box is a leaf of `level`.
   bool mayHoldLeaf(int level, const IndexBox& cells) const;
@@ -35,6 +39,10 @@ class LeafClassifier {
   bool refines(int level, const Index3& cell) {
     return focus_.refines(level, cell) && curvature_.refines(level, cell);
   }
+  void keepRefined(int level, const Index3& first, std::int64_t count, std::uint64_t* bits) {
+    focus_.keepRefined(level, first, count, bits);
+    curvature_.keepRefined(level, first, count, bits);
+  }
   Share shareOfRefined(int level, const IndexBox& cells) const {
     const Share share = focus_.shareOfRefined(level, cells);
     return share == Share::kNone ? share
@@ -44,7 +52,11 @@ class LeafClassifier {
   const Lattice& lattice_;
   const FocusOracle& focus_;
   CurvatureOracle curvature_;
-  std::vector<std::uint8_t> parent_is_refined_;  // of the box at hand
+  // Refined parents of the row asked for last.
+  std::vector<std::uint64_t> parents_;
+  int parents_level_ = -1;
+  Index3 parents_first_{0};
+  std::int64_t parents_count_ = 0;
 };
 
 }  // namespace isobrick

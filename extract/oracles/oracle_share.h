@@ -7,10 +7,12 @@
 
 namespace isobrick {
 
-// An oracle answers two questions:
+// An oracle answers three questions:
 //
 //   bool refines(int level, const Index3& cell)         is the cell refined, or extracted here?
 //   Share shareOfRefined(int level, const IndexBox& b)  of the cells in the box, how many are?
+//   void keepRefined(int level, const Index3& first,    of the cells in a row along x, which are?
+//                    std::int64_t count, std::uint64_t* bits)  Clears the bits of the others.
 //
 // kNone and kAll are certain; kSome may also be said of a box that is all of one kind. The leaves
 // of an oracle that stands alone are 2:1 balanced (rule 5), and the parent of a cell that it

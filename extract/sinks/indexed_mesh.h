@@ -16,16 +16,16 @@ struct IndexedMesh {
 // Collects a mesh. Throws Error beyond 2^32 - 1 vertices.
 class IndexedMeshSink : public TriangleSink {
  public:
-  void accept(const MeshBatch& batch) override;
+  void begin(const MeshFrame& frame) override { placement_ = WorldPlacement(frame.geometry); }
+  void place(PlacedBatch& placed) override;
   const IndexedMesh& mesh() const { return mesh_; }
   // Moves the mesh out; the sink is empty of it afterwards.
   IndexedMesh takeMesh() { return std::move(mesh_); }
 
  private:
   IndexedMesh mesh_;
+  WorldPlacement placement_;
   VertexNumbering numbering_;
-  std::vector<std::uint64_t> numbers_;
-  std::vector<bool> is_new_;
 };
 
 }  // namespace isobrick

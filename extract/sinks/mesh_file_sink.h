@@ -5,6 +5,7 @@
 #include <string>
 
 #include "isobrick/extract/sinks/triangle_sink.h"
+#include "isobrick/extract/sinks/vertex_values.h"
 #include "isobrick/storage/cancel.h"
 
 namespace isobrick {
@@ -16,14 +17,33 @@ class MeshFileSink : public TriangleSink {
   virtual std::uint64_t vertices() const = 0;
 };
 
+// What a mesh file is to be, beside its name. All that is pointed to may be null and outlives the
+// sink.
+struct MeshFileOptions {
+  // Looked at in finish(), which then throws Cancelled, and no file is left.
+  const CancelFlag* cancel = nullptr;
+  // An attribute of the vertices: `value` of .ply and .vtp, `_VALUE` of .glb, where 0 stands for
+  // vertices without one. Error for the other formats.
+  const VertexValues* values = nullptr;
+  // Packs .vtp with zlib. Error for the other formats.
+  bool zlib = false;
+};
+
 // Makes a sink for `path`; its extension decides:
 //   .ply  binary little-endian: x y z (float, or double where MeshFrame says that single precision
 //         does not separate crossings), nx ny nz, faces with the pyramid level as `level`
 //   .stl  binary: triangles without shared vertices, at most 2^32 - 1
+//   .obj  text: v (digits enough to read the same float or double as in .ply), vn, f
+//   .glb  glTF 2.0, binary: POSITION and NORMAL as float, indices of 32 bits; at most 4 GiB. Where
+//         .ply takes doubles, positions count from the middle of the volume, and the node's
+//         translation, which a float holds exactly, leads there
+//   .vtp  VTK PolyData, appended data: as .ply, with normals as `Normals`, and `level` of the cells
+// All but .stl hold at most 2^32 - 1 vertices. All are in the world coordinates of the pyramid, LPS
+// and millimetres as its source has them, which the headers of .obj, .glb and .vtp say.
+//
 // Throws Error for another extension and for a path that cannot be written. The file appears under
-// its name in finish(); a sink that is destroyed earlier leaves nothing. finish() looks at
-// `cancel`, which may be null and outlives the sink: throws Cancelled, and no file is left.
+// its name in finish(); a sink that is destroyed earlier leaves nothing.
 std::unique_ptr<MeshFileSink> makeMeshFileSink(const std::string& path,
-                                               const CancelFlag* cancel = nullptr);
+                                               const MeshFileOptions& options = {});
 
 }  // namespace isobrick

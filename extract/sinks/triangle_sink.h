@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "isobrick/extract/edge_key.h"
+#include "isobrick/extract/sinks/raw_vector.h"
 #include "isobrick/storage/grid.h"
 
 namespace isobrick {
@@ -13,19 +14,21 @@ namespace isobrick {
 struct MeshBatch {
   // A vertex that other batches may have too; equal keys are one vertex.
   struct SharedVertex {
-    std::uint32_t vertex;  // index into positions
+    std::uint32_t vertex;      // index into positions
+    std::uint8_t batches = 0;  // that list it in the whole mesh, at the most; 0: not known
     EdgeKey key;
   };
 
   int level = 0;
-  double fraction_done = 0;              // of the extraction's bricks, with this one: 0 .. 1
-  std::vector<glm::dvec3> positions;     // world units
-  std::vector<glm::vec3> normals;        // unit, towards lower values; one for every position
-  std::vector<std::uint32_t> triangles;  // three indices into positions each, counter-clockwise
-                                         // seen from the lower values
-  std::vector<SharedVertex> shared;      // ascending in `vertex`
-  std::uint64_t cells = 0;               // leaves with at least one triangle
-  std::uint64_t transition_cells = 0;    // those of them that have a fan
+  double fraction_done = 0;            // of the extraction's bricks, with this one: 0 .. 1
+  Index3 origin{0};                    // the voxel that positions are counted from
+  RawVector<glm::vec3> positions;      // in voxels from the origin; exact, see worldPosition()
+  RawVector<glm::vec3> normals;        // world, unit, towards lower values; one a position
+  RawVector<std::uint32_t> triangles;  // three indices into positions each, counter-clockwise
+                                       // seen in the world from the lower values
+  std::vector<SharedVertex> shared;    // ascending in `vertex`
+  std::uint64_t cells = 0;             // leaves with at least one triangle
+  std::uint64_t transition_cells = 0;  // those of them that have a fan
 
   void clear() {
     positions.clear();
@@ -46,14 +49,60 @@ struct MeshFrame {
   double coordinateMagnitudeInVoxels() const;
 };
 
-// Receives a mesh. begin() once, accept() for every batch, finish() once; never two calls at the
-// same time, but from any thread. A batch is valid only during the call. What a sink throws ends
-// the extraction and reaches its caller; finish() is not called then.
+// From the positions of batches to the world. The same vertex of two batches gets the same bits.
+class WorldPlacement {
+ public:
+  WorldPlacement() = default;
+  explicit WorldPlacement(const GridGeometry& geometry)
+      : origin_(geometry.origin), matrix_(geometry.indexToWorldMatrix()) {}
+
+  glm::dvec3 worldPosition(const Index3& origin, const glm::vec3& position) const {
+    // Both are exact, and so is their sum: 20 bits before the point, 24 behind at the most.
+    return origin_ + matrix_ * (glm::dvec3(origin) + glm::dvec3(position));
+  }
+  glm::dvec3 worldPosition(const MeshBatch& batch, std::uint32_t vertex) const {
+    return worldPosition(batch.origin, batch.positions[vertex]);
+  }
+
+ private:
+  glm::dvec3 origin_{0.0};
+  glm::dmat3 matrix_{1.0};
+};
+
+// A vertex of a batch that another batch brought before.
+struct KnownVertex {
+  std::uint32_t vertex = 0;  // index in the batch
+  std::uint64_t number = 0;  // in the mesh
+};
+
+// A batch and its place in the mesh, which a sink gives it, with memory that goes round.
+struct PlacedBatch {
+  MeshBatch batch;
+  std::uint64_t first_vertex = 0, first_triangle = 0;  // of the mesh
+  std::uint64_t first_byte = 0;  // of the file, for sinks whose lines differ in length
+  // Ascending. All other vertices are new and numbered from first_vertex on, in their order.
+  std::vector<KnownVertex> known;
+  std::vector<std::uint32_t> numbers;  // scratch for write()
+  std::vector<std::byte> bytes;        // likewise
+  std::vector<glm::dvec3> world;       // likewise
+  std::vector<float> values;           // likewise
+};
+
+// Receives a mesh. begin() once, then every batch, finish() once. What a sink throws ends the
+// extraction and reaches its caller; finish() is not called then.
+//
+// A plain sink takes each batch in accept(): in order, never two calls at the same time, but from
+// any thread. A sink with much to do for a batch overrides place() and write() in its stead:
+// place() is called like accept() and only decides where the batch goes; write() follows from any
+// thread, for several batches at the same time, and is done before finish(). A batch is valid only
+// during the calls.
 class TriangleSink {
  public:
   virtual ~TriangleSink() = default;
   virtual void begin(const MeshFrame&) {}
-  virtual void accept(const MeshBatch& batch) = 0;
+  virtual void accept(const MeshBatch&) {}
+  virtual void place(PlacedBatch& placed) { accept(placed.batch); }
+  virtual void write(PlacedBatch&) {}
   virtual void finish() {}
 };
 

@@ -168,17 +168,16 @@ void lowPass(const Lattice& lattice, int level, format::Filter filter, const Sam
   }
 }
 
-#define ISOBRICK_LOW_PASS(NAME, T)                                                                \
-  void NAME(const Lattice& lattice, int level, format::Filter filter, const SampleBlock<T>& fine, \
-            const IndexBox& coarse, T* out) {                                                     \
-    lowPass<T>(lattice, level, filter, fine, coarse, out);                                        \
-  }
-ISOBRICK_LOW_PASS(lowPassUint8, std::uint8_t)
-ISOBRICK_LOW_PASS(lowPassInt8, std::int8_t)
-ISOBRICK_LOW_PASS(lowPassUint16, std::uint16_t)
-ISOBRICK_LOW_PASS(lowPassInt16, std::int16_t)
-ISOBRICK_LOW_PASS(lowPassFloat32, float)
-#undef ISOBRICK_LOW_PASS
+// Highway dispatches functions, not templates, so this is one for all voxel types: `fine` is a
+// SampleBlock<T>, `out` an array of T.
+void lowPassOfType(VoxelType type, const Lattice& lattice, int level, format::Filter filter,
+                   const void* fine, const IndexBox& coarse, void* out) {
+  visitVoxelType(type, [&](auto tag) {
+    using T = typename decltype(tag)::Type;
+    lowPass<T>(lattice, level, filter, *static_cast<const SampleBlock<T>*>(fine), coarse,
+               static_cast<T*>(out));
+  });
+}
 
 }  // namespace HWY_NAMESPACE
 }  // namespace isobrick
@@ -211,24 +210,20 @@ IndexBox lowPassSupport(const Lattice& lattice, int level, format::Filter filter
   return support;
 }
 
-HWY_EXPORT(lowPassUint8);
-HWY_EXPORT(lowPassInt8);
-HWY_EXPORT(lowPassUint16);
-HWY_EXPORT(lowPassInt16);
-HWY_EXPORT(lowPassFloat32);
+HWY_EXPORT(lowPassOfType);
 
-#define ISOBRICK_LOW_PASS(NAME, T)                                                   \
-  template <>                                                                        \
-  void lowPassBlock<T>(const Lattice& lattice, int level, format::Filter filter,     \
-                       const SampleBlock<T>& fine, const IndexBox& coarse, T* out) { \
-    HWY_DYNAMIC_DISPATCH(NAME)(lattice, level, filter, fine, coarse, out);           \
-  }
-ISOBRICK_LOW_PASS(lowPassUint8, std::uint8_t)
-ISOBRICK_LOW_PASS(lowPassInt8, std::int8_t)
-ISOBRICK_LOW_PASS(lowPassUint16, std::uint16_t)
-ISOBRICK_LOW_PASS(lowPassInt16, std::int16_t)
-ISOBRICK_LOW_PASS(lowPassFloat32, float)
-#undef ISOBRICK_LOW_PASS
+template <typename T>
+void lowPassBlock(const Lattice& lattice, int level, format::Filter filter,
+                  const SampleBlock<T>& fine, const IndexBox& coarse, T* out) {
+  HWY_DYNAMIC_DISPATCH(lowPassOfType)
+  (voxelTypeOf<T>(), lattice, level, filter, &fine, coarse, out);
+}
+
+#define ISOBRICK_INSTANTIATE(T)                                                             \
+  template void lowPassBlock<T>(const Lattice&, int, format::Filter, const SampleBlock<T>&, \
+                                const IndexBox&, T*);
+ISOBRICK_FOR_EACH_VOXEL_TYPE(ISOBRICK_INSTANTIATE)
+#undef ISOBRICK_INSTANTIATE
 
 }  // namespace isobrick
 #endif

@@ -86,17 +86,16 @@ void includeCubes(const SampleBlock<T>& samples, const IndexBox& cells, std::int
   }
 }
 
-#define ISOBRICK_INCLUDE_CUBES(NAME, T)                                              \
-  void NAME(const SampleBlock<T>& samples, const IndexBox& cells, std::int64_t edge, \
-            CubeRanges<T>& ranges) {                                                 \
-    includeCubes<T>(samples, cells, edge, ranges);                                   \
-  }
-ISOBRICK_INCLUDE_CUBES(includeCubesUint8, std::uint8_t)
-ISOBRICK_INCLUDE_CUBES(includeCubesInt8, std::int8_t)
-ISOBRICK_INCLUDE_CUBES(includeCubesUint16, std::uint16_t)
-ISOBRICK_INCLUDE_CUBES(includeCubesInt16, std::int16_t)
-ISOBRICK_INCLUDE_CUBES(includeCubesFloat32, float)
-#undef ISOBRICK_INCLUDE_CUBES
+// Highway dispatches functions, not templates, so this is one for all voxel types: `samples` is a
+// SampleBlock<T>, `ranges` a CubeRanges<T>.
+void includeCubesOfType(VoxelType type, const void* samples, const IndexBox& cells,
+                        std::int64_t edge, void* ranges) {
+  visitVoxelType(type, [&](auto tag) {
+    using T = typename decltype(tag)::Type;
+    includeCubes<T>(*static_cast<const SampleBlock<T>*>(samples), cells, edge,
+                    *static_cast<CubeRanges<T>*>(ranges));
+  });
+}
 
 }  // namespace HWY_NAMESPACE
 }  // namespace isobrick
@@ -113,25 +112,20 @@ void CubeRanges<T>::reset(const Index3& new_dims) {
   max.assign(count, std::numeric_limits<T>::lowest());
 }
 
-HWY_EXPORT(includeCubesUint8);
-HWY_EXPORT(includeCubesInt8);
-HWY_EXPORT(includeCubesUint16);
-HWY_EXPORT(includeCubesInt16);
-HWY_EXPORT(includeCubesFloat32);
+HWY_EXPORT(includeCubesOfType);
 
-#define ISOBRICK_INCLUDE_CUBES(NAME, T)                                            \
-  template struct CubeRanges<T>;                                                   \
-  template <>                                                                      \
-  void includeClosedCubes<T>(const SampleBlock<T>& samples, const IndexBox& cells, \
-                             std::int64_t edge, CubeRanges<T>& ranges) {           \
-    HWY_DYNAMIC_DISPATCH(NAME)(samples, cells, edge, ranges);                      \
-  }
-ISOBRICK_INCLUDE_CUBES(includeCubesUint8, std::uint8_t)
-ISOBRICK_INCLUDE_CUBES(includeCubesInt8, std::int8_t)
-ISOBRICK_INCLUDE_CUBES(includeCubesUint16, std::uint16_t)
-ISOBRICK_INCLUDE_CUBES(includeCubesInt16, std::int16_t)
-ISOBRICK_INCLUDE_CUBES(includeCubesFloat32, float)
-#undef ISOBRICK_INCLUDE_CUBES
+template <typename T>
+void includeClosedCubes(const SampleBlock<T>& samples, const IndexBox& cells, std::int64_t edge,
+                        CubeRanges<T>& ranges) {
+  HWY_DYNAMIC_DISPATCH(includeCubesOfType)(voxelTypeOf<T>(), &samples, cells, edge, &ranges);
+}
+
+#define ISOBRICK_INSTANTIATE(T)                                                             \
+  template struct CubeRanges<T>;                                                            \
+  template void includeClosedCubes<T>(const SampleBlock<T>&, const IndexBox&, std::int64_t, \
+                                      CubeRanges<T>&);
+ISOBRICK_FOR_EACH_VOXEL_TYPE(ISOBRICK_INSTANTIATE)
+#undef ISOBRICK_INSTANTIATE
 
 }  // namespace isobrick
 #endif

@@ -10,17 +10,13 @@
 #include <fstream>
 #include <string_view>
 
+#include "isobrick/preprocess/sources/dicom_tags.h"
 #include "isobrick/storage/error.h"
 
 namespace isobrick {
 namespace {
 
 constexpr std::uint32_t kUndefinedLength = 0xffffffff;
-constexpr std::uint32_t kTransferSyntax = 0x00020010;
-constexpr std::uint32_t kPixelData = 0x7fe00010;
-constexpr std::uint32_t kItem = 0xfffee000;
-constexpr std::uint32_t kItemEnd = 0xfffee00d;
-constexpr std::uint32_t kSequenceEnd = 0xfffee0dd;
 constexpr int kMostNesting = 32;
 constexpr std::uint32_t kMostValueBytes = 1024;  // longer values are of no interest here
 
@@ -32,8 +28,10 @@ constexpr std::array<std::string_view, 21> kShortTypes = {"AE", "AS", "AT", "CS"
                                                           "SL", "SS", "ST", "TM", "UI", "UL", "US"};
 
 // Elements that are one 16-bit number in every file that GDCM can work with.
-constexpr std::array<std::uint32_t, 8> kNumbers = {0x00280002, 0x00280006, 0x00280010, 0x00280011,
-                                                   0x00280100, 0x00280101, 0x00280102, 0x00280103};
+constexpr std::array<std::uint32_t, 8> kNumbers = {
+    dicom::kSamplesPerPixel, dicom::kPlanarConfiguration, dicom::kRows,
+    dicom::kColumns,         dicom::kBitsAllocated,       dicom::kBitsStored,
+    dicom::kHighBit,         dicom::kPixelRepresentation};
 
 bool isOneOf(const auto& all, const auto& one) {
   return std::find(all.begin(), all.end(), one) != all.end();
@@ -94,7 +92,8 @@ class Walker {
       if (walkDataSet(header.values)) header.state = DicomHeader::State::kImage;
     } catch (const Damaged&) {
       // Who gets as far as the pixels of an image of some size is no other file.
-      if (at_pixels_ && header.values.contains(0x00280010) && header.values.contains(0x00280011))
+      if (at_pixels_ && header.values.contains(dicom::kRows) &&
+          header.values.contains(dicom::kColumns))
         header.state = DicomHeader::State::kDamaged;
     }
     if (header.state == DicomHeader::State::kNotDicom) header.values.clear();
@@ -109,8 +108,9 @@ class Walker {
     while (at_ < size_) {
       if (in_meta_group && peekGroup() != 2) {
         in_meta_group = false;
-        if (!values.contains(kTransferSyntax)) values[kTransferSyntax] = guessedSyntax();
-        const std::string& syntax = values[kTransferSyntax];
+        if (!values.contains(dicom::kTransferSyntax))
+          values[dicom::kTransferSyntax] = guessedSyntax();
+        const std::string& syntax = values[dicom::kTransferSyntax];
         // Deflated, or big-endian without types as one maker has it: GDCM may try.
         if (syntax == "1.2.840.10008.1.2.1.99" || syntax == "1.2.840.113619.5.2") {
           if (must_ascend_) throw Damaged();
@@ -122,7 +122,7 @@ class Walker {
       const Element element = readElement(encoding);
       if (must_ascend_ && element.tag <= last_tag) throw Damaged();
       last_tag = element.tag;
-      if (element.tag == kPixelData) {
+      if (element.tag == dicom::kPixelData) {
         at_pixels_ = true;
         if (must_ascend_ && !hasSize(values)) throw Damaged();
         checkPixels(element, values);
@@ -135,7 +135,8 @@ class Walker {
       } else {
         values[element.tag] = text(element, encoding);
         // The retired "recognition code"; GDCM aborts on any that it does not know.
-        if (element.tag == 0x00080010 && !values[element.tag].starts_with("ACR")) throw Damaged();
+        if (element.tag == dicom::kRecognitionCode && !values[element.tag].starts_with("ACR"))
+          throw Damaged();
       }
     }
     return false;
@@ -157,15 +158,15 @@ class Walker {
       const auto found = values.find(tag);
       return found != values.end() && std::strtoull(found->second.c_str(), nullptr, 10) > 0;
     };
-    return isPositive(0x00280010) && isPositive(0x00280011);
+    return isPositive(dicom::kRows) && isPositive(dicom::kColumns);
   }
 
   void checkPixels(const Element& element, const std::map<std::uint32_t, std::string>& values) {
     if (element.length == kUndefinedLength) {  // compressed: fragments up to an end mark
       for (;;) {
         const Element item = readElement({false, false});
-        if (item.tag == kSequenceEnd) return;
-        if (item.tag != kItem || item.length == kUndefinedLength) throw Damaged();
+        if (item.tag == dicom::kSequenceEnd) return;
+        if (item.tag != dicom::kItem || item.length == kUndefinedLength) throw Damaged();
         skip(item.length);
       }
     }
@@ -177,9 +178,10 @@ class Walker {
     const auto clamped = [&](std::uint32_t tag, std::uint64_t otherwise, std::uint64_t most) {
       return std::min<std::uint64_t>(number(tag, otherwise), most);
     };
-    const std::uint64_t bits = clamped(0x00280010, 0, 65535) * clamped(0x00280011, 0, 65535) *
-                               clamped(0x00280002, 1, 4) * clamped(0x00280008, 1, 1u << 20) *
-                               clamped(0x00280100, 16, 64);
+    const std::uint64_t bits =
+        clamped(dicom::kRows, 0, 65535) * clamped(dicom::kColumns, 0, 65535) *
+        clamped(dicom::kSamplesPerPixel, 1, 4) * clamped(dicom::kNumberOfFrames, 1, 1u << 20) *
+        clamped(dicom::kBitsAllocated, 16, 64);
     if (element.length < bits / 8) throw Damaged();
     skip(element.length);
   }
@@ -189,15 +191,15 @@ class Walker {
     if (depth > kMostNesting) throw Damaged();
     for (;;) {
       const Element item = readElement(encoding);
-      if (item.tag == kSequenceEnd) return;
-      if (item.tag != kItem) throw Damaged();
+      if (item.tag == dicom::kSequenceEnd) return;
+      if (item.tag != dicom::kItem) throw Damaged();
       if (item.length != kUndefinedLength) {
         skip(item.length);
         continue;
       }
       for (;;) {
         const Element element = readElement(encoding);
-        if (element.tag == kItemEnd) break;
+        if (element.tag == dicom::kItemEnd) break;
         if (element.length == kUndefinedLength)
           skipSequence(element.representation == "UN" ? Encoding{false, false} : encoding,
                        depth + 1);
@@ -230,26 +232,27 @@ class Walker {
 
   // GDCM aborts where an element that it works with has another type than the standard says.
   static void checkTypeOfImageElement(const Element& element) {
-    static constexpr std::array<std::uint32_t, 9> kDecimals = {0x00180050, 0x00180088, 0x00181164,
-                                                               0x00200032, 0x00200037, 0x00280030,
-                                                               0x00281050, 0x00281052, 0x00281053};
+    static constexpr std::array<std::uint32_t, 9> kDecimals = {
+        dicom::kSliceThickness, dicom::kSpacingBetweenSlices, dicom::kImagerPixelSpacing,
+        dicom::kImagePosition,  dicom::kImageOrientation,     dicom::kPixelSpacing,
+        dicom::kWindowCenter,   dicom::kRescaleIntercept,     dicom::kRescaleSlope};
     const std::string& type = element.representation;
     const auto isIn = [&](const auto& tags) {
       return std::find(tags.begin(), tags.end(), element.tag) != tags.end();
     };
     if (isOneOf(kNumbers, element.tag) && (type != "US" || element.length != 2)) throw Damaged();
     if (isIn(kDecimals) && type != "DS") throw Damaged();
-    if (element.tag == 0x00280008 && type != "IS") throw Damaged();
-    if (element.tag == 0x00280004 && type != "CS") throw Damaged();
-    if (element.tag == kPixelData && type != "OW" && type != "OB") throw Damaged();
+    if (element.tag == dicom::kNumberOfFrames && type != "IS") throw Damaged();
+    if (element.tag == dicom::kPhotometricInterpretation && type != "CS") throw Damaged();
+    if (element.tag == dicom::kPixelData && type != "OW" && type != "OB") throw Damaged();
   }
 
   std::string text(const Element& element, const Encoding& encoding) {
     // Implicit encoding has no types: those of group 28 that are of interest are known numbers.
-    const std::uint32_t tag = element.tag, number = tag & 0xffff;
+    const std::uint32_t tag = element.tag;
     const bool is_number = element.representation == "US" || element.representation == "SS" ||
                            (!encoding.is_explicit && (tag >> 16) == 0x0028 && element.length == 2 &&
-                            number != 0x0008 && number <= 0x0121);
+                            tag != dicom::kNumberOfFrames && tag <= dicom::kPaddingRangeLimit);
     if (is_number && element.length == 2) return std::to_string(number16(encoding.big_endian));
     std::string value = bytes(element.length);
     while (!value.empty() && (value.back() == ' ' || value.back() == '\0')) value.pop_back();

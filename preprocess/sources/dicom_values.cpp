@@ -6,17 +6,10 @@
 #include <limits>
 #include <sstream>
 
+#include "isobrick/preprocess/sources/dicom_tags.h"
+
 namespace isobrick {
 namespace {
-
-constexpr std::uint32_t kBitsAllocated = 0x00280100;
-constexpr std::uint32_t kBitsStored = 0x00280101;
-constexpr std::uint32_t kPixelRepresentation = 0x00280103;
-constexpr std::uint32_t kSmallestPixel = 0x00280106;
-constexpr std::uint32_t kLargestPixel = 0x00280107;
-constexpr std::uint32_t kPadding = 0x00280120;
-constexpr std::uint32_t kRescaleIntercept = 0x00281052;
-constexpr std::uint32_t kRescaleSlope = 0x00281053;
 
 // Hostile headers: enough for every sum and product here.
 constexpr int kMostBits = 32;
@@ -94,15 +87,16 @@ bool isWhole(double value) { return value == std::floor(value); }
 
 DicomValueMap dicomValueMap(const DicomHeader& header) {
   DicomValueMap map;
-  map.slope = decimal(header, kRescaleSlope, 1);
+  map.slope = decimal(header, dicom::kRescaleSlope, 1);
   if (map.slope == 0) map.slope = 1;
-  map.intercept = decimal(header, kRescaleIntercept, 0);
-  map.bits_allocated = bitCount(header, kBitsAllocated, map.bits_allocated);
-  map.bits_stored = std::min(bitCount(header, kBitsStored, map.bits_allocated), map.bits_allocated);
-  map.is_signed = decimal(header, kPixelRepresentation, 0) == 1;
-  map.smallest = pixelValue(header, kSmallestPixel, map.is_signed);
-  map.largest = pixelValue(header, kLargestPixel, map.is_signed);
-  map.padding = pixelValue(header, kPadding, map.is_signed);
+  map.intercept = decimal(header, dicom::kRescaleIntercept, 0);
+  map.bits_allocated = bitCount(header, dicom::kBitsAllocated, map.bits_allocated);
+  map.bits_stored =
+      std::min(bitCount(header, dicom::kBitsStored, map.bits_allocated), map.bits_allocated);
+  map.is_signed = decimal(header, dicom::kPixelRepresentation, 0) == 1;
+  map.smallest = pixelValue(header, dicom::kSmallestPixel, map.is_signed);
+  map.largest = pixelValue(header, dicom::kLargestPixel, map.is_signed);
+  map.padding = pixelValue(header, dicom::kPadding, map.is_signed);
   return map;
 }
 

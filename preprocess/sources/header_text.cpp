@@ -1,7 +1,6 @@
 #include "isobrick/preprocess/sources/header_text.h"
 
 #include <algorithm>
-#include <cctype>
 #include <charconv>
 #include <filesystem>
 #include <fstream>
@@ -9,6 +8,7 @@
 
 #include "isobrick/storage/brick_layout.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/lowercase.h"
 
 namespace isobrick {
 namespace {
@@ -155,11 +155,6 @@ std::string HeaderText::value(const std::string& name) const {
 
 std::string besideHeader(const std::string& header_path, const std::string& name) {
   return (std::filesystem::path(header_path).parent_path() / name).string();
-}
-
-std::string lowercase(std::string text) {
-  for (char& c : text) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return text;
 }
 
 std::optional<HeaderText> readNrrdHeader(const std::string& path) {

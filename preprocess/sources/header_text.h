@@ -37,7 +37,4 @@ std::vector<std::string> metaImageFiles(const std::string& header_path);
 // A name in a header is relative to the header's folder.
 std::string besideHeader(const std::string& header_path, const std::string& name);
 
-// "Data.RAW" -> "data.raw"
-std::string lowercase(std::string text);
-
 }  // namespace isobrick

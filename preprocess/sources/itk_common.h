@@ -25,8 +25,9 @@ void prepareItk();
 Error itkError(const std::string& path, const std::exception& exception);
 
 // Opens `path` and reads its header. Throws Error for missing files, unknown formats, damaged
-// headers and for images with more than one value per voxel.
-itk::ImageIOBase::Pointer openImage(const std::string& path);
+// headers and, unless the options choose one of them, for images with more than one value per
+// voxel.
+itk::ImageIOBase::Pointer openImage(const std::string& path, const OpenOptions& options = {});
 
 // The same for a DICOM image that was walked before. Throws Error too where the file is no longer
 // the one with that stamp: GDCM must not see what was not walked.

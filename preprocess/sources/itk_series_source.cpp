@@ -11,22 +11,18 @@
 #include <set>
 
 #include "isobrick/preprocess/sources/dicom_header.h"
+#include "isobrick/preprocess/sources/dicom_tags.h"
 #include "isobrick/preprocess/sources/dicom_values.h"
 #include "isobrick/preprocess/sources/itk_common.h"
+#include "isobrick/preprocess/sources/slice_names.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/storage/abandonable.h"
+#include "isobrick/storage/lowercase.h"
 
 namespace isobrick::itk_detail {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr std::uint32_t kSeriesUid = 0x0020000e;
-constexpr std::uint32_t kInstanceNumber = 0x00200013;
-constexpr std::uint32_t kImagePosition = 0x00200032;
-constexpr std::uint32_t kImageOrientation = 0x00200037;
-constexpr std::uint32_t kRows = 0x00280010;
-constexpr std::uint32_t kColumns = 0x00280011;
 
 // What is kept of a file's header: thousands of whole ones would be too much.
 struct DicomSlice {
@@ -61,20 +57,6 @@ glm::dvec3 positionOf(const DicomSlice& slice) {
                    : glm::dvec3(p[0], p[1], p[2]);
 }
 
-std::vector<std::string> filesIn(const std::string& folder) {
-  std::vector<std::string> files;
-  try {
-    for (const fs::directory_entry& entry : fs::directory_iterator(folder))
-      if (entry.is_regular_file()) files.push_back(entry.path().string());
-  } catch (const fs::filesystem_error& error) {
-    throw Error("cannot read the folder '" + folder + "': " + error.code().message() +
-                    "; check its permissions",
-                {.path = folder});
-  }
-  std::sort(files.begin(), files.end());
-  return files;
-}
-
 // The DICOM images among `files`. Only headers are read.
 std::vector<DicomSlice> scanDicom(const std::vector<std::string>& files,
                                   const OpenOptions& options) {
@@ -89,9 +71,11 @@ std::vector<DicomSlice> scanDicom(const std::vector<std::string>& files,
                       "whole file again, or move it elsewhere if it is not of this series",
                   {.path = file});
     if (header.state != DicomHeader::State::kImage) continue;
-    slices.push_back({file, header.stamp, header.value(kSeriesUid), header.value(kImagePosition),
-                      header.value(kImageOrientation), header.value(kInstanceNumber),
-                      header.value(kColumns) + " x " + header.value(kRows), dicomValueMap(header)});
+    slices.push_back({file, header.stamp, header.value(dicom::kSeriesUid),
+                      header.value(dicom::kImagePosition), header.value(dicom::kImageOrientation),
+                      header.value(dicom::kInstanceNumber),
+                      header.value(dicom::kColumns) + " x " + header.value(dicom::kRows),
+                      dicomValueMap(header)});
   }
   return slices;
 }
@@ -399,38 +383,11 @@ std::unique_ptr<VolumeSource> openDicomSeries(const std::string& folder,
                                             any.image->GetImageSizeInBytes(), options.cancel);
 }
 
-// "slice9" before "slice10": runs of digits compare as numbers.
-bool numericNameLess(const std::string& a, const std::string& b) {
-  const auto isDigit = [](char c) { return std::isdigit(static_cast<unsigned char>(c)) != 0; };
-  std::size_t i = 0, j = 0;
-  while (i < a.size() && j < b.size()) {
-    if (isDigit(a[i]) && isDigit(b[j])) {
-      while (i < a.size() && a[i] == '0') ++i;
-      while (j < b.size() && b[j] == '0') ++j;
-      const std::size_t first_i = i, first_j = j;
-      while (i < a.size() && isDigit(a[i])) ++i;
-      while (j < b.size() && isDigit(b[j])) ++j;
-      if (i - first_i != j - first_j) return i - first_i < j - first_j;
-      const int order = a.compare(first_i, i - first_i, b, first_j, j - first_j);
-      if (order != 0) return order < 0;
-    } else {
-      if (a[i] != b[j]) return a[i] < b[j];
-      ++i;
-      ++j;
-    }
-  }
-  if (i == a.size() && j == b.size()) return a < b;  // "01" and "1": any fixed order
-  return i == a.size();
-}
-
 std::vector<std::string> withExtension(const std::vector<std::string>& files,
                                        const std::set<std::string>& extensions) {
   std::vector<std::string> result;
-  for (const std::string& file : files) {
-    std::string extension = fs::path(file).extension().string();
-    for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-    if (extensions.contains(extension)) result.push_back(file);
-  }
+  for (const std::string& file : files)
+    if (extensions.contains(lowerExtension(file))) result.push_back(file);
   std::sort(result.begin(), result.end(), numericNameLess);
   return result;
 }
@@ -466,7 +423,7 @@ std::unique_ptr<VolumeSource> openImageStack(const std::string& folder,
 
 std::unique_ptr<VolumeSource> openItkFolder(const std::string& path, const OpenOptions& options) {
   prepareItk();
-  const std::vector<std::string> files = filesIn(path);
+  const std::vector<std::string> files = filesInFolder(path);
   // Names of slice images are no DICOM and may be large: do not scan them.
   const std::vector<std::string> tiffs = withExtension(files, {".tif", ".tiff"});
   const std::vector<std::string> images = withExtension(files, {".png"});

@@ -21,6 +21,7 @@
 #include <cstring>
 #include <filesystem>
 #include <iostream>
+#include <limits>
 #include <map>
 #include <mutex>
 #include <new>
@@ -32,7 +33,9 @@
 #include "isobrick/preprocess/sources/nifti_run.h"
 #include "isobrick/preprocess/sources/raw_run.h"
 #include "isobrick/preprocess/sources/source_checks.h"
+#include "isobrick/preprocess/sources/voxel_components.h"
 #include "isobrick/storage/abandonable.h"
+#include "isobrick/storage/lowercase.h"
 
 namespace isobrick {
 namespace itk_detail {
@@ -172,23 +175,21 @@ itk::ImageIOBase::Pointer withInformation(const std::string& path,
   return image;
 }
 
-itk::ImageIOBase::Pointer requireScalars(const std::string& path, itk::ImageIOBase::Pointer image) {
+// `options` say what becomes of several values per voxel.
+itk::ImageIOBase::Pointer requireImage(const std::string& path, itk::ImageIOBase::Pointer image,
+                                       const OpenOptions& options) {
   if (image.IsNull())
     throw Error("cannot read '" + path + "': it is unreadable or in no known format (NRRD, " +
                     "MetaImage, NIfTI, TIFF, DICOM, MRC, VTK legacy, ...); say its layout if it "
                     "has no header",
                 {.path = path}, {Remedy::kDescribeRawFile});
-  if (image->GetNumberOfComponents() != 1)
-    throw Error("cannot use '" + path + "': it has " +
-                    std::to_string(image->GetNumberOfComponents()) +
-                    " values per voxel (colour, vector or complex); extract one channel first",
-                {.path = path});
+  checkComponentChoice(path, image->GetNumberOfComponents(), options);
   return image;
 }
 
 }  // namespace
 
-itk::ImageIOBase::Pointer openImage(const std::string& path) {
+itk::ImageIOBase::Pointer openImage(const std::string& path, const OpenOptions& options) {
   prepareItk();
   std::error_code error;
   const auto status = std::filesystem::status(path, error);
@@ -209,7 +210,7 @@ itk::ImageIOBase::Pointer openImage(const std::string& path) {
   } catch (const std::exception& exception) {
     throw itkError(path, exception);
   }
-  return requireScalars(path, image);
+  return requireImage(path, image, options);
 }
 
 itk::ImageIOBase::Pointer openDicomImage(const std::string& path, const FileStamp& stamp) {
@@ -220,7 +221,7 @@ itk::ImageIOBase::Pointer openDicomImage(const std::string& path, const FileStam
                 {.path = path});
   try {
     const CerrCapture silence;
-    return requireScalars(path, withInformation(path, itk::GDCMImageIO::New().GetPointer()));
+    return requireImage(path, withInformation(path, itk::GDCMImageIO::New().GetPointer()), {});
   } catch (const Error&) {
     throw;
   } catch (const std::exception& exception) {
@@ -365,11 +366,13 @@ VolumeInfo describeVolume(const std::string& path, const itk::ImageIOBase& image
 // where it does it does not notice that the data end early.)
 class WholeImageSource final : public VolumeSource {
  public:
+  // `stored` is looked at where voxels have several values.
   WholeImageSource(VolumeInfo info, std::vector<std::string> files, itk::ImageIOBase::Pointer image,
-                   const CancelFlag* cancel)
+                   const StoredVoxels& stored, const CancelFlag* cancel)
       : info_(std::move(info)),
         files_(std::move(files)),
         image_(std::move(image)),
+        stored_(stored),
         cancel_(cancel) {}
 
   const VolumeInfo& info() const override { return info_; }
@@ -381,17 +384,27 @@ class WholeImageSource final : public VolumeSource {
     } catch (const std::bad_alloc& exception) {
       throw itkError(info_.source, exception);
     }
-    convertComponents(
-        image_->GetComponentType(),
-        buffer_.get() + static_cast<std::size_t>(first) * row_voxels * image_->GetComponentSize(),
-        static_cast<std::size_t>(count) * row_voxels, info_.voxel_type, out);
+    const std::byte* from = buffer_.get() + static_cast<std::size_t>(first) * row_voxels *
+                                                image_->GetComponentSize() * stored_.components;
+    const std::size_t voxels = static_cast<std::size_t>(count) * row_voxels;
+    if (stored_.components == 1)
+      convertComponents(image_->GetComponentType(), from, voxels, info_.voxel_type, out);
+    else
+      decodeVoxels(stored_, voxels, out, [&](std::byte* to, std::size_t bytes) {
+        std::memcpy(to, from, bytes);
+        from += bytes;
+      });
     if (first + count == info_.voxels.y * info_.voxels.z) buffer_.reset();
   }
 
   std::vector<std::string> files() const override { return files_; }
   std::string identity() const override { return {}; }
   std::uint64_t bufferBytes() const override {
-    return static_cast<std::uint64_t>(elementCount(info_.voxels)) * image_->GetComponentSize();
+    std::uint64_t bytes = 0;
+    const bool overflow = __builtin_mul_overflow(
+        static_cast<std::uint64_t>(elementCount(info_.voxels)),
+        std::uint64_t{image_->GetComponentSize()} * stored_.components, &bytes);
+    return overflow ? std::numeric_limits<std::uint64_t>::max() : bytes;
   }
 
  private:
@@ -414,30 +427,63 @@ class WholeImageSource final : public VolumeSource {
   VolumeInfo info_;
   std::vector<std::string> files_;
   itk::ImageIOBase::Pointer image_;
+  StoredVoxels stored_;
   const CancelFlag* cancel_;
   std::shared_ptr<std::byte[]> buffer_;
 };
 
-std::unique_ptr<VolumeSource> openNiftiRun(VolumeInfo info, const OpenOptions& options) {
-  const NiftiRun nifti = findNiftiRun(info.source);
-  if (nifti.stored.delivered() != info.voxel_type)
-    throw Error("cannot read '" + info.source + "': its header is contradictory; check that it " +
-                    "is not damaged",
-                {.path = info.source});
-  if (nifti.stored.map) {
+std::unique_ptr<VolumeSource> openNiftiRun(VolumeInfo info, std::uint64_t components,
+                                           const OpenOptions& options) {
+  NiftiRun nifti = findNiftiRun(info.source);
+  StoredVoxels& stored = nifti.stored;
+  const auto contradiction = [&] {
+    return Error("cannot read '" + info.source + "': its header is contradictory; check that it " +
+                     "is not damaged",
+                 {.path = info.source});
+  };
+  if (nifti.numbers_together > 1) stored.map.reset();  // it is of plain numbers
+  if (stored.delivered() != info.voxel_type) throw contradiction();
+  if (nifti.numbers_together != 1 && nifti.numbers_together != components) throw contradiction();
+  if (stored.map) {
     std::ostringstream note;
-    note << "slope " << nifti.stored.map->slope << " and intercept " << nifti.stored.map->intercept
+    note << "slope " << stored.map->slope << " and intercept " << stored.map->intercept
          << " were applied to the stored values";
     info.notes.push_back(note.str());
   }
-  return openRawRun(std::move(info), nifti.run, nifti.stored, options.cancel);
+  if (nifti.numbers_together > 1) takeComponent(components, options, stored, info);
+  if (components == nifti.numbers_together)
+    return openRawRun(std::move(info), nifti.run, stored, options.cancel);
+
+  // The components are volumes, one behind the other.
+  VolumeInfo chosen = info;
+  StoredVoxels unused = stored;
+  takeComponent(components, options, unused, chosen);
+  const auto bytes = stored.bytesOf(elementCount(info.voxels));
+  const auto openComponent = [&](std::uint64_t component, const VolumeInfo& component_info) {
+    RawRun run = nifti.run;
+    std::uint64_t& offset = run.is_deflated ? run.content_offset_bytes : run.offset_bytes;
+    std::uint64_t skipped = 0;
+    if (!bytes || __builtin_mul_overflow(*bytes, component, &skipped) ||
+        __builtin_add_overflow(offset, skipped, &offset))
+      throw contradiction();
+    return openRawRun(component_info, run, stored, options.cancel);
+  };
+  // The last one shows whether the file is whole, where it is not packed.
+  if (!nifti.run.is_deflated) openComponent(components - 1, info);
+  if (!options.component->magnitude) {
+    chosen.voxel_type = info.voxel_type;
+    return openComponent(static_cast<std::uint64_t>(options.component->index), chosen);
+  }
+  std::vector<std::unique_ptr<VolumeSource>> sources;
+  for (std::uint64_t c = 0; c < components; ++c) sources.push_back(openComponent(c, info));
+  return makeMagnitudeSource(std::move(chosen), std::move(sources));
 }
 
 // The file, and those that it names. ITK knows MetaImage by its ending and NRRD by its first bytes.
 std::vector<std::string> filesOf(const std::string& path) {
   std::error_code ignored;
   if (!std::filesystem::is_regular_file(path, ignored)) return {path};
-  const std::string ending = lowercase(std::filesystem::path(path).extension().string());
+  const std::string ending = lowerExtension(path);
   return ending == ".mhd" || ending == ".mha" ? metaImageFiles(path) : nrrdFiles(path);
 }
 
@@ -445,15 +491,24 @@ std::unique_ptr<VolumeSource> openImageFile(const std::string& path, std::vector
                                             itk::ImageIOBase::Pointer image,
                                             const OpenOptions& options) {
   VolumeInfo info = describeVolume(path, *image);
-  if (info.format == "NIfTI") return openNiftiRun(std::move(info), options);
-  const auto run = info.format == "NRRD"        ? findNrrdRun(path)
+  const auto components = static_cast<std::uint64_t>(image->GetNumberOfComponents());
+  if (info.format == "NIfTI") return openNiftiRun(std::move(info), components, options);
+  const auto run = info.format == "NRRD"        ? findNrrdRun(path, components, info.voxels)
                    : info.format == "MetaImage" ? findMetaImageRun(path)
                                                 : std::nullopt;
   const auto type = storedTypeOf(image->GetComponentType());
-  if (run && type && image->GetNumberOfDimensions() == 3)
-    return openRawRun(std::move(info), *run, {*type, run->big_endian, {}, false}, options.cancel);
+  if (components > 1 && !type)
+    throw Error("cannot use '" + path + "': its values are no numbers of up to 64 bits; convert it",
+                {.path = path});
+  StoredVoxels stored;
+  stored.type = type.value_or(StoredType::kUint8);
+  takeComponent(components, options, stored, info);
+  if (run && type && image->GetNumberOfDimensions() == 3) {
+    stored.big_endian = run->big_endian;
+    return openRawRun(std::move(info), *run, stored, options.cancel);
+  }
   return std::make_unique<WholeImageSource>(std::move(info), std::move(files), std::move(image),
-                                            options.cancel);
+                                            stored, options.cancel);
 }
 
 }  // namespace
@@ -461,7 +516,7 @@ std::unique_ptr<VolumeSource> openImageFile(const std::string& path, std::vector
 std::unique_ptr<VolumeSource> openItkFile(const std::string& path, const OpenOptions& options) {
   // First: what has no good names must not come to ITK.
   std::vector<std::string> files = filesOf(path);
-  return openImageFile(path, std::move(files), openImage(path), options);
+  return openImageFile(path, std::move(files), openImage(path, options), options);
 }
 
 std::unique_ptr<VolumeSource> openItkFile(const std::string& path, itk::ImageIOBase::Pointer image,
@@ -473,8 +528,9 @@ std::unique_ptr<VolumeSource> openItkFile(const std::string& path, itk::ImageIOB
 
 std::unique_ptr<VolumeSource> openItkSource(const std::string& path, const OpenOptions& options) {
   std::error_code ignored;
-  return std::filesystem::is_directory(path, ignored) ? itk_detail::openItkFolder(path, options)
-                                                      : itk_detail::openItkFile(path, options);
+  if (!std::filesystem::is_directory(path, ignored)) return itk_detail::openItkFile(path, options);
+  refuseComponentChoice(path, options);
+  return itk_detail::openItkFolder(path, options);
 }
 
 }  // namespace isobrick

@@ -88,16 +88,27 @@ class NiftiHeader {
   bool big_endian_ = false;
 };
 
+// RGB24, RGBA32, complex64 and complex128.
+std::size_t numbersTogether(int data_type) {
+  if (data_type == 128) return 3;
+  if (data_type == 2304) return 4;
+  return data_type == 32 || data_type == 1792 ? 2 : 1;
+}
+
 StoredType storedType(const std::string& path, int data_type) {
   switch (data_type) {
     case 2:
+    case 128:
+    case 2304:
       return StoredType::kUint8;
     case 4:
       return StoredType::kInt16;
     case 8:
       return StoredType::kInt32;
     case 16:
+    case 32:
       return StoredType::kFloat32;
+    case 1792:
     case 64:
       return StoredType::kFloat64;
     case 256:
@@ -149,6 +160,7 @@ NiftiRun findNiftiRun(const std::string& path) {
   run.is_deflated = isGzipped(InputFile(run.path, run.path == path ? "" : path));
   (run.is_deflated ? run.content_offset_bytes : run.offset_bytes) = offset_bytes;
 
+  result.numbers_together = numbersTogether(header.dataType());
   result.stored.type = storedType(path, header.dataType());
   result.stored.big_endian = header.bigEndian();
   result.stored.map = valueMap(header);

@@ -14,7 +14,10 @@ namespace isobrick {
 
 struct NiftiRun {
   RawRun run;
-  StoredVoxels stored;  // slope and intercept included
+  StoredVoxels stored;  // of one number; slope and intercept included
+  // Numbers of a voxel that lie together: of colours and complex numbers. Vectors are volumes of
+  // their components, one behind the other.
+  std::size_t numbers_together = 1;
 };
 
 // `path` is a file that ITK took for NIfTI: .nii, or .hdr or .img of a pair; gzipped or not. Throws

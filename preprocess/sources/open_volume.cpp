@@ -5,12 +5,18 @@
 #include <filesystem>
 #include <string_view>
 
+#include "isobrick/preprocess/sources/exr_source.h"
+#include "isobrick/preprocess/sources/hdf5_source.h"
 #include "isobrick/preprocess/sources/header_text.h"
 #include "isobrick/preprocess/sources/itk_source.h"
+#include "isobrick/preprocess/sources/pyramid_source.h"
 #include "isobrick/preprocess/sources/raw_source.h"
 #include "isobrick/preprocess/sources/vdb_source.h"
+#include "isobrick/preprocess/sources/voxel_components.h"
 #include "isobrick/preprocess/sources/vti_source.h"
+#include "isobrick/preprocess/sources/zarr_source.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/lowercase.h"
 
 namespace isobrick {
 namespace {
@@ -20,8 +26,6 @@ namespace fs = std::filesystem;
 // Endings of files that have no header.
 constexpr std::array<std::string_view, 8> kRawEndings = {".raw", ".bin", ".dat", ".vol",
                                                          ".u8",  ".u16", ".i16", ".f32"};
-
-std::string lowerEnding(const fs::path& path) { return lowercase(path.extension().string()); }
 
 [[maybe_unused]] Error leftOut(const std::string& path, const char* library) {
   return Error("cannot read '" + path + "': this isobrick was built without " + library +
@@ -38,6 +42,24 @@ std::unique_ptr<VolumeSource> openVdb(const std::string& path,
 #endif
 }
 
+std::unique_ptr<VolumeSource> openExr(const std::string& path,
+                                      [[maybe_unused]] const OpenOptions& options) {
+#if ISOBRICK_WITH_OPENEXR
+  return openExrSlices(path, options);
+#else
+  throw leftOut(path, "OpenEXR");
+#endif
+}
+
+std::unique_ptr<VolumeSource> openHdf5(const std::string& path,
+                                       [[maybe_unused]] const OpenOptions& options) {
+#if ISOBRICK_WITH_HDF5
+  return openHdf5Source(path, options);
+#else
+  throw leftOut(path, "HDF5");
+#endif
+}
+
 std::unique_ptr<VolumeSource> openItk(const std::string& path,
                                       [[maybe_unused]] const OpenOptions& options) {
 #if ISOBRICK_WITH_ITK
@@ -45,6 +67,14 @@ std::unique_ptr<VolumeSource> openItk(const std::string& path,
 #else
   throw leftOut(path, "ITK");
 #endif
+}
+
+// False for the formats of which every voxel has one value, or which are read no further.
+bool mayHaveComponents(const std::string& path, const OpenOptions& options) {
+  std::error_code ignored;
+  const std::string ending = lowerExtension(path);
+  return !options.raw && !fs::is_directory(path, ignored) && !isHdf5Name(path) &&
+         ending != ".isb" && ending != ".vdb";
 }
 
 }  // namespace
@@ -56,9 +86,10 @@ void refuseUnusablePath(const std::string& path, const OpenOptions& options) {
   if (fs::exists(status) && !fs::is_regular_file(status) && !fs::is_directory(status))
     throw Error("cannot read '" + path + "': it is neither a file nor a folder; copy it to a file",
                 {.path = path});
+  if (!mayHaveComponents(path, options)) refuseComponentChoice(path, options);
   if (options.raw || !fs::is_regular_file(status)) return;
-  const std::string ending = lowerEnding(path);
-  if (ending == ".isb")
+  const std::string ending = lowerExtension(path);
+  if (ending == ".isb" && !options.pyramid_level)
     throw Error("'" + path + "' is a pyramid already; give the volume that it was made of",
                 {.path = path});
   if (std::find(kRawEndings.begin(), kRawEndings.end(), ending) != kRawEndings.end())
@@ -70,8 +101,14 @@ std::unique_ptr<VolumeSource> openVolume(const std::string& path, const OpenOpti
   refuseUnusablePath(path, options);
   if (options.raw) return openRawSource(path, *options.raw);
   std::error_code ignored;
+  if (fs::is_directory(path, ignored) && isZarrFolder(path)) return openZarrSource(path, options);
+  if (fs::is_directory(path, ignored) && hasExrSlices(path)) return openExr(path, options);
+  if (!fs::is_directory(path, ignored) && isHdf5Name(path)) return openHdf5(path, options);
   if (!fs::is_directory(path, ignored)) {
-    const std::string ending = lowerEnding(path);
+    const std::string ending = lowerExtension(path);
+    if (ending == ".isb" && options.pyramid_level)
+      return makePyramidSource(std::make_shared<const Pyramid>(path, options.memory_bytes),
+                               options.memory_bytes, *options.pyramid_level, options.cancel);
     if (ending == ".vti") return openVtiSource(path, options);
     if (ending == ".vdb") return openVdb(path, options);
   }

@@ -2,8 +2,10 @@
 
 #include <charconv>
 #include <map>
+#include <sstream>
 
 #include "isobrick/preprocess/sources/header_text.h"
+#include "isobrick/storage/lowercase.h"
 
 namespace isobrick {
 namespace {
@@ -22,6 +24,19 @@ bool isOneFile(const std::string& name) {
   return !name.starts_with("LIST") && name.find('%') == std::string::npos;
 }
 
+// True where the values of a voxel are the first of four axes: "sizes: 3 64 64 64".
+bool hasValuesTogether(std::map<std::string, std::string>& fields, std::uint64_t components,
+                       const Index3& voxels) {
+  std::istringstream sizes(fields["sizes"]), kinds(fields["kinds"]);
+  std::uint64_t first = 0;
+  Index3 others(0);
+  std::string kind;
+  kinds >> kind;
+  return fields["dimension"] == "4" && sizes >> first >> others.x >> others.y >> others.z &&
+         first == components && others == voxels && !kind.empty() && kind != "domain" &&
+         kind != "space" && kind != "time";
+}
+
 }  // namespace
 
 std::vector<std::string> headerAndData(const std::string& header_path,
@@ -30,7 +45,8 @@ std::vector<std::string> headerAndData(const std::string& header_path,
   return {header_path, data_path};
 }
 
-std::optional<RawRun> findNrrdRun(const std::string& header_path) {
+std::optional<RawRun> findNrrdRun(const std::string& header_path, std::uint64_t components,
+                                  const Index3& voxels) {
   const auto header = readNrrdHeader(header_path);
   if (!header) return std::nullopt;
   std::map<std::string, std::string> fields = header->fields;
@@ -38,8 +54,9 @@ std::optional<RawRun> findNrrdRun(const std::string& header_path) {
   RawRun run;
   run.header_path = header_path;
   run.is_deflated = encoding == "gzip" || encoding == "gz";
-  if ((encoding != "raw" && !run.is_deflated) || fields["dimension"] != "3" ||
-      fields.contains("lineskip"))
+  if ((encoding != "raw" && !run.is_deflated) || fields.contains("lineskip") ||
+      !(components == 1 ? fields["dimension"] == "3"
+                        : hasValuesTogether(fields, components, voxels)))
     return std::nullopt;
   run.big_endian = lowercase(fields["endian"]) == "big";
   if (fields.contains("byteskip")) {

@@ -33,7 +33,10 @@ std::vector<std::string> headerAndData(const std::string& header_path,
 
 // Nothing where the header is not that of a volume in one run: other encodings, several data files,
 // skipped lines, or anything unusual. Never throws.
-std::optional<RawRun> findNrrdRun(const std::string& header_path);
+// `components` and `voxels` are what ITK made of the header: where voxels have several values,
+// these lie together.
+std::optional<RawRun> findNrrdRun(const std::string& header_path, std::uint64_t components,
+                                  const Index3& voxels);
 std::optional<RawRun> findMetaImageRun(const std::string& header_path);
 
 // The voxels of `info`, which says everything that the source shall say; `stored.delivered()` is

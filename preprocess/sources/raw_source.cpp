@@ -16,30 +16,20 @@
 namespace isobrick {
 namespace {
 
+// What a file without a header may hold.
+constexpr StoredType kRawTypes[] = {StoredType::kUint8, StoredType::kInt8,    StoredType::kUint16,
+                                    StoredType::kInt16, StoredType::kFloat32, StoredType::kUint32,
+                                    StoredType::kInt32, StoredType::kFloat64};
+
 StoredType storedType(const std::string& path, const std::string& name) {
-  struct Alias {
-    std::string_view name;
-    StoredType type;
-  };
-  static constexpr std::array kAliases = {
-      Alias{"u8", StoredType::kUint8},        Alias{"uint8", StoredType::kUint8},
-      Alias{"uchar", StoredType::kUint8},     Alias{"i8", StoredType::kInt8},
-      Alias{"int8", StoredType::kInt8},       Alias{"char", StoredType::kInt8},
-      Alias{"u16", StoredType::kUint16},      Alias{"uint16", StoredType::kUint16},
-      Alias{"ushort", StoredType::kUint16},   Alias{"i16", StoredType::kInt16},
-      Alias{"int16", StoredType::kInt16},     Alias{"short", StoredType::kInt16},
-      Alias{"u32", StoredType::kUint32},      Alias{"uint32", StoredType::kUint32},
-      Alias{"uint", StoredType::kUint32},     Alias{"i32", StoredType::kInt32},
-      Alias{"int32", StoredType::kInt32},     Alias{"int", StoredType::kInt32},
-      Alias{"f32", StoredType::kFloat32},     Alias{"float32", StoredType::kFloat32},
-      Alias{"float", StoredType::kFloat32},   Alias{"f64", StoredType::kFloat64},
-      Alias{"float64", StoredType::kFloat64}, Alias{"double", StoredType::kFloat64},
-  };
-  for (const Alias& alias : kAliases)
-    if (alias.name == name) return alias.type;
-  throw Error("cannot read '" + path + "': unknown voxel type '" + name +
-                  "'; choose one of u8, i8, u16, i16, u32, i32, f32, f64",
-              {.path = path});
+  for (const StoredType type : kRawTypes)
+    if (name == infoOf(type).name || name == infoOf(type).short_name || name == infoOf(type).c_name)
+      return type;
+  std::string names;
+  for (const std::string& known : rawTypeNames()) names += (names.empty() ? "" : ", ") + known;
+  throw Error(
+      "cannot read '" + path + "': unknown voxel type '" + name + "'; choose one of " + names,
+      {.path = path});
 }
 
 // Reads straight from the file, whatever is asked for.
@@ -89,12 +79,11 @@ class RawSource final : public VolumeSource {
  private:
   // Compares the size of the file with the layout's.
   void checkSize() const {
-    // At most 2^60 voxels of 8 bytes, so only the offset can overflow.
-    const auto voxel_bytes =
-        static_cast<std::uint64_t>(elementCount(info_.voxels)) * stored_.bytes();
+    const auto voxel_bytes = stored_.bytesOf(elementCount(info_.voxels));
     const std::uint64_t have = file_.size();
     std::uint64_t need = 0;
-    const bool overflow = __builtin_add_overflow(voxel_bytes, offset_bytes_, &need);
+    const bool overflow =
+        !voxel_bytes || __builtin_add_overflow(*voxel_bytes, offset_bytes_, &need);
     const bool may_be_longer = !header_path_.empty();
     if (!overflow && (have == need || (may_be_longer && have > need))) return;
     const std::string needed = overflow ? "more than 2^64" : std::to_string(need);
@@ -139,6 +128,12 @@ class RawSource final : public VolumeSource {
 };
 
 }  // namespace
+
+std::vector<std::string> rawTypeNames() {
+  std::vector<std::string> names;
+  for (const StoredType type : kRawTypes) names.emplace_back(infoOf(type).short_name);
+  return names;
+}
 
 std::unique_ptr<VolumeSource> openRawSource(const std::string& path, const RawLayout& layout) {
   const StoredVoxels stored{storedType(path, layout.type), layout.big_endian, {}, false};

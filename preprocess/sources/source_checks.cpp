@@ -1,7 +1,9 @@
 #include "isobrick/preprocess/sources/source_checks.h"
 
+#include <algorithm>
 #include <cmath>
 #include <glm/geometric.hpp>
+#include <numbers>
 
 #include "isobrick/storage/error.h"
 
@@ -65,8 +67,10 @@ void tidyGeometry(const std::string& path, GridGeometry& geometry,
   for (int axis = 0; axis < 3; ++axis)
     skew = std::max(skew, std::abs(glm::dot(direction[axis], direction[(axis + 1) % 3])));
   if (skew > kMostSkew)
-    throw Error("cannot use '" + path + "': its axes are not at right angles (sheared, or a " +
-                    "tilted gantry); resample it to a rectangular grid first",
+    throw Error("cannot use '" + path + "': its axes are not at right angles but up to " +
+                    std::to_string(std::asin(std::min(skew, 1.0)) * 180 / std::numbers::pi) +
+                    " degrees off (sheared, or a tilted gantry); resample it to a rectangular " +
+                    "grid first",
                 {.path = path});
   if (skew > kRoundingSkew)
     notes.push_back("axes that were not quite at right angles were straightened");

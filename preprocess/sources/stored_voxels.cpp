@@ -59,46 +59,60 @@ void convert(const StoredVoxels& stored, const std::byte* in, std::size_t count,
   }
 }
 
-}  // namespace
-
-std::size_t storedBytes(StoredType type) {
-  switch (type) {
-    case StoredType::kUint8:
-    case StoredType::kInt8:
-      return 1;
-    case StoredType::kUint16:
-    case StoredType::kInt16:
-      return 2;
-    case StoredType::kUint32:
-    case StoredType::kInt32:
-    case StoredType::kFloat32:
-      return 4;
-    case StoredType::kUint64:
-    case StoredType::kInt64:
-    case StoredType::kFloat64:
-      return 8;
+template <typename T>
+void findMagnitudes(const std::byte* in, std::size_t count, std::size_t components, float* out) {
+  for (std::size_t i = 0; i < count; ++i) {
+    double squares = 0;
+    for (std::size_t c = 0; c < components; ++c) {
+      T value;
+      std::memcpy(&value, in + (i * components + c) * sizeof(T), sizeof(T));
+      squares += static_cast<double>(value) * static_cast<double>(value);
+    }
+    out[i] = static_cast<float>(std::sqrt(squares));
   }
-  return 0;
 }
 
-VoxelType StoredVoxels::delivered() const {
-  if (map) return VoxelType::kFloat32;
+template <typename T>
+struct StoredTag {
+  using Type = T;
+};
+// Calls f(tag) with the C++ type of what is stored.
+template <typename F>
+void visitStoredType(StoredType type, F&& f) {
   switch (type) {
     case StoredType::kUint8:
-      return VoxelType::kUint8;
+      return f(StoredTag<std::uint8_t>{});
     case StoredType::kInt8:
-      return VoxelType::kInt8;
+      return f(StoredTag<std::int8_t>{});
     case StoredType::kUint16:
-      return VoxelType::kUint16;
+      return f(StoredTag<std::uint16_t>{});
     case StoredType::kInt16:
-      return VoxelType::kInt16;
-    default:
-      return VoxelType::kFloat32;
+      return f(StoredTag<std::int16_t>{});
+    case StoredType::kUint32:
+      return f(StoredTag<std::uint32_t>{});
+    case StoredType::kInt32:
+      return f(StoredTag<std::int32_t>{});
+    case StoredType::kUint64:
+      return f(StoredTag<std::uint64_t>{});
+    case StoredType::kInt64:
+      return f(StoredTag<std::int64_t>{});
+    case StoredType::kFloat32:
+      return f(StoredTag<float>{});
+    case StoredType::kFloat64:
+      return f(StoredTag<double>{});
   }
+}
+
+}  // namespace
+
+VoxelType StoredVoxels::delivered() const {
+  if (map || magnitude) return VoxelType::kFloat32;
+  return voxelTypeNamed(infoOf(type).name).value_or(VoxelType::kFloat32);
 }
 
 bool StoredVoxels::keepsType() const {
-  return !map && (delivered() != VoxelType::kFloat32 || type == StoredType::kFloat32);
+  return components == 1 && !map &&
+         (delivered() != VoxelType::kFloat32 || type == StoredType::kFloat32);
 }
 
 bool StoredVoxels::isVerbatim() const {
@@ -115,27 +129,30 @@ void StoredVoxels::decodeInPlace(void* data, std::size_t count) const {
 
 void StoredVoxels::decode(std::byte* stored, std::size_t count, float* out) const {
   if (big_endian) swapElements(stored, count, bytes());
-  switch (type) {
-    case StoredType::kUint8:
-      return convert<std::uint8_t>(*this, stored, count, out);
-    case StoredType::kInt8:
-      return convert<std::int8_t>(*this, stored, count, out);
-    case StoredType::kUint16:
-      return convert<std::uint16_t>(*this, stored, count, out);
-    case StoredType::kInt16:
-      return convert<std::int16_t>(*this, stored, count, out);
-    case StoredType::kUint32:
-      return convert<std::uint32_t>(*this, stored, count, out);
-    case StoredType::kInt32:
-      return convert<std::int32_t>(*this, stored, count, out);
-    case StoredType::kUint64:
-      return convert<std::uint64_t>(*this, stored, count, out);
-    case StoredType::kInt64:
-      return convert<std::int64_t>(*this, stored, count, out);
-    case StoredType::kFloat32:
-      return convert<float>(*this, stored, count, out);
-    case StoredType::kFloat64:
-      return convert<double>(*this, stored, count, out);
+  visitStoredType(
+      type, [&](auto tag) { convert<typename decltype(tag)::Type>(*this, stored, count, out); });
+}
+
+void StoredVoxels::decodeComponents(std::byte* stored, std::size_t count, void* out) const {
+  const std::size_t number_bytes = storedBytes(type);
+  if (magnitude) {
+    if (big_endian) swapElements(stored, count * components, number_bytes);
+    visitStoredType(type, [&](auto tag) {
+      findMagnitudes<typename decltype(tag)::Type>(stored, count, components,
+                                                   static_cast<float*>(out));
+    });
+    return;
+  }
+  for (std::size_t i = 0; i < count; ++i)
+    std::memmove(stored + i * number_bytes, stored + (i * components + component) * number_bytes,
+                 number_bytes);
+  StoredVoxels one = *this;
+  one.components = 1;
+  if (one.keepsType()) {
+    one.decodeInPlace(stored, count);
+    std::memcpy(out, stored, count * number_bytes);
+  } else {
+    one.decode(stored, count, static_cast<float*>(out));
   }
 }
 

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <string_view>
 
 #include "isobrick/storage/voxel_type.h"
 
@@ -24,7 +25,23 @@ enum class StoredType {
   kFloat64
 };
 
-std::size_t storedBytes(StoredType type);
+// What there is to say of each, in their order. Other names belong to one format each and stay with
+// its reader.
+struct StoredTypeInfo {
+  std::string_view name, short_name;  // as of a VoxelType
+  std::string_view c_name;            // as C calls it; empty where that depends on the machine
+  std::size_t bytes;                  // of one number
+};
+inline constexpr StoredTypeInfo kStoredTypes[] = {
+    {"uint8", "u8", "uchar", 1},    {"int8", "i8", "char", 1},    {"uint16", "u16", "ushort", 2},
+    {"int16", "i16", "short", 2},   {"uint32", "u32", "uint", 4}, {"int32", "i32", "int", 4},
+    {"uint64", "u64", "", 8},       {"int64", "i64", "", 8},      {"float32", "f32", "float", 4},
+    {"float64", "f64", "double", 8}};
+
+constexpr const StoredTypeInfo& infoOf(StoredType type) {
+  return kStoredTypes[static_cast<std::size_t>(type)];
+}
+constexpr std::size_t storedBytes(StoredType type) { return infoOf(type).bytes; }
 
 // Numbers in a file. Those of the five voxel types are delivered as they are; others, and all that
 // are mapped, become float32.
@@ -40,8 +57,21 @@ struct StoredVoxels {
   // Floating-point numbers that are not finite count as 0, before the map: what the NIfTI library
   // does.
   bool not_finite_is_zero = false;
+  // Numbers of a voxel, one behind the other, at most kMostComponents: one of them becomes its
+  // value, or, with no map, the magnitude of all of them.
+  std::size_t components = 1;
+  std::size_t component = 0;
+  bool magnitude = false;
 
-  std::size_t bytes() const { return storedBytes(type); }
+  // Of a voxel.
+  std::size_t bytes() const { return storedBytes(type) * components; }
+  // Bytes of so many voxels, or nothing where 64 bits do not hold them.
+  std::optional<std::uint64_t> bytesOf(std::int64_t voxels) const {
+    std::uint64_t product = 0;
+    if (__builtin_mul_overflow(static_cast<std::uint64_t>(voxels), bytes(), &product))
+      return std::nullopt;
+    return product;
+  }
   VoxelType delivered() const;
   // Whether delivered numbers have the type of the stored ones.
   bool keepsType() const;
@@ -52,7 +82,12 @@ struct StoredVoxels {
   void decodeInPlace(void* data, std::size_t count) const;
   // Otherwise: `stored`, aligned for its type, is overwritten on the way.
   void decode(std::byte* stored, std::size_t count, float* out) const;
+  // Of voxels with several numbers: likewise, to voxels of the type delivered().
+  void decodeComponents(std::byte* stored, std::size_t count, void* out) const;
 };
+
+// A voxel fits the buffer below.
+inline constexpr std::size_t kMostComponents = 1024;
 
 // Delivers `count` voxels to `out`, aligned for its type. read(bytes, n) must fetch the next n
 // stored bytes; it is asked for pieces that stay in the processor's cache wherever they are worked
@@ -61,7 +96,17 @@ inline constexpr std::size_t kDecodeBufferBytes = std::size_t{32} << 10;
 template <typename Read>
 void decodeVoxels(const StoredVoxels& stored, std::size_t count, void* out, Read&& read) {
   auto* to = static_cast<std::byte*>(out);
-  if (stored.keepsType()) {
+  if (stored.components > 1) {
+    alignas(8) std::array<std::byte, kDecodeBufferBytes> buffer;
+    const std::size_t delivered_bytes = voxelBytes(stored.delivered());
+    while (count > 0) {
+      const std::size_t voxels = std::min(count, kDecodeBufferBytes / stored.bytes());
+      read(buffer.data(), voxels * stored.bytes());
+      stored.decodeComponents(buffer.data(), voxels, to);
+      to += voxels * delivered_bytes;
+      count -= voxels;
+    }
+  } else if (stored.keepsType()) {
     constexpr std::size_t kPieceBytes = std::size_t{256} << 10;
     const std::size_t most = stored.isVerbatim() ? count : kPieceBytes / stored.bytes();
     while (count > 0) {

@@ -101,11 +101,11 @@ std::unique_ptr<VolumeSource> openStream(VolumeInfo info, const StoredVoxels& st
                                          std::uint64_t content_offset_bytes,
                                          const std::string& path, const std::string& header_path,
                                          const CancelFlag* cancel) {
-  // At most 2^60 voxels of 8 bytes: only the offset can overflow.
-  const auto bytes = static_cast<std::uint64_t>(elementCount(info.voxels)) * stored.bytes();
-  if (content_offset_bytes > UINT64_MAX - bytes)
+  const auto bytes = stored.bytesOf(elementCount(info.voxels));
+  if (!bytes || content_offset_bytes > UINT64_MAX - *bytes)
     throw Error("cannot read '" + header_path + "': it says that the voxels begin at byte " +
-                    std::to_string(content_offset_bytes) + "; correct its header",
+                    std::to_string(content_offset_bytes) + " and have " +
+                    std::to_string(stored.bytes()) + " bytes each; correct its header",
                 {.path = header_path});
   return std::make_unique<StreamSource>(std::move(info), stored, std::move(stream),
                                         content_offset_bytes, path, header_path, cancel);

@@ -10,9 +10,13 @@
 #include <openvdb/util/logging.h>
 
 #include <algorithm>
+#include <array>
+#include <charconv>
 #include <fstream>
 #include <glm/geometric.hpp>
 #include <new>
+#include <optional>
+#include <type_traits>
 #include <utility>
 
 #include "isobrick/preprocess/input_file.h"
@@ -49,15 +53,55 @@ bool isOneOf(const GridBase& grid) {
   return (grid.isType<Grids>() || ...);
 }
 
+// What is active, or true or false: voxels of 0 and 1.
+bool isMask(const GridBase& grid) { return isOneOf<openvdb::BoolGrid, openvdb::MaskGrid>(grid); }
+
 bool isScalar(const GridBase& grid) {
-  return isOneOf<openvdb::FloatGrid, openvdb::DoubleGrid, openvdb::Int32Grid, openvdb::Int64Grid>(
-      grid);
+  return isMask(grid) ||
+         isOneOf<openvdb::FloatGrid, openvdb::DoubleGrid, openvdb::Int32Grid, openvdb::Int64Grid>(
+             grid);
+}
+
+// Calls f(grid) with the grid as what it is: one of the scalar types.
+template <typename F>
+void visitScalar(const GridBase::Ptr& grid, F&& f) {
+  const auto callIf = [&](auto typed) {
+    if (typed) f(typed);
+  };
+  callIf(openvdb::gridPtrCast<openvdb::FloatGrid>(grid));
+  callIf(openvdb::gridPtrCast<openvdb::DoubleGrid>(grid));
+  callIf(openvdb::gridPtrCast<openvdb::Int32Grid>(grid));
+  callIf(openvdb::gridPtrCast<openvdb::Int64Grid>(grid));
+  callIf(openvdb::gridPtrCast<openvdb::BoolGrid>(grid));
+  callIf(openvdb::gridPtrCast<openvdb::MaskGrid>(grid));
+}
+
+openvdb::Coord coordOf(const Index3& at) {
+  return {static_cast<std::int32_t>(at.x), static_cast<std::int32_t>(at.y),
+          static_cast<std::int32_t>(at.z)};
+}
+
+// The values of `box`, x fastest, as voxels of T.
+template <typename T, typename Grid>
+void copyBox(const Grid& grid, const IndexBox& box, T* out) {
+  using Dense = openvdb::tools::Dense<T, openvdb::tools::LayoutXYZ>;
+  Dense dense(openvdb::CoordBBox(coordOf(box.first), coordOf(box.end() - Index3(1))), out);
+  constexpr bool kSerial = true;  // the callers are parallel
+  openvdb::tools::copyToDense(grid.tree(), dense, kSerial);
+}
+template <typename Grid>
+void copyVoxels(const Grid& grid, const IndexBox& box, void* out) {
+  if (isMask(grid))
+    copyBox(grid, box, static_cast<std::uint8_t*>(out));
+  else
+    copyBox(grid, box, static_cast<float*>(out));
 }
 
 // A file that says how far it was read, and stops where that is wished: what it throws comes out of
 // OpenVDB's call through the stream.
 class WatchedFile final : public std::filebuf {
  public:
+  // `options` outlives it.
   WatchedFile(const std::string& path, std::uint64_t bytes, const OpenOptions& options)
       : bytes_(bytes), options_(options) {
     open(path, std::ios::in | std::ios::binary);
@@ -94,26 +138,90 @@ class WatchedFile final : public std::filebuf {
 // at the first access, which would be long after the file was found to be good.
 class VdbFile : private openvdb::io::Archive {
  public:
-  // `options` outlives it.
   VdbFile(const std::string& path, const OpenOptions& options)
       : path_(path),
         bytes_(InputFile(path).size()),
-        file_(path, bytes_, options),
+        options_(options),
+        file_(path, bytes_, options_),
         in_(file_.is_open() ? &file_ : nullptr) {
     in_.exceptions(std::ios::failbit | std::ios::badbit | std::ios::eofbit);
   }
 
-  // The first float grid, or else the first of other numbers, with its voxels.
-  GridBase::Ptr readScalarGrid(std::vector<std::string>& notes) try {
-    initializeOpenVdb();
-    readHeaders();
-    Entry& entry = chooseGrid();
-    if (entries_.size() > 1)
-      notes.push_back("of " + std::to_string(entries_.size()) + " grids, " +
-                      quoted(entry.descriptor.gridName()) + " was taken");
-    load(entry);
-    if (entry.descriptor.isInstance()) entry.grid->setTree(loadedParent(entry)->baseTreePtr());
-    return entry.grid;
+  // Which grid to take, named by options.grid; otherwise the first float grid, or else the first of
+  // other numbers.
+  void chooseGrid(std::vector<std::string>& notes) {
+    guarded([&] {
+      initializeOpenVdb();
+      readHeaders();
+      chosen_ = &scalarGrid();
+      if (entries_.size() > 1 && options_.grid.empty())
+        notes.push_back("of " + std::to_string(entries_.size()) + " grids, " +
+                        quoted(chosen_->descriptor.gridName()) + " was taken; the others are " +
+                        namesText(chosen_));
+    });
+  }
+
+  // The grid with its voxels, or, where these take more than `memory_bytes`, without: its nodes
+  // alone. Then readSlab() has them.
+  struct Loaded {
+    GridBase::Ptr grid;
+    bool has_voxels = true;
+    std::uint64_t node_bytes = 0;  // without voxels
+  };
+  Loaded load(std::uint64_t memory_bytes) {
+    Loaded loaded;
+    guarded([&] {
+      // Blosc packs no better than this.
+      constexpr std::uint64_t kMostRatio = 40;
+      if (bytes_ > memory_bytes / kMostRatio && canSkipVoxels()) {
+        loaded.grid = emptyGrid();
+        readNodes(loaded.grid);
+        // Each leaf has its voxels, and 96 bytes around them.
+        constexpr std::uint64_t kLeafBytes = 96 + 16;
+        std::uint64_t leaves = 0, voxel_bytes = 0;
+        visitScalar(loaded.grid, [&](const auto& grid) {
+          using Leaf = typename std::decay_t<decltype(*grid)>::TreeType::LeafNodeType;
+          leaves = grid->tree().leafCount();
+          voxel_bytes = sizeof(typename Leaf::Buffer::ValueType) * Leaf::SIZE;
+        });
+        loaded.node_bytes = leaves * kLeafBytes;
+        loaded.has_voxels = false;
+        if (loaded.node_bytes + leaves * voxel_bytes > memory_bytes) return;
+      }
+      loaded = {};
+      readVoxels(*chosen_);
+      if (chosen_->descriptor.isInstance())
+        chosen_->grid->setTree(loadedParent(*chosen_)->baseTreePtr());
+      loaded.grid = chosen_->grid;
+    });
+    return loaded;
+  }
+
+  // What of the grid is in `box`, in its own coordinates; the rest counts as background.
+  GridBase::Ptr readSlab(const openvdb::CoordBBox& box) {
+    GridBase::Ptr grid;
+    guarded([&] {
+      grid = emptyGrid();
+      chosen_->descriptor.seekToGrid(in_);
+      readGrid(grid, chosen_->descriptor, in_, box);
+    });
+    return grid;
+  }
+
+  // Nobody waits for the file to be opened any more.
+  void stopReporting() { options_.progress = nullptr; }
+
+ private:
+  struct Entry {
+    openvdb::io::GridDescriptor descriptor;
+    GridBase::Ptr grid;
+    bool is_loaded = false;
+  };
+
+  // Whatever goes wrong in `work` becomes an Error that names the file.
+  template <typename Work>
+  void guarded(Work&& work) try {
+    work();
   } catch (const Error&) {
     throw;
   } catch (const std::ios_base::failure&) {
@@ -126,13 +234,6 @@ class VdbFile : private openvdb::io::Archive {
   } catch (const std::exception& error) {  // openvdb::Exception is one
     throw cannotUse(path_, "OpenVDB reports " + quoted(error.what()));
   }
-
- private:
-  struct Entry {
-    openvdb::io::GridDescriptor descriptor;
-    GridBase::Ptr grid;
-    bool is_loaded = false;
-  };
 
   void readHeaders() {
     readHeader(in_);
@@ -168,26 +269,76 @@ class VdbFile : private openvdb::io::Archive {
     entries_.push_back(std::move(entry));
   }
 
-  Entry& chooseGrid() {
+  std::string namesText(const Entry* except) const {
+    constexpr std::size_t kMostListed = 12;
+    std::string text;
+    std::size_t listed = 0;
+    for (const Entry& entry : entries_) {
+      if (&entry == except) continue;
+      if (listed++ == kMostListed) return text + ", ...";
+      text += (text.empty() ? "" : ", ") + quoted(entry.descriptor.gridName()) + " (" +
+              entry.grid->valueType() + ")";
+    }
+    return text;
+  }
+
+  Entry& scalarGrid() {
+    if (entries_.empty()) throw cannotUse(path_, "it has no grids");
+    if (const std::string& wanted = options_.grid; !wanted.empty()) {
+      const auto named = std::find_if(entries_.begin(), entries_.end(), [&](const Entry& e) {
+        return e.descriptor.gridName() == wanted;
+      });
+      if (named == entries_.end())
+        throw Error(
+            "'" + path_ + "' has no grid " + quoted(wanted) + "; it has " + namesText(nullptr),
+            {.path = path_});
+      if (isScalar(*named->grid)) return *named;
+      throw cannotUse(path_, "its grid " + quoted(wanted) + " is of the type " +
+                                 quoted(named->grid->valueType()) + ", which is no number");
+    }
     const auto isFloat = [](const Entry& e) { return e.grid->isType<openvdb::FloatGrid>(); };
     auto chosen = std::find_if(entries_.begin(), entries_.end(), isFloat);
     if (chosen == entries_.end())
       chosen = std::find_if(entries_.begin(), entries_.end(),
                             [](const Entry& e) { return isScalar(*e.grid); });
     if (chosen != entries_.end()) return *chosen;
-    if (entries_.empty()) throw cannotUse(path_, "it has no grids");
     const Entry& first = entries_.front();
-    throw cannotUse(path_, "it has no grid of numbers (float, double, int32, int64); its " +
-                               std::string(entries_.size() > 1 ? "first" : "only") + " grid, " +
-                               quoted(first.descriptor.gridName()) + ", is of the type " +
-                               quoted(first.grid->valueType()));
+    throw cannotUse(path_, "it has no grid of numbers (float, double, int32, int64, bool, mask); " +
+                               std::string("its ") + (entries_.size() > 1 ? "first" : "only") +
+                               " grid, " + quoted(first.descriptor.gridName()) +
+                               ", is of the type " + quoted(first.grid->valueType()));
   }
 
-  void load(Entry& entry) {
+  void readVoxels(Entry& entry) {
     if (entry.is_loaded) return;
     entry.descriptor.seekToGrid(in_);
     readGrid(entry.grid, entry.descriptor, in_);
     entry.is_loaded = true;
+  }
+
+  // Files of older versions, and grids that share another's tree, are read as wholes.
+  bool canSkipVoxels() const {
+    return inputHasGridOffsets() && fileVersion() >= openvdb::OPENVDB_FILE_VERSION_BOOST_UUID &&
+           !chosen_->descriptor.isInstance();
+  }
+
+  GridBase::Ptr emptyGrid() const {
+    GridBase::Ptr grid = GridBase::createGrid(chosen_->descriptor.gridType());
+    grid->setSaveFloatAsHalf(chosen_->descriptor.saveFloatAsHalf());
+    return grid;
+  }
+
+  // As OpenVDB reads a grid, up to the values of its leaves.
+  void readNodes(const GridBase::Ptr& grid) {
+    chosen_->descriptor.seekToGrid(in_);
+    readGridCompression(in_);
+    stream_metadata_->setHalfFloat(grid->saveFloatAsHalf());
+    openvdb::io::setGridClass(in_, openvdb::GRID_UNKNOWN);
+    openvdb::io::setGridBackgroundValuePtr(in_, nullptr);
+    grid->readMeta(in_);
+    openvdb::io::setGridClass(in_, grid->getGridClass());
+    grid->readTransform(in_);
+    grid->readTopology(in_);
   }
 
   // Grids that share one tree are written with the voxels of the first only.
@@ -197,7 +348,7 @@ class VdbFile : private openvdb::io::Archive {
       if (descriptor.isInstance() ||
           descriptor.uniqueName() != child.descriptor.instanceParentName())
         continue;
-      load(entry);
+      readVoxels(entry);
       return entry.grid;
     }
     throw cannotUse(path_, "the grid whose voxels " + quoted(child.descriptor.gridName()) +
@@ -206,6 +357,8 @@ class VdbFile : private openvdb::io::Archive {
 
   std::string path_;
   std::uint64_t bytes_;
+  OpenOptions options_;
+  Entry* chosen_ = nullptr;  // in entries_
   // The stream refers to this very pointer.
   openvdb::io::StreamMetadata::Ptr stream_metadata_ =
       std::make_shared<openvdb::io::StreamMetadata>();
@@ -214,12 +367,36 @@ class VdbFile : private openvdb::io::Archive {
   std::vector<Entry> entries_;
 };
 
-// The active voxels with one more on each side: there the background closes the surface.
 struct VoxelBox {
   Index3 first, count;
 };
+
+// The box that isobrick wrote the grid from, where it says one that holds all active voxels. Nobody
+// else need say it, and nothing but dimensions follow from it.
+std::optional<VoxelBox> boxOfMetadata(const GridBase& grid, const openvdb::CoordBBox& active) {
+  const auto vectorOf = [&](const char* key) -> std::optional<Index3> {
+    const auto meta = grid.getMetadata<openvdb::Vec3IMetadata>(key);
+    if (!meta) return std::nullopt;
+    return Index3(meta->value().x(), meta->value().y(), meta->value().z());
+  };
+  const auto first = vectorOf("isobrick:first"), count = vectorOf("isobrick:voxels");
+  if (!first || !count) return std::nullopt;
+  for (int axis = 0; axis < 3; ++axis) {
+    constexpr std::int64_t kFurthest = std::int64_t{1} << 30;
+    if ((*count)[axis] < 2 || (*count)[axis] > kMaxVoxelsPerAxis ||
+        std::abs((*first)[axis]) > kFurthest)
+      return std::nullopt;
+    if (!active.empty() && (active.min()[axis] < (*first)[axis] ||
+                            active.max()[axis] >= (*first)[axis] + (*count)[axis]))
+      return std::nullopt;
+  }
+  return VoxelBox{*first, *count};
+}
+
+// The active voxels with one more on each side: there the background closes the surface.
 VoxelBox grownActiveBox(const std::string& path, const GridBase& grid) {
   const openvdb::CoordBBox box = grid.evalActiveVoxelBoundingBox();
+  if (const auto said = boxOfMetadata(grid, box)) return *said;
   if (box.empty())
     throw Error("cannot use '" + path + "': its grid " + quoted(grid.getName()) +
                     " has no active voxels; choose a grid that is not empty",
@@ -260,26 +437,38 @@ GridGeometry geometryOf(const std::string& path, const GridBase& grid, const Ind
   return geometry;
 }
 
+// What both sources share.
+class VdbSourceBase : public VolumeSource {
+ public:
+  const VolumeInfo& info() const final { return info_; }
+  std::vector<std::string> files() const final { return {info_.source}; }
+  std::string identity() const final { return {}; }
+
+ protected:
+  VdbSourceBase(VolumeInfo info, const Index3& first) : info_(std::move(info)), first_(first) {}
+
+  VolumeInfo info_;
+  Index3 first_;  // coordinate of voxel (0,0,0)
+};
+
+// A grid in memory.
 template <typename Grid>
-class VdbSource final : public VolumeSource {
+class VdbSource final : public VdbSourceBase {
  public:
   VdbSource(VolumeInfo info, typename Grid::ConstPtr grid, const Index3& first)
-      : info_(std::move(info)), grid_(std::move(grid)), first_(first) {}
+      : VdbSourceBase(std::move(info), first), grid_(std::move(grid)) {}
 
-  const VolumeInfo& info() const override { return info_; }
   bool readsBoxes() const override { return true; }
-  std::vector<std::string> files() const override { return {info_.source}; }
-  std::string identity() const override { return {}; }
   std::uint64_t bufferBytes() const override { return grid_->memUsage(); }
 
   void readRows(std::int64_t first, std::int64_t count, void* out) override {
     const Index3& voxels = info_.voxels;
-    auto* to = static_cast<float*>(out);
+    auto* to = static_cast<std::byte*>(out);
     while (count > 0) {
       const std::int64_t y = first % voxels.y;
       const std::int64_t rows = std::min(count, voxels.y - y);
       readBox({Index3(0, y, first / voxels.y), Index3(voxels.x, rows, 1)}, to);
-      to += rows * voxels.x;
+      to += static_cast<std::size_t>(rows * voxels.x) * voxelBytes(info_.voxel_type);
       first += rows;
       count -= rows;
     }
@@ -287,34 +476,75 @@ class VdbSource final : public VolumeSource {
 
   // Only reads the tree, all of which is in memory: any number of threads.
   void readBox(const IndexBox& box, void* out) const override {
-    using Dense = openvdb::tools::Dense<float, openvdb::tools::LayoutXYZ>;
-    Dense dense(openvdb::CoordBBox(coord(box.first), coord(box.end() - Index3(1))),
-                static_cast<float*>(out));
-    constexpr bool kSerial = true;  // the callers are parallel
-    openvdb::tools::copyToDense(grid_->tree(), dense, kSerial);
+    copyVoxels(*grid_, {first_ + box.first, box.count}, out);
   }
 
  private:
-  openvdb::Coord coord(const Index3& index) const {
-    const Index3 at = first_ + index;
-    return {static_cast<std::int32_t>(at.x), static_cast<std::int32_t>(at.y),
-            static_cast<std::int32_t>(at.z)};
-  }
-
-  VolumeInfo info_;
   typename Grid::ConstPtr grid_;
-  Index3 first_;
 };
 
-template <typename... Grids>
-std::unique_ptr<VolumeSource> makeSource(VolumeInfo info, const GridBase::Ptr& grid,
-                                         const Index3& first) {
-  std::unique_ptr<VolumeSource> source;
-  const auto makeIf = [&]<typename Grid>(typename Grid::Ptr typed) {
-    if (typed) source = std::make_unique<VdbSource<Grid>>(std::move(info), std::move(typed), first);
-  };
-  (makeIf.template operator()<Grids>(openvdb::gridPtrCast<Grids>(grid)), ...);
-  return source;
+// A grid that does not fit into memory: the file is gone through once for each slab of slices, and
+// leaves outside it are skipped.
+class VdbSlabSource final : public VdbSourceBase {
+ public:
+  VdbSlabSource(VolumeInfo info, std::unique_ptr<VdbFile> file, const Index3& first,
+                std::uint64_t node_bytes, std::uint64_t memory_bytes)
+      : VdbSourceBase(std::move(info), first), file_(std::move(file)) {
+    // Leaves are 8 slices thick.
+    const auto layer_bytes =
+        static_cast<std::uint64_t>((info_.voxels.x + 7) * (info_.voxels.y + 7)) * 8 * sizeof(float);
+    const std::uint64_t left = memory_bytes > node_bytes ? memory_bytes - node_bytes : 0;
+    layers_ = std::max(std::int64_t{1}, static_cast<std::int64_t>(left / layer_bytes));
+    buffer_bytes_ = node_bytes + static_cast<std::uint64_t>(layers_) * layer_bytes;
+  }
+
+  std::uint64_t bufferBytes() const override { return buffer_bytes_; }
+
+  void readRows(std::int64_t first, std::int64_t count, void* out) override {
+    const Index3& voxels = info_.voxels;
+    auto* to = static_cast<std::byte*>(out);
+    while (count > 0) {
+      const std::int64_t y = first % voxels.y, z = first / voxels.y;
+      const std::int64_t rows = std::min(count, voxels.y - y);
+      if (z >= slab_end_) loadSlab(z);
+      const IndexBox box{first_ + Index3(0, y, z), Index3(voxels.x, rows, 1)};
+      visitScalar(slab_, [&](const auto& grid) { copyVoxels(*grid, box, to); });
+      to += static_cast<std::size_t>(rows * voxels.x) * voxelBytes(info_.voxel_type);
+      first += rows;
+      count -= rows;
+    }
+  }
+
+ private:
+  void loadSlab(std::int64_t z) {
+    slab_.reset();  // before the next one comes
+    // Whole layers of leaves, so that none is read twice.
+    const std::int64_t end = ((first_.z + z) & ~std::int64_t{7}) + 8 * layers_;
+    slab_end_ = std::min(end - first_.z, info_.voxels.z);
+    slab_ = file_->readSlab(
+        {coordOf(first_ + Index3(0, 0, z)),
+         coordOf(first_ + Index3(info_.voxels.x - 1, info_.voxels.y - 1, slab_end_ - 1))});
+  }
+
+  std::unique_ptr<VdbFile> file_;
+  std::int64_t layers_ = 1;
+  std::uint64_t buffer_bytes_ = 0;
+  GridBase::Ptr slab_;
+  std::int64_t slab_end_ = 0;  // slices below it were read, or are in slab_
+};
+
+// What the writer of .vdb wants back.
+void takeProperties(VolumeInfo& info, const GridBase::Ptr& grid, const Index3& first) {
+  info.properties["vdb.name"] = grid->getName();
+  info.properties["vdb.class"] = GridBase::gridClassToString(grid->getGridClass());
+  info.properties["vdb.first"] =
+      std::to_string(first.x) + "," + std::to_string(first.y) + "," + std::to_string(first.z);
+  visitScalar(grid, [&](const auto& typed) {
+    std::array<char, 32> text;
+    const auto background = static_cast<float>(static_cast<double>(typed->background()));
+    const auto end = std::to_chars(text.data(), text.data() + text.size(), background).ptr;
+    info.properties["vdb.background"] = std::string(text.data(), end);
+  });
 }
 
 }  // namespace
@@ -323,17 +553,33 @@ std::unique_ptr<VolumeSource> openVdbSource(const std::string& path, const OpenO
   VolumeInfo info;
   info.source = path;
   info.format = "OpenVDB";
-  info.voxel_type = VoxelType::kFloat32;
-  const GridBase::Ptr grid = VdbFile(path, options).readScalarGrid(info.notes);
+  auto file = std::make_unique<VdbFile>(path, options);
+  file->chooseGrid(info.notes);
+  const VdbFile::Loaded loaded = file->load(options.memory_bytes);
+  const GridBase::Ptr grid = loaded.grid;
   const VoxelBox box = grownActiveBox(path, *grid);
   info.voxels = box.count;
   info.geometry = geometryOf(path, *grid, box.first, info.notes);
-  if (!grid->isType<openvdb::FloatGrid>())
+  if (!options.grid.empty()) info.encoding = "grid " + quoted(options.grid);
+  info.voxel_type = isMask(*grid) ? VoxelType::kUint8 : VoxelType::kFloat32;
+  if (isMask(*grid))
+    info.notes.push_back(grid->valueType() + " voxels became 0 and 1");
+  else if (!grid->isType<openvdb::FloatGrid>())
     info.notes.push_back(grid->valueType() + " voxels were converted to float32");
   if (grid->getGridClass() == openvdb::GRID_LEVEL_SET)
     info.notes.push_back("a level set: its distances are negative inside; the surface is at 0");
-  return makeSource<openvdb::FloatGrid, openvdb::DoubleGrid, openvdb::Int32Grid,
-                    openvdb::Int64Grid>(std::move(info), grid, box.first);
+  takeProperties(info, grid, box.first);
+  if (!loaded.has_voxels) {
+    file->stopReporting();
+    return std::make_unique<VdbSlabSource>(std::move(info), std::move(file), box.first,
+                                           loaded.node_bytes, options.memory_bytes);
+  }
+  std::unique_ptr<VolumeSource> source;
+  visitScalar(grid, [&](const auto& typed) {
+    using Grid = std::decay_t<decltype(*typed)>;
+    source = std::make_unique<VdbSource<Grid>>(std::move(info), typed, box.first);
+  });
+  return source;
 }
 
 }  // namespace isobrick

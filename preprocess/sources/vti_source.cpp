@@ -14,6 +14,7 @@
 #include "isobrick/preprocess/sources/raw_run.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/stored_voxels.h"
+#include "isobrick/preprocess/sources/voxel_components.h"
 #include "isobrick/preprocess/sources/vti_header.h"
 #include "isobrick/preprocess/volume_source.h"
 #include "isobrick/storage/error.h"
@@ -65,9 +66,9 @@ StoredType storedType(const std::string& path, const std::string& name) {
 // Opening, step by step; each refuses what it cannot use.
 class VtiOpener {
  public:
-  VtiOpener(const std::string& path, const CancelFlag* cancel)
+  VtiOpener(const std::string& path, const OpenOptions& options)
       : path_(path),
-        cancel_(cancel),
+        options_(options),
         file_(std::make_shared<const InputFile>(path)),
         header_(readVtiHeader(*file_)) {}
 
@@ -82,7 +83,10 @@ class VtiOpener {
     info_.voxel_type = stored_.delivered();
     if (!stored_.keepsType())
       info_.notes.push_back(array_.type + " voxels were converted to float32");
-    need_bytes_ = static_cast<std::uint64_t>(elementCount(info_.voxels)) * stored_.bytes();
+    takeComponent(array_.components, options_, stored_, info_);
+    const auto bytes = stored_.bytesOf(elementCount(info_.voxels));
+    if (!bytes) throw wrongSize("less than 2^64");
+    need_bytes_ = *bytes;
     return openVoxels();
   }
 
@@ -150,27 +154,42 @@ class VtiOpener {
         info_.geometry.direction[axis][row] = (*rows)[static_cast<std::size_t>(3 * row + axis)];
   }
 
-  // The array that the file calls its scalars, or the first that can be them.
+  // The array that the user named; or the one that the file calls its scalars, or the first that
+  // can be them: of one value per voxel, or of several where one is to be taken of them.
   void chooseArray() {
     const auto& arrays = header_.point_arrays;
+    const bool wants_several = options_.component.has_value();
+    const auto fits = [&](const VtiArray& array) {
+      return (array.components > 1) == wants_several;
+    };
     const auto isWanted = [&](const VtiArray& array) {
-      return header_.scalars.empty() ? array.components <= 1 : array.name == header_.scalars;
+      if (!options_.grid.empty()) return array.name == options_.grid;
+      if (header_.scalars.empty()) return fits(array);
+      return array.name == header_.scalars && (fits(array) || !wants_several);
     };
     auto chosen = std::find_if(arrays.begin(), arrays.end(), isWanted);
-    if (chosen == arrays.end())
-      chosen = std::find_if(arrays.begin(), arrays.end(),
-                            [](const VtiArray& array) { return array.components <= 1; });
+    if (chosen == arrays.end() && options_.grid.empty())
+      chosen = std::find_if(arrays.begin(), arrays.end(), fits);
     if (arrays.empty() && header_.has_cell_arrays)
       throw cannotUse(path_,
                       "it has values of cells and none of points (ParaView's filter Cell "
                       "Data to Point Data makes them)");
+    if (chosen == arrays.end() && !options_.grid.empty())
+      throw cannotUse(path_, "it has no array of points named " + quoted(options_.grid));
     if (chosen == arrays.end())
-      throw cannotUse(path_, "it has no array of points with one value per voxel");
+      throw cannotUse(path_, wants_several
+                                 ? "it has no array of points with several values per voxel"
+                                 : "it has no array of points with one value per voxel");
     array_ = *chosen;
-    if (array_.components > 1)
-      throw cannotUse(path_, "its array " + quoted(array_.name) + " has " +
-                                 std::to_string(array_.components) +
-                                 " values per voxel (ParaView's filter Calculator takes one out)");
+    array_.components = std::max<std::uint64_t>(array_.components, 1);
+    if (array_.components > 1 && !wants_several)
+      throw Error(cannotUse(path_, "its array " + quoted(array_.name) + " has " +
+                                       std::to_string(array_.components) +
+                                       " values per voxel (ParaView's filter Calculator takes one "
+                                       "out)")
+                      .what(),
+                  {.path = path_}, {Remedy::kChooseComponent});
+    checkComponentChoice(path_, array_.components, options_);
     if (arrays.size() > 1)
       info_.notes.push_back("of " + std::to_string(arrays.size()) + " arrays, " +
                             quoted(array_.name) + " was taken");
@@ -226,11 +245,12 @@ class VtiOpener {
 
   std::unique_ptr<VolumeSource> openPlain() {
     if (is_base64_)
-      return openStream(std::move(info_), stored_, std::move(stream_), 0, path_, path_, cancel_);
+      return openStream(std::move(info_), stored_, std::move(stream_), 0, path_, path_,
+                        options_.cancel);
     RawRun run;
     run.path = run.header_path = path_;
     run.offset_bytes = at_;
-    return openRawRun(std::move(info_), run, stored_, cancel_);
+    return openRawRun(std::move(info_), run, stored_, options_.cancel);
   }
 
   std::unique_ptr<VolumeSource> openBlocks(std::uint64_t blocks) {
@@ -251,7 +271,7 @@ class VtiOpener {
       throw cannotUse(path_, "its list of " + std::to_string(blocks) + " blocks is cut short");
     return openStream(std::move(info_), stored_,
                       makeInflateBlocksStream(path_, std::move(stream_), block_bytes, need_bytes_),
-                      0, path_, path_, cancel_);
+                      0, path_, path_, options_.cancel);
   }
 
   Error wrongSize(const std::string& have) const {
@@ -260,7 +280,7 @@ class VtiOpener {
   }
 
   std::string path_;
-  const CancelFlag* cancel_;
+  const OpenOptions options_;
   std::shared_ptr<const InputFile> file_;
   VtiHeader header_;
   VolumeInfo info_;
@@ -277,7 +297,7 @@ class VtiOpener {
 }  // namespace
 
 std::unique_ptr<VolumeSource> openVtiSource(const std::string& path, const OpenOptions& options) {
-  return VtiOpener(path, options.cancel).open();
+  return VtiOpener(path, options).open();
 }
 
 }  // namespace isobrick

@@ -22,6 +22,7 @@
 #include <memory>
 
 #include "isobrick/extract/extractor.h"
+#include "isobrick/extract/pyramid_values.h"
 #include "isobrick/extract/sinks/counting_sink.h"
 #include "isobrick/extract/sinks/indexed_mesh.h"
 #include "isobrick/extract/sinks/mesh_file_sink.h"
@@ -249,7 +250,13 @@ class Harness {
       CountingSink counting;
       IndexedMeshSink indexed;
       std::unique_ptr<MeshFileSink> file;
-      if (which > 1) file = makeMeshFileSink(folder_.file(which == 2 ? "mesh.ply" : "mesh.stl"));
+      // Another format each time; the values at the vertices are the pyramid's own.
+      const PyramidValues values(pyramid);
+      const std::string path = folder_.file(kMeshNames[next_name_ % std::size(kMeshNames)]);
+      if (which > 1) {
+        const bool has_values = next_name_++ % std::size(kMeshNames) >= kFirstWithValues;
+        file = makeMeshFileSink(path, {.values = has_values ? &values : nullptr});
+      }
       TriangleSink& sink = which == 0   ? static_cast<TriangleSink&>(counting)
                            : which == 1 ? static_cast<TriangleSink&>(indexed)
                                         : *file;
@@ -261,14 +268,18 @@ class Harness {
         check(indexed.mesh());
         draw(pyramid, indexed.mesh(), random);
       } else {
-        EXPECT_GT(std::filesystem::file_size(folder_.file(which == 2 ? "mesh.ply" : "mesh.stl")),
-                  50 * report.triangles / (which == 2 ? 4 : 1));
+        EXPECT_GT(std::filesystem::file_size(path), 12 * report.triangles);
       }
     } catch (const Error& error) {
       ++tally_.errors;
       note("extract", error);
     }
   }
+
+  static constexpr const char* kMeshNames[] = {"mesh.stl", "mesh.obj", "mesh.ply", "mesh.glb",
+                                               "mesh.vtp"};
+  static constexpr std::size_t kFirstWithValues = 2;
+  std::size_t next_name_ = 0;
 
   static void check(const IndexedMesh& mesh) {
     EXPECT_EQ(mesh.positions.size(), mesh.normals.size());

@@ -4,6 +4,7 @@
 #include <tbb/task_arena.h>
 
 #include <algorithm>
+#include <atomic>
 #include <functional>
 
 #include "isobrick/preprocess/build_plan.h"
@@ -160,6 +161,46 @@ TEST_F(ChangedInputTest, AnotherVersionOfTheToolGoesOn) {
   fs::rename(pathOf("away"), pathOf("a.raw"));
   options_.tool_version.clear();
   EXPECT_GT(resume(), 0u);
+}
+
+// Turns out to be damaged, and the user loses patience while the build looks whether its files have
+// changed.
+class DamagedSource : public VolumeSource {
+ public:
+  DamagedSource(std::unique_ptr<VolumeSource> source, CancelFlag& cancel)
+      : source_(std::move(source)), cancel_(cancel) {}
+  const VolumeInfo& info() const override { return source_->info(); }
+  void readRows(std::int64_t first, std::int64_t count, void* out) override {
+    if (first > info().voxels.y * info().voxels.z / 2) {
+      is_damaged_ = true;
+      throw Error("the voxels are damaged");
+    }
+    source_->readRows(first, count, out);
+  }
+  // The first thing that the check asks for.
+  std::vector<std::string> files() const override {
+    if (is_damaged_) cancel_.request();
+    return source_->files();
+  }
+  std::string identity() const override { return source_->identity(); }
+
+ private:
+  const std::unique_ptr<VolumeSource> source_;
+  CancelFlag& cancel_;
+  std::atomic<bool> is_damaged_ = false;
+};
+
+TEST_F(ChangedInputTest, AnInterruptionWhileItIsCheckedIsNoChange) {
+  CancelFlag cancel;
+  DamagedSource source(open(), cancel);
+  BuildOptions options = options_;
+  options.cancel = &cancel;
+  options.memory_bytes *= 2;  // what is read in order is held in a ring of slices
+  const std::string message = messageOfBuild(source, path_, options);
+  ASSERT_TRUE(cancel.requested()) << message;
+  EXPECT_EQ(message.find("interrupted; "), 0u) << message;
+  EXPECT_EQ(message.find("changed"), std::string::npos) << message;
+  expectKept(message);
 }
 
 }  // namespace

@@ -27,9 +27,7 @@ std::vector<T> makeVoxels(Content content) {
     PhantomSpec spec;
     spec.name = "head";
     spec.size = kSize;
-    spec.voxel_type = std::is_same_v<T, std::uint8_t>    ? VoxelType::kUint8
-                      : std::is_same_v<T, std::uint16_t> ? VoxelType::kUint16
-                                                         : VoxelType::kFloat32;
+    spec.voxel_type = voxelTypeOf<T>();
     const Phantom phantom(spec);
     for (std::int64_t z = 0; z < kSize; ++z)
       for (std::int64_t y = 0; y < kSize; ++y)

@@ -117,9 +117,9 @@ TEST_F(InterruptionTest, AFileIsNotPublishedAfterARequest) {
 }
 
 TEST_F(InterruptionTest, AMeshIsNotPublishedAfterARequest) {
-  for (const char* name : {"mesh.ply", "mesh.stl"}) {
+  for (const char* name : {"mesh.ply", "mesh.stl", "mesh.obj", "mesh.glb", "mesh.vtp"}) {
     CancelFlag cancel;
-    const auto sink = makeMeshFileSink(pathOf(name), &cancel);
+    const auto sink = makeMeshFileSink(pathOf(name), {.cancel = &cancel});
     sink->begin({});
     MeshBatch batch;
     batch.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};

@@ -316,8 +316,8 @@ TEST_F(ResumeDamaged, FlippedPaddingStillGivesTheSameBytes) {
   std::uint64_t end = 512;
   for (const JournalEntry& entry : journal->entries) {
     std::string partial = partial_;
-    const std::uint64_t first = entry.record.samples.stored_bytes > 0 ? entry.record.samples.offset
-                                                                      : entry.record.ranges.offset;
+    const std::uint64_t first =
+        entry.row.samples.stored_bytes > 0 ? entry.row.samples.offset : entry.row.ranges.offset;
     if (first > end) {
       partial[end] ^= 0x10;
       writeBytes(path_ + ".partial", partial);
@@ -363,24 +363,24 @@ TEST_F(ResumeDamaged, ImpossibleEntriesAreNotBelieved) {
   const auto forge = [&](auto&& change) {
     std::vector<JournalEntry> entries(journal->entries.begin(), journal->entries.begin() + 10);
     std::size_t i = 0;
-    while (entries[i].record.samples.stored_bytes == 0) ++i;
+    while (entries[i].row.samples.stored_bytes == 0) ++i;
     change(entries[i]);
     writeBytes(path_ + ".partial", partial_);
     fs::remove(path_ + ".partial.journal");
     WriteJournal forged(path_ + ".partial.journal", journal->identity, {});
-    for (const JournalEntry& entry : entries) forged.add(entry.record, entry.end);
+    for (const JournalEntry& entry : entries) forged.add(entry.row, entry.end);
     forged.flush();
     std::uint64_t resumed = 0;
     EXPECT_TRUE(resumes(&resumed));
     EXPECT_EQ(resumed, i);
   };
-  forge([](JournalEntry& e) { e.record.samples.stored_bytes = 0xFFFFFFFF; });
-  forge([](JournalEntry& e) { e.record.samples.codec = 77; });
-  forge([](JournalEntry& e) { e.record.samples.codec = 1; });
-  forge([](JournalEntry& e) { e.record.constant = 1e9f; });
-  forge([](JournalEntry& e) { e.record.constant = std::numeric_limits<float>::quiet_NaN(); });
+  forge([](JournalEntry& e) { e.row.samples.stored_bytes = 0xFFFFFFFF; });
+  forge([](JournalEntry& e) { e.row.samples.codec = 77; });
+  forge([](JournalEntry& e) { e.row.samples.codec = 1; });
+  forge([](JournalEntry& e) { e.row.constant = 1e9f; });
+  forge([](JournalEntry& e) { e.row.constant = std::numeric_limits<float>::quiet_NaN(); });
   forge([](JournalEntry& e) { e.end = ~std::uint64_t{0}; });
-  forge([](JournalEntry& e) { e.record.ranges.offset = e.record.samples.offset; });
+  forge([](JournalEntry& e) { e.row.ranges.offset = e.row.samples.offset; });
 }
 
 TEST_F(ResumeDamaged, APipeInPlaceOfTheJournalDoesNotHang) {

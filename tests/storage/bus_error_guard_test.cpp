@@ -1,6 +1,8 @@
 // SIGBUS: pages of ours that cannot be had become zeros and a note, and whatever else there is of
 // that signal goes to whom it belongs. A test that may die does so in a child.
 
+#include "isobrick/storage/bus_error_guard.h"
+
 #include <gtest/gtest.h>
 #include <sys/mman.h>
 #include <unistd.h>
@@ -10,12 +12,12 @@
 #include <csignal>
 #include <filesystem>
 #include <fstream>
-#include <memory>
+#include <stdexcept>
 #include <string>
 #include <thread>
 #include <vector>
 
-#include "isobrick/storage/mapped_file.h"
+#include "isobrick/storage/paged_file.h"
 #include "isobrick/storage/range_slot.h"
 #include "tests/support/child_process.h"
 #include "tests/support/temporary_folder.h"
@@ -64,7 +66,7 @@ class BusErrorGuardTest : public testing::Test {
   // else.
   bool isGuarded(const std::string& name = "ours") const {
     const std::string path = makeFile(name, 3 * kPage);
-    const MappedFile file(path);
+    const PagedFile file(path);
     cut(path);
     touch(file.data() + kPage + 7);
     return file.failedOffset() == kPage;
@@ -145,28 +147,39 @@ void installPlain(void (*handler)(int), int flags = 0) {
   sigaction(SIGBUS, &action, &g_previous);
 }
 
+// A file mapped and guarded at a place that the test chooses.
+class PlacedMapping {
+ public:
+  PlacedMapping(const std::string& path, std::byte* place, std::size_t bytes) : data(place) {
+    const int fd = open(path.c_str(), O_RDONLY | O_CLOEXEC);
+    const void* const map = mmap(place, bytes, PROT_READ, MAP_SHARED | MAP_FIXED, fd, 0);
+    close(fd);
+    if (map != place || !guard.guard(place, bytes)) throw std::runtime_error("cannot map");
+  }
+  std::byte* const data;
+  BusErrorGuard guard;
+};
+
 TEST_F(BusErrorGuardTest, MappingsThatTouchReportTheirOwnOffsets) {
   expectChildLeavesWith(0, [&] {
     const std::size_t bytes = 3 * kPage + 100;  // a mapping ends with its last page
-    std::vector<std::unique_ptr<MappedFile>> files;
-    const MappedFile *lower = nullptr, *upper = nullptr;
-    for (int i = 0; i < 200 && lower == nullptr; ++i) {
-      files.push_back(std::make_unique<MappedFile>(makeFile(std::to_string(i), bytes)));
-      for (const auto& a : files)
-        for (const auto& b : files)
-          if (a->data() + 4 * kPage == b->data()) lower = a.get(), upper = b.get();
+    const std::string lower_path = makeFile("lower", bytes), upper_path = makeFile("upper", bytes);
+    void* const place = mmap(nullptr, 8 * kPage, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    if (place == MAP_FAILED) return 1;
+    auto* const first = static_cast<std::byte*>(place);
+    {
+      const PlacedMapping lower(lower_path, first, bytes);
+      const PlacedMapping upper(upper_path, first + 4 * kPage, bytes);
+      cut(lower_path);
+      touch(lower.data + 3 * kPage + 50);
+      if (lower.guard.failedOffset() != 3 * kPage || upper.guard.failedOffset()) return 2;
+      touch(upper.data);  // still whole
+      cut(upper_path);
+      touch(upper.data + 1);
+      touch(upper.data + 2 * kPage);  // the first counts
+      if (lower.guard.failedOffset() != 3 * kPage || upper.guard.failedOffset() != 0) return 3;
     }
-    if (lower == nullptr) return 1;
-    cut(lower->path());
-    touch(lower->data() + 3 * kPage + 50);
-    if (lower->failedOffset() != 3 * kPage || upper->failedOffset()) return 2;
-    touch(upper->data());  // still whole
-    cut(upper->path());
-    touch(upper->data() + 1);
-    touch(upper->data() + 2 * kPage);  // the first counts
-    if (lower->failedOffset() != 3 * kPage || upper->failedOffset() != 0) return 3;
     // A slot that is taken again has forgotten.
-    files.clear();
     return isGuarded() ? 0 : 4;
   });
 }
@@ -201,7 +214,7 @@ TEST_F(BusErrorGuardTest, AForeignFaultGoesToTheEarlierHandlerAndOursStays) {
   expectChildLeavesWith(0, [&] {
     install(onSignalMending);
     const std::string path = makeFile("open", 4 * kPage);
-    const MappedFile open_all_the_while(path);
+    const PagedFile open_all_the_while(path);
     for (int round = 1; round <= 3; ++round) {
       if (seen().calls != round - 1) return 10 * round + 1;
       unsigned char* const page = makeForeignPage();
@@ -268,7 +281,7 @@ TEST_F(BusErrorGuardTest, AHandlerThatCameLaterIsPutBehindOurs) {
   expectChildLeavesWith(0, [&] {
     std::signal(SIGBUS, SIG_DFL);
     const std::string path = makeFile("early", 4 * kPage);
-    const MappedFile early(path);
+    const PagedFile early(path);
     installPlain(onSignalRaisingAgain, SA_NODEFER);
     // A new mapping and the use of an old one put ours in front.
     if (!isGuarded()) return 1;
@@ -371,7 +384,7 @@ TEST_F(BusErrorGuardTest, FaultsWhileOthersOpenAndClose) {
       threads.emplace_back([&, t] {
         for (std::size_t round = 0; round < kRounds; ++round) {
           const std::string path = makeFile("cut" + std::to_string(t), 5 * kPage);
-          const MappedFile file(path);
+          const PagedFile file(path);
           cut(path);
           const std::size_t page = round % 5;
           touch(file.data() + page * kPage + round % kPage);
@@ -382,7 +395,7 @@ TEST_F(BusErrorGuardTest, FaultsWhileOthersOpenAndClose) {
     for (int t = 0; t < kOpening; ++t)
       threads.emplace_back([&, t] {
         while (running > 0) {
-          const MappedFile file(folder_.file("whole" + std::to_string(t)));
+          const PagedFile file(folder_.file("whole" + std::to_string(t)));
           touch(file.data() + kPage);
           if (file.failedOffset()) ++wrong;
         }

@@ -417,7 +417,7 @@ TEST(HostilePart, BlocksInAnotherOrderAreRefused) {
   }
 }
 
-// A brief fuzzer: flips, random runs, copied pieces, numbers put where Blosc has its own.
+// A brief fuzzer: flips, random runs, copied runs, numbers put where Blosc has its own.
 Bytes mutated(Random& random, const PackedExample& example) {
   Bytes bytes = example.stored;
   for (std::uint64_t edits = 1 + randomBelow(random, 4); edits > 0; --edits) {
@@ -458,11 +458,11 @@ TEST(HostilePart, MutatedPartsDoNoHarm) {
 
 struct PackedFile {
   std::string path;
-  std::vector<BrickPager::Piece> pieces;
+  std::vector<BrickPager::Part> parts;
   std::vector<Bytes> elements;
 };
 
-// Every third piece is stored, the others are packed; a few sizes.
+// Every third part is stored, the others are packed; a few sizes.
 PackedFile makePackedFile(const TemporaryFolder& folder, std::size_t count) {
   PackedFile result;
   result.path = folder.file("packed");
@@ -474,7 +474,7 @@ PackedFile makePackedFile(const TemporaryFolder& folder, std::size_t count) {
     EXPECT_EQ(part.codec, codec);
     all.resize((all.size() + 63) / 64 * 64);
     const auto unpacked = static_cast<std::uint32_t>(codec == Codec::kStored ? 0 : elements.size());
-    result.pieces.push_back({all.size(), part.bytes.size(), part.checksum, unpacked, part.codec});
+    result.parts.push_back({all.size(), part.bytes.size(), part.checksum, unpacked, part.codec});
     all.insert(all.end(), part.bytes.begin(), part.bytes.end());
     result.elements.push_back(elements);
   }
@@ -493,40 +493,40 @@ bool holdsElements(const PackedFile& made, std::size_t id, const std::byte* data
 TEST(PackedPager, KeepsTheBudgetAndPassesBuffersOn) {
   const TemporaryFolder folder;
   const PackedFile made = makePackedFile(folder, 60);
-  const MappedFile file(made.path);
+  const PagedFile file(made.path);
   const std::uint64_t budget = 400000;
-  BrickPager pager(file, made.pieces, budget);
+  BrickPager pager(file, made.parts, budget);
   std::uint64_t file_bytes = 0, unpacked = 0;
-  for (std::size_t i = 0; i < made.pieces.size(); ++i) {
+  for (std::size_t i = 0; i < made.parts.size(); ++i) {
     const char* why = "";
     const std::byte* data = pager.acquire(i, &why);
     ASSERT_TRUE(holdsElements(made, i, data)) << i << why;
     EXPECT_EQ(reinterpret_cast<std::uintptr_t>(data) % 64, 0u);
     EXPECT_LE(pager.heldBytes(), budget);
     pager.release(i);
-    file_bytes += made.pieces[i].bytes;
-    unpacked += made.pieces[i].unpacked_bytes;
+    file_bytes += made.parts[i].bytes;
+    unpacked += made.parts[i].unpacked_bytes;
   }
   const BrickPager::Counters counters = pager.counters();
-  EXPECT_EQ(counters.pieces_read, made.pieces.size());
+  EXPECT_EQ(counters.parts_read, made.parts.size());
   EXPECT_EQ(counters.bytes_read, file_bytes);
   EXPECT_EQ(counters.bytes_unpacked, unpacked);
   EXPECT_GT(counters.buffers_reused, 20u);
   // The last ones are still there.
   const char* why = "";
   EXPECT_TRUE(holdsElements(made, 59, pager.acquire(59, &why)));
-  EXPECT_EQ(pager.counters().pieces_read, made.pieces.size());
+  EXPECT_EQ(pager.counters().parts_read, made.parts.size());
   pager.release(59);
 }
 
-TEST(PackedPager, ABudgetSmallerThanAPieceStillWorks) {
+TEST(PackedPager, ABudgetSmallerThanAPartStillWorks) {
   const TemporaryFolder folder;
   const PackedFile made = makePackedFile(folder, 12);
-  const MappedFile file(made.path);
+  const PagedFile file(made.path);
   for (const std::uint64_t budget : {0, 1000}) {
-    BrickPager pager(file, made.pieces, budget);
+    BrickPager pager(file, made.parts, budget);
     const char* why = "";
-    for (std::size_t i = 0; i + 1 < made.pieces.size(); ++i) {
+    for (std::size_t i = 0; i + 1 < made.parts.size(); ++i) {
       // Two at once, one of them twice.
       const std::byte* first = pager.acquire(i, &why);
       const std::byte* second = pager.acquire(i + 1, &why);
@@ -544,12 +544,12 @@ TEST(PackedPager, ABudgetSmallerThanAPieceStillWorks) {
 TEST(PackedPager, BytesThatCannotBeUnpackedAreDamage) {
   const TemporaryFolder folder;
   PackedFile made = makePackedFile(folder, 6);
-  const MappedFile file(made.path);
+  const PagedFile file(made.path);
   // The checksum is right, the size is not.
-  made.pieces[1].unpacked_bytes -= 2;
-  made.pieces[2].codec = Codec::kLz4;
-  made.pieces[4].checksum ^= 1;
-  BrickPager pager(file, made.pieces, 1 << 20);
+  made.parts[1].unpacked_bytes -= 2;
+  made.parts[2].codec = Codec::kLz4;
+  made.parts[4].checksum ^= 1;
+  BrickPager pager(file, made.parts, 1 << 20);
   for (int round = 0; round < 2; ++round)
     for (const std::size_t id : {1, 2, 4}) {
       const char* why = "";
@@ -557,39 +557,10 @@ TEST(PackedPager, BytesThatCannotBeUnpackedAreDamage) {
       EXPECT_NE(std::string(why).find(id == 4 ? "checksum" : "unpacked"), std::string::npos) << why;
     }
   EXPECT_EQ(pager.heldBytes(), 0u);
-  EXPECT_EQ(pager.counters().pieces_read, 0u);
+  EXPECT_EQ(pager.counters().parts_read, 0u);
   const char* why = "";
   EXPECT_TRUE(holdsElements(made, 5, pager.acquire(5, &why)));
   pager.release(5);
-}
-
-TEST(PackedPager, ManyThreads) {
-  const TemporaryFolder folder;
-  const PackedFile made = makePackedFile(folder, 40);
-  const MappedFile file(made.path);
-  const std::uint64_t budget = 300000;
-  BrickPager pager(file, made.pieces, budget);
-  std::atomic<int> wrong{0};
-  std::vector<std::thread> threads;
-  for (std::uint64_t t = 0; t < 4; ++t)
-    threads.emplace_back([&, t] {
-      Random random(t);
-      for (int round = 0; round < 600; ++round) {
-        std::size_t held[3];
-        for (std::size_t& id : held) {
-          // Half the time the same few pieces, so that threads meet.
-          id = randomBelow(random, random() % 2 == 0 ? 4 : made.pieces.size());
-          const char* why = "";
-          if (!holdsElements(made, id, pager.acquire(id, &why))) ++wrong;
-        }
-        for (const std::size_t id : held) pager.release(id);
-      }
-    });
-  for (std::thread& thread : threads) thread.join();
-  EXPECT_EQ(wrong, 0);
-  EXPECT_LE(pager.heldBytes(), budget);
-  EXPECT_GT(pager.counters().pieces_released, 0u);
-  EXPECT_GT(pager.counters().bytes_unpacked, 0u);
 }
 
 }  // namespace

@@ -5,22 +5,12 @@
 
 #include <cstdint>
 #include <cstring>
-#include <type_traits>
 #include <utility>
 #include <vector>
 
 #include "isobrick/preprocess/volume_source.h"
 
 namespace isobrick::test {
-
-template <typename T>
-constexpr VoxelType voxelTypeOf() {
-  if constexpr (std::is_same_v<T, std::uint8_t>) return VoxelType::kUint8;
-  if constexpr (std::is_same_v<T, std::int8_t>) return VoxelType::kInt8;
-  if constexpr (std::is_same_v<T, std::uint16_t>) return VoxelType::kUint16;
-  if constexpr (std::is_same_v<T, std::int16_t>) return VoxelType::kInt16;
-  if constexpr (std::is_same_v<T, float>) return VoxelType::kFloat32;
-}
 
 // What the tests' sources share: their info(), and a check that the builder keeps the contract of
 // VolumeSource::readRows (ascending rows, none twice, none past the last). So a source serves one

@@ -134,10 +134,10 @@ class Mutation {
       std::memcpy(&level, numbers, sizeof level);
       return "level table";
     }
-    auto& record = anyBrick().record;
-    auto* const bytes = reinterpret_cast<std::byte*>(&record);
+    auto& row = anyBrick().row;
+    auto* const bytes = reinterpret_cast<std::byte*>(&row);
     const auto number = static_cast<std::uint32_t>(nastyNumber(random_));
-    std::memcpy(bytes + 4 * randomBelow(random_, sizeof record / 4), &number, 4);
+    std::memcpy(bytes + 4 * randomBelow(random_, sizeof row / 4), &number, 4);
     return "brick table";
   }
   const char* changeProvenance() {
@@ -197,8 +197,7 @@ class Mutation {
   // An earlier change may have left nothing to unpack.
   bool isWhole(const PyramidDraft::Brick& brick) const {
     try {
-      return isPossibleRecord(brick.record, draft_.spec(), draft_.layout(), brick.level,
-                              brick.index) &&
+      return isPossibleRow(brick.row, draft_.spec(), draft_.layout(), brick.level, brick.index) &&
              draft_.elementsOf(brick)[0].size() > 0;
     } catch (const std::exception&) {
       return false;
@@ -255,15 +254,15 @@ class Mutation {
   void widenBrickRanges() {
     constexpr float kMost = std::numeric_limits<float>::max();
     for (PyramidDraft::Brick& brick : draft_.bricks)
-      brick.record.range_min = -kMost, brick.record.range_max = kMost;
+      brick.row.range_min = -kMost, brick.row.range_max = kMost;
   }
   const char* changeBrickRanges() {
     if (oneIn(random_, 2)) {
       widenBrickRanges();
       return "brick ranges";
     }
-    auto& record = anyBrick().record;
-    (oneIn(random_, 2) ? record.range_min : record.range_max) = nastyFloat(random_);
+    auto& row = anyBrick().row;
+    (oneIn(random_, 2) ? row.range_min : row.range_max) = nastyFloat(random_);
     return "brick ranges";
   }
 
@@ -279,8 +278,8 @@ class Mutation {
   const char* makeConstant() {
     PyramidDraft::Brick& brick = anyBrick();
     brick.stored[0].clear();
-    brick.record.samples = {0, 0, 0, static_cast<std::uint32_t>(format::Codec::kConstant)};
-    brick.record.constant = oneIn(random_, 2) ? brick.record.range_min : nastyFloat(random_);
+    brick.row.samples = {0, 0, 0, static_cast<std::uint32_t>(format::Codec::kConstant)};
+    brick.row.constant = oneIn(random_, 2) ? brick.row.range_min : nastyFloat(random_);
     return "constant";
   }
 
@@ -303,11 +302,10 @@ const char* changeFile(Bytes& file, Random& random) {
       return "places of tables";
     }
     case 1: {
-      const std::uint64_t row =
-          header.brick_table_offset +
-          sizeof(format::BrickRecord) * randomBelow(random, header.brick_count);
-      auto* const bytes = file.data() + row + sizeof(format::PartRecord) * randomBelow(random, 3);
-      format::PartRecord part;
+      const std::uint64_t row = header.brick_table_offset +
+                                sizeof(format::BrickRow) * randomBelow(random, header.brick_count);
+      auto* const bytes = file.data() + row + sizeof(format::PartEntry) * randomBelow(random, 3);
+      format::PartEntry part;
       std::memcpy(&part, bytes, sizeof part);
       if (oneIn(random, 3))
         part.offset = nastyNumber(random);

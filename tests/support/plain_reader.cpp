@@ -83,7 +83,7 @@ class FileBytes {
     std::memcpy(&value, &bits, sizeof value);
     return value;
   }
-  // Checks the hash of a piece, and that no other piece holds its bytes.
+  // Checks the hash of a part or table, and that no other holds its bytes.
   void checkHash(std::uint64_t offset, std::uint64_t bytes, std::uint64_t hash,
                  const std::string& what) {
     require(XXH3_64bits(at(offset, bytes), bytes) == hash, "wrong checksum of " + what);

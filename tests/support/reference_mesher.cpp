@@ -16,7 +16,7 @@ namespace isobrick::test {
 
 namespace {
 
-constexpr double kMinT = 1.0 / 4096.0;
+constexpr float kMinT = 1.0f / 4096.0f;
 
 [[noreturn]] void broken(const std::string& what) {
   throw std::logic_error("reference mesher: " + what);
@@ -150,7 +150,7 @@ class Mesher {
   float computeValue(const Index3& p);
   float cornerValue(const Index3& p, int level);
   bool isInside(const Index3& p) { return value(p) >= iso_; }
-  glm::dvec3 gradient(const Index3& p) const;
+  glm::vec3 gradient(const Index3& p) const;
 
   std::uint32_t crossingOf(const Index3& base, int axis, int level);
   ReferenceCrossing computeCrossing(const Index3& base, int axis, std::int64_t upper);
@@ -262,18 +262,17 @@ float Mesher::cornerValue(const Index3& p, int level) {
 }
 
 // Rule 12: differences of the raw samples of the point's finest level.
-glm::dvec3 Mesher::gradient(const Index3& p) const {
+glm::vec3 Mesher::gradient(const Index3& p) const {
   const int m = touchingLevels(p).first;
   const Index3 sample = sampleIndex(lattice_, m, p);
-  glm::dvec3 g(0);
+  glm::vec3 g(0);
   for (int axis = 0; axis < 3; ++axis) {
     Index3 low = sample, high = sample;
     low[axis] = std::max<std::int64_t>(sample[axis] - 1, 0);
     high[axis] = std::min(sample[axis] + 1, lattice_.samples(m)[axis] - 1);
-    const double difference = static_cast<double>(pyramid_.sampleAt(m, high)) -
-                              static_cast<double>(pyramid_.sampleAt(m, low));
-    g[axis] = difference / static_cast<double>(lattice_.position(m, axis, high[axis]) -
-                                               lattice_.position(m, axis, low[axis]));
+    const float difference = pyramid_.sampleAt(m, high) - pyramid_.sampleAt(m, low);
+    g[axis] = difference / static_cast<float>(lattice_.position(m, axis, high[axis]) -
+                                              lattice_.position(m, axis, low[axis]));
   }
   return g;
 }
@@ -281,22 +280,27 @@ glm::dvec3 Mesher::gradient(const Index3& p) const {
 ReferenceCrossing Mesher::computeCrossing(const Index3& base, int axis, std::int64_t upper) {
   Index3 end = base;
   end[axis] = upper;
-  const double a = static_cast<double>(value(base));
-  const double b = static_cast<double>(value(end));
+  const float a = value(base), b = value(end);
   if (isInside(base) == isInside(end)) broken("a crossing on an edge that the surface misses");
 
   ReferenceCrossing crossing;
   crossing.base = base;
   crossing.axis = axis;
   crossing.upper = upper;
-  crossing.t = clampOrLow((static_cast<double>(iso_) - a) / (b - a), kMinT, 1.0 - kMinT);
+  // Rounded to a multiple of 1/32768, halves to even.
+  const double part = clampOrLow((iso_ - a) / (b - a), kMinT, 1.0f - kMinT);
+  crossing.t = std::nearbyint(part * 32768) / 32768;
+  const auto t = static_cast<float>(crossing.t), s = static_cast<float>(1 - crossing.t);
+  // From the upper end: what a thin cell's length adds in rounding is the same on all levels.
   crossing.position =
-      static_cast<double>(base[axis]) + crossing.t * static_cast<double>(upper - base[axis]);
+      static_cast<double>(upper) - static_cast<double>(s * static_cast<float>(upper - base[axis]));
 
-  const glm::dvec3 g = (1.0 - crossing.t) * gradient(base) + crossing.t * gradient(end);
-  const double length = std::sqrt(g.x * g.x + g.y * g.y + g.z * g.z);
+  const glm::vec3 low = gradient(base), high = gradient(end);
+  const glm::vec3 g(low.x * s + high.x * t, low.y * s + high.y * t, low.z * s + high.z * t);
+  const float length = std::sqrt((g.x * g.x + g.y * g.y) + g.z * g.z);
   if (length > 0 && std::isfinite(length)) {
-    crossing.normal = -g / length;
+    const float factor = -1 / length;
+    crossing.normal = glm::dvec3(g.x * factor, g.y * factor, g.z * factor);
   } else {
     crossing.normal[axis] = isInside(base) ? 1.0 : -1.0;
   }

@@ -13,8 +13,8 @@ namespace {
 
 constexpr PartKind kKinds[] = {PartKind::kSamples, PartKind::kRanges, PartKind::kCurvature};
 
-format::PartRecord& partOf(format::BrickRecord& record, PartKind kind) {
-  return const_cast<format::PartRecord&>(isobrick::partOf(std::as_const(record), kind));
+format::PartEntry& partOf(format::BrickRow& row, PartKind kind) {
+  return const_cast<format::PartEntry&>(isobrick::partOf(std::as_const(row), kind));
 }
 
 template <typename T>
@@ -53,17 +53,17 @@ PyramidDraft::PyramidDraft(const Bytes& file) {
   layout_ = spec_.layout();
   std::uint64_t row = 0;
   for (std::uint32_t level = 0; level < header.level_count; ++level) {
-    levels.push_back(get<format::LevelRecord>(
-        file, header.level_table_offset + level * sizeof(format::LevelRecord)));
+    levels.push_back(
+        get<format::LevelRow>(file, header.level_table_offset + level * sizeof(format::LevelRow)));
     const Index3 count = layout_.bricks(static_cast<int>(level));
     for (std::int64_t i = 0; i < elementCount(count); ++i, ++row) {
       Brick brick;
       brick.level = static_cast<int>(level);
       brick.index = Index3(i % count.x, i / count.x % count.y, i / (count.x * count.y));
-      brick.record = get<format::BrickRecord>(
-          file, header.brick_table_offset + row * sizeof(format::BrickRecord));
+      brick.row =
+          get<format::BrickRow>(file, header.brick_table_offset + row * sizeof(format::BrickRow));
       for (const PartKind kind : kKinds) {
-        const format::PartRecord& part = partOf(brick.record, kind);
+        const format::PartEntry& part = partOf(brick.row, kind);
         const auto first = file.begin() + static_cast<std::ptrdiff_t>(part.offset);
         brick.stored[static_cast<std::size_t>(kind)].assign(first, first + part.stored_bytes);
       }
@@ -77,7 +77,7 @@ PyramidDraft::PyramidDraft(const Bytes& file) {
 PyramidDraft::Elements PyramidDraft::elementsOf(const Brick& brick) const {
   Elements elements;
   for (const PartKind kind : kKinds) {
-    const format::PartRecord& part = isobrick::partOf(brick.record, kind);
+    const format::PartEntry& part = isobrick::partOf(brick.row, kind);
     const auto codec = static_cast<format::Codec>(part.codec);
     auto& out = elements[static_cast<std::size_t>(kind)];
     if (codec == format::Codec::kAbsent) continue;
@@ -86,7 +86,7 @@ PyramidDraft::Elements PyramidDraft::elementsOf(const Brick& brick) const {
       if (kind == PartKind::kCurvature) continue;
       visitVoxelType(spec_.voxel_type, [&](auto tag) {
         using T = typename decltype(tag)::Type;
-        const T value = static_cast<T>(brick.record.constant);
+        const T value = static_cast<T>(brick.row.constant);
         for (std::size_t at = 0; at < out.size(); at += sizeof value)
           std::memcpy(out.data() + at, &value, sizeof value);
       });
@@ -106,14 +106,14 @@ void PyramidDraft::setElements(Brick& brick, const Elements& elements, format::C
   encoded.ranges.bytes = elements[1];
   encoded.curvature.bytes = elements[2];
   encodeBrick(spec_.voxel_type, codec, encoded);
-  brick.record.constant = encoded.constant;
+  brick.row.constant = encoded.constant;
   const EncodedPart* const parts[] = {&encoded.samples, &encoded.ranges, &encoded.curvature};
   for (const PartKind kind : kKinds) {
     const auto at = static_cast<std::size_t>(kind);
     const auto* const first = reinterpret_cast<const std::uint8_t*>(parts[at]->bytes.data());
     brick.stored[at].assign(first, first + parts[at]->bytes.size());
-    partOf(brick.record, kind).codec = static_cast<std::uint32_t>(parts[at]->codec);
-    partOf(brick.record, kind).stored_bytes = static_cast<std::uint32_t>(brick.stored[at].size());
+    partOf(brick.row, kind).codec = static_cast<std::uint32_t>(parts[at]->codec);
+    partOf(brick.row, kind).stored_bytes = static_cast<std::uint32_t>(brick.stored[at].size());
   }
 }
 
@@ -127,19 +127,19 @@ Bytes PyramidDraft::seal() const {
     file.insert(file.end(), from, from + bytes);
     return offset;
   };
-  std::vector<format::BrickRecord> rows;
+  std::vector<format::BrickRow> rows;
   for (const Brick& brick : bricks) {
-    rows.push_back(brick.record);
+    rows.push_back(brick.row);
     for (const PartKind kind : kKinds) {
       const Bytes& stored = brick.stored[static_cast<std::size_t>(kind)];
-      format::PartRecord& part = partOf(rows.back(), kind);
+      format::PartEntry& part = partOf(rows.back(), kind);
       part.offset = stored.empty() ? 0 : append(stored.data(), stored.size());
       part.checksum = 0;
     }
   }
   format::Header sealed = header;
-  sealed.level_table_offset = append(levels.data(), levels.size() * sizeof(format::LevelRecord));
-  sealed.brick_table_offset = append(rows.data(), rows.size() * sizeof(format::BrickRecord));
+  sealed.level_table_offset = append(levels.data(), levels.size() * sizeof(format::LevelRow));
+  sealed.brick_table_offset = append(rows.data(), rows.size() * sizeof(format::BrickRow));
   sealed.brick_count = rows.size();
   sealed.provenance_offset = append(provenance.data(), provenance.size());
   sealed.provenance_bytes = provenance.size();
@@ -155,21 +155,21 @@ void sealChecksums(Bytes& file) {
   const std::uint64_t room =
       header.brick_table_offset < file.size() ? (file.size() - header.brick_table_offset) : 0;
   const std::uint64_t rows =
-      std::min<std::uint64_t>(header.brick_count, room / sizeof(format::BrickRecord));
-  for (std::uint64_t row = 0; row < rows; ++row) {
-    const std::uint64_t at = header.brick_table_offset + row * sizeof(format::BrickRecord);
-    auto record = get<format::BrickRecord>(file, at);
+      std::min<std::uint64_t>(header.brick_count, room / sizeof(format::BrickRow));
+  for (std::uint64_t i = 0; i < rows; ++i) {
+    const std::uint64_t at = header.brick_table_offset + i * sizeof(format::BrickRow);
+    auto row = get<format::BrickRow>(file, at);
     for (const PartKind kind : kKinds) {
-      format::PartRecord& part = partOf(record, kind);
+      format::PartEntry& part = partOf(row, kind);
       if (part.stored_bytes > 0) part.checksum = hashOf(file, part.offset, part.stored_bytes);
     }
-    put(file, at, record);
+    put(file, at, row);
   }
   header.level_table_checksum =
       hashOf(file, header.level_table_offset,
-             std::uint64_t{header.level_count} * sizeof(format::LevelRecord));
+             std::uint64_t{header.level_count} * sizeof(format::LevelRow));
   header.brick_table_checksum =
-      hashOf(file, header.brick_table_offset, header.brick_count * sizeof(format::BrickRecord));
+      hashOf(file, header.brick_table_offset, header.brick_count * sizeof(format::BrickRow));
   header.provenance_checksum = hashOf(file, header.provenance_offset, header.provenance_bytes);
   header.header_checksum = checksum64(&header, offsetof(format::Header, header_checksum));
   put(file, 0, header);

@@ -2,7 +2,7 @@
 // with checksums that are right. Anybody can do that; a checksum only finds accidents.
 //
 //   PyramidDraft draft(readWholeFile("good.isb"));
-//   draft.bricks[0].record.range_max = 1e30f;
+//   draft.bricks[0].row.range_max = 1e30f;
 //   Bytes lying = draft.seal();
 #pragma once
 
@@ -23,7 +23,7 @@ class PyramidDraft {
   struct Brick {
     int level = 0;
     Index3 index{0};
-    format::BrickRecord record{};
+    format::BrickRow row{};
     std::array<Bytes, 3> stored;  // samples, ranges, curvature as they lie in the file
   };
   using Elements = std::array<std::vector<std::byte>, 3>;
@@ -32,7 +32,7 @@ class PyramidDraft {
   explicit PyramidDraft(const Bytes& file);
 
   format::Header header{};
-  std::vector<format::LevelRecord> levels;
+  std::vector<format::LevelRow> levels;
   std::vector<Brick> bricks;  // in the order of the brick table
   std::string provenance;
 

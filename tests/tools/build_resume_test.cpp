@@ -66,8 +66,6 @@ TEST_F(BuildResumeTest, KilledAtAnyMomentItGoesOn) {
     resumed += json["bricks_resumed"].get<std::uint64_t>() > 0 ? 1 : 0;
     EXPECT_EQ(readBytes(path("g.isb")), expected) << kills;
     fs::remove(path("g.isb"));
-    // After the pyramid has its name nobody needs the journal that is removed next.
-    if (was_published) fs::remove(path("g.isb.partial.journal"));
     EXPECT_EQ(files(), before) << kills;
   }
   EXPECT_GT(kills, 20);
@@ -120,6 +118,33 @@ TEST_F(BuildResumeTest, WithoutResumeItBeginsAnewAndCleansUp) {
 TEST_F(BuildResumeTest, ResumeWithNothingThereIsABuild) {
   makeVolume("g.nrrd", 48);
   EXPECT_EQ(runForJson(buildWords({"--resume"}))["bricks_resumed"], 0);
+}
+
+// What a kill leaves after the pyramid got its name: the journal alone.
+TEST_F(BuildResumeTest, AJournalWithoutAnUnfinishedPyramidMeansNothing) {
+  makeVolume();
+  const std::string expected = undisturbed();
+  interruptBuild();
+  fs::remove(path("g.isb.partial"));
+  const std::string journal = readBytes(path("g.isb.partial.journal"));
+  const std::set<std::string> published{"g.isb", "g.nrrd"};
+  // Another codec: as a build to go on with, it would be refused.
+  runWell(buildWords({"--resume", "--codec", "zstd"}));
+  EXPECT_EQ(files(), published);
+  runWell(buildWords({"--force"}));
+  EXPECT_EQ(readBytes(path("g.isb")), expected);
+
+  for (const Words& words : {buildWords(), buildWords({"--resume"})}) {
+    writeBytes(path("g.isb.partial.journal"), journal);
+    EXPECT_EQ(runForJson(words)["skipped"], true);
+    EXPECT_EQ(files(), published);
+  }
+  // With one it belongs to somebody.
+  writeBytes(path("g.isb.partial.journal"), journal);
+  writeBytes(path("g.isb.partial"), "half of something");
+  runWell(buildWords());
+  EXPECT_EQ(readBytes(path("g.isb.partial")), "half of something");
+  EXPECT_EQ(readBytes(path("g.isb.partial.journal")), journal);
 }
 
 TEST_F(BuildResumeTest, OtherOptionsAreRefusedByName) {
@@ -198,6 +223,15 @@ TEST_F(BuildResumeTest, AFullDiskKeepsWhatIsDone) {
   checkFailure(runWithFault("disk:6000000", buildWords({"--codec", "none"})), 1,
                "not enough space");
   EXPECT_EQ(files(), before);
+}
+
+TEST_F(BuildResumeTest, LittleSpaceIsToldInSmallUnits) {
+  makeVolume("g.nrrd", 24);
+  // Enough for the header and the journal, and less than a block.
+  const Outcome outcome = runWithFault("disk:3000", buildWords());
+  checkFailure(outcome, 1, "not enough space");
+  EXPECT_EQ(outcome.err.find(" 0 MiB"), std::string::npos) << outcome.err;
+  EXPECT_NE(outcome.err.find(" KiB and the disk has 1 KiB"), std::string::npos) << outcome.err;
 }
 
 // However much fits: one error, and nothing is left or what is left is good for going on.

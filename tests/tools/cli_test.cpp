@@ -195,6 +195,21 @@ TEST_F(CliTest, AnIsovalueOutsideTheValuesGivesAnEmptyMeshAndAWarning) {
   }
 }
 
+TEST_F(CliTest, WithoutAMapComesTheSame) {
+  makeSphere();
+  for (const Words& more : {Words{}, Words{"--focus", "5,5,5", "--radius", "3"}}) {
+    Words words = {"extract", "sphere.isb", "--iso", "0.5", "--memory", "64K", "-o", "mapped.ply"};
+    words.insert(words.end(), more.begin(), more.end());
+    runWell(words);
+    words[7] = "read.ply";
+    words.emplace_back("--no-map");
+    runWell(words);
+    EXPECT_EQ(readBytes(path("read.ply")), readBytes(path("mapped.ply")));
+  }
+  EXPECT_EQ(runWell({"info", "sphere.isb", "--no-map"}), runWell({"info", "sphere.isb"}));
+  runWell({"verify", "sphere.isb", "--no-map"});
+}
+
 TEST_F(CliTest, HelpAndVersion) {
   const std::string help = runWell({"--help"});
   for (const char* name : {"build", "info", "verify", "extract", "render", "phantom"}) {

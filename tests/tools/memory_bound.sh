@@ -15,30 +15,7 @@ set -euo pipefail
 isobrick=$1 limit_mib=$2 input=$3
 shift 3
 
-work=$(mktemp -d "${ISOBRICK_WORK:-${TMPDIR:-/tmp}}/isobrick-memory-XXXXXX")
-group=""
-cleanup() {
-  rm -rf "$work"
-  [ -z "$group" ] || rmdir "$group" 2>/dev/null || true
-}
-trap cleanup EXIT
-
-# A group of our own, in version 1 or 2 of the interface.
-make_group() {
-  local v1=/sys/fs/cgroup/memory/isobrick-$$ v2=/sys/fs/cgroup/isobrick-$$
-  if [ -d /sys/fs/cgroup/memory ] && mkdir "$v1" 2>/dev/null; then
-    group=$v1
-    echo "$((limit_mib << 20))" >"$v1/memory.limit_in_bytes"
-    peak_file=$v1/memory.max_usage_in_bytes
-  elif grep -qw memory /sys/fs/cgroup/cgroup.subtree_control 2>/dev/null && mkdir "$v2" 2>/dev/null; then
-    group=$v2
-    echo "$((limit_mib << 20))" >"$v2/memory.max"
-    echo 0 >"$v2/memory.swap.max" 2>/dev/null || true
-    peak_file=$v2/memory.peak
-  else
-    echo "no memory cgroup can be made here: the peak of the process is compared instead"
-  fi
-}
+source "$(dirname "$0")/memory_group.sh"
 
 make_input() {
   case $input in
@@ -64,13 +41,15 @@ make_input() {
 }
 
 set_options=()
-make_group
+make_group "$limit_mib"
+[ -n "$group" ] ||
+  echo "no memory cgroup can be made here: the peak of the process is compared instead"
 make_input
 echo "limit $limit_mib MiB: isobrick build $(basename "$input") ${set_options[*]-} $*"
 begin=$(date +%s.%N)
 status=0
-bash -c '[ -z "$0" ] || echo $$ >"$0/cgroup.procs"; exec "$@"' "$group" \
-  "$isobrick" build "$input" "${set_options[@]}" -o "$work/out.isb" "$@" --json >"$work/json" || status=$?
+in_group "$isobrick" build "$input" "${set_options[@]}" -o "$work/out.isb" "$@" --json \
+  >"$work/json" || status=$?
 end=$(date +%s.%N)
 [ "$status" = 0 ] || { echo "the build failed with status $status (137: killed for its memory)"; exit 1; }
 peak=$(sed -n 's/.*"peak_rss_bytes": *\([0-9]*\).*/\1/p' "$work/json")

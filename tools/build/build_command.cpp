@@ -1,6 +1,7 @@
 // isobrick build: volumes in, pyramids out.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <map>
 #include <memory>
@@ -8,6 +9,7 @@
 #include <stdexcept>
 #include <string>
 #include <system_error>
+#include <utility>
 #include <vector>
 
 #include "isobrick/storage/error.h"
@@ -27,11 +29,38 @@ namespace {
 
 namespace fs = std::filesystem;
 
+// What --codec and --filter take, in the order of --help.
+template <typename T>
+using Choices = std::vector<std::pair<std::string, T>>;
+
+Choices<format::Codec> codecChoices() {
+  Choices<format::Codec> choices;
+  for (const format::Codec codec :
+       {format::Codec::kStored, format::Codec::kLz4, format::Codec::kZstd})
+    choices.emplace_back(codecOptionName(codec), codec);
+  return choices;
+}
+
+Choices<format::Filter> filterChoices() {
+  Choices<format::Filter> choices;
+  for (const format::Filter filter : {format::Filter::kAverage, format::Filter::kSubsample})
+    choices.emplace_back(filterName(filter), filter);
+  return choices;
+}
+
+// `name` is one of the choices: the parser has seen to it.
+template <typename T>
+T chosen(const Choices<T>& choices, const std::string& name) {
+  return std::find_if(choices.begin(), choices.end(),
+                      [&](const auto& choice) { return choice.first == name; })
+      ->second;
+}
+
 struct BuildArguments {
   std::vector<std::string> inputs;
   InputOptions input;
   std::string output, out_dir;
-  std::string filter = "average";
+  std::string filter{filterName(BuildOptions{}.filter)};
   std::string codec = codecOptionName(BuildOptions{}.codec);
   std::optional<double> nan_as;
   bool no_curvature = false;
@@ -69,11 +98,8 @@ class OutputFolder {
 BuildSettings makeSettings(const BuildArguments& arguments) {
   BuildSettings settings = arguments.settings;
   BuildOptions& options = settings.options;
-  options.filter =
-      arguments.filter == "average" ? format::Filter::kAverage : format::Filter::kSubsample;
-  options.codec = arguments.codec == "none"  ? format::Codec::kStored
-                  : arguments.codec == "lz4" ? format::Codec::kLz4
-                                             : format::Codec::kZstd;
+  options.filter = chosen(filterChoices(), arguments.filter);
+  options.codec = chosen(codecChoices(), arguments.codec);
   options.with_curvature = !arguments.no_curvature;
   if (arguments.nan_as) options.nan_as = static_cast<float>(*arguments.nan_as);
   options.tool_version = ISOBRICK_VERSION;
@@ -187,13 +213,13 @@ void addPyramidOptions(CLI::App& sub, BuildArguments& arguments) {
          "--codec", arguments.codec,
          fmt::format("How bricks are packed: none, lz4 or zstd; default: {}", arguments.codec))
       ->type_name("C")
-      ->check(CLI::IsMember({"none", "lz4", "zstd"}));
+      ->check(CLI::IsMember(codecChoices()));
   sub.add_flag("--no-curvature", arguments.no_curvature,
                "Leave out what extract needs for --curvature; builds faster");
   sub.add_option("--filter", arguments.filter,
                  "How coarser levels are made: average (default) or subsample")
       ->type_name("F")
-      ->check(CLI::IsMember({"average", "subsample"}));
+      ->check(CLI::IsMember(filterChoices()));
   addParsedOption(sub, "--brick", options.brick_cells, powerOfTwo(4, 256), "N",
                   "Cells per brick and axis, a power of two from 4 to 256; default: 64");
   addParsedOption(sub, "--tile", options.tile_cells, powerOfTwo(2, 256), "N",

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <memory>
 #include <new>
 #include <stdexcept>
@@ -12,6 +13,7 @@
 #include "isobrick/preprocess/sources/open_volume.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid.h"
+#include "isobrick/storage/pyramid_writer.h"
 #include "tools/build/existing_output.h"
 #include "tools/byte_size.h"
 #include "tools/progress_bar.h"
@@ -26,6 +28,7 @@ std::unique_ptr<VolumeSource> openShowingProgress(const BuildJob& job,
   ProgressBar bar(100, "%");
   OpenOptions options = openOptionsOf(job.input);
   options.cancel = settings.options.cancel;
+  options.memory_bytes = settings.options.memory_bytes / 2;
   options.progress = [&](std::string_view phase, double share) {
     bar.show(fmt::format("{}{}", job.label, phase), share);
   };
@@ -46,19 +49,35 @@ BuildReport buildShowingProgress(VolumeSource& source, InputWatch& input, const 
 }
 
 // Level 0 comes first, and only its bricks are read from the input.
-std::uint64_t freshBytes(const Pyramid& pyramid, std::uint64_t bricks_resumed) {
-  const auto all = static_cast<std::uint64_t>(elementCount(pyramid.layout().bricks(0)));
-  const double share =
-      static_cast<double>(all - std::min(all, bricks_resumed)) / static_cast<double>(all);
-  return static_cast<std::uint64_t>(static_cast<double>(pyramid.bytes().raw) * share);
+std::uint64_t freshBytes(const BrickLayout& layout, std::uint64_t raw, std::uint64_t resumed) {
+  const auto all = static_cast<std::uint64_t>(elementCount(layout.bricks(0)));
+  const double share = static_cast<double>(all - std::min(all, resumed)) / static_cast<double>(all);
+  return static_cast<std::uint64_t>(static_cast<double>(raw) * share);
 }
 
-void takeNoteOfPyramid(BuiltVolume& built) {
-  const Pyramid pyramid(built.output);
-  built.bytes = pyramid.bytes();
-  built.levels = pyramid.lattice().levels();
-  built.bricks = pyramid.brickCount();
-  if (!built.skipped) built.fresh_bytes = freshBytes(pyramid, built.report.bricks_resumed);
+// The pyramid has its name by now: where there is no memory left to open it, what is known without
+// that must do, and the build has not failed.
+PyramidBytes bytesOfPyramid(const BuiltVolume& built) {
+  try {
+    return Pyramid(built.output).bytes();
+  } catch (const std::bad_alloc&) {
+    PyramidBytes bytes;
+    bytes.total = std::filesystem::file_size(built.output);
+    bytes.raw = static_cast<std::uint64_t>(elementCount(built.volume.voxels)) *
+                voxelBytes(built.volume.voxel_type);
+    return bytes;
+  }
+}
+
+void takeNoteOfPyramid(const BuildOptions& options, BuiltVolume& built) {
+  built.bytes = bytesOfPyramid(built);
+  const BrickLayout layout(Lattice(built.volume.voxels), options.brick_cells, options.tile_cells);
+  built.levels = layout.lattice().levels();
+  built.bricks = 0;
+  for (int level = 0; level < built.levels; ++level)
+    built.bricks += static_cast<std::uint64_t>(elementCount(layout.bricks(level)));
+  if (!built.skipped)
+    built.fresh_bytes = freshBytes(layout, built.bytes.raw, built.report.bricks_resumed);
 }
 
 BuiltVolume openAndBuild(const BuildJob& job, const BuildSettings& settings) {
@@ -71,13 +90,16 @@ BuiltVolume openAndBuild(const BuildJob& job, const BuildSettings& settings) {
   InputWatch input(*source, settings.options.cancel);
   built.skipped =
       !settings.force && isUpToDate(job.output, source->info(), input.identity(), settings.options);
-  if (!built.skipped) built.report = buildShowingProgress(*source, input, job, settings);
+  if (built.skipped)
+    removeStrayJournal(job.output);
+  else
+    built.report = buildShowingProgress(*source, input, job, settings);
   built.volume = source->info();
   if (built.report.replaced_voxels > 0)
     built.volume.notes.push_back(fmt::format("{} voxels that were not finite became {}",
                                              built.report.replaced_voxels,
                                              *settings.options.nan_as));
-  takeNoteOfPyramid(built);
+  takeNoteOfPyramid(settings.options, built);
   built.seconds = watch.seconds();
   return built;
 }

@@ -3,7 +3,9 @@
 
 namespace isobrick {
 
-std::vector<Command> addCommands(CLI::App& app) { return {addBuildCommand(app)}; }
+std::vector<Command> addCommands(CLI::App& app) {
+  return {addBuildCommand(app), addConvertCommand(app)};
+}
 
 void runExternalCommand(std::string_view, char**) {}
 

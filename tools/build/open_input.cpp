@@ -3,12 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cctype>
 #include <filesystem>
 #include <limits>
 
 #include "isobrick/preprocess/sources/open_volume.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/lowercase.h"
 #include "tools/command.h"
 #include "tools/failure_text.h"
 #include "tools/parse_text.h"
@@ -19,11 +19,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::string lowerExtension(const fs::path& path) {
-  std::string extension = path.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return extension;
+ComponentChoice parseComponent(const std::string& text) {
+  if (text == "magnitude") return {.magnitude = true};
+  return {.index = parseInteger(text, 0, std::numeric_limits<std::int64_t>::max())};
 }
 
 }  // namespace
@@ -34,13 +32,17 @@ void addInputOptions(CLI::App& app, std::vector<std::string>& paths, InputOption
                  "series or of TIFF slices, or raw files; quoted patterns ('scans/*.nrrd') too")
       ->type_name("PATH")
       ->required();
+  addOpenOptions(app, options);
+}
+
+void addOpenOptions(CLI::App& app, InputOptions& options) {
   CLI::Option* const dims =
       addParsedOption(app, "--raw-dims", options.raw_dims, parseIndex3, "X,Y,Z",
                       "The input has no header, and this many voxels per axis");
   CLI::Option* const type =
       app.add_option("--raw-type", options.raw.type, "Its voxels; u32, i32 and f64 become float32")
           ->type_name("T")
-          ->check(CLI::IsMember({"u8", "i8", "u16", "i16", "f32", "u32", "i32", "f64"}));
+          ->check(CLI::IsMember(rawTypeNames()));
   dims->needs(type);
   type->needs(dims);
   app.add_option("--raw-endian", options.raw_endian, "Its byte order; default: little")
@@ -57,6 +59,22 @@ void addInputOptions(CLI::App& app, std::vector<std::string>& paths, InputOption
       },
       "BYTES", "Where its first voxel is; default: 0")
       ->needs(dims);
+  app.add_option(
+         "--grid", options.grid,
+         "Of an OpenVDB file with several grids, or a VTI file with several arrays, the one "
+         "of this name")
+      ->type_name("NAME");
+  const auto parseIndex = [](const std::string& text) {
+    return parseInteger(text, 0, std::numeric_limits<std::int64_t>::max());
+  };
+  addParsedOption(app, "--time", options.time, parseIndex, "T",
+                  "Of an OME-Zarr image, the time step to take, from 0");
+  addParsedOption(app, "--channel", options.channel, parseIndex, "C",
+                  "Of an OME-Zarr image, the channel to take, from 0");
+  addParsedOption(
+      app, "--component", options.component, parseComponent, "N|magnitude",
+      "Of NRRD, MetaImage, NIfTI or VTI with several values per voxel, the one to take, "
+      "from 0, or the root of the sum of their squares, as float32");
   app.add_flag("--dicom-float32", options.dicom_float32,
                "Take a DICOM series as float32, where its headers promise 16 bits and its values "
                "do not keep to them");
@@ -65,6 +83,11 @@ void addInputOptions(CLI::App& app, std::vector<std::string>& paths, InputOption
 OpenOptions openOptionsOf(const InputOptions& input) {
   OpenOptions options;
   options.dicom_float32 = input.dicom_float32;
+  options.pyramid_level = input.pyramid_level;
+  options.grid = input.grid;
+  options.time = input.time;
+  options.channel = input.channel;
+  options.component = input.component;
   if (input.raw_dims) {
     options.raw = input.raw;
     options.raw->voxels = *input.raw_dims;

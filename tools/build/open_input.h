@@ -17,10 +17,17 @@ struct InputOptions {
   RawLayout raw;                   // everything but the dimensions
   std::string raw_endian = "little";
   bool dicom_float32 = false;
+  std::string grid;
+  std::optional<std::int64_t> time, channel;
+  std::optional<ComponentChoice> component;
+  std::optional<int> pyramid_level;  // given: pyramids are inputs too
 };
 
 // INPUT..., which go to `paths`, and the --raw-... options, which hold for each of them.
 void addInputOptions(CLI::App& app, std::vector<std::string>& paths, InputOptions& options);
+
+// The --raw-... options and all others that say how an input is opened, without the inputs.
+void addOpenOptions(CLI::App& app, InputOptions& options);
 
 // What these words say of how to open the volume.
 OpenOptions openOptionsOf(const InputOptions& input);

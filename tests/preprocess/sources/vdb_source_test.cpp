@@ -212,13 +212,71 @@ TEST_F(VdbSourceTest, ReadsAGridThatSharesItsTree) {
   checkFog(writeGrids({first, second}), *first, 1);
 }
 
+TEST_F(VdbSourceTest, BoolsAndMasksBecomeZerosAndOnes) {
+  openvdb::initialize();
+  const auto check = [&](const auto& grid) {
+    const auto source = openVdbSource(writeGrids({grid}));
+    ASSERT_EQ(source->info().voxel_type, VoxelType::kUint8);
+    ASSERT_EQ(source->info().voxels, Index3(14, 9, 20));
+    const auto found = readVoxels<std::uint8_t>(*source);
+    auto from = grid->getConstAccessor();
+    for (std::size_t i = 0; i < found.size(); ++i) {
+      const auto at = static_cast<int>(i);
+      const openvdb::Coord xyz = kFogMin.offsetBy(at % 14 - 1, at / 14 % 9 - 1, at / (14 * 9) - 1);
+      ASSERT_EQ(found[i], from.getValue(xyz) ? 1 : 0) << xyz;
+    }
+  };
+  check(fogGrid<openvdb::BoolGrid>());
+  auto mask = openvdb::MaskGrid::create();
+  auto to = mask->getAccessor();
+  for (int y = kFogMin.y(); y <= kFogMax.y(); ++y)
+    for (int x = kFogMin.x(); x <= kFogMax.x(); ++x) {
+      to.setValueOn({x, y, kFogMin.z()});
+      to.setValueOn({x, y, kFogMax.z()});
+    }
+  check(mask);
+}
+
+TEST_F(VdbSourceTest, AGridIsChosenByItsName) {
+  const std::string path =
+      writeGrids({fogGrid<openvdb::FloatGrid>("smoke"), fogGrid<openvdb::Int32Grid>("fire")});
+  EXPECT_CONTAINS(openVdbSource(path)->info().notes[0], "the others are 'fire' (int32)");
+  OpenOptions options;
+  options.grid = "fire";
+  const auto source = openVdbSource(path, options);
+  EXPECT_EQ(source->info().properties.at("vdb.name"), "fire");
+  EXPECT_EQ(source->info().properties.at("vdb.class"), "fog volume");
+  EXPECT_EQ(source->info().properties.at("vdb.first"), "-4,4,99");
+  options.grid = "water";
+  EXPECT_CONTAINS(errorOf([&] { openVdbSource(path, options); }),
+                  "'smoke' (float), 'fire' (int32)");
+}
+
+TEST_F(VdbSourceTest, AGridLargerThanMemoryIsReadSlabBySlab) {
+  const auto check = [&](const auto& grid) {
+    const std::string path = writeGrids({grid});
+    const auto whole = openVdbSource(path);
+    OpenOptions options;
+    options.memory_bytes = 1;
+    const auto slabs = openVdbSource(path, options);
+    EXPECT_TRUE(whole->readsBoxes());
+    EXPECT_FALSE(slabs->readsBoxes());
+    EXPECT_EQ(slabs->info().voxels, whole->info().voxels);
+    EXPECT_EQ(readVoxels<float>(*slabs), readVoxels<float>(*whole));
+  };
+  check(fogGrid<openvdb::FloatGrid>());
+  check(fogGrid<openvdb::DoubleGrid>());
+  check(levelSetBall());
+}
+
 TEST_F(VdbSourceTest, RefusesWhatItCannotUseWithOneLine) {
   openvdb::initialize();
   EXPECT_CONTAINS(message({}), "no grids");
   EXPECT_CONTAINS(message({openvdb::FloatGrid::create(1.0f)}), "no active voxels");
-  EXPECT_CONTAINS(message({fogGrid<openvdb::BoolGrid>("flags")}), "'flags', is of the type 'bool'");
-  EXPECT_CONTAINS(message({openvdb::MaskGrid::create()}), "is of the type 'bool'");
-  EXPECT_CONTAINS(message({openvdb::Vec3SGrid::create()}), "is of the type 'vec3s'");
+  EXPECT_CONTAINS(message({openvdb::MaskGrid::create()}), "no active voxels");
+  auto flow = openvdb::Vec3SGrid::create();
+  flow->setName("flow");
+  EXPECT_CONTAINS(message({flow}), "'flow', is of the type 'vec3s'");
 
   auto grid = fogGrid<openvdb::FloatGrid>();
   grid->setTransform(openvdb::math::Transform::createFrustumTransform(

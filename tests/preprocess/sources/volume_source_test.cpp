@@ -189,7 +189,7 @@ void checkFileRoundTrip(const std::string& path, VoxelType type) {
   VolumeWriteOptions options;
   std::vector<double> fractions;
   options.progress = [&](double fraction) { fractions.push_back(fraction); };
-  options.slab_bytes = 1;  // a slice at a time
+  options.memory_bytes = 15 * sizeof(T);  // a slice at a time
   writeVolume(original, path, options);
   EXPECT_EQ(fractions.size(), 4u);
   EXPECT_EQ(fractions.back(), 1.0);
@@ -233,7 +233,7 @@ TEST_F(VolumeSourceTest, FailedOrCancelledWritesLeaveNothing) {
   for (const char* name : {"volume.nrrd", "volume.mhd", "volume.raw"}) {
     BytesSource source(Index3(2, 3, 4), VoxelType::kUint8, std::string(24, 'x'));
     VolumeWriteOptions options;
-    options.slab_bytes = 6;
+    options.memory_bytes = 6;
     CancelFlag cancel;
     options.cancel = &cancel;
     options.progress = [&](double) { cancel.request(); };

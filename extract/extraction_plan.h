@@ -1,0 +1,28 @@
+// What a query does, before it is done: the bricks to mesh, in order.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "isobrick/extract/brick_work.h"
+#include "isobrick/extract/query.h"
+#include "isobrick/storage/pyramid.h"
+
+namespace isobrick {
+
+// Every brick that may hold a part of the surface, in the order in which its batches come out.
+// Found in memory from ranges and oracles alone; nothing was read from the file. Its size is that
+// of the surface, not of the file. A value: may be copied, cut in ranges and executed any number of
+// times. The query's cancel flag, where it has one, must live as long as the plan is executed.
+class ExtractionPlan {
+ public:
+  const Query& query() const { return query_; }
+  std::span<const BrickWork> bricks() const { return bricks_; }
+
+ private:
+  friend class Extractor;
+  Query query_;
+  std::vector<BrickWork> bricks_;
+};
+
+}  // namespace isobrick

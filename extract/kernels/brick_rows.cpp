@@ -1,0 +1,150 @@
+#define HWY_WANT_AVX3_DL
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "isobrick/extract/kernels/brick_rows.cpp"
+#include "isobrick/extract/kernels/brick_rows.h"
+
+#include <hwy/foreach_target.h>  // must come before highway.h
+#include <hwy/highway.h>
+
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+#include "isobrick/extract/kernels/brick_bits.h"
+#include "isobrick/storage/voxel_type.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace isobrick {
+namespace HWY_NAMESPACE {
+namespace hn = hwy::HWY_NAMESPACE;
+
+// Bits of 64 voxels from `row` on.
+template <typename T>
+HWY_INLINE std::uint64_t insideBits(const T* row, T threshold) {
+  const hn::CappedTag<T, 64> d;
+  constexpr std::size_t kLanes = hn::MaxLanes(d);
+  const auto limit = hn::Set(d, threshold);
+  std::uint64_t bits = 0;
+  for (std::size_t i = 0; i < 64; i += kLanes) {
+    const auto voxels = hn::LoadU(d, row + i);
+    // Not every target compares unsigned voxels.
+    const auto is_inside = hn::Eq(hn::Max(voxels, limit), voxels);
+#if HWY_TARGET == HWY_AVX3 || HWY_TARGET == HWY_AVX3_DL
+    bits |= static_cast<std::uint64_t>(is_inside.raw) << i;
+#else
+    std::uint8_t bytes[8] = {};
+    hn::StoreMaskBits(d, is_inside, bytes);
+    std::uint64_t some;
+    std::memcpy(&some, bytes, 8);
+    bits |= some << i;
+#endif
+  }
+  return bits;
+}
+
+HWY_INLINE bool touchesWantedCell(const BrickRows& rows, std::int64_t r) {
+  const std::int64_t slice = rows.rowsPerSlice();
+  const std::uint64_t *a = rows.wanted(r), *b = rows.wanted(r - 1), *c = rows.wanted(r - slice),
+                      *d = rows.wanted(r - slice - 1);
+  std::uint64_t any = 0;
+  for (std::int64_t w = 0; w < rows.words_per_row; ++w) any |= (a[w] | b[w]) | (c[w] | d[w]);
+  return any != 0;
+}
+
+template <typename T>
+void compareAll(const BrickGrid<T>& grid, T threshold, BrickRows& rows) {
+  const std::int64_t nx = rows.cells.x, ny = rows.cells.y, nz = rows.cells.z;
+  const T* const end = grid.data + elementCount(grid.stored);
+  for (std::int64_t k = 0; k <= nz; ++k)
+    for (std::int64_t j = 0; j <= ny; ++j) {
+      const std::int64_t r = rows.row(j, k);
+      if (rows.compare_too[static_cast<std::size_t>(r)] == 0 && !touchesWantedCell(rows, r))
+        continue;
+      const T* row = grid.row(j, k);
+      rows.first_inside[static_cast<std::size_t>(r)] = row[0] >= threshold ? 1 : 0;
+      ++row;
+      std::uint64_t* words = rows.inside.data() + r * rows.words_per_row;
+      for (std::int64_t i = 0; i < nx; i += 64) {
+        const std::int64_t count = std::min<std::int64_t>(64, nx - i);
+        std::uint64_t bits = 0;
+        if (row + i + 64 <= end) {
+          bits = insideBits(row + i, threshold);
+        } else {
+          for (std::int64_t n = 0; n < count; ++n)
+            bits |= static_cast<std::uint64_t>(row[i + n] >= threshold ? 1 : 0) << n;
+        }
+        *words++ = bits & lowBits(count);
+      }
+    }
+}
+
+// Highway dispatches functions, not templates, so this is one for all voxel types: `grid` is a
+// BrickGrid<T>, `threshold` a T.
+void compareRowsOfType(VoxelType type, const void* grid, const void* threshold, BrickRows& rows) {
+  visitVoxelType(type, [&](auto tag) {
+    using T = typename decltype(tag)::Type;
+    compareAll(*static_cast<const BrickGrid<T>*>(grid), *static_cast<const T*>(threshold), rows);
+  });
+}
+
+}  // namespace HWY_NAMESPACE
+}  // namespace isobrick
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace isobrick {
+
+template <typename T>
+std::optional<T> insideThreshold(float isovalue) {
+  if constexpr (std::is_floating_point_v<T>) {
+    return isovalue;
+  } else {
+    const float least = std::ceil(isovalue);
+    if (least > static_cast<float>(std::numeric_limits<T>::max())) return std::nullopt;
+    if (least < static_cast<float>(std::numeric_limits<T>::lowest()))
+      return std::numeric_limits<T>::lowest();
+    return static_cast<T>(least);
+  }
+}
+
+void BrickRows::resize(const Index3& brick_cells) {
+  cells = brick_cells;
+  words_per_row = (cells.x + 63) / 64;
+  // Lanes read and write whole vectors, up to seven rows beyond the last.
+  constexpr std::size_t kBeyond = 8;
+  const std::int64_t slice = rowsPerSlice();
+  const auto rows = static_cast<std::size_t>(slice * (cells.z + 1));
+  const auto words = static_cast<std::size_t>(words_per_row);
+  before_ = slice + 1;
+  wanted_.assign((rows + static_cast<std::size_t>(before_) + kBeyond) * words, 0);
+  compare_too.assign(rows, 0);
+  const std::size_t with_next = rows + static_cast<std::size_t>(slice) + 1 + kBeyond;
+  inside.resize(with_next * words);
+  first_inside.resize(with_next);
+  for (auto& axis : crossed) axis.resize((rows + kBeyond) * words);
+  for (auto& axis : crossed_first) axis.resize(rows + kBeyond);
+  for (auto& axis : numbers) axis.resize(rows + kBeyond);
+  for (auto& axis : first_numbers) axis.resize(rows);
+  active.resize((rows + kBeyond) * words);
+  for (RowList* list : {&crossed_rows[0], &crossed_rows[1], &crossed_rows[2], &active_rows}) {
+    list->rows.resize(rows + kBeyond);
+    list->count = 0;
+  }
+}
+
+HWY_EXPORT(compareRowsOfType);
+
+template <typename T>
+void compareRows(const BrickGrid<T>& grid, T threshold, BrickRows& rows) {
+  HWY_DYNAMIC_DISPATCH(compareRowsOfType)(voxelTypeOf<T>(), &grid, &threshold, rows);
+}
+
+#define ISOBRICK_INSTANTIATE(T)                     \
+  template std::optional<T> insideThreshold(float); \
+  template void compareRows<T>(const BrickGrid<T>&, T, BrickRows&);
+ISOBRICK_FOR_EACH_VOXEL_TYPE(ISOBRICK_INSTANTIATE)
+#undef ISOBRICK_INSTANTIATE
+
+}  // namespace isobrick
+#endif

@@ -1,0 +1,59 @@
+// A brick's leaves in two kinds: plain ones, which only leaves of their level touch, and the seam.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "isobrick/extract/active_tiles.h"
+#include "isobrick/extract/kernels/brick_rows.h"
+#include "isobrick/extract/meshing/leaf_rows.h"
+
+namespace isobrick {
+
+// Where leaves lie on a brick's rows of cells. Only rows with an active tile are looked at, and
+// only what the query's box overlaps counts. Keeps its memory from brick to brick.
+class BrickSplit {
+ public:
+  // One row of cells with a part of the seam.
+  struct SeamRow {
+    std::int64_t j = 0, k = 0;  // counted from the brick's first cell
+  };
+
+  // `plain`: sized for the brick; gets the plain leaves as its wanted cells. The classifier must
+  // live as long as leaves() is asked.
+  void split(const MeshContext& context, LeafClassifier& classifier, const ActiveTiles& tiles,
+             int level, const IndexBox& cells, BrickRows& plain);
+
+  bool hasPlain() const { return has_plain_; }
+  const std::vector<SeamRow>& seamRows() const { return seam_rows_; }
+  // The row's leaves of the seam in active tiles, cell i in bit i % 64 of word i / 64; zeros where
+  // the row is not a seam row. Rows beside the brick's, -1 and the count, have none.
+  const std::uint64_t* seam(std::int64_t j, std::int64_t k) const {
+    return seam_.data() + index(j, k) * words_;
+  }
+  // Of the seam's cells and of all that touch them.
+  const LeafRows& leaves() const { return leaves_; }
+
+ private:
+  std::int64_t index(std::int64_t j, std::int64_t k) const {
+    return (k + 1) * (cells_.count.y + 2) + j + 1;
+  }
+  void splitTileRow(const MeshContext& context, const LeafClassifier& classifier,
+                    const ActiveTiles& tiles, std::int64_t y, std::int64_t z, BrickRows& plain);
+  void splitRow(const MeshContext& context, std::int64_t j, std::int64_t k, BrickRows& plain);
+  void keepOverlapping(const MeshContext& context, std::int64_t j, std::int64_t k,
+                       std::uint64_t* bits) const;
+
+  int level_ = 0;
+  IndexBox cells_;
+  std::int64_t words_ = 0;  // of a row of cells
+  bool has_plain_ = false;
+  LeafRows leaves_;
+  std::vector<std::uint64_t> seam_;
+  std::vector<SeamRow> seam_rows_;
+  // Of the row of tiles at hand: cells in active tiles that are all plain, and in those that are
+  // not.
+  std::vector<std::uint64_t> plain_cells_, mixed_cells_;
+};
+
+}  // namespace isobrick

@@ -1,0 +1,123 @@
+#include "isobrick/extract/meshing/leaf_rows.h"
+
+#include <algorithm>
+
+#include "isobrick/extract/row_bits.h"
+
+namespace isobrick {
+
+void LeafRows::reset(LeafClassifier& classifier, const Lattice& lattice, int level,
+                     const IndexBox& cells) {
+  classifier_ = &classifier;
+  level_cells_ = lattice.cells(level);
+  level_ = level;
+  cells_ = cells;
+  words_ = wordsOf(cells.count.x + 2) + 1;  // and one of zeros, so that every word has a next
+  const auto rows = static_cast<std::size_t>((cells.count.y + 2) * (cells.count.z + 2));
+  found_.assign(rows, 0);
+  bits_.resize(rows * kKinds * static_cast<std::size_t>(words_));
+  exists_.resize(static_cast<std::size_t>(words_));
+  refined_.resize(static_cast<std::size_t>(words_));
+}
+
+void LeafRows::classify(std::int64_t j, std::int64_t k) {
+  std::uint64_t* leaf = bits_.data() + index(j, k) * kKinds * static_cast<std::size_t>(words_);
+
+  std::fill(leaf, leaf + kKinds * words_, 0);
+  const std::int64_t y = cells_.first.y + j, z = cells_.first.z + k;
+  if (y < 0 || z < 0 || y >= level_cells_.y || z >= level_cells_.z) return;
+  const std::int64_t begin = std::max<std::int64_t>(cells_.first.x - 1, 0);
+  const std::int64_t end = std::min(cells_.end().x + 1, level_cells_.x);
+  const std::int64_t count = end - begin;
+  classifier_->classifyRow(level_, {begin, y, z}, count, exists_.data(), refined_.data());
+  // Cell -1 is bit 0; where the volume begins with the brick, there is none.
+  const bool shifted = begin == cells_.first.x;
+  std::uint64_t carry[kKinds] = {};
+  for (std::int64_t word = 0; word < words_; ++word) {
+    const bool has_word = word < wordsOf(count);
+    const std::uint64_t exists = has_word ? exists_[static_cast<std::size_t>(word)] : 0;
+    const std::uint64_t refined = has_word ? refined_[static_cast<std::size_t>(word)] : 0;
+    const std::uint64_t kinds[kKinds] = {exists & ~refined, refined,
+                                         bitsBetween(0, count, word) & ~exists};
+    for (int kind = 0; kind < kKinds; ++kind) {
+      leaf[kind * words_ + word] = shifted ? kinds[kind] << 1 | carry[kind] : kinds[kind];
+      carry[kind] = kinds[kind] >> 63;
+    }
+  }
+}
+
+void LeafRows::leaves(std::int64_t j, std::int64_t k, std::uint64_t* out) const {
+  const std::uint64_t* leaf = words(kLeaf, j, k);
+  for (std::int64_t word = 0; word < wordsOf(cells_.count.x); ++word)
+    out[word] = (leaf[word] >> 1 | leaf[word + 1] << 63) & bitsBetween(0, cells_.count.x, word);
+}
+
+void LeafRows::leavesAmongLeaves(std::int64_t j, std::int64_t k, std::uint64_t* out) const {
+  const std::uint64_t* leaf = words(kLeaf, j, k);
+  const auto others = [&](std::int64_t word) {
+    std::uint64_t any = 0;
+    for (std::int64_t dk = -1; dk <= 1; ++dk)
+      for (std::int64_t dj = -1; dj <= 1; ++dj)
+        any |= words(kFiner, j + dj, k + dk)[word] | words(kCoarser, j + dj, k + dk)[word];
+    return any;
+  };
+  std::uint64_t here = others(0);
+  for (std::int64_t word = 0; word < wordsOf(cells_.count.x); ++word) {
+    const std::uint64_t next = others(word + 1);
+    // Cell i lies between bits i, i + 1 and i + 2.
+    const std::uint64_t touched = here | (here >> 1 | next << 63) | (here >> 2 | next << 62);
+    out[word] =
+        (leaf[word] >> 1 | leaf[word + 1] << 63) & ~touched & bitsBetween(0, cells_.count.x, word);
+    here = next;
+  }
+}
+
+unsigned LeafRows::statesAt(std::int64_t i, std::int64_t j, std::int64_t k, bool two) const {
+  const std::int64_t bit = i + 1;
+  const std::int64_t word = bit / 64;
+  const int shift = static_cast<int>(bit % 64);
+  const std::uint64_t mask = two ? 3 : 1;
+  std::uint64_t seen[kKinds];
+  const std::uint64_t* leaf = words(kLeaf, j, k);
+  for (int kind = 0; kind < kKinds; ++kind) {
+    const std::uint64_t* from = leaf + kind * words_ + word;
+    std::uint64_t bits = from[0] >> shift;
+    if (shift == 63) bits |= from[1] << 1;
+    seen[kind] = bits & mask;
+  }
+  unsigned states = 0;
+  if (seen[kLeaf] != 0) states |= static_cast<unsigned>(CellState::kLeaf);
+  if (seen[kFiner] != 0) states |= static_cast<unsigned>(CellState::kFiner);
+  if (seen[kCoarser] != 0) states |= static_cast<unsigned>(CellState::kCoarser);
+  if ((seen[kLeaf] | seen[kFiner] | seen[kCoarser]) != mask)
+    states |= static_cast<unsigned>(CellState::kOutside);
+  return states;
+}
+
+void LeafRows::cornersTouching(std::int64_t j, std::int64_t k, std::uint64_t* finer,
+                               std::uint64_t* coarser) const {
+  // Corner i lies between the cells of bits i and i + 1.
+  const auto find = [&](Kind kind, std::uint64_t* out) {
+    const std::uint64_t *a = words(kind, j, k), *b = words(kind, j - 1, k),
+                        *c = words(kind, j, k - 1), *d = words(kind, j - 1, k - 1);
+    for (std::int64_t word = 0; word < wordsOf(cells_.count.x + 1); ++word) {
+      const std::uint64_t here = a[word] | b[word] | c[word] | d[word];
+      const std::uint64_t next = a[word + 1] | b[word + 1] | c[word + 1] | d[word + 1];
+      out[word] = here | here >> 1 | next << 63;
+    }
+  };
+  find(kFiner, finer);
+  find(kCoarser, coarser);
+}
+
+StateSet LeafRows::statesAround(const Index3& base, int axis) const {
+  const Index3 b = base - cells_.first;
+  if (axis == 0)
+    return {statesAt(b.x, b.y, b.z, false) | statesAt(b.x, b.y - 1, b.z, false) |
+            statesAt(b.x, b.y, b.z - 1, false) | statesAt(b.x, b.y - 1, b.z - 1, false)};
+  Index3 beside = b;
+  --beside[axis == 1 ? 2 : 1];
+  return {statesAt(b.x - 1, b.y, b.z, true) | statesAt(b.x - 1, beside.y, beside.z, true)};
+}
+
+}  // namespace isobrick

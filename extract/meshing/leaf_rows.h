@@ -1,0 +1,93 @@
+// Which cells of a brick are leaves, and what touches them.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "isobrick/extract/oracles/leaf_classifier.h"
+
+namespace isobrick {
+
+// Of which kinds some cells are: the bits of their states.
+struct StateSet {
+  unsigned bits = 0;
+
+  void add(CellState state) { bits |= static_cast<unsigned>(state); }
+  bool has(CellState state) const { return (bits & static_cast<unsigned>(state)) != 0; }
+  bool hasOnly(CellState state) const { return bits == static_cast<unsigned>(state); }
+};
+
+// The states of a brick's cells and of all that touch them, as rows of bits. A row is found when it
+// is first needed. One object serves one thread, brick after brick, and keeps its memory.
+class LeafRows {
+ public:
+  // `cells`: of the brick, in the lattice's `level`. The classifier must outlive what follows.
+  void reset(LeafClassifier& classifier, const Lattice& lattice, int level, const IndexBox& cells);
+
+  int level() const { return level_; }
+
+  // Finds row (j, k), counted from the brick's first cell; -1 and the count itself are the rows
+  // that touch it. What follows asks only for cells in rows that were found.
+  void find(std::int64_t j, std::int64_t k) {
+    std::uint8_t& found = found_[index(j, k)];
+    if (found == 0) {
+      found = 1;
+      classify(j, k);
+    }
+  }
+  // The row's leaves, cell i in bit i % 64 of word i / 64; `out` holds a word for every 64 cells.
+  void leaves(std::int64_t j, std::int64_t k, std::uint64_t* out) const;
+  // The row's leaves that only leaves touch. Rows beyond the volume touch nothing. All rows around
+  // must have been found.
+  void leavesAmongLeaves(std::int64_t j, std::int64_t k, std::uint64_t* out) const;
+
+  // Which corners of corner row (j, k) a finer and a coarser leaf touch: corner i in bit i % 64 of
+  // word i / 64, the brick's cells along x and one. All rows around must have been found.
+  void cornersTouching(std::int64_t j, std::int64_t k, std::uint64_t* finer,
+                       std::uint64_t* coarser) const;
+  // `cell`: of the level, in the brick or touching it.
+  bool isFiner(const Index3& cell) const {
+    const Index3 local = cell - cells_.first + Index3(1, 0, 0);
+    return (words(kFiner, local.y, local.z)[local.x / 64] >> local.x % 64 & 1) != 0;
+  }
+  // Whether a finer and a coarser leaf touch a corner of the brick's cells.
+  bool touchesFiner(const Index3& corner) const { return touches(kFiner, corner); }
+  bool touchesCoarser(const Index3& corner) const { return touches(kCoarser, corner); }
+  // The cells that touch the edge along `axis` from corner `base`.
+  StateSet statesAround(const Index3& base, int axis) const;
+
+ private:
+  // Bit i + 1 of a row's words is cell i.
+  enum Kind { kLeaf, kFiner, kCoarser, kKinds };
+
+  std::size_t index(std::int64_t j, std::int64_t k) const {
+    return static_cast<std::size_t>((k + 1) * (cells_.count.y + 2) + j + 1);
+  }
+  const std::uint64_t* words(Kind kind, std::int64_t j, std::int64_t k) const {
+    return bits_.data() + (index(j, k) * kKinds + kind) * static_cast<std::size_t>(words_);
+  }
+  bool touches(Kind kind, const Index3& corner) const {
+    const Index3 c = corner - cells_.first;
+    const std::int64_t word = c.x / 64;
+    const std::uint64_t *a = words(kind, c.y, c.z) + word, *b = words(kind, c.y - 1, c.z) + word,
+                        *d = words(kind, c.y, c.z - 1) + word,
+                        *e = words(kind, c.y - 1, c.z - 1) + word;
+    const std::uint64_t here = (a[0] | b[0] | d[0] | e[0]) >> c.x % 64;
+    if (c.x % 64 != 63) return (here & 3) != 0;
+    return (here | ((a[1] | b[1] | d[1] | e[1]) & 1)) != 0;
+  }
+  void classify(std::int64_t j, std::int64_t k);
+  // The states of cells i and, where `two`, i + 1 of a row.
+  unsigned statesAt(std::int64_t i, std::int64_t j, std::int64_t k, bool two) const;
+
+  LeafClassifier* classifier_ = nullptr;
+  Index3 level_cells_{0};
+  int level_ = 0;
+  IndexBox cells_;
+  std::int64_t words_ = 0;  // of a row of one kind
+  std::vector<std::uint8_t> found_;
+  std::vector<std::uint64_t> bits_;
+  std::vector<std::uint64_t> exists_, refined_;  // of the row at hand
+};
+
+}  // namespace isobrick

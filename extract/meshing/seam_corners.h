@@ -1,0 +1,161 @@
+// Which corners of the seam's cells are inside, as rows of bits (rule 6).
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cstdint>
+#include <vector>
+
+#include "isobrick/extract/kernels/brick_rows.h"
+#include "isobrick/extract/meshing/brick_split.h"
+#include "isobrick/extract/meshing/corner_values.h"
+#include "isobrick/extract/row_bits.h"
+
+namespace isobrick {
+
+// Rows of corners of one brick, corner i in bit i % 64 of word i / 64: one bit more than the brick
+// has cells along x. Most corners have their own sample's bit, compared already; only those that
+// touch a finer leaf, or hang on a coarser one between corners of both kinds, are resolved one by
+// one. Keeps its memory.
+class SeamCorners {
+ public:
+  // Asks `rows` to compare what the seam needs.
+  void reset(const Lattice& lattice, const BrickSplit& split, const IndexBox& cells,
+             BrickRows& rows) {
+    cells_ = cells;
+    last_ = lattice.samples(split.leaves().level()) - Index3(1);
+    words_ = wordsOf(cells.count.x + 1);
+    const auto count = static_cast<std::size_t>((cells.count.y + 1) * (cells.count.z + 1));
+    found_.assign(count, 0);
+    inside_.resize(count * static_cast<std::size_t>(words_));
+    for (auto* row : {&finer_, &coarser_, &own_, &all_, &any_})
+      row->resize(static_cast<std::size_t>(words_));
+    for (const BrickSplit::SeamRow& row : split.seamRows())
+      for (const std::int64_t k : {row.k, row.k + 1})
+        for (const std::int64_t j : {row.j, row.j + 1})
+          for (const std::int64_t z : endsAround(2, k))
+            for (const std::int64_t y : endsAround(1, j)) {
+              rows.compare_too[static_cast<std::size_t>(rows.row(j, k))] = 1;
+              rows.compare_too[static_cast<std::size_t>(rows.row(y, z))] = 1;
+            }
+  }
+
+  // Row (j, k) of corners, of a row of cells with a part of the seam. `rows`: compared. Only bits
+  // of the seam's cells count.
+  template <typename T>
+  const std::uint64_t* inside(const Lattice& lattice, float isovalue, const BrickSplit& split,
+                              const BrickRows& rows, std::int64_t j, std::int64_t k,
+                              BrickFamily<T>& family) {
+    const auto r = static_cast<std::size_t>(rows.row(j, k));
+    std::uint64_t* out = inside_.data() + r * static_cast<std::size_t>(words_);
+    if (found_[r] == 0) {
+      found_[r] = 1;
+      takeOwn(rows, rows.row(j, k), out);
+      findOthers(lattice, isovalue, split, rows, j, k, family, out);
+    }
+    return out;
+  }
+
+ private:
+  // Corner `i` of the brick along `axis`, twice, or where it is not on the coarser lattice the two
+  // between which it hangs.
+  std::array<std::int64_t, 2> endsAround(int axis, std::int64_t i) const {
+    const std::int64_t sample = cells_.first[axis] + i;
+    const std::int64_t step = sample % 2 != 0 && sample != last_[axis] ? 1 : 0;
+    return {i - step, i + step};
+  }
+  void takeOwn(const BrickRows& rows, std::int64_t r, std::uint64_t* out) const {
+    const std::uint64_t* own = rows.inside.data() + r * rows.words_per_row;
+    std::uint64_t carry = rows.first_inside[static_cast<std::size_t>(r)];
+    for (std::int64_t word = 0; word < words_; ++word) {
+      const std::uint64_t bits = word < rows.words_per_row ? own[word] : 0;
+      out[word] = bits << 1 | carry;
+      carry = bits >> 63;
+    }
+  }
+  // Corners of which all, and any, ends are inside: those between which they hang, or themselves.
+  void joinEnds(const BrickRows& rows, std::int64_t j, std::int64_t k) {
+    std::fill(all_.begin(), all_.end(), ~std::uint64_t{0});
+    std::fill(any_.begin(), any_.end(), 0);
+    for (const std::int64_t z : endsAround(2, k))
+      for (const std::int64_t y : endsAround(1, j)) {
+        takeOwn(rows, rows.row(y, z), own_.data());
+        for (std::size_t word = 0; word < own_.size(); ++word) {
+          all_[word] &= own_[word];
+          any_[word] |= own_[word];
+        }
+      }
+    // Along x even corners stay as they are, and so does the last.
+    const std::int64_t last = last_.x - cells_.first.x;
+    std::uint64_t all_before = 0, any_before = 0;
+    for (std::size_t word = 0; word < own_.size(); ++word) {
+      const std::uint64_t all = all_[word], any = any_[word];
+      const bool has_next = word + 1 < own_.size();
+      const std::uint64_t all_sides =
+          (all << 1 | all_before) & (all >> 1 | (has_next ? all_[word + 1] << 63 : 0));
+      const std::uint64_t any_sides =
+          (any << 1 | any_before) | (any >> 1 | (has_next ? any_[word + 1] << 63 : 0));
+      const std::uint64_t odd =
+          kOdd & ~bitsBetween(last, last + 1, static_cast<std::int64_t>(word));
+      all_before = all >> 63;
+      any_before = any >> 63;
+      all_[word] = (all & ~odd) | (all_sides & odd);
+      any_[word] = (any & ~odd) | (any_sides & odd);
+    }
+  }
+  template <typename T>
+  void findOthers(const Lattice& lattice, float isovalue, const BrickSplit& split,
+                  const BrickRows& rows, std::int64_t j, std::int64_t k, BrickFamily<T>& family,
+                  std::uint64_t* out) {
+    const LeafRows& leaves = split.leaves();
+    const int level = leaves.level();
+    leaves.cornersTouching(j, k, finer_.data(), coarser_.data());
+    joinEnds(rows, j, k);
+    const Index3 first = cells_.first + Index3(0, j, k);
+    std::uint64_t carry = 0;
+    for (std::int64_t word = 0; word < words_; ++word) {
+      const auto w = static_cast<std::size_t>(word);
+      const std::uint64_t cells = seamCells(split, j, k, word);
+      const std::uint64_t corners = cells | cells << 1 | carry;
+      carry = cells >> 63;
+      // What hangs between corners of one kind is of that kind.
+      const std::uint64_t hanging = coarser_[w] & ~finer_[w];
+      out[word] = (out[word] & ~hanging) | (all_[w] & hanging);
+      const std::uint64_t finer = finer_[w] & corners;
+      for (std::uint64_t rest = finer; rest != 0; rest &= rest - 1) {
+        const Index3 fine =
+            finerSample(lattice, level, first + Index3(64 * word + std::countr_zero(rest), 0, 0));
+        family.finer(fine).prefetch(fine);
+      }
+      std::uint64_t others = finer | (hanging & corners & (all_[w] ^ any_[w]));
+      for (; others != 0; others &= others - 1) {
+        const int bit = std::countr_zero(others);
+        const Index3 sample = first + Index3(64 * word + bit, 0, 0);
+        const bool is_finer = (finer >> bit & 1) != 0;
+        const std::uint64_t mask = std::uint64_t{1} << bit;
+        const bool is_inside =
+            cornerPoint(lattice, level, sample, is_finer, !is_finer, family).value >= isovalue;
+        out[word] = is_inside ? out[word] | mask : out[word] & ~mask;
+      }
+    }
+  }
+  // The seam's cells beside row (j, k) of corners.
+  std::uint64_t seamCells(const BrickSplit& split, std::int64_t j, std::int64_t k,
+                          std::int64_t word) const {
+    if (word >= wordsOf(cells_.count.x)) return 0;
+    return split.seam(j, k)[word] | split.seam(j - 1, k)[word] | split.seam(j, k - 1)[word] |
+           split.seam(j - 1, k - 1)[word];
+  }
+
+  static constexpr std::uint64_t kOdd = 0xAAAAAAAAAAAAAAAAull;
+
+  IndexBox cells_;
+  std::int64_t words_ = 0;  // of a row of corners
+  std::vector<std::uint8_t> found_;
+  std::vector<std::uint64_t> inside_;
+  Index3 last_{0};                                                // sample of the level
+  std::vector<std::uint64_t> finer_, coarser_, own_, all_, any_;  // of the row at hand
+};
+
+}  // namespace isobrick

@@ -1,0 +1,31 @@
+// The values of a pyramid anywhere in the world.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+
+#include "isobrick/extract/sinks/vertex_values.h"
+#include "isobrick/storage/pyramid.h"
+
+namespace isobrick {
+
+// Interpolates the samples of level 0 trilinearly. Within half a voxel outside of the outermost
+// samples, which is where their voxels end, the value is that of the border; further out there is
+// none (NaN). Holds one brick for each thread that evaluates. The pyramid outlives it.
+class PyramidValues : public VertexValues {
+ public:
+  explicit PyramidValues(const Pyramid& pyramid);
+
+  // Throws Error, with the path and the brick, where samples cannot be read.
+  void evaluate(std::span<const glm::dvec3> world, std::span<float> values) const override;
+  // Positions so far that had no value.
+  std::uint64_t outside() const { return outside_; }
+
+ private:
+  const Pyramid& pyramid_;
+  glm::dvec3 origin_{0.0};
+  glm::dmat3 world_to_index_{1.0};
+  mutable std::atomic<std::uint64_t> outside_{0};
+};
+
+}  // namespace isobrick

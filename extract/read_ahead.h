@@ -1,0 +1,67 @@
+// Reading the bricks of a plan ahead of the threads that mesh them.
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <cstddef>
+#include <cstdint>
+#include <mutex>
+#include <span>
+#include <thread>
+#include <vector>
+
+#include "isobrick/extract/brick_work.h"
+#include "isobrick/extract/mesh_context.h"
+
+namespace isobrick {
+
+// Some threads that fetch, in the order of the work, the tile ranges of bricks, and the samples of
+// those that the isosurface crosses; the rest (what bricks of another level lend to a mixed one)
+// is left to the meshers. They begin at the first part that a mesher does not find, so that a query
+// whose parts are all resident starts no thread.
+//
+// What is fetched and not yet reached by the meshers is at most a thirty-second of the budget, half
+// of what the pager has for arrivals, and no more than kMostBytes; where that is less than a brick
+// nothing is read ahead. A request to cancel the query, or the end of this object, ends the
+// threads: each ends the part that it is at. What they fetched and nobody reached is then
+// withdrawn.
+//
+// reached() may be called by any threads at once; the rest by one. Changes nothing of the mesh and
+// nothing of the report.
+class ReadAhead {
+ public:
+  static constexpr std::uint64_t kMostBytes = std::uint64_t{64} << 20;
+
+  ReadAhead(const MeshContext& context, std::span<const BrickWork> work)
+      : context_(context), work_(work), misses_before_(context.pyramid.missCount()) {}
+  ~ReadAhead();
+  ReadAhead(const ReadAhead&) = delete;
+  ReadAhead& operator=(const ReadAhead&) = delete;
+
+  // A mesher is about to take this brick of the work.
+  void reached(std::size_t work) {
+    if (context_.pyramid.missCount() != misses_before_) noteReached(work);
+  }
+
+ private:
+  void noteReached(std::size_t work);
+  void start();
+  void run();
+  bool waitForTurn(std::size_t* work);
+  void fetch(std::size_t work);
+
+  const MeshContext& context_;
+  const std::span<const BrickWork> work_;
+  const std::uint64_t misses_before_;
+
+  std::mutex mutex_;  // guards all below
+  std::condition_variable wake_;
+  bool has_started_ = false, stops_ = false;
+  std::size_t next_ = 0;           // brick to fetch
+  std::size_t reached_ = 0;        // bricks before this one are with the meshers
+  std::uint64_t ahead_bytes_ = 0;  // of the bricks from reached_ to next_
+  std::uint64_t most_ahead_bytes_ = 0;
+  std::vector<std::thread> threads_;
+};
+
+}  // namespace isobrick

@@ -1,0 +1,67 @@
+// Rows of bits, one for each cell along x, in words of 64.
+#pragma once
+
+#include <cstdint>
+
+namespace isobrick {
+
+inline std::int64_t wordsOf(std::int64_t bits) { return (bits + 63) / 64; }
+
+// The lowest `count` bits, 0 .. 64.
+inline std::uint64_t lowBits(std::int64_t count) {
+  return count >= 64 ? ~std::uint64_t{0} : (std::uint64_t{1} << count) - 1;
+}
+
+// The bits of word `word` that lie in [begin, end).
+inline std::uint64_t bitsBetween(std::int64_t begin, std::int64_t end, std::int64_t word) {
+  const std::int64_t low = begin - 64 * word, high = end - 64 * word;
+  return (high > 0 ? lowBits(high) : 0) & ~(low > 0 ? lowBits(low) : 0);
+}
+
+// Sets bits [0, count) and clears the rest of the last word.
+inline void setBits(std::uint64_t* bits, std::int64_t count) {
+  for (std::int64_t word = 0; word < wordsOf(count); ++word)
+    bits[word] = bitsBetween(0, count, word);
+}
+
+// Clears the bits of [0, count) that do not lie in [begin, end).
+inline void keepBits(std::uint64_t* bits, std::int64_t count, std::int64_t begin,
+                     std::int64_t end) {
+  for (std::int64_t word = 0; word < wordsOf(count); ++word)
+    bits[word] &= bitsBetween(begin, end, word);
+}
+
+inline bool hasBitsBetween(const std::uint64_t* bits, std::int64_t begin, std::int64_t end) {
+  for (std::int64_t word = begin / 64; 64 * word < end; ++word)
+    if ((bits[word] & bitsBetween(begin, end, word)) != 0) return true;
+  return false;
+}
+
+// Bit i of the low half becomes bits 2i and 2i + 1.
+inline std::uint64_t doubled(std::uint64_t half) {
+  std::uint64_t x = half & 0xFFFFFFFFull;
+  x = (x | x << 16) & 0x0000FFFF0000FFFFull;
+  x = (x | x << 8) & 0x00FF00FF00FF00FFull;
+  x = (x | x << 4) & 0x0F0F0F0F0F0F0F0Full;
+  x = (x | x << 2) & 0x3333333333333333ull;
+  x = (x | x << 1) & 0x5555555555555555ull;
+  return x | x << 1;
+}
+
+// Every one of `parents` bits stands for two; bits [skip, skip + count) of these go to `out`, whose
+// last word is filled with zeros. `skip`: 0 or 1.
+inline void doubleBits(const std::uint64_t* parent_bits, std::int64_t parents, std::int64_t skip,
+                       std::int64_t count, std::uint64_t* out) {
+  const auto doubledWord = [&](std::int64_t word) {
+    if (32 * word >= parents) return std::uint64_t{0};
+    return doubled(parent_bits[word / 2] >> 32 * (word % 2));
+  };
+  std::uint64_t here = doubledWord(0);
+  for (std::int64_t word = 0; word < wordsOf(count); ++word) {
+    const std::uint64_t next = doubledWord(word + 1);
+    out[word] = (skip == 0 ? here : here >> 1 | next << 63) & bitsBetween(0, count, word);
+    here = next;
+  }
+}
+
+}  // namespace isobrick

@@ -1,0 +1,26 @@
+// The mesh formats behind makeMeshFileSink().
+#pragma once
+
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include "isobrick/extract/sinks/mesh_file_sink.h"
+
+namespace isobrick {
+
+std::unique_ptr<MeshFileSink> makePlySink(const std::string& path, const MeshFileOptions& options);
+std::unique_ptr<MeshFileSink> makeStlSink(const std::string& path, const MeshFileOptions& options);
+std::unique_ptr<MeshFileSink> makeObjSink(const std::string& path, const MeshFileOptions& options);
+std::unique_ptr<MeshFileSink> makeGlbSink(const std::string& path, const MeshFileOptions& options);
+std::unique_ptr<MeshFileSink> makeVtpSink(const std::string& path, const MeshFileOptions& options);
+
+// With the greatest count that indices of 32 bits are used for: tests lower it.
+std::unique_ptr<MeshFileSink> makeVtpSink(const std::string& path, const MeshFileOptions& options,
+                                          std::uint64_t most_narrow);
+
+// What headers say of the coordinates.
+inline constexpr std::string_view kMeshUnits = "millimetres";
+inline constexpr std::string_view kMeshSpace = "LPS";
+
+}  // namespace isobrick

@@ -1,0 +1,49 @@
+// What the formats with numbered vertices share.
+#pragma once
+
+#include <string>
+
+#include "isobrick/extract/sinks/mesh_file_sink.h"
+#include "isobrick/extract/sinks/vertex_numbering.h"
+#include "isobrick/storage/atomic_file.h"
+
+namespace isobrick {
+
+// A mesh file whose vertices have numbers of 32 bits. Derived classes lay out the file.
+class NumberedSink : public MeshFileSink {
+ public:
+  NumberedSink(const std::string& path, const MeshFileOptions& options)
+      : options_(options), file_(path) {}
+
+  void begin(const MeshFrame& frame) override;
+  // Numbers vertices and triangles.
+  void place(PlacedBatch& placed) override;
+  std::uint64_t vertices() const override { return numbering_.count(); }
+
+ protected:
+  // Vertices that the batch brings.
+  static std::size_t newVertices(const PlacedBatch& placed) {
+    return placed.batch.positions.size() - placed.known.size();
+  }
+  // Fills placed.world, and placed.values where there are any: of the new vertices, in their order.
+  void findVertices(PlacedBatch& placed) const;
+  // Calls f(v) for the index in the batch of every new vertex, in their order.
+  template <typename F>
+  static void forEachNew(const PlacedBatch& placed, F&& f) {
+    forEachNewRun(placed, [&](std::size_t begin, std::size_t end, std::uint64_t) {
+      for (std::size_t v = begin; v < end; ++v) f(v);
+    });
+  }
+
+  const MeshFileOptions options_;
+  AtomicFile file_;
+  MeshFrame frame_;
+  bool double_precision_ = false;  // floats would not separate crossings
+  std::uint64_t triangles_ = 0;
+
+ private:
+  WorldPlacement placement_;
+  VertexNumbering numbering_;
+};
+
+}  // namespace isobrick

@@ -1,0 +1,93 @@
+// Binary PLY.
+#include "isobrick/extract/sinks/byte_pointer.h"
+#include "isobrick/extract/sinks/mesh_formats.h"
+#include "isobrick/extract/sinks/numbered_sink.h"
+#include "isobrick/extract/sinks/side_file.h"
+
+namespace isobrick {
+namespace {
+
+// All vertices come before the first face, so faces wait in a second file.
+class PlySink : public NumberedSink {
+ public:
+  PlySink(const std::string& path, const MeshFileOptions& options)
+      : NumberedSink(path, options), faces_(path, "faces") {}
+
+  void write(PlacedBatch& placed) override {
+    writeVertices(placed);
+    writeFaces(placed);
+  }
+  void finish() override {
+    file_.continueFrom(kHeaderBytes + vertices() * vertexBytes());
+    faces_.appendTo(file_, triangles_ * kFaceBytes, options_.cancel);
+    const std::string header = makeHeader();
+    file_.pwrite(header.data(), header.size(), 0);
+    file_.commit(options_.cancel);
+  }
+
+ private:
+  static constexpr std::size_t kHeaderBytes = 512;
+  static constexpr std::size_t kFaceBytes = 14;
+
+  std::size_t vertexBytes() const {
+    return (double_precision_ ? 36u : 24u) + (options_.values != nullptr ? 4u : 0u);
+  }
+
+  void writeVertices(PlacedBatch& placed) {
+    if (newVertices(placed) == 0) return;
+    findVertices(placed);
+    placed.bytes.resize(placed.world.size() * vertexBytes());
+    BytePointer to(placed.bytes.data());
+    std::size_t i = 0;
+    forEachNew(placed, [&](std::size_t v) {
+      const glm::dvec3& p = placed.world[i];
+      const glm::vec3& n = placed.batch.normals[v];
+      if (double_precision_)
+        to.put(p.x, p.y, p.z, n.x, n.y, n.z);
+      else
+        to.put(static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z), n.x, n.y,
+               n.z);
+      if (options_.values != nullptr) to.put(placed.values[i]);
+      ++i;
+    });
+    file_.pwrite(placed.bytes.data(), placed.bytes.size(),
+                 kHeaderBytes + placed.first_vertex * vertexBytes());
+  }
+  void writeFaces(PlacedBatch& placed) {
+    const MeshBatch& batch = placed.batch;
+    findNumbers(placed);
+    placed.bytes.resize(batch.triangles.size() / 3 * kFaceBytes);
+    BytePointer to(placed.bytes.data());
+    for (std::size_t i = 0; i < batch.triangles.size(); i += 3)
+      to.put(std::uint8_t{3}, placed.numbers[batch.triangles[i]],
+             placed.numbers[batch.triangles[i + 1]], placed.numbers[batch.triangles[i + 2]],
+             static_cast<std::uint8_t>(batch.level));
+    faces_.pwrite(placed.bytes.data(), placed.bytes.size(), placed.first_triangle * kFaceBytes);
+  }
+
+  // Always kHeaderBytes long: a comment fills what the counts leave.
+  std::string makeHeader() const {
+    const std::string real = double_precision_ ? "double" : "float";
+    std::string head = "ply\nformat binary_little_endian 1.0\ncomment isobrick\n";
+    std::string rest = "element vertex " + std::to_string(vertices()) + "\n";
+    for (const char* name : {"x", "y", "z"}) rest += "property " + real + " " + name + "\n";
+    for (const char* name : {"nx", "ny", "nz"})
+      rest += std::string("property float ") + name + "\n";
+    if (options_.values != nullptr) rest += "property float value\n";
+    rest += "element face " + std::to_string(triangles_) +
+            "\nproperty list uchar uint vertex_indices\nproperty uchar level\nend_header\n";
+    const std::string prefix = "comment ";
+    const std::size_t fill = kHeaderBytes - head.size() - rest.size() - prefix.size() - 1;
+    return head + prefix + std::string(fill, '.') + "\n" + rest;
+  }
+
+  SideFile faces_;
+};
+
+}  // namespace
+
+std::unique_ptr<MeshFileSink> makePlySink(const std::string& path, const MeshFileOptions& options) {
+  return std::make_unique<PlySink>(path, options);
+}
+
+}  // namespace isobrick

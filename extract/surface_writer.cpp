@@ -1,0 +1,295 @@
+#include "isobrick/extract/surface_writer.h"
+
+#include <tbb/enumerable_thread_specific.h>
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
+#include <tbb/task_group.h>
+
+#include <atomic>
+#include <bit>
+#include <limits>
+#include <thread>
+#include <unordered_map>
+
+#include "isobrick/extract/active_rows.h"
+#include "isobrick/extract/kernels/brick_bits.h"
+#include "isobrick/extract/kernels/brick_crossings.h"
+#include "isobrick/extract/kernels/brick_triangles.h"
+#include "isobrick/extract/missing_vertex.h"
+#include "isobrick/extract/read_ahead.h"
+#include "isobrick/storage/error.h"
+
+namespace isobrick {
+namespace {
+
+// Numbers of the crossings on a brick's high sides, as vertex numbers of the mesh, in one array.
+// Only those of rows with crossings are set.
+class SideNumbers {
+ public:
+  explicit SideNumbers(const Index3& cells)
+      : rows_((cells.y + 1) * (cells.z + 1)), ny_(cells.y + 1), nz_(cells.z + 1) {}
+
+  std::size_t size() const { return static_cast<std::size_t>(2 * rows_ + 2 * nz_ + 2 * ny_); }
+  // At the last corner of row r, along y (axis 1) or z (2).
+  std::size_t last(int axis, std::int64_t r) const {
+    return static_cast<std::size_t>((axis - 1) * rows_ + r);
+  }
+  // Of the last row of slice k, along x (0) or z (2): BrickRows::numbers.
+  std::size_t inSideY(int axis, std::int64_t k) const {
+    return static_cast<std::size_t>(2 * rows_ + (axis == 0 ? 0 : nz_) + k);
+  }
+  // Of row j of the last slice, along x (0) or y (1).
+  std::size_t inSideZ(int axis, std::int64_t j) const {
+    return static_cast<std::size_t>(2 * rows_ + 2 * nz_ + (axis == 0 ? 0 : ny_) + j);
+  }
+
+ private:
+  std::int64_t rows_, ny_, nz_;
+};
+
+struct BrickJob {
+  std::uint64_t first_vertex = 0, first_triangle = 0;
+  std::uint32_t vertices = 0, triangles = 0, active_cells = 0;
+  Index3 origin{0};
+  std::atomic<bool> is_placed{false};    // first_vertex and first_triangle are known
+  std::atomic<bool> is_numbered{false};  // so are its side numbers, where it has triangles
+};
+
+}  // namespace
+
+template <typename T>
+class SurfaceWriter::Run {
+ public:
+  Run(SurfaceMesh& mesh, SurfaceWriterMemory& memory, const MeshContext& context,
+      std::span<const BrickWork> work)
+      : mesh_(mesh),
+        workers_(memory.workers),
+        context_(context),
+        work_(work),
+        layout_(context.pyramid.layout()),
+        threshold_(insideThreshold<T>(context.isovalue)),
+        ahead_(context, work),
+        jobs_(work.size() + 1) {
+    job_of_brick_.reserve(work.size());
+    for (std::size_t job = 0; job < work.size(); ++job)
+      job_of_brick_.emplace(context.pyramid.brickRow(work[job].level, work[job].brick), job);
+    if (mesh.side_numbers_.size() < work.size()) mesh.side_numbers_.resize(work.size());
+    jobs_[0].is_placed = true;
+  }
+
+  LevelCounts run() {
+    const int threads = tbb::this_task_arena::max_concurrency();
+    // Isolated: a caller's task group that is cancelled would end the loop without an exception.
+    tbb::task_group_context isolated(tbb::task_group_context::isolated);
+    tbb::parallel_for(
+        0, threads, [&](int) { writeBricks(); }, tbb::simple_partitioner(), isolated);
+    if (context_.query.cancel != nullptr) context_.query.cancel->check();
+    context_.throwIfWrittenOver();
+
+    LevelCounts counts;
+    for (std::size_t job = 0; job < work_.size(); ++job) {
+      const BrickJob& done = jobs_[job];
+      if (done.triangles == 0) continue;
+      counts.level = work_[job].level;
+      counts.cells += done.active_cells;
+      counts.triangles += done.triangles;
+      mesh_.parts_.push_back({done.first_vertex, done.vertices, done.first_triangle, done.triangles,
+                              done.origin, work_[job].level});
+    }
+    mesh_.vertices_ = jobs_.back().first_vertex;
+    mesh_.triangles_ = jobs_.back().first_triangle;
+    return counts;
+  }
+
+ private:
+  using Worker = SurfaceWriterMemory::Worker;
+
+  void writeBricks() {
+    Worker& worker = workers_.local();
+    try {
+      for (;;) {
+        const std::size_t job = next_.fetch_add(1, std::memory_order_relaxed);
+        if (job >= work_.size() || has_failed_) return;
+        if (context_.query.cancel != nullptr) context_.query.cancel->check();
+        ahead_.reached(job);
+        writeBrick(job, worker);
+      }
+    } catch (...) {
+      has_failed_ = true;
+      throw;
+    }
+  }
+
+  // Waits until another thread has set `flag`. False where one has failed, so that it never will.
+  bool waitFor(const std::atomic<bool>& flag) const {
+    for (int spins = 0; !flag.load(std::memory_order_acquire); ++spins) {
+      if (has_failed_) return false;
+      if (spins > 100) std::this_thread::yield();
+    }
+    return true;
+  }
+
+  void writeBrick(std::size_t number, Worker& worker) {
+    const BrickWork& work = work_[number];
+    BrickJob& job = jobs_[number];
+    BrickRows& rows = worker.rows;
+    const IndexBox cells = layout_.brickCellBox(work.level, work.brick);
+    BrickSamples samples;
+    BrickGrid<T> grid;
+    if (threshold_ && worker.tiles.load(context_, work.level, work.brick)) {
+      rows.resize(cells.count);
+      findNeighbours(number, rows);
+      wantActiveRows(worker.tiles, layout_.tileCells(), rows);
+      samples = context_.samples(work.level, work.brick);
+      grid = {samples.template data<T>(), samples.box.count, cells.first - samples.box.first,
+              cells.count};
+      compareRows(grid, *threshold_, rows);
+      numberRows(rows);
+      job.vertices = rows.ownCrossings();
+      job.triangles = rows.triangles;
+      job.active_cells = rows.active_cells;
+    }
+    if (!place(number)) return;
+    if (job.triangles > 0) {
+      const FirstVertices first = firstVertices(rows, static_cast<std::uint32_t>(job.first_vertex));
+      if (!takeSideNumbers(number, first, rows)) return;
+      giveSideNumbers(number, first, rows);
+      job.is_numbered.store(true, std::memory_order_release);
+      worker.spacing.set(context_.lattice(), work.level, cells, samples.box);
+      job.origin = worker.spacing.origin;
+      makeCrossings(grid, rows, worker.spacing, context_.frame, context_.isovalue,
+                    &mesh_.positionData()[job.first_vertex].x,
+                    &mesh_.normalData()[job.first_vertex].x);
+      const std::uint32_t greatest = makeTriangles(rows, first, context_.frame.mirrored(),
+                                                   mesh_.triangleData() + 3 * job.first_triangle);
+      if (greatest >= job.first_vertex + job.vertices) failMissingVertex(context_, work);
+      context_.read_log.note(context_.pyramid.brickRow(work.level, work.brick), ReadLog::kActive);
+    } else {
+      job.is_numbered.store(true, std::memory_order_release);
+    }
+    context_.throwIfReadsFailed();
+  }
+
+  // Which low sides are another brick's. A brick that is not in the work has no crossing.
+  void findNeighbours(std::size_t number, BrickRows& rows) {
+    rows.foreign_sides = 0;
+    for (int axis = 0; axis < 3; ++axis)
+      if (neighbourOf(number, axis) < number) rows.foreign_sides |= 1u << axis;
+  }
+  // The job of the brick before this one along `axis`; the number itself where there is none.
+  std::size_t neighbourOf(std::size_t number, int axis) const {
+    const BrickWork& work = work_[number];
+    Index3 brick = work.brick;
+    if (--brick[axis] < 0) return number;
+    const auto found = job_of_brick_.find(context_.pyramid.brickRow(work.level, brick));
+    return found == job_of_brick_.end() ? number : found->second;
+  }
+
+  // Step 2.
+  bool place(std::size_t number) {
+    BrickJob& job = jobs_[number];
+    if (!waitFor(job.is_placed)) return false;
+    BrickJob& next = jobs_[number + 1];
+    next.first_vertex = job.first_vertex + job.vertices;
+    next.first_triangle = job.first_triangle + job.triangles;
+    SurfaceMesh::refuseTooMany(next.first_vertex, next.first_triangle);
+    next.is_placed.store(true, std::memory_order_release);
+    return true;
+  }
+
+  // Step 3: from the bricks on the low sides.
+  bool takeSideNumbers(std::size_t number, const FirstVertices& first, BrickRows& rows) {
+    const std::int64_t ny = rows.cells.y, nz = rows.cells.z;
+    for (int axis = 0; axis < 3; ++axis) {
+      const std::size_t neighbour = neighbourOf(number, axis);
+      if (neighbour == number) continue;
+      if (!waitFor(jobs_[neighbour].is_numbered)) return false;
+      if (jobs_[neighbour].triangles == 0) continue;
+      const IndexBox cells = layout_.brickCellBox(work_[neighbour].level, work_[neighbour].brick);
+      const SideNumbers side(cells.count);
+      const std::uint32_t* from = mesh_.side_numbers_[neighbour].data();
+      if (axis == 0) {
+        for (const std::size_t across : {std::size_t{1}, std::size_t{2}})
+          for (const std::uint32_t r : rows.crossed_rows[across].list())
+            if (rows.crossed_first[across - 1][r] != 0)
+              rows.first_numbers[across - 1][r] =
+                  from[side.last(static_cast<int>(across), r)] - first[across];
+      } else if (axis == 1) {
+        for (std::int64_t k = 0; k <= nz; ++k) {
+          const auto r = static_cast<std::size_t>(rows.row(0, k));
+          rows.numbers[0][r] = from[side.inSideY(0, k)] - first[0];
+          rows.numbers[2][r] = from[side.inSideY(2, k)] - first[2];
+        }
+      } else {
+        for (std::int64_t j = 0; j <= ny; ++j) {
+          const auto r = static_cast<std::size_t>(rows.row(j, 0));
+          rows.numbers[0][r] = from[side.inSideZ(0, j)] - first[0];
+          rows.numbers[1][r] = from[side.inSideZ(1, j)] - first[1];
+        }
+      }
+    }
+    return true;
+  }
+
+  // Step 3: for the bricks on the high sides.
+  void giveSideNumbers(std::size_t number, const FirstVertices& first, const BrickRows& rows) {
+    const std::int64_t nx = rows.cells.x, ny = rows.cells.y, nz = rows.cells.z;
+    const std::int64_t words = rows.words_per_row;
+    const SideNumbers side(rows.cells);
+    RawVector<std::uint32_t>& to = mesh_.side_numbers_[number];
+    if (to.size() < side.size()) to.resize(side.size());
+    const auto numberOf = [&](std::size_t axis, std::int64_t r) {
+      return first[axis] + rows.numbers[axis][static_cast<std::size_t>(r)];
+    };
+    const int last_bit = static_cast<int>((nx - 1) % 64);
+    for (const std::size_t axis : {std::size_t{1}, std::size_t{2}})
+      for (const std::uint32_t r : rows.crossed_rows[axis].list()) {
+        const std::uint64_t* crossed = rows.crossed[axis].data() + r * words;
+        if ((crossed[words - 1] >> last_bit & 1) == 0) continue;
+        int count = 0;
+        for (std::int64_t w = 0; w < words; ++w) count += std::popcount(crossed[w]);
+        to[side.last(static_cast<int>(axis), r)] =
+            numberOf(axis, r) + static_cast<std::uint32_t>(count) - 1;
+      }
+    for (std::int64_t k = 0; k <= nz; ++k) {
+      to[side.inSideY(0, k)] = numberOf(0, rows.row(ny, k));
+      to[side.inSideY(2, k)] = numberOf(2, rows.row(ny, k));
+    }
+    for (std::int64_t j = 0; j <= ny; ++j) {
+      to[side.inSideZ(0, j)] = numberOf(0, rows.row(j, nz));
+      to[side.inSideZ(1, j)] = numberOf(1, rows.row(j, nz));
+    }
+  }
+
+  SurfaceMesh& mesh_;
+  tbb::enumerable_thread_specific<Worker>& workers_;
+  const MeshContext& context_;
+  std::span<const BrickWork> work_;
+  const BrickLayout& layout_;
+  const std::optional<T> threshold_;
+  ReadAhead ahead_;
+  std::unordered_map<std::size_t, std::size_t> job_of_brick_;  // by row of the brick table
+  std::vector<BrickJob> jobs_;                                 // and one for the end
+  std::atomic<std::size_t> next_{0};
+  std::atomic<bool> has_failed_{false};
+};
+
+SurfaceWriter::SurfaceWriter(SurfaceMesh& mesh, const GridGeometry& geometry,
+                             SurfaceWriterMemory& memory)
+    : mesh_(mesh), memory_(memory) {
+  mesh.clear(geometry);
+}
+
+bool SurfaceWriter::canWrite(std::span<const BrickWork> work) {
+  for (const BrickWork& item : work)
+    if (item.adaptive || item.level != work.front().level) return false;
+  return true;
+}
+
+LevelCounts SurfaceWriter::run(const MeshContext& context, std::span<const BrickWork> work) {
+  return visitVoxelType(context.pyramid.spec().voxel_type, [&](auto tag) {
+    return Run<typename decltype(tag)::Type>(mesh_, memory_, context, work).run();
+  });
+}
+
+}  // namespace isobrick

@@ -1,0 +1,56 @@
+// Writes the mesh of bricks of one level into memory, all threads side by side.
+#pragma once
+
+#include <tbb/enumerable_thread_specific.h>
+
+#include <span>
+
+#include "isobrick/extract/active_tiles.h"
+#include "isobrick/extract/brick_work.h"
+#include "isobrick/extract/extractor.h"
+#include "isobrick/extract/kernels/brick_crossings.h"
+#include "isobrick/extract/surface_mesh.h"
+
+namespace isobrick {
+
+// What stays from query to query.
+struct SurfaceWriterMemory {
+  struct Worker {
+    ActiveTiles tiles;
+    BrickRows rows;
+    CornerSpacing spacing;
+  };
+  tbb::enumerable_thread_specific<Worker> workers;
+};
+
+// Every brick goes through these steps, the bricks in the order of the work:
+//
+//   1. count: the bits of its rows, how many crossings and triangles are its own
+//   2. its place: behind the brick before it, which has counted by then or soon will
+//   3. numbers of crossings on its low sides, from the bricks there, which come earlier in the
+//   work;
+//      numbers on its high sides, for those that come later
+//   4. positions, normals and triangles, straight to their place
+//
+// A crossing on a side between bricks is that of the brick that comes first, so nothing is joined
+// afterwards. A thread waits in 2 and 3 only for bricks that others have begun, and the first
+// unfinished brick waits for nobody.
+class SurfaceWriter {
+ public:
+  // Empties `mesh`.
+  SurfaceWriter(SurfaceMesh& mesh, const GridGeometry& geometry, SurfaceWriterMemory& memory);
+
+  // True where all bricks are uniform and of one level.
+  static bool canWrite(std::span<const BrickWork> work);
+  // Returns what it wrote. The mesh is empty after an exception.
+  LevelCounts run(const MeshContext& context, std::span<const BrickWork> work);
+
+ private:
+  template <typename T>
+  class Run;
+
+  SurfaceMesh& mesh_;
+  SurfaceWriterMemory& memory_;
+};
+
+}  // namespace isobrick

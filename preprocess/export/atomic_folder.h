@@ -1,0 +1,38 @@
+// A folder that appears under its name only when all in it is whole.
+#pragma once
+
+#include <string>
+
+#include "isobrick/storage/cancel.h"
+
+namespace isobrick {
+
+// Files are written into temporaryPath(), "<path>.partial"; commit() makes them durable and gives
+// the folder its name. An AtomicFolder that is destroyed without commit() removes it with all that
+// is in it. A temporary that a killed process left is emptied; one that a living process writes is
+// refused. Throws Error and ResumableError as AtomicFile does.
+class AtomicFolder {
+ public:
+  explicit AtomicFolder(const std::string& path);
+  ~AtomicFolder();
+  AtomicFolder(const AtomicFolder&) = delete;
+  AtomicFolder& operator=(const AtomicFolder&) = delete;
+
+  const std::string& temporaryPath() const { return temporary_path_; }
+
+  // Makes a folder in it, and those above.
+  void makeFolder(const std::string& name);
+  // Writes a file in it that is whole or makes the folder worthless; thread-safe.
+  void writeFile(const std::string& name, const void* data, std::size_t bytes);
+
+  // Waits for the disk and gives the folder its name. What has that name already is replaced, and
+  // removed with all that is in it: the caller has looked at it.
+  void commit(const CancelFlag* cancel = nullptr);
+
+ private:
+  std::string path_;
+  std::string temporary_path_;
+  int fd_ = -1;  // of the temporary folder, locked
+};
+
+}  // namespace isobrick

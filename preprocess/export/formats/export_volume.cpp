@@ -1,0 +1,82 @@
+#include "isobrick/preprocess/export/formats/export_volume.h"
+
+#include <string_view>
+
+#include "isobrick/preprocess/export/formats/hdf5_writer.h"
+#include "isobrick/preprocess/export/formats/slice_writers.h"
+#include "isobrick/preprocess/export/formats/vdb_writer.h"
+#include "isobrick/preprocess/export/formats/zarr_writer.h"
+#include "isobrick/storage/error.h"
+
+namespace isobrick {
+namespace {
+
+using Writer = VolumeWriteReport (*)(VolumeLevels&, const std::string&, const ExportOptions&);
+
+// `write` is null where this isobrick was built without the library.
+struct ExportFormat {
+  std::string_view ending;
+  bool has_levels;
+  const char* library;
+  Writer write;
+};
+
+constexpr ExportFormat kFormats[] = {
+#if ISOBRICK_WITH_OPENVDB
+    {".vdb", true, "OpenVDB", writeVdb},
+#else
+    {".vdb", true, "OpenVDB", nullptr},
+#endif
+#if ISOBRICK_WITH_HDF5
+    {".h5", false, "HDF5", writeHdf5},
+#else
+    {".h5", false, "HDF5", nullptr},
+#endif
+#if ISOBRICK_WITH_OPENEXR
+    {".exr", false, "OpenEXR", writeExrSlices},
+#else
+    {".exr", false, "OpenEXR", nullptr},
+#endif
+    {".tif", false, "libtiff", writeTiff},      {".tiff", false, "libtiff", writeTiff},
+    {".ome.zarr", true, "Blosc", writeOmeZarr}, {".zarr", true, "Blosc", writeOmeZarr},
+};
+
+// "file.h5:/path" names a dataset of a file.
+const ExportFormat* formatOf(const std::string& name) {
+  const std::size_t colon = name.rfind(".h5:/");
+  const std::string path = colon == std::string::npos ? name : name.substr(0, colon + 3);
+  for (const ExportFormat& format : kFormats)
+    if (path.ends_with(format.ending)) return &format;
+  return nullptr;
+}
+
+}  // namespace
+
+void refuseUnknownExport(const std::string& path, bool has_levels) {
+  const ExportFormat* const format = formatOf(path);
+  if (format != nullptr && format->write == nullptr)
+    throw Error("cannot write '" + path + "': this isobrick was built without " + format->library +
+                    "; build it anew with that, or choose another format",
+                {.path = path});
+  if (format == nullptr && !isPlainVolumeName(path))
+    throw Error("cannot write '" + path +
+                    "': its ending is none of those that are written (.isb, .vdb, .h5, .ome.zarr, "
+                    ".exr, .tif, "
+                    ".nrrd, .mhd, " +
+                    ".mha, .nii, .nii.gz, .vti, .raw); choose one of them with -o",
+                {.path = path});
+  if (has_levels && (format == nullptr || !format->has_levels))
+    throw Error("cannot write all levels to '" + path + "': this format has one; choose it " +
+                    "with --level, or write .vdb or .ome.zarr",
+                {.path = path});
+}
+
+VolumeWriteReport exportVolume(VolumeLevels& levels, const std::string& path,
+                               const ExportOptions& options) {
+  refuseUnknownExport(path, levels.size() > 1);
+  if (const ExportFormat* const format = formatOf(path))
+    return format->write(levels, path, options);
+  return writeVolume(*levels.front(), path, options);
+}
+
+}  // namespace isobrick

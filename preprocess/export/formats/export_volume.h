@@ -1,0 +1,46 @@
+// From a volume, or the levels of one, to a file or folder of any format.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "isobrick/preprocess/export/volume_writer.h"
+#include "isobrick/preprocess/volume_source.h"
+
+namespace isobrick {
+
+// What is exported, finest level first: one, or as many as the pyramid has. Spacing doubles from
+// one to the next, the origin is the same.
+using VolumeLevels = std::vector<std::unique_ptr<VolumeSource>>;
+
+struct ExportOptions : VolumeWriteOptions {
+  // OpenVDB: the value of what is not stored; without, that of the VDB file the volume came from,
+  // or 0. Values no further from it than the tolerance are not stored either.
+  std::optional<float> vdb_background;
+  double vdb_tolerance = 0;
+  // Half floats in place of floats; 8-bit voxels, which lose nothing, are written so always.
+  bool vdb_half = false;
+};
+
+// Writes `levels` to `path`, whose ending decides: all that writeVolume() knows, and
+//   .vdb       OpenVDB: a float grid for each level
+//   .h5        HDF5: one dataset, named as in "file.h5:/path"
+//   .exr       OpenEXR, a slice each, in a folder of their own: "slices/%04d.exr"
+//   .tif       TIFF, likewise, or in one file of several pages
+//   .ome.zarr  OME-Zarr 0.4, a folder: an array for each level
+// See
+// docs/FORMATS.md for what each format keeps. Several levels are refused where the format has one.
+//
+// What is written appears under its name when it is whole; a file of that name is replaced. Throws
+// Error for other endings, for formats that this build of isobrick leaves out, for a memory bound
+// that is too small (Remedy::kAllowMoreMemory; before anything is written), for what the sources
+// throw and for failed writes; Cancelled.
+VolumeWriteReport exportVolume(VolumeLevels& levels, const std::string& path,
+                               const ExportOptions& options);
+
+// Throws what exportVolume() would for a name, or for that many levels; writes nothing.
+void refuseUnknownExport(const std::string& path, bool has_levels);
+
+}  // namespace isobrick

@@ -1,0 +1,118 @@
+#include <tiffio.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <memory>
+
+#include "isobrick/preprocess/export/formats/slice_writers.h"
+#include "isobrick/preprocess/export/volume_rows.h"
+#include "isobrick/storage/atomic_file.h"
+#include "isobrick/storage/error.h"
+
+namespace isobrick {
+namespace {
+
+struct CloseTiff {
+  void operator()(TIFF* file) const { TIFFClose(file); }
+};
+using TiffFile = std::unique_ptr<TIFF, CloseTiff>;
+
+ResumableError failed(const std::string& path) {
+  return ResumableError("cannot write '" + path + "': libtiff reports a failure; free some space " +
+                            "or choose another folder with -o",
+                        {.path = path});
+}
+
+// It prints on the C stream otherwise.
+void silenceTiff() {
+  TIFFSetErrorHandler(nullptr);
+  TIFFSetWarningHandler(nullptr);
+}
+
+// One page. The library has a file's offsets in 32 bits unless it was opened as BigTIFF.
+bool writePage(TIFF* file, const VolumeInfo& info, const std::byte* slice) {
+  const auto width = static_cast<std::uint32_t>(info.voxels.x);
+  const auto height = static_cast<std::uint32_t>(info.voxels.y);
+  const VoxelType type = info.voxel_type;
+  const bool has_sign = type == VoxelType::kInt8 || type == VoxelType::kInt16;
+  const int format = type == VoxelType::kFloat32 ? SAMPLEFORMAT_IEEEFP
+                     : has_sign                  ? SAMPLEFORMAT_INT
+                                                 : SAMPLEFORMAT_UINT;
+  constexpr std::uint64_t kStripBytes = std::uint64_t{64} << 10;
+  const auto rows = static_cast<std::uint32_t>(std::clamp<std::uint64_t>(
+      kStripBytes / rowBytes(info), 1, static_cast<std::uint64_t>(height)));
+  // In centimetres, of millimetres.
+  const double x = 10 / info.geometry.spacing.x, y = 10 / info.geometry.spacing.y;
+  bool good = TIFFSetField(file, TIFFTAG_IMAGEWIDTH, width) != 0 &&
+              TIFFSetField(file, TIFFTAG_IMAGELENGTH, height) != 0 &&
+              TIFFSetField(file, TIFFTAG_BITSPERSAMPLE, static_cast<int>(8 * voxelBytes(type))) &&
+              TIFFSetField(file, TIFFTAG_SAMPLESPERPIXEL, 1) != 0 &&
+              TIFFSetField(file, TIFFTAG_SAMPLEFORMAT, format) != 0 &&
+              TIFFSetField(file, TIFFTAG_PHOTOMETRIC, PHOTOMETRIC_MINISBLACK) != 0 &&
+              TIFFSetField(file, TIFFTAG_PLANARCONFIG, PLANARCONFIG_CONTIG) != 0 &&
+              TIFFSetField(file, TIFFTAG_COMPRESSION, COMPRESSION_NONE) != 0 &&
+              TIFFSetField(file, TIFFTAG_ROWSPERSTRIP, rows) != 0 &&
+              TIFFSetField(file, TIFFTAG_RESOLUTIONUNIT, RESUNIT_CENTIMETER) != 0 &&
+              TIFFSetField(file, TIFFTAG_XRESOLUTION, x) != 0 &&
+              TIFFSetField(file, TIFFTAG_YRESOLUTION, y) != 0;
+  const std::uint64_t row_bytes = rowBytes(info);
+  for (std::uint32_t row = 0, strip = 0; good && row < height; row += rows, ++strip) {
+    const std::uint32_t count = std::min(rows, height - row);
+    // The library takes what it only reads as if it wrote it.
+    auto* const data = const_cast<std::byte*>(slice + row * row_bytes);
+    good = TIFFWriteEncodedStrip(file, strip, data, static_cast<tmsize_t>(count * row_bytes)) >= 0;
+  }
+  return good && TIFFWriteDirectory(file) != 0;
+}
+
+VolumeWriteReport writePages(VolumeLevels& levels, const std::string& path,
+                             const ExportOptions& options) {
+  VolumeSource& source = *levels.front();
+  const VolumeInfo& info = source.info();
+  const std::uint64_t slice_bytes = rowBytes(info) * static_cast<std::uint64_t>(info.voxels.y);
+  if (slice_bytes > options.memory_bytes)
+    throw Error("cannot write '" + path + "': a slice takes " +
+                    std::to_string((slice_bytes >> 20) + 1) + " MiB",
+                {.path = path}, {Remedy::kAllowMoreMemory});
+  VolumeWriteReport report;
+  AtomicFile atomic(path);
+  const bool is_big = volumeBytes(info) > std::uint64_t{2} << 30;
+  const TiffFile file(TIFFOpen(atomic.temporaryPath().c_str(), is_big ? "w8" : "w"));
+  if (!file) throw failed(path);
+  forEachRun(source, options, [&](std::int64_t, std::int64_t rows, const std::byte* data) {
+    for (std::int64_t i = 0; i < rows / info.voxels.y; ++i, data += slice_bytes) {
+      checkCancel(options);
+      if (!writePage(file.get(), info, data)) throw failed(path);
+    }
+  });
+  if (TIFFFlush(file.get()) == 0) throw failed(path);
+  report.bytes = std::filesystem::file_size(atomic.temporaryPath());
+  if (options.before_publishing) options.before_publishing();
+  atomic.commit(options.cancel);
+  return report;
+}
+
+}  // namespace
+
+VolumeWriteReport writeTiff(VolumeLevels& levels, const std::string& path,
+                            const ExportOptions& options) {
+  silenceTiff();
+  const VolumeInfo& info = levels.front()->info();
+  VolumeWriteReport report;
+  if (isSlicePattern(path))
+    report =
+        writeSlices(levels, path, options, [&](const std::string& file, const std::byte* slice) {
+          const TiffFile tiff(TIFFOpen(file.c_str(), "w"));
+          if (!tiff || !writePage(tiff.get(), info, slice)) throw failed(path);
+        });
+  else
+    report = writePages(levels, path, options);
+  report.space = "none";
+  report.lost.push_back(
+      "origin, direction and the distance of slices are not in a TIFF; of the spacing it has that "
+      "of pixels");
+  return report;
+}
+
+}  // namespace isobrick

@@ -1,0 +1,23 @@
+// OpenVDB grids (.vdb). Private to preprocess/export/formats/.
+#pragma once
+
+#include <string>
+
+#include "isobrick/preprocess/export/formats/export_volume.h"
+
+namespace isobrick {
+
+// Writes a float grid for each level: voxels that differ from the background are active, the others
+// are not stored. A source that came out of a VDB file (VolumeInfo::properties, "vdb.*") gets its
+// background, grid class, name and place among the voxels back; of a level set, what lies within
+// the narrow band is active.
+//
+// Each grid is made in two passes over its source: the first makes the tree without any values, the
+// second fills one leaf after the other and writes it. So memory holds the tree's nodes, some 120
+// bytes for each 8x8x8 voxels that are not constant; where that is more than options.memory_bytes,
+// throws Error with Remedy::kAllowMoreMemory before anything is written. A source that is read in
+// order waits in a nameless file beside the output.
+VolumeWriteReport writeVdb(VolumeLevels& levels, const std::string& path,
+                           const ExportOptions& options);
+
+}  // namespace isobrick

@@ -1,0 +1,201 @@
+#include "isobrick/preprocess/export/formats/zarr_writer.h"
+
+#include <blosc.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <filesystem>
+#include <mutex>
+#include <nlohmann/json.hpp>
+#include <utility>
+#include <vector>
+
+#include "isobrick/preprocess/export/atomic_folder.h"
+#include "isobrick/preprocess/export/formats/spooled_source.h"
+#include "isobrick/preprocess/export/volume_rows.h"
+#include "isobrick/storage/error.h"
+
+namespace isobrick {
+namespace {
+
+// Keys stay in the order in which they are put.
+using Json = nlohmann::ordered_json;
+
+constexpr std::int64_t kChunkVoxels = 64;
+
+// Slowest axis first, as Zarr and OME have it.
+template <typename V>
+Json slowestFirst(const V& v) {
+  return {v.z, v.y, v.x};
+}
+
+std::string typeName(VoxelType type) {
+  return std::array{"|u1", "|i1", "<u2", "<i2", "<f4"}[static_cast<std::size_t>(type)];
+}
+
+std::string textOf(const Json& json) {
+  return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+Json arrayMetadata(const VolumeInfo& info) {
+  return {{"zarr_format", 2},
+          {"shape", slowestFirst(info.voxels)},
+          {"chunks", slowestFirst(Index3(kChunkVoxels))},
+          {"dtype", typeName(info.voxel_type)},
+          {"compressor",
+           {{"id", "blosc"}, {"cname", "lz4"}, {"clevel", 5}, {"shuffle", 1}, {"blocksize", 0}}},
+          {"fill_value", 0},
+          {"order", "C"},
+          {"filters", nullptr},
+          {"dimension_separator", "/"}};
+}
+
+Json imageMetadata(const VolumeLevels& levels) {
+  const VolumeInfo& finest = levels.front()->info();
+  const auto unit = finest.properties.find("ome.unit");
+  Json axes = Json::array();
+  for (const char* name : {"z", "y", "x"})
+    axes.push_back({{"name", name},
+                    {"type", "space"},
+                    {"unit", unit == finest.properties.end() ? "millimeter" : unit->second}});
+  Json datasets = Json::array();
+  for (std::size_t i = 0; i < levels.size(); ++i) {
+    const GridGeometry& geometry = levels[i]->info().geometry;
+    datasets.push_back(
+        {{"path", std::to_string(i)},
+         {"coordinateTransformations",
+          {{{"type", "scale"}, {"scale", slowestFirst(geometry.spacing)}},
+           {{"type", "translation"}, {"translation", slowestFirst(geometry.origin)}}}}});
+  }
+  Json columns = Json::array();
+  for (int axis = 0; axis < 3; ++axis) {
+    const glm::dvec3 column = finest.geometry.direction[axis];
+    columns.push_back({column.x, column.y, column.z});
+  }
+  return {{"multiscales",
+           {{{"version", "0.4"},
+             {"name", std::filesystem::path(finest.source).stem().string()},
+             {"axes", axes},
+             {"datasets", datasets}}}},
+          {"isobrick", {{"space", "LPS"}, {"direction", columns}, {"source", finest.source}}}};
+}
+
+// One chunk, with zeros where it reaches beyond the volume.
+template <typename T>
+bool fillChunk(const VolumeSource& source, const Index3& first, std::vector<T>& chunk,
+               std::vector<T>& inside) {
+  const Index3 count = glm::min(Index3(kChunkVoxels), source.info().voxels - first);
+  const IndexBox box{first, count};
+  const bool is_whole = count == Index3(kChunkVoxels);
+  std::vector<T>& to = is_whole ? chunk : inside;
+  to.resize(static_cast<std::size_t>(box.size()));
+  source.readBox(box, to.data());
+  const bool is_empty = std::all_of(to.begin(), to.end(), [](T v) { return v == T{}; });
+  if (is_whole || is_empty) return !is_empty;
+  chunk.assign(static_cast<std::size_t>(kChunkVoxels * kChunkVoxels * kChunkVoxels), T{});
+  for (std::int64_t z = 0; z < count.z; ++z)
+    for (std::int64_t y = 0; y < count.y; ++y)
+      std::copy_n(inside.data() + (z * count.y + y) * count.x, count.x,
+                  chunk.data() + (z * kChunkVoxels + y) * kChunkVoxels);
+  return true;
+}
+
+class LevelWriter {
+ public:
+  LevelWriter(const VolumeSource& source, AtomicFolder& folder, std::string name,
+              const ExportOptions& options)
+      : source_(source), folder_(folder), name_(std::move(name)), options_(options) {}
+
+  // `tick` is told the share that is done, by one thread at a time. Returns the bytes written.
+  std::uint64_t write(const std::function<void(double)>& tick) {
+    const VolumeInfo& info = source_.info();
+    const Index3 chunks = BrickLayout::ceilDivide(info.voxels, kChunkVoxels);
+    folder_.makeFolder(name_);
+    writeText(".zarray", textOf(arrayMetadata(info)));
+    std::mutex mutex;
+    std::int64_t rows_done = 0;
+    // A row of chunks at a time: what is next to each other in the source, and one folder.
+    tbb::parallel_for(std::int64_t{0}, chunks.y * chunks.z, [&](std::int64_t row) {
+      const std::int64_t y = row % chunks.y, z = row / chunks.y;
+      const std::string folder = std::to_string(z) + "/" + std::to_string(y);
+      bool has_folder = false;
+      visitVoxelType(info.voxel_type, [&](auto tag) {
+        using T = typename decltype(tag)::Type;
+        std::vector<T> chunk, inside;
+        for (std::int64_t x = 0; x < chunks.x; ++x) {
+          checkCancel(options_);
+          if (!fillChunk(source_, Index3(x, y, z) * kChunkVoxels, chunk, inside)) continue;
+          if (!has_folder) folder_.makeFolder(name_ + "/" + folder);
+          has_folder = true;
+          writeChunk(folder + "/" + std::to_string(x), chunk.data(), chunk.size() * sizeof(T),
+                     sizeof(T));
+        }
+      });
+      const std::lock_guard lock(mutex);
+      tick(static_cast<double>(++rows_done) / static_cast<double>(chunks.y * chunks.z));
+    });
+    return bytes_;
+  }
+
+ private:
+  void writeText(const std::string& name, const std::string& text) {
+    folder_.writeFile(name_ + "/" + name, text.data(), text.size());
+    bytes_ += text.size();
+  }
+
+  void writeChunk(const std::string& name, const void* voxels, std::size_t bytes,
+                  std::size_t voxel_bytes) {
+    std::vector<std::byte> packed(bytes + BLOSC_MAX_OVERHEAD);
+    constexpr int kLevel = 5, kThreads = 1;
+    const int size = blosc_compress_ctx(kLevel, BLOSC_SHUFFLE, voxel_bytes, bytes, voxels,
+                                        packed.data(), packed.size(), "lz4", 0, kThreads);
+    if (size <= 0) throw std::logic_error("Blosc packs nothing");
+    folder_.writeFile(name_ + "/" + name, packed.data(), static_cast<std::size_t>(size));
+    bytes_ += static_cast<std::uint64_t>(size);
+  }
+
+  const VolumeSource& source_;
+  AtomicFolder& folder_;
+  std::string name_;  // of the level
+  const ExportOptions& options_;
+  std::atomic<std::uint64_t> bytes_{0};
+};
+
+}  // namespace
+
+VolumeWriteReport writeOmeZarr(VolumeLevels& levels, const std::string& path,
+                               const ExportOptions& options) {
+  VolumeWriteReport report;
+  report.space = "LPS";
+  if (levels.front()->info().geometry.direction != glm::dmat3(1.0))
+    report.lost.push_back(
+        "OME-Zarr 0.4 has no direction; it is kept in the attribute 'isobrick', "
+        "which other programs ignore");
+  AtomicFolder folder(path);
+  const auto writeText = [&](const char* name, const std::string& text) {
+    folder.writeFile(name, text.data(), text.size());
+    report.bytes += text.size();
+  };
+  writeText(".zgroup", textOf({{"zarr_format", 2}}));
+  writeText(".zattrs", textOf(imageMetadata(levels)));
+  double total = 0, before = 0;
+  for (const auto& level : levels) total += static_cast<double>(volumeBytes(level->info()));
+  const std::string beside = std::filesystem::path(folder.temporaryPath()).parent_path().string();
+  for (std::size_t i = 0; i < levels.size(); ++i) {
+    const double share = static_cast<double>(volumeBytes(levels[i]->info()));
+    if (!levels[i]->readsBoxes())
+      levels[i] = makeSpooledSource(std::move(levels[i]), beside.empty() ? "." : beside, options);
+    report.bytes +=
+        LevelWriter(*levels[i], folder, std::to_string(i), options).write([&](double d) {
+          if (options.progress) options.progress((before + share * d) / total);
+        });
+    before += share;
+  }
+  if (options.before_publishing) options.before_publishing();
+  folder.commit(options.cancel);
+  return report;
+}
+
+}  // namespace isobrick

@@ -1,0 +1,28 @@
+// Volumes that are made of another volume as it is read: a box of it, or its values mapped to
+// another type.
+#pragma once
+
+#include <memory>
+
+#include "isobrick/preprocess/volume_source.h"
+
+namespace isobrick {
+
+// The voxels of `box`, which lies in the volume and has at least two along every axis; throws Error
+// otherwise. Positions in the world stay what they were.
+std::unique_ptr<VolumeSource> makeCroppedSource(std::unique_ptr<VolumeSource> source,
+                                                const IndexBox& box);
+
+// Values as float32: what any voxel type becomes without loss.
+std::unique_ptr<VolumeSource> makeFloatSource(std::unique_ptr<VolumeSource> source);
+
+// Values from `low` to `high` spread over all of an integer type: `low` becomes its least number,
+// `high` its greatest, what lies outside either of the two; rounded to the nearest. A note states
+// the step that is lost. Throws Error unless low < high, and for float32.
+struct ValueWindow {
+  double low = 0, high = 0;
+};
+std::unique_ptr<VolumeSource> makeWindowedSource(std::unique_ptr<VolumeSource> source,
+                                                 const ValueWindow& window, VoxelType type);
+
+}  // namespace isobrick

@@ -1,0 +1,191 @@
+#include "isobrick/preprocess/export/volume_headers.h"
+
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <limits>
+
+#include "isobrick/preprocess/export/volume_rows.h"
+#include "isobrick/storage/error.h"
+
+namespace isobrick {
+namespace {
+
+std::string vectorText(const glm::dvec3& v, const char* separator) {
+  return numberText(v.x) + separator + numberText(v.y) + separator + numberText(v.z);
+}
+
+std::string countsText(const Index3& v) {
+  return std::to_string(v.x) + " " + std::to_string(v.y) + " " + std::to_string(v.z);
+}
+
+// The name of the voxel type in a format: in the order of VoxelType.
+using TypeNames = const char* [kVoxelTypeCount];
+const char* typeName(const TypeNames& names, const VolumeInfo& info) {
+  return names[static_cast<std::size_t>(info.voxel_type)];
+}
+
+template <typename T>
+void put(std::array<std::byte, kNiftiBytes>& header, std::size_t at, T value) {
+  std::memcpy(header.data() + at, &value, sizeof value);
+}
+
+// The unit quaternion (b, c, d; a is not negative) of a rotation.
+glm::dvec3 quaternionOf(const glm::dmat3& r) {
+  // r[column][row]
+  const double trace = r[0][0] + r[1][1] + r[2][2];
+  double a, b, c, d;
+  if (trace > 0) {
+    a = std::sqrt(1 + trace) / 2;
+    b = (r[1][2] - r[2][1]) / (4 * a);
+    c = (r[2][0] - r[0][2]) / (4 * a);
+    d = (r[0][1] - r[1][0]) / (4 * a);
+  } else if (r[0][0] >= r[1][1] && r[0][0] >= r[2][2]) {
+    b = std::sqrt(1 + r[0][0] - r[1][1] - r[2][2]) / 2;
+    a = (r[1][2] - r[2][1]) / (4 * b);
+    c = (r[1][0] + r[0][1]) / (4 * b);
+    d = (r[2][0] + r[0][2]) / (4 * b);
+  } else if (r[1][1] >= r[2][2]) {
+    c = std::sqrt(1 + r[1][1] - r[0][0] - r[2][2]) / 2;
+    a = (r[2][0] - r[0][2]) / (4 * c);
+    b = (r[1][0] + r[0][1]) / (4 * c);
+    d = (r[2][1] + r[1][2]) / (4 * c);
+  } else {
+    d = std::sqrt(1 + r[2][2] - r[0][0] - r[1][1]) / 2;
+    a = (r[0][1] - r[1][0]) / (4 * d);
+    b = (r[2][0] + r[0][2]) / (4 * d);
+    c = (r[2][1] + r[1][2]) / (4 * d);
+  }
+  return a < 0 ? glm::dvec3(-b, -c, -d) : glm::dvec3(b, c, d);
+}
+
+}  // namespace
+
+std::string numberText(double value) {
+  char text[40];
+  for (const int digits : {15, 16, 17}) {
+    std::snprintf(text, sizeof text, "%.*g", digits, value);
+    if (std::stod(text) == value) break;
+  }
+  return text;
+}
+
+std::string nrrdHeader(const VolumeInfo& info) {
+  static constexpr TypeNames kTypes = {"uint8", "int8", "uint16", "int16", "float"};
+  const glm::dmat3 steps = info.geometry.indexToWorldMatrix();
+  std::string header = "NRRD0004\n# written by isobrick\ntype: ";
+  header += typeName(kTypes, info);
+  header += "\ndimension: 3\nspace: left-posterior-superior\nsizes: " + countsText(info.voxels);
+  header += "\nspace directions:";
+  for (int axis = 0; axis < 3; ++axis) header += " (" + vectorText(steps[axis], ",") + ")";
+  header += "\nkinds: domain domain domain\nendian: little\nencoding: raw\nspace origin: (" +
+            vectorText(info.geometry.origin, ",") + ")\n\n";
+  return header;
+}
+
+std::string metaImageHeader(const VolumeInfo& info, const std::string& data_name) {
+  static constexpr TypeNames kTypes = {"MET_UCHAR", "MET_CHAR", "MET_USHORT", "MET_SHORT",
+                                       "MET_FLOAT"};
+  const GridGeometry& geometry = info.geometry;
+  std::string header =
+      "ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = False\n"
+      "CompressedData = False\n";
+  header += "TransformMatrix = " + vectorText(geometry.direction[0], " ") + " " +
+            vectorText(geometry.direction[1], " ") + " " + vectorText(geometry.direction[2], " ");
+  header += "\nOffset = " + vectorText(geometry.origin, " ");
+  header += "\nCenterOfRotation = 0 0 0\nElementSpacing = " + vectorText(geometry.spacing, " ");
+  header += "\nDimSize = " + countsText(info.voxels) + "\nElementType = ";
+  header += typeName(kTypes, info);
+  // The last line of the format.
+  return header + "\nElementDataFile = " + data_name + "\n";
+}
+
+std::string vtiHeader(const VolumeInfo& info) {
+  static constexpr TypeNames kTypes = {"UInt8", "Int8", "UInt16", "Int16", "Float32"};
+  const Index3 last = info.voxels - Index3(1);
+  const std::string extent = "0 " + std::to_string(last.x) + " 0 " + std::to_string(last.y) +
+                             " 0 " + std::to_string(last.z);
+  const glm::dmat3 rows = glm::transpose(info.geometry.direction);
+  std::string header =
+      "<?xml version=\"1.0\"?>\n<!-- written by isobrick; world coordinates are LPS -->\n"
+      "<VTKFile type=\"ImageData\" version=\"1.0\" byte_order=\"LittleEndian\" "
+      "header_type=\"UInt64\">\n  <ImageData WholeExtent=\"";
+  header += extent + "\" Origin=\"" + vectorText(info.geometry.origin, " ") + "\" Spacing=\"" +
+            vectorText(info.geometry.spacing, " ") + "\" Direction=\"" + vectorText(rows[0], " ") +
+            " " + vectorText(rows[1], " ") + " " + vectorText(rows[2], " ") + "\">\n";
+  header += "    <Piece Extent=\"" + extent +
+            "\">\n      <PointData Scalars=\"values\">\n        <DataArray type=\"" +
+            typeName(kTypes, info) +
+            "\" Name=\"values\" format=\"appended\" offset=\"0\"/>\n      </PointData>\n"
+            "      <CellData/>\n    </Piece>\n  </ImageData>\n"
+            "  <AppendedData encoding=\"raw\">\n   _";
+  const std::uint64_t bytes = volumeBytes(info);
+  header.append(reinterpret_cast<const char*>(&bytes), sizeof bytes);
+  return header;
+}
+
+std::array<std::byte, kNiftiBytes> niftiHeader(const VolumeInfo& info, const std::string& path,
+                                               std::vector<std::string>& lost) {
+  struct Type {
+    std::int16_t code, bits;
+  };
+  static constexpr Type kTypes[kVoxelTypeCount] = {{2, 8}, {256, 8}, {512, 16}, {4, 16}, {16, 32}};
+  for (int axis = 0; axis < 3; ++axis)
+    if (info.voxels[axis] > std::numeric_limits<std::int16_t>::max())
+      throw Error("cannot write '" + path + "': NIfTI-1 has at most 32767 voxels along an axis, " +
+                      "and this volume " + std::to_string(info.voxels[axis]) +
+                      "; write .nrrd, or a coarser level",
+                  {.path = path});
+  std::array<std::byte, kNiftiBytes> header{};
+  put(header, 0, std::int32_t{348});
+  put(header, 38, 'r');
+  put(header, 40, std::int16_t{3});
+  for (std::size_t axis = 0; axis < 7; ++axis)
+    put(header, 42 + 2 * axis,
+        static_cast<std::int16_t>(axis < 3 ? info.voxels[static_cast<int>(axis)] : 1));
+  const Type type = kTypes[static_cast<std::size_t>(info.voxel_type)];
+  put(header, 70, type.code);
+  put(header, 72, type.bits);
+
+  bool is_exact = true;
+  const auto putSingle = [&](std::size_t at, double value) {
+    const auto single = static_cast<float>(value);
+    is_exact = is_exact && static_cast<double>(single) == value;
+    put(header, at, single);
+  };
+  // From LPS, in which the source counts, to the format's RAS.
+  glm::dmat3 direction = info.geometry.direction;
+  glm::dvec3 origin = info.geometry.origin;
+  for (int row = 0; row < 2; ++row) {
+    origin[row] = 0.0 - origin[row];
+    for (int axis = 0; axis < 3; ++axis) direction[axis][row] = 0.0 - direction[axis][row];
+  }
+  for (std::size_t row = 0; row < 3; ++row) {
+    const int r = static_cast<int>(row);
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const int a = static_cast<int>(axis);
+      putSingle(280 + 16 * row + 4 * axis, direction[a][r] * info.geometry.spacing[a]);
+    }
+    putSingle(280 + 16 * row + 12, origin[r]);
+    putSingle(80 + 4 * row, info.geometry.spacing[r]);
+    putSingle(268 + 4 * row, origin[r]);
+  }
+  const double handedness = glm::determinant(direction) < 0 ? -1 : 1;
+  put(header, 76, static_cast<float>(handedness));
+  direction[2] *= handedness;
+  const glm::dvec3 quaternion = quaternionOf(direction);
+  for (std::size_t i = 0; i < 3; ++i)
+    put(header, 256 + 4 * i, static_cast<float>(quaternion[static_cast<int>(i)]));
+  for (std::size_t axis = 3; axis < 7; ++axis) put(header, 80 + 4 * axis, 1.0f);
+  put(header, 108, static_cast<float>(kNiftiBytes));
+  put(header, 112, 1.0f);             // slope
+  put(header, 123, char{2});          // millimetres
+  put(header, 252, std::int16_t{1});  // qform and sform: the scanner's space
+  put(header, 254, std::int16_t{1});
+  std::memcpy(header.data() + 148, "written by isobrick", 19);
+  std::memcpy(header.data() + 344, "n+1", 4);
+  if (!is_exact) lost.push_back("spacing, origin and direction were rounded to single precision");
+  return header;
+}
+
+}  // namespace isobrick

@@ -1,0 +1,46 @@
+// Identifiers of the HDF5 library. Private to the files that read and write HDF5.
+#pragma once
+
+#include <hdf5.h>
+
+#include <mutex>
+#include <utility>
+
+namespace isobrick {
+
+// The library has one state for the whole process: nothing of it is used without this.
+inline std::mutex& hdf5Mutex() {
+  static std::mutex mutex;
+  return mutex;
+}
+
+// An identifier of any kind, closed at the end.
+class Hdf5Handle {
+ public:
+  using Close = herr_t (*)(hid_t);
+  Hdf5Handle() = default;
+  Hdf5Handle(hid_t id, Close how) : id_(id), close_(how) {}
+  Hdf5Handle(Hdf5Handle&& other) noexcept { swap(other); }
+  Hdf5Handle& operator=(Hdf5Handle&& other) noexcept {
+    Hdf5Handle moved(std::move(other));
+    swap(moved);
+    return *this;
+  }
+  ~Hdf5Handle() { close(); }
+
+  hid_t id() const { return id_; }
+  bool isValid() const { return id_ >= 0; }
+  // False where that failed: of a file, what was still to be written.
+  bool close() { return id_ < 0 || close_(std::exchange(id_, H5I_INVALID_HID)) >= 0; }
+
+ private:
+  void swap(Hdf5Handle& other) noexcept {
+    std::swap(id_, other.id_);
+    std::swap(close_, other.close_);
+  }
+
+  hid_t id_ = H5I_INVALID_HID;
+  Close close_ = nullptr;
+};
+
+}  // namespace isobrick

@@ -1,0 +1,31 @@
+// What is an HDF5 file by its name; asked where the library is left out, too.
+#include "isobrick/preprocess/sources/hdf5_source.h"
+#include "isobrick/storage/lowercase.h"
+
+namespace isobrick {
+namespace {
+
+constexpr const char* kEndings[] = {".h5", ".hdf5", ".hdf", ".he5", ".nxs"};
+
+}  // namespace
+
+std::pair<std::string, std::string> splitHdf5Name(const std::string& name) {
+  for (const char* ending : kEndings) {
+    if (lowercase(name).ends_with(ending)) return {name, ""};
+    const std::size_t at = lowercase(name).rfind(std::string(ending) + ":/");
+    if (at != std::string::npos) {
+      const std::size_t colon = at + std::string(ending).size();
+      return {name.substr(0, colon), name.substr(colon + 1)};
+    }
+  }
+  return {name, ""};
+}
+
+bool isHdf5Name(const std::string& name) {
+  const std::string file = lowercase(splitHdf5Name(name).first);
+  for (const char* ending : kEndings)
+    if (file.ends_with(ending)) return true;
+  return false;
+}
+
+}  // namespace isobrick

@@ -1,0 +1,142 @@
+#include "isobrick/preprocess/sources/pyramid_source.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cstring>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "isobrick/storage/error.h"
+
+namespace isobrick {
+namespace {
+
+// What the provenance says of the volume; text from anywhere, so that nothing of it is relied on.
+void takeProvenance(const Pyramid& pyramid, VolumeInfo& info) {
+  using Json = nlohmann::json;
+  constexpr int kDeepest = 32;
+  const auto guard = [](int depth, Json::parse_event_t, Json&) { return depth <= kDeepest; };
+  const Json json = Json::parse(pyramid.provenance(), guard, false);
+  if (!json.is_object()) return;
+  if (const auto notes = json.find("notes"); notes != json.end() && notes->is_array())
+    for (const Json& note : *notes)
+      if (note.is_string()) info.notes.push_back(note.get<std::string>());
+  if (const auto kept = json.find("properties"); kept != json.end() && kept->is_object())
+    for (const auto& [key, value] : kept->items())
+      if (value.is_string()) info.properties[key] = value.get<std::string>();
+}
+
+class PyramidSource final : public VolumeSource {
+ public:
+  PyramidSource(std::shared_ptr<const Pyramid> pyramid, std::uint64_t budget_bytes, int level,
+                const CancelFlag* cancel)
+      : pyramid_(std::move(pyramid)), budget_bytes_(budget_bytes), level_(level), cancel_(cancel) {
+    const Lattice& lattice = pyramid_->lattice();
+    info_.voxels = lattice.samples(level);
+    info_.voxel_type = pyramid_->spec().voxel_type;
+    info_.geometry = pyramid_->spec().geometry;
+    info_.geometry.spacing *= static_cast<double>(std::int64_t{1} << level);
+    info_.source = pyramid_->path();
+    info_.format = "isobrick pyramid";
+    info_.encoding = "level " + std::to_string(level);
+    takeProvenance(*pyramid_, info_);
+    for (int axis = 0; axis < 3; ++axis) {
+      const std::int64_t last = info_.voxels[axis] - 1;
+      const std::int64_t beyond = (last << level) - lattice.position(level, axis, last);
+      if (beyond > 0)
+        info_.notes.push_back(
+            std::string("level ") + std::to_string(level) + ": the last sample along " +
+            "xyz"[axis] + " repeats the border voxel, " + std::to_string(beyond) +
+            (beyond == 1 ? " voxel" : " voxels") + " nearer than a regular grid says");
+    }
+  }
+
+  const VolumeInfo& info() const override { return info_; }
+  std::vector<std::string> files() const override { return {pyramid_->path()}; }
+  std::string identity() const override { return {}; }
+  std::uint64_t bufferBytes() const override { return budget_bytes_; }
+  bool readsBoxes() const override { return true; }
+
+  void readRows(std::int64_t first, std::int64_t count, void* out) override {
+    auto* to = static_cast<std::byte*>(out);
+    const Index3& voxels = info_.voxels;
+    while (count > 0) {
+      // As many whole slices as there are, so that every brick of them is looked at once.
+      const std::int64_t y = first % voxels.y, z = first / voxels.y;
+      const bool is_whole = y == 0 && count >= voxels.y;
+      const std::int64_t slices = is_whole ? count / voxels.y : 1;
+      const std::int64_t rows = is_whole ? voxels.y : std::min(voxels.y - y, count);
+      const IndexBox box{Index3(0, y, z), Index3(voxels.x, rows, slices)};
+      readBox(box, to);
+      to += static_cast<std::size_t>(box.size()) * voxelBytes(info_.voxel_type);
+      first += rows * slices;
+      count -= rows * slices;
+    }
+  }
+
+  void readBox(const IndexBox& box, void* out) const override {
+    const std::int64_t cells = pyramid_->layout().brickCells();
+    const Index3 last = pyramid_->layout().bricks(level_) - Index3(1);
+    const Index3 begin = glm::min(box.first / cells, last);
+    const Index3 end = glm::min((box.end() - Index3(1)) / cells, last) + Index3(1);
+    const Index3 count = end - begin;
+    tbb::parallel_for(std::int64_t{0}, elementCount(count), [&](std::int64_t i) {
+      if (cancel_ != nullptr) cancel_->check();
+      copyBrick(begin + Index3(i % count.x, i / count.x % count.y, i / (count.x * count.y)), box,
+                static_cast<std::byte*>(out));
+    });
+  }
+
+ private:
+  // The samples that no other brick gives: aprons are left out, and the last brick of an axis has
+  // the last sample too.
+  IndexBox ownSamples(const Index3& brick) const {
+    const BrickLayout& layout = pyramid_->layout();
+    const IndexBox cells = layout.brickCellBox(level_, brick);
+    Index3 end = cells.end();
+    for (int axis = 0; axis < 3; ++axis)
+      if (brick[axis] + 1 == layout.bricks(level_)[axis]) end[axis] = info_.voxels[axis];
+    return {cells.first, end - cells.first};
+  }
+
+  void copyBrick(const Index3& brick, const IndexBox& box, std::byte* out) const {
+    const IndexBox own = ownSamples(brick);
+    const Index3 first = glm::max(own.first, box.first), end = glm::min(own.end(), box.end());
+    if (first.x >= end.x || first.y >= end.y || first.z >= end.z) return;
+    const BrickSamples samples = pyramid_->samples(level_, brick);
+    const std::size_t bytes = voxelBytes(info_.voxel_type);
+    const std::size_t run = static_cast<std::size_t>(end.x - first.x) * bytes;
+    for (std::int64_t z = first.z; z < end.z; ++z)
+      for (std::int64_t y = first.y; y < end.y; ++y) {
+        const Index3 at(first.x, y, z);
+        const auto to = static_cast<std::size_t>(linearIndex(at - box.first, box.count)) * bytes;
+        const auto from =
+            static_cast<std::size_t>(linearIndex(at - samples.box.first, samples.box.count)) *
+            bytes;
+        std::memcpy(out + to, samples.part.data() + from, run);
+      }
+    pyramid_->throwIfReadsFailed(level_, brick);
+  }
+
+  std::shared_ptr<const Pyramid> pyramid_;
+  std::uint64_t budget_bytes_;
+  int level_;
+  const CancelFlag* cancel_;
+  VolumeInfo info_;
+};
+
+}  // namespace
+
+std::unique_ptr<VolumeSource> makePyramidSource(std::shared_ptr<const Pyramid> pyramid,
+                                                std::uint64_t budget_bytes, int level,
+                                                const CancelFlag* cancel) {
+  const int levels = pyramid->lattice().levels();
+  if (level < 0 || level >= levels)
+    throw Error("'" + pyramid->path() + "' has the levels 0 to " + std::to_string(levels - 1) +
+                    ", and not " + std::to_string(level) + "; choose one of these",
+                {.path = pyramid->path(), .level = level});
+  return std::make_unique<PyramidSource>(std::move(pyramid), budget_bytes, level, cancel);
+}
+
+}  // namespace isobrick

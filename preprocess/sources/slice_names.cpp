@@ -1,0 +1,59 @@
+#include "isobrick/preprocess/sources/slice_names.h"
+
+#include <algorithm>
+#include <cctype>
+#include <filesystem>
+
+#include "isobrick/preprocess/sources/exr_source.h"
+#include "isobrick/storage/error.h"
+#include "isobrick/storage/lowercase.h"
+
+namespace isobrick {
+
+namespace fs = std::filesystem;
+
+std::vector<std::string> filesInFolder(const std::string& folder) {
+  std::vector<std::string> files;
+  try {
+    for (const fs::directory_entry& entry : fs::directory_iterator(folder))
+      if (entry.is_regular_file()) files.push_back(entry.path().string());
+  } catch (const fs::filesystem_error& error) {
+    throw Error("cannot read the folder '" + folder + "': " + error.code().message() +
+                    "; check its permissions",
+                {.path = folder});
+  }
+  std::sort(files.begin(), files.end());
+  return files;
+}
+
+bool numericNameLess(const std::string& a, const std::string& b) {
+  const auto isDigit = [](char c) { return std::isdigit(static_cast<unsigned char>(c)) != 0; };
+  std::size_t i = 0, j = 0;
+  while (i < a.size() && j < b.size()) {
+    if (isDigit(a[i]) && isDigit(b[j])) {
+      while (i < a.size() && a[i] == '0') ++i;
+      while (j < b.size() && b[j] == '0') ++j;
+      const std::size_t first_i = i, first_j = j;
+      while (i < a.size() && isDigit(a[i])) ++i;
+      while (j < b.size() && isDigit(b[j])) ++j;
+      if (i - first_i != j - first_j) return i - first_i < j - first_j;
+      const int order = a.compare(first_i, i - first_i, b, first_j, j - first_j);
+      if (order != 0) return order < 0;
+    } else {
+      if (a[i] != b[j]) return a[i] < b[j];
+      ++i;
+      ++j;
+    }
+  }
+  if (i == a.size() && j == b.size()) return a < b;  // "01" and "1": any fixed order
+  return i == a.size();
+}
+
+bool hasExrSlices(const std::string& folder) {
+  std::error_code ignored;
+  for (const auto& entry : fs::directory_iterator(folder, ignored))
+    if (lowerExtension(entry.path()) == ".exr") return true;
+  return false;
+}
+
+}  // namespace isobrick

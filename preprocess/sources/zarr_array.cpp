@@ -1,0 +1,451 @@
+#include "isobrick/preprocess/sources/zarr_array.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "isobrick/preprocess/input_file.h"
+#include "isobrick/preprocess/sources/source_checks.h"
+#include "isobrick/preprocess/sources/zarr_json.h"
+#include "isobrick/storage/error.h"
+
+namespace isobrick {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::json;
+
+constexpr std::size_t kMostAxes = 5;
+constexpr std::uint64_t kMostChunkBytes = std::uint64_t{1} << 30;
+constexpr std::uint64_t kMostJsonBytes = std::uint64_t{16} << 20;
+
+// A piece of JSON for a line of a message.
+std::string quotedJson(const Json& json) {
+  return quotedText(json.dump(-1, ' ', true, Json::error_handler_t::replace), 60);
+}
+
+std::int64_t product(const ZarrArray::Indices& v) {
+  std::int64_t result = 1;
+  for (const std::int64_t n : v) result *= n;  // checked where they were read
+  return result;
+}
+
+std::uint64_t littleEndian64(const std::byte* at) {
+  std::uint64_t value;
+  std::memcpy(&value, at, sizeof value);
+  return value;
+}
+
+}  // namespace
+
+nlohmann::json readZarrJson(const std::string& path) {
+  const InputFile file(path);
+  if (file.size() > kMostJsonBytes)
+    throw Error("cannot read '" + path + "': it has " + std::to_string(file.size()) +
+                    " bytes, too many for the metadata of a Zarr store; check what it is",
+                {.path = path});
+  std::string text(static_cast<std::size_t>(file.size()), '\0');
+  text.resize(file.readAt(0, text.data(), text.size()));
+  constexpr int kDeepest = 32;
+  bool is_deep = false;
+  const auto guard = [&](int depth, Json::parse_event_t, Json&) {
+    is_deep = is_deep || depth > kDeepest;
+    return !is_deep;
+  };
+  Json json = Json::parse(text, guard, false);
+  if (!json.is_object() || is_deep)
+    throw Error("cannot read '" + path + "': it is no JSON object; get the whole store again",
+                {.path = path});
+  return json;
+}
+
+ZarrArray::ZarrArray(const std::string& folder) : folder_(folder) {
+  std::error_code ignored;
+  metadata_path_ = folder + "/zarr.json";
+  const bool is_version3 = fs::exists(metadata_path_, ignored);
+  if (!is_version3) metadata_path_ = folder + "/.zarray";
+  const Json json = readZarrJson(metadata_path_);
+  if (is_version3)
+    readVersion3(json);
+  else
+    readVersion2(json);
+  checkSizes();
+}
+
+void ZarrArray::refuse(const std::string& reason) const {
+  throw Error("cannot use '" + metadata_path_ + "': " + reason +
+                  "; write the array again with what isobrick reads (docs/FORMATS.md)",
+              {.path = metadata_path_});
+}
+
+void ZarrArray::takeShape(const Json& json, const char* key, Indices& out) {
+  const Json& list = member(json, key);
+  if (!list.is_array() || list.empty() || list.size() > kMostAxes)
+    refuse(std::string("its ") + key + " " + quotedJson(list) + " is not a list of 1 to 5 numbers");
+  out.clear();
+  for (const Json& number : list) {
+    if (!number.is_number_unsigned() || number.get<std::uint64_t>() == 0 ||
+        number.get<std::uint64_t>() > std::uint64_t{1} << 40)
+      refuse(std::string("its ") + key + " " + quotedJson(list) + " is not possible");
+    out.push_back(static_cast<std::int64_t>(number.get<std::uint64_t>()));
+  }
+}
+
+void ZarrArray::setType(const std::string& name) {
+  static constexpr std::pair<const char*, StoredType> kTypes[] = {
+      {"bool", StoredType::kUint8},      {"uint8", StoredType::kUint8},
+      {"int8", StoredType::kInt8},       {"uint16", StoredType::kUint16},
+      {"int16", StoredType::kInt16},     {"uint32", StoredType::kUint32},
+      {"int32", StoredType::kInt32},     {"uint64", StoredType::kUint64},
+      {"int64", StoredType::kInt64},     {"float32", StoredType::kFloat32},
+      {"float64", StoredType::kFloat64}, {"b1", StoredType::kUint8},
+      {"u1", StoredType::kUint8},        {"i1", StoredType::kInt8},
+      {"u2", StoredType::kUint16},       {"i2", StoredType::kInt16},
+      {"u4", StoredType::kUint32},       {"i4", StoredType::kInt32},
+      {"u8", StoredType::kUint64},       {"i8", StoredType::kInt64},
+      {"f4", StoredType::kFloat32},      {"f8", StoredType::kFloat64}};
+  for (const auto& [known, type] : kTypes)
+    if (name == known) {
+      stored_.type = type;
+      return;
+    }
+  refuse("its voxels are of the type " + quotedText(name, 40) + ", which is none of the integers " +
+         "and floats that are read");
+}
+
+void ZarrArray::setOrder(const Indices& slowest_first) {
+  order_ = slowest_first;
+  strides_.assign(chunk_.size(), 0);
+  std::int64_t stride = 1;
+  for (std::size_t i = order_.size(); i-- > 0;) {
+    const auto axis = static_cast<std::size_t>(order_[i]);
+    strides_[axis] = stride;
+    if (__builtin_mul_overflow(stride, chunk_[axis], &stride)) refuse("its chunks are too large");
+  }
+}
+
+void ZarrArray::setFill(const Json& json) {
+  const std::string text = textOf(json);
+  if (json.is_number())
+    fill_ = json.get<double>();
+  else if (json.is_boolean())
+    fill_ = json.get<bool>() ? 1 : 0;
+  else if (json.is_null())
+    fill_ = 0;
+  else if (text == "NaN")
+    fill_ = std::numeric_limits<double>::quiet_NaN();
+  else if (text == "Infinity" || text == "-Infinity")
+    fill_ = (text[0] == '-' ? -1 : 1) * std::numeric_limits<double>::infinity();
+  else
+    refuse("its fill_value " + quotedJson(json) + " is no number");
+}
+
+void ZarrArray::readVersion2(const Json& json) {
+  if (member(json, "zarr_format") != 2) refuse("its zarr_format is not 2");
+  takeShape(json, "shape", shape_);
+  takeShape(json, "chunks", chunk_);
+  outer_ = chunk_;
+  const std::string type = textOf(member(json, "dtype"));
+  if (type.size() < 3 || (type[0] != '<' && type[0] != '>' && type[0] != '|'))
+    refuse("its dtype " + quotedJson(member(json, "dtype")) + " is no number");
+  setType(type.substr(1));
+  stored_.big_endian = type[0] == '>' && stored_.bytes() > 1;
+  if (const Json& filters = member(json, "filters");
+      !filters.is_null() && !(filters.is_array() && filters.empty()))
+    refuse("its filters " + quotedJson(filters) + " are not read");
+  const Json& compressor = member(json, "compressor");
+  if (!compressor.is_null()) {
+    const std::string id = textOf(member(compressor, "id"));
+    if (id == "blosc")
+      pipeline_.codec = ZarrCodec::kBlosc;
+    else if (id == "zlib")
+      pipeline_.codec = ZarrCodec::kZlib;
+    else if (id == "gzip")
+      pipeline_.codec = ZarrCodec::kGzip;
+    else if (id == "zstd")
+      pipeline_.codec = ZarrCodec::kZstd;
+    else
+      refuse("its compressor " + quotedText(id, 40) + " is not read (blosc, zlib, gzip, zstd are)");
+  }
+  const std::string order = textOf(member(json, "order"));
+  if (order != "C" && order != "F") refuse("its order is neither C nor F");
+  Indices axes;
+  for (std::size_t i = 0; i < shape_.size(); ++i) axes.push_back(static_cast<std::int64_t>(i));
+  if (order == "F") std::reverse(axes.begin(), axes.end());
+  if (chunk_.size() != shape_.size())
+    refuse("its shape and its chunks have different numbers of axes");
+  setOrder(axes);
+  setFill(member(json, "fill_value"));
+  if (const Json& separator = member(json, "dimension_separator"); !separator.is_null()) {
+    const std::string text = textOf(separator);
+    if (text != "." && text != "/") refuse("its dimension_separator is neither . nor /");
+    separator_ = text[0];
+  }
+}
+
+ZarrArray::Pipeline ZarrArray::readCodecs(const Json& codecs, bool in_shard) {
+  if (!codecs.is_array() || codecs.empty()) refuse("it has no list of codecs");
+  Pipeline pipeline;
+  bool has_bytes = false;
+  Indices axes;
+  for (std::size_t i = 0; i < chunk_.size(); ++i) axes.push_back(static_cast<std::int64_t>(i));
+  for (const Json& codec : codecs) {
+    const std::string name = textOf(member(codec, "name"));
+    const Json& configuration = member(codec, "configuration");
+    if (name == "transpose" && !has_bytes) {
+      const Json& order = member(configuration, "order");
+      if (!order.is_array() || order.size() != axes.size()) refuse("its transpose has no order");
+      Indices permuted;
+      std::vector<bool> seen(axes.size(), false);
+      for (const Json& axis : order) {
+        if (!axis.is_number_unsigned() || axis.get<std::uint64_t>() >= axes.size() ||
+            seen[axis.get<std::size_t>()])
+          refuse("the order of its transpose is no permutation");
+        seen[axis.get<std::size_t>()] = true;
+        permuted.push_back(axes[axis.get<std::size_t>()]);
+      }
+      axes = permuted;
+    } else if (name == "bytes" && !has_bytes) {
+      has_bytes = true;
+      const std::string endian = textOf(member(configuration, "endian"));
+      if (stored_.bytes() > 1 && endian != "little" && endian != "big")
+        refuse("its bytes have no order");
+      stored_.big_endian = endian == "big" && stored_.bytes() > 1;
+    } else if (name == "crc32c" && has_bytes) {
+      ++(pipeline.codec == ZarrCodec::kNone ? pipeline.checksums_before : pipeline.checksums_after);
+    } else if ((name == "blosc" || name == "gzip" || name == "zstd") && has_bytes &&
+               pipeline.codec == ZarrCodec::kNone) {
+      pipeline.codec = name == "blosc"  ? ZarrCodec::kBlosc
+                       : name == "gzip" ? ZarrCodec::kGzip
+                                        : ZarrCodec::kZstd;
+    } else {
+      refuse("its codec " + quotedText(name, 40) + " is not read" + (in_shard ? " in shards" : ""));
+    }
+    if (pipeline.checksums_before + pipeline.checksums_after > 4) refuse("it has too many codecs");
+  }
+  if (!has_bytes) refuse("its codecs make no bytes");
+  setOrder(axes);
+  return pipeline;
+}
+
+void ZarrArray::readVersion3(const Json& json) {
+  if (member(json, "zarr_format") != 3) refuse("its zarr_format is not 3");
+  if (textOf(member(json, "node_type")) != "array") refuse("it is no array");
+  takeShape(json, "shape", shape_);
+  const Json& grid = member(json, "chunk_grid");
+  if (textOf(member(grid, "name")) != "regular") refuse("its chunk_grid is not regular");
+  takeShape(member(grid, "configuration"), "chunk_shape", outer_);
+  chunk_ = outer_;
+  if (chunk_.size() != shape_.size())
+    refuse("its shape and its chunks have different numbers of axes");
+  setType(textOf(member(json, "data_type")));
+  setFill(member(json, "fill_value"));
+  const Json& keys = member(json, "chunk_key_encoding");
+  const std::string encoding = textOf(member(keys, "name"));
+  if (encoding != "default" && encoding != "v2") refuse("its chunk_key_encoding is not read");
+  separator_ = encoding == "default" ? '/' : '.';
+  if (const Json& separator = member(member(keys, "configuration"), "separator");
+      !separator.is_null()) {
+    const std::string text = textOf(separator);
+    if (text != "." && text != "/") refuse("its separator is neither . nor /");
+    separator_ = text[0];
+  }
+  if (encoding == "default") key_prefix_ = std::string("c") + separator_;
+  if (const Json& names = member(json, "dimension_names"); names.is_array())
+    for (const Json& name : names) axis_names_.push_back(textOf(name));
+  if (axis_names_.size() != shape_.size()) axis_names_.clear();
+  const Json& codecs = member(json, "codecs");
+  const Json first = codecs.is_array() && !codecs.empty() ? codecs.front() : Json();
+  if (textOf(member(first, "name")) != "sharding_indexed") {
+    pipeline_ = readCodecs(codecs, false);
+    return;
+  }
+  if (codecs.size() != 1) refuse("its shards are packed once more, which is not read");
+  is_sharded_ = true;
+  const Json& configuration = member(first, "configuration");
+  takeShape(configuration, "chunk_shape", chunk_);
+  if (chunk_.size() != shape_.size()) refuse("its shards have another number of axes");
+  for (std::size_t i = 0; i < chunk_.size(); ++i)
+    if (outer_[i] % chunk_[i] != 0) refuse("its shards are no multiples of their chunks");
+  pipeline_ = readCodecs(member(configuration, "codecs"), true);
+  const std::string place = textOf(member(configuration, "index_location"));
+  if (place != "" && place != "end" && place != "start") refuse("its index_location is not read");
+  index_at_start_ = place == "start";
+  const Json& index_codecs = member(configuration, "index_codecs");
+  const auto indexCodec = [&](std::size_t i) {
+    return index_codecs.is_array() && i < index_codecs.size()
+               ? textOf(member(index_codecs[i], "name"))
+               : std::string();
+  };
+  if (indexCodec(0) != "bytes" ||
+      textOf(member(member(index_codecs[0], "configuration"), "endian")) != "little" ||
+      index_codecs.size() > 2 || (index_codecs.size() == 2 && indexCodec(1) != "crc32c"))
+    refuse("the codecs of its index are not little-endian bytes with or without crc32c");
+  index_has_checksum_ = index_codecs.size() == 2;
+}
+
+void ZarrArray::checkSizes() {
+  const auto check = [&](const Indices& counts, std::uint64_t unit, const char* what) {
+    std::uint64_t bytes = unit;
+    for (const std::int64_t n : counts)
+      if (__builtin_mul_overflow(bytes, static_cast<std::uint64_t>(n), &bytes) ||
+          bytes > kMostChunkBytes)
+        refuse(std::string("its ") + what + " have more than 1 GiB");
+  };
+  check(chunk_, std::max<std::uint64_t>(stored_.bytes(), voxelBytes(stored_.delivered())),
+        "chunks");
+  Indices in_shard;
+  for (std::size_t i = 0; i < chunk_.size(); ++i) in_shard.push_back(outer_[i] / chunk_[i]);
+  check(in_shard, 16, "indices of shards");
+}
+
+std::size_t ZarrArray::storedChunkBytes() const {
+  return static_cast<std::size_t>(product(chunk_)) * stored_.bytes();
+}
+
+std::uint64_t ZarrArray::chunkBytes() const {
+  return static_cast<std::uint64_t>(product(chunk_)) * voxelBytes(stored_.delivered());
+}
+
+// Only numbers go into the name: nothing leads out of the folder.
+std::string ZarrArray::pathOf(const Indices& outer) const {
+  std::string key;
+  for (const std::int64_t i : outer) {
+    if (!key.empty()) key += separator_;
+    key += std::to_string(i);
+  }
+  return folder_ + "/" + key_prefix_ + key;
+}
+
+bool ZarrArray::readPacked(const std::string& path, const Indices& index,
+                           std::vector<std::byte>& out) const {
+  std::error_code ignored;
+  if (!fs::exists(path, ignored)) return false;
+  const InputFile file(path);
+  const auto damaged = [&](const std::string& why) {
+    return Error("cannot read '" + path + "': " + why + "; get the whole store again",
+                 {.path = path});
+  };
+  const std::uint64_t most = mostPackedBytes(storedChunkBytes()) + 64;
+  std::uint64_t offset = 0, bytes = file.size();
+  if (is_sharded_) {
+    std::int64_t chunks = 1, row = 0;
+    for (std::size_t i = 0; i < chunk_.size(); ++i) {
+      const std::int64_t in_shard = outer_[i] / chunk_[i];
+      row = row * in_shard + index[i] % in_shard;
+      chunks *= in_shard;
+    }
+    const std::uint64_t index_bytes =
+        static_cast<std::uint64_t>(chunks) * 16 + (index_has_checksum_ ? 4 : 0);
+    if (file.size() < index_bytes) throw damaged("it is shorter than the index of a shard");
+    std::vector<std::byte> table(static_cast<std::size_t>(index_bytes));
+    if (file.readAt(index_at_start_ ? 0 : file.size() - index_bytes, table.data(), table.size()) !=
+        table.size())
+      throw damaged("it became shorter meanwhile");
+    if (index_has_checksum_) {
+      std::uint32_t checksum;
+      std::memcpy(&checksum, table.data() + table.size() - 4, 4);
+      if (crc32c({table.data(), table.size() - 4}) != checksum)
+        throw damaged("the index of the shard fails its checksum");
+    }
+    offset = littleEndian64(table.data() + 16 * row);
+    bytes = littleEndian64(table.data() + 16 * row + 8);
+    if (offset == ~std::uint64_t{0} && bytes == ~std::uint64_t{0}) return false;
+    if (offset > file.size() || bytes > file.size() - offset)
+      throw damaged("its index names bytes behind its end");
+  }
+  if (bytes > most)
+    throw damaged("a chunk takes " + std::to_string(bytes) + " bytes there, and unpacked " +
+                  std::to_string(storedChunkBytes()));
+  out.resize(static_cast<std::size_t>(bytes));
+  if (file.readAt(offset, out.data(), out.size()) != out.size())
+    throw damaged("it became shorter meanwhile");
+  return true;
+}
+
+void ZarrArray::unpack(const std::string& path, std::vector<std::byte> packed,
+                       std::vector<std::byte>& out) const {
+  const auto fail = [&](const std::string& why) {
+    throw Error("cannot read '" + path + "': " + why + "; get the whole store again",
+                {.path = path});
+  };
+  const auto takeChecksums = [&](std::vector<std::byte>& bytes, int count) {
+    for (int i = 0; i < count; ++i) {
+      std::uint32_t checksum = 0;
+      if (bytes.size() < sizeof checksum) fail("it is cut short");
+      const std::size_t rest = bytes.size() - sizeof checksum;
+      std::memcpy(&checksum, bytes.data() + rest, sizeof checksum);
+      if (crc32c({bytes.data(), rest}) != checksum) fail("it fails its checksum");
+      bytes.resize(rest);
+    }
+  };
+  takeChecksums(packed, pipeline_.checksums_after);
+  out.resize(storedChunkBytes() + 4 * static_cast<std::size_t>(pipeline_.checksums_before));
+  if (const std::string why = unpackZarr(pipeline_.codec, packed, out); !why.empty()) fail(why);
+  takeChecksums(out, pipeline_.checksums_before);
+}
+
+void ZarrArray::readChunk(const Indices& index, std::vector<std::byte>& out) const {
+  Indices outer;
+  for (std::size_t i = 0; i < index.size(); ++i)
+    outer.push_back(index[i] / (outer_[i] / chunk_[i]));
+  const std::string path = pathOf(outer);
+  const auto voxels = static_cast<std::size_t>(product(chunk_));
+  std::vector<std::byte> packed;
+  if (!readPacked(path, index, packed)) {
+    out.resize(static_cast<std::size_t>(chunkBytes()));
+    visitVoxelType(stored_.delivered(), [&](auto tag) {
+      using T = typename decltype(tag)::Type;
+      // Zarr leaves it open what a fill value means that its type does not hold.
+      const double low = static_cast<double>(std::numeric_limits<T>::lowest());
+      const double high = static_cast<double>(std::numeric_limits<T>::max());
+      T value{};
+      if (std::is_same_v<T, float> || (fill_ >= low && fill_ <= high))
+        value = static_cast<T>(fill_);
+      std::fill_n(reinterpret_cast<T*>(out.data()), voxels, value);
+    });
+    return;
+  }
+  if (stored_.keepsType()) {
+    unpack(path, std::move(packed), out);
+    stored_.decodeInPlace(out.data(), voxels);
+  } else {
+    std::vector<std::byte> unpacked;
+    unpack(path, std::move(packed), unpacked);
+    out.resize(static_cast<std::size_t>(chunkBytes()));
+    stored_.decode(unpacked.data(), voxels, reinterpret_cast<float*>(out.data()));
+  }
+}
+
+std::vector<std::string> ZarrArray::files(const Indices& fixed) const {
+  constexpr std::int64_t kMostFiles = 20000;
+  std::vector<std::string> files = {metadata_path_};
+  Indices first(shape_.size(), 0), count(shape_.size(), 1);
+  std::int64_t all = 1;
+  for (std::size_t i = 0; i < shape_.size(); ++i) {
+    if (fixed[i] >= 0)
+      first[i] = fixed[i] / outer_[i];
+    else
+      count[i] = (shape_[i] + outer_[i] - 1) / outer_[i];
+    if (__builtin_mul_overflow(all, count[i], &all)) return files;  // no such store can be
+  }
+  const std::int64_t step = (all + kMostFiles - 1) / kMostFiles;
+  std::error_code ignored;
+  for (std::int64_t at = 0; at < all; at += step) {
+    Indices outer = first;
+    std::int64_t rest = at;
+    for (std::size_t i = shape_.size(); i-- > 0;) {
+      outer[i] += rest % count[i];
+      rest /= count[i];
+    }
+    std::string path = pathOf(outer);
+    if (fs::exists(path, ignored)) files.push_back(std::move(path));
+  }
+  return files;
+}
+
+}  // namespace isobrick

@@ -1,0 +1,85 @@
+// One array of a Zarr store (version 2 or 3) in a folder. Private to preprocess/sources/.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+#include <vector>
+
+#include "isobrick/preprocess/sources/stored_voxels.h"
+#include "isobrick/preprocess/sources/zarr_codecs.h"
+
+namespace isobrick {
+
+// A JSON file of a store, which may be anybody's: at most 16 MiB, not nested deeper than 32. Throws
+// Error for what is no JSON object.
+nlohmann::json readZarrJson(const std::string& path);
+
+// An array of up to 5 axes, the slowest first, as its metadata say. Chunks are the units that are
+// packed: of a sharded array the inner ones. All members are thread-safe.
+class ZarrArray {
+ public:
+  using Indices = std::vector<std::int64_t>;
+
+  // Reads `folder`/.zarray or `folder`/zarr.json. Throws Error for what is missing, damaged, or of
+  // a kind that is not read (the message says which), and for chunks of more than 1 GiB.
+  explicit ZarrArray(const std::string& folder);
+
+  const Indices& shape() const { return shape_; }
+  const Indices& chunk() const { return chunk_; }
+  // Names of the axes, where the array has them (version 3).
+  const std::vector<std::string>& axisNames() const { return axis_names_; }
+  const StoredVoxels& stored() const { return stored_; }
+  // Elements from one index to the next along each axis, within a chunk.
+  const Indices& strides() const { return strides_; }
+  // Of a chunk as readChunk() gives it.
+  std::uint64_t chunkBytes() const;
+
+  // All elements of a chunk, those beyond the array's end too, as stored().delivered() voxels; the
+  // fill value where there is no such chunk. Throws Error that names the file where it is damaged.
+  void readChunk(const Indices& index, std::vector<std::byte>& out) const;
+
+  // The metadata, and the files that hold voxels with `fixed` at every axis that is not negative
+  // there: those that exist, or of more than some ten thousand a selection, evenly spread.
+  std::vector<std::string> files(const Indices& fixed) const;
+
+ private:
+  // How a chunk becomes bytes, as far as is read: permuted axes, then at most one packer, with
+  // checksums before and after it.
+  struct Pipeline {
+    ZarrCodec codec = ZarrCodec::kNone;
+    int checksums_before = 0, checksums_after = 0;
+  };
+
+  void readVersion2(const nlohmann::json& json);
+  void readVersion3(const nlohmann::json& json);
+  Pipeline readCodecs(const nlohmann::json& codecs, bool in_shard);
+  void takeShape(const nlohmann::json& json, const char* key, Indices& out);
+  void setType(const std::string& name);
+  void setOrder(const Indices& slowest_first);
+  void setFill(const nlohmann::json& json);
+  void checkSizes();
+  std::string pathOf(const Indices& outer) const;
+  std::size_t storedChunkBytes() const;
+  void unpack(const std::string& path, std::vector<std::byte> packed,
+              std::vector<std::byte>& out) const;
+  bool readPacked(const std::string& path, const Indices& index, std::vector<std::byte>& out) const;
+  [[noreturn]] void refuse(const std::string& reason) const;
+
+  std::string folder_, metadata_path_;
+  Indices shape_;
+  Indices chunk_;  // what is packed
+  Indices outer_;  // what a file holds: chunk_, or a shard of chunks
+  Indices strides_;
+  Indices order_;  // axes, slowest first
+  std::vector<std::string> axis_names_;
+  StoredVoxels stored_;
+  double fill_ = 0;
+  Pipeline pipeline_;
+  bool is_sharded_ = false, index_at_start_ = false, index_has_checksum_ = false;
+  std::string key_prefix_;  // of chunk files
+  char separator_ = '.';
+};
+
+}  // namespace isobrick

@@ -1,0 +1,425 @@
+#include "isobrick/preprocess/sources/zarr_source.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <filesystem>
+#include <list>
+#include <map>
+#include <mutex>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "isobrick/preprocess/sources/source_checks.h"
+#include "isobrick/preprocess/sources/zarr_array.h"
+#include "isobrick/preprocess/sources/zarr_json.h"
+#include "isobrick/storage/error.h"
+
+namespace isobrick {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::json;
+using Indices = ZarrArray::Indices;
+
+Error cannotUse(const std::string& path, const std::string& reason) {
+  return Error("cannot use '" + path + "': " + reason + "; correct its metadata", {.path = path});
+}
+
+// The attributes of a group or an array, whichever the version; null where there are none.
+Json attributesOf(const std::string& folder) {
+  std::error_code ignored;
+  if (fs::exists(folder + "/zarr.json", ignored))
+    return member(readZarrJson(folder + "/zarr.json"), "attributes");
+  if (fs::exists(folder + "/.zattrs", ignored)) return readZarrJson(folder + "/.zattrs");
+  return {};
+}
+
+// The image of a group: the first, in either place; null where there is none.
+Json multiscaleOf(const Json& attributes) {
+  const Json& ome = member(attributes, "ome");
+  const Json& list =
+      ome.is_object() ? member(ome, "multiscales") : member(attributes, "multiscales");
+  return list.is_array() && !list.empty() ? list.front() : Json();
+}
+
+// A name that leads down from its folder, and nowhere else.
+bool isInside(const std::string& path) {
+  if (path.empty() || path.front() == '/' || path.size() > 1000) return false;
+  for (const unsigned char c : path)
+    if (c < ' ' || c == '\\') return false;
+  for (const fs::path& part : fs::path(path))
+    if (part == ".." || part == ".") return false;
+  return true;
+}
+
+// What a list of transformations makes of an index along each axis: scale * index + translation.
+struct Placement {
+  std::vector<double> scale, translation;
+  bool has_translation = false;
+};
+
+Placement placementOf(const std::string& path, const Json& transformations, std::size_t axes) {
+  Placement result{std::vector<double>(axes, 1), std::vector<double>(axes, 0)};
+  if (transformations.is_null()) return result;
+  if (!transformations.is_array())
+    throw cannotUse(path, "its coordinateTransformations are no list");
+  for (const Json& step : transformations) {
+    const std::string type = textOf(member(step, "type"));
+    if (type == "identity") continue;
+    const Json& numbers = member(step, type.c_str());
+    if ((type != "scale" && type != "translation") || !numbers.is_array() || numbers.size() != axes)
+      throw cannotUse(path, "its coordinate transformation " + quotedText(type, 40) +
+                                " is no scale or translation of all axes");
+    for (std::size_t i = 0; i < axes; ++i) {
+      if (!numbers[i].is_number()) throw cannotUse(path, "its " + type + " has what is no number");
+      const double number = numbers[i].get<double>();
+      if (type == "scale") {
+        result.scale[i] *= number;
+        result.translation[i] *= number;
+      } else {
+        result.translation[i] += number;
+        result.has_translation = true;
+      }
+    }
+  }
+  return result;
+}
+
+// Unpacked chunks, the latest used last.
+class ChunkCache {
+ public:
+  using Chunk = std::shared_ptr<const std::vector<std::byte>>;
+
+  explicit ChunkCache(std::uint64_t budget_bytes) : budget_bytes_(budget_bytes) {}
+
+  Chunk find(const Indices& index) {
+    const std::lock_guard lock(mutex_);
+    const auto found = at_.find(index);
+    if (found == at_.end()) return nullptr;
+    chunks_.splice(chunks_.end(), chunks_, found->second);
+    return found->second->second;
+  }
+  void add(const Indices& index, Chunk chunk) {
+    const std::lock_guard lock(mutex_);
+    if (at_.contains(index)) return;  // another thread was faster
+    bytes_ += chunk->size();
+    chunks_.emplace_back(index, std::move(chunk));
+    at_[index] = std::prev(chunks_.end());
+    while (bytes_ > budget_bytes_ && chunks_.size() > 1) {
+      bytes_ -= chunks_.front().second->size();
+      at_.erase(chunks_.front().first);
+      chunks_.pop_front();
+    }
+  }
+
+ private:
+  const std::uint64_t budget_bytes_;
+  std::mutex mutex_;  // guards all below
+  std::list<std::pair<Indices, Chunk>> chunks_;
+  std::map<Indices, std::list<std::pair<Indices, Chunk>>::iterator> at_;
+  std::uint64_t bytes_ = 0;
+};
+
+class ZarrSource final : public VolumeSource {
+ public:
+  // `axes`: which axis of the array x, y and z are. `fixed`: an index for all others, -1 for these.
+  ZarrSource(VolumeInfo info, ZarrArray array, std::array<std::size_t, 3> axes, Indices fixed,
+             std::vector<std::string> group_files, const OpenOptions& options)
+      : info_(std::move(info)),
+        array_(std::move(array)),
+        axes_(axes),
+        fixed_(std::move(fixed)),
+        group_files_(std::move(group_files)),
+        cancel_(options.cancel),
+        // A few chunks are in the hands of the threads that unpack them.
+        cache_bytes_(std::max(options.memory_bytes, 8 * array_.chunkBytes()) -
+                     4 * array_.chunkBytes()),
+        cache_(cache_bytes_) {}
+
+  const VolumeInfo& info() const override { return info_; }
+  std::string identity() const override { return {}; }
+  bool readsBoxes() const override { return true; }
+  std::uint64_t bufferBytes() const override { return cache_bytes_ + 4 * array_.chunkBytes(); }
+
+  std::vector<std::string> files() const override {
+    std::vector<std::string> files = group_files_;
+    for (std::string& file : array_.files(fixed_)) files.push_back(std::move(file));
+    return files;
+  }
+
+  void readRows(std::int64_t first, std::int64_t count, void* out) override {
+    auto* to = static_cast<std::byte*>(out);
+    const Index3& voxels = info_.voxels;
+    while (count > 0) {
+      const std::int64_t y = first % voxels.y, z = first / voxels.y;
+      const bool is_whole = y == 0 && count >= voxels.y;
+      const std::int64_t slices = is_whole ? count / voxels.y : 1;
+      const std::int64_t rows = is_whole ? voxels.y : std::min(voxels.y - y, count);
+      const IndexBox box{Index3(0, y, z), Index3(voxels.x, rows, slices)};
+      readBox(box, to);
+      to += static_cast<std::size_t>(box.size()) * voxelBytes(info_.voxel_type);
+      first += rows * slices;
+      count -= rows * slices;
+    }
+  }
+
+  void readBox(const IndexBox& box, void* out) const override {
+    Index3 size;
+    for (int axis = 0; axis < 3; ++axis) size[axis] = array_.chunk()[axes_[axis]];
+    const Index3 begin = box.first / size, end = (box.end() - Index3(1)) / size + Index3(1);
+    Index3 at;
+    for (at.z = begin.z; at.z < end.z; ++at.z)
+      for (at.y = begin.y; at.y < end.y; ++at.y)
+        for (at.x = begin.x; at.x < end.x; ++at.x) {
+          if (cancel_ != nullptr) cancel_->check();
+          const ChunkCache::Chunk chunk = chunkAt(at);
+          visitVoxelType(info_.voxel_type, [&](auto tag) {
+            using T = typename decltype(tag)::Type;
+            copyChunk(reinterpret_cast<const T*>(chunk->data()), at * size, size, box,
+                      static_cast<T*>(out));
+          });
+        }
+  }
+
+ private:
+  ChunkCache::Chunk chunkAt(const Index3& at) const {
+    Indices index = fixed_;
+    for (std::size_t i = 0; i < index.size(); ++i)
+      if (index[i] >= 0) index[i] /= array_.chunk()[i];
+    for (int axis = 0; axis < 3; ++axis) index[axes_[axis]] = at[axis];
+    if (ChunkCache::Chunk chunk = cache_.find(index)) return chunk;
+    auto voxels = std::make_shared<std::vector<std::byte>>();
+    array_.readChunk(index, *voxels);
+    cache_.add(index, voxels);
+    return voxels;
+  }
+
+  template <typename T>
+  void copyChunk(const T* chunk, const Index3& chunk_first, const Index3& size, const IndexBox& box,
+                 T* out) const {
+    // Where the other axes are, within the chunk.
+    for (std::size_t i = 0; i < fixed_.size(); ++i)
+      if (fixed_[i] >= 0) chunk += fixed_[i] % array_.chunk()[i] * array_.strides()[i];
+    Index3 stride;
+    for (int axis = 0; axis < 3; ++axis) stride[axis] = array_.strides()[axes_[axis]];
+    const Index3 first = glm::max(chunk_first, box.first);
+    const Index3 end = glm::min(chunk_first + size, box.end());
+    for (std::int64_t z = first.z; z < end.z; ++z)
+      for (std::int64_t y = first.y; y < end.y; ++y) {
+        const Index3 in_chunk = Index3(first.x, y, z) - chunk_first;
+        const T* from =
+            chunk + in_chunk.x * stride.x + in_chunk.y * stride.y + in_chunk.z * stride.z;
+        T* to = out + linearIndex(Index3(first.x, y, z) - box.first, box.count);
+        if (stride.x == 1) {
+          std::copy_n(from, end.x - first.x, to);
+          continue;
+        }
+        for (std::int64_t x = first.x; x < end.x; ++x, from += stride.x) *to++ = *from;
+      }
+  }
+
+  VolumeInfo info_;
+  ZarrArray array_;
+  std::array<std::size_t, 3> axes_;
+  Indices fixed_;
+  std::vector<std::string> group_files_;
+  const CancelFlag* cancel_;
+  std::uint64_t cache_bytes_;
+  mutable ChunkCache cache_;
+};
+
+// Opening, step by step.
+class ZarrOpener {
+ public:
+  ZarrOpener(const std::string& path, const OpenOptions& options) : path_(path), options_(options) {
+    while (path_.size() > 1 && path_.back() == '/') path_.pop_back();
+  }
+
+  std::unique_ptr<VolumeSource> open() {
+    findArray();
+    ZarrArray array(array_path_);
+    nameAxes(array);
+    VolumeInfo info;
+    info.source = path_;
+    info.format = multiscale_.is_null() ? "Zarr" : "OME-Zarr";
+    const std::array<std::size_t, 3> axes = {axisNamed("x"), axisNamed("y"), axisNamed("z")};
+    for (int axis = 0; axis < 3; ++axis) info.voxels[axis] = array.shape()[axes[axis]];
+    checkVoxelCounts(path_, info.voxels);
+    const Indices fixed = fixOthers(array, axes, info);
+    place(info, axes);
+    info.voxel_type = array.stored().delivered();
+    if (!array.stored().keepsType()) info.notes.push_back("voxels were converted to float32");
+    tidyGeometry(path_, info.geometry, info.notes);
+    return std::make_unique<ZarrSource>(std::move(info), std::move(array), axes, fixed,
+                                        group_files_, options_);
+  }
+
+ private:
+  // The array, and the image that it is a level of.
+  void findArray() {
+    std::error_code ignored;
+    const Json attributes = attributesOf(path_);
+    multiscale_ = multiscaleOf(attributes);
+    array_path_ = path_;
+    if (!multiscale_.is_null()) {
+      takeGroup(path_, attributes);
+      const Json& datasets = member(multiscale_, "datasets");
+      if (!datasets.is_array() || datasets.empty())
+        throw cannotUse(path_, "its image has no datasets");
+      dataset_ = datasets.front();
+      const std::string name = textOf(member(dataset_, "path"));
+      if (!isInside(name))
+        throw cannotUse(
+            path_, "the name of its level, " + quotedText(name, 60) + ", leads out of the store");
+      array_path_ = path_ + "/" + name;
+      return;
+    }
+    // An array that the folder above knows as a level of its image.
+    const fs::path parent = fs::path(path_).parent_path();
+    const std::string name = fs::path(path_).filename().string();
+    if (parent.empty() || !isZarrFolder(parent.string())) return;
+    const Json above = attributesOf(parent.string());
+    const Json multiscale = multiscaleOf(above);
+    const Json& datasets = member(multiscale, "datasets");
+    if (!datasets.is_array()) return;
+    for (std::size_t i = 0; i < datasets.size(); ++i)
+      if (textOf(member(datasets[i], "path")) == name) {
+        takeGroup(parent.string(), above);
+        multiscale_ = multiscale;
+        dataset_ = datasets[i];
+        is_coarser_ = i > 0;
+      }
+  }
+
+  void takeGroup(const std::string& folder, const Json& attributes) {
+    std::error_code ignored;
+    for (const char* name : {"/zarr.json", "/.zattrs"})
+      if (fs::exists(folder + name, ignored)) group_files_.push_back(folder + name);
+    own_ = member(attributes, "isobrick");
+  }
+
+  // Axes by name, in the order of the array. Before OME-Zarr 0.3 they were always t, c, z, y, x.
+  void nameAxes(const ZarrArray& array) {
+    const std::size_t count = array.shape().size();
+    if (const Json& axes = member(multiscale_, "axes"); axes.is_array())
+      for (const Json& axis : axes) {
+        names_.push_back(axis.is_string() ? textOf(axis) : textOf(member(axis, "name")));
+        units_.push_back(axis.is_object() ? textOf(member(axis, "unit")) : std::string());
+      }
+    else
+      names_ = array.axisNames();
+    const bool has_all = std::all_of(names_.begin(), names_.end(),
+                                     [](const std::string& name) { return !name.empty(); });
+    if (names_.empty() || !has_all) {
+      static constexpr std::array kUsual = {"t", "c", "z", "y", "x"};
+      names_.assign(kUsual.end() - static_cast<std::ptrdiff_t>(count), kUsual.end());
+    }
+    if (names_.size() != count)
+      throw cannotUse(array_path_, "it has " + std::to_string(count) + " axes and " +
+                                       std::to_string(names_.size()) + " names for them");
+    units_.resize(count);
+  }
+
+  std::size_t axisNamed(const std::string& name) const {
+    if (std::count(names_.begin(), names_.end(), name) != 1)
+      throw cannotUse(array_path_,
+                      "it has no axis " + name + ", or two; isobrick needs x, y and z");
+    return static_cast<std::size_t>(std::find(names_.begin(), names_.end(), name) - names_.begin());
+  }
+
+  // An index along every axis that is not of space.
+  Indices fixOthers(const ZarrArray& array, const std::array<std::size_t, 3>& axes,
+                    VolumeInfo& info) const {
+    Indices fixed(names_.size(), 0);
+    for (std::size_t i = 0; i < names_.size(); ++i) {
+      if (std::find(axes.begin(), axes.end(), i) != axes.end()) {
+        fixed[i] = -1;
+        continue;
+      }
+      const bool is_time = names_[i] == "t";
+      const std::int64_t count = array.shape()[i];
+      const auto& wanted = is_time ? options_.time : options_.channel;
+      const std::string kind = is_time ? "time step" : "channel";
+      fixed[i] = wanted.value_or(0);
+      if (fixed[i] < 0 || fixed[i] >= count)
+        throw Error("'" + path_ + "' has the " + kind + "s 0 to " + std::to_string(count - 1) +
+                        ", and not " + std::to_string(fixed[i]) + "; choose one of these",
+                    {.path = path_});
+      if (wanted || count > 1)
+        info.encoding +=
+            (info.encoding.empty() ? "" : "; ") + kind + " " + std::to_string(fixed[i]);
+      if (!wanted && count > 1)
+        info.notes.push_back("of " + std::to_string(count) + " " + kind + "s, the first was taken");
+    }
+    return fixed;
+  }
+
+  void place(VolumeInfo& info, const std::array<std::size_t, 3>& axes) const {
+    if (multiscale_.is_null()) {
+      info.notes.push_back("a plain array has no spacing; 1 was used");
+      return;
+    }
+    const Placement level =
+        placementOf(path_, member(dataset_, "coordinateTransformations"), names_.size());
+    const Placement all =
+        placementOf(path_, member(multiscale_, "coordinateTransformations"), names_.size());
+    std::string unit;
+    for (int axis = 0; axis < 3; ++axis) {
+      const std::size_t i = axes[axis];
+      info.geometry.spacing[axis] = level.scale[i] * all.scale[i];
+      info.geometry.origin[axis] = level.translation[i] * all.scale[i] + all.translation[i];
+      if (!units_[i].empty() && units_[i] != "millimeter") unit = units_[i];
+    }
+    if (!unit.empty()) {
+      info.notes.push_back("world units are " + quotedText(unit, 40) + ", as in the file");
+      info.properties["ome.unit"] = unit;
+    }
+    if (is_coarser_ && !level.has_translation && !all.has_translation && own_.is_null())
+      info.notes.push_back(
+          "the level says no translation; if its voxels are means of finer ones, " +
+          std::string("they lie half a voxel of the finest further"));
+    takeDirection(info);
+  }
+
+  // OME-Zarr 0.4 has no directions; isobrick keeps them beside.
+  void takeDirection(VolumeInfo& info) const {
+    const Json& columns = member(own_, "direction");
+    if (!columns.is_array() || columns.size() != 3) return;
+    glm::dmat3 direction(1.0);
+    for (int axis = 0; axis < 3; ++axis) {
+      const Json& column = columns[static_cast<std::size_t>(axis)];
+      if (!column.is_array() || column.size() != 3) return;
+      for (int row = 0; row < 3; ++row) {
+        const Json& number = column[static_cast<std::size_t>(row)];
+        if (!number.is_number()) return;
+        direction[axis][row] = number.get<double>();
+      }
+    }
+    info.geometry.direction = direction;
+  }
+
+  std::string path_;
+  const OpenOptions& options_;
+  std::string array_path_;
+  Json multiscale_, dataset_, own_;
+  bool is_coarser_ = false;
+  std::vector<std::string> group_files_, names_, units_;
+};
+
+}  // namespace
+
+bool isZarrFolder(const std::string& path) {
+  std::error_code ignored;
+  for (const char* name : {"/zarr.json", "/.zarray", "/.zgroup", "/.zattrs"})
+    if (fs::is_regular_file(path + name, ignored)) return true;
+  return false;
+}
+
+std::unique_ptr<VolumeSource> openZarrSource(const std::string& path, const OpenOptions& options) {
+  return ZarrOpener(path, options).open();
+}
+
+}  // namespace isobrick

@@ -1,0 +1,35 @@
+// Reading and writing open files: the one place that knows of interrupted calls, of calls that do
+// less than they were asked for, and of offsets that no file has.
+#pragma once
+
+#include <sys/uio.h>
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+
+namespace isobrick {
+
+// What became of a request. Callers turn it into an error that names their file and what to do.
+struct IoResult {
+  std::size_t bytes = 0;  // that were read or written, from the first on
+  int error = 0;          // errno of the call that failed; 0: none did
+};
+
+// Reads `bytes` bytes from `offset`, which may be hostile. Fewer without an error: the file ends.
+// Does not move the position of `fd`; by any number of threads at once, as writeBytesAt().
+IoResult readBytesAt(int fd, std::uint64_t offset, void* out, std::size_t bytes);
+
+// Writes all bytes, or fewer with an error (ENOSPC where the system takes none and does not say
+// why).
+IoResult writeBytesAt(int fd, std::uint64_t offset, const void* data, std::size_t bytes);
+// The same of several spans of memory one after the other; changes `spans`.
+IoResult writeBytesAt(int fd, std::uint64_t offset, std::span<iovec> spans);
+// The same at the position of `fd`, which moves behind them.
+IoResult writeNextBytes(int fd, const void* data, std::size_t bytes);
+
+// "at byte 4096: Input/output error", for a request at `offset` that was not fulfilled.
+std::string ioFailureText(std::uint64_t offset, const IoResult& result);
+
+}  // namespace isobrick

@@ -1,0 +1,159 @@
+#include "isobrick/storage/paged_file.h"
+
+#include <fcntl.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+
+#include "isobrick/storage/checksum.h"
+#include "isobrick/storage/error.h"
+#include "isobrick/storage/file_io.h"
+
+namespace isobrick {
+namespace {
+
+// A page fault maps the cached pages around it as well, up to this much (the kernel's default), and
+// they count as ours until they are given back.
+constexpr std::uint64_t kFaultAroundBytes = 64 * 1024;
+
+const std::uint64_t kPageBytes = static_cast<std::uint64_t>(sysconf(_SC_PAGESIZE));
+
+}  // namespace
+
+// The last page of a file once more: to look at it is no use of the file's map, and says nothing of
+// its other pages.
+class FileTail {
+ public:
+  // As PagedFile::PagedFile(); false from isGuarded() where it has no page to look at.
+  FileTail(int fd, std::uint64_t file_bytes) : bytes_((file_bytes - 1) % kPageBytes + 1) {
+    void* const map =
+        mmap(nullptr, bytes_, PROT_READ, MAP_SHARED, fd, static_cast<off_t>(file_bytes - bytes_));
+    if (map == MAP_FAILED) return;
+    map_ = static_cast<std::byte*>(map);
+    is_guarded_ = guard_.guard(map, bytes_);
+    if (!is_guarded_) return;
+    last_ = map_ + bytes_ - 1;
+    while (last_ != map_ && *last_ == std::byte{}) --last_;
+    value_ = *last_;
+  }
+  ~FileTail() {
+    guard_.leave();
+    if (map_ != nullptr) munmap(map_, bytes_);
+  }
+  FileTail(const FileTail&) = delete;
+
+  bool isGuarded() const { return is_guarded_; }
+  bool isThere() const {
+    const std::byte now = *static_cast<const volatile std::byte*>(last_);
+    return now == value_ && !guard_.failedOffset();
+  }
+
+ private:
+  const std::uint64_t bytes_;
+  std::byte* map_ = nullptr;
+  const std::byte* last_ = nullptr;  // that is not zero
+  std::byte value_{};
+  bool is_guarded_ = false;
+  BusErrorGuard guard_;
+};
+
+PagedFile::PagedFile(const std::string& path, FileAccess access) : path_(path) {
+  fd_ = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  if (fd_ < 0)
+    throw Error("cannot open '" + path + "': " + std::strerror(errno) + "; check the path",
+                {.path = path});
+  struct stat status = {};
+  try {
+    if (fstat(fd_, &status) != 0 || !S_ISREG(status.st_mode) || status.st_size == 0)
+      throw Error("cannot read '" + path + "': it is empty or not a file; build it again",
+                  {.path = path});
+    size_ = static_cast<std::uint64_t>(status.st_size);
+    if (access == FileAccess::kMap) map();
+  } catch (...) {
+    ::close(fd_);
+    throw;
+  }
+}
+
+void PagedFile::map() {
+  stamp_ = stamp();
+  void* const map = mmap(nullptr, size_, PROT_READ, MAP_SHARED, fd_, 0);
+  if (map == MAP_FAILED)
+    throw Error("cannot map '" + path_ + "': " + std::strerror(errno) +
+                    "; raise the limit on virtual memory or open it without a map",
+                {.path = path_});
+  tail_ = std::make_unique<FileTail>(fd_, size_);
+  if (!tail_->isGuarded() || !guard_.guard(map, size_)) {
+    munmap(map, size_);
+    throw Error("cannot open '" + path_ + "': " + std::to_string(kMostFiles) +
+                    " pyramids are open already; close some",
+                {.path = path_});
+  }
+  data_ = static_cast<const std::byte*>(map);
+  // Bricks are asked for as a whole; the kernel's guess around a fault would read others too.
+  madvise(map, size_, MADV_RANDOM);
+}
+
+PagedFile::~PagedFile() {
+  guard_.leave();
+  if (data_ != nullptr) munmap(const_cast<std::byte*>(data_), size_);
+  ::close(fd_);
+}
+
+bool PagedFile::isWhole() const {
+  return !isMapped() || (tail_->isThere() && !guard_.failedOffset());
+}
+
+bool PagedFile::reaches(std::uint64_t offset, std::uint64_t bytes) const {
+  if (!isMapped()) return true;
+  BusErrorGuard::keepInFront();
+  struct stat status = {};
+  return !failedOffset(offset, bytes) && fstat(fd_, &status) == 0 &&
+         static_cast<std::uint64_t>(status.st_size) >= offset + bytes;
+}
+
+PagedFile::Stamp PagedFile::stamp() const {
+  constexpr std::int64_t kNanosecondsPerSecond = 1'000'000'000;
+  struct stat status = {};
+  if (fstat(fd_, &status) != 0) return {};
+  return {std::int64_t{status.st_mtim.tv_sec} * kNanosecondsPerSecond + status.st_mtim.tv_nsec,
+          status.st_size};
+}
+
+std::uint64_t PagedFile::edition() const {
+  if (!isMapped()) return 0;
+  const std::lock_guard lock(mutex_);
+  const Stamp now = stamp();
+  if (now != stamp_) ++edition_;
+  stamp_ = now;
+  return edition_;
+}
+
+bool PagedFile::checksum(std::uint64_t offset, std::uint64_t bytes, std::uint64_t* result) const {
+  BusErrorGuard::keepInFront();
+  const std::uint64_t begin = offset / kPageBytes * kPageBytes;
+  std::byte* from = const_cast<std::byte*>(data_ + begin);
+  madvise(from, offset + bytes - begin, MADV_WILLNEED);
+  // One call in place of a fault for every few pages. Kernels before 5.14 do not know it (EINVAL).
+  if (madvise(from, offset + bytes - begin, MADV_POPULATE_READ) != 0 && errno != EINVAL)
+    return false;
+  *result = checksum64(data_ + offset, bytes);
+  return !failedOffset(offset, bytes);
+}
+
+bool PagedFile::read(std::uint64_t offset, std::uint64_t bytes, std::byte* out) const {
+  return readBytesAt(fd_, offset, out, bytes).bytes == bytes;
+}
+
+void PagedFile::release(std::uint64_t offset, std::uint64_t bytes) const {
+  const std::uint64_t begin = offset / kFaultAroundBytes * kFaultAroundBytes;
+  const std::uint64_t end = std::min(
+      size_, (offset + bytes + kFaultAroundBytes - 1) / kFaultAroundBytes * kFaultAroundBytes);
+  madvise(const_cast<std::byte*>(data_ + begin), end - begin, MADV_DONTNEED);
+}
+
+}  // namespace isobrick

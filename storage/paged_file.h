@@ -1,0 +1,104 @@
+// A read-only file whose parts are used in place in its map, or read.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+
+#include "isobrick/storage/bus_error_guard.h"
+
+namespace isobrick {
+
+class FileTail;
+
+// How the bytes of a file come into memory.
+enum class FileAccess {
+  kMap,   // what can be used in place is mapped; the rest is read
+  kRead,  // everything is read, nothing is mapped: for file systems that are far away
+};
+
+// Opens a whole file for reading and, with kMap, maps it. All const members are thread-safe, none
+// is safe in a signal handler; nobody may use the object while it is made or destroyed.
+//
+// A page that cannot be had when it is touched (the file was cut, its disk failed) reads as zeros
+// from then on (see BusErrorGuard, also for what becomes of other handlers of SIGBUS). So whoever
+// used mapped bytes asks failedOffset() of them before the result is believed. What is read is a
+// copy, and it is known at once whether it could be had.
+class PagedFile {
+ public:
+  // Throws Error where the file cannot be opened or mapped, is empty, or too many are mapped at
+  // once (kMostFiles).
+  explicit PagedFile(const std::string& path, FileAccess access = FileAccess::kMap);
+  ~PagedFile();
+  PagedFile(const PagedFile&) = delete;
+  PagedFile& operator=(const PagedFile&) = delete;
+
+  static constexpr std::size_t kMostFiles = BusErrorGuard::kMostRanges / 2;
+
+  const std::string& path() const { return path_; }
+  std::uint64_t size() const { return size_; }
+  bool isMapped() const { return data_ != nullptr; }
+
+  // Copies `bytes` bytes from `offset` to `out`, past the map: what was copied is the caller's
+  // alone and stays as it is, whatever happens to the file. False where they cannot be read.
+  [[nodiscard]] bool read(std::uint64_t offset, std::uint64_t bytes, std::byte* out) const;
+
+  // ---- of a mapped file ----
+
+  const std::byte* data() const { return data_; }
+
+  // Where the page begins that was the first not to be had; nothing while all could be.
+  std::optional<std::uint64_t> failedOffset() const { return guard_.failedOffset(); }
+  // The same of the lowest such page with any of these bytes, at least 1, which lie in the file.
+  std::optional<std::uint64_t> failedOffset(std::uint64_t offset, std::uint64_t bytes) const {
+    return guard_.failedOffset(offset, bytes);
+  }
+
+  // XXH3-64 of `bytes` bytes from `offset`, asked from the disk in one go; leaves the pages
+  // resident. False where a page cannot be had.
+  [[nodiscard]] bool checksum(std::uint64_t offset, std::uint64_t bytes,
+                              std::uint64_t* result) const;
+
+  // Gives the pages of these bytes back to the system, and those that reading it may have mapped
+  // around it. Pages of a neighbour among them stay readable and come from the page cache again.
+  void release(std::uint64_t offset, std::uint64_t bytes) const;
+
+  // ---- what happened to it; of a file that is not mapped always that all is well ----
+
+  // True while no page has failed and the file was not cut: without a system call, for it looks at
+  // the last byte of the file that is not zero, which a cut takes away or makes zero. A cut behind
+  // it changes no byte of the map. Where this is false, reaches() says what is still there.
+  bool isWhole() const;
+
+  // True while the file is still long enough to hold these bytes, and none of their pages failed.
+  bool reaches(std::uint64_t offset, std::uint64_t bytes) const;
+
+  // How often the file was found written to by this: what is in the map may then be other bytes
+  // than were checked. Asks the system for the file's size and the time of its last change, which a
+  // program that writes through a map of its own may change late or never.
+  std::uint64_t edition() const;
+
+ private:
+  // When the file was written to, in nanoseconds, and its size.
+  struct Stamp {
+    std::int64_t written = 0, bytes = 0;
+    bool operator==(const Stamp&) const = default;
+  };
+  Stamp stamp() const;
+  void map();
+
+  std::string path_;
+  const std::byte* data_ = nullptr;
+  std::uint64_t size_ = 0;
+  int fd_ = -1;
+  std::unique_ptr<FileTail> tail_;
+  BusErrorGuard guard_;
+  mutable std::mutex mutex_;  // guards the two below
+  mutable Stamp stamp_;
+  mutable std::uint64_t edition_ = 0;
+};
+
+}  // namespace isobrick

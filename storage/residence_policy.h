@@ -1,0 +1,120 @@
+// Which part goes when the budget is exceeded.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+namespace isobrick {
+
+// Queries go over a file in the same order again and again, each taking most of what the one before
+// took (an isovalue that is moved, a focus that wanders). Of such a cycle that exceeds the budget,
+// a queue of the least recently used keeps just what is needed last, and nothing is ever there; the
+// queues of S3-FIFO are little better, as what returns does so after more than they remember. What
+// would be best is to let the newest go, as it is needed last. So:
+//
+//   settled   parts that stay as long as queries take them
+//   arrivals  parts that came in lately: a sixteenth of the budget, or what is left over by the
+//             settled; they serve for what is taken twice within a query, and the oldest goes
+//
+// An arrival settles where there is room among the settled. A settled part that neither this query
+// nor the one before took is stale: it goes first, and makes that room. All parts are looked at
+// once a query for that.
+//
+// While no query was announced nothing settles, and what was taken longest ago goes, but for one
+// more round where it was taken twice.
+//
+// A part that is taken again moves nothing, it only leaves a note with its owner: so that takes no
+// lock of this. Allocates nothing. Used by one thread at a time.
+class ResidencePolicy {
+ public:
+  // A part that may go, within what its owner keeps of it. Changed by the policy alone.
+  struct Member {
+    std::uint64_t id = 0;
+    std::uint64_t bytes = 0;  // what it costs
+    Member* newer = nullptr;
+    Member* older = nullptr;
+  };
+  // Which of the idle parts is meant: any, one that was not taken since the owner was asked last,
+  // or a stale one.
+  enum class Which { kAny, kTakenOnce, kStale };
+
+  explicit ResidencePolicy(std::uint64_t budget_bytes)
+      : most_settled_bytes_(budget_bytes - budget_bytes / 16) {}
+
+  void beginQuery() {
+    has_queries_ = true;
+    unlooked_ = settled_.count;
+  }
+
+  void add(Member& member) { pushNewest(arrivals_, member); }
+
+  // The one that goes, no more a member; nullptr where all are in use. The owner answers
+  // `takes(member, which)`: true where it is such a part, and nobody can get it any more.
+  template <typename F>
+  Member* takeVictim(F&& takes) {
+    for (; unlooked_ > 0; --unlooked_)
+      if (Member* victim = takeOldest(settled_, Which::kStale, takes)) {
+        --unlooked_;
+        return victim;
+      }
+    // Twice round: for the notes, and for those that had one.
+    for (std::size_t left = 2 * arrivals_.count; left > 0; --left) {
+      if (has_queries_ && settles(*arrivals_.oldest)) {
+        Member& member = *arrivals_.oldest;
+        unlink(arrivals_, member);
+        pushNewest(settled_, member);
+        if (arrivals_.count == 0) break;
+      } else if (Member* victim = takeOldest(arrivals_, Which::kTakenOnce, takes)) {
+        return victim;
+      }
+    }
+    for (std::size_t left = settled_.count; left > 0; --left)
+      if (Member* victim = takeOldest(settled_, Which::kAny, takes)) return victim;
+    return nullptr;
+  }
+
+ private:
+  struct Queue {
+    Member* newest = nullptr;
+    Member* oldest = nullptr;
+    std::uint64_t bytes = 0;
+    std::size_t count = 0;
+  };
+
+  bool settles(const Member& member) const {
+    return settled_.bytes + member.bytes <= most_settled_bytes_;
+  }
+
+  // nullptr where the oldest is not to be had: then it is the newest.
+  template <typename F>
+  static Member* takeOldest(Queue& queue, Which which, F&& takes) {
+    Member& member = *queue.oldest;
+    const bool goes = takes(member, which);
+    unlink(queue, member);
+    if (goes) return &member;
+    pushNewest(queue, member);
+    return nullptr;
+  }
+
+  static void pushNewest(Queue& queue, Member& member) {
+    member.newer = nullptr;
+    member.older = queue.newest;
+    (queue.newest != nullptr ? queue.newest->newer : queue.oldest) = &member;
+    queue.newest = &member;
+    queue.bytes += member.bytes;
+    ++queue.count;
+  }
+  static void unlink(Queue& queue, Member& member) {
+    (member.newer != nullptr ? member.newer->older : queue.newest) = member.older;
+    (member.older != nullptr ? member.older->newer : queue.oldest) = member.newer;
+    queue.bytes -= member.bytes;
+    --queue.count;
+  }
+
+  const std::uint64_t most_settled_bytes_;
+  Queue arrivals_, settled_;
+  std::size_t unlooked_ = 0;  // of the settled, that may be stale
+  bool has_queries_ = false;
+};
+
+}  // namespace isobrick

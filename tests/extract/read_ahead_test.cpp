@@ -1,0 +1,144 @@
+// Bricks come in ahead of the threads that mesh them, each once, and the mesh is the same.
+#include <gtest/gtest.h>
+#include <tbb/task_arena.h>
+
+#include <chrono>
+#include <functional>
+#include <thread>
+
+#include "isobrick/extract/extractor.h"
+#include "isobrick/extract/sinks/counting_sink.h"
+#include "isobrick/extract/surface_mesh.h"
+#include "isobrick/preprocess/phantoms/phantom.h"
+#include "isobrick/preprocess/pyramid_builder.h"
+#include "tests/support/temporary_folder.h"
+
+namespace isobrick::test {
+namespace {
+
+using format::Codec;
+
+// Calls something when the fifth brick with triangles has been meshed.
+class SinkWithAStop : public CountingSink {
+ public:
+  explicit SinkWithAStop(std::function<void()> stop) : stop_(std::move(stop)) {}
+  void place(PlacedBatch& batch) override {
+    CountingSink::place(batch);
+    if (++placed_ == 5) stop_();
+  }
+
+ private:
+  std::function<void()> stop_;
+  int placed_ = 0;
+};
+
+class ReadAheadTest : public testing::TestWithParam<Codec> {
+ protected:
+  void SetUp() override {
+    BuildOptions options;
+    options.brick_cells = 16;
+    options.codec = GetParam();
+    buildPyramid(*makePhantomSource(PhantomSpec{"head", 96, {}, 16}), path_, options);
+    query_.isovalue = 500;
+  }
+  // Gives up after a while, so that a test without read-ahead fails rather than hangs.
+  static void waitForFetched(const Pyramid& pyramid) {
+    for (int n = 0; n < 10000 && pyramid.counters().parts_fetched == 0; ++n)
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  std::uint64_t trianglesOf(const Pyramid& pyramid) const {
+    CountingSink sink;
+    return extractIsosurface(pyramid, query_, sink).triangles;
+  }
+
+  const TemporaryFolder folder_;
+  const std::string path_ = folder_.file("head.isb");
+  Query query_;
+};
+
+TEST_P(ReadAheadTest, EveryPartComesInOnceAndIsUsed) {
+  const Pyramid pyramid(path_);
+  SinkWithAStop sink([&] { waitForFetched(pyramid); });
+  const ExtractionReport report = extractIsosurface(pyramid, query_, sink);
+  const BrickPager::Counters counters = pyramid.counters();
+  EXPECT_GT(report.triangles, 0u);
+  EXPECT_GT(counters.parts_fetched, 0u);
+  EXPECT_EQ(counters.fetched_unused, 0u);
+  EXPECT_EQ(counters.bytes_read, report.bytes_read);
+  EXPECT_EQ(counters.parts_read, counters.misses + counters.parts_fetched);
+}
+
+TEST_P(ReadAheadTest, NothingIsFetchedWhereAllIsThere) {
+  const Pyramid pyramid(path_);
+  const std::uint64_t triangles = trianglesOf(pyramid);
+  const BrickPager::Counters before = pyramid.counters();
+  EXPECT_EQ(trianglesOf(pyramid), triangles);
+  EXPECT_EQ(pyramid.counters().parts_fetched, before.parts_fetched);
+  EXPECT_EQ(pyramid.counters().misses, before.misses);
+}
+
+TEST_P(ReadAheadTest, ACancelledQueryEndsItAndTheNextIsWhole) {
+  const Pyramid pyramid(path_);
+  const std::uint64_t triangles = trianglesOf(Pyramid(path_));
+  CancelFlag cancel;
+  Query query = query_;
+  query.cancel = &cancel;
+  SinkWithAStop sink([&] {
+    waitForFetched(pyramid);
+    cancel.request();
+  });
+  EXPECT_THROW(extractIsosurface(pyramid, query, sink), Cancelled);
+  const std::uint64_t fetched = pyramid.counters().parts_fetched;
+  EXPECT_GT(fetched, 0u);
+  EXPECT_EQ(trianglesOf(pyramid), triangles);
+}
+
+// After the request each thread ends the part that it is at, however long the query takes to end.
+TEST_P(ReadAheadTest, ACancelledQueryReadsNoFurther) {
+  const std::string path = folder_.file("many.isb");
+  BuildOptions options;
+  options.brick_cells = 8;
+  options.codec = GetParam();
+  buildPyramid(*makePhantomSource(PhantomSpec{"head", 128, {}, 16}), path, options);
+  const Pyramid whole(path);
+  trianglesOf(whole);
+  // The threads may have read all before the query is cancelled; in one of some runs they have not.
+  for (int run = 0; run < 50; ++run) {
+    const Pyramid pyramid(path);
+    CancelFlag cancel;
+    Query query = query_;
+    query.cancel = &cancel;
+    std::uint64_t read_before = 0;
+    SinkWithAStop sink([&] {
+      cancel.request();
+      read_before = pyramid.counters().parts_read;
+      std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    });
+    EXPECT_THROW(extractIsosurface(pyramid, query, sink), Cancelled);
+    if (2 * read_before > whole.counters().parts_read) continue;
+    // Four threads read ahead, and a brick has ranges and samples.
+    const auto threads = 4 + static_cast<unsigned>(tbb::this_task_arena::max_concurrency());
+    EXPECT_LE(pyramid.counters().parts_read - read_before, 2 * threads);
+    return;
+  }
+  FAIL() << "all was read before any query could be cancelled";
+}
+
+// Fetched parts make room for each other, and those in use stay.
+TEST_P(ReadAheadTest, KeepsASmallBudget) {
+  const std::uint64_t triangles = trianglesOf(Pyramid(path_));
+  const std::uint64_t budget = 32 * 3 * 20 * 20 * 20 * 2;
+  const Pyramid pyramid(path_, budget);
+  for (int round = 0; round < 3; ++round) EXPECT_EQ(trianglesOf(pyramid), triangles);
+  EXPECT_GT(pyramid.counters().parts_released, 0u);
+  SurfaceMesh mesh;
+  EXPECT_EQ(extractIsosurface(pyramid, query_, mesh).triangles, triangles);
+}
+
+INSTANTIATE_TEST_SUITE_P(All, ReadAheadTest, testing::Values(Codec::kStored, Codec::kZstd),
+                         [](const auto& test) {
+                           return std::string(test.param == Codec::kStored ? "Stored" : "Packed");
+                         });
+
+}  // namespace
+}  // namespace isobrick::test

@@ -1,0 +1,65 @@
+// A sweep over isovalues, as a viewer makes it: what it takes, and what the pager reads for it.
+#pragma once
+
+#include <tbb/global_control.h>
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "isobrick/extract/extractor.h"
+#include "isobrick/extract/sinks/counting_sink.h"
+#include "isobrick/storage/pyramid.h"
+#include "tests/support/replacement.h"
+
+namespace isobrick::test {
+
+struct IsovalueSweep {
+  double first = 0, last = 0;
+  int count = 20;
+
+  Query query(int n) const {
+    Query query;
+    query.isovalue = first + (last - first) * n / (count - 1);
+    return query;
+  }
+};
+
+// Of a pyramid without packed parts, whose parts cost what they have in the file.
+inline TakeTrace traceOf(const std::string& path, const IsovalueSweep& sweep) {
+  const Pyramid pyramid(path);
+  const Extractor extractor(pyramid);
+  TakeTrace trace;
+  std::vector<std::uint8_t> crossed;
+  for (int n = 0; n < sweep.count; ++n) {
+    const ExtractionPlan plan = extractor.plan(sweep.query(n));
+    std::vector<Take>& takes = trace.emplace_back();
+    for (const BrickWork& work : plan.bricks()) {
+      const std::uint64_t id = 2 * pyramid.brickRow(work.level, work.brick);
+      const std::uint64_t range_bytes = pyramid.rangeBytes(work.level, work.brick);
+      if (range_bytes == 0) continue;
+      takes.push_back({id, range_bytes});
+      pyramid.crossedTiles(work.level, work.brick, static_cast<float>(plan.query().isovalue),
+                           crossed);
+      bool is_crossed = false;
+      for (const std::uint8_t tile : crossed) is_crossed = is_crossed || tile != 0;
+      if (is_crossed) takes.push_back({id + 1, pyramid.sampleBytes(work.level, work.brick)});
+    }
+  }
+  return trace;
+}
+
+// Bytes that the pager reads for the sweep, on one thread.
+inline std::uint64_t bytesReadByPager(const std::string& path, const IsovalueSweep& sweep,
+                                      std::uint64_t budget_bytes) {
+  const tbb::global_control one_thread(tbb::global_control::max_allowed_parallelism, 1);
+  const Pyramid pyramid(path, budget_bytes);
+  Extractor extractor(pyramid);
+  for (int n = 0; n < sweep.count; ++n) {
+    CountingSink sink;
+    extractor.extract(sweep.query(n), sink);
+  }
+  return pyramid.counters().bytes_read;
+}
+
+}  // namespace isobrick::test

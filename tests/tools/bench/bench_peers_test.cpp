@@ -1,0 +1,115 @@
+// The real peers: built only where bench_peers is.
+#include "tests/support/command_test.h"
+#include "tools/bench/plain_mesh.h"
+#include "tools/bench/triangle_tree.h"
+
+namespace isobrick {
+namespace {
+
+using namespace test;
+
+class BenchPeersTest : public CommandTest {
+ protected:
+  void makeVolume(const std::string& type) {
+    // Not a multiple of a brick, so that every brick's share of the voxels counts.
+    runWell({"phantom", "gyroid", "--size", "37", "--type", type, "-o", "gyroid.nrrd"});
+    runWell({"build", "gyroid.nrrd", "--brick", "16", "--force"});
+  }
+  static const Json& rowOf(const Json& bench, const std::string& name) {
+    for (const Json& row : bench["rows"])
+      if (row["name"] == name) return row;
+    throw std::runtime_error("no row " + name);
+  }
+};
+
+TEST_F(BenchPeersTest, SayWhatRowsTheyHave) {
+  Words words = {ISOBRICK_BENCH_PEERS, "--list"};
+  const Outcome outcome = wait(start(words));
+  EXPECT_EQ(outcome.status, 0) << outcome.err;
+  EXPECT_EQ(outcome.out,
+            "vtkFlyingEdges3D exact\nvtkSynchronizedTemplates3D exact\nvtkMarchingCubes exact\n"
+            "openvdb-0 approximate\nopenvdb-0.1 approximate\nopenvdb-0.5 approximate\n");
+}
+
+// `bench` finds bench_peers by itself, and puts all its rows beside ours.
+TEST_F(BenchPeersTest, AreBesideOurRows) {
+  makeVolume("u16");
+  const Json bench = runForJson({"bench", "gyroid.isb", "--iso", "32767.5", "--rounds", "1",
+                                 "--repeat", "1", "--threads", "2"});
+  ASSERT_EQ(bench["rows"].size(), 7u);
+  EXPECT_EQ(rowOf(bench, "isobrick")["ratio_to"], "vtkFlyingEdges3D");
+  EXPECT_EQ(rowOf(bench, "vtkFlyingEdges3D")["ratio"], 1.0);
+  double least = 0;
+  for (const char* name : {"openvdb-0", "openvdb-0.1", "openvdb-0.5"}) {
+    const Json& row = rowOf(bench, name);
+    EXPECT_GT(row["prepare_seconds"]["median"], 0) << name;
+    for (const char* way : {"to_finest", "from_finest"}) {
+      EXPECT_GT(row["distance"][way]["mean"], least) << name;
+      EXPECT_LT(row["distance"][way]["mean"], 0.3) << name;
+    }
+    least = row["distance"]["from_finest"]["mean"];
+  }
+  EXPECT_LT(rowOf(bench, "openvdb-0.5")["triangles"], rowOf(bench, "openvdb-0")["triangles"]);
+}
+
+// The peers' voxels are the volume's, in each of its types: the surfaces agree.
+TEST_F(BenchPeersTest, TheirSurfacesAreOurs) {
+  const std::pair<const char*, const char*> types[] = {
+      {"u8", "127.5"}, {"i8", "-0.5"}, {"u16", "32767.5"}, {"i16", "-0.5"}, {"f32", "0.01"}};
+  for (const auto& [type, isovalue] : types) {
+    makeVolume(type);
+    const Json bench = runForJson({"bench", "gyroid.isb", std::string("--iso=") + isovalue,
+                                   "--rounds", "1", "--repeat", "1", "--rows",
+                                   "isobrick,vtkFlyingEdges3D,vtkMarchingCubes,openvdb-0"});
+    const Json& own = rowOf(bench, "isobrick");
+    EXPECT_GT(own["triangles"], 10000);
+    for (const char* name : {"vtkFlyingEdges3D", "vtkMarchingCubes"}) {
+      EXPECT_EQ(rowOf(bench, name)["vertices"], own["vertices"]) << type << " " << name;
+      // Ambiguous faces may be cut differently.
+      EXPECT_NEAR(rowOf(bench, name)["triangles"].get<double>(), own["triangles"].get<double>(),
+                  0.01 * own["triangles"].get<double>())
+          << type << " " << name;
+    }
+    for (const char* way : {"to_finest", "from_finest"})
+      EXPECT_LT(rowOf(bench, "openvdb-0")["distance"][way]["mean"], 0.1) << type;
+  }
+}
+
+// Where VTK puts its vertices, point by point.
+TEST_F(BenchPeersTest, TheVerticesOfAnExactPeerLieOnOurSurface) {
+  makeVolume("u16");
+  const Words words = {
+      ISOBRICK_BENCH_PEERS, "gyroid.isb", "--iso",          "32767.5", "--threads", "1", "--row",
+      "vtkFlyingEdges3D",   "--mesh",     path("peer_mesh")};
+  EXPECT_EQ(wait(start(words)).status, 0);
+  runWell({"bench-row", "gyroid.isb", "--iso", "32767.5", "--row", "isobrick", "--mesh",
+           path("own_mesh")});
+  const PlainMesh peer = readPlainMesh(path("peer_mesh")), own = readPlainMesh(path("own_mesh"));
+  EXPECT_GT(own.triangles.size(), 10000u);
+  for (const auto& [from, to] : {std::pair(&peer, &own), std::pair(&own, &peer)}) {
+    const TriangleTree tree(*to);
+    TriangleTree::Hint hint;
+    double furthest = 0;
+    for (const auto& [x, y, z] : from->positions)
+      furthest = std::max(furthest, tree.distance({x, y, z}, hint));
+    // Ours keep 1/4096 away from an edge's ends.
+    EXPECT_LT(furthest, 1.0 / 2048);
+  }
+}
+
+TEST_F(BenchPeersTest, FailuresAreOneLine) {
+  makeVolume("u8");
+  const auto expectPeerFailure = [&](Words words, const std::string& message) {
+    words.insert(words.begin(), ISOBRICK_BENCH_PEERS);
+    const Outcome outcome = wait(start(words));
+    EXPECT_NE(outcome.status, 0);
+    EXPECT_EQ(outcome.out, "");
+    EXPECT_NE(outcome.err.find(message), std::string::npos) << outcome.err;
+    EXPECT_EQ(outcome.errorLines(), 1) << outcome.err;
+  };
+  expectPeerFailure({"gyroid.isb", "--iso", "1", "--row", "none"}, "there is no row 'none'");
+  expectPeerFailure({"no.isb", "--iso", "1", "--row", "vtkMarchingCubes"}, "no.isb");
+}
+
+}  // namespace
+}  // namespace isobrick

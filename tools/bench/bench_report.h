@@ -1,0 +1,36 @@
+// What a benchmark says: an object of JSON, or tables for people.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "isobrick/storage/grid.h"
+#include "tools/bench/bench_plan.h"
+#include "tools/json_output.h"
+
+namespace isobrick {
+
+// Where and on what it ran.
+struct BenchScene {
+  Index3 voxels{0};
+  std::string voxel_type;
+  std::string processor;
+  int cores = 0;
+  double load_before = 0, load_after = 0;  // processes that wanted to run, mean of a minute
+};
+
+// Reads what the machine says of itself; load_before is that of now.
+BenchScene makeBenchScene(const Index3& voxels, const std::string& voxel_type);
+// Processes that want to run, mean of the last minute.
+double machineLoad();
+
+// {"file", "isovalue", ..., "rows": [{"name", "triangles", "threads", "seconds": {...}, ...}]}: see
+// docs/BENCHMARKS.md. A row that was given up has its name and settings, and "failure".
+Json jsonOfBench(const BenchSettings& settings, const BenchScene& scene,
+                 const std::vector<BenchRow>& rows);
+
+// Tables, one for each setting of cache and pages, then distances.
+std::string textOfBench(const BenchSettings& settings, const BenchScene& scene,
+                        const std::vector<BenchRow>& rows);
+
+}  // namespace isobrick

@@ -1,0 +1,18 @@
+// Our own side of a benchmark, the only file of it that knows how a mesh gets into memory.
+#pragma once
+
+#include <memory>
+
+#include "isobrick/extract/query.h"
+#include "isobrick/storage/paged_file.h"
+#include "tools/bench/surface_engine.h"
+
+namespace isobrick {
+
+// `budget_bytes` bounds what stays of the file, and `access` is how it is read, as in Pyramid. Runs
+// in the calling TBB arena.
+std::unique_ptr<SurfaceEngine> makeIsobrickEngine(const std::string& path,
+                                                  std::uint64_t budget_bytes, FileAccess access,
+                                                  const Query& query);
+
+}  // namespace isobrick

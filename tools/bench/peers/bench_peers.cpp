@@ -1,0 +1,91 @@
+// bench_peers: one row of `isobrick bench` by another library, in a process of its own.
+//
+//   bench_peers --list                                           the rows there are
+//   bench_peers FILE.isb --iso V --threads N --row NAME ...      measures one, prints JSON
+#include <fmt/format.h>
+#include <tbb/global_control.h>
+
+#include <CLI/CLI.hpp>
+#include <array>
+#include <exception>
+#include <optional>
+#include <string_view>
+
+#include "isobrick/storage/error.h"
+#include "tools/bench/peer_rows.h"
+#include "tools/bench/peers/openvdb_engine.h"
+#include "tools/bench/peers/vtk_engines.h"
+#include "tools/bench/row_measurement.h"
+#include "tools/one_line.h"
+
+namespace isobrick {
+namespace {
+
+struct OpenVdbRow {
+  const char* name;
+  double adaptivity;
+};
+constexpr std::array<OpenVdbRow, 3> kOpenVdbRows = {
+    {{"openvdb-0", 0}, {"openvdb-0.1", 0.1}, {"openvdb-0.5", 0.5}}};
+constexpr std::array<const char*, 3> kVtkRows = {"vtkFlyingEdges3D", "vtkSynchronizedTemplates3D",
+                                                 "vtkMarchingCubes"};
+
+std::vector<PeerRow> peerRows() {
+  std::vector<PeerRow> rows;
+  // VTK's vertices lie on the same edges as ours; those of OpenVDB inside of cells.
+  for (const char* name : kVtkRows) rows.push_back({name, false});
+  for (const OpenVdbRow& row : kOpenVdbRows) rows.push_back({row.name, true});
+  return rows;
+}
+
+struct PeerArguments {
+  std::string path;
+  double isovalue = 0;
+  int threads = 1;
+  bool list = false;
+  RowTask task;
+};
+
+std::unique_ptr<SurfaceEngine> makeEngine(const PeerArguments& arguments) {
+  for (const OpenVdbRow& row : kOpenVdbRows)
+    if (arguments.task.row == row.name)
+      return makeOpenVdbEngine(arguments.path, arguments.isovalue, row.adaptivity);
+  auto engine =
+      makeVtkEngine(arguments.task.row, arguments.path, arguments.isovalue, arguments.threads);
+  if (engine == nullptr)
+    throw Error(fmt::format("there is no row '{}'; --list names them", arguments.task.row));
+  return engine;
+}
+
+int run(int argc, char** argv) {
+  if (argc == 2 && std::string_view(argv[1]) == "--list") {
+    fmt::print("{}", textOf(peerRows()));
+    return 0;
+  }
+  PeerArguments arguments;
+  CLI::App app("Isosurfaces by VTK and OpenVDB, for 'isobrick bench'. --list names the rows.");
+  app.add_option("FILE", arguments.path, "Pyramid (.isb) whose voxels are taken")->required();
+  app.add_option("--iso", arguments.isovalue, "Isovalue")->required();
+  app.add_option("--threads", arguments.threads, "Threads to use")->check(CLI::Range(1, 1024));
+  addRowTaskOptions(app, arguments.task);
+  CLI11_PARSE(app, argc, argv);
+
+  // Both libraries run on TBB.
+  const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
+                                  static_cast<std::size_t>(arguments.threads));
+  const auto engine = makeEngine(arguments);
+  fmt::print("{}", textOf(measureRow(arguments.task, *engine)));
+  return 0;
+}
+
+}  // namespace
+}  // namespace isobrick
+
+int main(int argc, char** argv) {
+  try {
+    return isobrick::run(argc, argv);
+  } catch (const std::exception& failure) {
+    fmt::print(stderr, "bench_peers: {}\n", isobrick::oneLine(failure.what()));
+    return 1;
+  }
+}

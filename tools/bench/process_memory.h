@@ -1,0 +1,23 @@
+// What the system says of this process's memory, and the kind of pages it gets.
+#pragma once
+
+#include <cstdint>
+
+namespace isobrick {
+
+// The most memory that was resident at any moment since the process started or forgot its peak.
+// Unlike getrusage()'s it knows nothing of the process that started this one.
+std::uint64_t peakOfProcess();
+// From here on the peak counts anew. Where the system does not let it, the old peak stays.
+void forgetPeak();
+
+// Bytes of this process's own memory that lie in huge pages.
+std::uint64_t hugePageBytes();
+// No huge pages for this process from here on, whatever it or a library asks for. Throws Error
+// where the system refuses.
+void refuseHugePages();
+// The setting (NAME=value) that has the C library ask for huge pages in every large allocation of
+// a program that starts with it; glibc 2.35 and later.
+inline constexpr char kAllocateHugePages[] = "GLIBC_TUNABLES=glibc.malloc.hugetlb=1";
+
+}  // namespace isobrick

@@ -1,0 +1,103 @@
+#include "tools/bench/row_measurement.h"
+
+#include <fmt/format.h>
+#include <sys/resource.h>
+
+#include "isobrick/storage/error.h"
+#include "tools/bench/process_memory.h"
+#include "tools/json_output.h"
+#include "tools/stopwatch.h"
+
+namespace isobrick {
+namespace {
+
+double processorSeconds() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  const auto seconds = [](const timeval& t) {
+    return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec);
+  };
+  return seconds(usage.ru_utime) + seconds(usage.ru_stime);
+}
+
+template <typename Work>
+double secondsOf(Work work) {
+  const Stopwatch watch;
+  work();
+  return watch.seconds();
+}
+
+}  // namespace
+
+RowMeasurement measureRow(const RowTask& task, SurfaceEngine& engine) {
+  if (!task.huge_pages) refuseHugePages();
+  RowMeasurement result;
+  const double begin = processorSeconds();
+  result.load_seconds = secondsOf([&] { engine.load(); });
+  result.prepare_seconds = secondsOf([&] { engine.prepare(); });
+  result.loaded_rss_bytes = peakOfProcess();
+  forgetPeak();
+  result.first_seconds = secondsOf([&] { engine.extract(); });
+
+  result.processor_seconds = processorSeconds() - begin;
+  if (task.cold) {
+    result.seconds = {result.load_seconds + result.prepare_seconds + result.first_seconds};
+  } else {
+    const double before = processorSeconds();
+    for (int i = 0; i < task.repeats; ++i)
+      result.seconds.push_back(secondsOf([&] { engine.extract(); }));
+    result.processor_seconds = (processorSeconds() - before) / task.repeats;
+  }
+
+  result.size = engine.size();
+  result.peak_rss_bytes = peakOfProcess();
+  result.huge_page_bytes = hugePageBytes();
+  result.note = engine.note();
+  if (!task.mesh_path.empty()) writePlainMesh(engine.mesh(), task.mesh_path);
+  return result;
+}
+
+std::string textOf(const RowMeasurement& m) {
+  return Json{{"triangles", m.size.triangles},
+              {"vertices", m.size.vertices},
+              {"output_bytes", m.size.bytes},
+              {"load_seconds", m.load_seconds},
+              {"prepare_seconds", m.prepare_seconds},
+              {"first_seconds", m.first_seconds},
+              {"seconds", m.seconds},
+              {"processor_seconds", m.processor_seconds},
+              {"loaded_rss_bytes", m.loaded_rss_bytes},
+              {"peak_rss_bytes", m.peak_rss_bytes},
+              {"huge_page_bytes", m.huge_page_bytes},
+              {"note", m.note}}
+             .dump() +
+         "\n";
+}
+
+RowMeasurement rowMeasurementOf(const std::string& text) {
+  try {
+    const Json json = Json::parse(text);
+    RowMeasurement m;
+    json.at("triangles").get_to(m.size.triangles);
+    json.at("vertices").get_to(m.size.vertices);
+    json.at("output_bytes").get_to(m.size.bytes);
+    json.at("load_seconds").get_to(m.load_seconds);
+    json.at("prepare_seconds").get_to(m.prepare_seconds);
+    json.at("first_seconds").get_to(m.first_seconds);
+    json.at("seconds").get_to(m.seconds);
+    json.at("processor_seconds").get_to(m.processor_seconds);
+    json.at("loaded_rss_bytes").get_to(m.loaded_rss_bytes);
+    json.at("peak_rss_bytes").get_to(m.peak_rss_bytes);
+    json.at("huge_page_bytes").get_to(m.huge_page_bytes);
+    json.at("note").get_to(m.note);
+    if (!m.seconds.empty()) return m;
+  } catch (const Json::exception&) {
+    // said below
+  }
+  throw Error(
+      fmt::format("'{}' is not what a row's process reports; build isobrick and "
+                  "bench_peers from the same sources",
+                  text.substr(0, 80)));
+}
+
+}  // namespace isobrick

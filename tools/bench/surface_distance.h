@@ -1,0 +1,35 @@
+// How far two surfaces lie apart.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "isobrick/storage/grid.h"
+#include "tools/bench/plain_mesh.h"
+
+namespace isobrick {
+
+// From the points of one surface to the nearest points of another, in voxels. Infinite where the
+// other has no triangles; 0 where the first has no points.
+struct OneWayDistance {
+  double mean = 0;
+  double p99 = 0;  // 99 % of the area is no further away
+  double max = 0;
+  std::uint64_t points = 0;
+};
+
+struct DistanceOptions {
+  // Points are taken evenly from a surface so that there are about that many at most.
+  std::size_t most_points = 2'000'000;
+  // Only points at least a voxel inside of [0, voxels - 1] count: OpenVDB closes surfaces at the
+  // volume's border, where others leave them open.
+  Index3 voxels{0};
+};
+
+// The points are the vertices and the centroids of the triangles; a triangle that is longer than a
+// voxel is cut into pieces of a voxel first. Mean and 99 % are over the area (centroids, each with
+// the area of its piece), the maximum is over all points. Uses the calling TBB arena.
+OneWayDistance distanceFrom(const PlainMesh& from, const PlainMesh& to,
+                            const DistanceOptions& options);
+
+}  // namespace isobrick

@@ -1,0 +1,197 @@
+// isobrick bench: the speed of extraction, beside that of other libraries where bench_peers is.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "isobrick/extract/query.h"
+#include "tools/bench/bench_report.h"
+#include "tools/bench/bench_rounds.h"
+#include "tools/bench/isobrick_engine.h"
+#include "tools/command.h"
+#include "tools/interrupt.h"
+#include "tools/one_line.h"
+#include "tools/own_folder.h"
+#include "tools/parse_text.h"
+#include "tools/parsed_option.h"
+#include "tools/progress_bar.h"
+#include "tools/query_options.h"
+#include "tools/thread_count.h"
+
+namespace isobrick {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct BenchArguments {
+  const CLI::App* parser = nullptr;
+  std::vector<const CLI::Option*> query_options;  // those that extract has too
+  QueryOptions query;
+  BenchSettings settings;
+  std::string cache = "warm", huge_pages = "on", peers;
+  bool json = false;
+};
+
+// The words of the query again, as the user wrote them, for the processes of our own rows: what
+// every row needs, and what makes a query adaptive.
+void splitQueryWords(BenchArguments& arguments) {
+  BenchSettings& settings = arguments.settings;
+  settings.own_words = {arguments.query.path};
+  for (const CLI::Option* const option : arguments.query_options) {
+    const std::string name = option->get_name();
+    if (option->count() == 0 || option->get_positional()) continue;
+    if (name == "--box") throw UsageError("bench compares whole surfaces; leave out --box");
+    if (name == "--threads") continue;
+    const bool of_every_row = name == "--iso" || name == "--memory" || name == "--no-map";
+    std::vector<std::string>& words = of_every_row ? settings.own_words : settings.query_words;
+    words.push_back(name);
+    if (option->get_expected_max() > 0)
+      for (const std::string& value : option->results()) words.push_back(value);
+  }
+  settings.own_words.insert(settings.own_words.end(),
+                            {"--threads", std::to_string(arguments.query.threads)});
+}
+
+std::optional<std::string> findPeers(const std::string& given) {
+  if (!given.empty()) return given;
+  for (const fs::path& folder : {ownFolder(), ownFolder() / ISOBRICK_LIBEXEC_FROM_BIN})
+    if (fs::exists(folder / "bench_peers")) return (folder / "bench_peers").string();
+  return std::nullopt;
+}
+
+// "on", "off" or "both", with the user's words for them.
+std::vector<bool> settingsOf(const std::string& word, const char* off, const char* on) {
+  if (word == off) return {false};
+  if (word == on) return {true};
+  return {false, true};
+}
+
+// Empty where there is none.
+std::string firstFailure(const std::vector<BenchRow>& rows) {
+  for (const BenchRow& row : rows)
+    if (!row.failure.empty()) return fmt::format("row '{}': {}", row.name, row.failure);
+  return {};
+}
+
+int runBench(BenchArguments& arguments) {
+  BenchSettings& settings = arguments.settings;
+  settings.path = arguments.query.path;
+  settings.isovalue = arguments.query.isovalue;
+  settings.threads = arguments.query.threads;
+  settings.cold = settingsOf(arguments.cache, "warm", "cold");
+  settings.huge_pages = settingsOf(arguments.huge_pages, "off", "on");
+  settings.own_executable = ownExecutable().string();
+  splitQueryWords(arguments);
+  settings.peers_executable = findPeers(arguments.peers);
+
+  BenchScene scene;
+  {
+    // Only looked at: what a row needs of the file, its own process opens.
+    const Pyramid pyramid(settings.path);
+    warnOfEmptySurface(arguments.query, pyramid);
+    scene = makeBenchScene(pyramid.lattice().voxels(),
+                           std::string(voxelTypeName(pyramid.spec().voxel_type)));
+  }
+  const CancelFlag* const cancel = &interruptFlag();
+  std::vector<BenchRow> rows = planRows(settings, askPeers(settings, cancel));
+  {
+    ProgressBar bar(0, "rows");
+    const auto progress = [&](const char* what, std::size_t done, std::size_t all) {
+      const auto rows_done = static_cast<double>(done);
+      bar.show(what, rows_done / static_cast<double>(all), rows_done);
+    };
+    measureRows(settings, rows, cancel, progress);
+    if (settings.with_distances)
+      runWithThreads(settings.threads, [&] {
+        measureErrors(settings, scene.voxels, rows, cancel, progress);
+        return 0;
+      });
+  }
+  scene.load_after = machineLoad();
+  const std::string failure = firstFailure(rows);
+  const auto is_measured = [](const BenchRow& row) { return row.failure.empty(); };
+  if (std::none_of(rows.begin(), rows.end(), is_measured)) throw Error(failure);
+  if (arguments.json)
+    printJson(jsonOfBench(settings, scene, rows));
+  else
+    fmt::print("{}", textOfBench(settings, scene, rows));
+  if (failure.empty()) return 0;
+  fmt::print(stderr, "isobrick: {}\n", oneLine(failure));
+  return 1;
+}
+
+struct BenchRowArguments {
+  QueryOptions query;
+  RowTask task;
+};
+
+int runBenchRow(const BenchRowArguments& arguments) {
+  const Query query = [&] {
+    const Pyramid pyramid(arguments.query.path);
+    return makeQuery(arguments.query, pyramid);
+  }();
+  const auto engine = makeIsobrickEngine(arguments.query.path, arguments.query.memory_bytes,
+                                         fileAccess(arguments.query.no_map), query);
+  const std::string text = textOf(
+      runWithThreads(arguments.query.threads, [&] { return measureRow(arguments.task, *engine); }));
+  fmt::print("{}", text);
+  return 0;
+}
+
+}  // namespace
+
+Command addBenchCommand(CLI::App& app) {
+  CLI::App* const sub = app.add_subcommand(
+      "bench", "Measure extraction into memory, beside VTK and OpenVDB where bench_peers is");
+  const auto arguments = std::make_shared<BenchArguments>();
+  addQueryOptions(*sub, arguments->query);
+  const CLI::App* const parser = sub;
+  arguments->query_options = parser->get_options();
+  BenchSettings& settings = arguments->settings;
+  addParsedOption(
+      *sub, "--rounds", settings.rounds,
+      [](const std::string& text) { return parseInteger(text, 1, 1000000); }, "N",
+      "Rounds; in each, every row runs once in a process of its own; default: 5");
+  addParsedOption(
+      *sub, "--repeat", settings.repeats,
+      [](const std::string& text) { return parseInteger(text, 1, 1000000); }, "N",
+      "Measured extractions in such a process, after one that is not; default: 3");
+  sub->add_option(
+         "--cache", arguments->cache,
+         "warm (default): the volume is in memory. cold: the file is dropped from the page "
+         "cache, and the time is that from opening it to the mesh")
+      ->type_name("KIND")
+      ->check(CLI::IsMember({"warm", "cold", "both"}));
+  sub->add_option("--huge-pages", arguments->huge_pages,
+                  "on (default): every row may have huge pages, and asks for them. off: none has")
+      ->type_name("KIND")
+      ->check(CLI::IsMember({"on", "off", "both"}));
+  sub->add_option("--rows", settings.only, "Only these rows, such as isobrick,vtkFlyingEdges3D")
+      ->type_name("NAMES")
+      ->delimiter(',');
+  sub->add_option("--peers", arguments->peers,
+                  "Executable with the rows of other libraries; default: the bench_peers beside "
+                  "this one, if there is one")
+      ->type_name("PATH");
+  sub->add_flag("!--no-distances", settings.with_distances,
+                "Leave out how far adaptive surfaces lie from the finest one");
+  sub->add_flag("--json", arguments->json, "Print one JSON object instead of the tables");
+  sub->footer(
+      "A query with a focus, a level or a tolerance gets a row of its own beside the finest "
+      "surface.");
+  return {sub, [arguments] { return runBench(*arguments); }};
+}
+
+Command addBenchRowCommand(CLI::App& app) {
+  CLI::App* const sub = app.add_subcommand("bench-row", "One row of bench, in this process");
+  sub->group("");  // not for people
+  const auto arguments = std::make_shared<BenchRowArguments>();
+  addQueryOptions(*sub, arguments->query);
+  addRowTaskOptions(*sub, arguments->task);
+  return {sub, [arguments] { return runBenchRow(*arguments); }};
+}
+
+}  // namespace isobrick

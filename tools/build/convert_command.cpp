@@ -1,0 +1,389 @@
+// isobrick convert: volumes and pyramids in, volumes of other formats out.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "isobrick/preprocess/export/formats/export_volume.h"
+#include "isobrick/preprocess/export/source_views.h"
+#include "isobrick/preprocess/input_identity.h"
+#include "isobrick/preprocess/pyramid_builder.h"
+#include "isobrick/preprocess/sources/hdf5_source.h"
+#include "isobrick/preprocess/sources/open_volume.h"
+#include "isobrick/preprocess/sources/pyramid_source.h"
+#include "isobrick/preprocess/sources/zarr_source.h"
+#include "isobrick/storage/error.h"
+#include "isobrick/storage/pyramid.h"
+#include "tools/build/open_input.h"
+#include "tools/byte_size.h"
+#include "tools/command.h"
+#include "tools/interrupt.h"
+#include "tools/json_output.h"
+#include "tools/one_line.h"
+#include "tools/parse_text.h"
+#include "tools/parsed_option.h"
+#include "tools/progress_bar.h"
+#include "tools/stopwatch.h"
+#include "tools/thread_count.h"
+
+namespace isobrick {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct ConvertArguments {
+  InputOptions input;
+  std::string output;
+  int level = 0;
+  std::string levels;  // "all", or empty
+  std::optional<Corners> box;
+  std::optional<ValueWindow> window;
+  std::string type;
+  std::string codec = "lz4";
+  bool no_curvature = false;
+  std::optional<double> background;
+  double tolerance = 0;
+  bool half = false;
+  bool force = false;
+  bool json = false;
+  std::uint64_t memory_bytes = std::uint64_t{512} << 20;
+  int threads = allCores();
+};
+
+bool hasEnding(const std::string& path, const char* ending) {
+  return fs::path(path).extension() == ending;
+}
+
+bool isPyramid(const std::string& path) { return hasEnding(path, ".isb"); }
+
+// What appears at the end: of "file.h5:/path" the file, of "slices/%04d.tif" the folder.
+std::string publishedName(const std::string& output) {
+  if (isHdf5Name(output)) return splitHdf5Name(output).first;
+  const fs::path path(output);
+  if (path.filename().string().find('%') != std::string::npos && path.has_parent_path())
+    return path.parent_path().string();
+  return output;
+}
+
+// Of folders only those are replaced that plainly hold a volume: nobody wants another one gone.
+bool isVolumeFolder(const std::string& folder, const std::string& output) {
+  std::error_code ignored;
+  if (fs::is_empty(folder, ignored) || isZarrFolder(folder)) return true;
+  const fs::path ending = fs::path(output).extension();
+  return folder != output &&
+         std::all_of(fs::directory_iterator(folder, ignored), fs::directory_iterator(),
+                     [&](const fs::directory_entry& entry) {
+                       return entry.is_regular_file() && entry.path().extension() == ending;
+                     });
+}
+
+// A slip of the pen must not cost a scan: the input is never replaced, and nothing else unless that
+// is wished.
+void refusePreciousOutput(const ConvertArguments& arguments,
+                          const std::vector<std::string>& input_files) {
+  std::error_code ignored;
+  const std::string output = publishedName(arguments.output);
+  std::vector<std::string> inputs = input_files;
+  inputs.push_back(isHdf5Name(arguments.input.path) ? splitHdf5Name(arguments.input.path).first
+                                                    : arguments.input.path);
+  const fs::path folder = fs::weakly_canonical(output, ignored);
+  for (const std::string& file : inputs) {
+    const fs::path inside = fs::weakly_canonical(file, ignored).lexically_relative(folder);
+    if (fs::is_directory(output, ignored) && !inside.empty() && *inside.begin() != "..")
+      throw Error(fmt::format("'{}' holds the input; choose another output with -o", output));
+  }
+  if (fs::is_directory(output, ignored) && !isVolumeFolder(output, arguments.output))
+    throw Error(fmt::format(
+        "'{}' is a folder with something else in it; choose another output with -o", output));
+  std::vector<std::string> outputs = {output};
+  if (hasEnding(output, ".mhd"))  // the voxels lie beside it
+    outputs.push_back(fs::path(output).replace_extension(".raw").string());
+  for (const std::string& file : outputs) {
+    const auto is_input = [&](const std::string& input) {
+      return fs::equivalent(input, file, ignored);
+    };
+    if (std::any_of(inputs.begin(), inputs.end(), is_input))
+      throw Error(fmt::format("'{}' is the input; choose another output with -o", file));
+    if (!arguments.force && fs::exists(file, ignored))
+      throw Error(
+          fmt::format("'{}' exists already; replace it with --force, or choose another output "
+                      "with -o",
+                      file));
+  }
+}
+
+// Both corners are in the box; of a coarser level, the samples that lie in it.
+IndexBox boxOfLevel(const Corners& corners, int level) {
+  IndexBox box;
+  const double step = static_cast<double>(std::int64_t{1} << level);
+  for (int axis = 0; axis < 3; ++axis) {
+    box.first[axis] = static_cast<std::int64_t>(std::ceil(corners.lower[axis] / step));
+    box.count[axis] =
+        static_cast<std::int64_t>(std::floor(corners.upper[axis] / step)) + 1 - box.first[axis];
+  }
+  return box;
+}
+
+std::unique_ptr<VolumeSource> withViews(std::unique_ptr<VolumeSource> source,
+                                        const ConvertArguments& arguments, int level) {
+  if (arguments.box)
+    source = makeCroppedSource(std::move(source), boxOfLevel(*arguments.box, level));
+  if (arguments.window)
+    return makeWindowedSource(std::move(source), *arguments.window,
+                              *voxelTypeNamed(arguments.type));
+  if (arguments.type == "f32" && source->info().voxel_type != VoxelType::kFloat32)
+    return makeFloatSource(std::move(source));
+  return source;
+}
+
+VolumeLevels openLevels(const ConvertArguments& arguments) {
+  ProgressBar bar(100, "%");
+  OpenOptions options = openOptionsOf(arguments.input);
+  options.cancel = &interruptFlag();
+  options.progress = [&](std::string_view phase, double share) { bar.show(phase, share); };
+  options.memory_bytes = arguments.memory_bytes / 2;
+  VolumeLevels levels;
+  if (isPyramid(arguments.input.path)) {
+    options.pyramid_level = 0;
+    refuseUnusablePath(arguments.input.path, options);
+    const auto pyramid =
+        std::make_shared<const Pyramid>(arguments.input.path, options.memory_bytes);
+    const bool all = !arguments.levels.empty();
+    const int first = all ? 0 : arguments.level;
+    const int last = all ? pyramid->lattice().levels() - 1 : arguments.level;
+    for (int level = first; level <= last; ++level) {
+      // A box of a coarse level may have a single sample along an axis: no volume any more.
+      if (level > first && arguments.box) {
+        const Index3 count = boxOfLevel(*arguments.box, level).count;
+        if (std::min({count.x, count.y, count.z}) < 2) break;
+      }
+      levels.push_back(
+          withViews(makePyramidSource(pyramid, options.memory_bytes, level, &interruptFlag()),
+                    arguments, level));
+    }
+  } else {
+    levels.push_back(withViews(openVolume(arguments.input.path, options), arguments, 0));
+  }
+  return levels;
+}
+
+struct Converted {
+  VolumeInfo volume;  // of the finest level
+  VolumeWriteReport report;
+  std::size_t levels = 1;
+  double seconds = 0;
+};
+
+// A pyramid of the volume, whatever it was before.
+VolumeWriteReport buildFrom(VolumeSource& source, const ConvertArguments& arguments,
+                            ProgressBar& bar) {
+  BuildOptions options;
+  options.codec = arguments.codec == "none"  ? format::Codec::kStored
+                  : arguments.codec == "lz4" ? format::Codec::kLz4
+                                             : format::Codec::kZstd;
+  options.with_curvature = !arguments.no_curvature;
+  options.tool_version = ISOBRICK_VERSION;
+  options.memory_bytes = arguments.memory_bytes;
+  options.cancel = &interruptFlag();
+  options.progress = [&](std::string_view phase, double share) { bar.show(phase, share); };
+  VolumeWriteReport report;
+  try {
+    report.bytes = buildPyramid(source, arguments.output, options).file_bytes;
+  } catch (const Cancelled&) {
+    // Unlike `build`, convert does not go on with what an earlier run began.
+    for (const char* ending : {".partial", ".partial.journal"}) {
+      std::error_code ignored;
+      fs::remove(arguments.output + ending, ignored);
+    }
+    throw Cancelled();
+  }
+  report.space = "LPS";
+  return report;
+}
+
+Converted convert(const ConvertArguments& arguments) {
+  const Stopwatch watch;
+  refusePreciousOutput(arguments, {});
+  VolumeLevels levels = openLevels(arguments);
+  VolumeSource& source = *levels.front();
+  refusePreciousOutput(arguments, source.files());
+  InputWatch input(source, &interruptFlag());
+
+  Converted converted;
+  converted.volume = source.info();
+  converted.levels = levels.size();
+  ProgressBar bar(static_cast<double>(elementCount(source.info().voxels)) *
+                      static_cast<double>(voxelBytes(source.info().voxel_type)) / 1e6,
+                  "MB");
+  if (isPyramid(arguments.output)) {
+    converted.report = buildFrom(source, arguments, bar);
+  } else {
+    ExportOptions options;
+    options.cancel = &interruptFlag();
+    options.progress = [&](double share) { bar.show("convert", share); };
+    options.memory_bytes = arguments.memory_bytes;
+    options.before_publishing = [&] { input.checkContent(); };
+    if (arguments.background) options.vdb_background = static_cast<float>(*arguments.background);
+    options.vdb_tolerance = arguments.tolerance;
+    options.vdb_half = arguments.half;
+    const std::uint64_t held = source.bufferBytes();
+    constexpr std::uint64_t kLeast = std::uint64_t{8} << 20;
+    if (held > arguments.memory_bytes || arguments.memory_bytes - held < kLeast)
+      throw Error(fmt::format("'{}' takes {} to be read, and {} more to be written",
+                              arguments.input.path, byteSizeText(held), byteSizeText(kLeast)),
+                  {.path = arguments.input.path}, {Remedy::kAllowMoreMemory});
+    options.memory_bytes -= held;
+    converted.report = exportVolume(levels, arguments.output, options);
+  }
+  converted.seconds = watch.seconds();
+  return converted;
+}
+
+Json jsonOfConverted(const ConvertArguments& arguments, const Converted& converted) {
+  const VolumeInfo& volume = converted.volume;
+  Json json;
+  json["input"] = arguments.input.path;
+  json["output"] = arguments.output;
+  json["format"] = volume.format;
+  json["dimensions"] = jsonOf(volume.voxels);
+  json["voxel_type"] = voxelTypeName(volume.voxel_type);
+  json["spacing"] = jsonOf(volume.geometry.spacing);
+  json["origin"] = jsonOf(volume.geometry.origin);
+  json["direction"] = Json::array();
+  for (int axis = 0; axis < 3; ++axis)
+    json["direction"].push_back(jsonOf(glm::dvec3(volume.geometry.direction[axis])));
+  json["levels"] = converted.levels;
+  json["space"] = converted.report.space;
+  json["notes"] = volume.notes;
+  json["lost"] = converted.report.lost;
+  json["bytes"] = converted.report.bytes;
+  json["seconds"] = converted.seconds;
+  json["threads"] = arguments.threads;
+  json["peak_rss_bytes"] = peakResidentBytes();
+  return json;
+}
+
+void printConverted(const ConvertArguments& arguments, const Converted& converted) {
+  const VolumeInfo& volume = converted.volume;
+  const double megabytes = static_cast<double>(elementCount(volume.voxels)) *
+                           static_cast<double>(voxelBytes(volume.voxel_type)) / 1e6;
+  fmt::print("{}: {}x{}x{} {} voxels{}, world in {}; {} in {:.2f} s, {:.0f} MB/s\n",
+             oneLine(arguments.output), volume.voxels.x, volume.voxels.y, volume.voxels.z,
+             voxelTypeName(volume.voxel_type),
+             converted.levels > 1 ? fmt::format(" in {} levels", converted.levels) : "",
+             converted.report.space, byteSizeText(converted.report.bytes), converted.seconds,
+             megabytes / std::max(converted.seconds, 1e-9));
+  for (const std::string& note : volume.notes) fmt::print("note: {}\n", oneLine(note));
+}
+
+// What a format drops is no failure, but nobody should find out later.
+void warnOfLoss(const ConvertArguments& arguments, const Converted& converted) {
+  for (const std::string& lost : converted.report.lost)
+    fmt::print(stderr, "isobrick: warning: '{}': {}\n", oneLine(arguments.output), oneLine(lost));
+}
+
+void checkUsage(const ConvertArguments& arguments) {
+  refuseKnownMisfits(arguments.input);
+  if (!isPyramid(arguments.input.path) && (arguments.level > 0 || !arguments.levels.empty()))
+    throw UsageError("only pyramids (.isb) have levels; leave out --level and --levels");
+  if (arguments.window && (arguments.type.empty() || arguments.type == "f32"))
+    throw UsageError("--window needs the type that its values are spread over: --type u8");
+  if (!arguments.window && !arguments.type.empty() && arguments.type != "f32")
+    throw UsageError(
+        "--type makes integers of the values within --window LO,HI; give it, or --type f32");
+  if (!isPyramid(arguments.output))
+    refuseUnknownExport(arguments.output, !arguments.levels.empty());
+  else if (!arguments.levels.empty())
+    throw UsageError("a pyramid makes its own levels; leave out --levels");
+}
+
+int runConvert(ConvertArguments& arguments) {
+  checkUsage(arguments);
+  const Converted converted = runWithThreads(arguments.threads, [&] { return convert(arguments); });
+  if (arguments.json)
+    printJson(jsonOfConverted(arguments, converted));
+  else
+    printConverted(arguments, converted);
+  warnOfLoss(arguments, converted);
+  return 0;
+}
+
+// "LO,HI"
+ValueWindow parseWindow(const std::string& text) {
+  const std::size_t comma = text.find(',');
+  if (comma == std::string::npos)
+    throw std::invalid_argument(fmt::format("'{}' is not LO,HI: two numbers", text));
+  const ValueWindow window{parseNumber(text.substr(0, comma)), parseNumber(text.substr(comma + 1))};
+  if (!(window.low < window.high))
+    throw std::invalid_argument(fmt::format("'{}': the lower value comes first", text));
+  return window;
+}
+
+}  // namespace
+
+Command addConvertCommand(CLI::App& app) {
+  CLI::App* const sub = app.add_subcommand("convert", kConvertDescription);
+  const auto arguments = std::make_shared<ConvertArguments>();
+  sub->add_option("IN", arguments->input.path,
+                  "Pyramid (.isb), or a volume in any format that `build` reads")
+      ->type_name("PATH")
+      ->required();
+  sub->add_option("-o,--output", arguments->output,
+                  "What to write; the ending says the format: .isb, .nrrd, .mhd, .mha, .nii, "
+                  ".nii.gz, .vti, .vdb, .ome.zarr, .h5 (or file.h5:/path), .tif, .raw, or "
+                  "slices: folder/%04d.exr, folder/%04d.tif")
+      ->type_name("OUT")
+      ->required();
+  CLI::Option* const level = addParsedOption(
+      *sub, "--level", arguments->level,
+      [](const std::string& text) { return parseInteger(text, 0, 20); }, "L",
+      "Of a pyramid, the level to write; default: 0, the finest");
+  sub->add_option("--levels", arguments->levels, "Of a pyramid, all levels (.vdb, .ome.zarr)")
+      ->type_name("all")
+      ->check(CLI::IsMember({"all"}))
+      ->excludes(level);
+  addParsedOption(*sub, "--box", arguments->box, parseCorners, "X0,Y0,Z0,X1,Y1,Z1",
+                  "Only these voxels, both corners included, in voxel indices of level 0");
+  addParsedOption(*sub, "--window", arguments->window, parseWindow, "LO,HI",
+                  "Spread the values from LO to HI over all of the integers of --type; what lies "
+                  "outside becomes the nearest of them");
+  sub->add_option("--type", arguments->type,
+                  "Voxels to write: u8, i8, u16 or i16 of a --window, or f32; default: as they are")
+      ->type_name("T")
+      ->check(CLI::IsMember({"u8", "i8", "u16", "i16", "f32"}));
+  addParsedOption(
+      *sub, "--background", arguments->background, parseSingle, "V",
+      "Value of what a .vdb does not store; default: that of the .vdb it came from, or 0");
+  addParsedOption(
+      *sub, "--tolerance", arguments->tolerance,
+      [](const std::string& text) { return parseNumberFrom(text, 0); }, "T",
+      "Voxels no further than T from the background are not stored in a .vdb; default: 0");
+  sub->add_flag("--half", arguments->half, "Half floats in a .vdb");
+  sub->add_option("--codec", arguments->codec,
+                  "How the bricks of an .isb are packed: none, lz4 or zstd; default: lz4")
+      ->type_name("C")
+      ->check(CLI::IsMember({"none", "lz4", "zstd"}));
+  sub->add_flag("--no-curvature", arguments->no_curvature,
+                "An .isb without what extract needs for --curvature");
+  sub->add_flag("--force", arguments->force, "Replace what exists (never the input)");
+  addParsedOption(*sub, "--memory", arguments->memory_bytes, parseByteSize, "SIZE",
+                  "Bound of all buffers, such as 300M or 2G; default: 512M");
+  addThreadsOption(*sub, arguments->threads);
+  sub->add_flag("--json", arguments->json, "Print one JSON object instead of the summary");
+  addOpenOptions(*sub, arguments->input);
+  sub->footer(R"(
+World coordinates are taken as LPS millimetres (DICOM, ITK); the summary says in which space the
+output is. What its format cannot keep is warned of, a line each. docs/FORMATS.md has the table.)");
+  return {sub, [arguments] {
+            if (isPyramid(arguments->input.path)) arguments->input.pyramid_level = arguments->level;
+            return runConvert(*arguments);
+          }};
+}
+
+}  // namespace isobrick
