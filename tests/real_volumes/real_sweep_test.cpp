@@ -21,15 +21,17 @@ TEST(RealSweep, ReadsLittleMoreThanTheOptimumAtHalfTheWorkingSet) {
   const TakeTrace trace = traceOf(path, sweep);
   const std::uint64_t all = workingSetBytes(trace);
   const std::uint64_t optimum = bytesReadByBelady(trace, all / 2);
-  const std::uint64_t read = bytesReadByPager(path, sweep, all / 2);
+  const std::uint64_t read = bytesReadByPager(path, trace, all / 2);
   const std::uint64_t lru = bytesReadByLru(trace, all / 2);
+  const std::uint64_t queries = bytesReadByQueries(path, sweep, all / 2);
   RecordProperty("working_set", std::to_string(all));
   RecordProperty("optimum", std::to_string(optimum));
   RecordProperty("policy", std::to_string(bytesReadByPolicy(trace, all / 2)));
   RecordProperty("pager", std::to_string(read));
+  RecordProperty("queries", std::to_string(queries));
   RecordProperty("lru", std::to_string(lru));
   EXPECT_LE(static_cast<double>(read), 1.3 * static_cast<double>(optimum));
-  EXPECT_LT(read, lru);
+  EXPECT_LT(queries, lru);
 }
 
 }  // namespace

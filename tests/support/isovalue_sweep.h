@@ -49,9 +49,29 @@ inline TakeTrace traceOf(const std::string& path, const IsovalueSweep& sweep) {
   return trace;
 }
 
-// Bytes that the pager reads for the sweep, on one thread.
-inline std::uint64_t bytesReadByPager(const std::string& path, const IsovalueSweep& sweep,
+// Bytes that the pager reads where the parts of the trace are taken one after the other, and none
+// ahead of need: the same each time.
+inline std::uint64_t bytesReadByPager(const std::string& path, const TakeTrace& trace,
                                       std::uint64_t budget_bytes) {
+  const Pyramid pyramid(path, budget_bytes);
+  std::vector<ValueRange> ranges;
+  for (const std::vector<Take>& query : trace) {
+    pyramid.beginQuery();
+    for (const Take& take : query) {
+      const auto [level, brick] = pyramid.brickAt(take.id / 2);
+      if (take.id % 2 == 0)
+        pyramid.tileRanges(level, brick, ranges);
+      else
+        pyramid.samples(level, brick);
+    }
+  }
+  return pyramid.counters().bytes_read;
+}
+
+// Bytes that it reads for the sweep's queries. What is read ahead comes in an order that the
+// threads' luck decides, and so does what goes to make room.
+inline std::uint64_t bytesReadByQueries(const std::string& path, const IsovalueSweep& sweep,
+                                        std::uint64_t budget_bytes) {
   const tbb::global_control one_thread(tbb::global_control::max_allowed_parallelism, 1);
   const Pyramid pyramid(path, budget_bytes);
   Extractor extractor(pyramid);
