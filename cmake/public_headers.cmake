@@ -52,5 +52,6 @@ if(ISOBRICK_WITH_VIEWER)
     viewer/image.h
     viewer/image_writer.h
     viewer/offscreen_renderer.h
+    viewer/placed_camera.h
     viewer/render_camera.h)
 endif()

@@ -179,7 +179,8 @@ void OffscreenRenderer::Context::drawSurface(const RenderMesh& mesh, const Rende
 
   const glm::dmat3 eye_to_world(camera.right, camera.up, -camera.forward);
   const glm::mat3 world_to_eye(glm::transpose(eye_to_world));
-  const DepthRange depth = depthRangeOf(mesh_box, camera);
+  const DepthRange depth =
+      depthRangeOf(WorldBox{glm::dvec3(mesh_box.lower), glm::dvec3(mesh_box.upper)}, camera);
   const glm::vec4 projection(1.0 / camera.half_width, 1.0 / camera.half_height,
                              -(depth.far + depth.near) / (depth.far - depth.near),
                              -2.0 * depth.far * depth.near / (depth.far - depth.near));

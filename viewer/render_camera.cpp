@@ -17,15 +17,6 @@ bool isEmpty(const RenderBox& box) {
   return !(box.lower.x <= box.upper.x && box.lower.y <= box.upper.y && box.lower.z <= box.upper.z);
 }
 
-std::array<glm::dvec3, 8> cornersOf(const RenderBox& box) {
-  std::array<glm::dvec3, 8> corners;
-  for (unsigned i = 0; i < corners.size(); ++i) {
-    corners[i] = {i & 1u ? box.upper.x : box.lower.x, i & 2u ? box.upper.y : box.lower.y,
-                  i & 4u ? box.upper.z : box.lower.z};
-  }
-  return corners;
-}
-
 void placeLookAt(const LookAtCamera& look_at, PlacedCamera& camera) {
   camera.eye = look_at.eye;
   camera.forward = glm::normalize(look_at.target - look_at.eye);
@@ -103,7 +94,8 @@ PlacedCamera placeCamera(const RenderOptions& options, const RenderMesh& mesh) {
   }
   turnOrbit(options.orbit, camera);
   if (options.orbit.box && !isEmpty(*options.orbit.box)) {
-    const std::array<glm::dvec3, 8> corners = cornersOf(*options.orbit.box);
+    const std::array<glm::dvec3, 8> corners = cornersOf(
+        WorldBox{glm::dvec3(options.orbit.box->lower), glm::dvec3(options.orbit.box->upper)});
     fitPoints(std::span<const glm::dvec3>(corners), camera);
   } else if (!mesh.positions.empty()) {
     fitPoints(mesh.positions, camera);
@@ -119,20 +111,6 @@ RenderBox boundsOf(std::span<const glm::vec3> positions) {
     box.upper = glm::max(box.upper, position);
   }
   return box;
-}
-
-DepthRange depthRangeOf(const RenderBox& box, const PlacedCamera& camera) {
-  if (isEmpty(box)) return {};
-  double least = std::numeric_limits<double>::infinity();
-  double greatest = -least;
-  for (const glm::dvec3& corner : cornersOf(box)) {
-    const double depth = glm::dot(corner - camera.eye, camera.forward);
-    least = std::min(least, depth);
-    greatest = std::max(greatest, depth);
-  }
-  if (greatest <= 0.0) return {};
-  const double far = 1.001 * greatest;
-  return {std::max(0.999 * least, 1e-4 * far), far};
 }
 
 }  // namespace isobrick

@@ -1,0 +1,180 @@
+// Views as JSON, in their bounds, and as queries.
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "isobrick/storage/error.h"
+#include "isobrick/viewer/state/view_state_json.h"
+#include "tests/support/temporary_folder.h"
+
+namespace isobrick {
+namespace {
+
+// No field has its default.
+ViewState fullState() {
+  ViewState state;
+  state.camera = {{1.1, -2.2, 3.3}, 44.4, -170.25, 33.5, 41.0, true};
+  state.surfaces = {{512.5, {0.1f, 0.2f, 0.3f}, 0.25, false},
+                    {-3.0, {0.91f, 0.8f, 0.7f}, 0.5, false}};
+  state.active_surface = 1;
+  state.focus = {{10.0, 20.5, 30.0}, 77.7, true, false};
+  state.curvature_tolerance = 0.125;
+  state.clip_planes = {{{0.36, 0.48, 0.8}, -12.5, false, false}};
+  state.slices = {{{true, 3.0}, {true, 4.0}, {true, 5.0}}};
+  state.value_window = {-100.0, 1500.0};
+  state.coloring = ViewColoring::kLevel;
+  state.lighting = ViewLighting::kHeadlight;
+  state.wireframe = true;
+  state.show_box = false;
+  state.background_top = {0.11f, 0.12f, 0.13f};
+  state.background_bottom = {0.21f, 0.22f, 0.23f};
+  return state;
+}
+
+ViewVolume someVolume() {
+  ViewVolume volume;
+  volume.voxels = {101, 51, 21};
+  volume.geometry.spacing = {0.5, 1.0, 2.0};
+  volume.geometry.origin = {1000.0, -30.0, 5.0};
+  volume.least_value = -1000.0;
+  volume.greatest_value = 3000.0;
+  return volume;
+}
+
+TEST(ViewStateTest, EveryFieldSurvivesTheWayThroughJson) {
+  const ViewState full = fullState();
+  EXPECT_EQ(viewStateFromJson(viewStateToJson(full)), full);
+  // No leaf of it is what a new view has, so none was left out above; which fields there are, the
+  // structured bindings of view_state_json.cpp see to.
+  const auto flat = [](const ViewState& state) {
+    return nlohmann::json::parse(viewStateToJson(state)).flatten();
+  };
+  ViewState plain;
+  plain.surfaces.resize(2);
+  plain.clip_planes.resize(1);
+  const nlohmann::json with = flat(full), without = flat(plain);
+  for (const auto& leaf : without.items()) {
+    ASSERT_TRUE(with.contains(leaf.key())) << leaf.key();
+    EXPECT_NE(with[leaf.key()], leaf.value()) << leaf.key();
+  }
+}
+
+TEST(ViewStateTest, DoublesComeBackToTheBit) {
+  ViewState state;
+  state.camera.distance = 0.1 + 0.2;
+  state.surfaces[0].isovalue = 1.0 / 3.0;
+  state.surfaces[0].color = {0.1f, 1.0f / 3.0f, 0.7f};
+  EXPECT_EQ(viewStateFromJson(viewStateToJson(state)), state);
+}
+
+TEST(ViewStateTest, MissingFieldsKeepTheirDefaults) {
+  ViewState expected;
+  expected.wireframe = true;
+  expected.focus.radius = 12.0;
+  EXPECT_EQ(viewStateFromJson(R"({"wireframe": true, "focus": {"radius": 12}})"), expected);
+}
+
+TEST(ViewStateTest, WrongTextIsRefusedByTheNameOfTheField) {
+  const auto refusal = [](const std::string& text) -> std::string {
+    try {
+      viewStateFromJson(text);
+    } catch (const Error& error) {
+      return error.what();
+    }
+    return "accepted";
+  };
+  EXPECT_EQ(refusal("{"), "the view is not JSON");
+  EXPECT_EQ(refusal("[]"), "the view's 'view' is not an object");
+  const std::pair<const char*, const char*> cases[] = {
+      {R"({"wirefram": true})", "wirefram"},
+      {R"({"camera": {"distance": "far"}})", "camera.distance"},
+      {R"({"camera": {"distance": 0}})", "camera.distance"},
+      {R"({"camera": {"vertical_fov": 400}})", "camera.vertical_fov"},
+      {R"({"camera": {"pivot": [1, 2]}})", "camera.pivot"},
+      {R"({"camera": {"pivot": [1, 2, 1e300]}})", "camera.pivot[2]"},
+      {R"({"coloring": "blue"})", "coloring"},
+      {R"({"surfaces": []})", "surfaces"},
+      {R"({"surfaces": [{"visible": 1}]})", "surfaces[0].visible"},
+      {R"({"active_surface": 1})", "active_surface"},
+      {R"({"active_surface": -1})", "active_surface"},
+      {R"({"active_surface": 0.5})", "active_surface"},
+      {R"({"curvature_tolerance": -1})", "curvature_tolerance"},
+      {R"({"focus": {"radius": 0}})", "focus.radius"},
+      {R"({"slices": [{}]})", "slices"},
+      {R"({"clip_planes": [{}, {}, {}, {}, {}, {}, {}]})", "clip_planes"},
+  };
+  for (const auto& [text, field] : cases) {
+    const std::string said = refusal(text);
+    EXPECT_NE(said.find("'" + std::string(field) + "'"), std::string::npos) << said;
+  }
+}
+
+TEST(ViewStateTest, FilesNameThemselvesInErrors) {
+  const test::TemporaryFolder folder;
+  const std::string path = folder.path() + "/view.json";
+  EXPECT_THROW(readViewState(path), Error);
+  writeViewState(path, fullState());
+  EXPECT_EQ(readViewState(path), fullState());
+}
+
+TEST(ViewStateTest, BoundsPutEverythingIntoTheVolume) {
+  const ViewVolume volume = someVolume();
+  ViewState wild = fullState();
+  wild.surfaces.clear();
+  wild.active_surface = 17;
+  wild.focus.center = {-5.0, 1e9, 7.0};
+  wild.focus.radius = 1e9;
+  wild.clip_planes.assign(9, ViewClipPlane{{0.0, 0.0, 5.0}, 0.0, true, true});
+  wild.slices[2].position = 300.0;
+  wild.camera.distance = 0.0;
+  const ViewState tame = bounded(wild, volume);
+  EXPECT_EQ(tame.surfaces.size(), 1u);
+  EXPECT_EQ(tame.active_surface, 0);
+  EXPECT_EQ(tame.focus.center, glm::dvec3(0.0, 50.0, 7.0));
+  EXPECT_EQ(tame.focus.radius, volume.diagonal());
+  EXPECT_EQ(tame.clip_planes.size(), kMostClipPlanes);
+  EXPECT_EQ(tame.clip_planes[0].normal, glm::dvec3(0.0, 0.0, 1.0));
+  EXPECT_EQ(tame.slices[2].position, 20.0);
+  EXPECT_GT(tame.camera.distance, 0.0);
+  EXPECT_EQ(bounded(tame, volume), tame);
+  const ViewState first = firstView(volume, 1.5);
+  EXPECT_EQ(bounded(first, volume), first);
+}
+
+TEST(ViewStateTest, QueriesFollowTheFocusUpToAllOfTheVolume) {
+  const ViewVolume volume = someVolume();
+  ViewState state = firstView(volume, 1.0);
+  state.surfaces[0].isovalue = 300.0;
+  const Query near = queryOf(state, volume, 0, 5.0);
+  EXPECT_EQ(near.isovalue, 300.0);
+  ASSERT_TRUE(near.focus);
+  EXPECT_EQ(near.focus->center, state.focus.center);
+  EXPECT_EQ(near.focus->radius, 5.0);
+  EXPECT_FALSE(queryOf(state, volume, 0, volume.diagonal()).focus);
+  EXPECT_EQ(wantedRadius(state, volume), state.focus.radius);
+  state.focus.everywhere = true;
+  EXPECT_EQ(wantedRadius(state, volume), volume.diagonal());
+}
+
+TEST(ViewStateTest, OnlyWhatChangesTrianglesAsksForThem) {
+  const ViewState state = fullState();
+  const auto asks = [&](const auto& change) {
+    ViewState other = state;
+    change(other);
+    return !asksForTheSame(state, other);
+  };
+  EXPECT_FALSE(asks([](ViewState& s) { s.camera.azimuth += 1.0; }));
+  EXPECT_FALSE(asks([](ViewState& s) { s.wireframe = !s.wireframe; }));
+  EXPECT_FALSE(asks([](ViewState& s) { s.surfaces[0].color.r = 1.0f; }));
+  EXPECT_FALSE(asks([](ViewState& s) { s.clip_planes.clear(); }));
+  EXPECT_TRUE(asks([](ViewState& s) { s.surfaces[1].isovalue += 1.0; }));
+  EXPECT_TRUE(asks([](ViewState& s) { s.surfaces.pop_back(); }));
+  EXPECT_TRUE(asks([](ViewState& s) { s.surfaces[0].visible = true; }));
+  EXPECT_TRUE(asks([](ViewState& s) { s.focus.radius += 1.0; }));
+  EXPECT_TRUE(asks([](ViewState& s) { s.focus.center.x += 1.0; }));
+  EXPECT_TRUE(asks([](ViewState& s) { s.curvature_tolerance.reset(); }));
+}
+
+}  // namespace
+}  // namespace isobrick

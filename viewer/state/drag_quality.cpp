@@ -1,0 +1,40 @@
+#include "isobrick/viewer/state/drag_quality.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace isobrick {
+
+DragQuality measured(const DragQuality& quality, double radius, std::uint64_t triangles,
+                     double seconds) {
+  DragQuality next = quality;
+  constexpr std::uint64_t kFewest = 1000;
+  if (triangles >= kFewest && seconds > 0.0) {
+    const double rate = static_cast<double>(triangles) / seconds;
+    constexpr double kWeight = 0.3;  // of the new figure
+    next.triangles_per_second =
+        quality.triangles_per_second == 0.0
+            ? rate
+            : quality.triangles_per_second + kWeight * (rate - quality.triangles_per_second);
+  }
+  const double fitting = kDragSeconds * next.triangles_per_second;
+  // Of an empty surface the time is all there is to go by.
+  const double share = triangles >= kFewest ? fitting / static_cast<double>(triangles)
+                                            : kDragSeconds / std::max(seconds, 1e-3);
+  next.radius = std::max(kLeastRadius, radius * std::clamp(std::sqrt(share), 0.5, 2.0));
+  return next;
+}
+
+std::vector<double> passRadii(double quick, double wanted) {
+  std::vector<double> radii;
+  for (double radius = std::min(std::max(quick, kLeastRadius), wanted); radius < wanted;
+       radius *= 2.0) {
+    // A last step that is hardly one is left out.
+    if (1.4 * radius >= wanted && !radii.empty()) break;
+    radii.push_back(radius);
+  }
+  radii.push_back(wanted);
+  return radii;
+}
+
+}  // namespace isobrick

@@ -1,0 +1,94 @@
+// What hands do, as plain data: from a window, or from a script.
+#pragma once
+
+#include <array>
+#include <optional>
+#include <string_view>
+
+namespace isobrick {
+
+enum class MouseButton { kLeft, kMiddle, kRight };
+
+// The keys that the viewer knows, beside text.
+enum class Key {
+  kNone,
+  kA,
+  kB,
+  kC,
+  kD,
+  kE,
+  kF,
+  kG,
+  kH,
+  kI,
+  kJ,
+  kK,
+  kL,
+  kM,
+  kN,
+  kO,
+  kP,
+  kQ,
+  kR,
+  kS,
+  kT,
+  kU,
+  kV,
+  kW,
+  kX,
+  kY,
+  kZ,
+  kPad1,
+  kPad3,
+  kPad5,
+  kPad7,
+  kLeft,
+  kRight,
+  kUp,
+  kDown,
+  kTab,
+  kEscape,
+  kEnter,
+  kBackspace,
+  kDelete,
+  kHome,
+  kEnd,
+  kF12,
+};
+inline constexpr std::array<std::string_view, 43> kKeyNames{
+    "",   "A",    "B",   "C",      "D",     "E",         "F",      "G",    "H",    "I",    "J",
+    "K",  "L",    "M",   "N",      "O",     "P",         "Q",      "R",    "S",    "T",    "U",
+    "V",  "W",    "X",   "Y",      "Z",     "PAD1",      "PAD3",   "PAD5", "PAD7", "LEFT", "RIGHT",
+    "UP", "DOWN", "TAB", "ESCAPE", "ENTER", "BACKSPACE", "DELETE", "HOME", "END",  "F12"};
+inline constexpr std::size_t kKeyCount = kKeyNames.size();
+static_assert(static_cast<std::size_t>(Key::kF12) + 1 == kKeyCount);
+
+std::optional<Key> keyNamed(std::string_view name);
+
+struct InputEvent {
+  enum class Kind {
+    kMove,        // the cursor is at x, y
+    kPress,       // of `button`
+    kRelease,     // of `button`
+    kWheel,       // by `amount` notches, away from the hand
+    kKeyPress,    // of `key`; repeats of a held key too
+    kKeyRelease,  // of `key`
+    kText,        // the character `character`
+    kResize,      // of the picture: to x by y pixels, 0 while the window is minimised
+    kClose,       // the window is to go
+  };
+
+  Kind kind = Kind::kMove;
+  double x = 0.0;  // pixels from the left
+  double y = 0.0;  // pixels from the top
+  MouseButton button = MouseButton::kLeft;
+  Key key = Key::kNone;
+  double amount = 0.0;
+  unsigned character = 0;
+  bool shift = false, control = false;
+  bool repeated = false;  // a key that is held
+
+  bool operator==(const InputEvent&) const = default;
+};
+
+}  // namespace isobrick

@@ -1,0 +1,277 @@
+#include "isobrick/viewer/state/interaction.h"
+
+#include <algorithm>
+#include <cmath>
+#include <glm/common.hpp>
+#include <glm/geometric.hpp>
+
+namespace isobrick {
+namespace {
+
+constexpr double kDegreesPerPicture = 240.0;  // a drag over the height of the picture
+constexpr double kZoomPerNotch = 0.88;
+constexpr double kRadiusPerNotch = 1.12;
+
+std::size_t number(Key key) { return static_cast<std::size_t>(key); }
+
+double sizeOf(const ViewVolume& volume) {
+  const WorldBox box = volume.box();
+  return glm::length(box.upper - box.lower);
+}
+
+void zoomBy(double factor, const ViewVolume& volume, const Interaction& interaction,
+            ViewState& state) {
+  const double size = sizeOf(volume);
+  state.camera = zoomed(state.camera, factor, interaction.toPicture(interaction.cursor),
+                        interaction.aspect(), 1e-4 * size, 20.0 * size);
+}
+
+void drag(const glm::dvec2& pixels, const ViewVolume& volume, const Interaction& interaction,
+          ViewState& state) {
+  if (interaction.size.y <= 0.0) return;
+  const glm::dvec2 degrees = pixels * (kDegreesPerPicture / interaction.size.y);
+  switch (interaction.drag) {
+    case Interaction::Drag::kTurn:
+      state.camera = interaction.flying
+                         ? lookedAround(state.camera, 0.25 * degrees.x, -0.25 * degrees.y)
+                         : orbited(state.camera, -degrees.x, degrees.y);
+      break;
+    case Interaction::Drag::kPan:
+      state.camera = panned(state.camera, 2.0 * glm::dvec2(pixels.x, -pixels.y) / interaction.size,
+                            interaction.aspect());
+      break;
+    case Interaction::Drag::kZoom:
+      zoomBy(std::exp(4.0 * pixels.y / interaction.size.y), volume, interaction, state);
+      break;
+    case Interaction::Drag::kNone:
+    case Interaction::Drag::kPanel:
+      break;
+  }
+}
+
+Interaction::Drag dragOf(const InputEvent& event) {
+  if (event.button == MouseButton::kLeft)
+    return event.shift ? Interaction::Drag::kPan : Interaction::Drag::kTurn;
+  return event.button == MouseButton::kMiddle ? Interaction::Drag::kPan : Interaction::Drag::kZoom;
+}
+
+void press(const InputEvent& event, double seconds, bool on_panel, Interaction& interaction,
+           Wishes& wishes) {
+  if (interaction.drag != Interaction::Drag::kNone) return;  // another button goes on
+  interaction.drag = on_panel ? Interaction::Drag::kPanel : dragOf(event);
+  interaction.drag_button = event.button;
+  interaction.moved = false;
+  if (on_panel || event.button != MouseButton::kLeft || event.shift) return;
+  const bool again =
+      seconds - interaction.last_click_seconds <= kDoubleClickSeconds &&
+      glm::distance(interaction.cursor, interaction.last_click) <= kDoubleClickPixels;
+  if (again) wishes.focus_at = interaction.cursor;
+  interaction.last_click_seconds = again ? -1e9 : seconds;
+  interaction.last_click = interaction.cursor;
+}
+
+void wheel(const InputEvent& event, const ViewVolume& volume, const Interaction& interaction,
+           ViewState& state) {
+  if (!event.control)
+    return zoomBy(std::pow(kZoomPerNotch, event.amount), volume, interaction, state);
+  state.focus.everywhere = false;
+  state.focus.radius *= std::pow(kRadiusPerNotch, event.amount);
+  state = bounded(state, volume);
+}
+
+void moveIsovalue(double step, const ViewVolume& volume, ViewState& state) {
+  state.surfaces[static_cast<std::size_t>(state.active_surface)].isovalue += step;
+  state = bounded(state, volume);
+}
+
+void controlKey(Key key, ViewState& state, Wishes& wishes) {
+  switch (key) {
+    case Key::kS:
+      wishes.save_state = true;
+      break;
+    case Key::kO:
+      wishes.load_state = true;
+      break;
+    case Key::kQ:
+      wishes.close = true;
+      break;
+    case Key::kPad1:
+      state.camera = alongAxis(state.camera, AxisView::kBack);
+      break;
+    case Key::kPad3:
+      state.camera = alongAxis(state.camera, AxisView::kLeft);
+      break;
+    case Key::kPad7:
+      state.camera = alongAxis(state.camera, AxisView::kBottom);
+      break;
+    default:
+      break;
+  }
+}
+
+bool fliesWith(Key key) {
+  return key == Key::kW || key == Key::kA || key == Key::kS || key == Key::kD || key == Key::kE ||
+         key == Key::kQ;
+}
+
+void toggle(bool& value) { value = !value; }
+
+void plainKey(const InputEvent& event, const ViewVolume& volume, Interaction& interaction,
+              ViewState& state, Wishes& wishes) {
+  const double step = event.shift ? 10.0 : 1.0;
+  if (event.key == Key::kLeft) return moveIsovalue(-step, volume, state);
+  if (event.key == Key::kRight) return moveIsovalue(step, volume, state);
+  if (event.repeated || (interaction.flying && fliesWith(event.key))) return;
+  switch (event.key) {
+    case Key::kF:
+      state.camera = framed(state.camera, volume.box(), interaction.aspect());
+      break;
+    case Key::kPad1:
+      state.camera = alongAxis(state.camera, AxisView::kFront);
+      break;
+    case Key::kPad3:
+      state.camera = alongAxis(state.camera, AxisView::kRight);
+      break;
+    case Key::kPad7:
+      state.camera = alongAxis(state.camera, AxisView::kTop);
+      break;
+    case Key::kPad5:
+    case Key::kO:
+      toggle(state.camera.orthographic);
+      break;
+    case Key::kG:
+      toggle(interaction.flying);
+      break;
+    case Key::kEscape:
+      interaction.flying = interaction.show_help = false;
+      break;
+    case Key::kW:
+      toggle(state.wireframe);
+      break;
+    case Key::kC:
+      state.coloring =
+          state.coloring == ViewColoring::kPlain ? ViewColoring::kLevel : ViewColoring::kPlain;
+      break;
+    case Key::kL:
+      state.lighting = state.lighting == ViewLighting::kThreeLights ? ViewLighting::kHeadlight
+                                                                    : ViewLighting::kThreeLights;
+      break;
+    case Key::kB:
+      toggle(state.show_box);
+      break;
+    case Key::kS:
+      toggle(state.focus.show_sphere);
+      break;
+    case Key::kX:
+    case Key::kY:
+    case Key::kZ:
+      toggleClipPlane(static_cast<int>(number(event.key) - number(Key::kX)), volume, state);
+      break;
+    case Key::kI:
+      if (!state.clip_planes.empty()) {
+        state.clip_planes.back().normal = -state.clip_planes.back().normal;
+        state.clip_planes.back().offset = -state.clip_planes.back().offset;
+      }
+      break;
+    case Key::kP:
+    case Key::kF12:
+      wishes.screenshot = true;
+      break;
+    case Key::kM:
+      wishes.export_mesh = true;
+      break;
+    case Key::kTab:
+      toggle(interaction.show_panel);
+      break;
+    case Key::kH:
+      toggle(interaction.show_help);
+      break;
+    default:
+      break;
+  }
+}
+
+}  // namespace
+
+glm::dvec2 Interaction::toPicture(const glm::dvec2& pixel) const {
+  if (size.x <= 0.0 || size.y <= 0.0) return glm::dvec2(0.0);
+  return {2.0 * pixel.x / size.x - 1.0, 1.0 - 2.0 * pixel.y / size.y};
+}
+
+Wishes applyEvent(const InputEvent& event, double seconds, bool on_panel, const ViewVolume& volume,
+                  Interaction& interaction, ViewState& state) {
+  Wishes wishes;
+  switch (event.kind) {
+    case InputEvent::Kind::kMove: {
+      const glm::dvec2 to(event.x, event.y);
+      const glm::dvec2 by = to - interaction.cursor;
+      interaction.cursor = to;
+      interaction.moved = interaction.moved || by != glm::dvec2(0.0);
+      drag(by, volume, interaction, state);
+      break;
+    }
+    case InputEvent::Kind::kPress:
+      press(event, seconds, on_panel, interaction, wishes);
+      break;
+    case InputEvent::Kind::kRelease:
+      if (event.button == interaction.drag_button) interaction.drag = Interaction::Drag::kNone;
+      break;
+    case InputEvent::Kind::kWheel:
+      if (!on_panel) wheel(event, volume, interaction, state);
+      break;
+    case InputEvent::Kind::kKeyPress:
+      interaction.held[number(event.key)] = !on_panel && !event.control;
+      if (on_panel) break;
+      if (event.control)
+        controlKey(event.key, state, wishes);
+      else
+        plainKey(event, volume, interaction, state, wishes);
+      break;
+    case InputEvent::Kind::kKeyRelease:
+      interaction.held[number(event.key)] = false;
+      break;
+    case InputEvent::Kind::kText:
+      break;  // for panels
+    case InputEvent::Kind::kResize:
+      interaction.size = {std::max(event.x, 0.0), std::max(event.y, 0.0)};
+      break;
+    case InputEvent::Kind::kClose:
+      wishes.close = true;
+      break;
+  }
+  return wishes;
+}
+
+void advanceFlight(double seconds, const ViewVolume& volume, const Interaction& interaction,
+                   ViewState& state) {
+  if (!interaction.flying) return;
+  const auto held = [&](Key key) { return interaction.held[number(key)] ? 1.0 : 0.0; };
+  const glm::dvec3 direction(held(Key::kD) - held(Key::kA), held(Key::kE) - held(Key::kQ),
+                             held(Key::kW) - held(Key::kS));
+  if (direction == glm::dvec3(0.0)) return;
+  constexpr double kVolumesPerSecond = 0.2;
+  state.camera = flown(state.camera, direction * (kVolumesPerSecond * sizeOf(volume) * seconds));
+}
+
+void focusOn(const glm::dvec3& world, const ViewVolume& volume, ViewState& state) {
+  state.focus.center = volume.geometry.worldToIndex(world);
+  state.camera = turningAbout(state.camera, world);
+  state = bounded(state, volume);
+}
+
+void toggleClipPlane(int axis, const ViewVolume& volume, ViewState& state) {
+  for (ViewClipPlane& plane : state.clip_planes) {
+    if (std::abs(plane.normal[axis]) == 1.0) {
+      plane.enabled = !plane.enabled;
+      return;
+    }
+  }
+  if (state.clip_planes.size() == kMostClipPlanes) return;
+  ViewClipPlane plane;
+  plane.normal = glm::dvec3(0.0);
+  plane.normal[axis] = 1.0;
+  plane.offset = volume.geometry.indexToWorld(state.focus.center)[axis];
+  state.clip_planes.push_back(plane);
+}
+
+}  // namespace isobrick

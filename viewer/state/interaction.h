@@ -1,0 +1,96 @@
+// What events do to a view: an event and a state give a state. No window, no OpenGL.
+#pragma once
+
+#include <array>
+#include <glm/vec2.hpp>
+#include <optional>
+
+#include "isobrick/viewer/state/input_event.h"
+#include "isobrick/viewer/state/view_state.h"
+
+namespace isobrick {
+
+// What lasts from event to event, and belongs to no saved view.
+struct Interaction {
+  enum class Drag { kNone, kTurn, kPan, kZoom, kPanel };
+
+  glm::dvec2 size{1.0, 1.0};  // of the picture, pixels; 0 while there is none
+  glm::dvec2 cursor{0.0};     // pixels
+  Drag drag = Drag::kNone;
+  MouseButton drag_button = MouseButton::kLeft;
+  bool moved = false;  // since the button went down
+  double last_click_seconds = -1e9;
+  glm::dvec2 last_click{0.0};
+  bool flying = false;
+  std::array<bool, kKeyCount> held{};
+  bool show_help = false;
+  bool show_panel = true;
+
+  double aspect() const { return size.x > 0.0 && size.y > 0.0 ? size.x / size.y : 1.0; }
+  // Pixels to normalised device coordinates.
+  glm::dvec2 toPicture(const glm::dvec2& pixel) const;
+};
+
+// What an event asks of whoever has a renderer and files.
+struct Wishes {
+  std::optional<glm::dvec2> focus_at;  // the surface under this pixel becomes focus and pivot
+  bool screenshot = false;
+  bool save_state = false;
+  bool load_state = false;
+  bool export_mesh = false;
+  bool close = false;
+};
+
+// A press within this time and distance of the last click is a double click.
+inline constexpr double kDoubleClickSeconds = 0.35;
+inline constexpr double kDoubleClickPixels = 5.0;
+
+// Changes `interaction` and `state` as the event has it. `seconds` is any clock that runs on;
+// `on_panel` says that the cursor, or the keyboard, is on a panel: what begins there stays there.
+Wishes applyEvent(const InputEvent& event, double seconds, bool on_panel, const ViewVolume& volume,
+                  Interaction& interaction, ViewState& state);
+
+// Moves a flying camera by the keys that are held: W, S, A, D, E (up), Q (down); Shift is not
+// asked for, the speed follows the size of the volume.
+void advanceFlight(double seconds, const ViewVolume& volume, const Interaction& interaction,
+                   ViewState& state);
+
+// Focus and pivot at a point of the world.
+void focusOn(const glm::dvec3& world, const ViewVolume& volume, ViewState& state);
+
+// Adds a plane across a world axis through the focus, or turns an existing one of that axis on or
+// off. A seventh plane is not added.
+void toggleClipPlane(int axis, const ViewVolume& volume, ViewState& state);
+
+// The keys and what they do, for the help window and the documentation.
+struct KeyHelp {
+  const char* keys;
+  const char* what;
+};
+inline constexpr KeyHelp kKeyHelp[] = {
+    {"left drag", "turn"},
+    {"middle or Shift+left drag", "move sideways"},
+    {"right drag, wheel", "zoom towards the cursor"},
+    {"Ctrl+wheel", "radius of interest"},
+    {"double click", "focus on the surface there, and turn about it"},
+    {"left, right arrow", "isovalue by 1; with Shift by 10"},
+    {"F", "see all of it"},
+    {"keypad 1, 3, 7", "from the front, the right, the top; with Ctrl from behind"},
+    {"keypad 5 or O", "orthographic or perspective"},
+    {"G", "fly: W A S D E Q; the mouse looks around; Esc or G ends it"},
+    {"W", "wireframe"},
+    {"C", "colour by level"},
+    {"L", "three lights or a headlight"},
+    {"B", "the box"},
+    {"S", "the sphere of interest"},
+    {"X, Y, Z", "a clip plane across that axis through the focus, on and off"},
+    {"I", "turn the last clip plane round"},
+    {"P or F12", "write a picture"},
+    {"M", "write the mesh"},
+    {"Ctrl+S, Ctrl+O", "write the view, read it again"},
+    {"Tab", "the panel"},
+    {"H", "this list"},
+    {"Ctrl+Q", "leave"},
+};
+
+}  // namespace isobrick

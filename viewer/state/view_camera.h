@@ -1,0 +1,55 @@
+// The camera of the interactive viewer: a plain struct, and functions that give the next one.
+#pragma once
+
+#include <glm/vec2.hpp>
+#include <glm/vec3.hpp>
+
+#include "isobrick/viewer/placed_camera.h"
+
+namespace isobrick {
+
+// Turns about a pivot. In the patient's coordinates of medical volumes (+x left, +y back, +z head)
+// azimuth 0 and elevation 0 look along +y, as OrbitCamera of `render` does.
+struct ViewCamera {
+  glm::dvec3 pivot{0.0};       // world; in the middle of the picture
+  double distance = 1.0;       // from the eye to the pivot, world units, > 0
+  double azimuth = 25.0;       // degrees, -180 .. 180
+  double elevation = 15.0;     // degrees, -90 .. 90
+  double vertical_fov = 30.0;  // degrees, 1 .. 150
+  bool orthographic = false;   // as large as the perspective picture is at the pivot
+
+  bool operator==(const ViewCamera&) const = default;
+};
+
+// `aspect` is width / height of the picture.
+PlacedCamera placeCamera(const ViewCamera& camera, double aspect);
+
+// The same direction, from where the whole box is seen; the pivot is its middle.
+ViewCamera framed(const ViewCamera& camera, const WorldBox& box, double aspect);
+
+// Turned about the pivot, to the right and up. Elevation stops at the poles.
+ViewCamera orbited(const ViewCamera& camera, double azimuth_degrees, double elevation_degrees);
+
+// Moved so that what lies in the pivot's plane moves by `shift` (normalised device coordinates).
+ViewCamera panned(const ViewCamera& camera, const glm::dvec2& shift, double aspect);
+
+// The distance times `factor` (> 0), with the point of the pivot's plane under `cursor` (normalised
+// device coordinates) staying where it is in the picture. `least` and `greatest` bound the
+// distance.
+ViewCamera zoomed(const ViewCamera& camera, double factor, const glm::dvec2& cursor, double aspect,
+                  double least, double greatest);
+
+// The same eye with another direction: to the right and up.
+ViewCamera lookedAround(const ViewCamera& camera, double azimuth_degrees, double elevation_degrees);
+
+// Eye and pivot moved along the camera's right, up and forward axes, in world units.
+ViewCamera flown(const ViewCamera& camera, const glm::dvec3& right_up_forward);
+
+// The same direction and distance, with `pivot` in the middle of the picture and turned about.
+ViewCamera turningAbout(const ViewCamera& camera, const glm::dvec3& pivot);
+
+// From the front (-y), right (+x) or top (+z), or from the opposite sides.
+enum class AxisView { kFront, kBack, kRight, kLeft, kTop, kBottom };
+ViewCamera alongAxis(const ViewCamera& camera, AxisView view);
+
+}  // namespace isobrick

@@ -1,0 +1,90 @@
+#include "isobrick/viewer/state/view_state.h"
+
+#include <algorithm>
+#include <cmath>
+#include <glm/common.hpp>
+#include <glm/geometric.hpp>
+
+namespace isobrick {
+
+WorldBox ViewVolume::box() const {
+  WorldBox box = emptyWorldBox();
+  for (unsigned i = 0; i < 8; ++i) {
+    const glm::dvec3 index(i & 1u ? voxels.x - 1 : 0, i & 2u ? voxels.y - 1 : 0,
+                           i & 4u ? voxels.z - 1 : 0);
+    box.include(geometry.indexToWorld(index));
+  }
+  return box;
+}
+
+double ViewVolume::diagonal() const { return glm::length(glm::dvec3(voxels - Index3(1))); }
+
+ViewState firstView(const ViewVolume& volume, double aspect) {
+  ViewState state;
+  const double span = volume.greatest_value - volume.least_value;
+  state.surfaces[0].isovalue = volume.least_value + 0.5 * span;
+  state.focus.center = 0.5 * glm::dvec3(volume.voxels - Index3(1));
+  // Half of it in the sphere: something to look at, on any machine.
+  state.focus.radius = std::max(
+      8.0,
+      0.25 * static_cast<double>(std::max({volume.voxels.x, volume.voxels.y, volume.voxels.z})));
+  for (int axis = 0; axis < 3; ++axis)
+    state.slices[static_cast<std::size_t>(axis)].position = std::floor(state.focus.center[axis]);
+  state.value_window = {volume.least_value, volume.greatest_value};
+  state.camera = framed(state.camera, volume.box(), aspect);
+  return state;
+}
+
+ViewState bounded(const ViewState& state, const ViewVolume& volume) {
+  ViewState result = state;
+  const glm::dvec3 last(volume.voxels - Index3(1));
+  if (result.surfaces.empty()) result.surfaces.emplace_back();
+  result.active_surface =
+      std::clamp(result.active_surface, 0, static_cast<int>(result.surfaces.size()) - 1);
+  for (ViewSurface& surface : result.surfaces) {
+    surface.isovalue = std::clamp(surface.isovalue, volume.least_value, volume.greatest_value);
+    surface.opacity = std::clamp(surface.opacity, 0.0, 1.0);
+  }
+  result.focus.center = glm::clamp(result.focus.center, glm::dvec3(0.0), last);
+  result.focus.radius = std::clamp(result.focus.radius, 1.0, volume.diagonal());
+  if (result.clip_planes.size() > kMostClipPlanes) result.clip_planes.resize(kMostClipPlanes);
+  for (ViewClipPlane& plane : result.clip_planes) {
+    const double length = glm::length(plane.normal);
+    plane.normal = length > 0.0 ? plane.normal / length : glm::dvec3(1.0, 0.0, 0.0);
+  }
+  for (int axis = 0; axis < 3; ++axis) {
+    double& position = result.slices[static_cast<std::size_t>(axis)].position;
+    position = std::clamp(position, 0.0, last[axis]);
+  }
+  const double size = glm::length(volume.box().upper - volume.box().lower);
+  result.camera.distance = std::clamp(result.camera.distance, 1e-5 * size, 100.0 * size);
+  result.camera.vertical_fov = std::clamp(result.camera.vertical_fov, 1.0, 150.0);
+  result.camera.elevation = std::clamp(result.camera.elevation, -90.0, 90.0);
+  return result;
+}
+
+Query queryOf(const ViewState& state, const ViewVolume& volume, std::size_t surface,
+              double radius) {
+  Query query;
+  query.isovalue = state.surfaces[surface].isovalue;
+  query.curvature_tolerance = state.curvature_tolerance;
+  if (radius < volume.diagonal()) query.focus = FocusSphere{state.focus.center, radius};
+  return query;
+}
+
+double wantedRadius(const ViewState& state, const ViewVolume& volume) {
+  return state.focus.everywhere ? volume.diagonal()
+                                : std::min(state.focus.radius, volume.diagonal());
+}
+
+bool asksForTheSame(const ViewState& a, const ViewState& b) {
+  return a.focus.center == b.focus.center && a.focus.radius == b.focus.radius &&
+         a.focus.everywhere == b.focus.everywhere &&
+         a.curvature_tolerance == b.curvature_tolerance &&
+         std::equal(a.surfaces.begin(), a.surfaces.end(), b.surfaces.begin(), b.surfaces.end(),
+                    [](const ViewSurface& s, const ViewSurface& t) {
+                      return s.isovalue == t.isovalue && s.visible == t.visible;
+                    });
+}
+
+}  // namespace isobrick

@@ -1,0 +1,106 @@
+// What the viewer shows: everything that a saved view brings back, as plain structs.
+#pragma once
+
+#include <array>
+#include <glm/vec3.hpp>
+#include <optional>
+#include <vector>
+
+#include "isobrick/extract/query.h"
+#include "isobrick/storage/grid.h"
+#include "isobrick/viewer/state/view_camera.h"
+
+namespace isobrick {
+
+// Colours are sRGB values 0..1.
+struct ViewSurface {
+  double isovalue = 0.0;  // data units
+  glm::vec3 color{0.90f, 0.86f, 0.79f};
+  double opacity = 1.0;  // 0 .. 1
+  bool visible = true;
+
+  bool operator==(const ViewSurface&) const = default;
+};
+
+// The sphere of interest (Sect. 5.1 of the paper).
+struct ViewFocus {
+  glm::dvec3 center{0.0};   // voxel indices
+  double radius = 32.0;     // voxels, > 0
+  bool everywhere = false;  // the finest level everywhere; the centre only says where it begins
+  bool show_sphere = true;
+
+  bool operator==(const ViewFocus&) const = default;
+};
+
+// Points with dot(normal, point) >= offset stay.
+struct ViewClipPlane {
+  glm::dvec3 normal{1.0, 0.0, 0.0};  // world, unit
+  double offset = 0.0;               // world units
+  bool enabled = true;
+  bool cap = true;  // the cut shows the volume's values where it is inside the surface
+
+  bool operator==(const ViewClipPlane&) const = default;
+};
+inline constexpr std::size_t kMostClipPlanes = 6;
+
+// A slice through the volume, across one axis of its voxels.
+struct ViewSlice {
+  bool shown = false;
+  double position = 0.0;  // voxel index along the axis
+
+  bool operator==(const ViewSlice&) const = default;
+};
+
+enum class ViewColoring { kPlain, kLevel };
+enum class ViewLighting { kThreeLights, kHeadlight };
+
+struct ViewState {
+  ViewCamera camera;
+  std::vector<ViewSurface> surfaces{ViewSurface{}};  // at least one
+  int active_surface = 0;                            // which one keys and the slider move
+  ViewFocus focus;
+  std::optional<double> curvature_tolerance;  // Query::curvature_tolerance
+  std::vector<ViewClipPlane> clip_planes;     // at most kMostClipPlanes
+  std::array<ViewSlice, 3> slices;            // across x, y and z
+  std::array<double, 2> value_window{0.0,
+                                     1.0};  // data units that caps and slices show black, white
+  ViewColoring coloring = ViewColoring::kPlain;
+  ViewLighting lighting = ViewLighting::kThreeLights;
+  bool wireframe = false;
+  bool show_box = true;
+  glm::vec3 background_top{0.36f, 0.38f, 0.41f};
+  glm::vec3 background_bottom{0.16f, 0.17f, 0.19f};
+
+  bool operator==(const ViewState&) const = default;
+};
+
+// What the viewer knows of the volume it shows.
+struct ViewVolume {
+  Index3 voxels{2, 2, 2};
+  GridGeometry geometry;
+  double least_value = 0.0;
+  double greatest_value = 1.0;
+
+  // The world's axis-aligned box around all voxels.
+  WorldBox box() const;
+  // Voxels from any point of the volume to the furthest.
+  double diagonal() const;
+};
+
+// The view that a volume opens with: framed from the front, the focus in its middle.
+ViewState firstView(const ViewVolume& volume, double aspect);
+
+// `state` with every number in its range: what hands and files bring in.
+ViewState bounded(const ViewState& state, const ViewVolume& volume);
+
+// Surfaces with isovalue `isovalue` within the radius `radius`; beyond the volume's diagonal, or
+// where the focus is everywhere and the radius reaches all of it, the whole of level 0.
+Query queryOf(const ViewState& state, const ViewVolume& volume, std::size_t surface, double radius);
+
+// The radius that is asked for at rest.
+double wantedRadius(const ViewState& state, const ViewVolume& volume);
+
+// True where both ask for the same triangles.
+bool asksForTheSame(const ViewState& a, const ViewState& b);
+
+}  // namespace isobrick

@@ -1,0 +1,258 @@
+#include "isobrick/viewer/state/view_state_json.h"
+
+#include <array>
+#include <cmath>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <string_view>
+#include <type_traits>
+#include <utility>
+
+#include "isobrick/storage/atomic_file.h"
+#include "isobrick/storage/error.h"
+
+namespace isobrick {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+// The fields of each struct, by name. The structured bindings do not compile once a struct has
+// another number of fields, so none can be forgotten here.
+template <typename T, typename F>
+requires std::is_same_v<std::remove_const_t<T>, ViewCamera>
+void forEachField(T& value, F&& f) {
+  auto& [pivot, distance, azimuth, elevation, vertical_fov, orthographic] = value;
+  f("pivot", pivot);
+  f("distance", distance);
+  f("azimuth", azimuth);
+  f("elevation", elevation);
+  f("vertical_fov", vertical_fov);
+  f("orthographic", orthographic);
+}
+
+template <typename T, typename F>
+requires std::is_same_v<std::remove_const_t<T>, ViewSurface>
+void forEachField(T& value, F&& f) {
+  auto& [isovalue, color, opacity, visible] = value;
+  f("isovalue", isovalue);
+  f("color", color);
+  f("opacity", opacity);
+  f("visible", visible);
+}
+
+template <typename T, typename F>
+requires std::is_same_v<std::remove_const_t<T>, ViewFocus>
+void forEachField(T& value, F&& f) {
+  auto& [center, radius, everywhere, show_sphere] = value;
+  f("center", center);
+  f("radius", radius);
+  f("everywhere", everywhere);
+  f("show_sphere", show_sphere);
+}
+
+template <typename T, typename F>
+requires std::is_same_v<std::remove_const_t<T>, ViewClipPlane>
+void forEachField(T& value, F&& f) {
+  auto& [normal, offset, enabled, cap] = value;
+  f("normal", normal);
+  f("offset", offset);
+  f("enabled", enabled);
+  f("cap", cap);
+}
+
+template <typename T, typename F>
+requires std::is_same_v<std::remove_const_t<T>, ViewSlice>
+void forEachField(T& value, F&& f) {
+  auto& [shown, position] = value;
+  f("shown", shown);
+  f("position", position);
+}
+
+template <typename T, typename F>
+requires std::is_same_v<std::remove_const_t<T>, ViewState>
+void forEachField(T& value, F&& f) {
+  auto& [camera, surfaces, active_surface, focus, curvature_tolerance, clip_planes, slices,
+         value_window, coloring, lighting, wireframe, show_box, background_top, background_bottom] =
+      value;
+  f("camera", camera);
+  f("surfaces", surfaces);
+  f("active_surface", active_surface);
+  f("focus", focus);
+  f("curvature_tolerance", curvature_tolerance);
+  f("clip_planes", clip_planes);
+  f("slices", slices);
+  f("value_window", value_window);
+  f("coloring", coloring);
+  f("lighting", lighting);
+  f("wireframe", wireframe);
+  f("show_box", show_box);
+  f("background_top", background_top);
+  f("background_bottom", background_bottom);
+}
+
+constexpr std::array<std::string_view, 2> namesOf(ViewColoring) { return {"plain", "level"}; }
+constexpr std::array<std::string_view, 2> namesOf(ViewLighting) {
+  return {"three_lights", "headlight"};
+}
+
+template <typename T>
+concept Enum = std::is_enum_v<T>;
+template <typename T>
+concept Number = std::is_same_v<T, double> || std::is_same_v<T, float> || std::is_same_v<T, int>;
+template <typename T>
+concept Vector3 = std::is_same_v<T, glm::dvec3> || std::is_same_v<T, glm::vec3>;
+template <typename T>
+concept Fields = requires(T& value) {
+  forEachField(value, [](const char*, auto&) {});
+};
+
+// ----------------------------------------------------------------------------------------- writing
+
+template <typename T>
+Json toJson(const T& value) {
+  if constexpr (Enum<T>) {
+    return std::string(namesOf(value)[static_cast<std::size_t>(value)]);
+  } else if constexpr (Vector3<T>) {
+    return Json{value.x, value.y, value.z};
+  } else if constexpr (Fields<const T>) {
+    Json object = Json::object();
+    forEachField(value, [&](const char* name, const auto& field) { object[name] = toJson(field); });
+    return object;
+  } else if constexpr (requires { value.has_value(); }) {
+    return value ? toJson(*value) : Json(nullptr);
+  } else if constexpr (requires { value.begin(); }) {
+    Json list = Json::array();
+    for (const auto& element : value) list.push_back(toJson(element));
+    return list;
+  } else {
+    return Json(value);
+  }
+}
+
+// ----------------------------------------------------------------------------------------- reading
+
+[[noreturn]] void refuse(const std::string& where, const std::string& what) {
+  throw Error("the view's '" + where + "' " + what);
+}
+
+template <typename T>
+void fromJson(const Json& json, const std::string& where, T& value);
+
+template <typename T>
+void listFromJson(const Json& json, const std::string& where, T& value) {
+  if (!json.is_array()) refuse(where, "is not a list");
+  if constexpr (requires { value.resize(json.size()); }) {
+    constexpr std::size_t kMost = 64;
+    if (json.size() > kMost) refuse(where, "has more than 64 elements");
+    value.resize(json.size());
+  } else if (json.size() != value.size()) {
+    refuse(where, "has not " + std::to_string(value.size()) + " elements");
+  }
+  for (std::size_t i = 0; i < json.size(); ++i)
+    fromJson(json[i], where + "[" + std::to_string(i) + "]", value[i]);
+}
+
+template <typename T>
+void structFromJson(const Json& json, const std::string& where, T& value) {
+  if (!json.is_object()) refuse(where.empty() ? "view" : where, "is not an object");
+  const std::string prefix = where.empty() ? "" : where + ".";
+  std::size_t known = 0;
+  forEachField(value, [&](const char* name, auto& field) {
+    if (!json.contains(name)) return;
+    ++known;
+    fromJson(json[name], prefix + name, field);
+  });
+  if (known == json.size()) return;
+  for (const auto& item : json.items()) {
+    bool found = false;
+    forEachField(value, [&](const char* name, auto&) { found = found || item.key() == name; });
+    if (!found) refuse(prefix + item.key(), "is not a field that is known here");
+  }
+}
+
+template <typename T>
+void fromJson(const Json& json, const std::string& where, T& value) {
+  if constexpr (Enum<T>) {
+    const auto names = namesOf(value);
+    for (std::size_t i = 0; i < names.size(); ++i) {
+      if (json == std::string(names[i])) {
+        value = static_cast<T>(i);
+        return;
+      }
+    }
+    refuse(where, "is neither '" + std::string(names[0]) + "' nor '" + std::string(names[1]) + "'");
+  } else if constexpr (Vector3<T>) {
+    std::array<typename T::value_type, 3> list{};
+    listFromJson(json, where, list);
+    value = {list[0], list[1], list[2]};
+  } else if constexpr (Fields<T>) {
+    structFromJson(json, where, value);
+  } else if constexpr (std::is_same_v<T, bool>) {
+    if (!json.is_boolean()) refuse(where, "is neither true nor false");
+    value = json.get<bool>();
+  } else if constexpr (std::is_same_v<T, int>) {
+    if (!json.is_number_integer()) refuse(where, "is not a whole number");
+    const auto number = json.get<std::int64_t>();
+    if (number < 0 || number > 1000) refuse(where, "is not from 0 to 1000");
+    value = static_cast<int>(number);
+  } else if constexpr (Number<T>) {
+    if (!json.is_number()) refuse(where, "is not a number");
+    const double number = json.get<double>();
+    constexpr double kMost = 1e30;  // far beyond any volume, and squares stay finite
+    if (!(std::abs(number) <= kMost)) refuse(where, "is too large");
+    value = static_cast<T>(number);
+  } else if constexpr (requires { value.has_value(); }) {
+    value.reset();
+    if (!json.is_null()) fromJson(json, where, value.emplace());
+  } else {
+    listFromJson(json, where, value);
+  }
+}
+
+void checkRanges(const ViewState& state) {
+  if (!(state.camera.distance > 0.0)) refuse("camera.distance", "is not above 0");
+  if (!(state.camera.vertical_fov >= 1.0 && state.camera.vertical_fov <= 150.0))
+    refuse("camera.vertical_fov", "is not from 1 to 150");
+  if (state.surfaces.empty()) refuse("surfaces", "is empty");
+  if (static_cast<std::size_t>(state.active_surface) >= state.surfaces.size())
+    refuse("active_surface", "is not the number of a surface");
+  if (!(state.focus.radius > 0.0)) refuse("focus.radius", "is not above 0");
+  if (state.curvature_tolerance && *state.curvature_tolerance < 0.0)
+    refuse("curvature_tolerance", "is below 0");
+  if (state.clip_planes.size() > kMostClipPlanes) refuse("clip_planes", "has more than 6 elements");
+}
+
+}  // namespace
+
+std::string viewStateToJson(const ViewState& state) { return toJson(state).dump(2) + "\n"; }
+
+ViewState viewStateFromJson(const std::string& text) {
+  const Json json = Json::parse(text, nullptr, false);
+  if (json.is_discarded()) throw Error("the view is not JSON");
+  ViewState state;
+  fromJson(json, "", state);
+  checkRanges(state);
+  return state;
+}
+
+ViewState readViewState(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::ostringstream text;
+  if (!file || !(text << file.rdbuf()))
+    throw Error("cannot read the view '" + path + "'; is it there?", {path});
+  try {
+    return viewStateFromJson(text.str());
+  } catch (const Error& error) {
+    throw Error("'" + path + "': " + error.what() + "; correct it or save the view anew", {path});
+  }
+}
+
+void writeViewState(const std::string& path, const ViewState& state) {
+  const std::string text = viewStateToJson(state);
+  AtomicFile file(path);
+  file.write(text.data(), text.size());
+  file.commit();
+}
+
+}  // namespace isobrick

@@ -1,0 +1,21 @@
+// A view as JSON text and back: what `view --state` opens and Ctrl+S writes.
+#pragma once
+
+#include <string>
+
+#include "isobrick/viewer/state/view_state.h"
+
+namespace isobrick {
+
+// Every field of ViewState under its own name; doubles come back to the bit.
+std::string viewStateToJson(const ViewState& state);
+
+// Fields that the text lacks keep their defaults. Throws Error, in one line that names the field,
+// for text that is no JSON, an unknown field, and a value of another type or out of its range.
+ViewState viewStateFromJson(const std::string& text);
+
+// The same from and to a file; Error names the path. The file appears when it is whole.
+ViewState readViewState(const std::string& path);
+void writeViewState(const std::string& path, const ViewState& state);
+
+}  // namespace isobrick
