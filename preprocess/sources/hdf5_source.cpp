@@ -11,6 +11,7 @@
 
 #include "isobrick/preprocess/hdf5_handle.h"
 #include "isobrick/preprocess/input_file.h"
+#include "isobrick/preprocess/sources/rows_as_boxes.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/stored_voxels.h"
 #include "isobrick/storage/error.h"
@@ -131,16 +132,7 @@ class Hdf5Source final : public VolumeSource {
   std::uint64_t bufferBytes() const override { return cache_bytes_ + chunk_bytes_; }
 
   void readRows(std::int64_t first, std::int64_t count, void* out) override {
-    auto* to = static_cast<std::byte*>(out);
-    const Index3& voxels = info_.voxels;
-    while (count > 0) {
-      const std::int64_t y = first % voxels.y, z = first / voxels.y;
-      const std::int64_t rows = std::min(voxels.y - y, count);
-      readBox({Index3(0, y, z), Index3(voxels.x, rows, 1)}, to);
-      to += static_cast<std::size_t>(voxels.x * rows) * voxelBytes(info_.voxel_type);
-      first += rows;
-      count -= rows;
-    }
+    readRowsAsBoxes(*this, first, count, out);
   }
 
   void readBox(const IndexBox& box, void* out) const override {

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "isobrick/preprocess/sources/rows_as_boxes.h"
 #include "isobrick/storage/error.h"
 
 namespace isobrick {
@@ -59,20 +60,7 @@ class PyramidSource final : public VolumeSource {
   bool readsBoxes() const override { return true; }
 
   void readRows(std::int64_t first, std::int64_t count, void* out) override {
-    auto* to = static_cast<std::byte*>(out);
-    const Index3& voxels = info_.voxels;
-    while (count > 0) {
-      // As many whole slices as there are, so that every brick of them is looked at once.
-      const std::int64_t y = first % voxels.y, z = first / voxels.y;
-      const bool is_whole = y == 0 && count >= voxels.y;
-      const std::int64_t slices = is_whole ? count / voxels.y : 1;
-      const std::int64_t rows = is_whole ? voxels.y : std::min(voxels.y - y, count);
-      const IndexBox box{Index3(0, y, z), Index3(voxels.x, rows, slices)};
-      readBox(box, to);
-      to += static_cast<std::size_t>(box.size()) * voxelBytes(info_.voxel_type);
-      first += rows * slices;
-      count -= rows * slices;
-    }
+    readRowsAsBoxes(*this, first, count, out);
   }
 
   void readBox(const IndexBox& box, void* out) const override {

@@ -20,6 +20,7 @@
 #include <utility>
 
 #include "isobrick/preprocess/input_file.h"
+#include "isobrick/preprocess/sources/rows_as_boxes.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/volume_source.h"
 #include "isobrick/storage/error.h"
@@ -462,16 +463,7 @@ class VdbSource final : public VdbSourceBase {
   std::uint64_t bufferBytes() const override { return grid_->memUsage(); }
 
   void readRows(std::int64_t first, std::int64_t count, void* out) override {
-    const Index3& voxels = info_.voxels;
-    auto* to = static_cast<std::byte*>(out);
-    while (count > 0) {
-      const std::int64_t y = first % voxels.y;
-      const std::int64_t rows = std::min(count, voxels.y - y);
-      readBox({Index3(0, y, first / voxels.y), Index3(voxels.x, rows, 1)}, to);
-      to += static_cast<std::size_t>(rows * voxels.x) * voxelBytes(info_.voxel_type);
-      first += rows;
-      count -= rows;
-    }
+    readRowsAsBoxes(*this, first, count, out);
   }
 
   // Only reads the tree, all of which is in memory: any number of threads.

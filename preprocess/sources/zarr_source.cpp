@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "isobrick/preprocess/sources/rows_as_boxes.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/zarr_array.h"
 #include "isobrick/preprocess/sources/zarr_json.h"
@@ -151,19 +152,7 @@ class ZarrSource final : public VolumeSource {
   }
 
   void readRows(std::int64_t first, std::int64_t count, void* out) override {
-    auto* to = static_cast<std::byte*>(out);
-    const Index3& voxels = info_.voxels;
-    while (count > 0) {
-      const std::int64_t y = first % voxels.y, z = first / voxels.y;
-      const bool is_whole = y == 0 && count >= voxels.y;
-      const std::int64_t slices = is_whole ? count / voxels.y : 1;
-      const std::int64_t rows = is_whole ? voxels.y : std::min(voxels.y - y, count);
-      const IndexBox box{Index3(0, y, z), Index3(voxels.x, rows, slices)};
-      readBox(box, to);
-      to += static_cast<std::size_t>(box.size()) * voxelBytes(info_.voxel_type);
-      first += rows * slices;
-      count -= rows * slices;
-    }
+    readRowsAsBoxes(*this, first, count, out);
   }
 
   void readBox(const IndexBox& box, void* out) const override {

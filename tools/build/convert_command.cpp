@@ -16,6 +16,7 @@
 #include "isobrick/preprocess/pyramid_builder.h"
 #include "isobrick/preprocess/sources/hdf5_source.h"
 #include "isobrick/preprocess/sources/open_volume.h"
+#include "isobrick/preprocess/sources/pyramid_quantity.h"
 #include "isobrick/preprocess/sources/pyramid_source.h"
 #include "isobrick/preprocess/sources/zarr_source.h"
 #include "isobrick/storage/error.h"
@@ -29,6 +30,7 @@
 #include "tools/parse_text.h"
 #include "tools/parsed_option.h"
 #include "tools/progress_bar.h"
+#include "tools/query_options.h"
 #include "tools/stopwatch.h"
 #include "tools/thread_count.h"
 
@@ -50,6 +52,8 @@ struct ConvertArguments {
   std::optional<double> background;
   double tolerance = 0;
   bool half = false;
+  bool with_ranges = false, with_curvature = false;
+  bool no_map = false;
   bool force = false;
   bool json = false;
   std::uint64_t memory_bytes = std::uint64_t{512} << 20;
@@ -142,18 +146,44 @@ std::unique_ptr<VolumeSource> withViews(std::unique_ptr<VolumeSource> source,
   return source;
 }
 
-VolumeLevels openLevels(const ConvertArguments& arguments) {
+struct Opened {
+  VolumeLevels levels;
+  std::vector<BesideVolume> beside;
+};
+
+// What the pyramid stores beside the samples of `level`, number `index` of those written. Each
+// quantity is a line here and an enumerator of PyramidQuantity.
+void addBeside(const std::shared_ptr<const Pyramid>& pyramid, const ConvertArguments& arguments,
+               int level, std::size_t index, std::vector<BesideVolume>& beside) {
+  const auto add = [&](const char* name, PyramidQuantity quantity, int of_level, bool has_values) {
+    const IndexBox box = arguments.box ? boxOfLevel(*arguments.box, of_level)
+                                       : IndexBox{Index3(0), pyramid->lattice().samples(of_level)};
+    beside.push_back({name, index,
+                      makePyramidQuantity(pyramid, pyramid->budgetBytes(), quantity, of_level, box,
+                                          &interruptFlag()),
+                      has_values});
+  };
+  if (arguments.with_ranges) {
+    add("min", PyramidQuantity::kLeast, level, true);
+    add("max", PyramidQuantity::kGreatest, level, true);
+  }
+  // There is one for the whole pyramid.
+  if (arguments.with_curvature && index == 0)
+    add("curvature", PyramidQuantity::kCurvature, 0, false);
+}
+
+Opened openLevels(const ConvertArguments& arguments) {
   ProgressBar bar(100, "%");
   OpenOptions options = openOptionsOf(arguments.input);
   options.cancel = &interruptFlag();
   options.progress = [&](std::string_view phase, double share) { bar.show(phase, share); };
   options.memory_bytes = arguments.memory_bytes / 2;
-  VolumeLevels levels;
+  Opened opened;
   if (isPyramid(arguments.input.path)) {
     options.pyramid_level = 0;
     refuseUnusablePath(arguments.input.path, options);
-    const auto pyramid =
-        std::make_shared<const Pyramid>(arguments.input.path, options.memory_bytes);
+    const auto pyramid = std::make_shared<const Pyramid>(arguments.input.path, options.memory_bytes,
+                                                         fileAccess(arguments.no_map));
     const bool all = !arguments.levels.empty();
     const int first = all ? 0 : arguments.level;
     const int last = all ? pyramid->lattice().levels() - 1 : arguments.level;
@@ -163,14 +193,15 @@ VolumeLevels openLevels(const ConvertArguments& arguments) {
         const Index3 count = boxOfLevel(*arguments.box, level).count;
         if (std::min({count.x, count.y, count.z}) < 2) break;
       }
-      levels.push_back(
+      opened.levels.push_back(
           withViews(makePyramidSource(pyramid, options.memory_bytes, level, &interruptFlag()),
                     arguments, level));
+      addBeside(pyramid, arguments, level, opened.levels.size() - 1, opened.beside);
     }
   } else {
-    levels.push_back(withViews(openVolume(arguments.input.path, options), arguments, 0));
+    opened.levels.push_back(withViews(openVolume(arguments.input.path, options), arguments, 0));
   }
-  return levels;
+  return opened;
 }
 
 struct Converted {
@@ -210,14 +241,14 @@ VolumeWriteReport buildFrom(VolumeSource& source, const ConvertArguments& argume
 Converted convert(const ConvertArguments& arguments) {
   const Stopwatch watch;
   refusePreciousOutput(arguments, {});
-  VolumeLevels levels = openLevels(arguments);
-  VolumeSource& source = *levels.front();
+  Opened opened = openLevels(arguments);
+  VolumeSource& source = *opened.levels.front();
   refusePreciousOutput(arguments, source.files());
   InputWatch input(source, &interruptFlag());
 
   Converted converted;
   converted.volume = source.info();
-  converted.levels = levels.size();
+  converted.levels = opened.levels.size();
   ProgressBar bar(static_cast<double>(elementCount(source.info().voxels)) *
                       static_cast<double>(voxelBytes(source.info().voxel_type)) / 1e6,
                   "MB");
@@ -232,6 +263,7 @@ Converted convert(const ConvertArguments& arguments) {
     if (arguments.background) options.vdb_background = static_cast<float>(*arguments.background);
     options.vdb_tolerance = arguments.tolerance;
     options.vdb_half = arguments.half;
+    options.vdb_beside = &opened.beside;
     const std::uint64_t held = source.bufferBytes();
     constexpr std::uint64_t kLeast = std::uint64_t{8} << 20;
     if (held > arguments.memory_bytes || arguments.memory_bytes - held < kLeast)
@@ -239,7 +271,7 @@ Converted convert(const ConvertArguments& arguments) {
                               arguments.input.path, byteSizeText(held), byteSizeText(kLeast)),
                   {.path = arguments.input.path}, {Remedy::kAllowMoreMemory});
     options.memory_bytes -= held;
-    converted.report = exportVolume(levels, arguments.output, options);
+    converted.report = exportVolume(opened.levels, arguments.output, options);
   }
   converted.seconds = watch.seconds();
   return converted;
@@ -292,6 +324,14 @@ void checkUsage(const ConvertArguments& arguments) {
   refuseKnownMisfits(arguments.input);
   if (!isPyramid(arguments.input.path) && (arguments.level > 0 || !arguments.levels.empty()))
     throw UsageError("only pyramids (.isb) have levels; leave out --level and --levels");
+  const bool has_beside = arguments.with_ranges || arguments.with_curvature;
+  if (has_beside && !(isPyramid(arguments.input.path) && hasEnding(arguments.output, ".vdb")))
+    throw UsageError(
+        "only of a pyramid (.isb) written to .vdb; leave out --with-ranges and --with-curvature");
+  if (has_beside && arguments.window)
+    throw UsageError(
+        "--with-ranges and --with-curvature are of the values as they are; leave out "
+        "--window");
   if (arguments.window && (arguments.type.empty() || arguments.type == "f32"))
     throw UsageError("--window needs the type that its values are spread over: --type u8");
   if (!arguments.window && !arguments.type.empty() && arguments.type != "f32")
@@ -365,6 +405,12 @@ Command addConvertCommand(CLI::App& app) {
       [](const std::string& text) { return parseNumberFrom(text, 0); }, "T",
       "Voxels no further than T from the background are not stored in a .vdb; default: 0");
   sub->add_flag("--half", arguments->half, "Half floats in a .vdb");
+  sub->add_flag("--with-ranges", arguments->with_ranges,
+                "Of a pyramid, for each level in a .vdb the least and the greatest value of every "
+                "tile, as grids of their own at the spacing of tiles");
+  sub->add_flag("--with-curvature", arguments->with_curvature,
+                "Of a pyramid, in a .vdb the curvature bound of every cell of level 1 for all "
+                "isovalues, as a grid of its own");
   sub->add_option("--codec", arguments->codec,
                   "How the bricks of an .isb are packed: none, lz4 or zstd; default: lz4")
       ->type_name("C")
@@ -374,6 +420,7 @@ Command addConvertCommand(CLI::App& app) {
   sub->add_flag("--force", arguments->force, "Replace what exists (never the input)");
   addParsedOption(*sub, "--memory", arguments->memory_bytes, parseByteSize, "SIZE",
                   "Bound of all buffers, such as 300M or 2G; default: 512M");
+  addNoMapFlag(*sub, arguments->no_map);
   addThreadsOption(*sub, arguments->threads);
   sub->add_flag("--json", arguments->json, "Print one JSON object instead of the summary");
   addOpenOptions(*sub, arguments->input);

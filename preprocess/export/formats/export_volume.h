@@ -15,11 +15,22 @@ namespace isobrick {
 // one to the next, the origin is the same.
 using VolumeLevels = std::vector<std::unique_ptr<VolumeSource>>;
 
+// Written beside the voxels of a level, on a grid of its own.
+struct BesideVolume {
+  std::string name;       // "min": the grid is that of the level with "_min" behind its name
+  std::size_t level = 0;  // which of the levels
+  std::unique_ptr<VolumeSource> volume;
+  // Where the level has its background, so has this; otherwise its background is 0.
+  bool has_values = true;
+};
+
 struct ExportOptions : VolumeWriteOptions {
   // OpenVDB: the value of what is not stored; without, that of the VDB file the volume came from,
   // or 0. Values no further from it than the tolerance are not stored either.
   std::optional<float> vdb_background;
   double vdb_tolerance = 0;
+  // May be null: exact float grids (of 8-bit voxels half) behind those of the levels.
+  std::vector<BesideVolume>* vdb_beside = nullptr;
   // Half floats in place of floats; 8-bit voxels, which lose nothing, are written so always.
   bool vdb_half = false;
 };

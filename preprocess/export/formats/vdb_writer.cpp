@@ -126,6 +126,15 @@ GridPlan planGrid(const VolumeInfo& info, std::size_t level, const ExportOptions
   return plan;
 }
 
+// What bounds the values of the level must not be rounded, nor taken for the background.
+GridPlan planBeside(const GridPlan& level, const BesideVolume& beside) {
+  GridPlan plan;
+  plan.name = level.name + "_" + beside.name;
+  plan.saves_half = voxelBytes(beside.volume->info().voxel_type) == 1;
+  if (beside.has_values) plan.background = level.background;
+  return plan;
+}
+
 // Coordinates become the source's world.
 openvdb::math::Transform::Ptr transformOf(const GridGeometry& geometry, const Index3& first) {
   const glm::dmat3 steps = geometry.indexToWorldMatrix();
@@ -397,11 +406,21 @@ VolumeWriteReport writeVdb(VolumeLevels& levels, const std::string& path,
     report.lost.push_back("values within the tolerance of the background became the background");
   AtomicFile file(path);
 
-  // Each pass over each level is a share of the work, as large as the level.
+  std::vector<BesideVolume> none;
+  std::vector<BesideVolume>& beside = options.vdb_beside == nullptr ? none : *options.vdb_beside;
+  std::vector<VolumeSource*> sources;  // of all grids, in the order of the file
+  for (auto& level : levels) {
+    if (!level->readsBoxes()) level = makeSpooledSource(std::move(level), folderOf(path), options);
+    sources.push_back(level.get());
+  }
+  for (const BesideVolume& one : beside) sources.push_back(one.volume.get());
+
+  // Each pass over each of them is a share of the work, as large as it is.
   double total = 0, before = 0;
-  for (const auto& level : levels) total += 2 * static_cast<double>(volumeBytes(level->info()));
+  for (const VolumeSource* source : sources)
+    total += 2 * static_cast<double>(volumeBytes(source->info()));
   const auto tickOf = [&](std::size_t i) -> LevelGrid::Tick {
-    const double begin = before, share = static_cast<double>(volumeBytes(levels[i]->info()));
+    const double begin = before, share = static_cast<double>(volumeBytes(sources[i]->info()));
     before += share;
     return [begin, share, total, &options](double done) {
       if (options.progress) options.progress((begin + share * done) / total);
@@ -412,11 +431,14 @@ VolumeWriteReport writeVdb(VolumeLevels& levels, const std::string& path,
           ? (options.memory_bytes - kNodeBufferBytes) / kBytesPerLeaf * 7 / 8  // nodes above
           : 0;
   std::vector<LevelGrid> grids;
-  for (std::size_t i = 0; i < levels.size(); ++i) {
-    if (!levels[i]->readsBoxes())
-      levels[i] = makeSpooledSource(std::move(levels[i]), folderOf(path), options);
-    grids.emplace_back(*levels[i], planGrid(levels[i]->info(), i, options), path, options);
-    grids.back().makeTree(leaf_budget, i, tickOf(i));
+  for (std::size_t i = 0; i < sources.size(); ++i) {
+    const bool is_level = i < levels.size();
+    const BesideVolume* const one = is_level ? nullptr : &beside[i - levels.size()];
+    grids.emplace_back(*sources[i],
+                       is_level ? planGrid(sources[i]->info(), i, options)
+                                : planBeside(grids[one->level].plan(), *one),
+                       path, options);
+    grids.back().makeTree(leaf_budget, is_level ? i : one->level, tickOf(i));
   }
 
   std::ofstream out(file.temporaryPath(), std::ios::binary | std::ios::in | std::ios::out);

@@ -12,6 +12,9 @@ namespace isobrick {
 // background, grid class, name and place among the voxels back; of a level set, what lies within
 // the narrow band is active.
 //
+// options.vdb_beside come behind them, each a grid of its own, active where it differs from its
+// background.
+//
 // Each grid is made in two passes over its source: the first makes the tree without any values, the
 // second fills one leaf after the other and writes it. So memory holds the tree's nodes, some 120
 // bytes for each 8x8x8 voxels that are not constant; where that is more than options.memory_bytes,
