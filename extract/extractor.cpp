@@ -47,9 +47,9 @@ ExtractionReport makeReport(const Pyramid& pyramid, const ReadLog& log,
 class QueryContext {
  public:
   QueryContext(const Pyramid& pyramid, const Query& query, ReadLog& log)
-      : focus_(pyramid.lattice(), query),
+      : oracles_(oraclesOf(pyramid.lattice(), pyramid.spec().geometry, query)),
         frame_(pyramid.spec().geometry, pyramid.valueRange()),
-        context_{pyramid,          query, focus_, frame_, static_cast<float>(query.isovalue), log,
+        context_{pyramid,          query, oracles_, frame_, static_cast<float>(query.isovalue), log,
                  pyramid.edition()} {
     log.clear();
   }
@@ -58,7 +58,7 @@ class QueryContext {
   const MeshContext& operator*() const { return context_; }
 
  private:
-  const FocusOracle focus_;
+  const std::vector<ChoiceOracles> oracles_;
   const WorldFrame frame_;
   const MeshContext context_;
 };

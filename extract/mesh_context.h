@@ -2,7 +2,7 @@
 #pragma once
 
 #include "isobrick/extract/kernels/crossing.h"
-#include "isobrick/extract/oracles/focus_oracle.h"
+#include "isobrick/extract/oracles/query_oracles.h"
 #include "isobrick/extract/query.h"
 #include "isobrick/extract/read_log.h"
 #include "isobrick/storage/error.h"
@@ -13,7 +13,7 @@ namespace isobrick {
 struct MeshContext {
   const Pyramid& pyramid;
   const Query& query;
-  const FocusOracle& focus;
+  const std::vector<ChoiceOracles>& oracles;  // of the query
   const WorldFrame& frame;
   float isovalue;
   ReadLog& read_log;

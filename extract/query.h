@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <vector>
 
 #include "isobrick/storage/cancel.h"
 #include "isobrick/storage/grid.h"
@@ -22,17 +23,45 @@ struct QueryBox {
   glm::dvec3 max{0.0};
 };
 
-struct Query {
-  // The surface separates value >= isovalue (inside) from value < isovalue. Compared as float.
-  double isovalue = 0;
-  // Without a focus the finest level is extracted everywhere. Not together with uniform_level.
+// From where the surface is seen, in world units: a cell is refined while its longest edge covers
+// more than `pixels` pixels of a picture taken from there.
+struct ViewPoint {
+  glm::dvec3 eye{0.0};
+  // Of a perspective picture near its middle: its height in pixels over its field of view in
+  // radians. Above 0.
+  double pixels_per_radian = 1000;
+  // Of a parallel projection, in place of the former: pixels per world unit. Above 0.
+  std::optional<double> pixels_per_unit;
+  double pixels = 1;  // above 0
+
+  // What the picture shows, as a cone around it, or, of a parallel projection, a cylinder. Outside
+  // of it the surface grows coarser with the distance from it. Without one all around counts.
+  struct Field {
+    glm::dvec3 direction{0.0};  // from the eye into the picture; any length above 0
+    double half_angle = 0;      // radians, above 0 and below pi/2; of a perspective picture
+    double radius = 0;          // world units, above 0; of a parallel projection
+  };
+  std::optional<Field> field;
+};
+
+// How fine the surface shall be where. Each that is given leaves cells coarse; a cell is refined
+// where all of them refine it. With none of them the finest level is extracted everywhere.
+struct DetailChoice {
   std::optional<FocusSphere> focus;
-  // Extracts the whole surface from this level, 0 .. levels - 1.
+  // Extracts the whole surface from this level, 0 .. levels - 1. Not together with a focus.
   std::optional<int> uniform_level;
+  std::optional<ViewPoint> view;
   // Cells of level 1 inside the sphere of interest (everywhere without a focus) are extracted as
   // they are where the bound of the total curvature (Eq. 2) is at most this: 1/voxel^2, >= 0.
   // "Flatter than a sphere of radius rho voxels" is 1 / (2 rho^2). Not with uniform_level > 0.
   std::optional<double> curvature_tolerance;
+};
+
+struct Query : DetailChoice {
+  // The surface separates value >= isovalue (inside) from value < isovalue. Compared as float.
+  double isovalue = 0;
+  // Further choices: a cell is refined where any one of them, or the query's own, refines it.
+  std::vector<DetailChoice> or_finer;
   // Only leaves that overlap this box are extracted, as a whole; the surface is open there.
   std::optional<QueryBox> box;
   // Off: every brick and every tile is visited. The mesh is the same (rule 7); for tests.

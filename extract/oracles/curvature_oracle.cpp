@@ -7,15 +7,17 @@
 
 namespace isobrick {
 
-CurvatureOracle::CurvatureOracle(const MeshContext& context)
-    : context_(context), is_on_(context.query.curvature_tolerance.has_value()) {
-  if (!context.query.focus) return;
-  center_ = context.query.focus->center;
-  radius_squared_ = context.query.focus->radius * context.query.focus->radius;
+CurvatureOracle::CurvatureOracle(const MeshContext& context, const DetailChoice& choice)
+    : context_(&context),
+      is_on_(choice.curvature_tolerance.has_value()),
+      tolerance_(choice.curvature_tolerance.value_or(0)) {
+  if (!choice.focus) return;
+  center_ = choice.focus->center;
+  radius_squared_ = choice.focus->radius * choice.focus->radius;
 }
 
 bool CurvatureOracle::isFlat(const Index3& cell) {
-  const BrickLayout& layout = context_.pyramid.layout();
+  const BrickLayout& layout = context_->pyramid.layout();
   const Index3 voxel_cell = std::int64_t{2} * cell;
   const Index3 brick = voxel_cell / layout.brickCells();
   const BrickCurvature& curvature = curvatureOf(brick);
@@ -25,8 +27,7 @@ bool CurvatureOracle::isFlat(const Index3& cell) {
   const auto node =
       static_cast<std::size_t>(linearIndex(local / std::int64_t{2}, layout.brickNodes(brick)));
   return static_cast<double>(curvatureBound(curvature.coefficients.data() + 3 * node, range.min,
-                                            range.max, context_.isovalue)) <=
-         *context_.query.curvature_tolerance;
+                                            range.max, context_->isovalue)) <= tolerance_;
 }
 
 void CurvatureOracle::keepRefined(int level, const Index3& first, std::int64_t count,
@@ -41,13 +42,13 @@ void CurvatureOracle::keepRefined(int level, const Index3& first, std::int64_t c
 }
 
 const CurvatureOracle::BrickCurvature& CurvatureOracle::curvatureOf(const Index3& brick) {
-  const std::size_t row = context_.pyramid.brickRow(0, brick);
+  const std::size_t row = context_->pyramid.brickRow(0, brick);
   if (last_ != nullptr && last_row_ == row) return *last_;
   const auto [entry, is_new] = bricks_.try_emplace(row);
   if (is_new) {
-    context_.read_log.note(row, ReadLog::kCurvature);
-    context_.pyramid.curvature(brick, entry->second.coefficients);
-    context_.tileRanges(0, brick, entry->second.tile_ranges);
+    context_->read_log.note(row, ReadLog::kCurvature);
+    context_->pyramid.curvature(brick, entry->second.coefficients);
+    context_->tileRanges(0, brick, entry->second.tile_ranges);
   }
   last_row_ = row;
   last_ = &entry->second;  // stays where it is when others come

@@ -13,14 +13,13 @@
 namespace isobrick {
 
 // Refines every cell but those of level 1 whose centre lies within the sphere of interest and whose
-// curvature bound is within the query's tolerance; without a tolerance every cell. It acts where
-// the focus refines, so it is asked after the focus: the coarser of the two wins.
+// curvature bound is within the choice's tolerance; without a tolerance every cell.
 //
 // Keeps the curvature of the bricks that it asked for, so one object serves one thread for one
 // brick.
 class CurvatureOracle {
  public:
-  explicit CurvatureOracle(const MeshContext& context);
+  CurvatureOracle(const MeshContext& context, const DetailChoice& choice);
 
   bool refines(int level, const Index3& cell) {
     return level != 1 || !is_on_ || squaredDistance(center_, 1, cell) > radius_squared_ ||
@@ -46,8 +45,9 @@ class CurvatureOracle {
   bool isFlat(const Index3& cell);
   const BrickCurvature& curvatureOf(const Index3& brick);
 
-  const MeshContext& context_;
+  const MeshContext* context_;
   bool is_on_;
+  double tolerance_;
   glm::dvec3 center_{0.0};
   double radius_squared_ = std::numeric_limits<double>::infinity();
   std::unordered_map<std::size_t, BrickCurvature> bricks_;  // by row of the brick table

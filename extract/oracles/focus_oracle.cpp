@@ -22,17 +22,17 @@ double refinedWithin(int level, double radius) {
 
 }  // namespace
 
-FocusOracle::FocusOracle(const Lattice& lattice, const Query& query)
+FocusOracle::FocusOracle(const Lattice& lattice, const DetailChoice& choice)
     : last_level_(lattice.levels() - 1) {
   constexpr double kEverywhere = std::numeric_limits<double>::infinity();
-  if (query.focus) focus_ = query.focus->center;
+  if (choice.focus) focus_ = choice.focus->center;
   refined_within_squared_.push_back(0.0);
   for (int level = 1; level <= last_level_; ++level) {
     double within = kEverywhere;
-    if (query.uniform_level)
-      within = level > *query.uniform_level ? kEverywhere : 0.0;
-    else if (query.focus)
-      within = refinedWithin(level, query.focus->radius);
+    if (choice.uniform_level)
+      within = level > *choice.uniform_level ? kEverywhere : 0.0;
+    else if (choice.focus)
+      within = refinedWithin(level, choice.focus->radius);
     refined_within_squared_.push_back(within * within);
   }
 }

@@ -19,8 +19,8 @@ namespace isobrick {
 // level) holds at the border too. It also gives that the parent of a refined cell is refined.
 class FocusOracle {
  public:
-  // Without a focus every cell down to level 0, or to the query's uniform level, is refined.
-  FocusOracle(const Lattice& lattice, const Query& query);
+  // Without a focus every cell down to level 0, or to the choice's uniform level, is refined.
+  FocusOracle(const Lattice& lattice, const DetailChoice& choice);
 
   // The virtual cell above the root is refined; level 0 never is.
   bool refines(int level, const Index3& cell) const {

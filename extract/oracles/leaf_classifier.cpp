@@ -7,6 +7,65 @@
 
 namespace isobrick {
 
+bool LeafClassifier::Choice::refines(int level, const Index3& cell) {
+  return cells.focus.refines(level, cell) && (!cells.view || cells.view->refines(level, cell)) &&
+         curvature.refines(level, cell);
+}
+
+void LeafClassifier::Choice::keepRefined(int level, const Index3& first, std::int64_t count,
+                                         std::uint64_t* bits) {
+  cells.focus.keepRefined(level, first, count, bits);
+  if (cells.view) cells.view->keepRefined(level, first, count, bits);
+  curvature.keepRefined(level, first, count, bits);
+}
+
+Share LeafClassifier::Choice::shareOfRefined(int level, const IndexBox& box) const {
+  Share share = cells.focus.shareOfRefined(level, box);
+  if (share != Share::kNone && cells.view)
+    share = coarserShare(share, cells.view->shareOfRefined(level, box));
+  if (share != Share::kNone) share = coarserShare(share, curvature.shareOfRefined(level, box));
+  return share;
+}
+
+LeafClassifier::LeafClassifier(const MeshContext& context) : lattice_(context.lattice()) {
+  choices_.reserve(context.oracles.size());
+  for (const ChoiceOracles& cells : context.oracles)
+    choices_.push_back({cells, CurvatureOracle(context, *cells.choice)});
+}
+
+bool LeafClassifier::refines(int level, const Index3& cell) {
+  return std::any_of(choices_.begin(), choices_.end(),
+                     [&](Choice& choice) { return choice.refines(level, cell); });
+}
+
+void LeafClassifier::keepRefined(int level, const Index3& first, std::int64_t count,
+                                 std::uint64_t* bits) {
+  if (choices_.size() == 1) {
+    choices_[0].keepRefined(level, first, count, bits);
+    return;
+  }
+  const auto words = static_cast<std::size_t>(wordsOf(count));
+  asked_.assign(bits, bits + words);
+  std::fill(bits, bits + words, 0);
+  for (Choice& choice : choices_) {
+    kept_ = asked_;
+    choice.keepRefined(level, first, count, kept_.data());
+    for (std::size_t word = 0; word < words; ++word) {
+      bits[word] |= kept_[word];
+      asked_[word] &= ~kept_[word];  // the other choices need not be asked
+    }
+  }
+}
+
+Share LeafClassifier::shareOfRefined(int level, const IndexBox& cells) const {
+  Share share = Share::kNone;
+  for (const Choice& choice : choices_) {
+    share = finerShare(share, choice.shareOfRefined(level, cells));
+    if (share == Share::kAll) break;
+  }
+  return share;
+}
+
 CellState LeafClassifier::state(int level, const Index3& cell) {
   if (!contains({Index3(0), lattice_.cells(level)}, cell)) return CellState::kOutside;
   if (!refines(level + 1, cell / std::int64_t{2})) return CellState::kCoarser;

@@ -5,19 +5,18 @@
 #include <vector>
 
 #include "isobrick/extract/oracles/curvature_oracle.h"
-#include "isobrick/extract/oracles/focus_oracle.h"
+#include "isobrick/extract/oracles/query_oracles.h"
 
 namespace isobrick {
 
 // Bits, so that the states of several cells can be joined.
 enum class CellState : std::uint8_t { kOutside = 1, kCoarser = 2, kLeaf = 4, kFiner = 8 };
 
-// Joins the oracles: a cell is refined where all of them refine it. One object serves one thread
-// for one brick.
+// Joins the oracles: a cell is refined where any choice of the query refines it, and a choice does
+// where all of its oracles do. One object serves one thread for one brick.
 class LeafClassifier {
  public:
-  explicit LeafClassifier(const MeshContext& context)
-      : lattice_(context.lattice()), focus_(context.focus), curvature_(context) {}
+  explicit LeafClassifier(const MeshContext& context);
 
   // The cell's state; it may lie beyond the volume.
   CellState state(int level, const Index3& cell);
@@ -36,22 +35,22 @@ class LeafClassifier {
   bool areAllLeaves(int level, const IndexBox& cells) const;
 
  private:
-  bool refines(int level, const Index3& cell) {
-    return focus_.refines(level, cell) && curvature_.refines(level, cell);
-  }
-  void keepRefined(int level, const Index3& first, std::int64_t count, std::uint64_t* bits) {
-    focus_.keepRefined(level, first, count, bits);
-    curvature_.keepRefined(level, first, count, bits);
-  }
-  Share shareOfRefined(int level, const IndexBox& cells) const {
-    const Share share = focus_.shareOfRefined(level, cells);
-    return share == Share::kNone ? share
-                                 : coarserShare(share, curvature_.shareOfRefined(level, cells));
-  }
+  struct Choice {
+    const ChoiceOracles& cells;
+    CurvatureOracle curvature;
+
+    bool refines(int level, const Index3& cell);
+    void keepRefined(int level, const Index3& first, std::int64_t count, std::uint64_t* bits);
+    Share shareOfRefined(int level, const IndexBox& cells) const;
+  };
+
+  bool refines(int level, const Index3& cell);
+  void keepRefined(int level, const Index3& first, std::int64_t count, std::uint64_t* bits);
+  Share shareOfRefined(int level, const IndexBox& cells) const;
 
   const Lattice& lattice_;
-  const FocusOracle& focus_;
-  CurvatureOracle curvature_;
+  std::vector<Choice> choices_;
+  std::vector<std::uint64_t> asked_, kept_;  // of a row, where there are several choices
   // Refined parents of the row asked for last.
   std::vector<std::uint64_t> parents_;
   int parents_level_ = -1;

@@ -30,7 +30,8 @@ constexpr int kQueriesPerVolume = 6;
 // What the random queries really exercised; a generator that drifts to empty meshes is a test that
 // cannot fail.
 struct Coverage {
-  int queries = 0, with_triangles = 0, with_transitions = 0, with_two_levels = 0, flattened = 0;
+  int queries = 0, with_triangles = 0, with_transitions = 0, with_two_levels = 0, flattened = 0,
+      seen = 0, combined = 0;
 };
 
 int environmentOr(const char* name, int otherwise) {
@@ -156,10 +157,11 @@ void expectSameMesh(const IndexedMesh& mesh, const ReferenceMesh& reference,
 
 // The leaves that the fast classifier sees, cell by cell.
 void expectSameLeaves(const Pyramid& pyramid, const Query& query, const LeafLevels& expected) {
-  const FocusOracle focus(pyramid.lattice(), query);
+  const auto oracles = oraclesOf(pyramid.lattice(), pyramid.spec().geometry, query);
   const WorldFrame frame(pyramid.spec().geometry);
   ReadLog log;
-  const MeshContext context{pyramid, query, focus, frame, static_cast<float>(query.isovalue), log};
+  const MeshContext context{pyramid, query, oracles, frame, static_cast<float>(query.isovalue),
+                            log};
   LeafClassifier classifier(context);
   const Index3 cells = pyramid.lattice().cells(0);
   Index3 cell;
@@ -169,6 +171,81 @@ void expectSameLeaves(const Pyramid& pyramid, const Query& query, const LeafLeve
         const int level = expected.leafLevelAt(cell);
         ASSERT_EQ(classifier.state(level, cell / (std::int64_t{1} << level)), CellState::kLeaf);
       }
+}
+
+DetailChoice randomChoice(RandomCase& random, const Pyramid& pyramid, double focused) {
+  const Index3& dims = pyramid.spec().voxels;
+  const auto reach = static_cast<double>(std::max({dims.x, dims.y, dims.z}));
+  const auto anywhere = [&] {
+    glm::dvec3 point;
+    for (int axis = 0; axis < 3; ++axis)
+      point[axis] = random.chance(0.8) ? random.real(0, static_cast<double>(dims[axis] - 1))
+                                       : random.real(-reach, 2 * reach);
+    return random.chance(0.3) ? glm::round(point) : point;
+  };
+  DetailChoice choice;
+  if (random.chance(0.25)) {
+    ViewPoint& view = choice.view.emplace();
+    view.eye = anywhere();
+    view.pixels = random.real(0.5, 4);
+    if (random.chance(0.15))
+      view.pixels_per_unit = view.pixels * std::exp2(-random.real(-1, 4));
+    else
+      view.pixels_per_radian = random.real(1, 40);
+    if (random.chance(0.6)) {
+      view.field.emplace();
+      view.field->direction = anywhere() - view.eye + glm::dvec3(0.01);
+      view.field->half_angle = random.real(0.05, 1.5);
+      view.field->radius = random.real(0.5, reach);
+    }
+  }
+  if (random.chance(choice.view ? 0.3 : focused)) {
+    choice.focus = FocusSphere{anywhere(), 0};
+    if (!random.chance(0.25))
+      choice.focus->radius = random.real(0, random.chance(0.2) ? 2 * reach : reach / 3);
+  } else if (random.chance(0.5)) {
+    choice.uniform_level = random.uniform(0, pyramid.lattice().levels() - 1);
+  }
+  if (choice.uniform_level.value_or(0) == 0 && random.chance(0.6))
+    choice.curvature_tolerance = random.chance(0.15) ? 0.0 : std::exp(random.real(-9, 5));
+  return choice;
+}
+
+// The view's decision as the header of the oracle has it, in voxels, which are the world here.
+bool isSeen(const ViewPoint& view, int level, const Index3& cell) {
+  const double d = std::sqrt(3.0) * (1 + std::ldexp(1.0, -20));
+  const double edge = std::ldexp(1.0, level);
+  const glm::dvec3 from_eye = (glm::dvec3(cell) + 0.5) * edge - view.eye;
+  const double slope = std::max(view.pixels_per_radian / view.pixels + d / 2, 3 * d / 2);
+  if (view.pixels_per_unit ? edge * *view.pixels_per_unit <= view.pixels
+                           : glm::length(from_eye) >= slope * edge)
+    return false;
+  if (!view.field) return true;
+  const double ahead = glm::dot(from_eye, glm::normalize(view.field->direction));
+  const double beside = std::sqrt(std::max(0.0, glm::dot(from_eye, from_eye) - ahead * ahead));
+  const double angle = view.field->half_angle;
+  const double outside = view.pixels_per_unit ? beside - view.field->radius
+                                              : beside * std::cos(angle) - ahead * std::sin(angle);
+  return outside < (3 * edge / 2 - 1) * d;
+}
+
+LeafLevels referenceLeaves(const Pyramid& pyramid, double isovalue, const DetailChoice& choice) {
+  ReferenceQuery expected;
+  expected.iso = isovalue;
+  if (choice.focus) {
+    expected.focus = choice.focus->center;
+    expected.radius = choice.focus->radius;
+  }
+  expected.level = choice.uniform_level.value_or(-1);
+  if (choice.curvature_tolerance)
+    expected.flat = [&, iso = static_cast<float>(isovalue)](const Index3& cell) {
+      return isFlatByPyramid(pyramid, iso, *choice.curvature_tolerance, cell);
+    };
+  if (choice.view)
+    expected.further = [&](int level, const Index3& cell) {
+      return isSeen(*choice.view, level, cell);
+    };
+  return referenceLeafLevels(pyramid.lattice(), expected);
 }
 
 template <typename T>
@@ -193,42 +270,23 @@ void runVolume(std::uint32_t seed, const TemporaryFolder& folder, Coverage& cove
                  std::to_string(dims.x) + "x" + std::to_string(dims.y) + "x" +
                  std::to_string(dims.z) + " brick " + std::to_string(options.brick_cells));
     Query query;
-    ReferenceQuery expected;
     const auto sample = static_cast<double>(
         values[static_cast<std::size_t>(random.uniform(0, static_cast<int>(values.size()) - 1))]);
     query.isovalue = random.chance(0.6) ? sample : sample + random.real(-3, 3);
-    expected.iso = query.isovalue;
-    if (random.chance(0.85)) {
-      const double reach = static_cast<double>(std::max({dims.x, dims.y, dims.z}));
-      FocusSphere focus;
-      for (int axis = 0; axis < 3; ++axis)
-        focus.center[axis] = random.chance(0.8)
-                                 ? random.real(0, static_cast<double>(dims[axis] - 1))
-                                 : random.real(-reach, 2 * reach);
-      if (random.chance(0.3)) focus.center = glm::round(focus.center);
-      focus.radius =
-          random.chance(0.25) ? 0.0 : random.real(0, random.chance(0.2) ? 2 * reach : reach / 3);
-      query.focus = focus;
-      expected.focus = focus.center;
-      expected.radius = focus.radius;
-    } else if (random.chance(0.5)) {
-      query.uniform_level = random.uniform(0, pyramid.lattice().levels() - 1);
-      expected.level = *query.uniform_level;
-    }
-    if (query.uniform_level.value_or(0) == 0 && random.chance(0.6)) {
-      const double tolerance = random.chance(0.15) ? 0.0 : std::exp(random.real(-9, 5));
-      query.curvature_tolerance = tolerance;
-      expected.flat = [&pyramid, iso = static_cast<float>(query.isovalue),
-                       tolerance](const Index3& cell) {
-        return isFlatByPyramid(pyramid, iso, tolerance, cell);
-      };
-    }
+    static_cast<DetailChoice&>(query) = randomChoice(random, pyramid, 0.85);
+    LeafLevels leaves = referenceLeaves(pyramid, query.isovalue, query);
+    if (random.chance(0.25))
+      for (int further = random.uniform(1, 2); further > 0; --further) {
+        query.or_finer.push_back(randomChoice(random, pyramid, 1));
+        leaves = finerLeafLevels(leaves,
+                                 referenceLeaves(pyramid, query.isovalue, query.or_finer.back()));
+      }
     IndexedMeshSink sink;
     const ExtractionReport report = extractIsosurface(pyramid, query, sink);
     const MeshReport check =
         checkMesh(sink.mesh().positions, sink.mesh().triangles, indexOptions(dims));
     ASSERT_TRUE(check.ok()) << check.summary();
-    const ReferenceMesh reference = referenceMesh(reference_pyramid, expected);
+    const ReferenceMesh reference = referenceMesh(reference_pyramid, leaves, query.isovalue);
     expectSameMesh(sink.mesh(), reference, report);
     if (testing::Test::HasFatalFailure()) return;
     ASSERT_TRUE(auditLeafLevels(reference.leaves).empty());
@@ -240,6 +298,8 @@ void runVolume(std::uint32_t seed, const TemporaryFolder& folder, Coverage& cove
     coverage.with_transitions += reference.transitionCellCount() > 0 ? 1 : 0;
     coverage.with_two_levels += report.levels.size() > 1 ? 1 : 0;
     coverage.flattened += query.curvature_tolerance && report.levels.size() > 1 ? 1 : 0;
+    coverage.seen += query.view && report.levels.size() > 1 ? 1 : 0;
+    coverage.combined += !query.or_finer.empty() && report.levels.size() > 1 ? 1 : 0;
 
     query.cull_by_ranges = false;
     IndexedMeshSink unculled;
@@ -275,13 +335,15 @@ TEST(ExtractProperty, MatchesTheReferenceOnRandomQueries) {
     if (HasFatalFailure()) return;
   }
   std::printf(
-      "%d queries: %d with triangles, %d with transition fans, %d with several levels, %d "
-      "of them with a curvature tolerance\n",
+      "%d queries: %d with triangles, %d with transition fans, %d with several levels, of them %d "
+      "with a curvature tolerance, %d with a view, %d with several choices\n",
       coverage.queries, coverage.with_triangles, coverage.with_transitions,
-      coverage.with_two_levels, coverage.flattened);
+      coverage.with_two_levels, coverage.flattened, coverage.seen, coverage.combined);
   EXPECT_GT(coverage.with_triangles, coverage.queries * 7 / 10);
   EXPECT_GT(coverage.with_transitions, coverage.queries / 4);
   EXPECT_GT(coverage.flattened, coverage.queries / 10);
+  EXPECT_GT(coverage.seen, coverage.queries / 20);
+  EXPECT_GT(coverage.combined, coverage.queries / 20);
 }
 
 }  // namespace

@@ -75,6 +75,7 @@ bool isRefined(const Index3& cell, int level, const ReferenceQuery& query) {
         !query.focus || squaredDistance(cell, 1, *query.focus) <= query.radius * query.radius;
     if (inside_sphere && query.flat(cell)) return false;
   }
+  if (query.further && !query.further(level, cell)) return false;
   return true;
 }
 
@@ -542,6 +543,13 @@ ReferenceMesh Mesher::run() {
 
 int LeafLevels::leafLevelAt(const Index3& level0_cell) const {
   return levels.at(offsetOf(cells, level0_cell));
+}
+
+LeafLevels finerLeafLevels(const LeafLevels& a, const LeafLevels& b) {
+  LeafLevels finer = a;
+  for (std::size_t i = 0; i < finer.levels.size(); ++i)
+    finer.levels[i] = std::min(a.levels[i], b.levels[i]);
+  return finer;
 }
 
 LeafLevels referenceLeafLevels(const Lattice& lattice, const ReferenceQuery& query) {

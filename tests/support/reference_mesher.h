@@ -44,6 +44,9 @@ struct ReferenceQuery {
   // Curvature oracle: true where a level-1 cell that would be refined is extracted as it is. Asked
   // only for cells whose centre is within `radius` of the focus (for all without one).
   std::function<bool(const Index3& level1_cell)> flat;
+
+  // Any further oracle that stands beside these: true where it refines the cell.
+  std::function<bool(int level, const Index3& cell)> further;
 };
 
 // The level of the leaf that covers each level-0 cell.
@@ -55,6 +58,9 @@ struct LeafLevels {
 };
 
 LeafLevels referenceLeafLevels(const Lattice& lattice, const ReferenceQuery& query);
+
+// The finer of two everywhere: what is extracted where either of two oracles refines.
+LeafLevels finerLeafLevels(const LeafLevels& a, const LeafLevels& b);
 
 struct LeafConflict {
   Index3 cell_a, cell_b;  // cells of level_a and level_b

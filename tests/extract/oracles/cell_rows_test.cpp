@@ -169,10 +169,10 @@ TEST(LeafClassifier, ClassifiesRowsAsItClassifiesCells) {
       query.isovalue = randomReal(random, -2, 2);
       if (q > 0) query.focus = randomFocus(random, dims);
       if (q % 2 == 0) query.curvature_tolerance = std::exp(randomReal(random, -6, 3));
-      const FocusOracle focus(lattice, query);
+      const auto oracles = oraclesOf(lattice, pyramid.spec().geometry, query);
       const WorldFrame frame(pyramid.spec().geometry);
       ReadLog log;
-      const MeshContext context{pyramid, query, focus, frame, static_cast<float>(query.isovalue),
+      const MeshContext context{pyramid, query, oracles, frame, static_cast<float>(query.isovalue),
                                 log};
       LeafClassifier rows(context), cells(context);
       for (int row = 0; row < 60; ++row) {

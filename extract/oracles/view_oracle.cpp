@@ -1,0 +1,105 @@
+#include "isobrick/extract/oracles/view_oracle.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <glm/geometric.hpp>
+#include <limits>
+
+#include "isobrick/extract/row_bits.h"
+
+namespace isobrick {
+namespace {
+
+// Room for rounding: see FocusOracle.
+constexpr double kRoom = 1.0 + 0x1p-20;
+
+}  // namespace
+
+ViewOracle::ViewOracle(const Lattice& lattice, const GridGeometry& geometry, const ViewPoint& view)
+    : last_level_(lattice.levels() - 1),
+      spacing_(geometry.spacing),
+      eye_(geometry.worldToIndex(view.eye) * geometry.spacing),
+      is_parallel_(view.pixels_per_unit.has_value()) {
+  const double diagonal = glm::length(spacing_) * kRoom;
+  const double edge = std::max({spacing_.x, spacing_.y, spacing_.z});
+  constexpr double kEverywhere = std::numeric_limits<double>::infinity();
+  const double slope =
+      std::max(view.pixels_per_radian * edge / view.pixels + 0.5 * diagonal, 1.5 * diagonal);
+  for (int level = 0; level <= last_level_; ++level) {
+    double within = slope * std::ldexp(1.0, level);
+    if (is_parallel_)
+      within = std::ldexp(edge, level) * *view.pixels_per_unit > view.pixels ? kEverywhere : 0.0;
+    seen_within_squared_.push_back(level == 0 ? 0.0 : within * within);
+    near_field_within_.push_back(diagonal * (3.0 * std::ldexp(1.0, level - 1) - 1.0));
+  }
+  if (!view.field) return;
+  has_field_ = true;
+  direction_ = glm::normalize(glm::transpose(geometry.direction) * view.field->direction);
+  field_sine_ = std::sin(view.field->half_angle);
+  field_cosine_ = std::cos(view.field->half_angle);
+  field_radius_ = view.field->radius;
+}
+
+glm::dvec3 ViewOracle::centerOf(int level, const Index3& cell) const {
+  return (glm::dvec3(cell) + 0.5) * std::ldexp(1.0, level) * spacing_;
+}
+
+double ViewOracle::distanceFromField(const glm::dvec3& point) const {
+  const glm::dvec3 from_eye = point - eye_;
+  const double ahead = glm::dot(from_eye, direction_);
+  const double beside = glm::length(from_eye - ahead * direction_);
+  return is_parallel_ ? beside - field_radius_ : beside * field_cosine_ - ahead * field_sine_;
+}
+
+bool ViewOracle::refines(int level, const Index3& cell) const {
+  if (level > last_level_) return true;
+  const auto l = static_cast<std::size_t>(level);
+  const glm::dvec3 center = centerOf(level, cell);
+  const glm::dvec3 from_eye = center - eye_;
+  if (!(glm::dot(from_eye, from_eye) < seen_within_squared_[l])) return false;
+  return !has_field_ || distanceFromField(center) < near_field_within_[l];
+}
+
+// All centres lie within half the box's diagonal of its middle, and in its bounds of distance; both
+// are drawn apart by a millionth of what they are made of, so that what they say is certain.
+Share ViewOracle::shareOfRefined(int level, const IndexBox& cells) const {
+  if (level > last_level_) return Share::kAll;
+  const auto l = static_cast<std::size_t>(level);
+  if (seen_within_squared_[l] == 0.0) return Share::kNone;
+  const glm::dvec3 low = centerOf(level, cells.first);
+  const glm::dvec3 high = centerOf(level, cells.end() - Index3(1));
+  const glm::dvec3 nearest = glm::clamp(eye_, low, high) - eye_;
+  const glm::dvec3 farthest = glm::max(glm::abs(low - eye_), glm::abs(high - eye_));
+  Share share = Share::kSome;
+  if (glm::dot(farthest, farthest) * (1 + 1e-6) < seen_within_squared_[l]) share = Share::kAll;
+  if (glm::dot(nearest, nearest) * (1 - 1e-6) >= seen_within_squared_[l]) return Share::kNone;
+  if (!has_field_) return share;
+  const glm::dvec3 middle = 0.5 * (low + high);
+  const double distance = distanceFromField(middle);
+  const double reach =
+      0.5 * glm::length(high - low) + 1e-6 * (glm::length(middle - eye_) + glm::length(spacing_));
+  if (distance - reach >= near_field_within_[l]) return Share::kNone;
+  return distance + reach < near_field_within_[l] ? share : coarserShare(share, Share::kSome);
+}
+
+void ViewOracle::keepRefined(int level, const Index3& first, std::int64_t count,
+                             std::uint64_t* bits) const {
+  switch (shareOfRefined(level, {first, Index3(count, 1, 1)})) {
+    case Share::kAll:
+      return;
+    case Share::kNone:
+      std::fill(bits, bits + wordsOf(count), 0);
+      return;
+    case Share::kSome:
+      break;
+  }
+  for (std::int64_t word = 0; word < wordsOf(count); ++word)
+    for (std::uint64_t rest = bits[word]; rest != 0; rest &= rest - 1) {
+      const int bit = std::countr_zero(rest);
+      if (!refines(level, {first.x + 64 * word + bit, first.y, first.z}))
+        bits[word] &= ~(std::uint64_t{1} << bit);
+    }
+}
+
+}  // namespace isobrick
