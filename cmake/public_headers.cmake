@@ -54,5 +54,6 @@ if(ISOBRICK_WITH_VIEWER)
     viewer/image_writer.h
     viewer/offscreen_renderer.h
     viewer/placed_camera.h
+    viewer/render/surface_chunk.h
     viewer/render_camera.h)
 endif()

@@ -3,6 +3,7 @@
 
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "isobrick/storage/abandonable.h"
@@ -14,7 +15,7 @@
 #include "tools/interrupt.h"
 #include "tools/parse_text.h"
 #include "tools/parsed_option.h"
-#include "tools/picture_mesh.h"
+#include "tools/picture_surface.h"
 #include "tools/query_options.h"
 #include "tools/stopwatch.h"
 #include "tools/thread_count.h"
@@ -30,15 +31,11 @@ struct RenderArguments {
   bool show_focus = false;
 };
 
-RenderOptions makeRenderOptions(const RenderArguments& arguments, const PictureMesh& mesh) {
+RenderOptions makeRenderOptions(const RenderArguments& arguments, const PictureSurface& surface) {
   RenderOptions options = arguments.picture;
   options.width = arguments.size.width;
   options.height = arguments.size.height;
-  if (arguments.show_focus && mesh.focus) {
-    options.focus_sphere.emplace();
-    options.focus_sphere->center = mesh.focus->center;
-    options.focus_sphere->radius = mesh.focus->radius;
-  }
+  if (arguments.show_focus) options.focus_sphere = surface.focus;
   return options;
 }
 
@@ -54,24 +51,24 @@ int runRender(const RenderArguments& arguments) {
                                  arguments.size.width, arguments.size.height,
                                  renderer->greatestSize()));
   const Stopwatch extract_watch;
-  const auto mesh = std::make_shared<const PictureMesh>(
-      runWithThreads(arguments.query.threads, [&] { return extractPictureMesh(arguments.query); }));
+  PictureSurface surface = runWithThreads(arguments.query.threads,
+                                          [&] { return extractPictureSurface(arguments.query); });
   const double extract_seconds = extract_watch.seconds();
 
   const Stopwatch draw_watch;
   // Neither OpenGL nor the libraries that pack pictures stop before their end.
-  const std::vector<char> picture = runAbandonable(
-      &interruptFlag(), [renderer, mesh, format, options = makeRenderOptions(arguments, *mesh)] {
-        return encodeImage(format, renderer->render({mesh->positions, mesh->normals,
-                                                     mesh->triangles, mesh->triangle_levels},
-                                                    options));
+  const auto chunks = std::make_shared<std::vector<SurfaceChunk>>(std::move(surface.chunks));
+  const std::vector<char> picture =
+      runAbandonable(&interruptFlag(), [renderer, chunks, lattice = surface.lattice, format,
+                                        options = makeRenderOptions(arguments, surface)] {
+        return encodeImage(format, renderer->render(std::move(*chunks), lattice, options));
       });
   AtomicFile file(arguments.output);
   file.write(picture.data(), picture.size());
   file.commit(&interruptFlag());
   fmt::print("{}: {} x {} pixels, {} triangles; extract {:.2f} s, draw {:.2f} s ({})\n",
              arguments.output, arguments.size.width, arguments.size.height,
-             countText(mesh->triangles.size() / 3), extract_seconds, draw_watch.seconds(),
+             countText(surface.triangles), extract_seconds, draw_watch.seconds(),
              renderer->deviceName());
   return 0;
 }

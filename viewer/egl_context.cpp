@@ -10,7 +10,7 @@ namespace isobrick {
 namespace {
 
 constexpr char kInstallAdvice[] =
-    "install an OpenGL 3.3 driver (Debian and Ubuntu: apt install libegl1 libopengl0 "
+    "install an OpenGL 4.5 driver (Debian and Ubuntu: apt install libegl1 libopengl0 "
     "libgl1-mesa-dri)";
 
 // libepoxy ends the process where a library is missing; an Error is friendlier. The libraries stay
@@ -36,7 +36,7 @@ EglContext::EglContext() {
     if (openOn(surfaceless)) return;
   }
   if (openOn(eglGetDisplay(EGL_DEFAULT_DISPLAY))) return;
-  throw Error(std::string("cannot render: EGL gives no OpenGL 3.3 context without a window; ") +
+  throw Error(std::string("cannot render: EGL gives no OpenGL 4.5 context without a window; ") +
               kInstallAdvice);
 }
 
@@ -57,9 +57,9 @@ bool EglContext::openOn(EGLDisplay display) {
   if (!eglChooseConfig(display, config_wishes, &config, 1, &configs) || configs < 1) return false;
 
   const EGLint context_wishes[] = {EGL_CONTEXT_MAJOR_VERSION,
-                                   3,
+                                   4,
                                    EGL_CONTEXT_MINOR_VERSION,
-                                   3,
+                                   5,
                                    EGL_CONTEXT_OPENGL_PROFILE_MASK,
                                    EGL_CONTEXT_OPENGL_CORE_PROFILE_BIT,
                                    EGL_NONE};

@@ -1,12 +1,12 @@
-// An OpenGL context without a window or an X server. Of the viewer's headers only this one and
-// render_shaders.h need OpenGL; include them in the renderer's own files alone.
+// An OpenGL context without a window or an X server. Needs OpenGL's headers: for the renderer's
+// own files alone.
 #pragma once
 
 #include <epoxy/egl.h>
 
 namespace isobrick {
 
-// Owns an OpenGL 3.3 core context and the tiny surface that some drivers want beside it. GL objects
+// Owns an OpenGL 4.5 core context and the tiny surface that some drivers want beside it. GL objects
 // made in the context die with it.
 //
 // Threads: current on one thread at a time, by a CurrentScope; different contexts are independent.

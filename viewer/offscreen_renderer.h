@@ -12,8 +12,10 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "isobrick/viewer/image.h"
+#include "isobrick/viewer/render/surface_chunk.h"
 
 namespace isobrick {
 
@@ -92,13 +94,13 @@ struct RenderOptions {
 // violet for coarser ones; levels past the last distinct colour share it.
 glm::vec3 levelColor(int level);
 
-// Owns an OpenGL 3.3 context that draws into memory, on the GPU where Mesa drives one and with
+// Owns an OpenGL 4.5 context that draws into memory, on the GPU where Mesa drives one and with
 // Mesa's software renderer everywhere else. Making one takes some 0.1 s; use it for many pictures.
 //
 // Threads: one call at a time per renderer, from any thread; different renderers are independent.
 // A call leaves the calling thread without a current EGL context.
-// Memory: about 70 bytes a pixel, plus a few buffers of 16 MiB through which the mesh is sent in
-// pieces, so that the mesh may have any number of triangles.
+// Memory: about 80 bytes a pixel, and the surface's chunks (20 bytes a vertex and 12 a triangle)
+// while they are drawn.
 class OffscreenRenderer {
  public:
   // Throws Error that says what to install where no context can be made.
@@ -111,6 +113,10 @@ class OffscreenRenderer {
   // call gives the same picture on the same machine. An empty mesh gives the background.
   // Throws Error for sizes and cameras outside their ranges and where memory does not suffice.
   Image render(const RenderMesh& mesh, const RenderOptions& options);
+  // The same of a surface that comes in chunks, as an extraction makes them. Each is forgotten when
+  // it was sent, so that none of it is held twice.
+  Image render(std::vector<SurfaceChunk> chunks, const SceneLattice& lattice,
+               const RenderOptions& options);
 
   // Greatest width and height of a picture in pixels.
   int greatestSize() const;

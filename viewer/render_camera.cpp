@@ -1,7 +1,6 @@
 #include "isobrick/viewer/render_camera.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
@@ -13,9 +12,8 @@
 namespace isobrick {
 namespace {
 
-bool isEmpty(const RenderBox& box) {
-  return !(box.lower.x <= box.upper.x && box.lower.y <= box.upper.y && box.lower.z <= box.upper.z);
-}
+constexpr double kMargin = 1.06;
+constexpr double kLeast = -std::numeric_limits<double>::infinity();
 
 void placeLookAt(const LookAtCamera& look_at, PlacedCamera& camera) {
   camera.eye = look_at.eye;
@@ -50,56 +48,51 @@ void turnOrbit(const OrbitCamera& orbit, PlacedCamera& camera) {
   camera.right = glm::cross(camera.forward, camera.up);
 }
 
-// Moves the eye, without turning it, to where the points just fill the picture but for a margin:
-// in the middle of both directions and touching the border in one.
-template <typename Point>
-void fitPoints(std::span<const Point> points, PlacedCamera& camera) {
-  constexpr double kMargin = 1.06;
-  const double half_width = camera.half_width / kMargin;
-  const double half_height = camera.half_height / kMargin;
-  // A point (x, y, z) along right, up and forward is left of the right border of an eye at (a, b,
-  // c) where x - a <= half_width * (z - c); so only the greatest x - half_width * z of all points
-  // matters there, and likewise at the three other borders.
-  constexpr double kLeast = -std::numeric_limits<double>::infinity();
-  double right = kLeast, left = kLeast, top = kLeast, bottom = kLeast, nearest = kLeast;
-  for (const Point& point : points) {
-    const glm::dvec3 p(point);
-    const double x = glm::dot(p, camera.right);
-    const double y = glm::dot(p, camera.up);
-    const double z = glm::dot(p, camera.forward);
-    right = std::max(right, x - half_width * z);
-    left = std::max(left, -x - half_width * z);
-    top = std::max(top, y - half_height * z);
-    bottom = std::max(bottom, -y - half_height * z);
-    nearest = std::max(nearest, -z);
-  }
+}  // namespace
+
+PictureFit::PictureFit(const PlacedCamera& camera)
+    : camera_(camera),
+      half_width_(camera.half_width / kMargin),
+      half_height_(camera.half_height / kMargin),
+      right_(kLeast),
+      left_(kLeast),
+      top_(kLeast),
+      bottom_(kLeast),
+      nearest_(kLeast) {}
+
+// A point (x, y, z) along right, up and forward is left of the right border of an eye at (a, b, c)
+// where x - a <= half_width * (z - c); so only the greatest x - half_width * z of all points
+// matters there, and likewise at the three other borders.
+void PictureFit::include(const glm::dvec3& point) {
+  const double x = glm::dot(point, camera_.right);
+  const double y = glm::dot(point, camera_.up);
+  const double z = glm::dot(point, camera_.forward);
+  right_ = std::max(right_, x - half_width_ * z);
+  left_ = std::max(left_, -x - half_width_ * z);
+  top_ = std::max(top_, y - half_height_ * z);
+  bottom_ = std::max(bottom_, -y - half_height_ * z);
+  nearest_ = std::max(nearest_, -z);
+}
+
+void PictureFit::moveEye(PlacedCamera& camera) const {
+  if (nearest_ == kLeast) return;
   double depth =
-      std::min(-(right + left) / (2.0 * half_width), -(top + bottom) / (2.0 * half_height));
+      std::min(-(right_ + left_) / (2.0 * half_width_), -(top_ + bottom_) / (2.0 * half_height_));
   // A point, or a line seen end on, can be approached without end.
-  const double scale = std::max({1.0, std::abs(nearest), std::abs(right), std::abs(top)});
-  if (-nearest - depth < 1e-9 * scale) depth = -nearest - 1.0;
-  camera.eye = camera.right * (0.5 * (right - left)) + camera.up * (0.5 * (top - bottom)) +
+  const double scale = std::max({1.0, std::abs(nearest_), std::abs(right_), std::abs(top_)});
+  if (-nearest_ - depth < 1e-9 * scale) depth = -nearest_ - 1.0;
+  camera.eye = camera.right * (0.5 * (right_ - left_)) + camera.up * (0.5 * (top_ - bottom_)) +
                camera.forward * depth;
 }
 
-}  // namespace
-
-PlacedCamera placeCamera(const RenderOptions& options, const RenderMesh& mesh) {
+PlacedCamera aimCamera(const RenderOptions& options) {
   PlacedCamera camera;
   camera.half_height = std::tan(0.5 * glm::radians(options.vertical_fov));
   camera.half_width = camera.half_height * options.width / options.height;
-  if (options.look_at) {
+  if (options.look_at)
     placeLookAt(*options.look_at, camera);
-    return camera;
-  }
-  turnOrbit(options.orbit, camera);
-  if (options.orbit.box && !isEmpty(*options.orbit.box)) {
-    const std::array<glm::dvec3, 8> corners = cornersOf(
-        WorldBox{glm::dvec3(options.orbit.box->lower), glm::dvec3(options.orbit.box->upper)});
-    fitPoints(std::span<const glm::dvec3>(corners), camera);
-  } else if (!mesh.positions.empty()) {
-    fitPoints(mesh.positions, camera);
-  }
+  else
+    turnOrbit(options.orbit, camera);
   return camera;
 }
 

@@ -9,11 +9,45 @@
 
 namespace isobrick {
 
-// The camera of `options`, seeing a picture of the options' shape. An OrbitCamera frames its box,
-// or the mesh's positions where it has none; with nothing to frame the eye stays at the origin.
-// Sizes and field of view must be in their ranges. Throws Error where eye and target coincide, `up`
-// is zero or parallel to the view, or the eye, a direction or an angle is not finite.
-PlacedCamera placeCamera(const RenderOptions& options, const RenderMesh& mesh);
+// Where an eye that is not turned must stand for the picture to be just filled, but for a margin:
+// all points in it, in the middle of both directions and touching the border in one.
+class PictureFit {
+ public:
+  explicit PictureFit(const PlacedCamera& camera);
+  void include(const glm::dvec3& point);
+  // Leaves the eye where it is while no point was included.
+  void moveEye(PlacedCamera& camera) const;
+
+ private:
+  PlacedCamera camera_;
+  double half_width_, half_height_;
+  double right_, left_, top_, bottom_, nearest_;
+};
+
+// The camera of `options` for a picture of the options' shape: in its place if it looks at a
+// target, else at the origin with the directions of the orbit. Sizes and field of view must be in
+// their ranges. Throws Error where eye and target coincide, `up` is zero or parallel to the view,
+// or the eye, a direction or an angle is not finite.
+PlacedCamera aimCamera(const RenderOptions& options);
+
+// The same in its place: an OrbitCamera frames its box, or where it has none all points that
+// forEachPoint(f) passes to f(glm::dvec3); with nothing to frame the eye stays at the origin.
+template <typename ForEachPoint>
+PlacedCamera placeCamera(const RenderOptions& options, ForEachPoint&& forEachPoint) {
+  PlacedCamera camera = aimCamera(options);
+  if (options.look_at) return camera;
+  PictureFit fit(camera);
+  const WorldBox box = options.orbit.box ? WorldBox{glm::dvec3(options.orbit.box->lower),
+                                                    glm::dvec3(options.orbit.box->upper)}
+                                         : emptyWorldBox();
+  if (!box.empty()) {
+    for (const glm::dvec3& corner : cornersOf(box)) fit.include(corner);
+  } else {
+    forEachPoint([&](const glm::dvec3& point) { fit.include(point); });
+  }
+  fit.moveEye(camera);
+  return camera;
+}
 
 // The least box that holds the positions; an empty one (RenderBox) where there are none.
 RenderBox boundsOf(std::span<const glm::vec3> positions);

@@ -14,13 +14,14 @@ std::vector<glm::vec3> outlineRibbon(const SphereOutline& sphere, const PlacedCa
   const glm::dvec3 to_center = sphere.center - camera.eye;
   const double distance = glm::length(to_center);
   const double r = sphere.radius;
-  if (!(r > 0.0) || !(distance > r)) return {};
+  if (!(r > 0.0) || !(camera.orthographic || distance > r)) return {};
 
   // The rays that graze the sphere touch it along a circle, nearer than the centre and smaller than
   // the sphere.
-  const glm::dvec3 axis = to_center / distance;
-  const glm::dvec3 middle = to_center - axis * (r * r / distance);
-  const double circle_radius = r * std::sqrt(1.0 - (r / distance) * (r / distance));
+  const bool parallel = camera.orthographic;  // then the rays touch it along a great circle
+  const glm::dvec3 axis = parallel ? camera.forward : to_center / distance;
+  const glm::dvec3 middle = parallel ? to_center : to_center - axis * (r * r / distance);
+  const double circle_radius = parallel ? r : r * std::sqrt(1.0 - (r / distance) * (r / distance));
   const glm::dvec3 helper = std::abs(glm::dot(axis, camera.up)) < 0.9 ? camera.up : camera.right;
   const glm::dvec3 u = glm::normalize(glm::cross(axis, helper));
   const glm::dvec3 v = glm::cross(axis, u);
@@ -34,7 +35,7 @@ std::vector<glm::vec3> outlineRibbon(const SphereOutline& sphere, const PlacedCa
   std::array<Point, kSegments> points;
   const glm::dvec2 half_size(0.5 * width, 0.5 * height);
   const auto toPixel = [&](const glm::dvec3& arm) {
-    const double depth = glm::dot(arm, camera.forward);
+    const double depth = parallel ? 1.0 : glm::dot(arm, camera.forward);
     return half_size * glm::dvec2(glm::dot(arm, camera.right) / (depth * camera.half_width),
                                   glm::dot(arm, camera.up) / (depth * camera.half_height));
   };
@@ -44,7 +45,7 @@ std::vector<glm::vec3> outlineRibbon(const SphereOutline& sphere, const PlacedCa
     const glm::dvec3 tangent = v * std::cos(angle) - u * std::sin(angle);
     const glm::dvec3 arm = middle + circle_radius * radial;
     Point& point = points[static_cast<std::size_t>(i)];
-    point.ahead = glm::dot(arm, camera.forward) > 1e-3 * distance;
+    point.ahead = parallel || glm::dot(arm, camera.forward) > 1e-3 * distance;
     if (!point.ahead) continue;
     point.pixel = toPixel(arm);
     const glm::dvec2 along = toPixel(arm + 1e-4 * circle_radius * tangent) - point.pixel;

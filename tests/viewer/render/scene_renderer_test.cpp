@@ -1,0 +1,170 @@
+// Frames drawn by OpenGL without a window: what is cut, capped, seen through and hit.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <memory>
+
+#include "isobrick/storage/error.h"
+#include "isobrick/viewer/egl_context.h"
+#include "isobrick/viewer/render/gl_scene_renderer.h"
+#include "tests/support/requirement.h"
+
+namespace isobrick {
+namespace {
+
+// A square of two triangles across y, `half` wide to each side, seen from -y.
+SurfaceChunk squareAt(double y, double half, int surface, int level = 0) {
+  SurfaceChunk chunk;
+  chunk.origin = {0.0, y, 0.0};
+  chunk.surface = surface;
+  chunk.level = level;
+  const auto h = static_cast<float>(half);
+  for (const glm::vec3& p :
+       {glm::vec3(-h, 0, -h), glm::vec3(h, 0, -h), glm::vec3(h, 0, h), glm::vec3(-h, 0, h)})
+    chunk.vertices.push_back({p, packNormal({0.0f, -1.0f, 0.0f})});
+  chunk.triangles = {0, 1, 2, 0, 2, 3};
+  return chunk;
+}
+
+class SceneRendererTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    try {
+      egl_ = std::make_unique<EglContext>();
+    } catch (const Error& error) {
+      SKIP_UNLESS_REQUIRED(error.what());
+    }
+    current_ = std::make_unique<EglContext::CurrentScope>(*egl_);
+    renderer_ = std::make_unique<GlSceneRenderer>();
+    frame_.width = frame_.height = 64;
+    frame_.camera.eye = {0.0, -10.0, 0.0};
+    frame_.camera.half_width = frame_.camera.half_height = 0.2;  // 2 at the origin
+    frame_.bounds = {glm::dvec3(-4.0), glm::dvec3(4.0)};
+    frame_.surfaces = {SurfaceLook{{1.0f, 0.0f, 0.0f}, 1.0}, SurfaceLook{{0.0f, 0.0f, 1.0f}, 1.0}};
+    frame_.background_top = frame_.background_bottom = glm::vec3(0.0f);
+  }
+  void TearDown() override {
+    renderer_.reset();
+    current_.reset();
+  }
+
+  // What is seen at pixel x, y of the frame.
+  glm::vec3 seen(int x, int y) {
+    renderer_->draw(frame_);
+    const Image image = renderer_->picture();
+    const std::size_t at = image.offsetOf(x, y);
+    return {image.rgb[at], image.rgb[at + 1], image.rgb[at + 2]};
+  }
+  static bool isRed(const glm::vec3& c) { return c.r > 0.2f && c.b < 0.5f * c.r; }
+  static bool isBlue(const glm::vec3& c) { return c.b > 0.2f && c.r < 0.5f * c.b; }
+  static bool isBlack(const glm::vec3& c) { return c.r + c.g + c.b < 1e-3f; }
+
+  std::unique_ptr<EglContext> egl_;
+  std::unique_ptr<EglContext::CurrentScope> current_;
+  std::unique_ptr<GlSceneRenderer> renderer_;
+  SceneFrame frame_;
+};
+
+TEST_F(SceneRendererTest, WhatIsNearerHidesWhatIsBehindAndIsHit) {
+  const ChunkId far = renderer_->upload(squareAt(3.0, 1.5, 0));
+  const ChunkId near = renderer_->upload(squareAt(-2.0, 0.5, 1));
+  for (const bool orthographic : {false, true}) {
+    frame_.camera.orthographic = orthographic;
+    frame_.camera.half_width = frame_.camera.half_height = orthographic ? 2.0 : 0.2;
+    frame_.chunks = {near, far};
+    EXPECT_TRUE(isBlue(seen(32, 32)));
+    EXPECT_TRUE(isRed(seen(32, 16)));
+    EXPECT_TRUE(isBlack(seen(2, 2)));
+    EXPECT_NEAR(renderer_->distanceAt({32.0, 32.0}).value(), 8.0, 1e-4);
+    EXPECT_NEAR(renderer_->distanceAt({32.0, 16.0}).value(), 13.0, 1e-4);
+    EXPECT_FALSE(renderer_->distanceAt({2.0, 2.0}));
+    EXPECT_FALSE(renderer_->distanceAt({-1.0, 2.0}));
+    EXPECT_FALSE(renderer_->distanceAt({32.0, 64.0}));
+    frame_.chunks = {far};
+    EXPECT_TRUE(isRed(seen(32, 32)));
+  }
+  EXPECT_EQ(renderer_->bytesKept(), 2 * (4 * 20 + 6 * 4u));
+  renderer_->release(near);
+  renderer_->release(far);
+  EXPECT_EQ(renderer_->bytesKept(), 0u);
+}
+
+TEST_F(SceneRendererTest, EdgesAreDrawnFromTheSameBuffer) {
+  frame_.chunks = {renderer_->upload(squareAt(0.0, 1.0, 0))};
+  const glm::vec3 plain_middle = seen(32, 32), plain_side = seen(26, 44);
+  frame_.wireframe = true;
+  EXPECT_LT(seen(32, 32).r, 0.8f * plain_middle.r);  // the diagonal
+  EXPECT_NEAR(seen(26, 44).r, plain_side.r, 1e-3f);
+}
+
+TEST_F(SceneRendererTest, ClipPlanesCutAndTheirCapIsNotCut) {
+  frame_.chunks = {renderer_->upload(squareAt(0.0, 1.5, 0))};
+  frame_.clip_planes = {{{1.0, 0.0, 0.0}, 0.0}};  // what is at x < 0 goes
+  EXPECT_TRUE(isBlack(seen(20, 32)));
+  EXPECT_TRUE(isRed(seen(44, 32)));
+  frame_.clip_planes.push_back({{0.0, 0.0, -1.0}, 0.0});  // and what is at z > 0
+  EXPECT_TRUE(isBlack(seen(44, 20)));
+  EXPECT_TRUE(isRed(seen(44, 44)));
+
+  // A cap lies in its plane, and shows values above the least one in grey.
+  frame_.chunks.clear();
+  frame_.clip_planes = {{{0.0, 1.0, 0.0}, 0.0}};
+  const float kNone = std::numeric_limits<float>::quiet_NaN();
+  SceneSlice cap;
+  cap.image =
+      renderer_->uploadSlice({4, 2, {10.0f, 10.0f, 90.0f, kNone, 10.0f, 10.0f, 90.0f, kNone}});
+  cap.corner = {-1.0, 0.0, -1.0};
+  cap.across = {2.0, 0.0, 0.0};
+  cap.along = {0.0, 0.0, 2.0};
+  cap.least_value = 50.0;
+  cap.cap_of = 0;
+  cap.white = 100.0;
+  frame_.slices = {cap};
+  EXPECT_GT(seen(36, 32).g, 0.3f);     // above 50
+  EXPECT_TRUE(isBlack(seen(22, 32)));  // below
+  EXPECT_TRUE(isBlack(seen(44, 32)));  // no value
+  frame_.slices[0].least_value.reset();
+  EXPECT_FALSE(isBlack(seen(22, 32)));
+  EXPECT_TRUE(isBlack(seen(44, 32)));
+  renderer_->releaseSlice(cap.image);
+  EXPECT_EQ(renderer_->bytesKept(), 4 * 20 + 6 * 4u);  // the square alone
+}
+
+TEST_F(SceneRendererTest, WhatIsBehindATranslucentSurfaceIsSeen) {
+  frame_.chunks = {renderer_->upload(squareAt(2.0, 1.0, 0)),
+                   renderer_->upload(squareAt(-2.0, 1.0, 1))};
+  EXPECT_TRUE(isBlue(seen(32, 32)));
+  frame_.surfaces[1].opacity = 0.5;
+  const glm::vec3 both = seen(32, 32);
+  EXPECT_GT(both.r, 0.15f);
+  EXPECT_GT(both.b, 0.15f);
+  frame_.surfaces[1].opacity = 0.0;
+  EXPECT_TRUE(isRed(seen(32, 32)));
+}
+
+TEST_F(SceneRendererTest, SegmentsAreHiddenByWhatIsInFrontOfThem) {
+  frame_.segments = {{{-1.5, 1.0, 0.0}, {1.5, 1.0, 0.0}}};
+  EXPECT_FALSE(isBlack(seen(32, 32)));
+  EXPECT_TRUE(isBlack(seen(32, 40)));
+  frame_.chunks = {renderer_->upload(squareAt(0.0, 0.5, 0))};
+  EXPECT_TRUE(isRed(seen(32, 32)));
+  EXPECT_FALSE(isBlack(seen(50, 32)));
+  // One that begins behind the eye is cut.
+  frame_.chunks.clear();
+  frame_.segments = {{{0.0, -30.0, 0.5}, {0.0, 3.0, 0.5}}};
+  EXPECT_FALSE(isBlack(seen(32, 20)));
+}
+
+TEST_F(SceneRendererTest, TheSphereIsATranslucentBall) {
+  frame_.sphere = SphereOutline{{0.0, 0.0, 0.0}, 1.0};
+  EXPECT_TRUE(isBlack(seen(32, 38)));
+  frame_.fill_sphere = true;
+  const glm::vec3 inside = seen(32, 38);
+  EXPECT_FALSE(isBlack(inside));
+  EXPECT_LT(inside.r, 0.3f);
+  EXPECT_TRUE(isBlack(seen(4, 4)));
+}
+
+}  // namespace
+}  // namespace isobrick

@@ -1,0 +1,24 @@
+// An extracted surface in the form in which pictures are drawn.
+#pragma once
+
+#include <cstdint>
+#include <glm/vec3.hpp>
+#include <optional>
+#include <vector>
+
+#include "isobrick/viewer/offscreen_renderer.h"
+#include "tools/query_options.h"
+
+namespace isobrick {
+
+struct PictureSurface {
+  std::vector<SurfaceChunk> chunks;  // in the order of the extraction
+  SceneLattice lattice;
+  std::uint64_t triangles = 0;
+  // Inside of it everything is of the finest level.
+  std::optional<SphereOutline> focus;
+};
+
+PictureSurface extractPictureSurface(const QueryOptions& options);
+
+}  // namespace isobrick

@@ -1,0 +1,484 @@
+#include "isobrick/viewer/render/gl_scene_renderer.h"
+
+#include <algorithm>
+#include <array>
+#include <cassert>
+#include <cstddef>
+#include <glm/geometric.hpp>
+#include <glm/mat3x3.hpp>
+#include <glm/matrix.hpp>
+#include <limits>
+#include <numeric>
+
+#include "isobrick/storage/error.h"
+#include "isobrick/viewer/render/scene_shaders.h"
+#include "isobrick/viewer/sphere_outline.h"
+
+namespace isobrick {
+namespace {
+
+constexpr glm::vec3 kFocusColor{1.0f, 0.93f, 0.62f};
+constexpr float kFocusLineHalfWidth = 0.9f;  // pixels
+constexpr glm::vec3 kSegmentColor{0.62f, 0.66f, 0.72f};
+constexpr float kSegmentHalfWidth = 0.5f;
+constexpr double kLeastDistance = 1e-6;  // of segments from the eye, in units of `far`
+
+glm::vec3 linearColor(const glm::vec3& srgb) {
+  return {linearFromSrgb(srgb.r), linearFromSrgb(srgb.g), linearFromSrgb(srgb.b)};
+}
+
+// A segment as a ribbon: normalised device coordinates, pixels from its middle, and depth. Empty
+// where it is not ahead of the near plane.
+void addRibbon(const SceneFrame& frame, const DepthProjection& depth, const DepthRange& range,
+               const SceneSegment& segment, std::vector<glm::vec4>& ribbon) {
+  const PlacedCamera& camera = frame.camera;
+  struct End {
+    glm::dvec3 arm;
+    double distance;
+  };
+  const auto endOf = [&](const glm::dvec3& point) {
+    const glm::dvec3 arm = point - camera.eye;
+    return End{arm, glm::dot(arm, camera.forward)};
+  };
+  End a = endOf(segment.begin), b = endOf(segment.end);
+  const double near =
+      camera.orthographic ? range.near : std::max(range.near, kLeastDistance * range.far);
+  if (a.distance < near && b.distance < near) return;
+  const auto cut = [&](End& end, const End& other) {
+    if (end.distance >= near) return;
+    const double share = (near - end.distance) / (other.distance - end.distance);
+    end.arm += share * (other.arm - end.arm);
+    end.distance = near;
+  };
+  cut(a, b);
+  cut(b, a);
+  const glm::dvec2 half_size(0.5 * frame.width, 0.5 * frame.height);
+  const auto pixelOf = [&](const End& end) {
+    const double w = camera.orthographic ? 1.0 : end.distance;
+    return half_size * glm::dvec2(glm::dot(end.arm, camera.right) / (w * camera.half_width),
+                                  glm::dot(end.arm, camera.up) / (w * camera.half_height));
+  };
+  const glm::dvec2 p = pixelOf(a), q = pixelOf(b);
+  const double length = glm::distance(p, q);
+  if (!(length > 1e-6)) return;
+  const double reach = kSegmentHalfWidth + kLineReach;
+  const glm::dvec2 across = glm::dvec2(p.y - q.y, q.x - p.x) / length * reach;
+  const auto corner = [&](const glm::dvec2& pixel, const End& end, double side) {
+    const glm::dvec2 place = (pixel + side * across) / half_size;
+    return glm::vec4(glm::dvec4(place, side * reach, depth.depthAt(end.distance)));
+  };
+  for (const glm::vec4& place : {corner(p, a, -1), corner(q, b, -1), corner(q, b, 1),
+                                 corner(p, a, -1), corner(q, b, 1), corner(p, a, 1)})
+    ribbon.push_back(place);
+}
+
+}  // namespace
+
+struct GlSceneRenderer::View {
+  explicit View(const SceneFrame& f)
+      : frame(f),
+        range(depthRangeOf(f.bounds, f.camera)),
+        depth(reversedDepth(range, f.camera.orthographic)),
+        to_eye(glm::transpose(glm::dmat3(f.camera.right, f.camera.up, -f.camera.forward))),
+        projection(1.0 / f.camera.half_width, 1.0 / f.camera.half_height, depth.scale,
+                   depth.offset) {
+    const glm::dvec3 eye = f.lattice.toLattice(f.camera.eye);
+    double reach = 1.0;
+    if (!f.bounds.empty())
+      for (const glm::dvec3& corner : cornersOf(f.bounds))
+        reach = std::max(reach, glm::distance(f.lattice.toLattice(corner), eye));
+    snapped = snapEye(eye, reach);
+    for (const SceneClipPlane& plane : f.clip_planes)
+      clip_planes.emplace_back(
+          glm::dvec4(to_eye * plane.normal, glm::dot(plane.normal, f.camera.eye) - plane.offset));
+  }
+  glm::vec3 eyePosition(const glm::dvec3& world) const {
+    return glm::vec3(to_eye * (world - frame.camera.eye));
+  }
+
+  const SceneFrame& frame;
+  DepthRange range;
+  DepthProjection depth;
+  glm::dmat3 to_eye;  // world axes to eye axes
+  glm::vec4 projection;
+  SnappedEye snapped;
+  std::vector<glm::vec4> clip_planes;  // eye coordinates
+};
+
+GlSceneRenderer::GlSceneRenderer() {
+  device_name_ = reinterpret_cast<const char*>(glGetString(GL_RENDERER));
+  GLint renderbuffer_size = 0;
+  std::array<GLint, 2> viewport_size{};
+  glGetIntegerv(GL_MAX_RENDERBUFFER_SIZE, &renderbuffer_size);
+  glGetIntegerv(GL_MAX_VIEWPORT_DIMS, viewport_size.data());
+  greatest_size_ = std::min({renderbuffer_size, viewport_size[0], viewport_size[1]});
+  GLint most_samples = 1;
+  glGetIntegerv(GL_MAX_SAMPLES, &most_samples);
+  samples_ = std::min(4, most_samples);
+
+  surface_program_ = makeSurfaceProgram(false);
+  wire_program_ = makeSurfaceProgram(true);
+  background_program_ = makeBackgroundProgram();
+  line_program_ = makeLineProgram();
+  slice_program_ = makeSliceProgram();
+  sphere_program_ = makeSphereProgram();
+  screen_program_ = makeScreenProgram();
+
+  empty_array_ = GlVertexArray::make();
+  surface_array_ = GlVertexArray::make();
+  glVertexArrayAttribFormat(*surface_array_, 0, 3, GL_FLOAT, GL_FALSE,
+                            offsetof(SurfaceVertex, position));
+  glVertexArrayAttribFormat(*surface_array_, 1, 3, GL_SHORT, GL_TRUE,
+                            offsetof(SurfaceVertex, normal));
+  for (const GLuint attribute : {0u, 1u}) {
+    glVertexArrayAttribBinding(*surface_array_, attribute, 0);
+    glEnableVertexArrayAttrib(*surface_array_, attribute);
+  }
+  line_array_ = GlVertexArray::make();
+  line_buffer_ = GlBuffer::make();
+  glVertexArrayAttribFormat(*line_array_, 0, 4, GL_FLOAT, GL_FALSE, 0);
+  glVertexArrayAttribBinding(*line_array_, 0, 0);
+  glEnableVertexArrayAttrib(*line_array_, 0);
+  glVertexArrayVertexBuffer(*line_array_, 0, *line_buffer_, 0, sizeof(glm::vec4));
+}
+
+// ------------------------------------------------------------------------------------ what is kept
+
+ChunkId GlSceneRenderer::upload(const SurfaceChunk& chunk) {
+  Chunk kept;
+  kept.buffer = GlBuffer::make();
+  kept.bytes = chunk.bytes();
+  kept.indices = static_cast<GLsizei>(chunk.triangles.size());
+  const std::size_t vertex_bytes = chunk.vertices.size() * sizeof(SurfaceVertex);
+  kept.index_offset = static_cast<std::uint32_t>(vertex_bytes);
+  kept.origin = chunk.origin;
+  kept.level = chunk.level;
+  kept.surface = chunk.surface;
+  if (kept.bytes > 0) {
+    glNamedBufferStorage(*kept.buffer, static_cast<GLsizeiptr>(kept.bytes), nullptr,
+                         GL_DYNAMIC_STORAGE_BIT);
+    glNamedBufferSubData(*kept.buffer, 0, static_cast<GLsizeiptr>(vertex_bytes),
+                         chunk.vertices.data());
+    glNamedBufferSubData(*kept.buffer, static_cast<GLintptr>(vertex_bytes),
+                         static_cast<GLsizeiptr>(kept.bytes - vertex_bytes),
+                         chunk.triangles.data());
+    if (glGetError() != GL_NO_ERROR)
+      throw Error("cannot keep " + std::to_string(kept.bytes) + " bytes of a surface: " +
+                  device_name_ + " has no memory left; ask for a smaller radius");
+  }
+  bytes_kept_ += kept.bytes;
+  chunks_.emplace(++last_chunk_, std::move(kept));
+  return last_chunk_;
+}
+
+void GlSceneRenderer::release(ChunkId chunk) {
+  const auto found = chunks_.find(chunk);
+  assert(found != chunks_.end());
+  bytes_kept_ -= found->second.bytes;
+  chunks_.erase(found);
+}
+
+SliceId GlSceneRenderer::uploadSlice(const SliceImage& image) {
+  Slice kept;
+  kept.texture = GlTexture::make(GLenum{GL_TEXTURE_2D});
+  kept.bytes = image.values.size() * sizeof(float);
+  glTextureStorage2D(*kept.texture, 1, GL_R32F, image.width, image.height);
+  glPixelStorei(GL_UNPACK_ALIGNMENT, 4);
+  glTextureSubImage2D(*kept.texture, 0, 0, 0, image.width, image.height, GL_RED, GL_FLOAT,
+                      image.values.data());
+  glTextureParameteri(*kept.texture, GL_TEXTURE_MIN_FILTER, GL_LINEAR);
+  glTextureParameteri(*kept.texture, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
+  glTextureParameteri(*kept.texture, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
+  glTextureParameteri(*kept.texture, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
+  if (glGetError() != GL_NO_ERROR)
+    throw Error("cannot keep a slice of " + std::to_string(image.width) + " x " +
+                std::to_string(image.height) + " values: " + device_name_ +
+                " has no memory left; show fewer slices");
+  bytes_kept_ += kept.bytes;
+  slices_.emplace(++last_slice_, std::move(kept));
+  return last_slice_;
+}
+
+void GlSceneRenderer::releaseSlice(SliceId slice) {
+  const auto found = slices_.find(slice);
+  assert(found != slices_.end());
+  bytes_kept_ -= found->second.bytes;
+  slices_.erase(found);
+}
+
+// ----------------------------------------------------------------------------------------- drawing
+
+void GlSceneRenderer::resize(int width, int height) {
+  if (width == width_ && height == height_) return;
+  width_ = height_ = 0;  // stays so if this fails
+  const auto allocate = [&](GlRenderbuffer& buffer, int samples, GLenum format) {
+    buffer = GlRenderbuffer::make();
+    glNamedRenderbufferStorageMultisample(*buffer, samples, format, width, height);
+  };
+  allocate(sampled_color_, samples_, GL_RGBA16F);
+  allocate(sampled_depth_, samples_, GL_DEPTH_COMPONENT32F);
+  allocate(resolved_depth_, 0, GL_DEPTH_COMPONENT32F);
+  resolved_color_ = GlTexture::make(GLenum{GL_TEXTURE_2D});
+  glTextureStorage2D(*resolved_color_, 1, GL_RGBA16F, width, height);
+
+  sampled_frame_ = GlFramebuffer::make();
+  glNamedFramebufferRenderbuffer(*sampled_frame_, GL_COLOR_ATTACHMENT0, GL_RENDERBUFFER,
+                                 *sampled_color_);
+  glNamedFramebufferRenderbuffer(*sampled_frame_, GL_DEPTH_ATTACHMENT, GL_RENDERBUFFER,
+                                 *sampled_depth_);
+  resolved_frame_ = GlFramebuffer::make();
+  glNamedFramebufferTexture(*resolved_frame_, GL_COLOR_ATTACHMENT0, *resolved_color_, 0);
+  glNamedFramebufferRenderbuffer(*resolved_frame_, GL_DEPTH_ATTACHMENT, GL_RENDERBUFFER,
+                                 *resolved_depth_);
+  const auto complete = [](const GlFramebuffer& frame) {
+    return glCheckNamedFramebufferStatus(*frame, GL_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE;
+  };
+  if (glGetError() != GL_NO_ERROR || !complete(sampled_frame_) || !complete(resolved_frame_)) {
+    throw Error("cannot render: no memory for a picture of " + std::to_string(width) + " x " +
+                std::to_string(height) + " pixels; choose a smaller width or height");
+  }
+  width_ = width;
+  height_ = height;
+}
+
+void GlSceneRenderer::draw(const SceneFrame& frame) {
+  assert(frame.width > 0 && frame.height > 0 && frame.clip_planes.size() <= 6);
+  resize(frame.width, frame.height);
+  const View view(frame);
+  depth_ = view.depth;
+  glBindFramebuffer(GL_FRAMEBUFFER, *sampled_frame_);
+  glViewport(0, 0, width_, height_);
+  glDisable(GL_SCISSOR_TEST);
+  glDisable(GL_CULL_FACE);
+  glDisable(GL_FRAMEBUFFER_SRGB);
+  glClipControl(GL_LOWER_LEFT, GL_ZERO_TO_ONE);
+  glDepthMask(GL_TRUE);
+  glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
+  glClearDepth(0.0);
+  glClear(GL_DEPTH_BUFFER_BIT);
+  glDepthFunc(GL_GREATER);
+  drawBackground(frame);
+  for (GLenum i = 0; i < 6; ++i) {
+    if (i < frame.clip_planes.size())
+      glEnable(GL_CLIP_DISTANCE0 + i);
+    else
+      glDisable(GL_CLIP_DISTANCE0 + i);
+  }
+  drawSurfaces(view);
+  drawSlices(view);
+  for (GLenum i = 0; i < 6; ++i) glDisable(GL_CLIP_DISTANCE0 + i);
+  drawSegments(view);
+  drawSphere(view);
+
+  glBlitNamedFramebuffer(*sampled_frame_, *resolved_frame_, 0, 0, width_, height_, 0, 0, width_,
+                         height_, GL_COLOR_BUFFER_BIT, GL_NEAREST);
+  // What others draw next to it (a panel) does not expect these.
+  glClipControl(GL_LOWER_LEFT, GL_NEGATIVE_ONE_TO_ONE);
+  glDisable(GL_DEPTH_TEST);
+  glBindVertexArray(0);
+  if (glGetError() != GL_NO_ERROR) {
+    throw Error("cannot render: " + device_name_ +
+                " failed, most likely for want of memory; "
+                "choose a smaller width or height");
+  }
+}
+
+void GlSceneRenderer::drawBackground(const SceneFrame& frame) {
+  glDisable(GL_DEPTH_TEST);
+  glDisable(GL_BLEND);
+  glUseProgram(*background_program_);
+  setUniform(background_program_, "top", linearColor(frame.background_top));
+  setUniform(background_program_, "bottom", linearColor(frame.background_bottom));
+  glBindVertexArray(*empty_array_);
+  glDrawArrays(GL_TRIANGLES, 0, 3);
+}
+
+// `uncut_plane`: the plane that does not cut.
+void GlSceneRenderer::setView(const GlProgram& program, const View& view, int uncut_plane) const {
+  glUseProgram(*program);
+  setUniform(program, "projection", view.projection);
+  setUniform(program, "orthographic", static_cast<int>(view.frame.camera.orthographic));
+  setUniform(program, "clip_count", static_cast<int>(view.clip_planes.size()));
+  for (std::size_t i = 0; i < view.clip_planes.size(); ++i) {
+    const std::string name = "clip_planes[" + std::to_string(i) + "]";
+    const bool cuts = static_cast<int>(i) != uncut_plane;
+    setUniform(program, name.c_str(), cuts ? view.clip_planes[i] : glm::vec4(0, 0, 0, 1));
+  }
+}
+
+void GlSceneRenderer::drawSurfaces(const View& view) {
+  const SceneFrame& frame = view.frame;
+  if (frame.chunks.empty()) return;
+  const GlProgram& program = frame.wireframe ? wire_program_ : surface_program_;
+  setView(program, view);
+  setUniform(program, "lattice_to_eye", glm::mat3(view.to_eye * frame.lattice.matrix));
+  setUniform(program, "world_to_eye", glm::mat3(view.to_eye));
+  setUniform(program, "eye_rest", glm::vec3(view.snapped.rest));
+  setUniform(program, "headlight", static_cast<int>(frame.headlight));
+  setUniform(program, "back_color", linearColor(frame.back_color));
+  glBindVertexArray(frame.wireframe ? *empty_array_ : *surface_array_);
+  glEnable(GL_DEPTH_TEST);
+  glDisable(GL_BLEND);
+
+  // Opaque ones first. Of a translucent one only what is nearest is seen, so its depth goes first;
+  // the scene lists those that lie within others before them.
+  std::vector<int> translucent;
+  for (std::size_t s = 0; s < frame.surfaces.size(); ++s) {
+    const int surface = static_cast<int>(s);
+    if (frame.surfaces[s].opacity >= 1.0)
+      drawChunks(view, program, surface, true);
+    else if (frame.surfaces[s].opacity > 0.0)
+      translucent.push_back(surface);
+  }
+  for (const int surface : translucent) {
+    glColorMask(GL_FALSE, GL_FALSE, GL_FALSE, GL_FALSE);
+    drawChunks(view, program, surface, true);
+    glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
+    glDepthFunc(GL_EQUAL);
+    glEnable(GL_BLEND);
+    glBlendFunc(GL_SRC_ALPHA, GL_ONE_MINUS_SRC_ALPHA);
+    drawChunks(view, program, surface, false);
+    glDisable(GL_BLEND);
+    glDepthFunc(GL_GREATER);
+  }
+}
+
+void GlSceneRenderer::drawChunks(const View& view, const GlProgram& program, int surface,
+                                 bool opaque) {
+  const SceneFrame& frame = view.frame;
+  const SurfaceLook& look = frame.surfaces[static_cast<std::size_t>(surface)];
+  const GLint offset_place = glGetUniformLocation(*program, "chunk_offset");
+  const GLint color_place = glGetUniformLocation(*program, "surface_color");
+  const GLint first_place = glGetUniformLocation(*program, "first_index");
+  for (const ChunkId id : frame.chunks) {
+    const Chunk& chunk = chunks_.at(id);
+    if (chunk.surface != surface || chunk.indices == 0) continue;
+    const glm::vec3 offset = view.snapped.offsetOf(chunk.origin);
+    const glm::vec3 color =
+        linearColor(frame.color_by_level ? levelColor(chunk.level) : look.color);
+    glUniform3fv(offset_place, 1, &offset[0]);
+    glUniform4f(color_place, color.r, color.g, color.b,
+                opaque ? 1.0f : static_cast<float>(look.opacity));
+    if (frame.wireframe) {
+      glUniform1ui(first_place, chunk.index_offset / 4);
+      glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 0, *chunk.buffer);
+      glDrawArrays(GL_TRIANGLES, 0, chunk.indices);
+    } else {
+      glVertexArrayVertexBuffer(*surface_array_, 0, *chunk.buffer, 0, sizeof(SurfaceVertex));
+      glVertexArrayElementBuffer(*surface_array_, *chunk.buffer);
+      glDrawElements(GL_TRIANGLES, chunk.indices, GL_UNSIGNED_INT,
+                     reinterpret_cast<const void*>(std::size_t{chunk.index_offset}));
+    }
+  }
+}
+
+void GlSceneRenderer::drawSlices(const View& view) {
+  glEnable(GL_DEPTH_TEST);
+  glDisable(GL_BLEND);
+  glBindVertexArray(*empty_array_);
+  for (const SceneSlice& slice : view.frame.slices) {
+    setView(slice_program_, view, slice.cap_of);
+    setUniform(slice_program_, "corner", view.eyePosition(slice.corner));
+    setUniform(slice_program_, "across", glm::vec3(view.to_eye * slice.across));
+    setUniform(slice_program_, "along", glm::vec3(view.to_eye * slice.along));
+    setUniform(slice_program_, "window", glm::vec2(glm::dvec2(slice.black, slice.white)));
+    setUniform(slice_program_, "least_value",
+               slice.least_value ? static_cast<float>(*slice.least_value)
+                                 : std::numeric_limits<float>::lowest());
+    glBindTextureUnit(0, *slices_.at(slice.image).texture);
+    glDrawArrays(GL_TRIANGLE_STRIP, 0, 4);
+  }
+}
+
+void GlSceneRenderer::drawSegments(const View& view) {
+  std::vector<glm::vec4> ribbon;
+  for (const SceneSegment& segment : view.frame.segments)
+    addRibbon(view.frame, view.depth, view.range, segment, ribbon);
+  glEnable(GL_DEPTH_TEST);
+  glDepthMask(GL_FALSE);
+  drawRibbon(ribbon, kSegmentColor, kSegmentHalfWidth, 0.15f);
+  glDepthMask(GL_TRUE);
+}
+
+void GlSceneRenderer::drawSphere(const View& view) {
+  const SceneFrame& frame = view.frame;
+  if (!frame.sphere || !(frame.sphere->radius > 0.0)) return;
+  if (frame.fill_sphere) {
+    setView(sphere_program_, view);
+    setUniform(sphere_program_, "center", view.eyePosition(frame.sphere->center));
+    setUniform(sphere_program_, "radius", static_cast<float>(frame.sphere->radius));
+    setUniform(sphere_program_, "color", linearColor(kFocusColor));
+    glEnable(GL_DEPTH_TEST);
+    glDepthMask(GL_FALSE);
+    glEnable(GL_BLEND);
+    glBlendFunc(GL_ONE, GL_ONE_MINUS_SRC_ALPHA);
+    glBindVertexArray(*empty_array_);
+    glDrawArrays(GL_TRIANGLES, 0, kSphereVertices);
+    glDepthMask(GL_TRUE);
+  }
+  std::vector<glm::vec4> ribbon;
+  for (const glm::vec3& place : outlineRibbon(*frame.sphere, frame.camera, frame.width,
+                                              frame.height, kFocusLineHalfWidth + kLineReach))
+    ribbon.emplace_back(place, 0.0f);
+  glDisable(GL_DEPTH_TEST);
+  drawRibbon(ribbon, kFocusColor, kFocusLineHalfWidth, 0.5f);
+}
+
+void GlSceneRenderer::drawRibbon(const std::vector<glm::vec4>& ribbon, const glm::vec3& color,
+                                 float half_width, float casing) {
+  if (ribbon.empty()) return;
+  glEnable(GL_BLEND);
+  glBlendFunc(GL_ONE, GL_ONE_MINUS_SRC_ALPHA);
+  glUseProgram(*line_program_);
+  setUniform(line_program_, "line_color", linearColor(color));
+  setUniform(line_program_, "half_width", half_width);
+  setUniform(line_program_, "casing", casing);
+  glBindVertexArray(*line_array_);
+  glNamedBufferData(*line_buffer_, static_cast<GLsizeiptr>(ribbon.size() * sizeof(glm::vec4)),
+                    ribbon.data(), GL_STREAM_DRAW);
+  glDrawArrays(GL_TRIANGLES, 0, static_cast<GLsizei>(ribbon.size()));
+  glDisable(GL_BLEND);
+}
+
+// ----------------------------------------------------------------------------------------- results
+
+std::optional<double> GlSceneRenderer::distanceAt(const glm::dvec2& pixel) {
+  const int x = static_cast<int>(pixel.x), y = height_ - 1 - static_cast<int>(pixel.y);
+  if (pixel.x < 0.0 || pixel.y < 0.0 || x >= width_ || y < 0) return std::nullopt;
+  // Only where both rectangles are the same may samples be resolved.
+  glBlitNamedFramebuffer(*sampled_frame_, *resolved_frame_, x, y, x + 1, y + 1, x, y, x + 1, y + 1,
+                         GL_DEPTH_BUFFER_BIT, GL_NEAREST);
+  glBindFramebuffer(GL_READ_FRAMEBUFFER, *resolved_frame_);
+  float depth = 0.0f;
+  glReadPixels(x, y, 1, 1, GL_DEPTH_COMPONENT, GL_FLOAT, &depth);
+  if (!(depth > 0.0f)) return std::nullopt;
+  return depth_.distanceAt(depth);
+}
+
+Image GlSceneRenderer::picture() {
+  const std::size_t row_floats = 3 * static_cast<std::size_t>(width_);
+  Image image{width_, height_, std::vector<float>(row_floats * static_cast<std::size_t>(height_))};
+  glBindFramebuffer(GL_READ_FRAMEBUFFER, *resolved_frame_);
+  glPixelStorei(GL_PACK_ALIGNMENT, 1);
+  // Row by row, because OpenGL counts them from the bottom.
+  for (int y = 0; y < height_; ++y) {
+    glReadPixels(0, height_ - 1 - y, width_, 1, GL_RGB, GL_FLOAT,
+                 image.rgb.data() + static_cast<std::size_t>(y) * row_floats);
+  }
+  return image;
+}
+
+void GlSceneRenderer::present(GLuint framebuffer) {
+  glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
+  glViewport(0, 0, width_, height_);
+  glDisable(GL_DEPTH_TEST);
+  glDisable(GL_BLEND);
+  glDisable(GL_SCISSOR_TEST);
+  glUseProgram(*screen_program_);
+  glBindTextureUnit(0, *resolved_color_);
+  glBindVertexArray(*empty_array_);
+  glDrawArrays(GL_TRIANGLES, 0, 3);
+  glBindVertexArray(0);
+}
+
+}  // namespace isobrick

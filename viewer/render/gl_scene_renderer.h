@@ -1,0 +1,88 @@
+// Frames drawn with OpenGL 4.5 core, into memory of its own: the same for windows and files.
+#pragma once
+
+#include <string>
+#include <unordered_map>
+#include <vector>
+
+#include "isobrick/viewer/render/gl_handle.h"
+#include "isobrick/viewer/render/scene_renderer.h"
+
+namespace isobrick {
+
+// Made, used and destroyed on the thread on which its context is current. Draws with 4 samples a
+// pixel and half floats of linear light: they hold it without visible steps, and go into an EXR as
+// they are. Chunks lie in one buffer each, uploaded once; their edges are drawn from the same
+// buffer.
+class GlSceneRenderer : public SceneRenderer {
+ public:
+  // Throws Error where the driver refuses the shaders.
+  GlSceneRenderer();
+
+  ChunkId upload(const SurfaceChunk& chunk) override;
+  void release(ChunkId chunk) override;
+  SliceId uploadSlice(const SliceImage& image) override;
+  void releaseSlice(SliceId slice) override;
+  std::uint64_t bytesKept() const override { return bytes_kept_; }
+  // Throws Error where there is no memory for a picture of this size.
+  void draw(const SceneFrame& frame) override;
+  std::optional<double> distanceAt(const glm::dvec2& pixel) override;
+  Image picture() override;
+
+  // The frame drawn last, as sRGB, into a framebuffer of the context (0: its window), whose lower
+  // left part of the frame's size is written.
+  void present(GLuint framebuffer);
+
+  // Greatest width and height of a picture in pixels.
+  int greatestSize() const { return greatest_size_; }
+  // What draws, for logs: for instance "llvmpipe (LLVM 15.0.6, 256 bits)".
+  const std::string& deviceName() const { return device_name_; }
+
+ private:
+  struct Chunk {
+    GlBuffer buffer;  // vertices, then indices
+    std::uint64_t bytes = 0;
+    GLsizei indices = 0;
+    std::uint32_t index_offset = 0;  // bytes
+    glm::dvec3 origin{0.0};
+    int level = 0, surface = 0;
+  };
+  struct Slice {
+    GlTexture texture;
+    std::uint64_t bytes = 0;
+  };
+  struct View;  // what all that is drawn of a frame shares
+
+  void resize(int width, int height);
+  void setView(const GlProgram& program, const View& view, int uncut_plane = -1) const;
+  void drawBackground(const SceneFrame& frame);
+  void drawSurfaces(const View& view);
+  void drawChunks(const View& view, const GlProgram& program, int surface, bool opaque);
+  void drawSlices(const View& view);
+  void drawSegments(const View& view);
+  void drawSphere(const View& view);
+  void drawRibbon(const std::vector<glm::vec4>& ribbon, const glm::vec3& color, float half_width,
+                  float casing);
+
+  std::string device_name_;
+  int greatest_size_ = 0;
+  int samples_ = 1;
+  int width_ = 0, height_ = 0;  // of the framebuffers
+  DepthProjection depth_;       // of the frame drawn last
+
+  GlProgram surface_program_, wire_program_, background_program_, line_program_, slice_program_,
+      sphere_program_, screen_program_;
+  GlVertexArray surface_array_, line_array_, empty_array_;
+  GlBuffer line_buffer_;
+  GlRenderbuffer sampled_color_, sampled_depth_, resolved_depth_;
+  GlTexture resolved_color_;
+  GlFramebuffer sampled_frame_, resolved_frame_;
+
+  std::unordered_map<ChunkId, Chunk> chunks_;
+  std::unordered_map<SliceId, Slice> slices_;
+  ChunkId last_chunk_ = 0;
+  SliceId last_slice_ = 0;
+  std::uint64_t bytes_kept_ = 0;
+};
+
+}  // namespace isobrick

@@ -1,0 +1,57 @@
+// A renderer that draws nothing and remembers what it was asked for: for tests.
+#pragma once
+
+#include <map>
+#include <vector>
+
+#include "isobrick/viewer/render/scene_renderer.h"
+
+namespace isobrick {
+
+class NullRenderer : public SceneRenderer {
+ public:
+  struct Kept {
+    std::uint64_t bytes = 0;
+    std::uint64_t triangles = 0;
+    int level = 0;
+    int surface = 0;
+  };
+
+  ChunkId upload(const SurfaceChunk& chunk) override {
+    kept_[++last_] = {chunk.bytes(), chunk.triangles.size() / 3, chunk.level, chunk.surface};
+    bytes_ += chunk.bytes();
+    uploaded_bytes_ += chunk.bytes();
+    return last_;
+  }
+  void release(ChunkId chunk) override {
+    bytes_ -= kept_.at(chunk).bytes;
+    kept_.erase(chunk);
+  }
+  SliceId uploadSlice(const SliceImage&) override { return ++last_slice_; }
+  void releaseSlice(SliceId slice) override { released_slices_.push_back(slice); }
+  std::uint64_t bytesKept() const override { return bytes_; }
+  void draw(const SceneFrame& frame) override {
+    for (const ChunkId chunk : frame.chunks) kept_.at(chunk);  // throws: not kept
+    frames_.push_back(frame);
+  }
+  // What tests want to be hit.
+  std::optional<double> distanceAt(const glm::dvec2&) override { return distance; }
+  Image picture() override { return {}; }
+
+  std::optional<double> distance;
+
+  const std::map<ChunkId, Kept>& kept() const { return kept_; }
+  const std::vector<SceneFrame>& frames() const { return frames_; }
+  const std::vector<SliceId>& releasedSlices() const { return released_slices_; }
+  std::uint64_t uploadedBytes() const { return uploaded_bytes_; }
+
+ private:
+  std::map<ChunkId, Kept> kept_;
+  std::vector<SceneFrame> frames_;
+  std::vector<SliceId> released_slices_;
+  ChunkId last_ = 0;
+  SliceId last_slice_ = 0;
+  std::uint64_t bytes_ = 0, uploaded_bytes_ = 0;
+};
+
+}  // namespace isobrick

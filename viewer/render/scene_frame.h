@@ -1,0 +1,76 @@
+// What one picture shows, as plain data: the same for windows, files and tests.
+#pragma once
+
+#include <cstdint>
+#include <glm/vec3.hpp>
+#include <optional>
+#include <vector>
+
+#include "isobrick/viewer/offscreen_renderer.h"
+#include "isobrick/viewer/placed_camera.h"
+#include "isobrick/viewer/render/surface_chunk.h"
+
+namespace isobrick {
+
+// What a renderer keeps, by number; 0 is nothing.
+using ChunkId = std::uint32_t;
+using SliceId = std::uint32_t;
+
+// Values of the volume on a parallelogram: `width` x `height` of them, the first at `corner`, the
+// last of the first row at corner + across, the first of the last row at corner + along.
+struct SliceImage {
+  int width = 0;
+  int height = 0;
+  std::vector<float> values;  // data units; NaN: nothing there
+};
+
+struct SceneSlice {
+  SliceId image = 0;
+  glm::dvec3 corner{0.0}, across{0.0}, along{0.0};  // world
+  // Only where the value is at least this: the cap of a cut surface.
+  std::optional<double> least_value;
+  // The clip plane that it caps, which then does not cut it: an index of SceneFrame::clip_planes.
+  int cap_of = -1;
+  double black = 0.0, white = 1.0;  // data units
+};
+
+struct SurfaceLook {
+  glm::vec3 color{0.90f, 0.86f, 0.79f};  // sRGB
+  double opacity = 1.0;
+};
+
+// Points with dot(normal, point) >= offset stay.
+struct SceneClipPlane {
+  glm::dvec3 normal{1.0, 0.0, 0.0};  // world, unit
+  double offset = 0.0;
+};
+
+struct SceneSegment {
+  glm::dvec3 begin{0.0}, end{0.0};  // world
+};
+
+struct SceneFrame {
+  int width = 1;  // pixels
+  int height = 1;
+  PlacedCamera camera;
+  WorldBox bounds = emptyWorldBox();  // of all that is drawn; near and far come from it
+  SceneLattice lattice;
+
+  std::vector<ChunkId> chunks;
+  std::vector<SurfaceLook> surfaces{SurfaceLook{}};  // chunks say by number which is theirs
+  bool color_by_level = false;
+  bool wireframe = false;
+  bool headlight = false;
+  std::vector<SceneClipPlane> clip_planes;  // at most 6
+  std::vector<SceneSlice> slices;
+  std::vector<SceneSegment> segments;   // thin lines, hidden by what is in front of them
+  std::optional<SphereOutline> sphere;  // its outline, over everything
+  bool fill_sphere = false;             // and its inside, translucent
+
+  // sRGB.
+  glm::vec3 back_color{0.46f, 0.20f, 0.13f};
+  glm::vec3 background_top{0.36f, 0.38f, 0.41f};
+  glm::vec3 background_bottom{0.16f, 0.17f, 0.19f};
+};
+
+}  // namespace isobrick

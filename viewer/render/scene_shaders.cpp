@@ -1,0 +1,331 @@
+#include "isobrick/viewer/render/scene_shaders.h"
+
+#include <algorithm>
+#include <array>
+#include <string>
+
+#include "isobrick/storage/error.h"
+
+namespace isobrick {
+namespace {
+
+constexpr char kVersion[] = "#version 450 core\n";
+constexpr char kWithWireframe[] = "#define WIREFRAME\n";
+
+// Eye coordinates: the eye at the origin, +x right, +y up, -z ahead. All light is linear.
+constexpr char kProjection[] = R"(
+uniform vec4 projection;  // x and y scale, depth scale and offset
+uniform bool orthographic;
+uniform vec4 clip_planes[6];
+uniform int clip_count;
+out float gl_ClipDistance[6];
+
+void project(vec3 place) {
+  gl_Position = vec4(projection.xy * place.xy, projection.z * place.z + projection.w,
+                     orthographic ? 1.0 : -place.z);
+  for (int i = 0; i < 6; ++i)
+    gl_ClipDistance[i] = i < clip_count ? dot(clip_planes[i].xyz, place) + clip_planes[i].w : 1.0;
+}
+)";
+
+// position + chunk_offset is one correctly rounded sum (see SnappedEye), so chunks that share a
+// vertex give it the same bits from here on.
+constexpr char kSurfaceVertexShader[] = R"(
+#ifdef WIREFRAME
+layout(std430, binding = 0) readonly buffer Chunk { uint words[]; };
+uniform uint first_index;
+out vec3 barycentric;
+#else
+layout(location = 0) in vec3 position;
+layout(location = 1) in vec3 normal;
+#endif
+uniform vec3 chunk_offset;
+uniform vec3 eye_rest;  // in the lattice
+uniform mat3 lattice_to_eye;
+uniform mat3 world_to_eye;
+out vec3 eye_position;
+out vec3 eye_normal;
+
+void main() {
+#ifdef WIREFRAME
+  uint first = 5u * words[first_index + uint(gl_VertexID)];
+  vec3 position = uintBitsToFloat(uvec3(words[first], words[first + 1u], words[first + 2u]));
+  vec3 normal = vec3(unpackSnorm2x16(words[first + 3u]), unpackSnorm2x16(words[first + 4u]).x);
+  int corner = gl_VertexID % 3;
+  barycentric = vec3(corner == 0, corner == 1, corner == 2);
+#endif
+  precise vec3 from_snapped_eye = position + chunk_offset;
+  eye_position = lattice_to_eye * from_snapped_eye - lattice_to_eye * eye_rest;
+  eye_normal = world_to_eye * normal;
+  project(eye_position);
+}
+)";
+
+constexpr char kSurfaceFragmentShader[] = R"(
+in vec3 eye_position;
+in vec3 eye_normal;
+#ifdef WIREFRAME
+in vec3 barycentric;
+#endif
+uniform bool orthographic;
+uniform bool headlight;
+uniform vec4 surface_color;
+uniform vec3 back_color;
+out vec4 color;
+
+const vec3 kKeyDirection = normalize(vec3(-0.55, 0.75, 0.60));  // over the viewer's left shoulder
+const vec3 kSkyLight = vec3(0.20, 0.22, 0.25);
+const vec3 kGroundLight = vec3(0.09, 0.08, 0.07);
+
+#ifdef WIREFRAME
+// 1 on an edge of the triangle and 0 away from it, with a soft flank of one pixel.
+float edgeCoverage() {
+  vec3 step_x = dFdx(barycentric), step_y = dFdy(barycentric);
+  // A barycentric coordinate grows from 0 to 1 over the triangle's height, so the length of its
+  // gradient is 1 / height in pixels, and dividing by it gives the distance to the edge in pixels.
+  vec3 per_pixel = max(sqrt(step_x * step_x + step_y * step_y), 1e-6);
+  vec3 distances = barycentric / per_pixel;
+  float nearest = min(distances.x, min(distances.y, distances.z));
+  float least_height = 1.0 / max(per_pixel.x, max(per_pixel.y, per_pixel.z));
+  float fade = clamp((least_height - 0.5) / 7.0, 0.12, 1.0);
+  return fade * clamp(1.1 - nearest, 0.0, 1.0);
+}
+#endif
+
+void main() {
+  vec3 to_eye = orthographic ? vec3(0.0, 0.0, 1.0) : normalize(-eye_position);
+  float length_of_normal = length(eye_normal);
+  vec3 normal = length_of_normal > 1e-6 ? eye_normal / length_of_normal : to_eye;
+  // Back faces are lit as seen, whichever way their normals point; front faces with inward normals
+  // stay dark, and are found out.
+  if (!gl_FrontFacing && dot(normal, to_eye) < 0.0) normal = -normal;
+
+  vec3 surface = gl_FrontFacing ? surface_color.rgb : back_color;
+  float head = max(dot(normal, to_eye), 0.0);
+  float key = max(dot(normal, kKeyDirection), 0.0);
+  vec3 light = headlight ? vec3(0.08 + 0.92 * head)
+                         : mix(kGroundLight, kSkyLight, 0.5 + 0.5 * normal.y) + 0.24 * head +
+                               vec3(0.70, 0.68, 0.64) * key;
+  vec3 shaded = surface * light;
+  if (gl_FrontFacing) {
+    float gloss = pow(max(dot(normal, normalize(kKeyDirection + to_eye)), 0.0), 48.0);
+    shaded += 0.10 * gloss * key;
+  } else {
+    shaded *= 0.6;
+  }
+#ifdef WIREFRAME
+  shaded = mix(shaded, 0.10 * surface, 0.85 * edgeCoverage());
+#endif
+  color = vec4(shaded, surface_color.a);
+}
+)";
+
+// One triangle that covers the picture.
+constexpr char kBackgroundVertexShader[] = R"(out float height;
+
+void main() {
+  vec2 corner = vec2(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0);
+  height = 0.5 + 0.5 * corner.y;
+  gl_Position = vec4(corner, 0.0, 1.0);
+}
+)";
+
+constexpr char kBackgroundFragmentShader[] = R"(in float height;
+uniform vec3 top;
+uniform vec3 bottom;
+out vec4 color;
+
+void main() {
+  vec3 root = mix(sqrt(bottom), sqrt(top), height);  // close to steps that look even
+  color = vec4(root * root, 1.0);
+}
+)";
+
+constexpr char kLineVertexShader[] = R"(
+layout(location = 0) in vec4 place;  // x and y; pixels from the middle; depth
+out float pixels_from_middle;
+
+void main() {
+  pixels_from_middle = place.z;
+  gl_Position = vec4(place.xy, place.w, 1.0);
+}
+)";
+
+// Nothing is left of the casing kLineReach pixels outside.
+constexpr char kLineFragmentShader[] = R"(in float pixels_from_middle;
+uniform vec3 line_color;
+uniform float half_width;
+uniform float casing;
+out vec4 color;
+
+void main() {
+  float outside = abs(pixels_from_middle) - half_width;
+  float line = clamp(0.5 - outside, 0.0, 1.0);
+  float dark = casing * clamp(2.0 - outside, 0.0, 1.0);  // dark, so that bright grounds show it too
+  color = vec4(line_color * line, 1.0 - (1.0 - line) * (1.0 - dark));  // premultiplied
+}
+)";
+
+constexpr char kSliceVertexShader[] = R"(
+uniform vec3 corner;
+uniform vec3 across;
+uniform vec3 along;
+out vec2 place;
+
+void main() {
+  place = vec2(gl_VertexID & 1, gl_VertexID >> 1);
+  project(corner + place.x * across + place.y * along);
+}
+)";
+
+// The outermost values lie on the border itself.
+constexpr char kSliceFragmentShader[] = R"(
+in vec2 place;
+layout(binding = 0) uniform sampler2D values;
+uniform vec2 window;
+uniform float least_value;
+out vec4 color;
+
+void main() {
+  vec2 size = vec2(textureSize(values, 0));
+  float value = texture(values, (place * (size - 1.0) + 0.5) / size).r;
+  if (!(value >= least_value)) discard;  // nor where there is no value
+  float grey = clamp((value - window.x) / max(window.y - window.x, 1e-30), 0.0, 1.0);
+  color = vec4(pow(vec3(grey), vec3(2.0, 2.1, 2.3)), 1.0);  // warm, unlike every surface
+}
+)";
+
+constexpr char kSphereVertexShader[] = R"(
+uniform vec3 center;
+uniform float radius;
+out vec3 eye_position;
+out vec3 eye_normal;
+
+void main() {
+  const vec2 kCorners[6] = vec2[](vec2(0, 0), vec2(1, 0), vec2(1, 1), vec2(0, 0), vec2(1, 1),
+                                  vec2(0, 1));
+  int cell = gl_VertexID / 6;
+  vec2 place = (vec2(cell % 64, cell / 64) + kCorners[gl_VertexID % 6]) / vec2(64.0, 32.0);
+  float azimuth = 6.28318530718 * place.x, polar = 3.14159265359 * place.y;
+  eye_normal = vec3(sin(polar) * cos(azimuth), sin(polar) * sin(azimuth), cos(polar));
+  eye_position = center + radius * eye_normal;
+  project(eye_position);
+}
+)";
+
+constexpr char kSphereFragmentShader[] = R"(
+in vec3 eye_position;
+in vec3 eye_normal;
+uniform bool orthographic;
+uniform vec3 color;
+out vec4 light;
+
+void main() {
+  vec3 to_eye = orthographic ? vec3(0.0, 0.0, 1.0) : normalize(-eye_position);
+  float facing = abs(dot(normalize(eye_normal), to_eye));
+  float alpha = mix(0.16, 0.04, facing);  // denser towards its rim
+  light = vec4(color * alpha, alpha);
+}
+)";
+
+constexpr char kScreenFragmentShader[] = R"(
+layout(binding = 0) uniform sampler2D picture;
+out vec4 color;
+
+void main() {
+  vec3 light = clamp(texelFetch(picture, ivec2(gl_FragCoord.xy), 0).rgb, 0.0, 1.0);
+  vec3 high = 1.055 * pow(light, vec3(1.0 / 2.4)) - 0.055;
+  color = vec4(mix(high, 12.92 * light, lessThanEqual(light, vec3(0.0031308))), 1.0);
+}
+)";
+
+using Sources = std::array<const char*, 4>;
+
+GLuint compileShader(GLenum stage, const Sources& sources) {
+  const GLuint shader = glCreateShader(stage);
+  glShaderSource(shader, static_cast<GLsizei>(sources.size()), sources.data(), nullptr);
+  glCompileShader(shader);
+  return shader;
+}
+
+GlProgram linkProgram(const Sources& vertex_sources, const Sources& fragment_sources) {
+  const GLuint vertex = compileShader(GL_VERTEX_SHADER, vertex_sources);
+  const GLuint fragment = compileShader(GL_FRAGMENT_SHADER, fragment_sources);
+  GlProgram program(glCreateProgram());
+  glAttachShader(*program, vertex);
+  glAttachShader(*program, fragment);
+  glLinkProgram(*program);
+  glDeleteShader(vertex);
+  glDeleteShader(fragment);
+  GLint linked = GL_FALSE;
+  glGetProgramiv(*program, GL_LINK_STATUS, &linked);
+  if (linked != GL_TRUE) {
+    std::array<char, 512> log{};
+    glGetProgramInfoLog(*program, static_cast<GLsizei>(log.size()), nullptr, log.data());
+    std::replace(log.begin(), log.end(), '\n', ' ');
+    throw Error(std::string("cannot render: the OpenGL driver refused a shader (") + log.data() +
+                "); update the graphics driver or Mesa");
+  }
+  return program;
+}
+
+GLint place(const GlProgram& program, const char* name) {
+  return glGetUniformLocation(*program, name);
+}
+
+}  // namespace
+
+GlProgram makeSurfaceProgram(bool wireframe) {
+  const char* const define = wireframe ? kWithWireframe : "";
+  return linkProgram({kVersion, define, kProjection, kSurfaceVertexShader},
+                     {kVersion, define, "", kSurfaceFragmentShader});
+}
+
+GlProgram makeBackgroundProgram() {
+  return linkProgram({kVersion, "", "", kBackgroundVertexShader},
+                     {kVersion, "", "", kBackgroundFragmentShader});
+}
+
+GlProgram makeLineProgram() {
+  return linkProgram({kVersion, "", "", kLineVertexShader},
+                     {kVersion, "", "", kLineFragmentShader});
+}
+
+GlProgram makeSliceProgram() {
+  return linkProgram({kVersion, "", kProjection, kSliceVertexShader},
+                     {kVersion, "", "", kSliceFragmentShader});
+}
+
+GlProgram makeSphereProgram() {
+  return linkProgram({kVersion, "", kProjection, kSphereVertexShader},
+                     {kVersion, "", "", kSphereFragmentShader});
+}
+
+GlProgram makeScreenProgram() {
+  return linkProgram({kVersion, "", "", kBackgroundVertexShader},
+                     {kVersion, "", "", kScreenFragmentShader});
+}
+
+void setUniform(const GlProgram& program, const char* name, const glm::vec2& value) {
+  glProgramUniform2fv(*program, place(program, name), 1, &value[0]);
+}
+void setUniform(const GlProgram& program, const char* name, const glm::vec3& value) {
+  glProgramUniform3fv(*program, place(program, name), 1, &value[0]);
+}
+void setUniform(const GlProgram& program, const char* name, const glm::vec4& value) {
+  glProgramUniform4fv(*program, place(program, name), 1, &value[0]);
+}
+void setUniform(const GlProgram& program, const char* name, const glm::mat3& value) {
+  glProgramUniformMatrix3fv(*program, place(program, name), 1, GL_FALSE, &value[0][0]);
+}
+void setUniform(const GlProgram& program, const char* name, float value) {
+  glProgramUniform1f(*program, place(program, name), value);
+}
+void setUniform(const GlProgram& program, const char* name, int value) {
+  glProgramUniform1i(*program, place(program, name), value);
+}
+void setUniform(const GlProgram& program, const char* name, unsigned value) {
+  glProgramUniform1ui(*program, place(program, name), value);
+}
+
+}  // namespace isobrick

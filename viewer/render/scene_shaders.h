@@ -1,0 +1,62 @@
+// The renderer's programs: what light does, as GLSL 4.50. They belong to the context that is
+// current when they are made. Each function throws Error with the driver's words where it refuses
+// the GLSL. All colours, in and out, are linear light; depth is reversed (1 near, 0 far).
+#pragma once
+
+#include <epoxy/gl.h>
+
+#include <glm/mat3x3.hpp>
+#include <glm/vec2.hpp>
+#include <glm/vec3.hpp>
+#include <glm/vec4.hpp>
+
+#include "isobrick/viewer/render/gl_handle.h"
+
+namespace isobrick {
+
+// Lit triangles, front and back told apart.
+// Attributes: 0 vec3 position from the chunk's origin, 1 vec3 outward normal in world axes. With
+// `wireframe` there are none: vertices and indices are read from the buffer at binding 0, laid out
+// as SurfaceVertex and then three indices a triangle, and 3 vertices a triangle are drawn.
+// Uniforms: vec3 chunk_offset, eye_rest; mat3 lattice_to_eye, world_to_eye; vec4 projection (x and
+// y scale, depth scale and offset); bool orthographic, headlight; vec4 clip_planes[6] (eye
+// coordinates); int clip_count; vec4 surface_color; vec3 back_color; with `wireframe`
+// uint first_index (the place of the first index in the buffer, in 4 bytes).
+GlProgram makeSurfaceProgram(bool wireframe);
+
+// The ground of the picture, from top to bottom. Draw 3 vertices without attributes.
+// Uniforms: vec3 top, bottom.
+GlProgram makeBackgroundProgram();
+
+// Anti-aliased lines with a dark casing, to be blended as premultiplied colours. A line is drawn as
+// triangles that reach kLineReach pixels past its half width.
+// Attribute: 0 vec4, x and y in normalised device coordinates, z in pixels from the middle, w
+// depth. Uniforms: vec3 line_color; float half_width (pixels), casing (0 .. 1).
+GlProgram makeLineProgram();
+constexpr double kLineReach = 2.0;
+
+// A parallelogram of values, as grey from black to white. Draw 4 vertices as a strip.
+// Uniforms: vec3 corner, across, along (eye coordinates); vec4 projection; bool orthographic;
+// vec4 clip_planes[6]; int clip_count; sampler2D values at unit 0; vec2 window (black, white);
+// float least_value (below it nothing is drawn).
+GlProgram makeSliceProgram();
+
+// A translucent sphere, to be blended as premultiplied colours. Draw kSphereVertices vertices
+// without attributes. Uniforms: vec3 center (eye coordinates); float radius; vec4 projection; bool
+// orthographic; vec3 color.
+GlProgram makeSphereProgram();
+constexpr GLsizei kSphereVertices = 6 * 32 * 64;
+
+// The picture to a screen: linear light to sRGB. Draw 3 vertices. Uniform: sampler2D picture.
+GlProgram makeScreenProgram();
+
+// Set a uniform of a program; one that the driver left out is passed over.
+void setUniform(const GlProgram& program, const char* name, const glm::vec2& value);
+void setUniform(const GlProgram& program, const char* name, const glm::vec3& value);
+void setUniform(const GlProgram& program, const char* name, const glm::vec4& value);
+void setUniform(const GlProgram& program, const char* name, const glm::mat3& value);
+void setUniform(const GlProgram& program, const char* name, float value);
+void setUniform(const GlProgram& program, const char* name, int value);
+void setUniform(const GlProgram& program, const char* name, unsigned value);
+
+}  // namespace isobrick

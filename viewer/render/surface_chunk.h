@@ -1,0 +1,66 @@
+// A piece of a surface as it goes to the graphics card and stays there.
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <glm/mat3x3.hpp>
+#include <glm/vec3.hpp>
+#include <span>
+#include <vector>
+
+namespace isobrick {
+
+struct RenderMesh;
+
+// 20 bytes, as the shaders read them.
+struct SurfaceVertex {
+  glm::vec3 position{0.0f};              // from the chunk's origin, in the scene's lattice
+  std::array<std::int16_t, 4> normal{};  // world, outward, unit = 32767; the last is 0
+};
+static_assert(sizeof(SurfaceVertex) == 20);
+
+std::array<std::int16_t, 4> packNormal(const glm::vec3& normal);
+
+// What one brick adds to a surface: indexed triangles of one level. Positions are floats from an
+// origin of their own, so they are as exact at the far end of a volume as at its near end.
+struct SurfaceChunk {
+  glm::dvec3 origin{0.0};  // whole numbers of the scene's lattice
+  std::vector<SurfaceVertex> vertices;
+  std::vector<std::uint32_t> triangles;  // 3 indices each, counter-clockwise seen from the outside
+  int level = 0;                         // of the pyramid
+  int surface = 0;                       // which of the scene's surfaces
+
+  std::uint64_t bytes() const {
+    return vertices.size() * sizeof(SurfaceVertex) + triangles.size() * sizeof(std::uint32_t);
+  }
+};
+
+// How the lattice of a scene lies in the world: world = origin + matrix * lattice. For pyramids the
+// lattice is that of the voxels.
+struct SceneLattice {
+  glm::dmat3 matrix{1.0};
+  glm::dvec3 origin{0.0};
+
+  glm::dvec3 toWorld(const glm::dvec3& point) const { return origin + matrix * point; }
+  glm::dvec3 toLattice(const glm::dvec3& world) const;
+};
+
+// The eye in the lattice, in two parts: a snapped one for which origin - snapped is a float without
+// rounding for every chunk within `reach` of it, and the small rest that is the same for all. Then
+// position + (origin - snapped) is the correctly rounded sum of what both chunks at a brick's side
+// mean, so the sides of neighbours have the same bits and nothing shines through between them.
+struct SnappedEye {
+  glm::dvec3 snapped{0.0};
+  glm::dvec3 rest{0.0};
+
+  glm::vec3 offsetOf(const SurfaceChunk& chunk) const { return offsetOf(chunk.origin); }
+  glm::vec3 offsetOf(const glm::dvec3& origin) const { return glm::vec3(origin - snapped); }
+};
+SnappedEye snapEye(const glm::dvec3& eye, double reach);
+
+// A mesh of world positions as chunks of at most 2^18 triangles, with a common origin. Triangles
+// are sorted by their levels where those are asked for. The scene's lattice is the world itself.
+std::vector<SurfaceChunk> chunksOf(const RenderMesh& mesh, bool with_levels);
+
+}  // namespace isobrick

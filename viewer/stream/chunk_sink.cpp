@@ -1,0 +1,22 @@
+#include "isobrick/viewer/stream/chunk_sink.h"
+
+namespace isobrick {
+
+void ChunkSink::write(PlacedBatch& placed) {
+  const MeshBatch& batch = placed.batch;
+  SurfaceChunk chunk;
+  chunk.origin = glm::dvec3(batch.origin);
+  chunk.level = batch.level;
+  chunk.surface = surface_;
+  chunk.vertices.resize(batch.positions.size());
+  for (std::size_t v = 0; v < batch.positions.size(); ++v)
+    chunk.vertices[v] = {batch.positions[v], packNormal(batch.normals[v])};
+  chunk.triangles.assign(batch.triangles.begin(), batch.triangles.end());
+  take_(static_cast<std::size_t>(placed.first_byte), std::move(chunk));
+}
+
+SceneLattice latticeOf(const GridGeometry& geometry) {
+  return {geometry.indexToWorldMatrix(), geometry.origin};
+}
+
+}  // namespace isobrick
