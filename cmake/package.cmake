@@ -17,7 +17,7 @@ set(CPACK_DEBIAN_RUNTIME_PACKAGE_DEPENDS "libegl1, libopengl0, libgl1-mesa-dri")
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME libisobrick-dev)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS
-  "libtbb-dev, libglm-dev, libblosc-dev, libhwy-dev, nlohmann-json3-dev, zlib1g-dev, libexpat1-dev")
+  "libtbb-dev, libglm-dev, libblosc-dev, libhwy-dev, libmeshoptimizer-dev, nlohmann-json3-dev, zlib1g-dev, libexpat1-dev")
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SUGGESTS
   "libinsighttoolkit5-dev, libopenvdb-dev, libhdf5-dev, libtiff-dev, libzstd-dev, libopenexr-dev, libpng-dev, libepoxy-dev")
 install(FILES ${PROJECT_SOURCE_DIR}/LICENSE ${PROJECT_SOURCE_DIR}/NOTICE

@@ -32,6 +32,7 @@ struct ExtractArguments {
   std::string output;     // empty: the mesh is counted only
   std::string attribute;  // the pyramid whose values vertices get; empty: none
   bool zlib = false;
+  bool meshopt = false;
   int repeat = 1;
   bool json = false;
 };
@@ -65,8 +66,10 @@ ExtractResult extract(const ExtractArguments& arguments) {
   // Before the work, so that a path that cannot be written costs no time.
   refusePyramidAsOutput(arguments.query.path, arguments.output);
   if (has_attribute) refusePyramidAsOutput(arguments.attribute, arguments.output);
-  const MeshFileOptions options{
-      .cancel = &interruptFlag(), .values = values ? &*values : nullptr, .zlib = arguments.zlib};
+  const MeshFileOptions options{.cancel = &interruptFlag(),
+                                .values = values ? &*values : nullptr,
+                                .zlib = arguments.zlib,
+                                .meshopt = arguments.meshopt};
   const auto file_sink =
       arguments.output.empty() ? nullptr : makeMeshFileSink(arguments.output, options);
 
@@ -185,6 +188,10 @@ Command addExtractCommand(CLI::App& app) {
       ->type_name("OTHER.isb")
       ->needs(output);
   sub->add_flag("--zlib", arguments->zlib, "Pack .vtp with zlib")->needs(output);
+  sub->add_flag("--meshopt", arguments->meshopt,
+                "Pack .glb with EXT_meshopt_compression: positions to 1/8192 of the least spacing, "
+                "normals to 10 bits")
+      ->needs(output);
   addParsedOption(
       *sub, "--repeat", arguments->repeat,
       [](const std::string& text) { return parseInteger(text, 1, 1000000); }, "N",

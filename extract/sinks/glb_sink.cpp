@@ -1,5 +1,4 @@
 // glTF 2.0, binary.
-#include <charconv>
 #include <cmath>
 #include <glm/common.hpp>
 #include <limits>
@@ -7,6 +6,7 @@
 #include <string>
 
 #include "isobrick/extract/sinks/byte_pointer.h"
+#include "isobrick/extract/sinks/gltf_text.h"
 #include "isobrick/extract/sinks/mesh_formats.h"
 #include "isobrick/extract/sinks/numbered_sink.h"
 #include "isobrick/extract/sinks/side_file.h"
@@ -14,32 +14,6 @@
 
 namespace isobrick {
 namespace {
-
-// Digits that read back as the same number.
-std::string numberText(double number) {
-  char digits[32];
-  return {digits, std::to_chars(digits, digits + sizeof digits, number).ptr};
-}
-
-// The nearest number that a float holds. Not by conversion there and back, which GCC 12 leaves out
-// where it makes vectors of it.
-double roundToSingle(double number) {
-  int exponent = 0;
-  const double fraction = std::frexp(number, &exponent);
-  return std::ldexp(std::round(std::ldexp(fraction, 24)), exponent - 24);
-}
-
-// Puts parts of a text together.
-template <typename... Parts>
-std::string joined(const Parts&... parts) {
-  std::string text;
-  (text.append(parts), ...);
-  return text;
-}
-
-std::string arrayText(const glm::dvec3& v) {
-  return joined("[", numberText(v.x), ",", numberText(v.y), ",", numberText(v.z), "]");
-}
 
 // A header, a chunk of JSON and a chunk with the vertices, attributes side by side, and behind them
 // the indices, which wait in a second file. The JSON is padded, as the format allows, and written
@@ -51,19 +25,11 @@ class GlbSink : public NumberedSink {
 
   void begin(const MeshFrame& frame) override {
     NumberedSink::begin(frame);
-    // Exact as a float too, since that is what many readers make of it.
-    if (double_precision_) {
-      center_ = frame.geometry.indexToWorld(glm::dvec3(frame.voxels - Index3(1)) / 2.0);
-      for (int axis = 0; axis < 3; ++axis) center_[axis] = roundToSingle(center_[axis]);
-    }
+    if (double_precision_) center_ = gltfCenter(frame);
   }
   void place(PlacedBatch& placed) override {
     NumberedSink::place(placed);
-    if (kBinOffset + binBytes() > std::numeric_limits<std::uint32_t>::max())
-      throw Error("'" + file_.path() +
-                      "': a glTF binary file holds at most 4 GiB; write .vtp or .ply instead, or "
-                      "extract a part of the surface or a coarser level",
-                  {.path = file_.path()});
+    if (kBinOffset + binBytes() > kMostGlbBytes) throw glbTooLarge(file_.path(), true);
   }
   void write(PlacedBatch& placed) override {
     writeVertices(placed);
@@ -121,29 +87,13 @@ class GlbSink : public NumberedSink {
     greatest_ = glm::max(greatest_, greatest);
   }
 
-  std::string makeHeader() const {
-    const std::string json = makeJson();
-    std::string header(triangles_ == 0 ? kBinOffset - 8 : kBinOffset, ' ');
-    BytePointer to(reinterpret_cast<std::byte*>(header.data()));
-    const auto bytes = [](std::uint64_t count) { return static_cast<std::uint32_t>(count); };
-    to.put(std::uint32_t{0x46546C67}, std::uint32_t{2}, bytes(header.size() + binBytes()));
-    to.put(bytes(kJsonBytes), std::uint32_t{0x4E4F534A});
-    header.replace(20, json.size(), json);
-    if (triangles_ > 0) {
-      BytePointer bin(reinterpret_cast<std::byte*>(header.data()) + kBinOffset - 8);
-      bin.put(bytes(binBytes()), std::uint32_t{0x004E4942});
-    }
-    return header;
-  }
+  std::string makeHeader() const { return glbHeader(makeJson(), kJsonBytes, binBytes()); }
 
   std::string makeJson() const {
-    const std::string head =
-        joined(R"({"asset":{"version":"2.0","generator":"isobrick","extras":{"units":")",
-               kMeshUnits, R"(","space":")", kMeshSpace, R"("}},"scene":0,"scenes":[)");
+    const std::string head = joined("{", gltfAsset(), R"(,"scene":0,"scenes":[)");
     if (triangles_ == 0) return joined(head, "{}]}");
 
     const bool has_values = options_.values != nullptr;
-    const bool is_moved = center_ != glm::dvec3(0.0);
     const std::string vertex_bytes = std::to_string(vertices() * vertexBytes());
     const auto attribute = [&](std::size_t offset, const char* type, const std::string& rest) {
       return joined(R"({"bufferView":0,"byteOffset":)", std::to_string(offset),
@@ -151,12 +101,10 @@ class GlbSink : public NumberedSink {
                     type, "\"", rest, "}");
     };
     return joined(
-        head, R"({"nodes":[0]}],"nodes":[{"mesh":0)",
-        is_moved ? joined(R"(,"translation":)", arrayText(center_)) : "",
-        R"(}],"meshes":[{"primitives":[{"attributes":{"POSITION":0,"NORMAL":1)",
+        head, gltfNode(center_),
+        R"(,"meshes":[{"primitives":[{"attributes":{"POSITION":0,"NORMAL":1)",
         has_values ? R"(,"_VALUE":3)" : "", R"(},"indices":2,"mode":4,"material":0}]}],)",
-        R"("materials":[{"doubleSided":true,"pbrMetallicRoughness":)",
-        R"({"metallicFactor":0,"roughnessFactor":0.8}}],"accessors":[)",
+        kGltfMaterials, R"(,"accessors":[)",
         attribute(0, "VEC3",
                   joined(R"(,"min":)", arrayText(least_), R"(,"max":)", arrayText(greatest_))),
         ",", attribute(12, "VEC3", ""), R"(,{"bufferView":1,"componentType":5125,"count":)",
@@ -179,6 +127,7 @@ class GlbSink : public NumberedSink {
 }  // namespace
 
 std::unique_ptr<MeshFileSink> makeGlbSink(const std::string& path, const MeshFileOptions& options) {
+  if (options.meshopt) return makeMeshoptSink(path, options);
   return std::make_unique<GlbSink>(path, options);
 }
 

@@ -12,13 +12,14 @@ struct MeshFormat {
   std::unique_ptr<MeshFileSink> (*make)(const std::string& path, const MeshFileOptions& options);
   bool has_values;
   bool has_zlib;
+  bool has_meshopt;
 };
 
-constexpr MeshFormat kMeshFormats[] = {{".ply", makePlySink, true, false},
-                                       {".stl", makeStlSink, false, false},
-                                       {".obj", makeObjSink, false, false},
-                                       {".glb", makeGlbSink, true, false},
-                                       {".vtp", makeVtpSink, true, true}};
+constexpr MeshFormat kMeshFormats[] = {{".ply", makePlySink, true, false, false},
+                                       {".stl", makeStlSink, false, false, false},
+                                       {".obj", makeObjSink, false, false, false},
+                                       {".glb", makeGlbSink, true, false, true},
+                                       {".vtp", makeVtpSink, true, true, false}};
 
 }  // namespace
 
@@ -33,6 +34,9 @@ std::unique_ptr<MeshFileSink> makeMeshFileSink(const std::string& path,
                   {.path = path});
     if (options.zlib && !format.has_zlib)
       throw Error("'" + path + "': only a mesh as .vtp can be packed with zlib; write .vtp",
+                  {.path = path});
+    if (options.meshopt && !format.has_meshopt)
+      throw Error("'" + path + "': only a mesh as .glb can be packed with meshopt; write .glb",
                   {.path = path});
     return format.make(path, options);
   }

@@ -27,6 +27,8 @@ struct MeshFileOptions {
   const VertexValues* values = nullptr;
   // Packs .vtp with zlib. Error for the other formats.
   bool zlib = false;
+  // Packs .glb with EXT_meshopt_compression. Error for the other formats.
+  bool meshopt = false;
 };
 
 // Makes a sink for `path`; its extension decides:
@@ -36,7 +38,10 @@ struct MeshFileOptions {
 //   .obj  text: v (digits enough to read the same float or double as in .ply), vn, f
 //   .glb  glTF 2.0, binary: POSITION and NORMAL as float, indices of 32 bits; at most 4 GiB. Where
 //         .ply takes doubles, positions count from the middle of the volume, and the node's
-//         translation, which a float holds exactly, leads there
+//         translation, which a float holds exactly, leads there. With MeshFileOptions::meshopt
+//         positions, always counted from the middle, are rounded to a lattice of at most 1/8192 of
+//         the least spacing where the volume reaches over up to some 1,000 of it, normals
+//         to 10 bits; the mesh is cut into primitives, whose common vertices are equal
 //   .vtp  VTK PolyData, appended data: as .ply, with normals as `Normals`, and `level` of the cells
 // All but .stl hold at most 2^32 - 1 vertices. All are in the world coordinates of the pyramid, LPS
 // and millimetres as its source has them, which the headers of .obj, .glb and .vtp say.

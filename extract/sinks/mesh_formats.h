@@ -1,6 +1,8 @@
 // The mesh formats behind makeMeshFileSink().
 #pragma once
 
+#include <cstdint>
+#include <limits>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -14,6 +16,12 @@ std::unique_ptr<MeshFileSink> makeStlSink(const std::string& path, const MeshFil
 std::unique_ptr<MeshFileSink> makeObjSink(const std::string& path, const MeshFileOptions& options);
 std::unique_ptr<MeshFileSink> makeGlbSink(const std::string& path, const MeshFileOptions& options);
 std::unique_ptr<MeshFileSink> makeVtpSink(const std::string& path, const MeshFileOptions& options);
+
+// A .glb with --meshopt. With the greatest length of a file: tests lower it.
+inline constexpr std::uint64_t kMostGlbBytes = std::numeric_limits<std::uint32_t>::max();
+std::unique_ptr<MeshFileSink> makeMeshoptSink(const std::string& path,
+                                              const MeshFileOptions& options,
+                                              std::uint64_t most_bytes = kMostGlbBytes);
 
 // With the greatest count that indices of 32 bits are used for: tests lower it.
 std::unique_ptr<MeshFileSink> makeVtpSink(const std::string& path, const MeshFileOptions& options,

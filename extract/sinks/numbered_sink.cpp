@@ -29,6 +29,18 @@ void NumberedSink::findVertices(PlacedBatch& placed) const {
   forEachNew(placed, [&](std::size_t v) {
     placed.world.push_back(placement_.worldPosition(placed.batch, static_cast<std::uint32_t>(v)));
   });
+  findValues(placed);
+}
+
+void NumberedSink::findAllVertices(PlacedBatch& placed) const {
+  const std::size_t count = placed.batch.positions.size();
+  placed.world.resize(count);
+  for (std::size_t v = 0; v < count; ++v)
+    placed.world[v] = placement_.worldPosition(placed.batch, static_cast<std::uint32_t>(v));
+  findValues(placed);
+}
+
+void NumberedSink::findValues(PlacedBatch& placed) const {
   if (options_.values == nullptr) return;
   placed.values.resize(placed.world.size());
   options_.values->evaluate(placed.world, placed.values);

@@ -27,6 +27,8 @@ class NumberedSink : public MeshFileSink {
   }
   // Fills placed.world, and placed.values where there are any: of the new vertices, in their order.
   void findVertices(PlacedBatch& placed) const;
+  // The same of all vertices of the batch.
+  void findAllVertices(PlacedBatch& placed) const;
   // Calls f(v) for the index in the batch of every new vertex, in their order.
   template <typename F>
   static void forEachNew(const PlacedBatch& placed, F&& f) {
@@ -42,6 +44,8 @@ class NumberedSink : public MeshFileSink {
   std::uint64_t triangles_ = 0;
 
  private:
+  void findValues(PlacedBatch& placed) const;
+
   WorldPlacement placement_;
   VertexNumbering numbering_;
 };

@@ -12,6 +12,7 @@
 #include "isobrick/extract/extractor.h"
 #include "isobrick/extract/pyramid_values.h"
 #include "isobrick/extract/sinks/mesh_file_sink.h"
+#include "isobrick/extract/sinks/meshopt_chunk.h"
 #include "tests/support/field_pyramid.h"
 #include "tests/support/file_bytes.h"
 #include "tests/support/temporary_folder.h"
@@ -63,6 +64,58 @@ TEST_F(MeshFormatsTest, GlbEndsAtFourGigabytesAndSaysTheWayOut) {
   EXPECT_EQ(places, std::numeric_limits<std::uint32_t>::max() / kBatchBytes);
   EXPECT_NE(why.find("write .vtp or .ply instead"), std::string::npos) << why;
   EXPECT_EQ(why.find('\n'), std::string::npos);
+}
+
+// The same limit of packed files, from one that small meshes reach.
+TEST_F(MeshFormatsTest, PackedGlbEndsWhereItsLimitIsAndLeavesNothing) {
+  const Pyramid pyramid(build("ball.isb", {40, 40, 40}, [](const glm::dvec3& p) {
+    return 15 - glm::length(p - glm::dvec3(19.3, 20.1, 18.7));
+  }));
+  const auto extract = [&](std::uint64_t most_bytes) {
+    const auto sink = makeMeshoptSink(folder_.file("mesh.glb"), {.meshopt = true}, most_bytes);
+    extractIsosurface(pyramid, Query{}, *sink);
+    return readBytes(folder_.file("mesh.glb")).size();
+  };
+  const std::uint64_t whole = extract(kMostGlbBytes);
+  EXPECT_EQ(extract(whole), whole);
+  std::filesystem::remove(folder_.file("mesh.glb"));
+  for (const std::uint64_t most : {whole - 1, whole / 2, std::uint64_t{100}}) {
+    try {
+      extract(most);
+      ADD_FAILURE() << most;
+    } catch (const Error& error) {
+      EXPECT_NE(std::string(error.what()).find("write .vtp or .ply instead"), std::string::npos);
+      EXPECT_EQ(std::string(error.what()).find("--meshopt"), std::string::npos) << error.what();
+    }
+    EXPECT_EQ(filesLeft(), 1u);
+  }
+}
+
+TEST_F(MeshFormatsTest, ALatticeReachesAllOfItsVolumeWithTwentyFourBits) {
+  for (const std::int64_t voxels : {2, 100, 500, 5000, 1 << 20})
+    for (const double far : {0.0, 1e7}) {
+      MeshFrame frame;
+      frame.voxels = {voxels, 2 + voxels / 3, 2};
+      frame.geometry.spacing = {0.7, 0.4, 1.5};
+      frame.geometry.origin = {-far, 3, 2 * far};
+      const double s = std::sqrt(0.5);
+      frame.geometry.direction = glm::dmat3(s, s, 0, -s, s, 0, 0, 0, -1);
+      const PositionLattice lattice = PositionLattice::of(frame);
+      if (voxels <= 500) {
+        EXPECT_LE(lattice.step(), 0.4 / 8192);
+      }
+      for (int corner = 0; corner < 8; ++corner) {
+        const glm::dvec3 at(corner & 1, corner >> 1 & 1, corner >> 2);
+        const glm::dvec3 world =
+            frame.geometry.indexToWorld(at * glm::dvec3(frame.voxels - Index3(1)));
+        const glm::i32vec3 point = lattice.nearest(world);
+        for (int axis = 0; axis < 3; ++axis) {
+          EXPECT_LT(std::abs(point[axis]), (1 << 23) - 1);
+          const double back = lattice.center[axis] + point[axis] * lattice.step();
+          EXPECT_NEAR(back, world[axis], 0.501 * lattice.step()) << voxels << " " << far;
+        }
+      }
+    }
 }
 
 TEST_F(MeshFormatsTest, NumbersOfVerticesHaveThirtyTwoBits) {
@@ -135,8 +188,15 @@ TEST_F(MeshFormatsTest, WhatFailsLeavesNothing) {
       EXPECT_THROW(makeMeshFileSink(folder_.file(name), options), Error);
       continue;
     }
-    const auto sink = makeMeshFileSink(folder_.file(name), options);
-    EXPECT_THROW(extractIsosurface(pyramid, Query{}, *sink), Error) << name;
+    for (const bool meshopt : {false, true}) {
+      options.meshopt = meshopt;
+      if (meshopt && end != ".glb") {
+        EXPECT_THROW(makeMeshFileSink(folder_.file(name), options), Error);
+        continue;
+      }
+      const auto sink = makeMeshFileSink(folder_.file(name), options);
+      EXPECT_THROW(extractIsosurface(pyramid, Query{}, *sink), Error) << name;
+    }
   }
   EXPECT_EQ(filesLeft(), 1u);
   EXPECT_THROW(makeMeshFileSink(folder_.file("mesh.glb"), {.zlib = true}), Error);

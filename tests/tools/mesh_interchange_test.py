@@ -3,8 +3,12 @@
 
     mesh_interchange_test.py ISOBRICK numpy|vtk|assimp
 
+$CHECK_MESH is the mesh checker's program.
+
 numpy: readers below, written from the formats' specifications. vtk, assimp: those programs' own.
 """
+import ctypes
+import itertools
 import json
 import os
 import signal
@@ -88,20 +92,28 @@ def read_obj(path, kind):
     return Mesh(as_numbers(found["v"], kind), as_numbers(found["vn"], "f4"), numbers[:, :, 0] - 1)
 
 
-def read_glb(path):
+def glb_parts(path):
+    """The JSON and the chunk of data."""
     data = open(path, "rb").read()
     magic, version, length, json_bytes, json_type = struct.unpack_from("<5I", data)
     assert (magic, version, length, json_type) == (0x46546C67, 2, len(data), 0x4E4F534A)
-    assert json_bytes % 4 == 0
     scene = json.loads(data[20 : 20 + json_bytes])
+    if 20 + json_bytes == length:
+        return scene, b""
+    bin_bytes, bin_type = struct.unpack_from("<2I", data, 20 + json_bytes)
+    assert bin_type == 0x004E4942 and 28 + json_bytes + bin_bytes == length
+    assert json_bytes % 4 == 0 and bin_bytes % 4 == 0
+    assert scene["buffers"][0] == {"byteLength": bin_bytes}
+    return scene, data[28 + json_bytes :]
+
+
+def read_glb(path):
+    scene, data = glb_parts(path)
     assert scene["asset"]["extras"] == {"units": "millimetres", "space": "LPS"}
     if "meshes" not in scene:
-        assert 20 + json_bytes == length and "nodes" not in scene
+        assert not data and "nodes" not in scene
         return Mesh(np.zeros((0, 3), "f4"), np.zeros((0, 3), "f4"), np.zeros((0, 3), "u4"))
-    bin_bytes, bin_type = struct.unpack_from("<2I", data, 20 + json_bytes)
-    start = 28 + json_bytes
-    assert bin_type == 0x004E4942 and start + bin_bytes == length and bin_bytes % 4 == 0
-    assert scene["buffers"] == [{"byteLength": bin_bytes}]
+    assert len(scene["buffers"]) == 1
 
     def accessor(number):
         about = scene["accessors"][number]
@@ -111,8 +123,8 @@ def read_glb(path):
         stride = view.get("byteStride", size * width)
         offset = about.get("byteOffset", 0)
         assert offset + stride * (about["count"] - 1) + size * width <= view["byteLength"]
-        assert view["byteOffset"] + view["byteLength"] <= bin_bytes
-        found = np.ndarray((about["count"], width), kind, data, start + view["byteOffset"] + offset,
+        assert view["byteOffset"] + view["byteLength"] <= len(data)
+        found = np.ndarray((about["count"], width), kind, data, view["byteOffset"] + offset,
                            (stride, size))
         if "min" in about:
             assert found.min(0).tolist() == about["min"] and found.max(0).tolist() == about["max"]
@@ -130,6 +142,143 @@ def read_glb(path):
     values = accessor(names["_VALUE"])[:, 0] if "_VALUE" in names else None
     return Mesh(positions, accessor(names["NORMAL"]), accessor(primitive["indices"]).reshape(-1, 3),
                 values)
+
+
+def read_meshopt(path):
+    """Unpacked by meshoptimizer: for each primitive its vertices and triangles, as one mesh."""
+    library = ctypes.CDLL("libmeshoptimizer.so.2d")
+    extension = "EXT_meshopt_compression"
+    scene, data = glb_parts(path)
+    assert scene["asset"]["extras"] == {"units": "millimetres", "space": "LPS"}
+    if "meshes" not in scene:
+        assert not data and "extensionsRequired" not in scene
+        return Mesh(np.zeros((0, 3), "f4"), np.zeros((0, 3), "f4"), np.zeros((0, 3), "u4")), None, 0
+    assert scene["extensionsRequired"] == scene["extensionsUsed"] == [
+        extension, "KHR_mesh_quantization"]
+    ends = [0] * len(scene["buffers"])  # views lie one behind the other
+    for buffer in scene["buffers"][1:]:
+        assert buffer["extensions"] == {extension: {"fallback": True}}
+
+    def unpack(number):
+        view = scene["bufferViews"][number]
+        packed = view["extensions"][extension]
+        count, stride, offset = packed["count"], packed["byteStride"], packed["byteOffset"]
+        size = packed["byteLength"]
+        assert view["byteLength"] == count * stride
+        for buffer, begin, length in ((view["buffer"], view["byteOffset"], view["byteLength"]),
+                                      (packed["buffer"], offset, (size + 3) // 4 * 4)):
+            assert begin == ends[buffer] and begin % 4 == 0
+            ends[buffer] += length
+            assert ends[buffer] <= scene["buffers"][buffer]["byteLength"]
+        out = ctypes.create_string_buffer(count * stride)
+        size_t = ctypes.c_size_t
+        arguments = (out, size_t(count), size_t(stride), data[offset : offset + size], size_t(size))
+        if packed["mode"] == "TRIANGLES":
+            assert data[offset] == 0xE1 and "byteStride" not in view and view["target"] == 34963
+            assert library.meshopt_decodeIndexBuffer(*arguments) == 0
+            return out.raw
+        assert packed["mode"] == "ATTRIBUTES" and view["byteStride"] == stride
+        assert data[offset] == 0xA0 and view["target"] == 34962
+        assert library.meshopt_decodeVertexBuffer(*arguments) == 0
+        filters = {"EXPONENTIAL": library.meshopt_decodeFilterExp,
+                   "OCTAHEDRAL": library.meshopt_decodeFilterOct}
+        if "filter" in packed:
+            filters[packed["filter"]](out, size_t(count), size_t(stride))
+        return out.raw
+
+    def attribute(number, kind, width, stored):
+        about = scene["accessors"][number]
+        assert about["componentType"] == {"<f4": 5126, "<i2": 5122, "<u4": 5125}[kind]
+        values = np.frombuffer(unpack(about["bufferView"]), kind).reshape(-1, stored)[:, :width]
+        assert len(values) == about["count"] and about.get("normalized", False) == (kind == "<i2")
+        if "min" in about:
+            assert values.min(0).tolist() == about["min"]
+            assert values.max(0).tolist() == about["max"]
+        return values
+
+    (mesh,), (node,) = scene["meshes"], scene["nodes"]
+    move = np.array(node.get("translation", [0, 0, 0]))
+    assert (move == move.astype("f4")).all()
+    parts, first = [], 0
+    for primitive in mesh["primitives"]:
+        names = primitive["attributes"]
+        positions = attribute(names["POSITION"], "<f4", 3, 3)
+        normals = attribute(names["NORMAL"], "<i2", 3, 4) / 32767
+        values = attribute(names["_VALUE"], "<f4", 1, 1) if "_VALUE" in names else None
+        corners = attribute(primitive["indices"], "<u4", 1, 1).reshape(-1, 3)
+        assert np.bincount(corners.ravel(), minlength=len(positions)).min() > 0
+        parts.append((positions, normals, corners + first, values))
+        first += len(positions)
+    assert ends[1:] == [buffer["byteLength"] for buffer in scene["buffers"][1:]]
+    assert ends[0] == len(data)
+    positions, normals, triangles = (np.concatenate([part[i] for part in parts]) for i in range(3))
+    values = None if parts[0][3] is None else np.concatenate([part[3] for part in parts])[:, 0]
+    return Mesh(positions.astype("f8") + move, normals, triangles, values), move, len(parts)
+
+
+def write_plain_ply(path, positions, triangles):
+    vertices = np.ascontiguousarray(positions, "<f8")
+    faces = np.empty(len(triangles), [("count", "u1"), ("corners", "<u4", 3)])
+    faces["count"], faces["corners"] = 3, triangles
+    lines = ["ply", "format binary_little_endian 1.0", f"element vertex {len(vertices)}"]
+    lines += [f"property double {axis}" for axis in "xyz"]
+    lines += [f"element face {len(faces)}", "property list uchar uint vertex_indices", "end_header"]
+    with open(path, "wb") as file:
+        file.write("\n".join(lines).encode() + b"\n" + vertices.tobytes() + faces.tobytes())
+
+
+def check_packed():
+    """--meshopt against the PLY of its query: every vertex, every triangle, nothing open."""
+    direction, spacing, origin = FAR  # where the PLY takes doubles
+    shape = np.array([64, 90, 130])
+    z, y, x = (0.55 * np.arange(n, dtype=float).reshape(-1, *[1] * (2 - a)) for a, n in enumerate(shape))
+    values = np.sin(x) * np.cos(y) + np.sin(y) * np.cos(z) + np.sin(z) * np.cos(x)
+    write_nrrd("waves.nrrd", values.astype("<f4"), *FAR)
+    run("build", "waves.nrrd", "-o", "waves.isb")
+    parts = []
+    for query in (("--iso", "0.1"), ("--iso", "0.1", "--focus", "60,40,30", "--radius", "20"),
+                  ("--iso", "0", "--level", "1", "--attribute", "waves.isb")):
+        run("extract", "waves.isb", *query, "-o", "p.ply")
+        run("extract", "waves.isb", *query, "-o", "p.glb", "--meshopt", "--threads", "1")
+        before = open("p.glb", "rb").read()
+        run("extract", "waves.isb", *query, "-o", "p.glb", "--meshopt")
+        assert open("p.glb", "rb").read() == before, "depends on the number of threads"
+        ply, (packed, move, count) = read_ply("p.ply"), read_meshopt("p.glb")
+        parts.append(count)
+        assert 3 * len(before) < os.path.getsize("p.ply")
+        # Copies of a vertex in several primitives are the same point, and no two vertices are.
+        places, first, of_place = np.unique(packed.positions, axis=0, return_index=True,
+                                            return_inverse=True)
+        step = 2.0 ** np.floor(np.log2(spacing.min() / 8192))
+        on_lattice = lambda points: np.round((points - move) / step).astype("i8")
+        rank = {tuple(at): number for number, at in enumerate(on_lattice(ply.positions).tolist())}
+        assert len(rank) == len(ply.positions) == len(places)
+        # Halfway between two points the last bit of a double decides.
+        near = list(itertools.product((0, -1, 1), repeat=3))
+        number = np.array([next(rank[at] for d in near if (at := (x + d[0], y + d[1], z + d[2])) in rank)
+                           for x, y, z in on_lattice(places).tolist()])
+        assert np.abs(places - ply.positions[number]).max() <= 0.5001 * step
+        sine = np.linalg.norm(np.cross(packed.normals[first], ply.normals[number]), axis=1)
+        assert sine.max() < np.sin(np.radians(0.25)), np.degrees(sine.max())
+        np.testing.assert_allclose(np.linalg.norm(packed.normals, axis=1), 1, atol=1e-3)
+        assert (packed.normals[first] * ply.normals[number]).sum(1).min() > 0
+        if ply.values is not None:
+            np.testing.assert_array_equal(packed.values[first], ply.values[number])
+        def in_order(triangles):
+            turned = np.take_along_axis(
+                triangles, (triangles.argmin(1)[:, None] + np.arange(3)) % 3, 1)
+            return turned[np.lexsort(turned.T)]
+        corners = of_place[packed.triangles]
+        np.testing.assert_array_equal(in_order(number[corners]), in_order(ply.triangles.astype("i8")))
+        # The checker welds nothing, so it gets each place once.
+        write_plain_ply("welded.ply", (places - origin) @ direction / spacing, corners)
+        box = [str(n) for n in (0, 0, 0, *(shape[::-1] - 1))]
+        subprocess.run([os.environ["CHECK_MESH"], "welded.ply", "--tolerance", "1e-3", "--box", *box],
+                       check=True, stdout=subprocess.DEVNULL)
+    assert parts[0] > 2 and parts[1] == 1, parts
+    run("extract", "waves.isb", "--iso", "1e9", "-o", "p.glb", "--meshopt")
+    assert len(read_meshopt("p.glb")[0].positions) == 0
+    run("extract", "waves.isb", "--iso", "0", "-o", "a.ply", "--meshopt", fails_with="write .glb")
 
 
 def read_vtp(path):
@@ -228,6 +377,7 @@ def test_numpy():
     extract_all("volume.isb", "--iso", "1e9")
     for mesh in (read_obj("m.obj", "f8"), read_vtp("m.vtp"), read_vtp("z.vtp"), read_glb("m.glb")):
         assert len(mesh.positions) == len(mesh.normals) == len(mesh.triangles) == 0
+    check_packed()
     check_attributes()
     check_interrupts()
 
@@ -241,6 +391,7 @@ def check_interrupts():
         name = "new." + ("ply", "stl", "obj", "glb", "vtp")[number % 5]
         words = [ISOBRICK, "extract", "volume.isb", "--iso", "0", "-o", name, "--attribute",
                  "volume.isb"]
+        words += ["--meshopt"] if number % 10 == 3 else []
         process = subprocess.Popen(words[:-2] if name[4:] in ("stl", "obj") else words,
                                    stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
         time.sleep(0.001 + 0.0015 * number)

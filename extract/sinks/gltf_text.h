@@ -1,0 +1,45 @@
+// What both kinds of binary glTF say alike. Private to extract/sinks/.
+#pragma once
+
+#include <cstdint>
+#include <glm/vec3.hpp>
+#include <string>
+#include <string_view>
+
+#include "isobrick/extract/sinks/triangle_sink.h"
+#include "isobrick/storage/error.h"
+
+namespace isobrick {
+
+// Puts parts of a text together.
+template <typename... Parts>
+std::string joined(const Parts&... parts) {
+  std::string text;
+  (text.append(parts), ...);
+  return text;
+}
+
+// "[1,0.5,-3e+20]", with digits that read back as the same numbers.
+std::string arrayText(const glm::dvec3& v);
+
+// The middle of the volume, exact as a float too, since that is what many readers make of it.
+glm::dvec3 gltfCenter(const MeshFrame& frame);
+
+// "asset":{...}
+std::string gltfAsset();
+// The rest of "scenes":[ and "nodes":[...] of one mesh that was moved by -center.
+std::string gltfNode(const glm::dvec3& center);
+inline constexpr std::string_view kGltfMaterials =
+    R"("materials":[{"doubleSided":true,"pbrMetallicRoughness":)"
+    R"({"metallicFactor":0,"roughnessFactor":0.8}}])";
+
+// All that comes before the bytes of the chunk of data: the JSON is filled up with spaces to
+// `json_bytes`, a multiple of 4. Without data that chunk is left out: no buffer may be empty.
+std::string glbHeader(const std::string& json, std::size_t json_bytes, std::uint64_t bin_bytes);
+// Its length, where there is data.
+constexpr std::uint64_t glbHeaderBytes(std::uint64_t json_bytes) { return 12 + 8 + json_bytes + 8; }
+
+// `can_pack`: --meshopt is a way out too.
+Error glbTooLarge(const std::string& path, bool can_pack);
+
+}  // namespace isobrick

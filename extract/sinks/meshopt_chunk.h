@@ -1,0 +1,56 @@
+// Some ten thousand triangles packed for EXT_meshopt_compression of glTF. Private to
+// extract/sinks/.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <glm/vec3.hpp>
+#include <vector>
+
+#include "isobrick/extract/sinks/triangle_sink.h"
+
+namespace isobrick {
+
+// The points that positions of a packed mesh are rounded to: center + m * 2^exponent per axis, |m|
+// < 2^23. One for the whole mesh, so that a vertex that is in two chunks is the same in both.
+struct PositionLattice {
+  glm::dvec3 center{0.0};
+  int exponent = 0;
+
+  // The step is a power of two and at most 1/8192 of the least spacing, half of what crossings are
+  // apart from the ends of their edges, so that no two vertices fall together. Volumes that reach
+  // over more than some 1,000 of that spacing get as fine a one as the range of m allows, which is
+  // what single precision would have at their ends.
+  static PositionLattice of(const MeshFrame& frame);
+
+  glm::i32vec3 nearest(const glm::dvec3& world) const;
+  double step() const;
+};
+
+// What one batch adds to a chunk.
+struct MeshoptPiece {
+  std::vector<glm::i32vec3> positions;  // on the lattice
+  std::vector<glm::vec3> normals;       // one a position
+  std::vector<float> values;            // likewise, or none
+  std::vector<std::uint32_t> triangles;
+};
+
+// Its bytes are the packed views one after the other, each padded to 4 bytes.
+struct PackedChunk {
+  enum View { kPositions, kNormals, kValues, kTriangles, kViews };
+  // As the extension counts them: elements of the view, bytes of one, and packed bytes.
+  struct ViewSize {
+    std::uint64_t count = 0, stride = 0, offset = 0, bytes = 0;
+  };
+  std::array<ViewSize, kViews> views;  // count 0: there are no values
+  std::vector<std::byte> bytes;
+  glm::vec3 least{0.0f}, greatest{0.0f};  // of positions from the center
+};
+
+// Positions with the filter EXPONENTIAL, normals as four normalised shorts of 10 bits with the
+// filter OCTAHEDRAL, values as they are, triangles in an order that packs well, each beginning with
+// any of its corners. All pieces have values, or none has; there is at least one triangle.
+PackedChunk packChunk(const std::vector<MeshoptPiece>& pieces, const PositionLattice& lattice);
+
+}  // namespace isobrick
