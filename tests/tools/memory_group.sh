@@ -25,7 +25,8 @@ make_group() {
   fi
 }
 
-# in_group COMMAND...: runs it in the group, if there is one.
-in_group() {
-  bash -c '[ -z "$0" ] || echo $$ >"$0/cgroup.procs"; exec "$@"' "$group" "$@"
-}
+# in_group COMMAND...: runs it in the group, if there is one. start_in_group goes on meanwhile; the
+# process is $!, and Ctrl-C ends it, which jobs of a script ignore otherwise.
+enter_group='[ -z "$0" ] || echo $$ >"$0/cgroup.procs"; exec "$@"'
+in_group() { bash -c "$enter_group" "$group" "$@"; }
+start_in_group() { env --default-signal=INT bash -c "$enter_group" "$group" "$@" & }
