@@ -320,8 +320,7 @@ void GlSceneRenderer::drawSurfaces(const View& view) {
   glEnable(GL_DEPTH_TEST);
   glDisable(GL_BLEND);
 
-  // Opaque ones first. Of a translucent one only what is nearest is seen, so its depth goes first;
-  // the scene lists those that lie within others before them.
+  // Opaque ones first. Of a translucent one only what is nearest is seen, so its depth goes first.
   std::vector<int> translucent;
   for (std::size_t s = 0; s < frame.surfaces.size(); ++s) {
     const int surface = static_cast<int>(s);
@@ -330,6 +329,10 @@ void GlSceneRenderer::drawSurfaces(const View& view) {
     else if (frame.surfaces[s].opacity > 0.0)
       translucent.push_back(surface);
   }
+  std::stable_sort(translucent.begin(), translucent.end(), [&](int a, int b) {
+    return frame.surfaces[static_cast<std::size_t>(a)].order <
+           frame.surfaces[static_cast<std::size_t>(b)].order;
+  });
   for (const int surface : translucent) {
     glColorMask(GL_FALSE, GL_FALSE, GL_FALSE, GL_FALSE);
     drawChunks(view, program, surface, true);

@@ -37,6 +37,7 @@ struct SceneSlice {
 struct SurfaceLook {
   glm::vec3 color{0.90f, 0.86f, 0.79f};  // sRGB
   double opacity = 1.0;
+  double order = 0.0;  // of translucent ones, ascending: what lies within another comes before it
 };
 
 // Points with dot(normal, point) >= offset stay.

@@ -1,0 +1,201 @@
+// A session without a window: hands, surfaces, slices and meshes, with a renderer that draws
+// nothing.
+#include "isobrick/viewer/session/view_session.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <glm/geometric.hpp>
+#include <thread>
+
+#include "isobrick/extract/extractor.h"
+#include "isobrick/extract/sinks/counting_sink.h"
+#include "isobrick/viewer/render/null_renderer.h"
+#include "tests/support/field_pyramid.h"
+
+namespace isobrick {
+namespace {
+
+using Kind = InputEvent::Kind;
+
+class ViewSessionTest : public ::testing::Test {
+ protected:
+  ViewSessionTest() {
+    BuildOptions options;
+    options.brick_cells = 16;
+    pyramid_ = std::make_shared<const Pyramid>(test::buildField(
+        folder_, Index3(60),
+        [](const glm::dvec3& p) { return 25.0 - glm::distance(p, glm::dvec3(30.0)); }, options));
+    open(std::uint64_t{1} << 30);
+  }
+
+  void open(std::uint64_t budget) {
+    session_.reset();
+    session_ = std::make_unique<ViewSession>(pyramid_, renderer_, SessionOptions{2, budget});
+    InputEvent resize;
+    resize.kind = Kind::kResize;
+    resize.x = 200;
+    resize.y = 100;
+    session_->apply(resize, 0.0, false);
+  }
+  void frame(double seconds) {
+    session_->update(clock_ += seconds);
+    session_->draw();
+  }
+  // Frames, with hands that rest, until all is there.
+  void settle() {
+    do {
+      frame(0.05);
+      std::this_thread::yield();
+    } while (!session_->settled());
+    frame(0.0);
+  }
+  std::uint64_t trianglesOfAll() const {
+    CountingSink sink;
+    const ViewState& state = session_->state();
+    return extractIsosurface(
+               *pyramid_,
+               queryOf(state, session_->volume(), 0, wantedRadius(state, session_->volume())), sink)
+        .triangles;
+  }
+  std::uint64_t trianglesShown() const {
+    std::uint64_t triangles = 0;
+    for (const ChunkId id : renderer_.frames().back().chunks)
+      triangles += renderer_.kept().at(id).triangles;
+    return triangles;
+  }
+
+  test::TemporaryFolder folder_;
+  std::shared_ptr<const Pyramid> pyramid_;
+  NullRenderer renderer_;
+  std::unique_ptr<ViewSession> session_;
+  double clock_ = 0.0;
+};
+
+TEST_F(ViewSessionTest, OpensOnASurfaceInItsFrame) {
+  const double isovalue = session_->state().surfaces[0].isovalue;
+  EXPECT_GT(isovalue, session_->volume().least_value);
+  EXPECT_LT(isovalue, session_->volume().greatest_value);
+  settle();
+  EXPECT_GT(trianglesShown(), 0u);
+  EXPECT_EQ(trianglesShown(), trianglesOfAll());
+  EXPECT_EQ(session_->status().doing, "ready");
+  EXPECT_EQ(session_->status().triangles, trianglesShown());
+  EXPECT_EQ(session_->status().surface_age, 0.0);
+}
+
+TEST_F(ViewSessionTest, DraggedIsovaluesEndWithTheLastAtItsFinest) {
+  settle();
+  for (int i = 0; i < 60; ++i) {
+    session_->state().surfaces[0].isovalue = 1.0 + 0.2 * i;
+    frame(0.016);
+    EXPECT_NE(session_->status().doing, "ready");
+  }
+  settle();
+  EXPECT_EQ(session_->state().surfaces[0].isovalue, 1.0 + 0.2 * 59);
+  EXPECT_EQ(trianglesShown(), trianglesOfAll());
+}
+
+TEST_F(ViewSessionTest, TurningTheCameraAsksForNothing) {
+  settle();
+  const std::uint64_t passes = session_->status().passes, uploaded = renderer_.uploadedBytes();
+  for (int i = 0; i < 30; ++i) {
+    session_->state().camera = orbited(session_->state().camera, 5.0, 1.0);
+    frame(0.016);
+  }
+  settle();
+  EXPECT_EQ(session_->status().passes, passes);
+  EXPECT_EQ(renderer_.uploadedBytes(), uploaded);
+}
+
+TEST_F(ViewSessionTest, ADoubleClickFocusesOnWhatIsHit) {
+  settle();
+  const PlacedCamera camera = placeCamera(session_->state().camera, 2.0);
+  renderer_.distance = 20.0;
+  const auto click = [&] {
+    InputEvent event;
+    event.x = 100.0;
+    event.y = 50.0;
+    event.kind = Kind::kMove;
+    session_->apply(event, clock_, false);
+    for (int i = 0; i < 2; ++i) {
+      for (const Kind kind : {Kind::kPress, Kind::kRelease}) {
+        event.kind = kind;
+        session_->apply(event, clock_, false);
+      }
+    }
+  };
+  click();
+  // The middle of the pixel, which is half a pixel beside the middle of the picture.
+  const glm::dvec3 hit = rayThrough(camera, {0.005, -0.01}).at(20.0);
+  EXPECT_LT(glm::distance(session_->state().camera.pivot, hit), 1e-9);
+  // Nothing hit: a point of the box.
+  renderer_.distance.reset();
+  click();
+  const glm::dvec3 pivot = session_->state().camera.pivot;
+  EXPECT_EQ(nearestPoint(session_->volume().box(), pivot), pivot);
+  settle();
+}
+
+TEST_F(ViewSessionTest, WhatTheBudgetHoldsIsShownAndSaid) {
+  open(150'000);
+  session_->state().focus.everywhere = true;
+  settle();
+  const SessionStatus status = session_->status();
+  EXPECT_NE(status.limited.find("GPU budget reached"), std::string::npos) << status.limited;
+  EXPECT_LT(status.shown_radius, status.wanted_radius);
+  EXPECT_LE(renderer_.bytesKept(), 150'000u);
+  EXPECT_GT(trianglesShown(), 0u);
+}
+
+TEST_F(ViewSessionTest, SlicesAndCapsComeAndGo) {
+  ViewState& state = session_->state();
+  state.slices[0] = {true, 12.0};
+  toggleClipPlane(2, session_->volume(), state);
+  settle();
+  ASSERT_EQ(renderer_.frames().back().slices.size(), 2u);
+  EXPECT_FALSE(renderer_.frames().back().slices[0].least_value);
+  EXPECT_EQ(renderer_.frames().back().slices[1].cap_of, 0);
+  EXPECT_EQ(renderer_.frames().back().slices[1].least_value, state.surfaces[0].isovalue);
+  EXPECT_EQ(renderer_.frames().back().clip_planes.size(), 1u);
+  const SliceId first = renderer_.frames().back().slices[0].image;
+  state.slices[0].shown = false;
+  state.clip_planes[0].enabled = false;
+  settle();
+  EXPECT_TRUE(renderer_.frames().back().slices.empty());
+  EXPECT_EQ(std::count(renderer_.releasedSlices().begin(), renderer_.releasedSlices().end(), first),
+            1);
+}
+
+TEST_F(ViewSessionTest, TheMeshOfWhatIsShownIsWritten) {
+  const std::string path = folder_.file("shown.stl");
+  session_->exportMesh(path);
+  settle();
+  EXPECT_EQ(session_->takeExported(), path);
+  EXPECT_FALSE(session_->takeExported());
+  EXPECT_EQ(std::filesystem::file_size(path), 84 + 50 * trianglesOfAll());
+  session_->exportMesh(folder_.file("shown.jpg"));
+  settle();
+  EXPECT_NE(session_->status().error.find("shown.jpg"), std::string::npos);
+}
+
+TEST_F(ViewSessionTest, WithoutASizeNothingIsDrawn) {
+  InputEvent resize;
+  resize.kind = Kind::kResize;
+  session_->apply(resize, 0.0, false);
+  session_->update(1.0);
+  EXPECT_FALSE(session_->draw());
+  EXPECT_TRUE(renderer_.frames().empty());
+}
+
+TEST_F(ViewSessionTest, EverythingThatWasKeptIsReleased) {
+  session_->state().slices[1].shown = true;
+  settle();
+  EXPECT_FALSE(renderer_.kept().empty());
+  session_.reset();
+  EXPECT_TRUE(renderer_.kept().empty());
+  EXPECT_FALSE(renderer_.releasedSlices().empty());
+}
+
+}  // namespace
+}  // namespace isobrick

@@ -1,0 +1,223 @@
+// Requests in, whole surfaces out: in any order of requests, within the budget, errors included.
+#include "isobrick/viewer/stream/surface_stream.h"
+
+#include <gtest/gtest.h>
+
+#include <glm/geometric.hpp>
+#include <set>
+#include <thread>
+
+#include "isobrick/extract/extractor.h"
+#include "isobrick/extract/sinks/counting_sink.h"
+#include "isobrick/viewer/render/null_renderer.h"
+#include "isobrick/viewer/stream/latest_worker.h"
+#include "isobrick/viewer/stream/surface_set.h"
+#include "tests/support/field_pyramid.h"
+
+namespace isobrick {
+namespace {
+
+using Kind = StreamMessage::Kind;
+
+class SurfaceStreamTest : public ::testing::Test {
+ protected:
+  SurfaceStreamTest() {
+    BuildOptions options;
+    options.brick_cells = 16;
+    path_ = test::buildField(
+        folder_, Index3(60),
+        [](const glm::dvec3& p) { return 25.0 - glm::distance(p, glm::dvec3(30.0)); }, options);
+    pyramid_ = std::make_shared<const Pyramid>(path_);
+  }
+
+  static StreamPass pass(double radius, double isovalue = 5.5) {
+    StreamPass result;
+    result.radius = radius;
+    Query query;
+    query.isovalue = isovalue;
+    query.focus = FocusSphere{{10.0, 20.0, 30.0}, radius};
+    result.queries.push_back({0, query});
+    return result;
+  }
+  std::uint64_t trianglesOf(const StreamPass& pass) const {
+    CountingSink sink;
+    return extractIsosurface(*pyramid_, pass.queries[0].query, sink).triangles;
+  }
+  static std::uint64_t kept(const NullRenderer& renderer, const std::vector<ChunkId>& chunks) {
+    std::uint64_t triangles = 0;
+    for (const ChunkId chunk : chunks) triangles += renderer.kept().at(chunk).triangles;
+    return triangles;
+  }
+  // Frames until nothing is under way; `look` sees the set after each.
+  template <typename Look>
+  static void pumpAll(SurfaceStream& stream, SurfaceSet& set, Look&& look) {
+    double clock = 0.0;
+    while (stream.busy()) {
+      look(set.pump([&] { return stream.poll(); }, [&] { return clock += 1e-4; }));
+      std::this_thread::yield();
+    }
+  }
+
+  test::TemporaryFolder folder_;
+  std::string path_;
+  std::shared_ptr<const Pyramid> pyramid_;
+};
+
+TEST_F(SurfaceStreamTest, PassesAreShownWholeAndReplaceEachOther) {
+  SurfaceStream stream(pyramid_, 2);
+  NullRenderer renderer;
+  SurfaceSet set(renderer, 1 << 30);
+  const StreamRequest request{{pass(4.0), pass(12.0), pass(40.0)}};
+  const std::uint64_t number = stream.request(request);
+  std::vector<double> radii;
+  pumpAll(stream, set, [&](const SurfaceSet::News& news) {
+    for (const StreamMessage& done : news.passes) {
+      EXPECT_EQ(done.request, number);
+      EXPECT_EQ(done.pass, radii.size());
+      EXPECT_EQ(done.last_pass, done.pass == 2);
+      EXPECT_EQ(done.triangles, trianglesOf(request.passes[done.pass]));
+      EXPECT_GT(done.bricks_read, 0u);
+      radii.push_back(done.radius);
+    }
+    // Between them nothing half-made is shown.
+    if (!radii.empty())
+      EXPECT_EQ(kept(renderer, set.shown()), trianglesOf(request.passes[radii.size() - 1]));
+    else
+      EXPECT_TRUE(set.shown().empty());
+  });
+  EXPECT_EQ(radii, (std::vector<double>{4.0, 12.0, 40.0}));
+  EXPECT_EQ(renderer.kept().size(), set.shown().size());
+  EXPECT_EQ(set.incomingBytes(), 0u);
+  EXPECT_EQ(set.shownBytes(), renderer.bytesKept());
+}
+
+TEST_F(SurfaceStreamTest, TheLastOfManyRequestsIsWhatStays) {
+  SurfaceStream stream(pyramid_, 2);
+  NullRenderer renderer;
+  SurfaceSet set(renderer, 1 << 30);
+  double clock = 0.0;
+  std::uint64_t last = 0;
+  for (int i = 0; i < 200; ++i) {
+    last = stream.request({{pass(4.0, 1.0 + 0.1 * i), pass(50.0, 1.0 + 0.1 * i)}});
+    if (i % 3 == 0) set.pump([&] { return stream.poll(); }, [&] { return clock += 1e-4; });
+  }
+  std::uint64_t shown_request = 0;
+  double shown_radius = 0.0;
+  pumpAll(stream, set, [&](const SurfaceSet::News& news) {
+    for (const StreamMessage& done : news.passes) {
+      EXPECT_GE(done.request, shown_request);
+      shown_request = done.request;
+      shown_radius = done.radius;
+    }
+  });
+  EXPECT_EQ(shown_request, last);
+  EXPECT_EQ(shown_radius, 50.0);
+  EXPECT_EQ(kept(renderer, set.shown()), trianglesOf(pass(50.0, 1.0 + 0.1 * 199)));
+  EXPECT_EQ(renderer.kept().size(), set.shown().size());
+}
+
+TEST_F(SurfaceStreamTest, TwoSurfacesComeTogether) {
+  SurfaceStream stream(pyramid_, 1);
+  NullRenderer renderer;
+  SurfaceSet set(renderer, 1 << 30);
+  StreamPass both = pass(20.0, 2.0);
+  both.queries.push_back({1, pass(20.0, 15.0).queries[0].query});
+  stream.request({{both}});
+  pumpAll(stream, set, [](const SurfaceSet::News&) {});
+  std::set<int> surfaces;
+  for (const auto& [id, chunk] : renderer.kept()) surfaces.insert(chunk.surface);
+  EXPECT_EQ(surfaces, (std::set<int>{0, 1}));
+}
+
+TEST_F(SurfaceStreamTest, WhatDoesNotFitTheBudgetLeavesWhatIsShown) {
+  SurfaceStream stream(pyramid_, 2);
+  NullRenderer renderer;
+  SurfaceSet set(renderer, 100'000);
+  stream.request({{pass(2.0)}});
+  pumpAll(stream, set, [](const SurfaceSet::News&) {});
+  const std::vector<ChunkId> before = set.shown();
+  ASSERT_FALSE(before.empty());
+  stream.request({{pass(60.0)}});
+  bool over = false;
+  pumpAll(stream, set, [&](const SurfaceSet::News& news) {
+    over = over || news.over_budget;
+    EXPECT_LE(renderer.bytesKept(), 100'000u);
+  });
+  EXPECT_TRUE(over);
+  EXPECT_EQ(set.shown(), before);
+  EXPECT_EQ(renderer.kept().size(), before.size());
+}
+
+TEST_F(SurfaceStreamTest, AnErrorIsToldAndTheRestGoesOn) {
+  SurfaceStream stream(pyramid_, 2);
+  NullRenderer renderer;
+  SurfaceSet set(renderer, 1 << 30);
+  stream.request({{pass(4.0)}});
+  pumpAll(stream, set, [](const SurfaceSet::News&) {});
+  const std::vector<ChunkId> before = set.shown();
+  StreamPass wrong = pass(4.0);
+  wrong.queries[0].query.uniform_level = 99;
+  wrong.queries[0].query.focus.reset();
+  stream.request({{wrong}});
+  bool failed = false;
+  pumpAll(stream, set, [&](const SurfaceSet::News& news) { failed = failed || news.failed; });
+  EXPECT_TRUE(failed);
+  EXPECT_NE(set.error().find("level 99"), std::string::npos) << set.error();
+  EXPECT_EQ(set.shown(), before);
+  stream.request({{pass(8.0)}});
+  pumpAll(stream, set, [](const SurfaceSet::News&) {});
+  EXPECT_EQ(kept(renderer, set.shown()), trianglesOf(pass(8.0)));
+  EXPECT_TRUE(set.error().empty());
+}
+
+TEST_F(SurfaceStreamTest, UploadsKeepToTheBytesOfAFrame) {
+  NullRenderer renderer;
+  SurfaceSet set(renderer, std::uint64_t{1} << 40);
+  StreamMessage message;
+  message.request = 1;
+  message.chunk.vertices.resize(100'000);  // 2 MB each
+  int left = 40;
+  const auto poll = [&]() -> std::optional<StreamMessage> {
+    if (left-- == 0) return std::nullopt;
+    return message;
+  };
+  const auto frozen = [] { return 0.0; };
+  EXPECT_EQ(set.pump(poll, frozen).uploaded_bytes, 9 * 2'000'000u);  // the first past 16 MiB
+  double clock = 0.0;
+  EXPECT_EQ(set.pump(poll, [&] { return clock += 0.0015; }).uploaded_bytes, 2 * 2'000'000u);
+}
+
+TEST_F(SurfaceStreamTest, EndsInTheMiddleOfWork) {
+  for (int i = 0; i < 20; ++i) {
+    SurfaceStream stream(pyramid_, 2);
+    stream.request({{pass(60.0), pass(50.0)}});
+    if (i % 2 == 0) stream.cancel();
+    if (i % 3 == 0) stream.poll();
+  }
+}
+
+TEST(LatestWorkerTest, OnlyTheLastRequestHasAnOutcome) {
+  LatestWorker<int, int> worker([](const int& request, const CancelFlag& cancel) {
+    cancel.check();
+    if (request < 0) throw Error("below 0");
+    return 2 * request;
+  });
+  const auto outcome = [&] {
+    while (true) {
+      if (auto result = worker.poll()) return *result;
+      std::this_thread::yield();
+    }
+  };
+  for (int i = 0; i <= 50; ++i) worker.request(i);
+  auto last = outcome();
+  while (last.request != 50) last = outcome();
+  EXPECT_EQ(last.result, 100);
+  worker.request(-1);
+  const auto failure = outcome();
+  EXPECT_FALSE(failure.result);
+  EXPECT_EQ(failure.error, "below 0");
+  EXPECT_FALSE(worker.busy());
+}
+
+}  // namespace
+}  // namespace isobrick

@@ -1,0 +1,87 @@
+#include "isobrick/viewer/session/scene_of_view.h"
+
+#include <algorithm>
+#include <limits>
+
+namespace isobrick {
+
+std::vector<WantedPlane> planesOf(const ViewState& state, const ViewVolume& volume) {
+  std::vector<WantedPlane> planes;
+  for (int axis = 0; axis < 3; ++axis) {
+    const ViewSlice& slice = state.slices[static_cast<std::size_t>(axis)];
+    if (slice.shown) planes.push_back({slicePlane(volume.voxels, axis, slice.position), -1});
+  }
+  int number = 0;
+  for (const ViewClipPlane& clip : state.clip_planes) {
+    if (!clip.enabled) continue;
+    const auto plane = capPlane(volume.voxels, volume.geometry, clip.normal, clip.offset);
+    if (clip.cap && plane) planes.push_back({*plane, number});
+    ++number;
+  }
+  return planes;
+}
+
+SceneFrame sceneOf(const ViewState& state, const ViewVolume& volume, int width, int height) {
+  SceneFrame frame;
+  frame.width = width;
+  frame.height = height;
+  frame.camera = placeCamera(state.camera, static_cast<double>(width) / height);
+  frame.bounds = volume.box();
+  frame.lattice = {volume.geometry.indexToWorldMatrix(), volume.geometry.origin};
+  frame.surfaces.clear();
+  for (const ViewSurface& surface : state.surfaces) {
+    // The surface of a greater value lies within that of a smaller one.
+    frame.surfaces.push_back(
+        {surface.color, surface.visible ? surface.opacity : 0.0, -surface.isovalue});
+  }
+  frame.color_by_level = state.coloring == ViewColoring::kLevel;
+  frame.wireframe = state.wireframe;
+  frame.headlight = state.lighting == ViewLighting::kHeadlight;
+  for (const ViewClipPlane& plane : state.clip_planes)
+    if (plane.enabled) frame.clip_planes.push_back({plane.normal, plane.offset});
+  if (state.show_box) {
+    const auto corner = [&](unsigned i) {
+      return volume.geometry.indexToWorld(
+          {i & 1u ? static_cast<double>(volume.voxels.x - 1) : 0.0,
+           i & 2u ? static_cast<double>(volume.voxels.y - 1) : 0.0,
+           i & 4u ? static_cast<double>(volume.voxels.z - 1) : 0.0});
+    };
+    for (unsigned i = 0; i < 8; ++i)
+      for (const unsigned axis : {1u, 2u, 4u})
+        if ((i & axis) == 0) frame.segments.push_back({corner(i), corner(i | axis)});
+  }
+  if (state.focus.show_sphere && !state.focus.everywhere) {
+    const glm::dvec3& spacing = volume.geometry.spacing;
+    const double radius = state.focus.radius * std::min({spacing.x, spacing.y, spacing.z});
+    const glm::dvec3 center = volume.geometry.indexToWorld(state.focus.center);
+    frame.sphere = SphereOutline{center, radius};
+    frame.fill_sphere = true;
+    frame.bounds.include(center - radius);
+    frame.bounds.include(center + radius);
+  }
+  frame.background_top = state.background_top;
+  frame.background_bottom = state.background_bottom;
+  return frame;
+}
+
+SceneSlice sliceOf(const WantedPlane& wanted, SliceId image, const ViewState& state,
+                   const ViewVolume& volume) {
+  const glm::dmat3 matrix = volume.geometry.indexToWorldMatrix();
+  SceneSlice slice;
+  slice.image = image;
+  slice.corner = volume.geometry.indexToWorld(wanted.plane.corner);
+  slice.across = matrix * wanted.plane.across;
+  slice.along = matrix * wanted.plane.along;
+  slice.cap_of = wanted.cap_of;
+  slice.black = state.value_window[0];
+  slice.white = state.value_window[1];
+  if (wanted.cap_of >= 0) {
+    double least = std::numeric_limits<double>::infinity();
+    for (const ViewSurface& surface : state.surfaces)
+      if (surface.visible) least = std::min(least, surface.isovalue);
+    slice.least_value = least;
+  }
+  return slice;
+}
+
+}  // namespace isobrick

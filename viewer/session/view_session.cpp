@@ -1,0 +1,245 @@
+#include "isobrick/viewer/session/view_session.h"
+
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <utility>
+
+#include "isobrick/extract/extractor.h"
+#include "isobrick/extract/sinks/mesh_file_sink.h"
+#include "isobrick/storage/error.h"
+
+namespace isobrick {
+namespace {
+
+// A hand that did not change anything for so long rests.
+constexpr double kRestSeconds = 0.15;
+constexpr int kMostSliceValues = 512;  // to a side
+
+ViewVolume volumeOf(const Pyramid& pyramid) {
+  return {pyramid.spec().voxels, pyramid.spec().geometry, pyramid.valueRange().min,
+          pyramid.valueRange().max};
+}
+
+double clockSeconds() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+std::string whole(double number) { return std::to_string(std::llround(number)); }
+
+}  // namespace
+
+ViewSession::ViewSession(std::shared_ptr<const Pyramid> pyramid, SceneRenderer& renderer,
+                         const SessionOptions& options)
+    : pyramid_(std::move(pyramid)),
+      renderer_(renderer),
+      threads_(options.threads),
+      volume_(volumeOf(*pyramid_)),
+      histogram_(coarseHistogram(*pyramid_)),
+      state_(firstView(volume_, 1.0)),
+      surfaces_(renderer, options.gpu_budget_bytes),
+      stream_(pyramid_, options.threads),
+      plane_worker_([this](const std::vector<WantedPlane>& planes, const CancelFlag& cancel) {
+        return samplePlanes(planes, cancel);
+      }),
+      mesh_worker_([this](const MeshOrder& order, const CancelFlag& cancel) {
+        return writeMesh(order, cancel);
+      }) {
+  state_.surfaces[0].isovalue = histogram_.dividingValue();
+}
+
+ViewSession::~ViewSession() {
+  for (const Plane& plane : planes_) renderer_.releaseSlice(plane.image);
+}
+
+Wishes ViewSession::apply(const InputEvent& event, double seconds, bool on_panel) {
+  const Wishes wishes = applyEvent(event, seconds, on_panel, volume_, interaction_, state_);
+  if (event.kind == InputEvent::Kind::kResize && !framed_ && interaction_.size.y > 0.0) {
+    state_.camera = framed(state_.camera, volume_.box(), interaction_.aspect());
+    framed_ = true;
+  }
+  if (wishes.focus_at) focusOn(pointAt(*wishes.focus_at), volume_, state_);
+  return wishes;
+}
+
+void ViewSession::update(double seconds) {
+  now_ = seconds;
+  advanceFlight(std::clamp(seconds - last_update_, 0.0, 0.1), volume_, interaction_, state_);
+  last_update_ = seconds;
+  state_ = bounded(state_, volume_);
+  requestSurfaces(seconds);
+  const SurfaceSet::News news = surfaces_.pump([&] { return stream_.poll(); }, clockSeconds);
+  takeNews(news);
+  updatePlanes();
+  if (auto outcome = mesh_worker_.poll()) {
+    mesh_error_ = outcome->error;
+    if (outcome->result) exported_ = *outcome->result;
+  }
+}
+
+// While the state changes, one pass that fits the time; at rest, all that is wanted.
+void ViewSession::requestSurfaces(double seconds) {
+  const double wanted = wantedRadius(state_, volume_);
+  const bool first = !requested_;
+  if (first || !asksForTheSame(*requested_, state_)) {
+    requested_ = state_;
+    last_change_ = seconds;
+    over_budget_ = false;
+    asked_for_all_ = first;
+    requestPasses(first ? passRadii(quality_.radius, wanted)
+                        : std::vector<double>{std::min(quality_.radius, wanted)},
+                  seconds);
+  } else if (!asked_for_all_ && !over_budget_ && seconds - last_change_ >= kRestSeconds) {
+    asked_for_all_ = true;
+    requestPasses(passRadii(quality_.radius, wanted), seconds);
+  }
+}
+
+void ViewSession::requestPasses(const std::vector<double>& radii, double seconds) {
+  StreamRequest request;
+  for (const double radius : radii) {
+    StreamPass& pass = request.passes.emplace_back();
+    pass.radius = radius;
+    for (std::size_t s = 0; s < state_.surfaces.size(); ++s)
+      if (state_.surfaces[s].visible)
+        pass.queries.push_back({static_cast<int>(s), queryOf(state_, volume_, s, radius)});
+  }
+  all_passes_done_ = false;
+  last_request_ = stream_.request(std::move(request));
+  request_times_[last_request_] = seconds;
+}
+
+void ViewSession::takeNews(const SurfaceSet::News& news) {
+  uploaded_bytes_ = news.uploaded_bytes;
+  for (const StreamMessage& pass : news.passes) {
+    quality_ = measured(quality_, pass.radius, pass.triangles, pass.seconds);
+    shown_request_ = pass.request;
+    shown_pass_ = pass;
+    ++passes_;
+    all_passes_done_ = pass.request == last_request_ && pass.last_pass;
+  }
+  if (news.over_budget) {
+    stream_.cancel();
+    over_budget_ = true;
+    // The next hand that moves begins with what fits.
+    quality_.radius = std::max(kLeastRadius, 0.7 * std::min(quality_.radius, shown_pass_.radius));
+  }
+  if (news.over_budget || news.failed) request_times_.clear();
+  request_times_.erase(request_times_.begin(), request_times_.upper_bound(shown_request_));
+}
+
+void ViewSession::updatePlanes() {
+  const std::vector<WantedPlane> wanted = planesOf(state_, volume_);
+  if (wanted != asked_planes_) {
+    asked_planes_ = wanted;
+    plane_worker_.request(wanted);
+  }
+  auto outcome = plane_worker_.poll();
+  if (!outcome) return;
+  plane_error_ = outcome->error;
+  for (const Plane& plane : planes_) renderer_.releaseSlice(plane.image);
+  planes_.clear();
+  if (!outcome->result) return;
+  for (std::size_t i = 0; i < outcome->result->size(); ++i)
+    planes_.push_back({outcome->request[i], renderer_.uploadSlice((*outcome->result)[i])});
+}
+
+std::vector<SliceImage> ViewSession::samplePlanes(const std::vector<WantedPlane>& planes,
+                                                  const CancelFlag& cancel) const {
+  std::vector<SliceImage> images;
+  for (const WantedPlane& wanted : planes)
+    images.push_back(samplePlane(*pyramid_, wanted.plane,
+                                 samplingOf(pyramid_->lattice(), wanted.plane, kMostSliceValues),
+                                 cancel));
+  return images;
+}
+
+bool ViewSession::draw() {
+  const int width = static_cast<int>(interaction_.size.x);
+  const int height = static_cast<int>(interaction_.size.y);
+  if (width < 1 || height < 1) return false;
+  SceneFrame frame = sceneOf(state_, volume_, width, height);
+  frame.chunks = surfaces_.shown();
+  // Chunks of a surface that has just been removed are shown until the next pass.
+  for (const Plane& plane : planes_) {
+    if (plane.wanted.cap_of < static_cast<int>(frame.clip_planes.size()))
+      frame.slices.push_back(sliceOf(plane.wanted, plane.image, state_, volume_));
+  }
+  renderer_.draw(frame);
+  return true;
+}
+
+bool ViewSession::settled() const {
+  const bool surfaces_done = asked_for_all_ &&
+                             (all_passes_done_ || over_budget_ || !surfaces_.error().empty()) &&
+                             requested_ && asksForTheSame(*requested_, state_);
+  return surfaces_done && !stream_.busy() && !plane_worker_.busy() && !mesh_worker_.busy();
+}
+
+SessionStatus ViewSession::status() const {
+  SessionStatus status;
+  status.wanted_radius = wantedRadius(state_, volume_);
+  status.shown_radius = shown_pass_.radius;
+  status.triangles = shown_pass_.triangles;
+  status.shown_bytes = surfaces_.shownBytes();
+  status.bricks_read = shown_pass_.bricks_read;
+  status.extract_seconds = shown_pass_.seconds;
+  status.levels = shown_pass_.levels;
+  status.triangles_per_second = quality_.triangles_per_second;
+  status.drag_radius = quality_.radius;
+  status.passes = passes_;
+  if (!request_times_.empty()) status.surface_age = now_ - request_times_.begin()->second;
+  if (mesh_worker_.busy())
+    status.doing = "writing the mesh";
+  else if (!asked_for_all_)
+    status.doing = "following the hand";
+  else if (settled())
+    status.doing = "ready";
+  else
+    status.doing = "refining to radius " + whole(status.wanted_radius);
+  if (over_budget_)
+    status.limited = "GPU budget reached: showing radius " + whole(status.shown_radius) + " of " +
+                     whole(status.wanted_radius);
+  for (const std::string* error : {&surfaces_.error(), &plane_error_, &mesh_error_})
+    if (!error->empty()) status.error = *error;
+  return status;
+}
+
+std::optional<glm::dvec3> ViewSession::surfaceAt(const glm::dvec2& pixel) {
+  const std::optional<double> distance = renderer_.distanceAt(pixel);
+  if (!distance) return std::nullopt;
+  const PlacedCamera camera = placeCamera(state_.camera, interaction_.aspect());
+  return rayThrough(camera, interaction_.toPicture(pixel + 0.5)).at(*distance);
+}
+
+glm::dvec3 ViewSession::pointAt(const glm::dvec2& pixel) {
+  if (const auto point = surfaceAt(pixel)) return *point;
+  const PlacedCamera camera = placeCamera(state_.camera, interaction_.aspect());
+  return nearestPointOnBox(volume_.box(), rayThrough(camera, interaction_.toPicture(pixel + 0.5)));
+}
+
+void ViewSession::exportMesh(const std::string& path) {
+  mesh_error_.clear();
+  mesh_worker_.request({queryOf(state_, volume_, static_cast<std::size_t>(state_.active_surface),
+                                wantedRadius(state_, volume_)),
+                        path});
+}
+
+std::optional<std::string> ViewSession::takeExported() {
+  return std::exchange(exported_, std::nullopt);
+}
+
+std::string ViewSession::writeMesh(const MeshOrder& order, const CancelFlag& cancel) const {
+  Query query = order.query;
+  query.cancel = &cancel;
+  tbb::task_arena arena(threads_);
+  arena.execute([&] {
+    const auto sink = makeMeshFileSink(order.path, {.cancel = &cancel});
+    extractIsosurface(*pyramid_, query, *sink);
+  });
+  return order.path;
+}
+
+}  // namespace isobrick

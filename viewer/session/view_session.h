@@ -1,0 +1,138 @@
+// A volume being looked at: events in, frames out, with extraction beside it. No window.
+#pragma once
+
+#include <deque>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "isobrick/storage/pyramid.h"
+#include "isobrick/viewer/render/scene_renderer.h"
+#include "isobrick/viewer/session/scene_of_view.h"
+#include "isobrick/viewer/state/drag_quality.h"
+#include "isobrick/viewer/state/interaction.h"
+#include "isobrick/viewer/stream/latest_worker.h"
+#include "isobrick/viewer/stream/surface_set.h"
+#include "isobrick/viewer/stream/surface_stream.h"
+#include "isobrick/viewer/stream/value_histogram.h"
+
+namespace isobrick {
+
+struct SessionOptions {
+  int threads = 1;                                          // of the extraction
+  std::uint64_t gpu_budget_bytes = std::uint64_t{1} << 30;  // of chunks in the renderer
+};
+
+// What is going on, for people.
+struct SessionStatus {
+  std::string doing;              // "ready", or what is under way
+  std::string limited;            // what limits what is shown; empty: nothing
+  std::string error;              // of the last extraction, slice or mesh; empty: none
+  double shown_radius = 0.0;      // voxels
+  double wanted_radius = 0.0;     // voxels
+  std::uint64_t triangles = 0;    // shown
+  std::uint64_t shown_bytes = 0;  // of chunks
+  std::uint64_t bricks_read = 0;  // by the pass that is shown
+  double extract_seconds = 0.0;   // of the pass that is shown
+  double triangles_per_second = 0.0;
+  double drag_radius = 0.0;
+  std::uint64_t passes = 0;  // completed
+  double surface_age = 0.0;  // seconds for which what is shown is not the latest request's
+  std::vector<LevelCounts> levels;
+};
+
+// Belongs to one thread, that of the renderer, which outlives it. Time is the caller's: seconds
+// that run on. For each frame: apply() all events, let hands change state(), update(), draw().
+class ViewSession {
+ public:
+  // Reads a coarse level, for the histogram. Throws Error for a damaged one.
+  ViewSession(std::shared_ptr<const Pyramid> pyramid, SceneRenderer& renderer,
+              const SessionOptions& options);
+  ~ViewSession();
+
+  // May be changed between frames; update() brings it into its bounds.
+  ViewState& state() { return state_; }
+  const ViewState& state() const { return state_; }
+  Interaction& interaction() { return interaction_; }
+  const ViewVolume& volume() const { return volume_; }
+  const ValueHistogram& histogram() const { return histogram_; }
+  const Pyramid& pyramid() const { return *pyramid_; }
+
+  // What the event asks of the caller; a focus has been set already.
+  Wishes apply(const InputEvent& event, double seconds, bool on_panel);
+
+  // Asks for what the state needs and takes what has come.
+  void update(double seconds);
+  // Draws what is there, with the size of the interaction; false where that is nothing.
+  bool draw();
+
+  // What is shown is what the state asks for, as fine as it will get, slices included.
+  bool settled() const;
+  SessionStatus status() const;
+  std::uint64_t uploadedBytes() const { return uploaded_bytes_; }  // by the last update()
+
+  // The surface under a pixel of the frame drawn last, or the nearest point of the box.
+  glm::dvec3 pointAt(const glm::dvec2& pixel);
+  // The surface alone; nothing where there is background.
+  std::optional<glm::dvec3> surfaceAt(const glm::dvec2& pixel);
+
+  // Writes the active surface, as fine as it is wanted, in the background.
+  void exportMesh(const std::string& path);
+  // The file that was written since the last call.
+  std::optional<std::string> takeExported();
+
+ private:
+  struct Plane {
+    WantedPlane wanted;
+    SliceId image = 0;
+  };
+  struct MeshOrder {
+    Query query;
+    std::string path;
+  };
+  void requestSurfaces(double seconds);
+  void requestPasses(const std::vector<double>& radii, double seconds);
+  void takeNews(const SurfaceSet::News& news);
+  void updatePlanes();
+  std::vector<SliceImage> samplePlanes(const std::vector<WantedPlane>& planes,
+                                       const CancelFlag& cancel) const;
+  std::string writeMesh(const MeshOrder& order, const CancelFlag& cancel) const;
+
+  const std::shared_ptr<const Pyramid> pyramid_;
+  SceneRenderer& renderer_;
+  const int threads_;
+  ViewVolume volume_;
+  ValueHistogram histogram_;
+  ViewState state_;
+  Interaction interaction_;
+  bool framed_ = false;  // the first size gives the camera its distance
+  double last_update_ = 0.0;
+
+  DragQuality quality_;
+  std::optional<ViewState> requested_;  // what the last request was made of
+  double last_change_ = 0.0;            // when a request last differed from the one before
+  bool asked_for_all_ = false;          // since then
+  bool over_budget_ = false;
+  std::uint64_t last_request_ = 0, shown_request_ = 0;
+  std::map<std::uint64_t, double> request_times_;  // of those after the one that is shown
+  double now_ = 0.0;
+  bool all_passes_done_ = false;
+  StreamMessage shown_pass_;
+  std::uint64_t passes_ = 0;
+  std::uint64_t uploaded_bytes_ = 0;
+
+  std::vector<Plane> planes_;
+  std::vector<WantedPlane> asked_planes_;
+  std::string plane_error_, mesh_error_;
+  std::optional<std::string> exported_;
+
+  SurfaceSet surfaces_;
+  // Last: their threads use the above.
+  SurfaceStream stream_;
+  LatestWorker<std::vector<WantedPlane>, std::vector<SliceImage>> plane_worker_;
+  LatestWorker<MeshOrder, std::string> mesh_worker_;
+};
+
+}  // namespace isobrick

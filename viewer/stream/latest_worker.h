@@ -1,0 +1,91 @@
+// A thread that works on the latest request alone.
+#pragma once
+
+#include <condition_variable>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+#include <utility>
+
+#include "isobrick/storage/cancel.h"
+#include "isobrick/storage/error.h"
+
+namespace isobrick {
+
+// Calls `work(request, cancel)` on a thread of its own. A newer request cancels the one at hand.
+// request() and poll() are for one other thread and never wait for the work.
+template <typename Request, typename Result>
+class LatestWorker {
+ public:
+  using Work = std::function<Result(const Request&, const CancelFlag&)>;
+  struct Outcome {
+    Request request;
+    std::optional<Result> result;
+    std::string error;  // where there is no result
+  };
+
+  explicit LatestWorker(Work work) : work_(std::move(work)), thread_([this] { run(); }) {}
+  ~LatestWorker() {
+    {
+      const std::lock_guard lock(mutex_);
+      stopping_ = true;
+      if (cancel_ != nullptr) cancel_->request();
+    }
+    wake_.notify_all();
+    thread_.join();
+  }
+  LatestWorker(const LatestWorker&) = delete;
+  LatestWorker& operator=(const LatestWorker&) = delete;
+
+  void request(Request request) {
+    const std::lock_guard lock(mutex_);
+    waiting_ = std::move(request);
+    if (cancel_ != nullptr) cancel_->request();
+    wake_.notify_all();
+  }
+  // The outcome of a request that no other one followed, once.
+  std::optional<Outcome> poll() {
+    const std::lock_guard lock(mutex_);
+    return std::exchange(outcome_, std::nullopt);
+  }
+  bool busy() const {
+    const std::lock_guard lock(mutex_);
+    return waiting_ || cancel_ != nullptr || outcome_;
+  }
+
+ private:
+  void run() {
+    std::unique_lock lock(mutex_);
+    while (true) {
+      wake_.wait(lock, [&] { return stopping_ || waiting_; });
+      if (stopping_) return;
+      Outcome outcome{std::move(*waiting_), {}, {}};
+      waiting_.reset();
+      const auto cancel = std::make_shared<CancelFlag>();
+      cancel_ = cancel;
+      lock.unlock();
+      try {
+        outcome.result = work_(outcome.request, *cancel);
+      } catch (const std::exception& failure) {
+        outcome.error = failure.what();
+      }
+      lock.lock();
+      cancel_.reset();
+      if (!cancel->requested()) outcome_ = std::move(outcome);
+    }
+  }
+
+  const Work work_;
+  mutable std::mutex mutex_;
+  std::condition_variable wake_;
+  std::optional<Request> waiting_;
+  std::shared_ptr<CancelFlag> cancel_;  // of the work at hand
+  std::optional<Outcome> outcome_;
+  bool stopping_ = false;
+  std::thread thread_;  // last: it uses all of the above
+};
+
+}  // namespace isobrick

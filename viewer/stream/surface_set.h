@@ -1,0 +1,68 @@
+// The chunks that are shown, and those that will take their place: never a half surface.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "isobrick/viewer/render/scene_renderer.h"
+#include "isobrick/viewer/stream/surface_stream.h"
+
+namespace isobrick {
+
+// What one frame may spend on uploads.
+inline constexpr double kUploadSeconds = 0.002;
+inline constexpr std::uint64_t kUploadBytes = std::uint64_t{16} << 20;
+
+// Uploads the chunks of a pass as they come, and shows them when all of them are there; what was
+// shown before goes then. Used by the renderer's thread, which outlives it.
+class SurfaceSet {
+ public:
+  // `budget_bytes`: of what is shown and what comes in, together.
+  SurfaceSet(SceneRenderer& renderer, std::uint64_t budget_bytes);
+  ~SurfaceSet();
+  SurfaceSet(const SurfaceSet&) = delete;
+  SurfaceSet& operator=(const SurfaceSet&) = delete;
+
+  // What the messages of one frame came to.
+  struct News {
+    bool shows_another = false;  // a pass was completed
+    bool over_budget = false;    // the pass at hand does not fit and was dropped
+    bool failed = false;         // see error()
+    std::uint64_t uploaded_bytes = 0;
+    std::vector<StreamMessage> passes;  // those that were completed, without chunks
+  };
+  // Takes messages until there are none, or the frame's time (`clock()`, seconds) or bytes are
+  // spent; at least one is taken, so that a slow machine comes to an end too.
+  template <typename Poll, typename Clock>
+  News pump(Poll&& poll, Clock&& clock) {
+    News news;
+    const double begin = clock();
+    while (auto message = poll()) {
+      accept(std::move(*message), news);
+      if (news.uploaded_bytes >= kUploadBytes || clock() - begin >= kUploadSeconds) break;
+    }
+    return news;
+  }
+  void accept(StreamMessage message, News& news);
+
+  const std::vector<ChunkId>& shown() const { return shown_.chunks; }
+  std::uint64_t shownBytes() const { return shown_.bytes; }
+  std::uint64_t incomingBytes() const { return incoming_.bytes; }
+  const std::string& error() const { return error_; }
+
+ private:
+  struct Chunks {
+    std::vector<ChunkId> chunks;
+    std::uint64_t bytes = 0;
+  };
+  void release(Chunks& chunks);
+
+  SceneRenderer& renderer_;
+  std::uint64_t budget_bytes_;
+  Chunks shown_, incoming_;
+  std::uint64_t refused_request_ = 0;  // went over the budget: its other chunks are not taken
+  std::string error_;
+};
+
+}  // namespace isobrick

@@ -1,0 +1,120 @@
+// Extraction beside the interface: requests in, chunks out.
+#pragma once
+
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "isobrick/extract/extraction_report.h"
+#include "isobrick/extract/extractor.h"
+#include "isobrick/extract/query.h"
+#include "isobrick/storage/cancel.h"
+#include "isobrick/storage/pyramid.h"
+#include "isobrick/viewer/render/surface_chunk.h"
+
+namespace isobrick {
+
+// One closed surface for each query, together: what may take the place of what was shown before.
+struct StreamPass {
+  struct SurfaceQuery {
+    int surface = 0;  // its number in the scene
+    Query query;
+  };
+  double radius = 0.0;  // what the queries were made with
+  std::vector<SurfaceQuery> queries;
+};
+
+// Passes from coarse to fine. The first is what a hand waits for.
+struct StreamRequest {
+  std::vector<StreamPass> passes;
+};
+
+struct StreamMessage {
+  enum class Kind {
+    kChunk,     // of the pass at hand
+    kPassDone,  // all chunks of the pass were sent
+    kDropped,   // the pass at hand was given up: another request came
+    kFailed,    // the same, for an error
+  };
+  Kind kind = Kind::kChunk;
+  std::uint64_t request = 0;
+  std::size_t pass = 0;
+  SurfaceChunk chunk;
+  // Of kPassDone:
+  bool last_pass = false;
+  double radius = 0.0;
+  double seconds = 0.0;  // of extraction, waiting for a full queue left out
+  std::uint64_t triangles = 0;
+  std::uint64_t bricks_read = 0;
+  std::vector<LevelCounts> levels;  // summed over the surfaces
+  std::string error;                // of kFailed, one line
+};
+
+// A thread with an Extractor session. request(), poll() and the rest are for one other thread, the
+// interface; none of them waits for an extraction.
+//
+// A new request ends the one before: at once where that is beyond its first pass, or has been in it
+// for longer than kPatienceSeconds; else when its first pass is done, so that a hand that never
+// rests sees surfaces all the same. The queue holds at most kQueueBytes; the extraction waits where
+// the interface is slower.
+class SurfaceStream {
+ public:
+  static constexpr double kPatienceSeconds = 0.1;
+  static constexpr std::uint64_t kQueueBytes = std::uint64_t{32} << 20;
+
+  // `threads`: of the extraction. The pyramid is shared with it.
+  SurfaceStream(std::shared_ptr<const Pyramid> pyramid, int threads);
+  // Cancels what is under way.
+  ~SurfaceStream();
+  SurfaceStream(const SurfaceStream&) = delete;
+  SurfaceStream& operator=(const SurfaceStream&) = delete;
+
+  // Returns the number that its messages will have; numbers ascend.
+  std::uint64_t request(StreamRequest request);
+  // Ends everything: no pass goes on, none waits.
+  void cancel();
+  // The next message, if there is one. Messages of one pass follow each other, chunks first.
+  std::optional<StreamMessage> poll();
+  // True while a pass is under way, a request waits, or a message was not polled.
+  bool busy() const;
+
+ private:
+  struct Job {
+    std::uint64_t number = 0;
+    StreamRequest request;
+  };
+  void run();
+  void runJob(const Job& job);
+  bool runPass(const Job& job, std::size_t pass, StreamMessage& done);
+  void push(StreamMessage message);
+  void pushChunk(StreamMessage message, const CancelFlag& cancel);
+  void endCurrent();
+
+  const std::shared_ptr<const Pyramid> pyramid_;
+  const int threads_;
+  Extractor extractor_;  // of the thread alone; keeps its memory from pass to pass
+
+  mutable std::mutex mutex_;
+  std::condition_variable work_, room_;
+  std::optional<Job> waiting_;
+  bool working_ = false;
+  bool stopping_ = false;
+  std::uint64_t last_number_ = 0;
+  std::shared_ptr<CancelFlag> cancel_;  // of the job at hand
+  std::size_t current_pass_ = 0;
+  double pass_begin_ = 0.0;
+  double waited_ = 0.0;  // seconds of the pass at hand in pushChunk()
+  std::deque<StreamMessage> queue_;
+  std::uint64_t queue_bytes_ = 0;
+
+  std::thread thread_;  // last: it uses all of the above
+};
+
+}  // namespace isobrick
