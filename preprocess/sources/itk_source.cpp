@@ -33,6 +33,7 @@
 #include "isobrick/preprocess/sources/nifti_run.h"
 #include "isobrick/preprocess/sources/raw_run.h"
 #include "isobrick/preprocess/sources/source_checks.h"
+#include "isobrick/preprocess/sources/tiff_pages.h"
 #include "isobrick/preprocess/sources/voxel_components.h"
 #include "isobrick/storage/abandonable.h"
 #include "isobrick/storage/lowercase.h"
@@ -183,6 +184,11 @@ itk::ImageIOBase::Pointer requireImage(const std::string& path, itk::ImageIOBase
                     "MetaImage, NIfTI, TIFF, DICOM, MRC, VTK legacy, ...); say its layout if it "
                     "has no header",
                 {.path = path}, {Remedy::kDescribeRawFile});
+  const Component component = image->GetComponentType();
+  if (component == Component::UNKNOWNCOMPONENTTYPE || component == Component::LDOUBLE)
+    throw Error("cannot use '" + path + "': this kind of voxel is not supported; convert it to a " +
+                    "scalar type first",
+                {.path = path});
   checkComponentChoice(path, image->GetNumberOfComponents(), options);
   return image;
 }
@@ -492,6 +498,7 @@ std::unique_ptr<VolumeSource> openImageFile(const std::string& path, std::vector
                                             const OpenOptions& options) {
   VolumeInfo info = describeVolume(path, *image);
   const auto components = static_cast<std::uint64_t>(image->GetNumberOfComponents());
+  if (info.format == "TIFF") checkTiffPages(path);
   if (info.format == "NIfTI") return openNiftiRun(std::move(info), components, options);
   const auto run = info.format == "NRRD"        ? findNrrdRun(path, components, info.voxels)
                    : info.format == "MetaImage" ? findMetaImageRun(path)

@@ -13,9 +13,12 @@
 
 #include "isobrick/extract/extractor.h"
 #include "isobrick/extract/sinks/indexed_mesh.h"
+#include "isobrick/preprocess/export/formats/export_volume.h"
+#include "isobrick/preprocess/export/source_views.h"
 #include "isobrick/preprocess/phantoms/phantom.h"
 #include "isobrick/preprocess/pyramid_builder.h"
 #include "isobrick/preprocess/sources/itk_source.h"
+#include "isobrick/preprocess/sources/open_volume.h"
 #include "isobrick/preprocess/sources/raw_source.h"
 #include "isobrick/preprocess/sources/vdb_source.h"
 #include "isobrick/preprocess/sources/vti_source.h"
@@ -270,6 +273,50 @@ TEST_F(VolumeFormats, VdbLevelSetIsABallOfItsRadius) {
     ASSERT_NEAR(glm::length(glm::dvec3(position) - center), kRadius, 0.02 * kSpacing);
   const double volume = 4.0 / 3 * std::numbers::pi * std::pow(kRadius, 3);
   EXPECT_NEAR(std::abs(report.volume) / volume, 1, 0.005);
+}
+
+// A turned scan as DICOM, and what convert makes of it: the same places in the world.
+TEST_F(VolumeFormats, AnObliqueScanHasItsSurfaceAtTheSamePlacesInEightFormats) {
+  GridGeometry geometry;
+  geometry.spacing = {0.5, 0.75, 2};
+  geometry.origin = {-101.25, 17.5, 1402.75};
+  const glm::dvec3 row = glm::normalize(glm::dvec3(3, 1, -1));
+  const glm::dvec3 column = glm::normalize(glm::cross(glm::dvec3(1, -2, 5), row));
+  geometry.direction = glm::dmat3(row, column, glm::cross(row, column));
+  fs::create_directory(pathOf("series"));
+  const auto slice = static_cast<std::ptrdiff_t>(kVoxels.x * kVoxels.y);
+  for (std::int64_t k = 0; k < kVoxels.z; ++k) {
+    DicomSliceFile file;
+    file.columns = kVoxels.x;
+    file.rows = kVoxels.y;
+    file.pixels.assign(headVoxels().begin() + k * slice, headVoxels().begin() + (k + 1) * slice);
+    file.position = geometry.indexToWorld(glm::dvec3(0, 0, static_cast<double>(k)));
+    file.row_axis = row;
+    file.column_axis = column;
+    file.pixel_spacing = {0.5, 0.75};
+    file.thickness = 2;
+    file.instance = static_cast<int>(k) + 1;
+    writeDicomSlice(pathOf("series/" + std::to_string(100 + k) + ".dcm"), file);
+  }
+  const Surface as_stored = surfaceOf(*openItkSource(pathOf("series")));
+  EXPECT_LT(glm::length(as_stored.geometry.origin - geometry.origin), 1e-6);
+  // The voxels of a VDB are floats, so that coarser levels are not rounded.
+  const Surface as_floats = surfaceOf(*makeFloatSource(openItkSource(pathOf("series"))));
+  for (const char* name : {"a.nrrd", "a.nii.gz", "a.mha", "a.vti", "a.vdb", "a.ome.zarr", "a.h5"}) {
+    VolumeLevels levels;
+    levels.push_back(openItkSource(pathOf("series")));
+    ExportOptions options;
+    options.memory_bytes = std::uint64_t{64} << 20;
+    exportVolume(levels, pathOf(name), options);
+    const Surface found = surfaceOf(*openVolume(pathOf(name)));
+    const Surface& scan = found.voxel_type == VoxelType::kFloat32 ? as_floats : as_stored;
+    ASSERT_EQ(found.triangles, scan.triangles) << name;
+    for (std::size_t v = 0; v < scan.positions.size(); ++v)
+      ASSERT_LT(glm::length(found.geometry.indexToWorld(found.positions[v]) -
+                            scan.geometry.indexToWorld(scan.positions[v])),
+                1e-3 * 0.5)
+          << name;
+  }
 }
 
 // ---- what the files say besides their voxels, and what the readers hold of them -----------------

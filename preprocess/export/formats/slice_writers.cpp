@@ -48,6 +48,27 @@ bool isSlicePattern(const std::string& path) {
   return fs::path(path).filename().string().find('%') != std::string::npos;
 }
 
+void refuseLargeSlices(const VolumeInfo& info, const std::string& path,
+                       const ExportOptions& options) {
+  const std::uint64_t slice_bytes = rowBytes(info) * static_cast<std::uint64_t>(info.voxels.y);
+  if (slice_bytes > options.memory_bytes)
+    throw Error("cannot write '" + path + "': a slice takes " +
+                    std::to_string((slice_bytes >> 20) + 1) + " MiB",
+                {.path = path}, {Remedy::kAllowMoreMemory});
+}
+
+void forEachSlice(VolumeSource& source, const ExportOptions& options,
+                  const std::function<void(std::int64_t slice, const std::byte* data)>& take) {
+  const VolumeInfo& info = source.info();
+  const std::uint64_t slice_bytes = rowBytes(info) * static_cast<std::uint64_t>(info.voxels.y);
+  forEachRun(source, options, [&](std::int64_t row, std::int64_t rows, const std::byte* data) {
+    for (std::int64_t end = row + rows; row < end; row += info.voxels.y, data += slice_bytes) {
+      checkCancel(options);
+      take(row / info.voxels.y, data);
+    }
+  });
+}
+
 VolumeWriteReport writeSlices(
     VolumeLevels& levels, const std::string& pattern, const ExportOptions& options,
     const std::function<void(const std::string& path, const std::byte* slice)>& write) {
@@ -59,23 +80,13 @@ VolumeWriteReport writeSlices(
                     "name has one place for the number; write as folder/%04d" +
                     path.extension().string(),
                 {.path = pattern});
-  VolumeSource& source = *levels.front();
-  const VolumeInfo& info = source.info();
-  const std::uint64_t slice_bytes = rowBytes(info) * static_cast<std::uint64_t>(info.voxels.y);
-  if (slice_bytes > options.memory_bytes)
-    throw Error("cannot write '" + pattern + "': a slice takes " +
-                    std::to_string((slice_bytes >> 20) + 1) + " MiB",
-                {.path = pattern}, {Remedy::kAllowMoreMemory});
+  refuseLargeSlices(levels.front()->info(), pattern, options);
   AtomicFolder folder(folder_name);
   VolumeWriteReport report;
-  std::int64_t slice = 0;
-  forEachRun(source, options, [&](std::int64_t, std::int64_t rows, const std::byte* data) {
-    for (std::int64_t i = 0; i < rows / info.voxels.y; ++i, ++slice, data += slice_bytes) {
-      checkCancel(options);
-      const std::string file = folder.temporaryPath() + "/" + name.of(slice);
-      write(file, data);
-      report.bytes += fs::file_size(file);
-    }
+  forEachSlice(*levels.front(), options, [&](std::int64_t slice, const std::byte* data) {
+    const std::string file = folder.temporaryPath() + "/" + name.of(slice);
+    write(file, data);
+    report.bytes += fs::file_size(file);
   });
   if (options.before_publishing) options.before_publishing();
   folder.commit(options.cancel);

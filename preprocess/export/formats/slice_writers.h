@@ -11,6 +11,13 @@ namespace isobrick {
 // "folder/slice%04d.exr": whether the name of the file has a place for the number of a slice.
 bool isSlicePattern(const std::string& path);
 
+// Throws Error, to be allowed more memory, where not even one slice fits.
+void refuseLargeSlices(const VolumeInfo& info, const std::string& path,
+                       const ExportOptions& options);
+// Calls take(slice, data) for every slice in order.
+void forEachSlice(VolumeSource& source, const ExportOptions& options,
+                  const std::function<void(std::int64_t slice, const std::byte* data)>& take);
+
 // Calls write(path, slice) for every slice of the finest level, in order, with the file to write
 // for it; the folder appears when all are there, and replaces an older one. Holds a slice. Throws
 // Error where the pattern has no folder of its own, or no place for a number.

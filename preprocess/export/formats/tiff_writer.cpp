@@ -70,21 +70,14 @@ VolumeWriteReport writePages(VolumeLevels& levels, const std::string& path,
                              const ExportOptions& options) {
   VolumeSource& source = *levels.front();
   const VolumeInfo& info = source.info();
-  const std::uint64_t slice_bytes = rowBytes(info) * static_cast<std::uint64_t>(info.voxels.y);
-  if (slice_bytes > options.memory_bytes)
-    throw Error("cannot write '" + path + "': a slice takes " +
-                    std::to_string((slice_bytes >> 20) + 1) + " MiB",
-                {.path = path}, {Remedy::kAllowMoreMemory});
+  refuseLargeSlices(info, path, options);
   VolumeWriteReport report;
   AtomicFile atomic(path);
   const bool is_big = volumeBytes(info) > std::uint64_t{2} << 30;
   const TiffFile file(TIFFOpen(atomic.temporaryPath().c_str(), is_big ? "w8" : "w"));
   if (!file) throw failed(path);
-  forEachRun(source, options, [&](std::int64_t, std::int64_t rows, const std::byte* data) {
-    for (std::int64_t i = 0; i < rows / info.voxels.y; ++i, data += slice_bytes) {
-      checkCancel(options);
-      if (!writePage(file.get(), info, data)) throw failed(path);
-    }
+  forEachSlice(source, options, [&](std::int64_t, const std::byte* slice) {
+    if (!writePage(file.get(), info, slice)) throw failed(path);
   });
   if (TIFFFlush(file.get()) == 0) throw failed(path);
   report.bytes = std::filesystem::file_size(atomic.temporaryPath());

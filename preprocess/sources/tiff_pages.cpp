@@ -1,0 +1,63 @@
+#include "isobrick/preprocess/sources/tiff_pages.h"
+
+#include <array>
+#include <cstdint>
+
+#include "isobrick/preprocess/input_file.h"
+#include "isobrick/storage/error.h"
+
+namespace isobrick {
+namespace {
+
+// Pages of a volume are its slices.
+constexpr std::uint64_t kMostPages = std::uint64_t{1} << 20;
+
+// Follows the list from page to page: a page begins with the number of its entries, and behind
+// these stands where the next one is.
+class TiffPageList {
+ public:
+  explicit TiffPageList(const std::string& path) : file_(path) {}
+
+  void check() {
+    std::array<char, 2> order = {};
+    if (file_.readAt(0, order.data(), order.size()) != order.size()) throw cutShort();
+    big_endian_ = order[0] == 'M';
+    is_big_tiff_ = number(2, 2) == 43;
+    const std::uint64_t word = is_big_tiff_ ? 8 : 4, entry = is_big_tiff_ ? 20 : 12;
+    std::uint64_t page = number(is_big_tiff_ ? 8 : 4, word);
+    for (std::uint64_t count = 0; page != 0; ++count) {
+      if (count == kMostPages) throw cutShort();
+      const std::uint64_t count_bytes = is_big_tiff_ ? 8 : 2;
+      const std::uint64_t entries = number(page, count_bytes);
+      if (entries > file_.size() / entry) throw cutShort();
+      page = number(page + count_bytes + entries * entry, word);
+    }
+  }
+
+ private:
+  // Of `bytes` bytes in the file's order.
+  std::uint64_t number(std::uint64_t offset, std::uint64_t bytes) const {
+    std::array<unsigned char, 8> stored = {};
+    if (offset > file_.size() || file_.readAt(offset, stored.data(), bytes) != bytes)
+      throw cutShort();
+    std::uint64_t value = 0;
+    for (std::uint64_t i = 0; i < bytes; ++i)
+      value = value << 8 | stored[big_endian_ ? i : bytes - 1 - i];
+    return value;
+  }
+  Error cutShort() const {
+    return Error("cannot read '" + file_.path() +
+                     "': its list of pages leads out of the file, or " +
+                     "has no end; get the whole file again",
+                 {.path = file_.path()});
+  }
+
+  InputFile file_;
+  bool big_endian_ = false, is_big_tiff_ = false;
+};
+
+}  // namespace
+
+void checkTiffPages(const std::string& path) { TiffPageList(path).check(); }
+
+}  // namespace isobrick
