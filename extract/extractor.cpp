@@ -47,7 +47,8 @@ ExtractionReport makeReport(const Pyramid& pyramid, const ReadLog& log,
 class QueryContext {
  public:
   QueryContext(const Pyramid& pyramid, const Query& query, ReadLog& log)
-      : oracles_(oraclesOf(pyramid.lattice(), pyramid.spec().geometry, query)),
+      : oracles_(
+            oraclesOf(pyramid.lattice(), pyramid.spec().geometry, pyramid.valueRange(), query)),
         frame_(pyramid.spec().geometry, pyramid.valueRange()),
         context_{pyramid,          query, oracles_, frame_, static_cast<float>(query.isovalue), log,
                  pyramid.edition()} {

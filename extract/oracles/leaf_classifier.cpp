@@ -8,29 +8,33 @@
 namespace isobrick {
 
 bool LeafClassifier::Choice::refines(int level, const Index3& cell) {
-  return cells.focus.refines(level, cell) && (!cells.view || cells.view->refines(level, cell)) &&
-         curvature.refines(level, cell);
+  return shared.focus.refines(level, cell) && (!shared.view || shared.view->refines(level, cell)) &&
+         curvature.refines(level, cell) &&
+         (!shared.error || shared.error->refines(context, level, cell));
 }
 
 void LeafClassifier::Choice::keepRefined(int level, const Index3& first, std::int64_t count,
                                          std::uint64_t* bits) {
-  cells.focus.keepRefined(level, first, count, bits);
-  if (cells.view) cells.view->keepRefined(level, first, count, bits);
+  shared.focus.keepRefined(level, first, count, bits);
+  if (shared.view) shared.view->keepRefined(level, first, count, bits);
   curvature.keepRefined(level, first, count, bits);
+  if (shared.error) shared.error->keepRefined(context, level, first, count, bits);
 }
 
 Share LeafClassifier::Choice::shareOfRefined(int level, const IndexBox& box) const {
-  Share share = cells.focus.shareOfRefined(level, box);
-  if (share != Share::kNone && cells.view)
-    share = coarserShare(share, cells.view->shareOfRefined(level, box));
+  Share share = shared.focus.shareOfRefined(level, box);
+  if (share != Share::kNone && shared.view)
+    share = coarserShare(share, shared.view->shareOfRefined(level, box));
   if (share != Share::kNone) share = coarserShare(share, curvature.shareOfRefined(level, box));
+  if (share != Share::kNone && shared.error)
+    share = coarserShare(share, shared.error->shareOfRefined(level));
   return share;
 }
 
 LeafClassifier::LeafClassifier(const MeshContext& context) : lattice_(context.lattice()) {
   choices_.reserve(context.oracles.size());
-  for (const ChoiceOracles& cells : context.oracles)
-    choices_.push_back({cells, CurvatureOracle(context, *cells.choice)});
+  for (const ChoiceOracles& shared : context.oracles)
+    choices_.push_back({context, shared, CurvatureOracle(context, *shared.choice)});
 }
 
 bool LeafClassifier::refines(int level, const Index3& cell) {

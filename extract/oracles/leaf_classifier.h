@@ -36,7 +36,8 @@ class LeafClassifier {
 
  private:
   struct Choice {
-    const ChoiceOracles& cells;
+    const MeshContext& context;
+    const ChoiceOracles& shared;
     CurvatureOracle curvature;
 
     bool refines(int level, const Index3& cell);

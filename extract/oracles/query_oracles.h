@@ -1,30 +1,36 @@
-// The oracles of a query that know cells alone, and read nothing.
+// The oracles of a query that all its threads share.
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <vector>
 
+#include "isobrick/extract/oracles/error_oracle.h"
 #include "isobrick/extract/oracles/focus_oracle.h"
 #include "isobrick/extract/oracles/view_oracle.h"
 #include "isobrick/extract/query.h"
 
 namespace isobrick {
 
-// Of one choice: a cell is refined where both refine it, and the oracles that read do too.
+// Of one choice: a cell is refined where all of them refine it, and the curvature oracle does too.
 struct ChoiceOracles {
   const DetailChoice* choice;
   FocusOracle focus;
   std::optional<ViewOracle> view;
+  std::unique_ptr<ErrorOracle> error;
 };
 
 // Of the query's own choice, then of the further ones. Made once a query, which has to outlive it
 // unchanged.
 inline std::vector<ChoiceOracles> oraclesOf(const Lattice& lattice, const GridGeometry& geometry,
-                                            const Query& query) {
+                                            const ValueRange& values, const Query& query) {
   std::vector<ChoiceOracles> oracles;
   const auto add = [&](const DetailChoice& choice) {
-    oracles.push_back({&choice, FocusOracle(lattice, choice), std::nullopt});
+    oracles.push_back({&choice, FocusOracle(lattice, choice), std::nullopt, nullptr});
     if (choice.view) oracles.back().view.emplace(lattice, geometry, *choice.view);
+    if (choice.tolerance)
+      oracles.back().error = std::make_unique<ErrorOracle>(
+          *choice.tolerance, static_cast<float>(query.isovalue), values);
   };
   add(query);
   for (const DetailChoice& choice : query.or_finer) add(choice);

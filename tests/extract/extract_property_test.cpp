@@ -19,6 +19,7 @@
 #include "isobrick/storage/curvature_code.h"
 #include "tests/support/array_source.h"
 #include "tests/support/mesh_checker.h"
+#include "tests/support/reference_error.h"
 #include "tests/support/reference_mesher.h"
 #include "tests/support/temporary_folder.h"
 
@@ -31,7 +32,7 @@ constexpr int kQueriesPerVolume = 6;
 // cannot fail.
 struct Coverage {
   int queries = 0, with_triangles = 0, with_transitions = 0, with_two_levels = 0, flattened = 0,
-      seen = 0, combined = 0;
+      seen = 0, combined = 0, tolerated = 0, promised = 0;
 };
 
 int environmentOr(const char* name, int otherwise) {
@@ -157,7 +158,8 @@ void expectSameMesh(const IndexedMesh& mesh, const ReferenceMesh& reference,
 
 // The leaves that the fast classifier sees, cell by cell.
 void expectSameLeaves(const Pyramid& pyramid, const Query& query, const LeafLevels& expected) {
-  const auto oracles = oraclesOf(pyramid.lattice(), pyramid.spec().geometry, query);
+  const auto oracles =
+      oraclesOf(pyramid.lattice(), pyramid.spec().geometry, pyramid.valueRange(), query);
   const WorldFrame frame(pyramid.spec().geometry);
   ReadLog log;
   const MeshContext context{pyramid, query, oracles, frame, static_cast<float>(query.isovalue),
@@ -184,6 +186,11 @@ DetailChoice randomChoice(RandomCase& random, const Pyramid& pyramid, double foc
     return random.chance(0.3) ? glm::round(point) : point;
   };
   DetailChoice choice;
+  const auto tolerance = [&] { return random.chance(0.1) ? 0.0 : random.real(0, 120); };
+  if (random.chance(0.15)) {
+    choice.tolerance = tolerance();
+    return choice;
+  }
   if (random.chance(0.25)) {
     ViewPoint& view = choice.view.emplace();
     view.eye = anywhere();
@@ -208,6 +215,7 @@ DetailChoice randomChoice(RandomCase& random, const Pyramid& pyramid, double foc
   }
   if (choice.uniform_level.value_or(0) == 0 && random.chance(0.6))
     choice.curvature_tolerance = random.chance(0.15) ? 0.0 : std::exp(random.real(-9, 5));
+  if (choice.uniform_level.value_or(0) == 0 && random.chance(0.2)) choice.tolerance = tolerance();
   return choice;
 }
 
@@ -229,7 +237,23 @@ bool isSeen(const ViewPoint& view, int level, const Index3& cell) {
   return outside < (3 * edge / 2 - 1) * d;
 }
 
-LeafLevels referenceLeaves(const Pyramid& pyramid, double isovalue, const DetailChoice& choice) {
+// The decision of the tolerance. Where single precision may see it otherwise, its own.
+bool isBeyond(const Pyramid& pyramid, const ReferencePyramid& reference, float isovalue,
+              double tolerance, const Index3& cell) {
+  const double error = referenceError(reference, static_cast<double>(isovalue), cell);
+  if (std::abs(error - tolerance) > 2e-3) return error > tolerance;
+  Query query;
+  query.isovalue = static_cast<double>(isovalue);
+  query.tolerance = tolerance;
+  const auto oracles =
+      oraclesOf(pyramid.lattice(), pyramid.spec().geometry, pyramid.valueRange(), query);
+  const WorldFrame frame(pyramid.spec().geometry);
+  ReadLog log;
+  return oracles[0].error->refines({pyramid, query, oracles, frame, isovalue, log}, 1, cell);
+}
+
+LeafLevels referenceLeaves(const Pyramid& pyramid, const ReferencePyramid& reference,
+                           double isovalue, const DetailChoice& choice) {
   ReferenceQuery expected;
   expected.iso = isovalue;
   if (choice.focus) {
@@ -241,10 +265,11 @@ LeafLevels referenceLeaves(const Pyramid& pyramid, double isovalue, const Detail
     expected.flat = [&, iso = static_cast<float>(isovalue)](const Index3& cell) {
       return isFlatByPyramid(pyramid, iso, *choice.curvature_tolerance, cell);
     };
-  if (choice.view)
-    expected.further = [&](int level, const Index3& cell) {
-      return isSeen(*choice.view, level, cell);
-    };
+  expected.further = [&, iso = static_cast<float>(isovalue)](int level, const Index3& cell) {
+    return (!choice.view || isSeen(*choice.view, level, cell)) &&
+           (!choice.tolerance || level != 1 ||
+            isBeyond(pyramid, reference, iso, *choice.tolerance, cell));
+  };
   return referenceLeafLevels(pyramid.lattice(), expected);
 }
 
@@ -274,12 +299,12 @@ void runVolume(std::uint32_t seed, const TemporaryFolder& folder, Coverage& cove
         values[static_cast<std::size_t>(random.uniform(0, static_cast<int>(values.size()) - 1))]);
     query.isovalue = random.chance(0.6) ? sample : sample + random.real(-3, 3);
     static_cast<DetailChoice&>(query) = randomChoice(random, pyramid, 0.85);
-    LeafLevels leaves = referenceLeaves(pyramid, query.isovalue, query);
+    LeafLevels leaves = referenceLeaves(pyramid, reference_pyramid, query.isovalue, query);
     if (random.chance(0.25))
       for (int further = random.uniform(1, 2); further > 0; --further) {
         query.or_finer.push_back(randomChoice(random, pyramid, 1));
-        leaves = finerLeafLevels(leaves,
-                                 referenceLeaves(pyramid, query.isovalue, query.or_finer.back()));
+        leaves = finerLeafLevels(leaves, referenceLeaves(pyramid, reference_pyramid, query.isovalue,
+                                                         query.or_finer.back()));
       }
     IndexedMeshSink sink;
     const ExtractionReport report = extractIsosurface(pyramid, query, sink);
@@ -293,7 +318,16 @@ void runVolume(std::uint32_t seed, const TemporaryFolder& folder, Coverage& cove
     expectSameLeaves(pyramid, query, reference.leaves);
     if (testing::Test::HasFatalFailure()) return;
 
+    if (query.tolerance && !query.view && !query.focus && !query.curvature_tolerance) {
+      ASSERT_EQ(
+          brokenPromise(reference_pyramid, reference,
+                        static_cast<double>(static_cast<float>(query.isovalue)), *query.tolerance),
+          "");
+      coverage.promised += report.levels.size() > 1 ? 1 : 0;
+    }
+
     ++coverage.queries;
+    coverage.tolerated += query.tolerance && report.levels.size() > 1 ? 1 : 0;
     coverage.with_triangles += report.triangles > 0 ? 1 : 0;
     coverage.with_transitions += reference.transitionCellCount() > 0 ? 1 : 0;
     coverage.with_two_levels += report.levels.size() > 1 ? 1 : 0;
@@ -336,14 +370,18 @@ TEST(ExtractProperty, MatchesTheReferenceOnRandomQueries) {
   }
   std::printf(
       "%d queries: %d with triangles, %d with transition fans, %d with several levels, of them %d "
-      "with a curvature tolerance, %d with a view, %d with several choices\n",
+      "with a curvature tolerance, %d with a view, %d with several choices, %d with a tolerance, "
+      "%d "
+      "with nothing else\n",
       coverage.queries, coverage.with_triangles, coverage.with_transitions,
-      coverage.with_two_levels, coverage.flattened, coverage.seen, coverage.combined);
+      coverage.with_two_levels, coverage.flattened, coverage.seen, coverage.combined,
+      coverage.tolerated, coverage.promised);
   EXPECT_GT(coverage.with_triangles, coverage.queries * 7 / 10);
   EXPECT_GT(coverage.with_transitions, coverage.queries / 4);
   EXPECT_GT(coverage.flattened, coverage.queries / 10);
   EXPECT_GT(coverage.seen, coverage.queries / 20);
   EXPECT_GT(coverage.combined, coverage.queries / 20);
+  EXPECT_GT(coverage.promised, coverage.queries / 30);
 }
 
 }  // namespace

@@ -619,9 +619,12 @@ ReferenceMesh referenceMesh(const ReferencePyramid& pyramid, const LeafLevels& l
   return Mesher(pyramid, leaves, iso).run();
 }
 
-float referenceValue(const ReferencePyramid& pyramid, const LeafLevels& leaves,
-                     const Index3& position) {
-  return Mesher(pyramid, leaves, 0).value(position);
+std::vector<float> referenceValues(const ReferencePyramid& pyramid, const LeafLevels& leaves,
+                                   std::span<const Index3> positions) {
+  Mesher mesher(pyramid, leaves, 0);
+  std::vector<float> values;
+  for (const Index3& position : positions) values.push_back(mesher.value(position));
+  return values;
 }
 
 }  // namespace isobrick::test

@@ -22,6 +22,7 @@
 #include <functional>
 #include <glm/vec3.hpp>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "isobrick/storage/grid.h"
@@ -133,9 +134,13 @@ ReferenceMesh referenceMesh(const ReferencePyramid& pyramid, const ReferenceQuer
 // The same on leaves that come from elsewhere (another oracle). They must obey rule 5.
 ReferenceMesh referenceMesh(const ReferencePyramid& pyramid, const LeafLevels& leaves, double iso);
 
-// The value of the lattice point at `position` by rule 6. It must be a lattice point of one of the
-// leaves that touch it.
-float referenceValue(const ReferencePyramid& pyramid, const LeafLevels& leaves,
-                     const Index3& position);
+// The values of the lattice points at `positions` by rule 6. Each must be a lattice point of one of
+// the leaves that touch it.
+std::vector<float> referenceValues(const ReferencePyramid& pyramid, const LeafLevels& leaves,
+                                   std::span<const Index3> positions);
+inline float referenceValue(const ReferencePyramid& pyramid, const LeafLevels& leaves,
+                            const Index3& position) {
+  return referenceValues(pyramid, leaves, {&position, 1})[0];
+}
 
 }  // namespace isobrick::test

@@ -169,7 +169,7 @@ TEST(LeafClassifier, ClassifiesRowsAsItClassifiesCells) {
       query.isovalue = randomReal(random, -2, 2);
       if (q > 0) query.focus = randomFocus(random, dims);
       if (q % 2 == 0) query.curvature_tolerance = std::exp(randomReal(random, -6, 3));
-      const auto oracles = oraclesOf(lattice, pyramid.spec().geometry, query);
+      const auto oracles = oraclesOf(lattice, pyramid.spec().geometry, pyramid.valueRange(), query);
       const WorldFrame frame(pyramid.spec().geometry);
       ReadLog log;
       const MeshContext context{pyramid, query, oracles, frame, static_cast<float>(query.isovalue),

@@ -1,0 +1,247 @@
+#include "isobrick/extract/oracles/error_cells.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "isobrick/extract/oracles/oracle_share.h"
+#include "isobrick/storage/index_loop.h"
+
+namespace isobrick {
+namespace {
+
+// A run of cells along one axis, both ends included.
+struct CellRun {
+  std::int64_t first, last;
+};
+
+// The voxels of a closed brick along one axis, and where level 1 has its samples among them. All is
+// counted from the brick's first.
+struct BrickAxis {
+  std::int64_t voxels;
+
+  std::int64_t coarseCells() const { return voxels / 2; }
+  // An odd last voxel is the volume's last, and the thin last cell of level 1 ends there.
+  bool isSample(std::int64_t voxel) const { return voxel % 2 == 0 || voxel == voxels - 1; }
+  std::int64_t voxelOf(std::int64_t sample) const { return std::min(2 * sample, voxels - 1); }
+  // Of level 1: what sits at the voxel, or on both sides of it.
+  CellRun samplesAround(std::int64_t voxel) const {
+    if (isSample(voxel)) return {(voxel + 1) / 2, (voxel + 1) / 2};
+    return {voxel / 2, voxel / 2 + 1};
+  }
+  // Beyond the brick at its ends.
+  CellRun cellsTouching(std::int64_t voxel) const {
+    if (isSample(voxel)) return {(voxel + 1) / 2 - 1, (voxel + 1) / 2};
+    return {voxel / 2, voxel / 2};
+  }
+};
+
+}  // namespace
+
+// T is the voxel type.
+template <typename T>
+class ErrorCells::Brick {
+ public:
+  Brick(ErrorCells& memory, const MeshContext& context, const Index3& brick,
+        const ErrorBound& bound)
+      : memory_(memory),
+        bound_(bound),
+        tile_cells_(context.pyramid.layout().tileCells()),
+        first_(context.pyramid.layout().brickCellBox(0, brick).first),
+        samples_(context.samples(0, brick)),
+        coarse_(context.samples(1, brick / std::int64_t{2})) {
+    const Index3 cells = context.pyramid.layout().brickCellBox(0, brick).count;
+    for (int axis = 0; axis < 3; ++axis) axes_[axis] = {cells[axis] + 1};
+    // Rows are read past their ends, and x edges one voxel further.
+    stride_ = axes_[0].voxels + 1 + kErrorLanes;
+    for (auto& plane : memory_.planes_)
+      plane.resize(static_cast<std::size_t>(3 * axes_[1].voxels * stride_));
+    memory_.flags_.resize(static_cast<std::size_t>(stride_));
+    ring_ =
+        Index3(2) + Index3(axes_[0].coarseCells(), axes_[1].coarseCells(), axes_[2].coarseCells());
+    memory_.cells_.assign(static_cast<std::size_t>(elementCount(ring_)), 0);
+  }
+
+  void run() {
+    for (auto& filled : memory_.is_filled_)
+      filled.assign(static_cast<std::size_t>(axes_[1].voxels), 0);
+    for (std::int64_t z = 0; z < axes_[2].voxels; ++z) {
+      // This plane takes the place of the one before the last.
+      auto& next_filled = memory_.is_filled_[(z + 1) % 2];
+      std::fill(next_filled.begin(), next_filled.end(), 0);
+      for (std::int64_t y = 0; y < axes_[1].voxels; ++y)
+        if (isWanted(y, z)) flagRow(y, z);
+    }
+  }
+
+ private:
+  // Whether an active tile touches the row.
+  bool isWanted(std::int64_t y, std::int64_t z) const {
+    const auto tilesTouching = [this](std::int64_t voxel, std::int64_t tiles) {
+      return CellRun{std::max<std::int64_t>(voxel - 1, 0) / tile_cells_,
+                     std::min(voxel / tile_cells_, tiles - 1)};
+    };
+    const CellRun ty = tilesTouching(y, memory_.tiles_.dims().y);
+    const CellRun tz = tilesTouching(z, memory_.tiles_.dims().z);
+    for (std::int64_t k = tz.first; k <= tz.last; ++k)
+      for (std::int64_t j = ty.first; j <= ty.last; ++j)
+        if (memory_.tiles_.isAnyActive(j, k)) return true;
+    return false;
+  }
+
+  // The row's values and bounds, made when they are first asked for.
+  BoundedRow row(std::int64_t y, std::int64_t z) {
+    float* value = memory_.planes_[z % 2].data() + 3 * y * stride_;
+    float* low = value + stride_;
+    float* high = low + stride_;
+    std::uint8_t& is_filled = memory_.is_filled_[z % 2][static_cast<std::size_t>(y)];
+    if (is_filled == 0) {
+      is_filled = 1;
+      fill(y, z, value, low, high);
+    }
+    return {value, low, high};
+  }
+
+  const T* voxelRow(std::int64_t y, std::int64_t z) const {
+    return samples_.data<T>() +
+           linearIndex(first_ + Index3(0, y, z) - samples_.box.first, samples_.box.count);
+  }
+
+  void fill(std::int64_t y, std::int64_t z, float* value, float* low, float* high) const {
+    const T* voxels = voxelRow(y, z);
+    const std::int64_t count = axes_[0].voxels;
+    for (std::int64_t x = 0; x < count; ++x) value[x] = static_cast<float>(voxels[x]);
+    std::fill(value + count, value + stride_, value[count - 1]);
+    // The lesser and the greater of both samples, meaned over the rows of level 1 on the sides.
+    const CellRun ys = axes_[1].samplesAround(y), zs = axes_[2].samplesAround(z);
+    const std::int64_t samples = axes_[0].coarseCells() + 1;
+    std::fill(low, low + samples, 0.0f);
+    std::fill(high, high + samples, 0.0f);
+    int rows = 0;
+    for (std::int64_t k = zs.first; k <= zs.last; ++k)
+      for (std::int64_t j = ys.first; j <= ys.last; ++j, ++rows) {
+        const T* fine = voxelRow(axes_[1].voxelOf(j), axes_[2].voxelOf(k));
+        const T* coarse = coarse_.data<T>() + linearIndex(first_ / std::int64_t{2} +
+                                                              Index3(0, j, k) - coarse_.box.first,
+                                                          coarse_.box.count);
+        for (std::int64_t i = 0; i < samples; ++i) {
+          const auto a = static_cast<float>(fine[axes_[0].voxelOf(i)]);
+          const auto b = static_cast<float>(coarse[i]);
+          low[i] += std::min(a, b);
+          high[i] += std::max(a, b);
+        }
+      }
+    const float share = 1.0f / static_cast<float>(rows);
+    spread(share, low);
+    spread(share, high);
+  }
+
+  // From sums at samples to what lies at voxels, in place, from the far end on.
+  void spread(float share, float* bound) const {
+    const std::int64_t count = axes_[0].voxels;
+    std::fill(bound + count, bound + stride_, 0.0f);
+    for (std::int64_t x = count - 1; x >= 0; --x) {
+      const CellRun around = axes_[0].samplesAround(x);
+      bound[x] = 0.5f * (bound[around.first] + bound[around.last]);
+    }
+    for (std::int64_t x = 0; x < count; ++x) bound[x] *= share;
+  }
+
+  void flagRow(std::int64_t y, std::int64_t z) {
+    const BoundedRow here = row(y, z);
+    const std::int64_t count = axes_[0].voxels;
+    clearFlags();
+    flagVoxels(here, count, bound_, memory_.flags_.data());
+    forEachFlag(count, [&](std::int64_t x, unsigned) {
+      mark(axes_[0].cellsTouching(x), axes_[1].cellsTouching(y), axes_[2].cellsTouching(z));
+    });
+    flagEdgesAlong(0, {0, y, z}, here, {here.value + 1, here.low + 1, here.high + 1}, count - 1);
+    if (y + 1 < axes_[1].voxels && isWanted(y + 1, z))
+      flagEdgesAlong(1, {0, y, z}, here, row(y + 1, z), count);
+    if (z + 1 < axes_[2].voxels && isWanted(y, z + 1))
+      flagEdgesAlong(2, {0, y, z}, here, row(y, z + 1), count);
+  }
+
+  void flagEdgesAlong(int axis, Index3 at, const BoundedRow& here, const BoundedRow& other,
+                      std::int64_t count) {
+    clearFlags();
+    flagEdges(here, other, count, bound_, memory_.flags_.data());
+    forEachFlag(count, [&](std::int64_t x, unsigned flags) {
+      at.x = x;
+      if ((flags & kCoarseEdge) != 0) markBeside(axis, at, at[axis] / 2);
+      if ((flags & kLowHangs) != 0 && hangs(axis, at)) markBeside(axis, at, (at[axis] + 1) / 2 - 1);
+      Index3 high = at;
+      ++high[axis];
+      if ((flags & kHighHangs) != 0 && hangs(axis, high))
+        markBeside(axis, high, (high[axis] + 1) / 2);
+    });
+  }
+
+  // Whether the end of an edge along `axis` may hang on a coarse cell that the edge leads away
+  // from.
+  bool hangs(int axis, const Index3& voxel) const {
+    if (!axes_[axis].isSample(voxel[axis])) return false;
+    return !(axes_[0].isSample(voxel.x) && axes_[1].isSample(voxel.y) &&
+             axes_[2].isSample(voxel.z));
+  }
+
+  // The coarse cells that touch the voxel, of those with the number `cell` along `axis`.
+  void markBeside(int axis, const Index3& voxel, std::int64_t cell) {
+    CellRun runs[3];
+    for (int other = 0; other < 3; ++other)
+      runs[other] = other == axis ? CellRun{cell, cell} : axes_[other].cellsTouching(voxel[other]);
+    mark(runs[0], runs[1], runs[2]);
+  }
+
+  void mark(const CellRun& xs, const CellRun& ys, const CellRun& zs) {
+    for (std::int64_t z = zs.first; z <= zs.last; ++z)
+      for (std::int64_t y = ys.first; y <= ys.last; ++y)
+        for (std::int64_t x = xs.first; x <= xs.last; ++x)
+          memory_.cells_[static_cast<std::size_t>(linearIndex({x + 1, y + 1, z + 1}, ring_))] = 1;
+  }
+
+  void clearFlags() { std::fill(memory_.flags_.begin(), memory_.flags_.end(), std::uint8_t{0}); }
+
+  // Nearly all are 0: they are passed over eight at a time.
+  template <typename F>
+  void forEachFlag(std::int64_t count, F&& f) {
+    const std::uint8_t* flags = memory_.flags_.data();
+    for (std::int64_t begin = 0; begin < count; begin += 8) {
+      std::uint64_t eight;
+      std::memcpy(&eight, flags + begin, 8);
+      if (eight == 0) continue;
+      for (std::int64_t x = begin; x < std::min(begin + 8, count); ++x)
+        if (flags[x] != 0) f(x, flags[x]);
+    }
+  }
+
+  ErrorCells& memory_;
+  const ErrorBound& bound_;
+  const std::int64_t tile_cells_;
+  const Index3 first_;  // voxel
+  const BrickSamples samples_, coarse_;
+  BrickAxis axes_[3];
+  std::int64_t stride_ = 0;
+  Index3 ring_{0};
+};
+
+CellBits ErrorCells::find(const MeshContext& context, const Index3& brick,
+                          const ErrorBound& bound) {
+  if (!tiles_.load(context, 0, brick)) return {};
+  visitVoxelType(context.pyramid.spec().voxel_type, [&](auto tag) {
+    Brick<typename decltype(tag)::Type>(*this, context, brick, bound).run();
+  });
+  context.throwIfReadsFailed();
+  const IndexBox cells = coarseCellsOf(context.pyramid.layout(), brick);
+  CellBits found(IndexBox{cells.first - Index3(1), cells.count + Index3(2)});
+  const std::uint8_t* is_found = cells_.data();
+  const IndexBox& box = found.box();
+  for (std::int64_t z = box.first.z; z < box.end().z; ++z)
+    for (std::int64_t y = box.first.y; y < box.end().y; ++y) {
+      std::uint64_t* row = found.row(y, z);
+      for (std::int64_t x = 0; x < box.count.x; ++x, ++is_found)
+        row[x / 64] |= static_cast<std::uint64_t>(*is_found) << x % 64;
+    }
+  return found;
+}
+
+}  // namespace isobrick

@@ -1,0 +1,163 @@
+#include "tests/support/reference_error.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <sstream>
+
+#include "isobrick/storage/index_loop.h"
+
+namespace isobrick::test {
+namespace {
+
+struct Bounds {
+  double low = 0, high = 0;
+};
+
+// The field of a cell of level 1 with given corners, at a voxel of its closed box.
+class CoarseCell {
+ public:
+  CoarseCell(const Lattice& lattice, const Index3& cell)
+      : lower_(lattice.position(1, cell)), upper_(lattice.position(1, cell + Index3(1))) {}
+
+  IndexBox voxels() const { return {lower_, upper_ - lower_ + Index3(1)}; }
+  Index3 corner(int n) const {
+    return {n & 1 ? upper_.x : lower_.x, n & 2 ? upper_.y : lower_.y, n & 4 ? upper_.z : lower_.z};
+  }
+  bool isCorner(const Index3& voxel) const {
+    for (int axis = 0; axis < 3; ++axis)
+      if (voxel[axis] != lower_[axis] && voxel[axis] != upper_[axis]) return false;
+    return true;
+  }
+  bool has(const Index3& voxel) const {
+    for (int axis = 0; axis < 3; ++axis)
+      if (voxel[axis] < lower_[axis] || voxel[axis] > upper_[axis]) return false;
+    return true;
+  }
+  double interpolate(const std::array<double, 8>& corners, const Index3& voxel) const {
+    const glm::dvec3 w = glm::dvec3(voxel - lower_) / glm::dvec3(upper_ - lower_);
+    double sum = 0;
+    for (int n = 0; n < 8; ++n)
+      sum += corners[static_cast<std::size_t>(n)] * (n & 1 ? w.x : 1 - w.x) *
+             (n & 2 ? w.y : 1 - w.y) * (n & 4 ? w.z : 1 - w.z);
+    return sum;
+  }
+
+ private:
+  Index3 lower_, upper_;
+};
+
+// The greatest |value - isovalue| on an edge where a field between the bounds may be the isovalue.
+double crossingError(double isovalue, double value_a, const Bounds& a, double value_b,
+                     const Bounds& b) {
+  double error = -1;
+  if (a.low >= isovalue && b.low >= isovalue) return error;  // inside all along, or touching
+  const auto look = [&](double t) {
+    if (!(t >= 0 && t <= 1)) return;
+    const auto at = [t](double from, double to) { return from + t * (to - from); };
+    if (at(a.low, b.low) > isovalue + 1e-9 || at(a.high, b.high) < isovalue - 1e-9) return;
+    error = std::max(error, std::abs(at(value_a, value_b) - isovalue));
+  };
+  look(0);
+  look(1);
+  look((isovalue - a.low) / (b.low - a.low));
+  look((isovalue - a.high) / (b.high - a.high));
+  return error;
+}
+
+}  // namespace
+
+double referenceError(const ReferencePyramid& pyramid, double isovalue, const Index3& cell) {
+  const Lattice& lattice = pyramid.lattice;
+  const CoarseCell coarse(lattice, cell);
+  std::array<double, 8> low{}, high{};
+  for (int n = 0; n < 8; ++n) {
+    const auto of_level_0 = static_cast<double>(pyramid.sampleAtPosition(0, coarse.corner(n)));
+    const auto of_level_1 = static_cast<double>(pyramid.sampleAtPosition(1, coarse.corner(n)));
+    low[static_cast<std::size_t>(n)] = std::min(of_level_0, of_level_1);
+    high[static_cast<std::size_t>(n)] = std::max(of_level_0, of_level_1);
+  }
+  double error = -1;
+  forEachIndex(coarse.voxels(), [&](const Index3& voxel) {
+    const auto value = static_cast<double>(pyramid.sampleAt(0, voxel));
+    const Bounds bounds{coarse.interpolate(low, voxel), coarse.interpolate(high, voxel)};
+    if (value >= isovalue ? bounds.low < isovalue : bounds.high >= isovalue)
+      error = std::max(error, std::abs(value - isovalue));
+    for (int axis = 0; axis < 3; ++axis)
+      for (const int step : {-1, 1}) {
+        Index3 next = voxel;
+        next[axis] += step;
+        if (next[axis] < 0 || next[axis] >= lattice.voxels()[axis]) continue;
+        const auto next_value = static_cast<double>(pyramid.sampleAt(0, next));
+        if (coarse.has(next))
+          error = std::max(error, crossingError(isovalue, value, bounds, next_value,
+                                                {coarse.interpolate(low, next),
+                                                 coarse.interpolate(high, next)}));
+        else if (!coarse.isCorner(voxel))
+          error = std::max(
+              error, crossingError(isovalue, value, bounds, next_value, {next_value, next_value}));
+      }
+  });
+  return error;
+}
+
+std::string brokenPromise(const ReferencePyramid& pyramid, const ReferenceMesh& mesh,
+                          double isovalue, double tolerance) {
+  constexpr double kRounding = 1e-3;  // of single precision, for values of some hundreds
+  std::ostringstream wrong;
+  for (const ReferenceCrossing& crossing : mesh.crossings) {
+    const auto valueAt = [&](std::int64_t along) {
+      Index3 voxel = crossing.base;
+      voxel[crossing.axis] = along;
+      return static_cast<double>(pyramid.sampleAt(0, voxel));
+    };
+    const std::int64_t first = crossing.base[crossing.axis];
+    double steepest = 0;
+    for (std::int64_t i = first; i < crossing.upper; ++i)
+      steepest = std::max(steepest, std::abs(valueAt(i + 1) - valueAt(i)));
+    const auto below = std::min(static_cast<std::int64_t>(crossing.position), crossing.upper - 1);
+    const double t = crossing.position - static_cast<double>(below);
+    const double value = valueAt(below) + t * (valueAt(below + 1) - valueAt(below));
+    const double moved = static_cast<double>(crossing.upper - first) * (0x1p-12 + 0x1p-16);
+    if (std::abs(value - isovalue) > tolerance + moved * steepest + kRounding)
+      wrong << "a vertex at " << crossing.point().x << "," << crossing.point().y << ","
+            << crossing.point().z << " lies where level 0 has " << value << "\n";
+  }
+  const Lattice& lattice = pyramid.lattice;
+  std::vector<CoarseCell> cells;
+  std::vector<Index3> corners;
+  const auto sideOf = [&](const Index3& voxel, double field) {
+    const auto value = static_cast<double>(pyramid.sampleAt(0, voxel));
+    if ((value >= isovalue + tolerance && field < isovalue - kRounding) ||
+        (value < isovalue && value <= isovalue - tolerance && field > isovalue + kRounding))
+      wrong << "voxel " << voxel.x << "," << voxel.y << "," << voxel.z << " has " << value
+            << " and lies on the side of " << field << "\n";
+  };
+  forEachIndex({Index3(0), lattice.cells(0)}, [&](const Index3& cell) {
+    const int level = mesh.leaves.leafLevelAt(cell);
+    if (level > 1) wrong << "a leaf is of level " << level << "\n";
+    if (level == 1 && cell % std::int64_t{2} == Index3(0)) {
+      cells.emplace_back(lattice, cell / std::int64_t{2});
+      for (int n = 0; n < 8; ++n) corners.push_back(cells.back().corner(n));
+    }
+  });
+  std::vector<Index3> voxels;  // of leaves of level 0
+  forEachIndex({Index3(0), lattice.cells(0)}, [&](const Index3& cell) {
+    if (mesh.leaves.leafLevelAt(cell) == 0)
+      for (int n = 0; n < 8; ++n) voxels.push_back(cell + Index3(n & 1, n >> 1 & 1, n >> 2));
+  });
+  const std::vector<float> fine_values = referenceValues(pyramid, mesh.leaves, voxels);
+  for (std::size_t i = 0; i < voxels.size(); ++i)
+    sideOf(voxels[i], static_cast<double>(fine_values[i]));
+  const std::vector<float> corner_values = referenceValues(pyramid, mesh.leaves, corners);
+  for (std::size_t i = 0; i < cells.size(); ++i) {
+    std::array<double, 8> values{};
+    for (std::size_t n = 0; n < 8; ++n) values[n] = static_cast<double>(corner_values[8 * i + n]);
+    forEachIndex(cells[i].voxels(),
+                 [&](const Index3& voxel) { sideOf(voxel, cells[i].interpolate(values, voxel)); });
+  }
+  return wrong.str();
+}
+
+}  // namespace isobrick::test
