@@ -47,9 +47,9 @@ void splitQueryWords(BenchArguments& arguments) {
     if (name == "--threads") continue;
     const bool of_every_row = name == "--iso" || name == "--memory" || name == "--no-map";
     std::vector<std::string>& words = of_every_row ? settings.own_words : settings.query_words;
-    words.push_back(name);
+    if (option->get_expected_max() == 0) words.push_back(name);
     if (option->get_expected_max() > 0)
-      for (const std::string& value : option->results()) words.push_back(value);
+      for (const std::string& value : option->results()) words.insert(words.end(), {name, value});
   }
   settings.own_words.insert(settings.own_words.end(),
                             {"--threads", std::to_string(arguments.query.threads)});

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "isobrick/storage/noise_estimate.h"
 #include "isobrick/storage/pyramid.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
@@ -80,6 +81,7 @@ void printInfoJson(const Pyramid& pyramid) {
   json["direction"] = {jsonOf(spec.geometry.direction[0]), jsonOf(spec.geometry.direction[1]),
                        jsonOf(spec.geometry.direction[2])};
   json["value_range"] = {pyramid.valueRange().min, pyramid.valueRange().max};
+  json["noise"] = estimateNoise(pyramid);
   json["levels"] = jsonOfLevels(pyramid);
   json["bytes"] = jsonOfBytes(bytes);
   // Bricks of all levels by the codec of their part, such as {"lz4": 812, "stored": 3}.
@@ -103,6 +105,7 @@ void printInfoText(const Pyramid& pyramid) {
   fmt::print("{}: {} x {} x {} {}, values {} to {}\n", pyramid.path(), spec.voxels.x, spec.voxels.y,
              spec.voxels.z, voxelTypeName(spec.voxel_type), pyramid.valueRange().min,
              pyramid.valueRange().max);
+  fmt::print("noise      {:.3g} (sigma, estimated)\n", estimateNoise(pyramid));
   fmt::print("spacing    {} {} {}\n", geometry.spacing.x, geometry.spacing.y, geometry.spacing.z);
   fmt::print("origin     {} {} {}\n", geometry.origin.x, geometry.origin.y, geometry.origin.z);
   for (int axis = 0; axis < 3; ++axis) {

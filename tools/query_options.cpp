@@ -17,12 +17,6 @@
 namespace isobrick {
 namespace {
 
-double parseAboveZero(const std::string& text) {
-  const double value = parseNumber(text);
-  if (!(value > 0)) throw std::invalid_argument(fmt::format("'{}' is not above 0", text));
-  return value;
-}
-
 // The least box of voxel indices around a box of world coordinates: on an oblique volume it reaches
 // further than the box itself.
 QueryBox indexBoxAround(const Corners& box, const GridGeometry& geometry) {
@@ -39,10 +33,6 @@ QueryBox indexBoxAround(const Corners& box, const GridGeometry& geometry) {
   return result;
 }
 
-double leastSpacing(const GridGeometry& geometry) {
-  return std::min({geometry.spacing.x, geometry.spacing.y, geometry.spacing.z});
-}
-
 }  // namespace
 
 void addQueryOptions(CLI::App& app, QueryOptions& options) {
@@ -51,32 +41,30 @@ void addQueryOptions(CLI::App& app, QueryOptions& options) {
   addParsedOption(app, "--iso", options.isovalue, parseSingle, "V",
                   "Isovalue; values of at least V are inside")
       ->required();
-  CLI::Option* const focus = addParsedOption(
-      app, "--focus", options.focus, parsePoint, "X,Y,Z",
-      "Centre of interest in voxel indices: finest around it, coarser with distance");
-  CLI::Option* const radius = addParsedOption(
-      app, "--radius", options.radius, [](const std::string& t) { return parseNumberFrom(t, 0); },
-      "R", "Radius of interest in voxels: everything within is of the finest level");
-  focus->needs(radius);
-  radius->needs(focus);
+  addChoiceOptions(app, options.choice);
+  const auto addFiner = [&options](const std::vector<std::string>& texts) {
+    for (const std::string& text : texts) {
+      try {
+        options.or_finer.push_back(parseChoice(text));
+      } catch (const std::invalid_argument& failure) {
+        throw CLI::ValidationError("--or-finer", failure.what());
+      }
+    }
+  };
+  app.add_option_function<std::vector<std::string>>(
+         "--or-finer", addFiner,
+         "Refine where this wants it too, such as 'focus=10,20,30 radius=5'; may be given again. "
+         "What is said of focus, curvature, tolerance, eye and level in one place leaves cells "
+         "coarse together")
+      ->type_name("CHOICE")
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
   addParsedOption(app, "--box", options.box, parseCorners, "X0,Y0,Z0,X1,Y1,Z1",
                   "Extract only cells that overlap this box of voxel indices");
   app.add_flag("--world", options.world,
                "--focus, --radius and --box are in world units. The radius is divided by the least "
                "spacing, so that the whole world sphere is of the finest level; on an oblique "
                "volume the box becomes the least box of indices around it");
-  CLI::Option* const tolerance = addParsedOption(
-      app, "--curvature", options.curvature_tolerance,
-      [](const std::string& t) { return parseNumberFrom(t, 0); }, "T",
-      "Leave parts at level 1 where the total curvature is at most T, in 1/voxel^2");
-  CLI::Option* const rho =
-      addParsedOption(app, "--curvature-radius", options.curvature_radius, parseAboveZero, "RHO",
-                      "The same for parts flatter than a sphere of RHO voxels: T = 1/(2 RHO^2)");
-  tolerance->excludes(rho);
-  CLI::Option* const level = addParsedOption(
-      app, "--level", options.level, [](const std::string& t) { return parseInteger(t, 0, 63); },
-      "L", "Extract everything from this level; 0 is the finest");
-  level->excludes(focus);
   addParsedOption(app, "--memory", options.memory_bytes, parseByteSize, "SIZE",
                   "Bytes of the file to keep in memory, such as 256M; default: 1G");
   addNoMapFlag(app, options.no_map);
@@ -93,21 +81,12 @@ Query makeQuery(const QueryOptions& options, const Pyramid& pyramid) {
   const GridGeometry& geometry = pyramid.spec().geometry;
   Query query;
   query.isovalue = options.isovalue;
-  if (options.focus) {
-    query.focus.emplace();
-    query.focus->center = options.world ? geometry.worldToIndex(*options.focus) : *options.focus;
-    query.focus->radius =
-        options.world ? *options.radius / leastSpacing(geometry) : *options.radius;
-  }
+  static_cast<DetailChoice&>(query) = makeChoice(options.choice, options.world, pyramid);
+  for (const ChoiceOptions& choice : options.or_finer)
+    query.or_finer.push_back(makeChoice(choice, options.world, pyramid));
   if (options.box)
     query.box = options.world ? indexBoxAround(*options.box, geometry)
                               : QueryBox{options.box->lower, options.box->upper};
-  query.uniform_level = options.level;
-  query.curvature_tolerance = options.curvature_tolerance;
-  if (options.curvature_radius) {
-    const double rho = *options.curvature_radius;
-    query.curvature_tolerance = 1 / (2 * rho * rho);
-  }
   query.cancel = &interruptFlag();
   return query;
 }

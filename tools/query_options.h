@@ -5,22 +5,19 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "isobrick/storage/pyramid.h"
+#include "tools/choice_options.h"
 #include "tools/parse_text.h"
 
 namespace isobrick {
 
-struct Query;
-
 struct QueryOptions {
   std::string path;
   double isovalue = 0;
-  std::optional<glm::dvec3> focus;
-  std::optional<double> radius;
-  std::optional<double> curvature_tolerance;
-  std::optional<double> curvature_radius;
-  std::optional<int> level;
+  ChoiceOptions choice;
+  std::vector<ChoiceOptions> or_finer;
   std::optional<Corners> box;
   bool world = false;
   std::uint64_t memory_bytes = Pyramid::kDefaultBudgetBytes;

@@ -56,6 +56,7 @@ class ErrorCells::Brick {
     for (auto& plane : memory_.planes_)
       plane.resize(static_cast<std::size_t>(3 * axes_[1].voxels * stride_));
     memory_.flags_.resize(static_cast<std::size_t>(stride_));
+    for (auto& sums : memory_.sums_) sums.resize(static_cast<std::size_t>(stride_));
     ring_ =
         Index3(2) + Index3(axes_[0].coarseCells(), axes_[1].coarseCells(), axes_[2].coarseCells());
     memory_.cells_.assign(static_cast<std::size_t>(elementCount(ring_)), 0);
@@ -65,30 +66,46 @@ class ErrorCells::Brick {
     for (auto& filled : memory_.is_filled_)
       filled.assign(static_cast<std::size_t>(axes_[1].voxels), 0);
     for (std::int64_t z = 0; z < axes_[2].voxels; ++z) {
-      // This plane takes the place of the one before the last.
+      // The next plane takes the place of the one before.
       auto& next_filled = memory_.is_filled_[(z + 1) % 2];
       std::fill(next_filled.begin(), next_filled.end(), 0);
-      for (std::int64_t y = 0; y < axes_[1].voxels; ++y)
-        if (isWanted(y, z)) flagRow(y, z);
+      for (std::int64_t y = 0; y < axes_[1].voxels; ++y) flagRow(y, z);
     }
   }
 
  private:
-  // Whether an active tile touches the row.
-  bool isWanted(std::int64_t y, std::int64_t z) const {
-    const auto tilesTouching = [this](std::int64_t voxel, std::int64_t tiles) {
-      return CellRun{std::max<std::int64_t>(voxel - 1, 0) / tile_cells_,
-                     std::min(voxel / tile_cells_, tiles - 1)};
-    };
-    const CellRun ty = tilesTouching(y, memory_.tiles_.dims().y);
-    const CellRun tz = tilesTouching(z, memory_.tiles_.dims().z);
-    for (std::int64_t k = tz.first; k <= tz.last; ++k)
-      for (std::int64_t j = ty.first; j <= ty.last; ++j)
-        if (memory_.tiles_.isAnyActive(j, k)) return true;
-    return false;
+  // The tiles that a voxel touches along an axis, and those that have the edge to the next one.
+  CellRun tilesTouching(int axis, std::int64_t voxel) const {
+    return {std::max<std::int64_t>(voxel - 1, 0) / tile_cells_,
+            std::min(voxel / tile_cells_, memory_.tiles_.dims()[axis] - 1)};
+  }
+  CellRun tilesWithEdge(std::int64_t voxel) const {
+    return {voxel / tile_cells_, voxel / tile_cells_};
   }
 
-  // The row's values and bounds, made when they are first asked for.
+  // Of a row that these rows of tiles touch, the runs of voxels in active tiles, in `runs`. They
+  // begin at even voxels.
+  void findRuns(const CellRun& ys, const CellRun& zs, std::vector<VoxelRun>& runs) const {
+    const ActiveTiles& tiles = memory_.tiles_;
+    runs.clear();
+    const auto isActive = [&](std::int64_t x) {
+      for (std::int64_t z = zs.first; z <= zs.last; ++z)
+        for (std::int64_t y = ys.first; y <= ys.last; ++y)
+          if (tiles.isActive({x, y, z})) return true;
+      return false;
+    };
+    for (std::int64_t x = 0; x < tiles.dims().x; ++x) {
+      if (!isActive(x)) continue;
+      const std::int64_t first = x * tile_cells_;
+      const std::int64_t last = std::min(first + tile_cells_, axes_[0].voxels - 1);
+      if (!runs.empty() && runs.back().last == first)
+        runs.back().last = last;
+      else
+        runs.push_back({first, last});
+    }
+  }
+
+  // The row's values and bounds in active tiles, made when they are first asked for.
   BoundedRow row(std::int64_t y, std::int64_t z) {
     float* value = memory_.planes_[z % 2].data() + 3 * y * stride_;
     float* low = value + stride_;
@@ -96,7 +113,8 @@ class ErrorCells::Brick {
     std::uint8_t& is_filled = memory_.is_filled_[z % 2][static_cast<std::size_t>(y)];
     if (is_filled == 0) {
       is_filled = 1;
-      fill(y, z, value, low, high);
+      findRuns(tilesTouching(1, y), tilesTouching(2, z), memory_.row_runs_);
+      for (const VoxelRun& run : memory_.row_runs_) fill(run, y, z, value, low, high);
     }
     return {value, low, high};
   }
@@ -106,16 +124,19 @@ class ErrorCells::Brick {
            linearIndex(first_ + Index3(0, y, z) - samples_.box.first, samples_.box.count);
   }
 
-  void fill(std::int64_t y, std::int64_t z, float* value, float* low, float* high) const {
+  void fill(const VoxelRun& run, std::int64_t y, std::int64_t z, float* value, float* low,
+            float* high) {
     const T* voxels = voxelRow(y, z);
-    const std::int64_t count = axes_[0].voxels;
-    for (std::int64_t x = 0; x < count; ++x) value[x] = static_cast<float>(voxels[x]);
-    std::fill(value + count, value + stride_, value[count - 1]);
+    for (std::int64_t x = run.first; x <= run.last; ++x) value[x] = static_cast<float>(voxels[x]);
     // The lesser and the greater of both samples, meaned over the rows of level 1 on the sides.
+    const std::int64_t first = axes_[0].samplesAround(run.first).first;
+    const std::int64_t last = axes_[0].samplesAround(run.last).last;
+    const std::int64_t last_even = std::min(last, (axes_[0].voxels - 1) / 2);
+    float* least = memory_.sums_[0].data();
+    float* greatest = memory_.sums_[1].data();
+    std::fill(least + first, least + last + 1, 0.0f);
+    std::fill(greatest + first, greatest + last + 1, 0.0f);
     const CellRun ys = axes_[1].samplesAround(y), zs = axes_[2].samplesAround(z);
-    const std::int64_t samples = axes_[0].coarseCells() + 1;
-    std::fill(low, low + samples, 0.0f);
-    std::fill(high, high + samples, 0.0f);
     int rows = 0;
     for (std::int64_t k = zs.first; k <= zs.last; ++k)
       for (std::int64_t j = ys.first; j <= ys.last; ++j, ++rows) {
@@ -123,49 +144,57 @@ class ErrorCells::Brick {
         const T* coarse = coarse_.data<T>() + linearIndex(first_ / std::int64_t{2} +
                                                               Index3(0, j, k) - coarse_.box.first,
                                                           coarse_.box.count);
-        for (std::int64_t i = 0; i < samples; ++i) {
-          const auto a = static_cast<float>(fine[axes_[0].voxelOf(i)]);
-          const auto b = static_cast<float>(coarse[i]);
-          low[i] += std::min(a, b);
-          high[i] += std::max(a, b);
-        }
+        const auto add = [&](std::int64_t sample, const T& voxel) {
+          const auto a = static_cast<float>(voxel), b = static_cast<float>(coarse[sample]);
+          least[sample] += std::min(a, b);
+          greatest[sample] += std::max(a, b);
+        };
+        for (std::int64_t i = first; i <= last_even; ++i) add(i, fine[2 * i]);
+        if (last > last_even) add(last, fine[axes_[0].voxels - 1]);
       }
     const float share = 1.0f / static_cast<float>(rows);
-    spread(share, low);
-    spread(share, high);
+    spread(run, share, least, low);
+    spread(run, share, greatest, high);
   }
 
-  // From sums at samples to what lies at voxels, in place, from the far end on.
-  void spread(float share, float* bound) const {
-    const std::int64_t count = axes_[0].voxels;
-    std::fill(bound + count, bound + stride_, 0.0f);
-    for (std::int64_t x = count - 1; x >= 0; --x) {
-      const CellRun around = axes_[0].samplesAround(x);
-      bound[x] = 0.5f * (bound[around.first] + bound[around.last]);
-    }
-    for (std::int64_t x = 0; x < count; ++x) bound[x] *= share;
+  // From sums at samples of level 1 to means at voxels.
+  void spread(const VoxelRun& run, float share, const float* sums, float* bound) const {
+    const float half = 0.5f * share;
+    for (std::int64_t x = run.first; x <= run.last; x += 2) bound[x] = share * sums[x / 2];
+    for (std::int64_t x = run.first + 1; x <= run.last; x += 2)
+      bound[x] = half * (sums[x / 2] + sums[x / 2 + 1]);
+    // An odd last voxel is a sample.
+    if (run.last == axes_[0].voxels - 1 && run.last % 2 != 0)
+      bound[run.last] = share * sums[(run.last + 1) / 2];
   }
 
   void flagRow(std::int64_t y, std::int64_t z) {
+    const CellRun ys = tilesTouching(1, y), zs = tilesTouching(2, z);
+    std::vector<VoxelRun>& runs = memory_.runs_;
+    findRuns(ys, zs, runs);
+    if (runs.empty()) return;
     const BoundedRow here = row(y, z);
-    const std::int64_t count = axes_[0].voxels;
-    clearFlags();
-    flagVoxels(here, count, bound_, memory_.flags_.data());
-    forEachFlag(count, [&](std::int64_t x, unsigned) {
-      mark(axes_[0].cellsTouching(x), axes_[1].cellsTouching(y), axes_[2].cellsTouching(z));
-    });
-    flagEdgesAlong(0, {0, y, z}, here, {here.value + 1, here.low + 1, here.high + 1}, count - 1);
-    if (y + 1 < axes_[1].voxels && isWanted(y + 1, z))
-      flagEdgesAlong(1, {0, y, z}, here, row(y + 1, z), count);
-    if (z + 1 < axes_[2].voxels && isWanted(y, z + 1))
-      flagEdgesAlong(2, {0, y, z}, here, row(y, z + 1), count);
+    for (const VoxelRun& run : runs) {
+      flagVoxels(from(here, run.first), run.count(), bound_, clearFlags(run));
+      forEachFlag(run, [&](std::int64_t x, unsigned) {
+        mark(axes_[0].cellsTouching(x), axes_[1].cellsTouching(y), axes_[2].cellsTouching(z));
+      });
+      flagEdgesAlong(0, {0, y, z}, here, from(here, 1), {run.first, run.last - 1});
+    }
+    if (y + 1 < axes_[1].voxels) {
+      findRuns(tilesWithEdge(y), zs, runs);
+      for (const VoxelRun& run : runs) flagEdgesAlong(1, {0, y, z}, here, row(y + 1, z), run);
+    }
+    if (z + 1 < axes_[2].voxels) {
+      findRuns(ys, tilesWithEdge(z), runs);
+      for (const VoxelRun& run : runs) flagEdgesAlong(2, {0, y, z}, here, row(y, z + 1), run);
+    }
   }
 
   void flagEdgesAlong(int axis, Index3 at, const BoundedRow& here, const BoundedRow& other,
-                      std::int64_t count) {
-    clearFlags();
-    flagEdges(here, other, count, bound_, memory_.flags_.data());
-    forEachFlag(count, [&](std::int64_t x, unsigned flags) {
+                      const VoxelRun& run) {
+    flagEdges(from(here, run.first), from(other, run.first), run.count(), bound_, clearFlags(run));
+    forEachFlag(run, [&](std::int64_t x, unsigned flags) {
       at.x = x;
       if ((flags & kCoarseEdge) != 0) markBeside(axis, at, at[axis] / 2);
       if ((flags & kLowHangs) != 0 && hangs(axis, at)) markBeside(axis, at, (at[axis] + 1) / 2 - 1);
@@ -174,6 +203,10 @@ class ErrorCells::Brick {
       if ((flags & kHighHangs) != 0 && hangs(axis, high))
         markBeside(axis, high, (high[axis] + 1) / 2);
     });
+  }
+
+  static BoundedRow from(const BoundedRow& row, std::int64_t voxel) {
+    return {row.value + voxel, row.low + voxel, row.high + voxel};
   }
 
   // Whether the end of an edge along `axis` may hang on a coarse cell that the edge leads away
@@ -199,18 +232,23 @@ class ErrorCells::Brick {
           memory_.cells_[static_cast<std::size_t>(linearIndex({x + 1, y + 1, z + 1}, ring_))] = 1;
   }
 
-  void clearFlags() { std::fill(memory_.flags_.begin(), memory_.flags_.end(), std::uint8_t{0}); }
+  // As many as the run has voxels, in whole eights.
+  std::uint8_t* clearFlags(const VoxelRun& run) {
+    std::fill_n(memory_.flags_.begin(), (run.count() + 7) / 8 * 8, std::uint8_t{0});
+    return memory_.flags_.data();
+  }
 
   // Nearly all are 0: they are passed over eight at a time.
   template <typename F>
-  void forEachFlag(std::int64_t count, F&& f) {
+  void forEachFlag(const VoxelRun& run, F&& f) {
     const std::uint8_t* flags = memory_.flags_.data();
+    const std::int64_t count = run.count();
     for (std::int64_t begin = 0; begin < count; begin += 8) {
       std::uint64_t eight;
       std::memcpy(&eight, flags + begin, 8);
       if (eight == 0) continue;
-      for (std::int64_t x = begin; x < std::min(begin + 8, count); ++x)
-        if (flags[x] != 0) f(x, flags[x]);
+      for (std::int64_t i = begin; i < std::min(begin + 8, count); ++i)
+        if (flags[i] != 0) f(run.first + i, flags[i]);
     }
   }
 

@@ -69,10 +69,19 @@ class ErrorCells {
   CellBits find(const MeshContext& context, const Index3& brick, const ErrorBound& bound);
 
  private:
+  // Voxels of a row, both ends included.
+  struct VoxelRun {
+    std::int64_t first, last;
+
+    std::int64_t count() const { return last - first + 1; }
+  };
+
   ActiveTiles tiles_;
+  std::vector<VoxelRun> runs_, row_runs_;
   // Of two planes of voxels in turn: values and bounds, row by row.
   std::vector<float> planes_[2];
   std::vector<std::uint8_t> is_filled_[2];
+  std::vector<float> sums_[2];  // at samples of level 1
   std::vector<std::uint8_t> flags_;
   std::vector<std::uint8_t> cells_;  // of the box with the ring, x fastest; 1: beyond
   template <typename T>

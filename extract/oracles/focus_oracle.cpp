@@ -53,6 +53,7 @@ void FocusOracle::keepRefined(int level, const Index3& first, std::int64_t count
   // A row cuts the sphere in one piece, in rounded arithmetic too: going away from the focus no
   // term of the squared distance falls. So its ends are found from where they should be.
   const double within = refined_within_squared_[static_cast<std::size_t>(level)];
+  if (within == std::numeric_limits<double>::infinity()) return;
   const auto isRefined = [&](std::int64_t i) {
     return refines(level, {first.x + i, first.y, first.z});
   };

@@ -1,0 +1,157 @@
+#include "tools/choice_options.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <numbers>
+#include <sstream>
+
+#include "isobrick/storage/noise_estimate.h"
+#include "tools/parse_text.h"
+#include "tools/parsed_option.h"
+
+namespace isobrick {
+namespace {
+
+double parseAboveZero(const std::string& text) {
+  const double value = parseNumber(text);
+  if (!(value > 0)) throw std::invalid_argument(fmt::format("'{}' is not above 0", text));
+  return value;
+}
+
+double parseFieldOfView(const std::string& text) {
+  const double degrees = parseAboveZero(text);
+  if (!(degrees < 180)) throw std::invalid_argument(fmt::format("'{}' is not below 180", text));
+  return degrees;
+}
+
+// "150", "3sigma" or "sigma".
+ToleranceText parseTolerance(const std::string& text) {
+  const std::string sigma = "sigma";
+  if (text.size() < sigma.size() ||
+      text.compare(text.size() - sigma.size(), sigma.size(), sigma) != 0)
+    return {parseNumberFrom(text, 0), false};
+  const std::string factor = text.substr(0, text.size() - sigma.size());
+  return {factor.empty() ? 1.0 : parseNumberFrom(factor, 0), true};
+}
+
+double leastSpacing(const GridGeometry& geometry) {
+  return std::min({geometry.spacing.x, geometry.spacing.y, geometry.spacing.z});
+}
+
+ViewPoint makeView(const ChoiceOptions& options) {
+  ViewPoint view;
+  view.eye = *options.eye;
+  view.pixels_per_radian = options.pixels_per_radian.value_or(view.pixels_per_radian);
+  view.pixels_per_unit = options.pixels_per_unit;
+  view.pixels = options.pixels.value_or(view.pixels);
+  if (options.look_at) {
+    view.field.emplace();
+    view.field->direction = *options.look_at - *options.eye;
+    view.field->half_angle = options.field_of_view.value_or(90) * std::numbers::pi / 360;
+    view.field->radius = options.field_radius.value_or(0);
+  }
+  return view;
+}
+
+void addViewOptions(CLI::App& app, ChoiceOptions& options) {
+  CLI::Option* const eye = addParsedOption(
+      app, "--eye", options.eye, parsePoint, "X,Y,Z",
+      "Seen from this world point: refine what covers more than --pixels of the picture");
+  CLI::Option* const per_radian = addParsedOption(
+      app, "--pixels-per-radian", options.pixels_per_radian, parseAboveZero, "P",
+      "The picture's height in pixels over its field of view in radians; default: 1000");
+  CLI::Option* const per_unit =
+      addParsedOption(app, "--pixels-per-unit", options.pixels_per_unit, parseAboveZero, "Q",
+                      "Of a parallel projection: pixels per world unit");
+  CLI::Option* const pixels = addParsedOption(app, "--pixels", options.pixels, parseAboveZero, "T",
+                                              "Pixels that a cell's edge may cover; default: 1");
+  CLI::Option* const look_at =
+      addParsedOption(app, "--look-at", options.look_at, parsePoint, "X,Y,Z",
+                      "A world point in the middle of the picture: coarser outside of the field");
+  CLI::Option* const angle =
+      addParsedOption(app, "--field-of-view", options.field_of_view, parseFieldOfView, "DEGREES",
+                      "From corner to corner of the picture; default: 90");
+  CLI::Option* const radius =
+      addParsedOption(app, "--field-radius", options.field_radius, parseAboveZero, "R",
+                      "Of a parallel projection: half of that, in world units");
+  for (CLI::Option* const option : {per_radian, per_unit, pixels, look_at}) option->needs(eye);
+  for (CLI::Option* const option : {angle, radius}) option->needs(look_at);
+  per_radian->excludes(per_unit);
+  radius->needs(per_unit);
+  angle->excludes(per_unit);
+}
+
+}  // namespace
+
+void addChoiceOptions(CLI::App& app, ChoiceOptions& options) {
+  CLI::Option* const focus = addParsedOption(
+      app, "--focus", options.focus, parsePoint, "X,Y,Z",
+      "Centre of interest in voxel indices: finest around it, coarser with distance");
+  CLI::Option* const radius = addParsedOption(
+      app, "--radius", options.radius, [](const std::string& t) { return parseNumberFrom(t, 0); },
+      "R", "Radius of interest in voxels: everything within is of the finest level");
+  focus->needs(radius);
+  radius->needs(focus);
+  CLI::Option* const curvature = addParsedOption(
+      app, "--curvature", options.curvature_tolerance,
+      [](const std::string& t) { return parseNumberFrom(t, 0); }, "T",
+      "Leave parts at level 1 where the total curvature is at most T, in 1/voxel^2");
+  CLI::Option* const rho =
+      addParsedOption(app, "--curvature-radius", options.curvature_radius, parseAboveZero, "RHO",
+                      "The same for parts flatter than a sphere of RHO voxels: T = 1/(2 RHO^2)");
+  curvature->excludes(rho);
+  addParsedOption(app, "--tolerance", options.tolerance, parseTolerance, "V|Nsigma",
+                  "Leave parts at level 1 where no vertex lies more than V, in the data's units, "
+                  "from where the voxels have the isovalue; or N times the noise ('info')");
+  addViewOptions(app, options);
+  CLI::Option* const level = addParsedOption(
+      app, "--level", options.level, [](const std::string& t) { return parseInteger(t, 0, 63); },
+      "L", "Extract everything from this level; 0 is the finest");
+  level->excludes(focus);
+}
+
+ChoiceOptions parseChoice(const std::string& text) {
+  ChoiceOptions options;
+  CLI::App app;
+  app.set_help_flag();
+  addChoiceOptions(app, options);
+  std::vector<std::string> words;
+  std::istringstream stream(text);
+  for (std::string word; stream >> word;) {
+    if (word.find('=') == std::string::npos)
+      throw std::invalid_argument(fmt::format("'{}' is not NAME=VALUE", word));
+    words.push_back("--" + word);
+  }
+  if (words.empty()) throw std::invalid_argument("it names nothing; give NAME=VALUE pairs");
+  std::reverse(words.begin(), words.end());  // as CLI11 takes them
+  try {
+    app.parse(words);
+  } catch (const CLI::ParseError& failure) {
+    throw std::invalid_argument(failure.what());
+  }
+  return options;
+}
+
+DetailChoice makeChoice(const ChoiceOptions& options, bool world, const Pyramid& pyramid) {
+  const GridGeometry& geometry = pyramid.spec().geometry;
+  DetailChoice choice;
+  if (options.focus) {
+    choice.focus.emplace();
+    choice.focus->center = world ? geometry.worldToIndex(*options.focus) : *options.focus;
+    choice.focus->radius = world ? *options.radius / leastSpacing(geometry) : *options.radius;
+  }
+  choice.uniform_level = options.level;
+  choice.curvature_tolerance = options.curvature_tolerance;
+  if (options.curvature_radius) {
+    const double rho = *options.curvature_radius;
+    choice.curvature_tolerance = 1 / (2 * rho * rho);
+  }
+  if (options.tolerance)
+    choice.tolerance =
+        options.tolerance->value * (options.tolerance->is_of_noise ? estimateNoise(pyramid) : 1.0);
+  if (options.eye) choice.view = makeView(options);
+  return choice;
+}
+
+}  // namespace isobrick
