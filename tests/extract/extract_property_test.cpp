@@ -265,10 +265,14 @@ LeafLevels referenceLeaves(const Pyramid& pyramid, const ReferencePyramid& refer
     expected.flat = [&, iso = static_cast<float>(isovalue)](const Index3& cell) {
       return isFlatByPyramid(pyramid, iso, *choice.curvature_tolerance, cell);
     };
+  std::map<std::int64_t, bool> beyond;  // asked for by each cell of level 0 in it
   expected.further = [&, iso = static_cast<float>(isovalue)](int level, const Index3& cell) {
-    return (!choice.view || isSeen(*choice.view, level, cell)) &&
-           (!choice.tolerance || level != 1 ||
-            isBeyond(pyramid, reference, iso, *choice.tolerance, cell));
+    if (choice.view && !isSeen(*choice.view, level, cell)) return false;
+    if (!choice.tolerance || level != 1) return true;
+    const auto [known, is_new] =
+        beyond.try_emplace(linearIndex(cell, pyramid.lattice().cells(1)), false);
+    if (is_new) known->second = isBeyond(pyramid, reference, iso, *choice.tolerance, cell);
+    return known->second;
   };
   return referenceLeafLevels(pyramid.lattice(), expected);
 }

@@ -78,7 +78,17 @@ double referenceError(const ReferencePyramid& pyramid, double isovalue, const In
     low[static_cast<std::size_t>(n)] = std::min(of_level_0, of_level_1);
     high[static_cast<std::size_t>(n)] = std::max(of_level_0, of_level_1);
   }
+  // Nothing crosses where all values are on one side.
+  double least = *std::min_element(low.begin(), low.end());
+  double greatest = *std::max_element(high.begin(), high.end());
+  const Index3 first = glm::max(coarse.voxels().first - Index3(1), Index3(0));
+  const Index3 end = glm::min(coarse.voxels().end() + Index3(1), lattice.voxels());
+  forEachIndex({first, end - first}, [&](const Index3& voxel) {
+    least = std::min(least, static_cast<double>(pyramid.sampleAt(0, voxel)));
+    greatest = std::max(greatest, static_cast<double>(pyramid.sampleAt(0, voxel)));
+  });
   double error = -1;
+  if (least >= isovalue || greatest < isovalue) return error;
   forEachIndex(coarse.voxels(), [&](const Index3& voxel) {
     const auto value = static_cast<double>(pyramid.sampleAt(0, voxel));
     const Bounds bounds{coarse.interpolate(low, voxel), coarse.interpolate(high, voxel)};

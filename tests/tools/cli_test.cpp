@@ -220,6 +220,37 @@ TEST_F(CliTest, HelpAndVersion) {
   EXPECT_EQ(runWell({"--version"}).rfind("isobrick ", 0), 0u);
 }
 
+// Each choice by itself, and joined; the world is the voxels' here.
+TEST_F(CliTest, ChoicesCombine) {
+  runWell({"phantom", "head", "--size", "48", "--type", "i16", "-o", "head.nrrd"});
+  runWell({"build", "head.nrrd", "--brick", "16"});
+  const double noise = runForJson({"info", "head.isb"})["noise"];
+  EXPECT_GT(noise, 0);
+  const auto triangles = [this](Words more) {
+    more.insert(more.begin(), {"extract", "head.isb", "--iso", "1324"});
+    return runForJson(more)["triangles"].get<std::int64_t>();
+  };
+  const std::int64_t all = triangles({});
+  const std::int64_t tolerated = triangles({"--tolerance", "300"});
+  EXPECT_LT(tolerated, all);
+  EXPECT_EQ(triangles({"--tolerance", "0"}), all);
+  EXPECT_EQ(triangles({"--tolerance", "2sigma"}),
+            triangles({"--tolerance", Json(2 * noise).dump()}));
+  const std::int64_t seen = triangles({"--eye", "24,-40,24", "--pixels", "40"});
+  EXPECT_LT(seen, all);
+  const std::int64_t in_field = triangles(
+      {"--eye", "24,-40,24", "--pixels", "40", "--look-at", "24,24,30", "--field-of-view", "10"});
+  EXPECT_LT(in_field, seen);
+  EXPECT_GT(in_field, triangles({"--level", "3"}));
+  const std::int64_t focused = triangles({"--focus", "24,10,24", "--radius", "5"});
+  const std::int64_t both =
+      triangles({"--focus", "24,10,24", "--radius", "5", "--or-finer", "focus=24,38,24 radius=5"});
+  EXPECT_GT(both, focused);
+  EXPECT_EQ(both, triangles({"--or-finer", "focus=24,38,24 radius=5", "--focus", "24,10,24",
+                             "--radius", "5", "--or-finer", "level=4", "--or-finer", "level=5"}));
+  EXPECT_EQ(triangles({"--level", "2", "--or-finer", "level=0"}), all);
+}
+
 TEST_F(CliTest, WrongUsageExitsWithTwo) {
   makeSphere();
   writeBytes(path("ramp.raw"), makeRawVolume());
@@ -265,6 +296,15 @@ TEST_F(CliTest, WrongUsageExitsWithTwo) {
       {{"extract", "sphere.isb", "--iso", "0", "--curvature", "1", "--curvature-radius", "2"},
        "--curvature"},
       {{"extract", "sphere.isb", "--iso", "0", "--curvature-radius", "0"}, "above 0"},
+      {{"extract", "sphere.isb", "--iso", "0", "--tolerance", "-1"}, "-1"},
+      {{"extract", "sphere.isb", "--iso", "0", "--tolerance", "xsigma"}, "'x'"},
+      {{"extract", "sphere.isb", "--iso", "0", "--pixels", "2"}, "--eye"},
+      {{"extract", "sphere.isb", "--iso", "0", "--eye", "1,2,3", "--pixels", "0"}, "above 0"},
+      {{"extract", "sphere.isb", "--iso", "0", "--eye", "1,2,3", "--field-of-view", "30"},
+       "--look-at"},
+      {{"extract", "sphere.isb", "--iso", "0", "--or-finer", "focus=1,2,3"}, "--radius"},
+      {{"extract", "sphere.isb", "--iso", "0", "--or-finer", "level"}, "NAME=VALUE"},
+      {{"extract", "sphere.isb", "--iso", "0", "--or-finer", "iso=3"}, "--iso"},
       {{"extract", "sphere.isb", "--iso", "0", "--level", "1.5"}, "1.5"},
       {{"extract", "sphere.isb", "--iso", "0", "--level", "-1"}, "-1"},
       {{"extract", "sphere.isb", "--iso", "0", "--box", "0,0,0,1,1"}, "0,0,0,1,1"},
