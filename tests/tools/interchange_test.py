@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """Volumes that isobrick wrote, read by other programs' libraries, and the other way round.
 
-    interchange_test.py ISOBRICK nifti|components|zarr|hdf5|vdb
+    interchange_test.py ISOBRICK nifti|components|zarr|zarr3|hdf5|vdb|dicom|tiff|vtk|real
 
 Every voxel of every level is compared, and what the libraries make of spacing, origin and direction.
 """
@@ -332,7 +332,7 @@ def test_zarr3():
         with open(files[0], "wb") as file:
             file.write(whole[:at] + bytes([whole[at] ^ 0x40]) + whole[at + 1 :])
         run("convert", store, "-o", "x.raw", fails_with=files[0])
-    for length in range(0, len(whole), max(1, len(whole) // 40)):
+    for length in range(0, len(whole), max(1, len(whole) // 10)):
         with open(files[0], "wb") as file:
             file.write(whole[:length])
         run("convert", store, "-o", "x.raw", fails_with=files[0])
@@ -542,6 +542,150 @@ def test_vdb():
     whole, slabs = peak_of("whole.raw", "512M"), peak_of("slabs.raw", "40M")
     assert slabs < whole - (30 << 20) or "asan" in ISOBRICK, (whole, slabs)
     np.testing.assert_array_equal(np.fromfile("slabs.raw", "<f4"), np.fromfile("whole.raw", "<f4"))
+
+
+def test_dicom():
+    """Series as pydicom writes them, turned, in any order of names; their values rescaled."""
+    import pydicom
+    from pydicom.dataset import FileDataset, FileMetaDataset
+    from pydicom.uid import CTImageStorage, ExplicitVRLittleEndian, RLELossless
+
+    direction, shape = rotation(), (5, 31, 22)
+    for number, (kind, slope, intercept) in enumerate(
+        (("<i2", 1, 0), ("<u2", 1, -1024), ("u1", 1, 0), ("<i2", 0.25, 3))
+    ):
+        info = np.iinfo(kind)
+        values = np.random.default_rng(number).integers(info.min // 2, info.max // 2, shape)
+        values = values.astype(kind)
+        os.makedirs(f"series{number}")
+        for z in range(shape[0]):
+            about = FileMetaDataset()
+            about.MediaStorageSOPClassUID = CTImageStorage
+            about.MediaStorageSOPInstanceUID = f"1.2.3.{number}.{z + 1}"
+            about.TransferSyntaxUID = ExplicitVRLittleEndian
+            slice = FileDataset("", {}, file_meta=about, preamble=b"\0" * 128)
+            slice.is_little_endian, slice.is_implicit_VR = True, False
+            slice.SOPClassUID, slice.SOPInstanceUID = CTImageStorage, about.MediaStorageSOPInstanceUID
+            slice.Modality, slice.SeriesInstanceUID = "CT", f"1.2.3.{number}"
+            slice.StudyInstanceUID, slice.InstanceNumber = "1.2.3", z + 1
+            slice.Rows, slice.Columns = shape[1:]
+            slice.SamplesPerPixel, slice.PhotometricInterpretation = 1, "MONOCHROME2"
+            slice.BitsAllocated = slice.BitsStored = 8 * values.itemsize
+            slice.HighBit, slice.PixelRepresentation = slice.BitsStored - 1, int(kind == "<i2")
+            slice.PixelSpacing = [f"{SPACING[1]:.12g}", f"{SPACING[0]:.12g}"]  # between rows first
+            slice.ImageOrientationPatient = [f"{n:.12g}" for n in direction[:, :2].T.ravel()]
+            position = ORIGIN + direction[:, 2] * SPACING[2] * z
+            slice.ImagePositionPatient = [f"{n:.12g}" for n in position]
+            slice.RescaleSlope, slice.RescaleIntercept = str(slope), str(intercept)
+            slice.PixelData = values[z].tobytes()
+            if number == 0:
+                slice.compress(RLELossless)
+            slice.save_as(f"series{number}/{(z * 3) % 5}.dcm", write_like_original=False)
+        found, about = raw_of(f"series{number}")
+        np.testing.assert_array_equal(found, values * slope + intercept)
+        assert about["voxel_type"] == ["int16", "int16", "uint8", "float32"][number], about
+        expect_placed(about, direction, tolerance=1e-8)
+        # The same voxels at the same places in every other format.
+        run("convert", f"series{number}", "-o", f"{number}.nii.gz")
+        again, place = raw_of(f"{number}.nii.gz")
+        expect_same(again, found)
+        expect_placed(place, direction, tolerance=1e-5)
+
+
+def test_tiff():
+    """Pages and slices against tifffile, which knows all that TIFF may be."""
+    import tifffile
+
+    variants = ({}, {"bigtiff": True}, {"byteorder": ">"}, {"compression": "zlib"},
+                {"rowsperstrip": 5}, {"bigtiff": True, "byteorder": ">", "compression": "zlib"})
+    for number, kind in enumerate(TYPES):
+        values = voxels(kind, (7, 33, 70))
+        write_nrrd("in.nrrd", values)
+        run("convert", "in.nrrd", "-o", "pages.tif", "--force")
+        run("convert", "in.nrrd", "-o", "slices/%03d.tif", "--force")
+        expect_same(tifffile.imread("pages.tif"), values)
+        found = tifffile.imread([f"slices/{z:03}.tif" for z in range(len(values))])
+        expect_same(found, values)
+        with tifffile.TiffFile("slices/000.tif") as file:
+            x, y = (file.pages[0].tags[name].value for name in ("XResolution", "YResolution"))
+            np.testing.assert_allclose(10 * x[1] / x[0], SPACING[0], rtol=1e-6)
+            np.testing.assert_allclose(10 * y[1] / y[0], SPACING[1], rtol=1e-6)
+        # Theirs, read by us.
+        for options in (variants[number], variants[(number + 3) % 6]):
+            shutil.rmtree("theirs", ignore_errors=True)
+            os.makedirs("theirs")
+            plain = {"photometric": "minisblack", "metadata": None}
+            byteorder = options.get("byteorder", "<")
+            with tifffile.TiffWriter("theirs.tif", bigtiff=options.get("bigtiff", False),
+                                     byteorder=byteorder) as file:
+                for page in values:
+                    file.write(page, contiguous=False, **plain, **{
+                        key: options[key] for key in ("compression", "rowsperstrip") if key in options})
+            for z, page in enumerate(values):
+                tifffile.imwrite(f"theirs/{z}.tif", page, **plain, **options)
+            for name in ("theirs.tif", "theirs"):
+                found, _ = raw_of(name)
+                expect_same(found, values)
+    # A list of pages that is cut, or leads in a circle, is no smaller volume.
+    with open("theirs.tif", "rb") as file:
+        whole = file.read()
+    for length in range(16, len(whole) - 1, len(whole) // 40):
+        with open("cut.tif", "wb") as file:
+            file.write(whole[:length])
+        run("convert", "cut.tif", "-o", "x.raw", fails_with="cut.tif")
+
+
+def test_vtk():
+    """VTI, MetaImage and NRRD against VTK's own, where it is."""
+    from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
+    from vtkmodules.vtkCommonDataModel import vtkImageData
+    from vtkmodules.vtkIOImage import vtkMetaImageReader, vtkMetaImageWriter, vtkNrrdReader
+    from vtkmodules.vtkIOXML import vtkXMLImageDataReader, vtkXMLImageDataWriter
+
+    for kind in TYPES:
+        values = voxels(kind)
+        for direction in (np.eye(3), rotation()):
+            write_nrrd("in.nrrd", values, direction)
+            for name, reader in (("a.vti", vtkXMLImageDataReader()), ("a.mha", vtkMetaImageReader()),
+                                 ("a.mhd", vtkMetaImageReader()), ("a.nrrd", vtkNrrdReader())):
+                run("convert", "in.nrrd", "-o", name, "--force")
+                reader.SetFileName(name)
+                reader.Update()
+                image = reader.GetOutput()
+                found = vtk_to_numpy(image.GetPointData().GetScalars()).reshape(values.shape)
+                expect_same(found, values)
+                if name == "a.vti":
+                    np.testing.assert_allclose(image.GetSpacing(), SPACING)
+                    np.testing.assert_allclose(image.GetOrigin(), ORIGIN)
+                    matrix = image.GetDirectionMatrix()
+                    found = [[matrix.GetElement(i, j) for j in range(3)] for i in range(3)]
+                    np.testing.assert_allclose(found, direction, atol=1e-12)
+        image = vtkImageData()
+        image.SetDimensions(*values.shape[::-1])
+        image.SetSpacing(*SPACING)
+        image.SetOrigin(*ORIGIN)
+        image.SetDirectionMatrix(*direction.ravel())
+        image.GetPointData().SetScalars(numpy_to_vtk(values.ravel(), deep=True))
+        for mode, packs in itertools.product(("Appended", "Binary"), (True, False)):
+            writer = vtkXMLImageDataWriter()
+            writer.SetFileName("theirs.vti")
+            writer.SetInputData(image)
+            getattr(writer, f"SetDataModeTo{mode}")()
+            writer.SetEncodeAppendedData(packs)
+            if not packs:
+                writer.SetCompressorTypeToNone()
+            writer.Write()
+            found, about = raw_of("theirs.vti")
+            expect_same(found, values)
+            expect_placed(about, direction)
+        image.SetDirectionMatrix(*np.eye(3).ravel())
+        writer = vtkMetaImageWriter()
+        writer.SetInputData(image)
+        writer.SetFileName("theirs.mhd")
+        writer.Write()
+        found, about = raw_of("theirs.mhd")
+        expect_same(found, values)
+        expect_placed(about, tolerance=1e-5)
 
 
 def test_real():
