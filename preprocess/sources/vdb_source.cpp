@@ -16,6 +16,7 @@
 #include <glm/geometric.hpp>
 #include <new>
 #include <optional>
+#include <span>
 #include <type_traits>
 #include <utility>
 
@@ -55,6 +56,9 @@ bool isOneOf(const GridBase& grid) {
 }
 
 // What is active, or true or false: voxels of 0 and 1.
+template <typename Grid>
+constexpr bool kHasBits =
+    std::is_same_v<Grid, openvdb::BoolGrid> || std::is_same_v<Grid, openvdb::MaskGrid>;
 bool isMask(const GridBase& grid) { return isOneOf<openvdb::BoolGrid, openvdb::MaskGrid>(grid); }
 
 bool isScalar(const GridBase& grid) {
@@ -134,6 +138,13 @@ class WatchedFile final : public std::filebuf {
   std::uint64_t read_ = 0, reported_ = 0;
 };
 
+// A leaf without its voxels, and where the file has them.
+template <typename Leaf>
+struct StoredLeaf {
+  Leaf* leaf = nullptr;
+  std::streampos place;
+};
+
 // A .vdb file, read front to back. OpenVDB's own io::File goes on with whatever is in memory where
 // a file ends too early; here the stream throws instead, and every byte is read at once rather than
 // at the first access, which would be long after the file was found to be good.
@@ -163,7 +174,7 @@ class VdbFile : private openvdb::io::Archive {
   }
 
   // The grid with its voxels, or, where these take more than `memory_bytes`, without: its nodes
-  // alone. Then readSlab() has them.
+  // alone. Then findLeaves() and readLeaves() have them.
   struct Loaded {
     GridBase::Ptr grid;
     bool has_voxels = true;
@@ -174,11 +185,12 @@ class VdbFile : private openvdb::io::Archive {
     guarded([&] {
       // Blosc packs no better than this.
       constexpr std::uint64_t kMostRatio = 40;
-      if (bytes_ > memory_bytes / kMostRatio && canSkipVoxels()) {
+      // Bits are within their leaves: without them little would be left out.
+      if (bytes_ > memory_bytes / kMostRatio && canSkipVoxels() && !isMask(*chosen_->grid)) {
         loaded.grid = emptyGrid();
         readNodes(loaded.grid);
-        // Each leaf has its voxels, and 96 bytes around them.
-        constexpr std::uint64_t kLeafBytes = 96 + 16;
+        // Each leaf has its voxels, 96 bytes around them, and a StoredLeaf.
+        constexpr std::uint64_t kLeafBytes = 96 + 16 + sizeof(StoredLeaf<int>);
         std::uint64_t leaves = 0, voxel_bytes = 0;
         visitScalar(loaded.grid, [&](const auto& grid) {
           using Leaf = typename std::decay_t<decltype(*grid)>::TreeType::LeafNodeType;
@@ -198,15 +210,31 @@ class VdbFile : private openvdb::io::Archive {
     return loaded;
   }
 
-  // What of the grid is in `box`, in its own coordinates; the rest counts as background.
-  GridBase::Ptr readSlab(const openvdb::CoordBBox& box) {
-    GridBase::Ptr grid;
+  // Once, right after load() left the voxels out: where those of each leaf are, in the order of the
+  // file. Goes through all of them, most of which are skipped.
+  template <typename Tree>
+  std::vector<StoredLeaf<typename Tree::LeafNodeType>> findLeaves(Tree& tree) {
+    std::vector<StoredLeaf<typename Tree::LeafNodeType>> leaves;
     guarded([&] {
-      grid = emptyGrid();
-      chosen_->descriptor.seekToGrid(in_);
-      readGrid(grid, chosen_->descriptor, in_, box);
+      leaves.reserve(tree.leafCount());
+      for (auto at = tree.beginLeaf(); at; ++at) {
+        leaves.push_back({&*at, in_.tellg()});
+        const auto mask = at->getValueMask();  // what is skipped counts as inactive
+        at->readBuffers(in_, openvdb::CoordBBox(), stream_metadata_->halfFloat());
+        at->setValueMask(mask);
+      }
     });
-    return grid;
+    return leaves;
+  }
+  // Fills those leaves.
+  template <typename Leaf>
+  void readLeaves(std::span<const StoredLeaf<Leaf>> leaves) {
+    guarded([&] {
+      for (const StoredLeaf<Leaf>& stored : leaves) {
+        in_.seekg(stored.place);
+        stored.leaf->readBuffers(in_, stream_metadata_->halfFloat());
+      }
+    });
   }
 
   // Nobody waits for the file to be opened any more.
@@ -475,16 +503,25 @@ class VdbSource final : public VdbSourceBase {
   typename Grid::ConstPtr grid_;
 };
 
-// A grid that does not fit into memory: the file is gone through once for each slab of slices, and
-// leaves outside it are skipped.
+// A grid that does not fit into memory: its nodes are held, and the voxels of the leaves that a
+// slab of slices needs.
+template <typename Grid>
 class VdbSlabSource final : public VdbSourceBase {
  public:
-  VdbSlabSource(VolumeInfo info, std::unique_ptr<VdbFile> file, const Index3& first,
-                std::uint64_t node_bytes, std::uint64_t memory_bytes)
-      : VdbSourceBase(std::move(info), first), file_(std::move(file)) {
-    // Leaves are 8 slices thick.
+  VdbSlabSource(VolumeInfo info, std::unique_ptr<VdbFile> file, typename Grid::Ptr grid,
+                const Index3& first, std::uint64_t node_bytes, std::uint64_t memory_bytes)
+      : VdbSourceBase(std::move(info), first),
+        file_(std::move(file)),
+        grid_(std::move(grid)),
+        leaves_(file_->findLeaves(grid_->tree())) {
+    file_->stopReporting();
+    // By layers, each in the order of the file.
+    std::stable_sort(leaves_.begin(), leaves_.end(), [](const Stored& a, const Stored& b) {
+      return a.leaf->origin().z() < b.leaf->origin().z();
+    });
     const auto layer_bytes =
-        static_cast<std::uint64_t>((info_.voxels.x + 7) * (info_.voxels.y + 7)) * 8 * sizeof(float);
+        static_cast<std::uint64_t>((info_.voxels.x + 7) * (info_.voxels.y + 7)) * kLeafSlices *
+        sizeof(float);
     const std::uint64_t left = memory_bytes > node_bytes ? memory_bytes - node_bytes : 0;
     layers_ = std::max(std::int64_t{1}, static_cast<std::int64_t>(left / layer_bytes));
     buffer_bytes_ = node_bytes + static_cast<std::uint64_t>(layers_) * layer_bytes;
@@ -499,8 +536,7 @@ class VdbSlabSource final : public VdbSourceBase {
       const std::int64_t y = first % voxels.y, z = first / voxels.y;
       const std::int64_t rows = std::min(count, voxels.y - y);
       if (z >= slab_end_) loadSlab(z);
-      const IndexBox box{first_ + Index3(0, y, z), Index3(voxels.x, rows, 1)};
-      visitScalar(slab_, [&](const auto& grid) { copyVoxels(*grid, box, to); });
+      copyVoxels(*grid_, {first_ + Index3(0, y, z), Index3(voxels.x, rows, 1)}, to);
       to += static_cast<std::size_t>(rows * voxels.x) * voxelBytes(info_.voxel_type);
       first += rows;
       count -= rows;
@@ -508,21 +544,41 @@ class VdbSlabSource final : public VdbSourceBase {
   }
 
  private:
+  using Leaf = typename Grid::TreeType::LeafNodeType;
+  using Stored = StoredLeaf<Leaf>;
+  static constexpr std::int64_t kLeafSlices = 8;
+
+  // Leaves below the coordinate.
+  std::size_t leavesBelow(std::int64_t z) const {
+    const auto end = std::partition_point(
+        leaves_.begin(), leaves_.end(), [&](const Stored& s) { return s.leaf->origin().z() < z; });
+    return static_cast<std::size_t>(end - leaves_.begin());
+  }
+
   void loadSlab(std::int64_t z) {
-    slab_.reset();  // before the next one comes
+    forgetVoxels();
     // Whole layers of leaves, so that none is read twice.
-    const std::int64_t end = ((first_.z + z) & ~std::int64_t{7}) + 8 * layers_;
+    const std::int64_t begin = (first_.z + z) & ~(kLeafSlices - 1);
+    const std::int64_t end = begin + kLeafSlices * layers_;
     slab_end_ = std::min(end - first_.z, info_.voxels.z);
-    slab_ = file_->readSlab(
-        {coordOf(first_ + Index3(0, 0, z)),
-         coordOf(first_ + Index3(info_.voxels.x - 1, info_.voxels.y - 1, slab_end_ - 1))});
+    const std::size_t low = leavesBelow(begin), high = leavesBelow(end);
+    slab_ = std::span<const Stored>(leaves_).subspan(low, high - low);
+    file_->readLeaves(slab_);
+  }
+  void forgetVoxels() {
+    for (const Stored& stored : slab_) {
+      typename Leaf::Buffer none(openvdb::PartialCreate(), grid_->background());
+      stored.leaf->swap(none);
+    }
   }
 
   std::unique_ptr<VdbFile> file_;
+  typename Grid::Ptr grid_;
+  std::vector<Stored> leaves_;
   std::int64_t layers_ = 1;
   std::uint64_t buffer_bytes_ = 0;
-  GridBase::Ptr slab_;
-  std::int64_t slab_end_ = 0;  // slices below it were read, or are in slab_
+  std::span<const Stored> slab_;  // that have their voxels
+  std::int64_t slab_end_ = 0;     // slices below it were read, or are in slab_
 };
 
 // What the writer of .vdb wants back.
@@ -561,15 +617,15 @@ std::unique_ptr<VolumeSource> openVdbSource(const std::string& path, const OpenO
   if (grid->getGridClass() == openvdb::GRID_LEVEL_SET)
     info.notes.push_back("a level set: its distances are negative inside; the surface is at 0");
   takeProperties(info, grid, box.first);
-  if (!loaded.has_voxels) {
-    file->stopReporting();
-    return std::make_unique<VdbSlabSource>(std::move(info), std::move(file), box.first,
-                                           loaded.node_bytes, options.memory_bytes);
-  }
   std::unique_ptr<VolumeSource> source;
   visitScalar(grid, [&](const auto& typed) {
     using Grid = std::decay_t<decltype(*typed)>;
-    source = std::make_unique<VdbSource<Grid>>(std::move(info), typed, box.first);
+    if (loaded.has_voxels)
+      source = std::make_unique<VdbSource<Grid>>(std::move(info), typed, box.first);
+    else if constexpr (!kHasBits<Grid>)
+      source =
+          std::make_unique<VdbSlabSource<Grid>>(std::move(info), std::move(file), typed, box.first,
+                                                loaded.node_bytes, options.memory_bytes);
   });
   return source;
 }

@@ -253,8 +253,12 @@ TEST_F(VdbSourceTest, AGridIsChosenByItsName) {
 }
 
 TEST_F(VdbSourceTest, AGridLargerThanMemoryIsReadSlabBySlab) {
-  const auto check = [&](const auto& grid) {
-    const std::string path = writeGrids({grid});
+  const auto check = [&](const auto& grid, std::uint32_t packing = openvdb::io::COMPRESS_NONE) {
+    // Behind another grid, so that nothing is where a file begins.
+    const std::string path = pathOf("slabs.vdb");
+    openvdb::io::File file(path);
+    file.setCompression(packing);
+    file.write({openvdb::Vec3SGrid::create(), grid});
     const auto whole = openVdbSource(path);
     OpenOptions options;
     options.memory_bytes = 1;
@@ -264,9 +268,19 @@ TEST_F(VdbSourceTest, AGridLargerThanMemoryIsReadSlabBySlab) {
     EXPECT_EQ(slabs->info().voxels, whole->info().voxels);
     EXPECT_EQ(readVoxels<float>(*slabs), readVoxels<float>(*whole));
   };
-  check(fogGrid<openvdb::FloatGrid>());
   check(fogGrid<openvdb::DoubleGrid>());
-  check(levelSetBall());
+  using namespace openvdb::io;
+  for (const std::uint32_t packing :
+       {std::uint32_t{COMPRESS_NONE}, std::uint32_t{COMPRESS_ZIP}, std::uint32_t{COMPRESS_BLOSC},
+        std::uint32_t{COMPRESS_ACTIVE_MASK}, std::uint32_t{COMPRESS_BLOSC | COMPRESS_ACTIVE_MASK}})
+    for (const bool is_half : {false, true}) {
+      SCOPED_TRACE(std::to_string(packing) + (is_half ? " half" : ""));
+      const auto fog = fogGrid<openvdb::FloatGrid>(), ball = levelSetBall();
+      fog->setSaveFloatAsHalf(is_half);
+      ball->setSaveFloatAsHalf(is_half);
+      check(fog, packing);
+      check(ball, packing);
+    }
 }
 
 TEST_F(VdbSourceTest, RefusesWhatItCannotUseWithOneLine) {
