@@ -9,6 +9,7 @@ set(isobrick_public_headers
   storage/error.h
   storage/format.h
   storage/grid.h
+  storage/noise_estimate.h
   storage/paged_file.h
   storage/pyramid.h
   storage/pyramid_info.h
