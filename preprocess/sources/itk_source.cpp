@@ -29,6 +29,7 @@
 
 #include "isobrick/preprocess/sources/dicom_header.h"
 #include "isobrick/preprocess/sources/header_text.h"
+#include "isobrick/preprocess/sources/image_bytes.h"
 #include "isobrick/preprocess/sources/itk_common.h"
 #include "isobrick/preprocess/sources/nifti_run.h"
 #include "isobrick/preprocess/sources/raw_run.h"
@@ -498,7 +499,7 @@ std::unique_ptr<VolumeSource> openImageFile(const std::string& path, std::vector
                                             const OpenOptions& options) {
   VolumeInfo info = describeVolume(path, *image);
   const auto components = static_cast<std::uint64_t>(image->GetNumberOfComponents());
-  if (info.format == "TIFF") checkTiffPages(path);
+  if (info.format == "TIFF" || info.format == "LSM") checkTiffPages(path);
   if (info.format == "NIfTI") return openNiftiRun(std::move(info), components, options);
   const auto run = info.format == "NRRD"        ? findNrrdRun(path, components, info.voxels)
                    : info.format == "MetaImage" ? findMetaImageRun(path)
@@ -514,8 +515,10 @@ std::unique_ptr<VolumeSource> openImageFile(const std::string& path, std::vector
     stored.big_endian = run->big_endian;
     return openRawRun(std::move(info), *run, stored, options.cancel);
   }
-  return std::make_unique<WholeImageSource>(std::move(info), std::move(files), std::move(image),
-                                            stored, options.cancel);
+  auto source = std::make_unique<WholeImageSource>(std::move(info), std::move(files),
+                                                   std::move(image), stored, options.cancel);
+  checkImageBytes(path, source->info().format, source->bufferBytes());
+  return source;
 }
 
 }  // namespace

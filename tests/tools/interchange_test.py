@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """Volumes that isobrick wrote, read by other programs' libraries, and the other way round.
 
-    interchange_test.py ISOBRICK nifti|components|zarr|zarr3|hdf5|vdb|dicom|tiff|vtk|real
+    interchange_test.py ISOBRICK nifti|components|zarr|zarr3|hdf5|vdb|dicom|tiff|others|vtk|real
 
 Every voxel of every level is compared, and what the libraries make of spacing, origin and direction.
 """
@@ -14,6 +14,7 @@ import struct
 import subprocess
 import sys
 import tempfile
+import zlib
 
 import numpy as np
 
@@ -633,6 +634,92 @@ def test_tiff():
         with open("cut.tif", "wb") as file:
             file.write(whole[:length])
         run("convert", "cut.tif", "-o", "x.raw", fails_with="cut.tif")
+
+
+def test_others():
+    """Formats that only ITK reads, from what their specifications say; LSM from tifffile."""
+    import tifffile
+
+    def write(name, *parts):
+        with open(name, "wb") as file:
+            file.write(b"".join(parts))
+
+    def png(page):
+        bits = 8 * page.itemsize
+        rows = b"".join(b"\0" + row.astype(f">u{page.itemsize}").tobytes() for row in page)
+        chunk = lambda kind, data: (struct.pack(">I", len(data)) + kind + data
+                                    + struct.pack(">I", zlib.crc32(kind + data)))
+        head = struct.pack(">2I5B", page.shape[1], page.shape[0], bits, 0, 0, 0, 0)
+        return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", zlib.compress(rows))
+                + chunk(b"IEND", b""))
+
+    shape = (9, 33, 40)
+    z, y, x = shape
+    for kind in ("u8", "u16"):
+        os.makedirs(kind)
+        values = voxels(kind, shape)
+        for number, page in enumerate(values):
+            write(f"{kind}/page{number}.png", png(page))
+        expect_same(raw_of(kind)[0], values)
+        write(f"{kind}/page4.png", png(values[4])[:-40])
+        run("convert", kind, "-o", "x.raw", fails_with="page4.png")
+
+    for kind, mode in (("i16", 1), ("f32", 2)):
+        values = voxels(kind, shape)
+        head = bytearray(1024)
+        struct.pack_into("<10i3f", head, 0, x, y, z, mode, 0, 0, 0, x, y, z,
+                         *(SPACING * shape[::-1]))
+        struct.pack_into("<3f3i", head, 52, 90, 90, 90, 1, 2, 3)
+        head[208:216] = b"MAP \x44\x41\0\0"
+        write("a.mrc", head, values.tobytes())
+        found, about = raw_of("a.mrc")
+        expect_same(found, values)
+        np.testing.assert_allclose(about["spacing"], SPACING, rtol=1e-6)
+
+    values = voxels("i16", shape)
+    head = bytearray(256)
+    struct.pack_into(">4hH3f", head, 0, x, y, z, 1, 15, *SPACING)
+    struct.pack_into(">I", head, 252, 719555000)
+    write("a.gipl", head, values.astype(">i2").tobytes())
+    found, about = raw_of("a.gipl")
+    expect_same(found, values)
+    np.testing.assert_allclose(about["spacing"], SPACING, rtol=1e-6)
+
+    values = voxels("u8", shape)
+    head = bytearray(76)
+    struct.pack_into("<3h", head, 0, x, y, z)
+    struct.pack_into("<h", head, 14, 1)
+    struct.pack_into("<H", head, 54, 12345)
+    struct.pack_into("<Hf", head, 64, 1, 1.0)  # lens and magnification
+    write("a.pic", head, values.tobytes())
+    expect_same(raw_of("a.pic")[0], values)
+
+    values = voxels("f32", shape)
+    text = f"# vtk DataFile Version 3.0\na volume\nBINARY\nDATASET STRUCTURED_POINTS\n" \
+           f"DIMENSIONS {x} {y} {z}\nSPACING 0.7 0.5 2.5\nORIGIN -1 2 3.5\n" \
+           f"POINT_DATA {values.size}\nSCALARS s float 1\nLOOKUP_TABLE default\n"
+    write("a.vtk", text.encode(), values.astype(">f4").tobytes())
+    found, about = raw_of("a.vtk")
+    expect_same(found, values)
+    expect_placed(about, spacing=[0.7, 0.5, 2.5], origin=[-1, 2, 3.5])
+
+    values = voxels("u8", shape)
+    info = bytearray(256)
+    struct.pack_into("<I4xiii", info, 0, 0x00400494, x, y, z)
+    struct.pack_into("<3d", info, 40, *(SPACING * 1e-6))
+    tifffile.imwrite("a.lsm", values, photometric="minisblack", metadata=None,
+                     extratags=[(34412, "B", len(info), bytes(info), True)])
+    expect_same(raw_of("a.lsm")[0], values)
+
+    # Cut short, each is an error.
+    for name in ("a.mrc", "a.gipl", "a.pic", "a.vtk", "a.lsm"):
+        with open(name, "rb") as file:
+            whole = file.read()
+        for length in (10, 70, 250, len(whole) // 2, len(whole) - 10):
+            if name == "a.lsm" and length + 10 == len(whole):
+                continue  # what is behind the voxels says nothing of them
+            write("cut" + name[1:], whole[:length])
+            run("convert", "cut" + name[1:], "-o", "x.raw", fails_with="cut" + name[1:])
 
 
 def test_vtk():
