@@ -14,9 +14,16 @@ if(ISOBRICK_COMMAND)
   if(BUILD_SHARED_LIBS)
     set_target_properties(isobrick PROPERTIES INSTALL_RPATH "$ORIGIN/${lib_from_bin}")
     set_target_properties(isobrick-build PROPERTIES INSTALL_RPATH "$ORIGIN/${lib_from_libexec}")
+    if(ISOBRICK_WITH_WINDOW)
+      set_target_properties(isobrick-view PROPERTIES INSTALL_RPATH "$ORIGIN/${lib_from_libexec}")
+    endif()
   endif()
   install(TARGETS isobrick RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT runtime)
-  install(TARGETS isobrick-build COMPONENT runtime
+  set(installed_helpers isobrick-build)
+  if(ISOBRICK_WITH_WINDOW)
+    list(APPEND installed_helpers isobrick-view)
+  endif()
+  install(TARGETS ${installed_helpers} COMPONENT runtime
           RUNTIME DESTINATION ${CMAKE_INSTALL_LIBEXECDIR}/isobrick)
 endif()
 

@@ -13,7 +13,7 @@ set(CPACK_DEBIAN_RUNTIME_PACKAGE_NAME isobrick)
 set(CPACK_DEBIAN_RUNTIME_PACKAGE_SECTION graphics)
 set(CPACK_DEBIAN_RUNTIME_PACKAGE_SHLIBDEPS ON)
 # What is loaded by name rather than linked: pictures are drawn by whatever GL there is.
-set(CPACK_DEBIAN_RUNTIME_PACKAGE_DEPENDS "libegl1, libopengl0, libgl1-mesa-dri")
+set(CPACK_DEBIAN_RUNTIME_PACKAGE_DEPENDS "libegl1, libopengl0, libgl1, libgl1-mesa-dri")
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME libisobrick-dev)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
 set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS

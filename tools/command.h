@@ -20,7 +20,8 @@ class UsageError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-// The subcommands of this executable (isobrick_commands.cpp, build/isobrick_build_commands.cpp).
+// The subcommands of this executable (isobrick_commands.cpp, build/isobrick_build_commands.cpp,
+// view/isobrick_view_commands.cpp).
 std::vector<Command> addCommands(CLI::App& app);
 
 // Where another executable has the subcommand `name`, becomes that executable, with the words
@@ -31,12 +32,14 @@ void runExternalCommand(std::string_view name, char** argv);
 inline constexpr char kBuildDescription[] = "Make pyramids (.isb) of volumes";
 inline constexpr char kConvertDescription[] =
     "Write volumes and pyramids in other formats: VDB, NRRD, NIfTI, OME-Zarr, HDF5, ...";
+inline constexpr char kViewDescription[] = "Explore a pyramid in a window";
 Command addBuildCommand(CLI::App& app);
 Command addConvertCommand(CLI::App& app);
 Command addInfoCommand(CLI::App& app);
 Command addVerifyCommand(CLI::App& app);
 Command addExtractCommand(CLI::App& app);
 Command addRenderCommand(CLI::App& app);
+Command addViewCommand(CLI::App& app);
 Command addPhantomCommand(CLI::App& app);
 Command addBenchCommand(CLI::App& app);
 Command addBenchRowCommand(CLI::App& app);

@@ -7,6 +7,7 @@
 #include <cstring>
 #include <filesystem>
 #include <iterator>
+#include <string>
 #include <string_view>
 
 #include "isobrick/storage/error.h"
@@ -29,19 +30,22 @@ Examples:
   isobrick extract head.isb --iso 1324 -o bone.ply   the finest surface
   isobrick extract head.isb --iso 1324 --focus 128,40,128 --radius 30 -o part.stl
   isobrick render head.isb --iso 500 -o skin.png
+  isobrick view head.isb                             in a window: H lists the keys
 
 'isobrick SUBCOMMAND --help' lists the options of a subcommand.
 Exit status: 0 success, 1 failed, 2 wrong usage, 130 interrupted.)";
 
 // Subcommands that another executable has.
 struct ExternalCommand {
-  std::string_view name, description;
+  std::string_view name, description, executable;
 };
 constexpr ExternalCommand kExternalCommands[] = {
-    {"build", kBuildDescription},
-    {"convert", kConvertDescription},
+    {"build", kBuildDescription, "isobrick-build"},
+    {"convert", kConvertDescription, "isobrick-build"},
+#if ISOBRICK_WITH_WINDOW
+    {"view", kViewDescription, "isobrick-view"},
+#endif
 };
-constexpr char kExternalExecutable[] = "isobrick-build";
 
 }  // namespace
 
@@ -64,16 +68,19 @@ std::vector<Command> addCommands(CLI::App& app) {
 }
 
 void runExternalCommand(std::string_view name, char** argv) {
-  const auto is_named = [&](const ExternalCommand& command) { return command.name == name; };
-  if (std::none_of(std::begin(kExternalCommands), std::end(kExternalCommands), is_named)) return;
+  const auto named =
+      std::find_if(std::begin(kExternalCommands), std::end(kExternalCommands),
+                   [&](const ExternalCommand& command) { return command.name == name; });
+  if (named == std::end(kExternalCommands)) return;
   for (const fs::path& folder : {ownFolder(), ownFolder() / ISOBRICK_LIBEXEC_FROM_BIN}) {
-    execv((folder / kExternalExecutable).c_str(), argv);
+    const std::string path = (folder / named->executable).string();
+    execv(path.c_str(), argv);
     if (errno == ENOENT) continue;
-    throw Error(fmt::format("cannot run '{}': {}; install isobrick again",
-                            (folder / kExternalExecutable).string(), std::strerror(errno)));
+    throw Error(
+        fmt::format("cannot run '{}': {}; install isobrick again", path, std::strerror(errno)));
   }
   throw Error(fmt::format("cannot find '{}' beside '{}' or in '{}'; install isobrick again",
-                          kExternalExecutable, (ownFolder() / "isobrick").string(),
+                          named->executable, (ownFolder() / "isobrick").string(),
                           (ownFolder() / ISOBRICK_LIBEXEC_FROM_BIN).lexically_normal().string()));
 }
 

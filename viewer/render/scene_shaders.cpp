@@ -223,7 +223,7 @@ out vec4 light;
 void main() {
   vec3 to_eye = orthographic ? vec3(0.0, 0.0, 1.0) : normalize(-eye_position);
   float facing = abs(dot(normalize(eye_normal), to_eye));
-  float alpha = mix(0.16, 0.04, facing);  // denser towards its rim
+  float alpha = mix(0.10, 0.015, facing);  // denser towards its rim
   light = vec4(color * alpha, alpha);
 }
 )";

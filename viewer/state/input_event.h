@@ -87,6 +87,7 @@ struct InputEvent {
   unsigned character = 0;
   bool shift = false, control = false;
   bool repeated = false;  // a key that is held
+  int clicks = 0;         // of a press: 2 where whoever sends it knows that it is a double click
 
   bool operator==(const InputEvent&) const = default;
 };

@@ -62,9 +62,10 @@ void press(const InputEvent& event, double seconds, bool on_panel, Interaction& 
   interaction.drag_button = event.button;
   interaction.moved = false;
   if (on_panel || event.button != MouseButton::kLeft || event.shift) return;
-  const bool again =
+  const bool quick =
       seconds - interaction.last_click_seconds <= kDoubleClickSeconds &&
       glm::distance(interaction.cursor, interaction.last_click) <= kDoubleClickPixels;
+  const bool again = quick || event.clicks == 2;
   if (again) wishes.focus_at = interaction.cursor;
   interaction.last_click_seconds = again ? -1e9 : seconds;
   interaction.last_click = interaction.cursor;

@@ -135,6 +135,10 @@ TEST_F(InteractionTest, OnlyTwoQuickClicksAtOnePlaceAreADoubleClick) {
   seconds_ += 1.0;
   EXPECT_FALSE(click(102, 101).focus_at);  // too late
   EXPECT_FALSE(click(150, 101).focus_at);  // too far
+  seconds_ += 1.0;
+  InputEvent told = at(Kind::kPress, 150, 101);
+  told.clicks = 2;
+  EXPECT_TRUE(send(told).focus_at);  // whoever sends it knows
 }
 
 TEST_F(InteractionTest, FocusOnAPointMovesFocusAndPivot) {

@@ -1,0 +1,117 @@
+// Scripts: what is one, and what their steps do to frames.
+#include "isobrick/viewer/session/view_script.h"
+
+#include <gtest/gtest.h>
+
+#include <string>
+#include <vector>
+
+#include "isobrick/storage/error.h"
+
+namespace isobrick {
+namespace {
+
+using Kind = InputEvent::Kind;
+
+std::string refusal(const std::string& text) {
+  try {
+    viewScriptFromJson(text);
+  } catch (const Error& error) {
+    return error.what();
+  }
+  return "accepted";
+}
+
+TEST(ViewScriptTest, WhatIsNoScriptIsRefusedByItsStep) {
+  EXPECT_EQ(refusal("["), "the script is not JSON");
+  EXPECT_EQ(refusal("{}"), "the script is not an object with a list 'steps'");
+  EXPECT_EQ(refusal(R"({"steps": [], "width": 3})"), "the script's 'width' is not known here");
+  const std::pair<const char*, const char*> cases[] = {
+      {R"([3])", "step 1 is not an object"},
+      {R"([{"wait": 1}, {}])", "step 2 is empty"},
+      {R"([{"wait": 1, "key": "F"}])", "step 1 is several steps"},
+      {R"([{"jump": 1}])", "step 1 'jump' is no step"},
+      {R"([{"move": [1]}])", "step 1 'move' is not a list of two"},
+      {R"([{"move": [1, "x"]}])", "step 1 'move' is not a number"},
+      {R"([{"press": "top"}])", "step 1 'press' is neither"},
+      {R"([{"key": "f"}])", "step 1 names no key"},
+      {R"([{"wait": -1}])", "step 1 'wait' is below 0"},
+      {R"([{"wait": "long"}])", "step 1 'wait' is not a number"},
+      {R"([{"drag": {"from": [0, 0]}}])", "step 1 'drag' lacks"},
+      {R"([{"drag": {"from": [0, 0], "to": [1, 1], "speed": 3}}])",
+       "step 1 'drag' knows no 'speed'"},
+      {R"([{"sweep": {"seconds": 3}}])", "step 1 sweeps nothing"},
+      {R"([{"sweep": {"height": [1, 2]}}])", "step 1 sweeps neither"},
+      {R"([{"frame": "../a.png"}])", "step 1 'frame' is not the name of a file"},
+      {R"([{"mesh": "a/b.ply"}])", "step 1 'mesh' is not the name of a file"},
+      {R"([{"resize": [-1, 5]}])", "step 1 'resize' is not from 0"},
+      {R"([{"wheel": 1, "shift": 1}])", "step 1 'shift' is neither true"},
+  };
+  for (const auto& [steps, message] : cases) {
+    const std::string said = refusal(std::string(R"({"steps": )") + steps + "}");
+    EXPECT_NE(said.find(message), std::string::npos) << said;
+  }
+}
+
+TEST(ViewScriptTest, StepsComeOneAFrameAndInTime) {
+  ScriptPlayer player(viewScriptFromJson(R"({"size": [640, 480], "steps": [
+      {"click": [10, 20]},
+      {"drag": {"from": [0, 0], "to": [100, 50], "button": "middle", "seconds": 1}},
+      {"wait": 0.5},
+      {"wait": "settled"},
+      {"key": "W", "shift": true},
+      {"frame": "a.png"}]})"));
+  ViewState state;
+  const auto next = [&](double seconds, bool settled = false) {
+    return player.next(seconds, settled, state);
+  };
+  const auto kindOf = [](const ScriptFrame& frame) {
+    return frame.events.size() == 1 ? frame.events[0].kind : Kind::kText;
+  };
+  EXPECT_EQ(kindOf(next(0.0)), Kind::kMove);
+  EXPECT_EQ(kindOf(next(0.1)), Kind::kPress);
+  EXPECT_EQ(kindOf(next(0.2)), Kind::kRelease);
+  EXPECT_EQ(kindOf(next(0.3)), Kind::kMove);
+  const ScriptFrame press = next(0.4);
+  EXPECT_EQ(kindOf(press), Kind::kPress);
+  EXPECT_EQ(press.events[0].button, MouseButton::kMiddle);
+  EXPECT_EQ(next(1.0).events[0].x, 0.0);
+  EXPECT_DOUBLE_EQ(next(1.25).events[0].x, 25.0);
+  EXPECT_EQ(next(2.5).events[0].y, 50.0);  // its end, however late
+  EXPECT_EQ(kindOf(next(2.6)), Kind::kRelease);
+  EXPECT_TRUE(next(3.0).events.empty());
+  EXPECT_TRUE(next(3.4).events.empty());
+  EXPECT_TRUE(next(3.6).events.empty());  // the wait is over
+  EXPECT_TRUE(next(3.7, false).events.empty());
+  EXPECT_TRUE(next(9.0, false).events.empty());
+  EXPECT_TRUE(next(9.1, true).events.empty());
+  const ScriptFrame key = next(9.2);
+  EXPECT_EQ(key.events[0].key, Key::kW);
+  EXPECT_TRUE(key.events[0].shift);
+  EXPECT_EQ(kindOf(next(9.3)), Kind::kKeyRelease);
+  const ScriptFrame last = next(9.4);
+  ASSERT_TRUE(last.file);
+  EXPECT_EQ(last.file->name, "a.png");
+  EXPECT_TRUE(last.finished);
+}
+
+TEST(ViewScriptTest, SweepsAndPatchesChangeTheStateAlone) {
+  ScriptPlayer player(viewScriptFromJson(R"({"steps": [
+      {"sweep": {"isovalue": [500, 1250], "seconds": 2}},
+      {"set": {"wireframe": true, "focus": {"radius": 20}}},
+      {"set": {"focus": {"radius": -1}}}]})"));
+  ViewState state;
+  state.focus.center = {1.0, 2.0, 3.0};
+  EXPECT_EQ(player.next(10.0, false, state).state->surfaces[0].isovalue, 500.0);
+  EXPECT_EQ(player.next(11.0, false, state).state->surfaces[0].isovalue, 875.0);
+  const ScriptFrame end = player.next(13.0, false, state);
+  EXPECT_EQ(end.state->surfaces[0].isovalue, 1250.0);
+  ViewState expected = state;
+  expected.wireframe = true;
+  expected.focus.radius = 20.0;
+  EXPECT_EQ(player.next(13.1, false, state).state, expected);
+  EXPECT_THROW(player.next(13.2, false, state), Error);
+}
+
+}  // namespace
+}  // namespace isobrick

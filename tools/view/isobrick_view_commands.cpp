@@ -1,0 +1,10 @@
+// The subcommand of the executable `isobrick-view`, which `isobrick` hands over to.
+#include "tools/command.h"
+
+namespace isobrick {
+
+std::vector<Command> addCommands(CLI::App& app) { return {addViewCommand(app)}; }
+
+void runExternalCommand(std::string_view, char**) {}
+
+}  // namespace isobrick

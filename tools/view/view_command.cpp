@@ -1,0 +1,60 @@
+// isobrick view: a window in which a pyramid is explored.
+#include <algorithm>
+#include <memory>
+#include <string>
+
+#include "isobrick/storage/pyramid.h"
+#include "isobrick/viewer/window/view_loop.h"
+#include "tools/command.h"
+#include "tools/interrupt.h"
+#include "tools/parse_text.h"
+#include "tools/parsed_option.h"
+#include "tools/thread_count.h"
+
+namespace isobrick {
+
+Command addViewCommand(CLI::App& app) {
+  CLI::App* const sub = app.add_subcommand("view", kViewDescription);
+  const auto options = std::make_shared<ViewOptions>();
+  options->memory_bytes = Pyramid::kDefaultBudgetBytes;
+  options->gpu_budget_bytes = std::uint64_t{1} << 30;
+  // One core is for the interface.
+  options->threads = std::max(1, allCores() - 1);
+  options->cancel = &interruptFlag();
+  const auto size = std::make_shared<PixelSize>(PixelSize{options->width, options->height});
+  sub->add_option("FILE", options->path, "Pyramid (.isb)")->type_name("PATH")->required();
+  addParsedOption(*sub, "--memory", options->memory_bytes, parseByteSize, "SIZE",
+                  "Bytes of the file to keep in memory, such as 256M; default: 1G");
+  addParsedOption(*sub, "--gpu-memory", options->gpu_budget_bytes, parseByteSize, "SIZE",
+                  "Bytes of triangles to keep on the graphics card; default: 1G");
+  addThreadsOption(*sub, options->threads);
+  addParsedOption(*sub, "--size", *size, parsePixelSize, "WxH",
+                  "Pixels of the window; default: 1280x800");
+  sub->add_option("--state", options->state_path,
+                  "View to begin with, as Ctrl+S writes it; read and written by Ctrl+O and Ctrl+S")
+      ->type_name("VIEW.json");
+  CLI::Option* const script =
+      sub->add_option("--script", options->script_path,
+                      "Timed inputs in place of hands; leaves at their end (docs/VIEWER.md)")
+          ->type_name("EVENTS.json");
+  sub->add_option("--frames", options->frames_folder,
+                  "Folder for the files that the script writes; default: this one")
+      ->type_name("DIR")
+      ->needs(script);
+  sub->add_option("--report", options->report_path, "Times of the script's frames, as JSON")
+      ->type_name("R.json")
+      ->needs(script);
+  sub->add_flag("--offscreen", options->offscreen, "Run the script without a window")
+      ->needs(script);
+  return {sub, [options, size] {
+            options->width = size->width;
+            options->height = size->height;
+            // The interface is beside them.
+            const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
+                                            static_cast<std::size_t>(options->threads) + 1);
+            runView(*options);
+            return 0;
+          }};
+}
+
+}  // namespace isobrick

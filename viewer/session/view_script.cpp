@@ -1,0 +1,306 @@
+#include "isobrick/viewer/session/view_script.h"
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "isobrick/storage/error.h"
+#include "isobrick/viewer/state/view_state_json.h"
+
+namespace isobrick {
+namespace {
+
+using Json = nlohmann::json;
+
+[[noreturn]] void refuse(const std::string& what) { throw Error("the script's " + what); }
+
+double numberOf(const Json& json, const std::string& where) {
+  if (!json.is_number()) refuse(where + " is not a number");
+  const double number = json.get<double>();
+  if (!(std::abs(number) <= 1e9)) refuse(where + " is too large");
+  return number;
+}
+
+double secondsOf(const Json& json, const std::string& where) {
+  const double seconds = numberOf(json, where);
+  if (seconds < 0.0) refuse(where + " is below 0");
+  return seconds;
+}
+
+std::array<double, 2> pairOf(const Json& json, const std::string& where) {
+  if (!json.is_array() || json.size() != 2) refuse(where + " is not a list of two numbers");
+  return {numberOf(json[0], where), numberOf(json[1], where)};
+}
+
+ScriptSize sizeOf(const Json& json, const std::string& where) {
+  const auto size = pairOf(json, where);
+  constexpr double kMost = 16384;
+  if (!(size[0] >= 0 && size[1] >= 0 && size[0] <= kMost && size[1] <= kMost))
+    refuse(where + " is not from 0 to 16384");
+  return {static_cast<int>(size[0]), static_cast<int>(size[1])};
+}
+
+const std::string& textOf(const Json& json, const std::string& where) {
+  if (!json.is_string()) refuse(where + " is not a text");
+  return json.get_ref<const std::string&>();
+}
+
+MouseButton buttonOf(const Json& json, const std::string& where) {
+  const std::string& name = textOf(json, where);
+  if (name == "left") return MouseButton::kLeft;
+  if (name == "middle") return MouseButton::kMiddle;
+  if (name == "right") return MouseButton::kRight;
+  refuse(where + " is neither 'left', 'middle' nor 'right'");
+}
+
+// Names stay in the folder that the caller chose.
+std::string fileNameOf(const Json& json, const std::string& where) {
+  const std::string& name = textOf(json, where);
+  if (name.empty() || name.front() == '.' || name.find('/') != std::string::npos)
+    refuse(where + " is not the name of a file");
+  return name;
+}
+
+// One object of the list as one or more steps.
+class StepReader {
+ public:
+  StepReader(const Json& json, std::size_t number, std::vector<ScriptStep>& steps)
+      : json_(json), where_("step " + std::to_string(number)), steps_(steps) {
+    if (!json.is_object()) refuse(where_ + " is not an object");
+    shift_ = flag("shift");
+    control_ = flag("control");
+  }
+
+  void read() {
+    const std::size_t before = steps_.size();
+    for (const auto& [name, value] : json_.items()) {
+      if (name == "shift" || name == "control") continue;
+      if (steps_.size() != before) refuse(where_ + " is several steps");
+      readOne(name, value);
+    }
+    if (steps_.size() == before) refuse(where_ + " is empty");
+  }
+
+ private:
+  bool flag(const char* name) const {
+    if (!json_.contains(name)) return false;
+    if (!json_[name].is_boolean()) refuse(where_ + " '" + name + "' is neither true nor false");
+    return json_[name].get<bool>();
+  }
+  InputEvent event(InputEvent::Kind kind) const {
+    InputEvent result;
+    result.kind = kind;
+    result.shift = shift_;
+    result.control = control_;
+    return result;
+  }
+  void move(const std::array<double, 2>& to) {
+    InputEvent moved = event(InputEvent::Kind::kMove);
+    moved.x = to[0];
+    moved.y = to[1];
+    steps_.emplace_back(ScriptEvent{moved});
+  }
+  void button(InputEvent::Kind kind, MouseButton which, int count = 0) {
+    InputEvent pressed = event(kind);
+    pressed.button = which;
+    pressed.clicks = count;
+    steps_.emplace_back(ScriptEvent{pressed});
+  }
+  void clicks(const std::array<double, 2>& at, int count) {
+    move(at);
+    for (int i = 0; i < count; ++i) {
+      button(InputEvent::Kind::kPress, MouseButton::kLeft, i + 1);
+      button(InputEvent::Kind::kRelease, MouseButton::kLeft);
+    }
+  }
+  void drag(const Json& value) {
+    for (const auto& item : value.items())
+      if (item.key() != "from" && item.key() != "to" && item.key() != "button" &&
+          item.key() != "seconds")
+        refuse(where_ + " 'drag' knows no '" + item.key() + "'");
+    if (!value.contains("from") || !value.contains("to"))
+      refuse(where_ + " 'drag' lacks 'from' or 'to'");
+    const auto from = pairOf(value["from"], where_ + " 'from'");
+    const auto to = pairOf(value["to"], where_ + " 'to'");
+    const MouseButton which = value.contains("button")
+                                  ? buttonOf(value["button"], where_ + " 'button'")
+                                  : MouseButton::kLeft;
+    move(from);
+    button(InputEvent::Kind::kPress, which);
+    steps_.emplace_back(ScriptMotion{
+        from, to, value.contains("seconds") ? secondsOf(value["seconds"], where_) : 0.5});
+    button(InputEvent::Kind::kRelease, which);
+  }
+  void sweep(const Json& value) {
+    ScriptSweep result;
+    bool found = false;
+    for (const auto& [name, range] : value.items()) {
+      if (name == "seconds") {
+        result.seconds = secondsOf(range, where_ + " 'seconds'");
+        continue;
+      }
+      if (name == "isovalue")
+        result.what = ScriptSweep::What::kIsovalue;
+      else if (name == "radius")
+        result.what = ScriptSweep::What::kRadius;
+      else if (name == "azimuth")
+        result.what = ScriptSweep::What::kAzimuth;
+      else
+        refuse(where_ + " sweeps neither 'isovalue', 'radius' nor 'azimuth'");
+      const auto ends = pairOf(range, where_ + " '" + name + "'");
+      result.from = ends[0];
+      result.to = ends[1];
+      found = true;
+    }
+    if (!found) refuse(where_ + " sweeps nothing");
+    steps_.emplace_back(result);
+  }
+  void key(const Json& value) {
+    const auto which = keyNamed(textOf(value, where_ + " 'key'"));
+    if (!which) refuse(where_ + " names no key that is known");
+    for (const InputEvent::Kind kind :
+         {InputEvent::Kind::kKeyPress, InputEvent::Kind::kKeyRelease}) {
+      InputEvent pressed = event(kind);
+      pressed.key = *which;
+      steps_.emplace_back(ScriptEvent{pressed});
+    }
+  }
+
+  void readOne(const std::string& name, const Json& value) {
+    const std::string where = where_ + " '" + name + "'";
+    if (name == "move") {
+      move(pairOf(value, where));
+    } else if (name == "press") {
+      button(InputEvent::Kind::kPress, buttonOf(value, where));
+    } else if (name == "release") {
+      button(InputEvent::Kind::kRelease, buttonOf(value, where));
+    } else if (name == "click") {
+      clicks(pairOf(value, where), 1);
+    } else if (name == "double_click") {
+      clicks(pairOf(value, where), 2);
+    } else if (name == "wheel") {
+      InputEvent turned = event(InputEvent::Kind::kWheel);
+      turned.amount = numberOf(value, where);
+      steps_.emplace_back(ScriptEvent{turned});
+    } else if (name == "key") {
+      key(value);
+    } else if (name == "drag" && value.is_object()) {
+      drag(value);
+    } else if (name == "sweep" && value.is_object()) {
+      sweep(value);
+    } else if (name == "set" && value.is_object()) {
+      steps_.emplace_back(ScriptPatch{value.dump()});
+    } else if (name == "wait") {
+      ScriptWait wait;
+      if (value != "settled") wait.seconds = secondsOf(value, where);
+      steps_.emplace_back(wait);
+    } else if (name == "resize") {
+      steps_.emplace_back(sizeOf(value, where));
+    } else if (name == "frame" || name == "picture" || name == "mesh" || name == "state") {
+      using What = ScriptFile::What;
+      const What what = name == "frame"     ? What::kFrame
+                        : name == "picture" ? What::kPicture
+                        : name == "mesh"    ? What::kMesh
+                                            : What::kState;
+      steps_.emplace_back(ScriptFile{what, fileNameOf(value, where)});
+    } else {
+      refuse(where + " is no step that is known here");
+    }
+  }
+
+  const Json& json_;
+  std::string where_;
+  std::vector<ScriptStep>& steps_;
+  bool shift_ = false, control_ = false;
+};
+
+}  // namespace
+
+ViewScript viewScriptFromJson(const std::string& text) {
+  const Json json = Json::parse(text, nullptr, false);
+  if (json.is_discarded()) throw Error("the script is not JSON");
+  if (!json.is_object() || !json.contains("steps") || !json["steps"].is_array())
+    throw Error("the script is not an object with a list 'steps'");
+  ViewScript script;
+  for (const auto& [name, value] : json.items()) {
+    if (name == "size") {
+      const ScriptSize size = sizeOf(value, "'size'");
+      if (size.width < 1 || size.height < 1) refuse("'size' is not at least 1");
+      script.width = size.width;
+      script.height = size.height;
+    } else if (name != "steps") {
+      refuse("'" + name + "' is not known here");
+    }
+  }
+  std::size_t number = 0;
+  for (const Json& step : json["steps"]) StepReader(step, ++number, script.steps).read();
+  return script;
+}
+
+ViewScript readViewScript(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::ostringstream text;
+  if (!file || !(text << file.rdbuf()))
+    throw Error("cannot read the script '" + path + "'; is it there?", {path});
+  try {
+    return viewScriptFromJson(text.str());
+  } catch (const Error& error) {
+    throw Error("'" + path + "': " + error.what() + "; docs/VIEWER.md has the steps", {path});
+  }
+}
+
+ScriptFrame ScriptPlayer::next(double seconds, bool settled, const ViewState& state) {
+  ScriptFrame frame;
+  if (step_ < script_.steps.size()) {
+    if (!step_begin_) step_begin_ = seconds;
+    if (play(script_.steps[step_], seconds - *step_begin_, settled, state, frame)) {
+      ++step_;
+      step_begin_.reset();
+    }
+  }
+  frame.finished = step_ == script_.steps.size();
+  return frame;
+}
+
+bool ScriptPlayer::play(const ScriptStep& step, double elapsed, bool settled,
+                        const ViewState& state, ScriptFrame& frame) const {
+  const auto shareOf = [&](double seconds) {
+    return seconds > 0.0 ? std::clamp(elapsed / seconds, 0.0, 1.0) : 1.0;
+  };
+  if (const auto* event = std::get_if<ScriptEvent>(&step)) {
+    frame.events.push_back(event->event);
+  } else if (const auto* motion = std::get_if<ScriptMotion>(&step)) {
+    const double share = shareOf(motion->seconds);
+    InputEvent moved;
+    moved.x = motion->from[0] + share * (motion->to[0] - motion->from[0]);
+    moved.y = motion->from[1] + share * (motion->to[1] - motion->from[1]);
+    frame.events.push_back(moved);
+    return share >= 1.0;
+  } else if (const auto* sweep = std::get_if<ScriptSweep>(&step)) {
+    const double share = shareOf(sweep->seconds);
+    const double value = sweep->from + share * (sweep->to - sweep->from);
+    frame.state = state;
+    if (sweep->what == ScriptSweep::What::kIsovalue)
+      frame.state->surfaces[static_cast<std::size_t>(state.active_surface)].isovalue = value;
+    else if (sweep->what == ScriptSweep::What::kRadius)
+      frame.state->focus.radius = value;
+    else
+      frame.state->camera.azimuth = value;
+    return share >= 1.0;
+  } else if (const auto* patch = std::get_if<ScriptPatch>(&step)) {
+    Json json = Json::parse(viewStateToJson(state));
+    json.merge_patch(Json::parse(patch->json));
+    frame.state = viewStateFromJson(json.dump());
+  } else if (const auto* wait = std::get_if<ScriptWait>(&step)) {
+    return wait->seconds ? elapsed >= *wait->seconds : settled;
+  } else if (const auto* file = std::get_if<ScriptFile>(&step)) {
+    frame.file = *file;
+  } else if (const auto* size = std::get_if<ScriptSize>(&step)) {
+    frame.size = *size;
+  }
+  return true;
+}
+
+}  // namespace isobrick

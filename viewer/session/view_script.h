@@ -1,0 +1,81 @@
+// Timed inputs from a file: what drives a window, or a target without one, in place of hands.
+#pragma once
+
+#include <array>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "isobrick/viewer/state/input_event.h"
+#include "isobrick/viewer/state/view_state.h"
+
+namespace isobrick {
+
+// docs/VIEWER.md has the steps as JSON. Each takes a frame at least.
+struct ScriptEvent {
+  InputEvent event;
+};
+struct ScriptMotion {  // the cursor from one place to another
+  std::array<double, 2> from{}, to{};
+  double seconds = 0.0;
+};
+struct ScriptSweep {  // a slider, moved
+  enum class What { kIsovalue, kRadius, kAzimuth } what = What::kIsovalue;
+  double from = 0.0, to = 0.0, seconds = 0.0;
+};
+struct ScriptPatch {  // fields of the state, as a JSON merge patch
+  std::string json;
+};
+struct ScriptWait {
+  std::optional<double> seconds;  // without: until all is there, as fine as it gets
+};
+struct ScriptFile {
+  enum class What { kFrame, kPicture, kMesh, kState } what = What::kFrame;
+  std::string name;
+};
+struct ScriptSize {
+  int width = 0, height = 0;
+};
+using ScriptStep = std::variant<ScriptEvent, ScriptMotion, ScriptSweep, ScriptPatch, ScriptWait,
+                                ScriptFile, ScriptSize>;
+
+struct ViewScript {
+  int width = 1280, height = 800;  // of the picture, pixels
+  std::vector<ScriptStep> steps;
+};
+
+// Throws Error, in one line that names the step, for what is no script.
+ViewScript viewScriptFromJson(const std::string& text);
+// The same of a file; Error names the path.
+ViewScript readViewScript(const std::string& path);
+
+// What one frame is to do.
+struct ScriptFrame {
+  std::vector<InputEvent> events;
+  std::optional<ViewState> state;
+  std::optional<ScriptSize> size;
+  std::optional<ScriptFile> file;  // after the frame was drawn
+  bool finished = false;           // there is no further step
+};
+
+// Plays a script; time is the caller's.
+class ScriptPlayer {
+ public:
+  explicit ScriptPlayer(ViewScript script) : script_(std::move(script)) {}
+
+  // `settled`: all that the state asks for was shown in the last frame. Throws Error where a patch
+  // gives no view.
+  ScriptFrame next(double seconds, bool settled, const ViewState& state);
+
+ private:
+  // True where the step is done with this frame.
+  bool play(const ScriptStep& step, double elapsed, bool settled, const ViewState& state,
+            ScriptFrame& frame) const;
+
+  ViewScript script_;
+  std::size_t step_ = 0;
+  std::optional<double> step_begin_;
+};
+
+}  // namespace isobrick

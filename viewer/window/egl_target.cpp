@@ -1,0 +1,33 @@
+#include "isobrick/viewer/window/egl_target.h"
+
+#include <utility>
+
+namespace isobrick {
+
+EglTarget::EglTarget(int width, int height)
+    : current_(context_), renderer_(std::make_unique<GlSceneRenderer>()) {
+  resize(width, height);
+}
+
+EglTarget::~EglTarget() = default;
+
+std::vector<InputEvent> EglTarget::takeEvents(double) { return std::exchange(events_, {}); }
+
+// Nobody looks, but who measures frames wants them drawn.
+void EglTarget::show() { glFinish(); }
+
+void EglTarget::resize(int width, int height) {
+  if (width > 0 && height > 0) {
+    frame_ = GlFramebuffer::make();
+    color_ = GlTexture::make(GLenum{GL_TEXTURE_2D});
+    glTextureStorage2D(*color_, 1, GL_RGBA8, width, height);
+    glNamedFramebufferTexture(*frame_, GL_COLOR_ATTACHMENT0, *color_, 0);
+  }
+  InputEvent event;
+  event.kind = InputEvent::Kind::kResize;
+  event.x = width;
+  event.y = height;
+  events_.push_back(event);
+}
+
+}  // namespace isobrick

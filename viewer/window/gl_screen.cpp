@@ -1,0 +1,26 @@
+#include <epoxy/gl.h>
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "isobrick/viewer/window/view_target.h"
+
+namespace isobrick {
+
+Image readScreen(unsigned framebuffer, int width, int height) {
+  const std::size_t row = 3 * static_cast<std::size_t>(width);
+  std::vector<std::uint8_t> rgb(row * static_cast<std::size_t>(height));
+  glBindFramebuffer(GL_READ_FRAMEBUFFER, framebuffer);
+  glPixelStorei(GL_PACK_ALIGNMENT, 1);
+  glReadPixels(0, 0, width, height, GL_RGB, GL_UNSIGNED_BYTE, rgb.data());
+  for (int y = 0; y < height / 2; ++y) {
+    const auto top = rgb.begin() + static_cast<std::ptrdiff_t>(row) * y;
+    const auto bottom = rgb.begin() + static_cast<std::ptrdiff_t>(row) * (height - 1 - y);
+    std::swap_ranges(top, top + static_cast<std::ptrdiff_t>(row), bottom);
+  }
+  return imageFromSrgb8(width, height, rgb);
+}
+
+}  // namespace isobrick

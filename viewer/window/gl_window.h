@@ -1,0 +1,36 @@
+// A window of the desktop. The only file that knows GLFW, with its source.
+#pragma once
+
+#include <memory>
+
+#include "isobrick/viewer/window/view_target.h"
+
+struct GLFWwindow;
+
+namespace isobrick {
+
+// One at a time, on the main thread.
+class GlWindow : public ViewTarget {
+ public:
+  // Throws Error, with the way out, where there is no display or no OpenGL 4.5.
+  GlWindow(int width, int height, const std::string& title);
+  ~GlWindow() override;
+
+  GlSceneRenderer& renderer() override { return *renderer_; }
+  std::vector<InputEvent> takeEvents(double wait_seconds) override;
+  void resize(int width, int height) override;
+  double scale() const override;
+  void setTitle(const std::string& title) override;
+  unsigned framebuffer() const override { return 0; }
+  void show() override;
+
+ private:
+  struct Callbacks;
+  void pushSize();
+
+  GLFWwindow* window_ = nullptr;
+  std::unique_ptr<GlSceneRenderer> renderer_;
+  std::vector<InputEvent> events_;
+};
+
+}  // namespace isobrick

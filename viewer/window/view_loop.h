@@ -1,0 +1,30 @@
+// `isobrick view`: frames until the window is closed or the script is at its end.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "isobrick/storage/cancel.h"
+
+namespace isobrick {
+
+struct ViewOptions {
+  std::string path;                    // a pyramid
+  std::uint64_t memory_bytes = 0;      // of the file, as Pyramid takes it
+  std::uint64_t gpu_budget_bytes = 0;  // of chunks
+  int threads = 1;                     // of the extraction
+  std::string state_path;              // a view to begin with; empty: none
+  std::string script_path;             // empty: hands
+  std::string frames_folder = ".";     // where a script's files go
+  std::string report_path;             // JSON of a script's timings; empty: none
+  bool offscreen = false;              // without a window; scripts only
+  int width = 1280, height = 800;      // of the window, pixels
+  const CancelFlag* cancel = nullptr;
+};
+
+// Throws Error where the file, the view or the script cannot be read, no window can be opened, or a
+// script's files cannot be written, and Cancelled. While hands are at work what goes wrong is shown
+// in the window.
+void runView(const ViewOptions& options);
+
+}  // namespace isobrick

@@ -1,0 +1,35 @@
+// Where frames are shown and events come from: a window, or memory.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "isobrick/viewer/image.h"
+#include "isobrick/viewer/render/gl_scene_renderer.h"
+#include "isobrick/viewer/state/input_event.h"
+
+namespace isobrick {
+
+// Lives on one thread, on which its context is current all the time.
+class ViewTarget {
+ public:
+  virtual ~ViewTarget() = default;
+
+  virtual GlSceneRenderer& renderer() = 0;
+  // What came since the last call, the size of the picture first of all; waits for the first event
+  // for at most so long.
+  virtual std::vector<InputEvent> takeEvents(double wait_seconds) = 0;
+  // Asks for another size; an event tells when it has it.
+  virtual void resize(int width, int height) = 0;
+  // How many pixels of this screen are one of an ordinary one.
+  virtual double scale() const = 0;
+  virtual void setTitle(const std::string& title) = 0;
+  // The framebuffer that is shown, and showing it.
+  virtual unsigned framebuffer() const = 0;
+  virtual void show() = 0;
+};
+
+// The contents of a framebuffer of the current context, panels included: 8 bits, sRGB.
+Image readScreen(unsigned framebuffer, int width, int height);
+
+}  // namespace isobrick
