@@ -612,7 +612,7 @@ def test_tiff():
             np.testing.assert_allclose(10 * x[1] / x[0], SPACING[0], rtol=1e-6)
             np.testing.assert_allclose(10 * y[1] / y[0], SPACING[1], rtol=1e-6)
         # Theirs, read by us.
-        for options in (variants[number], variants[(number + 3) % 6]):
+        for options in (variants[number], variants[5])[: 1 + (number == 4)]:
             shutil.rmtree("theirs", ignore_errors=True)
             os.makedirs("theirs")
             plain = {"photometric": "minisblack", "metadata": None}
@@ -803,14 +803,16 @@ def test_real():
         values, place = raw_of("cut.isb")
         direct, _ = raw_of(path, "--box", box)
         expect_same(values, direct)
-        for name in ("a.nrrd", "a.mhd", "a.mha", "a.nii.gz", "a.vti", "a.h5", "a.ome.zarr",
-                     "slices/%04d.exr", "a.vdb"):
+        for name in ("a.nrrd", "a.mhd", "a.mha", "a.nii.gz", "a.vti", "a.h5",
+                     "a.ome.zarr", "slices/%04d.exr", "a.vdb", "a.tif"):
             run("convert", "cut.isb", "-o", name, "--force", "--memory", "1G")
             found, found_place = raw_of(os.path.dirname(name) or name)
             if name == "a.vdb":
                 np.testing.assert_array_equal(found, values.astype("f4"))
             else:
                 expect_same(found, values)
+            if name.endswith(".tif"):
+                continue  # it has no places
             # The same places in the world, to a thousandth of the spacing.
             for corner in itertools.product((0, 1), repeat=3):
                 index = np.array(corner) * (np.array(values.shape[::-1]) - 1)
