@@ -778,22 +778,13 @@ def test_vtk():
 def test_real():
     """Real scans through every format: the voxels of the middle, and where they are."""
     data = os.environ["ISOBRICK_DATA"]
-    volumes = {
-        "vhf_head_ct/vhf_head.nrrd": [], "vhf_head_ct/dicom": [], "vdb": [], "mr_nifti": [],
-        "aneurism": [], "engine": [], "fingers_f32": [], "headsq_quarter": [], "tooth_u16be": [],
-    }
+    known = (".nrrd", ".nhdr", ".mhd", ".nii", ".nii.gz", ".vti", ".vdb")
+    paths = [os.path.join(data, "vhf_head_ct", "dicom")]
+    for folder, _, names in os.walk(data):
+        paths += [os.path.join(folder, name) for name in names if name.endswith(known)]
     tested = 0
-    for volume in sorted(volumes):
-        path = os.path.join(data, volume)
-        if not os.path.exists(path):
-            continue
-        if os.path.isdir(path) and not volume.endswith("dicom"):
-            files = sorted(os.listdir(path))
-            known = (".nrrd", ".nhdr", ".mhd", ".nii", ".nii.gz", ".vti", ".vdb")
-            files = [name for name in files if name.endswith(known)]
-            if not files:
-                continue
-            path = os.path.join(path, files[0])
+    for path in sorted(filter(os.path.exists, paths)):
+        volume = os.path.relpath(path, data)
         about = run("convert", path, "-o", "whole.isb", "--force", "--json", "--no-curvature")
         middle = [n // 2 for n in about["dimensions"]]
         low = [max(0, m - 45) for m in middle]
