@@ -48,7 +48,8 @@ ViewPoint makeView(const ChoiceOptions& options) {
   if (options.look_at) {
     view.field.emplace();
     view.field->direction = *options.look_at - *options.eye;
-    view.field->half_angle = options.field_of_view.value_or(90) * std::numbers::pi / 360;
+    view.field->half_angle =
+        options.field_of_view.value_or(kDefaultFieldOfView) * std::numbers::pi / 360;
     view.field->radius = options.field_radius.value_or(0);
   }
   return view;
@@ -68,7 +69,8 @@ void addViewOptions(CLI::App& app, ChoiceOptions& options) {
                                               "Pixels that a cell's edge may cover; default: 1");
   CLI::Option* const look_at =
       addParsedOption(app, "--look-at", options.look_at, parsePoint, "X,Y,Z",
-                      "A world point in the middle of the picture: coarser outside of the field");
+                      "A world point in the middle of the picture: coarser outside of the field; "
+                      "'render' draws the picture from there");
   CLI::Option* const angle =
       addParsedOption(app, "--field-of-view", options.field_of_view, parseFieldOfView, "DEGREES",
                       "From corner to corner of the picture; default: 90");

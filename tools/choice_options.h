@@ -10,6 +10,9 @@
 
 namespace isobrick {
 
+// Degrees, from corner to corner of a picture whose field of view is not given.
+inline constexpr double kDefaultFieldOfView = 90;
+
 // A tolerance in the units of the data, or a multiple of the noise.
 struct ToleranceText {
   double value = 0;

@@ -1,7 +1,10 @@
 // isobrick render: a picture of one isosurface, without a window.
 #include <fmt/format.h>
 
+#include <cmath>
+#include <glm/geometric.hpp>
 #include <memory>
+#include <numbers>
 #include <string>
 #include <utility>
 #include <vector>
@@ -31,6 +34,26 @@ struct RenderArguments {
   bool show_focus = false;
 };
 
+// The query's eye, where it looks at something, is the picture's; and what covers how many pixels
+// is then a matter of this picture, where nothing else was said.
+void placeEye(RenderArguments& arguments) {
+  ChoiceOptions& choice = arguments.query.choice;
+  if (!choice.eye || !choice.look_at || choice.pixels_per_unit) return;
+  LookAtCamera& camera = arguments.picture.look_at.emplace();
+  camera.eye = *choice.eye;
+  camera.target = *choice.look_at;
+  const glm::dvec3 forward = glm::normalize(camera.target - camera.eye);
+  if (std::abs(glm::dot(forward, camera.up)) > 0.999) camera.up = {0.0, 1.0, 0.0};
+  // From corner to corner, and from the lower edge to the upper one.
+  const double diagonal =
+      choice.field_of_view.value_or(kDefaultFieldOfView) * std::numbers::pi / 180;
+  const double height = arguments.size.height;
+  const double vertical =
+      2 * std::atan(std::tan(diagonal / 2) * height / std::hypot(height, arguments.size.width));
+  arguments.picture.vertical_fov = vertical * 180 / std::numbers::pi;
+  if (!choice.pixels_per_radian) choice.pixels_per_radian = height / vertical;
+}
+
 RenderOptions makeRenderOptions(const RenderArguments& arguments, const PictureSurface& surface) {
   RenderOptions options = arguments.picture;
   options.width = arguments.size.width;
@@ -39,7 +62,7 @@ RenderOptions makeRenderOptions(const RenderArguments& arguments, const PictureS
   return options;
 }
 
-int runRender(const RenderArguments& arguments) {
+int runRender(RenderArguments arguments) {
   // Neither a slip of the pen nor a machine that cannot draw shall cost an extraction.
   const ImageFormat format = imageFormatOf(arguments.output);
   refusePyramidAsOutput(arguments.query.path, arguments.output);
@@ -50,6 +73,7 @@ int runRender(const RenderArguments& arguments) {
     throw UsageError(fmt::format("--size {}x{} is too large; at most {} pixels each",
                                  arguments.size.width, arguments.size.height,
                                  renderer->greatestSize()));
+  placeEye(arguments);
   const Stopwatch extract_watch;
   PictureSurface surface = runWithThreads(arguments.query.threads,
                                           [&] { return extractPictureSurface(arguments.query); });
