@@ -104,7 +104,8 @@ void ViewSession::requestPasses(const std::vector<double>& radii, double seconds
     pass.radius = radius;
     for (std::size_t s = 0; s < state_.surfaces.size(); ++s)
       if (state_.surfaces[s].visible)
-        pass.queries.push_back({static_cast<int>(s), queryOf(state_, volume_, s, radius)});
+        pass.queries.push_back(
+            {static_cast<int>(s), queryOf(state_, volume_, s, radius, interaction_.size.y)});
   }
   all_passes_done_ = false;
   last_request_ = stream_.request(std::move(request));
@@ -223,7 +224,7 @@ glm::dvec3 ViewSession::pointAt(const glm::dvec2& pixel) {
 void ViewSession::exportMesh(const std::string& path) {
   mesh_error_.clear();
   mesh_worker_.request({queryOf(state_, volume_, static_cast<std::size_t>(state_.active_surface),
-                                wantedRadius(state_, volume_)),
+                                wantedRadius(state_, volume_), interaction_.size.y),
                         path});
 }
 

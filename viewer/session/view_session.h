@@ -68,6 +68,10 @@ class ViewSession {
   // Draws what is there, with the size of the interaction; false where that is nothing.
   bool draw();
 
+  // How long the frame drawn last took, with showing it: what draws slowly gets less while hands
+  // move.
+  void noteDrawing(double seconds) { quality_ = drawn(quality_, shown_pass_.triangles, seconds); }
+
   // What is shown is what the state asks for, as fine as it will get, slices included.
   bool settled() const;
   SessionStatus status() const;

@@ -4,11 +4,16 @@
 #include <cmath>
 
 namespace isobrick {
+namespace {
+
+// Triangles that say something about a rate.
+constexpr std::uint64_t kFewest = 1000;
+
+}  // namespace
 
 DragQuality measured(const DragQuality& quality, double radius, std::uint64_t triangles,
                      double seconds) {
   DragQuality next = quality;
-  constexpr std::uint64_t kFewest = 1000;
   if (triangles >= kFewest && seconds > 0.0) {
     const double rate = static_cast<double>(triangles) / seconds;
     constexpr double kWeight = 0.3;  // of the new figure
@@ -17,11 +22,21 @@ DragQuality measured(const DragQuality& quality, double radius, std::uint64_t tr
             ? rate
             : quality.triangles_per_second + kWeight * (rate - quality.triangles_per_second);
   }
-  const double fitting = kDragSeconds * next.triangles_per_second;
+  double fitting = kDragSeconds * next.triangles_per_second;
+  if (next.drawn_per_second > 0.0)
+    fitting = std::min(fitting, kDragSeconds * next.drawn_per_second);
   // Of an empty surface the time is all there is to go by.
   const double share = triangles >= kFewest ? fitting / static_cast<double>(triangles)
                                             : kDragSeconds / std::max(seconds, 1e-3);
   next.radius = std::max(kLeastRadius, radius * std::clamp(std::sqrt(share), 0.5, 2.0));
+  return next;
+}
+
+DragQuality drawn(const DragQuality& quality, std::uint64_t triangles, double seconds) {
+  DragQuality next = quality;
+  if (triangles < kFewest) return next;
+  next.drawn_per_second =
+      seconds < 0.5 * kDragSeconds ? 0.0 : static_cast<double>(triangles) / seconds;
   return next;
 }
 

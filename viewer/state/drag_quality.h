@@ -9,10 +9,11 @@ namespace isobrick {
 // What was measured of the extractions so far. A value; the functions below give the next one.
 struct DragQuality {
   double radius = 16.0;               // of interest, voxels: what fits into the time
-  double triangles_per_second = 0.0;  // 0: nothing was measured yet
+  double triangles_per_second = 0.0;  // extracted; 0: nothing was measured yet
+  double drawn_per_second = 0.0;      // triangles drawn, by what draws slowly; 0: it does not
 };
 
-// The time that one extraction may take while a slider is dragged.
+// The time that one extraction, and one picture, may take while a slider is dragged.
 inline constexpr double kDragSeconds = 0.06;
 // No surface is coarser than with this radius.
 inline constexpr double kLeastRadius = 8.0;
@@ -22,6 +23,10 @@ inline constexpr double kLeastRadius = 8.0;
 // since a surface may be anywhere. Runs that found next to nothing leave the rate as it was.
 DragQuality measured(const DragQuality& quality, double radius, std::uint64_t triangles,
                      double seconds);
+
+// After a picture of so many triangles. Pictures that take less than half the time, as graphics
+// cards draw them, say nothing; a rasteriser in software is as slow as an extraction.
+DragQuality drawn(const DragQuality& quality, std::uint64_t triangles, double seconds);
 
 // The radii of the passes at rest: from what is quick, each twice the last one, to `wanted`. Each
 // pass makes the whole surface anew, and the geometric growth keeps all of them together to about

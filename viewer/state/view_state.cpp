@@ -4,6 +4,7 @@
 #include <cmath>
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
+#include <glm/trigonometric.hpp>
 
 namespace isobrick {
 
@@ -47,6 +48,8 @@ ViewState bounded(const ViewState& state, const ViewVolume& volume) {
   }
   result.focus.center = glm::clamp(result.focus.center, glm::dvec3(0.0), last);
   result.focus.radius = std::clamp(result.focus.radius, 1.0, volume.diagonal());
+  if (result.view_pixels) result.view_pixels = std::clamp(*result.view_pixels, 0.1, 1000.0);
+  if (result.tolerance) result.tolerance = std::max(*result.tolerance, 0.0);
   if (result.clip_planes.size() > kMostClipPlanes) result.clip_planes.resize(kMostClipPlanes);
   for (ViewClipPlane& plane : result.clip_planes) {
     const double length = glm::length(plane.normal);
@@ -63,12 +66,23 @@ ViewState bounded(const ViewState& state, const ViewVolume& volume) {
   return result;
 }
 
-Query queryOf(const ViewState& state, const ViewVolume& volume, std::size_t surface,
-              double radius) {
+Query queryOf(const ViewState& state, const ViewVolume& volume, std::size_t surface, double radius,
+              double height) {
   Query query;
   query.isovalue = state.surfaces[surface].isovalue;
   query.curvature_tolerance = state.curvature_tolerance;
+  query.tolerance = state.tolerance;
   if (radius < volume.diagonal()) query.focus = FocusSphere{state.focus.center, radius};
+  if (state.view_pixels) {
+    const PlacedCamera camera = placeCamera(state.camera, 1.0);
+    ViewPoint view;
+    view.eye = camera.eye;
+    view.pixels = *state.view_pixels;
+    const double pixels = std::max(height, 1.0);
+    view.pixels_per_radian = pixels / glm::radians(state.camera.vertical_fov);
+    if (camera.orthographic) view.pixels_per_unit = pixels / (2.0 * camera.half_height);
+    query.view = view;
+  }
   return query;
 }
 
@@ -80,7 +94,8 @@ double wantedRadius(const ViewState& state, const ViewVolume& volume) {
 bool asksForTheSame(const ViewState& a, const ViewState& b) {
   return a.focus.center == b.focus.center && a.focus.radius == b.focus.radius &&
          a.focus.everywhere == b.focus.everywhere &&
-         a.curvature_tolerance == b.curvature_tolerance &&
+         a.curvature_tolerance == b.curvature_tolerance && a.tolerance == b.tolerance &&
+         a.view_pixels == b.view_pixels && (!a.view_pixels || a.camera == b.camera) &&
          std::equal(a.surfaces.begin(), a.surfaces.end(), b.surfaces.begin(), b.surfaces.end(),
                     [](const ViewSurface& s, const ViewSurface& t) {
                       return s.isovalue == t.isovalue && s.visible == t.visible;

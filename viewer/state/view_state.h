@@ -60,6 +60,8 @@ struct ViewState {
   int active_surface = 0;                            // which one keys and the slider move
   ViewFocus focus;
   std::optional<double> curvature_tolerance;  // Query::curvature_tolerance
+  std::optional<double> tolerance;            // Query::tolerance, data units
+  std::optional<double> view_pixels;          // ViewPoint::pixels, seen from the camera
   std::vector<ViewClipPlane> clip_planes;     // at most kMostClipPlanes
   std::array<ViewSlice, 3> slices;            // across x, y and z
   std::array<double, 2> value_window{0.0,
@@ -95,12 +97,15 @@ ViewState bounded(const ViewState& state, const ViewVolume& volume);
 
 // Surfaces with isovalue `isovalue` within the radius `radius`; beyond the volume's diagonal, or
 // where the focus is everywhere and the radius reaches all of it, the whole of level 0.
-Query queryOf(const ViewState& state, const ViewVolume& volume, std::size_t surface, double radius);
+//
+// `height`: of the picture, pixels; counts where the view says how fine the surface shall be.
+Query queryOf(const ViewState& state, const ViewVolume& volume, std::size_t surface, double radius,
+              double height);
 
 // The radius that is asked for at rest.
 double wantedRadius(const ViewState& state, const ViewVolume& volume);
 
-// True where both ask for the same triangles.
+// True where both ask for the same triangles, in a picture of the same height.
 bool asksForTheSame(const ViewState& a, const ViewState& b);
 
 }  // namespace isobrick

@@ -72,14 +72,16 @@ void forEachField(T& value, F&& f) {
 template <typename T, typename F>
 requires std::is_same_v<std::remove_const_t<T>, ViewState>
 void forEachField(T& value, F&& f) {
-  auto& [camera, surfaces, active_surface, focus, curvature_tolerance, clip_planes, slices,
-         value_window, coloring, lighting, wireframe, show_box, background_top, background_bottom] =
-      value;
+  auto& [camera, surfaces, active_surface, focus, curvature_tolerance, tolerance, view_pixels,
+         clip_planes, slices, value_window, coloring, lighting, wireframe, show_box, background_top,
+         background_bottom] = value;
   f("camera", camera);
   f("surfaces", surfaces);
   f("active_surface", active_surface);
   f("focus", focus);
   f("curvature_tolerance", curvature_tolerance);
+  f("tolerance", tolerance);
+  f("view_pixels", view_pixels);
   f("clip_planes", clip_planes);
   f("slices", slices);
   f("value_window", value_window);
@@ -220,6 +222,8 @@ void checkRanges(const ViewState& state) {
   if (!(state.focus.radius > 0.0)) refuse("focus.radius", "is not above 0");
   if (state.curvature_tolerance && *state.curvature_tolerance < 0.0)
     refuse("curvature_tolerance", "is below 0");
+  if (state.tolerance && *state.tolerance < 0.0) refuse("tolerance", "is below 0");
+  if (state.view_pixels && !(*state.view_pixels > 0.0)) refuse("view_pixels", "is not above 0");
   if (state.clip_planes.size() > kMostClipPlanes) refuse("clip_planes", "has more than 6 elements");
 }
 

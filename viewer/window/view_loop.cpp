@@ -184,7 +184,9 @@ class ViewLoop {
     if (scripted.file) writeScripted(*scripted.file, drawn);  // from what is about to be shown
     const double written = secondsNow();
     if (drawn) target_->show();
-    remember({drawing - begin, drawn_by - drawing + secondsNow() - written}, begin);
+    const double draw_seconds = drawn_by - drawing + secondsNow() - written;
+    if (drawn) session_->noteDrawing(draw_seconds);
+    remember({drawing - begin, draw_seconds}, begin);
     if (drawn) grant(wishes);
     closing_ = closing_ || wishes.close || (player_ && scripted.finished);
   }

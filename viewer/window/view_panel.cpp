@@ -153,6 +153,7 @@ Wishes ViewPanel::build(ViewSession& session, const PanelFacts& facts) {
       histogram(session);
       surfaces(session);
       focus(session);
+      detail(session);
       clipPlanes(session);
       slices(session);
       look(session);
@@ -258,20 +259,33 @@ void ViewPanel::focus(ViewSession& session) {
     sliderOf(names[static_cast<std::size_t>(axis)], state.focus.center[axis], 0.0,
              static_cast<double>(session.volume().voxels[axis] - 1), "%.0f");
   ImGui::Checkbox("sphere", &state.focus.show_sphere);
-  bool flat = state.curvature_tolerance.has_value();
-  if (session.pyramid().spec().has_curvature) {
-    ImGui::SameLine();
-    if (ImGui::Checkbox("flat parts coarse", &flat)) {
-      state.curvature_tolerance.reset();
-      if (flat) state.curvature_tolerance = 0.005;
+}
+
+// What may stay coarse, by the oracles.
+void ViewPanel::detail(ViewSession& session) {
+  if (!ImGui::CollapsingHeader("detail")) return;
+  ViewState& state = session.state();
+  const auto optional = [&](const char* label, std::optional<double>& value, double first) {
+    bool on = value.has_value();
+    if (ImGui::Checkbox(label, &on)) {
+      value.reset();
+      if (on) value = first;
     }
-  }
-  if (state.curvature_tolerance) {
-    // As a radius: flatter than a sphere of so many voxels.
-    double radius = std::sqrt(0.5 / std::max(*state.curvature_tolerance, 1e-12));
-    if (sliderOf("flatter than", radius, 1.0, 100.0, "%.1f voxels", ImGuiSliderFlags_Logarithmic))
-      state.curvature_tolerance = 0.5 / (radius * radius);
-  }
+    return on;
+  };
+  const double span = session.histogram().greatest - session.histogram().least;
+  if (optional("where the value is off by at most", state.tolerance, 0.01 * span))
+    sliderOf("of the data", *state.tolerance, 0.0, 0.2 * span, "%.4g",
+             ImGuiSliderFlags_Logarithmic);
+  if (optional("where cells are this small", state.view_pixels, 2.0))
+    sliderOf("on the screen", *state.view_pixels, 0.5, 50.0, "%.1f pixels",
+             ImGuiSliderFlags_Logarithmic);
+  if (!session.pyramid().spec().has_curvature) return;
+  if (!optional("where it is flat", state.curvature_tolerance, 0.005)) return;
+  // As a radius: flatter than a sphere of so many voxels.
+  double radius = std::sqrt(0.5 / std::max(*state.curvature_tolerance, 1e-12));
+  if (sliderOf("flatter than", radius, 1.0, 100.0, "%.1f voxels", ImGuiSliderFlags_Logarithmic))
+    state.curvature_tolerance = 0.5 / (radius * radius);
 }
 
 void ViewPanel::clipPlanes(ViewSession& session) {

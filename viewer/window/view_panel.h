@@ -48,6 +48,7 @@ class ViewPanel {
   void histogram(ViewSession& session);
   void surfaces(ViewSession& session);
   void focus(ViewSession& session);
+  void detail(ViewSession& session);
   void clipPlanes(ViewSession& session);
   void slices(ViewSession& session);
   void look(ViewSession& session);

@@ -53,9 +53,10 @@ class ViewSessionTest : public ::testing::Test {
   std::uint64_t trianglesOfAll() const {
     CountingSink sink;
     const ViewState& state = session_->state();
-    return extractIsosurface(
-               *pyramid_,
-               queryOf(state, session_->volume(), 0, wantedRadius(state, session_->volume())), sink)
+    return extractIsosurface(*pyramid_,
+                             queryOf(state, session_->volume(), 0,
+                                     wantedRadius(state, session_->volume()), 100.0),
+                             sink)
         .triangles;
   }
   std::uint64_t trianglesShown() const {

@@ -264,6 +264,18 @@ TEST(DragQualityTest, TheRadiusFindsWhatFitsIntoTheTime) {
   EXPECT_NEAR(4.0 * radius * radius, kDragSeconds * 1e6, 0.05 * kDragSeconds * 1e6);
 }
 
+TEST(DragQualityTest, ASlowRasteriserBoundsTheRadiusToo) {
+  DragQuality quality = drawn({}, 100'000, 1.0);
+  EXPECT_EQ(quality.drawn_per_second, 1e5);
+  for (int i = 0; i < 20; ++i) {
+    const auto triangles = static_cast<std::uint64_t>(4.0 * quality.radius * quality.radius);
+    quality = measured(quality, quality.radius, triangles, static_cast<double>(triangles) / 1e6);
+  }
+  EXPECT_NEAR(4.0 * quality.radius * quality.radius, kDragSeconds * 1e5, 0.05 * kDragSeconds * 1e5);
+  EXPECT_EQ(drawn(quality, 10, 5.0).drawn_per_second, 1e5);         // too few to say anything
+  EXPECT_EQ(drawn(quality, 100'000, 0.001).drawn_per_second, 0.0);  // a graphics card
+}
+
 TEST(DragQualityTest, StepsAreBoundedAndNeverBelowTheLeast) {
   DragQuality quality = measured({}, 100.0, 1, 1e-6);
   EXPECT_DOUBLE_EQ(quality.radius, 200.0);  // an empty surface says little

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
+#include <numbers>
 #include <string>
 
 #include "isobrick/storage/error.h"
@@ -20,6 +21,8 @@ ViewState fullState() {
   state.active_surface = 1;
   state.focus = {{10.0, 20.5, 30.0}, 77.7, true, false};
   state.curvature_tolerance = 0.125;
+  state.tolerance = 12.5;
+  state.view_pixels = 1.5;
   state.clip_planes = {{{0.36, 0.48, 0.8}, -12.5, false, false}};
   state.slices = {{{true, 3.0}, {true, 4.0}, {true, 5.0}}};
   state.value_window = {-100.0, 1500.0};
@@ -100,6 +103,8 @@ TEST(ViewStateTest, WrongTextIsRefusedByTheNameOfTheField) {
       {R"({"active_surface": -1})", "active_surface"},
       {R"({"active_surface": 0.5})", "active_surface"},
       {R"({"curvature_tolerance": -1})", "curvature_tolerance"},
+      {R"({"tolerance": -1})", "tolerance"},
+      {R"({"view_pixels": 0})", "view_pixels"},
       {R"({"focus": {"radius": 0}})", "focus.radius"},
       {R"({"slices": [{}]})", "slices"},
       {R"({"clip_planes": [{}, {}, {}, {}, {}, {}, {}]})", "clip_planes"},
@@ -146,19 +151,42 @@ TEST(ViewStateTest, QueriesFollowTheFocusUpToAllOfTheVolume) {
   const ViewVolume volume = someVolume();
   ViewState state = firstView(volume, 1.0);
   state.surfaces[0].isovalue = 300.0;
-  const Query near = queryOf(state, volume, 0, 5.0);
+  const Query near = queryOf(state, volume, 0, 5.0, 600.0);
   EXPECT_EQ(near.isovalue, 300.0);
   ASSERT_TRUE(near.focus);
   EXPECT_EQ(near.focus->center, state.focus.center);
   EXPECT_EQ(near.focus->radius, 5.0);
-  EXPECT_FALSE(queryOf(state, volume, 0, volume.diagonal()).focus);
+  EXPECT_FALSE(queryOf(state, volume, 0, volume.diagonal(), 600.0).focus);
   EXPECT_EQ(wantedRadius(state, volume), state.focus.radius);
   state.focus.everywhere = true;
   EXPECT_EQ(wantedRadius(state, volume), volume.diagonal());
 }
 
+TEST(ViewStateTest, TheViewAsksForWhatItsPictureShows) {
+  const ViewVolume volume = someVolume();
+  ViewState state = firstView(volume, 1.0);
+  EXPECT_FALSE(queryOf(state, volume, 0, 5.0, 600.0).view);
+  state.view_pixels = 2.0;
+  state.tolerance = 30.0;
+  const Query query = queryOf(state, volume, 0, 5.0, 600.0);
+  EXPECT_EQ(query.tolerance, 30.0);
+  ASSERT_TRUE(query.view);
+  EXPECT_EQ(query.view->eye, placeCamera(state.camera, 1.0).eye);
+  EXPECT_EQ(query.view->pixels, 2.0);
+  EXPECT_NEAR(query.view->pixels_per_radian, 600.0 / (30.0 * std::numbers::pi / 180.0), 1e-9);
+  EXPECT_FALSE(query.view->pixels_per_unit);
+  // Then, and only then, the camera asks for other triangles.
+  ViewState turned = state;
+  turned.camera = orbited(state.camera, 10.0, 0.0);
+  EXPECT_FALSE(asksForTheSame(state, turned));
+  state.camera.orthographic = true;
+  const double height = 2.0 * placeCamera(state.camera, 1.0).half_height;
+  EXPECT_NEAR(*queryOf(state, volume, 0, 5.0, 600.0).view->pixels_per_unit, 600.0 / height, 1e-9);
+}
+
 TEST(ViewStateTest, OnlyWhatChangesTrianglesAsksForThem) {
-  const ViewState state = fullState();
+  ViewState state = fullState();
+  state.view_pixels.reset();
   const auto asks = [&](const auto& change) {
     ViewState other = state;
     change(other);
@@ -174,6 +202,8 @@ TEST(ViewStateTest, OnlyWhatChangesTrianglesAsksForThem) {
   EXPECT_TRUE(asks([](ViewState& s) { s.focus.radius += 1.0; }));
   EXPECT_TRUE(asks([](ViewState& s) { s.focus.center.x += 1.0; }));
   EXPECT_TRUE(asks([](ViewState& s) { s.curvature_tolerance.reset(); }));
+  EXPECT_TRUE(asks([](ViewState& s) { s.tolerance = 1.0; }));
+  EXPECT_TRUE(asks([](ViewState& s) { s.view_pixels = 1.0; }));
 }
 
 }  // namespace
