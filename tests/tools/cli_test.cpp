@@ -249,6 +249,15 @@ TEST_F(CliTest, ChoicesCombine) {
   EXPECT_EQ(both, triangles({"--or-finer", "focus=24,38,24 radius=5", "--focus", "24,10,24",
                              "--radius", "5", "--or-finer", "level=4", "--or-finer", "level=5"}));
   EXPECT_EQ(triangles({"--level", "2", "--or-finer", "level=0"}), all);
+  // The picture is taken from the eye; one that looks away shows the background alone.
+  const auto picture = [this](const std::string& look_at) {
+    runWell({"render", "head.isb", "--iso", "1324", "--eye", "24,-40,24", "--look-at", look_at,
+             "--field-of-view", "60", "--pixels", "4", "--size", "48x48", "-o", "seen.png"});
+    return readBytes(path("seen.png"));
+  };
+  const std::string away = picture("24,-80,24");
+  EXPECT_NE(picture("24,24,24"), away);
+  EXPECT_EQ(picture("24,-90,24"), away);
 }
 
 TEST_F(CliTest, WrongUsageExitsWithTwo) {
