@@ -1,0 +1,123 @@
+// At any moment, whatever hands do, the mesh on the screen is closed.
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <map>
+#include <random>
+#include <thread>
+
+#include "isobrick/viewer/render/null_renderer.h"
+#include "isobrick/viewer/session/view_session.h"
+#include "tests/support/field_pyramid.h"
+#include "tests/support/mesh_checker.h"
+
+namespace isobrick {
+namespace {
+
+// Keeps what a graphics card would.
+class KeepingRenderer : public NullRenderer {
+ public:
+  ChunkId upload(const SurfaceChunk& chunk) override {
+    const ChunkId id = NullRenderer::upload(chunk);
+    chunks_[id] = chunk;
+    return id;
+  }
+  void release(ChunkId id) override {
+    NullRenderer::release(id);
+    chunks_.erase(id);
+  }
+
+  // The chunks of the last frame as one mesh in voxels: the same position is the same vertex, and
+  // positions are the same to the bit on both sides of a brick.
+  void joinShown(std::vector<glm::dvec3>& positions, std::vector<std::uint32_t>& triangles) const {
+    std::map<std::array<double, 3>, std::uint32_t> numbers;
+    for (const ChunkId id : frames().back().chunks) {
+      const SurfaceChunk& chunk = chunks_.at(id);
+      for (const std::uint32_t v : chunk.triangles) {
+        const glm::dvec3 at = chunk.origin + glm::dvec3(chunk.vertices[v].position);
+        const auto [entry, fresh] =
+            numbers.try_emplace({at.x, at.y, at.z}, static_cast<std::uint32_t>(positions.size()));
+        if (fresh) positions.push_back(at);
+        triangles.push_back(entry->second);
+      }
+    }
+  }
+
+ private:
+  std::map<ChunkId, SurfaceChunk> chunks_;
+};
+
+TEST(ShownMeshTest, AtAHundredMomentsItPassesTheChecker) {
+  const test::TemporaryFolder folder;
+  BuildOptions options;
+  options.brick_cells = 8;
+  const auto pyramid = std::make_shared<const Pyramid>(test::buildField(
+      folder, Index3(40),
+      [](const glm::dvec3& p) {
+        return std::sin(0.5 * p.x) * std::cos(0.4 * p.y) + std::sin(0.45 * p.z) + 0.02 * p.x;
+      },
+      options));
+  KeepingRenderer renderer;
+  ViewSession session(pyramid, renderer, {2, std::uint64_t{1} << 30});
+  InputEvent resize;
+  resize.kind = InputEvent::Kind::kResize;
+  resize.x = resize.y = 100.0;
+  session.apply(resize, 0.0, false);
+
+  std::mt19937 random(17);
+  std::uniform_real_distribution<double> share(0.0, 1.0);
+  double clock = 0.0;
+  std::size_t with_triangles = 0;
+  std::map<std::uint64_t, int> looked_at;  // by the pass that was shown
+  for (int moment = 0; moment < 100; ++moment) {
+    ViewState& state = session.state();
+    switch (random() % 5) {
+      case 0:
+        state.surfaces[0].isovalue = 1.6 * share(random) - 0.8;
+        break;
+      case 1:
+        state.focus.radius = 4.0 + 30.0 * share(random);
+        break;
+      case 2:
+        state.focus.center = 40.0 * glm::dvec3(share(random), share(random), share(random));
+        break;
+      case 3:
+        state.tolerance.reset();
+        if (share(random) < 0.5) state.tolerance = 0.1 * share(random);
+        break;
+      default:
+        break;  // the hand rests
+    }
+    for (int frame = 0; frame < 4; ++frame) {
+      session.update(clock += 0.05);
+      session.draw();
+      std::this_thread::yield();
+    }
+    std::vector<glm::dvec3> positions;
+    std::vector<std::uint32_t> triangles;
+    renderer.joinShown(positions, triangles);
+    ++looked_at[session.status().passes];
+    if (triangles.empty()) continue;
+    ++with_triangles;
+    const test::MeshReport report =
+        test::checkMesh(positions, triangles, test::indexOptions(Index3(40)));
+    ASSERT_TRUE(report.ok()) << moment << ": " << report.summary();
+  }
+  // However slow the machine, there is a surface in the end.
+  do {
+    session.update(clock += 0.05);
+    std::this_thread::yield();
+  } while (!session.settled());
+  session.draw();
+  std::vector<glm::dvec3> positions;
+  std::vector<std::uint32_t> triangles;
+  renderer.joinShown(positions, triangles);
+  ASSERT_FALSE(triangles.empty());
+  EXPECT_TRUE(test::checkMesh(positions, triangles, test::indexOptions(Index3(40))).ok());
+  RecordProperty("moments_with_triangles", static_cast<int>(with_triangles));
+  RecordProperty("surfaces", static_cast<int>(looked_at.size()));
+}
+
+}  // namespace
+}  // namespace isobrick
