@@ -5,6 +5,7 @@
 #include <glm/geometric.hpp>
 #include <memory>
 #include <numbers>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -13,6 +14,8 @@
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/viewer/image_writer.h"
 #include "isobrick/viewer/offscreen_renderer.h"
+#include "isobrick/viewer/session/view_picture.h"
+#include "isobrick/viewer/state/view_state_json.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
@@ -32,6 +35,7 @@ struct RenderArguments {
   PixelSize size{RenderOptions{}.width, RenderOptions{}.height};
   RenderOptions picture;
   bool show_focus = false;
+  std::string state;  // a saved view, in place of most of the above; empty: none
 };
 
 // The query's eye, where it looks at something, is the picture's; and what covers how many pixels
@@ -62,6 +66,30 @@ RenderOptions makeRenderOptions(const RenderArguments& arguments, const PictureS
   return options;
 }
 
+void writePicture(const RenderArguments& arguments, const std::vector<char>& picture) {
+  AtomicFile file(arguments.output);
+  file.write(picture.data(), picture.size());
+  file.commit(&interruptFlag());
+}
+
+// What `isobrick view` shows of a saved view.
+int renderState(const RenderArguments& arguments) {
+  const ImageFormat format = imageFormatOf(arguments.output);
+  refusePyramidAsOutput(arguments.query.path, arguments.output);
+  { const AtomicFile probe(arguments.output); }
+  const ViewState state = readViewState(arguments.state);
+  const Stopwatch watch;
+  const ViewPicture view = drawView(
+      std::make_shared<const Pyramid>(arguments.query.path, arguments.query.memory_bytes,
+                                      fileAccess(arguments.query.no_map)),
+      state, arguments.size.width, arguments.size.height, arguments.query.threads, interruptFlag());
+  writePicture(arguments, encodeImage(format, view.image));
+  fmt::print("{}: {} x {} pixels, {} triangles; {:.2f} s ({})\n", arguments.output,
+             arguments.size.width, arguments.size.height, countText(view.triangles),
+             watch.seconds(), view.device);
+  return 0;
+}
+
 int runRender(RenderArguments arguments) {
   // Neither a slip of the pen nor a machine that cannot draw shall cost an extraction.
   const ImageFormat format = imageFormatOf(arguments.output);
@@ -87,9 +115,7 @@ int runRender(RenderArguments arguments) {
                                         options = makeRenderOptions(arguments, surface)] {
         return encodeImage(format, renderer->render(std::move(*chunks), lattice, options));
       });
-  AtomicFile file(arguments.output);
-  file.write(picture.data(), picture.size());
-  file.commit(&interruptFlag());
+  writePicture(arguments, picture);
   fmt::print("{}: {} x {} pixels, {} triangles; extract {:.2f} s, draw {:.2f} s ({})\n",
              arguments.output, arguments.size.width, arguments.size.height,
              countText(surface.triangles), extract_seconds, draw_watch.seconds(),
@@ -130,7 +156,24 @@ Command addRenderCommand(CLI::App& app) {
       *sub, "--background", picture.background_top,
       [&picture](const std::string& text) { return picture.background_bottom = parseColor(text); },
       "R,G,B", "Both of them");
-  return {sub, [arguments] { return runRender(*arguments); }};
+  CLI::Option* const state =
+      sub->add_option("--state", arguments->state,
+                      "View that `isobrick view` wrote, in place of --iso and of all that says "
+                      "what is seen from where")
+          ->type_name("VIEW.json");
+  CLI::Option* const isovalue = sub->get_option("--iso")->required(false);
+  const std::set<std::string> together{"FILE",     "--output", "--size",    "--memory",
+                                       "--no-map", "--help",   "--threads", "--state"};
+  for (CLI::Option* const option : sub->get_options())
+    if (together.count(option->get_name(false, true)) == 0 &&
+        together.count(option->get_single_name()) == 0 &&
+        together.count("--" + option->get_single_name()) == 0)
+      state->excludes(option);
+  return {sub, [arguments, state, isovalue] {
+            if (state->count() > 0) return renderState(*arguments);
+            if (isovalue->count() == 0) throw UsageError("--iso is required, or --state");
+            return runRender(*arguments);
+          }};
 }
 
 }  // namespace isobrick

@@ -1,0 +1,45 @@
+#include "isobrick/viewer/session/view_picture.h"
+
+#include <chrono>
+#include <limits>
+#include <thread>
+#include <utility>
+
+#include "isobrick/storage/error.h"
+#include "isobrick/viewer/egl_context.h"
+#include "isobrick/viewer/render/gl_scene_renderer.h"
+#include "isobrick/viewer/session/view_session.h"
+
+namespace isobrick {
+
+ViewPicture drawView(std::shared_ptr<const Pyramid> pyramid, const ViewState& state, int width,
+                     int height, int threads, const CancelFlag& cancel) {
+  const EglContext context;
+  const EglContext::CurrentScope current(context);
+  GlSceneRenderer renderer;
+  if (width < 1 || height < 1 || width > renderer.greatestSize() ||
+      height > renderer.greatestSize())
+    throw Error("cannot render a picture of " + std::to_string(width) + " x " +
+                std::to_string(height) + " pixels: width and height are 1 to " +
+                std::to_string(renderer.greatestSize()));
+  ViewSession session(std::move(pyramid), renderer,
+                      {threads, std::numeric_limits<std::uint64_t>::max()});
+  InputEvent resize;
+  resize.kind = InputEvent::Kind::kResize;
+  resize.x = width;
+  resize.y = height;
+  session.apply(resize, 0.0, false);
+  session.state() = state;
+  double clock = 0.0;  // nobody moves anything: any clock does
+  do {
+    cancel.check();
+    session.update(clock += 1.0);
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  } while (!session.settled());
+  const SessionStatus status = session.status();
+  if (!status.error.empty()) throw Error(status.error);
+  session.draw();
+  return {renderer.picture(), status.triangles, renderer.deviceName()};
+}
+
+}  // namespace isobrick
