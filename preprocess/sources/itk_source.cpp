@@ -204,6 +204,7 @@ itk::ImageIOBase::Pointer openImage(const std::string& path, const OpenOptions& 
     throw Error("cannot open '" + path + "': " +
                     (error ? error.message() : "No such file or directory") + "; check the path",
                 {.path = path});
+  checkNiftiHeader(path);
   itk::ImageIOBase::Pointer image;
   try {
     const CerrCapture silence;

@@ -10,6 +10,7 @@
 
 #include "isobrick/preprocess/sources/inflate_stream.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/lowercase.h"
 
 namespace isobrick {
 namespace {
@@ -65,6 +66,8 @@ class NiftiHeader {
            bytes_[346] <= '9' && bytes_[347] == 0;
   }
   bool isOneFile() const { return isNifti() && bytes_[345] == '+'; }
+  // The number of axes, and behind it that of the voxels along each.
+  int dim(int i) const { return int16At(40 + 2 * static_cast<std::size_t>(i)); }
   int dataType() const { return int16At(70); }
   double voxelOffset() const { return static_cast<double>(floatAt(108)); }
   double slope() const { return static_cast<double>(floatAt(112)); }
@@ -166,6 +169,19 @@ NiftiRun findNiftiRun(const std::string& path) {
   result.stored.map = valueMap(header);
   result.stored.not_finite_is_zero = true;
   return result;
+}
+
+void checkNiftiHeader(const std::string& path) {
+  std::string name = lowercase(path);
+  if (name.ends_with(".gz")) name.resize(name.size() - 3);
+  if (!name.ends_with(".nii")) return;
+  const NiftiHeader header(path);
+  static_cast<void>(storedType(path, header.dataType()));
+  for (int axis = 1; axis <= header.dim(0); ++axis)
+    if (header.dim(axis) < 1)
+      throw Error("cannot use '" + path + "': it has " + std::to_string(header.dim(axis)) +
+                      " voxels along axis " + std::to_string(axis) + "; correct its header",
+                  {.path = path});
 }
 
 }  // namespace isobrick

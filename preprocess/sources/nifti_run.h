@@ -24,4 +24,8 @@ struct NiftiRun {
 // Error where the header is damaged or unusual, or the other file of the pair is missing.
 NiftiRun findNiftiRun(const std::string& path);
 
+// Where `path` ends in .nii or .nii.gz: throws Error for a header that the NIfTI library would
+// refuse with a line of its own on the standard error.
+void checkNiftiHeader(const std::string& path);
+
 }  // namespace isobrick
