@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/storage/error.h"
@@ -30,11 +31,47 @@ class TiffPageList {
       const std::uint64_t count_bytes = is_big_tiff_ ? 8 : 2;
       const std::uint64_t entries = number(page, count_bytes);
       if (entries > file_.size() / entry) throw cutShort();
+      checkEntries(page + count_bytes, entries, entry);
       page = number(page + count_bytes + entries * entry, word);
     }
   }
 
  private:
+  // What decides how large a row is, by its tags; what is not said is 1, or of sizes nothing.
+  struct Form {
+    std::uint64_t width = 0, height = 0, bits = 1, samples = 1, planes = 1;
+    bool operator==(const Form&) const = default;
+  };
+
+  void checkEntries(std::uint64_t first, std::uint64_t entries, std::uint64_t entry_bytes) {
+    Form form;
+    for (std::uint64_t i = 0; i < entries; ++i) {
+      const std::uint64_t at = first + i * entry_bytes;
+      // Behind the tag its type, how many values there are, and the value, if there is one.
+      const std::uint64_t count_bytes = is_big_tiff_ ? 8 : 4;
+      const std::uint64_t tag = number(at, 2), type = number(at + 2, 2);
+      const std::uint64_t bytes = type == 3                    ? 2
+                                  : type == 4                  ? 4
+                                  : type == 16 && is_big_tiff_ ? 8
+                                                               : 1;
+      const std::uint64_t value = number(at + 4, count_bytes) == 1
+                                      ? number(at + 4 + count_bytes, bytes)
+                                      : number(at + 4, count_bytes);
+      if (tag == 254 && value != 0) return;  // a smaller picture beside the pages
+      if (tag == 256) form.width = value;
+      if (tag == 257) form.height = value;
+      if (tag == 258) form.bits = value;
+      if (tag == 277) form.samples = value;
+      if (tag == 284) form.planes = value;
+    }
+    if (!first_) first_ = form;
+    if (form != *first_)
+      throw Error("cannot use '" + file_.path() +
+                      "': its pages differ in size or in their values; " +
+                      "keep only those of one volume",
+                  {.path = file_.path()});
+  }
+
   // Of `bytes` bytes in the file's order.
   std::uint64_t number(std::uint64_t offset, std::uint64_t bytes) const {
     std::array<unsigned char, 8> stored = {};
@@ -54,6 +91,7 @@ class TiffPageList {
 
   InputFile file_;
   bool big_endian_ = false, is_big_tiff_ = false;
+  std::optional<Form> first_;
 };
 
 }  // namespace
