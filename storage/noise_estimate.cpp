@@ -9,8 +9,8 @@
 namespace isobrick {
 namespace {
 
-constexpr std::size_t kMostBricks = 24;
-constexpr std::int64_t kEveryRow = 3;
+constexpr std::size_t kMostBricks = 16;
+constexpr std::int64_t kEveryRow = 7;
 
 // Some bricks of level 0 with samples in the file: every so many of the first 2^16, so that a large
 // file is not passed over.

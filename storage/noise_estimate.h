@@ -12,7 +12,7 @@ namespace isobrick {
 // are few, hardly move a median; noise that a filter has smeared over several voxels is
 // underestimated.
 //
-// Looks at some rows of up to 24 bricks of level 0, spread evenly over those that are not constant:
+// Looks at some rows of up to 16 bricks of level 0, spread evenly over those that are not constant:
 // the same ones each time. Throws Error where one cannot be read. Thread-safe.
 double estimateNoise(const Pyramid& pyramid);
 
