@@ -6,7 +6,8 @@
 #   convert_bound.sh ISOBRICK SIZE LIMIT_MIB INTERRUPTIONS
 #
 # SIZE^3 uint8 voxels of the head phantom go into OpenVDB, OME-Zarr, NRRD and HDF5 with 64 MiB less than
-# the limit as --memory, and from there into raw voxels, which must be the same. Rates are voxels a
+# the limit as --memory, and from there into raw voxels, which must be the same; level 1 of their pyramid
+# goes into OpenVDB with its ranges and curvature. Rates are voxels a
 # second, beside that of `cp` and `sync` in the same group, from a cold file each. Then every conversion
 # is interrupted as often as told at random moments ($RANDOM_SEED, default: the time), which must leave
 # nothing. All is written in $ISOBRICK_WORK (default: the system's folder for temporary files).
@@ -99,6 +100,8 @@ for format in volume.vdb volume.ome.zarr volume.nrrd volume.h5; do
   done
   rm -r "$format"
 done
+"$isobrick" build volume.mhd --memory "$memory" >/dev/null
+convert "level 1 with all beside" volume.isb with.vdb --level 1 --with-ranges --with-curvature
 [ -z "$group" ] || echo "peak of the group, page cache included: $(($(cat "$peak_file") >> 20)) MiB"
 echo "$stopped of $((8 * interruptions)) runs were interrupted and left nothing"
 [ "$interruptions" = 0 ] || [ "$stopped" -gt 0 ]
