@@ -65,6 +65,22 @@ TEST_F(ViewCommandTest, AScriptRunsWithoutAWindow) {
   EXPECT_EQ(readBytes(path("frames/again.json")), readBytes(path("frames/end.json")));
 }
 
+// The drag and the keys come again as they were; what a script set itself is no hand's.
+TEST_F(ViewCommandTest, WhatWasRecordedRunsAgain) {
+  write("hands.json", R"({"size": [300, 200], "steps": [
+      {"key": "TAB"}, {"drag": {"from": [100, 100], "to": [160, 90], "seconds": 0.05}},
+      {"key": "W"}, {"resize": [320, 240]}, {"wheel": 1}, {"state": "first.json"}]})");
+  runWell(
+      {"view", "sphere.isb", "--offscreen", "--script", "hands.json", "--record", "again.json"});
+  Json again = Json::parse(readBytes(path("again.json")));
+  again["steps"].push_back({{"state", "second.json"}});
+  write("again.json", again.dump());
+  runWell({"view", "sphere.isb", "--offscreen", "--script", "again.json"});
+  const Json first = Json::parse(readBytes(path("first.json")));
+  EXPECT_EQ(first["wireframe"], true);
+  EXPECT_EQ(Json::parse(readBytes(path("second.json"))), first);
+}
+
 TEST_F(ViewCommandTest, TheSameScriptRunsInAWindow) {
   if (!fs::exists(kXvfbRun)) SKIP_UNLESS_REQUIRED("xvfb is not installed");
   // The driver of X11 is unloaded with two small blocks of its own.

@@ -44,6 +44,9 @@ Command addViewCommand(CLI::App& app) {
   sub->add_option("--report", options->report_path, "Times of the script's frames, as JSON")
       ->type_name("R.json")
       ->needs(script);
+  sub->add_option("--record", options->record_path,
+                  "Write what hands do as such a script, when the window is closed")
+      ->type_name("EVENTS.json");
   sub->add_flag("--offscreen", options->offscreen, "Run the script without a window")
       ->needs(script);
   return {sub, [options, size] {

@@ -157,15 +157,43 @@ class StepReader {
     if (!found) refuse(where_ + " sweeps nothing");
     steps_.emplace_back(result);
   }
-  void key(const Json& value) {
+  // All around, in equal steps, a picture each: NAME-0001.png and so on.
+  void turntable(const Json& value) {
+    for (const auto& item : value.items())
+      if (item.key() != "frames" && item.key() != "name")
+        refuse(where_ + " 'turntable' knows no '" + item.key() + "'");
+    if (!value.contains("frames") || !value["frames"].is_number_integer())
+      refuse(where_ + " 'turntable' lacks a whole number of 'frames'");
+    const auto frames = value["frames"].get<std::int64_t>();
+    if (frames < 1 || frames > 9999) refuse(where_ + " 'frames' is not from 1 to 9999");
+    const std::string name =
+        value.contains("name") ? fileNameOf(value["name"], where_ + " 'name'") : "turn";
+    for (std::int64_t i = 0; i < frames; ++i) {
+      const double azimuth = 360.0 * static_cast<double>(i) / static_cast<double>(frames) - 180.0;
+      steps_.emplace_back(ScriptPatch{Json{{"camera", {{"azimuth", azimuth}}}}.dump()});
+      steps_.emplace_back(ScriptWait{});
+      const std::string digits = std::to_string(10000 + i + 1).substr(1);
+      steps_.emplace_back(ScriptFile{ScriptFile::What::kPicture, name + "-" + digits + ".png"});
+    }
+  }
+  void keyEvent(const Json& value, InputEvent::Kind kind) {
     const auto which = keyNamed(textOf(value, where_ + " 'key'"));
     if (!which) refuse(where_ + " names no key that is known");
-    for (const InputEvent::Kind kind :
-         {InputEvent::Kind::kKeyPress, InputEvent::Kind::kKeyRelease}) {
-      InputEvent pressed = event(kind);
-      pressed.key = *which;
-      steps_.emplace_back(ScriptEvent{pressed});
+    InputEvent pressed = event(kind);
+    pressed.key = *which;
+    steps_.emplace_back(ScriptEvent{pressed});
+  }
+  void typeText(const Json& value, const std::string& where) {
+    for (const char character : textOf(value, where)) {
+      if (character < ' ' || character > '~') refuse(where + " is not plain ASCII");
+      InputEvent typed = event(InputEvent::Kind::kText);
+      typed.character = static_cast<unsigned>(character);
+      steps_.emplace_back(ScriptEvent{typed});
     }
+  }
+  void key(const Json& value) {
+    keyEvent(value, InputEvent::Kind::kKeyPress);
+    keyEvent(value, InputEvent::Kind::kKeyRelease);
   }
 
   void readOne(const std::string& name, const Json& value) {
@@ -186,10 +214,18 @@ class StepReader {
       steps_.emplace_back(ScriptEvent{turned});
     } else if (name == "key") {
       key(value);
+    } else if (name == "key_press") {
+      keyEvent(value, InputEvent::Kind::kKeyPress);
+    } else if (name == "key_release") {
+      keyEvent(value, InputEvent::Kind::kKeyRelease);
+    } else if (name == "text") {
+      typeText(value, where);
     } else if (name == "drag" && value.is_object()) {
       drag(value);
     } else if (name == "sweep" && value.is_object()) {
       sweep(value);
+    } else if (name == "turntable" && value.is_object()) {
+      turntable(value);
     } else if (name == "set" && value.is_object()) {
       steps_.emplace_back(ScriptPatch{value.dump()});
     } else if (name == "wait") {
@@ -216,7 +252,70 @@ class StepReader {
   bool shift_ = false, control_ = false;
 };
 
+const char* nameOf(MouseButton button) {
+  return button == MouseButton::kLeft     ? "left"
+         : button == MouseButton::kMiddle ? "middle"
+                                          : "right";
+}
+
+// The step that an event is; null where it is none.
+Json stepOf(const InputEvent& event) {
+  Json step;
+  switch (event.kind) {
+    case InputEvent::Kind::kMove:
+      step["move"] = {event.x, event.y};
+      break;
+    case InputEvent::Kind::kPress:
+      step["press"] = nameOf(event.button);
+      break;
+    case InputEvent::Kind::kRelease:
+      step["release"] = nameOf(event.button);
+      break;
+    case InputEvent::Kind::kWheel:
+      step["wheel"] = event.amount;
+      break;
+    case InputEvent::Kind::kKeyPress:
+      step["key_press"] = kKeyNames[static_cast<std::size_t>(event.key)];
+      break;
+    case InputEvent::Kind::kKeyRelease:
+      step["key_release"] = kKeyNames[static_cast<std::size_t>(event.key)];
+      break;
+    case InputEvent::Kind::kText:
+      if (event.character >= ' ' && event.character <= '~')
+        step["text"] = std::string(1, static_cast<char>(event.character));
+      break;
+    case InputEvent::Kind::kResize:
+      step["resize"] = {event.x, event.y};
+      break;
+    case InputEvent::Kind::kClose:
+      break;
+  }
+  if (step.is_null()) return step;
+  if (event.shift) step["shift"] = true;
+  if (event.control) step["control"] = true;
+  return step;
+}
+
 }  // namespace
+
+void ScriptRecorder::add(double seconds, const InputEvent& event) {
+  const Json step = stepOf(event);
+  if (step.is_null()) return;
+  constexpr double kShortest = 0.02;  // about a frame, which a step takes anyway
+  if (last_ && seconds - *last_ > kShortest) {
+    const double wait = std::round(1e3 * (seconds - *last_)) / 1e3;
+    steps_.push_back(Json{{"wait", wait}}.dump());
+  }
+  last_ = seconds;
+  steps_.push_back(step.dump());
+}
+
+std::string ScriptRecorder::json(int width, int height) const {
+  std::string text =
+      "{\"size\": [" + std::to_string(width) + ", " + std::to_string(height) + "], \"steps\": [";
+  for (std::size_t i = 0; i < steps_.size(); ++i) text += (i == 0 ? "\n  " : ",\n  ") + steps_[i];
+  return text + "\n]}\n";
+}
 
 ViewScript viewScriptFromJson(const std::string& text) {
   const Json json = Json::parse(text, nullptr, false);

@@ -50,6 +50,18 @@ ViewScript viewScriptFromJson(const std::string& text);
 // The same of a file; Error names the path.
 ViewScript readViewScript(const std::string& path);
 
+// Writes down what hands do, as a script that does it again. Time is the caller's.
+class ScriptRecorder {
+ public:
+  void add(double seconds, const InputEvent& event);
+  // Of a window that had this size at first.
+  std::string json(int width, int height) const;
+
+ private:
+  std::vector<std::string> steps_;  // JSON
+  std::optional<double> last_;      // seconds of the last event
+};
+
 // What one frame is to do.
 struct ScriptFrame {
   std::vector<InputEvent> events;

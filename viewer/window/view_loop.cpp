@@ -141,6 +141,12 @@ class ViewLoop {
       takeEvents();
       if (!closing_ && (awake() || !events_.empty())) frame();
     }
+    if (!options_.record_path.empty()) {
+      const std::string script = recorder_.json(first_width_, first_height_);
+      AtomicFile file(options_.record_path);
+      file.write(script.data(), script.size());
+      file.commit();
+    }
     if (!options_.report_path.empty()) {
       const std::string report =
           reportOf(reported_, target_->renderer().deviceName(), session_->status());
@@ -202,9 +208,11 @@ class ViewLoop {
     }
     for (const InputEvent& event : now) {
       panel_->feed(event);
+      if (first_width_ > 0) recorder_.add(seconds, event);
       if (event.kind == InputEvent::Kind::kResize) {
         width_ = static_cast<int>(event.x);
         height_ = static_cast<int>(event.y);
+        if (first_width_ == 0) first_width_ = width_, first_height_ = height_;
       }
     }
     panel_->begin(width_, height_, seconds - last_frame_);
@@ -296,6 +304,8 @@ class ViewLoop {
   std::optional<ViewState> first_state_;
   std::deque<InputEvent> events_;
   int width_ = 0, height_ = 0;
+  int first_width_ = 0, first_height_ = 0;
+  ScriptRecorder recorder_;
   double begin_ = 0.0, last_frame_ = 0.0, awake_until_ = 0.0;
   bool closing_ = false;
   std::string message_;

@@ -17,6 +17,7 @@ struct ViewOptions {
   std::string script_path;             // empty: hands
   std::string frames_folder = ".";     // where a script's files go
   std::string report_path;             // JSON of a script's timings; empty: none
+  std::string record_path;             // script of what hands do, written at the end; empty: none
   bool offscreen = false;              // without a window; scripts only
   int width = 1280, height = 800;      // of the window, pixels
   const CancelFlag* cancel = nullptr;

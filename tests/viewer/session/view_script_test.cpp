@@ -42,6 +42,9 @@ TEST(ViewScriptTest, WhatIsNoScriptIsRefusedByItsStep) {
        "step 1 'drag' knows no 'speed'"},
       {R"([{"sweep": {"seconds": 3}}])", "step 1 sweeps nothing"},
       {R"([{"sweep": {"height": [1, 2]}}])", "step 1 sweeps neither"},
+      {R"([{"turntable": {"name": "a"}}])", "step 1 'turntable' lacks"},
+      {R"([{"turntable": {"frames": 0}}])", "step 1 'frames' is not from 1"},
+      {R"([{"turntable": {"frames": 2, "speed": 1}}])", "step 1 'turntable' knows no 'speed'"},
       {R"([{"frame": "../a.png"}])", "step 1 'frame' is not the name of a file"},
       {R"([{"mesh": "a/b.ply"}])", "step 1 'mesh' is not the name of a file"},
       {R"([{"resize": [-1, 5]}])", "step 1 'resize' is not from 0"},
@@ -93,6 +96,55 @@ TEST(ViewScriptTest, StepsComeOneAFrameAndInTime) {
   ASSERT_TRUE(last.file);
   EXPECT_EQ(last.file->name, "a.png");
   EXPECT_TRUE(last.finished);
+}
+
+TEST(ViewScriptTest, WhatWasRecordedIsPlayedAgain) {
+  std::vector<InputEvent> events;
+  for (int kind = 0; kind < 8; ++kind) {
+    InputEvent event;
+    event.kind = static_cast<Kind>(kind);
+    if (event.kind == Kind::kMove) event.x = 12.25, event.y = 40.0;
+    if (event.kind == Kind::kPress || event.kind == Kind::kRelease)
+      event.button = MouseButton::kRight;
+    if (event.kind == Kind::kWheel) event.amount = -2.0;
+    if (event.kind == Kind::kKeyPress || event.kind == Kind::kKeyRelease) event.key = Key::kPad7;
+    if (event.kind == Kind::kText) event.character = '"';
+    event.shift = kind % 2 == 1 && kind != 7;
+    event.control = kind % 3 == 1 && kind != 7;
+    if (event.kind != Kind::kResize) events.push_back(event);
+  }
+  ScriptRecorder recorder;
+  for (std::size_t i = 0; i < events.size(); ++i)
+    recorder.add(0.01 * static_cast<double>(i * i), events[i]);
+  InputEvent close;
+  close.kind = Kind::kClose;
+  recorder.add(9.0, close);  // no step: a script ends of its own
+  const ViewScript script = viewScriptFromJson(recorder.json(300, 200));
+  EXPECT_EQ(script.width, 300);
+  EXPECT_EQ(script.height, 200);
+  std::vector<InputEvent> played;
+  double waited = 0.0;
+  for (const ScriptStep& step : script.steps) {
+    if (const auto* event = std::get_if<ScriptEvent>(&step)) played.push_back(event->event);
+    if (const auto* wait = std::get_if<ScriptWait>(&step)) waited += *wait->seconds;
+  }
+  EXPECT_EQ(played, events);
+  EXPECT_NEAR(waited, 0.35, 1e-9);  // all but the first step of 0.01 s
+}
+
+TEST(ViewScriptTest, ATurntableGoesAllAround) {
+  ScriptPlayer player(
+      viewScriptFromJson(R"({"steps": [{"turntable": {"frames": 4, "name": "head"}}]})"));
+  ViewState state;
+  for (int i = 0; i < 4; ++i) {
+    EXPECT_EQ(player.next(i, true, state).state->camera.azimuth, -180.0 + 90.0 * i);
+    EXPECT_FALSE(player.next(i, false, state).file);
+    EXPECT_FALSE(player.next(i, true, state).file);
+    const ScriptFrame picture = player.next(i, true, state);
+    ASSERT_TRUE(picture.file);
+    EXPECT_EQ(picture.file->name, "head-000" + std::to_string(i + 1) + ".png");
+    EXPECT_EQ(picture.finished, i == 3);
+  }
 }
 
 TEST(ViewScriptTest, SweepsAndPatchesChangeTheStateAlone) {
