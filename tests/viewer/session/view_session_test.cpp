@@ -180,6 +180,22 @@ TEST_F(ViewSessionTest, TheMeshOfWhatIsShownIsWritten) {
   EXPECT_NE(session_->status().error.find("shown.jpg"), std::string::npos);
 }
 
+TEST_F(ViewSessionTest, AFileThatIsCutWhileItIsOpenIsAnErrorInTheWindow) {
+  settle();
+  const std::vector<ChunkId> before = renderer_.frames().back().chunks;
+  std::filesystem::resize_file(pyramid_->path(), std::filesystem::file_size(pyramid_->path()) / 4);
+  session_->state().focus.everywhere = true;
+  session_->state().surfaces[0].isovalue = 17.25;
+  settle();
+  EXPECT_NE(session_->status().error.find(pyramid_->path()), std::string::npos)
+      << session_->status().error;
+  // What was shown stays, and hands are still heard.
+  EXPECT_EQ(renderer_.frames().back().chunks, before);
+  session_->state().camera = orbited(session_->state().camera, 10.0, 0.0);
+  frame(0.1);
+  EXPECT_EQ(renderer_.frames().back().chunks, before);
+}
+
 TEST_F(ViewSessionTest, WithoutASizeNothingIsDrawn) {
   InputEvent resize;
   resize.kind = Kind::kResize;
