@@ -1,0 +1,136 @@
+// Views as pictures, held against those of an earlier day (tests/golden/pictures) by their
+// structural similarity: shading, levels, edges, caps, slices, what is seen through.
+#include <gtest/gtest.h>
+#include <png.h>
+
+#include <algorithm>
+#include <cmath>
+#include <glm/geometric.hpp>
+#include <string>
+#include <vector>
+
+#include "isobrick/storage/error.h"
+#include "isobrick/viewer/image_writer.h"
+#include "isobrick/viewer/session/view_picture.h"
+#include "tests/support/field_pyramid.h"
+#include "tests/support/requirement.h"
+#include "tests/support/test_paths.h"
+
+namespace isobrick {
+namespace {
+
+constexpr int kWidth = 160, kHeight = 120;
+
+// Screen values 0..255, grey.
+std::vector<double> greyOf(const std::vector<std::uint8_t>& rgb) {
+  std::vector<double> grey;
+  for (std::size_t i = 0; i < rgb.size(); i += 3)
+    grey.push_back(0.299 * rgb[i] + 0.587 * rgb[i + 1] + 0.114 * rgb[i + 2]);
+  return grey;
+}
+
+std::vector<std::uint8_t> pixelsOf(const Image& image) {
+  std::vector<std::uint8_t> rgb(image.rgb.size());
+  std::transform(image.rgb.begin(), image.rgb.end(), rgb.begin(), toSrgb8);
+  return rgb;
+}
+
+std::vector<std::uint8_t> readPng(const std::string& path) {
+  png_image read{};
+  read.version = PNG_IMAGE_VERSION;
+  if (!png_image_begin_read_from_file(&read, path.c_str())) return {};
+  read.format = PNG_FORMAT_RGB;
+  std::vector<std::uint8_t> pixels(PNG_IMAGE_SIZE(read));
+  if (!png_image_finish_read(&read, nullptr, pixels.data(), 0, nullptr)) return {};
+  return pixels;
+}
+
+// The mean over squares of 8 x 8 pixels: 1 for the same picture.
+double similarity(const std::vector<double>& a, const std::vector<double>& b) {
+  constexpr int kSquare = 8;
+  constexpr double kSteady1 = 6.5025, kSteady2 = 58.5225;  // (0.01 * 255)^2, (0.03 * 255)^2
+  double sum = 0.0;
+  int squares = 0;
+  for (int top = 0; top < kHeight; top += kSquare) {
+    for (int left = 0; left < kWidth; left += kSquare, ++squares) {
+      double ma = 0, mb = 0, aa = 0, bb = 0, ab = 0;
+      for (int y = top; y < top + kSquare; ++y) {
+        for (int x = left; x < left + kSquare; ++x) {
+          const double va = a[static_cast<std::size_t>(y * kWidth + x)];
+          const double vb = b[static_cast<std::size_t>(y * kWidth + x)];
+          ma += va, mb += vb, aa += va * va, bb += vb * vb, ab += va * vb;
+        }
+      }
+      constexpr double kCount = kSquare * kSquare;
+      ma /= kCount, mb /= kCount;
+      const double sa = aa / kCount - ma * ma, sb = bb / kCount - mb * mb;
+      const double sab = ab / kCount - ma * mb;
+      sum += (2 * ma * mb + kSteady1) * (2 * sab + kSteady2) /
+             ((ma * ma + mb * mb + kSteady1) * (sa + sb + kSteady2));
+    }
+  }
+  return sum / squares;
+}
+
+// ISOBRICK_WRITE_GOLDEN=1 writes them anew, to be looked at before they are kept.
+TEST(GoldenPicturesTest, ViewsLookAsTheyDid) {
+  const test::TemporaryFolder folder;
+  BuildOptions options;
+  options.brick_cells = 16;
+  const auto pyramid = std::make_shared<const Pyramid>(test::buildField<std::uint8_t>(
+      folder, Index3(48),
+      [](const glm::dvec3& p) {
+        const double shell = glm::distance(p, glm::dvec3(23.5));
+        return std::clamp(
+            128.0 + 6.0 * (17.0 - shell) + 25.0 * std::sin(0.6 * p.x) * std::sin(0.5 * p.z), 0.0,
+            255.0);
+      },
+      options));
+  ViewState plain;
+  plain.camera.pivot = glm::dvec3(23.5);
+  plain.camera.distance = 110.0;
+  plain.focus = {{10.0, 10.0, 30.0}, 12.0, true, false};
+  plain.surfaces[0].isovalue = 128.0;
+  plain.value_window = {60.0, 255.0};
+  std::vector<std::pair<std::string, ViewState>> views{{"shading", plain}};
+  const auto add = [&](const char* name) -> ViewState& {
+    return views.emplace_back(name, plain).second;
+  };
+  add("headlight").lighting = ViewLighting::kHeadlight;
+  ViewState& levels = add("levels");
+  levels.focus.everywhere = false;
+  levels.focus.show_sphere = true;
+  levels.coloring = ViewColoring::kLevel;
+  levels.wireframe = true;
+  ViewState& cap = add("cap");
+  cap.clip_planes = {{{-0.6, 0.8, 0.0}, 6.0, true, true}};
+  cap.camera.orthographic = true;
+  ViewState& slices = add("slices");
+  slices.slices = {{{true, 24.0}, {true, 30.0}, {true, 12.0}}};
+  ViewState& two = add("two");
+  two.surfaces.push_back({180.0, {0.8f, 0.3f, 0.2f}, 1.0, true});
+  two.surfaces[0].opacity = 0.4;
+
+  const std::string golden = std::string(test::goldenFolder()) + "/pictures/";
+  const CancelFlag never;
+  std::vector<std::vector<double>> drawn;
+  for (const auto& [name, state] : views) {
+    Image image;
+    try {
+      image = drawView(pyramid, state, kWidth, kHeight, 2, never).image;
+    } catch (const Error& error) {
+      SKIP_UNLESS_REQUIRED(error.what());
+    }
+    if (test::environmentSays("ISOBRICK_WRITE_GOLDEN")) writeImage(golden + name + ".png", image);
+    drawn.push_back(greyOf(pixelsOf(image)));
+    const std::vector<std::uint8_t> expected = readPng(golden + name + ".png");
+    ASSERT_EQ(expected.size(), image.rgb.size()) << name;
+    EXPECT_GT(similarity(drawn.back(), greyOf(expected)), 0.98) << name;
+  }
+  // The measure tells them apart.
+  for (std::size_t i = 1; i < drawn.size(); ++i)
+    EXPECT_LT(similarity(drawn[0], drawn[i]), 0.97) << views[i].first;
+}
+
+}  // namespace
+}  // namespace isobrick
