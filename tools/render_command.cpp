@@ -79,10 +79,13 @@ int renderState(const RenderArguments& arguments) {
   { const AtomicFile probe(arguments.output); }
   const ViewState state = readViewState(arguments.state);
   const Stopwatch watch;
-  const ViewPicture view = drawView(
-      std::make_shared<const Pyramid>(arguments.query.path, arguments.query.memory_bytes,
-                                      fileAccess(arguments.query.no_map)),
-      state, arguments.size.width, arguments.size.height, arguments.query.threads, interruptFlag());
+  const ViewPicture view = runWithThreads(arguments.query.threads, [&] {
+    return drawView(
+        std::make_shared<const Pyramid>(arguments.query.path, arguments.query.memory_bytes,
+                                        fileAccess(arguments.query.no_map)),
+        state, arguments.size.width, arguments.size.height, arguments.query.threads,
+        interruptFlag());
+  });
   writePicture(arguments, encodeImage(format, view.image));
   fmt::print("{}: {} x {} pixels, {} triangles; {:.2f} s ({})\n", arguments.output,
              arguments.size.width, arguments.size.height, countText(view.triangles),
