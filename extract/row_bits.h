@@ -1,6 +1,7 @@
 // Rows of bits, one for each cell along x, in words of 64.
 #pragma once
 
+#include <bit>
 #include <cstdint>
 
 namespace isobrick {
@@ -29,6 +30,15 @@ inline void keepBits(std::uint64_t* bits, std::int64_t count, std::int64_t begin
                      std::int64_t end) {
   for (std::int64_t word = 0; word < wordsOf(count); ++word)
     bits[word] &= bitsBetween(begin, end, word);
+}
+
+// Of the bits of `words` words keeps those for which `f(number of the bit)` holds; it is asked of
+// no others.
+template <typename F>
+void keepBitsWhere(std::uint64_t* bits, std::int64_t words, F&& f) {
+  for (std::int64_t word = 0; word < words; ++word)
+    for (std::uint64_t left = bits[word]; left != 0; left &= left - 1)
+      if (!f(64 * word + std::countr_zero(left))) bits[word] &= ~(left & -left);
 }
 
 inline bool hasBitsBetween(const std::uint64_t* bits, std::int64_t begin, std::int64_t end) {

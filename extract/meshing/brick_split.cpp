@@ -1,7 +1,6 @@
 #include "isobrick/extract/meshing/brick_split.h"
 
 #include <algorithm>
-#include <bit>
 
 #include "isobrick/extract/row_bits.h"
 
@@ -84,13 +83,9 @@ void BrickSplit::splitRow(const MeshContext& context, std::int64_t j, std::int64
 // Of cells in a row keeps those that the query's box overlaps.
 void BrickSplit::keepOverlapping(const MeshContext& context, std::int64_t j, std::int64_t k,
                                  std::uint64_t* bits) const {
-  for (std::int64_t word = 0; word < words_; ++word)
-    for (std::uint64_t left = bits[word]; left != 0; left &= left - 1) {
-      const int bit = std::countr_zero(left);
-      const Index3 cell = cells_.first + Index3(64 * word + bit, j, k);
-      if (!overlapsQueryBox(context, level_, {cell, Index3(1)}))
-        bits[word] &= ~(std::uint64_t{1} << bit);
-    }
+  keepBitsWhere(bits, words_, [&](std::int64_t i) {
+    return overlapsQueryBox(context, level_, {cells_.first + Index3(i, j, k), Index3(1)});
+  });
 }
 
 }  // namespace isobrick

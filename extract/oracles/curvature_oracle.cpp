@@ -1,7 +1,5 @@
 #include "isobrick/extract/oracles/curvature_oracle.h"
 
-#include <bit>
-
 #include "isobrick/extract/row_bits.h"
 #include "isobrick/storage/curvature_code.h"
 
@@ -33,12 +31,9 @@ bool CurvatureOracle::isFlat(const Index3& cell) {
 void CurvatureOracle::keepRefined(int level, const Index3& first, std::int64_t count,
                                   std::uint64_t* bits) {
   if (level != 1 || !is_on_) return;
-  for (std::int64_t word = 0; word < wordsOf(count); ++word)
-    for (std::uint64_t rest = bits[word]; rest != 0; rest &= rest - 1) {
-      const int bit = std::countr_zero(rest);
-      if (!refines(1, {first.x + 64 * word + bit, first.y, first.z}))
-        bits[word] &= ~(std::uint64_t{1} << bit);
-    }
+  keepBitsWhere(bits, wordsOf(count), [&](std::int64_t i) {
+    return refines(1, {first.x + i, first.y, first.z});
+  });
 }
 
 const CurvatureOracle::BrickCurvature& CurvatureOracle::curvatureOf(const Index3& brick) {

@@ -1,7 +1,6 @@
 #include "isobrick/extract/oracles/view_oracle.h"
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <glm/geometric.hpp>
 #include <limits>
@@ -94,12 +93,9 @@ void ViewOracle::keepRefined(int level, const Index3& first, std::int64_t count,
     case Share::kSome:
       break;
   }
-  for (std::int64_t word = 0; word < wordsOf(count); ++word)
-    for (std::uint64_t rest = bits[word]; rest != 0; rest &= rest - 1) {
-      const int bit = std::countr_zero(rest);
-      if (!refines(level, {first.x + 64 * word + bit, first.y, first.z}))
-        bits[word] &= ~(std::uint64_t{1} << bit);
-    }
+  keepBitsWhere(bits, wordsOf(count), [&](std::int64_t i) {
+    return refines(level, {first.x + i, first.y, first.z});
+  });
 }
 
 }  // namespace isobrick

@@ -3,7 +3,6 @@
 // promise to bound, evaluated here on their own in double precision.
 
 #include <gtest/gtest.h>
-#include <hwy/targets.h>
 
 #include <algorithm>
 #include <array>
@@ -26,6 +25,7 @@
 #include "tests/preprocess/bounded_volume.h"
 #include "tests/preprocess/curvature_tightness.h"
 #include "tests/support/array_source.h"
+#include "tests/support/every_target.h"
 #include "tests/support/plain_reader.h"
 #include "tests/support/random_numbers.h"
 #include "tests/support/temporary_folder.h"
@@ -161,20 +161,6 @@ TEST(CurvatureCode, NotANumberIsNotFlat) {
   EXPECT_EQ(CurvatureCode::encodeUp(std::numeric_limits<double>::quiet_NaN()), 255);
 }
 
-// Runs f once for every SIMD target of this machine, then goes back to the best of them.
-void forEachSimdTarget(const std::function<void(const char* target)>& f) {
-  const auto choose = [](std::int64_t targets) {  // 0: all
-    hwy::SetSupportedTargetsForTest(targets);
-    hwy::GetChosenTarget().DeInit();
-  };
-  choose(0);
-  for (std::int64_t left = hwy::SupportedTargets(); left != 0; left &= left - 1) {
-    choose(left & -left);
-    f(hwy::TargetName(left & -left));
-  }
-  choose(0);
-}
-
 TEST(CurvatureCode, OfWholeRowsIsThatOfNumbers) {
   std::vector<float> values = {0.0f,
                                std::numeric_limits<float>::denorm_min(),
@@ -194,14 +180,14 @@ TEST(CurvatureCode, OfWholeRowsIsThatOfNumbers) {
   for (std::size_t j = 0; j < 3; ++j)
     for (std::size_t i = 0; i < values.size(); ++i)
       row.coefficients[j][i] = values[(i + j) % values.size()];
-  forEachSimdTarget([&](const char* target) {
+  onEveryTarget([&] {
     std::vector<std::uint8_t> codes(3 * values.size() + 1, 77);
     encodeCurvature(row, codes.data());
     for (std::size_t i = 0; i < 3 * values.size(); ++i)
       ASSERT_EQ(codes[i],
                 CurvatureCode::encodeUp(static_cast<double>(row.coefficients[i % 3][i / 3])))
-          << row.coefficients[i % 3][i / 3] << " " << target;
-    EXPECT_EQ(codes.back(), 77) << target;
+          << row.coefficients[i % 3][i / 3];
+    EXPECT_EQ(codes.back(), 77);
   });
 }
 
@@ -484,14 +470,14 @@ TEST(CurvatureFit, HasTheBitsOfThePlainOneOnEveryTarget) {
       unbounded += std::isinf(expected.back()[0]);
     }
     targets = 0;
-    forEachSimdTarget([&](const char* target) {
+    onEveryTarget([&] {
       ++targets;
       fitCurvature(options, row);
       for (std::size_t node = 0; node < expected.size(); ++node)
         for (std::size_t j = 0; j < 3; ++j)
           ASSERT_EQ(std::bit_cast<std::uint32_t>(row.coefficients[j][node]),
                     std::bit_cast<std::uint32_t>(expected[node][j]))
-              << target << ", round " << round << ", node " << node << ", b" << j << ": "
+              << "round " << round << ", node " << node << ", b" << j << ": "
               << row.coefficients[j][node] << " instead of " << expected[node][j];
     });
   }
@@ -506,7 +492,7 @@ TEST(CurvatureFit, HasTheBitsOfThePlainOneOnEveryTarget) {
 TEST(CurvatureFit, WhatIsNotFiniteHasNoBound) {
   constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
   constexpr float kInfinity = std::numeric_limits<float>::infinity();
-  forEachSimdTarget([&](const char* target) {
+  onEveryTarget([&] {
     for (const float bad : {kNan, kInfinity, -kInfinity})
       for (std::size_t voxel = 0; voxel < 27; ++voxel) {
         CurvatureRow row(3);
@@ -518,9 +504,9 @@ TEST(CurvatureFit, WhatIsNotFiniteHasNoBound) {
         row.voxels[voxel / 3][2 + voxel % 3] = bad;
         fitCurvature({}, row);
         for (std::size_t j = 0; j < 3; ++j)
-          EXPECT_EQ(row.coefficients[j][1], kInfinity) << target << " voxel " << voxel;
-        EXPECT_EQ(std::isfinite(row.coefficients[0][0]), voxel % 3 != 0) << target;
-        EXPECT_EQ(std::isfinite(row.coefficients[0][2]), voxel % 3 != 2) << target;
+          EXPECT_EQ(row.coefficients[j][1], kInfinity) << "voxel " << voxel;
+        EXPECT_EQ(std::isfinite(row.coefficients[0][0]), voxel % 3 != 0);
+        EXPECT_EQ(std::isfinite(row.coefficients[0][2]), voxel % 3 != 2);
       }
     // Ranges.
     CurvatureRow row(3);
@@ -532,7 +518,7 @@ TEST(CurvatureFit, WhatIsNotFiniteHasNoBound) {
     fitCurvature({}, row);
     for (std::size_t node = 0; node < 3; ++node)
       for (std::size_t j = 0; j < 3; ++j)
-        EXPECT_EQ(row.coefficients[j][node], kInfinity) << target << " range " << node;
+        EXPECT_EQ(row.coefficients[j][node], kInfinity) << "range " << node;
   });
 }
 
@@ -608,13 +594,13 @@ void checkBricks(Random& random) {
     const Index3 brick(i % bricks.x, i / bricks.x % bricks.y, i / (bricks.x * bricks.y));
     const std::vector<ValueRange> tiles = tileRanges(layout, brick, samples);
     const std::vector<std::uint8_t> expected = plainBrickCurvature(layout, brick, samples, tiles);
-    forEachSimdTarget([&](const char* target) {
+    onEveryTarget([&] {
       brickCurvature(layout, brick, samples, tiles, 1.0 / 64, codes);
       ASSERT_EQ(codes.size(), expected.size());
       for (std::size_t j = 0; j < codes.size(); ++j)
         ASSERT_EQ(codes[j], expected[j])
-            << target << ", code " << j << " of brick " << i << " of " << dims.x << "x" << dims.y
-            << "x" << dims.z << " voxels, tiles of " << tile_cells;
+            << "code " << j << " of brick " << i << " of " << dims.x << "x" << dims.y << "x"
+            << dims.z << " voxels, tiles of " << tile_cells;
     });
   }
 }

@@ -1,27 +1,16 @@
 // The SIMD kernels against their definitions, on every instruction set that the machine has.
 #include <gtest/gtest.h>
-#include <hwy/highway.h>
 
 #include <cstring>
 
 #include "isobrick/preprocess/kernels/low_pass.h"
 #include "isobrick/preprocess/kernels/tile_ranges.h"
 #include "tests/support/array_source.h"
+#include "tests/support/every_target.h"
 #include "tests/support/random_numbers.h"
 
 namespace isobrick::test {
 namespace {
-
-// Calls `f` once for every instruction set, the portable one included.
-template <typename F>
-void onEveryTarget(F&& f) {
-  for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
-    hwy::SetSupportedTargetsForTest(target);
-    SCOPED_TRACE(hwy::TargetName(target));
-    f();
-  }
-  hwy::SetSupportedTargetsForTest(0);
-}
 
 template <typename T>
 T randomVoxel(Random& random) {

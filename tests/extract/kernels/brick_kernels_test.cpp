@@ -1,7 +1,6 @@
 // The kernels of uniform bricks against plain twins, bit by bit, on every instruction set of the
 // machine.
 #include <gtest/gtest.h>
-#include <hwy/targets.h>
 
 #include <algorithm>
 #include <cmath>
@@ -12,22 +11,11 @@
 #include "isobrick/extract/kernels/brick_crossings.h"
 #include "isobrick/extract/kernels/brick_triangles.h"
 #include "isobrick/extract/kernels/marching_cubes_table.h"
+#include "tests/support/every_target.h"
 #include "tests/support/random_numbers.h"
 
 namespace isobrick::test {
 namespace {
-
-// Calls `f` once for every instruction set of the machine, the portable one included.
-template <typename F>
-void onEveryTarget(F&& f) {
-  for (std::int64_t left = hwy::SupportedTargets(); left != 0; left &= left - 1) {
-    const std::int64_t target = left & -left;
-    hwy::SetSupportedTargetsForTest(target);
-    SCOPED_TRACE(hwy::TargetName(target));
-    f();
-  }
-  hwy::SetSupportedTargetsForTest(0);
-}
 
 template <typename T>
 class BrickKernels : public testing::Test {};

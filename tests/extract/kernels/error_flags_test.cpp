@@ -3,13 +3,13 @@
 #include "isobrick/extract/kernels/error_flags.h"
 
 #include <gtest/gtest.h>
-#include <hwy/targets.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <vector>
 
+#include "tests/support/every_target.h"
 #include "tests/support/random_numbers.h"
 
 namespace isobrick::test {
@@ -71,10 +71,7 @@ std::uint8_t plainEdgeFlags(const RandomRow& row, const RandomRow& other, std::s
 }
 
 TEST(ErrorFlags, AreThoseOfThePlainOnesOnEveryTarget) {
-  for (std::int64_t left = hwy::SupportedTargets(); left != 0; left &= left - 1) {
-    const std::int64_t target = left & -left;
-    hwy::SetSupportedTargetsForTest(target);
-    SCOPED_TRACE(hwy::TargetName(target));
+  onEveryTarget([] {
     Random random(3);
     std::array<int, 16> seen{};
     for (int round = 0; round < 200; ++round) {
@@ -97,8 +94,7 @@ TEST(ErrorFlags, AreThoseOfThePlainOnesOnEveryTarget) {
     }
     for (const int flag : {kWrongSide, kCoarseEdge, kLowHangs, kHighHangs})
       EXPECT_GT(seen[static_cast<std::size_t>(flag)], 50) << flag;
-  }
-  hwy::SetSupportedTargetsForTest(0);
+  });
 }
 
 }  // namespace
