@@ -10,10 +10,10 @@ namespace isobrick {
 namespace {
 
 constexpr std::size_t kMostBricks = 16;
-constexpr std::int64_t kEveryRow = 7;
+constexpr std::int64_t kEnoughRows = 250;  // of a brick
 
-// Some bricks of level 0 with samples in the file: every so many of the first 2^16, so that a large
-// file is not passed over.
+// Some bricks of level 0 with samples in the file. At most 2^16 are looked at, so that the table of
+// a large file is not passed over.
 std::vector<std::size_t> someBricks(const Pyramid& pyramid) {
   const auto all = static_cast<std::size_t>(elementCount(pyramid.layout().bricks(0)));
   constexpr std::size_t kMostRows = std::size_t{1} << 16;
@@ -33,7 +33,8 @@ std::vector<std::size_t> someBricks(const Pyramid& pyramid) {
 template <typename T>
 void addSecondDifferences(const BrickSamples& samples, std::vector<float>& magnitudes) {
   const Index3& count = samples.box.count;
-  for (std::int64_t row = 0; row < count.y * count.z; row += kEveryRow) {
+  const std::int64_t rows = count.y * count.z;
+  for (std::int64_t row = 0; row < rows; row += std::max<std::int64_t>(1, rows / kEnoughRows)) {
     const T* voxels = samples.data<T>() + row * count.x;
     for (std::int64_t i = 1; i + 1 < count.x; ++i) {
       const auto a = static_cast<float>(voxels[i - 1]), b = static_cast<float>(voxels[i]),
