@@ -16,6 +16,7 @@
 #include "isobrick/preprocess/kernels/curvature_fit.h"
 #include "isobrick/preprocess/slice_spool.h"
 #include "isobrick/storage/checksum.h"
+#include "isobrick/storage/index_loop.h"
 
 namespace isobrick {
 namespace {
@@ -292,8 +293,7 @@ class Build {
       };
       for (std::int64_t i = 0; i < box.size(); ++i) {
         if (std::isfinite(voxels[i])) continue;
-        const Index3 at = box.first + Index3(i % box.count.x, i / box.count.x % box.count.y,
-                                             i / (box.count.x * box.count.y));
+        const Index3 at = box.first + indexAt(i, box.count);
         if (!options_.nan_as.has_value())
           throw Error(
               "'" + source_.info().source + "' has a voxel that is " +

@@ -250,7 +250,7 @@ BrickAddress Pyramid::brickAt(std::size_t row) const {
   const auto level = static_cast<int>(after - first_brick_.begin()) - 1;
   const Index3 count = layout_.bricks(level);
   const auto n = static_cast<std::int64_t>(row - first_brick_[static_cast<std::size_t>(level)]);
-  return {level, Index3(n % count.x, n / count.x % count.y, n / (count.x * count.y))};
+  return {level, indexAt(n, count)};
 }
 
 std::size_t Pyramid::brickRow(int level, const Index3& brick) const {

@@ -8,6 +8,7 @@
 #include "isobrick/preprocess/sources/rows_as_boxes.h"
 #include "isobrick/storage/curvature_code.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/index_loop.h"
 
 namespace isobrick {
 namespace {
@@ -53,8 +54,7 @@ class QuantitySource final : public VolumeSource {
     const Index3 count = BrickLayout::ceilDivide(blocks.end(), brick_blocks_) - begin;
     tbb::parallel_for(std::int64_t{0}, elementCount(count), [&](std::int64_t i) {
       if (cancel_ != nullptr) cancel_->check();
-      const Index3 brick =
-          begin + Index3(i % count.x, i / count.x % count.y, i / (count.x * count.y));
+      const Index3 brick = begin + indexAt(i, count);
       visitVoxelType(info_.voxel_type, [&](auto tag) {
         using T = typename decltype(tag)::Type;
         copyBrick(brick, blocks, static_cast<T*>(out));

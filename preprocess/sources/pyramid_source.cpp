@@ -9,6 +9,7 @@
 
 #include "isobrick/preprocess/sources/rows_as_boxes.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/index_loop.h"
 
 namespace isobrick {
 namespace {
@@ -71,8 +72,7 @@ class PyramidSource final : public VolumeSource {
     const Index3 count = end - begin;
     tbb::parallel_for(std::int64_t{0}, elementCount(count), [&](std::int64_t i) {
       if (cancel_ != nullptr) cancel_->check();
-      copyBrick(begin + Index3(i % count.x, i / count.x % count.y, i / (count.x * count.y)), box,
-                static_cast<std::byte*>(out));
+      copyBrick(begin + indexAt(i, count), box, static_cast<std::byte*>(out));
     });
   }
 

@@ -12,6 +12,7 @@
 #include "isobrick/extract/kernels/brick_bits.h"
 #include "isobrick/extract/kernels/brick_crossings.h"
 #include "isobrick/extract/kernels/brick_triangles.h"
+#include "isobrick/storage/index_loop.h"
 
 namespace isobrick {
 namespace {
@@ -37,7 +38,7 @@ struct BricksInMemory {
     const BrickLayout layout(lattice, 64, kTile);
     const Index3 count = layout.bricks(0);
     for (std::int64_t n = 0; n < elementCount(count); ++n) {
-      const Index3 at(n % count.x, n / count.x % count.y, n / (count.x * count.y));
+      const Index3 at = indexAt(n, count);
       Brick brick;
       brick.cells = layout.brickCellBox(0, at);
       brick.samples = layout.brickSampleBox(0, at);

@@ -3,14 +3,7 @@
 # VTK, and those that know no formats for nothing of those either.
 file(REMOVE_RECURSE ${WORK}/prefix ${WORK}/consumer)
 file(MAKE_DIRECTORY ${WORK})
-function(run)
-  execute_process(COMMAND ${ARGN} WORKING_DIRECTORY ${WORK} RESULT_VARIABLE result
-                  OUTPUT_VARIABLE output ERROR_VARIABLE output)
-  if(NOT result EQUAL 0)
-    message(FATAL_ERROR "failed: ${ARGN}\n${output}")
-  endif()
-  set(output "${output}" PARENT_SCOPE)
-endfunction()
+include(${CMAKE_CURRENT_LIST_DIR}/run.cmake)
 function(refuse_libraries what pattern)
   if(output MATCHES "(${pattern})")
     message(FATAL_ERROR "${what} links ${CMAKE_MATCH_1}:\n${output}")

@@ -10,6 +10,7 @@
 
 #include "isobrick/preprocess/curvature_bricks.h"
 #include "isobrick/preprocess/phantoms/phantom.h"
+#include "isobrick/storage/index_loop.h"
 
 namespace isobrick {
 namespace {
@@ -65,8 +66,7 @@ std::vector<ValueRange> tileRanges(const BrickLayout& layout, const Index3& bric
 std::vector<Index3> allBricks(const BrickLayout& layout) {
   const Index3 count = layout.bricks(0);
   std::vector<Index3> bricks;
-  for (std::int64_t i = 0; i < elementCount(count); ++i)
-    bricks.emplace_back(i % count.x, i / count.x % count.y, i / (count.x * count.y));
+  for (std::int64_t i = 0; i < elementCount(count); ++i) bricks.push_back(indexAt(i, count));
   return bricks;
 }
 

@@ -7,6 +7,7 @@
 
 #include "isobrick/storage/brick_encoder.h"
 #include "isobrick/storage/checksum.h"
+#include "isobrick/storage/index_loop.h"
 
 namespace isobrick::test {
 namespace {
@@ -59,7 +60,7 @@ PyramidDraft::PyramidDraft(const Bytes& file) {
     for (std::int64_t i = 0; i < elementCount(count); ++i, ++row) {
       Brick brick;
       brick.level = static_cast<int>(level);
-      brick.index = Index3(i % count.x, i / count.x % count.y, i / (count.x * count.y));
+      brick.index = indexAt(i, count);
       brick.row =
           get<format::BrickRow>(file, header.brick_table_offset + row * sizeof(format::BrickRow));
       for (const PartKind kind : kKinds) {
