@@ -32,7 +32,7 @@ void runExternalCommand(std::string_view name, char** argv);
 inline constexpr char kBuildDescription[] = "Make pyramids (.isb) of volumes";
 inline constexpr char kConvertDescription[] =
     "Write volumes and pyramids in other formats: VDB, NRRD, NIfTI, OME-Zarr, HDF5, ...";
-inline constexpr char kViewDescription[] = "Explore a pyramid in a window";
+inline constexpr char kViewDescription[] = "Explore a volume in a window";
 Command addBuildCommand(CLI::App& app);
 Command addConvertCommand(CLI::App& app);
 Command addInfoCommand(CLI::App& app);

@@ -35,8 +35,11 @@ std::size_t terminalColumns() {
 
 }  // namespace
 
-ProgressBar::ProgressBar(double total, std::string unit)
-    : is_terminal_(isatty(STDERR_FILENO) == 1), total_(total), unit_(std::move(unit)) {}
+ProgressBar::ProgressBar(double total, std::string unit, ProgressStyle style)
+    : lines_(style == ProgressStyle::kLines),
+      is_terminal_(!lines_ && isatty(STDERR_FILENO) == 1),
+      total_(total),
+      unit_(std::move(unit)) {}
 
 ProgressBar::~ProgressBar() {
   if (is_dirty_) std::fputs("\r\033[K", stderr);
@@ -47,11 +50,15 @@ void ProgressBar::show(std::string_view phase, double fraction) {
 }
 
 void ProgressBar::show(std::string_view phase, double fraction, double amount) {
-  if (!is_terminal_) return;
+  if (!lines_ && !is_terminal_) return;
   const std::lock_guard lock(mutex_);
   fraction = std::clamp(fraction, 0.0, 1.0);
   if (phase != phase_) begin(phase, fraction, amount);
   if (!isTime()) return;
+  if (lines_) {
+    fmt::print(stderr, "progress {:.3f} {}\n", fraction, phase);
+    return;
+  }
   const auto filled = static_cast<std::size_t>(fraction * kBarCharacters);
   std::string line = fmt::format("{}  {}{} {:3.0f} %", phase, std::string(filled, '#'),
                                  std::string(kBarCharacters - filled, '.'), 100 * fraction);

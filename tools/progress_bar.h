@@ -8,13 +8,19 @@
 
 namespace isobrick {
 
-// Draws on stderr where that is a terminal and does nothing anywhere else. The line is wiped when
+// How progress is told.
+enum class ProgressStyle {
+  kBar,    // drawn where stderr is a terminal, nothing anywhere else
+  kLines,  // for programs, wherever stderr goes: "progress 0.612 read", share and phase
+};
+
+// Draws on stderr. The line is wiped when
 // the bar goes out of scope, also by an exception, so that what follows begins on a clean line.
 // Thread-safe; cheap enough to be called for every brick (it draws ten times a second at most).
 class ProgressBar {
  public:
   // `total` is what a whole phase stands for, in `unit`, for the rate: 268.4 and "MB".
-  ProgressBar(double total, std::string unit);
+  ProgressBar(double total, std::string unit, ProgressStyle style = ProgressStyle::kBar);
   ~ProgressBar();
   ProgressBar(const ProgressBar&) = delete;
   ProgressBar& operator=(const ProgressBar&) = delete;
@@ -31,7 +37,7 @@ class ProgressBar {
   bool isTime();
   void draw(std::string line);
 
-  const bool is_terminal_;
+  const bool lines_, is_terminal_;
   const double total_;
   const std::string unit_;
   std::mutex mutex_;  // guards all below

@@ -114,6 +114,37 @@ TEST_F(BuildCommandTest, OtherOptionsAreBuiltAgain) {
   }
 }
 
+TEST_F(BuildCommandTest, AnyOptionsWillDoWhereTheyAreNotAskedFor) {
+  makeVolume("a.nrrd");
+  runWell({"build", "a.nrrd", "--no-curvature"});
+  EXPECT_TRUE(isSkipped({"build", "a.nrrd", "--any-options"}));
+  touch("a.nrrd");
+  EXPECT_FALSE(isSkipped({"build", "a.nrrd", "--any-options"}));
+}
+
+TEST_F(BuildCommandTest, PhantomsAreBuiltWithoutAFileInBetween) {
+  makeVolume("a.nrrd", "gyroid", 40);
+  runWell({"build", "a.nrrd"});
+  EXPECT_FALSE(isSkipped({"build", "phantom:gyroid:40"}));
+  EXPECT_TRUE(isSkipped({"build", "phantom:gyroid:40"}));
+  const auto surface = [&](const char* pyramid) {
+    return runForJson({"extract", pyramid, "--iso", "128"})["triangles"];
+  };
+  EXPECT_EQ(surface("gyroid-40.isb"), surface("a.isb"));
+  expectFailure(1, {"build", "phantom:nobody"}, "nobody");
+  expectFailure(1, {"build", "phantom:head:1"}, "phantom:head:1");
+}
+
+TEST_F(BuildCommandTest, ProgressComesAsLinesForPrograms) {
+  makeVolume("a.nrrd", "sphere", 64);
+  const Outcome outcome = run({"build", "a.nrrd", "--progress-lines", "--json"});
+  EXPECT_EQ(outcome.status, 0);
+  EXPECT_EQ(Json::parse(outcome.out)["output"], "a.isb");
+  EXPECT_GE(outcome.errorLines(), 1);
+  expectContains("\n" + outcome.err, "\nprogress 0.");
+  expectContains(outcome.err, " bricks\n");
+}
+
 TEST_F(BuildCommandTest, APyramidOfAnotherInputNeedsForce) {
   makeVolume("a.nrrd");
   makeVolume("b.nrrd", "torus");

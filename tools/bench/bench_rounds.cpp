@@ -11,7 +11,7 @@
 
 #include "tools/bench/page_cache.h"
 #include "tools/bench/process_memory.h"
-#include "tools/bench/program_run.h"
+#include "tools/program_run.h"
 
 namespace isobrick {
 namespace {

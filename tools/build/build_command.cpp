@@ -191,10 +191,16 @@ void addOutputOptions(CLI::App& sub, BuildArguments& arguments) {
   sub.add_flag("--force", arguments.settings.force,
                "Build also what is up to date, and replace pyramids of other inputs (never a file "
                "that is not a pyramid)");
+  sub.add_flag("--any-options", arguments.settings.any_options,
+               "Leave a pyramid of the same input as it is, also where it was built with other "
+               "options");
   sub.add_flag("--resume", arguments.settings.options.resume,
                "Go on where an interrupted or killed build with the same options ended");
   sub.add_flag("--json", arguments.json,
                "Print one JSON object instead of the summary; of many inputs one with a list");
+  sub.add_flag_callback(
+      "--progress-lines", [&] { arguments.settings.progress = ProgressStyle::kLines; },
+      "Write how far it is on stderr as lines, for programs: progress 0.612 bricks");
 }
 
 void addResourceOptions(CLI::App& sub, BuildArguments& arguments) {

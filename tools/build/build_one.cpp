@@ -16,7 +16,6 @@
 #include "isobrick/storage/pyramid_writer.h"
 #include "tools/build/existing_output.h"
 #include "tools/byte_size.h"
-#include "tools/progress_bar.h"
 #include "tools/stopwatch.h"
 #include "tools/thread_count.h"
 
@@ -25,13 +24,14 @@ namespace {
 
 std::unique_ptr<VolumeSource> openShowingProgress(const BuildJob& job,
                                                   const BuildSettings& settings) {
-  ProgressBar bar(100, "%");
+  ProgressBar bar(100, "%", settings.progress);
   OpenOptions options = openOptionsOf(job.input);
   options.cancel = settings.options.cancel;
   options.memory_bytes = settings.options.memory_bytes / 2;
   options.progress = [&](std::string_view phase, double share) {
     bar.show(fmt::format("{}{}", job.label, phase), share);
   };
+  if (const auto phantom = phantomOf(job.input.path)) return makePhantomSource(*phantom);
   return openVolume(job.input.path, options);
 }
 
@@ -40,7 +40,7 @@ BuildReport buildShowingProgress(VolumeSource& source, InputWatch& input, const 
   const VolumeInfo& info = source.info();
   const double bytes = static_cast<double>(elementCount(info.voxels)) *
                        static_cast<double>(voxelBytes(info.voxel_type));
-  ProgressBar bar(bytes / 1e6, "MB");
+  ProgressBar bar(bytes / 1e6, "MB", settings.progress);
   BuildOptions options = settings.options;
   options.progress = [&](std::string_view phase, double share) {
     bar.show(fmt::format("{}{}", job.label, phase), share);
@@ -88,8 +88,8 @@ BuiltVolume openAndBuild(const BuildJob& job, const BuildSettings& settings) {
   const std::unique_ptr<VolumeSource> source = openShowingProgress(job, settings);
   built.open_seconds = watch.seconds();
   InputWatch input(*source, settings.options.cancel);
-  built.skipped =
-      !settings.force && isUpToDate(job.output, source->info(), input.identity(), settings.options);
+  built.skipped = !settings.force && isUpToDate(job.output, source->info(), input.identity(),
+                                                settings.options, settings.any_options);
   if (built.skipped)
     removeStrayJournal(job.output);
   else

@@ -6,6 +6,7 @@
 
 #include "isobrick/preprocess/pyramid_builder.h"
 #include "tools/build/open_input.h"
+#include "tools/progress_bar.h"
 
 namespace isobrick {
 
@@ -14,6 +15,8 @@ struct BuildSettings {
   BuildOptions options;  // all but `progress`
   int threads = 1;
   bool force = false;
+  bool any_options = false;  // a pyramid of the same input is up to date, whatever its options
+  ProgressStyle progress = ProgressStyle::kBar;
 };
 
 struct BuildJob {

@@ -75,7 +75,7 @@ void refusePreciousOutput(const std::string& input, const std::string& output, b
 }
 
 bool isUpToDate(const std::string& output, const VolumeInfo& info,
-                const std::string& input_identity, const BuildOptions& options) {
+                const std::string& input_identity, const BuildOptions& options, bool any_options) {
   std::error_code ignored;
   if (!fs::is_regular_file(output, ignored)) return false;
   Origin origin;
@@ -87,7 +87,7 @@ bool isUpToDate(const std::string& output, const VolumeInfo& info,
   }
   const std::string identity = buildIdentity(info, input_identity, options);
   if (origin.identity == identity) return true;
-  if (inputLine(origin.identity) == inputLine(identity)) return false;
+  if (inputLine(origin.identity) == inputLine(identity)) return any_options;
   if (origin.source != info.source)
     throw Error(
         fmt::format("'{}' exists and was made from '{}'; {}", output, origin.source, kWaysOut));

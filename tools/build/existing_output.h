@@ -15,8 +15,8 @@ void refusePreciousOutput(const std::string& input, const std::string& output, b
 // True where `output` is a pyramid of this very source and these options already; false where there
 // is none, or one that was made from the same input, which has changed since or is to be built with
 // other options. Throws Error where it was made from something else, or where nobody can tell.
-// `input_identity` is that of the source.
+// `input_identity` is that of the source. With `any_options` they may be others.
 bool isUpToDate(const std::string& output, const VolumeInfo& info,
-                const std::string& input_identity, const BuildOptions& options);
+                const std::string& input_identity, const BuildOptions& options, bool any_options);
 
 }  // namespace isobrick

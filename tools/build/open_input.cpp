@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <filesystem>
 #include <limits>
+#include <stdexcept>
+#include <string_view>
 
 #include "isobrick/preprocess/sources/open_volume.h"
 #include "isobrick/storage/error.h"
@@ -29,7 +31,8 @@ ComponentChoice parseComponent(const std::string& text) {
 void addInputOptions(CLI::App& app, std::vector<std::string>& paths, InputOptions& options) {
   app.add_option("INPUT", paths,
                  "Volumes: NRRD, MetaImage, NIfTI, VTI, VDB, TIFF, ... files, folders of a DICOM "
-                 "series or of TIFF slices, or raw files; quoted patterns ('scans/*.nrrd') too")
+                 "series or of TIFF slices, or raw files; quoted patterns ('scans/*.nrrd') too; "
+                 "phantom:NAME:SIZE")
       ->type_name("PATH")
       ->required();
   addOpenOptions(app, options);
@@ -107,7 +110,26 @@ void refuseKnownMisfits(const InputOptions& input) {
   }
 }
 
+std::optional<PhantomSpec> phantomOf(const std::string& input) {
+  constexpr std::string_view kPrefix = "phantom:";
+  if (input.rfind(kPrefix, 0) != 0) return std::nullopt;
+  PhantomSpec spec;
+  spec.name = input.substr(kPrefix.size());
+  const std::size_t colon = spec.name.find(':');
+  if (colon == std::string::npos) return spec;
+  const std::string size = spec.name.substr(colon + 1);
+  spec.name.resize(colon);
+  try {
+    spec.size = parseInteger(size, 2, kMaxVoxelsPerAxis);
+  } catch (const std::invalid_argument& wrong) {
+    throw Error(fmt::format("the size of '{}' cannot be used: {}", input, wrong.what()));
+  }
+  return spec;
+}
+
 std::string defaultOutputName(const std::string& input_path) {
+  if (const auto phantom = phantomOf(input_path))
+    return fmt::format("{}-{}.isb", phantom->name, phantom->size);
   std::error_code error;
   fs::path path = fs::path(input_path);
   if (fs::is_directory(path, error)) {

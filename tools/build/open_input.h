@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "isobrick/preprocess/phantoms/phantom.h"
 #include "isobrick/preprocess/sources/open_options.h"
 
 namespace isobrick {
@@ -36,7 +37,12 @@ OpenOptions openOptionsOf(const InputOptions& input);
 // that need --raw-dims. Opens nothing.
 void refuseKnownMisfits(const InputOptions& input);
 
-// "head.isb" for "scans/head.nii.gz", and for the folder "scans/head".
+// The phantom that "phantom:head:512" names (256 voxels per axis where no size is given); nothing
+// for other words. Throws Error for a size that is none.
+std::optional<PhantomSpec> phantomOf(const std::string& input);
+
+// "head.isb" for "scans/head.nii.gz", and for the folder "scans/head"; "head-512.isb" for
+// "phantom:head:512".
 std::string defaultOutputName(const std::string& input_path);
 
 }  // namespace isobrick

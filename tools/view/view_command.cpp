@@ -1,15 +1,17 @@
-// isobrick view: a window in which a pyramid is explored.
+// isobrick view: a window in which a volume is explored.
 #include <algorithm>
 #include <memory>
 #include <string>
 
 #include "isobrick/storage/pyramid.h"
+#include "isobrick/viewer/session/recent_files.h"
 #include "isobrick/viewer/window/view_loop.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
 #include "tools/parse_text.h"
 #include "tools/parsed_option.h"
 #include "tools/thread_count.h"
+#include "tools/view/build_volume.h"
 
 namespace isobrick {
 
@@ -22,7 +24,15 @@ Command addViewCommand(CLI::App& app) {
   options->threads = std::max(1, allCores() - 1);
   options->cancel = &interruptFlag();
   const auto size = std::make_shared<PixelSize>(PixelSize{options->width, options->height});
-  sub->add_option("FILE", options->path, "Pyramid (.isb)")->type_name("PATH")->required();
+  const auto cache = std::make_shared<std::string>();
+  sub->add_option("FILE", options->path,
+                  "Pyramid (.isb); or a volume as 'isobrick build' reads it, a DICOM folder, or "
+                  "phantom:NAME:SIZE, of which a pyramid is built first; default: chosen in the "
+                  "window")
+      ->type_name("PATH");
+  sub->add_option("--cache", *cache,
+                  "Folder for pyramids that are built; default: beside the volume")
+      ->type_name("DIR");
   addParsedOption(*sub, "--memory", options->memory_bytes, parseByteSize, "SIZE",
                   "Bytes of the file to keep in memory, such as 256M; default: 1G");
   addParsedOption(*sub, "--gpu-memory", options->gpu_budget_bytes, parseByteSize, "SIZE",
@@ -49,7 +59,10 @@ Command addViewCommand(CLI::App& app) {
       ->type_name("EVENTS.json");
   sub->add_flag("--offscreen", options->offscreen, "Run the script without a window")
       ->needs(script);
-  return {sub, [options, size] {
+  return {sub, [options, size, cache] {
+            options->build = volumeBuilder({*cache, options->threads});
+            // What scripts open is no choice of hands.
+            if (options->script_path.empty()) options->recent_path = recentFilesPath();
             options->width = size->width;
             options->height = size->height;
             // The interface is beside them.

@@ -228,6 +228,11 @@ class StepReader {
       turntable(value);
     } else if (name == "set" && value.is_object()) {
       steps_.emplace_back(ScriptPatch{value.dump()});
+    } else if (name == "open") {
+      InputEvent opened = event(InputEvent::Kind::kOpen);
+      opened.path = textOf(value, where);
+      if (opened.path.empty()) refuse(where + " is empty");
+      steps_.emplace_back(ScriptEvent{opened});
     } else if (name == "wait") {
       ScriptWait wait;
       if (value != "settled") wait.seconds = secondsOf(value, where);
@@ -287,6 +292,9 @@ Json stepOf(const InputEvent& event) {
     case InputEvent::Kind::kResize:
       step["resize"] = {event.x, event.y};
       break;
+    case InputEvent::Kind::kOpen:
+      step["open"] = event.path;
+      break;
     case InputEvent::Kind::kClose:
       break;
   }
@@ -307,7 +315,8 @@ void ScriptRecorder::add(double seconds, const InputEvent& event) {
     steps_.push_back(Json{{"wait", wait}}.dump());
   }
   last_ = seconds;
-  steps_.push_back(step.dump());
+  // A path may be no UTF-8, of which alone JSON is made.
+  steps_.push_back(step.dump(-1, ' ', false, Json::error_handler_t::replace));
 }
 
 std::string ScriptRecorder::json(int width, int height) const {

@@ -33,11 +33,15 @@ std::string whole(double number) { return std::to_string(std::llround(number)); 
 
 ViewSession::ViewSession(std::shared_ptr<const Pyramid> pyramid, SceneRenderer& renderer,
                          const SessionOptions& options)
+    : ViewSession(pyramid, coarseHistogram(*pyramid), renderer, options) {}
+
+ViewSession::ViewSession(std::shared_ptr<const Pyramid> pyramid, ValueHistogram histogram,
+                         SceneRenderer& renderer, const SessionOptions& options)
     : pyramid_(std::move(pyramid)),
       renderer_(renderer),
       threads_(options.threads),
       volume_(volumeOf(*pyramid_)),
-      histogram_(coarseHistogram(*pyramid_)),
+      histogram_(std::move(histogram)),
       state_(firstView(volume_, 1.0)),
       surfaces_(renderer, options.gpu_budget_bytes),
       stream_(pyramid_, options.threads),

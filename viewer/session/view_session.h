@@ -50,6 +50,9 @@ class ViewSession {
   // Reads a coarse level, for the histogram. Throws Error for a damaged one.
   ViewSession(std::shared_ptr<const Pyramid> pyramid, SceneRenderer& renderer,
               const SessionOptions& options);
+  // The same of a pyramid of which it was read before.
+  ViewSession(std::shared_ptr<const Pyramid> pyramid, ValueHistogram histogram,
+              SceneRenderer& renderer, const SessionOptions& options);
   ~ViewSession();
 
   // May be changed between frames; update() brings it into its bounds.

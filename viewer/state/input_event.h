@@ -3,6 +3,7 @@
 
 #include <array>
 #include <optional>
+#include <string>
 #include <string_view>
 
 namespace isobrick {
@@ -76,6 +77,7 @@ struct InputEvent {
     kText,        // the character `character`
     kResize,      // of the picture: to x by y pixels, 0 while the window is minimised
     kClose,       // the window is to go
+    kOpen,        // `path` is to be opened: it was dropped on the window, or chosen
   };
 
   Kind kind = Kind::kMove;
@@ -88,6 +90,7 @@ struct InputEvent {
   bool shift = false, control = false;
   bool repeated = false;  // a key that is held
   int clicks = 0;         // of a press: 2 where whoever sends it knows that it is a double click
+  std::string path;       // bytes, as the system has them
 
   bool operator==(const InputEvent&) const = default;
 };

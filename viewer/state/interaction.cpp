@@ -181,6 +181,9 @@ void plainKey(const InputEvent& event, const ViewVolume& volume, Interaction& in
     case Key::kM:
       wishes.export_mesh = true;
       break;
+    case Key::kN:
+      wishes.browse = true;
+      break;
     case Key::kTab:
       toggle(interaction.show_panel);
       break;
@@ -239,8 +242,24 @@ Wishes applyEvent(const InputEvent& event, double seconds, bool on_panel, const 
     case InputEvent::Kind::kClose:
       wishes.close = true;
       break;
+    case InputEvent::Kind::kOpen:
+      wishes.open = event.path;
+      break;
   }
   return wishes;
+}
+
+void addWishes(const Wishes& more, Wishes& wishes) {
+  const auto join = [](bool one, bool& other) { other = other || one; };
+  if (more.focus_at) wishes.focus_at = more.focus_at;
+  if (more.open) wishes.open = more.open;
+  join(more.screenshot, wishes.screenshot);
+  join(more.save_state, wishes.save_state);
+  join(more.load_state, wishes.load_state);
+  join(more.export_mesh, wishes.export_mesh);
+  join(more.close, wishes.close);
+  join(more.browse, wishes.browse);
+  join(more.stop_opening, wishes.stop_opening);
 }
 
 void advanceFlight(double seconds, const ViewVolume& volume, const Interaction& interaction,

@@ -4,6 +4,7 @@
 #include <array>
 #include <glm/vec2.hpp>
 #include <optional>
+#include <string>
 
 #include "isobrick/viewer/state/input_event.h"
 #include "isobrick/viewer/state/view_state.h"
@@ -39,7 +40,13 @@ struct Wishes {
   bool load_state = false;
   bool export_mesh = false;
   bool close = false;
+  bool browse = false;              // the list of files to open, on and off
+  bool stop_opening = false;        // what is being opened, or said of it, is not wanted any longer
+  std::optional<std::string> open;  // this path
 };
+
+// Both together.
+void addWishes(const Wishes& more, Wishes& wishes);
 
 // A press within this time and distance of the last click is a double click.
 inline constexpr double kDoubleClickSeconds = 0.35;
@@ -87,6 +94,7 @@ inline constexpr KeyHelp kKeyHelp[] = {
     {"I", "turn the last clip plane round"},
     {"P or F12", "write a picture"},
     {"M", "write the mesh"},
+    {"N", "open another volume; so does dropping one on the window"},
     {"Ctrl+S, Ctrl+O", "write the view, read it again"},
     {"Tab", "the panel"},
     {"H", "this list"},

@@ -16,7 +16,7 @@
 namespace isobrick {
 
 // Calls `work(request, cancel)` on a thread of its own. A newer request cancels the one at hand.
-// request() and poll() are for one other thread and never wait for the work.
+// request(), cancel() and poll() are for one other thread and never wait for the work.
 template <typename Request, typename Result>
 class LatestWorker {
  public:
@@ -45,6 +45,13 @@ class LatestWorker {
     waiting_ = std::move(request);
     if (cancel_ != nullptr) cancel_->request();
     wake_.notify_all();
+  }
+  // Ends the work at hand; it has no outcome then.
+  void cancel() {
+    const std::lock_guard lock(mutex_);
+    waiting_.reset();
+    outcome_.reset();
+    if (cancel_ != nullptr) cancel_->request();
   }
   // The outcome of a request that no other one followed, once.
   std::optional<Outcome> poll() {

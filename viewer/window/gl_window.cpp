@@ -110,6 +110,14 @@ struct GlWindow::Callbacks {
     text.character = character;
     push(window, text);
   }
+  // Of several files the last one is looked at.
+  static void onDrop(GLFWwindow* window, int count, const char** paths) {
+    for (int i = 0; i < count; ++i) {
+      InputEvent dropped = event(window, InputEvent::Kind::kOpen);
+      dropped.path = paths[i];
+      push(window, dropped);
+    }
+  }
   static void onSize(GLFWwindow* window, int, int) { of(window).pushSize(); }
   static void onClose(GLFWwindow* window) { push(window, event(window, InputEvent::Kind::kClose)); }
 };
@@ -132,6 +140,7 @@ GlWindow::GlWindow(int width, int height, const std::string& title) {
   glfwSetScrollCallback(window_, Callbacks::onWheel);
   glfwSetKeyCallback(window_, Callbacks::onKey);
   glfwSetCharCallback(window_, Callbacks::onText);
+  glfwSetDropCallback(window_, Callbacks::onDrop);
   glfwSetFramebufferSizeCallback(window_, Callbacks::onSize);
   glfwSetWindowCloseCallback(window_, Callbacks::onClose);
   pushSize();

@@ -17,6 +17,7 @@
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/viewer/image_writer.h"
+#include "isobrick/viewer/session/recent_files.h"
 #include "isobrick/viewer/session/view_script.h"
 #include "isobrick/viewer/session/view_session.h"
 #include "isobrick/viewer/state/view_state_json.h"
@@ -95,8 +96,15 @@ std::string reportOf(const std::vector<ReportedFrame>& frames, const std::string
 
 std::unique_ptr<ViewTarget> makeTarget(const ViewOptions& options, int width, int height) {
   if (options.offscreen) return std::make_unique<EglTarget>(width, height);
-  return std::make_unique<GlWindow>(width, height,
-                                    fs::path(options.path).filename().string() + " - isobrick");
+  return std::make_unique<GlWindow>(width, height, "isobrick");
+}
+
+// A file or a folder that is there and is no pyramid, or the name of a phantom. Everything else is
+// opened as a pyramid, before there is a window, and says itself what is wrong.
+bool isToBeBuilt(const std::string& source) {
+  std::error_code ignored;
+  return source.rfind("phantom:", 0) == 0 ||
+         (fs::exists(source, ignored) && !isPyramidFile(source));
 }
 
 // The first name STEM-0001.png, STEM-0002.png, ... that is free.
@@ -114,11 +122,14 @@ class ViewLoop {
  public:
   explicit ViewLoop(const ViewOptions& options)
       : options_(options),
-        stem_(fs::path(options.path).stem().string()),
-        state_path_(options.state_path.empty() ? stem_ + ".view.json" : options.state_path),
-        pyramid_(std::make_shared<const Pyramid>(options.path, options.memory_bytes)) {
-    std::optional<ViewState> state;
-    if (!options.state_path.empty()) state = readViewState(options.state_path);
+        state_path_(options.state_path),
+        recent_(readRecentFiles(options.recent_path)),
+        opener_(options.build, options.memory_bytes) {
+    std::optional<OpenedVolume> first;
+    const bool to_be_built = !options.path.empty() && isToBeBuilt(options.path);
+    if (!options.path.empty() && !to_be_built)
+      first = openPyramid(options.path, options.memory_bytes);
+    if (!options.state_path.empty()) first_state_ = readViewState(options.state_path);
     int width = options.width, height = options.height;
     if (!options.script_path.empty()) {
       ViewScript script = readViewScript(options.script_path);
@@ -129,9 +140,12 @@ class ViewLoop {
     }
     target_ = makeTarget(options, width, height);
     panel_ = std::make_unique<ViewPanel>(target_->scale());
-    session_ = std::make_unique<ViewSession>(
-        pyramid_, target_->renderer(), SessionOptions{options.threads, options.gpu_budget_bytes});
-    if (state) first_state_ = *state;
+    if (first)
+      show(std::move(*first));
+    else if (to_be_built)
+      opener_.open(options.path);
+    else if (!player_)
+      panel_->toggleOpening();
   }
 
   void run() {
@@ -139,7 +153,7 @@ class ViewLoop {
     while (!closing_) {
       if (options_.cancel != nullptr) options_.cancel->check();
       takeEvents();
-      if (!closing_ && (awake() || !events_.empty())) frame();
+      if (!closing_ && (awake() || opener_.status().busy || !events_.empty())) frame();
     }
     if (!options_.record_path.empty()) {
       const std::string script = recorder_.json(first_width_, first_height_);
@@ -148,8 +162,7 @@ class ViewLoop {
       file.commit();
     }
     if (!options_.report_path.empty()) {
-      const std::string report =
-          reportOf(reported_, target_->renderer().deviceName(), session_->status());
+      const std::string report = reportOf(reported_, target_->renderer().deviceName(), status());
       AtomicFile file(options_.report_path);
       file.write(report.data(), report.size());
       file.commit();
@@ -158,8 +171,61 @@ class ViewLoop {
 
  private:
   bool awake() const {
-    return player_ || !session_->settled() || secondsNow() < awake_until_ ||
-           session_->interaction().flying;
+    return player_ || secondsNow() < awake_until_ ||
+           (session_ && (!session_->settled() || session_->interaction().flying));
+  }
+  // All that was asked for is there.
+  bool settled() const { return !opener_.status().busy && (!session_ || session_->settled()); }
+  SessionStatus status() const { return session_ ? session_->status() : SessionStatus{}; }
+  ViewState& state() { return session_ ? session_->state() : idle_state_; }
+
+  // In place of what was shown before.
+  void show(OpenedVolume opened) {
+    const bool with_panel = !session_ || session_->interaction().show_panel;
+    session_.reset();
+    session_ = std::make_unique<ViewSession>(
+        std::move(opened.file), std::move(opened.histogram), target_->renderer(),
+        SessionOptions{options_.threads, options_.gpu_budget_bytes});
+    session_->interaction().show_panel = with_panel;
+    stem_ = fs::path(opened.pyramid).stem().string();
+    if (options_.state_path.empty()) state_path_ = stem_ + ".view.json";
+    target_->setTitle(shownName(fs::path(opened.pyramid).filename().string()) + " - isobrick");
+    if (height_ > 0) {
+      InputEvent size;
+      size.kind = InputEvent::Kind::kResize;
+      size.x = width_;
+      size.y = height_;
+      session_->apply(size, last_frame_, false);
+    }
+    message_ = opened.source == opened.pyramid ? "" : "the pyramid is " + opened.pyramid;
+    std::error_code ignored;
+    // A phantom has a file only by now.
+    const bool is_file = fs::exists(opened.source, ignored);
+    const fs::path whole = fs::absolute(is_file ? opened.source : opened.pyramid, ignored);
+    recent_ = withRecent(std::move(recent_), whole.lexically_normal().string());
+    writeRecentFiles(options_.recent_path, recent_);
+  }
+
+  void takeOpened() {
+    auto outcome = opener_.poll();
+    if (!outcome) return;
+    // What a script is all about.
+    if (!outcome->volume && player_ && !session_ && outcome->source == options_.path)
+      throw Error(outcome->error);
+    open_error_ = outcome->error;
+    if (outcome->volume) show(std::move(*outcome->volume));
+  }
+
+  bool draw() {
+    if (session_) return session_->draw();
+    if (width_ < 1 || height_ < 1) return false;
+    SceneFrame frame;
+    frame.width = width_;
+    frame.height = height_;
+    frame.background_top = idle_state_.background_top;
+    frame.background_bottom = idle_state_.background_bottom;
+    target_->renderer().draw(frame);
+    return true;
   }
 
   void takeEvents() {
@@ -170,16 +236,17 @@ class ViewLoop {
 
   void frame() {
     const double begin = secondsNow();
+    takeOpened();
     ScriptFrame scripted;
-    if (player_) scripted = player_->next(begin - begin_, session_->settled(), session_->state());
-    if (scripted.state) session_->state() = *scripted.state;
+    if (player_) scripted = player_->next(begin - begin_, settled(), state());
+    if (scripted.state) state() = *scripted.state;
     if (scripted.size) target_->resize(scripted.size->width, scripted.size->height);
     events_.insert(events_.end(), scripted.events.begin(), scripted.events.end());
 
     const Wishes wishes = hands(begin);
-    session_->update(begin);
+    if (session_) session_->update(begin);
     const double drawing = secondsNow();
-    const bool drawn = session_->draw();
+    const bool drawn = draw();
     if (drawn) {
       target_->renderer().present(target_->framebuffer());
       panel_->draw();
@@ -191,9 +258,10 @@ class ViewLoop {
     const double written = secondsNow();
     if (drawn) target_->show();
     const double draw_seconds = drawn_by - drawing + secondsNow() - written;
-    if (drawn) session_->noteDrawing(draw_seconds);
+    if (drawn && session_) session_->noteDrawing(draw_seconds);
     remember({drawing - begin, draw_seconds}, begin);
     if (drawn) grant(wishes);
+    grantOpening(wishes);
     closing_ = closing_ || wishes.close || (player_ && scripted.finished);
   }
 
@@ -222,25 +290,28 @@ class ViewLoop {
       const bool of_keyboard = event.kind == InputEvent::Kind::kKeyPress ||
                                event.kind == InputEvent::Kind::kKeyRelease ||
                                event.kind == InputEvent::Kind::kText;
-      add(session_->apply(event, seconds,
-                          of_keyboard ? panel_->wantsKeyboard() : panel_->wantsMouse()),
-          wishes);
+      const bool on_panel = of_keyboard ? panel_->wantsKeyboard() : panel_->wantsMouse();
+      addWishes(session_ ? session_->apply(event, seconds, on_panel)
+                         : applyEvent(event, seconds, on_panel, {}, idle_interaction_, idle_state_),
+                wishes);
     }
-    if (first_state_ && height_ > 0) {
+    if (first_state_ && session_ && height_ > 0) {
       session_->state() = *first_state_;
       first_state_.reset();
     }
-    if (const auto written = session_->takeExported()) message_ = "wrote " + *written;
-    add(panel_->build(*session_, {frames_, message_, target_->renderer().deviceName()}), wishes);
+    if (session_)
+      if (const auto written = session_->takeExported()) message_ = "wrote " + *written;
+    addWishes(panel_->build(session_.get(), {frames_, message_, target_->renderer().deviceName(),
+                                             opener_.status(), open_error_, recent_}),
+              wishes);
     return wishes;
   }
 
-  static void add(const Wishes& more, Wishes& wishes) {
-    wishes.screenshot = wishes.screenshot || more.screenshot;
-    wishes.save_state = wishes.save_state || more.save_state;
-    wishes.load_state = wishes.load_state || more.load_state;
-    wishes.export_mesh = wishes.export_mesh || more.export_mesh;
-    wishes.close = wishes.close || more.close;
+  void grantOpening(const Wishes& wishes) {
+    if (wishes.browse) panel_->toggleOpening();
+    if (wishes.stop_opening || wishes.open) open_error_.clear();
+    if (wishes.stop_opening) opener_.cancel();
+    if (wishes.open) opener_.open(*wishes.open);
   }
 
   // What fails is said in the window, and the rest goes on.
@@ -251,6 +322,7 @@ class ViewLoop {
         writeImage(name, target_->renderer().picture());
         message_ = "wrote " + name;
       }
+      if (!session_) return;
       if (wishes.export_mesh) session_->exportMesh(freeName(stem_, ".ply"));
       if (wishes.save_state) {
         writeViewState(state_path_, session_->state());
@@ -275,10 +347,10 @@ class ViewLoop {
         if (drawn) writeImage(path, target_->renderer().picture());
         break;
       case ScriptFile::What::kMesh:
-        session_->exportMesh(path);
+        if (session_) session_->exportMesh(path);
         break;
       case ScriptFile::What::kState:
-        writeViewState(path, session_->state());
+        writeViewState(path, state());
         break;
     }
   }
@@ -287,19 +359,24 @@ class ViewLoop {
     frames_.push_back(times);
     if (frames_.size() > kFrameTimes) frames_.pop_front();
     if (options_.report_path.empty()) return;
-    const SessionStatus status = session_->status();
-    reported_.push_back({begin - begin_, times, status.surface_age, status.shown_radius,
-                         status.triangles, session_->uploadedBytes()});
+    const SessionStatus now = status();
+    reported_.push_back({begin - begin_, times, now.surface_age, now.shown_radius, now.triangles,
+                         session_ ? session_->uploadedBytes() : 0});
   }
 
   const ViewOptions& options_;
-  std::string stem_, state_path_;
-  std::shared_ptr<const Pyramid> pyramid_;
+  std::string stem_ = "isobrick", state_path_;
+  std::vector<std::string> recent_;
+  std::string open_error_;
   std::optional<ScriptPlayer> player_;
   // In this order: the context goes last.
   std::unique_ptr<ViewTarget> target_;
   std::unique_ptr<ViewPanel> panel_;
-  std::unique_ptr<ViewSession> session_;
+  std::unique_ptr<ViewSession> session_;  // null: nothing is open
+  VolumeOpener opener_;                   // its end waits for that of a build
+  // While nothing is open.
+  Interaction idle_interaction_;
+  ViewState idle_state_;
 
   std::optional<ViewState> first_state_;
   std::deque<InputEvent> events_;

@@ -5,11 +5,13 @@
 #include <string>
 
 #include "isobrick/storage/cancel.h"
+#include "isobrick/viewer/session/volume_opener.h"
 
 namespace isobrick {
 
 struct ViewOptions {
-  std::string path;                    // a pyramid
+  std::string path;                    // a pyramid, or what `build` knows; empty: nothing yet
+  VolumeBuilder build;                 // of what is no pyramid
   std::uint64_t memory_bytes = 0;      // of the file, as Pyramid takes it
   std::uint64_t gpu_budget_bytes = 0;  // of chunks
   int threads = 1;                     // of the extraction
@@ -17,6 +19,7 @@ struct ViewOptions {
   std::string script_path;             // empty: hands
   std::string frames_folder = ".";     // where a script's files go
   std::string report_path;             // JSON of a script's timings; empty: none
+  std::string recent_path;             // list of what was opened last; empty: none
   std::string record_path;             // script of what hands do, written at the end; empty: none
   bool offscreen = false;              // without a window; scripts only
   int width = 1280, height = 800;      // of the window, pixels

@@ -115,6 +115,7 @@ void ViewPanel::feed(const InputEvent& event) {
       break;
     case InputEvent::Kind::kResize:
     case InputEvent::Kind::kClose:
+    case InputEvent::Kind::kOpen:
       break;
   }
 }
@@ -137,44 +138,50 @@ void ViewPanel::draw() {
 
 void ViewPanel::discard() { ImGui::EndFrame(); }
 
-Wishes ViewPanel::build(ViewSession& session, const PanelFacts& facts) {
+Wishes ViewPanel::all(ViewSession& session, const PanelFacts& facts) {
+  ImGui::PushItemWidth(static_cast<float>(scale_) * kPanelWidth * 0.52f);
+  histogram(session);
+  surfaces(session);
+  focus(session);
+  detail(session);
+  clipPlanes(session);
+  slices(session);
+  look(session);
+  const Wishes wishes = files();
+  statistics(session, facts);
+  ImGui::PopItemWidth();
+  return wishes;
+}
+
+Wishes ViewPanel::build(ViewSession* session, const PanelFacts& facts) {
   Wishes wishes;
   const ImVec2 size = ImGui::GetIO().DisplaySize;
   const auto scaled = [&](float length) { return length * static_cast<float>(scale_); };
   const ImGuiWindowFlags fixed = ImGuiWindowFlags_NoMove | ImGuiWindowFlags_NoResize |
                                  ImGuiWindowFlags_NoCollapse | ImGuiWindowFlags_NoTitleBar |
                                  ImGuiWindowFlags_NoNav;
-  if (session.interaction().show_panel) {
+  if (session != nullptr && session->interaction().show_panel) {
     ImGui::SetNextWindowPos({0.0f, 0.0f});
     ImGui::SetNextWindowSize({scaled(kPanelWidth), std::max(1.0f, size.y - scaled(kStatusHeight))});
     ImGui::SetNextWindowBgAlpha(0.82f);
-    if (ImGui::Begin("panel", nullptr, fixed)) {
-      ImGui::PushItemWidth(scaled(kPanelWidth) * 0.52f);
-      histogram(session);
-      surfaces(session);
-      focus(session);
-      detail(session);
-      clipPlanes(session);
-      slices(session);
-      look(session);
-      wishes = files();
-      statistics(session, facts);
-      ImGui::PopItemWidth();
-    }
+    if (ImGui::Begin("panel", nullptr, fixed | ImGuiWindowFlags_NoBringToFrontOnFocus))
+      wishes = all(*session, facts);
     ImGui::End();
   }
   ImGui::SetNextWindowPos({0.0f, size.y - scaled(kStatusHeight)});
   ImGui::SetNextWindowSize({std::max(1.0f, size.x), scaled(kStatusHeight)});
   ImGui::SetNextWindowBgAlpha(0.82f);
   if (ImGui::Begin("status", nullptr, fixed | ImGuiWindowFlags_NoScrollbar))
-    statusLine(session, facts);
+    addWishes(statusLine(session, facts), wishes);
   ImGui::End();
-  scaleBar(session);
-  if (session.interaction().show_help) help(session);
+  addWishes(openingError(facts), wishes);
+  addWishes(open_panel_.build(scale_, facts.recent), wishes);
+  if (session == nullptr) return wishes;
+  scaleBar(*session);
+  if (session->interaction().show_help) help(*session);
   return wishes;
 }
 
-// Counts on a logarithmic scale, the isovalues over them; a drag moves the active one.
 void ViewPanel::histogram(ViewSession& session) {
   ViewState& state = session.state();
   const ValueHistogram& histogram = session.histogram();
@@ -383,6 +390,8 @@ void ViewPanel::look(ViewSession& session) {
 Wishes ViewPanel::files() {
   Wishes wishes;
   if (!ImGui::CollapsingHeader("files")) return wishes;
+  wishes.browse = ImGui::SmallButton("open");
+  ImGui::SameLine();
   wishes.screenshot = ImGui::SmallButton("picture");
   ImGui::SameLine();
   wishes.export_mesh = ImGui::SmallButton("mesh");
@@ -435,7 +444,63 @@ void ViewPanel::statistics(const ViewSession& session, const PanelFacts& facts) 
   ImGui::TextWrapped("%s", facts.device.c_str());
 }
 
-void ViewPanel::statusLine(ViewSession& session, const PanelFacts& facts) {
+Wishes ViewPanel::statusLine(ViewSession* session, const PanelFacts& facts) {
+  const Wishes wishes = openingLine(facts);
+  if (session != nullptr) {
+    if (facts.opening.busy) {
+      ImGui::TextUnformatted("|");
+      ImGui::SameLine();
+    }
+    sessionLine(*session, facts);
+  } else if (!facts.opening.busy) {
+    ImGui::TextUnformatted("N: open a volume, or drop one here");
+  }
+  return wishes;
+}
+
+// What is being opened, or why the last one was not; the session's line goes on beside it.
+Wishes ViewPanel::openingLine(const PanelFacts& facts) {
+  Wishes wishes;
+  const VolumeOpener::Status& opening = facts.opening;
+  if (opening.busy) {
+    wishes.stop_opening = ImGui::SmallButton("stop");
+    ImGui::SameLine();
+    const std::size_t slash = opening.source.find_last_of('/');
+    const std::string name = shownName(
+        slash + 1 < opening.source.size() ? opening.source.substr(slash + 1) : opening.source);
+    if (opening.phase.empty())
+      ImGui::Text("opening %s", name.c_str());
+    else
+      ImGui::Text("building %s: %s %.0f %%", name.c_str(), shownName(opening.phase).c_str(),
+                  100.0 * opening.share);
+    ImGui::SameLine();
+  }
+  return wishes;
+}
+
+// Above the line at the foot, as long as it is: why the last opening ended without a volume.
+Wishes ViewPanel::openingError(const PanelFacts& facts) {
+  Wishes wishes;
+  if (facts.open_error.empty()) return wishes;
+  const ImVec2 size = ImGui::GetIO().DisplaySize;
+  const float width = std::max(1.0f, size.x);
+  ImGui::SetNextWindowPos({0.0f, size.y - kStatusHeight * static_cast<float>(scale_)},
+                          ImGuiCond_Always, {0.0f, 1.0f});
+  ImGui::SetNextWindowSizeConstraints({width, 0.0f}, {width, std::max(1.0f, size.y)});
+  if (ImGui::Begin("why not", nullptr,
+                   ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoMove |
+                       ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoNav)) {
+    wishes.stop_opening = ImGui::SmallButton("x");
+    ImGui::SameLine();
+    ImGui::PushStyleColor(ImGuiCol_Text, {1.0f, 0.5f, 0.4f, 1.0f});
+    ImGui::TextWrapped("%s", shownName(facts.open_error).c_str());
+    ImGui::PopStyleColor();
+  }
+  ImGui::End();
+  return wishes;
+}
+
+void ViewPanel::sessionLine(ViewSession& session, const PanelFacts& facts) {
   const SessionStatus status = session.status();
   if (!status.error.empty()) {
     ImGui::TextColored({1.0f, 0.5f, 0.4f, 1.0f}, "%s", status.error.c_str());

@@ -1,11 +1,13 @@
-// The panel over the picture: what is shown, as things to drag and to type in. The only file that
-// knows Dear ImGui, with its source.
+// The panel over the picture: what is shown, as things to drag and to type in. Knows Dear ImGui,
+// with its source.
 #pragma once
 
 #include <deque>
 #include <string>
 
 #include "isobrick/viewer/session/view_session.h"
+#include "isobrick/viewer/session/volume_opener.h"
+#include "isobrick/viewer/window/open_panel.h"
 
 namespace isobrick {
 
@@ -20,6 +22,9 @@ struct PanelFacts {
   const std::deque<FrameTimes>& frames;  // the last ones
   std::string message;                   // what was done last: a file that was written
   std::string device;                    // what draws
+  VolumeOpener::Status opening;
+  std::string open_error;  // why the last opening ended without a volume; empty: it did not
+  const std::vector<std::string>& recent;  // what was opened last
 };
 
 // One at a time, on the thread of the current context, while that context lives. For each frame:
@@ -37,8 +42,10 @@ class ViewPanel {
   // Whether events of the mouse, and of the keyboard, are the panel's in this frame.
   bool wantsMouse() const;
   bool wantsKeyboard() const;
-  // Changes the session's state as hands have it.
-  Wishes build(ViewSession& session, const PanelFacts& facts);
+  // Changes the session's state as hands have it; null: nothing is open.
+  Wishes build(ViewSession* session, const PanelFacts& facts);
+  // The list of volumes to open, on and off.
+  void toggleOpening() { open_panel_.visible = !open_panel_.visible; }
   // Into the framebuffer that is bound.
   void draw();
   // In place of draw(), where there is no picture.
@@ -52,14 +59,19 @@ class ViewPanel {
   void clipPlanes(ViewSession& session);
   void slices(ViewSession& session);
   void look(ViewSession& session);
+  Wishes all(ViewSession& session, const PanelFacts& facts);
   Wishes files();
   void statistics(const ViewSession& session, const PanelFacts& facts);
-  void statusLine(ViewSession& session, const PanelFacts& facts);
+  Wishes statusLine(ViewSession* session, const PanelFacts& facts);
+  Wishes openingLine(const PanelFacts& facts);
+  Wishes openingError(const PanelFacts& facts);
+  void sessionLine(ViewSession& session, const PanelFacts& facts);
   void scaleBar(const ViewSession& session);
   void help(ViewSession& session);
 
   double scale_;
   std::string hover_;  // the position under the cursor
+  OpenPanel open_panel_;
 };
 
 }  // namespace isobrick

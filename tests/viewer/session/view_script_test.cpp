@@ -47,6 +47,8 @@ TEST(ViewScriptTest, WhatIsNoScriptIsRefusedByItsStep) {
       {R"([{"turntable": {"frames": 2, "speed": 1}}])", "step 1 'turntable' knows no 'speed'"},
       {R"([{"frame": "../a.png"}])", "step 1 'frame' is not the name of a file"},
       {R"([{"mesh": "a/b.ply"}])", "step 1 'mesh' is not the name of a file"},
+      {R"([{"open": ""}])", "step 1 'open' is empty"},
+      {R"([{"open": 3}])", "step 1 'open' is not a text"},
       {R"([{"resize": [-1, 5]}])", "step 1 'resize' is not from 0"},
       {R"([{"wheel": 1, "shift": 1}])", "step 1 'shift' is neither true"},
   };
@@ -163,6 +165,22 @@ TEST(ViewScriptTest, SweepsAndPatchesChangeTheStateAlone) {
   expected.focus.radius = 20.0;
   EXPECT_EQ(player.next(13.1, false, state).state, expected);
   EXPECT_THROW(player.next(13.2, false, state), Error);
+}
+
+// What hands dropped is opened by the script as well; a name that JSON cannot hold breaks nothing.
+TEST(ViewScriptTest, VolumesAreOpenedAndRecorded) {
+  ScriptRecorder recorder;
+  InputEvent drop;
+  drop.kind = InputEvent::Kind::kOpen;
+  drop.path = "/scans/head \"1\".nrrd";
+  recorder.add(0.0, drop);
+  ScriptPlayer player(viewScriptFromJson(recorder.json(10, 10)));
+  const ScriptFrame frame = player.next(0.0, true, ViewState{});
+  ASSERT_EQ(frame.events.size(), 1u);
+  EXPECT_EQ(frame.events[0], drop);
+  drop.path = "/scans/\xff";
+  recorder.add(0.0, drop);
+  EXPECT_EQ(viewScriptFromJson(recorder.json(10, 10)).steps.size(), 2u);
 }
 
 }  // namespace

@@ -294,5 +294,22 @@ TEST(DragQualityTest, PassesDoubleUpToWhatIsWanted) {
             (std::vector<double>{16.0, 17.0}));  // something quick comes first
 }
 
+TEST_F(InteractionTest, WhatIsDroppedIsToBeOpened) {
+  InputEvent drop;
+  drop.kind = Kind::kOpen;
+  drop.path = "/scans/head.nrrd";
+  const ViewState before = state_;
+  EXPECT_EQ(send(drop, true).open, "/scans/head.nrrd");  // on a panel as well
+  EXPECT_EQ(state_, before);
+  EXPECT_TRUE(send(key(Key::kN)).browse);
+  EXPECT_FALSE(send(key(Key::kN), true).browse);  // typed into a field
+  Wishes wishes;
+  wishes.screenshot = true;
+  addWishes(send(drop), wishes);
+  addWishes(Wishes{}, wishes);
+  EXPECT_TRUE(wishes.screenshot);
+  EXPECT_EQ(wishes.open, drop.path);
+}
+
 }  // namespace
 }  // namespace isobrick

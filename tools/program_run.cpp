@@ -1,4 +1,4 @@
-#include "tools/bench/program_run.h"
+#include "tools/program_run.h"
 
 #include <fcntl.h>
 #include <fmt/format.h>
@@ -69,11 +69,22 @@ pid_t start(const ProgramCall& call, const Pipe& out, const Pipe& err) {
   posix_spawn_file_actions_addopen(&actions, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
   posix_spawn_file_actions_adddup2(&actions, out.writeEnd(), STDOUT_FILENO);
   posix_spawn_file_actions_adddup2(&actions, err.writeEnd(), STDERR_FILENO);
+  posix_spawnattr_t attributes;
+  posix_spawnattr_init(&attributes);
+  // Who cannot write to the caller any longer, because that is gone, ends.
+  sigset_t defaults;
+  sigemptyset(&defaults);
+  for (const int number : {SIGPIPE, SIGTERM, SIGINT}) sigaddset(&defaults, number);
+  posix_spawnattr_setsigdefault(&attributes, &defaults);
+  posix_spawnattr_setpgroup(&attributes, 0);
+  if (call.tidy_end_milliseconds > 0)
+    posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETPGROUP | POSIX_SPAWN_SETSIGDEF);
   std::vector<std::string> words = call.words;
   std::vector<std::string> environment = environmentWith(call.environment);
   pid_t pid = -1;
-  const int failure = posix_spawn(&pid, call.words.front().c_str(), &actions, nullptr,
+  const int failure = posix_spawn(&pid, call.words.front().c_str(), &actions, &attributes,
                                   pointersTo(words).data(), pointersTo(environment).data());
+  posix_spawnattr_destroy(&attributes);
   posix_spawn_file_actions_destroy(&actions);
   if (failure != 0)
     throw Error(fmt::format("cannot run '{}': {}", call.words.front(), std::strerror(failure)));
@@ -112,8 +123,36 @@ void throwIfFailed(const ProgramCall& call, int status, const std::string& error
   if (WEXITSTATUS(status) == 0) return;
   std::string said = lastLine(errors);
   if (said.rfind(name + ": ", 0) == 0) said.erase(0, name.size() + 2);
-  throw Error(fmt::format("'{}' left with status {}: {}", name, WEXITSTATUS(status),
-                          said.empty() ? "it does not say why" : said));
+  throw ProgramFailure(fmt::format("'{}' left with status {}: {}", name, WEXITSTATUS(status),
+                                   said.empty() ? "it does not say why" : said),
+                       said);
+}
+
+// Tells of the lines that are whole by now, and keeps the last one alone, which a failure names.
+void tellLines(const ProgramCall& call, std::string& text, std::size_t& told) {
+  if (!call.on_error_line) return;
+  for (std::size_t end = 0; (end = text.find('\n', told)) != std::string::npos; told = end + 1)
+    call.on_error_line(std::string_view(text).substr(told, end - told));
+  constexpr std::size_t kMostTold = 1 << 16;
+  if (told < kMostTold) return;
+  const std::size_t last = told < 2 ? std::string::npos : text.rfind('\n', told - 2);
+  const std::size_t gone = last == std::string::npos ? 0 : last + 1;
+  text.erase(0, gone);
+  told -= gone;
+}
+
+void end(const ProgramCall& call, pid_t pid) {
+  int status = 0;
+  if (call.tidy_end_milliseconds > 0) {
+    kill(pid, SIGTERM);
+    constexpr int kMillisecondsBetweenLooks = 5;
+    for (int waited = 0; waited < call.tidy_end_milliseconds; waited += kMillisecondsBetweenLooks) {
+      if (waitpid(pid, &status, WNOHANG) == pid) return;
+      usleep(1000 * kMillisecondsBetweenLooks);
+    }
+  }
+  kill(pid, SIGKILL);
+  waitFor(pid);
 }
 
 }  // namespace
@@ -126,18 +165,19 @@ std::string runProgram(const ProgramCall& call, const CancelFlag* cancel) {
   err.closeEnd(1);
 
   std::string printed, errors;
+  std::size_t told = 0;  // bytes of `errors` that make whole lines
   std::array<pollfd, 2> open_ends{{{out.readEnd(), POLLIN, 0}, {err.readEnd(), POLLIN, 0}}};
   const std::array<std::string*, 2> texts{&printed, &errors};
   constexpr int kMillisecondsBetweenLooks = 50;  // at `cancel`
   while (open_ends[0].fd >= 0 || open_ends[1].fd >= 0) {
     if (cancel != nullptr && cancel->requested()) {
-      kill(pid, SIGKILL);
-      waitFor(pid);
+      end(call, pid);
       throw Cancelled();
     }
     if (poll(open_ends.data(), open_ends.size(), kMillisecondsBetweenLooks) <= 0) continue;
     for (std::size_t i = 0; i < open_ends.size(); ++i)
       if (open_ends[i].revents != 0 && !readSome(open_ends[i].fd, *texts[i])) open_ends[i].fd = -1;
+    tellLines(call, errors, told);
   }
   const int status = waitFor(pid);
   // Ctrl-C reaches the program as well, which then fails only for that reason.

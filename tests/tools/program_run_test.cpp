@@ -1,9 +1,13 @@
-#include "tools/bench/program_run.h"
+#include "tools/program_run.h"
 
 #include <gtest/gtest.h>
 
 #include <chrono>
+#include <filesystem>
 #include <thread>
+#include <vector>
+
+#include "tests/support/temporary_folder.h"
 
 namespace isobrick {
 namespace {
@@ -72,6 +76,46 @@ TEST(RunProgram, ARequestToStopEndsTheProgram) {
   EXPECT_THROW(runProgram({{"/bin/sleep", "100000"}, {}}, &cancel), Cancelled);
   later.join();
   EXPECT_THROW(runProgram(shell("true"), &cancel), Cancelled);
+}
+
+TEST(RunProgram, LinesOfItsStderrComeAsTheyAreWritten) {
+  ProgramCall call = shell(
+      "printf 'one\\ntwo' >&2; printf ' halves\\n' >&2; head -c 200000 /dev/zero | tr '\\0' x >&2; "
+      "echo >&2; echo last >&2; exit 3");
+  std::vector<std::string> lines;
+  call.on_error_line = [&](std::string_view line) { lines.emplace_back(line); };
+  try {
+    runProgram(call);
+    FAIL();
+  } catch (const ProgramFailure& failure) {
+    EXPECT_EQ(failure.said, "last");
+  }
+  ASSERT_EQ(lines.size(), 4u);
+  EXPECT_EQ(lines[0], "one");
+  EXPECT_EQ(lines[1], "two halves");
+  EXPECT_EQ(lines[2], std::string(200000, 'x'));
+  EXPECT_EQ(lines[3], "last");
+}
+
+// Whoever is cancelled may clean up, and whoever does not end is killed.
+TEST(RunProgram, ACancelledProgramEndsTidily) {
+  const test::TemporaryFolder folder;
+  for (const bool obeys : {true, false}) {
+    const std::string begun = folder.file(obeys ? "begun" : "begun2");
+    const std::string cleaned = folder.file(obeys ? "cleaned" : "cleaned2");
+    ProgramCall call = shell(
+        (obeys ? "trap 'touch " + cleaned + "; exit 130' TERM; " : std::string("trap '' TERM; ")) +
+        "touch " + begun + "; while :; do sleep 0.02; done");
+    call.tidy_end_milliseconds = obeys ? 60000 : 50;
+    CancelFlag cancel;
+    std::thread hand([&] {
+      while (!std::filesystem::exists(begun)) std::this_thread::yield();
+      cancel.request();
+    });
+    EXPECT_THROW(runProgram(call, &cancel), Cancelled);
+    hand.join();
+    EXPECT_EQ(std::filesystem::exists(cleaned), obeys);
+  }
 }
 
 }  // namespace

@@ -1,0 +1,21 @@
+// Pyramids for `isobrick view`, made by `isobrick-build` beside this executable.
+#pragma once
+
+#include <string>
+
+#include "isobrick/viewer/session/volume_opener.h"
+
+namespace isobrick {
+
+struct ViewBuildOptions {
+  std::string cache_folder;  // for pyramids; empty: beside the volumes
+  int threads = 1;
+};
+
+// Runs `isobrick build` in a process of its own, so that this one needs neither ITK nor OpenVDB. A
+// build that was interrupted before goes on; a pyramid of the same input is used, whatever its
+// options. Once cancelled, the process has ended when this returns; what is done by then stays, as
+// "NAME.isb.partial", for the next time.
+VolumeBuilder volumeBuilder(ViewBuildOptions options);
+
+}  // namespace isobrick

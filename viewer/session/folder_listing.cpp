@@ -1,0 +1,86 @@
+#include "isobrick/viewer/session/folder_listing.h"
+
+#include <algorithm>
+#include <cstdint>
+#include <filesystem>
+#include <system_error>
+#include <tuple>
+
+#include "isobrick/storage/error.h"
+
+namespace isobrick {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Bytes of the character that begins at `at`; 0 where none does. Overlong forms, surrogates and
+// what lies beyond U+10FFFF are none.
+std::size_t characterBytes(const std::string& text, std::size_t at) {
+  const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(text[i]); };
+  const unsigned first = byte(at);
+  if (first < 0x80) return 1;
+  const std::size_t bytes = first >= 0xf0 ? 4 : first >= 0xe0 ? 3 : first >= 0xc0 ? 2 : 0;
+  if (bytes == 0 || first > 0xf4 || at + bytes > text.size()) return 0;
+  std::uint32_t code = first & (0x7fu >> bytes);
+  for (std::size_t i = 1; i < bytes; ++i) {
+    if ((byte(at + i) & 0xc0u) != 0x80u) return 0;
+    code = code << 6 | (byte(at + i) & 0x3fu);
+  }
+  constexpr std::uint32_t kLeast[] = {0, 0, 0x80, 0x800, 0x10000};
+  if (code < kLeast[bytes] || code > 0x10ffff || (code >= 0xd800 && code < 0xe000)) return 0;
+  // C1 controls, and marks that turn the direction of writing round.
+  if (code < 0xa0 || (code >= 0x202a && code <= 0x202e) || (code >= 0x2066 && code <= 0x2069))
+    return 0;
+  return bytes;
+}
+
+}  // namespace
+
+FolderListing listFolder(const std::string& folder, const CancelFlag& cancel) {
+  std::error_code failure;
+  FolderListing listing;
+  const fs::path whole = fs::absolute(folder.empty() ? "." : folder, failure).lexically_normal();
+  listing.folder = whole.has_filename() || whole == whole.root_path()
+                       ? whole.string()
+                       : whole.parent_path().string();
+  fs::directory_iterator entry(listing.folder, failure);
+  if (failure)
+    throw Error(
+        "cannot list '" + listing.folder + "': " + failure.message() + "; choose another folder",
+        {.path = listing.folder});
+  for (; entry != fs::directory_iterator(); entry.increment(failure)) {
+    cancel.check();
+    std::string name = entry->path().filename().string();
+    if (name.empty() || name.front() == '.') continue;
+    std::error_code gone;
+    const fs::file_status status = entry->status(gone);
+    if (!fs::is_directory(status) && !fs::is_regular_file(status)) continue;
+    if (listing.entries.size() == kMostFolderEntries) {
+      listing.cut = true;
+      break;
+    }
+    listing.entries.push_back({std::move(name), fs::is_directory(status)});
+  }
+  std::sort(listing.entries.begin(), listing.entries.end(),
+            [](const FolderEntry& a, const FolderEntry& b) {
+              return std::forward_as_tuple(!a.is_folder, a.name) <
+                     std::forward_as_tuple(!b.is_folder, b.name);
+            });
+  return listing;
+}
+
+std::string shownName(const std::string& bytes) {
+  std::string shown;
+  for (std::size_t at = 0; at < bytes.size();) {
+    const std::size_t count = characterBytes(bytes, at);
+    const bool control = count == 1 && (bytes[at] < ' ' || bytes[at] == 0x7f);
+    if (count == 0 || control)
+      shown += '?';
+    else
+      shown.append(bytes, at, count);
+    at += std::max<std::size_t>(count, 1);
+  }
+  return shown;
+}
+
+}  // namespace isobrick

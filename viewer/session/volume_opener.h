@@ -1,0 +1,77 @@
+// From what hands name to a pyramid: opened, or built first, in the background.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "isobrick/storage/cancel.h"
+#include "isobrick/storage/pyramid.h"
+#include "isobrick/viewer/stream/latest_worker.h"
+#include "isobrick/viewer/stream/value_histogram.h"
+
+namespace isobrick {
+
+// True for a file that begins as a pyramid, or is called one (.isb). Looks at regular files alone:
+// nothing waits for the other end of a pipe.
+bool isPyramidFile(const std::string& path);
+
+// How far a build is: the phase ("bricks"), and the share of it that is done, 0 .. 1.
+using BuildProgress = std::function<void(std::string_view phase, double share)>;
+// Makes a pyramid of a volume, unless there is a current one, and returns its path. Throws Error
+// for what is no volume, and Cancelled.
+using VolumeBuilder =
+    std::function<std::string(const std::string& input, const BuildProgress&, const CancelFlag&)>;
+
+// A pyramid that is ready to be looked at.
+struct OpenedVolume {
+  std::string source;   // what was asked for
+  std::string pyramid;  // the file; the same, or what was built of it
+  std::shared_ptr<const Pyramid> file;
+  ValueHistogram histogram;
+};
+
+// Opens without building; reads a coarse level. Throws Error.
+OpenedVolume openPyramid(const std::string& path, std::uint64_t memory_bytes);
+
+// One opening at a time: a newer one ends the one before. All members are for one thread and never
+// wait, but the destructor waits for the end of a build.
+class VolumeOpener {
+ public:
+  // An opening that ended: a volume, or why there is none.
+  struct Outcome {
+    std::string source;
+    std::optional<OpenedVolume> volume;
+    std::string error;
+  };
+  struct Status {
+    bool busy = false;
+    std::string source;  // what is being opened
+    std::string phase;   // of its build; empty: it is only opened
+    double share = 0.0;  // of the phase
+  };
+
+  // `build` is called on a thread of the opener.
+  VolumeOpener(VolumeBuilder build, std::uint64_t memory_bytes);
+
+  // A path, or what else `build` knows.
+  void open(const std::string& source);
+  void cancel();
+  std::optional<Outcome> poll();  // each once
+  Status status() const;
+
+ private:
+  OpenedVolume work(const std::string& source, const CancelFlag& cancel);
+
+  const VolumeBuilder build_;
+  const std::uint64_t memory_bytes_;
+  mutable std::mutex mutex_;  // guards progress_
+  Status progress_;
+  LatestWorker<std::string, OpenedVolume> worker_;  // last: its thread uses the above
+};
+
+}  // namespace isobrick

@@ -1,0 +1,107 @@
+#include "isobrick/viewer/window/open_panel.h"
+
+#include <imgui.h>
+
+#include <algorithm>
+#include <array>
+#include <filesystem>
+
+namespace isobrick {
+namespace {
+
+namespace fs = std::filesystem;
+
+// A line to choose, shown as what it is: ImGui takes "##" in a label for a mark of its own.
+bool chooses(int id, const std::string& shown) {
+  ImGui::PushID(id);
+  const bool chosen = ImGui::Selectable("##line");
+  ImGui::SameLine(0.0f, 0.0f);
+  ImGui::TextUnformatted(shown.c_str(), shown.c_str() + shown.size());
+  ImGui::PopID();
+  return chosen;
+}
+
+}  // namespace
+
+OpenPanel::OpenPanel()
+    : lister_([](const std::string& folder, const CancelFlag& cancel) {
+        return listFolder(folder, cancel);
+      }) {}
+
+void OpenPanel::goTo(const std::string& folder) {
+  error_.clear();
+  lister_.request(folder);
+}
+
+void OpenPanel::takeListing() {
+  if (!listed_) goTo(".");
+  listed_ = true;
+  auto outcome = lister_.poll();
+  if (!outcome) return;
+  error_ = outcome->error;
+  if (!outcome->result) return;
+  listing_ = std::move(*outcome->result);
+}
+
+Wishes OpenPanel::entries(float width) {
+  Wishes wishes;
+  if (ImGui::SmallButton("up")) goTo(fs::path(listing_.folder).parent_path().string());
+  ImGui::SameLine();
+  // A folder of slices is a volume too.
+  if (ImGui::SmallButton("open this folder")) wishes.open = listing_.folder;
+  ImGui::SameLine();
+  ImGui::TextUnformatted(shownName(listing_.folder).c_str());
+  if (!error_.empty())
+    ImGui::TextColored({1.0f, 0.5f, 0.4f, 1.0f}, "%s", shownName(error_).c_str());
+  if (ImGui::BeginChild("entries", {width, -2.0f * ImGui::GetFrameHeightWithSpacing()}, true)) {
+    ImGuiListClipper clipper;
+    clipper.Begin(static_cast<int>(listing_.entries.size()));
+    while (clipper.Step()) {
+      for (int i = clipper.DisplayStart; i < clipper.DisplayEnd; ++i) {
+        const FolderEntry& entry = listing_.entries[static_cast<std::size_t>(i)];
+        if (!chooses(i, shownName(entry.name) + (entry.is_folder ? "/" : ""))) continue;
+        const std::string path = (fs::path(listing_.folder) / entry.name).string();
+        if (entry.is_folder)
+          goTo(path);
+        else
+          wishes.open = path;
+      }
+    }
+    if (listing_.cut) ImGui::TextUnformatted("there are more: type the name below");
+  }
+  ImGui::EndChild();
+  return wishes;
+}
+
+Wishes OpenPanel::build(double scale, const std::vector<std::string>& recent) {
+  Wishes wishes;
+  if (!visible) return wishes;
+  takeListing();
+  const ImVec2 screen = ImGui::GetIO().DisplaySize;
+  const auto scaled = [&](float length) { return length * static_cast<float>(scale); };
+  ImGui::SetNextWindowPos({0.5f * screen.x, 0.5f * screen.y}, ImGuiCond_Appearing, {0.5f, 0.5f});
+  ImGui::SetNextWindowSize({std::min(scaled(560.0f), screen.x), std::min(scaled(420.0f), screen.y)},
+                           ImGuiCond_Appearing);
+  ImGui::SetNextWindowBgAlpha(0.96f);
+  if (ImGui::Begin("open a volume", &visible, ImGuiWindowFlags_NoCollapse)) {
+    if (!recent.empty() && ImGui::CollapsingHeader("opened last", ImGuiTreeNodeFlags_DefaultOpen)) {
+      for (std::size_t i = 0; i < recent.size(); ++i)
+        if (chooses(-1 - static_cast<int>(i), shownName(recent[i]))) wishes.open = recent[i];
+    }
+    addWishes(entries(0.0f), wishes);
+    std::array<char, 4096> text{};
+    typed_.copy(text.data(), text.size() - 1);
+    ImGui::SetNextItemWidth(-scaled(60.0f));
+    const bool entered =
+        ImGui::InputTextWithHint("##path", "a path, or phantom:head:256", text.data(), text.size(),
+                                 ImGuiInputTextFlags_EnterReturnsTrue);
+    typed_ = text.data();
+    ImGui::SameLine();
+    if ((ImGui::Button("open") || entered) && !typed_.empty()) wishes.open = typed_;
+  }
+  ImGui::End();
+  if (wishes.open) visible = false;
+  return wishes;
+}
+
+}  // namespace isobrick
