@@ -14,6 +14,7 @@ struct LevelCounts {
 };
 
 struct ExtractionReport {
+  bool is_complete = true;  // false: coarser than asked for, as the query was one for now
   std::uint64_t triangles = 0;
   std::vector<LevelCounts> levels;  // those with triangles, finest first
   std::uint64_t bricks_active = 0;  // bricks with at least one triangle

@@ -2,8 +2,10 @@
 
 #include <algorithm>
 
+#include "isobrick/extract/brick_fetcher.h"
 #include "isobrick/extract/brick_traversal.h"
 #include "isobrick/extract/mesh_pipeline.h"
+#include "isobrick/extract/missing_bricks.h"
 #include "isobrick/extract/query_check.h"
 #include "isobrick/extract/surface_joiner.h"
 #include "isobrick/extract/surface_writer.h"
@@ -46,12 +48,14 @@ ExtractionReport makeReport(const Pyramid& pyramid, const ReadLog& log,
 // What the workers of one query read.
 class QueryContext {
  public:
-  QueryContext(const Pyramid& pyramid, const Query& query, ReadLog& log)
+  QueryContext(const Pyramid& pyramid, const Query& query, ReadLog& log,
+               ResidencyOracle* residency = nullptr)
       : oracles_(
             oraclesOf(pyramid.lattice(), pyramid.spec().geometry, pyramid.valueRange(), query)),
         frame_(pyramid.spec().geometry, pyramid.valueRange()),
-        context_{pyramid,          query, oracles_, frame_, static_cast<float>(query.isovalue), log,
-                 pyramid.edition()} {
+        context_{
+            pyramid,           query,    oracles_, frame_, static_cast<float>(query.isovalue), log,
+            pyramid.edition(), residency} {
     log.clear();
   }
   QueryContext(const QueryContext&) = delete;
@@ -71,6 +75,28 @@ struct Extractor::Memory {
   SurfaceWriterMemory surface;
   VertexNumbering numbering;
   ReadLog log;
+  BrickFetcher fetcher;
+
+  ExtractionReport meshInto(const MeshContext& context, std::span<const BrickWork> bricks,
+                            TriangleSink& sink) {
+    std::vector<LevelCounts> counts = noCounts(context.lattice().levels());
+    sink.begin({context.pyramid.spec().geometry, context.pyramid.spec().voxels});
+    meshInOrder(context, bricks, mesh, sink, counts);
+    if (context.query.cancel != nullptr) context.query.cancel->check();
+    context.throwIfWrittenOver();
+    sink.finish();
+    return makeReport(context.pyramid, log, counts);
+  }
+  // `writer`: of the mesh.
+  ExtractionReport meshInto(const MeshContext& context, std::span<const BrickWork> bricks,
+                            SurfaceMesh& into, SurfaceWriter& writer) {
+    if (SurfaceWriter::canWrite(bricks)) {
+      const LevelCounts counts = writer.run(context, bricks);
+      return makeReport(context.pyramid, log, {counts});
+    }
+    SurfaceJoiner joiner(into, context.pyramid.spec().geometry, numbering);
+    return meshInto(context, bricks, joiner);
+  }
 };
 
 Extractor::Extractor(const Pyramid& pyramid)
@@ -79,6 +105,7 @@ Extractor::~Extractor() = default;
 Extractor::Extractor(Extractor&&) noexcept = default;
 
 ExtractionPlan Extractor::plan(const Query& query) const {
+  if (query.now) throw Error("a query for now has no plan; extract it");
   checkQuery(*pyramid_, query);
   ExtractionPlan plan;
   plan.query_ = query;
@@ -89,22 +116,21 @@ ExtractionPlan Extractor::plan(const Query& query) const {
 
 ExtractionReport Extractor::execute(const ExtractionPlan& plan, std::size_t first,
                                     std::size_t count, TriangleSink& sink) {
+  memory_->fetcher.takeBack();
   // The ranges of a plan are one query.
   if (first == 0) pyramid_->beginQuery();
   const QueryContext context(*pyramid_, plan.query(), memory_->log);
   const std::span<const BrickWork> bricks = plan.bricks();
   first = std::min(first, bricks.size());
-  std::vector<LevelCounts> counts = noCounts(pyramid_->lattice().levels());
-  sink.begin({pyramid_->spec().geometry, pyramid_->spec().voxels});
-  meshInOrder(*context, bricks.subspan(first, std::min(count, bricks.size() - first)),
-              memory_->mesh, sink, counts);
-  if (plan.query().cancel != nullptr) plan.query().cancel->check();
-  (*context).throwIfWrittenOver();
-  sink.finish();
-  return makeReport(*pyramid_, memory_->log, counts);
+  return memory_->meshInto(*context, bricks.subspan(first, std::min(count, bricks.size() - first)),
+                           sink);
 }
 
 ExtractionReport Extractor::extract(const Query& query, TriangleSink& sink) {
+  if (query.now)
+    return extractNow(query, [&](const MeshContext& context, std::span<const BrickWork> bricks) {
+      return memory_->meshInto(context, bricks, sink);
+    });
   const ExtractionPlan whole = plan(query);
   return execute(whole, 0, whole.bricks().size(), sink);
 }
@@ -112,15 +138,52 @@ ExtractionReport Extractor::extract(const Query& query, TriangleSink& sink) {
 ExtractionReport Extractor::extract(const Query& query, SurfaceMesh& mesh) {
   // Before anything can fail: it empties the mesh.
   SurfaceWriter writer(mesh, pyramid_->spec().geometry, memory_->surface);
+  const Mesher write = [&](const MeshContext& context, std::span<const BrickWork> bricks) {
+    return memory_->meshInto(context, bricks, mesh, writer);
+  };
+  if (query.now) return extractNow(query, write);
   const ExtractionPlan whole = plan(query);
-  if (SurfaceWriter::canWrite(whole.bricks())) {
-    pyramid_->beginQuery();
-    const QueryContext context(*pyramid_, whole.query(), memory_->log);
-    const LevelCounts counts = writer.run(*context, whole.bricks());
-    return makeReport(*pyramid_, memory_->log, {counts});
-  }
-  SurfaceJoiner joiner(mesh, pyramid_->spec().geometry, memory_->numbering);
-  return execute(whole, 0, whole.bricks().size(), joiner);
+  memory_->fetcher.takeBack();
+  pyramid_->beginQuery();
+  const QueryContext context(*pyramid_, whole.query(), memory_->log);
+  return write(*context, whole.bricks());
+}
+
+ExtractionReport Extractor::extractNow(const Query& query, const Mesher& mesh) try {
+  checkQuery(*pyramid_, query);
+  memory_->fetcher.beginQuery();
+  pyramid_->beginQuery();
+  const BrickNeeds needs(*pyramid_, query);
+  ResidencyOracle residency(needs);
+  const QueryContext context(*pyramid_, query, memory_->log, &residency);
+  throwIfMissingForever(*context);
+  const std::vector<BrickWork> bricks = traverseBricks(*context);
+  ExtractionReport report = mesh(*context, bricks);
+  report.is_complete = !residency.hasRefused();
+  std::vector<MissingBrick> missing;
+  if (!report.is_complete) missing = missingBricks(*context);
+  // What was used and what comes in stay beside each other, with room for what else is taken.
+  const std::uint64_t most_bytes = pyramid_->budgetBytes() - pyramid_->budgetBytes() / 16;
+  memory_->fetcher.announce(needs, std::move(missing),
+                            most_bytes - std::min(most_bytes, residency.heldBytes()));
+  return report;
+} catch (const Cancelled&) {
+  memory_->fetcher.takeBack();
+  throw;
+}
+
+void Extractor::throwIfMissingForever(const MeshContext& context) {
+  const std::optional<MissingBrick> failed = memory_->fetcher.takeFailed();
+  if (!failed || !isWanted(context, failed->level, failed->brick)) return;
+  BrickNeeds(*pyramid_, context.query)
+      .areMet(failed->level, failed->brick, [&](PartKind kind, int level, const Index3& brick) {
+        pyramid_->require(kind, level, brick);
+        return true;
+      });
+}
+
+bool Extractor::waitForBricks(std::chrono::nanoseconds longest) {
+  return memory_->fetcher.wait(longest);
 }
 
 ExtractionReport extractIsosurface(const Pyramid& pyramid, const Query& query, TriangleSink& sink) {

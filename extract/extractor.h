@@ -1,7 +1,9 @@
 // A query and a pyramid in, triangles out.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <vector>
 
@@ -13,6 +15,8 @@
 #include "isobrick/storage/pyramid.h"
 
 namespace isobrick {
+
+struct MeshContext;
 
 // A session on one pyramid: keeps what threads work with from query to query, so that a second
 // query touches no fresh memory. One object serves one call at a time; for several queries at once
@@ -26,7 +30,8 @@ class Extractor {
   Extractor(Extractor&&) noexcept;
 
   // The bricks that a query needs. Throws Error for a query that makes no sense for this pyramid
-  // (level out of range, no curvature stored, a number that is not finite) and Cancelled.
+  // (level out of range, no curvature stored, a number that is not finite), for one for now, whose
+  // bricks depend on the moment, and Cancelled.
   ExtractionPlan plan(const Query& query) const;
 
   // Meshes the bricks [first, first + count) of a plan of this pyramid into `sink`. Bricks are
@@ -41,14 +46,32 @@ class Extractor {
   ExtractionReport execute(const ExtractionPlan& plan, std::size_t first, std::size_t count,
                            TriangleSink& sink);
 
-  // Plan and execution of the whole query.
+  // Plan and execution of the whole query. One for now (Query::now) is answered at once, from what
+  // is resident: report.is_complete says whether that is what the query without `now` gives, to the
+  // byte. What was lacking then comes in beside the caller's work, first what refines the surface
+  // near the focus or the eye, as long as it fits into the pyramid's budget with what the query
+  // used; so the same query again refines:
+  //
+  //   do report = extractor.extract(query, mesh);
+  //   while (!report.is_complete && extractor.waitForBricks(std::chrono::milliseconds(50)));
+  //
+  // Any other query, and a request to cancel one, takes that back. Throws Error for a brick that
+  // the query needs and that could not be had meanwhile.
   ExtractionReport extract(const Query& query, TriangleSink& sink);
   // The same into memory, in the place of what `mesh` held. After an exception the mesh is empty.
   // The parts and every byte depend on the query alone.
   ExtractionReport extract(const Query& query, SurfaceMesh& mesh);
 
+  // Waits until all has come in that the latest query for now lacked, at most `longest`. False
+  // where nothing has come in since, and nothing will: all was there, it could not be had, or the
+  // budget has no room for it.
+  bool waitForBricks(std::chrono::nanoseconds longest);
+
  private:
   struct Memory;
+  using Mesher = std::function<ExtractionReport(const MeshContext&, std::span<const BrickWork>)>;
+  ExtractionReport extractNow(const Query& query, const Mesher& mesh);
+  void throwIfMissingForever(const MeshContext& context);
   const Pyramid* pyramid_;
   std::unique_ptr<Memory> memory_;
 };

@@ -10,6 +10,8 @@
 
 namespace isobrick {
 
+class ResidencyOracle;
+
 struct MeshContext {
   const Pyramid& pyramid;
   const Query& query;
@@ -17,7 +19,8 @@ struct MeshContext {
   const WorldFrame& frame;
   float isovalue;
   ReadLog& read_log;
-  std::uint64_t edition = 0;  // of the pyramid's file when the query began
+  std::uint64_t edition = 0;             // of the pyramid's file when the query began
+  ResidencyOracle* residency = nullptr;  // of a query for now
 
   const Lattice& lattice() const { return pyramid.lattice(); }
 

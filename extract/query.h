@@ -70,6 +70,9 @@ struct Query : DetailChoice {
   std::vector<DetailChoice> or_finer;
   // Only leaves that overlap this box are extracted, as a whole; the surface is open there.
   std::optional<QueryBox> box;
+  // Answered at once from what is resident: coarser where that is not enough, but closed all the
+  // same. Nothing is read but levels that are one brick. See Extractor::waitForBricks().
+  bool now = false;
   // Off: every brick and every tile is visited. The mesh is the same (rule 7); for tests.
   bool cull_by_ranges = true;
   const CancelFlag* cancel = nullptr;

@@ -6,12 +6,6 @@
 #include "isobrick/storage/error.h"
 
 namespace isobrick {
-namespace {
-
-// Enough for a disk that serves several requests at once; they wait more than they work.
-constexpr std::size_t kThreads = 4;
-
-}  // namespace
 
 ReadAhead::~ReadAhead() {
   {
@@ -72,13 +66,13 @@ void ReadAhead::fetch(std::size_t work) {
   const auto& [level, brick, adaptive] = work_[work];
   const Pyramid& pyramid = context_.pyramid;
   if (context_.query.cull_by_ranges) {
-    pyramid.fetchRanges(level, brick);
+    pyramid.fetch(PartKind::kRanges, level, brick);
     std::vector<std::uint8_t> crossed;
     pyramid.crossedTiles(level, brick, context_.isovalue, crossed);
     if (std::find(crossed.begin(), crossed.end(), 1) == crossed.end()) return;
     if (context_.isCancelled()) return;
   }
-  pyramid.fetchSamples(level, brick);
+  pyramid.fetch(PartKind::kSamples, level, brick);
 }
 
 }  // namespace isobrick

@@ -30,6 +30,8 @@ namespace isobrick {
 // nothing of the report.
 class ReadAhead {
  public:
+  // Enough for a disk that serves several requests at once; they wait more than they work.
+  static constexpr std::size_t kThreads = 4;
   static constexpr std::uint64_t kMostBytes = std::uint64_t{64} << 20;
 
   ReadAhead(const MeshContext& context, std::span<const BrickWork> work)

@@ -53,31 +53,22 @@ BrickPager::BrickPager(const PagedFile& file, std::vector<Part> parts, std::uint
 
 BrickPager::~BrickPager() = default;
 
+// A resident part may have lost its pages too.
+bool BrickPager::isReachable(std::size_t id) const {
+  if (file_.isWhole()) return true;
+  const Part part = part_of_(id);
+  return file_.reaches(part.offset, part.bytes);
+}
+
 const std::byte* BrickPager::acquire(std::size_t id, const char** why) {
-  // A resident part may have lost its pages too.
-  if (!file_.isWhole()) {
-    const Part part = part_of_(id);
-    if (!file_.reaches(part.offset, part.bytes)) {
-      *why = kUnreadable;
-      return nullptr;
-    }
+  if (!isReachable(id)) {
+    *why = kUnreadable;
+    return nullptr;
   }
   Shard& shard = shardOf(id);
   std::unique_lock lock(shard.mutex);
   std::shared_ptr<Entry>& slot = shard.entries[id];
-  if (slot != nullptr && slot->state == State::kResident) {
-    ++shard.hits;
-    ++slot->users;
-    // The first use of what was fetched is what it came for.
-    slot->is_used = !std::exchange(slot->is_ahead, false);
-    slot->query = query_.load(std::memory_order_relaxed);
-    if (isInPlace(slot->part) && slot->edition != edition_.load(std::memory_order_relaxed)) {
-      const std::shared_ptr<Entry> entry = slot;
-      lock.unlock();
-      return checkAnew(shard, *entry, why);
-    }
-    return dataOf(*slot);
-  }
+  if (slot != nullptr && slot->state == State::kResident) return take(shard, lock, slot, why);
   const WaitClock wait(wait_nanoseconds_);
   if (slot != nullptr) {
     ++shard.loads_joined;
@@ -92,8 +83,33 @@ const std::byte* BrickPager::acquire(std::size_t id, const char** why) {
   return load(shard, entry, why);
 }
 
-void BrickPager::fetch(std::size_t id) {
-  if (!file_.isWhole()) return;
+const std::byte* BrickPager::acquireIfResident(std::size_t id) {
+  if (!isReachable(id)) return nullptr;
+  Shard& shard = shardOf(id);
+  std::unique_lock lock(shard.mutex);
+  const auto found = shard.entries.find(id);
+  if (found == shard.entries.end() || found->second->state != State::kResident) return nullptr;
+  const char* why = "";
+  return take(shard, lock, found->second, &why);
+}
+
+// One that is resident. The lock may be given back.
+const std::byte* BrickPager::take(Shard& shard, std::unique_lock<std::mutex>& lock,
+                                  const std::shared_ptr<Entry>& slot, const char** why) {
+  ++shard.hits;
+  ++slot->users;
+  // The first use of what was fetched is what it came for.
+  slot->is_used = !std::exchange(slot->is_ahead, false);
+  slot->query = query_.load(std::memory_order_relaxed);
+  if (!isInPlace(slot->part) || slot->edition == edition_.load(std::memory_order_relaxed))
+    return dataOf(*slot);
+  const std::shared_ptr<Entry> entry = slot;
+  lock.unlock();
+  return checkAnew(shard, *entry, why);
+}
+
+BrickPager::Fetched BrickPager::fetch(std::size_t id) {
+  if (!isReachable(id)) return Fetched::kNever;
   const auto entry = std::make_shared<Entry>();
   entry->id = id;
   entry->query = query_;
@@ -101,12 +117,13 @@ void BrickPager::fetch(std::size_t id) {
   Shard& shard = shardOf(id);
   {
     const std::lock_guard lock(shard.mutex);
-    if (!shard.entries.try_emplace(id, entry).second) return;
+    if (!shard.entries.try_emplace(id, entry).second) return Fetched::kBefore;
   }
   const char* why = "";
-  if (load(shard, entry, &why) == nullptr) return;
+  if (load(shard, entry, &why) == nullptr) return Fetched::kNever;
   ++parts_fetched_;
   release(id);
+  return Fetched::kNow;
 }
 
 const std::byte* BrickPager::join(Shard& shard, std::unique_lock<std::mutex>& lock,

@@ -76,12 +76,16 @@ class BrickPager {
   // long as nobody writes to the file. Returns nullptr where the bytes are damaged or cannot be
   // read: `*why` says which. Another try may succeed.
   [[nodiscard]] const std::byte* acquire(std::size_t id, const char** why);
+  // The same of a part that is resident now: nullptr where that takes a read.
+  [[nodiscard]] const std::byte* acquireIfResident(std::size_t id);
   void release(std::size_t id) noexcept;
 
+  // What fetch() did: the part cannot be had, was resident or is being loaded, or came in.
+  enum class Fetched : std::uint8_t { kNever, kBefore, kNow };
   // Makes part `id` resident ahead of need, and waits for that unless another thread does it. It
   // stays until it is acquired or another query begins, as far as room can be made elsewhere.
-  // Failures are left to acquire().
-  void fetch(std::size_t id);
+  // acquire() says why it cannot be had.
+  Fetched fetch(std::size_t id);
 
   // Takes a fetch() of this query back: the part is not kept for it any more, and unless the next
   // query takes it, it is among the first to go then.
@@ -141,6 +145,9 @@ class BrickPager {
 
   Shard& shardOf(std::size_t id) { return shards_[id * 0x9E3779B97F4A7C15u >> 58]; }
   const std::byte* dataOf(const Entry& entry) const;
+  bool isReachable(std::size_t id) const;
+  const std::byte* take(Shard& shard, std::unique_lock<std::mutex>& lock,
+                        const std::shared_ptr<Entry>& slot, const char** why);
   const std::byte* join(Shard& shard, std::unique_lock<std::mutex>& lock,
                         const std::shared_ptr<Entry>& entry, const char** why);
   const std::byte* load(Shard& shard, const std::shared_ptr<Entry>& entry, const char** why);

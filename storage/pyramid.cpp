@@ -275,9 +275,26 @@ BrickPart Pyramid::acquire(PartKind kind, int level, const Index3& brick) const 
   return part;
 }
 
-void Pyramid::fetch(PartKind kind, int level, const Index3& brick) const {
+BrickPager::Fetched Pyramid::fetch(PartKind kind, int level, const Index3& brick) const {
   const std::size_t row = brickRow(level, brick);
-  if (entryOf(kind, row).stored_bytes > 0) pager_->fetch(3 * row + static_cast<std::size_t>(kind));
+  if (entryOf(kind, row).stored_bytes == 0) return BrickPager::Fetched::kBefore;
+  return pager_->fetch(3 * row + static_cast<std::size_t>(kind));
+}
+
+void Pyramid::require(PartKind kind, int level, const Index3& brick) const {
+  if (entryOf(kind, brickRow(level, brick)).stored_bytes > 0) acquire(kind, level, brick);
+}
+
+std::optional<BrickPart> Pyramid::holdIfResident(PartKind kind, int level,
+                                                 const Index3& brick) const {
+  const std::size_t row = brickRow(level, brick);
+  BrickPart part;
+  if (entryOf(kind, row).stored_bytes == 0) return part;
+  part.id_ = 3 * row + static_cast<std::size_t>(kind);
+  part.data_ = pager_->acquireIfResident(part.id_);
+  if (part.data_ == nullptr) return std::nullopt;
+  part.pager_ = pager_.get();
+  return part;
 }
 
 std::uint64_t Pyramid::heldSampleBytes(int level, const Index3& brick) const {
@@ -285,7 +302,7 @@ std::uint64_t Pyramid::heldSampleBytes(int level, const Index3& brick) const {
 }
 
 void Pyramid::withdraw(int level, const Index3& brick) const {
-  for (const PartKind kind : {kSamples, kRanges})
+  for (const PartKind kind : {kSamples, kRanges, kCurvature})
     pager_->withdraw(3 * brickRow(level, brick) + static_cast<std::size_t>(kind));
 }
 

@@ -163,10 +163,15 @@ class Pyramid {
   // Says that parts are asked for by another query from here on: what queries do not ask for any
   // more is the first to go.
   void beginQuery() const { pager_->beginQuery(); }
-  // Brings a part in ahead of its use: see BrickPager::fetch(). Constant bricks have none.
-  void fetchSamples(int level, const Index3& brick) const { fetch(kSamples, level, brick); }
-  void fetchRanges(int level, const Index3& brick) const { fetch(kRanges, level, brick); }
-  // Takes both back, of a query that was cancelled: see BrickPager::withdraw().
+  // Brings a part in ahead of its use, where one is stored: see BrickPager::fetch().
+  BrickPager::Fetched fetch(PartKind kind, int level, const Index3& brick) const;
+  // Throws Error that says why a part cannot be had, if so.
+  void require(PartKind kind, int level, const Index3& brick) const;
+  // A hold on a part that is resident, for as long as it shall stay that; nothing where it is not.
+  // Of a part that is not stored the hold is empty.
+  std::optional<BrickPart> holdIfResident(PartKind kind, int level, const Index3& brick) const;
+  // Takes back what was fetched of the brick, for a query that was cancelled: see
+  // BrickPager::withdraw().
   void withdraw(int level, const Index3& brick) const;
   // Bytes of the brick's samples in memory, where they are not constant.
   std::uint64_t heldSampleBytes(int level, const Index3& brick) const;
@@ -192,7 +197,6 @@ class Pyramid {
   BrickPager::Part pagedPart(PartKind kind, int level, const Index3& brick) const;
   std::uint64_t expectedBytes(PartKind kind, int level, const Index3& brick) const;
   const format::PartEntry& entryOf(PartKind kind, std::size_t row) const;
-  void fetch(PartKind kind, int level, const Index3& brick) const;
   BrickPart acquire(PartKind kind, int level, const Index3& brick) const;
   void throwIfReadFailed(PartKind kind, int level, const Index3& brick) const;
   [[noreturn]] void fail(const std::string& what, ErrorPlace place = {}) const;

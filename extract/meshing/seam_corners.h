@@ -122,11 +122,14 @@ class SeamCorners {
       // What hangs between corners of one kind is of that kind.
       const std::uint64_t hanging = coarser_[w] & ~finer_[w];
       out[word] = (out[word] & ~hanging) | (all_[w] & hanging);
-      const std::uint64_t finer = finer_[w] & corners;
+      std::uint64_t finer = finer_[w] & corners;
       for (std::uint64_t rest = finer; rest != 0; rest &= rest - 1) {
         const Index3 fine =
             finerSample(lattice, level, first + Index3(64 * word + std::countr_zero(rest), 0, 0));
-        family.finer(fine).prefetch(fine);
+        if (family.hasFiner(fine))
+          family.finer(fine).prefetch(fine);
+        else
+          finer &= ~(rest & -rest);  // its own sample is on the same side
       }
       std::uint64_t others = finer | (hanging & corners & (all_[w] ^ any_[w]));
       for (; others != 0; others &= others - 1) {

@@ -264,6 +264,9 @@ class ErrorCells::Brick {
 
 CellBits ErrorCells::find(const MeshContext& context, const Index3& brick,
                           const ErrorBound& bound) {
+  if (context.query.cull_by_ranges &&
+      !context.pyramid.brickRange(0, brick).crosses(context.isovalue))
+    return {};
   if (!tiles_.load(context, 0, brick)) return {};
   visitVoxelType(context.pyramid.spec().voxel_type, [&](auto tag) {
     Brick<typename decltype(tag)::Type>(*this, context, brick, bound).run();

@@ -92,12 +92,17 @@ bool ErrorOracle::refines(const MeshContext& context, int level, const Index3& c
 
 void ErrorOracle::keepRefined(const MeshContext& context, int level, const Index3& first,
                               std::int64_t count, std::uint64_t* bits) const {
-  if (level != 1 || context.lattice().levels() == 1 || !hasBitsBetween(bits, 0, count)) return;
+  if (level != 1 || context.lattice().levels() == 1) return;
   const std::int64_t brick_cells = context.pyramid.layout().brickCells();
   for (std::int64_t begin = 0; begin < count;) {
     const Index3 cell = first + Index3(begin, 0, 0);
-    const Bits decided_here = decided(context, std::int64_t{2} * cell / brick_cells);
-    const std::int64_t end = std::min(count, decided_here->box().end().x - first.x);
+    const Index3 brick = std::int64_t{2} * cell / brick_cells;
+    const std::int64_t end = std::min(count, (brick.x + 1) * brick_cells / 2 - first.x);
+    if (!hasBitsBetween(bits, begin, end)) {
+      begin = end;
+      continue;
+    }
+    const Bits decided_here = decided(context, brick);
     for (std::int64_t word = begin / 64; 64 * word < end; ++word) {
       const std::int64_t from = std::max(begin, 64 * word), to = std::min(end, 64 * (word + 1));
       std::uint64_t kept = 0;

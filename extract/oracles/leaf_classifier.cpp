@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "isobrick/extract/oracles/residency_oracle.h"
 #include "isobrick/extract/row_bits.h"
 #include "isobrick/storage/index_loop.h"
 
@@ -15,10 +16,15 @@ bool LeafClassifier::Choice::refines(int level, const Index3& cell) {
 
 void LeafClassifier::Choice::keepRefined(int level, const Index3& first, std::int64_t count,
                                          std::uint64_t* bits) {
-  shared.focus.keepRefined(level, first, count, bits);
-  if (shared.view) shared.view->keepRefined(level, first, count, bits);
+  keepPlaced(level, first, count, bits);
   curvature.keepRefined(level, first, count, bits);
   if (shared.error) shared.error->keepRefined(context, level, first, count, bits);
+}
+
+void LeafClassifier::Choice::keepPlaced(int level, const Index3& first, std::int64_t count,
+                                        std::uint64_t* bits) const {
+  shared.focus.keepRefined(level, first, count, bits);
+  if (shared.view) shared.view->keepRefined(level, first, count, bits);
 }
 
 Share LeafClassifier::Choice::shareOfRefined(int level, const IndexBox& box) const {
@@ -31,19 +37,26 @@ Share LeafClassifier::Choice::shareOfRefined(int level, const IndexBox& box) con
   return share;
 }
 
-LeafClassifier::LeafClassifier(const MeshContext& context) : lattice_(context.lattice()) {
+LeafClassifier::LeafClassifier(const MeshContext& context)
+    : lattice_(context.lattice()), residency_(context.residency) {
   choices_.reserve(context.oracles.size());
   for (const ChoiceOracles& shared : context.oracles)
     choices_.push_back({context, shared, CurvatureOracle(context, *shared.choice)});
 }
 
 bool LeafClassifier::refines(int level, const Index3& cell) {
+  if (residency_ != nullptr) {
+    std::uint64_t bit = 1;
+    keepResident(level, cell, 1, &bit);
+    if (bit == 0) return false;
+  }
   return std::any_of(choices_.begin(), choices_.end(),
                      [&](Choice& choice) { return choice.refines(level, cell); });
 }
 
 void LeafClassifier::keepRefined(int level, const Index3& first, std::int64_t count,
                                  std::uint64_t* bits) {
+  if (residency_ != nullptr) keepResident(level, first, count, bits);
   if (choices_.size() == 1) {
     choices_[0].keepRefined(level, first, count, bits);
     return;
@@ -61,13 +74,35 @@ void LeafClassifier::keepRefined(int level, const Index3& first, std::int64_t co
   }
 }
 
+// Before the choices, as some of their oracles read bricks. Refused is only what these leave.
+void LeafClassifier::keepResident(int level, const Index3& first, std::int64_t count,
+                                  std::uint64_t* bits) {
+  const auto words = static_cast<std::size_t>(wordsOf(count));
+  asked_.assign(words, 0);
+  for (const Choice& choice : choices_) {
+    kept_.assign(bits, bits + words);
+    choice.keepPlaced(level, first, count, kept_.data());
+    for (std::size_t word = 0; word < words; ++word) asked_[word] |= kept_[word];
+  }
+  std::copy(asked_.begin(), asked_.end(), bits);
+  residency_->keepRefined(level, first, count, bits);
+  for (std::size_t word = 0; word < words; ++word) asked_[word] &= ~bits[word];
+  keepBitsWhere(asked_.data(), wordsOf(count), [&](std::int64_t i) {
+    residency_->noteRefused(level, {first + Index3(i, 0, 0), Index3(1)});
+    return false;
+  });
+}
+
 Share LeafClassifier::shareOfRefined(int level, const IndexBox& cells) const {
   Share share = Share::kNone;
   for (const Choice& choice : choices_) {
     share = finerShare(share, choice.shareOfRefined(level, cells));
     if (share == Share::kAll) break;
   }
-  return share;
+  if (share == Share::kNone || residency_ == nullptr) return share;
+  const Share resident = residency_->shareOfRefined(level, cells);
+  if (resident == Share::kNone) residency_->noteRefused(level, cells);
+  return coarserShare(share, resident);
 }
 
 CellState LeafClassifier::state(int level, const Index3& cell) {

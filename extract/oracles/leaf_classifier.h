@@ -13,7 +13,8 @@ namespace isobrick {
 enum class CellState : std::uint8_t { kOutside = 1, kCoarser = 2, kLeaf = 4, kFiner = 8 };
 
 // Joins the oracles: a cell is refined where any choice of the query refines it, and a choice does
-// where all of its oracles do. One object serves one thread for one brick.
+// where all of its oracles do. Of a query for now what is resident has to allow it too. One object
+// serves one thread for one brick.
 class LeafClassifier {
  public:
   explicit LeafClassifier(const MeshContext& context);
@@ -42,14 +43,18 @@ class LeafClassifier {
 
     bool refines(int level, const Index3& cell);
     void keepRefined(int level, const Index3& first, std::int64_t count, std::uint64_t* bits);
+    // The same of the oracles that need no brick.
+    void keepPlaced(int level, const Index3& first, std::int64_t count, std::uint64_t* bits) const;
     Share shareOfRefined(int level, const IndexBox& cells) const;
   };
 
   bool refines(int level, const Index3& cell);
   void keepRefined(int level, const Index3& first, std::int64_t count, std::uint64_t* bits);
+  void keepResident(int level, const Index3& first, std::int64_t count, std::uint64_t* bits);
   Share shareOfRefined(int level, const IndexBox& cells) const;
 
   const Lattice& lattice_;
+  ResidencyOracle* const residency_;  // null: all that is asked for is read
   std::vector<Choice> choices_;
   std::vector<std::uint64_t> asked_, kept_;  // of a row, where there are several choices
   // Refined parents of the row asked for last.

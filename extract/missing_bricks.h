@@ -1,0 +1,20 @@
+// What a query for now lacks, in the order in which it helps.
+#pragma once
+
+#include <vector>
+
+#include "isobrick/extract/mesh_context.h"
+#include "isobrick/extract/oracles/residency_oracle.h"
+
+namespace isobrick {
+
+// True where the query, were everything resident, would mesh cells of the brick or refine them.
+bool isWanted(const MeshContext& context, int level, const Index3& brick);
+
+// Every brick that the query, were everything resident, would mesh cells of or refine, and that is
+// not usable; and those that kept the residency oracle from refining. Ordered by the distance from
+// the nearest focus or eye of a choice, finest first, and where there is none coarsest first; but
+// what a brick needs to be usable, which is coarser and beside it, comes before it. Reads nothing.
+std::vector<MissingBrick> missingBricks(const MeshContext& context);
+
+}  // namespace isobrick

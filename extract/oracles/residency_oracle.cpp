@@ -1,0 +1,128 @@
+#include "isobrick/extract/oracles/residency_oracle.h"
+
+#include "isobrick/extract/row_bits.h"
+
+namespace isobrick {
+
+ResidencyOracle::ResidencyOracle(const BrickNeeds& needs)
+    : needs_(needs), layout_(needs.pyramid().layout()) {
+  while (elementCount(layout_.bricks(first_whole_level_)) > 1) ++first_whole_level_;
+}
+
+bool ResidencyOracle::refines(int level, const Index3& cell) {
+  return shareOfRefined(level, {cell, Index3(1)}) == Share::kAll;
+}
+
+Share ResidencyOracle::shareOfRefined(int level, const IndexBox& cells) {
+  if (level - 1 >= first_whole_level_) return Share::kAll;
+  if (level == 0) return Share::kNone;
+  const std::lock_guard lock(mutex_);
+  bool any = false, all = true;
+  forEachIndex(bricksOfChildren(level, cells), [&](const Index3& brick) {
+    const bool is_usable = isUsable(level - 1, brick);
+    any = any || is_usable;
+    all = all && is_usable;
+  });
+  return all ? Share::kAll : any ? Share::kSome : Share::kNone;
+}
+
+void ResidencyOracle::keepRefined(int level, const Index3& first, std::int64_t count,
+                                  std::uint64_t* bits) {
+  if (level - 1 >= first_whole_level_) return;
+  const std::int64_t brick_cells = layout_.brickCells() / 2;  // of this level
+  for (std::int64_t begin = 0; begin < count;) {
+    const Index3 cell = first + Index3(begin, 0, 0);
+    const std::int64_t end = std::min(count, (cell.x / brick_cells + 1) * brick_cells - first.x);
+    if (hasBitsBetween(bits, begin, end) && !refines(level, cell))
+      for (std::int64_t word = begin / 64; 64 * word < end; ++word)
+        bits[word] &= ~bitsBetween(begin, end, word);
+    begin = end;
+  }
+}
+
+bool ResidencyOracle::isUsableNow(int level, const Index3& brick) {
+  const std::lock_guard lock(mutex_);
+  return isUsable(level, brick);
+}
+
+bool ResidencyOracle::holdsSamples(int level, const Index3& brick) {
+  if (level >= first_whole_level_) return true;
+  const std::lock_guard lock(mutex_);
+  return has(PartKind::kSamples, level, brick);
+}
+
+void ResidencyOracle::noteRefused(int level, const IndexBox& cells) {
+  const std::lock_guard lock(mutex_);
+  has_refused_ = true;
+  forEachIndex(bricksOfChildren(level, cells),
+               [&](const Index3& brick) { refuse(level - 1, brick); });
+}
+
+IndexBox ResidencyOracle::bricksOfChildren(int level, const IndexBox& cells) const {
+  const Index3 count = layout_.bricks(level - 1);
+  const Index3 first = 2L * cells.first / layout_.brickCells();
+  const Index3 last = glm::min((2L * cells.end() - Index3(1)) / layout_.brickCells(), count - 1L);
+  return {first, last - first + Index3(1)};
+}
+
+bool ResidencyOracle::isUsable(int level, const Index3& brick) {
+  if (level >= first_whole_level_) return true;
+  Brick& known = at(level, brick);
+  if (known.usable == Usable::kUnknown) {
+    bool is_usable = true;
+    forEachParentAround(level, brick, [&](const Index3& parent) {
+      is_usable = is_usable && isUsable(level + 1, parent);
+    });
+    is_usable = is_usable && hasOwnParts(level, brick) && !lacksBorder(level, brick);
+    known.usable = is_usable ? Usable::kYes : Usable::kNo;
+  }
+  return known.usable == Usable::kYes;
+}
+
+bool ResidencyOracle::hasOwnParts(int level, const Index3& brick) {
+  return needs_.areMet(level, brick, [&](PartKind kind, int of_level, const Index3& of) {
+    return has(kind, of_level, of);
+  });
+}
+
+// A leaf of the next coarser level beside the brick takes the values of corners that touch it from
+// the brick's samples, or from those of the brick of this level that the leaf itself covers a part
+// of. A leaf that holds a part of the surface covers one that is not quiet.
+bool ResidencyOracle::lacksBorder(int level, const Index3& brick) {
+  if (has(PartKind::kSamples, level, brick)) return false;
+  const auto ask = [&](PartKind kind, int of_level, const Index3& of) {
+    return has(kind, of_level, of);
+  };
+  const Index3 first = glm::max(brick - Index3(1), Index3(0));
+  const Index3 end = glm::min(brick + Index3(2), layout_.bricks(level));
+  bool lacks = false;
+  forEachIndex({first, end - first}, [&](const Index3& other) {
+    lacks = lacks || (!needs_.isQuiet(level, other, ask) && !has(PartKind::kSamples, level, other));
+  });
+  return lacks;
+}
+
+bool ResidencyOracle::has(PartKind kind, int level, const Index3& brick) {
+  if (level >= first_whole_level_) return true;
+  Brick& known = at(level, brick);
+  const auto k = static_cast<std::size_t>(kind);
+  if (!known.is_asked[k]) {
+    known.is_asked[k] = true;
+    known.parts[k] = needs_.pyramid().holdIfResident(kind, level, brick);
+    if (known.parts[k] && kind == PartKind::kSamples)
+      held_bytes_ += needs_.pyramid().heldSampleBytes(level, brick);
+  }
+  return known.parts[k].has_value();
+}
+
+void ResidencyOracle::refuse(int level, const Index3& brick) {
+  if (isUsable(level, brick)) return;
+  Brick& known = at(level, brick);
+  if (known.is_refused) return;
+  known.is_refused = true;
+  const bool has_own = hasOwnParts(level, brick);
+  if (!has_own || lacksBorder(level, brick)) missing_.push_back({level, brick, has_own});
+  forEachParentAround(level, brick, [&](const Index3& parent) { refuse(level + 1, parent); });
+}
+
+}  // namespace isobrick

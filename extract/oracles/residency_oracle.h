@@ -1,0 +1,104 @@
+// The residency oracle: as fine as what is resident allows.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <mutex>
+#include <optional>
+#include <unordered_map>
+#include <vector>
+
+#include "isobrick/extract/brick_needs.h"
+#include "isobrick/extract/oracles/oracle_share.h"
+
+namespace isobrick {
+
+// A brick of which a query would take parts that are not resident.
+struct MissingBrick {
+  int level = 0;
+  Index3 brick{0};
+  bool needs_samples = false;  // whatever its ranges say
+};
+
+// Refines a cell of level l where the brick of level l - 1 that holds its children is usable. That
+// is a brick
+//
+//   - of which all is resident that the query takes of it (BrickNeeds),
+//   - whose samples are resident too where a coarser leaf beside it may need them and has no other
+//     brick to take them from,
+//   - and the parents of which, and of its 26 neighbours, are usable.
+//
+// Levels that are one brick are always usable: they are few bytes, and are read. By the last
+// condition the leaves are 2:1 balanced. Let c be a refined cell of level l, and b the brick of its
+// children; a cell n of level l that touches c has its children in b or a neighbour of b, so the
+// parent of that brick is usable, and the cell of level l + 1 around n is refined. So nothing that
+// touches c is coarser than c. It also gives that the parent of a refined cell is refined.
+//
+// What is found of a brick is found once, and what is resident then is held as long as this object
+// lives: so the answers do not change while bricks come and go, and what was found usable is there
+// when it is meshed. All members are thread-safe.
+class ResidencyOracle {
+ public:
+  // `needs`: of the query.
+  explicit ResidencyOracle(const BrickNeeds& needs);
+
+  bool refines(int level, const Index3& cell);
+  // kAll only where all bricks of children are usable.
+  Share shareOfRefined(int level, const IndexBox& cells);
+  // Of the `count` cells from `first` on along x, bit i being first.x + i, keeps those refined.
+  void keepRefined(int level, const Index3& first, std::int64_t count, std::uint64_t* bits);
+
+  // Whether the brick is usable.
+  bool isUsableNow(int level, const Index3& brick);
+  // Whether the brick's samples are held.
+  bool holdsSamples(int level, const Index3& brick);
+
+  // Calls f(parent) for the bricks of level + 1 that hold the brick or one of its neighbours.
+  template <typename F>
+  void forEachParentAround(int level, const Index3& brick, F&& f) const {
+    const Index3 first = glm::max(brick - Index3(1), Index3(0)) / std::int64_t{2};
+    const Index3 last =
+        glm::min(brick + Index3(1), layout_.bricks(level) - Index3(1)) / std::int64_t{2};
+    forEachIndex({first, last - first + Index3(1)}, f);
+  }
+
+  // The other oracles refine cells of the box and this one does not: what that is for is noted.
+  void noteRefused(int level, const IndexBox& cells);
+  // What noteRefused() has found. While nobody asks.
+  const std::vector<MissingBrick>& missing() const { return missing_; }
+  bool hasRefused() const { return has_refused_; }
+  // Of the samples that are held, in memory.
+  std::uint64_t heldBytes() const { return held_bytes_; }
+
+ private:
+  enum class Usable : std::uint8_t { kUnknown, kNo, kYes };
+  struct Brick {
+    std::array<std::optional<BrickPart>, 3> parts;  // by PartKind
+    std::array<bool, 3> is_asked{};
+    bool is_refused = false;
+    Usable usable = Usable::kUnknown;
+  };
+
+  // All with the lock.
+  bool isUsable(int level, const Index3& brick);
+  bool hasOwnParts(int level, const Index3& brick);
+  bool lacksBorder(int level, const Index3& brick);
+  bool has(PartKind kind, int level, const Index3& brick);
+  void refuse(int level, const Index3& brick);
+  Brick& at(int level, const Index3& brick) {
+    return bricks_[needs_.pyramid().brickRow(level, brick)];
+  }
+  // Of the level below that hold the cells' children.
+  IndexBox bricksOfChildren(int level, const IndexBox& cells) const;
+
+  const BrickNeeds needs_;
+  const BrickLayout& layout_;
+  int first_whole_level_ = 0;                      // from here on levels are one brick
+  std::mutex mutex_;                               // guards all below
+  std::unordered_map<std::size_t, Brick> bricks_;  // by row of the brick table
+  std::vector<MissingBrick> missing_;
+  bool has_refused_ = false;
+  std::uint64_t held_bytes_ = 0;
+};
+
+}  // namespace isobrick

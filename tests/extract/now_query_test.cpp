@@ -1,0 +1,351 @@
+// Queries for now: from any state of what is resident a closed, balanced surface without a read,
+// which grows to what the query gives. ISOBRICK_PROPERTY_VOLUMES and ISOBRICK_PROPERTY_SEED as in
+// extract_property_test.cpp; three queries a volume, each in several states.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <string>
+#include <thread>
+
+#include "isobrick/extract/extractor.h"
+#include "isobrick/extract/oracles/leaf_classifier.h"
+#include "isobrick/extract/oracles/residency_oracle.h"
+#include "isobrick/extract/sinks/indexed_mesh.h"
+#include "isobrick/preprocess/phantoms/phantom.h"
+#include "isobrick/preprocess/pyramid_builder.h"
+#include "tests/extract/random_case.h"
+#include "tests/extract/read_faults.h"
+#include "tests/extract/same_mesh.h"
+#include "tests/support/array_source.h"
+#include "tests/support/mesh_checker.h"
+#include "tests/support/temporary_folder.h"
+
+namespace isobrick::test {
+namespace {
+
+using std::chrono::milliseconds;
+
+// What the random states really exercised.
+struct NowCoverage {
+  int answers = 0, partial = 0, complete = 0, with_levels = 0, with_transitions = 0, rounds = 0;
+};
+
+template <typename F>
+void forEachBrickOf(const Pyramid& pyramid, F&& f) {
+  for (std::size_t row = 0; row < pyramid.brickCount(); ++row) {
+    const BrickAddress at = pyramid.brickAt(row);
+    f(at.level, at.brick);
+  }
+}
+
+bool isOneBrick(const Pyramid& pyramid, int level) {
+  return elementCount(pyramid.layout().bricks(level)) == 1;
+}
+
+// Brings in parts by chance: levels of one brick whole, of a finer one each part with a
+// probability of its own.
+void bringIn(const Pyramid& pyramid, RandomCase& random) {
+  std::vector<double> chances;
+  for (int level = 0; level < pyramid.lattice().levels(); ++level)
+    chances.push_back(isOneBrick(pyramid, level) || random.chance(0.4) ? 1 : random.real(0.3, 1));
+  forEachBrickOf(pyramid, [&](int level, const Index3& brick) {
+    for (const PartKind kind : {PartKind::kSamples, PartKind::kRanges, PartKind::kCurvature})
+      if ((kind != PartKind::kCurvature || level == 0) &&
+          random.chance(chances[static_cast<std::size_t>(level)])) {
+        EXPECT_NE(pyramid.fetch(kind, level, brick), BrickPager::Fetched::kNever);
+      }
+  });
+}
+
+LeafLevels leavesNow(const Pyramid& pyramid, const Query& query) {
+  ResidencyOracle residency(BrickNeeds(pyramid, query));
+  const auto oracles =
+      oraclesOf(pyramid.lattice(), pyramid.spec().geometry, pyramid.valueRange(), query);
+  const WorldFrame frame(pyramid.spec().geometry);
+  ReadLog log;
+  const MeshContext context{pyramid, query, oracles,   frame, static_cast<float>(query.isovalue),
+                            log,     0,     &residency};
+  LeafClassifier classifier(context);
+  LeafLevels leaves;
+  leaves.cells = pyramid.lattice().cells(0);
+  forEachIndex({Index3(0), leaves.cells}, [&](const Index3& cell) {
+    int level = 0;
+    while (classifier.state(level, cell / (std::int64_t{1} << level)) != CellState::kLeaf) ++level;
+    leaves.levels.push_back(static_cast<std::int8_t>(level));
+  });
+  return leaves;
+}
+
+void expectSameBytes(const IndexedMesh& a, const IndexedMesh& b) {
+  ASSERT_EQ(a.positions, b.positions);
+  ASSERT_EQ(a.normals, b.normals);
+  ASSERT_EQ(a.triangles, b.triangles);
+}
+
+class NowQueries {
+ public:
+  NowQueries(RandomCase& random, const std::string& path, const ReferencePyramid& reference,
+             NowCoverage& coverage)
+      : random_(random), path_(path), reference_(reference), coverage_(coverage) {}
+
+  void run(Query query) {
+    IndexedMeshSink whole;
+    extractIsosurface(Pyramid(path_), query, whole);
+    query.now = true;
+    for (int state = 0; state < 3; ++state) {
+      answerOnce(query, whole.mesh());
+      if (testing::Test::HasFatalFailure()) return;
+    }
+    converge(query, whole.mesh());
+  }
+
+ private:
+  void answerOnce(const Query& query, const IndexedMesh& whole) {
+    const Pyramid pyramid(path_);
+    bringIn(pyramid, random_);
+    const LeafLevels leaves = leavesNow(pyramid, query);
+    ASSERT_TRUE(auditLeafLevels(leaves).empty());
+    const BrickPager::Counters before = pyramid.counters();
+    Extractor extractor(pyramid);
+    IndexedMeshSink sink;
+    const ExtractionReport report = extractor.extract(query, sink);
+    const MeshReport check = checkMesh(sink.mesh().positions, sink.mesh().triangles,
+                                       indexOptions(pyramid.spec().voxels));
+    ASSERT_TRUE(check.ok()) << check.summary();
+    EXPECT_EQ(pyramid.counters().misses, before.misses) << "something was read";
+    const ReferenceMesh reference = referenceMesh(reference_, leaves, query.isovalue);
+    expectSameMesh(sink.mesh(), reference, report);
+    if (report.is_complete) expectSameBytes(sink.mesh(), whole);
+    ++coverage_.answers;
+    ++(report.is_complete ? coverage_.complete : coverage_.partial);
+    coverage_.with_levels += !report.is_complete && report.levels.size() > 1 ? 1 : 0;
+    coverage_.with_transitions += reference.transitionCellCount() > 0 ? 1 : 0;
+  }
+
+  // From nothing, into a mesh in memory too.
+  void converge(const Query& query, const IndexedMesh& whole) {
+    const Pyramid pyramid(path_);
+    Extractor extractor(pyramid);
+    for (int round = 0; round < 1000; ++round) {
+      IndexedMeshSink sink;
+      const ExtractionReport report = extractor.extract(query, sink);
+      const MeshReport check = checkMesh(sink.mesh().positions, sink.mesh().triangles,
+                                         indexOptions(pyramid.spec().voxels));
+      ASSERT_TRUE(check.ok()) << check.summary();
+      ++coverage_.rounds;
+      if (report.is_complete) {
+        expectSameBytes(sink.mesh(), whole);
+        SurfaceMesh mesh;
+        EXPECT_TRUE(extractor.extract(query, mesh).is_complete);
+        EXPECT_EQ(mesh.triangles().size(), whole.triangles.size());
+        return;
+      }
+      ASSERT_TRUE(extractor.waitForBricks(milliseconds(random_.uniform(0, 1))))
+          << "nothing comes in, and the answer is not complete";
+    }
+    FAIL() << "the answer never got complete";
+  }
+
+  RandomCase& random_;
+  const std::string path_;
+  const ReferencePyramid& reference_;
+  NowCoverage& coverage_;
+};
+
+template <typename T>
+void runVolume(std::uint32_t seed, const TemporaryFolder& folder, NowCoverage& coverage) {
+  RandomCase random(seed);
+  const Index3 dims = random.dims();
+  const std::vector<T> values = random.field<T>(dims);
+  BuildOptions options;
+  options.brick_cells = std::int64_t{4} << random.uniform(0, 1);
+  options.tile_cells = std::min(options.brick_cells, std::int64_t{2} << random.uniform(0, 2));
+  options.codec = random.chance(0.5) ? format::Codec::kStored : format::Codec::kLz4;
+  ArraySource<T> source(dims, values);
+  const std::string path = folder.file("case.isb");
+  buildPyramid(source, path, options);
+  const ReferencePyramid reference =
+      buildReferencePyramid<T>(dims, values, ReferenceFilter::kAverage);
+  NowQueries queries(random, path, reference, coverage);
+  for (int q = 0; q < 3; ++q) {
+    SCOPED_TRACE("seed " + std::to_string(seed) + " query " + std::to_string(q) + " dims " +
+                 std::to_string(dims.x) + "x" + std::to_string(dims.y) + "x" +
+                 std::to_string(dims.z) + " brick " + std::to_string(options.brick_cells) +
+                 " tile " + std::to_string(options.tile_cells));
+    const Pyramid pyramid(path);
+    Query query;
+    query.isovalue = static_cast<double>(
+        values[static_cast<std::size_t>(random.uniform(0, static_cast<int>(values.size()) - 1))]);
+    static_cast<DetailChoice&>(query) = randomChoice(random, pyramid, 0.85);
+    if (random.chance(0.25)) query.or_finer.push_back(randomChoice(random, pyramid, 1));
+    query.cull_by_ranges = random.chance(0.9);
+    queries.run(query);
+    if (testing::Test::HasFatalFailure()) return;
+  }
+}
+
+TEST(NowQuery, AnyStateGivesAClosedSurfaceAndGrowsToTheWholeAnswer) {
+  const char* const volumes = std::getenv("ISOBRICK_PROPERTY_VOLUMES");
+  const char* const first = std::getenv("ISOBRICK_PROPERTY_SEED");
+  const TemporaryFolder folder;
+  NowCoverage coverage;
+  for (int v = 0; v < (volumes != nullptr ? std::atoi(volumes) : 60); ++v) {
+    const auto seed = static_cast<std::uint32_t>((first != nullptr ? std::atoi(first) : 1) + v);
+    switch (seed % 3) {
+      case 0:
+        runVolume<std::uint8_t>(seed, folder, coverage);
+        break;
+      case 1:
+        runVolume<std::int16_t>(seed, folder, coverage);
+        break;
+      default:
+        runVolume<float>(seed, folder, coverage);
+    }
+    if (HasFatalFailure()) return;
+  }
+  std::printf(
+      "%d answers: %d complete, %d not, of these %d of several levels; %d with fans; "
+      "%d rounds\n",
+      coverage.answers, coverage.complete, coverage.partial, coverage.with_levels,
+      coverage.with_transitions, coverage.rounds);
+  EXPECT_GT(coverage.complete, coverage.answers / 20);
+  EXPECT_GT(coverage.partial, coverage.answers / 3);
+  EXPECT_GT(coverage.with_levels, coverage.answers / 8);
+}
+
+// The head phantom in many bricks, and a focus in it.
+class NowQueryOfAHead : public testing::TestWithParam<format::Codec> {
+ protected:
+  void SetUp() override {
+    BuildOptions options;
+    options.brick_cells = 8;
+    options.codec = GetParam();
+    buildPyramid(*makePhantomSource(PhantomSpec{"head", 100, {}, 16}), path_, options);
+    query_.isovalue = 500;
+    query_.focus = FocusSphere{glm::dvec3(50, 50, 14), 14};
+    query_.now = true;
+  }
+  static std::uint64_t trianglesOf(const Pyramid& pyramid, Query query) {
+    query.now = false;
+    IndexedMeshSink sink;
+    return extractIsosurface(pyramid, query, sink).triangles;
+  }
+  // Answers until nothing more comes in; the last one.
+  ExtractionReport refine(Extractor& extractor) const {
+    while (true) {
+      IndexedMeshSink sink;
+      const ExtractionReport report = extractor.extract(query_, sink);
+      const MeshReport check =
+          checkMesh(sink.mesh().positions, sink.mesh().triangles, indexOptions(Index3(100)));
+      EXPECT_TRUE(check.ok()) << check.summary();
+      if (report.is_complete || !extractor.waitForBricks(std::chrono::seconds(10))) return report;
+    }
+  }
+
+  const TemporaryFolder folder_;
+  const std::string path_ = folder_.file("head.isb");
+  Query query_;
+};
+
+TEST_P(NowQueryOfAHead, TheFirstAnswerReadsOnlyLevelsOfOneBrick) {
+  const Pyramid pyramid(path_);
+  IndexedMeshSink sink;
+  const ExtractionReport report = Extractor(pyramid).extract(query_, sink);
+  EXPECT_FALSE(report.is_complete);
+  ASSERT_EQ(report.levels.size(), 1u);
+  EXPECT_EQ(report.levels[0].level, 4);  // the finest of them: 7 cells of 100
+  EXPECT_GT(report.triangles, 0u);
+  EXPECT_LE(pyramid.counters().misses, 2u * 4);  // ranges and samples of the levels from 4 on
+}
+
+// What came in for the brick at the focus is used before what is far has come in.
+TEST_P(NowQueryOfAHead, RefinesNearTheFocusFirst) {
+  // Room for what is near, but not for all.
+  const Pyramid whole(path_);
+  const std::uint64_t triangles = trianglesOf(whole, query_);
+  const Pyramid pyramid(path_, whole.heldBytes() * 3 / 4);
+  Extractor extractor(pyramid);
+  const ExtractionReport report = refine(extractor);
+  EXPECT_FALSE(report.is_complete);
+  EXPECT_LT(report.triangles, triangles);
+  EXPECT_EQ(report.levels.front().level, 0);
+  EXPECT_GT(report.levels.back().level, 1);
+  // With room for all, all comes in.
+  const Pyramid larger(path_, 2 * whole.heldBytes());
+  Extractor of_larger(larger);
+  EXPECT_EQ(refine(of_larger).triangles, triangles);
+}
+
+TEST_P(NowQueryOfAHead, OtherQueriesTakeAnnouncementsBack) {
+  const Pyramid pyramid(path_);
+  Extractor extractor(pyramid);
+  IndexedMeshSink sink;
+  EXPECT_FALSE(extractor.extract(query_, sink).is_complete);
+  Query other = query_;
+  other.now = false;
+  other.uniform_level = 4;
+  other.focus.reset();
+  IndexedMeshSink others;
+  extractor.extract(other, others);
+  const std::uint64_t fetched = pyramid.counters().parts_fetched;
+  EXPECT_FALSE(extractor.waitForBricks(milliseconds(0)) &&
+               pyramid.counters().parts_fetched > fetched);
+  std::this_thread::sleep_for(milliseconds(5));
+  EXPECT_EQ(pyramid.counters().parts_fetched, fetched);
+}
+
+TEST_P(NowQueryOfAHead, ACancelledOneReadsNoFurther) {
+  const Pyramid pyramid(path_);
+  Extractor extractor(pyramid);
+  IndexedMeshSink sink;
+  EXPECT_FALSE(extractor.extract(query_, sink).is_complete);
+  CancelFlag cancel;
+  cancel.request();
+  Query cancelled = query_;
+  cancelled.cancel = &cancel;
+  EXPECT_THROW(extractor.extract(cancelled, sink), Cancelled);
+  const std::uint64_t fetched = pyramid.counters().parts_fetched;
+  std::this_thread::sleep_for(milliseconds(5));
+  EXPECT_EQ(pyramid.counters().parts_fetched, fetched);
+  EXPECT_TRUE(refine(extractor).is_complete);
+}
+
+TEST_P(NowQueryOfAHead, ABrickThatCannotBeHadIsAnError) {
+  const Pyramid pyramid(path_, Pyramid::kDefaultBudgetBytes, FileAccess::kRead);
+  Extractor extractor(pyramid);
+  IndexedMeshSink first;
+  // The levels of one brick lie behind all others.
+  const auto half = std::filesystem::file_size(path_) / 2;
+  {
+    const FaultyReads fault(path_, ReadFault::kIoError, 0, half);
+    EXPECT_FALSE(extractor.extract(query_, first).is_complete);
+    extractor.waitForBricks(std::chrono::seconds(10));
+    try {
+      refine(extractor);
+      ADD_FAILURE() << "nothing was wrong";
+    } catch (const Error& error) {
+      EXPECT_NE(std::string(error.what()).find("brick ("), std::string::npos) << error.what();
+      EXPECT_TRUE(error.place().offset);
+    }
+  }
+  EXPECT_TRUE(refine(extractor).is_complete);
+}
+
+TEST_P(NowQueryOfAHead, HasNoPlan) {
+  const Pyramid pyramid(path_);
+  EXPECT_THROW(Extractor(pyramid).plan(query_), Error);
+}
+
+INSTANTIATE_TEST_SUITE_P(All, NowQueryOfAHead,
+                         testing::Values(format::Codec::kStored, format::Codec::kZstd),
+                         [](const auto& test) {
+                           return std::string(test.param == format::Codec::kStored ? "Stored"
+                                                                                   : "Packed");
+                         });
+
+}  // namespace
+}  // namespace isobrick::test
