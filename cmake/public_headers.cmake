@@ -9,12 +9,12 @@ set(isobrick_public_headers
   storage/error.h
   storage/format.h
   storage/grid.h
-  storage/noise_estimate.h
   storage/paged_file.h
   storage/pyramid.h
   storage/pyramid_info.h
   storage/residence_policy.h
   storage/value_range.h
+  storage/voxel_histogram.h
   storage/voxel_type.h
   extract/brick_work.h
   extract/edge_key.h

@@ -108,6 +108,7 @@ ValueRange BrickMaker<T>::make(int level, const Index3& brick, const SampleBlock
     pairsOf(s.tiles, s.pairs);
     handOnTiles(level, brick, handed_on, s.pairs);
   }
+  if (level == 0) count(brick, samples);
   encoded.curvature.bytes.clear();
   if (level == 0 && spec_.has_curvature) {
     const PhaseTimes::Timer timer(times_, BuildStep::kCurvature);
@@ -153,6 +154,7 @@ ValueRange BrickMaker<T>::remake(int level, const Index3& brick, const PyramidWr
     copyInto(SampleBlock<T>::dense(s.above[0].data(), coarse), coarse, handed_on.samples,
              handed_on.box);
   }
+  if (level == 0) count(brick, samples);
   const PhaseTimes::Timer timer(times_, BuildStep::kRanges);
   ValueRange tiles, voxels;
   for (const T value : s.pairs) tiles.include(static_cast<float>(value));
@@ -164,6 +166,12 @@ ValueRange BrickMaker<T>::remake(int level, const Index3& brick, const PyramidWr
     voxels = {static_cast<float>(*least) + 0.0f, static_cast<float>(*greatest) + 0.0f};
   }
   return voxels;
+}
+
+template <typename T>
+void BrickMaker<T>::count(const Index3& brick, const SampleBlock<T>& voxels) const {
+  const PhaseTimes::Timer timer(times_, BuildStep::kCount);
+  statistics_.add(voxels, needs_.layout().brickOwnSamples(0, brick), spec_.voxels.x);
 }
 
 // A tile takes in its up to eight tiles of the finer level, and with them all finer samples.

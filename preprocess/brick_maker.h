@@ -7,6 +7,7 @@
 #include "isobrick/preprocess/kernels/tile_ranges.h"
 #include "isobrick/preprocess/phase_times.h"
 #include "isobrick/preprocess/scratch_volume.h"
+#include "isobrick/preprocess/voxel_statistics.h"
 #include "isobrick/storage/brick_encoder.h"
 #include "isobrick/storage/pyramid_writer.h"
 
@@ -25,10 +26,15 @@ struct HandedOn {
 template <typename T>
 class BrickMaker {
  public:
-  // `needs`, `closures` and `times` outlive the maker.
+  // `needs`, `closures`, `statistics` and `times` outlive the maker.
   BrickMaker(const PyramidSpec& spec, format::Codec codec, const BrickNeeds& needs,
-             BrickClosures& closures, PhaseTimes& times)
-      : spec_(spec), codec_(codec), needs_(needs), closures_(closures), times_(times) {}
+             BrickClosures& closures, VoxelStatistics& statistics, PhaseTimes& times)
+      : spec_(spec),
+        codec_(codec),
+        needs_(needs),
+        closures_(closures),
+        statistics_(statistics),
+        times_(times) {}
 
   // Encodes the brick and hands on what is made of it. `samples` holds needs.samples() of it;
   // `finer_tiles` are the tiles that the level below handed on, null at level 0. Returns the range
@@ -45,6 +51,7 @@ class BrickMaker {
  private:
   struct Scratch;
   static Scratch& scratch();
+  void count(const Index3& brick, const SampleBlock<T>& voxels) const;
   void includeFinerTiles(int level, const Index3& brick, const ScratchVolume& finer_tiles,
                          Scratch& s) const;
   void handOnTiles(int level, const Index3& brick, const HandedOn<T>& handed_on,
@@ -54,6 +61,7 @@ class BrickMaker {
   const format::Codec codec_;
   const BrickNeeds& needs_;
   BrickClosures& closures_;
+  VoxelStatistics& statistics_;
   PhaseTimes& times_;
 };
 

@@ -17,7 +17,7 @@ constexpr std::uint64_t kPipelineBytes = 48 * kMebibyte;
 // Tables and small things that do not grow with the volume; and what Blosc, the kernels and the
 // allocator hold for every thread beside copies of a brick.
 constexpr std::uint64_t kSmallThings = 4 * kMebibyte;
-constexpr std::uint64_t kThreadThings = 1 * kMebibyte;
+constexpr std::uint64_t kThreadThings = 2 * kMebibyte;  // counts of values among them
 constexpr std::uint64_t kBrickCopiesPerThread = 3;
 
 class Planner {
@@ -78,8 +78,8 @@ class Planner {
   std::uint64_t fixedBytes(int threads) const {
     std::uint64_t bricks = 0;
     for (int level = 0; level < levels(); ++level) bricks += product(layout_.bricks(level));
-    std::uint64_t bytes = kSmallThings + source_.bufferBytes() +
-                          bricks * (sizeof(format::BrickRow) + sizeof(ValueRange));
+    std::uint64_t bytes =
+        kSmallThings + source_.bufferBytes() + bricks * (sizeof(BrickRow) + sizeof(ValueRange));
     if (!source_.readsBoxes())
       bytes +=
           static_cast<std::uint64_t>(SliceSpool::rowsPerRead(source_.info()) * spec_.voxels.x) *
@@ -161,9 +161,9 @@ class Planner {
   std::uint64_t fileBytesBound() const {
     std::uint64_t bytes = kMebibyte;  // header, provenance
     for (int level = 0; level < levels(); ++level)
-      bytes +=
-          product(layout_.bricks(level)) * (brickBytes(level) + format::kSampleAlignment +
-                                            2 * format::kPartAlignment + sizeof(format::BrickRow));
+      bytes += product(layout_.bricks(level)) *
+               (brickBytes(level) + format::kSampleAlignment + 2 * format::kPartAlignment +
+                format::rowBytes(format::kMostKinds));
     return bytes;
   }
 

@@ -60,7 +60,7 @@ class Build {
         identity_(buildIdentity(source.info(), input.identity(), options)),
         writer_(path, spec_, identity_, options.resume, options.cancel),
         closures_(layout_),
-        maker_(spec_, options.codec, needs_, closures_, times_) {
+        maker_(spec_, options.codec, needs_, closures_, statistics_, times_) {
     if (folder_.empty()) folder_ = ".";
   }
 
@@ -351,7 +351,10 @@ class Build {
     const PhaseTimes::Timer timer(times_, BuildStep::kPublish);
     input_.checkContent();
     if (options_.cancel != nullptr) options_.cancel->check();
-    report_.file_bytes = writer_.finish(voxel_range_, closures_.all(), provenance());
+    const VoxelHistogram histogram = statistics_.histogram(spec_.voxel_type, voxel_range_);
+    report_.file_bytes = writer_.finish(
+        {voxel_range_, closures_.all(), histogram, statistics_.noise(), provenance()},
+        options_.codec);
   }
 
   std::string provenance() const {
@@ -383,6 +386,7 @@ class Build {
   PyramidWriter writer_;
   PhaseTimes times_;
   BrickClosures closures_;
+  VoxelStatistics statistics_;
   BrickMaker<T> maker_;
   ValueRange voxel_range_;
   std::size_t bricks_made_ = 0;

@@ -293,6 +293,11 @@ void encodeBrick(VoxelType type, format::Codec codec, EncodedBrick& brick) {
     store(brick.curvature, codec, kCurvatureView, brick.scratch);
 }
 
+void encodeNumbers(std::size_t element_bytes, format::Codec codec, EncodedPart& part) {
+  std::vector<std::byte> scratch;
+  store(part, codec, {element_bytes, true}, scratch);
+}
+
 bool decodePart(format::Codec codec, std::span<const std::byte> stored, std::size_t bytes,
                 std::byte* out) {
   switch (codec) {

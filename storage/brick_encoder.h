@@ -36,6 +36,9 @@ struct EncodedBrick {
 // versions of Blosc, LZ4 and Zstandard alone.
 void encodeBrick(VoxelType type, format::Codec codec, EncodedBrick& brick);
 
+// The same for a part that belongs to no brick: numbers of `element_bytes` (1, 2, 4 or 8) bytes.
+void encodeNumbers(std::size_t element_bytes, format::Codec codec, EncodedPart& part);
+
 // Parts of more bytes cannot be packed; no brick has one (256^3 cells of float32 take 70 MB).
 inline constexpr std::uint64_t kMostPackedBytes = (std::uint64_t{1} << 31) - 1 - 16;
 

@@ -1,6 +1,8 @@
 // How the levels of a pyramid are cut into bricks, and bricks into tiles and curvature nodes.
 #pragma once
 
+#include <string>
+
 #include "isobrick/storage/grid.h"
 
 namespace isobrick {
@@ -46,6 +48,14 @@ class BrickLayout {
     const Index3 last = glm::min(cells.end() + Index3(1), lattice_.samples(level) - Index3(1));
     return {first, last - first + Index3(1)};
   }
+  // Of these samples the ones that no other brick of the level has for its own: those at the cells'
+  // lower corners, and the last ones at the far border.
+  IndexBox brickOwnSamples(int level, const Index3& brick) const {
+    IndexBox own = brickCellBox(level, brick);
+    for (int axis = 0; axis < 3; ++axis)
+      if (own.end()[axis] == lattice_.cells(level)[axis]) ++own.count[axis];
+    return own;
+  }
   // Tiles per axis inside the brick.
   Index3 brickTiles(int level, const Index3& brick) const {
     return ceilDivide(brickCellBox(level, brick).count, tile_cells_);
@@ -62,6 +72,18 @@ class BrickLayout {
   std::int64_t brick_cells_ = 64;
   std::int64_t tile_cells_ = 4;
 };
+
+// Which brick of a pyramid.
+struct BrickAddress {
+  int level = 0;
+  Index3 brick{0};
+};
+
+// "brick (1,2,3) of level 0".
+inline std::string brickName(int level, const Index3& brick) {
+  return "brick (" + std::to_string(brick.x) + "," + std::to_string(brick.y) + "," +
+         std::to_string(brick.z) + ") of level " + std::to_string(level);
+}
 
 // Position of `index` in a dense block of `dims`, x fastest.
 constexpr std::int64_t linearIndex(const Index3& index, const Index3& dims) {

@@ -6,6 +6,7 @@
 
 #include "isobrick/storage/brick_encoder.h"
 #include "isobrick/storage/checksum.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 namespace {
@@ -13,6 +14,7 @@ namespace {
 constexpr const char* kUnreadable = "cannot be read (the file was cut short or its disk failed)";
 constexpr const char* kWrongChecksum = "is damaged (checksum mismatch)";
 constexpr const char* kNotPacked = "is damaged (cannot be unpacked)";
+constexpr const char* kUnknownPlace = "is at an unknown place (its row in the table is damaged)";
 constexpr const char* kNoMemory = "cannot be held (no memory is left)";
 
 // Bricks at the border are a little smaller than the others: with eight sizes for each power of two
@@ -143,6 +145,8 @@ const std::byte* BrickPager::load(Shard& shard, const std::shared_ptr<Entry>& en
     is_good = bringIn(*entry, why);
   } catch (const std::bad_alloc&) {
     *why = kNoMemory;
+  } catch (const Error&) {  // from part_of_
+    *why = kUnknownPlace;
   }
   if (is_good) {
     ++parts_read_;

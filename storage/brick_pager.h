@@ -49,6 +49,7 @@ class BrickPager {
     format::Codec codec = format::Codec::kStored;
   };
   // Where part `id` is: asked, by any thread, when it comes in. The same each time.
+  // May throw Error; then the part cannot be acquired.
   using PartOf = std::function<Part(std::size_t id)>;
 
   struct Counters {

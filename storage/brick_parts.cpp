@@ -21,9 +21,9 @@ std::uint64_t partBytes(const PyramidSpec& spec, const BrickLayout& layout, Part
   return 0;
 }
 
-bool isPossiblePart(const format::BrickRow& row, const PyramidSpec& spec, const BrickLayout& layout,
+bool isPossiblePart(const BrickRow& row, const PyramidSpec& spec, const BrickLayout& layout,
                     PartKind kind, int level, const Index3& brick) {
-  const format::PartEntry& part = partOf(row, kind);
+  const format::PartEntry& part = row.part(kind);
   const bool is_absent = kind == PartKind::kCurvature && (level > 0 || !spec.has_curvature);
   const auto codec = static_cast<format::Codec>(part.codec);
   switch (codec) {
@@ -31,7 +31,8 @@ bool isPossiblePart(const format::BrickRow& row, const PyramidSpec& spec, const 
     case format::Codec::kAbsent:
       // Constant ranges are those of constant samples.
       return (codec == format::Codec::kAbsent) == is_absent && part.stored_bytes == 0 &&
-             part.offset == 0 && (kind != PartKind::kRanges || row.samples.codec == part.codec);
+             part.offset == 0 &&
+             (kind != PartKind::kRanges || row.part(PartKind::kSamples).codec == part.codec);
     case format::Codec::kStored:
     case format::Codec::kLz4:
     case format::Codec::kZstd: {
@@ -54,9 +55,9 @@ bool isPossibleConstant(float constant, VoxelType type) {
   });
 }
 
-bool isPossibleRow(const format::BrickRow& row, const PyramidSpec& spec, const BrickLayout& layout,
+bool isPossibleRow(const BrickRow& row, const PyramidSpec& spec, const BrickLayout& layout,
                    int level, const Index3& brick) {
-  for (const PartKind kind : {PartKind::kSamples, PartKind::kRanges, PartKind::kCurvature})
+  for (const PartKind kind : kPartKinds)
     if (!isPossiblePart(row, spec, layout, kind, level, brick)) return false;
   return isPossibleConstant(row.constant, spec.voxel_type);
 }

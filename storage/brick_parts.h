@@ -1,18 +1,37 @@
-// What the row of a brick may say of its parts. Rows from files are hostile; one place knows
-// what is possible, for finished pyramids and for those that a killed build left.
+// What the brick table says of a brick: which parts there are, and what is possible of them. Rows
+// from files are hostile; one place knows what is possible, for finished pyramids and for those
+// that a killed build left.
 #pragma once
+
+#include <array>
 
 #include "isobrick/storage/pyramid_info.h"
 
 namespace isobrick {
 
+// The numbers are those of the file's header.
 enum class PartKind { kSamples = 0, kRanges = 1, kCurvature = 2 };
-
-inline const format::PartEntry& partOf(const format::BrickRow& row, PartKind kind) {
-  return kind == PartKind::kSamples  ? row.samples
-         : kind == PartKind::kRanges ? row.ranges
-                                     : row.curvature;
+inline constexpr std::array kPartKinds = {PartKind::kSamples, PartKind::kRanges,
+                                          PartKind::kCurvature};
+// "samples", "ranges" or "curvature".
+constexpr const char* partName(PartKind kind) {
+  constexpr const char* kNames[] = {"samples", "ranges", "curvature"};
+  return kNames[static_cast<std::size_t>(kind)];
 }
+
+// A row of the brick table, with an entry for every kind that this program knows; what the file
+// does not have is absent.
+struct BrickRow {
+  std::array<format::PartEntry, kPartKinds.size()> parts;
+  float range_min = 0, range_max = 0;
+  float constant = 0;
+  std::uint32_t unused = 0;  // no padding: journals hold rows as they are in memory
+
+  const format::PartEntry& part(PartKind kind) const {
+    return parts[static_cast<std::size_t>(kind)];
+  }
+  format::PartEntry& part(PartKind kind) { return parts[static_cast<std::size_t>(kind)]; }
+};
 
 // Bytes of the elements of a part, unpacked, as the layout gives them; `layout` is spec.layout().
 std::uint64_t partBytes(const PyramidSpec& spec, const BrickLayout& layout, PartKind kind,
@@ -20,11 +39,11 @@ std::uint64_t partBytes(const PyramidSpec& spec, const BrickLayout& layout, Part
 
 // True where codecs, sizes and alignment of all parts, and the constant, are such as this brick can
 // have. Where the bytes lie, and the range of the brick, are for the caller to check.
-bool isPossibleRow(const format::BrickRow& row, const PyramidSpec& spec, const BrickLayout& layout,
+bool isPossibleRow(const BrickRow& row, const PyramidSpec& spec, const BrickLayout& layout,
                    int level, const Index3& brick);
 
 // isPossibleRow() for one part, and for the constant alone.
-bool isPossiblePart(const format::BrickRow& row, const PyramidSpec& spec, const BrickLayout& layout,
+bool isPossiblePart(const BrickRow& row, const PyramidSpec& spec, const BrickLayout& layout,
                     PartKind kind, int level, const Index3& brick);
 bool isPossibleConstant(float constant, VoxelType type);
 

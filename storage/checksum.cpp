@@ -5,7 +5,9 @@
 
 namespace isobrick {
 
-std::uint64_t checksum64(const void* data, std::size_t bytes) { return XXH3_64bits(data, bytes); }
+std::uint64_t checksum64(const void* data, std::size_t bytes, std::uint64_t seed) {
+  return XXH3_64bits_withSeed(data, bytes, seed);
+}
 
 struct RunningChecksum::State {
   XXH3_state_t hash;

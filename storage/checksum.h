@@ -7,8 +7,8 @@
 
 namespace isobrick {
 
-// XXH3-64 with seed 0.
-std::uint64_t checksum64(const void* data, std::size_t bytes);
+// XXH3-64.
+std::uint64_t checksum64(const void* data, std::size_t bytes, std::uint64_t seed = 0);
 
 // The same of bytes that come one run after the other.
 class RunningChecksum {
@@ -19,7 +19,7 @@ class RunningChecksum {
   RunningChecksum& operator=(const RunningChecksum&) = delete;
 
   void add(const void* data, std::size_t bytes);
-  // checksum64() of all bytes so far.
+  // checksum64() of all bytes so far, with seed 0.
   std::uint64_t value() const;
 
  private:

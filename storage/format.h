@@ -1,9 +1,11 @@
-// The `.isb` file, version 2, as it lies on disk; docs/FORMAT.md is its specification in words.
+// The `.isb` file, version 3, as it lies on disk; docs/FORMAT.md is its specification in words.
 //
 //   header (512 bytes)
-//   parts of bricks, in the order of the brick table: samples, tile ranges, curvature of each
+//   parts of bricks, in the order of the brick table: those of the kinds that the header lists
+//   histogram     (counts of the voxels of level 0 by value)
 //   level table   (a LevelRow for each level)
-//   brick table   (a BrickRow for each brick; those of level 0 first, x fastest)
+//   brick table   (a row for each brick; those of level 0 first, x fastest): a PartEntry for each
+//                 kind, then a RowTail
 //   provenance    (JSON, UTF-8)
 //
 // All numbers are little-endian. Structs have no padding; a big-endian host is refused at compile
@@ -19,11 +21,13 @@ namespace isobrick::format {
 static_assert(std::endian::native == std::endian::little, "isobrick needs a little-endian host");
 
 inline constexpr char kMagic[8] = {'I', 'S', 'O', 'B', 'R', 'I', 'C', 'K'};
-inline constexpr std::uint32_t kVersion = 2;
+inline constexpr std::uint32_t kVersion = 3;
 
 // Stored samples of at least this many bytes begin at multiples of it, so that a brick can be paged
 // and used in place; fewer begin at kPartAlignment.
 inline constexpr std::uint64_t kSampleAlignment = 4096;
+// A header lists at most so many kinds of parts.
+inline constexpr std::uint32_t kMostKinds = 8;
 // Tables and the other parts begin at multiples of this.
 inline constexpr std::uint64_t kPartAlignment = 64;
 
@@ -36,6 +40,15 @@ enum class Codec : std::uint32_t {
   kZstd = 4,      // a Blosc buffer, packed with Zstandard; of differences (docs/FORMAT.md)
 };
 
+// Where a part of a brick is, or the histogram.
+struct PartEntry {
+  std::uint64_t offset;        // from the start of the file; 0 where there are no bytes
+  std::uint64_t checksum;      // XXH3-64 of the stored bytes; 0 where there are none
+  std::uint32_t stored_bytes;  // size in the file
+  std::uint32_t codec;
+};
+static_assert(sizeof(PartEntry) == 24);
+
 struct Header {
   char magic[8];
   std::uint32_t version;
@@ -46,8 +59,8 @@ struct Header {
   std::uint32_t level_count;
   std::uint32_t brick_cells;  // cells per brick and axis: a power of two, 4 .. 256
   std::uint32_t tile_cells;   // cells per tile and axis: a power of two, 2 .. brick_cells
-  std::uint32_t has_curvature;
-  std::uint64_t dims[3];  // voxels per axis
+  std::uint32_t kind_count;   // entries of `kinds`, 2 .. kMostKinds
+  std::uint64_t dims[3];      // voxels per axis
   double spacing[3];
   double origin[3];
   double direction[9];  // column-major: world direction of index axis x, then y, then z
@@ -57,12 +70,14 @@ struct Header {
   std::uint64_t level_table_checksum;
   std::uint64_t brick_table_offset;
   std::uint64_t brick_count;
-  std::uint64_t brick_table_checksum;
   std::uint64_t provenance_offset;
   std::uint64_t provenance_bytes;
   std::uint64_t provenance_checksum;
-  std::uint8_t reserved[224];     // zero
-  std::uint64_t header_checksum;  // XXH3-64 of all the bytes before it
+  PartEntry histogram;              // see value_histogram.h
+  double noise;                     // sigma of the voxels' noise, in their units; finite, >= 0
+  std::uint32_t kinds[kMostKinds];  // what the parts of a row are, ascending: PartKind, or newer
+  std::uint8_t reserved[168];       // zero
+  std::uint64_t header_checksum;    // XXH3-64 of all the bytes before it
 };
 static_assert(sizeof(Header) == 512 && std::is_trivially_copyable_v<Header>);
 
@@ -74,24 +89,18 @@ struct LevelRow {
 };
 static_assert(sizeof(LevelRow) == 56);
 
-// Where a part of a brick is: three of them in a row of the brick table.
-struct PartEntry {
-  std::uint64_t offset;        // from the start of the file; 0 where there are no bytes
-  std::uint64_t checksum;      // XXH3-64 of the stored bytes; 0 where there are none
-  std::uint32_t stored_bytes;  // size in the file
-  std::uint32_t codec;
-};
-static_assert(sizeof(PartEntry) == 24);
-
-// Row of the brick table.
-struct BrickRow {
-  PartEntry samples;
-  PartEntry ranges;
-  PartEntry curvature;
+// The end of a row of the brick table, after `kind_count` PartEntries.
+struct RowTail {
   float range_min, range_max;  // closure over the brick's cells (rule 7)
   float constant;              // the value of samples whose codec is kConstant
   std::uint32_t reserved;      // zero
+  std::uint64_t checksum;      // XXH3-64 of the row's bytes before it; the seed is the row's number
 };
-static_assert(sizeof(BrickRow) == 88);
+static_assert(sizeof(RowTail) == 24);
+
+// Bytes of a row of the brick table.
+constexpr std::uint64_t rowBytes(std::uint32_t kind_count) {
+  return kind_count * sizeof(PartEntry) + sizeof(RowTail);
+}
 
 }  // namespace isobrick::format

@@ -40,6 +40,10 @@ class PagedFile {
 
   const std::string& path() const { return path_; }
   std::uint64_t size() const { return size_; }
+  // True where [offset, offset + bytes) lies in the file; safe against overflow.
+  bool holds(std::uint64_t offset, std::uint64_t bytes) const {
+    return offset <= size_ && bytes <= size_ - offset;
+  }
   bool isMapped() const { return data_ != nullptr; }
 
   // Copies `bytes` bytes from `offset` to `out`, past the map: what was copied is the caller's

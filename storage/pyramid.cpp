@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "isobrick/storage/brick_encoder.h"
+#include "isobrick/storage/brick_index.h"
 #include "isobrick/storage/checksum.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/index_loop.h"
@@ -19,22 +20,26 @@ bool isPowerOfTwoWithin(std::uint32_t value, std::uint32_t least, std::uint32_t 
   return std::has_single_bit(value) && value >= least && value <= greatest;
 }
 
-// True where [offset, offset + bytes) lies in a file of `file_bytes`; safe against overflow.
-bool liesWithin(std::uint64_t offset, std::uint64_t bytes, std::uint64_t file_bytes) {
-  return offset <= file_bytes && bytes <= file_bytes - offset;
+bool areKindsSane(const format::Header& header) {
+  if (header.kind_count < 2 || header.kind_count > format::kMostKinds) return false;
+  for (std::uint32_t i = 1; i < header.kind_count; ++i)
+    if (header.kinds[i] <= header.kinds[i - 1]) return false;
+  return header.kinds[0] == static_cast<std::uint32_t>(PartKind::kSamples) &&
+         header.kinds[1] == static_cast<std::uint32_t>(PartKind::kRanges);
+}
+
+bool hasKind(const format::Header& header, PartKind kind) {
+  const auto* const end = header.kinds + header.kind_count;
+  return std::find(header.kinds, end, static_cast<std::uint32_t>(kind)) != end;
 }
 
 }  // namespace
-
-std::string brickName(int level, const Index3& brick) {
-  return "brick (" + std::to_string(brick.x) + "," + std::to_string(brick.y) + "," +
-         std::to_string(brick.z) + ") of level " + std::to_string(level);
-}
 
 Pyramid::Pyramid(const std::string& path, std::uint64_t budget_bytes, FileAccess access)
     : file_(path, access), budget_bytes_(budget_bytes) {
   readHeader();
 }
+Pyramid::~Pyramid() = default;
 
 void Pyramid::fail(const std::string& what, ErrorPlace place) const {
   place.path = path();
@@ -58,12 +63,12 @@ void Pyramid::readHeader() {
     fail("has " + std::to_string(file_.size()) + " bytes where its header says " +
          std::to_string(header.file_bytes) + ": it was cut or changed; build it again");
 
-  bool sane = header.voxel_type < kVoxelTypeCount && header.filter <= 1 &&
-              header.has_curvature <= 1 && isPowerOfTwoWithin(header.brick_cells, 4, 256) &&
+  bool sane = header.voxel_type < kVoxelTypeCount && header.filter <= 1 && areKindsSane(header) &&
+              isPowerOfTwoWithin(header.brick_cells, 4, 256) &&
               isPowerOfTwoWithin(header.tile_cells, 2, header.brick_cells) &&
               std::isfinite(header.value_min) && std::isfinite(header.value_max) &&
               header.value_min <= header.value_max && std::isfinite(header.curvature_epsilon) &&
-              header.curvature_epsilon >= 0;
+              header.curvature_epsilon >= 0 && std::isfinite(header.noise) && header.noise >= 0;
   for (int axis = 0; axis < 3; ++axis) {
     sane = sane && header.dims[axis] >= 2 &&
            header.dims[axis] <= static_cast<std::uint64_t>(kMaxVoxelsPerAxis) &&
@@ -86,7 +91,7 @@ void Pyramid::readHeader() {
   spec_.filter = static_cast<format::Filter>(header.filter);
   spec_.brick_cells = header.brick_cells;
   spec_.tile_cells = header.tile_cells;
-  spec_.has_curvature = header.has_curvature != 0;
+  spec_.has_curvature = hasKind(header, kCurvature);
   spec_.curvature_epsilon = header.curvature_epsilon;
   value_range_ = {static_cast<float>(header.value_min), static_cast<float>(header.value_max)};
   layout_ = spec_.layout();
@@ -99,7 +104,7 @@ void Pyramid::readHeader() {
 std::vector<std::byte> Pyramid::readTable(std::uint64_t offset, std::uint64_t bytes,
                                           std::uint64_t checksum, const char* name) const {
   std::vector<std::byte> table;
-  if (liesWithin(offset, bytes, file_.size())) {
+  if (file_.holds(offset, bytes)) {
     table.resize(bytes);
     if (file_.read(offset, bytes, table.data()) && checksum64(table.data(), bytes) == checksum)
       return table;
@@ -107,15 +112,9 @@ std::vector<std::byte> Pyramid::readTable(std::uint64_t offset, std::uint64_t by
   fail(std::string("has a damaged ") + name + "; build it again");
 }
 
-template <typename F>
-void Pyramid::forEachBrick(F&& f) const {
-  for (int level = 0; level < lattice().levels(); ++level)
-    forEachIndex({Index3(0), layout_.bricks(level)}, [&](const Index3& brick) { f(level, brick); });
-}
-
 void Pyramid::readTables(const format::Header& header) {
   // The layout follows from the header, so the tables must have just the sizes that it gives.
-  std::uint64_t rows = 0;
+  index_ = std::make_unique<BrickIndex>(file_, spec_, header);
   std::vector<format::LevelRow> levels(static_cast<std::size_t>(lattice().levels()));
   const std::uint64_t level_bytes = levels.size() * sizeof(format::LevelRow);
   std::memcpy(
@@ -127,19 +126,12 @@ void Pyramid::readTables(const format::Header& header) {
     const format::LevelRow& row = levels[static_cast<std::size_t>(level)];
     const Index3 samples = lattice().samples(level);
     const Index3 bricks = layout_.bricks(level);
-    bool same = row.first_brick == rows;
+    bool same = row.first_brick == index_->firstOfLevel(level);
     for (int axis = 0; axis < 3; ++axis)
       same = same && row.samples[axis] == static_cast<std::uint64_t>(samples[axis]) &&
              row.bricks[axis] == static_cast<std::uint64_t>(bricks[axis]);
     if (!same) fail("has a level table that contradicts its header; build it again");
-    first_brick_.push_back(rows);
-    rows += static_cast<std::uint64_t>(elementCount(bricks));
   }
-  // kMaxVoxelsPerAxis bounds `rows` by 2^57, so the product fits; the file's size bounds it
-  // further.
-  if (header.brick_count != rows || rows > file_.size() / sizeof(format::BrickRow))
-    fail("has a wrong number of bricks; build it again");
-  readBrickTable(header);
   if (header.provenance_bytes > kMostProvenanceBytes)
     fail("has a provenance of " + std::to_string(header.provenance_bytes) +
          " bytes, which is more than any pyramid has; build it again");
@@ -150,87 +142,61 @@ void Pyramid::readTables(const format::Header& header) {
   pager_ = std::make_unique<BrickPager>(
       file_,
       [this](std::size_t id) {
-        const BrickAddress at = brickAt(id / 3);
-        return pagedPart(static_cast<PartKind>(id % 3), at.level, at.brick);
+        const BrickAddress at = brickAt(id / kPartKinds.size());
+        return pagedPart(static_cast<PartKind>(id % kPartKinds.size()), at.level, at.brick);
       },
       budget_bytes_);
 }
 
-// A row is checked before the next is looked at, and memory grows with the rows that are possible:
-// a file with holes can be of any size and cost nothing, but a row of zeros is not possible.
-void Pyramid::readBrickTable(const format::Header& header) {
-  constexpr std::size_t kRowsAtATime = 4096;
-  const std::uint64_t rows = header.brick_count;
-  const auto damaged = [&] { fail("has a damaged brick table; build it again"); };
-  std::uint64_t offset = header.brick_table_offset;
-  if (!liesWithin(offset, rows * sizeof(format::BrickRow), file_.size())) damaged();
-  RunningChecksum checksum;
-  std::vector<format::BrickRow> some;
-  std::size_t next = 0;
-  forEachBrick([&](int level, const Index3& brick) {
-    if (next == some.size()) {
-      some.resize(std::min<std::uint64_t>(rows - bricks_.size(), kRowsAtATime));
-      next = 0;
-      const std::size_t bytes = some.size() * sizeof(format::BrickRow);
-      if (!file_.read(offset, bytes, reinterpret_cast<std::byte*>(some.data()))) damaged();
-      checksum.add(some.data(), bytes);
-      offset += bytes;
-    }
-    bricks_.push_back(some[next++]);
-    checkBrick(level, brick);
-    addToSums(level, brick);
-  });
-  if (checksum.value() != header.brick_table_checksum) damaged();
-  bytes_.total = file_.size();
-  bytes_.raw =
-      static_cast<std::uint64_t>(elementCount(spec_.voxels)) * voxelBytes(spec_.voxel_type);
-  bytes_.index = bytes_.total - bytes_.samples_level0 - bytes_.samples_coarser - bytes_.ranges -
-                 bytes_.curvature;
+VoxelHistogram Pyramid::histogram() const {
+  VoxelHistogram histogram(spec_.voxel_type, value_range_);
+  const format::PartEntry& part = header_.histogram;
+  const auto counts = std::as_writable_bytes(histogram.counts());
+  // What is stored is not longer than the counts, which are few.
+  std::vector<std::byte> stored;
+  if (part.stored_bytes <= counts.size())
+    stored = readTable(part.offset, part.stored_bytes, part.checksum, "histogram");
+  bool is_sound =
+      decodePart(static_cast<format::Codec>(part.codec), stored, counts.size(), counts.data());
+  auto left = static_cast<std::uint64_t>(elementCount(spec_.voxels));
+  for (const std::uint64_t count : histogram.counts()) {
+    is_sound = is_sound && count <= left;
+    left -= is_sound ? count : 0;
+  }
+  if (!is_sound || left != 0) fail("has a damaged histogram; build it again");
+  return histogram;
 }
 
-void Pyramid::addToSums(int level, const Index3& brick) {
-  const format::BrickRow& row = bricks_[brickRow(level, brick)];
-  (level == 0 ? bytes_.samples_level0 : bytes_.samples_coarser) += row.samples.stored_bytes;
-  bytes_.ranges += row.ranges.stored_bytes;
-  bytes_.curvature += row.curvature.stored_bytes;
-  ++codecs_.samples[row.samples.codec];
-  ++codecs_.ranges[row.ranges.codec];
-  ++codecs_.curvature[row.curvature.codec];
-  if (level > 0 || row.samples.stored_bytes == 0) return;
-  // What the brick holds beyond one copy of the samples that it covers.
-  const IndexBox cells = layout_.brickCellBox(0, brick);
-  Index3 own = cells.count;
-  for (int axis = 0; axis < 3; ++axis)
-    if (cells.end()[axis] == spec_.voxels[axis] - 1) ++own[axis];
-  const auto all_samples = static_cast<std::uint64_t>(layout_.brickSampleBox(0, brick).size());
-  const auto own_samples = static_cast<std::uint64_t>(elementCount(own));
-  bytes_.aprons_level0 += row.samples.stored_bytes * (all_samples - own_samples) / all_samples;
-}
-
-void Pyramid::checkBrick(int level, const Index3& brick) const {
-  const format::BrickRow& row = bricks_[brickRow(level, brick)];
-  const auto refuse = [&](const char* what) {
-    fail(std::string("has an impossible ") + what + " for " + brickName(level, brick) +
-             "; build it again",
-         {.level = level, .brick = brick});
-  };
-  for (const PartKind kind : {kSamples, kRanges, kCurvature})
-    if (!isPossiblePart(row, spec_, layout_, kind, level, brick) ||
-        !liesWithin(partOf(row, kind).offset, partOf(row, kind).stored_bytes, file_.size()))
-      refuse("entry");
-  if (!(row.range_min <= row.range_max) || !std::isfinite(row.range_min) ||
-      !std::isfinite(row.range_max))
-    refuse("range");
-  const bool is_used = row.samples.codec == static_cast<std::uint32_t>(format::Codec::kConstant);
-  if (!isPossibleConstant(row.constant, spec_.voxel_type) ||
-      (is_used && !(row.constant >= row.range_min && row.constant <= row.range_max)))
-    refuse("constant");
+PyramidSums Pyramid::sums() const {
+  PyramidSums sums;
+  PyramidBytes& bytes = sums.bytes;
+  bytes.total = file_.size();
+  bytes.raw = static_cast<std::uint64_t>(elementCount(spec_.voxels)) * voxelBytes(spec_.voxel_type);
+  for (std::size_t n = 0; n < brickCount(); ++n) {
+    const auto [level, brick] = brickAt(n);
+    const BrickRow row = index_->row(n);
+    const std::uint64_t stored = row.part(kSamples).stored_bytes;
+    (level == 0 ? bytes.samples_level0 : bytes.samples_coarser) += stored;
+    bytes.ranges += row.part(kRanges).stored_bytes;
+    bytes.curvature += row.part(kCurvature).stored_bytes;
+    ++sums.codecs.samples[row.part(kSamples).codec];
+    ++sums.codecs.ranges[row.part(kRanges).codec];
+    ++sums.codecs.curvature[row.part(kCurvature).codec];
+    if (level > 0 || stored == 0) continue;
+    // What the brick holds beyond one copy of the samples that it covers.
+    const auto all_samples = static_cast<std::uint64_t>(layout_.brickSampleBox(0, brick).size());
+    const auto own_samples = static_cast<std::uint64_t>(layout_.brickOwnSamples(0, brick).size());
+    bytes.aprons_level0 += stored * (all_samples - own_samples) / all_samples;
+  }
+  bytes.index =
+      bytes.total - bytes.samples_level0 - bytes.samples_coarser - bytes.ranges - bytes.curvature;
+  return sums;
 }
 
 BrickPager::Part Pyramid::pagedPart(PartKind kind, int level, const Index3& brick) const {
-  const format::PartEntry& part = entryOf(kind, brickRow(level, brick));
+  const format::PartEntry part = entryOf(kind, level, brick);
   const auto codec = static_cast<format::Codec>(part.codec);
-  // checkBrick() has seen to it that the elements of a packed part are fewer than 2^31 bytes.
+  // The index has seen to it that the elements of a packed part are fewer than 2^31 bytes.
   const bool is_packed = codec == format::Codec::kLz4 || codec == format::Codec::kZstd;
   const auto elements =
       is_packed ? static_cast<std::uint32_t>(expectedBytes(kind, level, brick)) : 0;
@@ -241,56 +207,50 @@ std::uint64_t Pyramid::expectedBytes(PartKind kind, int level, const Index3& bri
   return partBytes(spec_, layout_, kind, level, brick);
 }
 
-const format::PartEntry& Pyramid::entryOf(PartKind kind, std::size_t row) const {
-  return partOf(bricks_[row], kind);
+BrickRow Pyramid::brickRowOf(int level, const Index3& brick) const {
+  return index_->row(brickRow(level, brick));
 }
 
-BrickAddress Pyramid::brickAt(std::size_t row) const {
-  const auto after = std::upper_bound(first_brick_.begin(), first_brick_.end(), row);
-  const auto level = static_cast<int>(after - first_brick_.begin()) - 1;
-  const Index3 count = layout_.bricks(level);
-  const auto n = static_cast<std::int64_t>(row - first_brick_[static_cast<std::size_t>(level)]);
-  return {level, indexAt(n, count)};
+format::PartEntry Pyramid::entryOf(PartKind kind, int level, const Index3& brick) const {
+  return brickRowOf(level, brick).part(kind);
 }
 
+BrickAddress Pyramid::brickAt(std::size_t row) const { return index_->address(row); }
 std::size_t Pyramid::brickRow(int level, const Index3& brick) const {
-  return first_brick_[static_cast<std::size_t>(level)] +
-         static_cast<std::size_t>(linearIndex(brick, layout_.bricks(level)));
+  return index_->number(level, brick);
 }
+std::size_t Pyramid::brickCount() const { return index_->count(); }
 
 BrickPart Pyramid::acquire(PartKind kind, int level, const Index3& brick) const {
-  static constexpr const char* kNames[] = {"samples", "ranges", "curvature"};
-  const std::size_t row = brickRow(level, brick);
   BrickPart part;
-  part.id_ = 3 * row + static_cast<std::size_t>(kind);
+  part.id_ = partId(kind, brickRow(level, brick));
   const char* why = "";
   part.data_ = pager_->acquire(part.id_, &why);
-  if (part.data_ == nullptr)
-    fail(brickName(level, brick) + ", " + kNames[static_cast<std::size_t>(kind)] + ", " +
-             std::to_string(entryOf(kind, row).stored_bytes) + " bytes at offset " +
-             std::to_string(entryOf(kind, row).offset) + ", " + why +
-             "; build it again or restore a copy",
-         {.offset = entryOf(kind, row).offset, .level = level, .brick = brick});
+  if (part.data_ == nullptr) {
+    const format::PartEntry entry = entryOf(kind, level, brick);
+    fail(brickName(level, brick) + ", " + partName(kind) + ", " +
+             std::to_string(entry.stored_bytes) + " bytes at offset " +
+             std::to_string(entry.offset) + ", " + why + "; build it again or restore a copy",
+         {.offset = entry.offset, .level = level, .brick = brick});
+  }
   part.pager_ = pager_.get();
   return part;
 }
 
 BrickPager::Fetched Pyramid::fetch(PartKind kind, int level, const Index3& brick) const {
-  const std::size_t row = brickRow(level, brick);
-  if (entryOf(kind, row).stored_bytes == 0) return BrickPager::Fetched::kBefore;
-  return pager_->fetch(3 * row + static_cast<std::size_t>(kind));
+  if (entryOf(kind, level, brick).stored_bytes == 0) return BrickPager::Fetched::kBefore;
+  return pager_->fetch(partId(kind, brickRow(level, brick)));
 }
 
 void Pyramid::require(PartKind kind, int level, const Index3& brick) const {
-  if (entryOf(kind, brickRow(level, brick)).stored_bytes > 0) acquire(kind, level, brick);
+  if (entryOf(kind, level, brick).stored_bytes > 0) acquire(kind, level, brick);
 }
 
 std::optional<BrickPart> Pyramid::holdIfResident(PartKind kind, int level,
                                                  const Index3& brick) const {
-  const std::size_t row = brickRow(level, brick);
   BrickPart part;
-  if (entryOf(kind, row).stored_bytes == 0) return part;
-  part.id_ = 3 * row + static_cast<std::size_t>(kind);
+  if (entryOf(kind, level, brick).stored_bytes == 0) return part;
+  part.id_ = partId(kind, brickRow(level, brick));
   part.data_ = pager_->acquireIfResident(part.id_);
   if (part.data_ == nullptr) return std::nullopt;
   part.pager_ = pager_.get();
@@ -302,12 +262,12 @@ std::uint64_t Pyramid::heldSampleBytes(int level, const Index3& brick) const {
 }
 
 void Pyramid::withdraw(int level, const Index3& brick) const {
-  for (const PartKind kind : {kSamples, kRanges, kCurvature})
-    pager_->withdraw(3 * brickRow(level, brick) + static_cast<std::size_t>(kind));
+  for (const PartKind kind : kPartKinds)
+    pager_->withdraw(partId(kind, brickRow(level, brick)));
 }
 
 void Pyramid::throwIfReadsFailed(int level, const Index3& brick) const {
-  for (const PartKind kind : {kSamples, kRanges, kCurvature}) throwIfReadFailed(kind, level, brick);
+  for (const PartKind kind : kPartKinds) throwIfReadFailed(kind, level, brick);
 }
 
 void Pyramid::throwIfReadFailed(PartKind kind, int level, const Index3& brick) const {
@@ -328,15 +288,15 @@ void Pyramid::throwIfWrittenOver(PartKind kind, int level, const Index3& brick) 
 }
 
 ValueRange Pyramid::brickRange(int level, const Index3& brick) const {
-  const format::BrickRow& row = bricks_[brickRow(level, brick)];
+  const BrickRow row = brickRowOf(level, brick);
   return {row.range_min, row.range_max};
 }
 
 BrickSamples Pyramid::samples(int level, const Index3& brick) const {
   BrickSamples result;
   result.box = layout_.brickSampleBox(level, brick);
-  const format::BrickRow& row = bricks_[brickRow(level, brick)];
-  if (row.samples.stored_bytes > 0) {
+  const BrickRow row = brickRowOf(level, brick);
+  if (row.part(kSamples).stored_bytes > 0) {
     result.part = acquire(kSamples, level, brick);
     return result;
   }
@@ -351,9 +311,9 @@ BrickSamples Pyramid::samples(int level, const Index3& brick) const {
 }
 
 void Pyramid::tileRanges(int level, const Index3& brick, std::vector<ValueRange>& out) const {
-  const format::BrickRow& row = bricks_[brickRow(level, brick)];
+  const BrickRow row = brickRowOf(level, brick);
   const auto count = static_cast<std::size_t>(elementCount(layout_.brickTiles(level, brick)));
-  if (row.ranges.stored_bytes == 0) {
+  if (row.part(kRanges).stored_bytes == 0) {
     out.assign(count, ValueRange{row.constant, row.constant});
     return;
   }
@@ -370,10 +330,10 @@ void Pyramid::tileRanges(int level, const Index3& brick, std::vector<ValueRange>
 
 void Pyramid::crossedTiles(int level, const Index3& brick, float isovalue,
                            std::vector<std::uint8_t>& out) const {
-  const format::BrickRow& row = bricks_[brickRow(level, brick)];
+  const BrickRow row = brickRowOf(level, brick);
   const auto count = static_cast<std::size_t>(elementCount(layout_.brickTiles(level, brick)));
   out.assign(count, 0);
-  if (row.ranges.stored_bytes == 0) return;  // one value does not cross
+  if (row.part(kRanges).stored_bytes == 0) return;  // one value does not cross
   const BrickPart part = acquire(kRanges, level, brick);
   visitVoxelType(spec_.voxel_type, [&](auto tag) {
     using T = typename decltype(tag)::Type;
@@ -403,13 +363,13 @@ void Pyramid::curvature(const Index3& brick, std::vector<std::uint8_t>& out) con
 }
 
 std::uint64_t Pyramid::sampleBytes(int level, const Index3& brick) const {
-  return bricks_[brickRow(level, brick)].samples.stored_bytes;
+  return entryOf(kSamples, level, brick).stored_bytes;
 }
 std::uint64_t Pyramid::rangeBytes(int level, const Index3& brick) const {
-  return bricks_[brickRow(level, brick)].ranges.stored_bytes;
+  return entryOf(kRanges, level, brick).stored_bytes;
 }
 std::uint64_t Pyramid::curvatureBytes(const Index3& brick) const {
-  return bricks_[brickRow(0, brick)].curvature.stored_bytes;
+  return entryOf(kCurvature, 0, brick).stored_bytes;
 }
 
 }  // namespace isobrick

@@ -12,9 +12,11 @@
 #include "isobrick/storage/cancel.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid_info.h"
+#include "isobrick/storage/voxel_histogram.h"
 
 namespace isobrick {
 
+class BrickIndex;
 class Pyramid;
 
 // The hold on one part of a brick: in the file's map where it is stored, in a buffer where it was
@@ -60,21 +62,12 @@ struct BrickSamples {
   }
 };
 
-// Which brick of a pyramid.
-struct BrickAddress {
-  int level = 0;
-  Index3 brick{0};
-};
-
 // What verify found wrong with one part of one brick.
 struct BrickDamage {
   int level = 0;
   Index3 brick{0};
   std::string what;  // does not say which brick
 };
-
-// "brick (1,2,3) of level 0".
-std::string brickName(int level, const Index3& brick);
 
 // An open pyramid. All const members are thread-safe; bricks may be held by any number of threads.
 //
@@ -89,13 +82,17 @@ class Pyramid {
   // A provenance of more bytes is refused: it is text for people, and comes into memory as a whole.
   static constexpr std::uint64_t kMostProvenanceBytes = std::uint64_t{64} << 20;
 
-  // Opens and validates header, tables and provenance: sizes, offsets and checksums. Reads no
-  // brick. `budget_bytes` bounds what stays of the bricks, mapped and unpacked (see BrickPager).
+  // Opens and validates header, level table and provenance: sizes, offsets and checksums. Reads no
+  // brick, and of the brick table nothing: a row is checked when it is first asked for, and throws
+  // Error then where it is damaged. So opening takes as long for any number of bricks, and
+  // what stays of the table is bounded (BrickIndex::kMostBytes).
+  // `budget_bytes` bounds what stays of the bricks, mapped and unpacked (see BrickPager).
   // With FileAccess::kRead nothing is mapped: all comes by reads, which suits network file systems,
   // and what was read is not touched by what happens to the file. Results are the same.
   // Throws Error where the file is not a pyramid, was truncated, is damaged or of a newer version.
   explicit Pyramid(const std::string& path, std::uint64_t budget_bytes = kDefaultBudgetBytes,
                    FileAccess access = FileAccess::kMap);
+  ~Pyramid();
 
   const std::string& path() const { return file_.path(); }
   const PyramidSpec& spec() const { return spec_; }
@@ -105,12 +102,22 @@ class Pyramid {
   const ValueRange& valueRange() const { return value_range_; }
   // JSON text: source, filter, tool version, notes.
   const std::string& provenance() const { return provenance_; }
-  // Sums over all bricks, made when the pyramid was opened.
-  const PyramidBytes& bytes() const { return bytes_; }
-  const PyramidCodecs& codecs() const { return codecs_; }
+  // The standard deviation of the voxels' noise, in their units, as the build estimated it from
+  // second differences along x; 0 where there is none.
+  double noise() const { return header_.noise; }
+  // How often which values occur among the voxels of level 0. Reads and unpacks it, at most
+  // VoxelHistogram::kMostBins counts. Throws Error where it is damaged.
+  VoxelHistogram histogram() const;
+  // Bytes of the file.
+  std::uint64_t fileBytes() const { return file_.size(); }
+  // The parts of all bricks summed up: passes over the whole brick table.
+  PyramidSums sums() const;
 
+  // What the brick table says of a brick. All that asks for a brick throws Error, which names it,
+  // where its row is damaged.
+  BrickRow brickRowOf(int level, const Index3& brick) const;
   // Closure of the values in the brick's cells (rule 7): every sample of the levels 0 to
-  // level + log2(brick_cells) in them. In memory; no read.
+  // level + log2(brick_cells) in them. From the brick table.
   ValueRange brickRange(int level, const Index3& brick) const;
 
   // The brick's samples, at least those of layout().brickSampleBox(). Throws Error that names the
@@ -135,7 +142,7 @@ class Pyramid {
   std::size_t brickRow(int level, const Index3& brick) const;
   // The brick of a row below brickCount().
   BrickAddress brickAt(std::size_t row) const;
-  std::size_t brickCount() const { return bricks_.size(); }
+  std::size_t brickCount() const;
 
   // Throws Error where bytes of this brick could not be had while somebody used them (the file was
   // cut, its disk failed): what was computed from them is worthless. To be called after samples
@@ -186,17 +193,14 @@ class Pyramid {
   using enum PartKind;
   void readHeader();
   void readTables(const format::Header& header);
-  void readBrickTable(const format::Header& header);
   std::vector<std::byte> readTable(std::uint64_t offset, std::uint64_t bytes,
                                    std::uint64_t checksum, const char* name) const;
-  // In the order of the brick table.
-  template <typename F>
-  void forEachBrick(F&& f) const;
-  void addToSums(int level, const Index3& brick);
-  void checkBrick(int level, const Index3& brick) const;
+  static std::size_t partId(PartKind kind, std::size_t row) {
+    return kPartKinds.size() * row + static_cast<std::size_t>(kind);
+  }
+  format::PartEntry entryOf(PartKind kind, int level, const Index3& brick) const;
   BrickPager::Part pagedPart(PartKind kind, int level, const Index3& brick) const;
   std::uint64_t expectedBytes(PartKind kind, int level, const Index3& brick) const;
-  const format::PartEntry& entryOf(PartKind kind, std::size_t row) const;
   BrickPart acquire(PartKind kind, int level, const Index3& brick) const;
   void throwIfReadFailed(PartKind kind, int level, const Index3& brick) const;
   [[noreturn]] void fail(const std::string& what, ErrorPlace place = {}) const;
@@ -209,10 +213,7 @@ class Pyramid {
   BrickLayout layout_;
   ValueRange value_range_;
   std::string provenance_;
-  std::vector<std::size_t> first_brick_;  // per level
-  std::vector<format::BrickRow> bricks_;
-  PyramidBytes bytes_;
-  PyramidCodecs codecs_;
+  std::unique_ptr<BrickIndex> index_;
   std::unique_ptr<BrickPager> pager_;
 };
 

@@ -37,13 +37,18 @@ struct PyramidBytes {
   std::uint64_t samples_coarser = 0;
   std::uint64_t ranges = 0;
   std::uint64_t curvature = 0;
-  std::uint64_t index = 0;  // header, tables, provenance and alignment
+  std::uint64_t index = 0;  // header, tables, histogram, provenance and alignment
 };
 
 // How many bricks have a part in each codec; the index is the codec's number.
 using CodecCounts = std::array<std::uint64_t, 5>;
 struct PyramidCodecs {
   CodecCounts samples{}, ranges{}, curvature{};
+};
+
+struct PyramidSums {
+  PyramidBytes bytes;
+  PyramidCodecs codecs;
 };
 
 // "stored", "constant", "absent", "lz4" or "zstd".

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "isobrick/storage/brick_index.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/index_loop.h"
 #include "isobrick/storage/pyramid.h"
@@ -123,12 +124,12 @@ class BrickVerifier {
   // levels above that lie in them; also where they cannot be read.
   bool takesIn(int finer, const Index3& at, int down, const BrickSamples& samples,
                bool with_tiles) const {
-    if (!covers(pyramid_.brickRange(finer, at),
-                rangeOfSamples(samples, coarserBox(layout_.brickCellBox(finer, at), down))))
-      return false;
-    if (!with_tiles) return true;
     std::vector<ValueRange> ranges;
     try {
+      if (!covers(pyramid_.brickRange(finer, at),
+                  rangeOfSamples(samples, coarserBox(layout_.brickCellBox(finer, at), down))))
+        return false;
+      if (!with_tiles) return true;
       pyramid_.tileRanges(finer, at, ranges);
     } catch (const Error&) {
       return true;
@@ -249,13 +250,13 @@ class BrickVerifier {
   }
 
   bool hasStrayFields(int level, const Index3& brick) const {
-    const format::BrickRow& row = pyramid_.bricks_[pyramid_.brickRow(level, brick)];
-    bool stray = row.reserved != 0;
-    for (const format::PartEntry& part : {row.samples, row.ranges, row.curvature})
+    const BrickIndex::StoredRow row = pyramid_.index_->storedRow(pyramid_.brickRow(level, brick));
+    bool stray = row.tail.reserved != 0;
+    for (const format::PartEntry& part : row.parts)
       stray = stray || (part.stored_bytes == 0 && part.checksum != 0);
     const bool is_constant =
-        row.samples.codec == static_cast<std::uint32_t>(format::Codec::kConstant);
-    return stray || (!is_constant && std::bit_cast<std::uint32_t>(row.constant) != 0);
+        row.parts[0].codec == static_cast<std::uint32_t>(format::Codec::kConstant);
+    return stray || (!is_constant && std::bit_cast<std::uint32_t>(row.tail.constant) != 0);
   }
   bool hasStrayCodes(const Index3& brick, const std::vector<ValueRange>& ranges,
                      const std::vector<std::uint8_t>& codes) const {
@@ -293,20 +294,36 @@ std::vector<std::string> Pyramid::verifyRest(const CancelFlag* cancel) const {
   if (std::any_of(std::begin(header_.reserved), std::end(header_.reserved),
                   [](std::uint8_t byte) { return byte != 0; }))
     faults.emplace_back("reserved bytes of the header are not zero");
-  if (brickRange(lattice().levels() - 1, Index3(0)) != value_range_)
-    faults.emplace_back("the value range in the header is not that of the voxels");
+  if (std::any_of(header_.kinds + header_.kind_count, std::end(header_.kinds),
+                  [](std::uint32_t kind) { return kind != 0; }))
+    faults.emplace_back("kinds of the header that are not counted are not zero");
+  try {
+    if (brickRange(lattice().levels() - 1, Index3(0)) != value_range_)
+      faults.emplace_back("the value range in the header is not that of the voxels");
+    const VoxelHistogram counts = histogram();
+    if (counts.counts().front() == 0 || counts.counts().back() == 0)
+      faults.emplace_back("the histogram has no voxel of the least or the greatest value");
+  } catch (const Error& error) {
+    faults.emplace_back(error.what());
+  }
 
   struct Extent {
     std::uint64_t offset, bytes;
   };
+  bool knows_all_parts = true;
   std::vector<Extent> extents = {
       {0, sizeof header_},
       {header_.level_table_offset, header_.level_count * sizeof(format::LevelRow)},
-      {header_.brick_table_offset, bricks_.size() * sizeof(format::BrickRow)},
+      {header_.brick_table_offset, brickCount() * format::rowBytes(header_.kind_count)},
       {header_.provenance_offset, header_.provenance_bytes}};
-  for (const format::BrickRow& row : bricks_)
-    for (const format::PartEntry& part : {row.samples, row.ranges, row.curvature})
-      if (part.stored_bytes > 0) extents.push_back({part.offset, part.stored_bytes});
+  if (header_.histogram.stored_bytes > 0)
+    extents.push_back({header_.histogram.offset, header_.histogram.stored_bytes});
+  for (std::size_t number = 0; number < brickCount(); ++number) try {
+      for (const format::PartEntry& part : index_->storedRow(number).parts)
+        if (part.stored_bytes > 0) extents.push_back({part.offset, part.stored_bytes});
+    } catch (const Error&) {  // a damaged row: the brick is named by itself
+      knows_all_parts = false;
+    }
   std::sort(extents.begin(), extents.end(),
             [](const Extent& a, const Extent& b) { return a.offset < b.offset; });
   extents.push_back({file_.size(), 0});
@@ -328,7 +345,8 @@ std::vector<std::string> Pyramid::verifyRest(const CancelFlag* cancel) const {
     }
     at = std::max(at, extent.offset + extent.bytes);
   }
-  if (stray_bytes > 0)
+  // The parts of a row that is damaged lie in what looks like padding.
+  if (stray_bytes > 0 && knows_all_parts)
     faults.push_back("padding that is not zero: " + std::to_string(stray_bytes) +
                      " bytes, the first at offset " + std::to_string(first_stray));
   if (overlaps > 0)

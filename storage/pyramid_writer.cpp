@@ -73,20 +73,19 @@ bool isUndamaged(int fd, const JournalEntry& entry, std::uint64_t begin,
   if (fstat(fd, &status) != 0 || entry.end > static_cast<std::uint64_t>(status.st_size))
     return false;
   std::uint64_t at = begin;
-  for (const format::PartEntry* part :
-       {&entry.row.samples, &entry.row.ranges, &entry.row.curvature}) {
-    if (part->stored_bytes == 0) continue;
-    if (part->offset < at || part->offset - at >= format::kSampleAlignment ||
-        part->offset > entry.end || part->stored_bytes > entry.end - part->offset)
+  for (const format::PartEntry& part : entry.row.parts) {
+    if (part.stored_bytes == 0) continue;
+    if (part.offset < at || part.offset - at >= format::kSampleAlignment ||
+        part.offset > entry.end || part.stored_bytes > entry.end - part.offset)
       return false;
-    const std::size_t gap = part->offset - at;
-    buffer.resize(gap + part->stored_bytes);
+    const std::size_t gap = part.offset - at;
+    buffer.resize(gap + part.stored_bytes);
     if (readBytesAt(fd, at, buffer.data(), buffer.size()).bytes < buffer.size() ||
         std::any_of(buffer.begin(), buffer.begin() + static_cast<std::ptrdiff_t>(gap),
                     [](std::byte b) { return b != std::byte{0}; }) ||
-        checksum64(buffer.data() + gap, part->stored_bytes) != part->checksum)
+        checksum64(buffer.data() + gap, part.stored_bytes) != part.checksum)
       return false;
-    at = part->offset + part->stored_bytes;
+    at = part.offset + part.stored_bytes;
   }
   return at == entry.end;
 }
@@ -201,7 +200,7 @@ std::vector<JournalEntry> PyramidWriter::takeOver(const std::string& identity,
 void PyramidWriter::write(const EncodedBrick& brick) {
   assert(bricks_written_ < brick_table_.size());
   static constexpr std::array<std::byte, format::kSampleAlignment> kZeros{};
-  std::array<iovec, 6> spans;
+  std::array<iovec, 2 * kPartKinds.size()> spans;
   std::size_t count = 0;
   const auto append = [&](const void* data, std::size_t bytes) {
     spans[count++] = {const_cast<void*>(data), bytes};  // only read; iovec cannot say so
@@ -218,10 +217,10 @@ void PyramidWriter::write(const EncodedBrick& brick) {
     append(part.bytes.data(), part.bytes.size());
     return entry;
   };
-  format::BrickRow& row = brick_table_[bricks_written_];
-  row.samples = place(brick.samples, sampleAlignment(brick.samples));
-  row.ranges = place(brick.ranges, format::kPartAlignment);
-  row.curvature = place(brick.curvature, format::kPartAlignment);
+  BrickRow& row = brick_table_[bricks_written_];
+  row.part(PartKind::kSamples) = place(brick.samples, sampleAlignment(brick.samples));
+  row.part(PartKind::kRanges) = place(brick.ranges, format::kPartAlignment);
+  row.part(PartKind::kCurvature) = place(brick.curvature, format::kPartAlignment);
   row.constant = brick.constant;
   file_.writeGathered(std::span(spans).first(count));
   journal_->add(row, end_);
@@ -236,8 +235,8 @@ void PyramidWriter::write(const EncodedBrick& brick) {
 
 void PyramidWriter::readPart(std::uint64_t row, PartKind part, std::size_t bytes,
                              std::byte* out) const {
-  const format::BrickRow& brick = brick_table_[row];
-  const format::PartEntry& entry = partOf(brick, part);
+  const BrickRow& brick = brick_table_[row];
+  const format::PartEntry& entry = brick.part(part);
   const auto codec = static_cast<format::Codec>(entry.codec);
   if (codec == format::Codec::kConstant) {
     visitVoxelType(spec_.voxel_type, [&](auto tag) {
@@ -258,13 +257,61 @@ void PyramidWriter::readPart(std::uint64_t row, PartKind part, std::size_t bytes
                          {Remedy::kBeginAnew});
 }
 
-std::uint64_t PyramidWriter::finish(const ValueRange& voxel_range,
-                                    std::span<const ValueRange> ranges,
-                                    const std::string& provenance_json) {
-  assert(bricks_written_ == brick_table_.size() && ranges.size() == brick_table_.size());
-  for (std::size_t row = 0; row < ranges.size(); ++row) {
-    brick_table_[row].range_min = ranges[row].min;
-    brick_table_[row].range_max = ranges[row].max;
+// Those that bricks of this pyramid may have.
+std::vector<PartKind> PyramidWriter::kinds() const {
+  std::vector<PartKind> kinds = {PartKind::kSamples, PartKind::kRanges};
+  if (spec_.has_curvature) kinds.push_back(PartKind::kCurvature);
+  return kinds;
+}
+
+std::uint64_t PyramidWriter::append(const void* data, std::size_t bytes) {
+  static constexpr std::array<std::byte, format::kPartAlignment> kZeros{};
+  const std::size_t gap = (kZeros.size() - end_ % kZeros.size()) % kZeros.size();
+  file_.write(kZeros.data(), gap);
+  file_.write(data, bytes);
+  const std::uint64_t offset = end_ + gap;
+  end_ = offset + bytes;
+  return offset;
+}
+
+std::uint64_t PyramidWriter::appendBrickTable() {
+  const std::vector<PartKind> kinds = this->kinds();
+  std::vector<std::byte> table(brick_table_.size() *
+                               format::rowBytes(static_cast<std::uint32_t>(kinds.size())));
+  std::byte* at = table.data();
+  for (std::size_t number = 0; number < brick_table_.size(); ++number) {
+    const BrickRow& row = brick_table_[number];
+    const std::byte* const begin = at;
+    for (const PartKind kind : kinds) {
+      std::memcpy(at, &row.part(kind), sizeof(format::PartEntry));
+      at += sizeof(format::PartEntry);
+    }
+    format::RowTail tail{row.range_min, row.range_max, row.constant, 0, 0};
+    std::memcpy(at, &tail, sizeof tail);
+    at += offsetof(format::RowTail, checksum);
+    tail.checksum = checksum64(begin, static_cast<std::size_t>(at - begin), number);
+    std::memcpy(at, &tail.checksum, sizeof tail.checksum);
+    at += sizeof tail.checksum;
+  }
+  return append(table.data(), table.size());
+}
+
+format::PartEntry PyramidWriter::appendHistogram(const VoxelHistogram& histogram,
+                                                 format::Codec codec) {
+  EncodedPart part;
+  const auto counts = std::as_bytes(histogram.counts());
+  part.bytes.assign(counts.begin(), counts.end());
+  encodeNumbers(sizeof histogram.counts()[0], codec, part);
+  return {append(part.bytes.data(), part.bytes.size()), part.checksum,
+          static_cast<std::uint32_t>(part.bytes.size()), static_cast<std::uint32_t>(part.codec)};
+}
+
+std::uint64_t PyramidWriter::finish(const Summary& summary, format::Codec codec) {
+  assert(bricks_written_ == brick_table_.size() &&
+         summary.brick_ranges.size() == brick_table_.size());
+  for (std::size_t row = 0; row < brick_table_.size(); ++row) {
+    brick_table_[row].range_min = summary.brick_ranges[row].min;
+    brick_table_[row].range_max = summary.brick_ranges[row].max;
   }
   format::Header header = {};
   std::memcpy(header.magic, format::kMagic, sizeof header.magic);
@@ -275,7 +322,8 @@ std::uint64_t PyramidWriter::finish(const ValueRange& voxel_range,
   header.level_count = static_cast<std::uint32_t>(level_table_.size());
   header.brick_cells = static_cast<std::uint32_t>(spec_.brick_cells);
   header.tile_cells = static_cast<std::uint32_t>(spec_.tile_cells);
-  header.has_curvature = spec_.has_curvature ? 1 : 0;
+  for (const PartKind kind : kinds())
+    header.kinds[header.kind_count++] = static_cast<std::uint32_t>(kind);
   for (int axis = 0; axis < 3; ++axis) {
     header.dims[axis] = static_cast<std::uint64_t>(spec_.voxels[axis]);
     header.spacing[axis] = spec_.geometry.spacing[axis];
@@ -283,28 +331,21 @@ std::uint64_t PyramidWriter::finish(const ValueRange& voxel_range,
     for (int row = 0; row < 3; ++row)
       header.direction[3 * axis + row] = spec_.geometry.direction[axis][row];
   }
-  header.value_min = static_cast<double>(voxel_range.min);
-  header.value_max = static_cast<double>(voxel_range.max);
+  header.value_min = static_cast<double>(summary.voxel_range.min);
+  header.value_max = static_cast<double>(summary.voxel_range.max);
   header.curvature_epsilon = spec_.curvature_epsilon;
+  header.noise = summary.noise;
 
-  const auto appendTable = [&](const void* data, std::size_t bytes, std::uint64_t* offset,
-                               std::uint64_t* checksum) {
-    static constexpr std::array<std::byte, format::kPartAlignment> kZeros{};
-    const std::size_t gap = (kZeros.size() - end_ % kZeros.size()) % kZeros.size();
-    file_.write(kZeros.data(), gap);
-    file_.write(data, bytes);
-    *offset = end_ + gap;
-    *checksum = checksum64(data, bytes);
-    end_ += gap + bytes;
-  };
-  appendTable(level_table_.data(), level_table_.size() * sizeof(format::LevelRow),
-              &header.level_table_offset, &header.level_table_checksum);
-  appendTable(brick_table_.data(), brick_table_.size() * sizeof(format::BrickRow),
-              &header.brick_table_offset, &header.brick_table_checksum);
-  appendTable(provenance_json.data(), provenance_json.size(), &header.provenance_offset,
-              &header.provenance_checksum);
+  header.histogram = appendHistogram(summary.histogram, codec);
+  const std::size_t level_bytes = level_table_.size() * sizeof(format::LevelRow);
+  header.level_table_offset = append(level_table_.data(), level_bytes);
+  header.level_table_checksum = checksum64(level_table_.data(), level_bytes);
+  header.brick_table_offset = appendBrickTable();
   header.brick_count = brick_table_.size();
-  header.provenance_bytes = provenance_json.size();
+  const std::string& provenance = summary.provenance_json;
+  header.provenance_offset = append(provenance.data(), provenance.size());
+  header.provenance_bytes = provenance.size();
+  header.provenance_checksum = checksum64(provenance.data(), provenance.size());
   header.file_bytes = end_;
   header.header_checksum = checksum64(&header, offsetof(format::Header, header_checksum));
   file_.pwrite(&header, sizeof header, 0);

@@ -12,6 +12,7 @@
 #include "isobrick/storage/brick_parts.h"
 #include "isobrick/storage/cancel.h"
 #include "isobrick/storage/pyramid_info.h"
+#include "isobrick/storage/voxel_histogram.h"
 #include "isobrick/storage/write_journal.h"
 
 namespace isobrick {
@@ -58,14 +59,25 @@ class PyramidWriter {
   void keepForResume();
   const std::string& temporaryPath() const { return file_.temporaryPath(); }
 
-  // Writes tables, provenance (JSON) and header, makes them durable and publishes the file. Every
-  // brick of every level was written before; `ranges` are their closures in the same order. Returns
-  // the size of the file in bytes.
-  std::uint64_t finish(const ValueRange& voxel_range, std::span<const ValueRange> ranges,
-                       const std::string& provenance_json);
+  // What is known of a volume when its last voxel was seen.
+  struct Summary {
+    ValueRange voxel_range;
+    std::span<const ValueRange> brick_ranges;  // closures of all bricks, in the table's order
+    const VoxelHistogram& histogram;           // of the voxels, which have that range
+    double noise = 0;                          // sigma, in the voxels' units; finite, >= 0
+    std::string provenance_json;
+  };
+  // Writes histogram, tables, provenance and header, makes them durable and publishes the file.
+  // Every brick of every level was written before. Returns the size of the file in bytes.
+  std::uint64_t finish(const Summary& summary, format::Codec codec);
 
  private:
   std::vector<JournalEntry> takeOver(const std::string& identity, const CancelFlag* cancel);
+  std::vector<PartKind> kinds() const;
+  // Appends bytes at a multiple of kPartAlignment; where they begin.
+  std::uint64_t append(const void* data, std::size_t bytes);
+  std::uint64_t appendBrickTable();
+  format::PartEntry appendHistogram(const VoxelHistogram& histogram, format::Codec codec);
 
   const CancelFlag* cancel_;
   PyramidSpec spec_;
@@ -73,7 +85,7 @@ class PyramidWriter {
   AtomicFile file_;
   std::uint64_t end_ = 0;  // where the next byte goes
   std::vector<format::LevelRow> level_table_;
-  std::vector<format::BrickRow> brick_table_;
+  std::vector<BrickRow> brick_table_;
   std::uint64_t bricks_written_ = 0, bricks_resumed_ = 0;
   std::uint64_t sync_begun_ = 0;  // up to where the disk was asked to begin writing
   bool keeps_ = false;

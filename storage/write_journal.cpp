@@ -119,7 +119,7 @@ WriteJournal::WriteJournal(const std::string& path, const std::string& identity,
 
 WriteJournal::~WriteJournal() { close(fd_); }
 
-void WriteJournal::add(const format::BrickRow& row, std::uint64_t end) {
+void WriteJournal::add(const BrickRow& row, std::uint64_t end) {
   JournalEntry entry;
   entry.row = row;
   entry.end = end;

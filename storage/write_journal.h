@@ -6,13 +6,13 @@
 #include <string>
 #include <vector>
 
-#include "isobrick/storage/format.h"
+#include "isobrick/storage/brick_parts.h"
 
 namespace isobrick {
 
 // One brick whose parts are in the temporary file, and where the next one goes.
 struct JournalEntry {
-  format::BrickRow row;
+  BrickRow row;
   std::uint64_t end = 0;
   std::uint64_t checksum = 0;  // XXH3-64 of the bytes before it: a torn entry is no entry
 };
@@ -39,7 +39,7 @@ class WriteJournal {
 
   // Takes note of a brick; flush() writes the notes. To be called after the brick's bytes were
   // written, so that no entry speaks of bytes that are not there.
-  void add(const format::BrickRow& row, std::uint64_t end);
+  void add(const BrickRow& row, std::uint64_t end);
   void flush();
   // Removes the file, unless its name has come to mean another one: that of the next writer, who
   // may begin as soon as the finished file has its name.

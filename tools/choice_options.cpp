@@ -6,7 +6,6 @@
 #include <numbers>
 #include <sstream>
 
-#include "isobrick/storage/noise_estimate.h"
 #include "tools/parse_text.h"
 #include "tools/parsed_option.h"
 
@@ -151,7 +150,7 @@ DetailChoice makeChoice(const ChoiceOptions& options, bool world, const Pyramid&
   }
   if (options.tolerance)
     choice.tolerance =
-        options.tolerance->value * (options.tolerance->is_of_noise ? estimateNoise(pyramid) : 1.0);
+        options.tolerance->value * (options.tolerance->is_of_noise ? pyramid.noise() : 1.0);
   if (options.eye) choice.view = makeView(options);
   return choice;
 }

@@ -7,7 +7,6 @@
 #include <string>
 #include <vector>
 
-#include "isobrick/storage/noise_estimate.h"
 #include "isobrick/storage/pyramid.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
@@ -71,7 +70,7 @@ std::string codecsText(const CodecCounts& counts) {
 
 void printInfoJson(const Pyramid& pyramid) {
   const PyramidSpec& spec = pyramid.spec();
-  const PyramidBytes bytes = pyramid.bytes();
+  const auto [bytes, codecs] = pyramid.sums();
   Json json;
   json["dimensions"] = jsonOf(spec.voxels);
   json["voxel_type"] = voxelTypeName(spec.voxel_type);
@@ -81,11 +80,10 @@ void printInfoJson(const Pyramid& pyramid) {
   json["direction"] = {jsonOf(spec.geometry.direction[0]), jsonOf(spec.geometry.direction[1]),
                        jsonOf(spec.geometry.direction[2])};
   json["value_range"] = {pyramid.valueRange().min, pyramid.valueRange().max};
-  json["noise"] = estimateNoise(pyramid);
+  json["noise"] = pyramid.noise();
   json["levels"] = jsonOfLevels(pyramid);
   json["bytes"] = jsonOfBytes(bytes);
   // Bricks of all levels by the codec of their part, such as {"lz4": 812, "stored": 3}.
-  const PyramidCodecs codecs = pyramid.codecs();
   json["codecs"] = {{"samples", jsonOfCodecs(codecs.samples)},
                     {"ranges", jsonOfCodecs(codecs.ranges)},
                     {"curvature", jsonOfCodecs(codecs.curvature)}};
@@ -101,11 +99,11 @@ void printInfoJson(const Pyramid& pyramid) {
 void printInfoText(const Pyramid& pyramid) {
   const PyramidSpec& spec = pyramid.spec();
   const GridGeometry& geometry = spec.geometry;
-  const PyramidBytes bytes = pyramid.bytes();
+  const auto [bytes, codecs] = pyramid.sums();
   fmt::print("{}: {} x {} x {} {}, values {} to {}\n", pyramid.path(), spec.voxels.x, spec.voxels.y,
              spec.voxels.z, voxelTypeName(spec.voxel_type), pyramid.valueRange().min,
              pyramid.valueRange().max);
-  fmt::print("noise      {:.3g} (sigma, estimated)\n", estimateNoise(pyramid));
+  fmt::print("noise      {:.3g} (sigma, estimated)\n", pyramid.noise());
   fmt::print("spacing    {} {} {}\n", geometry.spacing.x, geometry.spacing.y, geometry.spacing.z);
   fmt::print("origin     {} {} {}\n", geometry.origin.x, geometry.origin.y, geometry.origin.z);
   for (int axis = 0; axis < 3; ++axis) {
@@ -121,7 +119,6 @@ void printInfoText(const Pyramid& pyramid) {
       byteSizeText(bytes.samples_level0), byteSizeText(bytes.aprons_level0),
       byteSizeText(bytes.samples_coarser), byteSizeText(bytes.ranges),
       byteSizeText(bytes.curvature), byteSizeText(bytes.index));
-  const PyramidCodecs codecs = pyramid.codecs();
   fmt::print("samples    {}\nranges     {}\ncurvature  {}\n", codecsText(codecs.samples),
              codecsText(codecs.ranges), codecsText(codecs.curvature));
   for (int level = 0; level < pyramid.lattice().levels(); ++level) {

@@ -31,7 +31,7 @@ struct VerifyArguments {
 
 // Checks all bricks of all levels; the damages in the order of the file's brick table.
 std::vector<BrickDamage> findDamages(const Pyramid& pyramid) {
-  ProgressBar bar(static_cast<double>(pyramid.bytes().total) / 1e6, "MB");
+  ProgressBar bar(static_cast<double>(pyramid.fileBytes()) / 1e6, "MB");
   const auto total = static_cast<double>(pyramid.brickCount());
   std::atomic<std::int64_t> checked{0};
   std::mutex mutex;
@@ -77,7 +77,7 @@ int runVerify(const VerifyArguments& arguments) {
     return 1;
   }
   fmt::print("{}: all {} bricks are whole ({} in {:.2f} s)\n", arguments.path, bricks,
-             byteSizeText(pyramid.bytes().total), watch.seconds());
+             byteSizeText(pyramid.fileBytes()), watch.seconds());
   return 0;
 }
 

@@ -316,8 +316,9 @@ TEST_F(ResumeDamaged, FlippedPaddingStillGivesTheSameBytes) {
   std::uint64_t end = 512;
   for (const JournalEntry& entry : journal->entries) {
     std::string partial = partial_;
-    const std::uint64_t first =
-        entry.row.samples.stored_bytes > 0 ? entry.row.samples.offset : entry.row.ranges.offset;
+    const std::uint64_t first = entry.row.part(PartKind::kSamples).stored_bytes > 0
+                                    ? entry.row.part(PartKind::kSamples).offset
+                                    : entry.row.part(PartKind::kRanges).offset;
     if (first > end) {
       partial[end] ^= 0x10;
       writeBytes(path_ + ".partial", partial);
@@ -363,7 +364,7 @@ TEST_F(ResumeDamaged, ImpossibleEntriesAreNotBelieved) {
   const auto forge = [&](auto&& change) {
     std::vector<JournalEntry> entries(journal->entries.begin(), journal->entries.begin() + 10);
     std::size_t i = 0;
-    while (entries[i].row.samples.stored_bytes == 0) ++i;
+    while (entries[i].row.part(PartKind::kSamples).stored_bytes == 0) ++i;
     change(entries[i]);
     writeBytes(path_ + ".partial", partial_);
     fs::remove(path_ + ".partial.journal");
@@ -374,13 +375,15 @@ TEST_F(ResumeDamaged, ImpossibleEntriesAreNotBelieved) {
     EXPECT_TRUE(resumes(&resumed));
     EXPECT_EQ(resumed, i);
   };
-  forge([](JournalEntry& e) { e.row.samples.stored_bytes = 0xFFFFFFFF; });
-  forge([](JournalEntry& e) { e.row.samples.codec = 77; });
-  forge([](JournalEntry& e) { e.row.samples.codec = 1; });
+  forge([](JournalEntry& e) { e.row.part(PartKind::kSamples).stored_bytes = 0xFFFFFFFF; });
+  forge([](JournalEntry& e) { e.row.part(PartKind::kSamples).codec = 77; });
+  forge([](JournalEntry& e) { e.row.part(PartKind::kSamples).codec = 1; });
   forge([](JournalEntry& e) { e.row.constant = 1e9f; });
   forge([](JournalEntry& e) { e.row.constant = std::numeric_limits<float>::quiet_NaN(); });
   forge([](JournalEntry& e) { e.end = ~std::uint64_t{0}; });
-  forge([](JournalEntry& e) { e.row.ranges.offset = e.row.samples.offset; });
+  forge([](JournalEntry& e) {
+    e.row.part(PartKind::kRanges).offset = e.row.part(PartKind::kSamples).offset;
+  });
 }
 
 TEST_F(ResumeDamaged, APipeInPlaceOfTheJournalDoesNotHang) {

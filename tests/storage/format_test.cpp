@@ -401,10 +401,10 @@ TEST(Format, ConstantVolumesStoreNoSamples) {
         for (const PlainPart& part : brick.parts) EXPECT_EQ(part.stored_bytes, 0u);
         for (const float sample : brick.samples) ASSERT_EQ(sample, static_cast<float>(value));
       }
-      // Header, tables and provenance, each aligned to 64 bytes.
-      EXPECT_LE(p.file_bytes,
-                512 + 56 * p.levels.size() + 88 * p.bricks.size() + p.provenance.size() + 3 * 64);
-      EXPECT_EQ(Pyramid(path).bytes().samples_level0, 0u);
+      // Header, histogram, tables and provenance, each aligned to 64 bytes.
+      EXPECT_LE(p.file_bytes, 512 + 8 + 56 * p.levels.size() + 96 * p.bricks.size() +
+                                  p.provenance.size() + 4 * 64);
+      EXPECT_EQ(Pyramid(path).sums().bytes.samples_level0, 0u);
     });
 }
 
@@ -437,12 +437,12 @@ TEST(Format, SmoothVolumesArePackedInAllParts) {
           ++counts.ranges[brick.parts[1].codec];
           ++counts.curvature[brick.parts[2].codec];
         }
-        EXPECT_EQ(counts.samples, pyramid.codecs().samples);
-        EXPECT_EQ(counts.ranges, pyramid.codecs().ranges);
-        EXPECT_EQ(counts.curvature, pyramid.codecs().curvature);
+        const auto [bytes, codecs] = pyramid.sums();
+        EXPECT_EQ(counts.samples, codecs.samples);
+        EXPECT_EQ(counts.ranges, codecs.ranges);
+        EXPECT_EQ(counts.curvature, codecs.curvature);
         EXPECT_GT(counts.samples[static_cast<std::size_t>(codec)], 2u);
         EXPECT_GT(counts.ranges[static_cast<std::size_t>(codec)], 0u);
-        const PyramidBytes bytes = pyramid.bytes();
         EXPECT_LT(bytes.aprons_level0, bytes.samples_level0 / 4);
         EXPECT_GT(bytes.aprons_level0, bytes.samples_level0 / 50);
         // The differences of the format, not only bytes that nothing was done to.
@@ -570,7 +570,7 @@ TEST(Format, HeaderHoldsGeometryAndProvenanceItsKeys) {
   EXPECT_EQ(json.at("notes"), (nlohmann::json{"slope 2", "intercept -1024"}));
 }
 
-// The tests' own reader must be able to fail: it refuses what FORMAT.md section 10 forbids.
+// The tests' own reader must be able to fail: it refuses what FORMAT.md section 11 forbids.
 TEST(Format, PlainReaderRefusesDamage) {
   const TemporaryFolder folder;
   Random random(9);

@@ -59,7 +59,7 @@ Bytes withoutProvenance(const std::string& path) {
     std::fill_n(bytes.begin() + static_cast<std::ptrdiff_t>(at), count, std::uint8_t{0});
   };
   clear(16, 8);    // file_bytes
-  clear(256, 24);  // the provenance
+  clear(248, 24);  // the provenance
   clear(504, 8);   // header_checksum
   return bytes;
 }

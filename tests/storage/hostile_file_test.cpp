@@ -148,7 +148,7 @@ std::uint64_t getU64(const Bytes& bytes, std::uint64_t at) {
 // Offsets of docs/FORMAT.md section 2.
 constexpr std::uint64_t kFileBytesAt = 16, kLevelTableAt = 216, kBrickTableAt = 232,
                         kBrickCountAt = 240, kHeaderChecksumAt = 504;
-constexpr std::uint64_t kLevelRowBytes = 56, kBrickRowBytes = 88;
+constexpr std::uint64_t kLevelRowBytes = 56, kBrickRowBytes = 96;
 
 // What an attacker does after editing header or tables: the hashes are no secret.
 void sealHeader(Bytes& bytes) {
@@ -159,9 +159,12 @@ void sealTables(Bytes& bytes) {
   std::memcpy(&levels, bytes.data() + 32, sizeof levels);
   putU64(bytes, kLevelTableAt + 8,
          XXH3_64bits(bytes.data() + getU64(bytes, kLevelTableAt), levels * kLevelRowBytes));
-  putU64(bytes, kBrickTableAt + 16,
-         XXH3_64bits(bytes.data() + getU64(bytes, kBrickTableAt),
-                     getU64(bytes, kBrickCountAt) * kBrickRowBytes));
+  const std::uint64_t rows = getU64(bytes, kBrickCountAt);
+  for (std::uint64_t row = 0; row < rows; ++row) {
+    const std::uint64_t at = getU64(bytes, kBrickTableAt) + row * kBrickRowBytes;
+    putU64(bytes, at + kBrickRowBytes - 8,
+           XXH3_64bits_withSeed(bytes.data() + at, kBrickRowBytes - 8, row));
+  }
   sealHeader(bytes);
 }
 
@@ -298,24 +301,37 @@ TEST(HostileFile, TruncatedFilesAreRefused) {
   }
 }
 
-TEST(HostileFile, EveryFlippedByteOfHeaderAndTablesIsRefused) {
+TEST(HostileFile, EveryFlippedByteOfHeaderAndTablesIsFound) {
   const DiskFolder folder;
   const std::string path = buildGoodFile(folder);
   const Bytes good = readWholeFile(path);
   const PlainPyramid plain = readPlainPyramid(path);
   const std::string bad = folder.file("bad.isb");
-  const auto flip = [&](std::uint64_t first, std::uint64_t count) {
-    for (std::uint64_t at = first; at < first + count; ++at) {
-      Bytes bytes = good;
-      bytes[at] ^= 0xff;
-      writeBytes(bad, bytes);
-      ASSERT_NE(judge(bad).open_error, "") << "byte " << at;
-    }
+  const auto flipped = [&](std::uint64_t at) {
+    Bytes bytes = good;
+    bytes[at] ^= 0xff;
+    writeBytes(bad, bytes);
+    return judge(bad);
   };
-  flip(0, 512);
-  flip(plain.level_table_offset, plain.levels.size() * kLevelRowBytes);
-  flip(plain.brick_table_offset, plain.bricks.size() * kBrickRowBytes);
-  flip(plain.provenance_offset, plain.provenance.size());
+  const auto mustNotOpen = [&](std::uint64_t first, std::uint64_t count) {
+    for (std::uint64_t at = first; at < first + count; ++at)
+      ASSERT_NE(flipped(at).open_error, "") << "byte " << at;
+  };
+  constexpr std::uint64_t kHistogramAt = 272;
+  mustNotOpen(0, 512);
+  mustNotOpen(plain.level_table_offset, plain.levels.size() * kLevelRowBytes);
+  mustNotOpen(plain.provenance_offset, plain.provenance.size());
+  // A row is looked at when its brick is asked for, and the histogram when it is.
+  for (std::uint64_t i = 0; i < plain.bricks.size() * kBrickRowBytes; ++i)
+    ASSERT_EQ(flipped(plain.brick_table_offset + i).damaged,
+              (std::vector<std::size_t>{i / kBrickRowBytes}))
+        << "byte " << i << " of the table";
+  const std::uint64_t histogram = getU64(good, kHistogramAt);
+  for (std::uint64_t i = 0; i < getU64(good, kHistogramAt + 16) % (std::uint64_t{1} << 32); ++i) {
+    const Verdict verdict = flipped(histogram + i);
+    ASSERT_EQ(verdict.rest.size(), 1u) << "byte " << i << " of the histogram";
+    ASSERT_NE(verdict.rest.front().find("damaged histogram"), std::string::npos);
+  }
 }
 
 // Every byte of every part: verifyBrick of the brick that owns it finds it, no other brick does,
@@ -468,11 +484,11 @@ TEST(HostileFile, NastyNumbersInASealedHeader) {
   const Bytes good = readWholeFile(path);
   const std::string bad = folder.file("bad.isb");
   // Fields whose every other value contradicts the rest of the file: magic .. voxel_type,
-  // level_count .. dims (a smaller tile or another has_curvature changes the parts' sizes), and the
-  // tables' places. A changed filter, spacing, origin, direction, value range or epsilon is
-  // another, sound pyramid.
+  // level_count .. dims (a smaller tile or another kind_count changes the parts' sizes), and the
+  // places of tables and histogram. A changed filter, spacing, origin, direction, value range,
+  // epsilon or noise is another, sound pyramid, and so is one with an unknown kind.
   const auto mustFail = [](std::uint64_t at) {
-    return at < 24 || (at >= 32 && at < 72) || (at >= 216 && at < 280);
+    return at < 24 || (at >= 32 && at < 72) || (at >= 216 && at < 296);
   };
   for (std::uint64_t at = 0; at < kHeaderChecksumAt; at += 4)
     for (const std::uint64_t number : kNastyNumbers)
@@ -487,7 +503,7 @@ TEST(HostileFile, NastyNumbersInASealedHeader) {
         sealHeader(bytes);
         writeBytes(bad, bytes);
         const Verdict verdict = judge(bad);
-        if (mustFail(at) && at + (wide ? 8u : 4u) <= 280) {
+        if (mustFail(at) && at + (wide ? 8u : 4u) <= 296) {
           ASSERT_FALSE(isGood(verdict)) << "offset " << at << " set to " << number;
         }
       }
@@ -674,7 +690,14 @@ TEST(HostileFile, SealedRowsOfPackedPartsThatContradictThemselvesAreFound) {
     putU32(bytes, ranges + 20, 1);
     sealTables(bytes);
     writeBytes(bad, bytes);
-    EXPECT_NE(judge(bad).open_error.find("impossible entry"), std::string::npos);
+    EXPECT_EQ(judge(bad).damaged, (std::vector<std::size_t>{row}));
+    const PlainBrick& brick = plain.bricks[row];
+    try {
+      Pyramid(bad).samples(brick.level, {brick.index[0], brick.index[1], brick.index[2]});
+      ADD_FAILURE() << "no error";
+    } catch (const Error& error) {
+      EXPECT_NE(std::string(error.what()).find("impossible entry"), std::string::npos);
+    }
   }
 }
 
@@ -788,11 +811,42 @@ TEST(HostileFile, ReservedFieldsAndValueRangesThatLieAreFound) {
   };
   EXPECT_TRUE(isGood(judgeDraft([](PyramidDraft&) {})));
   EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.header.reserved[77] = 1; }).rest.size(), 1u);
-  EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.header.value_max += 1; }).rest.size(), 1u);
-  EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.bricks[2].row.reserved = 1; }).damaged,
+  // Another range is not that of the voxels, and the histogram is of another size.
+  EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.header.value_max += 1; }).rest.size(), 2u);
+  EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.header.kinds[7] = 1; }).rest.size(), 1u);
+  EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.bricks[2].row.unused = 1; }).damaged,
             (std::vector<std::size_t>{2}));
   EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.bricks[0].row.range_max += 1; }).damaged,
             (std::vector<std::size_t>{0}));
+}
+
+// What a later version may add: parts of a kind that nobody knows yet.
+TEST(HostileFile, PartsOfUnknownKindsArePassedOver) {
+  const DiskFolder folder;
+  const std::string path = buildGoodFile(folder);
+  PyramidDraft draft(readWholeFile(path));
+  ASSERT_EQ(draft.header.kind_count, 3u);
+  draft.header.kinds[draft.header.kind_count++] = 77;
+  draft.header.kinds[draft.header.kind_count++] = 0xffffffff;
+  const std::string later = folder.file("later.isb");
+  writeBytes(later, draft.seal());
+  EXPECT_TRUE(isGood(judge(later)));
+  const Pyramid pyramid(path), newer(later);
+  forAllBricks(pyramid, [&](int level, const Index3& brick) {
+    const BrickSamples a = pyramid.samples(level, brick), b = newer.samples(level, brick);
+    ASSERT_EQ(
+        std::memcmp(a.part.data(), b.part.data(),
+                    partBytes(pyramid.spec(), pyramid.layout(), PartKind::kSamples, level, brick)),
+        0);
+    EXPECT_EQ(pyramid.brickRange(level, brick), newer.brickRange(level, brick));
+  });
+  // Kinds are listed once, in ascending order, samples and ranges first.
+  for (const auto& [at, kind] : {std::pair<std::size_t, std::uint32_t>{0, 1}, {1, 5}, {3, 2}}) {
+    PyramidDraft wrong(draft);
+    wrong.header.kinds[at] = kind;
+    writeBytes(later, wrong.seal());
+    EXPECT_NE(judge(later).open_error.find("impossible numbers"), std::string::npos) << at;
+  }
 }
 
 // Directions and spacings that overflow are no placement.
@@ -814,8 +868,7 @@ TEST(HostileFile, PlacementsWithoutUsablePositionsAreRefused) {
 
 // A file of `bytes` bytes, all zero but for the header and the level table of a volume of n^3
 // voxels in bricks of four cells.
-void writeHollowFile(const std::string& path, std::int64_t n, std::uint64_t bytes,
-                     std::uint64_t table_checksum) {
+void writeHollowFile(const std::string& path, std::int64_t n, std::uint64_t bytes) {
   PyramidSpec spec;
   spec.voxels = Index3(n);
   spec.brick_cells = 4;
@@ -851,8 +904,10 @@ void writeHollowFile(const std::string& path, std::int64_t n, std::uint64_t byte
   header.level_table_checksum = XXH3_64bits(levels.data(), level_bytes);
   header.brick_table_offset = 8192;
   header.brick_count = rows;
-  header.brick_table_checksum = table_checksum;
-  ASSERT_LE(8192 + rows * sizeof(format::BrickRow), bytes);
+  header.kind_count = 2;
+  header.kinds[1] = 1;
+  header.provenance_checksum = XXH3_64bits(nullptr, 0);
+  ASSERT_LE(8192 + rows * format::rowBytes(header.kind_count), bytes);
   Bytes start(sizeof header + level_bytes);
   std::memcpy(start.data() + sizeof header, levels.data(), level_bytes);
   std::memcpy(start.data(), &header, sizeof header);
@@ -861,46 +916,33 @@ void writeHollowFile(const std::string& path, std::int64_t n, std::uint64_t byte
   std::filesystem::resize_file(path, bytes);
 }
 
-TEST(HostileFile, ATableOfATerabyteInAFileOfHolesIsRefusedAtItsFirstRow) {
+// Opening takes nothing of the table, and a row of zeros is none.
+TEST(HostileFile, ATableOfATerabyteInAFileOfHolesCostsNothingAndIsRefusedRowByRow) {
   const DiskFolder folder;
   const std::string path = folder.file("hollow.isb");
   try {
-    writeHollowFile(path, 8192, std::uint64_t{1} << 40, 0);
+    writeHollowFile(path, 8192, std::uint64_t{1} << 40);
   } catch (const std::filesystem::filesystem_error&) {
     SKIP_UNLESS_REQUIRED("no file of a terabyte with holes on this file system");
   }
   const int status = statusOfChild([&] {
     rusage before = {}, after = {};
     getrusage(RUSAGE_SELF, &before);
-    std::string message;
-    try {
-      const Pyramid pyramid(path);
-    } catch (const Error& error) {
-      message = error.what();
-    } catch (const std::bad_alloc&) {
-      return 3;
+    const Pyramid pyramid(path);
+    const Index3 last = pyramid.layout().bricks(0) - Index3(1);
+    for (const Index3& brick : {Index3(0), last / std::int64_t{2}, last}) {
+      try {
+        pyramid.brickRange(0, brick);
+        return 3;
+      } catch (const Error& error) {
+        if (std::string(error.what()).find(brickText(0, brick)) == std::string::npos) return 4;
+      }
     }
     getrusage(RUSAGE_SELF, &after);
-    if (message.find(brickText(0, Index3(0))) == std::string::npos) return 4;
-    return after.ru_maxrss - before.ru_maxrss < 64 * 1024 ? 0 : 5;
+    return after.ru_maxrss - before.ru_maxrss < 16 * 1024 ? 0 : 5;
   });
   ASSERT_TRUE(WIFEXITED(status)) << "killed by signal " << WTERMSIG(status);
   EXPECT_EQ(WEXITSTATUS(status), 0);
-}
-
-// Its checksum, which is that of zeros, is right.
-TEST(HostileFile, ASealedTableOfHolesIsRefusedAtItsFirstRow) {
-  const DiskFolder folder;
-  const std::string path = folder.file("hollow.isb");
-  constexpr std::int64_t kVoxels = 129;
-  std::uint64_t rows = 0;
-  const BrickLayout layout(Lattice(Index3(kVoxels)), 4, 2);
-  for (int level = 0; level < layout.lattice().levels(); ++level)
-    rows += static_cast<std::uint64_t>(elementCount(layout.bricks(level)));
-  const Bytes zeros(rows * sizeof(format::BrickRow));
-  writeHollowFile(path, kVoxels, 8192 + zeros.size() + 4096,
-                  XXH3_64bits(zeros.data(), zeros.size()));
-  EXPECT_NE(judge(path).open_error.find(brickText(0, Index3(0))), std::string::npos);
 }
 
 TEST(HostileFile, AProvenanceOfAGigabyteIsRefused) {
@@ -909,8 +951,8 @@ TEST(HostileFile, AProvenanceOfAGigabyteIsRefused) {
   const std::string path = folder.file("long.isb");
   constexpr std::uint64_t kLong = std::uint64_t{1} << 30;
   putU64(bytes, kFileBytesAt, bytes.size() + kLong);
-  putU64(bytes, 256, bytes.size());
-  putU64(bytes, 264, kLong);
+  putU64(bytes, 248, bytes.size());
+  putU64(bytes, 256, kLong);
   sealHeader(bytes);
   writeBytes(path, bytes);
   std::filesystem::resize_file(path, bytes.size() + kLong);
@@ -930,7 +972,7 @@ TEST(HostileFile, ThingsThatAreNotPyramids) {
     EXPECT_NE(judge(bad).open_error, "");
   }
   Bytes other = readWholeFile(buildTinyFile(folder));
-  for (const std::uint32_t version : {1, 3}) {
+  for (const std::uint32_t version : {1, 2, 4}) {
     putU32(other, 8, version);
     sealHeader(other);
     writeBytes(bad, other);
@@ -972,10 +1014,13 @@ std::string buildPagedFile(const DiskFolder& folder, format::Codec codec = forma
 void checkBricksNotYetReadThrow(format::Codec codec) {
   const DiskFolder folder;
   const std::string path = buildPagedFile(folder, codec);
-  const auto size = std::filesystem::file_size(path);
+  // Between the parts of two bricks.
+  const PlainPyramid plain = readPlainPyramid(path);
+  const PlainPart& first_lost = plain.bricks[plain.bricks.size() / 2].parts[0];
+  ASSERT_GT(first_lost.offset, 0u);
   const int status = statusOfChild([&] {
     const Pyramid pyramid(path);
-    std::filesystem::resize_file(path, size / 2);
+    std::filesystem::resize_file(path, first_lost.offset);
     int read = 0, failed = 0, wrong = 0;
     forAllBricks(pyramid, [&](int level, const Index3& brick) {
       const int result = readBrick(pyramid, level, brick);

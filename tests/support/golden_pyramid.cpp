@@ -81,7 +81,8 @@ struct HeaderValues {
   std::array<std::int64_t, 3> dims{};
   std::array<double, 3> spacing{}, origin{};
   std::array<double, 9> direction{};
-  double value_min = 0, value_max = 0, curvature_epsilon = 0;
+  double value_min = 0, value_max = 0, curvature_epsilon = 0, noise = 0;
+  std::vector<std::uint32_t> histogram;
 };
 
 std::string dumpOfHeader(const HeaderValues& header) {
@@ -91,7 +92,9 @@ std::string dumpOfHeader(const HeaderValues& header) {
       << header.has_curvature << "\ndims" << texts(header.dims) << "\nspacing"
       << texts(header.spacing) << "\norigin" << texts(header.origin) << "\ndirection"
       << texts(header.direction) << "\nvalues " << text(header.value_min) << ' '
-      << text(header.value_max) << "\ncurvature_epsilon " << text(header.curvature_epsilon) << '\n';
+      << text(header.value_max) << "\ncurvature_epsilon " << text(header.curvature_epsilon)
+      << "\nnoise " << text(header.noise) << '\n'
+      << elements("histogram", header.histogram);
   return out.str();
 }
 
@@ -163,10 +166,20 @@ void buildGoldenPyramid(const GoldenPyramid& golden, const std::string& path) {
 }
 
 std::string dumpOf(const PlainPyramid& pyramid) {
-  std::string result = dumpOfHeader(
-      {pyramid.voxel_type, pyramid.filter, pyramid.brick_cells, pyramid.tile_cells,
-       pyramid.has_curvature, pyramid.dims, pyramid.spacing, pyramid.origin, pyramid.direction,
-       pyramid.value_min, pyramid.value_max, pyramid.curvature_epsilon});
+  std::string result = dumpOfHeader({pyramid.voxel_type,
+                                     pyramid.filter,
+                                     pyramid.brick_cells,
+                                     pyramid.tile_cells,
+                                     pyramid.has_curvature,
+                                     pyramid.dims,
+                                     pyramid.spacing,
+                                     pyramid.origin,
+                                     pyramid.direction,
+                                     pyramid.value_min,
+                                     pyramid.value_max,
+                                     pyramid.curvature_epsilon,
+                                     pyramid.noise,
+                                     {pyramid.histogram.begin(), pyramid.histogram.end()}});
   for (std::size_t l = 0; l < pyramid.levels.size(); ++l)
     result += dumpOfLevel(static_cast<int>(l), pyramid.levels[l].samples, pyramid.levels[l].bricks);
   for (const PlainBrick& brick : pyramid.bricks) {
@@ -215,6 +228,9 @@ std::string dumpOf(const Pyramid& pyramid) {
   header.value_min = static_cast<double>(pyramid.valueRange().min);
   header.value_max = static_cast<double>(pyramid.valueRange().max);
   header.curvature_epsilon = spec.curvature_epsilon;
+  header.noise = pyramid.noise();
+  const VoxelHistogram histogram = pyramid.histogram();
+  header.histogram.assign(histogram.counts().begin(), histogram.counts().end());
   std::string result = dumpOfHeader(header);
   const BrickLayout& layout = pyramid.layout();
   const int levels = pyramid.lattice().levels();

@@ -54,7 +54,7 @@ class Mutation {
   Mutation(PyramidDraft& draft, Random& random) : draft_(draft), random_(random) {}
 
   const char* change() {
-    switch (randomBelow(random_, 20)) {
+    switch (randomBelow(random_, 21)) {
       case 0:
         return changeHeader();
       case 1:
@@ -84,6 +84,8 @@ class Mutation {
         return changeBrickRanges();
       case 18:
         return exchangeParts();
+      case 19:
+        return changeHistogram();
       default:
         return makeConstant();
     }
@@ -101,9 +103,15 @@ class Mutation {
 
   const char* changeHeader() {
     format::Header& header = draft_.header;
-    std::uint32_t* const words[] = {&header.version,    &header.header_bytes, &header.voxel_type,
-                                    &header.filter,     &header.level_count,  &header.brick_cells,
-                                    &header.tile_cells, &header.has_curvature};
+    std::uint32_t* const words[] = {&header.version,
+                                    &header.header_bytes,
+                                    &header.voxel_type,
+                                    &header.filter,
+                                    &header.level_count,
+                                    &header.brick_cells,
+                                    &header.tile_cells,
+                                    &header.kind_count,
+                                    &header.kinds[randomBelow(random_, format::kMostKinds)]};
     if (oneIn(random_, 2)) {
       *words[randomBelow(random_, std::size(words))] =
           static_cast<std::uint32_t>(nastyNumber(random_));
@@ -121,7 +129,7 @@ class Mutation {
         &header.spacing[0],   &header.spacing[1],   &header.spacing[2],        &header.origin[0],
         &header.origin[1],    &header.origin[2],    &header.direction[0],      &header.direction[4],
         &header.direction[8], &header.direction[1], &header.curvature_epsilon, &header.value_min,
-        &header.value_max};
+        &header.value_max,    &header.noise};
     *numbers[randomBelow(random_, std::size(numbers))] = nastyDouble(random_);
     return "placement";
   }
@@ -134,11 +142,20 @@ class Mutation {
       std::memcpy(&level, numbers, sizeof level);
       return "level table";
     }
-    auto& row = anyBrick().row;
+    BrickRow& row = anyBrick().row;
     auto* const bytes = reinterpret_cast<std::byte*>(&row);
     const auto number = static_cast<std::uint32_t>(nastyNumber(random_));
     std::memcpy(bytes + 4 * randomBelow(random_, sizeof row / 4), &number, 4);
     return "brick table";
+  }
+  const char* changeHistogram() {
+    Bytes& counts = draft_.histogram;
+    if (oneIn(random_, 3)) counts.resize(randomBelow(random_, 2 * counts.size() + 1));
+    for (std::uint8_t& byte : counts)
+      if (oneIn(random_, 8)) byte = static_cast<std::uint8_t>(random_());
+    if (oneIn(random_, 2))
+      draft_.header.histogram.codec = static_cast<std::uint32_t>(randomBelow(random_, 6));
+    return "histogram";
   }
   const char* changeProvenance() {
     std::string& text = draft_.provenance;
@@ -278,7 +295,8 @@ class Mutation {
   const char* makeConstant() {
     PyramidDraft::Brick& brick = anyBrick();
     brick.stored[0].clear();
-    brick.row.samples = {0, 0, 0, static_cast<std::uint32_t>(format::Codec::kConstant)};
+    brick.row.part(PartKind::kSamples) = {0, 0, 0,
+                                          static_cast<std::uint32_t>(format::Codec::kConstant)};
     brick.row.constant = oneIn(random_, 2) ? brick.row.range_min : nastyFloat(random_);
     return "constant";
   }
@@ -292,19 +310,22 @@ const char* changeFile(Bytes& file, Random& random) {
   format::Header header;
   std::memcpy(&header, file.data(), sizeof header);
   const auto put = [&] { std::memcpy(file.data(), &header, sizeof header); };
+  const std::uint32_t kinds = std::clamp(header.kind_count, 1u, format::kMostKinds);
+  const std::uint64_t row_bytes = format::rowBytes(kinds);
   switch (randomBelow(random, 4)) {
     case 0: {
       std::uint64_t* const fields[] = {&header.level_table_offset, &header.brick_table_offset,
-                                       &header.brick_count, &header.provenance_offset,
-                                       &header.provenance_bytes};
+                                       &header.brick_count,        &header.provenance_offset,
+                                       &header.provenance_bytes,   &header.histogram.offset};
       *fields[randomBelow(random, std::size(fields))] = nastyNumber(random);
       put();
       return "places of tables";
     }
     case 1: {
-      const std::uint64_t row = header.brick_table_offset +
-                                sizeof(format::BrickRow) * randomBelow(random, header.brick_count);
-      auto* const bytes = file.data() + row + sizeof(format::PartEntry) * randomBelow(random, 3);
+      const std::uint64_t row =
+          header.brick_table_offset + row_bytes * randomBelow(random, header.brick_count);
+      auto* const bytes =
+          file.data() + row + sizeof(format::PartEntry) * randomBelow(random, kinds);
       format::PartEntry part;
       std::memcpy(&part, bytes, sizeof part);
       if (oneIn(random, 3))

@@ -111,7 +111,7 @@ constexpr std::uint32_t kVoxelSizes[5] = {1, 1, 2, 2, 4};
 PlainPyramid readHeader(FileBytes& file) {
   PlainPyramid p;
   require(file.size() >= 512 && std::memcmp(file.at(0, 8), "ISOBRICK", 8) == 0, "no pyramid");
-  require(file.u32(8) == 2, "unknown version");
+  require(file.u32(8) == 3, "unknown version");
   require(file.u32(12) == 512, "header_bytes");
   file.checkHash(0, 504, file.u64(504), "the header");
   file.cover(504, 8, "the header's checksum");
@@ -126,8 +126,17 @@ PlainPyramid readHeader(FileBytes& file) {
   require(isPowerOfTwo(p.brick_cells) && p.brick_cells >= 4 && p.brick_cells <= 256, "brick_cells");
   require(isPowerOfTwo(p.tile_cells) && p.tile_cells >= 2 && p.tile_cells <= p.brick_cells,
           "tile_cells");
-  require(file.u32(44) <= 1, "has_curvature");
-  p.has_curvature = file.u32(44) == 1;
+  require(file.u32(44) >= 2 && file.u32(44) <= 8, "kind_count");
+  for (std::uint32_t i = 0; i < 8; ++i) {
+    const std::uint32_t kind = file.u32(304 + 4 * i);
+    if (i >= file.u32(44)) {
+      require(kind == 0, "a kind that is not counted");
+      continue;
+    }
+    require(i < 2 ? kind == i : kind > p.kinds.back(), "kinds");
+    p.kinds.push_back(kind);
+  }
+  p.has_curvature = std::find(p.kinds.begin(), p.kinds.end(), 2u) != p.kinds.end();
   for (std::size_t axis = 0; axis < 3; ++axis) {
     const std::uint64_t voxels = file.u64(48 + 8 * axis);
     require(voxels >= 2 && voxels <= 1048576, "dims");
@@ -153,7 +162,9 @@ PlainPyramid readHeader(FileBytes& file) {
   require(std::isfinite(p.value_min) && std::isfinite(p.value_max) && p.value_min <= p.value_max,
           "value_min, value_max");
   require(std::isfinite(p.curvature_epsilon) && p.curvature_epsilon >= 0, "curvature_epsilon");
-  for (std::uint64_t i = 280; i < 504; ++i) require(file.number(i, 1) == 0, "reserved bytes");
+  p.noise = file.f64(296);
+  require(std::isfinite(p.noise) && p.noise >= 0, "noise");
+  for (std::uint64_t i = 336; i < 504; ++i) require(file.number(i, 1) == 0, "reserved bytes");
   return p;
 }
 
@@ -295,14 +306,18 @@ PlainBrick readBrick(FileBytes& file, const PlainPyramid& p, int level, const Pl
     brick.nodes[axis] = ceilOf(brick.cells[axis], 2);
   }
   const std::uint32_t voxel = kVoxelSizes[p.voxel_type];
-  const bool has_codes = level == 0 && p.has_curvature;
-  brick.parts[0] = readPart(file, at, product(brick.count) * voxel, true, true);
-  brick.parts[1] = readPart(file, at + 24, product(brick.tiles) * 2 * voxel, true, false);
-  brick.parts[2] = readPart(file, at + 48, product(brick.nodes) * 3, has_codes, false);
-  brick.range = {file.f32(at + 72), file.f32(at + 76)};
+  const std::int64_t bytes[3] = {product(brick.count) * voxel, product(brick.tiles) * 2 * voxel,
+                                 product(brick.nodes) * 3};
+  brick.parts[2].codec = 2;
+  for (const std::uint32_t kind : p.kinds) {
+    require(kind < 3, "a kind that this reader does not know");
+    brick.parts[kind] = readPart(file, at, bytes[kind], kind < 2 || level == 0, kind == 0);
+    at += 24;
+  }
+  brick.range = {file.f32(at), file.f32(at + 4)};
   require(brick.range.min <= brick.range.max, "range of a brick");
-  const float constant = file.f32(at + 80);
-  require(file.u32(at + 84) == 0, "reserved field of a brick");
+  const float constant = file.f32(at + 8);
+  require(file.u32(at + 12) == 0, "reserved field of a brick");
 
   if (brick.parts[0].codec == 1)
     require(constant >= brick.range.min && constant <= brick.range.max, "constant of a brick");
@@ -313,6 +328,31 @@ PlainBrick readBrick(FileBytes& file, const PlainPyramid& p, int level, const Pl
     require(range.min <= range.max && range.min >= brick.range.min && range.max <= brick.range.max,
             "range of a tile");
   return brick;
+}
+
+// Section 9: the number of a bin that the voxels of one value share.
+std::int64_t binOfValue(double value, std::uint32_t voxel_type) {
+  static constexpr std::int64_t kLeast[4] = {0, -128, 0, -32768};
+  if (voxel_type < 4) return static_cast<std::int64_t>(value) - kLeast[voxel_type];
+  const auto single = static_cast<float>(value == 0 ? 0 : value);
+  std::uint32_t bits;
+  std::memcpy(&bits, &single, sizeof bits);
+  const std::uint32_t upper = bits >> 16;
+  return upper < 32768 ? 32768 + upper : 65535 - upper;
+}
+
+void readHistogram(FileBytes& file, PlainPyramid& p) {
+  const std::int64_t bins =
+      binOfValue(p.value_max, p.voxel_type) - binOfValue(p.value_min, p.voxel_type) + 1;
+  const PlainPart part = readPart(file, 272, 8 * bins, true, false);
+  const std::vector<std::uint8_t> elements = elementsOf(file, part, 8 * bins);
+  std::uint64_t voxels = 0;
+  for (std::size_t at = 0; at < elements.size(); at += 8) {
+    p.histogram.push_back(numberAt(&elements[at], 8));
+    voxels += p.histogram.back();
+  }
+  require(voxels == static_cast<std::uint64_t>(product(p.dims)), "the histogram's voxels");
+  require(p.histogram.front() > 0 && p.histogram.back() > 0, "the histogram's ends");
 }
 
 // Section 1; only writers are held to it.
@@ -357,11 +397,19 @@ PlainPyramid readPlainPyramid(const std::string& path) {
   PlainPyramid p = readHeader(file);
   const std::uint64_t rows = readLevels(file, p);
   p.brick_table_offset = file.u64(232);
-  require(rows <= file.size() / 88, "brick_count");
-  file.checkHash(p.brick_table_offset, rows * 88, file.u64(248), "the brick table");
-  p.provenance_offset = file.u64(256);
-  const std::uint64_t text_bytes = file.u64(264);
-  file.checkHash(p.provenance_offset, text_bytes, file.u64(272), "the provenance");
+  const std::uint64_t row_bytes = 24 * p.kinds.size() + 24;
+  require(rows <= file.size() / row_bytes, "brick_count");
+  for (std::uint64_t row = 0; row < rows; ++row) {
+    const std::uint64_t at = p.brick_table_offset + row * row_bytes;
+    require(XXH3_64bits_withSeed(file.at(at, row_bytes), row_bytes - 8, row) ==
+                file.u64(at + row_bytes - 8),
+            "wrong checksum of a row of the brick table");
+    file.cover(at, row_bytes, "a row of the brick table");
+  }
+  p.provenance_offset = file.u64(248);
+  const std::uint64_t text_bytes = file.u64(256);
+  file.checkHash(p.provenance_offset, text_bytes, file.u64(264), "the provenance");
+  readHistogram(file, p);
   p.provenance.assign(reinterpret_cast<const char*>(file.at(p.provenance_offset, text_bytes)),
                       text_bytes);
   for (int level = 0; level < static_cast<int>(p.levels.size()); ++level) {
@@ -371,7 +419,7 @@ PlainPyramid readPlainPyramid(const std::string& path) {
       for (index[1] = 0; index[1] < count[1]; ++index[1])
         for (index[0] = 0; index[0] < count[0]; ++index[0])
           p.bricks.push_back(
-              readBrick(file, p, level, index, p.brick_table_offset + 88 * p.bricks.size()));
+              readBrick(file, p, level, index, p.brick_table_offset + row_bytes * p.bricks.size()));
   }
   requirePartsInOrder(p);
   file.requireZeroPadding();

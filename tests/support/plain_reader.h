@@ -38,7 +38,7 @@ struct PlainBrick {
   PlainIndex nodes{};
   std::vector<std::uint8_t> codes;  // three a node; empty where absent
   PlainRange range;
-  std::array<PlainPart, 3> parts;  // samples, ranges, curvature
+  std::array<PlainPart, 3> parts;  // samples, ranges, curvature; one that has no kind is absent
 
   float sampleAt(const PlainIndex& sample) const;  // by its index in the level
   // The range of the tile that holds `cell` of the brick's level.
@@ -58,7 +58,9 @@ struct PlainPyramid {
   PlainIndex dims{};
   std::array<double, 3> spacing{}, origin{};
   std::array<double, 9> direction{};
-  double value_min = 0, value_max = 0, curvature_epsilon = 0;
+  double value_min = 0, value_max = 0, curvature_epsilon = 0, noise = 0;
+  std::vector<std::uint32_t> kinds;      // of the parts of a row
+  std::vector<std::uint64_t> histogram;  // section 9
   std::vector<PlainLevel> levels;
   std::vector<PlainBrick> bricks;
   std::string provenance;
@@ -69,7 +71,7 @@ struct PlainPyramid {
   const PlainBrick& brickAt(int level, const PlainIndex& index) const;
 };
 
-// Throws std::runtime_error where the file breaks a rule of docs/FORMAT.md section 10.
+// Throws std::runtime_error where the file breaks a rule of docs/FORMAT.md section 11.
 PlainPyramid readPlainPyramid(const std::string& path);
 
 std::vector<std::uint8_t> readWholeFile(const std::string& path);

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cstring>
 #include <stdexcept>
-#include <utility>
 
 #include "isobrick/storage/brick_encoder.h"
 #include "isobrick/storage/checksum.h"
@@ -11,12 +10,6 @@
 
 namespace isobrick::test {
 namespace {
-
-constexpr PartKind kKinds[] = {PartKind::kSamples, PartKind::kRanges, PartKind::kCurvature};
-
-format::PartEntry& partOf(format::BrickRow& row, PartKind kind) {
-  return const_cast<format::PartEntry&>(isobrick::partOf(std::as_const(row), kind));
-}
 
 template <typename T>
 T get(const Bytes& file, std::uint64_t at) {
@@ -42,8 +35,41 @@ PyramidSpec specOf(const format::Header& header) {
   spec.voxel_type = static_cast<VoxelType>(header.voxel_type);
   spec.brick_cells = header.brick_cells;
   spec.tile_cells = header.tile_cells;
-  spec.has_curvature = header.has_curvature != 0;
+  spec.has_curvature = header.kind_count > 2 && header.kinds[2] == 2;
   return spec;
+}
+
+std::uint64_t rowBytesOf(const format::Header& header) {
+  return format::rowBytes(std::min(header.kind_count, format::kMostKinds));
+}
+
+BrickRow rowAt(const Bytes& file, const format::Header& header, std::uint64_t at) {
+  BrickRow row;
+  row.parts.fill({0, 0, 0, static_cast<std::uint32_t>(format::Codec::kAbsent)});
+  for (std::uint32_t i = 0; i < header.kind_count; ++i)
+    row.parts.at(header.kinds[i]) =
+        get<format::PartEntry>(file, at + i * sizeof(format::PartEntry));
+  const auto tail = get<format::RowTail>(file, at + rowBytesOf(header) - sizeof(format::RowTail));
+  row.range_min = tail.range_min;
+  row.range_max = tail.range_max;
+  row.constant = tail.constant;
+  return row;
+}
+
+// Without checksums.
+Bytes bytesOf(const BrickRow& row, const format::Header& header) {
+  Bytes bytes(rowBytesOf(header));
+  const std::uint32_t kinds = std::min(header.kind_count, format::kMostKinds);
+  for (std::uint32_t i = 0; i < kinds; ++i) {
+    const std::uint32_t kind = header.kinds[i];
+    put(bytes, i * sizeof(format::PartEntry),
+        kind < row.parts.size()
+            ? row.parts[kind]
+            : format::PartEntry{0, 0, 0, static_cast<std::uint32_t>(format::Codec::kAbsent)});
+  }
+  put(bytes, bytes.size() - sizeof(format::RowTail),
+      format::RowTail{row.range_min, row.range_max, row.constant, row.unused, 0});
+  return bytes;
 }
 
 }  // namespace
@@ -61,24 +87,25 @@ PyramidDraft::PyramidDraft(const Bytes& file) {
       Brick brick;
       brick.level = static_cast<int>(level);
       brick.index = indexAt(i, count);
-      brick.row =
-          get<format::BrickRow>(file, header.brick_table_offset + row * sizeof(format::BrickRow));
-      for (const PartKind kind : kKinds) {
-        const format::PartEntry& part = partOf(brick.row, kind);
+      brick.row = rowAt(file, header, header.brick_table_offset + row * rowBytesOf(header));
+      for (const PartKind kind : kPartKinds) {
+        const format::PartEntry& part = brick.row.part(kind);
         const auto first = file.begin() + static_cast<std::ptrdiff_t>(part.offset);
         brick.stored[static_cast<std::size_t>(kind)].assign(first, first + part.stored_bytes);
       }
       bricks.push_back(std::move(brick));
     }
   }
+  const auto counts = file.begin() + static_cast<std::ptrdiff_t>(header.histogram.offset);
+  histogram.assign(counts, counts + header.histogram.stored_bytes);
   provenance.assign(reinterpret_cast<const char*>(file.data()) + header.provenance_offset,
                     header.provenance_bytes);
 }
 
 PyramidDraft::Elements PyramidDraft::elementsOf(const Brick& brick) const {
   Elements elements;
-  for (const PartKind kind : kKinds) {
-    const format::PartEntry& part = isobrick::partOf(brick.row, kind);
+  for (const PartKind kind : kPartKinds) {
+    const format::PartEntry& part = brick.row.part(kind);
     const auto codec = static_cast<format::Codec>(part.codec);
     auto& out = elements[static_cast<std::size_t>(kind)];
     if (codec == format::Codec::kAbsent) continue;
@@ -109,12 +136,12 @@ void PyramidDraft::setElements(Brick& brick, const Elements& elements, format::C
   encodeBrick(spec_.voxel_type, codec, encoded);
   brick.row.constant = encoded.constant;
   const EncodedPart* const parts[] = {&encoded.samples, &encoded.ranges, &encoded.curvature};
-  for (const PartKind kind : kKinds) {
+  for (const PartKind kind : kPartKinds) {
     const auto at = static_cast<std::size_t>(kind);
     const auto* const first = reinterpret_cast<const std::uint8_t*>(parts[at]->bytes.data());
     brick.stored[at].assign(first, first + parts[at]->bytes.size());
-    partOf(brick.row, kind).codec = static_cast<std::uint32_t>(parts[at]->codec);
-    partOf(brick.row, kind).stored_bytes = static_cast<std::uint32_t>(brick.stored[at].size());
+    brick.row.part(kind).codec = static_cast<std::uint32_t>(parts[at]->codec);
+    brick.row.part(kind).stored_bytes = static_cast<std::uint32_t>(brick.stored[at].size());
   }
 }
 
@@ -128,19 +155,26 @@ Bytes PyramidDraft::seal() const {
     file.insert(file.end(), from, from + bytes);
     return offset;
   };
-  std::vector<format::BrickRow> rows;
+  std::vector<BrickRow> rows;
   for (const Brick& brick : bricks) {
     rows.push_back(brick.row);
-    for (const PartKind kind : kKinds) {
+    for (const PartKind kind : kPartKinds) {
       const Bytes& stored = brick.stored[static_cast<std::size_t>(kind)];
-      format::PartEntry& part = partOf(rows.back(), kind);
+      format::PartEntry& part = rows.back().part(kind);
       part.offset = stored.empty() ? 0 : append(stored.data(), stored.size());
       part.checksum = 0;
     }
   }
   format::Header sealed = header;
+  sealed.histogram.offset = append(histogram.data(), histogram.size());
+  sealed.histogram.stored_bytes = static_cast<std::uint32_t>(histogram.size());
   sealed.level_table_offset = append(levels.data(), levels.size() * sizeof(format::LevelRow));
-  sealed.brick_table_offset = append(rows.data(), rows.size() * sizeof(format::BrickRow));
+  Bytes table;
+  for (const BrickRow& row : rows) {
+    const Bytes bytes = bytesOf(row, header);
+    table.insert(table.end(), bytes.begin(), bytes.end());
+  }
+  sealed.brick_table_offset = append(table.data(), table.size());
   sealed.brick_count = rows.size();
   sealed.provenance_offset = append(provenance.data(), provenance.size());
   sealed.provenance_bytes = provenance.size();
@@ -155,22 +189,25 @@ void sealChecksums(Bytes& file) {
   auto header = get<format::Header>(file, 0);
   const std::uint64_t room =
       header.brick_table_offset < file.size() ? (file.size() - header.brick_table_offset) : 0;
-  const std::uint64_t rows =
-      std::min<std::uint64_t>(header.brick_count, room / sizeof(format::BrickRow));
+  const std::uint64_t row_bytes = rowBytesOf(header);
+  const std::uint64_t rows = std::min<std::uint64_t>(header.brick_count, room / row_bytes);
   for (std::uint64_t i = 0; i < rows; ++i) {
-    const std::uint64_t at = header.brick_table_offset + i * sizeof(format::BrickRow);
-    auto row = get<format::BrickRow>(file, at);
-    for (const PartKind kind : kKinds) {
-      format::PartEntry& part = partOf(row, kind);
+    const std::uint64_t begin = header.brick_table_offset + i * row_bytes;
+    const std::uint64_t end = begin + row_bytes - sizeof(format::RowTail);
+    for (std::uint64_t at = begin; at < end; at += sizeof(format::PartEntry)) {
+      auto part = get<format::PartEntry>(file, at);
       if (part.stored_bytes > 0) part.checksum = hashOf(file, part.offset, part.stored_bytes);
+      put(file, at, part);
     }
-    put(file, at, row);
+    const std::uint64_t hash = begin + row_bytes - sizeof(std::uint64_t);
+    put(file, hash, checksum64(file.data() + begin, hash - begin, i));
   }
+  if (header.histogram.stored_bytes > 0)
+    header.histogram.checksum =
+        hashOf(file, header.histogram.offset, header.histogram.stored_bytes);
   header.level_table_checksum =
       hashOf(file, header.level_table_offset,
              std::uint64_t{header.level_count} * sizeof(format::LevelRow));
-  header.brick_table_checksum =
-      hashOf(file, header.brick_table_offset, header.brick_count * sizeof(format::BrickRow));
   header.provenance_checksum = hashOf(file, header.provenance_offset, header.provenance_bytes);
   header.header_checksum = checksum64(&header, offsetof(format::Header, header_checksum));
   put(file, 0, header);

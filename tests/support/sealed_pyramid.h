@@ -23,7 +23,7 @@ class PyramidDraft {
   struct Brick {
     int level = 0;
     Index3 index{0};
-    format::BrickRow row{};
+    BrickRow row{};               // its `unused` is the row's reserved field
     std::array<Bytes, 3> stored;  // samples, ranges, curvature as they lie in the file
   };
   using Elements = std::array<std::vector<std::byte>, 3>;
@@ -34,6 +34,7 @@ class PyramidDraft {
   format::Header header{};
   std::vector<format::LevelRow> levels;
   std::vector<Brick> bricks;  // in the order of the brick table
+  Bytes histogram;            // as it is stored
   std::string provenance;
 
   const PyramidSpec& spec() const { return spec_; }
@@ -44,7 +45,8 @@ class PyramidDraft {
   // Packs them again, as the builder does; codecs, sizes and the constant follow.
   void setElements(Brick& brick, const Elements& elements, format::Codec codec) const;
 
-  // The file: every part at a multiple of 64, all checksums right.
+  // The file: every part at a multiple of 64, all checksums right. Kinds of the header that the
+  // program does not know have no bytes.
   Bytes seal() const;
 
  private:

@@ -59,7 +59,7 @@ std::uint64_t freshBytes(const BrickLayout& layout, std::uint64_t raw, std::uint
 // that must do, and the build has not failed.
 PyramidBytes bytesOfPyramid(const BuiltVolume& built) {
   try {
-    return Pyramid(built.output).bytes();
+    return Pyramid(built.output).sums().bytes;
   } catch (const std::bad_alloc&) {
     PyramidBytes bytes;
     bytes.total = std::filesystem::file_size(built.output);

@@ -33,7 +33,7 @@ std::string whole(double number) { return std::to_string(std::llround(number)); 
 
 ViewSession::ViewSession(std::shared_ptr<const Pyramid> pyramid, SceneRenderer& renderer,
                          const SessionOptions& options)
-    : ViewSession(pyramid, coarseHistogram(*pyramid), renderer, options) {}
+    : ViewSession(pyramid, histogramOf(*pyramid), renderer, options) {}
 
 ViewSession::ViewSession(std::shared_ptr<const Pyramid> pyramid, ValueHistogram histogram,
                          SceneRenderer& renderer, const SessionOptions& options)

@@ -47,7 +47,7 @@ struct SessionStatus {
 // that run on. For each frame: apply() all events, let hands change state(), update(), draw().
 class ViewSession {
  public:
-  // Reads a coarse level, for the histogram. Throws Error for a damaged one.
+  // Reads the histogram. Throws Error for a damaged one.
   ViewSession(std::shared_ptr<const Pyramid> pyramid, SceneRenderer& renderer,
               const SessionOptions& options);
   // The same of a pyramid of which it was read before.

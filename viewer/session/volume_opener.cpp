@@ -25,7 +25,7 @@ bool isPyramidFile(const std::string& path) {
 
 OpenedVolume openPyramid(const std::string& path, std::uint64_t memory_bytes) {
   auto file = std::make_shared<const Pyramid>(path, memory_bytes);
-  ValueHistogram histogram = coarseHistogram(*file);
+  ValueHistogram histogram = histogramOf(*file);
   return {path, path, std::move(file), std::move(histogram)};
 }
 

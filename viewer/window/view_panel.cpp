@@ -196,12 +196,12 @@ void ViewPanel::histogram(ViewSession& session) {
   }
   ImDrawList& list = *ImGui::GetWindowDrawList();
   list.AddRectFilled(at, {at.x + size.x, at.y + size.y}, IM_COL32(20, 22, 26, 255));
-  const std::uint64_t most = *std::max_element(histogram.counts.begin(), histogram.counts.end());
-  const double highest = std::log1p(static_cast<double>(most));
+  const double most = *std::max_element(histogram.counts.begin(), histogram.counts.end());
+  const double highest = std::log1p(most);
   const float width = size.x / static_cast<float>(histogram.counts.size());
   for (std::size_t i = 0; i < histogram.counts.size(); ++i) {
-    const auto height = static_cast<float>(std::log1p(static_cast<double>(histogram.counts[i])) /
-                                           std::max(highest, 1e-30));
+    const auto height =
+        static_cast<float>(std::log1p(histogram.counts[i]) / std::max(highest, 1e-30));
     const float x = at.x + width * static_cast<float>(i);
     list.AddRectFilled({x, at.y + size.y * (1.0f - height)}, {x + width, at.y + size.y},
                        IM_COL32(110, 130, 160, 255));

@@ -1,0 +1,84 @@
+#include "isobrick/preprocess/voxel_statistics.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+namespace isobrick {
+namespace {
+
+constexpr std::int64_t kRowsPerLook = 4;  // and slices
+
+// The upper bits of a number that is not negative, in its order, and the least number with them.
+constexpr int kDroppedBits = 15;
+constexpr std::size_t kMagnitudes = std::size_t{1} << (31 - kDroppedBits);
+std::size_t magnitudeKey(float magnitude) {
+  return std::bit_cast<std::uint32_t>(magnitude) >> kDroppedBits;
+}
+float magnitudeOf(std::size_t key) {
+  return std::bit_cast<float>(static_cast<std::uint32_t>(key) << kDroppedBits);
+}
+
+}  // namespace
+
+template <typename T>
+void VoxelStatistics::add(const SampleBlock<T>& samples, const IndexBox& own,
+                          std::int64_t volume_columns) {
+  Counts& counts = counts_.local();
+  counts.keys.resize(sizeof(T) == 1 ? 256 : VoxelHistogram::kMostBins);
+  counts.magnitudes.resize(kMagnitudes);
+  const Index3 end = own.end();
+  for (std::int64_t z = own.first.z; z < end.z; ++z)
+    for (std::int64_t y = own.first.y; y < end.y; ++y) {
+      const T* const row = &samples.at({own.first.x, y, z});
+      for (std::int64_t x = 0; x < own.count.x; ++x) ++counts.keys[histogramKey(row[x])];
+      if (y % kRowsPerLook != 0 || z % kRowsPerLook != 0) continue;
+      const std::int64_t begin = std::max<std::int64_t>(own.first.x, 1);
+      for (std::int64_t x = begin; x < std::min(end.x, volume_columns - 1); ++x) {
+        const T* const at = row + (x - own.first.x);
+        const auto a = static_cast<float>(at[-1]), b = static_cast<float>(at[0]),
+                   c = static_cast<float>(at[1]);
+        if (a != b || b != c) ++counts.magnitudes[magnitudeKey(std::abs((a - b) - (b - c)))];
+      }
+    }
+}
+#define ISOBRICK_INSTANTIATE(T) \
+  template void VoxelStatistics::add<T>(const SampleBlock<T>&, const IndexBox&, std::int64_t);
+ISOBRICK_FOR_EACH_VOXEL_TYPE(ISOBRICK_INSTANTIATE)
+#undef ISOBRICK_INSTANTIATE
+
+std::vector<std::uint64_t> VoxelStatistics::sumOf(
+    const tbb::enumerable_thread_specific<Counts>& counts,
+    std::vector<std::uint64_t> Counts::*which) {
+  std::vector<std::uint64_t> sums;
+  for (const Counts& some : counts) {
+    sums.resize((some.*which).size());
+    for (std::size_t i = 0; i < sums.size(); ++i) sums[i] += (some.*which)[i];
+  }
+  return sums;
+}
+
+VoxelHistogram VoxelStatistics::histogram(VoxelType type, const ValueRange& range) const {
+  VoxelHistogram histogram(type, range);
+  const std::vector<std::uint64_t> sums = sumOf(counts_, &Counts::keys);
+  const auto first = visitVoxelType(type, [&](auto tag) {
+    return histogramKey(static_cast<typename decltype(tag)::Type>(range.min));
+  });
+  for (std::size_t i = 0; i < histogram.bins(); ++i) histogram.counts()[i] = sums[first + i];
+  return histogram;
+}
+
+double VoxelStatistics::noise() const {
+  const std::vector<std::uint64_t> sums = sumOf(counts_, &Counts::magnitudes);
+  const std::uint64_t all = std::accumulate(sums.begin(), sums.end(), std::uint64_t{0});
+  if (all == 0) return 0;
+  std::uint64_t before = 0;
+  std::size_t key = 0;
+  while (before + sums[key] <= all / 2) before += sums[key++];
+  const float median = std::min(magnitudeOf(key), std::numeric_limits<float>::max());
+  return static_cast<double>(median) / (0.6745 * std::sqrt(6.0));
+}
+
+}  // namespace isobrick

@@ -1,0 +1,43 @@
+// What is counted of the voxels of level 0 while a pyramid is built: their values, and their noise.
+#pragma once
+
+#include <tbb/enumerable_thread_specific.h>
+
+#include <cstdint>
+#include <vector>
+
+#include "isobrick/preprocess/kernels/sample_block.h"
+#include "isobrick/storage/voxel_histogram.h"
+
+namespace isobrick {
+
+// The noise is the standard deviation of noise that is independent from voxel to voxel, in the
+// units of the voxels: of the second differences along x, which a smooth field hardly has, the
+// median of the magnitudes, over 0.6745 sqrt(6), as it is for Gaussian noise. Triples of equal
+// voxels do not count: they are background that was cut off, or saturated. 0 where all are such.
+// Surfaces, which are few, hardly move a median; noise that a filter has smeared over several
+// voxels is underestimated. Every fourth row of every fourth slice is looked at; magnitudes are
+// told apart to 1/256 of theirs.
+class VoxelStatistics {
+ public:
+  // Counts the voxels of `own`, with `samples` around it: one more along x where the volume has it,
+  // whose rows have `volume_columns` voxels. Thread-safe. Every voxel is to be counted once;
+  // nothing depends on how they come.
+  template <typename T>
+  void add(const SampleBlock<T>& samples, const IndexBox& own, std::int64_t volume_columns);
+
+  // Of all voxels that were counted, which have that range. Not while others count.
+  VoxelHistogram histogram(VoxelType type, const ValueRange& range) const;
+  double noise() const;
+
+ private:
+  struct Counts {
+    std::vector<std::uint64_t> keys, magnitudes;
+  };
+  static std::vector<std::uint64_t> sumOf(const tbb::enumerable_thread_specific<Counts>& counts,
+                                          std::vector<std::uint64_t> Counts::*which);
+
+  tbb::enumerable_thread_specific<Counts> counts_;
+};
+
+}  // namespace isobrick

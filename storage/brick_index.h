@@ -1,0 +1,85 @@
+// The brick table of an open pyramid, read and believed row by row as it is asked for.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <vector>
+
+#include "isobrick/storage/brick_parts.h"
+#include "isobrick/storage/paged_file.h"
+
+namespace isobrick {
+
+// Bricks are numbered as their rows are: all of level 0 (x fastest), then all of level 1, and so
+// on. What a query costs, in time and memory, depends on the rows that it asks for and not on how
+// many there are: some of the table stays in memory, at most kMostBytes of it. All const members
+// are thread-safe.
+class BrickIndex {
+ public:
+  static constexpr std::size_t kRowsAtATime = 32;
+  static constexpr std::size_t kMostSlots = 2048;
+  static constexpr std::uint64_t kMostBytes =
+      kMostSlots * kRowsAtATime * format::rowBytes(format::kMostKinds);
+
+  // A table of at most so many bytes (1024^3 voxels in bricks of 64 cells have half of it) is read
+  // when it is opened: in one go, and a file that is cut later loses no row. It is checked row by
+  // row all the same.
+  static constexpr std::uint64_t kReadAtOnceBytes = std::uint64_t{1} << 20;
+
+  // Of a longer table reads nothing. `header` was checked, but not where the table is. `file`
+  // outlives the index. Throws Error where header and layout contradict each other, or the table is
+  // not in the file or cannot be read.
+  BrickIndex(const PagedFile& file, const PyramidSpec& spec, const format::Header& header);
+
+  std::size_t count() const { return count_; }
+  std::size_t firstOfLevel(int level) const { return first_[static_cast<std::size_t>(level)]; }
+  std::size_t number(int level, const Index3& brick) const {
+    return firstOfLevel(level) +
+           static_cast<std::size_t>(linearIndex(brick, layout_.bricks(level)));
+  }
+  BrickAddress address(std::size_t number) const;
+
+  // The row of a brick, number < count(). Throws Error, which names the brick, where the row cannot
+  // be read, is damaged, or says what is not possible.
+  BrickRow row(std::size_t number) const;
+
+  // The row as it lies in the file, the parts of unknown kinds with it. Throws as row() does.
+  struct StoredRow {
+    std::vector<format::PartEntry> parts;  // in the order of the header's kinds
+    format::RowTail tail{};
+  };
+  StoredRow storedRow(std::size_t number) const;
+
+ private:
+  // Some neighbouring rows as bytes, with a bit for each that was checked.
+  struct Slot {
+    std::mutex mutex;
+    std::size_t piece = ~std::size_t{0};
+    std::vector<std::byte> bytes;
+    std::uint32_t checked = 0;
+    static_assert(kRowsAtATime == 32);
+  };
+
+  // Calls f with the bytes of a row that was checked.
+  template <typename F>
+  void withRow(std::size_t number, F&& f) const;
+  void load(Slot& slot, std::size_t piece) const;
+  BrickRow decode(const std::byte* bytes) const;
+  void check(std::size_t number, const std::byte* bytes) const;
+  [[noreturn]] void fail(std::size_t number, const char* what) const;
+
+  const PagedFile& file_;
+  const PyramidSpec spec_;
+  const BrickLayout layout_;
+  std::uint64_t offset_;
+  std::uint64_t row_bytes_;
+  std::vector<std::uint32_t> kinds_;
+  std::vector<std::size_t> first_;  // per level
+  std::size_t count_ = 0;
+  std::size_t slot_count_ = 0;
+  std::unique_ptr<Slot[]> slots_;  // a piece of the table has one place where it may be
+};
+
+}  // namespace isobrick
