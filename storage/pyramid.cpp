@@ -262,8 +262,7 @@ std::uint64_t Pyramid::heldSampleBytes(int level, const Index3& brick) const {
 }
 
 void Pyramid::withdraw(int level, const Index3& brick) const {
-  for (const PartKind kind : kPartKinds)
-    pager_->withdraw(partId(kind, brickRow(level, brick)));
+  for (const PartKind kind : kPartKinds) pager_->withdraw(partId(kind, brickRow(level, brick)));
 }
 
 void Pyramid::throwIfReadsFailed(int level, const Index3& brick) const {
