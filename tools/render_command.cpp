@@ -84,7 +84,7 @@ int renderState(const RenderArguments& arguments) {
         std::make_shared<const Pyramid>(arguments.query.path, arguments.query.memory_bytes,
                                         fileAccess(arguments.query.no_map)),
         state, arguments.size.width, arguments.size.height, arguments.query.threads,
-        interruptFlag());
+        format == ImageFormat::kExr, interruptFlag());
   });
   writePicture(arguments, encodeImage(format, view.image));
   fmt::print("{}: {} x {} pixels, {} triangles; {:.2f} s ({})\n", arguments.output,

@@ -1,12 +1,15 @@
 // The only file of the viewer that knows OpenEXR.
+#include <OpenEXR/ImfChannelList.h>
+#include <OpenEXR/ImfFrameBuffer.h>
 #include <OpenEXR/ImfHeader.h>
 #include <OpenEXR/ImfIO.h>
-#include <OpenEXR/ImfRgbaFile.h>
+#include <OpenEXR/ImfOutputFile.h>
 #include <OpenEXR/ImfStandardAttributes.h>
 
 #include <algorithm>
 #include <cassert>
 #include <cstring>
+#include <deque>
 #include <exception>
 #include <string>
 #include <utility>
@@ -43,25 +46,49 @@ half toHalf(float value) {
   return half(std::clamp(value, -kGreatestHalf, kGreatestHalf));
 }
 
+Imf::Slice sliceOf(Imf::PixelType type, void* values, std::size_t bytes, int width) {
+  return {type, static_cast<char*>(values), bytes, bytes * static_cast<std::size_t>(width)};
+}
+
 }  // namespace
 
 std::vector<char> encodeExr(const Image& image) {
   assert(image.width > 0 && image.height > 0);
   try {
-    std::vector<Imf::Rgba> pixels(image.rgb.size() / 3);
-    for (std::size_t i = 0; i < pixels.size(); ++i) {
-      pixels[i] = Imf::Rgba(toHalf(image.rgb[3 * i]), toHalf(image.rgb[3 * i + 1]),
-                            toHalf(image.rgb[3 * i + 2]));
-    }
     Imf::Header header(image.width, image.height);
     header.compression() = Imf::ZIP_COMPRESSION;
     Imf::addChromaticities(header, Imf::Chromaticities());  // the default is Rec. 709
+    Imf::FrameBuffer frame;
+    std::deque<std::vector<half>> halves;
+    const auto addHalf = [&](const char* name, const std::vector<float>& values, std::size_t first,
+                             std::size_t step) {
+      std::vector<half>& channel = halves.emplace_back();
+      for (std::size_t i = first; i < values.size(); i += step)
+        channel.push_back(toHalf(values[i]));
+      header.channels().insert(name, Imf::Channel(Imf::HALF));
+      frame.insert(name, sliceOf(Imf::HALF, channel.data(), sizeof(half), image.width));
+    };
+    addHalf("R", image.rgb, 0, 3);
+    addHalf("G", image.rgb, 1, 3);
+    addHalf("B", image.rgb, 2, 3);
+    if (!image.alpha.empty()) addHalf("A", image.alpha, 0, 1);
+    if (!image.normals.empty()) {
+      addHalf("N.X", image.normals, 0, 3);
+      addHalf("N.Y", image.normals, 1, 3);
+      addHalf("N.Z", image.normals, 2, 3);
+    }
+    if (!image.depth.empty()) {
+      header.channels().insert("Z", Imf::Channel(Imf::FLOAT));
+      // Reading alone, whatever the library's signature says.
+      frame.insert("Z", sliceOf(Imf::FLOAT, const_cast<float*>(image.depth.data()), sizeof(float),
+                                image.width));
+    }
 
     MemoryStream stream;
     {
       // The destructor completes the table of line offsets, so it runs before the bytes are taken.
-      Imf::RgbaOutputFile file(stream, header, Imf::WRITE_RGB);
-      file.setFrameBuffer(pixels.data(), 1, static_cast<std::size_t>(image.width));
+      Imf::OutputFile file(stream, header);
+      file.setFrameBuffer(frame);
       file.writePixels(image.height);
     }
     return stream.take();

@@ -11,7 +11,7 @@
 
 namespace isobrick {
 
-// An opaque RGB picture with linear light (twice the value is twice the light) and the primaries of
+// An RGB picture with linear light (twice the value is twice the light) and the primaries of
 // Rec. 709, which are those of sRGB. 0 is black and 1 is the white of a screen; greater values are
 // kept by EXR and clipped by PNG. Linear light is what averaging pixels and EXR need; the sRGB
 // curve is applied once, on the way to 8 bits.
@@ -20,6 +20,10 @@ struct Image {
   int height = 0;  // pixels
   // 3 floats a pixel, rows from top to bottom, pixels from left to right: width * height * 3.
   std::vector<float> rgb;
+  // What a picture may have beside its colours, a value or three for each pixel; empty: it has not.
+  std::vector<float> alpha = {};    // 0 .. 1, and then `rgb` is premultiplied with it; else opaque
+  std::vector<float> depth = {};    // along the camera's forward axis, world units; infinity: none
+  std::vector<float> normals = {};  // three a pixel: outward, world, unit; 0: none
 
   std::size_t offsetOf(int x, int y) const {
     assert(x >= 0 && x < width && y >= 0 && y < height);

@@ -20,10 +20,31 @@ ImageFormat imageFormatOf(const std::filesystem::path& path) {
               "'; name it .png or .exr");
 }
 
+namespace {
+
+// PNG has colours as they would be alone, beside how much of them there is.
+std::vector<std::uint8_t> pngPixels(const Image& image) {
+  std::vector<std::uint8_t> pixels;
+  if (image.alpha.empty()) {
+    pixels.resize(image.rgb.size());
+    std::transform(image.rgb.begin(), image.rgb.end(), pixels.begin(), toSrgb8);
+    return pixels;
+  }
+  pixels.reserve(4 * image.alpha.size());
+  for (std::size_t i = 0; i < image.alpha.size(); ++i) {
+    const float alpha = std::clamp(image.alpha[i], 0.0f, 1.0f);
+    for (std::size_t c = 0; c < 3; ++c)
+      pixels.push_back(alpha > 0.0f ? toSrgb8(image.rgb[3 * i + c] / alpha) : std::uint8_t{0});
+    pixels.push_back(static_cast<std::uint8_t>(std::lround(255.0f * alpha)));
+  }
+  return pixels;
+}
+
+}  // namespace
+
 std::vector<char> encodePng(const Image& image) {
   assert(image.width > 0 && image.height > 0);
-  std::vector<std::uint8_t> pixels(image.rgb.size());
-  std::transform(image.rgb.begin(), image.rgb.end(), pixels.begin(), toSrgb8);
+  const std::vector<std::uint8_t> pixels = pngPixels(image);
 
   // libpng's simplified interface reports errors by return value; the full one jumps out with
   // longjmp, past C++ destructors.
@@ -31,7 +52,7 @@ std::vector<char> encodePng(const Image& image) {
   description.version = PNG_IMAGE_VERSION;
   description.width = static_cast<png_uint_32>(image.width);
   description.height = static_cast<png_uint_32>(image.height);
-  description.format = PNG_FORMAT_RGB;
+  description.format = image.alpha.empty() ? PNG_FORMAT_RGB : PNG_FORMAT_RGBA;
   png_alloc_size_t bytes = PNG_IMAGE_PNG_SIZE_MAX(description);
   std::vector<char> encoded(bytes);
   const int converted_to_8_bit = 0;

@@ -1,4 +1,5 @@
 // `isobrick view` run by scripts: in a window of a virtual display, and without one.
+#include <array>
 #include <chrono>
 #include <fstream>
 #include <random>
@@ -114,6 +115,32 @@ TEST_F(ViewCommandTest, RenderDrawsWhatTheViewerShows) {
       "--wireframe");
   expectFailure(1, {"render", "sphere.isb", "-o", "a.png", "--state", "missing.json"},
                 "missing.json");
+}
+
+// As many pixels as were asked for, without a background, and the window's own afterwards.
+TEST_F(ViewCommandTest, PicturesAreLargerThanTheWindowAndTransparent) {
+  write("pictures.json", R"({"size": [160, 120], "steps": [
+      {"wait": "settled"}, {"frame": "before.png"}, {"picture": "plain.png"},
+      {"set": {"pictures": {"transparent": true, "times": 3}, "wireframe": true}},
+      {"set": {"wireframe": false}},
+      {"picture": "large.png"}, {"picture": "large.exr"},
+      {"set": {"pictures": {"transparent": false, "times": 1}}}, {"wait": "settled"},
+      {"picture": "again.png"}, {"key": "P", "shift": true}, {"wait": 0.01}]})");
+  runWell({"view", "sphere.isb", "--offscreen", "--script", "pictures.json", "--frames", "frames"});
+  const auto sizeAndColor = [&](const char* name) {
+    const std::string bytes = readBytes(path(std::string("frames/") + name));
+    const auto big_endian = [&](std::size_t at) {
+      int value = 0;
+      for (std::size_t i = 0; i < 4; ++i)
+        value = 256 * value + static_cast<unsigned char>(bytes.at(at + i));
+      return value;
+    };
+    return std::array<int, 3>{big_endian(16), big_endian(20), bytes.at(25)};
+  };
+  EXPECT_EQ(sizeAndColor("plain.png"), (std::array<int, 3>{160, 120, 2}));
+  EXPECT_EQ(sizeAndColor("large.png"), (std::array<int, 3>{480, 360, 6}));  // with alpha
+  EXPECT_EQ(readBytes(path("frames/again.png")), readBytes(path("frames/plain.png")));
+  EXPECT_GT(fs::file_size(path("sphere-0001.exr")), 1000u);
 }
 
 // Whatever hands do, on panels too, and with no picture at all in between.

@@ -1,4 +1,8 @@
 // Pictures of spheres, whose outline and colours are known beforehand, and pictures as files.
+#include <OpenEXR/ImfChannelList.h>
+#include <OpenEXR/ImfFrameBuffer.h>
+#include <OpenEXR/ImfHeader.h>
+#include <OpenEXR/ImfInputFile.h>
 #include <OpenEXR/ImfRgbaFile.h>
 #include <gtest/gtest.h>
 #include <png.h>
@@ -9,6 +13,8 @@
 #include <filesystem>
 #include <glm/geometric.hpp>
 #include <glm/vec3.hpp>
+#include <limits>
+#include <map>
 #include <memory>
 #include <numbers>
 #include <string>
@@ -461,6 +467,60 @@ TEST_F(ImageFileTest, ExrHoldsLinearLightInHalfPrecision) {
     EXPECT_EQ(static_cast<float>(pixels[i].g), static_cast<float>(half(image.rgb[3 * i + 1])));
     EXPECT_EQ(static_cast<float>(pixels[i].b), static_cast<float>(half(image.rgb[3 * i + 2])));
   }
+}
+
+TEST_F(ImageFileTest, ExrHoldsAlphaDepthAndNormals) {
+  Image image = testPicture();
+  const std::size_t count = 61 * 37;
+  for (std::size_t i = 0; i < count; ++i) {
+    image.alpha.push_back(static_cast<float>(i % 11) / 10.0f);
+    image.depth.push_back(i % 7 == 0 ? std::numeric_limits<float>::infinity()
+                                     : 1234.5678f + static_cast<float>(i));
+    for (int c = 0; c < 3; ++c) image.normals.push_back(0.25f * static_cast<float>(c) - 0.3f);
+  }
+  const fs::path path = folder_ / "layers.exr";
+  writeImage(path, image);
+  Imf::InputFile file(path.c_str());
+  const Imath::Box2i window = file.header().dataWindow();
+  EXPECT_EQ(window, Imath::Box2i({0, 0}, {60, 36}));
+  std::vector<std::string> names;
+  for (auto channel = file.header().channels().begin(); channel != file.header().channels().end();
+       ++channel)
+    names.emplace_back(channel.name());
+  EXPECT_EQ(names, (std::vector<std::string>{"A", "B", "G", "N.X", "N.Y", "N.Z", "R", "Z"}));
+  EXPECT_EQ(file.header().channels().findChannel("Z")->type, Imf::FLOAT);
+  EXPECT_EQ(file.header().channels().findChannel("N.X")->type, Imf::HALF);
+  // As floats, whatever they are in the file.
+  std::map<std::string, std::vector<float>> read;
+  Imf::FrameBuffer frame;
+  for (const std::string& name : names) {
+    read[name].resize(count);
+    frame.insert(name, Imf::Slice(Imf::FLOAT, reinterpret_cast<char*>(read[name].data()),
+                                  sizeof(float), 61 * sizeof(float)));
+  }
+  file.setFrameBuffer(frame);
+  file.readPixels(0, 36);
+  EXPECT_EQ(read["Z"], image.depth);
+  for (std::size_t i = 0; i < count; ++i) {
+    EXPECT_EQ(read["G"][i], static_cast<float>(half(image.rgb[3 * i + 1])));
+    EXPECT_EQ(read["A"][i], static_cast<float>(half(image.alpha[i])));
+    EXPECT_EQ(read["N.Z"][i], static_cast<float>(half(image.normals[3 * i + 2])));
+  }
+}
+
+TEST_F(ImageFileTest, PngHoldsAlphaBesideTheWholeColour) {
+  Image image{3, 1, {0.5f, 0.25f, 0.0f, 0.1f, 0.2f, 0.3f, 0.0f, 0.0f, 0.0f}};
+  image.alpha = {0.5f, 1.0f, 0.0f};
+  const fs::path path = folder_ / "alpha.png";
+  writeImage(path, image);
+  png_image read{};
+  read.version = PNG_IMAGE_VERSION;
+  ASSERT_TRUE(png_image_begin_read_from_file(&read, path.c_str())) << read.message;
+  EXPECT_EQ(read.format, png_uint_32{PNG_FORMAT_RGBA});
+  std::vector<std::uint8_t> pixels(PNG_IMAGE_SIZE(read));
+  ASSERT_TRUE(png_image_finish_read(&read, nullptr, pixels.data(), 0, nullptr)) << read.message;
+  EXPECT_EQ(pixels, (std::vector<std::uint8_t>{255, toSrgb8(0.5f), 0, 128, toSrgb8(0.1f),
+                                               toSrgb8(0.2f), toSrgb8(0.3f), 255, 0, 0, 0, 0}));
 }
 
 TEST_F(ImageFileTest, AFinishedFileReplacesTheOldOneAndIsAlone) {

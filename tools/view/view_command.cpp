@@ -60,7 +60,7 @@ Command addViewCommand(CLI::App& app) {
   sub->add_flag("--offscreen", options->offscreen, "Run the script without a window")
       ->needs(script);
   return {sub, [options, size, cache] {
-            options->build = volumeBuilder({*cache, options->threads});
+            options->build = volumeBuilder({*cache, options->threads + 1});
             // What scripts open is no choice of hands.
             if (options->script_path.empty()) options->recent_path = recentFilesPath();
             options->width = size->width;

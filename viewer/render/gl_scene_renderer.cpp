@@ -61,7 +61,7 @@ void addRibbon(const SceneFrame& frame, const DepthProjection& depth, const Dept
   const glm::dvec2 p = pixelOf(a), q = pixelOf(b);
   const double length = glm::distance(p, q);
   if (!(length > 1e-6)) return;
-  const double reach = kSegmentHalfWidth + kLineReach;
+  const double reach = kSegmentHalfWidth * frame.pixel_scale + kLineReach;
   const glm::dvec2 across = glm::dvec2(p.y - q.y, q.x - p.x) / length * reach;
   const auto corner = [&](const glm::dvec2& pixel, const End& end, double side) {
     const glm::dvec2 place = (pixel + side * across) / half_size;
@@ -246,6 +246,7 @@ void GlSceneRenderer::draw(const SceneFrame& frame) {
   resize(frame.width, frame.height);
   const View view(frame);
   depth_ = view.depth;
+  transparent_ = frame.transparent;
   glBindFramebuffer(GL_FRAMEBUFFER, *sampled_frame_);
   glViewport(0, 0, width_, height_);
   glDisable(GL_SCISSOR_TEST);
@@ -265,10 +266,14 @@ void GlSceneRenderer::draw(const SceneFrame& frame) {
       glDisable(GL_CLIP_DISTANCE0 + i);
   }
   drawSurfaces(view);
+  if (frame.normals) glColorMask(GL_FALSE, GL_FALSE, GL_FALSE, GL_FALSE);  // slices only hide
   drawSlices(view);
+  glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
   for (GLenum i = 0; i < 6; ++i) glDisable(GL_CLIP_DISTANCE0 + i);
-  drawSegments(view);
-  drawSphere(view);
+  if (!frame.normals) {
+    drawSegments(view);
+    drawSphere(view);
+  }
 
   glBlitNamedFramebuffer(*sampled_frame_, *resolved_frame_, 0, 0, width_, height_, 0, 0, width_,
                          height_, GL_COLOR_BUFFER_BIT, GL_NEAREST);
@@ -286,6 +291,10 @@ void GlSceneRenderer::draw(const SceneFrame& frame) {
 void GlSceneRenderer::drawBackground(const SceneFrame& frame) {
   glDisable(GL_DEPTH_TEST);
   glDisable(GL_BLEND);
+  if (frame.transparent || frame.normals) {
+    glClearColor(0.0f, 0.0f, 0.0f, 0.0f);
+    return glClear(GL_COLOR_BUFFER_BIT);
+  }
   glUseProgram(*background_program_);
   setUniform(background_program_, "top", linearColor(frame.background_top));
   setUniform(background_program_, "bottom", linearColor(frame.background_bottom));
@@ -314,6 +323,7 @@ void GlSceneRenderer::drawSurfaces(const View& view) {
   setUniform(program, "lattice_to_eye", glm::mat3(view.to_eye * frame.lattice.matrix));
   setUniform(program, "world_to_eye", glm::mat3(view.to_eye));
   setUniform(program, "eye_rest", glm::vec3(view.snapped.rest));
+  setUniform(program, "as_normals", static_cast<int>(frame.normals));
   setUniform(program, "headlight", static_cast<int>(frame.headlight));
   setUniform(program, "back_color", linearColor(frame.back_color));
   glBindVertexArray(frame.wireframe ? *empty_array_ : *surface_array_);
@@ -338,8 +348,8 @@ void GlSceneRenderer::drawSurfaces(const View& view) {
     drawChunks(view, program, surface, true);
     glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
     glDepthFunc(GL_EQUAL);
-    glEnable(GL_BLEND);
-    glBlendFunc(GL_SRC_ALPHA, GL_ONE_MINUS_SRC_ALPHA);
+    if (!frame.normals) glEnable(GL_BLEND);
+    glBlendFuncSeparate(GL_SRC_ALPHA, GL_ONE_MINUS_SRC_ALPHA, GL_ONE, GL_ONE_MINUS_SRC_ALPHA);
     drawChunks(view, program, surface, false);
     glDisable(GL_BLEND);
     glDepthFunc(GL_GREATER);
@@ -399,7 +409,8 @@ void GlSceneRenderer::drawSegments(const View& view) {
     addRibbon(view.frame, view.depth, view.range, segment, ribbon);
   glEnable(GL_DEPTH_TEST);
   glDepthMask(GL_FALSE);
-  drawRibbon(ribbon, kSegmentColor, kSegmentHalfWidth, 0.15f);
+  drawRibbon(ribbon, kSegmentColor, kSegmentHalfWidth * static_cast<float>(view.frame.pixel_scale),
+             0.15f);
   glDepthMask(GL_TRUE);
 }
 
@@ -420,11 +431,12 @@ void GlSceneRenderer::drawSphere(const View& view) {
     glDepthMask(GL_TRUE);
   }
   std::vector<glm::vec4> ribbon;
+  const float half_width = kFocusLineHalfWidth * static_cast<float>(frame.pixel_scale);
   for (const glm::vec3& place : outlineRibbon(*frame.sphere, frame.camera, frame.width,
-                                              frame.height, kFocusLineHalfWidth + kLineReach))
+                                              frame.height, half_width + kLineReach))
     ribbon.emplace_back(place, 0.0f);
   glDisable(GL_DEPTH_TEST);
-  drawRibbon(ribbon, kFocusColor, kFocusLineHalfWidth, 0.5f);
+  drawRibbon(ribbon, kFocusColor, half_width, 0.5f);
 }
 
 void GlSceneRenderer::drawRibbon(const std::vector<glm::vec4>& ribbon, const glm::vec3& color,
@@ -460,15 +472,35 @@ std::optional<double> GlSceneRenderer::distanceAt(const glm::dvec2& pixel) {
 
 Image GlSceneRenderer::picture() {
   const std::size_t row_floats = 3 * static_cast<std::size_t>(width_);
-  Image image{width_, height_, std::vector<float>(row_floats * static_cast<std::size_t>(height_))};
+  const std::size_t pixels = static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_);
+  Image image{width_, height_, std::vector<float>(3 * pixels)};
+  if (transparent_) image.alpha.resize(pixels);
   glBindFramebuffer(GL_READ_FRAMEBUFFER, *resolved_frame_);
   glPixelStorei(GL_PACK_ALIGNMENT, 1);
   // Row by row, because OpenGL counts them from the bottom.
   for (int y = 0; y < height_; ++y) {
     glReadPixels(0, height_ - 1 - y, width_, 1, GL_RGB, GL_FLOAT,
                  image.rgb.data() + static_cast<std::size_t>(y) * row_floats);
+    if (transparent_)
+      glReadPixels(0, height_ - 1 - y, width_, 1, GL_ALPHA, GL_FLOAT,
+                   image.alpha.data() + static_cast<std::size_t>(y) * row_floats / 3);
   }
   return image;
+}
+
+std::vector<float> GlSceneRenderer::distances() {
+  glBlitNamedFramebuffer(*sampled_frame_, *resolved_frame_, 0, 0, width_, height_, 0, 0, width_,
+                         height_, GL_DEPTH_BUFFER_BIT, GL_NEAREST);
+  glBindFramebuffer(GL_READ_FRAMEBUFFER, *resolved_frame_);
+  const auto row = static_cast<std::size_t>(width_);
+  std::vector<float> distances(row * static_cast<std::size_t>(height_));
+  for (int y = 0; y < height_; ++y)
+    glReadPixels(0, height_ - 1 - y, width_, 1, GL_DEPTH_COMPONENT, GL_FLOAT,
+                 distances.data() + static_cast<std::size_t>(y) * row);
+  for (float& value : distances)
+    value = value > 0.0f ? static_cast<float>(depth_.distanceAt(value))
+                         : std::numeric_limits<float>::infinity();
+  return distances;
 }
 
 void GlSceneRenderer::present(GLuint framebuffer) {

@@ -28,13 +28,13 @@ class GlSceneRenderer : public SceneRenderer {
   void draw(const SceneFrame& frame) override;
   std::optional<double> distanceAt(const glm::dvec2& pixel) override;
   Image picture() override;
+  std::vector<float> distances() override;
 
   // The frame drawn last, as sRGB, into a framebuffer of the context (0: its window), whose lower
   // left part of the frame's size is written.
   void present(GLuint framebuffer);
 
-  // Greatest width and height of a picture in pixels.
-  int greatestSize() const { return greatest_size_; }
+  int greatestSize() const override { return greatest_size_; }
   // What draws, for logs: for instance "llvmpipe (LLVM 15.0.6, 256 bits)".
   const std::string& deviceName() const { return device_name_; }
 
@@ -69,6 +69,7 @@ class GlSceneRenderer : public SceneRenderer {
   int samples_ = 1;
   int width_ = 0, height_ = 0;  // of the framebuffers
   DepthProjection depth_;       // of the frame drawn last
+  bool transparent_ = false;    // likewise
 
   GlProgram surface_program_, wire_program_, background_program_, line_program_, slice_program_,
       sphere_program_, screen_program_;

@@ -37,6 +37,8 @@ class NullRenderer : public SceneRenderer {
   // What tests want to be hit.
   std::optional<double> distanceAt(const glm::dvec2&) override { return distance; }
   Image picture() override { return {}; }
+  std::vector<float> distances() override { return {}; }
+  int greatestSize() const override { return 16384; }
 
   std::optional<double> distance;
 

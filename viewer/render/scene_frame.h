@@ -68,6 +68,10 @@ struct SceneFrame {
   std::optional<SphereOutline> sphere;  // its outline, over everything
   bool fill_sphere = false;             // and its inside, translucent
 
+  double pixel_scale = 1.0;  // of the width of lines
+  bool transparent = false;  // there is no background: colours are premultiplied with alpha
+  bool normals = false;      // in place of colours those of the surfaces, world, and nothing else
+
   // sRGB.
   glm::vec3 back_color{0.46f, 0.20f, 0.13f};
   glm::vec3 background_top{0.36f, 0.38f, 0.41f};

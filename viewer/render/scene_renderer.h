@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <glm/vec2.hpp>
 #include <optional>
+#include <vector>
 
 #include "isobrick/viewer/image.h"
 #include "isobrick/viewer/render/scene_frame.h"
@@ -30,7 +31,13 @@ class SceneRenderer {
   // Of the frame that was drawn last: how far along the camera's forward axis the surface under a
   // pixel (from the top left) lies; none where there is only background.
   virtual std::optional<double> distanceAt(const glm::dvec2& pixel) = 0;
+  // Its colours; with alpha where it was transparent.
   virtual Image picture() = 0;
+  // How far along the camera's forward axis what is seen at each pixel lies, rows from top to
+  // bottom; infinity where there is only background.
+  virtual std::vector<float> distances() = 0;
+  // Greatest width and height of a frame in pixels.
+  virtual int greatestSize() const = 0;
 };
 
 }  // namespace isobrick

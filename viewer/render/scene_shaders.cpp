@@ -69,6 +69,8 @@ in vec3 barycentric;
 #endif
 uniform bool orthographic;
 uniform bool headlight;
+uniform bool as_normals;
+uniform mat3 world_to_eye;
 uniform vec4 surface_color;
 uniform vec3 back_color;
 out vec4 color;
@@ -96,6 +98,10 @@ void main() {
   vec3 to_eye = orthographic ? vec3(0.0, 0.0, 1.0) : normalize(-eye_position);
   float length_of_normal = length(eye_normal);
   vec3 normal = length_of_normal > 1e-6 ? eye_normal / length_of_normal : to_eye;
+  if (as_normals) {
+    color = vec4(transpose(world_to_eye) * normal, 1.0);
+    return;
+  }
   // Back faces are lit as seen, whichever way their normals point; front faces with inward normals
   // stay dark, and are found out.
   if (!gl_FrontFacing && dot(normal, to_eye) < 0.0) normal = -normal;

@@ -20,7 +20,8 @@ namespace isobrick {
 // as SurfaceVertex and then three indices a triangle, and 3 vertices a triangle are drawn.
 // Uniforms: vec3 chunk_offset, eye_rest; mat3 lattice_to_eye, world_to_eye; vec4 projection (x and
 // y scale, depth scale and offset); bool orthographic, headlight; vec4 clip_planes[6] (eye
-// coordinates); int clip_count; vec4 surface_color; vec3 back_color; with `wireframe`
+// coordinates); int clip_count; vec4 surface_color; vec3 back_color; bool as_normals (the colour is
+// the normal, world); with `wireframe`
 // uint first_index (the place of the first index in the buffer, in 4 bytes).
 GlProgram makeSurfaceProgram(bool wireframe);
 

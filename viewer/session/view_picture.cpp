@@ -13,7 +13,7 @@
 namespace isobrick {
 
 ViewPicture drawView(std::shared_ptr<const Pyramid> pyramid, const ViewState& state, int width,
-                     int height, int threads, const CancelFlag& cancel) {
+                     int height, int threads, bool layers, const CancelFlag& cancel) {
   const EglContext context;
   const EglContext::CurrentScope current(context);
   GlSceneRenderer renderer;
@@ -38,8 +38,7 @@ ViewPicture drawView(std::shared_ptr<const Pyramid> pyramid, const ViewState& st
   } while (!session.settled());
   const SessionStatus status = session.status();
   if (!status.error.empty()) throw Error(status.error);
-  session.draw();
-  return {renderer.picture(), status.triangles, renderer.deviceName()};
+  return {session.picture(1, layers), status.triangles, renderer.deviceName()};
 }
 
 }  // namespace isobrick

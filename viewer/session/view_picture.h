@@ -19,9 +19,10 @@ struct ViewPicture {
 };
 
 // What `isobrick view` shows of this state when all is there, as fine as it gets: surfaces, slices,
-// caps. Width and height are pixels; `threads` of the extraction. Throws Error for a damaged brick,
-// sizes that cannot be drawn, and where no OpenGL context can be made; and Cancelled.
+// caps. Width and height are pixels; `threads` of the extraction; `layers`: with depth and normals.
+// Throws Error for a damaged brick, sizes that cannot be drawn, and where no OpenGL context can be
+// made; and Cancelled.
 ViewPicture drawView(std::shared_ptr<const Pyramid> pyramid, const ViewState& state, int width,
-                     int height, int threads, const CancelFlag& cancel);
+                     int height, int threads, bool layers, const CancelFlag& cancel);
 
 }  // namespace isobrick

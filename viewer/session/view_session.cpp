@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <glm/geometric.hpp>
 #include <utility>
 
 #include "isobrick/extract/extractor.h"
@@ -161,10 +162,7 @@ std::vector<SliceImage> ViewSession::samplePlanes(const std::vector<WantedPlane>
   return images;
 }
 
-bool ViewSession::draw() {
-  const int width = static_cast<int>(interaction_.size.x);
-  const int height = static_cast<int>(interaction_.size.y);
-  if (width < 1 || height < 1) return false;
+SceneFrame ViewSession::sceneNow(int width, int height) const {
   SceneFrame frame = sceneOf(state_, volume_, width, height);
   frame.chunks = surfaces_.shown();
   // Chunks of a surface that has just been removed are shown until the next pass.
@@ -172,8 +170,42 @@ bool ViewSession::draw() {
     if (plane.wanted.cap_of < static_cast<int>(frame.clip_planes.size()))
       frame.slices.push_back(sliceOf(plane.wanted, plane.image, state_, volume_));
   }
+  return frame;
+}
+
+bool ViewSession::draw() {
+  const int width = static_cast<int>(interaction_.size.x);
+  const int height = static_cast<int>(interaction_.size.y);
+  if (width < 1 || height < 1) return false;
+  SceneFrame frame = sceneNow(width, height);
+  frame.pixel_scale = interaction_.scale;
   renderer_.draw(frame);
   return true;
+}
+
+Image ViewSession::picture(int times, bool layers) {
+  const int width = std::max(1, static_cast<int>(interaction_.size.x));
+  const int height = std::max(1, static_cast<int>(interaction_.size.y));
+  const int factor = std::clamp(renderer_.greatestSize() / std::max(width, height), 1, times);
+  SceneFrame frame = sceneNow(factor * width, factor * height);
+  frame.pixel_scale = interaction_.scale * factor;
+  frame.transparent = state_.pictures.transparent;
+  renderer_.draw(frame);
+  Image image = renderer_.picture();
+  if (!layers) return image;
+  frame.normals = true;
+  frame.transparent = false;
+  renderer_.draw(frame);
+  image.normals = renderer_.picture().rgb;
+  // Samples of a pixel were averaged.
+  for (std::size_t i = 0; i + 2 < image.normals.size(); i += 3) {
+    glm::vec3 normal(image.normals[i], image.normals[i + 1], image.normals[i + 2]);
+    const float length = glm::length(normal);
+    for (glm::length_t c = 0; c < 3; ++c)
+      image.normals[i + static_cast<std::size_t>(c)] = length > 1e-3f ? normal[c] / length : 0.0f;
+  }
+  image.depth = renderer_.distances();
+  return image;
 }
 
 bool ViewSession::settled() const {

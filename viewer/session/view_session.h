@@ -59,6 +59,7 @@ class ViewSession {
   ViewState& state() { return state_; }
   const ViewState& state() const { return state_; }
   Interaction& interaction() { return interaction_; }
+  const Interaction& interaction() const { return interaction_; }
   const ViewVolume& volume() const { return volume_; }
   const ValueHistogram& histogram() const { return histogram_; }
   const Pyramid& pyramid() const { return *pyramid_; }
@@ -70,6 +71,11 @@ class ViewSession {
   void update(double seconds);
   // Draws what is there, with the size of the interaction; false where that is nothing.
   bool draw();
+
+  // What draw() shows as a picture, `times` as large along both sides, or as much as the renderer
+  // can; with `layers`, depth and normals too. Draws, so the next draw() makes the screen's anew.
+  // Throws Error where there is no memory for it.
+  Image picture(int times, bool layers);
 
   // How long the frame drawn last took, with showing it: what draws slowly gets less while hands
   // move.
@@ -99,6 +105,7 @@ class ViewSession {
     Query query;
     std::string path;
   };
+  SceneFrame sceneNow(int width, int height) const;
   void requestSurfaces(double seconds);
   void requestPasses(const std::vector<double>& radii, double seconds);
   void takeNews(const SurfaceSet::News& news);

@@ -35,7 +35,7 @@ struct OpenedVolume {
   ValueHistogram histogram;
 };
 
-// Opens without building; reads a coarse level. Throws Error.
+// Opens without building; reads the histogram. Throws Error.
 OpenedVolume openPyramid(const std::string& path, std::uint64_t memory_bytes);
 
 // One opening at a time: a newer one ends the one before. All members are for one thread and never

@@ -43,6 +43,12 @@ void drag(const glm::dvec2& pixels, const ViewVolume& volume, const Interaction&
     case Interaction::Drag::kZoom:
       zoomBy(std::exp(4.0 * pixels.y / interaction.size.y), volume, interaction, state);
       break;
+    case Interaction::Drag::kHandle: {
+      const auto pulled =
+          pullOf(*interaction.held_handle, state.camera, interaction.picture(), interaction.cursor);
+      if (pulled) pull(*interaction.held_handle, *pulled - interaction.first_pull, volume, state);
+      break;
+    }
     case Interaction::Drag::kNone:
     case Interaction::Drag::kPanel:
       break;
@@ -55,13 +61,31 @@ Interaction::Drag dragOf(const InputEvent& event) {
   return event.button == MouseButton::kMiddle ? Interaction::Drag::kPan : Interaction::Drag::kZoom;
 }
 
-void press(const InputEvent& event, double seconds, bool on_panel, Interaction& interaction,
-           Wishes& wishes) {
+// True where the hand took a handle or the cube.
+bool takeHold(const ViewVolume& volume, const ViewState& state, Interaction& interaction) {
+  const PictureSize picture = interaction.picture();
+  interaction.pressed_face = cubeFaceAt(cubeFacesOf(state.camera, picture), interaction.cursor);
+  if (interaction.pressed_face) return true;
+  const auto handle =
+      handleAt(handlesOf(state, volume, picture), interaction.cursor, interaction.scale);
+  if (!handle) return false;
+  const auto pulled = pullOf(*handle, state.camera, picture, interaction.cursor);
+  if (!pulled) return false;
+  interaction.drag = Interaction::Drag::kHandle;
+  interaction.held_handle = handle;
+  interaction.first_pull = *pulled;
+  return true;
+}
+
+void press(const InputEvent& event, double seconds, bool on_panel, const ViewVolume& volume,
+           const ViewState& state, Interaction& interaction, Wishes& wishes) {
   if (interaction.drag != Interaction::Drag::kNone) return;  // another button goes on
   interaction.drag = on_panel ? Interaction::Drag::kPanel : dragOf(event);
   interaction.drag_button = event.button;
-  interaction.moved = false;
+  interaction.pressed_at = interaction.cursor;
+  interaction.pressed_face.reset();
   if (on_panel || event.button != MouseButton::kLeft || event.shift) return;
+  if (takeHold(volume, state, interaction)) return;
   const bool quick =
       seconds - interaction.last_click_seconds <= kDoubleClickSeconds &&
       glm::distance(interaction.cursor, interaction.last_click) <= kDoubleClickPixels;
@@ -69,6 +93,15 @@ void press(const InputEvent& event, double seconds, bool on_panel, Interaction& 
   if (again) wishes.focus_at = interaction.cursor;
   interaction.last_click_seconds = again ? -1e9 : seconds;
   interaction.last_click = interaction.cursor;
+}
+
+void release(const InputEvent& event, Interaction& interaction, ViewState& state) {
+  if (event.button != interaction.drag_button) return;
+  interaction.drag = Interaction::Drag::kNone;
+  if (interaction.pressed_face &&
+      glm::distance(interaction.cursor, interaction.pressed_at) <= kDoubleClickPixels)
+    state.camera = alongAxis(state.camera, *interaction.pressed_face);
+  interaction.pressed_face.reset();
 }
 
 void wheel(const InputEvent& event, const ViewVolume& volume, const Interaction& interaction,
@@ -163,6 +196,12 @@ void plainKey(const InputEvent& event, const ViewVolume& volume, Interaction& in
     case Key::kS:
       toggle(state.focus.show_sphere);
       break;
+    case Key::kT:
+      toggle(state.show_handles);
+      break;
+    case Key::kV:
+      toggle(state.focus.follow_view);
+      break;
     case Key::kX:
     case Key::kY:
     case Key::kZ:
@@ -176,7 +215,7 @@ void plainKey(const InputEvent& event, const ViewVolume& volume, Interaction& in
       break;
     case Key::kP:
     case Key::kF12:
-      wishes.screenshot = true;
+      (event.shift ? wishes.screenshot_exr : wishes.screenshot) = true;
       break;
     case Key::kM:
       wishes.export_mesh = true;
@@ -210,15 +249,14 @@ Wishes applyEvent(const InputEvent& event, double seconds, bool on_panel, const 
       const glm::dvec2 to(event.x, event.y);
       const glm::dvec2 by = to - interaction.cursor;
       interaction.cursor = to;
-      interaction.moved = interaction.moved || by != glm::dvec2(0.0);
       drag(by, volume, interaction, state);
       break;
     }
     case InputEvent::Kind::kPress:
-      press(event, seconds, on_panel, interaction, wishes);
+      press(event, seconds, on_panel, volume, state, interaction, wishes);
       break;
     case InputEvent::Kind::kRelease:
-      if (event.button == interaction.drag_button) interaction.drag = Interaction::Drag::kNone;
+      release(event, interaction, state);
       break;
     case InputEvent::Kind::kWheel:
       if (!on_panel) wheel(event, volume, interaction, state);
@@ -246,6 +284,7 @@ Wishes applyEvent(const InputEvent& event, double seconds, bool on_panel, const 
       wishes.open = event.path;
       break;
   }
+  if (state.focus.follow_view) state = bounded(state, volume);
   return wishes;
 }
 
@@ -254,6 +293,7 @@ void addWishes(const Wishes& more, Wishes& wishes) {
   if (more.focus_at) wishes.focus_at = more.focus_at;
   if (more.open) wishes.open = more.open;
   join(more.screenshot, wishes.screenshot);
+  join(more.screenshot_exr, wishes.screenshot_exr);
   join(more.save_state, wishes.save_state);
   join(more.load_state, wishes.load_state);
   join(more.export_mesh, wishes.export_mesh);
@@ -271,6 +311,7 @@ void advanceFlight(double seconds, const ViewVolume& volume, const Interaction& 
   if (direction == glm::dvec3(0.0)) return;
   constexpr double kVolumesPerSecond = 0.2;
   state.camera = flown(state.camera, direction * (kVolumesPerSecond * sizeOf(volume) * seconds));
+  if (state.focus.follow_view) state = bounded(state, volume);
 }
 
 void focusOn(const glm::dvec3& world, const ViewVolume& volume, ViewState& state) {

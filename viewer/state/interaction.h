@@ -7,19 +7,24 @@
 #include <string>
 
 #include "isobrick/viewer/state/input_event.h"
+#include "isobrick/viewer/state/scene_handles.h"
 #include "isobrick/viewer/state/view_state.h"
 
 namespace isobrick {
 
 // What lasts from event to event, and belongs to no saved view.
 struct Interaction {
-  enum class Drag { kNone, kTurn, kPan, kZoom, kPanel };
+  enum class Drag { kNone, kTurn, kPan, kZoom, kHandle, kPanel };
 
   glm::dvec2 size{1.0, 1.0};  // of the picture, pixels; 0 while there is none
   glm::dvec2 cursor{0.0};     // pixels
+  double scale = 1.0;         // pixels of this screen that are one of an ordinary one
   Drag drag = Drag::kNone;
   MouseButton drag_button = MouseButton::kLeft;
-  bool moved = false;  // since the button went down
+  glm::dvec2 pressed_at{0.0};            // pixels, where the button went down
+  std::optional<AxisView> pressed_face;  // of the cube
+  std::optional<SceneHandle> held_handle;
+  double first_pull = 0.0;  // of it, world units
   double last_click_seconds = -1e9;
   glm::dvec2 last_click{0.0};
   bool flying = false;
@@ -28,6 +33,7 @@ struct Interaction {
   bool show_panel = true;
 
   double aspect() const { return size.x > 0.0 && size.y > 0.0 ? size.x / size.y : 1.0; }
+  PictureSize picture() const { return {size, scale}; }
   // Pixels to normalised device coordinates.
   glm::dvec2 toPicture(const glm::dvec2& pixel) const;
 };
@@ -36,6 +42,7 @@ struct Interaction {
 struct Wishes {
   std::optional<glm::dvec2> focus_at;  // the surface under this pixel becomes focus and pivot
   bool screenshot = false;
+  bool screenshot_exr = false;  // with depth and normals
   bool save_state = false;
   bool load_state = false;
   bool export_mesh = false;
@@ -84,6 +91,10 @@ inline constexpr KeyHelp kKeyHelp[] = {
     {"F", "see all of it"},
     {"keypad 1, 3, 7", "from the front, the right, the top; with Ctrl from behind"},
     {"keypad 5 or O", "orthographic or perspective"},
+    {"arrows in the scene", "drag the focus, or a clip plane"},
+    {"cube", "from that side; drag it to turn"},
+    {"T", "the arrows on and off"},
+    {"V", "the focus follows the view, or stays"},
     {"G", "fly: W A S D E Q; the mouse looks around; Esc or G ends it"},
     {"W", "wireframe"},
     {"C", "colour by level"},
@@ -92,7 +103,7 @@ inline constexpr KeyHelp kKeyHelp[] = {
     {"S", "the sphere of interest"},
     {"X, Y, Z", "a clip plane across that axis through the focus, on and off"},
     {"I", "turn the last clip plane round"},
-    {"P or F12", "write a picture"},
+    {"P or F12", "write a picture; with Shift as EXR, with depth and normals"},
     {"M", "write the mesh"},
     {"N", "open another volume; so does dropping one on the window"},
     {"Ctrl+S, Ctrl+O", "write the view, read it again"},

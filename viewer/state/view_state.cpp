@@ -46,8 +46,11 @@ ViewState bounded(const ViewState& state, const ViewVolume& volume) {
     surface.isovalue = std::clamp(surface.isovalue, volume.least_value, volume.greatest_value);
     surface.opacity = std::clamp(surface.opacity, 0.0, 1.0);
   }
+  if (result.focus.follow_view)
+    result.focus.center = volume.geometry.worldToIndex(result.camera.pivot);
   result.focus.center = glm::clamp(result.focus.center, glm::dvec3(0.0), last);
   result.focus.radius = std::clamp(result.focus.radius, 1.0, volume.diagonal());
+  result.pictures.times = std::clamp(result.pictures.times, 1, 16);
   if (result.view_pixels) result.view_pixels = std::clamp(*result.view_pixels, 0.1, 1000.0);
   if (result.tolerance) result.tolerance = std::max(*result.tolerance, 0.0);
   if (result.clip_planes.size() > kMostClipPlanes) result.clip_planes.resize(kMostClipPlanes);

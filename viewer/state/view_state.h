@@ -28,6 +28,7 @@ struct ViewFocus {
   double radius = 32.0;     // voxels, > 0
   bool everywhere = false;  // the finest level everywhere; the centre only says where it begins
   bool show_sphere = true;
+  bool follow_view = false;  // the centre is what the camera turns about
 
   bool operator==(const ViewFocus&) const = default;
 };
@@ -51,6 +52,14 @@ struct ViewSlice {
   bool operator==(const ViewSlice&) const = default;
 };
 
+// What pictures of the view are like, beside the window.
+struct ViewPictures {
+  bool transparent = false;  // no background
+  int times = 1;             // as many pixels as the window, along both sides; 1 .. 16
+
+  bool operator==(const ViewPictures&) const = default;
+};
+
 enum class ViewColoring { kPlain, kLevel };
 enum class ViewLighting { kThreeLights, kHeadlight };
 
@@ -68,8 +77,10 @@ struct ViewState {
                                      1.0};  // data units that caps and slices show black, white
   ViewColoring coloring = ViewColoring::kPlain;
   ViewLighting lighting = ViewLighting::kThreeLights;
+  ViewPictures pictures;
   bool wireframe = false;
   bool show_box = true;
+  bool show_handles = true;  // arrows at focus and clip planes, in the window alone
   glm::vec3 background_top{0.36f, 0.38f, 0.41f};
   glm::vec3 background_bottom{0.16f, 0.17f, 0.19f};
 
@@ -92,7 +103,8 @@ struct ViewVolume {
 // The view that a volume opens with: framed from the front, the focus in its middle.
 ViewState firstView(const ViewVolume& volume, double aspect);
 
-// `state` with every number in its range: what hands and files bring in.
+// `state` with every number in its range, and the focus where it follows the view: what hands and
+// files bring in.
 ViewState bounded(const ViewState& state, const ViewVolume& volume);
 
 // Surfaces with isovalue `isovalue` within the radius `radius`; beyond the volume's diagonal, or

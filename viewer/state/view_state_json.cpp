@@ -44,11 +44,12 @@ void forEachField(T& value, F&& f) {
 template <typename T, typename F>
 requires std::is_same_v<std::remove_const_t<T>, ViewFocus>
 void forEachField(T& value, F&& f) {
-  auto& [center, radius, everywhere, show_sphere] = value;
+  auto& [center, radius, everywhere, show_sphere, follow_view] = value;
   f("center", center);
   f("radius", radius);
   f("everywhere", everywhere);
   f("show_sphere", show_sphere);
+  f("follow_view", follow_view);
 }
 
 template <typename T, typename F>
@@ -70,11 +71,19 @@ void forEachField(T& value, F&& f) {
 }
 
 template <typename T, typename F>
+requires std::is_same_v<std::remove_const_t<T>, ViewPictures>
+void forEachField(T& value, F&& f) {
+  auto& [transparent, times] = value;
+  f("transparent", transparent);
+  f("times", times);
+}
+
+template <typename T, typename F>
 requires std::is_same_v<std::remove_const_t<T>, ViewState>
 void forEachField(T& value, F&& f) {
   auto& [camera, surfaces, active_surface, focus, curvature_tolerance, tolerance, view_pixels,
-         clip_planes, slices, value_window, coloring, lighting, wireframe, show_box, background_top,
-         background_bottom] = value;
+         clip_planes, slices, value_window, coloring, lighting, pictures, wireframe, show_box,
+         show_handles, background_top, background_bottom] = value;
   f("camera", camera);
   f("surfaces", surfaces);
   f("active_surface", active_surface);
@@ -87,8 +96,10 @@ void forEachField(T& value, F&& f) {
   f("value_window", value_window);
   f("coloring", coloring);
   f("lighting", lighting);
+  f("pictures", pictures);
   f("wireframe", wireframe);
   f("show_box", show_box);
+  f("show_handles", show_handles);
   f("background_top", background_top);
   f("background_bottom", background_bottom);
 }
@@ -224,6 +235,8 @@ void checkRanges(const ViewState& state) {
     refuse("curvature_tolerance", "is below 0");
   if (state.tolerance && *state.tolerance < 0.0) refuse("tolerance", "is below 0");
   if (state.view_pixels && !(*state.view_pixels > 0.0)) refuse("view_pixels", "is not above 0");
+  if (state.pictures.times < 1 || state.pictures.times > 16)
+    refuse("pictures.times", "is not from 1 to 16");
   if (state.clip_planes.size() > kMostClipPlanes) refuse("clip_planes", "has more than 6 elements");
 }
 

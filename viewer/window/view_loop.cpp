@@ -187,6 +187,7 @@ class ViewLoop {
         std::move(opened.file), std::move(opened.histogram), target_->renderer(),
         SessionOptions{options_.threads, options_.gpu_budget_bytes});
     session_->interaction().show_panel = with_panel;
+    session_->interaction().scale = target_->scale();
     stem_ = fs::path(opened.pyramid).stem().string();
     if (options_.state_path.empty()) state_path_ = stem_ + ".view.json";
     target_->setTitle(shownName(fs::path(opened.pyramid).filename().string()) + " - isobrick");
@@ -317,11 +318,8 @@ class ViewLoop {
   // What fails is said in the window, and the rest goes on.
   void grant(const Wishes& wishes) {
     try {
-      if (wishes.screenshot) {
-        const std::string name = freeName(stem_, ".png");
-        writeImage(name, target_->renderer().picture());
-        message_ = "wrote " + name;
-      }
+      if (wishes.screenshot) writePicture(freeName(stem_, ".png"));
+      if (wishes.screenshot_exr) writePicture(freeName(stem_, ".exr"));
       if (!session_) return;
       if (wishes.export_mesh) session_->exportMesh(freeName(stem_, ".ply"));
       if (wishes.save_state) {
@@ -337,6 +335,16 @@ class ViewLoop {
     }
   }
 
+  // The scene without panels. It is drawn anew, so the screen's is, too, before it is shown.
+  void writePicture(const std::string& path) {
+    const ImageFormat format = imageFormatOf(path);
+    writeImage(path, session_
+                         ? session_->picture(state().pictures.times, format == ImageFormat::kExr)
+                         : target_->renderer().picture());
+    if (session_) session_->draw();
+    message_ = "wrote " + path;
+  }
+
   void writeScripted(const ScriptFile& file, bool drawn) {
     const std::string path = (fs::path(options_.frames_folder) / file.name).string();
     switch (file.what) {
@@ -344,7 +352,7 @@ class ViewLoop {
         if (drawn) writeImage(path, readScreen(target_->framebuffer(), width_, height_));
         break;
       case ScriptFile::What::kPicture:
-        if (drawn) writeImage(path, target_->renderer().picture());
+        if (drawn) writePicture(path);
         break;
       case ScriptFile::What::kMesh:
         if (session_) session_->exportMesh(path);

@@ -36,6 +36,24 @@ std::string megabytes(std::uint64_t bytes) {
   return text("%.1f MiB", static_cast<double>(bytes) / (1 << 20));
 }
 
+const char* nameOf(AxisView view) {
+  switch (view) {
+    case AxisView::kFront:
+      return "-y";
+    case AxisView::kBack:
+      return "+y";
+    case AxisView::kRight:
+      return "+x";
+    case AxisView::kLeft:
+      return "-x";
+    case AxisView::kTop:
+      return "+z";
+    case AxisView::kBottom:
+      return "-z";
+  }
+  return "";
+}
+
 // 1, 2 or 5 times a power of ten, at most `most`.
 double roundLength(double most) {
   const double power = std::pow(10.0, std::floor(std::log10(most)));
@@ -147,7 +165,7 @@ Wishes ViewPanel::all(ViewSession& session, const PanelFacts& facts) {
   clipPlanes(session);
   slices(session);
   look(session);
-  const Wishes wishes = files();
+  const Wishes wishes = files(session.state().pictures);
   statistics(session, facts);
   ImGui::PopItemWidth();
   return wishes;
@@ -178,6 +196,8 @@ Wishes ViewPanel::build(ViewSession* session, const PanelFacts& facts) {
   addWishes(open_panel_.build(scale_, facts.recent), wishes);
   if (session == nullptr) return wishes;
   scaleBar(*session);
+  axisCube(*session);
+  if (session->interaction().drag != Interaction::Drag::kPanel) handles(*session);
   if (session->interaction().show_help) help(*session);
   return wishes;
 }
@@ -266,6 +286,28 @@ void ViewPanel::focus(ViewSession& session) {
     sliderOf(names[static_cast<std::size_t>(axis)], state.focus.center[axis], 0.0,
              static_cast<double>(session.volume().voxels[axis] - 1), "%.0f");
   ImGui::Checkbox("sphere", &state.focus.show_sphere);
+  ImGui::SameLine();
+  ImGui::Checkbox("follow the view", &state.focus.follow_view);
+}
+
+// In units of the data, over multiples of the noise where that is known.
+void ViewPanel::tolerance(double& value, double sigma, double span) {
+  if (!(sigma > 0.0)) {
+    sliderOf("of the data", value, 0.0, 0.2 * span, "%.4g", ImGuiSliderFlags_Logarithmic);
+    return;
+  }
+  constexpr int kMostSigmas = 6;
+  sliderOf("of the data", value, 0.0, kMostSigmas * sigma, "%.4g");
+  // The grab's middle goes from half its width to half its width before the end.
+  const ImVec2 lower = ImGui::GetItemRectMin(), upper = ImGui::GetItemRectMax();
+  const float rim = 2.0f + 0.5f * ImGui::GetStyle().GrabMinSize;
+  for (int i = 1; i < kMostSigmas; ++i) {
+    const float share = static_cast<float>(i) / kMostSigmas;
+    const float x = lower.x + rim + share * (upper.x - lower.x - 2.0f * rim);
+    ImGui::GetWindowDrawList()->AddLine({x, upper.y - 5.0f * static_cast<float>(scale_)},
+                                        {x, upper.y}, IM_COL32(255, 237, 158, 255));
+  }
+  ImGui::Text("%.2f sigma; a mark each, sigma is %.4g", value / sigma, sigma);
 }
 
 // What may stay coarse, by the oracles.
@@ -281,9 +323,10 @@ void ViewPanel::detail(ViewSession& session) {
     return on;
   };
   const double span = session.histogram().greatest - session.histogram().least;
-  if (optional("where the value is off by at most", state.tolerance, 0.01 * span))
-    sliderOf("of the data", *state.tolerance, 0.0, 0.2 * span, "%.4g",
-             ImGuiSliderFlags_Logarithmic);
+  const double sigma = session.pyramid().noise();
+  if (optional("where the value is off by at most", state.tolerance,
+               sigma > 0.0 ? sigma : 0.01 * span))
+    tolerance(*state.tolerance, sigma, span);
   if (optional("where cells are this small", state.view_pixels, 2.0))
     sliderOf("on the screen", *state.view_pixels, 0.5, 50.0, "%.1f pixels",
              ImGuiSliderFlags_Logarithmic);
@@ -380,6 +423,8 @@ void ViewPanel::look(ViewSession& session) {
     state.lighting = headlight ? ViewLighting::kHeadlight : ViewLighting::kThreeLights;
   ImGui::SameLine();
   ImGui::Checkbox("box", &state.show_box);
+  ImGui::SameLine();
+  ImGui::Checkbox("arrows", &state.show_handles);
   ImGui::Checkbox("orthographic", &state.camera.orthographic);
   sliderOf("field of view", state.camera.vertical_fov, 10.0, 90.0, "%.0f degrees");
   ImGui::ColorEdit3("above", &state.background_top.r, ImGuiColorEditFlags_NoInputs);
@@ -387,18 +432,23 @@ void ViewPanel::look(ViewSession& session) {
   ImGui::ColorEdit3("below", &state.background_bottom.r, ImGuiColorEditFlags_NoInputs);
 }
 
-Wishes ViewPanel::files() {
+Wishes ViewPanel::files(ViewPictures& pictures) {
   Wishes wishes;
   if (!ImGui::CollapsingHeader("files")) return wishes;
   wishes.browse = ImGui::SmallButton("open");
   ImGui::SameLine();
   wishes.screenshot = ImGui::SmallButton("picture");
   ImGui::SameLine();
+  wishes.screenshot_exr = ImGui::SmallButton("EXR");
+  ImGui::SameLine();
   wishes.export_mesh = ImGui::SmallButton("mesh");
   ImGui::SameLine();
   wishes.save_state = ImGui::SmallButton("save view");
   ImGui::SameLine();
   wishes.load_state = ImGui::SmallButton("load view");
+  ImGui::Checkbox("transparent", &pictures.transparent);
+  ImGui::SameLine();
+  ImGui::SliderInt("x window", &pictures.times, 1, 8);
   return wishes;
 }
 
@@ -549,6 +599,64 @@ void ViewPanel::scaleBar(const ViewSession& session) {
   for (const float x : {end.x - pixels, end.x})
     list.AddLine({x, end.y - 4.0f * scale}, {x, end.y + 4.0f * scale}, white, 2.0f * scale);
   list.AddText({end.x - pixels, end.y - 20.0f * scale}, white, text("%g", length).c_str());
+}
+
+// Sides of the world's axes; a click looks from there.
+void ViewPanel::axisCube(const ViewSession& session) {
+  const Interaction& interaction = session.interaction();
+  const std::vector<CubeFace> faces = cubeFacesOf(session.state().camera, interaction.picture());
+  const auto hovered = wantsMouse() ? std::nullopt : cubeFaceAt(faces, interaction.cursor);
+  ImDrawList& list = *ImGui::GetBackgroundDrawList();
+  const auto place = [](const glm::dvec2& p) {
+    return ImVec2(static_cast<float>(p.x), static_cast<float>(p.y));
+  };
+  for (const CubeFace& face : faces) {
+    const int grey = static_cast<int>(70.0 + 90.0 * face.toward);
+    const bool lit = hovered == face.view;
+    const ImVec2 a = place(face.corners[0]), b = place(face.corners[1]), c = place(face.corners[2]),
+                 d = place(face.corners[3]);
+    list.AddQuadFilled(a, b, c, d,
+                       lit ? IM_COL32(200, 180, 110, 230) : IM_COL32(grey, grey, grey, 230));
+    list.AddQuad(a, b, c, d, IM_COL32(20, 22, 26, 255));
+    if (face.toward < 0.3) continue;
+    const char* const name = nameOf(face.view);
+    const ImVec2 size = ImGui::CalcTextSize(name);
+    list.AddText({0.5f * (a.x + c.x - size.x), 0.5f * (a.y + c.y - size.y)},
+                 IM_COL32(255, 255, 255, 255), name);
+  }
+}
+
+void ViewPanel::handles(const ViewSession& session) {
+  const Interaction& interaction = session.interaction();
+  if (interaction.flying) return;
+  const std::vector<SceneHandle> all =
+      handlesOf(session.state(), session.volume(), interaction.picture());
+  const bool holds = interaction.drag == Interaction::Drag::kHandle;
+  const auto under =
+      wantsMouse() ? std::nullopt : handleAt(all, interaction.cursor, interaction.scale);
+  ImDrawList& list = *ImGui::GetBackgroundDrawList();
+  const auto scale = static_cast<float>(scale_);
+  constexpr std::array<ImU32, 3> kAxisColors{
+      IM_COL32(230, 90, 80, 255), IM_COL32(110, 200, 90, 255), IM_COL32(90, 140, 240, 255)};
+  for (const SceneHandle& handle : all) {
+    const SceneHandle* const lit = holds ? &*interaction.held_handle : under ? &*under : nullptr;
+    const bool is_lit = lit != nullptr && lit->kind == handle.kind && lit->number == handle.number;
+    const bool of_focus = handle.kind == SceneHandle::Kind::kFocus;
+    const ImU32 color = is_lit     ? IM_COL32(255, 237, 158, 255)
+                        : of_focus ? kAxisColors[static_cast<std::size_t>(handle.number)]
+                                   : IM_COL32(220, 220, 225, 255);
+    const ImVec2 foot(static_cast<float>(handle.foot_pixel.x),
+                      static_cast<float>(handle.foot_pixel.y));
+    const ImVec2 tip(static_cast<float>(handle.tip.x), static_cast<float>(handle.tip.y));
+    list.AddLine(foot, tip, IM_COL32(0, 0, 0, 160), 4.0f * scale);
+    list.AddLine(foot, tip, color, 2.0f * scale);
+    if (of_focus) {
+      list.AddCircleFilled(tip, 5.0f * scale, color);
+    } else {
+      const float half = 5.0f * scale;
+      list.AddRectFilled({tip.x - half, tip.y - half}, {tip.x + half, tip.y + half}, color);
+    }
+  }
 }
 
 void ViewPanel::help(ViewSession& session) {

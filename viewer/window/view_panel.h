@@ -56,17 +56,20 @@ class ViewPanel {
   void surfaces(ViewSession& session);
   void focus(ViewSession& session);
   void detail(ViewSession& session);
+  void tolerance(double& value, double sigma, double span);
   void clipPlanes(ViewSession& session);
   void slices(ViewSession& session);
   void look(ViewSession& session);
   Wishes all(ViewSession& session, const PanelFacts& facts);
-  Wishes files();
+  Wishes files(ViewPictures& pictures);
   void statistics(const ViewSession& session, const PanelFacts& facts);
   Wishes statusLine(ViewSession* session, const PanelFacts& facts);
   Wishes openingLine(const PanelFacts& facts);
   Wishes openingError(const PanelFacts& facts);
   void sessionLine(ViewSession& session, const PanelFacts& facts);
   void scaleBar(const ViewSession& session);
+  void axisCube(const ViewSession& session);
+  void handles(const ViewSession& session);
   void help(ViewSession& session);
 
   double scale_;

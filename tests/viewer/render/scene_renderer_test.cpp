@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <glm/geometric.hpp>
 #include <limits>
 #include <memory>
 
@@ -164,6 +165,57 @@ TEST_F(SceneRendererTest, TheSphereIsATranslucentBall) {
   EXPECT_FALSE(isBlack(inside));
   EXPECT_LT(inside.r, 0.3f);
   EXPECT_TRUE(isBlack(seen(4, 4)));
+}
+
+// What is over nothing has the colour that it has over black, premultiplied.
+TEST_F(SceneRendererTest, WithoutABackgroundThereIsAlpha) {
+  frame_.chunks = {renderer_->upload(squareAt(0.0, 1.0, 0)),
+                   renderer_->upload(squareAt(-1.0, 0.4, 1))};
+  frame_.surfaces[1].opacity = 0.25;
+  frame_.sphere = SphereOutline{{0.0, 0.0, 0.0}, 1.5};
+  frame_.background_top = frame_.background_bottom = glm::vec3(0.0f);
+  renderer_->draw(frame_);
+  const Image over_black = renderer_->picture();
+  EXPECT_TRUE(over_black.alpha.empty());
+  frame_.transparent = true;
+  frame_.background_top = frame_.background_bottom = glm::vec3(1.0f);  // does not count
+  renderer_->draw(frame_);
+  const Image image = renderer_->picture();
+  ASSERT_EQ(image.alpha.size(), 64u * 64u);
+  for (std::size_t i = 0; i < image.rgb.size(); ++i)
+    ASSERT_NEAR(image.rgb[i], over_black.rgb[i], 2e-3f) << i;
+  const auto alphaAt = [&](std::size_t x, std::size_t y) { return image.alpha[64 * y + x]; };
+  EXPECT_EQ(alphaAt(2, 2), 0.0f);
+  EXPECT_NEAR(alphaAt(44, 32), 1.0f, 1e-3f);
+  EXPECT_NEAR(alphaAt(32, 32), 1.0f, 1e-3f);  // translucent over opaque
+  frame_.chunks.erase(frame_.chunks.begin());
+  frame_.sphere.reset();
+  renderer_->draw(frame_);
+  EXPECT_NEAR(renderer_->picture().alpha[64 * 32 + 32], 0.25f, 1e-3f);
+}
+
+TEST_F(SceneRendererTest, NormalsAndDistancesAreThoseOfTheSurface) {
+  frame_.chunks = {renderer_->upload(squareAt(3.0, 1.0, 0))};
+  frame_.surfaces[0].opacity = 0.5;
+  frame_.segments = {{{-1.5, -1.0, 0.0}, {1.5, -1.0, 0.0}}};
+  frame_.normals = true;
+  // Seen from another side they stay those of the world.
+  for (const bool from_above : {false, true}) {
+    if (from_above) {
+      frame_.camera.eye = {0.0, -10.0, 10.0};
+      frame_.camera.forward = glm::normalize(glm::dvec3(0.0, 1.0, -0.8));
+      frame_.camera.up = glm::cross(frame_.camera.right, frame_.camera.forward);
+    }
+    const glm::vec3 normal = seen(32, 30);
+    EXPECT_NEAR(normal.x, 0.0f, 1e-3f);
+    EXPECT_NEAR(normal.y, -1.0f, 1e-3f);
+    EXPECT_NEAR(normal.z, 0.0f, 1e-3f);
+    EXPECT_TRUE(isBlack(seen(2, 2)));
+    const std::vector<float> distances = renderer_->distances();
+    ASSERT_EQ(distances.size(), 64u * 64u);
+    EXPECT_NEAR(distances[64 * 30 + 32], renderer_->distanceAt({32.0, 30.0}).value(), 1e-4);
+    EXPECT_EQ(distances[64 * 2 + 2], std::numeric_limits<float>::infinity());
+  }
 }
 
 }  // namespace

@@ -19,7 +19,7 @@ ViewState fullState() {
   state.surfaces = {{512.5, {0.1f, 0.2f, 0.3f}, 0.25, false},
                     {-3.0, {0.91f, 0.8f, 0.7f}, 0.5, false}};
   state.active_surface = 1;
-  state.focus = {{10.0, 20.5, 30.0}, 77.7, true, false};
+  state.focus = {{10.0, 20.5, 30.0}, 77.7, true, false, true};
   state.curvature_tolerance = 0.125;
   state.tolerance = 12.5;
   state.view_pixels = 1.5;
@@ -28,8 +28,10 @@ ViewState fullState() {
   state.value_window = {-100.0, 1500.0};
   state.coloring = ViewColoring::kLevel;
   state.lighting = ViewLighting::kHeadlight;
+  state.pictures = {true, 3};
   state.wireframe = true;
   state.show_box = false;
+  state.show_handles = false;
   state.background_top = {0.11f, 0.12f, 0.13f};
   state.background_bottom = {0.21f, 0.22f, 0.23f};
   return state;
@@ -128,6 +130,7 @@ TEST(ViewStateTest, BoundsPutEverythingIntoTheVolume) {
   ViewState wild = fullState();
   wild.surfaces.clear();
   wild.active_surface = 17;
+  wild.focus.follow_view = false;
   wild.focus.center = {-5.0, 1e9, 7.0};
   wild.focus.radius = 1e9;
   wild.clip_planes.assign(9, ViewClipPlane{{0.0, 0.0, 5.0}, 0.0, true, true});
