@@ -89,12 +89,14 @@ void ViewSession::requestSurfaces(double seconds) {
   const double wanted = wantedRadius(state_, volume_);
   const bool first = !requested_;
   if (first || !asksForTheSame(*requested_, state_)) {
+    const double age = request_times_.empty() ? 0.0 : seconds - request_times_.begin()->second;
     requested_ = state_;
     last_change_ = seconds;
     over_budget_ = false;
     asked_for_all_ = first;
-    requestPasses(first ? passRadii(quality_.radius, wanted)
-                        : std::vector<double>{std::min(quality_.radius, wanted)},
+    requestPasses(first
+                      ? passRadii(quality_.radius, wanted)
+                      : std::vector<double>{std::min(hurriedRadius(quality_.radius, age), wanted)},
                   seconds);
   } else if (!asked_for_all_ && !over_budget_ && seconds - last_change_ >= kRestSeconds) {
     asked_for_all_ = true;

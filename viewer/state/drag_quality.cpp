@@ -40,6 +40,13 @@ DragQuality drawn(const DragQuality& quality, std::uint64_t triangles, double se
   return next;
 }
 
+double hurriedRadius(double radius, double age) {
+  constexpr double kUnhurriedSeconds = 0.1;
+  constexpr double kLeastShare = 0.25;  // a sixteenth of the surface
+  const double share = std::clamp(kUnhurriedSeconds / std::max(age, 1e-9), kLeastShare, 1.0);
+  return std::max(kLeastRadius, share * radius);
+}
+
 std::vector<double> passRadii(double quick, double wanted) {
   std::vector<double> radii;
   for (double radius = std::min(std::max(quick, kLeastRadius), wanted); radius < wanted;

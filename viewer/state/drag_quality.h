@@ -28,6 +28,12 @@ DragQuality measured(const DragQuality& quality, double radius, std::uint64_t tr
 // cards draw them, say nothing; a rasteriser in software is as slow as an extraction.
 DragQuality drawn(const DragQuality& quality, std::uint64_t triangles, double seconds);
 
+// The radius for a hand that moves on, while what it sees has been `age` seconds behind what it
+// asked for. Where frames, or a surface that has suddenly grown, take longer than the stream is
+// patient, every extraction is given up for the next one, and none of them tells its rate; so each
+// gets smaller than the one before, until one is shown.
+double hurriedRadius(double radius, double age);
+
 // The radii of the passes at rest: from what is quick, each twice the last one, to `wanted`. Each
 // pass makes the whole surface anew, and the geometric growth keeps all of them together to about
 // a third more than the last one alone.

@@ -311,5 +311,13 @@ TEST_F(InteractionTest, WhatIsDroppedIsToBeOpened) {
   EXPECT_EQ(wishes.open, drop.path);
 }
 
+TEST(DragQualityTest, AHandThatSeesNothingNewGetsLess) {
+  EXPECT_EQ(hurriedRadius(80.0, 0.0), 80.0);
+  EXPECT_EQ(hurriedRadius(80.0, 0.1), 80.0);
+  EXPECT_EQ(hurriedRadius(80.0, 0.2), 40.0);
+  EXPECT_EQ(hurriedRadius(80.0, 5.0), 20.0);
+  EXPECT_EQ(hurriedRadius(10.0, 5.0), kLeastRadius);
+}
+
 }  // namespace
 }  // namespace isobrick
