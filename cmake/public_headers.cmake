@@ -9,6 +9,7 @@ set(isobrick_public_headers
   storage/error.h
   storage/format.h
   storage/grid.h
+  storage/load_threads.h
   storage/paged_file.h
   storage/pyramid.h
   storage/pyramid_info.h

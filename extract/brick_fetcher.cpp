@@ -30,16 +30,17 @@ void BrickFetcher::announce(const BrickNeeds& needs, std::vector<MissingBrick> b
   next_ = 0;
   most_bytes_ = most_bytes;
   came_bytes_ = 0;
+  is_taken_back_ = false;
   if (bricks_.empty()) fetched_.clear();
   if (!bricks_.empty()) start();
   wake_.notify_all();
 }
 
 void BrickFetcher::takeBack() {
-  std::unique_lock lock(mutex_);
+  const std::lock_guard lock(mutex_);
   if (!needs_) return;
   next_ = bricks_.size();
-  idle_.wait(lock, [&] { return isIdle(); });
+  is_taken_back_ = true;
   for (const MissingBrick& fetched : fetched_)
     needs_->pyramid().withdraw(fetched.level, fetched.brick);
   fetched_.clear();
@@ -92,6 +93,7 @@ bool BrickFetcher::fetch(const BrickNeeds& needs, const MissingBrick& brick) try
   const Pyramid& pyramid = needs.pyramid();
   bool is_there = true;
   const auto has = [&](PartKind kind, int level, const Index3& of) {
+    if (isTakenBack()) return false;
     const BrickPager::Fetched fetched = pyramid.fetch(kind, level, of);
     if (fetched == BrickPager::Fetched::kNow) noteFetched(pyramid, kind, {level, of, false});
     is_there = is_there && fetched != BrickPager::Fetched::kNever;
@@ -104,8 +106,17 @@ bool BrickFetcher::fetch(const BrickNeeds& needs, const MissingBrick& brick) try
   return false;
 }
 
+bool BrickFetcher::isTakenBack() {
+  const std::lock_guard lock(mutex_);
+  return is_taken_back_ || stops_;
+}
+
 void BrickFetcher::noteFetched(const Pyramid& pyramid, PartKind kind, const MissingBrick& brick) {
   const std::lock_guard lock(mutex_);
+  if (is_taken_back_) {
+    pyramid.withdraw(brick.level, brick.brick);
+    return;
+  }
   has_come_ = true;
   if (kind == PartKind::kSamples) came_bytes_ += pyramid.heldSampleBytes(brick.level, brick.brick);
   fetched_.push_back(brick);

@@ -31,7 +31,8 @@ class BrickFetcher {
   // in, in memory; the rest of the bricks is left out.
   void announce(const BrickNeeds& needs, std::vector<MissingBrick> bricks,
                 std::uint64_t most_bytes);
-  // Ends the announcement, and withdraws what came in and was not used.
+  // Ends the announcement, and withdraws what came in and was not used. Waits for nothing: each
+  // thread ends the part that it is at.
   void takeBack();
   // Waits until all has come in that was announced, at most `longest`. False where nothing has come
   // in since the query began and nothing will.
@@ -45,6 +46,7 @@ class BrickFetcher {
   void run();
   // What it takes of the brick; false where a part cannot be had.
   bool fetch(const BrickNeeds& needs, const MissingBrick& brick);
+  bool isTakenBack();
   void noteFetched(const Pyramid& pyramid, PartKind kind, const MissingBrick& brick);
   bool isIdle() const { return next_ == bricks_.size() && busy_ == 0; }
 
@@ -56,7 +58,8 @@ class BrickFetcher {
   std::size_t next_ = 0;  // of them, to fetch
   std::size_t busy_ = 0;  // threads that are at one
   std::uint64_t most_bytes_ = 0;
-  std::uint64_t came_bytes_ = 0;       // since the announcement
+  std::uint64_t came_bytes_ = 0;  // since the announcement
+  bool is_taken_back_ = false;
   bool has_come_ = false;              // anything, since the query began
   std::vector<MissingBrick> fetched_;  // to be withdrawn, of all announcements
   std::optional<MissingBrick> failed_;

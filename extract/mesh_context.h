@@ -26,16 +26,16 @@ struct MeshContext {
 
   BrickSamples samples(int level, const Index3& brick) const {
     read_log.note(pyramid.brickRow(level, brick), ReadLog::kSamples);
-    return pyramid.samples(level, brick);
+    return pyramid.samples(level, brick, query.cancel);
   }
   void tileRanges(int level, const Index3& brick, std::vector<ValueRange>& out) const {
     read_log.note(pyramid.brickRow(level, brick), ReadLog::kRanges);
-    pyramid.tileRanges(level, brick, out);
+    pyramid.tileRanges(level, brick, out, query.cancel);
   }
   // Which tiles of the brick the isosurface may cross.
   void crossedTiles(int level, const Index3& brick, std::vector<std::uint8_t>& out) const {
     read_log.note(pyramid.brickRow(level, brick), ReadLog::kRanges);
-    pyramid.crossedTiles(level, brick, isovalue, out);
+    pyramid.crossedTiles(level, brick, isovalue, out, query.cancel);
   }
 
   bool isCancelled() const { return query.cancel != nullptr && query.cancel->requested(); }

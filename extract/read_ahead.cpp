@@ -66,13 +66,13 @@ void ReadAhead::fetch(std::size_t work) {
   const auto& [level, brick, adaptive] = work_[work];
   const Pyramid& pyramid = context_.pyramid;
   if (context_.query.cull_by_ranges) {
-    pyramid.fetch(PartKind::kRanges, level, brick);
+    pyramid.fetch(PartKind::kRanges, level, brick, context_.query.cancel);
     std::vector<std::uint8_t> crossed;
-    pyramid.crossedTiles(level, brick, context_.isovalue, crossed);
+    pyramid.crossedTiles(level, brick, context_.isovalue, crossed, context_.query.cancel);
     if (std::find(crossed.begin(), crossed.end(), 1) == crossed.end()) return;
     if (context_.isCancelled()) return;
   }
-  pyramid.fetch(PartKind::kSamples, level, brick);
+  pyramid.fetch(PartKind::kSamples, level, brick, context_.query.cancel);
 }
 
 }  // namespace isobrick

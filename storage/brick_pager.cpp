@@ -62,7 +62,7 @@ bool BrickPager::isReachable(std::size_t id) const {
   return file_.reaches(part.offset, part.bytes);
 }
 
-const std::byte* BrickPager::acquire(std::size_t id, const char** why) {
+const std::byte* BrickPager::acquire(std::size_t id, const char** why, const CancelFlag* cancel) {
   if (!isReachable(id)) {
     *why = kUnreadable;
     return nullptr;
@@ -71,10 +71,13 @@ const std::byte* BrickPager::acquire(std::size_t id, const char** why) {
   std::unique_lock lock(shard.mutex);
   std::shared_ptr<Entry>& slot = shard.entries[id];
   if (slot != nullptr && slot->state == State::kResident) return take(shard, lock, slot, why);
-  const WaitClock wait(wait_nanoseconds_);
+  const WaitClock clock(wait_nanoseconds_);
   if (slot != nullptr) {
+    const std::shared_ptr<Entry> joined = slot;
     ++shard.loads_joined;
-    return join(shard, lock, std::shared_ptr(slot), why);
+    ++joined->users;
+    joined->is_used = !std::exchange(joined->is_ahead, false);
+    return wait(shard, lock, *joined, why, cancel);
   }
   const auto entry = std::make_shared<Entry>();
   slot = entry;
@@ -82,7 +85,7 @@ const std::byte* BrickPager::acquire(std::size_t id, const char** why) {
   ++misses_;
   entry->id = id;
   entry->query = query_;
-  return load(shard, entry, why);
+  return loadOrLeave(shard, entry, why, cancel);
 }
 
 const std::byte* BrickPager::acquireIfResident(std::size_t id) {
@@ -110,7 +113,7 @@ const std::byte* BrickPager::take(Shard& shard, std::unique_lock<std::mutex>& lo
   return checkAnew(shard, *entry, why);
 }
 
-BrickPager::Fetched BrickPager::fetch(std::size_t id) {
+BrickPager::Fetched BrickPager::fetch(std::size_t id, const CancelFlag* cancel) {
   if (!isReachable(id)) return Fetched::kNever;
   const auto entry = std::make_shared<Entry>();
   entry->id = id;
@@ -122,20 +125,53 @@ BrickPager::Fetched BrickPager::fetch(std::size_t id) {
     if (!shard.entries.try_emplace(id, entry).second) return Fetched::kBefore;
   }
   const char* why = "";
-  if (load(shard, entry, &why) == nullptr) return Fetched::kNever;
+  if (loadOrLeave(shard, entry, &why, cancel) == nullptr) return Fetched::kNever;
   ++parts_fetched_;
   release(id);
   return Fetched::kNow;
 }
 
-const std::byte* BrickPager::join(Shard& shard, std::unique_lock<std::mutex>& lock,
-                                  const std::shared_ptr<Entry>& entry, const char** why) {
-  ++entry->users;
-  entry->is_used = !std::exchange(entry->is_ahead, false);
-  shard.loaded.wait(lock, [&] { return entry->state != State::kLoading; });
-  if (entry->state == State::kResident) return dataOf(*entry);
-  *why = entry->why;
+// For what is being loaded; the caller is among its users, and not any more where it throws.
+const std::byte* BrickPager::wait(Shard& shard, std::unique_lock<std::mutex>& lock, Entry& entry,
+                                  const char** why, const CancelFlag* cancel) {
+  // A signal handler can set the flag and nothing more, so nobody wakes this thread.
+  constexpr auto kBetweenLooks = std::chrono::milliseconds(1);
+  const auto is_done = [&] { return entry.state != State::kLoading; };
+  if (cancel == nullptr) shard.loaded.wait(lock, is_done);
+  while (!is_done()) {
+    if (cancel->requested()) {
+      --entry.users;
+      throw Cancelled();
+    }
+    shard.loaded.wait_for(lock, kBetweenLooks, is_done);
+  }
+  if (entry.state == State::kResident) return dataOf(entry);
+  *why = entry.why;
   return nullptr;
+}
+
+// Loads the caller's part; where the caller may be cancelled, on another thread.
+const std::byte* BrickPager::loadOrLeave(Shard& shard, const std::shared_ptr<Entry>& entry,
+                                         const char** why, const CancelFlag* cancel) {
+  if (cancel == nullptr ||
+      !load_threads_.run([this, &shard, entry] { loadForOthers(shard, entry); }))
+    return load(shard, entry, why);
+  std::unique_lock lock(shard.mutex);
+  return wait(shard, lock, *entry, why, cancel);
+}
+
+void BrickPager::loadForOthers(Shard& shard, const std::shared_ptr<Entry>& entry) {
+  {
+    const std::lock_guard lock(shard.mutex);
+    if (entry->users == 0) {  // nobody waits any more
+      entry->state = State::kFailed;
+      shard.entries.erase(entry->id);
+      return;
+    }
+    ++entry->users;
+  }
+  const char* why = "";
+  if (load(shard, entry, &why) != nullptr) release(entry->id);
 }
 
 const std::byte* BrickPager::load(Shard& shard, const std::shared_ptr<Entry>& entry,

@@ -13,7 +13,9 @@
 #include <unordered_map>
 #include <vector>
 
+#include "isobrick/storage/cancel.h"
 #include "isobrick/storage/format.h"
+#include "isobrick/storage/load_threads.h"
 #include "isobrick/storage/paged_file.h"
 #include "isobrick/storage/residence_policy.h"
 
@@ -26,7 +28,8 @@ namespace isobrick {
 //
 // A part is absent, loading, or resident, and a resident one may be in use. Whoever wants a part
 // that another thread is loading waits for it: nothing is read or unpacked twice at once. The
-// loading thread never waits for anybody.
+// loading thread never waits for anybody. Who may be cancelled leaves loading to threads of the
+// pager, so that it need not end with the part.
 //
 // A stored part of a mapped file is used in place: what it costs is its pages of the map, which are
 // given back to the system. Any other is read, past the map, into a buffer of the heap, a packed
@@ -75,8 +78,10 @@ class BrickPager {
   // Makes part `id` resident and keeps it so until release(id); counts nest. The memory, aligned
   // to 64 bytes where the part is, stays valid that long; in a buffer also unchanged, in place as
   // long as nobody writes to the file. Returns nullptr where the bytes are damaged or cannot be
-  // read: `*why` says which. Another try may succeed.
-  [[nodiscard]] const std::byte* acquire(std::size_t id, const char** why);
+  // read: `*why` says which. Another try may succeed. Throws Cancelled where that is requested
+  // while it waits, within some milliseconds; the part comes in all the same if it is being read.
+  [[nodiscard]] const std::byte* acquire(std::size_t id, const char** why,
+                                         const CancelFlag* cancel = nullptr);
   // The same of a part that is resident now: nullptr where that takes a read.
   [[nodiscard]] const std::byte* acquireIfResident(std::size_t id);
   void release(std::size_t id) noexcept;
@@ -85,8 +90,8 @@ class BrickPager {
   enum class Fetched : std::uint8_t { kNever, kBefore, kNow };
   // Makes part `id` resident ahead of need, and waits for that unless another thread does it. It
   // stays until it is acquired or another query begins, as far as room can be made elsewhere.
-  // acquire() says why it cannot be had.
-  Fetched fetch(std::size_t id);
+  // acquire() says why it cannot be had. Throws Cancelled like acquire().
+  Fetched fetch(std::size_t id, const CancelFlag* cancel = nullptr);
 
   // Takes a fetch() of this query back: the part is not kept for it any more, and unless the next
   // query takes it, it is among the first to go then.
@@ -149,8 +154,11 @@ class BrickPager {
   bool isReachable(std::size_t id) const;
   const std::byte* take(Shard& shard, std::unique_lock<std::mutex>& lock,
                         const std::shared_ptr<Entry>& slot, const char** why);
-  const std::byte* join(Shard& shard, std::unique_lock<std::mutex>& lock,
-                        const std::shared_ptr<Entry>& entry, const char** why);
+  const std::byte* wait(Shard& shard, std::unique_lock<std::mutex>& lock, Entry& entry,
+                        const char** why, const CancelFlag* cancel);
+  const std::byte* loadOrLeave(Shard& shard, const std::shared_ptr<Entry>& entry, const char** why,
+                               const CancelFlag* cancel);
+  void loadForOthers(Shard& shard, const std::shared_ptr<Entry>& entry);
   const std::byte* load(Shard& shard, const std::shared_ptr<Entry>& entry, const char** why);
   const std::byte* checkAnew(Shard& shard, Entry& entry, const char** why);
   std::uint64_t costOf(const Part& part) const;
@@ -174,6 +182,7 @@ class BrickPager {
   std::atomic<std::uint64_t> misses_{0}, parts_read_{0}, bytes_read_{0}, bytes_unpacked_{0},
       parts_released_{0}, buffers_reused_{0}, wait_nanoseconds_{0}, parts_fetched_{0},
       fetched_unused_{0};
+  LoadThreads load_threads_;  // last: they use all of the above
 };
 
 }  // namespace isobrick

@@ -221,11 +221,12 @@ std::size_t Pyramid::brickRow(int level, const Index3& brick) const {
 }
 std::size_t Pyramid::brickCount() const { return index_->count(); }
 
-BrickPart Pyramid::acquire(PartKind kind, int level, const Index3& brick) const {
+BrickPart Pyramid::acquire(PartKind kind, int level, const Index3& brick,
+                           const CancelFlag* cancel) const {
   BrickPart part;
   part.id_ = partId(kind, brickRow(level, brick));
   const char* why = "";
-  part.data_ = pager_->acquire(part.id_, &why);
+  part.data_ = pager_->acquire(part.id_, &why, cancel);
   if (part.data_ == nullptr) {
     const format::PartEntry entry = entryOf(kind, level, brick);
     fail(brickName(level, brick) + ", " + partName(kind) + ", " +
@@ -237,9 +238,10 @@ BrickPart Pyramid::acquire(PartKind kind, int level, const Index3& brick) const 
   return part;
 }
 
-BrickPager::Fetched Pyramid::fetch(PartKind kind, int level, const Index3& brick) const {
+BrickPager::Fetched Pyramid::fetch(PartKind kind, int level, const Index3& brick,
+                                   const CancelFlag* cancel) const {
   if (entryOf(kind, level, brick).stored_bytes == 0) return BrickPager::Fetched::kBefore;
-  return pager_->fetch(partId(kind, brickRow(level, brick)));
+  return pager_->fetch(partId(kind, brickRow(level, brick)), cancel);
 }
 
 void Pyramid::require(PartKind kind, int level, const Index3& brick) const {
@@ -291,12 +293,12 @@ ValueRange Pyramid::brickRange(int level, const Index3& brick) const {
   return {row.range_min, row.range_max};
 }
 
-BrickSamples Pyramid::samples(int level, const Index3& brick) const {
+BrickSamples Pyramid::samples(int level, const Index3& brick, const CancelFlag* cancel) const {
   BrickSamples result;
   result.box = layout_.brickSampleBox(level, brick);
   const BrickRow row = brickRowOf(level, brick);
   if (row.part(kSamples).stored_bytes > 0) {
-    result.part = acquire(kSamples, level, brick);
+    result.part = acquire(kSamples, level, brick, cancel);
     return result;
   }
   result.part.made_.resize(expectedBytes(kSamples, level, brick));
@@ -309,14 +311,15 @@ BrickSamples Pyramid::samples(int level, const Index3& brick) const {
   return result;
 }
 
-void Pyramid::tileRanges(int level, const Index3& brick, std::vector<ValueRange>& out) const {
+void Pyramid::tileRanges(int level, const Index3& brick, std::vector<ValueRange>& out,
+                         const CancelFlag* cancel) const {
   const BrickRow row = brickRowOf(level, brick);
   const auto count = static_cast<std::size_t>(elementCount(layout_.brickTiles(level, brick)));
   if (row.part(kRanges).stored_bytes == 0) {
     out.assign(count, ValueRange{row.constant, row.constant});
     return;
   }
-  const BrickPart part = acquire(kRanges, level, brick);
+  const BrickPart part = acquire(kRanges, level, brick, cancel);
   out.resize(count);
   visitVoxelType(spec_.voxel_type, [&](auto tag) {
     using T = typename decltype(tag)::Type;
@@ -328,12 +331,12 @@ void Pyramid::tileRanges(int level, const Index3& brick, std::vector<ValueRange>
 }
 
 void Pyramid::crossedTiles(int level, const Index3& brick, float isovalue,
-                           std::vector<std::uint8_t>& out) const {
+                           std::vector<std::uint8_t>& out, const CancelFlag* cancel) const {
   const BrickRow row = brickRowOf(level, brick);
   const auto count = static_cast<std::size_t>(elementCount(layout_.brickTiles(level, brick)));
   out.assign(count, 0);
   if (row.part(kRanges).stored_bytes == 0) return;  // one value does not cross
-  const BrickPart part = acquire(kRanges, level, brick);
+  const BrickPart part = acquire(kRanges, level, brick, cancel);
   visitVoxelType(spec_.voxel_type, [&](auto tag) {
     using T = typename decltype(tag)::Type;
     const T* pairs = reinterpret_cast<const T*>(part.data());
@@ -347,7 +350,8 @@ void Pyramid::crossedTiles(int level, const Index3& brick, float isovalue,
   throwIfReadFailed(kRanges, level, brick);
 }
 
-void Pyramid::curvature(const Index3& brick, std::vector<std::uint8_t>& out) const {
+void Pyramid::curvature(const Index3& brick, std::vector<std::uint8_t>& out,
+                        const CancelFlag* cancel) const {
   out.clear();
   if (!spec_.has_curvature) return;
   const auto count = static_cast<std::size_t>(3 * elementCount(layout_.brickNodes(brick)));
@@ -355,7 +359,7 @@ void Pyramid::curvature(const Index3& brick, std::vector<std::uint8_t>& out) con
     out.assign(count, 0);
     return;
   }
-  const BrickPart part = acquire(kCurvature, 0, brick);
+  const BrickPart part = acquire(kCurvature, 0, brick, cancel);
   out.resize(count);
   std::memcpy(out.data(), part.data(), count);
   throwIfReadFailed(kCurvature, 0, brick);

@@ -122,17 +122,20 @@ class Pyramid {
 
   // The brick's samples, at least those of layout().brickSampleBox(). Throws Error that names the
   // brick where its bytes are damaged or cannot be read.
-  BrickSamples samples(int level, const Index3& brick) const;
+  // This and what follows throws Cancelled where that is requested while it waits for a read.
+  BrickSamples samples(int level, const Index3& brick, const CancelFlag* cancel = nullptr) const;
   // Closures of the brick's tiles, layout().brickTiles() of them, x fastest: every sample of the
   // levels 0 to level + log2(tile_cells) in the tile. `out` is resized.
-  void tileRanges(int level, const Index3& brick, std::vector<ValueRange>& out) const;
+  void tileRanges(int level, const Index3& brick, std::vector<ValueRange>& out,
+                  const CancelFlag* cancel = nullptr) const;
   // For each of these tiles 1 where its range crosses the isovalue (ValueRange::crosses), else 0.
-  void crossedTiles(int level, const Index3& brick, float isovalue,
-                    std::vector<std::uint8_t>& out) const;
+  void crossedTiles(int level, const Index3& brick, float isovalue, std::vector<std::uint8_t>& out,
+                    const CancelFlag* cancel = nullptr) const;
   // Three coefficients (CurvatureCode) for each of layout().brickNodes(brick) cells of level 1 in a
   // brick of level 0, x fastest; over the range of the level-0 tile that holds the node's first
   // cell. Empty where the pyramid has none. `out` is resized.
-  void curvature(const Index3& brick, std::vector<std::uint8_t>& out) const;
+  void curvature(const Index3& brick, std::vector<std::uint8_t>& out,
+                 const CancelFlag* cancel = nullptr) const;
 
   // Bytes that the samples of a brick take in the file, packed or not (0 for a constant brick).
   std::uint64_t sampleBytes(int level, const Index3& brick) const;
@@ -171,7 +174,8 @@ class Pyramid {
   // more is the first to go.
   void beginQuery() const { pager_->beginQuery(); }
   // Brings a part in ahead of its use, where one is stored: see BrickPager::fetch().
-  BrickPager::Fetched fetch(PartKind kind, int level, const Index3& brick) const;
+  BrickPager::Fetched fetch(PartKind kind, int level, const Index3& brick,
+                            const CancelFlag* cancel = nullptr) const;
   // Throws Error that says why a part cannot be had, if so.
   void require(PartKind kind, int level, const Index3& brick) const;
   // A hold on a part that is resident, for as long as it shall stay that; nothing where it is not.
@@ -201,7 +205,8 @@ class Pyramid {
   format::PartEntry entryOf(PartKind kind, int level, const Index3& brick) const;
   BrickPager::Part pagedPart(PartKind kind, int level, const Index3& brick) const;
   std::uint64_t expectedBytes(PartKind kind, int level, const Index3& brick) const;
-  BrickPart acquire(PartKind kind, int level, const Index3& brick) const;
+  BrickPart acquire(PartKind kind, int level, const Index3& brick,
+                    const CancelFlag* cancel = nullptr) const;
   void throwIfReadFailed(PartKind kind, int level, const Index3& brick) const;
   [[noreturn]] void fail(const std::string& what, ErrorPlace place = {}) const;
   friend class BrickVerifier;  // storage/pyramid_verify.cpp

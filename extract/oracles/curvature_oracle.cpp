@@ -42,7 +42,7 @@ const CurvatureOracle::BrickCurvature& CurvatureOracle::curvatureOf(const Index3
   const auto [entry, is_new] = bricks_.try_emplace(row);
   if (is_new) {
     context_->read_log.note(row, ReadLog::kCurvature);
-    context_->pyramid.curvature(brick, entry->second.coefficients);
+    context_->pyramid.curvature(brick, entry->second.coefficients, context_->query.cancel);
     context_->tileRanges(0, brick, entry->second.tile_ranges);
   }
   last_row_ = row;

@@ -37,6 +37,11 @@ struct MeshBatch {
     shared.clear();
     cells = transition_cells = 0;
   }
+  // What it takes in memory, rounding up to capacities not counted.
+  std::uint64_t bytes() const {
+    return (positions.size() + normals.size()) * sizeof(glm::vec3) +
+           triangles.size() * sizeof(std::uint32_t) + shared.size() * sizeof(SharedVertex);
+  }
 };
 
 // What a sink may want to know before the first batch.

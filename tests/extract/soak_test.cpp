@@ -1,7 +1,8 @@
-// Everything at once, for as long as one likes: random queries, cancels, faults and evictions in
-// several threads at the least budget. ISOBRICK_SOAK_SECONDS: how long (2).
+// Everything at once, for as long as one likes: random queries, also for now, cancels, faults and
+// evictions in several threads at the least budget. ISOBRICK_SOAK_SECONDS: how long (2).
 #include <fcntl.h>
 #include <gtest/gtest.h>
+#include <tbb/global_control.h>
 #include <tbb/task_arena.h>
 #include <unistd.h>
 
@@ -48,6 +49,13 @@ class Soak : public testing::Test {
  protected:
   static constexpr std::uint64_t kQueries = 12;
   static constexpr int kThreads = 4;
+  // Threads of TBB, which is not instrumented: to ThreadSanitizer all that one of them hands to
+  // another is a race. So there each thread meshes alone, beside those that read.
+#if defined(__SANITIZE_THREAD__)
+  static constexpr int kMeshers = 1;
+#else
+  static constexpr int kMeshers = 2;
+#endif
 
   struct Scene {
     std::string path;
@@ -100,7 +108,7 @@ class Soak : public testing::Test {
     Random random(thread);
     std::vector<Extractor> extractors;
     for (const Scene& scene : scenes_) extractors.emplace_back(*scene.pyramid);
-    tbb::task_arena arena(2);
+    tbb::task_arena arena(kMeshers);
     arena.execute([&] {
       while (Clock::now() < end_) {
         const std::size_t which = randomBelow(random, std::size(scenes_));
@@ -108,14 +116,15 @@ class Soak : public testing::Test {
         Query query = queryOf(number);
         CancelFlag flag;
         query.cancel = &flag;
+        query.now = random() % 4 == 0;
         const bool is_cancelled = random() % 3 == 0;
         CancellingSink sink(flag, is_cancelled ? randomBelow(random, 12) : ~std::uint64_t{0});
         ++steps_[thread];
         const std::uint64_t faults_before = scenes_[which].faults;
         try {
-          extractors[which].extract(query, sink);
-          ++whole_;
-          if (sink.value() != right_[number]) fail("a mesh is wrong");
+          const bool is_complete = extractors[which].extract(query, sink).is_complete;
+          ++(is_complete ? whole_ : partial_);
+          if (is_complete && sink.value() != right_[number]) fail("a mesh is wrong");
         } catch (const Cancelled&) {
           ++cancelled_;
           if (!is_cancelled) fail("cancelled by nobody");
@@ -182,11 +191,13 @@ class Soak : public testing::Test {
     return pages * static_cast<std::uint64_t>(sysconf(_SC_PAGESIZE));
   }
 
+  const tbb::global_control most_threads_{tbb::global_control::max_allowed_parallelism,
+                                          kMeshers == 1 ? 1u : kThreads};
   const TemporaryFolder folder_;
   Scene scenes_[3];
   std::uint64_t right_[kQueries] = {};
   Clock::time_point end_;
-  std::atomic<std::uint64_t> whole_{0}, cancelled_{0}, failed_{0};
+  std::atomic<std::uint64_t> whole_{0}, partial_{0}, cancelled_{0}, failed_{0};
   std::atomic<std::uint64_t> steps_[kThreads] = {};  // of each thread; odd in a query
   std::mutex mutex_;                                 // guards the one below
   std::map<std::string, int> faults_;
@@ -208,10 +219,13 @@ TEST_F(Soak, QueriesCancelsAndFaultsGoOnWithoutGrowth) {
   for (std::thread& thread : threads) thread.join();
 
   for (const auto& [why, count] : faults_) ADD_FAILURE() << count << " times: " << why;
-  std::printf("%lu meshes, %lu cancelled, %lu failed; %.1f MiB half way, %.1f at the end\n",
-              whole_.load(), cancelled_.load(), failed_.load(),
-              static_cast<double>(half_way) / 0x1p20, static_cast<double>(at_end) / 0x1p20);
+  std::printf(
+      "%lu meshes, %lu coarser ones for now, %lu cancelled, %lu failed; %.1f MiB half way, %.1f at "
+      "the end\n",
+      whole_.load(), partial_.load(), cancelled_.load(), failed_.load(),
+      static_cast<double>(half_way) / 0x1p20, static_cast<double>(at_end) / 0x1p20);
   EXPECT_GT(whole_, 0u);
+  EXPECT_GT(partial_, 0u);
   EXPECT_GT(cancelled_, 0u);
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)  // they keep what was freed
   EXPECT_LT(at_end, half_way + (std::uint64_t{32} << 20));

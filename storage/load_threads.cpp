@@ -1,0 +1,48 @@
+#include "isobrick/storage/load_threads.h"
+
+#include <system_error>
+#include <utility>
+
+namespace isobrick {
+
+LoadThreads::~LoadThreads() {
+  {
+    const std::lock_guard lock(mutex_);
+    stops_ = true;
+  }
+  wake_.notify_all();
+  for (std::thread& thread : threads_) thread.join();
+}
+
+bool LoadThreads::run(std::function<void()> job) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (jobs_.size() >= idle_ && threads_.size() < kMostThreads) {
+      try {
+        threads_.emplace_back([this] { work(); });
+      } catch (const std::system_error&) {
+      }
+    }
+    if (threads_.empty()) return false;
+    jobs_.push_back(std::move(job));
+  }
+  wake_.notify_one();
+  return true;
+}
+
+void LoadThreads::work() {
+  std::unique_lock lock(mutex_);
+  while (true) {
+    ++idle_;
+    wake_.wait(lock, [&] { return stops_ || !jobs_.empty(); });
+    --idle_;
+    if (stops_) return;
+    const std::function<void()> job = std::move(jobs_.front());
+    jobs_.pop_front();
+    lock.unlock();
+    job();
+    lock.lock();
+  }
+}
+
+}  // namespace isobrick

@@ -1,0 +1,39 @@
+// Threads that do what somebody may stop waiting for.
+#pragma once
+
+#include <condition_variable>
+#include <cstddef>
+#include <deque>
+#include <functional>
+#include <mutex>
+#include <thread>
+#include <vector>
+
+namespace isobrick {
+
+// Jobs are begun in their order, on threads that stay. The destructor drops those that have not
+// begun and waits for the others. All members are thread-safe.
+class LoadThreads {
+ public:
+  static constexpr std::size_t kMostThreads = 16;
+
+  LoadThreads() = default;
+  ~LoadThreads();
+  LoadThreads(const LoadThreads&) = delete;
+  LoadThreads& operator=(const LoadThreads&) = delete;
+
+  // `job` throws nothing. False where no thread is to be had, and it is not done.
+  bool run(std::function<void()> job);
+
+ private:
+  void work();
+
+  std::mutex mutex_;  // guards all below
+  std::condition_variable wake_;
+  std::deque<std::function<void()>> jobs_;
+  std::size_t idle_ = 0;
+  bool stops_ = false;
+  std::vector<std::thread> threads_;
+};
+
+}  // namespace isobrick
