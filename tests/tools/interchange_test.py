@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """Volumes that isobrick wrote, read by other programs' libraries, and the other way round.
 
-    interchange_test.py ISOBRICK nifti|components|zarr|zarr3|hdf5|vdb|dicom|tiff|others|vtk|real
+    interchange_test.py ISOBRICK nifti|components|zarr|zarr3|hdf5|vdb|dicom|tiff|others|vtk|real|real_whole
 
 Every voxel of every level is compared, and what the libraries make of spacing, origin and direction.
 """
@@ -775,46 +775,60 @@ def test_vtk():
         expect_placed(about, tolerance=1e-5)
 
 
-def test_real():
-    """Real scans through every format: the voxels of the middle, and where they are."""
+def real_volumes():
     data = os.environ["ISOBRICK_DATA"]
     known = (".nrrd", ".nhdr", ".mhd", ".nii", ".nii.gz", ".vti", ".vdb")
     paths = [os.path.join(data, "vhf_head_ct", "dicom")]
     for folder, _, names in os.walk(data):
         paths += [os.path.join(folder, name) for name in names if name.endswith(known)]
-    tested = 0
-    for path in sorted(filter(os.path.exists, paths)):
-        volume = os.path.relpath(path, data)
-        about = run("convert", path, "-o", "whole.isb", "--force", "--json", "--no-curvature")
-        middle = [n // 2 for n in about["dimensions"]]
-        low = [max(0, m - 45) for m in middle]
-        high = [min(n - 1, m + 46) for n, m in zip(about["dimensions"], middle)]
-        box = ",".join(str(n) for n in low + high)
-        run("convert", "whole.isb", "-o", "cut.isb", "--box", box, "--force", "--no-curvature")
-        values, place = raw_of("cut.isb")
-        direct, _ = raw_of(path, "--box", box)
-        expect_same(values, direct)
-        for name in ("a.nrrd", "a.mhd", "a.mha", "a.nii.gz", "a.vti", "a.h5",
-                     "a.ome.zarr", "slices/%04d.exr", "a.vdb", "a.tif"):
-            run("convert", "cut.isb", "-o", name, "--force", "--memory", "1G")
-            found, found_place = raw_of(os.path.dirname(name) or name)
-            if name == "a.vdb":
-                np.testing.assert_array_equal(found, values.astype("f4"))
-            else:
-                expect_same(found, values)
-            if name.endswith(".tif"):
-                continue  # it has no places
-            # The same places in the world, to a thousandth of the spacing.
-            for corner in itertools.product((0, 1), repeat=3):
-                index = np.array(corner) * (np.array(values.shape[::-1]) - 1)
-                world = lambda p: np.array(p["origin"]) + np.array(p["direction"]).T @ (
-                    np.array(p["spacing"]) * index
-                )
-                error = np.abs(world(found_place) - world(place)).max()
-                assert error < 1e-3 * min(place["spacing"]), (volume, name, error)
-        tested += 1
-        print(volume, "is the same in every format", flush=True)
-    assert tested >= 5, tested
+    paths = sorted(filter(os.path.exists, paths))
+    assert len(paths) >= 5, paths
+    return paths
+
+
+def through_every_format(path, most_voxels):
+    """The voxels of a scan's middle, at most so many an axis, and where they are."""
+    volume = os.path.relpath(path, os.environ["ISOBRICK_DATA"])
+    about = run("convert", path, "-o", "whole.isb", "--force", "--json", "--no-curvature")
+    low = [max(0, n // 2 - most_voxels // 2) for n in about["dimensions"]]
+    high = [min(n, first + most_voxels) - 1 for n, first in zip(about["dimensions"], low)]
+    box = ",".join(str(n) for n in low + high)
+    run("convert", "whole.isb", "-o", "cut.isb", "--box", box, "--force", "--no-curvature")
+    values, place = raw_of("cut.isb")
+    direct, _ = raw_of(path, "--box", box)
+    expect_same(values, direct)
+    for name in ("a.nrrd", "a.mhd", "a.mha", "a.nii.gz", "a.vti", "a.h5",
+                 "a.ome.zarr", "slices/%04d.exr", "a.vdb", "a.tif"):
+        run("convert", "cut.isb", "-o", name, "--force", "--memory", "1G")
+        found, found_place = raw_of(os.path.dirname(name) or name)
+        if name == "a.vdb":
+            np.testing.assert_array_equal(found, values.astype("f4"))
+        else:
+            expect_same(found, values)
+        if name.endswith(".tif"):
+            continue  # it has no places
+        # The same places in the world, to a thousandth of the spacing.
+        for corner in itertools.product((0, 1), repeat=3):
+            index = np.array(corner) * (np.array(values.shape[::-1]) - 1)
+            world = lambda p: np.array(p["origin"]) + np.array(p["direction"]).T @ (
+                np.array(p["spacing"]) * index
+            )
+            error = np.abs(world(found_place) - world(place)).max()
+            assert error < 1e-3 * min(place["spacing"]), (volume, name, error)
+    print(f"{volume}: {' x '.join(str(n) for n in values.shape[::-1])} voxels of "
+          f"{' x '.join(str(n) for n in about['dimensions'])} are the same in every format", flush=True)
+
+
+def test_real():
+    """Real scans through every format: boxes of their middle."""
+    for path in real_volumes():
+        through_every_format(path, 92)
+
+
+def test_real_whole():
+    """The same of all of their voxels; some minutes, so not among the tests of every day."""
+    for path in real_volumes():
+        through_every_format(path, 1 << 20)
 
 
 def write_components(values):
