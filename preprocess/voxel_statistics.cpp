@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <numeric>
 
@@ -21,19 +22,41 @@ float magnitudeOf(std::size_t key) {
   return std::bit_cast<float>(static_cast<std::uint32_t>(key) << kDroppedBits);
 }
 
+// Each key is counted in as many places, so that neighbours of one value, which are frequent, do
+// not wait for each other.
+constexpr std::size_t kLanes = 2;
+
+template <typename T>
+void countRow(const T* row, std::int64_t count, std::uint64_t* keys) {
+  // Background that was cut off comes in runs.
+  constexpr std::int64_t kRun = 16 / sizeof(T);
+  std::int64_t x = 0;
+  while (x + kRun <= count) {
+    if (std::memcmp(row + x, row + x + 1, 16 - sizeof(T)) == 0) {
+      keys[kLanes * histogramKey(row[x])] += kRun;
+      x += kRun;
+      continue;
+    }
+    for (const std::int64_t end = x + kRun; x < end; x += kLanes)
+      for (std::size_t lane = 0; lane < kLanes; ++lane)
+        ++keys[kLanes * histogramKey(row[x + static_cast<std::int64_t>(lane)]) + lane];
+  }
+  for (; x < count; ++x) ++keys[kLanes * histogramKey(row[x])];
+}
+
 }  // namespace
 
 template <typename T>
 void VoxelStatistics::add(const SampleBlock<T>& samples, const IndexBox& own,
                           std::int64_t volume_columns) {
   Counts& counts = counts_.local();
-  counts.keys.resize(sizeof(T) == 1 ? 256 : VoxelHistogram::kMostBins);
+  counts.keys.resize(kLanes * (sizeof(T) == 1 ? 256 : VoxelHistogram::kMostBins));
   counts.magnitudes.resize(kMagnitudes);
   const Index3 end = own.end();
   for (std::int64_t z = own.first.z; z < end.z; ++z)
     for (std::int64_t y = own.first.y; y < end.y; ++y) {
       const T* const row = &samples.at({own.first.x, y, z});
-      for (std::int64_t x = 0; x < own.count.x; ++x) ++counts.keys[histogramKey(row[x])];
+      countRow(row, own.count.x, counts.keys.data());
       if (y % kRowsPerLook != 0 || z % kRowsPerLook != 0) continue;
       const std::int64_t begin = std::max<std::int64_t>(own.first.x, 1);
       for (std::int64_t x = begin; x < std::min(end.x, volume_columns - 1); ++x) {
@@ -66,7 +89,9 @@ VoxelHistogram VoxelStatistics::histogram(VoxelType type, const ValueRange& rang
   const auto first = visitVoxelType(type, [&](auto tag) {
     return histogramKey(static_cast<typename decltype(tag)::Type>(range.min));
   });
-  for (std::size_t i = 0; i < histogram.bins(); ++i) histogram.counts()[i] = sums[first + i];
+  for (std::size_t i = 0; i < histogram.bins(); ++i)
+    for (std::size_t lane = 0; lane < kLanes; ++lane)
+      histogram.counts()[i] += sums[kLanes * (first + i) + lane];
   return histogram;
 }
 

@@ -32,7 +32,7 @@ class VoxelStatistics {
 
  private:
   struct Counts {
-    std::vector<std::uint64_t> keys, magnitudes;
+    std::vector<std::uint64_t> keys, magnitudes;  // of a key some counts side by side
   };
   static std::vector<std::uint64_t> sumOf(const tbb::enumerable_thread_specific<Counts>& counts,
                                           std::vector<std::uint64_t> Counts::*which);
