@@ -73,8 +73,8 @@ class ResidencyOracle {
  private:
   enum class Usable : std::uint8_t { kUnknown, kNo, kYes };
   struct Brick {
-    std::array<std::optional<BrickPart>, 3> parts;  // by PartKind
-    std::array<bool, 3> is_asked{};
+    std::array<std::optional<BrickPart>, kPartKinds.size()> parts;  // by PartKind
+    std::array<bool, kPartKinds.size()> is_asked{};
     bool is_refused = false;
     Usable usable = Usable::kUnknown;
   };

@@ -31,10 +31,13 @@ void addCounts(const std::vector<LevelCounts>& counts, std::vector<LevelCounts>&
 
 }  // namespace
 
-SurfaceStream::SurfaceStream(std::shared_ptr<const Pyramid> pyramid, int threads)
+SurfaceStream::SurfaceStream(std::shared_ptr<const Pyramid> pyramid, int threads,
+                             double patience_seconds)
     : pyramid_(std::move(pyramid)),
       threads_(std::max(1, threads)),
+      least_patience_(patience_seconds),
       extractor_(*pyramid_),
+      patience_(patience_seconds),
       thread_([this] { run(); }) {}
 
 SurfaceStream::~SurfaceStream() {
@@ -51,7 +54,8 @@ SurfaceStream::~SurfaceStream() {
 std::uint64_t SurfaceStream::request(StreamRequest request) {
   const std::lock_guard lock(mutex_);
   waiting_ = Job{++last_number_, std::move(request)};
-  if (working_ && (current_pass_ > 0 || now() - pass_begin_ > kPatienceSeconds)) endCurrent();
+  if (working_ && current_pass_ > 0) endCurrent();
+  endSlowPass();
   work_.notify_all();
   return last_number_;
 }
@@ -64,7 +68,7 @@ void SurfaceStream::cancel() {
 
 std::optional<StreamMessage> SurfaceStream::poll() {
   const std::lock_guard lock(mutex_);
-  if (working_ && waiting_ && now() - pass_begin_ > kPatienceSeconds) endCurrent();
+  endSlowPass();
   if (queue_.empty()) return std::nullopt;
   StreamMessage message = std::move(queue_.front());
   queue_.pop_front();
@@ -82,6 +86,13 @@ bool SurfaceStream::busy() const {
 void SurfaceStream::endCurrent() {
   if (cancel_ != nullptr) cancel_->request();
   room_.notify_all();
+}
+
+// Where a request waits for a pass that takes long. With the lock.
+void SurfaceStream::endSlowPass() {
+  if (!working_ || !waiting_ || cancel_->requested() || now() - pass_begin_ <= patience_) return;
+  if (current_pass_ == 0) patience_ *= 2.0;
+  endCurrent();
 }
 
 void SurfaceStream::push(StreamMessage message) {
@@ -164,6 +175,7 @@ bool SurfaceStream::runPass(const Job& job, std::size_t pass, StreamMessage& end
       }
     });
     const std::lock_guard lock(mutex_);
+    if (pass == 0) patience_ = least_patience_;
     end.kind = StreamMessage::Kind::kPassDone;
     end.last_pass = pass + 1 == job.request.passes.size();
     end.radius = work.radius;

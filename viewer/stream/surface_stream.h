@@ -61,16 +61,18 @@ struct StreamMessage {
 // interface; none of them waits for an extraction.
 //
 // A new request ends the one before: at once where that is beyond its first pass, or has been in it
-// for longer than kPatienceSeconds; else when its first pass is done, so that a hand that never
-// rests sees surfaces all the same. The queue holds at most kQueueBytes; the extraction waits where
-// the interface is slower.
+// for longer than a patience; else when its first pass is done, so that a hand that never rests
+// sees surfaces all the same. The patience doubles whenever it gave up a first pass, and is what it
+// was when one is done: on a machine that is slow, or busy, one gets through sooner or later. The
+// queue holds at most kQueueBytes; the extraction waits where the interface is slower.
 class SurfaceStream {
  public:
   static constexpr double kPatienceSeconds = 0.1;
   static constexpr std::uint64_t kQueueBytes = std::uint64_t{32} << 20;
 
   // `threads`: of the extraction. The pyramid is shared with it.
-  SurfaceStream(std::shared_ptr<const Pyramid> pyramid, int threads);
+  SurfaceStream(std::shared_ptr<const Pyramid> pyramid, int threads,
+                double patience_seconds = kPatienceSeconds);
   // Cancels what is under way.
   ~SurfaceStream();
   SurfaceStream(const SurfaceStream&) = delete;
@@ -96,9 +98,11 @@ class SurfaceStream {
   void push(StreamMessage message);
   void pushChunk(StreamMessage message, const CancelFlag& cancel);
   void endCurrent();
+  void endSlowPass();
 
   const std::shared_ptr<const Pyramid> pyramid_;
   const int threads_;
+  const double least_patience_;
   Extractor extractor_;  // of the thread alone; keeps its memory from pass to pass
 
   mutable std::mutex mutex_;
@@ -110,6 +114,7 @@ class SurfaceStream {
   std::shared_ptr<CancelFlag> cancel_;  // of the job at hand
   std::size_t current_pass_ = 0;
   double pass_begin_ = 0.0;
+  double patience_;      // seconds
   double waited_ = 0.0;  // seconds of the pass at hand in pushChunk()
   std::deque<StreamMessage> queue_;
   std::uint64_t queue_bytes_ = 0;

@@ -63,6 +63,20 @@ class SurfaceStreamTest : public ::testing::Test {
   std::shared_ptr<const Pyramid> pyramid_;
 };
 
+// However little patience there is against what a pass takes: without its growing, none would end.
+TEST_F(SurfaceStreamTest, AHandThatNeverRestsSeesSurfacesOnASlowMachineToo) {
+  SurfaceStream stream(pyramid_, 1, 1e-9);
+  int done = 0;
+  for (int dropped = 0; done < 3 && dropped < 1000;) {
+    stream.request({{pass(40.0)}});
+    while (const auto message = stream.poll()) {
+      dropped += message->kind == Kind::kDropped;
+      done += message->kind == Kind::kPassDone;
+    }
+  }
+  EXPECT_EQ(done, 3);
+}
+
 TEST_F(SurfaceStreamTest, PassesAreShownWholeAndReplaceEachOther) {
   SurfaceStream stream(pyramid_, 2);
   NullRenderer renderer;
