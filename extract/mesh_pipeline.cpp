@@ -1,6 +1,7 @@
 #include "isobrick/extract/mesh_pipeline.h"
 
-#include <tbb/parallel_pipeline.h>
+#include <tbb/parallel_for.h>
+#include <tbb/partitioner.h>
 #include <tbb/task_arena.h>
 #include <tbb/task_group.h>
 
@@ -13,12 +14,6 @@ namespace {
 
 // Batches that may wait for their turn, for every thread.
 constexpr std::size_t kBatchesPerThread = 4;
-
-struct Job {
-  std::size_t work = 0;
-  PlacedBatch* batch = nullptr;  // null where it was cancelled before it was meshed
-  std::uint64_t bytes = 0;       // of the batch, once it is meshed
-};
 
 // Of memory, in use or not.
 std::uint64_t keptBytes(const PlacedBatch& placed) {
@@ -35,62 +30,95 @@ BatchRing::BatchRing(std::size_t count) {
 }
 
 void BatchRing::begin() {
-  const std::lock_guard lock(mutex_);
-  if (idle_.size() < batches_.size()) {
-    idle_.clear();
-    idle_bytes_ = 0;
-    for (const auto& batch : batches_) {
-      idle_.push_back(batch.get());
-      idle_bytes_ += keptBytes(*batch);
-    }
-  }
-  bytes_ = placed_ = 0;
-  has_failed_ = false;
+  if (idle_.size() == batches_.size()) return;
+  idle_.clear();
+  idle_bytes_ = 0;
+  for (const auto& batch : batches_) giveBack(batch.get());
 }
 
 PlacedBatch* BatchRing::take() {
-  const std::lock_guard lock(mutex_);
   PlacedBatch* const batch = idle_.back();
   idle_.pop_back();
   idle_bytes_ -= keptBytes(*batch);
   return batch;
 }
 
-bool BatchRing::waitForRoom(std::size_t work, const CancelFlag* cancel) {
+void BatchRing::giveBack(PlacedBatch* batch) {
+  if (idle_bytes_ + keptBytes(*batch) > kMostIdleBytes) *batch = PlacedBatch();
+  idle_bytes_ += keptBytes(*batch);
+  idle_.push_back(batch);
+}
+
+JobBoard::JobBoard(BatchRing& ring, std::size_t jobs, const CancelFlag* cancel)
+    : ring_(ring), jobs_(jobs), cancel_(cancel), meshed_(ring.size()) {
+  ring_.begin();
+}
+
+JobBoard::Task JobBoard::next() {
   // A signal handler can set the flag and nothing more, so nobody wakes this thread.
   constexpr auto kBetweenLooks = std::chrono::milliseconds(1);
-  const auto is_cancelled = [&] { return cancel != nullptr && cancel->requested(); };
   std::unique_lock lock(mutex_);
-  while (bytes_ > kMostBytes && work > placed_ && !has_failed_ && !is_cancelled())
-    changed_.wait_for(lock, kBetweenLooks);
-  return !has_failed_ && !is_cancelled();
+  while (true) {
+    if (has_failed_) return {};
+    if (auto task = taskAtHand()) return *task;
+    if (isAllDone()) return {};
+    if (cancel_ == nullptr)
+      changed_.wait(lock);
+    else
+      changed_.wait_for(lock, kBetweenLooks);
+  }
 }
 
-void BatchRing::add(std::uint64_t bytes) {
-  const std::lock_guard lock(mutex_);
-  bytes_ += bytes;
+// What makes room comes first.
+std::optional<JobBoard::Task> JobBoard::taskAtHand() {
+  if (!to_write_.empty()) {
+    const Task task{Step::kWrite, to_write_.front()};
+    to_write_.pop_front();
+    return task;
+  }
+  std::optional<Job>& first = meshed_[placed_ % meshed_.size()];
+  if (!is_placing_ && first) {
+    is_placing_ = true;
+    const Task task{Step::kPlace, *first};
+    first.reset();
+    return task;
+  }
+  const bool is_cancelled = cancel_ != nullptr && cancel_->requested();
+  if (begun_ == jobs_ || is_cancelled || bytes_ > kMostBytes || !ring_.hasIdle())
+    return std::nullopt;
+  return Task{Step::kMesh, {begun_++, ring_.take(), 0}};
 }
 
-void BatchRing::notePlaced(std::size_t work) {
+bool JobBoard::isAllDone() const {
+  const bool is_cancelled = cancel_ != nullptr && cancel_->requested();
+  return placed_ == begun_ && (begun_ == jobs_ || is_cancelled);
+}
+
+void JobBoard::finish(const Task& task) {
   {
     const std::lock_guard lock(mutex_);
-    placed_ = work;
+    switch (task.step) {
+      case Step::kMesh:
+        bytes_ += task.job.bytes;
+        meshed_[task.job.work % meshed_.size()] = task.job;
+        break;
+      case Step::kPlace:
+        is_placing_ = false;
+        ++placed_;
+        to_write_.push_back(task.job);
+        break;
+      case Step::kWrite:
+        bytes_ -= task.job.bytes;
+        ring_.giveBack(task.job.batch);
+        break;
+      case Step::kEnd:
+        break;
+    }
   }
   changed_.notify_all();
 }
 
-void BatchRing::giveBack(PlacedBatch* batch, std::uint64_t bytes) {
-  {
-    const std::lock_guard lock(mutex_);
-    bytes_ -= bytes;
-    if (idle_bytes_ + keptBytes(*batch) > kMostBytes) *batch = PlacedBatch();
-    idle_bytes_ += keptBytes(*batch);
-    idle_.push_back(batch);
-  }
-  changed_.notify_all();
-}
-
-void BatchRing::fail() {
+void JobBoard::fail() {
   {
     const std::lock_guard lock(mutex_);
     has_failed_ = true;
@@ -100,34 +128,12 @@ void BatchRing::fail() {
 
 void meshInOrder(const MeshContext& context, std::span<const BrickWork> work, MeshMemory& memory,
                  TriangleSink& sink, std::vector<LevelCounts>& counts) {
-  const auto in_flight =
-      kBatchesPerThread * static_cast<std::size_t>(tbb::this_task_arena::max_concurrency());
-  BatchRing& ring = memory.ringOf(in_flight);
-  ring.begin();
-  std::size_t next = 0;
+  const int threads = tbb::this_task_arena::max_concurrency();
+  JobBoard board(memory.ringOf(kBatchesPerThread * static_cast<std::size_t>(threads)), work.size(),
+                 context.query.cancel);
   ReadAhead ahead(context, work);
-  // An exception ends the pipeline, and nobody may wait for the job that threw it.
-  const auto failing = [&](const auto& body) {
-    return [&](Job job) {
-      try {
-        return body(job);
-      } catch (...) {
-        ring.fail();
-        throw;
-      }
-    };
-  };
 
-  const auto take = [&](tbb::flow_control& control) -> Job {
-    if (next == work.size() || context.isCancelled()) {
-      control.stop();
-      return {};
-    }
-    return {next++, nullptr, 0};
-  };
-  const auto mesh = [&](Job job) {
-    if (!ring.waitForRoom(job.work, context.query.cancel)) return job;
-    job.batch = ring.take();
+  const auto mesh = [&](JobBoard::Job& job) {
     MeshBatch& batch = job.batch->batch;
     batch.clear();
     ahead.reached(job.work);
@@ -139,43 +145,43 @@ void meshInOrder(const MeshContext& context, std::span<const BrickWork> work, Me
         worker.adaptive.mesh(context, work[job.work], batch);
       else
         worker.uniform.mesh(context, work[job.work], batch);
-    } catch (const Cancelled&) {  // no exception of the pipeline, which would lose its batches
+    } catch (const Cancelled&) {
       batch.clear();
     }
     context.throwIfReadsFailed();
     job.bytes = batch.bytes();
-    ring.add(job.bytes);
-    return job;
   };
-  const auto place = [&](Job job) {
-    ring.notePlaced(job.work + 1);
-    if (job.batch == nullptr) return job;
+  const auto place = [&](const JobBoard::Job& job) {
     const MeshBatch& batch = job.batch->batch;
     const BrickWork& item = work[job.work];
-    if (batch.triangles.empty() || context.isCancelled()) return job;
+    if (batch.triangles.empty() || context.isCancelled()) return;
     context.read_log.note(context.pyramid.brickRow(item.level, item.brick), ReadLog::kActive);
     LevelCounts& level = counts[static_cast<std::size_t>(item.level)];
     level.cells += batch.cells;
     level.transition_cells += batch.transition_cells;
     level.triangles += batch.triangles.size() / 3;
     sink.place(*job.batch);
-    return job;
   };
-  const auto write = [&](Job job) {
-    if (job.batch == nullptr) return;
+  const auto write = [&](const JobBoard::Job& job) {
     if (!job.batch->batch.triangles.empty() && !context.isCancelled()) sink.write(*job.batch);
-    ring.giveBack(job.batch, job.bytes);
   };
-  // Isolated: a caller's task group that is cancelled would end the pipeline without an exception,
-  // and half a mesh would look whole.
+  const auto workOn = [&](int) {
+    try {
+      for (auto task = board.next(); task.step != JobBoard::Step::kEnd; task = board.next()) {
+        if (task.step == JobBoard::Step::kMesh) mesh(task.job);
+        if (task.step == JobBoard::Step::kPlace) place(task.job);
+        if (task.step == JobBoard::Step::kWrite) write(task.job);
+        board.finish(task);
+      }
+    } catch (...) {
+      board.fail();
+      throw;
+    }
+  };
+  // Isolated: a caller's task group that is cancelled would end the loops without an exception, and
+  // half a mesh would look whole.
   tbb::task_group_context isolated(tbb::task_group_context::isolated);
-  tbb::parallel_pipeline(
-      in_flight,
-      tbb::make_filter<void, Job>(tbb::filter_mode::serial_in_order, take) &
-          tbb::make_filter<Job, Job>(tbb::filter_mode::parallel, failing(mesh)) &
-          tbb::make_filter<Job, Job>(tbb::filter_mode::serial_in_order, failing(place)) &
-          tbb::make_filter<Job, void>(tbb::filter_mode::parallel, failing(write)),
-      isolated);
+  tbb::parallel_for(0, threads, workOn, tbb::simple_partitioner(), isolated);
 }
 
 }  // namespace isobrick

@@ -5,8 +5,10 @@
 
 #include <condition_variable>
 #include <cstdint>
+#include <deque>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -25,44 +27,74 @@ struct MeshWorker {
 };
 
 // Batches that go round: to a mesher, in the order of the work to their receiver, and back. What
-// was given back last is taken first, so that no more of them grow than are under way at once.
-//
-// Where those that are meshed and not written yet hold more than kMostBytes, meshers wait, but for
-// the one whose batch is the next in the order: so there is always one that goes on. What comes on
-// top is one batch for each thread, and what idle ones keep, as much again at the most. All members
-// are thread-safe.
+// was given back last is taken first, so that no more of them grow than are under way at once. Used
+// by one thread at a time.
 class BatchRing {
  public:
-  static constexpr std::uint64_t kMostBytes = std::uint64_t{16} << 20;
+  // What idle batches keep of memory, at most.
+  static constexpr std::uint64_t kMostIdleBytes = std::uint64_t{16} << 20;
 
   explicit BatchRing(std::size_t count);
   std::size_t size() const { return batches_.size(); }
 
-  // Nothing is under way. Batches that an exception kept from coming back are idle again.
+  // All are idle, those too that an exception kept from coming back.
   void begin();
-  // There is always one: the pipeline lets no more jobs run than there are batches.
+  bool hasIdle() const { return !idle_.empty(); }
   PlacedBatch* take();
-  // Waits until the batch of this job of the work may be meshed. False where another thread has
-  // failed, or the query is cancelled.
-  bool waitForRoom(std::size_t work, const CancelFlag* cancel);
-  // It is meshed.
-  void add(std::uint64_t bytes);
-  // Jobs before this one have been placed.
-  void notePlaced(std::size_t work);
-  // One of whose bytes these were added.
-  void giveBack(PlacedBatch* batch, std::uint64_t bytes);
+  void giveBack(PlacedBatch* batch);
+
+ private:
+  std::vector<std::unique_ptr<PlacedBatch>> batches_;
+  std::vector<PlacedBatch*> idle_;
+  std::uint64_t idle_bytes_ = 0;  // that they keep
+};
+
+// What a thread is to do next: jobs 0, 1, 2, ... are meshed by any threads, placed in their order
+// by one at a time, and written by any.
+//
+// No job is begun while those that are meshed and not written yet hold more than kMostBytes: on top
+// comes one batch for each thread. A job that was begun is never held up, so there is always one
+// that goes on. All members are thread-safe.
+class JobBoard {
+ public:
+  static constexpr std::uint64_t kMostBytes = std::uint64_t{16} << 20;
+
+  enum class Step { kMesh, kPlace, kWrite, kEnd };
+  struct Job {
+    std::size_t work = 0;
+    PlacedBatch* batch = nullptr;
+    std::uint64_t bytes = 0;  // of the batch, once it is meshed
+  };
+  struct Task {
+    Step step = Step::kEnd;
+    Job job;
+  };
+
+  // `ring` has as many batches as jobs may be under way; `cancel` may be null. Both outlive it.
+  JobBoard(BatchRing& ring, std::size_t jobs, const CancelFlag* cancel);
+
+  // Waits for something to do. kEnd where nothing is left that this thread could do: all jobs are
+  // placed, those that were begun before a request to cancel are, or fail() was called.
+  Task next();
+  // A task that next() gave is done.
+  void finish(const Task& task);
   // Nothing goes on any more.
   void fail();
 
  private:
-  std::vector<std::unique_ptr<PlacedBatch>> batches_;
-  std::mutex mutex_;  // guards all below
+  std::optional<Task> taskAtHand();
+  bool isAllDone() const;
+
+  BatchRing& ring_;
+  const std::size_t jobs_;
+  const CancelFlag* const cancel_;
+  std::mutex mutex_;  // guards all below, and the ring
   std::condition_variable changed_;
-  std::vector<PlacedBatch*> idle_;
-  std::uint64_t idle_bytes_ = 0;  // that they keep
-  std::uint64_t bytes_ = 0;       // of those that are meshed
-  std::size_t placed_ = 0;
-  bool has_failed_ = false;
+  std::size_t begun_ = 0, placed_ = 0;
+  bool is_placing_ = false, has_failed_ = false;
+  std::vector<std::optional<Job>> meshed_;  // job n in place n % size
+  std::deque<Job> to_write_;
+  std::uint64_t bytes_ = 0;  // of batches that are meshed and not written
 };
 
 // What stays from query to query. Serves one query at a time.
@@ -79,7 +111,7 @@ struct MeshMemory {
 // Meshes all of `work` on the calling TBB arena. Batches with triangles are counted in
 // `counts[level]`, noted as active, and handed to the sink: place() in the order of the work, then
 // write(). A few batches for each thread go round, so memory does not grow with the mesh: where the
-// sink is slow, or batches are large, the meshers wait. Stops early, without a word, where the
+// sink is slow, or batches are large, no more are begun. Stops early, without a word, where the
 // query is cancelled. Rethrows what a mesher or the sink throws.
 void meshInOrder(const MeshContext& context, std::span<const BrickWork> work, MeshMemory& memory,
                  TriangleSink& sink, std::vector<LevelCounts>& counts);

@@ -11,7 +11,9 @@
 
 #include "isobrick/extract/extractor.h"
 #include "isobrick/extract/mesh_pipeline.h"
+#include "isobrick/extract/sinks/counting_sink.h"
 #include "isobrick/preprocess/pyramid_builder.h"
+#include "isobrick/storage/index_loop.h"
 #include "tests/support/array_source.h"
 #include "tests/support/random_numbers.h"
 #include "tests/support/temporary_folder.h"
@@ -68,10 +70,10 @@ TEST_F(BatchBound, WhatIsUnderWayIsBounded) {
   SlowSink sink;
   run([&] { extractIsosurface(pyramid, query_, sink); });
   ASSERT_GT(sink.triangles, 1000000u);
-  ASSERT_GT(sink.largest, BatchRing::kMostBytes / 2) << "small batches";
+  ASSERT_GT(sink.largest, JobBoard::kMostBytes / 2) << "small batches";
   // What may be meshed without being written, what each thread may be at, and the next in order.
   // Without the bound it would be four for each thread.
-  EXPECT_LE(sink.batches.size(), BatchRing::kMostBytes / sink.largest + 1 + kThreads + 1);
+  EXPECT_LE(sink.batches.size(), JobBoard::kMostBytes / sink.largest + 1 + kThreads + 1);
 }
 
 // Meshers that wait for room hear of a failure, of a request to cancel, and of the next query.
@@ -98,6 +100,41 @@ TEST_F(BatchBound, NobodyWaitsForever) {
     extractor.extract(query_, whole);
     EXPECT_GT(whole.triangles, slow.triangles);
   });
+}
+
+// A batch that is ready waits as a task of the thread that placed the one before. Where that thread
+// takes another job and waits for room, and so do all others, nobody is left to place it.
+TEST(BatchBoundOfUnequalBatches, SomebodyAlwaysGoesOn) {
+  const TemporaryFolder folder;
+  Random random(2);
+  const Index3 dims(321, 321, 65);  // 25 bricks: some of noise, the others with one voxel
+  std::vector<std::uint8_t> values(static_cast<std::size_t>(elementCount(dims)));
+  for (std::int64_t i = 0; i < elementCount(dims); ++i) {
+    const Index3 at = indexAt(i, dims);
+    const Index3 brick = at / std::int64_t{64}, inside = at - brick * std::int64_t{64};
+    const bool is_noisy = (7 * brick.x + 3 * brick.y) % 5 == 0;
+    values[static_cast<std::size_t>(i)] = is_noisy ? static_cast<std::uint8_t>(random())
+                                          : inside == Index3(30) ? 255
+                                                                 : 0;
+  }
+  ArraySource<std::uint8_t> source(dims, std::move(values));
+  BuildOptions options;
+  options.with_curvature = false;
+  buildPyramid(source, folder.file("unequal.isb"), options);
+  const Pyramid pyramid(folder.file("unequal.isb"));
+  Extractor extractor(pyramid);
+  Query query;
+  query.isovalue = 127.5;
+  for (const int threads : {2, 3, 4}) {
+    const tbb::global_control control(tbb::global_control::max_allowed_parallelism,
+                                      static_cast<std::size_t>(threads));
+    tbb::task_arena arena(threads);
+    for (int round = 0; round < 10; ++round)
+      arena.execute([&] {
+        CountingSink sink;
+        EXPECT_GT(extractor.extract(query, sink).triangles, 1000000u);
+      });
+  }
 }
 
 }  // namespace
