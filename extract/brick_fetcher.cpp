@@ -71,10 +71,7 @@ void BrickFetcher::run() {
     if (stops_) return;
     const MissingBrick brick = bricks_[next_++];
     const BrickNeeds needs = *needs_;
-    // Of all threads together.
-    const std::uint64_t at_once =
-        ReadAhead::kThreads * needs.pyramid().heldSampleBytes(brick.level, brick.brick);
-    if (came_bytes_ + at_once > most_bytes_) {
+    if (!hasRoomFor(needs, brick)) {
       next_ = bricks_.size();
       if (isIdle()) idle_.notify_all();
       continue;
@@ -87,6 +84,14 @@ void BrickFetcher::run() {
     if (!is_there && !failed_) failed_ = brick;
     if (isIdle()) idle_.notify_all();
   }
+}
+
+// For what all threads together may be at. With the lock.
+bool BrickFetcher::hasRoomFor(const BrickNeeds& needs, const MissingBrick& brick) const try {
+  const std::uint64_t bytes = needs.pyramid().heldSampleBytes(brick.level, brick.brick);
+  return came_bytes_ + ReadAhead::kThreads * bytes <= most_bytes_;
+} catch (const std::exception&) {  // its row is damaged: fetch() meets the same, and says so
+  return true;
 }
 
 bool BrickFetcher::fetch(const BrickNeeds& needs, const MissingBrick& brick) try {

@@ -44,6 +44,7 @@ class BrickFetcher {
  private:
   void start();
   void run();
+  bool hasRoomFor(const BrickNeeds& needs, const MissingBrick& brick) const;
   // What it takes of the brick; false where a part cannot be had.
   bool fetch(const BrickNeeds& needs, const MissingBrick& brick);
   bool isTakenBack();
