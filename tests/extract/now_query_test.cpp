@@ -191,13 +191,12 @@ void runVolume(std::uint32_t seed, const TemporaryFolder& folder, NowCoverage& c
 
 TEST(NowQuery, AnyStateGivesAClosedSurfaceAndGrowsToTheWholeAnswer) {
   // A volume takes longer here than there.
-  const char* const wanted = std::getenv("ISOBRICK_PROPERTY_VOLUMES");
-  const int volumes = wanted != nullptr ? (std::atoi(wanted) + 2) / 3 : 60;
-  const char* const first = std::getenv("ISOBRICK_PROPERTY_SEED");
+  const int volumes = (environmentOr("ISOBRICK_PROPERTY_VOLUMES", 180) + 2) / 3;
+  const int first = environmentOr("ISOBRICK_PROPERTY_SEED", 1);
   const TemporaryFolder folder;
   NowCoverage coverage;
   for (int v = 0; v < volumes; ++v) {
-    const auto seed = static_cast<std::uint32_t>((first != nullptr ? std::atoi(first) : 1) + v);
+    const auto seed = static_cast<std::uint32_t>(first + v);
     switch (seed % 3) {
       case 0:
         runVolume<std::uint8_t>(seed, folder, coverage);

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <cstdlib>
 #include <random>
 #include <type_traits>
 #include <vector>
@@ -12,6 +13,12 @@
 #include "isobrick/storage/pyramid.h"
 
 namespace isobrick::test {
+
+// A number that the environment gives, or another.
+inline int environmentOr(const char* name, int otherwise) {
+  const char* text = std::getenv(name);
+  return text != nullptr ? std::atoi(text) : otherwise;
+}
 
 class RandomCase {
  public:
