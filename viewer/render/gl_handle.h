@@ -76,6 +76,34 @@ struct GlProgramTraits {
   static void destroy(GLuint id) { glDeleteProgram(id); }
 };
 
+// A moment in the stream of commands, to be waited for.
+class GlFence {
+ public:
+  GlFence() = default;
+  GlFence(GlFence&& other) noexcept : sync_(std::exchange(other.sync_, nullptr)) {}
+  GlFence& operator=(GlFence&& other) noexcept {
+    std::swap(sync_, other.sync_);
+    return *this;
+  }
+  ~GlFence() {
+    if (sync_ != nullptr) glDeleteSync(sync_);
+  }
+
+  static GlFence make() {
+    GlFence fence;
+    fence.sync_ = glFenceSync(GL_SYNC_GPU_COMMANDS_COMPLETE, 0);
+    return fence;
+  }
+  // Until all that came before it is done; nothing to wait for where there is none.
+  void wait() const {
+    constexpr GLuint64 kSecond = 1'000'000'000;
+    if (sync_ != nullptr) glClientWaitSync(sync_, GL_SYNC_FLUSH_COMMANDS_BIT, kSecond);
+  }
+
+ private:
+  GLsync sync_ = nullptr;
+};
+
 using GlBuffer = GlHandle<GlBufferTraits>;
 using GlVertexArray = GlHandle<GlVertexArrayTraits>;
 using GlTexture = GlHandle<GlTextureTraits>;

@@ -58,6 +58,7 @@ class GlSceneRenderer : public SceneRenderer {
   void drawBackground(const SceneFrame& frame);
   void drawSurfaces(const View& view);
   void drawChunks(const View& view, const GlProgram& program, int surface, bool opaque);
+  void boundFlight(GLsizei indices);
   void drawSlices(const View& view);
   void drawSegments(const View& view);
   void drawSphere(const View& view);
@@ -65,6 +66,7 @@ class GlSceneRenderer : public SceneRenderer {
                   float casing);
 
   std::string device_name_;
+  bool is_software_ = false;
   int greatest_size_ = 0;
   int samples_ = 1;
   int width_ = 0, height_ = 0;  // of the framebuffers
@@ -84,6 +86,8 @@ class GlSceneRenderer : public SceneRenderer {
   ChunkId last_chunk_ = 0;
   SliceId last_slice_ = 0;
   std::uint64_t bytes_kept_ = 0;
+  GlFence last_flight_;
+  GLsizei indices_in_flight_ = 0;  // drawn since then
 };
 
 }  // namespace isobrick
