@@ -94,27 +94,48 @@ void ViewSession::requestSurfaces(double seconds) {
     last_change_ = seconds;
     over_budget_ = false;
     asked_for_all_ = first;
-    requestPasses(first
-                      ? passRadii(quality_.radius, wanted)
-                      : std::vector<double>{std::min(hurriedRadius(quality_.radius, age), wanted)},
-                  seconds);
-  } else if (!asked_for_all_ && !over_budget_ && seconds - last_change_ >= kRestSeconds) {
+    if (first)
+      requestPasses(passRadii(quality_.radius, wanted), true, seconds);
+    else
+      requestQuickly(std::min(hurriedRadius(quality_.radius, age), wanted), seconds);
+  } else if (!asked_for_all_ && seconds - last_change_ >= kRestSeconds) {
     asked_for_all_ = true;
-    requestPasses(passRadii(quality_.radius, wanted), seconds);
+    // What is shown is not made again.
+    if (over_budget_ || (showsTheLatest() && shown_pass_.radius >= wanted)) return;
+    requestPasses(passRadii(showsTheLatest() ? 2.0 * shown_pass_.radius : quality_.radius, wanted),
+                  shown_request_ != last_request_, seconds);
   }
 }
 
-void ViewSession::requestPasses(const std::vector<double>& radii, double seconds) {
+StreamPass ViewSession::passOf(double radius) const {
+  StreamPass pass;
+  pass.radius = radius;
+  for (std::size_t s = 0; s < state_.surfaces.size(); ++s)
+    if (state_.surfaces[s].visible)
+      pass.queries.push_back(
+          {static_cast<int>(s), queryOf(state_, volume_, s, radius, interaction_.size.y)});
+  return pass;
+}
+
+void ViewSession::requestQuickly(double radius, double seconds) {
   StreamRequest request;
-  for (const double radius : radii) {
-    StreamPass& pass = request.passes.emplace_back();
-    pass.radius = radius;
-    for (std::size_t s = 0; s < state_.surfaces.size(); ++s)
-      if (state_.surfaces[s].visible)
-        pass.queries.push_back(
-            {static_cast<int>(s), queryOf(state_, volume_, s, radius, interaction_.size.y)});
-  }
+  request.passes.push_back(passOf(radius));
+  for (const double smaller : smallerRadii(radius)) request.smaller.push_back(passOf(smaller));
+  request.most_triangles = mostTriangles(quality_);
+  send(std::move(request), seconds);
+}
+
+// `at_once`: nothing of what they ask for is shown yet.
+void ViewSession::requestPasses(const std::vector<double>& radii, bool at_once, double seconds) {
+  StreamRequest request;
+  for (const double radius : radii) request.passes.push_back(passOf(radius));
+  request.at_once = at_once;
+  send(std::move(request), seconds);
+}
+
+void ViewSession::send(StreamRequest request, double seconds) {
   all_passes_done_ = false;
+  first_radius_ = request.passes[0].radius;
   last_request_ = stream_.request(std::move(request));
   request_times_[last_request_] = seconds;
 }
@@ -122,20 +143,30 @@ void ViewSession::requestPasses(const std::vector<double>& radii, double seconds
 void ViewSession::takeNews(const SurfaceSet::News& news) {
   uploaded_bytes_ = news.uploaded_bytes;
   for (const StreamMessage& pass : news.passes) {
-    quality_ = measured(quality_, pass.radius, pass.triangles, pass.seconds);
+    if (pass.is_complete) quality_ = measured(quality_, pass.radius, pass.triangles, pass.seconds);
     shown_request_ = pass.request;
     shown_pass_ = pass;
     ++passes_;
     all_passes_done_ = pass.request == last_request_ && pass.last_pass;
   }
-  if (news.over_budget) {
-    stream_.cancel();
-    over_budget_ = true;
-    // The next hand that moves begins with what fits.
-    quality_.radius = std::max(kLeastRadius, 0.7 * std::min(quality_.radius, shown_pass_.radius));
-  }
+  if (news.over_budget) shrinkToBudget();
   if (news.over_budget || news.failed) request_times_.clear();
   request_times_.erase(request_times_.begin(), request_times_.upper_bound(shown_request_));
+}
+
+void ViewSession::shrinkToBudget() {
+  stream_.cancel();
+  over_budget_ = true;
+  // The next hand that moves begins with what fits.
+  quality_.radius = std::max(kLeastRadius, 0.7 * std::min(quality_.radius, first_radius_));
+  // What of this request is shown already is as fine as it gets.
+  if (!showsTheLatest() && first_radius_ > 1.0)
+    requestPasses({std::max(1.0, 0.5 * first_radius_)}, false, now_);
+}
+
+// The surface of the latest request, and all of its bricks were there.
+bool ViewSession::showsTheLatest() const {
+  return shown_request_ == last_request_ && shown_pass_.is_complete;
 }
 
 void ViewSession::updatePlanes() {
@@ -236,11 +267,15 @@ SessionStatus ViewSession::status() const {
     status.doing = "following the hand";
   else if (settled())
     status.doing = "ready";
+  else if (!shown_pass_.is_complete)
+    status.doing = "reading what is lacking";
   else
     status.doing = "refining to radius " + whole(status.wanted_radius);
   if (over_budget_)
-    status.limited = "GPU budget reached: showing radius " + whole(status.shown_radius) + " of " +
-                     whole(status.wanted_radius);
+    status.limited = showsTheLatest()
+                         ? "GPU budget reached: showing radius " + whole(status.shown_radius) +
+                               " of " + whole(status.wanted_radius)
+                         : "GPU budget reached: not even the coarsest surface fits";
   for (const std::string* error : {&surfaces_.error(), &plane_error_, &mesh_error_})
     if (!error->empty()) status.error = *error;
   return status;

@@ -107,8 +107,13 @@ class ViewSession {
   };
   SceneFrame sceneNow(int width, int height) const;
   void requestSurfaces(double seconds);
-  void requestPasses(const std::vector<double>& radii, double seconds);
+  StreamPass passOf(double radius) const;
+  void requestQuickly(double radius, double seconds);
+  void requestPasses(const std::vector<double>& radii, bool at_once, double seconds);
+  void send(StreamRequest request, double seconds);
   void takeNews(const SurfaceSet::News& news);
+  void shrinkToBudget();
+  bool showsTheLatest() const;
   void updatePlanes();
   std::vector<SliceImage> samplePlanes(const std::vector<WantedPlane>& planes,
                                        const CancelFlag& cancel) const;
@@ -129,6 +134,7 @@ class ViewSession {
   double last_change_ = 0.0;            // when a request last differed from the one before
   bool asked_for_all_ = false;          // since then
   bool over_budget_ = false;
+  double first_radius_ = 0.0;  // of the latest request's first pass
   std::uint64_t last_request_ = 0, shown_request_ = 0;
   std::map<std::uint64_t, double> request_times_;  // of those after the one that is shown
   double now_ = 0.0;

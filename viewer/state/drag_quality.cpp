@@ -9,6 +9,14 @@ namespace {
 // Triangles that say something about a rate.
 constexpr std::uint64_t kFewest = 1000;
 
+// What one extraction, and one picture, do in their time.
+double fittingTriangles(const DragQuality& quality) {
+  const double rate = quality.drawn_per_second > 0.0
+                          ? std::min(quality.triangles_per_second, quality.drawn_per_second)
+                          : quality.triangles_per_second;
+  return kDragSeconds * rate;
+}
+
 }  // namespace
 
 DragQuality measured(const DragQuality& quality, double radius, std::uint64_t triangles,
@@ -22,9 +30,7 @@ DragQuality measured(const DragQuality& quality, double radius, std::uint64_t tr
             ? rate
             : quality.triangles_per_second + kWeight * (rate - quality.triangles_per_second);
   }
-  double fitting = kDragSeconds * next.triangles_per_second;
-  if (next.drawn_per_second > 0.0)
-    fitting = std::min(fitting, kDragSeconds * next.drawn_per_second);
+  const double fitting = fittingTriangles(next);
   // Of an empty surface the time is all there is to go by.
   const double share = triangles >= kFewest ? fitting / static_cast<double>(triangles)
                                             : kDragSeconds / std::max(seconds, 1e-3);
@@ -45,6 +51,19 @@ double hurriedRadius(double radius, double age) {
   constexpr double kLeastShare = 0.25;  // a sixteenth of the surface
   const double share = std::clamp(kUnhurriedSeconds / std::max(age, 1e-9), kLeastShare, 1.0);
   return std::max(kLeastRadius, share * radius);
+}
+
+std::uint64_t mostTriangles(const DragQuality& quality) {
+  constexpr double kTimes = 2.0;
+  const double most = kTimes * fittingTriangles(quality);
+  return most > 0.0 ? std::max(kFewest, static_cast<std::uint64_t>(most)) : 0;
+}
+
+std::vector<double> smallerRadii(double radius) {
+  std::vector<double> radii;
+  for (const double share : {0.5, 0.25})
+    if (share * radius >= kLeastRadius) radii.push_back(share * radius);
+  return radii;
 }
 
 std::vector<double> passRadii(double quick, double wanted) {

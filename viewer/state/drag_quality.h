@@ -34,6 +34,14 @@ DragQuality drawn(const DragQuality& quality, std::uint64_t triangles, double se
 // gets smaller than the one before, until one is shown.
 double hurriedRadius(double radius, double age);
 
+// Beyond so many triangles a surface for a hand that moves is given up for a smaller one: several
+// times what fits the time, as a surface may suddenly grow; 0 where nothing was measured yet.
+std::uint64_t mostTriangles(const DragQuality& quality);
+
+// The radii that take the place of `radius` where a surface has too many triangles, each half the
+// one before, down to a quarter.
+std::vector<double> smallerRadii(double radius);
+
 // The radii of the passes at rest: from what is quick, each twice the last one, to `wanted`. Each
 // pass makes the whole surface anew, and the geometric growth keeps all of them together to about
 // a third more than the last one alone.

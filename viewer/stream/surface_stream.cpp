@@ -3,6 +3,7 @@
 #include <tbb/task_arena.h>
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 
 #include "isobrick/storage/error.h"
@@ -10,6 +11,9 @@
 
 namespace isobrick {
 namespace {
+
+// A pass has more triangles than its attempt may.
+struct TooMany {};
 
 double now() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
@@ -54,7 +58,7 @@ SurfaceStream::~SurfaceStream() {
 std::uint64_t SurfaceStream::request(StreamRequest request) {
   const std::lock_guard lock(mutex_);
   waiting_ = Job{++last_number_, std::move(request)};
-  if (working_ && current_pass_ > 0) endCurrent();
+  if (working_ && !a_hand_waits_) endCurrent();
   endSlowPass();
   work_.notify_all();
   return last_number_;
@@ -91,14 +95,19 @@ void SurfaceStream::endCurrent() {
 // Where a request waits for a pass that takes long. With the lock.
 void SurfaceStream::endSlowPass() {
   if (!working_ || !waiting_ || cancel_->requested() || now() - pass_begin_ <= patience_) return;
-  if (current_pass_ == 0) patience_ *= 2.0;
+  if (a_hand_waits_) patience_ *= 2.0;
   endCurrent();
 }
 
-void SurfaceStream::push(StreamMessage message) {
+// Chunks of a pass that was given up go with it.
+void SurfaceStream::finish(StreamMessage end) {
   const std::lock_guard lock(mutex_);
-  queue_bytes_ += message.chunk.bytes();
-  queue_.push_back(std::move(message));
+  while (end.kind != StreamMessage::Kind::kPassDone && !queue_.empty() &&
+         queue_.back().kind == StreamMessage::Kind::kChunk) {
+    queue_bytes_ -= queue_.back().chunk.bytes();
+    queue_.pop_back();
+  }
+  queue_.push_back(std::move(end));
 }
 
 void SurfaceStream::pushChunk(StreamMessage message, const CancelFlag& cancel) {
@@ -131,63 +140,99 @@ void SurfaceStream::run() {
 }
 
 void SurfaceStream::runJob(const Job& job) {
-  for (std::size_t pass = 0; pass < job.request.passes.size(); ++pass) {
-    {
-      const std::lock_guard lock(mutex_);
-      // Beyond the first pass a request that waits comes before.
-      if (pass > 0 && waiting_) endCurrent();
-      if (cancel_->requested()) return;
-      current_pass_ = pass;
-      pass_begin_ = now();
-      waited_ = 0.0;
-    }
-    StreamMessage end;
-    end.request = job.number;
-    end.pass = pass;
-    const bool done = runPass(job, pass, end);
-    push(std::move(end));
-    if (!done) return;
+  const std::vector<StreamPass>& passes = job.request.passes;
+  for (std::size_t pass = 0; pass < passes.size(); ++pass) {
+    const Outcome outcome = pass == 0 ? runFirstPass(job) : run(job, {pass, &passes[pass]});
+    if (outcome != Outcome::kComplete) return;
   }
 }
 
-// Fills `end`, the last message of the pass; true where the pass was done.
-bool SurfaceStream::runPass(const Job& job, std::size_t pass, StreamMessage& end) {
-  const StreamPass& work = job.request.passes[pass];
-  const std::shared_ptr<CancelFlag> cancel = cancel_;  // this thread alone replaces it
+SurfaceStream::Outcome SurfaceStream::runFirstPass(const Job& job) {
+  const StreamRequest& request = job.request;
+  std::size_t smaller = 0;
+  Attempt attempt{0, &request.passes[0], request.at_once};
+  while (true) {
+    const bool may_shrink = smaller < request.smaller.size();
+    attempt.most_triangles = may_shrink ? request.most_triangles : 0;
+    const Outcome outcome = run(job, attempt);
+    if (outcome == Outcome::kTooMany)
+      attempt.work = &request.smaller[smaller++];
+    else if (outcome == Outcome::kIncomplete)
+      attempt.at_once = false;
+    else
+      return outcome;
+  }
+}
+
+// False where the attempt is not to be made.
+bool SurfaceStream::begin(const Attempt& attempt) {
+  const std::lock_guard lock(mutex_);
+  a_hand_waits_ = attempt.at_once;
+  // What no hand waits for comes after a request that does.
+  if (!a_hand_waits_ && waiting_) endCurrent();
+  if (cancel_->requested()) return false;
+  pass_begin_ = now();
+  waited_ = 0.0;
+  return true;
+}
+
+SurfaceStream::Outcome SurfaceStream::run(const Job& job, const Attempt& attempt) {
+  if (!begin(attempt)) return Outcome::kEnded;
+  StreamMessage end;
+  end.request = job.number;
+  end.pass = attempt.pass;
+  end.kind = StreamMessage::Kind::kDropped;
+  Outcome outcome = Outcome::kEnded;
   try {
-    // TBB's threads come from one pool; an arena bounds how many of them work here.
-    tbb::task_arena arena(threads_);
-    arena.execute([&] {
-      for (const StreamPass::SurfaceQuery& surface : work.queries) {
-        ChunkSink sink(surface.surface, [&](std::size_t, SurfaceChunk&& chunk) {
-          StreamMessage message;
-          message.request = job.number;
-          message.pass = pass;
-          message.chunk = std::move(chunk);
-          pushChunk(std::move(message), *cancel);
-        });
-        Query query = surface.query;
-        query.cancel = cancel.get();
-        const ExtractionReport report = extractor_.extract(query, sink);
-        end.triangles += report.triangles;
-        end.bricks_read += report.bricks_read;
-        addCounts(report.levels, end.levels);
-      }
-    });
-    const std::lock_guard lock(mutex_);
-    if (pass == 0) patience_ = least_patience_;
+    outcome = extract(job, attempt, end);
     end.kind = StreamMessage::Kind::kPassDone;
-    end.last_pass = pass + 1 == job.request.passes.size();
-    end.radius = work.radius;
-    end.seconds = std::max(0.0, now() - pass_begin_ - waited_);
-    return true;
   } catch (const Cancelled&) {
-    end.kind = StreamMessage::Kind::kDropped;
+  } catch (const TooMany&) {
+    outcome = Outcome::kTooMany;
   } catch (const std::exception& failure) {
     end.kind = StreamMessage::Kind::kFailed;
     end.error = failure.what();
   }
-  return false;
+  finish(std::move(end));
+  return outcome;
+}
+
+// Fills `end`, the last message of the pass.
+SurfaceStream::Outcome SurfaceStream::extract(const Job& job, const Attempt& attempt,
+                                              StreamMessage& end) {
+  const std::shared_ptr<const CancelFlag> cancel = cancel_;  // this thread alone replaces it
+  std::atomic<std::uint64_t> triangles{0};
+  const auto take = [&](SurfaceChunk&& chunk) {
+    triangles += chunk.triangles.size() / 3;
+    if (attempt.most_triangles > 0 && triangles > attempt.most_triangles) throw TooMany{};
+    StreamMessage message;
+    message.request = job.number;
+    message.pass = attempt.pass;
+    message.chunk = std::move(chunk);
+    pushChunk(std::move(message), *cancel);
+  };
+  // TBB's threads come from one pool; an arena bounds how many of them work here.
+  tbb::task_arena arena(threads_);
+  arena.execute([&] {
+    for (const StreamPass::SurfaceQuery& surface : attempt.work->queries) {
+      ChunkSink sink(surface.surface,
+                     [&](std::size_t, SurfaceChunk&& chunk) { take(std::move(chunk)); });
+      Query query = surface.query;
+      query.cancel = cancel.get();
+      query.now = attempt.at_once;
+      const ExtractionReport report = extractor_.extract(query, sink);
+      end.triangles += report.triangles;
+      end.bricks_read += report.bricks_read;
+      end.is_complete = end.is_complete && report.is_complete;
+      addCounts(report.levels, end.levels);
+    }
+  });
+  const std::lock_guard lock(mutex_);
+  if (a_hand_waits_) patience_ = least_patience_;
+  end.last_pass = attempt.pass + 1 == job.request.passes.size() && end.is_complete;
+  end.radius = attempt.work->radius;
+  end.seconds = std::max(0.0, now() - pass_begin_ - waited_);
+  return end.is_complete ? Outcome::kComplete : Outcome::kIncomplete;
 }
 
 }  // namespace isobrick

@@ -31,16 +31,23 @@ struct StreamPass {
   std::vector<SurfaceQuery> queries;
 };
 
-// Passes from coarse to fine. The first is what a hand waits for.
+// Passes from coarse to fine.
 struct StreamRequest {
   std::vector<StreamPass> passes;
+  // A hand waits for the first one: it is answered from what is resident (Query::now), and where
+  // that is not all of it once more, when what was lacking has been read.
+  bool at_once = true;
+  // In place of the first one, and of each other, where that has more than `most_triangles`; the
+  // last of these may have any number.
+  std::vector<StreamPass> smaller = {};
+  std::uint64_t most_triangles = 0;
 };
 
 struct StreamMessage {
   enum class Kind {
     kChunk,     // of the pass at hand
     kPassDone,  // all chunks of the pass were sent
-    kDropped,   // the pass at hand was given up: another request came
+    kDropped,   // the pass at hand was given up: another request came, or it has too many triangles
     kFailed,    // the same, for an error
   };
   Kind kind = Kind::kChunk;
@@ -49,6 +56,7 @@ struct StreamMessage {
   SurfaceChunk chunk;
   // Of kPassDone:
   bool last_pass = false;
+  bool is_complete = true;  // false: coarser than asked for, where bricks were not resident
   double radius = 0.0;
   double seconds = 0.0;  // of extraction, waiting for a full queue left out
   std::uint64_t triangles = 0;
@@ -61,7 +69,7 @@ struct StreamMessage {
 // interface; none of them waits for an extraction.
 //
 // A new request ends the one before: at once where that is beyond its first pass, or has been in it
-// for longer than a patience; else when its first pass is done, so that a hand that never rests
+// for longer than a patience; else when its first pass is answered, so that a hand that never rests
 // sees surfaces all the same. The patience doubles whenever it gave up a first pass, and is what it
 // was when one is done: on a machine that is slow, or busy, one gets through sooner or later. The
 // queue holds at most kQueueBytes; the extraction waits where the interface is slower.
@@ -93,9 +101,19 @@ class SurfaceStream {
     StreamRequest request;
   };
   void run();
+  enum class Outcome { kComplete, kIncomplete, kTooMany, kEnded };
+  struct Attempt {
+    std::size_t pass = 0;
+    const StreamPass* work = nullptr;
+    bool at_once = false;
+    std::uint64_t most_triangles = 0;  // 0: any number
+  };
   void runJob(const Job& job);
-  bool runPass(const Job& job, std::size_t pass, StreamMessage& done);
-  void push(StreamMessage message);
+  Outcome runFirstPass(const Job& job);
+  bool begin(const Attempt& attempt);
+  Outcome run(const Job& job, const Attempt& attempt);
+  Outcome extract(const Job& job, const Attempt& attempt, StreamMessage& end);
+  void finish(StreamMessage end);
   void pushChunk(StreamMessage message, const CancelFlag& cancel);
   void endCurrent();
   void endSlowPass();
@@ -112,7 +130,7 @@ class SurfaceStream {
   bool stopping_ = false;
   std::uint64_t last_number_ = 0;
   std::shared_ptr<CancelFlag> cancel_;  // of the job at hand
-  std::size_t current_pass_ = 0;
+  bool a_hand_waits_ = false;           // for the pass at hand
   double pass_begin_ = 0.0;
   double patience_;      // seconds
   double waited_ = 0.0;  // seconds of the pass at hand in pushChunk()

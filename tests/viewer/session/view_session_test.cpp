@@ -149,6 +149,29 @@ TEST_F(ViewSessionTest, WhatTheBudgetHoldsIsShownAndSaid) {
   EXPECT_GT(trianglesShown(), 0u);
 }
 
+TEST_F(ViewSessionTest, WhereThePassForAHandDoesNotFitACoarserOneIsShown) {
+  open(std::uint64_t{1} << 30);
+  session_->state().focus.radius = 1.0;
+  settle();
+  // What is shown and what comes in fit just so.
+  const std::uint64_t least = renderer_.bytesKept();
+  open(3 * least);
+  session_->state().focus.everywhere = true;
+  settle();
+  session_->state().surfaces[0].isovalue += 0.25;
+  settle();
+  EXPECT_GT(trianglesShown(), 0u);
+  EXPECT_LE(renderer_.bytesKept(), 3 * least);
+  EXPECT_LT(session_->status().shown_radius, 16.0);
+  EXPECT_NE(session_->status().limited.find("showing radius"), std::string::npos)
+      << session_->status().limited;
+  open(least / 2);
+  settle();
+  EXPECT_EQ(trianglesShown(), 0u);
+  EXPECT_NE(session_->status().limited.find("not even the coarsest"), std::string::npos)
+      << session_->status().limited;
+}
+
 TEST_F(ViewSessionTest, SlicesAndCapsComeAndGo) {
   ViewState& state = session_->state();
   state.slices[0] = {true, 12.0};

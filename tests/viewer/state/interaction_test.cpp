@@ -319,5 +319,16 @@ TEST(DragQualityTest, AHandThatSeesNothingNewGetsLess) {
   EXPECT_EQ(hurriedRadius(10.0, 5.0), kLeastRadius);
 }
 
+TEST(DragQualityTest, ASurfaceThatSuddenlyGrowsGetsASmallerRadius) {
+  EXPECT_EQ(mostTriangles({}), 0u);
+  DragQuality quality{40.0, 1e6, 0.0};
+  EXPECT_EQ(mostTriangles(quality), 120'000u);
+  quality.drawn_per_second = 1e5;
+  EXPECT_EQ(mostTriangles(quality), 12'000u);
+  EXPECT_EQ(smallerRadii(40.0), (std::vector<double>{20.0, 10.0}));
+  EXPECT_EQ(smallerRadii(20.0), (std::vector<double>{10.0}));
+  EXPECT_TRUE(smallerRadii(kLeastRadius).empty());
+}
+
 }  // namespace
 }  // namespace isobrick

@@ -81,7 +81,7 @@ TEST_F(SurfaceStreamTest, PassesAreShownWholeAndReplaceEachOther) {
   SurfaceStream stream(pyramid_, 2);
   NullRenderer renderer;
   SurfaceSet set(renderer, 1 << 30);
-  const StreamRequest request{{pass(4.0), pass(12.0), pass(40.0)}};
+  const StreamRequest request{{pass(4.0), pass(12.0), pass(40.0)}, false};
   const std::uint64_t number = stream.request(request);
   std::vector<double> radii;
   pumpAll(stream, set, [&](const SurfaceSet::News& news) {
@@ -130,6 +130,56 @@ TEST_F(SurfaceStreamTest, TheLastOfManyRequestsIsWhatStays) {
   EXPECT_EQ(renderer.kept().size(), set.shown().size());
 }
 
+TEST_F(SurfaceStreamTest, OnAColdFileASurfaceIsThereBeforeItsBricksAre) {
+  SurfaceStream stream(pyramid_, 2);
+  NullRenderer renderer;
+  SurfaceSet set(renderer, 1 << 30);
+  stream.request({{pass(12.0), pass(40.0)}});
+  std::vector<StreamMessage> shown;
+  pumpAll(stream, set, [&](const SurfaceSet::News& news) {
+    for (const StreamMessage& done : news.passes) {
+      EXPECT_GT(done.triangles, 0u);
+      shown.push_back(done);
+    }
+  });
+  ASSERT_EQ(shown.size(), 3u);
+  EXPECT_FALSE(shown[0].is_complete);
+  EXPECT_LT(shown[0].triangles, trianglesOf(pass(12.0)));
+  EXPECT_TRUE(shown[1].is_complete);
+  EXPECT_EQ(shown[1].triangles, trianglesOf(pass(12.0)));
+  EXPECT_FALSE(shown[1].last_pass);
+  EXPECT_EQ(kept(renderer, set.shown()), trianglesOf(pass(40.0)));
+  // Now all is there.
+  stream.request({{pass(12.0)}});
+  pumpAll(stream, set, [&](const SurfaceSet::News& news) {
+    for (const StreamMessage& done : news.passes) shown.push_back(done);
+  });
+  ASSERT_EQ(shown.size(), 4u);
+  EXPECT_TRUE(shown[3].is_complete && shown[3].last_pass);
+}
+
+TEST_F(SurfaceStreamTest, WhatHasTooManyTrianglesGivesWayToTheFirstThatFits) {
+  SurfaceStream stream(pyramid_, 2);
+  NullRenderer renderer;
+  SurfaceSet set(renderer, 1 << 30);
+  const auto shownRadius = [&](std::uint64_t most) {
+    stream.request({{pass(40.0)}, false, {pass(20.0), pass(10.0)}, most});
+    double radius = 0.0;
+    pumpAll(stream, set, [&](const SurfaceSet::News& news) {
+      EXPECT_LE(news.passes.size(), 1u);
+      for (const StreamMessage& done : news.passes) radius = done.radius;
+    });
+    EXPECT_EQ(kept(renderer, set.shown()), trianglesOf(pass(radius)));
+    EXPECT_EQ(renderer.kept().size(), set.shown().size());
+    return radius;
+  };
+  ASSERT_LT(trianglesOf(pass(20.0)), trianglesOf(pass(40.0)));
+  EXPECT_EQ(shownRadius(trianglesOf(pass(40.0))), 40.0);
+  EXPECT_EQ(shownRadius(trianglesOf(pass(20.0))), 20.0);
+  EXPECT_EQ(shownRadius(1), 10.0);
+  EXPECT_EQ(shownRadius(0), 40.0);
+}
+
 TEST_F(SurfaceStreamTest, TwoSurfacesComeTogether) {
   SurfaceStream stream(pyramid_, 1);
   NullRenderer renderer;
@@ -151,7 +201,7 @@ TEST_F(SurfaceStreamTest, WhatDoesNotFitTheBudgetLeavesWhatIsShown) {
   pumpAll(stream, set, [](const SurfaceSet::News&) {});
   const std::vector<ChunkId> before = set.shown();
   ASSERT_FALSE(before.empty());
-  stream.request({{pass(60.0)}});
+  stream.request({{pass(60.0)}, false});
   bool over = false;
   pumpAll(stream, set, [&](const SurfaceSet::News& news) {
     over = over || news.over_budget;
