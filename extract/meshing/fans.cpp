@@ -39,6 +39,7 @@ void addFan(const WorldFrame& frame, const glm::dvec3& cell_center,
   if (hasFlatTriangle(center, loop, batch)) center = cell_center;
   const double norm = std::sqrt(glm::dot(normal, normal));
   const auto hub = static_cast<std::uint32_t>(batch.positions.size());
+  batch.fan_hubs.push_back(hub);
   batch.positions.push_back(glm::vec3(center));
   batch.normals.push_back(norm > 1e-6 ? glm::vec3(normal / norm) : batch.normals[loop[0]]);
   for (std::size_t i = 0; i < loop.size(); ++i)

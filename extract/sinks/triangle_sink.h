@@ -27,6 +27,9 @@ struct MeshBatch {
   RawVector<std::uint32_t> triangles;  // three indices into positions each, counter-clockwise
                                        // seen in the world from the lower values
   std::vector<SharedVertex> shared;    // ascending in `vertex`
+  // The vertices in the middle of fans, ascending: what begins with one is a triangle of a cell
+  // that joins two levels. The triangles of a fan follow each other.
+  std::vector<std::uint32_t> fan_hubs;
   std::uint64_t cells = 0;             // leaves with at least one triangle
   std::uint64_t transition_cells = 0;  // those of them that have a fan
 
@@ -35,6 +38,7 @@ struct MeshBatch {
     normals.clear();
     triangles.clear();
     shared.clear();
+    fan_hubs.clear();
     cells = transition_cells = 0;
   }
   // What it takes in memory, rounding up to capacities not counted.

@@ -131,7 +131,8 @@ GlSceneRenderer::GlSceneRenderer() {
   surface_array_ = GlVertexArray::make();
   glVertexArrayAttribFormat(*surface_array_, 0, 3, GL_FLOAT, GL_FALSE,
                             offsetof(SurfaceVertex, position));
-  glVertexArrayAttribFormat(*surface_array_, 1, 3, GL_SHORT, GL_TRUE,
+  static_assert(offsetof(SurfaceVertex, value) == offsetof(SurfaceVertex, normal) + 6);
+  glVertexArrayAttribFormat(*surface_array_, 1, 4, GL_SHORT, GL_TRUE,
                             offsetof(SurfaceVertex, normal));
   for (const GLuint attribute : {0u, 1u}) {
     glVertexArrayAttribBinding(*surface_array_, attribute, 0);
@@ -152,6 +153,7 @@ ChunkId GlSceneRenderer::upload(const SurfaceChunk& chunk) {
   kept.buffer = GlBuffer::make();
   kept.bytes = chunk.bytes();
   kept.indices = static_cast<GLsizei>(chunk.triangles.size());
+  kept.transition_indices = static_cast<GLsizei>(chunk.transition_indices);
   const std::size_t vertex_bytes = chunk.vertices.size() * sizeof(SurfaceVertex);
   kept.index_offset = static_cast<std::uint32_t>(vertex_bytes);
   kept.origin = chunk.origin;
@@ -327,6 +329,14 @@ void GlSceneRenderer::drawSurfaces(const View& view) {
   setUniform(program, "world_to_eye", glm::mat3(view.to_eye));
   setUniform(program, "eye_rest", glm::vec3(view.snapped.rest));
   setUniform(program, "as_normals", static_cast<int>(frame.normals));
+  setUniform(program, "by_value", static_cast<int>(frame.value_window.has_value()));
+  if (frame.value_window) {
+    const auto [low, high] = *frame.value_window;
+    setUniform(program, "value_window", glm::vec2(glm::dvec2(low, high)));
+    for (std::size_t i = 0; i < kValueColors.size(); ++i)
+      setUniform(program, ("value_colors[" + std::to_string(i) + "]").c_str(),
+                 linearColor(kValueColors[i]));
+  }
   setUniform(program, "headlight", static_cast<int>(frame.headlight));
   setUniform(program, "back_color", linearColor(frame.back_color));
   glBindVertexArray(frame.wireframe ? *empty_array_ : *surface_array_);
@@ -365,34 +375,48 @@ void GlSceneRenderer::drawChunks(const View& view, const GlProgram& program, int
   const SurfaceLook& look = frame.surfaces[static_cast<std::size_t>(surface)];
   const GLint offset_place = glGetUniformLocation(*program, "chunk_offset");
   const GLint color_place = glGetUniformLocation(*program, "surface_color");
+  const GLint by_value_place = glGetUniformLocation(*program, "by_value");
   const GLint first_place = glGetUniformLocation(*program, "first_index");
+  const float opacity = opaque ? 1.0f : static_cast<float>(look.opacity);
+  const auto setColor = [&](const glm::vec3& srgb) {
+    const glm::vec3 color = linearColor(srgb);
+    glUniform4f(color_place, color.r, color.g, color.b, opacity);
+  };
   for (const ChunkId id : frame.chunks) {
     const Chunk& chunk = chunks_.at(id);
     if (chunk.surface != surface || chunk.indices == 0) continue;
     const glm::vec3 offset = view.snapped.offsetOf(chunk.origin);
-    const glm::vec3 color =
-        linearColor(frame.color_by_level ? levelColor(chunk.level) : look.color);
     glUniform3fv(offset_place, 1, &offset[0]);
-    glUniform4f(color_place, color.r, color.g, color.b,
-                opaque ? 1.0f : static_cast<float>(look.opacity));
+    setColor(frame.color_by_level ? levelColor(chunk.level) : look.color);
     if (frame.wireframe) {
       glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 0, *chunk.buffer);
     } else {
       glVertexArrayVertexBuffer(*surface_array_, 0, *chunk.buffer, 0, sizeof(SurfaceVertex));
       glVertexArrayElementBuffer(*surface_array_, *chunk.buffer);
     }
-    for (GLsizei first = 0; first < chunk.indices; first += kIndicesInFlight) {
-      const GLsizei count = std::min(chunk.indices - first, kIndicesInFlight);
-      const std::size_t place =
-          chunk.index_offset + sizeof(std::uint32_t) * static_cast<std::size_t>(first);
-      if (frame.wireframe) {
-        glUniform1ui(first_place, static_cast<GLuint>(place / sizeof(std::uint32_t)));
-        glDrawArrays(GL_TRIANGLES, 0, count);
-      } else {
-        glDrawElements(GL_TRIANGLES, count, GL_UNSIGNED_INT, reinterpret_cast<const void*>(place));
-      }
-      boundFlight(count);
+    const GLsizei highlighted = frame.transition_color ? chunk.transition_indices : 0;
+    drawIndices(chunk, 0, chunk.indices - highlighted, frame.wireframe, first_place);
+    if (highlighted == 0) continue;
+    setColor(*frame.transition_color);
+    glUniform1i(by_value_place, 0);
+    drawIndices(chunk, chunk.indices - highlighted, chunk.indices, frame.wireframe, first_place);
+    glUniform1i(by_value_place, frame.value_window.has_value());
+  }
+}
+
+void GlSceneRenderer::drawIndices(const Chunk& chunk, GLsizei begin, GLsizei end, bool wireframe,
+                                  GLint first_place) {
+  for (GLsizei first = begin; first < end; first += kIndicesInFlight) {
+    const GLsizei count = std::min(end - first, kIndicesInFlight);
+    const std::size_t place =
+        chunk.index_offset + sizeof(std::uint32_t) * static_cast<std::size_t>(first);
+    if (wireframe) {
+      glUniform1ui(first_place, static_cast<GLuint>(place / sizeof(std::uint32_t)));
+      glDrawArrays(GL_TRIANGLES, 0, count);
+    } else {
+      glDrawElements(GL_TRIANGLES, count, GL_UNSIGNED_INT, reinterpret_cast<const void*>(place));
     }
+    boundFlight(count);
   }
 }
 

@@ -42,7 +42,7 @@ class GlSceneRenderer : public SceneRenderer {
   struct Chunk {
     GlBuffer buffer;  // vertices, then indices
     std::uint64_t bytes = 0;
-    GLsizei indices = 0;
+    GLsizei indices = 0, transition_indices = 0;
     std::uint32_t index_offset = 0;  // bytes
     glm::dvec3 origin{0.0};
     int level = 0, surface = 0;
@@ -58,6 +58,8 @@ class GlSceneRenderer : public SceneRenderer {
   void drawBackground(const SceneFrame& frame);
   void drawSurfaces(const View& view);
   void drawChunks(const View& view, const GlProgram& program, int surface, bool opaque);
+  void drawIndices(const Chunk& chunk, GLsizei begin, GLsizei end, bool wireframe,
+                   GLint first_place);
   void boundFlight(GLsizei indices);
   void drawSlices(const View& view);
   void drawSegments(const View& view);

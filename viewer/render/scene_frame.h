@@ -1,6 +1,7 @@
 // What one picture shows, as plain data: the same for windows, files and tests.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <glm/vec3.hpp>
 #include <optional>
@@ -46,6 +47,13 @@ struct SceneClipPlane {
   double offset = 0.0;
 };
 
+// From low to high, sRGB: ever lighter.
+inline constexpr std::array<glm::vec3, 5> kValueColors{{{0.16f, 0.17f, 0.45f},
+                                                        {0.13f, 0.45f, 0.60f},
+                                                        {0.35f, 0.68f, 0.47f},
+                                                        {0.87f, 0.77f, 0.33f},
+                                                        {0.98f, 0.95f, 0.80f}}};
+
 struct SceneSegment {
   glm::dvec3 begin{0.0}, end{0.0};  // world
 };
@@ -60,6 +68,11 @@ struct SceneFrame {
   std::vector<ChunkId> chunks;
   std::vector<SurfaceLook> surfaces{SurfaceLook{}};  // chunks say by number which is theirs
   bool color_by_level = false;
+  // By the vertices' values, where they have one: the ends of kValueColors are for these shares of
+  // their range. Comes before color_by_level.
+  std::optional<std::array<double, 2>> value_window;
+  std::optional<glm::vec3>
+      transition_color;  // of cells that join two levels, sRGB; none: as others
   bool wireframe = false;
   bool headlight = false;
   std::vector<SceneClipPlane> clip_planes;  // at most 6

@@ -37,7 +37,7 @@ uniform uint first_index;
 out vec3 barycentric;
 #else
 layout(location = 0) in vec3 position;
-layout(location = 1) in vec3 normal;
+layout(location = 1) in vec4 normal_and_value;
 #endif
 uniform vec3 chunk_offset;
 uniform vec3 eye_rest;  // in the lattice
@@ -45,18 +45,22 @@ uniform mat3 lattice_to_eye;
 uniform mat3 world_to_eye;
 out vec3 eye_position;
 out vec3 eye_normal;
+out float share;  // of the range of values; below 0: it has none
 
 void main() {
 #ifdef WIREFRAME
   uint first = 5u * words[first_index + uint(gl_VertexID)];
   vec3 position = uintBitsToFloat(uvec3(words[first], words[first + 1u], words[first + 2u]));
-  vec3 normal = vec3(unpackSnorm2x16(words[first + 3u]), unpackSnorm2x16(words[first + 4u]).x);
+  vec4 normal_and_value =
+      vec4(unpackSnorm2x16(words[first + 3u]), unpackSnorm2x16(words[first + 4u]));
   int corner = gl_VertexID % 3;
   barycentric = vec3(corner == 0, corner == 1, corner == 2);
 #endif
   precise vec3 from_snapped_eye = position + chunk_offset;
   eye_position = lattice_to_eye * from_snapped_eye - lattice_to_eye * eye_rest;
-  eye_normal = world_to_eye * normal;
+  eye_normal = world_to_eye * normal_and_value.xyz;
+  float value = round(normal_and_value.w * 32767.0);
+  share = value < -32766.0 ? -1.0 : (value + 32766.0) / 65533.0;
   project(eye_position);
 }
 )";
@@ -64,6 +68,7 @@ void main() {
 constexpr char kSurfaceFragmentShader[] = R"(
 in vec3 eye_position;
 in vec3 eye_normal;
+in float share;
 #ifdef WIREFRAME
 in vec3 barycentric;
 #endif
@@ -73,11 +78,22 @@ uniform bool as_normals;
 uniform mat3 world_to_eye;
 uniform vec4 surface_color;
 uniform vec3 back_color;
+uniform bool by_value;
+uniform vec2 value_window;
+uniform vec3 value_colors[5];
 out vec4 color;
 
 const vec3 kKeyDirection = normalize(vec3(-0.55, 0.75, 0.60));  // over the viewer's left shoulder
 const vec3 kSkyLight = vec3(0.20, 0.22, 0.25);
 const vec3 kGroundLight = vec3(0.09, 0.08, 0.07);
+
+vec3 frontColor() {
+  if (!by_value || share < 0.0) return surface_color.rgb;
+  float span = max(value_window.y - value_window.x, 1e-9);
+  float place = 4.0 * clamp((share - value_window.x) / span, 0.0, 1.0);
+  int low = min(int(place), 3);
+  return mix(value_colors[low], value_colors[low + 1], place - float(low));
+}
 
 #ifdef WIREFRAME
 // 1 on an edge of the triangle and 0 away from it, with a soft flank of one pixel.
@@ -106,7 +122,7 @@ void main() {
   // stay dark, and are found out.
   if (!gl_FrontFacing && dot(normal, to_eye) < 0.0) normal = -normal;
 
-  vec3 surface = gl_FrontFacing ? surface_color.rgb : back_color;
+  vec3 surface = gl_FrontFacing ? frontColor() : back_color;
   float head = max(dot(normal, to_eye), 0.0);
   float key = max(dot(normal, kKeyDirection), 0.0);
   vec3 light = headlight ? vec3(0.08 + 0.92 * head)

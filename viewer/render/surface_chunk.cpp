@@ -75,11 +75,16 @@ glm::dvec3 originOf(const RenderMesh& mesh) {
 
 }  // namespace
 
-std::array<std::int16_t, 4> packNormal(const glm::vec3& normal) {
+std::array<std::int16_t, 3> packNormal(const glm::vec3& normal) {
   const auto pack = [](float value) {
     return static_cast<std::int16_t>(std::clamp(value, -1.0f, 1.0f) * 32767.0f);
   };
-  return {pack(normal.x), pack(normal.y), pack(normal.z), 0};
+  return {pack(normal.x), pack(normal.y), pack(normal.z)};
+}
+
+std::int16_t packValue(double share) {
+  if (std::isnan(share)) return kNoVertexValue;
+  return static_cast<std::int16_t>(std::lround(std::clamp(share, 0.0, 1.0) * 65533.0) - 32766);
 }
 
 glm::dvec3 SceneLattice::toLattice(const glm::dvec3& world) const {

@@ -13,14 +13,20 @@ namespace isobrick {
 
 struct RenderMesh;
 
+// Of a vertex that has no value.
+inline constexpr std::int16_t kNoVertexValue = -32768;
+
 // 20 bytes, as the shaders read them.
 struct SurfaceVertex {
   glm::vec3 position{0.0f};              // from the chunk's origin, in the scene's lattice
-  std::array<std::int16_t, 4> normal{};  // world, outward, unit = 32767; the last is 0
+  std::array<std::int16_t, 3> normal{};  // world, outward, unit = 32767
+  std::int16_t value = kNoVertexValue;   // see packValue()
 };
 static_assert(sizeof(SurfaceVertex) == 20);
 
-std::array<std::int16_t, 4> packNormal(const glm::vec3& normal);
+std::array<std::int16_t, 3> packNormal(const glm::vec3& normal);
+// A share of the range of all values, 0 .. 1, as -32766 .. 32767; not a number: kNoVertexValue.
+std::int16_t packValue(double share);
 
 // What one brick adds to a surface: indexed triangles of one level. Positions are floats from an
 // origin of their own, so they are as exact at the far end of a volume as at its near end.
@@ -28,8 +34,10 @@ struct SurfaceChunk {
   glm::dvec3 origin{0.0};  // whole numbers of the scene's lattice
   std::vector<SurfaceVertex> vertices;
   std::vector<std::uint32_t> triangles;  // 3 indices each, counter-clockwise seen from the outside
-  int level = 0;                         // of the pyramid
-  int surface = 0;                       // which of the scene's surfaces
+  // How many of them, at the end, are of cells that join two levels.
+  std::size_t transition_indices = 0;
+  int level = 0;    // of the pyramid
+  int surface = 0;  // which of the scene's surfaces
 
   std::uint64_t bytes() const {
     return vertices.size() * sizeof(SurfaceVertex) + triangles.size() * sizeof(std::uint32_t);

@@ -4,6 +4,11 @@
 #include <limits>
 
 namespace isobrick {
+namespace {
+
+constexpr glm::vec3 kTransitionColor{0.93f, 0.22f, 0.62f};
+
+}  // namespace
 
 std::vector<WantedPlane> planesOf(const ViewState& state, const ViewVolume& volume) {
   std::vector<WantedPlane> planes;
@@ -36,6 +41,7 @@ SceneFrame sceneOf(const ViewState& state, const ViewVolume& volume, int width, 
   }
   frame.color_by_level = state.coloring == ViewColoring::kLevel;
   frame.wireframe = state.wireframe;
+  if (state.show_transitions) frame.transition_color = kTransitionColor;
   frame.headlight = state.lighting == ViewLighting::kHeadlight;
   for (const ViewClipPlane& plane : state.clip_planes)
     if (plane.enabled) frame.clip_planes.push_back({plane.normal, plane.offset});
@@ -62,6 +68,17 @@ SceneFrame sceneOf(const ViewState& state, const ViewVolume& volume, int width, 
   frame.background_top = state.background_top;
   frame.background_bottom = state.background_bottom;
   return frame;
+}
+
+std::optional<std::array<double, 2>> valueWindowOf(const ViewState& state,
+                                                   const std::array<double, 2>& range) {
+  const bool gradient = state.coloring == ViewColoring::kGradient;
+  if (!gradient && state.coloring != ViewColoring::kOther) return std::nullopt;
+  const double span = range[1] - range[0];
+  if (!(span > 0.0)) return std::nullopt;
+  const std::array<double, 2> whole{range[0], range[0] + (gradient ? 0.25 : 1.0) * span};
+  const auto& wanted = gradient ? state.values.gradient_window : state.values.other_window;
+  return wanted.value_or(whole);
 }
 
 SceneSlice sliceOf(const WantedPlane& wanted, SliceId image, const ViewState& state,

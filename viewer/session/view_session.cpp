@@ -125,6 +125,14 @@ void ViewSession::requestQuickly(double radius, double seconds) {
   send(std::move(request), seconds);
 }
 
+StreamValues ViewSession::wantedValues() const {
+  if (state_.coloring == ViewColoring::kGradient) return {StreamValues::What::kGradient, ""};
+  // Until one was named there is nothing to colour by.
+  if (state_.coloring == ViewColoring::kOther && !state_.values.other.empty())
+    return {StreamValues::What::kOther, state_.values.other};
+  return {};
+}
+
 // `at_once`: nothing of what they ask for is shown yet.
 void ViewSession::requestPasses(const std::vector<double>& radii, bool at_once, double seconds) {
   StreamRequest request;
@@ -135,6 +143,7 @@ void ViewSession::requestPasses(const std::vector<double>& radii, bool at_once, 
 
 void ViewSession::send(StreamRequest request, double seconds) {
   all_passes_done_ = false;
+  request.values = wantedValues();
   first_radius_ = request.passes[0].radius;
   last_request_ = stream_.request(std::move(request));
   request_times_[last_request_] = seconds;
@@ -198,6 +207,11 @@ std::vector<SliceImage> ViewSession::samplePlanes(const std::vector<WantedPlane>
 SceneFrame ViewSession::sceneNow(int width, int height) const {
   SceneFrame frame = sceneOf(state_, volume_, width, height);
   frame.chunks = surfaces_.shown();
+  if (const auto window = valueWindow()) {
+    const auto& [least, greatest] = shown_pass_.values;
+    const auto shareOf = [&](double value) { return (value - least) / (greatest - least); };
+    frame.value_window = {shareOf((*window)[0]), shareOf((*window)[1])};
+  }
   // Chunks of a surface that has just been removed are shown until the next pass.
   for (const Plane& plane : planes_) {
     if (plane.wanted.cap_of < static_cast<int>(frame.clip_planes.size()))

@@ -84,6 +84,12 @@ class ViewSession {
   // What is shown is what the state asks for, as fine as it will get, slices included.
   bool settled() const;
   SessionStatus status() const;
+  // The values of the darkest and the lightest colour, where what is shown has values.
+  std::optional<std::array<double, 2>> valueWindow() const {
+    return valueWindowOf(state_, shown_pass_.values);
+  }
+  // What there could be, likewise; both 0 where there are none.
+  const std::array<double, 2>& valueRange() const { return shown_pass_.values; }
   std::uint64_t uploadedBytes() const { return uploaded_bytes_; }  // by the last update()
 
   // The surface under a pixel of the frame drawn last, or the nearest point of the box.
@@ -107,6 +113,7 @@ class ViewSession {
   };
   SceneFrame sceneNow(int width, int height) const;
   void requestSurfaces(double seconds);
+  StreamValues wantedValues() const;
   StreamPass passOf(double radius) const;
   void requestQuickly(double radius, double seconds);
   void requestPasses(const std::vector<double>& radii, bool at_once, double seconds);

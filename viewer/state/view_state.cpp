@@ -95,6 +95,11 @@ double wantedRadius(const ViewState& state, const ViewVolume& volume) {
 }
 
 bool asksForTheSame(const ViewState& a, const ViewState& b) {
+  const auto carriesValues = [](const ViewState& state) {
+    return state.coloring == ViewColoring::kGradient || state.coloring == ViewColoring::kOther;
+  };
+  if ((carriesValues(a) || carriesValues(b)) && a.coloring != b.coloring) return false;
+  if (a.coloring == ViewColoring::kOther && a.values.other != b.values.other) return false;
   return a.focus.center == b.focus.center && a.focus.radius == b.focus.radius &&
          a.focus.everywhere == b.focus.everywhere &&
          a.curvature_tolerance == b.curvature_tolerance && a.tolerance == b.tolerance &&

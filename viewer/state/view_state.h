@@ -4,6 +4,7 @@
 #include <array>
 #include <glm/vec3.hpp>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "isobrick/extract/query.h"
@@ -60,7 +61,17 @@ struct ViewPictures {
   bool operator==(const ViewPictures&) const = default;
 };
 
-enum class ViewColoring { kPlain, kLevel };
+enum class ViewColoring { kPlain, kLevel, kGradient, kOther };
+
+// What the colours of values say. A window: the values of the darkest and the lightest colour.
+struct ViewValues {
+  // Data units per world unit; none: from 0 to a quarter of the greatest there could be.
+  std::optional<std::array<double, 2>> gradient_window;
+  std::string other;  // the path of the pyramid for ViewColoring::kOther
+  std::optional<std::array<double, 2>> other_window;  // its data units; none: all of its values
+
+  bool operator==(const ViewValues&) const = default;
+};
 enum class ViewLighting { kThreeLights, kHeadlight };
 
 struct ViewState {
@@ -76,9 +87,11 @@ struct ViewState {
   std::array<double, 2> value_window{0.0,
                                      1.0};  // data units that caps and slices show black, white
   ViewColoring coloring = ViewColoring::kPlain;
+  ViewValues values;
   ViewLighting lighting = ViewLighting::kThreeLights;
   ViewPictures pictures;
   bool wireframe = false;
+  bool show_transitions = false;  // cells that join two levels in a colour of their own
   bool show_box = true;
   bool show_handles = true;  // arrows at focus and clip planes, in the window alone
   glm::vec3 background_top{0.36f, 0.38f, 0.41f};
@@ -117,7 +130,8 @@ Query queryOf(const ViewState& state, const ViewVolume& volume, std::size_t surf
 // The radius that is asked for at rest.
 double wantedRadius(const ViewState& state, const ViewVolume& volume);
 
-// True where both ask for the same triangles, in a picture of the same height.
+// True where both ask for the same triangles and values at their vertices, in a picture of the same
+// height.
 bool asksForTheSame(const ViewState& a, const ViewState& b);
 
 }  // namespace isobrick

@@ -1,5 +1,6 @@
 #include "isobrick/viewer/state/view_state_json.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <fstream>
@@ -17,94 +18,43 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-// The fields of each struct, by name. The structured bindings do not compile once a struct has
-// another number of fields, so none can be forgotten here.
-template <typename T, typename F>
-requires std::is_same_v<std::remove_const_t<T>, ViewCamera>
-void forEachField(T& value, F&& f) {
-  auto& [pivot, distance, azimuth, elevation, vertical_fov, orthographic] = value;
-  f("pivot", pivot);
-  f("distance", distance);
-  f("azimuth", azimuth);
-  f("elevation", elevation);
-  f("vertical_fov", vertical_fov);
-  f("orthographic", orthographic);
+// Calls f(name, field) for each; `names` are those of the fields, with commas between them.
+template <typename F, typename... Values>
+void visitFields(std::string_view names, F&& f, Values&... values) {
+  const auto next = [&] {
+    names.remove_prefix(std::min(names.find_first_not_of(" ,"), names.size()));
+    const std::string name(names.substr(0, names.find(',')));
+    names.remove_prefix(name.size());
+    return name;
+  };
+  (f(next(), values), ...);
 }
 
-template <typename T, typename F>
-requires std::is_same_v<std::remove_const_t<T>, ViewSurface>
-void forEachField(T& value, F&& f) {
-  auto& [isovalue, color, opacity, visible] = value;
-  f("isovalue", isovalue);
-  f("color", color);
-  f("opacity", opacity);
-  f("visible", visible);
-}
+// The fields of a struct, by name, in their order. The structured bindings do not compile once the
+// struct has another number of fields, so none can be forgotten here.
+#define ISOBRICK_FIELDS(Type, ...)                      \
+  template <typename T, typename F>                     \
+  requires std::is_same_v<std::remove_const_t<T>, Type> \
+  void forEachField(T& value, F&& f) {                  \
+    auto& [__VA_ARGS__] = value;                        \
+    visitFields(#__VA_ARGS__, f, __VA_ARGS__);          \
+  }
 
-template <typename T, typename F>
-requires std::is_same_v<std::remove_const_t<T>, ViewFocus>
-void forEachField(T& value, F&& f) {
-  auto& [center, radius, everywhere, show_sphere, follow_view] = value;
-  f("center", center);
-  f("radius", radius);
-  f("everywhere", everywhere);
-  f("show_sphere", show_sphere);
-  f("follow_view", follow_view);
-}
+ISOBRICK_FIELDS(ViewCamera, pivot, distance, azimuth, elevation, vertical_fov, orthographic)
+ISOBRICK_FIELDS(ViewSurface, isovalue, color, opacity, visible)
+ISOBRICK_FIELDS(ViewFocus, center, radius, everywhere, show_sphere, follow_view)
+ISOBRICK_FIELDS(ViewClipPlane, normal, offset, enabled, cap)
+ISOBRICK_FIELDS(ViewSlice, shown, position)
+ISOBRICK_FIELDS(ViewPictures, transparent, times)
+ISOBRICK_FIELDS(ViewValues, gradient_window, other, other_window)
+ISOBRICK_FIELDS(ViewState, camera, surfaces, active_surface, focus, curvature_tolerance, tolerance,
+                view_pixels, clip_planes, slices, value_window, coloring, values, lighting,
+                pictures, wireframe, show_transitions, show_box, show_handles, background_top,
+                background_bottom)
 
-template <typename T, typename F>
-requires std::is_same_v<std::remove_const_t<T>, ViewClipPlane>
-void forEachField(T& value, F&& f) {
-  auto& [normal, offset, enabled, cap] = value;
-  f("normal", normal);
-  f("offset", offset);
-  f("enabled", enabled);
-  f("cap", cap);
+constexpr std::array<std::string_view, 4> namesOf(ViewColoring) {
+  return {"plain", "level", "gradient", "other"};
 }
-
-template <typename T, typename F>
-requires std::is_same_v<std::remove_const_t<T>, ViewSlice>
-void forEachField(T& value, F&& f) {
-  auto& [shown, position] = value;
-  f("shown", shown);
-  f("position", position);
-}
-
-template <typename T, typename F>
-requires std::is_same_v<std::remove_const_t<T>, ViewPictures>
-void forEachField(T& value, F&& f) {
-  auto& [transparent, times] = value;
-  f("transparent", transparent);
-  f("times", times);
-}
-
-template <typename T, typename F>
-requires std::is_same_v<std::remove_const_t<T>, ViewState>
-void forEachField(T& value, F&& f) {
-  auto& [camera, surfaces, active_surface, focus, curvature_tolerance, tolerance, view_pixels,
-         clip_planes, slices, value_window, coloring, lighting, pictures, wireframe, show_box,
-         show_handles, background_top, background_bottom] = value;
-  f("camera", camera);
-  f("surfaces", surfaces);
-  f("active_surface", active_surface);
-  f("focus", focus);
-  f("curvature_tolerance", curvature_tolerance);
-  f("tolerance", tolerance);
-  f("view_pixels", view_pixels);
-  f("clip_planes", clip_planes);
-  f("slices", slices);
-  f("value_window", value_window);
-  f("coloring", coloring);
-  f("lighting", lighting);
-  f("pictures", pictures);
-  f("wireframe", wireframe);
-  f("show_box", show_box);
-  f("show_handles", show_handles);
-  f("background_top", background_top);
-  f("background_bottom", background_bottom);
-}
-
-constexpr std::array<std::string_view, 2> namesOf(ViewColoring) { return {"plain", "level"}; }
 constexpr std::array<std::string_view, 2> namesOf(ViewLighting) {
   return {"three_lights", "headlight"};
 }
@@ -117,7 +67,7 @@ template <typename T>
 concept Vector3 = std::is_same_v<T, glm::dvec3> || std::is_same_v<T, glm::vec3>;
 template <typename T>
 concept Fields = requires(T& value) {
-  forEachField(value, [](const char*, auto&) {});
+  forEachField(value, [](const std::string&, auto&) {});
 };
 
 // ----------------------------------------------------------------------------------------- writing
@@ -130,10 +80,13 @@ Json toJson(const T& value) {
     return Json{value.x, value.y, value.z};
   } else if constexpr (Fields<const T>) {
     Json object = Json::object();
-    forEachField(value, [&](const char* name, const auto& field) { object[name] = toJson(field); });
+    forEachField(value,
+                 [&](const std::string& name, const auto& field) { object[name] = toJson(field); });
     return object;
   } else if constexpr (requires { value.has_value(); }) {
     return value ? toJson(*value) : Json(nullptr);
+  } else if constexpr (std::is_same_v<T, std::string>) {
+    return Json(value);
   } else if constexpr (requires { value.begin(); }) {
     Json list = Json::array();
     for (const auto& element : value) list.push_back(toJson(element));
@@ -171,7 +124,7 @@ void structFromJson(const Json& json, const std::string& where, T& value) {
   if (!json.is_object()) refuse(where.empty() ? "view" : where, "is not an object");
   const std::string prefix = where.empty() ? "" : where + ".";
   std::size_t known = 0;
-  forEachField(value, [&](const char* name, auto& field) {
+  forEachField(value, [&](const std::string& name, auto& field) {
     if (!json.contains(name)) return;
     ++known;
     fromJson(json[name], prefix + name, field);
@@ -179,7 +132,8 @@ void structFromJson(const Json& json, const std::string& where, T& value) {
   if (known == json.size()) return;
   for (const auto& item : json.items()) {
     bool found = false;
-    forEachField(value, [&](const char* name, auto&) { found = found || item.key() == name; });
+    forEachField(value,
+                 [&](const std::string& name, auto&) { found = found || item.key() == name; });
     if (!found) refuse(prefix + item.key(), "is not a field that is known here");
   }
 }
@@ -194,7 +148,10 @@ void fromJson(const Json& json, const std::string& where, T& value) {
         return;
       }
     }
-    refuse(where, "is neither '" + std::string(names[0]) + "' nor '" + std::string(names[1]) + "'");
+    std::string known;
+    for (const std::string_view name : names)
+      known += (known.empty() ? "'" : ", '") + std::string(name) + "'";
+    refuse(where, "is none of " + known);
   } else if constexpr (Vector3<T>) {
     std::array<typename T::value_type, 3> list{};
     listFromJson(json, where, list);
@@ -204,6 +161,9 @@ void fromJson(const Json& json, const std::string& where, T& value) {
   } else if constexpr (std::is_same_v<T, bool>) {
     if (!json.is_boolean()) refuse(where, "is neither true nor false");
     value = json.get<bool>();
+  } else if constexpr (std::is_same_v<T, std::string>) {
+    if (!json.is_string()) refuse(where, "is not a text");
+    value = json.get<std::string>();
   } else if constexpr (std::is_same_v<T, int>) {
     if (!json.is_number_integer()) refuse(where, "is not a whole number");
     const auto number = json.get<std::int64_t>();

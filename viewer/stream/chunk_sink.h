@@ -5,6 +5,7 @@
 
 #include "isobrick/extract/sinks/triangle_sink.h"
 #include "isobrick/viewer/render/surface_chunk.h"
+#include "isobrick/viewer/stream/chunk_values.h"
 
 namespace isobrick {
 
@@ -14,13 +15,16 @@ namespace isobrick {
 class ChunkSink : public TriangleSink {
  public:
   using Take = std::function<void(std::size_t place, SurfaceChunk&& chunk)>;
-  ChunkSink(int surface, Take take) : surface_(surface), take_(std::move(take)) {}
+  // `values`: of the vertices; null: they have none. Outlives the sink.
+  ChunkSink(int surface, const ChunkValues* values, Take take)
+      : surface_(surface), values_(values), take_(std::move(take)) {}
 
   void place(PlacedBatch& placed) override { placed.first_byte = next_place_++; }
   void write(PlacedBatch& placed) override;
 
  private:
   int surface_;
+  const ChunkValues* values_;
   Take take_;
   std::uint64_t next_place_ = 0;
 };

@@ -197,6 +197,17 @@ SurfaceStream::Outcome SurfaceStream::run(const Job& job, const Attempt& attempt
   return outcome;
 }
 
+// Kept from pass to pass. Throws Error where another pyramid cannot be opened.
+const ChunkValues* SurfaceStream::valuesFor(const StreamValues& wanted) {
+  if (wanted == values_wanted_) return values_.get();
+  values_.reset();
+  values_wanted_ = {};
+  if (wanted.what == StreamValues::What::kGradient) values_ = gradientValues(*pyramid_);
+  if (wanted.what == StreamValues::What::kOther) values_ = otherValues(*pyramid_, wanted.other);
+  values_wanted_ = wanted;
+  return values_.get();
+}
+
 // Fills `end`, the last message of the pass.
 SurfaceStream::Outcome SurfaceStream::extract(const Job& job, const Attempt& attempt,
                                               StreamMessage& end) {
@@ -211,11 +222,13 @@ SurfaceStream::Outcome SurfaceStream::extract(const Job& job, const Attempt& att
     message.chunk = std::move(chunk);
     pushChunk(std::move(message), *cancel);
   };
+  const ChunkValues* const values = valuesFor(job.request.values);
+  if (values != nullptr) end.values = values->range();
   // TBB's threads come from one pool; an arena bounds how many of them work here.
   tbb::task_arena arena(threads_);
   arena.execute([&] {
     for (const StreamPass::SurfaceQuery& surface : attempt.work->queries) {
-      ChunkSink sink(surface.surface,
+      ChunkSink sink(surface.surface, values,
                      [&](std::size_t, SurfaceChunk&& chunk) { take(std::move(chunk)); });
       Query query = surface.query;
       query.cancel = cancel.get();

@@ -1,6 +1,7 @@
 // Extraction beside the interface: requests in, chunks out.
 #pragma once
 
+#include <array>
 #include <condition_variable>
 #include <cstdint>
 #include <deque>
@@ -18,6 +19,7 @@
 #include "isobrick/storage/cancel.h"
 #include "isobrick/storage/pyramid.h"
 #include "isobrick/viewer/render/surface_chunk.h"
+#include "isobrick/viewer/stream/chunk_values.h"
 
 namespace isobrick {
 
@@ -31,6 +33,14 @@ struct StreamPass {
   std::vector<SurfaceQuery> queries;
 };
 
+// What vertices carry beside their normals.
+struct StreamValues {
+  enum class What { kNone, kGradient, kOther } what = What::kNone;
+  std::string other;  // of kOther: the path of a pyramid
+
+  bool operator==(const StreamValues&) const = default;
+};
+
 // Passes from coarse to fine.
 struct StreamRequest {
   std::vector<StreamPass> passes;
@@ -41,6 +51,7 @@ struct StreamRequest {
   // last of these may have any number.
   std::vector<StreamPass> smaller = {};
   std::uint64_t most_triangles = 0;
+  StreamValues values = {};
 };
 
 struct StreamMessage {
@@ -58,7 +69,8 @@ struct StreamMessage {
   bool last_pass = false;
   bool is_complete = true;  // false: coarser than asked for, where bricks were not resident
   double radius = 0.0;
-  double seconds = 0.0;  // of extraction, waiting for a full queue left out
+  std::array<double, 2> values{0.0, 0.0};  // what a vertex value's share 0 and 1 stand for
+  double seconds = 0.0;                    // of extraction, waiting for a full queue left out
   std::uint64_t triangles = 0;
   std::uint64_t bricks_read = 0;
   std::vector<LevelCounts> levels;  // summed over the surfaces
@@ -112,6 +124,7 @@ class SurfaceStream {
   Outcome runFirstPass(const Job& job);
   bool begin(const Attempt& attempt);
   Outcome run(const Job& job, const Attempt& attempt);
+  const ChunkValues* valuesFor(const StreamValues& wanted);
   Outcome extract(const Job& job, const Attempt& attempt, StreamMessage& end);
   void finish(StreamMessage end);
   void pushChunk(StreamMessage message, const CancelFlag& cancel);
@@ -121,7 +134,10 @@ class SurfaceStream {
   const std::shared_ptr<const Pyramid> pyramid_;
   const int threads_;
   const double least_patience_;
-  Extractor extractor_;  // of the thread alone; keeps its memory from pass to pass
+  // Of the thread alone:
+  Extractor extractor_;  // keeps its memory from pass to pass
+  StreamValues values_wanted_;
+  std::unique_ptr<ChunkValues> values_;
 
   mutable std::mutex mutex_;
   std::condition_variable work_, room_;

@@ -103,8 +103,8 @@ TEST(SurfaceChunkTest, WithoutNormalsEveryTriangleIsAFacet) {
   const auto chunks = chunksOf({positions, {}, triangles, {}}, false);
   ASSERT_EQ(chunks.size(), 1u);
   ASSERT_EQ(chunks[0].vertices.size(), 6u);
-  EXPECT_EQ(chunks[0].vertices[0].normal, (std::array<std::int16_t, 4>{0, 0, 32767, 0}));
-  EXPECT_EQ(chunks[0].vertices[5].normal, (std::array<std::int16_t, 4>{0, 32767, 0, 0}));
+  EXPECT_EQ(chunks[0].vertices[0].normal, (std::array<std::int16_t, 3>{0, 0, 32767}));
+  EXPECT_EQ(chunks[0].vertices[5].normal, (std::array<std::int16_t, 3>{0, 32767, 0}));
 }
 
 }  // namespace

@@ -1,5 +1,6 @@
 // Views as pictures, held against those of an earlier day (tests/golden/pictures) by their
-// structural similarity: shading, levels, edges, caps, slices, what is seen through.
+// structural similarity: shading, levels, edges, caps, slices, what is seen through,
+// transitions, colours of values.
 #include <gtest/gtest.h>
 #include <png.h>
 
@@ -110,6 +111,18 @@ TEST(GoldenPicturesTest, ViewsLookAsTheyDid) {
   ViewState& two = add("two");
   two.surfaces.push_back({180.0, {0.8f, 0.3f, 0.2f}, 1.0, true});
   two.surfaces[0].opacity = 0.4;
+
+  ViewState& transitions = add("transitions");
+  transitions.focus.everywhere = false;
+  transitions.show_transitions = true;
+  ViewState& gradient = add("gradient");
+  gradient.coloring = ViewColoring::kGradient;
+  gradient.values.gradient_window = {{0.0, 16.0}};
+  ViewState& other = add("other");
+  other.coloring = ViewColoring::kOther;
+  other.values.other = test::buildField<std::uint8_t>(
+      folder, Index3(48), [](const glm::dvec3& p) { return 5.0 * p.x; }, options, {}, "other.isb");
+  other.values.other_window = {{40.0, 200.0}};
 
   const std::string golden = std::string(test::goldenFolder()) + "/pictures/";
   const CancelFlag never;

@@ -27,6 +27,8 @@ ViewState fullState() {
   state.slices = {{{true, 3.0}, {true, 4.0}, {true, 5.0}}};
   state.value_window = {-100.0, 1500.0};
   state.coloring = ViewColoring::kLevel;
+  state.values = {{{2.0, 30.0}}, "/scans/pet.isb", {{-1.5, 4.5}}};
+  state.show_transitions = true;
   state.lighting = ViewLighting::kHeadlight;
   state.pictures = {true, 3};
   state.wireframe = true;
@@ -58,6 +60,7 @@ TEST(ViewStateTest, EveryFieldSurvivesTheWayThroughJson) {
   ViewState plain;
   plain.surfaces.resize(2);
   plain.clip_planes.resize(1);
+  plain.values.gradient_window = plain.values.other_window = {0.0, 0.0};
   const nlohmann::json with = flat(full), without = flat(plain);
   for (const auto& leaf : without.items()) {
     ASSERT_TRUE(with.contains(leaf.key())) << leaf.key();

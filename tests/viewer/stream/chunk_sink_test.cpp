@@ -34,29 +34,53 @@ TEST(ChunkSinkTest, ChunksInTheirPlacesAreTheMeshOfTheSameQuery) {
 
   std::mutex mutex;
   std::vector<SurfaceChunk> chunks;
-  ChunkSink sink(3, [&](std::size_t place, SurfaceChunk&& chunk) {
+  ChunkSink sink(3, nullptr, [&](std::size_t place, SurfaceChunk&& chunk) {
     const std::lock_guard lock(mutex);
     if (chunks.size() <= place) chunks.resize(place + 1);
     chunks[place] = std::move(chunk);
   });
-  extractIsosurface(pyramid, query, sink);
+  const ExtractionReport report = extractIsosurface(pyramid, query, sink);
   ASSERT_GT(chunks.size(), 10u);
 
   const SceneLattice lattice = latticeOf(geometry);
-  std::size_t corner = 0;
+  std::size_t corner = 0, highlighted = 0;
   for (const SurfaceChunk& chunk : chunks) {
     EXPECT_EQ(chunk.surface, 3);
-    for (const std::uint32_t v : chunk.triangles) {
+    EXPECT_EQ(chunk.transition_indices % 3, 0u);
+    highlighted += chunk.transition_indices / 3;
+    const auto matches = [&](std::size_t index) {
+      for (std::size_t k = 0; k < 3; ++k) {
+        const SurfaceVertex& vertex = chunk.vertices[chunk.triangles[index + k]];
+        const std::uint32_t expected = mesh.triangles[corner + k];
+        const glm::dvec3 world = lattice.toWorld(chunk.origin + glm::dvec3(vertex.position));
+        if (!(glm::distance(world, mesh.positions[expected]) < 1e-9)) return false;
+        if (vertex.normal != packNormal(mesh.normals[expected])) return false;
+        if (vertex.value != kNoVertexValue) return false;
+      }
+      return true;
+    };
+    // Those of transitions come last; in each part the order is the mesh's.
+    const std::size_t plain_end = chunk.triangles.size() - chunk.transition_indices;
+    std::size_t plain = 0, transition = plain_end;
+    while (plain < plain_end || transition < chunk.triangles.size()) {
       ASSERT_LT(corner, mesh.triangles.size());
       EXPECT_EQ(chunk.level, mesh.triangle_levels[corner / 3]);
-      const glm::dvec3 world =
-          lattice.toWorld(chunk.origin + glm::dvec3(chunk.vertices[v].position));
-      ASSERT_LT(glm::distance(world, mesh.positions[mesh.triangles[corner]]), 1e-9);
-      ASSERT_EQ(chunk.vertices[v].normal, packNormal(mesh.normals[mesh.triangles[corner]]));
-      ++corner;
+      if (plain < plain_end && matches(plain))
+        plain += 3;
+      else if (transition < chunk.triangles.size() && matches(transition))
+        transition += 3;
+      else
+        FAIL() << "triangle " << corner / 3;
+      corner += 3;
     }
   }
   EXPECT_EQ(corner, mesh.triangles.size());
+  // Fans have at least three triangles a cell.
+  std::uint64_t cells = 0;
+  for (const LevelCounts& level : report.levels) cells += level.transition_cells;
+  EXPECT_GT(cells, 50u);
+  EXPECT_GE(highlighted, 3 * cells);
+  EXPECT_LT(highlighted, 16 * cells);
 }
 
 }  // namespace

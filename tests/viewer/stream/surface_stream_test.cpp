@@ -74,7 +74,7 @@ TEST_F(SurfaceStreamTest, AHandThatNeverRestsSeesSurfacesOnASlowMachineToo) {
       done += message->kind == Kind::kPassDone;
     }
   }
-  EXPECT_EQ(done, 3);
+  EXPECT_GE(done, 3);
 }
 
 TEST_F(SurfaceStreamTest, PassesAreShownWholeAndReplaceEachOther) {

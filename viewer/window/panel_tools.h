@@ -1,0 +1,28 @@
+// What the parts of the interface that are drawn with Dear ImGui share.
+#pragma once
+
+#include <imgui.h>
+
+#include <array>
+#include <cstdio>
+#include <string>
+
+namespace isobrick {
+
+// Of the line at the foot, in pixels of an ordinary screen.
+inline constexpr float kStatusHeight = 26.0f;
+
+// As printf has it, cut after 255 characters.
+template <typename... Arguments>
+std::string text(const char* format, Arguments... arguments) {
+  std::array<char, 256> buffer{};
+  std::snprintf(buffer.data(), buffer.size(), format, arguments...);
+  return buffer.data();
+}
+
+inline bool sliderOf(const char* label, double& value, double least, double greatest,
+                     const char* format, ImGuiSliderFlags flags = 0) {
+  return ImGui::SliderScalar(label, ImGuiDataType_Double, &value, &least, &greatest, format, flags);
+}
+
+}  // namespace isobrick

@@ -1,0 +1,137 @@
+#include "isobrick/viewer/window/scene_overlay.h"
+
+#include <imgui.h>
+
+#include <array>
+#include <cmath>
+
+#include "isobrick/viewer/window/panel_tools.h"
+
+namespace isobrick {
+namespace {
+
+const char* nameOf(AxisView view) {
+  switch (view) {
+    case AxisView::kFront:
+      return "-y";
+    case AxisView::kBack:
+      return "+y";
+    case AxisView::kRight:
+      return "+x";
+    case AxisView::kLeft:
+      return "-x";
+    case AxisView::kTop:
+      return "+z";
+    case AxisView::kBottom:
+      return "-z";
+  }
+  return "";
+}
+
+// 1, 2 or 5 times a power of ten, at most `most`.
+double roundLength(double most) {
+  const double power = std::pow(10.0, std::floor(std::log10(most)));
+  for (const double step : {5.0, 2.0})
+    if (step * power <= most) return step * power;
+  return power;
+}
+
+// As long at the pivot as its text says, in world units.
+void scaleBar(const ViewSession& session, float scale) {
+  const ImVec2 size = ImGui::GetIO().DisplaySize;
+  if (size.y < 100.0f) return;
+  const ViewCamera& camera = session.state().camera;
+  const PlacedCamera placed = placeCamera(camera, 1.0);
+  const double height = 2.0 * placed.half_height * (camera.orthographic ? 1.0 : camera.distance);
+  const double per_pixel = height / static_cast<double>(size.y);
+  const double length = roundLength(150.0 * scale * per_pixel);
+  const auto pixels = static_cast<float>(length / per_pixel);
+  const ImVec2 end{size.x - 24.0f * scale, size.y - (kStatusHeight + 20.0f) * scale};
+  ImDrawList& list = *ImGui::GetBackgroundDrawList();
+  const ImU32 white = IM_COL32(235, 235, 235, 220);
+  list.AddLine({end.x - pixels, end.y}, end, white, 2.0f * scale);
+  for (const float x : {end.x - pixels, end.x})
+    list.AddLine({x, end.y - 4.0f * scale}, {x, end.y + 4.0f * scale}, white, 2.0f * scale);
+  list.AddText({end.x - pixels, end.y - 20.0f * scale}, white, text("%g", length).c_str());
+}
+
+// Sides of the world's axes; a click looks from there.
+void axisCube(const ViewSession& session, bool hovers) {
+  const Interaction& interaction = session.interaction();
+  const std::vector<CubeFace> faces = cubeFacesOf(session.state().camera, interaction.picture());
+  const auto hovered = hovers ? cubeFaceAt(faces, interaction.cursor) : std::nullopt;
+  ImDrawList& list = *ImGui::GetBackgroundDrawList();
+  const auto place = [](const glm::dvec2& p) {
+    return ImVec2(static_cast<float>(p.x), static_cast<float>(p.y));
+  };
+  for (const CubeFace& face : faces) {
+    const int grey = static_cast<int>(70.0 + 90.0 * face.toward);
+    const bool lit = hovered == face.view;
+    const ImVec2 a = place(face.corners[0]), b = place(face.corners[1]), c = place(face.corners[2]),
+                 d = place(face.corners[3]);
+    list.AddQuadFilled(a, b, c, d,
+                       lit ? IM_COL32(200, 180, 110, 230) : IM_COL32(grey, grey, grey, 230));
+    list.AddQuad(a, b, c, d, IM_COL32(20, 22, 26, 255));
+    if (face.toward < 0.3) continue;
+    const char* const name = nameOf(face.view);
+    const ImVec2 size = ImGui::CalcTextSize(name);
+    list.AddText({0.5f * (a.x + c.x - size.x), 0.5f * (a.y + c.y - size.y)},
+                 IM_COL32(255, 255, 255, 255), name);
+  }
+}
+
+void handles(const ViewSession& session, float scale, bool hovers) {
+  const Interaction& interaction = session.interaction();
+  if (interaction.flying) return;
+  const std::vector<SceneHandle> all =
+      handlesOf(session.state(), session.volume(), interaction.picture());
+  const bool holds = interaction.drag == Interaction::Drag::kHandle;
+  const auto under = hovers ? handleAt(all, interaction.cursor, interaction.scale) : std::nullopt;
+  ImDrawList& list = *ImGui::GetBackgroundDrawList();
+  constexpr std::array<ImU32, 3> kAxisColors{
+      IM_COL32(230, 90, 80, 255), IM_COL32(110, 200, 90, 255), IM_COL32(90, 140, 240, 255)};
+  for (const SceneHandle& handle : all) {
+    const SceneHandle* const lit = holds ? &*interaction.held_handle : under ? &*under : nullptr;
+    const bool is_lit = lit != nullptr && lit->kind == handle.kind && lit->number == handle.number;
+    const bool of_focus = handle.kind == SceneHandle::Kind::kFocus;
+    const ImU32 color = is_lit     ? IM_COL32(255, 237, 158, 255)
+                        : of_focus ? kAxisColors[static_cast<std::size_t>(handle.number)]
+                                   : IM_COL32(220, 220, 225, 255);
+    const ImVec2 foot(static_cast<float>(handle.foot_pixel.x),
+                      static_cast<float>(handle.foot_pixel.y));
+    const ImVec2 tip(static_cast<float>(handle.tip.x), static_cast<float>(handle.tip.y));
+    list.AddLine(foot, tip, IM_COL32(0, 0, 0, 160), 4.0f * scale);
+    list.AddLine(foot, tip, color, 2.0f * scale);
+    if (of_focus) {
+      list.AddCircleFilled(tip, 5.0f * scale, color);
+    } else {
+      const float half = 5.0f * scale;
+      list.AddRectFilled({tip.x - half, tip.y - half}, {tip.x + half, tip.y + half}, color);
+    }
+  }
+}
+
+void help(ViewSession& session, float scale) {
+  const ImVec2 size = ImGui::GetIO().DisplaySize;
+  ImGui::SetNextWindowPos({0.5f * size.x, 0.5f * size.y}, ImGuiCond_Appearing, {0.5f, 0.5f});
+  if (ImGui::Begin("keys", &session.interaction().show_help,
+                   ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoCollapse)) {
+    for (const KeyHelp& line : kKeyHelp) {
+      ImGui::TextColored({1.0f, 0.93f, 0.62f, 1.0f}, "%s", line.keys);
+      ImGui::SameLine(230.0f * scale);
+      ImGui::TextUnformatted(line.what);
+    }
+  }
+  ImGui::End();
+}
+
+}  // namespace
+
+void buildOverlay(ViewSession& session, float scale, bool hovers) {
+  scaleBar(session, scale);
+  axisCube(session, hovers);
+  if (session.interaction().drag != Interaction::Drag::kPanel) handles(session, scale, hovers);
+  if (session.interaction().show_help) help(session, scale);
+}
+
+}  // namespace isobrick

@@ -1,0 +1,161 @@
+#include "isobrick/viewer/window/status_panel.h"
+
+#include <imgui.h>
+
+#include <algorithm>
+#include <array>
+#include <cfloat>
+
+#include "isobrick/viewer/session/folder_listing.h"
+#include "isobrick/viewer/window/panel_tools.h"
+
+namespace isobrick {
+namespace {
+
+std::string megabytes(std::uint64_t bytes) {
+  return text("%.1f MiB", static_cast<double>(bytes) / (1 << 20));
+}
+
+// What is being opened, or why the last one was not; the session's line goes on beside it.
+Wishes openingLine(const PanelFacts& facts) {
+  Wishes wishes;
+  const VolumeOpener::Status& opening = facts.opening;
+  if (opening.busy) {
+    wishes.stop_opening = ImGui::SmallButton("stop");
+    ImGui::SameLine();
+    const std::size_t slash = opening.source.find_last_of('/');
+    const std::string name = shownName(
+        slash + 1 < opening.source.size() ? opening.source.substr(slash + 1) : opening.source);
+    if (opening.phase.empty())
+      ImGui::Text("opening %s", name.c_str());
+    else
+      ImGui::Text("building %s: %s %.0f %%", name.c_str(), shownName(opening.phase).c_str(),
+                  100.0 * opening.share);
+    ImGui::SameLine();
+  }
+  return wishes;
+}
+
+// Above the line at the foot, as long as it is: why the last opening ended without a volume.
+Wishes openingError(const PanelFacts& facts, float scale) {
+  Wishes wishes;
+  if (facts.open_error.empty()) return wishes;
+  const ImVec2 size = ImGui::GetIO().DisplaySize;
+  const float width = std::max(1.0f, size.x);
+  ImGui::SetNextWindowPos({0.0f, size.y - kStatusHeight * scale}, ImGuiCond_Always, {0.0f, 1.0f});
+  ImGui::SetNextWindowSizeConstraints({width, 0.0f}, {width, std::max(1.0f, size.y)});
+  if (ImGui::Begin("why not", nullptr,
+                   ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoMove |
+                       ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoNav)) {
+    wishes.stop_opening = ImGui::SmallButton("x");
+    ImGui::SameLine();
+    ImGui::PushStyleColor(ImGuiCol_Text, {1.0f, 0.5f, 0.4f, 1.0f});
+    ImGui::TextWrapped("%s", shownName(facts.open_error).c_str());
+    ImGui::PopStyleColor();
+  }
+  ImGui::End();
+  return wishes;
+}
+
+}  // namespace
+
+void buildStatistics(const ViewSession& session, const PanelFacts& facts, float scale) {
+  if (!ImGui::CollapsingHeader("what is going on", ImGuiTreeNodeFlags_DefaultOpen)) return;
+  const SessionStatus status = session.status();
+  ImGui::Text("%llu triangles, %s", static_cast<unsigned long long>(status.triangles),
+              megabytes(status.shown_bytes).c_str());
+  ImGui::Text("radius %.0f of %.0f voxels", status.shown_radius, status.wanted_radius);
+  ImGui::Text("extracted in %.1f ms, %.1f Mtri/s", 1e3 * status.extract_seconds,
+              1e-6 * status.triangles_per_second);
+  ImGui::Text("radius while dragging %.0f", status.drag_radius);
+  ImGui::Text("bricks read by the pass: %llu", static_cast<unsigned long long>(status.bricks_read));
+  ImGui::Text("in memory %s of %s", megabytes(session.pyramid().heldBytes()).c_str(),
+              megabytes(session.pyramid().budgetBytes()).c_str());
+  const BrickPager::Counters counters = session.pyramid().counters();
+  ImGui::Text("parts read %llu, evicted %llu", static_cast<unsigned long long>(counters.parts_read),
+              static_cast<unsigned long long>(counters.parts_released));
+  for (const LevelCounts& level : status.levels) {
+    const double share =
+        static_cast<double>(level.triangles) / std::max(1.0, static_cast<double>(status.triangles));
+    ImGui::ProgressBar(
+        static_cast<float>(share), {-1.0f, 0.0f},
+        text("level %d: %llu", level.level, static_cast<unsigned long long>(level.triangles))
+            .c_str());
+  }
+  std::array<float, 240> interface {
+  }, drawing{};
+  const std::size_t count = std::min(facts.frames.size(), interface.size());
+  for (std::size_t i = 0; i < count; ++i) {
+    const FrameTimes& frame = facts.frames[facts.frames.size() - count + i];
+    interface[i] = static_cast<float>(1e3 * frame.interface);
+    drawing[i] = static_cast<float>(1e3 * frame.draw);
+  }
+  const auto plot = [&](const char* label, const std::array<float, 240>& values) {
+    const float last = count > 0 ? values[count - 1] : 0.0f;
+    ImGui::PlotLines("##times", values.data(), static_cast<int>(count), 0,
+                     text("%s %.1f ms", label, static_cast<double>(last)).c_str(), 0.0f, FLT_MAX,
+                     {-1.0f, 36.0f * scale});
+  };
+  plot("interface", interface);
+  plot("drawing", drawing);
+  ImGui::TextWrapped("%s", facts.device.c_str());
+}
+
+Wishes StatusPanel::build(ViewSession* session, const PanelFacts& facts, float scale, bool hovers) {
+  const ImVec2 size = ImGui::GetIO().DisplaySize;
+  ImGui::SetNextWindowPos({0.0f, size.y - kStatusHeight * scale});
+  ImGui::SetNextWindowSize({std::max(1.0f, size.x), kStatusHeight * scale});
+  ImGui::SetNextWindowBgAlpha(0.82f);
+  Wishes wishes;
+  if (ImGui::Begin(
+          "status", nullptr,
+          ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoMove | ImGuiWindowFlags_NoNav)) {
+    wishes = openingLine(facts);
+    if (session != nullptr) {
+      if (facts.opening.busy) {
+        ImGui::TextUnformatted("|");
+        ImGui::SameLine();
+      }
+      sessionLine(*session, facts, scale, hovers);
+    } else if (!facts.opening.busy) {
+      ImGui::TextUnformatted("N: open a volume, or drop one here");
+    }
+  }
+  ImGui::End();
+  addWishes(openingError(facts, scale), wishes);
+  return wishes;
+}
+
+void StatusPanel::sessionLine(ViewSession& session, const PanelFacts& facts, float scale,
+                              bool hovers) {
+  const SessionStatus status = session.status();
+  if (!status.error.empty()) {
+    ImGui::TextColored({1.0f, 0.5f, 0.4f, 1.0f}, "%s", status.error.c_str());
+  } else {
+    ImGui::TextUnformatted(status.doing.c_str());
+    if (!status.limited.empty()) {
+      ImGui::SameLine();
+      ImGui::TextColored({1.0f, 0.85f, 0.5f, 1.0f}, "| %s", status.limited.c_str());
+    }
+    if (!facts.message.empty()) {
+      ImGui::SameLine();
+      ImGui::Text("| %s", facts.message.c_str());
+    }
+  }
+  // Reading depth waits for the drawing, so only a hand that rests asks for it.
+  if (session.settled() && hovers) {
+    hover_.clear();
+    if (const auto point = session.surfaceAt(session.interaction().cursor)) {
+      const glm::dvec3 voxel = session.volume().geometry.worldToIndex(*point);
+      hover_ = text("voxel %.1f %.1f %.1f   world %.1f %.1f %.1f", voxel.x, voxel.y, voxel.z,
+                    point->x, point->y, point->z);
+    }
+  }
+  const std::string right = hover_.empty() ? "H: keys" : hover_;
+  ImGui::SameLine(std::max(
+      ImGui::GetCursorPosX(),
+      ImGui::GetIO().DisplaySize.x - ImGui::CalcTextSize(right.c_str()).x - 12.0f * scale));
+  ImGui::TextUnformatted(right.c_str());
+}
+
+}  // namespace isobrick
