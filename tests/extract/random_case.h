@@ -4,21 +4,15 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <cstdlib>
 #include <random>
 #include <type_traits>
 #include <vector>
 
 #include "isobrick/extract/query.h"
 #include "isobrick/storage/pyramid.h"
+#include "tests/support/requirement.h"
 
 namespace isobrick::test {
-
-// A number that the environment gives, or another.
-inline int environmentOr(const char* name, int otherwise) {
-  const char* text = std::getenv(name);
-  return text != nullptr ? std::atoi(text) : otherwise;
-}
 
 class RandomCase {
  public:

@@ -17,6 +17,12 @@ inline bool environmentSays(const char* name) {
   return !text.empty() && text != "0" && text != "false";
 }
 
+// A number that the environment gives, or another.
+inline int environmentOr(const char* name, int otherwise) {
+  const char* text = std::getenv(name);
+  return text != nullptr ? std::atoi(text) : otherwise;
+}
+
 inline bool everythingIsRequired() {
   return environmentSays("CI") || environmentSays("ISOBRICK_REQUIRE_ALL");
 }

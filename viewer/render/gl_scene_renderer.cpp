@@ -550,6 +550,8 @@ std::vector<float> GlSceneRenderer::distances() {
   return distances;
 }
 
+bool GlSceneRenderer::isLost() const { return glGetGraphicsResetStatus() != GL_NO_ERROR; }
+
 void GlSceneRenderer::present(GLuint framebuffer) {
   glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
   glViewport(0, 0, width_, height_);

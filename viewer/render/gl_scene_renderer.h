@@ -34,6 +34,9 @@ class GlSceneRenderer : public SceneRenderer {
   // left part of the frame's size is written.
   void present(GLuint framebuffer);
 
+  // The driver was reset: nothing is kept or drawn any longer, here and in this context.
+  bool isLost() const;
+
   int greatestSize() const override { return greatest_size_; }
   // What draws, for logs: for instance "llvmpipe (LLVM 15.0.6, 256 bits)".
   const std::string& deviceName() const { return device_name_; }

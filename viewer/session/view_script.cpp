@@ -237,6 +237,8 @@ class StepReader {
       ScriptWait wait;
       if (value != "settled") wait.seconds = secondsOf(value, where);
       steps_.emplace_back(wait);
+    } else if (name == "lose_context" && value == true) {
+      steps_.emplace_back(ScriptLoss{});
     } else if (name == "resize") {
       steps_.emplace_back(sizeOf(value, where));
     } else if (name == "frame" || name == "picture" || name == "mesh" || name == "state") {
@@ -338,6 +340,9 @@ ViewScript viewScriptFromJson(const std::string& text) {
       if (size.width < 1 || size.height < 1) refuse("'size' is not at least 1");
       script.width = size.width;
       script.height = size.height;
+    } else if (name == "scale") {
+      script.scale = numberOf(value, "'scale'");
+      if (!(script.scale >= 1.0 && script.scale <= 2.5)) refuse("'scale' is not from 1 to 2.5");
     } else if (name != "steps") {
       refuse("'" + name + "' is not known here");
     }
@@ -407,6 +412,8 @@ bool ScriptPlayer::play(const ScriptStep& step, double elapsed, bool settled,
     frame.file = *file;
   } else if (const auto* size = std::get_if<ScriptSize>(&step)) {
     frame.size = *size;
+  } else if (std::holds_alternative<ScriptLoss>(step)) {
+    frame.lose_context = true;
   }
   return true;
 }

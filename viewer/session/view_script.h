@@ -37,11 +37,13 @@ struct ScriptFile {
 struct ScriptSize {
   int width = 0, height = 0;
 };
-using ScriptStep = std::variant<ScriptEvent, ScriptMotion, ScriptSweep, ScriptPatch, ScriptWait,
-                                ScriptFile, ScriptSize>;
+struct ScriptLoss {};  // of the graphics card's memory, and its context
+using ScriptStep = std::variant<ScriptLoss, ScriptEvent, ScriptMotion, ScriptSweep, ScriptPatch,
+                                ScriptWait, ScriptFile, ScriptSize>;
 
 struct ViewScript {
   int width = 1280, height = 800;  // of the picture, pixels
+  double scale = 1.0;              // of the interface, where there is no window; 1 .. 2.5
   std::vector<ScriptStep> steps;
 };
 
@@ -68,6 +70,7 @@ struct ScriptFrame {
   std::optional<ViewState> state;
   std::optional<ScriptSize> size;
   std::optional<ScriptFile> file;  // after the frame was drawn
+  bool lose_context = false;       // before it is drawn
   bool finished = false;           // there is no further step
 };
 

@@ -39,12 +39,13 @@ ViewSession::ViewSession(std::shared_ptr<const Pyramid> pyramid, SceneRenderer& 
 ViewSession::ViewSession(std::shared_ptr<const Pyramid> pyramid, ValueHistogram histogram,
                          SceneRenderer& renderer, const SessionOptions& options)
     : pyramid_(std::move(pyramid)),
-      renderer_(renderer),
+      renderer_(&renderer),
+      gpu_budget_bytes_(options.gpu_budget_bytes),
       threads_(options.threads),
       volume_(volumeOf(*pyramid_)),
       histogram_(std::move(histogram)),
       state_(firstView(volume_, 1.0)),
-      surfaces_(renderer, options.gpu_budget_bytes),
+      surfaces_(std::in_place, renderer, options.gpu_budget_bytes),
       stream_(pyramid_, options.threads),
       plane_worker_([this](const std::vector<WantedPlane>& planes, const CancelFlag& cancel) {
         return samplePlanes(planes, cancel);
@@ -55,8 +56,34 @@ ViewSession::ViewSession(std::shared_ptr<const Pyramid> pyramid, ValueHistogram 
   state_.surfaces[0].isovalue = histogram_.dividingValue();
 }
 
-ViewSession::~ViewSession() {
-  for (const Plane& plane : planes_) renderer_.releaseSlice(plane.image);
+ViewSession::~ViewSession() { releasePlanes(); }
+
+void ViewSession::releasePlanes() {
+  for (const Plane& plane : planes_) renderer_->releaseSlice(plane.image);
+  planes_.clear();
+}
+
+void ViewSession::suspend() {
+  releasePlanes();
+  surfaces_.reset();
+  stream_.cancel();
+  forgotten_request_ = last_request_;
+  request_times_.clear();
+  asked_planes_.clear();
+  plane_worker_.cancel();
+  requested_.reset();
+}
+
+void ViewSession::resume(SceneRenderer& renderer) {
+  renderer_ = &renderer;
+  surfaces_.emplace(renderer, gpu_budget_bytes_);
+}
+
+// Of a pass that began before suspend() a part is gone.
+std::optional<StreamMessage> ViewSession::nextMessage() {
+  auto message = stream_.poll();
+  while (message && message->request <= forgotten_request_) message = stream_.poll();
+  return message;
 }
 
 Wishes ViewSession::apply(const InputEvent& event, double seconds, bool on_panel) {
@@ -75,7 +102,7 @@ void ViewSession::update(double seconds) {
   last_update_ = seconds;
   state_ = bounded(state_, volume_);
   requestSurfaces(seconds);
-  const SurfaceSet::News news = surfaces_.pump([&] { return stream_.poll(); }, clockSeconds);
+  const SurfaceSet::News news = surfaces_->pump([&] { return nextMessage(); }, clockSeconds);
   takeNews(news);
   updatePlanes();
   if (auto outcome = mesh_worker_.poll()) {
@@ -187,11 +214,14 @@ void ViewSession::updatePlanes() {
   auto outcome = plane_worker_.poll();
   if (!outcome) return;
   plane_error_ = outcome->error;
-  for (const Plane& plane : planes_) renderer_.releaseSlice(plane.image);
-  planes_.clear();
+  releasePlanes();
   if (!outcome->result) return;
-  for (std::size_t i = 0; i < outcome->result->size(); ++i)
-    planes_.push_back({outcome->request[i], renderer_.uploadSlice((*outcome->result)[i])});
+  try {
+    for (std::size_t i = 0; i < outcome->result->size(); ++i)
+      planes_.push_back({outcome->request[i], renderer_->uploadSlice((*outcome->result)[i])});
+  } catch (const Error& error) {
+    plane_error_ = error.what();
+  }
 }
 
 std::vector<SliceImage> ViewSession::samplePlanes(const std::vector<WantedPlane>& planes,
@@ -206,7 +236,7 @@ std::vector<SliceImage> ViewSession::samplePlanes(const std::vector<WantedPlane>
 
 SceneFrame ViewSession::sceneNow(int width, int height) const {
   SceneFrame frame = sceneOf(state_, volume_, width, height);
-  frame.chunks = surfaces_.shown();
+  frame.chunks = surfaces_->shown();
   if (const auto window = valueWindow()) {
     const auto& [least, greatest] = shown_pass_.values;
     const auto shareOf = [&](double value) { return (value - least) / (greatest - least); };
@@ -226,24 +256,24 @@ bool ViewSession::draw() {
   if (width < 1 || height < 1) return false;
   SceneFrame frame = sceneNow(width, height);
   frame.pixel_scale = interaction_.scale;
-  renderer_.draw(frame);
+  renderer_->draw(frame);
   return true;
 }
 
 Image ViewSession::picture(int times, bool layers) {
   const int width = std::max(1, static_cast<int>(interaction_.size.x));
   const int height = std::max(1, static_cast<int>(interaction_.size.y));
-  const int factor = std::clamp(renderer_.greatestSize() / std::max(width, height), 1, times);
+  const int factor = std::clamp(renderer_->greatestSize() / std::max(width, height), 1, times);
   SceneFrame frame = sceneNow(factor * width, factor * height);
   frame.pixel_scale = interaction_.scale * factor;
   frame.transparent = state_.pictures.transparent;
-  renderer_.draw(frame);
-  Image image = renderer_.picture();
+  renderer_->draw(frame);
+  Image image = renderer_->picture();
   if (!layers) return image;
   frame.normals = true;
   frame.transparent = false;
-  renderer_.draw(frame);
-  image.normals = renderer_.picture().rgb;
+  renderer_->draw(frame);
+  image.normals = renderer_->picture().rgb;
   // Samples of a pixel were averaged.
   for (std::size_t i = 0; i + 2 < image.normals.size(); i += 3) {
     glm::vec3 normal(image.normals[i], image.normals[i + 1], image.normals[i + 2]);
@@ -251,13 +281,13 @@ Image ViewSession::picture(int times, bool layers) {
     for (glm::length_t c = 0; c < 3; ++c)
       image.normals[i + static_cast<std::size_t>(c)] = length > 1e-3f ? normal[c] / length : 0.0f;
   }
-  image.depth = renderer_.distances();
+  image.depth = renderer_->distances();
   return image;
 }
 
 bool ViewSession::settled() const {
   const bool surfaces_done = asked_for_all_ &&
-                             (all_passes_done_ || over_budget_ || !surfaces_.error().empty()) &&
+                             (all_passes_done_ || over_budget_ || !surfaces_->error().empty()) &&
                              requested_ && asksForTheSame(*requested_, state_);
   return surfaces_done && !stream_.busy() && !plane_worker_.busy() && !mesh_worker_.busy();
 }
@@ -267,7 +297,7 @@ SessionStatus ViewSession::status() const {
   status.wanted_radius = wantedRadius(state_, volume_);
   status.shown_radius = shown_pass_.radius;
   status.triangles = shown_pass_.triangles;
-  status.shown_bytes = surfaces_.shownBytes();
+  status.shown_bytes = surfaces_->shownBytes();
   status.bricks_read = shown_pass_.bricks_read;
   status.extract_seconds = shown_pass_.seconds;
   status.levels = shown_pass_.levels;
@@ -290,13 +320,13 @@ SessionStatus ViewSession::status() const {
                          ? "GPU budget reached: showing radius " + whole(status.shown_radius) +
                                " of " + whole(status.wanted_radius)
                          : "GPU budget reached: not even the coarsest surface fits";
-  for (const std::string* error : {&surfaces_.error(), &plane_error_, &mesh_error_})
+  for (const std::string* error : {&surfaces_->error(), &plane_error_, &mesh_error_})
     if (!error->empty()) status.error = *error;
   return status;
 }
 
 std::optional<glm::dvec3> ViewSession::surfaceAt(const glm::dvec2& pixel) {
-  const std::optional<double> distance = renderer_.distanceAt(pixel);
+  const std::optional<double> distance = renderer_->distanceAt(pixel);
   if (!distance) return std::nullopt;
   const PlacedCamera camera = placeCamera(state_.camera, interaction_.aspect());
   return rayThrough(camera, interaction_.toPicture(pixel + 0.5)).at(*distance);

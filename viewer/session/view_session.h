@@ -69,6 +69,11 @@ class ViewSession {
 
   // Asks for what the state needs and takes what has come.
   void update(double seconds);
+  // Gives back all that the renderer keeps, which may end then. Until resume(), which makes it
+  // again, nothing else is called.
+  void suspend();
+  void resume(SceneRenderer& renderer);
+
   // Draws what is there, with the size of the interaction; false where that is nothing.
   bool draw();
 
@@ -118,6 +123,8 @@ class ViewSession {
   void requestQuickly(double radius, double seconds);
   void requestPasses(const std::vector<double>& radii, bool at_once, double seconds);
   void send(StreamRequest request, double seconds);
+  std::optional<StreamMessage> nextMessage();
+  void releasePlanes();
   void takeNews(const SurfaceSet::News& news);
   void shrinkToBudget();
   bool showsTheLatest() const;
@@ -127,7 +134,8 @@ class ViewSession {
   std::string writeMesh(const MeshOrder& order, const CancelFlag& cancel) const;
 
   const std::shared_ptr<const Pyramid> pyramid_;
-  SceneRenderer& renderer_;
+  SceneRenderer* renderer_;
+  const std::uint64_t gpu_budget_bytes_;
   const int threads_;
   ViewVolume volume_;
   ValueHistogram histogram_;
@@ -155,7 +163,8 @@ class ViewSession {
   std::string plane_error_, mesh_error_;
   std::optional<std::string> exported_;
 
-  SurfaceSet surfaces_;
+  std::optional<SurfaceSet> surfaces_;
+  std::uint64_t forgotten_request_ = 0;  // the last one whose chunks are of no use
   // Last: their threads use the above.
   SurfaceStream stream_;
   LatestWorker<std::vector<WantedPlane>, std::vector<SliceImage>> plane_worker_;

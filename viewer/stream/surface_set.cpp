@@ -2,6 +2,8 @@
 
 #include <utility>
 
+#include "isobrick/storage/error.h"
+
 namespace isobrick {
 
 SurfaceSet::SurfaceSet(SceneRenderer& renderer, std::uint64_t budget_bytes)
@@ -17,13 +19,15 @@ void SurfaceSet::accept(StreamMessage message, News& news) {
     case StreamMessage::Kind::kChunk: {
       if (message.request == refused_request_) return;
       const std::uint64_t bytes = message.chunk.bytes();
-      if (shown_.bytes + incoming_.bytes + bytes > budget_bytes_) {
-        release(incoming_);
-        refused_request_ = message.request;
-        news.over_budget = true;
-        return;
+      if (shown_.bytes + incoming_.bytes + bytes > budget_bytes_)
+        return refuse(message.request, news);
+      try {
+        incoming_.chunks.push_back(renderer_.upload(message.chunk));
+      } catch (const Error&) {
+        // The card has less room than the budget allows, and others use it.
+        budget_bytes_ = shown_.bytes + incoming_.bytes + bytes - 1;
+        return refuse(message.request, news);
       }
-      incoming_.chunks.push_back(renderer_.upload(message.chunk));
       incoming_.bytes += bytes;
       news.uploaded_bytes += bytes;
       break;
@@ -45,6 +49,12 @@ void SurfaceSet::accept(StreamMessage message, News& news) {
       release(incoming_);
       break;
   }
+}
+
+void SurfaceSet::refuse(std::uint64_t request, News& news) {
+  release(incoming_);
+  refused_request_ = request;
+  news.over_budget = true;
 }
 
 void SurfaceSet::release(Chunks& chunks) {

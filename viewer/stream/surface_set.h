@@ -27,7 +27,7 @@ class SurfaceSet {
   // What the messages of one frame came to.
   struct News {
     bool shows_another = false;  // a pass was completed
-    bool over_budget = false;    // the pass at hand does not fit and was dropped
+    bool over_budget = false;    // the pass at hand does not fit, here or on the card: dropped
     bool failed = false;         // see error()
     std::uint64_t uploaded_bytes = 0;
     std::vector<StreamMessage> passes;  // those that were completed, without chunks
@@ -56,6 +56,7 @@ class SurfaceSet {
     std::vector<ChunkId> chunks;
     std::uint64_t bytes = 0;
   };
+  void refuse(std::uint64_t request, News& news);
   void release(Chunks& chunks);
 
   SceneRenderer& renderer_;

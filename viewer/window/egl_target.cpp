@@ -4,8 +4,8 @@
 
 namespace isobrick {
 
-EglTarget::EglTarget(int width, int height)
-    : current_(context_), renderer_(std::make_unique<GlSceneRenderer>()) {
+EglTarget::EglTarget(int width, int height, double scale)
+    : current_(context_), renderer_(std::make_unique<GlSceneRenderer>()), scale_(scale) {
   resize(width, height);
 }
 

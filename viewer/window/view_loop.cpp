@@ -94,8 +94,9 @@ std::string reportOf(const std::vector<ReportedFrame>& frames, const std::string
   return report.dump(1) + "\n";
 }
 
-std::unique_ptr<ViewTarget> makeTarget(const ViewOptions& options, int width, int height) {
-  if (options.offscreen) return std::make_unique<EglTarget>(width, height);
+std::unique_ptr<ViewTarget> makeTarget(const ViewOptions& options, int width, int height,
+                                       double scale) {
+  if (options.offscreen) return std::make_unique<EglTarget>(width, height, scale);
   return std::make_unique<GlWindow>(width, height, "isobrick");
 }
 
@@ -135,10 +136,11 @@ class ViewLoop {
       ViewScript script = readViewScript(options.script_path);
       width = script.width;
       height = script.height;
+      scale_ = script.scale;
       player_.emplace(std::move(script));
       fs::create_directories(options.frames_folder);
     }
-    target_ = makeTarget(options, width, height);
+    target_ = makeTarget(options, width, height, scale_);
     panel_ = std::make_unique<ViewPanel>(target_->scale());
     if (first)
       show(std::move(*first));
@@ -190,7 +192,8 @@ class ViewLoop {
     session_->interaction().scale = target_->scale();
     stem_ = fs::path(opened.pyramid).stem().string();
     if (options_.state_path.empty()) state_path_ = stem_ + ".view.json";
-    target_->setTitle(shownName(fs::path(opened.pyramid).filename().string()) + " - isobrick");
+    title_ = shownName(fs::path(opened.pyramid).filename().string()) + " - isobrick";
+    target_->setTitle(title_);
     if (height_ > 0) {
       InputEvent size;
       size.kind = InputEvent::Kind::kResize;
@@ -205,6 +208,18 @@ class ViewLoop {
     const fs::path whole = fs::absolute(is_file ? opened.source : opened.pyramid, ignored);
     recent_ = withRecent(std::move(recent_), whole.lexically_normal().string());
     writeRecentFiles(options_.recent_path, recent_);
+  }
+
+  // After the loss of a context, by a driver that was reset or by a script: all that it kept is
+  // made again from what is shown.
+  void renewContext() {
+    if (session_) session_->suspend();
+    panel_.reset();
+    target_.reset();
+    target_ = makeTarget(options_, std::max(width_, 1), std::max(height_, 1), scale_);
+    target_->setTitle(title_);
+    panel_ = std::make_unique<ViewPanel>(target_->scale());
+    if (session_) session_->resume(target_->renderer());
   }
 
   void takeOpened() {
@@ -243,6 +258,7 @@ class ViewLoop {
     if (scripted.state) state() = *scripted.state;
     if (scripted.size) target_->resize(scripted.size->width, scripted.size->height);
     events_.insert(events_.end(), scripted.events.begin(), scripted.events.end());
+    if (scripted.lose_context || target_->renderer().isLost()) renewContext();
 
     const Wishes wishes = hands(begin);
     if (session_) session_->update(begin);
@@ -373,10 +389,11 @@ class ViewLoop {
   }
 
   const ViewOptions& options_;
-  std::string stem_ = "isobrick", state_path_;
+  std::string stem_ = "isobrick", title_ = "isobrick", state_path_;
   std::vector<std::string> recent_;
   std::string open_error_;
   std::optional<ScriptPlayer> player_;
+  double scale_ = 1.0;  // of a target without a window
   // In this order: the context goes last.
   std::unique_ptr<ViewTarget> target_;
   std::unique_ptr<ViewPanel> panel_;

@@ -34,6 +34,7 @@ TEST(ViewScriptTest, WhatIsNoScriptIsRefusedByItsStep) {
       {R"([{"move": [1]}])", "step 1 'move' is not a list of two"},
       {R"([{"move": [1, "x"]}])", "step 1 'move' is not a number"},
       {R"([{"press": "top"}])", "step 1 'press' is neither"},
+      {R"([{"lose_context": false}])", "step 1 'lose_context' is no step"},
       {R"([{"key": "f"}])", "step 1 names no key"},
       {R"([{"wait": -1}])", "step 1 'wait' is below 0"},
       {R"([{"wait": "long"}])", "step 1 'wait' is not a number"},

@@ -172,6 +172,57 @@ TEST_F(ViewSessionTest, WhereThePassForAHandDoesNotFitACoarserOneIsShown) {
       << session_->status().limited;
 }
 
+// A card without memory for what the budget allows.
+class FullRenderer : public NullRenderer {
+ public:
+  ChunkId upload(const SurfaceChunk& chunk) override {
+    if (bytesKept() + chunk.bytes() > room) throw Error("no memory left");
+    return NullRenderer::upload(chunk);
+  }
+  std::uint64_t room = 0;
+};
+
+TEST_F(ViewSessionTest, ACardThatIsFullShowsACoarserSurface) {
+  settle();
+  FullRenderer full;
+  full.room = renderer_.bytesKept();
+  session_ = std::make_unique<ViewSession>(pyramid_, full, SessionOptions{2, 1 << 30});
+  session_->state().focus.everywhere = true;
+  do {
+    session_->update(clock_ += 0.05);
+    std::this_thread::yield();
+  } while (!session_->settled());
+  EXPECT_GT(session_->status().triangles, 0u);
+  EXPECT_GT(full.kept().size(), 0u);
+  EXPECT_LT(session_->status().shown_radius, session_->status().wanted_radius);
+  EXPECT_NE(session_->status().limited.find("GPU budget reached"), std::string::npos);
+  session_.reset();
+}
+
+TEST_F(ViewSessionTest, WhatARendererLostIsMadeAgainInAnother) {
+  session_->state().slices[1].shown = true;
+  settle();
+  const std::uint64_t triangles = trianglesShown();
+  const std::size_t slices = renderer_.frames().back().slices.size();
+  ASSERT_EQ(slices, 1u);
+  for (const bool in_the_middle : {false, true}) {
+    if (in_the_middle) {
+      session_->state().surfaces[0].isovalue += 1.0;
+      frame(0.02);
+    }
+    session_->suspend();
+    EXPECT_TRUE(renderer_.kept().empty());
+    renderer_ = NullRenderer();
+    session_->resume(renderer_);
+    settle();
+    EXPECT_EQ(renderer_.frames().back().slices.size(), slices);
+    EXPECT_EQ(trianglesShown(), trianglesOfAll());
+    if (!in_the_middle) {
+      EXPECT_EQ(trianglesShown(), triangles);
+    }
+  }
+}
+
 TEST_F(ViewSessionTest, SlicesAndCapsComeAndGo) {
   ViewState& state = session_->state();
   state.slices[0] = {true, 12.0};
