@@ -28,6 +28,20 @@ double clockSeconds() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
+void addCounts(const std::vector<LevelCounts>& counts, std::vector<LevelCounts>& sums) {
+  for (const LevelCounts& count : counts) {
+    const auto same = std::find_if(
+        sums.begin(), sums.end(), [&](const LevelCounts& sum) { return sum.level == count.level; });
+    LevelCounts& sum = same != sums.end() ? *same : sums.emplace_back();
+    sum.level = count.level;
+    sum.cells += count.cells;
+    sum.triangles += count.triangles;
+    sum.transition_cells += count.transition_cells;
+  }
+  std::sort(sums.begin(), sums.end(),
+            [](const LevelCounts& a, const LevelCounts& b) { return a.level < b.level; });
+}
+
 std::string whole(double number) { return std::to_string(std::llround(number)); }
 
 }  // namespace
@@ -72,6 +86,7 @@ void ViewSession::suspend() {
   asked_planes_.clear();
   plane_worker_.cancel();
   requested_.reset();
+  shown_surfaces_.clear();
 }
 
 void ViewSession::resume(SceneRenderer& renderer) {
@@ -137,11 +152,23 @@ void ViewSession::requestSurfaces(double seconds) {
 StreamPass ViewSession::passOf(double radius) const {
   StreamPass pass;
   pass.radius = radius;
-  for (std::size_t s = 0; s < state_.surfaces.size(); ++s)
-    if (state_.surfaces[s].visible)
-      pass.queries.push_back(
-          {static_cast<int>(s), queryOf(state_, volume_, s, radius, interaction_.size.y)});
+  for (std::size_t s = 0; s < state_.surfaces.size(); ++s) {
+    if (!state_.surfaces[s].visible) continue;
+    const int number = static_cast<int>(s);
+    if (isShown(s, radius))
+      pass.kept.push_back({number, surfaces_->contentOf(number)});
+    else
+      pass.queries.push_back({number, queryOf(state_, volume_, s, radius, interaction_.size.y)});
+  }
   return pass;
+}
+
+// As fine as with this radius, or finer, but not finer than is wanted.
+bool ViewSession::isShown(std::size_t surface, double radius) const {
+  const auto found = shown_surfaces_.find(static_cast<int>(surface));
+  return found != shown_surfaces_.end() && found->second.is_complete &&
+         found->second.radius >= radius && found->second.radius <= wantedRadius(state_, volume_) &&
+         asksForTheSameSurface(found->second.state, state_, surface);
 }
 
 void ViewSession::requestQuickly(double radius, double seconds) {
@@ -174,18 +201,28 @@ void ViewSession::send(StreamRequest request, double seconds) {
   first_radius_ = request.passes[0].radius;
   last_request_ = stream_.request(std::move(request));
   request_times_[last_request_] = seconds;
+  asked_[last_request_] = state_;
 }
 
 void ViewSession::takeNews(const SurfaceSet::News& news) {
   uploaded_bytes_ = news.uploaded_bytes;
   for (const StreamMessage& pass : news.passes) {
-    if (pass.is_complete) quality_ = measured(quality_, pass.radius, pass.triangles, pass.seconds);
+    if (pass.is_complete && !pass.surfaces.empty())
+      quality_ = measured(quality_, pass.radius, pass.triangles, pass.seconds);
     shown_request_ = pass.request;
+    asked_.erase(asked_.begin(), asked_.lower_bound(shown_request_));
+    std::map<int, ShownSurface> shown;
+    for (const StreamPass::KeptSurface& kept : pass.kept)
+      shown[kept.surface] = shown_surfaces_.at(kept.surface);
+    for (const StreamedSurface& made : pass.surfaces)
+      shown[made.surface] = {asked_.at(shown_request_), pass.radius, pass.is_complete, made};
+    shown_surfaces_ = std::move(shown);
     shown_pass_ = pass;
     ++passes_;
     all_passes_done_ = pass.request == last_request_ && pass.last_pass;
   }
   if (news.over_budget) shrinkToBudget();
+  if (news.stale) requested_.reset();  // asks again
   if (news.over_budget || news.failed) request_times_.clear();
   request_times_.erase(request_times_.begin(), request_times_.upper_bound(shown_request_));
 }
@@ -198,6 +235,12 @@ void ViewSession::shrinkToBudget() {
   // What of this request is shown already is as fine as it gets.
   if (!showsTheLatest() && first_radius_ > 1.0)
     requestPasses({std::max(1.0, 0.5 * first_radius_)}, false, now_);
+}
+
+std::uint64_t ViewSession::trianglesShown() const {
+  std::uint64_t triangles = 0;
+  for (const auto& [number, surface] : shown_surfaces_) triangles += surface.counts.triangles;
+  return triangles;
 }
 
 // The surface of the latest request, and all of its bricks were there.
@@ -296,11 +339,12 @@ SessionStatus ViewSession::status() const {
   SessionStatus status;
   status.wanted_radius = wantedRadius(state_, volume_);
   status.shown_radius = shown_pass_.radius;
-  status.triangles = shown_pass_.triangles;
+  status.triangles = trianglesShown();
   status.shown_bytes = surfaces_->shownBytes();
   status.bricks_read = shown_pass_.bricks_read;
   status.extract_seconds = shown_pass_.seconds;
-  status.levels = shown_pass_.levels;
+  for (const auto& [number, surface] : shown_surfaces_)
+    addCounts(surface.counts.levels, status.levels);
   status.triangles_per_second = quality_.triangles_per_second;
   status.drag_radius = quality_.radius;
   status.passes = passes_;

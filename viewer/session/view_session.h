@@ -84,7 +84,7 @@ class ViewSession {
 
   // How long the frame drawn last took, with showing it: what draws slowly gets less while hands
   // move.
-  void noteDrawing(double seconds) { quality_ = drawn(quality_, shown_pass_.triangles, seconds); }
+  void noteDrawing(double seconds) { quality_ = drawn(quality_, trianglesShown(), seconds); }
 
   // What is shown is what the state asks for, as fine as it will get, slices included.
   bool settled() const;
@@ -112,6 +112,13 @@ class ViewSession {
     WantedPlane wanted;
     SliceId image = 0;
   };
+  // What is shown of a surface was made of this.
+  struct ShownSurface {
+    ViewState state;
+    double radius = 0.0;
+    bool is_complete = false;
+    StreamedSurface counts;
+  };
   struct MeshOrder {
     Query query;
     std::string path;
@@ -119,7 +126,9 @@ class ViewSession {
   SceneFrame sceneNow(int width, int height) const;
   void requestSurfaces(double seconds);
   StreamValues wantedValues() const;
+  bool isShown(std::size_t surface, double radius) const;
   StreamPass passOf(double radius) const;
+  std::uint64_t trianglesShown() const;
   void requestQuickly(double radius, double seconds);
   void requestPasses(const std::vector<double>& radii, bool at_once, double seconds);
   void send(StreamRequest request, double seconds);
@@ -155,6 +164,8 @@ class ViewSession {
   double now_ = 0.0;
   bool all_passes_done_ = false;
   StreamMessage shown_pass_;
+  std::map<int, ShownSurface> shown_surfaces_;
+  std::map<std::uint64_t, ViewState> asked_;  // by request, from the one that is shown on
   std::uint64_t passes_ = 0;
   std::uint64_t uploaded_bytes_ = 0;
 

@@ -94,16 +94,31 @@ double wantedRadius(const ViewState& state, const ViewVolume& volume) {
                                 : std::min(state.focus.radius, volume.diagonal());
 }
 
-bool asksForTheSame(const ViewState& a, const ViewState& b) {
+namespace {
+
+// Where and by what the surfaces shall be how fine, but for the radius, and what they are coloured
+// by.
+bool asksForTheSameDetail(const ViewState& a, const ViewState& b) {
   const auto carriesValues = [](const ViewState& state) {
     return state.coloring == ViewColoring::kGradient || state.coloring == ViewColoring::kOther;
   };
   if ((carriesValues(a) || carriesValues(b)) && a.coloring != b.coloring) return false;
   if (a.coloring == ViewColoring::kOther && a.values.other != b.values.other) return false;
-  return a.focus.center == b.focus.center && a.focus.radius == b.focus.radius &&
+  return a.focus.center == b.focus.center && a.curvature_tolerance == b.curvature_tolerance &&
+         a.tolerance == b.tolerance && a.view_pixels == b.view_pixels &&
+         (!a.view_pixels || a.camera == b.camera);
+}
+
+}  // namespace
+
+bool asksForTheSameSurface(const ViewState& a, const ViewState& b, std::size_t surface) {
+  return surface < a.surfaces.size() && surface < b.surfaces.size() &&
+         a.surfaces[surface].isovalue == b.surfaces[surface].isovalue && asksForTheSameDetail(a, b);
+}
+
+bool asksForTheSame(const ViewState& a, const ViewState& b) {
+  return asksForTheSameDetail(a, b) && a.focus.radius == b.focus.radius &&
          a.focus.everywhere == b.focus.everywhere &&
-         a.curvature_tolerance == b.curvature_tolerance && a.tolerance == b.tolerance &&
-         a.view_pixels == b.view_pixels && (!a.view_pixels || a.camera == b.camera) &&
          std::equal(a.surfaces.begin(), a.surfaces.end(), b.surfaces.begin(), b.surfaces.end(),
                     [](const ViewSurface& s, const ViewSurface& t) {
                       return s.isovalue == t.isovalue && s.visible == t.visible;

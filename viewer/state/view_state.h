@@ -130,6 +130,9 @@ Query queryOf(const ViewState& state, const ViewVolume& volume, std::size_t surf
 // The radius that is asked for at rest.
 double wantedRadius(const ViewState& state, const ViewVolume& volume);
 
+// True where both ask for the same of a surface, but for the radius.
+bool asksForTheSameSurface(const ViewState& a, const ViewState& b, std::size_t surface);
+
 // True where both ask for the same triangles and values at their vertices, in a picture of the same
 // height.
 bool asksForTheSame(const ViewState& a, const ViewState& b);

@@ -1,5 +1,6 @@
 #include "isobrick/viewer/stream/surface_set.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "isobrick/storage/error.h"
@@ -22,20 +23,24 @@ void SurfaceSet::accept(StreamMessage message, News& news) {
       if (shown_.bytes + incoming_.bytes + bytes > budget_bytes_)
         return refuse(message.request, news);
       try {
-        incoming_.chunks.push_back(renderer_.upload(message.chunk));
+        incoming_.add({renderer_.upload(message.chunk), message.chunk.surface, bytes});
       } catch (const Error&) {
         // The card has less room than the budget allows, and others use it.
         budget_bytes_ = shown_.bytes + incoming_.bytes + bytes - 1;
         return refuse(message.request, news);
       }
-      incoming_.bytes += bytes;
       news.uploaded_bytes += bytes;
       break;
     }
     case StreamMessage::Kind::kPassDone:
       if (message.request == refused_request_) return;
-      std::swap(shown_, incoming_);
-      release(incoming_);
+      if (std::any_of(message.kept.begin(), message.kept.end(),
+                      [&](const auto& kept) { return contentOf(kept.surface) != kept.content; })) {
+        release(incoming_);
+        news.stale = true;
+        return;
+      }
+      show(message);
       error_.clear();
       news.shows_another = true;
       news.passes.push_back(std::move(message));
@@ -51,6 +56,30 @@ void SurfaceSet::accept(StreamMessage message, News& news) {
   }
 }
 
+void SurfaceSet::show(const StreamMessage& pass) {
+  std::map<int, std::uint64_t> contents;
+  for (const StreamPass::KeptSurface& kept : pass.kept) contents[kept.surface] = kept.content;
+  Chunks gone;
+  for (const Chunk& chunk : shown_.chunks)
+    (contents.count(chunk.surface) != 0 ? incoming_ : gone).add(chunk);
+  for (const StreamedSurface& made : pass.surfaces) contents[made.surface] = ++last_content_;
+  release(gone);
+  shown_ = std::exchange(incoming_, {});
+  contents_ = std::move(contents);
+}
+
+std::vector<ChunkId> SurfaceSet::shown() const {
+  std::vector<ChunkId> ids;
+  ids.reserve(shown_.chunks.size());
+  for (const Chunk& chunk : shown_.chunks) ids.push_back(chunk.id);
+  return ids;
+}
+
+std::uint64_t SurfaceSet::contentOf(int surface) const {
+  const auto found = contents_.find(surface);
+  return found == contents_.end() ? 0 : found->second;
+}
+
 void SurfaceSet::refuse(std::uint64_t request, News& news) {
   release(incoming_);
   refused_request_ = request;
@@ -58,7 +87,7 @@ void SurfaceSet::refuse(std::uint64_t request, News& news) {
 }
 
 void SurfaceSet::release(Chunks& chunks) {
-  for (const ChunkId chunk : chunks.chunks) renderer_.release(chunk);
+  for (const Chunk& chunk : chunks.chunks) renderer_.release(chunk.id);
   chunks = {};
 }
 

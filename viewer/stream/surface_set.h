@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -29,6 +30,7 @@ class SurfaceSet {
     bool shows_another = false;  // a pass was completed
     bool over_budget = false;    // the pass at hand does not fit, here or on the card: dropped
     bool failed = false;         // see error()
+    bool stale = false;          // a pass wanted to keep what is shown no longer, and was dropped
     std::uint64_t uploaded_bytes = 0;
     std::vector<StreamMessage> passes;  // those that were completed, without chunks
   };
@@ -46,22 +48,38 @@ class SurfaceSet {
   }
   void accept(StreamMessage message, News& news);
 
-  const std::vector<ChunkId>& shown() const { return shown_.chunks; }
+  std::vector<ChunkId> shown() const;
+  // A number for what is shown of a surface: another one whenever a pass brought it anew; 0:
+  // nothing.
+  std::uint64_t contentOf(int surface) const;
   std::uint64_t shownBytes() const { return shown_.bytes; }
   std::uint64_t incomingBytes() const { return incoming_.bytes; }
   const std::string& error() const { return error_; }
 
  private:
-  struct Chunks {
-    std::vector<ChunkId> chunks;
+  struct Chunk {
+    ChunkId id = 0;
+    int surface = 0;
     std::uint64_t bytes = 0;
   };
+  struct Chunks {
+    std::vector<Chunk> chunks;
+    std::uint64_t bytes = 0;
+
+    void add(const Chunk& chunk) {
+      chunks.push_back(chunk);
+      bytes += chunk.bytes;
+    }
+  };
+  void show(const StreamMessage& pass);
   void refuse(std::uint64_t request, News& news);
   void release(Chunks& chunks);
 
   SceneRenderer& renderer_;
   std::uint64_t budget_bytes_;
   Chunks shown_, incoming_;
+  std::map<int, std::uint64_t> contents_;  // by surface, of what is shown
+  std::uint64_t last_content_ = 0;
   std::uint64_t refused_request_ = 0;  // went over the budget: its other chunks are not taken
   std::string error_;
 };

@@ -19,20 +19,6 @@ double now() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
-void addCounts(const std::vector<LevelCounts>& counts, std::vector<LevelCounts>& sums) {
-  for (const LevelCounts& count : counts) {
-    const auto same = std::find_if(
-        sums.begin(), sums.end(), [&](const LevelCounts& sum) { return sum.level == count.level; });
-    LevelCounts& sum = same != sums.end() ? *same : sums.emplace_back();
-    sum.level = count.level;
-    sum.cells += count.cells;
-    sum.triangles += count.triangles;
-    sum.transition_cells += count.transition_cells;
-  }
-  std::sort(sums.begin(), sums.end(),
-            [](const LevelCounts& a, const LevelCounts& b) { return a.level < b.level; });
-}
-
 }  // namespace
 
 SurfaceStream::SurfaceStream(std::shared_ptr<const Pyramid> pyramid, int threads,
@@ -237,12 +223,13 @@ SurfaceStream::Outcome SurfaceStream::extract(const Job& job, const Attempt& att
       end.triangles += report.triangles;
       end.bricks_read += report.bricks_read;
       end.is_complete = end.is_complete && report.is_complete;
-      addCounts(report.levels, end.levels);
+      end.surfaces.push_back({surface.surface, report.triangles, report.levels});
     }
   });
   const std::lock_guard lock(mutex_);
   if (a_hand_waits_) patience_ = least_patience_;
   end.last_pass = attempt.pass + 1 == job.request.passes.size() && end.is_complete;
+  end.kept = attempt.work->kept;
   end.radius = attempt.work->radius;
   end.seconds = std::max(0.0, now() - pass_begin_ - waited_);
   return end.is_complete ? Outcome::kComplete : Outcome::kIncomplete;

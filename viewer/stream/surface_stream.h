@@ -25,12 +25,27 @@ namespace isobrick {
 
 // One closed surface for each query, together: what may take the place of what was shown before.
 struct StreamPass {
+  // A surface whose chunks stay as they are: what is shown of it is of the content with this number
+  // (SurfaceSet::contentOf).
+  struct KeptSurface {
+    int surface = 0;
+    std::uint64_t content = 0;
+  };
+
   struct SurfaceQuery {
     int surface = 0;  // its number in the scene
     Query query;
   };
   double radius = 0.0;  // what the queries were made with
   std::vector<SurfaceQuery> queries;
+  std::vector<KeptSurface> kept = {};
+};
+
+// What a pass made of one of its queries.
+struct StreamedSurface {
+  int surface = 0;
+  std::uint64_t triangles = 0;
+  std::vector<LevelCounts> levels;
 };
 
 // What vertices carry beside their normals.
@@ -71,10 +86,11 @@ struct StreamMessage {
   double radius = 0.0;
   std::array<double, 2> values{0.0, 0.0};  // what a vertex value's share 0 and 1 stand for
   double seconds = 0.0;                    // of extraction, waiting for a full queue left out
-  std::uint64_t triangles = 0;
+  std::uint64_t triangles = 0;             // of all queries
   std::uint64_t bricks_read = 0;
-  std::vector<LevelCounts> levels;  // summed over the surfaces
-  std::string error;                // of kFailed, one line
+  std::vector<StreamedSurface> surfaces;
+  std::vector<StreamPass::KeptSurface> kept;
+  std::string error;  // of kFailed, one line
 };
 
 // A thread with an Extractor session. request(), poll() and the rest are for one other thread, the

@@ -97,6 +97,48 @@ TEST_F(ViewSessionTest, DraggedIsovaluesEndWithTheLastAtItsFinest) {
   EXPECT_EQ(trianglesShown(), trianglesOfAll());
 }
 
+TEST_F(ViewSessionTest, WhileOneSurfaceIsDraggedTheOthersStayAsTheyAre) {
+  ViewState& state = session_->state();
+  state.focus.radius = 40.0;
+  state.surfaces.push_back(state.surfaces[0]);
+  state.surfaces[1].isovalue = 5.0;
+  settle();
+  const auto chunksOf = [&](int surface) {
+    std::vector<ChunkId> chunks;
+    for (const ChunkId id : renderer_.frames().back().chunks)
+      if (renderer_.kept().at(id).surface == surface) chunks.push_back(id);
+    return chunks;
+  };
+  const std::vector<ChunkId> still = chunksOf(1), dragged = chunksOf(0);
+  ASSERT_FALSE(still.empty());
+  for (int i = 0; i < 20; ++i) {
+    state.surfaces[0].isovalue = 10.0 + 0.1 * i;
+    frame(0.016);
+    std::this_thread::yield();
+    EXPECT_EQ(chunksOf(1), still);
+  }
+  settle();
+  EXPECT_EQ(chunksOf(1), still);
+  EXPECT_NE(chunksOf(0), dragged);
+  EXPECT_EQ(session_->status().triangles, trianglesShown());
+  // What is not the same any longer is made anew: another place, another value, and back at once.
+  state.focus.center.x += 1.0;
+  settle();
+  EXPECT_NE(chunksOf(1), still);
+  for (const double isovalue : {7.0, 5.0, 7.0, 5.0, 8.0}) {
+    state.surfaces[1].isovalue = isovalue;
+    frame(0.01);
+  }
+  state.surfaces[0].isovalue += 1.0;
+  settle();
+  const std::uint64_t first = trianglesOfAll();
+  std::swap(state.surfaces[0], state.surfaces[1]);
+  const std::uint64_t second = trianglesOfAll();
+  std::swap(state.surfaces[0], state.surfaces[1]);
+  EXPECT_EQ(trianglesShown(), first + second);
+  EXPECT_EQ(session_->status().triangles, trianglesShown());
+}
+
 TEST_F(ViewSessionTest, TurningTheCameraAsksForNothing) {
   settle();
   const std::uint64_t passes = session_->status().passes, uploaded = renderer_.uploadedBytes();
