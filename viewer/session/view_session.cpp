@@ -130,9 +130,10 @@ void ViewSession::update(double seconds) {
 void ViewSession::requestSurfaces(double seconds) {
   const double wanted = wantedRadius(state_, volume_);
   const bool first = !requested_;
-  if (first || !asksForTheSame(*requested_, state_)) {
+  if (first || ask_again_ || !asksForTheSame(*requested_, state_)) {
     const double age = request_times_.empty() ? 0.0 : seconds - request_times_.begin()->second;
     requested_ = state_;
+    ask_again_ = false;
     last_change_ = seconds;
     over_budget_ = false;
     asked_for_all_ = first;
@@ -163,9 +164,12 @@ StreamPass ViewSession::passOf(double radius) const {
   return pass;
 }
 
-// As fine as with this radius, or finer, but not finer than is wanted.
+// As fine as with this radius, or finer, but not finer than is wanted, and nothing that is under
+// way will replace it.
 bool ViewSession::isShown(std::size_t surface, double radius) const {
-  const auto found = shown_surfaces_.find(static_cast<int>(surface));
+  const int number = static_cast<int>(surface);
+  if (!request_times_.empty() && kept_.count(number) == 0) return false;
+  const auto found = shown_surfaces_.find(number);
   return found != shown_surfaces_.end() && found->second.is_complete &&
          found->second.radius >= radius && found->second.radius <= wantedRadius(state_, volume_) &&
          asksForTheSameSurface(found->second.state, state_, surface);
@@ -197,6 +201,8 @@ void ViewSession::requestPasses(const std::vector<double>& radii, bool at_once, 
 
 void ViewSession::send(StreamRequest request, double seconds) {
   all_passes_done_ = false;
+  kept_.clear();
+  for (const StreamPass::KeptSurface& kept : request.passes[0].kept) kept_.insert(kept.surface);
   request.values = wantedValues();
   first_radius_ = request.passes[0].radius;
   last_request_ = stream_.request(std::move(request));
@@ -222,7 +228,7 @@ void ViewSession::takeNews(const SurfaceSet::News& news) {
     all_passes_done_ = pass.request == last_request_ && pass.last_pass;
   }
   if (news.over_budget) shrinkToBudget();
-  if (news.stale) requested_.reset();  // asks again
+  ask_again_ = ask_again_ || news.stale;
   if (news.over_budget || news.failed) request_times_.clear();
   request_times_.erase(request_times_.begin(), request_times_.upper_bound(shown_request_));
 }

@@ -5,6 +5,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -157,6 +158,8 @@ class ViewSession {
   std::optional<ViewState> requested_;  // what the last request was made of
   double last_change_ = 0.0;            // when a request last differed from the one before
   bool asked_for_all_ = false;          // since then
+  bool ask_again_ = false;              // what was asked for could not be answered any longer
+  std::set<int> kept_;                  // surfaces that all requests under way keep
   bool over_budget_ = false;
   double first_radius_ = 0.0;  // of the latest request's first pass
   std::uint64_t last_request_ = 0, shown_request_ = 0;

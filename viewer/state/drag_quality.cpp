@@ -41,8 +41,12 @@ DragQuality measured(const DragQuality& quality, double radius, std::uint64_t tr
 DragQuality drawn(const DragQuality& quality, std::uint64_t triangles, double seconds) {
   DragQuality next = quality;
   if (triangles < kFewest) return next;
-  next.drawn_per_second =
-      seconds < 0.5 * kDragSeconds ? 0.0 : static_cast<double>(triangles) / seconds;
+  const double rate = static_cast<double>(triangles) / seconds;
+  constexpr double kFaster = 4.0;
+  if (seconds >= 0.5 * kDragSeconds)
+    next.drawn_per_second = rate;
+  else if (rate > kFaster * quality.drawn_per_second)
+    next.drawn_per_second = 0.0;
   return next;
 }
 

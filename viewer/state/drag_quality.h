@@ -25,7 +25,8 @@ DragQuality measured(const DragQuality& quality, double radius, std::uint64_t tr
                      double seconds);
 
 // After a picture of so many triangles. Pictures that take less than half the time, as graphics
-// cards draw them, say nothing; a rasteriser in software is as slow as an extraction.
+// cards draw them, say nothing but that a rate that was far lower is none any longer; a rasteriser
+// in software is as slow as an extraction.
 DragQuality drawn(const DragQuality& quality, std::uint64_t triangles, double seconds);
 
 // The radius for a hand that moves on, while what it sees has been `age` seconds behind what it

@@ -273,6 +273,7 @@ TEST(DragQualityTest, ASlowRasteriserBoundsTheRadiusToo) {
   }
   EXPECT_NEAR(4.0 * quality.radius * quality.radius, kDragSeconds * 1e5, 0.05 * kDragSeconds * 1e5);
   EXPECT_EQ(drawn(quality, 10, 5.0).drawn_per_second, 1e5);         // too few to say anything
+  EXPECT_EQ(drawn(quality, 2'000, 0.01).drawn_per_second, 1e5);     // a small surface, as slow
   EXPECT_EQ(drawn(quality, 100'000, 0.001).drawn_per_second, 0.0);  // a graphics card
 }
 
