@@ -139,6 +139,37 @@ TEST_F(ViewSessionTest, WhileOneSurfaceIsDraggedTheOthersStayAsTheyAre) {
   EXPECT_EQ(session_->status().triangles, trianglesShown());
 }
 
+TEST_F(ViewSessionTest, ColoursOfValuesSayWhatTheyStandFor) {
+  settle();
+  EXPECT_FALSE(session_->valueWindow());
+  const std::vector<ChunkId> plain = renderer_.frames().back().chunks;
+  ViewState& state = session_->state();
+  state.coloring = ViewColoring::kGradient;
+  settle();
+  EXPECT_NE(renderer_.frames().back().chunks, plain);
+  const auto [least, greatest] = session_->valueRange();
+  EXPECT_EQ(*session_->valueWindow(), (std::array<double, 2>{0.0, 0.25 * greatest}));
+  EXPECT_EQ(renderer_.frames().back().value_window, (std::array<double, 2>{0.0, 0.25}));
+  // Another window extracts nothing.
+  const std::vector<ChunkId> steep = renderer_.frames().back().chunks;
+  state.values.gradient_window = {{0.5 * greatest, greatest}};
+  settle();
+  EXPECT_EQ(renderer_.frames().back().value_window, (std::array<double, 2>{0.5, 1.0}));
+  EXPECT_EQ(renderer_.frames().back().chunks, steep);
+  // One that is not there is an error in the window, and what was shown stays.
+  state.coloring = ViewColoring::kOther;
+  settle();
+  state.values.other = folder_.file("nowhere.isb");
+  settle();
+  EXPECT_NE(session_->status().error.find("nowhere.isb"), std::string::npos);
+  EXPECT_FALSE(renderer_.frames().back().chunks.empty());
+  state.values.other = pyramid_->path();
+  settle();
+  EXPECT_EQ(session_->status().error, "");
+  EXPECT_EQ(session_->valueRange(), (std::array<double, 2>{session_->volume().least_value,
+                                                           session_->volume().greatest_value}));
+}
+
 TEST_F(ViewSessionTest, TurningTheCameraAsksForNothing) {
   settle();
   const std::uint64_t passes = session_->status().passes, uploaded = renderer_.uploadedBytes();
