@@ -81,10 +81,9 @@ run(${CXX} -std=c++20 -O1 ${SOURCE}/tests/house/extract_only/main.cpp ${pc_flags
     -o by_pkg_config)
 run(${WORK}/by_pkg_config sphere.isb 0)
 
-# As a subdirectory, without ITK, OpenVDB and viewer; without optimisation, and kernels for one
-# processor: this is about what is linked.
+# As a subdirectory, without ITK, OpenVDB and viewer.
 run(${configure} -S ${SOURCE}/tests/house/subdirectory -B subdirectory -DISOBRICK=${SOURCE}
-    -DCMAKE_BUILD_TYPE=None "-DCMAKE_CXX_FLAGS=-O0 -DHWY_COMPILE_ONLY_STATIC")
+    ${quick_build})
 run(${CMAKE_COMMAND} --build subdirectory)
 run(subdirectory/extract_only sphere.isb 0)
 refuse_formats(subdirectory/extract_only)

@@ -11,14 +11,12 @@ function(refuse_libraries what pattern)
 endfunction()
 set(left_out "ITK|itk|gdcm|openvdb|hdf5|OpenEXR|epoxy|VTK|vtk")
 
-# Without optimisation, and kernels for one processor: this is about what is linked.
-run(${CMAKE_COMMAND} -G ${GENERATOR} -S ${SOURCE} -B build -DCMAKE_BUILD_TYPE=None
+run(${CMAKE_COMMAND} -G ${GENERATOR} -S ${SOURCE} -B build ${quick_build}
     -DCMAKE_CXX_COMPILER=${CXX} -DCMAKE_CXX_COMPILER_LAUNCHER=${LAUNCHER}
-    "-DCMAKE_CXX_FLAGS=-O0 -DHWY_COMPILE_ONLY_STATIC"
     -DBUILD_SHARED_LIBS=ON -DISOBRICK_WITH_ITK=OFF -DISOBRICK_WITH_OPENVDB=OFF
     -DISOBRICK_WITH_HDF5=OFF -DISOBRICK_WITH_OPENEXR=OFF
     -DISOBRICK_WITH_VIEWER=OFF -DISOBRICK_COMMAND=OFF -DISOBRICK_TESTS=OFF -DISOBRICK_WERROR=ON)
-run(${CMAKE_COMMAND} --build build --parallel 2)
+run(${CMAKE_COMMAND} --build build --parallel 1)
 run(${CMAKE_COMMAND} --install build --prefix ${WORK}/prefix)
 
 file(GLOB_RECURSE libraries ${WORK}/prefix/libisobrick_*.so)
