@@ -65,8 +65,10 @@ void addQueryOptions(CLI::App& app, QueryOptions& options) {
                "--focus, --radius and --box are in world units. The radius is divided by the least "
                "spacing, so that the whole world sphere is of the finest level; on an oblique "
                "volume the box becomes the least box of indices around it");
-  addParsedOption(app, "--memory", options.memory_bytes, parseByteSize, "SIZE",
-                  "Bytes of the file to keep in memory, such as 256M; default: 1G");
+  addParsedOption(
+      app, "--memory", options.memory_bytes, parseByteSize, "SIZE",
+      "Bytes of the file to keep in memory, such as 256M; default: 1G. Any size works: with less, "
+      "more is read again");
   addNoMapFlag(app, options.no_map);
   addThreadsOption(app, options.threads);
 }

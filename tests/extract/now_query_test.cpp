@@ -288,6 +288,26 @@ TEST_P(NowQueryOfAHead, RefinesNearTheFocusFirst) {
   EXPECT_EQ(refine(of_larger).triangles, triangles);
 }
 
+// What came in and went again before it was used is not waited for anew for ever.
+TEST_P(NowQueryOfAHead, EndsForAnyBudget) {
+  const Pyramid whole(path_);
+  const std::uint64_t triangles = trianglesOf(whole, query_);
+  for (const std::uint64_t sixteenths : {0, 1, 2, 4, 8, 15, 16}) {
+    SCOPED_TRACE(sixteenths);
+    const Pyramid pyramid(path_, whole.heldBytes() * sixteenths / 16);
+    Extractor extractor(pyramid);
+    std::size_t answers = 0;
+    ExtractionReport report;
+    do {
+      ASSERT_LE(++answers, pyramid.brickCount());
+      IndexedMeshSink sink;
+      report = extractor.extract(query_, sink);
+      EXPECT_GT(report.triangles, 0u);
+    } while (!report.is_complete && extractor.waitForBricks(std::chrono::seconds(10)));
+    EXPECT_EQ(trianglesOf(pyramid, query_), triangles);
+  }
+}
+
 TEST_P(NowQueryOfAHead, OtherQueriesTakeAnnouncementsBack) {
   const Pyramid pyramid(path_);
   Extractor extractor(pyramid);
