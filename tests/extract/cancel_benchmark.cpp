@@ -4,8 +4,6 @@
 // ISOBRICK_BENCHMARK_ISOVALUES: "least greatest" ("600 1200"); ISOBRICK_BENCHMARK_QUERIES: how many
 // (200).
 #include <benchmark/benchmark.h>
-#include <fcntl.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <atomic>
@@ -20,6 +18,7 @@
 
 #include "isobrick/extract/extractor.h"
 #include "isobrick/extract/sinks/counting_sink.h"
+#include "tools/bench/page_cache.h"
 
 namespace isobrick {
 namespace {
@@ -28,12 +27,6 @@ using CancelClock = std::chrono::steady_clock;
 
 double secondsSince(CancelClock::time_point begin) {
   return std::chrono::duration<double>(CancelClock::now() - begin).count();
-}
-
-void dropFromPageCache(const std::string& path) {
-  const int fd = open(path.c_str(), O_RDONLY | O_CLOEXEC);
-  posix_fadvise(fd, 0, 0, POSIX_FADV_DONTNEED);
-  close(fd);
 }
 
 // One query, cancelled after `wait` seconds. Returns for how many it went on; below 0: it had

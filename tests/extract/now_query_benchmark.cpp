@@ -2,8 +2,6 @@
 // file was dropped from the page cache before each. ISOBRICK_BENCHMARK_PYRAMID: the file (needed);
 // ISOBRICK_BENCHMARK_ISOVALUE (600). Argument 1: around a focus in the middle, else all of level 0.
 #include <benchmark/benchmark.h>
-#include <fcntl.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
@@ -11,6 +9,7 @@
 #include <vector>
 
 #include "isobrick/extract/extractor.h"
+#include "tools/bench/page_cache.h"
 
 namespace isobrick {
 namespace {
@@ -26,9 +25,7 @@ void firstAndLastSurface(benchmark::State& state) {
   std::size_t answers = 0;
   std::uint64_t first_triangles = 0, last_triangles = 0;
   for (auto _ : state) {
-    const int fd = ::open(path, O_RDONLY | O_CLOEXEC);
-    posix_fadvise(fd, 0, 0, POSIX_FADV_DONTNEED);
-    close(fd);
+    dropFromPageCache(path);
     const auto begin = std::chrono::steady_clock::now();
     const auto milliseconds = [&] {
       return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - begin)
