@@ -28,7 +28,7 @@ class ViewCommandTest : public CommandTest {
         {"drag": {"from": [200, 150], "to": [260, 170], "seconds": 0.1}},
         {"sweep": {"isovalue": [-2, 1], "seconds": 0.2}},
         {"wheel": 2, "control": true},
-        {"key": "X"}, {"key": "C"}, {"key": "W"},
+        {"key": "X"}, {"key": "C"}, {"lose_context": true}, {"key": "W"},
         {"resize": [320, 200]},
         {"set": {"slices": [{}, {}, {"shown": true, "position": 20}]}},
         {"wait": "settled"},

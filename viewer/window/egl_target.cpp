@@ -5,8 +5,19 @@
 namespace isobrick {
 
 EglTarget::EglTarget(int width, int height, double scale)
-    : current_(context_), renderer_(std::make_unique<GlSceneRenderer>()), scale_(scale) {
-  resize(width, height);
+    : scale_(scale), width_(width), height_(height) {
+  renew();
+}
+
+void EglTarget::renew() {
+  color_ = {};
+  frame_ = {};
+  renderer_.reset();
+  current_.reset();
+  context_ = std::make_unique<EglContext>();
+  current_.emplace(*context_);
+  renderer_ = std::make_unique<GlSceneRenderer>();
+  resize(width_, height_);
 }
 
 EglTarget::~EglTarget() = default;
@@ -17,6 +28,8 @@ std::vector<InputEvent> EglTarget::takeEvents(double) { return std::exchange(eve
 void EglTarget::show() { glFinish(); }
 
 void EglTarget::resize(int width, int height) {
+  width_ = width;
+  height_ = height;
   if (width > 0 && height > 0) {
     frame_ = GlFramebuffer::make();
     color_ = GlTexture::make(GLenum{GL_TEXTURE_2D});

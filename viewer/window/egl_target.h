@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 
 #include "isobrick/viewer/egl_context.h"
 #include "isobrick/viewer/window/view_target.h"
@@ -15,6 +16,7 @@ class EglTarget : public ViewTarget {
   ~EglTarget() override;
 
   GlSceneRenderer& renderer() override { return *renderer_; }
+  void renew() override;
   std::vector<InputEvent> takeEvents(double wait_seconds) override;
   void resize(int width, int height) override;
   double scale() const override { return scale_; }
@@ -23,10 +25,12 @@ class EglTarget : public ViewTarget {
   void show() override;
 
  private:
-  EglContext context_;
-  EglContext::CurrentScope current_;
+  // In this order: the context goes last.
+  std::unique_ptr<EglContext> context_;
+  std::optional<EglContext::CurrentScope> current_;
   std::unique_ptr<GlSceneRenderer> renderer_;
   double scale_;
+  int width_, height_;
   GlFramebuffer frame_;
   GlTexture color_;
   std::vector<InputEvent> events_;

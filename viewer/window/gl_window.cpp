@@ -122,15 +122,26 @@ struct GlWindow::Callbacks {
   static void onClose(GLFWwindow* window) { push(window, event(window, InputEvent::Kind::kClose)); }
 };
 
-GlWindow::GlWindow(int width, int height, const std::string& title) {
+GlWindow::GlWindow(int width, int height, const std::string& title) : title_(title) {
   if (glfwInit() != GLFW_TRUE) refuse();
+  open(width, height);
+}
+
+void GlWindow::renew() {
+  int width = 1, height = 1;
+  glfwGetWindowSize(window_, &width, &height);
+  close();
+  open(std::max(width, 1), std::max(height, 1));
+}
+
+void GlWindow::open(int width, int height) {
   glfwWindowHint(GLFW_CONTEXT_VERSION_MAJOR, 4);
   glfwWindowHint(GLFW_CONTEXT_VERSION_MINOR, 5);
   glfwWindowHint(GLFW_OPENGL_PROFILE, GLFW_OPENGL_CORE_PROFILE);
   glfwWindowHint(GLFW_CONTEXT_ROBUSTNESS, GLFW_LOSE_CONTEXT_ON_RESET);  // and say so
   glfwWindowHint(GLFW_DEPTH_BITS, 0);  // frames have buffers of their own
   glfwWindowHint(GLFW_STENCIL_BITS, 0);
-  window_ = glfwCreateWindow(width, height, title.c_str(), nullptr, nullptr);
+  window_ = glfwCreateWindow(width, height, title_.c_str(), nullptr, nullptr);
   if (window_ == nullptr) refuse();
   glfwMakeContextCurrent(window_);
   glfwSwapInterval(1);
@@ -147,9 +158,14 @@ GlWindow::GlWindow(int width, int height, const std::string& title) {
   pushSize();
 }
 
-GlWindow::~GlWindow() {
+void GlWindow::close() {
   renderer_.reset();
-  glfwDestroyWindow(window_);
+  if (window_ != nullptr) glfwDestroyWindow(window_);
+  window_ = nullptr;
+}
+
+GlWindow::~GlWindow() {
+  close();
   glfwTerminate();
 }
 
@@ -181,7 +197,10 @@ double GlWindow::scale() const {
   return std::clamp(static_cast<double>(x), 1.0, 2.5);
 }
 
-void GlWindow::setTitle(const std::string& title) { glfwSetWindowTitle(window_, title.c_str()); }
+void GlWindow::setTitle(const std::string& title) {
+  title_ = title;
+  glfwSetWindowTitle(window_, title_.c_str());
+}
 
 void GlWindow::show() { glfwSwapBuffers(window_); }
 

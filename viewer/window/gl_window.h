@@ -17,6 +17,7 @@ class GlWindow : public ViewTarget {
   ~GlWindow() override;
 
   GlSceneRenderer& renderer() override { return *renderer_; }
+  void renew() override;
   std::vector<InputEvent> takeEvents(double wait_seconds) override;
   void resize(int width, int height) override;
   double scale() const override;
@@ -26,9 +27,12 @@ class GlWindow : public ViewTarget {
 
  private:
   struct Callbacks;
+  void open(int width, int height);
+  void close();
   void pushSize();
 
   GLFWwindow* window_ = nullptr;
+  std::string title_;
   std::unique_ptr<GlSceneRenderer> renderer_;
   std::vector<InputEvent> events_;
 };

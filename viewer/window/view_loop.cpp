@@ -132,15 +132,16 @@ class ViewLoop {
       first = openPyramid(options.path, options.memory_bytes);
     if (!options.state_path.empty()) first_state_ = readViewState(options.state_path);
     int width = options.width, height = options.height;
+    double scale = 1.0;  // of a target without a window
     if (!options.script_path.empty()) {
       ViewScript script = readViewScript(options.script_path);
       width = script.width;
       height = script.height;
-      scale_ = script.scale;
+      scale = script.scale;
       player_.emplace(std::move(script));
       fs::create_directories(options.frames_folder);
     }
-    target_ = makeTarget(options, width, height, scale_);
+    target_ = makeTarget(options, width, height, scale);
     panel_ = std::make_unique<ViewPanel>(target_->scale());
     if (first)
       show(std::move(*first));
@@ -192,8 +193,7 @@ class ViewLoop {
     session_->interaction().scale = target_->scale();
     stem_ = fs::path(opened.pyramid).stem().string();
     if (options_.state_path.empty()) state_path_ = stem_ + ".view.json";
-    title_ = shownName(fs::path(opened.pyramid).filename().string()) + " - isobrick";
-    target_->setTitle(title_);
+    target_->setTitle(shownName(fs::path(opened.pyramid).filename().string()) + " - isobrick");
     if (height_ > 0) {
       InputEvent size;
       size.kind = InputEvent::Kind::kResize;
@@ -215,9 +215,7 @@ class ViewLoop {
   void renewContext() {
     if (session_) session_->suspend();
     panel_.reset();
-    target_.reset();
-    target_ = makeTarget(options_, std::max(width_, 1), std::max(height_, 1), scale_);
-    target_->setTitle(title_);
+    target_->renew();
     panel_ = std::make_unique<ViewPanel>(target_->scale());
     if (session_) session_->resume(target_->renderer());
   }
@@ -389,11 +387,10 @@ class ViewLoop {
   }
 
   const ViewOptions& options_;
-  std::string stem_ = "isobrick", title_ = "isobrick", state_path_;
+  std::string stem_ = "isobrick", state_path_;
   std::vector<std::string> recent_;
   std::string open_error_;
   std::optional<ScriptPlayer> player_;
-  double scale_ = 1.0;  // of a target without a window
   // In this order: the context goes last.
   std::unique_ptr<ViewTarget> target_;
   std::unique_ptr<ViewPanel> panel_;

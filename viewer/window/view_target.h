@@ -16,6 +16,9 @@ class ViewTarget {
   virtual ~ViewTarget() = default;
 
   virtual GlSceneRenderer& renderer() = 0;
+  // Another context and renderer in the place of those that were lost; what was made with them is
+  // gone by then. Its size comes as an event.
+  virtual void renew() = 0;
   // What came since the last call, the size of the picture first of all; waits for the first event
   // for at most so long.
   virtual std::vector<InputEvent> takeEvents(double wait_seconds) = 0;
