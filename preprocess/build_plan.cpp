@@ -5,6 +5,7 @@
 
 #include "isobrick/preprocess/slice_spool.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/error_bins.h"
 #include "isobrick/storage/write_journal.h"
 
 namespace isobrick {
@@ -19,6 +20,7 @@ constexpr std::uint64_t kPipelineBytes = 48 * kMebibyte;
 constexpr std::uint64_t kSmallThings = 4 * kMebibyte;
 constexpr std::uint64_t kThreadThings = 2 * kMebibyte;  // counts of values among them
 constexpr std::uint64_t kBrickCopiesPerThread = 3;
+constexpr std::uint64_t kUsualErrorBlocks = 8;
 
 class Planner {
  public:
@@ -164,6 +166,9 @@ class Planner {
       bytes += product(layout_.bricks(level)) *
                (brickBytes(level) + format::kSampleAlignment + 2 * format::kPartAlignment +
                 format::rowBytes(format::kMostKinds));
+    // Of errors nobody knows before how many bins they touch.
+    for (int level = kFirstErrorLevel; level <= spec_.error_level; ++level)
+      bytes += product(layout_.lattice().cells(level)) * kUsualErrorBlocks;
     return bytes;
   }
 

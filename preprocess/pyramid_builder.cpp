@@ -12,6 +12,7 @@
 
 #include "isobrick/preprocess/brick_maker.h"
 #include "isobrick/preprocess/brick_pipeline.h"
+#include "isobrick/preprocess/error_pass.h"
 #include "isobrick/preprocess/input_identity.h"
 #include "isobrick/preprocess/kernels/curvature_fit.h"
 #include "isobrick/preprocess/slice_spool.h"
@@ -31,6 +32,8 @@ PyramidSpec specOf(const VolumeInfo& info, const BuildOptions& options) {
   spec.tile_cells = options.tile_cells;
   spec.has_curvature = options.with_curvature;
   spec.curvature_epsilon = options.curvature_epsilon;
+  const int last = std::min(options.error_level, Lattice(info.voxels).levels() - 1);
+  spec.error_level = last < kFirstErrorLevel ? 0 : last;
   return spec;
 }
 
@@ -69,6 +72,7 @@ class Build {
     try {
       takeSpace();
       makeLevels();
+      findErrors();
       publish();
     } catch (const Cancelled&) {
       throw interrupted();
@@ -107,9 +111,9 @@ class Build {
     ScratchVolume samples, finer_tiles;
   };
 
-  void progress(double fraction) {
+  void progress(const char* what, double fraction) {
     if (options_.cancel != nullptr) options_.cancel->check();
-    if (options_.progress) options_.progress("bricks", fraction);
+    if (options_.progress) options_.progress(what, fraction);
   }
 
   enum class InputState { kAsItWas, kChanged, kUnknown };
@@ -335,7 +339,8 @@ class Build {
         tbb::simple_partitioner());
     for (const ValueRange& range : voxels) voxel_range_.include(range);
     bricks_made_ += batch.count;
-    progress(static_cast<double>(bricks_made_) / static_cast<double>(closures_.all().size()));
+    progress("bricks",
+             static_cast<double>(bricks_made_) / static_cast<double>(closures_.all().size()));
   }
 
   void writeBatch(const BrickBatch& batch) {
@@ -347,13 +352,23 @@ class Build {
     writer_.flush();
   }
 
+  // Of bricks that are all written.
+  void findErrors() {
+    if (spec_.error_level == 0) return;
+    error_bins_ = errorBinsOf(statistics_.histogram(spec_.voxel_type, voxel_range_), voxel_range_,
+                              spec_.error_level);
+    ErrorPass<T> pass(spec_, error_bins_, voxel_range_, options_.codec, options_.memory_bytes,
+                      writer_, times_);
+    pass.run(options_.cancel, [this](double fraction) { progress("errors", fraction); });
+  }
+
   void publish() {
     const PhaseTimes::Timer timer(times_, BuildStep::kPublish);
     input_.checkContent();
     if (options_.cancel != nullptr) options_.cancel->check();
     const VoxelHistogram histogram = statistics_.histogram(spec_.voxel_type, voxel_range_);
     report_.file_bytes = writer_.finish(
-        {voxel_range_, closures_.all(), histogram, statistics_.noise(), provenance()},
+        {voxel_range_, closures_.all(), histogram, error_bins_, statistics_.noise(), provenance()},
         options_.codec);
   }
 
@@ -389,6 +404,7 @@ class Build {
   VoxelStatistics statistics_;
   BrickMaker<T> maker_;
   ValueRange voxel_range_;
+  ErrorBins error_bins_;
   std::size_t bricks_made_ = 0;
   BuildReport report_;
 };
@@ -415,6 +431,9 @@ void checkOptions(const BuildOptions& options) {
       !isPowerOfTwo(options.tile_cells) || options.tile_cells < 2 ||
       options.tile_cells > options.brick_cells)
     throw Error("a brick has 4 to 256 cells an axis and a tile 2 up to the brick's, powers of two");
+  if (options.error_level != 0 &&
+      (options.error_level < kFirstErrorLevel || options.error_level > kMostErrorLevel))
+    throw Error("bounds of errors are for level 2, or for the levels 2 and 3");
   if (options.with_curvature && !(options.curvature_epsilon >= kLeastCurvatureEpsilon))
     throw Error("the least gradient that counts for the curvature must be 1/65536 or more");
 }
@@ -438,6 +457,7 @@ std::string buildIdentity(const VolumeInfo& info, const std::string& input_ident
   line("brick", std::to_string(options.brick_cells));
   line("tile", std::to_string(options.tile_cells));
   line("curvature", options.with_curvature ? numberText(options.curvature_epsilon) : "none");
+  line("error", options.error_level > 0 ? "level " + std::to_string(options.error_level) : "none");
   line("nan_as", options.nan_as ? numberText(static_cast<double>(*options.nan_as)) : "none");
   line("version", std::to_string(format::kVersion));
   line("algorithm", std::to_string(kBuildAlgorithm));

@@ -34,7 +34,7 @@ struct ElementView {
   bool shuffled;
 };
 // Shuffling the three codes of a node apart gains nothing.
-constexpr ElementView kCurvatureView = {1, false};
+constexpr ElementView kCodesView = {1, false};
 
 // ---- differences, before the shuffle of Zstandard parts (docs/FORMAT.md, section 5) ----
 
@@ -290,12 +290,20 @@ void encodeBrick(VoxelType type, format::Codec codec, EncodedBrick& brick) {
   else if (brick.curvature.bytes[0] == std::byte{0} && allEqual(brick.curvature.bytes, 1))
     leaveOut(brick.curvature, format::Codec::kConstant);
   else
-    store(brick.curvature, codec, kCurvatureView, brick.scratch);
+    store(brick.curvature, codec, kCodesView, brick.scratch);
 }
 
 void encodeNumbers(std::size_t element_bytes, format::Codec codec, EncodedPart& part) {
   std::vector<std::byte> scratch;
   store(part, codec, {element_bytes, true}, scratch);
+}
+
+void encodeErrors(format::Codec codec, EncodedPart& part) {
+  std::vector<std::byte> scratch;
+  if (part.bytes.empty() || (part.bytes[0] == std::byte{0} && allEqual(part.bytes, 1)))
+    leaveOut(part, format::Codec::kConstant);
+  else
+    store(part, codec, kCodesView, scratch);
 }
 
 bool decodePart(format::Codec codec, std::span<const std::byte> stored, std::size_t bytes,

@@ -3,11 +3,12 @@
 #include <limits>
 
 #include "isobrick/storage/brick_encoder.h"
+#include "isobrick/storage/error_bins.h"
 
 namespace isobrick {
 
-std::uint64_t partBytes(const PyramidSpec& spec, const BrickLayout& layout, PartKind kind,
-                        int level, const Index3& brick) {
+std::uint64_t partBytes(const BrickRow& row, const PyramidSpec& spec, const BrickLayout& layout,
+                        PartKind kind, int level, const Index3& brick) {
   switch (kind) {
     case PartKind::kSamples:
       return static_cast<std::uint64_t>(layout.brickSampleBox(level, brick).size()) *
@@ -17,26 +18,47 @@ std::uint64_t partBytes(const PyramidSpec& spec, const BrickLayout& layout, Part
              voxelBytes(spec.voxel_type);
     case PartKind::kCurvature:
       return static_cast<std::uint64_t>(elementCount(layout.brickNodes(brick))) * 3;
+    case PartKind::kError:
+      return row.error_bytes;
   }
   return 0;
 }
 
+namespace {
+
+bool isAbsent(PartKind kind, const PyramidSpec& spec, int level) {
+  if (kind == PartKind::kCurvature) return level > 0 || !spec.has_curvature;
+  if (kind == PartKind::kError) return level < kFirstErrorLevel || level > spec.error_level;
+  return false;
+}
+
+// Of a part that is stored. How many blocks of codes a brick has depends on its ranges: at least
+// two a tile, and at most one more than there are bins.
+bool isPossibleErrorSize(const BrickRow& row, const BrickLayout& layout, int level,
+                         const Index3& brick) {
+  const auto cells = static_cast<std::uint64_t>(layout.brickCellBox(level, brick).size());
+  return row.error_bytes >= 2 * cells && row.error_bytes <= (ErrorBins::kMost + 1) * cells;
+}
+
+}  // namespace
+
 bool isPossiblePart(const BrickRow& row, const PyramidSpec& spec, const BrickLayout& layout,
                     PartKind kind, int level, const Index3& brick) {
   const format::PartEntry& part = row.part(kind);
-  const bool is_absent = kind == PartKind::kCurvature && (level > 0 || !spec.has_curvature);
+  const bool is_absent = isAbsent(kind, spec, level);
   const auto codec = static_cast<format::Codec>(part.codec);
   switch (codec) {
     case format::Codec::kConstant:
     case format::Codec::kAbsent:
       // Constant ranges are those of constant samples.
       return (codec == format::Codec::kAbsent) == is_absent && part.stored_bytes == 0 &&
-             part.offset == 0 &&
+             part.offset == 0 && (kind != PartKind::kError || row.error_bytes == 0) &&
              (kind != PartKind::kRanges || row.part(PartKind::kSamples).codec == part.codec);
     case format::Codec::kStored:
     case format::Codec::kLz4:
     case format::Codec::kZstd: {
-      const std::uint64_t elements = partBytes(spec, layout, kind, level, brick);
+      const std::uint64_t elements = partBytes(row, spec, layout, kind, level, brick);
+      if (kind == PartKind::kError && !isPossibleErrorSize(row, layout, level, brick)) return false;
       const bool is_size_right = codec == format::Codec::kStored
                                      ? part.stored_bytes == elements
                                      : part.stored_bytes > 0 && part.stored_bytes < elements &&

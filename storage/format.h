@@ -33,11 +33,12 @@ inline constexpr std::uint64_t kPartAlignment = 64;
 
 enum class Filter : std::uint32_t { kAverage = 0, kSubsample = 1 };
 enum class Codec : std::uint32_t {
-  kStored = 0,    // the bytes themselves
-  kConstant = 1,  // no bytes: samples and ranges all have the brick's constant, curvature is 0
-  kAbsent = 2,    // no bytes: the part was not made (curvature of coarser levels, --no-curvature)
-  kLz4 = 3,       // a Blosc buffer, packed with LZ4
-  kZstd = 4,      // a Blosc buffer, packed with Zstandard; of differences (docs/FORMAT.md)
+  kStored = 0,  // the bytes themselves
+  kConstant =
+      1,  // no bytes: samples and ranges all have the brick's constant, curvature and errors are 0
+  kAbsent = 2,  // no bytes: the part was not made (curvature of coarser levels, without --error)
+  kLz4 = 3,     // a Blosc buffer, packed with LZ4
+  kZstd = 4,    // a Blosc buffer, packed with Zstandard; of differences (docs/FORMAT.md)
 };
 
 // Where a part of a brick is, or the histogram.
@@ -76,8 +77,12 @@ struct Header {
   PartEntry histogram;              // see value_histogram.h
   double noise;                     // sigma of the voxels' noise, in their units; finite, >= 0
   std::uint32_t kinds[kMostKinds];  // what the parts of a row are, ascending: PartKind, or newer
-  std::uint8_t reserved[168];       // zero
-  std::uint64_t header_checksum;    // XXH3-64 of all the bytes before it
+  double error_first;               // the bins of error bounds (error_bins.h); zero without any
+  double error_width;
+  std::uint32_t error_bins;
+  std::uint32_t error_last_level;
+  std::uint8_t reserved[144];     // zero
+  std::uint64_t header_checksum;  // XXH3-64 of all the bytes before it
 };
 static_assert(sizeof(Header) == 512 && std::is_trivially_copyable_v<Header>);
 
@@ -93,7 +98,7 @@ static_assert(sizeof(LevelRow) == 56);
 struct RowTail {
   float range_min, range_max;  // closure over the brick's cells (rule 7)
   float constant;              // the value of samples whose codec is kConstant
-  std::uint32_t reserved;      // zero
+  std::uint32_t error_bytes;   // of the elements of the error part; 0 where no bytes are stored
   std::uint64_t checksum;      // XXH3-64 of the row's bytes before it; the seed is the row's number
 };
 static_assert(sizeof(RowTail) == 24);

@@ -93,12 +93,24 @@ void Pyramid::readHeader() {
   spec_.tile_cells = header.tile_cells;
   spec_.has_curvature = hasKind(header, kCurvature);
   spec_.curvature_epsilon = header.curvature_epsilon;
+  spec_.error_level = hasKind(header, kError) ? static_cast<int>(header.error_last_level) : 0;
   value_range_ = {static_cast<float>(header.value_min), static_cast<float>(header.value_max)};
   layout_ = spec_.layout();
   header_ = header;
+  if (hasKind(header, kError)) readErrorBins(header);
   if (header.level_count != static_cast<std::uint32_t>(lattice().levels()))
     fail("has a wrong number of levels; build it again");
   readTables(header);
+}
+
+void Pyramid::readErrorBins(const format::Header& header) {
+  error_bins_ = {header.error_first, header.error_width, header.error_bins, spec_.error_level};
+  // Far enough from overflow and underflow.
+  if (!(std::abs(error_bins_.first) <= 0x1p200) ||
+      !(error_bins_.width >= 0x1p-200 && error_bins_.width <= 0x1p200) || error_bins_.count == 0 ||
+      error_bins_.count > ErrorBins::kMost || spec_.error_level < kFirstErrorLevel ||
+      spec_.error_level > std::min(kMostErrorLevel, lattice().levels() - 1))
+    fail("has impossible bins of errors in its header; build it again");
 }
 
 std::vector<std::byte> Pyramid::readTable(std::uint64_t offset, std::uint64_t bytes,
@@ -179,32 +191,32 @@ PyramidSums Pyramid::sums() const {
     (level == 0 ? bytes.samples_level0 : bytes.samples_coarser) += stored;
     bytes.ranges += row.part(kRanges).stored_bytes;
     bytes.curvature += row.part(kCurvature).stored_bytes;
+    bytes.error += row.part(kError).stored_bytes;
     ++sums.codecs.samples[row.part(kSamples).codec];
     ++sums.codecs.ranges[row.part(kRanges).codec];
     ++sums.codecs.curvature[row.part(kCurvature).codec];
+    ++sums.codecs.error[row.part(kError).codec];
     if (level > 0 || stored == 0) continue;
     // What the brick holds beyond one copy of the samples that it covers.
     const auto all_samples = static_cast<std::uint64_t>(layout_.brickSampleBox(0, brick).size());
     const auto own_samples = static_cast<std::uint64_t>(layout_.brickOwnSamples(0, brick).size());
     bytes.aprons_level0 += stored * (all_samples - own_samples) / all_samples;
   }
-  bytes.index =
-      bytes.total - bytes.samples_level0 - bytes.samples_coarser - bytes.ranges - bytes.curvature;
+  bytes.index = bytes.total - bytes.samples_level0 - bytes.samples_coarser - bytes.ranges -
+                bytes.curvature - bytes.error;
   return sums;
 }
 
 BrickPager::Part Pyramid::pagedPart(PartKind kind, int level, const Index3& brick) const {
-  const format::PartEntry part = entryOf(kind, level, brick);
+  const BrickRow row = brickRowOf(level, brick);
+  const format::PartEntry& part = row.part(kind);
   const auto codec = static_cast<format::Codec>(part.codec);
   // The index has seen to it that the elements of a packed part are fewer than 2^31 bytes.
   const bool is_packed = codec == format::Codec::kLz4 || codec == format::Codec::kZstd;
   const auto elements =
-      is_packed ? static_cast<std::uint32_t>(expectedBytes(kind, level, brick)) : 0;
+      is_packed ? static_cast<std::uint32_t>(partBytes(row, spec_, layout_, kind, level, brick))
+                : 0;
   return {part.offset, part.stored_bytes, part.checksum, elements, codec};
-}
-
-std::uint64_t Pyramid::expectedBytes(PartKind kind, int level, const Index3& brick) const {
-  return partBytes(spec_, layout_, kind, level, brick);
 }
 
 BrickRow Pyramid::brickRowOf(int level, const Index3& brick) const {
@@ -260,7 +272,10 @@ std::optional<BrickPart> Pyramid::holdIfResident(PartKind kind, int level,
 }
 
 std::uint64_t Pyramid::heldSampleBytes(int level, const Index3& brick) const {
-  return sampleBytes(level, brick) == 0 ? 0 : expectedBytes(kSamples, level, brick);
+  const BrickRow row = brickRowOf(level, brick);
+  return row.part(kSamples).stored_bytes == 0
+             ? 0
+             : partBytes(row, spec_, layout_, kSamples, level, brick);
 }
 
 void Pyramid::withdraw(int level, const Index3& brick) const {
@@ -301,7 +316,7 @@ BrickSamples Pyramid::samples(int level, const Index3& brick, const CancelFlag* 
     result.part = acquire(kSamples, level, brick, cancel);
     return result;
   }
-  result.part.made_.resize(expectedBytes(kSamples, level, brick));
+  result.part.made_.resize(partBytes(row, spec_, layout_, kSamples, level, brick));
   visitVoxelType(spec_.voxel_type, [&](auto tag) {
     using T = typename decltype(tag)::Type;
     std::fill_n(reinterpret_cast<T*>(result.part.made_.data()), result.box.size(),
@@ -365,6 +380,47 @@ void Pyramid::curvature(const Index3& brick, std::vector<std::uint8_t>& out,
   throwIfReadFailed(kCurvature, 0, brick);
 }
 
+bool Pyramid::errorCodes(int level, const Index3& brick, double isovalue,
+                         std::vector<std::uint8_t>& out, const CancelFlag* cancel) const {
+  out.clear();
+  if (level < kFirstErrorLevel || level > spec_.error_level) return false;
+  const IndexBox cells = layout_.brickCellBox(level, brick);
+  out.assign(static_cast<std::size_t>(cells.size()), 0);
+  const BrickRow row = brickRowOf(level, brick);
+  if (row.part(kError).stored_bytes == 0) return true;
+  std::vector<ValueRange> ranges;
+  tileRanges(level, brick, ranges, cancel);
+  const BrickPart part = acquire(kError, level, brick, cancel);
+  const std::uint32_t bin = error_bins_.binOf(isovalue);
+  const Index3 tiles = layout_.brickTiles(level, brick);
+  std::uint64_t at = 0;  // of the tile's first block
+  for (std::size_t tile = 0; tile < ranges.size(); ++tile) {
+    const Index3 first = indexAt(static_cast<std::int64_t>(tile), tiles) * spec_.tile_cells;
+    const Index3 count = glm::min(Index3(spec_.tile_cells), cells.count - first);
+    const auto block_bytes = static_cast<std::uint64_t>(elementCount(count));
+    // A reversed range is one that verify finds; it must not lead anywhere.
+    const bool is_sound = ranges[tile].min <= ranges[tile].max;
+    const TileBins bins(error_bins_, is_sound ? ranges[tile] : value_range_);
+    if (bins.blocks() * block_bytes > row.error_bytes - at) failErrorSize(level, brick);
+    const auto* codes =
+        reinterpret_cast<const std::uint8_t*>(part.data()) + at + bins.blockOf(bin) * block_bytes;
+    for (std::int64_t z = 0; z < count.z; ++z)
+      for (std::int64_t y = 0; y < count.y; ++y, codes += count.x)
+        std::copy_n(codes, count.x, out.data() + linearIndex(first + Index3(0, y, z), cells.count));
+    at += bins.blocks() * block_bytes;
+  }
+  if (at != row.error_bytes) failErrorSize(level, brick);
+  throwIfReadFailed(kError, level, brick);
+  return true;
+}
+
+void Pyramid::failErrorSize(int level, const Index3& brick) const {
+  fail(brickName(level, brick) +
+           ", error, does not have the bytes that its ranges ask for; "
+           "build it again or restore a copy",
+       {.level = level, .brick = brick});
+}
+
 std::uint64_t Pyramid::sampleBytes(int level, const Index3& brick) const {
   return entryOf(kSamples, level, brick).stored_bytes;
 }
@@ -373,6 +429,9 @@ std::uint64_t Pyramid::rangeBytes(int level, const Index3& brick) const {
 }
 std::uint64_t Pyramid::curvatureBytes(const Index3& brick) const {
   return entryOf(kCurvature, 0, brick).stored_bytes;
+}
+std::uint64_t Pyramid::errorBytes(int level, const Index3& brick) const {
+  return entryOf(kError, level, brick).stored_bytes;
 }
 
 }  // namespace isobrick

@@ -11,6 +11,7 @@
 #include "isobrick/storage/brick_parts.h"
 #include "isobrick/storage/cancel.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/error_bins.h"
 #include "isobrick/storage/pyramid_info.h"
 #include "isobrick/storage/voxel_histogram.h"
 
@@ -137,10 +138,19 @@ class Pyramid {
   void curvature(const Index3& brick, std::vector<std::uint8_t>& out,
                  const CancelFlag* cancel = nullptr) const;
 
+  // The bins of the bounds that errorCodes() reads; none where the pyramid was built without.
+  const ErrorBins& errorBins() const { return error_bins_; }
+  // For every cell of a brick of level 2 or 3, x fastest, the code (ErrorCode, in units of
+  // errorBins()) of a bound of its error for an isovalue (rule 15). False, with an empty `out`,
+  // where the pyramid has none of this level.
+  bool errorCodes(int level, const Index3& brick, double isovalue, std::vector<std::uint8_t>& out,
+                  const CancelFlag* cancel = nullptr) const;
+
   // Bytes that the samples of a brick take in the file, packed or not (0 for a constant brick).
   std::uint64_t sampleBytes(int level, const Index3& brick) const;
   std::uint64_t rangeBytes(int level, const Index3& brick) const;
   std::uint64_t curvatureBytes(const Index3& brick) const;
+  std::uint64_t errorBytes(int level, const Index3& brick) const;
   // Row of the brick in the file's table: a number that identifies it among all levels.
   std::size_t brickRow(int level, const Index3& brick) const;
   // The brick of a row below brickCount().
@@ -196,7 +206,9 @@ class Pyramid {
  private:
   using enum PartKind;
   void readHeader();
+  void readErrorBins(const format::Header& header);
   void readTables(const format::Header& header);
+  [[noreturn]] void failErrorSize(int level, const Index3& brick) const;
   std::vector<std::byte> readTable(std::uint64_t offset, std::uint64_t bytes,
                                    std::uint64_t checksum, const char* name) const;
   static std::size_t partId(PartKind kind, std::size_t row) {
@@ -204,7 +216,6 @@ class Pyramid {
   }
   format::PartEntry entryOf(PartKind kind, int level, const Index3& brick) const;
   BrickPager::Part pagedPart(PartKind kind, int level, const Index3& brick) const;
-  std::uint64_t expectedBytes(PartKind kind, int level, const Index3& brick) const;
   BrickPart acquire(PartKind kind, int level, const Index3& brick,
                     const CancelFlag* cancel = nullptr) const;
   void throwIfReadFailed(PartKind kind, int level, const Index3& brick) const;
@@ -217,6 +228,7 @@ class Pyramid {
   PyramidSpec spec_;
   BrickLayout layout_;
   ValueRange value_range_;
+  ErrorBins error_bins_;
   std::string provenance_;
   std::unique_ptr<BrickIndex> index_;
   std::unique_ptr<BrickPager> pager_;

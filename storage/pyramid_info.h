@@ -23,6 +23,9 @@ struct PyramidSpec {
   // Samples with |gradient| < curvature_epsilon * (range of their tile) per voxel do not count for
   // the curvature bound: the isosurface has no curvature where the gradient vanishes.
   double curvature_epsilon = 1.0 / 64;
+  // The last level whose cells have bounds of their error (error_bins.h), from level 2 on; 0: none
+  // have.
+  int error_level = 0;
 
   BrickLayout layout() const { return {Lattice(voxels), brick_cells, tile_cells}; }
 };
@@ -37,13 +40,14 @@ struct PyramidBytes {
   std::uint64_t samples_coarser = 0;
   std::uint64_t ranges = 0;
   std::uint64_t curvature = 0;
+  std::uint64_t error = 0;
   std::uint64_t index = 0;  // header, tables, histogram, provenance and alignment
 };
 
 // How many bricks have a part in each codec; the index is the codec's number.
 using CodecCounts = std::array<std::uint64_t, 5>;
 struct PyramidCodecs {
-  CodecCounts samples{}, ranges{}, curvature{};
+  CodecCounts samples{}, ranges{}, curvature{}, error{};
 };
 
 struct PyramidSums {

@@ -44,6 +44,8 @@ class BrickVerifier {
     pyramid_.tileRanges(level, brick, ranges);
     std::vector<std::uint8_t> codes;
     if (level == 0) pyramid_.curvature(brick, codes);
+    std::vector<std::uint8_t> errors;
+    pyramid_.errorCodes(level, brick, 0, errors);
     if (hasStrayFields(level, brick)) return "a field that nothing uses is not zero";
     if (!areFinite(samples)) return "a sample is not a finite number";
     std::vector<ValueRange>& seen = values.seen;
@@ -251,7 +253,7 @@ class BrickVerifier {
 
   bool hasStrayFields(int level, const Index3& brick) const {
     const BrickIndex::StoredRow row = pyramid_.index_->storedRow(pyramid_.brickRow(level, brick));
-    bool stray = row.tail.reserved != 0;
+    bool stray = pyramid_.spec().error_level == 0 && row.tail.error_bytes != 0;
     for (const format::PartEntry& part : row.parts)
       stray = stray || (part.stored_bytes == 0 && part.checksum != 0);
     const bool is_constant =
@@ -294,6 +296,9 @@ std::vector<std::string> Pyramid::verifyRest(const CancelFlag* cancel) const {
   if (std::any_of(std::begin(header_.reserved), std::end(header_.reserved),
                   [](std::uint8_t byte) { return byte != 0; }))
     faults.emplace_back("reserved bytes of the header are not zero");
+  if (spec_.error_level == 0 && (header_.error_first != 0 || header_.error_width != 0 ||
+                                 header_.error_bins != 0 || header_.error_last_level != 0))
+    faults.emplace_back("the header has bins of errors, and the bricks have none");
   if (std::any_of(header_.kinds + header_.kind_count, std::end(header_.kinds),
                   [](std::uint32_t kind) { return kind != 0; }))
     faults.emplace_back("kinds of the header that are not counted are not zero");

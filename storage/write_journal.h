@@ -16,7 +16,7 @@ struct JournalEntry {
   std::uint64_t end = 0;
   std::uint64_t checksum = 0;  // XXH3-64 of the bytes before it: a torn entry is no entry
 };
-static_assert(sizeof(JournalEntry) == 104);
+static_assert(sizeof(JournalEntry) == 128);
 
 // A file beside the temporary: an identity text, then entries in the order of the brick table. It
 // is only ever appended to. Used by one thread at a time. Failures throw ResumableError.

@@ -814,7 +814,7 @@ TEST(HostileFile, ReservedFieldsAndValueRangesThatLieAreFound) {
   // Another range is not that of the voxels, and the histogram is of another size.
   EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.header.value_max += 1; }).rest.size(), 2u);
   EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.header.kinds[7] = 1; }).rest.size(), 1u);
-  EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.bricks[2].row.unused = 1; }).damaged,
+  EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.bricks[2].row.error_bytes = 1; }).damaged,
             (std::vector<std::size_t>{2}));
   EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.bricks[0].row.range_max += 1; }).damaged,
             (std::vector<std::size_t>{0}));
@@ -834,10 +834,10 @@ TEST(HostileFile, PartsOfUnknownKindsArePassedOver) {
   const Pyramid pyramid(path), newer(later);
   forAllBricks(pyramid, [&](int level, const Index3& brick) {
     const BrickSamples a = pyramid.samples(level, brick), b = newer.samples(level, brick);
-    ASSERT_EQ(
-        std::memcmp(a.part.data(), b.part.data(),
-                    partBytes(pyramid.spec(), pyramid.layout(), PartKind::kSamples, level, brick)),
-        0);
+    ASSERT_EQ(std::memcmp(a.part.data(), b.part.data(),
+                          partBytes({}, pyramid.spec(), pyramid.layout(), PartKind::kSamples, level,
+                                    brick)),
+              0);
     EXPECT_EQ(pyramid.brickRange(level, brick), newer.brickRange(level, brick));
   });
   // Kinds are listed once, in ascending order, samples and ranges first.

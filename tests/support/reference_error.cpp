@@ -15,11 +15,11 @@ struct Bounds {
   double low = 0, high = 0;
 };
 
-// The field of a cell of level 1 with given corners, at a voxel of its closed box.
+// The field of a cell of a level with given corners, at a voxel of its closed box.
 class CoarseCell {
  public:
-  CoarseCell(const Lattice& lattice, const Index3& cell)
-      : lower_(lattice.position(1, cell)), upper_(lattice.position(1, cell + Index3(1))) {}
+  CoarseCell(const Lattice& lattice, const Index3& cell, int level = 1)
+      : lower_(lattice.position(level, cell)), upper_(lattice.position(level, cell + Index3(1))) {}
 
   IndexBox voxels() const { return {lower_, upper_ - lower_ + Index3(1)}; }
   Index3 corner(int n) const {
@@ -66,7 +66,94 @@ double crossingError(double isovalue, double value_a, const Bounds& a, double va
   return error;
 }
 
+// What a sample of a level may be as the corner of a leaf: rule 6, for any leaves around, coarser
+// ones only where `may_hang`.
+Bounds cornerBounds(const ReferencePyramid& pyramid, int level, const Index3& position,
+                    bool may_hang) {
+  const Lattice& lattice = pyramid.lattice;
+  const auto own = static_cast<double>(pyramid.sampleAtPosition(level, position));
+  const auto finer =
+      level == 0 ? own : static_cast<double>(pyramid.sampleAtPosition(level - 1, position));
+  Bounds bounds{std::min(own, finer), std::max(own, finer)};
+  if (!may_hang || isOnLattice(lattice, level + 1, position)) return bounds;
+  // The cell of the next level around it; none on whose corners it hangs where it is inside.
+  Index3 cell;
+  int inside = 0;
+  for (int axis = 0; axis < 3; ++axis) {
+    const bool is_on = isOnLattice(lattice, level + 1, axis, position[axis]);
+    if (!is_on) ++inside;
+    cell[axis] = is_on && position[axis] > 0
+                     ? sampleIndex(lattice, level + 1, axis, position[axis]) - 1
+                     : position[axis] >> (level + 1);
+  }
+  if (inside == 3) return bounds;
+  const CoarseCell coarse(lattice, cell, level + 1);
+  std::array<double, 8> low{}, high{};
+  for (int n = 0; n < 8; ++n) {
+    const Bounds corner = cornerBounds(pyramid, level + 1, coarse.corner(n), false);
+    low[static_cast<std::size_t>(n)] = corner.low;
+    high[static_cast<std::size_t>(n)] = corner.high;
+  }
+  bounds.low = std::min(bounds.low, coarse.interpolate(low, position));
+  bounds.high = std::max(bounds.high, coarse.interpolate(high, position));
+  return bounds;
+}
+
+// The greatest error within the closed cell, whatever its corners are; 0 where nothing is wrong.
+double leafError(const ReferencePyramid& pyramid, int level, const Index3& cell, bool may_hang,
+                 double isovalue) {
+  const CoarseCell leaf(pyramid.lattice, cell, level);
+  std::array<double, 8> low{}, high{};
+  for (int n = 0; n < 8; ++n) {
+    const Bounds corner = cornerBounds(pyramid, level, leaf.corner(n), may_hang);
+    low[static_cast<std::size_t>(n)] = corner.low;
+    high[static_cast<std::size_t>(n)] = corner.high;
+  }
+  double error = 0;
+  forEachIndex(leaf.voxels(), [&](const Index3& voxel) {
+    const auto value = static_cast<double>(pyramid.sampleAt(0, voxel));
+    const Bounds bounds{leaf.interpolate(low, voxel), leaf.interpolate(high, voxel)};
+    if (value >= isovalue ? bounds.low < isovalue : bounds.high >= isovalue)
+      error = std::max(error, std::abs(value - isovalue));
+    for (int axis = 0; axis < 3; ++axis) {
+      Index3 next = voxel;
+      ++next[axis];
+      if (!leaf.has(next)) continue;
+      error = std::max(
+          error,
+          crossingError(isovalue, value, bounds, static_cast<double>(pyramid.sampleAt(0, next)),
+                        {leaf.interpolate(low, next), leaf.interpolate(high, next)}));
+    }
+  });
+  return error;
+}
+
 }  // namespace
+
+std::vector<double> referenceLeafErrors(const ReferencePyramid& pyramid, int level,
+                                        double isovalue) {
+  const Lattice& lattice = pyramid.lattice;
+  const IndexBox cells{Index3(0), lattice.cells(level)};
+  std::vector<double> errors;
+  if (level == 0) return std::vector<double>(static_cast<std::size_t>(cells.size()), 0.0);
+  std::vector<double> finer = referenceLeafErrors(pyramid, level - 1, isovalue);
+  const IndexBox finer_cells{Index3(0), lattice.cells(level - 1)};
+  std::size_t i = 0;
+  forEachIndex(finer_cells, [&](const Index3& cell) {
+    finer[i] = std::max(finer[i], leafError(pyramid, level - 1, cell, true, isovalue));
+    ++i;
+  });
+  forEachIndex(cells, [&](const Index3& cell) {
+    errors.push_back(leafError(pyramid, level, cell, false, isovalue));
+    const Index3 first = glm::max(std::int64_t{2} * cell - Index3(1), Index3(0));
+    const Index3 end = glm::min(std::int64_t{2} * cell + Index3(3), finer_cells.count);
+    forEachIndex({first, end - first}, [&](const Index3& touching) {
+      errors.back() = std::max(
+          errors.back(), finer[static_cast<std::size_t>(linearIndex(touching, finer_cells.count))]);
+    });
+  });
+  return errors;
+}
 
 double referenceError(const ReferencePyramid& pyramid, double isovalue, const Index3& cell) {
   const Lattice& lattice = pyramid.lattice;

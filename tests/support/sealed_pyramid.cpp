@@ -68,7 +68,7 @@ Bytes bytesOf(const BrickRow& row, const format::Header& header) {
             : format::PartEntry{0, 0, 0, static_cast<std::uint32_t>(format::Codec::kAbsent)});
   }
   put(bytes, bytes.size() - sizeof(format::RowTail),
-      format::RowTail{row.range_min, row.range_max, row.constant, row.unused, 0});
+      format::RowTail{row.range_min, row.range_max, row.constant, row.error_bytes, 0});
   return bytes;
 }
 
@@ -109,9 +109,9 @@ PyramidDraft::Elements PyramidDraft::elementsOf(const Brick& brick) const {
     const auto codec = static_cast<format::Codec>(part.codec);
     auto& out = elements[static_cast<std::size_t>(kind)];
     if (codec == format::Codec::kAbsent) continue;
-    out.resize(partBytes(spec_, layout_, kind, brick.level, brick.index));
+    out.resize(partBytes(brick.row, spec_, layout_, kind, brick.level, brick.index));
     if (codec == format::Codec::kConstant) {
-      if (kind == PartKind::kCurvature) continue;
+      if (kind == PartKind::kCurvature || kind == PartKind::kError) continue;
       visitVoxelType(spec_.voxel_type, [&](auto tag) {
         using T = typename decltype(tag)::Type;
         const T value = static_cast<T>(brick.row.constant);
@@ -134,8 +134,14 @@ void PyramidDraft::setElements(Brick& brick, const Elements& elements, format::C
   encoded.ranges.bytes = elements[1];
   encoded.curvature.bytes = elements[2];
   encodeBrick(spec_.voxel_type, codec, encoded);
+  EncodedPart error;
+  error.bytes = elements[3];
+  if (brick.row.part(PartKind::kError).codec != static_cast<std::uint32_t>(format::Codec::kAbsent))
+    encodeErrors(codec, error);
+  brick.row.error_bytes = static_cast<std::uint32_t>(error.bytes.empty() ? 0 : elements[3].size());
   brick.row.constant = encoded.constant;
-  const EncodedPart* const parts[] = {&encoded.samples, &encoded.ranges, &encoded.curvature};
+  const EncodedPart* const parts[] = {&encoded.samples, &encoded.ranges, &encoded.curvature,
+                                      &error};
   for (const PartKind kind : kPartKinds) {
     const auto at = static_cast<std::size_t>(kind);
     const auto* const first = reinterpret_cast<const std::uint8_t*>(parts[at]->bytes.data());

@@ -23,10 +23,10 @@ class PyramidDraft {
   struct Brick {
     int level = 0;
     Index3 index{0};
-    BrickRow row{};               // its `unused` is the row's reserved field
-    std::array<Bytes, 3> stored;  // samples, ranges, curvature as they lie in the file
+    BrickRow row{};
+    std::array<Bytes, kPartKinds.size()> stored;  // by PartKind, as they lie in the file
   };
-  using Elements = std::array<std::vector<std::byte>, 3>;
+  using Elements = std::array<std::vector<std::byte>, kPartKinds.size()>;
 
   // `file` is a good pyramid.
   explicit PyramidDraft(const Bytes& file);
@@ -40,7 +40,7 @@ class PyramidDraft {
   const PyramidSpec& spec() const { return spec_; }
   const BrickLayout& layout() const { return layout_; }
 
-  // What the three parts of a brick hold, unpacked; constant ones written out.
+  // What the parts of a brick hold, unpacked; constant ones written out.
   Elements elementsOf(const Brick& brick) const;
   // Packs them again, as the builder does; codecs, sizes and the constant follow.
   void setElements(Brick& brick, const Elements& elements, format::Codec codec) const;

@@ -16,6 +16,7 @@
 #include "tools/build/build_batch.h"
 #include "tools/build/build_one.h"
 #include "tools/build/build_report.h"
+#include "tools/build/error_option.h"
 #include "tools/build/glob_inputs.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
@@ -222,6 +223,7 @@ void addPyramidOptions(CLI::App& sub, BuildArguments& arguments) {
       ->check(CLI::IsMember(codecChoices()));
   sub.add_flag("--no-curvature", arguments.no_curvature,
                "Leave out what extract needs for --curvature; builds faster");
+  addErrorOption(sub, options.error_level);
   sub.add_option("--filter", arguments.filter,
                  "How coarser levels are made: average (default) or subsample")
       ->type_name("F")

@@ -49,6 +49,7 @@ struct ConvertArguments {
   std::string type;
   std::string codec = "lz4";
   bool no_curvature = false;
+  int error_level = 0;
   std::optional<double> background;
   double tolerance = 0;
   bool half = false;
@@ -219,6 +220,7 @@ VolumeWriteReport buildFrom(VolumeSource& source, const ConvertArguments& argume
                   : arguments.codec == "lz4" ? format::Codec::kLz4
                                              : format::Codec::kZstd;
   options.with_curvature = !arguments.no_curvature;
+  options.error_level = arguments.error_level;
   options.tool_version = ISOBRICK_VERSION;
   options.memory_bytes = arguments.memory_bytes;
   options.cancel = &interruptFlag();
@@ -417,6 +419,7 @@ Command addConvertCommand(CLI::App& app) {
       ->check(CLI::IsMember({"none", "lz4", "zstd"}));
   sub->add_flag("--no-curvature", arguments->no_curvature,
                 "An .isb without what extract needs for --curvature");
+  addErrorOption(*sub, arguments->error_level);
   sub->add_flag("--force", arguments->force, "Replace what exists (never the input)");
   addParsedOption(*sub, "--memory", arguments->memory_bytes, parseByteSize, "SIZE",
                   "Bound of all buffers, such as 300M or 2G; default: 512M");

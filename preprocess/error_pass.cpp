@@ -1,0 +1,196 @@
+#include "isobrick/preprocess/error_pass.h"
+
+#include <tbb/parallel_for.h>
+#include <tbb/partitioner.h>
+
+#include <algorithm>
+#include <numeric>
+
+#include "isobrick/preprocess/error_chunk.h"
+#include "isobrick/storage/index_loop.h"
+
+namespace isobrick {
+namespace {
+
+constexpr std::uint32_t kBins = 64;
+// Outliers, metal in a CT, would make all bins wide.
+constexpr double kOutliers = 1e-3;
+// What is read back takes a part of the memory; more than this gains nothing.
+constexpr std::uint64_t kMostReadBytes = std::uint64_t{256} << 20;
+
+// The bin of the histogram up to which there is this share of the voxels.
+std::size_t quantile(const VoxelHistogram& histogram, double share) {
+  const auto counts = histogram.counts();
+  const double all =
+      static_cast<double>(std::accumulate(counts.begin(), counts.end(), std::uint64_t{0}));
+  double seen = 0;
+  for (std::size_t i = 0; i < counts.size(); ++i) {
+    seen += static_cast<double>(counts[i]);
+    if (seen >= share * all) return i;
+  }
+  return counts.size() - 1;
+}
+
+}  // namespace
+
+ErrorBins errorBinsOf(const VoxelHistogram& histogram, const ValueRange& values, int last_level) {
+  auto least = static_cast<double>(histogram.bin(quantile(histogram, kOutliers)).min);
+  auto greatest = static_cast<double>(histogram.bin(quantile(histogram, 1 - kOutliers)).max);
+  if (!(greatest > least)) {
+    least = static_cast<double>(values.min);
+    greatest = static_cast<double>(values.max);
+  }
+  // A constant volume has no errors.
+  const double width = std::max((greatest - least) / kBins, 0x1p-140);
+  return {least, width, kBins, last_level};
+}
+
+// The error part of a brick while it is made.
+template <typename T>
+struct ErrorPass<T>::BrickErrors {
+  int level = 0;
+  Index3 brick{0};
+  IndexBox cells;
+  std::vector<TileBins> tiles;
+  std::vector<std::size_t> offsets;  // of the tiles' first blocks
+  std::size_t elements = 0;
+  EncodedPart part;
+};
+
+template <typename T>
+ErrorPass<T>::ErrorPass(const PyramidSpec& spec, const ErrorBins& bins, const ValueRange& values,
+                        format::Codec codec, std::uint64_t memory_bytes, PyramidWriter& writer,
+                        PhaseTimes& times)
+    : spec_(spec),
+      layout_(spec.layout()),
+      bins_(bins),
+      values_(values),
+      codec_(codec),
+      writer_(writer),
+      times_(times),
+      written_(spec, writer, std::min(memory_bytes / 4, kMostReadBytes)),
+      region_voxels_(std::max(ErrorChunk::kVoxels, spec.brick_cells << bins.last_level)) {}
+
+template <typename T>
+Index3 ErrorPass<T>::regions() const {
+  return BrickLayout::ceilDivide(layout_.lattice().cells(0), region_voxels_);
+}
+
+template <typename T>
+void ErrorPass<T>::run(const CancelFlag* cancel, const std::function<void(double)>& progress) {
+  const Index3 all_chunks = ErrorChunk::chunks(layout_.lattice());
+  const std::int64_t per_region = region_voxels_ / ErrorChunk::kVoxels;
+  std::int64_t done = 0;
+  forEachIndex({Index3(0), regions()}, [&](const Index3& region) {
+    std::vector<BrickErrors> bricks = bricksIn(region);
+    const Index3 first = region * per_region;
+    const Index3 count = glm::min(Index3(per_region), all_chunks - first);
+    // A layer of chunks at a time: progress is told between them.
+    for (std::int64_t z = 0; z < count.z; ++z) {
+      tbb::parallel_for(
+          std::int64_t{0}, count.x * count.y,
+          [&](std::int64_t i) {
+            if (cancel != nullptr && cancel->requested()) return;
+            findChunk(first + Index3(i % count.x, i / count.x, z), bricks);
+          },
+          tbb::simple_partitioner());
+      done += count.x * count.y;
+      progress(static_cast<double>(done) / static_cast<double>(elementCount(all_chunks)));
+    }
+    writeBricks(bricks);
+  });
+}
+
+// The bricks in a region whose errors are stored, with room for their codes.
+template <typename T>
+std::vector<typename ErrorPass<T>::BrickErrors> ErrorPass<T>::bricksIn(const Index3& region) const {
+  std::vector<BrickErrors> bricks;
+  for (int level = kFirstErrorLevel; level <= bins_.last_level; ++level) {
+    const std::int64_t along = (region_voxels_ >> level) / spec_.brick_cells;
+    const Index3 first = region * along;
+    const Index3 count = glm::min(Index3(along), layout_.bricks(level) - first);
+    forEachIndex({first, count}, [&](const Index3& at) {
+      BrickErrors brick;
+      brick.level = level;
+      brick.brick = at;
+      brick.cells = layout_.brickCellBox(level, at);
+      const Index3 tiles = layout_.brickTiles(level, at);
+      const std::vector<ValueRange> ranges = written_.tileRanges(level, at);
+      for (std::size_t tile = 0; tile < ranges.size(); ++tile) {
+        const Index3 begin = indexAt(static_cast<std::int64_t>(tile), tiles) * spec_.tile_cells;
+        const Index3 cells = glm::min(Index3(spec_.tile_cells), brick.cells.count - begin);
+        brick.tiles.emplace_back(bins_, ranges[tile]);
+        brick.offsets.push_back(brick.elements);
+        brick.elements +=
+            brick.tiles.back().blocks() * static_cast<std::size_t>(elementCount(cells));
+      }
+      brick.part.bytes.resize(brick.elements);
+      bricks.push_back(std::move(brick));
+    });
+  }
+  return bricks;
+}
+
+template <typename T>
+void ErrorPass<T>::findChunk(const Index3& chunk, std::vector<BrickErrors>& bricks) {
+  const PhaseTimes::Timer timer(times_, BuildStep::kError);
+  thread_local ErrorChunk finder;
+  finder.find(
+      layout_.lattice(), bins_, values_, chunk,
+      [this](int level, const IndexBox& box, float* out) { written_.read(level, box, out); });
+  for (BrickErrors& brick : bricks)
+    copyCodes(finder.codes(brick.level), ErrorChunk::cells(layout_.lattice(), brick.level, chunk),
+              brick);
+}
+
+// Those of the brick's cells in the box: other chunks have others.
+template <typename T>
+void ErrorPass<T>::copyCodes(const ErrorCodes& codes, const IndexBox& cells,
+                             BrickErrors& brick) const {
+  const Index3 first = glm::max(cells.first, brick.cells.first);
+  const Index3 end = glm::min(cells.end(), brick.cells.end());
+  if (first.x >= end.x || first.y >= end.y || first.z >= end.z) return;
+  const Index3 tiles = layout_.brickTiles(brick.level, brick.brick);
+  const Index3 first_tile = (first - brick.cells.first) / spec_.tile_cells;
+  const Index3 end_tile = BrickLayout::ceilDivide(end - brick.cells.first, spec_.tile_cells);
+  auto* const bytes = reinterpret_cast<std::uint8_t*>(brick.part.bytes.data());
+  forEachIndex({first_tile, end_tile - first_tile}, [&](const Index3& tile) {
+    const auto n = static_cast<std::size_t>(linearIndex(tile, tiles));
+    const Index3 begin = brick.cells.first + tile * spec_.tile_cells;
+    const Index3 count = glm::min(Index3(spec_.tile_cells), brick.cells.end() - begin);
+    const Index3 from = glm::max(begin, first), to = glm::min(begin + count, end);
+    for (std::uint32_t bin = codes.first_bin; bin < codes.first_bin + codes.bins; ++bin) {
+      std::uint8_t* const block =
+          bytes + brick.offsets[n] +
+          brick.tiles[n].blockOf(bin) * static_cast<std::size_t>(elementCount(count));
+      const std::uint8_t* const source = codes.bin(bin);
+      for (std::int64_t z = from.z; z < to.z; ++z)
+        for (std::int64_t y = from.y; y < to.y; ++y) {
+          const std::uint8_t* const codes_row =
+              source + linearIndex(Index3(from.x, y, z) - codes.cells.first, codes.cells.count);
+          std::uint8_t* const row = block + linearIndex(Index3(from.x, y, z) - begin, count);
+          for (std::int64_t x = 0; x < to.x - from.x; ++x) row[x] = std::max(row[x], codes_row[x]);
+        }
+    }
+  });
+}
+
+template <typename T>
+void ErrorPass<T>::writeBricks(std::vector<BrickErrors>& bricks) {
+  tbb::parallel_for(
+      std::size_t{0}, bricks.size(),
+      [&](std::size_t i) {
+        const PhaseTimes::Timer timer(times_, BuildStep::kPack);
+        encodeErrors(codec_, bricks[i].part);
+      },
+      tbb::simple_partitioner());
+  const PhaseTimes::Timer timer(times_, BuildStep::kWrite);
+  for (const BrickErrors& brick : bricks)
+    writer_.writeError(written_.row(brick.level, brick.brick), brick.part, brick.elements);
+}
+
+#define ISOBRICK_INSTANTIATE(T) template class ErrorPass<T>;
+ISOBRICK_FOR_EACH_VOXEL_TYPE(ISOBRICK_INSTANTIATE)
+#undef ISOBRICK_INSTANTIATE
+
+}  // namespace isobrick
