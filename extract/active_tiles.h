@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "isobrick/extract/mesh_context.h"
+#include "isobrick/storage/index_loop.h"
 
 namespace isobrick {
 
@@ -21,6 +22,18 @@ class ActiveTiles {
     }
     context.crossedTiles(level, brick, active_);
     return std::memchr(active_.data(), 1, count) != nullptr;
+  }
+
+  // Of the active tiles keeps those for which f(tile) holds. Returns false where none is left.
+  template <typename F>
+  bool keepWhere(F&& f) {
+    bool any = false;
+    for (std::size_t i = 0; i < active_.size(); ++i) {
+      if (active_[i] == 0) continue;
+      active_[i] = f(indexAt(static_cast<std::int64_t>(i), dims_)) ? 1 : 0;
+      any = any || active_[i] != 0;
+    }
+    return any;
   }
 
   const Index3& dims() const { return dims_; }

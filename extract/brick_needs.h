@@ -34,7 +34,11 @@ class BrickNeeds {
       return false;
     if (!hasRanges(level, brick, has)) return false;
     if (!isQuiet(level, brick, has) && !has(kSamples, level, brick)) return false;
-    if (level > 0 || !takes_errors_) return true;
+    if (!takes_errors_) return true;
+    if (level >= kFirstErrorLevel && level <= pyramid_->spec().error_level &&
+        !(has(kRanges, level, brick) && has(kError, level, brick)))
+      return false;
+    if (level > 0) return true;
     const Index3 first = glm::max(brick - Index3(1), Index3(0));
     const Index3 end = glm::min(brick + Index3(2), pyramid_->layout().bricks(0));
     bool are_met = true;

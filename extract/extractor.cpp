@@ -32,6 +32,7 @@ void addReads(const Pyramid& pyramid, const ReadLog::Entry& entry, ExtractionRep
     report.bytes_read += pyramid.sampleBytes(level, brick);
   if ((entry.marks & ReadLog::kRanges) != 0) report.bytes_read += pyramid.rangeBytes(level, brick);
   if ((entry.marks & ReadLog::kCurvature) != 0) report.bytes_read += pyramid.curvatureBytes(brick);
+  if ((entry.marks & ReadLog::kError) != 0) report.bytes_read += pyramid.errorBytes(level, brick);
 }
 
 ExtractionReport makeReport(const Pyramid& pyramid, const ReadLog& log,
@@ -50,8 +51,7 @@ class QueryContext {
  public:
   QueryContext(const Pyramid& pyramid, const Query& query, ReadLog& log,
                ResidencyOracle* residency = nullptr)
-      : oracles_(
-            oraclesOf(pyramid.lattice(), pyramid.spec().geometry, pyramid.valueRange(), query)),
+      : oracles_(oraclesOf(pyramid, query)),
         frame_(pyramid.spec().geometry, pyramid.valueRange()),
         context_{
             pyramid,           query,    oracles_, frame_, static_cast<float>(query.isovalue), log,

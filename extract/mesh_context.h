@@ -38,6 +38,13 @@ struct MeshContext {
     pyramid.crossedTiles(level, brick, isovalue, out, query.cancel);
   }
 
+  // Pyramid::errorCodes() for the query's isovalue.
+  void errorCodes(int level, const Index3& brick, std::vector<std::uint8_t>& out) const {
+    read_log.note(pyramid.brickRow(level, brick), ReadLog::kRanges);
+    read_log.note(pyramid.brickRow(level, brick), ReadLog::kError);
+    pyramid.errorCodes(level, brick, static_cast<double>(isovalue), out, query.cancel);
+  }
+
   bool isCancelled() const { return query.cancel != nullptr && query.cancel->requested(); }
   // Throws Error where bytes that this thread has asked for could not be had while it used them. To
   // be called before what was made of them is passed on, or another reason is given for it.
@@ -62,6 +69,7 @@ struct MeshContext {
       look(ReadLog::kSamples, PartKind::kSamples);
       look(ReadLog::kRanges, PartKind::kRanges);
       look(ReadLog::kCurvature, PartKind::kCurvature);
+      look(ReadLog::kError, PartKind::kError);
     }
     throw Error("'" + pyramid.path() +
                     "' was written to while it was read, and is what it was; do it again",

@@ -12,7 +12,7 @@ namespace isobrick {
 // Notes may come from any thread. Grows with what is noted, not with the file.
 class ReadLog {
  public:
-  enum Mark : std::uint8_t { kSamples = 1, kRanges = 2, kCurvature = 4, kActive = 8 };
+  enum Mark : std::uint8_t { kSamples = 1, kRanges = 2, kCurvature = 4, kActive = 8, kError = 16 };
   struct Entry {
     std::size_t brick_row = 0;
     unsigned marks = 0;

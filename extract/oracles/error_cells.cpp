@@ -262,12 +262,25 @@ class ErrorCells::Brick {
   Index3 ring_{0};
 };
 
-CellBits ErrorCells::find(const MeshContext& context, const Index3& brick,
-                          const ErrorBound& bound) {
+CellBits ErrorCells::find(const MeshContext& context, const Index3& brick, const ErrorBound& bound,
+                          const std::function<bool(const Index3&)>& wants) {
   if (context.query.cull_by_ranges &&
       !context.pyramid.brickRange(0, brick).crosses(context.isovalue))
     return {};
   if (!tiles_.load(context, 0, brick)) return {};
+  // What concerns a wanted cell lies in the closed cells of level 2 that touch it.
+  const BrickLayout& layout = context.pyramid.layout();
+  const IndexBox voxel_cells = layout.brickCellBox(0, brick);
+  const bool is_any_wanted = tiles_.keepWhere([&](const Index3& tile) {
+    const Index3 first = voxel_cells.first + tile * layout.tileCells();
+    const Index3 last = glm::min(first + Index3(layout.tileCells()), voxel_cells.end()) - Index3(1);
+    bool is_wanted = false;
+    forEachIndex(
+        {first / std::int64_t{4}, last / std::int64_t{4} - first / std::int64_t{4} + Index3(1)},
+        [&](const Index3& cell) { is_wanted = is_wanted || wants(cell); });
+    return is_wanted;
+  });
+  if (!is_any_wanted) return {};
   visitVoxelType(context.pyramid.spec().voxel_type, [&](auto tag) {
     Brick<typename decltype(tag)::Type>(*this, context, brick, bound).run();
   });

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <vector>
 
 #include "isobrick/extract/active_tiles.h"
@@ -66,7 +67,11 @@ class ErrorCells {
   // closed box brings beyond the tolerance. What a ring cell has from other bricks is missing. An
   // empty box where there are none, which is so of bricks without an active tile; their samples are
   // not asked for.
-  CellBits find(const MeshContext& context, const Index3& brick, const ErrorBound& bound);
+  //
+  // Only cells for which wants(cell of level 2 around it) holds, and holds for all cells of level 2
+  // that touch the cell, are asked for: of others something may be missing.
+  CellBits find(const MeshContext& context, const Index3& brick, const ErrorBound& bound,
+                const std::function<bool(const Index3&)>& wants);
 
  private:
   // Voxels of a row, both ends included.

@@ -39,9 +39,14 @@ void addBits(const CellBits& source, CellBits& target) {
 
 }  // namespace
 
-ErrorOracle::ErrorOracle(double tolerance, float isovalue, const ValueRange& values)
-    : tolerance_(static_cast<float>(tolerance) - roundingOf(values, isovalue)),
-      isovalue_(isovalue) {}
+ErrorOracle::ErrorOracle(const Pyramid& pyramid, double tolerance, float isovalue)
+    : tolerance_(static_cast<float>(tolerance) - roundingOf(pyramid.valueRange(), isovalue)),
+      isovalue_(isovalue),
+      last_level_(
+          std::min(std::max(1, pyramid.errorBins().last_level), pyramid.lattice().levels() - 1)),
+      greatest_code_(pyramid.errorBins().count == 0
+                         ? -1
+                         : ErrorCode::greatestWithin(tolerance / pyramid.errorBins().unit())) {}
 ErrorOracle::~ErrorOracle() = default;
 
 template <typename Make>
@@ -68,41 +73,101 @@ ErrorOracle::Bits ErrorOracle::Shelf::get(std::size_t row, const Make& make) {
 ErrorOracle::Bits ErrorOracle::foundIn(const MeshContext& context, const Index3& brick) const {
   return found_.get(context.pyramid.brickRow(0, brick), [&] {
     thread_local ErrorCells cells;
-    return cells.find(context, brick, {isovalue_, tolerance_});
+    return cells.find(context, brick, {isovalue_, tolerance_}, [&](const Index3& cell) {
+      return last_level_ < 2 || refines(context, 2, cell);
+    });
   });
 }
 
-ErrorOracle::Bits ErrorOracle::decided(const MeshContext& context, const Index3& brick) const {
+Index3 ErrorOracle::brickOf(const MeshContext& context, int level, const Index3& cell) const {
+  return (level == 1 ? std::int64_t{2} * cell : cell) / context.pyramid.layout().brickCells();
+}
+
+IndexBox ErrorOracle::cellsOf(const MeshContext& context, int level, const Index3& brick) const {
   const BrickLayout& layout = context.pyramid.layout();
-  return decided_.get(context.pyramid.brickRow(0, brick), [&] {
-    CellBits cells(coarseCellsOf(layout, brick));
-    const Index3 first = glm::max(brick - Index3(1), Index3(0));
-    const Index3 end = glm::min(brick + Index3(2), layout.bricks(0));
-    forEachIndex({first, end - first},
-                 [&](const Index3& other) { addBits(*foundIn(context, other), cells); });
+  return level == 1 ? coarseCellsOf(layout, brick) : layout.brickCellBox(level, brick);
+}
+
+ErrorOracle::Bits ErrorOracle::decided(const MeshContext& context, int level,
+                                       const Index3& brick) const {
+  const std::size_t row = context.pyramid.brickRow(brickLevel(level), brick);
+  return decided_[level].get(row, [&] {
+    CellBits cells =
+        level == 1 ? beyondAtLevel1(context, brick) : beyondBounds(context, level, brick);
+    if (level < last_level_) keepBalanced(context, level, cells);
     return cells;
   });
 }
 
+// Whether any of these cells of level 1 lies in a cell that is refined.
+bool ErrorOracle::mayRefineBelow(const MeshContext& context, const IndexBox& cells) const {
+  bool any = false;
+  forEachIndex(parentsOf(cells),
+               [&](const Index3& parent) { any = any || refines(context, 2, parent); });
+  return any;
+}
+
+CellBits ErrorOracle::beyondAtLevel1(const MeshContext& context, const Index3& brick) const {
+  const BrickLayout& layout = context.pyramid.layout();
+  CellBits cells(coarseCellsOf(layout, brick));
+  if (last_level_ > 1 && !mayRefineBelow(context, cells.box())) return cells;
+  const Index3 first = glm::max(brick - Index3(1), Index3(0));
+  const Index3 end = glm::min(brick + Index3(2), layout.bricks(0));
+  forEachIndex({first, end - first},
+               [&](const Index3& other) { addBits(*foundIn(context, other), cells); });
+  return cells;
+}
+
+CellBits ErrorOracle::beyondBounds(const MeshContext& context, int level,
+                                   const Index3& brick) const {
+  CellBits cells(context.pyramid.layout().brickCellBox(level, brick));
+  std::vector<std::uint8_t> codes;
+  context.errorCodes(level, brick, codes);
+  const IndexBox& box = cells.box();
+  const std::uint8_t* code = codes.data();
+  for (std::int64_t z = box.first.z; z < box.end().z; ++z)
+    for (std::int64_t y = box.first.y; y < box.end().y; ++y, code += box.count.x) {
+      std::uint64_t* const row = cells.row(y, z);
+      for (std::int64_t x = 0; x < box.count.x; ++x)
+        row[x / 64] |= static_cast<std::uint64_t>(code[x] > greatest_code_) << x % 64;
+    }
+  return cells;
+}
+
+void ErrorOracle::keepBalanced(const MeshContext& context, int level, CellBits& cells) const {
+  const Index3 most = context.lattice().cells(level + 1) - Index3(1);
+  const IndexBox& box = cells.box();
+  for (std::int64_t z = box.first.z; z < box.end().z; ++z)
+    for (std::int64_t y = box.first.y; y < box.end().y; ++y)
+      keepBitsWhere(cells.row(y, z), cells.words(), [&](std::int64_t i) {
+        const Index3 cell(box.first.x + i, y, z);
+        const Index3 first = glm::max(cell - Index3(1), Index3(0)) / std::int64_t{2};
+        const Index3 last = glm::min((cell + Index3(1)) / std::int64_t{2}, most);
+        bool are_all = true;
+        forEachIndex({first, last - first + Index3(1)}, [&](const Index3& coarse) {
+          are_all = are_all && refines(context, level + 1, coarse);
+        });
+        return are_all;
+      });
+}
+
 bool ErrorOracle::refines(const MeshContext& context, int level, const Index3& cell) const {
-  if (level != 1 || context.lattice().levels() == 1) return true;
-  const Index3 brick = std::int64_t{2} * cell / context.pyramid.layout().brickCells();
-  return decided(context, brick)->has(cell);
+  if (level < 1 || level > last_level_) return true;
+  return decided(context, level, brickOf(context, level, cell))->has(cell);
 }
 
 void ErrorOracle::keepRefined(const MeshContext& context, int level, const Index3& first,
                               std::int64_t count, std::uint64_t* bits) const {
-  if (level != 1 || context.lattice().levels() == 1) return;
-  const std::int64_t brick_cells = context.pyramid.layout().brickCells();
+  if (level < 1 || level > last_level_) return;
   for (std::int64_t begin = 0; begin < count;) {
     const Index3 cell = first + Index3(begin, 0, 0);
-    const Index3 brick = std::int64_t{2} * cell / brick_cells;
-    const std::int64_t end = std::min(count, (brick.x + 1) * brick_cells / 2 - first.x);
+    const Index3 brick = brickOf(context, level, cell);
+    const std::int64_t end = std::min(count, cellsOf(context, level, brick).end().x - first.x);
     if (!hasBitsBetween(bits, begin, end)) {
       begin = end;
       continue;
     }
-    const Bits decided_here = decided(context, brick);
+    const Bits decided_here = decided(context, level, brick);
     for (std::int64_t word = begin / 64; 64 * word < end; ++word) {
       const std::int64_t from = std::max(begin, 64 * word), to = std::min(end, 64 * (word + 1));
       std::uint64_t kept = 0;

@@ -9,27 +9,36 @@
 
 #include "isobrick/extract/oracles/oracle_share.h"
 #include "isobrick/storage/brick_layout.h"
+#include "isobrick/storage/error_bins.h"
 #include "isobrick/storage/value_range.h"
 
 namespace isobrick {
 
 class CellBits;
+class Pyramid;
 struct MeshContext;
 
-// Refines every cell but those of level 1 whose error (ErrorCells) is within the tolerance. So its
-// leaves are of the levels 0 and 1, and balanced.
+// Refines every cell but those of level 1 whose error (ErrorCells) is within the tolerance, and
+// those of the levels 2 and 3 whose stored bound is, where the pyramid has bounds.
 //
-// What it decides of a brick's cells, which takes the samples of the brick, of the one of level 1
-// over it and of those around, is found once a query and shared by all threads; the bits of the
-// last kMostBricks bricks are kept. All members are thread-safe.
+// Leaves are balanced whatever the file says: a cell of level 1 or 2 is refined only where all
+// cells of the next level that touch it are. Of a true bound that changes nothing, as it is at
+// least the error of every finer cell that touches the cell.
+//
+// What it decides of a brick's cells is found once a query and shared by all threads; the bits of
+// the last kMostBricks bricks are kept. For level 1 that takes the samples of a brick of level 0,
+// of the one of level 1 over it and of those around, where a cell may be refined; for others their
+// bounds. All members are thread-safe.
 class ErrorOracle {
  public:
-  // `values`: of all voxels. The tolerance: in their units, finite, at least 0.
-  ErrorOracle(double tolerance, float isovalue, const ValueRange& values);
+  // The tolerance: in units of the voxels, finite, at least 0.
+  ErrorOracle(const Pyramid& pyramid, double tolerance, float isovalue);
   ~ErrorOracle();
 
   bool refines(const MeshContext& context, int level, const Index3& cell) const;
-  Share shareOfRefined(int level) const { return level == 1 ? Share::kSome : Share::kAll; }
+  Share shareOfRefined(int level) const {
+    return level >= 1 && level <= last_level_ ? Share::kSome : Share::kAll;
+  }
   // Of the `count` cells from `first` on along x, bit i being first.x + i, keeps those refined.
   void keepRefined(const MeshContext& context, int level, const Index3& first, std::int64_t count,
                    std::uint64_t* bits) const;
@@ -50,13 +59,26 @@ class ErrorOracle {
     std::deque<std::size_t> order_;
   };
 
-  // What the brick itself says of its cells and of a ring around them.
+  // Bricks of level 0 stand for the cells of level 1 in them.
+  int brickLevel(int level) const { return level == 1 ? 0 : level; }
+  Index3 brickOf(const MeshContext& context, int level, const Index3& cell) const;
+  IndexBox cellsOf(const MeshContext& context, int level, const Index3& brick) const;
+
+  // Which of the brick's cells of a level are refined.
+  Bits decided(const MeshContext& context, int level, const Index3& brick) const;
+  // What the brick of level 0 itself says of its cells of level 1 and of a ring around them.
   Bits foundIn(const MeshContext& context, const Index3& brick) const;
-  // The brick's cells, joined with what the bricks around say of them.
-  Bits decided(const MeshContext& context, const Index3& brick) const;
+  // The errors alone: found for level 1, joined with what the bricks around say; and stored.
+  CellBits beyondAtLevel1(const MeshContext& context, const Index3& brick) const;
+  CellBits beyondBounds(const MeshContext& context, int level, const Index3& brick) const;
+  bool mayRefineBelow(const MeshContext& context, const IndexBox& cells) const;
+  // Keeps the cells that only refined cells of level + 1 touch.
+  void keepBalanced(const MeshContext& context, int level, CellBits& cells) const;
 
   const float tolerance_, isovalue_;
-  mutable Shelf found_, decided_;
+  const int last_level_;     // whose cells may be leaves
+  const int greatest_code_;  // that is within the tolerance
+  mutable Shelf found_, decided_[kMostErrorLevel + 1];
 };
 
 }  // namespace isobrick

@@ -9,6 +9,7 @@
 #include "isobrick/extract/oracles/focus_oracle.h"
 #include "isobrick/extract/oracles/view_oracle.h"
 #include "isobrick/extract/query.h"
+#include "isobrick/storage/pyramid.h"
 
 namespace isobrick {
 
@@ -22,15 +23,15 @@ struct ChoiceOracles {
 
 // Of the query's own choice, then of the further ones. Made once a query, which has to outlive it
 // unchanged.
-inline std::vector<ChoiceOracles> oraclesOf(const Lattice& lattice, const GridGeometry& geometry,
-                                            const ValueRange& values, const Query& query) {
+inline std::vector<ChoiceOracles> oraclesOf(const Pyramid& pyramid, const Query& query) {
+  const Lattice& lattice = pyramid.lattice();
   std::vector<ChoiceOracles> oracles;
   const auto add = [&](const DetailChoice& choice) {
     oracles.push_back({&choice, FocusOracle(lattice, choice), std::nullopt, nullptr});
-    if (choice.view) oracles.back().view.emplace(lattice, geometry, *choice.view);
+    if (choice.view) oracles.back().view.emplace(lattice, pyramid.spec().geometry, *choice.view);
     if (choice.tolerance)
-      oracles.back().error = std::make_unique<ErrorOracle>(
-          *choice.tolerance, static_cast<float>(query.isovalue), values);
+      oracles.back().error = std::make_unique<ErrorOracle>(pyramid, *choice.tolerance,
+                                                           static_cast<float>(query.isovalue));
   };
   add(query);
   for (const DetailChoice& choice : query.or_finer) add(choice);

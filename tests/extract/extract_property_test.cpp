@@ -17,6 +17,7 @@
 #include "isobrick/extract/sinks/indexed_mesh.h"
 #include "isobrick/preprocess/pyramid_builder.h"
 #include "isobrick/storage/curvature_code.h"
+#include "isobrick/storage/index_loop.h"
 #include "tests/extract/random_case.h"
 #include "tests/extract/same_mesh.h"
 #include "tests/support/array_source.h"
@@ -34,7 +35,7 @@ constexpr int kQueriesPerVolume = 6;
 // cannot fail.
 struct Coverage {
   int queries = 0, with_triangles = 0, with_transitions = 0, with_two_levels = 0, flattened = 0,
-      seen = 0, combined = 0, tolerated = 0, promised = 0;
+      seen = 0, combined = 0, tolerated = 0, promised = 0, bounded = 0;
 };
 
 // The curvature decision of one cell of level 1, from what the pyramid says of it.
@@ -56,8 +57,7 @@ bool isFlatByPyramid(const Pyramid& pyramid, float isovalue, double tolerance, c
 
 // The leaves that the fast classifier sees, cell by cell.
 void expectSameLeaves(const Pyramid& pyramid, const Query& query, const LeafLevels& expected) {
-  const auto oracles =
-      oraclesOf(pyramid.lattice(), pyramid.spec().geometry, pyramid.valueRange(), query);
+  const auto oracles = oraclesOf(pyramid, query);
   const WorldFrame frame(pyramid.spec().geometry);
   ReadLog log;
   const MeshContext context{pyramid, query, oracles, frame, static_cast<float>(query.isovalue),
@@ -99,11 +99,29 @@ bool isBeyond(const Pyramid& pyramid, const ReferencePyramid& reference, float i
   Query query;
   query.isovalue = static_cast<double>(isovalue);
   query.tolerance = tolerance;
-  const auto oracles =
-      oraclesOf(pyramid.lattice(), pyramid.spec().geometry, pyramid.valueRange(), query);
+  const auto oracles = oraclesOf(pyramid, query);
   const WorldFrame frame(pyramid.spec().geometry);
   ReadLog log;
   return oracles[0].error->refines({pyramid, query, oracles, frame, isovalue, log}, 1, cell);
+}
+
+// The decision of the tolerance on levels that may have stored bounds, for all cells of a level, x
+// fastest, by what the pyramid says.
+std::vector<std::uint8_t> boundsBeyond(const Pyramid& pyramid, float isovalue, double tolerance,
+                                       int level) {
+  const Index3 cells = pyramid.lattice().cells(level);
+  std::vector<std::uint8_t> are_beyond(static_cast<std::size_t>(elementCount(cells)), 1);
+  const BrickLayout& layout = pyramid.layout();
+  std::vector<std::uint8_t> codes;
+  forEachIndex({Index3(0), layout.bricks(level)}, [&](const Index3& brick) {
+    if (!pyramid.errorCodes(level, brick, static_cast<double>(isovalue), codes)) return;
+    const std::uint8_t* code = codes.data();
+    forEachIndex(layout.brickCellBox(level, brick), [&](const Index3& cell) {
+      const double bound = ErrorCode::decode(*code++) * pyramid.errorBins().unit();
+      are_beyond[static_cast<std::size_t>(linearIndex(cell, cells))] = bound > tolerance ? 1 : 0;
+    });
+  });
+  return are_beyond;
 }
 
 LeafLevels referenceLeaves(const Pyramid& pyramid, const ReferencePyramid& reference,
@@ -119,9 +137,17 @@ LeafLevels referenceLeaves(const Pyramid& pyramid, const ReferencePyramid& refer
     expected.flat = [&, iso = static_cast<float>(isovalue)](const Index3& cell) {
       return isFlatByPyramid(pyramid, iso, *choice.curvature_tolerance, cell);
     };
+  std::map<int, std::vector<std::uint8_t>> bounds;
   std::map<std::int64_t, bool> beyond;  // asked for by each cell of level 0 in it
   expected.further = [&, iso = static_cast<float>(isovalue)](int level, const Index3& cell) {
     if (choice.view && !isSeen(*choice.view, level, cell)) return false;
+    if (choice.tolerance && level > 1) {
+      const Lattice& lattice = pyramid.lattice();
+      if (level >= lattice.levels()) return true;
+      std::vector<std::uint8_t>& known = bounds[level];
+      if (known.empty()) known = boundsBeyond(pyramid, iso, *choice.tolerance, level);
+      return known[static_cast<std::size_t>(linearIndex(cell, lattice.cells(level)))] != 0;
+    }
     if (!choice.tolerance || level != 1) return true;
     const auto [known, is_new] =
         beyond.try_emplace(linearIndex(cell, pyramid.lattice().cells(1)), false);
@@ -139,6 +165,7 @@ void runVolume(std::uint32_t seed, const TemporaryFolder& folder, Coverage& cove
   BuildOptions options;
   options.brick_cells = std::int64_t{4} << random.uniform(0, 4);
   options.tile_cells = std::min(options.brick_cells, std::int64_t{2} << random.uniform(0, 2));
+  options.error_level = random.chance(0.3) ? 0 : random.uniform(2, 3);
   const bool subsample = random.chance(0.2);
   options.filter = subsample ? format::Filter::kSubsample : format::Filter::kAverage;
   ArraySource<T> source(dims, values);
@@ -182,6 +209,7 @@ void runVolume(std::uint32_t seed, const TemporaryFolder& folder, Coverage& cove
                         static_cast<double>(static_cast<float>(query.isovalue)), *query.tolerance),
           "");
       coverage.promised += report.levels.size() > 1 ? 1 : 0;
+      coverage.bounded += !report.levels.empty() && report.levels.back().level > 1 ? 1 : 0;
     }
 
     ++coverage.queries;
@@ -217,16 +245,17 @@ TEST(ExtractProperty, MatchesTheReferenceOnRandomQueries) {
       "%d queries: %d with triangles, %d with transition fans, %d with several levels, of them %d "
       "with a curvature tolerance, %d with a view, %d with several choices, %d with a tolerance, "
       "%d "
-      "with nothing else\n",
+      "with nothing else, %d of these with leaves of level 2 or 3\n",
       coverage.queries, coverage.with_triangles, coverage.with_transitions,
       coverage.with_two_levels, coverage.flattened, coverage.seen, coverage.combined,
-      coverage.tolerated, coverage.promised);
+      coverage.tolerated, coverage.promised, coverage.bounded);
   EXPECT_GT(coverage.with_triangles, coverage.queries * 7 / 10);
   EXPECT_GT(coverage.with_transitions, coverage.queries / 4);
   EXPECT_GT(coverage.flattened, coverage.queries / 10);
   EXPECT_GT(coverage.seen, coverage.queries / 20);
   EXPECT_GT(coverage.combined, coverage.queries / 20);
   EXPECT_GT(coverage.promised, coverage.queries / 30);
+  EXPECT_GT(coverage.bounded, coverage.queries / 100);
 }
 
 }  // namespace

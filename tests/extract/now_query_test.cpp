@@ -54,9 +54,8 @@ void bringIn(const Pyramid& pyramid, RandomCase& random) {
   for (int level = 0; level < pyramid.lattice().levels(); ++level)
     chances.push_back(isOneBrick(pyramid, level) || random.chance(0.4) ? 1 : random.real(0.3, 1));
   forEachBrickOf(pyramid, [&](int level, const Index3& brick) {
-    for (const PartKind kind : {PartKind::kSamples, PartKind::kRanges, PartKind::kCurvature})
-      if ((kind != PartKind::kCurvature || level == 0) &&
-          random.chance(chances[static_cast<std::size_t>(level)])) {
+    for (const PartKind kind : kPartKinds)
+      if (random.chance(chances[static_cast<std::size_t>(level)])) {
         EXPECT_NE(pyramid.fetch(kind, level, brick), BrickPager::Fetched::kNever);
       }
   });
@@ -64,8 +63,7 @@ void bringIn(const Pyramid& pyramid, RandomCase& random) {
 
 LeafLevels leavesNow(const Pyramid& pyramid, const Query& query) {
   ResidencyOracle residency(BrickNeeds(pyramid, query));
-  const auto oracles =
-      oraclesOf(pyramid.lattice(), pyramid.spec().geometry, pyramid.valueRange(), query);
+  const auto oracles = oraclesOf(pyramid, query);
   const WorldFrame frame(pyramid.spec().geometry);
   ReadLog log;
   const MeshContext context{pyramid, query, oracles,   frame, static_cast<float>(query.isovalue),
@@ -165,6 +163,7 @@ void runVolume(std::uint32_t seed, const TemporaryFolder& folder, NowCoverage& c
   BuildOptions options;
   options.brick_cells = std::int64_t{4} << random.uniform(0, 1);
   options.tile_cells = std::min(options.brick_cells, std::int64_t{2} << random.uniform(0, 2));
+  options.error_level = random.chance(0.3) ? 0 : random.uniform(2, 3);
   options.codec = random.chance(0.5) ? format::Codec::kStored : format::Codec::kLz4;
   ArraySource<T> source(dims, values);
   const std::string path = folder.file("case.isb");

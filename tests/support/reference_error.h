@@ -21,7 +21,7 @@ std::vector<double> referenceLeafErrors(const ReferencePyramid& pyramid, int lev
 // What a tolerance promises, of the mesh itself: every vertex on an edge lies where level 0,
 // interpolated along its edge, is within the tolerance of the isovalue, but for how far rule 8 may
 // move it; every voxel beyond isovalue -+ tolerance lies on its own side in the field of every leaf
-// that touches it. Says what is wrong, or nothing. Leaves must be of the levels 0 and 1.
+// that touches it. Says what is wrong, or nothing.
 std::string brokenPromise(const ReferencePyramid& pyramid, const ReferenceMesh& mesh,
                           double isovalue, double tolerance);
 

@@ -153,6 +153,7 @@ TEST(LeafClassifier, ClassifiesRowsAsItClassifiesCells) {
       dims[axis] = randomInt(random, 2, axis == 0 && volume % 3 == 0 ? 300 : 24);
     BuildOptions options;
     options.brick_cells = std::int64_t{4} << randomInt(random, 0, 6);
+    options.error_level = static_cast<int>(randomInt(random, 2, 3));
     options.tile_cells = 2 << randomInt(random, 0, 1);
     ArraySource<float> source(dims, arrayOfField<float>(dims, [&](const Index3& i) {
                                 const double smooth = std::sin(0.4 * static_cast<double>(i.x)) +
@@ -169,7 +170,7 @@ TEST(LeafClassifier, ClassifiesRowsAsItClassifiesCells) {
       query.isovalue = randomReal(random, -2, 2);
       if (q > 0) query.focus = randomFocus(random, dims);
       if (q % 2 == 0) query.curvature_tolerance = std::exp(randomReal(random, -6, 3));
-      const auto oracles = oraclesOf(lattice, pyramid.spec().geometry, pyramid.valueRange(), query);
+      const auto oracles = oraclesOf(pyramid, query);
       const WorldFrame frame(pyramid.spec().geometry);
       ReadLog log;
       const MeshContext context{pyramid, query, oracles, frame, static_cast<float>(query.isovalue),
