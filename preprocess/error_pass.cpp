@@ -12,7 +12,7 @@
 namespace isobrick {
 namespace {
 
-constexpr std::uint32_t kBins = 64;
+constexpr std::uint32_t kBins = 32;
 // Outliers, metal in a CT, would make all bins wide.
 constexpr double kOutliers = 1e-3;
 // What is read back takes a part of the memory; more than this gains nothing.

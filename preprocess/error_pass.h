@@ -13,7 +13,7 @@
 
 namespace isobrick {
 
-// 64 bins of equal width between the values that all but a thousandth of the voxels at each end lie
+// 32 bins of equal width between the values that all but a thousandth of the voxels at each end lie
 // in: docs/ALGORITHM.md says why. `values`: of all voxels.
 ErrorBins errorBinsOf(const VoxelHistogram& histogram, const ValueRange& values, int last_level);
 

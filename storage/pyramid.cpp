@@ -380,7 +380,7 @@ void Pyramid::curvature(const Index3& brick, std::vector<std::uint8_t>& out,
   throwIfReadFailed(kCurvature, 0, brick);
 }
 
-bool Pyramid::errorCodes(int level, const Index3& brick, double isovalue,
+bool Pyramid::errorCodes(int level, const Index3& brick, std::optional<double> isovalue,
                          std::vector<std::uint8_t>& out, const CancelFlag* cancel) const {
   out.clear();
   if (level < kFirstErrorLevel || level > spec_.error_level) return false;
@@ -391,7 +391,7 @@ bool Pyramid::errorCodes(int level, const Index3& brick, double isovalue,
   std::vector<ValueRange> ranges;
   tileRanges(level, brick, ranges, cancel);
   const BrickPart part = acquire(kError, level, brick, cancel);
-  const std::uint32_t bin = error_bins_.binOf(isovalue);
+  const std::uint32_t bin = isovalue ? error_bins_.binOf(*isovalue) : 0;
   const Index3 tiles = layout_.brickTiles(level, brick);
   std::uint64_t at = 0;  // of the tile's first block
   for (std::size_t tile = 0; tile < ranges.size(); ++tile) {
@@ -402,11 +402,17 @@ bool Pyramid::errorCodes(int level, const Index3& brick, double isovalue,
     const bool is_sound = ranges[tile].min <= ranges[tile].max;
     const TileBins bins(error_bins_, is_sound ? ranges[tile] : value_range_);
     if (bins.blocks() * block_bytes > row.error_bytes - at) failErrorSize(level, brick);
-    const auto* codes =
-        reinterpret_cast<const std::uint8_t*>(part.data()) + at + bins.blockOf(bin) * block_bytes;
-    for (std::int64_t z = 0; z < count.z; ++z)
-      for (std::int64_t y = 0; y < count.y; ++y, codes += count.x)
-        std::copy_n(codes, count.x, out.data() + linearIndex(first + Index3(0, y, z), cells.count));
+    const auto* codes = reinterpret_cast<const std::uint8_t*>(part.data()) + at;
+    const std::uint32_t begin = isovalue ? bins.blockOf(bin) : 0;
+    const std::uint32_t end = isovalue ? begin + 1 : bins.blocks();
+    codes += begin * block_bytes;
+    for (std::uint32_t block = begin; block < end; ++block)
+      for (std::int64_t z = 0; z < count.z; ++z)
+        for (std::int64_t y = 0; y < count.y; ++y, codes += count.x) {
+          std::uint8_t* const cells_row =
+              &out[static_cast<std::size_t>(linearIndex(first + Index3(0, y, z), cells.count))];
+          for (std::int64_t x = 0; x < count.x; ++x) cells_row[x] = std::max(cells_row[x], codes[x]);
+        }
     at += bins.blocks() * block_bytes;
   }
   if (at != row.error_bytes) failErrorSize(level, brick);

@@ -141,10 +141,10 @@ class Pyramid {
   // The bins of the bounds that errorCodes() reads; none where the pyramid was built without.
   const ErrorBins& errorBins() const { return error_bins_; }
   // For every cell of a brick of level 2 or 3, x fastest, the code (ErrorCode, in units of
-  // errorBins()) of a bound of its error for an isovalue (rule 15). False, with an empty `out`,
-  // where the pyramid has none of this level.
-  bool errorCodes(int level, const Index3& brick, double isovalue, std::vector<std::uint8_t>& out,
-                  const CancelFlag* cancel = nullptr) const;
+  // errorBins()) of a bound of its error for an isovalue, or without one for all (rule 15). False,
+  // with an empty `out`, where the pyramid has none of this level.
+  bool errorCodes(int level, const Index3& brick, std::optional<double> isovalue,
+                  std::vector<std::uint8_t>& out, const CancelFlag* cancel = nullptr) const;
 
   // Bytes that the samples of a brick take in the file, packed or not (0 for a constant brick).
   std::uint64_t sampleBytes(int level, const Index3& brick) const;

@@ -13,7 +13,7 @@
 namespace isobrick {
 namespace {
 
-// A block is what has one value: a tile, or a cell of level 1.
+// A block is what has one value: a tile, a cell of level 1, or a cell.
 class QuantitySource final : public VolumeSource {
  public:
   QuantitySource(std::shared_ptr<const Pyramid> pyramid, std::uint64_t budget_bytes,
@@ -24,12 +24,16 @@ class QuantitySource final : public VolumeSource {
         level_(level),
         cancel_(cancel) {
     const PyramidSpec& spec = pyramid_->spec();
-    block_cells_ = quantity == PyramidQuantity::kCurvature ? 2 : spec.tile_cells;
+    block_cells_ = quantity == PyramidQuantity::kCurvature ? 2
+                   : quantity == PyramidQuantity::kError   ? 1
+                                                           : spec.tile_cells;
     brick_blocks_ = spec.brick_cells / block_cells_;
     first_ = box.first / block_cells_;
     info_.voxels = BrickLayout::ceilDivide(box.end() - Index3(1), block_cells_) - first_;
     info_.voxel_type =
-        quantity == PyramidQuantity::kCurvature ? VoxelType::kFloat32 : spec.voxel_type;
+        quantity == PyramidQuantity::kCurvature || quantity == PyramidQuantity::kError
+            ? VoxelType::kFloat32
+            : spec.voxel_type;
     const auto step = static_cast<double>(block_cells_ << level);  // in voxels of level 0
     info_.geometry = spec.geometry;
     info_.geometry.origin =
@@ -72,6 +76,13 @@ class QuantitySource final : public VolumeSource {
         // Codes are in the order of what they mean; the polynomial is nowhere above all three.
         return CurvatureCode::decode(std::max({codes[3 * i], codes[3 * i + 1], codes[3 * i + 2]}));
       });
+    } else if (quantity_ == PyramidQuantity::kError) {
+      std::vector<std::uint8_t> codes;
+      pyramid_->errorCodes(level_, brick, std::nullopt, codes);
+      copyBlocks(brick, pyramid_->layout().brickCellBox(level_, brick).count, blocks, out,
+                 [&](std::size_t i) {
+                   return ErrorCode::decode(codes[i]) * pyramid_->errorBins().unit();
+                 });
     } else {
       std::vector<ValueRange> ranges;
       pyramid_->tileRanges(level_, brick, ranges);
@@ -123,6 +134,11 @@ std::unique_ptr<VolumeSource> makePyramidQuantity(std::shared_ptr<const Pyramid>
   if (quantity == PyramidQuantity::kCurvature && !pyramid->spec().has_curvature)
     throw Error("'" + path + "' was built without curvature; build it anew without --no-curvature",
                 {.path = path});
+  if (quantity == PyramidQuantity::kError &&
+      (level < kFirstErrorLevel || level > pyramid->spec().error_level))
+    throw Error("'" + path + "' has no bounds of the errors of level " + std::to_string(level) +
+                    "; build it anew with --error",
+                {.path = path, .level = level});
   return std::make_unique<QuantitySource>(std::move(pyramid), budget_bytes, quantity, level, box,
                                           cancel);
 }

@@ -570,7 +570,7 @@ TEST(Format, HeaderHoldsGeometryAndProvenanceItsKeys) {
   EXPECT_EQ(json.at("notes"), (nlohmann::json{"slope 2", "intercept -1024"}));
 }
 
-// The tests' own reader must be able to fail: it refuses what FORMAT.md section 11 forbids.
+// The tests' own reader must be able to fail: it refuses what FORMAT.md section 12 forbids.
 TEST(Format, PlainReaderRefusesDamage) {
   const TemporaryFolder folder;
   Random random(9);

@@ -64,13 +64,15 @@ struct BrickValues {
   float least = 0, greatest = 0;
   std::vector<float> samples, ranges;
   std::vector<std::uint32_t> codes;
+  std::vector<std::uint32_t> errors;  // of all cells, bin by bin
 };
 
 std::string dumpOfBrick(const BrickValues& brick, const std::string& parts) {
   return std::string("brick") + texts(brick.index) + " of level " + text(brick.level) + ": range " +
          text(brick.least) + " " + text(brick.greatest) + "; samples" + texts(brick.count) +
          " from" + texts(brick.first_sample) + "\n" + parts + elements("samples", brick.samples) +
-         elements("tile ranges", brick.ranges) + elements("curvature", brick.codes);
+         elements("tile ranges", brick.ranges) + elements("curvature", brick.codes) +
+         elements("error", brick.errors);
 }
 
 // The header's numbers, one a line.
@@ -83,6 +85,8 @@ struct HeaderValues {
   std::array<double, 9> direction{};
   double value_min = 0, value_max = 0, curvature_epsilon = 0, noise = 0;
   std::vector<std::uint32_t> histogram;
+  double error_first = 0, error_width = 0;
+  std::uint32_t error_bins = 0, error_level = 0;
 };
 
 std::string dumpOfHeader(const HeaderValues& header) {
@@ -93,7 +97,9 @@ std::string dumpOfHeader(const HeaderValues& header) {
       << texts(header.spacing) << "\norigin" << texts(header.origin) << "\ndirection"
       << texts(header.direction) << "\nvalues " << text(header.value_min) << ' '
       << text(header.value_max) << "\ncurvature_epsilon " << text(header.curvature_epsilon)
-      << "\nnoise " << text(header.noise) << '\n'
+      << "\nnoise " << text(header.noise) << "\nerror_level " << header.error_level << ", "
+      << header.error_bins << " bins of " << text(header.error_width) << " from "
+      << text(header.error_first) << '\n'
       << elements("histogram", header.histogram);
   return out.str();
 }
@@ -134,6 +140,8 @@ std::vector<GoldenPyramid> goldenPyramids() {
       golden.options.tile_cells = 2;
       golden.options.codec = codec;
       golden.options.with_curvature = result.size() % 2 == 0;
+      constexpr int kErrorLevels[] = {0, 3, 2};
+      golden.options.error_level = kErrorLevels[result.size() / 2 % 3];
       const bool subsamples = result.size() % 5 == 4;
       if (subsamples) golden.options.filter = format::Filter::kSubsample;
       golden.options.tool_version = "golden";
@@ -179,13 +187,17 @@ std::string dumpOf(const PlainPyramid& pyramid) {
                                      pyramid.value_max,
                                      pyramid.curvature_epsilon,
                                      pyramid.noise,
-                                     {pyramid.histogram.begin(), pyramid.histogram.end()}});
+                                     {pyramid.histogram.begin(), pyramid.histogram.end()},
+                                     pyramid.error_first,
+                                     pyramid.error_width,
+                                     pyramid.error_bins,
+                                     pyramid.error_last_level});
   for (std::size_t l = 0; l < pyramid.levels.size(); ++l)
     result += dumpOfLevel(static_cast<int>(l), pyramid.levels[l].samples, pyramid.levels[l].bricks);
   for (const PlainBrick& brick : pyramid.bricks) {
     std::string parts;
-    static const char* const kNames[] = {"samples", "tile ranges", "curvature"};
-    for (std::size_t i = 0; i < 3; ++i)
+    static const char* const kNames[] = {"samples", "tile ranges", "curvature", "error"};
+    for (std::size_t i = 0; i < 4; ++i)
       parts += std::string("  part ") + kNames[i] + ": " + codecText(brick.parts[i].codec) + ", " +
                text(brick.parts[i].stored_bytes) + " bytes at " + text(brick.parts[i].offset) +
                "\n";
@@ -197,12 +209,16 @@ std::string dumpOf(const PlainPyramid& pyramid) {
                        brick.range.max,
                        brick.samples,
                        {},
+                       {},
                        {}};
     for (const PlainRange& range : brick.tile_ranges) {
       values.ranges.push_back(range.min);
       values.ranges.push_back(range.max);
     }
     values.codes.assign(brick.codes.begin(), brick.codes.end());
+    for (std::uint32_t bin = 0; brick.parts[3].codec != 2 && bin < pyramid.error_bins; ++bin)
+      for (const std::uint8_t code : plainErrorCodes(pyramid, brick, bin))
+        values.errors.push_back(code);
     result += dumpOfBrick(values, parts);
   }
   return result;
@@ -229,6 +245,10 @@ std::string dumpOf(const Pyramid& pyramid) {
   header.value_max = static_cast<double>(pyramid.valueRange().max);
   header.curvature_epsilon = spec.curvature_epsilon;
   header.noise = pyramid.noise();
+  header.error_first = pyramid.errorBins().first;
+  header.error_width = pyramid.errorBins().width;
+  header.error_bins = pyramid.errorBins().count;
+  header.error_level = static_cast<std::uint32_t>(spec.error_level);
   const VoxelHistogram histogram = pyramid.histogram();
   header.histogram.assign(histogram.counts().begin(), histogram.counts().end());
   std::string result = dumpOfHeader(header);
@@ -251,6 +271,7 @@ std::string dumpOf(const Pyramid& pyramid) {
                          static_cast<float>(range.max),
                          {},
                          {},
+                         {},
                          {}};
       visitVoxelType(spec.voxel_type, [&](auto tag) {
         using T = typename decltype(tag)::Type;
@@ -266,6 +287,11 @@ std::string dumpOf(const Pyramid& pyramid) {
       std::vector<std::uint8_t> codes;
       if (level == 0) pyramid.curvature(index, codes);
       values.codes.assign(codes.begin(), codes.end());
+      const ErrorBins& bins = pyramid.errorBins();
+      for (std::uint32_t bin = 0; bin < bins.count; ++bin) {
+        pyramid.errorCodes(level, index, bins.first + (bin + 0.5) * bins.width, codes);
+        values.errors.insert(values.errors.end(), codes.begin(), codes.end());
+      }
       result += dumpOfBrick(values, "");
     }
   }

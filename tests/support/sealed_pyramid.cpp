@@ -36,6 +36,7 @@ PyramidSpec specOf(const format::Header& header) {
   spec.brick_cells = header.brick_cells;
   spec.tile_cells = header.tile_cells;
   spec.has_curvature = header.kind_count > 2 && header.kinds[2] == 2;
+  spec.error_level = static_cast<int>(header.error_last_level);
   return spec;
 }
 

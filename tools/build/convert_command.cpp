@@ -53,7 +53,8 @@ struct ConvertArguments {
   std::optional<double> background;
   double tolerance = 0;
   bool half = false;
-  bool with_ranges = false, with_curvature = false;
+  bool with_ranges = false, with_curvature = false, with_error = false;
+
   bool no_map = false;
   bool force = false;
   bool json = false;
@@ -168,9 +169,12 @@ void addBeside(const std::shared_ptr<const Pyramid>& pyramid, const ConvertArgum
     add("min", PyramidQuantity::kLeast, level, true);
     add("max", PyramidQuantity::kGreatest, level, true);
   }
-  // There is one for the whole pyramid.
+  // These are of the whole pyramid.
   if (arguments.with_curvature && index == 0)
     add("curvature", PyramidQuantity::kCurvature, 0, false);
+  if (!arguments.with_error || index > 0) return;
+  add("error_2", PyramidQuantity::kError, 2, false);
+  if (pyramid->spec().error_level > 2) add("error_3", PyramidQuantity::kError, 3, false);
 }
 
 Opened openLevels(const ConvertArguments& arguments) {
@@ -326,13 +330,14 @@ void checkUsage(const ConvertArguments& arguments) {
   refuseKnownMisfits(arguments.input);
   if (!isPyramid(arguments.input.path) && (arguments.level > 0 || !arguments.levels.empty()))
     throw UsageError("only pyramids (.isb) have levels; leave out --level and --levels");
-  const bool has_beside = arguments.with_ranges || arguments.with_curvature;
+  const bool has_beside = arguments.with_ranges || arguments.with_curvature || arguments.with_error;
   if (has_beside && !(isPyramid(arguments.input.path) && hasEnding(arguments.output, ".vdb")))
     throw UsageError(
-        "only of a pyramid (.isb) written to .vdb; leave out --with-ranges and --with-curvature");
+        "only of a pyramid (.isb) written to .vdb; leave out --with-ranges, --with-curvature and "
+        "--with-error");
   if (has_beside && arguments.window)
     throw UsageError(
-        "--with-ranges and --with-curvature are of the values as they are; leave out "
+        "--with-ranges, --with-curvature and --with-error are of the values as they are; leave out "
         "--window");
   if (arguments.window && (arguments.type.empty() || arguments.type == "f32"))
     throw UsageError("--window needs the type that its values are spread over: --type u8");
@@ -413,6 +418,10 @@ Command addConvertCommand(CLI::App& app) {
   sub->add_flag("--with-curvature", arguments->with_curvature,
                 "Of a pyramid, in a .vdb the curvature bound of every cell of level 1 for all "
                 "isovalues, as a grid of its own");
+  sub->add_flag(
+      "--with-error", arguments->with_error,
+      "Of a pyramid, in a .vdb the error bounds of all cells of level 2, and of level 3 where "
+      "it has them, for all isovalues, as grids of their own");
   sub->add_option("--codec", arguments->codec,
                   "How the bricks of an .isb are packed: none, lz4 or zstd; default: lz4")
       ->type_name("C")
