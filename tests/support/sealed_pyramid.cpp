@@ -54,6 +54,7 @@ BrickRow rowAt(const Bytes& file, const format::Header& header, std::uint64_t at
   row.range_min = tail.range_min;
   row.range_max = tail.range_max;
   row.constant = tail.constant;
+  row.error_bytes = tail.error_bytes;
   return row;
 }
 
