@@ -455,7 +455,24 @@ def check_quantities(levels):
 
     run("build", "saddle.nrrd", "-o", "flat.isb", "--no-curvature")
     run("convert", "flat.isb", "-o", "x.vdb", "--with-curvature", fails_with="without curvature")
+    run("convert", "flat.isb", "-o", "x.vdb", "--with-error", fails_with="build it anew with --error")
     assert not os.path.exists("x.vdb")
+
+    # All levels of the saddle are the same field, so that its bounds are rounding; a bump is another.
+    bump = ((x + 9) * (y + 5)).astype("<f4")
+    bump[21, 22, 25] += 500
+    write_nrrd("bump.nrrd", bump)
+    run("build", "bump.nrrd", "-o", "bump.isb", "--error", "3", "--no-curvature")
+    run("convert", "bump.isb", "-o", "with.vdb", "--with-error", "--force")
+    for level, shape in ((2, (12, 11, 10)), (3, (6, 6, 5))):
+        grid = vdb.read("with.vdb", f"density_error_{level}")
+        bound = np.empty(shape, "f4")
+        grid.copyToArray(bound)
+        step = 2**level
+        np.testing.assert_allclose(grid.transform.indexToWorld((3, 2, 1)),
+                                   ORIGIN + SPACING * (step * np.array([3.5, 2.5, 1.5])))
+        at = tuple(np.array((25, 22, 21)) // step)
+        assert bound[at] > 400 and bound[0, 0, 0] < 1, (bound[at], bound[0, 0, 0])
 
 
 def test_vdb():
