@@ -7,6 +7,7 @@ set(isobrick_public_headers
   storage/cancel.h
   storage/curvature_code.h
   storage/error.h
+  storage/error_bins.h
   storage/format.h
   storage/grid.h
   storage/load_threads.h

@@ -1,7 +1,9 @@
 #include "isobrick/preprocess/error_pass.h"
 
+#include <malloc.h>
 #include <tbb/parallel_for.h>
 #include <tbb/partitioner.h>
+#include <tbb/task_arena.h>
 
 #include <algorithm>
 #include <numeric>
@@ -17,6 +19,13 @@ constexpr std::uint32_t kBins = 32;
 constexpr double kOutliers = 1e-3;
 // What is read back takes a part of the memory; more than this gains nothing.
 constexpr std::uint64_t kMostReadBytes = std::uint64_t{256} << 20;
+// Of memory for each thread that works on chunks: twice what it holds.
+constexpr std::uint64_t kBytesPerThread = std::uint64_t{64} << 20;
+
+int threadsFor(std::uint64_t memory_bytes) {
+  const auto most = static_cast<std::uint64_t>(tbb::this_task_arena::max_concurrency());
+  return static_cast<int>(std::clamp(memory_bytes / kBytesPerThread, std::uint64_t{1}, most));
+}
 
 // The bin of the histogram up to which there is this share of the voxels.
 std::size_t quantile(const VoxelHistogram& histogram, double share) {
@@ -68,7 +77,8 @@ ErrorPass<T>::ErrorPass(const PyramidSpec& spec, const ErrorBins& bins, const Va
       codec_(codec),
       writer_(writer),
       times_(times),
-      written_(spec, writer, std::min(memory_bytes / 4, kMostReadBytes)),
+      threads_(threadsFor(memory_bytes)),
+      written_(spec, writer, std::min(memory_bytes / 8, kMostReadBytes)),
       region_voxels_(std::max(ErrorChunk::kVoxels, spec.brick_cells << bins.last_level)) {}
 
 template <typename T>
@@ -78,6 +88,8 @@ Index3 ErrorPass<T>::regions() const {
 
 template <typename T>
 void ErrorPass<T>::run(const CancelFlag* cancel, const std::function<void(double)>& progress) {
+  tbb::task_arena arena(threads_);
+  malloc_trim(0);  // the buffers of the levels went back to the allocator, not to the system
   const Index3 all_chunks = ErrorChunk::chunks(layout_.lattice());
   const std::int64_t per_region = region_voxels_ / ErrorChunk::kVoxels;
   std::int64_t done = 0;
@@ -87,13 +99,15 @@ void ErrorPass<T>::run(const CancelFlag* cancel, const std::function<void(double
     const Index3 count = glm::min(Index3(per_region), all_chunks - first);
     // A layer of chunks at a time: progress is told between them.
     for (std::int64_t z = 0; z < count.z; ++z) {
-      tbb::parallel_for(
-          std::int64_t{0}, count.x * count.y,
-          [&](std::int64_t i) {
-            if (cancel != nullptr && cancel->requested()) return;
-            findChunk(first + Index3(i % count.x, i / count.x, z), bricks);
-          },
-          tbb::simple_partitioner());
+      arena.execute([&] {
+        tbb::parallel_for(
+            std::int64_t{0}, count.x * count.y,
+            [&](std::int64_t i) {
+              if (cancel != nullptr && cancel->requested()) return;
+              findChunk(first + Index3(i % count.x, i / count.x, z), bricks);
+            },
+            tbb::simple_partitioner());
+      });
       done += count.x * count.y;
       progress(static_cast<double>(done) / static_cast<double>(elementCount(all_chunks)));
     }

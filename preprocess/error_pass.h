@@ -29,7 +29,8 @@ class ErrorPass {
             format::Codec codec, std::uint64_t memory_bytes, PyramidWriter& writer,
             PhaseTimes& times);
 
-  // Finds the bounds of all bricks in the calling TBB arena and writes them. The bytes do not
+  // Finds the bounds of all bricks, with as many threads of the calling TBB arena as the memory is
+  // for, and writes them. The bytes do not
   // depend on the number of threads or on memory_bytes. `cancel` may be null. `progress(share)` is
   // called by this thread. Throws Cancelled, and ResumableError where the disk fails.
   void run(const CancelFlag* cancel, const std::function<void(double)>& progress);
@@ -50,6 +51,7 @@ class ErrorPass {
   const format::Codec codec_;
   PyramidWriter& writer_;
   PhaseTimes& times_;
+  const int threads_;
   WrittenBricks<T> written_;
   std::int64_t region_voxels_;
 };

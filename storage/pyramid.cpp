@@ -411,7 +411,8 @@ bool Pyramid::errorCodes(int level, const Index3& brick, std::optional<double> i
         for (std::int64_t y = 0; y < count.y; ++y, codes += count.x) {
           std::uint8_t* const cells_row =
               &out[static_cast<std::size_t>(linearIndex(first + Index3(0, y, z), cells.count))];
-          for (std::int64_t x = 0; x < count.x; ++x) cells_row[x] = std::max(cells_row[x], codes[x]);
+          for (std::int64_t x = 0; x < count.x; ++x)
+            cells_row[x] = std::max(cells_row[x], codes[x]);
         }
     at += bins.blocks() * block_bytes;
   }

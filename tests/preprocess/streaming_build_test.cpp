@@ -93,6 +93,7 @@ std::uint64_t leastMemory(VolumeSource& source, const BuildOptions& options) {
   spec.brick_cells = options.brick_cells;
   spec.tile_cells = options.tile_cells;
   spec.has_curvature = options.with_curvature;
+  spec.error_level = options.error_level;
   for (std::uint64_t bytes = std::uint64_t{1} << 20;; bytes += bytes / 32) {
     try {
       makeBuildPlan(spec, source, bytes, tbb::this_task_arena::max_concurrency());
