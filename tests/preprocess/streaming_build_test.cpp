@@ -194,7 +194,6 @@ TEST(Resume, AnyInterruptionGivesTheSameBytes) {
        {format::Codec::kStored, format::Codec::kLz4, format::Codec::kZstd}) {
     BuildOptions options = smallBricks();
     options.codec = codec;
-    options.error_level = codec == format::Codec::kZstd ? 3 : 0;
     const std::string reference = build(dims, values, folder.file("reference.isb"), options, false);
     ArraySource<std::uint16_t> probe(dims, values);
     const std::uint64_t least = leastMemory(probe, options);
@@ -238,6 +237,30 @@ TEST(Resume, AnyInterruptionGivesTheSameBytes) {
     EXPECT_GT(interruptions, 5);
     EXPECT_GT(kept, 4);
   }
+}
+
+// The levels are kept then, and the errors found again.
+TEST(Resume, AnInterruptionWhileErrorsAreFoundGivesTheSameBytes) {
+  const TemporaryFolder folder;
+  const Index3 dims(50, 40, 70);
+  const auto values = testVolume<std::uint16_t>(dims, 3);
+  BuildOptions options = smallBricks();
+  options.error_level = 3;
+  const std::string reference = build(dims, values, folder.file("reference.isb"), options, false);
+  CancelFlag cancel;
+  BuildOptions broken = options;
+  broken.cancel = &cancel;
+  broken.progress = [&](std::string_view phase, double) {
+    if (phase == "errors") cancel.request();
+  };
+  ArraySource<std::uint16_t> source(dims, values);
+  const std::string path = folder.file("a.isb");
+  EXPECT_THROW(buildPyramid(source, path, broken), Cancelled);
+  EXPECT_TRUE(fs::exists(path + ".partial"));
+  EXPECT_FALSE(fs::exists(path));
+  options.resume = true;
+  EXPECT_TRUE(build(dims, values, path, options, true) == reference);
+  EXPECT_FALSE(fs::exists(path + ".partial"));
 }
 
 // Leaves a partial of a build that failed late, and returns the finished file.
