@@ -70,11 +70,34 @@ ErrorOracle::Bits ErrorOracle::Shelf::get(std::size_t row, const Make& make) {
   return bits;
 }
 
+// Which cells of a level are refined, for who asks for many that are near each other: only for
+// those of another brick than before the shelf is asked.
+class ErrorOracle::NearCells {
+ public:
+  NearCells(const ErrorOracle& oracle, const MeshContext& context, int level)
+      : oracle_(oracle), context_(context), level_(level) {}
+
+  bool isRefined(const Index3& cell) {
+    const Index3 brick = oracle_.brickOf(context_, level_, cell);
+    if (!bits_ || brick != brick_) bits_ = oracle_.decided(context_, level_, brick);
+    brick_ = brick;
+    return bits_->has(cell);
+  }
+
+ private:
+  const ErrorOracle& oracle_;
+  const MeshContext& context_;
+  const int level_;
+  Bits bits_;
+  Index3 brick_{0};
+};
+
 ErrorOracle::Bits ErrorOracle::foundIn(const MeshContext& context, const Index3& brick) const {
   return found_.get(context.pyramid.brickRow(0, brick), [&] {
     thread_local ErrorCells cells;
+    NearCells coarse(*this, context, 2);
     return cells.find(context, brick, {isovalue_, tolerance_}, [&](const Index3& cell) {
-      return last_level_ < 2 || refines(context, 2, cell);
+      return last_level_ < 2 || coarse.isRefined(cell);
     });
   });
 }
@@ -101,9 +124,10 @@ ErrorOracle::Bits ErrorOracle::decided(const MeshContext& context, int level,
 
 // Whether any of these cells of level 1 lies in a cell that is refined.
 bool ErrorOracle::mayRefineBelow(const MeshContext& context, const IndexBox& cells) const {
+  NearCells parents(*this, context, 2);
   bool any = false;
   forEachIndex(parentsOf(cells),
-               [&](const Index3& parent) { any = any || refines(context, 2, parent); });
+               [&](const Index3& parent) { any = any || parents.isRefined(parent); });
   return any;
 }
 
@@ -137,6 +161,7 @@ CellBits ErrorOracle::beyondBounds(const MeshContext& context, int level,
 void ErrorOracle::keepBalanced(const MeshContext& context, int level, CellBits& cells) const {
   const Index3 most = context.lattice().cells(level + 1) - Index3(1);
   const IndexBox& box = cells.box();
+  NearCells coarser(*this, context, level + 1);
   for (std::int64_t z = box.first.z; z < box.end().z; ++z)
     for (std::int64_t y = box.first.y; y < box.end().y; ++y)
       keepBitsWhere(cells.row(y, z), cells.words(), [&](std::int64_t i) {
@@ -145,7 +170,7 @@ void ErrorOracle::keepBalanced(const MeshContext& context, int level, CellBits& 
         const Index3 last = glm::min((cell + Index3(1)) / std::int64_t{2}, most);
         bool are_all = true;
         forEachIndex({first, last - first + Index3(1)}, [&](const Index3& coarse) {
-          are_all = are_all && refines(context, level + 1, coarse);
+          are_all = are_all && coarser.isRefined(coarse);
         });
         return are_all;
       });

@@ -59,6 +59,8 @@ class ErrorOracle {
     std::deque<std::size_t> order_;
   };
 
+  class NearCells;
+
   // Bricks of level 0 stand for the cells of level 1 in them.
   int brickLevel(int level) const { return level == 1 ? 0 : level; }
   Index3 brickOf(const MeshContext& context, int level, const Index3& cell) const;
