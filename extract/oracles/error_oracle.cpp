@@ -169,9 +169,8 @@ void ErrorOracle::keepBalanced(const MeshContext& context, int level, CellBits& 
         const Index3 first = glm::max(cell - Index3(1), Index3(0)) / std::int64_t{2};
         const Index3 last = glm::min((cell + Index3(1)) / std::int64_t{2}, most);
         bool are_all = true;
-        forEachIndex({first, last - first + Index3(1)}, [&](const Index3& coarse) {
-          are_all = are_all && coarser.isRefined(coarse);
-        });
+        forEachIndex({first, last - first + Index3(1)},
+                     [&](const Index3& coarse) { are_all = are_all && coarser.isRefined(coarse); });
         return are_all;
       });
 }
