@@ -128,25 +128,20 @@ void ErrorCodes::reset(const IndexBox& box, std::uint32_t first, std::uint32_t c
   codes.assign(count * static_cast<std::size_t>(box.size()), 0);
 }
 
-IndexBox ErrorChunk::voxelBox(std::int64_t margin) const {
-  const Index3 first = glm::max(chunk_ * kVoxels - Index3(margin), Index3(0));
+IndexBox ErrorChunk::voxelsAround(const Lattice& lattice, const Index3& chunk,
+                                  std::int64_t margin) {
+  const Index3 first = glm::max(chunk * kVoxels - Index3(margin), Index3(0));
   const Index3 last =
-      glm::min((chunk_ + Index3(1)) * kVoxels + Index3(margin), lattice_->voxels() - Index3(1));
+      glm::min((chunk + Index3(1)) * kVoxels + Index3(margin), lattice.voxels() - Index3(1));
   return {first, last - first + Index3(1)};
 }
 
 IndexBox ErrorChunk::cells(const Lattice& lattice, int level, const Index3& chunk) {
-  ErrorChunk it;
-  it.lattice_ = &lattice;
-  it.chunk_ = chunk;
-  return cellsIn(it.voxelBox(0), level);
+  return cellsIn(voxelsAround(lattice, chunk, 0), level);
 }
 
 IndexBox ErrorChunk::samples(const Lattice& lattice, int level, const Index3& chunk) {
-  ErrorChunk it;
-  it.lattice_ = &lattice;
-  it.chunk_ = chunk;
-  const IndexBox cells = cellsIn(it.voxelBox(kMargin), level);
+  const IndexBox cells = cellsIn(voxelsAround(lattice, chunk, kMargin), level);
   return {cells.first, cells.count + Index3(1)};
 }
 
@@ -192,10 +187,10 @@ void ErrorChunk::find(const Lattice& lattice, const ErrorBins& bins, const Value
   for (int level = 1; level <= bins.last_level; ++level) boundOwn(level);
   // Level 1: its own cells, and those of level 0 that touch them.
   boundHanging(0);
-  run(0, Corners::kHanging, 1, 8, fine_[0]);
-  greatestTouching(cellsAround(1, 8), kNeighbours, fine_[0], touching_, fine_[1]);
+  run(0, Corners::kHanging, 1, kMargin, fine_[0]);
+  greatestTouching(cellsAround(1, kMargin), kNeighbours, fine_[0], touching_, fine_[1]);
   boundHanging(1);
-  run(1, Corners::kHanging, 1, 8, fine_[0]);
+  run(1, Corners::kHanging, 1, kMargin, fine_[0]);
   includeCodes(fine_[0], fine_[1]);
 
   ErrorCodes& level2 = found_[0];
@@ -301,7 +296,7 @@ class ErrorChunk::Run {
       p.low.resize(plane);
       p.high.resize(plane);
     }
-    for (auto& row : chunk.lattice_rows_) row.resize(static_cast<std::size_t>(stride_));
+    chunk.lattice_row_.resize(static_cast<std::size_t>(stride_));
     const auto rows = static_cast<std::size_t>(2 * cells_.count.y * chunk.bin_count_);
     chunk.greatest_.assign(rows * static_cast<std::size_t>(stride_) + 2 * kErrorRowPadding, 0.0f);
     chunk.is_touched_.assign(rows, 0);
@@ -344,7 +339,7 @@ class ErrorChunk::Run {
   void fillRow(const Field& field, std::int64_t y, std::int64_t z, float* out) {
     const std::int64_t first = voxels_.first.x >> level_;
     const std::int64_t samples = cellsIn(voxels_, level_).count.x + 1;
-    float* const row = chunk_.lattice_rows_[0].data();
+    float* const row = chunk_.lattice_row_.data();
     std::fill_n(row, samples, 0.0f);
     const Share ys = shareOf(1, y), zs = shareOf(2, z);
     for (int k = 0; k < 2; ++k)

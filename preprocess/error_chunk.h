@@ -90,7 +90,9 @@ class ErrorChunk {
   };
   class Run;
 
-  IndexBox voxelBox(std::int64_t margin) const;  // closed
+  // The voxels of a chunk and of a margin around it, both ends of its cells included.
+  static IndexBox voxelsAround(const Lattice& lattice, const Index3& chunk, std::int64_t margin);
+  IndexBox voxelBox(std::int64_t margin) const { return voxelsAround(*lattice_, chunk_, margin); }
   void boundOwn(int level);
   void boundHanging(int level);
   // The errors of the leaves of `level` in the voxels of the chunk and `margin` around it, as codes
@@ -107,8 +109,8 @@ class ErrorChunk {
   Field samples_[kMostErrorLevel + 1];
   Bounds own_[kMostErrorLevel + 1], hanging_;
   Plane planes_[2];
-  std::vector<float> lattice_rows_[2];  // a row of bounds at samples of the level
-  std::vector<float> greatest_;         // errors of a layer of cells, still by voxels along x
+  std::vector<float> lattice_row_;  // a row of bounds at samples of the level
+  std::vector<float> greatest_;     // errors of a layer of cells, still by voxels along x
   std::vector<std::uint8_t> is_touched_;
   ErrorCodes fine_[2], hanging_codes_, touching_[2];
   ErrorCodes found_[kMostErrorLevel - kFirstErrorLevel + 1];

@@ -54,7 +54,6 @@ struct ConvertArguments {
   double tolerance = 0;
   bool half = false;
   bool with_ranges = false, with_curvature = false, with_error = false;
-
   bool no_map = false;
   bool force = false;
   bool json = false;
