@@ -3,19 +3,18 @@
 
 #include "isobrick/extract/active_tiles.h"
 #include "isobrick/extract/brick_traversal.h"
-#include "isobrick/extract/edge_vertex_map.h"
+#include "isobrick/extract/meshing/brick_cells.h"
 #include "isobrick/extract/meshing/brick_split.h"
-#include "isobrick/extract/meshing/plain_cells.h"
 #include "isobrick/extract/meshing/seam_corners.h"
 #include "isobrick/extract/sinks/triangle_sink.h"
 
 namespace isobrick {
 
 // Meshes the leaves of one level in one brick at a time and reuses its memory. One object serves
-// one thread. Leaves that only leaves of their level touch go through the kernels of uniform
-// bricks, all together; what is left, the seam, tile by tile and leaf by leaf: what values its
-// corners have, the vertices on its edges and its triangles or, beside finer leaves, its fans. The
-// rules have their files in extract/meshing/.
+// one thread. All leaves go through the kernels of uniform bricks, all together. What other leaves
+// touch, the seam, is put right before and after: the bits of its corners (rule 6), the vertices on
+// its edges (rules 6, 8 and 12), and fans in place of the triangles of cells beside finer leaves
+// (rule 10). The rules have their files in extract/meshing/.
 class AdaptiveMesher {
  public:
   // Appends the brick's triangles to `batch`, which is empty.
@@ -24,17 +23,16 @@ class AdaptiveMesher {
  private:
   template <typename T>
   class Brick;
-  struct SeamCell {
+  struct FanCell {
     Index3 cell{0};
     unsigned pattern = 0;  // of its corners
   };
 
   ActiveTiles tiles_;
   BrickSplit split_;
-  PlainCells plain_;
+  BrickCells cells_;
   SeamCorners corners_;
-  std::vector<SeamCell> seam_cells_;
-  EdgeVertexMap<std::uint32_t> numbers_;  // of the seam's vertices in the brick at hand
+  std::vector<FanCell> fan_cells_;
 };
 
 }  // namespace isobrick

@@ -1,19 +1,26 @@
 #include "isobrick/extract/uniform_mesher.h"
 
 #include "isobrick/extract/active_rows.h"
+#include "isobrick/extract/meshing/shared_vertices.h"
 
 namespace isobrick {
 
 void UniformMesher::mesh(const MeshContext& context, const BrickWork& work, MeshBatch& batch) {
   if (!tiles_.load(context, work.level, work.brick)) return;
   const BrickLayout& layout = context.pyramid.layout();
-  cells_.reset(layout.brickCellBox(work.level, work.brick));
-  wantActiveRows(tiles_, layout.tileCells(), cells_.rows());
-  batch.origin =
-      brickOrigin(context.lattice(), work.level, layout.brickCellBox(work.level, work.brick));
+  const IndexBox cells = layout.brickCellBox(work.level, work.brick);
+  BrickRows& rows = cells_.rows();
+  cells_.reset(cells);
+  wantActiveRows(tiles_, layout.tileCells(), rows);
+  batch.origin = brickOrigin(context.lattice(), work.level, cells);
   const BrickSamples samples = context.samples(work.level, work.brick);
   visitVoxelType(context.pyramid.spec().voxel_type, [&](auto tag) {
-    cells_.mesh<typename decltype(tag)::Type>(context, work, samples, batch);
+    using T = typename decltype(tag)::Type;
+    if (!cells_.compare<T>(context, work, samples)) return;
+    cells_.number();
+    batch.cells += rows.active_cells;
+    cells_.make<T>(context, work, samples, batch);
+    SharedVertices(rows, context.lattice(), work.level, cells, batch).list();
   });
 }
 

@@ -2,12 +2,11 @@
 #pragma once
 
 #include "isobrick/extract/active_tiles.h"
-#include "isobrick/extract/meshing/plain_cells.h"
+#include "isobrick/extract/meshing/brick_cells.h"
 
 namespace isobrick {
 
-// Meshes one brick at a time and reuses its memory. One object
-// serves one thread.
+// Meshes one brick at a time and reuses its memory. One object serves one thread.
 class UniformMesher {
  public:
   // Fills `batch`, which is empty.
@@ -15,7 +14,7 @@ class UniformMesher {
 
  private:
   ActiveTiles tiles_;
-  PlainCells cells_;
+  BrickCells cells_;
 };
 
 }  // namespace isobrick

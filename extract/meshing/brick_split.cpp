@@ -8,22 +8,23 @@ namespace isobrick {
 
 void BrickSplit::split(const MeshContext& context, LeafClassifier& classifier,
                        const ActiveTiles& tiles, int level, const IndexBox& cells,
-                       BrickRows& plain) {
+                       BrickRows& rows) {
   level_ = level;
   cells_ = cells;
   words_ = wordsOf(cells.count.x);
   has_plain_ = false;
   seam_rows_.clear();
+  fans_.clear();
   leaves_.reset(classifier, context.lattice(), level, cells);
   seam_.assign(static_cast<std::size_t>((cells.count.y + 2) * (cells.count.z + 2) * words_), 0);
   for (std::int64_t z = 0; z < tiles.dims().z; ++z)
     for (std::int64_t y = 0; y < tiles.dims().y; ++y)
-      if (tiles.isAnyActive(y, z)) splitTileRow(context, classifier, tiles, y, z, plain);
+      if (tiles.isAnyActive(y, z)) splitTileRow(context, classifier, tiles, y, z, rows);
 }
 
 void BrickSplit::splitTileRow(const MeshContext& context, const LeafClassifier& classifier,
                               const ActiveTiles& tiles, std::int64_t y, std::int64_t z,
-                              BrickRows& plain) {
+                              BrickRows& rows) {
   const std::int64_t edge = context.pyramid.layout().tileCells();
   const Index3 first(0, y * edge, z * edge);
   const Index3 count = glm::min(Index3(cells_.count.x, edge, edge), cells_.count - first);
@@ -50,19 +51,19 @@ void BrickSplit::splitTileRow(const MeshContext& context, const LeafClassifier& 
   has_plain_ = has_plain_ || any_plain;
   for (std::int64_t k = first.z; k < first.z + count.z; ++k)
     for (std::int64_t j = first.y; j < first.y + count.y; ++j) {
-      if (any_mixed) splitRow(context, j, k, plain);
+      if (any_mixed) splitRow(context, j, k, rows);
       if (any_plain)
         for (std::int64_t word = 0; word < words_; ++word)
-          plain.wantedCells(j, k)[word] |= plain_cells_[static_cast<std::size_t>(word)];
+          rows.wantedCells(j, k)[word] |= plain_cells_[static_cast<std::size_t>(word)];
     }
 }
 
 // The cells of mixed tiles in one row.
 void BrickSplit::splitRow(const MeshContext& context, std::int64_t j, std::int64_t k,
-                          BrickRows& plain) {
+                          BrickRows& rows) {
   for (std::int64_t dk = -1; dk <= 1; ++dk)
     for (std::int64_t dj = -1; dj <= 1; ++dj) leaves_.find(j + dj, k + dk);
-  std::uint64_t* wanted = plain.wantedCells(j, k);
+  std::uint64_t* wanted = rows.wantedCells(j, k);
   std::uint64_t* rest = seam_.data() + index(j, k) * words_;
   leaves_.leaves(j, k, rest);
   leaves_.leavesAmongLeaves(j, k, wanted);
@@ -76,8 +77,14 @@ void BrickSplit::splitRow(const MeshContext& context, std::int64_t j, std::int64
     rest[word] &= ~wanted[word] & mixed_cells_[static_cast<std::size_t>(word)];
     any = any || rest[word] != 0;
     has_plain_ = has_plain_ || wanted[word] != 0;
+    wanted[word] |= rest[word];
   }
-  if (any) seam_rows_.push_back({j, k});
+  if (!any) return;
+  seam_rows_.push_back({j, k});
+  fans_.resize(fans_.size() + static_cast<std::size_t>(words_));
+  std::uint64_t* fans = fans_.data() + fans_.size() - words_;
+  leaves_.besideFiner(j, k, fans);
+  for (std::int64_t word = 0; word < words_; ++word) fans[word] &= rest[word];
 }
 
 // Of cells in a row keeps those that the query's box overlaps.

@@ -19,13 +19,17 @@ class BrickSplit {
     std::int64_t j = 0, k = 0;  // counted from the brick's first cell
   };
 
-  // `plain`: sized for the brick; gets the plain leaves as its wanted cells. The classifier must
-  // live as long as leaves() is asked.
+  // `rows`: sized for the brick; gets the leaves as its wanted cells. The classifier must live as
+  // long as leaves() is asked.
   void split(const MeshContext& context, LeafClassifier& classifier, const ActiveTiles& tiles,
-             int level, const IndexBox& cells, BrickRows& plain);
+             int level, const IndexBox& cells, BrickRows& rows);
 
-  bool hasPlain() const { return has_plain_; }
+  bool hasLeaves() const { return has_plain_ || !seam_rows_.empty(); }
   const std::vector<SeamRow>& seamRows() const { return seam_rows_; }
+  // The leaves of seam row number `n` beside refined cells, across a face: those that are fans.
+  const std::uint64_t* fans(std::size_t n) const {
+    return fans_.data() + n * static_cast<std::size_t>(words_);
+  }
   // The row's leaves of the seam in active tiles, cell i in bit i % 64 of word i / 64; zeros where
   // the row is not a seam row. Rows beside the brick's, -1 and the count, have none.
   const std::uint64_t* seam(std::int64_t j, std::int64_t k) const {
@@ -51,6 +55,7 @@ class BrickSplit {
   LeafRows leaves_;
   std::vector<std::uint64_t> seam_;
   std::vector<SeamRow> seam_rows_;
+  std::vector<std::uint64_t> fans_;  // row by row of seam_rows_
   // Of the row of tiles at hand: cells in active tiles that are all plain, and in those that are
   // not.
   std::vector<std::uint64_t> plain_cells_, mixed_cells_;

@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <glm/common.hpp>
+#include <utility>
 
 #include "isobrick/extract/kernels/crossing.h"
 
@@ -17,6 +18,13 @@ bool hasFlatTriangle(const glm::dvec3& center, std::span<const std::uint32_t> lo
     if (!(glm::dot(area, area) > 0)) return true;
   }
   return false;
+}
+
+// Appends a triangle of vertices of the batch, turned round where the world is mirrored.
+void addTriangle(const WorldFrame& frame, std::uint32_t a, std::uint32_t b, std::uint32_t c,
+                 MeshBatch& batch) {
+  if (frame.mirrored()) std::swap(b, c);
+  batch.triangles.insert(batch.triangles.end(), {a, b, c});
 }
 
 // The nearest point whose coordinates are ones that crossings of the level may have: exact in float

@@ -72,6 +72,19 @@ void LeafRows::leavesAmongLeaves(std::int64_t j, std::int64_t k, std::uint64_t* 
   }
 }
 
+void LeafRows::besideFiner(std::int64_t j, std::int64_t k, std::uint64_t* out) const {
+  const std::uint64_t *own = words(kFiner, j, k), *a = words(kFiner, j - 1, k),
+                      *b = words(kFiner, j + 1, k), *c = words(kFiner, j, k - 1),
+                      *d = words(kFiner, j, k + 1);
+  for (std::int64_t word = 0; word < wordsOf(cells_.count.x); ++word) {
+    // Cell i lies between bits i and i + 2, and is bit i + 1.
+    const auto across = [&](std::int64_t w) { return a[w] | b[w] | c[w] | d[w]; };
+    out[word] = (own[word] | across(word) >> 1 | across(word + 1) << 63 | own[word] >> 2 |
+                 own[word + 1] << 62) &
+                bitsBetween(0, cells_.count.x, word);
+  }
+}
+
 unsigned LeafRows::statesAt(std::int64_t i, std::int64_t j, std::int64_t k, bool two) const {
   const std::int64_t bit = i + 1;
   const std::int64_t word = bit / 64;

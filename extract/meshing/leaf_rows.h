@@ -45,14 +45,14 @@ class LeafRows {
   // word i / 64, the brick's cells along x and one. All rows around must have been found.
   void cornersTouching(std::int64_t j, std::int64_t k, std::uint64_t* finer,
                        std::uint64_t* coarser) const;
+  // Which cells of the row have a refined cell across a face, like leaves(); rows beside it must
+  // have been found.
+  void besideFiner(std::int64_t j, std::int64_t k, std::uint64_t* out) const;
   // `cell`: of the level, in the brick or touching it.
   bool isFiner(const Index3& cell) const {
     const Index3 local = cell - cells_.first + Index3(1, 0, 0);
     return (words(kFiner, local.y, local.z)[local.x / 64] >> local.x % 64 & 1) != 0;
   }
-  // Whether a finer and a coarser leaf touch a corner of the brick's cells.
-  bool touchesFiner(const Index3& corner) const { return touches(kFiner, corner); }
-  bool touchesCoarser(const Index3& corner) const { return touches(kCoarser, corner); }
   // The cells that touch the edge along `axis` from corner `base`.
   StateSet statesAround(const Index3& base, int axis) const;
 
@@ -65,16 +65,6 @@ class LeafRows {
   }
   const std::uint64_t* words(Kind kind, std::int64_t j, std::int64_t k) const {
     return bits_.data() + (index(j, k) * kKinds + kind) * static_cast<std::size_t>(words_);
-  }
-  bool touches(Kind kind, const Index3& corner) const {
-    const Index3 c = corner - cells_.first;
-    const std::int64_t word = c.x / 64;
-    const std::uint64_t *a = words(kind, c.y, c.z) + word, *b = words(kind, c.y - 1, c.z) + word,
-                        *d = words(kind, c.y, c.z - 1) + word,
-                        *e = words(kind, c.y - 1, c.z - 1) + word;
-    const std::uint64_t here = (a[0] | b[0] | d[0] | e[0]) >> c.x % 64;
-    if (c.x % 64 != 63) return (here & 3) != 0;
-    return (here | ((a[1] | b[1] | d[1] | e[1]) & 1)) != 0;
   }
   void classify(std::int64_t j, std::int64_t k);
   // The states of cells i and, where `two`, i + 1 of a row.

@@ -14,10 +14,9 @@
 
 namespace isobrick {
 
-// Rows of corners of one brick, corner i in bit i % 64 of word i / 64: one bit more than the brick
-// has cells along x. Most corners have their own sample's bit, compared already; only those that
-// touch a finer leaf, or hang on a coarser one between corners of both kinds, are resolved one by
-// one. Keeps its memory.
+// Rows of corners of one brick. Most corners have their own sample's bit, compared already; those
+// that touch a finer leaf, or hang on a coarser one between corners of both kinds, are resolved one
+// by one. Keeps its memory.
 class SeamCorners {
  public:
   // Asks `rows` to compare what the seam needs.
@@ -26,11 +25,12 @@ class SeamCorners {
     cells_ = cells;
     last_ = lattice.samples(split.leaves().level()) - Index3(1);
     words_ = wordsOf(cells.count.x + 1);
+    slice_ = rows.rowsPerSlice();
     const auto count = static_cast<std::size_t>((cells.count.y + 1) * (cells.count.z + 1));
     found_.assign(count, 0);
-    inside_.resize(count * static_cast<std::size_t>(words_));
-    for (auto* row : {&finer_, &coarser_, &own_, &all_, &any_})
-      row->resize(static_cast<std::size_t>(words_));
+    for (auto* rows_of : {&finer_, &coarser_})
+      rows_of->resize(count * static_cast<std::size_t>(words_));
+    for (auto* row : {&inside_, &own_, &all_, &any_}) row->resize(static_cast<std::size_t>(words_));
     for (const BrickSplit::SeamRow& row : split.seamRows())
       for (const std::int64_t k : {row.k, row.k + 1})
         for (const std::int64_t j : {row.j, row.j + 1})
@@ -41,23 +41,62 @@ class SeamCorners {
             }
   }
 
-  // Row (j, k) of corners, of a row of cells with a part of the seam. `rows`: compared. Only bits
-  // of the seam's cells count.
+  // Gives the corners of the seam's cells in `rows`, which are compared, their bits.
   template <typename T>
-  const std::uint64_t* inside(const Lattice& lattice, float isovalue, const BrickSplit& split,
-                              const BrickRows& rows, std::int64_t j, std::int64_t k,
-                              BrickFamily<T>& family) {
-    const auto r = static_cast<std::size_t>(rows.row(j, k));
-    std::uint64_t* out = inside_.data() + r * static_cast<std::size_t>(words_);
-    if (found_[r] == 0) {
-      found_[r] = 1;
-      takeOwn(rows, rows.row(j, k), out);
-      findOthers(lattice, isovalue, split, rows, j, k, family, out);
+  void resolve(const Lattice& lattice, float isovalue, const BrickSplit& split,
+               BrickFamily<T>& family, BrickRows& rows) {
+    for (const BrickSplit::SeamRow& row : split.seamRows())
+      for (const std::int64_t k : {row.k, row.k + 1})
+        for (const std::int64_t j : {row.j, row.j + 1}) {
+          const auto r = static_cast<std::size_t>(rows.row(j, k));
+          if (found_[r] != 0) continue;
+          found_[r] = 1;
+          split.leaves().cornersTouching(j, k, wordsAt(finer_, r), wordsAt(coarser_, r));
+          resolveRow(lattice, isovalue, split, j, k, family, rows);
+        }
+  }
+
+  // After resolve(): whether a finer, and a coarser, leaf touches a corner of a cell of the seam,
+  // counted from the brick's first.
+  bool touchesFiner(const Index3& corner) const { return isSet(finer_, corner); }
+  bool touchesCoarser(const Index3& corner) const { return isSet(coarser_, corner); }
+
+  // After resolve(): edges along `axis` from row r of corners, of which a leaf of another level
+  // touches an end. In the words of BrickRows::crossed, and at corner 0.
+  bool hasEdges(int axis, std::int64_t r) const { return isFound(r) || isFound(r + stepOf(axis)); }
+  bool hasFirstEdge(int axis, std::int64_t r) const {
+    return ((touched(r, 0) | touched(r + stepOf(axis), 0)) & 1) != 0;
+  }
+  std::uint64_t edges(int axis, std::int64_t r, std::int64_t word) const {
+    if (axis == 0) {
+      const std::uint64_t here = touched(r, word);
+      return here | here >> 1 | touched(r, word + 1) << 63;
     }
-    return out;
+    const std::int64_t to = r + stepOf(axis);
+    return (touched(r, word) | touched(to, word)) >> 1 |
+           (touched(r, word + 1) | touched(to, word + 1)) << 63;
   }
 
  private:
+  using Words = std::vector<std::uint64_t>;
+
+  std::uint64_t* wordsAt(Words& rows, std::size_t r) {
+    return rows.data() + r * static_cast<std::size_t>(words_);
+  }
+  bool isSet(const Words& rows, const Index3& corner) const {
+    const std::int64_t r = corner.z * slice_ + corner.y;
+    return (rows[static_cast<std::size_t>(r * words_ + corner.x / 64)] >> corner.x % 64 & 1) != 0;
+  }
+  std::int64_t stepOf(int axis) const { return axis == 0 ? 0 : axis == 1 ? 1 : slice_; }
+  bool isFound(std::int64_t r) const {
+    return static_cast<std::size_t>(r) < found_.size() && found_[static_cast<std::size_t>(r)] != 0;
+  }
+  std::uint64_t touched(std::int64_t r, std::int64_t word) const {
+    if (word >= words_ || !isFound(r)) return 0;
+    const auto at = static_cast<std::size_t>(r * words_ + word);
+    return finer_[at] | coarser_[at];
+  }
+
   // Corner `i` of the brick along `axis`, twice, or where it is not on the coarser lattice the two
   // between which it hangs.
   std::array<std::int64_t, 2> endsAround(int axis, std::int64_t i) const {
@@ -104,14 +143,25 @@ class SeamCorners {
       any_[word] = (any & ~odd) | (any_sides & odd);
     }
   }
+  // The other way round.
+  void putOwn(const std::uint64_t* in, std::int64_t r, BrickRows& rows) const {
+    std::uint64_t* own = rows.inside.data() + r * rows.words_per_row;
+    rows.first_inside[static_cast<std::size_t>(r)] = static_cast<std::uint8_t>(in[0] & 1);
+    for (std::int64_t word = 0; word < rows.words_per_row; ++word)
+      own[word] = in[word] >> 1 | (word + 1 < words_ ? in[word + 1] << 63 : 0);
+  }
   template <typename T>
-  void findOthers(const Lattice& lattice, float isovalue, const BrickSplit& split,
-                  const BrickRows& rows, std::int64_t j, std::int64_t k, BrickFamily<T>& family,
-                  std::uint64_t* out) {
-    const LeafRows& leaves = split.leaves();
-    const int level = leaves.level();
-    leaves.cornersTouching(j, k, finer_.data(), coarser_.data());
-    joinEnds(rows, j, k);
+  void resolveRow(const Lattice& lattice, float isovalue, const BrickSplit& split, std::int64_t j,
+                  std::int64_t k, BrickFamily<T>& family, BrickRows& rows) {
+    const int level = split.leaves().level();
+    const std::int64_t r = rows.row(j, k);
+    const std::uint64_t* touches_finer = wordsAt(finer_, static_cast<std::size_t>(r));
+    const std::uint64_t* touches_coarser = wordsAt(coarser_, static_cast<std::size_t>(r));
+    std::uint64_t any_hanging = 0;
+    for (std::int64_t word = 0; word < words_; ++word)
+      any_hanging |= touches_coarser[word] & ~touches_finer[word];
+    if (any_hanging != 0) joinEnds(rows, j, k);
+    takeOwn(rows, r, inside_.data());
     const Index3 first = cells_.first + Index3(0, j, k);
     std::uint64_t carry = 0;
     for (std::int64_t word = 0; word < words_; ++word) {
@@ -120,9 +170,9 @@ class SeamCorners {
       const std::uint64_t corners = cells | cells << 1 | carry;
       carry = cells >> 63;
       // What hangs between corners of one kind is of that kind.
-      const std::uint64_t hanging = coarser_[w] & ~finer_[w];
-      out[word] = (out[word] & ~hanging) | (all_[w] & hanging);
-      std::uint64_t finer = finer_[w] & corners;
+      const std::uint64_t hanging = touches_coarser[word] & ~touches_finer[word] & corners;
+      inside_[w] = (inside_[w] & ~hanging) | (all_[w] & hanging);
+      std::uint64_t finer = touches_finer[word] & corners;
       for (std::uint64_t rest = finer; rest != 0; rest &= rest - 1) {
         const Index3 fine =
             finerSample(lattice, level, first + Index3(64 * word + std::countr_zero(rest), 0, 0));
@@ -131,7 +181,7 @@ class SeamCorners {
         else
           finer &= ~(rest & -rest);  // its own sample is on the same side
       }
-      std::uint64_t others = finer | (hanging & corners & (all_[w] ^ any_[w]));
+      std::uint64_t others = finer | (hanging & (all_[w] ^ any_[w]));
       for (; others != 0; others &= others - 1) {
         const int bit = std::countr_zero(others);
         const Index3 sample = first + Index3(64 * word + bit, 0, 0);
@@ -139,9 +189,10 @@ class SeamCorners {
         const std::uint64_t mask = std::uint64_t{1} << bit;
         const bool is_inside =
             cornerPoint(lattice, level, sample, is_finer, !is_finer, family).value >= isovalue;
-        out[word] = is_inside ? out[word] | mask : out[word] & ~mask;
+        inside_[w] = is_inside ? inside_[w] | mask : inside_[w] & ~mask;
       }
     }
+    putOwn(inside_.data(), r, rows);
   }
   // The seam's cells beside row (j, k) of corners.
   std::uint64_t seamCells(const BrickSplit& split, std::int64_t j, std::int64_t k,
@@ -154,11 +205,12 @@ class SeamCorners {
   static constexpr std::uint64_t kOdd = 0xAAAAAAAAAAAAAAAAull;
 
   IndexBox cells_;
-  std::int64_t words_ = 0;  // of a row of corners
-  std::vector<std::uint8_t> found_;
-  std::vector<std::uint64_t> inside_;
-  Index3 last_{0};                                                // sample of the level
-  std::vector<std::uint64_t> finer_, coarser_, own_, all_, any_;  // of the row at hand
+  std::int64_t words_ = 0;           // of a row of corners, corner i in bit i % 64 of word i / 64
+  std::int64_t slice_ = 0;           // rows
+  std::vector<std::uint8_t> found_;  // rows beside the seam
+  Words finer_, coarser_;            // of rows that were found: what touches their corners
+  Index3 last_{0};                   // sample of the level
+  Words inside_, own_, all_, any_;   // of the row at hand
 };
 
 }  // namespace isobrick

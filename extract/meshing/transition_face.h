@@ -78,10 +78,12 @@ struct FacePoint {
 };
 
 // Adds the contour on the fine side. Edges of the coarse cell have their vertex in `vertices`;
-// vertexOn(axis, low, high) gives that of an edge between two LatticePoints inside the face.
+// makeVertex(axis, low, high) makes that of an edge between two LatticePoints inside the face; such
+// an edge is no other leaf's of the level, and is asked for once.
 template <typename F>
 void addTransitionFace(const TransitionFace& face, float isovalue, const CellVertices& vertices,
-                       F&& vertexOn, Contour& contour) {
+                       F&& makeVertex, Contour& contour) {
+  std::uint32_t inner[2][2] = {{kNoVertex, kNoVertex}, {kNoVertex, kNoVertex}};  // along c, b
   const auto vertexBetween = [&](FacePoint p, FacePoint q) {
     const int i = std::min(p.i, q.i), j = std::min(p.j, q.j);
     const bool along_b = p.i != q.i;
@@ -93,8 +95,12 @@ void addTransitionFace(const TransitionFace& face, float isovalue, const CellVer
       return vertices[static_cast<std::size_t>(
           edgeNumber(along_b ? face.b : face.c, at[0], at[1], at[2]))];
     }
-    const LatticePoint& high = along_b ? face.points[j][i + 1] : face.points[j + 1][i];
-    return vertexOn(along_b ? face.b : face.c, face.points[j][i], high);
+    std::uint32_t& vertex = inner[along_b ? 1 : 0][along_b ? i : j];
+    if (vertex == kNoVertex) {
+      const LatticePoint& high = along_b ? face.points[j][i + 1] : face.points[j + 1][i];
+      vertex = makeVertex(along_b ? face.b : face.c, face.points[j][i], high);
+    }
+    return vertex;
   };
   for (int part_c = 0; part_c < face.parts_c; ++part_c)
     for (int part_b = 0; part_b < face.parts_b; ++part_b) {

@@ -1,0 +1,75 @@
+#include "isobrick/extract/meshing/brick_cells.h"
+
+#include <bit>
+
+#include "isobrick/extract/kernels/brick_triangles.h"
+#include "isobrick/extract/row_bits.h"
+#include "isobrick/storage/voxel_type.h"
+
+namespace isobrick {
+namespace {
+
+template <typename T>
+BrickGrid<T> gridOf(const IndexBox& cells, const BrickSamples& samples) {
+  return {samples.data<T>(), samples.box.count, cells.first - samples.box.first, cells.count};
+}
+
+}  // namespace
+
+template <typename T>
+bool BrickCells::compare(const MeshContext& context, const BrickWork& work,
+                         const BrickSamples& samples) {
+  const auto threshold = insideThreshold<T>(context.isovalue);
+  if (!threshold) return false;
+  const IndexBox cells = context.pyramid.layout().brickCellBox(work.level, work.brick);
+  compareRows(gridOf<T>(cells, samples), *threshold, rows_);
+  return true;
+}
+
+template <typename T>
+void BrickCells::make(const MeshContext& context, const BrickWork& work,
+                      const BrickSamples& samples, MeshBatch& batch) {
+  if (rows_.ownCrossings() == 0) return;
+  const IndexBox cells = context.pyramid.layout().brickCellBox(work.level, work.brick);
+  spacing_.set(context.lattice(), work.level, cells, samples.box);
+  batch.positions.resize(rows_.ownCrossings());
+  batch.normals.resize(rows_.ownCrossings());
+  makeCrossings(gridOf<T>(cells, samples), rows_, spacing_, context.frame, context.isovalue,
+                &batch.positions[0].x, &batch.normals[0].x);
+  batch.triangles.resize(3 * static_cast<std::size_t>(rows_.triangles));
+  makeTriangles(rows_, firstVertices(rows_, 0), context.frame.mirrored(), batch.triangles.data());
+}
+
+#define ISOBRICK_INSTANTIATE(T)                                                                    \
+  template bool BrickCells::compare<T>(const MeshContext&, const BrickWork&, const BrickSamples&); \
+  template void BrickCells::make<T>(const MeshContext&, const BrickWork&, const BrickSamples&,     \
+                                    MeshBatch&);
+ISOBRICK_FOR_EACH_VOXEL_TYPE(ISOBRICK_INSTANTIATE)
+#undef ISOBRICK_INSTANTIATE
+
+CellVertices BrickCells::verticesOf(const Index3& cell) const {
+  CellVertices vertices;
+  for (std::size_t e = 0; e < vertices.size(); ++e) {
+    const CellEdge& edge = kCellEdgeTable[e];
+    vertices[e] = vertexOn(edge.axis, cell + Index3(edge.x, edge.y, edge.z));
+  }
+  return vertices;
+}
+
+std::uint32_t BrickCells::vertexOn(int axis, const Index3& corner) const {
+  const auto a = static_cast<std::size_t>(axis);
+  const std::int64_t r = rows_.row(corner.y, corner.z);
+  const auto row = static_cast<std::size_t>(r);
+  std::uint32_t number = rows_.numbers[a][row];
+  for (std::size_t before = 0; before < a; ++before) number += rows_.crossings[before];
+  if (axis != 0 && corner.x == 0)
+    return rows_.crossed_first[a - 1][row] != 0 ? number - 1 : kNoVertex;
+  const std::int64_t bit = axis == 0 ? corner.x : corner.x - 1;
+  const std::uint64_t* crossed = rows_.crossed[a].data() + r * rows_.words_per_row;
+  if ((crossed[bit / 64] >> bit % 64 & 1) == 0) return kNoVertex;
+  for (std::int64_t w = 0; w < bit / 64; ++w)
+    number += static_cast<std::uint32_t>(std::popcount(crossed[w]));
+  return number + static_cast<std::uint32_t>(std::popcount(crossed[bit / 64] & lowBits(bit % 64)));
+}
+
+}  // namespace isobrick

@@ -1,0 +1,48 @@
+// The wanted cells of one brick: marching cubes on its samples as they lie in the file, by the
+// kernels of extract/kernels/brick_rows.h.
+#pragma once
+
+#include "isobrick/extract/brick_traversal.h"
+#include "isobrick/extract/kernels/brick_crossings.h"
+#include "isobrick/extract/kernels/contour.h"
+#include "isobrick/extract/sinks/triangle_sink.h"
+
+namespace isobrick {
+
+// Meshes one brick after the other and reuses its memory. One object serves one thread. In turn:
+// reset(), the caller wants cells, compare(), the caller may change bits, number(), the caller may
+// take cells out of rows().active, make().
+class BrickCells {
+ public:
+  // Sizes the rows for a brick; no cell is wanted then.
+  void reset(const IndexBox& cells) {
+    rows_.resize(cells.count);
+    rows_.foreign_sides = 0;
+  }
+  BrickRows& rows() { return rows_; }
+  const BrickRows& rows() const { return rows_; }
+
+  // Compares what rows() asks for. False where no voxel of the type is inside, and nothing was
+  // compared. T: the voxel type.
+  template <typename T>
+  bool compare(const MeshContext& context, const BrickWork& work, const BrickSamples& samples);
+  // Numbers the crossings.
+  void number() { numberRows(rows_); }
+  // Puts a vertex for every crossing, made of the brick's own samples, and the triangles of the
+  // active cells into `batch`, which has none yet. A crossing's vertex has its number.
+  template <typename T>
+  void make(const MeshContext& context, const BrickWork& work, const BrickSamples& samples,
+            MeshBatch& batch);
+
+  // The vertices on the edges of a wanted cell, counted from the brick's first, after number().
+  CellVertices verticesOf(const Index3& cell) const;
+
+ private:
+  // kNoVertex where the edge along `axis` from `corner` is not crossed.
+  std::uint32_t vertexOn(int axis, const Index3& corner) const;
+
+  BrickRows rows_;
+  CornerSpacing spacing_;
+};
+
+}  // namespace isobrick

@@ -1,0 +1,114 @@
+// Which vertices of a brick other bricks may have too.
+#pragma once
+
+#include <bit>
+#include <cstdint>
+
+#include "isobrick/extract/kernels/brick_rows.h"
+#include "isobrick/extract/row_bits.h"
+#include "isobrick/extract/sinks/triangle_sink.h"
+#include "isobrick/storage/brick_layout.h"
+
+namespace isobrick {
+
+// What BrickCells::make() numbered. Edges that only leaves of the brick's level touch are shared
+// where they lie in the brick's sides; others the caller knows.
+class SharedVertices {
+ public:
+  SharedVertices(const BrickRows& rows, const Lattice& lattice, int level, const IndexBox& cells,
+                 MeshBatch& batch)
+      : rows_(rows),
+        lattice_(lattice),
+        level_(level),
+        cells_(cells),
+        level_cells_(lattice.cells(level)),
+        batch_(batch) {}
+
+  // Of a brick whose edges only leaves of its level touch.
+  void list() {
+    list(NoSeam(), [](std::uint32_t, int, const Index3&) {});
+  }
+  // `seam` says which edges other leaves touch, as SeamCorners does. visit(vertex, axis, corner) is
+  // called in their stead, for those that are crossed, ascending in `vertex` as the list.
+  template <typename Seam, typename Visit>
+  void list(const Seam& seam, Visit&& visit) {
+    const std::int64_t ny = cells_.count.y, nz = cells_.count.z;
+    for (int axis = 0; axis < 3; ++axis)
+      for (const std::uint32_t r : rows_.crossed_rows[static_cast<std::size_t>(axis)].list()) {
+        const std::int64_t k = r / rows_.rowsPerSlice(), j = r % rows_.rowsPerSlice();
+        const bool in_side =
+            (axis != 1 && (j == 0 || j == ny)) || (axis != 2 && (k == 0 || k == nz));
+        if (seam.hasEdges(axis, r))
+          listRow(axis, j, k, in_side, seam, visit);
+        else if (axis != 0 || in_side)
+          listRow(axis, j, k, in_side, NoSeam(), visit);
+      }
+  }
+
+ private:
+  struct NoSeam {
+    bool hasEdges(int, std::int64_t) const { return false; }
+    bool hasFirstEdge(int, std::int64_t) const { return false; }
+    std::uint64_t edges(int, std::int64_t, std::int64_t) const { return 0; }
+  };
+
+  // `all`: the row lies in a side; otherwise only its ends do.
+  template <typename Seam, typename Visit>
+  void listRow(int axis, std::int64_t j, std::int64_t k, bool all, const Seam& seam,
+               Visit&& visit) {
+    const auto a = static_cast<std::size_t>(axis);
+    const std::int64_t words = rows_.words_per_row;
+    const std::int64_t r = rows_.row(j, k);
+    const auto row = static_cast<std::size_t>(r);
+    const std::uint64_t* crossed = rows_.crossed[a].data() + r * words;
+    std::uint32_t number = rows_.numbers[a][row];
+    for (std::size_t before = 0; before < a; ++before) number += rows_.crossings[before];
+    if (axis != 0 && rows_.crossed_first[a - 1][row] != 0) {
+      if (seam.hasFirstEdge(axis, r))
+        visit(number - 1, axis, Index3(0, j, k));
+      else
+        add(number - 1, axis, {0, j, k});
+    }
+    for (std::int64_t w = 0; w < words; ++w) {
+      const std::uint64_t others = seam.edges(axis, r, w);
+      std::uint64_t own = ~std::uint64_t{0};  // in the brick's sides
+      if (!all) own = axis == 0 ? 0 : bitsBetween(cells_.count.x - 1, cells_.count.x, w);
+      for (std::uint64_t rest = crossed[w] & (others | own); rest != 0; rest &= rest - 1) {
+        const int bit = std::countr_zero(rest);
+        const auto vertex =
+            number + static_cast<std::uint32_t>(std::popcount(crossed[w] & lowBits(bit)));
+        const Index3 corner(64 * w + bit + (axis == 0 ? 0 : 1), j, k);
+        if ((others >> bit & 1) != 0)
+          visit(vertex, axis, corner);
+        else
+          add(vertex, axis, corner);
+      }
+      number += static_cast<std::uint32_t>(std::popcount(crossed[w]));
+    }
+  }
+  // The bricks that have the edge.
+  int bricksAround(const Index3& corner, int axis) const {
+    int bricks = 1;
+    for (int a = 0; a < 3; ++a)
+      if (a != axis && ((corner[a] == 0 && cells_.first[a] > 0) ||
+                        (corner[a] == cells_.count[a] && cells_.end()[a] < level_cells_[a])))
+        bricks *= 2;
+    return bricks;
+  }
+  void add(std::uint32_t vertex, int axis, const Index3& corner) {
+    const int batches = bricksAround(corner, axis);
+    if (batches > 1)
+      batch_.shared.push_back(
+          {vertex, static_cast<std::uint8_t>(batches),
+           makeEdgeKey(lattice_.position(level_, cells_.first + corner), axis)});
+  }
+
+  const BrickRows& rows_;
+  const Lattice& lattice_;
+  const int level_;
+  const IndexBox cells_;
+  const Index3 level_cells_;
+  MeshBatch& batch_;
+};
+
+}  // namespace isobrick
