@@ -12,7 +12,7 @@
 namespace isobrick {
 
 struct VolumeWriteOptions {
-  // Called now and then with the share that is done, 0 .. 1, from the calling thread.
+  // Called now and then with the share that is done, 0 .. 1, by one thread at a time.
   std::function<void(double fraction)> progress;
   // Looked at after every MiB, and while the disk is waited for: throws Cancelled, and no file is
   // left.

@@ -43,6 +43,7 @@ class PyramidSource final : public VolumeSource {
     info_.format = "isobrick pyramid";
     info_.encoding = "level " + std::to_string(level);
     takeProvenance(*pyramid_, info_);
+    info_.properties["pyramid.filter"] = filterName(pyramid_->spec().filter);
     for (int axis = 0; axis < 3; ++axis) {
       const std::int64_t last = info_.voxels[axis] - 1;
       const std::int64_t beyond = (last << level) - lattice.position(level, axis, last);

@@ -490,6 +490,9 @@ def test_vdb():
             np.testing.assert_array_equal(found.T, expected.astype("f4"))
             assert grid.activeVoxelCount() == np.count_nonzero(expected)
             assert grid.background == 0
+            said = {key: grid.metadata[f"isobrick:{key}"] for key in ("level", "filter", "source")}
+            assert said["level"] == level and said["filter"] == "average", said
+            assert said["source"].endswith("levels.isb"), said
             at = np.array([grid.transform.indexToWorld(corner) for corner in ((0, 0, 0), (1, 2, 3))])
             np.testing.assert_allclose(at[0], ORIGIN)
             np.testing.assert_allclose(at[1], ORIGIN + SPACING * 2**level * [1, 2, 3])

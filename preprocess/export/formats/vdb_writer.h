@@ -15,11 +15,11 @@ namespace isobrick {
 // options.vdb_beside come behind them, each a grid of its own, active where it differs from its
 // background.
 //
-// Each grid is made in two passes over its source: the first makes the tree without any values, the
-// second fills one leaf after the other and writes it. So memory holds the tree's nodes, some 120
-// bytes for each 8x8x8 voxels that are not constant; where that is more than options.memory_bytes,
-// throws Error with Remedy::kAllowMoreMemory before anything is written. A source that is read in
-// order waits in a nameless file beside the output.
+// Each source is read once, in parallel, and its leaves are packed at once: they wait in a nameless
+// file beside the output, as long as the grid, until the tree, which comes first in the file, is
+// known. So memory holds the nodes of one grid's tree, some 120 bytes for each 8x8x8 voxels that
+// are not constant, and some 20 MiB a thread; where that is more than options.memory_bytes, throws
+// Error with Remedy::kAllowMoreMemory. A source that is read in order waits in another such file.
 VolumeWriteReport writeVdb(VolumeLevels& levels, const std::string& path,
                            const ExportOptions& options);
 

@@ -2,6 +2,7 @@
 #include "isobrick/preprocess/export/formats/export_volume.h"
 
 #include <gtest/gtest.h>
+#include <tbb/task_arena.h>
 
 #include <cmath>
 #include <glm/gtc/matrix_transform.hpp>
@@ -195,9 +196,42 @@ TEST_F(ExportVolumeTest, OpenVdbStoresWhatDiffersFromTheBackground) {
   EXPECT_EQ(readVoxels<float>(*source), values);
 }
 
+// Several of the boxes that are read and packed at a time, which no axis of the grid is in line
+// with: full, empty, constant and single voxels, with any number of threads.
+TEST_F(ExportVolumeTest, OpenVdbOfManyNodesIsTheSameWithAnyThreads) {
+  const Index3 voxels(290, 131, 137);
+  const auto check = [&](auto first_value) {
+    using T = decltype(first_value);
+    const auto values = arrayOfField<T>(voxels, [&](const Index3& at) -> T {
+      if (at.x < 150 && at.y < 70) return 0;
+      if (at.z > 100) return first_value;
+      if (at.x > 200) return at == Index3(250, 99, 50) ? T(9) : T(0);
+      return static_cast<T>((at.x * 7919 + at.y * 104729 + at.z * 1299709) % 251 - 100);
+    });
+    for (const int threads : {1, 3}) {
+      VolumeLevels levels;
+      auto source = std::make_unique<ArraySource<T>>(voxels, values);
+      source->editInfo().properties["vdb.first"] = "-100,-200,77";
+      levels.push_back(std::move(source));
+      ExportOptions options;
+      options.memory_bytes = std::uint64_t{100} << 20;
+      tbb::task_arena(threads).execute([&] { exportVolume(levels, pathOf("many.vdb"), options); });
+      const auto back = openVolume(pathOf("many.vdb"));
+      ASSERT_EQ(back->info().voxels, voxels);
+      EXPECT_EQ(back->info().properties.at("vdb.first"), "-100,-200,77");
+      const auto found = readVoxels<float>(*back);
+      EXPECT_TRUE(std::equal(found.begin(), found.end(), values.begin(), values.end()))
+          << voxelTypeName(voxelTypeOf<T>()) << " with " << threads << " threads";
+    }
+  };
+  check(std::int8_t{-5});
+  check(std::uint16_t{40000});
+  check(2.5f);
+}
+
 TEST_F(ExportVolumeTest, OpenVdbSaysHowMuchMemoryItsTreeTakes) {
   ExportOptions options;
-  options.memory_bytes = std::uint64_t{20} << 20;  // no room for a single leaf
+  options.memory_bytes = std::uint64_t{18} << 20;  // no room for a single leaf
   const std::string message = errorOf([&] { write("a.vdb", wildValues<float>(), {}, options); });
   EXPECT_CONTAINS(message, "MiB");
   EXPECT_CONTAINS(message, "<more memory>");
