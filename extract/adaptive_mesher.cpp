@@ -116,16 +116,22 @@ class AdaptiveMesher::Brick {
     const auto makeVertex = [&](int axis, const LatticePoint& low, const LatticePoint& high) {
       return vertices_.append(axis, low, high);
     };
-    float corner_values[8];
-    for (unsigned c = 0; c < 8; ++c)
-      corner_values[c] = corner(cell + Index3(c & 1, c >> 1 & 1, c >> 2)).value;
     Contour contour;
     for (int face = 0; face < 6; ++face) {
-      if ((finer >> face & 1) == 0)
+      // Between corners of one kind all values are of that kind.
+      const unsigned mask = faceCorners(face), inside = pattern & mask;
+      if (inside == 0 || inside == mask) continue;
+      if ((finer >> face & 1) == 0) {
         addPlainFace(pattern, face, vertices, contour);
-      else
-        addTransitionFace(makeTransitionFace(lattice_, level_, cell, face, corner_values),
-                          context_.isovalue, vertices, makeVertex, contour);
+        continue;
+      }
+      float corner_values[8] = {};
+      for (unsigned rest = mask; rest != 0; rest &= rest - 1) {
+        const auto c = static_cast<unsigned>(std::countr_zero(rest));
+        corner_values[c] = corner(cell + Index3(c & 1, c >> 1 & 1, c >> 2)).value;
+      }
+      addTransitionFace(makeTransitionFace(lattice_, level_, cell, face, corner_values),
+                        context_.isovalue, vertices, makeVertex, contour);
     }
     const glm::dvec3 low(lattice_.position(level_, cell));
     const glm::dvec3 high(lattice_.position(level_, cell + Index3(1)));

@@ -43,40 +43,50 @@ HWY_INLINE std::uint64_t insideBits(const T* row, T threshold) {
   return bits;
 }
 
-HWY_INLINE bool touchesWantedCell(const BrickRows& rows, std::int64_t r) {
-  const std::int64_t slice = rows.rowsPerSlice();
-  const std::uint64_t *a = rows.wanted(r), *b = rows.wanted(r - 1), *c = rows.wanted(r - slice),
-                      *d = rows.wanted(r - slice - 1);
-  std::uint64_t any = 0;
-  for (std::int64_t w = 0; w < rows.words_per_row; ++w) any |= (a[w] | b[w]) | (c[w] | d[w]);
-  return any != 0;
+// Calls f(r) for every row of corners that a wanted cell has, or that is asked for.
+template <typename F>
+HWY_INLINE void forEachRowToCompare(const BrickRows& rows, F&& f) {
+  const std::int64_t slice = rows.rowsPerSlice(), words = rows.words_per_row;
+  const std::int64_t count = slice * (rows.cells.z + 1);
+  const std::uint64_t *a = rows.wanted(0), *b = rows.wanted(-1), *c = rows.wanted(-slice),
+                      *d = rows.wanted(-slice - 1);
+  const auto anyOf = [&](std::int64_t begin, std::int64_t end) {
+    std::uint64_t any = 0;
+    for (std::int64_t w = begin; w < end; ++w) any |= (a[w] | b[w]) | (c[w] | d[w]);
+    return any;
+  };
+  // Most rows have none: they are passed over eight at a time.
+  for (std::int64_t eight = 0; eight < count; eight += 8) {
+    std::uint64_t too;
+    std::memcpy(&too, rows.compare_too.data() + eight, 8);
+    if ((too | anyOf(eight * words, (eight + 8) * words)) == 0) continue;
+    for (std::int64_t r = eight; r < std::min(eight + 8, count); ++r)
+      if (rows.compare_too[static_cast<std::size_t>(r)] != 0 || anyOf(r * words, (r + 1) * words))
+        f(r);
+  }
 }
 
 template <typename T>
 void compareAll(const BrickGrid<T>& grid, T threshold, BrickRows& rows) {
-  const std::int64_t nx = rows.cells.x, ny = rows.cells.y, nz = rows.cells.z;
+  const std::int64_t nx = rows.cells.x, slice = rows.rowsPerSlice();
   const T* const end = grid.data + elementCount(grid.stored);
-  for (std::int64_t k = 0; k <= nz; ++k)
-    for (std::int64_t j = 0; j <= ny; ++j) {
-      const std::int64_t r = rows.row(j, k);
-      if (rows.compare_too[static_cast<std::size_t>(r)] == 0 && !touchesWantedCell(rows, r))
-        continue;
-      const T* row = grid.row(j, k);
-      rows.first_inside[static_cast<std::size_t>(r)] = row[0] >= threshold ? 1 : 0;
-      ++row;
-      std::uint64_t* words = rows.inside.data() + r * rows.words_per_row;
-      for (std::int64_t i = 0; i < nx; i += 64) {
-        const std::int64_t count = std::min<std::int64_t>(64, nx - i);
-        std::uint64_t bits = 0;
-        if (row + i + 64 <= end) {
-          bits = insideBits(row + i, threshold);
-        } else {
-          for (std::int64_t n = 0; n < count; ++n)
-            bits |= static_cast<std::uint64_t>(row[i + n] >= threshold ? 1 : 0) << n;
-        }
-        *words++ = bits & lowBits(count);
+  forEachRowToCompare(rows, [&](std::int64_t r) {
+    const T* row = grid.row(r % slice, r / slice);
+    rows.first_inside[static_cast<std::size_t>(r)] = row[0] >= threshold ? 1 : 0;
+    ++row;
+    std::uint64_t* words = rows.inside.data() + r * rows.words_per_row;
+    for (std::int64_t i = 0; i < nx; i += 64) {
+      const std::int64_t count = std::min<std::int64_t>(64, nx - i);
+      std::uint64_t bits = 0;
+      if (row + i + 64 <= end) {
+        bits = insideBits(row + i, threshold);
+      } else {
+        for (std::int64_t n = 0; n < count; ++n)
+          bits |= static_cast<std::uint64_t>(row[i + n] >= threshold ? 1 : 0) << n;
       }
+      *words++ = bits & lowBits(count);
     }
+  });
 }
 
 // Highway dispatches functions, not templates, so this is one for all voxel types: `grid` is a
@@ -111,14 +121,14 @@ std::optional<T> insideThreshold(float isovalue) {
 void BrickRows::resize(const Index3& brick_cells) {
   cells = brick_cells;
   words_per_row = (cells.x + 63) / 64;
-  // Lanes read and write whole vectors, up to seven rows beyond the last.
+  // Eight rows are read and written at once, up to seven beyond the last.
   constexpr std::size_t kBeyond = 8;
   const std::int64_t slice = rowsPerSlice();
   const auto rows = static_cast<std::size_t>(slice * (cells.z + 1));
   const auto words = static_cast<std::size_t>(words_per_row);
   before_ = slice + 1;
   wanted_.assign((rows + static_cast<std::size_t>(before_) + kBeyond) * words, 0);
-  compare_too.assign(rows, 0);
+  compare_too.assign(rows + kBeyond, 0);
   const std::size_t with_next = rows + static_cast<std::size_t>(slice) + 1 + kBeyond;
   inside.resize(with_next * words);
   first_inside.resize(with_next);

@@ -41,6 +41,14 @@ constexpr std::array<CellEdge, kCellEdges> makeCellEdges() {
 }
 inline constexpr std::array<CellEdge, kCellEdges> kCellEdgeTable = makeCellEdges();
 
+// The corners of face `face`, a bit each.
+constexpr unsigned faceCorners(int face) {
+  unsigned corners = 0;
+  for (int corner = 0; corner < 8; ++corner)
+    if ((corner >> face / 2 & 1) == face % 2) corners |= 1u << corner;
+  return corners;
+}
+
 // The corners of a unit square, counter-clockwise seen from outside, for a face on the given side:
 // offsets along the axes (axis + 1) % 3 and (axis + 2) % 3.
 struct FaceCorner {

@@ -15,12 +15,13 @@ inline double hangingValue(double a, double b, double w) {
 
 // True where sample `i` of `level` along `axis` is one of the next coarser level too.
 inline bool isOnCoarserLattice(const Lattice& lattice, int level, int axis, std::int64_t i) {
-  return i % 2 == 0 || i == lattice.samples(level)[axis] - 1;
+  return i % 2 == 0 || i << level >= lattice.voxels()[axis] - 1;
 }
 
 // Where sample `i` of `level`, one that is not on the coarser lattice, lies between its neighbours:
 // 1/2, but for a thin last cell.
 inline double hangingWeight(const Lattice& lattice, int level, int axis, std::int64_t i) {
+  if ((i + 1) << level <= lattice.voxels()[axis] - 1) return 0.5;  // most: divisions are slow
   const auto low = static_cast<double>(lattice.position(level, axis, i - 1));
   const auto middle = static_cast<double>(lattice.position(level, axis, i));
   const auto high = static_cast<double>(lattice.position(level, axis, i + 1));

@@ -55,10 +55,8 @@ class BrickSplit {
   LeafRows leaves_;
   std::vector<std::uint64_t> seam_;
   std::vector<SeamRow> seam_rows_;
-  std::vector<std::uint64_t> fans_;  // row by row of seam_rows_
-  // Of the row of tiles at hand: cells in active tiles that are all plain, and in those that are
-  // not.
-  std::vector<std::uint64_t> plain_cells_, mixed_cells_;
+  std::vector<std::uint64_t> fans_;          // row by row of seam_rows_
+  std::vector<std::uint64_t> active_cells_;  // in active tiles of the row of tiles at hand
 };
 
 }  // namespace isobrick

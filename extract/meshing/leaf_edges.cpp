@@ -19,11 +19,12 @@ LeafEdge leafEdge(const Lattice& lattice, const LeafRows& leaves, const IndexBox
   LeafEdge edge{axis, base, base, false, false};
   ++edge.high[axis];
   edge.is_shared = isOnBorder(brick, b, base[b]) || isOnBorder(brick, c, base[c]);
-  const StateSet around = leaves.statesAround(base, axis);
-  if (!around.hasOnly(CellState::kLeaf)) edge.is_shared = true;
-  if (around.has(CellState::kCoarser) && isOnCoarserLattice(lattice, leaves.level(), b, base[b]) &&
-      isOnCoarserLattice(lattice, leaves.level(), c, base[c])) {
-    edge.is_of_coarser = edge.is_shared = true;
+  if (leaves.areLeavesAround(base, axis)) return edge;
+  edge.is_shared = true;
+  if (isOnCoarserLattice(lattice, leaves.level(), b, base[b]) &&
+      isOnCoarserLattice(lattice, leaves.level(), c, base[c]) &&
+      leaves.isAnyCoarserAround(base, axis)) {
+    edge.is_of_coarser = true;
     edge.low[axis] = base[axis] / 2 * 2;
     edge.high[axis] = std::min(edge.low[axis] + 2, lattice.samples(leaves.level())[axis] - 1);
   }

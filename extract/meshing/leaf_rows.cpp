@@ -85,28 +85,6 @@ void LeafRows::besideFiner(std::int64_t j, std::int64_t k, std::uint64_t* out) c
   }
 }
 
-unsigned LeafRows::statesAt(std::int64_t i, std::int64_t j, std::int64_t k, bool two) const {
-  const std::int64_t bit = i + 1;
-  const std::int64_t word = bit / 64;
-  const int shift = static_cast<int>(bit % 64);
-  const std::uint64_t mask = two ? 3 : 1;
-  std::uint64_t seen[kKinds];
-  const std::uint64_t* leaf = words(kLeaf, j, k);
-  for (int kind = 0; kind < kKinds; ++kind) {
-    const std::uint64_t* from = leaf + kind * words_ + word;
-    std::uint64_t bits = from[0] >> shift;
-    if (shift == 63) bits |= from[1] << 1;
-    seen[kind] = bits & mask;
-  }
-  unsigned states = 0;
-  if (seen[kLeaf] != 0) states |= static_cast<unsigned>(CellState::kLeaf);
-  if (seen[kFiner] != 0) states |= static_cast<unsigned>(CellState::kFiner);
-  if (seen[kCoarser] != 0) states |= static_cast<unsigned>(CellState::kCoarser);
-  if ((seen[kLeaf] | seen[kFiner] | seen[kCoarser]) != mask)
-    states |= static_cast<unsigned>(CellState::kOutside);
-  return states;
-}
-
 void LeafRows::cornersTouching(std::int64_t j, std::int64_t k, std::uint64_t* finer,
                                std::uint64_t* coarser) const {
   // Corner i lies between the cells of bits i and i + 1.
@@ -123,14 +101,23 @@ void LeafRows::cornersTouching(std::int64_t j, std::int64_t k, std::uint64_t* fi
   find(kCoarser, coarser);
 }
 
-StateSet LeafRows::statesAround(const Index3& base, int axis) const {
+bool LeafRows::areLeavesAround(const Index3& base, int axis) const {
   const Index3 b = base - cells_.first;
   if (axis == 0)
-    return {statesAt(b.x, b.y, b.z, false) | statesAt(b.x, b.y - 1, b.z, false) |
-            statesAt(b.x, b.y, b.z - 1, false) | statesAt(b.x, b.y - 1, b.z - 1, false)};
-  Index3 beside = b;
-  --beside[axis == 1 ? 2 : 1];
-  return {statesAt(b.x - 1, b.y, b.z, true) | statesAt(b.x - 1, beside.y, beside.z, true)};
+    return (twoAt(kLeaf, b.x, b.y, b.z) & twoAt(kLeaf, b.x, b.y - 1, b.z) &
+            twoAt(kLeaf, b.x, b.y, b.z - 1) & twoAt(kLeaf, b.x, b.y - 1, b.z - 1) & 1) != 0;
+  const std::int64_t y = axis == 1 ? b.y : b.y - 1, z = axis == 1 ? b.z - 1 : b.z;
+  return (twoAt(kLeaf, b.x - 1, b.y, b.z) & twoAt(kLeaf, b.x - 1, y, z)) == 3;
+}
+
+bool LeafRows::isAnyCoarserAround(const Index3& base, int axis) const {
+  const Index3 b = base - cells_.first;
+  if (axis == 0)
+    return ((twoAt(kCoarser, b.x, b.y, b.z) | twoAt(kCoarser, b.x, b.y - 1, b.z) |
+             twoAt(kCoarser, b.x, b.y, b.z - 1) | twoAt(kCoarser, b.x, b.y - 1, b.z - 1)) &
+            1) != 0;
+  const std::int64_t y = axis == 1 ? b.y : b.y - 1, z = axis == 1 ? b.z - 1 : b.z;
+  return (twoAt(kCoarser, b.x - 1, b.y, b.z) | twoAt(kCoarser, b.x - 1, y, z)) != 0;
 }
 
 }  // namespace isobrick

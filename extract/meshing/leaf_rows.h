@@ -8,15 +8,6 @@
 
 namespace isobrick {
 
-// Of which kinds some cells are: the bits of their states.
-struct StateSet {
-  unsigned bits = 0;
-
-  void add(CellState state) { bits |= static_cast<unsigned>(state); }
-  bool has(CellState state) const { return (bits & static_cast<unsigned>(state)) != 0; }
-  bool hasOnly(CellState state) const { return bits == static_cast<unsigned>(state); }
-};
-
 // The states of a brick's cells and of all that touch them, as rows of bits. A row is found when it
 // is first needed. One object serves one thread, brick after brick, and keeps its memory.
 class LeafRows {
@@ -53,8 +44,10 @@ class LeafRows {
     const Index3 local = cell - cells_.first + Index3(1, 0, 0);
     return (words(kFiner, local.y, local.z)[local.x / 64] >> local.x % 64 & 1) != 0;
   }
-  // The cells that touch the edge along `axis` from corner `base`.
-  StateSet statesAround(const Index3& base, int axis) const;
+  // Whether all, or any, of the four cells that touch the edge along `axis` from sample `base` of
+  // the level are leaves, or are coarser. Those beyond the volume are neither.
+  bool areLeavesAround(const Index3& base, int axis) const;
+  bool isAnyCoarserAround(const Index3& base, int axis) const;
 
  private:
   // Bit i + 1 of a row's words is cell i.
@@ -67,8 +60,14 @@ class LeafRows {
     return bits_.data() + (index(j, k) * kKinds + kind) * static_cast<std::size_t>(words_);
   }
   void classify(std::int64_t j, std::int64_t k);
-  // The states of cells i and, where `two`, i + 1 of a row.
-  unsigned statesAt(std::int64_t i, std::int64_t j, std::int64_t k, bool two) const;
+  // Bits 0 and 1: cells i and i + 1 of row (j, k) are of the kind.
+  unsigned twoAt(Kind kind, std::int64_t i, std::int64_t j, std::int64_t k) const {
+    const std::int64_t bit = i + 1;
+    const std::uint64_t* from = words(kind, j, k) + bit / 64;
+    std::uint64_t bits = from[0] >> bit % 64;
+    if (bit % 64 == 63) bits |= from[1] << 1;
+    return static_cast<unsigned>(bits & 3);
+  }
 
   LeafClassifier* classifier_ = nullptr;
   Index3 level_cells_{0};

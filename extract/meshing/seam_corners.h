@@ -30,7 +30,8 @@ class SeamCorners {
     found_.assign(count, 0);
     for (auto* rows_of : {&finer_, &coarser_})
       rows_of->resize(count * static_cast<std::size_t>(words_));
-    for (auto* row : {&inside_, &own_, &all_, &any_}) row->resize(static_cast<std::size_t>(words_));
+    for (auto* row : {&inside_, &finer_here_, &hanging_, &own_, &all_, &any_})
+      row->resize(static_cast<std::size_t>(words_));
     for (const BrickSplit::SeamRow& row : split.seamRows())
       for (const std::int64_t k : {row.k, row.k + 1})
         for (const std::int64_t j : {row.j, row.j + 1})
@@ -52,17 +53,21 @@ class SeamCorners {
           if (found_[r] != 0) continue;
           found_[r] = 1;
           split.leaves().cornersTouching(j, k, wordsAt(finer_, r), wordsAt(coarser_, r));
+          if ((cells_.first.y + j) % 2 == 0 && (cells_.first.z + k) % 2 == 0)
+            for (std::int64_t word = 0; word < words_; ++word) wordsAt(coarser_, r)[word] &= kOdd;
           resolveRow(lattice, isovalue, split, j, k, family, rows);
         }
   }
 
   // After resolve(): whether a finer, and a coarser, leaf touches a corner of a cell of the seam,
-  // counted from the brick's first.
+  // counted from the brick's first. A corner that is one of the coarser leaf too, all of its
+  // indices being even, counts as not touched: it has its own sample's value either way.
   bool touchesFiner(const Index3& corner) const { return isSet(finer_, corner); }
   bool touchesCoarser(const Index3& corner) const { return isSet(coarser_, corner); }
 
   // After resolve(): edges along `axis` from row r of corners, of which a leaf of another level
-  // touches an end. In the words of BrickRows::crossed, and at corner 0.
+  // touches an end, in that sense. In the words of BrickRows::crossed, and at corner 0. (An edge
+  // that a coarser leaf touches has an end of odd index that it touches.)
   bool hasEdges(int axis, std::int64_t r) const { return isFound(r) || isFound(r + stepOf(axis)); }
   bool hasFirstEdge(int axis, std::int64_t r) const {
     return ((touched(r, 0) | touched(r + stepOf(axis), 0)) & 1) != 0;
@@ -157,22 +162,25 @@ class SeamCorners {
     const std::int64_t r = rows.row(j, k);
     const std::uint64_t* touches_finer = wordsAt(finer_, static_cast<std::size_t>(r));
     const std::uint64_t* touches_coarser = wordsAt(coarser_, static_cast<std::size_t>(r));
-    std::uint64_t any_hanging = 0;
-    for (std::int64_t word = 0; word < words_; ++word)
-      any_hanging |= touches_coarser[word] & ~touches_finer[word];
-    if (any_hanging != 0) joinEnds(rows, j, k);
-    takeOwn(rows, r, inside_.data());
-    const Index3 first = cells_.first + Index3(0, j, k);
-    std::uint64_t carry = 0;
+    std::uint64_t carry = 0, any_hanging = 0;
     for (std::int64_t word = 0; word < words_; ++word) {
-      const auto w = static_cast<std::size_t>(word);
       const std::uint64_t cells = seamCells(split, j, k, word);
       const std::uint64_t corners = cells | cells << 1 | carry;
       carry = cells >> 63;
+      finer_here_[static_cast<std::size_t>(word)] = touches_finer[word] & corners;
+      hanging_[static_cast<std::size_t>(word)] =
+          touches_coarser[word] & ~touches_finer[word] & corners;
+      any_hanging |= hanging_[static_cast<std::size_t>(word)];
+    }
+    if (any_hanging != 0) joinEnds(rows, j, k);
+    takeOwn(rows, r, inside_.data());
+    const Index3 first = cells_.first + Index3(0, j, k);
+    for (std::int64_t word = 0; word < words_; ++word) {
+      const auto w = static_cast<std::size_t>(word);
       // What hangs between corners of one kind is of that kind.
-      const std::uint64_t hanging = touches_coarser[word] & ~touches_finer[word] & corners;
+      const std::uint64_t hanging = hanging_[w];
       inside_[w] = (inside_[w] & ~hanging) | (all_[w] & hanging);
-      std::uint64_t finer = touches_finer[word] & corners;
+      std::uint64_t finer = finer_here_[w];
       for (std::uint64_t rest = finer; rest != 0; rest &= rest - 1) {
         const Index3 fine =
             finerSample(lattice, level, first + Index3(64 * word + std::countr_zero(rest), 0, 0));
@@ -210,7 +218,7 @@ class SeamCorners {
   std::vector<std::uint8_t> found_;  // rows beside the seam
   Words finer_, coarser_;            // of rows that were found: what touches their corners
   Index3 last_{0};                   // sample of the level
-  Words inside_, own_, all_, any_;   // of the row at hand
+  Words inside_, finer_here_, hanging_, own_, all_, any_;  // of the row at hand
 };
 
 }  // namespace isobrick

@@ -15,6 +15,30 @@ inline double squaredDistance(const glm::dvec3& point, int level, const Index3& 
   return dx * dx + dy * dy + dz * dz;
 }
 
+// The same for the cells of a row along x, to the bit.
+class RowDistance {
+ public:
+  // `first`: cell 0 of the row.
+  RowDistance(const glm::dvec3& point, int level, const Index3& first)
+      : edge_(static_cast<double>(std::int64_t{1} << level)), x_(point.x), first_(first.x) {
+    const double dy = (static_cast<double>(first.y) + 0.5) * edge_ - point.y;
+    const double dz = (static_cast<double>(first.z) + 0.5) * edge_ - point.z;
+    dy_squared_ = dy * dy;
+    dz_squared_ = dz * dz;
+  }
+  double squared(std::int64_t i) const {
+    const double dx = (static_cast<double>(first_ + i) + 0.5) * edge_ - x_;
+    return dx * dx + dy_squared_ + dz_squared_;
+  }
+  // Of the line of the cells' centres.
+  double squaredBesideX() const { return dy_squared_ + dz_squared_; }
+  double edge() const { return edge_; }
+
+ private:
+  double edge_, x_, dy_squared_ = 0, dz_squared_ = 0;
+  std::int64_t first_;
+};
+
 // Bounds of that distance for all cells of a box. They are rounded in their own way, so they are
 // drawn apart by a millionth: what lies beyond a bound does so for certain.
 struct DistanceBounds {

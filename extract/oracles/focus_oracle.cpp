@@ -54,10 +54,9 @@ void FocusOracle::keepRefined(int level, const Index3& first, std::int64_t count
   // term of the squared distance falls. So its ends are found from where they should be.
   const double within = refined_within_squared_[static_cast<std::size_t>(level)];
   if (within == std::numeric_limits<double>::infinity()) return;
-  const auto isRefined = [&](std::int64_t i) {
-    return refines(level, {first.x + i, first.y, first.z});
-  };
-  const auto edge = static_cast<double>(std::int64_t{1} << level);
+  const RowDistance distance(focus_, level, first);
+  const auto isRefined = [&](std::int64_t i) { return distance.squared(i) < within; };
+  const double edge = distance.edge();
   const double at = focus_.x / edge - 0.5 - static_cast<double>(first.x);  // of the focus, in cells
   const auto last = static_cast<double>(count - 1);
   const auto nearest = static_cast<std::int64_t>(std::clamp(at, 0.0, last) + 0.5);
@@ -73,9 +72,7 @@ void FocusOracle::keepRefined(int level, const Index3& first, std::int64_t count
       return;
     }
   }
-  const double beside = squaredDistance(focus_, level, {first.x + from, first.y, first.z});
-  const double dx = (at - static_cast<double>(from)) * edge;
-  const double half = std::sqrt(std::max(0.0, within - (beside - dx * dx))) / edge;
+  const double half = std::sqrt(std::max(0.0, within - distance.squaredBesideX())) / edge;
   std::int64_t low = static_cast<std::int64_t>(std::clamp(at - half, 0.0, last));
   std::int64_t high = static_cast<std::int64_t>(std::clamp(at + half, 0.0, last));
   low = std::min(low, from);
