@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <system_error>
+#include <utility>
 
 #include "isobrick/storage/error.h"
 
@@ -15,7 +16,7 @@ ReadAhead::~ReadAhead() {
   wake_.notify_all();
   for (std::thread& thread : threads_) thread.join();
   // Those of a query that ended early.
-  for (std::size_t work = reached_; work < next_; ++work)
+  for (std::size_t work = reached_; work < looked_; ++work)
     context_.pyramid.withdraw(work_[work].level, work_[work].brick);
 }
 
@@ -23,10 +24,15 @@ void ReadAhead::noteReached(std::size_t work) {
   {
     const std::lock_guard lock(mutex_);
     if (work < reached_) return;
-    for (std::size_t passed = reached_; passed <= work && passed < next_; ++passed)
-      ahead_bytes_ -= context_.pyramid.heldSampleBytes(work_[passed].level, work_[passed].brick);
+    for (; reached_ <= work && !bytes_.empty(); ++reached_) {
+      ahead_bytes_ -= bytes_.front();
+      bytes_.pop_front();
+    }
     reached_ = work + 1;
-    next_ = std::max(next_, reached_);
+    looked_ = std::max(looked_, reached_);
+    ranges_ = std::max(ranges_, reached_);
+    // What a mesher needs at once it reads for itself.
+    std::erase_if(announced_, [&](std::size_t announced) { return announced < reached_; });
     if (!has_started_) start();
   }
   wake_.notify_all();
@@ -46,33 +52,72 @@ void ReadAhead::start() try {
 } catch (const std::system_error&) {
 }
 
+bool ReadAhead::mayLook() const {
+  return looked_ < work_.size() && ahead_bytes_ < most_ahead_bytes_;
+}
+
+// Bricks are looked at before any is loaded, so that the disk has as much to do at once as it may.
 void ReadAhead::run() try {
-  for (std::size_t work = 0; waitForTurn(&work);) fetch(work);
+  std::unique_lock lock(mutex_);
+  while (true) {
+    wake_.wait(lock, [&] {
+      return stops_ || mayLook() || !announced_.empty() || looked_ == work_.size();
+    });
+    if (stops_ || context_.isCancelled()) return;
+    if (mayLook())
+      look(lock);
+    else if (!announced_.empty())
+      load(lock);
+    else
+      return;
+  }
 } catch (const std::exception&) {
   // Whoever meshes the brick meets the same, and says so.
 }
 
-bool ReadAhead::waitForTurn(std::size_t* work) {
-  std::unique_lock lock(mutex_);
-  wake_.wait(lock,
-             [&] { return stops_ || next_ == work_.size() || ahead_bytes_ < most_ahead_bytes_; });
-  if (stops_ || next_ == work_.size() || context_.isCancelled()) return false;
-  *work = next_++;
-  ahead_bytes_ += context_.pyramid.heldSampleBytes(work_[*work].level, work_[*work].brick);
-  return true;
+// Gives the lock back meanwhile.
+void ReadAhead::look(std::unique_lock<std::mutex>& lock) {
+  const Pyramid& pyramid = context_.pyramid;
+  const std::size_t work = looked_;
+  const auto& [level, brick, adaptive] = work_[work];
+  const std::uint64_t bytes = pyramid.heldSampleBytes(level, brick);
+  bytes_.push_back(bytes);
+  ahead_bytes_ += bytes;
+  ++looked_;
+  const std::size_t end = std::min(work_.size(), work + kRangesAhead);
+  const std::size_t begin = std::exchange(ranges_, std::max(ranges_, end));
+  lock.unlock();
+  if (context_.query.cull_by_ranges)
+    for (std::size_t n = begin; n < end; ++n)
+      pyramid.announce(PartKind::kRanges, work_[n].level, work_[n].brick);
+  const bool is_crossed = isCrossed(work_[work]);
+  if (is_crossed) pyramid.announce(PartKind::kSamples, level, brick);
+  lock.lock();
+  if (work < reached_) return;
+  if (is_crossed) {
+    announced_.push_back(work);
+    wake_.notify_all();
+  } else {
+    ahead_bytes_ -= std::exchange(bytes_[work - reached_], 0);
+  }
 }
 
-void ReadAhead::fetch(std::size_t work) {
-  const auto& [level, brick, adaptive] = work_[work];
-  const Pyramid& pyramid = context_.pyramid;
-  if (context_.query.cull_by_ranges) {
-    pyramid.fetch(PartKind::kRanges, level, brick, context_.query.cancel);
-    std::vector<std::uint8_t> crossed;
-    pyramid.crossedTiles(level, brick, context_.isovalue, crossed, context_.query.cancel);
-    if (std::find(crossed.begin(), crossed.end(), 1) == crossed.end()) return;
-    if (context_.isCancelled()) return;
-  }
-  pyramid.fetch(PartKind::kSamples, level, brick, context_.query.cancel);
+// As look().
+void ReadAhead::load(std::unique_lock<std::mutex>& lock) {
+  const auto& [level, brick, adaptive] = work_[announced_.front()];
+  announced_.pop_front();
+  lock.unlock();
+  context_.pyramid.fetch(PartKind::kSamples, level, brick, context_.query.cancel);
+  lock.lock();
+}
+
+bool ReadAhead::isCrossed(const BrickWork& work) const {
+  if (!context_.query.cull_by_ranges) return true;
+  context_.pyramid.fetch(PartKind::kRanges, work.level, work.brick, context_.query.cancel);
+  std::vector<std::uint8_t> crossed;
+  context_.pyramid.crossedTiles(work.level, work.brick, context_.isovalue, crossed,
+                                context_.query.cancel);
+  return std::find(crossed.begin(), crossed.end(), 1) != crossed.end();
 }
 
 }  // namespace isobrick

@@ -5,6 +5,7 @@
 #include <condition_variable>
 #include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <mutex>
 #include <span>
 #include <thread>
@@ -20,11 +21,15 @@ namespace isobrick {
 // is left to the meshers. They begin at the first part that a mesher does not find, so that a query
 // whose parts are all resident starts no thread.
 //
-// What is fetched and not yet reached by the meshers is at most a thirty-second of the budget, half
-// of what the pager has for arrivals, and no more than kMostBytes; where that is less than a brick
-// nothing is read ahead. A request to cancel the query, or the end of this object, ends the
-// threads: each ends the part that it is at. What they fetched and nobody reached is then
-// withdrawn.
+// Each brick is looked at: its ranges, which were announced to the system some bricks before, are
+// fetched, and its samples announced where it is crossed. Announced samples are fetched by whoever
+// finds nothing to look at, so there is always as much for the disk to do at once as may be.
+//
+// What was announced or fetched and not yet reached by the meshers is at most a thirty-second of
+// the budget, half of what the pager has for arrivals, and no more than kMostBytes; where that is
+// less than a brick nothing is read ahead. A request to cancel the query, or the end of this
+// object, ends the threads: each ends the part that it is at. What they fetched and nobody reached
+// is then withdrawn.
 //
 // reached() may be called by any threads at once; the rest by one. Changes nothing of the mesh and
 // nothing of the report.
@@ -33,6 +38,8 @@ class ReadAhead {
   // Enough for a disk that serves several requests at once; they wait more than they work.
   static constexpr std::size_t kThreads = 4;
   static constexpr std::uint64_t kMostBytes = std::uint64_t{64} << 20;
+  // Bricks whose ranges are announced before the first of them is looked at.
+  static constexpr std::size_t kRangesAhead = 32;
 
   ReadAhead(const MeshContext& context, std::span<const BrickWork> work)
       : context_(context), work_(work), misses_before_(context.pyramid.missCount()) {}
@@ -49,8 +56,10 @@ class ReadAhead {
   void noteReached(std::size_t work);
   void start();
   void run();
-  bool waitForTurn(std::size_t* work);
-  void fetch(std::size_t work);
+  bool mayLook() const;
+  void look(std::unique_lock<std::mutex>& lock);
+  void load(std::unique_lock<std::mutex>& lock);
+  bool isCrossed(const BrickWork& work) const;
 
   const MeshContext& context_;
   const std::span<const BrickWork> work_;
@@ -59,9 +68,12 @@ class ReadAhead {
   std::mutex mutex_;  // guards all below
   std::condition_variable wake_;
   bool has_started_ = false, stops_ = false;
-  std::size_t next_ = 0;           // brick to fetch
-  std::size_t reached_ = 0;        // bricks before this one are with the meshers
-  std::uint64_t ahead_bytes_ = 0;  // of the bricks from reached_ to next_
+  std::size_t reached_ = 0;            // bricks before this one are with the meshers
+  std::size_t looked_ = 0;             // bricks before this one were, or are being, looked at
+  std::size_t ranges_ = 0;             // the ranges of bricks before this one were announced
+  std::deque<std::uint64_t> bytes_;    // of the samples of the bricks from reached_ to looked_
+  std::uint64_t ahead_bytes_ = 0;      // their sum
+  std::deque<std::size_t> announced_;  // of these bricks: their samples, and not fetched
   std::uint64_t most_ahead_bytes_ = 0;
   std::vector<std::thread> threads_;
 };

@@ -47,12 +47,37 @@ class SideNumbers {
   std::int64_t rows_, ny_, nz_;
 };
 
+// Set once, by one thread, and waited for by others.
+class OnceFlag {
+ public:
+  void set() { change(kSet); }
+  // It will never be set: nobody waits for it any more.
+  void giveUp() { change(kNever); }
+  // False where it was given up.
+  bool wait() const {
+    // Most are set within moments; a thread that waits for a read leaves its core to others.
+    for (int looks = 0; state_.load(std::memory_order_acquire) == kNotYet; ++looks) {
+      if (looks > 200) state_.wait(kNotYet, std::memory_order_acquire);
+      if (looks > 100) std::this_thread::yield();
+    }
+    return state_.load(std::memory_order_acquire) == kSet;
+  }
+
+ private:
+  enum State : std::uint32_t { kNotYet, kSet, kNever };
+  void change(State to) {
+    state_.store(to, std::memory_order_release);
+    state_.notify_all();
+  }
+  std::atomic<std::uint32_t> state_{kNotYet};
+};
+
 struct BrickJob {
   std::uint64_t first_vertex = 0, first_triangle = 0;
   std::uint32_t vertices = 0, triangles = 0, active_cells = 0;
   Index3 origin{0};
-  std::atomic<bool> is_placed{false};    // first_vertex and first_triangle are known
-  std::atomic<bool> is_numbered{false};  // so are its side numbers, where it has triangles
+  OnceFlag placed;    // first_vertex and first_triangle are known
+  OnceFlag numbered;  // so are its side numbers, where it has triangles
 };
 
 }  // namespace
@@ -74,7 +99,7 @@ class SurfaceWriter::Run {
     for (std::size_t job = 0; job < work.size(); ++job)
       job_of_brick_.emplace(context.pyramid.brickRow(work[job].level, work[job].brick), job);
     if (mesh.side_numbers_.size() < work.size()) mesh.side_numbers_.resize(work.size());
-    jobs_[0].is_placed = true;
+    jobs_[0].placed.set();
   }
 
   LevelCounts run() {
@@ -116,17 +141,12 @@ class SurfaceWriter::Run {
       }
     } catch (...) {
       has_failed_ = true;
+      for (BrickJob& job : jobs_) {
+        job.placed.giveUp();
+        job.numbered.giveUp();
+      }
       throw;
     }
-  }
-
-  // Waits until another thread has set `flag`. False where one has failed, so that it never will.
-  bool waitFor(const std::atomic<bool>& flag) const {
-    for (int spins = 0; !flag.load(std::memory_order_acquire); ++spins) {
-      if (has_failed_) return false;
-      if (spins > 100) std::this_thread::yield();
-    }
-    return true;
   }
 
   void writeBrick(std::size_t number, Worker& worker) {
@@ -154,7 +174,7 @@ class SurfaceWriter::Run {
       const FirstVertices first = firstVertices(rows, static_cast<std::uint32_t>(job.first_vertex));
       if (!takeSideNumbers(number, first, rows)) return;
       giveSideNumbers(number, first, rows);
-      job.is_numbered.store(true, std::memory_order_release);
+      job.numbered.set();
       worker.spacing.set(context_.lattice(), work.level, cells, samples.box);
       job.origin = worker.spacing.origin;
       makeCrossings(grid, rows, worker.spacing, context_.frame, context_.isovalue,
@@ -165,7 +185,7 @@ class SurfaceWriter::Run {
       if (greatest >= job.first_vertex + job.vertices) failMissingVertex(context_, work);
       context_.read_log.note(context_.pyramid.brickRow(work.level, work.brick), ReadLog::kActive);
     } else {
-      job.is_numbered.store(true, std::memory_order_release);
+      job.numbered.set();
     }
     context_.throwIfReadsFailed();
   }
@@ -188,12 +208,12 @@ class SurfaceWriter::Run {
   // Step 2.
   bool place(std::size_t number) {
     BrickJob& job = jobs_[number];
-    if (!waitFor(job.is_placed)) return false;
+    if (!job.placed.wait()) return false;
     BrickJob& next = jobs_[number + 1];
     next.first_vertex = job.first_vertex + job.vertices;
     next.first_triangle = job.first_triangle + job.triangles;
     SurfaceMesh::refuseTooMany(next.first_vertex, next.first_triangle);
-    next.is_placed.store(true, std::memory_order_release);
+    next.placed.set();
     return true;
   }
 
@@ -203,7 +223,7 @@ class SurfaceWriter::Run {
     for (int axis = 0; axis < 3; ++axis) {
       const std::size_t neighbour = neighbourOf(number, axis);
       if (neighbour == number) continue;
-      if (!waitFor(jobs_[neighbour].is_numbered)) return false;
+      if (!jobs_[neighbour].numbered.wait()) return false;
       if (jobs_[neighbour].triangles == 0) continue;
       const IndexBox cells = layout_.brickCellBox(work_[neighbour].level, work_[neighbour].brick);
       const SideNumbers side(cells.count);

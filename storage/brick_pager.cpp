@@ -131,6 +131,17 @@ BrickPager::Fetched BrickPager::fetch(std::size_t id, const CancelFlag* cancel) 
   return Fetched::kNow;
 }
 
+void BrickPager::announce(std::size_t id) try {
+  {
+    Shard& shard = shardOf(id);
+    const std::lock_guard lock(shard.mutex);
+    if (shard.entries.contains(id)) return;
+  }
+  const Part part = part_of_(id);
+  file_.announce(part.offset, part.bytes);
+} catch (const Error&) {  // from part_of_; acquire() says so
+}
+
 // For what is being loaded; the caller is among its users, and not any more where it throws.
 const std::byte* BrickPager::wait(Shard& shard, std::unique_lock<std::mutex>& lock, Entry& entry,
                                   const char** why, const CancelFlag* cancel) {

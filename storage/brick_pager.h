@@ -93,6 +93,10 @@ class BrickPager {
   // acquire() says why it cannot be had. Throws Cancelled like acquire().
   Fetched fetch(std::size_t id, const CancelFlag* cancel = nullptr);
 
+  // Says that part `id` will be fetched or acquired soon: where it is absent the system begins to
+  // read it. Waits for nothing, and counts nowhere.
+  void announce(std::size_t id);
+
   // Takes a fetch() of this query back: the part is not kept for it any more, and unless the next
   // query takes it, it is among the first to go then.
   void withdraw(std::size_t id);

@@ -149,6 +149,10 @@ bool PagedFile::read(std::uint64_t offset, std::uint64_t bytes, std::byte* out) 
   return readBytesAt(fd_, offset, out, bytes).bytes == bytes;
 }
 
+void PagedFile::announce(std::uint64_t offset, std::uint64_t bytes) const {
+  posix_fadvise(fd_, static_cast<off_t>(offset), static_cast<off_t>(bytes), POSIX_FADV_WILLNEED);
+}
+
 void PagedFile::release(std::uint64_t offset, std::uint64_t bytes) const {
   const std::uint64_t begin = offset / kFaultAroundBytes * kFaultAroundBytes;
   const std::uint64_t end = std::min(

@@ -50,6 +50,9 @@ class PagedFile {
   // alone and stays as it is, whatever happens to the file. False where they cannot be read.
   [[nodiscard]] bool read(std::uint64_t offset, std::uint64_t bytes, std::byte* out) const;
 
+  // Asks the system to bring these bytes into its page cache, and waits for nothing.
+  void announce(std::uint64_t offset, std::uint64_t bytes) const;
+
   // ---- of a mapped file ----
 
   const std::byte* data() const { return data_; }

@@ -256,6 +256,11 @@ BrickPager::Fetched Pyramid::fetch(PartKind kind, int level, const Index3& brick
   return pager_->fetch(partId(kind, brickRow(level, brick)), cancel);
 }
 
+void Pyramid::announce(PartKind kind, int level, const Index3& brick) const {
+  if (entryOf(kind, level, brick).stored_bytes > 0)
+    pager_->announce(partId(kind, brickRow(level, brick)));
+}
+
 void Pyramid::require(PartKind kind, int level, const Index3& brick) const {
   if (entryOf(kind, level, brick).stored_bytes > 0) acquire(kind, level, brick);
 }

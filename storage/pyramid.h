@@ -186,6 +186,8 @@ class Pyramid {
   // Brings a part in ahead of its use, where one is stored: see BrickPager::fetch().
   BrickPager::Fetched fetch(PartKind kind, int level, const Index3& brick,
                             const CancelFlag* cancel = nullptr) const;
+  // Has the system begin to read a part, where one is stored: see BrickPager::announce().
+  void announce(PartKind kind, int level, const Index3& brick) const;
   // Throws Error that says why a part cannot be had, if so.
   void require(PartKind kind, int level, const Index3& brick) const;
   // A hold on a part that is resident, for as long as it shall stay that; nothing where it is not.

@@ -8,6 +8,7 @@
 
 #include <atomic>
 #include <barrier>
+#include <chrono>
 #include <cstring>
 #include <fstream>
 #include <string>
@@ -20,6 +21,7 @@
 #include "tests/support/file_bytes.h"
 #include "tests/support/random_numbers.h"
 #include "tests/support/temporary_folder.h"
+#include "tools/bench/page_cache.h"
 
 namespace isobrick::test {
 namespace {
@@ -179,6 +181,25 @@ TEST_P(PagerThreads, AllWhoWaitHearOfDamage) {
 }
 
 // What was fetched stays for its query, and the next may want it; what was taken back goes first.
+// Some file systems keep all in memory; there nothing is to be seen but that nothing is counted.
+TEST_P(PagerThreads, WhatIsAnnouncedIsReadByTheSystemAndCountsNowhere) {
+  dropFromPageCache(path_);
+  const bool is_cold = cachedShare(path_) == 0;
+  const PagedFile file(path_, GetParam().access);
+  BrickPager pager(file, parts_, GetParam().budget_bytes);
+  for (std::size_t id = 0; id < parts_.size(); ++id) pager.announce(id);
+  const BrickPager::Counters counters = pager.counters();
+  EXPECT_EQ(counters.hits + counters.misses + counters.parts_read + counters.parts_fetched, 0u);
+  EXPECT_EQ(pager.heldBytes(), 0u);
+  for (int n = 0; is_cold && n < 10000 && cachedShare(path_) < 0.9; ++n)
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  EXPECT_GE(cachedShare(path_), 0.9);
+  const char* why = "";
+  EXPECT_TRUE(holdsElements(0, pager.acquire(0, &why)));
+  pager.announce(0);  // is resident
+  pager.release(0);
+}
+
 TEST_P(PagerThreads, WhatIsWithdrawnMakesRoom) {
   const PagedFile file(path_, GetParam().access);
   BrickPager pager(file, parts_, GetParam().budget_bytes);
