@@ -169,7 +169,9 @@ Command addBenchCommand(CLI::App& app) {
                   "on (default): every row may have huge pages, and asks for them. off: none has")
       ->type_name("KIND")
       ->check(CLI::IsMember({"on", "off", "both"}));
-  sub->add_option("--rows", settings.only, "Only these rows, such as isobrick,vtkFlyingEdges3D")
+  sub->add_option(
+         "--rows", settings.only,
+         "Only these rows, such as isobrick,vtkFlyingEdges3D; openvdb-A for any adaptivity A")
       ->type_name("NAMES")
       ->delimiter(',');
   sub->add_option("--peers", arguments->peers,

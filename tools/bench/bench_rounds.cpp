@@ -76,7 +76,9 @@ PlainMesh meshOf(const BenchRow& row, const ScratchFolder& folder, const CancelF
 
 std::vector<PeerRow> askPeers(const BenchSettings& settings, const CancelFlag* cancel) {
   if (!settings.peers_executable) return {};
-  return peerRowsOf(runProgram({{*settings.peers_executable, "--list"}, {}}, cancel));
+  std::vector<std::string> words = {*settings.peers_executable, "--list"};
+  words.insert(words.end(), settings.only.begin(), settings.only.end());
+  return peerRowsOf(runProgram({words, {}}, cancel));
 }
 
 void measureRows(const BenchSettings& settings, std::vector<BenchRow>& rows,

@@ -29,6 +29,12 @@ TEST_F(BenchPeersTest, SayWhatRowsTheyHave) {
   EXPECT_EQ(outcome.out,
             "vtkFlyingEdges3D exact\nvtkSynchronizedTemplates3D exact\nvtkMarchingCubes exact\n"
             "openvdb-0 approximate\nopenvdb-0.1 approximate\nopenvdb-0.5 approximate\n");
+  // Of further names those that are an adaptivity.
+  for (const char* name : {"openvdb-0.03", "openvdb-0.1", "openvdb-1.5", "openvdb-x", "isobrick"})
+    words.push_back(name);
+  const Outcome further = wait(start(words));
+  EXPECT_EQ(further.status, 0) << further.err;
+  EXPECT_EQ(further.out, outcome.out + "openvdb-0.03 approximate\n");
 }
 
 // `bench` finds bench_peers by itself, and puts all its rows beside ours.

@@ -1,14 +1,18 @@
 // bench_peers: one row of `isobrick bench` by another library, in a process of its own.
 //
-//   bench_peers --list                                           the rows there are
+//   bench_peers --list [NAME ...]                                the rows there are, and of these
+//                                                                those of an adaptivity of its own
 //   bench_peers FILE.isb --iso V --threads N --row NAME ...      measures one, prints JSON
 #include <fmt/format.h>
 #include <tbb/global_control.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <array>
+#include <charconv>
 #include <exception>
 #include <optional>
+#include <span>
 #include <string_view>
 
 #include "isobrick/storage/error.h"
@@ -21,20 +25,34 @@
 namespace isobrick {
 namespace {
 
-struct OpenVdbRow {
-  const char* name;
-  double adaptivity;
-};
-constexpr std::array<OpenVdbRow, 3> kOpenVdbRows = {
-    {{"openvdb-0", 0}, {"openvdb-0.1", 0.1}, {"openvdb-0.5", 0.5}}};
+// Rows of OpenVDB are named by their adaptivity, 0 .. 1; these are there unasked.
+constexpr std::string_view kOpenVdbPrefix = "openvdb-";
+constexpr std::array<const char*, 3> kOpenVdbRows = {"openvdb-0", "openvdb-0.1", "openvdb-0.5"};
 constexpr std::array<const char*, 3> kVtkRows = {"vtkFlyingEdges3D", "vtkSynchronizedTemplates3D",
                                                  "vtkMarchingCubes"};
 
-std::vector<PeerRow> peerRows() {
+// None where `name` is not that of a row of OpenVDB.
+std::optional<double> adaptivityOf(std::string_view name) {
+  if (name.substr(0, kOpenVdbPrefix.size()) != kOpenVdbPrefix) return std::nullopt;
+  const char* const end = name.data() + name.size();
+  double adaptivity = 0;
+  const auto [rest, failure] =
+      std::from_chars(name.data() + kOpenVdbPrefix.size(), end, adaptivity);
+  if (failure != std::errc() || rest != end || !(adaptivity >= 0 && adaptivity <= 1))
+    return std::nullopt;
+  return adaptivity;
+}
+
+std::vector<PeerRow> peerRows(std::span<char* const> further) {
   std::vector<PeerRow> rows;
   // VTK's vertices lie on the same edges as ours; those of OpenVDB inside of cells.
   for (const char* name : kVtkRows) rows.push_back({name, false});
-  for (const OpenVdbRow& row : kOpenVdbRows) rows.push_back({row.name, true});
+  for (const char* name : kOpenVdbRows) rows.push_back({name, true});
+  for (const std::string name : further) {
+    const bool is_known =
+        std::any_of(rows.begin(), rows.end(), [&](const PeerRow& row) { return row.name == name; });
+    if (!is_known && adaptivityOf(name)) rows.push_back({name, true});
+  }
   return rows;
 }
 
@@ -47,9 +65,8 @@ struct PeerArguments {
 };
 
 std::unique_ptr<SurfaceEngine> makeEngine(const PeerArguments& arguments) {
-  for (const OpenVdbRow& row : kOpenVdbRows)
-    if (arguments.task.row == row.name)
-      return makeOpenVdbEngine(arguments.path, arguments.isovalue, row.adaptivity);
+  if (const auto adaptivity = adaptivityOf(arguments.task.row))
+    return makeOpenVdbEngine(arguments.path, arguments.isovalue, *adaptivity);
   auto engine =
       makeVtkEngine(arguments.task.row, arguments.path, arguments.isovalue, arguments.threads);
   if (engine == nullptr)
@@ -58,8 +75,8 @@ std::unique_ptr<SurfaceEngine> makeEngine(const PeerArguments& arguments) {
 }
 
 int run(int argc, char** argv) {
-  if (argc == 2 && std::string_view(argv[1]) == "--list") {
-    fmt::print("{}", textOf(peerRows()));
+  if (argc >= 2 && std::string_view(argv[1]) == "--list") {
+    fmt::print("{}", textOf(peerRows({argv + 2, argv + argc})));
     return 0;
   }
   PeerArguments arguments;
