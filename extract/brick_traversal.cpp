@@ -25,8 +25,11 @@ class Traversal {
     if (context_.query.cull_by_ranges &&
         !context_.pyramid.brickRange(level, brick).crosses(context_.isovalue))
       return;
-    if (classifier_.mayHoldLeaf(level, cells))
-      work_.push_back({level, brick, !isUniform(level, cells)});
+    if (classifier_.mayHoldLeaf(level, cells)) {
+      const bool is_uniform = isUniform(level, cells);
+      if (!is_uniform || !context_.query.has_brick || !context_.query.has_brick(level, brick))
+        work_.push_back({level, brick, !is_uniform});
+    }
     // Without a refined cell there is nothing finer inside.
     if (!classifier_.mayRefine(level, cells)) return;
     const Index3 first = 2L * brick;

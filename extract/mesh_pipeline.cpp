@@ -138,6 +138,8 @@ void meshInOrder(const MeshContext& context, std::span<const BrickWork> work, Me
     batch.clear();
     ahead.reached(job.work);
     batch.level = work[job.work].level;
+    batch.brick = work[job.work].brick;
+    batch.is_uniform = !work[job.work].adaptive;
     batch.fraction_done = static_cast<double>(job.work + 1) / static_cast<double>(work.size());
     MeshWorker& worker = memory.workers.local();
     try {

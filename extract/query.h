@@ -1,6 +1,7 @@
 // What a caller asks for: one isosurface, and how fine it shall be where.
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -73,6 +74,11 @@ struct Query : DetailChoice {
   // Answered at once from what is resident: coarser where that is not enough, but closed all the
   // same. Nothing is read but levels that are one brick. See Extractor::waitForBricks().
   bool now = false;
+  // Where it is true of a brick, the caller has that brick's part of the surface already, and it is
+  // left out of what comes. Asked, on the caller's thread and at most once a brick, of bricks of
+  // which all cells, and all cells that touch them, are leaves of the brick's level: what such a
+  // brick adds depends on pyramid, level, brick and isovalue alone.
+  std::function<bool(int level, const Index3& brick)> has_brick;
   // Off: every brick and every tile is visited. The mesh is the same (rule 7); for tests.
   bool cull_by_ranges = true;
   const CancelFlag* cancel = nullptr;

@@ -20,7 +20,7 @@ PictureSurface extractPictureSurface(const QueryOptions& options) {
   result.lattice = latticeOf(geometry);
   ProgressBar bar(0, "million triangles");
   std::mutex mutex;
-  ChunkSink sink(0, nullptr, [&](std::size_t place, SurfaceChunk&& chunk) {
+  ChunkSink sink({}, nullptr, [&](std::size_t place, SurfaceChunk&& chunk) {
     const std::lock_guard lock(mutex);
     if (result.chunks.size() <= place) result.chunks.resize(place + 1);
     result.chunks[place] = std::move(chunk);

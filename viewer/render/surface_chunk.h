@@ -3,9 +3,11 @@
 
 #include <array>
 #include <cmath>
+#include <compare>
 #include <cstdint>
 #include <glm/mat3x3.hpp>
 #include <glm/vec3.hpp>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -28,6 +30,18 @@ std::array<std::int16_t, 3> packNormal(const glm::vec3& normal);
 // A share of the range of all values, 0 .. 1, as -32766 .. 32767; not a number: kNoVertexValue.
 std::int16_t packValue(double share);
 
+// What the content of a chunk depends on, where that is not what lies around its brick: the same
+// key, the same bytes.
+struct ChunkKey {
+  int surface = 0;
+  double isovalue = 0.0;
+  std::uint64_t values = 0;  // a number for what vertices carry; 0: nothing
+  int level = 0;
+  std::array<std::int64_t, 3> brick{};
+
+  auto operator<=>(const ChunkKey&) const = default;
+};
+
 // What one brick adds to a surface: indexed triangles of one level. Positions are floats from an
 // origin of their own, so they are as exact at the far end of a volume as at its near end.
 struct SurfaceChunk {
@@ -36,8 +50,10 @@ struct SurfaceChunk {
   std::vector<std::uint32_t> triangles;  // 3 indices each, counter-clockwise seen from the outside
   // How many of them, at the end, are of cells that join two levels.
   std::size_t transition_indices = 0;
-  int level = 0;    // of the pyramid
-  int surface = 0;  // which of the scene's surfaces
+  int level = 0;                // of the pyramid
+  int surface = 0;              // which of the scene's surfaces
+  std::uint64_t cells = 0;      // leaves that it is made of
+  std::optional<ChunkKey> key;  // of a brick that only leaves of its level touch
 
   std::uint64_t bytes() const {
     return vertices.size() * sizeof(SurfaceVertex) + triangles.size() * sizeof(std::uint32_t);

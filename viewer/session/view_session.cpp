@@ -42,6 +42,16 @@ void addCounts(const std::vector<LevelCounts>& counts, std::vector<LevelCounts>&
             [](const LevelCounts& a, const LevelCounts& b) { return a.level < b.level; });
 }
 
+// As if all of the pass had been made at the rate of what was not reused; where that is little, the
+// pass tells nothing.
+DragQuality measuredPass(const DragQuality& quality, const StreamMessage& pass) {
+  if (4 * pass.triangles_made < pass.triangles) return quality;
+  const double share = pass.triangles == 0 ? 1.0
+                                           : static_cast<double>(pass.triangles_made) /
+                                                 static_cast<double>(pass.triangles);
+  return measured(quality, pass.radius, pass.triangles, pass.seconds / share);
+}
+
 std::string whole(double number) { return std::to_string(std::llround(number)); }
 
 }  // namespace
@@ -87,6 +97,7 @@ void ViewSession::suspend() {
   plane_worker_.cancel();
   requested_.reset();
   shown_surfaces_.clear();
+  shows_less_ = true;
 }
 
 void ViewSession::resume(SceneRenderer& renderer) {
@@ -204,6 +215,8 @@ void ViewSession::send(StreamRequest request, double seconds) {
   kept_.clear();
   for (const StreamPass::KeptSurface& kept : request.passes[0].kept) kept_.insert(kept.surface);
   request.values = wantedValues();
+  request.may_reuse = !shows_less_;
+  shows_less_ = false;
   first_radius_ = request.passes[0].radius;
   last_request_ = stream_.request(std::move(request));
   request_times_[last_request_] = seconds;
@@ -213,8 +226,7 @@ void ViewSession::send(StreamRequest request, double seconds) {
 void ViewSession::takeNews(const SurfaceSet::News& news) {
   uploaded_bytes_ = news.uploaded_bytes;
   for (const StreamMessage& pass : news.passes) {
-    if (pass.is_complete && !pass.surfaces.empty())
-      quality_ = measured(quality_, pass.radius, pass.triangles, pass.seconds);
+    if (pass.is_complete && !pass.surfaces.empty()) quality_ = measuredPass(quality_, pass);
     shown_request_ = pass.request;
     asked_.erase(asked_.begin(), asked_.lower_bound(shown_request_));
     std::map<int, ShownSurface> shown;
@@ -227,6 +239,7 @@ void ViewSession::takeNews(const SurfaceSet::News& news) {
     ++passes_;
     all_passes_done_ = pass.request == last_request_ && pass.last_pass;
   }
+  shows_less_ = shows_less_ || news.over_budget || news.stale;
   if (news.over_budget) shrinkToBudget();
   ask_again_ = ask_again_ || news.stale;
   if (news.over_budget || news.failed) request_times_.clear();
@@ -346,6 +359,7 @@ SessionStatus ViewSession::status() const {
   status.wanted_radius = wantedRadius(state_, volume_);
   status.shown_radius = shown_pass_.radius;
   status.triangles = trianglesShown();
+  status.triangles_made = shown_pass_.triangles_made;
   status.shown_bytes = surfaces_->shownBytes();
   status.bricks_read = shown_pass_.bricks_read;
   status.extract_seconds = shown_pass_.seconds;

@@ -28,12 +28,14 @@ struct SessionOptions {
 
 // What is going on, for people.
 struct SessionStatus {
-  std::string doing;              // "ready", or what is under way
-  std::string limited;            // what limits what is shown; empty: nothing
-  std::string error;              // of the last extraction, slice or mesh; empty: none
-  double shown_radius = 0.0;      // voxels
-  double wanted_radius = 0.0;     // voxels
-  std::uint64_t triangles = 0;    // shown
+  std::string doing;            // "ready", or what is under way
+  std::string limited;          // what limits what is shown; empty: nothing
+  std::string error;            // of the last extraction, slice or mesh; empty: none
+  double shown_radius = 0.0;    // voxels
+  double wanted_radius = 0.0;   // voxels
+  std::uint64_t triangles = 0;  // shown
+  // By the pass that is shown: the others were shown before, in bricks that stayed the same.
+  std::uint64_t triangles_made = 0;
   std::uint64_t shown_bytes = 0;  // of chunks
   std::uint64_t bricks_read = 0;  // by the pass that is shown
   double extract_seconds = 0.0;   // of the pass that is shown
@@ -159,6 +161,7 @@ class ViewSession {
   double last_change_ = 0.0;            // when a request last differed from the one before
   bool asked_for_all_ = false;          // since then
   bool ask_again_ = false;              // what was asked for could not be answered any longer
+  bool shows_less_ = false;             // than the stream's messages brought
   std::set<int> kept_;                  // surfaces that all requests under way keep
   bool over_budget_ = false;
   double first_radius_ = 0.0;  // of the latest request's first pass

@@ -44,8 +44,8 @@ std::uint64_t mostTriangles(const DragQuality& quality);
 std::vector<double> smallerRadii(double radius);
 
 // The radii of the passes at rest: from what is quick, each twice the last one, to `wanted`. Each
-// pass makes the whole surface anew, and the geometric growth keeps all of them together to about
-// a third more than the last one alone.
+// pass makes the bricks anew whose leaves are not those of the one before; even where these are
+// all, the geometric growth keeps all passes together to about a third more than the last one.
 std::vector<double> passRadii(double quick, double wanted);
 
 }  // namespace isobrick

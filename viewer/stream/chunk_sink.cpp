@@ -32,6 +32,12 @@ void ChunkSink::write(PlacedBatch& placed) {
   chunk.origin = glm::dvec3(batch.origin);
   chunk.level = batch.level;
   chunk.surface = surface_;
+  chunk.cells = batch.cells;
+  if (batch.is_uniform) {
+    chunk.key = key_;
+    chunk.key->level = batch.level;
+    chunk.key->brick = {batch.brick.x, batch.brick.y, batch.brick.z};
+  }
   chunk.vertices.resize(batch.positions.size());
   for (std::size_t v = 0; v < batch.positions.size(); ++v)
     chunk.vertices[v] = {batch.positions[v], packNormal(batch.normals[v])};

@@ -15,15 +15,17 @@ namespace isobrick {
 class ChunkSink : public TriangleSink {
  public:
   using Take = std::function<void(std::size_t place, SurfaceChunk&& chunk)>;
-  // `values`: of the vertices; null: they have none. Outlives the sink.
-  ChunkSink(int surface, const ChunkValues* values, Take take)
-      : surface_(surface), values_(values), take_(std::move(take)) {}
+  // `key`: of the chunks, but for their level and brick. `values`: of the vertices; null: they have
+  // none. Outlives the sink.
+  ChunkSink(const ChunkKey& key, const ChunkValues* values, Take take)
+      : surface_(key.surface), key_(key), values_(values), take_(std::move(take)) {}
 
   void place(PlacedBatch& placed) override { placed.first_byte = next_place_++; }
   void write(PlacedBatch& placed) override;
 
  private:
   int surface_;
+  ChunkKey key_;
   const ChunkValues* values_;
   Take take_;
   std::uint64_t next_place_ = 0;

@@ -1,6 +1,7 @@
 #include "isobrick/viewer/stream/surface_set.h"
 
 #include <algorithm>
+#include <set>
 #include <utility>
 
 #include "isobrick/storage/error.h"
@@ -23,7 +24,8 @@ void SurfaceSet::accept(StreamMessage message, News& news) {
       if (shown_.bytes + incoming_.bytes + bytes > budget_bytes_)
         return refuse(message.request, news);
       try {
-        incoming_.add({renderer_.upload(message.chunk), message.chunk.surface, bytes});
+        incoming_.add(
+            {renderer_.upload(message.chunk), message.chunk.surface, bytes, message.chunk.key});
       } catch (const Error&) {
         // The card has less room than the budget allows, and others use it.
         budget_bytes_ = shown_.bytes + incoming_.bytes + bytes - 1;
@@ -34,8 +36,7 @@ void SurfaceSet::accept(StreamMessage message, News& news) {
     }
     case StreamMessage::Kind::kPassDone:
       if (message.request == refused_request_) return;
-      if (std::any_of(message.kept.begin(), message.kept.end(),
-                      [&](const auto& kept) { return contentOf(kept.surface) != kept.content; })) {
+      if (!hasAllOf(message)) {
         release(incoming_);
         news.stale = true;
         return;
@@ -56,12 +57,28 @@ void SurfaceSet::accept(StreamMessage message, News& news) {
   }
 }
 
+// Of what the pass keeps or uses again.
+bool SurfaceSet::hasAllOf(const StreamMessage& pass) const {
+  std::set<ChunkKey> keys;
+  if (!pass.reused.empty())
+    for (const Chunk& chunk : shown_.chunks)
+      if (chunk.key) keys.insert(*chunk.key);
+  return std::all_of(pass.kept.begin(), pass.kept.end(),
+                     [&](const auto& kept) { return contentOf(kept.surface) == kept.content; }) &&
+         std::all_of(pass.reused.begin(), pass.reused.end(),
+                     [&](const ChunkKey& key) { return keys.count(key) != 0; });
+}
+
 void SurfaceSet::show(const StreamMessage& pass) {
+  const std::set<ChunkKey> reused(pass.reused.begin(), pass.reused.end());
   std::map<int, std::uint64_t> contents;
   for (const StreamPass::KeptSurface& kept : pass.kept) contents[kept.surface] = kept.content;
   Chunks gone;
-  for (const Chunk& chunk : shown_.chunks)
-    (contents.count(chunk.surface) != 0 ? incoming_ : gone).add(chunk);
+  for (const Chunk& chunk : shown_.chunks) {
+    const bool stays =
+        contents.count(chunk.surface) != 0 || (chunk.key && reused.count(*chunk.key) != 0);
+    (stays ? incoming_ : gone).add(chunk);
+  }
   for (const StreamedSurface& made : pass.surfaces) contents[made.surface] = ++last_content_;
   release(gone);
   shown_ = std::exchange(incoming_, {});

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -30,7 +31,7 @@ class SurfaceSet {
     bool shows_another = false;  // a pass was completed
     bool over_budget = false;    // the pass at hand does not fit, here or on the card: dropped
     bool failed = false;         // see error()
-    bool stale = false;          // a pass wanted to keep what is shown no longer, and was dropped
+    bool stale = false;          // a pass wanted to keep what is not shown, and was dropped
     std::uint64_t uploaded_bytes = 0;
     std::vector<StreamMessage> passes;  // those that were completed, without chunks
   };
@@ -61,6 +62,7 @@ class SurfaceSet {
     ChunkId id = 0;
     int surface = 0;
     std::uint64_t bytes = 0;
+    std::optional<ChunkKey> key = {};
   };
   struct Chunks {
     std::vector<Chunk> chunks;
@@ -71,6 +73,7 @@ class SurfaceSet {
       bytes += chunk.bytes;
     }
   };
+  bool hasAllOf(const StreamMessage& pass) const;
   void show(const StreamMessage& pass);
   void refuse(std::uint64_t request, News& news);
   void release(Chunks& chunks);

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <utility>
 
 #include "isobrick/storage/error.h"
 #include "isobrick/viewer/stream/chunk_sink.h"
@@ -188,9 +189,11 @@ const ChunkValues* SurfaceStream::valuesFor(const StreamValues& wanted) {
   if (wanted == values_wanted_) return values_.get();
   values_.reset();
   values_wanted_ = {};
+  values_number_ = 0;
   if (wanted.what == StreamValues::What::kGradient) values_ = gradientValues(*pyramid_);
   if (wanted.what == StreamValues::What::kOther) values_ = otherValues(*pyramid_, wanted.other);
   values_wanted_ = wanted;
+  if (values_ != nullptr) values_number_ = ++last_values_number_;
   return values_.get();
 }
 
@@ -199,9 +202,14 @@ SurfaceStream::Outcome SurfaceStream::extract(const Job& job, const Attempt& att
                                               StreamMessage& end) {
   const std::shared_ptr<const CancelFlag> cancel = cancel_;  // this thread alone replaces it
   std::atomic<std::uint64_t> triangles{0};
+  std::mutex made_mutex;
   const auto take = [&](SurfaceChunk&& chunk) {
     triangles += chunk.triangles.size() / 3;
     if (attempt.most_triangles > 0 && triangles > attempt.most_triangles) throw TooMany{};
+    if (chunk.key) {
+      const std::lock_guard lock(made_mutex);
+      made_[*chunk.key] = {chunk.cells, chunk.triangles.size() / 3};
+    }
     StreamMessage message;
     message.request = job.number;
     message.pass = attempt.pass;
@@ -210,22 +218,21 @@ SurfaceStream::Outcome SurfaceStream::extract(const Job& job, const Attempt& att
   };
   const ChunkValues* const values = valuesFor(job.request.values);
   if (values != nullptr) end.values = values->range();
+  if (attempt.pass == 0 && !job.request.may_reuse) done_.clear();
+  made_.clear();
   // TBB's threads come from one pool; an arena bounds how many of them work here.
   tbb::task_arena arena(threads_);
   arena.execute([&] {
-    for (const StreamPass::SurfaceQuery& surface : attempt.work->queries) {
-      ChunkSink sink(surface.surface, values,
-                     [&](std::size_t, SurfaceChunk&& chunk) { take(std::move(chunk)); });
-      Query query = surface.query;
-      query.cancel = cancel.get();
-      query.now = attempt.at_once;
-      const ExtractionReport report = extractor_.extract(query, sink);
-      end.triangles += report.triangles;
-      end.bricks_read += report.bricks_read;
-      end.is_complete = end.is_complete && report.is_complete;
-      end.surfaces.push_back({surface.surface, report.triangles, report.levels});
-    }
+    for (const StreamPass::SurfaceQuery& surface : attempt.work->queries)
+      extractSurface(surface, attempt, take, end);
   });
+  end.triangles_made = triangles;
+  // Of surfaces that are kept what was shown stays.
+  for (const auto& [key, addition] : done_)
+    if (std::any_of(attempt.work->kept.begin(), attempt.work->kept.end(),
+                    [&](const auto& kept) { return kept.surface == key.surface; }))
+      made_.emplace(key, addition);
+  done_ = std::exchange(made_, {});
   const std::lock_guard lock(mutex_);
   if (a_hand_waits_) patience_ = least_patience_;
   end.last_pass = attempt.pass + 1 == job.request.passes.size() && end.is_complete;
@@ -233,6 +240,48 @@ SurfaceStream::Outcome SurfaceStream::extract(const Job& job, const Attempt& att
   end.radius = attempt.work->radius;
   end.seconds = std::max(0.0, now() - pass_begin_ - waited_);
   return end.is_complete ? Outcome::kComplete : Outcome::kIncomplete;
+}
+
+// In the arena.
+void SurfaceStream::extractSurface(const StreamPass::SurfaceQuery& surface, const Attempt& attempt,
+                                   const std::function<void(SurfaceChunk&&)>& take,
+                                   StreamMessage& end) {
+  const ChunkKey key{surface.surface, surface.query.isovalue, values_number_, 0, {}};
+  ChunkSink sink(key, values_.get(),
+                 [&](std::size_t, SurfaceChunk&& chunk) { take(std::move(chunk)); });
+  Query query = surface.query;
+  query.cancel = cancel_.get();
+  query.now = attempt.at_once;
+  std::vector<LevelCounts> levels(static_cast<std::size_t>(pyramid_->lattice().levels()));
+  query.has_brick = [&](int level, const Index3& brick) {
+    ChunkKey of_brick = key;
+    of_brick.level = level;
+    of_brick.brick = {brick.x, brick.y, brick.z};
+    const auto known = done_.find(of_brick);
+    if (known == done_.end()) return false;
+    made_.insert(*known);
+    end.reused.push_back(of_brick);
+    levels[static_cast<std::size_t>(level)].cells += known->second.cells;
+    levels[static_cast<std::size_t>(level)].triangles += known->second.triangles;
+    return true;
+  };
+  const ExtractionReport report = extractor_.extract(query, sink);
+  for (const LevelCounts& made : report.levels) {
+    LevelCounts& counts = levels[static_cast<std::size_t>(made.level)];
+    counts.cells += made.cells;
+    counts.triangles += made.triangles;
+    counts.transition_cells += made.transition_cells;
+  }
+  StreamedSurface streamed{surface.surface, 0, {}};
+  for (std::size_t level = 0; level < levels.size(); ++level) {
+    levels[level].level = static_cast<int>(level);
+    streamed.triangles += levels[level].triangles;
+    if (levels[level].triangles > 0) streamed.levels.push_back(levels[level]);
+  }
+  end.triangles += streamed.triangles;
+  end.bricks_read += report.bricks_read;
+  end.is_complete = end.is_complete && report.is_complete;
+  end.surfaces.push_back(std::move(streamed));
 }
 
 }  // namespace isobrick

@@ -5,6 +5,8 @@
 #include <condition_variable>
 #include <cstdint>
 #include <deque>
+#include <functional>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -67,6 +69,9 @@ struct StreamRequest {
   std::vector<StreamPass> smaller = {};
   std::uint64_t most_triangles = 0;
   StreamValues values = {};
+  // Bricks that are the same in the pass that was done last are not made again. False where what
+  // its messages brought is not all shown.
+  bool may_reuse = true;
 };
 
 struct StreamMessage {
@@ -87,6 +92,8 @@ struct StreamMessage {
   std::array<double, 2> values{0.0, 0.0};  // what a vertex value's share 0 and 1 stand for
   double seconds = 0.0;                    // of extraction, waiting for a full queue left out
   std::uint64_t triangles = 0;             // of all queries
+  std::uint64_t triangles_made = 0;        // those of them that are not reused
+  std::vector<ChunkKey> reused;            // chunks of the pass shown before that are part of it
   std::uint64_t bricks_read = 0;
   std::vector<StreamedSurface> surfaces;
   std::vector<StreamPass::KeptSurface> kept;
@@ -142,6 +149,8 @@ class SurfaceStream {
   Outcome run(const Job& job, const Attempt& attempt);
   const ChunkValues* valuesFor(const StreamValues& wanted);
   Outcome extract(const Job& job, const Attempt& attempt, StreamMessage& end);
+  void extractSurface(const StreamPass::SurfaceQuery& surface, const Attempt& attempt,
+                      const std::function<void(SurfaceChunk&&)>& take, StreamMessage& end);
   void finish(StreamMessage end);
   void pushChunk(StreamMessage message, const CancelFlag& cancel);
   void endCurrent();
@@ -154,6 +163,13 @@ class SurfaceStream {
   Extractor extractor_;  // keeps its memory from pass to pass
   StreamValues values_wanted_;
   std::unique_ptr<ChunkValues> values_;
+  std::uint64_t values_number_ = 0, last_values_number_ = 0;  // see ChunkKey
+  // What chunks with a key add: of the last pass that was done, and of the one at hand.
+  struct Addition {
+    std::uint64_t cells = 0, triangles = 0;
+  };
+  using Additions = std::map<ChunkKey, Addition>;
+  Additions done_, made_;
 
   mutable std::mutex mutex_;
   std::condition_variable work_, room_;

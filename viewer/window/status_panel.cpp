@@ -68,6 +68,8 @@ void buildStatistics(const ViewSession& session, const PanelFacts& facts, float 
   ImGui::Text("extracted in %.1f ms, %.1f Mtri/s", 1e3 * status.extract_seconds,
               1e-6 * status.triangles_per_second);
   ImGui::Text("radius while dragging %.0f", status.drag_radius);
+  ImGui::Text("made by the pass: %llu triangles",
+              static_cast<unsigned long long>(status.triangles_made));
   ImGui::Text("bricks read by the pass: %llu", static_cast<unsigned long long>(status.bricks_read));
   ImGui::Text("in memory %s of %s", megabytes(session.pyramid().heldBytes()).c_str(),
               megabytes(session.pyramid().budgetBytes()).c_str());

@@ -69,6 +69,7 @@ TEST(ShownMeshTest, AtAHundredMomentsItPassesTheChecker) {
   std::uniform_real_distribution<double> share(0.0, 1.0);
   double clock = 0.0;
   std::size_t with_triangles = 0;
+  std::uint64_t reused = 0;                // triangles of what was looked at
   std::map<std::uint64_t, int> looked_at;  // by the pass that was shown
   for (int moment = 0; moment < 100; ++moment) {
     ViewState& state = session.state();
@@ -98,6 +99,8 @@ TEST(ShownMeshTest, AtAHundredMomentsItPassesTheChecker) {
     std::vector<std::uint32_t> triangles;
     renderer.joinShown(positions, triangles);
     ++looked_at[session.status().passes];
+    reused += session.status().triangles -
+              std::min(session.status().triangles, session.status().triangles_made);
     if (triangles.empty()) continue;
     ++with_triangles;
     const test::MeshReport report =
@@ -115,6 +118,7 @@ TEST(ShownMeshTest, AtAHundredMomentsItPassesTheChecker) {
   renderer.joinShown(positions, triangles);
   ASSERT_FALSE(triangles.empty());
   EXPECT_TRUE(test::checkMesh(positions, triangles, test::indexOptions(Index3(40))).ok());
+  EXPECT_GT(reused, 0u);
   RecordProperty("moments_with_triangles", static_cast<int>(with_triangles));
   RecordProperty("surfaces", static_cast<int>(looked_at.size()));
 }

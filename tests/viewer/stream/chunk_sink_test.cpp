@@ -34,11 +34,12 @@ TEST(ChunkSinkTest, ChunksInTheirPlacesAreTheMeshOfTheSameQuery) {
 
   std::mutex mutex;
   std::vector<SurfaceChunk> chunks;
-  ChunkSink sink(3, nullptr, [&](std::size_t place, SurfaceChunk&& chunk) {
-    const std::lock_guard lock(mutex);
-    if (chunks.size() <= place) chunks.resize(place + 1);
-    chunks[place] = std::move(chunk);
-  });
+  ChunkSink sink({.surface = 3, .isovalue = query.isovalue}, nullptr,
+                 [&](std::size_t place, SurfaceChunk&& chunk) {
+                   const std::lock_guard lock(mutex);
+                   if (chunks.size() <= place) chunks.resize(place + 1);
+                   chunks[place] = std::move(chunk);
+                 });
   const ExtractionReport report = extractIsosurface(pyramid, query, sink);
   ASSERT_GT(chunks.size(), 10u);
 

@@ -105,6 +105,56 @@ TEST_F(SurfaceStreamTest, PassesAreShownWholeAndReplaceEachOther) {
   EXPECT_EQ(set.shownBytes(), renderer.bytesKept());
 }
 
+TEST_F(SurfaceStreamTest, BricksThatStayTheSameAreNotMadeAgain) {
+  SurfaceStream stream(pyramid_, 2);
+  NullRenderer renderer;
+  auto set = std::make_unique<SurfaceSet>(renderer, 1 << 30);
+  const auto triangleOf = [&](double radius) { return trianglesOf(pass(radius)); };
+  std::vector<StreamMessage> passes;
+  bool stale = false;
+  const auto show = [&](StreamRequest request) {
+    passes.clear();
+    stale = false;
+    stream.request(std::move(request));
+    pumpAll(stream, *set, [&](const SurfaceSet::News& news) {
+      passes.insert(passes.end(), news.passes.begin(), news.passes.end());
+      stale = stale || news.stale;
+    });
+    return kept(renderer, set->shown());
+  };
+  // From pass to pass of a request, and from request to request.
+  EXPECT_EQ(show({{pass(30.0), pass(45.0)}, false}), triangleOf(45.0));
+  ASSERT_EQ(passes.size(), 2u);
+  EXPECT_EQ(passes[0].triangles_made, passes[0].triangles);
+  EXPECT_GT(passes[1].reused.size(), 0u);
+  EXPECT_LT(passes[1].triangles_made, passes[1].triangles);
+  EXPECT_EQ(passes[1].triangles, triangleOf(45.0));
+  EXPECT_EQ(show({{pass(30.0)}, false}), triangleOf(30.0));
+  EXPECT_GT(passes.at(0).reused.size(), 0u);
+  std::uint64_t of_levels = 0;
+  for (const LevelCounts& counts : passes[0].surfaces.at(0).levels) of_levels += counts.triangles;
+  EXPECT_EQ(of_levels, triangleOf(30.0));
+  EXPECT_EQ(renderer.kept().size(), set->shown().size());
+  EXPECT_EQ(set->shownBytes(), renderer.bytesKept());
+  // Not for another isovalue or other values.
+  EXPECT_EQ(show({{pass(30.0, 4.25)}, false}), trianglesOf(pass(30.0, 4.25)));
+  EXPECT_EQ(passes.at(0).reused.size(), 0u);
+  StreamRequest colored{{pass(30.0, 4.25)}, false};
+  colored.values.what = StreamValues::What::kGradient;
+  show(colored);
+  EXPECT_EQ(passes.at(0).reused.size(), 0u);
+  show(colored);
+  EXPECT_GT(passes.at(0).reused.size(), 0u);
+  // What is not there any longer is no part of a surface.
+  set = std::make_unique<SurfaceSet>(renderer, 1 << 30);
+  EXPECT_EQ(show(colored), 0u);
+  EXPECT_TRUE(stale);
+  EXPECT_EQ(set->incomingBytes(), 0u);
+  colored.may_reuse = false;
+  EXPECT_EQ(show(colored), trianglesOf(pass(30.0, 4.25)));
+  EXPECT_FALSE(stale);
+}
+
 TEST_F(SurfaceStreamTest, TheLastOfManyRequestsIsWhatStays) {
   SurfaceStream stream(pyramid_, 2);
   NullRenderer renderer;
