@@ -45,6 +45,7 @@ struct ReportedFrame {
   double surface_age = 0.0;
   double shown_radius = 0.0;
   std::uint64_t triangles = 0;
+  std::uint64_t triangles_made = 0;
   std::uint64_t uploaded_bytes = 0;
 };
 
@@ -89,7 +90,8 @@ std::string reportOf(const std::vector<ReportedFrame>& frames, const std::string
                     {"draw_ms", 1e3 * f.times.draw},
                     {"surface_age_ms", 1e3 * f.surface_age},
                     {"radius", f.shown_radius},
-                    {"triangles", f.triangles}});
+                    {"triangles", f.triangles},
+                    {"triangles_made", f.triangles_made}});
   report["each_frame"] = std::move(list);
   return report.dump(1) + "\n";
 }
@@ -383,7 +385,7 @@ class ViewLoop {
     if (options_.report_path.empty()) return;
     const SessionStatus now = status();
     reported_.push_back({begin - begin_, times, now.surface_age, now.shown_radius, now.triangles,
-                         session_ ? session_->uploadedBytes() : 0});
+                         now.triangles_made, session_ ? session_->uploadedBytes() : 0});
   }
 
   const ViewOptions& options_;
