@@ -1,11 +1,11 @@
 #!/usr/bin/python3
 """Meshes that isobrick wrote, read by others: each format must hold what the PLY of its query holds.
 
-    mesh_interchange_test.py ISOBRICK numpy|vtk|assimp
+    mesh_interchange_test.py ISOBRICK numpy|vtk|assimp|meshio
 
 $CHECK_MESH is the mesh checker's program.
 
-numpy: readers below, written from the formats' specifications. vtk, assimp: those programs' own.
+numpy: readers below, written from the formats' specifications. vtk, assimp, meshio: those programs' own.
 """
 import ctypes
 import itertools
@@ -510,6 +510,25 @@ def test_assimp():
             for of in (lambda mesh: mesh.positions, lambda mesh: mesh.normals):
                 np.testing.assert_allclose(of(found)[found.triangles], of(ply)[ply.triangles],
                                            rtol=3e-7, atol=1e-30)  # it rounds once too often
+
+
+def test_meshio():
+    """OBJ and STL; it has no VTP and glTF, and of binary PLY only faces without values such as level."""
+    import meshio
+
+    for place in (OBLIQUE, FAR):
+        build_surface("volume.isb", *place)
+        for query in QUERIES:
+            for name in ("m.ply", "m.stl", "m.obj"):
+                run("extract", "volume.isb", *query, "-o", name)
+            ply = read_ply("m.ply")
+            found = meshio.read("m.obj")
+            expect_same(Mesh(found.points.astype(ply.positions.dtype),
+                             found.point_data["obj:vn"].astype("f4"), found.cells_dict["triangle"]),
+                        ply)
+            found = meshio.read("m.stl")
+            np.testing.assert_array_equal(found.points[found.cells_dict["triangle"]],
+                                          ply.positions[ply.triangles].astype("f4"))
 
 
 with tempfile.TemporaryDirectory(prefix="isobrick-meshes-") as folder:
