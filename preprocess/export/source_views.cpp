@@ -179,7 +179,9 @@ class WindowedSource final : public MappedSource {
 
  private:
   void mapValues(const std::byte* from, std::size_t count, void* to) const override {
-    const double scale = (most_ - least_) / (window_.high - window_.low);
+    const double steps = most_ - least_;
+    const double low = window_.low, scale = steps / (window_.high - window_.low);
+    const auto least = static_cast<std::int32_t>(least_);
     visitVoxelType(source_->info().voxel_type, [&](auto in_tag) {
       visitVoxelType(info_.voxel_type, [&](auto out_tag) {
         using In = typename decltype(in_tag)::Type;
@@ -187,10 +189,9 @@ class WindowedSource final : public MappedSource {
         const In* const in = reinterpret_cast<const In*>(from);
         Out* const out = static_cast<Out*>(to);
         for (std::size_t i = 0; i < count; ++i) {
+          const double step = std::min((static_cast<double>(in[i]) - low) * scale, steps);
           // What is no number becomes the least: it compares with nothing.
-          const double value = (static_cast<double>(in[i]) - window_.low) * scale + least_;
-          const double rounded = std::floor(value + 0.5);
-          out[i] = static_cast<Out>(rounded > least_ ? std::min(rounded, most_) : least_);
+          out[i] = static_cast<Out>(least + static_cast<std::int32_t>(step > 0 ? step + 0.5 : 0.0));
         }
       });
     });

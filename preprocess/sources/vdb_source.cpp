@@ -2,27 +2,31 @@
 // voxels as a dense volume. The only file that includes OpenVDB.
 #include "isobrick/preprocess/sources/vdb_source.h"
 
+#include <malloc.h>
 #include <openvdb/io/Archive.h>
 #include <openvdb/io/GridDescriptor.h>
 #include <openvdb/io/io.h>
 #include <openvdb/openvdb.h>
 #include <openvdb/tools/Dense.h>
 #include <openvdb/util/logging.h>
+#include <tbb/task_arena.h>
 
 #include <algorithm>
 #include <array>
 #include <charconv>
-#include <fstream>
 #include <glm/geometric.hpp>
+#include <istream>
 #include <new>
 #include <optional>
-#include <span>
+#include <streambuf>
 #include <type_traits>
 #include <utility>
+#include <vector>
 
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/sources/rows_as_boxes.h"
 #include "isobrick/preprocess/sources/source_checks.h"
+#include "isobrick/preprocess/sources/vdb_slabs.h"
 #include "isobrick/preprocess/volume_source.h"
 #include "isobrick/storage/error.h"
 
@@ -103,46 +107,52 @@ void copyVoxels(const Grid& grid, const IndexBox& box, void* out) {
 }
 
 // A file that says how far it was read, and stops where that is wished: what it throws comes out of
-// OpenVDB's call through the stream.
-class WatchedFile final : public std::filebuf {
+// OpenVDB's call through the stream. To skip a few bytes, as of each of a million leaves, costs
+// nothing; to go beyond the end fails.
+class WatchedFile final : public std::streambuf {
  public:
-  // `options` outlives it.
-  WatchedFile(const std::string& path, std::uint64_t bytes, const OpenOptions& options)
-      : bytes_(bytes), options_(options) {
-    open(path, std::ios::in | std::ios::binary);
-  }
+  // They outlive it.
+  WatchedFile(const InputFile& file, const OpenOptions& options) : file_(file), options_(options) {}
 
  protected:
-  std::streamsize xsgetn(char* to, std::streamsize count) override {
-    look(count);
-    return std::filebuf::xsgetn(to, count);
-  }
   int_type underflow() override {
-    look(0);
-    return std::filebuf::underflow();
+    if (gptr() == egptr()) {
+      options_.checkCancel();
+      begin_ += static_cast<std::uint64_t>(egptr() - eback());
+      if (buffer_.empty()) buffer_.resize(kBufferBytes);
+      const std::size_t got = file_.readAt(begin_, buffer_.data(), buffer_.size());
+      setg(buffer_.data(), buffer_.data(), buffer_.data() + got);
+      if (got == 0) return traits_type::eof();
+      options_.report("loading grid",
+                      static_cast<double>(begin_) / static_cast<double>(file_.size()));
+    }
+    return traits_type::to_int_type(*gptr());
+  }
+  pos_type seekoff(off_type by, std::ios_base::seekdir from, std::ios_base::openmode) override {
+    const auto here = static_cast<off_type>(begin_) + (gptr() - eback());
+    const auto size = static_cast<off_type>(file_.size());
+    const off_type base = from == std::ios_base::beg ? 0 : from == std::ios_base::cur ? here : size;
+    off_type to = 0;
+    if (__builtin_add_overflow(by, base, &to) || to < 0 || to > size) return pos_type(off_type(-1));
+    const off_type in_buffer = to - static_cast<off_type>(begin_);
+    if (in_buffer >= 0 && in_buffer <= egptr() - eback()) {
+      setg(eback(), eback() + in_buffer, egptr());
+    } else {
+      begin_ = static_cast<std::uint64_t>(to);
+      setg(buffer_.data(), buffer_.data(), buffer_.data());
+    }
+    return to;
+  }
+  pos_type seekpos(pos_type to, std::ios_base::openmode mode) override {
+    return seekoff(to, std::ios_base::beg, mode);
   }
 
  private:
-  void look(std::streamsize count) {
-    options_.checkCancel();
-    read_ += static_cast<std::uint64_t>(count);
-    if (read_ - reported_ < kBytesPerReport) return;
-    reported_ = read_;
-    options_.report("loading grid",
-                    static_cast<double>(std::min(read_, bytes_)) / static_cast<double>(bytes_));
-  }
-
-  static constexpr std::uint64_t kBytesPerReport = std::uint64_t{64} << 10;
-  const std::uint64_t bytes_;
+  static constexpr std::size_t kBufferBytes = std::size_t{256} << 10;
+  const InputFile& file_;
   const OpenOptions& options_;
-  std::uint64_t read_ = 0, reported_ = 0;
-};
-
-// A leaf without its voxels, and where the file has them.
-template <typename Leaf>
-struct StoredLeaf {
-  Leaf* leaf = nullptr;
-  std::streampos place;
+  std::vector<char> buffer_;
+  std::uint64_t begin_ = 0;  // of the buffer, in the file
 };
 
 // A .vdb file, read front to back. OpenVDB's own io::File goes on with whatever is in memory where
@@ -152,10 +162,11 @@ class VdbFile : private openvdb::io::Archive {
  public:
   VdbFile(const std::string& path, const OpenOptions& options)
       : path_(path),
-        bytes_(InputFile(path).size()),
+        input_(path),
+        bytes_(input_.size()),
         options_(options),
-        file_(path, bytes_, options_),
-        in_(file_.is_open() ? &file_ : nullptr) {
+        watched_(input_, options_),
+        in_(&watched_) {
     in_.exceptions(std::ios::failbit | std::ios::badbit | std::ios::eofbit);
   }
 
@@ -174,7 +185,7 @@ class VdbFile : private openvdb::io::Archive {
   }
 
   // The grid with its voxels, or, where these take more than `memory_bytes`, without: its nodes
-  // alone. Then findLeaves() and readLeaves() have them.
+  // alone. Then slabsOf() has them.
   struct Loaded {
     GridBase::Ptr grid;
     bool has_voxels = true;
@@ -189,8 +200,8 @@ class VdbFile : private openvdb::io::Archive {
       if (bytes_ > memory_bytes / kMostRatio && canSkipVoxels() && !isMask(*chosen_->grid)) {
         loaded.grid = emptyGrid();
         readNodes(loaded.grid);
-        // Each leaf has its voxels, 96 bytes around them, and a StoredLeaf.
-        constexpr std::uint64_t kLeafBytes = 96 + 16 + sizeof(StoredLeaf<int>);
+        // Each leaf has its voxels, and 112 bytes around them.
+        constexpr std::uint64_t kLeafBytes = 96 + 16;
         std::uint64_t leaves = 0, voxel_bytes = 0;
         visitScalar(loaded.grid, [&](const auto& grid) {
           using Leaf = typename std::decay_t<decltype(*grid)>::TreeType::LeafNodeType;
@@ -210,31 +221,35 @@ class VdbFile : private openvdb::io::Archive {
     return loaded;
   }
 
-  // Once, right after load() left the voxels out: where those of each leaf are, in the order of the
-  // file. Goes through all of them, most of which are skipped.
+  // Once, right after load() left the voxels out: where those of each leaf are. Goes through all of
+  // them, most of which are skipped.
   template <typename Tree>
-  std::vector<StoredLeaf<typename Tree::LeafNodeType>> findLeaves(Tree& tree) {
-    std::vector<StoredLeaf<typename Tree::LeafNodeType>> leaves;
+  std::unique_ptr<VdbSlabs<Tree>> slabsOf(Tree& tree) {
+    using Leaf = typename Tree::LeafNodeType;
+    // A mask, how they are packed, and the values, which packing makes hardly larger.
+    constexpr std::uint64_t kMostBytes =
+        2 * sizeof(typename Leaf::Buffer::ValueType) * Leaf::SIZE + 1024;
+    std::unique_ptr<VdbSlabs<Tree>> slabs;
     guarded([&] {
-      leaves.reserve(tree.leafCount());
-      for (auto at = tree.beginLeaf(); at; ++at) {
-        leaves.push_back({&*at, in_.tellg()});
-        const auto mask = at->getValueMask();  // what is skipped counts as inactive
-        at->readBuffers(in_, openvdb::CoordBBox(), stream_metadata_->halfFloat());
-        at->setValueMask(mask);
+      std::vector<std::uint64_t> places;
+      places.reserve(tree.leafCount() + 1);
+      const auto here = [&] { return static_cast<std::uint64_t>(std::streamoff{in_.tellg()}); };
+      places.push_back(here());
+      for (auto leaf = tree.beginLeaf(); leaf; ++leaf) {
+        leaf->readBuffers(in_, openvdb::CoordBBox(), stream_metadata_->halfFloat());
+        const std::uint64_t end = here();
+        if (end < places.back() || end - places.back() > kMostBytes)
+          throw cannotUse(path_, "it is damaged at byte " + std::to_string(places.back()));
+        places.push_back(end);
       }
+      slabs = std::make_unique<VdbSlabs<Tree>>(tree, std::move(places), *stream_metadata_, input_);
     });
-    return leaves;
+    return slabs;
   }
-  // Fills those leaves.
-  template <typename Leaf>
-  void readLeaves(std::span<const StoredLeaf<Leaf>> leaves) {
-    guarded([&] {
-      for (const StoredLeaf<Leaf>& stored : leaves) {
-        in_.seekg(stored.place);
-        stored.leaf->readBuffers(in_, stream_metadata_->halfFloat());
-      }
-    });
+  // The values of `box`, in coordinates of the grid.
+  template <typename Tree>
+  void readSlab(const VdbSlabs<Tree>& slabs, const IndexBox& box, float* out) {
+    guarded([&] { slabs.read(box, out, [&] { options_.checkCancel(); }); });
   }
 
   // Nobody waits for the file to be opened any more.
@@ -385,13 +400,14 @@ class VdbFile : private openvdb::io::Archive {
   }
 
   std::string path_;
+  InputFile input_;
   std::uint64_t bytes_;
   OpenOptions options_;
   Entry* chosen_ = nullptr;  // in entries_
   // The stream refers to this very pointer.
   openvdb::io::StreamMetadata::Ptr stream_metadata_ =
       std::make_shared<openvdb::io::StreamMetadata>();
-  WatchedFile file_;
+  WatchedFile watched_;
   std::istream in_;
   std::vector<Entry> entries_;
 };
@@ -503,82 +519,68 @@ class VdbSource final : public VdbSourceBase {
   typename Grid::ConstPtr grid_;
 };
 
-// A grid that does not fit into memory: its nodes are held, and the voxels of the leaves that a
-// slab of slices needs.
-template <typename Grid>
+// A grid that does not fit into memory: where its leaves are is held, and the voxels of some
+// slices.
+template <typename Tree>
 class VdbSlabSource final : public VdbSourceBase {
  public:
-  VdbSlabSource(VolumeInfo info, std::unique_ptr<VdbFile> file, typename Grid::Ptr grid,
-                const Index3& first, std::uint64_t node_bytes, std::uint64_t memory_bytes)
-      : VdbSourceBase(std::move(info), first),
-        file_(std::move(file)),
-        grid_(std::move(grid)),
-        leaves_(file_->findLeaves(grid_->tree())) {
-    file_->stopReporting();
-    // By layers, each in the order of the file.
-    std::stable_sort(leaves_.begin(), leaves_.end(), [](const Stored& a, const Stored& b) {
-      return a.leaf->origin().z() < b.leaf->origin().z();
-    });
-    const auto layer_bytes =
-        static_cast<std::uint64_t>((info_.voxels.x + 7) * (info_.voxels.y + 7)) * kLeafSlices *
-        sizeof(float);
-    const std::uint64_t left = memory_bytes > node_bytes ? memory_bytes - node_bytes : 0;
-    layers_ = std::max(std::int64_t{1}, static_cast<std::int64_t>(left / layer_bytes));
-    buffer_bytes_ = node_bytes + static_cast<std::uint64_t>(layers_) * layer_bytes;
+  VdbSlabSource(VolumeInfo info, std::unique_ptr<VdbFile> file,
+                std::unique_ptr<VdbSlabs<Tree>> slabs, const Index3& first,
+                std::uint64_t node_bytes, std::uint64_t memory_bytes)
+      : VdbSourceBase(std::move(info), first), file_(std::move(file)), slabs_(std::move(slabs)) {
+    const auto slice_bytes =
+        static_cast<std::uint64_t>(info_.voxels.x * info_.voxels.y) * sizeof(float);
+    // What a thread has of its leaves.
+    constexpr std::uint64_t kThreadBytes = std::uint64_t{1} << 20;
+    const auto threads =
+        static_cast<std::uint64_t>(std::max(1, tbb::this_task_arena::max_concurrency()));
+    const std::uint64_t held = slabs_->bytes() + kThreadBytes * threads;
+    const std::uint64_t left = memory_bytes > held ? memory_bytes - held : 0;
+    slices_ = std::clamp(static_cast<std::int64_t>(left / slice_bytes), std::int64_t{1},
+                         info_.voxels.z + kLeafSlices);
+    // Whole layers of leaves, so that none is read twice, where they fit.
+    if (slices_ >= kLeafSlices) slices_ -= slices_ % kLeafSlices;
+    // While the file was opened, the nodes took most.
+    buffer_bytes_ = std::max(node_bytes, held + static_cast<std::uint64_t>(slices_) * slice_bytes);
   }
 
   std::uint64_t bufferBytes() const override { return buffer_bytes_; }
 
   void readRows(std::int64_t first, std::int64_t count, void* out) override {
     const Index3& voxels = info_.voxels;
-    auto* to = static_cast<std::byte*>(out);
+    auto* to = static_cast<float*>(out);
     while (count > 0) {
       const std::int64_t y = first % voxels.y, z = first / voxels.y;
-      const std::int64_t rows = std::min(count, voxels.y - y);
-      if (z >= slab_end_) loadSlab(z);
-      copyVoxels(*grid_, {first_ + Index3(0, y, z), Index3(voxels.x, rows, 1)}, to);
-      to += static_cast<std::size_t>(rows * voxels.x) * voxelBytes(info_.voxel_type);
+      if (z >= slab_begin_ + slab_slices_) loadSlab(z);
+      const std::int64_t rows = std::min(count, (slab_begin_ + slab_slices_ - z) * voxels.y - y);
+      to = std::copy_n(slab_.data() + ((z - slab_begin_) * voxels.y + y) * voxels.x,
+                       rows * voxels.x, to);
       first += rows;
       count -= rows;
     }
   }
 
  private:
-  using Leaf = typename Grid::TreeType::LeafNodeType;
-  using Stored = StoredLeaf<Leaf>;
-  static constexpr std::int64_t kLeafSlices = 8;
-
-  // Leaves below the coordinate.
-  std::size_t leavesBelow(std::int64_t z) const {
-    const auto end = std::partition_point(
-        leaves_.begin(), leaves_.end(), [&](const Stored& s) { return s.leaf->origin().z() < z; });
-    return static_cast<std::size_t>(end - leaves_.begin());
-  }
+  static constexpr std::int64_t kLeafSlices = VdbSlabs<Tree>::kLeafVoxels;
 
   void loadSlab(std::int64_t z) {
-    forgetVoxels();
-    // Whole layers of leaves, so that none is read twice.
-    const std::int64_t begin = (first_.z + z) & ~(kLeafSlices - 1);
-    const std::int64_t end = begin + kLeafSlices * layers_;
-    slab_end_ = std::min(end - first_.z, info_.voxels.z);
-    const std::size_t low = leavesBelow(begin), high = leavesBelow(end);
-    slab_ = std::span<const Stored>(leaves_).subspan(low, high - low);
-    file_->readLeaves(slab_);
-  }
-  void forgetVoxels() {
-    for (const Stored& stored : slab_) {
-      typename Leaf::Buffer none(openvdb::PartialCreate(), grid_->background());
-      stored.leaf->swap(none);
-    }
+    const std::int64_t low = first_.z + z;
+    const std::int64_t end =
+        (slices_ < kLeafSlices ? low : low & ~(kLeafSlices - 1)) + slices_ - first_.z;
+    slab_begin_ = z;
+    slab_slices_ = std::min(end, info_.voxels.z) - z;
+    const Index3& voxels = info_.voxels;
+    slab_.resize(static_cast<std::size_t>(voxels.x * voxels.y * std::min(slices_, voxels.z)));
+    file_->readSlab(*slabs_, {first_ + Index3(0, 0, z), Index3(voxels.x, voxels.y, slab_slices_)},
+                    slab_.data());
   }
 
   std::unique_ptr<VdbFile> file_;
-  typename Grid::Ptr grid_;
-  std::vector<Stored> leaves_;
-  std::int64_t layers_ = 1;
+  std::unique_ptr<VdbSlabs<Tree>> slabs_;
+  std::int64_t slices_ = 0;  // of a slab
   std::uint64_t buffer_bytes_ = 0;
-  std::span<const Stored> slab_;  // that have their voxels
-  std::int64_t slab_end_ = 0;     // slices below it were read, or are in slab_
+  std::vector<float> slab_;
+  std::int64_t slab_begin_ = 0, slab_slices_ = 0;  // what is in it
 };
 
 // What the writer of .vdb wants back.
@@ -622,10 +624,16 @@ std::unique_ptr<VolumeSource> openVdbSource(const std::string& path, const OpenO
     using Grid = std::decay_t<decltype(*typed)>;
     if (loaded.has_voxels)
       source = std::make_unique<VdbSource<Grid>>(std::move(info), typed, box.first);
-    else if constexpr (!kHasBits<Grid>)
+    else if constexpr (!kHasBits<Grid>) {
+      using Tree = typename Grid::TreeType;
+      auto slabs = file->slabsOf(typed->tree());
+      file->stopReporting();
+      typed->newTree();  // its leaves are not needed any more
+      malloc_trim(0);    // a million small pieces, which would stay with the process
       source =
-          std::make_unique<VdbSlabSource<Grid>>(std::move(info), std::move(file), typed, box.first,
-                                                loaded.node_bytes, options.memory_bytes);
+          std::make_unique<VdbSlabSource<Tree>>(std::move(info), std::move(file), std::move(slabs),
+                                                box.first, loaded.node_bytes, options.memory_bytes);
+    }
   });
   return source;
 }

@@ -5,6 +5,7 @@
 #include <openvdb/io/Stream.h>
 #include <openvdb/openvdb.h>
 #include <openvdb/tools/SignedFloodFill.h>
+#include <tbb/task_arena.h>
 
 #include <cmath>
 #include <glm/gtc/constants.hpp>
@@ -281,6 +282,36 @@ TEST_F(VdbSourceTest, AGridLargerThanMemoryIsReadSlabBySlab) {
       check(fog, packing);
       check(ball, packing);
     }
+}
+
+// Tiles of every level, active and not, beside leaves of several nodes, in slabs of every height.
+TEST_F(VdbSourceTest, SlabsHaveTheTilesOfEveryLevel) {
+  openvdb::initialize();
+  const auto grid = openvdb::FloatGrid::create(0.5f);
+  auto& tree = grid->tree();
+  using openvdb::Coord;
+  for (int i = 0; i < 40000; ++i)
+    tree.setValue({i * 11 % 217 - 20, i * 5 % 26 + 4070, i * 29 % 83 - 20}, static_cast<float>(i));
+  tree.addTile(1, {8, 4080, 8}, 2.0f, true);
+  tree.addTile(1, {-16, 4072, -16}, -3.0f, false);
+  tree.addTile(2, {-128, 4096, -128}, -5.0f, false);
+  tree.addTile(3, {0, 4096, 0}, -6.0f, false);
+  tree.setValue({-5, 4119, 59}, 7.0f);
+  const std::string path = writeGrids({grid});
+  const auto whole = openVdbSource(path);
+  ASSERT_EQ(whole->info().voxels, Index3(219, 52, 85));
+  const auto expected = readVoxels<float>(*whole);
+  // A slice, a layer of leaves, and several at a time.
+  tbb::task_arena(1).execute([&] {
+    for (const std::uint64_t memory :
+         {std::uint64_t{1}, std::uint64_t{1500000}, std::uint64_t{2200000}}) {
+      OpenOptions options;
+      options.memory_bytes = memory;
+      const auto slabs = openVdbSource(path, options);
+      EXPECT_FALSE(slabs->readsBoxes());
+      EXPECT_TRUE(readVoxels<float>(*slabs) == expected) << memory;
+    }
+  });
 }
 
 TEST_F(VdbSourceTest, RefusesWhatItCannotUseWithOneLine) {

@@ -1,0 +1,219 @@
+// The voxels of an OpenVDB tree that does not fit into memory. Private to vdb_source.cpp.
+#pragma once
+
+#include <openvdb/io/io.h>
+#include <openvdb/openvdb.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <bit>
+#include <cstdint>
+#include <istream>
+#include <streambuf>
+#include <utility>
+#include <vector>
+
+#include "isobrick/preprocess/input_file.h"
+#include "isobrick/storage/brick_layout.h"
+
+namespace isobrick {
+
+// Memory as a file that is read.
+class MemoryStreamBuffer final : public std::streambuf {
+ public:
+  void show(const char* data, std::size_t bytes) {
+    char* const begin = const_cast<char*>(data);  // never written to
+    setg(begin, begin, begin + bytes);
+  }
+
+ protected:
+  pos_type seekoff(off_type by, std::ios_base::seekdir from, std::ios_base::openmode) override {
+    const off_type at = by + (from == std::ios_base::beg   ? 0
+                              : from == std::ios_base::cur ? gptr() - eback()
+                                                           : egptr() - eback());
+    if (at < 0 || at > egptr() - eback()) return pos_type(off_type(-1));
+    setg(eback(), eback() + at, egptr());
+    return at;
+  }
+  pos_type seekpos(pos_type at, std::ios_base::openmode mode) override {
+    return seekoff(at, std::ios_base::beg, mode);
+  }
+};
+
+// Where the leaves of a tree are in its file, and the values of its tiles: some 10 bytes a leaf,
+// a tenth of what the tree itself takes without its voxels.
+template <typename Tree>
+class VdbSlabs {
+ public:
+  using Leaf = typename Tree::LeafNodeType;
+  using LowerNode = typename Tree::RootNodeType::ChildNodeType::ChildNodeType;
+  static constexpr std::int64_t kLeafVoxels = Leaf::DIM, kNodeVoxels = LowerNode::DIM;
+
+  // `places`: where the leaves of the tree begin in `file`, in its order, and where the last ends.
+  // `stream` says how they are packed. The file outlives the slabs; the tree need not.
+  VdbSlabs(const Tree& tree, std::vector<std::uint64_t> places,
+           const openvdb::io::StreamMetadata& stream, const InputFile& file)
+      : places_(std::move(places)), stream_(stream), file_(file), background_(tree.background()) {
+    stream_.setSeekable(false);  // then the masks are read again, and need not be kept
+    stream_.setBackgroundPtr(&background_);
+    takeCoarseTiles(tree);
+    takeNodes(tree);
+  }
+  VdbSlabs(const VdbSlabs&) = delete;
+  VdbSlabs& operator=(const VdbSlabs&) = delete;
+
+  std::uint64_t bytes() const {
+    std::uint64_t bytes = places_.capacity() * sizeof(std::uint64_t) +
+                          nodes_.capacity() * sizeof(Node) + coarse_tiles_.capacity() * sizeof(Box);
+    for (const Node& node : nodes_) bytes += node.tiles.capacity() * sizeof(Tile);
+    return bytes;
+  }
+
+  // The values of `box`, in coordinates of the grid, x fastest, on all threads. Throws what OpenVDB
+  // and the stream throw for leaves that are damaged; `checkCancel` may throw too.
+  template <typename CheckCancel>
+  void read(const IndexBox& box, float* out, const CheckCancel& checkCancel) const {
+    tbb::parallel_for(std::int64_t{0}, box.count.z, [&](std::int64_t z) {
+      const std::int64_t slice = box.count.x * box.count.y;
+      std::fill_n(out + z * slice, slice, static_cast<float>(background_));
+    });
+    for (const Box& tile : coarse_tiles_) fill(box, out, tile.box, tile.value);
+    tbb::parallel_for(std::size_t{0}, nodes_.size(), [&](std::size_t i) {
+      const Node& node = nodes_[i];
+      if (!meet(box, {node.first, Index3(kNodeVoxels)})) return;
+      checkCancel();
+      for (const Tile& tile : node.tiles)
+        fill(box, out, {node.first + placeInNode(tile.child) * kLeafVoxels, Index3(kLeafVoxels)},
+             tile.value);
+      readLeaves(node, box, out);
+    });
+  }
+
+ private:
+  using Value = typename Tree::ValueType;
+  static constexpr std::int64_t kNodeLeaves = kNodeVoxels / kLeafVoxels;  // along an axis
+
+  struct Tile {
+    std::uint16_t child;
+    float value;
+  };
+  struct Node {
+    Index3 first;                             // its lowest corner
+    typename LowerNode::NodeMaskType leaves;  // which children are leaves
+    std::size_t first_leaf;                   // of them, in places_
+    std::vector<Tile> tiles;                  // of the others, those that are not the background
+  };
+  struct Box {
+    IndexBox box;
+    float value;
+  };
+
+  static Index3 indexOf(const openvdb::Coord& at) { return {at.x(), at.y(), at.z()}; }
+  static bool meet(const IndexBox& a, const IndexBox& b) {
+    return glm::all(glm::lessThan(a.first, b.end())) && glm::all(glm::lessThan(b.first, a.end()));
+  }
+  // Of a child, in leaves: z fastest.
+  static Index3 placeInNode(openvdb::Index child) {
+    return {child / (kNodeLeaves * kNodeLeaves), child / kNodeLeaves % kNodeLeaves,
+            child % kNodeLeaves};
+  }
+
+  // Of the root and the nodes below it.
+  void takeCoarseTiles(const Tree& tree) {
+    auto at = tree.cbeginValueAll();
+    at.setMaxDepth(Tree::DEPTH - 3);
+    for (; at; ++at) {
+      if (at.getValue() == background_) continue;
+      openvdb::CoordBBox box;
+      at.getBoundingBox(box);
+      coarse_tiles_.push_back(
+          {{indexOf(box.min()), indexOf(box.max()) + Index3(1) - indexOf(box.min())},
+           static_cast<float>(at.getValue())});
+    }
+  }
+
+  void takeNodes(const Tree& tree) {
+    auto at = tree.cbeginNode();
+    at.setMinDepth(Tree::DEPTH - 2);
+    at.setMaxDepth(Tree::DEPTH - 2);
+    std::size_t leaf = 0;
+    for (; at; ++at) {
+      const LowerNode* found = nullptr;
+      at.getNode(found);
+      Node node{indexOf(found->origin()), found->getChildMask(), leaf, {}};
+      leaf += node.leaves.countOn();
+      for (auto tile = found->cbeginValueAll(); tile; ++tile)
+        if (tile.getValue() != background_)
+          node.tiles.push_back(
+              {static_cast<std::uint16_t>(tile.pos()), static_cast<float>(tile.getValue())});
+      nodes_.push_back(std::move(node));
+    }
+  }
+
+  // What of `region` lies in the box becomes `value`.
+  static void fill(const IndexBox& box, float* out, const IndexBox& region, float value) {
+    const Index3 begin = glm::max(box.first, region.first) - box.first;
+    const Index3 end = glm::min(box.end(), region.end()) - box.first;
+    if (begin.x >= end.x) return;
+    for (std::int64_t z = begin.z; z < end.z; ++z)
+      for (std::int64_t y = begin.y; y < end.y; ++y)
+        std::fill_n(out + linearIndex({begin.x, y, z}, box.count), end.x - begin.x, value);
+  }
+
+  // A plane of leaves at a time: one read, from the first to the last that is wanted.
+  void readLeaves(const Node& node, const IndexBox& box, float* out) const {
+    MemoryStreamBuffer memory;
+    std::istream in(&memory);
+    in.exceptions(std::ios::failbit | std::ios::badbit | std::ios::eofbit);
+    auto stream = std::make_shared<openvdb::io::StreamMetadata>(stream_);
+    openvdb::io::setStreamMetadataPtr(in, stream);
+    Leaf leaf(openvdb::Coord(0), background_);
+    std::vector<char> bytes;
+    std::vector<std::pair<Index3, std::size_t>> wanted;  // lowest corner, number
+    constexpr auto kPlane = static_cast<openvdb::Index>(kNodeLeaves * kNodeLeaves);
+    std::size_t number = node.first_leaf;
+    for (openvdb::Index plane = 0; plane < LowerNode::NUM_VALUES; plane += kPlane) {
+      wanted.clear();
+      for (openvdb::Index child = plane; child < plane + kPlane; ++child) {
+        if (!node.leaves.isOn(child)) continue;
+        const Index3 first = node.first + placeInNode(child) * kLeafVoxels;
+        if (meet(box, {first, Index3(kLeafVoxels)})) wanted.emplace_back(first, number);
+        ++number;
+      }
+      if (wanted.empty()) continue;
+      const std::uint64_t begin = places_[wanted.front().second];
+      bytes.resize(places_[wanted.back().second + 1] - begin);
+      if (file_.readAt(begin, bytes.data(), bytes.size()) < bytes.size())
+        throw std::ios_base::failure("it became shorter");
+      for (const auto& [first, leaf_number] : wanted) {
+        const std::uint64_t place = places_[leaf_number];
+        memory.show(bytes.data() + (place - begin), places_[leaf_number + 1] - place);
+        leaf.setOrigin(
+            {static_cast<int>(first.x), static_cast<int>(first.y), static_cast<int>(first.z)});
+        leaf.readBuffers(in, stream->halfFloat());
+        copyLeaf(leaf.buffer().data(), first, box, out);
+      }
+    }
+  }
+
+  static void copyLeaf(const Value* values, const Index3& first, const IndexBox& box, float* out) {
+    const Index3 begin = glm::max(first, box.first);
+    const Index3 end = glm::min(first + Index3(kLeafVoxels), box.end());
+    for (std::int64_t z = begin.z; z < end.z; ++z)
+      for (std::int64_t y = begin.y; y < end.y; ++y) {
+        float* const row = out + linearIndex(Index3(begin.x, y, z) - box.first, box.count);
+        const Value* const from = values + (y - first.y) * kLeafVoxels + (z - first.z);
+        for (std::int64_t x = begin.x; x < end.x; ++x)
+          row[x - begin.x] = static_cast<float>(from[(x - first.x) * kLeafVoxels * kLeafVoxels]);
+      }
+  }
+
+  std::vector<std::uint64_t> places_;
+  openvdb::io::StreamMetadata stream_;
+  const InputFile& file_;
+  const Value background_;
+  std::vector<Node> nodes_;
+  std::vector<Box> coarse_tiles_;
+};
+
+}  // namespace isobrick
