@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "isobrick/extract/kernels/field_bounds.h"
 #include "isobrick/extract/oracles/oracle_share.h"
 #include "isobrick/storage/index_loop.h"
 
@@ -56,7 +57,6 @@ class ErrorCells::Brick {
     for (auto& plane : memory_.planes_)
       plane.resize(static_cast<std::size_t>(3 * axes_[1].voxels * stride_));
     memory_.flags_.resize(static_cast<std::size_t>(stride_));
-    for (auto& sums : memory_.sums_) sums.resize(static_cast<std::size_t>(stride_));
     ring_ =
         Index3(2) + Index3(axes_[0].coarseCells(), axes_[1].coarseCells(), axes_[2].coarseCells());
     memory_.cells_.assign(static_cast<std::size_t>(elementCount(ring_)), 0);
@@ -126,46 +126,18 @@ class ErrorCells::Brick {
 
   void fill(const VoxelRun& run, std::int64_t y, std::int64_t z, float* value, float* low,
             float* high) {
-    const T* voxels = voxelRow(y, z);
-    for (std::int64_t x = run.first; x <= run.last; ++x) value[x] = static_cast<float>(voxels[x]);
-    // The lesser and the greater of both samples, meaned over the rows of level 1 on the sides.
-    const std::int64_t first = axes_[0].samplesAround(run.first).first;
-    const std::int64_t last = axes_[0].samplesAround(run.last).last;
-    const std::int64_t last_even = std::min(last, (axes_[0].voxels - 1) / 2);
-    float* least = memory_.sums_[0].data();
-    float* greatest = memory_.sums_[1].data();
-    std::fill(least + first, least + last + 1, 0.0f);
-    std::fill(greatest + first, greatest + last + 1, 0.0f);
+    SampleRows<T> around;
+    around.last_voxel = axes_[0].voxels - 1;
     const CellRun ys = axes_[1].samplesAround(y), zs = axes_[2].samplesAround(z);
-    int rows = 0;
     for (std::int64_t k = zs.first; k <= zs.last; ++k)
-      for (std::int64_t j = ys.first; j <= ys.last; ++j, ++rows) {
-        const T* fine = voxelRow(axes_[1].voxelOf(j), axes_[2].voxelOf(k));
-        const T* coarse = coarse_.data<T>() + linearIndex(first_ / std::int64_t{2} +
-                                                              Index3(0, j, k) - coarse_.box.first,
-                                                          coarse_.box.count);
-        const auto add = [&](std::int64_t sample, const T& voxel) {
-          const auto a = static_cast<float>(voxel), b = static_cast<float>(coarse[sample]);
-          least[sample] += std::min(a, b);
-          greatest[sample] += std::max(a, b);
-        };
-        for (std::int64_t i = first; i <= last_even; ++i) add(i, fine[2 * i]);
-        if (last > last_even) add(last, fine[axes_[0].voxels - 1]);
+      for (std::int64_t j = ys.first; j <= ys.last; ++j, ++around.count) {
+        around.voxels[around.count] = voxelRow(axes_[1].voxelOf(j), axes_[2].voxelOf(k));
+        around.samples[around.count] =
+            coarse_.data<T>() +
+            linearIndex(first_ / std::int64_t{2} + Index3(0, j, k) - coarse_.box.first,
+                        coarse_.box.count);
       }
-    const float share = 1.0f / static_cast<float>(rows);
-    spread(run, share, least, low);
-    spread(run, share, greatest, high);
-  }
-
-  // From sums at samples of level 1 to means at voxels.
-  void spread(const VoxelRun& run, float share, const float* sums, float* bound) const {
-    const float half = 0.5f * share;
-    for (std::int64_t x = run.first; x <= run.last; x += 2) bound[x] = share * sums[x / 2];
-    for (std::int64_t x = run.first + 1; x <= run.last; x += 2)
-      bound[x] = half * (sums[x / 2] + sums[x / 2 + 1]);
-    // An odd last voxel is a sample.
-    if (run.last == axes_[0].voxels - 1 && run.last % 2 != 0)
-      bound[run.last] = share * sums[(run.last + 1) / 2];
+    boundField(around, voxelRow(y, z), run.first, run.last, value, low, high);
   }
 
   void flagRow(std::int64_t y, std::int64_t z) {

@@ -86,7 +86,6 @@ class ErrorCells {
   // Of two planes of voxels in turn: values and bounds, row by row.
   std::vector<float> planes_[2];
   std::vector<std::uint8_t> is_filled_[2];
-  std::vector<float> sums_[2];  // at samples of level 1
   std::vector<std::uint8_t> flags_;
   std::vector<std::uint8_t> cells_;  // of the box with the ring, x fastest; 1: beyond
   template <typename T>

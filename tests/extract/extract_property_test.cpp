@@ -106,10 +106,13 @@ bool isBeyond(const Pyramid& pyramid, const ReferencePyramid& reference, float i
 }
 
 // The decision of the tolerance on levels that may have stored bounds, for all cells of a level, x
-// fastest, by what the pyramid says.
+// fastest, by what the pyramid says. The one block of a tile for all bins that it does not touch
+// may say more of a cell than a coarser one says that touches it, in a bin of its own; then the
+// coarser one is right.
 std::vector<std::uint8_t> boundsBeyond(const Pyramid& pyramid, float isovalue, double tolerance,
                                        int level) {
-  const Index3 cells = pyramid.lattice().cells(level);
+  const Lattice& lattice = pyramid.lattice();
+  const Index3 cells = lattice.cells(level);
   std::vector<std::uint8_t> are_beyond(static_cast<std::size_t>(elementCount(cells)), 1);
   const BrickLayout& layout = pyramid.layout();
   std::vector<std::uint8_t> codes;
@@ -119,6 +122,17 @@ std::vector<std::uint8_t> boundsBeyond(const Pyramid& pyramid, float isovalue, d
     forEachIndex(layout.brickCellBox(level, brick), [&](const Index3& cell) {
       const double bound = ErrorCode::decode(*code++) * pyramid.errorBins().unit();
       are_beyond[static_cast<std::size_t>(linearIndex(cell, cells))] = bound > tolerance ? 1 : 0;
+    });
+  });
+  if (level >= pyramid.errorBins().last_level || level + 1 >= lattice.levels()) return are_beyond;
+  const std::vector<std::uint8_t> coarser = boundsBeyond(pyramid, isovalue, tolerance, level + 1);
+  const Index3 coarser_cells = lattice.cells(level + 1);
+  forEachIndex({Index3(0), cells}, [&](const Index3& cell) {
+    const Index3 first = glm::max(cell - Index3(1), Index3(0)) / std::int64_t{2};
+    const Index3 last = glm::min((cell + Index3(1)) / std::int64_t{2}, coarser_cells - Index3(1));
+    forEachIndex({first, last - first + Index3(1)}, [&](const Index3& at) {
+      if (coarser[static_cast<std::size_t>(linearIndex(at, coarser_cells))] == 0)
+        are_beyond[static_cast<std::size_t>(linearIndex(cell, cells))] = 0;
     });
   });
   return are_beyond;
