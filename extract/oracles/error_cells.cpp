@@ -84,7 +84,9 @@ class ErrorCells::Brick {
   }
 
   // Of a row that these rows of tiles touch, the runs of voxels in active tiles, in `runs`. They
-  // begin at even voxels.
+  // begin at even voxels. A short gap is a part of a run, which costs more than some voxels:
+  // nothing crosses there, or nobody asks.
+  static constexpr std::int64_t kShortGap = 16;
   void findRuns(const CellRun& ys, const CellRun& zs, std::vector<VoxelRun>& runs) const {
     const ActiveTiles& tiles = memory_.tiles_;
     runs.clear();
@@ -98,7 +100,7 @@ class ErrorCells::Brick {
       if (!isActive(x)) continue;
       const std::int64_t first = x * tile_cells_;
       const std::int64_t last = std::min(first + tile_cells_, axes_[0].voxels - 1);
-      if (!runs.empty() && runs.back().last == first)
+      if (!runs.empty() && first - runs.back().last <= kShortGap)
         runs.back().last = last;
       else
         runs.push_back({first, last});
