@@ -39,12 +39,14 @@ class AdaptiveMesher::Brick {
     kernels.reset(cells_);
     split_.split(context_, classifier_, memory_.tiles_, level_, cells_, rows);
     if (!split_.hasLeaves()) return;
+    context_.checkCancel();
     corners_.reset(lattice_, split_, cells_, rows);
     if (!kernels.template compare<T>(context_, work_, family_.ownSamples())) return;
     corners_.resolve(lattice_, context_.isovalue, split_, family_, rows);
     kernels.number();
     batch_.cells += rows.active_cells;
     takeFans(rows);
+    context_.checkCancel();
     kernels.template make<T>(context_, work_, family_.ownSamples(), batch_);
     SharedVertices(rows, lattice_, level_, cells_, batch_)
         .list(corners_, [this](std::uint32_t vertex, int axis, const Index3& at) {

@@ -19,7 +19,7 @@ class Traversal {
 
  private:
   void visit(int level, const Index3& brick) {
-    if (context_.query.cancel != nullptr) context_.query.cancel->check();
+    context_.checkCancel();
     const IndexBox cells = layout_.brickCellBox(level, brick);
     if (!overlapsQueryBox(context_, level, cells)) return;
     if (context_.query.cull_by_ranges &&

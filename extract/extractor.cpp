@@ -82,7 +82,7 @@ struct Extractor::Memory {
     std::vector<LevelCounts> counts = noCounts(context.lattice().levels());
     sink.begin({context.pyramid.spec().geometry, context.pyramid.spec().voxels});
     meshInOrder(context, bricks, mesh, sink, counts);
-    if (context.query.cancel != nullptr) context.query.cancel->check();
+    context.checkCancel();
     context.throwIfWrittenOver();
     sink.finish();
     return makeReport(context.pyramid, log, counts);

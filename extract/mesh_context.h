@@ -46,6 +46,10 @@ struct MeshContext {
   }
 
   bool isCancelled() const { return query.cancel != nullptr && query.cancel->requested(); }
+  // Throws Cancelled where that is requested.
+  void checkCancel() const {
+    if (query.cancel != nullptr) query.cancel->check();
+  }
   // Throws Error where bytes that this thread has asked for could not be had while it used them. To
   // be called before what was made of them is passed on, or another reason is given for it.
   void throwIfReadsFailed() const {

@@ -53,7 +53,8 @@ void ReadAhead::start() try {
 }
 
 bool ReadAhead::mayLook() const {
-  return looked_ < work_.size() && ahead_bytes_ < most_ahead_bytes_;
+  return looked_ < work_.size() && ahead_bytes_ < most_ahead_bytes_ &&
+         announced_.size() < kMostAnnounced;
 }
 
 // Bricks are looked at before any is loaded, so that the disk has as much to do at once as it may.
@@ -94,12 +95,11 @@ void ReadAhead::look(std::unique_lock<std::mutex>& lock) {
   if (is_crossed) pyramid.announce(PartKind::kSamples, level, brick);
   lock.lock();
   if (work < reached_) return;
-  if (is_crossed) {
+  if (is_crossed)
     announced_.push_back(work);
-    wake_.notify_all();
-  } else {
+  else
     ahead_bytes_ -= std::exchange(bytes_[work - reached_], 0);
-  }
+  wake_.notify_all();
 }
 
 // As look().

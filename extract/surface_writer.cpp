@@ -108,7 +108,7 @@ class SurfaceWriter::Run {
     tbb::task_group_context isolated(tbb::task_group_context::isolated);
     tbb::parallel_for(
         0, threads, [&](int) { writeBricks(); }, tbb::simple_partitioner(), isolated);
-    if (context_.query.cancel != nullptr) context_.query.cancel->check();
+    context_.checkCancel();
     context_.throwIfWrittenOver();
 
     LevelCounts counts;
@@ -135,7 +135,7 @@ class SurfaceWriter::Run {
       for (;;) {
         const std::size_t job = next_.fetch_add(1, std::memory_order_relaxed);
         if (job >= work_.size() || has_failed_) return;
-        if (context_.query.cancel != nullptr) context_.query.cancel->check();
+        context_.checkCancel();
         ahead_.reached(job);
         writeBrick(job, worker);
       }
@@ -163,6 +163,7 @@ class SurfaceWriter::Run {
       samples = context_.samples(work.level, work.brick);
       grid = {samples.template data<T>(), samples.box.count, cells.first - samples.box.first,
               cells.count};
+      context_.checkCancel();
       compareRows(grid, *threshold_, rows);
       numberRows(rows);
       job.vertices = rows.ownCrossings();
@@ -177,9 +178,12 @@ class SurfaceWriter::Run {
       job.numbered.set();
       worker.spacing.set(context_.lattice(), work.level, cells, samples.box);
       job.origin = worker.spacing.origin;
+      // Memory that is touched for the first time takes longer than what is written there.
+      context_.checkCancel();
       makeCrossings(grid, rows, worker.spacing, context_.frame, context_.isovalue,
                     &mesh_.positionData()[job.first_vertex].x,
                     &mesh_.normalData()[job.first_vertex].x);
+      context_.checkCancel();
       const std::uint32_t greatest = makeTriangles(rows, first, context_.frame.mirrored(),
                                                    mesh_.triangleData() + 3 * job.first_triangle);
       if (greatest >= job.first_vertex + job.vertices) failMissingVertex(context_, work);

@@ -16,8 +16,10 @@ void UniformMesher::mesh(const MeshContext& context, const BrickWork& work, Mesh
   const BrickSamples samples = context.samples(work.level, work.brick);
   visitVoxelType(context.pyramid.spec().voxel_type, [&](auto tag) {
     using T = typename decltype(tag)::Type;
+    context.checkCancel();
     if (!cells_.compare<T>(context, work, samples)) return;
     cells_.number();
+    context.checkCancel();
     batch.cells += rows.active_cells;
     cells_.make<T>(context, work, samples, batch);
     SharedVertices(rows, context.lattice(), work.level, cells, batch).list();
