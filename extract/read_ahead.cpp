@@ -43,17 +43,17 @@ void ReadAhead::start() try {
   has_started_ = true;
   most_ahead_bytes_ = std::min(context_.pyramid.budgetBytes() / 32, kMostBytes);
   const BrickLayout& layout = context_.pyramid.layout();
-  const std::uint64_t brick_bytes =
+  brick_bytes_ =
       static_cast<std::uint64_t>(layout.brickSampleBox(work_[0].level, work_[0].brick).size()) *
       voxelBytes(context_.pyramid.spec().voxel_type);
-  if (most_ahead_bytes_ < brick_bytes || reached_ >= work_.size()) return;
+  if (most_ahead_bytes_ < brick_bytes_ || reached_ >= work_.size()) return;
   while (threads_.size() < std::min(kThreads, work_.size()))
     threads_.emplace_back([this] { run(); });
 } catch (const std::system_error&) {
 }
 
 bool ReadAhead::mayLook() const {
-  return looked_ < work_.size() && ahead_bytes_ < most_ahead_bytes_ &&
+  return looked_ < work_.size() && ahead_bytes_ + brick_bytes_ <= most_ahead_bytes_ &&
          announced_.size() < kMostAnnounced;
 }
 

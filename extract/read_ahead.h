@@ -77,6 +77,7 @@ class ReadAhead {
   std::deque<std::uint64_t> bytes_;    // of the samples of the bricks from reached_ to looked_
   std::uint64_t ahead_bytes_ = 0;      // their sum
   std::deque<std::size_t> announced_;  // of these bricks: their samples, and not fetched
+  std::uint64_t brick_bytes_ = 0;      // of the samples of the first, and of most
   std::uint64_t most_ahead_bytes_ = 0;
   std::vector<std::thread> threads_;
 };

@@ -26,7 +26,8 @@ TEST(IsovalueSweep, ReadsLittleMoreThanTheOptimumAtHalfTheWorkingSet) {
   // The sweep is one that a queue of the least recently used is bad at.
   const auto lru = static_cast<double>(bytesReadByLru(trace, budget));
   EXPECT_GT(lru, 1.5 * optimum);
-  EXPECT_LT(static_cast<double>(bytesReadByQueries(folder.file("head.isb"), sweep, budget)), lru);
+  EXPECT_LE(static_cast<double>(bytesReadByQueries(folder.file("head.isb"), sweep, budget)),
+            1.3 * optimum);
   EXPECT_NEAR(read, static_cast<double>(bytesReadByPolicy(trace, budget)), 0.02 * optimum);
 }
 

@@ -68,8 +68,8 @@ inline std::uint64_t bytesReadByPager(const std::string& path, const TakeTrace& 
   return pyramid.counters().bytes_read;
 }
 
-// Bytes that it reads for the sweep's queries. What is read ahead comes in an order that the
-// threads' luck decides, and so does what goes to make room.
+// Bytes that it reads for the sweep's queries, ahead of need too: in an order that the threads'
+// luck decides a little.
 inline std::uint64_t bytesReadByQueries(const std::string& path, const IsovalueSweep& sweep,
                                         std::uint64_t budget_bytes) {
   const tbb::global_control one_thread(tbb::global_control::max_allowed_parallelism, 1);
