@@ -210,6 +210,24 @@ TEST_F(CliTest, WithoutAMapComesTheSame) {
   runWell({"verify", "sphere.isb", "--no-map"});
 }
 
+TEST_F(CliTest, SeveralProcessesReadOneFileAtOnce) {
+  makeSphere();
+  const auto wordsOf = [](const std::string& mesh) {
+    return Words{"extract", "sphere.isb", "--iso", "0.5", "--memory", "1", "-o", mesh};
+  };
+  runWell(wordsOf("alone.ply"));
+  const std::string alone = readBytes(path("alone.ply"));
+  std::vector<pid_t> processes;
+  for (int n = 0; n < 6; ++n) {
+    Words words = wordsOf(std::to_string(n) + ".ply");
+    words.insert(words.begin(), isobrickCommand());
+    if (n % 2 == 1) words.emplace_back("--no-map");
+    processes.push_back(start(std::move(words)));
+  }
+  for (const pid_t process : processes) EXPECT_EQ(wait(process).status, 0);
+  for (int n = 0; n < 6; ++n) EXPECT_EQ(readBytes(path(std::to_string(n) + ".ply")), alone) << n;
+}
+
 TEST_F(CliTest, HelpAndVersion) {
   const std::string help = runWell({"--help"});
   for (const char* name : {"build", "info", "verify", "extract", "render", "phantom"}) {
