@@ -51,11 +51,7 @@ std::string identityWithoutFiles(const VolumeSource& source) {
   return text;
 }
 
-}  // namespace
-
-std::string inputIdentity(const VolumeSource& source, const CancelFlag* cancel) {
-  const std::vector<std::string> paths = source.files();
-  if (paths.empty()) return identityWithoutFiles(source);
+std::string identityOfFiles(const std::vector<std::string>& paths, const CancelFlag* cancel) {
   std::uint64_t total = 0;
   std::string facts;
   const auto add = [&](std::uint64_t number) {
@@ -77,9 +73,16 @@ std::string inputIdentity(const VolumeSource& source, const CancelFlag* cancel) 
   return text;
 }
 
+}  // namespace
+
+std::string inputIdentity(const VolumeSource& source, const CancelFlag* cancel) {
+  const std::vector<std::string> paths = source.files();
+  return paths.empty() ? identityWithoutFiles(source) : identityOfFiles(paths, cancel);
+}
+
 // The stamps first: a change while the content is sampled shows at the next check.
 InputWatch::InputWatch(const VolumeSource& source, const CancelFlag* cancel)
-    : source_(source),
+    : name_(source.info().source),
       cancel_(cancel),
       files_(source.files()),
       stamps_(stampsOf(files_)),
@@ -111,20 +114,21 @@ void InputWatch::checkContent() {
   std::vector<Stamp> stamps = stampsOf(files_);
   std::string now;
   try {
-    now = inputIdentity(source_, cancel_);
+    // Without files there is nothing that could change.
+    now = files_.empty() ? identity_ : identityOfFiles(files_, cancel_);
   } catch (const Cancelled&) {
     throw;
   } catch (const Error& error) {
-    throw ResumableError("whether '" + source_.info().source +
-                             "' is still as it was cannot be told: " + error.what(),
-                         {.path = source_.info().source});
+    throw ResumableError(
+        "whether '" + name_ + "' is still as it was cannot be told: " + error.what(),
+        {.path = name_});
   }
   if (now != identity_)
     throw ResumableError(
-        "'" + source_.info().source +
+        "'" + name_ +
             "' changed while it was read; put it back as it was, or build anew when "
             "nobody writes to it",
-        {.path = source_.info().source});
+        {.path = name_});
   stamps_ = std::move(stamps);
 }
 

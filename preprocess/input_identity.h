@@ -20,8 +20,8 @@ std::string inputIdentity(const VolumeSource& source, const CancelFlag* cancel =
 // A source's input from the beginning of a build to its end. Used by one thread at a time.
 class InputWatch {
  public:
-  // Samples the input, as inputIdentity() does. `source` and `cancel`, which is looked at then and
-  // by checkContent(), outlive this object.
+  // Samples the input, as inputIdentity() does. `cancel`, which is looked at then and by
+  // checkContent(), outlives this object; the source need not.
   explicit InputWatch(const VolumeSource& source, const CancelFlag* cancel = nullptr);
   const std::string& identity() const { return identity_; }
 
@@ -38,9 +38,9 @@ class InputWatch {
   using Stamp = std::array<std::int64_t, 7>;
   static std::vector<Stamp> stampsOf(const std::vector<std::string>& files);
 
-  const VolumeSource& source_;
+  const std::string name_;
   const CancelFlag* const cancel_;
-  std::vector<std::string> files_;
+  const std::vector<std::string> files_;
   std::vector<Stamp> stamps_;
   std::string identity_;
 };

@@ -2,7 +2,9 @@
 
 #include <array>
 #include <filesystem>
+#include <optional>
 #include <span>
+#include <string>
 #include <string_view>
 
 #include "isobrick/preprocess/export/gzip_file.h"
@@ -23,8 +25,21 @@ void publish(AtomicFile& file, const VolumeWriteOptions& options, VolumeWriteRep
 
 void writeText(AtomicFile& file, std::string_view text) { file.write(text.data(), text.size()); }
 
+// A full disk is to show now rather than at the end.
+void refuseTooLittleSpace(const VolumeSource& source, const AtomicFile& file) {
+  const std::optional<std::uint64_t> have = file.freeBytes();
+  const std::uint64_t need = volumeBytes(source.info());
+  if (!have || *have >= need) return;
+  const auto mebibytes = [](std::uint64_t bytes) { return std::to_string(bytes >> 20) + " MiB"; };
+  throw ResumableError("not enough space for '" + file.path() + "': its voxels take " +
+                           mebibytes(need) + " and the disk has " + mebibytes(*have) +
+                           "; free some space, or choose another folder with -o",
+                       {.path = file.path()});
+}
+
 // All voxels, as they lie in memory: little-endian (storage/format.h).
 void writeVoxels(VolumeSource& source, AtomicFile& file, const VolumeWriteOptions& options) {
+  refuseTooLittleSpace(source, file);
   constexpr std::uint64_t kMostPerWrite = std::uint64_t{8} << 20;  // Ctrl-C is heard in between
   forEachRun(source, options, [&](std::int64_t, std::int64_t rows, const std::byte* data) {
     std::uint64_t left = static_cast<std::uint64_t>(rows) * rowBytes(source.info());

@@ -400,13 +400,13 @@ void ZarrArray::readChunk(const Indices& index, std::vector<std::byte>& out) con
     out.resize(static_cast<std::size_t>(chunkBytes()));
     visitVoxelType(stored_.delivered(), [&](auto tag) {
       using T = typename decltype(tag)::Type;
-      // Zarr leaves it open what a fill value means that its type does not hold.
       const double low = static_cast<double>(std::numeric_limits<T>::lowest());
       const double high = static_cast<double>(std::numeric_limits<T>::max());
-      T value{};
-      if (std::is_same_v<T, float> || (fill_ >= low && fill_ <= high))
-        value = static_cast<T>(fill_);
-      std::fill_n(reinterpret_cast<T*>(out.data()), voxels, value);
+      const bool fits =
+          std::is_same_v<T, float> || (fill_ >= low && fill_ <= high && fill_ == std::floor(fill_));
+      // Only where it is needed: others write any.
+      if (!fits) refuse("chunks are missing, and its fill_value is none of its numbers");
+      std::fill_n(reinterpret_cast<T*>(out.data()), voxels, static_cast<T>(fill_));
     });
     return;
   }

@@ -87,6 +87,12 @@ def test_nifti():
         found, about = raw_of("theirs.nii.gz")
         expect_same(found, values)
         expect_placed(about, direction, tolerance=1e-5)
+    # What can only be read in order, into formats that want boxes.
+    for name in ("boxes.ome.zarr", "boxes.h5", "boxes.vdb"):
+        run("convert", "theirs.nii.gz", "-o", name)
+        found, about = raw_of(name)
+        np.testing.assert_array_equal(found, values)
+        expect_placed(about, direction, tolerance=1e-5)
 
 
 def test_zarr():
@@ -208,6 +214,10 @@ def test_zarr():
         ({"filters": [{"id": "delta"}]}, "filters"),
         ({"dimension_separator": "/../"}, "separator"),
         ({"fill_value": "abc"}, "fill_value"),
+        ({"fill_value": 70000}, "fill_value"),
+        ({"fill_value": 0.5}, "fill_value"),
+        ({"fill_value": "NaN"}, "fill_value"),
+        ({"shape": [1 << 20] * 3}, "not enough space"),
         ({"zarr_format": 7}, "zarr_format"),
     ):
         metadata(**changes)

@@ -238,15 +238,17 @@ class NodeRow {
   std::vector<std::unique_ptr<Leaf>> leaves_;
 };
 
+// What the nodes of a tree take at most, those above leaves among them.
+std::uint64_t mostNodeBytes(const VolumeInfo& info) {
+  const Index3 leaves = info.voxels / kLeafVoxels + Index3(2);  // some reach over both ends
+  return static_cast<std::uint64_t>(elementCount(leaves)) * kBytesPerLeaf * 8 / 7;
+}
+
 Error tooManyLeaves(const VolumeSource& source, const std::string& path) {
-  const Index3 leaves =
-      source.info().voxels / kLeafVoxels + Index3(2);  // some reach over both ends
-  const std::uint64_t most =
-      (static_cast<std::uint64_t>(elementCount(leaves)) * kBytesPerLeaf * 8 / 7 + kThreadBytes +
-       source.bufferBytes()) >>
-      20;
+  const std::uint64_t most = mostNodeBytes(source.info()) + kThreadBytes + source.bufferBytes();
   return Error("cannot write '" + path + "': the nodes of its tree take up to " +
-                   std::to_string(most + 1) + " MiB, which is more than is allowed; write a " +
+                   std::to_string((most >> 20) + 1) +
+                   " MiB, which is more than is allowed; write a " +
                    "coarser level or a box, or store less with a background and a tolerance",
                {.path = path}, {Remedy::kAllowMoreMemory});
 }
@@ -310,8 +312,11 @@ void makeVdbTree(const VolumeSource& source, const VdbGridPlan& plan, std::uint3
                     static_cast<std::int64_t>(voxelBytes(info.voxel_type)));
   const auto threads =
       static_cast<std::uint64_t>(std::max(1, tbb::this_task_arena::max_concurrency()));
-  const std::uint64_t at_once =
-      std::clamp(options.memory_bytes / 2 / kThreadBytes, std::uint64_t{1}, threads);
+  // More threads only where that leaves room for all nodes.
+  const std::uint64_t nodes_bytes = mostNodeBytes(info);
+  const std::uint64_t left =
+      options.memory_bytes > nodes_bytes ? options.memory_bytes - nodes_bytes : 0;
+  const std::uint64_t at_once = std::clamp(left / kThreadBytes, std::uint64_t{1}, threads);
   std::uint64_t leaf_budget =
       options.memory_bytes > at_once * kThreadBytes
           ? (options.memory_bytes - at_once * kThreadBytes) / kBytesPerLeaf * 7 / 8  // nodes above
