@@ -51,23 +51,37 @@ ErrorOracle::~ErrorOracle() = default;
 
 template <typename Make>
 ErrorOracle::Bits ErrorOracle::Shelf::get(std::size_t row, const Make& make) {
-  {
-    const std::lock_guard lock(mutex_);
+  std::unique_lock lock(mutex_);
+  while (true) {
     if (const auto known = bits_.find(row); known != bits_.end()) return known->second;
+    if (in_making_.insert(row).second) break;
+    made_.wait(lock);
   }
-  // Two threads may make the same; it is the same.
-  auto made = std::make_shared<const CellBits>(make());
-  const std::lock_guard lock(mutex_);
-  const auto [entry, is_new] = bits_.try_emplace(row, std::move(made));
-  const Bits bits = entry->second;
-  if (is_new) {
-    order_.push_back(row);
-    if (order_.size() > kMostBricks) {
-      bits_.erase(order_.front());
-      order_.pop_front();
-    }
+  lock.unlock();
+  Bits bits;
+  try {
+    bits = std::make_shared<const CellBits>(make());
+  } catch (...) {
+    lock.lock();
+    in_making_.erase(row);
+    made_.notify_all();
+    throw;
+  }
+  lock.lock();
+  in_making_.erase(row);
+  made_.notify_all();
+  bits_.emplace(row, bits);
+  order_.push_back(row);
+  if (order_.size() > kMostBricks) {
+    bits_.erase(order_.front());
+    order_.pop_front();
   }
   return bits;
+}
+
+bool ErrorOracle::Shelf::isInMaking(std::size_t row) const {
+  const std::lock_guard lock(mutex_);
+  return in_making_.count(row) != 0;
 }
 
 // Which cells of a level are refined, for who asks for many that are near each other: only for
@@ -137,8 +151,15 @@ CellBits ErrorOracle::beyondAtLevel1(const MeshContext& context, const Index3& b
   if (last_level_ > 1 && !mayRefineBelow(context, cells.box())) return cells;
   const Index3 first = glm::max(brick - Index3(1), Index3(0));
   const Index3 end = glm::min(brick + Index3(2), layout.bricks(0));
-  forEachIndex({first, end - first},
-               [&](const Index3& other) { addBits(*foundIn(context, other), cells); });
+  // What another thread makes comes last.
+  std::vector<Index3> in_making;
+  forEachIndex({first, end - first}, [&](const Index3& other) {
+    if (found_.isInMaking(context.pyramid.brickRow(0, other)))
+      in_making.push_back(other);
+    else
+      addBits(*foundIn(context, other), cells);
+  });
+  for (const Index3& other : in_making) addBits(*foundIn(context, other), cells);
   return cells;
 }
 

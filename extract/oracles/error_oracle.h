@@ -1,11 +1,13 @@
 // The error oracle: as coarse as a tolerance in the data's units allows (rule 15).
 #pragma once
 
+#include <condition_variable>
 #include <cstdint>
 #include <deque>
 #include <memory>
 #include <mutex>
 #include <unordered_map>
+#include <unordered_set>
 
 #include "isobrick/extract/oracles/oracle_share.h"
 #include "isobrick/storage/brick_layout.h"
@@ -47,15 +49,21 @@ class ErrorOracle {
   using Bits = std::shared_ptr<const CellBits>;
   static constexpr std::size_t kMostBricks = 2048;
 
-  // Found once by whoever asks first, in the order in which they come; the oldest go.
+  // Made once, by whoever asks first, while others that ask wait; the oldest go. Where making
+  // fails, who waited makes it. Shelves are asked while others' bits are made in one order
+  // (decided_[1], found_, decided_[2], decided_[3]), so that nobody waits for himself.
   class Shelf {
    public:
     template <typename Make>
     Bits get(std::size_t row, const Make& make);
+    // Whether get() would wait for another thread, at this moment.
+    bool isInMaking(std::size_t row) const;
 
    private:
-    std::mutex mutex_;
+    mutable std::mutex mutex_;
+    std::condition_variable made_;
     std::unordered_map<std::size_t, Bits> bits_;
+    std::unordered_set<std::size_t> in_making_;
     std::deque<std::size_t> order_;
   };
 
