@@ -21,7 +21,7 @@ struct MeshBatch {
 
   int level = 0;
   Index3 brick{0};
-  bool is_uniform = false;  // see Query::has_brick
+  bool is_uniform = false;             // see Query::has_brick
   double fraction_done = 0;            // of the extraction's bricks, with this one: 0 .. 1
   Index3 origin{0};                    // the voxel that positions are counted from
   RawVector<glm::vec3> positions;      // in voxels from the origin; exact, see worldPosition()
