@@ -13,6 +13,8 @@
 #include "isobrick/viewer/stream/latest_worker.h"
 #include "isobrick/viewer/stream/surface_set.h"
 #include "tests/support/field_pyramid.h"
+#include "tests/support/keeping_renderer.h"
+#include "tests/support/mesh_checker.h"
 
 namespace isobrick {
 namespace {
@@ -107,7 +109,7 @@ TEST_F(SurfaceStreamTest, PassesAreShownWholeAndReplaceEachOther) {
 
 TEST_F(SurfaceStreamTest, BricksThatStayTheSameAreNotMadeAgain) {
   SurfaceStream stream(pyramid_, 2);
-  NullRenderer renderer;
+  test::KeepingRenderer renderer;
   auto set = std::make_unique<SurfaceSet>(renderer, 1 << 30);
   const auto triangleOf = [&](double radius) { return trianglesOf(pass(radius)); };
   std::vector<StreamMessage> passes;
@@ -120,7 +122,13 @@ TEST_F(SurfaceStreamTest, BricksThatStayTheSameAreNotMadeAgain) {
       passes.insert(passes.end(), news.passes.begin(), news.passes.end());
       stale = stale || news.stale;
     });
-    return kept(renderer, set->shown());
+    std::vector<glm::dvec3> positions;
+    std::vector<std::uint32_t> triangles;
+    renderer.join(set->shown(), positions, triangles);
+    const test::MeshReport report =
+        test::checkMesh(positions, triangles, test::indexOptions(Index3(60)));
+    EXPECT_TRUE(report.ok()) << report.summary();
+    return triangles.size() / 3;
   };
   // From pass to pass of a request, and from request to request.
   EXPECT_EQ(show({{pass(30.0), pass(45.0)}, false}), triangleOf(45.0));
