@@ -77,8 +77,6 @@ MarchingCubesCase makeCase(int pattern) {
   MarchingCubesCase result;
   std::vector<int> edges;
   for (const Loop& loop : traceLoops(pattern)) {
-    for (const int e : loop)
-      result.crossed_edges = static_cast<std::uint16_t>(result.crossed_edges | 1 << e);
     // The closing side of the loop is part of the contour, so it needs no check.
     if (!triangulate(loop, 0, loop.size() - 1, edges))
       throw std::logic_error("marching cubes: a loop has no triangulation off the cell's faces");

@@ -5,17 +5,8 @@
 
 namespace isobrick {
 
-// The squared distance of a cell's centre from `point`, in voxels. Cells count as full cubes, also
-// where the border makes them thin.
-inline double squaredDistance(const glm::dvec3& point, int level, const Index3& cell) {
-  const double edge = static_cast<double>(std::int64_t{1} << level);
-  const double dx = (static_cast<double>(cell.x) + 0.5) * edge - point.x;
-  const double dy = (static_cast<double>(cell.y) + 0.5) * edge - point.y;
-  const double dz = (static_cast<double>(cell.z) + 0.5) * edge - point.z;
-  return dx * dx + dy * dy + dz * dz;
-}
-
-// The same for the cells of a row along x, to the bit.
+// The squared distances of the centres of a row's cells along x from a point, in voxels. Cells
+// count as full cubes, also where the border makes them thin.
 class RowDistance {
  public:
   // `first`: cell 0 of the row.
@@ -38,6 +29,11 @@ class RowDistance {
   double edge_, x_, dy_squared_ = 0, dz_squared_ = 0;
   std::int64_t first_;
 };
+
+// The same of one cell, to the bit.
+inline double squaredDistance(const glm::dvec3& point, int level, const Index3& cell) {
+  return RowDistance(point, level, cell).squared(0);
+}
 
 // Bounds of that distance for all cells of a box. They are rounded in their own way, so they are
 // drawn apart by a millionth: what lies beyond a bound does so for certain.
