@@ -18,6 +18,8 @@ namespace {
 // A hand that did not change anything for so long rests.
 constexpr double kRestSeconds = 0.15;
 constexpr int kMostSliceValues = 512;  // to a side
+// So long a drawing waits for the next surface, where it takes longer itself.
+constexpr double kPostponedSeconds = 0.1;
 
 ViewVolume volumeOf(const Pyramid& pyramid) {
   return {pyramid.spec().voxels, pyramid.spec().geometry, pyramid.valueRange().min,
@@ -142,7 +144,7 @@ void ViewSession::requestSurfaces(double seconds) {
   const double wanted = wantedRadius(state_, volume_);
   const bool first = !requested_;
   if (first || ask_again_ || !asksForTheSame(*requested_, state_)) {
-    const double age = request_times_.empty() ? 0.0 : seconds - request_times_.begin()->second;
+    const double age = longestWait().value_or(0.0);
     requested_ = state_;
     ask_again_ = false;
     last_change_ = seconds;
@@ -189,9 +191,15 @@ bool ViewSession::isShown(std::size_t surface, double radius) const {
 void ViewSession::requestQuickly(double radius, double seconds) {
   StreamRequest request;
   request.passes.push_back(passOf(radius));
-  for (const double smaller : smallerRadii(radius)) request.smaller.push_back(passOf(smaller));
-  request.most_triangles = mostTriangles(quality_);
+  boundFirstPass(request);
   send(std::move(request), seconds);
+}
+
+// What a hand waits for is given up for half the radius where it has many triangles.
+void ViewSession::boundFirstPass(StreamRequest& request) const {
+  for (const double smaller : smallerRadii(request.passes[0].radius))
+    request.smaller.push_back(passOf(smaller));
+  request.most_triangles = mostTriangles(quality_);
 }
 
 StreamValues ViewSession::wantedValues() const {
@@ -207,10 +215,11 @@ void ViewSession::requestPasses(const std::vector<double>& radii, bool at_once, 
   StreamRequest request;
   for (const double radius : radii) request.passes.push_back(passOf(radius));
   request.at_once = at_once;
-  send(std::move(request), seconds);
+  if (at_once) boundFirstPass(request);
+  send(std::move(request), at_once ? std::optional(seconds) : std::nullopt);
 }
 
-void ViewSession::send(StreamRequest request, double seconds) {
+void ViewSession::send(StreamRequest request, std::optional<double> waiting_since) {
   all_passes_done_ = false;
   kept_.clear();
   for (const StreamPass::KeptSurface& kept : request.passes[0].kept) kept_.insert(kept.surface);
@@ -219,13 +228,43 @@ void ViewSession::send(StreamRequest request, double seconds) {
   shows_less_ = false;
   first_radius_ = request.passes[0].radius;
   last_request_ = stream_.request(std::move(request));
-  request_times_[last_request_] = seconds;
+  request_times_[last_request_] = waiting_since;
   asked_[last_request_] = state_;
+}
+
+void ViewSession::noteDrawing(double seconds) {
+  quality_ = drawn(quality_, trianglesShown(), seconds);
+  const double now = clockSeconds();
+  drawings_.add(now - seconds, now);
+  last_drawing_ = seconds;
+}
+
+bool ViewSession::drawsBetterLater() const {
+  return last_drawing_ > kPostponedSeconds &&
+         longestWait().value_or(kPostponedSeconds) < kPostponedSeconds;
+}
+
+// Of hands, for what is not shown yet: seconds; none where they do not wait.
+std::optional<double> ViewSession::longestWait() const {
+  for (const auto& [request, since] : request_times_)
+    if (since) return now_ - *since;
+  return std::nullopt;
+}
+
+// `pass` will be shown; nobody waits any longer for what it answers.
+void ViewSession::noteWait(const StreamMessage& pass) {
+  const std::optional<double> waited = longestWait();
+  request_times_.erase(request_times_.begin(), request_times_.upper_bound(pass.request));
+  if (!waited || longestWait() == waited) return;
+  waits_.push_back(
+      surfaceWait(*waited, pass.seconds, clockSeconds() - pass.ended, drawings_.since(pass.ended)));
 }
 
 void ViewSession::takeNews(const SurfaceSet::News& news) {
   uploaded_bytes_ = news.uploaded_bytes;
+  waits_.clear();
   for (const StreamMessage& pass : news.passes) {
+    noteWait(pass);
     if (pass.is_complete && !pass.surfaces.empty()) quality_ = measuredPass(quality_, pass);
     shown_request_ = pass.request;
     asked_.erase(asked_.begin(), asked_.lower_bound(shown_request_));
@@ -243,7 +282,6 @@ void ViewSession::takeNews(const SurfaceSet::News& news) {
   if (news.over_budget) shrinkToBudget();
   ask_again_ = ask_again_ || news.stale;
   if (news.over_budget || news.failed) request_times_.clear();
-  request_times_.erase(request_times_.begin(), request_times_.upper_bound(shown_request_));
 }
 
 void ViewSession::shrinkToBudget() {
@@ -368,7 +406,7 @@ SessionStatus ViewSession::status() const {
   status.triangles_per_second = quality_.triangles_per_second;
   status.drag_radius = quality_.radius;
   status.passes = passes_;
-  if (!request_times_.empty()) status.surface_age = now_ - request_times_.begin()->second;
+  status.surface_age = longestWait().value_or(0.0);
   if (mesh_worker_.busy())
     status.doing = "writing the mesh";
   else if (!asked_for_all_)

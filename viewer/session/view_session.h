@@ -12,6 +12,7 @@
 #include "isobrick/storage/pyramid.h"
 #include "isobrick/viewer/render/scene_renderer.h"
 #include "isobrick/viewer/session/scene_of_view.h"
+#include "isobrick/viewer/session/surface_wait.h"
 #include "isobrick/viewer/state/drag_quality.h"
 #include "isobrick/viewer/state/interaction.h"
 #include "isobrick/viewer/stream/latest_worker.h"
@@ -42,7 +43,7 @@ struct SessionStatus {
   double triangles_per_second = 0.0;
   double drag_radius = 0.0;
   std::uint64_t passes = 0;  // completed
-  double surface_age = 0.0;  // seconds for which what is shown is not the latest request's
+  double surface_age = 0.0;  // seconds for which what is shown is not what hands ask for
   std::vector<LevelCounts> levels;
 };
 
@@ -87,7 +88,10 @@ class ViewSession {
 
   // How long the frame drawn last took, with showing it: what draws slowly gets less while hands
   // move.
-  void noteDrawing(double seconds) { quality_ = drawn(quality_, trianglesShown(), seconds); }
+  void noteDrawing(double seconds);
+  // What is shown draws slowly, and what a hand asked for lately will soon be there: update() and
+  // ask again before it is drawn once more.
+  bool drawsBetterLater() const;
 
   // What is shown is what the state asks for, as fine as it will get, slices included.
   bool settled() const;
@@ -99,6 +103,8 @@ class ViewSession {
   // What there could be, likewise; both 0 where there are none.
   const std::array<double, 2>& valueRange() const { return shown_pass_.values; }
   std::uint64_t uploadedBytes() const { return uploaded_bytes_; }  // by the last update()
+  // For the surfaces that the last update() began to show.
+  const std::vector<SurfaceWait>& waits() const { return waits_; }
 
   // The surface under a pixel of the frame drawn last, or the nearest point of the box.
   glm::dvec3 pointAt(const glm::dvec2& pixel);
@@ -133,11 +139,14 @@ class ViewSession {
   StreamPass passOf(double radius) const;
   std::uint64_t trianglesShown() const;
   void requestQuickly(double radius, double seconds);
+  void boundFirstPass(StreamRequest& request) const;
   void requestPasses(const std::vector<double>& radii, bool at_once, double seconds);
-  void send(StreamRequest request, double seconds);
+  void send(StreamRequest request, std::optional<double> waiting_since);
+  std::optional<double> longestWait() const;
   std::optional<StreamMessage> nextMessage();
   void releasePlanes();
   void takeNews(const SurfaceSet::News& news);
+  void noteWait(const StreamMessage& pass);
   void shrinkToBudget();
   bool showsTheLatest() const;
   void updatePlanes();
@@ -166,7 +175,9 @@ class ViewSession {
   bool over_budget_ = false;
   double first_radius_ = 0.0;  // of the latest request's first pass
   std::uint64_t last_request_ = 0, shown_request_ = 0;
-  std::map<std::uint64_t, double> request_times_;  // of those after the one that is shown
+  // Of those after the one that is shown; without a time: what is shown is what it asks for,
+  // coarser.
+  std::map<std::uint64_t, std::optional<double>> request_times_;
   double now_ = 0.0;
   bool all_passes_done_ = false;
   StreamMessage shown_pass_;
@@ -174,6 +185,9 @@ class ViewSession {
   std::map<std::uint64_t, ViewState> asked_;  // by request, from the one that is shown on
   std::uint64_t passes_ = 0;
   std::uint64_t uploaded_bytes_ = 0;
+  DrawingTimes drawings_;
+  double last_drawing_ = 0.0;  // seconds
+  std::vector<SurfaceWait> waits_;
 
   std::vector<Plane> planes_;
   std::vector<WantedPlane> asked_planes_;

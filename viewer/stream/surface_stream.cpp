@@ -238,7 +238,8 @@ SurfaceStream::Outcome SurfaceStream::extract(const Job& job, const Attempt& att
   end.last_pass = attempt.pass + 1 == job.request.passes.size() && end.is_complete;
   end.kept = attempt.work->kept;
   end.radius = attempt.work->radius;
-  end.seconds = std::max(0.0, now() - pass_begin_ - waited_);
+  end.ended = now();
+  end.seconds = std::max(0.0, end.ended - pass_begin_ - waited_);
   return end.is_complete ? Outcome::kComplete : Outcome::kIncomplete;
 }
 

@@ -91,6 +91,7 @@ struct StreamMessage {
   double radius = 0.0;
   std::array<double, 2> values{0.0, 0.0};  // what a vertex value's share 0 and 1 stand for
   double seconds = 0.0;                    // of extraction, waiting for a full queue left out
+  double ended = 0.0;                      // when the extraction had, of steady_clock
   std::uint64_t triangles = 0;             // of all queries
   std::uint64_t triangles_made = 0;        // those of them that are not reused
   std::vector<ChunkKey> reused;            // chunks of the pass shown before that are part of it

@@ -8,9 +8,11 @@
 #include <cstdio>
 #include <deque>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -47,6 +49,7 @@ struct ReportedFrame {
   std::uint64_t triangles = 0;
   std::uint64_t triangles_made = 0;
   std::uint64_t uploaded_bytes = 0;
+  std::vector<SurfaceWait> waits;
 };
 
 nlohmann::ordered_json spreadOf(std::vector<double> values) {
@@ -61,6 +64,33 @@ nlohmann::ordered_json spreadOf(std::vector<double> values) {
   spread["p95"] = at(0.95);
   spread["max"] = at(1.0);
   return spread;
+}
+
+// How old what was shown became before another surface took its place, and what of.
+void addWaits(const std::vector<ReportedFrame>& frames, nlohmann::ordered_json& report) {
+  constexpr std::array<std::pair<const char*, double SurfaceWait::*>, 4> kParts{
+      {{"before", &SurfaceWait::before},
+       {"extraction", &SurfaceWait::extraction},
+       {"uploads", &SurfaceWait::uploads},
+       {"drawing", &SurfaceWait::drawing}}};
+  std::map<std::string, std::vector<double>> values;
+  nlohmann::ordered_json list = nlohmann::ordered_json::array();
+  for (const ReportedFrame& f : frames) {
+    for (const SurfaceWait& wait : f.waits) {
+      nlohmann::ordered_json& one = list.emplace_back();
+      one["seconds"] = f.seconds;
+      one["triangles_made"] = f.triangles_made;
+      one["total_ms"] = 1e3 * wait.total();
+      values["total"].push_back(1e3 * wait.total());
+      for (const auto& [name, part] : kParts) {
+        one[std::string(name) + "_ms"] = 1e3 * wait.*part;
+        values[name].push_back(1e3 * wait.*part);
+      }
+    }
+  }
+  for (const char* name : {"total", "before", "extraction", "uploads", "drawing"})
+    report["surface_wait_ms"][name] = spreadOf(values[name]);
+  report["each_surface"] = std::move(list);
 }
 
 std::string reportOf(const std::vector<ReportedFrame>& frames, const std::string& device,
@@ -80,6 +110,7 @@ std::string reportOf(const std::vector<ReportedFrame>& frames, const std::string
   report["uploaded_bytes"] =
       spread([](const auto& f) { return static_cast<double>(f.uploaded_bytes); });
   report["passes"] = status.passes;
+  addWaits(frames, report);
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
   report["peak_rss_bytes"] = std::uint64_t{1024} * static_cast<std::uint64_t>(usage.ru_maxrss);
@@ -262,6 +293,7 @@ class ViewLoop {
 
     const Wishes wishes = hands(begin);
     if (session_) session_->update(begin);
+    const double idle = waitForSurface();
     const double drawing = secondsNow();
     const bool drawn = draw();
     if (drawn) {
@@ -276,10 +308,29 @@ class ViewLoop {
     if (drawn) target_->show();
     const double draw_seconds = drawn_by - drawing + secondsNow() - written;
     if (drawn && session_) session_->noteDrawing(draw_seconds);
-    remember({drawing - begin, draw_seconds}, begin);
+    remember({drawing - begin - idle, draw_seconds}, begin);
     if (drawn) grant(wishes);
     grantOpening(wishes);
     closing_ = closing_ || wishes.close || (player_ && scripted.finished);
+  }
+
+  // Returns the seconds in which nothing was done.
+  double waitForSurface() {
+    waits_.clear();
+    uploaded_bytes_ = 0;
+    double idle = 0.0;
+    const auto note = [&] {
+      waits_.insert(waits_.end(), session_->waits().begin(), session_->waits().end());
+      uploaded_bytes_ += session_->uploadedBytes();
+    };
+    if (!session_) return idle;
+    for (note(); session_->drawsBetterLater(); note()) {
+      const double begin = secondsNow();
+      std::this_thread::sleep_for(std::chrono::milliseconds(2));
+      idle += secondsNow() - begin;
+      session_->update(secondsNow());
+    }
+    return idle;
   }
 
   // Events to panel and session, at most one of a button, so that none is lost in a frame.
@@ -385,7 +436,7 @@ class ViewLoop {
     if (options_.report_path.empty()) return;
     const SessionStatus now = status();
     reported_.push_back({begin - begin_, times, now.surface_age, now.shown_radius, now.triangles,
-                         now.triangles_made, session_ ? session_->uploadedBytes() : 0});
+                         now.triangles_made, uploaded_bytes_, waits_});
   }
 
   const ViewOptions& options_;
@@ -412,6 +463,9 @@ class ViewLoop {
   std::string message_;
   std::deque<FrameTimes> frames_;
   std::vector<ReportedFrame> reported_;
+  // Of the last frame.
+  std::vector<SurfaceWait> waits_;
+  std::uint64_t uploaded_bytes_ = 0;
 };
 
 }  // namespace

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <filesystem>
 #include <glm/geometric.hpp>
 #include <thread>
@@ -180,6 +181,42 @@ TEST_F(ViewSessionTest, TurningTheCameraAsksForNothing) {
   settle();
   EXPECT_EQ(session_->status().passes, passes);
   EXPECT_EQ(renderer_.uploadedBytes(), uploaded);
+}
+
+TEST_F(ViewSessionTest, WhatANewSurfaceTookIsTold) {
+  settle();
+  frame(0.01);
+  EXPECT_TRUE(session_->waits().empty());
+  session_->state().surfaces[0].isovalue += 1.0;
+  // The caller's time runs faster than that of the extraction.
+  const double begin = clock_ + 10.0;
+  do {
+    frame(10.0);
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  } while (session_->waits().empty());
+  const SurfaceWait wait = session_->waits().front();
+  EXPECT_NEAR(wait.total(), clock_ - begin, 1e-6);
+  EXPECT_EQ(wait.extraction > 0.0, wait.total() > 0.0);
+}
+
+TEST_F(ViewSessionTest, WhatDrawsSlowlyIsNotDrawnOnceMoreJustBeforeItGoes) {
+  settle();
+  session_->noteDrawing(0.5);
+  EXPECT_FALSE(session_->drawsBetterLater());  // it stays
+  const auto change = [&] {
+    session_->state().surfaces[0].isovalue += 1.0;
+    const std::uint64_t passes = session_->status().passes;
+    session_->update(clock_ += 0.01);
+    return session_->status().passes == passes;  // it is not there at once
+  };
+  const bool lacks = change();
+  EXPECT_EQ(session_->drawsBetterLater(), lacks);
+  session_->update(clock_ += 0.2);  // nor is it waited for that long
+  EXPECT_FALSE(session_->drawsBetterLater());
+  settle();
+  session_->noteDrawing(0.01);  // what is fast is drawn
+  change();
+  EXPECT_FALSE(session_->drawsBetterLater());
 }
 
 TEST_F(ViewSessionTest, ADoubleClickFocusesOnWhatIsHit) {

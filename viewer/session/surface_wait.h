@@ -1,0 +1,36 @@
+// What a hand waits for until it sees the surface that it asked for.
+#pragma once
+
+#include <deque>
+#include <utility>
+
+namespace isobrick {
+
+// From the oldest request that a new surface answers until the frame that shows it is begun: how
+// old what was shown before had become. Seconds, none below 0.
+struct SurfaceWait {
+  double before = 0.0;      // passes that were finished or given up first, and the thread's start
+  double extraction = 0.0;  // of the surface itself
+  double uploads = 0.0;     // and the rest of the interface's work, since it was extracted
+  double drawing = 0.0;     // since then too, of frames that show what was there before
+
+  double total() const { return before + extraction + uploads + drawing; }
+};
+
+// `total`, of which the last `since_ready` went by after an extraction of `extraction` seconds,
+// with `drawn` of them spent on drawing.
+SurfaceWait surfaceWait(double total, double extraction, double since_ready, double drawn);
+
+// When frames were drawn lately. Times are of one clock, in seconds.
+class DrawingTimes {
+ public:
+  // Ascending, apart from each other.
+  void add(double begin, double end);
+  // How much of the time since then was spent on it, of the last 240 frames.
+  double since(double moment) const;
+
+ private:
+  std::deque<std::pair<double, double>> frames_;
+};
+
+}  // namespace isobrick
