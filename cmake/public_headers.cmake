@@ -3,6 +3,7 @@ set(isobrick_public_headers
   storage/brick_layout.h
   storage/brick_pager.h
   storage/brick_parts.h
+  storage/buffer_slab.h
   storage/bus_error_guard.h
   storage/cancel.h
   storage/curvature_code.h

@@ -1,6 +1,5 @@
 #include "isobrick/storage/brick_pager.h"
 
-#include <bit>
 #include <chrono>
 #include <utility>
 
@@ -16,13 +15,6 @@ constexpr const char* kWrongChecksum = "is damaged (checksum mismatch)";
 constexpr const char* kNotPacked = "is damaged (cannot be unpacked)";
 constexpr const char* kUnknownPlace = "is at an unknown place (its row in the table is damaged)";
 constexpr const char* kNoMemory = "cannot be held (no memory is left)";
-
-// Bricks at the border are a little smaller than the others: with eight sizes for each power of two
-// one's buffer serves the next.
-std::uint64_t bufferBytes(std::uint64_t bytes) {
-  const std::uint64_t step = std::bit_floor(bytes | 512u) / 8;
-  return (bytes + step - 1) / step * step;
-}
 
 bool isPacked(const BrickPager::Part& part) { return part.codec != format::Codec::kStored; }
 
@@ -47,6 +39,7 @@ BrickPager::BrickPager(const PagedFile& file, PartOf part_of, std::uint64_t budg
     : file_(file),
       part_of_(std::move(part_of)),
       budget_bytes_(budget_bytes),
+      slab_(budget_bytes),
       policy_(budget_bytes) {}
 
 BrickPager::BrickPager(const PagedFile& file, std::vector<Part> parts, std::uint64_t budget_bytes)
@@ -226,8 +219,8 @@ const std::byte* BrickPager::checkAnew(Shard& shard, Entry& entry, const char** 
 
 // What a resident part costs.
 std::uint64_t BrickPager::costOf(const Part& part) const {
-  if (isPacked(part)) return bufferBytes(part.unpacked_bytes);
-  return isInPlace(part) ? part.bytes : bufferBytes(part.bytes);
+  if (isPacked(part)) return BufferSlab::runBytes(part.unpacked_bytes);
+  return isInPlace(part) ? part.bytes : BufferSlab::runBytes(part.bytes);
 }
 
 // What it costs is counted where it succeeds. For what is used in place the pages of others go
@@ -240,18 +233,21 @@ bool BrickPager::bringIn(Entry& entry, const char** why) {
   if (!file_.reaches(part.offset, part.bytes)) return false;
   if (isInPlace(part)) {
     if (!checkInPlace(part, why)) return false;
-    makeRoom(entry.bytes, 0);
+    makeRoom(entry.bytes);
+    trimSlab();
     return true;
   }
-  const std::uint64_t copy_bytes = isPacked(part) ? part.bytes : 0;
+  const std::uint64_t copy_bytes = isPacked(part) ? BufferSlab::runBytes(part.bytes) : 0;
   bool is_good = false;
   try {
-    entry.buffer = makeRoom(copy_bytes + entry.bytes, entry.bytes);
-    is_good = isPacked(part) ? unpackPart(part, entry.buffer.data.get(), why)
-                             : readPart(part, entry.buffer.data.get(), why);
+    makeRoom(copy_bytes + entry.bytes);
+    entry.buffer = takeBuffer(isPacked(part) ? part.unpacked_bytes : part.bytes);
+    is_good = isPacked(part) ? unpackPart(part, entry.buffer.get(), why)
+                             : readPart(part, entry.buffer.get(), why);
   } catch (const std::bad_alloc&) {
     *why = kNoMemory;
   }
+  if (!is_good) entry.buffer.reset();
   held_bytes_ -= copy_bytes + (is_good ? 0 : entry.bytes);
   return is_good;
 }
@@ -272,8 +268,8 @@ bool BrickPager::readPart(const Part& part, std::byte* out, const char** why) co
 
 // Everything is done with a copy: what the checksum and the checks of the Blosc buffer have seen is
 // what the decoder gets, even while somebody writes to the file.
-bool BrickPager::unpackPart(const Part& part, std::byte* out, const char** why) const {
-  const auto packed = std::make_unique_for_overwrite<std::byte[]>(part.bytes);
+bool BrickPager::unpackPart(const Part& part, std::byte* out, const char** why) {
+  const PartBuffer packed = takeBuffer(part.bytes);
   if (!readPart(part, packed.get(), why)) return false;
   *why = kNotPacked;
   return decodePart(part.codec, {packed.get(), part.bytes}, part.unpacked_bytes, out);
@@ -285,7 +281,7 @@ void BrickPager::release(std::size_t id) noexcept {
     const std::lock_guard lock(shard.mutex);
     if (--shard.entries.find(id)->second->users > 0) return;
   }
-  if (held_bytes_.load() > budget_bytes_) makeRoom(0, 0);
+  if (held_bytes_.load() > budget_bytes_) makeRoom(0);
 }
 
 void BrickPager::withdraw(std::size_t id) {
@@ -316,7 +312,7 @@ BrickPager::Counters BrickPager::counters() const {
                .bytes_read = bytes_read_,
                .bytes_unpacked = bytes_unpacked_,
                .parts_released = parts_released_,
-               .buffers_reused = buffers_reused_,
+               .buffers_beside = buffers_beside_,
                .wait_nanoseconds = wait_nanoseconds_,
                .parts_fetched = parts_fetched_,
                .fetched_unused = fetched_unused_};
@@ -329,26 +325,40 @@ BrickPager::Counters BrickPager::counters() const {
 }
 
 const std::byte* BrickPager::dataOf(const Entry& entry) const {
-  return entry.buffer.data ? entry.buffer.data.get() : file_.data() + entry.part.offset;
+  return entry.buffer ? entry.buffer.get() : file_.data() + entry.part.offset;
 }
 
-// Counts `bytes` more, and gives back what exceeds the budget then. A buffer of `buffer_bytes`, if
-// one is wanted, of a part that went, where one fits.
-BrickPager::Buffer BrickPager::makeRoom(std::uint64_t bytes, std::uint64_t buffer_bytes) {
-  Buffer buffer;
-  for (auto entry = takeVictims(bytes); entry != nullptr; entry = std::move(entry->next_leaving)) {
-    if (isInPlace(entry->part))
-      file_.release(entry->part.offset, entry->part.bytes);
-    else if (!buffer.data && entry->buffer.bytes == buffer_bytes)
-      buffer = std::move(entry->buffer);
+// Whose bytes are counted already. The slab is never shorter than the budget but where it is capped
+// or was refused: so where no run of it is free, that is for parts that may go, or are in use.
+PartBuffer BrickPager::takeBuffer(std::uint64_t bytes) {
+  while (true) {
+    if (std::byte* const run = slab_.take(bytes)) return PartBuffer(run, {&slab_});
+    const std::uint64_t slab_bytes = slab_.bytes();
+    if (slab_bytes < budget_bytes_ || slab_bytes < BufferSlab::runBytes(bytes)) break;
+    if (!letGo(takeOneVictim())) break;
   }
-  if (buffer_bytes == 0) return {};
-  if (buffer.data)
-    ++buffers_reused_;
-  else
-    buffer.data.reset(new (kBufferAlignment) std::byte[buffer_bytes]);
-  buffer.bytes = buffer_bytes;
+  ++buffers_beside_;
+  PartBuffer buffer(new (PartBufferDeleter::kAlignment) std::byte[bytes]);
+  trimSlab();
   return buffer;
+}
+
+// What the slab keeps for later is within the budget only as far as that is not held elsewhere.
+void BrickPager::trimSlab() {
+  const std::uint64_t kept = held_bytes_.load() + slab_.idleBytes();
+  const std::uint64_t most = budget_bytes_ + BufferSlab::kHugePageBytes;
+  if (most > budget_bytes_ && kept > most) slab_.trim(kept - most);
+}
+
+// Counts `bytes` more, and gives back what exceeds the budget then.
+void BrickPager::makeRoom(std::uint64_t bytes) { letGo(takeVictims(bytes)); }
+
+// Those and all that follow; false where there is none.
+bool BrickPager::letGo(std::shared_ptr<Entry> leaving) const {
+  const bool is_any = leaving != nullptr;
+  for (; leaving != nullptr; leaving = std::move(leaving->next_leaving))
+    if (isInPlace(leaving->part)) file_.release(leaving->part.offset, leaving->part.bytes);
+  return is_any;
 }
 
 // All that go, each with the next.
@@ -359,12 +369,15 @@ std::shared_ptr<BrickPager::Entry> BrickPager::takeVictims(std::uint64_t bytes) 
   while (held_bytes_.load() > budget_bytes_) {
     std::shared_ptr<Entry> entry = takeVictim();
     if (entry == nullptr) break;
-    held_bytes_ -= entry->bytes;
-    ++parts_released_;
     entry->next_leaving = std::move(leaving);
     leaving = std::move(entry);
   }
   return leaving;
+}
+
+std::shared_ptr<BrickPager::Entry> BrickPager::takeOneVictim() {
+  const std::lock_guard lock(policy_mutex_);
+  return takeVictim();
 }
 
 std::shared_ptr<BrickPager::Entry> BrickPager::takeVictim() {
@@ -384,6 +397,10 @@ std::shared_ptr<BrickPager::Entry> BrickPager::takeVictim() {
     shard.entries.erase(found);
     return true;
   });
+  if (taken != nullptr) {
+    held_bytes_ -= taken->bytes;
+    ++parts_released_;
+  }
   return taken;
 }
 

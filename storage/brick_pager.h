@@ -9,10 +9,10 @@
 #include <functional>
 #include <memory>
 #include <mutex>
-#include <new>
 #include <unordered_map>
 #include <vector>
 
+#include "isobrick/storage/buffer_slab.h"
 #include "isobrick/storage/cancel.h"
 #include "isobrick/storage/format.h"
 #include "isobrick/storage/load_threads.h"
@@ -32,13 +32,15 @@ namespace isobrick {
 // pager, so that it need not end with the part.
 //
 // A stored part of a mapped file is used in place: what it costs is its pages of the map, which are
-// given back to the system. Any other is read, past the map, into a buffer of the heap, a packed
-// one unpacked on the way: what it costs is that buffer (rounded up by at most an eighth), and,
-// while it is being unpacked, a copy of its packed bytes, on which alone checksum and decoder work.
-// The buffer of a part that goes is passed on to the one that comes in, if it fits; no buffer is
-// kept for later, so there is nothing beside the budget. Unpacking itself takes up to 3 MiB for
-// each thread in it. A part that has left the sum may be on its way out for a moment yet: one for
-// each thread that makes room.
+// given back to the system. Any other is read, past the map, into a buffer, a packed one unpacked
+// on the way: what it costs is that buffer (rounded up by 3 % at most), and, while it is
+// being unpacked, one for a copy of its packed bytes, on which alone checksum and decoder work.
+// Buffers lie in a slab as large as the budget (buffer_slab.h). Where what is free of it is in
+// pieces that are too short, more parts go; where all are in use, the heap serves. What parts
+// beside the slab need of the budget, the slab gives back to the system. So what was touched is at
+// most the budget, rounded up to a huge page, and a granule of the slab for each free run.
+// Unpacking itself takes up to 3 MiB for each thread in it. A part that has left the sum may be on
+// its way out for a moment yet: one for each thread that makes room.
 //
 // All members are thread-safe. Reading, checking, unpacking and giving back happen outside all
 // locks. A hit takes the lock of one of many shards and makes no system call.
@@ -63,7 +65,7 @@ class BrickPager {
     std::uint64_t bytes_read = 0;    // of the file
     std::uint64_t bytes_unpacked = 0;
     std::uint64_t parts_released = 0;    // how often one went for the budget
-    std::uint64_t buffers_reused = 0;    // how often its buffer was passed on
+    std::uint64_t buffers_beside = 0;    // how often a buffer was of the heap
     std::uint64_t wait_nanoseconds = 0;  // of all threads, in acquire() for misses and joined loads
     std::uint64_t parts_fetched = 0;     // how often one came in ahead of need
     std::uint64_t fetched_unused = 0;    // and went before anybody acquired it
@@ -120,15 +122,6 @@ class BrickPager {
 
  private:
   static constexpr std::size_t kShards = 64;
-  static constexpr std::align_val_t kBufferAlignment{format::kPartAlignment};
-
-  struct BufferDeleter {
-    void operator()(std::byte* p) const { ::operator delete[](p, kBufferAlignment); }
-  };
-  struct Buffer {
-    std::unique_ptr<std::byte[], BufferDeleter> data;
-    std::uint64_t bytes = 0;
-  };
   enum class State : std::uint8_t { kLoading, kResident, kFailed };
   // A part that is loading or resident. The lock of its shard guards state, users, is_used,
   // is_ahead, query, edition and why; what is loaded is the loader's until the part is resident,
@@ -142,7 +135,7 @@ class BrickPager {
     std::uint64_t edition = 0;  // of the file, that its bytes were checked in
     std::uint32_t users = 1;
     const char* why = nullptr;  // of a failed one
-    Buffer buffer;              // of one that is not used in place
+    PartBuffer buffer;          // of one that is not used in place
     std::shared_ptr<Entry> next_leaving;
   };
   struct alignas(64) Shard {
@@ -169,14 +162,19 @@ class BrickPager {
   bool bringIn(Entry& entry, const char** why);
   bool checkInPlace(const Part& part, const char** why) const;
   bool readPart(const Part& part, std::byte* out, const char** why) const;
-  bool unpackPart(const Part& part, std::byte* out, const char** why) const;
-  Buffer makeRoom(std::uint64_t bytes, std::uint64_t buffer_bytes);
+  bool unpackPart(const Part& part, std::byte* out, const char** why);
+  PartBuffer takeBuffer(std::uint64_t bytes);
+  void makeRoom(std::uint64_t bytes);
+  bool letGo(std::shared_ptr<Entry> leaving) const;
+  void trimSlab();
   std::shared_ptr<Entry> takeVictims(std::uint64_t bytes);
+  std::shared_ptr<Entry> takeOneVictim();
   std::shared_ptr<Entry> takeVictim();
 
   const PagedFile& file_;
   const PartOf part_of_;
   const std::uint64_t budget_bytes_;
+  BufferSlab slab_;  // before the entries, whose buffers lie in it
   std::array<Shard, kShards> shards_;
   std::mutex policy_mutex_;  // taken before that of a shard, never while one is held
   ResidencePolicy policy_;
@@ -184,7 +182,7 @@ class BrickPager {
   std::atomic<std::uint64_t> edition_{0};  // of the file, as far as noticed
   std::atomic<std::uint64_t> held_bytes_{0};
   std::atomic<std::uint64_t> misses_{0}, parts_read_{0}, bytes_read_{0}, bytes_unpacked_{0},
-      parts_released_{0}, buffers_reused_{0}, wait_nanoseconds_{0}, parts_fetched_{0},
+      parts_released_{0}, buffers_beside_{0}, wait_nanoseconds_{0}, parts_fetched_{0},
       fetched_unused_{0};
   LoadThreads load_threads_;  // last: they use all of the above
 };
