@@ -37,8 +37,9 @@ BufferSlab::~BufferSlab() {
   munmap(map_, bytes_ + kHugePageBytes);
 }
 
-// 32 sizes for each power of two, as bricks at the border are a little smaller than the others. With
-// 8 sizes what is lost to rounding up made sweeps at half the working set read up to 30 % more.
+// 32 sizes for each power of two, as bricks at the border are a little smaller than the others.
+// With 8 sizes what is lost to rounding up made sweeps at half the working set read up to 30 %
+// more.
 std::uint64_t BufferSlab::runBytes(std::uint64_t bytes) {
   bytes += kRedZoneBytes;
   return roundedUp(bytes, std::bit_floor(bytes | 2048u) / 32);
