@@ -23,10 +23,17 @@ constexpr float kFocusLineHalfWidth = 0.9f;  // pixels
 constexpr glm::vec3 kSegmentColor{0.62f, 0.66f, 0.72f};
 constexpr float kSegmentHalfWidth = 0.5f;
 constexpr GLsizei kIndicesInFlight = 3 << 12;  // drawn and not flushed
+constexpr float kOcclusionReach = 1.0f / 16;   // of the picture's height
 constexpr double kLeastDistance = 1e-6;        // of segments from the eye, in units of `far`
 
 glm::vec3 linearColor(const glm::vec3& srgb) {
   return {linearFromSrgb(srgb.r), linearFromSrgb(srgb.g), linearFromSrgb(srgb.b)};
+}
+
+GlTexture makeTexture(GLenum format, int width, int height) {
+  GlTexture texture = GlTexture::make(GLenum{GL_TEXTURE_2D});
+  glTextureStorage2D(*texture, 1, format, width, height);
+  return texture;
 }
 
 // A segment as a ribbon: normalised device coordinates, pixels from its middle, and depth. Empty
@@ -126,6 +133,8 @@ GlSceneRenderer::GlSceneRenderer() {
   slice_program_ = makeSliceProgram();
   sphere_program_ = makeSphereProgram();
   screen_program_ = makeScreenProgram();
+  occlusion_program_ = makeOcclusionProgram();
+  shade_program_ = makeShadeProgram();
 
   empty_array_ = GlVertexArray::make();
   surface_array_ = GlVertexArray::make();
@@ -222,9 +231,9 @@ void GlSceneRenderer::resize(int width, int height) {
   };
   allocate(sampled_color_, samples_, GL_RGBA16F);
   allocate(sampled_depth_, samples_, GL_DEPTH_COMPONENT32F);
-  allocate(resolved_depth_, 0, GL_DEPTH_COMPONENT32F);
-  resolved_color_ = GlTexture::make(GLenum{GL_TEXTURE_2D});
-  glTextureStorage2D(*resolved_color_, 1, GL_RGBA16F, width, height);
+  resolved_color_ = makeTexture(GL_RGBA16F, width, height);
+  resolved_depth_ = makeTexture(GL_DEPTH_COMPONENT32F, width, height);
+  openness_ = {};
 
   sampled_frame_ = GlFramebuffer::make();
   glNamedFramebufferRenderbuffer(*sampled_frame_, GL_COLOR_ATTACHMENT0, GL_RENDERBUFFER,
@@ -233,8 +242,7 @@ void GlSceneRenderer::resize(int width, int height) {
                                  *sampled_depth_);
   resolved_frame_ = GlFramebuffer::make();
   glNamedFramebufferTexture(*resolved_frame_, GL_COLOR_ATTACHMENT0, *resolved_color_, 0);
-  glNamedFramebufferRenderbuffer(*resolved_frame_, GL_DEPTH_ATTACHMENT, GL_RENDERBUFFER,
-                                 *resolved_depth_);
+  glNamedFramebufferTexture(*resolved_frame_, GL_DEPTH_ATTACHMENT, *resolved_depth_, 0);
   const auto complete = [](const GlFramebuffer& frame) {
     return glCheckNamedFramebufferStatus(*frame, GL_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE;
   };
@@ -264,17 +272,20 @@ void GlSceneRenderer::draw(const SceneFrame& frame) {
   glClear(GL_DEPTH_BUFFER_BIT);
   glDepthFunc(GL_GREATER);
   drawBackground(frame);
-  for (GLenum i = 0; i < 6; ++i) {
-    if (i < frame.clip_planes.size())
-      glEnable(GL_CLIP_DISTANCE0 + i);
-    else
-      glDisable(GL_CLIP_DISTANCE0 + i);
-  }
+  const auto cut = [&](std::size_t planes) {
+    for (GLenum i = 0; i < 6; ++i) (i < planes ? glEnable : glDisable)(GL_CLIP_DISTANCE0 + i);
+  };
+  cut(frame.clip_planes.size());
   drawSurfaces(view);
+  if (frame.ambient_occlusion && !frame.normals) {
+    cut(0);
+    drawOcclusion(view);
+    cut(frame.clip_planes.size());
+  }
   if (frame.normals) glColorMask(GL_FALSE, GL_FALSE, GL_FALSE, GL_FALSE);  // slices only hide
   drawSlices(view);
   glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
-  for (GLenum i = 0; i < 6; ++i) glDisable(GL_CLIP_DISTANCE0 + i);
+  cut(0);
   if (!frame.normals) {
     drawSegments(view);
     drawSphere(view);
@@ -430,6 +441,42 @@ void GlSceneRenderer::boundFlight(GLsizei indices) {
   const GlFence before = std::exchange(last_flight_, GlFence::make());
   glFlush();
   before.wait();
+}
+
+// Before slices and caps, whose colours stand for values. Depth is that of one sample of a pixel;
+// samples of the background stay as they are.
+void GlSceneRenderer::drawOcclusion(const View& view) {
+  if (*openness_ == 0) {
+    openness_ = makeTexture(GL_R8, width_, height_);
+    openness_frame_ = GlFramebuffer::make();
+    glNamedFramebufferTexture(*openness_frame_, GL_COLOR_ATTACHMENT0, *openness_, 0);
+  }
+  glBlitNamedFramebuffer(*sampled_frame_, *resolved_frame_, 0, 0, width_, height_, 0, 0, width_,
+                         height_, GL_DEPTH_BUFFER_BIT, GL_NEAREST);
+  glBindTextureUnit(0, *resolved_depth_);
+  glBindTextureUnit(1, *openness_);
+  glBindVertexArray(*empty_array_);
+  const auto cover = [&](const GlProgram& program) {
+    glUseProgram(*program);
+    setUniform(program, "projection", view.projection);
+    setUniform(program, "orthographic", static_cast<int>(view.frame.camera.orthographic));
+    setUniform(program, "reach", kOcclusionReach * static_cast<float>(height_));
+    glDrawArrays(GL_TRIANGLES, 0, 3);
+  };
+  glDisable(GL_DEPTH_TEST);
+  glDisable(GL_BLEND);
+  glBindFramebuffer(GL_FRAMEBUFFER, *openness_frame_);
+  cover(occlusion_program_);
+  glBindFramebuffer(GL_FRAMEBUFFER, *sampled_frame_);
+  glEnable(GL_DEPTH_TEST);
+  glDepthMask(GL_FALSE);
+  glDepthFunc(GL_LESS);  // than nothing: all that is not background
+  glEnable(GL_BLEND);
+  glBlendFuncSeparate(GL_ZERO, GL_SRC_COLOR, GL_ZERO, GL_ONE);
+  cover(shade_program_);
+  glDisable(GL_BLEND);
+  glDepthFunc(GL_GREATER);
+  glDepthMask(GL_TRUE);
 }
 
 void GlSceneRenderer::drawSlices(const View& view) {

@@ -64,6 +64,7 @@ class GlSceneRenderer : public SceneRenderer {
   void drawIndices(const Chunk& chunk, GLsizei begin, GLsizei end, bool wireframe,
                    GLint first_place);
   void boundFlight(GLsizei indices);
+  void drawOcclusion(const View& view);
   void drawSlices(const View& view);
   void drawSegments(const View& view);
   void drawSphere(const View& view);
@@ -79,12 +80,14 @@ class GlSceneRenderer : public SceneRenderer {
   bool transparent_ = false;    // likewise
 
   GlProgram surface_program_, wire_program_, background_program_, line_program_, slice_program_,
-      sphere_program_, screen_program_;
+      sphere_program_, screen_program_, occlusion_program_, shade_program_;
   GlVertexArray surface_array_, line_array_, empty_array_;
   GlBuffer line_buffer_;
-  GlRenderbuffer sampled_color_, sampled_depth_, resolved_depth_;
-  GlTexture resolved_color_;
+  GlRenderbuffer sampled_color_, sampled_depth_;
+  GlTexture resolved_color_, resolved_depth_;
   GlFramebuffer sampled_frame_, resolved_frame_;
+  GlTexture openness_;  // of ambient occlusion, where a picture of this size had it
+  GlFramebuffer openness_frame_;
 
   std::unordered_map<ChunkId, Chunk> chunks_;
   std::unordered_map<SliceId, Slice> slices_;

@@ -75,6 +75,7 @@ struct SceneFrame {
       transition_color;  // of cells that join two levels, sRGB; none: as others
   bool wireframe = false;
   bool headlight = false;
+  bool ambient_occlusion = false;  // surfaces shade each other, as if light came from all around
   std::vector<SceneClipPlane> clip_planes;  // at most 6
   std::vector<SceneSlice> slices;
   std::vector<SceneSegment> segments;   // thin lines, hidden by what is in front of them

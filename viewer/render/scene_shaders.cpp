@@ -250,6 +250,99 @@ void main() {
 }
 )";
 
+// Of depths: where pixels are in eye coordinates.
+constexpr char kPlacesOfPixels[] = R"(
+layout(binding = 0) uniform sampler2D depths;
+uniform vec4 projection;
+uniform bool orthographic;
+uniform float reach;
+
+// Along the view; below 0: there is nothing but background.
+float distanceAt(ivec2 pixel) {
+  if (any(lessThan(pixel, ivec2(0))) || any(greaterThanEqual(pixel, textureSize(depths, 0))))
+    return -1.0;
+  float depth = texelFetch(depths, pixel, 0).r;
+  if (depth <= 0.0) return -1.0;
+  return orthographic ? (projection.w - depth) / projection.z
+                      : projection.w / (depth + projection.z);
+}
+
+vec3 placeAt(ivec2 pixel, float distance) {
+  vec2 place = 2.0 * (vec2(pixel) + 0.5) / vec2(textureSize(depths, 0)) - 1.0;
+  return vec3(place / projection.xy * (orthographic ? 1.0 : distance), -distance);
+}
+
+// `reach` at this distance, in eye coordinates.
+float radiusAt(float distance) {
+  return 2.0 * reach / (projection.y * float(textureSize(depths, 0).y)) *
+         (orthographic ? 1.0 : distance);
+}
+)";
+
+// What rises over the plane of a pixel shades it, the more the nearer it is. The places that are
+// looked at turn from pixel to pixel, so that 4 x 4 of them see as much as 256 places.
+constexpr char kOcclusionFragmentShader[] = R"(
+out float open;
+
+// To the neighbour that is on the same surface, more likely than the one on the other side.
+vec3 stepAlong(ivec2 pixel, vec3 place, ivec2 along) {
+  float before = distanceAt(pixel - along), after = distanceAt(pixel + along);
+  bool forward = before < 0.0 || (after >= 0.0 && abs(after + place.z) < abs(before + place.z));
+  if (forward && after < 0.0) return vec3(along, 0.0);
+  return forward ? placeAt(pixel + along, after) - place : place - placeAt(pixel - along, before);
+}
+
+void main() {
+  const int kPlaces = 16;
+  const float kRise = 0.05;  // of the radius, which triangles reach over each other's planes
+  ivec2 pixel = ivec2(gl_FragCoord.xy);
+  float distance = distanceAt(pixel);
+  open = 1.0;
+  if (distance < 0.0) return;
+  vec3 place = placeAt(pixel, distance);
+  vec3 normal = normalize(cross(stepAlong(pixel, place, ivec2(1, 0)),
+                                stepAlong(pixel, place, ivec2(0, 1))));
+  float radius = radiusAt(distance);
+  float turn = 6.28318530718 / 16.0 * float((pixel.x & 3) * 4 + (((pixel.y & 3) + pixel.x) & 3));
+  float sum = 0.0;
+  for (int i = 0; i < kPlaces; ++i) {
+    float away = max(1.0, reach * sqrt((float(i) + 0.5) / float(kPlaces)));
+    float angle = turn + 2.39996323 * float(i);
+    ivec2 other = pixel + ivec2(round(away * vec2(cos(angle), sin(angle))));
+    float there = distanceAt(other);
+    if (there < 0.0) continue;
+    vec3 arm = (placeAt(other, there) - place) / radius;
+    float square = dot(arm, arm);
+    float near = max(0.0, 1.0 - square);
+    sum += near * near * near * max(0.0, dot(arm, normal) - kRise) / (square + 0.01);
+  }
+  const float kStrength = 10.0;
+  open = clamp(1.0 - kStrength / float(kPlaces) * sum, 0.0, 1.0);
+}
+)";
+
+constexpr char kShadeFragmentShader[] = R"(
+layout(binding = 1) uniform sampler2D openness;
+out vec4 color;
+
+void main() {
+  ivec2 pixel = ivec2(gl_FragCoord.xy);
+  float distance = distanceAt(pixel);
+  float radius = radiusAt(distance);
+  float sum = 0.0, weights = 0.0;
+  for (int y = -2; y < 2; ++y) {
+    for (int x = -2; x < 2; ++x) {
+      float there = distanceAt(pixel + ivec2(x, y));
+      // What lies behind or before it is another surface's.
+      float weight = there < 0.0 ? 0.0 : max(0.0, 1.0 - 2.0 * abs(there - distance) / radius);
+      sum += weight * texelFetch(openness, pixel + ivec2(x, y), 0).r;
+      weights += weight;
+    }
+  }
+  color = vec4(vec3(weights > 0.0 && distance >= 0.0 ? sum / weights : 1.0), 1.0);
+}
+)";
+
 constexpr char kScreenFragmentShader[] = R"(
 layout(binding = 0) uniform sampler2D picture;
 out vec4 color;
@@ -321,6 +414,16 @@ GlProgram makeSliceProgram() {
 GlProgram makeSphereProgram() {
   return linkProgram({kVersion, "", kProjection, kSphereVertexShader},
                      {kVersion, "", "", kSphereFragmentShader});
+}
+
+GlProgram makeOcclusionProgram() {
+  return linkProgram({kVersion, "", "", kBackgroundVertexShader},
+                     {kVersion, "", kPlacesOfPixels, kOcclusionFragmentShader});
+}
+
+GlProgram makeShadeProgram() {
+  return linkProgram({kVersion, "", "", kBackgroundVertexShader},
+                     {kVersion, "", kPlacesOfPixels, kShadeFragmentShader});
 }
 
 GlProgram makeScreenProgram() {

@@ -50,6 +50,15 @@ GlProgram makeSliceProgram();
 GlProgram makeSphereProgram();
 constexpr GLsizei kSphereVertices = 6 * 32 * 64;
 
+// How much of the light from all around reaches what is seen at a pixel, by the depths around it: 1
+// all of it. Draw 3 vertices. Uniforms: sampler2D depths at unit 0; vec4 projection; bool
+// orthographic; float reach (pixels around each, within which things shade each other).
+GlProgram makeOcclusionProgram();
+
+// The same without its grain, as colours to be multiplied with the picture's, at depth 0. Draw 3
+// vertices. Uniforms: as above, and sampler2D openness at unit 1.
+GlProgram makeShadeProgram();
+
 // The picture to a screen: linear light to sRGB. Draw 3 vertices. Uniform: sampler2D picture.
 GlProgram makeScreenProgram();
 

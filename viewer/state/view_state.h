@@ -89,6 +89,7 @@ struct ViewState {
   ViewColoring coloring = ViewColoring::kPlain;
   ViewValues values;
   ViewLighting lighting = ViewLighting::kThreeLights;
+  bool ambient_occlusion = false;  // surfaces shade each other, by their depths in the picture
   ViewPictures pictures;
   bool wireframe = false;
   bool show_transitions = false;  // cells that join two levels in a colour of their own

@@ -49,8 +49,8 @@ ISOBRICK_FIELDS(ViewPictures, transparent, times)
 ISOBRICK_FIELDS(ViewValues, gradient_window, other, other_window)
 ISOBRICK_FIELDS(ViewState, camera, surfaces, active_surface, focus, curvature_tolerance, tolerance,
                 view_pixels, clip_planes, slices, value_window, coloring, values, lighting,
-                pictures, wireframe, show_transitions, show_box, show_handles, background_top,
-                background_bottom)
+                ambient_occlusion, pictures, wireframe, show_transitions, show_box, show_handles,
+                background_top, background_bottom)
 
 constexpr std::array<std::string_view, 4> namesOf(ViewColoring) {
   return {"plain", "level", "gradient", "other"};

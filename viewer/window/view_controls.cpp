@@ -273,6 +273,7 @@ void look(ViewSession& session, float scale) {
   if (ImGui::Checkbox("headlight", &headlight))
     state.lighting = headlight ? ViewLighting::kHeadlight : ViewLighting::kThreeLights;
   ImGui::SameLine();
+  ImGui::Checkbox("ambient occlusion", &state.ambient_occlusion);
   ImGui::Checkbox("box", &state.show_box);
   ImGui::SameLine();
   ImGui::Checkbox("arrows", &state.show_handles);

@@ -132,6 +132,78 @@ TEST_F(SceneRendererTest, ClipPlanesCutAndTheirCapIsNotCut) {
   EXPECT_EQ(renderer_->bytesKept(), 4 * 20 + 6 * 4u);  // the square alone
 }
 
+// Two planes that meet in a groove along z at x = 0, away from the eye.
+SurfaceChunk groove() {
+  SurfaceChunk chunk;
+  const glm::vec3 left(0.70710678f, -0.70710678f, 0.0f), right(-0.70710678f, -0.70710678f, 0.0f);
+  for (const float x : {-1.0f, 0.0f})
+    for (const float z : {-1.0f, 1.0f}) chunk.vertices.push_back({{x, x, z}, packNormal(left)});
+  for (const float x : {0.0f, 1.0f})
+    for (const float z : {-1.0f, 1.0f}) chunk.vertices.push_back({{x, -x, z}, packNormal(right)});
+  chunk.triangles = {0, 2, 3, 0, 3, 1, 4, 6, 7, 4, 7, 5};
+  return chunk;
+}
+
+TEST_F(SceneRendererTest, GroovesLieInTheShadeOfWhatIsAroundThem) {
+  frame_.chunks = {renderer_->upload(groove())};
+  frame_.width = frame_.height = 192;
+  frame_.background_top = frame_.background_bottom = glm::vec3(0.5f);
+  frame_.headlight = true;
+  for (const bool orthographic : {false, true}) {
+    frame_.camera.orthographic = orthographic;
+    frame_.camera.half_width = frame_.camera.half_height = orthographic ? 2.0 : 0.2;
+    for (const bool transparent : {false, true}) {
+      frame_.transparent = transparent;
+      frame_.ambient_occlusion = false;
+      renderer_->draw(frame_);
+      const Image plain = renderer_->picture();
+      frame_.ambient_occlusion = true;
+      renderer_->draw(frame_);
+      const Image shaded = renderer_->picture();
+      const auto share = [&](const Image& image, int x) {
+        const int times = image.width / 192;
+        float sum = 0.0f;
+        for (int i = 0; i < times; ++i)
+          sum += image.rgb[image.offsetOf(times * x + i, image.height / 2)];
+        return sum / static_cast<float>(times) / plain.rgb[plain.offsetOf(x, 96)];
+      };
+      EXPECT_LT(share(shaded, 97), 0.75f);
+      EXPECT_LT(share(shaded, 94), 0.75f);
+      EXPECT_LT(share(shaded, 97), share(shaded, 102));
+      EXPECT_NEAR(share(shaded, 115), 1.0f, 1e-3f);  // too far away
+      EXPECT_EQ(shaded.alpha, plain.alpha);
+      // Samples of the background stay as they are, at the edge of the surface too.
+      for (std::size_t i = 0; i < plain.rgb.size(); i += 3)
+        if (plain.rgb[i] == plain.rgb[0] && plain.rgb[i + 1] == plain.rgb[1]) {
+          ASSERT_EQ(shaded.rgb[i], plain.rgb[i]);
+        }
+      // As wide in a larger picture.
+      frame_.width = frame_.height = 384;
+      renderer_->draw(frame_);
+      const Image large = renderer_->picture();
+      frame_.width = frame_.height = 192;
+      for (const int x : {80, 90, 94, 98, 101, 104, 120})
+        EXPECT_NEAR(share(large, x), share(shaded, x), 0.1f) << x;
+    }
+  }
+  // A colour that stands for a value is nobody's shade, nor is a normal.
+  SceneSlice slice;
+  slice.image = renderer_->uploadSlice({2, 2, {50.0f, 50.0f, 50.0f, 50.0f}});
+  slice.corner = {-1.0, -0.1, -1.0};
+  slice.across = {2.0, 0.0, 0.0};
+  slice.along = {0.0, 0.0, 2.0};
+  slice.white = 100.0;
+  frame_.slices = {slice};
+  const glm::vec3 with = seen(97, 96);
+  frame_.ambient_occlusion = false;
+  EXPECT_EQ(with, seen(97, 96));
+  frame_.slices.clear();
+  frame_.normals = true;
+  const glm::vec3 normal = seen(90, 96);
+  frame_.ambient_occlusion = true;
+  EXPECT_EQ(normal, seen(90, 96));
+}
+
 TEST_F(SceneRendererTest, WhatIsBehindATranslucentSurfaceIsSeen) {
   frame_.chunks = {renderer_->upload(squareAt(2.0, 1.0, 0)),
                    renderer_->upload(squareAt(-2.0, 1.0, 1))};

@@ -30,6 +30,7 @@ ViewState fullState() {
   state.values = {{{2.0, 30.0}}, "/scans/pet.isb", {{-1.5, 4.5}}};
   state.show_transitions = true;
   state.lighting = ViewLighting::kHeadlight;
+  state.ambient_occlusion = true;
   state.pictures = {true, 3};
   state.wireframe = true;
   state.show_box = false;
@@ -200,6 +201,7 @@ TEST(ViewStateTest, OnlyWhatChangesTrianglesAsksForThem) {
   };
   EXPECT_FALSE(asks([](ViewState& s) { s.camera.azimuth += 1.0; }));
   EXPECT_FALSE(asks([](ViewState& s) { s.wireframe = !s.wireframe; }));
+  EXPECT_FALSE(asks([](ViewState& s) { s.ambient_occlusion = !s.ambient_occlusion; }));
   EXPECT_FALSE(asks([](ViewState& s) { s.surfaces[0].color.r = 1.0f; }));
   EXPECT_FALSE(asks([](ViewState& s) { s.clip_planes.clear(); }));
   EXPECT_TRUE(asks([](ViewState& s) { s.surfaces[1].isovalue += 1.0; }));
