@@ -119,6 +119,23 @@ void spread(int level, const float* at_samples, std::int64_t voxels, float* out)
 }
 static_assert(kMostErrorLevel == 3);
 
+// Where a sample lies among those of the next coarser level along an axis: between two, or at one.
+struct CoarsePlace {
+  std::int64_t sample[2];
+  float weight[2];
+
+  bool hangs() const { return sample[0] != sample[1]; }
+};
+CoarsePlace coarsePlaceOf(const Lattice& lattice, int level, int axis, std::int64_t at) {
+  const std::int64_t lower = at / 2, upper = (at + 1) / 2;
+  if (lower == upper || at == lattice.samples(level)[axis] - 1) return {{upper, upper}, {1, 0}};
+  const auto from = lattice.position(level + 1, axis, lower);
+  const auto to = lattice.position(level + 1, axis, upper);
+  const float share =
+      static_cast<float>(lattice.position(level, axis, at) - from) / static_cast<float>(to - from);
+  return {{lower, upper}, {1 - share, share}};
+}
+
 }  // namespace
 
 void ErrorCodes::reset(const IndexBox& box, std::uint32_t first, std::uint32_t count) {
@@ -231,50 +248,52 @@ void ErrorChunk::boundHanging(int level) {
   const Field& own_low = level == 0 ? samples_[0] : own_[level].low;
   const Field& own_high = level == 0 ? samples_[0] : own_[level].high;
   const Bounds& coarse = own_[level + 1];
-  hanging_.low.box = hanging_.high.box = own_low.box;
-  const auto size = static_cast<std::size_t>(own_low.box.size());
+  const IndexBox& box = hanging_.low.box = hanging_.high.box = own_low.box;
+  const auto size = static_cast<std::size_t>(box.size());
   hanging_.low.values.assign(size + kErrorRowPadding, 0.0f);
   hanging_.high.values.assign(size + kErrorRowPadding, 0.0f);
-  const Index3 last = lattice_->samples(level) - Index3(1);
-  const auto hangsAlong = [&](int axis, std::int64_t at) {
-    return at % 2 != 0 && at != last[axis];
-  };
+  std::vector<CoarsePlace> places[3];
+  for (int axis = 0; axis < 3; ++axis)
+    for (std::int64_t at = box.first[axis]; at < box.end()[axis]; ++at)
+      places[axis].push_back(coarsePlaceOf(*lattice_, level, axis, at));
+
   std::size_t i = 0;
-  forEachIndex(own_low.box, [&](const Index3& at) {
-    float low = own_low.values[i], high = own_high.values[i];
-    int hanging = 0;
-    Index3 ends[2] = {(at + Index3(1)) / std::int64_t{2}, (at + Index3(1)) / std::int64_t{2}};
-    float share[3] = {0, 0, 0};  // of the upper end
-    for (int axis = 0; axis < 3; ++axis) {
-      if (!hangsAlong(axis, at[axis])) continue;
-      ++hanging;
-      ends[0][axis] = at[axis] / 2;
-      const auto from = lattice_->position(level + 1, axis, ends[0][axis]);
-      const auto to = lattice_->position(level + 1, axis, ends[1][axis]);
-      share[axis] = static_cast<float>(lattice_->position(level, axis, at[axis]) - from) /
-                    static_cast<float>(to - from);
-    }
-    if (hanging == 1 || hanging == 2) {
-      float mean_low = 0, mean_high = 0;
-      for (int corner = 0; corner < 8; ++corner) {
-        float weight = 1;
-        Index3 end;
-        for (int axis = 0; axis < 3; ++axis) {
-          const int side = corner >> axis & 1;
-          end[axis] = ends[side][axis];
-          weight *= side == 1 ? share[axis] : 1 - share[axis];
+  for (const CoarsePlace& z : places[2])
+    for (const CoarsePlace& y : places[1]) {
+      // The rows of coarser samples around this one.
+      struct Row {
+        const float *low, *high;
+        float y_weight, z_weight;
+      };
+      Row rows[4];
+      int row_count = 0;
+      for (int k = 0; k < (z.hangs() ? 2 : 1); ++k)
+        for (int j = 0; j < (y.hangs() ? 2 : 1); ++j) {
+          const Index3 first(coarse.low.box.first.x, y.sample[j], z.sample[k]);
+          const std::int64_t offset =
+              linearIndex(first - coarse.low.box.first, coarse.low.box.count) - first.x;
+          rows[row_count++] = {coarse.low.values.data() + offset,
+                               coarse.high.values.data() + offset, y.weight[j], z.weight[k]};
         }
-        if (weight <= 0) continue;
-        mean_low += weight * coarse.low.at(end);
-        mean_high += weight * coarse.high.at(end);
+      for (const CoarsePlace& x : places[0]) {
+        float low = own_low.values[i], high = own_high.values[i];
+        const int hanging = (x.hangs() ? 1 : 0) + (y.hangs() ? 1 : 0) + (z.hangs() ? 1 : 0);
+        if (hanging == 1 || hanging == 2) {
+          float mean_low = 0, mean_high = 0;
+          for (int row = 0; row < row_count; ++row)
+            for (int side = 0; side < (x.hangs() ? 2 : 1); ++side) {
+              const float weight = x.weight[side] * rows[row].y_weight * rows[row].z_weight;
+              mean_low += weight * rows[row].low[x.sample[side]];
+              mean_high += weight * rows[row].high[x.sample[side]];
+            }
+          low = std::min(low, mean_low);
+          high = std::max(high, mean_high);
+        }
+        hanging_.low.values[i] = low;
+        hanging_.high.values[i] = high;
+        ++i;
       }
-      low = std::min(low, mean_low);
-      high = std::max(high, mean_high);
     }
-    hanging_.low.values[i] = low;
-    hanging_.high.values[i] = high;
-    ++i;
-  });
 }
 
 // One pass over the voxels, plane by plane.
