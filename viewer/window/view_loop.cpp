@@ -327,8 +327,10 @@ class ViewLoop {
     for (note(); session_->drawsBetterLater(); note()) {
       const double begin = secondsNow();
       std::this_thread::sleep_for(std::chrono::milliseconds(2));
-      idle += secondsNow() - begin;
-      session_->update(secondsNow());
+      const double looked = secondsNow();
+      session_->update(looked);
+      const bool nothing_came = session_->uploadedBytes() == 0 && session_->waits().empty();
+      idle += (nothing_came ? secondsNow() : looked) - begin;
     }
     return idle;
   }
