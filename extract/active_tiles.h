@@ -37,10 +37,23 @@ class ActiveTiles {
   }
 
   const Index3& dims() const { return dims_; }
+  // The first active of the tiles (x, y, z), and the one behind the last: [0, 0) where there is
+  // none.
+  struct Span {
+    std::int64_t begin = 0, end = 0;
+  };
+  Span activeSpan(std::int64_t y, std::int64_t z) const {
+    const std::uint8_t* row = active_.data() + linearIndex({0, y, z}, dims_);
+    const auto count = static_cast<std::size_t>(dims_.x);
+    const void* first = std::memchr(row, 1, count);
+    if (first == nullptr) return {};
+    return {static_cast<const std::uint8_t*>(first) - row,
+            static_cast<const std::uint8_t*>(::memrchr(row, 1, count)) - row + 1};
+  }
   // Any of the tiles (x, y, z).
   bool isAnyActive(std::int64_t y, std::int64_t z) const {
-    const auto row = static_cast<std::size_t>(linearIndex({0, y, z}, dims_));
-    return std::memchr(active_.data() + row, 1, static_cast<std::size_t>(dims_.x)) != nullptr;
+    const std::uint8_t* row = active_.data() + linearIndex({0, y, z}, dims_);
+    return std::memchr(row, 1, static_cast<std::size_t>(dims_.x)) != nullptr;
   }
   bool isActive(const Index3& tile) const {
     return active_[static_cast<std::size_t>(linearIndex(tile, dims_))] != 0;

@@ -43,9 +43,6 @@ class SampleView {
   const T* at(std::int64_t offset) const { return data_ + offset; }
   float value(const Index3& sample) const { return static_cast<float>(data_[offset(sample)]); }
 
-  // Asks the processor for a sample that is read soon.
-  void prefetch(const Index3& sample) const { __builtin_prefetch(data_ + offset(sample)); }
-
   // Central differences at a sample, in values per voxel of level 0 (rule 12).
   glm::vec3 gradient(const Index3& sample) const {
     const Index3 local = sample - box_.first;

@@ -55,6 +55,11 @@ class BrickFamily {
     hold(level_ - 1, brick, slot);
     return slot->view;
   }
+  // Where finer() gives the same brick for all samples of the finer level from `fine` on along x.
+  std::int64_t endOfFiner(const Index3& fine) const {
+    if (context_.residency != nullptr) return fine.x + 1;
+    return fine.x < middle_.x ? middle_.x : std::numeric_limits<std::int64_t>::max();
+  }
   // False where finer() would have to read, of a query for now. Then the sample, and that of this
   // level in its place, lie in a brick that the surface does not cross, on the same side of it.
   bool hasFiner(const Index3& fine) const {

@@ -20,26 +20,26 @@ void BrickSplit::split(const MeshContext& context, LeafClassifier& classifier,
   seam_.assign(static_cast<std::size_t>((cells.count.y + 2) * (cells.count.z + 2) * words_), 0);
   for (std::int64_t z = 0; z < tiles.dims().z; ++z)
     for (std::int64_t y = 0; y < tiles.dims().y; ++y)
-      if (tiles.isAnyActive(y, z)) splitTileRow(context, classifier, tiles, y, z, rows);
+      splitTileRow(context, classifier, tiles, y, z, rows);
 }
 
 void BrickSplit::splitTileRow(const MeshContext& context, const LeafClassifier& classifier,
                               const ActiveTiles& tiles, std::int64_t y, std::int64_t z,
                               BrickRows& rows) {
   const std::int64_t edge = context.pyramid.layout().tileCells();
+  const ActiveTiles::Span span = tiles.activeSpan(y, z);
+  if (span.begin == span.end) return;
+  const Index3 first = edge * Index3(span.begin, y, z);
+  const Index3 last = glm::min(edge * Index3(span.end, y + 1, z + 1), cells_.count);
+  const IndexBox active{cells_.first + first, last - first};
+  if (!overlapsQueryBox(context, level_, active) || !classifier.mayHoldLeaf(level_, active)) return;
   std::fill(active_cells_.begin(), active_cells_.end(), 0);
-  std::int64_t begin = -1, end = 0;
-  for (std::int64_t x = 0; x < tiles.dims().x; ++x) {
+  for (std::int64_t x = span.begin; x < span.end; ++x) {
     if (!tiles.isActive({x, y, z})) continue;
-    if (begin < 0) begin = x * edge;
-    end = std::min((x + 1) * edge, cells_.count.x);
+    const std::int64_t end = std::min((x + 1) * edge, cells_.count.x);
     for (std::int64_t word = x * edge / 64; 64 * word < end; ++word)
       active_cells_[static_cast<std::size_t>(word)] |= bitsBetween(x * edge, end, word);
   }
-  const Index3 first(begin, y * edge, z * edge);
-  const Index3 last = glm::min(Index3(end, first.y + edge, first.z + edge), cells_.count);
-  const IndexBox active{cells_.first + first, last - first};
-  if (!overlapsQueryBox(context, level_, active) || !classifier.mayHoldLeaf(level_, active)) return;
   const bool are_plain = !context.query.box && classifier.areAllLeaves(level_, active);
   has_plain_ = has_plain_ || are_plain;
   for (std::int64_t k = first.z; k < last.z; ++k)
@@ -57,12 +57,11 @@ void BrickSplit::splitRow(const MeshContext& context, std::int64_t j, std::int64
   std::uint64_t* rest = seam_.data() + index(j, k) * words_;
   leaves_.find(j, k);
   leaves_.leaves(j, k, rest);
+  for (std::int64_t word = 0; word < words_; ++word)
+    rest[word] &= active_cells_[static_cast<std::size_t>(word)];
   if (context.query.box) keepOverlapping(context, j, k, rest);
   std::uint64_t any = 0;
-  for (std::int64_t word = 0; word < words_; ++word) {
-    rest[word] &= active_cells_[static_cast<std::size_t>(word)];
-    any |= rest[word];
-  }
+  for (std::int64_t word = 0; word < words_; ++word) any |= rest[word];
   if (any == 0) return;
   for (std::int64_t dk = -1; dk <= 1; ++dk)
     for (std::int64_t dj = -1; dj <= 1; ++dj) leaves_.find(j + dj, k + dk);

@@ -16,40 +16,52 @@ void LeafRows::reset(LeafClassifier& classifier, const Lattice& lattice, int lev
   const auto rows = static_cast<std::size_t>((cells.count.y + 2) * (cells.count.z + 2));
   found_.assign(rows, 0);
   bits_.resize(rows * kKinds * static_cast<std::size_t>(words_));
-  exists_.resize(static_cast<std::size_t>(words_));
-  refined_.resize(static_cast<std::size_t>(words_));
+  begin_ = std::max<std::int64_t>(cells.first.x - 1, 0);
+  count_ = std::min(cells.end().x + 1, level_cells_.x) - begin_;
+  for (auto* row : {&exists_, &refined_, &cells_of_row_})
+    row->assign(static_cast<std::size_t>(words_), 0);
+  setBits(cells_of_row_.data(), count_);
+  if (begin_ == cells.first.x) shiftByOne(cells_of_row_);
 }
 
 void LeafRows::classify(std::int64_t j, std::int64_t k) {
   std::uint64_t* leaf = bits_.data() + index(j, k) * kKinds * static_cast<std::size_t>(words_);
-
-  std::fill(leaf, leaf + kKinds * words_, 0);
   const std::int64_t y = cells_.first.y + j, z = cells_.first.z + k;
-  if (y < 0 || z < 0 || y >= level_cells_.y || z >= level_cells_.z) return;
-  const std::int64_t begin = std::max<std::int64_t>(cells_.first.x - 1, 0);
-  const std::int64_t end = std::min(cells_.end().x + 1, level_cells_.x);
-  const std::int64_t count = end - begin;
-  classifier_->classifyRow(level_, {begin, y, z}, count, exists_.data(), refined_.data());
+  if (y < 0 || z < 0 || y >= level_cells_.y || z >= level_cells_.z) {
+    std::fill(leaf, leaf + kKinds * words_, 0);
+    return;
+  }
+  classifier_->classifyRow(level_, {begin_, y, z}, count_, exists_.data(), refined_.data());
   // Cell -1 is bit 0; where the volume begins with the brick, there is none.
-  const bool shifted = begin == cells_.first.x;
-  std::uint64_t carry[kKinds] = {};
-  for (std::int64_t word = 0; word < words_; ++word) {
-    const bool has_word = word < wordsOf(count);
-    const std::uint64_t exists = has_word ? exists_[static_cast<std::size_t>(word)] : 0;
-    const std::uint64_t refined = has_word ? refined_[static_cast<std::size_t>(word)] : 0;
-    const std::uint64_t kinds[kKinds] = {exists & ~refined, refined,
-                                         bitsBetween(0, count, word) & ~exists};
-    for (int kind = 0; kind < kKinds; ++kind) {
-      leaf[kind * words_ + word] = shifted ? kinds[kind] << 1 | carry[kind] : kinds[kind];
-      carry[kind] = kinds[kind] >> 63;
+  if (begin_ == cells_.first.x)
+    for (auto* row : {&exists_, &refined_}) {
+      std::fill(row->begin() + wordsOf(count_), row->end(), 0);  // a bit of the row before
+      shiftByOne(*row);
     }
+  std::uint64_t *finer = leaf + kFiner * words_, *coarser = leaf + kCoarser * words_;
+  for (std::int64_t word = 0; word < words_; ++word) {
+    const auto w = static_cast<std::size_t>(word);
+    const std::uint64_t exists = exists_[w], refined = refined_[w];
+    leaf[word] = exists & ~refined;
+    finer[word] = refined;
+    coarser[word] = cells_of_row_[w] & ~exists;
+  }
+}
+
+// Bit i becomes bit i + 1.
+void LeafRows::shiftByOne(std::vector<std::uint64_t>& row) {
+  std::uint64_t carry = 0;
+  for (std::uint64_t& word : row) {
+    const std::uint64_t last = word >> 63;
+    word = word << 1 | carry;
+    carry = last;
   }
 }
 
 void LeafRows::leaves(std::int64_t j, std::int64_t k, std::uint64_t* out) const {
   const std::uint64_t* leaf = words(kLeaf, j, k);
   for (std::int64_t word = 0; word < wordsOf(cells_.count.x); ++word)
-    out[word] = (leaf[word] >> 1 | leaf[word + 1] << 63) & bitsBetween(0, cells_.count.x, word);
+    out[word] = leaf[word] >> 1 | leaf[word + 1] << 63;
 }
 
 void LeafRows::leavesAmongLeaves(std::int64_t j, std::int64_t k, std::uint64_t* out) const {
@@ -66,8 +78,7 @@ void LeafRows::leavesAmongLeaves(std::int64_t j, std::int64_t k, std::uint64_t* 
     const std::uint64_t next = others(word + 1);
     // Cell i lies between bits i, i + 1 and i + 2.
     const std::uint64_t touched = here | (here >> 1 | next << 63) | (here >> 2 | next << 62);
-    out[word] =
-        (leaf[word] >> 1 | leaf[word + 1] << 63) & ~touched & bitsBetween(0, cells_.count.x, word);
+    out[word] = (leaf[word] >> 1 | leaf[word + 1] << 63) & ~touched;
     here = next;
   }
 }
@@ -79,9 +90,8 @@ void LeafRows::besideFiner(std::int64_t j, std::int64_t k, std::uint64_t* out) c
   for (std::int64_t word = 0; word < wordsOf(cells_.count.x); ++word) {
     // Cell i lies between bits i and i + 2, and is bit i + 1.
     const auto across = [&](std::int64_t w) { return a[w] | b[w] | c[w] | d[w]; };
-    out[word] = (own[word] | across(word) >> 1 | across(word + 1) << 63 | own[word] >> 2 |
-                 own[word + 1] << 62) &
-                bitsBetween(0, cells_.count.x, word);
+    out[word] = own[word] | across(word) >> 1 | across(word + 1) << 63 | own[word] >> 2 |
+                own[word + 1] << 62;
   }
 }
 

@@ -27,6 +27,7 @@ class LeafRows {
     }
   }
   // The row's leaves, cell i in bit i % 64 of word i / 64; `out` holds a word for every 64 cells.
+  // Here and below bits behind the brick's last cell say something of other bricks' cells.
   void leaves(std::int64_t j, std::int64_t k, std::uint64_t* out) const;
   // The row's leaves that only leaves touch. Rows beyond the volume touch nothing. All rows around
   // must have been found.
@@ -60,6 +61,7 @@ class LeafRows {
     return bits_.data() + (index(j, k) * kKinds + kind) * static_cast<std::size_t>(words_);
   }
   void classify(std::int64_t j, std::int64_t k);
+  static void shiftByOne(std::vector<std::uint64_t>& row);
   // Bits 0 and 1: cells i and i + 1 of row (j, k) are of the kind.
   unsigned twoAt(Kind kind, std::int64_t i, std::int64_t j, std::int64_t k) const {
     const std::int64_t bit = i + 1;
@@ -76,7 +78,10 @@ class LeafRows {
   std::int64_t words_ = 0;  // of a row of one kind
   std::vector<std::uint8_t> found_;
   std::vector<std::uint64_t> bits_;
-  std::vector<std::uint64_t> exists_, refined_;  // of the row at hand
+  // Of every row: what is asked of the classifier.
+  std::int64_t begin_ = 0, count_ = 0;  // along x, counted in the level
+  std::vector<std::uint64_t> cells_of_row_;
+  std::vector<std::uint64_t> exists_, refined_;  // of the row at hand; zeros behind `count_`
 };
 
 }  // namespace isobrick

@@ -30,7 +30,7 @@ class SeamCorners {
     found_.assign(count, 0);
     for (auto* rows_of : {&finer_, &coarser_})
       rows_of->resize(count * static_cast<std::size_t>(words_));
-    for (auto* row : {&inside_, &finer_here_, &hanging_, &own_, &all_, &any_})
+    for (auto* row : {&inside_, &finer_here_, &hanging_, &all_, &any_})
       row->resize(static_cast<std::size_t>(words_));
     for (const BrickSplit::SeamRow& row : split.seamRows())
       for (const std::int64_t k : {row.k, row.k + 1})
@@ -120,22 +120,37 @@ class SeamCorners {
   }
   // Corners of which all, and any, ends are inside: those between which they hang, or themselves.
   void joinEnds(const BrickRows& rows, std::int64_t j, std::int64_t k) {
-    std::fill(all_.begin(), all_.end(), ~std::uint64_t{0});
-    std::fill(any_.begin(), any_.end(), 0);
-    for (const std::int64_t z : endsAround(2, k))
-      for (const std::int64_t y : endsAround(1, j)) {
-        takeOwn(rows, rows.row(y, z), own_.data());
-        for (std::size_t word = 0; word < own_.size(); ++word) {
-          all_[word] &= own_[word];
-          any_[word] |= own_[word];
-        }
+    const auto [y, next_y] = endsAround(1, j);
+    const auto [z, next_z] = endsAround(2, k);
+    const std::int64_t ends[4] = {rows.row(y, z), rows.row(next_y, z), rows.row(y, next_z),
+                                  rows.row(next_y, next_z)};
+    std::uint64_t all_carry = 1, any_carry = 0;
+    for (const std::int64_t r : ends) {
+      all_carry &= rows.first_inside[static_cast<std::size_t>(r)];
+      any_carry |= rows.first_inside[static_cast<std::size_t>(r)];
+    }
+    for (std::int64_t word = 0; word < words_; ++word) {
+      std::uint64_t all = 0, any = 0;
+      if (word < rows.words_per_row) {
+        const std::uint64_t* own = rows.inside.data() + word;
+        const std::uint64_t a = own[ends[0] * rows.words_per_row],
+                            b = own[ends[1] * rows.words_per_row],
+                            c = own[ends[2] * rows.words_per_row],
+                            d = own[ends[3] * rows.words_per_row];
+        all = a & b & c & d;
+        any = a | b | c | d;
       }
+      all_[static_cast<std::size_t>(word)] = all << 1 | all_carry;
+      any_[static_cast<std::size_t>(word)] = any << 1 | any_carry;
+      all_carry = all >> 63;
+      any_carry = any >> 63;
+    }
     // Along x even corners stay as they are, and so does the last.
     const std::int64_t last = last_.x - cells_.first.x;
     std::uint64_t all_before = 0, any_before = 0;
-    for (std::size_t word = 0; word < own_.size(); ++word) {
+    for (std::size_t word = 0; word < all_.size(); ++word) {
       const std::uint64_t all = all_[word], any = any_[word];
-      const bool has_next = word + 1 < own_.size();
+      const bool has_next = word + 1 < all_.size();
       const std::uint64_t all_sides =
           (all << 1 | all_before) & (all >> 1 | (has_next ? all_[word + 1] << 63 : 0));
       const std::uint64_t any_sides =
@@ -180,27 +195,40 @@ class SeamCorners {
       // What hangs between corners of one kind is of that kind.
       const std::uint64_t hanging = hanging_[w];
       inside_[w] = (inside_[w] & ~hanging) | (all_[w] & hanging);
-      std::uint64_t finer = finer_here_[w];
-      for (std::uint64_t rest = finer; rest != 0; rest &= rest - 1) {
-        const Index3 fine =
-            finerSample(lattice, level, first + Index3(64 * word + std::countr_zero(rest), 0, 0));
-        if (family.hasFiner(fine))
-          family.finer(fine).prefetch(fine);
-        else
-          finer &= ~(rest & -rest);  // its own sample is on the same side
-      }
-      std::uint64_t others = finer | (hanging & (all_[w] ^ any_[w]));
+      std::uint64_t others = hanging & (all_[w] ^ any_[w]);
       for (; others != 0; others &= others - 1) {
         const int bit = std::countr_zero(others);
         const Index3 sample = first + Index3(64 * word + bit, 0, 0);
-        const bool is_finer = (finer >> bit & 1) != 0;
-        const std::uint64_t mask = std::uint64_t{1} << bit;
-        const bool is_inside =
-            cornerPoint(lattice, level, sample, is_finer, !is_finer, family).value >= isovalue;
-        inside_[w] = is_inside ? inside_[w] | mask : inside_[w] & ~mask;
+        putBit(w, bit, cornerPoint(lattice, level, sample, false, true, family).value >= isovalue);
       }
     }
+    resolveFiner(lattice, isovalue, level, first, family);
     putOwn(inside_.data(), r, rows);
+  }
+  // The corners of the row that a finer leaf touches: they have that leaf's samples.
+  template <typename T>
+  void resolveFiner(const Lattice& lattice, float isovalue, int level, const Index3& first,
+                    BrickFamily<T>& family) {
+    const SampleView<T>* view = nullptr;
+    std::int64_t row = 0;  // the offset of its sample 0 along x
+    std::int64_t end = 0;  // where another brick begins
+    for (std::size_t w = 0; w < finer_here_.size(); ++w)
+      for (std::uint64_t rest = finer_here_[w]; rest != 0; rest &= rest - 1) {
+        const int bit = std::countr_zero(rest);
+        const Index3 fine = finerSample(
+            lattice, level, first + Index3(64 * static_cast<std::int64_t>(w) + bit, 0, 0));
+        if (view == nullptr || fine.x >= end) {
+          if (!family.hasFiner(fine)) continue;  // its own sample is on the same side
+          view = &family.finer(fine);
+          row = view->offset(fine) - fine.x;
+          end = family.endOfFiner(fine);
+        }
+        putBit(w, bit, static_cast<float>(*view->at(row + fine.x)) >= isovalue);
+      }
+  }
+  void putBit(std::size_t word, int bit, bool is_inside) {
+    const std::uint64_t mask = std::uint64_t{1} << bit;
+    inside_[word] = (inside_[word] & ~mask) | (is_inside ? mask : 0);
   }
   // The seam's cells beside row (j, k) of corners.
   std::uint64_t seamCells(const BrickSplit& split, std::int64_t j, std::int64_t k,
@@ -218,7 +246,7 @@ class SeamCorners {
   std::vector<std::uint8_t> found_;  // rows beside the seam
   Words finer_, coarser_;            // of rows that were found: what touches their corners
   Index3 last_{0};                   // sample of the level
-  Words inside_, finer_here_, hanging_, own_, all_, any_;  // of the row at hand
+  Words inside_, finer_here_, hanging_, all_, any_;  // of the row at hand
 };
 
 }  // namespace isobrick

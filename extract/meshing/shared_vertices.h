@@ -73,17 +73,15 @@ class SharedVertices {
       const std::uint64_t others = seam.edges(axis, r, w);
       std::uint64_t own = ~std::uint64_t{0};  // in the brick's sides
       if (!all) own = axis == 0 ? 0 : bitsBetween(cells_.count.x - 1, cells_.count.x, w);
-      for (std::uint64_t rest = crossed[w] & (others | own); rest != 0; rest &= rest - 1) {
+      // One by one: rows have few, and counting bits at once is a call on old processors.
+      for (std::uint64_t rest = crossed[w]; rest != 0; rest &= rest - 1, ++number) {
         const int bit = std::countr_zero(rest);
-        const auto vertex =
-            number + static_cast<std::uint32_t>(std::popcount(crossed[w] & lowBits(bit)));
         const Index3 corner(64 * w + bit + (axis == 0 ? 0 : 1), j, k);
         if ((others >> bit & 1) != 0)
-          visit(vertex, axis, corner);
-        else
-          add(vertex, axis, corner);
+          visit(number, axis, corner);
+        else if ((own >> bit & 1) != 0)
+          add(number, axis, corner);
       }
-      number += static_cast<std::uint32_t>(std::popcount(crossed[w]));
     }
   }
   // The bricks that have the edge.

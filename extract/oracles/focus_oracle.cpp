@@ -56,6 +56,11 @@ void FocusOracle::keepRefined(int level, const Index3& first, std::int64_t count
   if (within == std::numeric_limits<double>::infinity()) return;
   const RowDistance distance(focus_, level, first);
   const auto isRefined = [&](std::int64_t i) { return distance.squared(i) < within; };
+  if (isRefined(0) && isRefined(count - 1)) return;
+  if (distance.squaredBesideX() >= within) {
+    keepBits(bits, count, 0, 0);
+    return;
+  }
   const double edge = distance.edge();
   const double at = focus_.x / edge - 0.5 - static_cast<double>(first.x);  // of the focus, in cells
   const auto last = static_cast<double>(count - 1);

@@ -111,20 +111,36 @@ CellState LeafClassifier::state(int level, const Index3& cell) {
   return level > 0 && refines(level, cell) ? CellState::kFiner : CellState::kLeaf;
 }
 
-void LeafClassifier::classifyRow(int level, const Index3& first, std::int64_t count,
-                                 std::uint64_t* exists, std::uint64_t* refined) {
-  const Index3 first_parent = first / std::int64_t{2};
-  const std::int64_t parents = (first.x + count - 1) / 2 - first_parent.x + 1;
-  // Two rows, one after the other, have the same parents.
-  if (parents_level_ != level + 1 || parents_first_ != first_parent || parents_count_ != parents) {
-    parents_level_ = level + 1;
-    parents_first_ = first_parent;
-    parents_count_ = parents;
+// The cells of the row that exist.
+const std::uint64_t* LeafClassifier::existingRow(int level, const Index3& first,
+                                                 std::int64_t count) {
+  const std::int64_t words = wordsOf(count);
+  if (first_x_ != first.x || count_ != count) {
+    first_x_ = first.x;
+    count_ = count;
+    parent_rows_.fill({});
+    exists_.resize(parent_rows_.size() * static_cast<std::size_t>(words));
+  }
+  const Index3 parent = first / std::int64_t{2};
+  const std::int64_t place = parent.z % kParentRows * kParentRows + parent.y % kParentRows;
+  ParentRow& row = parent_rows_[static_cast<std::size_t>(place)];
+  std::uint64_t* exists = exists_.data() + place * words;
+  if (row.level != level || row.first != parent) {
+    row = {};  // should an oracle throw
+    const std::int64_t parents = (first.x + count - 1) / 2 - parent.x + 1;
     parents_.resize(static_cast<std::size_t>(wordsOf(parents)));
     setBits(parents_.data(), parents);
-    keepRefined(level + 1, first_parent, parents, parents_.data());
+    keepRefined(level + 1, parent, parents, parents_.data());
+    doubleBits(parents_.data(), parents, first.x % 2, count, exists);
+    row = {level, parent};
   }
-  doubleBits(parents_.data(), parents, first.x % 2, count, exists);
+  return exists;
+}
+
+void LeafClassifier::classifyRow(int level, const Index3& first, std::int64_t count,
+                                 std::uint64_t* exists, std::uint64_t* refined) {
+  const std::uint64_t* existing = existingRow(level, first, count);
+  std::copy(existing, existing + wordsOf(count), exists);
   std::copy(exists, exists + wordsOf(count), refined);
   if (level > 0)
     keepRefined(level, first, count, refined);

@@ -1,6 +1,7 @@
 // What a cell is to a given level: part of a coarser leaf, a leaf, or refined.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -52,16 +53,23 @@ class LeafClassifier {
   void keepRefined(int level, const Index3& first, std::int64_t count, std::uint64_t* bits);
   void keepResident(int level, const Index3& first, std::int64_t count, std::uint64_t* bits);
   Share shareOfRefined(int level, const IndexBox& cells) const;
+  const std::uint64_t* existingRow(int level, const Index3& first, std::int64_t count);
 
   const Lattice& lattice_;
   ResidencyOracle* const residency_;  // null: all that is asked for is read
   std::vector<Choice> choices_;
   std::vector<std::uint64_t> asked_, kept_;  // of a row, where there are several choices
-  // Refined parents of the row asked for last.
-  std::vector<std::uint64_t> parents_;
-  int parents_level_ = -1;
-  Index3 parents_first_{0};
-  std::int64_t parents_count_ = 0;
+  // Rows of cells of which the parents are refined, as four rows have the same parents: those asked
+  // for last, of as many as the rows of a tile and around it have along y and z.
+  struct ParentRow {
+    int level = -1;
+    Index3 first{0};
+  };
+  static constexpr std::int64_t kParentRows = 4;
+  std::array<ParentRow, kParentRows * kParentRows> parent_rows_;
+  std::vector<std::uint64_t> parents_;     // refined ones, of the row at hand
+  std::vector<std::uint64_t> exists_;      // row by row of parent_rows_
+  std::int64_t first_x_ = 0, count_ = -1;  // of every row's cells
 };
 
 }  // namespace isobrick
