@@ -52,27 +52,38 @@ class AdaptiveMesher::Brick {
         .list(corners_, [this](std::uint32_t vertex, int axis, const Index3& at) {
           makeSeamVertex(vertex, axis, cells_.first + at);
         });
-    for (const FanCell& fan : memory_.fan_cells_) meshFans(fan.cell, fan.pattern);
+    for (const FanCell& fan : memory_.fan_cells_) meshFans(fan);
   }
 
  private:
-  // Lists the cells that are fans; the others keep their triangles.
+  // Lists the cells that are fans: those crossed in a face beside finer leaves. The others keep
+  // their triangles.
   void takeFans(BrickRows& rows) {
     memory_.fan_cells_.clear();
-    for (std::size_t n = 0; n < split_.seamRows().size(); ++n) {
-      const auto [j, k] = split_.seamRows()[n];
+    for (const auto& [j, k] : split_.seamRows()) {
       const std::int64_t r = rows.row(j, k);
       for (std::int64_t word = 0; word < rows.words_per_row; ++word) {
-        if (split_.fans(n)[word] == 0) continue;
+        const std::uint64_t seam = split_.seam(j, k)[word];
+        if (seam == 0) continue;
+        std::array<std::uint64_t, 6> finer = leaves_.besideFiner(j, k, word);
+        if (((finer[0] | finer[1] | finer[2] | finer[3] | finer[4] | finer[5]) & seam) == 0)
+          continue;
         const CellWords corners(rows, r, word);
-        const std::uint64_t fans = corners.active(split_.fans(n)[word]);
-        if (fans == 0) continue;
+        std::uint64_t fans = 0;
+        for (int face = 0; face < 6; ++face) {
+          finer[static_cast<std::size_t>(face)] &= corners.crossed(face) & seam;
+          fans |= finer[static_cast<std::size_t>(face)];
+        }
         rows.active[static_cast<std::size_t>(r * rows.words_per_row + word)] &= ~fans;
         for (std::uint64_t left = fans; left != 0; left &= left - 1) {
           const int bit = std::countr_zero(left);
           const unsigned pattern = corners.pattern(bit);
+          unsigned faces = 0;
+          for (std::size_t face = 0; face < 6; ++face)
+            faces |= static_cast<unsigned>(finer[face] >> bit & 1) << face;
           rows.triangles -= marchingCubesTable()[pattern].triangle_count;
-          memory_.fan_cells_.push_back({cells_.first + Index3(64 * word + bit, j, k), pattern});
+          memory_.fan_cells_.push_back(
+              {cells_.first + Index3(64 * word + bit, j, k), pattern, faces});
         }
       }
     }
@@ -98,23 +109,12 @@ class AdaptiveMesher::Brick {
     vertices_.put(vertex, axis, ownPoint(edge.low), ownPoint(edge.high), edge.is_shared);
   }
 
-  // Bit f: the neighbour across face f is refined.
-  unsigned facesBesideFiner(const Index3& cell) const {
-    unsigned faces = 0;
-    for (int face = 0; face < 6; ++face) {
-      Index3 neighbour = cell;
-      neighbour[face / 2] += face % 2 == 0 ? -1 : 1;
-      if (leaves_.isFiner(neighbour)) faces |= 1u << face;
-    }
-    return faces;
-  }
-
   // Rule 10: the contour follows the fine side's polyline on every transition face, and every loop
   // becomes a fan.
-  void meshFans(const Index3& cell, unsigned pattern) {
+  void meshFans(const FanCell& fan) {
+    const auto& [cell, pattern, finer] = fan;
     ++batch_.transition_cells;
     const CellVertices vertices = memory_.cells_.verticesOf(cell - cells_.first);
-    const unsigned finer = facesBesideFiner(cell);
     const auto makeVertex = [&](int axis, const LatticePoint& low, const LatticePoint& high) {
       return vertices_.append(axis, low, high);
     };

@@ -26,6 +26,7 @@ class AdaptiveMesher {
   struct FanCell {
     Index3 cell{0};
     unsigned pattern = 0;  // of its corners
+    unsigned finer = 0;    // bit f: beside finer leaves across face f, and crossed there
   };
 
   ActiveTiles tiles_;

@@ -44,6 +44,14 @@ struct CellWords {
                               (corners[4] & corners[5] & corners[6] & corners[7]);
     return any & ~all & cells;
   }
+  // Cells with corners of both kinds on face `face` (cell_topology.h).
+  std::uint64_t crossed(int face) const {
+    const int axis = face / 2, first = face % 2 << axis;
+    const int u = 1 << (axis + 1) % 3, v = 1 << (axis + 2) % 3;
+    const std::uint64_t a = corners[first], b = corners[first + u], c = corners[first + v],
+                        d = corners[first + u + v];
+    return (a | b | c | d) & ~(a & b & c & d);
+  }
   unsigned pattern(int cell) const {
     unsigned bits = 0;
     for (unsigned c = 0; c < 8; ++c) bits |= static_cast<unsigned>(corners[c] >> cell & 1) << c;

@@ -14,7 +14,6 @@ void BrickSplit::split(const MeshContext& context, LeafClassifier& classifier,
   words_ = wordsOf(cells.count.x);
   has_plain_ = false;
   seam_rows_.clear();
-  fans_.clear();
   active_cells_.resize(static_cast<std::size_t>(words_));
   leaves_.reset(classifier, context.lattice(), level, cells);
   seam_.assign(static_cast<std::size_t>((cells.count.y + 2) * (cells.count.z + 2) * words_), 0);
@@ -77,10 +76,6 @@ void BrickSplit::splitRow(const MeshContext& context, std::int64_t j, std::int64
   }
   if (any == 0) return;
   seam_rows_.push_back({j, k});
-  fans_.resize(fans_.size() + static_cast<std::size_t>(words_));
-  std::uint64_t* fans = fans_.data() + fans_.size() - words_;
-  leaves_.besideFiner(j, k, fans);
-  for (std::int64_t word = 0; word < words_; ++word) fans[word] &= rest[word];
 }
 
 // Of cells in a row keeps those that the query's box overlaps.

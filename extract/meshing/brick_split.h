@@ -26,10 +26,6 @@ class BrickSplit {
 
   bool hasLeaves() const { return has_plain_ || !seam_rows_.empty(); }
   const std::vector<SeamRow>& seamRows() const { return seam_rows_; }
-  // The leaves of seam row number `n` beside refined cells, across a face: those that are fans.
-  const std::uint64_t* fans(std::size_t n) const {
-    return fans_.data() + n * static_cast<std::size_t>(words_);
-  }
   // The row's leaves of the seam in active tiles, cell i in bit i % 64 of word i / 64; zeros where
   // the row is not a seam row. Rows beside the brick's, -1 and the count, have none.
   const std::uint64_t* seam(std::int64_t j, std::int64_t k) const {
@@ -55,7 +51,6 @@ class BrickSplit {
   LeafRows leaves_;
   std::vector<std::uint64_t> seam_;
   std::vector<SeamRow> seam_rows_;
-  std::vector<std::uint64_t> fans_;          // row by row of seam_rows_
   std::vector<std::uint64_t> active_cells_;  // in active tiles of the row of tiles at hand
 };
 

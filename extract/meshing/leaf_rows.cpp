@@ -83,16 +83,16 @@ void LeafRows::leavesAmongLeaves(std::int64_t j, std::int64_t k, std::uint64_t* 
   }
 }
 
-void LeafRows::besideFiner(std::int64_t j, std::int64_t k, std::uint64_t* out) const {
-  const std::uint64_t *own = words(kFiner, j, k), *a = words(kFiner, j - 1, k),
-                      *b = words(kFiner, j + 1, k), *c = words(kFiner, j, k - 1),
-                      *d = words(kFiner, j, k + 1);
-  for (std::int64_t word = 0; word < wordsOf(cells_.count.x); ++word) {
-    // Cell i lies between bits i and i + 2, and is bit i + 1.
-    const auto across = [&](std::int64_t w) { return a[w] | b[w] | c[w] | d[w]; };
-    out[word] = own[word] | across(word) >> 1 | across(word + 1) << 63 | own[word] >> 2 |
-                own[word + 1] << 62;
-  }
+std::array<std::uint64_t, 6> LeafRows::besideFiner(std::int64_t j, std::int64_t k,
+                                                   std::int64_t word) const {
+  // Cell i is bit i + 1, and lies between bits i and i + 2.
+  const auto across = [&](std::int64_t to_j, std::int64_t to_k) {
+    const std::uint64_t* finer = words(kFiner, to_j, to_k) + word;
+    return finer[0] >> 1 | finer[1] << 63;
+  };
+  const std::uint64_t* own = words(kFiner, j, k) + word;
+  return {own[0],           own[0] >> 2 | own[1] << 62, across(j - 1, k),
+          across(j + 1, k), across(j, k - 1),           across(j, k + 1)};
 }
 
 void LeafRows::cornersTouching(std::int64_t j, std::int64_t k, std::uint64_t* finer,

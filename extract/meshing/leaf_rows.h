@@ -1,6 +1,7 @@
 // Which cells of a brick are leaves, and what touches them.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -37,14 +38,9 @@ class LeafRows {
   // word i / 64, the brick's cells along x and one. All rows around must have been found.
   void cornersTouching(std::int64_t j, std::int64_t k, std::uint64_t* finer,
                        std::uint64_t* coarser) const;
-  // Which cells of the row have a refined cell across a face, like leaves(); rows beside it must
-  // have been found.
-  void besideFiner(std::int64_t j, std::int64_t k, std::uint64_t* out) const;
-  // `cell`: of the level, in the brick or touching it.
-  bool isFiner(const Index3& cell) const {
-    const Index3 local = cell - cells_.first + Index3(1, 0, 0);
-    return (words(kFiner, local.y, local.z)[local.x / 64] >> local.x % 64 & 1) != 0;
-  }
+  // Which cells of word `word` of the row have a refined cell across face f: bit i of [f] is cell
+  // 64 word + i, as in leaves(). Rows beside it must have been found.
+  std::array<std::uint64_t, 6> besideFiner(std::int64_t j, std::int64_t k, std::int64_t word) const;
   // Whether all, or any, of the four cells that touch the edge along `axis` from sample `base` of
   // the level are leaves, or are coarser. Those beyond the volume are neither.
   bool areLeavesAround(const Index3& base, int axis) const;

@@ -14,11 +14,20 @@ struct TransitionFace {
   int axis = 0, side = 0;        // of the coarse cell
   int b = 1, c = 2;              // the axes of the face
   int parts_b = 2, parts_c = 2;  // faces along them: 1 or 2
-  LatticePoint points[3][3];     // [j][i]: i along b, j along c, up to the number of parts
+  int level = 0;                 // the finer one
+  Index3 first{0};               // its sample of point (0, 0)
+  float values[3][3];            // [j][i]: i along b, j along c, up to the number of parts
+
+  LatticePoint point(int i, int j) const {
+    LatticePoint out{values[j][i], level, first};
+    out.sample[b] += i;
+    out.sample[c] += j;
+    return out;
+  }
 };
 
 // Face `face` of leaf `cell` of `level`, which is not 0. `corners`: the values of the leaf's
-// corners by rule 6, corner x + 2y + 4z.
+// corners by rule 6, corner x + 2y + 4z; only those of the face count.
 inline TransitionFace makeTransitionFace(const Lattice& lattice, int level, const Index3& cell,
                                          int face, const float (&corners)[8]) {
   TransitionFace out;
@@ -26,53 +35,49 @@ inline TransitionFace makeTransitionFace(const Lattice& lattice, int level, cons
   out.side = face % 2;
   out.b = (out.axis + 1) % 3;
   out.c = (out.axis + 2) % 3;
-  const int fine = level - 1;
-  const Index3 last = lattice.samples(fine) - Index3(1);
-  out.parts_b = 2 * cell[out.b] + 2 <= last[out.b] ? 2 : 1;
-  out.parts_c = 2 * cell[out.c] + 2 <= last[out.c] ? 2 : 1;
-  Index3 first = std::int64_t{2} * cell;
-  first[out.axis] = std::min(2 * (cell[out.axis] + out.side), last[out.axis]);
+  out.level = level - 1;
+  const Index3 last = lattice.samples(out.level) - Index3(1);
+  const int parts_b = out.parts_b = 2 * cell[out.b] + 2 <= last[out.b] ? 2 : 1;
+  const int parts_c = out.parts_c = 2 * cell[out.c] + 2 <= last[out.c] ? 2 : 1;
+  out.first = std::int64_t{2} * cell;
+  out.first[out.axis] = std::min(2 * (cell[out.axis] + out.side), last[out.axis]);
   const auto valueOf = [&](int b, int c) {
     return corners[(out.side << out.axis) + (b << out.b) + (c << out.c)];
   };
-  const float values[2][2] = {{valueOf(0, 0), valueOf(1, 0)}, {valueOf(0, 1), valueOf(1, 1)}};
-  // Where a point between two corners lies between them: see hangingWeight().
-  const auto weightAlong = [&](int axis, int parts) {
-    return parts == 1 ? 1.0 : hangingWeight(lattice, fine, axis, first[axis] + 1);
+  auto& values = out.values;
+  values[0][0] = valueOf(0, 0);
+  values[0][parts_b] = valueOf(1, 0);
+  values[parts_c][0] = valueOf(0, 1);
+  values[parts_c][parts_b] = valueOf(1, 1);
+  // Points between two corners lie where hangingWeight() says; the one between all four comes from
+  // the points along the lower axis, the order of valueOnCoarserLeaf().
+  const auto between = [](float low, float high, double weight) {
+    return hangingValue(static_cast<double>(low), static_cast<double>(high), weight);
   };
-  const double weight_b = weightAlong(out.b, out.parts_b);
-  const double weight_c = weightAlong(out.c, out.parts_c);
-  for (int j = 0; j <= out.parts_c; ++j)
-    for (int i = 0; i <= out.parts_b; ++i) {
-      const bool hangs_b = i == 1 && out.parts_b == 2, hangs_c = j == 1 && out.parts_c == 2;
-      const int b = i == out.parts_b ? 1 : 0, c = j == out.parts_c ? 1 : 0;
-      const auto alongB = [&](int at_c) {
-        return hangingValue(static_cast<double>(values[at_c][0]),
-                            static_cast<double>(values[at_c][1]), weight_b);
-      };
-      const auto alongC = [&](int at_b) {
-        return hangingValue(static_cast<double>(values[0][at_b]),
-                            static_cast<double>(values[1][at_b]), weight_c);
-      };
-      float value;
-      if (hangs_b && hangs_c)  // the order of valueOnCoarserLeaf(): the lower axis first
-        value = static_cast<float>(out.b < out.c ? hangingValue(alongB(0), alongB(1), weight_c)
-                                                 : hangingValue(alongC(0), alongC(1), weight_b));
-      else if (hangs_b)
-        value = static_cast<float>(alongB(c));
-      else if (hangs_c)
-        value = static_cast<float>(alongC(b));
-      else
-        value = values[c][b];
-      Index3 sample = first;
-      sample[out.b] += i;
-      sample[out.c] += j;
-      out.points[j][i] = {value, fine, sample};
+  double along_b[2] = {}, along_c[2] = {};  // beside the lower and the higher side of the face
+  double weight_b = 1, weight_c = 1;
+  if (parts_b == 2) {
+    weight_b = hangingWeight(lattice, out.level, out.b, out.first[out.b] + 1);
+    for (int side = 0; side < 2; ++side) {
+      along_b[side] = between(valueOf(0, side), valueOf(1, side), weight_b);
+      values[side * parts_c][1] = static_cast<float>(along_b[side]);
     }
+  }
+  if (parts_c == 2) {
+    weight_c = hangingWeight(lattice, out.level, out.c, out.first[out.c] + 1);
+    for (int side = 0; side < 2; ++side) {
+      along_c[side] = between(valueOf(side, 0), valueOf(side, 1), weight_c);
+      values[1][side * parts_b] = static_cast<float>(along_c[side]);
+    }
+  }
+  if (parts_b == 2 && parts_c == 2)
+    values[1][1] =
+        static_cast<float>(out.b < out.c ? hangingValue(along_b[0], along_b[1], weight_c)
+                                         : hangingValue(along_c[0], along_c[1], weight_b));
   return out;
 }
 
-// A point of a transition face: points[j][i].
+// A point of a transition face: values[j][i].
 struct FacePoint {
   int i = 0, j = 0;
 };
@@ -97,8 +102,8 @@ void addTransitionFace(const TransitionFace& face, float isovalue, const CellVer
     }
     std::uint32_t& vertex = inner[along_b ? 1 : 0][along_b ? i : j];
     if (vertex == kNoVertex) {
-      const LatticePoint& high = along_b ? face.points[j][i + 1] : face.points[j + 1][i];
-      vertex = makeVertex(along_b ? face.b : face.c, face.points[j][i], high);
+      const LatticePoint high = along_b ? face.point(i + 1, j) : face.point(i, j + 1);
+      vertex = makeVertex(along_b ? face.b : face.c, face.point(i, j), high);
     }
     return vertex;
   };
@@ -109,7 +114,7 @@ void addTransitionFace(const TransitionFace& face, float isovalue, const CellVer
       for (int n = 0; n < 4; ++n) {
         const FaceCorner at = kFaceLoop[face.side][n];
         corner[n] = {part_b + at.b, part_c + at.c};
-        inside[n] = face.points[corner[n].j][corner[n].i].value >= isovalue;
+        inside[n] = face.values[corner[n].j][corner[n].i] >= isovalue;
       }
       forEachFaceSegment(inside, [&](int m, int n) {
         // One after the other: the order in which vertices are made is part of the mesh (rule 13).

@@ -274,7 +274,7 @@ TEST_P(NowQueryOfAHead, RefinesNearTheFocusFirst) {
   // Room for what is near, but not for all.
   const Pyramid whole(path_);
   const std::uint64_t triangles = trianglesOf(whole, query_);
-  const Pyramid pyramid(path_, whole.heldBytes() * 3 / 4);
+  const Pyramid pyramid(path_, whole.heldBytes() / 2);
   Extractor extractor(pyramid);
   const ExtractionReport report = refine(extractor);
   EXPECT_FALSE(report.is_complete);

@@ -456,19 +456,21 @@ void Mesher::emit(const LeafBox& leaf, std::uint32_t a, std::uint32_t b, std::ui
 
 void Mesher::meshLeaf(const LeafBox& leaf) {
   ReferenceLevelCounts& counts = mesh_.level_counts[static_cast<std::size_t>(leaf.level)];
-  bool is_transition = false;
+  bool is_transition = false, is_crossed = false;  // across a transition face
   for (int axis = 0; axis < 3; ++axis) {
     for (int side = 0; side < 2; ++side) {
       const int neighbour = faceNeighbourLevel(leaf, axis, side);
       const bool is_finer = neighbour >= 0 && neighbour < leaf.level;
       is_transition = is_transition || is_finer;
+      const std::size_t pieces = next_.size();
       addFace(leaf, axis, side, is_finer ? neighbour : leaf.level);
+      is_crossed = is_crossed || (is_finer && next_.size() > pieces);
     }
   }
 
   const std::size_t triangles_before = mesh_.triangles.size();
   for (const Loop& loop : takeLoops()) {
-    if (is_transition) {
+    if (is_crossed) {
       glm::dvec3 sum(0);
       for (const LoopPoint& point : loop) sum += mesh_.crossings[point.crossing].point();
       const auto centre = kFanMark + static_cast<std::uint32_t>(fan_centres_.size());
@@ -489,7 +491,7 @@ void Mesher::meshLeaf(const LeafBox& leaf) {
   counts.leaves += 1;
   counts.transition_leaves += is_transition;
   counts.cells += triangles > 0;
-  counts.transition_cells += is_transition && triangles > 0;
+  counts.transition_cells += is_crossed;
   counts.triangles += triangles;
 }
 

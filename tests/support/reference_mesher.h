@@ -102,7 +102,7 @@ struct ReferenceLevelCounts {
   std::int64_t leaves = 0;             // all leaves of this level
   std::int64_t transition_leaves = 0;  // leaves with at least one transition face
   std::int64_t cells = 0;              // leaves that made a triangle
-  std::int64_t transition_cells = 0;   // transition leaves that made a triangle
+  std::int64_t transition_cells = 0;   // leaves with a piece of the surface in a transition face
   std::int64_t triangles = 0;
 };
 
