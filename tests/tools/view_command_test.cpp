@@ -33,7 +33,7 @@ class ViewCommandTest : public CommandTest {
         {"set": {"slices": [{}, {}, {"shown": true, "position": 20}]}},
         {"wait": "settled"},
         {"frame": "end.png"}, {"picture": "end.exr"}, {"mesh": "end.ply"}, {"state": "end.json"},
-        {"wait": "settled"}]})");
+        {"wait": "settled"}, {"shown_mesh": "shown.ply"}]})");
   }
 
   void write(const std::string& name, const std::string& text) {
@@ -42,6 +42,14 @@ class ViewCommandTest : public CommandTest {
   void checkResults() {
     for (const char* name : {"open.png", "end.png", "end.exr", "end.ply", "end.json"})
       EXPECT_GT(fs::file_size(path(std::string("frames/") + name)), 100u) << name;
+    // What is on the screen in the end is what was to be shown, but for the bits of normals.
+    const auto countsOf = [&](const char* name) {
+      const std::string file = readBytes(path(std::string("frames/") + name));
+      const std::size_t vertices = file.find("element vertex"), faces = file.find("element face");
+      return std::pair(file.substr(vertices, file.find('\n', vertices) - vertices),
+                       file.substr(faces, file.find('\n', faces) - faces));
+    };
+    EXPECT_EQ(countsOf("shown.ply"), countsOf("end.ply"));
     const Json state = Json::parse(readBytes(path("frames/end.json")));
     EXPECT_EQ(state["wireframe"], true);
     EXPECT_EQ(state["coloring"], "level");

@@ -192,6 +192,24 @@ void GlSceneRenderer::release(ChunkId chunk) {
   chunks_.erase(found);
 }
 
+SurfaceChunk GlSceneRenderer::download(ChunkId id) const {
+  const Chunk& kept = chunks_.at(id);
+  SurfaceChunk chunk;
+  chunk.origin = kept.origin;
+  chunk.level = kept.level;
+  chunk.surface = kept.surface;
+  chunk.transition_indices = static_cast<std::size_t>(kept.transition_indices);
+  chunk.vertices.resize(kept.index_offset / sizeof(SurfaceVertex));
+  chunk.triangles.resize(static_cast<std::size_t>(kept.indices));
+  if (kept.bytes == 0) return chunk;
+  glGetNamedBufferSubData(*kept.buffer, 0, static_cast<GLsizeiptr>(kept.index_offset),
+                          chunk.vertices.data());
+  glGetNamedBufferSubData(*kept.buffer, static_cast<GLintptr>(kept.index_offset),
+                          static_cast<GLsizeiptr>(kept.bytes - kept.index_offset),
+                          chunk.triangles.data());
+  return chunk;
+}
+
 SliceId GlSceneRenderer::uploadSlice(const SliceImage& image) {
   Slice kept;
   kept.texture = GlTexture::make(GLenum{GL_TEXTURE_2D});

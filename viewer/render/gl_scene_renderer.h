@@ -21,6 +21,7 @@ class GlSceneRenderer : public SceneRenderer {
 
   ChunkId upload(const SurfaceChunk& chunk) override;
   void release(ChunkId chunk) override;
+  SurfaceChunk download(ChunkId chunk) const override;
   SliceId uploadSlice(const SliceImage& image) override;
   void releaseSlice(SliceId slice) override;
   std::uint64_t bytesKept() const override { return bytes_kept_; }

@@ -27,6 +27,13 @@ class NullRenderer : public SceneRenderer {
     bytes_ -= kept_.at(chunk).bytes;
     kept_.erase(chunk);
   }
+  // Keeps no vertices.
+  SurfaceChunk download(ChunkId chunk) const override {
+    SurfaceChunk kept;
+    kept.level = kept_.at(chunk).level;
+    kept.surface = kept_.at(chunk).surface;
+    return kept;
+  }
   SliceId uploadSlice(const SliceImage&) override { return ++last_slice_; }
   void releaseSlice(SliceId slice) override { released_slices_.push_back(slice); }
   std::uint64_t bytesKept() const override { return bytes_; }

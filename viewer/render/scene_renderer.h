@@ -20,6 +20,8 @@ class SceneRenderer {
   // Throws Error where there is no memory for it.
   virtual ChunkId upload(const SurfaceChunk& chunk) = 0;
   virtual void release(ChunkId chunk) = 0;
+  // What is kept of a chunk: its vertices, triangles, origin, level and surface. Slow.
+  virtual SurfaceChunk download(ChunkId chunk) const = 0;
   virtual SliceId uploadSlice(const SliceImage& image) = 0;
   virtual void releaseSlice(SliceId slice) = 0;
   // Of everything that is kept.

@@ -241,12 +241,14 @@ class StepReader {
       steps_.emplace_back(ScriptLoss{});
     } else if (name == "resize") {
       steps_.emplace_back(sizeOf(value, where));
-    } else if (name == "frame" || name == "picture" || name == "mesh" || name == "state") {
+    } else if (name == "frame" || name == "picture" || name == "mesh" || name == "shown_mesh" ||
+               name == "state") {
       using What = ScriptFile::What;
-      const What what = name == "frame"     ? What::kFrame
-                        : name == "picture" ? What::kPicture
-                        : name == "mesh"    ? What::kMesh
-                                            : What::kState;
+      const What what = name == "frame"        ? What::kFrame
+                        : name == "picture"    ? What::kPicture
+                        : name == "mesh"       ? What::kMesh
+                        : name == "shown_mesh" ? What::kShownMesh
+                                               : What::kState;
       steps_.emplace_back(ScriptFile{what, fileNameOf(value, where)});
     } else {
       refuse(where + " is no step that is known here");

@@ -31,7 +31,7 @@ struct ScriptWait {
   std::optional<double> seconds;  // without: until all is there, as fine as it gets
 };
 struct ScriptFile {
-  enum class What { kFrame, kPicture, kMesh, kState } what = What::kFrame;
+  enum class What { kFrame, kPicture, kMesh, kShownMesh, kState } what = What::kFrame;
   std::string name;
 };
 struct ScriptSize {

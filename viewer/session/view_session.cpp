@@ -11,6 +11,7 @@
 #include "isobrick/extract/extractor.h"
 #include "isobrick/extract/sinks/mesh_file_sink.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/viewer/session/shown_mesh.h"
 
 namespace isobrick {
 namespace {
@@ -445,6 +446,12 @@ void ViewSession::exportMesh(const std::string& path) {
   mesh_worker_.request({queryOf(state_, volume_, static_cast<std::size_t>(state_.active_surface),
                                 wantedRadius(state_, volume_), interaction_.size.y),
                         path});
+}
+
+void ViewSession::writeShownMesh(const std::string& path) const {
+  const auto sink = makeMeshFileSink(path, {});
+  takeShownMesh(*renderer_, surfaces_->shown(),
+                {pyramid_->spec().geometry, pyramid_->spec().voxels}, *sink);
 }
 
 std::optional<std::string> ViewSession::takeExported() {

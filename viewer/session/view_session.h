@@ -113,6 +113,9 @@ class ViewSession {
 
   // Writes the active surface, as fine as it is wanted, in the background.
   void exportMesh(const std::string& path);
+  // Writes what is on the screen now, all surfaces, as it was drawn; to look for faults. Waits for
+  // it. Throws Error.
+  void writeShownMesh(const std::string& path) const;
   // The file that was written since the last call.
   std::optional<std::string> takeExported();
 

@@ -426,6 +426,9 @@ class ViewLoop {
       case ScriptFile::What::kMesh:
         if (session_) session_->exportMesh(path);
         break;
+      case ScriptFile::What::kShownMesh:
+        if (session_) session_->writeShownMesh(path);
+        break;
       case ScriptFile::What::kState:
         writeViewState(path, state());
         break;

@@ -91,6 +91,21 @@ TEST_F(SceneRendererTest, WhatIsNearerHidesWhatIsBehindAndIsHit) {
   EXPECT_EQ(renderer_->bytesKept(), 0u);
 }
 
+TEST_F(SceneRendererTest, WhatIsKeptOfAChunkIsWhatWasGiven) {
+  const SurfaceChunk given = squareAt(3.0, 0.5, 1, 2);
+  const SurfaceChunk kept = renderer_->download(renderer_->upload(given));
+  EXPECT_EQ(kept.origin, given.origin);
+  EXPECT_EQ(kept.triangles, given.triangles);
+  EXPECT_EQ(kept.surface, given.surface);
+  EXPECT_EQ(kept.level, given.level);
+  ASSERT_EQ(kept.vertices.size(), given.vertices.size());
+  for (std::size_t v = 0; v < given.vertices.size(); ++v) {
+    EXPECT_EQ(kept.vertices[v].position, given.vertices[v].position);
+    EXPECT_EQ(kept.vertices[v].normal, given.vertices[v].normal);
+  }
+  EXPECT_TRUE(renderer_->download(renderer_->upload({})).vertices.empty());
+}
+
 TEST_F(SceneRendererTest, EdgesAreDrawnFromTheSameBuffer) {
   frame_.chunks = {renderer_->upload(squareAt(0.0, 1.0, 0))};
   const glm::vec3 plain_middle = seen(32, 32), plain_side = seen(26, 44);

@@ -1,4 +1,6 @@
 // At any moment, whatever hands do, the mesh on the screen is closed.
+#include "isobrick/viewer/session/shown_mesh.h"
+
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -7,6 +9,7 @@
 #include <random>
 #include <thread>
 
+#include "isobrick/extract/sinks/indexed_mesh.h"
 #include "isobrick/viewer/session/view_session.h"
 #include "tests/support/field_pyramid.h"
 #include "tests/support/keeping_renderer.h"
@@ -62,16 +65,16 @@ TEST(ShownMeshTest, AtAHundredMomentsItPassesTheChecker) {
       session.draw();
       std::this_thread::yield();
     }
-    std::vector<glm::dvec3> positions;
-    std::vector<std::uint32_t> triangles;
-    renderer.join(renderer.frames().back().chunks, positions, triangles);
+    IndexedMeshSink sink;
+    takeShownMesh(renderer, renderer.frames().back().chunks, {}, sink);
+    const IndexedMesh& mesh = sink.mesh();
     ++looked_at[session.status().passes];
     reused += session.status().triangles -
               std::min(session.status().triangles, session.status().triangles_made);
-    if (triangles.empty()) continue;
+    if (mesh.triangles.empty()) continue;
     ++with_triangles;
     const test::MeshReport report =
-        test::checkMesh(positions, triangles, test::indexOptions(Index3(40)));
+        test::checkMesh(mesh.positions, mesh.triangles, test::indexOptions(Index3(40)));
     ASSERT_TRUE(report.ok()) << moment << ": " << report.summary();
   }
   // However slow the machine, there is a surface in the end.
@@ -80,11 +83,11 @@ TEST(ShownMeshTest, AtAHundredMomentsItPassesTheChecker) {
     std::this_thread::yield();
   } while (!session.settled());
   session.draw();
-  std::vector<glm::dvec3> positions;
-  std::vector<std::uint32_t> triangles;
-  renderer.join(renderer.frames().back().chunks, positions, triangles);
-  ASSERT_FALSE(triangles.empty());
-  EXPECT_TRUE(test::checkMesh(positions, triangles, test::indexOptions(Index3(40))).ok());
+  IndexedMeshSink sink;
+  takeShownMesh(renderer, renderer.frames().back().chunks, {}, sink);
+  const IndexedMesh& mesh = sink.mesh();
+  ASSERT_FALSE(mesh.triangles.empty());
+  EXPECT_TRUE(test::checkMesh(mesh.positions, mesh.triangles, test::indexOptions(Index3(40))).ok());
   RecordProperty("triangles_used_again", static_cast<int>(reused));
   RecordProperty("moments_with_triangles", static_cast<int>(with_triangles));
   RecordProperty("surfaces", static_cast<int>(looked_at.size()));

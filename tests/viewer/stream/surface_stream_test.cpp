@@ -9,7 +9,9 @@
 
 #include "isobrick/extract/extractor.h"
 #include "isobrick/extract/sinks/counting_sink.h"
+#include "isobrick/extract/sinks/indexed_mesh.h"
 #include "isobrick/viewer/render/null_renderer.h"
+#include "isobrick/viewer/session/shown_mesh.h"
 #include "isobrick/viewer/stream/latest_worker.h"
 #include "isobrick/viewer/stream/surface_set.h"
 #include "tests/support/field_pyramid.h"
@@ -122,13 +124,13 @@ TEST_F(SurfaceStreamTest, BricksThatStayTheSameAreNotMadeAgain) {
       passes.insert(passes.end(), news.passes.begin(), news.passes.end());
       stale = stale || news.stale;
     });
-    std::vector<glm::dvec3> positions;
-    std::vector<std::uint32_t> triangles;
-    renderer.join(set->shown(), positions, triangles);
+    IndexedMeshSink sink;
+    takeShownMesh(renderer, set->shown(), {}, sink);
+    const IndexedMesh& mesh = sink.mesh();
     const test::MeshReport report =
-        test::checkMesh(positions, triangles, test::indexOptions(Index3(60)));
+        test::checkMesh(mesh.positions, mesh.triangles, test::indexOptions(Index3(60)));
     EXPECT_TRUE(report.ok()) << report.summary();
-    return triangles.size() / 3;
+    return mesh.triangles.size() / 3;
   };
   // From pass to pass of a request, and from request to request.
   EXPECT_EQ(show({{pass(30.0), pass(45.0)}, false}), triangleOf(45.0));
