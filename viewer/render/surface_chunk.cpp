@@ -73,13 +73,19 @@ glm::dvec3 originOf(const RenderMesh& mesh) {
   return glm::round(0.5 * (glm::dvec3(box.lower) + glm::dvec3(box.upper)));
 }
 
+constexpr float kPackedUnit = 32767.0f;  // 1 of a normal
+
 }  // namespace
 
 std::array<std::int16_t, 3> packNormal(const glm::vec3& normal) {
   const auto pack = [](float value) {
-    return static_cast<std::int16_t>(std::clamp(value, -1.0f, 1.0f) * 32767.0f);
+    return static_cast<std::int16_t>(std::clamp(value, -1.0f, 1.0f) * kPackedUnit);
   };
   return {pack(normal.x), pack(normal.y), pack(normal.z)};
+}
+
+glm::vec3 unpackNormal(const std::array<std::int16_t, 3>& packed) {
+  return glm::vec3(packed[0], packed[1], packed[2]) / kPackedUnit;
 }
 
 std::int16_t packValue(double share) {

@@ -27,6 +27,7 @@ struct SurfaceVertex {
 static_assert(sizeof(SurfaceVertex) == 20);
 
 std::array<std::int16_t, 3> packNormal(const glm::vec3& normal);
+glm::vec3 unpackNormal(const std::array<std::int16_t, 3>& packed);
 // A share of the range of all values, 0 .. 1, as -32766 .. 32767; not a number: kNoVertexValue.
 std::int16_t packValue(double share);
 

@@ -38,8 +38,7 @@ void takeShownMesh(const SceneRenderer& renderer, const std::vector<ChunkId>& ch
       batch.shared.push_back(
           {static_cast<std::uint32_t>(batch.positions.size()), 0, entry.first->second});
       batch.positions.push_back(vertex.position);
-      batch.normals.push_back(glm::vec3(vertex.normal[0], vertex.normal[1], vertex.normal[2]) /
-                              32767.0f);
+      batch.normals.push_back(unpackNormal(vertex.normal));
     }
     sink.place(placed);
     sink.write(placed);
