@@ -50,6 +50,16 @@ class ActiveTiles {
     return {static_cast<const std::uint8_t*>(first) - row,
             static_cast<const std::uint8_t*>(::memrchr(row, 1, count)) - row + 1};
   }
+  // The cells, counted in the level, of these tiles of brick `cells`; none where none is active.
+  // `edge`: of a tile, in cells.
+  IndexBox activeCells(std::int64_t y, std::int64_t z, const IndexBox& cells,
+                       std::int64_t edge) const {
+    const Span span = activeSpan(y, z);
+    if (span.begin == span.end) return {};
+    const Index3 first = edge * Index3(span.begin, y, z);
+    const Index3 last = glm::min(edge * Index3(span.end, y + 1, z + 1), cells.count);
+    return {cells.first + first, last - first};
+  }
   // Any of the tiles (x, y, z).
   bool isAnyActive(std::int64_t y, std::int64_t z) const {
     const std::uint8_t* row = active_.data() + linearIndex({0, y, z}, dims_);

@@ -30,7 +30,7 @@ class AdaptiveMesher::Brick {
         corners_(memory.corners_),
         leaves_(memory.split_.leaves()),
         classifier_(context),
-        family_(context, level_, work.brick),
+        family_(context, leaves_, level_, work.brick),
         vertices_(context, family_, batch) {}
 
   void run() {

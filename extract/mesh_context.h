@@ -28,6 +28,10 @@ struct MeshContext {
     read_log.note(pyramid.brickRow(level, brick), ReadLog::kSamples);
     return pyramid.samples(level, brick, query.cancel);
   }
+  BrickRanges ranges(int level, const Index3& brick) const {
+    read_log.note(pyramid.brickRow(level, brick), ReadLog::kRanges);
+    return pyramid.ranges(level, brick, query.cancel);
+  }
   void tileRanges(int level, const Index3& brick, std::vector<ValueRange>& out) const {
     read_log.note(pyramid.brickRow(level, brick), ReadLog::kRanges);
     pyramid.tileRanges(level, brick, out, query.cancel);

@@ -4,6 +4,8 @@
 #include <system_error>
 #include <utility>
 
+#include "isobrick/extract/active_tiles.h"
+#include "isobrick/extract/oracles/leaf_classifier.h"
 #include "isobrick/storage/error.h"
 
 namespace isobrick {
@@ -91,11 +93,11 @@ void ReadAhead::look(std::unique_lock<std::mutex>& lock) {
   if (context_.query.cull_by_ranges)
     for (std::size_t n = begin; n < end; ++n)
       pyramid.announce(PartKind::kRanges, work_[n].level, work_[n].brick);
-  const bool is_crossed = isCrossed(work_[work]);
-  if (is_crossed) pyramid.announce(PartKind::kSamples, level, brick);
+  const bool is_needed = isNeeded(work_[work]);
+  if (is_needed) pyramid.announce(PartKind::kSamples, level, brick);
   lock.lock();
   if (work < reached_) return;
-  if (is_crossed)
+  if (is_needed)
     announced_.push_back(work);
   else
     ahead_bytes_ -= std::exchange(bytes_[work - reached_], 0);
@@ -111,13 +113,23 @@ void ReadAhead::load(std::unique_lock<std::mutex>& lock) {
   lock.lock();
 }
 
-bool ReadAhead::isCrossed(const BrickWork& work) const {
+bool ReadAhead::isNeeded(const BrickWork& work) const {
   if (!context_.query.cull_by_ranges) return true;
   context_.pyramid.fetch(PartKind::kRanges, work.level, work.brick, context_.query.cancel);
-  std::vector<std::uint8_t> crossed;
-  context_.pyramid.crossedTiles(work.level, work.brick, context_.isovalue, crossed,
-                                context_.query.cancel);
-  return std::find(crossed.begin(), crossed.end(), 1) != crossed.end();
+  ActiveTiles tiles;
+  if (!tiles.load(context_, work.level, work.brick)) return false;
+  if (!work.adaptive) return true;
+  const BrickLayout& layout = context_.pyramid.layout();
+  const IndexBox cells = layout.brickCellBox(work.level, work.brick);
+  const LeafClassifier classifier(context_);
+  bool is_needed = false;
+  for (std::int64_t z = 0; z < tiles.dims().z; ++z)
+    for (std::int64_t y = 0; y < tiles.dims().y && !is_needed; ++y) {
+      const IndexBox active = tiles.activeCells(y, z, cells, layout.tileCells());
+      is_needed = active.size() > 0 && overlapsQueryBox(context_, work.level, active) &&
+                  classifier.mayHoldLeaf(work.level, active);
+    }
+  return is_needed;
 }
 
 }  // namespace isobrick

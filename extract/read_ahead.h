@@ -17,13 +17,14 @@
 namespace isobrick {
 
 // Some threads that fetch, in the order of the work, the tile ranges of bricks, and the samples of
-// those that the isosurface crosses; the rest (what bricks of another level lend to a mixed one)
-// is left to the meshers. They begin at the first part that a mesher does not find, so that a query
-// whose parts are all resident starts no thread.
+// those in which a leaf may lie in a tile that the isosurface crosses; the rest (what bricks of
+// another level lend to a mixed one) is left to the meshers. They begin at the first part that a
+// mesher does not find, so that a query whose parts are all resident starts no thread.
 //
 // Each brick is looked at: its ranges, which were announced to the system some bricks before, are
-// fetched, and its samples announced where it is crossed. Announced samples are fetched by whoever
-// finds nothing to look at, so there is always as much for the disk to do at once as may be.
+// fetched, and its samples announced where they are needed. Announced samples are fetched by
+// whoever finds nothing to look at, so there is always as much for the disk to do at once as may
+// be.
 //
 // What was announced or fetched and not yet reached by the meshers is at most a thirty-second of
 // the budget, half of what the pager has for arrivals, and no more than kMostBytes; where that is
@@ -62,7 +63,7 @@ class ReadAhead {
   bool mayLook() const;
   void look(std::unique_lock<std::mutex>& lock);
   void load(std::unique_lock<std::mutex>& lock);
-  bool isCrossed(const BrickWork& work) const;
+  bool isNeeded(const BrickWork& work) const;
 
   const MeshContext& context_;
   const std::span<const BrickWork> work_;

@@ -331,21 +331,19 @@ BrickSamples Pyramid::samples(int level, const Index3& brick, const CancelFlag* 
   return result;
 }
 
+BrickRanges Pyramid::ranges(int level, const Index3& brick, const CancelFlag* cancel) const {
+  const BrickRow row = brickRowOf(level, brick);
+  if (row.part(kRanges).stored_bytes == 0) return {{}, row.constant};
+  return {acquire(kRanges, level, brick, cancel), 0};
+}
+
 void Pyramid::tileRanges(int level, const Index3& brick, std::vector<ValueRange>& out,
                          const CancelFlag* cancel) const {
-  const BrickRow row = brickRowOf(level, brick);
-  const auto count = static_cast<std::size_t>(elementCount(layout_.brickTiles(level, brick)));
-  if (row.part(kRanges).stored_bytes == 0) {
-    out.assign(count, ValueRange{row.constant, row.constant});
-    return;
-  }
-  const BrickPart part = acquire(kRanges, level, brick, cancel);
-  out.resize(count);
+  const BrickRanges ranges = this->ranges(level, brick, cancel);
+  out.resize(static_cast<std::size_t>(elementCount(layout_.brickTiles(level, brick))));
   visitVoxelType(spec_.voxel_type, [&](auto tag) {
-    using T = typename decltype(tag)::Type;
-    const T* pairs = reinterpret_cast<const T*>(part.data());
-    for (std::size_t i = 0; i < count; ++i)
-      out[i] = {static_cast<float>(pairs[2 * i]), static_cast<float>(pairs[2 * i + 1])};
+    for (std::size_t i = 0; i < out.size(); ++i)
+      out[i] = ranges.tile<typename decltype(tag)::Type>(i);
   });
   throwIfReadFailed(kRanges, level, brick);
 }

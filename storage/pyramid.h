@@ -63,6 +63,20 @@ struct BrickSamples {
   }
 };
 
+// The closures of the tiles of one brick.
+struct BrickRanges {
+  BrickPart part;      // pairs of the pyramid's voxel type; no bytes where all voxels are one value
+  float constant = 0;  // that value
+
+  // Of tile number `tile`, x fastest.
+  template <typename T>
+  ValueRange tile(std::size_t tile) const {
+    if (part.data() == nullptr) return {constant, constant};
+    const T* pair = reinterpret_cast<const T*>(part.data()) + 2 * tile;
+    return {static_cast<float>(pair[0]), static_cast<float>(pair[1])};
+  }
+};
+
 // What verify found wrong with one part of one brick.
 struct BrickDamage {
   int level = 0;
@@ -126,7 +140,9 @@ class Pyramid {
   // This and what follows throws Cancelled where that is requested while it waits for a read.
   BrickSamples samples(int level, const Index3& brick, const CancelFlag* cancel = nullptr) const;
   // Closures of the brick's tiles, layout().brickTiles() of them, x fastest: every sample of the
-  // levels 0 to level + log2(tile_cells) in the tile. `out` is resized.
+  // levels 0 to level + log2(tile_cells) in the tile.
+  BrickRanges ranges(int level, const Index3& brick, const CancelFlag* cancel = nullptr) const;
+  // All of them. `out` is resized.
   void tileRanges(int level, const Index3& brick, std::vector<ValueRange>& out,
                   const CancelFlag* cancel = nullptr) const;
   // For each of these tiles 1 where its range crosses the isovalue (ValueRange::crosses), else 0.

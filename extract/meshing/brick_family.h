@@ -1,35 +1,37 @@
 // The samples that a brick's leaves are made of: its own, and finer ones beside finer leaves.
 #pragma once
 
+#include <algorithm>
 #include <array>
-#include <limits>
-#include <map>
+#include <bit>
+#include <memory>
 #include <optional>
 #include <utility>
 
 #include "isobrick/extract/mesh_context.h"
+#include "isobrick/extract/meshing/leaf_rows.h"
 #include "isobrick/extract/oracles/residency_oracle.h"
 #include "isobrick/extract/sample_view.h"
 
 namespace isobrick {
 
-// A brick of one level and the up to eight bricks of the next finer level in it. Each is asked for
-// when its first sample is, and held as long as this object lives. Where a query is one for now and
-// one of the finer bricks is not resident, a brick beside it that has the sample in its closed box
-// too takes its place: ResidencyOracle sees to it that there is one. T: the voxel type.
+// A brick of one level and the bricks of the next finer level in its closed box. Each is asked for
+// when its first sample is, and held as long as this object lives. A sample on the border of finer
+// bricks is taken from one that has a leaf there, which most likely is read anyway. Where a query
+// is one for now and that one is not resident, another that has the sample takes its place:
+// ResidencyOracle sees to it that there is one. T: the voxel type.
 template <typename T>
 class BrickFamily {
  public:
-  BrickFamily(const MeshContext& context, int level, const Index3& brick)
-      : context_(context), level_(level), brick_(brick) {
-    if (level == 0) return;
-    const BrickLayout& layout = context.pyramid.layout();
-    const Index3 second = 2L * brick + Index3(1);
-    for (int axis = 0; axis < 3; ++axis)
-      middle_[axis] = second[axis] < layout.bricks(level - 1)[axis]
-                          ? second[axis] * layout.brickCells()
-                          : std::numeric_limits<std::int64_t>::max();
-  }
+  // `leaves`: of the brick; samples of the finer level are asked for only where the rows of cells
+  // around were found.
+  BrickFamily(const MeshContext& context, const LeafRows& leaves, int level, const Index3& brick)
+      : context_(context),
+        leaves_(leaves),
+        level_(level),
+        brick_(brick),
+        edge_(context.pyramid.layout().brickCells()),
+        shift_(std::countr_zero(static_cast<std::uint64_t>(edge_))) {}
 
   const SampleView<T>& own() {
     if (!own_) hold(level_, brick_, own_);
@@ -39,31 +41,39 @@ class BrickFamily {
     if (!own_) hold(level_, brick_, own_);
     return own_->samples;
   }
-  // The finer brick that holds sample `fine` of the finer level, a point of this brick.
+  // A finer brick that holds sample `fine` of the finer level, a point of this brick's closed box.
   const SampleView<T>& finer(const Index3& fine) {
-    const int child = (fine.x >= middle_.x ? 1 : 0) + (fine.y >= middle_.y ? 2 : 0) +
-                      (fine.z >= middle_.z ? 4 : 0);
-    auto& slot = finer_[static_cast<std::size_t>(child)];
-    if (slot) return slot->view;
-    const Index3 brick = 2L * brick_ + Index3(child & 1, child >> 1 & 1, child >> 2);
-    if (!isHeld(brick))
-      if (const auto other = heldBrickWith(fine)) {
-        auto& beside = beside_[context_.pyramid.brickRow(level_ - 1, *other)];
-        if (!beside) hold(level_ - 1, *other, beside);
-        return beside->view;
-      }
-    hold(level_ - 1, brick, slot);
-    return slot->view;
+    FinerBrick& slot = slotWith(fine);
+    if (!slot.held) hold(level_ - 1, slot.brick, slot.held);
+    return slot.held->view;
   }
-  // Where finer() gives the same brick for all samples of the finer level from `fine` on along x.
+  // Up to where the brick of finer() holds the samples of the finer level from `fine` on along x.
   std::int64_t endOfFiner(const Index3& fine) const {
-    if (context_.residency != nullptr) return fine.x + 1;
-    return fine.x < middle_.x ? middle_.x : std::numeric_limits<std::int64_t>::max();
+    const std::int64_t past = fine.x & (edge_ - 1);
+    return context_.residency != nullptr || past == 0 ? fine.x + 1 : fine.x - past + edge_;
   }
-  // False where finer() would have to read, of a query for now. Then the sample, and that of this
-  // level in its place, lie in a brick that the surface does not cross, on the same side of it.
-  bool hasFiner(const Index3& fine) const {
-    return context_.residency == nullptr || heldBrickWith(fine).has_value();
+  // Up to where, from sample `fine` on along x, it is known without reading samples that those of
+  // the finer level are on the same side of the isovalue as those of this level in their places: a
+  // tile that the surface does not cross has both (rule 7), and so has a brick that a query for now
+  // may do without. `fine.x` where that is not known.
+  std::int64_t endOfOwnSide(const Index3& fine) {
+    if (context_.residency != nullptr) return brickWith(fine) ? fine.x : fine.x + 1;
+    if (!context_.query.cull_by_ranges) return fine.x;
+    FinerBrick& slot = slotWith(fine);
+    if (slot.held) return fine.x;
+    if (!slot.is_crossed)
+      slot.is_crossed =
+          context_.pyramid.brickRange(level_ - 1, slot.brick).crosses(context_.isovalue);
+    const BrickLayout& layout = context_.pyramid.layout();
+    const IndexBox cells = layout.brickCellBox(level_ - 1, slot.brick);
+    if (!*slot.is_crossed) return cells.end().x + 1;
+    if (!slot.ranges) slot.ranges = context_.ranges(level_ - 1, slot.brick);
+    const Index3 cell = glm::min(fine, cells.end() - Index3(1)) - cells.first;
+    const Index3 tile = cell / layout.tileCells();
+    const std::int64_t number = linearIndex(tile, layout.brickTiles(level_ - 1, slot.brick));
+    if (slot.ranges->template tile<T>(static_cast<std::size_t>(number)).crosses(context_.isovalue))
+      return fine.x;
+    return cells.first.x + (tile.x + 1) * layout.tileCells() + 1;
   }
   // The brick that holds sample `sample` of `level`: this level or the next finer one.
   const SampleView<T>& at(int level, const Index3& sample) {
@@ -75,20 +85,61 @@ class BrickFamily {
     BrickSamples samples;
     SampleView<T> view;
   };
+  struct FinerBrick {
+    Index3 brick{0};
+    std::optional<HeldBrick> held;
+    std::optional<bool> is_crossed;  // by the surface, as far as is known without its ranges
+    std::optional<BrickRanges> ranges;
+  };
+  FinerBrick& slotWith(const Index3& fine) {
+    const bool is_on_border =
+        (fine.x & (edge_ - 1)) == 0 || (fine.y & (edge_ - 1)) == 0 || (fine.z & (edge_ - 1)) == 0;
+    const Index3 brick = is_on_border
+                             ? brickWith(fine).value_or(2L * brick_)
+                             : Index3(fine.x >> shift_, fine.y >> shift_, fine.z >> shift_);
+    const Index3 place = brick - 2L * brick_ + Index3(1);
+    auto& slot = finer_[static_cast<std::size_t>(linearIndex(place, Index3(4)))];
+    if (!slot) {
+      slot = std::make_unique<FinerBrick>();
+      slot->brick = brick;
+    }
+    return *slot;
+  }
   bool isHeld(const Index3& finer_brick) const {
     return context_.residency == nullptr ||
            context_.residency->holdsSamples(level_ - 1, finer_brick);
   }
-  // One of those whose closed boxes have the sample.
-  std::optional<Index3> heldBrickWith(const Index3& fine) const {
-    const BrickLayout& layout = context_.pyramid.layout();
-    const Index3 first = glm::max(fine - Index3(1), Index3(0)) / layout.brickCells();
-    const Index3 last = glm::min(fine / layout.brickCells(), layout.bricks(level_ - 1) - Index3(1));
+  // Of the bricks whose closed boxes have the sample one that can be had: the first with a leaf at
+  // it that the surface may cross, the first with a leaf, or the first.
+  std::optional<Index3> brickWith(const Index3& fine) const {
+    const Index3 bricks = context_.pyramid.layout().bricks(level_ - 1);
+    const Index3 first = glm::max(fine - Index3(1), Index3(0)) / edge_;
+    const Index3 last = glm::min(fine / edge_, bricks - Index3(1));
     std::optional<Index3> found;
+    int best = -1;
     forEachIndex({first, last - first + Index3(1)}, [&](const Index3& brick) {
-      if (!found && isHeld(brick)) found = brick;
+      if (best == 2 || !isHeld(brick)) return;
+      const int worth = !hasLeafAt(brick, fine) ? 0
+                        : context_.pyramid.brickRange(level_ - 1, brick).crosses(context_.isovalue)
+                            ? 2
+                            : 1;
+      if (worth <= best) return;
+      best = worth;
+      found = brick;
     });
     return found;
+  }
+  // Whether a cell of this level that `fine` is a point of, and that lies in the finer brick, is
+  // refined.
+  bool hasLeafAt(const Index3& finer_brick, const Index3& fine) const {
+    const std::int64_t half = edge_ / 2;
+    const Index3 first = glm::max((fine - Index3(1)) / std::int64_t{2}, finer_brick * half);
+    const Index3 last =
+        glm::min(fine / std::int64_t{2}, (finer_brick + Index3(1)) * half - Index3(1));
+    bool is_any = false;
+    forEachIndex({first, last - first + Index3(1)},
+                 [&](const Index3& cell) { is_any = is_any || leaves_.isRefined(cell); });
+    return is_any;
   }
   void hold(int level, const Index3& brick, std::optional<HeldBrick>& out) const {
     BrickSamples samples = context_.samples(level, brick);
@@ -97,12 +148,13 @@ class BrickFamily {
   }
 
   const MeshContext& context_;
+  const LeafRows& leaves_;
   const int level_;
   const Index3 brick_;
-  Index3 middle_{0};  // first sample of the second of the finer bricks, where there are two
+  const std::int64_t edge_;  // of a brick, in cells; a power of two
+  const int shift_;          // its logarithm
   std::optional<HeldBrick> own_;
-  std::array<std::optional<HeldBrick>, 8> finer_;
-  std::map<std::size_t, std::optional<HeldBrick>> beside_;  // by row of the brick table
+  std::array<std::unique_ptr<FinerBrick>, 64> finer_;  // and those around, x fastest
 };
 
 }  // namespace isobrick

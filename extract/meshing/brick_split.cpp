@@ -28,9 +28,7 @@ void BrickSplit::splitTileRow(const MeshContext& context, const LeafClassifier& 
   const std::int64_t edge = context.pyramid.layout().tileCells();
   const ActiveTiles::Span span = tiles.activeSpan(y, z);
   if (span.begin == span.end) return;
-  const Index3 first = edge * Index3(span.begin, y, z);
-  const Index3 last = glm::min(edge * Index3(span.end, y + 1, z + 1), cells_.count);
-  const IndexBox active{cells_.first + first, last - first};
+  const IndexBox active = tiles.activeCells(y, z, cells_, edge);
   if (!overlapsQueryBox(context, level_, active) || !classifier.mayHoldLeaf(level_, active)) return;
   std::fill(active_cells_.begin(), active_cells_.end(), 0);
   for (std::int64_t x = span.begin; x < span.end; ++x) {
@@ -41,8 +39,9 @@ void BrickSplit::splitTileRow(const MeshContext& context, const LeafClassifier& 
   }
   const bool are_plain = !context.query.box && classifier.areAllLeaves(level_, active);
   has_plain_ = has_plain_ || are_plain;
-  for (std::int64_t k = first.z; k < last.z; ++k)
-    for (std::int64_t j = first.y; j < last.y; ++j) {
+  const Index3 first = active.first - cells_.first, end = first + active.count;
+  for (std::int64_t k = first.z; k < end.z; ++k)
+    for (std::int64_t j = first.y; j < end.y; ++j) {
       if (are_plain)
         std::copy(active_cells_.begin(), active_cells_.end(), rows.wantedCells(j, k));
       else

@@ -45,6 +45,11 @@ class LeafRows {
   // the level are leaves, or are coarser. Those beyond the volume are neither.
   bool areLeavesAround(const Index3& base, int axis) const;
   bool isAnyCoarserAround(const Index3& base, int axis) const;
+  // Whether a cell of the level is refined: one of the brick's, or one that touches it.
+  bool isRefined(const Index3& cell) const {
+    const Index3 at = cell - cells_.first;
+    return (twoAt(kFiner, at.x, at.y, at.z) & 1) != 0;
+  }
 
  private:
   // Bit i + 1 of a row's words is cell i.

@@ -210,15 +210,19 @@ class SeamCorners {
   void resolveFiner(const Lattice& lattice, float isovalue, int level, const Index3& first,
                     BrickFamily<T>& family) {
     const SampleView<T>* view = nullptr;
-    std::int64_t row = 0;  // the offset of its sample 0 along x
-    std::int64_t end = 0;  // where another brick begins
+    std::int64_t row = 0;      // the offset of its sample 0 along x
+    std::int64_t end = 0;      // where another brick begins
+    std::int64_t own_end = 0;  // up to here own bits stay
     for (std::size_t w = 0; w < finer_here_.size(); ++w)
       for (std::uint64_t rest = finer_here_[w]; rest != 0; rest &= rest - 1) {
         const int bit = std::countr_zero(rest);
         const Index3 fine = finerSample(
             lattice, level, first + Index3(64 * static_cast<std::int64_t>(w) + bit, 0, 0));
+        if (fine.x < own_end) continue;
         if (view == nullptr || fine.x >= end) {
-          if (!family.hasFiner(fine)) continue;  // its own sample is on the same side
+          view = nullptr;
+          own_end = family.endOfOwnSide(fine);
+          if (fine.x < own_end) continue;
           view = &family.finer(fine);
           row = view->offset(fine) - fine.x;
           end = family.endOfFiner(fine);

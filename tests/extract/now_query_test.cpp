@@ -271,20 +271,20 @@ TEST_P(NowQueryOfAHead, TheFirstAnswerReadsOnlyLevelsOfOneBrick) {
 
 // What came in for the brick at the focus is used before what is far has come in.
 TEST_P(NowQueryOfAHead, RefinesNearTheFocusFirst) {
-  // Room for what is near, but not for all.
   const Pyramid whole(path_);
   const std::uint64_t triangles = trianglesOf(whole, query_);
-  const Pyramid pyramid(path_, whole.heldBytes() / 2);
+  // With room for all, all comes in.
+  const Pyramid larger(path_, 2 * whole.heldBytes());
+  Extractor of_larger(larger);
+  EXPECT_EQ(refine(of_larger).triangles, triangles);
+  // Room for what is near, but not for all.
+  const Pyramid pyramid(path_, larger.heldBytes() / 2);
   Extractor extractor(pyramid);
   const ExtractionReport report = refine(extractor);
   EXPECT_FALSE(report.is_complete);
   EXPECT_LT(report.triangles, triangles);
   EXPECT_EQ(report.levels.front().level, 0);
   EXPECT_GT(report.levels.back().level, 1);
-  // With room for all, all comes in.
-  const Pyramid larger(path_, 2 * whole.heldBytes());
-  Extractor of_larger(larger);
-  EXPECT_EQ(refine(of_larger).triangles, triangles);
 }
 
 // What came in and went again before it was used is not waited for anew for ever.
