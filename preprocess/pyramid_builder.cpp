@@ -15,6 +15,7 @@
 #include "isobrick/preprocess/error_pass.h"
 #include "isobrick/preprocess/input_identity.h"
 #include "isobrick/preprocess/kernels/curvature_fit.h"
+#include "isobrick/preprocess/preview_maker.h"
 #include "isobrick/preprocess/slice_spool.h"
 #include "isobrick/storage/checksum.h"
 #include "isobrick/storage/index_loop.h"
@@ -58,8 +59,8 @@ class Build {
         spec_(specOf(source.info(), options)),
         layout_(spec_.layout()),
         needs_(spec_),
-        plan_(makeBuildPlan(spec_, source, options.memory_bytes,
-                            tbb::this_task_arena::max_concurrency())),
+        previews_(makePreviews(source.info(), options)),
+        plan_(makePlan()),
         identity_(buildIdentity(source.info(), input.identity(), options)),
         writer_(path, spec_, identity_, options.resume, options.cancel),
         closures_(layout_),
@@ -110,6 +111,28 @@ class Build {
   struct LevelStore {
     ScratchVolume samples, finer_tiles;
   };
+
+  static std::unique_ptr<PreviewMaker<T>> makePreviews(const VolumeInfo& info,
+                                                       const BuildOptions& options) {
+    constexpr std::uint64_t kLeastShare = 4;  // of the memory is for the build itself
+    if (options.preview.folder.empty() || options.memory_bytes < kLeastShare * kPreviewBytes)
+      return nullptr;
+    const std::optional<PreviewGrid> grid = previewGridOf(info.voxels);
+    return grid ? std::make_unique<PreviewMaker<T>>(info, *grid, options) : nullptr;
+  }
+
+  // Rather no previews than no pyramid.
+  BuildPlan makePlan() {
+    const int threads = tbb::this_task_arena::max_concurrency();
+    if (previews_ != nullptr) {
+      try {
+        return makeBuildPlan(spec_, source_, options_.memory_bytes - kPreviewBytes, threads);
+      } catch (const Error&) {
+        previews_.reset();
+      }
+    }
+    return makeBuildPlan(spec_, source_, options_.memory_bytes, threads);
+  }
 
   void progress(const char* what, double fraction) {
     if (options_.cancel != nullptr) options_.cancel->check();
@@ -217,8 +240,17 @@ class Build {
             handed_on.tiles = &next->finer_tiles;
           }
           makeBricks(level, window, store, handed_on, batch);
-          if (next != nullptr) next->samples.write(handed_on.box, handed_on.samples);
+          if (next == nullptr) return;
+          next->samples.write(handed_on.box, handed_on.samples);
+          if (level == 0 && previews_ != nullptr) preview(window.bricks, handed_on);
         });
+  }
+
+  void preview(const IndexBox& bricks, const HandedOn<T>& handed_on) {
+    previews_->include(handed_on.box, handed_on.samples);
+    const Index3 all = layout_.bricks(0);
+    const bool ends_slab = bricks.end().x == all.x && bricks.end().y == all.y;
+    if (ends_slab) previews_->offer(handed_on.box.end().z);
   }
 
   static std::size_t bytesOf(const IndexBox& box) {
@@ -396,6 +428,7 @@ class Build {
   const PyramidSpec spec_;
   const BrickLayout layout_;
   const BrickNeeds needs_;
+  std::unique_ptr<PreviewMaker<T>> previews_;  // null: none are made
   const BuildPlan plan_;
   const std::string identity_;
   PyramidWriter writer_;

@@ -24,6 +24,25 @@ using BuildProgress = std::function<void(std::string_view phase, double fraction
 // file, in the order of the file. Never for a release alone.
 inline constexpr int kBuildAlgorithm = 1;
 
+// A coarse version of what a build has read by then: an ordinary pyramid, of the first sample in
+// every `step` along each axis, in the place of the world where the volume is, with as many slices
+// as were whole.
+struct BuildPreview {
+  std::string path;
+  std::int64_t step = 2;  // voxels from one sample to the next, a power of two
+  Index3 voxels{0};       // of the volume that is being built
+};
+
+// Previews are published while level 0 is read, each under a name of its own. One goes when the
+// next is there, and the last when the build ends: who is told of one opens it at once, and may
+// remove it. There are none of volumes of at most 128^3 voxels, and none where `memory_bytes` are
+// fewer than 160 MiB. They change neither the result nor the bound of the memory.
+struct PreviewOptions {
+  std::string folder;        // empty: there are none. Best in memory; for this build alone
+  double most_share = 0.02;  // of the time of the build; 1: one after every slab of bricks
+  std::function<void(const BuildPreview&)> published;  // on the caller's thread
+};
+
 struct BuildOptions {
   std::int64_t brick_cells = 64;
   std::int64_t tile_cells = 4;
@@ -49,6 +68,7 @@ struct BuildOptions {
 
   const CancelFlag* cancel = nullptr;
   BuildProgress progress;
+  PreviewOptions preview;
 };
 
 // Phases overlap: `busy_seconds` adds up what all threads spent in one, computing or waiting for

@@ -145,6 +145,21 @@ TEST_F(BuildCommandTest, ProgressComesAsLinesForPrograms) {
   expectContains(outcome.err, " bricks\n");
 }
 
+TEST_F(BuildCommandTest, PreviewsComeWithALineForProgramsAndGo) {
+  fs::create_directory(path("previews"));
+  const Outcome outcome = run({"build", "phantom:sphere:160", "-o", "a.isb", "--progress-lines",
+                               "--preview-folder", "previews", "--preview-share", "1"});
+  EXPECT_EQ(outcome.status, 0);
+  for (const char* line :
+       {"\npreview 2 160 160 160 previews/1.isb\n", "\npreview 2 160 160 160 previews/3.isb\n"})
+    expectContains("\n" + outcome.err, line);
+  EXPECT_TRUE(fs::is_empty(path("previews")));
+  runWell({"build", "phantom:sphere:160", "-o", "b.isb"});
+  EXPECT_TRUE(readBytes(path("a.isb")) == readBytes(path("b.isb")));
+  expectFailure(2, {"build", "phantom:sphere:160", "--preview-folder", "previews"},
+                "--progress-lines");
+}
+
 TEST_F(BuildCommandTest, APyramidOfAnotherInputNeedsForce) {
   makeVolume("a.nrrd");
   makeVolume("b.nrrd", "torus");

@@ -248,6 +248,35 @@ TEST_F(ViewCommandTest, VolumesAreOpenedOneAfterTheOther) {
   EXPECT_GT(fs::file_size(path("nothing.png")), 100u);
 }
 
+// While it is built a volume is shown by a preview, of which nothing is left; a folder of a process
+// that was killed goes as well.
+TEST_F(ViewCommandTest, AVolumeIsShownWhileItIsBuilt) {
+  fs::create_directories(path("place/isobrick-preview-999999999-abcdef"));
+  write("place/isobrick-preview-999999999-abcdef/1.isb", "left");
+  write("preview.json", R"({"size": [160, 120], "steps": [
+      {"wait": "preview"}, {"shown_mesh": "preview.ply"}, {"frame": "preview.png"},
+      {"set": {"surfaces": [{"isovalue": 8.5}], "focus": {"radius": 31},
+               "camera": {"azimuth": 10}, "clip_planes": [{"normal": [1, 0, 0], "offset": 30}]}},
+      {"state": "preview.json"},
+      {"wait": "settled"}, {"state": "whole.json"}, {"mesh": "whole.ply"},
+      {"wait": "settled"}]})");
+  const Outcome outcome =
+      wait(start({"/usr/bin/env", "XDG_RUNTIME_DIR=" + path("place"), isobrickCommand(), "view",
+                  "phantom:sphere:160", "--offscreen", "--preview-share", "1", "--script",
+                  "preview.json", "--frames", "frames"}));
+  EXPECT_EQ(outcome.status, 0) << outcome.err;
+  EXPECT_TRUE(fs::is_empty(path("place")));
+  EXPECT_TRUE(fs::exists(path("sphere-160.isb")));
+  for (const char* mesh : {"frames/preview.ply", "frames/whole.ply"})
+    EXPECT_GT(fs::file_size(path(mesh)), 1000u) << mesh;
+  Json before = Json::parse(readBytes(path("frames/preview.json")));
+  Json after = Json::parse(readBytes(path("frames/whole.json")));
+  EXPECT_EQ(before["focus"]["radius"], 31.0);
+  before.erase("value_window");  // of all values
+  after.erase("value_window");
+  EXPECT_EQ(after, before);
+}
+
 TEST_F(ViewCommandTest, RubbishToBeginWithIsOneLine) {
   write("rubbish", std::string(5000, 'x'));
   const std::set<std::string> before = files();
@@ -260,13 +289,16 @@ TEST_F(ViewCommandTest, RubbishToBeginWithIsOneLine) {
 // The child ends with its window, and nothing half-written has its name.
 TEST_F(ViewCommandTest, CtrlCEndsABuild) {
   write("wait.json", R"({"size": [120, 90], "steps": [{"wait": "settled"}]})");
-  const pid_t viewer = start(
-      {isobrickCommand(), "view", "phantom:head:600", "--offscreen", "--script", "wait.json"});
+  fs::create_directory(path("place"));
+  const pid_t viewer =
+      start({"/usr/bin/env", "XDG_RUNTIME_DIR=" + path("place"), isobrickCommand(), "view",
+             "phantom:head:600", "--offscreen", "--preview-share", "1", "--script", "wait.json"});
   const std::string partial = path("head-600.isb.partial");
   while (!fs::exists(partial)) std::this_thread::sleep_for(std::chrono::milliseconds(5));
   kill(viewer, SIGINT);
   checkFailure(wait(viewer), 130, "interrupted");
   EXPECT_FALSE(fs::exists(path("head-600.isb")));
+  EXPECT_TRUE(fs::is_empty(path("place")));
   // Nobody writes any longer: another build of the same name is not refused for that.
   std::error_code ignored;
   const auto size = fs::exists(partial) ? fs::file_size(partial, ignored) : 0;

@@ -199,9 +199,21 @@ void addOutputOptions(CLI::App& sub, BuildArguments& arguments) {
                "Go on where an interrupted or killed build with the same options ended");
   sub.add_flag("--json", arguments.json,
                "Print one JSON object instead of the summary; of many inputs one with a list");
-  sub.add_flag_callback(
+  CLI::Option* const lines = sub.add_flag_callback(
       "--progress-lines", [&] { arguments.settings.progress = ProgressStyle::kLines; },
       "Write how far it is on stderr as lines, for programs: progress 0.612 bricks");
+  PreviewOptions& preview = arguments.settings.options.preview;
+  addParsedOption(
+      sub, "--preview-folder", preview.folder, notEmpty, "DIR",
+      "Write a coarse pyramid of what was read by then there, now and then, and a line: "
+      "preview STEP X Y Z PATH (every STEP-th of X x Y x Z voxels); all go in the end")
+      ->needs(lines);
+  addParsedOption(
+      sub, "--preview-share", preview.most_share,
+      [](const std::string& text) { return parseNumberFrom(text, 0); }, "S",
+      fmt::format("Share of the time that these may take; 0: none are made; 1: one after every "
+                  "slab of bricks; default: {}",
+                  preview.most_share));
 }
 
 void addResourceOptions(CLI::App& sub, BuildArguments& arguments) {

@@ -45,6 +45,11 @@ BuildReport buildShowingProgress(VolumeSource& source, InputWatch& input, const 
   options.progress = [&](std::string_view phase, double share) {
     bar.show(fmt::format("{}{}", job.label, phase), share);
   };
+  options.preview.published = [](const BuildPreview& preview) {
+    const Index3& voxels = preview.voxels;
+    fmt::print(stderr, "preview {} {} {} {} {}\n", preview.step, voxels.x, voxels.y, voxels.z,
+               preview.path);
+  };
   return buildPyramid(source, input, job.output, options);
 }
 

@@ -12,6 +12,7 @@
 #include "isobrick/storage/error.h"
 #include "tools/own_folder.h"
 #include "tools/program_run.h"
+#include "tools/view/preview_folder.h"
 
 namespace isobrick {
 namespace {
@@ -24,17 +25,32 @@ constexpr std::string_view kOwnName = "isobrick: ";
 
 bool isPhantomName(const std::string& input) { return input.rfind("phantom:", 0) == 0; }
 
-// "progress 0.612 bricks"
-void tellProgress(std::string_view line, const BuildProgress& progress) {
-  constexpr std::string_view kWord = "progress ";
-  if (line.substr(0, kWord.size()) != kWord) return;
-  line.remove_prefix(kWord.size());
-  double share = 0.0;
-  const auto read = std::from_chars(line.data(), line.data() + line.size(), share);
-  if (read.ec != std::errc()) return;
-  line.remove_prefix(static_cast<std::size_t>(read.ptr - line.data()));
-  if (!line.empty()) line.remove_prefix(1);
-  progress(line, share);
+// Takes a word and the space behind it off the line; false where it begins with another one.
+bool takeWord(std::string_view& line, std::string_view word) {
+  if (line.substr(0, word.size()) != word || line.substr(word.size(), 1) != " ") return false;
+  line.remove_prefix(word.size() + 1);
+  return true;
+}
+
+// The same of a number.
+template <typename T>
+bool takeNumber(std::string_view& line, T& number) {
+  const auto read = std::from_chars(line.data(), line.data() + line.size(), number);
+  if (read.ec != std::errc()) return false;
+  return takeWord(line, line.substr(0, static_cast<std::size_t>(read.ptr - line.data())));
+}
+
+// "progress 0.612 bricks", "preview 4 512 512 234 /dev/shm/1.isb"
+void tellLine(std::string_view line, const BuildListener& listener) {
+  if (takeWord(line, "progress")) {
+    double share = 0.0;
+    if (takeNumber(line, share)) listener.progress(line, share);
+  } else if (takeWord(line, "preview")) {
+    PreviewOf of;
+    if (takeNumber(line, of.step) && takeNumber(line, of.voxels.x) &&
+        takeNumber(line, of.voxels.y) && takeNumber(line, of.voxels.z))
+      listener.preview(std::string(line), of);
+  }
 }
 
 // Volumes of one name in several folders are to have a pyramid each.
@@ -68,7 +84,7 @@ std::string builtPath(const std::string& printed) {
 }  // namespace
 
 VolumeBuilder volumeBuilder(ViewBuildOptions options) {
-  return [options = std::move(options)](const std::string& input, const BuildProgress& progress,
+  return [options = std::move(options)](const std::string& input, const BuildListener& listener,
                                         const CancelFlag& cancel) {
     // Whole, so that no path is taken for an option, and a pyramid says of what it was made.
     fs::path whole =
@@ -85,7 +101,13 @@ VolumeBuilder volumeBuilder(ViewBuildOptions options) {
                   "--any-options",
                   "--progress-lines",
                   "--json"};
-    call.on_error_line = [&](std::string_view line) { tellProgress(line, progress); };
+    const PreviewFolder previews;
+    if (!previews.path().empty())
+      for (const std::string& word :
+           {std::string("--preview-folder"), previews.path(), std::string("--preview-share"),
+            fmt::format("{}", options.preview_share)})
+        call.words.push_back(word);
+    call.on_error_line = [&](std::string_view line) { tellLine(line, listener); };
     call.tidy_end_milliseconds = kTidyEndMilliseconds;
     ProgramCall going_on = call;
     going_on.words.emplace_back("--resume");

@@ -10,12 +10,14 @@ namespace isobrick {
 struct ViewBuildOptions {
   std::string cache_folder;  // for pyramids; empty: beside the volumes
   int threads = 1;
+  double preview_share = 0.02;  // of a build's time, for previews
 };
 
 // Runs `isobrick build` in a process of its own, so that this one needs neither ITK nor OpenVDB. A
 // build that was interrupted before goes on; a pyramid of the same input is used, whatever its
 // options. Once cancelled, the process has ended when this returns; what is done by then stays, as
-// "NAME.isb.partial", for the next time.
+// "NAME.isb.partial", for the next time. Previews lie in a folder of their own, in memory where
+// there is one for that, which goes with the build.
 VolumeBuilder volumeBuilder(ViewBuildOptions options);
 
 }  // namespace isobrick

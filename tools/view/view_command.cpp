@@ -33,6 +33,12 @@ Command addViewCommand(CLI::App& app) {
   sub->add_option("--cache", *cache,
                   "Folder for pyramids that are built; default: beside the volume")
       ->type_name("DIR");
+  const auto preview_share = std::make_shared<double>(ViewBuildOptions{}.preview_share);
+  addParsedOption(
+      *sub, "--preview-share", *preview_share,
+      [](const std::string& text) { return parseNumberFrom(text, 0); }, "S",
+      "Share of a build's time for what is shown of the volume meanwhile; 0: nothing is; default: "
+      "0.02");
   addParsedOption(*sub, "--memory", options->memory_bytes, parseByteSize, "SIZE",
                   "Bytes of the file to keep in memory, such as 256M; default: 1G");
   addParsedOption(*sub, "--gpu-memory", options->gpu_budget_bytes, parseByteSize, "SIZE",
@@ -59,8 +65,8 @@ Command addViewCommand(CLI::App& app) {
       ->type_name("EVENTS.json");
   sub->add_flag("--offscreen", options->offscreen, "Run the script without a window")
       ->needs(script);
-  return {sub, [options, size, cache] {
-            options->build = volumeBuilder({*cache, options->threads + 1});
+  return {sub, [options, size, cache, preview_share] {
+            options->build = volumeBuilder({*cache, options->threads + 1, *preview_share});
             // What scripts open is no choice of hands.
             if (options->script_path.empty()) options->recent_path = recentFilesPath();
             options->width = size->width;

@@ -235,7 +235,12 @@ class StepReader {
       steps_.emplace_back(ScriptEvent{opened});
     } else if (name == "wait") {
       ScriptWait wait;
-      if (value != "settled") wait.seconds = secondsOf(value, where);
+      if (value == "preview") {
+        wait.what = ScriptWait::What::kPreview;
+      } else if (value != "settled") {
+        wait.what = ScriptWait::What::kSeconds;
+        wait.seconds = secondsOf(value, where);
+      }
       steps_.emplace_back(wait);
     } else if (name == "lose_context" && value == true) {
       steps_.emplace_back(ScriptLoss{});
@@ -366,11 +371,13 @@ ViewScript readViewScript(const std::string& path) {
   }
 }
 
-ScriptFrame ScriptPlayer::next(double seconds, bool settled, const ViewState& state) {
+ScriptFrame ScriptPlayer::next(double seconds, const ScriptSight& sight, const ViewState& state) {
   ScriptFrame frame;
   if (step_ < script_.steps.size()) {
     if (!step_begin_) step_begin_ = seconds;
-    if (play(script_.steps[step_], seconds - *step_begin_, settled, state, frame)) {
+    if (const auto* wait = std::get_if<ScriptWait>(&script_.steps[step_]))
+      keeps_preview_ = wait->what == ScriptWait::What::kPreview;
+    if (play(script_.steps[step_], seconds - *step_begin_, sight, state, frame)) {
       ++step_;
       step_begin_.reset();
     }
@@ -379,7 +386,19 @@ ScriptFrame ScriptPlayer::next(double seconds, bool settled, const ViewState& st
   return frame;
 }
 
-bool ScriptPlayer::play(const ScriptStep& step, double elapsed, bool settled,
+bool ScriptPlayer::isDone(const ScriptWait& wait, double elapsed, const ScriptSight& sight) const {
+  switch (wait.what) {
+    case ScriptWait::What::kSeconds:
+      return elapsed >= wait.seconds;
+    case ScriptWait::What::kSettled:
+      return sight.settled;
+    case ScriptWait::What::kPreview:
+      return sight.settled || sight.preview;
+  }
+  return true;
+}
+
+bool ScriptPlayer::play(const ScriptStep& step, double elapsed, const ScriptSight& sight,
                         const ViewState& state, ScriptFrame& frame) const {
   const auto shareOf = [&](double seconds) {
     return seconds > 0.0 ? std::clamp(elapsed / seconds, 0.0, 1.0) : 1.0;
@@ -409,7 +428,7 @@ bool ScriptPlayer::play(const ScriptStep& step, double elapsed, bool settled,
     json.merge_patch(Json::parse(patch->json));
     frame.state = viewStateFromJson(json.dump());
   } else if (const auto* wait = std::get_if<ScriptWait>(&step)) {
-    return wait->seconds ? elapsed >= *wait->seconds : settled;
+    return isDone(*wait, elapsed, sight);
   } else if (const auto* file = std::get_if<ScriptFile>(&step)) {
     frame.file = *file;
   } else if (const auto* size = std::get_if<ScriptSize>(&step)) {

@@ -28,7 +28,9 @@ struct ScriptPatch {  // fields of the state, as a JSON merge patch
   std::string json;
 };
 struct ScriptWait {
-  std::optional<double> seconds;  // without: until all is there, as fine as it gets
+  // For a time; until all is there, as fine as it gets; until that, or a preview of what is built.
+  enum class What { kSeconds, kSettled, kPreview } what = What::kSettled;
+  double seconds = 0.0;
 };
 struct ScriptFile {
   enum class What { kFrame, kPicture, kMesh, kShownMesh, kState } what = What::kFrame;
@@ -74,23 +76,33 @@ struct ScriptFrame {
   bool finished = false;           // there is no further step
 };
 
+// What the last frame showed: all that the state asks for; a preview of what is built, as fine as
+// it gets.
+struct ScriptSight {
+  bool settled = false;
+  bool preview = false;
+};
+
 // Plays a script; time is the caller's.
 class ScriptPlayer {
  public:
   explicit ScriptPlayer(ViewScript script) : script_(std::move(script)) {}
 
-  // `settled`: all that the state asks for was shown in the last frame. Throws Error where a patch
-  // gives no view.
-  ScriptFrame next(double seconds, bool settled, const ViewState& state);
+  // Throws Error where a patch gives no view.
+  ScriptFrame next(double seconds, const ScriptSight& sight, const ViewState& state);
+  // From a wait for a preview to the next wait nothing may take its place.
+  bool keepsPreview() const { return keeps_preview_ && step_ < script_.steps.size(); }
 
  private:
+  bool isDone(const ScriptWait& wait, double elapsed, const ScriptSight& sight) const;
   // True where the step is done with this frame.
-  bool play(const ScriptStep& step, double elapsed, bool settled, const ViewState& state,
-            ScriptFrame& frame) const;
+  bool play(const ScriptStep& step, double elapsed, const ScriptSight& sight,
+            const ViewState& state, ScriptFrame& frame) const;
 
   ViewScript script_;
   std::size_t step_ = 0;
   std::optional<double> step_begin_;
+  bool keeps_preview_ = false;
 };
 
 }  // namespace isobrick

@@ -3,6 +3,7 @@
 #include <tbb/task_arena.h>
 
 #include <algorithm>
+#include <bit>
 #include <chrono>
 #include <cmath>
 #include <glm/geometric.hpp>
@@ -22,9 +23,15 @@ constexpr int kMostSliceValues = 512;  // to a side
 // So long a drawing waits for the next surface, where it takes longer itself.
 constexpr double kPostponedSeconds = 0.1;
 
-ViewVolume volumeOf(const Pyramid& pyramid) {
-  return {pyramid.spec().voxels, pyramid.spec().geometry, pyramid.valueRange().min,
-          pyramid.valueRange().max};
+ViewVolume volumeOf(const Pyramid& pyramid, const std::optional<PreviewOf>& preview_of) {
+  ViewVolume volume{pyramid.spec().voxels, pyramid.spec().geometry, pyramid.valueRange().min,
+                    pyramid.valueRange().max};
+  if (preview_of) {
+    volume.voxels = preview_of->voxels;
+    volume.geometry.spacing /= static_cast<double>(preview_of->step);
+    volume.has_all_values = false;
+  }
+  return volume;
 }
 
 double clockSeconds() {
@@ -69,7 +76,8 @@ ViewSession::ViewSession(std::shared_ptr<const Pyramid> pyramid, ValueHistogram 
       renderer_(&renderer),
       gpu_budget_bytes_(options.gpu_budget_bytes),
       threads_(options.threads),
-      volume_(volumeOf(*pyramid_)),
+      preview_of_(options.preview_of),
+      volume_(volumeOf(*pyramid_, preview_of_)),
       histogram_(std::move(histogram)),
       state_(firstView(volume_, 1.0)),
       surfaces_(std::in_place, renderer, options.gpu_budget_bytes),
@@ -81,6 +89,7 @@ ViewSession::ViewSession(std::shared_ptr<const Pyramid> pyramid, ValueHistogram 
         return writeMesh(order, cancel);
       }) {
   state_.surfaces[0].isovalue = histogram_.dividingValue();
+  first_state_ = state_;
 }
 
 ViewSession::~ViewSession() { releasePlanes(); }
@@ -115,6 +124,23 @@ std::optional<StreamMessage> ViewSession::nextMessage() {
   return message;
 }
 
+void ViewSession::follow(const ViewSession& other) {
+  interaction_ = other.interaction_;
+  framed_ = other.framed_;
+  last_update_ = other.last_update_;
+  state_ = other.state_;
+  // What a volume opens with follows from its values.
+  double& isovalue = state_.surfaces[0].isovalue;
+  if (isovalue == other.first_state_.surfaces[0].isovalue)
+    isovalue = first_state_.surfaces[0].isovalue;
+  if (state_.value_window == other.first_state_.value_window)
+    state_.value_window = first_state_.value_window;
+}
+
+bool ViewSession::hasShown() const {
+  return passes_ > 0 || over_budget_ || !surfaces_->error().empty();
+}
+
 Wishes ViewSession::apply(const InputEvent& event, double seconds, bool on_panel) {
   const Wishes wishes = applyEvent(event, seconds, on_panel, volume_, interaction_, state_);
   if (event.kind == InputEvent::Kind::kResize && !framed_ && interaction_.size.y > 0.0) {
@@ -142,7 +168,7 @@ void ViewSession::update(double seconds) {
 
 // While the state changes, one pass that fits the time; at rest, all that is wanted.
 void ViewSession::requestSurfaces(double seconds) {
-  const double wanted = wantedRadius(state_, volume_);
+  const double wanted = radiusAtRest();
   const bool first = !requested_;
   if (first || ask_again_ || !asksForTheSame(*requested_, state_)) {
     const double age = longestWait().value_or(0.0);
@@ -164,6 +190,22 @@ void ViewSession::requestSurfaces(double seconds) {
   }
 }
 
+double ViewSession::radiusAtRest() const {
+  return preview_of_ ? volume_.diagonal() : wantedRadius(state_, volume_);
+}
+
+// What the view asks for, in samples of the pyramid.
+Query ViewSession::queryNow(std::size_t surface, double radius) const {
+  Query query = queryOf(state_, volume_, surface, radius, interaction_.size.y);
+  if (!preview_of_) return query;
+  Query coarse;
+  coarse.isovalue = query.isovalue;
+  const auto step = static_cast<double>(preview_of_->step);
+  if (query.focus)
+    coarse.focus = FocusSphere{query.focus->center / step, query.focus->radius / step};
+  return coarse;
+}
+
 StreamPass ViewSession::passOf(double radius) const {
   StreamPass pass;
   pass.radius = radius;
@@ -173,7 +215,7 @@ StreamPass ViewSession::passOf(double radius) const {
     if (isShown(s, radius))
       pass.kept.push_back({number, surfaces_->contentOf(number)});
     else
-      pass.queries.push_back({number, queryOf(state_, volume_, s, radius, interaction_.size.y)});
+      pass.queries.push_back({number, queryNow(s, radius)});
   }
   return pass;
 }
@@ -185,7 +227,7 @@ bool ViewSession::isShown(std::size_t surface, double radius) const {
   if (!request_times_.empty() && kept_.count(number) == 0) return false;
   const auto found = shown_surfaces_.find(number);
   return found != shown_surfaces_.end() && found->second.is_complete &&
-         found->second.radius >= radius && found->second.radius <= wantedRadius(state_, volume_) &&
+         found->second.radius >= radius && found->second.radius <= radiusAtRest() &&
          asksForTheSameSurface(found->second.state, state_, surface);
 }
 
@@ -328,15 +370,20 @@ void ViewSession::updatePlanes() {
 std::vector<SliceImage> ViewSession::samplePlanes(const std::vector<WantedPlane>& planes,
                                                   const CancelFlag& cancel) const {
   std::vector<SliceImage> images;
-  for (const WantedPlane& wanted : planes)
-    images.push_back(samplePlane(*pyramid_, wanted.plane,
-                                 samplingOf(pyramid_->lattice(), wanted.plane, kMostSliceValues),
-                                 cancel));
+  const double step = preview_of_ ? static_cast<double>(preview_of_->step) : 1.0;
+  for (const WantedPlane& wanted : planes) {
+    const IndexPlane plane{wanted.plane.corner / step, wanted.plane.across / step,
+                           wanted.plane.along / step};
+    images.push_back(samplePlane(*pyramid_, plane,
+                                 samplingOf(pyramid_->lattice(), plane, kMostSliceValues), cancel));
+  }
   return images;
 }
 
 SceneFrame ViewSession::sceneNow(int width, int height) const {
   SceneFrame frame = sceneOf(state_, volume_, width, height);
+  const GridGeometry& lattice = pyramid_->spec().geometry;
+  frame.lattice = {lattice.indexToWorldMatrix(), lattice.origin};
   frame.chunks = surfaces_->shown();
   if (const auto window = valueWindow()) {
     const auto& [least, greatest] = shown_pass_.values;
@@ -395,7 +442,7 @@ bool ViewSession::settled() const {
 
 SessionStatus ViewSession::status() const {
   SessionStatus status;
-  status.wanted_radius = wantedRadius(state_, volume_);
+  status.wanted_radius = radiusAtRest();
   status.shown_radius = shown_pass_.radius;
   status.triangles = trianglesShown();
   status.triangles_made = shown_pass_.triangles_made;
@@ -404,6 +451,9 @@ SessionStatus ViewSession::status() const {
   status.extract_seconds = shown_pass_.seconds;
   for (const auto& [number, surface] : shown_surfaces_)
     addCounts(surface.counts.levels, status.levels);
+  const std::int64_t step = preview_of_ ? preview_of_->step : 1;
+  for (LevelCounts& level : status.levels)
+    level.level += std::countr_zero(static_cast<std::uint64_t>(step));
   status.triangles_per_second = quality_.triangles_per_second;
   status.drag_radius = quality_.radius;
   status.passes = passes_;
@@ -418,6 +468,7 @@ SessionStatus ViewSession::status() const {
     status.doing = "reading what is lacking";
   else
     status.doing = "refining to radius " + whole(status.wanted_radius);
+  if (preview_of_) status.limited = "preview at 1/" + std::to_string(preview_of_->step);
   if (over_budget_)
     status.limited = showsTheLatest()
                          ? "GPU budget reached: showing radius " + whole(status.shown_radius) +
@@ -443,9 +494,8 @@ glm::dvec3 ViewSession::pointAt(const glm::dvec2& pixel) {
 
 void ViewSession::exportMesh(const std::string& path) {
   mesh_error_.clear();
-  mesh_worker_.request({queryOf(state_, volume_, static_cast<std::size_t>(state_.active_surface),
-                                wantedRadius(state_, volume_), interaction_.size.y),
-                        path});
+  mesh_worker_.request(
+      {queryNow(static_cast<std::size_t>(state_.active_surface), radiusAtRest()), path});
 }
 
 void ViewSession::writeShownMesh(const std::string& path) const {

@@ -11,6 +11,7 @@
 
 #include "isobrick/storage/pyramid.h"
 #include "isobrick/viewer/render/scene_renderer.h"
+#include "isobrick/viewer/session/preview_of.h"
 #include "isobrick/viewer/session/scene_of_view.h"
 #include "isobrick/viewer/session/surface_wait.h"
 #include "isobrick/viewer/state/drag_quality.h"
@@ -25,6 +26,9 @@ namespace isobrick {
 struct SessionOptions {
   int threads = 1;                                          // of the extraction
   std::uint64_t gpu_budget_bytes = std::uint64_t{1} << 30;  // of chunks in the renderer
+  // Where the pyramid is a preview. It is then shown as fine as it is, whatever the view asks for;
+  // view and volume() are those of the volume, but for the range of its values.
+  std::optional<PreviewOf> preview_of = {};
 };
 
 // What is going on, for people.
@@ -67,6 +71,15 @@ class ViewSession {
   const ViewVolume& volume() const { return volume_; }
   const ValueHistogram& histogram() const { return histogram_; }
   const Pyramid& pyramid() const { return *pyramid_; }
+
+  // Nothing: what is shown is the volume itself.
+  const std::optional<PreviewOf>& previewOf() const { return preview_of_; }
+  // Goes on from `other`, which shows the same volume, or a preview of it: with what hands do at
+  // the moment, the camera, and all of the view that they changed since it was opened.
+  void follow(const ViewSession& other);
+  // Something was shown, or there is nothing to show.
+  bool hasShown() const;
+  bool writesMesh() const { return mesh_worker_.busy(); }
 
   // What the event asks of the caller; a focus has been set already.
   Wishes apply(const InputEvent& event, double seconds, bool on_panel);
@@ -136,6 +149,8 @@ class ViewSession {
     std::string path;
   };
   SceneFrame sceneNow(int width, int height) const;
+  double radiusAtRest() const;
+  Query queryNow(std::size_t surface, double radius) const;
   void requestSurfaces(double seconds);
   StreamValues wantedValues() const;
   bool isShown(std::size_t surface, double radius) const;
@@ -161,9 +176,11 @@ class ViewSession {
   SceneRenderer* renderer_;
   const std::uint64_t gpu_budget_bytes_;
   const int threads_;
+  const std::optional<PreviewOf> preview_of_;
   ViewVolume volume_;
   ValueHistogram histogram_;
   ViewState state_;
+  ViewState first_state_;  // that it was opened with
   Interaction interaction_;
   bool framed_ = false;  // the first size gives the camera its distance
   double last_update_ = 0.0;

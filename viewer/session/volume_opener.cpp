@@ -6,12 +6,17 @@
 #include <iterator>
 #include <utility>
 
+#include "isobrick/storage/error.h"
 #include "isobrick/storage/format.h"
 #include "isobrick/storage/lowercase.h"
 
 namespace isobrick {
 
 namespace fs = std::filesystem;
+
+namespace {
+constexpr std::uint64_t kPreviewMemory = std::uint64_t{64} << 20;  // more than it takes
+}
 
 bool isPyramidFile(const std::string& path) {
   std::error_code ignored;
@@ -26,7 +31,7 @@ bool isPyramidFile(const std::string& path) {
 OpenedVolume openPyramid(const std::string& path, std::uint64_t memory_bytes) {
   auto file = std::make_shared<const Pyramid>(path, memory_bytes);
   ValueHistogram histogram = histogramOf(*file);
-  return {path, path, std::move(file), std::move(histogram)};
+  return {path, path, {}, std::move(file), std::move(histogram)};
 }
 
 VolumeOpener::VolumeOpener(VolumeBuilder build, std::uint64_t memory_bytes)
@@ -36,13 +41,27 @@ VolumeOpener::VolumeOpener(VolumeBuilder build, std::uint64_t memory_bytes)
         return work(source, cancel);
       }) {}
 
-void VolumeOpener::open(const std::string& source) { worker_.request(source); }
-void VolumeOpener::cancel() { worker_.cancel(); }
+void VolumeOpener::open(const std::string& source) {
+  const std::lock_guard lock(mutex_);
+  worker_.request(source);
+  preview_.reset();
+}
+
+void VolumeOpener::cancel() {
+  const std::lock_guard lock(mutex_);
+  worker_.cancel();
+  preview_.reset();
+}
 
 std::optional<VolumeOpener::Outcome> VolumeOpener::poll() {
   auto outcome = worker_.poll();
   if (!outcome) return std::nullopt;
   return Outcome{outcome->request, std::move(outcome->result), outcome->error};
+}
+
+std::optional<OpenedVolume> VolumeOpener::takePreview() {
+  const std::lock_guard lock(mutex_);
+  return std::exchange(preview_, std::nullopt);
 }
 
 VolumeOpener::Status VolumeOpener::status() const {
@@ -57,13 +76,32 @@ OpenedVolume VolumeOpener::work(const std::string& source, const CancelFlag& can
     const std::lock_guard lock(mutex_);
     progress_ = {true, source, std::string(phase), std::clamp(share, 0.0, 1.0)};
   };
+  const auto take = [&](const std::string& path, const PreviewOf& preview_of) {
+    takeIn(path, preview_of, source, cancel);
+  };
   tell("", 0.0);
-  const std::string path = isPyramidFile(source) ? source : build_(source, tell, cancel);
+  const std::string path = isPyramidFile(source) ? source : build_(source, {tell, take}, cancel);
   tell("", 1.0);
   cancel.check();
   OpenedVolume opened = openPyramid(path, memory_bytes_);
   opened.source = source;
   return opened;
+}
+
+void VolumeOpener::takeIn(const std::string& path, const PreviewOf& preview_of,
+                          const std::string& source, const CancelFlag& cancel) {
+  try {
+    OpenedVolume preview = openPyramid(path, std::min(memory_bytes_, kPreviewMemory));
+    preview.source = source;
+    preview.pyramid.clear();
+    preview.preview_of = preview_of;
+    // It is open: nobody needs its name.
+    std::error_code ignored;
+    fs::remove(path, ignored);
+    const std::lock_guard lock(mutex_);
+    if (!cancel.requested()) preview_ = std::move(preview);
+  } catch (const Error&) {  // the next one, or the volume itself, will do
+  }
 }
 
 }  // namespace isobrick

@@ -11,6 +11,7 @@
 
 #include "isobrick/storage/cancel.h"
 #include "isobrick/storage/pyramid.h"
+#include "isobrick/viewer/session/preview_of.h"
 #include "isobrick/viewer/stream/latest_worker.h"
 #include "isobrick/viewer/stream/value_histogram.h"
 
@@ -20,17 +21,24 @@ namespace isobrick {
 // nothing waits for the other end of a pipe.
 bool isPyramidFile(const std::string& path);
 
-// How far a build is: the phase ("bricks"), and the share of it that is done, 0 .. 1.
-using BuildProgress = std::function<void(std::string_view phase, double share)>;
+// What a build tells while it is under way.
+struct BuildListener {
+  // How far it is: the phase ("bricks"), and the share of it that is done, 0 .. 1.
+  std::function<void(std::string_view phase, double share)> progress;
+  // A pyramid of what was read by now; the file may be removed, and is not needed when this
+  // returns.
+  std::function<void(const std::string& path, const PreviewOf&)> preview;
+};
 // Makes a pyramid of a volume, unless there is a current one, and returns its path. Throws Error
 // for what is no volume, and Cancelled.
 using VolumeBuilder =
-    std::function<std::string(const std::string& input, const BuildProgress&, const CancelFlag&)>;
+    std::function<std::string(const std::string& input, const BuildListener&, const CancelFlag&)>;
 
 // A pyramid that is ready to be looked at.
 struct OpenedVolume {
   std::string source;   // what was asked for
-  std::string pyramid;  // the file; the same, or what was built of it
+  std::string pyramid;  // the file; the same, or what was built of it; a preview's has none
+  std::optional<PreviewOf> preview_of;  // where it is one, of what is being built
   std::shared_ptr<const Pyramid> file;
   ValueHistogram histogram;
 };
@@ -62,15 +70,20 @@ class VolumeOpener {
   void open(const std::string& source);
   void cancel();
   std::optional<Outcome> poll();  // each once
+  // The last preview of what is being opened, once.
+  std::optional<OpenedVolume> takePreview();
   Status status() const;
 
  private:
   OpenedVolume work(const std::string& source, const CancelFlag& cancel);
+  void takeIn(const std::string& path, const PreviewOf& preview_of, const std::string& source,
+              const CancelFlag& cancel);
 
   const VolumeBuilder build_;
   const std::uint64_t memory_bytes_;
-  mutable std::mutex mutex_;  // guards progress_
+  mutable std::mutex mutex_;  // guards progress_ and preview_
   Status progress_;
+  std::optional<OpenedVolume> preview_;
   LatestWorker<std::string, OpenedVolume> worker_;  // last: its thread uses the above
 };
 

@@ -43,7 +43,8 @@ ViewState bounded(const ViewState& state, const ViewVolume& volume) {
   result.active_surface =
       std::clamp(result.active_surface, 0, static_cast<int>(result.surfaces.size()) - 1);
   for (ViewSurface& surface : result.surfaces) {
-    surface.isovalue = std::clamp(surface.isovalue, volume.least_value, volume.greatest_value);
+    if (volume.has_all_values)
+      surface.isovalue = std::clamp(surface.isovalue, volume.least_value, volume.greatest_value);
     surface.opacity = std::clamp(surface.opacity, 0.0, 1.0);
   }
   if (result.focus.follow_view)

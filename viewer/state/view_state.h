@@ -107,6 +107,7 @@ struct ViewVolume {
   GridGeometry geometry;
   double least_value = 0.0;
   double greatest_value = 1.0;
+  bool has_all_values = true;  // false: there may be others than from the least to the greatest
 
   // The world's axis-aligned box around all voxels.
   WorldBox box() const;

@@ -22,6 +22,7 @@
 #include "isobrick/viewer/session/recent_files.h"
 #include "isobrick/viewer/session/view_script.h"
 #include "isobrick/viewer/session/view_session.h"
+#include "isobrick/viewer/session/volume_show.h"
 #include "isobrick/viewer/state/view_state_json.h"
 #include "isobrick/viewer/window/egl_target.h"
 #include "isobrick/viewer/window/gl_window.h"
@@ -158,6 +159,7 @@ class ViewLoop {
       : options_(options),
         state_path_(options.state_path),
         recent_(readRecentFiles(options.recent_path)),
+        show_({options.threads, options.gpu_budget_bytes}),
         opener_(options.build, options.memory_bytes) {
     std::optional<OpenedVolume> first;
     const bool to_be_built = !options.path.empty() && isToBeBuilt(options.path);
@@ -206,65 +208,77 @@ class ViewLoop {
   }
 
  private:
+  ViewSession* session() const { return show_.session(); }
   bool awake() const {
-    return player_ || secondsNow() < awake_until_ ||
-           (session_ && (!session_->settled() || session_->interaction().flying));
+    return player_ || secondsNow() < awake_until_ || !show_.settled() ||
+           (session() != nullptr && session()->interaction().flying);
   }
   // All that was asked for is there.
-  bool settled() const { return !opener_.status().busy && (!session_ || session_->settled()); }
-  SessionStatus status() const { return session_ ? session_->status() : SessionStatus{}; }
-  ViewState& state() { return session_ ? session_->state() : idle_state_; }
+  bool settled() const { return !opener_.status().busy && !outcome_ && show_.settled(); }
+  ScriptSight whatIsThere() const { return {settled(), show_.showsPreview() && show_.settled()}; }
+  SessionStatus status() const {
+    return session() != nullptr ? session()->status() : SessionStatus{};
+  }
+  ViewState& state() { return session() != nullptr ? session()->state() : idle_state_; }
+  glm::dvec2 size() const { return {width_, height_}; }
 
   // In place of what was shown before.
   void show(OpenedVolume opened) {
-    const bool with_panel = !session_ || session_->interaction().show_panel;
-    session_.reset();
-    session_ = std::make_unique<ViewSession>(
-        std::move(opened.file), std::move(opened.histogram), target_->renderer(),
-        SessionOptions{options_.threads, options_.gpu_budget_bytes});
-    session_->interaction().show_panel = with_panel;
-    session_->interaction().scale = target_->scale();
-    stem_ = fs::path(opened.pyramid).stem().string();
-    if (options_.state_path.empty()) state_path_ = stem_ + ".view.json";
-    target_->setTitle(shownName(fs::path(opened.pyramid).filename().string()) + " - isobrick");
-    if (height_ > 0) {
-      InputEvent size;
-      size.kind = InputEvent::Kind::kResize;
-      size.x = width_;
-      size.y = height_;
-      session_->apply(size, last_frame_, false);
-    }
-    message_ = opened.source == opened.pyramid ? "" : "the pyramid is " + opened.pyramid;
+    const bool is_preview = opened.preview_of.has_value();
+    const std::string source = opened.source, pyramid = opened.pyramid;
+    show_.take(std::move(opened), target_->renderer(), size(), target_->scale());
+    if (is_preview) return nameAfter(source, " (preview)");
+    nameAfter(pyramid, "");
+    message_ = source == pyramid ? "" : "the pyramid is " + pyramid;
     std::error_code ignored;
     // A phantom has a file only by now.
-    const bool is_file = fs::exists(opened.source, ignored);
-    const fs::path whole = fs::absolute(is_file ? opened.source : opened.pyramid, ignored);
+    const fs::path whole = fs::absolute(fs::exists(source, ignored) ? source : pyramid, ignored);
     recent_ = withRecent(std::move(recent_), whole.lexically_normal().string());
     writeRecentFiles(options_.recent_path, recent_);
+  }
+
+  void nameAfter(const fs::path& shown, const char* what) {
+    stem_ = shown.stem().string();
+    if (options_.state_path.empty()) state_path_ = stem_ + ".view.json";
+    target_->setTitle(shownName(shown.filename().string()) + what + " - isobrick");
+  }
+
+  // What was being built will not come.
+  void giveUpPreview() {
+    if (!show_.showsPreview()) return;
+    show_.giveUpPreview(target_->renderer(), size(), target_->scale());
+    if (show_.opened() != nullptr)
+      nameAfter(show_.opened()->pyramid, "");
+    else
+      target_->setTitle("isobrick");
   }
 
   // After the loss of a context, by a driver that was reset or by a script: all that it kept is
   // made again from what is shown.
   void renewContext() {
-    if (session_) session_->suspend();
+    show_.suspend();
     panel_.reset();
     target_->renew();
     panel_ = std::make_unique<ViewPanel>(target_->scale());
-    if (session_) session_->resume(target_->renderer());
+    show_.resume(target_->renderer());
   }
 
   void takeOpened() {
-    auto outcome = opener_.poll();
+    if (!outcome_) outcome_ = opener_.poll();
+    if (auto preview = opener_.takePreview()) show(std::move(*preview));
+    if (player_ && player_->keepsPreview() && show_.showsPreview()) return;
+    auto outcome = std::exchange(outcome_, std::nullopt);
     if (!outcome) return;
+    if (!outcome->volume) giveUpPreview();
     // What a script is all about.
-    if (!outcome->volume && player_ && !session_ && outcome->source == options_.path)
+    if (!outcome->volume && player_ && session() == nullptr && outcome->source == options_.path)
       throw Error(outcome->error);
     open_error_ = outcome->error;
     if (outcome->volume) show(std::move(*outcome->volume));
   }
 
   bool draw() {
-    if (session_) return session_->draw();
+    if (session() != nullptr) return session()->draw();
     if (width_ < 1 || height_ < 1) return false;
     SceneFrame frame;
     frame.width = width_;
@@ -285,14 +299,14 @@ class ViewLoop {
     const double begin = secondsNow();
     takeOpened();
     ScriptFrame scripted;
-    if (player_) scripted = player_->next(begin - begin_, settled(), state());
+    if (player_) scripted = player_->next(begin - begin_, whatIsThere(), state());
     if (scripted.state) state() = *scripted.state;
     if (scripted.size) target_->resize(scripted.size->width, scripted.size->height);
     events_.insert(events_.end(), scripted.events.begin(), scripted.events.end());
     if (scripted.lose_context || target_->renderer().isLost()) renewContext();
 
     const Wishes wishes = hands(begin);
-    if (session_) session_->update(begin);
+    show_.update(begin);
     const double idle = waitForSurface();
     const double drawing = secondsNow();
     const bool drawn = draw();
@@ -307,7 +321,7 @@ class ViewLoop {
     const double written = secondsNow();
     if (drawn) target_->show();
     const double draw_seconds = drawn_by - drawing + secondsNow() - written;
-    if (drawn && session_) session_->noteDrawing(draw_seconds);
+    if (drawn && session() != nullptr) session()->noteDrawing(draw_seconds);
     remember({drawing - begin - idle, draw_seconds}, begin);
     if (drawn) grant(wishes);
     grantOpening(wishes);
@@ -320,16 +334,16 @@ class ViewLoop {
     uploaded_bytes_ = 0;
     double idle = 0.0;
     const auto note = [&] {
-      waits_.insert(waits_.end(), session_->waits().begin(), session_->waits().end());
-      uploaded_bytes_ += session_->uploadedBytes();
+      waits_.insert(waits_.end(), session()->waits().begin(), session()->waits().end());
+      uploaded_bytes_ += session()->uploadedBytes();
     };
-    if (!session_) return idle;
-    for (note(); session_->drawsBetterLater(); note()) {
+    if (session() == nullptr) return idle;
+    for (note(); session()->drawsBetterLater(); note()) {
       const double begin = secondsNow();
       std::this_thread::sleep_for(std::chrono::milliseconds(2));
       const double looked = secondsNow();
-      session_->update(looked);
-      const bool nothing_came = session_->uploadedBytes() == 0 && session_->waits().empty();
+      show_.update(looked);
+      const bool nothing_came = session()->uploadedBytes() == 0 && session()->waits().empty();
       idle += (nothing_came ? secondsNow() : looked) - begin;
     }
     return idle;
@@ -361,26 +375,33 @@ class ViewLoop {
                                event.kind == InputEvent::Kind::kKeyRelease ||
                                event.kind == InputEvent::Kind::kText;
       const bool on_panel = of_keyboard ? panel_->wantsKeyboard() : panel_->wantsMouse();
-      addWishes(session_ ? session_->apply(event, seconds, on_panel)
-                         : applyEvent(event, seconds, on_panel, {}, idle_interaction_, idle_state_),
+      addWishes(session() != nullptr
+                    ? session()->apply(event, seconds, on_panel)
+                    : applyEvent(event, seconds, on_panel, {}, idle_interaction_, idle_state_),
                 wishes);
     }
-    if (first_state_ && session_ && height_ > 0) {
-      session_->state() = *first_state_;
+    if (first_state_ && session() != nullptr && height_ > 0) {
+      session()->state() = *first_state_;
       first_state_.reset();
     }
-    if (session_)
-      if (const auto written = session_->takeExported()) message_ = "wrote " + *written;
-    addWishes(panel_->build(session_.get(), {frames_, message_, target_->renderer().deviceName(),
-                                             opener_.status(), open_error_, recent_}),
+    if (session() != nullptr)
+      if (const auto written = session()->takeExported()) message_ = "wrote " + *written;
+    addWishes(panel_->build(session(), {frames_, message_, target_->renderer().deviceName(),
+                                        opener_.status(), open_error_, recent_}),
               wishes);
     return wishes;
   }
 
   void grantOpening(const Wishes& wishes) {
     if (wishes.browse) panel_->toggleOpening();
-    if (wishes.stop_opening || wishes.open) open_error_.clear();
-    if (wishes.stop_opening) opener_.cancel();
+    if (wishes.stop_opening || wishes.open) {
+      open_error_.clear();
+      outcome_.reset();
+    }
+    if (wishes.stop_opening) {
+      opener_.cancel();
+      giveUpPreview();
+    }
     if (wishes.open) opener_.open(*wishes.open);
   }
 
@@ -389,14 +410,14 @@ class ViewLoop {
     try {
       if (wishes.screenshot) writePicture(freeName(stem_, ".png"));
       if (wishes.screenshot_exr) writePicture(freeName(stem_, ".exr"));
-      if (!session_) return;
-      if (wishes.export_mesh) session_->exportMesh(freeName(stem_, ".ply"));
+      if (session() == nullptr) return;
+      if (wishes.export_mesh) session()->exportMesh(freeName(stem_, ".ply"));
       if (wishes.save_state) {
-        writeViewState(state_path_, session_->state());
+        writeViewState(state_path_, session()->state());
         message_ = "wrote " + state_path_;
       }
       if (wishes.load_state) {
-        session_->state() = readViewState(state_path_);
+        session()->state() = readViewState(state_path_);
         message_ = "read " + state_path_;
       }
     } catch (const Error& error) {
@@ -407,10 +428,10 @@ class ViewLoop {
   // The scene without panels. It is drawn anew, so the screen's is, too, before it is shown.
   void writePicture(const std::string& path) {
     const ImageFormat format = imageFormatOf(path);
-    writeImage(path, session_
-                         ? session_->picture(state().pictures.times, format == ImageFormat::kExr)
+    writeImage(path, session() != nullptr
+                         ? session()->picture(state().pictures.times, format == ImageFormat::kExr)
                          : target_->renderer().picture());
-    if (session_) session_->draw();
+    if (session() != nullptr) session()->draw();
     message_ = "wrote " + path;
   }
 
@@ -424,10 +445,10 @@ class ViewLoop {
         if (drawn) writePicture(path);
         break;
       case ScriptFile::What::kMesh:
-        if (session_) session_->exportMesh(path);
+        if (session() != nullptr) session()->exportMesh(path);
         break;
       case ScriptFile::What::kShownMesh:
-        if (session_) session_->writeShownMesh(path);
+        if (session() != nullptr) session()->writeShownMesh(path);
         break;
       case ScriptFile::What::kState:
         writeViewState(path, state());
@@ -452,8 +473,9 @@ class ViewLoop {
   // In this order: the context goes last.
   std::unique_ptr<ViewTarget> target_;
   std::unique_ptr<ViewPanel> panel_;
-  std::unique_ptr<ViewSession> session_;  // null: nothing is open
-  VolumeOpener opener_;                   // its end waits for that of a build
+  VolumeShow show_;
+  VolumeOpener opener_;  // its end waits for that of a build
+  std::optional<VolumeOpener::Outcome> outcome_;
   // While nothing is open.
   Interaction idle_interaction_;
   ViewState idle_state_;

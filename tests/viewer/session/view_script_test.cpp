@@ -69,7 +69,7 @@ TEST(ViewScriptTest, StepsComeOneAFrameAndInTime) {
       {"frame": "a.png"}]})"));
   ViewState state;
   const auto next = [&](double seconds, bool settled = false) {
-    return player.next(seconds, settled, state);
+    return player.next(seconds, {settled}, state);
   };
   const auto kindOf = [](const ScriptFrame& frame) {
     return frame.events.size() == 1 ? frame.events[0].kind : Kind::kText;
@@ -129,7 +129,7 @@ TEST(ViewScriptTest, WhatWasRecordedIsPlayedAgain) {
   double waited = 0.0;
   for (const ScriptStep& step : script.steps) {
     if (const auto* event = std::get_if<ScriptEvent>(&step)) played.push_back(event->event);
-    if (const auto* wait = std::get_if<ScriptWait>(&step)) waited += *wait->seconds;
+    if (const auto* wait = std::get_if<ScriptWait>(&step)) waited += wait->seconds;
   }
   EXPECT_EQ(played, events);
   EXPECT_NEAR(waited, 0.35, 1e-9);  // all but the first step of 0.01 s
@@ -140,10 +140,10 @@ TEST(ViewScriptTest, ATurntableGoesAllAround) {
       viewScriptFromJson(R"({"steps": [{"turntable": {"frames": 4, "name": "head"}}]})"));
   ViewState state;
   for (int i = 0; i < 4; ++i) {
-    EXPECT_EQ(player.next(i, true, state).state->camera.azimuth, -180.0 + 90.0 * i);
-    EXPECT_FALSE(player.next(i, false, state).file);
-    EXPECT_FALSE(player.next(i, true, state).file);
-    const ScriptFrame picture = player.next(i, true, state);
+    EXPECT_EQ(player.next(i, {true}, state).state->camera.azimuth, -180.0 + 90.0 * i);
+    EXPECT_FALSE(player.next(i, {false}, state).file);
+    EXPECT_FALSE(player.next(i, {true}, state).file);
+    const ScriptFrame picture = player.next(i, {true}, state);
     ASSERT_TRUE(picture.file);
     EXPECT_EQ(picture.file->name, "head-000" + std::to_string(i + 1) + ".png");
     EXPECT_EQ(picture.finished, i == 3);
@@ -157,15 +157,34 @@ TEST(ViewScriptTest, SweepsAndPatchesChangeTheStateAlone) {
       {"set": {"focus": {"radius": -1}}}]})"));
   ViewState state;
   state.focus.center = {1.0, 2.0, 3.0};
-  EXPECT_EQ(player.next(10.0, false, state).state->surfaces[0].isovalue, 500.0);
-  EXPECT_EQ(player.next(11.0, false, state).state->surfaces[0].isovalue, 875.0);
-  const ScriptFrame end = player.next(13.0, false, state);
+  EXPECT_EQ(player.next(10.0, {false}, state).state->surfaces[0].isovalue, 500.0);
+  EXPECT_EQ(player.next(11.0, {false}, state).state->surfaces[0].isovalue, 875.0);
+  const ScriptFrame end = player.next(13.0, {false}, state);
   EXPECT_EQ(end.state->surfaces[0].isovalue, 1250.0);
   ViewState expected = state;
   expected.wireframe = true;
   expected.focus.radius = 20.0;
-  EXPECT_EQ(player.next(13.1, false, state).state, expected);
-  EXPECT_THROW(player.next(13.2, false, state), Error);
+  EXPECT_EQ(player.next(13.1, {false}, state).state, expected);
+  EXPECT_THROW(player.next(13.2, {false}, state), Error);
+}
+
+// Nothing takes the place of a preview before the next wait.
+TEST(ViewScriptTest, AWaitForAPreviewKeepsIt) {
+  ScriptPlayer player(viewScriptFromJson(R"({"steps": [
+      {"wait": "preview"}, {"key_press": "W"}, {"wait": "settled"}, {"wait": "preview"}]})"));
+  const ViewState state;
+  EXPECT_FALSE(player.keepsPreview());
+  player.next(0.0, {false, false}, state);
+  EXPECT_TRUE(player.keepsPreview());
+  EXPECT_TRUE(player.next(1.0, {false, false}, state).events.empty());
+  EXPECT_TRUE(player.next(2.0, {false, true}, state).events.empty());  // it is over
+  EXPECT_EQ(player.next(3.0, {false, true}, state).events.size(), 1u);
+  EXPECT_TRUE(player.keepsPreview());
+  EXPECT_FALSE(player.next(4.0, {false, true}, state).finished);
+  EXPECT_FALSE(player.keepsPreview());
+  player.next(5.0, {true, false}, state);
+  EXPECT_TRUE(player.next(6.0, {true, false}, state).finished);  // there is none to come
+  EXPECT_FALSE(player.keepsPreview());
 }
 
 // What hands dropped is opened by the script as well; a name that JSON cannot hold breaks nothing.
@@ -176,7 +195,7 @@ TEST(ViewScriptTest, VolumesAreOpenedAndRecorded) {
   drop.path = "/scans/head \"1\".nrrd";
   recorder.add(0.0, drop);
   ScriptPlayer player(viewScriptFromJson(recorder.json(10, 10)));
-  const ScriptFrame frame = player.next(0.0, true, ViewState{});
+  const ScriptFrame frame = player.next(0.0, {true}, ViewState{});
   ASSERT_EQ(frame.events.size(), 1u);
   EXPECT_EQ(frame.events[0], drop);
   drop.path = "/scans/\xff";

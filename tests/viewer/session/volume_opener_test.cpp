@@ -51,9 +51,9 @@ TEST_F(VolumeOpenerTest, APyramidIsOpenedAsItIs) {
 TEST_F(VolumeOpenerTest, AVolumeIsBuiltWithProgress) {
   std::atomic<bool> seen{false};
   VolumeOpener opener(
-      [&](const std::string& input, const BuildProgress& progress, const CancelFlag&) {
+      [&](const std::string& input, const BuildListener& listener, const CancelFlag&) {
         EXPECT_EQ(input, "scan.nrrd");
-        progress("bricks", 0.25);
+        listener.progress("bricks", 0.25);
         while (!seen) std::this_thread::yield();
         return path_;
       },
@@ -93,7 +93,7 @@ TEST_F(VolumeOpenerTest, WhatFailsIsToldAndTheNextGoesOn) {
 
 TEST_F(VolumeOpenerTest, ANewerOpeningAndAHandEndABuild) {
   std::atomic<int> begun{0}, ended{0};
-  const auto build = [&](const std::string&, const BuildProgress&,
+  const auto build = [&](const std::string&, const BuildListener&,
                          const CancelFlag& cancel) -> std::string {
     ++begun;
     while (!cancel.requested()) std::this_thread::yield();
