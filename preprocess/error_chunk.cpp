@@ -2,8 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
-#include "isobrick/preprocess/kernels/error_rows.h"
 #include "isobrick/storage/index_loop.h"
 
 namespace isobrick {
@@ -16,9 +16,18 @@ IndexBox cellsIn(const IndexBox& voxels, int level) {
   return {first, BrickLayout::ceilDivide(voxels.end() - Index3(1), step) - first};
 }
 
+// Of cells that `codes` has too.
 void includeCodes(const ErrorCodes& other, ErrorCodes& codes) {
-  for (std::size_t i = 0; i < codes.codes.size(); ++i)
-    codes.codes[i] = std::max(codes.codes[i], other.codes[i]);
+  const Index3 offset = other.cells.first - codes.cells.first;
+  for (std::uint32_t bin = other.first_bin; bin < other.first_bin + other.bins; ++bin) {
+    if (!other.isUsed(bin)) continue;
+    codes.use(bin);
+    const std::uint8_t* from = other.bin(bin);
+    for (std::int64_t z = 0; z < other.cells.count.z; ++z)
+      for (std::int64_t y = 0; y < other.cells.count.y; ++y, from += other.cells.count.x)
+        includeGreater(from, other.cells.count.x,
+                       codes.bin(bin) + linearIndex(offset + Index3(0, y, z), codes.cells.count));
+  }
 }
 
 // The cells that touch cell c, itself or its children among them, along one axis: those from
@@ -29,21 +38,31 @@ struct Touching {
 constexpr Touching kNeighbours = {1, -1, 1};
 constexpr Touching kFiner = {2, -1, 2};
 
-// The greatest codes of the cells that touch a row's cells along it: `count` cells from `first` on.
-// `from` are the codes of cells from `from_first` on.
-void greatestAlongRow(const Touching& touching, const std::uint8_t* from, std::int64_t from_first,
-                      std::int64_t from_count, std::int64_t first, std::int64_t count,
-                      std::vector<std::uint8_t>& scratch, std::uint8_t* to) {
+// The greatest codes of the cells that touch others along an axis. Cells are `length` codes wide:
+// a slice, or a row of a slice.
+void greatestOfRows(const Touching& touching, const std::uint8_t* from, std::int64_t from_first,
+                    std::int64_t from_count, std::int64_t first, std::int64_t count,
+                    std::int64_t length, std::uint8_t* to) {
+  for (std::int64_t i = 0; i < count; ++i) {
+    const std::int64_t cell = touching.scale * (first + i) - from_first;
+    const std::int64_t end = std::min(cell + touching.last + 1, from_count);
+    for (std::int64_t k = std::max(cell + touching.first, std::int64_t{0}); k < end; ++k)
+      includeGreater(from + k * length, length, to + i * length);
+  }
+}
+
+// The same where the cells of a row touch each other.
+void greatestOfCells(const Touching& touching, const std::uint8_t* from, std::int64_t from_first,
+                     std::int64_t from_count, std::int64_t first, std::int64_t count,
+                     std::vector<std::uint8_t>& scratch, std::uint8_t* to) {
   constexpr std::int64_t kPadding = 8;
   const std::int64_t size = from_count + 2 * kPadding;
   scratch.assign(static_cast<std::size_t>(2 * size), 0);
   std::uint8_t* const padded = scratch.data();
   std::uint8_t* const greatest = padded + size;  // of the run of cells that begins there
   std::copy_n(from, from_count, padded + kPadding);
-  const std::int64_t length = touching.last - touching.first + 1;
-  std::copy_n(padded, size, greatest);
-  for (std::int64_t i = 1; i < length; ++i)
-    for (std::int64_t x = 0; x < size - i; ++x) greatest[x] = std::max(greatest[x], padded[x + i]);
+  for (std::int64_t i = 0; i <= touching.last - touching.first; ++i)
+    includeGreater(padded + i, size - i, greatest);
   const std::int64_t begin = touching.scale * first + touching.first - from_first + kPadding;
   for (std::int64_t x = 0; x < count; ++x) to[x] = greatest[begin + touching.scale * x];
 }
@@ -55,27 +74,25 @@ void greatestAlong(int axis, std::int64_t first, std::int64_t count, const Touch
   box.first[axis] = first;
   box.count[axis] = count;
   to.reset(box, from.first_bin, from.bins);
-  const std::int64_t low = from.cells.first[axis], high = from.cells.end()[axis] - 1;
+  const std::int64_t from_first = from.cells.first[axis], from_count = from.cells.count[axis];
+  // What lies along the lower axes is one row, the rest are rows of its own.
+  std::int64_t length = 1, rows = 1;
+  for (int k = 0; k < axis; ++k) length *= box.count[k];
+  for (int k = axis + 1; k < 3; ++k) rows *= box.count[k];
   std::vector<std::uint8_t> scratch;
   for (std::uint32_t bin = from.first_bin; bin < from.first_bin + from.bins; ++bin) {
-    const std::uint8_t* const source = from.bin(bin);
+    if (!from.isUsed(bin)) continue;
+    to.use(bin);
+    const std::uint8_t* source = from.bin(bin);
     std::uint8_t* target = to.bin(bin);
-    for (std::int64_t z = 0; z < box.count.z; ++z)
-      for (std::int64_t y = 0; y < box.count.y; ++y, target += box.count.x) {
-        Index3 at(0, y, z);
-        if (axis == 0) {
-          greatestAlongRow(touching, source + linearIndex(at, from.cells.count), low,
-                           from.cells.count.x, first, count, scratch, target);
-          continue;
-        }
-        const std::int64_t cell = touching.scale * (first + at[axis]);
-        for (std::int64_t i = std::max(cell + touching.first, low);
-             i <= std::min(cell + touching.last, high); ++i) {
-          at[axis] = i - low;
-          const std::uint8_t* const row = source + linearIndex(at, from.cells.count);
-          for (std::int64_t x = 0; x < box.count.x; ++x) target[x] = std::max(target[x], row[x]);
-        }
-      }
+    for (std::int64_t row = 0; row < rows; ++row) {
+      if (axis == 0)
+        greatestOfCells(touching, source, from_first, from_count, first, count, scratch, target);
+      else
+        greatestOfRows(touching, source, from_first, from_count, first, count, length, target);
+      source += from_count * length;
+      target += count * length;
+    }
   }
 }
 
@@ -143,86 +160,111 @@ void ErrorCodes::reset(const IndexBox& box, std::uint32_t first, std::uint32_t c
   first_bin = first;
   bins = count;
   codes.assign(count * static_cast<std::size_t>(box.size()), 0);
-}
-
-IndexBox ErrorChunk::voxelsAround(const Lattice& lattice, const Index3& chunk,
-                                  std::int64_t margin) {
-  const Index3 first = glm::max(chunk * kVoxels - Index3(margin), Index3(0));
-  const Index3 last =
-      glm::min((chunk + Index3(1)) * kVoxels + Index3(margin), lattice.voxels() - Index3(1));
-  return {first, last - first + Index3(1)};
-}
-
-IndexBox ErrorChunk::cells(const Lattice& lattice, int level, const Index3& chunk) {
-  return cellsIn(voxelsAround(lattice, chunk, 0), level);
-}
-
-IndexBox ErrorChunk::samples(const Lattice& lattice, int level, const Index3& chunk) {
-  const IndexBox cells = cellsIn(voxelsAround(lattice, chunk, kMargin), level);
-  return {cells.first, cells.count + Index3(1)};
+  is_used.assign(count, 0);
 }
 
 void ErrorChunk::find(const Lattice& lattice, const ErrorBins& bins, const ValueRange& values,
-                      const Index3& chunk, const Read& read) {
+                      const IndexBox& cells, const Read& read) {
   lattice_ = &lattice;
   bins_ = bins;
-  chunk_ = chunk;
+  voxels_ = {cells.first, cells.count + Index3(1)};
   // What single precision may change: everything is made of a few operations on such values.
   slack_ = 0x1p-18f * std::max(std::abs(values.min), std::abs(values.max));
-  ValueRange range;
   for (int level = 0; level <= bins.last_level; ++level) {
     Field& field = samples_[level];
-    field.box = samples(lattice, level, chunk);
-    field.values.assign(static_cast<std::size_t>(field.box.size() + kErrorRowPadding), 0.0f);
+    field.box = cellsIn(voxels_, level);
+    field.box.count += Index3(1);
+    field.values.resize(static_cast<std::size_t>(field.box.size() + kErrorRowPadding));
     read(level, field.box, field.values.data());
-    const auto [least, greatest] =
-        std::minmax_element(field.values.begin(), field.values.begin() + field.box.size());
-    range.include({*least, *greatest});
+    std::fill_n(field.values.begin() + field.box.size(), kErrorRowPadding, 0.0f);
   }
-  // Bounds are a slack wider than samples, and bins are looked up a slack around them.
+  const ValueRange range = findSilentRuns();
+  // Bounds are a slack wider than samples.
   first_bin_ = bins.binOf(static_cast<double>(range.min - 3 * slack_));
   bin_count_ = bins.binOf(static_cast<double>(range.max + 3 * slack_)) - first_bin_ + 1;
-  const auto cellsAround = [&](int level, std::int64_t margin) {
-    return cellsIn(voxelBox(margin), level);
+  const auto cellsAround = [&](int level) {
+    const IndexBox inside = cellsIn(voxels_, level);
+    const Index3 first = glm::max(inside.first - Index3(1), Index3(0));
+    return IndexBox{first, glm::min(inside.end() + Index3(1), lattice.cells(level)) - first};
   };
-  least_.clear();
-  most_.clear();
-  for (std::uint32_t bin = first_bin_; bin < first_bin_ + bin_count_; ++bin) {
-    const auto room = 2 * slack_ + 0x1p-6f * static_cast<float>(bins.width);
-    least_.push_back(static_cast<float>(bins.least(bin)) - room);
-    most_.push_back(static_cast<float>(bins.greatest(bin)) + room);
-  }
-  room_ = 0x1p-8f + 4 * slack_ / static_cast<float>(bins.width);
-  first_isovalue_ = static_cast<float>(bins.first + first_bin_ * bins.width);
-  const std::int64_t margin = bins.last_level == 2 ? 0 : 4;
   if (range.min == range.max) {
     for (int level = kFirstErrorLevel; level <= bins.last_level; ++level)
-      found_[level - kFirstErrorLevel].reset(cellsAround(level, level == 2 ? margin : 0),
-                                             first_bin_, 0);
+      found_[level - kFirstErrorLevel].reset(cellsAround(level), first_bin_, 0);
     return;
   }
-  for (int level = 1; level <= bins.last_level; ++level) boundOwn(level);
-  // Level 1: its own cells, and those of level 0 that touch them.
-  boundHanging(0);
-  run(0, Corners::kHanging, 1, kMargin, fine_[0]);
-  greatestTouching(cellsAround(1, kMargin), kNeighbours, fine_[0], touching_, fine_[1]);
-  boundHanging(1);
-  run(1, Corners::kHanging, 1, kMargin, fine_[0]);
-  includeCodes(fine_[0], fine_[1]);
+  bin_ends_.clear();
+  for (std::uint32_t bin = first_bin_; bin < first_bin_ + bin_count_; ++bin)
+    bin_ends_.push_back(static_cast<float>(bins.least(bin)));
+  bin_ends_.front() = -std::numeric_limits<float>::infinity();
+  bin_ends_.push_back(std::numeric_limits<float>::infinity());
 
+  for (int level = 1; level <= bins.last_level; ++level) boundOwn(level);
   ErrorCodes& level2 = found_[0];
-  greatestTouching(cellsAround(2, margin), kFiner, fine_[1], touching_, level2);
-  run(2, Corners::kOwn, 2, margin, fine_[0]);
-  includeCodes(fine_[0], level2);
+  // What touches cells of level 1 that touch a cell of level 2 lies in those that touch it.
+  run(0, Corners::kHanging, 2, hanging_codes_);
+  greatestTouching(cellsAround(2), kNeighbours, hanging_codes_, touching_, level2);
+  boundHanging(1);
+  run(1, Corners::kHanging, 1, hanging_codes_);
+  greatestTouching(cellsAround(2), kFiner, hanging_codes_, touching_, spread_codes_);
+  includeCodes(spread_codes_, level2);
+  run(2, Corners::kOwn, 2, own_codes_);
+  includeCodes(own_codes_, level2);
   if (bins.last_level == 2) return;
 
   boundHanging(2);
-  run(2, Corners::kHanging, 2, margin, hanging_codes_);
-  includeCodes(level2, hanging_codes_);
+  run(2, Corners::kHanging, 2, hanging_codes_);
+  spread_codes_ = level2;
+  includeCodes(hanging_codes_, spread_codes_);
   ErrorCodes& level3 = found_[1];
-  greatestTouching(cellsAround(3, 0), kFiner, hanging_codes_, touching_, level3);
-  run(3, Corners::kOwn, 3, 0, fine_[0]);
-  includeCodes(fine_[0], level3);
+  greatestTouching(cellsAround(3), kFiner, spread_codes_, touching_, level3);
+  run(3, Corners::kOwn, 3, own_codes_);
+  includeCodes(own_codes_, level3);
+}
+
+// A run of voxels has no errors where the blocks that hold it and the edges from it are constant on
+// all levels.
+ValueRange ErrorChunk::findSilentRuns() {
+  const Index3 blocks = BrickLayout::ceilDivide(voxels_.count - Index3(1), kAlignment);
+  block_rows_ = {blocks.y, blocks.z};
+  silent_runs_.assign(static_cast<std::size_t>(blocks.y * blocks.z), 0);
+  ValueRange range;
+  const auto width = static_cast<std::size_t>(voxels_.count.x);
+  std::vector<ValueRange> in_row(static_cast<std::size_t>(blocks.x));
+  std::vector<float> least(width), greatest(width);
+  for (std::int64_t z = 0; z < blocks.z; ++z)
+    for (std::int64_t y = 0; y < blocks.y; ++y) {
+      in_row.assign(in_row.size(), {});
+      for (int level = 0; level <= bins_.last_level; ++level) {
+        const Field& field = samples_[level];
+        const std::int64_t edge = kAlignment >> level;
+        const Index3 last = field.box.count - Index3(1);
+        const float* const values = field.values.data();
+        least.assign(width, values[0]);
+        greatest.assign(width, values[0]);
+        const auto rowAt = [&](std::int64_t j, std::int64_t k) {
+          return values + linearIndex(Index3(0, j, k), field.box.count);
+        };
+        std::copy_n(rowAt(y * edge, z * edge), field.box.count.x, least.data());
+        std::copy_n(rowAt(y * edge, z * edge), field.box.count.x, greatest.data());
+        for (std::int64_t k = z * edge; k <= std::min((z + 1) * edge, last.z); ++k)
+          for (std::int64_t j = y * edge; j <= std::min((y + 1) * edge, last.y); ++j)
+            includeRange(rowAt(j, k), field.box.count.x, least.data(), greatest.data());
+        for (std::int64_t x = 0; x < blocks.x; ++x)
+          for (std::int64_t i = x * edge; i <= std::min((x + 1) * edge, last.x); ++i) {
+            const auto at = static_cast<std::size_t>(i);
+            in_row[static_cast<std::size_t>(x)].include({least[at], greatest[at]});
+          }
+      }
+      std::uint8_t& silent = silent_runs_[static_cast<std::size_t>(z * blocks.y + y)];
+      silent = 0xff;
+      for (std::int64_t x = 0; x < blocks.x; ++x) {
+        const ValueRange& block = in_row[static_cast<std::size_t>(x)];
+        range.include(block);
+        if (block.min < block.max)
+          silent = static_cast<std::uint8_t>(silent & ~(1 << (x * kAlignment / kErrorRun)));
+      }
+    }
+  return range;
 }
 
 // At each sample of the level the lesser and the greater of it and of that of the next finer one.
@@ -231,27 +273,31 @@ void ErrorChunk::boundOwn(int level) {
   const Field& fine = samples_[level - 1];
   Bounds& bounds = own_[level];
   bounds.low.box = bounds.high.box = coarse.box;
-  bounds.low.values.clear();
-  bounds.high.values.clear();
+  bounds.low.values.resize(coarse.values.size());
+  bounds.high.values.resize(coarse.values.size());
   const Index3 last_fine = lattice_->samples(level - 1) - Index3(1);
+  const std::int64_t last_x = last_fine.x - fine.box.first.x;
   std::size_t i = 0;
-  forEachIndex(coarse.box, [&](const Index3& at) {
-    const float a = coarse.values[i++];
-    const float b = fine.at(glm::min(std::int64_t{2} * at, last_fine));
-    bounds.low.values.push_back(std::min(a, b));
-    bounds.high.values.push_back(std::max(a, b));
-  });
+  for (std::int64_t z = coarse.box.first.z; z < coarse.box.end().z; ++z)
+    for (std::int64_t y = coarse.box.first.y; y < coarse.box.end().y; ++y) {
+      const float* const row = fine.row(std::min(2 * y, last_fine.y), std::min(2 * z, last_fine.z));
+      for (std::int64_t x = 0; x < coarse.box.count.x; ++x, ++i) {
+        const float a = coarse.values[i], b = row[std::min(2 * x, last_x)];
+        bounds.low.values[i] = std::min(a, b);
+        bounds.high.values[i] = std::max(a, b);
+      }
+    }
 }
 
 // The same, and what a sample may get that hangs on an edge or a face of the next coarser level.
 void ErrorChunk::boundHanging(int level) {
-  const Field& own_low = level == 0 ? samples_[0] : own_[level].low;
-  const Field& own_high = level == 0 ? samples_[0] : own_[level].high;
+  const Field& own_low = own_[level].low;
+  const Field& own_high = own_[level].high;
   const Bounds& coarse = own_[level + 1];
   const IndexBox& box = hanging_.low.box = hanging_.high.box = own_low.box;
   const auto size = static_cast<std::size_t>(box.size());
-  hanging_.low.values.assign(size + kErrorRowPadding, 0.0f);
-  hanging_.high.values.assign(size + kErrorRowPadding, 0.0f);
+  hanging_.low.values.resize(size);
+  hanging_.high.values.resize(size);
   std::vector<CoarsePlace> places[3];
   for (int axis = 0; axis < 3; ++axis)
     for (std::int64_t at = box.first[axis]; at < box.end()[axis]; ++at)
@@ -299,26 +345,38 @@ void ErrorChunk::boundHanging(int level) {
 // One pass over the voxels, plane by plane.
 class ErrorChunk::Run {
  public:
-  Run(ErrorChunk& chunk, int level, Corners corners, int cell_level, std::int64_t margin,
-      ErrorCodes& out)
+  Run(ErrorChunk& chunk, int level, Corners corners, int cell_level, ErrorCodes& out)
       : chunk_(chunk),
-        level_(level),
+        // What hangs on level 1 lies on level 0: its bounds are between those of level 1.
+        is_of_voxels_(level == 0),
+        level_(std::max(level, 1)),
         cell_level_(cell_level),
-        bounds_(corners == Corners::kOwn ? chunk.own_[level] : chunk.hanging_),
-        voxels_(chunk.voxelBox(margin)),
+        bounds_(corners == Corners::kOwn || is_of_voxels_ ? chunk.own_[level_] : chunk.hanging_),
+        voxels_(chunk.voxels_),
+        samples_(bounds_.low.box),
         cells_(cellsIn(voxels_, cell_level)),
-        stride_(voxels_.count.x + kErrorRowPadding),
+        stride_(errorRowStride(voxels_.count.x)),
+        runs_((voxels_.count.x + kErrorRun - 1) / kErrorRun),
+        bins_{chunk.bin_ends_.data(), static_cast<std::int64_t>(chunk.bin_count_)},
         out_(out) {
     out.reset(cells_, chunk.first_bin_, chunk.bin_count_);
-    const auto plane = static_cast<std::size_t>(voxels_.count.y * stride_);
-    for (Plane& p : chunk.planes_) {
-      p.low.resize(plane);
-      p.high.resize(plane);
+    for (Plane& plane : chunk.planes_) resize(plane, voxels_.count.y);
+    for (Plane& plane : chunk.sample_planes_) resize(plane, samples_.count.y);
+    resize(chunk.between_planes_, samples_.count.y);
+    const auto rows = static_cast<std::size_t>(2 * cells_.count.y * bins_.count);
+    chunk.greatest_.assign(rows * static_cast<std::size_t>(stride_), 0.0f);
+    chunk.touched_.assign(rows, 0);
+    const std::int64_t step = std::int64_t{1} << cell_level;
+    for (std::int64_t x = 0; x < kAlignment + kErrorRun; ++x)
+      is_end_[x] = x % step == 0 ? 1.0f : 0.0f;
+    if (!is_of_voxels_) return;
+    for (int others = 0; others < 3; ++others) {
+      is_between_[others].assign(static_cast<std::size_t>(stride_), 0.0f);
+      for (std::int64_t x = 0; x < voxels_.count.x; ++x) {
+        const int hanging = others + (hangs(0, voxels_.first.x + x) ? 1 : 0);
+        is_between_[others][static_cast<std::size_t>(x)] = hanging == 1 || hanging == 2 ? 1 : 0;
+      }
     }
-    chunk.lattice_row_.resize(static_cast<std::size_t>(stride_));
-    const auto rows = static_cast<std::size_t>(2 * cells_.count.y * chunk.bin_count_);
-    chunk.greatest_.assign(rows * static_cast<std::size_t>(stride_) + 2 * kErrorRowPadding, 0.0f);
-    chunk.is_touched_.assign(rows, 0);
   }
 
   void operator()() {
@@ -333,46 +391,59 @@ class ErrorChunk::Run {
   }
 
  private:
+  void resize(Plane& plane, std::int64_t rows) const {
+    plane.low.resize(static_cast<std::size_t>(rows * stride_));
+    plane.high.resize(static_cast<std::size_t>(rows * stride_));
+    plane.bins.resize(static_cast<std::size_t>(rows * runs_));
+  }
   bool isEnd(std::int64_t voxel) const {
     return (voxel & ((std::int64_t{1} << cell_level_) - 1)) == 0;
   }
-
-  // The bounds of a plane of voxels, from those at the samples of the level.
-  void fill(std::int64_t z) {
-    Plane& plane = chunk_.planes_[z % 2];
-    for (std::int64_t y = voxels_.first.y; y < voxels_.end().y; ++y) {
-      const std::int64_t row = y - voxels_.first.y;
-      float* const low = plane.low.data() + row * stride_;
-      float* const high = plane.high.data() + row * stride_;
-      fillRow(bounds_.low, y, z, low);
-      fillRow(bounds_.high, y, z, high);
-      for (std::int64_t x = 0; x < voxels_.count.x; ++x) {
-        low[x] -= chunk_.slack_;
-        high[x] += chunk_.slack_;
-      }
-      std::fill_n(low + voxels_.count.x, kErrorRowPadding, low[voxels_.count.x - 1]);
-      std::fill_n(high + voxels_.count.x, kErrorRowPadding, high[voxels_.count.x - 1]);
-    }
+  // Whether a voxel is no sample of level 1 along an axis.
+  bool hangs(int axis, std::int64_t voxel) const {
+    return voxel % 2 != 0 && voxel != chunk_.lattice_->voxels()[axis] - 1;
   }
 
-  void fillRow(const Field& field, std::int64_t y, std::int64_t z, float* out) {
-    const std::int64_t first = voxels_.first.x >> level_;
-    const std::int64_t samples = cellsIn(voxels_, level_).count.x + 1;
-    float* const row = chunk_.lattice_row_.data();
-    std::fill_n(row, samples, 0.0f);
-    const Share ys = shareOf(1, y), zs = shareOf(2, z);
-    for (int k = 0; k < 2; ++k)
-      for (int j = 0; j < 2; ++j) {
-        const float weight =
-            (j == 1 ? ys.of_upper : 1 - ys.of_upper) * (k == 1 ? zs.of_upper : 1 - zs.of_upper);
-        if (weight <= 0) continue;
-        const float* const from =
-            field.values.data() +
-            linearIndex(Index3(first, ys.sample + j, zs.sample + k) - field.box.first,
-                        field.box.count);
-        for (std::int64_t i = 0; i < samples; ++i) row[i] += weight * from[i];
-      }
-    spread(level_, row, voxels_.count.x, out);
+  // The bounds at the voxels of a row in a plane of samples, of all its rows.
+  const Plane& samplePlane(std::int64_t z) {
+    Plane& plane = chunk_.sample_planes_[z % 2];
+    if (plane_of_[z % 2] == z) return plane;
+    plane_of_[z % 2] = z;
+    for (std::int64_t y = 0; y < samples_.count.y; ++y) {
+      const std::int64_t sample_y = samples_.first.y + y;
+      spread(level_, bounds_.low.row(sample_y, z), voxels_.count.x, plane.low.data() + y * stride_);
+      spread(level_, bounds_.high.row(sample_y, z), voxels_.count.x,
+             plane.high.data() + y * stride_);
+    }
+    return plane;
+  }
+
+  // The bounds of a plane of voxels, between those of two planes of samples.
+  void fill(std::int64_t z) {
+    const Share zs = shareOf(2, z);
+    const Plane* from = &samplePlane(zs.sample);
+    if (zs.of_upper > 0) {
+      const Plane& to = samplePlane(zs.sample + 1);
+      Plane& between = chunk_.between_planes_;
+      const std::int64_t count = samples_.count.y * stride_;
+      interpolateRow(from->low.data(), to.low.data(), zs.of_upper, count, between.low.data());
+      interpolateRow(from->high.data(), to.high.data(), zs.of_upper, count, between.high.data());
+      from = &between;
+    }
+    Plane& plane = chunk_.planes_[z % 2];
+    for (std::int64_t y = voxels_.first.y; y < voxels_.end().y; ++y) {
+      const Share ys = shareOf(1, y);
+      const std::int64_t lower = (ys.sample - samples_.first.y) * stride_;
+      const std::int64_t upper = ys.of_upper > 0 ? lower + stride_ : lower;
+      const std::int64_t row = y - voxels_.first.y;
+      const int others = (hangs(1, y) ? 1 : 0) + (hangs(2, z) ? 1 : 0);
+      boundRow({from->low.data() + lower, from->low.data() + upper, from->high.data() + lower,
+                from->high.data() + upper, ys.of_upper, chunk_.slack_,
+                is_of_voxels_ ? is_between_[others].data() : nullptr},
+               chunk_.samples_[0].row(y, z), voxels_.count.x, bins_,
+               plane.low.data() + row * stride_, plane.high.data() + row * stride_,
+               plane.bins.data() + row * runs_);
+    }
   }
 
   // The sample of the level at or below a voxel, and how far the voxel is on the way to the next.
@@ -389,92 +460,82 @@ class ErrorChunk::Run {
     return {sample, static_cast<float>(voxel - from) / static_cast<float>(to - from)};
   }
 
-  const float* valueRow(std::int64_t y, std::int64_t z) const {
-    const Field& values = chunk_.samples_[0];
-    return values.values.data() +
-           linearIndex(Index3(voxels_.first.x, y, z) - values.box.first, values.box.count);
-  }
   BracketedRow row(std::int64_t y, std::int64_t z) const {
     const Plane& plane = chunk_.planes_[z % 2];
-    const std::int64_t offset = (y - voxels_.first.y) * stride_;
-    return {valueRow(y, z), plane.low.data() + offset, plane.high.data() + offset};
+    const std::int64_t number = y - voxels_.first.y;
+    return {chunk_.samples_[0].row(y, z), plane.low.data() + number * stride_,
+            plane.high.data() + number * stride_, plane.bins.data() + number * runs_};
   }
   void findIn(std::int64_t y, std::int64_t z) {
+    const std::uint8_t silent = chunk_.silentRuns(y, z);
+    if (silent == 0xff) return;
     const bool has_y = y + 1 < voxels_.end().y, has_z = z + 1 < voxels_.end().z;
-    ErrorTargets targets;
-    targets.row_stride = stride_;
-    targets.here_count = addCellRows(y, z, true, true, targets.here);
-    if (has_y) targets.along_y_count = addCellRows(y, z, false, true, targets.along_y);
-    if (has_z) targets.along_z_count = addCellRows(y, z, true, false, targets.along_z);
     includeErrorsOfRow(row(y, z), has_y ? row(y + 1, z) : BracketedRow{},
-                       has_z ? row(y, z + 1) : BracketedRow{}, voxels_.count.x,
-                       {chunk_.least_.data(), chunk_.most_.data(), chunk_.first_isovalue_,
-                        static_cast<float>(chunk_.bins_.width), chunk_.room_,
-                        static_cast<std::int64_t>(chunk_.bin_count_)},
-                       targets);
+                       has_z ? row(y, z + 1) : BracketedRow{}, voxels_.count.x, bins_,
+                       targetsOf(y, z, has_y, has_z, silent));
   }
 
-  // The rows of cells that hold a row of voxels, or, where not closed along an axis, the edges that
-  // lead up from it there. How many.
-  int addCellRows(std::int64_t y, std::int64_t z, bool is_closed_y, bool is_closed_z,
-                  GreatestErrors* rows) {
-    const auto below = [&](std::int64_t voxel, bool is_closed) {
-      return (voxel >> cell_level_) - (is_closed && isEnd(voxel) ? 1 : 0);
-    };
-    int count = 0;
-    for (std::int64_t k = below(z, is_closed_z); k <= z >> cell_level_; ++k) {
+  // The rows of cells that hold a row of voxels.
+  ErrorTargets targetsOf(std::int64_t y, std::int64_t z, bool has_y, bool has_z,
+                         std::uint8_t silent) {
+    ErrorTargets targets;
+    targets.silent_runs = silent;
+    targets.row_stride = stride_;
+    targets.is_end = is_end_;
+    const std::int64_t upper_z = z >> cell_level_, upper_y = y >> cell_level_;
+    for (std::int64_t k = upper_z - (isEnd(z) ? 1 : 0); k <= upper_z; ++k) {
       if (k < cells_.first.z || k >= cells_.end().z) continue;
-      for (std::int64_t j = below(y, is_closed_y); j <= y >> cell_level_; ++j) {
+      for (std::int64_t j = upper_y - (isEnd(y) ? 1 : 0); j <= upper_y; ++j) {
         if (j < cells_.first.y || j >= cells_.end().y) continue;
-        const std::size_t i = rowOf(j, k, chunk_.first_bin_);
-        rows[count++] = {errorsOf(i), chunk_.is_touched_.data() + i};
+        const std::size_t i = rowOf(j, k);
+        // Edges lead up, into the upper one of two rows.
+        targets.rows[targets.count++] = {errorsOf(i), chunk_.touched_.data() + i,
+                                         has_y && j == upper_y, has_z && k == upper_z};
       }
     }
-    return count;
+    return targets;
   }
   float* errorsOf(std::size_t row) {
-    return chunk_.greatest_.data() + kErrorRowPadding + row * static_cast<std::size_t>(stride_);
+    return chunk_.greatest_.data() + row * static_cast<std::size_t>(stride_);
   }
-  std::size_t rowOf(std::int64_t j, std::int64_t k, std::uint32_t bin) const {
-    return (static_cast<std::size_t>(k % 2 * cells_.count.y + j - cells_.first.y)) *
-               chunk_.bin_count_ +
-           (bin - chunk_.first_bin_);
+  // Of the first bin.
+  std::size_t rowOf(std::int64_t j, std::int64_t k) const {
+    return static_cast<std::size_t>((k % 2 * cells_.count.y + j - cells_.first.y) * bins_.count);
   }
 
   // The errors of a layer of cells as codes; the layer's place is free again.
   void encode(std::int64_t k) {
-    const float share = static_cast<float>(1 / chunk_.bins_.unit());
-    const std::int64_t step = std::int64_t{1} << cell_level_;
+    const auto share = static_cast<float>(1 / chunk_.bins_.unit());
     for (std::int64_t j = cells_.first.y; j < cells_.end().y; ++j)
-      for (std::uint32_t bin = chunk_.first_bin_; bin < chunk_.first_bin_ + chunk_.bin_count_;
-           ++bin) {
-        const std::size_t i = rowOf(j, k, bin);
-        if (chunk_.is_touched_[i] == 0) continue;
-        chunk_.is_touched_[i] = 0;
-        float* const errors = errorsOf(i);
-        std::uint8_t* const codes =
-            out_.bin(bin) + linearIndex(Index3(cells_.first.x, j, k) - cells_.first, cells_.count);
-        for (std::int64_t x = 0; x < cells_.count.x; ++x) {
-          const std::int64_t end = std::min((x + 1) * step, voxels_.count.x - 1);
-          const float greatest = *std::max_element(errors + x * step, errors + end);
-          codes[x] = greatest > 0 ? ErrorCode::encodeUp((greatest + chunk_.slack_) * share)
-                                  : std::uint8_t{0};
-        }
-        std::fill_n(errors - 1, voxels_.count.x + 1, 0.0f);
+      for (std::uint32_t bin = 0; bin < chunk_.bin_count_; ++bin) {
+        const std::size_t i = rowOf(j, k) + bin;
+        if (chunk_.touched_[i] == 0) continue;
+        out_.use(chunk_.first_bin_ + bin);
+        takeCodes(errorsOf(i), chunk_.touched_[i], voxels_.count.x, std::int64_t{1} << cell_level_,
+                  chunk_.slack_, share,
+                  out_.bin(chunk_.first_bin_ + bin) +
+                      linearIndex(Index3(0, j - cells_.first.y, k - cells_.first.z), cells_.count));
+        chunk_.touched_[i] = 0;
       }
   }
 
   ErrorChunk& chunk_;
+  const bool is_of_voxels_;
   const int level_, cell_level_;
   const Bounds& bounds_;
-  const IndexBox voxels_, cells_;
-  const std::int64_t stride_;
+  const IndexBox voxels_, samples_, cells_;
+  const std::int64_t stride_, runs_;
+  const IsovalueBins bins_;
   ErrorCodes& out_;
+  std::int64_t plane_of_[2] = {-1, -1};
+  float is_end_[kAlignment + kErrorRun];
+  // Of voxels of a row that hang or do not along y and z, how often: whether they hang at all, and
+  // are not at the centre of a cell.
+  std::vector<float> is_between_[3];
 };
 
-void ErrorChunk::run(int level, Corners corners, int cell_level, std::int64_t margin,
-                     ErrorCodes& out) {
-  Run(*this, level, corners, cell_level, margin, out)();
+void ErrorChunk::run(int level, Corners corners, int cell_level, ErrorCodes& out) {
+  Run(*this, level, corners, cell_level, out)();
 }
 
 }  // namespace isobrick

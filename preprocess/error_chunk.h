@@ -1,10 +1,13 @@
-// The stored error bounds (rule 15) of a cube of voxels.
+// The stored error bounds (rule 15), as far as a box of voxels has a say in them.
 #pragma once
 
+#include <algorithm>
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <vector>
 
+#include "isobrick/preprocess/kernels/error_rows.h"
 #include "isobrick/storage/brick_layout.h"
 #include "isobrick/storage/error_bins.h"
 #include "isobrick/storage/value_range.h"
@@ -17,9 +20,14 @@ struct ErrorCodes {
   IndexBox cells;
   std::uint32_t first_bin = 0, bins = 0;
   std::vector<std::uint8_t> codes;
+  std::vector<std::uint8_t> is_used;  // by bin of the run: 0 where all codes are
 
   // All codes 0.
   void reset(const IndexBox& box, std::uint32_t first, std::uint32_t count);
+  bool isUsed(std::uint32_t bin) const {
+    return bin >= first_bin && bin < first_bin + bins && is_used[bin - first_bin] != 0;
+  }
+  void use(std::uint32_t bin) { is_used[bin - first_bin] = 1; }
   std::uint8_t* bin(std::uint32_t i) { return codes.data() + offset(i); }
   const std::uint8_t* bin(std::uint32_t i) const { return codes.data() + offset(i); }
 
@@ -45,28 +53,25 @@ struct ErrorCodes {
 // error that a query finds exactly (ErrorCells), or more.
 class ErrorChunk {
  public:
-  static constexpr std::int64_t kVoxels = 64;  // cells of level 0 per axis
-  // Voxels around them that their errors depend on.
-  static constexpr std::int64_t kMargin = std::int64_t{1} << kMostErrorLevel;
+  // Voxels around a cell that its error depends on, where bounds go up to a level.
+  static constexpr std::int64_t marginOf(int last_level) { return std::int64_t{1} << last_level; }
+  // A chunk begins at a multiple of that, and ends at one or at the end of the volume.
+  static constexpr std::int64_t kAlignment = std::int64_t{1} << kMostErrorLevel;
+  // Cells of level 0 per axis that a chunk may have.
+  static constexpr std::int64_t kMostCells = 64 + 2 * kAlignment;
 
-  // Chunks per axis.
-  static Index3 chunks(const Lattice& lattice) {
-    return BrickLayout::ceilDivide(lattice.cells(0), kVoxels);
-  }
-  // Cells of `level` that are a chunk's own.
-  static IndexBox cells(const Lattice& lattice, int level, const Index3& chunk);
-  // Samples of `level` that find() reads.
-  static IndexBox samples(const Lattice& lattice, int level, const Index3& chunk);
-
-  // Copies samples(lattice, level, chunk) of a chunk, x fastest.
+  // Copies the samples in a box of a level, x fastest.
   using Read = std::function<void(int level, const IndexBox& box, float* out)>;
 
-  // `values`: of all voxels.
+  // What the errors in a box of cells of level 0 say of the cells in it and of those that touch
+  // them. `values`: of all voxels. Reads samples in the closed box alone.
   void find(const Lattice& lattice, const ErrorBins& bins, const ValueRange& values,
-            const Index3& chunk, const Read& read);
+            const IndexBox& cells, const Read& read);
 
-  // Of the chunk's cells of a level from kFirstErrorLevel to bins.last_level, and maybe some
-  // around: for each bin a bound of the error for all its isovalues.
+  // Of the cells of a level from kFirstErrorLevel to bins.last_level in the chunk and of a ring
+  // around it. The bound of a cell, for all isovalues of a bin, is the greatest of its codes in all
+  // chunks that come within marginOf(bins.last_level) voxels of it: together they look at every
+  // error once, or at those on their common faces twice.
   const ErrorCodes& codes(int level) const { return found_[level - kFirstErrorLevel]; }
 
  private:
@@ -77,42 +82,49 @@ class ErrorChunk {
     IndexBox box;
     std::vector<float> values;
 
-    float at(const Index3& sample) const {
-      return values[static_cast<std::size_t>(linearIndex(sample - box.first, box.count))];
+    const float* row(std::int64_t y, std::int64_t z) const {
+      return values.data() +
+             linearIndex(Index3(0, y, z) - Index3(0, box.first.y, box.first.z), box.count);
     }
   };
   struct Bounds {
     Field low, high;
   };
-  // The rows of a plane of voxels.
+  // The rows of a plane of voxels, or, with bounds alone, those at a plane of samples.
   struct Plane {
     std::vector<float> low, high;
+    std::vector<BinRun> bins;
   };
   class Run;
 
-  // The voxels of a chunk and of a margin around it, both ends of its cells included.
-  static IndexBox voxelsAround(const Lattice& lattice, const Index3& chunk, std::int64_t margin);
-  IndexBox voxelBox(std::int64_t margin) const { return voxelsAround(*lattice_, chunk_, margin); }
+  // The range of all samples of the chunk.
+  ValueRange findSilentRuns();
+  // Bit i: that of a row of voxels is one (ErrorTargets::silent_runs).
+  std::uint8_t silentRuns(std::int64_t y, std::int64_t z) const {
+    const auto blockOf = [&](int axis, std::int64_t at) {
+      return std::min((at - voxels_.first[axis]) / kAlignment, block_rows_[axis - 1] - 1);
+    };
+    return silent_runs_[static_cast<std::size_t>(blockOf(2, z) * block_rows_[0] + blockOf(1, y))];
+  }
   void boundOwn(int level);
   void boundHanging(int level);
-  // The errors of the leaves of `level` in the voxels of the chunk and `margin` around it, as codes
-  // of the cells of `cell_level`.
-  void run(int level, Corners corners, int cell_level, std::int64_t margin, ErrorCodes& out);
+  // The errors of the leaves of `level` as codes of the cells of `cell_level` that have them.
+  void run(int level, Corners corners, int cell_level, ErrorCodes& out);
 
   const Lattice* lattice_ = nullptr;
   ErrorBins bins_;
   float slack_ = 0;
-  Index3 chunk_{0};
+  IndexBox voxels_;                              // the closed box
   std::uint32_t first_bin_ = 0, bin_count_ = 0;  // that the chunk's samples touch
-  std::vector<float> least_, most_;              // isovalues of these bins, with some room
-  float first_isovalue_ = 0, room_ = 0;
+  std::vector<float> bin_ends_;                  // of these bins
   Field samples_[kMostErrorLevel + 1];
+  std::array<std::int64_t, 2> block_rows_{};  // blocks of kAlignment cells along y and z
+  std::vector<std::uint8_t> silent_runs_;     // of these rows of blocks
   Bounds own_[kMostErrorLevel + 1], hanging_;
-  Plane planes_[2];
-  std::vector<float> lattice_row_;  // a row of bounds at samples of the level
-  std::vector<float> greatest_;     // errors of a layer of cells, still by voxels along x
-  std::vector<std::uint8_t> is_touched_;
-  ErrorCodes fine_[2], hanging_codes_, touching_[2];
+  Plane planes_[2], sample_planes_[2], between_planes_;
+  std::vector<float> greatest_;  // errors of two layers of cells, still by voxels along x
+  std::vector<std::uint8_t> touched_;
+  ErrorCodes hanging_codes_, own_codes_, spread_codes_, touching_[2];
   ErrorCodes found_[kMostErrorLevel - kFirstErrorLevel + 1];
 };
 

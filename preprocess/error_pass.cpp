@@ -6,6 +6,8 @@
 #include <tbb/task_arena.h>
 
 #include <algorithm>
+#include <deque>
+#include <mutex>
 #include <numeric>
 
 #include "isobrick/preprocess/error_chunk.h"
@@ -15,6 +17,8 @@ namespace isobrick {
 namespace {
 
 constexpr std::uint32_t kBins = 32;
+// Cells of level 0 per axis that are looked at together, but at the ends of a region.
+constexpr std::int64_t kChunkCells = 64;
 // Outliers, metal in a CT, would make all bins wide.
 constexpr double kOutliers = 1e-3;
 // What is read back takes a part of the memory; more than this gains nothing.
@@ -64,6 +68,7 @@ struct ErrorPass<T>::BrickErrors {
   std::vector<std::size_t> offsets;  // of the tiles' first blocks
   std::size_t elements = 0;
   EncodedPart part;
+  std::mutex mutex;  // guards part.bytes, to which all chunks around add
 };
 
 template <typename T>
@@ -79,7 +84,7 @@ ErrorPass<T>::ErrorPass(const PyramidSpec& spec, const ErrorBins& bins, const Va
       times_(times),
       threads_(threadsFor(memory_bytes)),
       written_(spec, writer, std::min(memory_bytes / 8, kMostReadBytes)),
-      region_voxels_(std::max(ErrorChunk::kVoxels, spec.brick_cells << bins.last_level)) {}
+      region_voxels_(std::max(kChunkCells, spec.brick_cells << bins.last_level)) {}
 
 template <typename T>
 Index3 ErrorPass<T>::regions() const {
@@ -90,13 +95,25 @@ template <typename T>
 void ErrorPass<T>::run(const CancelFlag* cancel, const std::function<void(double)>& progress) {
   tbb::task_arena arena(threads_);
   malloc_trim(0);  // the buffers of the levels went back to the allocator, not to the system
-  const Index3 all_chunks = ErrorChunk::chunks(layout_.lattice());
-  const std::int64_t per_region = region_voxels_ / ErrorChunk::kVoxels;
+  const Index3 margin(ErrorChunk::marginOf(bins_.last_level));
+  const Index3 all_cells = layout_.lattice().cells(0);
   std::int64_t done = 0;
   forEachIndex({Index3(0), regions()}, [&](const Index3& region) {
-    std::vector<BrickErrors> bricks = bricksIn(region);
-    const Index3 first = region * per_region;
-    const Index3 count = glm::min(Index3(per_region), all_chunks - first);
+    std::deque<BrickErrors> bricks = bricksIn(region);
+    // Chunks share faces; those at the ends of a region take in what lies beyond and matters.
+    const Index3 first = region * region_voxels_;
+    const Index3 end = glm::min(first + Index3(region_voxels_), all_cells);
+    const Index3 count = BrickLayout::ceilDivide(end - first, kChunkCells);
+    const auto chunk = [&](const Index3& at) {
+      Index3 from = first + at * kChunkCells;
+      Index3 to = glm::min(from + Index3(kChunkCells), end);
+      for (int axis = 0; axis < 3; ++axis) {
+        if (at[axis] == 0) from[axis] = std::max(from[axis] - margin[axis], std::int64_t{0});
+        if (at[axis] + 1 == count[axis])
+          to[axis] = std::min(to[axis] + margin[axis], all_cells[axis]);
+      }
+      return IndexBox{from, to - from};
+    };
     // A layer of chunks at a time: progress is told between them.
     for (std::int64_t z = 0; z < count.z; ++z) {
       arena.execute([&] {
@@ -104,12 +121,14 @@ void ErrorPass<T>::run(const CancelFlag* cancel, const std::function<void(double
             std::int64_t{0}, count.x * count.y,
             [&](std::int64_t i) {
               if (cancel != nullptr && cancel->requested()) return;
-              findChunk(first + Index3(i % count.x, i / count.x, z), bricks);
+              findChunk(chunk(Index3(i % count.x, i / count.x, z)), bricks);
             },
             tbb::simple_partitioner());
       });
-      done += count.x * count.y;
-      progress(static_cast<double>(done) / static_cast<double>(elementCount(all_chunks)));
+      const Index3 layer(end.x - first.x, end.y - first.y,
+                         std::min(kChunkCells, end.z - first.z - z * kChunkCells));
+      done += elementCount(layer);
+      progress(static_cast<double>(done) / static_cast<double>(elementCount(all_cells)));
     }
     writeBricks(bricks);
   });
@@ -117,14 +136,14 @@ void ErrorPass<T>::run(const CancelFlag* cancel, const std::function<void(double
 
 // The bricks in a region whose errors are stored, with room for their codes.
 template <typename T>
-std::vector<typename ErrorPass<T>::BrickErrors> ErrorPass<T>::bricksIn(const Index3& region) const {
-  std::vector<BrickErrors> bricks;
+std::deque<typename ErrorPass<T>::BrickErrors> ErrorPass<T>::bricksIn(const Index3& region) const {
+  std::deque<BrickErrors> bricks;
   for (int level = kFirstErrorLevel; level <= bins_.last_level; ++level) {
     const std::int64_t along = (region_voxels_ >> level) / spec_.brick_cells;
     const Index3 first = region * along;
     const Index3 count = glm::min(Index3(along), layout_.bricks(level) - first);
     forEachIndex({first, count}, [&](const Index3& at) {
-      BrickErrors brick;
+      BrickErrors& brick = bricks.emplace_back();
       brick.level = level;
       brick.brick = at;
       brick.cells = layout_.brickCellBox(level, at);
@@ -139,31 +158,28 @@ std::vector<typename ErrorPass<T>::BrickErrors> ErrorPass<T>::bricksIn(const Ind
             brick.tiles.back().blocks() * static_cast<std::size_t>(elementCount(cells));
       }
       brick.part.bytes.resize(brick.elements);
-      bricks.push_back(std::move(brick));
     });
   }
   return bricks;
 }
 
 template <typename T>
-void ErrorPass<T>::findChunk(const Index3& chunk, std::vector<BrickErrors>& bricks) {
+void ErrorPass<T>::findChunk(const IndexBox& cells, std::deque<BrickErrors>& bricks) {
   const PhaseTimes::Timer timer(times_, BuildStep::kError);
   thread_local ErrorChunk finder;
   finder.find(
-      layout_.lattice(), bins_, values_, chunk,
+      layout_.lattice(), bins_, values_, cells,
       [this](int level, const IndexBox& box, float* out) { written_.read(level, box, out); });
-  for (BrickErrors& brick : bricks)
-    copyCodes(finder.codes(brick.level), ErrorChunk::cells(layout_.lattice(), brick.level, chunk),
-              brick);
+  for (BrickErrors& brick : bricks) includeCodes(finder.codes(brick.level), brick);
 }
 
-// Those of the brick's cells in the box: other chunks have others.
+// Those of the brick's cells that the chunk has a say in.
 template <typename T>
-void ErrorPass<T>::copyCodes(const ErrorCodes& codes, const IndexBox& cells,
-                             BrickErrors& brick) const {
-  const Index3 first = glm::max(cells.first, brick.cells.first);
-  const Index3 end = glm::min(cells.end(), brick.cells.end());
-  if (first.x >= end.x || first.y >= end.y || first.z >= end.z) return;
+void ErrorPass<T>::includeCodes(const ErrorCodes& codes, BrickErrors& brick) const {
+  const Index3 first = glm::max(codes.cells.first, brick.cells.first);
+  const Index3 end = glm::min(codes.cells.end(), brick.cells.end());
+  if (codes.bins == 0 || first.x >= end.x || first.y >= end.y || first.z >= end.z) return;
+  const std::lock_guard lock(brick.mutex);
   const Index3 tiles = layout_.brickTiles(brick.level, brick.brick);
   const Index3 first_tile = (first - brick.cells.first) / spec_.tile_cells;
   const Index3 end_tile = BrickLayout::ceilDivide(end - brick.cells.first, spec_.tile_cells);
@@ -174,6 +190,7 @@ void ErrorPass<T>::copyCodes(const ErrorCodes& codes, const IndexBox& cells,
     const Index3 count = glm::min(Index3(spec_.tile_cells), brick.cells.end() - begin);
     const Index3 from = glm::max(begin, first), to = glm::min(begin + count, end);
     for (std::uint32_t bin = codes.first_bin; bin < codes.first_bin + codes.bins; ++bin) {
+      if (!codes.isUsed(bin)) continue;
       std::uint8_t* const block =
           bytes + brick.offsets[n] +
           brick.tiles[n].blockOf(bin) * static_cast<std::size_t>(elementCount(count));
@@ -190,7 +207,7 @@ void ErrorPass<T>::copyCodes(const ErrorCodes& codes, const IndexBox& cells,
 }
 
 template <typename T>
-void ErrorPass<T>::writeBricks(std::vector<BrickErrors>& bricks) {
+void ErrorPass<T>::writeBricks(std::deque<BrickErrors>& bricks) {
   tbb::parallel_for(
       std::size_t{0}, bricks.size(),
       [&](std::size_t i) {

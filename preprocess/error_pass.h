@@ -1,6 +1,7 @@
 // The last pass of a build: bounds of the errors of coarser leaves (rule 15).
 #pragma once
 
+#include <deque>
 #include <functional>
 
 #include "isobrick/preprocess/error_chunk.h"
@@ -39,10 +40,10 @@ class ErrorPass {
   struct BrickErrors;
 
   Index3 regions() const;
-  std::vector<BrickErrors> bricksIn(const Index3& region) const;
-  void findChunk(const Index3& chunk, std::vector<BrickErrors>& bricks);
-  void copyCodes(const ErrorCodes& codes, const IndexBox& cells, BrickErrors& brick) const;
-  void writeBricks(std::vector<BrickErrors>& bricks);
+  std::deque<BrickErrors> bricksIn(const Index3& region) const;
+  void findChunk(const IndexBox& cells, std::deque<BrickErrors>& bricks);
+  void includeCodes(const ErrorCodes& codes, BrickErrors& brick) const;
+  void writeBricks(std::deque<BrickErrors>& bricks);
 
   const PyramidSpec spec_;
   const BrickLayout layout_;

@@ -5,96 +5,144 @@
 #include <hwy/foreach_target.h>  // must come before highway.h
 #include <hwy/highway.h>
 
+#include <algorithm>
+
+#include "isobrick/storage/error_bins.h"
+
 HWY_BEFORE_NAMESPACE();
 namespace isobrick {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-using Tag = hn::CappedTag<float, 16>;
+using Tag = hn::CappedTag<float, kErrorRun>;
 using Floats = hn::Vec<Tag>;
 using Mask = hn::Mask<Tag>;
 
-// Voxels with the bounds of the coarse field.
+HWY_INLINE std::int64_t laneCount() { return static_cast<std::int64_t>(hn::Lanes(Tag())); }
+
+HWY_INLINE Floats between(Floats from, Floats to, Floats share) {
+  return hn::Add(from, hn::Mul(share, hn::Sub(to, from)));
+}
+
+void interpolateRowHere(const float* from, const float* to, float share, std::int64_t count,
+                        float* out) {
+  const Tag d;
+  const Floats shares = hn::Set(d, share);
+  for (std::int64_t i = 0; i < count; i += laneCount())
+    hn::StoreU(between(hn::LoadU(d, from + i), hn::LoadU(d, to + i), shares), d, out + i);
+}
+
+// The bins of values between two, given a bin to begin with.
+HWY_INLINE BinRun binsBetween(float least, float greatest, const IsovalueBins& bins,
+                              std::int64_t near) {
+  std::int64_t first = near;
+  while (first > 0 && least < bins.ends[first]) --first;
+  while (first + 1 < bins.count && least >= bins.ends[first + 1]) ++first;
+  std::int64_t last = first;
+  while (last + 1 < bins.count && greatest >= bins.ends[last + 1]) ++last;
+  return {static_cast<std::uint16_t>(first), static_cast<std::uint16_t>(last)};
+}
+
+void boundRowHere(const RowBetween& row, const float* value, std::int64_t count,
+                  const IsovalueBins& bins, float* low, float* high, BinRun* runs) {
+  const Tag d;
+  const std::int64_t lanes = laneCount();
+  const Floats share = hn::Set(d, row.share), slack = hn::Set(d, row.slack);
+  for (std::int64_t i = 0; i < count; i += lanes) {
+    Floats least = between(hn::LoadU(d, row.from_low + i), hn::LoadU(d, row.to_low + i), share);
+    Floats greatest =
+        between(hn::LoadU(d, row.from_high + i), hn::LoadU(d, row.to_high + i), share);
+    if (row.is_between != nullptr) {
+      const Floats own = hn::LoadU(d, value + i);
+      const Mask is_between = hn::Ne(hn::LoadU(d, row.is_between + i), hn::Zero(d));
+      least = hn::IfThenElse(is_between, hn::Min(own, least), own);
+      greatest = hn::IfThenElse(is_between, hn::Max(own, greatest), own);
+    }
+    hn::StoreU(hn::Sub(least, slack), d, low + i);
+    hn::StoreU(hn::Add(greatest, slack), d, high + i);
+  }
+  // What lies behind the row looks like its last voxel.
+  std::fill_n(low + count, kErrorRun, low[count - 1]);
+  std::fill_n(high + count, kErrorRun, high[count - 1]);
+
+  BinRun run = {0, 0};
+  for (std::int64_t begin = 0; begin < count; begin += kErrorRun) {
+    Floats least = hn::Set(d, low[begin]), greatest = hn::Set(d, high[begin]);
+    const auto include = [&](std::int64_t i) {
+      const Floats own = hn::IfThenElse(
+          hn::FirstN(
+              d, static_cast<std::size_t>(std::max(std::int64_t{0}, std::min(lanes, count - i)))),
+          hn::LoadU(d, value + i), hn::Set(d, value[begin]));
+      least = hn::Min(least, hn::Min(own, hn::LoadU(d, low + i)));
+      greatest = hn::Max(greatest, hn::Max(own, hn::LoadU(d, high + i)));
+    };
+    for (std::int64_t i = begin; i < begin + kErrorRun && i < count; i += lanes) {
+      include(i);
+      include(i + 1);
+    }
+    // Mostly the bin of the run before.
+    const Mask is_outside = hn::Or(hn::Lt(least, hn::Set(d, bins.ends[run.first])),
+                                   hn::Ge(greatest, hn::Set(d, bins.ends[run.first + 1])));
+    run.last = run.first;
+    if (!hn::AllFalse(d, is_outside))
+      run = binsBetween(hn::GetLane(hn::MinOfLanes(d, least)),
+                        hn::GetLane(hn::MaxOfLanes(d, greatest)), bins, run.first);
+    runs[begin / kErrorRun] = run;
+  }
+}
+
+// Voxels with the bounds of the coarse field, and how far these are from the values.
 struct Bracketed {
-  Floats value, low, high;
+  Floats value, low, high, above_low, below_high;
 };
 
 HWY_INLINE Bracketed load(const BracketedRow& row, std::int64_t i) {
   const Tag d;
-  return {hn::LoadU(d, row.value + i), hn::LoadU(d, row.low + i), hn::LoadU(d, row.high + i)};
+  Bracketed voxels;
+  voxels.value = hn::LoadU(d, row.value + i);
+  voxels.low = hn::LoadU(d, row.low + i);
+  voxels.high = hn::LoadU(d, row.high + i);
+  voxels.above_low = hn::Sub(voxels.value, voxels.low);
+  voxels.below_high = hn::Sub(voxels.high, voxels.value);
+  return voxels;
 }
 
-// An edge between two voxels. Values change linearly on the way from one to the other.
-struct Edge {
-  Bracketed from, change;
-  // Of 1 / change; where nothing changes a large number takes its place, so that what lies on the
-  // right side is reached nowhere on the edge, and what lies on the wrong side everywhere.
-  Floats low_rate, high_rate;
-  Mask low_rises, high_rises;
-  Floats least, greatest;  // where the coarse field may be on it
+// How a bound and its distance from the values change on edges between two voxels.
+struct EdgeBound {
+  Floats end, slope, most;
 };
 
-HWY_INLINE Edge edgeBetween(const Bracketed& a, const Bracketed& b) {
-  const Tag d;
-  const Floats zero = hn::Zero(d), one = hn::Set(d, 1.0f), steep = hn::Set(d, 0x1p100f);
-  const auto rateOf = [&](Floats change) {
-    return hn::IfThenElse(hn::Eq(change, zero), steep, hn::Div(one, change));
-  };
-  Edge edge;
-  edge.from = a;
-  edge.change = {hn::Sub(b.value, a.value), hn::Sub(b.low, a.low), hn::Sub(b.high, a.high)};
-  edge.low_rate = rateOf(edge.change.low);
-  edge.high_rate = rateOf(edge.change.high);
-  edge.low_rises = hn::Ge(edge.change.low, zero);
-  edge.high_rises = hn::Gt(edge.change.high, zero);
-  edge.least = hn::Min(a.low, b.low);
-  edge.greatest = hn::Max(a.high, b.high);
-  return edge;
+HWY_INLINE EdgeBound edgeBound(Floats bound, Floats distance, Floats end, Floats end_distance) {
+  // Where the bound does not change it crosses nothing, and the slope is not looked at.
+  return {end, hn::Div(hn::Sub(end_distance, distance), hn::Sub(end, bound)),
+          hn::Max(distance, end_distance)};
 }
 
-HWY_INLINE Mask mayCross(const Edge& edge, Floats least, Floats greatest) {
-  return hn::And(hn::Le(edge.least, greatest), hn::Ge(edge.greatest, least));
+// The distance where the bound crosses an isovalue; `to_isovalue` is what it lacks at the
+// beginning.
+HWY_INLINE Floats distanceAt(const EdgeBound& edge, Floats distance, Floats to_isovalue,
+                             Mask is_below, Mask end_is_below) {
+  const Floats there = hn::Min(hn::Add(distance, hn::Mul(to_isovalue, edge.slope)), edge.most);
+  return hn::IfThenElseZero(hn::Xor(is_below, end_is_below), there);
 }
 
-// The field, somewhere between low(t) and high(t), may be an isovalue v in [least, greatest] where
-// low(t) <= greatest and high(t) >= least: an interval of t. There value(t) - v is at most
-// value - low, and at most value - least; both linear, with their greatest at the interval's ends.
-// The same downwards.
-HWY_INLINE Floats edgeError(const Edge& edge, Floats least, Floats greatest) {
-  const Tag d;
-  const Floats zero = hn::Zero(d), one = hn::Set(d, 1.0f);
-  const Floats low_end = hn::Mul(hn::Sub(greatest, edge.from.low), edge.low_rate);
-  const Floats high_end = hn::Mul(hn::Sub(least, edge.from.high), edge.high_rate);
-  // Rounding, a few 2^-24 of what is on the way, may cut a little off: isovalues have more room.
-  const Floats from = hn::Max(hn::Max(zero, hn::IfThenElse(edge.low_rises, zero, low_end)),
-                              hn::IfThenElse(edge.high_rises, high_end, zero));
-  const Floats to = hn::Min(hn::Min(one, hn::IfThenElse(edge.low_rises, low_end, one)),
-                            hn::IfThenElse(edge.high_rises, one, high_end));
-  const Mask is_crossed =
-      hn::And(hn::Le(from, hn::Add(to, hn::Set(d, 0x1p-20f))), mayCross(edge, least, greatest));
-  const auto at = [](Floats begin, Floats change, Floats t) {
-    return hn::Add(begin, hn::Mul(t, change));
-  };
-  const Floats value_from = at(edge.from.value, edge.change.value, from);
-  const Floats value_to = at(edge.from.value, edge.change.value, to);
-  const Floats above_low = hn::Max(hn::Sub(value_from, at(edge.from.low, edge.change.low, from)),
-                                   hn::Sub(value_to, at(edge.from.low, edge.change.low, to)));
-  const Floats below_high = hn::Max(hn::Sub(at(edge.from.high, edge.change.high, from), value_from),
-                                    hn::Sub(at(edge.from.high, edge.change.high, to), value_to));
-  const Floats up = hn::Min(above_low, hn::Sub(hn::Max(value_from, value_to), least));
-  const Floats down = hn::Min(below_high, hn::Sub(greatest, hn::Min(value_from, value_to)));
-  return hn::IfThenElseZero(is_crossed, hn::Max(zero, hn::Max(up, down)));
+struct Edges {
+  EdgeBound low, high;
+};
+
+HWY_INLINE Edges edgesBetween(const Bracketed& from, const Bracketed& to) {
+  return {edgeBound(from.low, from.above_low, to.low, to.above_low),
+          edgeBound(from.high, from.below_high, to.high, to.below_high)};
 }
 
-// A voxel inside (value >= v) may come out for v in (low, value], one outside in for v in
-// (value, high].
-HWY_INLINE Floats voxelError(const Bracketed& a, Floats least, Floats greatest) {
-  const Tag d;
-  const Floats up =
-      hn::IfThenElseZero(hn::Le(a.low, greatest), hn::Sub(a.value, hn::Max(a.low, least)));
-  const Floats down =
-      hn::IfThenElseZero(hn::Ge(a.high, least), hn::Sub(hn::Min(a.high, greatest), a.value));
-  return hn::Max(hn::Zero(d), hn::Max(up, down));
+// What a vector of voxels and the edges from it say of an end of a bin, and so of both bins there.
+struct AtEnd {
+  Floats here, along_y, along_z;
+};
+
+HWY_INLINE AtEnd atNoEnd() {
+  const Floats zero = hn::Zero(Tag());
+  return {zero, zero, zero};
 }
 
 // The greatest of what is there and `errors`.
@@ -103,69 +151,158 @@ HWY_INLINE void include(Floats errors, float* at) {
   hn::StoreU(hn::Max(errors, hn::LoadU(d, at)), d, at);
 }
 
-// The bins that may hold an isovalue between the two.
-struct BinRun {
-  std::int64_t first, last;
-};
-HWY_INLINE BinRun binsBetween(const IsovalueBins& bins, float low, float high) {
-  const auto last = static_cast<float>(bins.count - 1);
-  const auto binOf = [&](float value, float room) {
-    const float bin = (value - bins.first) / bins.width + room;
-    return static_cast<std::int64_t>(bin < 0 ? 0 : bin > last ? last : bin);
-  };
-  return {binOf(low, -bins.room), binOf(high, bins.room)};
+HWY_INLINE void includeInto(const ErrorTargets& targets, const AtEnd& errors, std::int64_t bin,
+                            std::int64_t i) {
+  const Tag d;
+  const Floats all = hn::Max(errors.here, hn::Max(errors.along_y, errors.along_z));
+  if (hn::AllFalse(d, hn::Gt(all, hn::Zero(d)))) return;
+  const auto bit = static_cast<std::uint8_t>(1 << (i / kErrorRun));
+  for (int n = 0; n < targets.count; ++n) {
+    const ErrorTarget& to = targets.rows[n];
+    Floats greatest = errors.here;
+    if (to.has_y_edges) greatest = hn::Max(greatest, errors.along_y);
+    if (to.has_z_edges) greatest = hn::Max(greatest, errors.along_z);
+    include(greatest, to.at + bin * targets.row_stride + i);
+    to.touched[bin] = static_cast<std::uint8_t>(to.touched[bin] | bit);
+  }
 }
 
 void includeErrorsOfRowHere(const BracketedRow& here, const BracketedRow& next_y,
                             const BracketedRow& next_z, std::int64_t count,
                             const IsovalueBins& bins, const ErrorTargets& targets) {
   const Tag d;
-  const auto lanes = static_cast<std::int64_t>(hn::Lanes(d));
+  const std::int64_t lanes = laneCount();
   const bool has_y = next_y.value != nullptr, has_z = next_z.value != nullptr;
+  const Floats zero = hn::Zero(d);
   for (std::int64_t i = 0; i < count; i += lanes) {
-    // What lies behind the last voxel has no errors.
-    const Mask is_voxel = hn::FirstN(d, static_cast<std::size_t>(count - i));
-    const Mask is_edge = hn::FirstN(d, static_cast<std::size_t>(count - 1 - i));
+    if ((targets.silent_runs >> (i / kErrorRun) & 1) != 0) continue;
+    BinRun run = here.bins[i / kErrorRun];
+    const auto takeIn = [&](const BinRun& other) {
+      run.first = std::min(run.first, other.first);
+      run.last = std::max(run.last, other.last);
+    };
+    if (has_y) takeIn(next_y.bins[i / kErrorRun]);
+    if (has_z) takeIn(next_z.bins[i / kErrorRun]);
     const Bracketed a = load(here, i);
-    const auto binsOf = [&](Floats low, Floats high) {
-      return binsBetween(bins, hn::GetLane(hn::MinOfLanes(d, hn::IfThenElse(is_voxel, low, a.low))),
-                         hn::GetLane(hn::MaxOfLanes(d, hn::IfThenElse(is_voxel, high, a.high))));
-    };
-    // Errors of a bin go to the intervals that begin with the voxels, and to those that end there.
-    const auto includeInto = [&](const GreatestErrors* to, int number, std::int64_t bin,
-                                 Floats begins, Floats ends) {
-      const std::int64_t at = bin * targets.row_stride + i;
-      for (int n = 0; n < number; ++n) {
-        include(begins, to[n].at + at);
-        include(ends, to[n].at + at - 1);
-        to[n].is_touched[bin] = 1;
-      }
-    };
-    const auto isNowhere = [&](Mask mask) { return hn::AllFalse(d, hn::And(mask, is_voxel)); };
-
-    const Edge along_x = edgeBetween(a, load(here, i + 1));
-    const BinRun run_x =
-        binsOf(hn::Min(along_x.least, a.value), hn::Max(along_x.greatest, a.value));
-    for (std::int64_t bin = run_x.first; bin <= run_x.last; ++bin) {
-      const Floats least = hn::Set(d, bins.least[bin]), greatest = hn::Set(d, bins.greatest[bin]);
-      const Floats voxel = hn::IfThenElseZero(is_voxel, voxelError(a, least, greatest));
-      const Floats edge = hn::IfThenElseZero(is_edge, edgeError(along_x, least, greatest));
-      const Floats both = hn::Max(voxel, edge);
-      if (isNowhere(hn::Gt(both, hn::Zero(d)))) continue;
-      includeInto(targets.here, targets.here_count, bin, both, voxel);
+    if (run.first == run.last) {  // no edge leaves the bin
+      includeInto(targets, {hn::Max(a.above_low, a.below_high), zero, zero}, run.first, i);
+      continue;
     }
-    const auto includeAcross = [&](const BracketedRow& next, const GreatestErrors* to, int number) {
-      const Edge edge = edgeBetween(a, load(next, i));
-      const BinRun run = binsOf(edge.least, edge.greatest);
-      for (std::int64_t bin = run.first; bin <= run.last; ++bin) {
-        const Floats least = hn::Set(d, bins.least[bin]), greatest = hn::Set(d, bins.greatest[bin]);
-        if (isNowhere(mayCross(edge, least, greatest))) continue;
-        const Floats error = hn::IfThenElseZero(is_voxel, edgeError(edge, least, greatest));
-        includeInto(to, number, bin, error, error);
+    const Mask is_x_edge =
+        hn::FirstN(d, static_cast<std::size_t>(std::max(std::int64_t{0}, count - 1 - i)));
+    const Mask is_end = hn::Ne(hn::LoadU(d, targets.is_end + i % 8), zero);
+    const Edges x = edgesBetween(a, load(here, i + 1));
+    const Edges y = edgesBetween(a, load(has_y ? next_y : here, i));
+    const Edges z = edgesBetween(a, load(has_z ? next_z : here, i));
+    AtEnd before = atNoEnd();
+    Mask low_was_below = hn::FirstN(d, 0), high_was_below = low_was_below;
+    for (std::int64_t bin = run.first; bin <= run.last; ++bin) {
+      AtEnd after = atNoEnd();
+      Mask low_is_below = hn::FirstN(d, kErrorRun), high_is_below = low_is_below;
+      if (bin < run.last) {
+        const Floats v = hn::Set(d, bins.ends[bin + 1]);
+        low_is_below = hn::Lt(a.low, v);
+        high_is_below = hn::Lt(a.high, v);
+        const Floats to_low = hn::Sub(v, a.low), to_high = hn::Sub(v, a.high);
+        const auto onEdges = [&](const Edges& edges) {
+          return hn::Max(
+              distanceAt(edges.low, a.above_low, to_low, low_is_below, hn::Lt(edges.low.end, v)),
+              distanceAt(edges.high, a.below_high, to_high, high_is_below,
+                         hn::Lt(edges.high.end, v)));
+        };
+        // A voxel inside (value >= v) may come out for v in (low, value], one outside in for v in
+        // (value, high].
+        const Floats inside = hn::Sub(a.value, v);
+        const Floats voxel = hn::Max(hn::IfThenElseZero(low_is_below, inside),
+                                     hn::IfThenZeroElse(high_is_below, hn::Neg(inside)));
+        const Floats on_x = hn::IfThenElseZero(is_x_edge, onEdges(x));
+        const Floats from_ends = hn::IfThenElseZero(is_end, on_x);
+#if HWY_TARGET == HWY_SCALAR  // the only lane
+        for (const std::int64_t to : {bin, bin + 1})
+          includeInto(targets, {from_ends, zero, zero}, to, i + 1);
+        const Floats to_within = zero;
+#else
+        const Floats to_within = hn::Shuffle2301(from_ends);  // ends are even
+#endif
+        after.here = hn::Max(voxel, hn::Max(hn::IfThenZeroElse(is_end, on_x), to_within));
+        after.along_y = onEdges(y);
+        after.along_z = onEdges(z);
       }
-    };
-    if (has_y) includeAcross(next_y, targets.along_y, targets.along_y_count);
-    if (has_z) includeAcross(next_z, targets.along_z, targets.along_z_count);
+      const Floats own =
+          hn::Max(hn::IfThenElseZero(hn::AndNot(low_was_below, low_is_below), a.above_low),
+                  hn::IfThenElseZero(hn::AndNot(high_was_below, high_is_below), a.below_high));
+      includeInto(targets,
+                  {hn::Max(own, hn::Max(before.here, after.here)),
+                   hn::Max(before.along_y, after.along_y), hn::Max(before.along_z, after.along_z)},
+                  bin, i);
+      before = after;
+      low_was_below = low_is_below;
+      high_was_below = high_is_below;
+    }
+  }
+}
+
+// ErrorCode::encodeUp.
+HWY_INLINE hn::Vec<hn::RebindToSigned<Tag>> codesOf(Floats errors, Floats slack, Floats share) {
+  const Tag d;
+  const hn::RebindToSigned<Tag> di;
+  const Floats units = hn::Mul(hn::Add(errors, slack), share);
+  const auto bits = hn::Add(hn::BitCast(di, units), hn::Set(di, (1 << 19) - 1 - (127 << 23)));
+  const auto code = hn::Min(hn::ShiftRight<19>(bits), hn::Set(di, 255));
+  const auto is_some = hn::RebindMask(di, hn::Gt(errors, hn::Zero(d)));
+  return hn::IfThenElseZero(is_some, hn::Max(code, hn::Set(di, 1)));
+}
+
+void takeCodesHere(float* errors, std::uint8_t touched, std::int64_t count, std::int64_t step,
+                   float slack, float units_per_error, std::uint8_t* codes) {
+  const Tag d;
+  const hn::RebindToSigned<Tag> di;
+  const Floats slacks = hn::Set(d, slack), share = hn::Set(d, units_per_error);
+  std::fill_n(errors + count, kErrorRun, 0.0f);
+  const std::int64_t cells = (count - 1 + step - 1) / step;
+  const auto includeCode = [&](std::int64_t cell, std::int32_t code) {
+    codes[cell] = std::max(codes[cell], static_cast<std::uint8_t>(code));
+  };
+  HWY_ALIGN std::int32_t found[kErrorRun];
+  for (std::int64_t run = 0; run * kErrorRun < count; ++run) {
+    if ((touched >> run & 1) == 0) continue;
+    const std::int64_t begin = run * kErrorRun;
+    for (std::int64_t i = begin; i < begin + kErrorRun; i += std::max(step, laneCount())) {
+      Floats greatest = hn::LoadU(d, errors + i);
+      for (std::int64_t k = 1; k <= step; ++k)
+        greatest = hn::Max(greatest, hn::LoadU(d, errors + i + k));
+      hn::StoreU(codesOf(greatest, slacks, share), di, found);
+      for (std::int64_t k = 0; k < std::max(step, laneCount()) && (i + k) / step < cells; k += step)
+        includeCode((i + k) / step, found[k]);
+    }
+    // The voxel at the beginning is that of the cell before too.
+    if (run > 0 && (touched >> (run - 1) & 1) == 0)
+      includeCode(begin / step - 1, hn::GetLane(codesOf(hn::Set(d, errors[begin]), slacks, share)));
+  }
+  for (std::int64_t run = 0; run * kErrorRun < count; ++run)
+    if ((touched >> run & 1) != 0) std::fill_n(errors + run * kErrorRun, kErrorRun, 0.0f);
+}
+
+void includeGreaterHere(const std::uint8_t* from, std::int64_t count, std::uint8_t* to) {
+  const hn::CappedTag<std::uint8_t, 32> d;
+  const auto lanes = static_cast<std::int64_t>(hn::Lanes(d));
+  std::int64_t i = 0;
+  for (; i + lanes <= count; i += lanes)
+    hn::StoreU(hn::Max(hn::LoadU(d, from + i), hn::LoadU(d, to + i)), d, to + i);
+  for (; i < count; ++i) to[i] = std::max(to[i], from[i]);
+}
+
+void includeRangeHere(const float* values, std::int64_t count, float* least, float* greatest) {
+  const Tag d;
+  std::int64_t i = 0;
+  for (; i + laneCount() <= count; i += laneCount()) {
+    const Floats v = hn::LoadU(d, values + i);
+    hn::StoreU(hn::Min(v, hn::LoadU(d, least + i)), d, least + i);
+    hn::StoreU(hn::Max(v, hn::LoadU(d, greatest + i)), d, greatest + i);
+  }
+  for (; i < count; ++i) {
+    least[i] = std::min(least[i], values[i]);
+    greatest[i] = std::max(greatest[i], values[i]);
   }
 }
 
@@ -176,12 +313,41 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace isobrick {
 
+HWY_EXPORT(interpolateRowHere);
+HWY_EXPORT(boundRowHere);
 HWY_EXPORT(includeErrorsOfRowHere);
+HWY_EXPORT(takeCodesHere);
+HWY_EXPORT(includeGreaterHere);
+HWY_EXPORT(includeRangeHere);
+
+void interpolateRow(const float* from, const float* to, float share, std::int64_t count,
+                    float* out) {
+  HWY_DYNAMIC_DISPATCH(interpolateRowHere)(from, to, share, count, out);
+}
+
+void boundRow(const RowBetween& row, const float* value, std::int64_t count,
+              const IsovalueBins& bins, float* low, float* high, BinRun* runs) {
+  HWY_DYNAMIC_DISPATCH(boundRowHere)(row, value, count, bins, low, high, runs);
+}
 
 void includeErrorsOfRow(const BracketedRow& here, const BracketedRow& next_y,
                         const BracketedRow& next_z, std::int64_t count, const IsovalueBins& bins,
                         const ErrorTargets& targets) {
   HWY_DYNAMIC_DISPATCH(includeErrorsOfRowHere)(here, next_y, next_z, count, bins, targets);
+}
+
+void takeCodes(float* errors, std::uint8_t touched, std::int64_t count, std::int64_t step,
+               float slack, float units_per_error, std::uint8_t* codes) {
+  HWY_DYNAMIC_DISPATCH(takeCodesHere)
+  (errors, touched, count, step, slack, units_per_error, codes);
+}
+
+void includeGreater(const std::uint8_t* from, std::int64_t count, std::uint8_t* to) {
+  HWY_DYNAMIC_DISPATCH(includeGreaterHere)(from, count, to);
+}
+
+void includeRange(const float* values, std::int64_t count, float* least, float* greatest) {
+  HWY_DYNAMIC_DISPATCH(includeRangeHere)(values, count, least, greatest);
 }
 
 }  // namespace isobrick

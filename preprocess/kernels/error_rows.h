@@ -5,49 +5,96 @@
 
 namespace isobrick {
 
+// Voxels that are looked at together. Rows have room for kErrorRowPadding more numbers, which are
+// read; any finite ones.
+inline constexpr std::int64_t kErrorRun = 16;
+inline constexpr std::int64_t kErrorRowPadding = 2 * kErrorRun;
+
+// `count` numbers up to a whole run, and the padding.
+constexpr std::int64_t errorRowStride(std::int64_t count) {
+  return (count + kErrorRun - 1) / kErrorRun * kErrorRun + kErrorRowPadding;
+}
+
+// Bins of isovalues side by side. Bin i holds those from ends[i] to ends[i + 1]; what is asked lies
+// between ends[0] and ends[count].
+struct IsovalueBins {
+  const float* ends;
+  std::int64_t count;
+};
+
+// A run of bins, the last one included.
+struct BinRun {
+  std::uint16_t first, last;
+};
+
 // A row of voxels along x, and between which bounds the field of coarser leaves may lie there.
 struct BracketedRow {
   const float* value = nullptr;
   const float* low = nullptr;
   const float* high = nullptr;
+  // Of every kErrorRun voxels and the one behind them: the bins that their values and bounds touch.
+  const BinRun* bins = nullptr;
 };
 
-// Bins of isovalues side by side. Bin i holds [least[i], greatest[i]]; a little of what the next
-// ones hold may be in it. `first` + i * `width` is where they meet, to `room` (in bins).
-struct IsovalueBins {
-  const float* least;
-  const float* greatest;
-  float first, width, room;
-  std::int64_t count;
+// out[i] = from[i] + share * (to[i] - from[i])
+void interpolateRow(const float* from, const float* to, float share, std::int64_t count,
+                    float* out);
+
+// A row of bounds between two others, on the way from one to the other.
+struct RowBetween {
+  const float *from_low, *to_low, *from_high, *to_high;
+  float share;
+  float slack;  // bounds are that much wider
+  // Where not null, the bounds take in the voxels' values, and are nothing but these where 0.
+  const float* is_between;
 };
 
-// Where errors go: of each interval between two voxels of a row, and of each bin, the greatest that
-// was met. That of interval x and bin i is at[i * row_stride + x]; at least kErrorRowPadding
-// numbers lie before and behind each row. is_touched[i] is set where anything was.
-struct GreatestErrors {
+// The bounds of `count` voxels, and the bins of their runs.
+void boundRow(const RowBetween& row, const float* value, std::int64_t count,
+              const IsovalueBins& bins, float* low, float* high, BinRun* runs);
+
+// A row of cells that errors go to: at[bin * row_stride + x] is the greatest of those that were met
+// in voxel x and bin. Bit i of touched[bin] is set where run i met any. A row of cells has the
+// edges that lead on from a row of voxels along y or z, or it has not.
+struct ErrorTarget {
   float* at;
-  std::uint8_t* is_touched;
+  std::uint8_t* touched;
+  bool has_y_edges, has_z_edges;
 };
-
-// The rows of cells that have a row of voxels, and those that have the edges from it to the next
-// row along y, and to the next slice along z.
 struct ErrorTargets {
-  GreatestErrors here[4], along_y[2], along_z[2];
-  int here_count = 0, along_y_count = 0, along_z_count = 0;
+  ErrorTarget rows[4];
+  int count = 0;
   std::int64_t row_stride = 0;
+  // Of 8 + kErrorRun voxels, from one at an end of cells on: 1 where cells end along x, 0 within.
+  const float* is_end = nullptr;
+  std::uint8_t silent_runs = 0;  // bit i: nothing in run i has an error
 };
 
-// Of `count` voxels: for each bin, over its isovalues v, the greatest |value - v|
+// Of `count` voxels, the first at an end of cells: for each bin, over its isovalues v, the greatest
+// |value - v|
 //   - of a voxel that may come to the wrong side of v,
 //   - where the coarse field may cross v on an edge that leads up from a voxel, along x to the next
 //     one, to that of the next row or of the next slice,
-// or more, goes to the intervals that have the voxel or edge. Where next_y or next_z is null there
-// are no such edges. The rows have room for kErrorRowPadding more voxels, which are read; what is
-// read must be finite.
+// or more. What an edge along x has goes to the one of its voxels that lies within a cell. Where
+// next_y or next_z has no values there are no such edges.
+//
+// Why it is so (docs/ALGORITHM.md, "Stored bounds"): as a function of v that is greatest at a voxel
+// or where a bound crosses an end of the bin, so only edges that leave their bin are looked at.
 void includeErrorsOfRow(const BracketedRow& here, const BracketedRow& next_y,
                         const BracketedRow& next_z, std::int64_t count, const IsovalueBins& bins,
                         const ErrorTargets& targets);
 
-inline constexpr std::int64_t kErrorRowPadding = 64;
+// The codes (ErrorCode) of the greatest errors in cells of `step` voxels, 2 to 8, both ends
+// included: of (error + slack) * units_per_error, or 0 where there is none. `errors` are those of
+// `count` voxels, of which runs were touched; they are 0 again afterwards. codes[cell] becomes the
+// greater of what it is and the new one.
+void takeCodes(float* errors, std::uint8_t touched, std::int64_t count, std::int64_t step,
+               float slack, float units_per_error, std::uint8_t* codes);
+
+// to[i] = max(to[i], from[i])
+void includeGreater(const std::uint8_t* from, std::int64_t count, std::uint8_t* to);
+
+// least[i] and greatest[i] take in values[i].
+void includeRange(const float* values, std::int64_t count, float* least, float* greatest);
 
 }  // namespace isobrick
