@@ -9,6 +9,10 @@
 namespace isobrick {
 namespace {
 
+constexpr auto kAllRuns = static_cast<RunBits>(-1);
+static_assert(ErrorChunk::kMostCells / kErrorRun + 1 <= std::numeric_limits<RunBits>::digits);
+static_assert(kErrorRun % ErrorChunk::kAlignment == 0);
+
 // Cells of `level` in a closed box of voxels whose ends are ends of such cells.
 IndexBox cellsIn(const IndexBox& voxels, int level) {
   const std::int64_t step = std::int64_t{1} << level;
@@ -255,13 +259,17 @@ ValueRange ErrorChunk::findSilentRuns() {
             in_row[static_cast<std::size_t>(x)].include({least[at], greatest[at]});
           }
       }
-      std::uint8_t& silent = silent_runs_[static_cast<std::size_t>(z * blocks.y + y)];
-      silent = 0xff;
+      RunBits& silent = silent_runs_[static_cast<std::size_t>(z * blocks.y + y)];
+      silent = kAllRuns;
       for (std::int64_t x = 0; x < blocks.x; ++x) {
         const ValueRange& block = in_row[static_cast<std::size_t>(x)];
         range.include(block);
-        if (block.min < block.max)
-          silent = static_cast<std::uint8_t>(silent & ~(1 << (x * kAlignment / kErrorRun)));
+        if (block.min >= block.max) continue;
+        const std::int64_t first = x * kAlignment;
+        silent = static_cast<RunBits>(silent & ~(1 << (first / kErrorRun)));
+        // The last voxel of a row may be a run of its own.
+        if (x + 1 == blocks.x)
+          silent = static_cast<RunBits>(silent & ~(1 << ((voxels_.count.x - 1) / kErrorRun)));
       }
     }
   return range;
@@ -467,8 +475,8 @@ class ErrorChunk::Run {
             plane.high.data() + number * stride_, plane.bins.data() + number * runs_};
   }
   void findIn(std::int64_t y, std::int64_t z) {
-    const std::uint8_t silent = chunk_.silentRuns(y, z);
-    if (silent == 0xff) return;
+    const RunBits silent = chunk_.silentRuns(y, z);
+    if (silent == kAllRuns) return;
     const bool has_y = y + 1 < voxels_.end().y, has_z = z + 1 < voxels_.end().z;
     includeErrorsOfRow(row(y, z), has_y ? row(y + 1, z) : BracketedRow{},
                        has_z ? row(y, z + 1) : BracketedRow{}, voxels_.count.x, bins_,
@@ -476,8 +484,7 @@ class ErrorChunk::Run {
   }
 
   // The rows of cells that hold a row of voxels.
-  ErrorTargets targetsOf(std::int64_t y, std::int64_t z, bool has_y, bool has_z,
-                         std::uint8_t silent) {
+  ErrorTargets targetsOf(std::int64_t y, std::int64_t z, bool has_y, bool has_z, RunBits silent) {
     ErrorTargets targets;
     targets.silent_runs = silent;
     targets.row_stride = stride_;

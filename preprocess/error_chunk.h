@@ -100,7 +100,7 @@ class ErrorChunk {
   // The range of all samples of the chunk.
   ValueRange findSilentRuns();
   // Bit i: that of a row of voxels is one (ErrorTargets::silent_runs).
-  std::uint8_t silentRuns(std::int64_t y, std::int64_t z) const {
+  RunBits silentRuns(std::int64_t y, std::int64_t z) const {
     const auto blockOf = [&](int axis, std::int64_t at) {
       return std::min((at - voxels_.first[axis]) / kAlignment, block_rows_[axis - 1] - 1);
     };
@@ -119,11 +119,11 @@ class ErrorChunk {
   std::vector<float> bin_ends_;                  // of these bins
   Field samples_[kMostErrorLevel + 1];
   std::array<std::int64_t, 2> block_rows_{};  // blocks of kAlignment cells along y and z
-  std::vector<std::uint8_t> silent_runs_;     // of these rows of blocks
+  std::vector<RunBits> silent_runs_;          // of these rows of blocks
   Bounds own_[kMostErrorLevel + 1], hanging_;
   Plane planes_[2], sample_planes_[2], between_planes_;
   std::vector<float> greatest_;  // errors of two layers of cells, still by voxels along x
-  std::vector<std::uint8_t> touched_;
+  std::vector<RunBits> touched_;
   ErrorCodes hanging_codes_, own_codes_, spread_codes_, touching_[2];
   ErrorCodes found_[kMostErrorLevel - kFirstErrorLevel + 1];
 };

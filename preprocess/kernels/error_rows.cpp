@@ -6,6 +6,7 @@
 #include <hwy/highway.h>
 
 #include <algorithm>
+#include <limits>
 
 #include "isobrick/storage/error_bins.h"
 
@@ -48,47 +49,51 @@ void boundRowHere(const RowBetween& row, const float* value, std::int64_t count,
   const Tag d;
   const std::int64_t lanes = laneCount();
   const Floats share = hn::Set(d, row.share), slack = hn::Set(d, row.slack);
-  for (std::int64_t i = 0; i < count; i += lanes) {
-    Floats least = between(hn::LoadU(d, row.from_low + i), hn::LoadU(d, row.to_low + i), share);
-    Floats greatest =
-        between(hn::LoadU(d, row.from_high + i), hn::LoadU(d, row.to_high + i), share);
-    if (row.is_between != nullptr) {
+  BinRun run = {0, 0};
+  // From the last run to the first, as each takes in the first voxel of the next one.
+  float next_least = std::numeric_limits<float>::infinity(), next_greatest = -next_least;
+  for (std::int64_t begin = (count - 1) / kErrorRun * kErrorRun; begin >= 0; begin -= kErrorRun) {
+    Floats run_least = hn::Set(d, next_least), run_greatest = hn::Set(d, next_greatest);
+    for (std::int64_t i = begin; i < begin + kErrorRun && i < count; i += lanes) {
       const Floats own = hn::LoadU(d, value + i);
-      const Mask is_between = hn::Ne(hn::LoadU(d, row.is_between + i), hn::Zero(d));
-      least = hn::IfThenElse(is_between, hn::Min(own, least), own);
-      greatest = hn::IfThenElse(is_between, hn::Max(own, greatest), own);
+      Floats least = between(hn::LoadU(d, row.from_low + i), hn::LoadU(d, row.to_low + i), share);
+      Floats greatest =
+          between(hn::LoadU(d, row.from_high + i), hn::LoadU(d, row.to_high + i), share);
+      if (row.is_between != nullptr) {
+        const Mask is_between = hn::Ne(hn::LoadU(d, row.is_between + i), hn::Zero(d));
+        least = hn::IfThenElse(is_between, hn::Min(own, least), own);
+        greatest = hn::IfThenElse(is_between, hn::Max(own, greatest), own);
+      }
+      least = hn::Sub(least, slack);
+      greatest = hn::Add(greatest, slack);
+      hn::StoreU(least, d, low + i);
+      hn::StoreU(greatest, d, high + i);
+      least = hn::Min(own, least);
+      greatest = hn::Max(own, greatest);
+      if (i + lanes > count) {
+        const Mask is_voxel = hn::FirstN(d, static_cast<std::size_t>(count - i));
+        least = hn::IfThenElse(is_voxel, least, hn::Set(d, hn::GetLane(least)));
+        greatest = hn::IfThenElse(is_voxel, greatest, hn::Set(d, hn::GetLane(greatest)));
+      }
+      if (i == begin) {
+        next_least = hn::GetLane(least);
+        next_greatest = hn::GetLane(greatest);
+      }
+      run_least = hn::Min(run_least, least);
+      run_greatest = hn::Max(run_greatest, greatest);
     }
-    hn::StoreU(hn::Sub(least, slack), d, low + i);
-    hn::StoreU(hn::Add(greatest, slack), d, high + i);
+    // Mostly the bin of the run behind.
+    const Mask is_outside = hn::Or(hn::Lt(run_least, hn::Set(d, bins.ends[run.first])),
+                                   hn::Ge(run_greatest, hn::Set(d, bins.ends[run.first + 1])));
+    run.last = run.first;
+    if (!hn::AllFalse(d, is_outside))
+      run = binsBetween(hn::GetLane(hn::MinOfLanes(d, run_least)),
+                        hn::GetLane(hn::MaxOfLanes(d, run_greatest)), bins, run.first);
+    runs[begin / kErrorRun] = run;
   }
   // What lies behind the row looks like its last voxel.
   std::fill_n(low + count, kErrorRun, low[count - 1]);
   std::fill_n(high + count, kErrorRun, high[count - 1]);
-
-  BinRun run = {0, 0};
-  for (std::int64_t begin = 0; begin < count; begin += kErrorRun) {
-    Floats least = hn::Set(d, low[begin]), greatest = hn::Set(d, high[begin]);
-    const auto include = [&](std::int64_t i) {
-      const Floats own = hn::IfThenElse(
-          hn::FirstN(
-              d, static_cast<std::size_t>(std::max(std::int64_t{0}, std::min(lanes, count - i)))),
-          hn::LoadU(d, value + i), hn::Set(d, value[begin]));
-      least = hn::Min(least, hn::Min(own, hn::LoadU(d, low + i)));
-      greatest = hn::Max(greatest, hn::Max(own, hn::LoadU(d, high + i)));
-    };
-    for (std::int64_t i = begin; i < begin + kErrorRun && i < count; i += lanes) {
-      include(i);
-      include(i + 1);
-    }
-    // Mostly the bin of the run before.
-    const Mask is_outside = hn::Or(hn::Lt(least, hn::Set(d, bins.ends[run.first])),
-                                   hn::Ge(greatest, hn::Set(d, bins.ends[run.first + 1])));
-    run.last = run.first;
-    if (!hn::AllFalse(d, is_outside))
-      run = binsBetween(hn::GetLane(hn::MinOfLanes(d, least)),
-                        hn::GetLane(hn::MaxOfLanes(d, greatest)), bins, run.first);
-    runs[begin / kErrorRun] = run;
-  }
 }
 
 // Voxels with the bounds of the coarse field, and how far these are from the values.
@@ -109,21 +114,20 @@ HWY_INLINE Bracketed load(const BracketedRow& row, std::int64_t i) {
 
 // How a bound and its distance from the values change on edges between two voxels.
 struct EdgeBound {
-  Floats end, slope, most;
+  Floats end, slope;
 };
 
 HWY_INLINE EdgeBound edgeBound(Floats bound, Floats distance, Floats end, Floats end_distance) {
   // Where the bound does not change it crosses nothing, and the slope is not looked at.
-  return {end, hn::Div(hn::Sub(end_distance, distance), hn::Sub(end, bound)),
-          hn::Max(distance, end_distance)};
+  return {end, hn::Div(hn::Sub(end_distance, distance), hn::Sub(end, bound))};
 }
 
 // The distance where the bound crosses an isovalue; `to_isovalue` is what it lacks at the
 // beginning.
 HWY_INLINE Floats distanceAt(const EdgeBound& edge, Floats distance, Floats to_isovalue,
                              Mask is_below, Mask end_is_below) {
-  const Floats there = hn::Min(hn::Add(distance, hn::Mul(to_isovalue, edge.slope)), edge.most);
-  return hn::IfThenElseZero(hn::Xor(is_below, end_is_below), there);
+  return hn::IfThenElseZero(hn::Xor(is_below, end_is_below),
+                            hn::Add(distance, hn::Mul(to_isovalue, edge.slope)));
 }
 
 struct Edges {
@@ -156,14 +160,14 @@ HWY_INLINE void includeInto(const ErrorTargets& targets, const AtEnd& errors, st
   const Tag d;
   const Floats all = hn::Max(errors.here, hn::Max(errors.along_y, errors.along_z));
   if (hn::AllFalse(d, hn::Gt(all, hn::Zero(d)))) return;
-  const auto bit = static_cast<std::uint8_t>(1 << (i / kErrorRun));
+  const auto bit = static_cast<RunBits>(1 << (i / kErrorRun));
   for (int n = 0; n < targets.count; ++n) {
     const ErrorTarget& to = targets.rows[n];
     Floats greatest = errors.here;
     if (to.has_y_edges) greatest = hn::Max(greatest, errors.along_y);
     if (to.has_z_edges) greatest = hn::Max(greatest, errors.along_z);
     include(greatest, to.at + bin * targets.row_stride + i);
-    to.touched[bin] = static_cast<std::uint8_t>(to.touched[bin] | bit);
+    to.touched[bin] = static_cast<RunBits>(to.touched[bin] | bit);
   }
 }
 
@@ -253,7 +257,7 @@ HWY_INLINE hn::Vec<hn::RebindToSigned<Tag>> codesOf(Floats errors, Floats slack,
   return hn::IfThenElseZero(is_some, hn::Max(code, hn::Set(di, 1)));
 }
 
-void takeCodesHere(float* errors, std::uint8_t touched, std::int64_t count, std::int64_t step,
+void takeCodesHere(float* errors, RunBits touched, std::int64_t count, std::int64_t step,
                    float slack, float units_per_error, std::uint8_t* codes) {
   const Tag d;
   const hn::RebindToSigned<Tag> di;
@@ -336,8 +340,8 @@ void includeErrorsOfRow(const BracketedRow& here, const BracketedRow& next_y,
   HWY_DYNAMIC_DISPATCH(includeErrorsOfRowHere)(here, next_y, next_z, count, bins, targets);
 }
 
-void takeCodes(float* errors, std::uint8_t touched, std::int64_t count, std::int64_t step,
-               float slack, float units_per_error, std::uint8_t* codes) {
+void takeCodes(float* errors, RunBits touched, std::int64_t count, std::int64_t step, float slack,
+               float units_per_error, std::uint8_t* codes) {
   HWY_DYNAMIC_DISPATCH(takeCodesHere)
   (errors, touched, count, step, slack, units_per_error, codes);
 }

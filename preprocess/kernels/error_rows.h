@@ -5,9 +5,11 @@
 
 namespace isobrick {
 
-// Voxels that are looked at together. Rows have room for kErrorRowPadding more numbers, which are
-// read; any finite ones.
+// Voxels that are looked at together: for all bins that any of them touches, so longer runs have
+// more to do. Rows have room for kErrorRowPadding more numbers, which are read; any finite ones.
 inline constexpr std::int64_t kErrorRun = 16;
+// A bit for each run of a row.
+using RunBits = std::uint16_t;
 inline constexpr std::int64_t kErrorRowPadding = 2 * kErrorRun;
 
 // `count` numbers up to a whole run, and the padding.
@@ -58,7 +60,7 @@ void boundRow(const RowBetween& row, const float* value, std::int64_t count,
 // edges that lead on from a row of voxels along y or z, or it has not.
 struct ErrorTarget {
   float* at;
-  std::uint8_t* touched;
+  RunBits* touched;
   bool has_y_edges, has_z_edges;
 };
 struct ErrorTargets {
@@ -67,7 +69,7 @@ struct ErrorTargets {
   std::int64_t row_stride = 0;
   // Of 8 + kErrorRun voxels, from one at an end of cells on: 1 where cells end along x, 0 within.
   const float* is_end = nullptr;
-  std::uint8_t silent_runs = 0;  // bit i: nothing in run i has an error
+  RunBits silent_runs = 0;  // bit i: nothing in run i has an error
 };
 
 // Of `count` voxels, the first at an end of cells: for each bin, over its isovalues v, the greatest
@@ -88,8 +90,8 @@ void includeErrorsOfRow(const BracketedRow& here, const BracketedRow& next_y,
 // included: of (error + slack) * units_per_error, or 0 where there is none. `errors` are those of
 // `count` voxels, of which runs were touched; they are 0 again afterwards. codes[cell] becomes the
 // greater of what it is and the new one.
-void takeCodes(float* errors, std::uint8_t touched, std::int64_t count, std::int64_t step,
-               float slack, float units_per_error, std::uint8_t* codes);
+void takeCodes(float* errors, RunBits touched, std::int64_t count, std::int64_t step, float slack,
+               float units_per_error, std::uint8_t* codes);
 
 // to[i] = max(to[i], from[i])
 void includeGreater(const std::uint8_t* from, std::int64_t count, std::uint8_t* to);

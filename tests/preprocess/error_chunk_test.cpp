@@ -161,6 +161,7 @@ TEST(ErrorChunk, IsTheSameOnEveryTargetAndForAnyChunks) {
     const std::vector<std::uint8_t> codes = allCodes(volume, bins, level, Index3(64));
     onEveryTarget([&] { EXPECT_EQ(allCodes(volume, bins, level, Index3(64)), codes); });
     EXPECT_EQ(allCodes(volume, bins, level, Index3(8)), codes);
+    EXPECT_EQ(allCodes(volume, bins, level, Index3(16, 8, 8)), codes);
     EXPECT_EQ(allCodes(volume, bins, level, Index3(24, 16, 32)), codes);
   }
 }
