@@ -14,6 +14,8 @@ namespace {
 
 using Json = nlohmann::json;
 
+constexpr double kMostScriptScale = 2.5;
+
 [[noreturn]] void refuse(const std::string& what) { throw Error("the script's " + what); }
 
 double numberOf(const Json& json, const std::string& where) {
@@ -328,9 +330,10 @@ void ScriptRecorder::add(double seconds, const InputEvent& event) {
   steps_.push_back(step.dump(-1, ' ', false, Json::error_handler_t::replace));
 }
 
-std::string ScriptRecorder::json(int width, int height) const {
-  std::string text =
-      "{\"size\": [" + std::to_string(width) + ", " + std::to_string(height) + "], \"steps\": [";
+std::string ScriptRecorder::json(int width, int height, double scale) const {
+  std::string text = "{\"size\": [" + std::to_string(width) + ", " + std::to_string(height) +
+                     "], \"scale\": " + Json(std::clamp(scale, 1.0, kMostScriptScale)).dump() +
+                     ", \"steps\": [";
   for (std::size_t i = 0; i < steps_.size(); ++i) text += (i == 0 ? "\n  " : ",\n  ") + steps_[i];
   return text + "\n]}\n";
 }
@@ -349,7 +352,8 @@ ViewScript viewScriptFromJson(const std::string& text) {
       script.height = size.height;
     } else if (name == "scale") {
       script.scale = numberOf(value, "'scale'");
-      if (!(script.scale >= 1.0 && script.scale <= 2.5)) refuse("'scale' is not from 1 to 2.5");
+      if (!(script.scale >= 1.0 && script.scale <= kMostScriptScale))
+        refuse("'scale' is not from 1 to 2.5");
     } else if (name != "steps") {
       refuse("'" + name + "' is not known here");
     }

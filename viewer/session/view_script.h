@@ -58,8 +58,8 @@ ViewScript readViewScript(const std::string& path);
 class ScriptRecorder {
  public:
   void add(double seconds, const InputEvent& event);
-  // Of a window that had this size at first.
-  std::string json(int width, int height) const;
+  // Of a window that had this size at first, and an interface of this scale.
+  std::string json(int width, int height, double scale) const;
 
  private:
   std::vector<std::string> steps_;  // JSON

@@ -194,7 +194,7 @@ class ViewLoop {
       if (!closing_ && (awake() || opener_.status().busy || !events_.empty())) frame();
     }
     if (!options_.record_path.empty()) {
-      const std::string script = recorder_.json(first_width_, first_height_);
+      const std::string script = recorder_.json(first_width_, first_height_, target_->scale());
       AtomicFile file(options_.record_path);
       file.write(script.data(), script.size());
       file.commit();

@@ -115,13 +115,16 @@ Wishes ViewPanel::panel(ViewSession& session, const PanelFacts& facts) {
   const auto scale = static_cast<float>(scale_);
   const float height = ImGui::GetIO().DisplaySize.y - scale * kStatusHeight;
   ImGui::SetNextWindowPos({0.0f, 0.0f});
-  ImGui::SetNextWindowSize({scale * kPanelWidth, std::max(1.0f, height)});
+  // Of a small window half is left for the picture.
+  const float width = std::min(scale * kPanelWidth, 0.5f * ImGui::GetIO().DisplaySize.x);
+  ImGui::SetNextWindowSize({std::max(1.0f, width), std::max(1.0f, height)});
   ImGui::SetNextWindowBgAlpha(0.82f);
   Wishes wishes;
   if (ImGui::Begin("panel", nullptr,
                    ImGuiWindowFlags_NoMove | ImGuiWindowFlags_NoResize |
                        ImGuiWindowFlags_NoCollapse | ImGuiWindowFlags_NoTitleBar |
-                       ImGuiWindowFlags_NoNav | ImGuiWindowFlags_NoBringToFrontOnFocus)) {
+                       ImGuiWindowFlags_HorizontalScrollbar | ImGuiWindowFlags_NoNav |
+                       ImGuiWindowFlags_NoBringToFrontOnFocus)) {
     ImGui::PushItemWidth(scale * kPanelWidth * 0.52f);
     wishes = buildControls(session, scale);
     buildStatistics(session, facts, scale);

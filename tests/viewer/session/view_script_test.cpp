@@ -122,9 +122,12 @@ TEST(ViewScriptTest, WhatWasRecordedIsPlayedAgain) {
   InputEvent close;
   close.kind = Kind::kClose;
   recorder.add(9.0, close);  // no step: a script ends of its own
-  const ViewScript script = viewScriptFromJson(recorder.json(300, 200));
+  const ViewScript script = viewScriptFromJson(recorder.json(300, 200, 1.75));
   EXPECT_EQ(script.width, 300);
   EXPECT_EQ(script.height, 200);
+  EXPECT_EQ(script.scale, 1.75);
+  // A screen finer than a script's can be.
+  EXPECT_EQ(viewScriptFromJson(recorder.json(300, 200, 3.0)).scale, 2.5);
   std::vector<InputEvent> played;
   double waited = 0.0;
   for (const ScriptStep& step : script.steps) {
@@ -194,13 +197,13 @@ TEST(ViewScriptTest, VolumesAreOpenedAndRecorded) {
   drop.kind = InputEvent::Kind::kOpen;
   drop.path = "/scans/head \"1\".nrrd";
   recorder.add(0.0, drop);
-  ScriptPlayer player(viewScriptFromJson(recorder.json(10, 10)));
+  ScriptPlayer player(viewScriptFromJson(recorder.json(10, 10, 1.0)));
   const ScriptFrame frame = player.next(0.0, {true}, ViewState{});
   ASSERT_EQ(frame.events.size(), 1u);
   EXPECT_EQ(frame.events[0], drop);
   drop.path = "/scans/\xff";
   recorder.add(0.0, drop);
-  EXPECT_EQ(viewScriptFromJson(recorder.json(10, 10)).steps.size(), 2u);
+  EXPECT_EQ(viewScriptFromJson(recorder.json(10, 10, 1.0)).steps.size(), 2u);
 }
 
 }  // namespace
