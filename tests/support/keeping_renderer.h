@@ -10,8 +10,8 @@ namespace isobrick::test {
 // Keeps what a graphics card would.
 class KeepingRenderer : public NullRenderer {
  public:
-  ChunkId upload(const SurfaceChunk& chunk) override {
-    const ChunkId id = NullRenderer::upload(chunk);
+  ChunkId reserve(const SurfaceChunk& chunk) override {
+    const ChunkId id = NullRenderer::reserve(chunk);
     chunks_[id] = chunk;
     return id;
   }

@@ -99,6 +99,11 @@ class GlFence {
     constexpr GLuint64 kSecond = 1'000'000'000;
     if (sync_ != nullptr) glClientWaitSync(sync_, GL_SYNC_FLUSH_COMMANDS_BIT, kSecond);
   }
+  // Whether it is; true as well after the loss of the context.
+  bool isPassed() const {
+    return sync_ == nullptr ||
+           glClientWaitSync(sync_, GL_SYNC_FLUSH_COMMANDS_BIT, 0) != GL_TIMEOUT_EXPIRED;
+  }
 
  private:
   GLsync sync_ = nullptr;

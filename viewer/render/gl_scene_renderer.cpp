@@ -114,7 +114,7 @@ struct GlSceneRenderer::View {
   std::vector<glm::vec4> clip_planes;  // eye coordinates
 };
 
-GlSceneRenderer::GlSceneRenderer() {
+GlSceneRenderer::GlSceneRenderer(Uploads uploads) {
   device_name_ = reinterpret_cast<const char*>(glGetString(GL_RENDERER));
   is_software_ = device_name_.rfind("llvmpipe", 0) == 0;
   GLint renderbuffer_size = 0;
@@ -125,6 +125,8 @@ GlSceneRenderer::GlSceneRenderer() {
   GLint most_samples = 1;
   glGetIntegerv(GL_MAX_SAMPLES, &most_samples);
   samples_ = std::min(4, most_samples);
+  if (uploads == Uploads::kStaged || !is_software_) staging_.emplace();
+  if (staging_ && !staging_->isThere()) staging_.reset();
 
   surface_program_ = makeSurfaceProgram(false);
   wire_program_ = makeSurfaceProgram(true);
@@ -157,7 +159,7 @@ GlSceneRenderer::GlSceneRenderer() {
 
 // ------------------------------------------------------------------------------------ what is kept
 
-ChunkId GlSceneRenderer::upload(const SurfaceChunk& chunk) {
+ChunkId GlSceneRenderer::reserve(const SurfaceChunk& chunk) {
   Chunk kept;
   kept.buffer = GlBuffer::make();
   kept.bytes = chunk.bytes();
@@ -171,11 +173,6 @@ ChunkId GlSceneRenderer::upload(const SurfaceChunk& chunk) {
   if (kept.bytes > 0) {
     glNamedBufferStorage(*kept.buffer, static_cast<GLsizeiptr>(kept.bytes), nullptr,
                          GL_DYNAMIC_STORAGE_BIT);
-    glNamedBufferSubData(*kept.buffer, 0, static_cast<GLsizeiptr>(vertex_bytes),
-                         chunk.vertices.data());
-    glNamedBufferSubData(*kept.buffer, static_cast<GLintptr>(vertex_bytes),
-                         static_cast<GLsizeiptr>(kept.bytes - vertex_bytes),
-                         chunk.triangles.data());
     if (glGetError() != GL_NO_ERROR)
       throw Error("cannot keep " + std::to_string(kept.bytes) + " bytes of a surface: " +
                   device_name_ + " has no memory left; ask for a smaller radius");
@@ -183,6 +180,55 @@ ChunkId GlSceneRenderer::upload(const SurfaceChunk& chunk) {
   bytes_kept_ += kept.bytes;
   chunks_.emplace(++last_chunk_, std::move(kept));
   return last_chunk_;
+}
+
+// Bytes of a chunk as runs in memory: f(first byte, where it goes in the buffer, count), until it
+// is false.
+template <typename F>
+bool GlSceneRenderer::forParts(const SurfaceChunk& chunk, std::size_t begin, std::size_t bytes,
+                               F&& f) {
+  const std::size_t vertex_bytes = chunk.vertices.size() * sizeof(SurfaceVertex);
+  const std::size_t end = begin + bytes;
+  const auto* const vertices = reinterpret_cast<const std::byte*>(chunk.vertices.data());
+  const auto* const triangles = reinterpret_cast<const std::byte*>(chunk.triangles.data());
+  if (begin < vertex_bytes && !f(vertices + begin, begin, std::min(end, vertex_bytes) - begin))
+    return false;
+  const std::size_t rest = std::max(begin, vertex_bytes);
+  return rest >= end || f(triangles + (rest - vertex_bytes), rest, end - rest);
+}
+
+void GlSceneRenderer::fill(ChunkId id, const SurfaceChunk& chunk, std::size_t begin,
+                           std::size_t bytes) {
+  const GLuint buffer = *chunks_.at(id).buffer;
+  forParts(chunk, begin, bytes, [&](const std::byte* data, std::size_t offset, std::size_t count) {
+    glNamedBufferSubData(buffer, static_cast<GLintptr>(offset), static_cast<GLsizeiptr>(count),
+                         data);
+    return true;
+  });
+}
+
+bool GlSceneRenderer::uploadPiece(ChunkId id, const SurfaceChunk& chunk, std::size_t begin,
+                                  std::size_t bytes) {
+  if (!staging_) {
+    fill(id, chunk, begin, bytes);
+    return true;
+  }
+  // Where the second of two parts finds no room, the first comes again.
+  const GLuint buffer = *chunks_.at(id).buffer;
+  return forParts(chunk, begin, bytes,
+                  [&](const std::byte* data, std::size_t offset, std::size_t count) {
+                    return staging_->copy(data, count, buffer, offset);
+                  });
+}
+
+void GlSceneRenderer::endUploads() {
+  if (staging_) staging_->endFrame();
+}
+
+ChunkId GlSceneRenderer::upload(const SurfaceChunk& chunk) {
+  const ChunkId id = reserve(chunk);
+  fill(id, chunk, 0, static_cast<std::size_t>(chunk.bytes()));
+  return id;
 }
 
 void GlSceneRenderer::release(ChunkId chunk) {

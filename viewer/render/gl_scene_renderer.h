@@ -1,24 +1,32 @@
 // Frames drawn with OpenGL 4.5 core, into memory of its own: the same for windows and files.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <unordered_map>
 #include <vector>
 
 #include "isobrick/viewer/render/gl_handle.h"
+#include "isobrick/viewer/render/gl_staging.h"
 #include "isobrick/viewer/render/scene_renderer.h"
 
 namespace isobrick {
 
 // Made, used and destroyed on the thread on which its context is current. Draws with 4 samples a
 // pixel and half floats of linear light: they hold it without visible steps, and go into an EXR as
-// they are. Chunks lie in one buffer each, uploaded once; their edges are drawn from the same
-// buffer.
+// they are. Chunks lie in one buffer each, filled once; their edges are drawn from the same buffer.
 class GlSceneRenderer : public SceneRenderer {
  public:
+  // How pieces of chunks come to the card: through a ring that stays mapped, or by a copy of the
+  // driver's; that alone is faster where the card is the processor itself.
+  enum class Uploads { kAsSuits, kStaged };
   // Throws Error where the driver refuses the shaders.
-  GlSceneRenderer();
+  explicit GlSceneRenderer(Uploads uploads = Uploads::kAsSuits);
 
+  ChunkId reserve(const SurfaceChunk& chunk) override;
+  bool uploadPiece(ChunkId id, const SurfaceChunk& chunk, std::size_t begin,
+                   std::size_t bytes) override;
+  void endUploads() override;
   ChunkId upload(const SurfaceChunk& chunk) override;
   void release(ChunkId chunk) override;
   SurfaceChunk download(ChunkId chunk) const override;
@@ -57,6 +65,9 @@ class GlSceneRenderer : public SceneRenderer {
   };
   struct View;  // what all that is drawn of a frame shares
 
+  template <typename F>
+  static bool forParts(const SurfaceChunk& chunk, std::size_t begin, std::size_t bytes, F&& f);
+  void fill(ChunkId id, const SurfaceChunk& chunk, std::size_t begin, std::size_t bytes);
   void resize(int width, int height);
   void setView(const GlProgram& program, const View& view, int uncut_plane = -1) const;
   void drawBackground(const SceneFrame& frame);
@@ -90,6 +101,7 @@ class GlSceneRenderer : public SceneRenderer {
   GlTexture openness_;  // of ambient occlusion, where a picture of this size had it
   GlFramebuffer openness_frame_;
 
+  std::optional<GlStaging> staging_;  // none: pieces go without it
   std::unordered_map<ChunkId, Chunk> chunks_;
   std::unordered_map<SliceId, Slice> slices_;
   ChunkId last_chunk_ = 0;

@@ -1,7 +1,9 @@
 // A renderer that draws nothing and remembers what it was asked for: for tests.
 #pragma once
 
+#include <limits>
 #include <map>
+#include <stdexcept>
 #include <vector>
 
 #include "isobrick/viewer/render/scene_renderer.h"
@@ -15,13 +17,30 @@ class NullRenderer : public SceneRenderer {
     std::uint64_t triangles = 0;
     int level = 0;
     int surface = 0;
+    std::uint64_t uploaded = 0;  // bytes
   };
 
-  ChunkId upload(const SurfaceChunk& chunk) override {
+  ChunkId reserve(const SurfaceChunk& chunk) override {
     kept_[++last_] = {chunk.bytes(), chunk.triangles.size() / 3, chunk.level, chunk.surface};
     bytes_ += chunk.bytes();
-    uploaded_bytes_ += chunk.bytes();
     return last_;
+  }
+  bool uploadPiece(ChunkId id, const SurfaceChunk&, std::size_t begin, std::size_t bytes) override {
+    if (pieces_left == 0) return false;
+    --pieces_left;
+    Kept& kept = kept_.at(id);
+    if (begin != kept.uploaded || begin + bytes > kept.bytes || bytes > kPieceBytes)
+      throw std::logic_error("a piece that is none");
+    kept.uploaded += bytes;
+    uploaded_bytes_ += bytes;
+    return true;
+  }
+  void endUploads() override { ++ended_uploads_; }
+  ChunkId upload(const SurfaceChunk& chunk) override {
+    const ChunkId id = reserve(chunk);
+    kept_.at(id).uploaded = chunk.bytes();
+    uploaded_bytes_ += chunk.bytes();
+    return id;
   }
   void release(ChunkId chunk) override {
     bytes_ -= kept_.at(chunk).bytes;
@@ -38,7 +57,10 @@ class NullRenderer : public SceneRenderer {
   void releaseSlice(SliceId slice) override { released_slices_.push_back(slice); }
   std::uint64_t bytesKept() const override { return bytes_; }
   void draw(const SceneFrame& frame) override {
-    for (const ChunkId chunk : frame.chunks) kept_.at(chunk);  // throws: not kept
+    for (const ChunkId chunk : frame.chunks) {
+      const Kept& kept = kept_.at(chunk);  // throws: not kept
+      if (kept.uploaded != kept.bytes) throw std::logic_error("a chunk of which a part is lacking");
+    }
     frames_.push_back(frame);
   }
   // What tests want to be hit.
@@ -48,11 +70,14 @@ class NullRenderer : public SceneRenderer {
   int greatestSize() const override { return 16384; }
 
   std::optional<double> distance;
+  // That it takes before it wants to be asked in a later frame.
+  std::uint64_t pieces_left = std::numeric_limits<std::uint64_t>::max();
 
   const std::map<ChunkId, Kept>& kept() const { return kept_; }
   const std::vector<SceneFrame>& frames() const { return frames_; }
   const std::vector<SliceId>& releasedSlices() const { return released_slices_; }
   std::uint64_t uploadedBytes() const { return uploaded_bytes_; }
+  std::uint64_t endedUploads() const { return ended_uploads_; }
 
  private:
   std::map<ChunkId, Kept> kept_;
@@ -60,7 +85,7 @@ class NullRenderer : public SceneRenderer {
   std::vector<SliceId> released_slices_;
   ChunkId last_ = 0;
   SliceId last_slice_ = 0;
-  std::uint64_t bytes_ = 0, uploaded_bytes_ = 0;
+  std::uint64_t bytes_ = 0, uploaded_bytes_ = 0, ended_uploads_ = 0;
 };
 
 }  // namespace isobrick

@@ -1,6 +1,7 @@
 // The seam between what is shown and what draws it: OpenGL, in a window or without one, or nothing.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <glm/vec2.hpp>
 #include <optional>
@@ -11,13 +12,25 @@
 
 namespace isobrick {
 
+// The most of a chunk that one call uploads while frames go on: a fraction of a millisecond.
+inline constexpr std::size_t kPieceBytes = std::size_t{256} << 10;
+
 // Keeps chunks and slices until they are released, and draws frames of them. Used by one thread.
 // Numbers are not given twice.
 class SceneRenderer {
  public:
   virtual ~SceneRenderer() = default;
 
-  // Throws Error where there is no memory for it.
+  // Makes room for a chunk, of which nothing is there yet. Throws Error where there is no memory
+  // for it.
+  virtual ChunkId reserve(const SurfaceChunk& chunk) = 0;
+  // Copies some of the bytes of that chunk, at most kPieceBytes: its vertices, then its triangles.
+  // Never waits; false: not now, but in the next frame.
+  virtual bool uploadPiece(ChunkId id, const SurfaceChunk& chunk, std::size_t begin,
+                           std::size_t bytes) = 0;
+  // After the last piece of a frame.
+  virtual void endUploads() = 0;
+  // All of a chunk at once. Throws as reserve().
   virtual ChunkId upload(const SurfaceChunk& chunk) = 0;
   virtual void release(ChunkId chunk) = 0;
   // What is kept of a chunk: its vertices, triangles, origin, level and surface. Slow.

@@ -18,22 +18,9 @@ SurfaceSet::~SurfaceSet() {
 
 void SurfaceSet::accept(StreamMessage message, News& news) {
   switch (message.kind) {
-    case StreamMessage::Kind::kChunk: {
-      if (message.request == refused_request_) return;
-      const std::uint64_t bytes = message.chunk.bytes();
-      if (shown_.bytes + incoming_.bytes + bytes > budget_bytes_)
-        return refuse(message.request, news);
-      try {
-        incoming_.add(
-            {renderer_.upload(message.chunk), message.chunk.surface, bytes, message.chunk.key});
-      } catch (const Error&) {
-        // The card has less room than the budget allows, and others use it.
-        budget_bytes_ = shown_.bytes + incoming_.bytes + bytes - 1;
-        return refuse(message.request, news);
-      }
-      news.uploaded_bytes += bytes;
+    case StreamMessage::Kind::kChunk:
+      if (message.request != refused_request_) acceptChunk(std::move(message), news);
       break;
-    }
     case StreamMessage::Kind::kPassDone:
       if (message.request == refused_request_) return;
       if (!hasAllOf(message)) {
@@ -55,6 +42,34 @@ void SurfaceSet::accept(StreamMessage message, News& news) {
       release(incoming_);
       break;
   }
+}
+
+void SurfaceSet::acceptChunk(StreamMessage message, News& news) {
+  SurfaceChunk& chunk = message.chunk;
+  const std::uint64_t bytes = chunk.bytes();
+  if (shown_.bytes + incoming_.bytes + bytes > budget_bytes_) return refuse(message.request, news);
+  ChunkId id = 0;
+  try {
+    id = renderer_.reserve(chunk);
+  } catch (const Error&) {
+    // The card has less room than the budget allows, and others use it.
+    budget_bytes_ = shown_.bytes + incoming_.bytes + bytes - 1;
+    return refuse(message.request, news);
+  }
+  incoming_.add({id, chunk.surface, bytes, chunk.key});
+  if (bytes > 0) pending_ = Pending{id, std::move(chunk)};
+}
+
+// False: the renderer takes no more in this frame.
+bool SurfaceSet::uploadPiece(News& news) {
+  const auto whole = static_cast<std::size_t>(pending_->chunk.bytes());
+  const std::size_t bytes = std::min(kPieceBytes, whole - pending_->uploaded);
+  if (!renderer_.uploadPiece(pending_->id, pending_->chunk, pending_->uploaded, bytes))
+    return false;
+  news.uploaded_bytes += bytes;
+  pending_->uploaded += bytes;
+  if (pending_->uploaded == whole) pending_.reset();
+  return true;
 }
 
 // Of what the pass keeps or uses again.

@@ -35,19 +35,26 @@ class SurfaceSet {
     std::uint64_t uploaded_bytes = 0;
     std::vector<StreamMessage> passes;  // those that were completed, without chunks
   };
-  // Takes messages until there are none, or the frame's time (`clock()`, seconds) or bytes are
-  // spent; at least one is taken, so that a slow machine comes to an end too.
+  // Takes messages, and the chunks in them piece by piece, until there are none, the renderer takes
+  // no more, or the frame's time (`clock()`, seconds) or bytes are spent; at least one piece, so
+  // that a slow machine comes to an end too. What is left of a chunk comes in the next frame.
   template <typename Poll, typename Clock>
   News pump(Poll&& poll, Clock&& clock) {
     News news;
     const double begin = clock();
-    while (auto message = poll()) {
-      accept(std::move(*message), news);
+    while (true) {
+      if (pending_) {
+        if (!uploadPiece(news)) break;
+      } else if (auto message = poll()) {
+        accept(std::move(*message), news);
+      } else {
+        break;
+      }
       if (news.uploaded_bytes >= kUploadBytes || clock() - begin >= kUploadSeconds) break;
     }
+    renderer_.endUploads();
     return news;
   }
-  void accept(StreamMessage message, News& news);
 
   std::vector<ChunkId> shown() const;
   // A number for what is shown of a surface: another one whenever a pass brought it anew; 0:
@@ -73,6 +80,15 @@ class SurfaceSet {
       bytes += chunk.bytes;
     }
   };
+  // A chunk of which a part is there.
+  struct Pending {
+    ChunkId id = 0;
+    SurfaceChunk chunk;
+    std::size_t uploaded = 0;  // bytes
+  };
+  void accept(StreamMessage message, News& news);
+  void acceptChunk(StreamMessage message, News& news);
+  bool uploadPiece(News& news);
   bool hasAllOf(const StreamMessage& pass) const;
   void show(const StreamMessage& pass);
   void refuse(std::uint64_t request, News& news);
@@ -81,6 +97,7 @@ class SurfaceSet {
   SceneRenderer& renderer_;
   std::uint64_t budget_bytes_;
   Chunks shown_, incoming_;
+  std::optional<Pending> pending_;         // it is the last one of incoming_
   std::map<int, std::uint64_t> contents_;  // by surface, of what is shown
   std::uint64_t last_content_ = 0;
   std::uint64_t refused_request_ = 0;  // went over the budget: its other chunks are not taken

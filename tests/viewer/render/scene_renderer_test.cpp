@@ -106,6 +106,38 @@ TEST_F(SceneRendererTest, WhatIsKeptOfAChunkIsWhatWasGiven) {
   EXPECT_TRUE(renderer_->download(renderer_->upload({})).vertices.empty());
 }
 
+// In pieces that end anywhere, with and without the ring, of which more is asked than it has.
+TEST_F(SceneRendererTest, PiecesOfAChunkComeTogether) {
+  using Uploads = GlSceneRenderer::Uploads;
+  SurfaceChunk given;
+  for (int v = 0; v < 40000; ++v)
+    given.vertices.push_back({glm::vec3(static_cast<float>(v), 1.0f, -2.0f), {}});
+  for (std::uint32_t i = 0; i < 300000; ++i) given.triangles.push_back(i % 40000);
+  const auto whole = static_cast<std::size_t>(given.bytes());
+  for (const Uploads uploads : {Uploads::kAsSuits, Uploads::kStaged}) {
+    renderer_ = std::make_unique<GlSceneRenderer>(uploads);
+    std::vector<ChunkId> ids;
+    for (int chunk = 0; chunk < 20; ++chunk) {
+      ids.push_back(renderer_->reserve(given));
+      for (std::size_t begin = 0; begin < whole;) {
+        const std::size_t bytes = std::min(kPieceBytes - 4, whole - begin);
+        if (renderer_->uploadPiece(ids.back(), given, begin, bytes))
+          begin += bytes;
+        else
+          renderer_->endUploads();  // the next frame
+      }
+    }
+    renderer_->endUploads();
+    for (const ChunkId id : ids) {
+      const SurfaceChunk kept = renderer_->download(id);
+      EXPECT_EQ(kept.triangles, given.triangles);
+      ASSERT_EQ(kept.vertices.size(), given.vertices.size());
+      EXPECT_EQ(kept.vertices.back().position, given.vertices.back().position);
+      EXPECT_EQ(kept.vertices[20000].position, given.vertices[20000].position);
+    }
+  }
+}
+
 TEST_F(SceneRendererTest, EdgesAreDrawnFromTheSameBuffer) {
   frame_.chunks = {renderer_->upload(squareAt(0.0, 1.0, 0))};
   const glm::vec3 plain_middle = seen(32, 32), plain_side = seen(26, 44);

@@ -285,9 +285,9 @@ TEST_F(ViewSessionTest, WhereThePassForAHandDoesNotFitACoarserOneIsShown) {
 // A card without memory for what the budget allows.
 class FullRenderer : public NullRenderer {
  public:
-  ChunkId upload(const SurfaceChunk& chunk) override {
+  ChunkId reserve(const SurfaceChunk& chunk) override {
     if (bytesKept() + chunk.bytes() > room) throw Error("no memory left");
-    return NullRenderer::upload(chunk);
+    return NullRenderer::reserve(chunk);
   }
   std::uint64_t room = 0;
 };

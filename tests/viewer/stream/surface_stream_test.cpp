@@ -294,23 +294,6 @@ TEST_F(SurfaceStreamTest, AnErrorIsToldAndTheRestGoesOn) {
   EXPECT_TRUE(set.error().empty());
 }
 
-TEST_F(SurfaceStreamTest, UploadsKeepToTheBytesOfAFrame) {
-  NullRenderer renderer;
-  SurfaceSet set(renderer, std::uint64_t{1} << 40);
-  StreamMessage message;
-  message.request = 1;
-  message.chunk.vertices.resize(100'000);  // 2 MB each
-  int left = 40;
-  const auto poll = [&]() -> std::optional<StreamMessage> {
-    if (left-- == 0) return std::nullopt;
-    return message;
-  };
-  const auto frozen = [] { return 0.0; };
-  EXPECT_EQ(set.pump(poll, frozen).uploaded_bytes, 9 * 2'000'000u);  // the first past 16 MiB
-  double clock = 0.0;
-  EXPECT_EQ(set.pump(poll, [&] { return clock += 0.0015; }).uploaded_bytes, 2 * 2'000'000u);
-}
-
 TEST_F(SurfaceStreamTest, EndsInTheMiddleOfWork) {
   for (int i = 0; i < 20; ++i) {
     SurfaceStream stream(pyramid_, 2);

@@ -1,0 +1,123 @@
+// Chunks that come to the card piece by piece, a frame's share at a time.
+#include "isobrick/viewer/stream/surface_set.h"
+
+#include <gtest/gtest.h>
+
+#include <deque>
+#include <optional>
+#include <utility>
+
+#include "isobrick/viewer/render/null_renderer.h"
+
+namespace isobrick {
+namespace {
+
+using Kind = StreamMessage::Kind;
+
+class SurfaceSetTest : public ::testing::Test {
+ protected:
+  void addChunk(std::uint64_t request, std::size_t bytes) {
+    StreamMessage message;
+    message.kind = Kind::kChunk;
+    message.request = request;
+    message.chunk.triangles.resize(bytes / sizeof(std::uint32_t));
+    messages_.push_back(std::move(message));
+  }
+  void add(Kind kind, std::uint64_t request) {
+    StreamMessage message;
+    message.kind = kind;
+    message.request = request;
+    message.surfaces.emplace_back();
+    messages_.push_back(std::move(message));
+  }
+  // A frame in which every look at the clock is `seconds` after the last one.
+  SurfaceSet::News frame(double seconds) {
+    return set_->pump(
+        [&]() -> std::optional<StreamMessage> {
+          if (messages_.empty()) return std::nullopt;
+          StreamMessage message = std::move(messages_.front());
+          messages_.pop_front();
+          return message;
+        },
+        [&] { return clock_ += seconds; });
+  }
+
+  std::deque<StreamMessage> messages_;
+  NullRenderer renderer_;
+  std::optional<SurfaceSet> set_{std::in_place, renderer_, std::uint64_t{64} << 20};
+  double clock_ = 0.0;
+};
+
+TEST_F(SurfaceSetTest, AChunkThatIsTooMuchForAFrameComesInSeveral) {
+  const std::size_t bytes = 5 * kPieceBytes + 400;
+  addChunk(1, bytes);
+  add(Kind::kPassDone, 1);
+  int frames = 0;
+  for (bool shown = false; !shown; ++frames) {
+    const SurfaceSet::News news = frame(0.0009);  // three steps
+    EXPECT_LE(news.uploaded_bytes, 3 * kPieceBytes);
+    shown = news.shows_another;
+    EXPECT_EQ(set_->shown().empty(), !shown);
+    EXPECT_EQ(set_->shownBytes() + set_->incomingBytes(), bytes);
+    EXPECT_EQ(renderer_.bytesKept(), bytes);
+  }
+  EXPECT_GE(frames, 3);
+  EXPECT_EQ(renderer_.uploadedBytes(), bytes);
+  EXPECT_EQ(renderer_.endedUploads(), static_cast<std::uint64_t>(frames));
+  SceneFrame drawn;
+  drawn.chunks = set_->shown();
+  renderer_.draw(drawn);  // throws where a part is lacking
+}
+
+TEST_F(SurfaceSetTest, AFrameTakesSixteenMebibytesHoweverFastItIs) {
+  for (int chunk = 0; chunk < 20; ++chunk) addChunk(1, 2'000'000);
+  for (int i = 0; i < 2; ++i) {
+    const std::uint64_t bytes = frame(0.0).uploaded_bytes;
+    EXPECT_GE(bytes, kUploadBytes);
+    EXPECT_LT(bytes, kUploadBytes + kPieceBytes);
+  }
+}
+
+// A slow machine comes to an end too.
+TEST_F(SurfaceSetTest, AFrameTakesOnePieceHoweverSlowItIs) {
+  addChunk(1, 2 * kPieceBytes);
+  EXPECT_EQ(frame(1.0).uploaded_bytes, 0u);  // room was made
+  EXPECT_EQ(frame(1.0).uploaded_bytes, kPieceBytes);
+  EXPECT_EQ(frame(1.0).uploaded_bytes, kPieceBytes);
+}
+
+TEST_F(SurfaceSetTest, WhereTheRingIsFullTheRestWaitsForTheNextFrame) {
+  addChunk(1, 4 * kPieceBytes);
+  add(Kind::kPassDone, 1);
+  renderer_.pieces_left = 3;
+  EXPECT_EQ(frame(0.0).uploaded_bytes, 3 * kPieceBytes);
+  EXPECT_EQ(frame(0.0).uploaded_bytes, 0u);
+  EXPECT_TRUE(set_->shown().empty());
+  renderer_.pieces_left = 1;
+  EXPECT_TRUE(frame(0.0).shows_another);
+  EXPECT_EQ(set_->shown().size(), 1u);
+}
+
+TEST_F(SurfaceSetTest, OfWhatIsGivenUpNothingStays) {
+  addChunk(1, 4 * kPieceBytes);
+  add(Kind::kDropped, 1);
+  addChunk(2, kPieceBytes / 2);
+  add(Kind::kPassDone, 2);
+  renderer_.pieces_left = 2;
+  frame(0.0);
+  renderer_.pieces_left = 100;
+  EXPECT_TRUE(frame(0.0).shows_another);
+  EXPECT_EQ(renderer_.bytesKept(), kPieceBytes / 2);
+}
+
+TEST_F(SurfaceSetTest, OfAPartNothingStaysWhereAllEnds) {
+  addChunk(1, 4 * kPieceBytes);
+  renderer_.pieces_left = 1;
+  frame(0.0);
+  EXPECT_EQ(renderer_.kept().size(), 1u);
+  set_.reset();
+  EXPECT_TRUE(renderer_.kept().empty());
+}
+
+}  // namespace
+}  // namespace isobrick
