@@ -1,7 +1,8 @@
 // What a query around a focus costs in a session that is warm: many random focus points and
 // isovalues, one after the other. ISOBRICK_BENCHMARK_PYRAMID: the file (needed);
 // ISOBRICK_BENCHMARK_ISOVALUES: "least greatest" ("600 1200"); ISOBRICK_BENCHMARK_RADIUS: in voxels
-// (38); ISOBRICK_BENCHMARK_QUERIES: how many (500).
+// (38); ISOBRICK_BENCHMARK_TRIANGLES: in place of the radius, every query has the one that gives
+// about as many; ISOBRICK_BENCHMARK_QUERIES: how many (500).
 #include <benchmark/benchmark.h>
 #include <tbb/global_control.h>
 
@@ -13,6 +14,7 @@
 #include <vector>
 
 #include "isobrick/extract/extractor.h"
+#include "isobrick/extract/sinks/counting_sink.h"
 
 namespace isobrick {
 namespace {
@@ -24,6 +26,17 @@ std::string setting(const char* name, const char* otherwise) {
 
 double quantile(const std::vector<double>& sorted, double part) {
   return sorted[static_cast<std::size_t>(part * static_cast<double>(sorted.size() - 1))];
+}
+
+// Of a sphere around the query's focus, such that its surface has about `triangles` of them.
+double radiusOf(Extractor& extractor, Query query, std::uint64_t triangles) {
+  double low = 0, high = 512;
+  while (high - low > 0.25) {
+    query.focus->radius = 0.5 * (low + high);
+    CountingSink sink;
+    (extractor.extract(query, sink).triangles < triangles ? low : high) = query.focus->radius;
+  }
+  return high;
 }
 
 void focusQueries(benchmark::State& state) {
@@ -41,20 +54,25 @@ void focusQueries(benchmark::State& state) {
   const double radius = std::stod(setting("ISOBRICK_BENCHMARK_RADIUS", "38"));
   const auto queries = std::stoul(setting("ISOBRICK_BENCHMARK_QUERIES", "500"));
 
+  const std::uint64_t wanted = std::stoull(setting("ISOBRICK_BENCHMARK_TRIANGLES", "0"));
+
   Extractor extractor(pyramid);
   SurfaceMesh mesh;
+  std::mt19937 random(1);
+  const auto between = [&](double a, double b) {
+    return std::uniform_real_distribution<double>(a, b)(random);
+  };
+  std::vector<Query> all(queries);
+  for (Query& query : all) {
+    query.isovalue = between(least, greatest);
+    glm::dvec3 center;
+    for (int axis = 0; axis < 3; ++axis)
+      center[axis] = between(0.2, 0.8) * static_cast<double>(pyramid.spec().voxels[axis]);
+    query.focus = FocusSphere{center, radius};
+    if (wanted > 0) query.focus->radius = radiusOf(extractor, query, wanted);
+  }
   const auto run = [&](std::vector<double>& seconds, double& triangles) {
-    std::mt19937 random(1);
-    const auto between = [&](double a, double b) {
-      return std::uniform_real_distribution<double>(a, b)(random);
-    };
-    for (std::size_t n = 0; n < queries; ++n) {
-      Query query;
-      query.isovalue = between(least, greatest);
-      glm::dvec3 center;
-      for (int axis = 0; axis < 3; ++axis)
-        center[axis] = between(0.2, 0.8) * static_cast<double>(pyramid.spec().voxels[axis]);
-      query.focus = FocusSphere{center, radius};
+    for (const Query& query : all) {
       const auto begin = std::chrono::steady_clock::now();
       triangles += static_cast<double>(extractor.extract(query, mesh).triangles);
       seconds.push_back(
