@@ -13,7 +13,7 @@ namespace isobrick {
 namespace {
 
 // Batches that may wait for their turn, for every thread.
-constexpr std::size_t kBatchesPerThread = 4;
+constexpr std::size_t kBatchesPerThread = 64;
 
 // Of memory, in use or not.
 std::uint64_t keptBytes(const PlacedBatch& placed) {
