@@ -3,6 +3,7 @@
 
 #include <sys/uio.h>
 
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -66,11 +67,13 @@ class AtomicFile {
  private:
   void close() noexcept;
   void drain(const CancelFlag& cancel);
+  void beginWriteback(std::uint64_t bytes);
 
   std::string path_;
   std::string temporary_path_;
   int fd_ = -1;
   std::uint64_t position_ = 0;
+  std::atomic<std::uint64_t> written_ = 0;  // since the disk was asked to begin, about
   bool keep_ = false;
 };
 

@@ -22,10 +22,6 @@
 namespace isobrick {
 namespace {
 
-// The disk is asked to begin writing after so many bytes: so it works while the next bricks are
-// made, and the fsync at the end has little left to do.
-constexpr std::uint64_t kBytesPerSync = std::uint64_t{8} << 20;
-
 std::string journalPath(const AtomicFile& file) { return file.temporaryPath() + ".journal"; }
 
 std::vector<format::LevelRow> levelTable(const BrickLayout& layout) {
@@ -148,7 +144,6 @@ PyramidWriter::PyramidWriter(const std::string& path, const PyramidSpec& spec,
   file_.pwrite(blank.data(), blank.size(), 0);
   file_.continueFrom(end_);
   file_.cutAfterPosition();
-  sync_begun_ = end_;
   journal_ = std::make_unique<WriteJournal>(journalPath(file_), identity, entries);
   file_.keepTemporary(false);
 }
@@ -228,12 +223,6 @@ void PyramidWriter::write(const EncodedBrick& brick) {
   file_.writeGathered(std::span(spans).first(count));
   journal_->add(row, end_);
   ++bricks_written_;
-  if (end_ - sync_begun_ >= kBytesPerSync) {
-    // Asked for, not waited for; where it is not possible, fsync does all the work.
-    sync_file_range(file_.fd(), static_cast<off_t>(sync_begun_),
-                    static_cast<off_t>(end_ - sync_begun_), SYNC_FILE_RANGE_WRITE);
-    sync_begun_ = end_;
-  }
 }
 
 void PyramidWriter::writeError(std::uint64_t row, const EncodedPart& part, std::uint64_t elements) {

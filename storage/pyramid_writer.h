@@ -95,7 +95,6 @@ class PyramidWriter {
   std::vector<format::LevelRow> level_table_;
   std::vector<BrickRow> brick_table_;
   std::uint64_t bricks_written_ = 0, bricks_resumed_ = 0;
-  std::uint64_t sync_begun_ = 0;  // up to where the disk was asked to begin writing
   bool keeps_ = false;
   std::unique_ptr<WriteJournal> journal_;
 };

@@ -16,10 +16,15 @@ void BrickSplit::split(const MeshContext& context, LeafClassifier& classifier,
   seam_rows_.clear();
   active_cells_.resize(static_cast<std::size_t>(words_));
   leaves_.reset(classifier, context.lattice(), level, cells);
-  seam_.assign(static_cast<std::size_t>((cells.count.y + 2) * (cells.count.z + 2) * words_), 0);
-  for (std::int64_t z = 0; z < tiles.dims().z; ++z)
+  seam_.clear();
+  const std::int64_t edge = context.pyramid.layout().tileCells();
+  for (std::int64_t z = 0; z < tiles.dims().z; ++z) {
+    const Index3 first(0, 0, z * edge);
+    const Index3 end(cells.count.x, cells.count.y, std::min((z + 1) * edge, cells.count.z));
+    if (!classifier.mayHoldLeaf(level, {cells.first + first, end - first})) continue;
     for (std::int64_t y = 0; y < tiles.dims().y; ++y)
       splitTileRow(context, classifier, tiles, y, z, rows);
+  }
 }
 
 void BrickSplit::splitTileRow(const MeshContext& context, const LeafClassifier& classifier,
@@ -52,6 +57,8 @@ void BrickSplit::splitTileRow(const MeshContext& context, const LeafClassifier& 
 // The cells of active tiles in one row.
 void BrickSplit::splitRow(const MeshContext& context, std::int64_t j, std::int64_t k,
                           BrickRows& rows) {
+  if (seam_.empty())
+    seam_.resize(static_cast<std::size_t>((cells_.count.y + 2) * (cells_.count.z + 2) * words_));
   std::uint64_t* rest = seam_.data() + index(j, k) * words_;
   leaves_.find(j, k);
   leaves_.leaves(j, k, rest);
