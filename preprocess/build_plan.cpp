@@ -83,7 +83,7 @@ class Planner {
   std::uint64_t errorPassBytes() const {
     if (spec_.error_level == 0) return 0;
     constexpr std::uint64_t kBytesPerVoxel = 48, kBytesPerCell = 12;
-    const Index3 around(ErrorChunk::kMostCells + 1);
+    const Index3 around = ErrorChunk::kMostCells + Index3(1);
     std::uint64_t bytes = product(glm::min(around, layout_.lattice().voxels())) * kBytesPerVoxel;
     for (int level = kFirstErrorLevel; level <= spec_.error_level; ++level) {
       const Index3 cells(spec_.brick_cells << (spec_.error_level - level));

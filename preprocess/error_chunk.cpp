@@ -10,7 +10,7 @@ namespace isobrick {
 namespace {
 
 constexpr auto kAllRuns = static_cast<RunBits>(-1);
-static_assert(ErrorChunk::kMostCells / kErrorRun + 1 <= std::numeric_limits<RunBits>::digits);
+static_assert(ErrorChunk::kMostCells.x / kErrorRun + 1 <= std::numeric_limits<RunBits>::digits);
 static_assert(kErrorRun % ErrorChunk::kAlignment == 0);
 
 // Cells of `level` in a closed box of voxels whose ends are ends of such cells.
@@ -29,7 +29,7 @@ void includeCodes(const ErrorCodes& other, ErrorCodes& codes) {
     const std::uint8_t* from = other.bin(bin);
     for (std::int64_t z = 0; z < other.cells.count.z; ++z)
       for (std::int64_t y = 0; y < other.cells.count.y; ++y, from += other.cells.count.x)
-        includeGreater(from, other.cells.count.x,
+        includeGreater(from, 0, 1, other.cells.count.x,
                        codes.bin(bin) + linearIndex(offset + Index3(0, y, z), codes.cells.count));
   }
 }
@@ -49,9 +49,9 @@ void greatestOfRows(const Touching& touching, const std::uint8_t* from, std::int
                     std::int64_t length, std::uint8_t* to) {
   for (std::int64_t i = 0; i < count; ++i) {
     const std::int64_t cell = touching.scale * (first + i) - from_first;
+    const std::int64_t begin = std::max(cell + touching.first, std::int64_t{0});
     const std::int64_t end = std::min(cell + touching.last + 1, from_count);
-    for (std::int64_t k = std::max(cell + touching.first, std::int64_t{0}); k < end; ++k)
-      includeGreater(from + k * length, length, to + i * length);
+    includeGreater(from + begin * length, length, end - begin, length, to + i * length);
   }
 }
 
@@ -65,8 +65,8 @@ void greatestOfCells(const Touching& touching, const std::uint8_t* from, std::in
   std::uint8_t* const padded = scratch.data();
   std::uint8_t* const greatest = padded + size;  // of the run of cells that begins there
   std::copy_n(from, from_count, padded + kPadding);
-  for (std::int64_t i = 0; i <= touching.last - touching.first; ++i)
-    includeGreater(padded + i, size - i, greatest);
+  const std::int64_t taps = touching.last - touching.first + 1;
+  includeGreater(padded, 1, taps, size - taps, greatest);
   const std::int64_t begin = touching.scale * first + touching.first - from_first + kPadding;
   for (std::int64_t x = 0; x < count; ++x) to[x] = greatest[begin + touching.scale * x];
 }
@@ -440,6 +440,11 @@ class ErrorChunk::Run {
     }
     Plane& plane = chunk_.planes_[z % 2];
     for (std::int64_t y = voxels_.first.y; y < voxels_.end().y; ++y) {
+      // Nobody looks at a silent row beside silent ones.
+      if (chunk_.silentRuns(y, z) == kAllRuns &&
+          chunk_.silentRuns(std::max(y - 1, voxels_.first.y), z) == kAllRuns &&
+          chunk_.silentRuns(y, std::max(z - 1, voxels_.first.z)) == kAllRuns)
+        continue;
       const Share ys = shareOf(1, y);
       const std::int64_t lower = (ys.sample - samples_.first.y) * stride_;
       const std::int64_t upper = ys.of_upper > 0 ? lower + stride_ : lower;

@@ -57,8 +57,10 @@ class ErrorChunk {
   static constexpr std::int64_t marginOf(int last_level) { return std::int64_t{1} << last_level; }
   // A chunk begins at a multiple of that, and ends at one or at the end of the volume.
   static constexpr std::int64_t kAlignment = std::int64_t{1} << kMostErrorLevel;
-  // Cells of level 0 per axis that a chunk may have.
-  static constexpr std::int64_t kMostCells = 64 + 2 * kAlignment;
+  // Cells of level 0 that a chunk may have: longest along x, where the last voxel is a vector of
+  // its own.
+  static constexpr Index3 kMostCells{128 + 2 * kAlignment, 64 + 2 * kAlignment,
+                                     32 + 2 * kAlignment};
 
   // Copies the samples in a box of a level, x fastest.
   using Read = std::function<void(int level, const IndexBox& box, float* out)>;

@@ -17,8 +17,10 @@ namespace isobrick {
 namespace {
 
 constexpr std::uint32_t kBins = 32;
-// Cells of level 0 per axis that are looked at together, but at the ends of a region.
-constexpr std::int64_t kChunkCells = 64;
+// Cells of level 0 that are looked at together; at the ends of a region some more.
+constexpr Index3 kChunkCells = ErrorChunk::kMostCells - Index3(2 * ErrorChunk::kAlignment);
+// Cells of level 0 per axis that bricks are written for together.
+constexpr std::int64_t kLeastRegion = 64;
 // Outliers, metal in a CT, would make all bins wide.
 constexpr double kOutliers = 1e-3;
 // What is read back takes a part of the memory; more than this gains nothing.
@@ -65,6 +67,7 @@ struct ErrorPass<T>::BrickErrors {
   Index3 brick{0};
   IndexBox cells;
   std::vector<TileBins> tiles;
+  std::vector<bool> is_constant;     // by tile, with all that is finer in it
   std::vector<std::size_t> offsets;  // of the tiles' first blocks
   std::size_t elements = 0;
   EncodedPart part;
@@ -84,7 +87,7 @@ ErrorPass<T>::ErrorPass(const PyramidSpec& spec, const ErrorBins& bins, const Va
       times_(times),
       threads_(threadsFor(memory_bytes)),
       written_(spec, writer, std::min(memory_bytes / 8, kMostReadBytes)),
-      region_voxels_(std::max(kChunkCells, spec.brick_cells << bins.last_level)) {}
+      region_voxels_(std::max(kLeastRegion, spec.brick_cells << bins.last_level)) {}
 
 template <typename T>
 Index3 ErrorPass<T>::regions() const {
@@ -103,10 +106,10 @@ void ErrorPass<T>::run(const CancelFlag* cancel, const std::function<void(double
     // Chunks share faces; those at the ends of a region take in what lies beyond and matters.
     const Index3 first = region * region_voxels_;
     const Index3 end = glm::min(first + Index3(region_voxels_), all_cells);
-    const Index3 count = BrickLayout::ceilDivide(end - first, kChunkCells);
+    const Index3 count = (end - first + kChunkCells - Index3(1)) / kChunkCells;
     const auto chunk = [&](const Index3& at) {
       Index3 from = first + at * kChunkCells;
-      Index3 to = glm::min(from + Index3(kChunkCells), end);
+      Index3 to = glm::min(from + kChunkCells, end);
       for (int axis = 0; axis < 3; ++axis) {
         if (at[axis] == 0) from[axis] = std::max(from[axis] - margin[axis], std::int64_t{0});
         if (at[axis] + 1 == count[axis])
@@ -126,7 +129,7 @@ void ErrorPass<T>::run(const CancelFlag* cancel, const std::function<void(double
             tbb::simple_partitioner());
       });
       const Index3 layer(end.x - first.x, end.y - first.y,
-                         std::min(kChunkCells, end.z - first.z - z * kChunkCells));
+                         std::min(kChunkCells.z, end.z - first.z - z * kChunkCells.z));
       done += elementCount(layer);
       progress(static_cast<double>(done) / static_cast<double>(elementCount(all_cells)));
     }
@@ -153,6 +156,7 @@ std::deque<typename ErrorPass<T>::BrickErrors> ErrorPass<T>::bricksIn(const Inde
         const Index3 begin = indexAt(static_cast<std::int64_t>(tile), tiles) * spec_.tile_cells;
         const Index3 cells = glm::min(Index3(spec_.tile_cells), brick.cells.count - begin);
         brick.tiles.emplace_back(bins_, ranges[tile]);
+        brick.is_constant.push_back(!(ranges[tile].min < ranges[tile].max));
         brick.offsets.push_back(brick.elements);
         brick.elements +=
             brick.tiles.back().blocks() * static_cast<std::size_t>(elementCount(cells));
@@ -163,9 +167,36 @@ std::deque<typename ErrorPass<T>::BrickErrors> ErrorPass<T>::bricksIn(const Inde
   return bricks;
 }
 
+// Whether tiles of the last level say so. Those of other regions are not known.
+template <typename T>
+bool ErrorPass<T>::isConstant(const IndexBox& cells, const std::deque<BrickErrors>& bricks) const {
+  const Index3 first = cells.first >> std::int64_t{bins_.last_level};
+  const Index3 end = BrickLayout::ceilDivide(cells.end(), std::int64_t{1} << bins_.last_level);
+  std::int64_t seen = 0;
+  for (const BrickErrors& brick : bricks) {
+    if (brick.level != bins_.last_level) continue;
+    const Index3 from = glm::max(first, brick.cells.first) - brick.cells.first;
+    const Index3 to = glm::min(end, brick.cells.end()) - brick.cells.first;
+    if (from.x >= to.x || from.y >= to.y || from.z >= to.z) continue;
+    seen += elementCount(to - from);
+    const Index3 tiles = layout_.brickTiles(brick.level, brick.brick);
+    const Index3 first_tile = from / spec_.tile_cells;
+    bool is_constant = true;
+    forEachIndex({first_tile, BrickLayout::ceilDivide(to, spec_.tile_cells) - first_tile},
+                 [&](const Index3& tile) {
+                   is_constant =
+                       is_constant &&
+                       brick.is_constant[static_cast<std::size_t>(linearIndex(tile, tiles))];
+                 });
+    if (!is_constant) return false;
+  }
+  return seen == elementCount(end - first);
+}
+
 template <typename T>
 void ErrorPass<T>::findChunk(const IndexBox& cells, std::deque<BrickErrors>& bricks) {
   const PhaseTimes::Timer timer(times_, BuildStep::kError);
+  if (isConstant(cells, bricks)) return;
   thread_local ErrorChunk finder;
   finder.find(
       layout_.lattice(), bins_, values_, cells,

@@ -41,6 +41,7 @@ class ErrorPass {
 
   Index3 regions() const;
   std::deque<BrickErrors> bricksIn(const Index3& region) const;
+  bool isConstant(const IndexBox& cells, const std::deque<BrickErrors>& bricks) const;
   void findChunk(const IndexBox& cells, std::deque<BrickErrors>& bricks);
   void includeCodes(const ErrorCodes& codes, BrickErrors& brick) const;
   void writeBricks(std::deque<BrickErrors>& bricks);

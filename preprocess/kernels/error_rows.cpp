@@ -287,13 +287,25 @@ void takeCodesHere(float* errors, RunBits touched, std::int64_t count, std::int6
     if ((touched >> run & 1) != 0) std::fill_n(errors + run * kErrorRun, kErrorRun, 0.0f);
 }
 
-void includeGreaterHere(const std::uint8_t* from, std::int64_t count, std::uint8_t* to) {
-  const hn::CappedTag<std::uint8_t, 32> d;
+// Whole vectors; the last one may overlap the one before, which changes nothing.
+template <size_t kLanes>
+HWY_INLINE bool includedGreater(const std::uint8_t* from, std::int64_t count, std::uint8_t* to) {
+  const hn::CappedTag<std::uint8_t, kLanes> d;
   const auto lanes = static_cast<std::int64_t>(hn::Lanes(d));
-  std::int64_t i = 0;
-  for (; i + lanes <= count; i += lanes)
-    hn::StoreU(hn::Max(hn::LoadU(d, from + i), hn::LoadU(d, to + i)), d, to + i);
-  for (; i < count; ++i) to[i] = std::max(to[i], from[i]);
+  if (count < lanes) return false;
+  for (std::int64_t i = 0; i < count; i += lanes) {
+    const std::int64_t at = std::min(i, count - lanes);
+    hn::StoreU(hn::Max(hn::LoadU(d, from + at), hn::LoadU(d, to + at)), d, to + at);
+  }
+  return true;
+}
+
+void includeGreaterHere(const std::uint8_t* from, std::int64_t from_stride, std::int64_t rows,
+                        std::int64_t count, std::uint8_t* to) {
+  for (std::int64_t row = 0; row < rows; ++row, from += from_stride)
+    if (!includedGreater<32>(from, count, to) && !includedGreater<16>(from, count, to) &&
+        !includedGreater<8>(from, count, to))
+      for (std::int64_t i = 0; i < count; ++i) to[i] = std::max(to[i], from[i]);
 }
 
 void includeRangeHere(const float* values, std::int64_t count, float* least, float* greatest) {
@@ -346,8 +358,9 @@ void takeCodes(float* errors, RunBits touched, std::int64_t count, std::int64_t 
   (errors, touched, count, step, slack, units_per_error, codes);
 }
 
-void includeGreater(const std::uint8_t* from, std::int64_t count, std::uint8_t* to) {
-  HWY_DYNAMIC_DISPATCH(includeGreaterHere)(from, count, to);
+void includeGreater(const std::uint8_t* from, std::int64_t from_stride, std::int64_t rows,
+                    std::int64_t count, std::uint8_t* to) {
+  HWY_DYNAMIC_DISPATCH(includeGreaterHere)(from, from_stride, rows, count, to);
 }
 
 void includeRange(const float* values, std::int64_t count, float* least, float* greatest) {

@@ -93,8 +93,9 @@ void includeErrorsOfRow(const BracketedRow& here, const BracketedRow& next_y,
 void takeCodes(float* errors, RunBits touched, std::int64_t count, std::int64_t step, float slack,
                float units_per_error, std::uint8_t* codes);
 
-// to[i] = max(to[i], from[i])
-void includeGreater(const std::uint8_t* from, std::int64_t count, std::uint8_t* to);
+// to[i] becomes the greatest of itself and from[i] of all rows of `count` codes, from_stride apart.
+void includeGreater(const std::uint8_t* from, std::int64_t from_stride, std::int64_t rows,
+                    std::int64_t count, std::uint8_t* to);
 
 // least[i] and greatest[i] take in values[i].
 void includeRange(const float* values, std::int64_t count, float* least, float* greatest);
