@@ -357,13 +357,15 @@ void Pyramid::crossedTiles(int level, const Index3& brick, float isovalue,
   const BrickPart part = acquire(kRanges, level, brick, cancel);
   visitVoxelType(spec_.voxel_type, [&](auto tag) {
     using T = typename decltype(tag)::Type;
+    const std::optional<T> threshold = insideThreshold<T>(isovalue);
+    if (!threshold) return;
     const T* pairs = reinterpret_cast<const T*>(part.data());
     std::uint8_t* crossed = out.data();
+    const T least = *threshold;
     // Without branches: a loop for vectors.
     for (std::size_t i = 0; i < count; ++i)
-      crossed[i] = static_cast<std::uint8_t>(
-          static_cast<unsigned>(static_cast<float>(pairs[2 * i]) < isovalue) &
-          static_cast<unsigned>(static_cast<float>(pairs[2 * i + 1]) >= isovalue));
+      crossed[i] = static_cast<std::uint8_t>(static_cast<unsigned>(pairs[2 * i] < least) &
+                                             static_cast<unsigned>(pairs[2 * i + 1] >= least));
   });
   throwIfReadFailed(kRanges, level, brick);
 }

@@ -2,7 +2,10 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
+#include <optional>
+#include <type_traits>
 
 namespace isobrick {
 
@@ -23,5 +26,20 @@ struct ValueRange {
   // True where values on both sides of the isovalue occur; a value equal to it is inside.
   bool crosses(float isovalue) const { return min < isovalue && max >= isovalue; }
 };
+
+// The least voxel that is inside: v >= isovalue exactly where v >= the threshold. None where no
+// voxel of the type is. T: a voxel type.
+template <typename T>
+std::optional<T> insideThreshold(float isovalue) {
+  if constexpr (std::is_floating_point_v<T>) {
+    return isovalue;
+  } else {
+    const float least = std::ceil(isovalue);
+    if (least > static_cast<float>(std::numeric_limits<T>::max())) return std::nullopt;
+    if (least < static_cast<float>(std::numeric_limits<T>::lowest()))
+      return std::numeric_limits<T>::lowest();
+    return static_cast<T>(least);
+  }
+}
 
 }  // namespace isobrick

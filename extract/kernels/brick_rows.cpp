@@ -7,9 +7,7 @@
 #include <hwy/highway.h>
 
 #include <bit>
-#include <cmath>
 #include <cstring>
-#include <limits>
 
 #include "isobrick/extract/kernels/brick_bits.h"
 #include "isobrick/storage/voxel_type.h"
@@ -105,19 +103,6 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace isobrick {
 
-template <typename T>
-std::optional<T> insideThreshold(float isovalue) {
-  if constexpr (std::is_floating_point_v<T>) {
-    return isovalue;
-  } else {
-    const float least = std::ceil(isovalue);
-    if (least > static_cast<float>(std::numeric_limits<T>::max())) return std::nullopt;
-    if (least < static_cast<float>(std::numeric_limits<T>::lowest()))
-      return std::numeric_limits<T>::lowest();
-    return static_cast<T>(least);
-  }
-}
-
 void BrickRows::resize(const Index3& brick_cells) {
   cells = brick_cells;
   words_per_row = (cells.x + 63) / 64;
@@ -150,9 +135,7 @@ void compareRows(const BrickGrid<T>& grid, T threshold, BrickRows& rows) {
   HWY_DYNAMIC_DISPATCH(compareRowsOfType)(voxelTypeOf<T>(), &grid, &threshold, rows);
 }
 
-#define ISOBRICK_INSTANTIATE(T)                     \
-  template std::optional<T> insideThreshold(float); \
-  template void compareRows<T>(const BrickGrid<T>&, T, BrickRows&);
+#define ISOBRICK_INSTANTIATE(T) template void compareRows<T>(const BrickGrid<T>&, T, BrickRows&);
 ISOBRICK_FOR_EACH_VOXEL_TYPE(ISOBRICK_INSTANTIATE)
 #undef ISOBRICK_INSTANTIATE
 

@@ -18,7 +18,6 @@
 
 #include <array>
 #include <cstdint>
-#include <optional>
 #include <span>
 #include <vector>
 
@@ -41,11 +40,6 @@ struct BrickGrid {
     return data + ((k + inset.z) * stored.y + j + inset.y) * stored.x + inset.x;
   }
 };
-
-// The least voxel that is inside: v >= isovalue exactly where v >= the threshold. None where no
-// voxel of the type is. T: a voxel type.
-template <typename T>
-std::optional<T> insideThreshold(float isovalue);
 
 // Some rows of a brick, ascending; the memory stays from brick to brick.
 struct RowList {
