@@ -12,8 +12,8 @@
 namespace isobrick {
 namespace {
 
-// Batches that may wait for their turn, for every thread: one brick may take as long as fifty others
-// do, which mostly are small.
+// Batches that may wait for their turn, for every thread: one brick may take as long as fifty
+// others do, which mostly are small.
 constexpr std::size_t kBatchesPerThread = 64;
 
 // Of memory, in use or not.

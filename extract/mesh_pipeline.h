@@ -110,9 +110,9 @@ struct MeshMemory {
 
 // Meshes all of `work` on the calling TBB arena. Batches with triangles are counted in
 // `counts[level]`, noted as active, and handed to the sink: place() in the order of the work, then
-// write(). Batches go round, so memory does not grow with the mesh: where the sink is slow, or batches
-// are large, no more are begun. Stops early, without a word, where the
-// query is cancelled. Rethrows what a mesher or the sink throws.
+// write(). Batches go round, so memory does not grow with the mesh: where the sink is slow, or
+// batches are large, no more are begun. Stops early, without a word, where the query is cancelled.
+// Rethrows what a mesher or the sink throws.
 void meshInOrder(const MeshContext& context, std::span<const BrickWork> work, MeshMemory& memory,
                  TriangleSink& sink, std::vector<LevelCounts>& counts);
 
