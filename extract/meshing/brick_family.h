@@ -92,11 +92,10 @@ class BrickFamily {
     std::optional<BrickRanges> ranges;
   };
   FinerBrick& slotWith(const Index3& fine) {
-    const bool is_on_border =
-        (fine.x & (edge_ - 1)) == 0 || (fine.y & (edge_ - 1)) == 0 || (fine.z & (edge_ - 1)) == 0;
-    const Index3 brick = is_on_border
-                             ? brickWith(fine).value_or(2L * brick_)
-                             : Index3(fine.x >> shift_, fine.y >> shift_, fine.z >> shift_);
+    Index3 brick(fine.x >> shift_, fine.y >> shift_, fine.z >> shift_);
+    if ((fine.x & (edge_ - 1)) == 0 || (fine.y & (edge_ - 1)) == 0 || (fine.z & (edge_ - 1)) == 0)
+      brick = brickWith(fine).value_or(
+          glm::min(brick, context_.pyramid.layout().bricks(level_ - 1) - Index3(1)));
     const Index3 place = brick - 2L * brick_ + Index3(1);
     auto& slot = finer_[static_cast<std::size_t>(linearIndex(place, Index3(4)))];
     if (!slot) {
