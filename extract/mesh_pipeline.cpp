@@ -12,9 +12,9 @@
 namespace isobrick {
 namespace {
 
-// Batches that may wait for their turn, for every thread: one brick may take as long as fifty
-// others do, which mostly are small.
-constexpr std::size_t kBatchesPerThread = 64;
+// Batches that may wait for their turn, for every thread: one brick may take as long as many others
+// do.
+constexpr std::size_t kBatchesPerThread = 16;
 
 // Of memory, in use or not.
 std::uint64_t keptBytes(const PlacedBatch& placed) {
