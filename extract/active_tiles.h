@@ -50,12 +50,10 @@ class ActiveTiles {
     return {static_cast<const std::uint8_t*>(first) - row,
             static_cast<const std::uint8_t*>(::memrchr(row, 1, count)) - row + 1};
   }
-  // The cells, counted in the level, of these tiles of brick `cells`; none where none is active.
+  // The cells, counted in the level, of the tiles (x, y, z) of brick `cells` with x in `span`.
   // `edge`: of a tile, in cells.
-  IndexBox activeCells(std::int64_t y, std::int64_t z, const IndexBox& cells,
-                       std::int64_t edge) const {
-    const Span span = activeSpan(y, z);
-    if (span.begin == span.end) return {};
+  static IndexBox cellsOf(const Span& span, std::int64_t y, std::int64_t z, const IndexBox& cells,
+                          std::int64_t edge) {
     const Index3 first = edge * Index3(span.begin, y, z);
     const Index3 last = glm::min(edge * Index3(span.end, y + 1, z + 1), cells.count);
     return {cells.first + first, last - first};

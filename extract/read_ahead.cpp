@@ -125,8 +125,10 @@ bool ReadAhead::isNeeded(const BrickWork& work) const {
   bool is_needed = false;
   for (std::int64_t z = 0; z < tiles.dims().z; ++z)
     for (std::int64_t y = 0; y < tiles.dims().y && !is_needed; ++y) {
-      const IndexBox active = tiles.activeCells(y, z, cells, layout.tileCells());
-      is_needed = active.size() > 0 && overlapsQueryBox(context_, work.level, active) &&
+      const ActiveTiles::Span span = tiles.activeSpan(y, z);
+      if (span.begin == span.end) continue;
+      const IndexBox active = ActiveTiles::cellsOf(span, y, z, cells, layout.tileCells());
+      is_needed = overlapsQueryBox(context_, work.level, active) &&
                   classifier.mayHoldLeaf(work.level, active);
     }
   return is_needed;

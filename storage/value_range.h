@@ -1,4 +1,4 @@
-// The least and the greatest value of something.
+// The least and the greatest value of something, and which voxels an isovalue has inside.
 #pragma once
 
 #include <algorithm>

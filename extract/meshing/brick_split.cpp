@@ -33,7 +33,7 @@ void BrickSplit::splitTileRow(const MeshContext& context, const LeafClassifier& 
   const std::int64_t edge = context.pyramid.layout().tileCells();
   const ActiveTiles::Span span = tiles.activeSpan(y, z);
   if (span.begin == span.end) return;
-  const IndexBox active = tiles.activeCells(y, z, cells_, edge);
+  const IndexBox active = ActiveTiles::cellsOf(span, y, z, cells_, edge);
   if (!overlapsQueryBox(context, level_, active) || !classifier.mayHoldLeaf(level_, active)) return;
   std::fill(active_cells_.begin(), active_cells_.end(), 0);
   for (std::int64_t x = span.begin; x < span.end; ++x) {

@@ -1,4 +1,6 @@
 // isobrick view: a window in which a volume is explored.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <memory>
 #include <string>
@@ -37,8 +39,10 @@ Command addViewCommand(CLI::App& app) {
   addParsedOption(
       *sub, "--preview-share", *preview_share,
       [](const std::string& text) { return parseNumberFrom(text, 0); }, "S",
-      "Share of a build's time for what is shown of the volume meanwhile; 0: nothing is; default: "
-      "0.02");
+      fmt::format(
+          "Share of a build's time for what is shown of the volume meanwhile; 0: nothing is; "
+          "default: {}",
+          *preview_share));
   addParsedOption(*sub, "--memory", options->memory_bytes, parseByteSize, "SIZE",
                   "Bytes of the file to keep in memory, such as 256M; default: 1G");
   addParsedOption(*sub, "--gpu-memory", options->gpu_budget_bytes, parseByteSize, "SIZE",
