@@ -52,7 +52,9 @@ class AdaptiveMesher::Brick {
         .list(corners_, [this](std::uint32_t vertex, int axis, const Index3& at) {
           makeSeamVertex(vertex, axis, cells_.first + at);
         });
+    const std::size_t plain_indices = batch_.triangles.size();
     for (const FanCell& fan : memory_.fan_cells_) meshFans(fan);
+    batch_.transition_indices = batch_.triangles.size() - plain_indices;
   }
 
  private:
@@ -138,9 +140,8 @@ class AdaptiveMesher::Brick {
     const glm::dvec3 low(lattice_.position(level_, cell));
     const glm::dvec3 high(lattice_.position(level_, cell + Index3(1)));
     const glm::dvec3 center = 0.5 * (low + high) - glm::dvec3(batch_.origin);
-    const bool is_closed = forEachLoop(contour, [&](std::span<const std::uint32_t> loop) {
-      addFan(context_.frame, center, loop, batch_);
-    });
+    const bool is_closed = forEachLoop(
+        contour, [&](const ContourLoop& loop) { addFan(context_.frame, center, loop, batch_); });
     if (!is_closed) failMissingVertex(context_, work_);
   }
 

@@ -20,7 +20,7 @@ void addPlainFace(unsigned pattern, int face, const CellVertices& vertices, Cont
         edgeNumber(std::countr_zero(along), low & 1, low >> 1 & 1, low >> 2))];
   };
   forEachFaceSegment(inside, [&](int i, int j) {
-    contour.add(vertexBetween((i + 3) % 4, i), vertexBetween(j, (j + 1) % 4));
+    contour.add(vertexBetween((i + 3) % 4, i), vertexBetween(j, (j + 1) % 4), face);
   });
 }
 

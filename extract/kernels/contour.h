@@ -23,11 +23,13 @@ struct Contour {
 
   std::array<std::uint32_t, kMostPieces> from;
   std::array<std::uint32_t, kMostPieces> to;
+  std::array<std::uint8_t, kMostPieces> face;  // that it lies in, of the cell: bit f is face f
   std::size_t size = 0;
 
-  void add(std::uint32_t a, std::uint32_t b) {
+  void add(std::uint32_t a, std::uint32_t b, int in_face) {
     from[size] = a;
     to[size] = b;
+    face[size] = static_cast<std::uint8_t>(1u << in_face);
     ++size;
   }
   // The piece that begins at `vertex`; `size` where there is none.
@@ -42,23 +44,36 @@ struct Contour {
 // inside).
 void addPlainFace(unsigned pattern, int face, const CellVertices& vertices, Contour& contour);
 
-// Calls loop(vertices) for every closed loop, in the direction of the pieces. The span is valid
-// during the call. False where pieces close no loop or lack a vertex: values of which the cell and
-// its faces do not think alike, as values that are not finite can be; the caller has an Error then.
+// A closed loop of a contour, in the direction of the pieces.
+struct ContourLoop {
+  std::span<const std::uint32_t> vertices;
+  // Of each vertex: the faces of the cell that it lies in, bit f for face f. One of an edge lies in
+  // two, and has a piece in each of them.
+  std::span<const std::uint8_t> faces;
+};
+
+// Calls loop(ContourLoop) for every closed loop. It is valid during the call. False where pieces
+// close no loop or lack a vertex: values of which the cell and its faces do not think alike, as
+// values that are not finite can be; the caller has an Error then.
 template <typename F>
 [[nodiscard]] bool forEachLoop(const Contour& contour, F&& loop) {
   std::array<bool, Contour::kMostPieces> used{};
   std::array<std::uint32_t, Contour::kMostPieces> vertices;
+  std::array<std::uint8_t, Contour::kMostPieces> faces;
   for (std::size_t start = 0; start < contour.size; ++start) {
     if (used[start]) continue;
     std::size_t length = 0, at = start;
+    std::uint8_t before = 0;  // the face of the piece that ends at the vertex
     do {
       used[at] = true;
-      vertices[length++] = contour.from[at];
+      vertices[length] = contour.from[at];
+      faces[length++] = contour.face[at] | before;
+      before = contour.face[at];
       at = contour.pieceFrom(contour.to[at]);
       if (at == contour.size || (used[at] && at != start)) return false;
     } while (at != start);
-    loop(std::span<const std::uint32_t>(vertices.data(), length));
+    faces[0] |= before;
+    loop(ContourLoop{{vertices.data(), length}, {faces.data(), length}});
   }
   return true;
 }

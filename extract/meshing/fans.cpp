@@ -34,10 +34,23 @@ glm::dvec3 onCrossingGrid(const glm::dvec3& point, int level) {
   return glm::floor(point * steps + 0.5) / steps;
 }
 
-}  // namespace
+// Whether the sides from a vertex of the loop to all others lie within the cell, or are the loop's.
+bool seesAll(std::span<const std::uint8_t> faces, std::size_t vertex) {
+  for (std::size_t step = 2; step + 1 < faces.size(); ++step)
+    if ((faces[vertex] & faces[(vertex + step) % faces.size()]) != 0) return false;
+  return true;
+}
 
-void addFan(const WorldFrame& frame, const glm::dvec3& cell_center,
-            std::span<const std::uint32_t> loop, MeshBatch& batch) {
+// The number of such a vertex, or how many there are.
+std::size_t hubOf(std::span<const std::uint8_t> faces) {
+  std::size_t vertex = 0;
+  while (vertex < faces.size() && !seesAll(faces, vertex)) ++vertex;
+  return vertex;
+}
+
+// Appends the centre of gravity to the vertices.
+std::uint32_t addCenter(const glm::dvec3& cell_center, std::span<const std::uint32_t> loop,
+                        MeshBatch& batch) {
   glm::dvec3 center(0.0), normal(0.0);
   for (const std::uint32_t vertex : loop) {
     center += glm::dvec3(batch.positions[vertex]);
@@ -46,12 +59,27 @@ void addFan(const WorldFrame& frame, const glm::dvec3& cell_center,
   center = onCrossingGrid(center / static_cast<double>(loop.size()), batch.level);
   if (hasFlatTriangle(center, loop, batch)) center = cell_center;
   const double norm = std::sqrt(glm::dot(normal, normal));
-  const auto hub = static_cast<std::uint32_t>(batch.positions.size());
-  batch.fan_hubs.push_back(hub);
+  const auto number = static_cast<std::uint32_t>(batch.positions.size());
   batch.positions.push_back(glm::vec3(center));
   batch.normals.push_back(norm > 1e-6 ? glm::vec3(normal / norm) : batch.normals[loop[0]]);
-  for (std::size_t i = 0; i < loop.size(); ++i)
-    addTriangle(frame, hub, loop[i], loop[(i + 1) % loop.size()], batch);
+  return number;
+}
+
+}  // namespace
+
+void addFan(const WorldFrame& frame, const glm::dvec3& cell_center, const ContourLoop& loop,
+            MeshBatch& batch) {
+  const std::span<const std::uint32_t> vertices = loop.vertices;
+  const std::size_t size = vertices.size(), hub = hubOf(loop.faces);
+  if (hub < size) {
+    for (std::size_t step = 1; step + 1 < size; ++step)
+      addTriangle(frame, vertices[hub], vertices[(hub + step) % size],
+                  vertices[(hub + step + 1) % size], batch);
+    return;
+  }
+  const std::uint32_t center = addCenter(cell_center, vertices, batch);
+  for (std::size_t i = 0; i < size; ++i)
+    addTriangle(frame, center, vertices[i], vertices[(i + 1) % size], batch);
 }
 
 }  // namespace isobrick

@@ -120,7 +120,7 @@ void addTransitionFace(const TransitionFace& face, float isovalue, const CellVer
         // One after the other: the order in which vertices are made is part of the mesh (rule 13).
         const std::uint32_t to = vertexBetween(corner[n], corner[(n + 1) % 4]);
         const std::uint32_t from = vertexBetween(corner[(m + 3) % 4], corner[m]);
-        contour.add(from, to);
+        contour.add(from, to, 2 * face.axis + face.side);
       });
     }
 }

@@ -29,9 +29,8 @@ struct MeshBatch {
   RawVector<std::uint32_t> triangles;  // three indices into positions each, counter-clockwise
                                        // seen in the world from the lower values
   std::vector<SharedVertex> shared;    // ascending in `vertex`
-  // The vertices in the middle of fans, ascending: what begins with one is a triangle of a cell
-  // that joins two levels. The triangles of a fan follow each other.
-  std::vector<std::uint32_t> fan_hubs;
+  // So many of the last of `triangles` are of cells that join two levels, the transition cells.
+  std::size_t transition_indices = 0;
   std::uint64_t cells = 0;             // leaves with at least one triangle
   std::uint64_t transition_cells = 0;  // those of them that have a fan
 
@@ -40,7 +39,7 @@ struct MeshBatch {
     normals.clear();
     triangles.clear();
     shared.clear();
-    fan_hubs.clear();
+    transition_indices = 0;
     cells = transition_cells = 0;
   }
   // What it takes in memory, rounding up to capacities not counted.

@@ -130,6 +130,18 @@ class LoopTriangulator {
   const Loop& loop_;
 };
 
+// A point of the loop from which diagonals to all others lead through the cell, or the loop's size:
+// no two points of a diagonal are on one face of the cell (rule 10).
+std::size_t hubOf(const Loop& loop) {
+  for (std::size_t hub = 0; hub < loop.size(); ++hub) {
+    std::size_t others = 0;
+    for (const LoopPoint& point : loop) others += (point.faces & loop[hub].faces) == 0;
+    // What is left are the point itself and the two beside it, which are on its faces.
+    if (others + 3 == loop.size()) return hub;
+  }
+  return loop.size();
+}
+
 class Mesher {
  public:
   Mesher(const ReferencePyramid& pyramid, const LeafLevels& leaves, double iso)
@@ -470,7 +482,12 @@ void Mesher::meshLeaf(const LeafBox& leaf) {
 
   const std::size_t triangles_before = mesh_.triangles.size();
   for (const Loop& loop : takeLoops()) {
-    if (is_crossed) {
+    const std::size_t hub = is_crossed ? hubOf(loop) : loop.size();
+    if (hub < loop.size()) {
+      for (std::size_t i = 1; i + 1 < loop.size(); ++i)
+        emit(leaf, loop[hub].crossing, loop[(hub + i) % loop.size()].crossing,
+             loop[(hub + i + 1) % loop.size()].crossing);
+    } else if (is_crossed) {
       glm::dvec3 sum(0);
       for (const LoopPoint& point : loop) sum += mesh_.crossings[point.crossing].point();
       const auto centre = kFanMark + static_cast<std::uint32_t>(fan_centres_.size());

@@ -109,7 +109,7 @@ struct ReferenceLevelCounts {
 // Vertices: first the crossings in their order, then the centres of fans. Triangles are
 // counter-clockwise seen from lower values. `segments` of every cell's loops are directed
 // pairs of crossings: with them, the crossings and the triangle counts a mesh is given up to the
-// choice of diagonals inside cells that have no transition face.
+// choice of diagonals inside cells.
 struct ReferenceMesh {
   LeafLevels leaves;
   std::vector<ReferenceCrossing> crossings;  // sorted; exactly those that a triangle uses
@@ -124,7 +124,8 @@ struct ReferenceMesh {
   std::vector<ReferenceLevelCounts> level_counts;  // per level
 
   std::int64_t triangleCount() const { return static_cast<std::int64_t>(triangles.size() / 3); }
-  std::int64_t fanCount() const {
+  // Of fans around no vertex on an edge.
+  std::int64_t centreCount() const {
     return static_cast<std::int64_t>(positions.size() - crossings.size());
   }
   std::int64_t transitionCellCount() const;
