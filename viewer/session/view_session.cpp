@@ -151,13 +151,14 @@ Wishes ViewSession::apply(const InputEvent& event, double seconds, bool on_panel
   return wishes;
 }
 
-void ViewSession::update(double seconds) {
+void ViewSession::update(double seconds, UploadAllowance& allowance) {
   now_ = seconds;
   advanceFlight(std::clamp(seconds - last_update_, 0.0, 0.1), volume_, interaction_, state_);
   last_update_ = seconds;
   state_ = bounded(state_, volume_);
   requestSurfaces(seconds);
-  const SurfaceSet::News news = surfaces_->pump([&] { return nextMessage(); }, clockSeconds);
+  const SurfaceSet::News news =
+      surfaces_->pump([&] { return nextMessage(); }, clockSeconds, allowance);
   takeNews(news);
   updatePlanes();
   if (auto outcome = mesh_worker_.poll()) {
@@ -304,9 +305,12 @@ void ViewSession::noteWait(const StreamMessage& pass) {
 }
 
 void ViewSession::takeNews(const SurfaceSet::News& news) {
-  uploaded_bytes_ = news.uploaded_bytes;
   waits_.clear();
   for (const StreamMessage& pass : news.passes) {
+    if (pass.too_many) {
+      quality_ = givenUp(quality_, pass.radius, pass.triangles_made, pass.seconds);
+      continue;
+    }
     noteWait(pass);
     if (pass.is_complete && !pass.surfaces.empty()) quality_ = measuredPass(quality_, pass);
     shown_request_ = pass.request;

@@ -52,7 +52,8 @@ struct SessionStatus {
 };
 
 // Belongs to one thread, that of the renderer, which outlives it. Time is the caller's: seconds
-// that run on. For each frame: apply() all events, let hands change state(), update(), draw().
+// that run on. For each frame: apply() all events, let hands change state(), update() once or more
+// often, draw().
 class ViewSession {
  public:
   // Reads the histogram. Throws Error for a damaged one.
@@ -84,8 +85,13 @@ class ViewSession {
   // What the event asks of the caller; a focus has been set already.
   Wishes apply(const InputEvent& event, double seconds, bool on_panel);
 
-  // Asks for what the state needs and takes what has come.
-  void update(double seconds);
+  // Asks for what the state needs and takes what has come, as far as `allowance`, the frame's.
+  void update(double seconds, UploadAllowance& allowance);
+  // In a frame of its own.
+  void update(double seconds) {
+    UploadAllowance allowance;
+    update(seconds, allowance);
+  }
   // Gives back all that the renderer keeps, which may end then. Until resume(), which makes it
   // again, nothing else is called.
   void suspend();
@@ -115,7 +121,6 @@ class ViewSession {
   }
   // What there could be, likewise; both 0 where there are none.
   const std::array<double, 2>& valueRange() const { return shown_pass_.values; }
-  std::uint64_t uploadedBytes() const { return uploaded_bytes_; }  // by the last update()
   // For the surfaces that the last update() began to show.
   const std::vector<SurfaceWait>& waits() const { return waits_; }
 
@@ -204,7 +209,6 @@ class ViewSession {
   std::map<int, ShownSurface> shown_surfaces_;
   std::map<std::uint64_t, ViewState> asked_;  // by request, from the one that is shown on
   std::uint64_t passes_ = 0;
-  std::uint64_t uploaded_bytes_ = 0;
   DrawingTimes drawings_;
   double last_drawing_ = 0.0;  // seconds
   std::vector<SurfaceWait> waits_;

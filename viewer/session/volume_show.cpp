@@ -57,12 +57,12 @@ void VolumeShow::giveUpPreview(SceneRenderer& renderer, const glm::dvec2& size, 
   opened_.reset();
 }
 
-void VolumeShow::update(double seconds) {
+void VolumeShow::update(double seconds, UploadAllowance& allowance) {
   if (!session_) return;
-  session_->update(seconds);
+  session_->update(seconds, allowance);
   if (!next_) return;
   next_->follow(*session_);
-  next_->update(seconds);
+  next_->update(seconds, allowance);
   const bool takes_over = next_->settled() || (next_->hasShown() && !session_->settled());
   if (!takes_over || session_->writesMesh()) return;
   session_ = std::move(next_);

@@ -27,8 +27,8 @@ class VolumeShow {
   // Previews will lead to nothing: what was shown before them is shown again.
   void giveUpPreview(SceneRenderer& renderer, const glm::dvec2& size, double scale);
 
-  // As those of ViewSession.
-  void update(double seconds);
+  // As those of ViewSession; what is shown, and what follows it, share `allowance`.
+  void update(double seconds, UploadAllowance& allowance);
   void suspend();
   void resume(SceneRenderer& renderer);
   // Nothing is about to take the place of what is shown, which is as fine as it gets.

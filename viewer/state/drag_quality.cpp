@@ -9,6 +9,9 @@ namespace {
 // Triangles that say something about a rate.
 constexpr std::uint64_t kFewest = 1000;
 
+// What a radius that was too large becomes with every surface that was not.
+constexpr double kForgotten = 1.02;
+
 // What one extraction, and one picture, do in their time.
 double fittingTriangles(const DragQuality& quality) {
   const double rate = quality.drawn_per_second > 0.0
@@ -17,24 +20,52 @@ double fittingTriangles(const DragQuality& quality) {
   return kDragSeconds * rate;
 }
 
+// Whether so many are enough for what they cost to be the time that they took.
+bool areMany(const DragQuality& quality, std::uint64_t triangles) {
+  constexpr double kShare = 0.25;
+  return static_cast<double>(triangles) >= kShare * fittingTriangles(quality);
+}
+
+double nextRate(double rate, double measured_rate, bool may_fall) {
+  constexpr double kWeight = 0.3;  // of the new figure
+  if (rate == 0.0) return measured_rate;
+  return measured_rate > rate || may_fall ? rate + kWeight * (measured_rate - rate) : rate;
+}
+
+double extractionRate(const DragQuality& quality, std::uint64_t triangles, double seconds) {
+  if (triangles < kFewest || !(seconds > 0.0)) return quality.triangles_per_second;
+  return nextRate(quality.triangles_per_second, static_cast<double>(triangles) / seconds,
+                  areMany(quality, triangles));
+}
+
+// The next step from a radius that fitted.
+double belowTooLarge(double radius, double too_large) {
+  return std::min(std::sqrt(radius * too_large), 0.9 * too_large);
+}
+
 }  // namespace
 
 DragQuality measured(const DragQuality& quality, double radius, std::uint64_t triangles,
                      double seconds) {
   DragQuality next = quality;
-  if (triangles >= kFewest && seconds > 0.0) {
-    const double rate = static_cast<double>(triangles) / seconds;
-    constexpr double kWeight = 0.3;  // of the new figure
-    next.triangles_per_second =
-        quality.triangles_per_second == 0.0
-            ? rate
-            : quality.triangles_per_second + kWeight * (rate - quality.triangles_per_second);
-  }
+  next.triangles_per_second = extractionRate(quality, triangles, seconds);
   const double fitting = fittingTriangles(next);
   // Of an empty surface the time is all there is to go by.
   const double share = triangles >= kFewest ? fitting / static_cast<double>(triangles)
                                             : kDragSeconds / std::max(seconds, 1e-3);
-  next.radius = std::max(kLeastRadius, radius * std::clamp(std::sqrt(share), 0.5, 2.0));
+  double fits = radius * std::clamp(std::sqrt(share), 0.5, 2.0);
+  next.too_large = radius >= quality.too_large ? 0.0 : kForgotten * quality.too_large;
+  if (next.too_large > 0.0) fits = std::min(fits, belowTooLarge(radius, next.too_large));
+  next.radius = std::max(kLeastRadius, fits);
+  return next;
+}
+
+DragQuality givenUp(const DragQuality& quality, double radius, std::uint64_t triangles,
+                    double seconds) {
+  DragQuality next = quality;
+  next.triangles_per_second = extractionRate(quality, triangles, seconds);
+  next.too_large = radius;
+  next.radius = std::max(kLeastRadius, std::min(quality.radius, 0.5 * radius));
   return next;
 }
 
@@ -42,11 +73,12 @@ DragQuality drawn(const DragQuality& quality, std::uint64_t triangles, double se
   DragQuality next = quality;
   if (triangles < kFewest) return next;
   const double rate = static_cast<double>(triangles) / seconds;
+  const bool is_known = quality.drawn_per_second > 0.0;
   constexpr double kFaster = 4.0;
-  if (seconds >= 0.5 * kDragSeconds)
-    next.drawn_per_second = rate;
-  else if (rate > kFaster * quality.drawn_per_second)
+  if (seconds < 0.5 * kDragSeconds && rate > kFaster * quality.drawn_per_second)
     next.drawn_per_second = 0.0;
+  else if (is_known || seconds >= kDragSeconds || areMany(quality, triangles))
+    next.drawn_per_second = nextRate(quality.drawn_per_second, rate, areMany(quality, triangles));
   return next;
 }
 

@@ -11,6 +11,7 @@ struct DragQuality {
   double radius = 16.0;               // of interest, voxels: what fits into the time
   double triangles_per_second = 0.0;  // extracted; 0: nothing was measured yet
   double drawn_per_second = 0.0;      // triangles drawn, by what draws slowly; 0: it does not
+  double too_large = 0.0;  // a radius of which lately the triangles were too many; 0: none
 };
 
 // The time that one extraction, and one picture, may take while a slider is dragged.
@@ -20,13 +21,20 @@ inline constexpr double kLeastRadius = 8.0;
 
 // After an extraction with `radius`. The surface within a sphere grows with the square of its
 // radius, so the radius that fits the time is found from the triangles that fit; steps are bounded,
-// since a surface may be anywhere. Runs that found next to nothing leave the rate as it was.
+// since a surface may be anywhere, and end before a radius that was too large. Runs that found next
+// to nothing leave the rate as it was; few triangles may raise it, but do not lower it, as most of
+// the time goes into finding them.
 DragQuality measured(const DragQuality& quality, double radius, std::uint64_t triangles,
                      double seconds);
 
-// After a picture of so many triangles. Pictures that take less than half the time, as graphics
-// cards draw them, say nothing but that a rate that was far lower is none any longer; a rasteriser
-// in software is as slow as an extraction.
+// After an extraction with `radius` that was given up for the triangles it had by then. The radius
+// is too large until surfaces grow to it again, a little each time.
+DragQuality givenUp(const DragQuality& quality, double radius, std::uint64_t triangles,
+                    double seconds);
+
+// After a picture of so many triangles. A rasteriser in software is as slow as an extraction.
+// Pictures that take less than half the time, as graphics cards draw them, may only raise a rate,
+// and where that was far lower there is none any longer; few triangles do not lower it either.
 DragQuality drawn(const DragQuality& quality, std::uint64_t triangles, double seconds);
 
 // The radius for a hand that moves on, while what it sees has been `age` seconds behind what it

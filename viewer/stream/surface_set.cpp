@@ -40,6 +40,7 @@ void SurfaceSet::accept(StreamMessage message, News& news) {
       break;
     case StreamMessage::Kind::kDropped:
       release(incoming_);
+      if (message.too_many) news.passes.push_back(std::move(message));
       break;
   }
 }
@@ -61,12 +62,13 @@ void SurfaceSet::acceptChunk(StreamMessage message, News& news) {
 }
 
 // False: the renderer takes no more in this frame.
-bool SurfaceSet::uploadPiece(News& news) {
+bool SurfaceSet::uploadPiece(UploadAllowance& allowance) {
   const auto whole = static_cast<std::size_t>(pending_->chunk.bytes());
-  const std::size_t bytes = std::min(kPieceBytes, whole - pending_->uploaded);
+  const std::size_t bytes = std::min(
+      {kPieceBytes, whole - pending_->uploaded, static_cast<std::size_t>(allowance.bytes)});
   if (!renderer_.uploadPiece(pending_->id, pending_->chunk, pending_->uploaded, bytes))
     return false;
-  news.uploaded_bytes += bytes;
+  allowance.bytes -= bytes;
   pending_->uploaded += bytes;
   if (pending_->uploaded == whole) pending_.reset();
   return true;

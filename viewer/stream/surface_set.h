@@ -5,6 +5,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "isobrick/viewer/render/scene_renderer.h"
@@ -15,6 +16,14 @@ namespace isobrick {
 // What one frame may spend on uploads.
 inline constexpr double kUploadSeconds = 0.002;
 inline constexpr std::uint64_t kUploadBytes = std::uint64_t{16} << 20;
+
+// What is left of that, for all that is uploaded in a frame, however often it looks for more.
+struct UploadAllowance {
+  double seconds = kUploadSeconds;
+  std::uint64_t bytes = kUploadBytes;
+
+  bool isSpent() const { return seconds <= 0.0 || bytes == 0; }
+};
 
 // Uploads the chunks of a pass as they come, and shows them when all of them are there; what was
 // shown before goes then. Used by the renderer's thread, which outlives it.
@@ -32,25 +41,28 @@ class SurfaceSet {
     bool over_budget = false;    // the pass at hand does not fit, here or on the card: dropped
     bool failed = false;         // see error()
     bool stale = false;          // a pass wanted to keep what is not shown, and was dropped
-    std::uint64_t uploaded_bytes = 0;
-    std::vector<StreamMessage> passes;  // those that were completed, without chunks
+    // Those that were completed, and those that had too many triangles, without chunks.
+    std::vector<StreamMessage> passes;
   };
   // Takes messages, and the chunks in them piece by piece, until there are none, the renderer takes
-  // no more, or the frame's time (`clock()`, seconds) or bytes are spent; at least one piece, so
-  // that a slow machine comes to an end too. What is left of a chunk comes in the next frame.
+  // no more, or the time (`clock()`, seconds) or the bytes of `allowance`, from which they are
+  // taken, are spent; where it is the time alone at least one piece, so that a slow machine comes
+  // to an end too. What is left of a chunk comes in the next frame.
   template <typename Poll, typename Clock>
-  News pump(Poll&& poll, Clock&& clock) {
+  News pump(Poll&& poll, Clock&& clock, UploadAllowance& allowance) {
     News news;
-    const double begin = clock();
-    while (true) {
+    double last = clock();
+    while (allowance.bytes > 0) {
       if (pending_) {
-        if (!uploadPiece(news)) break;
+        if (!uploadPiece(allowance)) break;
       } else if (auto message = poll()) {
         accept(std::move(*message), news);
       } else {
         break;
       }
-      if (news.uploaded_bytes >= kUploadBytes || clock() - begin >= kUploadSeconds) break;
+      const double now = clock();
+      allowance.seconds -= now - std::exchange(last, now);
+      if (allowance.isSpent()) break;
     }
     renderer_.endUploads();
     return news;
@@ -88,7 +100,7 @@ class SurfaceSet {
   };
   void accept(StreamMessage message, News& news);
   void acceptChunk(StreamMessage message, News& news);
-  bool uploadPiece(News& news);
+  bool uploadPiece(UploadAllowance& allowance);
   bool hasAllOf(const StreamMessage& pass) const;
   void show(const StreamMessage& pass);
   void refuse(std::uint64_t request, News& news);

@@ -14,7 +14,9 @@ namespace isobrick {
 namespace {
 
 // A pass has more triangles than its attempt may.
-struct TooMany {};
+struct TooMany {
+  std::uint64_t triangles = 0;
+};
 
 double now() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
@@ -45,7 +47,10 @@ SurfaceStream::~SurfaceStream() {
 std::uint64_t SurfaceStream::request(StreamRequest request) {
   const std::lock_guard lock(mutex_);
   waiting_ = Job{++last_number_, std::move(request)};
-  if (working_ && !a_hand_waits_) endCurrent();
+  if (!working_ || !a_hand_waits_) {
+    endCurrent();
+    dropPassesAtRest();
+  }
   endSlowPass();
   work_.notify_all();
   return last_number_;
@@ -79,11 +84,34 @@ void SurfaceStream::endCurrent() {
   room_.notify_all();
 }
 
+// For the request that waits; nothing under way reuses them. With the lock.
+void SurfaceStream::dropPassesAtRest() {
+  std::deque<StreamMessage> left;
+  for (StreamMessage& message : queue_) {
+    if (message.at_rest && message.kind == StreamMessage::Kind::kChunk) {
+      queue_bytes_ -= message.chunk.bytes();
+      continue;
+    }
+    if (message.at_rest && message.kind == StreamMessage::Kind::kPassDone) {
+      message.kind = StreamMessage::Kind::kDropped;
+      waiting_->request.may_reuse = false;
+    }
+    left.push_back(std::move(message));
+  }
+  queue_ = std::move(left);
+}
+
 // Where a request waits for a pass that takes long. With the lock.
 void SurfaceStream::endSlowPass() {
   if (!working_ || !waiting_ || cancel_->requested() || now() - pass_begin_ <= patience_) return;
   if (a_hand_waits_) patience_ *= 2.0;
   endCurrent();
+}
+
+// With the lock.
+void SurfaceStream::noteTime(StreamMessage& end) const {
+  end.ended = now();
+  end.seconds = std::max(0.0, end.ended - pass_begin_ - waited_);
 }
 
 // Chunks of a pass that was given up go with it.
@@ -168,14 +196,20 @@ SurfaceStream::Outcome SurfaceStream::run(const Job& job, const Attempt& attempt
   StreamMessage end;
   end.request = job.number;
   end.pass = attempt.pass;
+  end.at_rest = !attempt.at_once;
+  end.radius = attempt.work->radius;
   end.kind = StreamMessage::Kind::kDropped;
   Outcome outcome = Outcome::kEnded;
   try {
     outcome = extract(job, attempt, end);
     end.kind = StreamMessage::Kind::kPassDone;
   } catch (const Cancelled&) {
-  } catch (const TooMany&) {
+  } catch (const TooMany& too_many) {
     outcome = Outcome::kTooMany;
+    end.too_many = true;
+    end.triangles_made = too_many.triangles;
+    const std::lock_guard lock(mutex_);
+    noteTime(end);
   } catch (const std::exception& failure) {
     end.kind = StreamMessage::Kind::kFailed;
     end.error = failure.what();
@@ -205,7 +239,7 @@ SurfaceStream::Outcome SurfaceStream::extract(const Job& job, const Attempt& att
   std::mutex made_mutex;
   const auto take = [&](SurfaceChunk&& chunk) {
     triangles += chunk.triangles.size() / 3;
-    if (attempt.most_triangles > 0 && triangles > attempt.most_triangles) throw TooMany{};
+    if (attempt.most_triangles > 0 && triangles > attempt.most_triangles) throw TooMany{triangles};
     if (chunk.key) {
       const std::lock_guard lock(made_mutex);
       made_[*chunk.key] = {chunk.cells, chunk.triangles.size() / 3};
@@ -213,6 +247,7 @@ SurfaceStream::Outcome SurfaceStream::extract(const Job& job, const Attempt& att
     StreamMessage message;
     message.request = job.number;
     message.pass = attempt.pass;
+    message.at_rest = !attempt.at_once;
     message.chunk = std::move(chunk);
     pushChunk(std::move(message), *cancel);
   };
@@ -237,9 +272,7 @@ SurfaceStream::Outcome SurfaceStream::extract(const Job& job, const Attempt& att
   if (a_hand_waits_) patience_ = least_patience_;
   end.last_pass = attempt.pass + 1 == job.request.passes.size() && end.is_complete;
   end.kept = attempt.work->kept;
-  end.radius = attempt.work->radius;
-  end.ended = now();
-  end.seconds = std::max(0.0, end.ended - pass_begin_ - waited_);
+  noteTime(end);
   return end.is_complete ? Outcome::kComplete : Outcome::kIncomplete;
 }
 

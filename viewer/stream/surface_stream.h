@@ -84,8 +84,10 @@ struct StreamMessage {
   Kind kind = Kind::kChunk;
   std::uint64_t request = 0;
   std::size_t pass = 0;
+  bool at_rest = false;  // a hand that moves on does not wait for the pass
   SurfaceChunk chunk;
-  // Of kPassDone:
+  bool too_many = false;  // of kDropped: it has more triangles than it may
+  // Of kPassDone; with `too_many` radius, seconds and triangles_made until then:
   bool last_pass = false;
   bool is_complete = true;  // false: coarser than asked for, where bricks were not resident
   double radius = 0.0;
@@ -108,7 +110,9 @@ struct StreamMessage {
 // for longer than a patience; else when its first pass is answered, so that a hand that never rests
 // sees surfaces all the same. The patience doubles whenever it gave up a first pass, and is what it
 // was when one is done: on a machine that is slow, or busy, one gets through sooner or later. The
-// queue holds at most kQueueBytes; the extraction waits where the interface is slower.
+// queue holds at most kQueueBytes; the extraction waits where the interface is slower. What it
+// holds of passes that no hand waits for goes with the next request, for which it would be in the
+// way.
 class SurfaceStream {
  public:
   static constexpr double kPatienceSeconds = 0.1;
@@ -152,10 +156,12 @@ class SurfaceStream {
   Outcome extract(const Job& job, const Attempt& attempt, StreamMessage& end);
   void extractSurface(const StreamPass::SurfaceQuery& surface, const Attempt& attempt,
                       const std::function<void(SurfaceChunk&&)>& take, StreamMessage& end);
+  void noteTime(StreamMessage& end) const;
   void finish(StreamMessage end);
   void pushChunk(StreamMessage message, const CancelFlag& cancel);
   void endCurrent();
   void endSlowPass();
+  void dropPassesAtRest();
 
   const std::shared_ptr<const Pyramid> pyramid_;
   const int threads_;

@@ -123,7 +123,8 @@ std::string reportOf(const std::vector<ReportedFrame>& frames, const std::string
                     {"surface_age_ms", 1e3 * f.surface_age},
                     {"radius", f.shown_radius},
                     {"triangles", f.triangles},
-                    {"triangles_made", f.triangles_made}});
+                    {"triangles_made", f.triangles_made},
+                    {"uploaded_bytes", f.uploaded_bytes}});
   report["each_frame"] = std::move(list);
   return report.dump(1) + "\n";
 }
@@ -306,8 +307,10 @@ class ViewLoop {
     if (scripted.lose_context || target_->renderer().isLost()) renewContext();
 
     const Wishes wishes = hands(begin);
-    show_.update(begin);
-    const double idle = waitForSurface();
+    UploadAllowance allowance;
+    show_.update(begin, allowance);
+    const double idle = waitForSurface(allowance);
+    uploaded_bytes_ = kUploadBytes - allowance.bytes;
     const double drawing = secondsNow();
     const bool drawn = draw();
     if (drawn) {
@@ -328,22 +331,21 @@ class ViewLoop {
     closing_ = closing_ || wishes.close || (player_ && scripted.finished);
   }
 
-  // Returns the seconds in which nothing was done.
-  double waitForSurface() {
+  // While the frame may upload more. Returns the seconds in which nothing was done.
+  double waitForSurface(UploadAllowance& allowance) {
     waits_.clear();
-    uploaded_bytes_ = 0;
     double idle = 0.0;
     const auto note = [&] {
       waits_.insert(waits_.end(), session()->waits().begin(), session()->waits().end());
-      uploaded_bytes_ += session()->uploadedBytes();
     };
     if (session() == nullptr) return idle;
-    for (note(); session()->drawsBetterLater(); note()) {
+    for (note(); session()->drawsBetterLater() && !allowance.isSpent(); note()) {
       const double begin = secondsNow();
+      const std::uint64_t left = allowance.bytes;
       std::this_thread::sleep_for(std::chrono::milliseconds(2));
       const double looked = secondsNow();
-      show_.update(looked);
-      const bool nothing_came = session()->uploadedBytes() == 0 && session()->waits().empty();
+      show_.update(looked, allowance);
+      const bool nothing_came = allowance.bytes == left && session()->waits().empty();
       idle += (nothing_came ? secondsNow() : looked) - begin;
     }
     return idle;

@@ -63,7 +63,8 @@ class VolumeShowTest : public ::testing::Test {
         else
           show_.giveUpPreview(renderer_, kSize, 1.0);
       }
-      show_.update(clock_ += 0.05);
+      UploadAllowance allowance;
+      show_.update(clock_ += 0.05, allowance);
       if (show_.session() != nullptr) show_.session()->draw();
       std::this_thread::yield();
     } while (!done());

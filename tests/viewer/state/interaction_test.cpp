@@ -273,7 +273,7 @@ TEST(DragQualityTest, ASlowRasteriserBoundsTheRadiusToo) {
   }
   EXPECT_NEAR(4.0 * quality.radius * quality.radius, kDragSeconds * 1e5, 0.05 * kDragSeconds * 1e5);
   EXPECT_EQ(drawn(quality, 10, 5.0).drawn_per_second, 1e5);         // too few to say anything
-  EXPECT_EQ(drawn(quality, 2'000, 0.01).drawn_per_second, 1e5);     // a small surface, as slow
+  EXPECT_EQ(drawn(quality, 1'000, 0.01).drawn_per_second, 1e5);     // a small surface, as slow
   EXPECT_EQ(drawn(quality, 100'000, 0.001).drawn_per_second, 0.0);  // a graphics card
 }
 
@@ -329,6 +329,48 @@ TEST(DragQualityTest, ASurfaceThatSuddenlyGrowsGetsASmallerRadius) {
   EXPECT_EQ(smallerRadii(40.0), (std::vector<double>{20.0, 10.0}));
   EXPECT_EQ(smallerRadii(20.0), (std::vector<double>{10.0}));
   EXPECT_TRUE(smallerRadii(kLeastRadius).empty());
+}
+
+// They take as long as many do that are found as quickly: a surface that then grows is not given
+// up for it.
+TEST(DragQualityTest, FewTrianglesDoNotMakeAMachineSlow) {
+  DragQuality quality{200.0, 5e6, 1e6};
+  for (int i = 0; i < 100; ++i) {
+    quality = measured(quality, 100.0, 1'700, 0.02);
+    quality = drawn(quality, 1'700, 0.04);
+  }
+  EXPECT_EQ(mostTriangles(quality), 120'000u);
+  for (int i = 0; i < 100; ++i) quality = measured(quality, 100.0, 60'000, 0.12);
+  EXPECT_NEAR(quality.triangles_per_second, 5e5, 1e4);  // it is slow
+  for (int i = 0; i < 100; ++i) quality = drawn(quality, 30'000, 0.12);
+  EXPECT_NEAR(quality.drawn_per_second, 2.5e5, 1e4);
+  quality = measured(quality, 100.0, 2'000, 0.001);  // as quick as that at least
+  EXPECT_GT(quality.triangles_per_second, 9e5);
+}
+
+// A coarse level that the surface reaches all at once beyond some radius, and its fine ones do not.
+TEST(DragQualityTest, ARadiusThatWasTooLargeIsNotTriedForEveryRequest) {
+  DragQuality quality{16.0, 1e6, 0.0};
+  const auto trianglesOf = [](double radius) { return radius < 200.0 ? 2'000u : 500'000u; };
+  int given_up = 0;
+  double smallest = 1e9;
+  constexpr int kRequests = 100;
+  for (int i = 0; i < kRequests; ++i) {
+    double radius = quality.radius;
+    while (trianglesOf(radius) > mostTriangles(quality)) {
+      ++given_up;
+      quality = givenUp(quality, radius, mostTriangles(quality), 0.12);
+      EXPECT_LE(quality.radius, 0.5 * radius);
+      radius *= 0.5;
+    }
+    quality = measured(quality, radius, trianglesOf(radius), 0.002);
+    if (i > 10) smallest = std::min(smallest, radius);
+  }
+  EXPECT_LE(given_up, kRequests / 5);
+  EXPECT_GE(smallest, 80.0);
+  // Where it is gone the radius grows again.
+  for (int i = 0; i < 50; ++i) quality = measured(quality, quality.radius, 2'000, 0.002);
+  EXPECT_GT(quality.radius, 250.0);
 }
 
 }  // namespace

@@ -30,8 +30,8 @@ class SurfaceSetTest : public ::testing::Test {
     message.surfaces.emplace_back();
     messages_.push_back(std::move(message));
   }
-  // A frame in which every look at the clock is `seconds` after the last one.
-  SurfaceSet::News frame(double seconds) {
+  // Every look at the clock is `seconds` after the last one.
+  SurfaceSet::News look(double seconds, UploadAllowance& allowance) {
     return set_->pump(
         [&]() -> std::optional<StreamMessage> {
           if (messages_.empty()) return std::nullopt;
@@ -39,13 +39,25 @@ class SurfaceSetTest : public ::testing::Test {
           messages_.pop_front();
           return message;
         },
-        [&] { return clock_ += seconds; });
+        [&] { return clock_ += seconds; }, allowance);
+  }
+  // A frame with one look.
+  SurfaceSet::News frame(double seconds) {
+    UploadAllowance allowance;
+    const SurfaceSet::News news = look(seconds, allowance);
+    uploaded_ = kUploadBytes - allowance.bytes;
+    return news;
+  }
+  std::uint64_t uploadedBy(double seconds) {
+    frame(seconds);
+    return uploaded_;
   }
 
   std::deque<StreamMessage> messages_;
   NullRenderer renderer_;
   std::optional<SurfaceSet> set_{std::in_place, renderer_, std::uint64_t{64} << 20};
   double clock_ = 0.0;
+  std::uint64_t uploaded_ = 0;  // by the last frame
 };
 
 TEST_F(SurfaceSetTest, AChunkThatIsTooMuchForAFrameComesInSeveral) {
@@ -55,7 +67,7 @@ TEST_F(SurfaceSetTest, AChunkThatIsTooMuchForAFrameComesInSeveral) {
   int frames = 0;
   for (bool shown = false; !shown; ++frames) {
     const SurfaceSet::News news = frame(0.0009);  // three steps
-    EXPECT_LE(news.uploaded_bytes, 3 * kPieceBytes);
+    EXPECT_LE(uploaded_, 3 * kPieceBytes);
     shown = news.shows_another;
     EXPECT_EQ(set_->shown().empty(), !shown);
     EXPECT_EQ(set_->shownBytes() + set_->incomingBytes(), bytes);
@@ -72,26 +84,39 @@ TEST_F(SurfaceSetTest, AChunkThatIsTooMuchForAFrameComesInSeveral) {
 TEST_F(SurfaceSetTest, AFrameTakesSixteenMebibytesHoweverFastItIs) {
   for (int chunk = 0; chunk < 20; ++chunk) addChunk(1, 2'000'000);
   for (int i = 0; i < 2; ++i) {
-    const std::uint64_t bytes = frame(0.0).uploaded_bytes;
-    EXPECT_GE(bytes, kUploadBytes);
-    EXPECT_LT(bytes, kUploadBytes + kPieceBytes);
+    EXPECT_EQ(uploadedBy(0.0), kUploadBytes);
+    EXPECT_EQ(renderer_.uploadedBytes(), (i + 1) * kUploadBytes);
   }
+}
+
+// While a frame that draws slowly waits for the surface that comes next.
+TEST_F(SurfaceSetTest, AFrameThatLooksOftenTakesNoMoreThanOneThatLooksOnce) {
+  for (int chunk = 0; chunk < 20; ++chunk) addChunk(1, 2'000'000);
+  UploadAllowance allowance;
+  for (int i = 0; i < 3; ++i) look(0.0, allowance);
+  EXPECT_EQ(renderer_.uploadedBytes(), kUploadBytes);
+  EXPECT_TRUE(allowance.isSpent());
+  // Nor longer, but for a piece.
+  allowance = {};
+  for (int i = 0; i < 3; ++i) look(0.3 * kUploadSeconds, allowance);
+  EXPECT_TRUE(allowance.isSpent());
+  EXPECT_LE(renderer_.uploadedBytes(), kUploadBytes + 6 * kPieceBytes);
 }
 
 // A slow machine comes to an end too.
 TEST_F(SurfaceSetTest, AFrameTakesOnePieceHoweverSlowItIs) {
   addChunk(1, 2 * kPieceBytes);
-  EXPECT_EQ(frame(1.0).uploaded_bytes, 0u);  // room was made
-  EXPECT_EQ(frame(1.0).uploaded_bytes, kPieceBytes);
-  EXPECT_EQ(frame(1.0).uploaded_bytes, kPieceBytes);
+  EXPECT_EQ(uploadedBy(1.0), 0u);  // room was made
+  EXPECT_EQ(uploadedBy(1.0), kPieceBytes);
+  EXPECT_EQ(uploadedBy(1.0), kPieceBytes);
 }
 
 TEST_F(SurfaceSetTest, WhereTheRingIsFullTheRestWaitsForTheNextFrame) {
   addChunk(1, 4 * kPieceBytes);
   add(Kind::kPassDone, 1);
   renderer_.pieces_left = 3;
-  EXPECT_EQ(frame(0.0).uploaded_bytes, 3 * kPieceBytes);
-  EXPECT_EQ(frame(0.0).uploaded_bytes, 0u);
+  EXPECT_EQ(uploadedBy(0.0), 3 * kPieceBytes);
+  EXPECT_EQ(uploadedBy(0.0), 0u);
   EXPECT_TRUE(set_->shown().empty());
   renderer_.pieces_left = 1;
   EXPECT_TRUE(frame(0.0).shows_another);

@@ -57,7 +57,8 @@ class SurfaceStreamTest : public ::testing::Test {
   static void pumpAll(SurfaceStream& stream, SurfaceSet& set, Look&& look) {
     double clock = 0.0;
     while (stream.busy()) {
-      look(set.pump([&] { return stream.poll(); }, [&] { return clock += 1e-4; }));
+      UploadAllowance allowance;
+      look(set.pump([&] { return stream.poll(); }, [&] { return clock += 1e-4; }, allowance));
       std::this_thread::yield();
     }
   }
@@ -173,7 +174,9 @@ TEST_F(SurfaceStreamTest, TheLastOfManyRequestsIsWhatStays) {
   std::uint64_t last = 0;
   for (int i = 0; i < 200; ++i) {
     last = stream.request({{pass(4.0, 1.0 + 0.1 * i), pass(50.0, 1.0 + 0.1 * i)}});
-    if (i % 3 == 0) set.pump([&] { return stream.poll(); }, [&] { return clock += 1e-4; });
+    UploadAllowance allowance;
+    if (i % 3 == 0)
+      set.pump([&] { return stream.poll(); }, [&] { return clock += 1e-4; }, allowance);
   }
   std::uint64_t shown_request = 0;
   double shown_radius = 0.0;
@@ -188,6 +191,45 @@ TEST_F(SurfaceStreamTest, TheLastOfManyRequestsIsWhatStays) {
   EXPECT_EQ(shown_radius, 50.0);
   EXPECT_EQ(kept(renderer, set.shown()), trianglesOf(pass(50.0, 1.0 + 0.1 * 199)));
   EXPECT_EQ(renderer.kept().size(), set.shown().size());
+}
+
+// Its uploads would come before what the hand waits for.
+TEST_F(SurfaceStreamTest, OfWhatNoHandWaitsForNothingComesAfterTheNextRequest) {
+  SurfaceStream stream(pyramid_, 2);
+  NullRenderer renderer;
+  SurfaceSet set(renderer, 1 << 30);
+  for (int i = 0; i < 10; ++i) {
+    const std::uint64_t at_rest = stream.request({{pass(4.0), pass(50.0)}});
+    const auto isAtRest = [&](const StreamMessage& message) {
+      return message.request == at_rest && message.pass == 1;
+    };
+    std::deque<StreamMessage> messages;
+    do {
+      if (auto message = stream.poll()) messages.push_back(std::move(*message));
+    } while (messages.empty() || !isAtRest(messages.back()));
+    if (i % 2 == 1) std::this_thread::sleep_for(std::chrono::milliseconds(5));  // it is done
+    stream.request({{pass(6.0)}});
+    while (stream.busy()) {
+      auto message = stream.poll();
+      if (!message) continue;
+      EXPECT_TRUE(!isAtRest(*message) || message->kind == StreamMessage::Kind::kDropped);
+      messages.push_back(std::move(*message));
+    }
+    UploadAllowance allowance;
+    const auto next = [&]() -> std::optional<StreamMessage> {
+      if (messages.empty()) return std::nullopt;
+      StreamMessage message = std::move(messages.front());
+      messages.pop_front();
+      return message;
+    };
+    const SurfaceSet::News news = set.pump(
+        next, [] { return 0.0; }, allowance);
+    ASSERT_FALSE(news.passes.empty());
+    EXPECT_EQ(news.passes.back().radius, 6.0);
+    EXPECT_FALSE(news.stale);
+    EXPECT_EQ(kept(renderer, set.shown()), trianglesOf(pass(6.0)));
+    EXPECT_EQ(renderer.kept().size(), set.shown().size());
+  }
 }
 
 TEST_F(SurfaceStreamTest, OnAColdFileASurfaceIsThereBeforeItsBricksAre) {
@@ -224,11 +266,21 @@ TEST_F(SurfaceStreamTest, WhatHasTooManyTrianglesGivesWayToTheFirstThatFits) {
   SurfaceSet set(renderer, 1 << 30);
   const auto shownRadius = [&](std::uint64_t most) {
     stream.request({{pass(40.0)}, false, {pass(20.0), pass(10.0)}, most});
-    double radius = 0.0;
+    double radius = 0.0, expected = 40.0;
+    bool is_done = false;
     pumpAll(stream, set, [&](const SurfaceSet::News& news) {
-      EXPECT_LE(news.passes.size(), 1u);
-      for (const StreamMessage& done : news.passes) radius = done.radius;
+      for (const StreamMessage& pass : news.passes) {
+        EXPECT_FALSE(is_done);
+        EXPECT_EQ(pass.radius, expected);
+        expected *= 0.5;
+        if (pass.too_many) {
+          EXPECT_GT(pass.triangles_made, most);
+        }
+        is_done = !pass.too_many;
+        radius = pass.radius;
+      }
     });
+    EXPECT_TRUE(is_done);
     EXPECT_EQ(kept(renderer, set.shown()), trianglesOf(pass(radius)));
     EXPECT_EQ(renderer.kept().size(), set.shown().size());
     return radius;
