@@ -156,10 +156,9 @@ void ViewSession::update(double seconds, UploadAllowance& allowance) {
   advanceFlight(std::clamp(seconds - last_update_, 0.0, 0.1), volume_, interaction_, state_);
   last_update_ = seconds;
   state_ = bounded(state_, volume_);
+  // What has come tells how much to ask for.
+  takeNews(surfaces_->pump([&] { return nextMessage(); }, clockSeconds, allowance));
   requestSurfaces(seconds);
-  const SurfaceSet::News news =
-      surfaces_->pump([&] { return nextMessage(); }, clockSeconds, allowance);
-  takeNews(news);
   updatePlanes();
   if (auto outcome = mesh_worker_.poll()) {
     mesh_error_ = outcome->error;
@@ -186,7 +185,8 @@ void ViewSession::requestSurfaces(double seconds) {
     asked_for_all_ = true;
     // What is shown is not made again.
     if (over_budget_ || (showsTheLatest() && shown_pass_.radius >= wanted)) return;
-    requestPasses(passRadii(showsTheLatest() ? 2.0 * shown_pass_.radius : quality_.radius, wanted),
+    requestPasses(showsTheLatest() ? finerRadii(shown_pass_.radius, wanted)
+                                   : passRadii(quality_.radius, wanted),
                   shown_request_ != last_request_, seconds);
   }
 }

@@ -90,7 +90,7 @@ double hurriedRadius(double radius, double age) {
 }
 
 std::uint64_t mostTriangles(const DragQuality& quality) {
-  constexpr double kTimes = 2.0;
+  constexpr double kTimes = 1.5;
   const double most = kTimes * fittingTriangles(quality);
   return most > 0.0 ? std::max(kFewest, static_cast<std::uint64_t>(most)) : 0;
 }
@@ -111,6 +111,12 @@ std::vector<double> passRadii(double quick, double wanted) {
     radii.push_back(radius);
   }
   radii.push_back(wanted);
+  return radii;
+}
+
+std::vector<double> finerRadii(double shown, double wanted) {
+  std::vector<double> radii = passRadii(shown, wanted);
+  if (radii.size() > 1) radii.erase(radii.begin());
   return radii;
 }
 

@@ -43,8 +43,8 @@ DragQuality drawn(const DragQuality& quality, std::uint64_t triangles, double se
 // gets smaller than the one before, until one is shown.
 double hurriedRadius(double radius, double age);
 
-// Beyond so many triangles a surface for a hand that moves is given up for a smaller one: several
-// times what fits the time, as a surface may suddenly grow; 0 where nothing was measured yet.
+// Beyond so many triangles a surface for a hand that moves is given up for a smaller one: half as
+// many again as fit the time, as a surface may suddenly grow; 0 where nothing was measured yet.
 std::uint64_t mostTriangles(const DragQuality& quality);
 
 // The radii that take the place of `radius` where a surface has too many triangles, each half the
@@ -55,5 +55,7 @@ std::vector<double> smallerRadii(double radius);
 // pass makes the bricks anew whose leaves are not those of the one before; even where these are
 // all, the geometric growth keeps all passes together to about a third more than the last one.
 std::vector<double> passRadii(double quick, double wanted);
+// Those that are left, at least one, where the one with `shown` is shown.
+std::vector<double> finerRadii(double shown, double wanted);
 
 }  // namespace isobrick

@@ -1,6 +1,7 @@
 // The chunks that are shown, and those that will take their place: never a half surface.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <map>
 #include <optional>
@@ -23,6 +24,10 @@ struct UploadAllowance {
   std::uint64_t bytes = kUploadBytes;
 
   bool isSpent() const { return seconds <= 0.0 || bytes == 0; }
+  // A frame that waits lasts longer: an eighth of what it waits, as of 16 ms, is for uploads again.
+  void addWaited(double waited) {
+    seconds = std::min(kUploadSeconds, std::max(seconds, 0.0) + waited / 8.0);
+  }
 };
 
 // Uploads the chunks of a pass as they come, and shows them when all of them are there; what was

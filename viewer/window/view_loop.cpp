@@ -331,7 +331,7 @@ class ViewLoop {
     closing_ = closing_ || wishes.close || (player_ && scripted.finished);
   }
 
-  // While the frame may upload more. Returns the seconds in which nothing was done.
+  // While the frame may upload more bytes. Returns the seconds in which nothing was done.
   double waitForSurface(UploadAllowance& allowance) {
     waits_.clear();
     double idle = 0.0;
@@ -339,11 +339,12 @@ class ViewLoop {
       waits_.insert(waits_.end(), session()->waits().begin(), session()->waits().end());
     };
     if (session() == nullptr) return idle;
-    for (note(); session()->drawsBetterLater() && !allowance.isSpent(); note()) {
+    for (note(); session()->drawsBetterLater() && allowance.bytes > 0; note()) {
       const double begin = secondsNow();
       const std::uint64_t left = allowance.bytes;
       std::this_thread::sleep_for(std::chrono::milliseconds(2));
       const double looked = secondsNow();
+      allowance.addWaited(looked - begin);
       show_.update(looked, allowance);
       const bool nothing_came = allowance.bytes == left && session()->waits().empty();
       idle += (nothing_came ? secondsNow() : looked) - begin;

@@ -101,6 +101,11 @@ TEST_F(SurfaceSetTest, AFrameThatLooksOftenTakesNoMoreThanOneThatLooksOnce) {
   for (int i = 0; i < 3; ++i) look(0.3 * kUploadSeconds, allowance);
   EXPECT_TRUE(allowance.isSpent());
   EXPECT_LE(renderer_.uploadedBytes(), kUploadBytes + 6 * kPieceBytes);
+  // While it waits there is more time.
+  allowance.addWaited(0.004);
+  EXPECT_DOUBLE_EQ(allowance.seconds, 0.25 * kUploadSeconds);
+  allowance.addWaited(1.0);
+  EXPECT_DOUBLE_EQ(allowance.seconds, kUploadSeconds);
 }
 
 // A slow machine comes to an end too.

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <deque>
 #include <glm/geometric.hpp>
 #include <set>
 #include <thread>
