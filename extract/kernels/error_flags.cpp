@@ -78,17 +78,21 @@ void flagVoxelsHere(const BoundedRow& row, std::int64_t count, const ErrorBound&
   }
 }
 
+// Where nothing crosses there is no error; that is so nearly everywhere.
+HWY_INLINE Mask mayCross(const End& a, const End& b) {
+  const Tag d;
+  const Floats least = hn::Min(hn::Min(a.value, a.low), hn::Min(b.value, b.low));
+  const Floats greatest = hn::Max(hn::Max(a.value, a.high), hn::Max(b.value, b.high));
+  return hn::And(hn::Lt(least, hn::Zero(d)), hn::Ge(greatest, hn::Zero(d)));
+}
+
 void flagEdgesHere(const BoundedRow& row, const BoundedRow& other, std::int64_t count,
                    const ErrorBound& bound, std::uint8_t* flags) {
   const Tag d;
   const Floats isovalue = hn::Set(d, bound.isovalue), tolerance = hn::Set(d, bound.tolerance);
-  const Floats zero = hn::Zero(d);
   for (std::int64_t i = 0; i < count; i += static_cast<std::int64_t>(hn::Lanes(d))) {
     const End a = load(row, i, isovalue), b = load(other, i, isovalue);
-    // Where nothing crosses there is no error; that is so nearly everywhere.
-    const Floats least = hn::Min(hn::Min(a.value, a.low), hn::Min(b.value, b.low));
-    const Floats greatest = hn::Max(hn::Max(a.value, a.high), hn::Max(b.value, b.high));
-    if (hn::AllFalse(d, hn::And(hn::Lt(least, zero), hn::Ge(greatest, zero)))) continue;
+    if (hn::AllFalse(d, mayCross(a, b))) continue;
     store(isTooFar(a.value, b.value, a.low, b.low, a.high, b.high, tolerance), kCoarseEdge, i,
           flags);
     store(isTooFar(a.value, b.value, a.low, b.value, a.high, b.value, tolerance), kLowHangs, i,
@@ -96,6 +100,22 @@ void flagEdgesHere(const BoundedRow& row, const BoundedRow& other, std::int64_t 
     store(isTooFar(a.value, b.value, a.value, b.low, a.value, b.high, tolerance), kHighHangs, i,
           flags);
   }
+}
+
+bool hasCoarseEdgeHere(const BoundedRow& row, const BoundedRow& other, std::int64_t count,
+                       const ErrorBound& bound) {
+  const Tag d;
+  const Floats isovalue = hn::Set(d, bound.isovalue), tolerance = hn::Set(d, bound.tolerance);
+  for (std::int64_t i = 0; i < count; i += static_cast<std::int64_t>(hn::Lanes(d))) {
+    const End a = load(row, i, isovalue), b = load(other, i, isovalue);
+    const Mask is_edge = hn::FirstN(d, static_cast<std::size_t>(count - i));
+    const Mask may_cross = hn::And(is_edge, mayCross(a, b));
+    if (hn::AllFalse(d, may_cross)) continue;
+    if (!hn::AllFalse(d, hn::And(may_cross, isTooFar(a.value, b.value, a.low, b.low, a.high, b.high,
+                                                     tolerance))))
+      return true;
+  }
+  return false;
 }
 
 }  // namespace HWY_NAMESPACE
@@ -107,6 +127,7 @@ namespace isobrick {
 
 HWY_EXPORT(flagVoxelsHere);
 HWY_EXPORT(flagEdgesHere);
+HWY_EXPORT(hasCoarseEdgeHere);
 
 void flagVoxels(const BoundedRow& row, std::int64_t count, const ErrorBound& bound,
                 std::uint8_t* flags) {
@@ -116,6 +137,11 @@ void flagVoxels(const BoundedRow& row, std::int64_t count, const ErrorBound& bou
 void flagEdges(const BoundedRow& row, const BoundedRow& other, std::int64_t count,
                const ErrorBound& bound, std::uint8_t* flags) {
   HWY_DYNAMIC_DISPATCH(flagEdgesHere)(row, other, count, bound, flags);
+}
+
+bool hasCoarseEdge(const BoundedRow& row, const BoundedRow& other, std::int64_t count,
+                   const ErrorBound& bound) {
+  return HWY_DYNAMIC_DISPATCH(hasCoarseEdgeHere)(row, other, count, bound);
 }
 
 }  // namespace isobrick

@@ -43,6 +43,10 @@ void flagVoxels(const BoundedRow& row, std::int64_t count, const ErrorBound& bou
 void flagEdges(const BoundedRow& row, const BoundedRow& other, std::int64_t count,
                const ErrorBound& bound, std::uint8_t* flags);
 
+// Whether any of the edges has kCoarseEdge; nothing else is looked at.
+bool hasCoarseEdge(const BoundedRow& row, const BoundedRow& other, std::int64_t count,
+                   const ErrorBound& bound);
+
 inline constexpr std::int64_t kErrorLanes = 64;
 
 }  // namespace isobrick

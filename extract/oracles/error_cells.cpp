@@ -4,6 +4,7 @@
 #include <cstring>
 
 #include "isobrick/extract/kernels/field_bounds.h"
+#include "isobrick/extract/oracles/cell_error.h"
 #include "isobrick/extract/oracles/oracle_share.h"
 #include "isobrick/storage/index_loop.h"
 
@@ -46,6 +47,7 @@ class ErrorCells::Brick {
         const ErrorBound& bound)
       : memory_(memory),
         bound_(bound),
+        lattice_(context.lattice()),
         tile_cells_(context.pyramid.layout().tileCells()),
         first_(context.pyramid.layout().brickCellBox(0, brick).first),
         samples_(context.samples(0, brick)),
@@ -71,6 +73,23 @@ class ErrorCells::Brick {
       std::fill(next_filled.begin(), next_filled.end(), 0);
       for (std::int64_t y = 0; y < axes_[1].voxels; ++y) flagRow(y, z);
     }
+  }
+
+  // After run().
+  FoundCells found() const {
+    const IndexBox cells{first_ / std::int64_t{2}, ring_ - Index3(2)};
+    FoundCells found{CellBits({cells.first - Index3(1), ring_}), CellBits(cells)};
+    CellError<T> error(lattice_, samples_, coarse_, bound_);
+    const std::uint8_t* is_marked = memory_.cells_.data();
+    forEachIndex(found.may_be_beyond.box(), [&](const Index3& cell) {
+      if (*is_marked++ == 0) return;
+      found.may_be_beyond.add(cell);
+      if (glm::clamp(cell, cells.first, cells.end() - Index3(1)) != cell) return;
+      error.load(cell);
+      if (error.isCrossed() && error.isBeyondWithin(CellError<T>::kAllCorners))
+        found.are_beyond.add(cell);
+    });
+    return found;
   }
 
  private:
@@ -228,6 +247,7 @@ class ErrorCells::Brick {
 
   ErrorCells& memory_;
   const ErrorBound& bound_;
+  const Lattice& lattice_;
   const std::int64_t tile_cells_;
   const Index3 first_;  // voxel
   const BrickSamples samples_, coarse_;
@@ -236,8 +256,9 @@ class ErrorCells::Brick {
   Index3 ring_{0};
 };
 
-CellBits ErrorCells::find(const MeshContext& context, const Index3& brick, const ErrorBound& bound,
-                          const std::function<bool(const Index3&)>& wants) {
+FoundCells ErrorCells::find(const MeshContext& context, const Index3& brick,
+                            const ErrorBound& bound,
+                            const std::function<bool(const Index3&)>& wants) {
   if (context.query.cull_by_ranges &&
       !context.pyramid.brickRange(0, brick).crosses(context.isovalue))
     return {};
@@ -255,20 +276,13 @@ CellBits ErrorCells::find(const MeshContext& context, const Index3& brick, const
     return is_wanted;
   });
   if (!is_any_wanted) return {};
+  FoundCells found;
   visitVoxelType(context.pyramid.spec().voxel_type, [&](auto tag) {
-    Brick<typename decltype(tag)::Type>(*this, context, brick, bound).run();
+    Brick<typename decltype(tag)::Type> voxels(*this, context, brick, bound);
+    voxels.run();
+    found = voxels.found();
   });
   context.throwIfReadsFailed();
-  const IndexBox cells = coarseCellsOf(context.pyramid.layout(), brick);
-  CellBits found(IndexBox{cells.first - Index3(1), cells.count + Index3(2)});
-  const std::uint8_t* is_found = cells_.data();
-  const IndexBox& box = found.box();
-  for (std::int64_t z = box.first.z; z < box.end().z; ++z)
-    for (std::int64_t y = box.first.y; y < box.end().y; ++y) {
-      std::uint64_t* row = found.row(y, z);
-      for (std::int64_t x = 0; x < box.count.x; ++x, ++is_found)
-        row[x / 64] |= static_cast<std::uint64_t>(*is_found) << x % 64;
-    }
   return found;
 }
 

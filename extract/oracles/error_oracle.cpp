@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "isobrick/extract/oracles/cells_beyond.h"
 #include "isobrick/extract/oracles/error_cells.h"
 #include "isobrick/storage/index_loop.h"
 
@@ -13,28 +14,6 @@ namespace {
 // size.
 float roundingOf(const ValueRange& values, float isovalue) {
   return 0x1p-20f * std::max({std::abs(values.min), std::abs(values.max), std::abs(isovalue)});
-}
-
-// Bits [from, from + count) of a row go to bits [to, to + count) of another; set ones are added.
-void addBits(const std::uint64_t* source, std::int64_t from, std::uint64_t* target, std::int64_t to,
-             std::int64_t count) {
-  for (std::int64_t done = 0; done < count;) {
-    const std::int64_t source_bit = (from + done) % 64, target_bit = (to + done) % 64;
-    const std::int64_t some = std::min({count - done, 64 - source_bit, 64 - target_bit});
-    const std::uint64_t bits = source[(from + done) / 64] >> source_bit & lowBits(some);
-    target[(to + done) / 64] |= bits << target_bit;
-    done += some;
-  }
-}
-
-void addBits(const CellBits& source, CellBits& target) {
-  const Index3 first = glm::max(source.box().first, target.box().first);
-  const Index3 end = glm::min(source.box().end(), target.box().end());
-  if (first.x >= end.x) return;
-  for (std::int64_t z = first.z; z < end.z; ++z)
-    for (std::int64_t y = first.y; y < end.y; ++y)
-      addBits(source.row(y, z), first.x - source.box().first.x, target.row(y, z),
-              first.x - target.box().first.x, end.x - first.x);
 }
 
 }  // namespace
@@ -49,18 +28,19 @@ ErrorOracle::ErrorOracle(const Pyramid& pyramid, double tolerance, float isovalu
                          : ErrorCode::greatestWithin(tolerance / pyramid.errorBins().unit())) {}
 ErrorOracle::~ErrorOracle() = default;
 
+template <typename Value>
 template <typename Make>
-ErrorOracle::Bits ErrorOracle::Shelf::get(std::size_t row, const Make& make) {
+std::shared_ptr<const Value> ErrorOracle::Shelf<Value>::get(std::size_t row, const Make& make) {
   std::unique_lock lock(mutex_);
   while (true) {
-    if (const auto known = bits_.find(row); known != bits_.end()) return known->second;
+    if (const auto known = values_.find(row); known != values_.end()) return known->second;
     if (in_making_.insert(row).second) break;
     made_.wait(lock);
   }
   lock.unlock();
-  Bits bits;
+  std::shared_ptr<const Value> value;
   try {
-    bits = std::make_shared<const CellBits>(make());
+    value = std::make_shared<const Value>(make());
   } catch (...) {
     lock.lock();
     in_making_.erase(row);
@@ -70,16 +50,17 @@ ErrorOracle::Bits ErrorOracle::Shelf::get(std::size_t row, const Make& make) {
   lock.lock();
   in_making_.erase(row);
   made_.notify_all();
-  bits_.emplace(row, bits);
+  values_.emplace(row, value);
   order_.push_back(row);
   if (order_.size() > kMostBricks) {
-    bits_.erase(order_.front());
+    values_.erase(order_.front());
     order_.pop_front();
   }
-  return bits;
+  return value;
 }
 
-bool ErrorOracle::Shelf::isInMaking(std::size_t row) const {
+template <typename Value>
+bool ErrorOracle::Shelf<Value>::isInMaking(std::size_t row) const {
   const std::lock_guard lock(mutex_);
   return in_making_.count(row) != 0;
 }
@@ -106,7 +87,7 @@ class ErrorOracle::NearCells {
   Index3 brick_{0};
 };
 
-ErrorOracle::Bits ErrorOracle::foundIn(const MeshContext& context, const Index3& brick) const {
+ErrorOracle::Found ErrorOracle::foundIn(const MeshContext& context, const Index3& brick) const {
   return found_.get(context.pyramid.brickRow(0, brick), [&] {
     thread_local ErrorCells cells;
     NearCells coarse(*this, context, 2);
@@ -147,20 +128,24 @@ bool ErrorOracle::mayRefineBelow(const MeshContext& context, const IndexBox& cel
 
 CellBits ErrorOracle::beyondAtLevel1(const MeshContext& context, const Index3& brick) const {
   const BrickLayout& layout = context.pyramid.layout();
-  CellBits cells(coarseCellsOf(layout, brick));
-  if (last_level_ > 1 && !mayRefineBelow(context, cells.box())) return cells;
-  const Index3 first = glm::max(brick - Index3(1), Index3(0));
-  const Index3 end = glm::min(brick + Index3(2), layout.bricks(0));
+  const IndexBox cells = coarseCellsOf(layout, brick);
+  if (last_level_ > 1 && !mayRefineBelow(context, cells)) return CellBits(cells);
+  FoundAround around;
+  const auto ask = [&](const Index3& offset) {
+    around.at(offset) = foundIn(context, brick + offset);
+  };
   // What another thread makes comes last.
   std::vector<Index3> in_making;
-  forEachIndex({first, end - first}, [&](const Index3& other) {
+  forEachIndex({Index3(-1), Index3(3)}, [&](const Index3& offset) {
+    const Index3 other = brick + offset;
+    if (glm::clamp(other, Index3(0), layout.bricks(0) - Index3(1)) != other) return;
     if (found_.isInMaking(context.pyramid.brickRow(0, other)))
-      in_making.push_back(other);
+      in_making.push_back(offset);
     else
-      addBits(*foundIn(context, other), cells);
+      ask(offset);
   });
-  for (const Index3& other : in_making) addBits(*foundIn(context, other), cells);
-  return cells;
+  for (const Index3& offset : in_making) ask(offset);
+  return cellsBeyond(context, brick, {isovalue_, tolerance_}, around);
 }
 
 CellBits ErrorOracle::beyondBounds(const MeshContext& context, int level,

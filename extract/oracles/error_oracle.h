@@ -18,10 +18,13 @@ namespace isobrick {
 
 class CellBits;
 class Pyramid;
+struct FoundCells;
 struct MeshContext;
 
-// Refines every cell but those of level 1 whose error (ErrorCells) is within the tolerance, and
-// those of the levels 2 and 3 whose stored bound is, where the pyramid has bounds.
+// Refines every cell but those of level 1 that stay within the tolerance, and those of the levels 2
+// and 3 whose stored bound does, where the pyramid has bounds.
+//
+// Whether a cell of level 1 stays within it depends on what is refined around: cellsBeyond().
 //
 // Leaves are balanced whatever the file says: a cell of level 1 or 2 is refined only where all
 // cells of the next level that touch it are. Of a true bound that changes nothing, as it is at
@@ -47,22 +50,24 @@ class ErrorOracle {
 
  private:
   using Bits = std::shared_ptr<const CellBits>;
+  using Found = std::shared_ptr<const FoundCells>;
   static constexpr std::size_t kMostBricks = 2048;
 
   // Made once, by whoever asks first, while others that ask wait; the oldest go. Where making
   // fails, who waited makes it. Shelves are asked while others' bits are made in one order
   // (decided_[1], found_, decided_[2], decided_[3]), so that nobody waits for himself.
+  template <typename Value>
   class Shelf {
    public:
     template <typename Make>
-    Bits get(std::size_t row, const Make& make);
+    std::shared_ptr<const Value> get(std::size_t row, const Make& make);
     // Whether get() would wait for another thread, at this moment.
     bool isInMaking(std::size_t row) const;
 
    private:
     mutable std::mutex mutex_;
     std::condition_variable made_;
-    std::unordered_map<std::size_t, Bits> bits_;
+    std::unordered_map<std::size_t, std::shared_ptr<const Value>> values_;
     std::unordered_set<std::size_t> in_making_;
     std::deque<std::size_t> order_;
   };
@@ -77,8 +82,8 @@ class ErrorOracle {
   // Which of the brick's cells of a level are refined.
   Bits decided(const MeshContext& context, int level, const Index3& brick) const;
   // What the brick of level 0 itself says of its cells of level 1 and of a ring around them.
-  Bits foundIn(const MeshContext& context, const Index3& brick) const;
-  // The errors alone: found for level 1, joined with what the bricks around say; and stored.
+  Found foundIn(const MeshContext& context, const Index3& brick) const;
+  // The errors alone: found for level 1 in the brick and those around, and stored.
   CellBits beyondAtLevel1(const MeshContext& context, const Index3& brick) const;
   CellBits beyondBounds(const MeshContext& context, int level, const Index3& brick) const;
   bool mayRefineBelow(const MeshContext& context, const IndexBox& cells) const;
@@ -88,7 +93,8 @@ class ErrorOracle {
   const float tolerance_, isovalue_;
   const int last_level_;     // whose cells may be leaves
   const int greatest_code_;  // that is within the tolerance
-  mutable Shelf found_, decided_[kMostErrorLevel + 1];
+  mutable Shelf<FoundCells> found_;
+  mutable Shelf<CellBits> decided_[kMostErrorLevel + 1];
 };
 
 }  // namespace isobrick

@@ -92,10 +92,9 @@ bool isSeen(const ViewPoint& view, int level, const Index3& cell) {
 }
 
 // The decision of the tolerance. Where single precision may see it otherwise, its own.
-bool isBeyond(const Pyramid& pyramid, const ReferencePyramid& reference, float isovalue,
+bool isBeyond(const Pyramid& pyramid, ReferenceTolerance& reference, float isovalue,
               double tolerance, const Index3& cell) {
-  const double error = referenceError(reference, static_cast<double>(isovalue), cell);
-  if (std::abs(error - tolerance) > 2e-3) return error > tolerance;
+  if (const auto refines = reference.refines(cell)) return *refines;
   Query query;
   query.isovalue = static_cast<double>(isovalue);
   query.tolerance = tolerance;
@@ -152,6 +151,10 @@ LeafLevels referenceLeaves(const Pyramid& pyramid, const ReferencePyramid& refer
       return isFlatByPyramid(pyramid, iso, *choice.curvature_tolerance, cell);
     };
   std::map<int, std::vector<std::uint8_t>> bounds;
+  std::optional<ReferenceTolerance> tolerance;
+  if (choice.tolerance)
+    tolerance.emplace(reference, static_cast<double>(static_cast<float>(isovalue)),
+                      *choice.tolerance);
   std::map<std::int64_t, bool> beyond;  // asked for by each cell of level 0 in it
   expected.further = [&, iso = static_cast<float>(isovalue)](int level, const Index3& cell) {
     if (choice.view && !isSeen(*choice.view, level, cell)) return false;
@@ -165,7 +168,7 @@ LeafLevels referenceLeaves(const Pyramid& pyramid, const ReferencePyramid& refer
     if (!choice.tolerance || level != 1) return true;
     const auto [known, is_new] =
         beyond.try_emplace(linearIndex(cell, pyramid.lattice().cells(1)), false);
-    if (is_new) known->second = isBeyond(pyramid, reference, iso, *choice.tolerance, cell);
+    if (is_new) known->second = isBeyond(pyramid, *tolerance, iso, *choice.tolerance, cell);
     return known->second;
   };
   return referenceLeafLevels(pyramid.lattice(), expected);

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <map>
 #include <sstream>
+#include <utility>
 
 #include "isobrick/storage/index_loop.h"
 
@@ -155,27 +156,28 @@ std::vector<double> referenceLeafErrors(const ReferencePyramid& pyramid, int lev
   return errors;
 }
 
-double referenceError(const ReferencePyramid& pyramid, double isovalue, const Index3& cell) {
+namespace {
+
+// What an error is of: edges in the closed cell and its voxels alone, or edges that lead away too.
+enum class Extent { kWithin, kAround };
+
+// The error of a cell of level 1 as a leaf, with samples of level 0 at the corners whose bits (x +
+// 2y + 4z) are set and samples of either level at the others. Below 0 where nothing crosses.
+double cellError(const ReferencePyramid& pyramid, double isovalue, const Index3& cell,
+                 unsigned fine_corners, Extent extent) {
   const Lattice& lattice = pyramid.lattice;
   const CoarseCell coarse(lattice, cell);
   std::array<double, 8> low{}, high{};
   for (int n = 0; n < 8; ++n) {
     const auto of_level_0 = static_cast<double>(pyramid.sampleAtPosition(0, coarse.corner(n)));
-    const auto of_level_1 = static_cast<double>(pyramid.sampleAtPosition(1, coarse.corner(n)));
+    const auto of_level_1 =
+        (fine_corners >> n & 1) != 0
+            ? of_level_0
+            : static_cast<double>(pyramid.sampleAtPosition(1, coarse.corner(n)));
     low[static_cast<std::size_t>(n)] = std::min(of_level_0, of_level_1);
     high[static_cast<std::size_t>(n)] = std::max(of_level_0, of_level_1);
   }
-  // Nothing crosses where all values are on one side.
-  double least = *std::min_element(low.begin(), low.end());
-  double greatest = *std::max_element(high.begin(), high.end());
-  const Index3 first = glm::max(coarse.voxels().first - Index3(1), Index3(0));
-  const Index3 end = glm::min(coarse.voxels().end() + Index3(1), lattice.voxels());
-  forEachIndex({first, end - first}, [&](const Index3& voxel) {
-    least = std::min(least, static_cast<double>(pyramid.sampleAt(0, voxel)));
-    greatest = std::max(greatest, static_cast<double>(pyramid.sampleAt(0, voxel)));
-  });
   double error = -1;
-  if (least >= isovalue || greatest < isovalue) return error;
   forEachIndex(coarse.voxels(), [&](const Index3& voxel) {
     const auto value = static_cast<double>(pyramid.sampleAt(0, voxel));
     const Bounds bounds{coarse.interpolate(low, voxel), coarse.interpolate(high, voxel)};
@@ -191,12 +193,85 @@ double referenceError(const ReferencePyramid& pyramid, double isovalue, const In
           error = std::max(error, crossingError(isovalue, value, bounds, next_value,
                                                 {coarse.interpolate(low, next),
                                                  coarse.interpolate(high, next)}));
-        else if (!coarse.isCorner(voxel))
+        else if (extent == Extent::kAround && !coarse.isCorner(voxel))
           error = std::max(
               error, crossingError(isovalue, value, bounds, next_value, {next_value, next_value}));
       }
   });
   return error;
+}
+
+// Whether a box of voxels, as far as there are any, has some inside and some outside.
+bool isCrossed(const ReferencePyramid& pyramid, double isovalue, const IndexBox& voxels) {
+  const Index3 first = glm::max(voxels.first, Index3(0));
+  const Index3 end = glm::min(voxels.end(), pyramid.lattice.voxels());
+  bool any_inside = false, any_outside = false;
+  forEachIndex({first, end - first}, [&](const Index3& voxel) {
+    const bool is_inside = static_cast<double>(pyramid.sampleAt(0, voxel)) >= isovalue;
+    any_inside = any_inside || is_inside;
+    any_outside = any_outside || !is_inside;
+  });
+  return any_inside && any_outside;
+}
+
+bool isEven(const Index3& cell) { return (cell.x + cell.y + cell.z) % 2 == 0; }
+
+}  // namespace
+
+bool ReferenceTolerance::isBeyond(double error) {
+  is_near_ = is_near_ || std::abs(error - tolerance_) <= 2e-3;
+  return error > tolerance_;
+}
+
+ReferenceTolerance::Kind ReferenceTolerance::kindOf(const Index3& cell) {
+  const Lattice& lattice = pyramid_.lattice;
+  const auto [known, is_new] =
+      kinds_.try_emplace(linearIndex(cell, lattice.cells(1)), Known{Kind::kWithin, false});
+  if (is_new) {
+    const bool was_near = std::exchange(is_near_, false);
+    const IndexBox voxels = CoarseCell(lattice, cell).voxels();
+    // Nothing crosses where all values that the samples are made of are on one side.
+    if (isCrossed(pyramid_, isovalue_, {voxels.first - Index3(1), voxels.count + Index3(2)}) &&
+        isBeyond(cellError(pyramid_, isovalue_, cell, 0, Extent::kAround))) {
+      if (!isCrossed(pyramid_, isovalue_, voxels))
+        known->second.kind = Kind::kNotCrossed;
+      else if (isBeyond(cellError(pyramid_, isovalue_, cell, 0xff, Extent::kWithin)))
+        known->second.kind = Kind::kBeyondAmidstFine;
+      else
+        known->second.kind = Kind::kOpen;
+    }
+    known->second.is_near = is_near_;
+    is_near_ = was_near;
+  }
+  is_near_ = is_near_ || known->second.is_near;
+  return known->second.kind;
+}
+
+bool ReferenceTolerance::isOpenBeyond(const Index3& cell, bool beside_even) {
+  const Index3 last = pyramid_.lattice.cells(1) - Index3(1);
+  unsigned fine_corners = 0;
+  for (unsigned corner = 0; corner < 8; ++corner)
+    forEachIndex({cell - Index3(1) + Index3(corner & 1, corner >> 1 & 1, corner >> 2), Index3(2)},
+                 [&](const Index3& touching) {
+                   if (touching == cell || glm::clamp(touching, Index3(0), last) != touching)
+                     return;
+                   const Kind kind = kindOf(touching);
+                   if (kind == Kind::kBeyondAmidstFine ||
+                       (beside_even && kind == Kind::kOpen && isEven(touching) &&
+                        isOpenBeyond(touching, false)))
+                     fine_corners |= 1u << corner;
+                 });
+  return isBeyond(cellError(pyramid_, isovalue_, cell, fine_corners, Extent::kAround));
+}
+
+std::optional<bool> ReferenceTolerance::refines(const Index3& cell) {
+  is_near_ = false;
+  const Kind kind = kindOf(cell);
+  bool is_refined = kind != Kind::kWithin;
+  if (kind == Kind::kOpen)
+    is_refined = isOpenBeyond(cell, false) && (isEven(cell) || isOpenBeyond(cell, true));
+  if (is_near_) return std::nullopt;
+  return is_refined;
 }
 
 std::string brokenPromise(const ReferencePyramid& pyramid, const ReferenceMesh& mesh,

@@ -74,6 +74,7 @@ TEST(ErrorFlags, AreThoseOfThePlainOnesOnEveryTarget) {
   onEveryTarget([] {
     Random random(3);
     std::array<int, 16> seen{};
+    std::array<int, 2> rows_with{};
     for (int round = 0; round < 200; ++round) {
       const std::int64_t count = randomInt(random, 1, 130);
       const RandomRow row(random, count), other(random, count);
@@ -91,7 +92,16 @@ TEST(ErrorFlags, AreThoseOfThePlainOnesOnEveryTarget) {
         ASSERT_EQ(flags[i], plainEdgeFlags(row, other, i, bound)) << "edge " << i;
         ++seen[flags[i]];
       }
+      // Of short rows, which may have none.
+      for (const std::int64_t some : {std::int64_t{1}, count / 20 + 1, count}) {
+        const bool has_any =
+            std::any_of(flags.begin(), flags.begin() + some,
+                        [](std::uint8_t flag) { return (flag & kCoarseEdge) != 0; });
+        ASSERT_EQ(hasCoarseEdge(row.row(), other.row(), some, bound), has_any) << some;
+        ++rows_with[has_any ? 1 : 0];
+      }
     }
+    EXPECT_GT(std::min(rows_with[0], rows_with[1]), 50);
     for (const int flag : {kWrongSide, kCoarseEdge, kLowHangs, kHighHangs})
       EXPECT_GT(seen[static_cast<std::size_t>(flag)], 50) << flag;
   });
