@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <exception>
 #include <filesystem>
+#include <glm/common.hpp>
 
 namespace isobrick {
 namespace {
@@ -42,8 +43,6 @@ class PreviewSource final : public VolumeSource {
   const std::byte* const samples_;
 };
 
-std::int64_t ceilDivide(std::int64_t a, std::int64_t b) { return (a + b - 1) / b; }
-
 }  // namespace
 
 std::optional<PreviewGrid> previewGridOf(const Index3& voxels) {
@@ -77,22 +76,21 @@ PreviewMaker<T>::~PreviewMaker() {
 template <typename T>
 void PreviewMaker<T>::include(const IndexBox& box, const T* samples) {
   const std::int64_t stride = grid_.step / 2;  // in level 1
-  const auto firstOf = [&](int axis) { return ceilDivide(box.first[axis], stride); };
-  const auto endOf = [&](int axis) {
-    return std::min(ceilDivide(box.end()[axis], stride), grid_.samples[axis]);
-  };
-  for (std::int64_t z = firstOf(2); z < endOf(2); ++z)
-    for (std::int64_t y = firstOf(1); y < endOf(1); ++y) {
+  const Index3 first = BrickLayout::ceilDivide(box.first, stride);
+  const Index3 end = glm::min(BrickLayout::ceilDivide(box.end(), stride), grid_.samples);
+  for (std::int64_t z = first.z; z < end.z; ++z)
+    for (std::int64_t y = first.y; y < end.y; ++y) {
       const Index3 begin = Index3(0, y, z) * stride - Index3(0, box.first.y, box.first.z);
       const std::int64_t from = linearIndex(begin, box.count) - box.first.x;
       T* const to = samples_.data() + linearIndex({0, y, z}, grid_.samples);
-      for (std::int64_t x = firstOf(0); x < endOf(0); ++x) to[x] = samples[from + x * stride];
+      for (std::int64_t x = first.x; x < end.x; ++x) to[x] = samples[from + x * stride];
     }
 }
 
 template <typename T>
 void PreviewMaker<T>::offer(std::int64_t end) {
-  const std::int64_t slices = std::min(ceilDivide(end, grid_.step / 2), grid_.samples.z);
+  const std::int64_t slices =
+      std::min(BrickLayout::ceilDivide(Index3(end), grid_.step / 2).z, grid_.samples.z);
   if (failed_ || slices <= published_slices_ || !isWorthIt(slices)) return;
   const auto begin = std::chrono::steady_clock::now();
   try {

@@ -102,11 +102,12 @@ VolumeBuilder volumeBuilder(ViewBuildOptions options) {
                   "--progress-lines",
                   "--json"};
     const PreviewFolder previews;
-    if (!previews.path().empty())
-      for (const std::string& word :
-           {std::string("--preview-folder"), previews.path(), std::string("--preview-share"),
-            fmt::format("{}", options.preview_share)})
-        call.words.push_back(word);
+    if (!previews.path().empty()) {
+      call.words.insert(call.words.end(), {"--preview-folder", previews.path()});
+      if (options.preview_share)
+        call.words.insert(call.words.end(),
+                          {"--preview-share", fmt::format("{}", *options.preview_share)});
+    }
     call.on_error_line = [&](std::string_view line) { tellLine(line, listener); };
     call.tidy_end_milliseconds = kTidyEndMilliseconds;
     ProgramCall going_on = call;

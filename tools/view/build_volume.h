@@ -1,6 +1,7 @@
 // Pyramids for `isobrick view`, made by `isobrick-build` beside this executable.
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "isobrick/viewer/session/volume_opener.h"
@@ -10,7 +11,7 @@ namespace isobrick {
 struct ViewBuildOptions {
   std::string cache_folder;  // for pyramids; empty: beside the volumes
   int threads = 1;
-  double preview_share = 0.02;  // of a build's time, for previews
+  std::optional<double> preview_share;  // of a build's time, for previews; nothing: its default
 };
 
 // Runs `isobrick build` in a process of its own, so that this one needs neither ITK nor OpenVDB. A

@@ -1,8 +1,7 @@
 // isobrick view: a window in which a volume is explored.
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "isobrick/storage/pyramid.h"
@@ -35,14 +34,12 @@ Command addViewCommand(CLI::App& app) {
   sub->add_option("--cache", *cache,
                   "Folder for pyramids that are built; default: beside the volume")
       ->type_name("DIR");
-  const auto preview_share = std::make_shared<double>(ViewBuildOptions{}.preview_share);
+  const auto preview_share = std::make_shared<std::optional<double>>();
   addParsedOption(
       *sub, "--preview-share", *preview_share,
       [](const std::string& text) { return parseNumberFrom(text, 0); }, "S",
-      fmt::format(
-          "Share of a build's time for what is shown of the volume meanwhile; 0: nothing is; "
-          "default: {}",
-          *preview_share));
+      "Share of a build's time for what is shown of the volume meanwhile; 0: nothing is; default: "
+      "that of 'isobrick build'");
   addParsedOption(*sub, "--memory", options->memory_bytes, parseByteSize, "SIZE",
                   "Bytes of the file to keep in memory, such as 256M; default: 1G");
   addParsedOption(*sub, "--gpu-memory", options->gpu_budget_bytes, parseByteSize, "SIZE",

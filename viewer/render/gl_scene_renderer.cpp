@@ -462,7 +462,7 @@ void GlSceneRenderer::drawChunks(const View& view, const GlProgram& program, int
     if (chunk.surface != surface || chunk.indices == 0) continue;
     const glm::vec3 offset = view.snapped.offsetOf(chunk.origin);
     glUniform3fv(offset_place, 1, &offset[0]);
-    setColor(frame.color_by_level ? levelColor(chunk.level) : look.color);
+    setColor(frame.color_by_level ? levelColor(frame.first_level + chunk.level) : look.color);
     if (frame.wireframe) {
       glBindBufferBase(GL_SHADER_STORAGE_BUFFER, 0, *chunk.buffer);
     } else {

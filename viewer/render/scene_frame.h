@@ -68,6 +68,7 @@ struct SceneFrame {
   std::vector<ChunkId> chunks;
   std::vector<SurfaceLook> surfaces{SurfaceLook{}};  // chunks say by number which is theirs
   bool color_by_level = false;
+  int first_level = 0;  // which level of the volume the chunks' level 0 is: of previews not its own
   // By the vertices' values, where they have one: the ends of kValueColors are for these shares of
   // their range. Comes before color_by_level.
   std::optional<std::array<double, 2>> value_window;

@@ -3,10 +3,14 @@
 #include <algorithm>
 #include <cmath>
 #include <fstream>
+#include <iterator>
 #include <nlohmann/json.hpp>
 #include <sstream>
+#include <string_view>
+#include <utility>
 
 #include "isobrick/storage/error.h"
+#include "isobrick/viewer/state/interaction.h"
 #include "isobrick/viewer/state/view_state_json.h"
 
 namespace isobrick {
@@ -14,7 +18,13 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr double kMostScriptScale = 2.5;
+// Steps that write a file.
+constexpr std::pair<std::string_view, ScriptFile::What> kFileSteps[] = {
+    {"frame", ScriptFile::What::kFrame},
+    {"picture", ScriptFile::What::kPicture},
+    {"mesh", ScriptFile::What::kMesh},
+    {"shown_mesh", ScriptFile::What::kShownMesh},
+    {"state", ScriptFile::What::kState}};
 
 [[noreturn]] void refuse(const std::string& what) { throw Error("the script's " + what); }
 
@@ -248,15 +258,11 @@ class StepReader {
       steps_.emplace_back(ScriptLoss{});
     } else if (name == "resize") {
       steps_.emplace_back(sizeOf(value, where));
-    } else if (name == "frame" || name == "picture" || name == "mesh" || name == "shown_mesh" ||
-               name == "state") {
-      using What = ScriptFile::What;
-      const What what = name == "frame"        ? What::kFrame
-                        : name == "picture"    ? What::kPicture
-                        : name == "mesh"       ? What::kMesh
-                        : name == "shown_mesh" ? What::kShownMesh
-                                               : What::kState;
-      steps_.emplace_back(ScriptFile{what, fileNameOf(value, where)});
+    } else if (const auto* const file =
+                   std::find_if(std::begin(kFileSteps), std::end(kFileSteps),
+                                [&](const auto& named) { return named.first == name; });
+               file != std::end(kFileSteps)) {
+      steps_.emplace_back(ScriptFile{file->second, fileNameOf(value, where)});
     } else {
       refuse(where + " is no step that is known here");
     }
@@ -332,7 +338,7 @@ void ScriptRecorder::add(double seconds, const InputEvent& event) {
 
 std::string ScriptRecorder::json(int width, int height, double scale) const {
   std::string text = "{\"size\": [" + std::to_string(width) + ", " + std::to_string(height) +
-                     "], \"scale\": " + Json(std::clamp(scale, 1.0, kMostScriptScale)).dump() +
+                     "], \"scale\": " + Json(std::clamp(scale, 1.0, kMostScale)).dump() +
                      ", \"steps\": [";
   for (std::size_t i = 0; i < steps_.size(); ++i) text += (i == 0 ? "\n  " : ",\n  ") + steps_[i];
   return text + "\n]}\n";
@@ -352,8 +358,8 @@ ViewScript viewScriptFromJson(const std::string& text) {
       script.height = size.height;
     } else if (name == "scale") {
       script.scale = numberOf(value, "'scale'");
-      if (!(script.scale >= 1.0 && script.scale <= kMostScriptScale))
-        refuse("'scale' is not from 1 to 2.5");
+      if (!(script.scale >= 1.0 && script.scale <= kMostScale))
+        refuse("'scale' is not from 1 to " + Json(kMostScale).dump());
     } else if (name != "steps") {
       refuse("'" + name + "' is not known here");
     }

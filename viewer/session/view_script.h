@@ -45,7 +45,7 @@ using ScriptStep = std::variant<ScriptLoss, ScriptEvent, ScriptMotion, ScriptSwe
 
 struct ViewScript {
   int width = 1280, height = 800;  // of the picture, pixels
-  double scale = 1.0;              // of the interface, where there is no window; 1 .. 2.5
+  double scale = 1.0;              // of the interface, where there is no window; 1 .. kMostScale
   std::vector<ScriptStep> steps;
 };
 

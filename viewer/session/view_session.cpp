@@ -195,6 +195,11 @@ double ViewSession::radiusAtRest() const {
   return preview_of_ ? volume_.diagonal() : wantedRadius(state_, volume_);
 }
 
+// Which one of the volume the pyramid's level 0 is.
+int ViewSession::firstLevel() const {
+  return preview_of_ ? std::countr_zero(static_cast<std::uint64_t>(preview_of_->step)) : 0;
+}
+
 // What the view asks for, in samples of the pyramid.
 Query ViewSession::queryNow(std::size_t surface, double radius) const {
   Query query = queryOf(state_, volume_, surface, radius, interaction_.size.y);
@@ -389,6 +394,7 @@ SceneFrame ViewSession::sceneNow(int width, int height) const {
   const GridGeometry& lattice = pyramid_->spec().geometry;
   frame.lattice = {lattice.indexToWorldMatrix(), lattice.origin};
   frame.chunks = surfaces_->shown();
+  frame.first_level = firstLevel();
   if (const auto window = valueWindow()) {
     const auto& [least, greatest] = shown_pass_.values;
     const auto shareOf = [&](double value) { return (value - least) / (greatest - least); };
@@ -455,9 +461,7 @@ SessionStatus ViewSession::status() const {
   status.extract_seconds = shown_pass_.seconds;
   for (const auto& [number, surface] : shown_surfaces_)
     addCounts(surface.counts.levels, status.levels);
-  const std::int64_t step = preview_of_ ? preview_of_->step : 1;
-  for (LevelCounts& level : status.levels)
-    level.level += std::countr_zero(static_cast<std::uint64_t>(step));
+  for (LevelCounts& level : status.levels) level.level += firstLevel();
   status.triangles_per_second = quality_.triangles_per_second;
   status.drag_radius = quality_.radius;
   status.passes = passes_;

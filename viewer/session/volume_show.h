@@ -15,10 +15,10 @@ class VolumeShow {
   explicit VolumeShow(const SessionOptions& options) : options_(options) {}
 
   // What hands look at; null: nothing is open.
-  ViewSession* session() const { return session_.get(); }
+  ViewSession* session() const { return shown_ ? shown_->session.get() : nullptr; }
   // Of which it was made; null likewise.
-  const OpenedVolume* opened() const { return opened_ ? &*opened_ : nullptr; }
-  bool showsPreview() const { return opened_ && opened_->preview_of; }
+  const OpenedVolume* opened() const { return shown_ ? &shown_->opened : nullptr; }
+  bool showsPreview() const { return shown_ && shown_->opened.preview_of; }
 
   // A window of `size` pixels, of `scale`, or 0 while there is none, shows it: at once, or, after a
   // preview of the same volume, once it is there as fine as it gets, or what hands do changes the
@@ -32,20 +32,23 @@ class VolumeShow {
   void suspend();
   void resume(SceneRenderer& renderer);
   // Nothing is about to take the place of what is shown, which is as fine as it gets.
-  bool settled() const { return !next_ && (!session_ || session_->settled()); }
+  bool settled() const { return !next_ && (!shown_ || shown_->session->settled()); }
 
  private:
+  struct Showing {
+    OpenedVolume opened;
+    std::unique_ptr<ViewSession> session;
+  };
   struct Aside {
     OpenedVolume opened;
     ViewState state;
   };
-  std::unique_ptr<ViewSession> makeSession(const OpenedVolume& opened,
-                                           SceneRenderer& renderer) const;
+  Showing showingOf(OpenedVolume opened, SceneRenderer& renderer) const;
+  void close();
   void open(OpenedVolume opened, SceneRenderer& renderer, const glm::dvec2& size, double scale);
 
   const SessionOptions options_;
-  std::unique_ptr<ViewSession> session_, next_;
-  std::optional<OpenedVolume> opened_, next_opened_;
+  std::optional<Showing> shown_, next_;
   std::optional<Aside> aside_;  // what was shown before previews
 };
 

@@ -12,13 +12,16 @@
 
 namespace isobrick {
 
+// Of the scale of a screen.
+inline constexpr double kMostScale = 2.5;
+
 // What lasts from event to event, and belongs to no saved view.
 struct Interaction {
   enum class Drag { kNone, kTurn, kPan, kZoom, kHandle, kPanel };
 
   glm::dvec2 size{1.0, 1.0};  // of the picture, pixels; 0 while there is none
   glm::dvec2 cursor{0.0};     // pixels
-  double scale = 1.0;         // pixels of this screen that are one of an ordinary one
+  double scale = 1.0;  // pixels of this screen that are one of an ordinary one, 1 .. kMostScale
   Drag drag = Drag::kNone;
   MouseButton drag_button = MouseButton::kLeft;
   glm::dvec2 pressed_at{0.0};            // pixels, where the button went down

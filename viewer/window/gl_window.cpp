@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "isobrick/storage/error.h"
+#include "isobrick/viewer/state/interaction.h"
 #define GLFW_INCLUDE_NONE
 #include <GLFW/glfw3.h>
 
@@ -194,7 +195,7 @@ void GlWindow::resize(int width, int height) {
 double GlWindow::scale() const {
   float x = 1.0f, y = 1.0f;
   glfwGetWindowContentScale(window_, &x, &y);
-  return std::clamp(static_cast<double>(x), 1.0, 2.5);
+  return std::clamp(static_cast<double>(x), 1.0, kMostScale);
 }
 
 void GlWindow::setTitle(const std::string& title) {

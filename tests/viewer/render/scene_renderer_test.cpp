@@ -106,6 +106,18 @@ TEST_F(SceneRendererTest, WhatIsKeptOfAChunkIsWhatWasGiven) {
   EXPECT_TRUE(renderer_->download(renderer_->upload({})).vertices.empty());
 }
 
+// A preview's level 0 is a coarser one of the volume.
+TEST_F(SceneRendererTest, LevelsHaveTheColoursOfTheVolumesOwn) {
+  frame_.color_by_level = true;
+  frame_.chunks = {renderer_->upload(squareAt(0.0, 1.5, 0, 3))};
+  const glm::vec3 own = seen(32, 32);
+  frame_.first_level = 2;
+  frame_.chunks = {renderer_->upload(squareAt(0.0, 1.5, 0, 1))};
+  EXPECT_EQ(seen(32, 32), own);
+  frame_.first_level = 0;
+  EXPECT_NE(seen(32, 32), own);
+}
+
 // In pieces that end anywhere, with and without the ring, of which more is asked than it has.
 TEST_F(SceneRendererTest, PiecesOfAChunkComeTogether) {
   using Uploads = GlSceneRenderer::Uploads;
