@@ -116,11 +116,15 @@ void help(ViewSession& session, float scale) {
   ImGui::SetNextWindowPos({0.5f * size.x, 0.5f * size.y}, ImGuiCond_Appearing, {0.5f, 0.5f});
   if (ImGui::Begin("keys", &session.interaction().show_help,
                    ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoCollapse)) {
+    // Narrow windows of a large scale have no room for the longest ones.
+    const ImGuiStyle& style = ImGui::GetStyle();
+    ImGui::PushTextWrapPos(size.x - 4.0f * style.WindowPadding.x - style.ScrollbarSize);
     for (const KeyHelp& line : kKeyHelp) {
       ImGui::TextColored({1.0f, 0.93f, 0.62f, 1.0f}, "%s", line.keys);
       ImGui::SameLine(230.0f * scale);
       ImGui::TextUnformatted(line.what);
     }
+    ImGui::PopTextWrapPos();
   }
   ImGui::End();
 }

@@ -5,7 +5,9 @@
 #include <algorithm>
 #include <array>
 #include <cfloat>
+#include <glm/vec3.hpp>
 
+#include "isobrick/viewer/offscreen_renderer.h"
 #include "isobrick/viewer/session/folder_listing.h"
 #include "isobrick/viewer/window/panel_tools.h"
 
@@ -79,10 +81,14 @@ void buildStatistics(const ViewSession& session, const PanelFacts& facts, float 
   for (const LevelCounts& level : status.levels) {
     const double share =
         static_cast<double>(level.triangles) / std::max(1.0, static_cast<double>(status.triangles));
+    // In the colour that the level has on the surface, dark enough for what is written on it.
+    const glm::vec3 color = 0.6f * levelColor(level.level);
+    ImGui::PushStyleColor(ImGuiCol_PlotHistogram, {color.r, color.g, color.b, 1.0f});
     ImGui::ProgressBar(
         static_cast<float>(share), {-1.0f, 0.0f},
         text("level %d: %llu", level.level, static_cast<unsigned long long>(level.triangles))
             .c_str());
+    ImGui::PopStyleColor();
   }
   std::array<float, 240> interface {
   }, drawing{};
@@ -96,7 +102,7 @@ void buildStatistics(const ViewSession& session, const PanelFacts& facts, float 
     const float last = count > 0 ? values[count - 1] : 0.0f;
     ImGui::PlotLines("##times", values.data(), static_cast<int>(count), 0,
                      text("%s %.1f ms", label, static_cast<double>(last)).c_str(), 0.0f, FLT_MAX,
-                     {-1.0f, 36.0f * scale});
+                     {ImGui::GetContentRegionAvail().x, 36.0f * scale});
   };
   plot("interface", interface);
   plot("drawing", drawing);

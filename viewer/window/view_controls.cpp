@@ -109,15 +109,16 @@ void tolerance(double& value, double sigma, double span, float scale) {
   constexpr int kMostSigmas = 6;
   sliderOf("of the data", value, 0.0, kMostSigmas * sigma, "%.4g");
   // The grab's middle goes from half its width to half its width before the end.
-  const ImVec2 lower = ImGui::GetItemRectMin(), upper = ImGui::GetItemRectMax();
+  const float left = ImGui::GetItemRectMin().x, bottom = ImGui::GetItemRectMax().y;
   const float rim = 2.0f + 0.5f * ImGui::GetStyle().GrabMinSize;
+  const float width = ImGui::CalcItemWidth() - 2.0f * rim;  // the item's own has the label, too
   for (int i = 1; i < kMostSigmas; ++i) {
     const float share = static_cast<float>(i) / kMostSigmas;
-    const float x = lower.x + rim + share * (upper.x - lower.x - 2.0f * rim);
-    ImGui::GetWindowDrawList()->AddLine({x, upper.y - 5.0f * scale}, {x, upper.y},
+    const float x = left + rim + share * width;
+    ImGui::GetWindowDrawList()->AddLine({x, bottom - 5.0f * scale}, {x, bottom},
                                         IM_COL32(255, 237, 158, 255));
   }
-  ImGui::Text("%.2f sigma; a mark each, sigma is %.4g", value / sigma, sigma);
+  ImGui::Text("%.2f sigma; each mark is %.4g", value / sigma, sigma);
 }
 
 // What may stay coarse, by the oracles.
@@ -284,7 +285,7 @@ void look(ViewSession& session, float scale) {
   ImGui::ColorEdit3("below", &state.background_bottom.r, ImGuiColorEditFlags_NoInputs);
 }
 
-Wishes files(ViewPictures& pictures) {
+Wishes files(ViewPictures& pictures, float scale) {
   Wishes wishes;
   if (!ImGui::CollapsingHeader("files")) return wishes;
   wishes.browse = ImGui::SmallButton("open");
@@ -294,12 +295,12 @@ Wishes files(ViewPictures& pictures) {
   wishes.screenshot_exr = ImGui::SmallButton("EXR");
   ImGui::SameLine();
   wishes.export_mesh = ImGui::SmallButton("mesh");
-  ImGui::SameLine();
   wishes.save_state = ImGui::SmallButton("save view");
   ImGui::SameLine();
   wishes.load_state = ImGui::SmallButton("load view");
   ImGui::Checkbox("transparent", &pictures.transparent);
   ImGui::SameLine();
+  ImGui::SetNextItemWidth(80.0f * scale);
   ImGui::SliderInt("x window", &pictures.times, 1, 8);
   return wishes;
 }
@@ -314,7 +315,7 @@ Wishes buildControls(ViewSession& session, float scale) {
   clipPlanes(session, scale);
   slices(session);
   look(session, scale);
-  return files(session.state().pictures);
+  return files(session.state().pictures, scale);
 }
 
 }  // namespace isobrick
