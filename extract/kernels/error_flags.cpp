@@ -6,6 +6,8 @@
 #include <hwy/foreach_target.h>  // must come before highway.h
 #include <hwy/highway.h>
 
+#include <cstring>
+
 HWY_BEFORE_NAMESPACE();
 namespace isobrick {
 namespace HWY_NAMESPACE {
@@ -102,18 +104,21 @@ void flagEdgesHere(const BoundedRow& row, const BoundedRow& other, std::int64_t 
   }
 }
 
-bool hasCoarseEdgeHere(const BoundedRow& row, const BoundedRow& other, std::int64_t count,
+bool hasCoarseEdgeHere(const BoundedRow& row, const BoundedRow& other, std::uint32_t edges,
                        const ErrorBound& bound) {
   const Tag d;
   const Floats isovalue = hn::Set(d, bound.isovalue), tolerance = hn::Set(d, bound.tolerance);
-  for (std::int64_t i = 0; i < count; i += static_cast<std::int64_t>(hn::Lanes(d))) {
+  const auto lanes = static_cast<std::int64_t>(hn::Lanes(d));
+  for (std::int64_t i = 0; i < 32; i += lanes) {
+    const std::uint32_t rest = edges >> i;
+    if (rest == 0) break;
+    std::uint8_t bits[sizeof(rest)];
+    std::memcpy(bits, &rest, sizeof(rest));
     const End a = load(row, i, isovalue), b = load(other, i, isovalue);
-    const Mask is_edge = hn::FirstN(d, static_cast<std::size_t>(count - i));
-    const Mask may_cross = hn::And(is_edge, mayCross(a, b));
+    const Mask may_cross = hn::And(hn::LoadMaskBits(d, bits), mayCross(a, b));
     if (hn::AllFalse(d, may_cross)) continue;
-    if (!hn::AllFalse(d, hn::And(may_cross, isTooFar(a.value, b.value, a.low, b.low, a.high, b.high,
-                                                     tolerance))))
-      return true;
+    const Mask is_too_far = isTooFar(a.value, b.value, a.low, b.low, a.high, b.high, tolerance);
+    if (!hn::AllFalse(d, hn::And(may_cross, is_too_far))) return true;
   }
   return false;
 }
@@ -139,9 +144,9 @@ void flagEdges(const BoundedRow& row, const BoundedRow& other, std::int64_t coun
   HWY_DYNAMIC_DISPATCH(flagEdgesHere)(row, other, count, bound, flags);
 }
 
-bool hasCoarseEdge(const BoundedRow& row, const BoundedRow& other, std::int64_t count,
+bool hasCoarseEdge(const BoundedRow& row, const BoundedRow& other, std::uint32_t edges,
                    const ErrorBound& bound) {
-  return HWY_DYNAMIC_DISPATCH(hasCoarseEdgeHere)(row, other, count, bound);
+  return HWY_DYNAMIC_DISPATCH(hasCoarseEdgeHere)(row, other, edges, bound);
 }
 
 }  // namespace isobrick

@@ -43,8 +43,9 @@ void flagVoxels(const BoundedRow& row, std::int64_t count, const ErrorBound& bou
 void flagEdges(const BoundedRow& row, const BoundedRow& other, std::int64_t count,
                const ErrorBound& bound, std::uint8_t* flags);
 
-// Whether any of the edges has kCoarseEdge; nothing else is looked at.
-bool hasCoarseEdge(const BoundedRow& row, const BoundedRow& other, std::int64_t count,
+// Whether any of some edges, bit i being that from voxel i, has kCoarseEdge. No other flag is
+// looked at.
+bool hasCoarseEdge(const BoundedRow& row, const BoundedRow& other, std::uint32_t edges,
                    const ErrorBound& bound);
 
 inline constexpr std::int64_t kErrorLanes = 64;

@@ -34,13 +34,16 @@ class CellError {
   bool isBeyondAround(unsigned fine_corners);
 
  private:
-  // Voxel (x, y, z) of the closed cell is number x + 3y + 9z of all of these.
+  // Voxel (x, y, z) of the closed cell is number x + 3y + 9z of all of these. What lies behind the
+  // last one is read with the rows.
+  static constexpr std::size_t kVoxels = 27, kRoom = kVoxels + 9 + kErrorLanes;
+  using Values = float[kRoom];
   struct Field {
-    float value[27], low[27], high[27];
+    Values value, low, high;
   };
 
   void bound(unsigned fine_corners);
-  void interpolate(const float (&corners)[8], float (&field)[27]) const;
+  void interpolate(const float (&corners)[8], Values& field) const;
   float voxel(const Index3& at) const {
     return static_cast<float>(
         voxels_.data<T>()[linearIndex(at - voxels_.box.first, voxels_.box.count)]);
@@ -52,7 +55,7 @@ class CellError {
   const ErrorBound& bound_;
   Index3 lower_{0};  // voxel
   Index3 steps_{2};  // from there to the upper one; 1 where the cell is thin
-  Field field_;
+  Field field_ = {};
   float fine_[8] = {}, coarse_[8] = {};  // samples at the corners
 };
 

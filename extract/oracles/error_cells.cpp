@@ -80,15 +80,18 @@ class ErrorCells::Brick {
     const IndexBox cells{first_ / std::int64_t{2}, ring_ - Index3(2)};
     FoundCells found{CellBits({cells.first - Index3(1), ring_}), CellBits(cells)};
     CellError<T> error(lattice_, samples_, coarse_, bound_);
+    const IndexBox& ring = found.may_be_beyond.box();
     const std::uint8_t* is_marked = memory_.cells_.data();
-    forEachIndex(found.may_be_beyond.box(), [&](const Index3& cell) {
-      if (*is_marked++ == 0) return;
-      found.may_be_beyond.add(cell);
-      if (glm::clamp(cell, cells.first, cells.end() - Index3(1)) != cell) return;
-      error.load(cell);
-      if (error.isCrossed() && error.isBeyondWithin(CellError<T>::kAllCorners))
-        found.are_beyond.add(cell);
-    });
+    for (std::int64_t z = ring.first.z; z < ring.end().z; ++z)
+      for (std::int64_t y = ring.first.y; y < ring.end().y; ++y, is_marked += ring_.x)
+        forEachMark(is_marked, ring_.x, [&](std::int64_t x) {
+          const Index3 cell(ring.first.x + x, y, z);
+          found.may_be_beyond.add(cell);
+          if (glm::clamp(cell, cells.first, cells.end() - Index3(1)) != cell) return;
+          error.load(cell);
+          if (error.isCrossed() && error.isBeyondWithin(CellError<T>::kAllCorners))
+            found.are_beyond.add(cell);
+        });
     return found;
   }
 
@@ -231,17 +234,22 @@ class ErrorCells::Brick {
     return memory_.flags_.data();
   }
 
-  // Nearly all are 0: they are passed over eight at a time.
   template <typename F>
   void forEachFlag(const VoxelRun& run, F&& f) {
     const std::uint8_t* flags = memory_.flags_.data();
-    const std::int64_t count = run.count();
+    forEachMark(flags, run.count(), [&](std::int64_t i) { f(run.first + i, flags[i]); });
+  }
+
+  // Of `count` bytes those that are not 0. Nearly all are: they are passed over eight at a time.
+  template <typename F>
+  static void forEachMark(const std::uint8_t* marks, std::int64_t count, F&& f) {
     for (std::int64_t begin = 0; begin < count; begin += 8) {
-      std::uint64_t eight;
-      std::memcpy(&eight, flags + begin, 8);
+      std::uint64_t eight = 0;
+      std::memcpy(&eight, marks + begin,
+                  static_cast<std::size_t>(std::min<std::int64_t>(8, count - begin)));
       if (eight == 0) continue;
       for (std::int64_t i = begin; i < std::min(begin + 8, count); ++i)
-        if (flags[i] != 0) f(run.first + i, flags[i]);
+        if (marks[i] != 0) f(i);
     }
   }
 
