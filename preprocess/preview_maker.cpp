@@ -13,6 +13,8 @@ namespace {
 constexpr std::int64_t kMostSamples = std::int64_t{1} << 21;
 // Until one was made.
 constexpr double kSecondsPerSample = 20e-9;
+// That the first one may take without having been saved up for.
+constexpr double kFirstSeconds = 0.02;
 constexpr int kMostThreads = 4;
 
 // The first slices of a preview.
@@ -107,9 +109,11 @@ void PreviewMaker<T>::offer(std::int64_t end) {
 template <typename T>
 bool PreviewMaker<T>::isWorthIt(std::int64_t slices) const {
   const double share = options_.preview.most_share;
-  if (share >= 1.0) return true;
+  if (share <= 0.0 || share >= 1.0) return share > 0.0;
+  const double needed = seconds_per_slice_ * static_cast<double>(slices);
+  if (number_ == 0 && needed <= kFirstSeconds) return true;
   const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - begin_;
-  return seconds_ + seconds_per_slice_ * static_cast<double>(slices) <= share * elapsed.count();
+  return seconds_ + needed <= share * elapsed.count();
 }
 
 template <typename T>

@@ -38,8 +38,10 @@ struct BuildPreview {
 // remove it. There are none of volumes of at most 128^3 voxels, and none where `memory_bytes` are
 // fewer than 160 MiB. They change neither the result nor the bound of the memory.
 struct PreviewOptions {
-  std::string folder;        // empty: there are none. Best in memory; for this build alone
-  double most_share = 0.02;  // of the time of the build; 1: one after every slab of bricks
+  std::string folder;  // empty: there are none. Best in memory; for this build alone
+  // Of the time of the build; 0: none; 1: one after every slab of bricks. A first one that takes
+  // hardly any comes after the first slab all the same.
+  double most_share = 0.02;
   std::function<void(const BuildPreview&)> published;  // on the caller's thread
 };
 

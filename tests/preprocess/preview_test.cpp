@@ -168,6 +168,17 @@ TEST_F(PreviewOfABuildTest, TheSurfaceIsWhereThatOfThePyramidIs) {
   EXPECT_TRUE(readBytes(output_.file("sphere.isb")) == with_previews);
 }
 
+// A build that is soon done has no time to spare for one before it ends.
+TEST_F(PreviewOfABuildTest, TheFirstComesAtOnceHoweverSmallTheShare) {
+  std::vector<std::int64_t> slices;
+  options_.preview.published = [&](const BuildPreview& preview) {
+    slices.push_back(Pyramid(preview.path).spec().voxels.z);
+  };
+  options_.preview.most_share = 1e-9;
+  build();
+  EXPECT_EQ(slices, (std::vector<std::int64_t>{32}));
+}
+
 TEST_F(PreviewOfABuildTest, AnInterruptedBuildLeavesNone) {
   CancelFlag cancel;
   options_.cancel = &cancel;
