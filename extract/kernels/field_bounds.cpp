@@ -17,27 +17,28 @@ namespace HWY_NAMESPACE {
 
 constexpr std::int64_t kMostSamples = kMaxBrickCells / 2 + 2;
 
-// Adds the lesser and the greater of both values at samples [first, last].
+// Adds the shares of the lesser and of the greater of both values at samples [first, last]. Sums of
+// shares are finite where sums of values may not be.
 template <typename T>
-void addSamples(const T* HWY_RESTRICT voxels, const T* HWY_RESTRICT samples, std::int64_t first,
-                std::int64_t last, float* HWY_RESTRICT least, float* HWY_RESTRICT greatest) {
+void addSamples(const T* HWY_RESTRICT voxels, const T* HWY_RESTRICT samples, float share,
+                std::int64_t first, std::int64_t last, float* HWY_RESTRICT least,
+                float* HWY_RESTRICT greatest) {
   for (std::int64_t i = first; i <= last; ++i) {
     const auto a = static_cast<float>(voxels[2 * i]), b = static_cast<float>(samples[i]);
-    least[i] += b < a ? b : a;
-    greatest[i] += b < a ? a : b;
+    least[i] += share * (b < a ? b : a);
+    greatest[i] += share * (b < a ? a : b);
   }
 }
 
-// From sums at samples to means at the voxels [first, last], the last not being a sample where it
+// From means at samples to those at the voxels [first, last], the last not being a sample where it
 // is odd.
-void spread(const float* HWY_RESTRICT sums, float share, std::int64_t first, std::int64_t last,
+void spread(const float* HWY_RESTRICT means, std::int64_t first, std::int64_t last,
             float* HWY_RESTRICT bound) {
-  const float half = 0.5f * share;
   for (std::int64_t i = first / 2; 2 * i + 1 <= last; ++i) {
-    bound[2 * i] = share * sums[i];
-    bound[2 * i + 1] = half * (sums[i] + sums[i + 1]);
+    bound[2 * i] = means[i];
+    bound[2 * i + 1] = 0.5f * means[i] + 0.5f * means[i + 1];
   }
-  if (last % 2 == 0) bound[last] = share * sums[last / 2];
+  if (last % 2 == 0) bound[last] = means[last / 2];
 }
 
 template <typename T>
@@ -49,23 +50,23 @@ void boundAll(const SampleRows<T>& around, const T* HWY_RESTRICT voxels, std::in
   const std::int64_t begin = first / 2, end = (last + 1) / 2;
   std::fill(least + begin, least + end + 1, 0.0f);
   std::fill(greatest + begin, greatest + end + 1, 0.0f);
+  const float share = 1.0f / static_cast<float>(around.count);
   // An odd last voxel is a sample.
   const bool is_odd_last = last == around.last_voxel && last % 2 != 0;
   for (int row = 0; row < around.count; ++row) {
-    addSamples(around.voxels[row], around.samples[row], begin, is_odd_last ? end - 1 : end, least,
-               greatest);
+    addSamples(around.voxels[row], around.samples[row], share, begin, is_odd_last ? end - 1 : end,
+               least, greatest);
     if (!is_odd_last) continue;
     const auto a = static_cast<float>(around.voxels[row][last]),
                b = static_cast<float>(around.samples[row][end]);
-    least[end] += b < a ? b : a;
-    greatest[end] += b < a ? a : b;
+    least[end] += share * (b < a ? b : a);
+    greatest[end] += share * (b < a ? a : b);
   }
-  const float share = 1.0f / static_cast<float>(around.count);
-  spread(least, share, first, is_odd_last ? last - 1 : last, low);
-  spread(greatest, share, first, is_odd_last ? last - 1 : last, high);
+  spread(least, first, is_odd_last ? last - 1 : last, low);
+  spread(greatest, first, is_odd_last ? last - 1 : last, high);
   if (is_odd_last) {
-    low[last] = share * least[end];
-    high[last] = share * greatest[end];
+    low[last] = least[end];
+    high[last] = greatest[end];
   }
 }
 

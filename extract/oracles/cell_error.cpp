@@ -62,7 +62,7 @@ template <typename Steps>
 void spread(const float (&corners)[8], const Steps& steps, float* field) {
   const auto fill = [](float low, float high, std::int64_t count, float* out, std::size_t stride) {
     out[0] = low;
-    if (count == 2) out[stride] = 0.5f * (low + high);
+    if (count == 2) out[stride] = 0.5f * low + 0.5f * high;  // their sum may be infinite
     out[static_cast<std::size_t>(count) * stride] = high;
   };
   const auto x_count = static_cast<std::size_t>(steps.x + 1);

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <vector>
 
 #include "tests/support/every_target.h"
@@ -71,6 +72,25 @@ void comparesWithPlainBounds(Random& random) {
     for (std::size_t kind = 0; kind < 3; ++kind)
       ASSERT_EQ(found[kind][at], expected[kind]) << x << " of " << voxels << ", " << kind;
   }
+}
+
+// Also where sums of values are infinite: of a volume that marks voxels without a value by the
+// lowest one, say.
+TEST(FieldBounds, AreFiniteForAllFiniteValues) {
+  onEveryTarget([] {
+    constexpr float kLowest = std::numeric_limits<float>::lowest();
+    const std::vector<float> row(3, kLowest);
+    SampleRows<float> around;
+    around.last_voxel = 2;
+    for (; around.count < 4; ++around.count) {
+      around.voxels[around.count] = row.data();
+      around.samples[around.count] = row.data();
+    }
+    std::vector<float> value(3), low(3), high(3);
+    boundField(around, row.data(), 0, 2, value.data(), low.data(), high.data());
+    EXPECT_EQ(low, row);
+    EXPECT_EQ(high, row);
+  });
 }
 
 TEST(FieldBounds, AreThePlainOnesOnEveryTarget) {
