@@ -161,8 +161,12 @@ bool CellError<T>::isBeyondWithin(unsigned fine_corners) {
 }
 
 template <typename T>
-bool CellError<T>::isBeyondAround(unsigned fine_corners) {
-  bound(fine_corners);
+bool CellError<T>::isBeyond(unsigned fine_corners) {
+  return isBeyondWithin(fine_corners) || isBeyondAround();
+}
+
+template <typename T>
+bool CellError<T>::isBeyondAround() const {
   Field from = {}, to = {};
   unsigned count = 0;
   for (const auto& [a, position, axis] : partsOf(steps_).away) {

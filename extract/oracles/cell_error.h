@@ -30,8 +30,8 @@ class CellError {
   // samples of level 0 at `fine_corners`, and at the others with any values between the samples of
   // both levels.
   bool isBeyondWithin(unsigned fine_corners);
-  // The same of edges that lead away from the cell, from points that hang on it.
-  bool isBeyondAround(unsigned fine_corners);
+  // The same, and of edges that lead away from the cell too, from points that hang on it.
+  bool isBeyond(unsigned fine_corners);
 
  private:
   // Voxel (x, y, z) of the closed cell is number x + 3y + 9z of all of these. What lies behind the
@@ -43,6 +43,7 @@ class CellError {
   };
 
   void bound(unsigned fine_corners);
+  bool isBeyondAround() const;  // as bound
   void interpolate(const float (&corners)[8], Values& field) const;
   float voxel(const Index3& at) const {
     return static_cast<float>(

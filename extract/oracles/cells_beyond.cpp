@@ -1,5 +1,6 @@
 #include "isobrick/extract/oracles/cells_beyond.h"
 
+#include <array>
 #include <map>
 #include <optional>
 
@@ -63,22 +64,20 @@ class BrickDecision {
     CellError<T>& error = errorsAround(cell);
     error.load(cell);
     if (!error.isCrossed()) return true;
-    unsigned fine_corners =
-        cornersWhere(cell, [&](const Index3& touching) { return are_beyond_.has(touching); });
-    if (!isBeyondWith(fine_corners, error)) return false;
-    if (isEven(cell)) return true;
+    if (isEven(cell)) return isEvenBeyond(cell);
+    const unsigned fine_corners = firstCorners(cell);
+    if (!error.isBeyond(fine_corners)) return false;
     const unsigned more = fine_corners | cornersWhere(cell, [&](const Index3& touching) {
                             return isEven(touching) && isEvenBeyond(touching);
                           });
     if (more == fine_corners) return true;
     error.load(cell);
-    return isBeyondWith(more, error);
+    return error.isBeyond(more);
   }
 
   // Of a cell of the brick or beside it, whether it is one of the second kind.
   bool isEvenBeyond(const Index3& cell) {
-    const Index3 last = context_.lattice().cells(1) - Index3(1);
-    if (glm::clamp(cell, Index3(0), last) != cell) return false;
+    if (!contains({Index3(0), context_.lattice().cells(1)}, cell)) return false;
     if (!may_be_beyond_.has(cell) || are_beyond_.has(cell)) return false;
     const auto [known, is_new] = even_.try_emplace(
         linearIndex(cell - may_be_beyond_.box().first, may_be_beyond_.box().count), false);
@@ -86,14 +85,12 @@ class BrickDecision {
     if (around_.at(offsetOf(cell))->may_be_beyond.box().size() == 0) return false;
     CellError<T>& error = errorsAround(cell);
     error.load(cell);
-    if (!error.isCrossed()) return false;
-    const unsigned fine_corners =
-        cornersWhere(cell, [&](const Index3& touching) { return are_beyond_.has(touching); });
-    return known->second = isBeyondWith(fine_corners, error);
+    return known->second = error.isCrossed() && error.isBeyond(firstCorners(cell));
   }
 
-  static bool isBeyondWith(unsigned fine_corners, CellError<T>& error) {
-    return error.isBeyondWithin(fine_corners) || error.isBeyondAround(fine_corners);
+  // Those that touch a cell of the first kind that is crossed.
+  unsigned firstCorners(const Index3& cell) const {
+    return cornersWhere(cell, [&](const Index3& touching) { return are_beyond_.has(touching); });
   }
 
   // A bit for each corner, x + 2y + 4z, that a cell has for which f(cell) holds.

@@ -87,7 +87,7 @@ class ErrorCells::Brick {
         forEachMark(is_marked, ring_.x, [&](std::int64_t x) {
           const Index3 cell(ring.first.x + x, y, z);
           found.may_be_beyond.add(cell);
-          if (glm::clamp(cell, cells.first, cells.end() - Index3(1)) != cell) return;
+          if (!contains(cells, cell)) return;
           error.load(cell);
           if (error.isCrossed() && error.isBeyondWithin(CellError<T>::kAllCorners))
             found.are_beyond.add(cell);

@@ -1,4 +1,4 @@
-// Cells of level 1 whose error is beyond a tolerance, a brick at a time (rule 15).
+// Cells of level 1 whose error may be beyond a tolerance, a brick at a time (rule 15).
 #pragma once
 
 #include <cstdint>

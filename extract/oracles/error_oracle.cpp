@@ -138,7 +138,7 @@ CellBits ErrorOracle::beyondAtLevel1(const MeshContext& context, const Index3& b
   std::vector<Index3> in_making;
   forEachIndex({Index3(-1), Index3(3)}, [&](const Index3& offset) {
     const Index3 other = brick + offset;
-    if (glm::clamp(other, Index3(0), layout.bricks(0) - Index3(1)) != other) return;
+    if (!contains({Index3(0), layout.bricks(0)}, other)) return;
     if (found_.isInMaking(context.pyramid.brickRow(0, other)))
       in_making.push_back(offset);
     else

@@ -248,13 +248,12 @@ ReferenceTolerance::Kind ReferenceTolerance::kindOf(const Index3& cell) {
 }
 
 bool ReferenceTolerance::isOpenBeyond(const Index3& cell, bool beside_even) {
-  const Index3 last = pyramid_.lattice.cells(1) - Index3(1);
+  const IndexBox cells{Index3(0), pyramid_.lattice.cells(1)};
   unsigned fine_corners = 0;
   for (unsigned corner = 0; corner < 8; ++corner)
     forEachIndex({cell - Index3(1) + Index3(corner & 1, corner >> 1 & 1, corner >> 2), Index3(2)},
                  [&](const Index3& touching) {
-                   if (touching == cell || glm::clamp(touching, Index3(0), last) != touching)
-                     return;
+                   if (touching == cell || !contains(cells, touching)) return;
                    const Kind kind = kindOf(touching);
                    if (kind == Kind::kBeyondAmidstFine ||
                        (beside_even && kind == Kind::kOpen && isEven(touching) &&
