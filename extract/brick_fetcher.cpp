@@ -1,5 +1,6 @@
 #include "isobrick/extract/brick_fetcher.h"
 
+#include <algorithm>
 #include <exception>
 #include <system_error>
 #include <utility>
@@ -7,6 +8,21 @@
 #include "isobrick/extract/read_ahead.h"
 
 namespace isobrick {
+namespace {
+
+// A part that comes in may be unpacked from a copy beside it, which is smaller.
+constexpr std::uint64_t kComingFactor = 2;
+
+// Of all of the brick's parts.
+std::uint64_t heldBytes(const Pyramid& pyramid, const MissingBrick& brick) try {
+  std::uint64_t bytes = 0;
+  for (const PartKind kind : kPartKinds) bytes += pyramid.heldBytes(kind, brick.level, brick.brick);
+  return bytes;
+} catch (const Error&) {  // its row is damaged: BrickFetcher::fetch() meets the same, and says so
+  return 0;
+}
+
+}  // namespace
 
 BrickFetcher::~BrickFetcher() {
   {
@@ -20,6 +36,8 @@ BrickFetcher::~BrickFetcher() {
 void BrickFetcher::beginQuery() {
   const std::lock_guard lock(mutex_);
   has_come_ = false;
+  most_bytes_ -= std::min(most_bytes_, came_bytes_);
+  came_bytes_ = 0;
 }
 
 void BrickFetcher::announce(const BrickNeeds& needs, std::vector<MissingBrick> bricks,
@@ -28,8 +46,8 @@ void BrickFetcher::announce(const BrickNeeds& needs, std::vector<MissingBrick> b
   needs_ = needs;
   bricks_ = std::move(bricks);
   next_ = 0;
+  ++announcement_;
   most_bytes_ = most_bytes;
-  came_bytes_ = 0;
   is_taken_back_ = false;
   if (bricks_.empty()) fetched_.clear();
   if (!bricks_.empty()) start();
@@ -64,43 +82,73 @@ void BrickFetcher::start() try {
   if (threads_.empty()) next_ = bricks_.size();
 }
 
+// Room for what is being brought in, where there is some.
+class BrickFetcher::Coming {
+ public:
+  Coming(BrickFetcher& fetcher, std::uint64_t bytes) : fetcher_(fetcher), bytes_(bytes) {
+    const std::lock_guard lock(fetcher_.mutex_);
+    has_room_ = fetcher_.hasRoomFor(bytes_);
+    if (has_room_) fetcher_.coming_bytes_ += bytes_;
+  }
+  ~Coming() {
+    const std::lock_guard lock(fetcher_.mutex_);
+    if (has_room_) fetcher_.coming_bytes_ -= bytes_;
+  }
+  Coming(const Coming&) = delete;
+
+  bool hasRoom() const { return has_room_; }
+
+ private:
+  BrickFetcher& fetcher_;
+  const std::uint64_t bytes_;
+  bool has_room_ = false;
+};
+
+// A brick is begun only where there is room for all of it beside what the others are at, so that
+// however late a thread comes to run nobody takes the room of what was announced before.
 void BrickFetcher::run() {
   std::unique_lock lock(mutex_);
   while (true) {
     wake_.wait(lock, [&] { return stops_ || next_ < bricks_.size(); });
     if (stops_) return;
-    const MissingBrick brick = bricks_[next_++];
+    const MissingBrick brick = bricks_[next_];
     const BrickNeeds needs = *needs_;
-    if (!hasRoomFor(needs, brick)) {
+    const std::uint64_t bytes = kComingFactor * heldBytes(needs.pyramid(), brick);
+    if (!hasRoomFor(bytes)) {
+      if (busy_ > 0) {
+        wake_.wait(lock);
+        continue;
+      }
       next_ = bricks_.size();
-      if (isIdle()) idle_.notify_all();
+      idle_.notify_all();
       continue;
     }
+    ++next_;
     ++busy_;
+    coming_bytes_ += bytes;
+    const std::uint64_t announcement = announcement_;
     lock.unlock();
-    const bool is_there = fetch(needs, brick);
+    const bool is_there = fetch(needs, brick, announcement);
     lock.lock();
+    coming_bytes_ -= bytes;
     --busy_;
     if (!is_there && !failed_) failed_ = brick;
     if (isIdle()) idle_.notify_all();
+    wake_.notify_all();
   }
 }
 
-// For what all threads together may be at. With the lock.
-bool BrickFetcher::hasRoomFor(const BrickNeeds& needs, const MissingBrick& brick) const try {
-  const std::uint64_t bytes = needs.pyramid().heldSampleBytes(brick.level, brick.brick);
-  return came_bytes_ + ReadAhead::kThreads * bytes <= most_bytes_;
-} catch (const std::exception&) {  // its row is damaged: fetch() meets the same, and says so
-  return true;
-}
-
-bool BrickFetcher::fetch(const BrickNeeds& needs, const MissingBrick& brick) try {
+bool BrickFetcher::fetch(const BrickNeeds& needs, const MissingBrick& brick,
+                         std::uint64_t announcement) try {
   const Pyramid& pyramid = needs.pyramid();
   bool is_there = true;
   const auto has = [&](PartKind kind, int level, const Index3& of) {
-    if (isTakenBack()) return false;
+    const bool is_own = level == brick.level && of == brick.brick;
+    const std::uint64_t bytes = pyramid.heldBytes(kind, level, of);
+    const Coming coming(*this, is_own ? 0 : kComingFactor * bytes);
+    if (isEnded(announcement) || !coming.hasRoom()) return false;
     const BrickPager::Fetched fetched = pyramid.fetch(kind, level, of);
-    if (fetched == BrickPager::Fetched::kNow) noteFetched(pyramid, kind, {level, of, false});
+    noteFetched(pyramid, fetched, bytes, {level, of, false});
     is_there = is_there && fetched != BrickPager::Fetched::kNever;
     return is_there;
   };
@@ -111,19 +159,23 @@ bool BrickFetcher::fetch(const BrickNeeds& needs, const MissingBrick& brick) try
   return false;
 }
 
-bool BrickFetcher::isTakenBack() {
+// Also where another one has taken the announcement's place.
+bool BrickFetcher::isEnded(std::uint64_t announcement) {
   const std::lock_guard lock(mutex_);
-  return is_taken_back_ || stops_;
+  return announcement != announcement_ || is_taken_back_ || stops_;
 }
 
-void BrickFetcher::noteFetched(const Pyramid& pyramid, PartKind kind, const MissingBrick& brick) {
+void BrickFetcher::noteFetched(const Pyramid& pyramid, BrickPager::Fetched fetched,
+                               std::uint64_t bytes, const MissingBrick& brick) {
+  using enum BrickPager::Fetched;
+  if (fetched != kNow && fetched != kKept) return;
   const std::lock_guard lock(mutex_);
   if (is_taken_back_) {
     pyramid.withdraw(brick.level, brick.brick);
     return;
   }
-  has_come_ = true;
-  if (kind == PartKind::kSamples) came_bytes_ += pyramid.heldSampleBytes(brick.level, brick.brick);
+  has_come_ = has_come_ || fetched == kNow;
+  came_bytes_ += bytes;
   fetched_.push_back(brick);
 }
 

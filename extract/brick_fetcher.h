@@ -27,8 +27,9 @@ class BrickFetcher {
 
   // A query for now looks at what is there: wait() counts from here on.
   void beginQuery();
-  // Takes the place of what is left of the announcement before. Parts of at most `most_bytes` come
-  // in, in memory; the rest of the bricks is left out.
+  // Takes the place of what is left of the announcement before. Parts that count for at most
+  // `most_bytes` (Pyramid::heldBytes()) come in, with those that did since the query began; the
+  // rest of the bricks is left out.
   void announce(const BrickNeeds& needs, std::vector<MissingBrick> bricks,
                 std::uint64_t most_bytes);
   // Ends the announcement, and withdraws what came in and was not used. Waits for nothing: each
@@ -44,11 +45,16 @@ class BrickFetcher {
  private:
   void start();
   void run();
-  bool hasRoomFor(const BrickNeeds& needs, const MissingBrick& brick) const;
+  class Coming;
   // What it takes of the brick; false where a part cannot be had.
-  bool fetch(const BrickNeeds& needs, const MissingBrick& brick);
-  bool isTakenBack();
-  void noteFetched(const Pyramid& pyramid, PartKind kind, const MissingBrick& brick);
+  bool fetch(const BrickNeeds& needs, const MissingBrick& brick, std::uint64_t announcement);
+  bool isEnded(std::uint64_t announcement);
+  void noteFetched(const Pyramid& pyramid, BrickPager::Fetched fetched, std::uint64_t bytes,
+                   const MissingBrick& brick);
+  // All with the lock.
+  bool hasRoomFor(std::uint64_t bytes) const {
+    return came_bytes_ + coming_bytes_ + bytes <= most_bytes_;
+  }
   bool isIdle() const { return next_ == bricks_.size() && busy_ == 0; }
 
   std::mutex mutex_;  // guards all below
@@ -56,10 +62,12 @@ class BrickFetcher {
   bool stops_ = false;
   std::optional<BrickNeeds> needs_;
   std::vector<MissingBrick> bricks_;
-  std::size_t next_ = 0;  // of them, to fetch
-  std::size_t busy_ = 0;  // threads that are at one
+  std::size_t next_ = 0;            // of them, to fetch
+  std::size_t busy_ = 0;            // threads that are at one
+  std::uint64_t announcement_ = 0;  // its number
   std::uint64_t most_bytes_ = 0;
-  std::uint64_t came_bytes_ = 0;  // since the announcement
+  std::uint64_t came_bytes_ = 0;    // since the query began
+  std::uint64_t coming_bytes_ = 0;  // for what the threads are at
   bool is_taken_back_ = false;
   bool has_come_ = false;              // anything, since the query began
   std::vector<MissingBrick> fetched_;  // to be withdrawn, of all announcements

@@ -83,7 +83,7 @@ void ReadAhead::look(std::unique_lock<std::mutex>& lock) {
   const Pyramid& pyramid = context_.pyramid;
   const std::size_t work = looked_;
   const auto& [level, brick, adaptive] = work_[work];
-  const std::uint64_t bytes = pyramid.heldSampleBytes(level, brick);
+  const std::uint64_t bytes = pyramid.heldBytes(PartKind::kSamples, level, brick);
   bytes_.push_back(bytes);
   ahead_bytes_ += bytes;
   ++looked_;

@@ -115,7 +115,12 @@ BrickPager::Fetched BrickPager::fetch(std::size_t id, const CancelFlag* cancel) 
   Shard& shard = shardOf(id);
   {
     const std::lock_guard lock(shard.mutex);
-    if (!shard.entries.try_emplace(id, entry).second) return Fetched::kBefore;
+    const auto [found, is_new] = shard.entries.try_emplace(id, entry);
+    if (!is_new) {
+      const bool is_kept = found->second->is_ahead && found->second->query != entry->query;
+      if (is_kept) found->second->query = entry->query;
+      return is_kept ? Fetched::kKept : Fetched::kBefore;
+    }
   }
   const char* why = "";
   if (loadOrLeave(shard, entry, &why, cancel) == nullptr) return Fetched::kNever;
@@ -217,7 +222,6 @@ const std::byte* BrickPager::checkAnew(Shard& shard, Entry& entry, const char** 
   return dataOf(entry);
 }
 
-// What a resident part costs.
 std::uint64_t BrickPager::costOf(const Part& part) const {
   if (isPacked(part)) return BufferSlab::runBytes(part.unpacked_bytes);
   return isInPlace(part) ? part.bytes : BufferSlab::runBytes(part.bytes);

@@ -88,8 +88,9 @@ class BrickPager {
   [[nodiscard]] const std::byte* acquireIfResident(std::size_t id);
   void release(std::size_t id) noexcept;
 
-  // What fetch() did: the part cannot be had, was resident or is being loaded, or came in.
-  enum class Fetched : std::uint8_t { kNever, kBefore, kNow };
+  // What fetch() did: the part cannot be had, was resident or is being loaded, was fetched for an
+  // earlier query and is kept for this one, or came in.
+  enum class Fetched : std::uint8_t { kNever, kBefore, kKept, kNow };
   // Makes part `id` resident ahead of need, and waits for that unless another thread does it. It
   // stays until it is acquired or another query begins, as far as room can be made elsewhere.
   // acquire() says why it cannot be had. Throws Cancelled like acquire().
@@ -117,6 +118,8 @@ class BrickPager {
 
   Counters counters() const;
   std::uint64_t missCount() const { return misses_.load(std::memory_order_relaxed); }
+  // What a part counts against the budget while it is resident.
+  std::uint64_t costOf(const Part& part) const;
   // What counts against the budget now.
   std::uint64_t heldBytes() const { return held_bytes_.load(); }
 
@@ -158,7 +161,6 @@ class BrickPager {
   void loadForOthers(Shard& shard, const std::shared_ptr<Entry>& entry);
   const std::byte* load(Shard& shard, const std::shared_ptr<Entry>& entry, const char** why);
   const std::byte* checkAnew(Shard& shard, Entry& entry, const char** why);
-  std::uint64_t costOf(const Part& part) const;
   bool bringIn(Entry& entry, const char** why);
   bool checkInPlace(const Part& part, const char** why) const;
   bool readPart(const Part& part, std::byte* out, const char** why) const;

@@ -276,11 +276,9 @@ std::optional<BrickPart> Pyramid::holdIfResident(PartKind kind, int level,
   return part;
 }
 
-std::uint64_t Pyramid::heldSampleBytes(int level, const Index3& brick) const {
-  const BrickRow row = brickRowOf(level, brick);
-  return row.part(kSamples).stored_bytes == 0
-             ? 0
-             : partBytes(row, spec_, layout_, kSamples, level, brick);
+std::uint64_t Pyramid::heldBytes(PartKind kind, int level, const Index3& brick) const {
+  const BrickPager::Part part = pagedPart(kind, level, brick);
+  return part.bytes == 0 ? 0 : pager_->costOf(part);
 }
 
 void Pyramid::withdraw(int level, const Index3& brick) const {

@@ -212,10 +212,11 @@ class Pyramid {
   // Takes back what was fetched of the brick, for a query that was cancelled: see
   // BrickPager::withdraw().
   void withdraw(int level, const Index3& brick) const;
-  // Bytes of the brick's samples in memory, where they are not constant.
-  std::uint64_t heldSampleBytes(int level, const Index3& brick) const;
+  // What a part of the brick counts against the budget while it is resident; 0 where none is
+  // stored.
+  std::uint64_t heldBytes(PartKind kind, int level, const Index3& brick) const;
   std::uint64_t budgetBytes() const { return budget_bytes_; }
-  // What counts against it now.
+  // What counts against it now, of all parts.
   std::uint64_t heldBytes() const { return pager_->heldBytes(); }
   // How often a part was asked for that was not resident.
   std::uint64_t missCount() const { return pager_->missCount(); }

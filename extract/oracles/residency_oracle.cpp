@@ -109,8 +109,7 @@ bool ResidencyOracle::has(PartKind kind, int level, const Index3& brick) {
   if (!known.is_asked[k]) {
     known.is_asked[k] = true;
     known.parts[k] = needs_.pyramid().holdIfResident(kind, level, brick);
-    if (known.parts[k] && kind == PartKind::kSamples)
-      held_bytes_ += needs_.pyramid().heldSampleBytes(level, brick);
+    if (known.parts[k]) held_bytes_ += needs_.pyramid().heldBytes(kind, level, brick);
   }
   return known.parts[k].has_value();
 }

@@ -67,7 +67,7 @@ class ResidencyOracle {
   // What noteRefused() has found. While nobody asks.
   const std::vector<MissingBrick>& missing() const { return missing_; }
   bool hasRefused() const { return has_refused_; }
-  // Of the samples that are held, in memory.
+  // What all that is held counts against the pyramid's budget.
   std::uint64_t heldBytes() const { return held_bytes_; }
 
  private:

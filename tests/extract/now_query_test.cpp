@@ -236,14 +236,15 @@ class NowQueryOfAHead : public testing::TestWithParam<format::Codec> {
     return extractIsosurface(pyramid, query, sink).triangles;
   }
   // Answers until nothing more comes in; the last one.
-  ExtractionReport refine(Extractor& extractor) const {
+  ExtractionReport refine(Extractor& extractor,
+                          milliseconds between = std::chrono::seconds(10)) const {
     while (true) {
       IndexedMeshSink sink;
       const ExtractionReport report = extractor.extract(query_, sink);
       const MeshReport check =
           checkMesh(sink.mesh().positions, sink.mesh().triangles, indexOptions(Index3(100)));
       EXPECT_TRUE(check.ok()) << check.summary();
-      if (report.is_complete || !extractor.waitForBricks(std::chrono::seconds(10))) return report;
+      if (report.is_complete || !extractor.waitForBricks(between)) return report;
     }
   }
 
@@ -285,6 +286,27 @@ TEST_P(NowQueryOfAHead, RefinesNearTheFocusFirst) {
   EXPECT_LT(report.triangles, triangles);
   EXPECT_EQ(report.levels.front().level, 0);
   EXPECT_GT(report.levels.back().level, 1);
+}
+
+// All that is fetched counts, ranges and what the error oracle looks at beside a brick: else it
+// would push out the coarse bricks that were fetched first and that all others need.
+TEST_P(NowQueryOfAHead, WhatIsFetchedFitsIntoTheBudget) {
+  const Pyramid whole(path_);
+  Query within_tolerance = query_;
+  within_tolerance.tolerance = 20;
+  for (const Query& query : {query_, within_tolerance}) {
+    query_ = query;
+    trianglesOf(whole, query);
+    for (const std::uint64_t quarters : {1, 2, 3})
+      // Also what comes in while the next answer is made.
+      for (const milliseconds between : {milliseconds(10000), milliseconds(0)}) {
+        SCOPED_TRACE(testing::Message() << quarters << " quarters, " << between.count() << " ms");
+        const Pyramid pyramid(path_, whole.heldBytes() * quarters / 4);
+        Extractor extractor(pyramid);
+        EXPECT_FALSE(refine(extractor, between).is_complete);
+        EXPECT_EQ(pyramid.counters().parts_released, 0u);
+      }
+  }
 }
 
 // What came in and went again before it was used is not waited for anew for ever.
