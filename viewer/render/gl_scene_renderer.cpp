@@ -259,7 +259,7 @@ SurfaceChunk GlSceneRenderer::download(ChunkId id) const {
 SliceId GlSceneRenderer::uploadSlice(const SliceImage& image) {
   Slice kept;
   kept.texture = GlTexture::make(GLenum{GL_TEXTURE_2D});
-  kept.bytes = image.values.size() * sizeof(float);
+  kept.bytes = image.bytes();
   glTextureStorage2D(*kept.texture, 1, GL_R32F, image.width, image.height);
   glPixelStorei(GL_UNPACK_ALIGNMENT, 4);
   glTextureSubImage2D(*kept.texture, 0, 0, 0, image.width, image.height, GL_RED, GL_FLOAT,

@@ -53,7 +53,10 @@ class NullRenderer : public SceneRenderer {
     kept.surface = kept_.at(chunk).surface;
     return kept;
   }
-  SliceId uploadSlice(const SliceImage&) override { return ++last_slice_; }
+  SliceId uploadSlice(const SliceImage& image) override {
+    uploaded_bytes_ += image.bytes();
+    return ++last_slice_;
+  }
   void releaseSlice(SliceId slice) override { released_slices_.push_back(slice); }
   std::uint64_t bytesKept() const override { return bytes_; }
   void draw(const SceneFrame& frame) override {

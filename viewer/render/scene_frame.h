@@ -23,6 +23,8 @@ struct SliceImage {
   int width = 0;
   int height = 0;
   std::vector<float> values;  // data units; NaN: nothing there
+
+  std::uint64_t bytes() const { return values.size() * sizeof(float); }
 };
 
 struct SceneSlice {

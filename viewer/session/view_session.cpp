@@ -20,6 +20,10 @@ namespace {
 // A hand that did not change anything for so long rests.
 constexpr double kRestSeconds = 0.15;
 constexpr int kMostSliceValues = 512;  // to a side
+// Of all slices and caps, which come together.
+constexpr std::uint64_t kMostPlaneBytes =
+    (kMostClipPlanes + 3) * kMostSliceValues * kMostSliceValues * sizeof(float);
+static_assert(kMostPlaneBytes <= kUploadBytes);
 // So long a drawing waits for the next surface, where it takes longer itself.
 constexpr double kPostponedSeconds = 0.1;
 
@@ -156,10 +160,10 @@ void ViewSession::update(double seconds, UploadAllowance& allowance) {
   advanceFlight(std::clamp(seconds - last_update_, 0.0, 0.1), volume_, interaction_, state_);
   last_update_ = seconds;
   state_ = bounded(state_, volume_);
+  updatePlanes(allowance);
   // What has come tells how much to ask for.
   takeNews(surfaces_->pump([&] { return nextMessage(); }, clockSeconds, allowance));
   requestSurfaces(seconds);
-  updatePlanes();
   if (auto outcome = mesh_worker_.poll()) {
     mesh_error_ = outcome->error;
     if (outcome->result) exported_ = *outcome->result;
@@ -357,23 +361,31 @@ bool ViewSession::showsTheLatest() const {
   return shown_request_ == last_request_ && shown_pass_.is_complete;
 }
 
-void ViewSession::updatePlanes() {
+// They come first in a frame, so that surfaces that keep coming leave them room.
+void ViewSession::updatePlanes(UploadAllowance& allowance) {
   const std::vector<WantedPlane> wanted = planesOf(state_, volume_);
   if (wanted != asked_planes_) {
     asked_planes_ = wanted;
     plane_worker_.request(wanted);
   }
+  if (allowance.bytes < kMostPlaneBytes) return;
   auto outcome = plane_worker_.poll();
   if (!outcome) return;
+  const double begin = clockSeconds();
+  std::uint64_t bytes = 0;
   plane_error_ = outcome->error;
   releasePlanes();
   if (!outcome->result) return;
   try {
-    for (std::size_t i = 0; i < outcome->result->size(); ++i)
-      planes_.push_back({outcome->request[i], renderer_->uploadSlice((*outcome->result)[i])});
+    for (std::size_t i = 0; i < outcome->result->size(); ++i) {
+      const SliceImage& image = (*outcome->result)[i];
+      planes_.push_back({outcome->request[i], renderer_->uploadSlice(image)});
+      bytes += image.bytes();
+    }
   } catch (const Error& error) {
     plane_error_ = error.what();
   }
+  allowance.take(bytes, clockSeconds() - begin);
 }
 
 std::vector<SliceImage> ViewSession::samplePlanes(const std::vector<WantedPlane>& planes,

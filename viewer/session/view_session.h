@@ -173,7 +173,7 @@ class ViewSession {
   void noteWait(const StreamMessage& pass);
   void shrinkToBudget();
   bool showsTheLatest() const;
-  void updatePlanes();
+  void updatePlanes(UploadAllowance& allowance);
   std::vector<SliceImage> samplePlanes(const std::vector<WantedPlane>& planes,
                                        const CancelFlag& cancel) const;
   std::string writeMesh(const MeshOrder& order, const CancelFlag& cancel) const;

@@ -24,6 +24,10 @@ struct UploadAllowance {
   std::uint64_t bytes = kUploadBytes;
 
   bool isSpent() const { return seconds <= 0.0 || bytes == 0; }
+  void take(std::uint64_t uploaded_bytes, double took_seconds) {
+    bytes -= std::min(bytes, uploaded_bytes);
+    seconds -= took_seconds;
+  }
   // A frame that waits lasts longer: an eighth of what it waits, as of 16 ms, is for uploads again.
   void addWaited(double waited) {
     seconds = std::min(kUploadSeconds, std::max(seconds, 0.0) + waited / 8.0);

@@ -352,6 +352,32 @@ TEST_F(ViewSessionTest, SlicesAndCapsComeAndGo) {
             1);
 }
 
+// Slices and caps are uploads of a frame like all others, and wait where it has no room for them.
+TEST_F(ViewSessionTest, SlicesCountAmongTheUploadsOfAFrame) {
+  settle();
+  for (ViewSlice& slice : session_->state().slices) slice.shown = true;
+  const auto updateWith = [&](std::uint64_t bytes) {
+    UploadAllowance allowance;
+    allowance.bytes = bytes;
+    const std::uint64_t before = renderer_.uploadedBytes();
+    session_->update(clock_ += 0.05, allowance);
+    EXPECT_EQ(renderer_.uploadedBytes() - before, bytes - allowance.bytes);
+    session_->draw();
+    return bytes - allowance.bytes;
+  };
+  for (int i = 0; i < 20; ++i) {
+    EXPECT_EQ(updateWith(std::uint64_t{1} << 20), 0u);
+    std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  }
+  EXPECT_FALSE(session_->settled());
+  EXPECT_TRUE(renderer_.frames().back().slices.empty());
+  std::uint64_t uploaded = 0;
+  while (!session_->settled()) uploaded += updateWith(kUploadBytes);
+  updateWith(kUploadBytes);
+  EXPECT_EQ(renderer_.frames().back().slices.size(), 3u);
+  EXPECT_GT(uploaded, 0u);
+}
+
 TEST_F(ViewSessionTest, TheMeshOfWhatIsShownIsWritten) {
   const std::string path = folder_.file("shown.stl");
   session_->exportMesh(path);
