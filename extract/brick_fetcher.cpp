@@ -148,12 +148,13 @@ bool BrickFetcher::fetch(const BrickNeeds& needs, const MissingBrick& brick,
     const Coming coming(*this, is_own ? 0 : kComingFactor * bytes);
     if (isEnded(announcement) || !coming.hasRoom()) return false;
     const BrickPager::Fetched fetched = pyramid.fetch(kind, level, of);
-    noteFetched(pyramid, fetched, bytes, {level, of, false});
+    noteFetched(pyramid, fetched, bytes, {level, of});
     is_there = is_there && fetched != BrickPager::Fetched::kNever;
     return is_there;
   };
-  needs.areMet(brick.level, brick.brick, has);
-  if (brick.needs_samples) has(PartKind::kSamples, brick.level, brick.brick);
+  bool is_whole = needs.areMet(brick.level, brick.brick, has);
+  if (brick.needs_samples) is_whole = has(PartKind::kSamples, brick.level, brick.brick);
+  if (is_whole && (brick.lacks_parts || brick.needs_samples)) noteCome();
   return is_there;
 } catch (const std::exception&) {
   return false;
@@ -163,6 +164,12 @@ bool BrickFetcher::fetch(const BrickNeeds& needs, const MissingBrick& brick,
 bool BrickFetcher::isEnded(std::uint64_t announcement) {
   const std::lock_guard lock(mutex_);
   return announcement != announcement_ || is_taken_back_ || stops_;
+}
+
+// For what others brought in since the query looked, too.
+void BrickFetcher::noteCome() {
+  const std::lock_guard lock(mutex_);
+  has_come_ = true;
 }
 
 void BrickFetcher::noteFetched(const Pyramid& pyramid, BrickPager::Fetched fetched,

@@ -49,6 +49,7 @@ class BrickFetcher {
   // What it takes of the brick; false where a part cannot be had.
   bool fetch(const BrickNeeds& needs, const MissingBrick& brick, std::uint64_t announcement);
   bool isEnded(std::uint64_t announcement);
+  void noteCome();
   void noteFetched(const Pyramid& pyramid, BrickPager::Fetched fetched, std::uint64_t bytes,
                    const MissingBrick& brick);
   // All with the lock.

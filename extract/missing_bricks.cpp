@@ -88,7 +88,7 @@ class MissingBricks {
       return;
     residency.forEachParentAround(level, brick,
                                   [&](const Index3& parent) { list(level + 1, parent); });
-    missing_.push_back({level, brick, false});
+    missing_.push_back({level, brick, false, residency.lacksParts(level, brick)});
   }
 
   const MeshContext& context_;

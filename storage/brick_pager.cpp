@@ -99,8 +99,7 @@ const std::byte* BrickPager::take(Shard& shard, std::unique_lock<std::mutex>& lo
   // The first use of what was fetched is what it came for.
   slot->is_used = !std::exchange(slot->is_ahead, false);
   slot->query = query_.load(std::memory_order_relaxed);
-  if (!isInPlace(slot->part) || slot->edition == edition_.load(std::memory_order_relaxed))
-    return dataOf(*slot);
+  if (!isToBeChecked(*slot)) return dataOf(*slot);
   const std::shared_ptr<Entry> entry = slot;
   lock.unlock();
   return checkAnew(shard, *entry, why);
@@ -114,11 +113,19 @@ BrickPager::Fetched BrickPager::fetch(std::size_t id, const CancelFlag* cancel) 
   entry->is_ahead = true;
   Shard& shard = shardOf(id);
   {
-    const std::lock_guard lock(shard.mutex);
+    std::unique_lock lock(shard.mutex);
     const auto [found, is_new] = shard.entries.try_emplace(id, entry);
     if (!is_new) {
-      const bool is_kept = found->second->is_ahead && found->second->query != entry->query;
-      if (is_kept) found->second->query = entry->query;
+      const std::shared_ptr<Entry> there = found->second;
+      const bool is_kept = there->is_ahead && there->query != entry->query;
+      if (is_kept) there->query = entry->query;
+      if (there->state == State::kResident && isToBeChecked(*there)) {
+        ++there->users;
+        lock.unlock();
+        const char* why = "";
+        if (checkAnew(shard, *there, &why) == nullptr) return Fetched::kNever;
+        release(id);
+      }
       return is_kept ? Fetched::kKept : Fetched::kBefore;
     }
   }

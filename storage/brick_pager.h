@@ -109,7 +109,8 @@ class BrickPager {
     return part.codec == format::Codec::kStored && file_.isMapped();
   }
   // Asks the file whether it was written to (PagedFile::edition()), and returns how often it was.
-  // After that every part that is used in place is checked anew when it is acquired next.
+  // After that every part that is used in place is checked anew when it is acquired or fetched
+  // next.
   std::uint64_t noticeChanges();
 
   // From here on parts are taken for another query: what neither it nor the one before takes goes
@@ -152,6 +153,10 @@ class BrickPager {
   Shard& shardOf(std::size_t id) { return shards_[id * 0x9E3779B97F4A7C15u >> 58]; }
   const std::byte* dataOf(const Entry& entry) const;
   bool isReachable(std::size_t id) const;
+  // Of a resident one.
+  bool isToBeChecked(const Entry& entry) const {
+    return isInPlace(entry.part) && entry.edition != edition_.load(std::memory_order_relaxed);
+  }
   const std::byte* take(Shard& shard, std::unique_lock<std::mutex>& lock,
                         const std::shared_ptr<Entry>& slot, const char** why);
   const std::byte* wait(Shard& shard, std::unique_lock<std::mutex>& lock, Entry& entry,

@@ -45,6 +45,16 @@ bool ResidencyOracle::isUsableNow(int level, const Index3& brick) {
   return isUsable(level, brick);
 }
 
+bool ResidencyOracle::lacksParts(int level, const Index3& brick) {
+  const std::lock_guard lock(mutex_);
+  if (isUsable(level, brick)) return false;
+  bool are_parents_usable = true;
+  forEachParentAround(level, brick, [&](const Index3& parent) {
+    are_parents_usable = are_parents_usable && isUsable(level + 1, parent);
+  });
+  return are_parents_usable && !hasOwnParts(level, brick);
+}
+
 bool ResidencyOracle::holdsSamples(int level, const Index3& brick) {
   if (level >= first_whole_level_) return true;
   const std::lock_guard lock(mutex_);
@@ -120,7 +130,7 @@ void ResidencyOracle::refuse(int level, const Index3& brick) {
   if (known.is_refused) return;
   known.is_refused = true;
   const bool has_own = hasOwnParts(level, brick);
-  if (!has_own || lacksBorder(level, brick)) missing_.push_back({level, brick, has_own});
+  if (!has_own || lacksBorder(level, brick)) missing_.push_back({level, brick, has_own, !has_own});
   forEachParentAround(level, brick, [&](const Index3& parent) { refuse(level + 1, parent); });
 }
 

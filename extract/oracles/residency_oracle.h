@@ -18,6 +18,7 @@ struct MissingBrick {
   int level = 0;
   Index3 brick{0};
   bool needs_samples = false;  // whatever its ranges say
+  bool lacks_parts = false;    // surely, of those that BrickNeeds says
 };
 
 // Refines a cell of level l where the brick of level l - 1 that holds its children is usable. That
@@ -50,6 +51,8 @@ class ResidencyOracle {
 
   // Whether the brick is usable.
   bool isUsableNow(int level, const Index3& brick);
+  // Whether it is for want of its own parts that the brick is not usable. Asks for no part more.
+  bool lacksParts(int level, const Index3& brick);
   // Whether the brick's samples are held.
   bool holdsSamples(int level, const Index3& brick);
 

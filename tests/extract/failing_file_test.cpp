@@ -157,6 +157,17 @@ class FailingFile : public testing::TestWithParam<Storing> {
     for (char& byte : bytes) byte = static_cast<char>(byte ^ 0x11);
     return bytes;
   }
+  // With the ranges as they were.
+  std::string otherBackSamples() const {
+    std::string bytes = goodBack();
+    for (const PlainBrick& brick : readPlainPyramid(path_).bricks) {
+      const PlainPart& samples = brick.parts[0];
+      if (brick.level > 0 || brick.index[2] < kFirstBackBrick || samples.stored_bytes == 0)
+        continue;
+      bytes[samples.offset - back_begin_] ^= 0x11;
+    }
+    return bytes;
+  }
 
   const TemporaryFolder folder_;
   const std::string path_ = folder_.file("head.isb");
@@ -321,6 +332,32 @@ TEST_P(FailingFileInPlace, WhatIsWrittenOverWhileItIsMeshedIsNoticed) {
   EXPECT_FALSE(sink.is_finished);
   writeBack(goodBack());
   EXPECT_TRUE(isSame(meshOf(pyramid, wholeQuery()), all_));
+}
+
+// Also where it takes no read to have it.
+TEST_P(FailingFileInPlace, WhatIsWrittenOverFailsAQueryForNow) {
+  const Pyramid pyramid(path_);
+  Extractor extractor(pyramid);
+  Query query = wholeQuery();
+  query.now = true;
+  const auto refine = [&] {
+    CountingSink sink;
+    for (std::size_t answer = 0; answer < pyramid.brickCount(); ++answer) {
+      if (extractor.extract(query, sink).is_complete) return true;
+      extractor.waitForBricks(std::chrono::seconds(10));
+    }
+    return false;
+  };
+  ASSERT_TRUE(refine());
+  writeBack(otherBackSamples());
+  try {
+    refine();
+    ADD_FAILURE() << "nothing was wrong";
+  } catch (const Error& error) {
+    expectNamesBack(error);
+  }
+  writeBack(goodBack());
+  EXPECT_TRUE(refine());
 }
 
 // All is as it was when the query ends, but nobody knows what the meshers saw.

@@ -4,14 +4,19 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <string>
 #include <thread>
+#include <vector>
 
+#include "isobrick/extract/brick_fetcher.h"
+#include "isobrick/extract/brick_traversal.h"
 #include "isobrick/extract/extractor.h"
+#include "isobrick/extract/missing_bricks.h"
 #include "isobrick/extract/oracles/leaf_classifier.h"
 #include "isobrick/extract/oracles/residency_oracle.h"
 #include "isobrick/extract/read_ahead.h"
@@ -58,6 +63,12 @@ void bringIn(const Pyramid& pyramid, RandomCase& random) {
       if (random.chance(chances[static_cast<std::size_t>(level)])) {
         EXPECT_NE(pyramid.fetch(kind, level, brick), BrickPager::Fetched::kNever);
       }
+  });
+}
+
+void bringAllIn(const Pyramid& pyramid) {
+  forEachBrickOf(pyramid, [&](int level, const Index3& brick) {
+    for (const PartKind kind : kPartKinds) static_cast<void>(pyramid.fetch(kind, level, brick));
   });
 }
 
@@ -326,6 +337,48 @@ TEST_P(NowQueryOfAHead, EndsForAnyBudget) {
       EXPECT_GT(report.triangles, 0u);
     } while (!report.is_complete && extractor.waitForBricks(std::chrono::seconds(10)));
     EXPECT_EQ(trianglesOf(pyramid, query_), triangles);
+  }
+}
+
+// What another extractor on the pyramid brought in since the query looked has come.
+TEST_P(NowQueryOfAHead, WhatOthersBringInIsWaitedFor) {
+  const Pyramid pyramid(path_);
+  const BrickNeeds needs(pyramid, query_);
+  ResidencyOracle residency(needs);
+  const auto oracles = oraclesOf(pyramid, query_);
+  const WorldFrame frame(pyramid.spec().geometry);
+  ReadLog log;
+  const MeshContext context{pyramid, query_, oracles,   frame, static_cast<float>(query_.isovalue),
+                            log,     0,      &residency};
+  BrickFetcher fetcher;
+  fetcher.beginQuery();
+  traverseBricks(context);
+  const std::vector<MissingBrick> missing = missingBricks(context);
+  bringAllIn(pyramid);
+  const std::uint64_t fetched = pyramid.counters().parts_fetched;
+  fetcher.announce(needs, missing, pyramid.budgetBytes());
+  EXPECT_TRUE(fetcher.wait(std::chrono::seconds(10)));
+  EXPECT_EQ(pyramid.counters().parts_fetched, fetched);
+  // What was there before has not.
+  fetcher.beginQuery();
+  std::vector<MissingBrick> there = missing;
+  for (MissingBrick& brick : there) brick.lacks_parts = brick.needs_samples = false;
+  fetcher.announce(needs, there, pyramid.budgetBytes());
+  EXPECT_FALSE(fetcher.wait(std::chrono::seconds(10)));
+}
+
+TEST_P(NowQueryOfAHead, TwoExtractorsAtOnceBothRefineToTheEnd) {
+  for (int time = 0; time < 4; ++time) {
+    const Pyramid pyramid(path_);
+    std::array<ExtractionReport, 2> reports;
+    const auto refineInto = [&](ExtractionReport& report) {
+      Extractor extractor(pyramid);
+      report = refine(extractor);
+    };
+    std::thread other([&] { refineInto(reports[0]); });
+    refineInto(reports[1]);
+    other.join();
+    for (const ExtractionReport& report : reports) EXPECT_TRUE(report.is_complete);
   }
 }
 
