@@ -1,7 +1,9 @@
 #include "isobrick/extract/oracles/error_cells.h"
 
 #include <algorithm>
+#include <bit>
 #include <cstring>
+#include <span>
 
 #include "isobrick/extract/kernels/field_bounds.h"
 #include "isobrick/extract/oracles/cell_error.h"
@@ -49,6 +51,7 @@ class ErrorCells::Brick {
         bound_(bound),
         lattice_(context.lattice()),
         tile_cells_(context.pyramid.layout().tileCells()),
+        tile_shift_(std::countr_zero(static_cast<std::uint64_t>(tile_cells_))),
         first_(context.pyramid.layout().brickCellBox(0, brick).first),
         samples_(context.samples(0, brick)),
         coarse_(context.samples(1, brick / std::int64_t{2})) {
@@ -65,6 +68,7 @@ class ErrorCells::Brick {
   }
 
   void run() {
+    findRuns();
     for (auto& filled : memory_.is_filled_)
       filled.assign(static_cast<std::size_t>(axes_[1].voxels), 0);
     for (std::int64_t z = 0; z < axes_[2].voxels; ++z) {
@@ -98,35 +102,61 @@ class ErrorCells::Brick {
  private:
   // The tiles that a voxel touches along an axis, and those that have the edge to the next one.
   CellRun tilesTouching(int axis, std::int64_t voxel) const {
-    return {std::max<std::int64_t>(voxel - 1, 0) / tile_cells_,
-            std::min(voxel / tile_cells_, memory_.tiles_.dims()[axis] - 1)};
+    return {std::max<std::int64_t>(voxel - 1, 0) >> tile_shift_,
+            std::min(voxel >> tile_shift_, memory_.tiles_.dims()[axis] - 1)};
   }
   CellRun tilesWithEdge(std::int64_t voxel) const {
-    return {voxel / tile_cells_, voxel / tile_cells_};
+    return {voxel >> tile_shift_, voxel >> tile_shift_};
   }
 
-  // Of a row that these rows of tiles touch, the runs of voxels in active tiles, in `runs`. They
-  // begin at even voxels. A short gap is a part of a run, which costs more than some voxels:
-  // nothing crosses there, or nobody asks.
+  // Tiles that a voxel or edge touches along an axis: one, or two beside each other. As a number.
+  static std::int64_t touchedNumber(const CellRun& tiles) { return tiles.first + tiles.last; }
+  static CellRun touchedOf(std::int64_t number) { return {number / 2, (number + 1) / 2}; }
+  std::int64_t touchedNumbers(int axis) const { return 2 * memory_.tiles_.dims()[axis] - 1; }
+
+  // Of a row that these rows of tiles touch, the runs of voxels in active tiles. They begin at even
+  // voxels. A short gap is a part of a run, which costs more than some voxels: nothing crosses
+  // there, or nobody asks.
   static constexpr std::int64_t kShortGap = 16;
-  void findRuns(const CellRun& ys, const CellRun& zs, std::vector<VoxelRun>& runs) const {
+  std::span<const VoxelRun> runsOf(const CellRun& ys, const CellRun& zs) const {
+    const std::size_t* begin =
+        memory_.first_runs_.data() + touchedNumbers(1) * touchedNumber(zs) + touchedNumber(ys);
+    return {memory_.runs_.data() + begin[0], begin[1] - begin[0]};
+  }
+
+  void findRuns() {
+    memory_.runs_.clear();
+    memory_.first_runs_.assign(1, 0);
+    for (std::int64_t z = 0; z < touchedNumbers(2); ++z)
+      for (std::int64_t y = 0; y < touchedNumbers(1); ++y) {
+        addRuns(touchedOf(y), touchedOf(z));
+        memory_.first_runs_.push_back(memory_.runs_.size());
+      }
+  }
+
+  void addRuns(const CellRun& ys, const CellRun& zs) {
     const ActiveTiles& tiles = memory_.tiles_;
-    runs.clear();
-    const auto isActive = [&](std::int64_t x) {
-      for (std::int64_t z = zs.first; z <= zs.last; ++z)
-        for (std::int64_t y = ys.first; y <= ys.last; ++y)
-          if (tiles.isActive({x, y, z})) return true;
-      return false;
-    };
-    for (std::int64_t x = 0; x < tiles.dims().x; ++x) {
-      if (!isActive(x)) continue;
-      const std::int64_t first = x * tile_cells_;
+    std::vector<std::uint8_t>& is_active = memory_.active_row_;
+    is_active.assign(static_cast<std::size_t>(tiles.dims().x), 0);
+    bool is_any = false;
+    for (std::int64_t z = zs.first; z <= zs.last; ++z)
+      for (std::int64_t y = ys.first; y <= ys.last; ++y) {
+        const ActiveTiles::Span span = tiles.activeSpan(y, z);
+        is_any = is_any || span.end > 0;
+        for (std::int64_t x = span.begin; x < span.end; ++x)
+          if (tiles.isActive({x, y, z})) is_active[static_cast<std::size_t>(x)] = 1;
+      }
+    if (!is_any) return;
+    std::vector<VoxelRun>& runs = memory_.runs_;
+    const std::size_t before = runs.size();
+    forEachMark(is_active.data(), tiles.dims().x, [&](std::int64_t x) {
+      const std::int64_t first = x << tile_shift_;
       const std::int64_t last = std::min(first + tile_cells_, axes_[0].voxels - 1);
-      if (!runs.empty() && first - runs.back().last <= kShortGap)
+      if (runs.size() > before && first - runs.back().last <= kShortGap)
         runs.back().last = last;
       else
         runs.push_back({first, last});
-    }
+    });
   }
 
   // The row's values and bounds in active tiles, made when they are first asked for.
@@ -137,8 +167,8 @@ class ErrorCells::Brick {
     std::uint8_t& is_filled = memory_.is_filled_[z % 2][static_cast<std::size_t>(y)];
     if (is_filled == 0) {
       is_filled = 1;
-      findRuns(tilesTouching(1, y), tilesTouching(2, z), memory_.row_runs_);
-      for (const VoxelRun& run : memory_.row_runs_) fill(run, y, z, value, low, high);
+      for (const VoxelRun& run : runsOf(tilesTouching(1, y), tilesTouching(2, z)))
+        fill(run, y, z, value, low, high);
     }
     return {value, low, high};
   }
@@ -166,8 +196,7 @@ class ErrorCells::Brick {
 
   void flagRow(std::int64_t y, std::int64_t z) {
     const CellRun ys = tilesTouching(1, y), zs = tilesTouching(2, z);
-    std::vector<VoxelRun>& runs = memory_.runs_;
-    findRuns(ys, zs, runs);
+    const std::span<const VoxelRun> runs = runsOf(ys, zs);
     if (runs.empty()) return;
     const BoundedRow here = row(y, z);
     for (const VoxelRun& run : runs) {
@@ -178,12 +207,12 @@ class ErrorCells::Brick {
       flagEdgesAlong(0, {0, y, z}, here, from(here, 1), {run.first, run.last - 1});
     }
     if (y + 1 < axes_[1].voxels) {
-      findRuns(tilesWithEdge(y), zs, runs);
-      for (const VoxelRun& run : runs) flagEdgesAlong(1, {0, y, z}, here, row(y + 1, z), run);
+      for (const VoxelRun& run : runsOf(tilesWithEdge(y), zs))
+        flagEdgesAlong(1, {0, y, z}, here, row(y + 1, z), run);
     }
     if (z + 1 < axes_[2].voxels) {
-      findRuns(ys, tilesWithEdge(z), runs);
-      for (const VoxelRun& run : runs) flagEdgesAlong(2, {0, y, z}, here, row(y, z + 1), run);
+      for (const VoxelRun& run : runsOf(ys, tilesWithEdge(z)))
+        flagEdgesAlong(2, {0, y, z}, here, row(y, z + 1), run);
     }
   }
 
@@ -257,7 +286,8 @@ class ErrorCells::Brick {
   const ErrorBound& bound_;
   const Lattice& lattice_;
   const std::int64_t tile_cells_;
-  const Index3 first_;  // voxel
+  const int tile_shift_;  // tiles have 2^that cells
+  const Index3 first_;    // voxel
   const BrickSamples samples_, coarse_;
   BrickAxis axes_[3];
   std::int64_t stride_ = 0;

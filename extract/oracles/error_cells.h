@@ -60,7 +60,10 @@ class ErrorCells {
   };
 
   ActiveTiles tiles_;
-  std::vector<VoxelRun> runs_, row_runs_;
+  // Of all rows that the same tiles touch, and where those of each begin.
+  std::vector<VoxelRun> runs_;
+  std::vector<std::size_t> first_runs_;
+  std::vector<std::uint8_t> active_row_;
   // Of two planes of voxels in turn: values and bounds, row by row.
   std::vector<float> planes_[2];
   std::vector<std::uint8_t> is_filled_[2];
