@@ -1,4 +1,4 @@
-// A renderer that draws nothing and remembers what it was asked for: for tests.
+// A renderer that draws nothing and remembers what it was asked for, of frames the last: for tests.
 #pragma once
 
 #include <limits>
@@ -64,7 +64,8 @@ class NullRenderer : public SceneRenderer {
       const Kept& kept = kept_.at(chunk);  // throws: not kept
       if (kept.uploaded != kept.bytes) throw std::logic_error("a chunk of which a part is lacking");
     }
-    frames_.push_back(frame);
+    frame_ = frame;
+    ++draws_;
   }
   // What tests want to be hit.
   std::optional<double> distanceAt(const glm::dvec2&) override { return distance; }
@@ -77,18 +78,20 @@ class NullRenderer : public SceneRenderer {
   std::uint64_t pieces_left = std::numeric_limits<std::uint64_t>::max();
 
   const std::map<ChunkId, Kept>& kept() const { return kept_; }
-  const std::vector<SceneFrame>& frames() const { return frames_; }
+  // What was drawn last, and how often something was.
+  const SceneFrame& frame() const { return frame_; }
+  std::uint64_t draws() const { return draws_; }
   const std::vector<SliceId>& releasedSlices() const { return released_slices_; }
   std::uint64_t uploadedBytes() const { return uploaded_bytes_; }
   std::uint64_t endedUploads() const { return ended_uploads_; }
 
  private:
   std::map<ChunkId, Kept> kept_;
-  std::vector<SceneFrame> frames_;
+  SceneFrame frame_;
   std::vector<SliceId> released_slices_;
   ChunkId last_ = 0;
   SliceId last_slice_ = 0;
-  std::uint64_t bytes_ = 0, uploaded_bytes_ = 0, ended_uploads_ = 0;
+  std::uint64_t bytes_ = 0, uploaded_bytes_ = 0, ended_uploads_ = 0, draws_ = 0;
 };
 
 }  // namespace isobrick

@@ -66,7 +66,7 @@ TEST(ShownMeshTest, AtAHundredMomentsItPassesTheChecker) {
       std::this_thread::yield();
     }
     IndexedMeshSink sink;
-    takeShownMesh(renderer, renderer.frames().back().chunks, {}, sink);
+    takeShownMesh(renderer, renderer.frame().chunks, {}, sink);
     const IndexedMesh& mesh = sink.mesh();
     ++looked_at[session.status().passes];
     reused += session.status().triangles -
@@ -84,7 +84,7 @@ TEST(ShownMeshTest, AtAHundredMomentsItPassesTheChecker) {
   } while (!session.settled());
   session.draw();
   IndexedMeshSink sink;
-  takeShownMesh(renderer, renderer.frames().back().chunks, {}, sink);
+  takeShownMesh(renderer, renderer.frame().chunks, {}, sink);
   const IndexedMesh& mesh = sink.mesh();
   ASSERT_FALSE(mesh.triangles.empty());
   EXPECT_TRUE(test::checkMesh(mesh.positions, mesh.triangles, test::indexOptions(Index3(40))).ok());

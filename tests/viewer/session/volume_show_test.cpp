@@ -105,7 +105,7 @@ TEST_F(VolumeShowTest, APreviewIsShownBeforeTheBuildHasEnded) {
   EXPECT_TRUE(opener_.status().busy);
   EXPECT_FALSE(fs::exists(folder_.file("sphere.isb")));
   EXPECT_EQ(show_.session()->status().limited, "preview at 1/2");
-  EXPECT_EQ(renderer_.frames().back().first_level, 1);
+  EXPECT_EQ(renderer_.frame().first_level, 1);
   EXPECT_EQ(show_.session()->status().doing, "ready");
   EXPECT_EQ(show_.session()->volume().voxels, kVoxels);
   show_.session()->state().surfaces[0].isovalue = 0.0;
@@ -116,7 +116,7 @@ TEST_F(VolumeShowTest, APreviewIsShownBeforeTheBuildHasEnded) {
   framesUntil([&] { return isWhole(); });
   EXPECT_FALSE(show_.showsPreview());
   EXPECT_EQ(show_.session()->status().limited, "");
-  EXPECT_EQ(renderer_.frames().back().first_level, 0);
+  EXPECT_EQ(renderer_.frame().first_level, 0);
   EXPECT_EQ(show_.opened()->pyramid, folder_.file("sphere.isb"));
   EXPECT_LT(farthestFromSphere(), 0.05);
   EXPECT_TRUE(fs::is_empty(previews_.path()));
@@ -209,7 +209,7 @@ TEST_F(VolumeShowTest, BothOutliveTheirRenderer) {
   show_.resume(renderer_);
   framesUntil([&] { return isWhole(); });
   EXPECT_FALSE(show_.showsPreview());
-  EXPECT_FALSE(renderer_.frames().back().chunks.empty());
+  EXPECT_FALSE(renderer_.frame().chunks.empty());
 }
 
 }  // namespace
