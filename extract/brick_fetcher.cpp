@@ -18,7 +18,7 @@ std::uint64_t heldBytes(const Pyramid& pyramid, const MissingBrick& brick) try {
   std::uint64_t bytes = 0;
   for (const PartKind kind : kPartKinds) bytes += pyramid.heldBytes(kind, brick.level, brick.brick);
   return bytes;
-} catch (const Error&) {  // its row is damaged: BrickFetcher::fetch() meets the same, and says so
+} catch (const std::exception&) {  // as of a damaged row: BrickFetcher::fetch() says so
   return 0;
 }
 
@@ -48,7 +48,7 @@ void BrickFetcher::announce(const BrickNeeds& needs, std::vector<MissingBrick> b
   next_ = 0;
   ++announcement_;
   most_bytes_ = most_bytes;
-  is_taken_back_ = false;
+  is_taken_back_ = is_crowded_ = is_alone_ = false;
   if (bricks_.empty()) fetched_.clear();
   if (!bricks_.empty()) start();
   wake_.notify_all();
@@ -88,7 +88,10 @@ class BrickFetcher::Coming {
   Coming(BrickFetcher& fetcher, std::uint64_t bytes) : fetcher_(fetcher), bytes_(bytes) {
     const std::lock_guard lock(fetcher_.mutex_);
     has_room_ = fetcher_.hasRoomFor(bytes_);
-    if (has_room_) fetcher_.coming_bytes_ += bytes_;
+    if (has_room_)
+      fetcher_.coming_bytes_ += bytes_;
+    else if (fetcher_.busy_ > 1)
+      fetcher_.is_crowded_ = true;
   }
   ~Coming() {
     const std::lock_guard lock(fetcher_.mutex_);
@@ -105,11 +108,14 @@ class BrickFetcher::Coming {
 };
 
 // A brick is begun only where there is room for all of it beside what the others are at, so that
-// however late a thread comes to run nobody takes the room of what was announced before.
+// however late a thread comes to run nobody takes the room of what was announced before. What lies
+// beside the brick shows on the way: where nothing came in as the threads left each other no room
+// for that, they go over the announcement once more, one at a time.
 void BrickFetcher::run() {
   std::unique_lock lock(mutex_);
   while (true) {
-    wake_.wait(lock, [&] { return stops_ || next_ < bricks_.size(); });
+    wake_.wait(lock,
+               [&] { return stops_ || (next_ < bricks_.size() && !(is_alone_ && busy_ > 0)); });
     if (stops_) return;
     const MissingBrick brick = bricks_[next_];
     const BrickNeeds needs = *needs_;
@@ -120,7 +126,7 @@ void BrickFetcher::run() {
         continue;
       }
       next_ = bricks_.size();
-      idle_.notify_all();
+      noteEnded();
       continue;
     }
     ++next_;
@@ -133,9 +139,18 @@ void BrickFetcher::run() {
     coming_bytes_ -= bytes;
     --busy_;
     if (!is_there && !failed_) failed_ = brick;
-    if (isIdle()) idle_.notify_all();
-    wake_.notify_all();
+    noteEnded();
   }
+}
+
+void BrickFetcher::noteEnded() {
+  if (isIdle() && is_crowded_ && !has_come_ && !is_taken_back_) {
+    is_crowded_ = false;
+    is_alone_ = true;
+    next_ = 0;
+  }
+  if (isIdle()) idle_.notify_all();
+  wake_.notify_all();
 }
 
 bool BrickFetcher::fetch(const BrickNeeds& needs, const MissingBrick& brick,

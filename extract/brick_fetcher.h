@@ -56,6 +56,7 @@ class BrickFetcher {
   bool hasRoomFor(std::uint64_t bytes) const {
     return came_bytes_ + coming_bytes_ + bytes <= most_bytes_;
   }
+  void noteEnded();
   bool isIdle() const { return next_ == bricks_.size() && busy_ == 0; }
 
   std::mutex mutex_;  // guards all below
@@ -70,6 +71,8 @@ class BrickFetcher {
   std::uint64_t came_bytes_ = 0;    // since the query began
   std::uint64_t coming_bytes_ = 0;  // for what the threads are at
   bool is_taken_back_ = false;
+  bool is_crowded_ = false;            // some part had no room beside those of other threads
+  bool is_alone_ = false;              // one thread at a time
   bool has_come_ = false;              // anything, since the query began
   std::vector<MissingBrick> fetched_;  // to be withdrawn, of all announcements
   std::optional<MissingBrick> failed_;

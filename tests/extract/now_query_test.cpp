@@ -9,6 +9,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -365,6 +366,49 @@ TEST_P(NowQueryOfAHead, WhatOthersBringInIsWaitedFor) {
   for (MissingBrick& brick : there) brick.lacks_parts = brick.needs_samples = false;
   fetcher.announce(needs, there, pyramid.budgetBytes());
   EXPECT_FALSE(fetcher.wait(std::chrono::seconds(10)));
+}
+
+// Two bricks that each lack a part beside them, with room for either's: threads that are at both
+// leave each other none.
+TEST_P(NowQueryOfAHead, WhatHasRoomAloneComesIn) {
+  query_.tolerance = 20;
+  struct Part {
+    PartKind kind;
+    int level;
+    Index3 brick;
+  };
+  for (int time = 0; time < 200; ++time) {
+    const Pyramid pyramid(path_);
+    const BrickNeeds needs(pyramid, query_);
+    std::vector<MissingBrick> missing;
+    std::uint64_t most_own = 0, most_beside = 0;
+    forEachIndex({Index3(0), pyramid.layout().bricks(0)}, [&](const Index3& brick) {
+      if (missing.size() == 2 || (!missing.empty() && brick.z - missing[0].brick.z < 4)) return;
+      std::optional<Part> last;
+      needs.areMet(0, brick, [&](PartKind kind, int level, const Index3& of) {
+        if (kind == PartKind::kSamples && level == 0 && of.z > brick.z &&
+            pyramid.heldBytes(kind, level, of) > 0) {
+          last = {kind, level, of};
+          return false;
+        }
+        EXPECT_NE(pyramid.fetch(kind, level, of), BrickPager::Fetched::kNever);
+        return true;
+      });
+      if (!last || pyramid.heldBytes(PartKind::kSamples, 0, brick) == 0) return;
+      missing.push_back({0, brick, false, true});
+      std::uint64_t own = 0;
+      for (const PartKind kind : kPartKinds) own += pyramid.heldBytes(kind, 0, brick);
+      most_own = std::max(most_own, own);
+      most_beside = std::max(most_beside, pyramid.heldBytes(last->kind, 0, last->brick));
+    });
+    ASSERT_EQ(missing.size(), 2u);
+    // Each counts twice, for a copy.
+    BrickFetcher fetcher;
+    fetcher.beginQuery();
+    const std::uint64_t room = 2 * most_own + 2 * std::max(most_own, most_beside);
+    fetcher.announce(needs, missing, room);
+    ASSERT_TRUE(fetcher.wait(std::chrono::seconds(10))) << time;
+  }
 }
 
 TEST_P(NowQueryOfAHead, TwoExtractorsAtOnceBothRefineToTheEnd) {
