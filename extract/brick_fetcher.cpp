@@ -38,6 +38,7 @@ void BrickFetcher::beginQuery() {
   has_come_ = false;
   most_bytes_ -= std::min(most_bytes_, came_bytes_);
   came_bytes_ = 0;
+  fetched_.clear();
 }
 
 void BrickFetcher::announce(const BrickNeeds& needs, std::vector<MissingBrick> bricks,
@@ -49,7 +50,6 @@ void BrickFetcher::announce(const BrickNeeds& needs, std::vector<MissingBrick> b
   ++announcement_;
   most_bytes_ = most_bytes;
   is_taken_back_ = is_crowded_ = is_alone_ = false;
-  if (bricks_.empty()) fetched_.clear();
   if (!bricks_.empty()) start();
   wake_.notify_all();
 }

@@ -74,7 +74,7 @@ class BrickFetcher {
   bool is_crowded_ = false;            // some part had no room beside those of other threads
   bool is_alone_ = false;              // one thread at a time
   bool has_come_ = false;              // anything, since the query began
-  std::vector<MissingBrick> fetched_;  // to be withdrawn, of all announcements
+  std::vector<MissingBrick> fetched_;  // to be withdrawn, since the query began
   std::optional<MissingBrick> failed_;
   std::vector<std::thread> threads_;
 };
