@@ -46,6 +46,7 @@ SurfaceStream::~SurfaceStream() {
 
 std::uint64_t SurfaceStream::request(StreamRequest request) {
   const std::lock_guard lock(mutex_);
+  if (waiting_) request.may_reuse = request.may_reuse && waiting_->request.may_reuse;
   waiting_ = Job{++last_number_, std::move(request)};
   if (!working_ || !a_hand_waits_) {
     endCurrent();
@@ -114,9 +115,14 @@ void SurfaceStream::noteTime(StreamMessage& end) const {
   end.seconds = std::max(0.0, end.ended - pass_begin_ - waited_);
 }
 
-// Chunks of a pass that was given up go with it.
+// Chunks of a pass that was given up go with it. A request that came after the last of them took
+// those of a pass at rest already.
 void SurfaceStream::finish(StreamMessage end) {
   const std::lock_guard lock(mutex_);
+  if (end.at_rest && end.kind == StreamMessage::Kind::kPassDone && waiting_) {
+    end.kind = StreamMessage::Kind::kDropped;
+    waiting_->request.may_reuse = false;
+  }
   while (end.kind != StreamMessage::Kind::kPassDone && !queue_.empty() &&
          queue_.back().kind == StreamMessage::Kind::kChunk) {
     queue_bytes_ -= queue_.back().chunk.bytes();

@@ -233,6 +233,39 @@ TEST_F(SurfaceStreamTest, OfWhatNoHandWaitsForNothingComesAfterTheNextRequest) {
   }
 }
 
+// A request that comes between the last chunk of a pass and its end takes the chunks that wait out
+// of the queue: so the pass must not end as one that is done.
+TEST_F(SurfaceStreamTest, APassThatIsDoneAsTheNextRequestComesIsDropped) {
+  SurfaceStream stream(pyramid_, 2);
+  std::size_t all_chunks = 0;
+  int dropped = 0;
+  for (int round = 0; round < 60; ++round) {
+    const std::uint64_t at_rest = stream.request({{pass(4.0), pass(50.0)}});
+    const auto isAtRest = [&](const StreamMessage& message) {
+      return message.request == at_rest && message.pass == 1;
+    };
+    // The first two tell how many chunks there are.
+    std::size_t chunks = 0;
+    bool is_done = false;
+    while (!is_done && (round < 2 || chunks < all_chunks)) {
+      const auto message = stream.poll();
+      if (!message || !isAtRest(*message)) continue;
+      is_done = message->kind != StreamMessage::Kind::kChunk;
+      if (!is_done) ++chunks;
+    }
+    if (round < 2) all_chunks = chunks;
+    stream.request({{pass(6.0)}});
+    while (stream.busy()) {
+      const auto message = stream.poll();
+      if (!message || !isAtRest(*message)) continue;
+      EXPECT_EQ(message->kind, StreamMessage::Kind::kDropped) << round;
+      ++dropped;
+    }
+  }
+  EXPECT_GT(all_chunks, 0u);
+  EXPECT_GT(dropped, 0);
+}
+
 TEST_F(SurfaceStreamTest, OnAColdFileASurfaceIsThereBeforeItsBricksAre) {
   SurfaceStream stream(pyramid_, 2);
   NullRenderer renderer;
