@@ -116,19 +116,17 @@ void SurfaceStream::noteTime(StreamMessage& end) const {
 }
 
 // Chunks of a pass that was given up go with it. A request that came after the last of them took
-// those of a pass at rest already.
+// those of a pass at rest already, and its end has to follow.
 void SurfaceStream::finish(StreamMessage end) {
   const std::lock_guard lock(mutex_);
-  if (end.at_rest && end.kind == StreamMessage::Kind::kPassDone && waiting_) {
-    end.kind = StreamMessage::Kind::kDropped;
-    waiting_->request.may_reuse = false;
-  }
+  const bool at_rest = end.at_rest;
   while (end.kind != StreamMessage::Kind::kPassDone && !queue_.empty() &&
          queue_.back().kind == StreamMessage::Kind::kChunk) {
     queue_bytes_ -= queue_.back().chunk.bytes();
     queue_.pop_back();
   }
   queue_.push_back(std::move(end));
+  if (at_rest && waiting_) dropPassesAtRest();
 }
 
 void SurfaceStream::pushChunk(StreamMessage message, const CancelFlag& cancel) {
