@@ -153,7 +153,7 @@ class Build {
   }
 
   bool keepForResume() {
-    if (writer_.bricksWritten() == 0) return false;
+    if (!options_.keep_unfinished || writer_.bricksWritten() == 0) return false;
     try {
       writer_.flush();
     } catch (const Error&) {  // the disk is full: the last bricks are made again

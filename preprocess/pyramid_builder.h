@@ -67,6 +67,8 @@ struct BuildOptions {
   // Go on from what an interrupted or killed build of the same input with the same options left
   // beside the output; without anything there, begin at the beginning. Does not change the result.
   bool resume = false;
+  // A build that ends early leaves what `resume` takes; otherwise it leaves nothing.
+  bool keep_unfinished = true;
 
   const CancelFlag* cancel = nullptr;
   BuildProgress progress;
@@ -98,9 +100,9 @@ struct BuildReport {
 // Throws Error for bad input and for a memory bound too small for one brick (the message says how
 // much it takes), ResumableError where the disk is full or fails, or where the input changed or
 // cannot be read any more, Cancelled. After the last two, "<path>.partial" and its journal stay for
-// `resume` if at least one brick was written, and the message says so; otherwise nothing is left.
-// What is kept was all read from the input as it was at the beginning: the times of its files are
-// looked at after every window, and its content at the end.
+// `resume` if that is wished and at least one brick was written, and the message says so; otherwise
+// nothing is left. What is kept was all read from the input as it was at the beginning: the times
+// of its files are looked at after every window, and its content at the end.
 BuildReport buildPyramid(VolumeSource& source, const std::string& path,
                          const BuildOptions& options);
 // The same for an input that was sampled already; `input` is that of `source`.

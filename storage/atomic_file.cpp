@@ -75,6 +75,14 @@ int openTemporary(const std::string& path, const std::string& temporary_path, bo
   for (;;) {
     const int fd = open(temporary_path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666);
     if (fd < 0) failWriting(path, errno);
+    struct stat status = {};
+    if (fstat(fd, &status) != 0 || !S_ISREG(status.st_mode)) {  // a pipe or a device of that name
+      close(fd);
+      throw Error("cannot write '" + path + "': '" + temporary_path +
+                      "' is there and is not a regular file; move it away or choose another name "
+                      "with -o",
+                  {.path = path});
+    }
     const bool busy = flock(fd, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK;
     if (busy) {
       close(fd);
@@ -97,8 +105,8 @@ int openTemporary(const std::string& path, const std::string& temporary_path, bo
 
 }  // namespace
 
-AtomicFile::AtomicFile(const std::string& path, Leftover leftover)
-    : path_(path), temporary_path_(path + ".partial") {
+AtomicFile::AtomicFile(const std::string& path, Leftover leftover, const char* temporary_ending)
+    : path_(path), temporary_path_(path + temporary_ending) {
   // Renaming over a device or a folder would destroy it or fail after all the work.
   struct stat status = {};
   if (path.empty() || path.back() == '/') failWriting(path, EISDIR);

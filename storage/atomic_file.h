@@ -14,11 +14,15 @@
 
 namespace isobrick {
 
-// Writes to "<path>.partial" in the same folder; commit() makes the bytes durable and gives them
-// their name, replacing an older file in one step. An AtomicFile that is destroyed without commit()
-// removes its temporary, so a failed or cancelled run leaves nothing behind, unless
-// keepTemporary(true) was called. A temporary that a killed process left is taken over; one that a
-// living process writes is refused.
+// Behind the name of what is written: nobody else has files of such names. A pyramid, which can be
+// gone on with, has one of its own, "<path>.partial" (pyramid_writer.h).
+inline constexpr char kTemporaryEnding[] = ".isobrick.partial";
+
+// Writes to "<path>.isobrick.partial" in the same folder; commit() makes the bytes durable and
+// gives them their name, replacing an older file in one step. An AtomicFile that is destroyed
+// without commit() removes its temporary, so a failed or cancelled run leaves nothing behind,
+// unless keepTemporary(true) was called. A temporary that a killed process left is taken over; one
+// that a living process writes is refused.
 //
 // Failures that can pass (no space, ...) throw ResumableError, others Error, with the path, the
 // reason and what to do. Nothing is buffered: hand over blocks of some 64 KiB or more.
@@ -27,7 +31,8 @@ class AtomicFile {
  public:
   // What becomes of the bytes in a temporary that a killed process left.
   enum class Leftover { kEmpty, kKeep };
-  explicit AtomicFile(const std::string& path, Leftover leftover = Leftover::kEmpty);
+  explicit AtomicFile(const std::string& path, Leftover leftover = Leftover::kEmpty,
+                      const char* temporary_ending = kTemporaryEnding);
   ~AtomicFile();
   AtomicFile(const AtomicFile&) = delete;
   AtomicFile& operator=(const AtomicFile&) = delete;

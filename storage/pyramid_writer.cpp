@@ -86,29 +86,42 @@ bool isUndamaged(int fd, const JournalEntry& entry, std::uint64_t begin,
   return at == entry.end;
 }
 
-// The path again, unless somebody else's file has the name of the temporary: an unfinished pyramid
-// begins with zeros, and for a moment at the end with its header.
-const std::string& refuseForeignTemporary(const std::string& path) {
+// True where somebody else's file has a name of ours: it begins neither with zeros nor with
+// `magic`.
+template <std::size_t bytes>
+bool isForeign(const std::string& path, const char (&magic)[bytes]) {
   std::error_code ignored;
-  if (!std::filesystem::is_regular_file(path + ".partial", ignored)) return path;
-  std::ifstream file(path + ".partial", std::ios::binary);
-  char begin[sizeof format::kMagic] = {};
-  if (file.read(begin, sizeof begin) && std::memcmp(begin, format::kMagic, sizeof begin) != 0 &&
-      std::any_of(std::begin(begin), std::end(begin), [](char c) { return c != 0; }))
-    throw Error("'" + path +
-                ".partial' exists and is not an unfinished pyramid; move it away, or "
-                "choose another output with -o");
+  if (!std::filesystem::is_regular_file(path, ignored)) return false;
+  std::ifstream file(path, std::ios::binary);
+  char begin[bytes] = {};
+  file.read(begin, bytes);
+  return std::memcmp(begin, magic, bytes) != 0 &&
+         std::any_of(std::begin(begin), std::end(begin), [](char c) { return c != 0; });
+}
+
+// The path again, unless what has the name of the temporary, or alone that of its journal, is none:
+// an unfinished pyramid begins with zeros, and for a moment at the end with its header.
+const std::string& refuseForeignTemporary(const std::string& path) {
+  const std::string temporary = path + kUnfinishedEnding;
+  const bool is_there = std::filesystem::exists(temporary);
+  const std::string file = is_there ? temporary : temporary + ".journal";
+  if (is_there ? isForeign(file, format::kMagic) : isForeign(file, kJournalMagic))
+    throw Error("'" + file +
+                    "' exists and is not an unfinished pyramid; move it away, or choose another "
+                    "output with -o",
+                {.path = file});
   return path;
 }
 
 }  // namespace
 
 void removeStrayJournal(const std::string& path) noexcept try {
-  if (!std::filesystem::exists(path + ".partial.journal") ||
-      std::filesystem::exists(path + ".partial"))
+  const std::string temporary = path + kUnfinishedEnding;
+  if (!std::filesystem::exists(temporary + ".journal") || std::filesystem::exists(temporary) ||
+      isForeign(temporary + ".journal", kJournalMagic))
     return;
   // With the exclusive right to write: no other process begins meanwhile.
-  AtomicFile file(path, AtomicFile::Leftover::kKeep);
+  AtomicFile file(path, AtomicFile::Leftover::kKeep, kUnfinishedEnding);
   struct stat status = {};
   const bool is_ours = fstat(file.fd(), &status) == 0 && status.st_size == 0;
   file.keepTemporary(!is_ours);
@@ -122,7 +135,7 @@ PyramidWriter::PyramidWriter(const std::string& path, const PyramidSpec& spec,
       spec_(spec),
       layout_(spec.layout()),
       file_(refuseForeignTemporary(path),
-            resume ? AtomicFile::Leftover::kKeep : AtomicFile::Leftover::kEmpty),
+            resume ? AtomicFile::Leftover::kKeep : AtomicFile::Leftover::kEmpty, kUnfinishedEnding),
       level_table_(levelTable(layout_)) {
   if (!isUsableGeometry(spec.geometry))
     throw Error("cannot write '" + path +

@@ -18,6 +18,9 @@
 
 namespace isobrick {
 
+// Behind the name of a pyramid that is being written.
+inline constexpr char kUnfinishedEnding[] = ".partial";
+
 // Removes "<path>.partial.journal" where it stands alone: a build that was killed just after it
 // gave the pyramid its name leaves it, and it means nothing. Any failure is silent.
 void removeStrayJournal(const std::string& path) noexcept;

@@ -18,8 +18,8 @@ namespace {
 
 // Followed by the identity's bytes, then the checksum of both.
 struct JournalHeader {
-  char magic[8] = {'I', 'S', 'B', 'J', 'R', 'N', 'L', '1'};
-  std::uint64_t identity_bytes = 0;
+  char magic[sizeof kJournalMagic];
+  std::uint64_t identity_bytes;
 };
 // Longer identities are not ours.
 constexpr std::uint64_t kMostIdentityBytes = std::uint64_t{1} << 20;
@@ -29,7 +29,8 @@ std::uint64_t checksumOf(const JournalEntry& entry) {
 }
 
 std::string headerOf(const std::string& identity) {
-  JournalHeader header;
+  JournalHeader header = {};
+  std::memcpy(header.magic, kJournalMagic, sizeof kJournalMagic);
   header.identity_bytes = identity.size();
   std::string text(reinterpret_cast<const char*>(&header), sizeof header);
   text += identity;
@@ -67,10 +68,10 @@ class RegularFile {
 
 std::optional<WriteJournal::Content> WriteJournal::read(const std::string& path) {
   const RegularFile file(path);
-  JournalHeader header;
+  JournalHeader header = {};
   char magic[sizeof header.magic];
   if (!file.isOpen() || !file.read(magic, sizeof magic, 0) ||
-      std::memcmp(magic, header.magic, sizeof magic) != 0 ||
+      std::memcmp(magic, kJournalMagic, sizeof magic) != 0 ||
       !file.read(&header.identity_bytes, sizeof header.identity_bytes, sizeof magic) ||
       header.identity_bytes > kMostIdentityBytes)
     return std::nullopt;

@@ -10,6 +10,9 @@
 
 namespace isobrick {
 
+// The first bytes of a journal.
+inline constexpr char kJournalMagic[8] = {'I', 'S', 'B', 'J', 'R', 'N', 'L', '1'};
+
 // One brick whose parts are in the temporary file, and where the next one goes.
 struct JournalEntry {
   BrickRow row;

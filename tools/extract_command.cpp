@@ -17,6 +17,7 @@
 #include "tools/json_output.h"
 #include "tools/measured_sink.h"
 #include "tools/one_line.h"
+#include "tools/output_check.h"
 #include "tools/parse_text.h"
 #include "tools/parsed_option.h"
 #include "tools/progress_bar.h"
@@ -34,6 +35,7 @@ struct ExtractArguments {
   bool zlib = false;
   bool meshopt = false;
   int repeat = 1;
+  bool force = false;
   bool json = false;
 };
 
@@ -64,8 +66,9 @@ ExtractResult extract(const ExtractArguments& arguments) {
   result.open_seconds = open_watch.seconds();
   const Query query = makeQuery(arguments.query, pyramid);
   // Before the work, so that a path that cannot be written costs no time.
-  refusePyramidAsOutput(arguments.query.path, arguments.output);
-  if (has_attribute) refusePyramidAsOutput(arguments.attribute, arguments.output);
+  if (!arguments.output.empty())
+    refuseReplacing({arguments.output}, {arguments.query.path, arguments.attribute},
+                    arguments.force);
   const MeshFileOptions options{.cancel = &interruptFlag(),
                                 .values = values ? &*values : nullptr,
                                 .zlib = arguments.zlib,
@@ -178,9 +181,10 @@ Command addExtractCommand(CLI::App& app) {
   addQueryOptions(*sub, arguments->query);
   CLI::Option* const output =
       sub->add_option("-o,--output", arguments->output,
-                      "Mesh to write, .ply, .stl, .obj, .glb or .vtp, in world units; replaces an "
-                      "older one. Without it the mesh is only counted")
+                      "Mesh to write, .ply, .stl, .obj, .glb or .vtp, in world units. "
+                      "Without it the mesh is only counted")
           ->type_name("MESH");
+  addForceFlag(*sub, arguments->force)->needs(output);
   sub->add_option("--attribute", arguments->attribute,
                   "Another pyramid, whose value at every vertex goes into .ply and .vtp (value) or "
                   ".glb (_VALUE): level 0, interpolated trilinearly where the vertex is in the "

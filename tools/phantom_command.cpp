@@ -10,6 +10,7 @@
 #include "isobrick/storage/grid.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
+#include "tools/output_check.h"
 #include "tools/parse_text.h"
 #include "tools/parsed_option.h"
 #include "tools/progress_bar.h"
@@ -21,6 +22,7 @@ struct PhantomArguments {
   PhantomSpec spec;
   std::string type;  // empty: the phantom's own
   std::string output;
+  bool force = false;
 };
 
 std::vector<std::string> voxelTypeShortNames() {
@@ -30,6 +32,7 @@ std::vector<std::string> voxelTypeShortNames() {
 }
 
 int runPhantom(PhantomArguments& arguments) {
+  refuseReplacingVolume({arguments.output}, {}, arguments.force);
   arguments.spec.voxel_type = voxelTypeNamed(arguments.type);
   const Phantom phantom(arguments.spec);
   const auto source = makePhantomSource(arguments.spec);
@@ -63,10 +66,10 @@ Command addPhantomCommand(CLI::App& app) {
       "Voxels per axis")
       ->required();
   sub->add_option("-o,--output", arguments->output,
-                  "Volume to write: .nrrd, .mhd (with a .raw beside it) or .raw; replaces an older "
-                  "one")
+                  "Volume to write: .nrrd, .mhd (with a .raw beside it) or .raw")
       ->type_name("FILE")
       ->required();
+  addForceFlag(*sub, arguments->force);
   sub->add_option("--type", arguments->type,
                   "Voxels; default: u16 for head, u8 for gyroid, f32 for the others")
       ->type_name("T")

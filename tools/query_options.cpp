@@ -3,12 +3,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <filesystem>
 #include <glm/common.hpp>
 #include <limits>
 
 #include "isobrick/extract/query.h"
-#include "isobrick/storage/error.h"
 #include "tools/interrupt.h"
 #include "tools/one_line.h"
 #include "tools/parsed_option.h"
@@ -91,12 +89,6 @@ Query makeQuery(const QueryOptions& options, const Pyramid& pyramid) {
                               : QueryBox{options.box->lower, options.box->upper};
   query.cancel = &interruptFlag();
   return query;
-}
-
-void refusePyramidAsOutput(const std::string& path, const std::string& output) {
-  std::error_code ignored;
-  if (std::filesystem::equivalent(path, output, ignored))
-    throw Error(fmt::format("'{}' is the pyramid itself; choose another output with -o", output));
 }
 
 void warnOfEmptySurface(const QueryOptions& options, const Pyramid& pyramid) {

@@ -36,9 +36,6 @@ inline FileAccess fileAccess(bool no_map) { return no_map ? FileAccess::kRead : 
 // The query in voxel indices, whatever the user's units are; stopped by Ctrl-C.
 Query makeQuery(const QueryOptions& options, const Pyramid& pyramid);
 
-// Throws Error where `output` is the pyramid that is read.
-void refusePyramidAsOutput(const std::string& path, const std::string& output);
-
 // One line on stderr where the isovalue separates no voxels, so that the mesh will be empty.
 void warnOfEmptySurface(const QueryOptions& options, const Pyramid& pyramid);
 

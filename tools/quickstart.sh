@@ -14,13 +14,13 @@ isobrick=build/release/isobrick
 mkdir -p "$out"
 
 echo; echo "== a volume"
-"$isobrick" phantom head --size 256 -o "$out/head.nrrd"
+"$isobrick" phantom head --size 256 -o "$out/head.nrrd" --force
 echo; echo "== its pyramid"
 "$isobrick" build "$out/head.nrrd" -o "$out/head.isb" --force
 echo; echo "== the bone around a focus point, coarser with distance"
-"$isobrick" extract "$out/head.isb" --iso 1324 --focus 150,60,150 --radius 40 -o "$out/bone.ply"
+"$isobrick" extract "$out/head.isb" --iso 1324 --focus 150,60,150 --radius 40 -o "$out/bone.ply" --force
 echo; echo "== a picture"
-"$isobrick" render "$out/head.isb" --iso 1324 --focus 150,60,150 --radius 40 --color-by-level -o "$out/bone.png"
+"$isobrick" render "$out/head.isb" --iso 1324 --focus 150,60,150 --radius 40 --color-by-level -o "$out/bone.png" --force
 echo
 echo "mesh:    $out/bone.ply"
 echo "picture: $out/bone.png"

@@ -19,6 +19,7 @@
 #include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
+#include "tools/output_check.h"
 #include "tools/parse_text.h"
 #include "tools/parsed_option.h"
 #include "tools/picture_surface.h"
@@ -35,6 +36,7 @@ struct RenderArguments {
   PixelSize size{RenderOptions{}.width, RenderOptions{}.height};
   RenderOptions picture;
   bool show_focus = false;
+  bool force = false;
   std::string state;  // a saved view, in place of most of the above; empty: none
 };
 
@@ -75,7 +77,7 @@ void writePicture(const RenderArguments& arguments, const std::vector<char>& pic
 // What `isobrick view` shows of a saved view.
 int renderState(const RenderArguments& arguments) {
   const ImageFormat format = imageFormatOf(arguments.output);
-  refusePyramidAsOutput(arguments.query.path, arguments.output);
+  refuseReplacing({arguments.output}, {arguments.query.path, arguments.state}, arguments.force);
   { const AtomicFile probe(arguments.output); }
   const ViewState state = readViewState(arguments.state);
   const Stopwatch watch;
@@ -96,7 +98,7 @@ int renderState(const RenderArguments& arguments) {
 int runRender(RenderArguments arguments) {
   // Neither a slip of the pen nor a machine that cannot draw shall cost an extraction.
   const ImageFormat format = imageFormatOf(arguments.output);
-  refusePyramidAsOutput(arguments.query.path, arguments.output);
+  refuseReplacing({arguments.output}, {arguments.query.path, arguments.state}, arguments.force);
   { const AtomicFile probe(arguments.output); }
   const auto renderer = std::make_shared<OffscreenRenderer>();
   if (arguments.size.width > renderer->greatestSize() ||
@@ -134,10 +136,10 @@ Command addRenderCommand(CLI::App& app) {
   RenderOptions& picture = arguments->picture;
   addQueryOptions(*sub, arguments->query);
   sub->add_option("-o,--output", arguments->output,
-                  "Picture to write: .png (8 bits, sRGB) or .exr (half floats, linear); replaces "
-                  "an older one")
+                  "Picture to write: .png (8 bits, sRGB) or .exr (half floats, linear)")
       ->type_name("IMAGE")
       ->required();
+  addForceFlag(*sub, arguments->force);
   addParsedOption(*sub, "--size", arguments->size, parsePixelSize, "WxH",
                   "Pixels; default: 1024x1024");
   addParsedOption(*sub, "--azimuth", picture.orbit.azimuth, parseNumber, "DEGREES",
@@ -165,8 +167,8 @@ Command addRenderCommand(CLI::App& app) {
                       "what is seen from where")
           ->type_name("VIEW.json");
   CLI::Option* const isovalue = sub->get_option("--iso")->required(false);
-  const std::set<std::string> together{"FILE",     "--output", "--size",    "--memory",
-                                       "--no-map", "--help",   "--threads", "--state"};
+  const std::set<std::string> together{"FILE",   "--output",  "--size",  "--memory", "--no-map",
+                                       "--help", "--threads", "--state", "--force"};
   for (CLI::Option* const option : sub->get_options())
     if (together.count(option->get_name(false, true)) == 0 &&
         together.count(option->get_single_name()) == 0 &&

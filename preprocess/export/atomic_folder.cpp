@@ -11,6 +11,7 @@
 #include <cstring>
 #include <filesystem>
 
+#include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"
 
 namespace isobrick {
@@ -35,7 +36,7 @@ std::string withoutSlash(std::string path) {
 }  // namespace
 
 AtomicFolder::AtomicFolder(const std::string& path)
-    : path_(withoutSlash(path)), temporary_path_(path_ + ".partial") {
+    : path_(withoutSlash(path)), temporary_path_(path_ + kTemporaryEnding) {
   std::error_code ignored;
   const auto status = fs::symlink_status(path_, ignored);
   if (fs::exists(status) && !fs::is_directory(status))

@@ -398,7 +398,7 @@ TEST(Extract, CancelledAndFailedRunsLeaveNoFile) {
     }
   }
   EXPECT_FALSE(std::filesystem::exists(folder.file("mesh.ply")));
-  EXPECT_FALSE(std::filesystem::exists(folder.file("mesh.ply.partial")));
+  EXPECT_FALSE(std::filesystem::exists(folder.file("mesh.ply.isobrick.partial")));
 }
 
 }  // namespace

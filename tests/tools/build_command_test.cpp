@@ -18,7 +18,7 @@ using namespace test;
 class BuildCommandTest : public CommandTest {
  protected:
   void makeVolume(const std::string& name, const char* phantom = "sphere", int size = 32) {
-    runWell({"phantom", phantom, "--size", std::to_string(size), "-o", name});
+    runWell({"phantom", phantom, "--size", std::to_string(size), "-o", name, "--force"});
   }
   // As if somebody had written the file again.
   void touch(const std::string& name) {
@@ -53,7 +53,7 @@ TEST_F(BuildCommandTest, WhatIsUpToDateIsSkipped) {
   EXPECT_TRUE(isSkipped({"build", "./a.nrrd", "--threads", "1"}));
   EXPECT_TRUE(isSkipped({"build", path("a.nrrd"), "--memory", "100M", "--resume"}));
   EXPECT_EQ(inode("a.isb"), before);
-  EXPECT_FALSE(isSkipped({"build", "a.nrrd", "--force"}));
+  EXPECT_FALSE(isSkipped({"build", "a.nrrd", "--rebuild"}));
   EXPECT_NE(inode("a.isb"), before);
   EXPECT_EQ(readBytes(path("a.isb")), bytes);
 }
@@ -197,16 +197,16 @@ TEST_F(BuildCommandTest, ARelativePathIsNoProofOfTheSameInput) {
   EXPECT_FALSE(isSkipped({"build", path("bert/scan.nrrd"), "--out-dir", "out"}));
 }
 
-TEST_F(BuildCommandTest, FilesThatAreNoPyramidsAreNeverReplaced) {
+TEST_F(BuildCommandTest, AnInputIsNeverReplacedAndOtherFilesNeedForce) {
   makeVolume("a.nrrd");
   const std::string volume = readBytes(path("a.nrrd"));
   for (const char* force : {"--json", "--force"}) {
     expectFailure(1, {"build", "a.nrrd", "-o", "a.nrrd", force}, "input");
     expectFailure(1, {"build", "a.nrrd", "-o", "./a.nrrd", force}, "input");
-    writeBytes(path("precious.raw"), "not a pyramid");
-    expectFailure(1, {"build", "a.nrrd", "-o", "precious.raw", force}, "not a pyramid");
-    EXPECT_EQ(readBytes(path("precious.raw")), "not a pyramid");
   }
+  writeBytes(path("precious.raw"), "not a pyramid");
+  expectFailure(1, {"build", "a.nrrd", "-o", "precious.raw"}, "exists already");
+  EXPECT_EQ(readBytes(path("precious.raw")), "not a pyramid");
   EXPECT_EQ(readBytes(path("a.nrrd")), volume);
   writeBytes(path("empty.isb"), "");
   expectFailure(1, {"build", "a.nrrd", "-o", "empty.isb"}, "exists already");
@@ -310,7 +310,7 @@ TEST_F(BuildCommandTest, CodecsAreNamedInWhatIsPrinted) {
   makeVolume("a.nrrd", "head", 64);
   for (const char* codec : {"none", "lz4", "zstd"}) {
     EXPECT_EQ(runForJson({"build", "a.nrrd", "--codec", codec})["codec"], codec);
-    expectContains(runWell({"build", "a.nrrd", "--codec", codec, "--force"}),
+    expectContains(runWell({"build", "a.nrrd", "--codec", codec, "--rebuild"}),
                    std::string("codec ") + codec);
     runWell({"verify", "a.isb"});
   }
@@ -323,7 +323,7 @@ TEST_F(BuildCommandTest, OneVolumeAsTextAndAsJson) {
                            "busy s", "MB/s", "read", "low-pass", "ranges", "curvature", "pack",
                            "write", "publish", "(open ", "peak memory", "--memory 512 MiB"})
     expectContains(text, part);
-  const Json json = runForJson({"build", "a.nrrd", "--force", "--threads", "2"});
+  const Json json = runForJson({"build", "a.nrrd", "--rebuild", "--threads", "2"});
   EXPECT_EQ(json["input"], "a.nrrd");
   EXPECT_EQ(json["output"], "a.isb");
   EXPECT_EQ(json["skipped"], false);
@@ -352,7 +352,8 @@ TEST_F(BuildCommandTest, TheFolderForPyramids) {
   makeVolume("a.nrrd");
   writeBytes(path("file"), "");
   EXPECT_EQ(runForJson({"build", "a.nrrd", "--out-dir", "new"})["output"], "new/a.isb");
-  EXPECT_EQ(runForJson({"build", "a.nrrd", "--out-dir", "new/", "--force"})["output"], "new/a.isb");
+  EXPECT_EQ(runForJson({"build", "a.nrrd", "--out-dir", "new/", "--rebuild"})["output"],
+            "new/a.isb");
   expectFailure(1, {"build", "a.nrrd", "--out-dir", "x/y"}, "create the folder above it");
   expectFailure(1, {"build", "a.nrrd", "--out-dir", "file"}, "is not a folder");
   // A folder in which nothing came to be goes again.

@@ -15,7 +15,7 @@ using namespace test;
 class BuildResumeTest : public CommandTest {
  protected:
   void makeVolume(const std::string& name = "g.nrrd", int size = 160) {
-    runWell({"phantom", "gyroid", "--size", std::to_string(size), "-o", name});
+    runWell({"phantom", "gyroid", "--size", std::to_string(size), "-o", name, "--force"});
   }
   static Words buildWords(Words more = {}) {
     Words words = {"build", "g.nrrd", "--brick", "16", "--memory", "8M", "--threads", "1"};
@@ -131,7 +131,7 @@ TEST_F(BuildResumeTest, AJournalWithoutAnUnfinishedPyramidMeansNothing) {
   // Another codec: as a build to go on with, it would be refused.
   runWell(buildWords({"--resume", "--codec", "zstd"}));
   EXPECT_EQ(files(), published);
-  runWell(buildWords({"--force"}));
+  runWell(buildWords({"--rebuild"}));
   EXPECT_EQ(readBytes(path("g.isb")), expected);
 
   for (const Words& words : {buildWords(), buildWords({"--resume"})}) {

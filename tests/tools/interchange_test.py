@@ -367,6 +367,28 @@ def test_hdf5():
             found, about = raw_of(name)
             expect_same(found, values)
             expect_placed(about, rotation())
+    # A dataset goes into a file of others', of which all else stays; and takes the place of one.
+    theirs = np.arange(24.0).reshape(2, 3, 4)
+    with h5py.File("results.h5", "w", libver="latest") as file:
+        file.attrs["experiment"] = "seven"
+        file["entry/theirs"] = theirs
+        file["entry/theirs"].attrs["unit"] = "counts"
+        file["entry/soft"] = h5py.SoftLink("/entry/theirs")
+        file["entry/elsewhere"] = h5py.ExternalLink("out.h5", "/entry")
+    for seed, words in ((1, ()), (2, ("--force",))):
+        values = voxels("u16", seed=seed)
+        write_nrrd("in.nrrd", values, rotation())
+        run("convert", "in.nrrd", "-o", "results.h5:/entry/ours", *words)
+        with h5py.File("results.h5") as file:
+            expect_same(file["entry/ours"][...], values)
+            expect_same(file["entry/theirs"][...], theirs)
+            assert sorted(file["entry"]) == ["elsewhere", "ours", "soft", "theirs"]
+            assert file.attrs["experiment"] == "seven"
+            assert file["entry/soft"].attrs["unit"] == "counts"
+    run("convert", "in.nrrd", "-o", "results.h5:/entry/elsewhere/data", "--force",
+        fails_with="in another file")
+    with h5py.File("results.h5", "a"):
+        run("convert", "in.nrrd", "-o", "results.h5:/more", fails_with="open for writing")
     values = voxels("i16")
     for options in (
         {}, {"chunks": (3, 20, 30)}, {"compression": "gzip"}, {"compression": "lzf"},

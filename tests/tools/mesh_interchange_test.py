@@ -238,10 +238,10 @@ def check_packed():
     parts = []
     for query in (("--iso", "0.1"), ("--iso", "0.1", "--focus", "60,40,30", "--radius", "20"),
                   ("--iso", "0", "--level", "1", "--attribute", "waves.isb")):
-        run("extract", "waves.isb", *query, "-o", "p.ply")
-        run("extract", "waves.isb", *query, "-o", "p.glb", "--meshopt", "--threads", "1")
+        run("extract", "--force", "waves.isb", *query, "-o", "p.ply")
+        run("extract", "--force", "waves.isb", *query, "-o", "p.glb", "--meshopt", "--threads", "1")
         before = open("p.glb", "rb").read()
-        run("extract", "waves.isb", *query, "-o", "p.glb", "--meshopt")
+        run("extract", "--force", "waves.isb", *query, "-o", "p.glb", "--meshopt")
         assert open("p.glb", "rb").read() == before, "depends on the number of threads"
         ply, (packed, move, count) = read_ply("p.ply"), read_meshopt("p.glb")
         parts.append(count)
@@ -276,9 +276,9 @@ def check_packed():
         subprocess.run([os.environ["CHECK_MESH"], "welded.ply", "--tolerance", "1e-3", "--box", *box],
                        check=True, stdout=subprocess.DEVNULL)
     assert parts[0] > 2 and parts[1] == 1, parts
-    run("extract", "waves.isb", "--iso", "1e9", "-o", "p.glb", "--meshopt")
+    run("extract", "--force", "waves.isb", "--iso", "1e9", "-o", "p.glb", "--meshopt")
     assert len(read_meshopt("p.glb")[0].positions) == 0
-    run("extract", "waves.isb", "--iso", "0", "-o", "a.ply", "--meshopt", fails_with="write .glb")
+    run("extract", "--force", "waves.isb", "--iso", "0", "-o", "a.ply", "--meshopt", fails_with="write .glb")
 
 
 def read_vtp(path):
@@ -352,9 +352,9 @@ ALL = ("m.ply", "m.obj", "m.glb", "m.vtp", "z.vtp")
 def extract_all(pyramid, *query):
     for name in ALL:
         zlib_word = ("--zlib",) if name == "z.vtp" else ()
-        run("extract", pyramid, *query, *zlib_word, "-o", name, "--threads", "1")
+        run("extract", "--force", pyramid, *query, *zlib_word, "-o", name, "--threads", "1")
         before = open(name, "rb").read()
-        run("extract", pyramid, *query, *zlib_word, "-o", name)
+        run("extract", "--force", pyramid, *query, *zlib_word, "-o", name)
         assert open(name, "rb").read() == before, (name, "depends on the number of threads")
 
 
@@ -423,11 +423,11 @@ def check_attributes():
         write_nrrd("other.nrrd", ((world - middle) @ slope).astype("<f4"), direction, spacing, origin)
         run("build", "other.nrrd", "-o", "other.isb", "--force", "--no-curvature")
         for name, reader in (("a.ply", read_ply), ("a.vtp", read_vtp), ("a.glb", read_glb)):
-            result = run("extract", "volume.isb", "--iso", "0", "-o", name, "--attribute",
+            result = run("extract", "--force", "volume.isb", "--iso", "0", "-o", name, "--attribute",
                          "other.isb")
             mesh = reader(name)
             plain = "p" + name[1:]
-            run("extract", "volume.isb", "--iso", "0", "-o", plain)
+            run("extract", "--force", "volume.isb", "--iso", "0", "-o", plain)
             expect_same(mesh, reader(plain))
             at = (mesh.positions - origin) @ direction / spacing
             away = np.maximum(-at, at - (np.array(shape[::-1]) - 1)).max(1)
@@ -445,11 +445,11 @@ def check_attributes():
                 rim = (away > 1e-3) & (away < 0.5 - 1e-3)
                 assert not np.isnan(mesh.values[rim]).any()
     for name in ("a.obj", "a.stl"):
-        run("extract", "volume.isb", "--iso", "0", "-o", name, "--attribute", "other.isb",
+        run("extract", "--force", "volume.isb", "--iso", "0", "-o", name, "--attribute", "other.isb",
             fails_with="write .ply, .glb or .vtp")
-    run("extract", "volume.isb", "--iso", "0", "-o", "a.ply", "--zlib", fails_with="write .vtp")
-    run("extract", "volume.isb", "--iso", "0", "-o", "other.isb", "--attribute", "other.isb",
-        fails_with="is the pyramid itself")
+    run("extract", "--force", "volume.isb", "--iso", "0", "-o", "a.ply", "--zlib", fails_with="write .vtp")
+    run("extract", "--force", "volume.isb", "--iso", "0", "-o", "other.isb", "--attribute", "other.isb",
+        fails_with="is the input")
     assert not os.path.exists("a.obj") and not os.path.exists("a.stl")
 
 
@@ -488,7 +488,7 @@ def test_vtk():
         glb = mesh_of(blocks)
         np.testing.assert_array_equal(glb.triangles, ply.triangles)
         np.testing.assert_allclose(glb.positions, ply.positions, atol=0.5 if place is FAR else 1e-6)
-    run("extract", "volume.isb", "--iso", "0", "--attribute", "volume.isb", "-o", "a.vtp")
+    run("extract", "--force", "volume.isb", "--iso", "0", "--attribute", "volume.isb", "-o", "a.vtp")
     values = mesh_of(read(vtkXMLPolyDataReader(), "a.vtp")).values
     assert len(values) > 1000 and np.abs(values).max() < 0.2  # its own field is the isovalue there
 
@@ -520,7 +520,7 @@ def test_meshio():
         build_surface("volume.isb", *place)
         for query in QUERIES:
             for name in ("m.ply", "m.stl", "m.obj"):
-                run("extract", "volume.isb", *query, "-o", name)
+                run("extract", "--force", "volume.isb", *query, "-o", name)
             ply = read_ply("m.ply")
             found = meshio.read("m.obj")
             expect_same(Mesh(found.points.astype(ply.positions.dtype),

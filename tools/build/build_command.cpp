@@ -21,6 +21,7 @@
 #include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
+#include "tools/output_check.h"
 #include "tools/parse_text.h"
 #include "tools/parsed_option.h"
 #include "tools/thread_count.h"
@@ -189,9 +190,11 @@ void addOutputOptions(CLI::App& sub, BuildArguments& arguments) {
   addParsedOption(sub, "--out-dir", arguments.out_dir, notEmpty, "DIR",
                   "Folder for the pyramids, made if it is missing; default: the current folder")
       ->excludes(output);
-  sub.add_flag("--force", arguments.settings.force,
-               "Build also what is up to date, and replace pyramids of other inputs (never a file "
-               "that is not a pyramid)");
+  sub.add_flag("--rebuild", arguments.settings.rebuild, "Build also what is up to date");
+  addForceFlag(sub, arguments.settings.force)
+      ->description(
+          "Replace what has the name of the output and is no pyramid of the same input (never an "
+          "input)");
   sub.add_flag("--any-options", arguments.settings.any_options,
                "Leave a pyramid of the same input as it is, also where it was built with other "
                "options");

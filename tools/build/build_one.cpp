@@ -89,12 +89,14 @@ BuiltVolume openAndBuild(const BuildJob& job, const BuildSettings& settings) {
   const Stopwatch watch;
   BuiltVolume built;
   built.output = job.output;
-  refusePreciousOutput(job.input.path, job.output, settings.force);
+  refuseOtherFiles(job.input.path, job.output, settings.force);
   const std::unique_ptr<VolumeSource> source = openShowingProgress(job, settings);
   built.open_seconds = watch.seconds();
   InputWatch input(*source, settings.options.cancel);
-  built.skipped = !settings.force && isUpToDate(job.output, source->info(), input.identity(),
-                                                settings.options, settings.any_options);
+  refuseInputsAsOutput(source->files(), job.output);
+  const bool is_up_to_date = isUpToDate(job.output, source->info(), input.identity(),
+                                        settings.options, settings.any_options, settings.force);
+  built.skipped = is_up_to_date && !settings.rebuild;
   if (built.skipped)
     removeStrayJournal(job.output);
   else

@@ -14,7 +14,8 @@ namespace isobrick {
 struct BuildSettings {
   BuildOptions options;  // all but `progress`
   int threads = 1;
-  bool force = false;
+  bool rebuild = false;      // also what is up to date
+  bool force = false;        // replaces what is not a pyramid of the same input
   bool any_options = false;  // a pyramid of the same input is up to date, whatever its options
   ProgressStyle progress = ProgressStyle::kBar;
 };

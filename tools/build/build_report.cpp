@@ -74,7 +74,7 @@ Json jsonOfBuilt(const BuildJob& job, const BuiltVolume& built, const BuildSetti
 
 void printBuilt(const BuiltVolume& built, const BuildSettings& settings) {
   if (built.skipped) {
-    fmt::print("{}: skipped: up to date (--force builds it all the same)\n", built.output);
+    fmt::print("{}: skipped: up to date (--rebuild builds it all the same)\n", built.output);
     return;
   }
   fmt::print("{}: {}, {} levels, {}, codec {}\n", built.output, dimensionsText(built.volume),

@@ -14,19 +14,19 @@
 #include "isobrick/preprocess/export/source_views.h"
 #include "isobrick/preprocess/input_identity.h"
 #include "isobrick/preprocess/pyramid_builder.h"
-#include "isobrick/preprocess/sources/hdf5_source.h"
 #include "isobrick/preprocess/sources/open_volume.h"
 #include "isobrick/preprocess/sources/pyramid_quantity.h"
 #include "isobrick/preprocess/sources/pyramid_source.h"
-#include "isobrick/preprocess/sources/zarr_source.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid.h"
+#include "tools/build/convert_output.h"
 #include "tools/build/open_input.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
 #include "tools/json_output.h"
 #include "tools/one_line.h"
+#include "tools/output_check.h"
 #include "tools/parse_text.h"
 #include "tools/parsed_option.h"
 #include "tools/progress_bar.h"
@@ -66,62 +66,6 @@ bool hasEnding(const std::string& path, const char* ending) {
 }
 
 bool isPyramid(const std::string& path) { return hasEnding(path, ".isb"); }
-
-// What appears at the end: of "file.h5:/path" the file, of "slices/%04d.tif" the folder.
-std::string publishedName(const std::string& output) {
-  if (isHdf5Name(output)) return splitHdf5Name(output).first;
-  const fs::path path(output);
-  if (path.filename().string().find('%') != std::string::npos && path.has_parent_path())
-    return path.parent_path().string();
-  return output;
-}
-
-// Of folders only those are replaced that plainly hold a volume: nobody wants another one gone.
-bool isVolumeFolder(const std::string& folder, const std::string& output) {
-  std::error_code ignored;
-  if (fs::is_empty(folder, ignored) || isZarrFolder(folder)) return true;
-  const fs::path ending = fs::path(output).extension();
-  return folder != output &&
-         std::all_of(fs::directory_iterator(folder, ignored), fs::directory_iterator(),
-                     [&](const fs::directory_entry& entry) {
-                       return entry.is_regular_file() && entry.path().extension() == ending;
-                     });
-}
-
-// A slip of the pen must not cost a scan: the input is never replaced, and nothing else unless that
-// is wished.
-void refusePreciousOutput(const ConvertArguments& arguments,
-                          const std::vector<std::string>& input_files) {
-  std::error_code ignored;
-  const std::string output = publishedName(arguments.output);
-  std::vector<std::string> inputs = input_files;
-  inputs.push_back(isHdf5Name(arguments.input.path) ? splitHdf5Name(arguments.input.path).first
-                                                    : arguments.input.path);
-  const fs::path folder = fs::weakly_canonical(output, ignored);
-  for (const std::string& file : inputs) {
-    const fs::path inside = fs::weakly_canonical(file, ignored).lexically_relative(folder);
-    if (fs::is_directory(output, ignored) && !inside.empty() && *inside.begin() != "..")
-      throw Error(fmt::format("'{}' holds the input; choose another output with -o", output));
-  }
-  if (fs::is_directory(output, ignored) && !isVolumeFolder(output, arguments.output))
-    throw Error(fmt::format(
-        "'{}' is a folder with something else in it; choose another output with -o", output));
-  std::vector<std::string> outputs = {output};
-  if (hasEnding(output, ".mhd"))  // the voxels lie beside it
-    outputs.push_back(fs::path(output).replace_extension(".raw").string());
-  for (const std::string& file : outputs) {
-    const auto is_input = [&](const std::string& input) {
-      return fs::equivalent(input, file, ignored);
-    };
-    if (std::any_of(inputs.begin(), inputs.end(), is_input))
-      throw Error(fmt::format("'{}' is the input; choose another output with -o", file));
-    if (!arguments.force && fs::exists(file, ignored))
-      throw Error(
-          fmt::format("'{}' exists already; replace it with --force, or choose another output "
-                      "with -o",
-                      file));
-  }
-}
 
 // Both corners are in the box; of a coarser level, the samples that lie in it.
 IndexBox boxOfLevel(const Corners& corners, int level) {
@@ -228,27 +172,21 @@ VolumeWriteReport buildFrom(VolumeSource& source, const ConvertArguments& argume
   options.memory_bytes = arguments.memory_bytes;
   options.cancel = &interruptFlag();
   options.progress = [&](std::string_view phase, double share) { bar.show(phase, share); };
+  options.keep_unfinished = false;  // convert has no --resume
   VolumeWriteReport report;
-  try {
-    report.bytes = buildPyramid(source, arguments.output, options).file_bytes;
-  } catch (const Cancelled&) {
-    // Unlike `build`, convert does not go on with what an earlier run began.
-    for (const char* ending : {".partial", ".partial.journal"}) {
-      std::error_code ignored;
-      fs::remove(arguments.output + ending, ignored);
-    }
-    throw Cancelled();
-  }
+  report.bytes = buildPyramid(source, arguments.output, options).file_bytes;
   report.space = "LPS";
   return report;
 }
 
 Converted convert(const ConvertArguments& arguments) {
   const Stopwatch watch;
-  refusePreciousOutput(arguments, {});
+  std::vector<std::string> inputs{arguments.input.path};
+  refuseConvertOutput(arguments.output, inputs, arguments.force);
   Opened opened = openLevels(arguments);
   VolumeSource& source = *opened.levels.front();
-  refusePreciousOutput(arguments, source.files());
+  for (const std::string& file : source.files()) inputs.push_back(file);
+  refuseConvertOutput(arguments.output, inputs, arguments.force);
   InputWatch input(source, &interruptFlag());
 
   Converted converted;
@@ -266,6 +204,7 @@ Converted convert(const ConvertArguments& arguments) {
     options.memory_bytes = arguments.memory_bytes;
     options.before_publishing = [&] { input.checkContent(); };
     if (arguments.background) options.vdb_background = static_cast<float>(*arguments.background);
+    options.replace_dataset = arguments.force;
     options.vdb_tolerance = arguments.tolerance;
     options.vdb_half = arguments.half;
     options.vdb_beside = &opened.beside;
@@ -428,7 +367,10 @@ Command addConvertCommand(CLI::App& app) {
   sub->add_flag("--no-curvature", arguments->no_curvature,
                 "An .isb without what extract needs for --curvature");
   addErrorOption(*sub, arguments->error_level);
-  sub->add_flag("--force", arguments->force, "Replace what exists (never the input)");
+  addForceFlag(*sub, arguments->force)
+      ->description(
+          "Replace what has the name of the output, of an HDF5 file the dataset alone (never the "
+          "input). A dataset goes into a copy of the file, which takes its place in the end");
   addParsedOption(*sub, "--memory", arguments->memory_bytes, parseByteSize, "SIZE",
                   "Bound of all buffers, such as 300M or 2G; default: 512M");
   addNoMapFlag(*sub, arguments->no_map);

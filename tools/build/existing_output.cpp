@@ -11,14 +11,14 @@
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid.h"
 #include "tools/failure_text.h"
+#include "tools/output_check.h"
 
 namespace isobrick {
 namespace {
 
 namespace fs = std::filesystem;
 
-constexpr char kWaysOut[] =
-    "replace it with --force, or choose another output with -o or --out-dir";
+constexpr char kOtherName[] = "choose another output with -o or --out-dir";
 
 bool beginsAsPyramid(const std::string& path) {
   std::ifstream file(path, std::ios::binary);
@@ -61,41 +61,42 @@ bool meansTheSameFile(const std::string& source, const std::string& output) {
 
 }  // namespace
 
-void refusePreciousOutput(const std::string& input, const std::string& output, bool force) {
+void refuseOtherFiles(const std::string& input, const std::string& output, bool force) {
   std::error_code ignored;
-  if (fs::equivalent(input, output, ignored))
-    throw Error(fmt::format("'{}' is the input; choose another output with -o", output));
-  if (!fs::is_regular_file(output, ignored) || beginsAsPyramid(output)) return;
-  if (fs::file_size(output, ignored) > 0)
-    throw Error(
-        fmt::format("'{}' exists and is not a pyramid, and only pyramids are ever replaced; choose "
-                    "another output with -o or --out-dir",
-                    output));
-  if (!force) throw Error(fmt::format("'{}' exists already; {}", output, kWaysOut));
+  const bool is_pyramid = fs::is_regular_file(output, ignored) && beginsAsPyramid(output);
+  refuseReplacing({output, kOtherName}, {input}, force || is_pyramid);
+}
+
+void refuseInputsAsOutput(const std::vector<std::string>& files, const std::string& output) {
+  refuseReplacing({output, kOtherName}, files, true);
 }
 
 bool isUpToDate(const std::string& output, const VolumeInfo& info,
-                const std::string& input_identity, const BuildOptions& options, bool any_options) {
+                const std::string& input_identity, const BuildOptions& options, bool any_options,
+                bool force) {
   std::error_code ignored;
   if (!fs::is_regular_file(output, ignored)) return false;
+  const auto inTheWay = [&](const std::string& why) {
+    if (!force)
+      throw Error(fmt::format("'{}' exists and {}; replace it with --force, or {}", output, why,
+                              kOtherName),
+                  {.path = output});
+    return false;
+  };
   Origin origin;
   try {
     origin = originOf(Pyramid(output));
   } catch (const Error& error) {
-    throw Error(fmt::format("'{}' exists, and from what it was made is unknown ({}); {}", output,
-                            failureText(error), kWaysOut));
+    return inTheWay(fmt::format("from what it was made is unknown ({})", failureText(error)));
   }
   const std::string identity = buildIdentity(info, input_identity, options);
   if (origin.identity == identity) return true;
   if (inputLine(origin.identity) == inputLine(identity)) return any_options;
   if (origin.source != info.source)
-    throw Error(
-        fmt::format("'{}' exists and was made from '{}'; {}", output, origin.source, kWaysOut));
+    return inTheWay(fmt::format("was made from '{}'", origin.source));
   if (!meansTheSameFile(origin.source, output))
-    throw Error(
-        fmt::format("'{}' exists and was made from another '{}', or from this one before it "
-                    "changed; {}",
-                    output, origin.source, kWaysOut));
+    return inTheWay(fmt::format("was made from another '{}', or from this one before it changed",
+                                origin.source));
   return false;
 }
 

@@ -1,22 +1,27 @@
-// What may happen to a file that has the name of a pyramid to be built.
+// Whether a file that has the name of a pyramid to be built is up to date, or in the way.
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "isobrick/preprocess/pyramid_builder.h"
 
 namespace isobrick {
 
-// A slip of the pen must not cost a scan. Throws Error where `output` is the input itself or a file
-// that is no pyramid (the data behind a header, a slice of a series), `force` or not; an empty file
-// is replaced with `force`. Does not open the input.
-void refusePreciousOutput(const std::string& input, const std::string& output, bool force);
+// Throws Error where `output` is the input itself, or, without `force`, a file that is no pyramid.
+// Does not open the input.
+void refuseOtherFiles(const std::string& input, const std::string& output, bool force);
+
+// The same where it is one of all files of the input.
+void refuseInputsAsOutput(const std::vector<std::string>& files, const std::string& output);
 
 // True where `output` is a pyramid of this very source and these options already; false where there
 // is none, or one that was made from the same input, which has changed since or is to be built with
-// other options. Throws Error where it was made from something else, or where nobody can tell.
-// `input_identity` is that of the source. With `any_options` they may be others.
+// other options. Where it was made from something else, or nobody can tell, throws Error; with
+// `force`, which replaces it, false. `input_identity` is that of the source. With `any_options`
+// they may be others.
 bool isUpToDate(const std::string& output, const VolumeInfo& info,
-                const std::string& input_identity, const BuildOptions& options, bool any_options);
+                const std::string& input_identity, const BuildOptions& options, bool any_options,
+                bool force);
 
 }  // namespace isobrick

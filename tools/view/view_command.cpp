@@ -1,20 +1,43 @@
 // isobrick view: a window in which a volume is explored.
 #include <algorithm>
+#include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
+#include <variant>
+#include <vector>
 
 #include "isobrick/storage/pyramid.h"
 #include "isobrick/viewer/session/recent_files.h"
+#include "isobrick/viewer/session/view_script.h"
 #include "isobrick/viewer/window/view_loop.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
+#include "tools/output_check.h"
 #include "tools/parse_text.h"
 #include "tools/parsed_option.h"
 #include "tools/thread_count.h"
 #include "tools/view/build_volume.h"
 
 namespace isobrick {
+namespace {
+
+// All that the words and the script write; what hands do later finds names of its own.
+void refuseReplacingOutputs(const ViewOptions& options, bool force) {
+  const std::vector<std::string> inputs{options.path, options.script_path, options.state_path};
+  if (!options.report_path.empty())
+    refuseReplacing({options.report_path, "choose another --report"}, inputs, force);
+  if (!options.record_path.empty())
+    refuseReplacing({options.record_path, "choose another --record"}, inputs, force);
+  if (options.script_path.empty()) return;
+  for (const ScriptStep& step : readViewScript(options.script_path).steps)
+    if (const auto* const file = std::get_if<ScriptFile>(&step))
+      refuseReplacing({(std::filesystem::path(options.frames_folder) / file->name).string(),
+                       "choose another folder with --frames"},
+                      inputs, force);
+}
+
+}  // namespace
 
 Command addViewCommand(CLI::App& app) {
   CLI::App* const sub = app.add_subcommand("view", kViewDescription);
@@ -34,6 +57,7 @@ Command addViewCommand(CLI::App& app) {
   sub->add_option("--cache", *cache,
                   "Folder for pyramids that are built; default: beside the volume")
       ->type_name("DIR");
+  const auto force = std::make_shared<bool>(false);
   const auto preview_share = std::make_shared<std::optional<double>>();
   addParsedOption(
       *sub, "--preview-share", *preview_share,
@@ -64,9 +88,11 @@ Command addViewCommand(CLI::App& app) {
   sub->add_option("--record", options->record_path,
                   "Write what hands do as such a script, when the window is closed")
       ->type_name("EVENTS.json");
+  addForceFlag(*sub, *force);
   sub->add_flag("--offscreen", options->offscreen, "Run the script without a window")
       ->needs(script);
-  return {sub, [options, size, cache, preview_share] {
+  return {sub, [options, size, cache, preview_share, force] {
+            refuseReplacingOutputs(*options, *force);
             options->build = volumeBuilder({*cache, options->threads + 1, *preview_share});
             // What scripts open is no choice of hands.
             if (options->script_path.empty()) options->recent_path = recentFilesPath();

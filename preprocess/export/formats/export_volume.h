@@ -25,6 +25,8 @@ struct BesideVolume {
 };
 
 struct ExportOptions : VolumeWriteOptions {
+  // HDF5: a dataset of that name is replaced; otherwise it is an Error.
+  bool replace_dataset = true;
   // OpenVDB: the value of what is not stored; without, that of the VDB file the volume came from,
   // or 0. Values no further from it than the tolerance are not stored either.
   std::optional<float> vdb_background;
@@ -44,7 +46,8 @@ struct ExportOptions : VolumeWriteOptions {
 // See
 // docs/FORMATS.md for what each format keeps. Several levels are refused where the format has one.
 //
-// What is written appears under its name when it is whole; a file of that name is replaced. Throws
+// What is written appears under its name when it is whole; a file of that name is replaced, and of
+// an HDF5 file the dataset alone. Throws
 // Error for other endings, for formats that this build of isobrick leaves out, for a memory bound
 // that is too small (Remedy::kAllowMoreMemory; before anything is written), for what the sources
 // throw and for failed writes; Cancelled.

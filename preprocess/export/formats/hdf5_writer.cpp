@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <filesystem>
+#include <optional>
 #include <utility>
 #include <vector>
 
+#include "isobrick/preprocess/export/formats/hdf5_original.h"
 #include "isobrick/preprocess/export/formats/spooled_source.h"
 #include "isobrick/preprocess/export/volume_rows.h"
 #include "isobrick/preprocess/hdf5_handle.h"
@@ -39,12 +41,14 @@ std::array<hsize_t, 3> slowestFirst(const Index3& v) {
 
 class Hdf5Writer {
  public:
-  // `file` is its path, `path` what the user said.
-  Hdf5Writer(const std::string& file, const std::string& path, const std::string& dataset,
-             const VolumeInfo& info)
+  // `file` is its path, `path` what the user said. Where the file `is_there` it gets a dataset
+  // more, and loses one of that name if told so.
+  Hdf5Writer(const std::string& file, bool is_there, const std::string& path,
+             const std::string& dataset, bool replace, const VolumeInfo& info)
       : path_(path), info_(info) {
     const std::lock_guard lock(hdf5Mutex());
-    file_ = Hdf5Handle(createFile(file), H5Fclose);
+    file_ = Hdf5Handle(openFile(file, is_there), H5Fclose);
+    if (is_there) makeRoomFor(dataset, replace);
     dataset_ = Hdf5Handle(createDataset(dataset), H5Dclose);
     if (!dataset_.isValid()) throw failed();
     const GridGeometry& geometry = info.geometry;
@@ -86,12 +90,57 @@ class Hdf5Writer {
                           {.path = path_});
   }
 
-  static hid_t createFile(const std::string& file) {
+  Error refused(const std::string& why) const {
+    return Error("cannot write '" + path_ + "': " + why + "; choose another dataset with -o",
+                 {.path = path_});
+  }
+
+  hid_t openFile(const std::string& file, bool is_there) const {
     H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
     // AtomicFile holds the lock of the file already.
     const Hdf5Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
     H5Pset_file_locking(access.id(), false, true);
-    return H5Fcreate(file.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, access.id());
+    if (!is_there) return H5Fcreate(file.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, access.id());
+    const hid_t opened = H5Fopen(file.c_str(), H5F_ACC_RDWR, access.id());
+    if (opened < 0)
+      throw Error("cannot write '" + path_ + "': the file is there, and HDF5 cannot add to it: " +
+                      "it is no HDF5 file, is damaged, or was not closed by its writer; choose " +
+                      "another file with -o",
+                  {.path = path_});
+    return opened;
+  }
+
+  // Links may lead to another file, which is not to be touched.
+  bool isInThisFile(hid_t object) const {
+    const auto nameOf = [](hid_t id) {
+      std::string name(static_cast<std::size_t>(std::max<ssize_t>(H5Fget_name(id, nullptr, 0), 0)),
+                       ' ');
+      H5Fget_name(id, name.data(), name.size() + 1);
+      return name;
+    };
+    return nameOf(object) == nameOf(file_.id());
+  }
+
+  // Takes away what has the name of the dataset, if it may go.
+  void makeRoomFor(const std::string& dataset, bool replace) const {
+    for (std::size_t slash = 0; slash != std::string::npos;) {
+      slash = dataset.find('/', slash + 1);
+      const std::string name = dataset.substr(0, slash);
+      if (H5Lexists(file_.id(), name.c_str(), H5P_DEFAULT) <= 0) return;
+      const Hdf5Handle object(H5Oopen(file_.id(), name.c_str(), H5P_DEFAULT), H5Oclose);
+      const bool is_group = object.isValid() && H5Iget_type(object.id()) == H5I_GROUP;
+      if (slash != std::string::npos) {
+        if (!is_group) throw refused(name + " is there and is no group");
+        if (!isInThisFile(object.id())) throw refused(name + " lies in another file");
+        continue;
+      }
+      if (is_group) throw refused(name + " is a group");
+      if (!replace)
+        throw Error("'" + path_ + "' exists already; replace the dataset with --force, or choose " +
+                        "another one with -o",
+                    {.path = path_});
+    }
+    if (H5Ldelete(file_.id(), dataset.c_str(), H5P_DEFAULT) < 0) throw failed();
   }
 
   hid_t createDataset(const std::string& name) {
@@ -132,6 +181,14 @@ class Hdf5Writer {
   Hdf5Handle file_, dataset_;
 };
 
+// "/a/b" for "//a/./b/": as the library reads it.
+std::string plainName(const std::string& dataset) {
+  std::string plain;
+  for (const auto& part : std::filesystem::path(dataset).relative_path())
+    if (!part.empty() && part != ".") plain.append("/").append(part.string());
+  return plain;
+}
+
 }  // namespace
 
 VolumeWriteReport writeHdf5(VolumeLevels& levels, const std::string& path,
@@ -141,8 +198,17 @@ VolumeWriteReport writeHdf5(VolumeLevels& levels, const std::string& path,
   report.lost.push_back(
       "HDF5 has no rule for spacing, origin and direction; they are attributes of the dataset");
   const std::size_t colon = path.rfind(":/");
-  const std::string name = colon == std::string::npos ? path : path.substr(0, colon);
-  const std::string dataset = colon == std::string::npos ? "/volume" : path.substr(colon + 1);
+  const std::string named = colon == std::string::npos ? path : path.substr(0, colon);
+  const std::string dataset =
+      colon == std::string::npos ? "/volume" : plainName(path.substr(colon + 1));
+  if (dataset.empty())
+    throw Error("cannot write '" + path + "': it names no dataset; write file.h5:/name with -o",
+                {.path = path});
+  std::error_code ignored;
+  const std::string name = std::filesystem::is_symlink(named, ignored)
+                               ? std::filesystem::weakly_canonical(named, ignored).string()
+                               : named;
+  const std::optional<Hdf5Original> original = Hdf5Original::open(name);
   AtomicFile file(name);
   const std::string folder = std::filesystem::path(name).parent_path().string();
   if (!levels.front()->readsBoxes())
@@ -150,7 +216,14 @@ VolumeWriteReport writeHdf5(VolumeLevels& levels, const std::string& path,
         makeSpooledSource(std::move(levels.front()), folder.empty() ? "." : folder, options);
   const VolumeSource& source = *levels.front();
   const Index3& voxels = source.info().voxels;
-  Hdf5Writer writer(file.temporaryPath(), path, dataset, source.info());
+  const double copied = original ? static_cast<double>(original->bytes()) : 0;
+  const double total = copied + static_cast<double>(volumeBytes(source.info()));
+  if (original)
+    original->copyTo(file, options.cancel, [&](std::uint64_t bytes) {
+      if (options.progress) options.progress(static_cast<double>(bytes) / total);
+    });
+  Hdf5Writer writer(file.temporaryPath(), original.has_value(), path, dataset,
+                    options.replace_dataset, source.info());
   // Whole chunks: none is packed twice. As many of a layer at a time as memory allows.
   const std::uint64_t column_bytes = static_cast<std::uint64_t>(kChunkVoxels * kChunkVoxels) *
                                      voxelBytes(source.info().voxel_type) *
@@ -170,16 +243,17 @@ VolumeWriteReport writeHdf5(VolumeLevels& levels, const std::string& path,
         source.readBox(box, part.data());
         writer.write(box, part.data());
       }
-      if (options.progress)
-        options.progress((static_cast<double>(z) +
-                          static_cast<double>(std::min(kChunkVoxels, voxels.z - z)) *
-                              static_cast<double>(std::min(y + kChunkVoxels, voxels.y)) /
-                              static_cast<double>(voxels.y)) /
-                         static_cast<double>(voxels.z));
+      const double share =
+          (static_cast<double>(z) + static_cast<double>(std::min(kChunkVoxels, voxels.z - z)) *
+                                        static_cast<double>(std::min(y + kChunkVoxels, voxels.y)) /
+                                        static_cast<double>(voxels.y)) /
+          static_cast<double>(voxels.z);
+      if (options.progress) options.progress((copied + share * (total - copied)) / total);
     }
   writer.finish();
   report.bytes = std::filesystem::file_size(file.temporaryPath());
   if (options.before_publishing) options.before_publishing();
+  if (original) original->refuseChanged();
   file.commit(options.cancel);
   return report;
 }

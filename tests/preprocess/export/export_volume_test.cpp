@@ -309,8 +309,8 @@ TEST_F(ExportVolumeTest, SlicesNeedAFolderAndAPlaceForTheirNumber) {
 
 TEST_F(ExportVolumeTest, AFolderOfAnotherWriterIsRefusedAndALeftoverIsTakenOver) {
   const auto values = wildValues<std::uint8_t>();
-  fs::create_directories(folder_ / "a.ome.zarr.partial/0");
-  writeBytes(pathOf("a.ome.zarr.partial/0/old"), "left by a killed run");
+  fs::create_directories(folder_ / "a.ome.zarr.isobrick.partial/0");
+  writeBytes(pathOf("a.ome.zarr.isobrick.partial/0/old"), "left by a killed run");
   write("a.ome.zarr", values, {});
   EXPECT_FALSE(fs::exists(pathOf("a.ome.zarr/0/old")));
   {

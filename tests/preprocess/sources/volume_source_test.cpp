@@ -271,7 +271,7 @@ TEST_F(VolumeSourceTest, AtomicFileAppearsWithCommitAndReplacesTheOldOne) {
 }
 
 TEST_F(VolumeSourceTest, AtomicFileTakesOverLeftoversButNotLivingFiles) {
-  write("file.partial", "a leftover that is longer than what is written");
+  write("file.isobrick.partial", "a leftover that is longer than what is written");
   AtomicFile file(pathOf("file"));
   EXPECT_CONTAINS(errorOf([&] { AtomicFile second(pathOf("file")); }), "another process");
   file.write("new", 3);

@@ -1,0 +1,101 @@
+#include "isobrick/preprocess/export/formats/hdf5_original.h"
+
+#include <fcntl.h>
+#include <linux/fs.h>
+#include <sys/file.h>
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstddef>
+#include <cstring>
+#include <utility>
+#include <vector>
+
+#include "isobrick/storage/error.h"
+#include "isobrick/storage/file_io.h"
+
+namespace isobrick {
+namespace {
+
+Error unreadable(const std::string& path, int error) {
+  return Error("cannot read '" + path + "': " + std::strerror(error) + "; check the file",
+               {.path = path});
+}
+
+}  // namespace
+
+std::optional<Hdf5Original> Hdf5Original::open(const std::string& path) {
+  const int fd = ::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
+  if (fd < 0 && errno == ENOENT) return std::nullopt;
+  if (fd < 0) throw unreadable(path, errno);
+  return Hdf5Original(path, fd);
+}
+
+Hdf5Original::Hdf5Original(std::string path, int fd) : path_(std::move(path)), fd_(fd) {
+  const bool is_busy = flock(fd_, LOCK_SH | LOCK_NB) != 0 && errno == EWOULDBLOCK;
+  const int error = fstat(fd_, &status_) != 0 ? errno : S_ISREG(status_.st_mode) ? 0 : EINVAL;
+  if (!is_busy && error == 0) return;
+  ::close(fd_);
+  if (error != 0) throw unreadable(path_, error);
+  throw Error(
+      "cannot write '" + path_ + "': another program has it open for writing; close it there",
+      {.path = path_});
+}
+
+Hdf5Original::Hdf5Original(Hdf5Original&& other) noexcept
+    : path_(std::move(other.path_)), fd_(std::exchange(other.fd_, -1)), status_(other.status_) {}
+
+Hdf5Original::~Hdf5Original() {
+  if (fd_ >= 0) ::close(fd_);
+}
+
+void Hdf5Original::refuseTooLittleSpace(const AtomicFile& copy) const {
+  const std::optional<std::uint64_t> have = copy.freeBytes();
+  if (!have || *have >= bytes()) return;
+  const auto mebibytes = [](std::uint64_t n) { return std::to_string((n >> 20) + 1) + " MiB"; };
+  throw ResumableError("not enough space to add to '" + path_ +
+                           "': a copy beside it, with the new " +
+                           "dataset, takes its place in the end; the copy takes " +
+                           mebibytes(bytes()) + " and the disk has " + mebibytes(*have) +
+                           "; free some space or choose another file with -o",
+                       {.path = path_});
+}
+
+void Hdf5Original::copyTo(AtomicFile& copy, const CancelFlag* cancel,
+                          const std::function<void(std::uint64_t)>& progress) const {
+  // First of all, so that nobody else reads what only its owner may.
+  if (fchown(copy.fd(), status_.st_uid, status_.st_gid) != 0 && errno != EPERM)
+    throw unreadable(path_, errno);
+  if (fchmod(copy.fd(), status_.st_mode & 07777) != 0) throw unreadable(path_, errno);
+  if (ioctl(copy.fd(), FICLONE, fd_) == 0) return;
+  refuseTooLittleSpace(copy);
+  constexpr std::uint64_t kStepBytes = std::uint64_t{4} << 20;
+  std::vector<std::byte> buffer(static_cast<std::size_t>(std::min(bytes(), kStepBytes)));
+  for (std::uint64_t at = 0; at < bytes(); at += buffer.size()) {
+    if (cancel != nullptr) cancel->check();
+    const auto step =
+        static_cast<std::size_t>(std::min<std::uint64_t>(bytes() - at, buffer.size()));
+    const IoResult read = readBytesAt(fd_, at, buffer.data(), step);
+    if (read.bytes != step) throw unreadable(path_, read.error != 0 ? read.error : EIO);
+    copy.pwrite(buffer.data(), step, at);
+    progress(at + step);
+  }
+}
+
+void Hdf5Original::refuseChanged() const {
+  struct stat now = {}, named = {};
+  const auto isSame = [](const struct stat& a, const struct stat& b) {
+    return a.st_dev == b.st_dev && a.st_ino == b.st_ino && a.st_size == b.st_size &&
+           a.st_mtim.tv_sec == b.st_mtim.tv_sec && a.st_mtim.tv_nsec == b.st_mtim.tv_nsec;
+  };
+  if (fstat(fd_, &now) == 0 && stat(path_.c_str(), &named) == 0 && isSame(now, status_) &&
+      isSame(named, status_))
+    return;
+  throw Error("'" + path_ + "' changed while a dataset was added, and stays as it is; try again " +
+                  "when nobody writes it",
+              {.path = path_});
+}
+
+}  // namespace isobrick

@@ -1,0 +1,83 @@
+#include "tools/build/convert_output.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+
+#include "isobrick/preprocess/sources/hdf5_source.h"
+#include "isobrick/preprocess/sources/zarr_source.h"
+#include "isobrick/storage/error.h"
+#include "tools/output_check.h"
+
+namespace isobrick {
+namespace {
+
+namespace fs = std::filesystem;
+
+// Whether "%04d.tif" gives this name for some slice.
+bool isSliceOf(const std::string& pattern, const std::string& name) {
+  const std::size_t percent = pattern.find('%'), letter = pattern.find('d', percent);
+  if (letter == std::string::npos) return false;
+  const std::string before = pattern.substr(0, percent), after = pattern.substr(letter + 1);
+  return name.size() > before.size() + after.size() && name.starts_with(before) &&
+         name.ends_with(after) &&
+         std::all_of(name.begin() + static_cast<std::ptrdiff_t>(before.size()),
+                     name.end() - static_cast<std::ptrdiff_t>(after.size()),
+                     [](char c) { return c >= '0' && c <= '9'; });
+}
+
+// Of folders only those are replaced that plainly hold what would be written.
+bool holdsNothingElse(const std::string& folder, const std::string& pattern) {
+  std::error_code ignored;
+  if (fs::is_empty(folder, ignored)) return true;
+  if (pattern.empty()) return isZarrFolder(folder);
+  return std::all_of(fs::directory_iterator(folder, ignored), fs::directory_iterator(),
+                     [&](const fs::directory_entry& entry) {
+                       return entry.is_regular_file() &&
+                              isSliceOf(pattern, entry.path().filename().string());
+                     });
+}
+
+// `pattern`: of the slices in it, or empty.
+void refuseFolder(const std::string& folder, const std::string& pattern,
+                  const std::vector<std::string>& inputs, bool force) {
+  std::error_code ignored;
+  const fs::path whole = fs::weakly_canonical(folder, ignored);
+  for (const std::string& input : inputs) {
+    const fs::path inside = fs::weakly_canonical(input, ignored).lexically_relative(whole);
+    if (!inside.empty() && *inside.begin() != "..")
+      throw Error(fmt::format("'{}' holds the input; choose another output with -o", folder));
+  }
+  if (!holdsNothingElse(folder, pattern))
+    throw Error(fmt::format(
+        "'{}' is a folder with something else in it; choose another output with -o", folder));
+  if (!force)
+    throw Error(fmt::format(
+        "'{}' exists already; replace it with --force, or choose another output with -o", folder));
+}
+
+// "scan.h5" for "scan.h5:/entry/data".
+std::string fileOf(const std::string& name) {
+  return isHdf5Name(name) ? splitHdf5Name(name).first : name;
+}
+
+}  // namespace
+
+void refuseConvertOutput(const std::string& output, const std::vector<std::string>& inputs,
+                         bool force) {
+  std::vector<std::string> files;
+  std::transform(inputs.begin(), inputs.end(), std::back_inserter(files), fileOf);
+  if (isHdf5Name(output)) return refuseReplacing({fileOf(output)}, files, true);
+  const fs::path path(output);
+  const std::string name = path.filename().string();
+  const bool has_slices = name.find('%') != std::string::npos && path.has_parent_path();
+  const std::string place = has_slices ? path.parent_path().string() : output;
+  std::error_code ignored;
+  if (fs::is_directory(place, ignored))
+    refuseFolder(place, has_slices ? name : "", files, force);
+  else
+    refuseReplacingVolume({place}, files, force);
+}
+
+}  // namespace isobrick

@@ -1,0 +1,86 @@
+#include "tools/output_check.h"
+
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <fstream>
+#include <optional>
+
+#include "isobrick/storage/error.h"
+
+namespace isobrick {
+namespace {
+
+namespace fs = std::filesystem;
+
+// A link that leads nowhere is there, too.
+bool isThere(const fs::path& path) {
+  std::error_code ignored;
+  return fs::exists(fs::symlink_status(path, ignored));
+}
+
+// Where a MetaImage has its voxels, if it can be read.
+std::optional<fs::path> dataFileOf(const fs::path& header) {
+  std::error_code ignored;
+  if (!fs::is_regular_file(header, ignored)) return std::nullopt;
+  constexpr int kMostLines = 100;
+  std::ifstream file(header);
+  std::string line;
+  for (int i = 0; i < kMostLines && std::getline(file, line); ++i) {
+    if (line.rfind("ElementDataFile", 0) != 0) continue;
+    const std::size_t begin = line.find_first_not_of(" \t", line.find('=') + 1);
+    const std::size_t end = line.find_last_not_of(" \t\r");
+    if (begin == std::string::npos || begin > end) return std::nullopt;
+    return header.parent_path() / line.substr(begin, end + 1 - begin);
+  }
+  return std::nullopt;
+}
+
+void refuseInput(const std::string& file, const PlannedOutput& output,
+                 const std::vector<std::string>& inputs) {
+  std::error_code ignored;
+  for (const std::string& input : inputs)
+    if (fs::equivalent(input, file, ignored))
+      throw Error(fmt::format("'{}' is the input; {}", file, output.way_out), {.path = file});
+}
+
+}  // namespace
+
+CLI::Option* addForceFlag(CLI::App& app, bool& force) {
+  return app.add_flag("--force", force, "Replace what has the name of the output (never an input)");
+}
+
+void refuseReplacing(const PlannedOutput& output, const std::vector<std::string>& inputs,
+                     bool force) {
+  const std::string& path = output.path;
+  refuseInput(path, output, inputs);
+  std::error_code ignored;
+  if (fs::exists(path, ignored) && !fs::is_regular_file(path, ignored))
+    throw Error(fmt::format("'{}' is {}; {}", path,
+                            fs::is_directory(path, ignored) ? "a folder" : "not a regular file",
+                            output.way_out),
+                {.path = path});
+  if (!force && isThere(path))
+    throw Error(
+        fmt::format("'{}' exists already; replace it with --force, or {}", path, output.way_out),
+        {.path = path});
+}
+
+void refuseReplacingVolume(const PlannedOutput& output, const std::vector<std::string>& inputs,
+                           bool force) {
+  refuseReplacing(output, inputs, force);
+  const std::string& path = output.path;
+  if (fs::path(path).extension() != ".mhd") return;
+  const fs::path voxels = fs::path(path).replace_extension(".raw");
+  if (!isThere(voxels)) return;
+  refuseInput(voxels.string(), output, inputs);
+  const std::optional<fs::path> named = dataFileOf(path);
+  std::error_code ignored;
+  if (named && fs::equivalent(*named, voxels, ignored)) return;
+  throw Error(fmt::format("'{}' exists and is not the data of '{}', which would have its voxels "
+                          "there; {}",
+                          voxels.string(), path, output.way_out),
+              {.path = voxels.string()});
+}
+
+}  // namespace isobrick
