@@ -7,21 +7,67 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <filesystem>
 #include <limits>
+#include <optional>
 
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_io.h"
 
 namespace isobrick {
+namespace {
+
+// The file or the nearest folder above it that has its name, where that is a link to nowhere.
+std::optional<std::filesystem::path> linkToNowhere(std::filesystem::path path) {
+  for (; !path.empty(); path = path.parent_path()) {
+    struct stat status = {};
+    if (lstat(path.c_str(), &status) == 0) {
+      const bool leads_nowhere = S_ISLNK(status.st_mode) && stat(path.c_str(), &status) != 0;
+      return leads_nowhere ? std::optional(path) : std::nullopt;
+    }
+    if (errno != ENOENT || path == path.parent_path()) break;
+  }
+  return std::nullopt;
+}
+
+// `name` is what the message calls it.
+[[noreturn]] void refuseToOpen(const std::string& path, const std::string& name, int reason) {
+  const std::string cannot = "cannot open " + name + ": ";
+  if (reason == ENOENT)
+    if (const auto link = linkToNowhere(path)) {
+      std::error_code ignored;
+      const std::string target = std::filesystem::read_symlink(*link, ignored).string();
+      throw Error(cannot + (*link == path ? "it" : "'" + link->string() + "'") + " is a link to '" +
+                      target +
+                      "', which is not there; fetch the file (git annex get, datalad get)" +
+                      " or mend the link",
+                  {.path = path});
+    }
+  const std::string why = std::strerror(reason);
+  if (reason == EACCES || reason == EPERM)
+    throw Error(cannot + why + "; change its permissions", {.path = path});
+  if (reason == EIO || reason == ESTALE || reason == ETIMEDOUT)
+    throw ResumableError(cannot + why + "; check the disk or its server, then run again",
+                         {.path = path});
+  throw Error(cannot + why + "; check the path", {.path = path});
+}
+
+}  // namespace
+
+bool inputIsThere(const std::string& path) {
+  struct stat status = {};
+  if (stat(path.c_str(), &status) == 0) return true;
+  const int reason = errno;
+  if (reason == ENOENT && !linkToNowhere(path)) return false;
+  refuseToOpen(path, "'" + path + "'", reason);
+}
 
 InputFile::InputFile(const std::string& path, const std::string& named_by) : path_(path) {
   // Without O_NONBLOCK a pipe would be waited for; regular files do not heed it.
   fd_ = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   const std::string name =
       "'" + path + "'" + (named_by.empty() ? "" : ", which '" + named_by + "' names");
-  if (fd_ < 0)
-    throw Error("cannot open " + name + ": " + std::strerror(errno) + "; check the path",
-                {.path = path});
+  if (fd_ < 0) refuseToOpen(path, name, errno);
   struct stat status = {};
   if (fstat(fd_, &status) != 0 || !S_ISREG(status.st_mode)) {
     close(fd_);

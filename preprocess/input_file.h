@@ -8,6 +8,11 @@
 
 namespace isobrick {
 
+// False only where nothing has that name: neither a file nor a link, and where no folder on the way
+// is a link to nowhere. Throws Error for what has the name and cannot be reached, such as the links
+// of git-annex and DataLad to files that were not fetched.
+bool inputIsThere(const std::string& path);
+
 // Owns the descriptor. Errors name the path, the byte and the reason.
 class InputFile {
  public:

@@ -412,6 +412,7 @@ class Build {
                            {"filter", filterName(spec_.filter)},
                            {"identity", identity_},
                            {"notes", info.notes}};
+    for (const std::string& note : source_.notesOfReading()) json["notes"].push_back(note);
     if (!info.properties.empty()) json["properties"] = info.properties;
     // Whether there were any is not said: a resumed build does not see all voxels.
     if (options_.nan_as && spec_.voxel_type == VoxelType::kFloat32)

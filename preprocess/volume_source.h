@@ -46,6 +46,10 @@ class VolumeSource {
   // order, by any number of threads at once. Only where readsBoxes().
   virtual void readBox(const IndexBox& box, void* out) const;
 
+  // What is known only of the voxels that were read so far, a line each: notes beside those of
+  // info(). Not while another thread reads.
+  virtual std::vector<std::string> notesOfReading() const { return {}; }
+
   // Every file that decides about the voxels: the header first, where it is a file of its own, then
   // the data in the order of their slices. A file that is missing here can change unnoticed, and
   // can be overwritten by the output. None for phantoms.

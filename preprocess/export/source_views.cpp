@@ -19,6 +19,7 @@ class SourceView : public VolumeSource {
   const VolumeInfo& info() const final { return info_; }
   bool readsBoxes() const final { return source_->readsBoxes(); }
   std::vector<std::string> files() const final { return source_->files(); }
+  std::vector<std::string> notesOfReading() const final { return source_->notesOfReading(); }
   std::string identity() const final {
     const std::string identity = source_->identity();
     return identity.empty() ? identity : identity + "; " + info_.encoding;

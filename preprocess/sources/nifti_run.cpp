@@ -4,18 +4,16 @@
 #include <array>
 #include <cmath>
 #include <cstring>
-#include <filesystem>
 #include <initializer_list>
 #include <limits>
 
+#include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/sources/inflate_stream.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/lowercase.h"
 
 namespace isobrick {
 namespace {
-
-namespace fs = std::filesystem;
 
 constexpr std::size_t kHeaderBytes = 348;
 
@@ -33,9 +31,8 @@ std::string besidePair(const std::string& path, const std::string& ending,
   if (stem.ends_with(".gz")) stem.resize(stem.size() - 3);
   if (!stem.ends_with(ending)) return path;
   stem.resize(stem.size() - ending.size());
-  std::error_code ignored;
   for (const char* other : endings)
-    if (fs::exists(stem + other, ignored)) return stem + other;
+    if (inputIsThere(stem + other)) return stem + other;
   throw Error("cannot read '" + path + "': there is no '" + stem + *endings.begin() +
                   "' beside it; put both files of the pair into one folder",
               {.path = path});

@@ -4,6 +4,7 @@
 #include <cctype>
 #include <filesystem>
 
+#include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/sources/exr_source.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/lowercase.h"
@@ -16,7 +17,10 @@ std::vector<std::string> filesInFolder(const std::string& folder) {
   std::vector<std::string> files;
   try {
     for (const fs::directory_entry& entry : fs::directory_iterator(folder))
-      if (entry.is_regular_file()) files.push_back(entry.path().string());
+      if (entry.is_regular_file())
+        files.push_back(entry.path().string());
+      else if (!entry.path().filename().string().starts_with('.'))
+        static_cast<void>(inputIsThere(entry.path().string()));  // a slice would be missing
   } catch (const fs::filesystem_error& error) {
     throw Error("cannot read the folder '" + folder + "': " + error.code().message() +
                     "; check its permissions",

@@ -64,9 +64,8 @@ nlohmann::json readZarrJson(const std::string& path) {
 }
 
 ZarrArray::ZarrArray(const std::string& folder) : folder_(folder) {
-  std::error_code ignored;
   metadata_path_ = folder + "/zarr.json";
-  const bool is_version3 = fs::exists(metadata_path_, ignored);
+  const bool is_version3 = inputIsThere(metadata_path_);
   if (!is_version3) metadata_path_ = folder + "/.zarray";
   const Json json = readZarrJson(metadata_path_);
   if (is_version3)
@@ -321,10 +320,20 @@ std::string ZarrArray::pathOf(const Indices& outer) const {
   return folder_ + "/" + key_prefix_ + key;
 }
 
+// As a disk does that is taken out: then all chunks would be the fill value.
+void ZarrArray::throwIfStoreWentAway() const {
+  if (!inputIsThere(metadata_path_))
+    throw ResumableError("cannot read '" + folder_ + "': '" + metadata_path_ +
+                             "' is not there any more; run again when it is",
+                         {.path = folder_});
+}
+
 bool ZarrArray::readPacked(const std::string& path, const Indices& index,
                            std::vector<std::byte>& out) const {
-  std::error_code ignored;
-  if (!fs::exists(path, ignored)) return false;
+  if (!inputIsThere(path)) {
+    throwIfStoreWentAway();
+    return false;
+  }
   const InputFile file(path);
   const auto damaged = [&](const std::string& why) {
     return Error("cannot read '" + path + "': " + why + "; get the whole store again",
@@ -389,7 +398,7 @@ void ZarrArray::unpack(const std::string& path, std::vector<std::byte> packed,
   takeChecksums(out, pipeline_.checksums_before);
 }
 
-void ZarrArray::readChunk(const Indices& index, std::vector<std::byte>& out) const {
+bool ZarrArray::readChunk(const Indices& index, std::vector<std::byte>& out) const {
   Indices outer;
   for (std::size_t i = 0; i < index.size(); ++i)
     outer.push_back(index[i] / (outer_[i] / chunk_[i]));
@@ -408,7 +417,7 @@ void ZarrArray::readChunk(const Indices& index, std::vector<std::byte>& out) con
       if (!fits) refuse("chunks are missing, and its fill_value is none of its numbers");
       std::fill_n(reinterpret_cast<T*>(out.data()), voxels, static_cast<T>(fill_));
     });
-    return;
+    return false;
   }
   if (stored_.keepsType()) {
     unpack(path, std::move(packed), out);
@@ -419,6 +428,7 @@ void ZarrArray::readChunk(const Indices& index, std::vector<std::byte>& out) con
     out.resize(static_cast<std::size_t>(chunkBytes()));
     stored_.decode(unpacked.data(), voxels, reinterpret_cast<float*>(out.data()));
   }
+  return true;
 }
 
 std::vector<std::string> ZarrArray::files(const Indices& fixed) const {

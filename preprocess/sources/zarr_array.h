@@ -37,8 +37,10 @@ class ZarrArray {
   std::uint64_t chunkBytes() const;
 
   // All elements of a chunk, those beyond the array's end too, as stored().delivered() voxels; the
-  // fill value where there is no such chunk. Throws Error that names the file where it is damaged.
-  void readChunk(const Indices& index, std::vector<std::byte>& out) const;
+  // fill value where the store has no such chunk, and then false. Throws Error that names the file
+  // where it is damaged or cannot be opened.
+  bool readChunk(const Indices& index, std::vector<std::byte>& out) const;
+  double fill() const { return fill_; }
 
   // The metadata, and the files that hold voxels with `fixed` at every axis that is not negative
   // there: those that exist, or of more than some ten thousand a selection, evenly spread.
@@ -65,6 +67,7 @@ class ZarrArray {
   void unpack(const std::string& path, std::vector<std::byte> packed,
               std::vector<std::byte>& out) const;
   bool readPacked(const std::string& path, const Indices& index, std::vector<std::byte>& out) const;
+  void throwIfStoreWentAway() const;
   [[noreturn]] void refuse(const std::string& reason) const;
 
   std::string folder_, metadata_path_;

@@ -9,9 +9,11 @@
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <sstream>
 #include <utility>
 #include <vector>
 
+#include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/sources/rows_as_boxes.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/zarr_array.h"
@@ -31,10 +33,9 @@ Error cannotUse(const std::string& path, const std::string& reason) {
 
 // The attributes of a group or an array, whichever the version; null where there are none.
 Json attributesOf(const std::string& folder) {
-  std::error_code ignored;
-  if (fs::exists(folder + "/zarr.json", ignored))
+  if (inputIsThere(folder + "/zarr.json"))
     return member(readZarrJson(folder + "/zarr.json"), "attributes");
-  if (fs::exists(folder + "/.zattrs", ignored)) return readZarrJson(folder + "/.zattrs");
+  if (inputIsThere(folder + "/.zattrs")) return readZarrJson(folder + "/.zattrs");
   return {};
 }
 
@@ -124,6 +125,47 @@ class ChunkCache {
   std::uint64_t bytes_ = 0;
 };
 
+// Which chunks were read, each counted once, and how many of them the store has not. Of more chunks
+// than any volume has that is not made to have them, none is counted.
+class ChunkTally {
+ public:
+  explicit ChunkTally(const Index3& chunks)
+      : chunks_(chunks),
+        was_read_(elementCount(chunks) <= kMost ? static_cast<std::size_t>(elementCount(chunks))
+                                                : 0) {}
+
+  void note(const Index3& at, bool is_missing) {
+    const std::lock_guard lock(mutex_);
+    if (!was_read_.empty()) {
+      auto was_read = was_read_[static_cast<std::size_t>(linearIndex(at, chunks_))];
+      if (was_read) return;
+      was_read = true;
+    }
+    ++read_;
+    missing_ += is_missing ? 1 : 0;
+  }
+
+  std::vector<std::string> notes(double fill) const {
+    const std::lock_guard lock(mutex_);
+    if (missing_ == 0) return {};
+    const std::string which = was_read_.empty() ? std::string("chunks")
+                                                : std::to_string(missing_) + " of the " +
+                                                      std::to_string(read_) + " chunks";
+    std::ostringstream note;
+    note << which << " that were read are not in the store: they have its fill value, " << fill;
+    return {note.str()};
+  }
+  std::uint64_t bytes() const { return was_read_.size() / 8; }
+
+ private:
+  static constexpr std::int64_t kMost = std::int64_t{1} << 27;
+
+  const Index3 chunks_;
+  mutable std::mutex mutex_;    // guards all below
+  std::vector<bool> was_read_;  // empty: too many
+  std::uint64_t read_ = 0, missing_ = 0;
+};
+
 class ZarrSource final : public VolumeSource {
  public:
   // `axes`: which axis of the array x, y and z are. `fixed`: an index for all others, -1 for these.
@@ -138,12 +180,16 @@ class ZarrSource final : public VolumeSource {
         // A few chunks are in the hands of the threads that unpack them.
         cache_bytes_(std::max(options.memory_bytes, 8 * array_.chunkBytes()) -
                      4 * array_.chunkBytes()),
-        cache_(cache_bytes_) {}
+        cache_(cache_bytes_),
+        tally_((info_.voxels - Index3(1)) / chunkVoxels() + Index3(1)) {}
 
   const VolumeInfo& info() const override { return info_; }
   std::string identity() const override { return {}; }
   bool readsBoxes() const override { return true; }
-  std::uint64_t bufferBytes() const override { return cache_bytes_ + 4 * array_.chunkBytes(); }
+  std::uint64_t bufferBytes() const override {
+    return cache_bytes_ + 4 * array_.chunkBytes() + tally_.bytes();
+  }
+  std::vector<std::string> notesOfReading() const override { return tally_.notes(array_.fill()); }
 
   std::vector<std::string> files() const override {
     std::vector<std::string> files = group_files_;
@@ -156,8 +202,7 @@ class ZarrSource final : public VolumeSource {
   }
 
   void readBox(const IndexBox& box, void* out) const override {
-    Index3 size;
-    for (int axis = 0; axis < 3; ++axis) size[axis] = array_.chunk()[axes_[axis]];
+    const Index3 size = chunkVoxels();
     const Index3 begin = box.first / size, end = (box.end() - Index3(1)) / size + Index3(1);
     Index3 at;
     for (at.z = begin.z; at.z < end.z; ++at.z)
@@ -174,6 +219,12 @@ class ZarrSource final : public VolumeSource {
   }
 
  private:
+  Index3 chunkVoxels() const {
+    Index3 size;
+    for (int axis = 0; axis < 3; ++axis) size[axis] = array_.chunk()[axes_[axis]];
+    return size;
+  }
+
   ChunkCache::Chunk chunkAt(const Index3& at) const {
     Indices index = fixed_;
     for (std::size_t i = 0; i < index.size(); ++i)
@@ -181,7 +232,8 @@ class ZarrSource final : public VolumeSource {
     for (int axis = 0; axis < 3; ++axis) index[axes_[axis]] = at[axis];
     if (ChunkCache::Chunk chunk = cache_.find(index)) return chunk;
     auto voxels = std::make_shared<std::vector<std::byte>>();
-    array_.readChunk(index, *voxels);
+    const bool is_stored = array_.readChunk(index, *voxels);
+    tally_.note(at, !is_stored);
     cache_.add(index, voxels);
     return voxels;
   }
@@ -218,6 +270,7 @@ class ZarrSource final : public VolumeSource {
   const CancelFlag* cancel_;
   std::uint64_t cache_bytes_;
   mutable ChunkCache cache_;
+  mutable ChunkTally tally_;
 };
 
 // Opening, step by step.
@@ -284,9 +337,8 @@ class ZarrOpener {
   }
 
   void takeGroup(const std::string& folder, const Json& attributes) {
-    std::error_code ignored;
     for (const char* name : {"/zarr.json", "/.zattrs"})
-      if (fs::exists(folder + name, ignored)) group_files_.push_back(folder + name);
+      if (inputIsThere(folder + name)) group_files_.push_back(folder + name);
     own_ = member(attributes, "isobrick");
   }
 
@@ -403,7 +455,8 @@ class ZarrOpener {
 bool isZarrFolder(const std::string& path) {
   std::error_code ignored;
   for (const char* name : {"/zarr.json", "/.zarray", "/.zgroup", "/.zattrs"})
-    if (fs::is_regular_file(path + name, ignored)) return true;
+    if (fs::is_regular_file(path + name, ignored) || fs::is_symlink(path + name, ignored))
+      return true;  // a link to nowhere too: who opens it says so
   return false;
 }
 

@@ -102,6 +102,7 @@ BuiltVolume openAndBuild(const BuildJob& job, const BuildSettings& settings) {
   else
     built.report = buildShowingProgress(*source, input, job, settings);
   built.volume = source->info();
+  for (std::string& note : source->notesOfReading()) built.volume.notes.push_back(std::move(note));
   if (built.report.replaced_voxels > 0)
     built.volume.notes.push_back(fmt::format("{} voxels that were not finite became {}",
                                              built.report.replaced_voxels,

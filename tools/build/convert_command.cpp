@@ -217,6 +217,9 @@ Converted convert(const ConvertArguments& arguments) {
     options.memory_bytes -= held;
     converted.report = exportVolume(opened.levels, arguments.output, options);
   }
+  // A writer may have put another source in its place.
+  for (std::string& note : opened.levels.front()->notesOfReading())
+    converted.volume.notes.push_back(std::move(note));
   converted.seconds = watch.seconds();
   return converted;
 }

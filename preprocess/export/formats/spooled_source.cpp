@@ -25,12 +25,14 @@ class SpooledSource final : public VolumeSource {
       const std::int64_t slices = std::max(std::int64_t{1}, rows / info_.voxels.y);
       voxels_.write({Index3(0, y, z), Index3(info_.voxels.x, rows / slices, slices)}, data);
     });
+    notes_of_reading_ = source->notesOfReading();
   }
 
   const VolumeInfo& info() const override { return info_; }
   bool readsBoxes() const override { return true; }
   std::vector<std::string> files() const override { return files_; }
   std::string identity() const override { return identity_; }
+  std::vector<std::string> notesOfReading() const override { return notes_of_reading_; }
   void readBox(const IndexBox& box, void* out) const override { voxels_.read(box, out); }
   void readRows(std::int64_t first, std::int64_t count, void* out) override {
     auto* to = static_cast<std::byte*>(out);
@@ -43,6 +45,7 @@ class SpooledSource final : public VolumeSource {
   VolumeInfo info_;
   std::vector<std::string> files_;
   std::string identity_;
+  std::vector<std::string> notes_of_reading_;
   ScratchVolume voxels_;
 };
 
