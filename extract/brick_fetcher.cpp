@@ -2,27 +2,11 @@
 
 #include <algorithm>
 #include <exception>
-#include <system_error>
 #include <utility>
 
 #include "isobrick/extract/read_ahead.h"
 
 namespace isobrick {
-namespace {
-
-// A part that comes in may be unpacked from a copy beside it, which is smaller.
-constexpr std::uint64_t kComingFactor = 2;
-
-// Of all of the brick's parts.
-std::uint64_t heldBytes(const Pyramid& pyramid, const MissingBrick& brick) try {
-  std::uint64_t bytes = 0;
-  for (const PartKind kind : kPartKinds) bytes += pyramid.heldBytes(kind, brick.level, brick.brick);
-  return bytes;
-} catch (const std::exception&) {  // as of a damaged row: BrickFetcher::fetch() says so
-  return 0;
-}
-
-}  // namespace
 
 BrickFetcher::~BrickFetcher() {
   {
@@ -36,37 +20,32 @@ BrickFetcher::~BrickFetcher() {
 void BrickFetcher::beginQuery() {
   const std::lock_guard lock(mutex_);
   has_come_ = false;
-  most_bytes_ -= std::min(most_bytes_, came_bytes_);
-  came_bytes_ = 0;
-  fetched_.clear();
 }
 
 void BrickFetcher::announce(const BrickNeeds& needs, std::vector<MissingBrick> bricks,
-                            std::uint64_t most_bytes) {
+                            std::uint64_t since) {
   const std::lock_guard lock(mutex_);
   needs_ = needs;
   bricks_ = std::move(bricks);
+  since_ = since;
   next_ = 0;
   ++announcement_;
-  most_bytes_ = most_bytes;
-  is_taken_back_ = is_crowded_ = is_alone_ = false;
+  is_alone_ = false;
   if (!bricks_.empty()) start();
   wake_.notify_all();
 }
 
 void BrickFetcher::takeBack() {
   const std::lock_guard lock(mutex_);
-  if (!needs_) return;
-  next_ = bricks_.size();
-  is_taken_back_ = true;
-  for (const MissingBrick& fetched : fetched_)
-    needs_->pyramid().withdraw(fetched.level, fetched.brick);
-  fetched_.clear();
+  ++announcement_;
+  end();
 }
 
 bool BrickFetcher::wait(std::chrono::nanoseconds longest) {
+  // Longer is for ever; the clock cannot count to it.
+  constexpr std::chrono::nanoseconds kLongest = std::chrono::hours(24 * 365);
   std::unique_lock lock(mutex_);
-  idle_.wait_for(lock, longest, [&] { return isIdle(); });
+  idle_.wait_for(lock, std::min(longest, kLongest), [&] { return isIdle(); });
   return has_come_ || !isIdle();
 }
 
@@ -75,130 +54,98 @@ std::optional<MissingBrick> BrickFetcher::takeFailed() {
   return std::exchange(failed_, std::nullopt);
 }
 
-// Where there are no threads to be had nothing comes in, and wait() says so.
+// If there are no threads, nothing comes in, and wait() says so.
 void BrickFetcher::start() try {
   while (threads_.size() < ReadAhead::kThreads) threads_.emplace_back([this] { run(); });
-} catch (const std::system_error&) {
-  if (threads_.empty()) next_ = bricks_.size();
+} catch (const std::exception&) {
+  if (threads_.empty()) end();
 }
 
-// Room for what is being brought in, where there is some.
-class BrickFetcher::Coming {
- public:
-  Coming(BrickFetcher& fetcher, std::uint64_t bytes) : fetcher_(fetcher), bytes_(bytes) {
-    const std::lock_guard lock(fetcher_.mutex_);
-    has_room_ = fetcher_.hasRoomFor(bytes_);
-    if (has_room_)
-      fetcher_.coming_bytes_ += bytes_;
-    else if (fetcher_.busy_ > 1)
-      fetcher_.is_crowded_ = true;
-  }
-  ~Coming() {
-    const std::lock_guard lock(fetcher_.mutex_);
-    if (has_room_) fetcher_.coming_bytes_ -= bytes_;
-  }
-  Coming(const Coming&) = delete;
-
-  bool hasRoom() const { return has_room_; }
-
- private:
-  BrickFetcher& fetcher_;
-  const std::uint64_t bytes_;
-  bool has_room_ = false;
-};
-
-// A brick is begun only where there is room for all of it beside what the others are at, so that
-// however late a thread comes to run nobody takes the room of what was announced before. What lies
-// beside the brick shows on the way: where nothing came in as the threads left each other no room
-// for that, they go over the announcement once more, one at a time.
+// One thread admits at a time, so that room is set aside in the order of the announcement, however
+// late a thread comes to run. A brick's needs of its neighbours show on the way, and may find no
+// room beside what the other threads are at. Then the threads go on from there one at a time.
 void BrickFetcher::run() {
   std::unique_lock lock(mutex_);
   while (true) {
-    wake_.wait(lock,
-               [&] { return stops_ || (next_ < bricks_.size() && !(is_alone_ && busy_ > 0)); });
+    wake_.wait(lock, [&] { return stops_ || mayAdmit(); });
     if (stops_) return;
-    const MissingBrick brick = bricks_[next_];
-    const BrickNeeds needs = *needs_;
-    const std::uint64_t bytes = kComingFactor * heldBytes(needs.pyramid(), brick);
-    if (!hasRoomFor(bytes)) {
-      if (busy_ > 0) {
-        wake_.wait(lock);
-        continue;
-      }
-      next_ = bricks_.size();
-      noteEnded();
-      continue;
-    }
-    ++next_;
+    const Job job = nextJob();
+    std::optional<BrickPager::Room> room;
+    is_admitting_ = true;
     ++busy_;
-    coming_bytes_ += bytes;
-    const std::uint64_t announcement = announcement_;
     lock.unlock();
-    const bool is_there = fetch(needs, brick, announcement);
+    Outcome outcome = admit(job, room);
     lock.lock();
-    coming_bytes_ -= bytes;
+    is_admitting_ = false;
+    if (isCurrent(job) && outcome != Outcome::kNoRoom) next_ = job.number + 1;
+    wake_.notify_all();
+    lock.unlock();
+    if (outcome == Outcome::kDone) outcome = fetch(job, *room);
+    room.reset();
+    lock.lock();
     --busy_;
-    if (!is_there && !failed_) failed_ = brick;
-    noteEnded();
+    if (isCurrent(job)) noteOutcome(job, outcome);
+    if (isIdle()) idle_.notify_all();
+    wake_.notify_all();
   }
 }
 
-void BrickFetcher::noteEnded() {
-  if (isIdle() && is_crowded_ && !has_come_ && !is_taken_back_) {
-    is_crowded_ = false;
-    is_alone_ = true;
-    next_ = 0;
-  }
-  if (isIdle()) idle_.notify_all();
-  wake_.notify_all();
+void BrickFetcher::noteOutcome(const Job& job, Outcome outcome) {
+  if (outcome == Outcome::kFailed && !failed_) failed_ = job.brick;
+  if (outcome != Outcome::kNoRoom) return;
+  if (job.is_alone)
+    end();
+  else
+    next_ = std::min(next_, job.number);
+  is_alone_ = true;
 }
 
-bool BrickFetcher::fetch(const BrickNeeds& needs, const MissingBrick& brick,
-                         std::uint64_t announcement) try {
-  const Pyramid& pyramid = needs.pyramid();
-  bool is_there = true;
-  const auto has = [&](PartKind kind, int level, const Index3& of) {
-    const bool is_own = level == brick.level && of == brick.brick;
-    const std::uint64_t bytes = pyramid.heldBytes(kind, level, of);
-    const Coming coming(*this, is_own ? 0 : kComingFactor * bytes);
-    if (isEnded(announcement) || !coming.hasRoom()) return false;
-    const BrickPager::Fetched fetched = pyramid.fetch(kind, level, of);
-    noteFetched(pyramid, fetched, bytes, {level, of});
-    is_there = is_there && fetched != BrickPager::Fetched::kNever;
-    return is_there;
+BrickFetcher::Outcome BrickFetcher::admit(const Job& job,
+                                          std::optional<BrickPager::Room>& room) const try {
+  const auto& [level, brick, needs_samples, lacks_parts] = job.brick;
+  auto found = job.needs.pyramid().reserve(job.needs.kinds(), level, brick, job.since);
+  if (!found) return Outcome::kNoRoom;
+  room.emplace(*std::move(found));
+  return Outcome::kDone;
+} catch (const std::exception&) {  // such as a damaged row
+  return Outcome::kFailed;
+}
+
+BrickFetcher::Outcome BrickFetcher::fetch(const Job& job, BrickPager::Room& room) try {
+  using enum BrickPager::Fetched;
+  const Pyramid& pyramid = job.needs.pyramid();
+  const MissingBrick& brick = job.brick;
+  Outcome outcome = Outcome::kDone;
+  const auto bring = [&](PartKind kind, int level, const Index3& of) {
+    if (isEnded(job.announcement)) return false;
+    const BrickPager::Fetched fetched = pyramid.fetch(kind, level, of, room);
+    if (fetched == kNow) noteCome();
+    if (fetched == kNoRoom) outcome = Outcome::kNoRoom;
+    if (fetched == kNever) outcome = Outcome::kFailed;
+    return outcome == Outcome::kDone;
   };
-  bool is_whole = needs.areMet(brick.level, brick.brick, has);
-  if (brick.needs_samples) is_whole = has(PartKind::kSamples, brick.level, brick.brick);
+  const auto read_row = [&](int level, const Index3& of) {
+    static_cast<void>(pyramid.brickRowOf(level, of));
+    return true;
+  };
+  bool is_whole = job.needs.areMet(brick.level, brick.brick, BrickAnswers{read_row, bring});
+  if (brick.needs_samples && outcome == Outcome::kDone)
+    is_whole = bring(PartKind::kSamples, brick.level, brick.brick);
+  // Others may have brought it in since the query looked.
   if (is_whole && (brick.lacks_parts || brick.needs_samples)) noteCome();
-  return is_there;
+  return outcome;
 } catch (const std::exception&) {
-  return false;
+  return Outcome::kFailed;
 }
 
-// Also where another one has taken the announcement's place.
 bool BrickFetcher::isEnded(std::uint64_t announcement) {
   const std::lock_guard lock(mutex_);
-  return announcement != announcement_ || is_taken_back_ || stops_;
+  return announcement != announcement_ || stops_;
 }
 
-// For what others brought in since the query looked, too.
 void BrickFetcher::noteCome() {
   const std::lock_guard lock(mutex_);
   has_come_ = true;
-}
-
-void BrickFetcher::noteFetched(const Pyramid& pyramid, BrickPager::Fetched fetched,
-                               std::uint64_t bytes, const MissingBrick& brick) {
-  using enum BrickPager::Fetched;
-  if (fetched != kNow && fetched != kKept) return;
-  const std::lock_guard lock(mutex_);
-  if (is_taken_back_) {
-    pyramid.withdraw(brick.level, brick.brick);
-    return;
-  }
-  has_come_ = has_come_ || fetched == kNow;
-  came_bytes_ += bytes;
-  fetched_.push_back(brick);
 }
 
 }  // namespace isobrick

@@ -16,8 +16,12 @@
 namespace isobrick {
 
 // Some threads that fetch announced bricks in their order. They begin with the first announcement
-// and end with this object, each with the part that it is at. A brick that cannot be had is passed
+// and end with this object, each with the part that it is at. A brick that cannot be read is passed
 // over and remembered. Used by one other thread at a time; the pyramid outlives it.
+//
+// Which bytes there are is the pager's to know (BrickPager::reserve()): room is set aside for one
+// brick after the other, in their order, before it is begun, so that a brick never takes the room
+// of one that was announced before it. The first brick without room ends the announcement.
 class BrickFetcher {
  public:
   BrickFetcher() = default;
@@ -27,36 +31,44 @@ class BrickFetcher {
 
   // A query for now looks at what is there: wait() counts from here on.
   void beginQuery();
-  // Takes the place of what is left of the announcement before. Parts that count for at most
-  // `most_bytes` (Pyramid::heldBytes()) come in, with those that did since the query began; the
-  // rest of the bricks is left out.
-  void announce(const BrickNeeds& needs, std::vector<MissingBrick> bricks,
-                std::uint64_t most_bytes);
-  // Ends the announcement, and withdraws what came in and was not used. Waits for nothing: each
-  // thread ends the part that it is at.
+  // Takes the place of what is left of the announcement before. Nothing goes for these bricks that
+  // a query from number `since` on (Pyramid::beginQuery()) took or fetched.
+  void announce(const BrickNeeds& needs, std::vector<MissingBrick> bricks, std::uint64_t since);
+  // Ends the announcement. Waits for nothing: each thread ends the part that it is at.
   void takeBack();
-  // Waits until all has come in that was announced, at most `longest`. False where nothing has come
+  // Waits until all has come in that was announced, at most `longest`. False if nothing has come
   // in since the query began and nothing will.
   bool wait(std::chrono::nanoseconds longest);
 
-  // Of the announcement a brick that could not be had, once.
+  // Of the announcement a brick that could not be read, once.
   std::optional<MissingBrick> takeFailed();
 
  private:
+  enum class Outcome { kDone, kNoRoom, kFailed };
+  // A brick of an announcement.
+  struct Job {
+    BrickNeeds needs;
+    MissingBrick brick;
+    std::size_t number;
+    std::uint64_t announcement;
+    std::uint64_t since;
+    bool is_alone;
+  };
+
   void start();
   void run();
-  class Coming;
-  // What it takes of the brick; false where a part cannot be had.
-  bool fetch(const BrickNeeds& needs, const MissingBrick& brick, std::uint64_t announcement);
+  Outcome admit(const Job& job, std::optional<BrickPager::Room>& room) const;
+  Outcome fetch(const Job& job, BrickPager::Room& room);
   bool isEnded(std::uint64_t announcement);
   void noteCome();
-  void noteFetched(const Pyramid& pyramid, BrickPager::Fetched fetched, std::uint64_t bytes,
-                   const MissingBrick& brick);
   // All with the lock.
-  bool hasRoomFor(std::uint64_t bytes) const {
-    return came_bytes_ + coming_bytes_ + bytes <= most_bytes_;
+  bool mayAdmit() const {
+    return next_ < bricks_.size() && !is_admitting_ && !(is_alone_ && busy_ > 0);
   }
-  void noteEnded();
+  Job nextJob() const { return {*needs_, bricks_[next_], next_, announcement_, since_, is_alone_}; }
+  bool isCurrent(const Job& job) const { return job.announcement == announcement_; }
+  void noteOutcome(const Job& job, Outcome outcome);
+  void end() { next_ = bricks_.size(); }
   bool isIdle() const { return next_ == bricks_.size() && busy_ == 0; }
 
   std::mutex mutex_;  // guards all below
@@ -64,17 +76,13 @@ class BrickFetcher {
   bool stops_ = false;
   std::optional<BrickNeeds> needs_;
   std::vector<MissingBrick> bricks_;
-  std::size_t next_ = 0;            // of them, to fetch
+  std::uint64_t since_ = 0;
+  std::size_t next_ = 0;            // of them, to admit
   std::size_t busy_ = 0;            // threads that are at one
   std::uint64_t announcement_ = 0;  // its number
-  std::uint64_t most_bytes_ = 0;
-  std::uint64_t came_bytes_ = 0;    // since the query began
-  std::uint64_t coming_bytes_ = 0;  // for what the threads are at
-  bool is_taken_back_ = false;
-  bool is_crowded_ = false;            // some part had no room beside those of other threads
-  bool is_alone_ = false;              // one thread at a time
-  bool has_come_ = false;              // anything, since the query began
-  std::vector<MissingBrick> fetched_;  // to be withdrawn, since the query began
+  bool is_admitting_ = false;       // some thread, the next one
+  bool is_alone_ = false;           // one thread at a time
+  bool has_come_ = false;           // anything, since the query began
   std::optional<MissingBrick> failed_;
   std::vector<std::thread> threads_;
 };

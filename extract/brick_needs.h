@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <span>
 #include <vector>
 
 #include "isobrick/extract/query.h"
@@ -9,6 +10,14 @@
 #include "isobrick/storage/pyramid.h"
 
 namespace isobrick {
+
+// How somebody answers BrickNeeds: whether a brick's row of the brick table is at hand, and whether
+// a part of it is. Either may see to it that it is.
+template <typename Row, typename Part>
+struct BrickAnswers {
+  Row row;    // bool row(int level, const Index3& brick)
+  Part part;  // bool part(PartKind kind, int level, const Index3& brick)
+};
 
 // What has to be resident of a brick so that its cells can be meshed, and so that the oracles can
 // say which of them are refined, without a read. A value; its pyramid outlives it.
@@ -20,23 +29,30 @@ class BrickNeeds {
         culls_(query.cull_by_ranges) {
     add(query);
     for (const DetailChoice& choice : query.or_finer) add(choice);
+    if (takes_curvature_) kinds_.push_back(PartKind::kCurvature);
+    if (takes_errors_) kinds_.push_back(PartKind::kError);
   }
 
   const Pyramid& pyramid() const { return *pyramid_; }
 
-  // Asks has(kind, level, brick) for one needed part after the other: those of other bricks too
-  // that the error oracle looks at. Ends with false at the first that it has not; a brick's ranges
-  // are asked for before its samples.
-  template <typename F>
-  bool areMet(int level, const Index3& brick, F&& has) const {
+  // The kinds of a brick's own parts that areMet() may ask for.
+  std::span<const PartKind> kinds() const { return kinds_; }
+
+  // Asks for one needed row or part after the other: those of other bricks too that the error
+  // oracle looks at. Ends with false at the first that is not there; a brick's row is asked for
+  // before its ranges, and those before its samples.
+  template <typename Answers>
+  bool areMet(int level, const Index3& brick, const Answers& has) const {
     using enum PartKind;
-    if (level == 0 && takes_curvature_ && !(has(kRanges, 0, brick) && has(kCurvature, 0, brick)))
+    if (!has.row(level, brick)) return false;
+    if (level == 0 && takes_curvature_ &&
+        !(has.part(kRanges, 0, brick) && has.part(kCurvature, 0, brick)))
       return false;
     if (!hasRanges(level, brick, has)) return false;
-    if (!isQuiet(level, brick, has) && !has(kSamples, level, brick)) return false;
+    if (!isQuiet(level, brick, has) && !has.part(kSamples, level, brick)) return false;
     if (!takes_errors_) return true;
     if (level >= kFirstErrorLevel && level <= pyramid_->spec().error_level &&
-        !(has(kRanges, level, brick) && has(kError, level, brick)))
+        !(has.part(kRanges, level, brick) && has.part(kError, level, brick)))
       return false;
     if (level > 0) return true;
     const Index3 first = glm::max(brick - Index3(1), Index3(0));
@@ -45,7 +61,7 @@ class BrickNeeds {
     forEachIndex({first, end - first}, [&](const Index3& other) {
       are_met = are_met && hasRanges(0, other, has) &&
                 (isQuiet(0, other, has) ||
-                 (has(kSamples, 0, other) && has(kSamples, 1, other / std::int64_t{2})));
+                 (has.part(kSamples, 0, other) && has.part(kSamples, 1, other / std::int64_t{2})));
     });
     return are_met;
   }
@@ -53,12 +69,12 @@ class BrickNeeds {
   // True where no leaf of the brick's level or of the next coarser one, within the brick, holds a
   // part of the surface: the tiles hold all corners of the coarser leaf that a corner of it can
   // hang on if they have at least four cells (rule 7). Unknown, so false, without the brick's
-  // ranges, which are asked for where they decide.
-  template <typename F>
-  bool isQuiet(int level, const Index3& brick, F&& has) const {
-    if (!culls_) return false;
+  // row and ranges, which are asked for if they decide.
+  template <typename Answers>
+  bool isQuiet(int level, const Index3& brick, const Answers& has) const {
+    if (!culls_ || !has.row(level, brick)) return false;
     if (!pyramid_->brickRange(level, brick).crosses(isovalue_)) return true;
-    if (!has(PartKind::kRanges, level, brick)) return false;
+    if (!has.part(PartKind::kRanges, level, brick)) return false;
     if (pyramid_->layout().tileCells() < 4) return false;
     std::vector<std::uint8_t> crossed;
     pyramid_->crossedTiles(level, brick, isovalue_, crossed);
@@ -66,11 +82,12 @@ class BrickNeeds {
   }
 
  private:
-  // Where they decide.
-  template <typename F>
-  bool hasRanges(int level, const Index3& brick, F&& has) const {
-    return !culls_ || !pyramid_->brickRange(level, brick).crosses(isovalue_) ||
-           has(PartKind::kRanges, level, brick);
+  // If they decide.
+  template <typename Answers>
+  bool hasRanges(int level, const Index3& brick, const Answers& has) const {
+    return !culls_ ||
+           (has.row(level, brick) && (!pyramid_->brickRange(level, brick).crosses(isovalue_) ||
+                                      has.part(PartKind::kRanges, level, brick)));
   }
   void add(const DetailChoice& choice) {
     takes_curvature_ = takes_curvature_ || choice.curvature_tolerance.has_value();
@@ -81,6 +98,7 @@ class BrickNeeds {
   float isovalue_;
   bool culls_;
   bool takes_curvature_ = false, takes_errors_ = false;
+  std::vector<PartKind> kinds_ = {PartKind::kRanges, PartKind::kSamples};
 };
 
 }  // namespace isobrick

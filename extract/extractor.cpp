@@ -76,6 +76,26 @@ struct Extractor::Memory {
   VertexNumbering numbering;
   ReadLog log;
   BrickFetcher fetcher;
+  // Of the run of queries for now that ask for the same surface.
+  std::optional<Query> asked_for;
+  std::uint64_t asked_since = 0;  // number of the first
+
+  // A query for now begins. What the queries of its run took and fetched stays for it: returns the
+  // number of the first of them.
+  std::uint64_t beginQueryForNow(const Pyramid& pyramid, const Query& query) {
+    const bool goes_on = asked_for && asksForTheSame(*asked_for, query);
+    if (!goes_on) fetcher.takeBack();
+    fetcher.beginQuery();
+    const std::uint64_t number = pyramid.beginQuery();
+    if (!goes_on) asked_since = number;
+    asked_for = query;
+    return asked_since;
+  }
+  // Another query begins.
+  void endQueriesForNow() {
+    fetcher.takeBack();
+    asked_for.reset();
+  }
 
   ExtractionReport meshInto(const MeshContext& context, std::span<const BrickWork> bricks,
                             TriangleSink& sink) {
@@ -116,7 +136,7 @@ ExtractionPlan Extractor::plan(const Query& query) const {
 
 ExtractionReport Extractor::execute(const ExtractionPlan& plan, std::size_t first,
                                     std::size_t count, TriangleSink& sink) {
-  memory_->fetcher.takeBack();
+  memory_->endQueriesForNow();
   // The ranges of a plan are one query.
   if (first == 0) pyramid_->beginQuery();
   const QueryContext context(*pyramid_, plan.query(), memory_->log);
@@ -143,7 +163,7 @@ ExtractionReport Extractor::extract(const Query& query, SurfaceMesh& mesh) {
   };
   if (query.now) return extractNow(query, write);
   const ExtractionPlan whole = plan(query);
-  memory_->fetcher.takeBack();
+  memory_->endQueriesForNow();
   pyramid_->beginQuery();
   const QueryContext context(*pyramid_, whole.query(), memory_->log);
   return write(*context, whole.bricks());
@@ -151,8 +171,7 @@ ExtractionReport Extractor::extract(const Query& query, SurfaceMesh& mesh) {
 
 ExtractionReport Extractor::extractNow(const Query& query, const Mesher& mesh) try {
   checkQuery(*pyramid_, query);
-  memory_->fetcher.beginQuery();
-  pyramid_->beginQuery();
+  const std::uint64_t since = memory_->beginQueryForNow(*pyramid_, query);
   const BrickNeeds needs(*pyramid_, query);
   ResidencyOracle residency(needs);
   const QueryContext context(*pyramid_, query, memory_->log, &residency);
@@ -162,12 +181,9 @@ ExtractionReport Extractor::extractNow(const Query& query, const Mesher& mesh) t
   report.is_complete = !residency.hasRefused();
   std::vector<MissingBrick> missing;
   if (!report.is_complete) missing = missingBricks(*context);
-  // What was used and what comes in stay beside each other, with room for what else is taken.
-  const std::uint64_t most_bytes = pyramid_->budgetBytes() - pyramid_->budgetBytes() / 16;
-  memory_->fetcher.announce(needs, std::move(missing),
-                            most_bytes - std::min(most_bytes, residency.heldBytes()));
+  memory_->fetcher.announce(needs, std::move(missing), since);
   return report;
-} catch (const Cancelled&) {
+} catch (...) {
   memory_->fetcher.takeBack();
   throw;
 }
@@ -176,10 +192,15 @@ void Extractor::throwIfMissingForever(const MeshContext& context) {
   const std::optional<MissingBrick> failed = memory_->fetcher.takeFailed();
   if (!failed || !isWanted(context, failed->level, failed->brick)) return;
   BrickNeeds(*pyramid_, context.query)
-      .areMet(failed->level, failed->brick, [&](PartKind kind, int level, const Index3& brick) {
-        pyramid_->require(kind, level, brick);
-        return true;
-      });
+      .areMet(failed->level, failed->brick,
+              BrickAnswers{[&](int level, const Index3& brick) {
+                             static_cast<void>(pyramid_->brickRowOf(level, brick));
+                             return true;
+                           },
+                           [&](PartKind kind, int level, const Index3& brick) {
+                             pyramid_->require(kind, level, brick);
+                             return true;
+                           }});
 }
 
 bool Extractor::waitForBricks(std::chrono::nanoseconds longest) {

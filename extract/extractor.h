@@ -49,8 +49,8 @@ class Extractor {
   // Plan and execution of the whole query. One for now (Query::now) is answered at once, from what
   // is resident: report.is_complete says whether that is what the query without `now` gives, to the
   // byte. What was lacking then comes in beside the caller's work, first what refines the surface
-  // near the focus or the eye, as long as it fits into the pyramid's budget with what the query
-  // used; so the same query again refines:
+  // near the focus or the eye, as long as it fits into the pyramid's budget beside what this
+  // query, asked for any number of times, used and fetched; so the same query again refines:
   //
   //   do report = extractor.extract(query, mesh);
   //   while (!report.is_complete && extractor.waitForBricks(std::chrono::milliseconds(50)));

@@ -17,9 +17,10 @@ MeshContext withEverything(const MeshContext& context) {
   return whole;
 }
 
+// True, too, as long as the brick's row is not at hand: it is not read for that.
 bool mayCross(const MeshContext& context, int level, const Index3& brick) {
   return overlapsQueryBox(context, level, context.pyramid.layout().brickCellBox(level, brick)) &&
-         (!context.query.cull_by_ranges ||
+         (!context.query.cull_by_ranges || !context.pyramid.isRowAtHand(level, brick) ||
           context.pyramid.brickRange(level, brick).crosses(context.isovalue));
 }
 
@@ -63,7 +64,7 @@ class MissingBricks {
     const bool is_refined = classifier_.mayRefine(level, cells);
     if (!is_refined && !classifier_.mayHoldLeaf(level, cells)) return;
     wanted_.push_back({keyOf(level, cells), level, brick});
-    if (!is_refined) return;
+    if (!is_refined || !context_.pyramid.isRowAtHand(level, brick)) return;
     const Index3 first = 2L * brick;
     const Index3 end = glm::min(first + Index3(2), layout.bricks(level - 1));
     forEachIndex({first, end - first}, [&](const Index3& child) { visit(level - 1, child); });

@@ -16,12 +16,14 @@ namespace isobrick {
 struct FocusSphere {
   glm::dvec3 center{0.0};
   double radius = 0;
+  bool operator==(const FocusSphere&) const = default;
 };
 
 // A closed box in voxel index coordinates.
 struct QueryBox {
   glm::dvec3 min{0.0};
   glm::dvec3 max{0.0};
+  bool operator==(const QueryBox&) const = default;
 };
 
 // From where the surface is seen, in world units: a cell is refined while its longest edge covers
@@ -41,8 +43,10 @@ struct ViewPoint {
     glm::dvec3 direction{0.0};  // from the eye into the picture; any length above 0
     double half_angle = 0;      // radians, above 0 and below pi/2; of a perspective picture
     double radius = 0;          // world units, above 0; of a parallel projection
+    bool operator==(const Field&) const = default;
   };
   std::optional<Field> field;
+  bool operator==(const ViewPoint&) const = default;
 };
 
 // How fine the surface shall be where. Each that is given leaves cells coarse; a cell is refined
@@ -62,6 +66,7 @@ struct DetailChoice {
   // vertex may be moved (rule 8); and every voxel at or beyond isovalue -+ tolerance is on its own
   // side. Not with uniform_level > 0.
   std::optional<double> tolerance;
+  bool operator==(const DetailChoice&) const = default;
 };
 
 struct Query : DetailChoice {
@@ -83,5 +88,12 @@ struct Query : DetailChoice {
   bool cull_by_ranges = true;
   const CancelFlag* cancel = nullptr;
 };
+
+// Whether both ask for the same surface, whatever the caller has of it and who may cancel it.
+inline bool asksForTheSame(const Query& a, const Query& b) {
+  return static_cast<const DetailChoice&>(a) == static_cast<const DetailChoice&>(b) &&
+         a.isovalue == b.isovalue && a.or_finer == b.or_finer && a.box == b.box &&
+         a.cull_by_ranges == b.cull_by_ranges;
+}
 
 }  // namespace isobrick

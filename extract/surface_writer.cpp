@@ -93,7 +93,6 @@ class SurfaceWriter::Run {
         work_(work),
         layout_(context.pyramid.layout()),
         threshold_(insideThreshold<T>(context.isovalue)),
-        ahead_(context, work),
         jobs_(work.size() + 1) {
     job_of_brick_.reserve(work.size());
     for (std::size_t job = 0; job < work.size(); ++job)
@@ -106,8 +105,11 @@ class SurfaceWriter::Run {
     const int threads = tbb::this_task_arena::max_concurrency();
     // Isolated: a caller's task group that is cancelled would end the loop without an exception.
     tbb::task_group_context isolated(tbb::task_group_context::isolated);
-    tbb::parallel_for(
-        0, threads, [&](int) { writeBricks(); }, tbb::simple_partitioner(), isolated);
+    {
+      ReadAhead ahead(context_, work_);
+      tbb::parallel_for(
+          0, threads, [&](int) { writeBricks(ahead); }, tbb::simple_partitioner(), isolated);
+    }  // its threads note what they look at
     context_.checkCancel();
     context_.throwIfWrittenOver();
 
@@ -129,14 +131,14 @@ class SurfaceWriter::Run {
  private:
   using Worker = SurfaceWriterMemory::Worker;
 
-  void writeBricks() {
+  void writeBricks(ReadAhead& ahead) {
     Worker& worker = workers_.local();
     try {
       for (;;) {
         const std::size_t job = next_.fetch_add(1, std::memory_order_relaxed);
         if (job >= work_.size() || has_failed_) return;
         context_.checkCancel();
-        ahead_.reached(job);
+        ahead.reached(job);
         writeBrick(job, worker);
       }
     } catch (...) {
@@ -291,7 +293,6 @@ class SurfaceWriter::Run {
   std::span<const BrickWork> work_;
   const BrickLayout& layout_;
   const std::optional<T> threshold_;
-  ReadAhead ahead_;
   std::unordered_map<std::size_t, std::size_t> job_of_brick_;  // by row of the brick table
   std::vector<BrickJob> jobs_;                                 // and one for the end
   std::atomic<std::size_t> next_{0};

@@ -58,6 +58,10 @@ BrickIndex::StoredRow BrickIndex::storedRow(std::size_t number) const {
   return row;
 }
 
+bool BrickIndex::isAtHand(std::size_t number) const {
+  return slots_[number / kRowsAtATime % slot_count_].is_filled;
+}
+
 template <typename F>
 void BrickIndex::withRow(std::size_t number, F&& f) const {
   const std::size_t piece = number / kRowsAtATime, place = number % kRowsAtATime;
@@ -74,12 +78,14 @@ void BrickIndex::withRow(std::size_t number, F&& f) const {
 void BrickIndex::load(Slot& slot, std::size_t piece) const {
   const std::size_t first = piece * kRowsAtATime;
   const std::size_t bytes = std::min(kRowsAtATime, count_ - first) * row_bytes_;
-  slot.piece = ~std::size_t{0};
+  slot.piece = kNoPiece;
   slot.checked = 0;
   slot.bytes.resize(bytes);
   if (!file_.read(offset_ + first * row_bytes_, bytes, slot.bytes.data()))
     fail(first, "cannot be read");
   slot.piece = piece;
+  slot.is_filled = true;
+  bytes_read_ += bytes;
 }
 
 BrickRow BrickIndex::decode(const std::byte* bytes) const {

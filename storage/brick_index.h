@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <cstdint>
 #include <memory>
 #include <mutex>
@@ -45,6 +46,14 @@ class BrickIndex {
   // be read, is damaged, or says what is not possible.
   BrickRow row(std::size_t number) const;
 
+  // False if row() has to read it first and nothing else of the table has to go for that. So if it
+  // is read then, it is at hand from then on: true for good. True, too, of rows that share a place
+  // with others in a table of more than kMostSlots * kRowsAtATime rows, and may have to be read.
+  bool isAtHand(std::size_t number) const;
+
+  // Of the table, so far.
+  std::uint64_t bytesRead() const { return bytes_read_; }
+
   // The row as it lies in the file, the parts of unknown kinds with it. Throws as row() does.
   struct StoredRow {
     std::vector<format::PartEntry> parts;  // in the order of the header's kinds
@@ -53,10 +62,12 @@ class BrickIndex {
   StoredRow storedRow(std::size_t number) const;
 
  private:
+  static constexpr std::size_t kNoPiece = ~std::size_t{0};
   // Some neighbouring rows as bytes, with a bit for each that was checked.
   struct Slot {
     std::mutex mutex;
-    std::size_t piece = ~std::size_t{0};
+    std::size_t piece = kNoPiece;
+    std::atomic<bool> is_filled = false;  // once, and then for good
     std::vector<std::byte> bytes;
     std::uint32_t checked = 0;
     static_assert(kRowsAtATime == 32);
@@ -80,6 +91,7 @@ class BrickIndex {
   std::size_t count_ = 0;
   std::size_t slot_count_ = 0;
   std::unique_ptr<Slot[]> slots_;  // a piece of the table has one place where it may be
+  mutable std::atomic<std::uint64_t> bytes_read_{0};
 };
 
 }  // namespace isobrick

@@ -1,6 +1,9 @@
 #include "isobrick/storage/brick_pager.h"
 
+#include <algorithm>
 #include <chrono>
+#include <exception>
+#include <new>
 #include <utility>
 
 #include "isobrick/storage/brick_encoder.h"
@@ -15,6 +18,7 @@ constexpr const char* kWrongChecksum = "is damaged (checksum mismatch)";
 constexpr const char* kNotPacked = "is damaged (cannot be unpacked)";
 constexpr const char* kUnknownPlace = "is at an unknown place (its row in the table is damaged)";
 constexpr const char* kNoMemory = "cannot be held (no memory is left)";
+constexpr const char* kNoRoom = "has no room beside what is in use";
 
 bool isPacked(const BrickPager::Part& part) { return part.codec != format::Codec::kStored; }
 
@@ -55,30 +59,35 @@ bool BrickPager::isReachable(std::size_t id) const {
   return file_.reaches(part.offset, part.bytes);
 }
 
-const std::byte* BrickPager::acquire(std::size_t id, const char** why, const CancelFlag* cancel) {
+const std::byte* BrickPager::acquire(std::size_t id, const char** why,
+                                     const CancelFlag* cancel) try {
   if (!isReachable(id)) {
     *why = kUnreadable;
     return nullptr;
   }
   Shard& shard = shardOf(id);
   std::unique_lock lock(shard.mutex);
-  std::shared_ptr<Entry>& slot = shard.entries[id];
-  if (slot != nullptr && slot->state == State::kResident) return take(shard, lock, slot, why);
+  const auto found = shard.entries.find(id);
+  if (found != shard.entries.end() && found->second->state == State::kResident)
+    return take(shard, lock, found->second, why);
   const WaitClock clock(wait_nanoseconds_);
-  if (slot != nullptr) {
-    const std::shared_ptr<Entry> joined = slot;
+  if (found != shard.entries.end()) {
+    const std::shared_ptr<Entry> joined = found->second;
     ++shard.loads_joined;
     ++joined->users;
     joined->is_used = !std::exchange(joined->is_ahead, false);
     return wait(shard, lock, *joined, why, cancel);
   }
   const auto entry = std::make_shared<Entry>();
-  slot = entry;
-  lock.unlock();
-  ++misses_;
   entry->id = id;
   entry->query = query_;
+  shard.entries.emplace(id, entry);
+  lock.unlock();
+  ++misses_;
   return loadOrLeave(shard, entry, why, cancel);
+} catch (const std::bad_alloc&) {  // before anything is entered
+  *why = kNoMemory;
+  return nullptr;
 }
 
 const std::byte* BrickPager::acquireIfResident(std::size_t id) {
@@ -106,6 +115,14 @@ const std::byte* BrickPager::take(Shard& shard, std::unique_lock<std::mutex>& lo
 }
 
 BrickPager::Fetched BrickPager::fetch(std::size_t id, const CancelFlag* cancel) {
+  return fetch(id, nullptr, cancel);
+}
+
+BrickPager::Fetched BrickPager::fetch(std::size_t id, Room& room) {
+  return fetch(id, &room, nullptr);
+}
+
+BrickPager::Fetched BrickPager::fetch(std::size_t id, Room* room, const CancelFlag* cancel) {
   if (!isReachable(id)) return Fetched::kNever;
   const auto entry = std::make_shared<Entry>();
   entry->id = id;
@@ -117,20 +134,27 @@ BrickPager::Fetched BrickPager::fetch(std::size_t id, const CancelFlag* cancel) 
     const auto [found, is_new] = shard.entries.try_emplace(id, entry);
     if (!is_new) {
       const std::shared_ptr<Entry> there = found->second;
-      const bool is_kept = there->is_ahead && there->query != entry->query;
-      if (is_kept) there->query = entry->query;
+      if (there->is_ahead) there->query = entry->query;
+      const char* why = "";
       if (there->state == State::kResident && isToBeChecked(*there)) {
         ++there->users;
         lock.unlock();
-        const char* why = "";
         if (checkAnew(shard, *there, &why) == nullptr) return Fetched::kNever;
         release(id);
+      } else if (there->state == State::kLoading && room != nullptr) {
+        ++there->users;
+        if (wait(shard, lock, *there, &why, nullptr) == nullptr)
+          return why == kNoRoom ? Fetched::kNoRoom : Fetched::kNever;
+        lock.unlock();
+        release(id);
       }
-      return is_kept ? Fetched::kKept : Fetched::kBefore;
+      return Fetched::kBefore;
     }
   }
   const char* why = "";
-  if (loadOrLeave(shard, entry, &why, cancel) == nullptr) return Fetched::kNever;
+  const std::byte* const data =
+      room != nullptr ? load(shard, entry, &why, room) : loadOrLeave(shard, entry, &why, cancel);
+  if (data == nullptr) return why == kNoRoom ? Fetched::kNoRoom : Fetched::kNever;
   ++parts_fetched_;
   release(id);
   return Fetched::kNow;
@@ -169,9 +193,14 @@ const std::byte* BrickPager::wait(Shard& shard, std::unique_lock<std::mutex>& lo
 // Loads the caller's part; where the caller may be cancelled, on another thread.
 const std::byte* BrickPager::loadOrLeave(Shard& shard, const std::shared_ptr<Entry>& entry,
                                          const char** why, const CancelFlag* cancel) {
-  if (cancel == nullptr ||
-      !load_threads_.run([this, &shard, entry] { loadForOthers(shard, entry); }))
-    return load(shard, entry, why);
+  const auto leave = [&]() noexcept {
+    try {
+      return load_threads_.run([this, &shard, entry] { loadForOthers(shard, entry); });
+    } catch (const std::bad_alloc&) {
+      return false;
+    }
+  };
+  if (cancel == nullptr || !leave()) return load(shard, entry, why);
   std::unique_lock lock(shard.mutex);
   return wait(shard, lock, *entry, why, cancel);
 }
@@ -190,16 +219,10 @@ void BrickPager::loadForOthers(Shard& shard, const std::shared_ptr<Entry>& entry
   if (load(shard, entry, &why) != nullptr) release(entry->id);
 }
 
+// Throws nothing: whoever joins the load waits for its end.
 const std::byte* BrickPager::load(Shard& shard, const std::shared_ptr<Entry>& entry,
-                                  const char** why) {
-  bool is_good = false;
-  try {
-    is_good = bringIn(*entry, why);
-  } catch (const std::bad_alloc&) {
-    *why = kNoMemory;
-  } catch (const Error&) {  // from part_of_
-    *why = kUnknownPlace;
-  }
+                                  const char** why, Room* room) {
+  bool is_good = tryBringIn(*entry, why, room);
   if (is_good) {
     ++parts_read_;
     bytes_read_ += entry->part.bytes;
@@ -209,12 +232,28 @@ const std::byte* BrickPager::load(Shard& shard, const std::shared_ptr<Entry>& en
   }
   {
     const std::lock_guard lock(shard.mutex);
-    entry->state = is_good ? State::kResident : State::kFailed;
-    entry->why = is_good ? nullptr : *why;
-    if (!is_good) shard.entries.erase(entry->id);
+    // Somebody has joined who needs it, and does not ask for room.
+    const bool is_needed = !is_good && *why == kNoRoom && !entry->is_ahead;
+    if (!is_needed) {
+      entry->state = is_good ? State::kResident : State::kFailed;
+      entry->why = is_good ? nullptr : *why;
+      if (!is_good) shard.entries.erase(entry->id);
+      room = nullptr;
+    }
   }
+  if (room != nullptr) return load(shard, entry, why);
   shard.loaded.notify_all();
   return is_good ? dataOf(*entry) : nullptr;
+}
+
+bool BrickPager::tryBringIn(Entry& entry, const char** why, Room* room) noexcept try {
+  return bringIn(entry, why, room);
+} catch (const std::bad_alloc&) {
+  *why = kNoMemory;
+  return false;
+} catch (const std::exception&) {  // from part_of_
+  *why = kUnknownPlace;
+  return false;
 }
 
 // A resident part of the caller, who holds it no more where it is not what it was.
@@ -234,32 +273,49 @@ std::uint64_t BrickPager::costOf(const Part& part) const {
   return isInPlace(part) ? part.bytes : BufferSlab::runBytes(part.bytes);
 }
 
-// What it costs is counted where it succeeds. For what is used in place the pages of others go
-// after it has come, as with it the kernel may map pages around it that they had.
-bool BrickPager::bringIn(Entry& entry, const char** why) {
+// The copy of a packed part that checksum and decoder work on.
+std::uint64_t BrickPager::copyBytes(const Part& part) {
+  return isPacked(part) ? BufferSlab::runBytes(part.bytes) : 0;
+}
+
+// What it costs is counted where it succeeds, or was set aside in `room`. For what is used in place
+// the pages of others go after it has come, as with it the kernel may map pages around it that they
+// had.
+bool BrickPager::bringIn(Entry& entry, const char** why, Room* room) {
   const Part& part = entry.part = part_of_(entry.id);
   entry.bytes = costOf(part);
   entry.edition = edition_;
   *why = kUnreadable;
   if (!file_.reaches(part.offset, part.bytes)) return false;
+  const bool may_displace = room == nullptr;
+  const std::uint64_t copy_bytes = copyBytes(part);
+  if (room != nullptr && !room->grow(copy_bytes + entry.bytes)) {
+    *why = kNoRoom;
+    return false;
+  }
   if (isInPlace(part)) {
     if (!checkInPlace(part, why)) return false;
-    makeRoom(entry.bytes);
+    if (room != nullptr)
+      room->bytes_ -= entry.bytes;
+    else
+      makeRoom(entry.bytes);
     trimSlab();
     return true;
   }
-  const std::uint64_t copy_bytes = isPacked(part) ? BufferSlab::runBytes(part.bytes) : 0;
   bool is_good = false;
   try {
-    makeRoom(copy_bytes + entry.bytes);
-    entry.buffer = takeBuffer(isPacked(part) ? part.unpacked_bytes : part.bytes);
-    is_good = isPacked(part) ? unpackPart(part, entry.buffer.get(), why)
+    if (may_displace) makeRoom(copy_bytes + entry.bytes);
+    entry.buffer = takeBuffer(isPacked(part) ? part.unpacked_bytes : part.bytes, may_displace);
+    is_good = isPacked(part) ? unpackPart(part, entry.buffer.get(), why, may_displace)
                              : readPart(part, entry.buffer.get(), why);
   } catch (const std::bad_alloc&) {
     *why = kNoMemory;
   }
   if (!is_good) entry.buffer.reset();
-  held_bytes_ -= copy_bytes + (is_good ? 0 : entry.bytes);
+  if (may_displace)
+    held_bytes_ -= copy_bytes + (is_good ? 0 : entry.bytes);
+  else if (is_good)
+    room->bytes_ -= entry.bytes;
   return is_good;
 }
 
@@ -279,8 +335,8 @@ bool BrickPager::readPart(const Part& part, std::byte* out, const char** why) co
 
 // Everything is done with a copy: what the checksum and the checks of the Blosc buffer have seen is
 // what the decoder gets, even while somebody writes to the file.
-bool BrickPager::unpackPart(const Part& part, std::byte* out, const char** why) {
-  const PartBuffer packed = takeBuffer(part.bytes);
+bool BrickPager::unpackPart(const Part& part, std::byte* out, const char** why, bool may_displace) {
+  const PartBuffer packed = takeBuffer(part.bytes, may_displace);
   if (!readPart(part, packed.get(), why)) return false;
   *why = kNotPacked;
   return decodePart(part.codec, {packed.get(), part.bytes}, part.unpacked_bytes, out);
@@ -311,10 +367,37 @@ std::uint64_t BrickPager::noticeChanges() {
   return edition;
 }
 
-void BrickPager::beginQuery() {
+std::uint64_t BrickPager::beginQuery() {
   const std::lock_guard lock(policy_mutex_);
-  ++query_;
   policy_.beginQuery();
+  return ++query_;
+}
+
+bool BrickPager::isAbsent(std::size_t id) {
+  Shard& shard = shardOf(id);
+  const std::lock_guard lock(shard.mutex);
+  return !shard.entries.contains(id);
+}
+
+std::optional<BrickPager::Room> BrickPager::reserve(std::span<const std::size_t> ids,
+                                                    std::uint64_t since) {
+  std::uint64_t kept_bytes = 0, copy_bytes = 0;  // they come one after the other
+  for (const std::size_t id : ids) {
+    if (!isAbsent(id)) continue;
+    const Part part = part_of_(id);
+    kept_bytes += costOf(part);
+    copy_bytes = std::max(copy_bytes, copyBytes(part));
+  }
+  std::optional<Room> room = Room(*this, since);
+  if (!room->grow(kept_bytes + copy_bytes)) room.reset();
+  return room;
+}
+
+bool BrickPager::Room::grow(std::uint64_t bytes) {
+  if (bytes <= bytes_) return true;
+  if (!pager_.takeFreeRoom(bytes - bytes_, since_)) return false;
+  bytes_ = bytes;
+  return true;
 }
 
 BrickPager::Counters BrickPager::counters() const {
@@ -341,9 +424,10 @@ const std::byte* BrickPager::dataOf(const Entry& entry) const {
 
 // Whose bytes are counted already. The slab is never shorter than the budget but where it is capped
 // or was refused: so where no run of it is free, that is for parts that may go, or are in use.
-PartBuffer BrickPager::takeBuffer(std::uint64_t bytes) {
+PartBuffer BrickPager::takeBuffer(std::uint64_t bytes, bool may_displace) {
   while (true) {
     if (std::byte* const run = slab_.take(bytes)) return PartBuffer(run, {&slab_});
+    if (!may_displace) break;
     const std::uint64_t slab_bytes = slab_.bytes();
     if (slab_bytes < budget_bytes_ || slab_bytes < BufferSlab::runBytes(bytes)) break;
     if (!letGo(takeOneVictim())) break;
@@ -372,6 +456,29 @@ bool BrickPager::letGo(std::shared_ptr<Entry> leaving) const {
   return is_any;
 }
 
+// Counts `bytes` more if they fit beside what is in use.
+bool BrickPager::takeFreeRoom(std::uint64_t bytes, std::uint64_t since) {
+  if (bytes > budget_bytes_) return false;
+  std::shared_ptr<Entry> leaving;
+  bool is_room = false;
+  {
+    const std::lock_guard lock(policy_mutex_);
+    const auto lacks = [&] { return held_bytes_.load() > budget_bytes_ - bytes; };
+    policy_.takeWhile(lacks, [&](const ResidencePolicy::Member& member) {
+      std::shared_ptr<Entry> taken =
+          takeOut(member, [&](const Entry& entry) { return entry.query < since; });
+      if (taken == nullptr) return false;
+      taken->next_leaving = std::move(leaving);
+      leaving = std::move(taken);
+      return true;
+    });
+    is_room = !lacks();
+    if (is_room) held_bytes_ += bytes;
+  }
+  letGo(std::move(leaving));
+  return is_room;
+}
+
 // All that go, each with the next.
 std::shared_ptr<BrickPager::Entry> BrickPager::takeVictims(std::uint64_t bytes) {
   std::shared_ptr<Entry> leaving;
@@ -395,23 +502,30 @@ std::shared_ptr<BrickPager::Entry> BrickPager::takeVictim() {
   std::shared_ptr<Entry> taken;
   policy_.takeVictim([&](ResidencePolicy::Member& member, ResidencePolicy::Which which) {
     using enum ResidencePolicy::Which;
-    Shard& shard = shardOf(member.id);
-    const std::lock_guard lock(shard.mutex);
-    const auto found = shard.entries.find(member.id);
-    Entry& entry = *found->second;
-    if (entry.users > 0 || (which == kStale && entry.query + 1 >= query_)) return false;
-    if (which == kTakenOnce &&
-        ((entry.is_ahead && entry.query == query_) || std::exchange(entry.is_used, false)))
-      return false;
-    if (entry.is_ahead) ++fetched_unused_;
-    taken = std::move(found->second);
-    shard.entries.erase(found);
-    return true;
+    taken = takeOut(member, [&](Entry& entry) {
+      if (which == kStale) return entry.query + 1 < query_;
+      return which != kTakenOnce ||
+             !((entry.is_ahead && entry.query == query_) || std::exchange(entry.is_used, false));
+    });
+    return taken != nullptr;
   });
-  if (taken != nullptr) {
-    held_bytes_ -= taken->bytes;
-    ++parts_released_;
-  }
+  return taken;
+}
+
+// A part that nobody uses and of which `may_go` says so: then nobody can get it any more.
+template <typename MayGo>
+std::shared_ptr<BrickPager::Entry> BrickPager::takeOut(const ResidencePolicy::Member& member,
+                                                       MayGo&& may_go) {
+  Shard& shard = shardOf(member.id);
+  const std::lock_guard lock(shard.mutex);
+  const auto found = shard.entries.find(member.id);
+  Entry& entry = *found->second;
+  if (entry.users > 0 || !may_go(entry)) return nullptr;
+  if (entry.is_ahead) ++fetched_unused_;
+  held_bytes_ -= entry.bytes;
+  ++parts_released_;
+  std::shared_ptr<Entry> taken = std::move(found->second);
+  shard.entries.erase(found);
   return taken;
 }
 

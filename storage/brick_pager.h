@@ -9,7 +9,10 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
+#include <span>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "isobrick/storage/buffer_slab.h"
@@ -88,13 +91,41 @@ class BrickPager {
   [[nodiscard]] const std::byte* acquireIfResident(std::size_t id);
   void release(std::size_t id) noexcept;
 
-  // What fetch() did: the part cannot be had, was resident or is being loaded, was fetched for an
-  // earlier query and is kept for this one, or came in.
-  enum class Fetched : std::uint8_t { kNever, kBefore, kKept, kNow };
+  // The result of fetch(): the part cannot be read, has no room, was resident or is being loaded,
+  // or came in.
+  enum class Fetched : std::uint8_t { kNever, kNoRoom, kBefore, kNow };
   // Makes part `id` resident ahead of need, and waits for that unless another thread does it. It
   // stays until it is acquired or another query begins, as far as room can be made elsewhere.
-  // acquire() says why it cannot be had. Throws Cancelled like acquire().
+  // acquire() says why a part cannot be read. Throws Cancelled like acquire(), and std::bad_alloc.
   Fetched fetch(std::size_t id, const CancelFlag* cancel = nullptr);
+
+  // Bytes of the budget that are set aside for parts to come; what is left of them is free again
+  // when this object goes. Used by one thread at a time; the pager outlives it.
+  class Room {
+   public:
+    Room(Room&& other) noexcept
+        : pager_(other.pager_), since_(other.since_), bytes_(std::exchange(other.bytes_, 0)) {}
+    Room& operator=(Room&&) = delete;
+    ~Room() { pager_.held_bytes_ -= bytes_; }
+
+   private:
+    friend class BrickPager;
+    Room(BrickPager& pager, std::uint64_t since) : pager_(pager), since_(since) {}
+    // Makes it at least that large; false if it cannot be.
+    bool grow(std::uint64_t bytes);
+
+    BrickPager& pager_;
+    std::uint64_t since_;
+    std::uint64_t bytes_ = 0;
+  };
+  // Sets aside the room that these parts need to come in, those that are resident apart. Only parts
+  // go for it that nobody holds and that no query from number `since` on (beginQuery()) took or
+  // fetched. Nothing is set aside if that is too little. Any number of threads that reserve at once
+  // never have more than the budget together. Throws Error from `part_of`.
+  std::optional<Room> reserve(std::span<const std::size_t> ids, std::uint64_t since);
+  // fetch() into `room`, which grows as by reserve() if it is too small. Waits for a part that
+  // another thread loads.
+  Fetched fetch(std::size_t id, Room& room);
 
   // Says that part `id` will be fetched or acquired soon: where it is absent the system begins to
   // read it. Waits for nothing, and counts nowhere.
@@ -114,8 +145,8 @@ class BrickPager {
   std::uint64_t noticeChanges();
 
   // From here on parts are taken for another query: what neither it nor the one before takes goes
-  // first (see ResidencePolicy).
-  void beginQuery();
+  // first (see ResidencePolicy). Returns the query's number, larger than all before.
+  std::uint64_t beginQuery();
 
   Counters counters() const;
   std::uint64_t missCount() const { return misses_.load(std::memory_order_relaxed); }
@@ -161,22 +192,30 @@ class BrickPager {
                         const std::shared_ptr<Entry>& slot, const char** why);
   const std::byte* wait(Shard& shard, std::unique_lock<std::mutex>& lock, Entry& entry,
                         const char** why, const CancelFlag* cancel);
+  Fetched fetch(std::size_t id, Room* room, const CancelFlag* cancel);
   const std::byte* loadOrLeave(Shard& shard, const std::shared_ptr<Entry>& entry, const char** why,
                                const CancelFlag* cancel);
   void loadForOthers(Shard& shard, const std::shared_ptr<Entry>& entry);
-  const std::byte* load(Shard& shard, const std::shared_ptr<Entry>& entry, const char** why);
+  const std::byte* load(Shard& shard, const std::shared_ptr<Entry>& entry, const char** why,
+                        Room* room = nullptr);
   const std::byte* checkAnew(Shard& shard, Entry& entry, const char** why);
-  bool bringIn(Entry& entry, const char** why);
+  bool tryBringIn(Entry& entry, const char** why, Room* room) noexcept;
+  bool bringIn(Entry& entry, const char** why, Room* room);
   bool checkInPlace(const Part& part, const char** why) const;
   bool readPart(const Part& part, std::byte* out, const char** why) const;
-  bool unpackPart(const Part& part, std::byte* out, const char** why);
-  PartBuffer takeBuffer(std::uint64_t bytes);
+  bool unpackPart(const Part& part, std::byte* out, const char** why, bool may_displace);
+  PartBuffer takeBuffer(std::uint64_t bytes, bool may_displace);
+  static std::uint64_t copyBytes(const Part& part);
+  bool isAbsent(std::size_t id);
   void makeRoom(std::uint64_t bytes);
   bool letGo(std::shared_ptr<Entry> leaving) const;
   void trimSlab();
+  bool takeFreeRoom(std::uint64_t bytes, std::uint64_t since);
   std::shared_ptr<Entry> takeVictims(std::uint64_t bytes);
   std::shared_ptr<Entry> takeOneVictim();
   std::shared_ptr<Entry> takeVictim();
+  template <typename MayGo>
+  std::shared_ptr<Entry> takeOut(const ResidencePolicy::Member& member, MayGo&& may_go);
 
   const PagedFile& file_;
   const PartOf part_of_;

@@ -1,6 +1,6 @@
 #include "isobrick/storage/load_threads.h"
 
-#include <system_error>
+#include <exception>
 #include <utility>
 
 namespace isobrick {
@@ -14,13 +14,13 @@ LoadThreads::~LoadThreads() {
   for (std::thread& thread : threads_) thread.join();
 }
 
-bool LoadThreads::run(std::function<void()> job) {
+bool LoadThreads::run(std::function<void()> job) noexcept try {
   {
     const std::lock_guard lock(mutex_);
     if (jobs_.size() >= idle_ && threads_.size() < kMostThreads) {
       try {
         threads_.emplace_back([this] { work(); });
-      } catch (const std::system_error&) {
+      } catch (const std::exception&) {  // those that are there do it
       }
     }
     if (threads_.empty()) return false;
@@ -28,6 +28,8 @@ bool LoadThreads::run(std::function<void()> job) {
   }
   wake_.notify_one();
   return true;
+} catch (const std::exception&) {
+  return false;
 }
 
 void LoadThreads::work() {

@@ -22,8 +22,8 @@ class LoadThreads {
   LoadThreads(const LoadThreads&) = delete;
   LoadThreads& operator=(const LoadThreads&) = delete;
 
-  // `job` throws nothing. False where no thread is to be had, and it is not done.
-  bool run(std::function<void()> job);
+  // `job` throws nothing. False if there is no thread or no memory for it; then it is not done.
+  bool run(std::function<void()> job) noexcept;
 
  private:
   void work();

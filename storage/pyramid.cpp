@@ -223,6 +223,12 @@ BrickRow Pyramid::brickRowOf(int level, const Index3& brick) const {
   return index_->row(brickRow(level, brick));
 }
 
+bool Pyramid::isRowAtHand(int level, const Index3& brick) const {
+  return index_->isAtHand(brickRow(level, brick));
+}
+
+std::uint64_t Pyramid::tableBytesRead() const { return index_->bytesRead(); }
+
 format::PartEntry Pyramid::entryOf(PartKind kind, int level, const Index3& brick) const {
   return brickRowOf(level, brick).part(kind);
 }
@@ -254,6 +260,21 @@ BrickPager::Fetched Pyramid::fetch(PartKind kind, int level, const Index3& brick
                                    const CancelFlag* cancel) const {
   if (entryOf(kind, level, brick).stored_bytes == 0) return BrickPager::Fetched::kBefore;
   return pager_->fetch(partId(kind, brickRow(level, brick)), cancel);
+}
+
+std::optional<BrickPager::Room> Pyramid::reserve(std::span<const PartKind> kinds, int level,
+                                                 const Index3& brick, std::uint64_t since) const {
+  const BrickRow row = brickRowOf(level, brick);
+  std::vector<std::size_t> ids;
+  for (const PartKind kind : kinds)
+    if (row.part(kind).stored_bytes > 0) ids.push_back(partId(kind, brickRow(level, brick)));
+  return pager_->reserve(ids, since);
+}
+
+BrickPager::Fetched Pyramid::fetch(PartKind kind, int level, const Index3& brick,
+                                   BrickPager::Room& room) const {
+  if (entryOf(kind, level, brick).stored_bytes == 0) return BrickPager::Fetched::kBefore;
+  return pager_->fetch(partId(kind, brickRow(level, brick)), room);
 }
 
 void Pyramid::announce(PartKind kind, int level, const Index3& brick) const {

@@ -131,6 +131,8 @@ class Pyramid {
   // What the brick table says of a brick. All that asks for a brick throws Error, which names it,
   // where its row is damaged.
   BrickRow brickRowOf(int level, const Index3& brick) const;
+  // False if the row has to be read from the file first: see BrickIndex::isAtHand().
+  bool isRowAtHand(int level, const Index3& brick) const;
   // Closure of the values in the brick's cells (rule 7): every sample of the levels 0 to
   // level + log2(brick_cells) in them. From the brick table.
   ValueRange brickRange(int level, const Index3& brick) const;
@@ -197,11 +199,17 @@ class Pyramid {
   std::vector<std::string> verifyRest(const CancelFlag* cancel = nullptr) const;
 
   // Says that parts are asked for by another query from here on: what queries do not ask for any
-  // more is the first to go.
-  void beginQuery() const { pager_->beginQuery(); }
+  // more is the first to go. Returns the query's number: see BrickPager::reserve().
+  std::uint64_t beginQuery() const { return pager_->beginQuery(); }
   // Brings a part in ahead of its use, where one is stored: see BrickPager::fetch().
   BrickPager::Fetched fetch(PartKind kind, int level, const Index3& brick,
                             const CancelFlag* cancel = nullptr) const;
+  // Sets aside the room that these parts of a brick need to come in: see BrickPager::reserve().
+  std::optional<BrickPager::Room> reserve(std::span<const PartKind> kinds, int level,
+                                          const Index3& brick, std::uint64_t since) const;
+  // Brings a part into such room: see BrickPager::fetch().
+  BrickPager::Fetched fetch(PartKind kind, int level, const Index3& brick,
+                            BrickPager::Room& room) const;
   // Has the system begin to read a part, where one is stored: see BrickPager::announce().
   void announce(PartKind kind, int level, const Index3& brick) const;
   // Throws Error that says why a part cannot be had, if so.
@@ -221,6 +229,8 @@ class Pyramid {
   // How often a part was asked for that was not resident.
   std::uint64_t missCount() const { return pager_->missCount(); }
   BrickPager::Counters counters() const { return pager_->counters(); }
+  // Bytes of the brick table that were read since it was opened: not among the counters above.
+  std::uint64_t tableBytesRead() const;
 
  private:
   using enum PartKind;

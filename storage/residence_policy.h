@@ -1,6 +1,7 @@
 // Which part goes when the budget is exceeded.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 
@@ -74,6 +75,19 @@ class ResidencePolicy {
     for (std::size_t left = settled_.count; left > 0; --left)
       if (Member* victim = takeOldest(settled_, Which::kAny, takes)) return victim;
     return nullptr;
+  }
+
+  // Takes out members for which the owner answers `takes(member)`, those that came first, as long
+  // as it answers `lacks()`. All others keep their places.
+  template <typename Takes, typename Lacks>
+  void takeWhile(Lacks&& lacks, Takes&& takes) {
+    for (Queue* queue : {&arrivals_, &settled_})
+      for (Member* member = queue->oldest; member != nullptr && lacks();) {
+        Member* const newer = member->newer;
+        if (takes(*member)) unlink(*queue, *member);
+        member = newer;
+      }
+    unlooked_ = std::min(unlooked_, settled_.count);
   }
 
  private:

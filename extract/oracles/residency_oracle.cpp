@@ -90,9 +90,7 @@ bool ResidencyOracle::isUsable(int level, const Index3& brick) {
 }
 
 bool ResidencyOracle::hasOwnParts(int level, const Index3& brick) {
-  return needs_.areMet(level, brick, [&](PartKind kind, int of_level, const Index3& of) {
-    return has(kind, of_level, of);
-  });
+  return needs_.areMet(level, brick, whatIsThere());
 }
 
 // A leaf of the next coarser level beside the brick takes the values of corners that touch it from
@@ -100,26 +98,28 @@ bool ResidencyOracle::hasOwnParts(int level, const Index3& brick) {
 // of. A leaf that holds a part of the surface covers one that is not quiet.
 bool ResidencyOracle::lacksBorder(int level, const Index3& brick) {
   if (has(PartKind::kSamples, level, brick)) return false;
-  const auto ask = [&](PartKind kind, int of_level, const Index3& of) {
-    return has(kind, of_level, of);
-  };
   const Index3 first = glm::max(brick - Index3(1), Index3(0));
   const Index3 end = glm::min(brick + Index3(2), layout_.bricks(level));
   bool lacks = false;
   forEachIndex({first, end - first}, [&](const Index3& other) {
-    lacks = lacks || (!needs_.isQuiet(level, other, ask) && !has(PartKind::kSamples, level, other));
+    lacks = lacks || (!needs_.isQuiet(level, other, whatIsThere()) &&
+                      !has(PartKind::kSamples, level, other));
   });
   return lacks;
 }
 
+bool ResidencyOracle::hasRow(int level, const Index3& brick) const {
+  return level >= first_whole_level_ || needs_.pyramid().isRowAtHand(level, brick);
+}
+
 bool ResidencyOracle::has(PartKind kind, int level, const Index3& brick) {
   if (level >= first_whole_level_) return true;
+  if (!hasRow(level, brick)) return false;
   Brick& known = at(level, brick);
   const auto k = static_cast<std::size_t>(kind);
   if (!known.is_asked[k]) {
     known.is_asked[k] = true;
     known.parts[k] = needs_.pyramid().holdIfResident(kind, level, brick);
-    if (known.parts[k]) held_bytes_ += needs_.pyramid().heldBytes(kind, level, brick);
   }
   return known.parts[k].has_value();
 }

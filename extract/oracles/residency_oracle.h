@@ -70,8 +70,6 @@ class ResidencyOracle {
   // What noteRefused() has found. While nobody asks.
   const std::vector<MissingBrick>& missing() const { return missing_; }
   bool hasRefused() const { return has_refused_; }
-  // What all that is held counts against the pyramid's budget.
-  std::uint64_t heldBytes() const { return held_bytes_; }
 
  private:
   enum class Usable : std::uint8_t { kUnknown, kNo, kYes };
@@ -86,7 +84,14 @@ class ResidencyOracle {
   bool isUsable(int level, const Index3& brick);
   bool hasOwnParts(int level, const Index3& brick);
   bool lacksBorder(int level, const Index3& brick);
+  bool hasRow(int level, const Index3& brick) const;
   bool has(PartKind kind, int level, const Index3& brick);
+  // What is there, for BrickNeeds.
+  auto whatIsThere() {
+    return BrickAnswers{
+        [this](int level, const Index3& brick) { return hasRow(level, brick); },
+        [this](PartKind kind, int level, const Index3& brick) { return has(kind, level, brick); }};
+  }
   void refuse(int level, const Index3& brick);
   Brick& at(int level, const Index3& brick) {
     return bricks_[needs_.pyramid().brickRow(level, brick)];
@@ -101,7 +106,6 @@ class ResidencyOracle {
   std::unordered_map<std::size_t, Brick> bricks_;  // by row of the brick table
   std::vector<MissingBrick> missing_;
   bool has_refused_ = false;
-  std::uint64_t held_bytes_ = 0;
 };
 
 }  // namespace isobrick

@@ -24,6 +24,7 @@
 #include "isobrick/extract/sinks/indexed_mesh.h"
 #include "isobrick/preprocess/phantoms/phantom.h"
 #include "isobrick/preprocess/pyramid_builder.h"
+#include "isobrick/storage/brick_index.h"
 #include "tests/extract/random_case.h"
 #include "tests/extract/read_faults.h"
 #include "tests/extract/same_mesh.h"
@@ -357,57 +358,64 @@ TEST_P(NowQueryOfAHead, WhatOthersBringInIsWaitedFor) {
   const std::vector<MissingBrick> missing = missingBricks(context);
   bringAllIn(pyramid);
   const std::uint64_t fetched = pyramid.counters().parts_fetched;
-  fetcher.announce(needs, missing, pyramid.budgetBytes());
+  fetcher.announce(needs, missing, 0);
   EXPECT_TRUE(fetcher.wait(std::chrono::seconds(10)));
   EXPECT_EQ(pyramid.counters().parts_fetched, fetched);
   // What was there before has not.
   fetcher.beginQuery();
   std::vector<MissingBrick> there = missing;
   for (MissingBrick& brick : there) brick.lacks_parts = brick.needs_samples = false;
-  fetcher.announce(needs, there, pyramid.budgetBytes());
+  fetcher.announce(needs, there, 0);
   EXPECT_FALSE(fetcher.wait(std::chrono::seconds(10)));
 }
 
-// Two bricks that each lack a part beside them, with room for either's: threads that are at both
-// leave each other none.
+// Two bricks that each lack parts beside them, with room for one of these: threads that are at both
+// leave each other none, and it comes in all the same.
 TEST_P(NowQueryOfAHead, WhatHasRoomAloneComesIn) {
   query_.tolerance = 20;
-  struct Part {
-    PartKind kind;
-    int level;
-    Index3 brick;
-  };
-  for (int time = 0; time < 200; ++time) {
-    const Pyramid pyramid(path_);
+  std::uint64_t part_bytes = 0;  // of the largest part that is lacking
+  // All but what lies beside two bricks that are not neighbours.
+  const auto bringNearlyAllIn = [&](const Pyramid& pyramid) {
     const BrickNeeds needs(pyramid, query_);
     std::vector<MissingBrick> missing;
-    std::uint64_t most_own = 0, most_beside = 0;
     forEachIndex({Index3(0), pyramid.layout().bricks(0)}, [&](const Index3& brick) {
       if (missing.size() == 2 || (!missing.empty() && brick.z - missing[0].brick.z < 4)) return;
-      std::optional<Part> last;
-      needs.areMet(0, brick, [&](PartKind kind, int level, const Index3& of) {
-        if (kind == PartKind::kSamples && level == 0 && of.z > brick.z &&
-            pyramid.heldBytes(kind, level, of) > 0) {
-          last = {kind, level, of};
-          return false;
-        }
-        EXPECT_NE(pyramid.fetch(kind, level, of), BrickPager::Fetched::kNever);
-        return true;
-      });
-      if (!last || pyramid.heldBytes(PartKind::kSamples, 0, brick) == 0) return;
+      std::uint64_t lacking = 0;
+      needs.areMet(0, brick,
+                   BrickAnswers{[](int, const Index3&) { return true; },
+                                [&](PartKind kind, int level, const Index3& of) {
+                                  const std::uint64_t bytes = pyramid.heldBytes(kind, level, of);
+                                  if (kind == PartKind::kSamples && level == 0 && of.z > brick.z &&
+                                      bytes > 0) {
+                                    lacking = bytes;
+                                    return false;
+                                  }
+                                  EXPECT_NE(pyramid.fetch(kind, level, of),
+                                            BrickPager::Fetched::kNever);
+                                  return true;
+                                }});
+      if (lacking == 0 || pyramid.heldBytes(PartKind::kSamples, 0, brick) == 0) return;
       missing.push_back({0, brick, false, true});
-      std::uint64_t own = 0;
-      for (const PartKind kind : kPartKinds) own += pyramid.heldBytes(kind, 0, brick);
-      most_own = std::max(most_own, own);
-      most_beside = std::max(most_beside, pyramid.heldBytes(last->kind, 0, last->brick));
+      part_bytes = std::max(part_bytes, lacking);
     });
-    ASSERT_EQ(missing.size(), 2u);
-    // Each counts twice, for a copy.
+    return missing;
+  };
+  std::uint64_t held_bytes = 0;
+  {
+    const Pyramid pyramid(path_);
+    ASSERT_EQ(bringNearlyAllIn(pyramid).size(), 2u);
+    held_bytes = pyramid.heldBytes();
+  }
+  for (int time = 0; time < 200; ++time) {
+    const Pyramid pyramid(path_, held_bytes + 2 * part_bytes);  // twice: for the packed bytes
+    const std::vector<MissingBrick> missing = bringNearlyAllIn(pyramid);
+    ASSERT_EQ(pyramid.counters().parts_released, 0u);
+    const std::uint64_t since = 0;  // nothing goes
     BrickFetcher fetcher;
     fetcher.beginQuery();
-    const std::uint64_t room = 2 * most_own + 2 * std::max(most_own, most_beside);
-    fetcher.announce(needs, missing, room);
+    fetcher.announce(BrickNeeds(pyramid, query_), missing, since);
     ASSERT_TRUE(fetcher.wait(std::chrono::seconds(10))) << time;
+    EXPECT_EQ(pyramid.counters().parts_released, 0u);
   }
 }
 
@@ -480,6 +488,59 @@ TEST_P(NowQueryOfAHead, ABrickThatCannotBeHadIsAnError) {
 TEST_P(NowQueryOfAHead, HasNoPlan) {
   const Pyramid pyramid(path_);
   EXPECT_THROW(Extractor(pyramid).plan(query_), Error);
+}
+
+// A file whose brick table is too long to be read when it is opened: its rows come in as parts do.
+TEST(NowQuery, ReadsNoRowsWhileItsCallerWaits) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("many_bricks.isb");
+  BuildOptions options;
+  options.brick_cells = 4;
+  buildPyramid(*makePhantomSource(PhantomSpec{"head", 100, {}, 16}), path, options);
+  const Pyramid pyramid(path);
+  ASSERT_GT(pyramid.brickCount() * 96, BrickIndex::kReadAtOnceBytes);
+  ASSERT_EQ(pyramid.tableBytesRead(), 0u);
+  Query query;
+  query.isovalue = 500;
+  query.focus = FocusSphere{glm::dvec3(50, 50, 14), 14};
+  query.now = true;
+  // The rows of levels that are one brick.
+  std::uint64_t of_whole_levels = 0;
+  {
+    const BrickNeeds needs(pyramid, query);
+    ResidencyOracle residency(needs);
+    const auto oracles = oraclesOf(pyramid, query);
+    const WorldFrame frame(pyramid.spec().geometry);
+    ReadLog log;
+    const MeshContext context{pyramid, query, oracles,   frame, static_cast<float>(query.isovalue),
+                              log,     0,     &residency};
+    EXPECT_EQ(traverseBricks(context).size(), 1u);
+    EXPECT_FALSE(missingBricks(context).empty());
+    of_whole_levels = pyramid.tableBytesRead();
+    EXPECT_LE(of_whole_levels, 2u * BrickIndex::kRowsAtATime * 120);
+  }
+  Extractor extractor(pyramid);
+  ExtractionReport report;
+  int answers = 0;
+  do {
+    ASSERT_LT(++answers, 100);
+    IndexedMeshSink sink;
+    report = extractor.extract(query, sink);
+  } while (!report.is_complete && extractor.waitForBricks(std::chrono::nanoseconds::max()));
+  EXPECT_TRUE(report.is_complete);
+  EXPECT_GT(pyramid.tableBytesRead(), of_whole_levels);
+}
+
+// As long as anybody can wait is no time that is over at once.
+TEST_P(NowQueryOfAHead, WaitsForEverIfThatIsAsked) {
+  const Pyramid pyramid(path_);
+  Extractor extractor(pyramid);
+  IndexedMeshSink sink;
+  EXPECT_FALSE(extractor.extract(query_, sink).is_complete);
+  EXPECT_TRUE(extractor.waitForBricks(std::chrono::nanoseconds::max()));
+  const std::uint64_t fetched = pyramid.counters().parts_fetched;
+  EXPECT_TRUE(extractor.waitForBricks(std::chrono::nanoseconds::max()));
+  EXPECT_EQ(pyramid.counters().parts_fetched, fetched);  // it had waited for all
 }
 
 INSTANTIATE_TEST_SUITE_P(All, NowQueryOfAHead,

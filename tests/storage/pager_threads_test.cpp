@@ -224,6 +224,93 @@ TEST_P(PagerThreads, WhatIsWithdrawnMakesRoom) {
   EXPECT_LE(pager.heldBytes(), GetParam().budget_bytes);
 }
 
+// Threads that reserve and fetch at once never push out what a query since took, and never have
+// more than the budget together; what nobody took since goes for them.
+TEST_P(PagerThreads, WhatIsFetchedIntoRoomPushesNothingOutThatIsUsed) {
+  const PagedFile file(path_, GetParam().access);
+  BrickPager pager(file, parts_, GetParam().budget_bytes);
+  const std::uint64_t old_query = pager.beginQuery();
+  for (std::size_t id = 0; id < parts_.size(); ++id) pager.fetch(id);  // more than the budget
+  const std::uint64_t since = pager.beginQuery();
+  EXPECT_GT(since, old_query);
+  const char* why = "";
+  std::vector<std::size_t> taken;
+  for (std::size_t id = 0; id < 3; ++id)
+    if (pager.acquire(id, &why) != nullptr) taken.push_back(id);
+  for (const std::size_t id : taken) pager.release(id);
+  std::atomic<std::uint64_t> most{0}, came{0}, refused{0};
+  std::vector<std::thread> threads;
+  for (std::uint64_t t = 0; t < 4; ++t)
+    threads.emplace_back([&, t] {
+      Random random(t);
+      for (int round = 0; round < GetParam().rounds; ++round) {
+        const std::size_t ids[] = {randomBelow(random, parts_.size()),
+                                   randomBelow(random, parts_.size())};
+        auto room = pager.reserve(ids, since);
+        if (!room) ++refused;
+        if (!room) continue;
+        for (const std::size_t id : ids)
+          if (pager.fetch(id, *room) == BrickPager::Fetched::kNow) ++came;
+        std::uint64_t seen = most;
+        const std::uint64_t held = pager.heldBytes();
+        while (seen < held && !most.compare_exchange_weak(seen, held)) {
+        }
+      }
+    });
+  for (std::thread& thread : threads) thread.join();
+  EXPECT_GT(came, 0u);
+  EXPECT_GT(refused, 0u);
+  EXPECT_LE(most, GetParam().budget_bytes);
+  // All that came in is there still, and so is what the query took.
+  const std::uint64_t misses = pager.missCount();
+  for (const std::size_t id : taken) {
+    EXPECT_TRUE(holdsElements(id, pager.acquire(id, &why)));
+    pager.release(id);
+  }
+  EXPECT_EQ(pager.missCount(), misses);
+  const BrickPager::Counters counters = pager.counters();
+  std::uint64_t resident = 0;
+  for (std::size_t id = 0; id < parts_.size(); ++id)
+    if (pager.acquireIfResident(id) != nullptr) {
+      ++resident;
+      pager.release(id);
+    }
+  EXPECT_EQ(resident, counters.parts_read - counters.parts_released);
+  EXPECT_GE(resident, came + taken.size());
+}
+
+// Room that is set aside counts until it goes; a part that does not fit is refused, but not to who
+// needs it.
+TEST_P(PagerThreads, APartWithoutRoomIsRefusedAndComesInForWhoNeedsIt) {
+  const PagedFile file(path_, GetParam().access);
+  const std::uint64_t cost = BrickPager(file, parts_, 0).costOf(parts_[0]);
+  BrickPager pager(file, parts_, cost + cost / 2);
+  const std::uint64_t since = pager.beginQuery();
+  const std::size_t first[] = {0};
+  const std::size_t second[] = {3};  // stored as well
+  {
+    auto room = pager.reserve(first, since);
+    ASSERT_TRUE(room);
+    EXPECT_EQ(pager.heldBytes(), cost);
+    EXPECT_FALSE(pager.reserve(second, since));
+    EXPECT_EQ(pager.fetch(3, *room), BrickPager::Fetched::kNow);  // in the room of the other
+    EXPECT_EQ(pager.fetch(0, *room), BrickPager::Fetched::kNoRoom);
+    EXPECT_EQ(pager.fetch(3, *room), BrickPager::Fetched::kBefore);
+    EXPECT_EQ(pager.heldBytes(), cost);
+  }
+  EXPECT_EQ(pager.heldBytes(), cost);
+  EXPECT_EQ(pager.counters().parts_released, 0u);
+  const char* why = "";
+  EXPECT_TRUE(holdsElements(0, pager.acquire(0, &why)));
+  pager.release(0);
+  EXPECT_EQ(pager.counters().parts_released, 1u);
+  // Another query that asks for another surface may push out what this one took.
+  auto room = pager.reserve(second, pager.beginQuery());
+  ASSERT_TRUE(room);
+  EXPECT_EQ(pager.fetch(3, *room), BrickPager::Fetched::kNow);
+  EXPECT_EQ(pager.counters().parts_released, 2u);
+}
+
 // The kernel ends a child that makes any call but read, write and exit.
 TEST_P(PagerThreads, AHitMakesNoSystemCall) {
 #ifdef __SANITIZE_THREAD__
