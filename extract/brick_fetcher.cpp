@@ -22,7 +22,7 @@ void BrickFetcher::beginQuery() {
   has_come_ = false;
 }
 
-void BrickFetcher::announce(const BrickNeeds& needs, std::vector<MissingBrick> bricks,
+void BrickFetcher::announce(const QueryNeeds& needs, std::vector<MissingBrick> bricks,
                             std::uint64_t since) {
   const std::lock_guard lock(mutex_);
   needs_ = needs;

@@ -10,8 +10,8 @@
 #include <thread>
 #include <vector>
 
-#include "isobrick/extract/brick_needs.h"
 #include "isobrick/extract/oracles/residency_oracle.h"
+#include "isobrick/extract/query_needs.h"
 
 namespace isobrick {
 
@@ -33,7 +33,7 @@ class BrickFetcher {
   void beginQuery();
   // Takes the place of what is left of the announcement before. Nothing goes for these bricks that
   // a query from number `since` on (Pyramid::beginQuery()) took or fetched.
-  void announce(const BrickNeeds& needs, std::vector<MissingBrick> bricks, std::uint64_t since);
+  void announce(const QueryNeeds& needs, std::vector<MissingBrick> bricks, std::uint64_t since);
   // Ends the announcement. Waits for nothing: each thread ends the part that it is at.
   void takeBack();
   // Waits until all has come in that was announced, at most `longest`. False if nothing has come
@@ -47,7 +47,7 @@ class BrickFetcher {
   enum class Outcome { kDone, kNoRoom, kFailed };
   // A brick of an announcement.
   struct Job {
-    BrickNeeds needs;
+    QueryNeeds needs;
     MissingBrick brick;
     std::size_t number;
     std::uint64_t announcement;
@@ -74,7 +74,7 @@ class BrickFetcher {
   std::mutex mutex_;  // guards all below
   std::condition_variable wake_, idle_;
   bool stops_ = false;
-  std::optional<BrickNeeds> needs_;
+  std::optional<QueryNeeds> needs_;
   std::vector<MissingBrick> bricks_;
   std::uint64_t since_ = 0;
   std::size_t next_ = 0;            // of them, to admit

@@ -172,7 +172,7 @@ ExtractionReport Extractor::extract(const Query& query, SurfaceMesh& mesh) {
 ExtractionReport Extractor::extractNow(const Query& query, const Mesher& mesh) try {
   checkQuery(*pyramid_, query);
   const std::uint64_t since = memory_->beginQueryForNow(*pyramid_, query);
-  const BrickNeeds needs(*pyramid_, query);
+  const QueryNeeds needs(*pyramid_, query);
   ResidencyOracle residency(needs);
   const QueryContext context(*pyramid_, query, memory_->log, &residency);
   throwIfMissingForever(*context);
@@ -191,7 +191,7 @@ ExtractionReport Extractor::extractNow(const Query& query, const Mesher& mesh) t
 void Extractor::throwIfMissingForever(const MeshContext& context) {
   const std::optional<MissingBrick> failed = memory_->fetcher.takeFailed();
   if (!failed || !isWanted(context, failed->level, failed->brick)) return;
-  BrickNeeds(*pyramid_, context.query)
+  QueryNeeds(*pyramid_, context.query)
       .areMet(failed->level, failed->brick,
               BrickAnswers{[&](int level, const Index3& brick) {
                              static_cast<void>(pyramid_->brickRowOf(level, brick));

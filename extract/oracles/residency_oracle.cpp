@@ -4,7 +4,7 @@
 
 namespace isobrick {
 
-ResidencyOracle::ResidencyOracle(const BrickNeeds& needs)
+ResidencyOracle::ResidencyOracle(const QueryNeeds& needs)
     : needs_(needs), layout_(needs.pyramid().layout()) {
   while (elementCount(layout_.bricks(first_whole_level_)) > 1) ++first_whole_level_;
 }

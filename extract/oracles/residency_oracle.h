@@ -8,8 +8,8 @@
 #include <unordered_map>
 #include <vector>
 
-#include "isobrick/extract/brick_needs.h"
 #include "isobrick/extract/oracles/oracle_share.h"
+#include "isobrick/extract/query_needs.h"
 
 namespace isobrick {
 
@@ -18,13 +18,13 @@ struct MissingBrick {
   int level = 0;
   Index3 brick{0};
   bool needs_samples = false;  // whatever its ranges say
-  bool lacks_parts = false;    // surely, of those that BrickNeeds says
+  bool lacks_parts = false;    // surely, of those that QueryNeeds says
 };
 
 // Refines a cell of level l where the brick of level l - 1 that holds its children is usable. That
 // is a brick
 //
-//   - of which all is resident that the query takes of it (BrickNeeds),
+//   - of which all is resident that the query takes of it (QueryNeeds),
 //   - whose samples are resident too where a coarser leaf beside it may need them and has no other
 //     brick to take them from,
 //   - and the parents of which, and of its 26 neighbours, are usable.
@@ -41,7 +41,7 @@ struct MissingBrick {
 class ResidencyOracle {
  public:
   // `needs`: of the query.
-  explicit ResidencyOracle(const BrickNeeds& needs);
+  explicit ResidencyOracle(const QueryNeeds& needs);
 
   bool refines(int level, const Index3& cell);
   // kAll only where all bricks of children are usable.
@@ -86,7 +86,7 @@ class ResidencyOracle {
   bool lacksBorder(int level, const Index3& brick);
   bool hasRow(int level, const Index3& brick) const;
   bool has(PartKind kind, int level, const Index3& brick);
-  // What is there, for BrickNeeds.
+  // What is there, for QueryNeeds.
   auto whatIsThere() {
     return BrickAnswers{
         [this](int level, const Index3& brick) { return hasRow(level, brick); },
@@ -99,7 +99,7 @@ class ResidencyOracle {
   // Of the level below that hold the cells' children.
   IndexBox bricksOfChildren(int level, const IndexBox& cells) const;
 
-  const BrickNeeds needs_;
+  const QueryNeeds needs_;
   const BrickLayout& layout_;
   int first_whole_level_ = 0;                      // from here on levels are one brick
   std::mutex mutex_;                               // guards all below

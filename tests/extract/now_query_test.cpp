@@ -75,7 +75,7 @@ void bringAllIn(const Pyramid& pyramid) {
 }
 
 LeafLevels leavesNow(const Pyramid& pyramid, const Query& query) {
-  ResidencyOracle residency(BrickNeeds(pyramid, query));
+  ResidencyOracle residency(QueryNeeds(pyramid, query));
   const auto oracles = oraclesOf(pyramid, query);
   const WorldFrame frame(pyramid.spec().geometry);
   ReadLog log;
@@ -345,7 +345,7 @@ TEST_P(NowQueryOfAHead, EndsForAnyBudget) {
 // What another extractor on the pyramid brought in since the query looked has come.
 TEST_P(NowQueryOfAHead, WhatOthersBringInIsWaitedFor) {
   const Pyramid pyramid(path_);
-  const BrickNeeds needs(pyramid, query_);
+  const QueryNeeds needs(pyramid, query_);
   ResidencyOracle residency(needs);
   const auto oracles = oraclesOf(pyramid, query_);
   const WorldFrame frame(pyramid.spec().geometry);
@@ -376,7 +376,7 @@ TEST_P(NowQueryOfAHead, WhatHasRoomAloneComesIn) {
   std::uint64_t part_bytes = 0;  // of the largest part that is lacking
   // All but what lies beside two bricks that are not neighbours.
   const auto bringNearlyAllIn = [&](const Pyramid& pyramid) {
-    const BrickNeeds needs(pyramid, query_);
+    const QueryNeeds needs(pyramid, query_);
     std::vector<MissingBrick> missing;
     forEachIndex({Index3(0), pyramid.layout().bricks(0)}, [&](const Index3& brick) {
       if (missing.size() == 2 || (!missing.empty() && brick.z - missing[0].brick.z < 4)) return;
@@ -413,7 +413,7 @@ TEST_P(NowQueryOfAHead, WhatHasRoomAloneComesIn) {
     const std::uint64_t since = 0;  // nothing goes
     BrickFetcher fetcher;
     fetcher.beginQuery();
-    fetcher.announce(BrickNeeds(pyramid, query_), missing, since);
+    fetcher.announce(QueryNeeds(pyramid, query_), missing, since);
     ASSERT_TRUE(fetcher.wait(std::chrono::seconds(10))) << time;
     EXPECT_EQ(pyramid.counters().parts_released, 0u);
   }
@@ -507,7 +507,7 @@ TEST(NowQuery, ReadsNoRowsWhileItsCallerWaits) {
   // The rows of levels that are one brick.
   std::uint64_t of_whole_levels = 0;
   {
-    const BrickNeeds needs(pyramid, query);
+    const QueryNeeds needs(pyramid, query);
     ResidencyOracle residency(needs);
     const auto oracles = oraclesOf(pyramid, query);
     const WorldFrame frame(pyramid.spec().geometry);

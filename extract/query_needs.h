@@ -11,7 +11,7 @@
 
 namespace isobrick {
 
-// How somebody answers BrickNeeds: whether a brick's row of the brick table is at hand, and whether
+// How somebody answers QueryNeeds: whether a brick's row of the brick table is at hand, and whether
 // a part of it is. Either may see to it that it is.
 template <typename Row, typename Part>
 struct BrickAnswers {
@@ -21,9 +21,9 @@ struct BrickAnswers {
 
 // What has to be resident of a brick so that its cells can be meshed, and so that the oracles can
 // say which of them are refined, without a read. A value; its pyramid outlives it.
-class BrickNeeds {
+class QueryNeeds {
  public:
-  BrickNeeds(const Pyramid& pyramid, const Query& query)
+  QueryNeeds(const Pyramid& pyramid, const Query& query)
       : pyramid_(&pyramid),
         isovalue_(static_cast<float>(query.isovalue)),
         culls_(query.cull_by_ranges) {
