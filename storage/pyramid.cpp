@@ -28,6 +28,35 @@ bool areKindsSane(const format::Header& header) {
          header.kinds[1] == static_cast<std::uint32_t>(PartKind::kRanges);
 }
 
+// True where a voxel of the type may have the value.
+bool isVoxel(VoxelType type, double value) {
+  return visitVoxelType(type, [&](auto tag) {
+    using T = typename decltype(tag)::Type;
+    using Limits = std::numeric_limits<T>;
+    return value >= static_cast<double>(Limits::lowest()) &&
+           value <= static_cast<double>(Limits::max()) &&
+           static_cast<double>(static_cast<T>(value)) == value;
+  });
+}
+
+// Of a header whose voxel type is one of the five.
+bool areValuesSane(const format::Header& header) {
+  const auto type = static_cast<VoxelType>(header.voxel_type);
+  if (!isVoxel(type, header.value_min) || !isVoxel(type, header.value_max) ||
+      header.value_min > header.value_max)
+    return false;
+  // Noise is the median of second differences, less a factor; twice the range bounds it.
+  return header.noise >= 0 && header.noise <= 2 * (header.value_max - header.value_min);
+}
+
+// Bins lie where values are. Those of a float32 may reach beyond by their width in the histogram.
+bool areBinsNearValues(const ErrorBins& bins, const ValueRange& values) {
+  const double most = std::max(std::abs(static_cast<double>(values.min)),
+                               std::abs(static_cast<double>(values.max)));
+  const double reach = most * (1 + 1.0 / 64) + 0x1p-120;
+  return std::abs(bins.first) <= reach && bins.width * bins.count <= 2 * reach;
+}
+
 bool hasKind(const format::Header& header, PartKind kind) {
   const auto* const end = header.kinds + header.kind_count;
   return std::find(header.kinds, end, static_cast<std::uint32_t>(kind)) != end;
@@ -66,9 +95,8 @@ void Pyramid::readHeader() {
   bool sane = header.voxel_type < kVoxelTypeCount && header.filter <= 1 && areKindsSane(header) &&
               isPowerOfTwoWithin(header.brick_cells, 4, 256) &&
               isPowerOfTwoWithin(header.tile_cells, 2, header.brick_cells) &&
-              std::isfinite(header.value_min) && std::isfinite(header.value_max) &&
-              header.value_min <= header.value_max && std::isfinite(header.curvature_epsilon) &&
-              header.curvature_epsilon >= 0 && std::isfinite(header.noise) && header.noise >= 0;
+              areValuesSane(header) && std::isfinite(header.curvature_epsilon) &&
+              header.curvature_epsilon >= 0;
   for (int axis = 0; axis < 3; ++axis) {
     sane = sane && header.dims[axis] >= 2 &&
            header.dims[axis] <= static_cast<std::uint64_t>(kMaxVoxelsPerAxis) &&
@@ -105,10 +133,10 @@ void Pyramid::readHeader() {
 
 void Pyramid::readErrorBins(const format::Header& header) {
   error_bins_ = {header.error_first, header.error_width, header.error_bins, spec_.error_level};
-  // Far enough from overflow and underflow.
-  if (!(std::abs(error_bins_.first) <= 0x1p200) ||
-      !(error_bins_.width >= 0x1p-200 && error_bins_.width <= 0x1p200) || error_bins_.count == 0 ||
-      error_bins_.count > ErrorBins::kMost || spec_.error_level < kFirstErrorLevel ||
+  // Far enough from underflow.
+  if (!(error_bins_.width >= 0x1p-200) || error_bins_.count == 0 ||
+      error_bins_.count > ErrorBins::kMost || !areBinsNearValues(error_bins_, value_range_) ||
+      spec_.error_level < kFirstErrorLevel ||
       spec_.error_level > std::min(kMostErrorLevel, lattice().levels() - 1))
     fail("has impossible bins of errors in its header; build it again");
 }

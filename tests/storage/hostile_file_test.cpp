@@ -525,6 +525,77 @@ TEST(HostileFile, NumbersThatAreNotFiniteInASealedHeader) {
     }
 }
 
+// A range that no voxels of the type have would ask for a histogram of any size.
+TEST(HostileFile, ValuesThatNoVoxelHasAreRefused) {
+  constexpr double kTooSmall = 1e-60, kBeyondFloat = 1e300, kHalf = 50.5, kNotSingle = 0.1;
+  for (std::uint32_t type = 0; type < kVoxelTypeCount; ++type) {
+    const DiskFolder folder;
+    const Bytes good = readWholeFile(buildGoodFile(folder, static_cast<VoxelType>(type)));
+    const std::string bad = folder.file("bad.isb");
+    const auto openError = [&](const std::function<void(format::Header&)>& edit) {
+      PyramidDraft draft(good);
+      edit(draft.header);
+      writeBytes(bad, draft.seal());
+      return judge(bad).open_error;
+    };
+    EXPECT_EQ(openError([](format::Header&) {}), "");
+    const bool is_float = static_cast<VoxelType>(type) == VoxelType::kFloat32;
+    const std::vector<double> wrong =
+        is_float ? std::vector{kTooSmall, kBeyondFloat, -kBeyondFloat, kNotSingle}
+                 : std::vector{kTooSmall,
+                               kBeyondFloat,
+                               -kBeyondFloat,
+                               kHalf,
+                               65536.0,
+                               -32769.0,
+                               type % 2 == 0 ? -1.0
+                               : type == 1   ? 128.0
+                                             : 32768.0};
+    for (const double value : wrong) {
+      const auto refused = [&](const std::string& error) {
+        EXPECT_NE(error.find("impossible numbers"), std::string::npos)
+            << voxelTypeName(static_cast<VoxelType>(type)) << " " << value << ": " << error;
+      };
+      refused(openError([&](format::Header& h) { h.value_min = h.value_max = value; }));
+      if (value < 77) refused(openError([&](format::Header& h) { h.value_min = value; }));
+      if (value > 77) refused(openError([&](format::Header& h) { h.value_max = value; }));
+    }
+    for (const double noise : {-1.0, 1e300, std::nan("")}) {
+      const std::string error = openError([&](format::Header& h) { h.noise = noise; });
+      EXPECT_NE(error.find("impossible numbers"), std::string::npos) << noise << ": " << error;
+    }
+    EXPECT_NE(openError([](format::Header& h) { h.noise = 2 * (h.value_max - h.value_min) + 1; }),
+              "");
+  }
+}
+
+// Bins of errors that are nowhere near the values.
+TEST(HostileFile, BinsOfErrorsFarFromTheValuesAreRefused) {
+  const DiskFolder folder;
+  NoiseSource source(Index3(33), VoxelType::kUint8);
+  BuildOptions options = smallBricks();
+  options.error_level = 2;
+  buildPyramid(source, folder.file("good.isb"), options);
+  const Bytes good = readWholeFile(folder.file("good.isb"));
+  const auto openError = [&](const std::function<void(format::Header&)>& edit) {
+    PyramidDraft draft(good);
+    edit(draft.header);
+    writeBytes(folder.file("bad.isb"), draft.seal());
+    return judge(folder.file("bad.isb")).open_error;
+  };
+  EXPECT_EQ(openError([](format::Header&) {}), "");
+  for (const double number : {1e6, -1e6, 1e300, -1e300, std::nan(""), HUGE_VAL}) {
+    EXPECT_NE(openError([&](format::Header& h) { h.error_first = number; }).find("bins of errors"),
+              std::string::npos)
+        << number;
+    EXPECT_NE(openError([&](format::Header& h) { h.error_width = number; }).find("bins of errors"),
+              std::string::npos)
+        << number;
+  }
+  for (const std::uint32_t bins : {0u, 257u, ~0u})
+    EXPECT_NE(openError([&](format::Header& h) { h.error_bins = bins; }), "");
+}
+
 TEST(HostileFile, DimensionsThatPromiseMoreThanTheFileHolds) {
   const DiskFolder folder;
   const Bytes good = readWholeFile(buildTinyFile(folder));

@@ -129,8 +129,14 @@ class Mutation {
         &header.spacing[0],   &header.spacing[1],   &header.spacing[2],        &header.origin[0],
         &header.origin[1],    &header.origin[2],    &header.direction[0],      &header.direction[4],
         &header.direction[8], &header.direction[1], &header.curvature_epsilon, &header.value_min,
-        &header.value_max,    &header.noise};
-    *numbers[randomBelow(random_, std::size(numbers))] = nastyDouble(random_);
+        &header.value_max,    &header.noise,        &header.error_first,       &header.error_width};
+    double& number = *numbers[randomBelow(random_, std::size(numbers))];
+    number = nastyDouble(random_);
+    // A value that no voxel has is refused at once.
+    if ((&number == &header.value_min || &number == &header.value_max) && !oneIn(random_, 4))
+      visitVoxelType(draft_.spec().voxel_type, [&](auto tag) {
+        number = static_cast<double>(nastyValue<typename decltype(tag)::Type>(random_));
+      });
     return "placement";
   }
   const char* changeRow() {

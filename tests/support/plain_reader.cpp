@@ -159,19 +159,28 @@ PlainPyramid readHeader(FileBytes& file) {
   p.value_min = file.f64(192);
   p.value_max = file.f64(200);
   p.curvature_epsilon = file.f64(208);
-  require(std::isfinite(p.value_min) && std::isfinite(p.value_max) && p.value_min <= p.value_max,
+  const auto isVoxel = [&](double v) {
+    constexpr double kLeast[] = {0, -128, 0, -32768}, kMost[] = {255, 127, 65535, 32767};
+    if (p.voxel_type == 4)
+      return std::abs(v) <= 3.4028234663852886e38 &&
+             v == static_cast<double>(static_cast<float>(v));
+    return v >= kLeast[p.voxel_type] && v <= kMost[p.voxel_type] && v == std::floor(v);
+  };
+  require(isVoxel(p.value_min) && isVoxel(p.value_max) && p.value_min <= p.value_max,
           "value_min, value_max");
   require(std::isfinite(p.curvature_epsilon) && p.curvature_epsilon >= 0, "curvature_epsilon");
   p.noise = file.f64(296);
-  require(std::isfinite(p.noise) && p.noise >= 0, "noise");
+  require(p.noise >= 0 && p.noise <= 2 * (p.value_max - p.value_min), "noise");
   p.error_first = file.f64(336);
   p.error_width = file.f64(344);
   p.error_bins = file.u32(352);
   p.error_last_level = file.u32(356);
+  const double reach =
+      std::max(std::abs(p.value_min), std::abs(p.value_max)) * 65 / 64 + std::ldexp(1.0, -120);
   if (std::find(p.kinds.begin(), p.kinds.end(), 3u) != p.kinds.end())
-    require(std::isfinite(p.error_first) && std::isfinite(p.error_width) && p.error_width > 0 &&
-                p.error_bins >= 1 && p.error_bins <= 256 && p.error_last_level >= 2 &&
-                p.error_last_level <= 3,
+    require(std::abs(p.error_first) <= reach && p.error_width >= std::ldexp(1.0, -200) &&
+                p.error_width * p.error_bins <= 2 * reach && p.error_bins >= 1 &&
+                p.error_bins <= 256 && p.error_last_level >= 2 && p.error_last_level <= 3,
             "bins of errors");
   else
     require(
