@@ -1,13 +1,11 @@
 #include "isobrick/extract/mesh_pipeline.h"
 
-#include <tbb/parallel_for.h>
-#include <tbb/partitioner.h>
 #include <tbb/task_arena.h>
-#include <tbb/task_group.h>
 
 #include <chrono>
 
 #include "isobrick/extract/read_ahead.h"
+#include "isobrick/storage/isolated_loop.h"
 
 namespace isobrick {
 namespace {
@@ -181,10 +179,7 @@ void meshInOrder(const MeshContext& context, std::span<const BrickWork> work, Me
       throw;
     }
   };
-  // Isolated: a caller's task group that is cancelled would end the loops without an exception, and
-  // half a mesh would look whole.
-  tbb::task_group_context isolated(tbb::task_group_context::isolated);
-  tbb::parallel_for(0, threads, workOn, tbb::simple_partitioner(), isolated);
+  isolatedForEach(0, threads, workOn);
 }
 
 }  // namespace isobrick

@@ -1,9 +1,7 @@
 #include "isobrick/extract/surface_writer.h"
 
 #include <tbb/enumerable_thread_specific.h>
-#include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
-#include <tbb/task_group.h>
 
 #include <atomic>
 #include <bit>
@@ -18,6 +16,7 @@
 #include "isobrick/extract/missing_vertex.h"
 #include "isobrick/extract/read_ahead.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/isolated_loop.h"
 
 namespace isobrick {
 namespace {
@@ -103,12 +102,9 @@ class SurfaceWriter::Run {
 
   LevelCounts run() {
     const int threads = tbb::this_task_arena::max_concurrency();
-    // Isolated: a caller's task group that is cancelled would end the loop without an exception.
-    tbb::task_group_context isolated(tbb::task_group_context::isolated);
     {
       ReadAhead ahead(context_, work_);
-      tbb::parallel_for(
-          0, threads, [&](int) { writeBricks(ahead); }, tbb::simple_partitioner(), isolated);
+      isolatedForEach(0, threads, [&](int) { writeBricks(ahead); });
     }  // its threads note what they look at
     context_.checkCancel();
     context_.throwIfWrittenOver();

@@ -1,8 +1,6 @@
 #include "isobrick/preprocess/error_pass.h"
 
 #include <malloc.h>
-#include <tbb/parallel_for.h>
-#include <tbb/partitioner.h>
 #include <tbb/task_arena.h>
 
 #include <algorithm>
@@ -12,6 +10,7 @@
 
 #include "isobrick/preprocess/error_chunk.h"
 #include "isobrick/storage/index_loop.h"
+#include "isobrick/storage/isolated_loop.h"
 
 namespace isobrick {
 namespace {
@@ -120,13 +119,10 @@ void ErrorPass<T>::run(const CancelFlag* cancel, const std::function<void(double
     // A layer of chunks at a time: progress is told between them.
     for (std::int64_t z = 0; z < count.z; ++z) {
       arena.execute([&] {
-        tbb::parallel_for(
-            std::int64_t{0}, count.x * count.y,
-            [&](std::int64_t i) {
-              if (cancel != nullptr && cancel->requested()) return;
-              findChunk(chunk(Index3(i % count.x, i / count.x, z)), bricks);
-            },
-            tbb::simple_partitioner());
+        isolatedForEach(std::int64_t{0}, count.x * count.y, [&](std::int64_t i) {
+          if (cancel != nullptr && cancel->requested()) return;
+          findChunk(chunk(Index3(i % count.x, i / count.x, z)), bricks);
+        });
       });
       const Index3 layer(end.x - first.x, end.y - first.y,
                          std::min(kChunkCells.z, end.z - first.z - z * kChunkCells.z));
@@ -239,13 +235,10 @@ void ErrorPass<T>::includeCodes(const ErrorCodes& codes, BrickErrors& brick) con
 
 template <typename T>
 void ErrorPass<T>::writeBricks(std::deque<BrickErrors>& bricks) {
-  tbb::parallel_for(
-      std::size_t{0}, bricks.size(),
-      [&](std::size_t i) {
-        const PhaseTimes::Timer timer(times_, BuildStep::kPack);
-        encodeErrors(codec_, bricks[i].part);
-      },
-      tbb::simple_partitioner());
+  isolatedForEach(std::size_t{0}, bricks.size(), [&](std::size_t i) {
+    const PhaseTimes::Timer timer(times_, BuildStep::kPack);
+    encodeErrors(codec_, bricks[i].part);
+  });
   const PhaseTimes::Timer timer(times_, BuildStep::kWrite);
   for (const BrickErrors& brick : bricks)
     writer_.writeError(written_.row(brick.level, brick.brick), brick.part, brick.elements);

@@ -1,7 +1,5 @@
 #include "isobrick/preprocess/pyramid_builder.h"
 
-#include <tbb/parallel_for.h>
-#include <tbb/partitioner.h>
 #include <tbb/task_arena.h>
 
 #include <bit>
@@ -19,6 +17,7 @@
 #include "isobrick/preprocess/slice_spool.h"
 #include "isobrick/storage/checksum.h"
 #include "isobrick/storage/index_loop.h"
+#include "isobrick/storage/isolated_loop.h"
 
 namespace isobrick {
 namespace {
@@ -357,18 +356,14 @@ class Build {
     batch.first = 0;
     while (batch.first < batch.count && isResumed(level, brickAt(batch.first))) ++batch.first;
     std::vector<ValueRange> voxels(batch.count);
-    tbb::parallel_for(
-        std::size_t{0}, batch.count,
-        [&](std::size_t i) {
-          if (options_.cancel != nullptr && options_.cancel->requested()) return;
-          const Index3 brick = brickAt(i);
-          voxels[i] = i < batch.first
-                          ? maker_.remake(level, brick, writer_, handed_on)
-                          : maker_.make(level, brick, samples,
-                                        store != nullptr ? &store->finer_tiles : nullptr, handed_on,
-                                        batch.bricks[i]);
-        },
-        tbb::simple_partitioner());
+    isolatedForEach(std::size_t{0}, batch.count, [&](std::size_t i) {
+      if (options_.cancel != nullptr && options_.cancel->requested()) return;
+      const Index3 brick = brickAt(i);
+      voxels[i] = i < batch.first ? maker_.remake(level, brick, writer_, handed_on)
+                                  : maker_.make(level, brick, samples,
+                                                store != nullptr ? &store->finer_tiles : nullptr,
+                                                handed_on, batch.bricks[i]);
+    });
     for (const ValueRange& range : voxels) voxel_range_.include(range);
     bricks_made_ += batch.count;
     progress("bricks",
@@ -468,8 +463,9 @@ void checkOptions(const BuildOptions& options) {
   if (options.error_level != 0 &&
       (options.error_level < kFirstErrorLevel || options.error_level > kMostErrorLevel))
     throw Error("bounds of errors are for level 2, or for the levels 2 and 3");
-  if (options.with_curvature && !(options.curvature_epsilon >= kLeastCurvatureEpsilon))
-    throw Error("the least gradient that counts for the curvature must be 1/65536 or more");
+  if (options.with_curvature && !(options.curvature_epsilon >= kLeastCurvatureEpsilon &&
+                                  std::isfinite(options.curvature_epsilon)))
+    throw Error("the least gradient that counts for the curvature must be finite, 1/65536 or more");
 }
 
 }  // namespace

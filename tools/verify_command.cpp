@@ -1,6 +1,5 @@
 // isobrick verify: reads every brick and names the damaged ones.
 #include <fmt/format.h>
-#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <atomic>
@@ -10,6 +9,7 @@
 #include <vector>
 
 #include "isobrick/storage/index_loop.h"
+#include "isobrick/storage/isolated_loop.h"
 #include "isobrick/storage/pyramid.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
@@ -38,7 +38,7 @@ std::vector<BrickDamage> findDamages(const Pyramid& pyramid) {
   std::vector<BrickDamage> damages;  // guarded by mutex
   for (int level = 0; level < pyramid.lattice().levels(); ++level) {
     const Index3 bricks = pyramid.layout().bricks(level);
-    tbb::parallel_for(std::int64_t{0}, elementCount(bricks), [&](std::int64_t i) {
+    isolatedFor(std::int64_t{0}, elementCount(bricks), [&](std::int64_t i) {
       interruptFlag().check();
       const Index3 brick = indexAt(i, bricks);
       if (auto damage = pyramid.verifyBrick(level, brick)) {

@@ -1,5 +1,4 @@
 // VTK PolyData in XML, its data appended.
-#include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 #include <zlib.h>
 
@@ -14,6 +13,7 @@
 #include "isobrick/extract/sinks/numbered_sink.h"
 #include "isobrick/extract/sinks/side_file.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/isolated_loop.h"
 
 namespace isobrick {
 namespace {
@@ -64,7 +64,7 @@ class ArrayAppender {
       if (cancel_ != nullptr) cancel_->check();
       const auto count =
           static_cast<std::size_t>(std::min<std::uint64_t>(blocks - first, batch.size()));
-      tbb::parallel_for(std::size_t{0}, count, [&](std::size_t i) {
+      isolatedFor(std::size_t{0}, count, [&](std::size_t i) {
         const std::uint64_t at = (first + i) * kBlockBytes;
         const auto size = static_cast<std::size_t>(std::min(bytes - at, kBlockBytes));
         Block& block = batch[i];

@@ -1,7 +1,5 @@
 #include "isobrick/preprocess/phantoms/phantom.h"
 
-#include <tbb/parallel_for.h>
-
 #include <array>
 #include <cmath>
 #include <cstdio>
@@ -13,6 +11,7 @@
 
 #include "isobrick/preprocess/phantoms/head_phantom.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/isolated_loop.h"
 
 namespace isobrick {
 namespace {
@@ -72,7 +71,7 @@ class PhantomSource final : public VolumeSource {
   void readRows(std::int64_t first, std::int64_t count, void* out) override {
     const std::size_t row_bytes =
         static_cast<std::size_t>(info_.voxels.x) * voxelBytes(info_.voxel_type);
-    tbb::parallel_for(std::int64_t{0}, count, [&](std::int64_t i) {
+    isolatedFor(std::int64_t{0}, count, [&](std::int64_t i) {
       const std::int64_t row = first + i;
       phantom_.fillRow(row % info_.voxels.y, row / info_.voxels.y,
                        static_cast<std::byte*>(out) + static_cast<std::size_t>(i) * row_bytes);

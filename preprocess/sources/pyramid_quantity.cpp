@@ -1,7 +1,5 @@
 #include "isobrick/preprocess/sources/pyramid_quantity.h"
 
-#include <tbb/parallel_for.h>
-
 #include <algorithm>
 #include <utility>
 
@@ -9,6 +7,7 @@
 #include "isobrick/storage/curvature_code.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/index_loop.h"
+#include "isobrick/storage/isolated_loop.h"
 
 namespace isobrick {
 namespace {
@@ -56,7 +55,7 @@ class QuantitySource final : public VolumeSource {
     const IndexBox blocks{first_ + box.first, box.count};
     const Index3 begin = blocks.first / brick_blocks_;
     const Index3 count = BrickLayout::ceilDivide(blocks.end(), brick_blocks_) - begin;
-    tbb::parallel_for(std::int64_t{0}, elementCount(count), [&](std::int64_t i) {
+    isolatedFor(std::int64_t{0}, elementCount(count), [&](std::int64_t i) {
       if (cancel_ != nullptr) cancel_->check();
       const Index3 brick = begin + indexAt(i, count);
       visitVoxelType(info_.voxel_type, [&](auto tag) {

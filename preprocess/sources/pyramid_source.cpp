@@ -1,7 +1,5 @@
 #include "isobrick/preprocess/sources/pyramid_source.h"
 
-#include <tbb/parallel_for.h>
-
 #include <algorithm>
 #include <cstring>
 #include <nlohmann/json.hpp>
@@ -10,6 +8,7 @@
 #include "isobrick/preprocess/sources/rows_as_boxes.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/index_loop.h"
+#include "isobrick/storage/isolated_loop.h"
 
 namespace isobrick {
 namespace {
@@ -71,7 +70,7 @@ class PyramidSource final : public VolumeSource {
     const Index3 begin = glm::min(box.first / cells, last);
     const Index3 end = glm::min((box.end() - Index3(1)) / cells, last) + Index3(1);
     const Index3 count = end - begin;
-    tbb::parallel_for(std::int64_t{0}, elementCount(count), [&](std::int64_t i) {
+    isolatedFor(std::int64_t{0}, elementCount(count), [&](std::int64_t i) {
       if (cancel_ != nullptr) cancel_->check();
       copyBrick(begin + indexAt(i, count), box, static_cast<std::byte*>(out));
     });

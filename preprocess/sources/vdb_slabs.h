@@ -3,7 +3,6 @@
 
 #include <openvdb/io/io.h>
 #include <openvdb/openvdb.h>
-#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <bit>
@@ -15,6 +14,7 @@
 
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/storage/brick_layout.h"
+#include "isobrick/storage/isolated_loop.h"
 
 namespace isobrick {
 
@@ -73,12 +73,12 @@ class VdbSlabs {
   // and the stream throw for leaves that are damaged; `checkCancel` may throw too.
   template <typename CheckCancel>
   void read(const IndexBox& box, float* out, const CheckCancel& checkCancel) const {
-    tbb::parallel_for(std::int64_t{0}, box.count.z, [&](std::int64_t z) {
+    isolatedFor(std::int64_t{0}, box.count.z, [&](std::int64_t z) {
       const std::int64_t slice = box.count.x * box.count.y;
       std::fill_n(out + z * slice, slice, static_cast<float>(background_));
     });
     for (const Box& tile : coarse_tiles_) fill(box, out, tile.box, tile.value);
-    tbb::parallel_for(std::size_t{0}, nodes_.size(), [&](std::size_t i) {
+    isolatedFor(std::size_t{0}, nodes_.size(), [&](std::size_t i) {
       const Node& node = nodes_[i];
       if (!meet(box, {node.first, Index3(kNodeVoxels)})) return;
       checkCancel();

@@ -13,6 +13,7 @@
 #include "isobrick/extract/pyramid_values.h"
 #include "isobrick/extract/sinks/mesh_file_sink.h"
 #include "isobrick/extract/sinks/meshopt_chunk.h"
+#include "tests/support/cancelled_group.h"
 #include "tests/support/field_pyramid.h"
 #include "tests/support/file_bytes.h"
 #include "tests/support/temporary_folder.h"
@@ -51,6 +52,30 @@ class MeshFormatsTest : public ::testing::Test {
 
   const TemporaryFolder folder_;
 };
+
+// A group of TBB tasks that is cancelled is no reason to write half a mesh: only the query's flag
+// is.
+TEST_F(MeshFormatsTest, FilesAreWholeInsideACancelledGroup) {
+  const Pyramid pyramid(build("ball.isb", {70, 70, 70}, [](const glm::dvec3& p) {
+    return 30 - glm::length(p - glm::dvec3(34.3, 35.1, 33.7));
+  }));
+  for (const char* name : kNames)
+    for (const bool is_packed : {false, true}) {
+      const std::string ending = std::string(name).substr(4);
+      if (is_packed && ending != ".vtp" && ending != ".glb") continue;
+      const auto bytesOf = [&](const char* stem) {
+        const std::string path = folder_.file(stem + ending);
+        const auto sink = makeMeshFileSink(path, {.zlib = is_packed && ending == ".vtp",
+                                                  .meshopt = is_packed && ending == ".glb"});
+        extractIsosurface(pyramid, Query{}, *sink);
+        return readBytes(path);
+      };
+      const std::string whole = bytesOf("whole");
+      runInCancelledGroup([&] {
+        EXPECT_TRUE(bytesOf("inside") == whole) << name << (is_packed ? ", packed" : "");
+      });
+    }
+}
 
 TEST_F(MeshFormatsTest, GlbEndsAtFourGigabytesAndSaysTheWayOut) {
   PlacedBatch placed;

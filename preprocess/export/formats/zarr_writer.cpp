@@ -1,7 +1,6 @@
 #include "isobrick/preprocess/export/formats/zarr_writer.h"
 
 #include <blosc.h>
-#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <array>
@@ -16,6 +15,7 @@
 #include "isobrick/preprocess/export/formats/spooled_source.h"
 #include "isobrick/preprocess/export/volume_rows.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/isolated_loop.h"
 
 namespace isobrick {
 namespace {
@@ -117,7 +117,7 @@ class LevelWriter {
     std::mutex mutex;
     std::int64_t rows_done = 0;
     // A row of chunks at a time: what is next to each other in the source, and one folder.
-    tbb::parallel_for(std::int64_t{0}, chunks.y * chunks.z, [&](std::int64_t row) {
+    isolatedFor(std::int64_t{0}, chunks.y * chunks.z, [&](std::int64_t row) {
       const std::int64_t y = row % chunks.y, z = row / chunks.y;
       const std::string folder = std::to_string(z) + "/" + std::to_string(y);
       bool has_folder = false;
