@@ -17,7 +17,7 @@ void SurfaceJoiner::place(PlacedBatch& placed) {
   placed.first_triangle = triangles_;
   numbering_.place(placed);
   triangles_ += batch.triangles.size() / 3;
-  SurfaceMesh::refuseTooMany(numbering_.count(), triangles_);
+  mesh_.openFor(numbering_.count(), triangles_);
   parts_.push_back({placed.first_vertex, numbering_.count() - placed.first_vertex,
                     placed.first_triangle, batch.triangles.size() / 3, batch.origin, batch.level});
 }

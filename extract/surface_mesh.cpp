@@ -12,39 +12,55 @@
 
 namespace isobrick {
 
-ReservedBytes::ReservedBytes(std::size_t bytes) : bytes_(bytes) {
-  void* const at = ::mmap(nullptr, bytes, PROT_READ | PROT_WRITE,
-                          MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+void ReservedBytes::reserve() {
+  if (data_ != nullptr) return;
+  void* const at =
+      ::mmap(nullptr, bytes_, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
   if (at == MAP_FAILED)
-    throw Error("no address space for a mesh (" + std::to_string(bytes >> 30) +
+    throw Error("no address space for a mesh (" + std::to_string(bytes_ >> 30) +
                 " GiB): " + std::strerror(errno) + "; stream the mesh to a file instead");
-  ::madvise(at, bytes, MADV_HUGEPAGE);  // where it is refused, small pages do
+  ::madvise(at, bytes_, MADV_HUGEPAGE);  // where it is refused, small pages do
   data_ = static_cast<std::byte*>(at);
 }
 
-ReservedBytes::~ReservedBytes() {
-  if (data_ != nullptr) ::munmap(data_, bytes_);
+// A quarter more than there is, so that a mesh takes few steps however large it becomes; to the end
+// of a huge page.
+void ReservedBytes::openFurther(std::size_t bytes) {
+  const auto begin = reinterpret_cast<std::uintptr_t>(data_);
+  const std::uintptr_t wanted = begin + std::max(bytes, open_bytes_ + open_bytes_ / 4);
+  const std::size_t end = std::min((wanted + kStep - 1) / kStep * kStep - begin, bytes_);
+  if (::mprotect(data_ + open_bytes_, end - open_bytes_, PROT_READ | PROT_WRITE) != 0)
+    throw Error("no memory for a mesh (" + std::to_string(end >> 20) +
+                " MiB): " + std::strerror(errno) +
+                "; extract a part of it or a coarser level, or stream it to a file");
+  open_bytes_ = end;
 }
 
-ReservedBytes::ReservedBytes(ReservedBytes&& other) noexcept
-    : data_(std::exchange(other.data_, nullptr)), bytes_(std::exchange(other.bytes_, 0)) {}
+ReservedBytes::ReservedBytes(ReservedBytes&& other) noexcept : bytes_(other.bytes_) {
+  *this = std::move(other);
+}
 
 ReservedBytes& ReservedBytes::operator=(ReservedBytes&& other) noexcept {
   std::swap(data_, other.data_);
   std::swap(bytes_, other.bytes_);
+  std::swap(open_bytes_, other.open_bytes_);
   return *this;
 }
 
-void ReservedBytes::release() { ::madvise(data_, bytes_, MADV_DONTNEED); }
+void ReservedBytes::release() noexcept {
+  if (data_ != nullptr) ::munmap(data_, bytes_);
+  data_ = nullptr;
+  open_bytes_ = 0;
+}
 
 SurfaceMesh::SurfaceMesh()
     : position_bytes_(sizeof(glm::vec3) * (kMostVertices + 1)),
       normal_bytes_(sizeof(glm::vec3) * (kMostVertices + 1)),
       triangle_bytes_(3 * sizeof(std::uint32_t) * kMostTriangles) {}
 
-SurfaceMesh::SurfaceMesh(SurfaceMesh&& other) : SurfaceMesh() { *this = std::move(other); }
+SurfaceMesh::SurfaceMesh(SurfaceMesh&& other) noexcept : SurfaceMesh() { *this = std::move(other); }
 
-SurfaceMesh& SurfaceMesh::operator=(SurfaceMesh&& other) {
+SurfaceMesh& SurfaceMesh::operator=(SurfaceMesh&& other) noexcept {
   if (this == &other) return *this;
   release();
   position_bytes_ = std::move(other.position_bytes_);  // these change places
@@ -62,13 +78,19 @@ void SurfaceMesh::clear(const GridGeometry& geometry) {
   vertices_ = triangles_ = 0;
   parts_.clear();
   placement_ = WorldPlacement(geometry);
+  for (ReservedBytes* bytes : {&position_bytes_, &normal_bytes_, &triangle_bytes_})
+    bytes->reserve();
 }
 
-void SurfaceMesh::refuseTooMany(std::uint64_t vertices, std::uint64_t triangles) {
+void SurfaceMesh::openFor(std::uint64_t vertices, std::uint64_t triangles) {
   if (vertices > kMostVertices || triangles > kMostTriangles)
     throw Error(
-        "the mesh has more than 4,294,967,295 vertices; extract a part of it or a coarser level, "
+        "the mesh has more than 4,294,966,272 vertices; extract a part of it or a coarser level, "
         "or stream it to a file");
+  // Lanes are stored beyond the last vertex.
+  position_bytes_.open((vertices + 1) * sizeof(glm::vec3));
+  normal_bytes_.open((vertices + 1) * sizeof(glm::vec3));
+  triangle_bytes_.open(triangles * 3 * sizeof(std::uint32_t));
 }
 
 const SurfaceMesh::Part& SurfaceMesh::partOfVertex(std::uint64_t vertex) const {
@@ -78,7 +100,7 @@ const SurfaceMesh::Part& SurfaceMesh::partOfVertex(std::uint64_t vertex) const {
   return *after;
 }
 
-void SurfaceMesh::release() {
+void SurfaceMesh::release() noexcept {
   vertices_ = triangles_ = 0;
   parts_.clear();
   side_numbers_.clear();

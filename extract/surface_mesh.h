@@ -11,22 +11,38 @@
 
 namespace isobrick {
 
-// Address space for the most elements there may be; memory comes with the first write to a page, in
-// huge pages where the system grants them, and stays.
+// Address space for the most elements there may be, of which a part from the beginning is open.
+// Addresses alone cost nothing, not even where the system promises no more than it has
+// (vm.overcommit_memory=2) or bounds what a process may write to (RLIMIT_DATA). Memory comes with
+// the first write to an open page, in huge pages where the system grants them, and stays.
 class ReservedBytes {
  public:
-  explicit ReservedBytes(std::size_t bytes);
-  ~ReservedBytes();
+  explicit ReservedBytes(std::size_t bytes) : bytes_(bytes) {}
+  ~ReservedBytes() { release(); }
   ReservedBytes(ReservedBytes&& other) noexcept;
   ReservedBytes& operator=(ReservedBytes&& other) noexcept;
 
+  // Takes the addresses, unless it has them. Throws Error where there are none.
+  void reserve();
+  // The first `bytes` may be read and written from here on; they are reserved. By one thread at a
+  // time. Throws Error where the system does not promise the memory.
+  void open(std::size_t bytes) {
+    if (bytes > open_bytes_) openFurther(bytes);
+  }
+  // nullptr before reserve().
   std::byte* data() const { return data_; }
-  // Gives all memory back to the system; the address space stays.
-  void release();
+  // Gives all memory and addresses back to the system.
+  void release() noexcept;
 
  private:
+  // What is open counts as used where memory is promised, so there is not much more of it than is
+  // asked for.
+  static constexpr std::size_t kStep = std::size_t{32} << 20;
+
+  void openFurther(std::size_t bytes);
+
   std::byte* data_ = nullptr;
-  std::size_t bytes_ = 0;
+  std::size_t bytes_ = 0, open_bytes_ = 0;
 };
 
 // An indexed triangle mesh. Every vertex is stored once. Positions are counted in voxels from the
@@ -34,7 +50,7 @@ class ReservedBytes {
 // part's origin as an offset, and worldPosition() gives doubles.
 //
 // The object keeps the memory of the largest mesh it held, so a query into it writes to warm
-// memory. Throws Error where the system grants no address space.
+// memory. Extracting into it throws Error where the system grants no address space or no memory.
 class SurfaceMesh {
  public:
   // What one brick added: vertices and triangles [first, first + count). Its triangles may use
@@ -45,14 +61,14 @@ class SurfaceMesh {
     Index3 origin{0};
     int level = 0;
   };
-  // Vertex numbers have 32 bits.
-  static constexpr std::uint64_t kMostVertices = (std::uint64_t{1} << 32) - 1;
+  // Vertex numbers have 32 bits, of which some stand for no vertex (surface_writer.cpp).
+  static constexpr std::uint64_t kMostVertices = (std::uint64_t{1} << 32) - 1024;
   static constexpr std::uint64_t kMostTriangles = std::uint64_t{1} << 33;
 
   SurfaceMesh();
-  // What was moved from is empty, with address space of its own.
-  SurfaceMesh(SurfaceMesh&& other);
-  SurfaceMesh& operator=(SurfaceMesh&& other);
+  // What was moved from is empty.
+  SurfaceMesh(SurfaceMesh&& other) noexcept;
+  SurfaceMesh& operator=(SurfaceMesh&& other) noexcept;
 
   std::span<const glm::vec3> positions() const { return {positionData(), vertices_}; }
   // World, unit, towards lower values.
@@ -68,15 +84,16 @@ class SurfaceMesh {
   }
 
   // Forgets the mesh and gives its memory back to the system.
-  void release();
+  void release() noexcept;
 
  private:
   friend class SurfaceWriter;
   friend class SurfaceJoiner;
   // Forgets the mesh and keeps its memory.
   void clear(const GridGeometry& geometry);
-  // Throws Error where a mesh can have no more.
-  static void refuseTooMany(std::uint64_t vertices, std::uint64_t triangles);
+  // Room for so many, to be written to. By one thread at a time. Throws Error where a mesh can have
+  // no more.
+  void openFor(std::uint64_t vertices, std::uint64_t triangles);
   glm::vec3* positionData() const { return reinterpret_cast<glm::vec3*>(position_bytes_.data()); }
   glm::vec3* normalData() const { return reinterpret_cast<glm::vec3*>(normal_bytes_.data()); }
   std::uint32_t* triangleData() const {

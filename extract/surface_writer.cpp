@@ -214,7 +214,7 @@ class SurfaceWriter::Run {
     BrickJob& next = jobs_[number + 1];
     next.first_vertex = job.first_vertex + job.vertices;
     next.first_triangle = job.first_triangle + job.triangles;
-    SurfaceMesh::refuseTooMany(next.first_vertex, next.first_triangle);
+    mesh_.openFor(next.first_vertex, next.first_triangle);
     next.placed.set();
     return true;
   }

@@ -22,6 +22,10 @@ void forbid(const void*, std::uint64_t) {}
 void permit(const void*, std::uint64_t) {}
 #endif
 
+// What is reserved counts for nothing, not even where the system promises no more than it has
+// (vm.overcommit_memory=2); as far as buffers reach it is opened, so much at once.
+constexpr std::uint64_t kOpenStep = std::uint64_t{32} << 20;
+
 std::uint64_t roundedUp(std::uint64_t bytes, std::uint64_t step) {
   return (bytes + step - 1) / step * step;
 }
@@ -48,7 +52,7 @@ std::uint64_t BufferSlab::runBytes(std::uint64_t bytes) {
 // Where it is refused, there is no slab, and nobody asks again.
 bool BufferSlab::reserve() {
   if (bytes_ == 0) return false;
-  void* const map = mmap(nullptr, bytes_ + kHugePageBytes, PROT_READ | PROT_WRITE,
+  void* const map = mmap(nullptr, bytes_ + kHugePageBytes, PROT_NONE,
                          MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
   if (map == MAP_FAILED) {
     bytes_ = 0;
@@ -78,8 +82,14 @@ std::byte* BufferSlab::take(std::uint64_t bytes) {
   if (found == free_runs_.end()) return nullptr;
   const auto [length, begin] = *found;
   // All that may throw comes first.
-  touched_.resize(
-      std::max<std::size_t>(touched_.size(), (begin + wanted - 1) / kHugePageBytes + 1));
+  if (const std::uint64_t open = touched_.size() * kHugePageBytes; begin + wanted > open) {
+    const std::uint64_t end = std::min(roundedUp(begin + wanted, kOpenStep), bytes_);
+    touched_.resize(end / kHugePageBytes);
+    if (mprotect(base_ + open, end - open, PROT_READ | PROT_WRITE) != 0) {
+      touched_.resize(open / kHugePageBytes);
+      return nullptr;
+    }
+  }
   const auto run = runs_.find(begin);
   if (length > wanted) {
     FreeRuns rest = {{length - wanted, begin + wanted}};

@@ -1,5 +1,6 @@
 // Meshes written in place, against the same meshes through a sink.
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 #include <tbb/task_arena.h>
 
 #include <algorithm>
@@ -11,7 +12,9 @@
 #include "isobrick/extract/extractor.h"
 #include "isobrick/extract/sinks/indexed_mesh.h"
 #include "isobrick/preprocess/pyramid_builder.h"
+#include "isobrick/storage/error.h"
 #include "tests/support/array_source.h"
+#include "tests/support/child_process.h"
 #include "tests/support/mesh_checker.h"
 #include "tests/support/random_numbers.h"
 #include "tests/support/temporary_folder.h"
@@ -117,6 +120,76 @@ TEST(SurfaceMesh, IsTheMeshOfTheSinkForAnyNumberOfThreads) {
   EXPECT_GT(uniform, 10000u);
   EXPECT_GT(triangles, uniform);
 }
+
+// Sanitizers hold memory and addresses of their own.
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+
+// What is reserved and not used counts nowhere: RLIMIT_DATA bounds what a process may write to, as
+// vm.overcommit_memory=2 does for all of them together.
+TEST(SurfaceMesh, CountsAsUsedOnlyWhatItHolds) {
+  const TemporaryFolder folder;
+  Random random(8);
+  const Index3 dims(30, 31, 32);
+  const std::vector<std::uint16_t> values = makeField(dims, random);
+  ArraySource<std::uint16_t> source(dims, values);
+  const std::string path = folder.file("mesh.isb");
+  buildPyramid(source, path, {});
+  Query query;
+  query.isovalue = 300.5;
+  expectChildLeavesWith(0, [&] {
+    tbb::task_arena one(1);  // a child has no other threads
+    return one.execute([&] {
+      const Pyramid pyramid(path);
+      SurfaceMesh mesh;
+      rlimit limit{};
+      getrlimit(RLIMIT_DATA, &limit);
+      limit.rlim_cur = rlim_t{4} << 30;
+      if (setrlimit(RLIMIT_DATA, &limit) != 0) return 2;
+      const ExtractionReport report = extractIsosurface(pyramid, query, mesh);
+      return report.triangles > 0 && mesh.triangles().size() == 3 * report.triangles ? 0 : 3;
+    });
+  });
+}
+
+TEST(SurfaceMesh, WithoutMemoryOrAddressesItIsAnErrorAndTheNextIsWhole) {
+  const TemporaryFolder folder;
+  Random random(9);
+  const Index3 dims(30, 31, 32);
+  ArraySource<std::uint16_t> source(dims, makeField(dims, random));
+  const std::string path = folder.file("mesh.isb");
+  buildPyramid(source, path, {});
+  Query query;
+  query.isovalue = 300.5;
+  for (const auto& [resource, text] :
+       {std::pair{RLIMIT_DATA, "no memory for a mesh"}, {RLIMIT_AS, "no address space"}})
+    expectChildLeavesWith(0, [&, which = resource, what = text] {
+      tbb::task_arena one(1);
+      return one.execute([&] {
+        const Pyramid pyramid(path);
+        Extractor extractor(pyramid);
+        SurfaceMesh mesh, other;
+        const std::uint64_t triangles = extractor.extract(query, mesh).triangles;
+        rlimit before{};
+        getrlimit(which, &before);
+        rlimit none = before;
+        none.rlim_cur = 1 << 20;  // less than there is
+        if (setrlimit(which, &none) != 0) return 2;
+        std::string message;
+        try {
+          extractor.extract(query, other);
+        } catch (const Error& error) {
+          message = error.what();
+        }
+        setrlimit(which, &before);
+        if (message.find(what) == std::string::npos) return 3;
+        if (!other.triangles().empty() || !other.positions().empty()) return 4;
+        if (extractor.extract(query, other).triangles != triangles) return 5;
+        return extractor.extract(query, mesh).triangles == triangles ? 0 : 6;
+      });
+    });
+}
+
+#endif
 
 TEST(SurfaceMesh, WhatWasMovedFromIsEmptyAndTakesTheNextMesh) {
   const TemporaryFolder folder;
