@@ -21,30 +21,69 @@
 namespace isobrick {
 namespace {
 
-// Numbers of the crossings on a brick's high sides, as vertex numbers of the mesh, in one array.
-// Only those of rows with crossings are set.
+// Stands for the first crossing of a row that the brick which should have it lacks, because it
+// lies. With what is added to the number of a row's first crossing it is beyond every vertex.
+constexpr std::uint32_t kNoCrossing = SurfaceMesh::kMostVertices + 1;
+
+// Numbers of the crossings on a brick's high sides, as vertex numbers of the mesh, in one array
+// whose memory was another brick's before: what is not set, reads as kNoCrossing.
 class SideNumbers {
  public:
-  explicit SideNumbers(const Index3& cells)
-      : rows_((cells.y + 1) * (cells.z + 1)), ny_(cells.y + 1), nz_(cells.z + 1) {}
+  SideNumbers(const Index3& cells, RawVector<std::uint32_t>& array)
+      : rows_((cells.y + 1) * (cells.z + 1)), ny_(cells.y + 1), nz_(cells.z + 1), array_(array) {}
 
-  std::size_t size() const { return static_cast<std::size_t>(2 * rows_ + 2 * nz_ + 2 * ny_); }
+  void forgetAll() {
+    const std::size_t first_bits = bits(0), end = bits(lastPlaces() - 1) + 1;
+    if (array_.size() < end) array_.resize(end);
+    std::fill(&array_[lastPlaces()], &array_[first_bits], kNoCrossing);
+    std::fill(&array_[first_bits], &array_[first_bits] + (end - first_bits), 0u);
+  }
   // At the last corner of row r, along y (axis 1) or z (2).
-  std::size_t last(int axis, std::int64_t r) const {
-    return static_cast<std::size_t>((axis - 1) * rows_ + r);
+  void setLast(int axis, std::int64_t r, std::uint32_t number) {
+    array_[last(axis, r)] = number;
+    array_[bits(last(axis, r))] |= 1u << last(axis, r) % 32;
+  }
+  std::uint32_t ofLast(int axis, std::int64_t r) const {
+    const std::size_t at = last(axis, r);
+    return (array_[bits(at)] >> at % 32 & 1) != 0 ? array_[at] : kNoCrossing;
   }
   // Of the last row of slice k, along x (0) or z (2): BrickRows::numbers.
-  std::size_t inSideY(int axis, std::int64_t k) const {
-    return static_cast<std::size_t>(2 * rows_ + (axis == 0 ? 0 : nz_) + k);
+  std::uint32_t& inSideY(int axis, std::int64_t k) const {
+    return array_[lastPlaces() + static_cast<std::size_t>((axis == 0 ? 0 : nz_) + k)];
   }
   // Of row j of the last slice, along x (0) or y (1).
-  std::size_t inSideZ(int axis, std::int64_t j) const {
-    return static_cast<std::size_t>(2 * rows_ + 2 * nz_ + (axis == 0 ? 0 : ny_) + j);
+  std::uint32_t& inSideZ(int axis, std::int64_t j) const {
+    return array_[lastPlaces() + static_cast<std::size_t>(2 * nz_ + (axis == 0 ? 0 : ny_) + j)];
   }
 
  private:
+  std::size_t lastPlaces() const { return static_cast<std::size_t>(2 * rows_); }
+  std::size_t last(int axis, std::int64_t r) const {
+    return static_cast<std::size_t>((axis - 1) * rows_ + r);
+  }
+  // The word that says whether ofLast() at place `at` is set.
+  std::size_t bits(std::size_t at) const {
+    return lastPlaces() + static_cast<std::size_t>(2 * (nz_ + ny_)) + at / 32;
+  }
+
   std::int64_t rows_, ny_, nz_;
+  RawVector<std::uint32_t>& array_;
 };
+
+// Whether the row has a number. Bits of rows that touch no wanted cell may be those of an older
+// brick.
+bool hasCrossings(const BrickRows& rows, int axis, std::int64_t r) {
+  const std::int64_t words = rows.words_per_row, slice = rows.rowsPerSlice();
+  const auto a = static_cast<std::size_t>(axis);
+  std::uint64_t near = 0,
+                any = axis == 0 ? 0 : rows.crossed_first[a - 1][static_cast<std::size_t>(r)];
+  for (std::int64_t w = 0; w < words; ++w) {
+    near |= rows.wanted(r)[w] | rows.wanted(r - 1)[w] | rows.wanted(r - slice)[w] |
+            rows.wanted(r - slice - 1)[w];
+    any |= rows.crossed[a][static_cast<std::size_t>(r * words + w)];
+  }
+  return near != 0 && any != 0;
+}
 
 // Set once, by one thread, and waited for by others.
 class OnceFlag {
@@ -226,27 +265,28 @@ class SurfaceWriter::Run {
       const std::size_t neighbour = neighbourOf(number, axis);
       if (neighbour == number) continue;
       if (!jobs_[neighbour].numbered.wait()) return false;
-      if (jobs_[neighbour].triangles == 0) continue;
+      // Without triangles it has set none: then what crosses the side here, it denies.
+      const bool has_any = jobs_[neighbour].triangles > 0;
       const IndexBox cells = layout_.brickCellBox(work_[neighbour].level, work_[neighbour].brick);
-      const SideNumbers side(cells.count);
-      const std::uint32_t* from = mesh_.side_numbers_[neighbour].data();
+      const SideNumbers side(cells.count, mesh_.side_numbers_[neighbour]);
       if (axis == 0) {
         for (const std::size_t across : {std::size_t{1}, std::size_t{2}})
           for (const std::uint32_t r : rows.crossed_rows[across].list())
             if (rows.crossed_first[across - 1][r] != 0)
               rows.first_numbers[across - 1][r] =
-                  from[side.last(static_cast<int>(across), r)] - first[across];
+                  (has_any ? side.ofLast(static_cast<int>(across), r) : kNoCrossing) -
+                  first[across];
       } else if (axis == 1) {
         for (std::int64_t k = 0; k <= nz; ++k) {
           const auto r = static_cast<std::size_t>(rows.row(0, k));
-          rows.numbers[0][r] = from[side.inSideY(0, k)] - first[0];
-          rows.numbers[2][r] = from[side.inSideY(2, k)] - first[2];
+          rows.numbers[0][r] = (has_any ? side.inSideY(0, k) : kNoCrossing) - first[0];
+          rows.numbers[2][r] = (has_any ? side.inSideY(2, k) : kNoCrossing) - first[2];
         }
       } else {
         for (std::int64_t j = 0; j <= ny; ++j) {
           const auto r = static_cast<std::size_t>(rows.row(j, 0));
-          rows.numbers[0][r] = from[side.inSideZ(0, j)] - first[0];
-          rows.numbers[1][r] = from[side.inSideZ(1, j)] - first[1];
+          rows.numbers[0][r] = (has_any ? side.inSideZ(0, j) : kNoCrossing) - first[0];
+          rows.numbers[1][r] = (has_any ? side.inSideZ(1, j) : kNoCrossing) - first[1];
         }
       }
     }
@@ -257,9 +297,8 @@ class SurfaceWriter::Run {
   void giveSideNumbers(std::size_t number, const FirstVertices& first, const BrickRows& rows) {
     const std::int64_t nx = rows.cells.x, ny = rows.cells.y, nz = rows.cells.z;
     const std::int64_t words = rows.words_per_row;
-    const SideNumbers side(rows.cells);
-    RawVector<std::uint32_t>& to = mesh_.side_numbers_[number];
-    if (to.size() < side.size()) to.resize(side.size());
+    SideNumbers side(rows.cells, mesh_.side_numbers_[number]);
+    side.forgetAll();
     const auto numberOf = [&](std::size_t axis, std::int64_t r) {
       return first[axis] + rows.numbers[axis][static_cast<std::size_t>(r)];
     };
@@ -270,17 +309,17 @@ class SurfaceWriter::Run {
         if ((crossed[words - 1] >> last_bit & 1) == 0) continue;
         int count = 0;
         for (std::int64_t w = 0; w < words; ++w) count += std::popcount(crossed[w]);
-        to[side.last(static_cast<int>(axis), r)] =
-            numberOf(axis, r) + static_cast<std::uint32_t>(count) - 1;
+        side.setLast(static_cast<int>(axis), r,
+                     numberOf(axis, r) + static_cast<std::uint32_t>(count) - 1);
       }
-    for (std::int64_t k = 0; k <= nz; ++k) {
-      to[side.inSideY(0, k)] = numberOf(0, rows.row(ny, k));
-      to[side.inSideY(2, k)] = numberOf(2, rows.row(ny, k));
-    }
-    for (std::int64_t j = 0; j <= ny; ++j) {
-      to[side.inSideZ(0, j)] = numberOf(0, rows.row(j, nz));
-      to[side.inSideZ(1, j)] = numberOf(1, rows.row(j, nz));
-    }
+    for (std::int64_t k = 0; k <= nz; ++k)
+      for (const int axis : {0, 2})
+        if (const std::int64_t r = rows.row(ny, k); hasCrossings(rows, axis, r))
+          side.inSideY(axis, k) = numberOf(static_cast<std::size_t>(axis), r);
+    for (std::int64_t j = 0; j <= ny; ++j)
+      for (const int axis : {0, 1})
+        if (const std::int64_t r = rows.row(j, nz); hasCrossings(rows, axis, r))
+          side.inSideZ(axis, j) = numberOf(static_cast<std::size_t>(axis), r);
   }
 
   SurfaceMesh& mesh_;

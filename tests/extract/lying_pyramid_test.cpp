@@ -76,20 +76,41 @@ std::string extractChecked(const Pyramid& pyramid, const Query& query) {
   return message;
 }
 
-// The same for a mesh in memory, whose bricks take numbers of vertices from each other.
+// The same for a mesh in memory, whose bricks take numbers of vertices from each other. Nothing of
+// what was extracted before shows in it.
 std::string extractInPlaceChecked(const Pyramid& pyramid, const Query& query) {
+  std::string message;
+  std::vector<std::uint32_t> expected;
+  Extractor extractor(pyramid);
   SurfaceMesh mesh;
-  try {
-    extractIsosurface(pyramid, query, mesh);
-  } catch (const Error& error) {
-    EXPECT_EQ(mesh.triangles().size(), 0u);
-    return error.what();
+  for (const bool is_first : {true, false}) {
+    std::string now;
+    try {
+      extractor.extract(query, mesh);
+    } catch (const Error& error) {
+      EXPECT_EQ(mesh.triangles().size(), 0u);
+      now = error.what();
+    }
+    std::uint64_t bad_indices = 0;
+    for (const std::uint32_t index : mesh.triangles())
+      bad_indices += index >= mesh.positions().size();
+    EXPECT_EQ(bad_indices, 0u);
+    const std::vector<std::uint32_t> triangles(mesh.triangles().begin(), mesh.triangles().end());
+    if (is_first) {
+      message = now;
+      expected = triangles;
+      Query other = query;
+      other.isovalue += 25;
+      try {
+        extractor.extract(other, mesh);
+      } catch (const Error&) {
+      }
+    } else {
+      EXPECT_EQ(now.empty(), message.empty()) << now << message;
+      EXPECT_TRUE(triangles == expected) << "the mesh depends on what was extracted before";
+    }
   }
-  std::uint64_t bad_indices = 0;
-  for (const std::uint32_t index : mesh.triangles())
-    bad_indices += index >= mesh.positions().size();
-  EXPECT_EQ(bad_indices, 0u);
-  return "";
+  return message;
 }
 
 using EditElements = std::function<void(const PyramidDraft::Brick&, PyramidDraft::Elements&)>;
@@ -148,6 +169,58 @@ TEST(LyingPyramid, TileRangesThatAreTooNarrowMakeAnErrorOrAMesh) {
     EXPECT_NE(message.find(path), std::string::npos) << message;
     EXPECT_NE(message.find("brick ("), std::string::npos) << message;
     EXPECT_NE(message.find("verify"), std::string::npos) << message;
+  }
+  EXPECT_GT(errors, 5);
+}
+
+// A brick claims that no surface crosses it; those behind it take over vertices on its sides.
+TEST(LyingPyramid, ABrickThatHidesItsSurfaceMakesAnError) {
+  const TemporaryFolder folder;
+  const Bytes good = buildNoise(folder, Index3(40, 25, 25), 8, 4);
+  const std::string path = folder.file("hidden.isb");
+  const Index3 bricks(5, 3, 3);
+  for (std::int64_t z = 0; z < bricks.z; ++z)
+    for (std::int64_t y = 0; y < bricks.y; ++y)
+      for (std::int64_t x = 0; x < bricks.x; ++x) {
+        const Index3 hidden(x, y, z);
+        if (hidden == bricks - Index3(1)) continue;  // nobody takes anything of the last
+        SCOPED_TRACE(testing::Message() << x << "," << y << "," << z);
+        writeFile(path, edited(good, [&](const auto& brick, PyramidDraft::Elements& elements) {
+                    if (brick.level != 0 || brick.index != hidden) return;
+                    const float low = 0;
+                    for (std::size_t at = 4; at < elements[1].size(); at += 8)
+                      std::memcpy(elements[1].data() + at, &low, 4);
+                  }));
+        const Pyramid pyramid(path);
+        Query query;
+        query.isovalue = 50;
+        EXPECT_EQ(extractChecked(pyramid, query), "");
+        const std::string message = extractInPlaceChecked(pyramid, query);
+        EXPECT_NE(message.find("contradicts itself in brick ("), std::string::npos) << message;
+      }
+}
+
+// The same for a brick whose samples deny what its neighbours have on the common side.
+TEST(LyingPyramid, ABrickWithOtherSamplesOnItsSideMakesAnErrorOrTheSameMeshAgain) {
+  const TemporaryFolder folder;
+  const Bytes good = buildNoise(folder, Index3(40, 25, 25), 8, 4);
+  const std::string path = folder.file("denied.isb");
+  Random random(5);
+  int errors = 0;
+  for (int round = 0; round < 40; ++round) {
+    const std::uint64_t share = 1 + randomBelow(random, 100);
+    writeFile(path, edited(good, [&](const PyramidDraft::Brick& brick, auto& elements) {
+                if (brick.level != 0 || randomBelow(random, 3) != 0) return;
+                for (std::size_t at = 0; at + 4 <= elements[0].size(); at += 4) {
+                  const float value = round % 2 == 0 ? 0 : static_cast<float>(random() % 100);
+                  if (randomBelow(random, 100) < share)
+                    std::memcpy(elements[0].data() + at, &value, 4);
+                }
+              }));
+    const Pyramid pyramid(path);
+    Query query;
+    query.isovalue = 50;
+    if (!extractInPlaceChecked(pyramid, query).empty()) ++errors;
   }
   EXPECT_GT(errors, 5);
 }
