@@ -1,6 +1,7 @@
 // The extractor against the reference mesher over random volumes and random queries (rule 11 in
 // every case, the same crossings to the bit, the same triangle counts). ISOBRICK_PROPERTY_VOLUMES
-// sets the number of volumes (six queries each), ISOBRICK_PROPERTY_SEED the first seed.
+// sets the number of volumes (six queries each), ISOBRICK_PROPERTY_WIDE_VOLUMES that of volumes in
+// bricks with rows of several words, ISOBRICK_PROPERTY_SEED the first seed.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -174,13 +175,18 @@ LeafLevels referenceLeaves(const Pyramid& pyramid, const ReferencePyramid& refer
   return referenceLeafLevels(pyramid.lattice(), expected);
 }
 
+// Bricks of up to 64 cells, whose rows of bits are one word, or rows of two to four words.
+enum class Rows { kOneWord, kSeveralWords };
+
 template <typename T>
-void runVolume(std::uint32_t seed, const TemporaryFolder& folder, Coverage& coverage) {
+void runVolume(std::uint32_t seed, Rows rows, const TemporaryFolder& folder, Coverage& coverage) {
   RandomCase random(seed);
-  const Index3 dims = random.dims();
+  const bool is_wide = rows == Rows::kSeveralWords;
+  const Index3 dims = is_wide ? random.wideDims() : random.dims();
   const std::vector<T> values = random.field<T>(dims);
   BuildOptions options;
-  options.brick_cells = std::int64_t{4} << random.uniform(0, 4);
+  options.brick_cells =
+      is_wide ? std::int64_t{128} << random.uniform(0, 1) : std::int64_t{4} << random.uniform(0, 4);
   options.tile_cells = std::min(options.brick_cells, std::int64_t{2} << random.uniform(0, 2));
   options.error_level = random.chance(0.3) ? 0 : random.uniform(2, 3);
   const bool subsample = random.chance(0.2);
@@ -246,17 +252,15 @@ void runVolume(std::uint32_t seed, const TemporaryFolder& folder, Coverage& cove
   }
 }
 
-TEST(ExtractProperty, MatchesTheReferenceOnRandomQueries) {
+Coverage runVolumes(int volumes, Rows rows) {
   const TemporaryFolder folder;
-  const int volumes = environmentOr("ISOBRICK_PROPERTY_VOLUMES", 350);
   const int first = environmentOr("ISOBRICK_PROPERTY_SEED", 1);
   Coverage coverage;
-  for (int v = 0; v < volumes; ++v) {
+  for (int v = 0; v < volumes && !testing::Test::HasFatalFailure(); ++v) {
     const auto seed = static_cast<std::uint32_t>(first + v);
     visitVoxelType(static_cast<VoxelType>(seed % kVoxelTypeCount), [&](auto tag) {
-      runVolume<typename decltype(tag)::Type>(seed, folder, coverage);
+      runVolume<typename decltype(tag)::Type>(seed, rows, folder, coverage);
     });
-    if (HasFatalFailure()) return;
   }
   std::printf(
       "%d queries: %d with triangles, %d with transition fans, %d with several levels, of them %d "
@@ -266,6 +270,13 @@ TEST(ExtractProperty, MatchesTheReferenceOnRandomQueries) {
       coverage.queries, coverage.with_triangles, coverage.with_transitions,
       coverage.with_two_levels, coverage.flattened, coverage.seen, coverage.combined,
       coverage.tolerated, coverage.promised, coverage.bounded);
+  return coverage;
+}
+
+TEST(ExtractProperty, MatchesTheReferenceOnRandomQueries) {
+  const Coverage coverage =
+      runVolumes(environmentOr("ISOBRICK_PROPERTY_VOLUMES", 350), Rows::kOneWord);
+  if (HasFatalFailure()) return;
   EXPECT_GT(coverage.with_triangles, coverage.queries * 7 / 10);
   EXPECT_GT(coverage.with_transitions, coverage.queries / 4);
   EXPECT_GT(coverage.flattened, coverage.queries / 10);
@@ -273,6 +284,15 @@ TEST(ExtractProperty, MatchesTheReferenceOnRandomQueries) {
   EXPECT_GT(coverage.combined, coverage.queries / 20);
   EXPECT_GT(coverage.promised, coverage.queries / 30);
   EXPECT_GT(coverage.bounded, coverage.queries / 100);
+}
+
+TEST(ExtractProperty, MatchesTheReferenceOnRowsOfSeveralWords) {
+  const Coverage coverage =
+      runVolumes(environmentOr("ISOBRICK_PROPERTY_WIDE_VOLUMES", 200), Rows::kSeveralWords);
+  if (HasFatalFailure()) return;
+  EXPECT_GT(coverage.with_triangles, coverage.queries * 7 / 10);
+  EXPECT_GT(coverage.with_transitions, coverage.queries / 4);
+  EXPECT_GT(coverage.with_two_levels, coverage.queries / 4);
 }
 
 }  // namespace

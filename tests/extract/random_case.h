@@ -32,6 +32,16 @@ class RandomCase {
     return d;
   }
 
+  // More cells along x than a word has bits, and few along y and z.
+  Index3 wideDims() {
+    // At and beside the ends of words and bricks.
+    constexpr int kEnds[] = {64, 128, 192, 256};
+    const int x = chance(0.4) ? kEnds[uniform(0, 3)] + uniform(1, 3) : uniform(66, 310);
+    Index3 d(x, uniform(2, 14), uniform(2, 14));
+    while (elementCount(d) > 40000) d[uniform(1, 2)] = uniform(2, 9);
+    return d;
+  }
+
   // Noise, plateaus, smooth bumps with or without noise, or nearly linear.
   template <typename T>
   std::vector<T> field(const Index3& dims) {

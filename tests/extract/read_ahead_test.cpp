@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 #include <tbb/task_arena.h>
 
+#include <algorithm>
 #include <chrono>
 #include <functional>
 #include <thread>
@@ -30,6 +31,21 @@ class SinkWithAStop : public CountingSink {
  private:
   std::function<void()> stop_;
   int placed_ = 0;
+};
+
+// Sees how much the pyramid holds while it is read.
+class HeldSink : public CountingSink {
+ public:
+  explicit HeldSink(const Pyramid& pyramid) : pyramid_(pyramid) {}
+  void place(PlacedBatch& batch) override {
+    CountingSink::place(batch);
+    most_held_ = std::max(most_held_, pyramid_.heldBytes());
+  }
+  std::uint64_t mostHeld() const { return most_held_; }
+
+ private:
+  const Pyramid& pyramid_;
+  std::uint64_t most_held_ = 0;
 };
 
 class ReadAheadTest : public testing::TestWithParam<Codec> {
@@ -78,8 +94,8 @@ TEST_P(ReadAheadTest, NothingIsFetchedWhereAllIsThere) {
 }
 
 TEST_P(ReadAheadTest, ACancelledQueryEndsItAndTheNextIsWhole) {
-  const Pyramid pyramid(path_);
-  const std::uint64_t triangles = trianglesOf(Pyramid(path_));
+  const Pyramid whole(path_), pyramid(path_);
+  const std::uint64_t triangles = trianglesOf(whole);
   CancelFlag cancel;
   Query query = query_;
   query.cancel = &cancel;
@@ -91,6 +107,10 @@ TEST_P(ReadAheadTest, ACancelledQueryEndsItAndTheNextIsWhole) {
   const std::uint64_t fetched = pyramid.counters().parts_fetched;
   EXPECT_GT(fetched, 0u);
   EXPECT_EQ(trianglesOf(pyramid), triangles);
+  // All that it fetched is there and is used: nothing is read twice, and nothing else.
+  EXPECT_EQ(pyramid.counters().bytes_read, whole.counters().bytes_read);
+  EXPECT_EQ(pyramid.counters().parts_read, whole.counters().parts_read);
+  EXPECT_EQ(pyramid.counters().fetched_unused, 0u);
 }
 
 // After the request each thread ends the part that it is at, however long the query takes to end.
@@ -124,15 +144,31 @@ TEST_P(ReadAheadTest, ACancelledQueryReadsNoFurther) {
   FAIL() << "all was read before any query could be cancelled";
 }
 
-// Fetched parts make room for each other, and those in use stay.
+// Fetched parts make room for each other, and those in use stay; what comes in ahead does not push
+// out what came in before and was not used yet.
 TEST_P(ReadAheadTest, KeepsASmallBudget) {
   const std::uint64_t triangles = trianglesOf(Pyramid(path_));
-  const std::uint64_t budget = 32 * 3 * 20 * 20 * 20 * 2;
+  constexpr std::uint64_t kMostSampleBytes = 20 * 20 * 20 * 2;
+  const std::uint64_t budget = 32 * 3 * kMostSampleBytes;
   const Pyramid pyramid(path_, budget);
-  for (int round = 0; round < 3; ++round) EXPECT_EQ(trianglesOf(pyramid), triangles);
-  EXPECT_GT(pyramid.counters().parts_released, 0u);
-  SurfaceMesh mesh;
-  EXPECT_EQ(extractIsosurface(pyramid, query_, mesh).triangles, triangles);
+  // Parts in use never go: a brick's samples and ranges for each mesher, and what four threads
+  // bring in at the moment, with a packed copy beside it.
+  const auto meshers = static_cast<std::uint64_t>(tbb::this_task_arena::max_concurrency());
+  const std::uint64_t most_held = budget + 2 * (meshers + 4) * kMostSampleBytes;
+  HeldSink sink(pyramid);
+  for (int round = 0; round < 3; ++round) {
+    EXPECT_EQ(extractIsosurface(pyramid, query_, sink).triangles, triangles);
+    EXPECT_LE(pyramid.heldBytes(), budget);
+    SurfaceMesh mesh;
+    EXPECT_EQ(extractIsosurface(pyramid, query_, mesh).triangles, triangles);
+    EXPECT_LE(pyramid.heldBytes(), budget);
+  }
+  EXPECT_GT(sink.mostHeld(), budget / 2);
+  EXPECT_LE(sink.mostHeld(), most_held);
+  const BrickPager::Counters counters = pyramid.counters();
+  EXPECT_GT(counters.parts_released, 0u);
+  EXPECT_GT(counters.parts_fetched, 0u);
+  EXPECT_EQ(counters.fetched_unused, 0u);
 }
 
 INSTANTIATE_TEST_SUITE_P(All, ReadAheadTest, testing::Values(Codec::kStored, Codec::kZstd),
