@@ -34,8 +34,8 @@ itk::ImageIOBase::Pointer openImage(const std::string& path, const OpenOptions& 
 itk::ImageIOBase::Pointer openDicomImage(const std::string& path, const FileStamp& stamp);
 
 // Voxels per axis; trailing axes of length 1 are dropped, missing ones are 1. Throws Error for
-// images with more than one time step or channel.
-Index3 imageVoxels(const std::string& path, const itk::ImageIOBase& image);
+// images with more than one element along further axes than `axes`.
+Index3 imageVoxels(const std::string& path, const itk::ImageIOBase& image, unsigned axes = 3);
 
 // Spacing, origin and direction as ITK gives them (LPS for medical formats), not yet tidied.
 GridGeometry imageGeometry(const itk::ImageIOBase& image);

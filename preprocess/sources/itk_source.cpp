@@ -16,6 +16,7 @@
 #include <itkVTKImageIOFactory.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdarg>
 #include <cstdlib>
 #include <cstring>
@@ -237,11 +238,11 @@ itk::ImageIOBase::Pointer openDicomImage(const std::string& path, const FileStam
   }
 }
 
-Index3 imageVoxels(const std::string& path, const itk::ImageIOBase& image) {
+Index3 imageVoxels(const std::string& path, const itk::ImageIOBase& image, unsigned axes) {
   Index3 voxels(1);
   for (unsigned axis = 0; axis < image.GetNumberOfDimensions(); ++axis) {
     const auto count = image.GetDimensions(axis);
-    if (axis >= 3 && count != 1)
+    if (axis >= axes && count != 1)
       throw Error("cannot use '" + path + "': it has " + std::to_string(count) +
                       " time steps or channels; extract one 3-D volume first",
                   {.path = path});
@@ -349,7 +350,8 @@ VolumeInfo describeVolume(const std::string& path, const itk::ImageIOBase& image
   VolumeInfo info;
   info.source = path;
   info.format = formatName(image);
-  info.voxels = imageVoxels(path, image);
+  // NIfTI's fourth axis is time, of which one step is taken.
+  info.voxels = imageVoxels(path, image, info.format == "NIfTI" ? 4 : 3);
   if (info.voxels.z == 1)
     throw Error("cannot use '" + path + "': it is a single 2-D image; name the folder that " +
                     "holds all slices",
@@ -440,8 +442,31 @@ class WholeImageSource final : public VolumeSource {
   std::shared_ptr<std::byte[]> buffer_;
 };
 
+// Volumes one behind the other: of which time step, of how many.
+struct TimeStep {
+  std::uint64_t index = 0, count = 1;
+};
+
+// The one that is wished, or the first. A note says so.
+TimeStep chooseTimeStep(const std::string& path, const itk::ImageIOBase& image,
+                        const OpenOptions& options, std::vector<std::string>& notes) {
+  TimeStep step;
+  if (image.GetNumberOfDimensions() > 3) step.count = image.GetDimensions(3);
+  if (options.time &&
+      (*options.time < 0 || static_cast<std::uint64_t>(*options.time) >= step.count))
+    throw Error("cannot use '" + path + "': its time steps are 0 to " +
+                    std::to_string(step.count - 1) + ", and none is number " +
+                    std::to_string(*options.time),
+                {.path = path});
+  step.index = static_cast<std::uint64_t>(options.time.value_or(0));
+  if (step.count > 1)
+    notes.push_back("time step " + std::to_string(step.index) + " of " +
+                    std::to_string(step.count) + ", counted from 0, was taken");
+  return step;
+}
+
 std::unique_ptr<VolumeSource> openNiftiRun(VolumeInfo info, std::uint64_t components,
-                                           const OpenOptions& options) {
+                                           const TimeStep& time, const OpenOptions& options) {
   NiftiRun nifti = findNiftiRun(info.source);
   StoredVoxels& stored = nifti.stored;
   const auto contradiction = [&] {
@@ -459,22 +484,39 @@ std::unique_ptr<VolumeSource> openNiftiRun(VolumeInfo info, std::uint64_t compon
     info.notes.push_back(note.str());
   }
   if (nifti.numbers_together > 1) takeComponent(components, options, stored, info);
-  if (components == nifti.numbers_together)
-    return openRawRun(std::move(info), nifti.run, stored, options.cancel);
-
-  // The components are volumes, one behind the other.
-  VolumeInfo chosen = info;
-  StoredVoxels unused = stored;
-  takeComponent(components, options, unused, chosen);
   const auto bytes = stored.bytesOf(elementCount(info.voxels));
-  const auto openComponent = [&](std::uint64_t component, const VolumeInfo& component_info) {
+  // Of the volumes in the file, one behind the other.
+  const auto runOf = [&](std::uint64_t volume) {
     RawRun run = nifti.run;
     std::uint64_t& offset = run.is_deflated ? run.content_offset_bytes : run.offset_bytes;
     std::uint64_t skipped = 0;
-    if (!bytes || __builtin_mul_overflow(*bytes, component, &skipped) ||
+    if (!bytes || __builtin_mul_overflow(*bytes, volume, &skipped) ||
         __builtin_add_overflow(offset, skipped, &offset))
       throw contradiction();
-    return openRawRun(component_info, run, stored, options.cancel);
+    return run;
+  };
+  // Another step is another volume to whoever asks whether a pyramid is of this one.
+  const auto nameStep = [&](VolumeInfo& of) {
+    if (time.count > 1)
+      of.encoding +=
+          (of.encoding.empty() ? "" : ", ") + ("time step " + std::to_string(time.index));
+  };
+  if (components == nifti.numbers_together) {
+    nameStep(info);
+    return openRawRun(std::move(info), runOf(time.index), stored, options.cancel);
+  }
+
+  // The components are volumes, too, each of all time steps.
+  VolumeInfo chosen = info;
+  StoredVoxels unused = stored;
+  takeComponent(components, options, unused, chosen);
+  nameStep(chosen);
+  const auto openComponent = [&](std::uint64_t component, const VolumeInfo& component_info) {
+    std::uint64_t volume = 0;
+    if (__builtin_mul_overflow(component, time.count, &volume) ||
+        __builtin_add_overflow(volume, time.index, &volume))
+      throw contradiction();
+    return openRawRun(component_info, runOf(volume), stored, options.cancel);
   };
   // The last one shows whether the file is whole, where it is not packed.
   if (!nifti.run.is_deflated) openComponent(components - 1, info);
@@ -501,7 +543,10 @@ std::unique_ptr<VolumeSource> openImageFile(const std::string& path, std::vector
   VolumeInfo info = describeVolume(path, *image);
   const auto components = static_cast<std::uint64_t>(image->GetNumberOfComponents());
   if (info.format == "TIFF" || info.format == "LSM") checkTiffPages(path);
-  if (info.format == "NIfTI") return openNiftiRun(std::move(info), components, options);
+  if (info.format == "NIfTI") {
+    const TimeStep time = chooseTimeStep(path, *image, options, info.notes);
+    return openNiftiRun(std::move(info), components, time, options);
+  }
   const auto run = info.format == "NRRD"        ? findNrrdRun(path, components, info.voxels)
                    : info.format == "MetaImage" ? findMetaImageRun(path)
                                                 : std::nullopt;
@@ -541,7 +586,18 @@ std::unique_ptr<VolumeSource> openItkSource(const std::string& path, const OpenO
   std::error_code ignored;
   if (!std::filesystem::is_directory(path, ignored)) return itk_detail::openItkFile(path, options);
   refuseComponentChoice(path, options);
-  return itk_detail::openItkFolder(path, options);
+  try {
+    return itk_detail::openItkFolder(path, options);
+  } catch (const Error& error) {
+    const std::vector<Remedy>& remedies = error.remedies();
+    if (std::find(remedies.begin(), remedies.end(), Remedy::kChooseComponent) == remedies.end())
+      throw;
+    throw Error(
+        "cannot use '" + path + "': its slices have several values per voxel, and of " +
+            "slices none can be chosen; convert them to grey ones, or to a single file of " +
+            "several pages",
+        {.path = error.place().path});
+  }
 }
 
 }  // namespace isobrick

@@ -47,6 +47,10 @@ class NiftiHeader {
     if (stream->read(bytes_.data(), kHeaderBytes) != kHeaderBytes)
       throw Error("cannot read '" + path + "': its header is cut short; get the whole file again",
                   {.path = path});
+    if (isNifti2())
+      throw Error("cannot use '" + path + "': it is NIfTI-2, which is not read; convert it to " +
+                      "NIfTI-1 or NRRD",
+                  {.path = path});
     // How the NIfTI library finds the byte order: dim[0] is 1 .. 7.
     if (const int axes = int16At(40); axes < 1 || axes > 7) {
       big_endian_ = true;
@@ -71,6 +75,12 @@ class NiftiHeader {
   double intercept() const { return static_cast<double>(floatAt(116)); }
 
  private:
+  // Its header has 540 bytes, and says so in the byte order of the file.
+  bool isNifti2() const {
+    constexpr std::array<unsigned char, 4> kLittle = {0x1c, 2, 0, 0}, kBig = {0, 0, 2, 0x1c};
+    return std::equal(kLittle.begin(), kLittle.end(), bytes_.begin()) ||
+           std::equal(kBig.begin(), kBig.end(), bytes_.begin());
+  }
   int int16At(std::size_t at) const {
     return static_cast<std::int16_t>(bytes_[at + (big_endian_ ? 1 : 0)] |
                                      bytes_[at + (big_endian_ ? 0 : 1)] << 8);

@@ -49,8 +49,8 @@ struct OpenOptions {
   // Of a file with several volumes (OpenVDB, arrays of VTI), the one of this name; empty: the first
   // that will do.
   std::string grid;
-  // Of a volume with several time steps or channels (OME-Zarr), which one; without, the first, and
-  // a note says so.
+  // Of a volume with several time steps or channels (OME-Zarr, time steps of NIfTI), which one;
+  // without, the first, and a note says so.
   std::optional<std::int64_t> time, channel;
   // Of NRRD, MetaImage, NIfTI and VTI with several values per voxel, what becomes of them. Without,
   // such volumes are refused; given, all others are.

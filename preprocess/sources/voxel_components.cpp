@@ -82,8 +82,8 @@ void checkComponentChoice(const std::string& path, std::uint64_t components,
 void refuseComponentChoice(const std::string& path, const OpenOptions& options) {
   if (options.component)
     throw Error("cannot take a component of '" + path +
-                    "': only NRRD, MetaImage, NIfTI and VTI files with several values per voxel "
-                    "have any; leave the choice out",
+                    "': only single files of NRRD, MetaImage, NIfTI, VTI and TIFF have several "
+                    "values per voxel, where they say so; leave the choice out",
                 {.path = path});
 }
 
