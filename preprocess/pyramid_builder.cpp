@@ -445,7 +445,7 @@ void refuseInputAsTemporary(const VolumeSource& source, const std::string& path)
       std::error_code ignored;
       if (std::filesystem::equivalent(file, path + ending, ignored))
         throw Error("'" + file + "' is an input, and building '" + path +
-                        "' would overwrite it; choose another output with -o",
+                        "' would overwrite it; choose another output",
                     {.path = file});
     }
 }

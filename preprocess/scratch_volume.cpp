@@ -59,9 +59,8 @@ ScratchVolume::ScratchVolume(const Index3& dims, std::size_t element_bytes, Plac
   }
   fd_ = openNameless(folder);
   if (fd_ < 0)
-    throw ResumableError("cannot make a temporary file in '" + folder +
-                             "': " + std::strerror(errno) +
-                             "; choose a folder that you may write to with -o",
+    throw ResumableError("cannot make a temporary file in '" + folder + "': " +
+                             std::strerror(errno) + "; choose a folder that you may write to",
                          {.path = folder});
 }
 

@@ -27,22 +27,22 @@ const char* adviceFor(int error) {
   switch (error) {
     case ENOSPC:
     case EDQUOT:
-      return "free some space or choose another folder with -o";
+      return "free some space or choose another folder";
     case ENOENT:
     case ENOTDIR:
-      return "create the folder first or choose another one with -o";
+      return "create the folder first or choose another one";
     case EACCES:
     case EPERM:
     case EROFS:
-      return "choose a folder that you may write to with -o";
+      return "choose a folder that you may write to";
     case EISDIR:
-      return "it is a folder; name a file in it with -o";
+      return "it is a folder; name a file in it";
     case ENAMETOOLONG:
-      return "choose a shorter name with -o";
+      return "choose a shorter name";
     case EFBIG:
-      return "raise the limit on file sizes or choose another file system with -o";
+      return "raise the limit on file sizes or choose another file system";
     default:
-      return "check the disk or choose another folder with -o";
+      return "check the disk or choose another folder";
   }
 }
 
@@ -79,15 +79,14 @@ int openTemporary(const std::string& path, const std::string& temporary_path, bo
     if (fstat(fd, &status) != 0 || !S_ISREG(status.st_mode)) {  // a pipe or a device of that name
       close(fd);
       throw Error("cannot write '" + path + "': '" + temporary_path +
-                      "' is there and is not a regular file; move it away or choose another name "
-                      "with -o",
+                      "' is there and is not a regular file; move it away or choose another name",
                   {.path = path});
     }
     const bool busy = flock(fd, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK;
     if (busy) {
       close(fd);
       throw Error("cannot write '" + path + "': another process is writing '" + temporary_path +
-                      "'; wait for it or choose another name with -o",
+                      "'; wait for it or choose another name",
                   {.path = path});
     }
     if (!namesOpenFile(temporary_path, fd)) {
@@ -114,7 +113,7 @@ AtomicFile::AtomicFile(const std::string& path, Leftover leftover, const char* t
     if (S_ISDIR(status.st_mode)) failWriting(path, EISDIR);
     throw Error("cannot write '" + path +
                     "': it exists and is not a regular file; choose another "
-                    "name with -o",
+                    "name",
                 {.path = path});
   }
   fd_ = openTemporary(path_, temporary_path_, leftover == Leftover::kEmpty);

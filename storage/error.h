@@ -34,6 +34,11 @@ enum class Remedy {
   kDicomAsFloat32,      // OpenOptions::dicom_float32
   kBuildWithCurvature,  // BuildOptions::with_curvature
   kChooseComponent,     // OpenOptions::component
+  kWholeFloats,         // ExportOptions::vdb_half
+  kReplaceDataset,      // ExportOptions::replace_dataset
+  kChooseChannel,       // OpenOptions::channel
+  kBuildWithErrors,     // BuildOptions::error_level
+  kPackMesh,            // MeshFileOptions::meshopt
 };
 
 // A failed run. `what()` is one line that says what went wrong, where (path, offset, brick, voxel)

@@ -108,7 +108,7 @@ const std::string& refuseForeignTemporary(const std::string& path) {
   if (is_there ? isForeign(file, format::kMagic) : isForeign(file, kJournalMagic))
     throw Error("'" + file +
                     "' exists and is not an unfinished pyramid; move it away, or choose another "
-                    "output with -o",
+                    "output",
                 {.path = file});
   return path;
 }

@@ -101,7 +101,7 @@ WriteJournal::WriteJournal(const std::string& path, const std::string& identity,
   fd_ = open(fresh.c_str(), O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOFOLLOW, 0666);
   if (fd_ < 0)
     throw ResumableError("cannot write '" + fresh + "': " + std::strerror(errno) +
-                             "; choose a folder that you may write to with -o",
+                             "; choose a folder that you may write to",
                          {.path = fresh});
   try {
     const std::string header = headerOf(identity);
@@ -144,7 +144,7 @@ void WriteJournal::writeAll(const void* data, std::size_t bytes) {
   const IoResult result = writeNextBytes(fd_, data, bytes);
   if (result.error != 0)
     throw ResumableError("cannot write '" + path_ + "': " + std::strerror(result.error) +
-                             "; free some space or choose another folder with -o",
+                             "; free some space or choose another folder",
                          {.path = path_});
 }
 

@@ -4,6 +4,7 @@
 #include <CLI/CLI.hpp>
 #include <functional>
 #include <stdexcept>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -19,6 +20,11 @@ class UsageError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
+
+// Whether `app` is told an option, for tools/failure_text.h.
+inline auto optionsOf(const CLI::App& app) {
+  return [&app](const std::string& option) { return app.get_option_no_throw(option) != nullptr; };
+}
 
 // The subcommands of this executable (isobrick_commands.cpp, build/isobrick_build_commands.cpp,
 // view/isobrick_view_commands.cpp).

@@ -1,47 +1,94 @@
 #include "tools/failure_text.h"
 
-#include "isobrick/storage/error.h"
+#include <algorithm>
+#include <cctype>
 
 namespace isobrick {
 namespace {
 
-const char* adviceOf(Remedy remedy) {
+using Texts = std::vector<std::string>;
+
+// The first text whose options the command has is the one; the last one needs none of its options.
+Texts advicesOf(Remedy remedy) {
   switch (remedy) {
     case Remedy::kAllowMoreMemory:
-      return "give so much with --memory";
+      return {"give so much with --memory", "it needs more memory than is allowed here"};
     case Remedy::kUseLessMemory:
-      return "give a smaller --memory or fewer --threads";
+      return {"give a smaller --memory or fewer --threads", "close other programs"};
     case Remedy::kOtherFolder:
-      return "choose another folder with -o";
+      return {"choose another folder with -o", "choose another folder"};
     case Remedy::kPack:
-      return "pack it with --codec";
+      return {"pack it with --codec", "write less"};
     case Remedy::kReplaceNotFinite:
-      return "give the value to put there with --nan-as V";
+      return {"give the value to put there with --nan-as V",
+              "'isobrick build' puts a value there with --nan-as V"};
     case Remedy::kResume:
-      return "go on with --resume, or delete it";
+      return {"go on with --resume, or delete it", "delete it"};
     case Remedy::kBeginAnew:
-      return "leave out --resume to begin anew";
+      return {"leave out --resume to begin anew", "delete it to begin anew"};
     case Remedy::kDescribeRawFile:
-      return "a file without a header needs --raw-dims X,Y,Z and --raw-type T (and --raw-endian, "
-             "--raw-spacing, --raw-offset where they are not little, 1,1,1 and 0)";
+      return {
+          "a file without a header needs --raw-dims X,Y,Z and --raw-type T (and --raw-endian, "
+          "--raw-spacing, --raw-offset where they are not little, 1,1,1 and 0)",
+          "'isobrick build' reads a file without a header with --raw-dims X,Y,Z and --raw-type "
+          "T"};
     case Remedy::kCorrectRawLayout:
-      return "check --raw-dims, --raw-type and --raw-offset";
+      return {"check --raw-dims, --raw-type and --raw-offset", "check how its voxels lie"};
     case Remedy::kDicomAsFloat32:
-      return "give --dicom-float32";
+      return {"give --dicom-float32", "'isobrick build' takes it with --dicom-float32"};
     case Remedy::kBuildWithCurvature:
-      return "build it without --no-curvature to use a tolerance";
+      return {"build it anew with 'isobrick build', without --no-curvature"};
     case Remedy::kChooseComponent:
-      return "take one with --component N, or the root of their squares with --component magnitude";
+      return {
+          "take one with --component N, or the root of their squares with --component magnitude",
+          "'isobrick build' takes one with --component N, or the root of their squares with "
+          "--component magnitude"};
+    case Remedy::kWholeFloats:
+      return {"leave out --half, or bring the values into range with --window LO,HI and --type T",
+              "write whole floats"};
+    case Remedy::kReplaceDataset:
+      return {"replace it with --force", "move the file away"};
+    case Remedy::kChooseChannel:
+      return {"choose an index of the first axis with --channel",
+              "'isobrick build' takes one index of the first axis with --channel"};
+    case Remedy::kBuildWithErrors:
+      return {"build it anew with 'isobrick build' and --error"};
+    case Remedy::kPackMesh:
+      return {"pack it with --meshopt", "extract less"};
   }
-  return "";
+  return {"see the documentation"};
 }
 
 }  // namespace
 
-std::string failureText(const std::exception& failure) {
+std::vector<std::string> optionsNamedIn(const std::string& text) {
+  std::vector<std::string> options;
+  const auto isWord = [](char c) { return std::isalnum(static_cast<unsigned char>(c)) != 0; };
+  for (std::size_t at = text.find('-'); at != std::string::npos; at = text.find('-', at + 1)) {
+    if (at > 0 && (isWord(text[at - 1]) || text[at - 1] == '-')) continue;  // as in "non-zero"
+    std::size_t end = at;
+    while (end < text.size() && (isWord(text[end]) || text[end] == '-')) ++end;
+    const std::string word = text.substr(at, end - at);
+    if (word == "-o" || (word.starts_with("--") && word.size() > 2)) options.push_back(word);
+    at = end - 1;
+  }
+  return options;
+}
+
+std::string adviceOf(Remedy remedy, const HasOption& has) {
+  const Texts texts = advicesOf(remedy);
+  const auto fits = [&](const std::string& text) {
+    const std::vector<std::string> options = optionsNamedIn(text);
+    return std::all_of(options.begin(), options.end(), has);
+  };
+  const auto found = std::find_if(texts.begin(), texts.end() - 1, fits);
+  return *found;
+}
+
+std::string failureText(const std::exception& failure, const HasOption& has) {
   std::string text = failure.what();
   if (const auto* const error = dynamic_cast<const Error*>(&failure))
-    for (const Remedy remedy : error->remedies()) text += std::string("; ") + adviceOf(remedy);
+    for (const Remedy remedy : error->remedies()) text += "; " + adviceOf(remedy, has);
   return text;
 }
 

@@ -2,11 +2,25 @@
 #pragma once
 
 #include <exception>
+#include <functional>
 #include <string>
+#include <vector>
+
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 
-// The failure's own line, and for an Error the options of this command that would help.
-std::string failureText(const std::exception& failure);
+// Whether the command at hand has an option, "--memory" or "-o".
+using HasOption = std::function<bool(const std::string& option)>;
+
+// The failure's own line, and for an Error what would help, with options that this command has.
+std::string failureText(const std::exception& failure, const HasOption& has);
+
+// What helps, in the words of a command that has such options; never empty. A text that speaks of
+// options of another command names that: 'isobrick build'.
+std::string adviceOf(Remedy remedy, const HasOption& has);
+
+// "--raw-dims" and "-o" of "give --raw-dims X,Y,Z, or choose another file with -o".
+std::vector<std::string> optionsNamedIn(const std::string& text);
 
 }  // namespace isobrick

@@ -66,24 +66,27 @@ int runChosen(const std::vector<Command>& commands) {
   return status;
 }
 
-int reportFailure(const std::exception& failure) {
-  fmt::print(stderr, "isobrick: {}\n", oneLine(failureText(failure)));
+int reportFailure(const std::exception& failure, const HasOption& has) {
+  fmt::print(stderr, "isobrick: {}\n", oneLine(failureText(failure, has)));
   return kFailed;
 }
 
 int runReportingFailures(const CLI::App& app, const std::vector<Command>& commands) {
+  const HasOption has = optionsOf(*app.get_subcommands().front());
   try {
     return runChosen(commands);
   } catch (const UsageError& error) {
     return reportUsage(app, error.what());
   } catch (const Cancelled& cancelled) {
-    reportFailure(cancelled);
+    reportFailure(cancelled, has);
     return kInterrupted;
   } catch (const std::bad_alloc&) {
-    return reportFailure(Error(
-        "not enough memory; close other programs, or ask for less: a coarser level or a box"));
+    return reportFailure(
+        Error("not enough memory; close other programs, or ask for less: a coarser "
+              "level or a box"),
+        has);
   } catch (const std::exception& failure) {
-    return reportFailure(failure);
+    return reportFailure(failure, has);
   }
 }
 
@@ -98,7 +101,7 @@ int main(int argc, char** argv) {
   try {
     if (argc > 1) runExternalCommand(argv[1], argv);
   } catch (const Error& error) {
-    return reportFailure(error);
+    return reportFailure(error, [](const std::string&) { return false; });
   }
   CLI::App app("Adaptive, crack-free isosurfaces of volumes that are larger than memory.");
   describe(app);

@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "isobrick/extract/query.h"
+#include "isobrick/storage/error.h"
 #include "tools/interrupt.h"
 #include "tools/one_line.h"
 #include "tools/parsed_option.h"
@@ -29,6 +30,16 @@ QueryBox indexBoxAround(const Corners& box, const GridGeometry& geometry) {
     result.max = glm::max(result.max, index);
   }
   return result;
+}
+
+void refuseBoxOutside(const QueryBox& box, const Pyramid& pyramid) {
+  const Index3 last = pyramid.lattice().voxels() - Index3(1);
+  for (int axis = 0; axis < 3; ++axis)
+    if (!(box.min[axis] < static_cast<double>(last[axis]) && box.max[axis] > 0))
+      throw Error(fmt::format("the box of --box lies outside of '{}', whose voxels are 0,0,0 to "
+                              "{},{},{} (with --world, the box is in world units); move it there",
+                              pyramid.path(), last.x, last.y, last.z),
+                  {.path = pyramid.path()});
 }
 
 }  // namespace
@@ -84,9 +95,11 @@ Query makeQuery(const QueryOptions& options, const Pyramid& pyramid) {
   static_cast<DetailChoice&>(query) = makeChoice(options.choice, options.world, pyramid);
   for (const ChoiceOptions& choice : options.or_finer)
     query.or_finer.push_back(makeChoice(choice, options.world, pyramid));
-  if (options.box)
+  if (options.box) {
     query.box = options.world ? indexBoxAround(*options.box, geometry)
                               : QueryBox{options.box->lower, options.box->upper};
+    refuseBoxOutside(*query.box, pyramid);
+  }
   query.cancel = &interruptFlag();
   return query;
 }

@@ -63,9 +63,8 @@ std::string glbHeader(const std::string& json, std::size_t json_bytes, std::uint
 Error glbTooLarge(const std::string& path, bool can_pack) {
   return Error(
       "'" + path + "': a glTF binary file holds at most 4 GiB; " +
-          (can_pack ? "pack it with --meshopt, " : "") +
           "write .vtp or .ply instead, or extract a part of the surface or a coarser level",
-      {.path = path});
+      {.path = path}, can_pack ? std::vector{Remedy::kPackMesh} : std::vector<Remedy>{});
 }
 
 }  // namespace isobrick

@@ -22,8 +22,8 @@ namespace fs = std::filesystem;
 [[noreturn]] void fail(const std::string& path, int error) {
   const bool may_pass = error == ENOSPC || error == EDQUOT || error == EIO;
   const std::string line = "cannot write '" + path + "': " + std::strerror(error) +
-                           (may_pass ? "; free some space or choose another folder with -o"
-                                     : "; choose a folder that you may write to with -o");
+                           (may_pass ? "; free some space or choose another folder"
+                                     : "; choose a folder that you may write to");
   if (may_pass) throw ResumableError(line, {.path = path});
   throw Error(line, {.path = path});
 }
@@ -40,8 +40,7 @@ AtomicFolder::AtomicFolder(const std::string& path)
   std::error_code ignored;
   const auto status = fs::symlink_status(path_, ignored);
   if (fs::exists(status) && !fs::is_directory(status))
-    throw Error("cannot write '" + path_ + "': it exists and is no folder; choose another name " +
-                    "with -o",
+    throw Error("cannot write '" + path_ + "': it exists and is no folder; choose another name",
                 {.path = path_});
   if (mkdir(temporary_path_.c_str(), 0777) != 0 && errno != EEXIST) fail(path_, errno);
   fd_ = open(temporary_path_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC | O_NOFOLLOW);
@@ -50,7 +49,7 @@ AtomicFolder::AtomicFolder(const std::string& path)
     ::close(fd_);
     fd_ = -1;
     throw Error("cannot write '" + path_ + "': another process is writing '" + temporary_path_ +
-                    "'; wait for it or choose another name with -o",
+                    "'; wait for it or choose another name",
                 {.path = path_});
   }
   for (const auto& entry : fs::directory_iterator(temporary_path_, ignored))

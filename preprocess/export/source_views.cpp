@@ -208,9 +208,11 @@ std::unique_ptr<VolumeSource> makeCroppedSource(std::unique_ptr<VolumeSource> so
                                                 const IndexBox& box) {
   const VolumeInfo& info = source->info();
   for (int axis = 0; axis < 3; ++axis)
-    if (box.first[axis] < 0 || box.end()[axis] > info.voxels[axis] || box.count[axis] < 2)
-      throw Error("cannot cut '" + info.source + "' to the box " + indexText(box.first) + " to " +
-                      indexText(box.end() - Index3(1)) + ": it has the voxels 0,0,0 to " +
+    // Without a sum, which might not fit into 64 bits.
+    if (box.first[axis] < 0 || box.count[axis] < 2 || box.count[axis] > info.voxels[axis] ||
+        box.first[axis] > info.voxels[axis] - box.count[axis])
+      throw Error("cannot cut '" + info.source + "' to a box of " + indexText(box.count) +
+                      " voxels from " + indexText(box.first) + " on: it has the voxels 0,0,0 to " +
                       indexText(info.voxels - Index3(1)) +
                       ", and at least two are needed along every axis; choose a box within",
                   {.path = info.source});

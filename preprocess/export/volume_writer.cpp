@@ -33,7 +33,7 @@ void refuseTooLittleSpace(const VolumeSource& source, const AtomicFile& file) {
   const auto mebibytes = [](std::uint64_t bytes) { return std::to_string(bytes >> 20) + " MiB"; };
   throw ResumableError("not enough space for '" + file.path() + "': its voxels take " +
                            mebibytes(need) + " and the disk has " + mebibytes(*have) +
-                           "; free some space, or choose another folder with -o",
+                           "; free some space, or choose another folder",
                        {.path = file.path()});
 }
 
@@ -128,12 +128,11 @@ VolumeWriteReport writeRaw(VolumeSource& source, const std::string& path,
   report.space = "none";
   const VolumeInfo& info = source.info();
   report.lost.push_back(
-      "dimensions, type, spacing, origin and direction are not in the file; it is read with "
-      "--raw-dims " +
+      "dimensions, type, spacing, origin and direction are not in the file, which has voxels " +
       std::to_string(info.voxels.x) + "," + std::to_string(info.voxels.y) + "," +
-      std::to_string(info.voxels.z) + " --raw-type " +
+      std::to_string(info.voxels.z) + " of type " +
       std::string(kVoxelTypes[static_cast<std::size_t>(info.voxel_type)].short_name) +
-      " --raw-spacing " + numberText(info.geometry.spacing.x) + "," +
+      " at distances " + numberText(info.geometry.spacing.x) + "," +
       numberText(info.geometry.spacing.y) + "," + numberText(info.geometry.spacing.z));
   AtomicFile file(path);
   writeVoxels(source, file, options);
@@ -169,7 +168,7 @@ VolumeWriteReport writeVolume(VolumeSource& source, const std::string& path,
   throw Error(
       "cannot write '" + path +
           "': volumes are written as .nrrd, .mhd, .mha, .nii, .nii.gz, .vti or .raw; choose "
-          "one of these endings with -o",
+          "one of these endings",
       {.path = path});
 }
 

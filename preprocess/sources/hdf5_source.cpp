@@ -211,9 +211,9 @@ class Hdf5Source final : public VolumeSource {
     }
     if (wide.size() > 3)
       throw Error("cannot use '" + info_.source + "': its dataset has " +
-                      std::to_string(wide.size()) + " axes of more than one element; with four, " +
-                      "choose an index of the first with --channel",
-                  {.path = path_});
+                      std::to_string(wide.size()) + " axes of more than one element, and three " +
+                      "are read, or of four those behind an index of the first",
+                  {.path = path_}, {Remedy::kChooseChannel});
     for (int i = axes_ - 1; wide.size() < 3; --i)
       if (std::find(wide.begin(), wide.end(), i) == wide.end()) {
         wide.push_back(i);

@@ -131,13 +131,12 @@ std::unique_ptr<VolumeSource> makePyramidQuantity(std::shared_ptr<const Pyramid>
                     "; choose a level below " + std::to_string(levels),
                 {.path = path, .level = level});
   if (quantity == PyramidQuantity::kCurvature && !pyramid->spec().has_curvature)
-    throw Error("'" + path + "' was built without curvature; build it anew without --no-curvature",
-                {.path = path});
+    throw Error("'" + path + "' was built without curvature", {.path = path},
+                {Remedy::kBuildWithCurvature});
   if (quantity == PyramidQuantity::kError &&
       (level < kFirstErrorLevel || level > pyramid->spec().error_level))
-    throw Error("'" + path + "' has no bounds of the errors of level " + std::to_string(level) +
-                    "; build it anew with --error",
-                {.path = path, .level = level});
+    throw Error("'" + path + "' has no bounds of the errors of level " + std::to_string(level) + "",
+                {.path = path, .level = level}, {Remedy::kBuildWithErrors});
   return std::make_unique<QuantitySource>(std::move(pyramid), budget_bytes, quantity, level, box,
                                           cancel);
 }

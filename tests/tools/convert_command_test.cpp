@@ -1,9 +1,12 @@
 // `isobrick convert` as users run it.
 #include <algorithm>
 #include <chrono>
+#include <cmath>
+#include <cstring>
 #include <thread>
 
 #include "tests/support/command_test.h"
+#include "tests/support/nifti_file.h"
 
 namespace isobrick::test {
 namespace {
@@ -59,11 +62,11 @@ TEST_F(ConvertCommandTest, WrongWordsAreRefusedBeforeAnythingIsWritten) {
     words.insert(words.begin(), "convert");
     expectFailure(2, words, message);
   };
-  usage({"head.nrrd", "-o", "a.nii", "--level", "1"}, "only pyramids");
+  usage({"head.nrrd", "-o", "a.nii", "--level", "1"}, "--level is for pyramids");
   usage({"head.isb", "-o", "a.nii", "--type", "u8"}, "--window");
   usage({"head.isb", "-o", "a.nii", "--window", "0,9"}, "--type");
   usage({"head.isb", "-o", "a.nii", "--window", "9,0", "--type", "u8"}, "lower value");
-  usage({"head.isb", "-o", "a.isb", "--levels", "all"}, "its own levels");
+  usage({"head.isb", "-o", "a.isb", "--levels", "all"}, "--levels is for .vdb and .ome.zarr");
   usage({"head.isb", "-o", "a.nrrd", "--with-ranges"}, ".vdb");
   usage({"head.nrrd", "-o", "a.vdb", "--with-curvature"}, "pyramid");
   usage({"head.isb", "-o", "a.vdb", "--with-ranges", "--window", "0,9", "--type", "u8"},
@@ -75,7 +78,7 @@ TEST_F(ConvertCommandTest, WrongWordsAreRefusedBeforeAnythingIsWritten) {
     expectFailure(1, words, message);
   };
   failure({"head.isb", "-o", "a.foo"}, "'a.foo'");
-  failure({"head.isb", "-o", "a.nii", "--levels", "all"}, "--level");
+  usage({"head.isb", "-o", "a.nii", "--levels", "all"}, "--levels is for .vdb and .ome.zarr");
   failure({"head.isb", "-o", "a.nii", "--level", "9"}, "0 to 6");
   failure({"head.isb", "-o", "head.nrrd"}, "--force");
   failure({"head.isb", "-o", "head.isb", "--force"}, "is the input");
@@ -88,8 +91,107 @@ TEST_F(ConvertCommandTest, WrongWordsAreRefusedBeforeAnythingIsWritten) {
   failure({"head.isb", "-o", "scans/%d.tif", "--force"}, "something else");
   failure({"scans/head.nrrd", "-o", "scans/%d.tif", "--force"}, "holds the input");
   failure({"head.isb", "-o", "a.nii", "--memory", "1M"}, "--memory");
-  failure({"head.isb", "-o", "a.nii", "--box", "30,30,30,50,50,50"}, "0,0,0 to 39,39,39");
+  for (const std::string box :
+       {"30,30,30,50,50,50", "0,0,0,9,9,1e300", "-1e300,0,0,9,9,9", "-1,0,0,9,9,9"})
+    for (const std::string input : {"head.isb", "head.nrrd"})
+      failure({input, "-o", "a.nii", "--box", box}, "0,0,0 to 39,39,39");
   failure({"missing.isb", "-o", "a.nii"}, "missing.isb");
+}
+
+// An option that would change nothing is a mistake that nobody would see.
+TEST_F(ConvertCommandTest, OptionsOfAnotherFormatAreRefused) {
+  makeHead();
+  run({"convert", "head.isb", "-o", "head.nii"});
+  run({"convert", "head.isb", "-o", "head.h5"});
+  for (const Words& words : {Words{"--half"},
+                             {"--background", "3"},
+                             {"--tolerance", "3"},
+                             {"--codec", "zstd"},
+                             {"--no-curvature"},
+                             {"--error", "2"}}) {
+    Words all{"convert", "head.isb", "-o", "a.nrrd"};
+    all.insert(all.end(), words.begin(), words.end());
+    expectFailure(2, all, words.front() + " is for ");
+  }
+  for (const std::string command : {"build", "convert"}) {
+    for (const auto& [input, words] :
+         std::vector<std::pair<std::string, Words>>{{"head.nii", {"--grid", "density"}},
+                                                    {"head.nii", {"--channel", "0"}},
+                                                    {"head.nrrd", {"--time", "0"}},
+                                                    {"head.h5", {"--time", "0"}},
+                                                    {"head.nrrd", {"--dicom-float32"}}}) {
+      Words all{command, input, "-o", "a.isb"};
+      all.insert(all.end(), words.begin(), words.end());
+      expectFailure(2, all, words.front() + " is for ");
+    }
+    expectFailure(1, {command, "head.nii", "-o", "a.isb", "--component", "0"}, "cannot take");
+  }
+  expectFailure(2, {"convert", "head.nii", "-o", "a.isb", "--no-map"}, "--no-map is for pyramids");
+  expectFailure(2,
+                {"convert", "head.isb", "-o", "a.nii", "--raw-dims", "9,9,9", "--raw-type", "u8"},
+                "--raw-dims is for");
+}
+
+// 65,519 is 65504 as a half float, 65,520 would be infinite.
+TEST_F(ConvertCommandTest, HalfFloatsTakeNoValueThatTheyCannotHold) {
+  for (const float beyond : {65520.0f, -65520.0f, 1e9f}) {
+    std::vector<float> values(10 * 10 * 10, 1.0f);
+    values[500] = std::copysign(65519.0f, beyond);
+    const auto convert = [&] {
+      writeBytes(path("v.raw"), {reinterpret_cast<const char*>(values.data()),
+                                 values.size() * sizeof values.front()});
+      return run({"convert", "v.raw", "--raw-dims", "10,10,10", "--raw-type", "f32", "-o", "v.vdb",
+                  "--half", "--force"});
+    };
+    EXPECT_EQ(convert().status, 0);
+    values[501] = beyond;
+    checkFailure(convert(), 1, "beyond half floats, which end at 65504; leave out --half");
+    std::fill(values.begin(), values.end(), beyond);  // a tile, and no leaf
+    checkFailure(convert(), 1, "beyond half floats");
+  }
+  runWell({"phantom", "sphere", "--size", "8", "-o", "s.nrrd"});
+  expectFailure(1, {"convert", "s.nrrd", "-o", "s.vdb", "--half", "--background", "7e4"},
+                "the value 70000 is beyond half floats");
+}
+
+// Three time steps of 6 x 5 x 4 voxels, in which voxel i of step t is 1000 t + i.
+TEST_F(ConvertCommandTest, ATimeStepOfNiftiIsTaken) {
+  for (const bool big_endian : {false, true}) {
+    std::string bytes = niftiHeader({6, 5, 4}, {}, big_endian);
+    bytes[40 + (big_endian ? 1 : 0)] = 4;  // dim[0] and dim[4]
+    bytes[48 + (big_endian ? 1 : 0)] = 3;
+    for (int i = 0; i < 360; ++i) {
+      const int value = 1000 * (i / 120) + i % 120;
+      const char low = static_cast<char>(value & 255), high = static_cast<char>(value >> 8);
+      bytes += big_endian ? std::string{high, low} : std::string{low, high};
+    }
+    writeBytes(path("steps.nii"), bytes);
+    const auto firstOf = [&](Words words, int step) {
+      words.insert(words.begin(), {"convert", "steps.nii", "-o", "step.raw", "--force", "--json"});
+      const Outcome outcome = run(words);
+      EXPECT_EQ(outcome.status, 0) << outcome.err;
+      EXPECT_NE(outcome.out.find("time step " + std::to_string(step) + " of 3"), std::string::npos)
+          << outcome.out;
+      std::int16_t first = -1;
+      std::memcpy(&first, readBytes(path("step.raw")).data(), sizeof first);
+      return first;
+    };
+    EXPECT_EQ(firstOf({}, 0), 0);
+    EXPECT_EQ(firstOf({"--time", "0"}, 0), 0);
+    EXPECT_EQ(firstOf({"--time", "2"}, 2), 2000);
+    expectFailure(1, {"convert", "steps.nii", "-o", "x.raw", "--time", "3"}, "are 0 to 2");
+    // Another step is another volume.
+    EXPECT_EQ(runForJson({"build", "steps.nii", "--time", "1", "-o", "s.isb"})["skipped"], false);
+    EXPECT_EQ(runForJson({"build", "steps.nii", "--time", "1", "-o", "s.isb"})["skipped"], true);
+    EXPECT_EQ(runForJson({"build", "steps.nii", "--time", "2", "-o", "s.isb"})["skipped"], false);
+  }
+}
+
+TEST_F(ConvertCommandTest, Nifti2IsRefusedByItsName) {
+  for (const std::string& size : {std::string("\x1c\x02\0\0", 4), std::string("\0\0\x02\x1c", 4)}) {
+    writeBytes(path("new.nii"), size + std::string("n+2\0\r\n\x1a\n", 8) + std::string(2000, '\0'));
+    expectFailure(1, {"convert", "new.nii", "-o", "a.nrrd"}, "it is NIfTI-2, which is not read");
+  }
 }
 
 TEST_F(ConvertCommandTest, CtrlCLeavesNothingUnderTheFinalName) {

@@ -487,7 +487,7 @@ def check_quantities(levels):
 
     run("build", "saddle.nrrd", "-o", "flat.isb", "--no-curvature")
     run("convert", "flat.isb", "-o", "x.vdb", "--with-curvature", fails_with="without curvature")
-    run("convert", "flat.isb", "-o", "x.vdb", "--with-error", fails_with="build it anew with --error")
+    run("convert", "flat.isb", "-o", "x.vdb", "--with-error", fails_with="'isobrick build' and --error")
     assert not os.path.exists("x.vdb")
 
     # All levels of the saddle are the same field, so that its bounds are rounding; a bump is another.

@@ -12,6 +12,7 @@
 #include "isobrick/storage/error.h"
 #include "tools/build/build_report.h"
 #include "tools/byte_size.h"
+#include "tools/command.h"
 #include "tools/failure_text.h"
 #include "tools/interrupt.h"
 #include "tools/one_line.h"
@@ -63,10 +64,10 @@ class BuildBatch {
       interruptFlag().check();
       entry.built = buildOne(labelled(job), settings_);
     } catch (const Cancelled& cancelled) {
-      entry.reason = failureText(cancelled);
+      entry.reason = failureText(cancelled, optionsOf(*job.input.parser));
       entry.interrupted = true;
     } catch (const std::exception& failure) {
-      entry.reason = failureText(failure);
+      entry.reason = failureText(failure, optionsOf(*job.input.parser));
     }
     return entries_.emplace_back(std::move(entry));
   }

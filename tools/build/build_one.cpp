@@ -15,6 +15,7 @@
 #include "isobrick/storage/pyramid.h"
 #include "isobrick/storage/pyramid_writer.h"
 #include "tools/build/existing_output.h"
+#include "tools/build/fitting_options.h"
 #include "tools/byte_size.h"
 #include "tools/stopwatch.h"
 #include "tools/thread_count.h"
@@ -92,6 +93,7 @@ BuiltVolume openAndBuild(const BuildJob& job, const BuildSettings& settings) {
   refuseOtherFiles(job.input.path, job.output, settings.force);
   const std::unique_ptr<VolumeSource> source = openShowingProgress(job, settings);
   built.open_seconds = watch.seconds();
+  refuseUnfitInputOptions(*job.input.parser, source->info());
   InputWatch input(*source, settings.options.cancel);
   refuseInputsAsOutput(source->files(), job.output);
   const bool is_up_to_date = isUpToDate(job.output, source->info(), input.identity(),

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -20,6 +21,7 @@
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid.h"
 #include "tools/build/convert_output.h"
+#include "tools/build/fitting_options.h"
 #include "tools/build/open_input.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
@@ -67,6 +69,17 @@ bool hasEnding(const std::string& path, const char* ending) {
 
 bool isPyramid(const std::string& path) { return hasEnding(path, ".isb"); }
 
+// In voxel indices of level 0, as the box was given; before any of its numbers becomes an integer.
+void refuseBoxBeyond(const Corners& corners, const VolumeInfo& info, int level) {
+  const glm::dvec3 last = glm::dvec3(info.voxels - Index3(1)) * std::ldexp(1.0, level);
+  for (int axis = 0; axis < 3; ++axis)
+    if (!(corners.lower[axis] >= 0 && corners.upper[axis] <= last[axis]))
+      throw Error(fmt::format("the box of --box is not within '{}', whose voxels are 0,0,0 to "
+                              "{},{},{}; choose a box within",
+                              info.source, last.x, last.y, last.z),
+                  {.path = info.source});
+}
+
 // Both corners are in the box; of a coarser level, the samples that lie in it.
 IndexBox boxOfLevel(const Corners& corners, int level) {
   IndexBox box;
@@ -81,8 +94,10 @@ IndexBox boxOfLevel(const Corners& corners, int level) {
 
 std::unique_ptr<VolumeSource> withViews(std::unique_ptr<VolumeSource> source,
                                         const ConvertArguments& arguments, int level) {
-  if (arguments.box)
+  if (arguments.box) {
+    refuseBoxBeyond(*arguments.box, source->info(), level);
     source = makeCroppedSource(std::move(source), boxOfLevel(*arguments.box, level));
+  }
   if (arguments.window)
     return makeWindowedSource(std::move(source), *arguments.window,
                               *voxelTypeNamed(arguments.type));
@@ -185,6 +200,7 @@ Converted convert(const ConvertArguments& arguments) {
   refuseConvertOutput(arguments.output, inputs, arguments.force);
   Opened opened = openLevels(arguments);
   VolumeSource& source = *opened.levels.front();
+  refuseUnfitInputOptions(*arguments.input.parser, source.info());
   for (const std::string& file : source.files()) inputs.push_back(file);
   refuseConvertOutput(arguments.output, inputs, arguments.force);
   InputWatch input(source, &interruptFlag());
@@ -269,13 +285,9 @@ void warnOfLoss(const ConvertArguments& arguments, const Converted& converted) {
 
 void checkUsage(const ConvertArguments& arguments) {
   refuseKnownMisfits(arguments.input);
-  if (!isPyramid(arguments.input.path) && (arguments.level > 0 || !arguments.levels.empty()))
-    throw UsageError("only pyramids (.isb) have levels; leave out --level and --levels");
+  if (!isPyramid(arguments.output)) refuseUnknownExport(arguments.output, false);
+  refuseUnfitOutputOptions(*arguments.input.parser, arguments.output);
   const bool has_beside = arguments.with_ranges || arguments.with_curvature || arguments.with_error;
-  if (has_beside && !(isPyramid(arguments.input.path) && hasEnding(arguments.output, ".vdb")))
-    throw UsageError(
-        "only of a pyramid (.isb) written to .vdb; leave out --with-ranges, --with-curvature and "
-        "--with-error");
   if (has_beside && arguments.window)
     throw UsageError(
         "--with-ranges, --with-curvature and --with-error are of the values as they are; leave out "
@@ -285,10 +297,6 @@ void checkUsage(const ConvertArguments& arguments) {
   if (!arguments.window && !arguments.type.empty() && arguments.type != "f32")
     throw UsageError(
         "--type makes integers of the values within --window LO,HI; give it, or --type f32");
-  if (!isPyramid(arguments.output))
-    refuseUnknownExport(arguments.output, !arguments.levels.empty());
-  else if (!arguments.levels.empty())
-    throw UsageError("a pyramid makes its own levels; leave out --levels");
 }
 
 int runConvert(ConvertArguments& arguments) {
@@ -350,8 +358,11 @@ Command addConvertCommand(CLI::App& app) {
       "Value of what a .vdb does not store; default: that of the .vdb it came from, or 0");
   addParsedOption(
       *sub, "--tolerance", arguments->tolerance,
-      [](const std::string& text) { return parseNumberFrom(text, 0); }, "T",
-      "Voxels no further than T from the background are not stored in a .vdb; default: 0");
+      [](const std::string& text) {
+        parseSingle(text);
+        return parseNumberFrom(text, 0);
+      },
+      "T", "Voxels no further than T from the background are not stored in a .vdb; default: 0");
   sub->add_flag("--half", arguments->half, "Half floats in a .vdb");
   sub->add_flag("--with-ranges", arguments->with_ranges,
                 "Of a pyramid, for each level in a .vdb the least and the greatest value of every "

@@ -10,7 +10,6 @@
 
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid.h"
-#include "tools/failure_text.h"
 #include "tools/output_check.h"
 
 namespace isobrick {
@@ -87,7 +86,7 @@ bool isUpToDate(const std::string& output, const VolumeInfo& info,
   try {
     origin = originOf(Pyramid(output));
   } catch (const Error& error) {
-    return inTheWay(fmt::format("from what it was made is unknown ({})", failureText(error)));
+    return inTheWay(fmt::format("from what it was made is unknown ({})", error.what()));
   }
   const std::string identity = buildIdentity(info, input_identity, options);
   if (origin.identity == identity) return true;

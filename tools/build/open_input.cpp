@@ -39,6 +39,7 @@ void addInputOptions(CLI::App& app, std::vector<std::string>& paths, InputOption
 }
 
 void addOpenOptions(CLI::App& app, InputOptions& options) {
+  options.parser = &app;
   CLI::Option* const dims =
       addParsedOption(app, "--raw-dims", options.raw_dims, parseIndex3, "X,Y,Z",
                       "The input has no header, and this many voxels per axis");
@@ -71,12 +72,12 @@ void addOpenOptions(CLI::App& app, InputOptions& options) {
     return parseInteger(text, 0, std::numeric_limits<std::int64_t>::max());
   };
   addParsedOption(app, "--time", options.time, parseIndex, "T",
-                  "Of an OME-Zarr image, the time step to take, from 0");
+                  "Of OME-Zarr and NIfTI, the time step to take, from 0");
   addParsedOption(app, "--channel", options.channel, parseIndex, "C",
-                  "Of an OME-Zarr image, the channel to take, from 0");
+                  "Of OME-Zarr and HDF5, the channel to take, from 0");
   addParsedOption(
       app, "--component", options.component, parseComponent, "N|magnitude",
-      "Of NRRD, MetaImage, NIfTI or VTI with several values per voxel, the one to take, "
+      "Of NRRD, MetaImage, NIfTI, VTI or TIFF with several values per voxel, the one to take, "
       "from 0, or the root of the sum of their squares, as float32");
   app.add_flag("--dicom-float32", options.dicom_float32,
                "Take a DICOM series as float32, where its headers promise 16 bits and its values "
@@ -106,7 +107,7 @@ void refuseKnownMisfits(const InputOptions& input) {
     const std::vector<Remedy>& remedies = error.remedies();
     if (std::find(remedies.begin(), remedies.end(), Remedy::kDescribeRawFile) == remedies.end())
       throw;
-    throw UsageError(failureText(error));
+    throw UsageError(failureText(error, optionsOf(*input.parser)));
   }
 }
 

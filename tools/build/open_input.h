@@ -13,6 +13,7 @@
 namespace isobrick {
 
 struct InputOptions {
+  const CLI::App* parser = nullptr;  // of the words of which the rest comes
   std::string path;
   std::optional<Index3> raw_dims;  // given: the file has no header
   RawLayout raw;                   // everything but the dimensions

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "isobrick/storage/error.h"
+#include "tools/failure_text.h"
 #include "tools/own_folder.h"
 #include "tools/program_run.h"
 #include "tools/view/preview_folder.h"
@@ -123,7 +124,9 @@ VolumeBuilder volumeBuilder(ViewBuildOptions options) {
     } catch (const ProgramFailure& failure) {
       std::string said = failure.said;
       if (said.rfind(kOwnName, 0) == 0) said.erase(0, kOwnName.size());
-      throw Error(said.empty() ? std::string(failure.what()) : said);
+      if (said.empty()) throw Error(failure.what());
+      // Options in it are those of `build`.
+      throw Error(optionsNamedIn(said).empty() ? said : "'isobrick build' says: " + said);
     }
   };
 }

@@ -63,11 +63,11 @@ void refuseUnknownExport(const std::string& path, bool has_levels) {
                     "': its ending is none of those that are written (.isb, .vdb, .h5, .ome.zarr, "
                     ".exr, .tif, "
                     ".nrrd, .mhd, " +
-                    ".mha, .nii, .nii.gz, .vti, .raw); choose one of them with -o",
+                    ".mha, .nii, .nii.gz, .vti, .raw); choose one of them",
                 {.path = path});
   if (has_levels && (format == nullptr || !format->has_levels))
-    throw Error("cannot write all levels to '" + path + "': this format has one; choose it " +
-                    "with --level, or write .vdb or .ome.zarr",
+    throw Error("cannot write all levels to '" + path + "': this format has one; choose " +
+                    "one of them, or write .vdb or .ome.zarr",
                 {.path = path});
 }
 

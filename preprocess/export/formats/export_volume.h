@@ -33,7 +33,8 @@ struct ExportOptions : VolumeWriteOptions {
   double vdb_tolerance = 0;
   // May be null: exact float grids (of 8-bit voxels half) behind those of the levels.
   std::vector<BesideVolume>* vdb_beside = nullptr;
-  // Half floats in place of floats; 8-bit voxels, which lose nothing, are written so always.
+  // Half floats in place of floats; values that they cannot hold are refused. 8-bit voxels, which
+  // lose nothing, are written so always.
   bool vdb_half = false;
 };
 

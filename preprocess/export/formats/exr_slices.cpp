@@ -86,7 +86,7 @@ VolumeWriteReport writeExrSlices(VolumeLevels& levels, const std::string& path,
         } catch (const std::exception& failure) {
           throw ResumableError("cannot write '" + path + "': OpenEXR reports '" +
                                    std::string(failure.what()) +
-                                   "'; free some space or choose another folder with -o",
+                                   "'; free some space or choose another folder",
                                {.path = path});
         }
       });

@@ -55,12 +55,11 @@ void Hdf5Original::refuseTooLittleSpace(const AtomicFile& copy) const {
   const std::optional<std::uint64_t> have = copy.freeBytes();
   if (!have || *have >= bytes()) return;
   const auto mebibytes = [](std::uint64_t n) { return std::to_string((n >> 20) + 1) + " MiB"; };
-  throw ResumableError("not enough space to add to '" + path_ +
-                           "': a copy beside it, with the new " +
-                           "dataset, takes its place in the end; the copy takes " +
-                           mebibytes(bytes()) + " and the disk has " + mebibytes(*have) +
-                           "; free some space or choose another file with -o",
-                       {.path = path_});
+  throw ResumableError(
+      "not enough space to add to '" + path_ + "': a copy beside it, with the new " +
+          "dataset, takes its place in the end; the copy takes " + mebibytes(bytes()) +
+          " and the disk has " + mebibytes(*have) + "; free some space or choose another file",
+      {.path = path_});
 }
 
 void Hdf5Original::copyTo(AtomicFile& copy, const CancelFlag* cancel,

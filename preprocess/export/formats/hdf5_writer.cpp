@@ -86,12 +86,12 @@ class Hdf5Writer {
  private:
   ResumableError failed() const {
     return ResumableError("cannot write '" + path_ + "': HDF5 reports a failure; check the name " +
-                              "of the dataset, free some space or choose another folder with -o",
+                              "of the dataset, free some space or choose another folder",
                           {.path = path_});
   }
 
   Error refused(const std::string& why) const {
-    return Error("cannot write '" + path_ + "': " + why + "; choose another dataset with -o",
+    return Error("cannot write '" + path_ + "': " + why + "; choose another dataset",
                  {.path = path_});
   }
 
@@ -105,7 +105,7 @@ class Hdf5Writer {
     if (opened < 0)
       throw Error("cannot write '" + path_ + "': the file is there, and HDF5 cannot add to it: " +
                       "it is no HDF5 file, is damaged, or was not closed by its writer; choose " +
-                      "another file with -o",
+                      "another file",
                   {.path = path_});
     return opened;
   }
@@ -136,9 +136,8 @@ class Hdf5Writer {
       }
       if (is_group) throw refused(name + " is a group");
       if (!replace)
-        throw Error("'" + path_ + "' exists already; replace the dataset with --force, or choose " +
-                        "another one with -o",
-                    {.path = path_});
+        throw Error("'" + path_ + "' exists already; choose another dataset", {.path = path_},
+                    {Remedy::kReplaceDataset});
     }
     if (H5Ldelete(file_.id(), dataset.c_str(), H5P_DEFAULT) < 0) throw failed();
   }
@@ -202,7 +201,7 @@ VolumeWriteReport writeHdf5(VolumeLevels& levels, const std::string& path,
   const std::string dataset =
       colon == std::string::npos ? "/volume" : plainName(path.substr(colon + 1));
   if (dataset.empty())
-    throw Error("cannot write '" + path + "': it names no dataset; write file.h5:/name with -o",
+    throw Error("cannot write '" + path + "': it names no dataset; write file.h5:/name",
                 {.path = path});
   std::error_code ignored;
   const std::string name = std::filesystem::is_symlink(named, ignored)

@@ -20,7 +20,7 @@ using TiffFile = std::unique_ptr<TIFF, CloseTiff>;
 
 ResumableError failed(const std::string& path) {
   return ResumableError("cannot write '" + path + "': libtiff reports a failure; free some space " +
-                            "or choose another folder with -o",
+                            "or choose another folder",
                         {.path = path});
 }
 

@@ -15,6 +15,7 @@
 #include <streambuf>
 #include <utility>
 
+#include "isobrick/preprocess/export/volume_headers.h"
 #include "isobrick/preprocess/export/volume_rows.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/index_loop.h"
@@ -80,8 +81,10 @@ class NodeRow {
   };
 
   // They outlive it.
-  NodeRow(const VolumeSource& source, const VdbGridPlan& plan, std::uint32_t compression)
-      : source_(source),
+  NodeRow(const VolumeSource& source, const VdbGridPlan& plan, std::uint32_t compression,
+          const std::string& path)
+      : path_(path),
+        source_(source),
         plan_(plan),
         compression_(compression),
         scratch_(Coord(0), plan.background) {
@@ -146,6 +149,8 @@ class NodeRow {
     copyLeaf(reinterpret_cast<const T*>(stored_.data()), corner - plan_.first, values);
     if (plan_.tolerance > 0)
       for (openvdb::Index i = 0; i < Leaf::SIZE; ++i) values[i] = plan_.valueOf(values[i]);
+    if (plan_.saves_half && sizeof(T) > 1)
+      for (openvdb::Index i = 0; i < Leaf::SIZE; ++i) plan_.refuseBeyondHalf(values[i], path_);
     const float first = values[0];
     if (std::all_of(values, values + Leaf::SIZE, [&](float v) { return v == first; })) {
       // Nothing but a tile in the node above; the background is not even that.
@@ -224,6 +229,7 @@ class NodeRow {
                   static_cast<float>(from[linearIndex(Index3(x, y, z) - box_.first, box_.count)]));
   }
 
+  const std::string& path_;  // of the output
   const VolumeSource& source_;
   const VdbGridPlan& plan_;
   const std::uint32_t compression_;
@@ -258,6 +264,14 @@ Error tooManyLeaves(const VolumeSource& source, const std::string& path) {
 constexpr std::int64_t kMostFileBytes = std::int64_t{1} << 62;
 
 }  // namespace
+
+void VdbGridPlan::refuseBeyondHalf(float value, const std::string& path) const {
+  constexpr float kFirstInfinite = 65520;  // as a half; what lies below is rounded to 65504
+  if (!(std::abs(value) >= kFirstInfinite) || std::isinf(value)) return;
+  throw Error("cannot write '" + path + "': the value " + numberText(static_cast<double>(value)) +
+                  " is beyond half floats, which end at 65504",
+              {.path = path}, {Remedy::kWholeFloats});
+}
 
 VdbPackedLeaves::VdbPackedLeaves(const std::string& folder)
     : file_({kMostFileBytes, 1, 1}, 1, ScratchVolume::Place::kFile, folder) {}
@@ -330,7 +344,7 @@ void makeVdbTree(const VolumeSource& source, const VdbGridPlan& plan, std::uint3
   std::vector<std::unique_ptr<NodeRow>> rows;
   std::vector<NodeRow*> idle;
   for (std::uint64_t i = 0; i < at_once; ++i) {
-    rows.push_back(std::make_unique<NodeRow>(source, plan, compression));
+    rows.push_back(std::make_unique<NodeRow>(source, plan, compression, path));
     idle.push_back(rows.back().get());
   }
   std::mutex mutex;  // guards `idle`

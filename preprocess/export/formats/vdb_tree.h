@@ -33,6 +33,8 @@ struct VdbGridPlan {
                ? background
                : value;
   }
+  // Throws Error where a half float would be infinite and the value is not.
+  void refuseBeyondHalf(float value, const std::string& path) const;
   bool isActive(float value) const {
     return grid_class == openvdb::GRID_LEVEL_SET ? std::abs(value) < background
                                                  : value != background;
@@ -65,8 +67,8 @@ class VdbPackedLeaves {
 // has its class and background already, with nodes without values, and `leaves` with these, packed
 // with OpenVDB's `compression`. Holds the nodes, some 120 bytes for each 8x8x8 voxels that are not
 // constant, and some 20 MiB a thread, of which it takes as many as options.memory_bytes allows.
-// Where the nodes are more than that, throws Error with Remedy::kAllowMoreMemory, which names
-// `path`.
+// Where the nodes are more than that, throws Error with Remedy::kAllowMoreMemory, and for values
+// that half floats cannot hold with Remedy::kWholeFloats; both name `path`.
 void makeVdbTree(const VolumeSource& source, const VdbGridPlan& plan, std::uint32_t compression,
                  const std::string& path, const ExportOptions& options,
                  const std::function<void(double)>& tick, openvdb::FloatGrid& grid,

@@ -212,6 +212,9 @@ VolumeWriteReport writeVdb(VolumeLevels& levels, const std::string& path,
     report.lost.push_back("values were rounded to half precision");
   if (options.vdb_tolerance > 0)
     report.lost.push_back("values within the tolerance of the background became the background");
+  for (std::size_t i = 0; i < levels.size(); ++i)
+    if (const VdbGridPlan plan = planGrid(levels[i]->info(), i, options); plan.saves_half)
+      plan.refuseBeyondHalf(plan.background, path);
   AtomicFile file(path);
 
   std::vector<BesideVolume> none;
@@ -256,7 +259,7 @@ VolumeWriteReport writeVdb(VolumeLevels& levels, const std::string& path,
     out.close();
   } catch (const std::ios_base::failure&) {
     throw ResumableError("cannot write '" + path + "': the disk is full or fails; free some " +
-                             "space or choose another folder with -o",
+                             "space or choose another folder",
                          {.path = path});
   }
   if (options.before_publishing) options.before_publishing();

@@ -126,7 +126,7 @@ TEST_F(ExportVolumeTest, WhatAFormatLosesIsSaid) {
   EXPECT_TRUE(write("a.nii", values, {}).lost.empty());
   const VolumeWriteReport raw = write("a.raw", values, {});
   ASSERT_EQ(raw.lost.size(), 1u);
-  EXPECT_CONTAINS(raw.lost[0], "--raw-dims 19,7,13 --raw-type u8");
+  EXPECT_CONTAINS(raw.lost[0], "voxels 19,7,13 of type u8");
   EXPECT_EQ(raw.bytes, 19u * 7 * 13);
 }
 

@@ -284,7 +284,7 @@ TEST_F(VolumeSourceTest, AtomicFileRefusesPlacesThatCannotBeWritten) {
   EXPECT_CONTAINS(errorOf([&] { AtomicFile file(pathOf("no/such/file")); }),
                   "No such file or directory; create the folder");
   EXPECT_CONTAINS(errorOf([&] { AtomicFile file(folder_.string()); }), "folder");
-  EXPECT_CONTAINS(errorOf([&] { AtomicFile file(""); }), "-o");
+  EXPECT_CONTAINS(errorOf([&] { AtomicFile file(""); }), "name a file");
   EXPECT_CONTAINS(errorOf([&] { AtomicFile file("/dev/full"); }), "not a regular file");
   EXPECT_CONTAINS(errorOf([&] { AtomicFile file(pathOf(std::string(300, 'n'))); }), "shorter");
 }

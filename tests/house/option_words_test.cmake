@@ -1,0 +1,20 @@
+# The libraries serve programs that have no options: an Error says with a Remedy which parameter would
+# help, and the command what it is called (tools/failure_text.cpp). No text of theirs names an option,
+# unless it names the command that has it.
+set(failed FALSE)
+foreach(folder storage preprocess extract viewer)
+  file(GLOB_RECURSE files RELATIVE ${SOURCE} ${SOURCE}/${folder}/*.h ${SOURCE}/${folder}/*.cpp)
+  foreach(file ${files})
+    file(STRINGS ${SOURCE}/${file} lines REGEX "\"[^\"]*(^|[ (\"])(--[a-z]|-o[ \",;.)])")
+    foreach(line IN LISTS lines)
+      if(line MATCHES "^ *//" OR line MATCHES "isobrick (build|view|convert|extract|render)")
+        continue()
+      endif()
+      message("${file} names an option: ${line}")
+      set(failed TRUE)
+    endforeach()
+  endforeach()
+endforeach()
+if(failed)
+  message(FATAL_ERROR "texts of the libraries name options; use a Remedy (storage/error.h)")
+endif()
