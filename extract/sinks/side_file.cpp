@@ -46,9 +46,8 @@ void SideFile::appendTo(AtomicFile& file, std::uint64_t bytes, const CancelFlag*
 }
 
 void SideFile::fail(const std::string& why) const {
-  throw Error(
-      "cannot write '" + path_ + "': " + why + "; free some space or choose another folder",
-      {.path = path_});
+  throw Error("cannot write '" + path_ + "': " + why + "; free some space or choose another folder",
+              {.path = path_});
 }
 
 }  // namespace isobrick
