@@ -66,8 +66,16 @@ int runChosen(const std::vector<Command>& commands) {
   return status;
 }
 
-int reportFailure(const std::exception& failure, const HasOption& has) {
-  fmt::print(stderr, "isobrick: {}\n", oneLine(failureText(failure, has)));
+// Of a failure to find memory too, which may go on while it is told.
+int reportFailure(const std::exception& failure, const HasOption& has) noexcept try {
+  const bool lacks_memory = dynamic_cast<const std::bad_alloc*>(&failure) != nullptr;
+  fmt::print(stderr, "isobrick: {}\n",
+             lacks_memory ? "not enough memory; close other programs, or ask for less: a coarser "
+                            "level or a box"
+                          : oneLine(failureText(failure, has)));
+  return kFailed;
+} catch (const std::exception&) {
+  std::fputs("isobrick: not enough memory; close other programs\n", stderr);
   return kFailed;
 }
 
@@ -80,29 +88,13 @@ int runReportingFailures(const CLI::App& app, const std::vector<Command>& comman
   } catch (const Cancelled& cancelled) {
     reportFailure(cancelled, has);
     return kInterrupted;
-  } catch (const std::bad_alloc&) {
-    return reportFailure(
-        Error("not enough memory; close other programs, or ask for less: a coarser "
-              "level or a box"),
-        has);
   } catch (const std::exception& failure) {
     return reportFailure(failure, has);
   }
 }
 
-}  // namespace
-}  // namespace isobrick
-
-int main(int argc, char** argv) {
-  using namespace isobrick;
-  // A file that grows past the limit of `ulimit -f` is to be an error, not the end of the process.
-  std::signal(SIGXFSZ, SIG_IGN);
-
-  try {
-    if (argc > 1) runExternalCommand(argv[1], argv);
-  } catch (const Error& error) {
-    return reportFailure(error, [](const std::string&) { return false; });
-  }
+int runWords(int argc, char** argv) {
+  if (argc > 1) runExternalCommand(argv[1], argv);
   CLI::App app("Adaptive, crack-free isosurfaces of volumes that are larger than memory.");
   describe(app);
   const std::vector<Command> commands = addCommands(app);
@@ -116,4 +108,18 @@ int main(int argc, char** argv) {
     std::_Exit(status);
   }
   return status;
+}
+
+}  // namespace
+}  // namespace isobrick
+
+int main(int argc, char** argv) {
+  using namespace isobrick;
+  // A file that grows past the limit of `ulimit -f` is to be an error, not the end of the process.
+  std::signal(SIGXFSZ, SIG_IGN);
+  try {
+    return runWords(argc, argv);
+  } catch (const std::exception& failure) {
+    return reportFailure(failure, [](const std::string&) { return false; });
+  }
 }
