@@ -2,9 +2,11 @@
 #pragma once
 
 #include <condition_variable>
+#include <exception>
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <new>
 #include <optional>
 #include <string>
 #include <thread>
@@ -14,6 +16,14 @@
 #include "isobrick/storage/error.h"
 
 namespace isobrick {
+
+// The words of a failure; fewer where there is no memory for them, which need none.
+inline std::string failureWords(const std::exception& failure) noexcept try {
+  if (dynamic_cast<const std::bad_alloc*>(&failure) != nullptr) return "no memory left";
+  return failure.what();
+} catch (const std::exception&) {
+  return "no memory left";
+}
 
 // Calls `work(request, cancel)` on a thread of its own. A newer request cancels the one at hand.
 // request(), cancel() and poll() are for one other thread and never wait for the work.
@@ -41,8 +51,10 @@ class LatestWorker {
   LatestWorker& operator=(const LatestWorker&) = delete;
 
   void request(Request request) {
+    auto cancel = std::make_shared<CancelFlag>();
     const std::lock_guard lock(mutex_);
     waiting_ = std::move(request);
+    waiting_cancel_ = std::move(cancel);
     if (cancel_ != nullptr) cancel_->request();
     wake_.notify_all();
   }
@@ -71,13 +83,13 @@ class LatestWorker {
       if (stopping_) return;
       Outcome outcome{std::move(*waiting_), {}, {}};
       waiting_.reset();
-      const auto cancel = std::make_shared<CancelFlag>();
+      const std::shared_ptr<CancelFlag> cancel = std::move(waiting_cancel_);
       cancel_ = cancel;
       lock.unlock();
       try {
         outcome.result = work_(outcome.request, *cancel);
       } catch (const std::exception& failure) {
-        outcome.error = failure.what();
+        outcome.error = failureWords(failure);
       }
       lock.lock();
       cancel_.reset();
@@ -89,7 +101,8 @@ class LatestWorker {
   mutable std::mutex mutex_;
   std::condition_variable wake_;
   std::optional<Request> waiting_;
-  std::shared_ptr<CancelFlag> cancel_;  // of the work at hand
+  std::shared_ptr<CancelFlag> waiting_cancel_;  // made by who asks: the thread has no one to tell
+  std::shared_ptr<CancelFlag> cancel_;          // of the work at hand
   std::optional<Outcome> outcome_;
   bool stopping_ = false;
   std::thread thread_;  // last: it uses all of the above

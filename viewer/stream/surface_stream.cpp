@@ -9,6 +9,7 @@
 
 #include "isobrick/storage/error.h"
 #include "isobrick/viewer/stream/chunk_sink.h"
+#include "isobrick/viewer/stream/latest_worker.h"
 
 namespace isobrick {
 namespace {
@@ -45,9 +46,10 @@ SurfaceStream::~SurfaceStream() {
 }
 
 std::uint64_t SurfaceStream::request(StreamRequest request) {
+  auto cancel = std::make_shared<CancelFlag>();
   const std::lock_guard lock(mutex_);
   if (waiting_) request.may_reuse = request.may_reuse && waiting_->request.may_reuse;
-  waiting_ = Job{++last_number_, std::move(request)};
+  waiting_ = Job{++last_number_, std::move(request), std::move(cancel)};
   if (!working_ || !a_hand_waits_) {
     endCurrent();
     dropPassesAtRest();
@@ -66,7 +68,7 @@ void SurfaceStream::cancel() {
 std::optional<StreamMessage> SurfaceStream::poll() {
   const std::lock_guard lock(mutex_);
   endSlowPass();
-  if (queue_.empty()) return std::nullopt;
+  if (queue_.empty()) return takeLost();
   StreamMessage message = std::move(queue_.front());
   queue_.pop_front();
   queue_bytes_ -= message.chunk.bytes();
@@ -76,7 +78,7 @@ std::optional<StreamMessage> SurfaceStream::poll() {
 
 bool SurfaceStream::busy() const {
   const std::lock_guard lock(mutex_);
-  return working_ || waiting_ || !queue_.empty();
+  return working_ || waiting_ || !queue_.empty() || lost_;
 }
 
 // With the lock.
@@ -87,19 +89,16 @@ void SurfaceStream::endCurrent() {
 
 // For the request that waits; nothing under way reuses them. With the lock.
 void SurfaceStream::dropPassesAtRest() {
-  std::deque<StreamMessage> left;
+  const auto isDropped = [](const StreamMessage& message) {
+    return message.at_rest && message.kind == StreamMessage::Kind::kChunk;
+  };
   for (StreamMessage& message : queue_) {
-    if (message.at_rest && message.kind == StreamMessage::Kind::kChunk) {
-      queue_bytes_ -= message.chunk.bytes();
-      continue;
-    }
-    if (message.at_rest && message.kind == StreamMessage::Kind::kPassDone) {
-      message.kind = StreamMessage::Kind::kDropped;
-      waiting_->request.may_reuse = false;
-    }
-    left.push_back(std::move(message));
+    if (isDropped(message)) queue_bytes_ -= message.chunk.bytes();
+    if (!message.at_rest || message.kind != StreamMessage::Kind::kPassDone) continue;
+    message.kind = StreamMessage::Kind::kDropped;
+    waiting_->request.may_reuse = false;
   }
-  queue_ = std::move(left);
+  std::erase_if(queue_, isDropped);
 }
 
 // Where a request waits for a pass that takes long. With the lock.
@@ -120,13 +119,37 @@ void SurfaceStream::noteTime(StreamMessage& end) const {
 void SurfaceStream::finish(StreamMessage end) {
   const std::lock_guard lock(mutex_);
   const bool at_rest = end.at_rest;
-  while (end.kind != StreamMessage::Kind::kPassDone && !queue_.empty() &&
-         queue_.back().kind == StreamMessage::Kind::kChunk) {
+  if (end.kind != StreamMessage::Kind::kPassDone) dropLastChunks();
+  queue_.push_back(std::move(end));
+  if (at_rest && waiting_) dropPassesAtRest();
+}
+
+// With the lock.
+void SurfaceStream::dropLastChunks() {
+  while (!queue_.empty() && queue_.back().kind == StreamMessage::Kind::kChunk) {
     queue_bytes_ -= queue_.back().chunk.bytes();
     queue_.pop_back();
   }
-  queue_.push_back(std::move(end));
-  if (at_rest && waiting_) dropPassesAtRest();
+}
+
+// The pass had no end: poll() makes one. What was to be reused later may have gone with it.
+void SurfaceStream::lose(std::uint64_t request) {
+  const std::lock_guard lock(mutex_);
+  dropLastChunks();
+  lost_ = request;
+  if (waiting_) waiting_->request.may_reuse = false;
+  done_.clear();
+}
+
+// With the lock.
+std::optional<StreamMessage> SurfaceStream::takeLost() {
+  if (!lost_) return std::nullopt;
+  StreamMessage message;
+  message.request = *std::exchange(lost_, std::nullopt);
+  message.kind = StreamMessage::Kind::kFailed;
+  message.at_rest = true;
+  message.error = "no memory left";
+  return message;
 }
 
 void SurfaceStream::pushChunk(StreamMessage message, const CancelFlag& cancel) {
@@ -137,8 +160,9 @@ void SurfaceStream::pushChunk(StreamMessage message, const CancelFlag& cancel) {
     waited_ += now() - begin;
   }
   if (cancel.requested()) throw Cancelled();
-  queue_bytes_ += message.chunk.bytes();
+  const std::uint64_t bytes = message.chunk.bytes();
   queue_.push_back(std::move(message));
+  queue_bytes_ += bytes;
 }
 
 void SurfaceStream::run() {
@@ -149,9 +173,13 @@ void SurfaceStream::run() {
     const Job job = std::move(*waiting_);
     waiting_.reset();
     working_ = true;
-    cancel_ = std::make_shared<CancelFlag>();
+    cancel_ = job.cancel;
     lock.unlock();
-    runJob(job);
+    try {
+      runJob(job);
+    } catch (const std::exception&) {  // no memory for the message that says so
+      lose(job.number);
+    }
     lock.lock();
     working_ = false;
     cancel_.reset();
@@ -216,7 +244,7 @@ SurfaceStream::Outcome SurfaceStream::run(const Job& job, const Attempt& attempt
     noteTime(end);
   } catch (const std::exception& failure) {
     end.kind = StreamMessage::Kind::kFailed;
-    end.error = failure.what();
+    end.error = failureWords(failure);
   }
   finish(std::move(end));
   return outcome;
@@ -271,11 +299,12 @@ SurfaceStream::Outcome SurfaceStream::extract(const Job& job, const Attempt& att
     if (std::any_of(attempt.work->kept.begin(), attempt.work->kept.end(),
                     [&](const auto& kept) { return kept.surface == key.surface; }))
       made_.emplace(key, addition);
-  done_ = std::exchange(made_, {});
+  end.kept = attempt.work->kept;
+  done_.swap(made_);  // nothing fails from here on
+  made_.clear();
   const std::lock_guard lock(mutex_);
   if (a_hand_waits_) patience_ = least_patience_;
   end.last_pass = attempt.pass + 1 == job.request.passes.size() && end.is_complete;
-  end.kept = attempt.work->kept;
   noteTime(end);
   return end.is_complete ? Outcome::kComplete : Outcome::kIncomplete;
 }

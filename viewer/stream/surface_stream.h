@@ -139,6 +139,7 @@ class SurfaceStream {
   struct Job {
     std::uint64_t number = 0;
     StreamRequest request;
+    std::shared_ptr<CancelFlag> cancel;  // made by who asks, whom an exception reaches
   };
   void run();
   enum class Outcome { kComplete, kIncomplete, kTooMany, kEnded };
@@ -158,6 +159,9 @@ class SurfaceStream {
                       const std::function<void(SurfaceChunk&&)>& take, StreamMessage& end);
   void noteTime(StreamMessage& end) const;
   void finish(StreamMessage end);
+  void dropLastChunks();
+  void lose(std::uint64_t request);
+  std::optional<StreamMessage> takeLost();
   void pushChunk(StreamMessage message, const CancelFlag& cancel);
   void endCurrent();
   void endSlowPass();
@@ -191,6 +195,7 @@ class SurfaceStream {
   double waited_ = 0.0;  // seconds of the pass at hand in pushChunk()
   std::deque<StreamMessage> queue_;
   std::uint64_t queue_bytes_ = 0;
+  std::optional<std::uint64_t> lost_;  // a request whose end found no memory
 
   std::thread thread_;  // last: it uses all of the above
 };
