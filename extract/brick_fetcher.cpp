@@ -24,8 +24,9 @@ void BrickFetcher::beginQuery() {
 
 void BrickFetcher::announce(const QueryNeeds& needs, std::vector<MissingBrick> bricks,
                             std::uint64_t since) {
+  auto kept = std::make_shared<const QueryNeeds>(needs);
   const std::lock_guard lock(mutex_);
-  needs_ = needs;
+  needs_ = std::move(kept);
   bricks_ = std::move(bricks);
   since_ = since;
   next_ = 0;
@@ -103,7 +104,7 @@ void BrickFetcher::noteOutcome(const Job& job, Outcome outcome) {
 BrickFetcher::Outcome BrickFetcher::admit(const Job& job,
                                           std::optional<BrickPager::Room>& room) const try {
   const auto& [level, brick, needs_samples, lacks_parts] = job.brick;
-  auto found = job.needs.pyramid().reserve(job.needs.kinds(), level, brick, job.since);
+  auto found = job.needs->pyramid().reserve(job.needs->kinds(), level, brick, job.since);
   if (!found) return Outcome::kNoRoom;
   room.emplace(*std::move(found));
   return Outcome::kDone;
@@ -113,7 +114,7 @@ BrickFetcher::Outcome BrickFetcher::admit(const Job& job,
 
 BrickFetcher::Outcome BrickFetcher::fetch(const Job& job, BrickPager::Room& room) try {
   using enum BrickPager::Fetched;
-  const Pyramid& pyramid = job.needs.pyramid();
+  const Pyramid& pyramid = job.needs->pyramid();
   const MissingBrick& brick = job.brick;
   Outcome outcome = Outcome::kDone;
   const auto bring = [&](PartKind kind, int level, const Index3& of) {
@@ -128,7 +129,7 @@ BrickFetcher::Outcome BrickFetcher::fetch(const Job& job, BrickPager::Room& room
     static_cast<void>(pyramid.brickRowOf(level, of));
     return true;
   };
-  bool is_whole = job.needs.areMet(brick.level, brick.brick, BrickAnswers{read_row, bring});
+  bool is_whole = job.needs->areMet(brick.level, brick.brick, BrickAnswers{read_row, bring});
   if (brick.needs_samples && outcome == Outcome::kDone)
     is_whole = bring(PartKind::kSamples, brick.level, brick.brick);
   // Others may have brought it in since the query looked.

@@ -5,6 +5,7 @@
 #include <condition_variable>
 #include <cstddef>
 #include <cstdint>
+#include <memory>
 #include <mutex>
 #include <optional>
 #include <thread>
@@ -47,7 +48,7 @@ class BrickFetcher {
   enum class Outcome { kDone, kNoRoom, kFailed };
   // A brick of an announcement.
   struct Job {
-    QueryNeeds needs;
+    std::shared_ptr<const QueryNeeds> needs;  // a copy would take memory, and may not find it
     MissingBrick brick;
     std::size_t number;
     std::uint64_t announcement;
@@ -65,7 +66,7 @@ class BrickFetcher {
   bool mayAdmit() const {
     return next_ < bricks_.size() && !is_admitting_ && !(is_alone_ && busy_ > 0);
   }
-  Job nextJob() const { return {*needs_, bricks_[next_], next_, announcement_, since_, is_alone_}; }
+  Job nextJob() const { return {needs_, bricks_[next_], next_, announcement_, since_, is_alone_}; }
   bool isCurrent(const Job& job) const { return job.announcement == announcement_; }
   void noteOutcome(const Job& job, Outcome outcome);
   void end() { next_ = bricks_.size(); }
@@ -74,7 +75,7 @@ class BrickFetcher {
   std::mutex mutex_;  // guards all below
   std::condition_variable wake_, idle_;
   bool stops_ = false;
-  std::optional<QueryNeeds> needs_;
+  std::shared_ptr<const QueryNeeds> needs_;
   std::vector<MissingBrick> bricks_;
   std::uint64_t since_ = 0;
   std::size_t next_ = 0;            // of them, to admit

@@ -1,7 +1,7 @@
 #include "isobrick/extract/read_ahead.h"
 
 #include <algorithm>
-#include <system_error>
+#include <exception>
 #include <utility>
 
 #include "isobrick/extract/active_tiles.h"
@@ -51,7 +51,7 @@ void ReadAhead::start() try {
   if (most_ahead_bytes_ < brick_bytes_ || reached_ >= work_.size()) return;
   while (threads_.size() < std::min(kThreads, work_.size()))
     threads_.emplace_back([this] { run(); });
-} catch (const std::system_error&) {
+} catch (const std::exception&) {
 }
 
 bool ReadAhead::mayLook() const {
