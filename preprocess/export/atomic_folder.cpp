@@ -42,9 +42,14 @@ AtomicFolder::AtomicFolder(const std::string& path)
   if (fs::exists(status) && !fs::is_directory(status))
     throw Error("cannot write '" + path_ + "': it exists and is no folder; choose another name",
                 {.path = path_});
-  if (mkdir(temporary_path_.c_str(), 0777) != 0 && errno != EEXIST) fail(path_, errno);
+  const bool is_new = mkdir(temporary_path_.c_str(), 0777) == 0;
+  if (!is_new && errno != EEXIST) fail(path_, errno);
   fd_ = open(temporary_path_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC | O_NOFOLLOW);
-  if (fd_ < 0) fail(path_, errno);
+  if (fd_ < 0) {
+    const int error = errno;
+    if (is_new) rmdir(temporary_path_.c_str());
+    fail(path_, error);
+  }
   if (flock(fd_, LOCK_EX | LOCK_NB) != 0) {
     ::close(fd_);
     fd_ = -1;
