@@ -7,5 +7,6 @@ std::string sharedData() { return ISOBRICK_SHARED_DATA; }
 std::string goldenFolder() { return ISOBRICK_GOLDEN_FOLDER; }
 std::string isobrickCommand() { return ISOBRICK_COMMAND; }
 std::string isobrickWithFaults() { return ISOBRICK_WITH_FAULTS; }
+std::string isobrickExtractWithFaults() { return ISOBRICK_EXTRACT_WITH_FAULTS; }
 
 }  // namespace isobrick::test

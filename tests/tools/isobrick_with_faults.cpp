@@ -1,11 +1,15 @@
-// `isobrick build` in a world where things go wrong at an exact moment:
+// The `isobrick` command in a world where things go wrong at an exact moment:
 //
-//   isobrick_with_faults FAULT build ...
+//   isobrick_with_faults FAULT build ...        (and convert)
+//   isobrick_extract_with_faults FAULT extract ...  (and info, verify, render)
 //
 //   signal:S:N   signal S arrives just before the N-th change to the file system
 //   disk:B       the disk has room for B bytes more, and says so
 //   quota:B      the same, but it says nothing of it beforehand
 //   memory:N     the N-th allocation of 4 KiB or more fails, and all that are larger
+//   KIND:N       the N-th call of a kind fails, once: alloc, read, open, map or thread
+//                (tests/faults/fault_points.h)
+//   count:PATH   nothing fails; at the end how many calls there were is in that file, a line a kind
 //   none
 //
 // It is linked from the command's own objects; the calls to the system that are named in
@@ -27,8 +31,9 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
-#include <limits>
-#include <new>
+#include <string>
+
+#include "tests/faults/fault_points.h"
 
 namespace {
 
@@ -38,8 +43,9 @@ int g_signal = 0;
 std::atomic<std::int64_t> g_changes_before_signal{-1};
 bool g_disk_is_limited = false, g_disk_tells = false;
 std::atomic<std::int64_t> g_disk_bytes{0};  // left, where it is limited
-std::atomic<std::int64_t> g_allocations_before_failure{-1};
-std::atomic<std::size_t> g_least_failing{std::numeric_limits<std::size_t>::max()};
+std::string g_counts_path;
+// Drivers and toolkits that are loaded use the C++ library too, and do not survive.
+constexpr bool kStringsToo = false;
 
 // False for a text that is none of the above.
 bool readFault(const char* text) {
@@ -62,7 +68,18 @@ bool readFault(const char* text) {
     return true;
   }
   if (std::sscanf(text, "memory:%lld%c", &number, &rest) == 1) {
-    g_allocations_before_failure = number;
+    isobrick::test::armLargeAllocations(static_cast<std::uint64_t>(number), kLargeAllocation);
+    return true;
+  }
+  for (const auto kind : isobrick::test::kFaultKinds) {
+    const std::string format = std::string(isobrick::test::nameOf(kind)) + ":%lld%c";
+    if (std::sscanf(text, format.c_str(), &number, &rest) != 1) continue;
+    isobrick::test::armFault(kind, static_cast<std::uint64_t>(number), kStringsToo);
+    return true;
+  }
+  if (std::strncmp(text, "count:", 6) == 0) {
+    g_counts_path = text + 6;
+    isobrick::test::armFault(isobrick::test::FaultKind::kAllocation, 0, kStringsToo);
     return true;
   }
   return std::strcmp(text, "none") == 0;
@@ -83,10 +100,14 @@ std::size_t takeSpace(std::size_t bytes) {
   return static_cast<std::size_t>(taken);
 }
 
-bool failsToAllocate(std::size_t bytes) {
-  if (bytes < kLargeAllocation) return false;
-  if (g_allocations_before_failure.fetch_sub(1) == 1) g_least_failing = bytes;
-  return bytes >= g_least_failing.load();
+void writeCounts() {
+  isobrick::test::disarmFaults();
+  if (g_counts_path.empty()) return;
+  std::FILE* const file = std::fopen(g_counts_path.c_str(), "w");
+  for (const auto kind : isobrick::test::kFaultKinds)
+    std::fprintf(file, "%s %llu\n", isobrick::test::nameOf(kind),
+                 static_cast<unsigned long long>(isobrick::test::countedCalls(kind)));
+  std::fclose(file);
 }
 
 }  // namespace
@@ -97,7 +118,9 @@ int __real_main(int argc, char** argv);
 int __wrap_main(int argc, char** argv) {
   if (argc < 2 || !readFault(argv[1])) return 125;
   argv[1] = argv[0];
-  return __real_main(argc - 1, argv + 1);
+  const int status = __real_main(argc - 1, argv + 1);
+  writeCounts();
+  return status;
 }
 
 ssize_t __real_write(int fd, const void* data, size_t bytes);
@@ -158,38 +181,6 @@ int __wrap_fstatvfs(int fd, struct statvfs* status) {
   if (result == 0 && g_disk_tells)
     status->f_bavail = static_cast<fsblkcnt_t>(g_disk_bytes.load()) / status->f_frsize;
   return result;
-}
-
-void* __real_malloc(size_t bytes);
-void* __wrap_malloc(size_t bytes) {
-  return failsToAllocate(bytes) ? nullptr : __real_malloc(bytes);
-}
-
-void* __real_aligned_alloc(size_t alignment, size_t bytes);
-void* __wrap_aligned_alloc(size_t alignment, size_t bytes) {
-  return failsToAllocate(bytes) ? nullptr : __real_aligned_alloc(alignment, bytes);
-}
-
-// operator new and new[], with and without an alignment.
-void* __real__Znwm(size_t bytes);
-void* __wrap__Znwm(size_t bytes) {
-  if (failsToAllocate(bytes)) throw std::bad_alloc();
-  return __real__Znwm(bytes);
-}
-void* __real__Znam(size_t bytes);
-void* __wrap__Znam(size_t bytes) {
-  if (failsToAllocate(bytes)) throw std::bad_alloc();
-  return __real__Znam(bytes);
-}
-void* __real__ZnwmSt11align_val_t(size_t bytes, std::align_val_t alignment);
-void* __wrap__ZnwmSt11align_val_t(size_t bytes, std::align_val_t alignment) {
-  if (failsToAllocate(bytes)) throw std::bad_alloc();
-  return __real__ZnwmSt11align_val_t(bytes, alignment);
-}
-void* __real__ZnamSt11align_val_t(size_t bytes, std::align_val_t alignment);
-void* __wrap__ZnamSt11align_val_t(size_t bytes, std::align_val_t alignment) {
-  if (failsToAllocate(bytes)) throw std::bad_alloc();
-  return __real__ZnamSt11align_val_t(bytes, alignment);
 }
 
 }  // extern "C"
