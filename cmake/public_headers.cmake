@@ -10,7 +10,9 @@ set(isobrick_public_headers
   storage/error.h
   storage/error_bins.h
   storage/format.h
+  storage/gradient_spectrum.h
   storage/grid.h
+  storage/isovalue_suggestions.h
   storage/load_threads.h
   storage/paged_file.h
   storage/pyramid.h

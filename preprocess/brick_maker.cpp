@@ -171,7 +171,7 @@ ValueRange BrickMaker<T>::remake(int level, const Index3& brick, const PyramidWr
 template <typename T>
 void BrickMaker<T>::count(const Index3& brick, const SampleBlock<T>& voxels) const {
   const PhaseTimes::Timer timer(times_, BuildStep::kCount);
-  statistics_.add(voxels, needs_.layout().brickOwnSamples(0, brick), spec_.voxels.x);
+  statistics_.add(voxels, needs_.layout().brickOwnSamples(0, brick), spec_.voxels);
 }
 
 // A tile takes in its up to eight tiles of the finer level, and with them all finer samples.

@@ -22,7 +22,7 @@ using BuildProgress = std::function<void(std::string_view phase, double fraction
 // built is built anew and not gone on with. To be raised with every change after which the same
 // input and options give other bytes: in a kernel, in the packing, in what a source makes of its
 // file, in the order of the file. Never for a release alone.
-inline constexpr int kBuildAlgorithm = 2;
+inline constexpr int kBuildAlgorithm = 3;
 
 // A coarse version of what a build has read by then: an ordinary pyramid, of the first sample in
 // every `step` along each axis, in the place of the world where the volume is, with as many slices

@@ -48,8 +48,9 @@ void countRow(const T* row, std::int64_t count, std::uint64_t* keys) {
 
 template <typename T>
 void VoxelStatistics::add(const SampleBlock<T>& samples, const IndexBox& own,
-                          std::int64_t volume_columns) {
+                          const Index3& volume) {
   Counts& counts = counts_.local();
+  counts.edges.add(samples, own, volume);
   counts.keys.resize(kLanes * (sizeof(T) == 1 ? 256 : VoxelHistogram::kMostBins));
   counts.magnitudes.resize(kMagnitudes);
   const Index3 end = own.end();
@@ -59,7 +60,7 @@ void VoxelStatistics::add(const SampleBlock<T>& samples, const IndexBox& own,
       countRow(row, own.count.x, counts.keys.data());
       if (y % kRowsPerLook != 0 || z % kRowsPerLook != 0) continue;
       const std::int64_t begin = std::max<std::int64_t>(own.first.x, 1);
-      for (std::int64_t x = begin; x < std::min(end.x, volume_columns - 1); ++x) {
+      for (std::int64_t x = begin; x < std::min(end.x, volume.x - 1); ++x) {
         const T* const at = row + (x - own.first.x);
         const auto a = static_cast<float>(at[-1]), b = static_cast<float>(at[0]),
                    c = static_cast<float>(at[1]);
@@ -68,7 +69,7 @@ void VoxelStatistics::add(const SampleBlock<T>& samples, const IndexBox& own,
     }
 }
 #define ISOBRICK_INSTANTIATE(T) \
-  template void VoxelStatistics::add<T>(const SampleBlock<T>&, const IndexBox&, std::int64_t);
+  template void VoxelStatistics::add<T>(const SampleBlock<T>&, const IndexBox&, const Index3&);
 ISOBRICK_FOR_EACH_VOXEL_TYPE(ISOBRICK_INSTANTIATE)
 #undef ISOBRICK_INSTANTIATE
 
@@ -93,6 +94,14 @@ VoxelHistogram VoxelStatistics::histogram(VoxelType type, const ValueRange& rang
     for (std::size_t lane = 0; lane < kLanes; ++lane)
       histogram.counts()[i] += sums[kLanes * (first + i) + lane];
   return histogram;
+}
+
+std::optional<GradientSpectrum> VoxelStatistics::gradients(const VoxelHistogram& histogram,
+                                                           const ValueRange& range,
+                                                           const Index3& volume) const {
+  EdgeSample all;
+  for (const Counts& some : counts_) all.merge(some.edges);
+  return all.spectrum(histogram, range, volume);
 }
 
 double VoxelStatistics::noise() const {

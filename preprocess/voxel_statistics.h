@@ -1,11 +1,14 @@
-// What is counted of the voxels of level 0 while a pyramid is built: their values, and their noise.
+// What is counted of the voxels of level 0 while a pyramid is built: their values,
+// their noise, and how steep they are (edge_sample.h).
 #pragma once
 
 #include <tbb/enumerable_thread_specific.h>
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
+#include "isobrick/preprocess/edge_sample.h"
 #include "isobrick/preprocess/kernels/sample_block.h"
 #include "isobrick/storage/voxel_histogram.h"
 
@@ -20,18 +23,22 @@ namespace isobrick {
 // told apart to 1/256 of theirs.
 class VoxelStatistics {
  public:
-  // Counts the voxels of `own`, with `samples` around it: one more along x where the volume has it,
-  // whose rows have `volume_columns` voxels. Thread-safe. Every voxel is to be counted once;
+  // Counts the voxels of `own`, with `samples` around it: one more along each axis where the volume
+  // has it, which has `volume` voxels. Thread-safe. Every voxel is to be counted once;
   // nothing depends on how they come.
   template <typename T>
-  void add(const SampleBlock<T>& samples, const IndexBox& own, std::int64_t volume_columns);
+  void add(const SampleBlock<T>& samples, const IndexBox& own, const Index3& volume);
 
   // Of all voxels that were counted, which have that range. Not while others count.
   VoxelHistogram histogram(VoxelType type, const ValueRange& range) const;
   double noise() const;
+  // Nothing where all voxels are equal.
+  std::optional<GradientSpectrum> gradients(const VoxelHistogram& histogram,
+                                            const ValueRange& range, const Index3& volume) const;
 
  private:
   struct Counts {
+    EdgeSample edges;
     std::vector<std::uint64_t> keys, magnitudes;  // of a key some counts side by side
   };
   static std::vector<std::uint64_t> sumOf(const tbb::enumerable_thread_specific<Counts>& counts,

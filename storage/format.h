@@ -3,6 +3,7 @@
 //   header (512 bytes)
 //   parts of bricks, in the order of the brick table: those of the kinds that the header lists
 //   histogram     (counts of the voxels of level 0 by value)
+//   gradients     (how steep level 0 is along the isosurface of every value)
 //   level table   (a LevelRow for each level)
 //   brick table   (a row for each brick; those of level 0 first, x fastest): a PartEntry for each
 //                 kind, then a RowTail
@@ -41,7 +42,7 @@ enum class Codec : std::uint32_t {
   kZstd = 4,    // a Blosc buffer, packed with Zstandard; of differences (docs/FORMAT.md)
 };
 
-// Where a part of a brick is, or the histogram.
+// Where a part of a brick is, or the histogram, or the gradients.
 struct PartEntry {
   std::uint64_t offset;        // from the start of the file; 0 where there are no bytes
   std::uint64_t checksum;      // XXH3-64 of the stored bytes; 0 where there are none
@@ -81,8 +82,10 @@ struct Header {
   double error_width;
   std::uint32_t error_bins;
   std::uint32_t error_last_level;
-  std::uint8_t reserved[144];     // zero
-  std::uint64_t header_checksum;  // XXH3-64 of all the bytes before it
+  std::uint8_t reserved_between[8];  // zero
+  PartEntry gradients;               // see gradient_spectrum.h; all zero where there are none
+  std::uint8_t reserved[112];        // zero
+  std::uint64_t header_checksum;     // XXH3-64 of all the bytes before it
 };
 static_assert(sizeof(Header) == 512 && std::is_trivially_copyable_v<Header>);
 

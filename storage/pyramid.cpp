@@ -207,6 +207,21 @@ VoxelHistogram Pyramid::histogram() const {
   return histogram;
 }
 
+std::optional<GradientSpectrum> Pyramid::gradients() const {
+  const format::PartEntry& part = header_.gradients;
+  if (part.offset == 0 && part.stored_bytes == 0) return std::nullopt;
+  std::vector<float> elements(gradientElements(gradientParts(spec_.voxels)));
+  const auto bytes = std::as_writable_bytes(std::span(elements));
+  std::vector<std::byte> stored;
+  if (part.stored_bytes <= bytes.size())
+    stored = readTable(part.offset, part.stored_bytes, part.checksum, "gradient spectrum");
+  std::optional<GradientSpectrum> spectrum;
+  if (decodePart(static_cast<format::Codec>(part.codec), stored, bytes.size(), bytes.data()))
+    spectrum = gradientSpectrumOf(elements);
+  if (!spectrum) fail("has a damaged gradient spectrum; build it again");
+  return spectrum;
+}
+
 PyramidSums Pyramid::sums() const {
   PyramidSums sums;
   PyramidBytes& bytes = sums.bytes;

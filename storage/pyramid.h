@@ -12,6 +12,7 @@
 #include "isobrick/storage/cancel.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/error_bins.h"
+#include "isobrick/storage/gradient_spectrum.h"
 #include "isobrick/storage/pyramid_info.h"
 #include "isobrick/storage/voxel_histogram.h"
 
@@ -123,6 +124,9 @@ class Pyramid {
   // How often which values occur among the voxels of level 0. Reads and unpacks it, at most
   // VoxelHistogram::kMostBins counts. Throws Error where it is damaged.
   VoxelHistogram histogram() const;
+  // How steep the voxels of level 0 are along the isosurface of every value; nothing in files of
+  // earlier programs, and where all voxels are equal. Throws Error where it is damaged.
+  std::optional<GradientSpectrum> gradients() const;
   // Bytes of the file.
   std::uint64_t fileBytes() const { return file_.size(); }
   // The parts of all bricks summed up: passes over the whole brick table.

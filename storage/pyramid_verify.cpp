@@ -293,8 +293,9 @@ std::optional<BrickDamage> Pyramid::verifyBrick(int level, const Index3& brick) 
 
 std::vector<std::string> Pyramid::verifyRest(const CancelFlag* cancel) const {
   std::vector<std::string> faults;
-  if (std::any_of(std::begin(header_.reserved), std::end(header_.reserved),
-                  [](std::uint8_t byte) { return byte != 0; }))
+  const auto isSet = [](std::uint8_t byte) { return byte != 0; };
+  if (std::any_of(std::begin(header_.reserved), std::end(header_.reserved), isSet) ||
+      std::any_of(std::begin(header_.reserved_between), std::end(header_.reserved_between), isSet))
     faults.emplace_back("reserved bytes of the header are not zero");
   if (spec_.error_level == 0 && (header_.error_first != 0 || header_.error_width != 0 ||
                                  header_.error_bins != 0 || header_.error_last_level != 0))
@@ -308,6 +309,7 @@ std::vector<std::string> Pyramid::verifyRest(const CancelFlag* cancel) const {
     const VoxelHistogram counts = histogram();
     if (counts.counts().front() == 0 || counts.counts().back() == 0)
       faults.emplace_back("the histogram has no voxel of the least or the greatest value");
+    static_cast<void>(gradients());
   } catch (const Error& error) {
     faults.emplace_back(error.what());
   }
@@ -323,6 +325,8 @@ std::vector<std::string> Pyramid::verifyRest(const CancelFlag* cancel) const {
       {header_.provenance_offset, header_.provenance_bytes}};
   if (header_.histogram.stored_bytes > 0)
     extents.push_back({header_.histogram.offset, header_.histogram.stored_bytes});
+  if (header_.gradients.stored_bytes > 0)
+    extents.push_back({header_.gradients.offset, header_.gradients.stored_bytes});
   for (std::size_t number = 0; number < brickCount(); ++number) try {
       for (const format::PartEntry& part : index_->storedRow(number).parts)
         if (part.stored_bytes > 0) extents.push_back({part.offset, part.stored_bytes});

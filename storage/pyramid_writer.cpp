@@ -315,12 +315,12 @@ std::uint64_t PyramidWriter::appendBrickTable() {
   return append(table.data(), table.size());
 }
 
-format::PartEntry PyramidWriter::appendHistogram(const VoxelHistogram& histogram,
-                                                 format::Codec codec) {
+template <typename T>
+format::PartEntry PyramidWriter::appendNumbers(std::span<const T> numbers, format::Codec codec) {
   EncodedPart part;
-  const auto counts = std::as_bytes(histogram.counts());
-  part.bytes.assign(counts.begin(), counts.end());
-  encodeNumbers(sizeof histogram.counts()[0], codec, part);
+  const auto bytes = std::as_bytes(numbers);
+  part.bytes.assign(bytes.begin(), bytes.end());
+  encodeNumbers(sizeof(T), codec, part);
   return {append(part.bytes.data(), part.bytes.size()), part.checksum,
           static_cast<std::uint32_t>(part.bytes.size()), static_cast<std::uint32_t>(part.codec)};
 }
@@ -361,7 +361,9 @@ std::uint64_t PyramidWriter::finish(const Summary& summary, format::Codec codec)
     header.error_last_level = static_cast<std::uint32_t>(spec_.error_level);
   }
 
-  header.histogram = appendHistogram(summary.histogram, codec);
+  header.histogram = appendNumbers(summary.histogram.counts(), codec);
+  if (summary.gradients)
+    header.gradients = appendNumbers(std::span<const float>(elementsOf(*summary.gradients)), codec);
   const std::size_t level_bytes = level_table_.size() * sizeof(format::LevelRow);
   header.level_table_offset = append(level_table_.data(), level_bytes);
   header.level_table_checksum = checksum64(level_table_.data(), level_bytes);

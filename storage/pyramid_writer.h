@@ -12,6 +12,7 @@
 #include "isobrick/storage/brick_parts.h"
 #include "isobrick/storage/cancel.h"
 #include "isobrick/storage/error_bins.h"
+#include "isobrick/storage/gradient_spectrum.h"
 #include "isobrick/storage/pyramid_info.h"
 #include "isobrick/storage/voxel_histogram.h"
 #include "isobrick/storage/write_journal.h"
@@ -77,9 +78,10 @@ class PyramidWriter {
     ErrorBins error_bins;                      // of the error parts, where the spec has them
     double noise = 0;                          // sigma, in the voxels' units; finite, >= 0
     std::string provenance_json;
+    std::optional<GradientSpectrum> gradients;
   };
-  // Writes histogram, tables, provenance and header, makes them durable and publishes the file.
-  // Every brick of every level was written before. Returns the size of the file in bytes.
+  // Writes histogram, gradients, tables, provenance and header, makes them durable and publishes
+  // the file. Every brick of every level was written before. Returns the size of the file in bytes.
   std::uint64_t finish(const Summary& summary, format::Codec codec);
 
  private:
@@ -88,7 +90,8 @@ class PyramidWriter {
   // Appends bytes at a multiple of kPartAlignment; where they begin.
   std::uint64_t append(const void* data, std::size_t bytes);
   std::uint64_t appendBrickTable();
-  format::PartEntry appendHistogram(const VoxelHistogram& histogram, format::Codec codec);
+  template <typename T>
+  format::PartEntry appendNumbers(std::span<const T> numbers, format::Codec codec);
 
   const CancelFlag* cancel_;
   PyramidSpec spec_;

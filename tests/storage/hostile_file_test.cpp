@@ -332,6 +332,14 @@ TEST(HostileFile, EveryFlippedByteOfHeaderAndTablesIsFound) {
     ASSERT_EQ(verdict.rest.size(), 1u) << "byte " << i << " of the histogram";
     ASSERT_NE(verdict.rest.front().find("damaged histogram"), std::string::npos);
   }
+  constexpr std::uint64_t kGradientsAt = 368;
+  const std::uint64_t gradients = getU64(good, kGradientsAt);
+  ASSERT_NE(gradients, 0u);
+  for (std::uint64_t i = 0; i < getU64(good, kGradientsAt + 16) % (std::uint64_t{1} << 32); ++i) {
+    const Verdict verdict = flipped(gradients + i);
+    ASSERT_EQ(verdict.rest.size(), 1u) << "byte " << i << " of the gradients";
+    ASSERT_NE(verdict.rest.front().find("damaged gradient"), std::string::npos);
+  }
 }
 
 // Every byte of every part: verifyBrick of the brick that owns it finds it, no other brick does,
@@ -885,6 +893,7 @@ TEST(HostileFile, ReservedFieldsAndValueRangesThatLieAreFound) {
   // Another range is not that of the voxels, and the histogram is of another size.
   EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.header.value_max += 1; }).rest.size(), 2u);
   EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.header.kinds[7] = 1; }).rest.size(), 1u);
+  EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.header.reserved_between[5] = 1; }).rest.size(), 1u);
   EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.bricks[2].row.error_bytes = 1; }).damaged,
             (std::vector<std::size_t>{2}));
   EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.bricks[0].row.range_max += 1; }).damaged,

@@ -85,6 +85,7 @@ struct HeaderValues {
   std::array<double, 9> direction{};
   double value_min = 0, value_max = 0, curvature_epsilon = 0, noise = 0;
   std::vector<std::uint32_t> histogram;
+  std::vector<float> gradients;
   double error_first = 0, error_width = 0;
   std::uint32_t error_bins = 0, error_level = 0;
 };
@@ -100,7 +101,7 @@ std::string dumpOfHeader(const HeaderValues& header) {
       << "\nnoise " << text(header.noise) << "\nerror_level " << header.error_level << ", "
       << header.error_bins << " bins of " << text(header.error_width) << " from "
       << text(header.error_first) << '\n'
-      << elements("histogram", header.histogram);
+      << elements("histogram", header.histogram) << elements("gradients", header.gradients);
   return out.str();
 }
 
@@ -188,6 +189,7 @@ std::string dumpOf(const PlainPyramid& pyramid) {
                                      pyramid.curvature_epsilon,
                                      pyramid.noise,
                                      {pyramid.histogram.begin(), pyramid.histogram.end()},
+                                     pyramid.gradients,
                                      pyramid.error_first,
                                      pyramid.error_width,
                                      pyramid.error_bins,
@@ -251,6 +253,7 @@ std::string dumpOf(const Pyramid& pyramid) {
   header.error_level = static_cast<std::uint32_t>(spec.error_level);
   const VoxelHistogram histogram = pyramid.histogram();
   header.histogram.assign(histogram.counts().begin(), histogram.counts().end());
+  if (const auto gradients = pyramid.gradients()) header.gradients = elementsOf(*gradients);
   std::string result = dumpOfHeader(header);
   const BrickLayout& layout = pyramid.layout();
   const int levels = pyramid.lattice().levels();

@@ -85,7 +85,8 @@ class Mutation {
       case 18:
         return exchangeParts();
       case 19:
-        return changeHistogram();
+        return oneIn(random_, 2) ? changeCounts(draft_.histogram, draft_.header.histogram)
+                                 : changeCounts(draft_.gradients, draft_.header.gradients);
       default:
         return makeConstant();
     }
@@ -154,14 +155,12 @@ class Mutation {
     std::memcpy(bytes + 4 * randomBelow(random_, sizeof row / 4), &number, 4);
     return "brick table";
   }
-  const char* changeHistogram() {
-    Bytes& counts = draft_.histogram;
+  const char* changeCounts(Bytes& counts, format::PartEntry& part) {
     if (oneIn(random_, 3)) counts.resize(randomBelow(random_, 2 * counts.size() + 1));
     for (std::uint8_t& byte : counts)
       if (oneIn(random_, 8)) byte = static_cast<std::uint8_t>(random_());
-    if (oneIn(random_, 2))
-      draft_.header.histogram.codec = static_cast<std::uint32_t>(randomBelow(random_, 6));
-    return "histogram";
+    if (oneIn(random_, 2)) part.codec = static_cast<std::uint32_t>(randomBelow(random_, 6));
+    return "histogram or gradients";
   }
   const char* changeProvenance() {
     std::string& text = draft_.provenance;
@@ -322,7 +321,8 @@ const char* changeFile(Bytes& file, Random& random) {
     case 0: {
       std::uint64_t* const fields[] = {&header.level_table_offset, &header.brick_table_offset,
                                        &header.brick_count,        &header.provenance_offset,
-                                       &header.provenance_bytes,   &header.histogram.offset};
+                                       &header.provenance_bytes,   &header.histogram.offset,
+                                       &header.gradients.offset};
       *fields[randomBelow(random, std::size(fields))] = nastyNumber(random);
       put();
       return "places of tables";

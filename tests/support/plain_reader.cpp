@@ -186,7 +186,8 @@ PlainPyramid readHeader(FileBytes& file) {
     require(
         p.error_first == 0 && p.error_width == 0 && p.error_bins == 0 && p.error_last_level == 0,
         "bins without errors");
-  for (std::uint64_t i = 360; i < 504; ++i) require(file.number(i, 1) == 0, "reserved bytes");
+  for (std::uint64_t i = 360; i < 504; ++i)
+    require((i >= 368 && i < 392) || file.number(i, 1) == 0, "reserved bytes");
   return p;
 }
 
@@ -404,6 +405,23 @@ void readHistogram(FileBytes& file, PlainPyramid& p) {
   require(p.histogram.front() > 0 && p.histogram.back() > 0, "the histogram's ends");
 }
 
+// Section 10, "Gradients".
+void readGradients(FileBytes& file, PlainPyramid& p) {
+  if (file.u64(368) == 0) {
+    for (std::uint64_t at = 368; at < 392; at += 8) require(file.u64(at) == 0, "no gradients");
+    return;
+  }
+  const std::int64_t parts = std::clamp<std::int64_t>(product(p.dims) / 64, 16, 256);
+  const std::int64_t bytes = 4 * (8 + 6 * parts);
+  const std::vector<std::uint8_t> elements =
+      elementsOf(file, readPart(file, 368, bytes, true, false), bytes);
+  for (std::size_t at = 0; at < elements.size(); at += 4)
+    p.gradients.push_back(voxelAt(&elements[at], 4));
+  for (std::size_t i = 0; i < p.gradients.size(); ++i)
+    require(std::isfinite(p.gradients[i]) && (i == 0 || p.gradients[i] >= 0), "gradients");
+  require(p.gradients[0] + p.gradients[1] > p.gradients[0], "width of the gradients' parts");
+}
+
 // Section 1; only writers are held to it.
 void requirePartsInOrder(const PlainPyramid& p) {
   std::uint64_t end = 512;
@@ -462,6 +480,7 @@ PlainPyramid readPlainPyramid(const std::string& path) {
   const std::uint64_t text_bytes = file.u64(256);
   file.checkHash(p.provenance_offset, text_bytes, file.u64(264), "the provenance");
   readHistogram(file, p);
+  readGradients(file, p);
   p.provenance.assign(reinterpret_cast<const char*>(file.at(p.provenance_offset, text_bytes)),
                       text_bytes);
   for (int level = 0; level < static_cast<int>(p.levels.size()); ++level) {

@@ -64,6 +64,7 @@ struct PlainPyramid {
   std::uint32_t error_bins = 0, error_last_level = 0;
   std::vector<std::uint32_t> kinds;      // of the parts of a row
   std::vector<std::uint64_t> histogram;  // section 10
+  std::vector<float> gradients;          // section 10; empty where there are none
   std::vector<PlainLevel> levels;
   std::vector<PlainBrick> bricks;
   std::string provenance;

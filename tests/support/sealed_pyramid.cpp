@@ -100,6 +100,8 @@ PyramidDraft::PyramidDraft(const Bytes& file) {
   }
   const auto counts = file.begin() + static_cast<std::ptrdiff_t>(header.histogram.offset);
   histogram.assign(counts, counts + header.histogram.stored_bytes);
+  const auto steepness = file.begin() + static_cast<std::ptrdiff_t>(header.gradients.offset);
+  gradients.assign(steepness, steepness + header.gradients.stored_bytes);
   provenance.assign(reinterpret_cast<const char*>(file.data()) + header.provenance_offset,
                     header.provenance_bytes);
 }
@@ -176,6 +178,8 @@ Bytes PyramidDraft::seal() const {
   format::Header sealed = header;
   sealed.histogram.offset = append(histogram.data(), histogram.size());
   sealed.histogram.stored_bytes = static_cast<std::uint32_t>(histogram.size());
+  if (!gradients.empty()) sealed.gradients.offset = append(gradients.data(), gradients.size());
+  sealed.gradients.stored_bytes = static_cast<std::uint32_t>(gradients.size());
   sealed.level_table_offset = append(levels.data(), levels.size() * sizeof(format::LevelRow));
   Bytes table;
   for (const BrickRow& row : rows) {
@@ -213,6 +217,9 @@ void sealChecksums(Bytes& file) {
   if (header.histogram.stored_bytes > 0)
     header.histogram.checksum =
         hashOf(file, header.histogram.offset, header.histogram.stored_bytes);
+  if (header.gradients.stored_bytes > 0)
+    header.gradients.checksum =
+        hashOf(file, header.gradients.offset, header.gradients.stored_bytes);
   header.level_table_checksum =
       hashOf(file, header.level_table_offset,
              std::uint64_t{header.level_count} * sizeof(format::LevelRow));

@@ -33,8 +33,8 @@ class PyramidDraft {
 
   format::Header header{};
   std::vector<format::LevelRow> levels;
-  std::vector<Brick> bricks;  // in the order of the brick table
-  Bytes histogram;            // as it is stored
+  std::vector<Brick> bricks;   // in the order of the brick table
+  Bytes histogram, gradients;  // as they are stored
   std::string provenance;
 
   const PyramidSpec& spec() const { return spec_; }

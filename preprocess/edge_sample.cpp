@@ -1,0 +1,216 @@
+#include "isobrick/preprocess/edge_sample.h"
+
+#include <algorithm>
+#include <array>
+#include <tuple>
+
+#include "isobrick/storage/index_loop.h"
+
+namespace isobrick {
+namespace {
+
+// A volume of a few voxels has few rows.
+std::int64_t rowsPerLookAtEdges(const Index3& volume) {
+  const std::int64_t voxels = elementCount(volume);
+  return voxels <= std::int64_t{1} << 18 ? 1 : voxels <= std::int64_t{1} << 21 ? 2 : 4;
+}
+
+// After the finalizer of MurmurHash3.
+std::uint32_t mixed(std::uint32_t h) {
+  h ^= h >> 16;
+  h *= 0x85ebca6bu;
+  h ^= h >> 13;
+  h *= 0xc2b2ae35u;
+  return h ^ h >> 16;
+}
+
+// The values that are worth parts: a far least or greatest voxel, such as padding has, and the last
+// ten-thousandth of the others at both ends are not.
+ValueRange spectrumRange(const VoxelHistogram& histogram, const ValueRange& range) {
+  constexpr std::uint64_t kOutliers = 10000;
+  const auto counts = histogram.counts();
+  std::uint64_t others = 0;
+  for (std::size_t i = 1; i + 1 < counts.size(); ++i) others += counts[i];
+  if (others == 0) return range;
+  std::size_t low = 1, high = counts.size() - 2;
+  for (std::uint64_t before = counts[low]; before <= others / kOutliers;) before += counts[++low];
+  for (std::uint64_t after = counts[high]; after <= others / kOutliers;) after += counts[--high];
+  ValueRange inner{std::max(histogram.bin(low).min, range.min),
+                   std::min(histogram.bin(high).max, range.max)};
+  const double span = static_cast<double>(inner.max) - static_cast<double>(inner.min);
+  const auto isNear = [&](float value, float end) {
+    return std::abs(static_cast<double>(value) - static_cast<double>(end)) <= span;
+  };
+  const ValueRange all{isNear(inner.min, range.min) ? range.min : inner.min,
+                       isNear(inner.max, range.max) ? range.max : inner.max};
+  return all.max > all.min ? all : range;
+}
+
+// Whether the least voxel is further from the next values than the greatest is.
+bool isLeastFurther(const VoxelHistogram& histogram, const ValueRange& range) {
+  const auto counts = histogram.counts();
+  std::size_t low = 1, high = counts.size() - 1;
+  while (low < counts.size() && counts[low] == 0) ++low;
+  while (high-- > 0 && counts[high] == 0) continue;
+  if (low == counts.size() || high == 0) return true;
+  return static_cast<double>(histogram.bin(low).min) - static_cast<double>(range.min) >=
+         static_cast<double>(range.max) - static_cast<double>(histogram.bin(high).max);
+}
+
+// Sums over edges by the values that they cross: each goes in shares to the parts that it touches.
+class PartSums {
+ public:
+  PartSums(std::size_t parts, double first, double width)
+      : first_(first), width_(width), sums_(parts, 0.0), steps_(parts + 1, 0.0) {}
+
+  void add(double least, double greatest, double weight) {
+    const auto end = static_cast<double>(sums_.size());
+    const double from = std::clamp((least - first_) / width_, 0.0, end);
+    const double to = std::clamp((greatest - first_) / width_, 0.0, end);
+    if (!(to > from)) return;
+    const auto begin_part = std::min(static_cast<std::size_t>(from), sums_.size() - 1);
+    const auto end_part = std::min(static_cast<std::size_t>(to), sums_.size() - 1);
+    if (begin_part == end_part) {
+      sums_[begin_part] += weight * (to - from);
+      return;
+    }
+    sums_[begin_part] += weight * (static_cast<double>(begin_part) + 1 - from);
+    sums_[end_part] += weight * (to - static_cast<double>(end_part));
+    steps_[begin_part + 1] += weight;  // the whole of those between
+    steps_[end_part] -= weight;
+  }
+
+  std::vector<float> sums() const {
+    std::vector<float> result;
+    double whole = 0;
+    for (std::size_t i = 0; i < sums_.size(); ++i) {
+      whole += steps_[i];
+      const double sum = std::max(whole + sums_[i], 0.0);
+      result.push_back(static_cast<float>(
+          std::min(sum, static_cast<double>(std::numeric_limits<float>::max()))));
+    }
+    return result;
+  }
+
+ private:
+  double first_, width_;
+  std::vector<double> sums_, steps_;
+};
+
+}  // namespace
+
+template <typename T>
+void EdgeSample::addRow(const T* from, const T* to, std::int64_t first, std::int64_t count,
+                        std::uint32_t axis, std::uint32_t seed) {
+  for (std::int64_t x = 0; x < count; ++x) {
+    if (from[x] == to[x]) continue;
+    const auto a = static_cast<float>(from[x]), b = static_cast<float>(to[x]);
+    constexpr int kDropped = 8;  // what is left is a float without rounding, and above 0
+    const std::uint32_t random =
+        (mixed(seed + static_cast<std::uint32_t>(first + x) * 0x9e3779b1u) >> kDropped) + 1;
+    const Edge edge{random, axis, std::min(a, b), std::max(a, b)};
+    if (edge.priority() > greatest_kept_) continue;
+    edges_.push_back(edge);
+    if (edges_.size() >= 2 * kEdges) prune();
+  }
+}
+
+template <typename T>
+void EdgeSample::add(const SampleBlock<T>& samples, const IndexBox& own, const Index3& volume) {
+  const std::int64_t step = rowsPerLookAtEdges(volume);
+  const Index3 begin = (own.first + (step - 1)) / step * step, end = own.end();
+  for (std::int64_t z = begin.z; z < end.z; z += step)
+    for (std::int64_t y = begin.y; y < end.y; y += step) {
+      const Index3 at(own.first.x, y, z);
+      const T* const row = &samples.at(at);
+      const auto seed = mixed(static_cast<std::uint32_t>(y) * 0x85ebca77u +
+                              mixed(static_cast<std::uint32_t>(z) * 0xc2b2ae3du + 1));
+      const std::int64_t along_x = std::min(end.x, volume.x - 1) - own.first.x;
+      addRow(row, row + 1, own.first.x, along_x, 0, seed);
+      if (y + 1 < volume.y)
+        addRow(row, &samples.at(at + Index3(0, 1, 0)), own.first.x, own.count.x, 1, ~seed);
+      if (z + 1 < volume.z)
+        addRow(row, &samples.at(at + Index3(0, 0, 1)), own.first.x, own.count.x, 2, mixed(seed));
+    }
+}
+#define ISOBRICK_INSTANTIATE(T) \
+  template void EdgeSample::add<T>(const SampleBlock<T>&, const IndexBox&, const Index3&);
+ISOBRICK_FOR_EACH_VOXEL_TYPE(ISOBRICK_INSTANTIATE)
+#undef ISOBRICK_INSTANTIATE
+
+void EdgeSample::prune() {
+  if (edges_.size() <= kEdges) return;
+  const auto last = edges_.begin() + kEdges;
+  std::nth_element(edges_.begin(), last, edges_.end(),
+                   [](const Edge& a, const Edge& b) { return a.priority() < b.priority(); });
+  greatest_kept_ = last->priority();
+  std::erase_if(edges_, [&](const Edge& edge) { return edge.priority() > greatest_kept_; });
+}
+
+void EdgeSample::merge(const EdgeSample& other) {
+  greatest_kept_ = std::min(greatest_kept_, other.greatest_kept_);
+  edges_.insert(edges_.end(), other.edges_.begin(), other.edges_.end());
+  prune();
+}
+
+std::optional<GradientSpectrum> EdgeSample::spectrum(const VoxelHistogram& histogram,
+                                                     const ValueRange& range,
+                                                     const Index3& volume) const {
+  // In an order of their own, so that sums of doubles are the same.
+  std::vector<Edge> edges = edges_;
+  const auto key = [](const Edge& e) {
+    return std::tuple(e.priority(), e.random, e.axis, e.least, e.greatest);
+  };
+  std::sort(edges.begin(), edges.end(),
+            [&](const Edge& a, const Edge& b) { return key(a) < key(b); });
+  // Edges with a priority below that of the first one left out stand for those that were, too.
+  double reach = std::numeric_limits<double>::infinity();
+  if (edges.size() > kEdges) {
+    reach = static_cast<double>(edges[kEdges].priority());
+    edges.resize(kEdges);
+  }
+  if (edges.empty()) return std::nullopt;
+
+  const ValueRange values = spectrumRange(histogram, range);
+  const std::size_t parts = gradientParts(volume);
+  GradientSpectrum spectrum;
+  spectrum.first = values.min;
+  spectrum.width =
+      static_cast<float>((static_cast<double>(values.max) - static_cast<double>(values.min)) /
+                         static_cast<double>(parts));
+  if (!std::isfinite(spectrum.width) || values.min + spectrum.width == values.min)
+    return std::nullopt;
+  struct Sums {
+    PartSums area, gradient;
+  };
+  const PartSums none(parts, static_cast<double>(spectrum.first),
+                      static_cast<double>(spectrum.width));
+  std::array<Sums, 3> groups{Sums{none, none}, Sums{none, none}, Sums{none, none}};
+  const std::size_t of_both = isLeastFurther(histogram, range) ? 1 : 2;
+  std::array<double, 3> at_least{}, at_greatest{};
+  const auto rows = static_cast<double>(rowsPerLookAtEdges(volume));
+  for (const Edge& edge : edges) {
+    const auto difference = static_cast<double>(edge.difference());
+    const double seen = std::min(1.0, reach * difference * 0x1p-24);  // how probably it is kept
+    const double weight = rows * rows / seen;
+    const bool is_least = edge.least == range.min, is_greatest = edge.greatest == range.max;
+    if (is_least) at_least[edge.axis] += weight;
+    if (is_greatest) at_greatest[edge.axis] += weight;
+    const bool is_both = is_least && is_greatest;
+    Sums& group = groups[is_both ? of_both : is_least ? 1 : is_greatest ? 2 : 0];
+    const auto least = static_cast<double>(edge.least),
+               greatest = static_cast<double>(edge.greatest);
+    group.area.add(least, greatest, weight);
+    group.gradient.add(least, greatest, weight * difference);
+  }
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    spectrum.at_least[axis] = static_cast<float>(at_least[axis]);
+    spectrum.at_greatest[axis] = static_cast<float>(at_greatest[axis]);
+  }
+  spectrum.inner = {groups[0].area.sums(), groups[0].gradient.sums()};
+  spectrum.least = {groups[1].area.sums(), groups[1].gradient.sums()};
+  spectrum.greatest = {groups[2].area.sums(), groups[2].gradient.sums()};
+  return spectrum;
+}
+
+}  // namespace isobrick

@@ -1,0 +1,57 @@
+// A sample of the lattice edges of level 0, steep ones first, and what it says of the whole.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <limits>
+#include <optional>
+#include <vector>
+
+#include "isobrick/preprocess/kernels/sample_block.h"
+#include "isobrick/storage/gradient_spectrum.h"
+#include "isobrick/storage/voxel_histogram.h"
+
+namespace isobrick {
+
+// Of the edges in every n-th row of every n-th slice, kEdges are kept: the first ones in the order
+// of a random number, which their place gives, over the difference of their two voxels. That is a
+// priority sample (Duffield, Lund and Thorup, 2007), of which sums over all edges can be estimated.
+// It depends on the volume alone: not on bricks, windows, threads, or the order of calls.
+class EdgeSample {
+ public:
+  static constexpr std::size_t kEdges = 32768;
+
+  // Looks at the edges from the voxels of `own` to the next ones along each axis, as far as the
+  // volume reaches; `samples` has both. Every voxel of the volume comes once, in any sample.
+  template <typename T>
+  void add(const SampleBlock<T>& samples, const IndexBox& own, const Index3& volume);
+  // What another sample, of other voxels, has.
+  void merge(const EdgeSample& other);
+
+  // Of the volume whose histogram this is. Nothing where no edges were found.
+  std::optional<GradientSpectrum> spectrum(const VoxelHistogram& histogram, const ValueRange& range,
+                                           const Index3& volume) const;
+
+ private:
+  struct Edge {
+    std::uint32_t random, axis;
+    float least, greatest;
+
+    float difference() const {
+      return std::min(greatest - least, std::numeric_limits<float>::max());
+    }
+    // The smaller, the sooner it is kept.
+    float priority() const { return static_cast<float>(random) / difference(); }
+  };
+
+  template <typename T>
+  void addRow(const T* from, const T* to, std::int64_t first, std::int64_t count,
+              std::uint32_t axis, std::uint32_t seed);
+  void prune();
+
+  // Those of all that were seen whose priority is at most the greatest one kept; more for a while.
+  std::vector<Edge> edges_;
+  float greatest_kept_ = std::numeric_limits<float>::max();
+};
+
+}  // namespace isobrick

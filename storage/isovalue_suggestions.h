@@ -1,0 +1,49 @@
+// Isovalues that show something: where to begin with a volume that nobody has seen.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "isobrick/storage/gradient_spectrum.h"
+#include "isobrick/storage/pyramid.h"
+#include "isobrick/storage/voxel_histogram.h"
+
+namespace isobrick {
+
+struct IsovalueSuggestion {
+  double value = 0;     // in the units of the voxels, with few digits
+  double area = 0;      // lattice edges of level 0 that it crosses, estimated; 0: not known
+  double gradient = 0;  // their mean difference, in the units of the voxels; 0: not known
+};
+
+struct IsovalueSuggestions {
+  // At most kMost. The first one is between the object and what surrounds it; the others follow by
+  // the gradient along the whole isosurface. Empty only where all voxels are equal.
+  std::vector<IsovalueSuggestion> values;
+  // The least, or the greatest voxel, where these are no data: they fill what was not scanned.
+  std::optional<double> padding_least, padding_greatest;
+
+  static constexpr std::size_t kMost = 4;
+};
+
+// A material is a value around which the volume is flat: where the mean gradient along the
+// isosurface (gradient_spectrum.h), with voxels that have equal neighbours taken in, has a valley,
+// and enough voxels lie in it. A suggestion is the value half-way between two materials that follow
+// each other, outside the noise of both. Above the last material, or below the first, stands the
+// centre of the gradients for a second one: so thin things are found that are no material.
+//
+// The surroundings are the material of the least value that has a quarter as many voxels as the
+// greatest. The value of many voxels at an end of the range is padding if the next values are far
+// from it, there are materials without it, and it fills what a scanner leaves out: the same in all
+// slices along an axis; further from all others than these are from each other; or below the
+// Hounsfield units of a CT.
+//
+// Without a spectrum (files of earlier programs), or where it tells nothing, the value that divides
+// the voxels into two groups of least spread (Otsu), padding left out.
+IsovalueSuggestions suggestIsovalues(const VoxelHistogram& histogram, const ValueRange& range,
+                                     const std::optional<GradientSpectrum>& spectrum, double noise);
+
+// Of a pyramid. Throws Error where its histogram or its spectrum is damaged.
+IsovalueSuggestions suggestIsovalues(const Pyramid& pyramid);
+
+}  // namespace isobrick
