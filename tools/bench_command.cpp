@@ -45,7 +45,12 @@ void splitQueryWords(BenchArguments& arguments) {
     if (option->count() == 0 || option->get_positional()) continue;
     if (name == "--box") throw UsageError("bench compares whole surfaces; leave out --box");
     if (name == "--threads") continue;
-    const bool of_every_row = name == "--iso" || name == "--memory" || name == "--no-map";
+    if (name == "--iso") {  // chosen by now
+      settings.own_words.insert(settings.own_words.end(),
+                                {name, fmt::format("{}", settings.isovalue)});
+      continue;
+    }
+    const bool of_every_row = name == "--memory" || name == "--no-map";
     std::vector<std::string>& words = of_every_row ? settings.own_words : settings.query_words;
     if (option->get_expected_max() == 0) words.push_back(name);
     if (option->get_expected_max() > 0)
@@ -79,22 +84,23 @@ std::string firstFailure(const std::vector<BenchRow>& rows) {
 int runBench(BenchArguments& arguments) {
   BenchSettings& settings = arguments.settings;
   settings.path = arguments.query.path;
-  settings.isovalue = arguments.query.isovalue;
   settings.threads = arguments.query.threads;
   settings.cold = settingsOf(arguments.cache, "warm", "cold");
   settings.huge_pages = settingsOf(arguments.huge_pages, "off", "on");
   settings.own_executable = ownExecutable().string();
-  splitQueryWords(arguments);
   settings.peers_executable = findPeers(arguments.peers);
 
   BenchScene scene;
   {
     // Only looked at: what a row needs of the file, its own process opens.
     const Pyramid pyramid(settings.path);
+    chooseIsovalue(arguments.query, pyramid);
     warnOfEmptySurface(arguments.query, pyramid);
     scene = makeBenchScene(pyramid.lattice().voxels(),
                            std::string(voxelTypeName(pyramid.spec().voxel_type)));
   }
+  settings.isovalue = arguments.query.isovalue;
+  splitQueryWords(arguments);
   const CancelFlag* const cancel = &interruptFlag();
   std::vector<BenchRow> rows = planRows(settings, askPeers(settings, cancel));
   {

@@ -49,7 +49,7 @@ struct ExtractResult {
   double write_seconds = 0;            // inside the file's sink: writing, and waiting for the disk
 };
 
-ExtractResult extract(const ExtractArguments& arguments) {
+ExtractResult extract(ExtractArguments& arguments) {
   ExtractResult result;
   const Stopwatch open_watch;
   // Two pyramids share the memory.
@@ -64,6 +64,7 @@ ExtractResult extract(const ExtractArguments& arguments) {
     values.emplace(*other);
   }
   result.open_seconds = open_watch.seconds();
+  chooseIsovalue(arguments.query, pyramid);
   const Query query = makeQuery(arguments.query, pyramid);
   // Before the work, so that a path that cannot be written costs no time.
   if (!arguments.output.empty())
@@ -163,7 +164,7 @@ void printSummary(const ExtractArguments& arguments, const ExtractResult& result
              byteSizeText(peakResidentBytes()));
 }
 
-int runExtract(const ExtractArguments& arguments) {
+int runExtract(ExtractArguments arguments) {
   const ExtractResult result =
       runWithThreads(arguments.query.threads, [&] { return extract(arguments); });
   if (arguments.json)

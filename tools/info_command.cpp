@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "isobrick/storage/isovalue_suggestions.h"
 #include "isobrick/storage/pyramid.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
@@ -68,9 +69,36 @@ std::string codecsText(const CodecCounts& counts) {
   return text;
 }
 
+Json jsonOfSuggestions(const IsovalueSuggestions& suggestions) {
+  Json values = Json::array();
+  for (const IsovalueSuggestion& suggestion : suggestions.values)
+    values.push_back({{"value", suggestion.value},
+                      {"area", suggestion.area},
+                      {"gradient", suggestion.gradient}});
+  return values;
+}
+
+// The values that are padding: none, one or two.
+std::vector<double> paddingOf(const IsovalueSuggestions& suggestions) {
+  std::vector<double> padding;
+  for (const auto& value : {suggestions.padding_least, suggestions.padding_greatest})
+    if (value) padding.push_back(*value);
+  return padding;
+}
+
+std::string suggestionsText(const IsovalueSuggestions& suggestions) {
+  if (suggestions.values.empty()) return "none: all voxels are equal";
+  std::string text;
+  for (const IsovalueSuggestion& suggestion : suggestions.values)
+    text += fmt::format("{}{}", text.empty() ? "" : ", ", suggestion.value);
+  for (const double value : paddingOf(suggestions)) text += fmt::format("; padding {}", value);
+  return text + (suggestions.values.size() > 1 ? " (suggested, best first)" : " (suggested)");
+}
+
 void printInfoJson(const Pyramid& pyramid) {
   const PyramidSpec& spec = pyramid.spec();
   const auto [bytes, codecs] = pyramid.sums();
+  const IsovalueSuggestions suggestions = suggestIsovalues(pyramid);
   Json json;
   json["dimensions"] = jsonOf(spec.voxels);
   json["voxel_type"] = voxelTypeName(spec.voxel_type);
@@ -81,6 +109,8 @@ void printInfoJson(const Pyramid& pyramid) {
                        jsonOf(spec.geometry.direction[2])};
   json["value_range"] = {pyramid.valueRange().min, pyramid.valueRange().max};
   json["noise"] = pyramid.noise();
+  json["isovalues"] = jsonOfSuggestions(suggestions);
+  json["padding"] = paddingOf(suggestions);
   json["levels"] = jsonOfLevels(pyramid);
   json["bytes"] = jsonOfBytes(bytes);
   // Bricks of all levels by the codec of their part, such as {"lz4": 812, "stored": 3}.
@@ -106,6 +136,7 @@ void printInfoText(const Pyramid& pyramid) {
              spec.voxels.z, voxelTypeName(spec.voxel_type), pyramid.valueRange().min,
              pyramid.valueRange().max);
   fmt::print("noise      {:.3g} (sigma, estimated)\n", pyramid.noise());
+  fmt::print("isovalues  {}\n", suggestionsText(suggestIsovalues(pyramid)));
   fmt::print("spacing    {} {} {}\n", geometry.spacing.x, geometry.spacing.y, geometry.spacing.z);
   fmt::print("origin     {} {} {}\n", geometry.origin.x, geometry.origin.y, geometry.origin.z);
   for (int axis = 0; axis < 3; ++axis) {

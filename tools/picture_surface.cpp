@@ -12,8 +12,9 @@
 
 namespace isobrick {
 
-PictureSurface extractPictureSurface(const QueryOptions& options) {
+PictureSurface extractPictureSurface(QueryOptions options) {
   const Pyramid pyramid(options.path, options.memory_bytes, fileAccess(options.no_map));
+  chooseIsovalue(options, pyramid);
   const Query query = makeQuery(options, pyramid);
   const GridGeometry& geometry = pyramid.spec().geometry;
   PictureSurface result;

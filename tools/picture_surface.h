@@ -19,6 +19,6 @@ struct PictureSurface {
   std::optional<SphereOutline> focus;
 };
 
-PictureSurface extractPictureSurface(const QueryOptions& options);
+PictureSurface extractPictureSurface(QueryOptions options);
 
 }  // namespace isobrick

@@ -8,6 +8,7 @@
 
 #include "isobrick/extract/query.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/isovalue_suggestions.h"
 #include "tools/interrupt.h"
 #include "tools/one_line.h"
 #include "tools/parsed_option.h"
@@ -47,8 +48,15 @@ void refuseBoxOutside(const QueryBox& box, const Pyramid& pyramid) {
 void addQueryOptions(CLI::App& app, QueryOptions& options) {
   options.threads = allCores();
   app.add_option("FILE", options.path, "Pyramid (.isb)")->type_name("PATH")->required();
-  addParsedOption(app, "--iso", options.isovalue, parseSingle, "V",
-                  "Isovalue; values of at least V are inside")
+  addParsedOption(
+      app, "--iso", options.isovalue,
+      [&options](const std::string& text) {
+        options.auto_isovalue = text == "auto";
+        return options.auto_isovalue ? 0 : parseSingle(text);
+      },
+      "V",
+      "Isovalue; values of at least V are inside. 'auto' is the first one that `isobrick info` "
+      "suggests")
       ->required();
   addChoiceOptions(app, options.choice);
   const auto addFiner = [&options](const std::vector<std::string>& texts) {
@@ -86,6 +94,17 @@ void addNoMapFlag(CLI::App& app, bool& no_map) {
   app.add_flag("--no-map", no_map,
                "Read all of the file and map nothing of it: for network file systems; the result "
                "is the same");
+}
+
+void chooseIsovalue(QueryOptions& options, const Pyramid& pyramid) {
+  if (!options.auto_isovalue) return;
+  const IsovalueSuggestions suggestions = suggestIsovalues(pyramid);
+  if (suggestions.values.empty())
+    throw Error(fmt::format("all voxels of '{}' are {}: no isovalue has a surface", options.path,
+                            pyramid.valueRange().min));
+  options.isovalue = suggestions.values.front().value;
+  options.auto_isovalue = false;
+  fmt::print(stderr, "isobrick: isovalue {}\n", options.isovalue);
 }
 
 Query makeQuery(const QueryOptions& options, const Pyramid& pyramid) {

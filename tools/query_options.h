@@ -16,6 +16,7 @@ namespace isobrick {
 struct QueryOptions {
   std::string path;
   double isovalue = 0;
+  bool auto_isovalue = false;  // until chooseIsovalue()
   ChoiceOptions choice;
   std::vector<ChoiceOptions> or_finer;
   std::optional<Corners> box;
@@ -32,6 +33,10 @@ void addQueryOptions(CLI::App& app, QueryOptions& options);
 void addNoMapFlag(CLI::App& app, bool& no_map);
 
 inline FileAccess fileAccess(bool no_map) { return no_map ? FileAccess::kRead : FileAccess::kMap; }
+
+// For --iso auto, takes the first isovalue that is suggested for the pyramid, and says on stderr
+// which one that is. Throws Error where all voxels are equal.
+void chooseIsovalue(QueryOptions& options, const Pyramid& pyramid);
 
 // The query in voxel indices, whatever the user's units are; stopped by Ctrl-C.
 Query makeQuery(const QueryOptions& options, const Pyramid& pyramid);

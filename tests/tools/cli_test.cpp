@@ -195,6 +195,16 @@ TEST_F(CliTest, AnIsovalueOutsideTheValuesGivesAnEmptyMeshAndAWarning) {
   }
 }
 
+TEST_F(CliTest, AnIsovalueIsSuggestedAndTaken) {
+  runWell({"phantom", "head", "--size", "48", "-o", "head.nrrd"});
+  runWell({"build", "head.nrrd", "-o", "head.isb"});
+  const Json isovalues = runForJson({"info", "head.isb"})["isovalues"];
+  ASSERT_FALSE(isovalues.empty());
+  const double first = isovalues[0]["value"];
+  EXPECT_EQ(runForJson({"extract", "head.isb", "--iso", "auto"})["isovalue"], first);
+  runWell({"render", "head.isb", "--iso", "auto", "--size", "64x64", "-o", "head.png"});
+}
+
 TEST_F(CliTest, WithoutAMapComesTheSame) {
   makeSphere();
   for (const Words& more : {Words{}, Words{"--focus", "5,5,5", "--radius", "3"}}) {

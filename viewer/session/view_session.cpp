@@ -28,8 +28,11 @@ static_assert(kMostPlaneBytes <= kUploadBytes);
 constexpr double kPostponedSeconds = 0.1;
 
 ViewVolume volumeOf(const Pyramid& pyramid, const std::optional<PreviewOf>& preview_of) {
-  ViewVolume volume{pyramid.spec().voxels, pyramid.spec().geometry, pyramid.valueRange().min,
-                    pyramid.valueRange().max};
+  ViewVolume volume;
+  volume.voxels = pyramid.spec().voxels;
+  volume.geometry = pyramid.spec().geometry;
+  volume.least_value = static_cast<double>(pyramid.valueRange().min);
+  volume.greatest_value = static_cast<double>(pyramid.valueRange().max);
   if (preview_of) {
     volume.voxels = preview_of->voxels;
     volume.geometry.spacing /= static_cast<double>(preview_of->step);
@@ -92,7 +95,9 @@ ViewSession::ViewSession(std::shared_ptr<const Pyramid> pyramid, ValueHistogram 
       mesh_worker_([this](const MeshOrder& order, const CancelFlag& cancel) {
         return writeMesh(order, cancel);
       }) {
-  state_.surfaces[0].isovalue = histogram_.dividingValue();
+  volume_.isovalues = histogram_.isovalues;
+  state_.surfaces[0].isovalue =
+      volume_.isovalues.empty() ? volume_.least_value : volume_.isovalues.front();
   first_state_ = state_;
 }
 

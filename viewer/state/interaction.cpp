@@ -4,6 +4,7 @@
 #include <cmath>
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
+#include <optional>
 
 namespace isobrick {
 namespace {
@@ -160,6 +161,9 @@ void plainKey(const InputEvent& event, const ViewVolume& volume, Interaction& in
     case Key::kF:
       state.camera = framed(state.camera, volume.box(), interaction.aspect());
       break;
+    case Key::kR:
+      stepIsovalue(volume, state);
+      break;
     case Key::kPad1:
       state.camera = alongAxis(state.camera, AxisView::kFront);
       break;
@@ -286,6 +290,15 @@ Wishes applyEvent(const InputEvent& event, double seconds, bool on_panel, const 
   }
   if (state.focus.follow_view) state = bounded(state, volume);
   return wishes;
+}
+
+void stepIsovalue(const ViewVolume& volume, ViewState& state) {
+  if (volume.isovalues.empty()) return;
+  double& isovalue = state.surfaces[static_cast<std::size_t>(state.active_surface)].isovalue;
+  std::optional<double> next;
+  for (const double value : volume.isovalues)
+    if (value > isovalue && (!next || value < *next)) next = value;
+  isovalue = next.value_or(*std::min_element(volume.isovalues.begin(), volume.isovalues.end()));
 }
 
 void addWishes(const Wishes& more, Wishes& wishes) {

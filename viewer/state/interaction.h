@@ -79,6 +79,10 @@ void focusOn(const glm::dvec3& world, const ViewVolume& volume, ViewState& state
 // off. A seventh plane is not added.
 void toggleClipPlane(int axis, const ViewVolume& volume, ViewState& state);
 
+// The next greater one of the isovalues that are suggested, after the greatest the least, for the
+// active surface. Nothing where none is suggested.
+void stepIsovalue(const ViewVolume& volume, ViewState& state);
+
 // The keys and what they do, for the help window and the documentation.
 struct KeyHelp {
   const char* keys;
@@ -91,6 +95,7 @@ inline constexpr KeyHelp kKeyHelp[] = {
     {"Ctrl+wheel", "radius of interest"},
     {"double click", "focus on the surface there, and turn about it"},
     {"left, right arrow", "isovalue by 1; with Shift by 10"},
+    {"R", "the next isovalue that is suggested"},
     {"F", "see all of it"},
     {"keypad 1, 3, 7", "from the front, the right, the top; with Ctrl from behind"},
     {"keypad 5 or O", "orthographic or perspective"},

@@ -107,7 +107,8 @@ struct ViewVolume {
   GridGeometry geometry;
   double least_value = 0.0;
   double greatest_value = 1.0;
-  bool has_all_values = true;  // false: there may be others than from the least to the greatest
+  bool has_all_values = true;     // false: there may be others than from the least to the greatest
+  std::vector<double> isovalues;  // that are suggested, the best one first; none of equal voxels
 
   // The world's axis-aligned box around all voxels.
   WorldBox box() const;

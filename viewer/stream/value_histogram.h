@@ -12,12 +12,12 @@ struct ValueHistogram {
   double least = 0.0, greatest = 1.0;  // data units, of level 0
   std::vector<double> counts;          // of voxels, in equal parts of that range
 
+  std::vector<double> isovalues;  // that are suggested, the best one first
+
   double total() const;
-  // The value that parts the voxels into two groups of the least spread (Otsu): a first isovalue.
-  double dividingValue() const;
 };
 
-// From the histogram that the pyramid has: Pyramid::histogram(), which throws Error where it is
+// From the histogram and the gradients that the pyramid has, which throw Error where they are
 // damaged.
 ValueHistogram histogramOf(const Pyramid& pyramid, std::size_t bins = 256);
 

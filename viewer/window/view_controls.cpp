@@ -43,7 +43,19 @@ void histogram(ViewSession& session, float scale) {
                  is_active ? IM_COL32(255, 237, 158, 255) : IM_COL32(200, 200, 200, 140),
                  is_active ? 2.0f : 1.0f);
   }
+  for (const double suggested : session.volume().isovalues) {
+    const float x = at.x + size.x * static_cast<float>((suggested - histogram.least) / span);
+    const float half = 4.0f * scale;
+    list.AddTriangleFilled({x - half, at.y}, {x + half, at.y}, {x, at.y + 1.6f * half},
+                           IM_COL32(140, 220, 150, 255));
+  }
   ImGui::InputDouble("isovalue", &active.isovalue, 1.0, 10.0, "%.6g");
+  if (session.volume().isovalues.empty()) return;
+  if (ImGui::SmallButton("next suggestion")) stepIsovalue(session.volume(), state);
+  for (const double suggested : session.volume().isovalues) {
+    ImGui::SameLine();
+    ImGui::Text("%.6g", suggested);
+  }
 }
 
 void surfaces(ViewSession& session, float scale) {

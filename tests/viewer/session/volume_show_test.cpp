@@ -142,7 +142,7 @@ TEST_F(VolumeShowTest, TheViewOutlivesThePreview) {
   goes_on_ = true;
   framesUntil([&] { return isWhole(); });
   ViewState after = show_.session()->state();
-  EXPECT_EQ(after.surfaces[0].isovalue, show_.session()->histogram().dividingValue());
+  EXPECT_EQ(after.surfaces[0].isovalue, show_.session()->volume().isovalues.front());
   EXPECT_NE(after.surfaces[0].isovalue, of_preview);
   EXPECT_EQ(after.value_window[1], show_.session()->volume().greatest_value);
   EXPECT_TRUE(show_.session()->interaction().show_help);

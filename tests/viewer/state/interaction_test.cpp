@@ -160,6 +160,17 @@ TEST_F(InteractionTest, ArrowsMoveTheActiveIsovalue) {
   EXPECT_EQ(state_.surfaces[1].isovalue, 1000.0);  // the greatest value
 }
 
+TEST_F(InteractionTest, AKeyStepsThroughTheSuggestedIsovalues) {
+  state_.surfaces = {{100.0}};
+  send(key(Key::kR));
+  EXPECT_EQ(state_.surfaces[0].isovalue, 100.0);  // none is suggested
+  volume_.isovalues = {500.0, 200.0, 800.0};
+  for (const double next : {200.0, 500.0, 800.0, 200.0}) {
+    send(key(Key::kR));
+    EXPECT_EQ(state_.surfaces[0].isovalue, next);
+  }
+}
+
 TEST_F(InteractionTest, KeysToggleAndAsk) {
   const ViewState start = state_;
   for (const Key k : {Key::kW, Key::kC, Key::kL, Key::kB, Key::kS, Key::kO, Key::kPad5, Key::kO})

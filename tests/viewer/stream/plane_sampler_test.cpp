@@ -104,8 +104,9 @@ TEST(ValueHistogramTest, EveryVoxelIsCountedOnce) {
   EXPECT_EQ(histogram.total(), 19u * 21u * 17u);
   EXPECT_EQ(histogram.counts.front(), 19u * 6u * 17u);
   EXPECT_EQ(histogram.counts.back(), 19u * 15u * 17u);
-  EXPECT_GT(histogram.dividingValue(), 10.0);
-  EXPECT_LT(histogram.dividingValue(), 90.0);
+  ASSERT_FALSE(histogram.isovalues.empty());
+  EXPECT_GT(histogram.isovalues.front(), 10.0);
+  EXPECT_LT(histogram.isovalues.front(), 90.0);
 }
 
 }  // namespace
