@@ -173,7 +173,7 @@ ExtractionReport Extractor::extractNow(const Query& query, const Mesher& mesh) t
   checkQuery(*pyramid_, query);
   const std::uint64_t since = memory_->beginQueryForNow(*pyramid_, query);
   const QueryNeeds needs(*pyramid_, query);
-  ResidencyOracle residency(needs);
+  ResidencyOracle residency(needs, query.cancel);
   const QueryContext context(*pyramid_, query, memory_->log, &residency);
   throwIfMissingForever(*context);
   const std::vector<BrickWork> bricks = traverseBricks(*context);

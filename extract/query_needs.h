@@ -38,6 +38,11 @@ class QueryNeeds {
   // The kinds of a brick's own parts that areMet() may ask for.
   std::span<const PartKind> kinds() const { return kinds_; }
 
+  // False if the isosurface does not reach the brick (rule 7). The brick's row is at hand.
+  bool mayCross(int level, const Index3& brick) const {
+    return !culls_ || pyramid_->brickRange(level, brick).crosses(isovalue_);
+  }
+
   // Asks for one needed row or part after the other: those of other bricks too that the error
   // oracle looks at. Ends with false at the first that is not there; a brick's row is asked for
   // before its ranges, and those before its samples.
@@ -73,7 +78,7 @@ class QueryNeeds {
   template <typename Answers>
   bool isQuiet(int level, const Index3& brick, const Answers& has) const {
     if (!culls_ || !has.row(level, brick)) return false;
-    if (!pyramid_->brickRange(level, brick).crosses(isovalue_)) return true;
+    if (!mayCross(level, brick)) return true;
     if (!has.part(PartKind::kRanges, level, brick)) return false;
     if (pyramid_->layout().tileCells() < 4) return false;
     std::vector<std::uint8_t> crossed;
@@ -85,9 +90,8 @@ class QueryNeeds {
   // If they decide.
   template <typename Answers>
   bool hasRanges(int level, const Index3& brick, const Answers& has) const {
-    return !culls_ ||
-           (has.row(level, brick) && (!pyramid_->brickRange(level, brick).crosses(isovalue_) ||
-                                      has.part(PartKind::kRanges, level, brick)));
+    return !culls_ || (has.row(level, brick) &&
+                       (!mayCross(level, brick) || has.part(PartKind::kRanges, level, brick)));
   }
   void add(const DetailChoice& choice) {
     takes_curvature_ = takes_curvature_ || choice.curvature_tolerance.has_value();

@@ -325,8 +325,9 @@ void Pyramid::announce(PartKind kind, int level, const Index3& brick) const {
     pager_->announce(partId(kind, brickRow(level, brick)));
 }
 
-void Pyramid::require(PartKind kind, int level, const Index3& brick) const {
-  if (entryOf(kind, level, brick).stored_bytes > 0) acquire(kind, level, brick);
+void Pyramid::require(PartKind kind, int level, const Index3& brick,
+                      const CancelFlag* cancel) const {
+  if (entryOf(kind, level, brick).stored_bytes > 0) acquire(kind, level, brick, cancel);
 }
 
 std::optional<BrickPart> Pyramid::holdIfResident(PartKind kind, int level,

@@ -216,8 +216,10 @@ class Pyramid {
                             BrickPager::Room& room) const;
   // Has the system begin to read a part, where one is stored: see BrickPager::announce().
   void announce(PartKind kind, int level, const Index3& brick) const;
-  // Throws Error that says why a part cannot be had, if so.
-  void require(PartKind kind, int level, const Index3& brick) const;
+  // Makes a part resident, if one is stored. Throws Error that says why it cannot be read, and
+  // Cancelled.
+  void require(PartKind kind, int level, const Index3& brick,
+               const CancelFlag* cancel = nullptr) const;
   // A hold on a part that is resident, for as long as it shall stay that; nothing where it is not.
   // Of a part that is not stored the hold is empty.
   std::optional<BrickPart> holdIfResident(PartKind kind, int level, const Index3& brick) const;

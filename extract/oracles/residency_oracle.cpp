@@ -4,9 +4,18 @@
 
 namespace isobrick {
 
-ResidencyOracle::ResidencyOracle(const QueryNeeds& needs)
+ResidencyOracle::ResidencyOracle(const QueryNeeds& needs, const CancelFlag* cancel)
     : needs_(needs), layout_(needs.pyramid().layout()) {
   while (elementCount(layout_.bricks(first_whole_level_)) > 1) ++first_whole_level_;
+  const Pyramid& pyramid = needs_.pyramid();
+  const Index3 brick(0);
+  for (int level = first_whole_level_; level < pyramid.lattice().levels(); ++level)
+    for (const PartKind kind : needs_.kinds()) {
+      if (!needs_.mayCross(level, brick)) continue;
+      pyramid.require(kind, level, brick, cancel);
+      if (auto part = pyramid.holdIfResident(kind, level, brick))
+        whole_levels_.push_back(*std::move(part));
+    }
 }
 
 bool ResidencyOracle::refines(int level, const Index3& cell) {

@@ -29,19 +29,22 @@ struct MissingBrick {
 //     brick to take them from,
 //   - and the parents of which, and of its 26 neighbours, are usable.
 //
-// Levels that are one brick are always usable: they are few bytes, and are read. By the last
-// condition the leaves are 2:1 balanced. Let c be a refined cell of level l, and b the brick of its
-// children; a cell n of level l that touches c has its children in b or a neighbour of b, so the
-// parent of that brick is usable, and the cell of level l + 1 around n is refined. So nothing that
-// touches c is coarser than c. It also gives that the parent of a refined cell is refined.
+// Levels that are one brick are always usable: they are few bytes, and are read at the start. By
+// the last condition the leaves are 2:1 balanced. Let c be a refined cell of level l, and b the
+// brick of its children; a cell n of level l that touches c has its children in b or a neighbour of
+// b, so the parent of that brick is usable, and the cell of level l + 1 around n is refined. So
+// nothing that touches c is coarser than c. It also gives that the parent of a refined cell is
+// refined.
 //
 // What is found of a brick is found once, and what is resident then is held as long as this object
 // lives: so the answers do not change while bricks come and go, and what was found usable is there
 // when it is meshed. All members are thread-safe.
 class ResidencyOracle {
  public:
-  // `needs`: of the query.
-  explicit ResidencyOracle(const QueryNeeds& needs);
+  // `needs`: of the query. Reads the levels that are one brick if they are not resident: before
+  // anything is fetched for the query, so that they need not push that out later. Throws Error if
+  // they cannot be read, and Cancelled.
+  explicit ResidencyOracle(const QueryNeeds& needs, const CancelFlag* cancel = nullptr);
 
   bool refines(int level, const Index3& cell);
   // kAll only where all bricks of children are usable.
@@ -104,6 +107,7 @@ class ResidencyOracle {
   int first_whole_level_ = 0;                      // from here on levels are one brick
   std::mutex mutex_;                               // guards all below
   std::unordered_map<std::size_t, Brick> bricks_;  // by row of the brick table
+  std::vector<BrickPart> whole_levels_;            // held
   std::vector<MissingBrick> missing_;
   bool has_refused_ = false;
 };

@@ -21,6 +21,7 @@
 #include "isobrick/extract/oracles/leaf_classifier.h"
 #include "isobrick/extract/oracles/residency_oracle.h"
 #include "isobrick/extract/read_ahead.h"
+#include "isobrick/extract/sinks/counting_sink.h"
 #include "isobrick/extract/sinks/indexed_mesh.h"
 #include "isobrick/preprocess/phantoms/phantom.h"
 #include "isobrick/preprocess/pyramid_builder.h"
@@ -229,6 +230,121 @@ TEST(NowQuery, AnyStateGivesAClosedSurfaceAndGrowsToTheWholeAnswer) {
   EXPECT_GT(coverage.complete, coverage.answers / 20);
   EXPECT_GT(coverage.partial, coverage.answers / 3);
   EXPECT_GT(coverage.with_levels, coverage.answers / 8);
+}
+
+// Random volumes and budgets, and callers that wait, that do not, that ask for another surface now
+// and then, or that cancel: nothing that a run of equal queries fetched goes for it, answers never
+// grow coarser, and they end, complete if the budget has room for all.
+class AnyBudget {
+ public:
+  AnyBudget(std::uint32_t seed, const TemporaryFolder& folder)
+      : random_(seed), path_(folder.file("budget.isb")) {
+    const Index3 dims(random_.uniform(20, 60), random_.uniform(20, 60), random_.uniform(9, 40));
+    const std::vector<std::uint8_t> values = random_.field<std::uint8_t>(dims);
+    BuildOptions options;
+    options.brick_cells = std::int64_t{4} << random_.uniform(0, 1);
+    options.error_level = random_.chance(0.5) ? 0 : 2;
+    options.codec = random_.chance(0.5) ? format::Codec::kStored : format::Codec::kLz4;
+    ArraySource<std::uint8_t> source(dims, values);
+    buildPyramid(source, path_, options);
+    access_ = random_.chance(0.5) ? FileAccess::kMap : FileAccess::kRead;
+    isovalue_ = values[values.size() / 2];
+  }
+
+  int answers() const { return answers_; }
+
+  void run() {
+    const Pyramid whole(path_, Pyramid::kDefaultBudgetBytes, access_);
+    const Query query = randomQuery(whole);
+    Extractor of_whole(whole);
+    EXPECT_TRUE(refine(of_whole, whole, query, true));
+    // Room for all means room for one brick more while it comes in, which is far less than this.
+    constexpr std::uint64_t kBrickBytes = std::uint64_t{1} << 16;
+    const double share = random_.real(0, 2.2);
+    const std::uint64_t budget_bytes =
+        static_cast<std::uint64_t>(share * static_cast<double>(whole.heldBytes())) +
+        (share > 1 ? kBrickBytes : 0);
+    const Pyramid pyramid(path_, budget_bytes, access_);
+    Extractor extractor(pyramid);
+    const bool wanders = random_.chance(0.5);
+    if (wanders) wander(extractor, pyramid);
+    const bool is_complete = refine(extractor, pyramid, query, !wanders);
+    EXPECT_TRUE(is_complete || share <= 1);
+  }
+
+ private:
+  Query randomQuery(const Pyramid& pyramid) {
+    Query query;
+    query.isovalue = isovalue_;
+    static_cast<DetailChoice&>(query) = randomChoice(random_, pyramid, 0.85);
+    query.now = true;
+    return query;
+  }
+
+  void wander(Extractor& extractor, const Pyramid& pyramid) {
+    for (int step = random_.uniform(1, 6); step > 0; --step) {
+      Query query = randomQuery(pyramid);
+      CancelFlag cancel;
+      query.cancel = &cancel;
+      if (random_.chance(0.2)) cancel.request();
+      CountingSink sink;
+      try {
+        extractor.extract(query, sink);
+      } catch (const Cancelled&) {
+      }
+      if (random_.chance(0.5)) extractor.waitForBricks(milliseconds(random_.uniform(0, 2)));
+    }
+  }
+
+  // `is_alone`: nobody has asked for another surface of the pyramid.
+  bool refine(Extractor& extractor, const Pyramid& pyramid, const Query& query, bool is_alone) {
+    const bool waits = random_.chance(0.7);
+    std::vector<std::int8_t> before;
+    for (int answer = 0;; ++answer) {
+      CountingSink sink;
+      const ExtractionReport report = extractor.extract(query, sink);
+      ++answers_;
+      // Unless the levels that are one brick, which are read, take more than the budget.
+      const std::uint64_t released = pyramid.counters().parts_released;
+      if (answer == 0) is_alone = is_alone && released == 0;
+      EXPECT_TRUE(!is_alone || released == 0) << released;
+      const std::vector<std::int8_t> leaves = leavesNow(pyramid, query).levels;
+      for (std::size_t cell = 0; cell < before.size(); ++cell)
+        if (leaves[cell] > before[cell]) {
+          ADD_FAILURE() << "coarser than before";
+          return false;
+        }
+      before = leaves;
+      if (report.is_complete) return true;
+      if (!extractor.waitForBricks(waits ? std::chrono::nanoseconds::max() : milliseconds(0)))
+        return false;
+      if (answer > 20000) {
+        ADD_FAILURE() << "it never ends";
+        return false;
+      }
+    }
+  }
+
+  RandomCase random_;
+  const std::string path_;
+  FileAccess access_ = FileAccess::kMap;
+  double isovalue_ = 0;
+  int answers_ = 0;
+};
+
+TEST(NowQuery, AnyBudgetAndCallerEndsAndNothingGoesThatWasFetched) {
+  const int volumes = (environmentOr("ISOBRICK_PROPERTY_VOLUMES", 180) + 11) / 12;
+  const int first = environmentOr("ISOBRICK_PROPERTY_SEED", 1);
+  const TemporaryFolder folder;
+  int answers = 0;
+  for (int v = 0; v < volumes && !HasFailure(); ++v) {
+    SCOPED_TRACE("seed " + std::to_string(first + v));
+    AnyBudget caller(static_cast<std::uint32_t>(first + v), folder);
+    for (int q = 0; q < 3 && !HasFailure(); ++q) caller.run();
+    answers += caller.answers();
+  }
+  std::printf("%d answers\n", answers);
+  EXPECT_GT(answers, 3 * volumes);
 }
 
 // The head phantom in many bricks, and a focus in it.
