@@ -165,7 +165,7 @@ TEST_F(BuildResumeTest, AnotherInputIsRefused) {
   expectFailure(1, buildWords({"--resume"}), "input=1 files");
   writeBytes(path("g.nrrd"), volume.substr(0, volume.size() - 1000));
   expectFailure(1, buildWords({"--resume"}), "g.nrrd");
-  runWell({"phantom", "torus", "--size", "160", "--type", "u8", "-o", "g.nrrd"});
+  runWell({"phantom", "torus", "--size", "160", "--type", "u8", "-o", "g.nrrd", "--force"});
   expectFailure(1, buildWords({"--resume"}), "input=1 files");
 }
 
