@@ -209,14 +209,16 @@ TEST_F(ViewCommandTest, VolumesAreBuiltAndUsedAgain) {
   runWell({"view", "sphere.mhd", "--offscreen", "--script", "state.json"});
   EXPECT_EQ(readBytes(path("sphere.isb")), built);
   fs::remove(path("sphere.isb"));
-  runWell({"view", "sphere.mhd", "--offscreen", "--script", "state.json", "--cache", "cache"});
+  runWell({"view", "sphere.mhd", "--offscreen", "--script", "state.json", "--cache", "cache",
+           "--force"});
   EXPECT_FALSE(fs::exists(path("sphere.isb")));
   std::set<std::string> cached;
   for (const std::string& file : files())
     if (file.rfind("cache/", 0) == 0 && file.ends_with(".isb")) cached.insert(file);
   ASSERT_EQ(cached.size(), 1u);
   const auto time = fs::last_write_time(path(*cached.begin()));
-  runWell({"view", "sphere.mhd", "--offscreen", "--script", "state.json", "--cache", "cache"});
+  runWell({"view", "sphere.mhd", "--offscreen", "--script", "state.json", "--cache", "cache",
+           "--force"});
   EXPECT_EQ(fs::last_write_time(path(*cached.begin())), time);
   EXPECT_FALSE(fs::exists(path("cache") + "/recent"));
 }
