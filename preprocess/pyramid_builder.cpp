@@ -473,7 +473,8 @@ void checkOptions(const BuildOptions& options) {
 
 std::string buildIdentity(const VolumeInfo& info, const std::string& input_identity,
                           const BuildOptions& options) {
-  const auto hash = checksum64(&info.geometry, sizeof info.geometry);
+  // Its numbers, without the bytes that fill the struct up.
+  const auto hash = checksum64(&info.geometry, offsetof(GridGeometry, unit));
   std::string text = "input=" + input_identity + "\n";
   const auto line = [&](const char* name, const std::string& value) {
     text += std::string(name) + "=" + value + "\n";
@@ -483,6 +484,7 @@ std::string buildIdentity(const VolumeInfo& info, const std::string& input_ident
                      std::string(voxelTypeName(info.voxel_type)));
   line("format", info.format + (info.encoding.empty() ? "" : ", ") + info.encoding);
   line("geometry", std::to_string(hash));
+  line("length unit", std::string(lengthUnitName(info.geometry.unit)));
   line("filter", std::string(filterName(options.filter)));
   line("codec", std::string(codecName(options.codec)));
   line("brick", std::to_string(options.brick_cells));

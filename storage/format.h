@@ -82,7 +82,8 @@ struct Header {
   double error_width;
   std::uint32_t error_bins;
   std::uint32_t error_last_level;
-  std::uint8_t reserved_between[8];  // zero
+  std::uint32_t length_unit;         // LengthUnit, of spacing and origin
+  std::uint8_t reserved_between[4];  // zero
   PartEntry gradients;               // see gradient_spectrum.h; all zero where there are none
   std::uint8_t reserved[112];        // zero
   std::uint64_t header_checksum;     // XXH3-64 of all the bytes before it

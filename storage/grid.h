@@ -6,6 +6,7 @@
 #include <glm/mat3x3.hpp>
 #include <glm/matrix.hpp>
 #include <glm/vec3.hpp>
+#include <string_view>
 
 namespace isobrick {
 
@@ -20,6 +21,15 @@ inline constexpr std::int64_t kMaxVoxelsPerAxis = std::int64_t{1} << 20;
 // kMaxVoxelsPerAxis, so that the product fits 64 bits.
 constexpr std::int64_t elementCount(const Index3& dims) { return dims.x * dims.y * dims.z; }
 
+// What the lengths of a volume are: millimetres wherever its unit is known, so that what is read in
+// micrometres is scaled. The numbers are those of the file.
+enum class LengthUnit : std::uint32_t { kUnknown = 0, kMillimetre = 1 };
+
+// "unknown" or "millimetres".
+constexpr std::string_view lengthUnitName(LengthUnit unit) {
+  return unit == LengthUnit::kMillimetre ? "millimetres" : "unknown";
+}
+
 // The placement of a volume in world space: world = origin + direction * (spacing * index).
 // The columns of `direction` are the world directions of the index axes; orthonormal, and of either
 // handedness (a flipped axis has determinant -1).
@@ -27,6 +37,7 @@ struct GridGeometry {
   glm::dvec3 spacing{1.0};
   glm::dvec3 origin{0.0};
   glm::dmat3 direction{1.0};
+  LengthUnit unit = LengthUnit::kUnknown;  // of spacing, origin and all that is in world space
 
   // d(world)/d(index).
   glm::dmat3 indexToWorldMatrix() const {

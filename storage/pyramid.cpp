@@ -96,7 +96,8 @@ void Pyramid::readHeader() {
               isPowerOfTwoWithin(header.brick_cells, 4, 256) &&
               isPowerOfTwoWithin(header.tile_cells, 2, header.brick_cells) &&
               areValuesSane(header) && std::isfinite(header.curvature_epsilon) &&
-              header.curvature_epsilon >= 0;
+              header.curvature_epsilon >= 0 &&
+              header.length_unit <= static_cast<std::uint32_t>(LengthUnit::kMillimetre);
   for (int axis = 0; axis < 3; ++axis) {
     sane = sane && header.dims[axis] >= 2 &&
            header.dims[axis] <= static_cast<std::uint64_t>(kMaxVoxelsPerAxis) &&
@@ -113,6 +114,7 @@ void Pyramid::readHeader() {
     for (int row = 0; row < 3; ++row)
       spec_.geometry.direction[axis][row] = header.direction[3 * axis + row];
   }
+  spec_.geometry.unit = static_cast<LengthUnit>(header.length_unit);
   if (!isUsableGeometry(spec_.geometry))
     fail("has a spacing, an origin or directions that give no usable positions; build it again");
   spec_.voxel_type = static_cast<VoxelType>(header.voxel_type);

@@ -350,6 +350,7 @@ std::uint64_t PyramidWriter::finish(const Summary& summary, format::Codec codec)
     for (int row = 0; row < 3; ++row)
       header.direction[3 * axis + row] = spec_.geometry.direction[axis][row];
   }
+  header.length_unit = static_cast<std::uint32_t>(spec_.geometry.unit);
   header.value_min = static_cast<double>(summary.voxel_range.min);
   header.value_max = static_cast<double>(summary.voxel_range.max);
   header.curvature_epsilon = spec_.curvature_epsilon;

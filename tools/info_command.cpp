@@ -104,6 +104,7 @@ void printInfoJson(const Pyramid& pyramid) {
   json["voxel_type"] = voxelTypeName(spec.voxel_type);
   json["spacing"] = jsonOf(spec.geometry.spacing);
   json["origin"] = jsonOf(spec.geometry.origin);
+  json["length_unit"] = lengthUnitName(spec.geometry.unit);
   // The world directions of the index axes x, y and z.
   json["direction"] = {jsonOf(spec.geometry.direction[0]), jsonOf(spec.geometry.direction[1]),
                        jsonOf(spec.geometry.direction[2])};
@@ -137,8 +138,12 @@ void printInfoText(const Pyramid& pyramid) {
              pyramid.valueRange().max);
   fmt::print("noise      {:.3g} (sigma, estimated)\n", pyramid.noise());
   fmt::print("isovalues  {}\n", suggestionsText(suggestIsovalues(pyramid)));
-  fmt::print("spacing    {} {} {}\n", geometry.spacing.x, geometry.spacing.y, geometry.spacing.z);
-  fmt::print("origin     {} {} {}\n", geometry.origin.x, geometry.origin.y, geometry.origin.z);
+  const char* const unit =
+      geometry.unit == LengthUnit::kMillimetre ? " mm" : " (of an unknown unit)";
+  fmt::print("spacing    {} {} {}{}\n", geometry.spacing.x, geometry.spacing.y, geometry.spacing.z,
+             unit);
+  fmt::print("origin     {} {} {}{}\n", geometry.origin.x, geometry.origin.y, geometry.origin.z,
+             unit);
   for (int axis = 0; axis < 3; ++axis) {
     const glm::dvec3& to = geometry.direction[axis];
     fmt::print("axis {}     {} {} {}\n", "xyz"[axis], to.x, to.y, to.z);

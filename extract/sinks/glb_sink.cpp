@@ -90,7 +90,7 @@ class GlbSink : public NumberedSink {
   std::string makeHeader() const { return glbHeader(makeJson(), kJsonBytes, binBytes()); }
 
   std::string makeJson() const {
-    const std::string head = joined("{", gltfAsset(), R"(,"scene":0,"scenes":[)");
+    const std::string head = joined("{", gltfAsset(frame_), R"(,"scene":0,"scenes":[)");
     if (triangles_ == 0) return joined(head, "{}]}");
 
     const bool has_values = options_.values != nullptr;

@@ -34,9 +34,9 @@ glm::dvec3 gltfCenter(const MeshFrame& frame) {
   return center;
 }
 
-std::string gltfAsset() {
+std::string gltfAsset(const MeshFrame& frame) {
   return joined(R"("asset":{"version":"2.0","generator":"isobrick","extras":{"units":")",
-                kMeshUnits, R"(","space":")", kMeshSpace, R"("}})");
+                lengthUnitName(frame.geometry.unit), R"(","space":")", kMeshSpace, R"("}})");
 }
 
 std::string gltfNode(const glm::dvec3& center) {

@@ -26,7 +26,7 @@ std::string arrayText(const glm::dvec3& v);
 glm::dvec3 gltfCenter(const MeshFrame& frame);
 
 // "asset":{...}
-std::string gltfAsset();
+std::string gltfAsset(const MeshFrame& frame);
 // The rest of "scenes":[ and "nodes":[...] of one mesh that was moved by -center.
 std::string gltfNode(const glm::dvec3& center);
 inline constexpr std::string_view kGltfMaterials =

@@ -44,7 +44,8 @@ struct MeshFileOptions {
 //         to 10 bits; the mesh is cut into primitives, whose common vertices are equal
 //   .vtp  VTK PolyData, appended data: as .ply, with normals as `Normals`, and `level` of the cells
 // All but .stl hold at most 2^32 - 1 vertices. All are in the world coordinates of the pyramid, LPS
-// and millimetres as its source has them, which the headers of .obj, .glb and .vtp say.
+// as its source has them; their headers say so, and whether lengths are millimetres or of an
+// unknown unit (MeshFrame::geometry).
 //
 // Throws Error for another extension and for a path that cannot be written. The file appears under
 // its name in finish(); a sink that is destroyed earlier leaves nothing.

@@ -113,7 +113,7 @@ class ObjSink : public NumberedSink {
       const std::string text = std::to_string(count);
       return std::string(20 - text.size(), ' ') + text;
     };
-    return "# isobrick\n# units: " + std::string(kMeshUnits) +
+    return "# isobrick\n# units: " + std::string(lengthUnitName(frame_.geometry.unit)) +
            "\n# space: " + std::string(kMeshSpace) +
            "\n# normals: towards lower values\n# vertices:  " + padded(vertices()) +
            "\n# triangles: " + padded(triangles_) + "\n";

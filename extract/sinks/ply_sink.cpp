@@ -68,7 +68,10 @@ class PlySink : public NumberedSink {
   // Always kHeaderBytes long: a comment fills what the counts leave.
   std::string makeHeader() const {
     const std::string real = double_precision_ ? "double" : "float";
-    std::string head = "ply\nformat binary_little_endian 1.0\ncomment isobrick\n";
+    const std::string head =
+        "ply\nformat binary_little_endian 1.0\ncomment isobrick\ncomment units: " +
+        std::string(lengthUnitName(frame_.geometry.unit)) +
+        "\ncomment space: " + std::string(kMeshSpace) + "\n";
     std::string rest = "element vertex " + std::to_string(vertices()) + "\n";
     for (const char* name : {"x", "y", "z"}) rest += "property " + real + " " + name + "\n";
     for (const char* name : {"nx", "ny", "nz"})

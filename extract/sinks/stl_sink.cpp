@@ -1,5 +1,6 @@
 // Binary STL.
 #include <limits>
+#include <string>
 #include <vector>
 
 #include "isobrick/extract/sinks/byte_pointer.h"
@@ -17,9 +18,11 @@ class StlSink : public MeshFileSink {
 
   void begin(const MeshFrame& frame) override {
     placement_ = WorldPlacement(frame.geometry);
-    char header[kHeaderBytes] =
-        "isobrick";  // must not begin with "solid": that is how ASCII STL is told
-    file_.write(header, sizeof header);
+    // Must not begin with "solid": that is how ASCII STL is told.
+    std::string header = "isobrick; units: ";
+    header += lengthUnitName(frame.geometry.unit);
+    header.append("; space: ").append(kMeshSpace).resize(kHeaderBytes);
+    file_.write(header.data(), header.size());
   }
   void place(PlacedBatch& placed) override {
     placed.first_triangle = triangles_;

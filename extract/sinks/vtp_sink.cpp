@@ -244,7 +244,8 @@ class VtpSink : public NumberedSink {
     const bool has_values = options_.values != nullptr;
     std::string head =
         "<?xml version=\"1.0\"?>\n<!-- written by isobrick; world coordinates are " +
-        std::string(kMeshSpace) + ", " + std::string(kMeshUnits) +
+        std::string(kMeshSpace) + ", their unit is " +
+        std::string(lengthUnitName(frame_.geometry.unit)) +
         " -->\n<VTKFile type=\"PolyData\" version=\"1.0\" byte_order=\"LittleEndian\" "
         "header_type=\"UInt64\"" +
         (options_.zlib ? " compressor=\"vtkZLibDataCompressor\"" : "") +

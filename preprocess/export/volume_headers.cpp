@@ -78,6 +78,9 @@ std::string nrrdHeader(const VolumeInfo& info) {
   header += "\ndimension: 3\nspace: left-posterior-superior\nsizes: " + countsText(info.voxels);
   header += "\nspace directions:";
   for (int axis = 0; axis < 3; ++axis) header += " (" + vectorText(steps[axis], ",") + ")";
+  // No text is no unit: without the field patients' spaces count as millimetres.
+  const std::string unit = info.geometry.unit == LengthUnit::kMillimetre ? "\"mm\"" : "\"\"";
+  header += "\nspace units: " + unit + " " + unit + " " + unit;
   header += "\nkinds: domain domain domain\nendian: little\nencoding: raw\nspace origin: (" +
             vectorText(info.geometry.origin, ",") + ")\n\n";
   return header;
@@ -93,6 +96,8 @@ std::string metaImageHeader(const VolumeInfo& info, const std::string& data_name
   header += "TransformMatrix = " + vectorText(geometry.direction[0], " ") + " " +
             vectorText(geometry.direction[1], " ") + " " + vectorText(geometry.direction[2], " ");
   header += "\nOffset = " + vectorText(geometry.origin, " ");
+  header +=
+      std::string("\nDistanceUnits = ") + (geometry.unit == LengthUnit::kMillimetre ? "mm" : "?");
   header += "\nCenterOfRotation = 0 0 0\nElementSpacing = " + vectorText(geometry.spacing, " ");
   header += "\nDimSize = " + countsText(info.voxels) + "\nElementType = ";
   header += typeName(kTypes, info);
@@ -107,8 +112,10 @@ std::string vtiHeader(const VolumeInfo& info) {
                              " 0 " + std::to_string(last.z);
   const glm::dmat3 rows = glm::transpose(info.geometry.direction);
   std::string header =
-      "<?xml version=\"1.0\"?>\n<!-- written by isobrick; world coordinates are LPS -->\n"
-      "<VTKFile type=\"ImageData\" version=\"1.0\" byte_order=\"LittleEndian\" "
+      "<?xml version=\"1.0\"?>\n<!-- written by isobrick; world coordinates are LPS, their unit "
+      "is " +
+      std::string(lengthUnitName(info.geometry.unit)) +
+      " -->\n<VTKFile type=\"ImageData\" version=\"1.0\" byte_order=\"LittleEndian\" "
       "header_type=\"UInt64\">\n  <ImageData WholeExtent=\"";
   header += extent + "\" Origin=\"" + vectorText(info.geometry.origin, " ") + "\" Spacing=\"" +
             vectorText(info.geometry.spacing, " ") + "\" Direction=\"" + vectorText(rows[0], " ") +
@@ -178,8 +185,8 @@ std::array<std::byte, kNiftiBytes> niftiHeader(const VolumeInfo& info, const std
     put(header, 256 + 4 * i, static_cast<float>(quaternion[static_cast<int>(i)]));
   for (std::size_t axis = 3; axis < 7; ++axis) put(header, 80 + 4 * axis, 1.0f);
   put(header, 108, static_cast<float>(kNiftiBytes));
-  put(header, 112, 1.0f);             // slope
-  put(header, 123, char{2});          // millimetres
+  put(header, 112, 1.0f);  // slope
+  if (info.geometry.unit == LengthUnit::kMillimetre) put(header, 123, char{2});
   put(header, 252, std::int16_t{1});  // qform and sform: the scanner's space
   put(header, 254, std::int16_t{1});
   std::memcpy(header.data() + 148, "written by isobrick", 19);

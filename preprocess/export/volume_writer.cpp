@@ -114,6 +114,8 @@ VolumeWriteReport writeVti(VolumeSource& source, const std::string& path,
                            const VolumeWriteOptions& options) {
   VolumeWriteReport report;
   report.space = "LPS";
+  if (source.info().geometry.unit != LengthUnit::kUnknown)
+    report.lost.push_back("VTK ImageData has no unit of length; its numbers are millimetres");
   AtomicFile file(path);
   writeText(file, vtiHeader(source.info()));
   writeVoxels(source, file, options);
@@ -128,7 +130,8 @@ VolumeWriteReport writeRaw(VolumeSource& source, const std::string& path,
   report.space = "none";
   const VolumeInfo& info = source.info();
   report.lost.push_back(
-      "dimensions, type, spacing, origin and direction are not in the file, which has voxels " +
+      "dimensions, type, spacing, origin, direction and unit of length are not in the file, which "
+      "has voxels " +
       std::to_string(info.voxels.x) + "," + std::to_string(info.voxels.y) + "," +
       std::to_string(info.voxels.z) + " of type " +
       std::string(kVoxelTypes[static_cast<std::size_t>(info.voxel_type)].short_name) +

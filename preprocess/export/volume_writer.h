@@ -34,7 +34,8 @@ struct VolumeWriteReport {
 bool isPlainVolumeName(const std::string& path);
 
 // Reads `source` from its first slice to its last and writes `path`, little-endian. World
-// coordinates of the source count as LPS, in millimetres (DICOM, ITK). The ending decides:
+// coordinates of the source count as LPS (DICOM, ITK); its unit of length is written where the
+// format has a place for it. The ending decides:
 //   .nrrd    one file, with type, sizes, space, directions and origin
 //   .mhd     MetaImage: a header, and the voxels beside it under the same name with .raw
 //   .mha     MetaImage: both in one file

@@ -141,6 +141,9 @@ void takeOwnAttributes(const Imf::Header& header, VolumeInfo& info, bool& has_ge
         info.voxel_type = static_cast<VoxelType>(i);
   has_geometry = spacing != nullptr && origin != nullptr && direction != nullptr;
   if (!has_geometry) return;
+  const auto* const unit = header.findTypedAttribute<Imf::StringAttribute>("isobrickLengthUnit");
+  if (unit != nullptr && unit->value() == lengthUnitName(LengthUnit::kMillimetre))
+    info.geometry.unit = LengthUnit::kMillimetre;
   for (int axis = 0; axis < 3; ++axis) {
     info.geometry.spacing[axis] = spacing->value()[static_cast<unsigned>(axis)];
     info.geometry.origin[axis] = origin->value()[static_cast<unsigned>(axis)];

@@ -103,6 +103,29 @@ std::vector<double> attribute(hid_t object, const char* name, std::size_t count)
   return values;
 }
 
+// The text of an attribute, or "".
+std::string textAttribute(hid_t object, const char* name) {
+  if (H5Aexists(object, name) <= 0) return {};
+  const Hdf5Handle found(H5Aopen(object, name, H5P_DEFAULT), H5Aclose);
+  if (!found.isValid()) return {};
+  const Hdf5Handle type(H5Aget_type(found.id()), H5Tclose);
+  const Hdf5Handle space(H5Aget_space(found.id()), H5Sclose);
+  if (H5Tget_class(type.id()) != H5T_STRING || H5Sget_simple_extent_npoints(space.id()) != 1)
+    return {};
+  if (H5Tis_variable_str(type.id()) > 0) {
+    char* text = nullptr;
+    if (H5Aread(found.id(), type.id(), &text) < 0 || text == nullptr) return {};
+    std::string result(text);
+    H5free_memory(text);
+    return result;
+  }
+  constexpr std::size_t kMost = 1000;
+  const std::size_t bytes = H5Tget_size(type.id());
+  std::string text(bytes, '\0');
+  if (bytes > kMost || H5Aread(found.id(), type.id(), text.data()) < 0) return {};
+  return text.c_str();  // up to what fills it up
+}
+
 class Hdf5Source final : public VolumeSource {
  public:
   Hdf5Source(const std::string& name, const OpenOptions& options) : options_(options) {
@@ -115,6 +138,8 @@ class Hdf5Source final : public VolumeSource {
     takeShape();
     takeType();
     checkFilters();
+    findSourceFiles();
+    countMissingChunks();
     takeGeometry();
     reopenWithCache();
     options_.progress = nullptr;
@@ -126,7 +151,11 @@ class Hdf5Source final : public VolumeSource {
   }
 
   const VolumeInfo& info() const override { return info_; }
-  std::vector<std::string> files() const override { return {path_}; }
+  std::vector<std::string> files() const override {
+    std::vector<std::string> files = {path_};
+    files.insert(files.end(), source_files_.begin(), source_files_.end());
+    return files;
+  }
   std::string identity() const override { return {}; }
   bool readsBoxes() const override { return true; }
   std::uint64_t bufferBytes() const override { return cache_bytes_ + chunk_bytes_; }
@@ -288,6 +317,82 @@ class Hdf5Source final : public VolumeSource {
     }
   }
 
+  // A virtual dataset takes its voxels from others. The library makes fill values of those that it
+  // does not find.
+  void findSourceFiles() {
+    const Hdf5Handle creation(H5Dget_create_plist(dataset_.id()), H5Pclose);
+    std::size_t count = 0;
+    if (H5Pget_layout(creation.id()) != H5D_VIRTUAL ||
+        H5Pget_virtual_count(creation.id(), &count) < 0)
+      return;
+    const auto textOf = [&](auto&& get, std::size_t i) {
+      const ssize_t length = get(creation.id(), i, nullptr, 0);
+      std::string text(length > 0 ? static_cast<std::size_t>(length) + 1 : 0, '\0');
+      if (length > 0) get(creation.id(), i, text.data(), text.size());
+      text.resize(length > 0 ? static_cast<std::size_t>(length) : 0);
+      return text;
+    };
+    for (std::size_t i = 0; i < count; ++i) {
+      options_.checkCancel();
+      const std::string name = textOf(H5Pget_virtual_filename, i);
+      const std::string dataset = textOf(H5Pget_virtual_dsetname, i);
+      if (name.find('%') != std::string::npos || dataset.find('%') != std::string::npos)
+        throw Error("cannot use '" + info_.source +
+                        "': it takes its voxels from as many files as " + "match " +
+                        quotedText(name, 100) +
+                        ", of which nobody knows whether all are there; copy it into one dataset",
+                    {.path = path_});
+      checkSource(name, dataset);
+    }
+  }
+
+  // As the library looks for it: beside the file, then from where the program runs.
+  void checkSource(const std::string& name, const std::string& dataset) {
+    const std::string beside =
+        (std::filesystem::path(path_).parent_path() / std::filesystem::path(name)).string();
+    const std::string source = name == "." ? path_ : inputIsThere(beside) ? beside : name;
+    const bool is_new = name != "." && std::find(source_files_.begin(), source_files_.end(),
+                                                 source) == source_files_.end();
+    if (is_new) {
+      const InputFile check(source, path_);  // says why it cannot be opened
+      source_files_.push_back(source);
+    }
+    const Hdf5Handle opened(
+        name == "." ? H5I_INVALID_HID : H5Fopen(source.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT),
+        H5Fclose);
+    const Hdf5Handle found(
+        H5Dopen2(name == "." ? file_.id() : opened.id(), dataset.c_str(), H5P_DEFAULT), H5Dclose);
+    if (!found.isValid())
+      throw Error("cannot read '" + source + "': it has no dataset " + quotedText(dataset, 100) +
+                      ", from which '" + info_.source + "' takes its voxels; get the whole file",
+                  {.path = source});
+  }
+
+  void countMissingChunks() {
+    const Hdf5Handle creation(H5Dget_create_plist(dataset_.id()), H5Pclose);
+    const H5D_layout_t layout = H5Pget_layout(creation.id());
+    H5D_space_status_t status = H5D_SPACE_STATUS_ALLOCATED;
+    if (H5Dget_space_status(dataset_.id(), &status) < 0 || layout == H5D_VIRTUAL) return;
+    if (layout != H5D_CHUNKED) {
+      if (status == H5D_SPACE_STATUS_NOT_ALLOCATED)
+        info_.notes.push_back("the dataset was never written: it has its fill value");
+      return;
+    }
+    const Hdf5Handle space(H5Dget_space(dataset_.id()), H5Sclose);
+    std::array<hsize_t, kMostAxes> dims{};
+    hsize_t written = 0;
+    if (H5Sget_simple_extent_dims(space.id(), dims.data(), nullptr) != axes_ ||
+        H5Dget_num_chunks(dataset_.id(), space.id(), &written) < 0)
+      return;
+    hsize_t all = 1;
+    for (std::size_t i = 0; i < static_cast<std::size_t>(axes_); ++i)
+      if (__builtin_mul_overflow(all, (dims[i] + chunk_voxels_[i] - 1) / chunk_voxels_[i], &all))
+        return;
+    if (written < all)
+      info_.notes.push_back(std::to_string(all - written) + " of the " + std::to_string(all) +
+                            " chunks of the dataset were never written: they have its fill value");
+  }
+
   void takeGeometry() {
     GridGeometry& geometry = info_.geometry;
     const auto spacing = attribute(dataset_.id(), "spacing", 3);
@@ -306,6 +411,12 @@ class Hdf5Source final : public VolumeSource {
     }
     if (spacing.empty() && element_size.empty())
       info_.notes.push_back("the dataset says no spacing; 1 was used");
+    const bool is_in_micrometres = spacing.empty() && !element_size.empty();
+    if (is_in_micrometres ||
+        textAttribute(dataset_.id(), "length_unit") == lengthUnitName(LengthUnit::kMillimetre))
+      geometry.unit = LengthUnit::kMillimetre;
+    if (is_in_micrometres)
+      info_.notes.push_back("lengths were scaled from micrometres to millimetres");
     tidyGeometry(path_, geometry, info_.notes);
   }
 
@@ -355,6 +466,7 @@ class Hdf5Source final : public VolumeSource {
 
   OpenOptions options_;
   std::string path_, dataset_name_;
+  std::vector<std::string> source_files_;  // of a virtual dataset
   VolumeInfo info_;
   Hdf5Handle file_, dataset_;
   int axes_ = 0;

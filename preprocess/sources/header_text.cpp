@@ -64,6 +64,18 @@ std::vector<std::string> words(const std::string& text) {
   return result;
 }
 
+// The texts between quotes.
+std::vector<std::string> quotedTexts(const std::string& text) {
+  std::vector<std::string> result;
+  for (std::size_t first = text.find('"'); first != std::string::npos;) {
+    const std::size_t end = text.find('"', first + 1);
+    if (end == std::string::npos) break;
+    result.push_back(text.substr(first + 1, end - first - 1));
+    first = text.find('"', end + 1);
+  }
+  return result;
+}
+
 std::optional<std::int64_t> wholeNumber(const std::string& text) {
   std::int64_t number = 0;
   const char* const end = text.data() + text.size();
@@ -249,6 +261,34 @@ std::vector<std::string> metaImageFiles(const std::string& header_path) {
   if (!pattern || !first || !last || !step || *step <= 0 || isEndless(*first, *last, *step))
     throw badPattern(header_path, named);
   return headerAndNamed(header_path, numberedNames(*pattern, *first, *last, *step, slices));
+}
+
+std::array<std::string, 3> nrrdUnits(const std::string& header_path) {
+  const auto header = readNrrdHeader(header_path);
+  if (!header) return {};
+  const auto axesOf = [](std::vector<std::string> units) -> std::array<std::string, 3> {
+    // An axis of several values a voxel has no length.
+    if (units.size() > 3)
+      std::erase_if(units, [](const std::string& unit) {
+        return unit.empty() || unit == "none" || unit == "???";
+      });
+    if (units.size() != 3) return {};
+    return {units[0], units[1], units[2]};
+  };
+  if (header->fields.contains("spaceunits"))
+    return axesOf(quotedTexts(header->value("spaceunits")));
+  const std::string space = lowercase(header->value("space"));
+  for (const char* known : {"left-posterior-superior", "right-anterior-superior",
+                            "left-anterior-superior", "scanner-xyz", "lps", "ras", "las"})
+    if (space == known) return {"mm", "mm", "mm"};
+  return axesOf(quotedTexts(header->value("units")));
+}
+
+std::string metaImageUnit(const std::string& header_path) {
+  const auto header = readMetaImageHeader(header_path);
+  if (!header || !header->fields.contains("distanceunits")) return "mm";
+  const std::string unit = header->value("distanceunits");
+  return unit == "?" ? "" : unit;
 }
 
 }  // namespace isobrick

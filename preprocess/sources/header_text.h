@@ -4,6 +4,7 @@
 // preprocess/sources/.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <map>
 #include <optional>
@@ -33,6 +34,13 @@ std::optional<HeaderText> readMetaImageHeader(const std::string& path);
 // or count for minutes where there are more numbers than a volume can have slices.
 std::vector<std::string> nrrdFiles(const std::string& header_path);
 std::vector<std::string> metaImageFiles(const std::string& header_path);
+
+// The units of length of the world's axes (length_units.h), "" where none is said. An NRRD in a
+// space of patients or scanners, such as left-posterior-superior, is in millimetres unless it says
+// otherwise: the format takes those spaces from DICOM and NIfTI. A MetaImage is in millimetres
+// unless it says otherwise.
+std::array<std::string, 3> nrrdUnits(const std::string& header_path);
+std::string metaImageUnit(const std::string& header_path);
 
 // A name in a header is relative to the header's folder.
 std::string besideHeader(const std::string& header_path, const std::string& name);

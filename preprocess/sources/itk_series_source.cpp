@@ -16,6 +16,7 @@
 #include "isobrick/preprocess/sources/itk_common.h"
 #include "isobrick/preprocess/sources/slice_names.h"
 #include "isobrick/preprocess/sources/source_checks.h"
+#include "isobrick/preprocess/sources/tiff_lengths.h"
 #include "isobrick/storage/abandonable.h"
 #include "isobrick/storage/lowercase.h"
 
@@ -364,6 +365,7 @@ std::unique_ptr<VolumeSource> openDicomSeries(const std::string& folder,
   info.voxels.z = static_cast<std::int64_t>(slices.size());
   checkVoxelCounts(folder, info.voxels);
   info.geometry = imageGeometry(*any.image);
+  info.geometry.unit = LengthUnit::kMillimetre;
   const glm::dvec3 normal = glm::cross(info.geometry.direction[0], info.geometry.direction[1]);
   if (const auto step = sortSlices(slices, normal, info.notes)) {
     info.geometry.origin = positionOf(slices.front());
@@ -405,8 +407,12 @@ std::unique_ptr<VolumeSource> openImageStack(const std::string& folder,
   info.voxels.z = static_cast<std::int64_t>(paths.size());
   checkVoxelCounts(folder, info.voxels);
   info.geometry.spacing = imageGeometry(*first.image).spacing;
-  info.geometry.spacing.z = info.geometry.spacing.x;
-  info.notes.push_back("image slices have no distance; that of pixels along x was used");
+  if (io_name.starts_with("TIFF")) {
+    takeTiffLengths(paths.front(), info.geometry, info.notes);
+  } else {
+    info.geometry.spacing.z = info.geometry.spacing.x;
+    info.notes.emplace_back(kNoSliceDistance);
+  }
   tidyGeometry(folder, info.geometry, info.notes);
   const auto exact = exactVoxelType(first.component());
   info.voxel_type = exact ? *exact : VoxelType::kFloat32;

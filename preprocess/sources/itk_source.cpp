@@ -17,6 +17,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cstdarg>
 #include <cstdlib>
 #include <cstring>
@@ -28,13 +29,16 @@
 #include <new>
 #include <sstream>
 
+#include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/sources/dicom_header.h"
 #include "isobrick/preprocess/sources/header_text.h"
 #include "isobrick/preprocess/sources/image_bytes.h"
 #include "isobrick/preprocess/sources/itk_common.h"
+#include "isobrick/preprocess/sources/length_units.h"
 #include "isobrick/preprocess/sources/nifti_run.h"
 #include "isobrick/preprocess/sources/raw_run.h"
 #include "isobrick/preprocess/sources/source_checks.h"
+#include "isobrick/preprocess/sources/tiff_lengths.h"
 #include "isobrick/preprocess/sources/tiff_pages.h"
 #include "isobrick/preprocess/sources/voxel_components.h"
 #include "isobrick/storage/abandonable.h"
@@ -346,6 +350,28 @@ std::optional<StoredType> storedTypeOf(Component component) {
   });
 }
 
+// What is in ångströms, unless nothing is said: then ITK makes it 1.
+std::string mrcUnit(const std::string& path) {
+  constexpr std::size_t kCellAt = 40, kCellBytes = 12;
+  std::array<char, kCellBytes> cell = {};
+  const InputFile file(path);
+  static_cast<void>(file.readAt(kCellAt, cell.data(), cell.size()));
+  return cell == std::array<char, kCellBytes>{} ? "" : "angstrom";
+}
+
+// Of what ITK makes of the file's lengths.
+void takeUnits(const std::string& path, VolumeInfo& info) {
+  const auto take = [&](const std::string& unit) {
+    takeLengthUnits({unit, unit, unit}, info.geometry, info.notes);
+  };
+  if (info.format == "NRRD") takeLengthUnits(nrrdUnits(path), info.geometry, info.notes);
+  if (info.format == "MetaImage") take(metaImageUnit(path));
+  if (info.format == "TIFF" || info.format == "LSM")
+    takeTiffLengths(path, info.geometry, info.notes);
+  if (info.format == "DICOM" || info.format == "Gipl") take("millimeter");
+  if (info.format == "MRC") take(mrcUnit(path));
+}
+
 VolumeInfo describeVolume(const std::string& path, const itk::ImageIOBase& image) {
   VolumeInfo info;
   info.source = path;
@@ -358,6 +384,7 @@ VolumeInfo describeVolume(const std::string& path, const itk::ImageIOBase& image
                 {.path = path});
   checkVoxelCounts(path, info.voxels);
   info.geometry = imageGeometry(image);
+  takeUnits(path, info);
   tidyGeometry(path, info.geometry, info.notes);
   const Component component = image.GetComponentType();
   if (const auto exact = exactVoxelType(component)) {
@@ -469,6 +496,11 @@ std::unique_ptr<VolumeSource> openNiftiRun(VolumeInfo info, std::uint64_t compon
                                            const TimeStep& time, const OpenOptions& options) {
   NiftiRun nifti = findNiftiRun(info.source);
   StoredVoxels& stored = nifti.stored;
+  // ITK makes millimetres of the spacing, and not of the origin.
+  const glm::dvec3 spacing = info.geometry.spacing;
+  takeLengthUnits({nifti.length_unit, nifti.length_unit, nifti.length_unit}, info.geometry,
+                  info.notes);
+  info.geometry.spacing = spacing;
   const auto contradiction = [&] {
     return Error("cannot read '" + info.source + "': its header is contradictory; check that it " +
                      "is not damaged",

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstring>
 #include <initializer_list>
+#include <iterator>
 #include <limits>
 
 #include "isobrick/preprocess/input_file.h"
@@ -70,6 +71,12 @@ class NiftiHeader {
   // The number of axes, and behind it that of the voxels along each.
   int dim(int i) const { return int16At(40 + 2 * static_cast<std::size_t>(i)); }
   int dataType() const { return int16At(70); }
+  // What xyzt_units says of lengths; Analyze 7.5 has them in millimetres.
+  std::string lengthUnit() const {
+    static constexpr const char* kUnits[] = {"", "meter", "millimeter", "micrometer"};
+    const unsigned code = isNifti() ? bytes_[123] & 7u : 2u;
+    return code < std::size(kUnits) ? kUnits[code] : "code " + std::to_string(code);
+  }
   double voxelOffset() const { return static_cast<double>(floatAt(108)); }
   double slope() const { return static_cast<double>(floatAt(112)); }
   double intercept() const { return static_cast<double>(floatAt(116)); }
@@ -170,6 +177,7 @@ NiftiRun findNiftiRun(const std::string& path) {
   run.is_deflated = isGzipped(InputFile(run.path, run.path == path ? "" : path));
   (run.is_deflated ? run.content_offset_bytes : run.offset_bytes) = offset_bytes;
 
+  result.length_unit = header.lengthUnit();
   result.numbers_together = numbersTogether(header.dataType());
   result.stored.type = storedType(path, header.dataType());
   result.stored.big_endian = header.bigEndian();

@@ -18,6 +18,7 @@ struct NiftiRun {
   // Numbers of a voxel that lie together: of colours and complex numbers. Vectors are volumes of
   // their components, one behind the other.
   std::size_t numbers_together = 1;
+  std::string length_unit;  // of spacing and origin, such as "micrometer"; "" where none is said
 };
 
 // `path` is a file that ITK took for NIfTI: .nii, or .hdr or .img of a pair; gzipped or not. Throws

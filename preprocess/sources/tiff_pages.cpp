@@ -1,6 +1,7 @@
 #include "isobrick/preprocess/sources/tiff_pages.h"
 
 #include <array>
+#include <bit>
 #include <cstdint>
 #include <optional>
 
@@ -10,6 +11,8 @@
 namespace isobrick {
 namespace {
 
+// That of OME grows with the planes of a file.
+constexpr std::uint64_t kMostTextBytes = std::uint64_t{16} << 20;
 // Pages of a volume are its slices.
 constexpr std::uint64_t kMostPages = std::uint64_t{1} << 20;
 
@@ -19,13 +22,49 @@ class TiffPageList {
  public:
   explicit TiffPageList(const std::string& path) : file_(path) {}
 
-  void check() {
+  TiffResolution resolution() {
+    const std::uint64_t page = begin();
+    const std::uint64_t word = is_big_tiff_ ? 8 : 4, entry_bytes = is_big_tiff_ ? 20 : 12;
+    const std::uint64_t entries = number(page, is_big_tiff_ ? 8 : 2);
+    if (entries > file_.size() / entry_bytes) throw cutShort();
+    TiffResolution result;
+    for (std::uint64_t i = 0; i < entries; ++i) {
+      const std::uint64_t at = page + (is_big_tiff_ ? 8 : 2) + i * entry_bytes;
+      const std::uint64_t tag = number(at, 2), type = number(at + 2, 2);
+      const std::uint64_t count = number(at + 4, word), value = at + 4 + word;
+      constexpr std::uint64_t kText = 2, kShort = 3, kLong = 4;
+      if (tag == 296 && (type == kShort || type == kLong))
+        result.unit = static_cast<int>(number(value, type == kShort ? 2 : 4) & 3);
+      constexpr std::uint64_t kLsmInfo = 34412, kVoxelAt = 40, kVoxelEnd = 64;
+      if (tag == kLsmInfo && count >= kVoxelEnd)
+        for (int axis = 0; axis < 3; ++axis)
+          result.lsm_voxel[axis] = std::bit_cast<double>(
+              number(number(value, word) + kVoxelAt + 8 * static_cast<std::uint64_t>(axis), 8));
+      if (tag == 282) result.x = realNumber(type, value);
+      if (tag == 283) result.y = realNumber(type, value);
+      if (tag == 270 && type == kText && count <= kMostTextBytes) {
+        result.description.resize(static_cast<std::size_t>(count));
+        const std::uint64_t from = count <= word ? value : number(value, word);
+        if (from > file_.size() ||
+            file_.readAt(from, result.description.data(), result.description.size()) != count)
+          throw cutShort();
+      }
+    }
+    return result;
+  }
+
+  // Where the first page is.
+  std::uint64_t begin() {
     std::array<char, 2> order = {};
     if (file_.readAt(0, order.data(), order.size()) != order.size()) throw cutShort();
     big_endian_ = order[0] == 'M';
     is_big_tiff_ = number(2, 2) == 43;
+    return number(is_big_tiff_ ? 8 : 4, is_big_tiff_ ? 8 : 4);
+  }
+
+  void check() {
+    std::uint64_t page = begin();
     const std::uint64_t word = is_big_tiff_ ? 8 : 4, entry = is_big_tiff_ ? 20 : 12;
-    std::uint64_t page = number(is_big_tiff_ ? 8 : 4, word);
     for (std::uint64_t count = 0; page != 0; ++count) {
       if (count == kMostPages) throw cutShort();
       const std::uint64_t count_bytes = is_big_tiff_ ? 8 : 2;
@@ -72,6 +111,19 @@ class TiffPageList {
                   {.path = file_.path()});
   }
 
+  // Two whole numbers or a floating one, in the entry where it has room for them; 0 for others.
+  double realNumber(std::uint64_t type, std::uint64_t value_at) const {
+    constexpr std::uint64_t kRational = 5, kFloat = 11, kDouble = 12;
+    if (type == kFloat)
+      return static_cast<double>(
+          std::bit_cast<float>(static_cast<std::uint32_t>(number(value_at, 4))));
+    if (type != kRational && type != kDouble) return 0;
+    const std::uint64_t at = is_big_tiff_ ? value_at : number(value_at, 4);
+    if (type == kDouble) return std::bit_cast<double>(number(at, 8));
+    const auto over = static_cast<double>(number(at + 4, 4));
+    return over == 0 ? 0 : static_cast<double>(number(at, 4)) / over;
+  }
+
   // Of `bytes` bytes in the file's order.
   std::uint64_t number(std::uint64_t offset, std::uint64_t bytes) const {
     std::array<unsigned char, 8> stored = {};
@@ -97,5 +149,7 @@ class TiffPageList {
 }  // namespace
 
 void checkTiffPages(const std::string& path) { TiffPageList(path).check(); }
+
+TiffResolution tiffResolutionOf(const std::string& path) { return TiffPageList(path).resolution(); }
 
 }  // namespace isobrick

@@ -24,6 +24,7 @@
 #include <vector>
 
 #include "isobrick/preprocess/input_file.h"
+#include "isobrick/preprocess/sources/length_units.h"
 #include "isobrick/preprocess/sources/rows_as_boxes.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/vdb_slabs.h"
@@ -478,6 +479,10 @@ GridGeometry geometryOf(const std::string& path, const GridBase& grid, const Ind
   }
   const glm::dvec3 index(first);
   geometry.origin = toGlm(map->applyMap({index.x, index.y, index.z}));
+  // The format has no unit; this is isobrick's own.
+  const auto unit = grid.getMetadata<openvdb::StringMetadata>("isobrick:length_unit");
+  if (unit && unit->value() != lengthUnitName(LengthUnit::kUnknown))
+    takeLengthUnits({unit->value(), unit->value(), unit->value()}, geometry, notes);
   tidyGeometry(path, geometry, notes);
   return geometry;
 }

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "isobrick/preprocess/input_file.h"
+#include "isobrick/preprocess/sources/length_units.h"
 #include "isobrick/preprocess/sources/rows_as_boxes.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/zarr_array.h"
@@ -407,17 +408,14 @@ class ZarrOpener {
         placementOf(path_, member(dataset_, "coordinateTransformations"), names_.size());
     const Placement all =
         placementOf(path_, member(multiscale_, "coordinateTransformations"), names_.size());
-    std::string unit;
+    std::array<std::string, 3> units;
     for (int axis = 0; axis < 3; ++axis) {
       const std::size_t i = axes[axis];
       info.geometry.spacing[axis] = level.scale[i] * all.scale[i];
       info.geometry.origin[axis] = level.translation[i] * all.scale[i] + all.translation[i];
-      if (!units_[i].empty() && units_[i] != "millimeter") unit = units_[i];
+      units[static_cast<std::size_t>(axis)] = units_[i];
     }
-    if (!unit.empty()) {
-      info.notes.push_back("world units are " + quotedText(unit, 40) + ", as in the file");
-      info.properties["ome.unit"] = unit;
-    }
+    takeLengthUnits(units, info.geometry, info.notes);
     if (is_coarser_ && !level.has_translation && !all.has_translation && own_.is_null())
       info.notes.push_back(
           "the level says no translation; if its voxels are means of finer ones, " +

@@ -893,7 +893,7 @@ TEST(HostileFile, ReservedFieldsAndValueRangesThatLieAreFound) {
   // Another range is not that of the voxels, and the histogram is of another size.
   EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.header.value_max += 1; }).rest.size(), 2u);
   EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.header.kinds[7] = 1; }).rest.size(), 1u);
-  EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.header.reserved_between[5] = 1; }).rest.size(), 1u);
+  EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.header.reserved_between[3] = 1; }).rest.size(), 1u);
   EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.bricks[2].row.error_bytes = 1; }).damaged,
             (std::vector<std::size_t>{2}));
   EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.bricks[0].row.range_max += 1; }).damaged,

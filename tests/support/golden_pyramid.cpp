@@ -83,6 +83,7 @@ struct HeaderValues {
   std::array<std::int64_t, 3> dims{};
   std::array<double, 3> spacing{}, origin{};
   std::array<double, 9> direction{};
+  std::uint32_t length_unit = 0;
   double value_min = 0, value_max = 0, curvature_epsilon = 0, noise = 0;
   std::vector<std::uint32_t> histogram;
   std::vector<float> gradients;
@@ -96,11 +97,11 @@ std::string dumpOfHeader(const HeaderValues& header) {
       << header.brick_cells << "\ntile_cells " << header.tile_cells << "\nhas_curvature "
       << header.has_curvature << "\ndims" << texts(header.dims) << "\nspacing"
       << texts(header.spacing) << "\norigin" << texts(header.origin) << "\ndirection"
-      << texts(header.direction) << "\nvalues " << text(header.value_min) << ' '
-      << text(header.value_max) << "\ncurvature_epsilon " << text(header.curvature_epsilon)
-      << "\nnoise " << text(header.noise) << "\nerror_level " << header.error_level << ", "
-      << header.error_bins << " bins of " << text(header.error_width) << " from "
-      << text(header.error_first) << '\n'
+      << texts(header.direction) << "\nlength_unit " << header.length_unit << "\nvalues "
+      << text(header.value_min) << ' ' << text(header.value_max) << "\ncurvature_epsilon "
+      << text(header.curvature_epsilon) << "\nnoise " << text(header.noise) << "\nerror_level "
+      << header.error_level << ", " << header.error_bins << " bins of " << text(header.error_width)
+      << " from " << text(header.error_first) << '\n'
       << elements("histogram", header.histogram) << elements("gradients", header.gradients);
   return out.str();
 }
@@ -157,6 +158,7 @@ void buildGoldenPyramid(const GoldenPyramid& golden, const std::string& path) {
   geometry.spacing = {0.5, 0.75, 2};
   geometry.origin = {-10, 20.5, 1500};
   geometry.direction = glm::dmat3(glm::dvec3(0, 1, 0), glm::dvec3(-1, 0, 0), glm::dvec3(0, 0, 1));
+  if (golden.voxel_type != VoxelType::kInt8) geometry.unit = LengthUnit::kMillimetre;
   visitVoxelType(golden.voxel_type, [&](auto tag) {
     using T = typename decltype(tag)::Type;
     // 0 .. 240, as every type holds it in its own way.
@@ -184,6 +186,7 @@ std::string dumpOf(const PlainPyramid& pyramid) {
                                      pyramid.spacing,
                                      pyramid.origin,
                                      pyramid.direction,
+                                     pyramid.length_unit,
                                      pyramid.value_min,
                                      pyramid.value_max,
                                      pyramid.curvature_epsilon,
@@ -243,6 +246,7 @@ std::string dumpOf(const Pyramid& pyramid) {
     for (int row = 0; row < 3; ++row)
       header.direction[3 * at + static_cast<std::size_t>(row)] = geometry.direction[axis][row];
   }
+  header.length_unit = static_cast<std::uint32_t>(geometry.unit);
   header.value_min = static_cast<double>(pyramid.valueRange().min);
   header.value_max = static_cast<double>(pyramid.valueRange().max);
   header.curvature_epsilon = spec.curvature_epsilon;

@@ -104,15 +104,12 @@ class Mutation {
 
   const char* changeHeader() {
     format::Header& header = draft_.header;
-    std::uint32_t* const words[] = {&header.version,
-                                    &header.header_bytes,
-                                    &header.voxel_type,
-                                    &header.filter,
-                                    &header.level_count,
-                                    &header.brick_cells,
-                                    &header.tile_cells,
-                                    &header.kind_count,
-                                    &header.kinds[randomBelow(random_, format::kMostKinds)]};
+    std::uint32_t* const words[] = {
+        &header.version,     &header.header_bytes,
+        &header.voxel_type,  &header.filter,
+        &header.level_count, &header.brick_cells,
+        &header.tile_cells,  &header.kind_count,
+        &header.length_unit, &header.kinds[randomBelow(random_, format::kMostKinds)]};
     if (oneIn(random_, 2)) {
       *words[randomBelow(random_, std::size(words))] =
           static_cast<std::uint32_t>(nastyNumber(random_));

@@ -186,7 +186,9 @@ PlainPyramid readHeader(FileBytes& file) {
     require(
         p.error_first == 0 && p.error_width == 0 && p.error_bins == 0 && p.error_last_level == 0,
         "bins without errors");
-  for (std::uint64_t i = 360; i < 504; ++i)
+  p.length_unit = file.u32(360);
+  require(p.length_unit <= 1, "length_unit");
+  for (std::uint64_t i = 364; i < 504; ++i)
     require((i >= 368 && i < 392) || file.number(i, 1) == 0, "reserved bytes");
   return p;
 }

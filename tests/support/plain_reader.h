@@ -59,6 +59,7 @@ struct PlainPyramid {
   PlainIndex dims{};
   std::array<double, 3> spacing{}, origin{};
   std::array<double, 9> direction{};
+  std::uint32_t length_unit = 0;
   double value_min = 0, value_max = 0, curvature_epsilon = 0, noise = 0;
   double error_first = 0, error_width = 0;
   std::uint32_t error_bins = 0, error_last_level = 0;

@@ -82,11 +82,20 @@ def test_nifti():
             np.testing.assert_allclose(image.get_sform(), expected, atol=1e-4)
             np.testing.assert_allclose(image.get_qform(), expected, atol=1e-4)
             assert image.header.get_xyzt_units()[0] == "mm"
-        # Theirs, read by us.
-        nibabel.Nifti1Image(values.T, expected).to_filename("theirs.nii.gz")
-        found, about = raw_of("theirs.nii.gz")
-        expect_same(found, values)
-        expect_placed(about, direction, tolerance=1e-5)
+        # Theirs, read by us, in each of its units.
+        for unit, scale in (("micron", 1e3), ("meter", 1), ("mm", 1), ("unknown", 1)):
+            places = expected.copy()
+            places[:3] *= scale
+            image = nibabel.Nifti1Image(values.T, places)
+            image.header.set_xyzt_units(unit)
+            image.to_filename("theirs.nii.gz")
+            found, about = raw_of("theirs.nii.gz")
+            expect_same(found, values)
+            in_mm = 1e3 if unit == "meter" else 1
+            expect_placed(about, direction, SPACING * in_mm, ORIGIN * in_mm, tolerance=1e-5)
+            assert about["length_unit"] == ("unknown" if unit == "unknown" else "millimetres"), about
+        run("convert", "theirs.nii.gz", "-o", "out.nii.gz", "--force")
+        assert nibabel.load("out.nii.gz").header.get_xyzt_units()[0] == "unknown"
     # What can only be read in order, into formats that want boxes.
     for name in ("boxes.ome.zarr", "boxes.h5", "boxes.vdb"):
         run("convert", "theirs.nii.gz", "-o", name)
@@ -108,6 +117,7 @@ def test_zarr():
         (scales,) = image.attrs["multiscales"]
         assert scales["version"] == "0.4" and len(scales["datasets"]) == len(levels)
         assert [axis["name"] for axis in scales["axes"]] == ["z", "y", "x"]
+        assert [axis["unit"] for axis in scales["axes"]] == ["millimeter"] * 3
         for level, (dataset, expected) in enumerate(zip(scales["datasets"], levels)):
             expect_same(image[dataset["path"]][...], expected)
             scale, translation = dataset["coordinateTransformations"]
@@ -182,8 +192,8 @@ def test_zarr():
     found, about = raw_of("five.zarr")
     expect_same(found, values[0, 0])
     assert "of 3 channels, the first" in str(about["notes"])
-    expect_placed(about, spacing=[2, 4, 6], origin=[20, 40, 60])
-    assert "micrometer" in str(about["notes"])
+    expect_placed(about, spacing=[2e-3, 4e-3, 6e-3], origin=[20e-3, 40e-3, 60e-3])
+    assert "micrometer" in str(about["notes"]) and about["length_unit"] == "millimetres"
     found, _ = raw_of("five.zarr", "--time", "1", "--channel", "2")
     expect_same(found, values[1, 2])
     run("convert", "five.zarr", "-o", "x.raw", "--channel", "3", fails_with="0 to 2")
@@ -361,6 +371,7 @@ def test_hdf5():
             expect_same(data[...], values)
             assert data.chunks == (13, 64, 64)
             np.testing.assert_allclose(data.attrs["spacing"], SPACING)
+            assert data.attrs["length_unit"] == b"millimetres", data.attrs["length_unit"]
             np.testing.assert_allclose(data.attrs["origin"], ORIGIN)
             np.testing.assert_allclose(data.attrs["direction"].reshape(3, 3).T, rotation())
         for name in ("out.h5:/entry/data", "out.h5"):
@@ -404,6 +415,31 @@ def test_hdf5():
         found, about = raw_of("theirs.h5:/a/b")
         np.testing.assert_array_equal(found, values)
         np.testing.assert_allclose(about["spacing"], [0.001, 0.002, 0.003])
+        assert about["length_unit"] == "millimetres"
+    # Chunks that were never written are counted.
+    with h5py.File("sparse.h5", "w") as file:
+        sparse = file.create_dataset("a", values.shape, values.dtype, chunks=(13, 20, 30), fillvalue=7)
+        sparse[:, :20, :30] = values[:, :20, :30]
+        chunks = np.prod([-(-n // size) for n, size in zip(values.shape, (13, 20, 30))])
+    found, about = raw_of("sparse.h5")
+    assert (found[:, 20:] == 7).all()
+    assert f"{chunks - 1} of the {chunks} chunks" in str(about["notes"]), about
+    # What a virtual dataset takes from a file that is not there is no fill value.
+    layout = h5py.VirtualLayout(values.shape, values.dtype)
+    for part, rows in (("low", slice(0, 5)), ("high", slice(5, None))):
+        with h5py.File(f"{part}.h5", "w") as file:
+            file["a"] = values[rows]
+        layout[rows] = h5py.VirtualSource(f"{part}.h5", "a", values[rows].shape)
+    with h5py.File("virtual.h5", "w") as file:
+        file.create_virtual_dataset("a", layout)
+    expect_same(raw_of("virtual.h5")[0], values)
+    with h5py.File("high.h5", "w") as file:
+        file["b"] = values[5:]
+    run("convert", "virtual.h5", "-o", "x.raw", fails_with="high.h5")
+    os.remove("high.h5")
+    run("convert", "virtual.h5", "-o", "x.raw", fails_with="high.h5")
+    os.symlink("../.git/annex/objects/x", "high.h5")
+    run("convert", "virtual.h5", "-o", "x.raw", fails_with="git annex get")
     with h5py.File("many.h5", "w") as file:
         file["one"] = values
         file["two"] = values > 0
@@ -524,6 +560,7 @@ def test_vdb():
             assert grid.background == 0
             said = {key: grid.metadata[f"isobrick:{key}"] for key in ("level", "filter", "source")}
             assert said["level"] == level and said["filter"] == "average", said
+            assert grid.metadata["isobrick:length_unit"] == "millimetres"
             assert said["source"].endswith("levels.isb"), said
             at = np.array([grid.transform.indexToWorld(corner) for corner in ((0, 0, 0), (1, 2, 3))])
             np.testing.assert_allclose(at[0], ORIGIN)
@@ -663,6 +700,7 @@ def test_tiff():
             x, y = (file.pages[0].tags[name].value for name in ("XResolution", "YResolution"))
             np.testing.assert_allclose(10 * x[1] / x[0], SPACING[0], rtol=1e-6)
             np.testing.assert_allclose(10 * y[1] / y[0], SPACING[1], rtol=1e-6)
+            assert file.pages[0].tags["ResolutionUnit"].value == 3
         # Theirs, read by us.
         for options in (variants[number], variants[5])[: 1 + (number == 4)]:
             shutil.rmtree("theirs", ignore_errors=True)
@@ -679,6 +717,19 @@ def test_tiff():
             for name in ("theirs.tif", "theirs"):
                 found, _ = raw_of(name)
                 expect_same(found, values)
+    # Their lengths, as ImageJ and OME have them.
+    resolution = (1 / SPACING[0], 1 / SPACING[1])
+    tifffile.imwrite("imagej.tif", values.astype("u2"), imagej=True, resolution=resolution,
+                     metadata={"axes": "ZYX", "unit": "um", "spacing": SPACING[2]})
+    ome = {"axes": "ZYX"}
+    for name, size in zip("XYZ", SPACING):
+        ome |= {f"PhysicalSize{name}": size, f"PhysicalSize{name}Unit": "µm"}
+    tifffile.imwrite("theirs.ome.tif", values, photometric="minisblack", metadata=ome)
+    for name in ("imagej.tif", "theirs.ome.tif"):
+        found, about = raw_of(name)
+        np.testing.assert_array_equal(found, values.astype(found.dtype))
+        expect_placed(about, spacing=SPACING / 1e3, origin=[0, 0, 0], tolerance=1e-8)
+        assert about["length_unit"] == "millimetres", about
     # A list of pages that is cut, or leads in a circle, is no smaller volume.
     with open("theirs.tif", "rb") as file:
         whole = file.read()
@@ -726,7 +777,8 @@ def test_others():
         write("a.mrc", head, values.tobytes())
         found, about = raw_of("a.mrc")
         expect_same(found, values)
-        np.testing.assert_allclose(about["spacing"], SPACING, rtol=1e-6)
+        np.testing.assert_allclose(about["spacing"], SPACING * 1e-7, rtol=1e-6)  # angstroms
+        assert about["length_unit"] == "millimetres"
 
     values = voxels("i16", shape)
     head = bytearray(256)
@@ -761,7 +813,10 @@ def test_others():
     struct.pack_into("<3d", info, 40, *(SPACING * 1e-6))
     tifffile.imwrite("a.lsm", values, photometric="minisblack", metadata=None,
                      extratags=[(34412, "B", len(info), bytes(info), True)])
-    expect_same(raw_of("a.lsm")[0], values)
+    found, about = raw_of("a.lsm")
+    expect_same(found, values)
+    np.testing.assert_allclose(about["spacing"], SPACING * 1e-3)  # metres
+    assert about["length_unit"] == "millimetres"
 
     # Cut short, each is an error.
     for name in ("a.mrc", "a.gipl", "a.pic", "a.vtk", "a.lsm"):

@@ -287,7 +287,7 @@ def read_vtp(path):
     begin = data.index(b"_", begin) + 1
     end = data.rindex(b"\n</AppendedData>")
     head = data[: data.index(b"<AppendedData")]
-    assert b"LPS, millimetres" in head
+    assert b"LPS, their unit is millimetres" in head
     root = xml.fromstring(head + b"</VTKFile>")
     assert root.get("header_type") == "UInt64" and root.get("byte_order") == "LittleEndian"
     piece = root.find("PolyData/Piece")

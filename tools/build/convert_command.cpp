@@ -250,6 +250,7 @@ Json jsonOfConverted(const ConvertArguments& arguments, const Converted& convert
   json["voxel_type"] = voxelTypeName(volume.voxel_type);
   json["spacing"] = jsonOf(volume.geometry.spacing);
   json["origin"] = jsonOf(volume.geometry.origin);
+  json["length_unit"] = lengthUnitName(volume.geometry.unit);
   json["direction"] = Json::array();
   for (int axis = 0; axis < 3; ++axis)
     json["direction"].push_back(jsonOf(glm::dvec3(volume.geometry.direction[axis])));
@@ -268,12 +269,14 @@ void printConverted(const ConvertArguments& arguments, const Converted& converte
   const VolumeInfo& volume = converted.volume;
   const double megabytes = static_cast<double>(elementCount(volume.voxels)) *
                            static_cast<double>(voxelBytes(volume.voxel_type)) / 1e6;
-  fmt::print("{}: {}x{}x{} {} voxels{}, world in {}; {} in {:.2f} s, {:.0f} MB/s\n",
-             oneLine(arguments.output), volume.voxels.x, volume.voxels.y, volume.voxels.z,
-             voxelTypeName(volume.voxel_type),
-             converted.levels > 1 ? fmt::format(" in {} levels", converted.levels) : "",
-             converted.report.space, byteSizeText(converted.report.bytes), converted.seconds,
-             megabytes / std::max(converted.seconds, 1e-9));
+  fmt::print(
+      "{}: {}x{}x{} {} voxels{}, world in {}, unit of length {}; {} in {:.2f} s, {:.0f} MB/s\n",
+      oneLine(arguments.output), volume.voxels.x, volume.voxels.y, volume.voxels.z,
+      voxelTypeName(volume.voxel_type),
+      converted.levels > 1 ? fmt::format(" in {} levels", converted.levels) : "",
+      converted.report.space, lengthUnitName(volume.geometry.unit),
+      byteSizeText(converted.report.bytes), converted.seconds,
+      megabytes / std::max(converted.seconds, 1e-9));
   for (const std::string& note : volume.notes) fmt::print("note: {}\n", oneLine(note));
 }
 
@@ -392,8 +395,9 @@ Command addConvertCommand(CLI::App& app) {
   sub->add_flag("--json", arguments->json, "Print one JSON object instead of the summary");
   addOpenOptions(*sub, arguments->input);
   sub->footer(R"(
-World coordinates are taken as LPS millimetres (DICOM, ITK); the summary says in which space the
-output is. What its format cannot keep is warned of, a line each. docs/FORMATS.md has the table.)");
+World coordinates are taken as LPS (DICOM, ITK), lengths as millimetres if the input says its unit;
+the summary says in which space and unit the output is. What its format cannot keep is warned of, a
+line each. docs/FORMATS.md has the table.)");
   return {sub, [arguments] {
             if (isPyramid(arguments->input.path)) arguments->input.pyramid_level = arguments->level;
             return runConvert(*arguments);

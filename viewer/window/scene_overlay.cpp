@@ -52,7 +52,9 @@ void scaleBar(const ViewSession& session, float scale) {
   list.AddLine({end.x - pixels, end.y}, end, white, 2.0f * scale);
   for (const float x : {end.x - pixels, end.x})
     list.AddLine({x, end.y - 4.0f * scale}, {x, end.y + 4.0f * scale}, white, 2.0f * scale);
-  list.AddText({end.x - pixels, end.y - 20.0f * scale}, white, text("%g", length).c_str());
+  const bool is_metric = session.pyramid().spec().geometry.unit == LengthUnit::kMillimetre;
+  list.AddText({end.x - pixels, end.y - 20.0f * scale}, white,
+               text(is_metric ? "%g mm" : "%g", length).c_str());
 }
 
 // Sides of the world's axes; a click looks from there.

@@ -36,6 +36,8 @@ Imf::Header headerOf(const VolumeInfo& info) {
     for (int row = 0; row < 3; ++row) direction[axis][row] = geometry.direction[axis][row];
   header.insert("isobrickType", Imf::StringAttribute(std::string(voxelTypeName(info.voxel_type))));
   header.insert("isobrickSpace", Imf::StringAttribute("LPS"));
+  header.insert("isobrickLengthUnit",
+                Imf::StringAttribute(std::string(lengthUnitName(geometry.unit))));
   header.insert("isobrickSpacing", Imf::V3dAttribute(vectorOf(geometry.spacing)));
   header.insert("isobrickOrigin", Imf::V3dAttribute(vectorOf(geometry.origin)));
   header.insert("isobrickDirection", Imf::M33dAttribute(direction));

@@ -55,6 +55,7 @@ class Hdf5Writer {
     putNumbers("spacing", &geometry.spacing.x, 3);
     putNumbers("origin", &geometry.origin.x, 3);
     putNumbers("direction", &geometry.direction[0].x, 9);
+    putText("length_unit", std::string(lengthUnitName(geometry.unit)));
     putText("space", "LPS");
     putText("source", info.source);
   }

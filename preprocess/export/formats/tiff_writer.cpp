@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <glm/vec2.hpp>
 #include <memory>
+#include <optional>
 
 #include "isobrick/preprocess/export/formats/slice_writers.h"
 #include "isobrick/preprocess/export/volume_rows.h"
@@ -30,6 +32,17 @@ void silenceTiff() {
   TIFFSetWarningHandler(nullptr);
 }
 
+// Pixels along x and y a centimetre, or of an unknown unit a unit. None where the quotients of a
+// TIFF do not hold them: the library would cut them off.
+std::optional<glm::dvec2> resolutionOf(const GridGeometry& geometry) {
+  const double unit = geometry.unit == LengthUnit::kMillimetre ? 10 : 1;
+  const glm::dvec2 resolution(unit / geometry.spacing.x, unit / geometry.spacing.y);
+  constexpr double kLeast = 1e-4, kMost = 4e9;
+  if (std::min(resolution.x, resolution.y) < kLeast || std::max(resolution.x, resolution.y) > kMost)
+    return std::nullopt;
+  return resolution;
+}
+
 // One page. The library has a file's offsets in 32 bits unless it was opened as BigTIFF.
 bool writePage(TIFF* file, const VolumeInfo& info, const std::byte* slice) {
   const auto width = static_cast<std::uint32_t>(info.voxels.x);
@@ -42,8 +55,6 @@ bool writePage(TIFF* file, const VolumeInfo& info, const std::byte* slice) {
   constexpr std::uint64_t kStripBytes = std::uint64_t{64} << 10;
   const auto rows = static_cast<std::uint32_t>(std::clamp<std::uint64_t>(
       kStripBytes / rowBytes(info), 1, static_cast<std::uint64_t>(height)));
-  // In centimetres, of millimetres.
-  const double x = 10 / info.geometry.spacing.x, y = 10 / info.geometry.spacing.y;
   bool good = TIFFSetField(file, TIFFTAG_IMAGEWIDTH, width) != 0 &&
               TIFFSetField(file, TIFFTAG_IMAGELENGTH, height) != 0 &&
               TIFFSetField(file, TIFFTAG_BITSPERSAMPLE, static_cast<int>(8 * voxelBytes(type))) &&
@@ -52,10 +63,14 @@ bool writePage(TIFF* file, const VolumeInfo& info, const std::byte* slice) {
               TIFFSetField(file, TIFFTAG_PHOTOMETRIC, PHOTOMETRIC_MINISBLACK) != 0 &&
               TIFFSetField(file, TIFFTAG_PLANARCONFIG, PLANARCONFIG_CONTIG) != 0 &&
               TIFFSetField(file, TIFFTAG_COMPRESSION, COMPRESSION_NONE) != 0 &&
-              TIFFSetField(file, TIFFTAG_ROWSPERSTRIP, rows) != 0 &&
-              TIFFSetField(file, TIFFTAG_RESOLUTIONUNIT, RESUNIT_CENTIMETER) != 0 &&
-              TIFFSetField(file, TIFFTAG_XRESOLUTION, x) != 0 &&
-              TIFFSetField(file, TIFFTAG_YRESOLUTION, y) != 0;
+              TIFFSetField(file, TIFFTAG_ROWSPERSTRIP, rows) != 0;
+  if (const auto resolution = resolutionOf(info.geometry))
+    good = good &&
+           TIFFSetField(file, TIFFTAG_RESOLUTIONUNIT,
+                        info.geometry.unit == LengthUnit::kMillimetre ? RESUNIT_CENTIMETER
+                                                                      : RESUNIT_NONE) != 0 &&
+           TIFFSetField(file, TIFFTAG_XRESOLUTION, resolution->x) != 0 &&
+           TIFFSetField(file, TIFFTAG_YRESOLUTION, resolution->y) != 0;
   const std::uint64_t row_bytes = rowBytes(info);
   for (std::uint32_t row = 0, strip = 0; good && row < height; row += rows, ++strip) {
     const std::uint32_t count = std::min(rows, height - row);
@@ -103,8 +118,11 @@ VolumeWriteReport writeTiff(VolumeLevels& levels, const std::string& path,
     report = writePages(levels, path, options);
   report.space = "none";
   report.lost.push_back(
-      "origin, direction and the distance of slices are not in a TIFF; of the spacing it has that "
-      "of pixels");
+      resolutionOf(info.geometry)
+          ? "origin, direction and the distance of slices are not in a TIFF; of the spacing it has "
+            "that of pixels"
+          : "origin, direction, spacing and its unit are not in the TIFF: the numbers are beyond "
+            "those of the format");
   return report;
 }
 

@@ -13,6 +13,7 @@
 #include <fstream>
 #include <optional>
 #include <sstream>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -95,10 +96,39 @@ VdbGridPlan planBeside(const VdbGridPlan& level, const BesideVolume& beside) {
   return plan;
 }
 
+// What the coordinates of a file are.
+struct VdbUnit {
+  double per_unit = 1;  // of it in one of the source's
+  std::string name;
+};
+
+// OpenVDB takes grids of a few nanometres in millimetres for singular ones.
+VdbUnit unitFor(const GridGeometry& finest, const std::string& path) {
+  // Of a voxel; a thousand times what OpenVDB refuses.
+  constexpr double kLeastVolume = 3e-12;
+  const auto fits = [&](double scale) {
+    return finest.spacing.x * scale * finest.spacing.y * scale * finest.spacing.z * scale >=
+           kLeastVolume;
+  };
+  if (finest.unit == LengthUnit::kUnknown && fits(1)) return {1, "unknown"};
+  static constexpr std::pair<double, std::string_view> kMetric[] = {
+      {1, lengthUnitName(LengthUnit::kMillimetre)},
+      {1e3, "micrometres"},
+      {1e6, "nanometres"},
+      {1e9, "picometres"}};
+  if (finest.unit == LengthUnit::kMillimetre)
+    for (const auto& [scale, name] : kMetric)
+      if (fits(scale)) return {scale, std::string(name)};
+  throw Error(
+      "cannot write '" + path + "': its spacing is too small for OpenVDB; write .nrrd " + "instead",
+      {.path = path});
+}
+
 // Coordinates become the source's world.
-openvdb::math::Transform::Ptr transformOf(const GridGeometry& geometry, const Index3& first) {
-  const glm::dmat3 steps = geometry.indexToWorldMatrix();
-  const glm::dvec3 origin = geometry.origin - steps * glm::dvec3(first);
+openvdb::math::Transform::Ptr transformOf(const GridGeometry& geometry, const Index3& first,
+                                          const VdbUnit& unit) {
+  const glm::dmat3 steps = geometry.indexToWorldMatrix() * unit.per_unit;
+  const glm::dvec3 origin = geometry.origin * unit.per_unit - steps * glm::dvec3(first);
   openvdb::Mat4R matrix;  // of row vectors
   for (int axis = 0; axis < 3; ++axis)
     matrix.setRow(axis, {steps[axis].x, steps[axis].y, steps[axis].z, 0});
@@ -107,7 +137,7 @@ openvdb::math::Transform::Ptr transformOf(const GridGeometry& geometry, const In
 }
 
 void putMetadata(const VolumeInfo& info, const VdbGridPlan& plan, std::size_t level,
-                 openvdb::GridBase& grid) {
+                 const VdbUnit& unit, openvdb::GridBase& grid) {
   const auto put = [&](const char* key, const std::string& text) {
     grid.insertMeta(key, openvdb::StringMetadata(text));
   };
@@ -117,6 +147,7 @@ void putMetadata(const VolumeInfo& info, const VdbGridPlan& plan, std::size_t le
   };
   put("creator", "isobrick");
   put("isobrick:space", "LPS");
+  put("isobrick:length_unit", unit.name);
   put("isobrick:source", info.source);
   put("isobrick:type", std::string(voxelTypeName(info.voxel_type)));
   if (const auto filter = info.properties.find("pyramid.filter"); filter != info.properties.end())
@@ -134,15 +165,15 @@ struct PlannedGrid {
   std::size_t level = 0;
 };
 
-openvdb::FloatGrid::Ptr gridWithoutVoxels(const PlannedGrid& planned) {
+openvdb::FloatGrid::Ptr gridWithoutVoxels(const PlannedGrid& planned, const VdbUnit& unit) {
   const VolumeInfo& info = planned.source->info();
   const VdbGridPlan& plan = planned.plan;
   auto grid = openvdb::FloatGrid::create(plan.background);
   grid->setName(plan.name);
   grid->setGridClass(plan.grid_class);
   grid->setSaveFloatAsHalf(plan.saves_half);
-  grid->setTransform(transformOf(info.geometry, plan.first));
-  putMetadata(info, plan, planned.level, *grid);
+  grid->setTransform(transformOf(info.geometry, plan.first, unit));
+  putMetadata(info, plan, planned.level, unit, *grid);
   return grid;
 }
 
@@ -215,6 +246,10 @@ VolumeWriteReport writeVdb(VolumeLevels& levels, const std::string& path,
   for (std::size_t i = 0; i < levels.size(); ++i)
     if (const VdbGridPlan plan = planGrid(levels[i]->info(), i, options); plan.saves_half)
       plan.refuseBeyondHalf(plan.background, path);
+  const VdbUnit unit = unitFor(levels.front()->info().geometry, path);
+  if (unit.per_unit != 1)
+    report.lost.push_back("lengths are in " + unit.name + ", as OpenVDB takes no grid that is so " +
+                          "small in millimetres; isobrick makes millimetres of them again");
   AtomicFile file(path);
 
   std::vector<BesideVolume> none;
@@ -244,7 +279,7 @@ VolumeWriteReport writeVdb(VolumeLevels& levels, const std::string& path,
       const auto tick = [&](double done) {
         if (options.progress) options.progress((before + share * done) / total);
       };
-      const auto grid = gridWithoutVoxels(planned);
+      const auto grid = gridWithoutVoxels(planned, unit);
       VdbPackedLeaves leaves(folderOf(path));
       makeVdbTree(
           *planned.source, planned.plan, archive.compressionOf(*grid), path, options,

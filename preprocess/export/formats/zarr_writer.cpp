@@ -54,12 +54,11 @@ Json arrayMetadata(const VolumeInfo& info) {
 
 Json imageMetadata(const VolumeLevels& levels) {
   const VolumeInfo& finest = levels.front()->info();
-  const auto unit = finest.properties.find("ome.unit");
   Json axes = Json::array();
-  for (const char* name : {"z", "y", "x"})
-    axes.push_back({{"name", name},
-                    {"type", "space"},
-                    {"unit", unit == finest.properties.end() ? "millimeter" : unit->second}});
+  for (const char* name : {"z", "y", "x"}) {
+    axes.push_back({{"name", name}, {"type", "space"}});
+    if (finest.geometry.unit == LengthUnit::kMillimetre) axes.back()["unit"] = "millimeter";
+  }
   Json datasets = Json::array();
   for (std::size_t i = 0; i < levels.size(); ++i) {
     const GridGeometry& geometry = levels[i]->info().geometry;

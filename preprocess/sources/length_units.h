@@ -1,0 +1,30 @@
+// Units of length as files name them, and the way to millimetres.
+#pragma once
+
+#include <array>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "isobrick/storage/grid.h"
+
+namespace isobrick {
+
+// So many millimetres: a product and a quotient, so that 0.65 micrometres become just 0.00065.
+struct LengthScale {
+  double times = 1, over = 1;
+  double of(double length) const { return length * times / over; }
+  bool operator==(const LengthScale&) const = default;
+};
+
+// Of metres with any prefix, as names ("micrometer", "Micrometres") and as symbols ("um"), and of
+// the other lengths that UDUNITS and OME know; none for what is no length.
+std::optional<LengthScale> lengthScale(const std::string& unit);
+
+// The numbers of `geometry` along the world's axes are of these units, "" where none is said: makes
+// millimetres of them, with a note where they were not. If one of them is missing or no length, all
+// stay as they are and their unit is unknown, with a note where a file says only a part of it.
+void takeLengthUnits(const std::array<std::string, 3>& units, GridGeometry& geometry,
+                     std::vector<std::string>& notes);
+
+}  // namespace isobrick
