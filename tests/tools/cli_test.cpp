@@ -182,6 +182,15 @@ TEST_F(CliTest, PathsNeedNotBeAscii) {
   EXPECT_TRUE(fs::exists(path("\xff.isb")));
 }
 
+TEST_F(CliTest, ABoxOutsideOfTheVolumeIsRefused) {
+  makeSphere();
+  for (const char* box : {"31,0,0,1e300,9,9", "-1e300,0,0,0,9,9", "100,0,0,101,9,9"})
+    expectFailure(1, {"extract", "sphere.isb", "--iso", "0", "--box", box}, "0,0,0 to 31,31,31");
+  EXPECT_EQ(runForJson({"extract", "sphere.isb", "--iso", "0", "--box",
+                        "-1,-1,-1,1e300,99,99"})["triangles"],
+            runForJson({"extract", "sphere.isb", "--iso", "0"})["triangles"]);
+}
+
 TEST_F(CliTest, AnIsovalueOutsideTheValuesGivesAnEmptyMeshAndAWarning) {
   makeSphere();
   for (const char* isovalue : {"1e6", "-1e6"}) {

@@ -7,6 +7,7 @@
 
 #include "tests/support/command_test.h"
 #include "tests/support/nifti_file.h"
+#include "tests/support/tiff_file.h"
 
 namespace isobrick::test {
 namespace {
@@ -185,6 +186,16 @@ TEST_F(ConvertCommandTest, ATimeStepOfNiftiIsTaken) {
     EXPECT_EQ(runForJson({"build", "steps.nii", "--time", "1", "-o", "s.isb"})["skipped"], true);
     EXPECT_EQ(runForJson({"build", "steps.nii", "--time", "2", "-o", "s.isb"})["skipped"], false);
   }
+}
+
+// Of a folder no component can be chosen: the line that refuses it must not advise that.
+TEST_F(ConvertCommandTest, SlicesOfColoursAreRefusedWithoutACircle) {
+  fs::create_directories(path("slices"));
+  for (const char* name : {"slices/1.tif", "slices/2.tif"})
+    writeBytes(path(name), tiffBytes(4, 3, 8, std::string(4 * 3 * 3, 'c'), 3));
+  expectFailure(1, {"convert", "slices", "-o", "a.nrrd"}, "convert them to grey ones");
+  EXPECT_EQ(run({"convert", "slices", "-o", "a.nrrd"}).err.find("--component"), std::string::npos);
+  expectFailure(1, {"convert", "slices", "-o", "a.nrrd", "--component", "0"}, "only single files");
 }
 
 TEST_F(ConvertCommandTest, Nifti2IsRefusedByItsName) {
