@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <tuple>
 
 #include "isobrick/storage/index_loop.h"
@@ -9,10 +10,19 @@
 namespace isobrick {
 namespace {
 
-// A volume of a few voxels has few rows.
-std::int64_t rowsPerLookAtEdges(const Index3& volume) {
+// Which voxels are looked at: those whose indices are multiples. A volume of a few voxels has few.
+struct EdgeSteps {
+  std::int64_t column, row;  // and slice
+};
+EdgeSteps edgeStepsOf(const Index3& volume) {
   const std::int64_t voxels = elementCount(volume);
-  return voxels <= std::int64_t{1} << 18 ? 1 : voxels <= std::int64_t{1} << 21 ? 2 : 4;
+  if (voxels <= std::int64_t{1} << 18) return {1, 1};
+  if (voxels <= std::int64_t{1} << 21) return {1, 2};
+  return {4, 4};
+}
+
+float differenceOf(float a, float b) {
+  return std::min(std::abs(a - b), std::numeric_limits<float>::max());
 }
 
 // After the finalizer of MurmurHash3.
@@ -101,36 +111,39 @@ class PartSums {
 
 template <typename T>
 void EdgeSample::addRow(const T* from, const T* to, std::int64_t first, std::int64_t count,
-                        std::uint32_t axis, std::uint32_t seed) {
-  for (std::int64_t x = 0; x < count; ++x) {
+                        std::int64_t step, std::uint32_t axis, std::uint32_t seed) {
+  for (std::int64_t x = (step - first % step) % step; x < count; x += step) {
     if (from[x] == to[x]) continue;
     const auto a = static_cast<float>(from[x]), b = static_cast<float>(to[x]);
     constexpr int kDropped = 8;  // what is left is a float without rounding, and above 0
     const std::uint32_t random =
         (mixed(seed + static_cast<std::uint32_t>(first + x) * 0x9e3779b1u) >> kDropped) + 1;
-    const Edge edge{random, axis, std::min(a, b), std::max(a, b)};
-    if (edge.priority() > greatest_kept_) continue;
-    edges_.push_back(edge);
+    // Nearly all end here, without a division.
+    constexpr float kRounding = 1.00001f;
+    if (static_cast<float>(random) > kRounding * greatest_kept_ * std::abs(a - b)) continue;
+    const float priority = static_cast<float>(random) / differenceOf(a, b);
+    if (priority > greatest_kept_) continue;
+    edges_.push_back({priority, random, axis, std::min(a, b), std::max(a, b)});
     if (edges_.size() >= 2 * kEdges) prune();
   }
 }
 
 template <typename T>
 void EdgeSample::add(const SampleBlock<T>& samples, const IndexBox& own, const Index3& volume) {
-  const std::int64_t step = rowsPerLookAtEdges(volume);
-  const Index3 begin = (own.first + (step - 1)) / step * step, end = own.end();
-  for (std::int64_t z = begin.z; z < end.z; z += step)
-    for (std::int64_t y = begin.y; y < end.y; y += step) {
-      const Index3 at(own.first.x, y, z);
+  const EdgeSteps step = edgeStepsOf(volume);
+  const Index3 begin = (own.first + (step.row - 1)) / step.row * step.row, end = own.end();
+  for (std::int64_t z = begin.z; z < end.z; z += step.row)
+    for (std::int64_t y = begin.y; y < end.y; y += step.row) {
+      const std::int64_t x = own.first.x, along_x = std::min(end.x, volume.x - 1) - x;
+      const Index3 at(x, y, z);
       const T* const row = &samples.at(at);
       const auto seed = mixed(static_cast<std::uint32_t>(y) * 0x85ebca77u +
                               mixed(static_cast<std::uint32_t>(z) * 0xc2b2ae3du + 1));
-      const std::int64_t along_x = std::min(end.x, volume.x - 1) - own.first.x;
-      addRow(row, row + 1, own.first.x, along_x, 0, seed);
+      addRow(row, row + 1, x, along_x, step.column, 0, seed);
       if (y + 1 < volume.y)
-        addRow(row, &samples.at(at + Index3(0, 1, 0)), own.first.x, own.count.x, 1, ~seed);
+        addRow(row, &samples.at(at + Index3(0, 1, 0)), x, own.count.x, step.column, 1, ~seed);
       if (z + 1 < volume.z)
-        addRow(row, &samples.at(at + Index3(0, 0, 1)), own.first.x, own.count.x, 2, mixed(seed));
+        addRow(row, &samples.at(at + Index3(0, 0, 1)), x, own.count.x, step.column, 2, mixed(seed));
     }
 }
 #define ISOBRICK_INSTANTIATE(T) \
@@ -142,9 +155,9 @@ void EdgeSample::prune() {
   if (edges_.size() <= kEdges) return;
   const auto last = edges_.begin() + kEdges;
   std::nth_element(edges_.begin(), last, edges_.end(),
-                   [](const Edge& a, const Edge& b) { return a.priority() < b.priority(); });
-  greatest_kept_ = last->priority();
-  std::erase_if(edges_, [&](const Edge& edge) { return edge.priority() > greatest_kept_; });
+                   [](const Edge& a, const Edge& b) { return a.priority < b.priority; });
+  greatest_kept_ = last->priority;
+  std::erase_if(edges_, [&](const Edge& edge) { return edge.priority > greatest_kept_; });
 }
 
 void EdgeSample::merge(const EdgeSample& other) {
@@ -158,15 +171,14 @@ std::optional<GradientSpectrum> EdgeSample::spectrum(const VoxelHistogram& histo
                                                      const Index3& volume) const {
   // In an order of their own, so that sums of doubles are the same.
   std::vector<Edge> edges = edges_;
-  const auto key = [](const Edge& e) {
-    return std::tuple(e.priority(), e.random, e.axis, e.least, e.greatest);
-  };
-  std::sort(edges.begin(), edges.end(),
-            [&](const Edge& a, const Edge& b) { return key(a) < key(b); });
+  const auto key = [](const Edge& e) { return std::tuple(e.random, e.axis, e.least, e.greatest); };
+  std::sort(edges.begin(), edges.end(), [&](const Edge& a, const Edge& b) {
+    return a.priority != b.priority ? a.priority < b.priority : key(a) < key(b);
+  });
   // Edges with a priority below that of the first one left out stand for those that were, too.
   double reach = std::numeric_limits<double>::infinity();
   if (edges.size() > kEdges) {
-    reach = static_cast<double>(edges[kEdges].priority());
+    reach = static_cast<double>(edges[kEdges].priority);
     edges.resize(kEdges);
   }
   if (edges.empty()) return std::nullopt;
@@ -188,11 +200,12 @@ std::optional<GradientSpectrum> EdgeSample::spectrum(const VoxelHistogram& histo
   std::array<Sums, 3> groups{Sums{none, none}, Sums{none, none}, Sums{none, none}};
   const std::size_t of_both = isLeastFurther(histogram, range) ? 1 : 2;
   std::array<double, 3> at_least{}, at_greatest{};
-  const auto rows = static_cast<double>(rowsPerLookAtEdges(volume));
+  const EdgeSteps step = edgeStepsOf(volume);
+  const auto looked_at = 1.0 / static_cast<double>(step.column * step.row * step.row);
   for (const Edge& edge : edges) {
-    const auto difference = static_cast<double>(edge.difference());
+    const auto difference = static_cast<double>(differenceOf(edge.least, edge.greatest));
     const double seen = std::min(1.0, reach * difference * 0x1p-24);  // how probably it is kept
-    const double weight = rows * rows / seen;
+    const double weight = 1.0 / (seen * looked_at);
     const bool is_least = edge.least == range.min, is_greatest = edge.greatest == range.max;
     if (is_least) at_least[edge.axis] += weight;
     if (is_greatest) at_greatest[edge.axis] += weight;

@@ -1,7 +1,6 @@
 // A sample of the lattice edges of level 0, steep ones first, and what it says of the whole.
 #pragma once
 
-#include <algorithm>
 #include <cstdint>
 #include <limits>
 #include <optional>
@@ -13,7 +12,8 @@
 
 namespace isobrick {
 
-// Of the edges in every n-th row of every n-th slice, kEdges are kept: the first ones in the order
+// Of the edges in every n-th row of every n-th slice, of large volumes from every fourth voxel,
+// kEdges are kept: the first ones in the order
 // of a random number, which their place gives, over the difference of their two voxels. That is a
 // priority sample (Duffield, Lund and Thorup, 2007), of which sums over all edges can be estimated.
 // It depends on the volume alone: not on bricks, windows, threads, or the order of calls.
@@ -34,18 +34,13 @@ class EdgeSample {
 
  private:
   struct Edge {
+    float priority;  // the smaller, the sooner it is kept
     std::uint32_t random, axis;
     float least, greatest;
-
-    float difference() const {
-      return std::min(greatest - least, std::numeric_limits<float>::max());
-    }
-    // The smaller, the sooner it is kept.
-    float priority() const { return static_cast<float>(random) / difference(); }
   };
 
   template <typename T>
-  void addRow(const T* from, const T* to, std::int64_t first, std::int64_t count,
+  void addRow(const T* from, const T* to, std::int64_t first, std::int64_t count, std::int64_t step,
               std::uint32_t axis, std::uint32_t seed);
   void prune();
 

@@ -205,7 +205,7 @@ TEST(GradientSpectrum, SumsTheEdgesThatAnIsovalueCrosses) {
   const TemporaryFolder folder;
   // Large blocks, so that edges with different ends are few.
   const auto value = [](const Index3& at) {
-    return static_cast<double>((at.x / 16 * 7 + at.y / 16 * 5 + at.z / 16 * 3) % 11 * 20);
+    return static_cast<double>((at.x / 24 * 7 + at.y / 40 * 5 + at.z / 32 * 3) % 11 * 20);
   };
   const Pyramid pyramid = built<std::uint8_t>(folder, value, 0);
   const auto spectrum = pyramid.gradients();
