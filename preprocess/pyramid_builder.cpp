@@ -394,10 +394,10 @@ class Build {
     input_.checkContent();
     if (options_.cancel != nullptr) options_.cancel->check();
     const VoxelHistogram histogram = statistics_.histogram(spec_.voxel_type, voxel_range_);
-    report_.file_bytes = writer_.finish(
-        {voxel_range_, closures_.all(), histogram, error_bins_, statistics_.noise(), provenance(),
-         statistics_.gradients(histogram, voxel_range_, spec_.voxels)},
-        options_.codec);
+    report_.file_bytes =
+        writer_.finish({voxel_range_, closures_.all(), histogram, error_bins_, statistics_.noise(),
+                        provenance(), statistics_.gradients(histogram, voxel_range_, spec_.voxels)},
+                       options_.codec);
   }
 
   std::string provenance() const {
