@@ -20,6 +20,9 @@ if(ISOBRICK_WITH_ITK)
     ITKIOImageBase ITKIONRRD ITKIOMeta ITKIONIFTI ITKIOTIFF ITKIOGDCM ITKIOPNG ITKIOMRC ITKIOGIPL
     ITKIOVTK ITKIOLSM ITKIOBioRad)
   find_package(ITK 5 REQUIRED COMPONENTS ${isobrick_itk_components})
+  # GDCM comes with ITK; by name, as its package asks for more than its libraries.
+  find_path(GDCM_INCLUDE_DIR gdcmImageReader.h PATH_SUFFIXES gdcm-3.0 REQUIRED)
+  set(GDCM_LIBRARIES gdcmMSFF gdcmDSED gdcmCommon)
 else()
   list(APPEND switched_off_sources "/itk_[a-z_]*\\.cpp$")
 endif()

@@ -39,6 +39,10 @@ enum class Remedy {
   kChooseChannel,       // OpenOptions::channel
   kBuildWithErrors,     // BuildOptions::error_level
   kPackMesh,            // MeshFileOptions::meshopt
+  kChooseStack,         // OpenOptions::grid
+  kChooseTime,          // OpenOptions::time
+  kChooseVariant,       // OpenOptions::channel
+  kChooseSeries,        // OpenOptions::series
 };
 
 // A failed run. `what()` is one line that says what went wrong, where (path, offset, brick, voxel)

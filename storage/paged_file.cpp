@@ -62,15 +62,18 @@ class FileTail {
 };
 
 PagedFile::PagedFile(const std::string& path, FileAccess access) : path_(path) {
-  fd_ = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  // Without O_NONBLOCK a pipe would be waited for; regular files do not heed it.
+  fd_ = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   if (fd_ < 0)
     throw Error("cannot open '" + path + "': " + std::strerror(errno) + "; check the path",
                 {.path = path});
   struct stat status = {};
   try {
-    if (fstat(fd_, &status) != 0 || !S_ISREG(status.st_mode) || status.st_size == 0)
-      throw Error("cannot read '" + path + "': it is empty or not a file; build it again",
+    if (fstat(fd_, &status) != 0 || !S_ISREG(status.st_mode))
+      throw Error("cannot read '" + path + "': it is not a regular file; copy it to one",
                   {.path = path});
+    if (status.st_size == 0)
+      throw Error("cannot read '" + path + "': it is empty; build it again", {.path = path});
     size_ = static_cast<std::uint64_t>(status.st_size);
     if (access == FileAccess::kMap) map();
   } catch (...) {

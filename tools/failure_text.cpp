@@ -29,7 +29,7 @@ Texts advicesOf(Remedy remedy) {
     case Remedy::kDescribeRawFile:
       return {
           "a file without a header needs --raw-dims X,Y,Z and --raw-type T (and --raw-endian, "
-          "--raw-spacing, --raw-offset where they are not little, 1,1,1 and 0)",
+          "--raw-offset, --spacing where they are not little, 0 and 1,1,1)",
           "'isobrick build' reads a file without a header with --raw-dims X,Y,Z and --raw-type "
           "T"};
     case Remedy::kCorrectRawLayout:
@@ -55,6 +55,15 @@ Texts advicesOf(Remedy remedy) {
       return {"build it anew with 'isobrick build' and --error"};
     case Remedy::kPackMesh:
       return {"pack it with --meshopt", "extract less"};
+    case Remedy::kChooseStack:
+      return {"take one with --grid NAME", "'isobrick build' takes one with --grid NAME"};
+    case Remedy::kChooseTime:
+      return {"take one with --time T", "'isobrick build' takes one with --time T"};
+    case Remedy::kChooseVariant:
+      return {"take one with --channel C", "'isobrick build' takes one with --channel C"};
+    case Remedy::kChooseSeries:
+      return {"take one with --series NUMBER or --series UID",
+              "'isobrick build' takes one with --series NUMBER or --series UID"};
   }
   return {"see the documentation"};
 }

@@ -9,6 +9,7 @@
 
 #include "isobrick/preprocess/export/volume_headers.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/usable_geometry.h"
 
 namespace isobrick {
 namespace {
@@ -93,6 +94,40 @@ class CroppedSource final : public SourceView {
 
   IndexBox box_;
   std::vector<std::byte> row_;  // of the source, where it is read by rows
+};
+
+std::string pointText(const glm::dvec3& v) {
+  return numberText(v.x) + "," + numberText(v.y) + "," + numberText(v.z);
+}
+
+class PlacedSource final : public SourceView {
+ public:
+  PlacedSource(std::unique_ptr<VolumeSource> source, const std::optional<glm::dvec3>& spacing,
+               const std::optional<glm::dvec3>& origin)
+      : SourceView(std::move(source), (spacing ? "spacing " + pointText(*spacing) : "") +
+                                          (spacing && origin ? "; " : "") +
+                                          (origin ? "origin " + pointText(*origin) : "")) {
+    const auto place = [&](const char* what, const std::optional<glm::dvec3>& given,
+                           glm::dvec3& now) {
+      if (!given) return;
+      info_.notes.push_back(std::string(what) + " " + pointText(*given) +
+                            " was given in place of " + pointText(now));
+      now = *given;
+    };
+    place("the spacing", spacing, info_.geometry.spacing);
+    place("the origin", origin, info_.geometry.origin);
+    if (!isUsableGeometry(info_.geometry))
+      throw Error("cannot use '" + info_.source + "' with the spacing " +
+                      pointText(info_.geometry.spacing) + " and the origin " +
+                      pointText(info_.geometry.origin) + ": choose spacings above 0",
+                  {.path = info_.source});
+  }
+
+  std::uint64_t bufferBytes() const override { return source_->bufferBytes(); }
+  void readRows(std::int64_t first, std::int64_t count, void* out) override {
+    source_->readRows(first, count, out);
+  }
+  void readBox(const IndexBox& box, void* out) const override { source_->readBox(box, out); }
 };
 
 // One value after the other becomes another: map(in, out) is told the types.
@@ -231,6 +266,12 @@ std::unique_ptr<VolumeSource> makeWindowedSource(std::unique_ptr<VolumeSource> s
   if (type == VoxelType::kFloat32)
     throw Error("a window is for integer voxels; leave it out for float32");
   return std::make_unique<WindowedSource>(std::move(source), window, type);
+}
+
+std::unique_ptr<VolumeSource> makePlacedSource(std::unique_ptr<VolumeSource> source,
+                                               const std::optional<glm::dvec3>& spacing,
+                                               const std::optional<glm::dvec3>& origin) {
+  return std::make_unique<PlacedSource>(std::move(source), spacing, origin);
 }
 
 }  // namespace isobrick

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 
 #include "isobrick/preprocess/volume_source.h"
 
@@ -24,5 +25,11 @@ struct ValueWindow {
 };
 std::unique_ptr<VolumeSource> makeWindowedSource(std::unique_ptr<VolumeSource> source,
                                                  const ValueWindow& window, VoxelType type);
+
+// The same voxels with this spacing (each above 0) and origin in place of the source's, and a note
+// that says so. Throws Error for numbers that no volume can have.
+std::unique_ptr<VolumeSource> makePlacedSource(std::unique_ptr<VolumeSource> source,
+                                               const std::optional<glm::dvec3>& spacing,
+                                               const std::optional<glm::dvec3>& origin);
 
 }  // namespace isobrick

@@ -136,7 +136,9 @@ VolumeWriteReport writeRaw(VolumeSource& source, const std::string& path,
       std::to_string(info.voxels.z) + " of type " +
       std::string(kVoxelTypes[static_cast<std::size_t>(info.voxel_type)].short_name) +
       " at distances " + numberText(info.geometry.spacing.x) + "," +
-      numberText(info.geometry.spacing.y) + "," + numberText(info.geometry.spacing.z));
+      numberText(info.geometry.spacing.y) + "," + numberText(info.geometry.spacing.z) + " from " +
+      numberText(info.geometry.origin.x) + "," + numberText(info.geometry.origin.y) + "," +
+      numberText(info.geometry.origin.z));
   AtomicFile file(path);
   writeVoxels(source, file, options);
   publish(file, options, report);

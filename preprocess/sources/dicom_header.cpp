@@ -19,6 +19,8 @@ namespace {
 constexpr std::uint32_t kUndefinedLength = 0xffffffff;
 constexpr int kMostNesting = 32;
 constexpr std::uint32_t kMostValueBytes = 1024;  // longer values are of no interest here
+constexpr std::uint32_t kMostOffsetBytes = 1 << 20;
+constexpr std::size_t kMostDimensions = 64;
 
 // Types of values ("value representations") with a length of four and of two bytes.
 constexpr std::array<std::string_view, 13> kLongTypes = {"OB", "OD", "OF", "OL", "OV", "OW", "SQ",
@@ -32,6 +34,20 @@ constexpr std::array<std::uint32_t, 8> kNumbers = {
     dicom::kSamplesPerPixel, dicom::kPlanarConfiguration, dicom::kRows,
     dicom::kColumns,         dicom::kBitsAllocated,       dicom::kBitsStored,
     dicom::kHighBit,         dicom::kPixelRepresentation};
+
+// What holds elements of interest in an item of the functional groups, and these elements.
+constexpr std::array<std::uint32_t, 5> kGroupSequences = {
+    dicom::kFrameContent, dicom::kPlanePosition, dicom::kPlaneOrientation, dicom::kPixelMeasures,
+    dicom::kPixelValueTransformation};
+constexpr std::array<std::uint32_t, 12> kGroupValues = {
+    dicom::kStackId,          dicom::kInStackPosition,      dicom::kTemporalPositionIndex,
+    dicom::kImagePosition,    dicom::kDimensionIndexValues, dicom::kImageOrientation,
+    dicom::kSliceThickness,   dicom::kSpacingBetweenSlices, dicom::kPixelSpacing,
+    dicom::kRescaleIntercept, dicom::kRescaleSlope,         dicom::kDimensionIndexPointer};
+
+// Numbers of 32 bits; implicit encoding does not say that they are.
+constexpr std::array<std::uint32_t, 3> kLongNumbers = {
+    dicom::kInStackPosition, dicom::kTemporalPositionIndex, dicom::kDimensionIndexValues};
 
 bool isOneOf(const auto& all, const auto& one) {
   return std::find(all.begin(), all.end(), one) != all.end();
@@ -69,8 +85,8 @@ class Walker {
       seek(kPreambleBytes);
       if (bytes(4) == "DICM") {
         try {
-          header.state = walkDataSet(header.values) ? DicomHeader::State::kImage
-                                                    : DicomHeader::State::kNoImage;
+          header.state =
+              walkDataSet(header) ? DicomHeader::State::kImage : DicomHeader::State::kNoImage;
         } catch (const Damaged&) {
           header.state = DicomHeader::State::kDamaged;
         }
@@ -89,18 +105,23 @@ class Walker {
     try {
       const std::uint32_t group = peekGroup();
       if (group != 2 && group != 8) return;
-      if (walkDataSet(header.values)) header.state = DicomHeader::State::kImage;
+      if (walkDataSet(header)) header.state = DicomHeader::State::kImage;
     } catch (const Damaged&) {
       // Who gets as far as the pixels of an image of some size is no other file.
       if (at_pixels_ && header.values.contains(dicom::kRows) &&
           header.values.contains(dicom::kColumns))
         header.state = DicomHeader::State::kDamaged;
     }
-    if (header.state == DicomHeader::State::kNotDicom) header.values.clear();
+    if (header.state == DicomHeader::State::kNotDicom) header = {};
+  }
+
+  static std::uint32_t mostBytes(std::uint32_t tag) {
+    return tag == dicom::kGridFrameOffsets ? kMostOffsetBytes : kMostValueBytes;
   }
 
   // True where the pixels were found, whole.
-  bool walkDataSet(std::map<std::uint32_t, std::string>& values) {
+  bool walkDataSet(DicomHeader& header) {
+    DicomValues& values = header.values;
     // Group 2 is always explicit little-endian and says how the rest is encoded.
     Encoding encoding;
     bool in_meta_group = true;
@@ -125,13 +146,28 @@ class Walker {
       if (element.tag == dicom::kPixelData) {
         at_pixels_ = true;
         if (must_ascend_ && !hasSize(values)) throw Damaged();
+        header.pixels_at = at_;
         checkPixels(element, values);
+        if (element.length != kUndefinedLength) header.pixel_bytes = element.length;
         return true;
       }
-      if (element.length == kUndefinedLength) {
-        skipSequence(element.representation == "UN" ? Encoding{false, false} : encoding, 0);
-      } else if (element.length > kMostValueBytes) {
-        skip(element.length);
+      if (element.tag == dicom::kSharedGroups) {
+        walkItems(element, encoding, [&](const Element& item, const Encoding& inner) {
+          walkGroups(item, inner, header.shared);
+        });
+      } else if (element.tag == dicom::kFrameGroups) {
+        const std::uint64_t most = numberOf(values, dicom::kNumberOfFrames, 1);
+        walkItems(element, encoding, [&](const Element& item, const Encoding& inner) {
+          if (header.frames.size() >= most) throw Damaged();
+          walkGroups(item, inner, header.frames.emplace_back());
+        });
+      } else if (element.tag == dicom::kDimensionIndices) {
+        walkItems(element, encoding, [&](const Element& item, const Encoding& inner) {
+          if (header.dimensions.size() >= kMostDimensions) throw Damaged();
+          walkGroups(item, inner, header.dimensions.emplace_back());
+        });
+      } else if (element.length == kUndefinedLength || element.length > mostBytes(element.tag)) {
+        skipValue(element, encoding, 0);
       } else {
         values[element.tag] = text(element, encoding);
         // The retired "recognition code"; GDCM aborts on any that it does not know.
@@ -153,7 +189,7 @@ class Walker {
     return is_explicit ? "1.2.840.10008.1.2.1" : "1.2.840.10008.1.2";
   }
 
-  static bool hasSize(const std::map<std::uint32_t, std::string>& values) {
+  static bool hasSize(const DicomValues& values) {
     const auto isPositive = [&](std::uint32_t tag) {
       const auto found = values.find(tag);
       return found != values.end() && std::strtoull(found->second.c_str(), nullptr, 10) > 0;
@@ -161,7 +197,13 @@ class Walker {
     return isPositive(dicom::kRows) && isPositive(dicom::kColumns);
   }
 
-  void checkPixels(const Element& element, const std::map<std::uint32_t, std::string>& values) {
+  static std::uint64_t numberOf(const DicomValues& values, std::uint32_t tag,
+                                std::uint64_t otherwise) {
+    const auto found = values.find(tag);
+    return found == values.end() ? otherwise : std::strtoull(found->second.c_str(), nullptr, 10);
+  }
+
+  void checkPixels(const Element& element, const DicomValues& values) {
     if (element.length == kUndefinedLength) {  // compressed: fragments up to an end mark
       for (;;) {
         const Element item = readElement({false, false});
@@ -170,13 +212,9 @@ class Walker {
         skip(item.length);
       }
     }
-    const auto number = [&](std::uint32_t tag, std::uint64_t otherwise) {
-      const auto found = values.find(tag);
-      return found == values.end() ? otherwise : std::strtoull(found->second.c_str(), nullptr, 10);
-    };
     // Clamped so that the product fits 64 bits: 16 + 16 + 2 + 20 + 6 bits.
     const auto clamped = [&](std::uint32_t tag, std::uint64_t otherwise, std::uint64_t most) {
-      return std::min<std::uint64_t>(number(tag, otherwise), most);
+      return std::min<std::uint64_t>(numberOf(values, tag, otherwise), most);
     };
     const std::uint64_t bits =
         clamped(dicom::kRows, 0, 65535) * clamped(dicom::kColumns, 0, 65535) *
@@ -186,27 +224,64 @@ class Walker {
     skip(element.length);
   }
 
-  // Items of a sequence of undefined length, up to its end mark.
-  void skipSequence(const Encoding& encoding, int depth) {
-    if (depth > kMostNesting) throw Damaged();
-    for (;;) {
-      const Element item = readElement(encoding);
-      if (item.tag == dicom::kSequenceEnd) return;
-      if (item.tag != dicom::kItem) throw Damaged();
-      if (item.length != kUndefinedLength) {
-        skip(item.length);
-        continue;
-      }
-      for (;;) {
-        const Element element = readElement(encoding);
-        if (element.tag == dicom::kItemEnd) break;
-        if (element.length == kUndefinedLength)
-          skipSequence(element.representation == "UN" ? Encoding{false, false} : encoding,
-                       depth + 1);
-        else
-          skip(element.length);
-      }
+  // What lies in an element without a type may be written in another encoding than the rest.
+  static Encoding innerEncoding(const Element& element, const Encoding& outer) {
+    return element.representation == "UN" ? Encoding{false, false} : outer;
+  }
+
+  // Calls `f` behind the head of each element of a sequence or an item of this length; `f` goes on
+  // behind its value.
+  template <typename F>
+  void forEachElement(std::uint32_t length, std::uint32_t end_mark, const Encoding& encoding, F f) {
+    const bool is_open = length == kUndefinedLength;
+    if (!is_open && length > size_ - at_) throw Damaged();
+    const std::uint64_t end = is_open ? size_ : at_ + length;
+    while (is_open || at_ < end) {
+      const Element element = readElement(encoding);
+      if (is_open && element.tag == end_mark) return;
+      f(element);
+      if (at_ > end) throw Damaged();
     }
+  }
+
+  // Calls `f` behind the head of each item of a sequence, with the encoding of what is in it.
+  template <typename F>
+  void walkItems(const Element& sequence, const Encoding& outer, F f) {
+    const Encoding encoding = innerEncoding(sequence, outer);
+    forEachElement(sequence.length, dicom::kSequenceEnd, encoding, [&](const Element& item) {
+      if (item.tag != dicom::kItem) throw Damaged();
+      f(item, encoding);
+    });
+  }
+
+  // An item of the functional groups: the elements of interest in it, and in the sequences in it.
+  void walkGroups(const Element& item, const Encoding& encoding, DicomValues& values) {
+    forEachElement(item.length, dicom::kItemEnd, encoding, [&](const Element& element) {
+      if (isOneOf(kGroupSequences, element.tag))
+        walkItems(element, encoding, [&](const Element& group, const Encoding& inner) {
+          forEachElement(group.length, dicom::kItemEnd, inner,
+                         [&](const Element& one) { takeGroupValue(one, inner, values); });
+        });
+      else
+        takeGroupValue(element, encoding, values);
+    });
+  }
+
+  void takeGroupValue(const Element& element, const Encoding& encoding, DicomValues& values) {
+    if (isOneOf(kGroupValues, element.tag) && element.length <= kMostValueBytes)
+      values[element.tag] = text(element, encoding);
+    else
+      skipValue(element, encoding, 1);
+  }
+
+  void skipValue(const Element& element, const Encoding& encoding, int depth) {
+    if (element.length != kUndefinedLength) return skip(element.length);
+    if (depth > kMostNesting) throw Damaged();
+    walkItems(element, encoding, [&](const Element& item, const Encoding& inner) {
+      if (item.length != kUndefinedLength) return skip(item.length);
+      forEachElement(item.length, dicom::kItemEnd, inner,
+                     [&](const Element& one) { skipValue(one, inner, depth + 1); });
+    });
   }
 
   Element readElement(const Encoding& encoding) {
@@ -254,10 +329,26 @@ class Walker {
                            (!encoding.is_explicit && (tag >> 16) == 0x0028 && element.length == 2 &&
                             tag != dicom::kNumberOfFrames && tag <= dicom::kPaddingRangeLimit);
     if (is_number && element.length == 2) return std::to_string(number16(encoding.big_endian));
+    if (isOneOf(kLongNumbers, tag)) return numbersText(element.length, encoding);
+    if ((tag == dicom::kDimensionIndexPointer || tag == dicom::kFrameIncrementPointer) &&
+        element.length == 4) {
+      const std::uint32_t group = number16(encoding.big_endian);
+      return std::to_string(group << 16 | number16(encoding.big_endian));
+    }
     std::string value = bytes(element.length);
     while (!value.empty() && (value.back() == ' ' || value.back() == '\0')) value.pop_back();
     const std::size_t first = value.find_first_not_of(' ');
     return first == std::string::npos ? "" : value.substr(first);
+  }
+
+  std::string numbersText(std::uint32_t length, const Encoding& encoding) {
+    if (length % 4 != 0) throw Damaged();
+    std::string text;
+    for (std::uint32_t i = 0; i < length / 4; ++i) {
+      if (i > 0) text += '\\';
+      text += std::to_string(number32(encoding.big_endian));
+    }
+    return text;
   }
 
   std::uint32_t peekGroup() {
@@ -288,7 +379,11 @@ class Walker {
   }
   void skip(std::uint64_t count) {
     if (count > size_ - at_) throw Damaged();
-    seek(at_ + count);
+    // A seek throws away what was read ahead.
+    constexpr std::uint64_t kFewBytes = 4096;
+    if (count > kFewBytes) return seek(at_ + count);
+    in_.ignore(static_cast<std::streamsize>(count));
+    at_ += count;
   }
   void seek(std::uint64_t position) {
     in_.seekg(static_cast<std::streamoff>(position));

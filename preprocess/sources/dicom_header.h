@@ -1,4 +1,5 @@
-// The top level of a DICOM file, read without GDCM. Private to preprocess/sources/.
+// The top level of a DICOM file and the functional groups of its frames, read without GDCM. Private
+// to preprocess/sources/.
 //
 // GDCM fills missing pixels of a file that was cut short with zeros, and aborts the process on some
 // damaged headers. So every file is walked element by element first; GDCM sees only those that are
@@ -12,6 +13,7 @@
 #include <cstdint>
 #include <map>
 #include <string>
+#include <vector>
 
 namespace isobrick {
 
@@ -25,6 +27,10 @@ struct FileStamp {
 // All zeros where the file is gone.
 FileStamp fileStamp(const std::string& path);
 
+// By tag (group << 16 | element), without padding. Numbers of type US, SS and UL are written out in
+// decimal, several with a backslash between them; of an attribute tag the number that it is.
+using DicomValues = std::map<std::uint32_t, std::string>;
+
 struct DicomHeader {
   enum class State {
     kNotDicom,  // no "DICM" at byte 128, and no data set with pixels from byte 0 on
@@ -34,15 +40,31 @@ struct DicomHeader {
   };
 
   State state = State::kNotDicom;
-  FileStamp stamp;  // of the file, from before it was walked
-  // Short elements before the pixels, by tag (group << 16 | element), without padding. Numbers of
-  // type US and SS are written out in decimal.
-  std::map<std::uint32_t, std::string> values;
+  FileStamp stamp;     // of the file, from before it was walked
+  DicomValues values;  // short elements before the pixels
+
+  // An enhanced file says of each frame where it is and what its numbers mean: what all frames
+  // share, and what each has. Only elements that are looked at; at most as many frames as the file
+  // has.
+  DicomValues shared;
+  std::vector<DicomValues> frames;
+  bool hasGroups() const { return !shared.empty() || !frames.empty(); }
+  std::vector<DicomValues> dimensions;  // of kDimensionIndices
+
+  // Where the pixels are, as they lie in the file; 0 bytes for those that are packed.
+  std::uint64_t pixels_at = 0, pixel_bytes = 0;
 
   // "" where there is no such element.
   std::string value(std::uint32_t tag) const {
     const auto found = values.find(tag);
     return found == values.end() ? "" : found->second;
+  }
+  // Of a frame, counted from 0: what it says, or else all share, or else the file says.
+  std::string value(std::uint32_t tag, std::size_t frame) const {
+    if (frame < frames.size())
+      if (const auto own = frames[frame].find(tag); own != frames[frame].end()) return own->second;
+    const auto found = shared.find(tag);
+    return found == shared.end() ? value(tag) : found->second;
   }
 };
 

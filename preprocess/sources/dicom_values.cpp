@@ -23,15 +23,14 @@ struct Range {
   }
 };
 
-double decimal(const DicomHeader& header, std::uint32_t tag, double otherwise) {
-  const std::string text = header.value(tag);
+double decimal(const std::string& text, double otherwise) {
   char* end = nullptr;
   const double value = std::strtod(text.c_str(), &end);
   return end == text.c_str() || !std::isfinite(value) ? otherwise : value;
 }
 
 int bitCount(const DicomHeader& header, std::uint32_t tag, int otherwise) {
-  const double bits = decimal(header, tag, otherwise);
+  const double bits = decimal(header.value(tag), otherwise);
   return bits >= 1 && bits <= kMostBits ? static_cast<int>(bits) : otherwise;
 }
 
@@ -85,25 +84,53 @@ bool isWhole(double value) { return value == std::floor(value); }
 
 }  // namespace
 
-DicomValueMap dicomValueMap(const DicomHeader& header) {
+DicomValueMap dicomValueMap(const DicomHeader& header, std::size_t frame) {
   DicomValueMap map;
-  map.slope = decimal(header, dicom::kRescaleSlope, 1);
+  map.slope = decimal(header.value(dicom::kRescaleSlope, frame), 1);
   if (map.slope == 0) map.slope = 1;
-  map.intercept = decimal(header, dicom::kRescaleIntercept, 0);
+  map.intercept = decimal(header.value(dicom::kRescaleIntercept, frame), 0);
   map.bits_allocated = bitCount(header, dicom::kBitsAllocated, map.bits_allocated);
   map.bits_stored =
       std::min(bitCount(header, dicom::kBitsStored, map.bits_allocated), map.bits_allocated);
-  map.is_signed = decimal(header, dicom::kPixelRepresentation, 0) == 1;
+  map.is_signed = decimal(header.value(dicom::kPixelRepresentation), 0) == 1;
   map.smallest = pixelValue(header, dicom::kSmallestPixel, map.is_signed);
   map.largest = pixelValue(header, dicom::kLargestPixel, map.is_signed);
   map.padding = pixelValue(header, dicom::kPadding, map.is_signed);
   return map;
 }
 
+std::vector<double> decimalStrings(const std::string& text, std::size_t count) {
+  std::vector<double> values;
+  const char* at = text.c_str();
+  for (;;) {
+    char* end = nullptr;
+    const double value = std::strtod(at, &end);
+    if (end == at || !std::isfinite(value)) break;
+    values.push_back(value);
+    at = end;
+    while (*at == ' ') ++at;
+    if (*at != '\\') break;
+    ++at;
+  }
+  if (values.size() != count) values.clear();
+  return values;
+}
+
+void noteMonochrome1(const std::string& photometric, std::vector<std::string>& notes) {
+  if (photometric == "MONOCHROME1")
+    notes.push_back(
+        "MONOCHROME1: least values are meant to be the brightest; they were kept as stored");
+}
+
 DicomVoxelType dicomVoxelType(const std::vector<DicomValueMap>& maps) {
   const auto all = [&](auto&& holds) { return std::all_of(maps.begin(), maps.end(), holds); };
   if (!all([](const DicomValueMap& m) { return isWhole(m.slope) && isWhole(m.intercept); }))
     return {VoxelType::kFloat32, "slope or intercept is no whole number: values became float32"};
+  const auto isByte = [&](const DicomValueMap& m) {
+    return m.bits_allocated == 8 && m.slope == 1 && m.intercept == 0 &&
+           m.is_signed == maps.front().is_signed;
+  };
+  if (all(isByte)) return {maps.front().is_signed ? VoxelType::kInt8 : VoxelType::kUint8, ""};
   const Range allowed = allowedBy(maps);
   if (const auto type = typeFor(allowed)) return {*type, ""};
 

@@ -25,8 +25,12 @@ struct DicomValueMap {
   bool operator==(const DicomValueMap&) const = default;
 };
 
-// Missing elements have their usual values; a slope of 0 is taken as 1, as GDCM does.
-DicomValueMap dicomValueMap(const DicomHeader& header);
+// Missing elements have their usual values; a slope of 0 is taken as 1, as GDCM does. `frame`
+// counts from 0.
+DicomValueMap dicomValueMap(const DicomHeader& header, std::size_t frame = 0);
+
+// "1\2\3" -> {1, 2, 3}; empty where it is something else.
+std::vector<double> decimalStrings(const std::string& text, std::size_t count);
 
 struct DicomVoxelType {
   VoxelType type = VoxelType::kFloat32;
@@ -35,6 +39,7 @@ struct DicomVoxelType {
 
 // The voxel type of a series whose slices have these maps (at least one); no pixel is looked at.
 //
+//   0. All slices hold values of 8 bits as they are: uint8 or int8.
 //   1. A slope or an intercept that is no whole number: float32.
 //   2. All values that the bits stored allow, over all slices, fit int16, or else uint16: that.
 //   3. All slices have their smallest and largest pixel value (0028,0106 and 0107), and with the
@@ -48,5 +53,8 @@ struct DicomVoxelType {
 // 3 and 4 trust the header in what it cannot prove. Whoever reads the slices compares every value
 // with the type, and refuses what does not fit: nothing is ever cut off.
 DicomVoxelType dicomVoxelType(const std::vector<DicomValueMap>& maps);
+
+// Where small values are meant to be shown bright.
+void noteMonochrome1(const std::string& photometric, std::vector<std::string>& notes);
 
 }  // namespace isobrick

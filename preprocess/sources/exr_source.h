@@ -9,7 +9,7 @@
 
 namespace isobrick {
 
-// Whether the folder has files that end in .exr.
+// Whether most pictures of the folder are files that end in .exr.
 bool hasExrSlices(const std::string& folder);
 
 // Opens a folder of OpenEXR pictures, one a slice, in the order of the numbers in their names: the

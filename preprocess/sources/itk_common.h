@@ -31,7 +31,8 @@ itk::ImageIOBase::Pointer openImage(const std::string& path, const OpenOptions& 
 
 // The same for a DICOM image that was walked before. Throws Error too where the file is no longer
 // the one with that stamp: GDCM must not see what was not walked.
-itk::ImageIOBase::Pointer openDicomImage(const std::string& path, const FileStamp& stamp);
+itk::ImageIOBase::Pointer openDicomImage(const std::string& path, const FileStamp& stamp,
+                                         const OpenOptions& options = {});
 
 // Voxels per axis; trailing axes of length 1 are dropped, missing ones are 1. Throws Error for
 // images with more than one element along further axes than `axes`.
@@ -53,9 +54,12 @@ void convertComponents(Component component, const void* in, std::size_t count, V
 
 // A single file with a 3-D image.
 std::unique_ptr<VolumeSource> openItkFile(const std::string& path, const OpenOptions& options);
-// The same for an image that is open.
-std::unique_ptr<VolumeSource> openItkFile(const std::string& path, itk::ImageIOBase::Pointer image,
-                                          const OpenOptions& options);
+// A DICOM file with all slices (frames).
+std::unique_ptr<VolumeSource> openDicomFile(const std::string& path, const DicomHeader& header,
+                                            const OpenOptions& options);
+// One that says of its frames where they are (hasDicomFrames()).
+std::unique_ptr<VolumeSource> openDicomFrames(const std::string& path, const DicomHeader& header,
+                                              const OpenOptions& options);
 // A folder with a DICOM series or a stack of slices.
 std::unique_ptr<VolumeSource> openItkFolder(const std::string& path, const OpenOptions& options);
 

@@ -9,8 +9,10 @@
 #include <limits>
 #include <map>
 #include <set>
+#include <sstream>
 
 #include "isobrick/preprocess/sources/dicom_header.h"
+#include "isobrick/preprocess/sources/dicom_stack.h"
 #include "isobrick/preprocess/sources/dicom_tags.h"
 #include "isobrick/preprocess/sources/dicom_values.h"
 #include "isobrick/preprocess/sources/itk_common.h"
@@ -29,77 +31,118 @@ namespace fs = std::filesystem;
 struct DicomSlice {
   std::string path;
   FileStamp stamp;
-  std::string series_uid, position, orientation, instance;
-  std::string grid;  // rows and columns: the same in all slices of a volume
+  std::string series_uid, series_number, description;
+  std::string position, orientation, instance, time;
+  std::string grid;  // columns and rows: the same in all slices of a volume
+  std::string photometric;
+  bool has_pixel_spacing = false;
+  std::int64_t frames = 1;
   DicomValueMap values;
 };
 
-// "1\2\3" -> {1, 2, 3}; empty where it is something else.
-std::vector<double> decimalStrings(const std::string& text, std::size_t count) {
-  std::vector<double> values;
-  const char* at = text.c_str();
-  for (;;) {
-    char* end = nullptr;
-    const double value = std::strtod(at, &end);
-    if (end == at || !std::isfinite(value)) break;
-    values.push_back(value);
-    at = end;
-    while (*at == ' ') ++at;
-    if (*at != '\\') break;
-    ++at;
-  }
-  if (values.size() != count) values.clear();
-  return values;
+DicomSlice dicomSlice(const std::string& path, const DicomHeader& header) {
+  DicomSlice slice;
+  slice.path = path;
+  slice.stamp = header.stamp;
+  slice.series_uid = header.value(dicom::kSeriesUid);
+  slice.series_number = header.value(dicom::kSeriesNumber);
+  slice.description = header.value(dicom::kSeriesDescription);
+  // An enhanced file of a single frame has these in its groups.
+  slice.position = header.value(dicom::kImagePosition, 0);
+  slice.orientation = header.value(dicom::kImageOrientation, 0);
+  slice.instance = header.value(dicom::kInstanceNumber);
+  slice.time = header.value(dicom::kTemporalPosition);
+  slice.grid = header.value(dicom::kColumns) + " x " + header.value(dicom::kRows);
+  slice.photometric = header.value(dicom::kPhotometricInterpretation);
+  slice.has_pixel_spacing = !header.value(dicom::kPixelSpacing, 0).empty() ||
+                            !header.value(dicom::kImagerPixelSpacing).empty();
+  slice.frames = std::max(std::atoll(header.value(dicom::kNumberOfFrames).c_str()), 1LL);
+  slice.values = dicomValueMap(header);
+  return slice;
 }
 
-glm::dvec3 positionOf(const DicomSlice& slice) {
-  const std::vector<double> p = decimalStrings(slice.position, 3);
-  return p.empty() ? glm::dvec3(std::numeric_limits<double>::quiet_NaN())
-                   : glm::dvec3(p[0], p[1], p[2]);
-}
+struct DicomScan {
+  std::vector<DicomSlice> slices;
+  std::vector<std::string> damaged;  // what began as DICOM and is not whole
+
+  // So that it can be compared with pictures: a file of many frames is many slices.
+  std::int64_t pictures() const {
+    auto count = static_cast<std::int64_t>(damaged.size());
+    for (const DicomSlice& slice : slices) count += std::min(slice.frames, kMaxVoxelsPerAxis);
+    return count;
+  }
+};
 
 // The DICOM images among `files`. Only headers are read.
-std::vector<DicomSlice> scanDicom(const std::vector<std::string>& files,
-                                  const OpenOptions& options) {
-  std::vector<DicomSlice> slices;
+DicomScan scanDicom(const std::vector<std::string>& files, const OpenOptions& options) {
+  DicomScan scan;
   for (std::size_t i = 0; i < files.size(); ++i) {
     options.checkCancel();
     options.report("scanning slices", static_cast<double>(i) / static_cast<double>(files.size()));
-    const std::string& file = files[i];
-    const DicomHeader header = readDicomHeader(file);
-    if (header.state == DicomHeader::State::kDamaged)
-      throw Error("cannot read '" + file + "': the DICOM file is cut short or damaged; get the " +
-                      "whole file again, or move it elsewhere if it is not of this series",
-                  {.path = file});
-    if (header.state != DicomHeader::State::kImage) continue;
-    slices.push_back({file, header.stamp, header.value(dicom::kSeriesUid),
-                      header.value(dicom::kImagePosition), header.value(dicom::kImageOrientation),
-                      header.value(dicom::kInstanceNumber),
-                      header.value(dicom::kColumns) + " x " + header.value(dicom::kRows),
-                      dicomValueMap(header)});
+    const DicomHeader header = readDicomHeader(files[i]);
+    if (header.state == DicomHeader::State::kDamaged) scan.damaged.push_back(files[i]);
+    if (header.state == DicomHeader::State::kImage)
+      scan.slices.push_back(dicomSlice(files[i], header));
   }
-  return slices;
+  return scan;
 }
 
-void requireOneSeries(const std::string& folder, const std::vector<DicomSlice>& slices) {
-  std::map<std::string, std::size_t> counts;
-  for (const DicomSlice& slice : slices) ++counts[slice.series_uid];
-  if (counts.size() == 1) return;
-  std::string list;
-  constexpr std::size_t kMostListed = 12;
-  std::size_t listed = 0;
-  for (const auto& [uid, count] : counts) {
-    if (listed++ == kMostListed) {
-      list += ", ...";
-      break;
-    }
-    list += (list.empty() ? "" : ", ") + (uid.empty() ? "(no UID)" : uid) + " (" +
-            std::to_string(count) + (count == 1 ? " image)" : " images)");
+// A series as a list of them shows it.
+struct DicomSeries {
+  std::string uid, number, description, grid;
+  std::int64_t slices = 0;
+
+  std::string text() const {
+    return (number.empty() ? "(no number)" : number) + " " + quotedText(description, 40) + " (" +
+           std::to_string(slices) + (slices == 1 ? " slice of " : " slices of ") + grid + ", UID " +
+           (uid.empty() ? "missing" : uid) + ")";
   }
-  throw Error("cannot use the folder '" + folder + "': it holds " + std::to_string(counts.size()) +
-                  " DICOM series: " + list +
-                  "; move the files of one series to a folder of their own",
-              {.path = folder});
+  bool isCalled(const std::string& name) const {
+    return name == uid ||
+           (!number.empty() && std::atoll(number.c_str()) == std::atoll(name.c_str()) &&
+            name.find_first_not_of("0123456789") == std::string::npos);
+  }
+};
+
+std::vector<DicomSeries> listSeries(const std::vector<DicomSlice>& slices) {
+  std::map<std::string, DicomSeries> by_uid;
+  for (const DicomSlice& slice : slices) {
+    DicomSeries& series = by_uid[slice.series_uid];
+    if (series.slices == 0)
+      series = {slice.series_uid, slice.series_number, slice.description, slice.grid, 0};
+    series.slices += slice.frames;
+  }
+  std::vector<DicomSeries> all;
+  for (auto& [uid, series] : by_uid) all.push_back(std::move(series));
+  std::stable_sort(all.begin(), all.end(), [](const DicomSeries& a, const DicomSeries& b) {
+    return std::atoll(a.number.c_str()) < std::atoll(b.number.c_str());
+  });
+  return all;
+}
+
+// Leaves the slices of the one series, or of that which is chosen.
+void chooseSeries(const std::string& folder, const std::string& name,
+                  std::vector<DicomSlice>& slices) {
+  const std::vector<DicomSeries> all = listSeries(slices);
+  if (all.size() == 1 && name.empty()) return;
+  std::vector<std::string> chosen;
+  std::string list;
+  constexpr std::size_t kMostListed = 20;
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    if (!name.empty() && all[i].isCalled(name)) chosen.push_back(all[i].uid);
+    if (i < kMostListed) list += (i > 0 ? "; " : "") + all[i].text();
+    if (i == kMostListed) list += "; ...";
+  }
+  if (chosen.size() != 1) {
+    const std::string what = name.empty() ? ""
+                             : chosen.empty()
+                                 ? "no series " + quotedText(name, 70) + " among "
+                                 : "several series " + quotedText(name, 70) + " among ";
+    throw Error("cannot use the folder '" + folder + "': it holds " + what +
+                    std::to_string(all.size()) + " DICOM series: " + list,
+                {.path = folder}, {Remedy::kChooseSeries});
+  }
+  std::erase_if(slices, [&](const DicomSlice& slice) { return slice.series_uid != chosen[0]; });
 }
 
 // Throws where slices differ in what a volume has only once.
@@ -118,51 +161,38 @@ void requireOneGrid(const std::vector<DicomSlice>& slices) {
   }
 }
 
-// Sorts the slices by position along the normal of the image plane and gives the step from one to
-// the next, in mm. Without positions: by instance number, and no step.
-std::optional<glm::dvec3> sortSlices(std::vector<DicomSlice>& slices, const glm::dvec3& normal,
-                                     std::vector<std::string>& notes) {
-  const bool has_positions = std::all_of(slices.begin(), slices.end(), [](const DicomSlice& s) {
-    return !std::isnan(positionOf(s).x);
-  });
-  if (!has_positions) {
+// Sorts the slices of the one volume, those at the time of the options, and gives the step from one
+// to the next, in mm; no step where they have no positions.
+std::optional<glm::dvec3> sortSlices(const std::string& folder, std::vector<DicomSlice>& slices,
+                                     const glm::dvec3& normal, const OpenOptions& options,
+                                     VolumeInfo& info) {
+  std::vector<DicomPlace> places;
+  for (const DicomSlice& slice : slices) {
+    DicomPlace place;
+    place.index = places.size();
+    place.name = "'" + slice.path + "'";
+    place.position = dicomPosition(slice.position);
+    place.number = std::atoll(slice.instance.c_str());
+    if (!slice.time.empty()) place.time.push_back(std::atoll(slice.time.c_str()));
+    places.push_back(std::move(place));
+  }
+  const auto unplaced =
+      std::find_if(places.begin(), places.end(), [&](const DicomPlace& p) { return !p.position; });
+  if (unplaced != places.end())
     for (const DicomSlice& slice : slices)
       if (slice.instance.empty())
         throw Error("cannot use '" + slice.path + "': it has neither a position nor an instance " +
                         "number to sort the slices by; convert the series with its own software",
                     {.path = slice.path});
-    std::stable_sort(slices.begin(), slices.end(), [](const DicomSlice& a, const DicomSlice& b) {
-      return std::atoll(a.instance.c_str()) < std::atoll(b.instance.c_str());
-    });
-    notes.push_back("slices without positions were sorted by instance number");
-    return std::nullopt;
-  }
-  const auto height = [&](const DicomSlice& s) { return glm::dot(positionOf(s), normal); };
-  std::stable_sort(slices.begin(), slices.end(),
-                   [&](const DicomSlice& a, const DicomSlice& b) { return height(a) < height(b); });
-  const glm::dvec3 step = (positionOf(slices.back()) - positionOf(slices.front())) /
-                          static_cast<double>(slices.size() - 1);
-  const double mean_gap = glm::dot(step, normal);
-  const auto pairText = [&](std::size_t i) {
-    return "'" + slices[i - 1].path + "' and '" + slices[i].path + "'";
-  };
-  for (std::size_t i = 1; i < slices.size(); ++i)
-    if (height(slices[i]) - height(slices[i - 1]) <= 1e-4 * mean_gap || mean_gap <= 0)
-      throw Error("cannot use " + pairText(i) +
-                  ": they are at the same position (several time "
-                  "steps, or copies); keep one volume in the folder");
-  double greatest_deviation = 0;
-  for (std::size_t i = 1; i < slices.size(); ++i) {
-    const double gap = height(slices[i]) - height(slices[i - 1]);
-    if (std::abs(gap - mean_gap) > 0.1 * mean_gap)
-      throw Error("cannot use " + pairText(i) + ": they are " + std::to_string(gap) +
-                  " mm apart and others " + std::to_string(mean_gap) +
-                  " mm on average; find the missing slices or resample the series");
-    greatest_deviation = std::max(greatest_deviation, std::abs(gap - mean_gap));
-  }
-  if (greatest_deviation > 0.01 * mean_gap)
-    notes.push_back("slice distances differ by up to " + std::to_string(greatest_deviation) +
-                    " mm; their mean was used");
+  const DicomStackWords words = {folder,
+                                 "(several time steps, or copies); keep one volume in the folder",
+                                 "find the missing slices or resample the series"};
+  chooseDicomVolume(
+      words, [&](const DicomPlace&) { return normal; }, false, options, places, info);
+  const auto step = sortDicomSlices(words, normal, places, info.notes);
+  std::vector<DicomSlice> sorted;
+  for (const DicomPlace& place : places) sorted.push_back(std::move(slices[place.index]));
+  slices = std::move(sorted);
   return step;
 }
 
@@ -310,10 +340,15 @@ class SliceStackSource final : public VolumeSource {
 
 // The slope and intercept that GDCM applies: for some kinds of images (MR) not the header's. The
 // maps have them afterwards.
-void believeGdcm(const itk::GDCMImageIO& first, std::vector<DicomSlice>& slices) {
+void believeGdcm(const itk::GDCMImageIO& first, std::vector<DicomSlice>& slices,
+                 std::vector<std::string>& notes) {
   const double slope = first.GetRescaleSlope(), intercept = first.GetRescaleIntercept();
   const DicomValueMap& header = slices.front().values;
   if (header.slope == slope && header.intercept == intercept) return;
+  std::ostringstream note;
+  note << "slope " << header.slope << " and intercept " << header.intercept
+       << " of the headers were not applied: images of this kind (MR) have none by the standard";
+  if (slope == 1 && intercept == 0) notes.push_back(note.str());
   for (DicomSlice& slice : slices) {
     slice.values.slope = slope;
     slice.values.intercept = intercept;
@@ -344,41 +379,61 @@ VoxelType chooseVoxelType(const std::vector<DicomSlice>& slices, std::optional<V
   return chosen.type;
 }
 
+void refuseFrames(const std::vector<DicomSlice>& slices) {
+  for (const DicomSlice& slice : slices)
+    if (slice.frames > 1)
+      throw Error("cannot use '" + slice.path + "': it holds " + std::to_string(slice.frames) +
+                      " slices, but the folder is read as a stack of single ones; name that file",
+                  {.path = slice.path});
+}
+
 std::unique_ptr<VolumeSource> openDicomSeries(const std::string& folder,
                                               std::vector<DicomSlice> slices,
-                                              const OpenOptions& options) {
-  requireOneSeries(folder, slices);
+                                              const OpenOptions& options,
+                                              std::vector<std::string> notes) {
+  chooseSeries(folder, options.series, slices);
   // One file with all slices (enhanced, multi-frame).
-  if (slices.size() == 1)
-    return openItkFile(slices.front().path,
-                       openDicomImage(slices.front().path, slices.front().stamp), options);
+  if (slices.size() == 1) {
+    const std::string& path = slices.front().path;
+    return openDicomFile(path, readDicomHeader(path), options);
+  }
+  refuseFrames(slices);
   requireOneGrid(slices);
 
   VolumeInfo info;
   info.source = folder;
   info.format = "DICOM series";
+  info.notes = std::move(notes);
   // In-plane geometry and the stack's normal are the same for all slices.
   const SliceImage any = openSlice({slices.front().path, slices.front().stamp}, Index3(0));
   const auto& dicom = static_cast<const itk::GDCMImageIO&>(*any.image);
-  believeGdcm(dicom, slices);
+  believeGdcm(dicom, slices, info.notes);
   info.voxels = imageVoxels(folder, *any.image);
-  info.voxels.z = static_cast<std::int64_t>(slices.size());
-  checkVoxelCounts(folder, info.voxels);
   info.geometry = imageGeometry(*any.image);
   info.geometry.unit = LengthUnit::kMillimetre;
   const glm::dvec3 normal = glm::cross(info.geometry.direction[0], info.geometry.direction[1]);
-  if (const auto step = sortSlices(slices, normal, info.notes)) {
-    info.geometry.origin = positionOf(slices.front());
+  if (const auto step = sortSlices(folder, slices, normal, options, info)) {
+    info.geometry.origin = *dicomPosition(slices.front().position);
     info.geometry.spacing.z = glm::length(*step);
     info.geometry.direction[2] = *step / info.geometry.spacing.z;
   } else {
-    info.geometry.direction[2] = normal;  // the distance is what ITK took for the slice thickness
+    info.geometry.direction[2] = normal;
+    std::ostringstream note;  // the distance is what ITK took for the slice thickness
+    note << "slices without positions were sorted by instance number";
+    if (!options.spacing)
+      note << "; their distance, " << info.geometry.spacing.z << " mm, is an assumption";
+    info.notes.push_back(note.str());
   }
+  if (!slices.front().has_pixel_spacing && !options.spacing)
+    info.notes.push_back("the files have no pixel spacing: 1 mm is an assumption");
+  info.voxels.z = static_cast<std::int64_t>(slices.size());
+  checkVoxelCounts(folder, info.voxels);
   tidyGeometry(folder, info.geometry, info.notes);
 
   info.voxel_type = chooseVoxelType(slices, exactVoxelType(any.component()), options, info.notes);
   if (dicom.GetRescaleSlope() != 1 || dicom.GetRescaleIntercept() != 0)
     info.notes.push_back("rescale slope and intercept were applied to the stored values");
+  noteMonochrome1(slices.front().photometric, info.notes);
   std::vector<SliceFile> files;
   for (DicomSlice& slice : slices) files.push_back({std::move(slice.path), slice.stamp});
   return std::make_unique<SliceStackSource>(std::move(info), std::move(files),
@@ -396,10 +451,15 @@ std::vector<std::string> withExtension(const std::vector<std::string>& files,
 
 std::unique_ptr<VolumeSource> openImageStack(const std::string& folder,
                                              const std::vector<std::string>& paths,
-                                             const OpenOptions& options) {
+                                             const OpenOptions& options,
+                                             std::vector<std::string> notes) {
+  if (!options.series.empty())
+    throw Error("cannot use the folder '" + folder + "': it holds no DICOM series to choose from",
+                {.path = folder});
   if (paths.size() == 1) return openItkFile(paths.front(), options);
   VolumeInfo info;
   info.source = folder;
+  info.notes = std::move(notes);
   const SliceImage first = openSlice({paths.front(), std::nullopt}, Index3(0));
   const std::string io_name = first.image->GetNameOfClass();
   info.format = io_name.substr(0, io_name.find("ImageIO")) + " stack";
@@ -407,11 +467,13 @@ std::unique_ptr<VolumeSource> openImageStack(const std::string& folder,
   info.voxels.z = static_cast<std::int64_t>(paths.size());
   checkVoxelCounts(folder, info.voxels);
   info.geometry.spacing = imageGeometry(*first.image).spacing;
+  std::vector<std::string> unsaid;  // of a distance that is given
+  std::vector<std::string>& distance_notes = options.spacing ? unsaid : info.notes;
   if (io_name.starts_with("TIFF")) {
-    takeTiffLengths(paths.front(), info.geometry, info.notes);
+    takeTiffLengths(paths.front(), info.geometry, distance_notes);
   } else {
     info.geometry.spacing.z = info.geometry.spacing.x;
-    info.notes.emplace_back(kNoSliceDistance);
+    distance_notes.emplace_back(kNoSliceDistance);
   }
   tidyGeometry(folder, info.geometry, info.notes);
   const auto exact = exactVoxelType(first.component());
@@ -423,6 +485,39 @@ std::unique_ptr<VolumeSource> openImageStack(const std::string& folder,
   for (const std::string& path : paths) files.push_back({path, std::nullopt});
   return std::make_unique<SliceStackSource>(std::move(info), std::move(files),
                                             first.image->GetImageSizeInBytes(), options.cancel);
+}
+
+// What a folder may be read as, and how many slices speak for it.
+struct FolderKind {
+  const char* name;
+  std::int64_t slices;
+};
+
+// The kind with the most slices: a stray picture does not decide. The others are taken note of.
+std::size_t mostOf(const std::string& folder, const std::vector<FolderKind>& kinds,
+                   std::vector<std::string>& notes) {
+  std::size_t most = 0;
+  for (std::size_t i = 1; i < kinds.size(); ++i)
+    if (kinds[i].slices > kinds[most].slices) most = i;
+  if (kinds[most].slices == 0)
+    throw Error("cannot read the folder '" + folder +
+                    "': it holds neither DICOM files nor TIFF or " +
+                    "PNG slices; name a folder that does, or a file",
+                {.path = folder});
+  for (std::size_t i = 0; i < kinds.size(); ++i) {
+    if (i == most || kinds[i].slices == 0) continue;
+    const auto counted = [](const FolderKind& kind) {
+      return std::to_string(kind.slices) + " " + kind.name +
+             (kind.slices == 1 ? " slice" : " slices");
+    };
+    if (kinds[i].slices == kinds[most].slices)
+      throw Error("cannot use the folder '" + folder + "': it holds " + counted(kinds[most]) +
+                      " and " + counted(kinds[i]) + "; move one of them to a folder of its own",
+                  {.path = folder});
+    notes.push_back(counted(kinds[i]) + " in the folder " +
+                    (kinds[i].slices == 1 ? "was" : "were") + " left out");
+  }
+  return most;
 }
 
 }  // namespace
@@ -438,13 +533,27 @@ std::unique_ptr<VolumeSource> openItkFolder(const std::string& path, const OpenO
   std::vector<std::string> others;
   for (const std::string& file : files)
     if (!named.contains(file)) others.push_back(file);
-  std::vector<DicomSlice> dicom = scanDicom(others, options);
-  if (!dicom.empty()) return openDicomSeries(path, std::move(dicom), options);
-  if (!tiffs.empty()) return openImageStack(path, tiffs, options);
-  if (!images.empty()) return openImageStack(path, images, options);
-  throw Error("cannot read the folder '" + path + "': it holds neither DICOM files nor TIFF or " +
-                  "PNG slices; name a folder that does, or a file",
-              {.path = path});
+  DicomScan dicom = scanDicom(others, options);
+  std::vector<std::string> notes;
+  switch (mostOf(path,
+                 {{"DICOM", dicom.pictures()},
+                  {"TIFF", static_cast<std::int64_t>(tiffs.size())},
+                  {"PNG", static_cast<std::int64_t>(images.size())}},
+                 notes)) {
+    case 0:
+      break;
+    case 1:
+      return openImageStack(path, tiffs, options, std::move(notes));
+    default:
+      return openImageStack(path, images, options, std::move(notes));
+  }
+  if (!dicom.damaged.empty())
+    throw Error(
+        "cannot read '" + dicom.damaged.front() + "': the DICOM file is cut short or " +
+            "damaged; get the whole file again, or move it elsewhere if it is not of this " +
+            "series",
+        {.path = dicom.damaged.front()});
+  return openDicomSeries(path, std::move(dicom.slices), options, std::move(notes));
 }
 
 }  // namespace isobrick::itk_detail

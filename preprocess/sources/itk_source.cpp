@@ -18,6 +18,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdarg>
 #include <cstdlib>
 #include <cstring>
@@ -30,7 +31,10 @@
 #include <sstream>
 
 #include "isobrick/preprocess/input_file.h"
+#include "isobrick/preprocess/sources/dicom_frames.h"
 #include "isobrick/preprocess/sources/dicom_header.h"
+#include "isobrick/preprocess/sources/dicom_tags.h"
+#include "isobrick/preprocess/sources/dicom_values.h"
 #include "isobrick/preprocess/sources/header_text.h"
 #include "isobrick/preprocess/sources/image_bytes.h"
 #include "isobrick/preprocess/sources/itk_common.h"
@@ -110,12 +114,14 @@ std::string formatName(const itk::ImageIOBase& image) {
   return name.substr(0, name.find("ImageIO"));
 }
 
-// Throws Error for DICOM files that are damaged or hold no image.
-bool isDicomImage(const std::string& path) {
-  if (!std::filesystem::is_regular_file(path)) return false;
-  switch (readDicomHeader(path).state) {
+// Nothing of files that are no DICOM. Throws Error for DICOM files that are damaged or hold no
+// image.
+std::optional<DicomHeader> dicomImageHeader(const std::string& path) {
+  if (!std::filesystem::is_regular_file(path)) return std::nullopt;
+  DicomHeader header = readDicomHeader(path);
+  switch (header.state) {
     case DicomHeader::State::kNotDicom:
-      return false;
+      return std::nullopt;
     case DicomHeader::State::kNoImage:
       throw Error("cannot use '" + path + "': it is a DICOM file without an image; name the " +
                       "folder of the series",
@@ -127,7 +133,7 @@ bool isDicomImage(const std::string& path) {
     case DicomHeader::State::kImage:
       break;
   }
-  return true;
+  return header;
 }
 
 // libtiff prints on the C stream. ITK's copy of it has renamed functions and no header.
@@ -213,7 +219,7 @@ itk::ImageIOBase::Pointer openImage(const std::string& path, const OpenOptions& 
   itk::ImageIOBase::Pointer image;
   try {
     const CerrCapture silence;
-    if (isDicomImage(path))
+    if (dicomImageHeader(path))
       image = itk::GDCMImageIO::New().GetPointer();
     else
       image = itk::ImageIOFactory::CreateImageIO(path.c_str(), itk::IOFileModeEnum::ReadMode);
@@ -226,7 +232,8 @@ itk::ImageIOBase::Pointer openImage(const std::string& path, const OpenOptions& 
   return requireImage(path, image, options);
 }
 
-itk::ImageIOBase::Pointer openDicomImage(const std::string& path, const FileStamp& stamp) {
+itk::ImageIOBase::Pointer openDicomImage(const std::string& path, const FileStamp& stamp,
+                                         const OpenOptions& options) {
   prepareItk();
   if (fileStamp(path) != stamp)
     throw Error("cannot read '" + path + "': it changed since its header was read; run again " +
@@ -234,7 +241,7 @@ itk::ImageIOBase::Pointer openDicomImage(const std::string& path, const FileStam
                 {.path = path});
   try {
     const CerrCapture silence;
-    return requireImage(path, withInformation(path, itk::GDCMImageIO::New().GetPointer()), {});
+    return requireImage(path, withInformation(path, itk::GDCMImageIO::New().GetPointer()), options);
   } catch (const Error&) {
     throw;
   } catch (const std::exception& exception) {
@@ -372,8 +379,26 @@ void takeUnits(const std::string& path, VolumeInfo& info) {
   if (info.format == "MRC") take(mrcUnit(path));
 }
 
-VolumeInfo describeVolume(const std::string& path, const itk::ImageIOBase& image) {
+// The frames of a dose grid, in mm along its normal.
+void checkFrameOffsets(const std::string& path, const std::string& text) {
+  const auto count = static_cast<std::size_t>(std::count(text.begin(), text.end(), '\\')) + 1;
+  const std::vector<double> offsets = decimalStrings(text, count);
+  const double mean = offsets.size() < 2 ? 0
+                                         : (offsets.back() - offsets.front()) /
+                                               static_cast<double>(offsets.size() - 1);
+  bool is_even = mean != 0;
+  for (std::size_t i = 1; is_even && i < offsets.size(); ++i)
+    is_even = std::abs(offsets[i] - offsets[i - 1] - mean) <= 0.01 * std::abs(mean);
+  if (!is_even)
+    throw Error(
+        "cannot use '" + path + "': its frames are not at even distances; resample it first",
+        {.path = path});
+}
+
+VolumeInfo describeVolume(const std::string& path, const itk::ImageIOBase& image,
+                          std::vector<std::string> notes) {
   VolumeInfo info;
+  info.notes = std::move(notes);
   info.source = path;
   info.format = formatName(image);
   // NIfTI's fourth axis is time, of which one step is taken.
@@ -396,6 +421,27 @@ VolumeInfo describeVolume(const std::string& path, const itk::ImageIOBase& image
                          " voxels were converted to float32");
   }
   return info;
+}
+
+// Frames of a file that does not say of each where it is. ITK stacks them as they come.
+void describePlainFrames(const std::string& path, const DicomHeader& header,
+                         const itk::ImageIOBase& image, const OpenOptions& options,
+                         std::vector<std::string>& notes) {
+  if (header.value(dicom::kNumberOfFrames).empty())  // of a file that was not walked to its end
+    throw Error("cannot use '" + path + "': its header is packed or in an encoding of one maker, " +
+                    "so where its frames are is unknown; convert it with its own software",
+                {.path = path});
+  if (const std::string offsets = header.value(dicom::kGridFrameOffsets); !offsets.empty())
+    return checkFrameOffsets(path, offsets);
+  const std::string along = header.value(dicom::kFrameIncrementPointer);
+  if (along == std::to_string(dicom::kFrameTime) ||
+      along == std::to_string(dicom::kFrameTimeVector))
+    notes.push_back("frames are steps of time in the file; they were stacked as slices");
+  if (options.spacing) return;
+  std::ostringstream note;
+  note << "frames have no positions: their order and their distance, "
+       << std::abs(image.GetSpacing(2)) << " mm, are assumptions";
+  notes.push_back(note.str());
 }
 
 // A 3-D image that cannot be streamed, in one file or behind a header in several: held in memory
@@ -571,8 +617,9 @@ std::vector<std::string> filesOf(const std::string& path) {
 
 std::unique_ptr<VolumeSource> openImageFile(const std::string& path, std::vector<std::string> files,
                                             itk::ImageIOBase::Pointer image,
-                                            const OpenOptions& options) {
-  VolumeInfo info = describeVolume(path, *image);
+                                            const OpenOptions& options,
+                                            std::vector<std::string> notes = {}) {
+  VolumeInfo info = describeVolume(path, *image, std::move(notes));
   const auto components = static_cast<std::uint64_t>(image->GetNumberOfComponents());
   if (info.format == "TIFF" || info.format == "LSM") checkTiffPages(path);
   if (info.format == "NIfTI") {
@@ -602,14 +649,26 @@ std::unique_ptr<VolumeSource> openImageFile(const std::string& path, std::vector
 }  // namespace
 
 std::unique_ptr<VolumeSource> openItkFile(const std::string& path, const OpenOptions& options) {
+  static_cast<void>(InputFile(path));  // refuses what is no file: a pipe would be waited for
   // First: what has no good names must not come to ITK.
   std::vector<std::string> files = filesOf(path);
+  if (const auto header = dicomImageHeader(path)) return openDicomFile(path, *header, options);
   return openImageFile(path, std::move(files), openImage(path, options), options);
 }
 
-std::unique_ptr<VolumeSource> openItkFile(const std::string& path, itk::ImageIOBase::Pointer image,
-                                          const OpenOptions& options) {
-  return openImageFile(path, filesOf(path), std::move(image), options);
+std::unique_ptr<VolumeSource> openDicomFile(const std::string& path, const DicomHeader& header,
+                                            const OpenOptions& options) {
+  if (hasDicomFrames(header)) return openDicomFrames(path, header, options);
+  if (options.time || options.channel || !options.grid.empty())
+    throw Error("cannot use '" + path +
+                    "': it does not say of its frames to which time, channel or " +
+                    "stack they belong; leave out the choice of one",
+                {.path = path});
+  itk::ImageIOBase::Pointer image = openDicomImage(path, header.stamp, options);
+  std::vector<std::string> notes;
+  noteMonochrome1(header.value(dicom::kPhotometricInterpretation), notes);
+  if (imageVoxels(path, *image).z > 1) describePlainFrames(path, header, *image, options, notes);
+  return openImageFile(path, {path}, std::move(image), options, std::move(notes));
 }
 
 }  // namespace itk_detail

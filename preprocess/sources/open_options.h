@@ -21,7 +21,6 @@ struct RawLayout {
   Index3 voxels{0};
   std::string type;  // one of them, or as "uint8", "uchar"
   bool big_endian = false;
-  glm::dvec3 spacing{1.0};
   std::uint64_t offset_bytes = 0;
 };
 
@@ -43,14 +42,19 @@ struct OpenOptions {
   // A DICOM series becomes float32, whatever its headers say: for one with values that do not fit
   // the type that they suggest (dicom_values.h).
   bool dicom_float32 = false;
+  // Of a folder with several DICOM series, the one of this UID or number.
+  std::string series;
+  // Given: take the place of what the input says, or lacks. Of a coarser level of a pyramid too,
+  // these are of level 0. Finite, `spacing` above 0.
+  std::optional<glm::dvec3> spacing, origin;
   // Given: a pyramid (.isb) is opened, this level of it. Without, pyramids are refused: nobody
   // needs one of a pyramid by accident.
   std::optional<int> pyramid_level;
-  // Of a file with several volumes (OpenVDB, arrays of VTI), the one of this name; empty: the first
-  // that will do.
+  // Of a file with several volumes (OpenVDB, arrays of VTI, stacks of an enhanced DICOM file), the
+  // one of this name; empty: the first that will do (of stacks: Error where there are several).
   std::string grid;
-  // Of a volume with several time steps or channels (OME-Zarr, time steps of NIfTI), which one;
-  // without, the first, and a note says so.
+  // Of a volume with several time steps or channels (OME-Zarr, time steps of NIfTI, DICOM), which
+  // one; without, the first, and a note says so (of DICOM: Error).
   std::optional<std::int64_t> time, channel;
   // Of NRRD, MetaImage, NIfTI and VTI with several values per voxel, what becomes of them. Without,
   // such volumes are refused; given, all others are.

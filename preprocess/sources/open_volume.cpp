@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <string_view>
 
+#include "isobrick/preprocess/export/source_views.h"
 #include "isobrick/preprocess/sources/exr_source.h"
 #include "isobrick/preprocess/sources/hdf5_source.h"
 #include "isobrick/preprocess/sources/header_text.h"
@@ -77,28 +78,8 @@ bool mayHaveComponents(const std::string& path, const OpenOptions& options) {
          ending != ".isb" && ending != ".vdb";
 }
 
-}  // namespace
-
-void refuseUnusablePath(const std::string& path, const OpenOptions& options) {
-  std::error_code ignored;
-  const fs::file_status status = fs::status(path, ignored);
-  // Opening a pipe would wait for its other end, for ever.
-  if (fs::exists(status) && !fs::is_regular_file(status) && !fs::is_directory(status))
-    throw Error("cannot read '" + path + "': it is neither a file nor a folder; copy it to a file",
-                {.path = path});
-  if (!mayHaveComponents(path, options)) refuseComponentChoice(path, options);
-  if (options.raw || !fs::is_regular_file(status)) return;
-  const std::string ending = lowerExtension(path);
-  if (ending == ".isb" && !options.pyramid_level)
-    throw Error("'" + path + "' is a pyramid already; give the volume that it was made of",
-                {.path = path});
-  if (std::find(kRawEndings.begin(), kRawEndings.end(), ending) != kRawEndings.end())
-    throw Error("'" + path + "' has no header; say how its voxels lie", {.path = path},
-                {Remedy::kDescribeRawFile});
-}
-
-std::unique_ptr<VolumeSource> openVolume(const std::string& path, const OpenOptions& options) {
-  refuseUnusablePath(path, options);
+// From a path that refuseUnusablePath() let pass.
+std::unique_ptr<VolumeSource> openFormat(const std::string& path, const OpenOptions& options) {
   if (options.raw) return openRawSource(path, *options.raw);
   std::error_code ignored;
   if (fs::is_directory(path, ignored) && isZarrFolder(path)) return openZarrSource(path, options);
@@ -113,6 +94,44 @@ std::unique_ptr<VolumeSource> openVolume(const std::string& path, const OpenOpti
     if (ending == ".vdb") return openVdb(path, options);
   }
   return openItk(path, options);
+}
+
+}  // namespace
+
+void refuseUnusablePath(const std::string& path, const OpenOptions& options) {
+  std::error_code ignored;
+  const fs::file_status status = fs::status(path, ignored);
+  // Opening a pipe would wait for its other end, for ever.
+  if (fs::exists(status) && !fs::is_regular_file(status) && !fs::is_directory(status))
+    throw Error("cannot read '" + path + "': it is neither a file nor a folder; copy it to a file",
+                {.path = path});
+  if (!mayHaveComponents(path, options)) refuseComponentChoice(path, options);
+  if (!options.series.empty() && (!fs::is_directory(status) || isZarrFolder(path)))
+    throw Error("cannot read '" + path +
+                    "': it is no folder of DICOM series to choose from; name " +
+                    "the folder, or leave out the series",
+                {.path = path});
+  if (options.raw || !fs::is_regular_file(status)) return;
+  const std::string ending = lowerExtension(path);
+  if (ending == ".isb" && !options.pyramid_level)
+    throw Error("'" + path + "' is a pyramid already; give the volume that it was made of",
+                {.path = path});
+  if (std::find(kRawEndings.begin(), kRawEndings.end(), ending) != kRawEndings.end())
+    throw Error("'" + path + "' has no header; say how its voxels lie", {.path = path},
+                {Remedy::kDescribeRawFile});
+}
+
+std::unique_ptr<VolumeSource> placedAsGiven(std::unique_ptr<VolumeSource> source,
+                                            const OpenOptions& options, int level) {
+  if (!options.spacing && !options.origin) return source;
+  std::optional<glm::dvec3> spacing = options.spacing;
+  if (spacing) *spacing *= static_cast<double>(std::int64_t{1} << level);
+  return makePlacedSource(std::move(source), spacing, options.origin);
+}
+
+std::unique_ptr<VolumeSource> openVolume(const std::string& path, const OpenOptions& options) {
+  refuseUnusablePath(path, options);
+  return placedAsGiven(openFormat(path, options), options, options.pyramid_level.value_or(0));
 }
 
 }  // namespace isobrick

@@ -19,6 +19,11 @@ namespace isobrick {
 // where options.raw is missing; Cancelled.
 std::unique_ptr<VolumeSource> openVolume(const std::string& path, const OpenOptions& options = {});
 
+// What openVolume() makes of a source that was opened otherwise, level `level` of a pyramid: with
+// the spacing and the origin of the options, where they have them.
+std::unique_ptr<VolumeSource> placedAsGiven(std::unique_ptr<VolumeSource> source,
+                                            const OpenOptions& options, int level = 0);
+
 // Throws what openVolume() would for a path that is known by its name or its kind not to be usable;
 // opens nothing.
 void refuseUnusablePath(const std::string& path, const OpenOptions& options = {});

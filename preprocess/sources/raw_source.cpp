@@ -141,7 +141,6 @@ std::unique_ptr<VolumeSource> openRawSource(const std::string& path, const RawLa
   VolumeInfo info;
   info.voxels = layout.voxels;
   info.voxel_type = stored.delivered();
-  info.geometry.spacing = layout.spacing;
   info.source = path;
   info.format = "raw";
   info.encoding = layout.type + (layout.big_endian ? " big-endian" : " little-endian") +

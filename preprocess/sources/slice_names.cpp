@@ -2,7 +2,10 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cstdint>
 #include <filesystem>
+#include <fstream>
+#include <string_view>
 
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/sources/exr_source.h"
@@ -13,14 +16,26 @@ namespace isobrick {
 
 namespace fs = std::filesystem;
 
+namespace {
+
+bool beginsAsDicom(const fs::path& path) {
+  constexpr std::streamoff kPreambleBytes = 128;
+  std::ifstream file(path, std::ios::binary);
+  char magic[4] = {};
+  return file.seekg(kPreambleBytes) && file.read(magic, sizeof magic) &&
+         std::string_view(magic, sizeof magic) == "DICM";
+}
+
+}  // namespace
+
 std::vector<std::string> filesInFolder(const std::string& folder) {
   std::vector<std::string> files;
   try {
     for (const fs::directory_entry& entry : fs::directory_iterator(folder))
       if (entry.is_regular_file())
         files.push_back(entry.path().string());
-      else if (!entry.path().filename().string().starts_with('.'))
-        static_cast<void>(inputIsThere(entry.path().string()));  // a slice would be missing
+      else if (!entry.is_directory() && !entry.path().filename().string().starts_with('.'))
+        static_cast<void>(InputFile(entry.path().string()));  // refuses: a slice would be missing
   } catch (const fs::filesystem_error& error) {
     throw Error("cannot read the folder '" + folder + "': " + error.code().message() +
                     "; check its permissions",
@@ -55,9 +70,17 @@ bool numericNameLess(const std::string& a, const std::string& b) {
 
 bool hasExrSlices(const std::string& folder) {
   std::error_code ignored;
+  std::int64_t exr = 0, others = 0;
+  for (const auto& entry : fs::directory_iterator(folder, ignored)) {
+    const std::string ending = lowerExtension(entry.path());
+    if (ending == ".exr") ++exr;
+    if (ending == ".tif" || ending == ".tiff" || ending == ".png") ++others;
+  }
+  if (exr == 0) return false;
+  // A stray picture does not decide what a folder is.
   for (const auto& entry : fs::directory_iterator(folder, ignored))
-    if (lowerExtension(entry.path()) == ".exr") return true;
-  return false;
+    if (entry.is_regular_file(ignored) && beginsAsDicom(entry.path())) ++others;
+  return exr > others;
 }
 
 }  // namespace isobrick

@@ -267,7 +267,7 @@ TEST_F(InputIdentityTest, ShortReadsAreReadOn) {
   std::string bytes(300'000, '\0');
   for (std::size_t i = 0; i < bytes.size(); ++i) bytes[i] = static_cast<char>(i * i >> 7);
   const std::string path = write("a.raw", bytes);
-  const auto source = openRawSource(path, {{100, 100, 30}, "u8", false, glm::dvec3(1), 0});
+  const auto source = openRawSource(path, {{100, 100, 30}, "u8", false, 0});
   const std::string whole = buildIdentity(*source, {});
   const ReadFaultScope scope(path);
   fault.most_bytes = 1000;
@@ -277,7 +277,7 @@ TEST_F(InputIdentityTest, ShortReadsAreReadOn) {
 
 TEST_F(InputIdentityTest, AFileThatEndsEarlyIsAnError) {
   const std::string path = write("a.raw", std::string(300'000, 'v'));
-  const auto source = openRawSource(path, {{100, 100, 30}, "u8", false, glm::dvec3(1), 0});
+  const auto source = openRawSource(path, {{100, 100, 30}, "u8", false, 0});
   const ReadFaultScope scope(path);
   fault.file_end = 299'999;
   const std::string message = errorOf([&] { buildIdentity(*source, {}); });

@@ -85,8 +85,10 @@ TEST_P(DicomFolder, SeveralSeriesAreListed) {
   other.replace(at + element.size(), uid.size(), other_uid);
   write("other", other);
   const std::string message = errorOf([&] { openItkSource(folder_.string()); });
-  EXPECT_CONTAINS(message, uid + " (2 images)");
-  EXPECT_CONTAINS(message, other_uid + " (1 image)");
+  EXPECT_CONTAINS(message, "(2 slices of");
+  EXPECT_CONTAINS(message, "UID " + uid + ")");
+  EXPECT_CONTAINS(message, "(1 slice of");
+  EXPECT_CONTAINS(message, "UID " + other_uid + ")");
 }
 
 TEST_P(DicomFolder, DamagedSlicesAreErrorsThatNameTheFile) {

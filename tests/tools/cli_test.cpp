@@ -543,6 +543,78 @@ TEST_F(CliTest, APipeAsInputIsRefusedAtOnce) {
   expectFailure(1, {"build", "pipe.nrrd"}, "neither a file nor a folder");
   expectFailure(1, {"build", "pipe.nrrd", "--raw-dims", "4,4,4", "--raw-type", "u8"},
                 "neither a file nor a folder");
+  // As what else it may be called, and for every command that opens a file.
+  for (const char* name : {"pipe.isb", "pipe.h5", "pipe.vdb", "pipe.mhd", "pipe"})
+    ASSERT_EQ(mkfifo(path(name).c_str(), 0600), 0);
+  for (const char* name : {"pipe.isb", "/dev/zero", "/dev/null"}) {
+    expectFailure(1, {"info", name}, "not a regular file");
+    expectFailure(1, {"verify", name}, "not a regular file");
+    expectFailure(1, {"extract", name, "--iso", "0"}, "not a regular file");
+    expectFailure(1, {"render", name, "--iso", "0", "-o", "a.png"}, "not a regular file");
+    expectFailure(1, {"convert", name, "-o", "a.nrrd"}, "neither a file nor a folder");
+  }
+  for (const char* name : {"pipe.h5:/a", "pipe.vdb", "pipe.mhd", "pipe", "pipe.nrrd"}) {
+    const Outcome outcome = run({"convert", name, "-o", "a.isb"});
+    checkFailure(outcome, 1, std::string(name).substr(0, 4));
+  }
+  // A member of a folder, and what a header names.
+  fs::create_directory(path("slices"));
+  ASSERT_EQ(mkfifo(path("slices/1.tif").c_str(), 0600), 0);
+  expectFailure(1, {"build", "slices"}, "1.tif");
+  for (const char* encoding : {"raw", "gzip", "bzip2", "text"}) {
+    writeBytes(path("named.nrrd"),
+               std::string("NRRD0004\ntype: uint8\ndimension: 3\nsizes: 4 4 4\n") +
+                   "encoding: " + encoding + "\ndata file: pipe\n\n");
+    expectFailure(1, {"build", "named.nrrd"}, "pipe");
+  }
+  for (const char* compressed : {"True", "False"}) {
+    writeBytes(path("named.mhd"), std::string("NDims = 3\nDimSize = 4 4 4\nCompressedData = ") +
+                                      compressed +
+                                      "\nElementType = MET_UCHAR\nElementDataFile = pipe\n");
+    expectFailure(1, {"build", "named.mhd"}, "pipe");
+  }
+}
+
+TEST_F(CliTest, SpacingAndOriginAreGivenByHand) {
+  writeBytes(path("plain.raw"), std::string(6 * 5 * 4, 'a'));
+  const Words raw = {"plain.raw", "--raw-dims", "6,5,4", "--raw-type", "u8"};
+  const auto with = [](Words words, const Words& more) {
+    words.insert(words.end(), more.begin(), more.end());
+    return words;
+  };
+  const auto build = [&](const Words& more) {
+    return runForJson(with({"build"}, with(with(raw, {"-o", "plain.isb"}), more)));
+  };
+  EXPECT_FALSE(build({"--spacing", "0.5,2,3", "--origin", "-1,2,3.25"})["skipped"].get<bool>());
+  Json info = runForJson({"info", "plain.isb"});
+  EXPECT_EQ(info["spacing"], Json::array({0.5, 2, 3}));
+  EXPECT_EQ(info["origin"], Json::array({-1, 2, 3.25}));
+  // They say what was built: another place is another pyramid, also where any options will do.
+  EXPECT_TRUE(build({"--raw-spacing", "0.5,2,3", "--origin=-1,2,3.25"})["skipped"].get<bool>());
+  EXPECT_FALSE(build({"--spacing", "0.5,2,4", "--any-options"})["skipped"].get<bool>());
+  EXPECT_EQ(runForJson({"info", "plain.isb"})["spacing"], Json::array({0.5, 2, 4}));
+  EXPECT_TRUE(
+      build({"--spacing", "0.5,2,4", "--any-options", "--codec", "none"})["skipped"].get<bool>());
+
+  // Of what has a place of its own, with a note; of a level of a pyramid; of a phantom.
+  runWell({"convert", "plain.isb", "-o", "own.nrrd"});
+  const Json converted = runForJson(
+      {"convert", "own.nrrd", "-o", "other.nrrd", "--spacing", "1,1,7", "--box", "1,0,0,4,3,2"});
+  EXPECT_EQ(converted["spacing"], Json::array({1, 1, 7}));
+  EXPECT_EQ(converted["origin"], Json::array({1, 0, 0}));
+  EXPECT_NE(converted["notes"].dump().find("the spacing 1,1,7 was given in place of 0.5,2,4"),
+            std::string::npos)
+      << converted["notes"];
+  EXPECT_EQ(runForJson({"convert", "plain.isb", "-o", "coarse.nrrd", "--level", "1", "--spacing",
+                        "1,1,7"})["spacing"],
+            Json::array({2, 2, 14}));
+  runWell({"build", "phantom:sphere:16", "--spacing", "2,2,2", "-o", "sphere.isb"});
+  EXPECT_EQ(runForJson({"info", "sphere.isb"})["spacing"], Json::array({2, 2, 2}));
+
+  for (const char* wrong : {"0,1,1", "1,-1,1", "1,1", "nan,1,1"})
+    expectFailure(2, {"build", "own.nrrd", "--spacing", wrong}, "--spacing");
+  expectFailure(2, {"view", "plain.isb", "--spacing", "1,1,1"}, "--spacing");
+  expectFailure(1, {"build", "own.nrrd", "--series", "1"}, "no folder of DICOM series");
 }
 
 TEST_F(CliTest, AMeshNeverReplacesItsPyramidNorWritesThroughALink) {

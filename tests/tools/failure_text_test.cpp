@@ -62,7 +62,7 @@ TEST_F(FailureTextTest, EveryRemedyNamesOnlyOptionsThatTheCommandHas) {
     const std::set<std::string>& options = optionsOfCommand(command);
     ASSERT_GT(options.size(), 1u) << command;
     const HasOption has = [&](const std::string& option) { return options.contains(option); };
-    for (int remedy = 0; remedy <= static_cast<int>(Remedy::kPackMesh); ++remedy) {
+    for (int remedy = 0; remedy <= static_cast<int>(Remedy::kChooseSeries); ++remedy) {
       const std::string advice = adviceOf(static_cast<Remedy>(remedy), has);
       EXPECT_NE(advice, "");
       EXPECT_NE(advice, "see the documentation") << remedy;

@@ -197,7 +197,7 @@ void addOutputOptions(CLI::App& sub, BuildArguments& arguments) {
           "input)");
   sub.add_flag("--any-options", arguments.settings.any_options,
                "Leave a pyramid of the same input as it is, also where it was built with other "
-               "options");
+               "options (but not where these ask for other voxels or another place)");
   sub.add_flag("--resume", arguments.settings.options.resume,
                "Go on where an interrupted or killed build with the same options ended");
   sub.add_flag("--json", arguments.json,

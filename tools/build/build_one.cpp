@@ -32,7 +32,8 @@ std::unique_ptr<VolumeSource> openShowingProgress(const BuildJob& job,
   options.progress = [&](std::string_view phase, double share) {
     bar.show(fmt::format("{}{}", job.label, phase), share);
   };
-  if (const auto phantom = phantomOf(job.input.path)) return makePhantomSource(*phantom);
+  if (const auto phantom = phantomOf(job.input.path))
+    return placedAsGiven(makePhantomSource(*phantom), options);
   return openVolume(job.input.path, options);
 }
 

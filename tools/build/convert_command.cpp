@@ -156,9 +156,10 @@ Opened openLevels(const ConvertArguments& arguments) {
         const Index3 count = boxOfLevel(*arguments.box, level).count;
         if (std::min({count.x, count.y, count.z}) < 2) break;
       }
-      opened.levels.push_back(
-          withViews(makePyramidSource(pyramid, options.memory_bytes, level, &interruptFlag()),
-                    arguments, level));
+      opened.levels.push_back(withViews(
+          placedAsGiven(makePyramidSource(pyramid, options.memory_bytes, level, &interruptFlag()),
+                        options, level),
+          arguments, level));
       addBeside(pyramid, arguments, level, opened.levels.size() - 1, opened.beside);
     }
   } else {
@@ -291,6 +292,10 @@ void checkUsage(const ConvertArguments& arguments) {
   if (!isPyramid(arguments.output)) refuseUnknownExport(arguments.output, false);
   refuseUnfitOutputOptions(*arguments.input.parser, arguments.output);
   const bool has_beside = arguments.with_ranges || arguments.with_curvature || arguments.with_error;
+  if (has_beside && (arguments.input.spacing || arguments.input.origin))
+    throw UsageError(
+        "--with-ranges, --with-curvature and --with-error lie where the pyramid does; leave out "
+        "--spacing and --origin");
   if (has_beside && arguments.window)
     throw UsageError(
         "--with-ranges, --with-curvature and --with-error are of the values as they are; leave out "

@@ -49,6 +49,16 @@ std::string inputLine(const std::string& identity) {
   return identity.substr(0, identity.find('\n'));
 }
 
+// Which voxels of the input, and where: what users say of it is in these lines.
+std::string volumeLines(const std::string& identity) {
+  std::string lines;
+  for (const char* name : {"\nvoxels=", "\nformat="}) {
+    const std::size_t at = identity.find(name);
+    if (at != std::string::npos) lines += identity.substr(at, identity.find('\n', at + 1) - at);
+  }
+  return lines;
+}
+
 // A relative path names another file in another folder, and a pyramid does not say where it was
 // built. One that lies in the current folder, or below it, was most likely built from here.
 bool meansTheSameFile(const std::string& source, const std::string& output) {
@@ -90,7 +100,9 @@ bool isUpToDate(const std::string& output, const VolumeInfo& info,
   }
   const std::string identity = buildIdentity(info, input_identity, options);
   if (origin.identity == identity) return true;
-  if (inputLine(origin.identity) == inputLine(identity)) return any_options;
+  if (inputLine(origin.identity) == inputLine(identity))
+    return any_options &&
+           (info.encoding.empty() || volumeLines(origin.identity) == volumeLines(identity));
   if (origin.source != info.source)
     return inTheWay(fmt::format("was made from '{}'", origin.source));
   if (!meansTheSameFile(origin.source, output))

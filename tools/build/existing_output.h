@@ -19,7 +19,8 @@ void refuseInputsAsOutput(const std::vector<std::string>& files, const std::stri
 // is none, or one that was made from the same input, which has changed since or is to be built with
 // other options. Where it was made from something else, or nobody can tell, throws Error; with
 // `force`, which replaces it, false. `input_identity` is that of the source. With `any_options`
-// they may be others.
+// they may be others, but where users said how to read the input (VolumeInfo::encoding) it was read
+// so.
 bool isUpToDate(const std::string& output, const VolumeInfo& info,
                 const std::string& input_identity, const BuildOptions& options, bool any_options,
                 bool force);

@@ -22,9 +22,12 @@ struct OptionFit {
 // As VolumeInfo::format begins. A choice of component is looked at where the file is opened, which
 // knows how many values a voxel has.
 const OptionFit kOfInputs[] = {
-    {"--grid", "OpenVDB, VTI and slices of OpenEXR", {"OpenVDB", "VTK ImageData", "OpenEXR"}},
-    {"--time", "OME-Zarr and NIfTI", {"OME-Zarr", "Zarr", "NIfTI"}},
-    {"--channel", "OME-Zarr and HDF5", {"OME-Zarr", "Zarr", "HDF5"}},
+    {"--grid",
+     "OpenVDB, VTI, slices of OpenEXR and stacks of DICOM",
+     {"OpenVDB", "VTK ImageData", "OpenEXR", "DICOM"}},
+    {"--time", "OME-Zarr, NIfTI and DICOM", {"OME-Zarr", "Zarr", "NIfTI", "DICOM"}},
+    {"--channel", "OME-Zarr, HDF5 and DICOM", {"OME-Zarr", "Zarr", "HDF5", "DICOM"}},
+    {"--series", "folders of DICOM series", {"DICOM"}},
     {"--dicom-float32", "DICOM series", {"DICOM"}},
     {"--raw-dims", "files without a header", {"raw"}},
     {"--level", "pyramids (.isb)", {"isobrick pyramid"}},

@@ -26,6 +26,13 @@ ComponentChoice parseComponent(const std::string& text) {
   return {.index = parseInteger(text, 0, std::numeric_limits<std::int64_t>::max())};
 }
 
+glm::dvec3 parseSpacing(const std::string& text) {
+  const glm::dvec3 spacing = parsePoint(text);
+  if (!(spacing.x > 0 && spacing.y > 0 && spacing.z > 0))
+    throw std::invalid_argument(fmt::format("'{}': all three are to be above 0", text));
+  return spacing;
+}
+
 }  // namespace
 
 void addInputOptions(CLI::App& app, std::vector<std::string>& paths, InputOptions& options) {
@@ -53,9 +60,6 @@ void addOpenOptions(CLI::App& app, InputOptions& options) {
       ->type_name("E")
       ->check(CLI::IsMember({"little", "big"}))
       ->needs(dims);
-  addParsedOption(app, "--raw-spacing", options.raw.spacing, parsePoint, "X,Y,Z",
-                  "Distances between its voxels in world units; default: 1,1,1")
-      ->needs(dims);
   addParsedOption(
       app, "--raw-offset", options.raw.offset_bytes,
       [](const std::string& text) {
@@ -63,18 +67,30 @@ void addOpenOptions(CLI::App& app, InputOptions& options) {
       },
       "BYTES", "Where its first voxel is; default: 0")
       ->needs(dims);
+  addParsedOption(app, "--spacing", options.spacing, parseSpacing, "X,Y,Z",
+                  "Distances between voxels in the units of the world, in place of what the input "
+                  "says or lacks");
+  addParsedOption(app, "--raw-spacing", options.spacing, parseSpacing, "X,Y,Z", "The same")
+      ->group("");  // its name in earlier versions
+  addParsedOption(
+      app, "--origin", options.origin, parsePoint, "X,Y,Z",
+      "Where the first voxel is in the world, in place of what the input says or lacks");
+  app.add_option("--series", options.series,
+                 "Of a folder with several DICOM series, the one of this number or UID")
+      ->type_name("N|UID");
   app.add_option(
          "--grid", options.grid,
-         "Of an OpenVDB file with several grids, or a VTI file with several arrays, the one "
-         "of this name")
+         "Of an OpenVDB file with several grids, a VTI file with several arrays, or a DICOM file "
+         "with several stacks, the one of this name")
       ->type_name("NAME");
   const auto parseIndex = [](const std::string& text) {
     return parseInteger(text, 0, std::numeric_limits<std::int64_t>::max());
   };
   addParsedOption(app, "--time", options.time, parseIndex, "T",
-                  "Of OME-Zarr and NIfTI, the time step to take, from 0");
+                  "Of OME-Zarr, NIfTI and DICOM, the time step to take, from 0");
   addParsedOption(app, "--channel", options.channel, parseIndex, "C",
-                  "Of OME-Zarr and HDF5, the channel to take, from 0");
+                  "Of OME-Zarr and HDF5, the channel to take, from 0; of DICOM what else frames "
+                  "differ by: echoes, b-values, ...");
   addParsedOption(
       app, "--component", options.component, parseComponent, "N|magnitude",
       "Of NRRD, MetaImage, NIfTI, VTI or TIFF with several values per voxel, the one to take, "
@@ -92,6 +108,9 @@ OpenOptions openOptionsOf(const InputOptions& input) {
   options.time = input.time;
   options.channel = input.channel;
   options.component = input.component;
+  options.series = input.series;
+  options.spacing = input.spacing;
+  options.origin = input.origin;
   if (input.raw_dims) {
     options.raw = input.raw;
     options.raw->voxels = *input.raw_dims;

@@ -22,6 +22,8 @@ struct InputOptions {
   std::string grid;
   std::optional<std::int64_t> time, channel;
   std::optional<ComponentChoice> component;
+  std::string series;
+  std::optional<glm::dvec3> spacing, origin;
   std::optional<int> pyramid_level;  // given: pyramids are inputs too
 };
 

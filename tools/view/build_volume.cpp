@@ -102,6 +102,8 @@ VolumeBuilder volumeBuilder(ViewBuildOptions options) {
                   "--any-options",
                   "--progress-lines",
                   "--json"};
+    if (input == options.described_volume)
+      call.words.insert(call.words.end(), options.description.begin(), options.description.end());
     const PreviewFolder previews;
     if (!previews.path().empty()) {
       call.words.insert(call.words.end(), {"--preview-folder", previews.path()});

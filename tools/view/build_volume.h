@@ -3,6 +3,7 @@
 
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "isobrick/viewer/session/volume_opener.h"
 
@@ -12,6 +13,9 @@ struct ViewBuildOptions {
   std::string cache_folder;  // for pyramids; empty: beside the volumes
   int threads = 1;
   std::optional<double> preview_share;  // of a build's time, for previews; nothing: its default
+  // Words for `isobrick build` that say how to read this one volume.
+  std::string described_volume = {};
+  std::vector<std::string> description = {};
 };
 
 // Runs `isobrick build` in a process of its own, so that this one needs neither ITK nor OpenVDB. A

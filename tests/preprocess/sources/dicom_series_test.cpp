@@ -13,7 +13,9 @@
 #include "isobrick/preprocess/sources/dicom_header.h"
 #include "isobrick/preprocess/sources/dicom_values.h"
 #include "isobrick/preprocess/sources/itk_source.h"
+#include "isobrick/preprocess/sources/open_volume.h"
 #include "tests/support/file_bytes.h"
+#include "tests/support/tiff_file.h"
 #include "tests/support/volume_files.h"
 
 namespace isobrick {
@@ -32,6 +34,10 @@ struct Slice {
   std::vector<int> pixels;  // all rows; missing ones are 0
   std::string syntax = "1.2.840.10008.1.2.1";
   std::string packed;  // what stands for the pixels of a packed syntax
+  std::string series_uid = "1.2.3.4", series_number, description, time;  // empty: not there
+  std::optional<int> height;                                             // otherwise the number
+  bool has_position = true;
+  std::string photometric = "MONOCHROME2";
 };
 
 class DicomBytes {
@@ -41,7 +47,8 @@ class DicomBytes {
   void add(std::uint32_t tag, const char* type, std::string value) {
     if (value.size() % 2 != 0) value += type[0] == 'U' && type[1] == 'I' ? '\0' : ' ';
     addTag(tag);
-    const bool is_long = std::string(type) == "OW" || std::string(type) == "OB";
+    const bool is_long =
+        std::string(type) == "OW" || std::string(type) == "OB" || std::string(type) == "SQ";
     if (is_explicit_) bytes += type;
     if (is_explicit_ && is_long) add16(0);
     if (is_explicit_ && !is_long)
@@ -83,14 +90,18 @@ std::string dataSetOf(const Slice& slice) {
   d.add(0x00080016, "UI", kCtStorage);
   d.add(0x00080018, "UI", uid);
   d.add(0x00080060, "CS", "CT");
+  if (!slice.description.empty()) d.add(0x0008103e, "LO", slice.description);
   d.add(0x00180050, "DS", "1");
   d.add(0x0020000d, "UI", "1.2.3");
-  d.add(0x0020000e, "UI", "1.2.3.4");
+  d.add(0x0020000e, "UI", slice.series_uid);
+  if (!slice.series_number.empty()) d.add(0x00200011, "IS", slice.series_number);
   d.add(0x00200013, "IS", std::to_string(slice.number));
-  d.add(0x00200032, "DS", "0\\0\\" + std::to_string(slice.number));
+  if (slice.has_position)
+    d.add(0x00200032, "DS", "0\\0\\" + std::to_string(slice.height.value_or(slice.number)));
   d.add(0x00200037, "DS", "1\\0\\0\\0\\1\\0");
+  if (!slice.time.empty()) d.add(0x00200100, "IS", slice.time);
   d.addNumber(0x00280002, 1);
-  d.add(0x00280004, "CS", "MONOCHROME2");
+  d.add(0x00280004, "CS", slice.photometric);
   d.addNumber(0x00280010, slice.rows);
   d.addNumber(0x00280011, slice.columns);
   d.add(0x00280030, "DS", "1\\1");
@@ -348,6 +359,211 @@ TEST_F(DicomSeriesTest, OtherFilesAreNotMistakenForThem) {
   write("without_size", no_size.bytes);
   EXPECT_EQ(open()->info().voxels.z, 3);
   EXPECT_EQ(readDicomHeader(pathOf("without_size")).state, DicomHeader::State::kNotDicom);
+}
+
+// ---- which volume ---------------------------------------------------------------------------
+
+TEST_F(DicomSeriesTest, OneOfSeveralSeriesIsTakenByNumberOrUid) {
+  for (int series = 1; series <= 3; ++series)
+    for (int k = 1; k <= series + 1; ++k) {
+      Slice slice;
+      slice.number = k;
+      slice.series_uid = "1.2.3." + std::to_string(series);
+      slice.series_number = std::to_string(series < 3 ? 10 * series : 10);
+      slice.description = "SCAN\n" + std::to_string(series);
+      slice.pixels = {series};
+      write(std::to_string(series) + "." + std::to_string(k), fileOf(slice));
+    }
+  const auto messageOf = [&](const std::string& series) {
+    OpenOptions options;
+    options.series = series;
+    return errorOf([&] { open(options); });
+  };
+  EXPECT_CONTAINS(messageOf(""), "20 'SCAN 2' (3 slices of 4 x 3, UID 1.2.3.2)");
+  EXPECT_CONTAINS(messageOf(""), "<series>");
+  EXPECT_CONTAINS(messageOf("7"), "no series '7' among 3");
+  EXPECT_CONTAINS(messageOf("10"), "several series '10'");
+  for (const char* name : {"20", "1.2.3.2"}) {
+    OpenOptions options;
+    options.series = name;
+    const auto source = open(options);
+    EXPECT_EQ(source->info().voxels.z, 3);
+    EXPECT_EQ(readVoxels<std::int16_t>(*source)[0], 2 - 1024);
+  }
+}
+
+TEST_F(DicomSeriesTest, StrayFilesDoNotDecideWhatAFolderIs) {
+  writeSeries({}, 4);
+  const std::string picture = tiffBytes(4, 3, 8, std::string(12, '\7'));
+  for (const char* name : {"thumbnail.tif", "README", "photo.jpg", "key.png", "stray.exr"})
+    write(name, picture);
+  const auto series = openVolume(folder_.string());
+  EXPECT_EQ(series->info().format, "DICOM series");
+  EXPECT_EQ(series->info().voxels.z, 4);
+  EXPECT_CONTAINS(series->info().notes.front(), "1 TIFF slice in the folder was left out");
+  for (int k = 0; k < 6; ++k) write("page" + std::to_string(k) + ".tif", picture);
+  EXPECT_EQ(openVolume(folder_.string())->info().voxels.z, 7);
+  for (const char* name : {"1.dcm", "2.dcm", "3.dcm"}) fs::remove(pathOf(name));
+  EXPECT_EQ(openVolume(folder_.string())->info().format, "TIFF stack");
+  // As many of both: nobody can tell.
+  for (int k = 0; k < 6; ++k) fs::remove(pathOf("page" + std::to_string(k) + ".tif"));
+  EXPECT_CONTAINS(errorOf([&] { openVolume(folder_.string()); }), "1 DICOM slice and 1 TIFF slice");
+}
+
+TEST_F(DicomSeriesTest, OneOfSeveralTimesIsTaken) {
+  writeSeries({}, 6, [](Slice& slice) {
+    slice.height = (slice.number + 1) / 2;
+    slice.time = std::to_string(10 + slice.number % 2);
+    slice.pixels = {slice.number};
+  });
+  EXPECT_CONTAINS(errorOf([&] { open(); }), "2 volumes, of time 0 to 1 <time>");
+  OpenOptions options;
+  options.time = 1;
+  const auto source = open(options);
+  EXPECT_EQ(source->info().encoding, "time 1");
+  const auto values = readVoxels<std::int16_t>(*source);
+  for (std::size_t k = 0; k < 3; ++k)
+    EXPECT_EQ(values[12 * k], static_cast<int>(2 * k) + 1 - 1024) << k;
+  options.time = 2;
+  EXPECT_CONTAINS(errorOf([&] { open(options); }), "no time 2");
+}
+
+TEST_F(DicomSeriesTest, WhatIsAssumedIsSaid) {
+  Slice slice;
+  slice.has_position = false;
+  slice.photometric = "MONOCHROME1";
+  writeSeries(slice, 3);
+  const auto notesOf = [&](const OpenOptions& options) {
+    const auto source = openVolume(folder_.string(), options);
+    std::string all;
+    for (const std::string& note : source->info().notes) all += note + "\n";
+    return all;
+  };
+  EXPECT_CONTAINS(notesOf({}), "their distance, 1 mm, is an assumption");
+  EXPECT_CONTAINS(notesOf({}), "MONOCHROME1");
+  OpenOptions options;
+  options.spacing = {1, 1, 2.5};
+  EXPECT_EQ(notesOf(options).find("assumption"), std::string::npos);
+  EXPECT_CONTAINS(notesOf(options), "the spacing 1,1,2.5 was given in place of 1,1,1");
+  EXPECT_EQ(openVolume(folder_.string(), options)->info().geometry.spacing, glm::dvec3(1, 1, 2.5));
+}
+
+// ---- frames of enhanced files -----------------------------------------------------------------
+
+// An item of a sequence, and a sequence of items, with their lengths or open.
+std::string itemOf(const std::string& content, bool is_open) {
+  DicomBytes d(true);
+  d.addTag(0xfffee000);
+  d.add32(is_open ? 0xffffffff : static_cast<std::uint32_t>(content.size()));
+  d.bytes += content;
+  if (is_open) {
+    d.addTag(0xfffee00d);
+    d.add32(0);
+  }
+  return d.bytes;
+}
+std::string sequenceOf(std::uint32_t tag, const std::string& items, bool is_open) {
+  DicomBytes d(true);
+  d.addTag(tag);
+  d.bytes += "SQ";
+  d.add16(0);
+  d.add32(is_open ? 0xffffffff : static_cast<std::uint32_t>(items.size()));
+  d.bytes += items;
+  if (is_open) {
+    d.addTag(0xfffee0dd);
+    d.add32(0);
+  }
+  return d.bytes;
+}
+
+// Frame k has all its pixels 100, its place at heights[k] and the slope k + 1.
+std::string enhancedFile(const std::vector<int>& heights, bool is_open) {
+  Slice about;
+  about.syntax = "1.2.840.10008.1.2.1";
+  const auto sequence = [&](std::uint32_t tag, const std::function<void(DicomBytes&)>& fill) {
+    DicomBytes d(true);
+    fill(d);
+    return sequenceOf(tag, itemOf(d.bytes, is_open), is_open);
+  };
+  DicomBytes d(true);
+  d.add(0x00080016, "UI", kCtStorage);
+  d.add(0x00080018, "UI", "1.2.3.1");
+  d.addNumber(0x00280002, 1);
+  d.add(0x00280004, "CS", "MONOCHROME2");
+  d.add(0x00280008, "IS", std::to_string(heights.size()));
+  d.addNumber(0x00280010, 3);
+  d.addNumber(0x00280011, 2);
+  d.addNumber(0x00280100, 16);
+  d.addNumber(0x00280101, 8);
+  d.addNumber(0x00280102, 7);
+  d.addNumber(0x00280103, 0);
+  d.bytes += sequenceOf(
+      0x52009229,
+      itemOf(sequence(0x00209116,
+                      [](DicomBytes& in) { in.add(0x00200037, "DS", "1\\0\\0\\0\\1\\0"); }) +
+                 sequence(0x00289110, [](DicomBytes& in) { in.add(0x00280030, "DS", "2\\3"); }),
+             is_open),
+      is_open);
+  std::string frames;
+  for (std::size_t k = 0; k < heights.size(); ++k)
+    frames += itemOf(sequence(0x00209113,
+                              [&](DicomBytes& in) {
+                                in.add(0x00200032, "DS", "5\\6\\" + std::to_string(heights[k]));
+                              }) +
+                         sequence(0x00289145,
+                                  [&](DicomBytes& in) {
+                                    in.add(0x00281052, "DS", "0");
+                                    in.add(0x00281053, "DS", std::to_string(k + 1));
+                                  }),
+                     is_open);
+  d.bytes += sequenceOf(0x52009230, frames, is_open);
+  d.add(0x7fe00010, "OW", bytesOfValues(std::vector<std::uint16_t>(6 * heights.size(), 100)));
+  return std::string(128, '\0') + "DICM" + metaOf(about) + d.bytes;
+}
+
+class DicomFramesTest : public VolumeFilesTest {};
+
+TEST_F(DicomFramesTest, AreSortedByPositionEachWithItsSlope) {
+  for (const bool is_open : {false, true}) {
+    const auto source = openItkSource(write("frames", enhancedFile({8, 4, 6, 2}, is_open)));
+    const VolumeInfo& info = source->info();
+    EXPECT_EQ(info.voxels, Index3(2, 3, 4));
+    EXPECT_EQ(info.geometry.spacing, glm::dvec3(3, 2, 2));
+    EXPECT_EQ(info.geometry.origin, glm::dvec3(5, 6, 2));
+    ASSERT_EQ(info.voxel_type, VoxelType::kInt16);
+    const auto values = readVoxels<std::int16_t>(*source, 1);
+    for (std::size_t i = 0; i < values.size(); ++i)
+      EXPECT_EQ(values[i], std::vector<int>({400, 200, 300, 100})[i / 6]) << i;
+  }
+}
+
+TEST_F(DicomFramesTest, GapsAndDoublesAreRefused) {
+  EXPECT_CONTAINS(errorOf([&] {
+                    openItkSource(write("f", enhancedFile({1, 2, 3, 5}, true)));
+                  }),
+                  "frame 3 and frame 4 are 2");
+  EXPECT_CONTAINS(errorOf([&] {
+                    openItkSource(write("f", enhancedFile({1, 2, 2, 3}, true)));
+                  }),
+                  "at the same position");
+}
+
+TEST_F(DicomFramesTest, EveryPrefixIsOneErrorAndNoByteCrashes) {
+  for (const bool is_open : {false, true}) {
+    const std::string whole = enhancedFile({1, 2, 3}, is_open);
+    for (std::size_t bytes = 0; bytes < whole.size(); ++bytes)
+      EXPECT_NE(errorOf([&] { openAndRead(write("prefix.dcm", whole.substr(0, bytes))); }), "");
+    // What is hostile in the groups; in the rest it is GDCM's, and tested of single slices.
+    for (std::size_t at = whole.find("MONOCHROME2"); at < whole.size(); ++at)
+      for (const char byte : {'\0', '\x7f', '\xff', static_cast<char>(whole[at] + 1)}) {
+        std::string changed = whole;
+        changed[at] = byte;
+        try {
+          openAndRead(write("changed.dcm", changed));
+        } catch (const Error&) {
+        }
+      }
+  }
 }
 
 // ---- interruption ---------------------------------------------------------------------------

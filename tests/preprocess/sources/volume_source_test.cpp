@@ -15,6 +15,7 @@
 
 #include "isobrick/preprocess/export/volume_writer.h"
 #include "isobrick/preprocess/sources/itk_source.h"
+#include "isobrick/preprocess/sources/open_volume.h"
 #include "isobrick/preprocess/sources/raw_source.h"
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"
@@ -49,10 +50,9 @@ void checkRawRoundTrip(const std::string& path, const std::string& type, VoxelTy
     for (const std::uint64_t offset : {std::uint64_t{0}, std::uint64_t{7}}) {
       std::ofstream(path, std::ios::binary)
           << std::string(offset, '#') << bytesOfValues(values, big_endian);
-      const auto source =
-          openRawSource(path, {voxels, type, big_endian, glm::dvec3(1, 2, 3), offset});
+      const auto source = openRawSource(path, {voxels, type, big_endian, offset});
       EXPECT_EQ(source->info().voxel_type, delivered) << type;
-      EXPECT_EQ(source->info().geometry.spacing, glm::dvec3(1, 2, 3));
+      EXPECT_EQ(source->info().geometry.spacing, glm::dvec3(1));
       EXPECT_EQ(source->info().notes.empty(), (std::is_same_v<In, Out>)) << type;
       const auto read = readVoxels<Out>(*source);
       for (std::size_t i = 0; i < values.size(); ++i)
@@ -132,9 +132,10 @@ TEST_F(VolumeSourceTest, RawRefusesUnknownTypesMissingFilesAndBadSpacing) {
                     openRawSource(folder_.string(), {Index3(2), "u8"});
                   }),
                   "not a regular file");
-  RawLayout layout{Index3(2), "u8"};
-  layout.spacing.y = 0;
-  EXPECT_CONTAINS(errorOf([&] { openRawSource(path, layout); }), "spacing");
+  OpenOptions options;
+  options.raw = RawLayout{Index3(2), "u8"};
+  options.spacing = {1, 0, 1};
+  EXPECT_CONTAINS(errorOf([&] { openVolume(path, options); }), "spacings above 0");
 }
 
 TEST_F(VolumeSourceTest, RawFileThatShrinksMeanwhileIsAnErrorThatNamesTheSlice) {

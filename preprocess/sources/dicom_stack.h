@@ -1,0 +1,56 @@
+// The slices of a DICOM volume in their order, be they files of a series or frames of a file.
+// Private to preprocess/sources/.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <glm/vec3.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "isobrick/preprocess/sources/open_options.h"
+#include "isobrick/preprocess/volume_source.h"
+
+namespace isobrick {
+
+// One slice: what its header says of its place.
+struct DicomPlace {
+  std::size_t index = 0;               // of the file or the frame
+  std::string name;                    // for messages: "'slice7.dcm'", "frame 7"
+  std::optional<glm::dvec3> position;  // of its first pixel
+  std::int64_t number = 0;             // orders slices without positions
+  std::string stack;                   // slices of several stacks are several volumes
+  std::vector<std::int64_t> time;      // orders volumes of one stack
+  std::vector<std::int64_t> channel;   // what else a slice may differ by: echo, b-value, ...
+};
+
+// What is said of slices, and what helps.
+struct DicomStackWords {
+  std::string path;
+  std::string same_position;  // behind "they are at the same position"
+  std::string gap;            // behind "they are 2 mm apart and others 1 mm on average"
+};
+
+// Leaves the slices of one volume, those that options.grid (a stack's name), time and channel (from
+// 0, in ascending order) choose, and says so in info.encoding. Throws Error where there are several
+// volumes and no choice, or none of that name or number. Times count as such where `times_differ`
+// (the header counts volumes), or where slices would be at the same position; channels there alone.
+// `normal` says that of the image plane of a slice.
+void chooseDicomVolume(const DicomStackWords& words,
+                       const std::function<glm::dvec3(const DicomPlace&)>& normal,
+                       bool times_differ, const OpenOptions& options,
+                       std::vector<DicomPlace>& places, VolumeInfo& info);
+
+// Sorts at least two slices by position along the normal of the image plane and gives the step from
+// one to the next, in mm. Throws Error where two are at the same position, and where the steps
+// differ by more than a tenth. Where positions are missing: sorts by number, and gives no step.
+std::optional<glm::dvec3> sortDicomSlices(const DicomStackWords& words, const glm::dvec3& normal,
+                                          std::vector<DicomPlace>& places,
+                                          std::vector<std::string>& notes);
+
+// "1\2\3" as a position.
+std::optional<glm::dvec3> dicomPosition(const std::string& text);
+
+}  // namespace isobrick
