@@ -652,6 +652,13 @@ std::unique_ptr<VolumeSource> openItkFile(const std::string& path, const OpenOpt
   static_cast<void>(InputFile(path));  // refuses what is no file: a pipe would be waited for
   // First: what has no good names must not come to ITK.
   std::vector<std::string> files = filesOf(path);
+  // ITK opens what a header names, to find out how long it is.
+  for (const std::string& file : files) {
+    std::error_code ignored;
+    const auto status = std::filesystem::status(file, ignored);
+    if (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status))
+      static_cast<void>(InputFile(file, path));
+  }
   if (const auto header = dicomImageHeader(path)) return openDicomFile(path, *header, options);
   return openImageFile(path, std::move(files), openImage(path, options), options);
 }
