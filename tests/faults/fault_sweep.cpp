@@ -107,6 +107,9 @@ void tryOneForLeaks(const std::function<std::unique_ptr<FaultSubject>()>& make, 
 }  // namespace
 
 std::vector<std::uint64_t> faultNumbers(std::uint64_t count, std::uint64_t most) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  most /= 4;  // each takes as many times longer, and more
+#endif
   std::vector<std::uint64_t> numbers;
   const bool are_all = environmentSays("ISOBRICK_ALL_FAULTS") || count <= most;
   const std::uint64_t first = are_all ? count : most / 3;

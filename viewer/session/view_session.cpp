@@ -285,9 +285,13 @@ void ViewSession::send(StreamRequest request, std::optional<double> waiting_sinc
   request.may_reuse = !shows_less_;
   shows_less_ = false;
   first_radius_ = request.passes[0].radius;
+  // All that may fail comes before the request, whose answer is looked up here.
+  auto time = decltype(request_times_){{0, waiting_since}}.extract(0);
+  auto asked = decltype(asked_){{0, state_}}.extract(0);
   last_request_ = stream_.request(std::move(request));
-  request_times_[last_request_] = waiting_since;
-  asked_[last_request_] = state_;
+  time.key() = asked.key() = last_request_;
+  request_times_.insert(std::move(time));
+  asked_.insert(std::move(asked));
 }
 
 void ViewSession::noteDrawing(double seconds) {
