@@ -41,7 +41,7 @@ class ChangedInputTest : public VolumeFilesTest {
     std::fstream(pathOf("a.raw"), std::ios::in | std::ios::out | std::ios::binary) << bytes;
   }
   std::unique_ptr<VolumeSource> open() const {
-    return openRawSource(pathOf("a.raw"), {kDims, "u8", false, glm::dvec3(1), 0});
+    return openRawSource(pathOf("a.raw"), {kDims, "u8"});
   }
   std::uint64_t leastMemory() const {
     const auto source = open();

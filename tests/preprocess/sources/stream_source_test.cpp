@@ -286,7 +286,7 @@ void checkBoxes(const std::string& path, const std::string& type, Random& random
   for (T& value : values) value = static_cast<T>(random() % 100'000);
   for (const bool big : {false, true}) {
     std::ofstream(path, std::ios::binary) << "#####" << bytesOfValues(values, big);
-    const auto source = openRawSource(path, {dims, type, big, glm::dvec3(1), 5});
+    const auto source = openRawSource(path, {dims, type, big, 5});
     ASSERT_TRUE(source->readsBoxes());
     EXPECT_EQ(source->files(), std::vector<std::string>{path});
     visitVoxelType(source->info().voxel_type, [&](auto tag) {
