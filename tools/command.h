@@ -21,9 +21,13 @@ class UsageError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-// Whether `app` is told an option, for tools/failure_text.h.
+// Whether `app` is told an option, for tools/failure_text.h. Not by get_option_no_throw(), which
+// ends the program if it finds no memory.
 inline auto optionsOf(const CLI::App& app) {
-  return [&app](const std::string& option) { return app.get_option_no_throw(option) != nullptr; };
+  return [&app](const std::string& name) {
+    return !app.get_options([&](const CLI::Option* option) { return option->check_name(name); })
+                .empty();
+  };
 }
 
 // The subcommands of this executable (isobrick_commands.cpp, build/isobrick_build_commands.cpp,

@@ -312,9 +312,21 @@ class Hdf5Source final : public VolumeSource {
                           "': its chunks have more than 1 GiB; repack " +
                           "it with smaller ones (h5repack -l CHUNK=64x64x64)",
                       {.path = path_});
+      refuseImpossibleChunks(chunk);
       chunk_slices_ = static_cast<std::int64_t>(chunk[static_cast<std::size_t>(axis_[2])]);
       chunk_voxels_ = chunk;
     }
+  }
+
+  // The library makes no chunk that is longer than a dataset of a fixed size, and reads past the
+  // end of one whose header was damaged to say so.
+  void refuseImpossibleChunks(const std::array<hsize_t, kMostAxes>& chunk) const {
+    const Hdf5Handle space(H5Dget_space(dataset_.id()), H5Sclose);
+    std::array<hsize_t, kMostAxes> dims{}, most{};
+    if (H5Sget_simple_extent_dims(space.id(), dims.data(), most.data()) != axes_) return;
+    for (std::size_t i = 0; i < static_cast<std::size_t>(axes_); ++i)
+      if (most[i] != H5S_UNLIMITED && chunk[i] > most[i])
+        throw cannotRead(path_, "its chunks are longer than the dataset may become");
   }
 
   // A virtual dataset takes its voxels from others. The library makes fill values of those that it

@@ -77,8 +77,8 @@ class CommandFaults : public CommandTest {
           ++failures;
           if (outcome.errorLines() != 1 || outcome.err.rfind("isobrick: ", 0) != 0)
             what = "does not say what went wrong in one line";
-          else if (files() != before)
-            what = "leaves files";
+          else if (files() != before && contents() != expected)
+            what = "leaves a file that is not whole";
         }
         if (what.empty()) continue;
         ++wrong;

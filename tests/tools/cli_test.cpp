@@ -210,8 +210,18 @@ TEST_F(CliTest, AnIsovalueIsSuggestedAndTaken) {
   const Json isovalues = runForJson({"info", "head.isb"})["isovalues"];
   ASSERT_FALSE(isovalues.empty());
   const double first = isovalues[0]["value"];
-  EXPECT_EQ(runForJson({"extract", "head.isb", "--iso", "auto"})["isovalue"], first);
-  runWell({"render", "head.isb", "--iso", "auto", "--size", "64x64", "-o", "head.png"});
+  // Which one it took is said beside what the command prints.
+  const std::string says = "isobrick: isovalue ";
+  const Outcome mesh = run({"extract", "head.isb", "--iso", "auto", "--json"});
+  EXPECT_EQ(mesh.status, 0);
+  EXPECT_EQ(Json::parse(mesh.out)["isovalue"], first);
+  const Outcome picture =
+      run({"render", "head.isb", "--iso", "auto", "--size", "64x64", "-o", "head.png"});
+  EXPECT_EQ(picture.status, 0);
+  for (const Outcome& outcome : {mesh, picture}) {
+    ASSERT_EQ(outcome.err.rfind(says, 0), 0u) << outcome.err;
+    EXPECT_EQ(std::stod(outcome.err.substr(says.size())), first);
+  }
 }
 
 TEST_F(CliTest, WithoutAMapComesTheSame) {
