@@ -21,13 +21,18 @@ class UsageError : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-// Whether `app` is told an option, for tools/failure_text.h. Not by get_option_no_throw(), which
-// ends the program if it finds no memory.
+// The option of this name, or nullptr. Unlike CLI::App::get_option(), which ends the program if it
+// finds no memory, it throws std::bad_alloc then.
+template <typename App>
+auto findOption(App& app, const std::string& name) {
+  const auto found =
+      app.get_options([&](const CLI::Option* option) { return option->check_name(name); });
+  return found.empty() ? nullptr : found.front();
+}
+
+// Whether `app` is told an option, for tools/failure_text.h.
 inline auto optionsOf(const CLI::App& app) {
-  return [&app](const std::string& name) {
-    return !app.get_options([&](const CLI::Option* option) { return option->check_name(name); })
-                .empty();
-  };
+  return [&app](const std::string& name) { return findOption(app, name) != nullptr; };
 }
 
 // The subcommands of this executable (isobrick_commands.cpp, build/isobrick_build_commands.cpp,

@@ -150,7 +150,7 @@ Command addRenderCommand(CLI::App& app) {
                 "Colour triangles by their level: red for 0, then yellow, green, blue");
   sub->add_flag("--wireframe", picture.wireframe, "Draw the edges of the triangles");
   sub->add_flag("--show-focus", arguments->show_focus, "Draw the outline of the sphere of interest")
-      ->needs(sub->get_option("--focus"));
+      ->needs(findOption(*sub, "--focus"));
   addParsedOption(*sub, "--color", picture.surface_color, parseColor, "R,G,B",
                   "Colour of the surface, sRGB from 0 to 1");
   addParsedOption(*sub, "--background-top", picture.background_top, parseColor, "R,G,B",
@@ -166,7 +166,7 @@ Command addRenderCommand(CLI::App& app) {
                       "View that `isobrick view` wrote, in place of --iso and of all that says "
                       "what is seen from where")
           ->type_name("VIEW.json");
-  CLI::Option* const isovalue = sub->get_option("--iso")->required(false);
+  CLI::Option* const isovalue = findOption(*sub, "--iso")->required(false);
   const std::set<std::string> together{"FILE",   "--output",  "--size",  "--memory", "--no-map",
                                        "--help", "--threads", "--state", "--force"};
   for (CLI::Option* const option : sub->get_options())

@@ -56,11 +56,8 @@ template <typename Table, typename Fits>
 void refuseUnfit(const CLI::App& parser, const Table& table, const std::string& name,
                  const char* is_what, const Fits& fits) {
   for (const OptionFit& fit : table) {
-    // Not by get_option_no_throw(), which ends the program if it finds no memory.
-    const auto given = parser.get_options([&](const CLI::Option* option) {
-      return option->check_name(fit.option) && option->count() > 0;
-    });
-    if (given.empty()) continue;
+    const CLI::Option* const option = findOption(parser, fit.option);
+    if (option == nullptr || option->count() == 0) continue;
     if (std::none_of(fit.formats.begin(), fit.formats.end(), fits))
       throw UsageError(fmt::format("{} is for {}, and '{}' is {}; leave it out", fit.option,
                                    fit.what_for, name, is_what));
