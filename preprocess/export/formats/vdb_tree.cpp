@@ -4,7 +4,6 @@
 #include <openvdb/io/io.h>
 #include <tbb/parallel_pipeline.h>
 #include <tbb/task_arena.h>
-#include <tbb/task_group.h>
 
 #include <algorithm>
 #include <array>
@@ -375,13 +374,10 @@ void makeVdbTree(const VolumeSource& source, const VdbGridPlan& plan, std::uint3
     const std::lock_guard lock(mutex);
     idle.push_back(row);
   };
-  tbb::task_group_context isolated(tbb::task_group_context::isolated);  // see isolated_loop.h
   tbb::parallel_pipeline(
-      at_once,
-      tbb::make_filter<void, std::int64_t>(filter_mode::serial_in_order, number) &
-          tbb::make_filter<std::int64_t, NodeRow*>(filter_mode::parallel, make) &
-          tbb::make_filter<NodeRow*, void>(filter_mode::serial_out_of_order, take),
-      isolated);
+      at_once, tbb::make_filter<void, std::int64_t>(filter_mode::serial_in_order, number) &
+                   tbb::make_filter<std::int64_t, NodeRow*>(filter_mode::parallel, make) &
+                   tbb::make_filter<NodeRow*, void>(filter_mode::serial_out_of_order, take));
 }
 
 }  // namespace isobrick

@@ -22,6 +22,7 @@
 #include "isobrick/preprocess/export/volume_rows.h"
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/isolated_loop.h"
 
 namespace isobrick {
 namespace {
@@ -279,14 +280,17 @@ VolumeWriteReport writeVdb(VolumeLevels& levels, const std::string& path,
       const auto tick = [&](double done) {
         if (options.progress) options.progress((before + share * done) / total);
       };
-      const auto grid = gridWithoutVoxels(planned, unit);
-      VdbPackedLeaves leaves(folderOf(path));
-      makeVdbTree(
-          *planned.source, planned.plan, archive.compressionOf(*grid), path, options,
-          [&](double done) { tick(kPacking * done); }, *grid, leaves);
-      archive.writeGrid(*grid, [&] {
-        leaves.appendTo(out, grid->tree(), options,
-                        [&](double done) { tick(kPacking + (1 - kPacking) * done); });
+      // OpenVDB has loops of its own, also where a tree goes.
+      isolatedFor(0, 1, [&](int) {
+        const auto grid = gridWithoutVoxels(planned, unit);
+        VdbPackedLeaves leaves(folderOf(path));
+        makeVdbTree(
+            *planned.source, planned.plan, archive.compressionOf(*grid), path, options,
+            [&](double done) { tick(kPacking * done); }, *grid, leaves);
+        archive.writeGrid(*grid, [&] {
+          leaves.appendTo(out, grid->tree(), options,
+                          [&](double done) { tick(kPacking + (1 - kPacking) * done); });
+        });
       });
       before += share;
     }
