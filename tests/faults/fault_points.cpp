@@ -75,8 +75,8 @@ bool isOwn(const void* caller) {
 
 // The destructor of nlohmann's JSON asks for memory, and ends the process where there is none.
 bool isInAForeignDestructor() {
-  void* frames[12];
-  const int count = backtrace(frames, 12);
+  void* frames[40];  // many, where nothing is inlined
+  const int count = backtrace(frames, 40);
   for (int i = 0; i < count; ++i) {
     Dl_info info{};
     if (dladdr(frames[i], &info) != 0 && info.dli_sname != nullptr &&
@@ -122,6 +122,12 @@ void* allocate(std::size_t bytes, std::size_t alignment, const void* caller) {
   if (memory == nullptr) throw std::bad_alloc();
   g_live.fetch_add(1, std::memory_order_relaxed);
   return memory;
+}
+
+void* allocateOrNothing(std::size_t bytes, const void* caller) noexcept try {
+  return allocate(bytes, 0, caller);
+} catch (const std::bad_alloc&) {
+  return nullptr;
 }
 
 void giveBack(void* memory) {
@@ -235,6 +241,13 @@ void* operator new(std::size_t bytes, std::align_val_t alignment) {
 void* operator new[](std::size_t bytes, std::align_val_t alignment) {
   return isobrick::test::allocate(bytes, static_cast<std::size_t>(alignment),
                                   __builtin_return_address(0));
+}
+// std::stable_sort takes its buffer so.
+void* operator new(std::size_t bytes, const std::nothrow_t&) noexcept {
+  return isobrick::test::allocateOrNothing(bytes, __builtin_return_address(0));
+}
+void* operator new[](std::size_t bytes, const std::nothrow_t&) noexcept {
+  return isobrick::test::allocateOrNothing(bytes, __builtin_return_address(0));
 }
 void operator delete(void* memory) noexcept { isobrick::test::giveBack(memory); }
 void operator delete[](void* memory) noexcept { isobrick::test::giveBack(memory); }
