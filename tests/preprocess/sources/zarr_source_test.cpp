@@ -3,12 +3,17 @@
 
 #include <gtest/gtest.h>
 
+#include <cerrno>
+#include <cstring>
+#include <utility>
+
 #include "isobrick/preprocess/export/formats/export_volume.h"
 #include "isobrick/preprocess/export/source_views.h"
 #include "isobrick/preprocess/pyramid_builder.h"
 #include "isobrick/preprocess/sources/open_volume.h"
 #include "isobrick/storage/pyramid.h"
 #include "tests/support/array_source.h"
+#include "tests/support/open_faults.h"
 #include "tests/support/volume_files.h"
 
 namespace isobrick {
@@ -64,6 +69,17 @@ TEST_F(ZarrSourceTest, AChunkThatCannotBeOpenedIsNoMissingChunk) {
   fs::remove_all(chunk("1/0"));
   writeBytes(chunk("1/0"), "where a folder was");
   expectRefused(chunk("1/0/0"), "Not a directory");
+}
+
+// Rights that lack, a failing disk, a server that forgot the file: nothing says that there is none.
+TEST_F(ZarrSourceTest, AChunkWhoseOpeningFailsIsNoMissingChunk) {
+  for (const auto& [error, remedy] :
+       {std::pair(EACCES, "change its permissions"), std::pair(EIO, "check the disk or its server"),
+        std::pair(ESTALE, "check the disk or its server")}) {
+    const FaultyOpen fault(chunk("1/0/2"), error);
+    expectRefused(chunk("1/0/2"), std::strerror(error));
+    expectRefused(chunk("1/0/2"), remedy);
+  }
 }
 
 TEST_F(ZarrSourceTest, MetadataThatAreLinksToNowhereAreNotLeftOut) {
