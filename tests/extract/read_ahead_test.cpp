@@ -1,4 +1,6 @@
 // Bricks come in ahead of the threads that mesh them, each once, and the mesh is the same.
+#include "isobrick/extract/read_ahead.h"
+
 #include <gtest/gtest.h>
 #include <tbb/task_arena.h>
 
@@ -8,10 +10,12 @@
 #include <thread>
 
 #include "isobrick/extract/extractor.h"
+#include "isobrick/extract/mesh_context.h"
 #include "isobrick/extract/sinks/counting_sink.h"
 #include "isobrick/extract/surface_mesh.h"
 #include "isobrick/preprocess/phantoms/phantom.h"
 #include "isobrick/preprocess/pyramid_builder.h"
+#include "isobrick/storage/index_loop.h"
 #include "tests/support/temporary_folder.h"
 
 namespace isobrick::test {
@@ -169,6 +173,31 @@ TEST_P(ReadAheadTest, KeepsASmallBudget) {
   EXPECT_GT(counters.parts_released, 0u);
   EXPECT_GT(counters.parts_fetched, 0u);
   EXPECT_EQ(counters.fetched_unused, 0u);
+}
+
+// Its own promise, with nobody who reaches what it reads.
+TEST_P(ReadAheadTest, ReadsNoFurtherAheadThanAThirtySecondOfTheBudget) {
+  constexpr std::uint64_t kMostSampleBytes = 20 * 20 * 20 * 2;
+  constexpr int kBricksAhead = 3;
+  const Pyramid pyramid(path_, 32 * kBricksAhead * kMostSampleBytes);
+  query_.cull_by_ranges = false;  // all bricks, and of each its samples alone
+  const std::vector<ChoiceOracles> oracles = oraclesOf(pyramid, query_);
+  const WorldFrame frame(pyramid.spec().geometry, pyramid.valueRange());
+  ReadLog log;
+  const MeshContext context{pyramid, query_, oracles,           frame,
+                            500.0F,  log,    pyramid.edition(), nullptr};
+  std::vector<BrickWork> work;
+  forEachIndex({Index3(0), pyramid.layout().bricks(0)}, [&](const Index3& brick) {
+    work.push_back({0, brick, false});
+  });
+  ReadAhead ahead(context, work);
+  static_cast<void>(pyramid.samples(0, work[0].brick));  // a miss, which begins it
+  ahead.reached(0);
+  waitForFetched(pyramid);
+  std::this_thread::sleep_for(std::chrono::milliseconds(100));  // it has not gone on
+  EXPECT_GT(pyramid.counters().parts_fetched, 0u);
+  EXPECT_LE(pyramid.counters().parts_fetched, 2u * kBricksAhead);  // some bricks are smaller
+  EXPECT_LE(pyramid.heldBytes(), (1 + kBricksAhead) * kMostSampleBytes * 33 / 32);
 }
 
 INSTANTIATE_TEST_SUITE_P(All, ReadAheadTest, testing::Values(Codec::kStored, Codec::kZstd),
