@@ -21,9 +21,8 @@ set(isobrick_public_headers
   storage/value_range.h
   storage/voxel_histogram.h
   storage/voxel_type.h
-  extract/brick_work.h
   extract/edge_key.h
-  extract/edge_vertex_map.h
+  extract/sinks/edge_vertex_map.h
   extract/extraction_plan.h
   extract/extraction_report.h
   extract/extractor.h

@@ -4,11 +4,19 @@
 #include <span>
 #include <vector>
 
-#include "isobrick/extract/brick_work.h"
 #include "isobrick/extract/query.h"
-#include "isobrick/storage/pyramid.h"
+#include "isobrick/storage/grid.h"
 
 namespace isobrick {
+
+// One brick to mesh.
+struct BrickWork {
+  int level = 0;
+  Index3 brick{0};
+  // False where every cell of the brick, and every cell that touches it, is a leaf of this level:
+  // plain marching cubes on the samples as they are.
+  bool adaptive = false;
+};
 
 // Every brick that may hold a part of the surface, in the order in which its batches come out.
 // Found in memory from ranges and oracles alone; nothing was read from the file. Its size is that

@@ -2,13 +2,13 @@
 
 #include <algorithm>
 
-#include "isobrick/extract/brick_fetcher.h"
-#include "isobrick/extract/brick_traversal.h"
-#include "isobrick/extract/mesh_pipeline.h"
-#include "isobrick/extract/missing_bricks.h"
-#include "isobrick/extract/query_check.h"
-#include "isobrick/extract/surface_joiner.h"
-#include "isobrick/extract/surface_writer.h"
+#include "isobrick/extract/paging/brick_fetcher.h"
+#include "isobrick/extract/paging/missing_bricks.h"
+#include "isobrick/extract/session/brick_traversal.h"
+#include "isobrick/extract/session/mesh_pipeline.h"
+#include "isobrick/extract/session/query_check.h"
+#include "isobrick/extract/session/surface_joiner.h"
+#include "isobrick/extract/session/surface_writer.h"
 
 namespace isobrick {
 namespace {

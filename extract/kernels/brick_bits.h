@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "isobrick/extract/kernels/brick_rows.h"
-#include "isobrick/extract/row_bits.h"
+#include "isobrick/extract/kernels/row_bits.h"
 
 namespace isobrick {
 

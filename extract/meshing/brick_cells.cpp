@@ -3,7 +3,7 @@
 #include <bit>
 
 #include "isobrick/extract/kernels/brick_triangles.h"
-#include "isobrick/extract/row_bits.h"
+#include "isobrick/extract/kernels/row_bits.h"
 #include "isobrick/storage/voxel_type.h"
 
 namespace isobrick {

@@ -2,9 +2,9 @@
 // kernels of extract/kernels/brick_rows.h.
 #pragma once
 
-#include "isobrick/extract/brick_traversal.h"
 #include "isobrick/extract/kernels/brick_crossings.h"
 #include "isobrick/extract/kernels/contour.h"
+#include "isobrick/extract/session/brick_traversal.h"
 #include "isobrick/extract/sinks/triangle_sink.h"
 
 namespace isobrick {

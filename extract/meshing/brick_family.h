@@ -8,10 +8,10 @@
 #include <optional>
 #include <utility>
 
-#include "isobrick/extract/mesh_context.h"
 #include "isobrick/extract/meshing/leaf_rows.h"
+#include "isobrick/extract/meshing/sample_view.h"
 #include "isobrick/extract/oracles/residency_oracle.h"
-#include "isobrick/extract/sample_view.h"
+#include "isobrick/extract/session/mesh_context.h"
 
 namespace isobrick {
 

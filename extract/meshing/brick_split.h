@@ -4,8 +4,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "isobrick/extract/active_tiles.h"
 #include "isobrick/extract/kernels/brick_rows.h"
+#include "isobrick/extract/meshing/active_tiles.h"
 #include "isobrick/extract/meshing/leaf_rows.h"
 
 namespace isobrick {

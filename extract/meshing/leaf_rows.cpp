@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "isobrick/extract/row_bits.h"
+#include "isobrick/extract/kernels/row_bits.h"
 
 namespace isobrick {
 

@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "isobrick/extract/kernels/brick_rows.h"
+#include "isobrick/extract/kernels/row_bits.h"
 #include "isobrick/extract/meshing/brick_split.h"
 #include "isobrick/extract/meshing/corner_values.h"
-#include "isobrick/extract/row_bits.h"
 
 namespace isobrick {
 

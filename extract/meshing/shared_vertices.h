@@ -5,7 +5,7 @@
 #include <cstdint>
 
 #include "isobrick/extract/kernels/brick_rows.h"
-#include "isobrick/extract/row_bits.h"
+#include "isobrick/extract/kernels/row_bits.h"
 #include "isobrick/extract/sinks/triangle_sink.h"
 #include "isobrick/storage/brick_layout.h"
 

@@ -6,7 +6,7 @@
 #include <glm/common.hpp>
 #include <vector>
 
-#include "isobrick/extract/row_bits.h"
+#include "isobrick/extract/kernels/row_bits.h"
 #include "isobrick/storage/brick_layout.h"
 
 namespace isobrick {

@@ -1,6 +1,6 @@
 #include "isobrick/extract/oracles/curvature_oracle.h"
 
-#include "isobrick/extract/row_bits.h"
+#include "isobrick/extract/kernels/row_bits.h"
 #include "isobrick/storage/curvature_code.h"
 
 namespace isobrick {

@@ -6,9 +6,9 @@
 #include <unordered_map>
 #include <vector>
 
-#include "isobrick/extract/mesh_context.h"
 #include "isobrick/extract/oracles/cell_distance.h"
 #include "isobrick/extract/oracles/oracle_share.h"
+#include "isobrick/extract/session/mesh_context.h"
 
 namespace isobrick {
 

@@ -5,10 +5,10 @@
 #include <functional>
 #include <vector>
 
-#include "isobrick/extract/active_tiles.h"
 #include "isobrick/extract/kernels/error_flags.h"
-#include "isobrick/extract/mesh_context.h"
+#include "isobrick/extract/meshing/active_tiles.h"
 #include "isobrick/extract/oracles/cell_bits.h"
+#include "isobrick/extract/session/mesh_context.h"
 
 namespace isobrick {
 

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "isobrick/extract/row_bits.h"
+#include "isobrick/extract/kernels/row_bits.h"
 
 namespace isobrick {
 namespace {

@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
+#include "isobrick/extract/kernels/row_bits.h"
 #include "isobrick/extract/oracles/residency_oracle.h"
-#include "isobrick/extract/row_bits.h"
 #include "isobrick/storage/index_loop.h"
 
 namespace isobrick {

@@ -1,6 +1,6 @@
 #include "isobrick/extract/oracles/residency_oracle.h"
 
-#include "isobrick/extract/row_bits.h"
+#include "isobrick/extract/kernels/row_bits.h"
 
 namespace isobrick {
 

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "isobrick/extract/oracles/oracle_share.h"
-#include "isobrick/extract/query_needs.h"
+#include "isobrick/extract/paging/query_needs.h"
 
 namespace isobrick {
 

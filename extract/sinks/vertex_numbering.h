@@ -5,7 +5,7 @@
 #include <numeric>
 #include <vector>
 
-#include "isobrick/extract/edge_vertex_map.h"
+#include "isobrick/extract/sinks/edge_vertex_map.h"
 #include "isobrick/extract/sinks/triangle_sink.h"
 
 namespace isobrick {

@@ -10,7 +10,7 @@
 #include <thread>
 
 #include "isobrick/extract/extractor.h"
-#include "isobrick/extract/mesh_pipeline.h"
+#include "isobrick/extract/session/mesh_pipeline.h"
 #include "isobrick/extract/sinks/counting_sink.h"
 #include "isobrick/preprocess/pyramid_builder.h"
 #include "isobrick/storage/index_loop.h"

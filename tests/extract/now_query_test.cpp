@@ -14,13 +14,13 @@
 #include <thread>
 #include <vector>
 
-#include "isobrick/extract/brick_fetcher.h"
-#include "isobrick/extract/brick_traversal.h"
 #include "isobrick/extract/extractor.h"
-#include "isobrick/extract/missing_bricks.h"
 #include "isobrick/extract/oracles/leaf_classifier.h"
 #include "isobrick/extract/oracles/residency_oracle.h"
-#include "isobrick/extract/read_ahead.h"
+#include "isobrick/extract/paging/brick_fetcher.h"
+#include "isobrick/extract/paging/missing_bricks.h"
+#include "isobrick/extract/paging/read_ahead.h"
+#include "isobrick/extract/session/brick_traversal.h"
 #include "isobrick/extract/sinks/counting_sink.h"
 #include "isobrick/extract/sinks/indexed_mesh.h"
 #include "isobrick/preprocess/phantoms/phantom.h"

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <vector>
 
+#include "isobrick/extract/kernels/row_bits.h"
 #include "isobrick/extract/oracles/leaf_classifier.h"
-#include "isobrick/extract/row_bits.h"
 #include "isobrick/preprocess/pyramid_builder.h"
 #include "tests/support/array_source.h"
 #include "tests/support/random_numbers.h"

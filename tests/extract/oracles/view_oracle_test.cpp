@@ -7,7 +7,7 @@
 #include <glm/gtc/matrix_transform.hpp>
 #include <numbers>
 
-#include "isobrick/extract/row_bits.h"
+#include "isobrick/extract/kernels/row_bits.h"
 #include "isobrick/storage/index_loop.h"
 #include "tests/support/random_numbers.h"
 

@@ -3,8 +3,8 @@
 
 #include "isobrick/extract/kernels/crossing.h"
 #include "isobrick/extract/oracles/query_oracles.h"
+#include "isobrick/extract/paging/read_log.h"
 #include "isobrick/extract/query.h"
-#include "isobrick/extract/read_log.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid.h"
 

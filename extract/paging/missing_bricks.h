@@ -3,8 +3,8 @@
 
 #include <vector>
 
-#include "isobrick/extract/mesh_context.h"
 #include "isobrick/extract/oracles/residency_oracle.h"
+#include "isobrick/extract/session/mesh_context.h"
 
 namespace isobrick {
 

@@ -1,10 +1,10 @@
-#include "isobrick/extract/mesh_pipeline.h"
+#include "isobrick/extract/session/mesh_pipeline.h"
 
 #include <tbb/task_arena.h>
 
 #include <chrono>
 
-#include "isobrick/extract/read_ahead.h"
+#include "isobrick/extract/paging/read_ahead.h"
 #include "isobrick/storage/isolated_loop.h"
 
 namespace isobrick {

@@ -1,4 +1,4 @@
-#include "isobrick/extract/brick_traversal.h"
+#include "isobrick/extract/session/brick_traversal.h"
 
 #include "isobrick/extract/oracles/leaf_classifier.h"
 #include "isobrick/storage/index_loop.h"

@@ -1,4 +1,4 @@
-#include "isobrick/extract/query_check.h"
+#include "isobrick/extract/session/query_check.h"
 
 #include <cmath>
 #include <glm/geometric.hpp>

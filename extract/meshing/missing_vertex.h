@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "isobrick/extract/brick_traversal.h"
+#include "isobrick/extract/session/brick_traversal.h"
 #include "isobrick/storage/error.h"
 
 namespace isobrick {

@@ -3,8 +3,8 @@
 
 #include <vector>
 
-#include "isobrick/extract/brick_work.h"
-#include "isobrick/extract/mesh_context.h"
+#include "isobrick/extract/extraction_plan.h"
+#include "isobrick/extract/session/mesh_context.h"
 
 namespace isobrick {
 

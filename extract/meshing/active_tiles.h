@@ -4,7 +4,7 @@
 #include <cstring>
 #include <vector>
 
-#include "isobrick/extract/mesh_context.h"
+#include "isobrick/extract/session/mesh_context.h"
 #include "isobrick/storage/index_loop.h"
 
 namespace isobrick {

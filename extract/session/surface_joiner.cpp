@@ -1,4 +1,4 @@
-#include "isobrick/extract/surface_joiner.h"
+#include "isobrick/extract/session/surface_joiner.h"
 
 #include <algorithm>
 

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "isobrick/extract/oracles/residency_oracle.h"
-#include "isobrick/extract/query_needs.h"
+#include "isobrick/extract/paging/query_needs.h"
 
 namespace isobrick {
 

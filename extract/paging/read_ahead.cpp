@@ -1,10 +1,10 @@
-#include "isobrick/extract/read_ahead.h"
+#include "isobrick/extract/paging/read_ahead.h"
 
 #include <algorithm>
 #include <exception>
 #include <utility>
 
-#include "isobrick/extract/active_tiles.h"
+#include "isobrick/extract/meshing/active_tiles.h"
 #include "isobrick/extract/oracles/leaf_classifier.h"
 #include "isobrick/storage/error.h"
 

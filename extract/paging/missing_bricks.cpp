@@ -1,4 +1,4 @@
-#include "isobrick/extract/missing_bricks.h"
+#include "isobrick/extract/paging/missing_bricks.h"
 
 #include <algorithm>
 #include <glm/geometric.hpp>

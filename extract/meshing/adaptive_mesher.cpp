@@ -1,4 +1,4 @@
-#include "isobrick/extract/adaptive_mesher.h"
+#include "isobrick/extract/meshing/adaptive_mesher.h"
 
 #include <algorithm>
 #include <bit>
@@ -8,9 +8,9 @@
 #include "isobrick/extract/meshing/brick_vertices.h"
 #include "isobrick/extract/meshing/fans.h"
 #include "isobrick/extract/meshing/leaf_edges.h"
+#include "isobrick/extract/meshing/missing_vertex.h"
 #include "isobrick/extract/meshing/shared_vertices.h"
 #include "isobrick/extract/meshing/transition_face.h"
-#include "isobrick/extract/missing_vertex.h"
 
 namespace isobrick {
 

@@ -11,8 +11,8 @@
 #include <thread>
 #include <vector>
 
-#include "isobrick/extract/brick_work.h"
-#include "isobrick/extract/mesh_context.h"
+#include "isobrick/extract/extraction_plan.h"
+#include "isobrick/extract/session/mesh_context.h"
 
 namespace isobrick {
 

@@ -1,11 +1,11 @@
 // Marching cubes and transition fans on a brick where leaves of several levels meet.
 #pragma once
 
-#include "isobrick/extract/active_tiles.h"
-#include "isobrick/extract/brick_traversal.h"
+#include "isobrick/extract/meshing/active_tiles.h"
 #include "isobrick/extract/meshing/brick_cells.h"
 #include "isobrick/extract/meshing/brick_split.h"
 #include "isobrick/extract/meshing/seam_corners.h"
+#include "isobrick/extract/session/brick_traversal.h"
 #include "isobrick/extract/sinks/triangle_sink.h"
 
 namespace isobrick {

@@ -12,11 +12,11 @@
 #include <span>
 #include <vector>
 
-#include "isobrick/extract/adaptive_mesher.h"
-#include "isobrick/extract/brick_work.h"
+#include "isobrick/extract/extraction_plan.h"
 #include "isobrick/extract/extraction_report.h"
+#include "isobrick/extract/meshing/adaptive_mesher.h"
+#include "isobrick/extract/meshing/uniform_mesher.h"
 #include "isobrick/extract/sinks/triangle_sink.h"
-#include "isobrick/extract/uniform_mesher.h"
 
 namespace isobrick {
 

@@ -1,7 +1,7 @@
 // Marching cubes on a brick whose cells, and all that touch them, are leaves of one level.
 #pragma once
 
-#include "isobrick/extract/active_tiles.h"
+#include "isobrick/extract/meshing/active_tiles.h"
 #include "isobrick/extract/meshing/brick_cells.h"
 
 namespace isobrick {

@@ -1,10 +1,10 @@
-#include "isobrick/extract/brick_fetcher.h"
+#include "isobrick/extract/paging/brick_fetcher.h"
 
 #include <algorithm>
 #include <exception>
 #include <utility>
 
-#include "isobrick/extract/read_ahead.h"
+#include "isobrick/extract/paging/read_ahead.h"
 
 namespace isobrick {
 

@@ -1,6 +1,6 @@
-#include "isobrick/extract/uniform_mesher.h"
+#include "isobrick/extract/meshing/uniform_mesher.h"
 
-#include "isobrick/extract/active_rows.h"
+#include "isobrick/extract/meshing/active_rows.h"
 #include "isobrick/extract/meshing/shared_vertices.h"
 
 namespace isobrick {

@@ -1,4 +1,4 @@
-#include "isobrick/extract/surface_writer.h"
+#include "isobrick/extract/session/surface_writer.h"
 
 #include <tbb/enumerable_thread_specific.h>
 #include <tbb/task_arena.h>
@@ -9,12 +9,12 @@
 #include <thread>
 #include <unordered_map>
 
-#include "isobrick/extract/active_rows.h"
 #include "isobrick/extract/kernels/brick_bits.h"
 #include "isobrick/extract/kernels/brick_crossings.h"
 #include "isobrick/extract/kernels/brick_triangles.h"
-#include "isobrick/extract/missing_vertex.h"
-#include "isobrick/extract/read_ahead.h"
+#include "isobrick/extract/meshing/active_rows.h"
+#include "isobrick/extract/meshing/missing_vertex.h"
+#include "isobrick/extract/paging/read_ahead.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/isolated_loop.h"
 

@@ -1,8 +1,8 @@
 // From active tiles to the rows of cells that the uniform kernel looks at.
 #pragma once
 
-#include "isobrick/extract/active_tiles.h"
 #include "isobrick/extract/kernels/brick_bits.h"
+#include "isobrick/extract/meshing/active_tiles.h"
 
 namespace isobrick {
 
