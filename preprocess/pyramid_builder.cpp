@@ -6,16 +6,17 @@
 #include <chrono>
 #include <cmath>
 #include <filesystem>
-#include <nlohmann/json.hpp>
 
 #include "isobrick/preprocess/brick_maker.h"
 #include "isobrick/preprocess/brick_pipeline.h"
+#include "isobrick/preprocess/build_identity.h"
 #include "isobrick/preprocess/error_pass.h"
+#include "isobrick/preprocess/finite_voxels.h"
 #include "isobrick/preprocess/input_identity.h"
 #include "isobrick/preprocess/kernels/curvature_fit.h"
 #include "isobrick/preprocess/preview_maker.h"
 #include "isobrick/preprocess/slice_spool.h"
-#include "isobrick/storage/checksum.h"
+#include "isobrick/preprocess/unfinished_build.h"
 #include "isobrick/storage/index_loop.h"
 #include "isobrick/storage/isolated_loop.h"
 
@@ -36,8 +37,6 @@ PyramidSpec specOf(const VolumeInfo& info, const BuildOptions& options) {
   spec.error_level = last < kFirstErrorLevel ? 0 : last;
   return spec;
 }
-
-std::string numberText(double number) { return nlohmann::json(number).dump(); }
 
 std::string spaceText(std::uint64_t bytes) {
   return bytes < std::uint64_t{1} << 20 ? std::to_string((bytes + 1023) >> 10) + " KiB"
@@ -74,27 +73,8 @@ class Build {
       makeLevels();
       findErrors();
       publish();
-    } catch (const Cancelled&) {
-      throw interrupted();
-    } catch (const ResumableError& error) {
-      if (!keepForResume()) throw;
-      throw resumable(error, "");
-    } catch (const Error& error) {
-      // A file that is written or moved while it is read may look damaged.
-      switch (stateOfInput()) {
-        case InputState::kAsItWas:
-          throw;
-        case InputState::kUnknown:
-          throw interrupted();
-        case InputState::kChanged:
-          if (!keepForResume()) throw;
-          throw resumable(error, "; it changed while it was read");
-      }
-    } catch (const std::bad_alloc&) {
-      if (!keepForResume()) throw;
-      throw resumable(Error("not enough memory for '" + source_.info().source + "'",
-                            {.path = source_.info().source}, {Remedy::kUseLessMemory}),
-                      "");
+    } catch (...) {
+      throwUnfinished({source_.info(), options_, input_, writer_, closures_.all().size()});
     }
     for (std::size_t step = 0; step < kBuildStepNames.size(); ++step)
       report_.phases.push_back(
@@ -136,46 +116,6 @@ class Build {
   void progress(const char* what, double fraction) {
     if (options_.cancel != nullptr) options_.cancel->check();
     if (options_.progress) options_.progress(what, fraction);
-  }
-
-  enum class InputState { kAsItWas, kChanged, kUnknown };
-  // Unknown where the user did not wait for the answer.
-  InputState stateOfInput() {
-    try {
-      input_.checkContent();
-      return InputState::kAsItWas;
-    } catch (const Cancelled&) {
-      return InputState::kUnknown;
-    } catch (const Error&) {
-      return InputState::kChanged;
-    }
-  }
-
-  bool keepForResume() {
-    if (!options_.keep_unfinished || writer_.bricksWritten() == 0) return false;
-    try {
-      writer_.flush();
-    } catch (const Error&) {  // the disk is full: the last bricks are made again
-    }
-    writer_.keepForResume();
-    return true;
-  }
-  std::string whatIsKept() const {
-    const auto all = static_cast<double>(closures_.all().size());
-    const auto percent = static_cast<int>(100 * static_cast<double>(writer_.bricksWritten()) / all);
-    return std::to_string(percent) + " % of the bricks are kept in '" + writer_.temporaryPath() +
-           "'";
-  }
-  Cancelled interrupted() {
-    if (!keepForResume()) return {};
-    return Cancelled("interrupted; " + whatIsKept(), {.path = writer_.temporaryPath()},
-                     {Remedy::kResume});
-  }
-  // The same error, of a build that can go on.
-  ResumableError resumable(const Error& error, const std::string& more) const {
-    std::vector<Remedy> remedies = error.remedies();
-    remedies.push_back(Remedy::kResume);
-    return ResumableError(error.what() + more + "; " + whatIsKept(), error.place(), remedies);
   }
 
   // A full disk is to show now rather than at the end. Packed bricks are smaller than plain ones,
@@ -296,7 +236,9 @@ class Build {
     if (level > 0) return;
     // Before its bricks come to the journal: one of other content must never be gone on with.
     input_.check();
-    checkFinite(reinterpret_cast<T*>(samples), window);
+    if constexpr (std::is_same_v<T, float>)
+      report_.replaced_voxels += makeFinite(reinterpret_cast<float*>(samples), window.sample_box,
+                                            ownVoxels(window), options_.nan_as, source_.info());
   }
 
   // The box as some slices at a time, of some MiB together.
@@ -311,35 +253,13 @@ class Build {
     return pieces;
   }
 
-  // Refuses or replaces the voxels that no isovalue can be compared with.
-  void checkFinite(T* voxels, const BrickWindow& window) {
-    if constexpr (std::is_floating_point_v<T>) {
-      const IndexBox& box = window.sample_box;
-      // Voxels that no other window counts.
-      const Index3 own_end =
-          glm::min(window.bricks.end() * spec_.brick_cells + Index3(1), box.end());
-      const auto isOwn = [&](const Index3& at) {
-        for (int axis = 0; axis < 3; ++axis) {
-          const bool is_first = window.bricks.first[axis] == 0;
-          const std::int64_t begin = window.bricks.first[axis] * spec_.brick_cells;
-          if (at[axis] < begin + (is_first ? 0 : 1) || at[axis] >= own_end[axis]) return false;
-        }
-        return true;
-      };
-      for (std::int64_t i = 0; i < box.size(); ++i) {
-        if (std::isfinite(voxels[i])) continue;
-        const Index3 at = box.first + indexAt(i, box.count);
-        if (!options_.nan_as.has_value())
-          throw Error(
-              "'" + source_.info().source + "' has a voxel that is " +
-                  (std::isnan(voxels[i]) ? "not a number" : "infinite, or too large for float32,") +
-                  " at (" + std::to_string(at.x) + "," + std::to_string(at.y) + "," +
-                  std::to_string(at.z) + "), and there is no value to put there",
-              {.path = source_.info().source}, {Remedy::kReplaceNotFinite});
-        voxels[i] = *options_.nan_as;
-        if (isOwn(at)) ++report_.replaced_voxels;
-      }
-    }
+  // The voxels of a window that no other window counts.
+  IndexBox ownVoxels(const BrickWindow& window) const {
+    const IndexBox& bricks = window.bricks;
+    const Index3 first = bricks.first * spec_.brick_cells + glm::min(bricks.first, Index3(1));
+    const Index3 end =
+        glm::min(bricks.end() * spec_.brick_cells + Index3(1), window.sample_box.end());
+    return {first, end - first};
   }
 
   void makeBricks(int level, const BrickWindow& window, const LevelStore* store,
@@ -396,26 +316,9 @@ class Build {
     const VoxelHistogram histogram = statistics_.histogram(spec_.voxel_type, voxel_range_);
     report_.file_bytes =
         writer_.finish({voxel_range_, closures_.all(), histogram, error_bins_, statistics_.noise(),
-                        provenance(), statistics_.gradients(histogram, voxel_range_, spec_.voxels)},
+                        provenanceText(source_, options_, identity_),
+                        statistics_.gradients(histogram, voxel_range_, spec_.voxels)},
                        options_.codec);
-  }
-
-  std::string provenance() const {
-    const VolumeInfo& info = source_.info();
-    nlohmann::json json = {{"tool", "isobrick " + options_.tool_version},
-                           {"source", info.source},
-                           {"format", info.format},
-                           {"filter", filterName(spec_.filter)},
-                           {"identity", identity_},
-                           {"notes", info.notes}};
-    for (const std::string& note : source_.notesOfReading()) json["notes"].push_back(note);
-    if (!info.properties.empty()) json["properties"] = info.properties;
-    // Whether there were any is not said: a resumed build does not see all voxels.
-    if (options_.nan_as && spec_.voxel_type == VoxelType::kFloat32)
-      json["notes"].push_back("voxels that were not finite became " +
-                              numberText(static_cast<double>(*options_.nan_as)));
-    // A path need not be UTF-8; a provenance that cannot be written would lose the whole build.
-    return json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
   }
 
   VolumeSource& source_;
@@ -470,36 +373,6 @@ void checkOptions(const BuildOptions& options) {
 }
 
 }  // namespace
-
-std::string buildIdentity(const VolumeInfo& info, const std::string& input_identity,
-                          const BuildOptions& options) {
-  // Its numbers, without the bytes that fill the struct up.
-  const auto hash = checksum64(&info.geometry, offsetof(GridGeometry, unit));
-  std::string text = "input=" + input_identity + "\n";
-  const auto line = [&](const char* name, const std::string& value) {
-    text += std::string(name) + "=" + value + "\n";
-  };
-  line("voxels", std::to_string(info.voxels.x) + "x" + std::to_string(info.voxels.y) + "x" +
-                     std::to_string(info.voxels.z) + " " +
-                     std::string(voxelTypeName(info.voxel_type)));
-  line("format", info.format + (info.encoding.empty() ? "" : ", ") + info.encoding);
-  line("geometry", std::to_string(hash));
-  line("length unit", std::string(lengthUnitName(info.geometry.unit)));
-  line("filter", std::string(filterName(options.filter)));
-  line("codec", std::string(codecName(options.codec)));
-  line("brick", std::to_string(options.brick_cells));
-  line("tile", std::to_string(options.tile_cells));
-  line("curvature", options.with_curvature ? numberText(options.curvature_epsilon) : "none");
-  line("error", options.error_level > 0 ? "level " + std::to_string(options.error_level) : "none");
-  line("nan_as", options.nan_as ? numberText(static_cast<double>(*options.nan_as)) : "none");
-  line("version", std::to_string(format::kVersion));
-  line("algorithm", std::to_string(kBuildAlgorithm));
-  return text;
-}
-
-std::string buildIdentity(const VolumeSource& source, const BuildOptions& options) {
-  return buildIdentity(source.info(), inputIdentity(source, options.cancel), options);
-}
 
 BuildReport buildPyramid(VolumeSource& source, const std::string& path,
                          const BuildOptions& options) {

@@ -1,0 +1,24 @@
+// What a build that fails leaves, and what its user is told.
+#pragma once
+
+#include <cstdint>
+
+#include "isobrick/preprocess/input_identity.h"
+#include "isobrick/preprocess/pyramid_builder.h"
+#include "isobrick/storage/pyramid_writer.h"
+
+namespace isobrick {
+
+struct UnfinishedBuild {
+  const VolumeInfo& info;
+  const BuildOptions& options;
+  InputWatch& input;
+  PyramidWriter& writer;
+  std::uint64_t bricks = 0;  // of the whole pyramid
+};
+
+// For a catch block: throws the exception at hand as the caller of buildPyramid() gets it. Where
+// the build can go on later, the temporary file stays, and the message says so.
+[[noreturn]] void throwUnfinished(const UnfinishedBuild& build);
+
+}  // namespace isobrick
