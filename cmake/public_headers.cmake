@@ -47,7 +47,6 @@ set(isobrick_public_headers
   preprocess/sources/itk_source.h
   preprocess/sources/open_options.h
   preprocess/sources/open_volume.h
-  preprocess/sources/pyramid_quantity.h
   preprocess/sources/pyramid_source.h
   preprocess/sources/raw_source.h
   preprocess/sources/vdb_source.h

@@ -16,7 +16,6 @@
 #include "isobrick/preprocess/input_identity.h"
 #include "isobrick/preprocess/pyramid_builder.h"
 #include "isobrick/preprocess/sources/open_volume.h"
-#include "isobrick/preprocess/sources/pyramid_quantity.h"
 #include "isobrick/preprocess/sources/pyramid_source.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid.h"
@@ -55,7 +54,6 @@ struct ConvertArguments {
   std::optional<double> background;
   double tolerance = 0;
   bool half = false;
-  bool with_ranges = false, with_curvature = false, with_error = false;
   bool no_map = false;
   bool force = false;
   bool json = false;
@@ -106,42 +104,13 @@ std::unique_ptr<VolumeSource> withViews(std::unique_ptr<VolumeSource> source,
   return source;
 }
 
-struct Opened {
-  VolumeLevels levels;
-  std::vector<BesideVolume> beside;
-};
-
-// What the pyramid stores beside the samples of `level`, number `index` of those written. Each
-// quantity is a line here and an enumerator of PyramidQuantity.
-void addBeside(const std::shared_ptr<const Pyramid>& pyramid, const ConvertArguments& arguments,
-               int level, std::size_t index, std::vector<BesideVolume>& beside) {
-  const auto add = [&](const char* name, PyramidQuantity quantity, int of_level, bool has_values) {
-    const IndexBox box = arguments.box ? boxOfLevel(*arguments.box, of_level)
-                                       : IndexBox{Index3(0), pyramid->lattice().samples(of_level)};
-    beside.push_back({name, index,
-                      makePyramidQuantity(pyramid, pyramid->budgetBytes(), quantity, of_level, box,
-                                          &interruptFlag()),
-                      has_values});
-  };
-  if (arguments.with_ranges) {
-    add("min", PyramidQuantity::kLeast, level, true);
-    add("max", PyramidQuantity::kGreatest, level, true);
-  }
-  // These are of the whole pyramid.
-  if (arguments.with_curvature && index == 0)
-    add("curvature", PyramidQuantity::kCurvature, 0, false);
-  if (!arguments.with_error || index > 0) return;
-  add("error_2", PyramidQuantity::kError, 2, false);
-  if (pyramid->spec().error_level > 2) add("error_3", PyramidQuantity::kError, 3, false);
-}
-
-Opened openLevels(const ConvertArguments& arguments) {
+VolumeLevels openLevels(const ConvertArguments& arguments) {
   ProgressBar bar(100, "%");
   OpenOptions options = openOptionsOf(arguments.input);
   options.cancel = &interruptFlag();
   options.progress = [&](std::string_view phase, double share) { bar.show(phase, share); };
   options.memory_bytes = arguments.memory_bytes / 2;
-  Opened opened;
+  VolumeLevels levels;
   if (isPyramid(arguments.input.path)) {
     options.pyramid_level = 0;
     refuseUnusablePath(arguments.input.path, options);
@@ -156,16 +125,15 @@ Opened openLevels(const ConvertArguments& arguments) {
         const Index3 count = boxOfLevel(*arguments.box, level).count;
         if (std::min({count.x, count.y, count.z}) < 2) break;
       }
-      opened.levels.push_back(withViews(
+      levels.push_back(withViews(
           placedAsGiven(makePyramidSource(pyramid, options.memory_bytes, level, &interruptFlag()),
                         options, level),
           arguments, level));
-      addBeside(pyramid, arguments, level, opened.levels.size() - 1, opened.beside);
     }
   } else {
-    opened.levels.push_back(withViews(openVolume(arguments.input.path, options), arguments, 0));
+    levels.push_back(withViews(openVolume(arguments.input.path, options), arguments, 0));
   }
-  return opened;
+  return levels;
 }
 
 struct Converted {
@@ -199,8 +167,8 @@ Converted convert(const ConvertArguments& arguments) {
   const Stopwatch watch;
   std::vector<std::string> inputs{arguments.input.path};
   refuseConvertOutput(arguments.output, inputs, arguments.force);
-  Opened opened = openLevels(arguments);
-  VolumeSource& source = *opened.levels.front();
+  VolumeLevels levels = openLevels(arguments);
+  VolumeSource& source = *levels.front();
   refuseUnfitInputOptions(*arguments.input.parser, source.info());
   for (const std::string& file : source.files()) inputs.push_back(file);
   refuseConvertOutput(arguments.output, inputs, arguments.force);
@@ -208,7 +176,7 @@ Converted convert(const ConvertArguments& arguments) {
 
   Converted converted;
   converted.volume = source.info();
-  converted.levels = opened.levels.size();
+  converted.levels = levels.size();
   ProgressBar bar(static_cast<double>(elementCount(source.info().voxels)) *
                       static_cast<double>(voxelBytes(source.info().voxel_type)) / 1e6,
                   "MB");
@@ -224,7 +192,6 @@ Converted convert(const ConvertArguments& arguments) {
     options.replace_dataset = arguments.force;
     options.vdb_tolerance = arguments.tolerance;
     options.vdb_half = arguments.half;
-    options.vdb_beside = &opened.beside;
     const std::uint64_t held = source.bufferBytes();
     constexpr std::uint64_t kLeast = std::uint64_t{8} << 20;
     if (held > arguments.memory_bytes || arguments.memory_bytes - held < kLeast)
@@ -232,10 +199,10 @@ Converted convert(const ConvertArguments& arguments) {
                               arguments.input.path, byteSizeText(held), byteSizeText(kLeast)),
                   {.path = arguments.input.path}, {Remedy::kAllowMoreMemory});
     options.memory_bytes -= held;
-    converted.report = exportVolume(opened.levels, arguments.output, options);
+    converted.report = exportVolume(levels, arguments.output, options);
   }
   // A writer may have put another source in its place.
-  for (std::string& note : opened.levels.front()->notesOfReading())
+  for (std::string& note : levels.front()->notesOfReading())
     converted.volume.notes.push_back(std::move(note));
   converted.seconds = watch.seconds();
   return converted;
@@ -291,15 +258,6 @@ void checkUsage(const ConvertArguments& arguments) {
   refuseKnownMisfits(arguments.input);
   if (!isPyramid(arguments.output)) refuseUnknownExport(arguments.output, false);
   refuseUnfitOutputOptions(*arguments.input.parser, arguments.output);
-  const bool has_beside = arguments.with_ranges || arguments.with_curvature || arguments.with_error;
-  if (has_beside && (arguments.input.spacing || arguments.input.origin))
-    throw UsageError(
-        "--with-ranges, --with-curvature and --with-error lie where the pyramid does; leave out "
-        "--spacing and --origin");
-  if (has_beside && arguments.window)
-    throw UsageError(
-        "--with-ranges, --with-curvature and --with-error are of the values as they are; leave out "
-        "--window");
   if (arguments.window && (arguments.type.empty() || arguments.type == "f32"))
     throw UsageError("--window needs the type that its values are spread over: --type u8");
   if (!arguments.window && !arguments.type.empty() && arguments.type != "f32")
@@ -372,16 +330,6 @@ Command addConvertCommand(CLI::App& app) {
       },
       "T", "Voxels no further than T from the background are not stored in a .vdb; default: 0");
   sub->add_flag("--half", arguments->half, "Half floats in a .vdb");
-  sub->add_flag("--with-ranges", arguments->with_ranges,
-                "Of a pyramid, for each level in a .vdb the least and the greatest value of every "
-                "tile, as grids of their own at the spacing of tiles");
-  sub->add_flag("--with-curvature", arguments->with_curvature,
-                "Of a pyramid, in a .vdb the curvature bound of every cell of level 1 for all "
-                "isovalues, as a grid of its own");
-  sub->add_flag(
-      "--with-error", arguments->with_error,
-      "Of a pyramid, in a .vdb the error bounds of all cells of level 2, and of level 3 where "
-      "it has them, for all isovalues, as grids of their own");
   sub->add_option("--codec", arguments->codec,
                   "How the bricks of an .isb are packed: none, lz4 or zstd; default: lz4")
       ->type_name("C")

@@ -15,15 +15,6 @@ namespace isobrick {
 // one to the next, the origin is the same.
 using VolumeLevels = std::vector<std::unique_ptr<VolumeSource>>;
 
-// Written beside the voxels of a level, on a grid of its own.
-struct BesideVolume {
-  std::string name;       // "min": the grid is that of the level with "_min" behind its name
-  std::size_t level = 0;  // which of the levels
-  std::unique_ptr<VolumeSource> volume;
-  // Where the level has its background, so has this; otherwise its background is 0.
-  bool has_values = true;
-};
-
 struct ExportOptions : VolumeWriteOptions {
   // HDF5: a dataset of that name is replaced; otherwise it is an Error.
   bool replace_dataset = true;
@@ -31,8 +22,6 @@ struct ExportOptions : VolumeWriteOptions {
   // or 0. Values no further from it than the tolerance are not stored either.
   std::optional<float> vdb_background;
   double vdb_tolerance = 0;
-  // May be null: exact float grids (of 8-bit voxels half) behind those of the levels.
-  std::vector<BesideVolume>* vdb_beside = nullptr;
   // Half floats in place of floats; values that they cannot hold are refused. 8-bit voxels, which
   // lose nothing, are written so always.
   bool vdb_half = false;

@@ -88,15 +88,6 @@ VdbGridPlan planGrid(const VolumeInfo& info, std::size_t level, const ExportOpti
   return plan;
 }
 
-// What bounds the values of the level must not be rounded, nor taken for the background.
-VdbGridPlan planBeside(const VdbGridPlan& level, const BesideVolume& beside) {
-  VdbGridPlan plan;
-  plan.name = level.name + "_" + beside.name;
-  plan.saves_half = voxelBytes(beside.volume->info().voxel_type) == 1;
-  if (beside.has_values) plan.background = level.background;
-  return plan;
-}
-
 // What the coordinates of a file are.
 struct VdbUnit {
   double per_unit = 1;  // of it in one of the source's
@@ -159,22 +150,14 @@ void putMetadata(const VolumeInfo& info, const VdbGridPlan& plan, std::size_t le
   grid.insertMeta("isobrick:voxels", vectorOf(info.voxels));
 }
 
-// One grid of the file, of a level or of what stands beside it.
-struct PlannedGrid {
-  VolumeSource* source = nullptr;
-  VdbGridPlan plan;
-  std::size_t level = 0;
-};
-
-openvdb::FloatGrid::Ptr gridWithoutVoxels(const PlannedGrid& planned, const VdbUnit& unit) {
-  const VolumeInfo& info = planned.source->info();
-  const VdbGridPlan& plan = planned.plan;
+openvdb::FloatGrid::Ptr gridWithoutVoxels(const VolumeInfo& info, const VdbGridPlan& plan,
+                                          std::size_t level, const VdbUnit& unit) {
   auto grid = openvdb::FloatGrid::create(plan.background);
   grid->setName(plan.name);
   grid->setGridClass(plan.grid_class);
   grid->setSaveFloatAsHalf(plan.saves_half);
   grid->setTransform(transformOf(info.geometry, plan.first, unit));
-  putMetadata(info, plan, planned.level, unit, *grid);
+  putMetadata(info, plan, level, unit, *grid);
   return grid;
 }
 
@@ -253,39 +236,32 @@ VolumeWriteReport writeVdb(VolumeLevels& levels, const std::string& path,
                           "small in millimetres; isobrick makes millimetres of them again");
   AtomicFile file(path);
 
-  std::vector<BesideVolume> none;
-  std::vector<BesideVolume>& beside = options.vdb_beside == nullptr ? none : *options.vdb_beside;
-  std::vector<PlannedGrid> grids;  // in the order of the file
-  for (std::size_t i = 0; i < levels.size(); ++i) {
-    if (!levels[i]->readsBoxes())
-      levels[i] = makeSpooledSource(std::move(levels[i]), folderOf(path), options);
-    grids.push_back({levels[i].get(), planGrid(levels[i]->info(), i, options), i});
-  }
-  for (const BesideVolume& one : beside)
-    grids.push_back({one.volume.get(), planBeside(grids[one.level].plan, one), one.level});
-
   // Each grid is a share of the work, as large as it is, most of which is to pack its leaves.
   constexpr double kPacking = 0.9;
   double total = 0, before = 0;
-  for (const PlannedGrid& planned : grids)
-    total += static_cast<double>(volumeBytes(planned.source->info()));
+  for (auto& level : levels) {
+    if (!level->readsBoxes()) level = makeSpooledSource(std::move(level), folderOf(path), options);
+    total += static_cast<double>(volumeBytes(level->info()));
+  }
 
   std::ofstream out(file.temporaryPath(), std::ios::binary | std::ios::in | std::ios::out);
   out.exceptions(std::ios::failbit | std::ios::badbit);
   try {
     VdbArchive archive(out);
-    archive.writeHead(grids.size());
-    for (const PlannedGrid& planned : grids) {
-      const double share = static_cast<double>(volumeBytes(planned.source->info()));
+    archive.writeHead(levels.size());
+    for (std::size_t i = 0; i < levels.size(); ++i) {
+      const VolumeInfo& info = levels[i]->info();
+      const VdbGridPlan plan = planGrid(info, i, options);
+      const double share = static_cast<double>(volumeBytes(info));
       const auto tick = [&](double done) {
         if (options.progress) options.progress((before + share * done) / total);
       };
       // OpenVDB has loops of its own, also where a tree goes.
       isolatedFor(0, 1, [&](int) {
-        const auto grid = gridWithoutVoxels(planned, unit);
+        const auto grid = gridWithoutVoxels(info, plan, i, unit);
         VdbPackedLeaves leaves(folderOf(path));
         makeVdbTree(
-            *planned.source, planned.plan, archive.compressionOf(*grid), path, options,
+            *levels[i], plan, archive.compressionOf(*grid), path, options,
             [&](double done) { tick(kPacking * done); }, *grid, leaves);
         archive.writeGrid(*grid, [&] {
           leaves.appendTo(out, grid->tree(), options,

@@ -12,9 +12,6 @@ namespace isobrick {
 // background, grid class, name and place among the voxels back; of a level set, what lies within
 // the narrow band is active.
 //
-// options.vdb_beside come behind them, each a grid of its own, active where it differs from its
-// background.
-//
 // Each source is read once, in parallel, and its leaves are packed at once: they wait in a nameless
 // file beside the output, as long as the grid, until the tree, which comes first in the file, is
 // known. So memory holds the nodes of one grid's tree, some 120 bytes for each 8x8x8 voxels that
