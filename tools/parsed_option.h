@@ -4,6 +4,8 @@
 #include <CLI/CLI.hpp>
 #include <stdexcept>
 #include <string>
+#include <utility>
+#include <vector>
 
 namespace isobrick {
 
@@ -21,6 +23,24 @@ CLI::Option* addParsedOption(CLI::App& app, const std::string& names, Target& ta
     }
   };
   return app.add_option_function<std::string>(names, set, description)->type_name(value_name);
+}
+
+// What an option takes, in the order of --help.
+template <typename T>
+using Choices = std::vector<std::pair<std::string, T>>;
+
+// Adds an option that sets `target` to what one of the choices means.
+template <typename T>
+CLI::Option* addChoiceOption(CLI::App& app, const std::string& name, T& target,
+                             const Choices<T>& choices, const std::string& value_name,
+                             const std::string& description) {
+  const auto set = [&target, choices](const std::string& text) {
+    for (const auto& [word, value] : choices)
+      if (word == text) target = value;
+  };
+  return app.add_option_function<std::string>(name, set, description)
+      ->type_name(value_name)
+      ->check(CLI::IsMember(choices));
 }
 
 }  // namespace isobrick

@@ -1,11 +1,9 @@
 // isobrick build: volumes in, pyramids out.
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <filesystem>
 #include <map>
 #include <memory>
-#include <optional>
 #include <stdexcept>
 #include <string>
 #include <system_error>
@@ -16,11 +14,10 @@
 #include "tools/build/build_batch.h"
 #include "tools/build/build_one.h"
 #include "tools/build/build_report.h"
-#include "tools/build/error_option.h"
 #include "tools/build/glob_inputs.h"
+#include "tools/build/pyramid_options.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
-#include "tools/interrupt.h"
 #include "tools/output_check.h"
 #include "tools/parse_text.h"
 #include "tools/parsed_option.h"
@@ -31,41 +28,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// What --codec and --filter take, in the order of --help.
-template <typename T>
-using Choices = std::vector<std::pair<std::string, T>>;
-
-Choices<format::Codec> codecChoices() {
-  Choices<format::Codec> choices;
-  for (const format::Codec codec :
-       {format::Codec::kStored, format::Codec::kLz4, format::Codec::kZstd})
-    choices.emplace_back(codecOptionName(codec), codec);
-  return choices;
-}
-
-Choices<format::Filter> filterChoices() {
-  Choices<format::Filter> choices;
-  for (const format::Filter filter : {format::Filter::kAverage, format::Filter::kSubsample})
-    choices.emplace_back(filterName(filter), filter);
-  return choices;
-}
-
-// `name` is one of the choices: the parser has seen to it.
-template <typename T>
-T chosen(const Choices<T>& choices, const std::string& name) {
-  return std::find_if(choices.begin(), choices.end(),
-                      [&](const auto& choice) { return choice.first == name; })
-      ->second;
-}
-
 struct BuildArguments {
   std::vector<std::string> inputs;
   InputOptions input;
   std::string output, out_dir;
-  std::string filter{filterName(BuildOptions{}.filter)};
-  std::string codec = codecOptionName(BuildOptions{}.codec);
-  std::optional<double> nan_as;
-  bool no_curvature = false;
   bool json = false;
   BuildSettings settings{{}, allCores()};
 };
@@ -96,18 +62,6 @@ class OutputFolder {
   std::string path_;
   bool is_ours_ = false;
 };
-
-BuildSettings makeSettings(const BuildArguments& arguments) {
-  BuildSettings settings = arguments.settings;
-  BuildOptions& options = settings.options;
-  options.filter = chosen(filterChoices(), arguments.filter);
-  options.codec = chosen(codecChoices(), arguments.codec);
-  options.with_curvature = !arguments.no_curvature;
-  if (arguments.nan_as) options.nan_as = static_cast<float>(*arguments.nan_as);
-  options.tool_version = ISOBRICK_VERSION;
-  options.cancel = &interruptFlag();
-  return settings;
-}
 
 std::vector<BuildJob> makeJobs(const BuildArguments& arguments) {
   std::vector<BuildJob> jobs;
@@ -156,7 +110,7 @@ int runBuild(const BuildArguments& arguments) {
   const std::vector<BuildJob> jobs = makeJobs(arguments);
   checkUsage(arguments, jobs);
   const OutputFolder folder(arguments.out_dir);
-  const BuildSettings settings = makeSettings(arguments);
+  const BuildSettings& settings = arguments.settings;
   // What is printed must not depend on how many files a pattern happens to match.
   if (arguments.inputs.size() > 1 || isInputPattern(arguments.inputs.front()))
     return runBuildBatch(jobs, settings, arguments.json);
@@ -231,18 +185,12 @@ void addResourceOptions(CLI::App& sub, BuildArguments& arguments) {
 
 void addPyramidOptions(CLI::App& sub, BuildArguments& arguments) {
   BuildOptions& options = arguments.settings.options;
-  sub.add_option(
-         "--codec", arguments.codec,
-         fmt::format("How bricks are packed: none, lz4 or zstd; default: {}", arguments.codec))
-      ->type_name("C")
-      ->check(CLI::IsMember(codecChoices()));
-  sub.add_flag("--no-curvature", arguments.no_curvature,
-               "Leave out what extract needs for --curvature; builds faster");
-  addErrorOption(sub, options.error_level);
-  sub.add_option("--filter", arguments.filter,
-                 "How coarser levels are made: average (default) or subsample")
-      ->type_name("F")
-      ->check(CLI::IsMember(filterChoices()));
+  addStoredOptions(sub, options);
+  Choices<format::Filter> filters;
+  for (const auto filter : {format::Filter::kAverage, format::Filter::kSubsample})
+    filters.emplace_back(filterName(filter), filter);
+  addChoiceOption(sub, "--filter", options.filter, filters, "F",
+                  "How coarser levels are made: average (default) or subsample");
   addParsedOption(sub, "--brick", options.brick_cells, powerOfTwo(4, 256), "N",
                   "Cells per brick and axis, a power of two from 4 to 256; default: 64");
   addParsedOption(sub, "--tile", options.tile_cells, powerOfTwo(2, 256), "N",
@@ -252,8 +200,10 @@ void addPyramidOptions(CLI::App& sub, BuildArguments& arguments) {
       [](const std::string& text) { return parseNumberFrom(text, 0); }, "E",
       "Samples with a gradient below E x the range of their tile do not count for the curvature; "
       "default: 1/64");
-  addParsedOption(sub, "--nan-as", arguments.nan_as, parseSingle, "V",
-                  "Value to put where voxels are NaN or infinite; without it they are refused");
+  addParsedOption(
+      sub, "--nan-as", options.nan_as,
+      [](const std::string& text) { return static_cast<float>(parseSingle(text)); }, "V",
+      "Value to put where voxels are NaN or infinite; without it they are refused");
 }
 
 }  // namespace

@@ -9,7 +9,7 @@
 #include <stdexcept>
 #include <system_error>
 
-#include "isobrick/preprocess/input_identity.h"
+#include "isobrick/preprocess/export/volume_rows.h"
 #include "isobrick/preprocess/sources/open_volume.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid.h"
@@ -17,43 +17,13 @@
 #include "tools/build/existing_output.h"
 #include "tools/build/fitting_options.h"
 #include "tools/byte_size.h"
+#include "tools/interrupt.h"
+#include "tools/output_check.h"
 #include "tools/stopwatch.h"
 #include "tools/thread_count.h"
 
 namespace isobrick {
 namespace {
-
-std::unique_ptr<VolumeSource> openShowingProgress(const BuildJob& job,
-                                                  const BuildSettings& settings) {
-  ProgressBar bar(100, "%", settings.progress);
-  OpenOptions options = openOptionsOf(job.input);
-  options.cancel = settings.options.cancel;
-  options.memory_bytes = settings.options.memory_bytes / 2;
-  options.progress = [&](std::string_view phase, double share) {
-    bar.show(fmt::format("{}{}", job.label, phase), share);
-  };
-  if (const auto phantom = phantomOf(job.input.path))
-    return placedAsGiven(makePhantomSource(*phantom), options);
-  return openVolume(job.input.path, options);
-}
-
-BuildReport buildShowingProgress(VolumeSource& source, InputWatch& input, const BuildJob& job,
-                                 const BuildSettings& settings) {
-  const VolumeInfo& info = source.info();
-  const double bytes = static_cast<double>(elementCount(info.voxels)) *
-                       static_cast<double>(voxelBytes(info.voxel_type));
-  ProgressBar bar(bytes / 1e6, "MB", settings.progress);
-  BuildOptions options = settings.options;
-  options.progress = [&](std::string_view phase, double share) {
-    bar.show(fmt::format("{}{}", job.label, phase), share);
-  };
-  options.preview.published = [](const BuildPreview& preview) {
-    const Index3& voxels = preview.voxels;
-    fmt::print(stderr, "preview {} {} {} {} {}\n", preview.step, voxels.x, voxels.y, voxels.z,
-               preview.path);
-  };
-  return buildPyramid(source, input, job.output, options);
-}
 
 // Level 0 comes first, and only its bricks are read from the input.
 std::uint64_t freshBytes(const BrickLayout& layout, std::uint64_t raw, std::uint64_t resumed) {
@@ -70,8 +40,7 @@ PyramidBytes bytesOfPyramid(const BuiltVolume& built) {
   } catch (const std::bad_alloc&) {
     PyramidBytes bytes;
     bytes.total = std::filesystem::file_size(built.output);
-    bytes.raw = static_cast<std::uint64_t>(elementCount(built.volume.voxels)) *
-                voxelBytes(built.volume.voxel_type);
+    bytes.raw = volumeBytes(built.volume);
     return bytes;
   }
 }
@@ -91,19 +60,22 @@ BuiltVolume openAndBuild(const BuildJob& job, const BuildSettings& settings) {
   const Stopwatch watch;
   BuiltVolume built;
   built.output = job.output;
-  refuseOtherFiles(job.input.path, job.output, settings.force);
-  const std::unique_ptr<VolumeSource> source = openShowingProgress(job, settings);
+  const PlannedOutput output{job.output, "choose another output with -o or --out-dir"};
+  refuseReplacing(output, {job.input.path}, settings.force || isPyramidFile(job.output));
+  const ShownAs shown{job.label, settings.progress};
+  const std::unique_ptr<VolumeSource> source =
+      openShowingProgress(job.input, settings.options.memory_bytes / 2, shown);
   built.open_seconds = watch.seconds();
   refuseUnfitInputOptions(*job.input.parser, source->info());
-  InputWatch input(*source, settings.options.cancel);
-  refuseInputsAsOutput(source->files(), job.output);
+  InputWatch input(*source, &interruptFlag());
+  refuseReplacing(output, source->files(), true);
   const bool is_up_to_date = isUpToDate(job.output, source->info(), input.identity(),
                                         settings.options, settings.any_options, settings.force);
   built.skipped = is_up_to_date && !settings.rebuild;
   if (built.skipped)
     removeStrayJournal(job.output);
   else
-    built.report = buildShowingProgress(*source, input, job, settings);
+    built.report = buildShowingProgress(*source, input, job.output, settings.options, shown);
   built.volume = source->info();
   for (std::string& note : source->notesOfReading()) built.volume.notes.push_back(std::move(note));
   if (built.report.replaced_voxels > 0)
@@ -123,6 +95,37 @@ Error outOfMemory(const BuildJob& job, const BuildSettings& settings) {
 }
 
 }  // namespace
+
+std::unique_ptr<VolumeSource> openShowingProgress(const InputOptions& input,
+                                                  std::uint64_t memory_bytes,
+                                                  const ShownAs& shown) {
+  ProgressBar bar(100, "%", shown.style);
+  OpenOptions options = openOptionsOf(input);
+  options.cancel = &interruptFlag();
+  options.memory_bytes = memory_bytes;
+  options.progress = [&](std::string_view phase, double share) {
+    bar.show(shown.label + std::string(phase), share);
+  };
+  if (const auto phantom = phantomOf(input.path))
+    return placedAsGiven(makePhantomSource(*phantom), options);
+  return openVolume(input.path, options);
+}
+
+BuildReport buildShowingProgress(VolumeSource& source, InputWatch& input, const std::string& output,
+                                 BuildOptions options, const ShownAs& shown) {
+  ProgressBar bar(static_cast<double>(volumeBytes(source.info())) / 1e6, "MB", shown.style);
+  options.tool_version = ISOBRICK_VERSION;
+  options.cancel = &interruptFlag();
+  options.progress = [&](std::string_view phase, double share) {
+    bar.show(shown.label + std::string(phase), share);
+  };
+  options.preview.published = [](const BuildPreview& preview) {
+    const Index3& voxels = preview.voxels;
+    fmt::print(stderr, "preview {} {} {} {} {}\n", preview.step, voxels.x, voxels.y, voxels.z,
+               preview.path);
+  };
+  return buildPyramid(source, input, output, options);
+}
 
 BuiltVolume buildOne(const BuildJob& job, const BuildSettings& settings) {
   refuseKnownMisfits(job.input);

@@ -1,18 +1,35 @@
-// One volume of `isobrick build`.
+// One volume becomes a pyramid.
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <string>
 
+#include "isobrick/preprocess/input_identity.h"
 #include "isobrick/preprocess/pyramid_builder.h"
 #include "tools/build/open_input.h"
 #include "tools/progress_bar.h"
 
 namespace isobrick {
 
-// The same for all volumes of a run.
+// How progress is told: before each phase, and in which style.
+struct ShownAs {
+  std::string label;
+  ProgressStyle style = ProgressStyle::kBar;
+};
+
+// The two halves of every command that builds a pyramid, with a progress bar, until Ctrl-C: opens a
+// volume or phantom, and builds the pyramid of one. All but progress, cancel flag and version is
+// up to `options`.
+std::unique_ptr<VolumeSource> openShowingProgress(const InputOptions& input,
+                                                  std::uint64_t memory_bytes,
+                                                  const ShownAs& shown = {});
+BuildReport buildShowingProgress(VolumeSource& source, InputWatch& input, const std::string& output,
+                                 BuildOptions options, const ShownAs& shown = {});
+
+// The same for all volumes of a run of `isobrick build`.
 struct BuildSettings {
-  BuildOptions options;  // all but `progress`
+  BuildOptions options;
   int threads = 1;
   bool rebuild = false;      // also what is up to date
   bool force = false;        // replaces what is not a pyramid of the same input

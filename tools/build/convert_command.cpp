@@ -13,15 +13,15 @@
 
 #include "isobrick/preprocess/export/formats/export_volume.h"
 #include "isobrick/preprocess/export/source_views.h"
-#include "isobrick/preprocess/input_identity.h"
-#include "isobrick/preprocess/pyramid_builder.h"
+#include "isobrick/preprocess/export/volume_rows.h"
 #include "isobrick/preprocess/sources/open_volume.h"
 #include "isobrick/preprocess/sources/pyramid_source.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid.h"
+#include "tools/build/build_one.h"
 #include "tools/build/convert_output.h"
 #include "tools/build/fitting_options.h"
-#include "tools/build/open_input.h"
+#include "tools/build/pyramid_options.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
@@ -48,16 +48,11 @@ struct ConvertArguments {
   std::optional<Corners> box;
   std::optional<ValueWindow> window;
   std::string type;
-  std::string codec = "lz4";
-  bool no_curvature = false;
-  int error_level = 0;
-  std::optional<double> background;
-  double tolerance = 0;
-  bool half = false;
+  BuildOptions build;   // of an .isb
+  ExportOptions write;  // of all else
   bool no_map = false;
   bool force = false;
   bool json = false;
-  std::uint64_t memory_bytes = std::uint64_t{512} << 20;
   int threads = allCores();
 };
 
@@ -105,16 +100,12 @@ std::unique_ptr<VolumeSource> withViews(std::unique_ptr<VolumeSource> source,
 }
 
 VolumeLevels openLevels(const ConvertArguments& arguments) {
-  ProgressBar bar(100, "%");
-  OpenOptions options = openOptionsOf(arguments.input);
-  options.cancel = &interruptFlag();
-  options.progress = [&](std::string_view phase, double share) { bar.show(phase, share); };
-  options.memory_bytes = arguments.memory_bytes / 2;
+  const std::uint64_t memory_bytes = arguments.build.memory_bytes / 2;
   VolumeLevels levels;
   if (isPyramid(arguments.input.path)) {
-    options.pyramid_level = 0;
+    const OpenOptions options = openOptionsOf(arguments.input);
     refuseUnusablePath(arguments.input.path, options);
-    const auto pyramid = std::make_shared<const Pyramid>(arguments.input.path, options.memory_bytes,
+    const auto pyramid = std::make_shared<const Pyramid>(arguments.input.path, memory_bytes,
                                                          fileAccess(arguments.no_map));
     const bool all = !arguments.levels.empty();
     const int first = all ? 0 : arguments.level;
@@ -125,13 +116,13 @@ VolumeLevels openLevels(const ConvertArguments& arguments) {
         const Index3 count = boxOfLevel(*arguments.box, level).count;
         if (std::min({count.x, count.y, count.z}) < 2) break;
       }
-      levels.push_back(withViews(
-          placedAsGiven(makePyramidSource(pyramid, options.memory_bytes, level, &interruptFlag()),
-                        options, level),
-          arguments, level));
+      levels.push_back(
+          withViews(placedAsGiven(makePyramidSource(pyramid, memory_bytes, level, &interruptFlag()),
+                                  options, level),
+                    arguments, level));
     }
   } else {
-    levels.push_back(withViews(openVolume(arguments.input.path, options), arguments, 0));
+    levels.push_back(withViews(openShowingProgress(arguments.input, memory_bytes), arguments, 0));
   }
   return levels;
 }
@@ -142,26 +133,6 @@ struct Converted {
   std::size_t levels = 1;
   double seconds = 0;
 };
-
-// A pyramid of the volume, whatever it was before.
-VolumeWriteReport buildFrom(VolumeSource& source, const ConvertArguments& arguments,
-                            ProgressBar& bar) {
-  BuildOptions options;
-  options.codec = arguments.codec == "none"  ? format::Codec::kStored
-                  : arguments.codec == "lz4" ? format::Codec::kLz4
-                                             : format::Codec::kZstd;
-  options.with_curvature = !arguments.no_curvature;
-  options.error_level = arguments.error_level;
-  options.tool_version = ISOBRICK_VERSION;
-  options.memory_bytes = arguments.memory_bytes;
-  options.cancel = &interruptFlag();
-  options.progress = [&](std::string_view phase, double share) { bar.show(phase, share); };
-  options.keep_unfinished = false;  // convert has no --resume
-  VolumeWriteReport report;
-  report.bytes = buildPyramid(source, arguments.output, options).file_bytes;
-  report.space = "LPS";
-  return report;
-}
 
 Converted convert(const ConvertArguments& arguments) {
   const Stopwatch watch;
@@ -177,24 +148,21 @@ Converted convert(const ConvertArguments& arguments) {
   Converted converted;
   converted.volume = source.info();
   converted.levels = levels.size();
-  ProgressBar bar(static_cast<double>(elementCount(source.info().voxels)) *
-                      static_cast<double>(voxelBytes(source.info().voxel_type)) / 1e6,
-                  "MB");
   if (isPyramid(arguments.output)) {
-    converted.report = buildFrom(source, arguments, bar);
+    converted.report.bytes =
+        buildShowingProgress(source, input, arguments.output, arguments.build).file_bytes;
+    converted.report.space = "LPS";
   } else {
-    ExportOptions options;
+    ProgressBar bar(static_cast<double>(volumeBytes(source.info())) / 1e6, "MB");
+    ExportOptions options = arguments.write;
     options.cancel = &interruptFlag();
     options.progress = [&](double share) { bar.show("convert", share); };
-    options.memory_bytes = arguments.memory_bytes;
+    options.memory_bytes = arguments.build.memory_bytes;
     options.before_publishing = [&] { input.checkContent(); };
-    if (arguments.background) options.vdb_background = static_cast<float>(*arguments.background);
     options.replace_dataset = arguments.force;
-    options.vdb_tolerance = arguments.tolerance;
-    options.vdb_half = arguments.half;
     const std::uint64_t held = source.bufferBytes();
     constexpr std::uint64_t kLeast = std::uint64_t{8} << 20;
-    if (held > arguments.memory_bytes || arguments.memory_bytes - held < kLeast)
+    if (held > options.memory_bytes || options.memory_bytes - held < kLeast)
       throw Error(fmt::format("'{}' takes {} to be read, and {} more to be written",
                               arguments.input.path, byteSizeText(held), byteSizeText(kLeast)),
                   {.path = arguments.input.path}, {Remedy::kAllowMoreMemory});
@@ -235,8 +203,6 @@ Json jsonOfConverted(const ConvertArguments& arguments, const Converted& convert
 
 void printConverted(const ConvertArguments& arguments, const Converted& converted) {
   const VolumeInfo& volume = converted.volume;
-  const double megabytes = static_cast<double>(elementCount(volume.voxels)) *
-                           static_cast<double>(voxelBytes(volume.voxel_type)) / 1e6;
   fmt::print(
       "{}: {}x{}x{} {} voxels{}, world in {}, unit of length {}; {} in {:.2f} s, {:.0f} MB/s\n",
       oneLine(arguments.output), volume.voxels.x, volume.voxels.y, volume.voxels.z,
@@ -244,7 +210,7 @@ void printConverted(const ConvertArguments& arguments, const Converted& converte
       converted.levels > 1 ? fmt::format(" in {} levels", converted.levels) : "",
       converted.report.space, lengthUnitName(volume.geometry.unit),
       byteSizeText(converted.report.bytes), converted.seconds,
-      megabytes / std::max(converted.seconds, 1e-9));
+      static_cast<double>(volumeBytes(volume)) / 1e6 / std::max(converted.seconds, 1e-9));
   for (const std::string& note : volume.notes) fmt::print("note: {}\n", oneLine(note));
 }
 
@@ -292,6 +258,7 @@ ValueWindow parseWindow(const std::string& text) {
 Command addConvertCommand(CLI::App& app) {
   CLI::App* const sub = app.add_subcommand("convert", kConvertDescription);
   const auto arguments = std::make_shared<ConvertArguments>();
+  arguments->build.keep_unfinished = false;  // there is no --resume
   sub->add_option("IN", arguments->input.path,
                   "Pyramid (.isb), or a volume in any format that `build` reads")
       ->type_name("PATH")
@@ -320,28 +287,23 @@ Command addConvertCommand(CLI::App& app) {
       ->type_name("T")
       ->check(CLI::IsMember({"u8", "i8", "u16", "i16", "f32"}));
   addParsedOption(
-      *sub, "--background", arguments->background, parseSingle, "V",
+      *sub, "--background", arguments->write.vdb_background,
+      [](const std::string& text) { return static_cast<float>(parseSingle(text)); }, "V",
       "Value of what a .vdb does not store; default: that of the .vdb it came from, or 0");
   addParsedOption(
-      *sub, "--tolerance", arguments->tolerance,
+      *sub, "--tolerance", arguments->write.vdb_tolerance,
       [](const std::string& text) {
         parseSingle(text);
         return parseNumberFrom(text, 0);
       },
       "T", "Voxels no further than T from the background are not stored in a .vdb; default: 0");
-  sub->add_flag("--half", arguments->half, "Half floats in a .vdb");
-  sub->add_option("--codec", arguments->codec,
-                  "How the bricks of an .isb are packed: none, lz4 or zstd; default: lz4")
-      ->type_name("C")
-      ->check(CLI::IsMember({"none", "lz4", "zstd"}));
-  sub->add_flag("--no-curvature", arguments->no_curvature,
-                "An .isb without what extract needs for --curvature");
-  addErrorOption(*sub, arguments->error_level);
+  sub->add_flag("--half", arguments->write.vdb_half, "Half floats in a .vdb");
+  addStoredOptions(*sub, arguments->build);
   addForceFlag(*sub, arguments->force)
       ->description(
           "Replace what has the name of the output, of an HDF5 file the dataset alone (never the "
           "input). A dataset goes into a copy of the file, which takes its place in the end");
-  addParsedOption(*sub, "--memory", arguments->memory_bytes, parseByteSize, "SIZE",
+  addParsedOption(*sub, "--memory", arguments->build.memory_bytes, parseByteSize, "SIZE",
                   "Bound of all buffers, such as 300M or 2G; default: 512M");
   addNoMapFlag(*sub, arguments->no_map);
   addThreadsOption(*sub, arguments->threads);

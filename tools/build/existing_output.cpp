@@ -10,21 +10,11 @@
 
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid.h"
-#include "tools/output_check.h"
 
 namespace isobrick {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr char kOtherName[] = "choose another output with -o or --out-dir";
-
-bool beginsAsPyramid(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  char magic[sizeof format::kMagic] = {};
-  return file.read(magic, sizeof magic) &&
-         std::equal(std::begin(magic), std::end(magic), std::begin(format::kMagic));
-}
 
 // What a pyramid says of its making; empty where it says nothing.
 struct Origin {
@@ -70,14 +60,13 @@ bool meansTheSameFile(const std::string& source, const std::string& output) {
 
 }  // namespace
 
-void refuseOtherFiles(const std::string& input, const std::string& output, bool force) {
+bool isPyramidFile(const std::string& path) {
   std::error_code ignored;
-  const bool is_pyramid = fs::is_regular_file(output, ignored) && beginsAsPyramid(output);
-  refuseReplacing({output, kOtherName}, {input}, force || is_pyramid);
-}
-
-void refuseInputsAsOutput(const std::vector<std::string>& files, const std::string& output) {
-  refuseReplacing({output, kOtherName}, files, true);
+  if (!fs::is_regular_file(path, ignored)) return false;
+  std::ifstream file(path, std::ios::binary);
+  char magic[sizeof format::kMagic] = {};
+  return file.read(magic, sizeof magic) &&
+         std::equal(std::begin(magic), std::end(magic), std::begin(format::kMagic));
 }
 
 bool isUpToDate(const std::string& output, const VolumeInfo& info,
@@ -87,8 +76,9 @@ bool isUpToDate(const std::string& output, const VolumeInfo& info,
   if (!fs::is_regular_file(output, ignored)) return false;
   const auto inTheWay = [&](const std::string& why) {
     if (!force)
-      throw Error(fmt::format("'{}' exists and {}; replace it with --force, or {}", output, why,
-                              kOtherName),
+      throw Error(fmt::format("'{}' exists and {}; replace it with --force, or choose another "
+                              "output with -o or --out-dir",
+                              output, why),
                   {.path = output});
     return false;
   };

@@ -2,18 +2,13 @@
 #pragma once
 
 #include <string>
-#include <vector>
 
 #include "isobrick/preprocess/pyramid_builder.h"
 
 namespace isobrick {
 
-// Throws Error where `output` is the input itself, or, without `force`, a file that is no pyramid.
-// Does not open the input.
-void refuseOtherFiles(const std::string& input, const std::string& output, bool force);
-
-// The same where it is one of all files of the input.
-void refuseInputsAsOutput(const std::vector<std::string>& files, const std::string& output);
+// Whether the file begins as a pyramid does.
+bool isPyramidFile(const std::string& path);
 
 // True where `output` is a pyramid of this very source and these options already; false where there
 // is none, or one that was made from the same input, which has changed since or is to be built with

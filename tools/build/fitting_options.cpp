@@ -37,12 +37,9 @@ const OptionFit kOfInputs[] = {
 
 // As the name of the output ends.
 const OptionFit kOfOutputs[] = {
-    {"--half", ".vdb", {".vdb"}},
-    {"--background", ".vdb", {".vdb"}},
-    {"--tolerance", ".vdb", {".vdb"}},
-    {"--levels", ".vdb and .ome.zarr", {".vdb", ".zarr"}},
-    {"--codec", ".isb", {".isb"}},
-    {"--no-curvature", ".isb", {".isb"}},
+    {"--half", ".vdb", {".vdb"}},      {"--background", ".vdb", {".vdb"}},
+    {"--tolerance", ".vdb", {".vdb"}}, {"--levels", ".vdb and .ome.zarr", {".vdb", ".zarr"}},
+    {"--codec", ".isb", {".isb"}},     {"--no-curvature", ".isb", {".isb"}},
     {"--error", ".isb", {".isb"}},
 };
 
