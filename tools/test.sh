@@ -2,12 +2,16 @@
 # Builds isobrick and runs all tests, the check of the format among them: a release, and then again
 # under AddressSanitizer and UndefinedBehaviorSanitizer. Safe to run again. Or only the presets of
 # CMakePresets.json that are named:
-#   tools/test.sh [release|dev|asan-ubsan|tsan]...
+#   tools/test.sh [release|dev|asan-ubsan|tsan|clang]...
+# With CI=true the presets are those of CI, which take warnings as errors.
 # Further tests run where the real volumes are (../shared/data); ISOBRICK_REQUIRE_DATA=1 makes it a
 # failure that they are not, ISOBRICK_REQUIRE_ALL=1 that anything else is skipped.
 set -euo pipefail
 cd "$(dirname "$0")/.."
-[ $# -gt 0 ] || set -- release asan-ubsan
+if [ $# -eq 0 ]; then
+  set -- release asan-ubsan
+  [ "${CI:-}" != true ] || set -- ci-release ci-asan-ubsan
+fi
 tools/install_packages.sh
 mkdir -p build
 for preset; do
