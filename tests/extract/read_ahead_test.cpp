@@ -1,5 +1,5 @@
 // Bricks come in ahead of the threads that mesh them, each once, and the mesh is the same.
-#include "isobrick/extract/read_ahead.h"
+#include "isobrick/extract/paging/read_ahead.h"
 
 #include <gtest/gtest.h>
 #include <tbb/task_arena.h>
@@ -10,7 +10,7 @@
 #include <thread>
 
 #include "isobrick/extract/extractor.h"
-#include "isobrick/extract/mesh_context.h"
+#include "isobrick/extract/session/mesh_context.h"
 #include "isobrick/extract/sinks/counting_sink.h"
 #include "isobrick/extract/surface_mesh.h"
 #include "isobrick/preprocess/phantoms/phantom.h"
