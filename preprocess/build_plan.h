@@ -31,7 +31,7 @@ struct BuildPlan {
   // Where the samples of level l, and the ranges of the tiles of level l - 1, wait for their use.
   std::vector<ScratchVolume::Place> stores;
 
-  std::uint64_t scratch_file_bytes = 0;  // the most that nameless files take at a time
+  std::uint64_t scratch_file_bytes = 0;  // the most that temporary files take at a time
   std::uint64_t file_bytes_bound = 0;    // the pyramid is at most so large
 };
 

@@ -19,7 +19,7 @@ namespace {
 constexpr std::size_t kHugePageBytes = std::size_t{2} << 20;
 
 // A file without a name; file systems that know none get one whose name is removed at once.
-int openNameless(const std::string& folder) {
+int openTemporary(const std::string& folder) {
   int fd = open(folder.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
   if (fd >= 0) return fd;
   std::string name = folder + "/.isobrick-scratch-XXXXXX";
@@ -57,7 +57,7 @@ ScratchVolume::ScratchVolume(const Index3& dims, std::size_t element_bytes, Plac
     memory_ = LargeBuffer(static_cast<std::size_t>(elementCount(dims)) * element_bytes);
     return;
   }
-  fd_ = openNameless(folder);
+  fd_ = openTemporary(folder);
   if (fd_ < 0)
     throw ResumableError("cannot make a temporary file in '" + folder + "': " +
                              std::strerror(errno) + "; choose a folder that you may write to",

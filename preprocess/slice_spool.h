@@ -15,7 +15,7 @@
 namespace isobrick {
 
 // A thread of its own reads the source, some slices ahead of their use, into a ring of slices that
-// lies in memory or in a nameless file. The slices below releaseBefore() give their place to those
+// lies in memory or in a temporary file. The slices below releaseBefore() give their place to those
 // that come. One thread may use the members; the source must not be used by anybody else.
 class SliceSpool {
  public:

@@ -1,4 +1,4 @@
-// Where voxels come from: the seam between file formats and the pyramid builder.
+// Where voxels come from: the interface between file formats and the pyramid builder.
 #pragma once
 
 #include <cstdint>

@@ -50,7 +50,7 @@ class AdaptiveMesher::Brick {
     kernels.template make<T>(context_, work_, family_.ownSamples(), batch_);
     SharedVertices(rows, lattice_, level_, cells_, batch_)
         .list(corners_, [this](std::uint32_t vertex, int axis, const Index3& at) {
-          makeSeamVertex(vertex, axis, cells_.first + at);
+          makeZoneVertex(vertex, axis, cells_.first + at);
         });
     const std::size_t plain_indices = batch_.triangles.size();
     for (const FanCell& fan : memory_.fan_cells_) meshFans(fan);
@@ -62,18 +62,18 @@ class AdaptiveMesher::Brick {
   // their triangles.
   void takeFans(BrickRows& rows) {
     memory_.fan_cells_.clear();
-    for (const auto& [j, k] : split_.seamRows()) {
+    for (const auto& [j, k] : split_.zoneRows()) {
       const std::int64_t r = rows.row(j, k);
       for (std::int64_t word = 0; word < rows.words_per_row; ++word) {
-        const std::uint64_t seam = split_.seam(j, k)[word];
-        if (seam == 0) continue;
+        const std::uint64_t zone = split_.zone(j, k)[word];
+        if (zone == 0) continue;
         std::array<std::uint64_t, 6> finer = leaves_.besideFiner(j, k, word);
-        if (((finer[0] | finer[1] | finer[2] | finer[3] | finer[4] | finer[5]) & seam) == 0)
+        if (((finer[0] | finer[1] | finer[2] | finer[3] | finer[4] | finer[5]) & zone) == 0)
           continue;
         const CellWords corners(rows, r, word);
         std::uint64_t fans = 0;
         for (int face = 0; face < 6; ++face) {
-          finer[static_cast<std::size_t>(face)] &= corners.crossed(face) & seam;
+          finer[static_cast<std::size_t>(face)] &= corners.crossed(face) & zone;
           fans |= finer[static_cast<std::size_t>(face)];
         }
         rows.active[static_cast<std::size_t>(r * rows.words_per_row + word)] &= ~fans;
@@ -91,7 +91,7 @@ class AdaptiveMesher::Brick {
     }
   }
 
-  // A corner of a leaf of the seam.
+  // A corner of a leaf of the zone.
   LatticePoint corner(const Index3& sample) {
     const Index3 at = sample - cells_.first;
     return cornerPoint(lattice_, level_, sample, corners_.touchesFiner(at),
@@ -99,7 +99,7 @@ class AdaptiveMesher::Brick {
   }
 
   // On the edge along `axis` from sample `base`, of which leaves of another level touch an end.
-  void makeSeamVertex(std::uint32_t vertex, int axis, const Index3& base) {
+  void makeZoneVertex(std::uint32_t vertex, int axis, const Index3& base) {
     const LeafEdge edge = leafEdge(lattice_, leaves_, cells_, base, axis);
     if (!edge.is_of_coarser) {
       vertices_.put(vertex, axis, corner(edge.low), corner(edge.high), edge.is_shared);
@@ -153,7 +153,7 @@ class AdaptiveMesher::Brick {
   const IndexBox cells_;
   AdaptiveMesher& memory_;
   BrickSplit& split_;
-  SeamCorners& corners_;
+  TransitionCorners& corners_;
   const LeafRows& leaves_;
   LeafClassifier classifier_;
   BrickFamily<T> family_;

@@ -4,17 +4,17 @@
 #include "isobrick/extract/meshing/active_tiles.h"
 #include "isobrick/extract/meshing/brick_cells.h"
 #include "isobrick/extract/meshing/brick_split.h"
-#include "isobrick/extract/meshing/seam_corners.h"
+#include "isobrick/extract/meshing/transition_corners.h"
 #include "isobrick/extract/session/brick_traversal.h"
 #include "isobrick/extract/sinks/triangle_sink.h"
 
 namespace isobrick {
 
 // Meshes the leaves of one level in one brick at a time and reuses its memory. One object serves
-// one thread. All leaves go through the kernels of uniform bricks, all together. What other leaves
-// touch, the seam, is put right before and after: the bits of its corners (rule 6), the vertices on
-// its edges (rules 6, 8 and 12), and fans in place of the triangles of cells beside finer leaves
-// (rule 10). The rules have their files in extract/meshing/.
+// one thread. All leaves go through the kernels of uniform bricks, all together. The transition
+// zone, which leaves of other levels touch, is put right before and after: the bits of its corners
+// (rule 6), the vertices on its edges (rules 6, 8 and 12), and fans in place of the triangles of
+// cells beside finer leaves (rule 10).
 class AdaptiveMesher {
  public:
   // Appends the brick's triangles to `batch`, which is empty.
@@ -32,7 +32,7 @@ class AdaptiveMesher {
   ActiveTiles tiles_;
   BrickSplit split_;
   BrickCells cells_;
-  SeamCorners corners_;
+  TransitionCorners corners_;
   std::vector<FanCell> fan_cells_;
 };
 

@@ -13,10 +13,10 @@ void BrickSplit::split(const MeshContext& context, LeafClassifier& classifier,
   cells_ = cells;
   words_ = wordsOf(cells.count.x);
   has_plain_ = false;
-  seam_rows_.clear();
+  zone_rows_.clear();
   active_cells_.resize(static_cast<std::size_t>(words_));
   leaves_.reset(classifier, context.lattice(), level, cells);
-  seam_.clear();
+  zone_.clear();
   const std::int64_t edge = context.pyramid.layout().tileCells();
   for (std::int64_t z = 0; z < tiles.dims().z; ++z) {
     const Index3 first(0, 0, z * edge);
@@ -57,9 +57,9 @@ void BrickSplit::splitTileRow(const MeshContext& context, const LeafClassifier& 
 // The cells of active tiles in one row.
 void BrickSplit::splitRow(const MeshContext& context, std::int64_t j, std::int64_t k,
                           BrickRows& rows) {
-  if (seam_.empty())
-    seam_.resize(static_cast<std::size_t>((cells_.count.y + 2) * (cells_.count.z + 2) * words_));
-  std::uint64_t* rest = seam_.data() + index(j, k) * words_;
+  if (zone_.empty())
+    zone_.resize(static_cast<std::size_t>((cells_.count.y + 2) * (cells_.count.z + 2) * words_));
+  std::uint64_t* rest = zone_.data() + index(j, k) * words_;
   leaves_.find(j, k);
   leaves_.leaves(j, k, rest);
   for (std::int64_t word = 0; word < words_; ++word)
@@ -81,7 +81,7 @@ void BrickSplit::splitRow(const MeshContext& context, std::int64_t j, std::int64
     any |= rest[word];
   }
   if (any == 0) return;
-  seam_rows_.push_back({j, k});
+  zone_rows_.push_back({j, k});
 }
 
 // Of cells in a row keeps those that the query's box overlaps.

@@ -1,4 +1,5 @@
-// A brick's leaves in two kinds: plain ones, which only leaves of their level touch, and the seam.
+// A brick's leaves in two kinds: plain ones, which only leaves of their level touch, and the
+// transition zone.
 #pragma once
 
 #include <cstdint>
@@ -14,8 +15,8 @@ namespace isobrick {
 // only what the query's box overlaps counts. Keeps its memory from brick to brick.
 class BrickSplit {
  public:
-  // One row of cells with a part of the seam.
-  struct SeamRow {
+  // One row of cells that has leaves of the transition zone.
+  struct ZoneRow {
     std::int64_t j = 0, k = 0;  // counted from the brick's first cell
   };
 
@@ -24,14 +25,14 @@ class BrickSplit {
   void split(const MeshContext& context, LeafClassifier& classifier, const ActiveTiles& tiles,
              int level, const IndexBox& cells, BrickRows& rows);
 
-  bool hasLeaves() const { return has_plain_ || !seam_rows_.empty(); }
-  const std::vector<SeamRow>& seamRows() const { return seam_rows_; }
-  // The row's leaves of the seam in active tiles, cell i in bit i % 64 of word i / 64; zeros where
-  // the row is not a seam row. Rows beside the brick's, -1 and the count, have none.
-  const std::uint64_t* seam(std::int64_t j, std::int64_t k) const {
-    return seam_.data() + index(j, k) * words_;
+  bool hasLeaves() const { return has_plain_ || !zone_rows_.empty(); }
+  const std::vector<ZoneRow>& zoneRows() const { return zone_rows_; }
+  // The row's leaves of the transition zone in crossed tiles, cell i in bit i % 64 of word i / 64;
+  // zeros where the row is not a zone row. Rows beside the brick's, -1 and the count, have none.
+  const std::uint64_t* zone(std::int64_t j, std::int64_t k) const {
+    return zone_.data() + index(j, k) * words_;
   }
-  // Of the seam's cells and of all that touch them.
+  // Of the cells of the transition zone and of all that touch them.
   const LeafRows& leaves() const { return leaves_; }
 
  private:
@@ -49,8 +50,8 @@ class BrickSplit {
   std::int64_t words_ = 0;  // of a row of cells
   bool has_plain_ = false;
   LeafRows leaves_;
-  std::vector<std::uint64_t> seam_;
-  std::vector<SeamRow> seam_rows_;
+  std::vector<std::uint64_t> zone_;
+  std::vector<ZoneRow> zone_rows_;
   std::vector<std::uint64_t> active_cells_;  // in active tiles of the row of tiles at hand
 };
 

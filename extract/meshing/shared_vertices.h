@@ -26,35 +26,36 @@ class SharedVertices {
 
   // Of a brick whose edges only leaves of its level touch.
   void list() {
-    list(NoSeam(), [](std::uint32_t, int, const Index3&) {});
+    list(NoZone(), [](std::uint32_t, int, const Index3&) {});
   }
-  // `seam` says which edges other leaves touch, as SeamCorners does. visit(vertex, axis, corner) is
-  // called in their stead, for those that are crossed, ascending in `vertex` as the list.
-  template <typename Seam, typename Visit>
-  void list(const Seam& seam, Visit&& visit) {
+  // `zone` says which edges other leaves touch, as TransitionCorners does. visit(vertex, axis,
+  // corner) is called in their stead, for those that are crossed, ascending in `vertex` as the
+  // list.
+  template <typename Zone, typename Visit>
+  void list(const Zone& zone, Visit&& visit) {
     const std::int64_t ny = cells_.count.y, nz = cells_.count.z;
     for (int axis = 0; axis < 3; ++axis)
       for (const std::uint32_t r : rows_.crossed_rows[static_cast<std::size_t>(axis)].list()) {
         const std::int64_t k = r / rows_.rowsPerSlice(), j = r % rows_.rowsPerSlice();
         const bool in_side =
             (axis != 1 && (j == 0 || j == ny)) || (axis != 2 && (k == 0 || k == nz));
-        if (seam.hasEdges(axis, r))
-          listRow(axis, j, k, in_side, seam, visit);
+        if (zone.hasEdges(axis, r))
+          listRow(axis, j, k, in_side, zone, visit);
         else if (axis != 0 || in_side)
-          listRow(axis, j, k, in_side, NoSeam(), visit);
+          listRow(axis, j, k, in_side, NoZone(), visit);
       }
   }
 
  private:
-  struct NoSeam {
+  struct NoZone {
     bool hasEdges(int, std::int64_t) const { return false; }
     bool hasFirstEdge(int, std::int64_t) const { return false; }
     std::uint64_t edges(int, std::int64_t, std::int64_t) const { return 0; }
   };
 
   // `all`: the row lies in a side; otherwise only its ends do.
-  template <typename Seam, typename Visit>
-  void listRow(int axis, std::int64_t j, std::int64_t k, bool all, const Seam& seam,
+  template <typename Zone, typename Visit>
+  void listRow(int axis, std::int64_t j, std::int64_t k, bool all, const Zone& zone,
                Visit&& visit) {
     const auto a = static_cast<std::size_t>(axis);
     const std::int64_t words = rows_.words_per_row;
@@ -64,13 +65,13 @@ class SharedVertices {
     std::uint32_t number = rows_.numbers[a][row];
     for (std::size_t before = 0; before < a; ++before) number += rows_.crossings[before];
     if (axis != 0 && rows_.crossed_first[a - 1][row] != 0) {
-      if (seam.hasFirstEdge(axis, r))
+      if (zone.hasFirstEdge(axis, r))
         visit(number - 1, axis, Index3(0, j, k));
       else
         add(number - 1, axis, {0, j, k});
     }
     for (std::int64_t w = 0; w < words; ++w) {
-      const std::uint64_t others = seam.edges(axis, r, w);
+      const std::uint64_t others = zone.edges(axis, r, w);
       std::uint64_t own = ~std::uint64_t{0};  // in the brick's sides
       if (!all) own = axis == 0 ? 0 : bitsBetween(cells_.count.x - 1, cells_.count.x, w);
       // One by one: rows have few, and counting bits at once is a call on old processors.

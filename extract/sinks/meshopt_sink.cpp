@@ -19,7 +19,7 @@ namespace {
 // are on one lattice, so the copies are equal and nothing opens.
 //
 // place() says which batches are a chunk, in their order. write() brings what a batch adds; whoever
-// brings the last piece of a chunk packs it. Packed chunks go into a nameless file in their order,
+// brings the last piece of a chunk packs it. Packed chunks go into a temporary file in their order,
 // as the length of the JSON in front of them is known with the last; few wait for their turn, since
 // few batches are on their way at a time.
 class MeshoptSink : public NumberedSink {

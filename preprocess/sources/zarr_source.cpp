@@ -178,7 +178,7 @@ class ZarrSource final : public VolumeSource {
         fixed_(std::move(fixed)),
         group_files_(std::move(group_files)),
         cancel_(options.cancel),
-        // A few chunks are in the hands of the threads that unpack them.
+        // A few chunks are being unpacked.
         cache_bytes_(std::max(options.memory_bytes, 8 * array_.chunkBytes()) -
                      4 * array_.chunkBytes()),
         cache_(cache_bytes_),

@@ -219,7 +219,7 @@ TEST_P(FailingFile, ACutEndsTheQueriesThatNeedTheBytes) {
   EXPECT_THROW(pyramid.samples(0, last), Error);
 }
 
-// Pages of the back fail in somebody's hands.
+// Pages of the back fail while they are in use.
 TEST_P(FailingFileInPlace, AHeldBrickThatIsCutFailsAlone) {
   const Pyramid pyramid(path_, Pyramid::kDefaultBudgetBytes, GetParam().access);
   const Index3 brick = pyramid.layout().bricks(0) - Index3(2);

@@ -48,7 +48,7 @@ class ViewSubject : public FaultSubject {
       session_->draw();
       const SessionStatus status = session_->status();
       if (session_->settled()) return status.error;
-      // An error is of the last extraction; what hands ask for next takes its place.
+      // An error is of the last extraction; the next request replaces it.
       still = status.error.empty() ? 0 : still + 1;
       if (still > 200) return status.error;
       std::this_thread::sleep_for(std::chrono::microseconds(200));

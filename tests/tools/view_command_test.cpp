@@ -77,7 +77,8 @@ TEST_F(ViewCommandTest, AScriptRunsWithoutAWindow) {
   EXPECT_EQ(readBytes(path("frames/again.json")), readBytes(path("frames/end.json")));
 }
 
-// The drag and the keys come again as they were; what a script set itself is no hand's.
+// The drag and the keys come again as they were; the recording leaves out what the script set
+// itself.
 TEST_F(ViewCommandTest, WhatWasRecordedRunsAgain) {
   write("hands.json", R"({"size": [300, 200], "steps": [
       {"key": "TAB"}, {"drag": {"from": [100, 100], "to": [160, 90], "seconds": 0.05}},
@@ -151,7 +152,7 @@ TEST_F(ViewCommandTest, PicturesAreLargerThanTheWindowAndTransparent) {
   EXPECT_GT(fs::file_size(path("sphere-0001.exr")), 1000u);
 }
 
-// Whatever hands do, on panels too, and with no picture at all in between.
+// Whatever the user does, on panels too, and with no picture at all in between.
 TEST_F(ViewCommandTest, RandomEventsEndTidily) {
   std::mt19937 random(11);
   const auto draw = [&](int below) {

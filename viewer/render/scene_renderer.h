@@ -1,4 +1,4 @@
-// The seam between what is shown and what draws it: OpenGL, in a window or without one, or nothing.
+// The interface between a scene and its renderer: OpenGL, in a window or without one, or none.
 #pragma once
 
 #include <cstddef>

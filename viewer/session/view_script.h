@@ -1,4 +1,4 @@
-// Timed inputs from a file: what drives a window, or a target without one, in place of hands.
+// Timed inputs from a file: they drive a window, or a target without one, in place of the user.
 #pragma once
 
 #include <array>
@@ -54,7 +54,7 @@ ViewScript viewScriptFromJson(const std::string& text);
 // The same of a file; Error names the path.
 ViewScript readViewScript(const std::string& path);
 
-// Writes down what hands do, as a script that does it again. Time is the caller's.
+// Records the user's input as a script that repeats it. Time is the caller's.
 class ScriptRecorder {
  public:
   void add(double seconds, const InputEvent& event);

@@ -306,7 +306,7 @@ bool ViewSession::drawsBetterLater() const {
          longestWait().value_or(kPostponedSeconds) < kPostponedSeconds;
 }
 
-// Of hands, for what is not shown yet: seconds; none where they do not wait.
+// Seconds for which the user has waited for what is not shown yet; none if nothing is awaited.
 std::optional<double> ViewSession::longestWait() const {
   for (const auto& [request, since] : request_times_)
     if (since) return now_ - *since;

@@ -47,13 +47,13 @@ struct SessionStatus {
   double triangles_per_second = 0.0;
   double drag_radius = 0.0;
   std::uint64_t passes = 0;  // completed
-  double surface_age = 0.0;  // seconds for which what is shown is not what hands ask for
+  double surface_age = 0.0;  // seconds since the surface shown was last the one asked for
   std::vector<LevelCounts> levels;
 };
 
 // Belongs to one thread, that of the renderer, which outlives it. Time is the caller's: seconds
-// that run on. For each frame: apply() all events, let hands change state(), update() once or more
-// often, draw().
+// that run on. For each frame: apply() all events, change state() as the user asks, update()
+// once or more often, draw().
 class ViewSession {
  public:
   // Reads the histogram. Throws Error for a damaged one.
@@ -75,8 +75,8 @@ class ViewSession {
 
   // Nothing: what is shown is the volume itself.
   const std::optional<PreviewOf>& previewOf() const { return preview_of_; }
-  // Goes on from `other`, which shows the same volume, or a preview of it: with what hands do at
-  // the moment, the camera, and all of the view that they changed since it was opened.
+  // Goes on from `other`, which shows the same volume, or a preview of it: with the drag that is
+  // under way, the camera, and all of the view that the user changed since it was opened.
   void follow(const ViewSession& other);
   // Something was shown, or there is nothing to show.
   bool hasShown() const;
@@ -105,10 +105,10 @@ class ViewSession {
   // Throws Error where there is no memory for it.
   Image picture(int times, bool layers);
 
-  // How long the frame drawn last took, with showing it: what draws slowly gets less while hands
-  // move.
+  // How long the frame drawn last took, with showing it: a slow picture gets coarser surfaces
+  // during drags.
   void noteDrawing(double seconds);
-  // What is shown draws slowly, and what a hand asked for lately will soon be there: update() and
+  // What is shown draws slowly, and what the user asked for lately will soon be there: update() and
   // ask again before it is drawn once more.
   bool drawsBetterLater() const;
 

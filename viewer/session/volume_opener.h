@@ -1,4 +1,4 @@
-// From what hands name to a pyramid: opened, or built first, in the background.
+// From a path that the user names to a pyramid: opened, or built first, in the background.
 #pragma once
 
 #include <cstdint>

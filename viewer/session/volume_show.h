@@ -14,14 +14,14 @@ class VolumeShow {
  public:
   explicit VolumeShow(const SessionOptions& options) : options_(options) {}
 
-  // What hands look at; null: nothing is open.
+  // The session that is shown; null: nothing is open.
   ViewSession* session() const { return shown_ ? shown_->session.get() : nullptr; }
   // Of which it was made; null likewise.
   const OpenedVolume* opened() const { return shown_ ? &shown_->opened : nullptr; }
   bool showsPreview() const { return shown_ && shown_->opened.preview_of; }
 
   // A window of `size` pixels, of `scale`, or 0 while there is none, shows it: at once, or, after a
-  // preview of the same volume, once it is there as fine as it gets, or what hands do changes the
+  // preview of the same volume, once it is there as fine as it gets, or the user changes the
   // surface.
   void take(OpenedVolume opened, SceneRenderer& renderer, const glm::dvec2& size, double scale);
   // Previews will lead to nothing: what was shown before them is shown again.

@@ -1,4 +1,4 @@
-// How fine a surface may be for hands that move, and in which steps it grows fine again.
+// How fine a surface may be during a drag, and in which steps it grows fine again.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// What hands do, as plain data: from a window, or from a script.
+// The user's input as plain data: from a window, or from a script.
 #pragma once
 
 #include <array>

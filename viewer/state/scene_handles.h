@@ -1,4 +1,4 @@
-// Things in the scene that hands take hold of: the focus along three axes, clip planes along their
+// Handles in the scene that the user drags: the focus along three axes, clip planes along their
 // normals, and a cube whose faces are views along the axes.
 #pragma once
 
@@ -12,7 +12,7 @@
 
 namespace isobrick {
 
-// The picture that hands see. `scale` is how many of its pixels are one of an ordinary screen.
+// The picture that the user sees. `scale` is how many of its pixels are one of an ordinary screen.
 struct PictureSize {
   glm::dvec2 pixels{1.0, 1.0};
   double scale = 1.0;

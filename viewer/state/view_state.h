@@ -119,8 +119,8 @@ struct ViewVolume {
 // The view that a volume opens with: framed from the front, the focus in its middle.
 ViewState firstView(const ViewVolume& volume, double aspect);
 
-// `state` with every number in its range, and the focus where it follows the view: what hands and
-// files bring in.
+// `state`, from the user or a file, with every number in its range, and the focus where it follows
+// the view.
 ViewState bounded(const ViewState& state, const ViewVolume& volume);
 
 // Surfaces with isovalue `isovalue` within the radius `radius`; beyond the volume's diagonal, or

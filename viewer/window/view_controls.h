@@ -5,7 +5,7 @@
 
 namespace isobrick {
 
-// Into the window of Dear ImGui that is being built. Changes the session's state as hands have it.
+// Into the window of Dear ImGui that is being built. Changes the session's state as the user asks.
 // `scale`: pixels of this screen that are one of an ordinary one.
 Wishes buildControls(ViewSession& session, float scale);
 

@@ -306,7 +306,7 @@ class ViewLoop {
     events_.insert(events_.end(), scripted.events.begin(), scripted.events.end());
     if (scripted.lose_context || target_->renderer().isLost()) renewContext();
 
-    const Wishes wishes = hands(begin);
+    const Wishes wishes = takeInput(begin);
     UploadAllowance allowance;
     show_.update(begin, allowance);
     const double idle = waitForSurface(allowance);
@@ -353,7 +353,7 @@ class ViewLoop {
   }
 
   // Events to panel and session, at most one of a button, so that none is lost in a frame.
-  Wishes hands(double seconds) {
+  Wishes takeInput(double seconds) {
     std::vector<InputEvent> now;
     while (!events_.empty()) {
       now.push_back(events_.front());

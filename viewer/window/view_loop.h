@@ -16,19 +16,19 @@ struct ViewOptions {
   std::uint64_t gpu_budget_bytes = 0;  // of chunks
   int threads = 1;                     // of the extraction
   std::string state_path;              // a view to begin with; empty: none
-  std::string script_path;             // empty: hands
+  std::string script_path;             // empty: input comes from the user
   std::string frames_folder = ".";     // where a script's files go
   std::string report_path;             // JSON of a script's timings; empty: none
   std::string recent_path;             // list of what was opened last; empty: none
-  std::string record_path;             // script of what hands do, written at the end; empty: none
-  bool offscreen = false;              // without a window; scripts only
-  int width = 1280, height = 800;      // of the window, pixels
+  std::string record_path;         // script of the user's input, written at the end; empty: none
+  bool offscreen = false;          // without a window; scripts only
+  int width = 1280, height = 800;  // of the window, pixels
   const CancelFlag* cancel = nullptr;
 };
 
 // Throws Error where the file, the view or the script cannot be read, no window can be opened, or a
-// script's files cannot be written, and Cancelled. While hands are at work what goes wrong is shown
-// in the window.
+// script's files cannot be written, and Cancelled. Without a script, errors are shown in the
+// window.
 void runView(const ViewOptions& options);
 
 }  // namespace isobrick

@@ -22,7 +22,7 @@ class ViewPanel {
   // Whether events of the mouse, and of the keyboard, are the panel's in this frame.
   bool wantsMouse() const;
   bool wantsKeyboard() const;
-  // Changes the session's state as hands have it; null: nothing is open.
+  // Changes the session's state as the user asks; null: nothing is open.
   Wishes build(ViewSession* session, const PanelFacts& facts);
   // The list of volumes to open, on and off.
   void toggleOpening() { open_panel_.visible = !open_panel_.visible; }

@@ -41,8 +41,8 @@ struct VdbGridPlan {
   }
 };
 
-// The leaves' values as the file will have them, in a nameless file until everything before them is
-// written: a run for each node above leaves, in the order in which they were made.
+// The leaves' values as the file will have them, in a temporary file until everything before them
+// is written: a run for each node above leaves, in the order in which they were made.
 class VdbPackedLeaves {
  public:
   explicit VdbPackedLeaves(const std::string& folder);

@@ -1,4 +1,4 @@
-// At any moment, whatever hands do, the mesh on the screen is closed.
+// At any moment, whatever the user does, the mesh on the screen is closed.
 #include "isobrick/viewer/session/shown_mesh.h"
 
 #include <gtest/gtest.h>

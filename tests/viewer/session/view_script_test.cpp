@@ -190,7 +190,7 @@ TEST(ViewScriptTest, AWaitForAPreviewKeepsIt) {
   EXPECT_FALSE(player.keepsPreview());
 }
 
-// What hands dropped is opened by the script as well; a name that JSON cannot hold breaks nothing.
+// The script opens dropped files as well; a name that JSON cannot hold breaks nothing.
 TEST(ViewScriptTest, VolumesAreOpenedAndRecorded) {
   ScriptRecorder recorder;
   InputEvent drop;

@@ -1,4 +1,4 @@
-// A session without a window: hands, surfaces, slices and meshes, with a renderer that draws
+// A session without a window: input, surfaces, slices and meshes, with a renderer that draws
 // nothing.
 #include "isobrick/viewer/session/view_session.h"
 
@@ -43,7 +43,7 @@ class ViewSessionTest : public ::testing::Test {
     session_->update(clock_ += seconds);
     session_->draw();
   }
-  // Frames, with hands that rest, until all is there.
+  // Frames, without input, until all is there.
   void settle() {
     do {
       frame(0.05);
@@ -399,7 +399,7 @@ TEST_F(ViewSessionTest, AFileThatIsCutWhileItIsOpenIsAnErrorInTheWindow) {
   settle();
   EXPECT_NE(session_->status().error.find(pyramid_->path()), std::string::npos)
       << session_->status().error;
-  // What was shown stays, and hands are still heard.
+  // The surface shown stays, and input is still taken.
   EXPECT_EQ(renderer_.frame().chunks, before);
   session_->state().camera = orbited(session_->state().camera, 10.0, 0.0);
   frame(0.1);

@@ -122,7 +122,7 @@ TEST_F(VolumeShowTest, APreviewIsShownBeforeTheBuildHasEnded) {
   EXPECT_TRUE(fs::is_empty(previews_.path()));
 }
 
-// What hands changed stays where it was; what follows from the values comes from all of them.
+// The view that the user changed stays; whatever follows from the values comes from all of them.
 TEST_F(VolumeShowTest, TheViewOutlivesThePreview) {
   hold_at_ = 2;
   opener_.open("scan");

@@ -1,4 +1,4 @@
-// Arrows and the cube, taken hold of by hands at exact places.
+// Arrows and the cube, dragged at exact places.
 #include "isobrick/viewer/state/scene_handles.h"
 
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-// Which corners of the seam's cells are inside, as rows of bits (rule 6).
+// Rows of bits that say which corners of the transition zone's cells are inside (rule 6).
 #pragma once
 
 #include <algorithm>
@@ -17,9 +17,9 @@ namespace isobrick {
 // Rows of corners of one brick. Most corners have their own sample's bit, compared already; those
 // that touch a finer leaf, or hang on a coarser one between corners of both kinds, are resolved one
 // by one. Keeps its memory.
-class SeamCorners {
+class TransitionCorners {
  public:
-  // Asks `rows` to compare what the seam needs.
+  // Asks `rows` to compare what the zone needs.
   void reset(const Lattice& lattice, const BrickSplit& split, const IndexBox& cells,
              BrickRows& rows) {
     cells_ = cells;
@@ -32,7 +32,7 @@ class SeamCorners {
       rows_of->resize(count * static_cast<std::size_t>(words_));
     for (auto* row : {&inside_, &finer_here_, &hanging_, &all_, &any_})
       row->resize(static_cast<std::size_t>(words_));
-    for (const BrickSplit::SeamRow& row : split.seamRows())
+    for (const BrickSplit::ZoneRow& row : split.zoneRows())
       for (const std::int64_t k : {row.k, row.k + 1})
         for (const std::int64_t j : {row.j, row.j + 1})
           for (const std::int64_t z : endsAround(2, k))
@@ -42,11 +42,11 @@ class SeamCorners {
             }
   }
 
-  // Gives the corners of the seam's cells in `rows`, which are compared, their bits.
+  // Gives the corners of the zone's cells in `rows`, which are compared, their bits.
   template <typename T>
   void resolve(const Lattice& lattice, float isovalue, const BrickSplit& split,
                BrickFamily<T>& family, BrickRows& rows) {
-    for (const BrickSplit::SeamRow& row : split.seamRows())
+    for (const BrickSplit::ZoneRow& row : split.zoneRows())
       for (const std::int64_t k : {row.k, row.k + 1})
         for (const std::int64_t j : {row.j, row.j + 1}) {
           const auto r = static_cast<std::size_t>(rows.row(j, k));
@@ -59,7 +59,7 @@ class SeamCorners {
         }
   }
 
-  // After resolve(): whether a finer, and a coarser, leaf touches a corner of a cell of the seam,
+  // After resolve(): whether a finer, and a coarser, leaf touches a corner of a cell of the zone,
   // counted from the brick's first. A corner that is one of the coarser leaf too, all of its
   // indices being even, counts as not touched: it has its own sample's value either way.
   bool touchesFiner(const Index3& corner) const { return isSet(finer_, corner); }
@@ -179,7 +179,7 @@ class SeamCorners {
     const std::uint64_t* touches_coarser = wordsAt(coarser_, static_cast<std::size_t>(r));
     std::uint64_t carry = 0, any_hanging = 0;
     for (std::int64_t word = 0; word < words_; ++word) {
-      const std::uint64_t cells = seamCells(split, j, k, word);
+      const std::uint64_t cells = zoneCells(split, j, k, word);
       const std::uint64_t corners = cells | cells << 1 | carry;
       carry = cells >> 63;
       finer_here_[static_cast<std::size_t>(word)] = touches_finer[word] & corners;
@@ -234,12 +234,12 @@ class SeamCorners {
     const std::uint64_t mask = std::uint64_t{1} << bit;
     inside_[word] = (inside_[word] & ~mask) | (is_inside ? mask : 0);
   }
-  // The seam's cells beside row (j, k) of corners.
-  std::uint64_t seamCells(const BrickSplit& split, std::int64_t j, std::int64_t k,
+  // The zone's cells beside row (j, k) of corners.
+  std::uint64_t zoneCells(const BrickSplit& split, std::int64_t j, std::int64_t k,
                           std::int64_t word) const {
     if (word >= wordsOf(cells_.count.x)) return 0;
-    return split.seam(j, k)[word] | split.seam(j - 1, k)[word] | split.seam(j, k - 1)[word] |
-           split.seam(j - 1, k - 1)[word];
+    return split.zone(j, k)[word] | split.zone(j - 1, k)[word] | split.zone(j, k - 1)[word] |
+           split.zone(j - 1, k - 1)[word];
   }
 
   static constexpr std::uint64_t kOdd = 0xAAAAAAAAAAAAAAAAull;
@@ -247,7 +247,7 @@ class SeamCorners {
   IndexBox cells_;
   std::int64_t words_ = 0;           // of a row of corners, corner i in bit i % 64 of word i / 64
   std::int64_t slice_ = 0;           // rows
-  std::vector<std::uint8_t> found_;  // rows beside the seam
+  std::vector<std::uint8_t> found_;  // rows beside the zone
   Words finer_, coarser_;            // of rows that were found: what touches their corners
   Index3 last_{0};                   // sample of the level
   Words inside_, finer_here_, hanging_, all_, any_;  // of the row at hand
