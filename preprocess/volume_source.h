@@ -12,23 +12,23 @@
 
 namespace isobrick {
 
-// What a source says of its volume before the first voxel is read.
+// Describes a source's volume before the first voxel is read.
 struct VolumeInfo {
   Index3 voxels{0};                          // per axis 2 .. kMaxVoxelsPerAxis
   VoxelType voxel_type = VoxelType::kUint8;  // of what readRows and readBox deliver
   GridGeometry geometry;
-  std::string source;              // path, or the phantom's name: goes into the provenance
-  std::string format;              // "raw", "NRRD", "DICOM series", "phantom", ...
-  std::string encoding;            // what the user, not the file, said of the stored voxels
-  std::vector<std::string> notes;  // what was converted on the way in, a line each
-  // What the file says beside its voxels and a writer of its format wants back, such as the
+  std::string source;    // path, or the phantom's name: goes into the provenance
+  std::string format;    // "raw", "NRRD", "DICOM series", "phantom", ...
+  std::string encoding;  // how the voxels are stored, if the user said so and not the file
+  std::vector<std::string> notes;  // every conversion on the way in, a line each
+  // Facts of the file beside its voxels that a writer of its format wants back, such as the
   // background of an OpenVDB grid: "vdb.background" and its value as text.
   std::map<std::string, std::string> properties = {};
 };
 
-// A volume that is read once, in order, a few rows at a time; or, where its file allows it, box by
-// box. Errors: Error (path, slice, what to do) for input that is short or damaged, ResumableError
-// where the disk failed and the same run may succeed later.
+// A volume that is read once, in order, a few rows at a time; or box by box, if readsBoxes().
+// Errors: Error (path, slice, what to do) if the input is short or damaged, ResumableError if the
+// disk failed and the same run may succeed later.
 class VolumeSource {
  public:
   virtual ~VolumeSource() = default;
@@ -36,27 +36,28 @@ class VolumeSource {
 
   // Writes rows [first, first + count) into `out`: count * voxels.x voxels of info().voxel_type,
   // native byte order. Row r is row r % voxels.y of slice r / voxels.y. Calls ask for ascending
-  // rows; what lies between the end of one call and the beginning of the next is never asked for
-  // again. One thread at a time.
+  // rows; rows that were skipped between two calls are never asked for
+  // later. One thread at a time.
   virtual void readRows(std::int64_t first, std::int64_t count, void* out) = 0;
 
-  // True where readBox() may be used instead of readRows().
+  // True if readBox() may be used instead of readRows().
   virtual bool readsBoxes() const { return false; }
   // Writes the voxels of `box`, x fastest, box.count.x * y * z of them, into `out`. Any box, in any
   // order, by any number of threads at once. Only where readsBoxes().
   virtual void readBox(const IndexBox& box, void* out) const;
 
-  // What is known only of the voxels that were read so far, a line each: notes beside those of
-  // info(). Not while another thread reads.
+  // Notes on the voxels that were read so far, a line each, beside those of info(). Not while
+  // another thread reads.
   virtual std::vector<std::string> notesOfReading() const { return {}; }
 
-  // Every file that decides about the voxels: the header first, where it is a file of its own, then
-  // the data in the order of their slices. A file that is missing here can change unnoticed, and
-  // can be overwritten by the output. None for phantoms.
+  // Every file that the voxels depend on: the header first, if it is a file of its own, then the
+  // data in the order of their slices. A file that is missing here can change unnoticed, and the
+  // output can overwrite it. None for phantoms.
   virtual std::vector<std::string> files() const { return {}; }
 
-  // A source without files: one line that differs for any two sources whose voxels may, all its
-  // parameters in full precision. Empty where there are files. Without either, nothing is built.
+  // For a source without files: one line with all its parameters in full precision, which differs
+  // for any two sources whose voxels may differ. Empty if there are files. A source with neither
+  // cannot be built.
   virtual std::string identity() const = 0;
 
   // The most bytes that the source itself holds at a time while it is read: a slice that its

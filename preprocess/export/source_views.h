@@ -14,12 +14,12 @@ namespace isobrick {
 std::unique_ptr<VolumeSource> makeCroppedSource(std::unique_ptr<VolumeSource> source,
                                                 const IndexBox& box);
 
-// Values as float32: what any voxel type becomes without loss.
+// Values as float32, which holds those of every voxel type without loss.
 std::unique_ptr<VolumeSource> makeFloatSource(std::unique_ptr<VolumeSource> source);
 
 // Values from `low` to `high` spread over all of an integer type: `low` becomes its least number,
-// `high` its greatest, what lies outside either of the two; rounded to the nearest. A note states
-// the step that is lost. Throws Error unless low < high, and for float32.
+// `high` its greatest, values outside become the nearer of the two; rounded to the nearest. A note
+// states the step that is lost. Throws Error unless low < high, and for float32.
 struct ValueWindow {
   double low = 0, high = 0;
 };

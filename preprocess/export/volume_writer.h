@@ -14,27 +14,27 @@ namespace isobrick {
 struct VolumeWriteOptions {
   // Called now and then with the share that is done, 0 .. 1, by one thread at a time.
   std::function<void(double fraction)> progress;
-  // Looked at after every MiB, and while the disk is waited for: throws Cancelled, and no file is
-  // left.
+  // Asked after every MiB, and while the disk is busy; writeVolume() then throws Cancelled and
+  // leaves no file.
   const CancelFlag* cancel = nullptr;
-  // Bounds what the writer holds beside the source's own buffers; at least a row.
+  // Bounds the writer's buffers, beside the source's own; at least a row.
   std::uint64_t memory_bytes = std::uint64_t{16} << 20;
-  // Called when everything is written and nothing has its name yet: what it throws leaves no file.
+  // Called when everything is written and nothing has its name yet: if it throws, no file is left.
   std::function<void()> before_publishing;
 };
 
-// What became of a volume.
+// Result of writing a volume.
 struct VolumeWriteReport {
   std::uint64_t bytes = 0;        // of all files
-  std::string space;              // what the file's world coordinates are, such as "LPS"
-  std::vector<std::string> lost;  // what the format could not keep, a line each, without its name
+  std::string space;              // of the file's world coordinates, such as "LPS"
+  std::vector<std::string> lost;  // each thing that the format cannot keep, a line each
 };
 
 // True for endings that writeVolume() knows.
 bool isPlainVolumeName(const std::string& path);
 
 // Reads `source` from its first slice to its last and writes `path`, little-endian. World
-// coordinates of the source count as LPS (DICOM, ITK); its unit of length is written where the
+// coordinates of the source count as LPS (DICOM, ITK); its unit of length is written if the
 // format has a place for it. The ending decides:
 //   .nrrd    one file, with type, sizes, space, directions and origin
 //   .mhd     MetaImage: a header, and the voxels beside it under the same name with .raw
@@ -46,8 +46,8 @@ bool isPlainVolumeName(const std::string& path);
 // Files appear under their names when they are whole, and replace older ones. No library of these
 // formats is used: each is a header and a run of voxels, and ITK's writers want the whole image.
 //
-// Throws Error for other endings, for what the format cannot hold, for what the source throws, and
-// for failed writes (storage/atomic_file.h).
+// Throws Error for other endings, for volumes that the format cannot hold and for failed writes
+// (storage/atomic_file.h), and whatever the source throws.
 VolumeWriteReport writeVolume(VolumeSource& source, const std::string& path,
                               const VolumeWriteOptions& options = {});
 

@@ -28,7 +28,7 @@ namespace isobrick {
 struct PhantomSpec {
   std::string name;
   std::int64_t size = 256;  // voxels per axis, 2 .. kMaxVoxelsPerAxis
-  // What is stored; without it uint16 for head, uint8 for gyroid, float32 for the others.
+  // Type of the stored voxels; without it uint16 for head, uint8 for gyroid, float32 for others.
   std::optional<VoxelType> voxel_type;
   double gyroid_period = 16;  // in voxels, > 0
 };

@@ -1,4 +1,4 @@
-// What the functions that open volumes take beside the path.
+// Options of the functions that open volumes.
 #pragma once
 
 #include <functional>
@@ -12,8 +12,8 @@
 
 namespace isobrick {
 
-// What RawLayout::type may be: "u8", "i8", "u16", "i16", "f32", and "u32", "i32" and "f64", which
-// become float32 with a note.
+// The names that RawLayout::type takes: "u8", "i8", "u16", "i16", "f32", and "u32", "i32" and
+// "f64", which become float32 with a note.
 std::vector<std::string> rawTypeNames();
 
 // How to read a file that has no header.
@@ -24,7 +24,7 @@ struct RawLayout {
   std::uint64_t offset_bytes = 0;
 };
 
-// Which number of voxels with several of them (vectors, colours, complex numbers).
+// Picks one number of voxels that have several (vectors, colours, complex numbers).
 struct ComponentChoice {
   bool magnitude = false;  // the root of the sum of all their squares, as float32
   std::int64_t index = 0;  // otherwise: this one, from 0
@@ -36,31 +36,33 @@ struct OpenOptions {
   // Looked at while the volume is opened, and by the source whenever it is read: it outlives the
   // source. Both throw Cancelled after a request.
   const CancelFlag* cancel = nullptr;
-  // Called now and then on the caller's thread while the volume is opened, where that takes long:
-  // what is being done, and how much of it is done, 0 .. 1. Not called once the volume is open.
+  // Called now and then on the caller's thread while the volume is opened, if that takes long: the
+  // name of the phase, and the share of it that is done, 0 .. 1. Not called once the volume is
+  // open.
   std::function<void(std::string_view phase, double fraction)> progress;
-  // A DICOM series becomes float32, whatever its headers say: for one with values that do not fit
-  // the type that they suggest (dicom_values.h).
+  // Makes a DICOM series float32, whatever its headers say: for a series with values that do not
+  // fit the type that they suggest (dicom_values.h).
   bool dicom_float32 = false;
-  // Of a folder with several DICOM series, the one of this UID or number.
+  // UID or number of the series to take from a folder with several DICOM series.
   std::string series;
-  // Given: take the place of what the input says, or lacks. Of a coarser level of a pyramid too,
-  // these are of level 0. Finite, `spacing` above 0.
+  // Replace the spacing and origin that the input states or lacks. For a coarser level of a pyramid
+  // they are still those of level 0. Finite; `spacing` above 0.
   std::optional<glm::dvec3> spacing, origin;
-  // Given: a pyramid (.isb) is opened, this level of it. Without, pyramids are refused: nobody
-  // needs one of a pyramid by accident.
+  // Opens a pyramid (.isb) as a volume: this level of it. Without it pyramids are refused, so that
+  // nobody builds a pyramid of a pyramid by accident.
   std::optional<int> pyramid_level;
-  // Of a file with several volumes (OpenVDB, arrays of VTI, stacks of an enhanced DICOM file), the
-  // one of this name; empty: the first that will do (of stacks: Error where there are several).
+  // Name of the volume to take from a file with several (OpenVDB grids, arrays of VTI, stacks of an
+  // enhanced DICOM file); empty: the first that can be read (for stacks: Error if there are
+  // several).
   std::string grid;
-  // Of a volume with several time steps or channels (OME-Zarr, time steps of NIfTI, DICOM), which
-  // one; without, the first, and a note says so (of DICOM: Error).
+  // Number of the time step or channel to take from a volume with several (OME-Zarr, time steps of
+  // NIfTI, DICOM); without it the first, and a note says so (for DICOM: Error).
   std::optional<std::int64_t> time, channel;
-  // Of NRRD, MetaImage, NIfTI and VTI with several values per voxel, what becomes of them. Without,
-  // such volumes are refused; given, all others are.
+  // The component to take from NRRD, MetaImage, NIfTI and VTI with several values per voxel.
+  // Without it such volumes are refused; with it all others are.
   std::optional<ComponentChoice> component;
-  // What the source should hold at most, where it has a choice: the pager of a pyramid, the part of
-  // a grid that is in memory at a time. It says in bufferBytes() what it takes.
+  // The most bytes that the source should hold, if it has a choice: the pager of a pyramid, the
+  // part of a grid that is in memory at a time. VolumeSource::bufferBytes() says how many it takes.
   std::uint64_t memory_bytes = std::uint64_t{256} << 20;
 
   void checkCancel() const {

@@ -14,17 +14,17 @@ namespace isobrick {
 // content; with options.raw the file is read as raw voxels, whatever it is called. Reads headers,
 // and no voxels. May be called by several threads at once.
 //
-// Throws Error for what cannot be opened or read, for formats that this build of isobrick leaves
+// Throws Error if the path cannot be opened or read, for formats that this build of isobrick leaves
 // out, for pyramids, and (with Remedy::kDescribeRawFile) for files that are known to have no header
-// where options.raw is missing; Cancelled.
+// if options.raw is missing; Cancelled.
 std::unique_ptr<VolumeSource> openVolume(const std::string& path, const OpenOptions& options = {});
 
-// What openVolume() makes of a source that was opened otherwise, level `level` of a pyramid: with
-// the spacing and the origin of the options, where they have them.
+// Gives a source that was opened otherwise, level `level` of a pyramid, the spacing and the origin
+// of the options, if they have them, as openVolume() does.
 std::unique_ptr<VolumeSource> placedAsGiven(std::unique_ptr<VolumeSource> source,
                                             const OpenOptions& options, int level = 0);
 
-// Throws what openVolume() would for a path that is known by its name or its kind not to be usable;
+// Throws the Error of openVolume() if the name or the kind of the path shows that it is not usable;
 // opens nothing.
 void refuseUnusablePath(const std::string& path, const OpenOptions& options = {});
 

@@ -11,15 +11,15 @@
 
 namespace isobrick {
 
-// What is exported, finest level first: one, or as many as the pyramid has. Spacing doubles from
+// The levels to export, finest first: one, or as many as the pyramid has. Spacing doubles from
 // one to the next, the origin is the same.
 using VolumeLevels = std::vector<std::unique_ptr<VolumeSource>>;
 
 struct ExportOptions : VolumeWriteOptions {
   // HDF5: a dataset of that name is replaced; otherwise it is an Error.
   bool replace_dataset = true;
-  // OpenVDB: the value of what is not stored; without, that of the VDB file the volume came from,
-  // or 0. Values no further from it than the tolerance are not stored either.
+  // OpenVDB: the value of voxels that are not stored; without it that of the VDB file the volume
+  // came from, or 0. Values no further from it than the tolerance are not stored either.
   std::optional<float> vdb_background;
   double vdb_tolerance = 0;
   // Half floats in place of floats; values that they cannot hold are refused. 8-bit voxels, which
@@ -33,18 +33,16 @@ struct ExportOptions : VolumeWriteOptions {
 //   .exr       OpenEXR, a slice each, in a folder of their own: "slices/%04d.exr"
 //   .tif       TIFF, likewise, or in one file of several pages
 //   .ome.zarr  OME-Zarr 0.4, a folder: an array for each level
-// See
-// docs/FORMATS.md for what each format keeps. Several levels are refused where the format has one.
+// docs/FORMATS.md says what each format keeps. Several levels are refused if the format has one.
 //
-// What is written appears under its name when it is whole; a file of that name is replaced, and of
-// an HDF5 file the dataset alone. Throws
-// Error for other endings, for formats that this build of isobrick leaves out, for a memory bound
-// that is too small (Remedy::kAllowMoreMemory; before anything is written), for what the sources
-// throw and for failed writes; Cancelled.
+// The output appears under its name when it is whole; a file of that name is replaced, and of an
+// HDF5 file the dataset alone. Throws Error for other endings, for formats that this build of
+// isobrick leaves out, for a memory bound that is too small (Remedy::kAllowMoreMemory; before
+// anything is written), for failed writes, and whatever the sources throw; Cancelled.
 VolumeWriteReport exportVolume(VolumeLevels& levels, const std::string& path,
                                const ExportOptions& options);
 
-// Throws what exportVolume() would for a name, or for that many levels; writes nothing.
+// Throws the Error of exportVolume() for a name, or for several levels; writes nothing.
 void refuseUnknownExport(const std::string& path, bool has_levels);
 
 }  // namespace isobrick
