@@ -2,7 +2,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <filesystem>
 #include <memory>
 #include <string>
 #include <vector>
@@ -24,8 +23,6 @@
 namespace isobrick {
 namespace {
 
-namespace fs = std::filesystem;
-
 struct BenchArguments {
   const CLI::App* parser = nullptr;
   std::vector<const CLI::Option*> query_options;  // those that extract has too
@@ -39,10 +36,11 @@ struct BenchArguments {
 // every row needs, and what makes a query adaptive.
 void splitQueryWords(BenchArguments& arguments) {
   BenchSettings& settings = arguments.settings;
-  settings.own_words = {arguments.query.path};
+  settings.own_words = {settings.path};
   for (const CLI::Option* const option : arguments.query_options) {
     const std::string name = option->get_name();
-    if (option->count() == 0 || option->get_positional()) continue;
+    if (option->count() == 0 || option->get_positional() || option->get_group() == kVolumeGroup)
+      continue;
     if (name == "--box") throw UsageError("bench compares whole surfaces; leave out --box");
     if (name == "--threads") continue;
     if (name == "--iso") {  // chosen by now
@@ -61,10 +59,7 @@ void splitQueryWords(BenchArguments& arguments) {
 }
 
 std::optional<std::string> findPeers(const std::string& given) {
-  if (!given.empty()) return given;
-  for (const fs::path& folder : {ownFolder(), ownFolder() / ISOBRICK_LIBEXEC_FROM_BIN})
-    if (fs::exists(folder / "bench_peers")) return (folder / "bench_peers").string();
-  return std::nullopt;
+  return given.empty() ? findOwnExecutable("bench_peers") : given;
 }
 
 // "on", "off" or "both", with the user's words for them.
@@ -83,7 +78,8 @@ std::string firstFailure(const std::vector<BenchRow>& rows) {
 
 int runBench(BenchArguments& arguments) {
   BenchSettings& settings = arguments.settings;
-  settings.path = arguments.query.path;
+  findPyramid(arguments.query);
+  settings.path = arguments.query.input.pyramid;
   settings.threads = arguments.query.threads;
   settings.cold = settingsOf(arguments.cache, "warm", "cold");
   settings.huge_pages = settingsOf(arguments.huge_pages, "off", "on");
@@ -136,10 +132,10 @@ struct BenchRowArguments {
 
 int runBenchRow(const BenchRowArguments& arguments) {
   const Query query = [&] {
-    const Pyramid pyramid(arguments.query.path);
+    const Pyramid pyramid(arguments.query.input.path);
     return makeQuery(arguments.query, pyramid);
   }();
-  const auto engine = makeIsobrickEngine(arguments.query.path, arguments.query.memory_bytes,
+  const auto engine = makeIsobrickEngine(arguments.query.input.path, arguments.query.memory_bytes,
                                          fileAccess(arguments.query.no_map), query);
   const std::string text = textOf(
       runWithThreads(arguments.query.threads, [&] { return measureRow(arguments.task, *engine); }));

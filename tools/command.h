@@ -3,6 +3,7 @@
 
 #include <CLI/CLI.hpp>
 #include <functional>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <string_view>
@@ -39,6 +40,9 @@ inline auto optionsOf(const CLI::App& app) {
 // view/isobrick_view_commands.cpp).
 std::vector<Command> addCommands(CLI::App& app);
 
+// The subcommand for a file that is named without one; nothing where the word is no file.
+std::optional<std::string> commandOfFile(const std::string& word);
+
 // Where another executable has the subcommand `name`, becomes that executable, with the words
 // `argv`; else returns. Throws Error where it cannot be run.
 void runExternalCommand(std::string_view name, char** argv);
@@ -57,6 +61,7 @@ Command addRenderCommand(CLI::App& app);
 Command addViewCommand(CLI::App& app);
 Command addPhantomCommand(CLI::App& app);
 Command addBenchCommand(CLI::App& app);
+Command addCacheCommand(CLI::App& app);
 Command addBenchRowCommand(CLI::App& app);
 
 }  // namespace isobrick

@@ -31,7 +31,7 @@ namespace {
 struct ExtractArguments {
   QueryOptions query;
   std::string output;     // empty: the mesh is counted only
-  std::string attribute;  // the pyramid whose values vertices get; empty: none
+  VolumeInput attribute;  // whose values vertices get; path empty: none
   bool zlib = false;
   bool meshopt = false;
   int repeat = 1;
@@ -53,14 +53,14 @@ ExtractResult extract(ExtractArguments& arguments) {
   ExtractResult result;
   const Stopwatch open_watch;
   // Two pyramids share the memory.
-  const bool has_attribute = !arguments.attribute.empty();
+  const bool has_attribute = !arguments.attribute.path.empty();
   const std::uint64_t memory_bytes = arguments.query.memory_bytes / (has_attribute ? 2 : 1);
   const FileAccess access = fileAccess(arguments.query.no_map);
-  const Pyramid pyramid(arguments.query.path, memory_bytes, access);
+  const Pyramid pyramid(arguments.query.input.pyramid, memory_bytes, access);
   std::optional<Pyramid> other;
   std::optional<PyramidValues> values;
   if (has_attribute) {
-    other.emplace(arguments.attribute, memory_bytes, access);
+    other.emplace(arguments.attribute.pyramid, memory_bytes, access);
     values.emplace(*other);
   }
   result.open_seconds = open_watch.seconds();
@@ -68,7 +68,9 @@ ExtractResult extract(ExtractArguments& arguments) {
   const Query query = makeQuery(arguments.query, pyramid);
   // Before the work, so that a path that cannot be written costs no time.
   if (!arguments.output.empty())
-    refuseReplacing({arguments.output}, {arguments.query.path, arguments.attribute},
+    refuseReplacing({arguments.output},
+                    {arguments.query.input.path, arguments.query.input.pyramid,
+                     arguments.attribute.path, arguments.attribute.pyramid},
                     arguments.force);
   const MeshFileOptions options{.cancel = &interruptFlag(),
                                 .values = values ? &*values : nullptr,
@@ -98,7 +100,7 @@ ExtractResult extract(ExtractArguments& arguments) {
     fmt::print(stderr,
                "isobrick: warning: {} of {} vertices lie outside of '{}' and have no value ({})\n",
                countText(result.vertices_outside), countText(result.vertices),
-               oneLine(arguments.attribute),
+               oneLine(arguments.attribute.path),
                lowerExtension(arguments.output) == ".glb" ? "0 in the file" : "NaN in the file");
   return result;
 }
@@ -120,8 +122,8 @@ Json jsonOfResult(const ExtractArguments& arguments, const ExtractResult& result
   const ExtractionReport& report = result.report;
   Json json;
   json["output"] = arguments.output.empty() ? Json() : Json(arguments.output);
-  if (!arguments.attribute.empty())
-    json["attribute"] = {{"path", arguments.attribute},
+  if (!arguments.attribute.path.empty())
+    json["attribute"] = {{"path", arguments.attribute.path},
                          {"vertices_outside", result.vertices_outside}};
   json["isovalue"] = arguments.query.isovalue;
   json["triangles"] = report.triangles;
@@ -165,6 +167,11 @@ void printSummary(const ExtractArguments& arguments, const ExtractResult& result
 }
 
 int runExtract(ExtractArguments arguments) {
+  findPyramid(arguments.query);
+  VolumeInput& attribute = arguments.attribute;
+  attribute.cache_folder = arguments.query.input.cache_folder;
+  if (!attribute.path.empty())
+    findPyramid(attribute, arguments.query.threads, arguments.query.memory_bytes);
   const ExtractResult result =
       runWithThreads(arguments.query.threads, [&] { return extract(arguments); });
   if (arguments.json)
@@ -177,7 +184,8 @@ int runExtract(ExtractArguments arguments) {
 }  // namespace
 
 Command addExtractCommand(CLI::App& app) {
-  CLI::App* const sub = app.add_subcommand("extract", "Extract an isosurface of a pyramid");
+  CLI::App* const sub =
+      app.add_subcommand("extract", "Extract an isosurface of a pyramid or a volume");
   const auto arguments = std::make_shared<ExtractArguments>();
   addQueryOptions(*sub, arguments->query);
   CLI::Option* const output =
@@ -186,11 +194,12 @@ Command addExtractCommand(CLI::App& app) {
                       "Without it the mesh is only counted")
           ->type_name("MESH");
   addForceFlag(*sub, arguments->force)->needs(output);
-  sub->add_option("--attribute", arguments->attribute,
-                  "Another pyramid, whose value at every vertex goes into .ply and .vtp (value) or "
+  sub->add_option("--attribute", arguments->attribute.path,
+                  "Another pyramid or volume, whose value at every vertex goes into .ply and .vtp "
+                  "(value) or "
                   ".glb (_VALUE): level 0, interpolated trilinearly where the vertex is in the "
                   "world. Both pyramids share --memory")
-      ->type_name("OTHER.isb")
+      ->type_name("OTHER")
       ->needs(output);
   sub->add_flag("--zlib", arguments->zlib, "Pack .vtp with zlib")->needs(output);
   sub->add_flag("--meshopt", arguments->meshopt,

@@ -14,12 +14,14 @@
 #include "tools/json_output.h"
 #include "tools/one_line.h"
 #include "tools/query_options.h"
+#include "tools/thread_count.h"
+#include "tools/volume_input.h"
 
 namespace isobrick {
 namespace {
 
 struct InfoArguments {
-  std::string path;
+  VolumeInput input;
   bool no_map = false;
   bool json = false;
 };
@@ -100,6 +102,7 @@ void printInfoJson(const Pyramid& pyramid) {
   const auto [bytes, codecs] = pyramid.sums();
   const IsovalueSuggestions suggestions = suggestIsovalues(pyramid);
   Json json;
+  json["pyramid"] = pyramid.path();
   json["dimensions"] = jsonOf(spec.voxels);
   json["voxel_type"] = voxelTypeName(spec.voxel_type);
   json["spacing"] = jsonOf(spec.geometry.spacing);
@@ -129,13 +132,14 @@ void printInfoJson(const Pyramid& pyramid) {
   printJson(json);
 }
 
-void printInfoText(const Pyramid& pyramid) {
+void printInfoText(const Pyramid& pyramid, const std::string& path) {
   const PyramidSpec& spec = pyramid.spec();
   const GridGeometry& geometry = spec.geometry;
   const auto [bytes, codecs] = pyramid.sums();
-  fmt::print("{}: {} x {} x {} {}, values {} to {}\n", pyramid.path(), spec.voxels.x, spec.voxels.y,
+  fmt::print("{}: {} x {} x {} {}, values {} to {}\n", path, spec.voxels.x, spec.voxels.y,
              spec.voxels.z, voxelTypeName(spec.voxel_type), pyramid.valueRange().min,
              pyramid.valueRange().max);
+  if (path != pyramid.path()) fmt::print("pyramid    {} (in the cache)\n", pyramid.path());
   fmt::print("noise      {:.3g} (sigma, estimated)\n", pyramid.noise());
   fmt::print("isovalues  {}\n", suggestionsText(suggestIsovalues(pyramid)));
   const char* const unit =
@@ -170,21 +174,23 @@ void printInfoText(const Pyramid& pyramid) {
   fmt::print("made from  {}\n", oneLine(pyramid.provenance()));
 }
 
-int runInfo(const InfoArguments& arguments) {
-  const Pyramid pyramid(arguments.path, Pyramid::kDefaultBudgetBytes, fileAccess(arguments.no_map));
+int runInfo(InfoArguments& arguments) {
+  findPyramid(arguments.input, allCores(), std::nullopt);
+  const Pyramid pyramid(arguments.input.pyramid, Pyramid::kDefaultBudgetBytes,
+                        fileAccess(arguments.no_map));
   if (arguments.json)
     printInfoJson(pyramid);
   else
-    printInfoText(pyramid);
+    printInfoText(pyramid, arguments.input.path);
   return 0;
 }
 
 }  // namespace
 
 Command addInfoCommand(CLI::App& app) {
-  CLI::App* const sub = app.add_subcommand("info", "Say what a pyramid holds");
+  CLI::App* const sub = app.add_subcommand("info", "Say what a pyramid or a volume holds");
   const auto arguments = std::make_shared<InfoArguments>();
-  sub->add_option("FILE", arguments->path, "Pyramid (.isb)")->type_name("PATH")->required();
+  addVolumeInput(*sub, arguments->input)->required();
   addNoMapFlag(*sub, arguments->no_map);
   sub->add_flag("--json", arguments->json, "Print one JSON object instead of text");
   return {sub, [arguments] { return runInfo(*arguments); }};

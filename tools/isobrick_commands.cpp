@@ -5,19 +5,19 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
-#include <filesystem>
 #include <iterator>
+#include <optional>
 #include <string>
 #include <string_view>
 
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/pyramid_file.h"
 #include "tools/command.h"
 #include "tools/own_folder.h"
+#include "tools/volume_input.h"
 
 namespace isobrick {
 namespace {
-
-namespace fs = std::filesystem;
 
 constexpr char kExamples[] = R"(
 Examples:
@@ -31,6 +31,8 @@ Examples:
   isobrick extract head.isb --iso 1324 --focus 128,40,128 --radius 30 -o part.stl
   isobrick render head.isb --iso 500 -o skin.png
   isobrick view head.isb                             in a window: H lists the keys
+  isobrick head.nrrd                                 the same of a volume, or a folder of DICOM
+  isobrick cache                                     pyramids that were built of volumes
 
 'isobrick SUBCOMMAND --help' lists the options of a subcommand.
 Exit status: 0 success, 1 failed, 2 wrong usage, 130 interrupted.)";
@@ -61,10 +63,16 @@ std::vector<Command> addCommands(CLI::App& app) {
   commands.push_back(addRenderCommand(app));
 #endif
   commands.push_back(addPhantomCommand(app));
+  commands.push_back(addCacheCommand(app));
   commands.push_back(addBenchCommand(app));
   commands.push_back(addBenchRowCommand(app));
   app.footer(kExamples);  // last: subcommands would inherit it
   return commands;
+}
+
+std::optional<std::string> commandOfFile(const std::string& word) {
+  if (ISOBRICK_WITH_WINDOW == 0 || !(isVolume(word) || isPyramidFile(word))) return std::nullopt;
+  return "view";
 }
 
 void runExternalCommand(std::string_view name, char** argv) {
@@ -72,16 +80,10 @@ void runExternalCommand(std::string_view name, char** argv) {
       std::find_if(std::begin(kExternalCommands), std::end(kExternalCommands),
                    [&](const ExternalCommand& command) { return command.name == name; });
   if (named == std::end(kExternalCommands)) return;
-  for (const fs::path& folder : {ownFolder(), ownFolder() / ISOBRICK_LIBEXEC_FROM_BIN}) {
-    const std::string path = (folder / named->executable).string();
-    execv(path.c_str(), argv);
-    if (errno == ENOENT) continue;
-    throw Error(
-        fmt::format("cannot run '{}': {}; install isobrick again", path, std::strerror(errno)));
-  }
-  throw Error(fmt::format("cannot find '{}' beside '{}' or in '{}'; install isobrick again",
-                          named->executable, (ownFolder() / "isobrick").string(),
-                          (ownFolder() / ISOBRICK_LIBEXEC_FROM_BIN).lexically_normal().string()));
+  const std::string path = requiredExecutable(std::string(named->executable));
+  execv(path.c_str(), argv);
+  throw Error(
+      fmt::format("cannot run '{}': {}; install isobrick again", path, std::strerror(errno)));
 }
 
 }  // namespace isobrick

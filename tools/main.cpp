@@ -93,11 +93,27 @@ int runReportingFailures(const CLI::App& app, const std::vector<Command>& comman
   }
 }
 
+bool isSubcommand(const CLI::App& app, const std::string& word) {
+  const auto named =
+      app.get_subcommands([&](const CLI::App* sub) { return sub->check_name(word); });
+  return !named.empty();
+}
+
+// `isobrick scan.nrrd` is `isobrick view scan.nrrd`; returns where the word is no file.
+void runCommandOfFile(int argc, char** argv) {
+  std::optional<std::string> command = commandOfFile(argv[1]);
+  if (!command) return;
+  std::vector<char*> words(argv, argv + argc + 1);
+  words.insert(words.begin() + 1, command->data());
+  runExternalCommand(*command, words.data());
+}
+
 int runWords(int argc, char** argv) {
   if (argc > 1) runExternalCommand(argv[1], argv);
   CLI::App app("Adaptive, crack-free isosurfaces of volumes that are larger than memory.");
   describe(app);
   const std::vector<Command> commands = addCommands(app);
+  if (argc > 1 && !isSubcommand(app, argv[1])) runCommandOfFile(argc, argv);
   if (const auto status = parseArguments(app, argc, argv)) return *status;
   installInterruptHandler();
   const int status = runReportingFailures(app, commands);

@@ -1,6 +1,11 @@
 #include "tools/own_folder.h"
 
+#include <fmt/format.h>
+#include <unistd.h>
+
 #include <system_error>
+
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 
@@ -10,5 +15,18 @@ std::filesystem::path ownExecutable() {
 }
 
 std::filesystem::path ownFolder() { return ownExecutable().parent_path(); }
+
+std::optional<std::string> findOwnExecutable(const std::string& name) {
+  for (const std::filesystem::path& folder : {ownFolder(), ownFolder() / ISOBRICK_LIBEXEC_FROM_BIN})
+    if (access((folder / name).c_str(), X_OK) == 0) return (folder / name).string();
+  return std::nullopt;
+}
+
+std::string requiredExecutable(const std::string& name) {
+  if (const auto found = findOwnExecutable(name)) return *found;
+  throw Error(fmt::format("cannot find '{}' beside '{}' or in '{}'; install isobrick again", name,
+                          ownExecutable().string(),
+                          (ownFolder() / ISOBRICK_LIBEXEC_FROM_BIN).lexically_normal().string()));
+}
 
 }  // namespace isobrick

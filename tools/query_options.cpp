@@ -33,21 +33,21 @@ QueryBox indexBoxAround(const Corners& box, const GridGeometry& geometry) {
   return result;
 }
 
-void refuseBoxOutside(const QueryBox& box, const Pyramid& pyramid) {
+void refuseBoxOutside(const QueryBox& box, const Pyramid& pyramid, const std::string& path) {
   const Index3 last = pyramid.lattice().voxels() - Index3(1);
   for (int axis = 0; axis < 3; ++axis)
     if (!(box.min[axis] < static_cast<double>(last[axis]) && box.max[axis] > 0))
       throw Error(fmt::format("the box of --box lies outside of '{}', whose voxels are 0,0,0 to "
                               "{},{},{} (with --world, the box is in world units); move it there",
-                              pyramid.path(), last.x, last.y, last.z),
-                  {.path = pyramid.path()});
+                              path, last.x, last.y, last.z),
+                  {.path = path});
 }
 
 }  // namespace
 
 void addQueryOptions(CLI::App& app, QueryOptions& options) {
   options.threads = allCores();
-  app.add_option("FILE", options.path, "Pyramid (.isb)")->type_name("PATH")->required();
+  addVolumeInput(app, options.input)->required();
   addParsedOption(
       app, "--iso", options.isovalue,
       [&options](const std::string& text) {
@@ -96,12 +96,16 @@ void addNoMapFlag(CLI::App& app, bool& no_map) {
                "is the same");
 }
 
+void findPyramid(QueryOptions& options) {
+  findPyramid(options.input, options.threads, options.memory_bytes);
+}
+
 void chooseIsovalue(QueryOptions& options, const Pyramid& pyramid) {
   if (!options.auto_isovalue) return;
   const IsovalueSuggestions suggestions = suggestIsovalues(pyramid);
   if (suggestions.values.empty())
-    throw Error(fmt::format("all voxels of '{}' are {}: no isovalue has a surface", options.path,
-                            pyramid.valueRange().min));
+    throw Error(fmt::format("all voxels of '{}' are {}: no isovalue has a surface",
+                            options.input.path, pyramid.valueRange().min));
   options.isovalue = suggestions.values.front().value;
   options.auto_isovalue = false;
   fmt::print(stderr, "isobrick: isovalue {}\n", options.isovalue);
@@ -117,7 +121,7 @@ Query makeQuery(const QueryOptions& options, const Pyramid& pyramid) {
   if (options.box) {
     query.box = options.world ? indexBoxAround(*options.box, geometry)
                               : QueryBox{options.box->lower, options.box->upper};
-    refuseBoxOutside(*query.box, pyramid);
+    refuseBoxOutside(*query.box, pyramid, options.input.path);
   }
   query.cancel = &interruptFlag();
   return query;
@@ -129,7 +133,7 @@ void warnOfEmptySurface(const QueryOptions& options, const Pyramid& pyramid) {
   fmt::print(stderr,
              "isobrick: warning: the mesh is empty: no surface at the isovalue {}, since the "
              "values of '{}' are {} to {}\n",
-             options.isovalue, oneLine(options.path), range.min, range.max);
+             options.isovalue, oneLine(options.input.path), range.min, range.max);
 }
 
 }  // namespace isobrick

@@ -10,11 +10,12 @@
 #include "isobrick/storage/pyramid.h"
 #include "tools/choice_options.h"
 #include "tools/parse_text.h"
+#include "tools/volume_input.h"
 
 namespace isobrick {
 
 struct QueryOptions {
-  std::string path;
+  VolumeInput input;
   double isovalue = 0;
   bool auto_isovalue = false;  // until chooseIsovalue()
   ChoiceOptions choice;
@@ -28,6 +29,9 @@ struct QueryOptions {
 
 // FILE, --iso and all that narrow the query down.
 void addQueryOptions(CLI::App& app, QueryOptions& options);
+
+// findPyramid() of its input.
+void findPyramid(QueryOptions& options);
 
 // --no-map, as the other commands have it too.
 void addNoMapFlag(CLI::App& app, bool& no_map);

@@ -77,13 +77,15 @@ void writePicture(const RenderArguments& arguments, const std::vector<char>& pic
 // What `isobrick view` shows of a saved view.
 int renderState(const RenderArguments& arguments) {
   const ImageFormat format = imageFormatOf(arguments.output);
-  refuseReplacing({arguments.output}, {arguments.query.path, arguments.state}, arguments.force);
+  refuseReplacing({arguments.output},
+                  {arguments.query.input.path, arguments.query.input.pyramid, arguments.state},
+                  arguments.force);
   { const AtomicFile probe(arguments.output); }
   const ViewState state = readViewState(arguments.state);
   const Stopwatch watch;
   const ViewPicture view = runWithThreads(arguments.query.threads, [&] {
     return drawView(
-        std::make_shared<const Pyramid>(arguments.query.path, arguments.query.memory_bytes,
+        std::make_shared<const Pyramid>(arguments.query.input.pyramid, arguments.query.memory_bytes,
                                         fileAccess(arguments.query.no_map)),
         state, arguments.size.width, arguments.size.height, arguments.query.threads,
         format == ImageFormat::kExr, interruptFlag());
@@ -98,7 +100,9 @@ int renderState(const RenderArguments& arguments) {
 int runRender(RenderArguments arguments) {
   // Neither a slip of the pen nor a machine that cannot draw shall cost an extraction.
   const ImageFormat format = imageFormatOf(arguments.output);
-  refuseReplacing({arguments.output}, {arguments.query.path, arguments.state}, arguments.force);
+  refuseReplacing({arguments.output},
+                  {arguments.query.input.path, arguments.query.input.pyramid, arguments.state},
+                  arguments.force);
   { const AtomicFile probe(arguments.output); }
   const auto renderer = std::make_shared<OffscreenRenderer>();
   if (arguments.size.width > renderer->greatestSize() ||
@@ -131,7 +135,8 @@ int runRender(RenderArguments arguments) {
 }  // namespace
 
 Command addRenderCommand(CLI::App& app) {
-  CLI::App* const sub = app.add_subcommand("render", "Draw an isosurface of a pyramid to a file");
+  CLI::App* const sub =
+      app.add_subcommand("render", "Draw an isosurface of a pyramid or a volume to a file");
   const auto arguments = std::make_shared<RenderArguments>();
   RenderOptions& picture = arguments->picture;
   addQueryOptions(*sub, arguments->query);
@@ -170,13 +175,15 @@ Command addRenderCommand(CLI::App& app) {
   const std::set<std::string> together{"FILE",   "--output",  "--size",  "--memory", "--no-map",
                                        "--help", "--threads", "--state", "--force"};
   for (CLI::Option* const option : sub->get_options())
-    if (together.count(option->get_name(false, true)) == 0 &&
+    if (option->get_group() != kVolumeGroup && together.count(option->get_name(false, true)) == 0 &&
         together.count(option->get_single_name()) == 0 &&
         together.count("--" + option->get_single_name()) == 0)
       state->excludes(option);
   return {sub, [arguments, state, isovalue] {
+            if (state->count() == 0 && isovalue->count() == 0)
+              throw UsageError("--iso is required, or --state");
+            findPyramid(arguments->query);
             if (state->count() > 0) return renderState(*arguments);
-            if (isovalue->count() == 0) throw UsageError("--iso is required, or --state");
             return runRender(*arguments);
           }};
 }

@@ -35,6 +35,9 @@ struct Outcome {
 
 class CommandTest : public testing::Test {
  protected:
+  // What commands build of volumes stays in this test.
+  CommandTest() { setenv("XDG_CACHE_HOME", log_.file("cache").c_str(), 1); }
+
   // Starts a program in the work folder.
   pid_t start(Words words) {
     posix_spawn_file_actions_t actions;

@@ -13,7 +13,7 @@ namespace isobrick::test {
 namespace {
 
 const char* const kCommands[] = {"build",   "convert", "view", "extract", "render",
-                                 "phantom", "bench",   "info", "verify"};
+                                 "phantom", "bench",   "info", "verify",  "cache"};
 
 class FailureTextTest : public CommandTest {
  protected:
@@ -77,7 +77,9 @@ TEST_F(FailureTextTest, EveryRemedyNamesOnlyOptionsThatTheCommandHas) {
 TEST_F(FailureTextTest, TheTextsOfTheCommandsNameTheirOwnOptions) {
   const std::vector<std::string> of_queries{"extract", "render", "bench"};
   const std::map<std::string, std::vector<std::string>> commands_of{
-      {"build_volume.cpp", {"view"}},
+      {"volume_input.cpp", {"extract", "render", "view", "bench", "info"}},
+      {"cache_command.cpp", {"cache"}},
+      {"pyramid_cache.cpp", {"cache"}},
       {"view_command.cpp", {"view"}},
       {"build_command.cpp", {"build"}},
       {"build_one.cpp", {"build"}},

@@ -144,6 +144,10 @@ void addOutputOptions(CLI::App& sub, BuildArguments& arguments) {
   addParsedOption(sub, "--out-dir", arguments.out_dir, notEmpty, "DIR",
                   "Folder for the pyramids, made if it is missing; default: the current folder")
       ->excludes(output);
+  // For the commands that take volumes (tools/volume_input.h).
+  addParsedOption(sub, "--into-cache", arguments.settings.cache_folder, notEmpty, "DIR", "")
+      ->group("")
+      ->excludes(output);
   sub.add_flag("--rebuild", arguments.settings.rebuild, "Build also what is up to date");
   addForceFlag(sub, arguments.settings.force)
       ->description(

@@ -13,12 +13,14 @@
 #include "isobrick/preprocess/sources/open_volume.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid.h"
+#include "isobrick/storage/pyramid_file.h"
 #include "isobrick/storage/pyramid_writer.h"
 #include "tools/build/existing_output.h"
 #include "tools/build/fitting_options.h"
 #include "tools/byte_size.h"
 #include "tools/interrupt.h"
 #include "tools/output_check.h"
+#include "tools/pyramid_cache.h"
 #include "tools/stopwatch.h"
 #include "tools/thread_count.h"
 
@@ -56,26 +58,51 @@ void takeNoteOfPyramid(const BuildOptions& options, BuiltVolume& built) {
     built.fresh_bytes = freshBytes(layout, built.bytes.raw, built.report.bricks_resumed);
 }
 
-BuiltVolume openAndBuild(const BuildJob& job, const BuildSettings& settings) {
+// Where the pyramid goes that is wanted in the cache: what is up to date beside the input is taken
+// as it is; else it is called by its identity, and the lock keeps other processes from building it.
+std::unique_ptr<CacheBuildLock> placeInCache(BuildJob& job, const BuildSettings& settings,
+                                             const VolumeInfo& info,
+                                             const std::string& input_identity) {
+  const std::filesystem::path folder = std::filesystem::path(job.input.path).parent_path();
+  job.output = (folder / defaultOutputName(job.input.path)).string();
+  if (isUpToDate(job.output, info, input_identity, settings.options, settings.any_options, true))
+    return nullptr;
+  job.output =
+      pathInCache(settings.cache_folder, buildIdentity(info, input_identity, settings.options));
+  return std::make_unique<CacheBuildLock>(job.output, interruptFlag());
+}
+
+// What exists is in the way, unless it is a pyramid, of which isUpToDate() looks at the origin.
+void refuseAsOutput(const BuildJob& job, const std::vector<std::string>& inputs, bool replace) {
+  refuseReplacing({job.output, "choose another output with -o or --out-dir"}, inputs, replace);
+}
+
+BuiltVolume openAndBuild(BuildJob job, const BuildSettings& settings) {
   const Stopwatch watch;
   BuiltVolume built;
-  built.output = job.output;
-  const PlannedOutput output{job.output, "choose another output with -o or --out-dir"};
-  refuseReplacing(output, {job.input.path}, settings.force || isPyramidFile(job.output));
+  const bool into_cache = !settings.cache_folder.empty();
+  const std::uint64_t cache_bytes = into_cache ? cacheBound() : 0;
+  if (!into_cache)
+    refuseAsOutput(job, {job.input.path}, settings.force || beginsAsPyramid(job.output));
   const ShownAs shown{job.label, settings.progress};
   const std::unique_ptr<VolumeSource> source =
       openShowingProgress(job.input, settings.options.memory_bytes / 2, shown);
   built.open_seconds = watch.seconds();
   refuseUnfitInputOptions(*job.input.parser, source->info());
   InputWatch input(*source, &interruptFlag());
-  refuseReplacing(output, source->files(), true);
-  const bool is_up_to_date = isUpToDate(job.output, source->info(), input.identity(),
-                                        settings.options, settings.any_options, settings.force);
+  const auto lock =
+      into_cache ? placeInCache(job, settings, source->info(), input.identity()) : nullptr;
+  built.output = job.output;
+  refuseAsOutput(job, source->files(), true);
+  const bool is_up_to_date =
+      isUpToDate(job.output, source->info(), input.identity(), settings.options,
+                 settings.any_options, settings.force || into_cache);
   built.skipped = is_up_to_date && !settings.rebuild;
   if (built.skipped)
     removeStrayJournal(job.output);
   else
     built.report = buildShowingProgress(*source, input, job.output, settings.options, shown);
+  if (lock && !built.skipped) trimCache(settings.cache_folder, cache_bytes, job.output);
   built.volume = source->info();
   for (std::string& note : source->notesOfReading()) built.volume.notes.push_back(std::move(note));
   if (built.report.replaced_voxels > 0)

@@ -31,8 +31,11 @@ BuildReport buildShowingProgress(VolumeSource& source, InputWatch& input, const 
 struct BuildSettings {
   BuildOptions options;
   int threads = 1;
-  bool rebuild = false;      // also what is up to date
-  bool force = false;        // replaces what is not a pyramid of the same input
+  bool rebuild = false;  // also what is up to date
+  bool force = false;    // replaces what is not a pyramid of the same input
+  // Not empty: in place of the job's output, a pyramid in this folder (tools/pyramid_cache.h), or
+  // the one beside the input if that is up to date.
+  std::string cache_folder = {};
   bool any_options = false;  // a pyramid of the same input is up to date, whatever its options
   ProgressStyle progress = ProgressStyle::kBar;
 };

@@ -2,10 +2,7 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <nlohmann/json.hpp>
 
 #include "isobrick/storage/error.h"
@@ -59,15 +56,6 @@ bool meansTheSameFile(const std::string& source, const std::string& output) {
 }
 
 }  // namespace
-
-bool isPyramidFile(const std::string& path) {
-  std::error_code ignored;
-  if (!fs::is_regular_file(path, ignored)) return false;
-  std::ifstream file(path, std::ios::binary);
-  char magic[sizeof format::kMagic] = {};
-  return file.read(magic, sizeof magic) &&
-         std::equal(std::begin(magic), std::end(magic), std::begin(format::kMagic));
-}
 
 bool isUpToDate(const std::string& output, const VolumeInfo& info,
                 const std::string& input_identity, const BuildOptions& options, bool any_options,

@@ -7,9 +7,6 @@
 
 namespace isobrick {
 
-// Whether the file begins as a pyramid does.
-bool isPyramidFile(const std::string& path);
-
 // True where `output` is a pyramid of this very source and these options already; false where there
 // is none, or one that was made from the same input, which has changed since or is to be built with
 // other options. Where it was made from something else, or nobody can tell, throws Error; with

@@ -7,6 +7,8 @@ std::vector<Command> addCommands(CLI::App& app) {
   return {addBuildCommand(app), addConvertCommand(app)};
 }
 
+std::optional<std::string> commandOfFile(const std::string&) { return std::nullopt; }
+
 void runExternalCommand(std::string_view, char**) {}
 
 }  // namespace isobrick

@@ -5,6 +5,8 @@ namespace isobrick {
 
 std::vector<Command> addCommands(CLI::App& app) { return {addViewCommand(app)}; }
 
+std::optional<std::string> commandOfFile(const std::string&) { return std::nullopt; }
+
 void runExternalCommand(std::string_view, char**) {}
 
 }  // namespace isobrick

@@ -1,7 +1,6 @@
 // isobrick view: a window in which a volume is explored.
 #include <algorithm>
 #include <filesystem>
-#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -39,35 +38,6 @@ void refuseReplacingOutputs(const ViewOptions& options, bool force) {
                       inputs, force);
 }
 
-// What `isobrick build` is told of FILE, if it is a volume. It checks the values.
-struct VolumeWords {
-  std::map<std::string, std::string> values;  // by option
-  std::vector<std::string> words() const {
-    std::vector<std::string> all;
-    for (const auto& [option, value] : values)
-      if (!value.empty()) all.insert(all.end(), {option + "=" + value});
-    return all;
-  }
-};
-
-void addVolumeWords(CLI::App& sub, VolumeWords& words) {
-  const auto add = [&](const char* option, const char* type, const char* description) {
-    sub.add_option(option, words.values[option], description)->type_name(type);
-  };
-  add("--spacing", "X,Y,Z",
-      "Of a volume, distances between voxels in place of what it says or lacks");
-  add("--origin", "X,Y,Z", "Where its first voxel is, in place of what it says or lacks");
-  add("--series", "N|UID", "Of a folder with several DICOM series, the one of this number or UID");
-  add("--grid", "NAME", "The grid, array or stack of this name, as for 'isobrick build'");
-  add("--time", "T", "The time step, as for 'isobrick build'");
-  add("--channel", "C", "The channel, as for 'isobrick build'");
-  add("--component", "N|magnitude", "The component, as for 'isobrick build'");
-  add("--raw-dims", "X,Y,Z", "Voxels of a file without a header");
-  add("--raw-type", "T", "Its type, as for 'isobrick build'");
-  add("--raw-endian", "E", "Its byte order");
-  add("--raw-offset", "BYTES", "Where its first voxel is");
-}
-
 }  // namespace
 
 Command addViewCommand(CLI::App& app) {
@@ -79,17 +49,14 @@ Command addViewCommand(CLI::App& app) {
   options->threads = std::max(1, allCores() - 1);
   options->cancel = &interruptFlag();
   const auto size = std::make_shared<PixelSize>(PixelSize{options->width, options->height});
-  const auto cache = std::make_shared<std::string>();
-  sub->add_option("FILE", options->path,
-                  "Pyramid (.isb); or a volume as 'isobrick build' reads it, a DICOM folder, or "
-                  "phantom:NAME:SIZE, of which a pyramid is built first; default: chosen in the "
-                  "window")
-      ->type_name("PATH");
-  sub->add_option("--cache", *cache,
-                  "Folder for pyramids that are built; default: beside the volume")
-      ->type_name("DIR");
-  const auto volume_words = std::make_shared<VolumeWords>();
-  addVolumeWords(*sub, *volume_words);
+  const auto input = std::make_shared<VolumeInput>();
+  addVolumeInput(*sub, *input)
+      ->description(
+          "Pyramid (.isb); or a volume as 'isobrick build' reads it, a DICOM folder, or "
+          "phantom:NAME:SIZE, of which a pyramid is built into the cache first; default: chosen in "
+          "the "
+          "window");
+  sub->add_option("--cache", input->cache_folder)->group("");  // its name in earlier versions
   const auto force = std::make_shared<bool>(false);
   const auto preview_share = std::make_shared<std::optional<double>>();
   addParsedOption(
@@ -124,15 +91,11 @@ Command addViewCommand(CLI::App& app) {
   addForceFlag(*sub, *force);
   sub->add_flag("--offscreen", options->offscreen, "Run the script without a window")
       ->needs(script);
-  return {sub, [options, size, cache, preview_share, force, volume_words] {
+  return {sub, [options, size, input, preview_share, force] {
+            options->path = input->path;
             refuseReplacingOutputs(*options, *force);
-            const std::vector<std::string> words = volume_words->words();
-            if (!words.empty() && (options->path.empty() || isPyramidFile(options->path)))
-              throw UsageError(words.front() +
-                               " says how to read a volume; give it with the volume, or to "
-                               "'isobrick build', and leave it out of a pyramid");
-            options->build =
-                volumeBuilder({*cache, options->threads + 1, *preview_share, options->path, words});
+            if (!isVolume(options->path)) refuseWordsForPyramid(*input);
+            options->build = volumeBuilder({*input, options->threads + 1, *preview_share});
             // What scripts open is no choice of hands.
             if (options->script_path.empty()) options->recent_path = recentFilesPath();
             options->width = size->width;

@@ -2,13 +2,10 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <utility>
 
 #include "isobrick/storage/error.h"
-#include "isobrick/storage/format.h"
-#include "isobrick/storage/lowercase.h"
+#include "isobrick/storage/pyramid_file.h"
 
 namespace isobrick {
 
@@ -16,16 +13,6 @@ namespace fs = std::filesystem;
 
 namespace {
 constexpr std::uint64_t kPreviewMemory = std::uint64_t{64} << 20;  // more than it takes
-}
-
-bool isPyramidFile(const std::string& path) {
-  std::error_code ignored;
-  if (!fs::is_regular_file(path, ignored)) return false;
-  if (lowerExtension(path) == ".isb") return true;
-  char magic[sizeof format::kMagic] = {};
-  std::ifstream file(path, std::ios::binary);
-  return file.read(magic, sizeof magic) &&
-         std::equal(std::begin(magic), std::end(magic), std::begin(format::kMagic));
 }
 
 OpenedVolume openPyramid(const std::string& path, std::uint64_t memory_bytes) {

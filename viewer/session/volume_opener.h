@@ -17,10 +17,6 @@
 
 namespace isobrick {
 
-// True for a file that begins as a pyramid, or is called one (.isb). Looks at regular files alone:
-// nothing waits for the other end of a pipe.
-bool isPyramidFile(const std::string& path);
-
 // What a build tells while it is under way.
 struct BuildListener {
   // How far it is: the phase ("bricks"), and the share of it that is done, 0 .. 1.

@@ -18,6 +18,7 @@
 
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/pyramid_file.h"
 #include "isobrick/viewer/image_writer.h"
 #include "isobrick/viewer/session/recent_files.h"
 #include "isobrick/viewer/session/view_script.h"
@@ -143,6 +144,19 @@ bool isToBeBuilt(const std::string& source) {
          (fs::exists(source, ignored) && !isPyramidFile(source));
 }
 
+// What files of it are called: "scan" for "scans/scan.nii.gz", "head-256" for "phantom:head:256".
+std::string stemOf(const std::string& source) {
+  if (source.rfind("phantom:", 0) == 0) {
+    std::string name = source.substr(source.find(':') + 1);
+    std::replace(name.begin(), name.end(), ':', '-');
+    return name;
+  }
+  fs::path path = source;
+  if (!path.has_filename()) path = path.parent_path();
+  if (path.extension() == ".gz") path = path.stem();
+  return path.stem().string();
+}
+
 // The first name STEM-0001.png, STEM-0002.png, ... that is free.
 std::string freeName(const std::string& stem, const char* extension) {
   for (int number = 1; number < 10000; ++number) {
@@ -228,20 +242,21 @@ class ViewLoop {
     const bool is_preview = opened.preview_of.has_value();
     const std::string source = opened.source, pyramid = opened.pyramid;
     show_.take(std::move(opened), target_->renderer(), size(), target_->scale());
-    if (is_preview) return nameAfter(source, " (preview)");
-    nameAfter(pyramid, "");
+    nameAfter(source, is_preview ? " (preview)" : "");
+    if (is_preview) return;
     message_ = source == pyramid ? "" : "the pyramid is " + pyramid;
     std::error_code ignored;
-    // A phantom has a file only by now.
-    const fs::path whole = fs::absolute(fs::exists(source, ignored) ? source : pyramid, ignored);
-    recent_ = withRecent(std::move(recent_), whole.lexically_normal().string());
+    const bool is_file = fs::exists(source, ignored);  // no phantom
+    recent_ =
+        withRecent(std::move(recent_),
+                   is_file ? fs::absolute(source, ignored).lexically_normal().string() : source);
     writeRecentFiles(options_.recent_path, recent_);
   }
 
-  void nameAfter(const fs::path& shown, const char* what) {
-    stem_ = shown.stem().string();
+  void nameAfter(const std::string& source, const char* what) {
+    stem_ = stemOf(source);
     if (options_.state_path.empty()) state_path_ = stem_ + ".view.json";
-    target_->setTitle(shownName(shown.filename().string()) + what + " - isobrick");
+    target_->setTitle(shownName(fs::path(source).filename().string()) + what + " - isobrick");
   }
 
   // What was being built will not come.
@@ -249,7 +264,7 @@ class ViewLoop {
     if (!show_.showsPreview()) return;
     show_.giveUpPreview(target_->renderer(), size(), target_->scale());
     if (show_.opened() != nullptr)
-      nameAfter(show_.opened()->pyramid, "");
+      nameAfter(show_.opened()->source, "");
     else
       target_->setTitle("isobrick");
   }

@@ -10,6 +10,7 @@
 #include <glm/geometric.hpp>
 #include <thread>
 
+#include "isobrick/storage/pyramid_file.h"
 #include "tests/support/field_pyramid.h"
 
 namespace isobrick {

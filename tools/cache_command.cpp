@@ -1,0 +1,128 @@
+// isobrick cache: the pyramids that were built of volumes.
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "isobrick/storage/error.h"
+#include "isobrick/storage/pyramid.h"
+#include "tools/byte_size.h"
+#include "tools/command.h"
+#include "tools/json_output.h"
+#include "tools/one_line.h"
+#include "tools/pyramid_cache.h"
+#include "tools/text_table.h"
+#include "tools/volume_input.h"
+
+namespace isobrick {
+namespace {
+
+struct CacheArguments {
+  std::string folder;  // empty: the default one
+  bool clear = false;
+  bool json = false;
+};
+
+std::string pyramidsText(std::size_t count) {
+  return fmt::format("{} pyramid{}", count, count == 1 ? "" : "s");
+}
+
+// The volume that it was made of; empty where it does not say.
+std::string sourceOf(const CachedPyramid& entry) try {
+  const Pyramid pyramid(entry.path);
+  constexpr int kDeepest = 32;
+  const auto guard = [](int depth, Json::parse_event_t, Json&) { return depth <= kDeepest; };
+  const Json json = Json::parse(pyramid.provenance(), guard, false);
+  const bool says = json.is_object() && json.contains("source") && json["source"].is_string();
+  return says ? json["source"].get<std::string>() : std::string();
+} catch (const Error&) {
+  return {};
+}
+
+std::string textOf(const std::timespec& time) {
+  return fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(time.tv_sec));
+}
+
+void printCacheJson(const std::string& folder, const std::vector<CachedPyramid>& entries) {
+  Json json;
+  json["folder"] = folder;
+  json["bound_bytes"] = cacheBound();
+  std::uint64_t total = 0;
+  json["pyramids"] = Json::array();
+  for (const CachedPyramid& entry : entries) {
+    total += entry.bytes;
+    json["pyramids"].push_back({{"path", entry.path},
+                                {"bytes", entry.bytes},
+                                {"last_used", textOf(entry.last_used)},
+                                {"whole", entry.is_whole},
+                                {"source", sourceOf(entry)}});
+  }
+  json["bytes"] = total;
+  printJson(json);
+}
+
+void printCacheText(const std::string& folder, const std::vector<CachedPyramid>& entries) {
+  std::uint64_t total = 0;
+  TextTable table("LRLL");
+  for (const CachedPyramid& entry : entries) {
+    total += entry.bytes;
+    table.add({entry.path.substr(entry.path.rfind('/') + 1), byteSizeText(entry.bytes),
+               textOf(entry.last_used),
+               entry.is_whole ? oneLine(sourceOf(entry)) : "(unfinished)"});
+  }
+  fmt::print("{}{}: {}, {} of at most {}\n", table.text(), oneLine(folder), entries.size(),
+             byteSizeText(total), byteSizeText(cacheBound()));
+}
+
+void printRemoval(const std::string& folder, const CacheRemoval& removal, bool as_json) {
+  if (as_json) {
+    Json json;
+    json["folder"] = folder;
+    json["removed"] = removal.removed;
+    json["removed_bytes"] = removal.bytes;
+    json["in_use"] = removal.in_use;
+    return printJson(json);
+  }
+  fmt::print(
+      "{}: removed {}, {}{}\n", oneLine(folder), pyramidsText(removal.removed),
+      byteSizeText(removal.bytes),
+      removal.in_use > 0 ? fmt::format("; {} in use, kept", pyramidsText(removal.in_use)) : "");
+}
+
+int runCache(const CacheArguments& arguments) {
+  const std::string folder = arguments.folder.empty() ? defaultCacheFolder() : arguments.folder;
+  if (arguments.clear) {
+    printRemoval(folder, clearCache(folder), arguments.json);
+    return 0;
+  }
+  std::vector<CachedPyramid> entries = listCache(folder);
+  std::erase_if(entries, [](const CachedPyramid& entry) { return entry.bytes == 0; });
+  if (arguments.json)
+    printCacheJson(folder, entries);
+  else
+    printCacheText(folder, entries);
+  return 0;
+}
+
+}  // namespace
+
+Command addCacheCommand(CLI::App& app) {
+  CLI::App* const sub =
+      app.add_subcommand("cache", "List or clear the pyramids that were built of volumes");
+  const auto arguments = std::make_shared<CacheArguments>();
+  sub->add_flag("--clear", arguments->clear, "Remove all but those that a process uses");
+  addCacheFolderOption(*sub, arguments->folder);
+  sub->add_flag("--json", arguments->json, "Print one JSON object instead of text");
+  sub->footer(fmt::format(R"(
+'extract', 'render', 'view', 'bench' and 'info' build the pyramid of a volume here, and find it again
+until the volume changes. Beyond {} (or what the variable ISOBRICK_CACHE_SIZE says, such as 100G) the
+least recently used pyramids go; the newest one stays, however large it is.)",
+                          byteSizeText(kDefaultCacheBytes)));
+  return {sub, [arguments] { return runCache(*arguments); }};
+}
+
+}  // namespace isobrick

@@ -1,0 +1,203 @@
+#include "tools/volume_input.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <iterator>
+#include <nlohmann/json.hpp>
+
+#include "isobrick/storage/error.h"
+#include "isobrick/storage/pyramid_file.h"
+#include "tools/byte_size.h"
+#include "tools/command.h"
+#include "tools/failure_text.h"
+#include "tools/interrupt.h"
+#include "tools/line_words.h"
+#include "tools/one_line.h"
+#include "tools/own_folder.h"
+#include "tools/program_run.h"
+#include "tools/progress_bar.h"
+#include "tools/pyramid_cache.h"
+
+namespace isobrick {
+namespace {
+
+namespace fs = std::filesystem;
+
+// A build takes an arena of memory for its buffers, and libraries of formats may be slow to stop.
+constexpr int kTidyEndMilliseconds = 3000;
+constexpr std::string_view kOwnName = "isobrick: ";
+
+// What `isobrick build` is told of a volume. It checks the values.
+struct VolumeWord {
+  const char *option, *type, *description;
+};
+constexpr VolumeWord kVolumeWords[] = {
+    {"--spacing", "X,Y,Z", "Distances between voxels in place of what it says or lacks"},
+    {"--origin", "X,Y,Z", "Where its first voxel is, in place of what it says or lacks"},
+    {"--series", "N|UID", "Of a folder with several DICOM series, the one of this number or UID"},
+    {"--grid", "NAME", "The grid, array or stack of this name, as for 'isobrick build'"},
+    {"--time", "T", "The time step, as for 'isobrick build'"},
+    {"--channel", "C", "The channel, as for 'isobrick build'"},
+    {"--component", "N|magnitude", "The component, as for 'isobrick build'"},
+    {"--raw-dims", "X,Y,Z", "Voxels of a file without a header"},
+    {"--raw-type", "T", "Its type, as for 'isobrick build'"},
+    {"--raw-endian", "E", "Its byte order"},
+    {"--raw-offset", "BYTES", "Where its first voxel is"},
+};
+
+// Whether all options that the text names are among those.
+bool namesVolumeWordsOnly(const std::string& text) {
+  const std::vector<std::string> options = optionsNamedIn(text);
+  return std::all_of(options.begin(), options.end(), [](const std::string& option) {
+    return std::any_of(std::begin(kVolumeWords), std::end(kVolumeWords),
+                       [&](const VolumeWord& word) { return option == word.option; });
+  });
+}
+
+bool isPhantomName(const std::string& input) { return input.rfind("phantom:", 0) == 0; }
+
+// Whole, so that no path is taken for an option, and a pyramid says of what it was made.
+std::string wholePath(const std::string& volume) {
+  if (isPhantomName(volume)) return volume;
+  const fs::path whole = fs::absolute(volume).lexically_normal();
+  return (whole.has_filename() ? whole : whole.parent_path()).string();
+}
+
+struct BuiltPyramid {
+  std::string path;
+  bool is_new = false;
+};
+
+BuiltPyramid builtBy(const ProgramCall& call, const CancelFlag& cancel) {
+  const nlohmann::json json = nlohmann::json::parse(runProgram(call, &cancel), nullptr, false);
+  if (!json.is_object() || !json.contains("output") || !json["output"].is_string())
+    throw Error("'isobrick-build' does not say what it built; install isobrick again");
+  return {json["output"].get<std::string>(), !json.value("skipped", false)};
+}
+
+// What was begun of another content, or differently, cannot be gone on with.
+BuiltPyramid goOnOrBegin(const ProgramCall& call, const CancelFlag& cancel) {
+  ProgramCall going_on = call;
+  going_on.words.emplace_back("--resume");
+  try {
+    try {
+      return builtBy(going_on, cancel);
+    } catch (const ProgramFailure& failure) {
+      if (failure.said.find("leave out --resume") == std::string::npos) throw;
+      return builtBy(call, cancel);
+    }
+  } catch (const ProgramFailure& failure) {
+    std::string said = failure.said;
+    if (said.rfind(kOwnName, 0) == 0) said.erase(0, kOwnName.size());
+    if (said.empty()) throw Error(failure.what());
+    said.resize(std::min(said.find("; try 'isobrick build --help'"), said.size()));
+    // Options in it are those of `build`.
+    throw Error(namesVolumeWordsOnly(said) ? said : "'isobrick build' says: " + said);
+  }
+}
+
+BuiltPyramid buildIntoCache(const std::string& volume, const VolumeBuild& build,
+                            const CancelFlag& cancel) {
+  ProgramCall call;
+  call.words = {
+      requiredExecutable("isobrick-build"),
+      "build",
+      wholePath(volume),
+      "--into-cache",
+      build.cache_folder.empty() ? defaultCacheFolder() : fs::absolute(build.cache_folder).string(),
+      "--progress-lines",
+      "--json"};
+  call.words.insert(call.words.end(), build.words.begin(), build.words.end());
+  call.on_error_line = build.tell_line;
+  call.tidy_end_milliseconds = kTidyEndMilliseconds;
+  // Another process may remove a pyramid before this one has it.
+  constexpr int kMostTimes = 10;
+  for (int time = 0; time < kMostTimes; ++time) {
+    BuiltPyramid built = goOnOrBegin(call, cancel);
+    if (usePyramid(built.path)) return built;
+  }
+  throw Error(fmt::format("the pyramid of '{}' was removed from the cache again and again before "
+                          "it could be opened; build it with 'isobrick build'",
+                          volume),
+              {.path = volume});
+}
+
+}  // namespace
+
+CLI::Option* addVolumeInput(CLI::App& app, VolumeInput& input) {
+  CLI::Option* const file =
+      app.add_option("FILE", input.path,
+                     "Pyramid (.isb); or a volume as 'isobrick build' reads it, a DICOM folder, "
+                     "or phantom:NAME:SIZE, of which a pyramid is built into the cache first")
+          ->type_name("PATH");
+  for (const VolumeWord& word : kVolumeWords)
+    app.add_option(word.option, input.words[word.option], word.description)
+        ->type_name(word.type)
+        ->group(kVolumeGroup);
+  addCacheFolderOption(app, input.cache_folder)->group(kVolumeGroup);
+  return file;
+}
+
+CLI::Option* addCacheFolderOption(CLI::App& app, std::string& folder) {
+  return app
+      .add_option("--cache-folder", folder,
+                  "Folder for pyramids of volumes; default: isobrick in XDG_CACHE_HOME or ~/.cache")
+      ->type_name("DIR");
+}
+
+bool isVolume(const std::string& path) {
+  std::error_code ignored;
+  const fs::file_status status = fs::status(path, ignored);
+  return isPhantomName(path) || fs::is_directory(status) ||
+         (fs::is_regular_file(status) && !isPyramidFile(path));
+}
+
+std::vector<std::string> wordsForBuild(const VolumeInput& input) {
+  std::vector<std::string> all;
+  for (const auto& [option, value] : input.words)
+    if (!value.empty()) all.push_back(option + "=" + value);
+  return all;
+}
+
+void refuseWordsForPyramid(const VolumeInput& input) {
+  const std::vector<std::string> words = wordsForBuild(input);
+  if (!words.empty())
+    throw UsageError(words.front() +
+                     " says how to read a volume; give it with the volume, or to "
+                     "'isobrick build', and leave it out of a pyramid");
+}
+
+std::string pyramidOfVolume(const std::string& volume, const VolumeBuild& build,
+                            const CancelFlag& cancel) {
+  return buildIntoCache(volume, build, cancel).path;
+}
+
+void findPyramid(VolumeInput& input, int threads, std::optional<std::uint64_t> memory_bytes) {
+  input.pyramid = input.path;
+  if (!isVolume(input.path)) return refuseWordsForPyramid(input);
+  VolumeBuild build{input.cache_folder, wordsForBuild(input), {}};
+  build.words.insert(build.words.end(), {"--threads", std::to_string(threads)});
+  if (memory_bytes)
+    build.words.insert(build.words.end(), {"--memory", std::to_string(*memory_bytes)});
+  BuiltPyramid built;
+  {
+    ProgressBar bar(100, "%");
+    build.tell_line = [&](std::string_view line) {
+      double share = 0;
+      if (takeWord(line, "progress") && takeNumber(line, share)) bar.show(line, share);
+    };
+    built = buildIntoCache(input.path, build, interruptFlag());
+  }
+  input.pyramid = built.path;
+  if (built.is_new && isatty(STDERR_FILENO) == 1)
+    fmt::print(stderr,
+               "isobrick: the pyramid of '{}' ({}) is in the cache: {}; 'isobrick cache' lists "
+               "and clears it\n",
+               oneLine(input.path), byteSizeText(fs::file_size(built.path)), oneLine(built.path));
+}
+
+}  // namespace isobrick

@@ -1,0 +1,62 @@
+// FILE of the commands that take a volume as they take a pyramid: the volume's pyramid is built
+// into the cache (tools/pyramid_cache.h), or found there.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "isobrick/storage/cancel.h"
+
+namespace isobrick {
+
+struct VolumeInput {
+  std::string path;                          // as the user named it
+  std::string pyramid;                       // the file to open, after findPyramid()
+  std::map<std::string, std::string> words;  // how to read a volume, by option of `isobrick build`
+  std::string cache_folder;                  // empty: the default one
+};
+
+// The --help group of the options that say how to read a volume.
+inline constexpr char kVolumeGroup[] = "If FILE is a volume";
+
+// FILE, and the options that say how to read it where it is a volume.
+CLI::Option* addVolumeInput(CLI::App& app, VolumeInput& input);
+
+// --cache-folder.
+CLI::Option* addCacheFolderOption(CLI::App& app, std::string& folder);
+
+// A file or a folder that is there and is no pyramid, or the name of a phantom. Everything else is
+// opened as a pyramid, and that says what is wrong.
+bool isVolume(const std::string& path);
+
+// Throws UsageError where words for volumes were given.
+void refuseWordsForPyramid(const VolumeInput& input);
+
+// Sets input.pyramid: the path itself, or for a volume the pyramid in the cache, which stays there
+// until this process ends. Builds with `threads` and `memory_bytes` (nothing: the default), with a
+// progress bar. Throws Error, Cancelled, and UsageError where words for volumes come with a
+// pyramid.
+void findPyramid(VolumeInput& input, int threads, std::optional<std::uint64_t> memory_bytes);
+
+// For a program that shows the progress itself.
+struct VolumeBuild {
+  std::string cache_folder;                         // empty: the default one
+  std::vector<std::string> words;                   // for `isobrick build`
+  std::function<void(std::string_view)> tell_line;  // each line of its stderr
+};
+// Runs `isobrick build` in a process of its own, so that this one needs neither ITK nor OpenVDB,
+// and returns the pyramid's path. A build that was interrupted before goes on. Once cancelled, the
+// process has ended when this throws; what is done by then stays for the next time.
+std::string pyramidOfVolume(const std::string& volume, const VolumeBuild& build,
+                            const CancelFlag& cancel);
+
+// The words that were given, as `isobrick build` takes them: "--raw-dims=3,4,5".
+std::vector<std::string> wordsForBuild(const VolumeInput& input);
+
+}  // namespace isobrick
