@@ -66,11 +66,8 @@ ExtractResult extract(ExtractArguments& arguments) {
   result.open_seconds = open_watch.seconds();
   chooseIsovalue(arguments.query, pyramid);
   const Query query = makeQuery(arguments.query, pyramid);
-  // Before the work, so that a path that cannot be written costs no time.
   if (!arguments.output.empty())
-    refuseReplacing({arguments.output},
-                    {arguments.query.input.path, arguments.query.input.pyramid,
-                     arguments.attribute.path, arguments.attribute.pyramid},
+    refuseReplacing({arguments.output}, {pyramid.path(), arguments.attribute.pyramid},
                     arguments.force);
   const MeshFileOptions options{.cancel = &interruptFlag(),
                                 .values = values ? &*values : nullptr,
@@ -167,6 +164,10 @@ void printSummary(const ExtractArguments& arguments, const ExtractResult& result
 }
 
 int runExtract(ExtractArguments arguments) {
+  // Before any work, so that a name that is taken costs no time.
+  if (!arguments.output.empty())
+    refuseReplacing({arguments.output}, {arguments.query.input.path, arguments.attribute.path},
+                    arguments.force);
   findPyramid(arguments.query);
   VolumeInput& attribute = arguments.attribute;
   attribute.cache_folder = arguments.query.input.cache_folder;

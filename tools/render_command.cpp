@@ -75,12 +75,12 @@ void writePicture(const RenderArguments& arguments, const std::vector<char>& pic
 }
 
 // What `isobrick view` shows of a saved view.
-int renderState(const RenderArguments& arguments) {
+int renderState(RenderArguments& arguments) {
   const ImageFormat format = imageFormatOf(arguments.output);
-  refuseReplacing({arguments.output},
-                  {arguments.query.input.path, arguments.query.input.pyramid, arguments.state},
+  refuseReplacing({arguments.output}, {arguments.query.input.path, arguments.state},
                   arguments.force);
   { const AtomicFile probe(arguments.output); }
+  findPyramid(arguments.query);
   const ViewState state = readViewState(arguments.state);
   const Stopwatch watch;
   const ViewPicture view = runWithThreads(arguments.query.threads, [&] {
@@ -100,8 +100,7 @@ int renderState(const RenderArguments& arguments) {
 int runRender(RenderArguments arguments) {
   // Neither a slip of the pen nor a machine that cannot draw shall cost an extraction.
   const ImageFormat format = imageFormatOf(arguments.output);
-  refuseReplacing({arguments.output},
-                  {arguments.query.input.path, arguments.query.input.pyramid, arguments.state},
+  refuseReplacing({arguments.output}, {arguments.query.input.path, arguments.state},
                   arguments.force);
   { const AtomicFile probe(arguments.output); }
   const auto renderer = std::make_shared<OffscreenRenderer>();
@@ -110,6 +109,7 @@ int runRender(RenderArguments arguments) {
     throw UsageError(fmt::format("--size {}x{} is too large; at most {} pixels each",
                                  arguments.size.width, arguments.size.height,
                                  renderer->greatestSize()));
+  findPyramid(arguments.query);
   placeEye(arguments);
   const Stopwatch extract_watch;
   PictureSurface surface = runWithThreads(arguments.query.threads,
@@ -182,7 +182,6 @@ Command addRenderCommand(CLI::App& app) {
   return {sub, [arguments, state, isovalue] {
             if (state->count() == 0 && isovalue->count() == 0)
               throw UsageError("--iso is required, or --state");
-            findPyramid(arguments->query);
             if (state->count() > 0) return renderState(*arguments);
             return runRender(*arguments);
           }};

@@ -485,10 +485,11 @@ TEST_F(CliTest, DamagedPyramids) {
   writeBytes(path("empty.isb"), "");
   for (const char* name :
        {"header.isb", "cut.isb", "stub.isb", "zeros.isb", "empty.isb", "missing.isb", "."}) {
-    expectFailure(1, {"info", name}, name);
     expectFailure(1, {"verify", name}, name);
-    expectFailure(1, {"extract", name, "--iso", "0", "-o", "bad.ply"}, name);
-    expectFailure(1, {"render", name, "--iso", "0", "-o", "bad.png"}, name);
+    const std::string said = fs::is_directory(path(name)) ? "cannot read the folder" : name;
+    expectFailure(1, {"info", name}, said);
+    expectFailure(1, {"extract", name, "--iso", "0", "-o", "bad.ply"}, said);
+    expectFailure(1, {"render", name, "--iso", "0", "-o", "bad.png"}, said);
   }
   expectFailure(1, {"build", "sphere.isb"}, "pyramid already");
 }
