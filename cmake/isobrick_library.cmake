@@ -10,6 +10,7 @@ file(CREATE_LINK ${PROJECT_SOURCE_DIR} ${PROJECT_BINARY_DIR}/include/isobrick SY
 # places: no contraction to fused operations.
 set(isobrick_compile_options
   -Wall -Wextra -Wpedantic -Wshadow $<$<COMPILE_LANGUAGE:CXX>:-Wconversion> -ffp-contract=off
+  $<$<CXX_COMPILER_ID:Clang,AppleClang>:-Wno-sign-conversion>  # a part of clang's -Wconversion, not of g++'s
   $<$<BOOL:${ISOBRICK_WERROR}>:-Werror>)
 set(isobrick_link_options "")
 if(ISOBRICK_SANITIZE)

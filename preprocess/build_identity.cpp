@@ -9,7 +9,7 @@
 namespace isobrick {
 namespace {
 
-std::string numberText(double number) { return nlohmann::json(number).dump(); }
+std::string jsonOfNumber(double number) { return nlohmann::json(number).dump(); }
 
 }  // namespace
 
@@ -27,7 +27,7 @@ std::string provenanceText(const VolumeSource& source, const BuildOptions& optio
   // Whether there were any is not said: a resumed build does not see all voxels.
   if (options.nan_as && info.voxel_type == VoxelType::kFloat32)
     json["notes"].push_back("voxels that were not finite became " +
-                            numberText(static_cast<double>(*options.nan_as)));
+                            jsonOfNumber(static_cast<double>(*options.nan_as)));
   // A path need not be UTF-8; a provenance that cannot be written would lose the whole build.
   return json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
 }
@@ -50,9 +50,9 @@ std::string buildIdentity(const VolumeInfo& info, const std::string& input_ident
   line("codec", std::string(codecName(options.codec)));
   line("brick", std::to_string(options.brick_cells));
   line("tile", std::to_string(options.tile_cells));
-  line("curvature", options.with_curvature ? numberText(options.curvature_epsilon) : "none");
+  line("curvature", options.with_curvature ? jsonOfNumber(options.curvature_epsilon) : "none");
   line("error", options.error_level > 0 ? "level " + std::to_string(options.error_level) : "none");
-  line("nan_as", options.nan_as ? numberText(static_cast<double>(*options.nan_as)) : "none");
+  line("nan_as", options.nan_as ? jsonOfNumber(static_cast<double>(*options.nan_as)) : "none");
   line("version", std::to_string(format::kVersion));
   line("algorithm", std::to_string(kBuildAlgorithm));
   return text;

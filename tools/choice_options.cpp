@@ -45,7 +45,7 @@ ViewPoint makeView(const ChoiceOptions& options) {
   view.pixels_per_unit = options.pixels_per_unit;
   view.pixels = options.pixels.value_or(view.pixels);
   if (options.look_at) {
-    view.field.emplace();
+    view.field = ViewPoint::Field{};
     view.field->direction = *options.look_at - *options.eye;
     view.field->half_angle =
         options.field_of_view.value_or(kDefaultFieldOfView) * std::numbers::pi / 360;

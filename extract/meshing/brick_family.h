@@ -143,7 +143,7 @@ class BrickFamily {
   void hold(int level, const Index3& brick, std::optional<HeldBrick>& out) const {
     BrickSamples samples = context_.samples(level, brick);
     SampleView<T> view(context_.lattice(), level, samples.box, samples.template data<T>());
-    out.emplace(std::move(samples), std::move(view));
+    out.emplace(HeldBrick{std::move(samples), std::move(view)});
   }
 
   const MeshContext& context_;

@@ -18,6 +18,8 @@ struct BrickAnswers {
   Row row;    // bool row(int level, const Index3& brick)
   Part part;  // bool part(PartKind kind, int level, const Index3& brick)
 };
+template <typename Row, typename Part>
+BrickAnswers(Row, Part) -> BrickAnswers<Row, Part>;  // clang 14 deduces no aggregate
 
 // What has to be resident of a brick so that its cells can be meshed, and so that the oracles can
 // say which of them are refined, without a read. A value; its pyramid outlives it.

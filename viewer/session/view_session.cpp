@@ -417,8 +417,10 @@ SceneFrame ViewSession::sceneNow(int width, int height) const {
   frame.chunks = surfaces_->shown();
   frame.first_level = firstLevel();
   if (const auto window = valueWindow()) {
-    const auto& [least, greatest] = shown_pass_.values;
-    const auto shareOf = [&](double value) { return (value - least) / (greatest - least); };
+    const auto& values = shown_pass_.values;
+    const auto shareOf = [&](double value) {
+      return (value - values[0]) / (values[1] - values[0]);
+    };
     frame.value_window = {shareOf((*window)[0]), shareOf((*window)[1])};
   }
   // Chunks of a surface that has just been removed are shown until the next pass.

@@ -295,10 +295,10 @@ SurfaceStream::Outcome SurfaceStream::extract(const Job& job, const Attempt& att
   });
   end.triangles_made = triangles;
   // Of surfaces that are kept what was shown stays.
-  for (const auto& [key, addition] : done_)
+  for (const auto& done : done_)
     if (std::any_of(attempt.work->kept.begin(), attempt.work->kept.end(),
-                    [&](const auto& kept) { return kept.surface == key.surface; }))
-      made_.emplace(key, addition);
+                    [&](const auto& kept) { return kept.surface == done.first.surface; }))
+      made_.insert(done);
   end.kept = attempt.work->kept;
   done_.swap(made_);  // nothing fails from here on
   made_.clear();
