@@ -1,29 +1,31 @@
 #!/usr/bin/env bash
 # Packs isobrick and installs and uses the .deb in a bare Debian 12:
-#   tests/house/deb_in_bare_root.sh BUILD_FOLDER [WORK_FOLDER]
-# Needs root (chroot), debootstrap and the Debian mirror that apt is set up for. Prints the log of the
+#   tests/house/deb_in_bare_root.sh [WORK_FOLDER]
+# Needs root (chroot), debootstrap, debhelper and the Debian mirror that apt is set up for. Prints the log of the
 # installation, and what `isobrick` says in there; ends with "deb: works".
 set -euo pipefail
-build=$(cd "$1" && pwd)
-work=${2:-$(mktemp -d /tmp/isobrick_deb_XXXXXX)}
+source=$(cd "$(dirname "$0")/../.." && pwd)
+given=${1:-}
+work=${given:-$(mktemp -d /tmp/isobrick_deb_XXXXXX)}
 root=$work/root
-mkdir -p "$work"
+mkdir -p "$work/source"
 mirror=$(apt-get indextargets --format '$(SITE)' 2>/dev/null | grep -v security | head -n 1)
 
 cleanUp() {
   umount "$root/proc" 2>/dev/null || true
-  [ -n "${2:-}" ] || rm -rf "$work"
+  [ -n "$given" ] || rm -rf "$work"
 }
 trap cleanUp EXIT
 
-(cd "$build" && cpack -G DEB -B "$work/deb" >"$work/cpack.log") || { cat "$work/cpack.log"; exit 1; }
-ls -l "$work"/deb/*.deb
+(cd "$source" && git archive HEAD) | tar -x -C "$work/source"
+(cd "$work/source" && dpkg-buildpackage -b -us -uc >"$work/build.log" 2>&1) || { tail -50 "$work/build.log"; exit 1; }
+ls -l "$work"/*.deb
 [ -d "$root/usr" ] || debootstrap --variant=minbase bookworm "$root" "$mirror" >"$work/debootstrap.log"
 # As apt outside is set up, so that packages are found where this machine finds them.
 cp -r /etc/apt/sources.list* /etc/apt/apt.conf.d "$root/etc/apt/" 2>/dev/null || true
 cp /etc/resolv.conf /etc/hosts "$root/etc/" 2>/dev/null || true
 mount --bind /proc "$root/proc"
-cp "$work"/deb/isobrick_*.deb "$root/tmp/isobrick.deb"
+cp "$work"/isobrick_*.deb "$root/tmp/isobrick.deb"
 
 inRoot() { chroot "$root" env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin HOME=/root DEBIAN_FRONTEND=noninteractive "$@"; }
 inRoot apt-get update -qq
