@@ -1,5 +1,5 @@
-# What isobrick is built on; all of it in Debian 12 (tools/packages.txt). What only one room needs is
-# looked for only where that room is built.
+# What isobrick is built on; all of it in Debian 12 (tools/packages.txt), under names that upstream gives.
+# What only one room needs is looked for only if that room is built.
 find_package(TBB REQUIRED)
 find_package(glm REQUIRED)
 find_package(nlohmann_json REQUIRED)
@@ -11,6 +11,7 @@ pkg_check_modules(BLOSC REQUIRED IMPORTED_TARGET blosc>=1.21)
 pkg_check_modules(ZSTD REQUIRED IMPORTED_TARGET libzstd)
 pkg_check_modules(TIFF REQUIRED IMPORTED_TARGET libtiff-4)
 pkg_check_modules(HWY REQUIRED libhwy>=1.0.3)
+find_path(XXHASH_INCLUDE_DIR xxhash.h REQUIRED)  # all in line
 
 set(switched_off_sources "")
 
@@ -20,31 +21,29 @@ if(ISOBRICK_WITH_ITK)
     ITKIOImageBase ITKIONRRD ITKIOMeta ITKIONIFTI ITKIOTIFF ITKIOGDCM ITKIOPNG ITKIOMRC ITKIOGIPL
     ITKIOVTK ITKIOLSM ITKIOBioRad)
   find_package(ITK 5 REQUIRED COMPONENTS ${isobrick_itk_components})
-  # GDCM comes with ITK; by name, as its package asks for more than its libraries.
-  find_path(GDCM_INCLUDE_DIR gdcmImageReader.h PATH_SUFFIXES gdcm-3.0 REQUIRED)
-  set(GDCM_LIBRARIES gdcmMSFF gdcmDSED gdcmCommon)
+  # GDCM is a part of ITK or a library beside it, whose own package asks for more than its libraries.
+  find_path(GDCM_INCLUDE_DIR gdcmImageReader.h HINTS ${ITK_INCLUDE_DIRS} PATH_SUFFIXES gdcm-3.0 gdcm REQUIRED)
+  set(GDCM_LIBRARIES "")
+  foreach(library gdcmMSFF gdcmDSED gdcmCommon)
+    if(TARGET ${library})
+      list(APPEND GDCM_LIBRARIES ${library})
+    else()
+      find_library(GDCM_${library} ${library} REQUIRED)
+      list(APPEND GDCM_LIBRARIES ${GDCM_${library}})
+    endif()
+  endforeach()
 else()
   list(APPEND switched_off_sources "/itk_[a-z_]*\\.cpp$")
 endif()
 
-# Debian's FindOpenVDB asks for more of Boost than OpenVDB's headers need. By name, as Highway: the
-# installed package then links them without looking for them.
 if(ISOBRICK_WITH_OPENVDB)
-  find_path(OPENVDB_INCLUDE_DIR openvdb/openvdb.h REQUIRED)
-  find_library(OPENVDB_LIBRARY openvdb REQUIRED)
-  find_path(LOG4CPLUS_INCLUDE_DIR log4cplus/logger.h REQUIRED)  # its log, to be silenced
-  find_path(BOOST_UUID_INCLUDE_DIR boost/uuid/uuid.hpp REQUIRED)
-  set(OPENVDB_INCLUDE_DIRS ${OPENVDB_INCLUDE_DIR} ${LOG4CPLUS_INCLUDE_DIR} ${BOOST_UUID_INCLUDE_DIR})
-  find_package(Imath CONFIG REQUIRED)  # half floats
-  set(OPENVDB_LIBRARIES openvdb log4cplus Imath::Imath)
+  find_package(IsobrickOpenVDB REQUIRED)
 else()
   list(APPEND switched_off_sources "/vdb_[a-z_]*\\.cpp$")
 endif()
 
-# Debian has HDF5 with and without MPI side by side; by pkg-config, as FindHDF5 takes whichever compiler
-# wrapper it meets first.
 if(ISOBRICK_WITH_HDF5)
-  pkg_check_modules(HDF5 REQUIRED IMPORTED_TARGET hdf5-serial)
+  find_package(IsobrickHDF5 REQUIRED)
 else()
   list(APPEND switched_off_sources "/hdf5_[a-z_]*\\.cpp$")
 endif()
@@ -62,7 +61,12 @@ if(ISOBRICK_WITH_VIEWER)
 endif()
 if(ISOBRICK_WITH_WINDOW)
   pkg_check_modules(GLFW REQUIRED IMPORTED_TARGET glfw3>=3.3)
-  pkg_check_modules(IMGUI REQUIRED IMPORTED_TARGET imgui)
+  find_package(imgui CONFIG QUIET)  # vcpkg has this, Linux distributions a file for pkg-config
+  set(imgui_target imgui::imgui)
+  if(NOT TARGET imgui::imgui)
+    pkg_check_modules(IMGUI REQUIRED IMPORTED_TARGET imgui)
+    set(imgui_target PkgConfig::IMGUI)
+  endif()
 endif()
 if(ISOBRICK_COMMAND)
   find_package(fmt REQUIRED)

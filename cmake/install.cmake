@@ -1,6 +1,6 @@
 # `cmake --install`: the command, and the library under it with its public headers, found by
 # find_package(isobrick COMPONENTS ...) and by pkg-config. Runtime and development files are components
-# of their own (package.cmake).
+# of their own, which debian/rules makes a package each.
 include(CMakePackageConfigHelpers)
 
 set(isobrick_components storage extract preprocess sources export)
@@ -25,6 +25,13 @@ if(ISOBRICK_COMMAND)
   endif()
   install(TARGETS ${installed_helpers} COMPONENT runtime
           RUNTIME DESTINATION ${CMAKE_INSTALL_LIBEXECDIR}/isobrick)
+  # What a desktop knows of .isb files: their type and icon, and which program opens them.
+  install(FILES desktop/isobrick.xml DESTINATION ${CMAKE_INSTALL_DATADIR}/mime/packages COMPONENT runtime)
+  install(FILES desktop/isobrick.svg COMPONENT runtime
+          DESTINATION ${CMAKE_INSTALL_DATADIR}/icons/hicolor/scalable/apps)
+  if(ISOBRICK_WITH_WINDOW)
+    install(FILES desktop/isobrick.desktop DESTINATION ${CMAKE_INSTALL_DATADIR}/applications COMPONENT runtime)
+  endif()
 endif()
 
 # The headers that a program may include; tests/house/consumer_test.cmake compiles each alone.
@@ -51,7 +58,11 @@ write_basic_package_version_file(${PROJECT_BINARY_DIR}/isobrick-config-version.c
   COMPATIBILITY SameMinorVersion)
 install(FILES ${PROJECT_BINARY_DIR}/isobrick-config.cmake
               ${PROJECT_BINARY_DIR}/isobrick-config-version.cmake
+              ${PROJECT_SOURCE_DIR}/cmake/modules/FindIsobrickHDF5.cmake
+              ${PROJECT_SOURCE_DIR}/cmake/modules/FindIsobrickOpenVDB.cmake
         DESTINATION ${config_folder} COMPONENT development)
+
+install(FILES LICENSE NOTICE DESTINATION ${CMAKE_INSTALL_DOCDIR} COMPONENT runtime)
 
 # pkg-config: isobrick-storage, isobrick-extract, ... What a static library is built on is private to
 # it; `pkg-config --static` names that too.

@@ -1,4 +1,9 @@
 # Every header and source is as clang-format leaves it. To mend: clang-format -i FILE.
+include(${CMAKE_CURRENT_LIST_DIR}/skip.cmake)
+if(NOT CLANG_FORMAT)
+  skip("clang-format was not found")
+  return()
+endif()
 foreach(folder storage preprocess extract viewer tools tests)
   file(GLOB_RECURSE files ${SOURCE}/${folder}/*.h ${SOURCE}/${folder}/*.cpp)
   list(APPEND all ${files})

@@ -27,13 +27,22 @@ namespace {
 
 // Rows of OpenVDB are named by their adaptivity, 0 .. 1; these are there unasked.
 constexpr std::string_view kOpenVdbPrefix = "openvdb-";
+#ifdef ISOBRICK_WITH_OPENVDB
 constexpr std::array<const char*, 3> kOpenVdbRows = {"openvdb-0", "openvdb-0.1", "openvdb-0.5"};
+#else
+constexpr std::array<const char*, 0> kOpenVdbRows;
+#endif
+#ifdef ISOBRICK_WITH_VTK
 constexpr std::array<const char*, 3> kVtkRows = {"vtkFlyingEdges3D", "vtkSynchronizedTemplates3D",
                                                  "vtkMarchingCubes"};
+#else
+constexpr std::array<const char*, 0> kVtkRows;
+#endif
 
-// None where `name` is not that of a row of OpenVDB.
+// None if `name` is not that of a row of OpenVDB, or OpenVDB is not there.
 std::optional<double> adaptivityOf(std::string_view name) {
-  if (name.substr(0, kOpenVdbPrefix.size()) != kOpenVdbPrefix) return std::nullopt;
+  if (kOpenVdbRows.empty() || name.substr(0, kOpenVdbPrefix.size()) != kOpenVdbPrefix)
+    return std::nullopt;
   const char* const end = name.data() + name.size();
   double adaptivity = 0;
   const auto [rest, failure] =
@@ -65,13 +74,16 @@ struct PeerArguments {
 };
 
 std::unique_ptr<SurfaceEngine> makeEngine(const PeerArguments& arguments) {
+#ifdef ISOBRICK_WITH_OPENVDB
   if (const auto adaptivity = adaptivityOf(arguments.task.row))
     return makeOpenVdbEngine(arguments.path, arguments.isovalue, *adaptivity);
-  auto engine =
-      makeVtkEngine(arguments.task.row, arguments.path, arguments.isovalue, arguments.threads);
-  if (engine == nullptr)
-    throw Error(fmt::format("there is no row '{}'; --list names them", arguments.task.row));
-  return engine;
+#endif
+#ifdef ISOBRICK_WITH_VTK
+  if (auto engine =
+          makeVtkEngine(arguments.task.row, arguments.path, arguments.isovalue, arguments.threads))
+    return engine;
+#endif
+  throw Error(fmt::format("there is no row '{}'; --list names them", arguments.task.row));
 }
 
 int run(int argc, char** argv) {

@@ -1,0 +1,45 @@
+# OpenVDB with what its headers and its library ask for, as the target IsobrickOpenVDB; in
+# ISOBRICK_OPENVDB_DEFINITIONS how files that include it are compiled. OpenVDB has no file for pkg-config,
+# and its own FindOpenVDB lies outside of CMake's paths and asks for more of Boost than its headers.
+find_path(ISOBRICK_OPENVDB_INCLUDE_DIR openvdb/openvdb.h)
+find_library(ISOBRICK_OPENVDB_LIBRARY openvdb)
+find_package(TBB QUIET)
+set(openvdb_needs ISOBRICK_OPENVDB_INCLUDE_DIR ISOBRICK_OPENVDB_LIBRARY TBB_FOUND)
+set(openvdb_includes ${ISOBRICK_OPENVDB_INCLUDE_DIR})
+set(openvdb_links TBB::tbb)
+set(ISOBRICK_OPENVDB_DEFINITIONS "")
+if(ISOBRICK_OPENVDB_INCLUDE_DIR AND ISOBRICK_OPENVDB_LIBRARY)
+  set(openvdb_headers ${ISOBRICK_OPENVDB_INCLUDE_DIR}/openvdb)
+  file(STRINGS ${openvdb_headers}/version.h has_imath REGEX "^#define OPENVDB_USE_IMATH_HALF")
+  if(has_imath)  # half floats
+    find_package(Imath CONFIG QUIET)
+    list(APPEND openvdb_needs Imath_FOUND)
+    list(APPEND openvdb_links Imath::Imath)
+  endif()
+  file(STRINGS ${openvdb_headers}/io/Archive.h has_boost REGEX "^#include <boost/uuid")  # until OpenVDB 10
+  if(has_boost)
+    find_path(ISOBRICK_BOOST_INCLUDE_DIR boost/uuid/uuid.hpp)
+    list(APPEND openvdb_needs ISOBRICK_BOOST_INCLUDE_DIR)
+    list(APPEND openvdb_includes ${ISOBRICK_BOOST_INCLUDE_DIR})
+  endif()
+  # Its log is to be silenced; only the library knows whether it has one.
+  file(STRINGS ${ISOBRICK_OPENVDB_LIBRARY} has_log REGEX "log4cplus" LIMIT_COUNT 1)
+  if(has_log)
+    find_path(ISOBRICK_LOG4CPLUS_INCLUDE_DIR log4cplus/logger.h)
+    find_library(ISOBRICK_LOG4CPLUS_LIBRARY log4cplus)
+    list(APPEND openvdb_needs ISOBRICK_LOG4CPLUS_INCLUDE_DIR ISOBRICK_LOG4CPLUS_LIBRARY)
+    list(APPEND openvdb_includes ${ISOBRICK_LOG4CPLUS_INCLUDE_DIR})
+    list(APPEND openvdb_links ${ISOBRICK_LOG4CPLUS_LIBRARY})
+    set(ISOBRICK_OPENVDB_DEFINITIONS OPENVDB_USE_LOG4CPLUS)
+  endif()
+endif()
+include(FindPackageHandleStandardArgs)
+find_package_handle_standard_args(IsobrickOpenVDB REQUIRED_VARS ${openvdb_needs})
+if(IsobrickOpenVDB_FOUND AND NOT TARGET IsobrickOpenVDB)
+  list(REMOVE_DUPLICATES openvdb_includes)
+  add_library(IsobrickOpenVDB UNKNOWN IMPORTED)
+  set_target_properties(IsobrickOpenVDB PROPERTIES IMPORTED_LOCATION ${ISOBRICK_OPENVDB_LIBRARY}
+    INTERFACE_INCLUDE_DIRECTORIES "${openvdb_includes}" INTERFACE_LINK_LIBRARIES "${openvdb_links}")
+endif()
+mark_as_advanced(ISOBRICK_OPENVDB_INCLUDE_DIR ISOBRICK_OPENVDB_LIBRARY ISOBRICK_BOOST_INCLUDE_DIR
+  ISOBRICK_LOG4CPLUS_INCLUDE_DIR ISOBRICK_LOG4CPLUS_LIBRARY)
