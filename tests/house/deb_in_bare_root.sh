@@ -2,7 +2,8 @@
 # Packs isobrick and installs and uses the .deb in a bare Debian 12:
 #   tests/house/deb_in_bare_root.sh [WORK_FOLDER]
 # Needs root (chroot), debootstrap, debhelper and the Debian mirror that apt is set up for. Prints the log of the
-# installation, and what `isobrick` says in there; ends with "deb: works".
+# installation, and what `isobrick` says in there; ends with "deb: works". Packages and root of an earlier run
+# that lie in WORK_FOLDER are used again.
 set -euo pipefail
 source=$(cd "$(dirname "$0")/../.." && pwd)
 given=${1:-}
@@ -17,8 +18,10 @@ cleanUp() {
 }
 trap cleanUp EXIT
 
-(cd "$source" && git archive HEAD) | tar -x -C "$work/source"
-(cd "$work/source" && dpkg-buildpackage -b -us -uc >"$work/build.log" 2>&1) || { tail -50 "$work/build.log"; exit 1; }
+if ! ls "$work"/isobrick_*.deb >/dev/null 2>&1; then
+  (cd "$source" && git archive HEAD) | tar -x -C "$work/source"
+  (cd "$work/source" && dpkg-buildpackage -b -us -uc >"$work/build.log" 2>&1) || { tail -50 "$work/build.log"; exit 1; }
+fi
 ls -l "$work"/*.deb
 [ -d "$root/usr" ] || debootstrap --variant=minbase bookworm "$root" "$mirror" >"$work/debootstrap.log"
 # As apt outside is set up, so that packages are found where this machine finds them.
