@@ -1,7 +1,6 @@
 #include "isobrick/preprocess/brick_maker.h"
 
 #include <algorithm>
-#include <cstring>
 
 #include "isobrick/preprocess/curvature_bricks.h"
 #include "isobrick/preprocess/kernels/low_pass.h"
@@ -15,22 +14,7 @@ namespace {
 template <typename T>
 void copyDense(const SampleBlock<T>& block, std::vector<std::byte>& bytes) {
   bytes.resize(static_cast<std::size_t>(block.box.size()) * sizeof(T));
-  std::byte* to = bytes.data();
-  const std::size_t row_bytes = static_cast<std::size_t>(block.box.count.x) * sizeof(T);
-  for (std::int64_t z = block.box.first.z; z < block.box.end().z; ++z)
-    for (std::int64_t y = block.box.first.y; y < block.box.end().y; ++y, to += row_bytes)
-      std::memcpy(to, block.row(y, z), row_bytes);
-}
-
-// Copies the part of `block` that lies in `box` to its place in the dense `target`.
-template <typename T>
-void copyInto(const SampleBlock<T>& block, const IndexBox& box, T* target,
-              const IndexBox& target_box) {
-  for (std::int64_t z = box.first.z; z < box.end().z; ++z)
-    for (std::int64_t y = box.first.y; y < box.end().y; ++y)
-      std::copy_n(
-          &block.at({box.first.x, y, z}), box.count.x,
-          target + linearIndex(Index3(box.first.x, y, z) - target_box.first, target_box.count));
+  copyBox(block, block.box, reinterpret_cast<T*>(bytes.data()), block.box);
 }
 
 template <typename T>
@@ -92,7 +76,7 @@ ValueRange BrickMaker<T>::make(int level, const Index3& brick, const SampleBlock
                    coarse.data());
     }
     if (handed_on.samples != nullptr)
-      copyInto(blockAbove(1), needs_.handedOn(level, bricks), handed_on.samples, handed_on.box);
+      copyBox(blockAbove(1), needs_.handedOn(level, bricks), handed_on.samples, handed_on.box);
   }
   ValueRange voxels;
   {
@@ -151,8 +135,8 @@ ValueRange BrickMaker<T>::remake(int level, const Index3& brick, const PyramidWr
     s.above.resize(std::max<std::size_t>(s.above.size(), 1));
     s.above[0].resize(static_cast<std::size_t>(coarse.size()));
     lowPassBlock(layout.lattice(), level, spec_.filter, samples, coarse, s.above[0].data());
-    copyInto(SampleBlock<T>::dense(s.above[0].data(), coarse), coarse, handed_on.samples,
-             handed_on.box);
+    copyBox(SampleBlock<T>::dense(s.above[0].data(), coarse), coarse, handed_on.samples,
+            handed_on.box);
   }
   if (level == 0) count(brick, samples);
   const PhaseTimes::Timer timer(times_, BuildStep::kRanges);

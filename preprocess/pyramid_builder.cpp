@@ -53,7 +53,7 @@ class Build {
       : source_(source),
         input_(input),
         options_(options),
-        folder_(std::filesystem::path(path).parent_path().string()),
+        folder_(folderOf(path)),
         spec_(specOf(source.info(), options)),
         layout_(spec_.layout()),
         needs_(spec_),
@@ -62,9 +62,7 @@ class Build {
         identity_(buildIdentity(source.info(), input.identity(), options)),
         writer_(path, spec_, identity_, options.resume, options.cancel),
         closures_(layout_),
-        maker_(spec_, options.codec, needs_, closures_, statistics_, times_) {
-    if (folder_.empty()) folder_ = ".";
-  }
+        maker_(spec_, options.codec, needs_, closures_, statistics_, times_) {}
 
   BuildReport run() {
     const auto begin = PhaseTimes::Clock::now();

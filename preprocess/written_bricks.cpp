@@ -1,5 +1,6 @@
 #include "isobrick/preprocess/written_bricks.h"
 
+#include "isobrick/preprocess/kernels/sample_block.h"
 #include "isobrick/storage/index_loop.h"
 
 namespace isobrick {
@@ -7,7 +8,7 @@ namespace isobrick {
 template <typename T>
 WrittenBricks<T>::WrittenBricks(const PyramidSpec& spec, const PyramidWriter& writer,
                                 std::uint64_t budget_bytes)
-    : layout_(spec.layout()), writer_(writer), budget_bytes_(budget_bytes) {
+    : layout_(spec.layout()), writer_(writer), kept_(budget_bytes) {
   std::uint64_t rows = 0;
   for (int level = 0; level < layout_.lattice().levels(); ++level) {
     first_rows_.push_back(rows);
@@ -24,29 +25,12 @@ std::uint64_t WrittenBricks<T>::row(int level, const Index3& brick) const {
 template <typename T>
 typename WrittenBricks<T>::Samples WrittenBricks<T>::samples(int level, const Index3& brick) {
   const std::uint64_t number = row(level, brick);
-  {
-    const std::lock_guard lock(mutex_);
-    if (const auto known = kept_.find(number); known != kept_.end()) {
-      order_.splice(order_.begin(), order_, known->second.place);
-      return known->second.samples;
-    }
-  }
-  // Two threads may read the same brick; one of them is kept.
+  if (Samples known = kept_.find(number)) return known;
   auto read = std::make_shared<std::vector<T>>(
       static_cast<std::size_t>(layout_.brickSampleBox(level, brick).size()));
   const std::size_t bytes = read->size() * sizeof(T);
   writer_.readPart(number, PartKind::kSamples, bytes, reinterpret_cast<std::byte*>(read->data()));
-  const std::lock_guard lock(mutex_);
-  if (kept_.contains(number)) return read;
-  order_.push_front(number);
-  kept_.emplace(number, Kept{read, order_.begin()});
-  held_bytes_ += bytes;
-  while (held_bytes_ > budget_bytes_ && order_.size() > 1) {
-    const auto last = kept_.find(order_.back());
-    held_bytes_ -= last->second.samples->size() * sizeof(T);
-    kept_.erase(last);
-    order_.pop_back();
-  }
+  kept_.add(number, read);
   return read;
 }
 
@@ -60,14 +44,7 @@ void WrittenBricks<T>::read(int level, const IndexBox& box, float* out) {
     const IndexBox has = layout_.brickSampleBox(level, brick);
     const IndexBox own = layout_.brickOwnSamples(level, brick);
     const Index3 begin = glm::max(box.first, own.first), end = glm::min(box.end(), own.end());
-    for (std::int64_t z = begin.z; z < end.z; ++z)
-      for (std::int64_t y = begin.y; y < end.y; ++y) {
-        const T* const source =
-            from->data() + linearIndex(Index3(begin.x, y, z) - has.first, has.count);
-        float* const target = out + linearIndex(Index3(begin.x, y, z) - box.first, box.count);
-        for (std::int64_t x = 0; x < end.x - begin.x; ++x)
-          target[x] = static_cast<float>(source[x]);
-      }
+    copyBox(SampleBlock<T>::dense(from->data(), has), {begin, end - begin}, out, box);
   });
 }
 

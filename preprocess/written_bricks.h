@@ -2,12 +2,9 @@
 #pragma once
 
 #include <cstdint>
-#include <list>
-#include <memory>
-#include <mutex>
-#include <unordered_map>
 #include <vector>
 
+#include "isobrick/preprocess/recent_cache.h"
 #include "isobrick/storage/brick_layout.h"
 #include "isobrick/storage/pyramid_writer.h"
 
@@ -30,22 +27,14 @@ class WrittenBricks {
   std::uint64_t row(int level, const Index3& brick) const;
 
  private:
-  using Samples = std::shared_ptr<const std::vector<T>>;
-  struct Kept {
-    Samples samples;
-    std::list<std::uint64_t>::iterator place;
-  };
+  using Samples = typename RecentCache<std::uint64_t, T>::Value;
 
   Samples samples(int level, const Index3& brick);
 
   const BrickLayout layout_;
   const PyramidWriter& writer_;
-  const std::uint64_t budget_bytes_;
   std::vector<std::uint64_t> first_rows_;  // of the levels
-  std::mutex mutex_;                       // guards all below
-  std::uint64_t held_bytes_ = 0;
-  std::list<std::uint64_t> order_;  // rows, the one asked for last in front
-  std::unordered_map<std::uint64_t, Kept> kept_;
+  RecentCache<std::uint64_t, T> kept_;     // by row
 };
 
 }  // namespace isobrick

@@ -55,12 +55,6 @@ const char* adviceFor(int error) {
   throw Error(line, {.path = path, .offset = offset});
 }
 
-std::string folderOf(const std::string& path) {
-  const std::size_t slash = path.find_last_of('/');
-  if (slash == std::string::npos) return ".";
-  return slash == 0 ? "/" : path.substr(0, slash);
-}
-
 // True where `path` still names the file that is open as `fd`.
 bool namesOpenFile(const std::string& path, int fd) {
   struct stat named = {}, opened = {};
@@ -103,6 +97,12 @@ int openTemporary(const std::string& path, const std::string& temporary_path, bo
 }
 
 }  // namespace
+
+std::string folderOf(const std::string& path) {
+  const std::size_t slash = path.find_last_of('/');
+  if (slash == std::string::npos) return ".";
+  return slash == 0 ? "/" : path.substr(0, slash);
+}
 
 AtomicFile::AtomicFile(const std::string& path, Leftover leftover, const char* temporary_ending)
     : path_(path), temporary_path_(path + temporary_ending) {

@@ -18,6 +18,9 @@ namespace isobrick {
 // gone on with, has one of its own, "<path>.partial" (pyramid_writer.h).
 inline constexpr char kTemporaryEnding[] = ".isobrick.partial";
 
+// Where the file lies: "." for a name alone.
+std::string folderOf(const std::string& path);
+
 // Writes to "<path>.isobrick.partial" in the same folder; commit() makes the bytes durable and
 // gives them their name, replacing an older file in one step. An AtomicFile that is destroyed
 // without commit() removes its temporary, so a failed or cancelled run leaves nothing behind,

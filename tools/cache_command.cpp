@@ -4,10 +4,10 @@
 
 #include <algorithm>
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
+#include "isobrick/preprocess/shallow_json.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid.h"
 #include "tools/byte_size.h"
@@ -34,9 +34,7 @@ std::string pyramidsText(std::size_t count) {
 // The volume that it was made of; empty where it does not say.
 std::string sourceOf(const CachedPyramid& entry) try {
   const Pyramid pyramid(entry.path);
-  constexpr int kDeepest = 32;
-  const auto guard = [](int depth, Json::parse_event_t, Json&) { return depth <= kDeepest; };
-  const Json json = Json::parse(pyramid.provenance(), guard, false);
+  const Json json = parseShallowJson<Json>(pyramid.provenance());
   const bool says = json.is_object() && json.contains("source") && json["source"].is_string();
   return says ? json["source"].get<std::string>() : std::string();
 } catch (const Error&) {

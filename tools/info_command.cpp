@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "isobrick/preprocess/shallow_json.h"
 #include "isobrick/storage/isovalue_suggestions.h"
 #include "isobrick/storage/pyramid.h"
 #include "tools/byte_size.h"
@@ -29,15 +30,8 @@ struct InfoArguments {
 // The provenance as an object. It comes from a file that anybody may have made: what is no JSON, or
 // is nested without end, is given as text.
 Json provenanceOf(const Pyramid& pyramid) {
-  constexpr int kDeepest = 32;
-  bool too_deep = false;
-  const auto guard = [&](int depth, Json::parse_event_t, Json&) {
-    too_deep = too_deep || depth > kDeepest;
-    return depth <= kDeepest;
-  };
-  Json json = Json::parse(pyramid.provenance(), guard, false);
-  if (too_deep || json.is_discarded()) return pyramid.provenance();
-  return json;
+  Json json = parseShallowJson<Json>(pyramid.provenance());
+  return json.is_discarded() ? Json(pyramid.provenance()) : json;
 }
 
 Json jsonOfLevels(const Pyramid& pyramid) {

@@ -1,6 +1,8 @@
 // Samples of a box of one level, as they lie in a larger buffer.
 #pragma once
 
+#include <algorithm>
+
 #include "isobrick/storage/brick_layout.h"
 
 namespace isobrick {
@@ -26,5 +28,16 @@ struct SampleBlock {
     return {&at(inner.first), inner, row_stride, slice_stride};
   }
 };
+
+// Copies what `block` has in `box`, which lies within both, to its place in the dense `target`.
+template <typename From, typename To>
+void copyBox(const SampleBlock<From>& block, const IndexBox& box, To* target,
+             const IndexBox& target_box) {
+  for (std::int64_t z = box.first.z; z < box.end().z; ++z)
+    for (std::int64_t y = box.first.y; y < box.end().y; ++y)
+      std::copy_n(
+          &block.at({box.first.x, y, z}), box.count.x,
+          target + linearIndex(Index3(box.first.x, y, z) - target_box.first, target_box.count));
+}
 
 }  // namespace isobrick

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <cstdlib>
 #include <glm/geometric.hpp>
-#include <sstream>
 
+#include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/sources/dicom_stack.h"
 #include "isobrick/preprocess/sources/dicom_tags.h"
 #include "isobrick/preprocess/sources/source_checks.h"
@@ -124,12 +124,6 @@ ImagePlane planeOf(const std::string& orientation) {
   return {{axes[0], axes[1], axes[2]}, {axes[3], axes[4], axes[5]}};
 }
 
-std::string numberOf(double value) {
-  std::ostringstream text;
-  text << value;
-  return text.str();
-}
-
 void noteValueMaps(const std::vector<DicomValueMap>& maps, std::vector<std::string>& notes) {
   const auto differs = [&](const DicomValueMap& map) {
     return map.slope != maps.front().slope || map.intercept != maps.front().intercept;
@@ -200,7 +194,7 @@ DicomFrames arrangeDicomFrames(const std::string& path, const DicomHeader& heade
     }
     if (!options.spacing)
       info.notes.push_back("frames have no positions: their order and their distance, " +
-                           numberOf(geometry.spacing.z) + " mm, are assumptions");
+                           shortText(geometry.spacing.z) + " mm, are assumptions");
   }
   info.voxels = {integer(header.value(dicom::kColumns), 0), integer(header.value(dicom::kRows), 0),
                  static_cast<std::int64_t>(places.size())};

@@ -10,6 +10,7 @@
 #include <fstream>
 #include <string_view>
 
+#include "isobrick/preprocess/byte_order.h"
 #include "isobrick/preprocess/sources/dicom_tags.h"
 #include "isobrick/storage/error.h"
 
@@ -359,14 +360,10 @@ class Walker {
   }
 
   std::uint32_t number16(bool big_endian) {
-    const std::string b = bytes(2);
-    const auto low = static_cast<unsigned char>(b[big_endian ? 1 : 0]);
-    const auto high = static_cast<unsigned char>(b[big_endian ? 0 : 1]);
-    return static_cast<std::uint32_t>(high << 8 | low);
+    return loadNumber<std::uint16_t>(bytes(2).data(), big_endian);
   }
   std::uint32_t number32(bool big_endian) {
-    const std::uint32_t first = number16(big_endian), second = number16(big_endian);
-    return big_endian ? first << 16 | second : second << 16 | first;
+    return loadNumber<std::uint32_t>(bytes(4).data(), big_endian);
   }
 
   std::string bytes(std::uint32_t count) {

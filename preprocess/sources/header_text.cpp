@@ -1,11 +1,12 @@
 #include "isobrick/preprocess/sources/header_text.h"
 
 #include <algorithm>
-#include <charconv>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
 
+#include "isobrick/preprocess/number_text.h"
+#include "isobrick/preprocess/numbered_name.h"
 #include "isobrick/storage/brick_layout.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/lowercase.h"
@@ -76,54 +77,17 @@ std::vector<std::string> quotedTexts(const std::string& text) {
   return result;
 }
 
+// As large as the libraries', which is an int.
 std::optional<std::int64_t> wholeNumber(const std::string& text) {
-  std::int64_t number = 0;
-  const char* const end = text.data() + text.size();
-  const auto result = std::from_chars(text.data(), end, number);
-  // That of the libraries is an int.
-  if (result.ec != std::errc() || result.ptr != end || number != static_cast<std::int32_t>(number))
-    return std::nullopt;
-  return number;
-}
-
-// A name with one number in it: "slice%03d.raw".
-struct NamePattern {
-  std::string before, after;
-  std::size_t width = 0;
-  char fill = ' ';
-
-  std::string name(std::int64_t number) const {
-    std::string digits = std::to_string(std::abs(number));
-    const std::string sign = number < 0 ? "-" : "";
-    const std::size_t have = sign.size() + digits.size();
-    const std::string filling(width > have ? width - have : 0, fill);
-    return before + (fill == '0' ? sign + filling : filling + sign) + digits + after;
-  }
-};
-
-std::optional<NamePattern> parsePattern(const std::string& text) {
-  NamePattern pattern;
-  const std::size_t percent = text.find('%');
-  if (percent == std::string::npos || text.find('%', percent + 1) != std::string::npos)
-    return std::nullopt;
-  pattern.before = text.substr(0, percent);
-  std::size_t at = percent + 1;
-  if (at < text.size() && text[at] == '0') pattern.fill = '0';
-  for (; at < text.size() && text[at] >= '0' && text[at] <= '9'; ++at) {
-    pattern.width = 10 * pattern.width + static_cast<std::size_t>(text[at] - '0');
-    if (pattern.width > 99) return std::nullopt;
-  }
-  if (at == text.size() || (text[at] != 'd' && text[at] != 'i')) return std::nullopt;
-  pattern.after = text.substr(at + 1);
-  return pattern;
+  return numberIn<std::int32_t>(text);
 }
 
 // Names from `first` to `last`, or until there are `most`.
-std::vector<std::string> numberedNames(const NamePattern& pattern, std::int64_t first,
+std::vector<std::string> numberedNames(const NumberedName& pattern, std::int64_t first,
                                        std::int64_t last, std::int64_t step, std::size_t most) {
   std::vector<std::string> names;
   for (std::int64_t i = first; names.size() < most && (step > 0 ? i <= last : i >= last); i += step)
-    names.push_back(pattern.name(i));
+    names.push_back(pattern.of(i));
   return names;
 }
 
@@ -221,7 +185,7 @@ std::vector<std::string> nrrdFiles(const std::string& header_path) {
   // Teem asks for all three numbers; without them it is one file with a strange name.
   if (named.find('%') == std::string::npos || parts.size() < 4)
     return headerAndNamed(header_path, {named});
-  const auto pattern = parsePattern(parts[0]);
+  const auto pattern = parseNumberedName(parts[0]);
   const auto first = wholeNumber(parts[1]), last = wholeNumber(parts[2]),
              step = wholeNumber(parts[3]);
   if (!pattern || !first || !last || !step || *step == 0 || isEndless(*first, *last, *step))
@@ -248,7 +212,7 @@ std::vector<std::string> metaImageFiles(const std::string& header_path) {
     return headerAndNamed(header_path, names);
   }
   if (named.find('%') == std::string::npos) return headerAndNamed(header_path, {named});
-  const auto pattern = parsePattern(parts[0]);
+  const auto pattern = parseNumberedName(parts[0]);
   const auto number = [&](std::size_t i, std::int64_t otherwise) {
     return i < parts.size() ? wholeNumber(parts[i]) : std::optional<std::int64_t>(otherwise);
   };

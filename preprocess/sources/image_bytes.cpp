@@ -1,5 +1,6 @@
 #include "isobrick/preprocess/sources/image_bytes.h"
 
+#include "isobrick/preprocess/byte_order.h"
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/lowercase.h"
@@ -18,12 +19,7 @@ std::string beginOf(const InputFile& file) {
 std::uint64_t mrcHeaderBytes(const std::string& begin) {
   constexpr std::size_t kHeader = 1024, kExtensionAt = 92, kStampAt = 212;
   if (begin.size() < kHeader) return kHeader;
-  const bool is_big_endian = begin[kStampAt] == 0x11;
-  std::uint32_t extension = 0;
-  for (std::size_t i = 0; i < 4; ++i)
-    extension = extension << 8 |
-                static_cast<unsigned char>(begin[kExtensionAt + (is_big_endian ? i : 3 - i)]);
-  return kHeader + extension;
+  return kHeader + loadNumber<std::uint32_t>(&begin[kExtensionAt], begin[kStampAt] == 0x11);
 }
 
 // Lines of text, the last of which names the table of colours; 0 where the voxels are text too.

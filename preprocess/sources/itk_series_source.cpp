@@ -9,8 +9,8 @@
 #include <limits>
 #include <map>
 #include <set>
-#include <sstream>
 
+#include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/sources/dicom_header.h"
 #include "isobrick/preprocess/sources/dicom_stack.h"
 #include "isobrick/preprocess/sources/dicom_tags.h"
@@ -345,10 +345,10 @@ void believeGdcm(const itk::GDCMImageIO& first, std::vector<DicomSlice>& slices,
   const double slope = first.GetRescaleSlope(), intercept = first.GetRescaleIntercept();
   const DicomValueMap& header = slices.front().values;
   if (header.slope == slope && header.intercept == intercept) return;
-  std::ostringstream note;
-  note << "slope " << header.slope << " and intercept " << header.intercept
-       << " of the headers were not applied: images of this kind (MR) have none by the standard";
-  if (slope == 1 && intercept == 0) notes.push_back(note.str());
+  if (slope == 1 && intercept == 0)
+    notes.push_back(
+        "slope " + shortText(header.slope) + " and intercept " + shortText(header.intercept) +
+        " of the headers were not applied: images of this kind (MR) have none by the standard");
   for (DicomSlice& slice : slices) {
     slice.values.slope = slope;
     slice.values.intercept = intercept;
@@ -418,11 +418,11 @@ std::unique_ptr<VolumeSource> openDicomSeries(const std::string& folder,
     info.geometry.direction[2] = *step / info.geometry.spacing.z;
   } else {
     info.geometry.direction[2] = normal;
-    std::ostringstream note;  // the distance is what ITK took for the slice thickness
-    note << "slices without positions were sorted by instance number";
+    // The distance is what ITK took for the slice thickness.
+    info.notes.emplace_back("slices without positions were sorted by instance number");
     if (!options.spacing)
-      note << "; their distance, " << info.geometry.spacing.z << " mm, is an assumption";
-    info.notes.push_back(note.str());
+      info.notes.back() +=
+          "; their distance, " + shortText(info.geometry.spacing.z) + " mm, is an assumption";
   }
   if (!slices.front().has_pixel_spacing && !options.spacing)
     info.notes.push_back("the files have no pixel spacing: 1 mm is an assumption");

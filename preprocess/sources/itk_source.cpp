@@ -31,6 +31,7 @@
 #include <sstream>
 
 #include "isobrick/preprocess/input_file.h"
+#include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/sources/dicom_frames.h"
 #include "isobrick/preprocess/sources/dicom_header.h"
 #include "isobrick/preprocess/sources/dicom_tags.h"
@@ -438,10 +439,8 @@ void describePlainFrames(const std::string& path, const DicomHeader& header,
       along == std::to_string(dicom::kFrameTimeVector))
     notes.push_back("frames are steps of time in the file; they were stacked as slices");
   if (options.spacing) return;
-  std::ostringstream note;
-  note << "frames have no positions: their order and their distance, "
-       << std::abs(image.GetSpacing(2)) << " mm, are assumptions";
-  notes.push_back(note.str());
+  notes.push_back("frames have no positions: their order and their distance, " +
+                  shortText(std::abs(image.GetSpacing(2))) + " mm, are assumptions");
 }
 
 // A 3-D image that cannot be streamed, in one file or behind a header in several: held in memory
@@ -555,12 +554,9 @@ std::unique_ptr<VolumeSource> openNiftiRun(VolumeInfo info, std::uint64_t compon
   if (nifti.numbers_together > 1) stored.map.reset();  // it is of plain numbers
   if (stored.delivered() != info.voxel_type) throw contradiction();
   if (nifti.numbers_together != 1 && nifti.numbers_together != components) throw contradiction();
-  if (stored.map) {
-    std::ostringstream note;
-    note << "slope " << stored.map->slope << " and intercept " << stored.map->intercept
-         << " were applied to the stored values";
-    info.notes.push_back(note.str());
-  }
+  if (stored.map)
+    info.notes.push_back("slope " + shortText(stored.map->slope) + " and intercept " +
+                         shortText(stored.map->intercept) + " were applied to the stored values");
   if (nifti.numbers_together > 1) takeComponent(components, options, stored, info);
   const auto bytes = stored.bytesOf(elementCount(info.voxels));
   // Of the volumes in the file, one behind the other.

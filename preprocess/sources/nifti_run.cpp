@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstring>
 #include <initializer_list>
 #include <iterator>
 #include <limits>
 
+#include "isobrick/preprocess/byte_order.h"
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/sources/inflate_stream.h"
 #include "isobrick/storage/error.h"
@@ -53,9 +53,9 @@ class NiftiHeader {
                       "NIfTI-1 or NRRD",
                   {.path = path});
     // How the NIfTI library finds the byte order: dim[0] is 1 .. 7.
-    if (const int axes = int16At(40); axes < 1 || axes > 7) {
+    if (dim(0) < 1 || dim(0) > 7) {
       big_endian_ = true;
-      if (const int swapped = int16At(40); swapped < 1 || swapped > 7)
+      if (dim(0) < 1 || dim(0) > 7)
         throw Error("cannot read '" + path + "': its NIfTI header is damaged, or text (.nia); " +
                         "get the whole file again, or convert it to .nii",
                     {.path = path});
@@ -69,36 +69,27 @@ class NiftiHeader {
   }
   bool isOneFile() const { return isNifti() && bytes_[345] == '+'; }
   // The number of axes, and behind it that of the voxels along each.
-  int dim(int i) const { return int16At(40 + 2 * static_cast<std::size_t>(i)); }
-  int dataType() const { return int16At(70); }
+  int dim(int i) const { return at<std::int16_t>(40 + 2 * static_cast<std::size_t>(i)); }
+  int dataType() const { return at<std::int16_t>(70); }
   // What xyzt_units says of lengths; Analyze 7.5 has them in millimetres.
   std::string lengthUnit() const {
     static constexpr const char* kUnits[] = {"", "meter", "millimeter", "micrometer"};
     const unsigned code = isNifti() ? bytes_[123] & 7u : 2u;
     return code < std::size(kUnits) ? kUnits[code] : "code " + std::to_string(code);
   }
-  double voxelOffset() const { return static_cast<double>(floatAt(108)); }
-  double slope() const { return static_cast<double>(floatAt(112)); }
-  double intercept() const { return static_cast<double>(floatAt(116)); }
+  double voxelOffset() const { return static_cast<double>(at<float>(108)); }
+  double slope() const { return static_cast<double>(at<float>(112)); }
+  double intercept() const { return static_cast<double>(at<float>(116)); }
 
  private:
   // Its header has 540 bytes, and says so in the byte order of the file.
   bool isNifti2() const {
-    constexpr std::array<unsigned char, 4> kLittle = {0x1c, 2, 0, 0}, kBig = {0, 0, 2, 0x1c};
-    return std::equal(kLittle.begin(), kLittle.end(), bytes_.begin()) ||
-           std::equal(kBig.begin(), kBig.end(), bytes_.begin());
+    return loadNumber<std::uint32_t>(bytes_.data(), false) == 540 ||
+           loadNumber<std::uint32_t>(bytes_.data(), true) == 540;
   }
-  int int16At(std::size_t at) const {
-    return static_cast<std::int16_t>(bytes_[at + (big_endian_ ? 1 : 0)] |
-                                     bytes_[at + (big_endian_ ? 0 : 1)] << 8);
-  }
-  float floatAt(std::size_t at) const {
-    std::array<unsigned char, 4> bytes;
-    std::copy_n(bytes_.begin() + static_cast<std::ptrdiff_t>(at), 4, bytes.begin());
-    if (big_endian_) std::reverse(bytes.begin(), bytes.end());
-    float value;
-    std::memcpy(&value, bytes.data(), sizeof value);
-    return value;
+  template <typename T>
+  T at(std::size_t offset) const {
+    return loadNumber<T>(&bytes_[offset], big_endian_);
   }
 
   std::array<unsigned char, kHeaderBytes> bytes_ = {};

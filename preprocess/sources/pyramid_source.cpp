@@ -1,10 +1,10 @@
 #include "isobrick/preprocess/sources/pyramid_source.h"
 
 #include <algorithm>
-#include <cstring>
-#include <nlohmann/json.hpp>
 #include <utility>
 
+#include "isobrick/preprocess/kernels/sample_block.h"
+#include "isobrick/preprocess/shallow_json.h"
 #include "isobrick/preprocess/sources/rows_as_boxes.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/index_loop.h"
@@ -16,9 +16,7 @@ namespace {
 // What the provenance says of the volume; text from anywhere, so that nothing of it is relied on.
 void takeProvenance(const Pyramid& pyramid, VolumeInfo& info) {
   using Json = nlohmann::json;
-  constexpr int kDeepest = 32;
-  const auto guard = [](int depth, Json::parse_event_t, Json&) { return depth <= kDeepest; };
-  const Json json = Json::parse(pyramid.provenance(), guard, false);
+  const Json json = parseShallowJson(pyramid.provenance());
   if (!json.is_object()) return;
   if (const auto notes = json.find("notes"); notes != json.end() && notes->is_array())
     for (const Json& note : *notes)
@@ -72,38 +70,21 @@ class PyramidSource final : public VolumeSource {
     const Index3 count = end - begin;
     isolatedFor(std::int64_t{0}, elementCount(count), [&](std::int64_t i) {
       if (cancel_ != nullptr) cancel_->check();
-      copyBrick(begin + indexAt(i, count), box, static_cast<std::byte*>(out));
+      copyBrick(begin + indexAt(i, count), box, out);
     });
   }
 
  private:
-  // The samples that no other brick gives: aprons are left out, and the last brick of an axis has
-  // the last sample too.
-  IndexBox ownSamples(const Index3& brick) const {
-    const BrickLayout& layout = pyramid_->layout();
-    const IndexBox cells = layout.brickCellBox(level_, brick);
-    Index3 end = cells.end();
-    for (int axis = 0; axis < 3; ++axis)
-      if (brick[axis] + 1 == layout.bricks(level_)[axis]) end[axis] = info_.voxels[axis];
-    return {cells.first, end - cells.first};
-  }
-
-  void copyBrick(const Index3& brick, const IndexBox& box, std::byte* out) const {
-    const IndexBox own = ownSamples(brick);
+  void copyBrick(const Index3& brick, const IndexBox& box, void* out) const {
+    const IndexBox own = pyramid_->layout().brickOwnSamples(level_, brick);
     const Index3 first = glm::max(own.first, box.first), end = glm::min(own.end(), box.end());
     if (first.x >= end.x || first.y >= end.y || first.z >= end.z) return;
     const BrickSamples samples = pyramid_->samples(level_, brick);
-    const std::size_t bytes = voxelBytes(info_.voxel_type);
-    const std::size_t run = static_cast<std::size_t>(end.x - first.x) * bytes;
-    for (std::int64_t z = first.z; z < end.z; ++z)
-      for (std::int64_t y = first.y; y < end.y; ++y) {
-        const Index3 at(first.x, y, z);
-        const auto to = static_cast<std::size_t>(linearIndex(at - box.first, box.count)) * bytes;
-        const auto from =
-            static_cast<std::size_t>(linearIndex(at - samples.box.first, samples.box.count)) *
-            bytes;
-        std::memcpy(out + to, samples.part.data() + from, run);
-      }
+    visitVoxelType(info_.voxel_type, [&](auto tag) {
+      using T = typename decltype(tag)::Type;
+      copyBox(SampleBlock<T>::dense(samples.data<T>(), samples.box), {first, end - first},
+              static_cast<T*>(out), box);
+    });
     pyramid_->throwIfReadsFailed(level_, brick);
   }
 

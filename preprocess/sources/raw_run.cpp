@@ -1,22 +1,14 @@
 #include "isobrick/preprocess/sources/raw_run.h"
 
-#include <charconv>
 #include <map>
 #include <sstream>
 
+#include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/sources/header_text.h"
 #include "isobrick/storage/lowercase.h"
 
 namespace isobrick {
 namespace {
-
-std::optional<std::uint64_t> unsignedNumber(const std::string& text) {
-  std::uint64_t number = 0;
-  const char* const end = text.data() + text.size();
-  const auto result = std::from_chars(text.data(), end, number);
-  if (result.ec != std::errc() || result.ptr != end) return std::nullopt;
-  return number;
-}
 
 // "LIST" and "slice%03d.raw 1 9 1" are several files. No name at all is one that cannot be opened:
 // ITK would ask for all memory.
@@ -60,7 +52,7 @@ std::optional<RawRun> findNrrdRun(const std::string& header_path, std::uint64_t 
     return std::nullopt;
   run.big_endian = lowercase(fields["endian"]) == "big";
   if (fields.contains("byteskip")) {
-    const auto skip = unsignedNumber(fields["byteskip"]);
+    const auto skip = numberIn<std::uint64_t>(fields["byteskip"]);
     if (!skip) return std::nullopt;  // -1: counted from the end
     // The format skips bytes after it has inflated them.
     (run.is_deflated ? run.content_offset_bytes : run.offset_bytes) = *skip;
@@ -95,7 +87,7 @@ std::optional<RawRun> findMetaImageRun(const std::string& header_path) {
       !fields["elementbyteordermsb"].empty() && !fields["binarydatabyteordermsb"].empty())
     return std::nullopt;
   if (fields.contains("headersize")) {
-    const auto skip = unsignedNumber(fields["headersize"]);
+    const auto skip = numberIn<std::uint64_t>(fields["headersize"]);
     if (!skip) return std::nullopt;  // -1: counted from the end
     run.offset_bytes = *skip;
   }

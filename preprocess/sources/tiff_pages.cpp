@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <optional>
 
+#include "isobrick/preprocess/byte_order.h"
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/storage/error.h"
 
@@ -129,10 +130,7 @@ class TiffPageList {
     std::array<unsigned char, 8> stored = {};
     if (offset > file_.size() || file_.readAt(offset, stored.data(), bytes) != bytes)
       throw cutShort();
-    std::uint64_t value = 0;
-    for (std::uint64_t i = 0; i < bytes; ++i)
-      value = value << 8 | stored[big_endian_ ? i : bytes - 1 - i];
-    return value;
+    return loadUnsigned(stored.data(), bytes, big_endian_);
   }
   Error cutShort() const {
     return Error("cannot read '" + file_.path() +

@@ -6,9 +6,7 @@
 #include <openvdb/io/Archive.h>
 #include <openvdb/io/GridDescriptor.h>
 #include <openvdb/io/io.h>
-#include <openvdb/openvdb.h>
 #include <openvdb/tools/Dense.h>
-#include <openvdb/util/logging.h>
 #include <tbb/task_arena.h>
 
 #include <algorithm>
@@ -24,6 +22,7 @@
 #include <vector>
 
 #include "isobrick/preprocess/input_file.h"
+#include "isobrick/preprocess/openvdb_library.h"
 #include "isobrick/preprocess/sources/length_units.h"
 #include "isobrick/preprocess/sources/rows_as_boxes.h"
 #include "isobrick/preprocess/sources/source_checks.h"
@@ -43,16 +42,6 @@ Error cannotUse(const std::string& path, const std::string& reason) {
   return Error(
       "cannot use '" + path + "': " + reason + "; write it again, or convert it to .nrrd or .mhd",
       {.path = path});
-}
-
-// OpenVDB knows its grid types, and keeps to itself what it would print, from here on.
-void initializeOpenVdb() {
-  static const bool kDone = [] {
-    openvdb::initialize();
-    openvdb::logging::setLevel(openvdb::logging::Level::Fatal);
-    return true;
-  }();
-  static_cast<void>(kDone);
 }
 
 template <typename... Grids>

@@ -4,12 +4,12 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <memory>
 #include <optional>
 #include <string_view>
 #include <utility>
 
+#include "isobrick/preprocess/number_text.h"
 #include "isobrick/storage/error.h"
 
 namespace isobrick {
@@ -140,12 +140,9 @@ class VtiReader {
                        std::uint64_t otherwise) {
     const std::string digits = attributes[key];
     if (digits.empty()) return otherwise;
-    std::uint64_t value = 0;
-    const char* const end = digits.data() + digits.size();
-    const auto result = std::from_chars(digits.data(), end, value);
-    if (result.ec != std::errc() || result.ptr != end)
-      fail("its " + key + " '" + digits.substr(0, 40) + "' is no number,");
-    return value;
+    const auto value = numberIn<std::uint64_t>(digits);
+    if (!value) fail("its " + key + " '" + digits.substr(0, 40) + "' is no number,");
+    return value.value_or(0);
   }
 
   // Blanks may come before the '_' that the data begin behind.

@@ -8,6 +8,7 @@
 #include <optional>
 #include <utility>
 
+#include "isobrick/preprocess/byte_order.h"
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/sources/byte_stream.h"
 #include "isobrick/preprocess/sources/inflate_stream.h"
@@ -237,10 +238,7 @@ class VtiOpener {
     if (stream_->read(bytes.data(), count) != count)
       throw cannotUse(path_, "its voxels are cut short at their beginning");
     at_ += count;
-    std::uint64_t value = 0;
-    for (std::size_t i = 0; i < count; ++i)
-      value = value << 8 | bytes[stored_.big_endian ? i : count - 1 - i];
-    return value;
+    return loadUnsigned(bytes.data(), count, stored_.big_endian);
   }
 
   std::unique_ptr<VolumeSource> openPlain() {

@@ -5,10 +5,10 @@
 #include <cstring>
 #include <filesystem>
 #include <limits>
-#include <nlohmann/json.hpp>
 #include <utility>
 
 #include "isobrick/preprocess/input_file.h"
+#include "isobrick/preprocess/shallow_json.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/zarr_json.h"
 #include "isobrick/storage/error.h"
@@ -50,14 +50,8 @@ nlohmann::json readZarrJson(const std::string& path) {
                 {.path = path});
   std::string text(static_cast<std::size_t>(file.size()), '\0');
   text.resize(file.readAt(0, text.data(), text.size()));
-  constexpr int kDeepest = 32;
-  bool is_deep = false;
-  const auto guard = [&](int depth, Json::parse_event_t, Json&) {
-    is_deep = is_deep || depth > kDeepest;
-    return !is_deep;
-  };
-  Json json = Json::parse(text, guard, false);
-  if (!json.is_object() || is_deep)
+  Json json = parseShallowJson(text);
+  if (!json.is_object())
     throw Error("cannot read '" + path + "': it is no JSON object; get the whole store again",
                 {.path = path});
   return json;

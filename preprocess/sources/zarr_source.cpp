@@ -4,22 +4,22 @@
 #include <array>
 #include <cmath>
 #include <filesystem>
-#include <list>
-#include <map>
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <sstream>
 #include <utility>
 #include <vector>
 
 #include "isobrick/preprocess/input_file.h"
+#include "isobrick/preprocess/number_text.h"
+#include "isobrick/preprocess/recent_cache.h"
 #include "isobrick/preprocess/sources/length_units.h"
 #include "isobrick/preprocess/sources/rows_as_boxes.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/zarr_array.h"
 #include "isobrick/preprocess/sources/zarr_json.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/index_loop.h"
 
 namespace isobrick {
 namespace {
@@ -91,40 +91,7 @@ Placement placementOf(const std::string& path, const Json& transformations, std:
   return result;
 }
 
-// Unpacked chunks, the latest used last.
-class ChunkCache {
- public:
-  using Chunk = std::shared_ptr<const std::vector<std::byte>>;
-
-  explicit ChunkCache(std::uint64_t budget_bytes) : budget_bytes_(budget_bytes) {}
-
-  Chunk find(const Indices& index) {
-    const std::lock_guard lock(mutex_);
-    const auto found = at_.find(index);
-    if (found == at_.end()) return nullptr;
-    chunks_.splice(chunks_.end(), chunks_, found->second);
-    return found->second->second;
-  }
-  void add(const Indices& index, Chunk chunk) {
-    const std::lock_guard lock(mutex_);
-    if (at_.contains(index)) return;  // another thread was faster
-    bytes_ += chunk->size();
-    chunks_.emplace_back(index, std::move(chunk));
-    at_[index] = std::prev(chunks_.end());
-    while (bytes_ > budget_bytes_ && chunks_.size() > 1) {
-      bytes_ -= chunks_.front().second->size();
-      at_.erase(chunks_.front().first);
-      chunks_.pop_front();
-    }
-  }
-
- private:
-  const std::uint64_t budget_bytes_;
-  std::mutex mutex_;  // guards all below
-  std::list<std::pair<Indices, Chunk>> chunks_;
-  std::map<Indices, std::list<std::pair<Indices, Chunk>>::iterator> at_;
-  std::uint64_t bytes_ = 0;
-};
+using ChunkCache = RecentCache<Indices, std::byte>;
 
 // Which chunks were read, each counted once, and how many of them the store has not. Of more chunks
 // than any volume has that is not made to have them, none is counted.
@@ -152,9 +119,8 @@ class ChunkTally {
     const std::string which = was_read_.empty() ? std::string("chunks")
                                                 : std::to_string(missing_) + " of the " +
                                                       std::to_string(read_) + " chunks";
-    std::ostringstream note;
-    note << which << " that were read are not in the store: they have its fill value, " << fill;
-    return {note.str()};
+    return {which + " that were read are not in the store: they have its fill value, " +
+            shortText(fill)};
   }
   std::uint64_t bytes() const { return was_read_.size() / 8; }
 
@@ -205,18 +171,15 @@ class ZarrSource final : public VolumeSource {
   void readBox(const IndexBox& box, void* out) const override {
     const Index3 size = chunkVoxels();
     const Index3 begin = box.first / size, end = (box.end() - Index3(1)) / size + Index3(1);
-    Index3 at;
-    for (at.z = begin.z; at.z < end.z; ++at.z)
-      for (at.y = begin.y; at.y < end.y; ++at.y)
-        for (at.x = begin.x; at.x < end.x; ++at.x) {
-          if (cancel_ != nullptr) cancel_->check();
-          const ChunkCache::Chunk chunk = chunkAt(at);
-          visitVoxelType(info_.voxel_type, [&](auto tag) {
-            using T = typename decltype(tag)::Type;
-            copyChunk(reinterpret_cast<const T*>(chunk->data()), at * size, size, box,
-                      static_cast<T*>(out));
-          });
-        }
+    forEachIndex({begin, end - begin}, [&](const Index3& at) {
+      if (cancel_ != nullptr) cancel_->check();
+      const ChunkCache::Value chunk = chunkAt(at);
+      visitVoxelType(info_.voxel_type, [&](auto tag) {
+        using T = typename decltype(tag)::Type;
+        copyChunk(reinterpret_cast<const T*>(chunk->data()), at * size, size, box,
+                  static_cast<T*>(out));
+      });
+    });
   }
 
  private:
@@ -226,12 +189,12 @@ class ZarrSource final : public VolumeSource {
     return size;
   }
 
-  ChunkCache::Chunk chunkAt(const Index3& at) const {
+  ChunkCache::Value chunkAt(const Index3& at) const {
     Indices index = fixed_;
     for (std::size_t i = 0; i < index.size(); ++i)
       if (index[i] >= 0) index[i] /= array_.chunk()[i];
     for (int axis = 0; axis < 3; ++axis) index[axes_[axis]] = at[axis];
-    if (ChunkCache::Chunk chunk = cache_.find(index)) return chunk;
+    if (ChunkCache::Value chunk = cache_.find(index)) return chunk;
     auto voxels = std::make_shared<std::vector<std::byte>>();
     const bool is_stored = array_.readChunk(index, *voxels);
     tally_.note(at, !is_stored);

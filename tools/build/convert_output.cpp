@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "isobrick/preprocess/numbered_name.h"
 #include "isobrick/preprocess/sources/hdf5_source.h"
 #include "isobrick/preprocess/sources/zarr_source.h"
 #include "isobrick/storage/error.h"
@@ -15,27 +16,16 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Whether "%04d.tif" gives this name for some slice.
-bool isSliceOf(const std::string& pattern, const std::string& name) {
-  const std::size_t percent = pattern.find('%'), letter = pattern.find('d', percent);
-  if (letter == std::string::npos) return false;
-  const std::string before = pattern.substr(0, percent), after = pattern.substr(letter + 1);
-  return name.size() > before.size() + after.size() && name.starts_with(before) &&
-         name.ends_with(after) &&
-         std::all_of(name.begin() + static_cast<std::ptrdiff_t>(before.size()),
-                     name.end() - static_cast<std::ptrdiff_t>(after.size()),
-                     [](char c) { return c >= '0' && c <= '9'; });
-}
-
 // Of folders only those are replaced that plainly hold what would be written.
 bool holdsNothingElse(const std::string& folder, const std::string& pattern) {
   std::error_code ignored;
   if (fs::is_empty(folder, ignored)) return true;
   if (pattern.empty()) return isZarrFolder(folder);
+  const auto slices = parseNumberedName(pattern);
   return std::all_of(fs::directory_iterator(folder, ignored), fs::directory_iterator(),
                      [&](const fs::directory_entry& entry) {
-                       return entry.is_regular_file() &&
-                              isSliceOf(pattern, entry.path().filename().string());
+                       return entry.is_regular_file() && slices &&
+                              slices->matches(entry.path().filename().string());
                      });
 }
 

@@ -3,8 +3,8 @@
 #include <fmt/format.h>
 
 #include <filesystem>
-#include <nlohmann/json.hpp>
 
+#include "isobrick/preprocess/shallow_json.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid.h"
 
@@ -21,9 +21,7 @@ struct Origin {
 // Anybody may have made the file: what is no JSON, or is nested without end, says nothing.
 Origin originOf(const Pyramid& pyramid) {
   using Json = nlohmann::json;
-  constexpr int kDeepest = 32;
-  const auto guard = [](int depth, Json::parse_event_t, Json&) { return depth <= kDeepest; };
-  const Json json = Json::parse(pyramid.provenance(), guard, false);
+  const Json json = parseShallowJson(pyramid.provenance());
   const auto text = [&](const char* key) {
     const auto found = json.is_object() ? json.find(key) : json.end();
     return found != json.end() && found->is_string() ? found->get<std::string>() : std::string();

@@ -210,10 +210,8 @@ VolumeWriteReport writeHdf5(VolumeLevels& levels, const std::string& path,
                                : named;
   const std::optional<Hdf5Original> original = Hdf5Original::open(name);
   AtomicFile file(name);
-  const std::string folder = std::filesystem::path(name).parent_path().string();
   if (!levels.front()->readsBoxes())
-    levels.front() =
-        makeSpooledSource(std::move(levels.front()), folder.empty() ? "." : folder, options);
+    levels.front() = makeSpooledSource(std::move(levels.front()), folderOf(name), options);
   const VolumeSource& source = *levels.front();
   const Index3& voxels = source.info().voxels;
   const double copied = original ? static_cast<double>(original->bytes()) : 0;

@@ -6,43 +6,12 @@
 
 #include "isobrick/preprocess/export/atomic_folder.h"
 #include "isobrick/preprocess/export/volume_rows.h"
+#include "isobrick/preprocess/numbered_name.h"
 #include "isobrick/storage/error.h"
 
 namespace isobrick {
-namespace {
 
 namespace fs = std::filesystem;
-
-// The parts of "slice%04d.exr" around the number, and its least digits.
-struct SliceName {
-  std::string before, after;
-  int digits = 0;
-  bool is_good = false;
-
-  std::string of(std::int64_t slice) const {
-    const std::string number = std::to_string(slice);
-    const auto width = static_cast<std::size_t>(digits);
-    return before + std::string(width - std::min(width, number.size()), '0') + number + after;
-  }
-};
-
-SliceName parsePattern(const std::string& name) {
-  SliceName result;
-  const std::size_t percent = name.find('%');
-  if (percent == std::string::npos) return result;
-  std::size_t at = percent + 1;
-  for (; at < name.size() && name[at] >= '0' && name[at] <= '9' && at < percent + 4; ++at)
-    result.digits = 10 * result.digits + (name[at] - '0');
-  if (at >= name.size() || name[at] != 'd' || result.digits > 18 ||
-      name.find('%', at) != std::string::npos)
-    return result;
-  result.before = name.substr(0, percent);
-  result.after = name.substr(at + 1);
-  result.is_good = true;
-  return result;
-}
-
-}  // namespace
 
 bool isSlicePattern(const std::string& path) {
   return fs::path(path).filename().string().find('%') != std::string::npos;
@@ -73,18 +42,21 @@ VolumeWriteReport writeSlices(
     VolumeLevels& levels, const std::string& pattern, const ExportOptions& options,
     const std::function<void(const std::string& path, const std::byte* slice)>& write) {
   const fs::path path(pattern);
-  const SliceName name = parsePattern(path.filename().string());
+  std::optional<NumberedName> name = parseNumberedName(path.filename().string());
   const std::string folder_name = path.parent_path().string();
-  if (!name.is_good || folder_name.empty() || folder_name.find('%') != std::string::npos)
+  constexpr std::size_t kMostDigits = 18;
+  if (!name || name->width > kMostDigits || folder_name.empty() ||
+      folder_name.find('%') != std::string::npos)
     throw Error("cannot write '" + pattern + "': slices go into a folder of their own, and their " +
                     "name has one place for the number; write as folder/%04d" +
                     path.extension().string(),
                 {.path = pattern});
+  name->fill = '0';  // names of slices sort as their numbers do
   refuseLargeSlices(levels.front()->info(), pattern, options);
   AtomicFolder folder(folder_name);
   VolumeWriteReport report;
   forEachSlice(*levels.front(), options, [&](std::int64_t slice, const std::byte* data) {
-    const std::string file = folder.temporaryPath() + "/" + name.of(slice);
+    const std::string file = folder.temporaryPath() + "/" + name->of(slice);
     write(file, data);
     report.bytes += fs::file_size(file);
   });

@@ -4,8 +4,6 @@
 #include <openvdb/io/Compression.h>
 #include <openvdb/io/GridDescriptor.h>
 #include <openvdb/io/io.h>
-#include <openvdb/openvdb.h>
-#include <openvdb/util/logging.h>
 
 #include <algorithm>
 #include <charconv>
@@ -20,6 +18,8 @@
 #include "isobrick/preprocess/export/formats/spooled_source.h"
 #include "isobrick/preprocess/export/formats/vdb_tree.h"
 #include "isobrick/preprocess/export/volume_rows.h"
+#include "isobrick/preprocess/number_text.h"
+#include "isobrick/preprocess/openvdb_library.h"
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/isolated_loop.h"
@@ -27,28 +27,10 @@
 namespace isobrick {
 namespace {
 
-void initializeOpenVdb() {
-  static const bool kDone = [] {
-    openvdb::initialize();
-    openvdb::logging::setLevel(openvdb::logging::Level::Fatal);
-    return true;
-  }();
-  static_cast<void>(kDone);
-}
-
 // The property of a volume that came out of a VDB file.
 std::string propertyOf(const VolumeInfo& info, const std::string& name) {
   const auto found = info.properties.find("vdb." + name);
   return found == info.properties.end() ? std::string() : found->second;
-}
-
-std::optional<float> numberOf(const std::string& text) {
-  float number = 0;
-  const char* const end = text.data() + text.size();
-  const auto result = std::from_chars(text.data(), end, number);
-  if (text.empty() || result.ec != std::errc() || result.ptr != end || !std::isfinite(number))
-    return std::nullopt;
-  return number;
 }
 
 // "i,j,k" within the coordinates that leave room on both sides.
@@ -78,7 +60,8 @@ VdbGridPlan planGrid(const VolumeInfo& info, std::size_t level, const ExportOpti
   if (options.vdb_background)
     plan.background = *options.vdb_background;
   else
-    plan.background = numberOf(propertyOf(info, "background")).value_or(0.0f);
+    plan.background = numberIn<float>(propertyOf(info, "background")).value_or(0.0f);
+  if (!std::isfinite(plan.background)) plan.background = 0;
   const std::string grid_class = propertyOf(info, "class");
   if (grid_class == "level set" && plan.background > 0 && info.voxel_type == VoxelType::kFloat32)
     plan.grid_class = openvdb::GRID_LEVEL_SET;
@@ -202,12 +185,6 @@ class VdbArchive : private openvdb::io::Archive {
  private:
   std::ostream& out_;
 };
-
-std::string folderOf(const std::string& path) {
-  const std::size_t slash = path.find_last_of('/');
-  if (slash == std::string::npos) return ".";
-  return slash == 0 ? "/" : path.substr(0, slash);
-}
 
 }  // namespace
 

@@ -14,6 +14,7 @@
 #include "isobrick/preprocess/export/atomic_folder.h"
 #include "isobrick/preprocess/export/formats/spooled_source.h"
 #include "isobrick/preprocess/export/volume_rows.h"
+#include "isobrick/preprocess/kernels/sample_block.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/isolated_loop.h"
 
@@ -94,10 +95,8 @@ bool fillChunk(const VolumeSource& source, const Index3& first, std::vector<T>& 
   const bool is_empty = std::all_of(to.begin(), to.end(), [](T v) { return v == T{}; });
   if (is_whole || is_empty) return !is_empty;
   chunk.assign(static_cast<std::size_t>(kChunkVoxels * kChunkVoxels * kChunkVoxels), T{});
-  for (std::int64_t z = 0; z < count.z; ++z)
-    for (std::int64_t y = 0; y < count.y; ++y)
-      std::copy_n(inside.data() + (z * count.y + y) * count.x, count.x,
-                  chunk.data() + (z * kChunkVoxels + y) * kChunkVoxels);
+  copyBox(SampleBlock<T>::dense(inside.data(), box), box, chunk.data(),
+          {first, Index3(kChunkVoxels)});
   return true;
 }
 

@@ -1,0 +1,40 @@
+#include "isobrick/preprocess/numbered_name.h"
+
+#include <cstdlib>
+
+namespace isobrick {
+
+std::string NumberedName::of(std::int64_t number) const {
+  const std::string digits = std::to_string(std::abs(number));
+  const std::string sign = number < 0 ? "-" : "";
+  const std::size_t have = sign.size() + digits.size();
+  const std::string filling(width > have ? width - have : 0, fill);
+  return before + (fill == '0' ? sign + filling : filling + sign) + digits + after;
+}
+
+bool NumberedName::matches(const std::string& name) const {
+  if (name.size() <= before.size() + after.size() || !name.starts_with(before) ||
+      !name.ends_with(after))
+    return false;
+  const std::size_t digits = name.size() - before.size() - after.size();
+  return name.substr(before.size(), digits).find_first_not_of("0123456789") == std::string::npos;
+}
+
+std::optional<NumberedName> parseNumberedName(const std::string& text) {
+  NumberedName name;
+  const std::size_t percent = text.find('%');
+  if (percent == std::string::npos || text.find('%', percent + 1) != std::string::npos)
+    return std::nullopt;
+  name.before = text.substr(0, percent);
+  std::size_t at = percent + 1;
+  if (at < text.size() && text[at] == '0') name.fill = '0';
+  for (; at < text.size() && text[at] >= '0' && text[at] <= '9'; ++at) {
+    name.width = 10 * name.width + static_cast<std::size_t>(text[at] - '0');
+    if (name.width > 99) return std::nullopt;
+  }
+  if (at == text.size() || (text[at] != 'd' && text[at] != 'i')) return std::nullopt;
+  name.after = text.substr(at + 1);
+  return name;
+}
+
+}  // namespace isobrick
