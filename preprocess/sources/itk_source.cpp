@@ -2,18 +2,14 @@
 #include "isobrick/preprocess/sources/itk_source.h"
 
 #include <dlfcn.h>
-#include <itkBioRadImageIOFactory.h>
 #include <itkGDCMImageIO.h>
-#include <itkGiplImageIOFactory.h>
 #include <itkImageIOFactory.h>
-#include <itkLSMImageIOFactory.h>
 #include <itkMRCImageIOFactory.h>
 #include <itkMetaImageIOFactory.h>
 #include <itkNiftiImageIOFactory.h>
 #include <itkNrrdImageIOFactory.h>
 #include <itkPNGImageIOFactory.h>
 #include <itkTIFFImageIOFactory.h>
-#include <itkVTKImageIOFactory.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -30,6 +26,7 @@
 #include <new>
 #include <sstream>
 
+#include "isobrick/preprocess/byte_order.h"
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/sources/dicom_frames.h"
@@ -37,7 +34,6 @@
 #include "isobrick/preprocess/sources/dicom_tags.h"
 #include "isobrick/preprocess/sources/dicom_values.h"
 #include "isobrick/preprocess/sources/header_text.h"
-#include "isobrick/preprocess/sources/image_bytes.h"
 #include "isobrick/preprocess/sources/itk_common.h"
 #include "isobrick/preprocess/sources/length_units.h"
 #include "isobrick/preprocess/sources/nifti_run.h"
@@ -108,8 +104,7 @@ std::string formatName(const itk::ImageIOBase& image) {
   static const std::map<std::string, std::string> kNames = {{"NrrdImageIO", "NRRD"},
                                                             {"MetaImageIO", "MetaImage"},
                                                             {"NiftiImageIO", "NIfTI"},
-                                                            {"GDCMImageIO", "DICOM"},
-                                                            {"VTKImageIO", "VTK legacy"}};
+                                                            {"GDCMImageIO", "DICOM"}};
   const std::string name = image.GetNameOfClass();
   if (const auto known = kNames.find(name); known != kNames.end()) return known->second;
   return name.substr(0, name.find("ImageIO"));
@@ -156,9 +151,7 @@ void prepareItk() {
     silenceTiff();
     // DICOM is not among them: openImage() looks at such files itself (dicom_header.h).
     registerFactories<itk::NrrdImageIOFactory, itk::MetaImageIOFactory, itk::NiftiImageIOFactory,
-                      itk::LSMImageIOFactory, itk::TIFFImageIOFactory, itk::PNGImageIOFactory,
-                      itk::VTKImageIOFactory, itk::MRCImageIOFactory, itk::GiplImageIOFactory,
-                      itk::BioRadImageIOFactory>();
+                      itk::TIFFImageIOFactory, itk::PNGImageIOFactory, itk::MRCImageIOFactory>();
   });
 }
 
@@ -189,13 +182,25 @@ itk::ImageIOBase::Pointer withInformation(const std::string& path,
   return image;
 }
 
+// What to do with a file that is in none of the formats.
+std::string otherwise(const std::string& path) {
+  static constexpr std::pair<const char*, const char*> kConverters[] = {
+      {".vtk", "save it as .vti with ParaView"},
+      {".gipl", "save it as .nrrd with 3D Slicer"},
+      {".gipl.gz", "save it as .nrrd with 3D Slicer"},
+      {".pic", "save it as .tif with Fiji"}};
+  const std::string name = lowercase(path);
+  for (const auto& [ending, advice] : kConverters)
+    if (name.ends_with(ending)) return advice;
+  return "say its layout if it has no header";
+}
+
 // `options` say what becomes of several values per voxel.
 itk::ImageIOBase::Pointer requireImage(const std::string& path, itk::ImageIOBase::Pointer image,
                                        const OpenOptions& options) {
   if (image.IsNull())
     throw Error("cannot read '" + path + "': it is unreadable or in no known format (NRRD, " +
-                    "MetaImage, NIfTI, TIFF, DICOM, MRC, VTK legacy, ...); say its layout if it "
-                    "has no header",
+                    "MetaImage, NIfTI, TIFF, DICOM, MRC, VTI, ...); " + otherwise(path),
                 {.path = path}, {Remedy::kDescribeRawFile});
   const Component component = image->GetComponentType();
   if (component == Component::UNKNOWNCOMPONENTTYPE || component == Component::LDOUBLE)
@@ -358,6 +363,22 @@ std::optional<StoredType> storedTypeOf(Component component) {
   });
 }
 
+// ITK does not notice where an MRC file ends before its voxels. In front of them are 1024 bytes and
+// an extension, whose length stands in the order that the machine stamp tells.
+void checkMrcBytes(const std::string& path, std::uint64_t voxel_bytes) {
+  constexpr std::size_t kHeaderBytes = 1024, kExtensionAt = 92, kStampAt = 212;
+  const InputFile file(path);
+  std::array<char, kHeaderBytes> header = {};
+  static_cast<void>(file.readAt(0, header.data(), header.size()));
+  const std::uint64_t before =
+      kHeaderBytes + loadNumber<std::uint32_t>(&header[kExtensionAt], header[kStampAt] == 0x11);
+  if (file.size() < before || file.size() - before < voxel_bytes)
+    throw Error("cannot read '" + path + "': it has " + std::to_string(file.size()) +
+                    " bytes, and its header takes " + std::to_string(before) + " and its voxels " +
+                    std::to_string(voxel_bytes) + "; get the whole file again",
+                {.path = path});
+}
+
 // What is in ångströms, unless nothing is said: then ITK makes it 1.
 std::string mrcUnit(const std::string& path) {
   constexpr std::size_t kCellAt = 40, kCellBytes = 12;
@@ -374,9 +395,8 @@ void takeUnits(const std::string& path, VolumeInfo& info) {
   };
   if (info.format == "NRRD") takeLengthUnits(nrrdUnits(path), info.geometry, info.notes);
   if (info.format == "MetaImage") take(metaImageUnit(path));
-  if (info.format == "TIFF" || info.format == "LSM")
-    takeTiffLengths(path, info.geometry, info.notes);
-  if (info.format == "DICOM" || info.format == "Gipl") take("millimeter");
+  if (info.format == "TIFF") takeTiffLengths(path, info.geometry, info.notes);
+  if (info.format == "DICOM") take("millimeter");
   if (info.format == "MRC") take(mrcUnit(path));
 }
 
@@ -617,7 +637,7 @@ std::unique_ptr<VolumeSource> openImageFile(const std::string& path, std::vector
                                             std::vector<std::string> notes = {}) {
   VolumeInfo info = describeVolume(path, *image, std::move(notes));
   const auto components = static_cast<std::uint64_t>(image->GetNumberOfComponents());
-  if (info.format == "TIFF" || info.format == "LSM") checkTiffPages(path);
+  if (info.format == "TIFF") checkTiffPages(path);
   if (info.format == "NIfTI") {
     const TimeStep time = chooseTimeStep(path, *image, options, info.notes);
     return openNiftiRun(std::move(info), components, time, options);
@@ -638,7 +658,7 @@ std::unique_ptr<VolumeSource> openImageFile(const std::string& path, std::vector
   }
   auto source = std::make_unique<WholeImageSource>(std::move(info), std::move(files),
                                                    std::move(image), stored, options.cancel);
-  checkImageBytes(path, source->info().format, source->bufferBytes());
+  if (source->info().format == "MRC") checkMrcBytes(path, source->bufferBytes());
   return source;
 }
 
