@@ -11,6 +11,7 @@
 #include <cstring>
 #include <filesystem>
 
+#include "isobrick/preprocess/path_error.h"
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"
 
@@ -40,8 +41,7 @@ AtomicFolder::AtomicFolder(const std::string& path)
   std::error_code ignored;
   const auto status = fs::symlink_status(path_, ignored);
   if (fs::exists(status) && !fs::is_directory(status))
-    throw Error("cannot write '" + path_ + "': it exists and is no folder; choose another name",
-                {.path = path_});
+    throw unwritable(path_, "it exists and is no folder; choose another name");
   const bool is_new = mkdir(temporary_path_.c_str(), 0777) == 0;
   if (!is_new && errno != EEXIST) fail(path_, errno);
   fd_ = open(temporary_path_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC | O_NOFOLLOW);
@@ -53,9 +53,8 @@ AtomicFolder::AtomicFolder(const std::string& path)
   if (flock(fd_, LOCK_EX | LOCK_NB) != 0) {
     ::close(fd_);
     fd_ = -1;
-    throw Error("cannot write '" + path_ + "': another process is writing '" + temporary_path_ +
-                    "'; wait for it or choose another name",
-                {.path = path_});
+    throw unwritable(path_, "another process is writing '" + temporary_path_ +
+                                "'; wait for it or choose another name");
   }
   for (const auto& entry : fs::directory_iterator(temporary_path_, ignored))
     fs::remove_all(entry.path(), ignored);

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "isobrick/preprocess/export/volume_rows.h"
+#include "isobrick/preprocess/path_error.h"
 #include "isobrick/storage/error.h"
 
 namespace isobrick {
@@ -139,10 +140,9 @@ std::array<std::byte, kNiftiBytes> niftiHeader(const VolumeInfo& info, const std
   static constexpr Type kTypes[kVoxelTypeCount] = {{2, 8}, {256, 8}, {512, 16}, {4, 16}, {16, 32}};
   for (int axis = 0; axis < 3; ++axis)
     if (info.voxels[axis] > std::numeric_limits<std::int16_t>::max())
-      throw Error("cannot write '" + path + "': NIfTI-1 has at most 32767 voxels along an axis, " +
-                      "and this volume " + std::to_string(info.voxels[axis]) +
-                      "; write .nrrd, or a coarser level",
-                  {.path = path});
+      throw unwritable(path, "NIfTI-1 has at most 32767 voxels along an axis, and this volume " +
+                                 std::to_string(info.voxels[axis]) +
+                                 "; write .nrrd, or a coarser level");
   std::array<std::byte, kNiftiBytes> header{};
   put(header, 0, std::int32_t{348});
   put(header, 38, 'r');

@@ -10,6 +10,7 @@
 #include "isobrick/preprocess/export/gzip_file.h"
 #include "isobrick/preprocess/export/volume_headers.h"
 #include "isobrick/preprocess/export/volume_rows.h"
+#include "isobrick/preprocess/path_error.h"
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"
 
@@ -170,11 +171,9 @@ VolumeWriteReport writeVolume(VolumeSource& source, const std::string& path,
                               const VolumeWriteOptions& options) {
   if (const PlainFormat* const format = plainFormatOf(path))
     return format->write(source, path, options);
-  throw Error(
-      "cannot write '" + path +
-          "': volumes are written as .nrrd, .mhd, .mha, .nii, .nii.gz, .vti or .raw; choose "
-          "one of these endings",
-      {.path = path});
+  throw unwritable(path,
+                   "volumes are written as .nrrd, .mhd, .mha, .nii, .nii.gz, .vti or .raw; choose "
+                   "one of these endings");
 }
 
 }  // namespace isobrick

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "isobrick/preprocess/path_error.h"
 #include "isobrick/storage/error.h"
 
 namespace isobrick {
@@ -94,9 +95,8 @@ class Base64Stream final : public ByteStream {
         ++paddings_;
         if (++digits_ == 4) endGroup();
       } else if (meaning != kBlank) {
-        throw Error("cannot read '" + file_->path() + "': its base64 data are damaged at byte " +
-                        std::to_string(at_ + i) + "; get the whole file again",
-                    {.path = file_->path()});
+        throw unreadable(file_->path(), "its base64 data are damaged at byte " +
+                                            std::to_string(at_ + i) + "; get the whole file again");
       }
     }
   }

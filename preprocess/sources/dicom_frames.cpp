@@ -7,6 +7,7 @@
 #include <glm/geometric.hpp>
 
 #include "isobrick/preprocess/number_text.h"
+#include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/dicom_stack.h"
 #include "isobrick/preprocess/sources/dicom_tags.h"
 #include "isobrick/preprocess/sources/source_checks.h"
@@ -31,10 +32,6 @@ std::int64_t integer(const std::string& text, std::int64_t otherwise) {
   char* end = nullptr;
   const long long value = std::strtoll(text.c_str(), &end, 10);
   return end == text.c_str() ? otherwise : value;
-}
-
-Error unusable(const std::string& path, const std::string& why) {
-  return Error("cannot use '" + path + "': " + why, {.path = path});
 }
 
 void refuseOtherImages(const std::string& path, const DicomHeader& header) {

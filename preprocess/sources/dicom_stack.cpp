@@ -5,6 +5,7 @@
 #include <glm/geometric.hpp>
 #include <map>
 
+#include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/dicom_values.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/storage/error.h"
@@ -59,12 +60,10 @@ void chooseStack(const std::string& path, const std::string& name, std::vector<D
             " slices)";
   }
   if (!name.empty())
-    throw Error("cannot use '" + path + "': it has no stack of the name " + quotedText(name, 40) +
-                    "; it has " + list,
-                {.path = path}, {Remedy::kChooseStack});
-  throw Error("cannot use '" + path + "': it holds " + std::to_string(counts.size()) +
-                  " stacks of slices: " + list,
-              {.path = path}, {Remedy::kChooseStack});
+    throw unusable(path, "it has no stack of the name " + quotedText(name, 40) + "; it has " + list,
+                   {Remedy::kChooseStack});
+  throw unusable(path, "it holds " + std::to_string(counts.size()) + " stacks of slices: " + list,
+                 {Remedy::kChooseStack});
 }
 
 // `member` of the places takes several values, each of which is a volume.
@@ -77,14 +76,16 @@ void chooseOneOf(const std::string& path, const char* what, Remedy remedy,
     for (const DicomPlace& place : places) ++counts[place.*member];
   const std::size_t count = std::max<std::size_t>(counts.size(), 1);
   if (choice && static_cast<std::uint64_t>(*choice) >= count)
-    throw Error("cannot use '" + path + "': it has no " + what + " " + std::to_string(*choice) +
-                    "; it has " + std::to_string(count) + ", counted from 0",
-                {.path = path}, {remedy});
+    throw unusable(path,
+                   std::string("it has no ") + what + " " + std::to_string(*choice) + "; it has " +
+                       std::to_string(count) + ", counted from 0",
+                   {remedy});
   if (count == 1) return;
   if (!choice)
-    throw Error("cannot use '" + path + "': it holds " + std::to_string(count) + " volumes, of " +
-                    what + " 0 to " + std::to_string(count - 1),
-                {.path = path}, {remedy});
+    throw unusable(path,
+                   "it holds " + std::to_string(count) + " volumes, of " + what + " 0 to " +
+                       std::to_string(count - 1),
+                   {remedy});
   const std::vector<std::int64_t> key = std::next(counts.begin(), *choice)->first;
   std::erase_if(places, [&](const DicomPlace& place) { return place.*member != key; });
   takeNoteOfChoice(std::string(what) + " " + std::to_string(*choice), info);
@@ -119,9 +120,7 @@ std::optional<glm::dvec3> sortDicomSlices(const DicomStackWords& words, const gl
       (*places.back().position - *places.front().position) / static_cast<double>(places.size() - 1);
   const double mean_gap = glm::dot(step, normal);
   const auto fail = [&](std::size_t i, const std::string& why) {
-    return Error("cannot use '" + words.path + "': " + places[i - 1].name + " and " +
-                     places[i].name + " are " + why,
-                 {.path = words.path});
+    return unusable(words.path, places[i - 1].name + " and " + places[i].name + " are " + why);
   };
   for (std::size_t i = 1; i < places.size(); ++i)
     if (!(height(places[i]) - height(places[i - 1]) > kSamePosition * mean_gap) ||

@@ -24,6 +24,7 @@
 #include <vector>
 
 #include "isobrick/preprocess/input_file.h"
+#include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/slice_names.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/storage/error.h"
@@ -109,9 +110,8 @@ class ExrFile {
 
  private:
   Error damaged(const std::string& why) const {
-    return Error("cannot read '" + path_ + "': " + why +
-                     "; get the whole file again, or move it elsewhere if it is no slice",
-                 {.path = path_});
+    return unreadable(path_,
+                      why + "; get the whole file again, or move it elsewhere if it is no slice");
   }
   template <typename Work>
   void guarded(Work&& work) const {
@@ -165,9 +165,8 @@ class ExrSlices final : public VolumeSource {
     std::string list;
     for (const std::string& name : all) list += (list.empty() ? "" : ", ") + quotedText(name, 40);
     if (!channel)
-      throw Error("cannot use '" + files_.front() + "': it has no channel " +
-                      quotedText(options.grid, 40) + "; it has " + (all.empty() ? "none" : list),
-                  {.path = files_.front()});
+      throw unusable(files_.front(), "it has no channel " + quotedText(options.grid, 40) +
+                                         "; it has " + (all.empty() ? "none" : list));
     channel_ = *channel;
     if (all.size() > 1 && options.grid.empty())
       info_.notes.push_back("of the channels " + list + ", " + quotedText(channel_.name, 40) +
@@ -216,9 +215,8 @@ class ExrSlices final : public VolumeSource {
     Index3 pixels = channel ? file.pixels(channel->part) : Index3(0);
     pixels.z = info_.voxels.z;
     if (!channel || channel->type != channel_.type || pixels != info_.voxels)
-      throw Error("cannot use '" + path + "': its channel or its size is not that of '" +
-                      files_.front() + "'; keep only the slices of one volume in the folder",
-                  {.path = path});
+      throw unusable(path, "its channel or its size is not that of '" + files_.front() +
+                               "'; keep only the slices of one volume in the folder");
     pixels_.resize(static_cast<std::size_t>(pixels.x * pixels.y));
     file.read(*channel, pixels, pixels_.data());
     slice_ = z;

@@ -11,6 +11,7 @@
 
 #include "isobrick/preprocess/hdf5_handle.h"
 #include "isobrick/preprocess/input_file.h"
+#include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/rows_as_boxes.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/stored_voxels.h"
@@ -20,9 +21,7 @@ namespace isobrick {
 namespace {
 
 Error cannotRead(const std::string& path, const std::string& reason) {
-  return Error(
-      "cannot read '" + path + "': " + reason + "; check that the file is whole and not damaged",
-      {.path = path});
+  return unreadable(path, reason + "; check that the file is whole and not damaged");
 }
 
 // It prints a stack of calls for everything that fails.
@@ -375,9 +374,8 @@ class Hdf5Source final : public VolumeSource {
     const Hdf5Handle found(
         H5Dopen2(name == "." ? file_.id() : opened.id(), dataset.c_str(), H5P_DEFAULT), H5Dclose);
     if (!found.isValid())
-      throw Error("cannot read '" + source + "': it has no dataset " + quotedText(dataset, 100) +
-                      ", from which '" + info_.source + "' takes its voxels; get the whole file",
-                  {.path = source});
+      throw unreadable(source, "it has no dataset " + quotedText(dataset, 100) + ", from which '" +
+                                   info_.source + "' takes its voxels; get the whole file");
   }
 
   void countMissingChunks() {

@@ -7,6 +7,7 @@
 
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/numbered_name.h"
+#include "isobrick/preprocess/path_error.h"
 #include "isobrick/storage/brick_layout.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/lowercase.h"
@@ -97,10 +98,10 @@ bool isEndless(std::int64_t first, std::int64_t last, std::int64_t step) {
 }
 
 Error badPattern(const std::string& header_path, const std::string& pattern) {
-  return Error(
-      "cannot use '" + header_path + "': its data files '" + pattern.substr(0, 100) +
-          "' are not a name with one number, as in 'slice%03d.raw 1 9 1'; correct its header",
-      {.path = header_path});
+  return unusable(
+      header_path,
+      "its data files '" + pattern.substr(0, 100) +
+          "' are not a name with one number, as in 'slice%03d.raw 1 9 1'; correct its header");
 }
 
 // The last of the volume's dimensions, multiplied with `more` of those before it.

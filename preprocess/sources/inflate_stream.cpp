@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "isobrick/preprocess/path_error.h"
 #include "isobrick/storage/error.h"
 
 namespace isobrick {
@@ -74,10 +75,9 @@ class InflateStream final : public ByteStream {
   // Writes up to `bytes`; returns how many, which may be 0.
   std::size_t inflatePart(Bytef* out, std::size_t bytes) {
     if (zlib_.avail_in == 0 && !refill())
-      throw Error("cannot read '" + path_ + "': its compressed data are cut short after " +
-                      std::to_string(content_bytes_) +
-                      " bytes of content; get the whole file again",
-                  {.path = path_});
+      throw unreadable(path_, "its compressed data are cut short after " +
+                                  std::to_string(content_bytes_) +
+                                  " bytes of content; get the whole file again");
     const uInt most = static_cast<uInt>(std::min(bytes, std::size_t{1} << 30));
     zlib_.next_out = out;
     zlib_.avail_out = most;
@@ -108,9 +108,9 @@ class InflateStream final : public ByteStream {
   }
 
   Error damaged() const {
-    return Error("cannot read '" + path_ + "': its compressed data are damaged after " +
-                     std::to_string(content_bytes_) + " bytes of content; get the whole file again",
-                 {.path = path_});
+    return unreadable(path_, "its compressed data are damaged after " +
+                                 std::to_string(content_bytes_) +
+                                 " bytes of content; get the whole file again");
   }
 
   std::string path_;

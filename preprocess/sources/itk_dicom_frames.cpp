@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "isobrick/preprocess/input_file.h"
+#include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/dicom_frames.h"
 #include "isobrick/preprocess/sources/dicom_tags.h"
 #include "isobrick/preprocess/sources/itk_common.h"
@@ -51,8 +52,7 @@ using PixelBytes = std::shared_ptr<std::vector<char>>;
 // All frames of a packed file.
 PixelBytes unpackFrames(const std::string& path, const FileStamp& stamp, std::uint64_t bytes) {
   const auto fail = [&](const std::string& why) {
-    return Error("cannot read '" + path + "': " + why + "; get the whole file again, or unpack it",
-                 {.path = path});
+    return unreadable(path, why + "; get the whole file again, or unpack it");
   };
   if (fileStamp(path) != stamp) throw fail("it changed since its header was read");
   for (const auto silence : {gdcm::Trace::WarningOff, gdcm::Trace::ErrorOff, gdcm::Trace::DebugOff})

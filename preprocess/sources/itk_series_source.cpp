@@ -11,6 +11,7 @@
 #include <set>
 
 #include "isobrick/preprocess/number_text.h"
+#include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/dicom_header.h"
 #include "isobrick/preprocess/sources/dicom_stack.h"
 #include "isobrick/preprocess/sources/dicom_tags.h"
@@ -155,9 +156,8 @@ void requireOneGrid(const std::vector<DicomSlice>& slices) {
     for (std::size_t i = 0; same && i < axes.size(); ++i)
       same = std::abs(axes[i] - other[i]) < 1e-3;
     if (!same)
-      throw Error("cannot use '" + slice.path + "': its size or orientation differs from '" +
-                      reference.path + "' in the same series (a localizer?); move it elsewhere",
-                  {.path = slice.path});
+      throw unusable(slice.path, "its size or orientation differs from '" + reference.path +
+                                     "' in the same series (a localizer?); move it elsewhere");
   }
 }
 
@@ -181,9 +181,9 @@ std::optional<glm::dvec3> sortSlices(const std::string& folder, std::vector<Dico
   if (unplaced != places.end())
     for (const DicomSlice& slice : slices)
       if (slice.instance.empty())
-        throw Error("cannot use '" + slice.path + "': it has neither a position nor an instance " +
-                        "number to sort the slices by; convert the series with its own software",
-                    {.path = slice.path});
+        throw unusable(slice.path,
+                       "it has neither a position nor an instance number to sort the slices by; "
+                       "convert the series with its own software");
   const DicomStackWords words = {folder,
                                  "(several time steps, or copies); keep one volume in the folder",
                                  "find the missing slices or resample the series"};
@@ -213,15 +213,14 @@ SliceImage openSlice(const SliceFile& file, const Index3& expected) {
   SliceImage slice{file.dicom_stamp ? openDicomImage(path, *file.dicom_stamp) : openImage(path)};
   const Index3 voxels = imageVoxels(path, *slice.image);
   if (voxels.z != 1)
-    throw Error("cannot use '" + path + "': it holds " + std::to_string(voxels.z) +
-                    " slices, but the folder is read as a stack of single ones; name that file",
-                {.path = path});
+    throw unusable(path,
+                   "it holds " + std::to_string(voxels.z) +
+                       " slices, but the folder is read as a stack of single ones; name that file");
   if (expected.x != 0 && (voxels.x != expected.x || voxels.y != expected.y))
-    throw Error("cannot use '" + path + "': it has " + std::to_string(voxels.x) + " x " +
-                    std::to_string(voxels.y) + " pixels and the first slice " +
-                    std::to_string(expected.x) + " x " + std::to_string(expected.y) +
-                    "; keep only the slices of one volume in the folder",
-                {.path = path});
+    throw unusable(path, "it has " + std::to_string(voxels.x) + " x " + std::to_string(voxels.y) +
+                             " pixels and the first slice " + std::to_string(expected.x) + " x " +
+                             std::to_string(expected.y) +
+                             "; keep only the slices of one volume in the folder");
   return slice;
 }
 
@@ -382,9 +381,10 @@ VoxelType chooseVoxelType(const std::vector<DicomSlice>& slices, std::optional<V
 void refuseFrames(const std::vector<DicomSlice>& slices) {
   for (const DicomSlice& slice : slices)
     if (slice.frames > 1)
-      throw Error("cannot use '" + slice.path + "': it holds " + std::to_string(slice.frames) +
-                      " slices, but the folder is read as a stack of single ones; name that file",
-                  {.path = slice.path});
+      throw unusable(
+          slice.path,
+          "it holds " + std::to_string(slice.frames) +
+              " slices, but the folder is read as a stack of single ones; name that file");
 }
 
 std::unique_ptr<VolumeSource> openDicomSeries(const std::string& folder,
@@ -548,11 +548,9 @@ std::unique_ptr<VolumeSource> openItkFolder(const std::string& path, const OpenO
       return openImageStack(path, images, options, std::move(notes));
   }
   if (!dicom.damaged.empty())
-    throw Error(
-        "cannot read '" + dicom.damaged.front() + "': the DICOM file is cut short or " +
-            "damaged; get the whole file again, or move it elsewhere if it is not of this " +
-            "series",
-        {.path = dicom.damaged.front()});
+    throw unreadable(dicom.damaged.front(),
+                     "the DICOM file is cut short or damaged; get the whole file again, or move it "
+                     "elsewhere if it is not of this series");
   return openDicomSeries(path, std::move(dicom.slices), options, std::move(notes));
 }
 

@@ -29,6 +29,7 @@
 #include "isobrick/preprocess/byte_order.h"
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/number_text.h"
+#include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/dicom_frames.h"
 #include "isobrick/preprocess/sources/dicom_header.h"
 #include "isobrick/preprocess/sources/dicom_tags.h"
@@ -119,13 +120,9 @@ std::optional<DicomHeader> dicomImageHeader(const std::string& path) {
     case DicomHeader::State::kNotDicom:
       return std::nullopt;
     case DicomHeader::State::kNoImage:
-      throw Error("cannot use '" + path + "': it is a DICOM file without an image; name the " +
-                      "folder of the series",
-                  {.path = path});
+      throw unusable(path, "it is a DICOM file without an image; name the folder of the series");
     case DicomHeader::State::kDamaged:
-      throw Error("cannot read '" + path + "': the DICOM file is cut short or damaged; get the " +
-                      "whole file again",
-                  {.path = path});
+      throw unreadable(path, "the DICOM file is cut short or damaged; get the whole file again");
     case DicomHeader::State::kImage:
       break;
   }
@@ -157,17 +154,13 @@ void prepareItk() {
 
 Error itkError(const std::string& path, const std::exception& exception) {
   if (dynamic_cast<const std::bad_alloc*>(&exception) != nullptr)
-    return Error(
-        "cannot read '" + path + "': not enough memory for its voxels; check the " +
-            "dimensions in its header, or convert it to .mhd or .nrrd, which are read piece by " +
-            "piece",
-        {.path = path});
+    return unreadable(path,
+                      "not enough memory for its voxels; check the dimensions in its header, or "
+                      "convert it to .mhd or .nrrd, which are read piece by piece");
   const auto* itk_exception = dynamic_cast<const itk::ExceptionObject*>(&exception);
-  return Error("cannot read '" + path + "': " +
-                   plainMessage(itk_exception != nullptr ? itk_exception->GetDescription()
-                                                         : exception.what()) +
-                   "; check that the file is whole and not damaged",
-               {.path = path});
+  return unreadable(path, plainMessage(itk_exception != nullptr ? itk_exception->GetDescription()
+                                                                : exception.what()) +
+                              "; check that the file is whole and not damaged");
 }
 
 namespace {
@@ -199,14 +192,14 @@ std::string otherwise(const std::string& path) {
 itk::ImageIOBase::Pointer requireImage(const std::string& path, itk::ImageIOBase::Pointer image,
                                        const OpenOptions& options) {
   if (image.IsNull())
-    throw Error("cannot read '" + path + "': it is unreadable or in no known format (NRRD, " +
-                    "MetaImage, NIfTI, TIFF, DICOM, MRC, VTI, ...); " + otherwise(path),
-                {.path = path}, {Remedy::kDescribeRawFile});
+    throw unreadable(path,
+                     "it is unreadable or in no known format (NRRD, MetaImage, NIfTI, TIFF, DICOM, "
+                     "MRC, VTI, ...); " +
+                         otherwise(path),
+                     {Remedy::kDescribeRawFile});
   const Component component = image->GetComponentType();
   if (component == Component::UNKNOWNCOMPONENTTYPE || component == Component::LDOUBLE)
-    throw Error("cannot use '" + path + "': this kind of voxel is not supported; convert it to a " +
-                    "scalar type first",
-                {.path = path});
+    throw unusable(path, "this kind of voxel is not supported; convert it to a scalar type first");
   checkComponentChoice(path, image->GetNumberOfComponents(), options);
   return image;
 }
@@ -242,9 +235,8 @@ itk::ImageIOBase::Pointer openDicomImage(const std::string& path, const FileStam
                                          const OpenOptions& options) {
   prepareItk();
   if (fileStamp(path) != stamp)
-    throw Error("cannot read '" + path + "': it changed since its header was read; run again " +
-                    "when nobody writes to it",
-                {.path = path});
+    throw unreadable(path,
+                     "it changed since its header was read; run again when nobody writes to it");
   try {
     const CerrCapture silence;
     return requireImage(path, withInformation(path, itk::GDCMImageIO::New().GetPointer()), options);
@@ -260,9 +252,8 @@ Index3 imageVoxels(const std::string& path, const itk::ImageIOBase& image, unsig
   for (unsigned axis = 0; axis < image.GetNumberOfDimensions(); ++axis) {
     const auto count = image.GetDimensions(axis);
     if (axis >= axes && count != 1)
-      throw Error("cannot use '" + path + "': it has " + std::to_string(count) +
-                      " time steps or channels; extract one 3-D volume first",
-                  {.path = path});
+      throw unusable(path, "it has " + std::to_string(count) +
+                               " time steps or channels; extract one 3-D volume first");
     // Hostile headers: more than 63 bits would look negative, which checkVoxelCounts refuses too.
     if (axis < 3) voxels[static_cast<int>(axis)] = static_cast<std::int64_t>(count);
   }
@@ -373,10 +364,10 @@ void checkMrcBytes(const std::string& path, std::uint64_t voxel_bytes) {
   const std::uint64_t before =
       kHeaderBytes + loadNumber<std::uint32_t>(&header[kExtensionAt], header[kStampAt] == 0x11);
   if (file.size() < before || file.size() - before < voxel_bytes)
-    throw Error("cannot read '" + path + "': it has " + std::to_string(file.size()) +
-                    " bytes, and its header takes " + std::to_string(before) + " and its voxels " +
-                    std::to_string(voxel_bytes) + "; get the whole file again",
-                {.path = path});
+    throw unreadable(path, "it has " + std::to_string(file.size()) +
+                               " bytes, and its header takes " + std::to_string(before) +
+                               " and its voxels " + std::to_string(voxel_bytes) +
+                               "; get the whole file again");
 }
 
 // What is in ångströms, unless nothing is said: then ITK makes it 1.
@@ -410,10 +401,7 @@ void checkFrameOffsets(const std::string& path, const std::string& text) {
   bool is_even = mean != 0;
   for (std::size_t i = 1; is_even && i < offsets.size(); ++i)
     is_even = std::abs(offsets[i] - offsets[i - 1] - mean) <= 0.01 * std::abs(mean);
-  if (!is_even)
-    throw Error(
-        "cannot use '" + path + "': its frames are not at even distances; resample it first",
-        {.path = path});
+  if (!is_even) throw unusable(path, "its frames are not at even distances; resample it first");
 }
 
 VolumeInfo describeVolume(const std::string& path, const itk::ImageIOBase& image,
@@ -425,9 +413,7 @@ VolumeInfo describeVolume(const std::string& path, const itk::ImageIOBase& image
   // NIfTI's fourth axis is time, of which one step is taken.
   info.voxels = imageVoxels(path, image, info.format == "NIfTI" ? 4 : 3);
   if (info.voxels.z == 1)
-    throw Error("cannot use '" + path + "': it is a single 2-D image; name the folder that " +
-                    "holds all slices",
-                {.path = path});
+    throw unusable(path, "it is a single 2-D image; name the folder that holds all slices");
   checkVoxelCounts(path, info.voxels);
   info.geometry = imageGeometry(image);
   takeUnits(path, info);
@@ -449,9 +435,9 @@ void describePlainFrames(const std::string& path, const DicomHeader& header,
                          const itk::ImageIOBase& image, const OpenOptions& options,
                          std::vector<std::string>& notes) {
   if (header.value(dicom::kNumberOfFrames).empty())  // of a file that was not walked to its end
-    throw Error("cannot use '" + path + "': its header is packed or in an encoding of one maker, " +
-                    "so where its frames are is unknown; convert it with its own software",
-                {.path = path});
+    throw unusable(path,
+                   "its header is packed or in an encoding of one maker, so where its frames are "
+                   "is unknown; convert it with its own software");
   if (const std::string offsets = header.value(dicom::kGridFrameOffsets); !offsets.empty())
     return checkFrameOffsets(path, offsets);
   const std::string along = header.value(dicom::kFrameIncrementPointer);
@@ -546,10 +532,8 @@ TimeStep chooseTimeStep(const std::string& path, const itk::ImageIOBase& image,
   if (image.GetNumberOfDimensions() > 3) step.count = image.GetDimensions(3);
   if (options.time &&
       (*options.time < 0 || static_cast<std::uint64_t>(*options.time) >= step.count))
-    throw Error("cannot use '" + path + "': its time steps are 0 to " +
-                    std::to_string(step.count - 1) + ", and none is number " +
-                    std::to_string(*options.time),
-                {.path = path});
+    throw unusable(path, "its time steps are 0 to " + std::to_string(step.count - 1) +
+                             ", and none is number " + std::to_string(*options.time));
   step.index = static_cast<std::uint64_t>(options.time.value_or(0));
   if (step.count > 1)
     notes.push_back("time step " + std::to_string(step.index) + " of " +
@@ -567,9 +551,7 @@ std::unique_ptr<VolumeSource> openNiftiRun(VolumeInfo info, std::uint64_t compon
                   info.notes);
   info.geometry.spacing = spacing;
   const auto contradiction = [&] {
-    return Error("cannot read '" + info.source + "': its header is contradictory; check that it " +
-                     "is not damaged",
-                 {.path = info.source});
+    return unreadable(info.source, "its header is contradictory; check that it is not damaged");
   };
   if (nifti.numbers_together > 1) stored.map.reset();  // it is of plain numbers
   if (stored.delivered() != info.voxel_type) throw contradiction();
@@ -647,8 +629,7 @@ std::unique_ptr<VolumeSource> openImageFile(const std::string& path, std::vector
                                                 : std::nullopt;
   const auto type = storedTypeOf(image->GetComponentType());
   if (components > 1 && !type)
-    throw Error("cannot use '" + path + "': its values are no numbers of up to 64 bits; convert it",
-                {.path = path});
+    throw unusable(path, "its values are no numbers of up to 64 bits; convert it");
   StoredVoxels stored;
   stored.type = type.value_or(StoredType::kUint8);
   takeComponent(components, options, stored, info);
@@ -683,10 +664,9 @@ std::unique_ptr<VolumeSource> openDicomFile(const std::string& path, const Dicom
                                             const OpenOptions& options) {
   if (hasDicomFrames(header)) return openDicomFrames(path, header, options);
   if (options.time || options.channel || !options.grid.empty())
-    throw Error("cannot use '" + path +
-                    "': it does not say of its frames to which time, channel or " +
-                    "stack they belong; leave out the choice of one",
-                {.path = path});
+    throw unusable(path,
+                   "it does not say of its frames to which time, channel or stack they belong; "
+                   "leave out the choice of one");
   itk::ImageIOBase::Pointer image = openDicomImage(path, header.stamp, options);
   std::vector<std::string> notes;
   noteMonochrome1(header.value(dicom::kPhotometricInterpretation), notes);

@@ -9,6 +9,7 @@
 
 #include "isobrick/preprocess/byte_order.h"
 #include "isobrick/preprocess/input_file.h"
+#include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/inflate_stream.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/lowercase.h"
@@ -34,9 +35,8 @@ std::string besidePair(const std::string& path, const std::string& ending,
   stem.resize(stem.size() - ending.size());
   for (const char* other : endings)
     if (inputIsThere(stem + other)) return stem + other;
-  throw Error("cannot read '" + path + "': there is no '" + stem + *endings.begin() +
-                  "' beside it; put both files of the pair into one folder",
-              {.path = path});
+  throw unreadable(path, "there is no '" + stem + *endings.begin() +
+                             "' beside it; put both files of the pair into one folder");
 }
 
 class NiftiHeader {
@@ -46,19 +46,16 @@ class NiftiHeader {
     auto stream = makeFileStream(file, 0);
     if (isGzipped(*file)) stream = makeInflateStream(path, std::move(stream));
     if (stream->read(bytes_.data(), kHeaderBytes) != kHeaderBytes)
-      throw Error("cannot read '" + path + "': its header is cut short; get the whole file again",
-                  {.path = path});
+      throw unreadable(path, "its header is cut short; get the whole file again");
     if (isNifti2())
-      throw Error("cannot use '" + path + "': it is NIfTI-2, which is not read; convert it to " +
-                      "NIfTI-1 or NRRD",
-                  {.path = path});
+      throw unusable(path, "it is NIfTI-2, which is not read; convert it to NIfTI-1 or NRRD");
     // How the NIfTI library finds the byte order: dim[0] is 1 .. 7.
     if (dim(0) < 1 || dim(0) > 7) {
       big_endian_ = true;
       if (dim(0) < 1 || dim(0) > 7)
-        throw Error("cannot read '" + path + "': its NIfTI header is damaged, or text (.nia); " +
-                        "get the whole file again, or convert it to .nii",
-                    {.path = path});
+        throw unreadable(path,
+                         "its NIfTI header is damaged, or text (.nia); get the whole file again, "
+                         "or convert it to .nii");
     }
   }
 
@@ -130,9 +127,8 @@ StoredType storedType(const std::string& path, int data_type) {
     case 1280:
       return StoredType::kUint64;
     default:
-      throw Error("cannot use '" + path + "': its voxels are of NIfTI type " +
-                      std::to_string(data_type) + ", which is no plain number; convert it first",
-                  {.path = path});
+      throw unusable(path, "its voxels are of NIfTI type " + std::to_string(data_type) +
+                               ", which is no plain number; convert it first");
   }
 }
 
@@ -160,9 +156,9 @@ NiftiRun findNiftiRun(const std::string& path) {
                                 : besidePair(run.header_path, ".hdr", {".img", ".img.gz"});
   const double offset = header.voxelOffset();
   if (!(offset >= 0 && offset < 0x1p31))
-    throw Error("cannot read '" + run.header_path + "': it says that the voxels begin at byte " +
-                    std::to_string(offset) + "; correct vox_offset in its header",
-                {.path = run.header_path});
+    throw unreadable(run.header_path, "it says that the voxels begin at byte " +
+                                          std::to_string(offset) +
+                                          "; correct vox_offset in its header");
   auto offset_bytes = static_cast<std::uint64_t>(offset);
   if (header.isOneFile()) offset_bytes = std::max<std::uint64_t>(offset_bytes, kHeaderBytes);
   run.is_deflated = isGzipped(InputFile(run.path, run.path == path ? "" : path));
@@ -185,9 +181,8 @@ void checkNiftiHeader(const std::string& path) {
   static_cast<void>(storedType(path, header.dataType()));
   for (int axis = 1; axis <= header.dim(0); ++axis)
     if (header.dim(axis) < 1)
-      throw Error("cannot use '" + path + "': it has " + std::to_string(header.dim(axis)) +
-                      " voxels along axis " + std::to_string(axis) + "; correct its header",
-                  {.path = path});
+      throw unusable(path, "it has " + std::to_string(header.dim(axis)) + " voxels along axis " +
+                               std::to_string(axis) + "; correct its header");
 }
 
 }  // namespace isobrick

@@ -6,6 +6,7 @@
 #include <string_view>
 
 #include "isobrick/preprocess/export/source_views.h"
+#include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/exr_source.h"
 #include "isobrick/preprocess/sources/hdf5_source.h"
 #include "isobrick/preprocess/sources/header_text.h"
@@ -29,9 +30,9 @@ constexpr std::array<std::string_view, 8> kRawEndings = {".raw", ".bin", ".dat",
                                                          ".u8",  ".u16", ".i16", ".f32"};
 
 [[maybe_unused]] Error leftOut(const std::string& path, const char* library) {
-  return Error("cannot read '" + path + "': this isobrick was built without " + library +
-                   "; build it anew with that, or convert the file to .vti or raw voxels",
-               {.path = path});
+  return unreadable(path,
+                    std::string("this isobrick was built without ") + library +
+                        "; build it anew with that, or convert the file to .vti or raw voxels");
 }
 
 std::unique_ptr<VolumeSource> openVdb(const std::string& path,
@@ -103,14 +104,12 @@ void refuseUnusablePath(const std::string& path, const OpenOptions& options) {
   const fs::file_status status = fs::status(path, ignored);
   // Opening a pipe would wait for its other end, for ever.
   if (fs::exists(status) && !fs::is_regular_file(status) && !fs::is_directory(status))
-    throw Error("cannot read '" + path + "': it is neither a file nor a folder; copy it to a file",
-                {.path = path});
+    throw unreadable(path, "it is neither a file nor a folder; copy it to a file");
   if (!mayHaveComponents(path, options)) refuseComponentChoice(path, options);
   if (!options.series.empty() && (!fs::is_directory(status) || isZarrFolder(path)))
-    throw Error("cannot read '" + path +
-                    "': it is no folder of DICOM series to choose from; name " +
-                    "the folder, or leave out the series",
-                {.path = path});
+    throw unreadable(
+        path,
+        "it is no folder of DICOM series to choose from; name the folder, or leave out the series");
   if (options.raw || !fs::is_regular_file(status)) return;
   const std::string ending = lowerExtension(path);
   if (ending == ".isb" && !options.pyramid_level)

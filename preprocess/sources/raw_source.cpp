@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "isobrick/preprocess/input_file.h"
+#include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/inflate_stream.h"
 #include "isobrick/preprocess/sources/raw_run.h"
 #include "isobrick/preprocess/sources/source_checks.h"
@@ -27,9 +28,7 @@ StoredType storedType(const std::string& path, const std::string& name) {
       return type;
   std::string names;
   for (const std::string& known : rawTypeNames()) names += (names.empty() ? "" : ", ") + known;
-  throw Error(
-      "cannot read '" + path + "': unknown voxel type '" + name + "'; choose one of " + names,
-      {.path = path});
+  throw unreadable(path, "unknown voxel type '" + name + "'; choose one of " + names);
 }
 
 // Reads straight from the file, whatever is asked for.

@@ -5,6 +5,7 @@
 #include <glm/geometric.hpp>
 #include <numbers>
 
+#include "isobrick/preprocess/path_error.h"
 #include "isobrick/storage/error.h"
 
 namespace isobrick {
@@ -34,14 +35,14 @@ std::string voxelCountsText(const Index3& voxels) {
 void checkVoxelCounts(const std::string& path, const Index3& voxels) {
   for (int axis = 0; axis < 3; ++axis) {
     if (voxels[axis] < 2)
-      throw Error("cannot use '" + path + "': it has " + voxelCountsText(voxels) +
-                      " voxels, and isobrick needs at least 2 voxels per axis; choose a 3-D volume",
-                  {.path = path});
+      throw unusable(
+          path, "it has " + voxelCountsText(voxels) +
+                    " voxels, and isobrick needs at least 2 voxels per axis; choose a 3-D volume");
     if (voxels[axis] > kMaxVoxelsPerAxis)
-      throw Error("cannot use '" + path + "': it has " + voxelCountsText(voxels) +
-                      " voxels, and isobrick takes at most " + std::to_string(kMaxVoxelsPerAxis) +
-                      " per axis; check the dimensions or cut the volume",
-                  {.path = path});
+      throw unusable(path, "it has " + voxelCountsText(voxels) +
+                               " voxels, and isobrick takes at most " +
+                               std::to_string(kMaxVoxelsPerAxis) +
+                               " per axis; check the dimensions or cut the volume");
   }
 }
 
@@ -52,13 +53,11 @@ void tidyGeometry(const std::string& path, GridGeometry& geometry,
     double& spacing = geometry.spacing[axis];
     const double length = glm::length(direction[axis]);
     if (!std::isfinite(spacing) || spacing == 0 || !std::isfinite(geometry.origin[axis]))
-      throw Error("cannot use '" + path + "': spacing or origin of axis " + std::to_string(axis) +
-                      " is zero or not a number; correct its header",
-                  {.path = path});
+      throw unusable(path, "spacing or origin of axis " + std::to_string(axis) +
+                               " is zero or not a number; correct its header");
     if (!std::isfinite(length) || length < 0.5)
-      throw Error("cannot use '" + path + "': the direction of axis " + std::to_string(axis) +
-                      " is not a unit vector; correct its header",
-                  {.path = path});
+      throw unusable(path, "the direction of axis " + std::to_string(axis) +
+                               " is not a unit vector; correct its header");
     direction[axis] /= spacing < 0 ? -length : length;
     direction[axis] += 0.0;  // no negative zeros
     spacing = std::abs(spacing);
@@ -67,11 +66,11 @@ void tidyGeometry(const std::string& path, GridGeometry& geometry,
   for (int axis = 0; axis < 3; ++axis)
     skew = std::max(skew, std::abs(glm::dot(direction[axis], direction[(axis + 1) % 3])));
   if (skew > kMostSkew)
-    throw Error("cannot use '" + path + "': its axes are not at right angles but up to " +
-                    std::to_string(std::asin(std::min(skew, 1.0)) * 180 / std::numbers::pi) +
-                    " degrees off (sheared, or a tilted gantry); resample it to a rectangular " +
-                    "grid first",
-                {.path = path});
+    throw unusable(
+        path,
+        "its axes are not at right angles but up to " +
+            std::to_string(std::asin(std::min(skew, 1.0)) * 180 / std::numbers::pi) +
+            " degrees off (sheared, or a tilted gantry); resample it to a rectangular grid first");
   if (skew > kRoundingSkew)
     notes.push_back("axes that were not quite at right angles were straightened");
   if (skew == 0) return;  // axis-aligned directions keep their exact bits

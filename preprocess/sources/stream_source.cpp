@@ -3,6 +3,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/byte_stream.h"
 #include "isobrick/preprocess/sources/raw_run.h"
 #include "isobrick/preprocess/sources/stored_voxels.h"
@@ -78,11 +79,10 @@ class StreamSource final : public VolumeSource {
     const std::uint64_t needed =
         content_offset_bytes_ +
         static_cast<std::uint64_t>(elementCount(info_.voxels)) * stored_.bytes();
-    return Error("cannot read '" + path_ + "': its content ends after " +
-                     std::to_string(position_) + " bytes and the header" +
-                     (header_path_ == path_ ? "" : " '" + header_path_ + "'") + " needs " +
-                     std::to_string(needed) + "; get the whole file again",
-                 {.path = path_});
+    return unreadable(path_, "its content ends after " + std::to_string(position_) +
+                                 " bytes and the header" +
+                                 (header_path_ == path_ ? "" : " '" + header_path_ + "'") +
+                                 " needs " + std::to_string(needed) + "; get the whole file again");
   }
 
   VolumeInfo info_;
@@ -103,10 +103,10 @@ std::unique_ptr<VolumeSource> openStream(VolumeInfo info, const StoredVoxels& st
                                          const CancelFlag* cancel) {
   const auto bytes = stored.bytesOf(elementCount(info.voxels));
   if (!bytes || content_offset_bytes > UINT64_MAX - *bytes)
-    throw Error("cannot read '" + header_path + "': it says that the voxels begin at byte " +
-                    std::to_string(content_offset_bytes) + " and have " +
-                    std::to_string(stored.bytes()) + " bytes each; correct its header",
-                {.path = header_path});
+    throw unreadable(header_path, "it says that the voxels begin at byte " +
+                                      std::to_string(content_offset_bytes) + " and have " +
+                                      std::to_string(stored.bytes()) +
+                                      " bytes each; correct its header");
   return std::make_unique<StreamSource>(std::move(info), stored, std::move(stream),
                                         content_offset_bytes, path, header_path, cancel);
 }

@@ -7,6 +7,7 @@
 
 #include "isobrick/preprocess/byte_order.h"
 #include "isobrick/preprocess/input_file.h"
+#include "isobrick/preprocess/path_error.h"
 #include "isobrick/storage/error.h"
 
 namespace isobrick {
@@ -106,10 +107,8 @@ class TiffPageList {
     }
     if (!first_) first_ = form;
     if (form != *first_)
-      throw Error("cannot use '" + file_.path() +
-                      "': its pages differ in size or in their values; " +
-                      "keep only those of one volume",
-                  {.path = file_.path()});
+      throw unusable(file_.path(),
+                     "its pages differ in size or in their values; keep only those of one volume");
   }
 
   // Two whole numbers or a floating one, in the entry where it has room for them; 0 for others.
@@ -133,10 +132,9 @@ class TiffPageList {
     return loadUnsigned(stored.data(), bytes, big_endian_);
   }
   Error cutShort() const {
-    return Error("cannot read '" + file_.path() +
-                     "': its list of pages leads out of the file, or " +
-                     "has no end; get the whole file again",
-                 {.path = file_.path()});
+    return unreadable(
+        file_.path(),
+        "its list of pages leads out of the file, or has no end; get the whole file again");
   }
 
   InputFile file_;

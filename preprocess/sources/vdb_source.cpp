@@ -23,6 +23,7 @@
 
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/openvdb_library.h"
+#include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/length_units.h"
 #include "isobrick/preprocess/sources/rows_as_boxes.h"
 #include "isobrick/preprocess/sources/source_checks.h"
@@ -39,9 +40,7 @@ using openvdb::GridBase;
 std::string quoted(const std::string& text) { return quotedText(text, 100); }
 
 Error cannotUse(const std::string& path, const std::string& reason) {
-  return Error(
-      "cannot use '" + path + "': " + reason + "; write it again, or convert it to .nrrd or .mhd",
-      {.path = path});
+  return unusable(path, reason + "; write it again, or convert it to .nrrd or .mhd");
 }
 
 template <typename... Grids>
@@ -433,9 +432,8 @@ VoxelBox grownActiveBox(const std::string& path, const GridBase& grid) {
   const openvdb::CoordBBox box = grid.evalActiveVoxelBoundingBox();
   if (const auto said = boxOfMetadata(grid, box)) return *said;
   if (box.empty())
-    throw Error("cannot use '" + path + "': its grid " + quoted(grid.getName()) +
-                    " has no active voxels; choose a grid that is not empty",
-                {.path = path});
+    throw unusable(path, "its grid " + quoted(grid.getName()) +
+                             " has no active voxels; choose a grid that is not empty");
   VoxelBox result;
   for (int axis = 0; axis < 3; ++axis) {
     // 64-bit: the box may reach over all 32-bit coordinates.

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include "isobrick/preprocess/path_error.h"
+
 namespace isobrick {
 namespace {
 
@@ -63,20 +65,19 @@ void checkComponentChoice(const std::string& path, std::uint64_t components,
   if (components == 1) return refuseComponentChoice(path, options);
   const std::string values = std::to_string(components) + " values per voxel";
   if (components == 0 || components > kMostComponents)
-    throw Error("cannot use '" + path + "': it has " + values + ", and 1 to " +
-                    std::to_string(kMostComponents) + " are read; correct its header",
-                {.path = path});
+    throw unusable(path, "it has " + values + ", and 1 to " + std::to_string(kMostComponents) +
+                             " are read; correct its header");
   if (!options.component)
-    throw Error("cannot use '" + path + "': it has " + values +
-                    " (colour, vector or complex); extract one channel first",
-                {.path = path}, {Remedy::kChooseComponent});
+    throw unusable(path,
+                   "it has " + values + " (colour, vector or complex); extract one channel first",
+                   {Remedy::kChooseComponent});
   const std::int64_t index = options.component->index;
   if (!options.component->magnitude &&
       (index < 0 || static_cast<std::uint64_t>(index) >= components))
-    throw Error("cannot use '" + path + "': it has " + values + ", 0 to " +
-                    std::to_string(components - 1) + ", and none is number " +
-                    std::to_string(index),
-                {.path = path}, {Remedy::kChooseComponent});
+    throw unusable(path,
+                   "it has " + values + ", 0 to " + std::to_string(components - 1) +
+                       ", and none is number " + std::to_string(index),
+                   {Remedy::kChooseComponent});
 }
 
 void refuseComponentChoice(const std::string& path, const OpenOptions& options) {

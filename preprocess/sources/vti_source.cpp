@@ -10,6 +10,7 @@
 
 #include "isobrick/preprocess/byte_order.h"
 #include "isobrick/preprocess/input_file.h"
+#include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/byte_stream.h"
 #include "isobrick/preprocess/sources/inflate_stream.h"
 #include "isobrick/preprocess/sources/raw_run.h"
@@ -27,9 +28,7 @@ namespace {
 std::string quoted(const std::string& text) { return quotedText(text, 60); }
 
 Error cannotUse(const std::string& path, const std::string& reason) {
-  return Error("cannot use '" + path + "': " + reason +
-                   "; save it again with ParaView, or convert it to .nrrd or .mhd",
-               {.path = path});
+  return unusable(path, reason + "; save it again with ParaView, or convert it to .nrrd or .mhd");
 }
 
 // Exactly N numbers with blanks between them.

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "isobrick/preprocess/input_file.h"
+#include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/shallow_json.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/zarr_json.h"
@@ -45,15 +46,13 @@ std::uint64_t littleEndian64(const std::byte* at) {
 nlohmann::json readZarrJson(const std::string& path) {
   const InputFile file(path);
   if (file.size() > kMostJsonBytes)
-    throw Error("cannot read '" + path + "': it has " + std::to_string(file.size()) +
-                    " bytes, too many for the metadata of a Zarr store; check what it is",
-                {.path = path});
+    throw unreadable(path,
+                     "it has " + std::to_string(file.size()) +
+                         " bytes, too many for the metadata of a Zarr store; check what it is");
   std::string text(static_cast<std::size_t>(file.size()), '\0');
   text.resize(file.readAt(0, text.data(), text.size()));
   Json json = parseShallowJson(text);
-  if (!json.is_object())
-    throw Error("cannot read '" + path + "': it is no JSON object; get the whole store again",
-                {.path = path});
+  if (!json.is_object()) throw unreadable(path, "it is no JSON object; get the whole store again");
   return json;
 }
 
@@ -70,9 +69,8 @@ ZarrArray::ZarrArray(const std::string& folder) : folder_(folder) {
 }
 
 void ZarrArray::refuse(const std::string& reason) const {
-  throw Error("cannot use '" + metadata_path_ + "': " + reason +
-                  "; write the array again with what isobrick reads (docs/FORMATS.md)",
-              {.path = metadata_path_});
+  throw unusable(metadata_path_,
+                 reason + "; write the array again with what isobrick reads (docs/FORMATS.md)");
 }
 
 void ZarrArray::takeShape(const Json& json, const char* key, Indices& out) {
@@ -330,8 +328,7 @@ bool ZarrArray::readPacked(const std::string& path, const Indices& index,
   }
   const InputFile file(path);
   const auto damaged = [&](const std::string& why) {
-    return Error("cannot read '" + path + "': " + why + "; get the whole store again",
-                 {.path = path});
+    return unreadable(path, why + "; get the whole store again");
   };
   const std::uint64_t most = mostPackedBytes(storedChunkBytes()) + 64;
   std::uint64_t offset = 0, bytes = file.size();
@@ -373,8 +370,7 @@ bool ZarrArray::readPacked(const std::string& path, const Indices& index,
 void ZarrArray::unpack(const std::string& path, std::vector<std::byte> packed,
                        std::vector<std::byte>& out) const {
   const auto fail = [&](const std::string& why) {
-    throw Error("cannot read '" + path + "': " + why + "; get the whole store again",
-                {.path = path});
+    throw unreadable(path, why + "; get the whole store again");
   };
   const auto takeChecksums = [&](std::vector<std::byte>& bytes, int count) {
     for (int i = 0; i < count; ++i) {

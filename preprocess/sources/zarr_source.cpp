@@ -12,6 +12,7 @@
 
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/number_text.h"
+#include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/recent_cache.h"
 #include "isobrick/preprocess/sources/length_units.h"
 #include "isobrick/preprocess/sources/rows_as_boxes.h"
@@ -29,7 +30,7 @@ using Json = nlohmann::json;
 using Indices = ZarrArray::Indices;
 
 Error cannotUse(const std::string& path, const std::string& reason) {
-  return Error("cannot use '" + path + "': " + reason + "; correct its metadata", {.path = path});
+  return unusable(path, reason + "; correct its metadata");
 }
 
 // The attributes of a group or an array, whichever the version; null where there are none.

@@ -6,6 +6,7 @@
 #include "isobrick/preprocess/export/formats/slice_writers.h"
 #include "isobrick/preprocess/export/formats/vdb_writer.h"
 #include "isobrick/preprocess/export/formats/zarr_writer.h"
+#include "isobrick/preprocess/path_error.h"
 #include "isobrick/storage/error.h"
 
 namespace isobrick {
@@ -55,16 +56,13 @@ const ExportFormat* formatOf(const std::string& name) {
 void refuseUnknownExport(const std::string& path, bool has_levels) {
   const ExportFormat* const format = formatOf(path);
   if (format != nullptr && format->write == nullptr)
-    throw Error("cannot write '" + path + "': this isobrick was built without " + format->library +
-                    "; build it anew with that, or choose another format",
-                {.path = path});
+    throw unwritable(path, std::string("this isobrick was built without ") + format->library +
+                               "; build it anew with that, or choose another format");
   if (format == nullptr && !isPlainVolumeName(path))
-    throw Error("cannot write '" + path +
-                    "': its ending is none of those that are written (.isb, .vdb, .h5, .ome.zarr, "
-                    ".exr, .tif, "
-                    ".nrrd, .mhd, " +
-                    ".mha, .nii, .nii.gz, .vti, .raw); choose one of them",
-                {.path = path});
+    throw unwritable(
+        path,
+        "its ending is none of those that are written (.isb, .vdb, .h5, .ome.zarr, .exr, .tif, "
+        ".nrrd, .mhd, .mha, .nii, .nii.gz, .vti, .raw); choose one of them");
   if (has_levels && (format == nullptr || !format->has_levels))
     throw Error("cannot write all levels to '" + path + "': this format has one; choose " +
                     "one of them, or write .vdb or .ome.zarr",

@@ -13,15 +13,15 @@
 #include <utility>
 #include <vector>
 
+#include "isobrick/preprocess/path_error.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_io.h"
 
 namespace isobrick {
 namespace {
 
-Error unreadable(const std::string& path, int error) {
-  return Error("cannot read '" + path + "': " + std::strerror(error) + "; check the file",
-               {.path = path});
+Error failed(const std::string& path, int error) {
+  return unreadable(path, std::string(std::strerror(error)) + "; check the file");
 }
 
 }  // namespace
@@ -29,7 +29,7 @@ Error unreadable(const std::string& path, int error) {
 std::optional<Hdf5Original> Hdf5Original::open(const std::string& path) {
   const int fd = ::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
   if (fd < 0 && errno == ENOENT) return std::nullopt;
-  if (fd < 0) throw unreadable(path, errno);
+  if (fd < 0) throw failed(path, errno);
   return Hdf5Original(path, fd);
 }
 
@@ -38,10 +38,8 @@ Hdf5Original::Hdf5Original(std::string path, int fd) : path_(std::move(path)), f
   const int error = fstat(fd_, &status_) != 0 ? errno : S_ISREG(status_.st_mode) ? 0 : EINVAL;
   if (!is_busy && error == 0) return;
   ::close(fd_);
-  if (error != 0) throw unreadable(path_, error);
-  throw Error(
-      "cannot write '" + path_ + "': another program has it open for writing; close it there",
-      {.path = path_});
+  if (error != 0) throw failed(path_, error);
+  throw unwritable(path_, "another program has it open for writing; close it there");
 }
 
 Hdf5Original::Hdf5Original(Hdf5Original&& other) noexcept
@@ -66,8 +64,8 @@ void Hdf5Original::copyTo(AtomicFile& copy, const CancelFlag* cancel,
                           const std::function<void(std::uint64_t)>& progress) const {
   // First of all, so that nobody else reads what only its owner may.
   if (fchown(copy.fd(), status_.st_uid, status_.st_gid) != 0 && errno != EPERM)
-    throw unreadable(path_, errno);
-  if (fchmod(copy.fd(), status_.st_mode & 07777) != 0) throw unreadable(path_, errno);
+    throw failed(path_, errno);
+  if (fchmod(copy.fd(), status_.st_mode & 07777) != 0) throw failed(path_, errno);
   if (ioctl(copy.fd(), FICLONE, fd_) == 0) return;
   refuseTooLittleSpace(copy);
   constexpr std::uint64_t kStepBytes = std::uint64_t{4} << 20;
@@ -77,7 +75,7 @@ void Hdf5Original::copyTo(AtomicFile& copy, const CancelFlag* cancel,
     const auto step =
         static_cast<std::size_t>(std::min<std::uint64_t>(bytes() - at, buffer.size()));
     const IoResult read = readBytesAt(fd_, at, buffer.data(), step);
-    if (read.bytes != step) throw unreadable(path_, read.error != 0 ? read.error : EIO);
+    if (read.bytes != step) throw failed(path_, read.error != 0 ? read.error : EIO);
     copy.pwrite(buffer.data(), step, at);
     progress(at + step);
   }

@@ -11,6 +11,7 @@
 #include "isobrick/preprocess/export/formats/spooled_source.h"
 #include "isobrick/preprocess/export/volume_rows.h"
 #include "isobrick/preprocess/hdf5_handle.h"
+#include "isobrick/preprocess/path_error.h"
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"
 
@@ -92,8 +93,7 @@ class Hdf5Writer {
   }
 
   Error refused(const std::string& why) const {
-    return Error("cannot write '" + path_ + "': " + why + "; choose another dataset",
-                 {.path = path_});
+    return unwritable(path_, why + "; choose another dataset");
   }
 
   hid_t openFile(const std::string& file, bool is_there) const {
@@ -104,10 +104,9 @@ class Hdf5Writer {
     if (!is_there) return H5Fcreate(file.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, access.id());
     const hid_t opened = H5Fopen(file.c_str(), H5F_ACC_RDWR, access.id());
     if (opened < 0)
-      throw Error("cannot write '" + path_ + "': the file is there, and HDF5 cannot add to it: " +
-                      "it is no HDF5 file, is damaged, or was not closed by its writer; choose " +
-                      "another file",
-                  {.path = path_});
+      throw unwritable(path_,
+                       "the file is there, and HDF5 cannot add to it: it is no HDF5 file, is "
+                       "damaged, or was not closed by its writer; choose another file");
     return opened;
   }
 
@@ -201,9 +200,7 @@ VolumeWriteReport writeHdf5(VolumeLevels& levels, const std::string& path,
   const std::string named = colon == std::string::npos ? path : path.substr(0, colon);
   const std::string dataset =
       colon == std::string::npos ? "/volume" : plainName(path.substr(colon + 1));
-  if (dataset.empty())
-    throw Error("cannot write '" + path + "': it names no dataset; write file.h5:/name",
-                {.path = path});
+  if (dataset.empty()) throw unwritable(path, "it names no dataset; write file.h5:/name");
   std::error_code ignored;
   const std::string name = std::filesystem::is_symlink(named, ignored)
                                ? std::filesystem::weakly_canonical(named, ignored).string()

@@ -7,6 +7,7 @@
 #include "isobrick/preprocess/export/atomic_folder.h"
 #include "isobrick/preprocess/export/volume_rows.h"
 #include "isobrick/preprocess/numbered_name.h"
+#include "isobrick/preprocess/path_error.h"
 #include "isobrick/storage/error.h"
 
 namespace isobrick {
@@ -21,9 +22,8 @@ void refuseLargeSlices(const VolumeInfo& info, const std::string& path,
                        const ExportOptions& options) {
   const std::uint64_t slice_bytes = rowBytes(info) * static_cast<std::uint64_t>(info.voxels.y);
   if (slice_bytes > options.memory_bytes)
-    throw Error("cannot write '" + path + "': a slice takes " +
-                    std::to_string((slice_bytes >> 20) + 1) + " MiB",
-                {.path = path}, {Remedy::kAllowMoreMemory});
+    throw unwritable(path, "a slice takes " + std::to_string((slice_bytes >> 20) + 1) + " MiB",
+                     {Remedy::kAllowMoreMemory});
 }
 
 void forEachSlice(VolumeSource& source, const ExportOptions& options,
@@ -47,10 +47,10 @@ VolumeWriteReport writeSlices(
   constexpr std::size_t kMostDigits = 18;
   if (!name || name->width > kMostDigits || folder_name.empty() ||
       folder_name.find('%') != std::string::npos)
-    throw Error("cannot write '" + pattern + "': slices go into a folder of their own, and their " +
-                    "name has one place for the number; write as folder/%04d" +
-                    path.extension().string(),
-                {.path = pattern});
+    throw unwritable(pattern,
+                     "slices go into a folder of their own, and their name has one place for the "
+                     "number; write as folder/%04d" +
+                         path.extension().string());
   name->fill = '0';  // names of slices sort as their numbers do
   refuseLargeSlices(levels.front()->info(), pattern, options);
   AtomicFolder folder(folder_name);

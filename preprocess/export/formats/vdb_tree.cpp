@@ -16,6 +16,7 @@
 
 #include "isobrick/preprocess/export/volume_headers.h"
 #include "isobrick/preprocess/export/volume_rows.h"
+#include "isobrick/preprocess/path_error.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/index_loop.h"
 
@@ -252,11 +253,11 @@ std::uint64_t mostNodeBytes(const VolumeInfo& info) {
 
 Error tooManyLeaves(const VolumeSource& source, const std::string& path) {
   const std::uint64_t most = mostNodeBytes(source.info()) + kThreadBytes + source.bufferBytes();
-  return Error("cannot write '" + path + "': the nodes of its tree take up to " +
-                   std::to_string((most >> 20) + 1) +
-                   " MiB, which is more than is allowed; write a " +
-                   "coarser level or a box, or store less with a background and a tolerance",
-               {.path = path}, {Remedy::kAllowMoreMemory});
+  return unwritable(path,
+                    "the nodes of its tree take up to " + std::to_string((most >> 20) + 1) +
+                        " MiB, which is more than is allowed; write a coarser level or a box, or "
+                        "store less with a background and a tolerance",
+                    {Remedy::kAllowMoreMemory});
 }
 
 // Bytes one after the other, as far as any file goes.
@@ -267,9 +268,10 @@ constexpr std::int64_t kMostFileBytes = std::int64_t{1} << 62;
 void VdbGridPlan::refuseBeyondHalf(float value, const std::string& path) const {
   constexpr float kFirstInfinite = 65520;  // as a half; what lies below is rounded to 65504
   if (!(std::abs(value) >= kFirstInfinite) || std::isinf(value)) return;
-  throw Error("cannot write '" + path + "': the value " + numberText(static_cast<double>(value)) +
-                  " is beyond half floats, which end at 65504",
-              {.path = path}, {Remedy::kWholeFloats});
+  throw unwritable(path,
+                   "the value " + numberText(static_cast<double>(value)) +
+                       " is beyond half floats, which end at 65504",
+                   {Remedy::kWholeFloats});
 }
 
 VdbPackedLeaves::VdbPackedLeaves(const std::string& folder)

@@ -20,6 +20,7 @@
 #include "isobrick/preprocess/export/volume_rows.h"
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/openvdb_library.h"
+#include "isobrick/preprocess/path_error.h"
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/isolated_loop.h"
@@ -94,9 +95,7 @@ VdbUnit unitFor(const GridGeometry& finest, const std::string& path) {
   if (finest.unit == LengthUnit::kMillimetre)
     for (const auto& [scale, name] : kMetric)
       if (fits(scale)) return {scale, std::string(name)};
-  throw Error(
-      "cannot write '" + path + "': its spacing is too small for OpenVDB; write .nrrd " + "instead",
-      {.path = path});
+  throw unwritable(path, "its spacing is too small for OpenVDB; write .nrrd instead");
 }
 
 // Coordinates become the source's world.
