@@ -112,7 +112,7 @@ inline DetailChoice randomChoice(RandomCase& random, const Pyramid& pyramid, dou
     else
       view.pixels_per_radian = random.real(1, 40);
     if (random.chance(0.6)) {
-      view.field.emplace();
+      view.field = ViewPoint::Field{};
       view.field->direction = anywhere() - view.eye + glm::dvec3(0.01);
       view.field->half_angle = random.real(0.05, 1.5);
       view.field->radius = random.real(0.5, reach);

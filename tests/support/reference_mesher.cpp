@@ -231,7 +231,8 @@ double clampedLerp(double a, double b, double w) {
 
 // Rule 6.
 float Mesher::computeValue(const Index3& p) {
-  const auto [m, M] = touchingLevels(p);
+  const auto [least, greatest] = touchingLevels(p);
+  const int m = least, M = greatest;  // clang 14 takes no structured binding into a lambda
   if (isOnLattice(lattice_, M, p)) return pyramid_.sampleAtPosition(m, p);
   if (M - m != 1) broken("touching leaves differ by more than one level");
 
