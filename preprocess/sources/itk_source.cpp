@@ -175,28 +175,25 @@ itk::ImageIOBase::Pointer withInformation(const std::string& path,
   return image;
 }
 
-// What to do with a file that is in none of the formats.
-std::string otherwise(const std::string& path) {
+Error unknownFormat(const std::string& path) {
   static constexpr std::pair<const char*, const char*> kConverters[] = {
       {".vtk", "save it as .vti with ParaView"},
       {".gipl", "save it as .nrrd with 3D Slicer"},
       {".gipl.gz", "save it as .nrrd with 3D Slicer"},
       {".pic", "save it as .tif with Fiji"}};
-  const std::string name = lowercase(path);
   for (const auto& [ending, advice] : kConverters)
-    if (name.ends_with(ending)) return advice;
-  return "say its layout if it has no header";
+    if (lowercase(path).ends_with(ending))
+      return unusable(path, std::string("this format is not read; ") + advice);
+  return unreadable(path,
+                    "it is unreadable or in no known format (NRRD, MetaImage, NIfTI, TIFF, DICOM, "
+                    "MRC, VTI, ...); say its layout if it has no header",
+                    {Remedy::kDescribeRawFile});
 }
 
 // `options` say what becomes of several values per voxel.
 itk::ImageIOBase::Pointer requireImage(const std::string& path, itk::ImageIOBase::Pointer image,
                                        const OpenOptions& options) {
-  if (image.IsNull())
-    throw unreadable(path,
-                     "it is unreadable or in no known format (NRRD, MetaImage, NIfTI, TIFF, DICOM, "
-                     "MRC, VTI, ...); " +
-                         otherwise(path),
-                     {Remedy::kDescribeRawFile});
+  if (image.IsNull()) throw unknownFormat(path);
   const Component component = image->GetComponentType();
   if (component == Component::UNKNOWNCOMPONENTTYPE || component == Component::LDOUBLE)
     throw unusable(path, "this kind of voxel is not supported; convert it to a scalar type first");
