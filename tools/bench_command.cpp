@@ -18,6 +18,7 @@
 #include "tools/parsed_option.h"
 #include "tools/progress_bar.h"
 #include "tools/query_options.h"
+#include "tools/shared_options.h"
 #include "tools/thread_count.h"
 
 namespace isobrick {
@@ -160,12 +161,15 @@ Command addBenchCommand(CLI::App& app) {
   addParsedOption(
       *sub, "--repeat", settings.repeats,
       [](const std::string& text) { return parseInteger(text, 1, 1000000); }, "N",
-      "Measured extractions in such a process, after one that is not; default: 3");
+      "Extract N times; in each process, after a time that is not measured; default: 3");
   sub->add_option(
-         "--cache", arguments->cache,
+         "--page-cache", arguments->cache,
          "warm (default): the volume is in memory. cold: the file is dropped from the page "
          "cache, and the time is that from opening it to the mesh")
       ->type_name("KIND")
+      ->check(CLI::IsMember({"warm", "cold", "both"}));
+  sub->add_option("--cache", arguments->cache)  // its name until 0.1
+      ->group("")
       ->check(CLI::IsMember({"warm", "cold", "both"}));
   sub->add_option("--huge-pages", arguments->huge_pages,
                   "on (default): every row may have huge pages, and asks for them. off: none has")
@@ -182,7 +186,7 @@ Command addBenchCommand(CLI::App& app) {
       ->type_name("PATH");
   sub->add_flag("!--no-distances", settings.with_distances,
                 "Leave out how far adaptive surfaces lie from the finest one");
-  sub->add_flag("--json", arguments->json, "Print one JSON object instead of the tables");
+  addJsonFlag(*sub, arguments->json);
   sub->footer(
       "A query with a focus, a level or a tolerance gets a row of its own beside the finest "
       "surface.");

@@ -15,6 +15,7 @@
 #include "tools/json_output.h"
 #include "tools/one_line.h"
 #include "tools/pyramid_cache.h"
+#include "tools/shared_options.h"
 #include "tools/text_table.h"
 #include "tools/volume_input.h"
 
@@ -114,7 +115,7 @@ Command addCacheCommand(CLI::App& app) {
   const auto arguments = std::make_shared<CacheArguments>();
   sub->add_flag("--clear", arguments->clear, "Remove all but those that a process uses");
   addCacheFolderOption(*sub, arguments->folder);
-  sub->add_flag("--json", arguments->json, "Print one JSON object instead of text");
+  addJsonFlag(*sub, arguments->json);
   sub->footer(fmt::format(R"(
 'extract', 'render', 'view', 'bench' and 'info' build the pyramid of a volume here, and find it again
 until the volume changes. Beyond {} (or what the variable ISOBRICK_CACHE_SIZE says, such as 100G) the

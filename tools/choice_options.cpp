@@ -8,6 +8,7 @@
 
 #include "tools/parse_text.h"
 #include "tools/parsed_option.h"
+#include "tools/shared_options.h"
 
 namespace isobrick {
 namespace {
@@ -106,10 +107,7 @@ void addChoiceOptions(CLI::App& app, ChoiceOptions& options) {
                   "Leave parts at level 1 where no vertex lies more than V, in the data's units, "
                   "from where the voxels have the isovalue; or N times the noise ('info')");
   addViewOptions(app, options);
-  CLI::Option* const level = addParsedOption(
-      app, "--level", options.level, [](const std::string& t) { return parseInteger(t, 0, 63); },
-      "L", "Extract everything from this level; 0 is the finest");
-  level->excludes(focus);
+  addLevelOption(app, options.level, 63)->excludes(focus);
 }
 
 ChoiceOptions parseChoice(const std::string& text) {

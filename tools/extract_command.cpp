@@ -22,6 +22,7 @@
 #include "tools/parsed_option.h"
 #include "tools/progress_bar.h"
 #include "tools/query_options.h"
+#include "tools/shared_options.h"
 #include "tools/stopwatch.h"
 #include "tools/thread_count.h"
 
@@ -191,7 +192,7 @@ Command addExtractCommand(CLI::App& app) {
   addQueryOptions(*sub, arguments->query);
   CLI::Option* const output =
       sub->add_option("-o,--output", arguments->output,
-                      "Mesh to write, .ply, .stl, .obj, .glb or .vtp, in world units. "
+                      "Output; a mesh, .ply, .stl, .obj, .glb or .vtp, in world units. "
                       "Without it the mesh is only counted")
           ->type_name("MESH");
   addForceFlag(*sub, arguments->force)->needs(output);
@@ -210,8 +211,8 @@ Command addExtractCommand(CLI::App& app) {
   addParsedOption(
       *sub, "--repeat", arguments->repeat,
       [](const std::string& text) { return parseInteger(text, 1, 1000000); }, "N",
-      "Extract N times, for timing; the last one is written");
-  sub->add_flag("--json", arguments->json, "Print one JSON object instead of the summary");
+      "Extract N times; the last one is written");
+  addJsonFlag(*sub, arguments->json);
   return {sub, [arguments] { return runExtract(*arguments); }};
 }
 

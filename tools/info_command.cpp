@@ -15,6 +15,7 @@
 #include "tools/json_output.h"
 #include "tools/one_line.h"
 #include "tools/query_options.h"
+#include "tools/shared_options.h"
 #include "tools/thread_count.h"
 #include "tools/volume_input.h"
 
@@ -186,7 +187,7 @@ Command addInfoCommand(CLI::App& app) {
   const auto arguments = std::make_shared<InfoArguments>();
   addVolumeInput(*sub, arguments->input)->required();
   addNoMapFlag(*sub, arguments->no_map);
-  sub->add_flag("--json", arguments->json, "Print one JSON object instead of text");
+  addJsonFlag(*sub, arguments->json);
   return {sub, [arguments] { return runInfo(*arguments); }};
 }
 

@@ -21,7 +21,7 @@ namespace {
 
 constexpr char kExamples[] = R"(
 Examples:
-  isobrick phantom head --size 256 -o head.nrrd      make a test volume
+  isobrick phantom head --voxels 256 -o head.nrrd      make a test volume
   isobrick build head.nrrd                           make head.isb in the current folder
   isobrick build 'scans/*.nrrd' --out-dir pyramids   one pyramid each; again: only what changed
   isobrick build scan.raw --raw-dims 512,512,400 --raw-type u16

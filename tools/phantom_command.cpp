@@ -60,21 +60,28 @@ Command addPhantomCommand(CLI::App& app) {
   sub->add_option("NAME", arguments->spec.name, "Which one")
       ->required()
       ->check(CLI::IsMember(phantomNames()));
-  addParsedOption(
-      *sub, "--size", arguments->spec.size,
-      [](const std::string& text) { return parseInteger(text, 2, kMaxVoxelsPerAxis); }, "N",
-      "Voxels per axis")
-      ->required();
+  const auto parseVoxels = [](const std::string& text) {
+    return parseInteger(text, 2, kMaxVoxelsPerAxis);
+  };
+  CLI::Option* const voxels = addParsedOption(*sub, "--voxels", arguments->spec.size, parseVoxels,
+                                              "N", "Voxels per axis");
+  CLI::Option* const size =
+      addParsedOption(*sub, "--size", arguments->spec.size, parseVoxels, "N", "")
+          ->group("")  // its name until 0.1
+          ->excludes(voxels);
   sub->add_option("-o,--output", arguments->output,
-                  "Volume to write: .nrrd, .mhd (with a .raw beside it) or .raw")
+                  "Output; a volume, .nrrd, .mhd (with a .raw beside it) or .raw")
       ->type_name("FILE")
       ->required();
   addForceFlag(*sub, arguments->force);
   sub->add_option("--type", arguments->type,
-                  "Voxels; default: u16 for head, u8 for gyroid, f32 for the others")
+                  "Voxels to write; default: u16 for head, u8 for gyroid, f32 for the others")
       ->type_name("T")
       ->check(CLI::IsMember(voxelTypeShortNames()));
-  return {sub, [arguments] { return runPhantom(*arguments); }};
+  return {sub, [arguments, voxels, size] {
+            if (voxels->count() + size->count() == 0) throw UsageError("--voxels is required");
+            return runPhantom(*arguments);
+          }};
 }
 
 }  // namespace isobrick

@@ -12,6 +12,7 @@
 #include "tools/interrupt.h"
 #include "tools/one_line.h"
 #include "tools/parsed_option.h"
+#include "tools/shared_options.h"
 #include "tools/thread_count.h"
 
 namespace isobrick {
@@ -76,16 +77,12 @@ void addQueryOptions(CLI::App& app, QueryOptions& options) {
       ->type_name("CHOICE")
       ->expected(1)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
-  addParsedOption(app, "--box", options.box, parseCorners, "X0,Y0,Z0,X1,Y1,Z1",
-                  "Extract only cells that overlap this box of voxel indices");
+  addBoxOption(app, options.box);
   app.add_flag("--world", options.world,
                "--focus, --radius and --box are in world units. The radius is divided by the least "
                "spacing, so that the whole world sphere is of the finest level; on an oblique "
                "volume the box becomes the least box of indices around it");
-  addParsedOption(
-      app, "--memory", options.memory_bytes, parseByteSize, "SIZE",
-      "Bytes of the file to keep in memory, such as 256M; default: 1G. Any size works: with less, "
-      "more is read again");
+  addMemoryOption(app, options.memory_bytes);
   addNoMapFlag(app, options.no_map);
   addThreadsOption(app, options.threads);
 }

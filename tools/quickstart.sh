@@ -14,7 +14,7 @@ isobrick=build/release/isobrick
 mkdir -p "$out"
 
 echo; echo "== a volume"
-"$isobrick" phantom head --size 256 -o "$out/head.nrrd" --force
+"$isobrick" phantom head --voxels 256 -o "$out/head.nrrd" --force
 echo; echo "== its pyramid"
 "$isobrick" build "$out/head.nrrd" -o "$out/head.isb" --force
 echo; echo "== the bone around a focus point, coarser with distance"

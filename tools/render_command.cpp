@@ -141,7 +141,7 @@ Command addRenderCommand(CLI::App& app) {
   RenderOptions& picture = arguments->picture;
   addQueryOptions(*sub, arguments->query);
   sub->add_option("-o,--output", arguments->output,
-                  "Picture to write: .png (8 bits, sRGB) or .exr (half floats, linear)")
+                  "Output; a picture, .png (8 bits, sRGB) or .exr (half floats, linear)")
       ->type_name("IMAGE")
       ->required();
   addForceFlag(*sub, arguments->force);
@@ -168,7 +168,7 @@ Command addRenderCommand(CLI::App& app) {
       "R,G,B", "Both of them");
   CLI::Option* const state =
       sub->add_option("--state", arguments->state,
-                      "View that `isobrick view` wrote, in place of --iso and of all that says "
+                      "Saved view; as 'isobrick view' wrote it, in place of --iso and of all that says "
                       "what is seen from where")
           ->type_name("VIEW.json");
   CLI::Option* const isovalue = findOption(*sub, "--iso")->required(false);

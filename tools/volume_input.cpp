@@ -36,17 +36,17 @@ struct VolumeWord {
   const char *option, *type, *description;
 };
 constexpr VolumeWord kVolumeWords[] = {
-    {"--spacing", "X,Y,Z", "Distances between voxels in place of what it says or lacks"},
-    {"--origin", "X,Y,Z", "Where its first voxel is, in place of what it says or lacks"},
+    {"--spacing", "X,Y,Z", "Distances between voxels in the units of the world, in place of what the input says or lacks"},
+    {"--origin", "X,Y,Z", "Where the first voxel is in the world, in place of what the input says or lacks"},
     {"--series", "N|UID", "Of a folder with several DICOM series, the one of this number or UID"},
     {"--grid", "NAME", "The grid, array or stack of this name, as for 'isobrick build'"},
     {"--time", "T", "The time step, as for 'isobrick build'"},
     {"--channel", "C", "The channel, as for 'isobrick build'"},
     {"--component", "N|magnitude", "The component, as for 'isobrick build'"},
-    {"--raw-dims", "X,Y,Z", "Voxels of a file without a header"},
-    {"--raw-type", "T", "Its type, as for 'isobrick build'"},
-    {"--raw-endian", "E", "Its byte order"},
-    {"--raw-offset", "BYTES", "Where its first voxel is"},
+    {"--raw-dims", "X,Y,Z", "The input has no header, and this many voxels per axis"},
+    {"--raw-type", "T", "Its voxels, as for 'isobrick build'"},
+    {"--raw-endian", "E", "Its byte order; default: little"},
+    {"--raw-offset", "BYTES", "Bytes in front of its first voxel"},
 };
 
 // Whether all options that the text names are among those.

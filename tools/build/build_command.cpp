@@ -21,6 +21,7 @@
 #include "tools/output_check.h"
 #include "tools/parse_text.h"
 #include "tools/parsed_option.h"
+#include "tools/shared_options.h"
 #include "tools/thread_count.h"
 
 namespace isobrick {
@@ -139,7 +140,7 @@ void addOutputOptions(CLI::App& sub, BuildArguments& arguments) {
   };
   CLI::Option* const output = addParsedOption(
       sub, "-o,--output", arguments.output, notEmpty, "OUT.isb",
-      "Pyramid to write, for a single input; default: the input's name with .isb in the current "
+      "Output; of a single input; default: the input's name with .isb in the current "
       "folder");
   addParsedOption(sub, "--out-dir", arguments.out_dir, notEmpty, "DIR",
                   "Folder for the pyramids, made if it is missing; default: the current folder")
@@ -158,8 +159,8 @@ void addOutputOptions(CLI::App& sub, BuildArguments& arguments) {
                "options (but not where these ask for other voxels or another place)");
   sub.add_flag("--resume", arguments.settings.options.resume,
                "Go on where an interrupted or killed build with the same options ended");
-  sub.add_flag("--json", arguments.json,
-               "Print one JSON object instead of the summary; of many inputs one with a list");
+  addJsonFlag(sub, arguments.json);
+  sub.add_flag("--verbose", arguments.settings.verbose, "Say how long each phase took, too");
   CLI::Option* const lines = sub.add_flag_callback(
       "--progress-lines", [&] { arguments.settings.progress = ProgressStyle::kLines; },
       "Write how far it is on stderr as lines, for programs: progress 0.612 bricks");
@@ -172,18 +173,15 @@ void addOutputOptions(CLI::App& sub, BuildArguments& arguments) {
   addParsedOption(
       sub, "--preview-share", preview.most_share,
       [](const std::string& text) { return parseNumberFrom(text, 0); }, "S",
-      fmt::format("Share of the time that these may take; 0: none are made; 1: one after every "
-                  "slab of bricks; default: {}",
+      fmt::format("Share of a build's time that previews may take; 0: none are made; 1: one after "
+                  "every slab of bricks; default: {}",
                   preview.most_share));
 }
 
 void addResourceOptions(CLI::App& sub, BuildArguments& arguments) {
   BuildOptions& options = arguments.settings.options;
-  addParsedOption(
-      sub, "--memory", options.memory_bytes, parseByteSize, "SIZE",
-      fmt::format("Bound of all buffers, such as 300M or 2G; what does not fit waits in "
-                  "nameless files beside the output; default: {}M",
-                  options.memory_bytes >> 20));
+  options.memory_bytes = kDefaultMemoryBytes;
+  addMemoryOption(sub, options.memory_bytes);
   addThreadsOption(sub, arguments.settings.threads);
 }
 

@@ -36,6 +36,7 @@ struct BuildSettings {
   // Not empty: in place of the job's output, a pyramid in this folder (tools/pyramid_cache.h), or
   // the one beside the input if that is up to date.
   std::string cache_folder = {};
+  bool verbose = false;      // the summary has a line for each phase
   bool any_options = false;  // a pyramid of the same input is up to date, whatever its options
   ProgressStyle progress = ProgressStyle::kBar;
 };

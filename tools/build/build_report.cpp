@@ -83,7 +83,7 @@ void printBuilt(const BuiltVolume& built, const BuildSettings& settings) {
   if (built.report.bricks_resumed > 0)
     fmt::print("resumed: {} of {} bricks are of an earlier run; rates are of the rest\n",
                countText(built.report.bricks_resumed), countText(built.bricks));
-  printPhases(built);
+  if (settings.verbose) printPhases(built);
   fmt::print(
       "{:.2f} s (open {:.2f}, build {:.2f}); {} MB/s; {} threads; peak memory {}, --memory {}\n",
       built.seconds, built.open_seconds, built.report.seconds,

@@ -32,6 +32,7 @@
 #include "tools/parsed_option.h"
 #include "tools/progress_bar.h"
 #include "tools/query_options.h"
+#include "tools/shared_options.h"
 #include "tools/stopwatch.h"
 #include "tools/thread_count.h"
 
@@ -258,56 +259,54 @@ ValueWindow parseWindow(const std::string& text) {
 Command addConvertCommand(CLI::App& app) {
   CLI::App* const sub = app.add_subcommand("convert", kConvertDescription);
   const auto arguments = std::make_shared<ConvertArguments>();
+  arguments->build.memory_bytes = kDefaultMemoryBytes;
   arguments->build.keep_unfinished = false;  // there is no --resume
   sub->add_option("IN", arguments->input.path,
                   "Pyramid (.isb), or a volume in any format that `build` reads")
       ->type_name("PATH")
       ->required();
   sub->add_option("-o,--output", arguments->output,
-                  "What to write; the ending says the format: .isb, .nrrd, .mhd, .mha, .nii, "
+                  "Output; the ending says the format: .isb, .nrrd, .mhd, .mha, .nii, "
                   ".nii.gz, .vti, .vdb, .ome.zarr, .h5 (or file.h5:/path), .tif, .raw, or "
                   "slices: folder/%04d.exr, folder/%04d.tif")
       ->type_name("OUT")
       ->required();
-  CLI::Option* const level = addParsedOption(
-      *sub, "--level", arguments->level,
-      [](const std::string& text) { return parseInteger(text, 0, 20); }, "L",
-      "Of a pyramid, the level to write; default: 0, the finest");
+  CLI::Option* const level = addLevelOption(*sub, arguments->level, 20);
   sub->add_option("--levels", arguments->levels, "Of a pyramid, all levels (.vdb, .ome.zarr)")
       ->type_name("all")
       ->check(CLI::IsMember({"all"}))
       ->excludes(level);
-  addParsedOption(*sub, "--box", arguments->box, parseCorners, "X0,Y0,Z0,X1,Y1,Z1",
-                  "Only these voxels, both corners included, in voxel indices of level 0");
+  addBoxOption(*sub, arguments->box);
   addParsedOption(*sub, "--window", arguments->window, parseWindow, "LO,HI",
                   "Spread the values from LO to HI over all of the integers of --type; what lies "
                   "outside becomes the nearest of them");
   sub->add_option("--type", arguments->type,
-                  "Voxels to write: u8, i8, u16 or i16 of a --window, or f32; default: as they are")
+                  "Voxels to write; u8, i8, u16 or i16 of a --window, or f32; default: as they are")
       ->type_name("T")
       ->check(CLI::IsMember({"u8", "i8", "u16", "i16", "f32"}));
   addParsedOption(
       *sub, "--background", arguments->write.vdb_background,
       [](const std::string& text) { return static_cast<float>(parseSingle(text)); }, "V",
       "Value of what a .vdb does not store; default: that of the .vdb it came from, or 0");
+  const auto parseTolerance = [](const std::string& text) {
+    parseSingle(text);
+    return parseNumberFrom(text, 0);
+  };
   addParsedOption(
-      *sub, "--tolerance", arguments->write.vdb_tolerance,
-      [](const std::string& text) {
-        parseSingle(text);
-        return parseNumberFrom(text, 0);
-      },
-      "T", "Voxels no further than T from the background are not stored in a .vdb; default: 0");
+      *sub, "--background-tolerance", arguments->write.vdb_tolerance, parseTolerance, "T",
+      "Voxels no further than T from the background are not stored in a .vdb; default: 0");
+  addParsedOption(*sub, "--tolerance", arguments->write.vdb_tolerance, parseTolerance, "T", "")
+      ->group("");  // its name until 0.1
   sub->add_flag("--half", arguments->write.vdb_half, "Half floats in a .vdb");
   addStoredOptions(*sub, arguments->build);
   addForceFlag(*sub, arguments->force)
       ->description(
           "Replace what has the name of the output, of an HDF5 file the dataset alone (never the "
           "input). A dataset goes into a copy of the file, which takes its place in the end");
-  addParsedOption(*sub, "--memory", arguments->build.memory_bytes, parseByteSize, "SIZE",
-                  "Bound of all buffers, such as 300M or 2G; default: 512M");
+  addMemoryOption(*sub, arguments->build.memory_bytes);
   addNoMapFlag(*sub, arguments->no_map);
   addThreadsOption(*sub, arguments->threads);
-  sub->add_flag("--json", arguments->json, "Print one JSON object instead of the summary");
+  addJsonFlag(*sub, arguments->json);
   addOpenOptions(*sub, arguments->input);
   sub->footer(R"(
 World coordinates are taken as LPS (DICOM, ITK), lengths as millimetres if the input says its unit;

@@ -65,7 +65,7 @@ void addOpenOptions(CLI::App& app, InputOptions& options) {
       [](const std::string& text) {
         return parseInteger(text, 0, std::numeric_limits<std::int64_t>::max());
       },
-      "BYTES", "Where its first voxel is; default: 0")
+      "BYTES", "Bytes in front of its first voxel; default: 0")
       ->needs(dims);
   addParsedOption(app, "--spacing", options.spacing, parseSpacing, "X,Y,Z",
                   "Distances between voxels in the units of the world, in place of what the input "

@@ -17,6 +17,7 @@
 #include "tools/output_check.h"
 #include "tools/parse_text.h"
 #include "tools/parsed_option.h"
+#include "tools/shared_options.h"
 #include "tools/thread_count.h"
 #include "tools/view/build_volume.h"
 
@@ -43,7 +44,7 @@ void refuseReplacingOutputs(const ViewOptions& options, bool force) {
 Command addViewCommand(CLI::App& app) {
   CLI::App* const sub = app.add_subcommand("view", kViewDescription);
   const auto options = std::make_shared<ViewOptions>();
-  options->memory_bytes = Pyramid::kDefaultBudgetBytes;
+  options->memory_bytes = kDefaultMemoryBytes;
   options->gpu_budget_bytes = std::uint64_t{1} << 30;
   // One core is for the interface.
   options->threads = std::max(1, allCores() - 1);
@@ -62,17 +63,16 @@ Command addViewCommand(CLI::App& app) {
   addParsedOption(
       *sub, "--preview-share", *preview_share,
       [](const std::string& text) { return parseNumberFrom(text, 0); }, "S",
-      "Share of a build's time for what is shown of the volume meanwhile; 0: nothing is; default: "
-      "that of 'isobrick build'");
-  addParsedOption(*sub, "--memory", options->memory_bytes, parseByteSize, "SIZE",
-                  "Bytes of the file to keep in memory, such as 256M; default: 1G");
+      "Share of a build's time that previews may take; 0: none are made; default: that of 'isobrick "
+      "build'");
+  addMemoryOption(*sub, options->memory_bytes);
   addParsedOption(*sub, "--gpu-memory", options->gpu_budget_bytes, parseByteSize, "SIZE",
                   "Bytes of triangles to keep on the graphics card; default: 1G");
   addThreadsOption(*sub, options->threads);
   addParsedOption(*sub, "--size", *size, parsePixelSize, "WxH",
-                  "Pixels of the window; default: 1280x800");
+                  "Pixels; default: 1280x800");
   sub->add_option("--state", options->state_path,
-                  "View to begin with, as Ctrl+S writes it; read and written by Ctrl+O and Ctrl+S")
+                  "Saved view; to begin with, as Ctrl+S writes it; read and written by Ctrl+O and Ctrl+S")
       ->type_name("VIEW.json");
   CLI::Option* const script =
       sub->add_option("--script", options->script_path,

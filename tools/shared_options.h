@@ -1,0 +1,41 @@
+// Options that mean the same in every command that has them.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <cstdint>
+#include <optional>
+
+#include "isobrick/storage/pyramid.h"
+#include "tools/parse_text.h"
+#include "tools/parsed_option.h"
+
+namespace isobrick {
+
+// What --memory is where it is not given, in every command.
+inline constexpr std::uint64_t kDefaultMemoryBytes = Pyramid::kDefaultBudgetBytes;
+static_assert(kDefaultMemoryBytes == std::uint64_t{1} << 30);  // as --help says
+
+inline CLI::Option* addMemoryOption(CLI::App& app, std::uint64_t& bytes) {
+  return addParsedOption(app, "--memory", bytes, parseByteSize, "SIZE",
+                         "Bound of what stays in memory, such as 300M or 2G; default: 1G");
+}
+
+inline CLI::Option* addJsonFlag(CLI::App& app, bool& json) {
+  return app.add_flag("--json", json, "Print one JSON object in place of text");
+}
+
+template <typename Level>
+CLI::Option* addLevelOption(CLI::App& app, Level& level, int coarsest) {
+  return addParsedOption(
+      app, "--level", level,
+      [coarsest](const std::string& text) { return parseInteger(text, 0, coarsest); }, "L",
+      "This level of the pyramid everywhere; 0 is the finest");
+}
+
+inline CLI::Option* addBoxOption(CLI::App& app, std::optional<Corners>& box) {
+  return addParsedOption(app, "--box", box, parseCorners, "X0,Y0,Z0,X1,Y1,Z1",
+                         "Only this box of voxel indices of level 0, both corners included; of a "
+                         "surface, the cells that it touches");
+}
+
+}  // namespace isobrick
