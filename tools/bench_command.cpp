@@ -40,7 +40,8 @@ void splitQueryWords(BenchArguments& arguments) {
   settings.own_words = {settings.path};
   for (const CLI::Option* const option : arguments.query_options) {
     const std::string name = option->get_name();
-    if (option->count() == 0 || option->get_positional() || option->get_group() == kVolumeGroup)
+    if (option->count() == 0 || option->get_positional() || option->get_group() == kVolumeGroup ||
+        option->get_group().empty())
       continue;
     if (name == "--box") throw UsageError("bench compares whole surfaces; leave out --box");
     if (name == "--threads") continue;

@@ -40,30 +40,33 @@ Texts advicesOf(Remedy remedy) {
       return {"build it anew with 'isobrick build', without --no-curvature"};
     case Remedy::kChooseComponent:
       return {
-          "take one with --component N, or the root of their squares with --component magnitude",
-          "'isobrick build' takes one with --component N, or the root of their squares with "
-          "--component magnitude"};
+          "take one with --select component=N, or the root of their squares with --select "
+          "component=magnitude",
+          "'isobrick build' takes one with --select component=N, or the root of their squares with "
+          "--select component=magnitude"};
     case Remedy::kWholeFloats:
       return {"leave out --half, or bring the values into range with --window LO,HI and --type T",
               "write whole floats"};
     case Remedy::kReplaceDataset:
       return {"replace it with --force", "move the file away"};
     case Remedy::kChooseChannel:
-      return {"choose an index of the first axis with --channel",
-              "'isobrick build' takes one index of the first axis with --channel"};
+      return {"choose an index of the first axis with --select channel=N",
+              "'isobrick build' takes one index of the first axis with --select channel=N"};
     case Remedy::kBuildWithErrors:
       return {"build it anew with 'isobrick build' and --error"};
     case Remedy::kPackMesh:
       return {"pack it with --meshopt", "extract less"};
     case Remedy::kChooseStack:
-      return {"take one with --grid NAME", "'isobrick build' takes one with --grid NAME"};
+      return {"take one with --select grid=NAME",
+              "'isobrick build' takes one with --select grid=NAME"};
     case Remedy::kChooseTime:
-      return {"take one with --time T", "'isobrick build' takes one with --time T"};
+      return {"take one with --select time=T", "'isobrick build' takes one with --select time=T"};
     case Remedy::kChooseVariant:
-      return {"take one with --channel C", "'isobrick build' takes one with --channel C"};
+      return {"take one with --select channel=C",
+              "'isobrick build' takes one with --select channel=C"};
     case Remedy::kChooseSeries:
-      return {"take one with --series NUMBER or --series UID",
-              "'isobrick build' takes one with --series NUMBER or --series UID"};
+      return {"take one with --select series=NUMBER or --select series=UID",
+              "'isobrick build' takes one with --select series=NUMBER or --select series=UID"};
   }
   return {"see the documentation"};
 }

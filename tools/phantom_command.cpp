@@ -63,8 +63,8 @@ Command addPhantomCommand(CLI::App& app) {
   const auto parseVoxels = [](const std::string& text) {
     return parseInteger(text, 2, kMaxVoxelsPerAxis);
   };
-  CLI::Option* const voxels = addParsedOption(*sub, "--voxels", arguments->spec.size, parseVoxels,
-                                              "N", "Voxels per axis");
+  CLI::Option* const voxels =
+      addParsedOption(*sub, "--voxels", arguments->spec.size, parseVoxels, "N", "Voxels per axis");
   CLI::Option* const size =
       addParsedOption(*sub, "--size", arguments->spec.size, parseVoxels, "N", "")
           ->group("")  // its name until 0.1

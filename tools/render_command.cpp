@@ -167,15 +167,17 @@ Command addRenderCommand(CLI::App& app) {
       [&picture](const std::string& text) { return picture.background_bottom = parseColor(text); },
       "R,G,B", "Both of them");
   CLI::Option* const state =
-      sub->add_option("--state", arguments->state,
-                      "Saved view; as 'isobrick view' wrote it, in place of --iso and of all that says "
-                      "what is seen from where")
+      sub->add_option(
+             "--state", arguments->state,
+             "Saved view; as 'isobrick view' wrote it, in place of --iso and of all that says "
+             "what is seen from where")
           ->type_name("VIEW.json");
   CLI::Option* const isovalue = findOption(*sub, "--iso")->required(false);
   const std::set<std::string> together{"FILE",   "--output",  "--size",  "--memory", "--no-map",
                                        "--help", "--threads", "--state", "--force"};
   for (CLI::Option* const option : sub->get_options())
-    if (option->get_group() != kVolumeGroup && together.count(option->get_name(false, true)) == 0 &&
+    if (option->get_group() != kVolumeGroup && !option->get_group().empty() &&
+        together.count(option->get_name(false, true)) == 0 &&
         together.count(option->get_single_name()) == 0 &&
         together.count("--" + option->get_single_name()) == 0)
       state->excludes(option);

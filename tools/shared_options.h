@@ -3,7 +3,12 @@
 
 #include <CLI/CLI.hpp>
 #include <cstdint>
+#include <functional>
 #include <optional>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "isobrick/storage/pyramid.h"
 #include "tools/parse_text.h"
@@ -22,6 +27,30 @@ inline CLI::Option* addMemoryOption(CLI::App& app, std::uint64_t& bytes) {
 
 inline CLI::Option* addJsonFlag(CLI::App& app, bool& json) {
   return app.add_flag("--json", json, "Print one JSON object in place of text");
+}
+
+// --select, which says what `select` is called with, a word KEY=VALUE at a time; it throws
+// std::invalid_argument for a word that is wrong.
+inline CLI::Option* addSelectOption(CLI::App& app,
+                                    std::function<void(const std::string& word)> select) {
+  const auto each = [select = std::move(select)](const std::vector<std::string>& words) {
+    for (const std::string& word : words) {
+      try {
+        select(word);
+      } catch (const std::invalid_argument& failure) {
+        throw CLI::ValidationError("--select", failure.what());
+      }
+    }
+  };
+  return app
+      .add_option_function<std::vector<std::string>>(
+          "--select", each,
+          "Which volume of several in the input; KEY is array or grid (the array, grid, stack or "
+          "layer of this name), series (number or UID), time, channel (from 0), or component (from "
+          "0, or magnitude, the root of the sum of all squares); may be given again")
+      ->type_name("KEY=VALUE")
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
 }
 
 template <typename Level>

@@ -21,6 +21,7 @@
 #include "tools/program_run.h"
 #include "tools/progress_bar.h"
 #include "tools/pyramid_cache.h"
+#include "tools/shared_options.h"
 
 namespace isobrick {
 namespace {
@@ -36,13 +37,11 @@ struct VolumeWord {
   const char *option, *type, *description;
 };
 constexpr VolumeWord kVolumeWords[] = {
-    {"--spacing", "X,Y,Z", "Distances between voxels in the units of the world, in place of what the input says or lacks"},
-    {"--origin", "X,Y,Z", "Where the first voxel is in the world, in place of what the input says or lacks"},
-    {"--series", "N|UID", "Of a folder with several DICOM series, the one of this number or UID"},
-    {"--grid", "NAME", "The grid, array or stack of this name, as for 'isobrick build'"},
-    {"--time", "T", "The time step, as for 'isobrick build'"},
-    {"--channel", "C", "The channel, as for 'isobrick build'"},
-    {"--component", "N|magnitude", "The component, as for 'isobrick build'"},
+    {"--spacing", "X,Y,Z",
+     "Distances between voxels in the units of the world, in place of what the input says or "
+     "lacks"},
+    {"--origin", "X,Y,Z",
+     "Where the first voxel is in the world, in place of what the input says or lacks"},
     {"--raw-dims", "X,Y,Z", "The input has no header, and this many voxels per axis"},
     {"--raw-type", "T", "Its voxels, as for 'isobrick build'"},
     {"--raw-endian", "E", "Its byte order; default: little"},
@@ -53,7 +52,8 @@ constexpr VolumeWord kVolumeWords[] = {
 bool namesVolumeWordsOnly(const std::string& text) {
   const std::vector<std::string> options = optionsNamedIn(text);
   return std::all_of(options.begin(), options.end(), [](const std::string& option) {
-    return std::any_of(std::begin(kVolumeWords), std::end(kVolumeWords),
+    return option == "--select" ||
+           std::any_of(std::begin(kVolumeWords), std::end(kVolumeWords),
                        [&](const VolumeWord& word) { return option == word.option; });
   });
 }
@@ -134,6 +134,12 @@ CLI::Option* addVolumeInput(CLI::App& app, VolumeInput& input) {
                      "Pyramid (.isb); or a volume as 'isobrick build' reads it, a DICOM folder, "
                      "or phantom:NAME:SIZE, of which a pyramid is built into the cache first")
           ->type_name("PATH");
+  addSelectOption(app, [&input](const std::string& word) {
+    input.selections.push_back("--select=" + word);
+  })->group(kVolumeGroup);
+  // Names until 0.1 of what --select takes.
+  for (const char* const option : {"--series", "--grid", "--time", "--channel", "--component"})
+    app.add_option(option, input.words[option])->group("");
   for (const VolumeWord& word : kVolumeWords)
     app.add_option(word.option, input.words[word.option], word.description)
         ->type_name(word.type)
@@ -157,7 +163,7 @@ bool isVolume(const std::string& path) {
 }
 
 std::vector<std::string> wordsForBuild(const VolumeInput& input) {
-  std::vector<std::string> all;
+  std::vector<std::string> all = input.selections;
   for (const auto& [option, value] : input.words)
     if (!value.empty()) all.push_back(option + "=" + value);
   return all;

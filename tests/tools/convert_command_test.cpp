@@ -102,6 +102,7 @@ TEST_F(ConvertCommandTest, OptionsOfAnotherFormatAreRefused) {
   run({"convert", "head.isb", "-o", "head.h5"});
   for (const Words& words : {Words{"--half"},
                              {"--background", "3"},
+                             {"--background-tolerance", "3"},
                              {"--tolerance", "3"},
                              {"--codec", "zstd"},
                              {"--no-curvature"},
@@ -122,6 +123,15 @@ TEST_F(ConvertCommandTest, OptionsOfAnotherFormatAreRefused) {
       expectFailure(2, all, words.front() + " is for ");
     }
     expectFailure(1, {command, "head.nii", "-o", "a.isb", "--component", "0"}, "cannot take");
+    expectFailure(1, {command, "head.nii", "-o", "a.isb", "--select", "component=0"},
+                  "cannot take");
+    expectFailure(2, {command, "head.nii", "-o", "a.isb", "--select", "array=density"},
+                  "--select array is for ");
+    expectFailure(2, {command, "head.nrrd", "-o", "a.isb", "--select", "time=0"},
+                  "--select time is for ");
+    expectFailure(2, {command, "head.nrrd", "-o", "a.isb", "--select", "time"}, "KEY=VALUE");
+    expectFailure(2, {command, "head.nrrd", "-o", "a.isb", "--select", "time=a"}, "'a'");
+    expectFailure(2, {command, "head.nrrd", "-o", "a.isb", "--select", "colour=1"}, "component");
   }
   expectFailure(2, {"convert", "head.nii", "-o", "a.isb", "--no-map"}, "--no-map is for pyramids");
   expectFailure(2,
@@ -175,8 +185,8 @@ TEST_F(ConvertCommandTest, ATimeStepOfNiftiIsTaken) {
     };
     EXPECT_EQ(firstOf({}, 0), 0);
     EXPECT_EQ(firstOf({"--time", "0"}, 0), 0);
-    EXPECT_EQ(firstOf({"--time", "2"}, 2), 2000);
-    expectFailure(1, {"convert", "steps.nii", "-o", "x.raw", "--time", "3"}, "are 0 to 2");
+    EXPECT_EQ(firstOf({"--select", "time=2"}, 2), 2000);
+    expectFailure(1, {"convert", "steps.nii", "-o", "x.raw", "--select", "time=3"}, "are 0 to 2");
     // Another step is another volume.
     EXPECT_EQ(runForJson({"build", "steps.nii", "--time", "1", "-o", "s.isb"})["skipped"], false);
     EXPECT_EQ(runForJson({"build", "steps.nii", "--time", "1", "-o", "s.isb"})["skipped"], true);
@@ -190,7 +200,7 @@ TEST_F(ConvertCommandTest, SlicesOfColoursAreRefusedWithoutACircle) {
   for (const char* name : {"slices/1.tif", "slices/2.tif"})
     writeBytes(path(name), tiffBytes(4, 3, 8, std::string(4 * 3 * 3, 'c'), 3));
   expectFailure(1, {"convert", "slices", "-o", "a.nrrd"}, "convert them to grey ones");
-  EXPECT_EQ(run({"convert", "slices", "-o", "a.nrrd"}).err.find("--component"), std::string::npos);
+  EXPECT_EQ(run({"convert", "slices", "-o", "a.nrrd"}).err.find("component"), std::string::npos);
   expectFailure(1, {"convert", "slices", "-o", "a.nrrd", "--component", "0"}, "only single files");
 }
 

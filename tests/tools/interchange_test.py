@@ -449,7 +449,7 @@ def test_hdf5():
     run("convert", "many.h5", "-o", "x.raw", fails_with="'/one'")
     run("convert", "many.h5:/three", "-o", "x.raw", fails_with="'/two'")
     run("convert", "many.h5:/flat", "-o", "x.raw", fails_with="three")
-    run("convert", "many.h5:/four", "-o", "x.raw", fails_with="--channel")
+    run("convert", "many.h5:/four", "-o", "x.raw", fails_with="--select channel=N")
     expect_same(raw_of("many.h5:/four", "--channel", "1")[0], values + 1)
     expect_same(raw_of("many.h5:/two")[0], (values > 0).astype("u1"))
     expect_same(raw_of("many.h5:/thin")[0], values)
@@ -734,19 +734,20 @@ def test_enhanced():
     run("build", "double.dcm", fails_with="same position")
 
     # Two time points, in turns; two stacks; two echoes.
-    for what, option, name in (("time", "--time", lambda n: str(n)),
-                               ("stack", "--grid", lambda n: "AB"[n]),
-                               ("echo", "--channel", lambda n: str(n))):
+    for what, key, name in (("time", "time", lambda n: str(n)),
+                               ("stack", "grid", lambda n: "AB"[n]),
+                               ("echo", "channel", lambda n: str(n))):
         number = (lambda n: "AB"[n]) if what == "stack" else (lambda n: n + 1)
         frames = [{"position": place(z), what: number(n)} for z in range(4) for n in range(2)]
         write_enhanced(f"{what}.dcm", values, frames, plane, **bits)
-        run("build", f"{what}.dcm", fails_with=option)
+        run("build", f"{what}.dcm", fails_with=f"--select {key}=")
         for n in range(2):
-            notes = expect(f"{what}.dcm", values[n::2], "int16", option, name(n))
-        run("build", f"{what}.dcm", option, "C" if what == "stack" else "2", fails_with=option)
-        run("build", f"{what}.dcm", option, name(0), "-o", "choice.isb")
-        assert "up to date" in run("build", f"{what}.dcm", option, name(0), "-o", "choice.isb").stdout
-        again = run("build", f"{what}.dcm", option, name(1), "-o", "choice.isb")
+            notes = expect(f"{what}.dcm", values[n::2], "int16", "--select", f"{key}={name(n)}")
+        run("build", f"{what}.dcm", "--select", key + ("=C" if what == "stack" else "=2"),
+            fails_with=f"--select {key}=")
+        run("build", f"{what}.dcm", "--select", f"{key}={name(0)}", "-o", "choice.isb")
+        assert "up to date" in run("build", f"{what}.dcm", "--select", f"{key}={name(0)}", "-o", "choice.isb").stdout
+        again = run("build", f"{what}.dcm", "--select", f"{key}={name(1)}", "-o", "choice.isb")
         assert "up to date" not in again.stdout, again.stdout
         os.remove("choice.isb")
 
@@ -1078,7 +1079,7 @@ def test_components():
             if name == "v.vti":  # its scalars are what it always was
                 raw_of(name)
                 assert run("convert", name, "-o", "none.raw", "--grid", "velocity",
-                           fails_with="--component magnitude") is None
+                           fails_with="--select component=magnitude") is None
                 found, _ = raw_of(name, "--grid", "velocity", "--component", "0")
                 expect_same(found, delivered[..., 0])
                 run("convert", name, "-o", "none.raw", "--grid", "nothing",

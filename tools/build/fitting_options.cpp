@@ -4,66 +4,85 @@
 
 #include <algorithm>
 #include <initializer_list>
+#include <string>
 #include <string_view>
+#include <vector>
 
 #include "tools/command.h"
 
 namespace isobrick {
 namespace {
 
-using Names = std::initializer_list<std::string_view>;
+enum class Side { kInput, kOutput };
 
+// Options, or "--select KEY", that are for some formats alone.
 struct OptionFit {
-  const char* option;
-  const char* what_for;  // in the line that refuses it
-  Names formats;         // how they begin, or how the file's name ends
+  Side side;
+  std::initializer_list<const char*> options;
+  const char* what_for;                             // in the line that refuses it
+  std::initializer_list<std::string_view> formats;  // how VolumeInfo::format of an input begins, or
+                                                    // the name of an output ends
 };
 
-// As VolumeInfo::format begins. A choice of component is looked at where the file is opened, which
-// knows how many values a voxel has.
-const OptionFit kOfInputs[] = {
-    {"--grid",
+// A choice of component is looked at where the file is opened, which knows how many values a voxel
+// has.
+const OptionFit kFits[] = {
+    {Side::kInput,
+     {"--select grid", "--select array", "--grid"},
      "OpenVDB, VTI, slices of OpenEXR and stacks of DICOM",
      {"OpenVDB", "VTK ImageData", "OpenEXR", "DICOM"}},
-    {"--time", "OME-Zarr, NIfTI and DICOM", {"OME-Zarr", "Zarr", "NIfTI", "DICOM"}},
-    {"--channel", "OME-Zarr, HDF5 and DICOM", {"OME-Zarr", "Zarr", "HDF5", "DICOM"}},
-    {"--series", "folders of DICOM series", {"DICOM"}},
-    {"--dicom-float32", "DICOM series", {"DICOM"}},
-    {"--raw-dims", "files without a header", {"raw"}},
-    {"--level", "pyramids (.isb)", {"isobrick pyramid"}},
-    {"--levels", "pyramids (.isb)", {"isobrick pyramid"}},
-    {"--no-map", "pyramids (.isb)", {"isobrick pyramid"}},
+    {Side::kInput,
+     {"--select time", "--time"},
+     "OME-Zarr, NIfTI and DICOM",
+     {"OME-Zarr", "Zarr", "NIfTI", "DICOM"}},
+    {Side::kInput,
+     {"--select channel", "--channel"},
+     "OME-Zarr, HDF5 and DICOM",
+     {"OME-Zarr", "Zarr", "HDF5", "DICOM"}},
+    {Side::kInput, {"--select series", "--series"}, "folders of DICOM series", {"DICOM"}},
+    {Side::kInput, {"--dicom-float32"}, "DICOM series", {"DICOM"}},
+    {Side::kInput, {"--raw-dims"}, "files without a header", {"raw"}},
+    {Side::kInput, {"--level", "--levels", "--no-map"}, "pyramids (.isb)", {"isobrick pyramid"}},
+    {Side::kOutput,
+     {"--half", "--background", "--background-tolerance", "--tolerance"},
+     ".vdb",
+     {".vdb"}},
+    {Side::kOutput, {"--levels"}, ".vdb and .ome.zarr", {".vdb", ".zarr"}},
+    {Side::kOutput, {"--codec", "--no-curvature", "--error"}, ".isb", {".isb"}},
 };
 
-// As the name of the output ends.
-const OptionFit kOfOutputs[] = {
-    {"--half", ".vdb", {".vdb"}},      {"--background", ".vdb", {".vdb"}},
-    {"--tolerance", ".vdb", {".vdb"}}, {"--levels", ".vdb and .ome.zarr", {".vdb", ".zarr"}},
-    {"--codec", ".isb", {".isb"}},     {"--no-curvature", ".isb", {".isb"}},
-    {"--error", ".isb", {".isb"}},
-};
+// "--level", or "--select time" for "--select time=3".
+bool wasGiven(const CLI::App& parser, const std::string& name) {
+  const std::size_t space = name.find(' ');
+  const CLI::Option* const option = findOption(parser, name.substr(0, space));
+  if (option == nullptr || option->count() == 0) return false;
+  if (space == std::string::npos) return true;
+  const std::vector<std::string> values = option->results();
+  return std::any_of(values.begin(), values.end(), [&](const std::string& value) {
+    return value.starts_with(name.substr(space + 1) + "=");
+  });
+}
 
-template <typename Table, typename Fits>
-void refuseUnfit(const CLI::App& parser, const Table& table, const std::string& name,
-                 const char* is_what, const Fits& fits) {
-  for (const OptionFit& fit : table) {
-    const CLI::Option* const option = findOption(parser, fit.option);
-    if (option == nullptr || option->count() == 0) continue;
-    if (std::none_of(fit.formats.begin(), fit.formats.end(), fits))
-      throw UsageError(fmt::format("{} is for {}, and '{}' is {}; leave it out", fit.option,
-                                   fit.what_for, name, is_what));
-  }
+template <typename Fits>
+void refuseUnfit(const CLI::App& parser, Side side, const std::string& name, const char* is_what,
+                 const Fits& fits) {
+  for (const OptionFit& fit : kFits)
+    for (const char* const option : fit.options)
+      if (fit.side == side && wasGiven(parser, option) &&
+          std::none_of(fit.formats.begin(), fit.formats.end(), fits))
+        throw UsageError(fmt::format("{} is for {}, and '{}' is {}; leave it out", option,
+                                     fit.what_for, name, is_what));
 }
 
 }  // namespace
 
 void refuseUnfitInputOptions(const CLI::App& parser, const VolumeInfo& input) {
-  refuseUnfit(parser, kOfInputs, input.source, input.format.c_str(),
+  refuseUnfit(parser, Side::kInput, input.source, input.format.c_str(),
               [&](std::string_view format) { return input.format.starts_with(format); });
 }
 
 void refuseUnfitOutputOptions(const CLI::App& parser, const std::string& output) {
-  refuseUnfit(parser, kOfOutputs, output, "none",
+  refuseUnfit(parser, Side::kOutput, output, "none",
               [&](std::string_view ending) { return output.ends_with(ending); });
 }
 

@@ -15,6 +15,7 @@
 #include "tools/failure_text.h"
 #include "tools/parse_text.h"
 #include "tools/parsed_option.h"
+#include "tools/shared_options.h"
 
 namespace isobrick {
 namespace {
@@ -31,6 +32,41 @@ glm::dvec3 parseSpacing(const std::string& text) {
   if (!(spacing.x > 0 && spacing.y > 0 && spacing.z > 0))
     throw std::invalid_argument(fmt::format("'{}': all three are to be above 0", text));
   return spacing;
+}
+
+std::int64_t parseCount(const std::string& text) {
+  return parseInteger(text, 0, std::numeric_limits<std::int64_t>::max());
+}
+
+// The keys of --select, and the options that they were once.
+struct SelectKey {
+  std::string_view key;
+  const char* old_option;
+  void (*set)(InputOptions&, const std::string&);
+};
+constexpr SelectKey kSelectKeys[] = {
+    {"array", nullptr, [](InputOptions& o, const std::string& value) { o.grid = value; }},
+    {"grid", "--grid", [](InputOptions& o, const std::string& value) { o.grid = value; }},
+    {"series", "--series", [](InputOptions& o, const std::string& value) { o.series = value; }},
+    {"time", "--time",
+     [](InputOptions& o, const std::string& value) { o.time = parseCount(value); }},
+    {"channel", "--channel",
+     [](InputOptions& o, const std::string& value) { o.channel = parseCount(value); }},
+    {"component", "--component",
+     [](InputOptions& o, const std::string& value) { o.component = parseComponent(value); }},
+};
+
+// Takes "KEY=VALUE".
+void select(InputOptions& options, const std::string& word) {
+  const std::size_t equals = word.find('=');
+  if (equals == std::string::npos || equals + 1 == word.size())
+    throw std::invalid_argument(fmt::format("'{}' is not KEY=VALUE", word));
+  for (const SelectKey& key : kSelectKeys)
+    if (word.substr(0, equals) == key.key) return key.set(options, word.substr(equals + 1));
+  std::string keys;
+  for (const SelectKey& key : kSelectKeys)
+    keys += fmt::format("{}{}", keys.empty() ? "" : ", ", key.key);
+  throw std::invalid_argument(fmt::format("'{}' is none of {}", word.substr(0, equals), keys));
 }
 
 }  // namespace
@@ -60,12 +96,8 @@ void addOpenOptions(CLI::App& app, InputOptions& options) {
       ->type_name("E")
       ->check(CLI::IsMember({"little", "big"}))
       ->needs(dims);
-  addParsedOption(
-      app, "--raw-offset", options.raw.offset_bytes,
-      [](const std::string& text) {
-        return parseInteger(text, 0, std::numeric_limits<std::int64_t>::max());
-      },
-      "BYTES", "Bytes in front of its first voxel; default: 0")
+  addParsedOption(app, "--raw-offset", options.raw.offset_bytes, parseCount, "BYTES",
+                  "Bytes in front of its first voxel; default: 0")
       ->needs(dims);
   addParsedOption(app, "--spacing", options.spacing, parseSpacing, "X,Y,Z",
                   "Distances between voxels in the units of the world, in place of what the input "
@@ -75,26 +107,21 @@ void addOpenOptions(CLI::App& app, InputOptions& options) {
   addParsedOption(
       app, "--origin", options.origin, parsePoint, "X,Y,Z",
       "Where the first voxel is in the world, in place of what the input says or lacks");
-  app.add_option("--series", options.series,
-                 "Of a folder with several DICOM series, the one of this number or UID")
-      ->type_name("N|UID");
-  app.add_option(
-         "--grid", options.grid,
-         "Of an OpenVDB file with several grids, a VTI file with several arrays, or a DICOM file "
-         "with several stacks, the one of this name")
-      ->type_name("NAME");
-  const auto parseIndex = [](const std::string& text) {
-    return parseInteger(text, 0, std::numeric_limits<std::int64_t>::max());
-  };
-  addParsedOption(app, "--time", options.time, parseIndex, "T",
-                  "Of OME-Zarr, NIfTI and DICOM, the time step to take, from 0");
-  addParsedOption(app, "--channel", options.channel, parseIndex, "C",
-                  "Of OME-Zarr and HDF5, the channel to take, from 0; of DICOM what else frames "
-                  "differ by: echoes, b-values, ...");
-  addParsedOption(
-      app, "--component", options.component, parseComponent, "N|magnitude",
-      "Of NRRD, MetaImage, NIfTI, VTI or TIFF with several values per voxel, the one to take, "
-      "from 0, or the root of the sum of their squares, as float32");
+  addSelectOption(app, [&options](const std::string& word) { select(options, word); });
+  // Names until 0.1 of what --select takes.
+  for (const SelectKey& key : kSelectKeys)
+    if (key.old_option != nullptr)
+      app.add_option_function<std::string>(
+             key.old_option,
+             [&options, key](const std::string& value) {
+               try {
+                 key.set(options, value);
+               } catch (const std::invalid_argument& failure) {
+                 throw CLI::ValidationError(key.old_option, failure.what());
+               }
+             },
+             "")
+          ->group("");
   app.add_flag("--dicom-float32", options.dicom_float32,
                "Take a DICOM series as float32, where its headers promise 16 bits and its values "
                "do not keep to them");

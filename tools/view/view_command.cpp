@@ -63,16 +63,17 @@ Command addViewCommand(CLI::App& app) {
   addParsedOption(
       *sub, "--preview-share", *preview_share,
       [](const std::string& text) { return parseNumberFrom(text, 0); }, "S",
-      "Share of a build's time that previews may take; 0: none are made; default: that of 'isobrick "
+      "Share of a build's time that previews may take; 0: none are made; default: that of "
+      "'isobrick "
       "build'");
   addMemoryOption(*sub, options->memory_bytes);
   addParsedOption(*sub, "--gpu-memory", options->gpu_budget_bytes, parseByteSize, "SIZE",
                   "Bytes of triangles to keep on the graphics card; default: 1G");
   addThreadsOption(*sub, options->threads);
-  addParsedOption(*sub, "--size", *size, parsePixelSize, "WxH",
-                  "Pixels; default: 1280x800");
-  sub->add_option("--state", options->state_path,
-                  "Saved view; to begin with, as Ctrl+S writes it; read and written by Ctrl+O and Ctrl+S")
+  addParsedOption(*sub, "--size", *size, parsePixelSize, "WxH", "Pixels; default: 1280x800");
+  sub->add_option(
+         "--state", options->state_path,
+         "Saved view; to begin with, as Ctrl+S writes it; read and written by Ctrl+O and Ctrl+S")
       ->type_name("VIEW.json");
   CLI::Option* const script =
       sub->add_option("--script", options->script_path,
