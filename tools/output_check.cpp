@@ -47,7 +47,7 @@ void refuseInput(const std::string& file, const PlannedOutput& output,
 }  // namespace
 
 CLI::Option* addForceFlag(CLI::App& app, bool& force) {
-  return app.add_flag("--force", force, "Replace what has the name of the output (never an input)");
+  return app.add_flag("--force", force, "Replace what has the name of the output, never an input");
 }
 
 void refuseReplacing(const PlannedOutput& output, const std::vector<std::string>& inputs,

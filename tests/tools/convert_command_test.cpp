@@ -101,8 +101,9 @@ TEST_F(ConvertCommandTest, OptionsOfAnotherFormatAreRefused) {
   run({"convert", "head.isb", "-o", "head.nii"});
   run({"convert", "head.isb", "-o", "head.h5"});
   for (const Words& words : {Words{"--half"},
+                             {"--vdb-background", "3"},
                              {"--background", "3"},
-                             {"--background-tolerance", "3"},
+                             {"--vdb-tolerance", "3"},
                              {"--tolerance", "3"},
                              {"--codec", "zstd"},
                              {"--no-curvature"},

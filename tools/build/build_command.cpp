@@ -152,8 +152,8 @@ void addOutputOptions(CLI::App& sub, BuildArguments& arguments) {
   sub.add_flag("--rebuild", arguments.settings.rebuild, "Build also what is up to date");
   addForceFlag(sub, arguments.settings.force)
       ->description(
-          "Replace what has the name of the output and is no pyramid of the same input (never an "
-          "input)");
+          "Replace what has the name of the output, also if it is no pyramid of the same input; "
+          "never an input");
   sub.add_flag("--any-options", arguments.settings.any_options,
                "Leave a pyramid of the same input as it is, also where it was built with other "
                "options (but not where these ask for other voxels or another place)");

@@ -284,25 +284,30 @@ Command addConvertCommand(CLI::App& app) {
                   "Voxels to write; u8, i8, u16 or i16 of a --window, or f32; default: as they are")
       ->type_name("T")
       ->check(CLI::IsMember({"u8", "i8", "u16", "i16", "f32"}));
+  const auto parseBackground = [](const std::string& text) {
+    return static_cast<float>(parseSingle(text));
+  };
   addParsedOption(
-      *sub, "--background", arguments->write.vdb_background,
-      [](const std::string& text) { return static_cast<float>(parseSingle(text)); }, "V",
+      *sub, "--vdb-background", arguments->write.vdb_background, parseBackground, "V",
       "Value of what a .vdb does not store; default: that of the .vdb it came from, or 0");
   const auto parseTolerance = [](const std::string& text) {
     parseSingle(text);
     return parseNumberFrom(text, 0);
   };
   addParsedOption(
-      *sub, "--background-tolerance", arguments->write.vdb_tolerance, parseTolerance, "T",
+      *sub, "--vdb-tolerance", arguments->write.vdb_tolerance, parseTolerance, "T",
       "Voxels no further than T from the background are not stored in a .vdb; default: 0");
+  // Their names until 0.1.
+  addParsedOption(*sub, "--background", arguments->write.vdb_background, parseBackground, "V", "")
+      ->group("");
   addParsedOption(*sub, "--tolerance", arguments->write.vdb_tolerance, parseTolerance, "T", "")
-      ->group("");  // its name until 0.1
+      ->group("");
   sub->add_flag("--half", arguments->write.vdb_half, "Half floats in a .vdb");
   addStoredOptions(*sub, arguments->build);
   addForceFlag(*sub, arguments->force)
       ->description(
-          "Replace what has the name of the output, of an HDF5 file the dataset alone (never the "
-          "input). A dataset goes into a copy of the file, which takes its place in the end");
+          "Replace what has the name of the output, of an HDF5 file the dataset alone; never an "
+          "input. A dataset goes into a copy of the file, which takes its place in the end");
   addMemoryOption(*sub, arguments->build.memory_bytes);
   addNoMapFlag(*sub, arguments->no_map);
   addThreadsOption(*sub, arguments->threads);

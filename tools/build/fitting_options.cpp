@@ -44,7 +44,7 @@ const OptionFit kFits[] = {
     {Side::kInput, {"--raw-dims"}, "files without a header", {"raw"}},
     {Side::kInput, {"--level", "--levels", "--no-map"}, "pyramids (.isb)", {"isobrick pyramid"}},
     {Side::kOutput,
-     {"--half", "--background", "--background-tolerance", "--tolerance"},
+     {"--half", "--vdb-background", "--vdb-tolerance", "--background", "--tolerance"},
      ".vdb",
      {".vdb"}},
     {Side::kOutput, {"--levels"}, ".vdb and .ome.zarr", {".vdb", ".zarr"}},
