@@ -92,7 +92,7 @@ int runBench(BenchArguments& arguments) {
   {
     // Only looked at: what a row needs of the file, its own process opens.
     const Pyramid pyramid(settings.path);
-    chooseIsovalue(arguments.query, pyramid);
+    chooseIsovalues(arguments.query, pyramid);
     warnOfEmptySurface(arguments.query, pyramid);
     scene = makeBenchScene(pyramid.lattice().voxels(),
                            std::string(voxelTypeName(pyramid.spec().voxel_type)));

@@ -1,6 +1,8 @@
 // isobrick extract: a mesh of one isosurface, or its size.
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <filesystem>
 #include <memory>
 #include <optional>
 #include <string>
@@ -29,6 +31,8 @@
 namespace isobrick {
 namespace {
 
+namespace fs = std::filesystem;
+
 struct ExtractArguments {
   QueryOptions query;
   std::string output;     // empty: the mesh is counted only
@@ -40,44 +44,72 @@ struct ExtractArguments {
   bool json = false;
 };
 
+// One surface.
 struct ExtractResult {
+  std::string output;  // empty: counted only
+  double isovalue = 0;
   ExtractionReport report;  // of the last repeat
   std::uint64_t vertices = 0;
-  double open_seconds = 0;
   std::vector<double> extract_seconds;  // one for every repeat, without the time in a file's sink
-  BrickPager::Counters pager;
-  std::uint64_t vertices_outside = 0;  // of the other pyramid
-  double write_seconds = 0;            // inside the file's sink: writing, and waiting for the disk
+  std::uint64_t vertices_outside = 0;   // of the other pyramid
+  double write_seconds = 0;             // inside the file's sink: writing, and waiting for the disk
 };
 
-ExtractResult extract(ExtractArguments& arguments) {
+struct ExtractResults {
+  std::vector<ExtractResult> surfaces;
+  double open_seconds = 0;
+  BrickPager::Counters pager;  // of all of them
+};
+
+// The file of each isovalue: that of -o, or of several isovalues with the value behind its stem,
+// "bone-500.ply" and "bone-1200.ply". Empty for one that is not chosen yet.
+std::vector<std::string> meshNames(const ExtractArguments& arguments) {
+  const std::vector<std::optional<double>>& isovalues = arguments.query.isovalues;
+  if (arguments.output.empty() || isovalues.size() == 1)
+    return std::vector<std::string>(isovalues.size(), arguments.output);
+  const fs::path output = arguments.output;
+  std::vector<std::string> names;
+  for (const std::optional<double>& isovalue : isovalues)
+    names.push_back(
+        isovalue ? (output.parent_path() / fmt::format("{}-{}{}", output.stem().string(), *isovalue,
+                                                       output.extension().string()))
+                       .string()
+                 : std::string());
+  return names;
+}
+
+// Before the work, so that a path that cannot be written costs no time.
+void refuseOutputs(const ExtractArguments& arguments) {
+  for (const std::string& name : meshNames(arguments))
+    if (!name.empty())
+      refuseReplacing({name},
+                      {arguments.query.input.path, arguments.query.input.pyramid,
+                       arguments.attribute.path, arguments.attribute.pyramid},
+                      arguments.force);
+}
+
+void refuseTwins(std::vector<std::optional<double>> isovalues) {
+  std::sort(isovalues.begin(), isovalues.end());
+  const auto twin = std::adjacent_find(isovalues.begin(), isovalues.end());
+  if (twin != isovalues.end())
+    throw UsageError(fmt::format("the isovalue {} is given twice; leave one out",
+                                 *twin ? fmt::format("{}", **twin) : "auto"));
+}
+
+ExtractResult extractOne(const ExtractArguments& arguments, const Pyramid& pyramid,
+                         Extractor& extractor, const PyramidValues* values,
+                         const std::string& output) {
   ExtractResult result;
-  const Stopwatch open_watch;
-  // Two pyramids share the memory.
-  const bool has_attribute = !arguments.attribute.path.empty();
-  const std::uint64_t memory_bytes = arguments.query.memory_bytes / (has_attribute ? 2 : 1);
-  const FileAccess access = fileAccess(arguments.query.no_map);
-  const Pyramid pyramid(arguments.query.input.pyramid, memory_bytes, access);
-  std::optional<Pyramid> other;
-  std::optional<PyramidValues> values;
-  if (has_attribute) {
-    other.emplace(arguments.attribute.pyramid, memory_bytes, access);
-    values.emplace(*other);
-  }
-  result.open_seconds = open_watch.seconds();
-  chooseIsovalue(arguments.query, pyramid);
+  result.output = output;
+  result.isovalue = arguments.query.isovalue;
   const Query query = makeQuery(arguments.query, pyramid);
-  if (!arguments.output.empty())
-    refuseReplacing({arguments.output}, {pyramid.path(), arguments.attribute.pyramid},
-                    arguments.force);
   const MeshFileOptions options{.cancel = &interruptFlag(),
-                                .values = values ? &*values : nullptr,
+                                .values = values,
                                 .zlib = arguments.zlib,
                                 .meshopt = arguments.meshopt};
-  const auto file_sink =
-      arguments.output.empty() ? nullptr : makeMeshFileSink(arguments.output, options);
+  const auto file_sink = output.empty() ? nullptr : makeMeshFileSink(output, options);
+  const std::uint64_t outside_before = values != nullptr ? values->outside() : 0;
 
-  Extractor extractor(pyramid);
   ProgressBar bar(0, "million triangles");
   for (int repeat = 1; repeat <= arguments.repeat; ++repeat) {
     const bool to_file = file_sink != nullptr && repeat == arguments.repeat;
@@ -91,16 +123,44 @@ ExtractResult extract(ExtractArguments& arguments) {
     result.extract_seconds.push_back(seconds - result.write_seconds);
     result.vertices = to_file ? file_sink->vertices() : counting_sink.vertices();
   }
-  result.pager = pyramid.counters();
-  if (values) result.vertices_outside = values->outside();
+  if (values != nullptr) result.vertices_outside = values->outside() - outside_before;
   warnOfEmptySurface(arguments.query, pyramid);
   if (result.vertices_outside > 0)
     fmt::print(stderr,
                "isobrick: warning: {} of {} vertices lie outside of '{}' and have no value ({})\n",
                countText(result.vertices_outside), countText(result.vertices),
                oneLine(arguments.attribute.path),
-               lowerExtension(arguments.output) == ".glb" ? "0 in the file" : "NaN in the file");
+               lowerExtension(output) == ".glb" ? "0 in the file" : "NaN in the file");
   return result;
+}
+
+ExtractResults extract(ExtractArguments& arguments) {
+  ExtractResults results;
+  const Stopwatch open_watch;
+  // Two pyramids share the memory.
+  const bool has_attribute = !arguments.attribute.path.empty();
+  const std::uint64_t memory_bytes = arguments.query.memory_bytes / (has_attribute ? 2 : 1);
+  const FileAccess access = fileAccess(arguments.query.no_map);
+  const Pyramid pyramid(arguments.query.input.pyramid, memory_bytes, access);
+  std::optional<Pyramid> other;
+  std::optional<PyramidValues> values;
+  if (has_attribute) {
+    other.emplace(arguments.attribute.pyramid, memory_bytes, access);
+    values.emplace(*other);
+  }
+  results.open_seconds = open_watch.seconds();
+  chooseIsovalues(arguments.query, pyramid);
+  refuseTwins(arguments.query.isovalues);
+  refuseOutputs(arguments);
+  const std::vector<std::string> names = meshNames(arguments);
+  Extractor extractor(pyramid);
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    arguments.query.isovalue = *arguments.query.isovalues[i];
+    results.surfaces.push_back(
+        extractOne(arguments, pyramid, extractor, values ? &*values : nullptr, names[i]));
+  }
+  results.pager = pyramid.counters();
+  return results;
 }
 
 // Over all repeats.
@@ -116,19 +176,17 @@ Json jsonOfPager(const BrickPager::Counters& counters) {
           {"seconds_waited", 1e-9 * static_cast<double>(counters.wait_nanoseconds)}};
 }
 
-Json jsonOfResult(const ExtractArguments& arguments, const ExtractResult& result) {
+Json jsonOfSurface(const ExtractArguments& arguments, const ExtractResult& result) {
   const ExtractionReport& report = result.report;
   Json json;
-  json["output"] = arguments.output.empty() ? Json() : Json(arguments.output);
+  json["output"] = result.output.empty() ? Json() : Json(result.output);
   if (!arguments.attribute.path.empty())
     json["attribute"] = {{"path", arguments.attribute.path},
                          {"vertices_outside", result.vertices_outside}};
-  json["isovalue"] = arguments.query.isovalue;
+  json["isovalue"] = result.isovalue;
   json["triangles"] = report.triangles;
   json["vertices"] = result.vertices;
-  json["seconds"] = {{"open", result.open_seconds},
-                     {"extract", result.extract_seconds},
-                     {"write", result.write_seconds}};
+  json["seconds"] = {{"extract", result.extract_seconds}, {"write", result.write_seconds}};
   json["levels"] = Json::array();
   for (const LevelCounts& counts : report.levels)
     json["levels"].push_back({{"level", counts.level},
@@ -138,17 +196,33 @@ Json jsonOfResult(const ExtractArguments& arguments, const ExtractResult& result
   json["bricks"] = {{"active", report.bricks_active}, {"read", report.bricks_read}};
   json["bytes_read"] = report.bytes_read;
   json["bytes_active"] = report.bytes_active;
-  json["pager"] = jsonOfPager(result.pager);
+  return json;
+}
+
+// Of one isovalue its own facts; of several a list of these.
+Json jsonOfResults(const ExtractArguments& arguments, const ExtractResults& results) {
+  Json json;
+  if (results.surfaces.size() == 1) {
+    json = jsonOfSurface(arguments, results.surfaces.front());
+    Json seconds = {{"open", results.open_seconds}};
+    seconds.update(json["seconds"]);
+    json["seconds"] = std::move(seconds);
+  } else {
+    json["surfaces"] = Json::array();
+    for (const ExtractResult& surface : results.surfaces)
+      json["surfaces"].push_back(jsonOfSurface(arguments, surface));
+    json["seconds"] = {{"open", results.open_seconds}};
+  }
+  json["pager"] = jsonOfPager(results.pager);
   json["peak_rss_bytes"] = peakResidentBytes();
   json["threads"] = arguments.query.threads;
   return json;
 }
 
-void printSummary(const ExtractArguments& arguments, const ExtractResult& result) {
+void printSummary(const ExtractResult& result) {
   const ExtractionReport& report = result.report;
-  fmt::print("{}{} triangles, {} vertices\n",
-             arguments.output.empty() ? "" : arguments.output + ": ", countText(report.triangles),
-             countText(result.vertices));
+  fmt::print("{}{} triangles, {} vertices\n", result.output.empty() ? "" : result.output + ": ",
+             countText(report.triangles), countText(result.vertices));
   for (const LevelCounts& counts : report.levels)
     fmt::print("  level {:<2} {:>14} triangles in {} cells, {} of them in transition\n",
                counts.level, countText(counts.triangles), countText(counts.cells),
@@ -156,30 +230,37 @@ void printSummary(const ExtractArguments& arguments, const ExtractResult& result
   fmt::print("bricks: {} active of {}, {} read of {}\n", countText(report.bricks_active),
              byteSizeText(report.bytes_active), countText(report.bricks_read),
              byteSizeText(report.bytes_read));
+}
+
+void printSummaries(const ExtractArguments& arguments, const ExtractResults& results) {
   std::string extract_text;
-  for (const double seconds : result.extract_seconds)
-    extract_text += fmt::format(" {:.4f}", seconds);
+  double write_seconds = 0;
+  for (const ExtractResult& result : results.surfaces) {
+    if (results.surfaces.size() > 1) fmt::print("isovalue {}: ", result.isovalue);
+    printSummary(result);
+    for (const double seconds : result.extract_seconds)
+      extract_text += fmt::format(" {:.4f}", seconds);
+    write_seconds += result.write_seconds;
+  }
   fmt::print("seconds: open {:.4f}, extract{}, write {:.4f}; {} threads; peak memory {}\n",
-             result.open_seconds, extract_text, result.write_seconds, arguments.query.threads,
+             results.open_seconds, extract_text, write_seconds, arguments.query.threads,
              byteSizeText(peakResidentBytes()));
 }
 
 int runExtract(ExtractArguments arguments) {
-  // Before any work, so that a name that is taken costs no time.
-  if (!arguments.output.empty())
-    refuseReplacing({arguments.output}, {arguments.query.input.path, arguments.attribute.path},
-                    arguments.force);
+  refuseTwins(arguments.query.isovalues);
+  refuseOutputs(arguments);
   findPyramid(arguments.query);
   VolumeInput& attribute = arguments.attribute;
   attribute.cache_folder = arguments.query.input.cache_folder;
   if (!attribute.path.empty())
     findPyramid(attribute, arguments.query.threads, arguments.query.memory_bytes);
-  const ExtractResult result =
+  const ExtractResults results =
       runWithThreads(arguments.query.threads, [&] { return extract(arguments); });
   if (arguments.json)
-    printJson(jsonOfResult(arguments, result));
+    printJson(jsonOfResults(arguments, results));
   else
-    printSummary(arguments, result);
+    printSummaries(arguments, results);
   return 0;
 }
 
@@ -189,11 +270,12 @@ Command addExtractCommand(CLI::App& app) {
   CLI::App* const sub =
       app.add_subcommand("extract", "Extract an isosurface of a pyramid or a volume");
   const auto arguments = std::make_shared<ExtractArguments>();
-  addQueryOptions(*sub, arguments->query);
+  addQueryOptions(*sub, arguments->query, true);
   CLI::Option* const output =
       sub->add_option("-o,--output", arguments->output,
                       "Output; a mesh, .ply, .stl, .obj, .glb or .vtp, in world units. "
-                      "Without it the mesh is only counted")
+                      "Without it the mesh is only counted. Of several isovalues each gets a file: "
+                      "mesh-500.ply")
           ->type_name("MESH");
   addForceFlag(*sub, arguments->force)->needs(output);
   sub->add_option("--attribute", arguments->attribute.path,

@@ -14,7 +14,7 @@ namespace isobrick {
 
 PictureSurface extractPictureSurface(QueryOptions options) {
   const Pyramid pyramid(options.input.pyramid, options.memory_bytes, fileAccess(options.no_map));
-  chooseIsovalue(options, pyramid);
+  chooseIsovalues(options, pyramid);
   const Query query = makeQuery(options, pyramid);
   const GridGeometry& geometry = pyramid.spec().geometry;
   PictureSurface result;

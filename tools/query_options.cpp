@@ -44,20 +44,41 @@ void refuseBoxOutside(const QueryBox& box, const Pyramid& pyramid, const std::st
                   {.path = path});
 }
 
+// Of "500,1200" and "auto", given once or more.
+void readIsovalues(QueryOptions& options, const std::vector<std::string>& texts, bool several) {
+  try {
+    options.isovalues.clear();
+    for (const std::string& text : texts)
+      for (std::size_t begin = 0, end = 0; end != std::string::npos; begin = end + 1) {
+        end = text.find(',', begin);
+        const std::string word = text.substr(begin, end - begin);
+        options.isovalues.push_back(word == "auto" ? std::nullopt
+                                                   : std::optional(parseSingle(word)));
+      }
+  } catch (const std::invalid_argument& failure) {
+    throw CLI::ValidationError("--iso", failure.what());
+  }
+  if (options.isovalues.size() > 1 && !several)
+    throw CLI::ValidationError("--iso", "one isovalue is wanted; 'isobrick extract' takes several");
+  options.isovalue = options.isovalues.front().value_or(0);
+}
+
 }  // namespace
 
-void addQueryOptions(CLI::App& app, QueryOptions& options) {
+void addQueryOptions(CLI::App& app, QueryOptions& options, bool several) {
   options.threads = allCores();
   addVolumeInput(app, options.input)->required();
-  addParsedOption(
-      app, "--iso", options.isovalue,
-      [&options](const std::string& text) {
-        options.auto_isovalue = text == "auto";
-        return options.auto_isovalue ? 0 : parseSingle(text);
-      },
-      "V",
-      "Isovalue; values of at least V are inside. 'auto' is the first one that `isobrick info` "
-      "suggests")
+  app.add_option_function<std::vector<std::string>>(
+         "--iso",
+         [&options, several](const std::vector<std::string>& texts) {
+           readIsovalues(options, texts, several);
+         },
+         "Isovalue; values of at least V are inside. 'auto' is the first one that `isobrick info` "
+         "suggests" +
+             std::string(several ? ". Of several, 500,1200, each is a surface of its own" : ""))
+      ->type_name(several ? "V,..." : "V")
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
       ->required();
   addChoiceOptions(app, options.choice);
   const auto addFiner = [&options](const std::vector<std::string>& texts) {
@@ -97,15 +118,21 @@ void findPyramid(QueryOptions& options) {
   findPyramid(options.input, options.threads, options.memory_bytes);
 }
 
-void chooseIsovalue(QueryOptions& options, const Pyramid& pyramid) {
-  if (!options.auto_isovalue) return;
-  const IsovalueSuggestions suggestions = suggestIsovalues(pyramid);
-  if (suggestions.values.empty())
-    throw Error(fmt::format("all voxels of '{}' are {}: no isovalue has a surface",
-                            options.input.path, pyramid.valueRange().min));
-  options.isovalue = suggestions.values.front().value;
-  options.auto_isovalue = false;
-  fmt::print(stderr, "isobrick: isovalue {}\n", options.isovalue);
+void chooseIsovalues(QueryOptions& options, const Pyramid& pyramid) {
+  std::optional<double> best;
+  for (std::optional<double>& isovalue : options.isovalues) {
+    if (isovalue) continue;
+    if (!best) {
+      const IsovalueSuggestions suggestions = suggestIsovalues(pyramid);
+      if (suggestions.values.empty())
+        throw Error(fmt::format("all voxels of '{}' are {}: no isovalue has a surface",
+                                options.input.path, pyramid.valueRange().min));
+      best = suggestions.values.front().value;
+      fmt::print(stderr, "isobrick: isovalue {}\n", *best);
+    }
+    isovalue = best;
+  }
+  if (!options.isovalues.empty()) options.isovalue = *options.isovalues.front();
 }
 
 Query makeQuery(const QueryOptions& options, const Pyramid& pyramid) {

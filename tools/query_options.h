@@ -16,8 +16,8 @@ namespace isobrick {
 
 struct QueryOptions {
   VolumeInput input;
-  double isovalue = 0;
-  bool auto_isovalue = false;  // until chooseIsovalue()
+  double isovalue = 0;                           // the first one, or the one of makeQuery()
+  std::vector<std::optional<double>> isovalues;  // all; nothing: 'auto', until chooseIsovalues()
   ChoiceOptions choice;
   std::vector<ChoiceOptions> or_finer;
   std::optional<Corners> box;
@@ -27,8 +27,9 @@ struct QueryOptions {
   int threads = 0;
 };
 
-// FILE, --iso and all that narrow the query down.
-void addQueryOptions(CLI::App& app, QueryOptions& options);
+// FILE, --iso and all that narrow the query down. Where `several` isovalues are no use, more than
+// one is refused.
+void addQueryOptions(CLI::App& app, QueryOptions& options, bool several = false);
 
 // findPyramid() of its input.
 void findPyramid(QueryOptions& options);
@@ -40,7 +41,7 @@ inline FileAccess fileAccess(bool no_map) { return no_map ? FileAccess::kRead : 
 
 // For --iso auto, takes the first isovalue that is suggested for the pyramid, and says on stderr
 // which one that is. Throws Error where all voxels are equal.
-void chooseIsovalue(QueryOptions& options, const Pyramid& pyramid);
+void chooseIsovalues(QueryOptions& options, const Pyramid& pyramid);
 
 // The query in voxel indices, whatever the user's units are; stopped by Ctrl-C.
 Query makeQuery(const QueryOptions& options, const Pyramid& pyramid);
