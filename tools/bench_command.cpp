@@ -155,6 +155,7 @@ Command addBenchCommand(CLI::App& app) {
   const CLI::App* const parser = sub;
   arguments->query_options = parser->get_options();
   BenchSettings& settings = arguments->settings;
+  beginGroup(*sub, kMeasuringGroup);
   addParsedOption(
       *sub, "--rounds", settings.rounds,
       [](const std::string& text) { return parseInteger(text, 1, 1000000); }, "N",
@@ -187,10 +188,11 @@ Command addBenchCommand(CLI::App& app) {
       ->type_name("PATH");
   sub->add_flag("!--no-distances", settings.with_distances,
                 "Leave out how far adaptive surfaces lie from the finest one");
+  beginGroup(*sub, kOutputGroup);
   addJsonFlag(*sub, arguments->json);
   sub->footer(
-      "A query with a focus, a level or a tolerance gets a row of its own beside the finest "
-      "surface.");
+      "\nA query with a focus, a level or a tolerance gets a row of its own beside the finest "
+      "surface.\n\nExample:\n  isobrick bench head.isb --iso 1324 --level 1 --rows isobrick");
   return {sub, [arguments] { return runBench(*arguments); }};
 }
 

@@ -119,7 +119,10 @@ Command addCacheCommand(CLI::App& app) {
   sub->footer(fmt::format(R"(
 'extract', 'render', 'view', 'bench' and 'info' build the pyramid of a volume here, and find it again
 until the volume changes. Beyond {} (or what the variable ISOBRICK_CACHE_SIZE says, such as 100G) the
-least recently used pyramids go; the newest one stays, however large it is.)",
+least recently used pyramids go; the newest one stays, however large it is.
+
+Example:
+  isobrick cache --clear)",
                           byteSizeText(kDefaultCacheBytes)));
   return {sub, [arguments] { return runCache(*arguments); }};
 }

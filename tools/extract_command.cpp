@@ -271,6 +271,7 @@ Command addExtractCommand(CLI::App& app) {
       app.add_subcommand("extract", "Extract an isosurface of a pyramid or a volume");
   const auto arguments = std::make_shared<ExtractArguments>();
   addQueryOptions(*sub, arguments->query, true);
+  beginGroup(*sub, kOutputGroup);
   CLI::Option* const output =
       sub->add_option("-o,--output", arguments->output,
                       "Output; a mesh, .ply, .stl, .obj, .glb or .vtp, in world units. "
@@ -295,6 +296,10 @@ Command addExtractCommand(CLI::App& app) {
       [](const std::string& text) { return parseInteger(text, 1, 1000000); }, "N",
       "Extract N times; the last one is written");
   addJsonFlag(*sub, arguments->json);
+  sub->footer(R"(
+Example:
+  isobrick extract head.isb --iso 500,1324 --focus 128,40,128 --radius 30 -o head.ply
+writes head-500.ply and head-1324.ply. ParaView offers such names as one group.)");
   return {sub, [arguments] { return runExtract(*arguments); }};
 }
 

@@ -186,8 +186,12 @@ Command addInfoCommand(CLI::App& app) {
   CLI::App* const sub = app.add_subcommand("info", "Say what a pyramid or a volume holds");
   const auto arguments = std::make_shared<InfoArguments>();
   addVolumeInput(*sub, arguments->input)->required();
+  addVolumeOptions(*sub, arguments->input);
   addNoMapFlag(*sub, arguments->no_map);
   addJsonFlag(*sub, arguments->json);
+  sub->footer(R"(
+Example:
+  isobrick info head.isb --json)");
   return {sub, [arguments] { return runInfo(*arguments); }};
 }
 

@@ -78,6 +78,9 @@ Command addPhantomCommand(CLI::App& app) {
                   "Voxels to write; default: u16 for head, u8 for gyroid, f32 for the others")
       ->type_name("T")
       ->check(CLI::IsMember(voxelTypeShortNames()));
+  sub->footer(R"(
+Example:
+  isobrick phantom head --voxels 256 -o head.nrrd)");
   return {sub, [arguments, voxels, size] {
             if (voxels->count() + size->count() == 0) throw UsageError("--voxels is required");
             return runPhantom(*arguments);

@@ -68,6 +68,7 @@ void readIsovalues(QueryOptions& options, const std::vector<std::string>& texts,
 void addQueryOptions(CLI::App& app, QueryOptions& options, bool several) {
   options.threads = allCores();
   addVolumeInput(app, options.input)->required();
+  beginGroup(app, kSurfaceGroup);
   app.add_option_function<std::vector<std::string>>(
          "--iso",
          [&options, several](const std::vector<std::string>& texts) {
@@ -80,6 +81,7 @@ void addQueryOptions(CLI::App& app, QueryOptions& options, bool several) {
       ->expected(1)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
       ->required();
+  beginGroup(app, kDetailGroup);
   addChoiceOptions(app, options.choice);
   const auto addFiner = [&options](const std::vector<std::string>& texts) {
     for (const std::string& text : texts) {
@@ -98,11 +100,14 @@ void addQueryOptions(CLI::App& app, QueryOptions& options, bool several) {
       ->type_name("CHOICE")
       ->expected(1)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  beginGroup(app, kSurfaceGroup);
   addBoxOption(app, options.box);
   app.add_flag("--world", options.world,
                "--focus, --radius and --box are in world units. The radius is divided by the least "
                "spacing, so that the whole world sphere is of the finest level; on an oblique "
                "volume the box becomes the least box of indices around it");
+  addVolumeOptions(app, options.input);
+  beginGroup(app, kResourceGroup);
   addMemoryOption(app, options.memory_bytes);
   addNoMapFlag(app, options.no_map);
   addThreadsOption(app, options.threads);

@@ -24,6 +24,7 @@
 #include "tools/parsed_option.h"
 #include "tools/picture_surface.h"
 #include "tools/query_options.h"
+#include "tools/shared_options.h"
 #include "tools/stopwatch.h"
 #include "tools/thread_count.h"
 
@@ -140,11 +141,13 @@ Command addRenderCommand(CLI::App& app) {
   const auto arguments = std::make_shared<RenderArguments>();
   RenderOptions& picture = arguments->picture;
   addQueryOptions(*sub, arguments->query);
+  beginGroup(*sub, kOutputGroup);
   sub->add_option("-o,--output", arguments->output,
                   "Output; a picture, .png (8 bits, sRGB) or .exr (half floats, linear)")
       ->type_name("IMAGE")
       ->required();
   addForceFlag(*sub, arguments->force);
+  beginGroup(*sub, kPictureGroup);
   addParsedOption(*sub, "--size", arguments->size, parsePixelSize, "WxH",
                   "Pixels; default: 1024x1024");
   addParsedOption(*sub, "--azimuth", picture.orbit.azimuth, parseNumber, "DEGREES",
@@ -181,6 +184,9 @@ Command addRenderCommand(CLI::App& app) {
         together.count(option->get_single_name()) == 0 &&
         together.count("--" + option->get_single_name()) == 0)
       state->excludes(option);
+  sub->footer(R"(
+Example:
+  isobrick render head.isb --iso 500 --size 800x600 --azimuth 40 -o skin.png)");
   return {sub, [arguments, state, isovalue] {
             if (state->count() == 0 && isovalue->count() == 0)
               throw UsageError("--iso is required, or --state");

@@ -16,6 +16,18 @@
 
 namespace isobrick {
 
+// The groups of --help, in the order in which commands add to them; kVolumeGroup (volume_input.h)
+// is one more.
+inline constexpr char kSurfaceGroup[] = "Surface", kDetailGroup[] = "Detail",
+                      kOutputGroup[] = "Output", kPictureGroup[] = "Picture",
+                      kPyramidGroup[] = "Pyramid", kInputGroup[] = "Input",
+                      kMeasuringGroup[] = "Measuring", kWindowGroup[] = "Window",
+                      kScriptGroup[] = "Scripts", kResourceGroup[] = "Resources",
+                      kProgramGroup[] = "For programs";
+
+// Options that are added to the command from now on belong to this group.
+inline void beginGroup(CLI::App& app, const char* group) { app.option_defaults()->group(group); }
+
 // What --memory is where it is not given, in every command.
 inline constexpr std::uint64_t kDefaultMemoryBytes = Pyramid::kDefaultBudgetBytes;
 static_assert(kDefaultMemoryBytes == std::uint64_t{1} << 30);  // as --help says

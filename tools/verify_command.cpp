@@ -90,6 +90,9 @@ Command addVerifyCommand(CLI::App& app) {
   sub->add_option("FILE", arguments->path, "Pyramid (.isb)")->type_name("PATH")->required();
   addNoMapFlag(*sub, arguments->no_map);
   addThreadsOption(*sub, arguments->threads);
+  sub->footer(R"(
+Example:
+  isobrick verify head.isb)");
   return {sub, [arguments] { return runVerify(*arguments); }};
 }
 

@@ -129,11 +129,14 @@ BuiltPyramid buildIntoCache(const std::string& volume, const VolumeBuild& build,
 }  // namespace
 
 CLI::Option* addVolumeInput(CLI::App& app, VolumeInput& input) {
-  CLI::Option* const file =
-      app.add_option("FILE", input.path,
-                     "Pyramid (.isb); or a volume as 'isobrick build' reads it, a DICOM folder, "
-                     "or phantom:NAME:SIZE, of which a pyramid is built into the cache first")
-          ->type_name("PATH");
+  return app
+      .add_option("FILE", input.path,
+                  "Pyramid (.isb); or a volume as 'isobrick build' reads it, a DICOM folder, "
+                  "or phantom:NAME:SIZE, of which a pyramid is built into the cache first")
+      ->type_name("PATH");
+}
+
+void addVolumeOptions(CLI::App& app, VolumeInput& input) {
   addSelectOption(app, [&input](const std::string& word) {
     input.selections.push_back("--select=" + word);
   })->group(kVolumeGroup);
@@ -145,7 +148,6 @@ CLI::Option* addVolumeInput(CLI::App& app, VolumeInput& input) {
         ->type_name(word.type)
         ->group(kVolumeGroup);
   addCacheFolderOption(app, input.cache_folder)->group(kVolumeGroup);
-  return file;
 }
 
 CLI::Option* addCacheFolderOption(CLI::App& app, std::string& folder) {

@@ -26,8 +26,10 @@ struct VolumeInput {
 // The --help group of the options that say how to read a volume.
 inline constexpr char kVolumeGroup[] = "If FILE is a volume";
 
-// FILE, and the options that say how to read it where it is a volume.
+// FILE.
 CLI::Option* addVolumeInput(CLI::App& app, VolumeInput& input);
+// How to read it where it is a volume.
+void addVolumeOptions(CLI::App& app, VolumeInput& input);
 
 // --cache-folder.
 CLI::Option* addCacheFolderOption(CLI::App& app, std::string& folder);

@@ -318,16 +318,19 @@ TEST_F(BuildCommandTest, CodecsAreNamedInWhatIsPrinted) {
 
 TEST_F(BuildCommandTest, OneVolumeAsTextAndAsJson) {
   makeVolume("a.nrrd", "head", 64);
-  const std::string text = runWell({"build", "a.nrrd"});
+  const std::string summary = runWell({"build", "a.nrrd"});
+  EXPECT_LE(std::count(summary.begin(), summary.end(), '\n'), 5) << summary;
+  EXPECT_EQ(summary.find("phase"), std::string::npos) << summary;
+  const std::string text = runWell({"build", "a.nrrd", "--rebuild", "--verbose"});
   for (const char* part : {"a.isb: 64 x 64 x 64 uint16, 7 levels", "x raw), codec lz4", "phase",
                            "busy s", "MB/s", "read", "low-pass", "ranges", "curvature", "pack",
-                           "write", "publish", "(open ", "peak memory", "--memory 512 MiB"})
+                           "write", "publish", "(open ", "peak memory", "--memory 1.00 GiB"})
     expectContains(text, part);
   const Json json = runForJson({"build", "a.nrrd", "--rebuild", "--threads", "2"});
   EXPECT_EQ(json["input"], "a.nrrd");
   EXPECT_EQ(json["output"], "a.isb");
   EXPECT_EQ(json["skipped"], false);
-  EXPECT_EQ(json["memory_bytes"], 512u << 20);
+  EXPECT_EQ(json["memory_bytes"], 1u << 30);
   EXPECT_EQ(json["bricks"], 7);
   EXPECT_EQ(json["bricks_resumed"], 0);
   for (const char* key : {"total", "open", "build"}) EXPECT_GT(json["seconds"][key], 0) << key;

@@ -380,7 +380,7 @@ TEST_F(CliTest, WrongUsageExitsWithTwo) {
       {{"render", "sphere.isb", "--iso", "0", "-o", "a.png", "--show-focus"}, "--focus"},
       {{"phantom", "apple", "--size", "16", "-o", "a.nrrd"}, "apple"},
       {{"phantom", "sphere", "--size", "1", "-o", "a.nrrd"}, "'1'"},
-      {{"phantom", "sphere", "-o", "a.nrrd"}, "--size"},
+      {{"phantom", "sphere", "-o", "a.nrrd"}, "--voxels"},
       {{"phantom", "sphere", "--size", "16"}, "--output"},
   };
   const std::set<std::string> before = files();

@@ -134,6 +134,7 @@ auto powerOfTwo(std::int64_t least, std::int64_t most) {
 }
 
 void addOutputOptions(CLI::App& sub, BuildArguments& arguments) {
+  beginGroup(sub, kOutputGroup);
   const auto notEmpty = [](const std::string& text) {
     if (text.empty()) throw std::invalid_argument("the name is empty");
     return text;
@@ -161,6 +162,7 @@ void addOutputOptions(CLI::App& sub, BuildArguments& arguments) {
                "Go on where an interrupted or killed build with the same options ended");
   addJsonFlag(sub, arguments.json);
   sub.add_flag("--verbose", arguments.settings.verbose, "Say how long each phase took, too");
+  beginGroup(sub, kProgramGroup);
   CLI::Option* const lines = sub.add_flag_callback(
       "--progress-lines", [&] { arguments.settings.progress = ProgressStyle::kLines; },
       "Write how far it is on stderr as lines, for programs: progress 0.612 bricks");
@@ -179,6 +181,7 @@ void addOutputOptions(CLI::App& sub, BuildArguments& arguments) {
 }
 
 void addResourceOptions(CLI::App& sub, BuildArguments& arguments) {
+  beginGroup(sub, kResourceGroup);
   BuildOptions& options = arguments.settings.options;
   options.memory_bytes = kDefaultMemoryBytes;
   addMemoryOption(sub, options.memory_bytes);
@@ -186,6 +189,7 @@ void addResourceOptions(CLI::App& sub, BuildArguments& arguments) {
 }
 
 void addPyramidOptions(CLI::App& sub, BuildArguments& arguments) {
+  beginGroup(sub, kPyramidGroup);
   BuildOptions& options = arguments.settings.options;
   addStoredOptions(sub, options);
   Choices<format::Filter> filters;
@@ -216,11 +220,15 @@ Command addBuildCommand(CLI::App& app) {
   addOutputOptions(*sub, *arguments);
   addResourceOptions(*sub, *arguments);
   addPyramidOptions(*sub, *arguments);
+  beginGroup(*sub, kInputGroup);
   addInputOptions(*sub, arguments->inputs, arguments->input);
   sub->footer(R"(
 A pyramid of the same input and options is up to date and is left as it is; one of an input that
 changed, or of other options, is built again. Of many inputs those that fail do not stop the others;
-the exit status is 1 then.)");
+the exit status is 1 then.
+
+Example:
+  isobrick build 'scans/*.nrrd' --out-dir pyramids)");
   return {sub, [arguments] { return runBuild(*arguments); }};
 }
 

@@ -265,6 +265,7 @@ Command addConvertCommand(CLI::App& app) {
                   "Pyramid (.isb), or a volume in any format that `build` reads")
       ->type_name("PATH")
       ->required();
+  beginGroup(*sub, kOutputGroup);
   sub->add_option("-o,--output", arguments->output,
                   "Output; the ending says the format: .isb, .nrrd, .mhd, .mha, .nii, "
                   ".nii.gz, .vti, .vdb, .ome.zarr, .h5 (or file.h5:/path), .tif, .raw, or "
@@ -303,20 +304,28 @@ Command addConvertCommand(CLI::App& app) {
   addParsedOption(*sub, "--tolerance", arguments->write.vdb_tolerance, parseTolerance, "T", "")
       ->group("");
   sub->add_flag("--half", arguments->write.vdb_half, "Half floats in a .vdb");
+  beginGroup(*sub, kPyramidGroup);
   addStoredOptions(*sub, arguments->build);
+  beginGroup(*sub, kOutputGroup);
   addForceFlag(*sub, arguments->force)
       ->description(
           "Replace what has the name of the output, of an HDF5 file the dataset alone; never an "
           "input. A dataset goes into a copy of the file, which takes its place in the end");
+  beginGroup(*sub, kResourceGroup);
   addMemoryOption(*sub, arguments->build.memory_bytes);
   addNoMapFlag(*sub, arguments->no_map);
   addThreadsOption(*sub, arguments->threads);
+  beginGroup(*sub, kOutputGroup);
   addJsonFlag(*sub, arguments->json);
+  beginGroup(*sub, kInputGroup);
   addOpenOptions(*sub, arguments->input);
   sub->footer(R"(
 World coordinates are taken as LPS (DICOM, ITK), lengths as millimetres if the input says its unit;
 the summary says in which space and unit the output is. What its format cannot keep is warned of, a
-line each. docs/FORMATS.md has the table.)");
+line each. docs/FORMATS.md has the table.
+
+Example:
+  isobrick convert head.isb --level 1 -o half.nii.gz)");
   return {sub, [arguments] {
             if (isPyramid(arguments->input.path)) arguments->input.pyramid_level = arguments->level;
             return runConvert(*arguments);

@@ -58,6 +58,7 @@ Command addViewCommand(CLI::App& app) {
           "the "
           "window");
   sub->add_option("--cache", input->cache_folder)->group("");  // its name in earlier versions
+  addVolumeOptions(*sub, *input);
   const auto force = std::make_shared<bool>(false);
   const auto preview_share = std::make_shared<std::optional<double>>();
   addParsedOption(
@@ -66,15 +67,18 @@ Command addViewCommand(CLI::App& app) {
       "Share of a build's time that previews may take; 0: none are made; default: that of "
       "'isobrick "
       "build'");
+  beginGroup(*sub, kResourceGroup);
   addMemoryOption(*sub, options->memory_bytes);
   addParsedOption(*sub, "--gpu-memory", options->gpu_budget_bytes, parseByteSize, "SIZE",
                   "Bytes of triangles to keep on the graphics card; default: 1G");
   addThreadsOption(*sub, options->threads);
+  beginGroup(*sub, kWindowGroup);
   addParsedOption(*sub, "--size", *size, parsePixelSize, "WxH", "Pixels; default: 1280x800");
   sub->add_option(
          "--state", options->state_path,
          "Saved view; to begin with, as Ctrl+S writes it; read and written by Ctrl+O and Ctrl+S")
       ->type_name("VIEW.json");
+  beginGroup(*sub, kScriptGroup);
   CLI::Option* const script =
       sub->add_option("--script", options->script_path,
                       "Timed inputs in place of hands; leaves at their end (docs/VIEWER.md)")
@@ -92,6 +96,10 @@ Command addViewCommand(CLI::App& app) {
   addForceFlag(*sub, *force);
   sub->add_flag("--offscreen", options->offscreen, "Run the script without a window")
       ->needs(script);
+  sub->footer(R"(
+Example:
+  isobrick view head.isb --memory 512M --size 1600x1000
+H lists the keys.)");
   return {sub, [options, size, input, preview_share, force] {
             options->path = input->path;
             refuseReplacingOutputs(*options, *force);
