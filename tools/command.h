@@ -62,6 +62,8 @@ Command addViewCommand(CLI::App& app);
 Command addPhantomCommand(CLI::App& app);
 Command addBenchCommand(CLI::App& app);
 Command addCacheCommand(CLI::App& app);
+Command addFormatsCommand(CLI::App& app);
+Command addVolumeFormatsCommand(CLI::App& app);
 Command addBenchRowCommand(CLI::App& app);
 
 }  // namespace isobrick

@@ -14,8 +14,8 @@ namespace isobrick {
 
 ImageFormat imageFormatOf(const std::filesystem::path& path) {
   const std::string extension = lowerExtension(path);
-  if (extension == ".png") return ImageFormat::kPng;
-  if (extension == ".exr") return ImageFormat::kExr;
+  for (const auto& [known, format] : kImageFormats)
+    if (extension == known) return format;
   throw Error("cannot write picture " + path.string() + ": unknown extension '" + extension +
               "'; name it .png or .exr");
 }

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <filesystem>
+#include <utility>
 #include <vector>
 
 #include "isobrick/viewer/image.h"
@@ -10,6 +11,10 @@
 namespace isobrick {
 
 enum class ImageFormat { kPng, kExr };
+
+// The formats by their extensions.
+inline constexpr std::pair<const char*, ImageFormat> kImageFormats[] = {
+    {".png", ImageFormat::kPng}, {".exr", ImageFormat::kExr}};
 
 // The format that a file name asks for by its extension, in upper or lower case. Throws Error for
 // any other extension: ask before long work, so that a slip of the pen costs nothing.

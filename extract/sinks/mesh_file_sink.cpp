@@ -23,6 +23,13 @@ constexpr MeshFormat kMeshFormats[] = {{".ply", makePlySink, true, false, false}
 
 }  // namespace
 
+std::vector<MeshFormatInfo> meshFormats() {
+  std::vector<MeshFormatInfo> formats;
+  for (const MeshFormat& format : kMeshFormats)
+    formats.push_back({format.extension, format.has_values, format.has_zlib, format.has_meshopt});
+  return formats;
+}
+
 std::unique_ptr<MeshFileSink> makeMeshFileSink(const std::string& path,
                                                const MeshFileOptions& options) {
   const std::string end = lowerExtension(path);

@@ -3,6 +3,7 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "isobrick/extract/sinks/triangle_sink.h"
 #include "isobrick/extract/sinks/vertex_values.h"
@@ -30,6 +31,13 @@ struct MeshFileOptions {
   // Packs .glb with EXT_meshopt_compression. Error for the other formats.
   bool meshopt = false;
 };
+
+// A format of meshes, and which of MeshFileOptions it takes.
+struct MeshFormatInfo {
+  std::string ending;
+  bool has_values, has_zlib, has_meshopt;
+};
+std::vector<MeshFormatInfo> meshFormats();
 
 // Makes a sink for `path`; its extension decides:
 //   .ply  binary little-endian: x y z (float, or double where MeshFrame says that single precision

@@ -165,6 +165,12 @@ const PlainFormat* plainFormatOf(const std::string& path) {
 
 }  // namespace
 
+std::vector<std::string> plainVolumeEndings() {
+  std::vector<std::string> endings;
+  for (const PlainFormat& format : kPlainFormats) endings.emplace_back(format.ending);
+  return endings;
+}
+
 bool isPlainVolumeName(const std::string& path) { return plainFormatOf(path) != nullptr; }
 
 VolumeWriteReport writeVolume(VolumeSource& source, const std::string& path,

@@ -30,7 +30,9 @@ struct VolumeWriteReport {
   std::vector<std::string> lost;  // each thing that the format cannot keep, a line each
 };
 
-// True for endings that writeVolume() knows.
+// The endings that writeVolume() knows.
+std::vector<std::string> plainVolumeEndings();
+// True for a name that has one of them.
 bool isPlainVolumeName(const std::string& path);
 
 // Reads `source` from its first slice to its last and writes `path`, little-endian. World

@@ -79,25 +79,75 @@ bool mayHaveComponents(const std::string& path, const OpenOptions& options) {
          ending != ".isb" && ending != ".vdb";
 }
 
+// `knows` looks at the name and the kind alone; ITK knows the formats without it by their content.
+// The first reader that knows a path reads it.
+struct Reader {
+  ReadableFormat format;
+  bool (*knows)(const std::string& path, bool is_folder);
+  std::unique_ptr<VolumeSource> (*open)(const std::string& path, const OpenOptions& options);
+};
+constexpr Reader kReaders[] = {
+    {{"OME-Zarr", ".ome.zarr .zarr", true},
+     [](const std::string& path, bool is_folder) { return is_folder && isZarrFolder(path); },
+     [](const std::string& path, const OpenOptions& options) {
+       return openZarrSource(path, options);
+     }},
+    {{"OpenEXR", "folder of .exr", ISOBRICK_WITH_OPENEXR},
+     [](const std::string& path, bool is_folder) { return is_folder && hasExrSlices(path); },
+     openExr},
+    {{"HDF5", ".h5 .h5:/path", ISOBRICK_WITH_HDF5},
+     [](const std::string& path, bool is_folder) { return !is_folder && isHdf5Name(path); },
+     openHdf5},
+    {{"VTK ImageData", ".vti", true},
+     [](const std::string& path, bool is_folder) {
+       return !is_folder && lowerExtension(path) == ".vti";
+     },
+     [](const std::string& path, const OpenOptions& options) {
+       return openVtiSource(path, options);
+     }},
+    {{"OpenVDB", ".vdb", ISOBRICK_WITH_OPENVDB},
+     [](const std::string& path, bool is_folder) {
+       return !is_folder && lowerExtension(path) == ".vdb";
+     },
+     openVdb},
+    {{"NRRD", ".nrrd .nhdr", ISOBRICK_WITH_ITK}, nullptr, openItk},
+    {{"MetaImage", ".mhd .mha", ISOBRICK_WITH_ITK}, nullptr, openItk},
+    {{"NIfTI-1, Analyze", ".nii .nii.gz .hdr", ISOBRICK_WITH_ITK}, nullptr, openItk},
+    {{"DICOM", "file, or folder of a series", ISOBRICK_WITH_ITK}, nullptr, openItk},
+    {{"TIFF", ".tif .tiff, or folder of slices", ISOBRICK_WITH_ITK}, nullptr, openItk},
+    {{"PNG", "folder of slices", ISOBRICK_WITH_ITK}, nullptr, openItk},
+    {{"MRC, GIPL, LSM, Bio-Rad, VTK legacy", ".mrc .gipl .lsm .pic .vtk", ISOBRICK_WITH_ITK},
+     nullptr,
+     openItk},
+};
+
 // From a path that refuseUnusablePath() let pass.
 std::unique_ptr<VolumeSource> openFormat(const std::string& path, const OpenOptions& options) {
   if (options.raw) return openRawSource(path, *options.raw);
   std::error_code ignored;
-  if (fs::is_directory(path, ignored) && isZarrFolder(path)) return openZarrSource(path, options);
-  if (fs::is_directory(path, ignored) && hasExrSlices(path)) return openExr(path, options);
-  if (!fs::is_directory(path, ignored) && isHdf5Name(path)) return openHdf5(path, options);
-  if (!fs::is_directory(path, ignored)) {
-    const std::string ending = lowerExtension(path);
-    if (ending == ".isb" && options.pyramid_level)
-      return makePyramidSource(std::make_shared<const Pyramid>(path, options.memory_bytes),
-                               options.memory_bytes, *options.pyramid_level, options.cancel);
-    if (ending == ".vti") return openVtiSource(path, options);
-    if (ending == ".vdb") return openVdb(path, options);
-  }
+  const bool is_folder = fs::is_directory(path, ignored);
+  if (!is_folder && options.pyramid_level && lowerExtension(path) == ".isb")
+    return makePyramidSource(std::make_shared<const Pyramid>(path, options.memory_bytes),
+                             options.memory_bytes, *options.pyramid_level, options.cancel);
+  for (const Reader& reader : kReaders)
+    if (reader.knows != nullptr && reader.knows(path, is_folder)) return reader.open(path, options);
   return openItk(path, options);
 }
 
 }  // namespace
+
+std::vector<ReadableFormat> readableFormats() {
+  static const std::string raw_endings = [] {
+    std::string endings;
+    for (const std::string_view ending : kRawEndings)
+      endings += (endings.empty() ? "" : " ") + std::string(ending);
+    return endings;
+  }();
+  std::vector<ReadableFormat> formats;
+  for (const Reader& reader : kReaders) formats.push_back(reader.format);
+  formats.push_back({"raw voxels", raw_endings.c_str(), true});
+  return formats;
+}
 
 void refuseUnusablePath(const std::string& path, const OpenOptions& options) {
   std::error_code ignored;

@@ -3,6 +3,7 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "isobrick/preprocess/sources/open_options.h"
 #include "isobrick/preprocess/volume_source.h"
@@ -18,6 +19,14 @@ namespace isobrick {
 // out, for pyramids, and (with Remedy::kDescribeRawFile) for files that are known to have no header
 // if options.raw is missing; Cancelled.
 std::unique_ptr<VolumeSource> openVolume(const std::string& path, const OpenOptions& options = {});
+
+// A format that openVolume() reads, for a list of them.
+struct ReadableFormat {
+  const char* name;
+  const char* endings;  // or what else names it; ".mhd .mha"
+  bool is_built_in;     // false: this build of isobrick leaves it out
+};
+std::vector<ReadableFormat> readableFormats();
 
 // Gives a source that was opened otherwise, level `level` of a pyramid, the spacing and the origin
 // of the options, if they have them, as openVolume() does.

@@ -4,7 +4,7 @@
 namespace isobrick {
 
 std::vector<Command> addCommands(CLI::App& app) {
-  return {addBuildCommand(app), addConvertCommand(app)};
+  return {addBuildCommand(app), addConvertCommand(app), addVolumeFormatsCommand(app)};
 }
 
 std::optional<std::string> commandOfFile(const std::string&) { return std::nullopt; }

@@ -53,6 +53,14 @@ const ExportFormat* formatOf(const std::string& name) {
 
 }  // namespace
 
+std::vector<WritableFormat> writableFormats() {
+  std::vector<WritableFormat> formats;
+  for (const std::string& ending : plainVolumeEndings()) formats.push_back({ending, false, true});
+  for (const ExportFormat& format : kFormats)
+    formats.push_back({std::string(format.ending), format.has_levels, format.write != nullptr});
+  return formats;
+}
+
 void refuseUnknownExport(const std::string& path, bool has_levels) {
   const ExportFormat* const format = formatOf(path);
   if (format != nullptr && format->write == nullptr)

@@ -42,6 +42,14 @@ struct ExportOptions : VolumeWriteOptions {
 VolumeWriteReport exportVolume(VolumeLevels& levels, const std::string& path,
                                const ExportOptions& options);
 
+// A format that exportVolume() writes, for a list of them.
+struct WritableFormat {
+  std::string ending;
+  bool has_levels;   // all levels of a pyramid in one file
+  bool is_built_in;  // false: this build of isobrick leaves it out
+};
+std::vector<WritableFormat> writableFormats();
+
 // Throws the Error of exportVolume() for a name, or for several levels; writes nothing.
 void refuseUnknownExport(const std::string& path, bool has_levels);
 
