@@ -139,8 +139,10 @@ std::unique_ptr<VolumeSource> openFormat(const std::string& path, const OpenOpti
 std::vector<ReadableFormat> readableFormats() {
   static const std::string raw_endings = [] {
     std::string endings;
-    for (const std::string_view ending : kRawEndings)
-      endings += (endings.empty() ? "" : " ") + std::string(ending);
+    for (const std::string_view ending : kRawEndings) {
+      if (!endings.empty()) endings += ' ';
+      endings += ending;
+    }
     return endings;
   }();
   std::vector<ReadableFormat> formats;
