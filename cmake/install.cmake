@@ -32,6 +32,15 @@ if(ISOBRICK_COMMAND)
   if(ISOBRICK_WITH_WINDOW)
     install(FILES desktop/isobrick.desktop DESTINATION ${CMAKE_INSTALL_DATADIR}/applications COMPONENT runtime)
   endif()
+  # Where the shells look for them; OPTIONAL: a cross build has none.
+  set(pages ${PROJECT_BINARY_DIR}/pages)
+  install(DIRECTORY ${pages}/man1 DESTINATION ${CMAKE_INSTALL_MANDIR} COMPONENT runtime OPTIONAL)
+  install(FILES ${pages}/bash/isobrick COMPONENT runtime OPTIONAL
+          DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions)
+  install(FILES ${pages}/zsh/_isobrick COMPONENT runtime OPTIONAL
+          DESTINATION ${CMAKE_INSTALL_DATADIR}/zsh/vendor-completions)
+  install(FILES ${pages}/fish/isobrick.fish COMPONENT runtime OPTIONAL
+          DESTINATION ${CMAKE_INSTALL_DATADIR}/fish/vendor_completions.d)
 endif()
 
 # The headers that a program may include; tests/house/consumer_test.cmake compiles each alone.

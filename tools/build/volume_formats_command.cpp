@@ -18,7 +18,7 @@ Command addVolumeFormatsCommand(CLI::App& app) {
               json["read"].push_back({{"name", format.name},
                                       {"endings", format.endings},
                                       {"built_in", format.is_built_in}});
-            json["write"].push_back({{"ending", ".isb"}, {"levels", true}, {"built_in", true}});
+            json["write"].push_back({{"ending", ".isb"}, {"levels", false}, {"built_in", true}});
             for (const WritableFormat& format : writableFormats())
               json["write"].push_back({{"ending", format.ending},
                                        {"levels", format.has_levels},
