@@ -342,7 +342,7 @@ TEST_F(CliTest, WrongUsageExitsWithTwo) {
       {{"extract", "sphere.isb", "--iso", "1e300"}, "1e300"},
       {{"extract", "sphere.isb", "--iso", "1,5"}, "1,5"},
       {{"extract", "sphere.isb", "--iso"}, "--iso"},
-      {{"extract", "sphere.isb", "--iso", "0", "--iso", "1"}, "--iso"},
+      {{"render", "sphere.isb", "--iso", "0", "--iso", "1", "-o", "a.png"}, "--iso"},
       {{"extract", "sphere.isb", "--iso", "0", "--focus", "1,2,3"}, "--radius"},
       {{"extract", "sphere.isb", "--iso", "0", "--radius", "3"}, "--focus"},
       {{"extract", "sphere.isb", "--iso", "0", "--focus", "1,2", "--radius", "3"}, "1,2"},
