@@ -2,6 +2,7 @@
 // commands' own definitions.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <map>
 #include <memory>
@@ -109,26 +110,28 @@ std::string mainManPage(const Json& all) {
 
 // ---- completions
 
+void appendWord(std::string& words, const std::string& word) {
+  if (!words.empty()) words += ' ';
+  words += word;
+}
+
 std::string namesOf(const Json& options) {
   std::string names;
   for (const Json& option : options)
-    for (const Json& name : option["names"])
-      names += (names.empty() ? std::string() : std::string(" ")) + name.get<std::string>();
+    for (const Json& name : option["names"]) appendWord(names, name.get<std::string>());
   return names;
 }
 
 std::string choicesText(const Json& option) {
   std::string text;
-  for (const Json& choice : option["choices"]) {
-    if (!text.empty()) text += ' ';
-    text += choice.get<std::string>();
-  }
+  for (const Json& choice : option["choices"]) appendWord(text, choice.get<std::string>());
   return text;
 }
 
 // As much of a description as fits beside a name, without what shells would read.
 std::string shortText(const std::string& description) {
-  std::string text = description.substr(0, description.find_first_of(".;:"));
+  std::string text = description.substr(
+      0, std::min({description.find(". "), description.find(';'), description.find(':')}));
   for (char& c : text)
     if (std::string_view("'\"`[]\\$").find(c) != std::string_view::npos) c = ' ';
   return text;
@@ -138,7 +141,7 @@ std::string bashCompletion(const Json& all) {
   std::string commands, choices, options;
   for (const Json& command : all["commands"]) {
     const std::string name = textOf(command, "name");
-    commands += (commands.empty() ? "" : " ") + name;
+    appendWord(commands, name);
     options += fmt::format("    {}) words='{}' ;;\n", name, namesOf(command["options"]));
     for (const Json& option : command["options"])
       if (!option["choices"].empty())

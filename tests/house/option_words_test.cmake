@@ -35,7 +35,7 @@ foreach(command build convert info verify extract render view phantom bench cach
   string(REPLACE "\n${indent}" "\t" help "${help}")  # of a name that is too long for its column
   string(REPLACE "\n" ";" lines "${help}")
   foreach(line IN LISTS lines)
-    if(NOT line MATCHES "^  (-[a-z],)?(--[a-z-]+)")
+    if(NOT line MATCHES "^  (-[a-z],)?(--[a-z0-9-]+)")
       continue()
     endif()
     set(option ${CMAKE_MATCH_2})

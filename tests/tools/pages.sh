@@ -17,7 +17,7 @@ for page in "$work"/man1/*.1; do
   command=${command#isobrick}
   command=${command#-}
   [ -n "$command" ] || continue
-  for option in $("$isobrick" "$command" --help | grep -oE '^  (-[a-z],)?--[a-z-]+' | grep -oE -- '--[a-z-]+|-[a-z]\b'); do
+  for option in $("$isobrick" "$command" --help | grep -oE '^  (-[a-z],)?--[a-z0-9-]+' | grep -oE -- '--[a-z0-9-]+|-[a-z]\b'); do
     grep -qF -- "\\fB${option//-/\\-}\\fR" "$page" || fail "$page lacks $option"
     checked=$((checked + 1))
   done
