@@ -116,9 +116,7 @@ constexpr Reader kReaders[] = {
     {{"DICOM", "file, or folder of a series", ISOBRICK_WITH_ITK}, nullptr, openItk},
     {{"TIFF", ".tif .tiff, or folder of slices", ISOBRICK_WITH_ITK}, nullptr, openItk},
     {{"PNG", "folder of slices", ISOBRICK_WITH_ITK}, nullptr, openItk},
-    {{"MRC, GIPL, LSM, Bio-Rad, VTK legacy", ".mrc .gipl .lsm .pic .vtk", ISOBRICK_WITH_ITK},
-     nullptr,
-     openItk},
+    {{"MRC", ".mrc", ISOBRICK_WITH_ITK}, nullptr, openItk},
 };
 
 // From a path that refuseUnusablePath() let pass.

@@ -340,7 +340,7 @@ TEST_F(CliTest, WrongUsageExitsWithTwo) {
       {{"extract", "sphere.isb", "--iso", "nan"}, "nan"},
       {{"extract", "sphere.isb", "--iso", "inf"}, "inf"},
       {{"extract", "sphere.isb", "--iso", "1e300"}, "1e300"},
-      {{"extract", "sphere.isb", "--iso", "1,5"}, "1,5"},
+      {{"render", "sphere.isb", "--iso", "1,5", "-o", "a.png"}, "one isovalue"},
       {{"extract", "sphere.isb", "--iso"}, "--iso"},
       {{"render", "sphere.isb", "--iso", "0", "--iso", "1", "-o", "a.png"}, "--iso"},
       {{"extract", "sphere.isb", "--iso", "0", "--focus", "1,2,3"}, "--radius"},
