@@ -1,63 +1,43 @@
-# What programs include as <isobrick/...>. A header in this list includes none that is not in it.
+# What programs include as <isobrick/...>; <isobrick/isobrick.h> includes all of the libraries that are
+# installed, but for the viewer's. A header in this list includes none that is not in it. Everything else is
+# free to change.
 set(isobrick_public_headers
+  isobrick.h
+  # what a pyramid is
   storage/brick_layout.h
-  storage/brick_pager.h
-  storage/brick_parts.h
-  storage/buffer_slab.h
-  storage/bus_error_guard.h
   storage/cancel.h
-  storage/curvature_code.h
   storage/error.h
-  storage/error_bins.h
-  storage/format.h
-  storage/gradient_spectrum.h
   storage/grid.h
   storage/isovalue_suggestions.h
-  storage/load_threads.h
-  storage/paged_file.h
   storage/pyramid.h
   storage/pyramid_info.h
-  storage/residence_policy.h
+  storage/pyramid_verify.h
   storage/value_range.h
   storage/voxel_histogram.h
   storage/voxel_type.h
-  extract/edge_key.h
-  extract/sinks/edge_vertex_map.h
+  # a pyramid in, triangles out
   extract/extraction_plan.h
-  extract/extraction_report.h
   extract/extractor.h
   extract/pyramid_values.h
   extract/query.h
-  extract/surface_mesh.h
   extract/sinks/counting_sink.h
   extract/sinks/indexed_mesh.h
   extract/sinks/mesh_file_sink.h
-  extract/sinks/raw_vector.h
   extract/sinks/triangle_sink.h
-  extract/sinks/vertex_values.h
   extract/sinks/vertex_numbering.h
-  preprocess/volume_source.h
-  preprocess/pyramid_builder.h
+  extract/surface_mesh.h
+  # a volume in, a pyramid out; and volumes to other formats
   preprocess/export/formats/export_volume.h
-  preprocess/export/source_views.h
   preprocess/export/volume_writer.h
   preprocess/phantoms/phantom.h
-  preprocess/sources/exr_source.h
-  preprocess/sources/hdf5_source.h
-  preprocess/sources/itk_source.h
+  preprocess/pyramid_builder.h
   preprocess/sources/open_options.h
   preprocess/sources/open_volume.h
   preprocess/sources/pyramid_source.h
-  preprocess/sources/raw_source.h
-  preprocess/sources/vdb_source.h
-  preprocess/sources/vti_source.h
-  preprocess/sources/zarr_source.h)
+  preprocess/volume_source.h)
 if(ISOBRICK_WITH_VIEWER)
   list(APPEND isobrick_public_headers
     viewer/image.h
     viewer/image_writer.h
-    viewer/offscreen_renderer.h
-    viewer/placed_camera.h
-    viewer/render/surface_chunk.h
-    viewer/render_camera.h)
+    viewer/offscreen_renderer.h)
 endif()

@@ -9,6 +9,7 @@
 #include "isobrick/extract/session/query_check.h"
 #include "isobrick/extract/session/surface_joiner.h"
 #include "isobrick/extract/session/surface_writer.h"
+#include "isobrick/storage/pyramid_parts.h"
 
 namespace isobrick {
 namespace {
@@ -21,18 +22,17 @@ std::vector<LevelCounts> noCounts(int levels) {
 }
 
 // What the log says of one brick.
-void addReads(const Pyramid& pyramid, const ReadLog::Entry& entry, ExtractionReport& report) {
-  const auto [level, brick] = pyramid.brickAt(entry.brick_row);
+void addReads(const PyramidParts& parts, const ReadLog::Entry& entry, ExtractionReport& report) {
+  const auto [level, brick] = parts.brickAt(entry.brick_row);
+  const BrickRow row = parts.brickRowOf(level, brick);
   ++report.bricks_read;
   if ((entry.marks & ReadLog::kActive) != 0) {
     ++report.bricks_active;
-    report.bytes_active += pyramid.sampleBytes(level, brick);
+    report.bytes_active += row.part(PartKind::kSamples).stored_bytes;
   }
-  if ((entry.marks & ReadLog::kSamples) != 0)
-    report.bytes_read += pyramid.sampleBytes(level, brick);
-  if ((entry.marks & ReadLog::kRanges) != 0) report.bytes_read += pyramid.rangeBytes(level, brick);
-  if ((entry.marks & ReadLog::kCurvature) != 0) report.bytes_read += pyramid.curvatureBytes(brick);
-  if ((entry.marks & ReadLog::kError) != 0) report.bytes_read += pyramid.errorBytes(level, brick);
+  for (const PartKind kind : kPartKinds)
+    if ((entry.marks & ReadLog::markOf(kind)) != 0)
+      report.bytes_read += row.part(kind).stored_bytes;
 }
 
 ExtractionReport makeReport(const Pyramid& pyramid, const ReadLog& log,
@@ -42,7 +42,7 @@ ExtractionReport makeReport(const Pyramid& pyramid, const ReadLog& log,
     report.triangles += counts.triangles;
     if (counts.triangles > 0) report.levels.push_back(counts);
   }
-  for (const ReadLog::Entry& entry : log.entries()) addReads(pyramid, entry, report);
+  for (const ReadLog::Entry& entry : log.entries()) addReads(pyramid.parts(), entry, report);
   return report;
 }
 
@@ -53,9 +53,14 @@ class QueryContext {
                ResidencyOracle* residency = nullptr)
       : oracles_(oraclesOf(pyramid, query)),
         frame_(pyramid.spec().geometry, pyramid.valueRange()),
-        context_{
-            pyramid,           query,    oracles_, frame_, static_cast<float>(query.isovalue), log,
-            pyramid.edition(), residency} {
+        context_{pyramid,
+                 query,
+                 oracles_,
+                 frame_,
+                 static_cast<float>(query.isovalue),
+                 log,
+                 pyramid.parts().edition(),
+                 residency} {
     log.clear();
   }
   QueryContext(const QueryContext&) = delete;
@@ -71,22 +76,25 @@ class QueryContext {
 }  // namespace
 
 struct Extractor::Memory {
+  explicit Memory(const Pyramid& of) : pyramid(of) {}
+
+  const Pyramid& pyramid;
   MeshMemory mesh;
   SurfaceWriterMemory surface;
   VertexNumbering numbering;
   ReadLog log;
   BrickFetcher fetcher;
   // Of the run of queries for now that ask for the same surface.
-  std::optional<Query> asked_for;
+  std::optional<SurfaceChoice> asked_for;
   std::uint64_t asked_since = 0;  // number of the first
 
   // A query for now begins. What the queries of its run took and fetched stays for it: returns the
   // number of the first of them.
-  std::uint64_t beginQueryForNow(const Pyramid& pyramid, const Query& query) {
-    const bool goes_on = asked_for && asksForTheSame(*asked_for, query);
+  std::uint64_t beginQueryForNow(const Query& query) {
+    const bool goes_on = asked_for && *asked_for == query;
     if (!goes_on) fetcher.takeBack();
     fetcher.beginQuery();
-    const std::uint64_t number = pyramid.beginQuery();
+    const std::uint64_t number = pyramid.parts().beginQuery();
     if (!goes_on) asked_since = number;
     asked_for = query;
     return asked_since;
@@ -117,19 +125,50 @@ struct Extractor::Memory {
     SurfaceJoiner joiner(into, context.pyramid.spec().geometry, numbering);
     return meshInto(context, bricks, joiner);
   }
+
+  // A query for now. `mesher`: meshInto() to where the caller wants it.
+  template <typename Mesher>
+  ExtractionReport extractNow(const Query& query, const Mesher& mesher) try {
+    checkQuery(pyramid, query);
+    const std::uint64_t since = beginQueryForNow(query);
+    const QueryNeeds needs(pyramid, query);
+    ResidencyOracle residency(needs, query.cancel);
+    const QueryContext context(pyramid, query, log, &residency);
+    throwIfMissingForever(*context);
+    const std::vector<BrickWork> bricks = traverseBricks(*context);
+    ExtractionReport report = mesher(*context, bricks);
+    report.is_complete = !residency.hasRefused();
+    std::vector<MissingBrick> missing;
+    if (!report.is_complete) missing = missingBricks(*context);
+    fetcher.announce(needs, std::move(missing), since);
+    return report;
+  } catch (...) {
+    fetcher.takeBack();
+    throw;
+  }
+
+  void throwIfMissingForever(const MeshContext& context) {
+    const std::optional<MissingBrick> failed = fetcher.takeFailed();
+    if (!failed || !isWanted(context, failed->level, failed->brick)) return;
+    context.residency->needs().areMet(
+        failed->level, failed->brick,
+        answersThatReadRows(pyramid, [&](PartKind kind, int level, const Index3& brick) {
+          pyramid.parts().require(kind, level, brick);
+          return true;
+        }));
+  }
 };
 
-Extractor::Extractor(const Pyramid& pyramid)
-    : pyramid_(&pyramid), memory_(std::make_unique<Memory>()) {}
+Extractor::Extractor(const Pyramid& pyramid) : memory_(std::make_unique<Memory>(pyramid)) {}
 Extractor::~Extractor() = default;
 Extractor::Extractor(Extractor&&) noexcept = default;
 
 ExtractionPlan Extractor::plan(const Query& query) const {
   if (query.now) throw Error("a query for now has no plan; extract it");
-  checkQuery(*pyramid_, query);
+  checkQuery(memory_->pyramid, query);
   ExtractionPlan plan;
   plan.query_ = query;
-  const QueryContext context(*pyramid_, query, memory_->log);
+  const QueryContext context(memory_->pyramid, query, memory_->log);
   plan.bricks_ = traverseBricks(*context);
   return plan;
 }
@@ -138,8 +177,8 @@ ExtractionReport Extractor::execute(const ExtractionPlan& plan, std::size_t firs
                                     std::size_t count, TriangleSink& sink) {
   memory_->endQueriesForNow();
   // The ranges of a plan are one query.
-  if (first == 0) pyramid_->beginQuery();
-  const QueryContext context(*pyramid_, plan.query(), memory_->log);
+  if (first == 0) memory_->pyramid.parts().beginQuery();
+  const QueryContext context(memory_->pyramid, plan.query(), memory_->log);
   const std::span<const BrickWork> bricks = plan.bricks();
   first = std::min(first, bricks.size());
   return memory_->meshInto(*context, bricks.subspan(first, std::min(count, bricks.size() - first)),
@@ -148,59 +187,26 @@ ExtractionReport Extractor::execute(const ExtractionPlan& plan, std::size_t firs
 
 ExtractionReport Extractor::extract(const Query& query, TriangleSink& sink) {
   if (query.now)
-    return extractNow(query, [&](const MeshContext& context, std::span<const BrickWork> bricks) {
-      return memory_->meshInto(context, bricks, sink);
-    });
+    return memory_->extractNow(query,
+                               [&](const MeshContext& context, std::span<const BrickWork> bricks) {
+                                 return memory_->meshInto(context, bricks, sink);
+                               });
   const ExtractionPlan whole = plan(query);
   return execute(whole, 0, whole.bricks().size(), sink);
 }
 
 ExtractionReport Extractor::extract(const Query& query, SurfaceMesh& mesh) {
   // Before anything can fail: it empties the mesh.
-  SurfaceWriter writer(mesh, pyramid_->spec().geometry, memory_->surface);
-  const Mesher write = [&](const MeshContext& context, std::span<const BrickWork> bricks) {
+  SurfaceWriter writer(mesh, memory_->pyramid.spec().geometry, memory_->surface);
+  const auto write = [&](const MeshContext& context, std::span<const BrickWork> bricks) {
     return memory_->meshInto(context, bricks, mesh, writer);
   };
-  if (query.now) return extractNow(query, write);
+  if (query.now) return memory_->extractNow(query, write);
   const ExtractionPlan whole = plan(query);
   memory_->endQueriesForNow();
-  pyramid_->beginQuery();
-  const QueryContext context(*pyramid_, whole.query(), memory_->log);
+  memory_->pyramid.parts().beginQuery();
+  const QueryContext context(memory_->pyramid, whole.query(), memory_->log);
   return write(*context, whole.bricks());
-}
-
-ExtractionReport Extractor::extractNow(const Query& query, const Mesher& mesh) try {
-  checkQuery(*pyramid_, query);
-  const std::uint64_t since = memory_->beginQueryForNow(*pyramid_, query);
-  const QueryNeeds needs(*pyramid_, query);
-  ResidencyOracle residency(needs, query.cancel);
-  const QueryContext context(*pyramid_, query, memory_->log, &residency);
-  throwIfMissingForever(*context);
-  const std::vector<BrickWork> bricks = traverseBricks(*context);
-  ExtractionReport report = mesh(*context, bricks);
-  report.is_complete = !residency.hasRefused();
-  std::vector<MissingBrick> missing;
-  if (!report.is_complete) missing = missingBricks(*context);
-  memory_->fetcher.announce(needs, std::move(missing), since);
-  return report;
-} catch (...) {
-  memory_->fetcher.takeBack();
-  throw;
-}
-
-void Extractor::throwIfMissingForever(const MeshContext& context) {
-  const std::optional<MissingBrick> failed = memory_->fetcher.takeFailed();
-  if (!failed || !isWanted(context, failed->level, failed->brick)) return;
-  QueryNeeds(*pyramid_, context.query)
-      .areMet(failed->level, failed->brick,
-              BrickAnswers{[&](int level, const Index3& brick) {
-                             static_cast<void>(pyramid_->brickRowOf(level, brick));
-                             return true;
-                           },
-                           [&](PartKind kind, int level, const Index3& brick) {
-                             pyramid_->require(kind, level, brick);
-                             return true;
-                           }});
 }
 
 bool Extractor::waitForBricks(std::chrono::nanoseconds longest) {

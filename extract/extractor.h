@@ -3,20 +3,16 @@
 
 #include <chrono>
 #include <cstdint>
-#include <functional>
 #include <memory>
 #include <vector>
 
 #include "isobrick/extract/extraction_plan.h"
-#include "isobrick/extract/extraction_report.h"
 #include "isobrick/extract/query.h"
 #include "isobrick/extract/sinks/triangle_sink.h"
 #include "isobrick/extract/surface_mesh.h"
 #include "isobrick/storage/pyramid.h"
 
 namespace isobrick {
-
-struct MeshContext;
 
 // A session on one pyramid: keeps what threads work with from query to query, so that a second
 // query touches no fresh memory. One object serves one call at a time; for several queries at once
@@ -25,6 +21,7 @@ struct MeshContext;
 // What a query costs depends on what comes out: nothing is done for every brick of the file.
 class Extractor {
  public:
+  // Reads nothing yet.
   explicit Extractor(const Pyramid& pyramid);
   ~Extractor();
   Extractor(Extractor&&) noexcept;
@@ -69,15 +66,12 @@ class Extractor {
 
  private:
   struct Memory;
-  using Mesher = std::function<ExtractionReport(const MeshContext&, std::span<const BrickWork>)>;
-  ExtractionReport extractNow(const Query& query, const Mesher& mesh);
-  void throwIfMissingForever(const MeshContext& context);
-  const Pyramid* pyramid_;
   std::unique_ptr<Memory> memory_;
 };
 
 // One query without a session.
 ExtractionReport extractIsosurface(const Pyramid& pyramid, const Query& query, TriangleSink& sink);
+// One query without a session, into memory.
 ExtractionReport extractIsosurface(const Pyramid& pyramid, const Query& query, SurfaceMesh& mesh);
 
 }  // namespace isobrick

@@ -6,6 +6,7 @@
 #include <limits>
 #include <vector>
 
+#include "isobrick/storage/pyramid_parts.h"
 #include "isobrick/storage/voxel_type.h"
 
 namespace isobrick {
@@ -57,7 +58,7 @@ void PyramidValues::evaluate(std::span<const glm::dvec3> world, std::span<float>
     place.cell = glm::min(Index3(glm::floor(inside)), voxels - Index3(2));
     place.fraction = inside - glm::dvec3(place.cell);
     place.brick = place.cell / pyramid_.spec().brick_cells;
-    place.brick_row = pyramid_.brickRow(0, place.brick);
+    place.brick_row = pyramid_.parts().brickRow(0, place.brick);
     places.push_back(place);
   }
   outside_ += world.size() - places.size();

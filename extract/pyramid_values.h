@@ -1,19 +1,32 @@
-// The values of a pyramid anywhere in the world.
+// A value for every vertex of a mesh, beside its position and its normal: for instance that of
+// another pyramid.
 #pragma once
 
 #include <atomic>
 #include <cstdint>
+#include <glm/mat3x3.hpp>
+#include <glm/vec3.hpp>
+#include <span>
 
-#include "isobrick/extract/sinks/vertex_values.h"
 #include "isobrick/storage/pyramid.h"
 
 namespace isobrick {
+
+// A field in the world. Thread-safe.
+class VertexValues {
+ public:
+  virtual ~VertexValues() = default;
+  // Fills `values`, one for every position; not a number where the field has none. What it throws
+  // ends the extraction.
+  virtual void evaluate(std::span<const glm::dvec3> world, std::span<float> values) const = 0;
+};
 
 // Interpolates the samples of level 0 trilinearly. Within half a voxel outside of the outermost
 // samples, which is where their voxels end, the value is that of the border; further out there is
 // none (NaN). Holds one brick for each thread that evaluates. The pyramid outlives it.
 class PyramidValues : public VertexValues {
  public:
+  // Reads nothing yet.
   explicit PyramidValues(const Pyramid& pyramid);
 
   // Throws Error, with the path and the brick, where samples cannot be read.

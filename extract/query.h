@@ -14,22 +14,22 @@ namespace isobrick {
 // index coordinates and voxels; the centre may lie outside the volume, up to 2^30 voxels away on
 // each axis.
 struct FocusSphere {
-  glm::dvec3 center{0.0};
-  double radius = 0;
+  glm::dvec3 center{0.0};  // voxel index
+  double radius = 0;       // voxels, >= 0
   bool operator==(const FocusSphere&) const = default;
 };
 
 // A closed box in voxel index coordinates.
 struct QueryBox {
-  glm::dvec3 min{0.0};
-  glm::dvec3 max{0.0};
+  glm::dvec3 min{0.0};  // lower corner
+  glm::dvec3 max{0.0};  // upper corner
   bool operator==(const QueryBox&) const = default;
 };
 
 // From where the surface is seen, in world units: a cell is refined while its longest edge covers
 // more than `pixels` pixels of a picture taken from there.
 struct ViewPoint {
-  glm::dvec3 eye{0.0};
+  glm::dvec3 eye{0.0};  // world units
   // Of a perspective picture near its middle: its height in pixels over its field of view in
   // radians. Above 0.
   double pixels_per_radian = 1000;
@@ -45,16 +45,18 @@ struct ViewPoint {
     double radius = 0;          // world units, above 0; of a parallel projection
     bool operator==(const Field&) const = default;
   };
-  std::optional<Field> field;
+  std::optional<Field> field;  // see there
   bool operator==(const ViewPoint&) const = default;
 };
 
 // How fine the surface shall be where. Each that is given leaves cells coarse; a cell is refined
 // where all of them refine it. With none of them the finest level is extracted everywhere.
 struct DetailChoice {
+  // Level 0 inside the sphere, coarser with the distance from it.
   std::optional<FocusSphere> focus;
   // Extracts the whole surface from this level, 0 .. levels - 1. Not together with a focus.
   std::optional<int> uniform_level;
+  // As fine as a picture from there can show.
   std::optional<ViewPoint> view;
   // Cells of level 1 inside the sphere of interest (everywhere without a focus) are extracted as
   // they are where the bound of the total curvature (Eq. 2) is at most this: 1/voxel^2, >= 0.
@@ -69,14 +71,22 @@ struct DetailChoice {
   bool operator==(const DetailChoice&) const = default;
 };
 
-struct Query : DetailChoice {
+// Which surface it is, and how fine: what two queries have in common that give the same.
+struct SurfaceChoice : DetailChoice {
   // The surface separates value >= isovalue (inside) from value < isovalue. Compared as float.
   double isovalue = 0;
-  // Further choices: a cell is refined where any one of them, or the query's own, refines it.
+  // Further choices: a cell is refined if any one of them, or the query's own, refines it.
   std::vector<DetailChoice> or_finer;
   // Only leaves that overlap this box are extracted, as a whole; the surface is open there.
   std::optional<QueryBox> box;
-  // Answered at once from what is resident: coarser where that is not enough, but closed all the
+  // Off: every brick and every tile is visited. The mesh is the same (rule 7); for tests.
+  bool cull_by_ranges = true;
+  bool operator==(const SurfaceChoice&) const = default;
+};
+
+// A surface, and how the caller wants it.
+struct Query : SurfaceChoice {
+  // Answered at once from what is resident: coarser if that is not enough, but closed all the
   // same. Nothing is read but levels that are one brick. See Extractor::waitForBricks().
   bool now = false;
   // Where it is true of a brick, the caller has that brick's part of the surface already, and it is
@@ -84,16 +94,8 @@ struct Query : DetailChoice {
   // which all cells, and all cells that touch them, are leaves of the brick's level: what such a
   // brick adds depends on pyramid, level, brick and isovalue alone.
   std::function<bool(int level, const Index3& brick)> has_brick;
-  // Off: every brick and every tile is visited. The mesh is the same (rule 7); for tests.
-  bool cull_by_ranges = true;
+  // Looked at all the time; may be null, and outlives the query.
   const CancelFlag* cancel = nullptr;
 };
-
-// Whether both ask for the same surface, whatever the caller has of it and who may cancel it.
-inline bool asksForTheSame(const Query& a, const Query& b) {
-  return static_cast<const DetailChoice&>(a) == static_cast<const DetailChoice&>(b) &&
-         a.isovalue == b.isovalue && a.or_finer == b.or_finer && a.box == b.box &&
-         a.cull_by_ranges == b.cull_by_ranges;
-}
 
 }  // namespace isobrick

@@ -8,6 +8,7 @@
 #include <string>
 #include <utility>
 
+#include "isobrick/extract/session/surface_memory.h"
 #include "isobrick/storage/error.h"
 
 namespace isobrick {
@@ -36,49 +37,44 @@ void ReservedBytes::openFurther(std::size_t bytes) {
   open_bytes_ = end;
 }
 
-ReservedBytes::ReservedBytes(ReservedBytes&& other) noexcept : bytes_(other.bytes_) {
-  *this = std::move(other);
-}
-
-ReservedBytes& ReservedBytes::operator=(ReservedBytes&& other) noexcept {
-  std::swap(data_, other.data_);
-  std::swap(bytes_, other.bytes_);
-  std::swap(open_bytes_, other.open_bytes_);
-  return *this;
-}
-
 void ReservedBytes::release() noexcept {
   if (data_ != nullptr) ::munmap(data_, bytes_);
   data_ = nullptr;
   open_bytes_ = 0;
 }
 
-SurfaceMesh::SurfaceMesh()
-    : position_bytes_(sizeof(glm::vec3) * (kMostVertices + 1)),
-      normal_bytes_(sizeof(glm::vec3) * (kMostVertices + 1)),
-      triangle_bytes_(3 * sizeof(std::uint32_t) * kMostTriangles) {}
+SurfaceMesh::SurfaceMesh() = default;
+SurfaceMesh::~SurfaceMesh() = default;
 
-SurfaceMesh::SurfaceMesh(SurfaceMesh&& other) noexcept : SurfaceMesh() { *this = std::move(other); }
+SurfaceMesh::SurfaceMesh(SurfaceMesh&& other) noexcept { *this = std::move(other); }
 
 SurfaceMesh& SurfaceMesh::operator=(SurfaceMesh&& other) noexcept {
   if (this == &other) return *this;
   release();
-  position_bytes_ = std::move(other.position_bytes_);  // these change places
-  normal_bytes_ = std::move(other.normal_bytes_);
-  triangle_bytes_ = std::move(other.triangle_bytes_);
+  memory_.swap(other.memory_);
   vertices_ = std::exchange(other.vertices_, 0);
   triangles_ = std::exchange(other.triangles_, 0);
   parts_.swap(other.parts_);
-  side_numbers_.swap(other.side_numbers_);
   placement_ = other.placement_;
   return *this;
+}
+
+glm::vec3* SurfaceMesh::positionData() const {
+  return memory_ ? reinterpret_cast<glm::vec3*>(memory_->positions.data()) : nullptr;
+}
+glm::vec3* SurfaceMesh::normalData() const {
+  return memory_ ? reinterpret_cast<glm::vec3*>(memory_->normals.data()) : nullptr;
+}
+std::uint32_t* SurfaceMesh::triangleData() const {
+  return memory_ ? reinterpret_cast<std::uint32_t*>(memory_->triangles.data()) : nullptr;
 }
 
 void SurfaceMesh::clear(const GridGeometry& geometry) {
   vertices_ = triangles_ = 0;
   parts_.clear();
   placement_ = WorldPlacement(geometry);
-  for (ReservedBytes* bytes : {&position_bytes_, &normal_bytes_, &triangle_bytes_})
+  if (!memory_) memory_ = std::make_unique<Memory>();
+  for (ReservedBytes* bytes : {&memory_->positions, &memory_->normals, &memory_->triangles})
     bytes->reserve();
 }
 
@@ -88,9 +84,9 @@ void SurfaceMesh::openFor(std::uint64_t vertices, std::uint64_t triangles) {
         "the mesh has more than 4,294,966,272 vertices; extract a part of it or a coarser level, "
         "or stream it to a file");
   // Lanes are stored beyond the last vertex.
-  position_bytes_.open((vertices + 1) * sizeof(glm::vec3));
-  normal_bytes_.open((vertices + 1) * sizeof(glm::vec3));
-  triangle_bytes_.open(triangles * 3 * sizeof(std::uint32_t));
+  memory_->positions.open((vertices + 1) * sizeof(glm::vec3));
+  memory_->normals.open((vertices + 1) * sizeof(glm::vec3));
+  memory_->triangles.open(triangles * 3 * sizeof(std::uint32_t));
 }
 
 const SurfaceMesh::Part& SurfaceMesh::partOfVertex(std::uint64_t vertex) const {
@@ -103,10 +99,7 @@ const SurfaceMesh::Part& SurfaceMesh::partOfVertex(std::uint64_t vertex) const {
 void SurfaceMesh::release() noexcept {
   vertices_ = triangles_ = 0;
   parts_.clear();
-  side_numbers_.clear();
-  position_bytes_.release();
-  normal_bytes_.release();
-  triangle_bytes_.release();
+  memory_.reset();
 }
 
 }  // namespace isobrick

@@ -5,6 +5,7 @@
 
 #include "isobrick/preprocess/input_identity.h"
 #include "isobrick/storage/checksum.h"
+#include "isobrick/storage/format.h"
 
 namespace isobrick {
 namespace {

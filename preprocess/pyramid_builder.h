@@ -28,7 +28,7 @@ inline constexpr int kBuildAlgorithm = 3;
 // every `step` along each axis, in the place of the world where the volume is, with as many slices
 // as were whole.
 struct BuildPreview {
-  std::string path;
+  std::string path;       // of the file
   std::int64_t step = 2;  // voxels from one sample to the next, a power of two
   Index3 voxels{0};       // of the volume that is being built
 };
@@ -45,13 +45,15 @@ struct PreviewOptions {
   std::function<void(const BuildPreview&)> published;  // on the caller's thread
 };
 
+// How a pyramid is built.
 struct BuildOptions {
-  std::int64_t brick_cells = 64;
-  std::int64_t tile_cells = 4;
+  std::int64_t brick_cells = 64;  // cells along an edge of a brick: a power of two, 4 .. 256
+  std::int64_t tile_cells = 4;    // and of a tile: a power of two, 2 .. brick_cells
+  // From a level to the next coarser one.
   format::Filter filter = format::Filter::kAverage;
   // kStored (no compression), kLz4 or kZstd.
   format::Codec codec = format::Codec::kLz4;
-  bool with_curvature = true;
+  bool with_curvature = true;  // stores bounds, so that queries may have a curvature_tolerance
   // See PyramidSpec::curvature_epsilon; at least kLeastCurvatureEpsilon (curvature_fit.h).
   double curvature_epsilon = 1.0 / 64;
   // Up to which level, 2 or 3, cells get a bound of their error, so that a tolerance can keep them
@@ -70,9 +72,9 @@ struct BuildOptions {
   // A build that ends early leaves what `resume` takes; otherwise it leaves nothing.
   bool keep_unfinished = true;
 
-  const CancelFlag* cancel = nullptr;
-  BuildProgress progress;
-  PreviewOptions preview;
+  const CancelFlag* cancel = nullptr;  // may be null
+  BuildProgress progress;              // may be empty
+  PreviewOptions preview;              // without a folder there are none
 };
 
 // Phases overlap: `busy_seconds` adds up what all threads spent in one, computing or waiting for
@@ -80,14 +82,15 @@ struct BuildOptions {
 struct BuildPhase {
   std::string
       name;  // "read", "low-pass", "ranges", "curvature", "error", "pack", "write", "publish"
-  double busy_seconds = 0;
+  double busy_seconds = 0;  // of all threads
 };
 
+// What a build did.
 struct BuildReport {
-  std::vector<BuildPhase> phases;
-  double seconds = 0;
-  std::uint64_t file_bytes = 0;
-  std::uint64_t bricks = 0;
+  std::vector<BuildPhase> phases;     // in the order of the names above
+  double seconds = 0;                 // from the first to the last
+  std::uint64_t file_bytes = 0;       // of the pyramid
+  std::uint64_t bricks = 0;           // of all levels
   std::uint64_t bricks_resumed = 0;   // taken over from an earlier build
   std::uint64_t replaced_voxels = 0;  // by nan_as, in this run
 };

@@ -16,7 +16,7 @@ namespace isobrick {
 struct VolumeInfo {
   Index3 voxels{0};                          // per axis 2 .. kMaxVoxelsPerAxis
   VoxelType voxel_type = VoxelType::kUint8;  // of what readRows and readBox deliver
-  GridGeometry geometry;
+  GridGeometry geometry;                     // where voxels are in the world
   std::string source;    // path, or the phantom's name: goes into the provenance
   std::string format;    // "raw", "NRRD", "DICOM series", "phantom", ...
   std::string encoding;  // how the voxels are stored, if the user said so and not the file
@@ -32,6 +32,7 @@ struct VolumeInfo {
 class VolumeSource {
  public:
   virtual ~VolumeSource() = default;
+  // The same for as long as the source lives.
   virtual const VolumeInfo& info() const = 0;
 
   // Writes rows [first, first + count) into `out`: count * voxels.x voxels of info().voxel_type,

@@ -9,11 +9,13 @@ namespace isobrick {
 
 // A half-open box of indices [first, first + count) per axis; of samples, cells, bricks or tiles.
 struct IndexBox {
-  Index3 first{0};
-  Index3 count{0};
+  Index3 first{0};  // the least index
+  Index3 count{0};  // how many, per axis
 
   bool operator==(const IndexBox&) const = default;
+  // Behind the greatest index, per axis.
   Index3 end() const { return first + count; }
+  // How many indices.
   std::int64_t size() const { return elementCount(count); }
 };
 
@@ -27,13 +29,18 @@ struct IndexBox {
 class BrickLayout {
  public:
   BrickLayout() = default;
+  // Both edges are powers of two, that of a tile is no longer than that of a brick.
   BrickLayout(const Lattice& lattice, std::int64_t brick_cells, std::int64_t tile_cells)
       : lattice_(lattice), brick_cells_(brick_cells), tile_cells_(tile_cells) {}
 
+  // Where samples are.
   const Lattice& lattice() const { return lattice_; }
+  // Cells along an edge of a brick.
   std::int64_t brickCells() const { return brick_cells_; }
+  // Cells along an edge of a tile.
   std::int64_t tileCells() const { return tile_cells_; }
 
+  // Bricks of a level, per axis.
   Index3 bricks(int level) const { return ceilDivide(lattice_.cells(level), brick_cells_); }
 
   // Cells of `level` that the brick covers.
@@ -65,6 +72,7 @@ class BrickLayout {
     return ceilDivide(brickCellBox(0, brick).count, 2);
   }
 
+  // a / b per axis, rounded up.
   static Index3 ceilDivide(const Index3& a, std::int64_t b) { return (a + Index3(b - 1)) / b; }
 
  private:
@@ -75,8 +83,8 @@ class BrickLayout {
 
 // Which brick of a pyramid.
 struct BrickAddress {
-  int level = 0;
-  Index3 brick{0};
+  int level = 0;    // of the brick
+  Index3 brick{0};  // its place among the bricks of the level
 };
 
 // "brick (1,2,3) of level 0".

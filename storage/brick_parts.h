@@ -5,6 +5,7 @@
 
 #include <array>
 
+#include "isobrick/storage/format.h"
 #include "isobrick/storage/pyramid_info.h"
 
 namespace isobrick {

@@ -11,7 +11,9 @@ namespace isobrick {
 // pieces of work of at most some milliseconds.
 class CancelFlag {
  public:
+  // Asks for a stop; for good.
   void request() noexcept { requested_.store(true, std::memory_order_relaxed); }
+  // Whether a stop was asked for.
   bool requested() const noexcept { return requested_.load(std::memory_order_relaxed); }
   // Throws Cancelled once a stop was requested.
   void check() const {

@@ -50,10 +50,13 @@ enum class Remedy {
 // asserted, never reported through this class.
 class Error : public std::runtime_error {
  public:
+  // `what`: see what().
   explicit Error(const std::string& what, ErrorPlace place = {}, std::vector<Remedy> remedies = {})
       : std::runtime_error(what), place_(std::move(place)), remedies_(std::move(remedies)) {}
 
+  // Where.
   const ErrorPlace& place() const { return place_; }
+  // What may help; often nothing that a parameter does.
   const std::vector<Remedy>& remedies() const { return remedies_; }
 
  private:
@@ -65,6 +68,7 @@ class Error : public std::runtime_error {
 // succeed later, so what was done so far is worth keeping.
 class ResumableError : public Error {
  public:
+  // As Error's.
   using Error::Error;
 };
 

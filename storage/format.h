@@ -10,12 +10,14 @@
 //   provenance    (JSON, UTF-8)
 //
 // All numbers are little-endian. Structs have no padding; a big-endian host is refused at compile
-// time. Everything read from here is hostile until pyramid.cpp has checked it.
+// time. Everything read from here is hostile until pyramid_tables.cpp has checked it.
 #pragma once
 
 #include <bit>
 #include <cstdint>
 #include <type_traits>
+
+#include "isobrick/storage/pyramid_info.h"  // Filter, Codec
 
 namespace isobrick::format {
 
@@ -31,16 +33,6 @@ inline constexpr std::uint64_t kSampleAlignment = 4096;
 inline constexpr std::uint32_t kMostKinds = 8;
 // Tables and the other parts begin at multiples of this.
 inline constexpr std::uint64_t kPartAlignment = 64;
-
-enum class Filter : std::uint32_t { kAverage = 0, kSubsample = 1 };
-enum class Codec : std::uint32_t {
-  kStored = 0,  // the bytes themselves
-  kConstant =
-      1,  // no bytes: samples and ranges all have the brick's constant, curvature and errors are 0
-  kAbsent = 2,  // no bytes: the part was not made (curvature of coarser levels, without --error)
-  kLz4 = 3,     // a Blosc buffer, packed with LZ4
-  kZstd = 4,    // a Blosc buffer, packed with Zstandard; of differences (docs/FORMAT.md)
-};
 
 // Where a part of a brick is, or the histogram, or the gradients.
 struct PartEntry {

@@ -13,8 +13,8 @@ namespace isobrick {
 // A count or an index per axis; x is the fastest axis, then y, then z.
 using Index3 = glm::i64vec3;
 
-// Greatest number of voxels along one axis. Edge identities (extract/edge_key.h) hold 20 bits an
-// axis.
+// Greatest number of voxels along one axis. Edge identities (extract/sinks/triangle_sink.h) hold 20
+// bits an axis.
 inline constexpr std::int64_t kMaxVoxelsPerAxis = std::int64_t{1} << 20;
 
 // Number of elements of a dense block of `dims`. The caller has checked that dims are within
@@ -34,18 +34,20 @@ constexpr std::string_view lengthUnitName(LengthUnit unit) {
 // The columns of `direction` are the world directions of the index axes; orthonormal, and of either
 // handedness (a flipped axis has determinant -1).
 struct GridGeometry {
-  glm::dvec3 spacing{1.0};
-  glm::dvec3 origin{0.0};
-  glm::dmat3 direction{1.0};
+  glm::dvec3 spacing{1.0};                 // from a voxel to the next, per index axis; above 0
+  glm::dvec3 origin{0.0};                  // of voxel (0, 0, 0)
+  glm::dmat3 direction{1.0};               // see above
   LengthUnit unit = LengthUnit::kUnknown;  // of spacing, origin and all that is in world space
 
   // d(world)/d(index).
   glm::dmat3 indexToWorldMatrix() const {
     return glm::dmat3(direction[0] * spacing.x, direction[1] * spacing.y, direction[2] * spacing.z);
   }
+  // From voxel indices, which need not be whole, to the world.
   glm::dvec3 indexToWorld(const glm::dvec3& index) const {
     return origin + direction * (spacing * index);
   }
+  // The way back.
   glm::dvec3 worldToIndex(const glm::dvec3& world) const {
     return glm::inverse(indexToWorldMatrix()) * (world - origin);
   }
@@ -66,6 +68,7 @@ class Lattice {
 
   // Number of levels: the coarsest is the first that has a single cell.
   int levels() const { return levels_; }
+  // As it was made with.
   const Index3& voxels() const { return voxels_; }
 
   // Cells of level l: per axis ceil((voxels - 1) / 2^l), at least 1.
@@ -80,6 +83,7 @@ class Lattice {
   std::int64_t position(int level, int axis, std::int64_t i) const {
     return std::min(i << level, voxels_[axis] - 1);
   }
+  // Of a sample, along all axes.
   Index3 position(int level, const Index3& sample) const {
     return {position(level, 0, sample.x), position(level, 1, sample.y),
             position(level, 2, sample.z)};

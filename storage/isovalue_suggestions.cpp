@@ -7,6 +7,9 @@
 #include <numeric>
 #include <utility>
 
+#include "isobrick/storage/gradient_spectrum.h"
+#include "isobrick/storage/pyramid_parts.h"
+
 namespace isobrick {
 namespace {
 
@@ -491,8 +494,8 @@ IsovalueSuggestions suggestIsovalues(const VoxelHistogram& histogram, const Valu
 }
 
 IsovalueSuggestions suggestIsovalues(const Pyramid& pyramid) {
-  return suggestIsovalues(pyramid.histogram(), pyramid.valueRange(), pyramid.gradients(),
-                          pyramid.noise());
+  return suggestIsovalues(pyramid.histogram(), pyramid.valueRange(),
+                          pyramid.parts().tables().gradients(), pyramid.noise());
 }
 
 }  // namespace isobrick

@@ -4,26 +4,31 @@
 #include <optional>
 #include <vector>
 
-#include "isobrick/storage/gradient_spectrum.h"
 #include "isobrick/storage/pyramid.h"
 #include "isobrick/storage/voxel_histogram.h"
 
 namespace isobrick {
 
+struct GradientSpectrum;  // storage/gradient_spectrum.h
+
+// One of them.
 struct IsovalueSuggestion {
   double value = 0;     // in the units of the voxels, with few digits
   double area = 0;      // lattice edges of level 0 that it crosses, estimated; 0: not known
   double gradient = 0;  // their mean difference, in the units of the voxels; 0: not known
 };
 
+// What there is to see in a volume.
 struct IsovalueSuggestions {
   // At most kMost. The first one is between the object and what surrounds it; the others follow by
   // the gradient along the whole isosurface. Empty only where all voxels are equal.
   std::vector<IsovalueSuggestion> values;
-  // The least, or the greatest voxel, where these are no data: they fill what was not scanned.
-  std::optional<double> padding_least, padding_greatest;
+  // The least voxel, if it is no data: it fills what was not scanned.
+  std::optional<double> padding_least;
+  // The same of the greatest.
+  std::optional<double> padding_greatest;
 
-  static constexpr std::size_t kMost = 4;
+  static constexpr std::size_t kMost = 4;  // of `values`
 };
 
 // A material is a value around which the volume is flat: where the mean gradient along the

@@ -9,16 +9,11 @@
 #include <string>
 
 #include "isobrick/storage/bus_error_guard.h"
+#include "isobrick/storage/pyramid_info.h"  // FileAccess
 
 namespace isobrick {
 
 class FileTail;
-
-// How the bytes of a file come into memory.
-enum class FileAccess {
-  kMap,   // what can be used in place is mapped; the rest is read
-  kRead,  // everything is read, nothing is mapped: for file systems that are far away
-};
 
 // Opens a whole file for reading and, with kMap, maps it. All const members are thread-safe, none
 // is safe in a signal handler; nobody may use the object while it is made or destroyed.

@@ -2,24 +2,50 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <string_view>
 
 #include "isobrick/storage/brick_layout.h"
-#include "isobrick/storage/format.h"
 #include "isobrick/storage/value_range.h"
 #include "isobrick/storage/voxel_type.h"
 
 namespace isobrick {
 
+namespace format {
+
+// How samples of a level become those of the next coarser one; the numbers are those of the file.
+enum class Filter : std::uint32_t {
+  kAverage = 0,    // [1 2 1]/4 along each axis
+  kSubsample = 1,  // every other sample as it is
+};
+// How the bytes of a part are packed; the numbers are those of the file.
+enum class Codec : std::uint32_t {
+  kStored = 0,  // the bytes themselves
+  kConstant =
+      1,  // no bytes: samples and ranges all have the brick's constant, curvature and errors are 0
+  kAbsent = 2,  // no bytes: the part was not made (curvature of coarser levels, without --error)
+  kLz4 = 3,     // a Blosc buffer, packed with LZ4
+  kZstd = 4,    // a Blosc buffer, packed with Zstandard; of differences (docs/FORMAT.md)
+};
+
+}  // namespace format
+
+// How the bytes of a file come into memory.
+enum class FileAccess {
+  kMap,   // what can be used in place is mapped; the rest is read
+  kRead,  // everything is read, nothing is mapped: for file systems that are far away
+};
+
 // Fixed before the first brick is written.
 struct PyramidSpec {
-  Index3 voxels{0};  // per axis 2 .. kMaxVoxelsPerAxis
-  VoxelType voxel_type = VoxelType::kUint8;
-  GridGeometry geometry;
+  Index3 voxels{0};                          // per axis 2 .. kMaxVoxelsPerAxis
+  VoxelType voxel_type = VoxelType::kUint8;  // of the samples of all levels
+  GridGeometry geometry;                     // where voxels are in the world
+  // From a level to the next coarser one.
   format::Filter filter = format::Filter::kAverage;
   std::int64_t brick_cells = 64;  // power of two, 4 .. 256
   std::int64_t tile_cells = 4;    // power of two, 2 .. brick_cells
-  bool has_curvature = true;
+  bool has_curvature = true;      // whether there are bounds of the curvature
   // Samples with |gradient| < curvature_epsilon * (range of their tile) per voxel do not count for
   // the curvature bound: the isosurface has no curvature where the gradient vanishes.
   double curvature_epsilon = 1.0 / 64;
@@ -27,32 +53,38 @@ struct PyramidSpec {
   // have.
   int error_level = 0;
 
+  // How levels are cut into bricks.
   BrickLayout layout() const { return {Lattice(voxels), brick_cells, tile_cells}; }
 };
 
 // Where the bytes of a file are, by kind.
 struct PyramidBytes {
-  std::uint64_t total = 0;
+  std::uint64_t total = 0;           // of the file
   std::uint64_t raw = 0;             // voxels of level 0 without anything around them
   std::uint64_t samples_level0 = 0;  // bricks of level 0, aprons included
   // The part of samples_level0 that another brick holds too; of a packed brick in proportion.
   std::uint64_t aprons_level0 = 0;
-  std::uint64_t samples_coarser = 0;
-  std::uint64_t ranges = 0;
-  std::uint64_t curvature = 0;
-  std::uint64_t error = 0;
-  std::uint64_t index = 0;  // header, tables, histogram, provenance and alignment
+  std::uint64_t samples_coarser = 0;  // of all other levels
+  std::uint64_t ranges = 0;           // of tiles
+  std::uint64_t curvature = 0;        // bounds of it
+  std::uint64_t error = 0;            // bounds of it
+  std::uint64_t index = 0;            // header, tables, histogram, provenance and alignment
 };
 
 // How many bricks have a part in each codec; the index is the codec's number.
 using CodecCounts = std::array<std::uint64_t, 5>;
+// The same of every kind of part.
 struct PyramidCodecs {
-  CodecCounts samples{}, ranges{}, curvature{}, error{};
+  CodecCounts samples{};    // of bricks
+  CodecCounts ranges{};     // of tiles
+  CodecCounts curvature{};  // bounds of it
+  CodecCounts error{};      // bounds of it
 };
 
+// What passing over the whole brick table gives.
 struct PyramidSums {
-  PyramidBytes bytes;
-  PyramidCodecs codecs;
+  PyramidBytes bytes;    // of the file, by kind
+  PyramidCodecs codecs;  // of the parts, by kind
 };
 
 // "stored", "constant", "absent", "lz4" or "zstd".

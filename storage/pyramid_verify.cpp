@@ -1,17 +1,19 @@
-// What `isobrick verify` checks beyond checksums: that a file means what docs/FORMAT.md says.
+#include "isobrick/storage/pyramid_verify.h"
+
 #include <algorithm>
+#include <atomic>
 #include <bit>
 #include <cmath>
-#include <string>
+#include <exception>
+#include <mutex>
+#include <thread>
 #include <utility>
-#include <vector>
 
-#include "isobrick/storage/brick_index.h"
-#include "isobrick/storage/error.h"
 #include "isobrick/storage/index_loop.h"
-#include "isobrick/storage/pyramid.h"
+#include "isobrick/storage/pyramid_parts.h"
 
 namespace isobrick {
+namespace {
 
 // Asks for samples and ranges as everybody does, so what is unreadable is an Error.
 //
@@ -20,7 +22,7 @@ namespace isobrick {
 class BrickVerifier {
  public:
   explicit BrickVerifier(const Pyramid& pyramid)
-      : pyramid_(pyramid), layout_(pyramid.layout()), lattice_(pyramid.lattice()) {}
+      : pyramid_(pyramid.parts()), layout_(pyramid.layout()), lattice_(pyramid.lattice()) {}
 
   // What is wrong with a brick, or "".
   std::string findFault(int level, const Index3& brick) const {
@@ -189,11 +191,11 @@ class BrickVerifier {
 
   template <typename F>
   void visitSamples(const BrickSamples& samples, F&& f) const {
-    visitVoxelType(pyramid_.spec().voxel_type,
+    visitVoxelType(pyramid_.tables().spec().voxel_type,
                    [&](auto tag) { f(samples.data<typename decltype(tag)::Type>()); });
   }
   bool areFinite(const BrickSamples& samples) const {
-    if (pyramid_.spec().voxel_type != VoxelType::kFloat32) return true;
+    if (pyramid_.tables().spec().voxel_type != VoxelType::kFloat32) return true;
     bool finite = true;
     visitSamples(samples, [&](const auto* data) {
       for (std::int64_t i = 0; i < samples.box.size(); ++i)
@@ -252,8 +254,9 @@ class BrickVerifier {
   }
 
   bool hasStrayFields(int level, const Index3& brick) const {
-    const BrickIndex::StoredRow row = pyramid_.index_->storedRow(pyramid_.brickRow(level, brick));
-    bool stray = pyramid_.spec().error_level == 0 && row.tail.error_bytes != 0;
+    const BrickIndex::StoredRow row =
+        pyramid_.tables().index().storedRow(pyramid_.brickRow(level, brick));
+    bool stray = pyramid_.tables().spec().error_level == 0 && row.tail.error_bytes != 0;
     for (const format::PartEntry& part : row.parts)
       stray = stray || (part.stored_bytes == 0 && part.checksum != 0);
     const bool is_constant =
@@ -273,43 +276,47 @@ class BrickVerifier {
     return false;
   }
 
-  const Pyramid& pyramid_;
+  const PyramidParts& pyramid_;
   const BrickLayout& layout_;
   const Lattice& lattice_;
 };
 
-std::optional<BrickDamage> Pyramid::verifyBrick(int level, const Index3& brick) const {
+}  // namespace
+
+std::optional<BrickDamage> verifyBrick(const Pyramid& pyramid, int level, const Index3& brick) {
   std::string fault;
   try {
-    fault = BrickVerifier(*this).findFault(level, brick);
+    fault = BrickVerifier(pyramid).findFault(level, brick);
   } catch (const Error& error) {
     fault = error.what();
-    const std::string where = "'" + path() + "' " + brickName(level, brick);
+    const std::string where = "'" + pyramid.path() + "' " + brickName(level, brick);
     if (fault.starts_with(where)) fault.erase(0, fault.find_first_not_of(", ", where.size()));
   }
   if (fault.empty()) return std::nullopt;
   return BrickDamage{level, brick, fault};
 }
 
-std::vector<std::string> Pyramid::verifyRest(const CancelFlag* cancel) const {
+std::vector<std::string> verifyRest(const Pyramid& pyramid, const CancelFlag* cancel) {
+  const PyramidTables& tables = pyramid.parts().tables();
+  const format::Header& header = tables.header();
   std::vector<std::string> faults;
   const auto isSet = [](std::uint8_t byte) { return byte != 0; };
-  if (std::any_of(std::begin(header_.reserved), std::end(header_.reserved), isSet) ||
-      std::any_of(std::begin(header_.reserved_between), std::end(header_.reserved_between), isSet))
+  if (std::any_of(std::begin(header.reserved), std::end(header.reserved), isSet) ||
+      std::any_of(std::begin(header.reserved_between), std::end(header.reserved_between), isSet))
     faults.emplace_back("reserved bytes of the header are not zero");
-  if (spec_.error_level == 0 && (header_.error_first != 0 || header_.error_width != 0 ||
-                                 header_.error_bins != 0 || header_.error_last_level != 0))
+  if (pyramid.spec().error_level == 0 && (header.error_first != 0 || header.error_width != 0 ||
+                                          header.error_bins != 0 || header.error_last_level != 0))
     faults.emplace_back("the header has bins of errors, and the bricks have none");
-  if (std::any_of(header_.kinds + header_.kind_count, std::end(header_.kinds),
+  if (std::any_of(header.kinds + header.kind_count, std::end(header.kinds),
                   [](std::uint32_t kind) { return kind != 0; }))
     faults.emplace_back("kinds of the header that are not counted are not zero");
   try {
-    if (brickRange(lattice().levels() - 1, Index3(0)) != value_range_)
+    if (pyramid.brickRange(pyramid.lattice().levels() - 1, Index3(0)) != pyramid.valueRange())
       faults.emplace_back("the value range in the header is not that of the voxels");
-    const VoxelHistogram counts = histogram();
+    const VoxelHistogram counts = pyramid.histogram();
     if (counts.counts().front() == 0 || counts.counts().back() == 0)
       faults.emplace_back("the histogram has no voxel of the least or the greatest value");
-    static_cast<void>(gradients());
+    static_cast<void>(tables.gradients());
   } catch (const Error& error) {
     faults.emplace_back(error.what());
   }
@@ -319,23 +326,23 @@ std::vector<std::string> Pyramid::verifyRest(const CancelFlag* cancel) const {
   };
   bool knows_all_parts = true;
   std::vector<Extent> extents = {
-      {0, sizeof header_},
-      {header_.level_table_offset, header_.level_count * sizeof(format::LevelRow)},
-      {header_.brick_table_offset, brickCount() * format::rowBytes(header_.kind_count)},
-      {header_.provenance_offset, header_.provenance_bytes}};
-  if (header_.histogram.stored_bytes > 0)
-    extents.push_back({header_.histogram.offset, header_.histogram.stored_bytes});
-  if (header_.gradients.stored_bytes > 0)
-    extents.push_back({header_.gradients.offset, header_.gradients.stored_bytes});
-  for (std::size_t number = 0; number < brickCount(); ++number) try {
-      for (const format::PartEntry& part : index_->storedRow(number).parts)
+      {0, sizeof header},
+      {header.level_table_offset, header.level_count * sizeof(format::LevelRow)},
+      {header.brick_table_offset, tables.index().count() * format::rowBytes(header.kind_count)},
+      {header.provenance_offset, header.provenance_bytes}};
+  if (header.histogram.stored_bytes > 0)
+    extents.push_back({header.histogram.offset, header.histogram.stored_bytes});
+  if (header.gradients.stored_bytes > 0)
+    extents.push_back({header.gradients.offset, header.gradients.stored_bytes});
+  for (std::size_t number = 0; number < tables.index().count(); ++number) try {
+      for (const format::PartEntry& part : tables.index().storedRow(number).parts)
         if (part.stored_bytes > 0) extents.push_back({part.offset, part.stored_bytes});
     } catch (const Error&) {  // a damaged row: the brick is named by itself
       knows_all_parts = false;
     }
   std::sort(extents.begin(), extents.end(),
             [](const Extent& a, const Extent& b) { return a.offset < b.offset; });
-  extents.push_back({file_.size(), 0});
+  extents.push_back({pyramid.fileBytes(), 0});
 
   std::uint64_t at = 0, stray_bytes = 0, first_stray = 0, overlaps = 0, first_overlap = 0;
   std::vector<std::byte> padding(std::size_t{64} << 10);
@@ -344,7 +351,7 @@ std::vector<std::string> Pyramid::verifyRest(const CancelFlag* cancel) const {
     while (at < extent.offset) {
       if (cancel != nullptr) cancel->check();
       const std::uint64_t bytes = std::min<std::uint64_t>(extent.offset - at, padding.size());
-      if (!file_.read(at, bytes, padding.data())) {
+      if (!tables.bytes().read(at, bytes, padding.data())) {
         faults.push_back("the padding at offset " + std::to_string(at) + " cannot be read");
         return faults;
       }
@@ -361,6 +368,49 @@ std::vector<std::string> Pyramid::verifyRest(const CancelFlag* cancel) const {
   if (overlaps > 0)
     faults.push_back("parts that overlap: " + std::to_string(overlaps) + ", the first at offset " +
                      std::to_string(first_overlap));
+  return faults;
+}
+
+PyramidFaults verifyPyramid(const Pyramid& pyramid, const VerifyOptions& options) {
+  PyramidFaults faults;
+  faults.rest = verifyRest(pyramid, options.cancel);
+  const std::size_t count = pyramid.parts().brickCount();
+  std::atomic<std::size_t> next{0};
+  std::mutex mutex;  // guards all below
+  std::size_t done = 0;
+  std::vector<std::pair<std::size_t, BrickDamage>> damages;  // with their rows
+  std::exception_ptr failure;
+  const auto verifyNext = [&] {
+    try {
+      for (std::size_t row = next++; row < count; row = next++) {
+        if (options.cancel != nullptr) options.cancel->check();
+        const BrickAddress at = pyramid.parts().brickAt(row);
+        std::optional<BrickDamage> damage = verifyBrick(pyramid, at.level, at.brick);
+        const std::lock_guard lock(mutex);
+        if (damage) damages.emplace_back(row, *std::move(damage));
+        if (options.progress)
+          options.progress(static_cast<double>(++done) / static_cast<double>(count));
+      }
+    } catch (...) {
+      next = count;
+      const std::lock_guard lock(mutex);
+      failure = std::current_exception();
+    }
+  };
+  {
+    const std::size_t wanted = options.threads > 0 ? static_cast<std::size_t>(options.threads)
+                                                   : std::thread::hardware_concurrency();
+    std::vector<std::jthread> threads;
+    try {
+      while (threads.size() + 1 < std::min(wanted, count)) threads.emplace_back(verifyNext);
+    } catch (const std::exception&) {  // those that are there do it
+    }
+    verifyNext();
+  }
+  if (failure) std::rethrow_exception(failure);
+  std::sort(damages.begin(), damages.end(),
+            [](const auto& a, const auto& b) { return a.first < b.first; });
+  for (auto& [row, damage] : damages) faults.bricks.push_back(std::move(damage));
   return faults;
 }
 

@@ -11,14 +11,16 @@ namespace isobrick {
 
 // Closed interval; empty until something was included. Every voxel type fits float exactly.
 struct ValueRange {
-  float min = std::numeric_limits<float>::infinity();
-  float max = -std::numeric_limits<float>::infinity();
+  float min = std::numeric_limits<float>::infinity();   // the least value
+  float max = -std::numeric_limits<float>::infinity();  // the greatest value
 
   bool operator==(const ValueRange&) const = default;
+  // Grows to hold a value.
   void include(float v) {
     min = std::min(min, v);
     max = std::max(max, v);
   }
+  // Grows to hold another range.
   void include(const ValueRange& other) {
     min = std::min(min, other.min);
     max = std::max(max, other.max);

@@ -18,13 +18,17 @@ namespace isobrick {
 // in the order of their values, from that of the least voxel to that of the greatest.
 class VoxelHistogram {
  public:
+  // However many values there are.
   static constexpr std::size_t kMostBins = 65536;
 
   // No voxels yet, of a type and range.
   VoxelHistogram(VoxelType type, const ValueRange& range);
 
+  // How many there are.
   std::size_t bins() const { return counts_.size(); }
+  // Voxels by bin.
   std::span<std::uint64_t> counts() { return counts_; }
+  // Voxels by bin.
   std::span<const std::uint64_t> counts() const { return counts_; }
   // The values that a voxel of the bin may have; of integer types one value.
   ValueRange bin(std::size_t i) const;

@@ -27,17 +27,20 @@ struct VoxelTypeInfo {
   std::string_view short_name;  // as the command takes it
   std::size_t bytes;            // of one voxel
 };
+// By the number of the type.
 inline constexpr VoxelTypeInfo kVoxelTypes[] = {{"uint8", "u8", 1},
                                                 {"int8", "i8", 1},
                                                 {"uint16", "u16", 2},
                                                 {"int16", "i16", 2},
                                                 {"float32", "f32", 4}};
+// How many there are.
 inline constexpr std::uint32_t kVoxelTypeCount = std::size(kVoxelTypes);
 
-// `type`: one of the five; who reads it from a file has checked that.
+// Bytes of a voxel. `type`: one of the five; who reads it from a file has checked that.
 constexpr std::size_t voxelBytes(VoxelType type) {
   return kVoxelTypes[static_cast<std::uint32_t>(type)].bytes;
 }
+// "uint8", ...
 constexpr std::string_view voxelTypeName(VoxelType type) {
   return kVoxelTypes[static_cast<std::uint32_t>(type)].name;
 }
@@ -50,9 +53,10 @@ constexpr std::optional<VoxelType> voxelTypeNamed(std::string_view name) {
   return std::nullopt;
 }
 
+// A C++ type as a value.
 template <typename T>
 struct VoxelTag {
-  using Type = T;
+  using Type = T;  // the type
 };
 
 // Calls `f(VoxelTag<T>{})` with the C++ type that `type` stands for and returns its result:
@@ -92,6 +96,7 @@ constexpr VoxelType voxelTypeOf() {
   M(std::int16_t)                       \
   M(float)
 
+// Numbers and types agree.
 #define ISOBRICK_CHECK_BYTES(T) static_assert(voxelBytes(voxelTypeOf<T>()) == sizeof(T));
 ISOBRICK_FOR_EACH_VOXEL_TYPE(ISOBRICK_CHECK_BYTES)
 #undef ISOBRICK_CHECK_BYTES

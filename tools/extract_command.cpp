@@ -13,6 +13,7 @@
 #include "isobrick/extract/sinks/counting_sink.h"
 #include "isobrick/extract/sinks/mesh_file_sink.h"
 #include "isobrick/storage/lowercase.h"
+#include "isobrick/storage/pyramid_parts.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
@@ -159,7 +160,7 @@ ExtractResults extract(ExtractArguments& arguments) {
     results.surfaces.push_back(
         extractOne(arguments, pyramid, extractor, values ? &*values : nullptr, names[i]));
   }
-  results.pager = pyramid.counters();
+  results.pager = pyramid.parts().counters();
   return results;
 }
 

@@ -1,16 +1,10 @@
 // isobrick verify: reads every brick and names the damaged ones.
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <atomic>
 #include <memory>
-#include <mutex>
 #include <string>
-#include <vector>
 
-#include "isobrick/storage/index_loop.h"
-#include "isobrick/storage/isolated_loop.h"
-#include "isobrick/storage/pyramid.h"
+#include "isobrick/storage/pyramid_verify.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
@@ -29,49 +23,28 @@ struct VerifyArguments {
   int threads = allCores();
 };
 
-// Checks all bricks of all levels; the damages in the order of the file's brick table.
-std::vector<BrickDamage> findDamages(const Pyramid& pyramid) {
-  ProgressBar bar(static_cast<double>(pyramid.fileBytes()) / 1e6, "MB");
-  const auto total = static_cast<double>(pyramid.brickCount());
-  std::atomic<std::int64_t> checked{0};
-  std::mutex mutex;
-  std::vector<BrickDamage> damages;  // guarded by mutex
-  for (int level = 0; level < pyramid.lattice().levels(); ++level) {
-    const Index3 bricks = pyramid.layout().bricks(level);
-    isolatedFor(std::int64_t{0}, elementCount(bricks), [&](std::int64_t i) {
-      interruptFlag().check();
-      const Index3 brick = indexAt(i, bricks);
-      if (auto damage = pyramid.verifyBrick(level, brick)) {
-        const std::lock_guard lock(mutex);
-        damages.push_back(std::move(*damage));
-      }
-      bar.show("verify", static_cast<double>(++checked) / total);
-    });
-  }
-  std::sort(damages.begin(), damages.end(), [&](const BrickDamage& a, const BrickDamage& b) {
-    return pyramid.brickRow(a.level, a.brick) < pyramid.brickRow(b.level, b.brick);
-  });
-  return damages;
-}
-
 int runVerify(const VerifyArguments& arguments) {
   const Stopwatch watch;
   const Pyramid pyramid(arguments.path, Pyramid::kDefaultBudgetBytes, fileAccess(arguments.no_map));
-  const std::vector<std::string> faults = pyramid.verifyRest(&interruptFlag());
-  for (const std::string& fault : faults)
+  PyramidFaults faults;
+  {
+    ProgressBar bar(static_cast<double>(pyramid.fileBytes()) / 1e6, "MB");
+    faults = verifyPyramid(pyramid, {.threads = arguments.threads,
+                                     .progress = [&](double done) { bar.show("verify", done); },
+                                     .cancel = &interruptFlag()});
+  }
+  for (const std::string& fault : faults.rest)
     fmt::print(stderr, "isobrick: {}: {}\n", arguments.path, oneLine(fault));
-  const std::vector<BrickDamage> damages =
-      runWithThreads(arguments.threads, [&] { return findDamages(pyramid); });
-  for (const BrickDamage& damage : damages)
+  for (const BrickDamage& damage : faults.bricks)
     fmt::print(stderr, "isobrick: level {}, brick ({},{},{}): {}\n", damage.level, damage.brick.x,
                damage.brick.y, damage.brick.z, oneLine(damage.what));
   const std::string bricks = countText(pyramid.brickCount());
-  if (!damages.empty()) {
+  if (!faults.bricks.empty()) {
     fmt::print("{}: {} of {} bricks are damaged; build it again\n", arguments.path,
-               countText(damages.size()), bricks);
+               countText(faults.bricks.size()), bricks);
     return 1;
   }
-  if (!faults.empty()) {
+  if (!faults.rest.empty()) {
     fmt::print("{}: all {} bricks are whole, but not the rest of the file; build it again\n",
                arguments.path, bricks);
     return 1;

@@ -25,6 +25,7 @@ struct Image {
   std::vector<float> depth = {};    // along the camera's forward axis, world units; infinity: none
   std::vector<float> normals = {};  // three a pixel: outward, world, unit; 0: none
 
+  // Of a pixel's first float in `rgb`.
   std::size_t offsetOf(int x, int y) const {
     assert(x >= 0 && x < width && y >= 0 && y < height);
     return 3 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(width) +

@@ -10,7 +10,11 @@
 
 namespace isobrick {
 
-enum class ImageFormat { kPng, kExr };
+// By the extension of the name.
+enum class ImageFormat {
+  kPng,  // .png
+  kExr,  // .exr
+};
 
 // The formats by their extensions.
 inline constexpr std::pair<const char*, ImageFormat> kImageFormats[] = {

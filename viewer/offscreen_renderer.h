@@ -15,9 +15,11 @@
 #include <vector>
 
 #include "isobrick/viewer/image.h"
-#include "isobrick/viewer/render/surface_chunk.h"
 
 namespace isobrick {
+
+struct SceneLattice;  // viewer/render/surface_chunk.h
+struct SurfaceChunk;
 
 // A view of a mesh that the caller owns and leaves alone during render().
 struct RenderMesh {
@@ -33,8 +35,8 @@ struct RenderMesh {
 
 // An axis-aligned box in world units; empty where a lower bound exceeds the upper.
 struct RenderBox {
-  glm::vec3 lower{0.0f};
-  glm::vec3 upper{0.0f};
+  glm::vec3 lower{0.0f};  // bounds
+  glm::vec3 upper{0.0f};  // likewise
 };
 
 // A camera that walks around the mesh and stands where the whole of it just fits into the picture.
@@ -55,11 +57,12 @@ struct OrbitCamera {
 // A camera put in place by hand. Lengths in world units. `eye` and `target` differ, and `up` is not
 // parallel to the view; render() throws Error otherwise.
 struct LookAtCamera {
-  glm::dvec3 eye{0.0};
-  glm::dvec3 target{0.0};
-  glm::dvec3 up{0.0, 0.0, 1.0};
+  glm::dvec3 eye{0.0};           // where it stands
+  glm::dvec3 target{0.0};        // what is in the middle of the picture
+  glm::dvec3 up{0.0, 0.0, 1.0};  // what is up in it
 };
 
+// A sphere that is drawn as a circle.
 struct SphereOutline {
   glm::dvec3 center{0.0};  // world units
   double radius = 0.0;     // world units, > 0
@@ -71,7 +74,7 @@ struct RenderOptions {
   int height = 1024;           // pixels, likewise
   double vertical_fov = 30.0;  // degrees, 1 .. 150
 
-  OrbitCamera orbit;
+  OrbitCamera orbit;                    // where the eye is
   std::optional<LookAtCamera> look_at;  // used instead of `orbit` where given
 
   // Colours each triangle by its level (levelColor) instead of surface_color.
@@ -82,12 +85,13 @@ struct RenderOptions {
   // The outline of this sphere is drawn over the picture as a thin circle, hidden by nothing.
   std::optional<SphereOutline> focus_sphere;
 
+  // Of the outside.
   glm::vec3 surface_color{0.90f, 0.86f, 0.79f};
   // Surfaces seen from the inside (clockwise triangles): dark and warm, unlike any levelColor, so
   // that an inside-out mesh cannot be mistaken for a good one.
   glm::vec3 back_color{0.46f, 0.20f, 0.13f};
-  glm::vec3 background_top{0.36f, 0.38f, 0.41f};
-  glm::vec3 background_bottom{0.16f, 0.17f, 0.19f};
+  glm::vec3 background_top{0.36f, 0.38f, 0.41f};     // behind all
+  glm::vec3 background_bottom{0.16f, 0.17f, 0.19f};  // and further down
 };
 
 // The colour (sRGB 0..1) of a pyramid level: red for 0, then through yellow and green to blue and

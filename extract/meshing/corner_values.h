@@ -1,11 +1,112 @@
-// The values of the leaves' corners (rule 6).
+// Rule 6: the value of a lattice point depends on the point alone. This is its one home; meshers
+// and oracles ask here.
+//
+// Let m and M be the finest and the coarsest level of the leaves that touch the point. If it lies
+// on the lattice of level M, its value is that of level m. Otherwise it hangs on an edge or a face
+// of a leaf of level M, and its value is the mean of the ends (weighted, in a thin last cell).
 #pragma once
 
-#include "isobrick/extract/kernels/hanging_value.h"
+#include <algorithm>
+#include <array>
+
 #include "isobrick/extract/meshing/brick_family.h"
 #include "isobrick/extract/meshing/leaf_rows.h"
+#include "isobrick/storage/grid.h"
 
 namespace isobrick {
+
+// A + w (B - A), between A and B whatever the rounding.
+inline double hangingValue(double a, double b, double w) {
+  const auto [low, high] = std::minmax(a, b);
+  return std::clamp(a + w * (b - a), low, high);
+}
+
+// True where sample `i` of `level` along `axis` is one of the next coarser level too.
+inline bool isOnCoarserLattice(const Lattice& lattice, int level, int axis, std::int64_t i) {
+  return i % 2 == 0 || i << level >= lattice.voxels()[axis] - 1;
+}
+
+// Sample `i` of `level` along `axis`, twice, or if it is not on the coarser lattice the two between
+// which it hangs.
+inline std::array<std::int64_t, 2> endsAround(const Lattice& lattice, int level, int axis,
+                                              std::int64_t i) {
+  const std::int64_t step = isOnCoarserLattice(lattice, level, axis, i) ? 0 : 1;
+  return {i - step, i + step};
+}
+
+// Where sample `i` of `level`, one that is not on the coarser lattice, lies between its neighbours:
+// 1/2, but for a thin last cell.
+inline double hangingWeight(const Lattice& lattice, int level, int axis, std::int64_t i) {
+  if ((i + 1) << level <= lattice.voxels()[axis] - 1) return 0.5;  // most: divisions are slow
+  const auto low = static_cast<double>(lattice.position(level, axis, i - 1));
+  const auto middle = static_cast<double>(lattice.position(level, axis, i));
+  const auto high = static_cast<double>(lattice.position(level, axis, i + 1));
+  return (middle - low) / (high - low);
+}
+
+// The value of a sample of `level` that touches a coarser leaf. On the coarser lattice it is
+// valueAt(sample). Else the sample hangs on that leaf's edge or face (it cannot lie inside), and
+// its value is interpolated from that of the two or four ends, along the lower axis first: the one
+// order that all sides of the edge or face take. `valueAt` takes a sample of `level` that is on the
+// coarser lattice and returns a float.
+template <typename F>
+float valueOnCoarserLeaf(const Lattice& lattice, int level, const Index3& sample, F&& valueAt) {
+  int odd[3];
+  int odd_axes = 0;
+  for (int axis = 0; axis < 3; ++axis)
+    if (!isOnCoarserLattice(lattice, level, axis, sample[axis])) odd[odd_axes++] = axis;
+  if (odd_axes == 0) return valueAt(sample);
+
+  const auto alongFirst = [&](Index3 at) {
+    const int axis = odd[0];
+    --at[axis];
+    const auto low = static_cast<double>(valueAt(at));
+    at[axis] += 2;
+    return hangingValue(low, static_cast<double>(valueAt(at)),
+                        hangingWeight(lattice, level, axis, sample[axis]));
+  };
+  if (odd_axes == 1) return static_cast<float>(alongFirst(sample));
+
+  Index3 low = sample, high = sample;
+  --low[odd[1]];
+  ++high[odd[1]];
+  return static_cast<float>(hangingValue(alongFirst(low), alongFirst(high),
+                                         hangingWeight(lattice, level, odd[1], sample[odd[1]])));
+}
+
+// The same for a whole face of a coarser leaf: values[j][i] of the samples of `level` from `first`
+// on, i along axes[0] and j along axes[1], 0 .. parts of each (1, or 2 where the face is halved).
+// The four corners are there; what lies between them is filled.
+inline void fillFace(const Lattice& lattice, int level, const Index3& first,
+                     const std::array<int, 2>& axes, const std::array<int, 2>& parts,
+                     float (&values)[3][3]) {
+  const auto [b, c] = axes;
+  const auto [parts_b, parts_c] = parts;
+  const auto between = [](float low, float high, double weight) {
+    return hangingValue(static_cast<double>(low), static_cast<double>(high), weight);
+  };
+  double along_b[2] = {}, along_c[2] = {};  // beside the lower and the higher side of the face
+  double weight_b = 1, weight_c = 1;
+  if (parts_b == 2) {
+    weight_b = hangingWeight(lattice, level, b, first[b] + 1);
+    for (int side = 0; side < 2; ++side) {
+      float* const row = values[side * parts_c];
+      along_b[side] = between(row[0], row[2], weight_b);
+      row[1] = static_cast<float>(along_b[side]);
+    }
+  }
+  if (parts_c == 2) {
+    weight_c = hangingWeight(lattice, level, c, first[c] + 1);
+    for (int side = 0; side < 2; ++side) {
+      const int i = side * parts_b;
+      along_c[side] = between(values[0][i], values[2][i], weight_c);
+      values[1][i] = static_cast<float>(along_c[side]);
+    }
+  }
+  if (parts_b == 2 && parts_c == 2)
+    values[1][1] = static_cast<float>(b < c ? hangingValue(along_b[0], along_b[1], weight_c)
+                                            : hangingValue(along_c[0], along_c[1], weight_b));
+}
 
 // A lattice point: its value by rule 6, and the sample that its gradient comes from (rule 12).
 struct LatticePoint {

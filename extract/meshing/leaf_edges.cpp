@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "isobrick/extract/kernels/hanging_value.h"
+#include "isobrick/extract/meshing/corner_values.h"
 
 namespace isobrick {
 namespace {

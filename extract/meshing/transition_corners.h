@@ -22,6 +22,8 @@ class TransitionCorners {
   // Asks `rows` to compare what the zone needs.
   void reset(const Lattice& lattice, const BrickSplit& split, const IndexBox& cells,
              BrickRows& rows) {
+    lattice_ = &lattice;
+    level_ = split.leaves().level();
     cells_ = cells;
     last_ = lattice.samples(split.leaves().level()) - Index3(1);
     words_ = wordsOf(cells.count.x + 1);
@@ -35,8 +37,8 @@ class TransitionCorners {
     for (const BrickSplit::ZoneRow& row : split.zoneRows())
       for (const std::int64_t k : {row.k, row.k + 1})
         for (const std::int64_t j : {row.j, row.j + 1})
-          for (const std::int64_t z : endsAround(2, k))
-            for (const std::int64_t y : endsAround(1, j)) {
+          for (const std::int64_t z : endsOf(2, k))
+            for (const std::int64_t y : endsOf(1, j)) {
               rows.compare_too[static_cast<std::size_t>(rows.row(j, k))] = 1;
               rows.compare_too[static_cast<std::size_t>(rows.row(y, z))] = 1;
             }
@@ -102,12 +104,10 @@ class TransitionCorners {
     return finer_[at] | coarser_[at];
   }
 
-  // Corner `i` of the brick along `axis`, twice, or where it is not on the coarser lattice the two
-  // between which it hangs.
-  std::array<std::int64_t, 2> endsAround(int axis, std::int64_t i) const {
-    const std::int64_t sample = cells_.first[axis] + i;
-    const std::int64_t step = sample % 2 != 0 && sample != last_[axis] ? 1 : 0;
-    return {i - step, i + step};
+  // endsAround() of corner `i` of the brick along `axis`.
+  std::array<std::int64_t, 2> endsOf(int axis, std::int64_t i) const {
+    const auto [low, high] = endsAround(*lattice_, level_, axis, cells_.first[axis] + i);
+    return {low - cells_.first[axis], high - cells_.first[axis]};
   }
   void takeOwn(const BrickRows& rows, std::int64_t r, std::uint64_t* out) const {
     const std::uint64_t* own = rows.inside.data() + r * rows.words_per_row;
@@ -120,8 +120,8 @@ class TransitionCorners {
   }
   // Corners of which all, and any, ends are inside: those between which they hang, or themselves.
   void joinEnds(const BrickRows& rows, std::int64_t j, std::int64_t k) {
-    const auto [y, next_y] = endsAround(1, j);
-    const auto [z, next_z] = endsAround(2, k);
+    const auto [y, next_y] = endsOf(1, j);
+    const auto [z, next_z] = endsOf(2, k);
     const std::int64_t ends[4] = {rows.row(y, z), rows.row(next_y, z), rows.row(y, next_z),
                                   rows.row(next_y, next_z)};
     std::uint64_t all_carry = 1, any_carry = 0;
@@ -244,6 +244,8 @@ class TransitionCorners {
 
   static constexpr std::uint64_t kOdd = 0xAAAAAAAAAAAAAAAAull;
 
+  const Lattice* lattice_ = nullptr;
+  int level_ = 0;
   IndexBox cells_;
   std::int64_t words_ = 0;           // of a row of corners, corner i in bit i % 64 of word i / 64
   std::int64_t slice_ = 0;           // rows

@@ -9,7 +9,7 @@
 namespace isobrick {
 
 // 2x2 faces of finer leaves, fewer where the cell is too thin to be halved, between 3x3 points
-// whose values the four corners of the coarse face determine (rule 6).
+// whose values the four corners of the coarse face determine (fillFace()).
 struct TransitionFace {
   int axis = 0, side = 0;        // of the coarse cell
   int b = 1, c = 2;              // the axes of the face
@@ -49,31 +49,7 @@ inline TransitionFace makeTransitionFace(const Lattice& lattice, int level, cons
   values[0][parts_b] = valueOf(1, 0);
   values[parts_c][0] = valueOf(0, 1);
   values[parts_c][parts_b] = valueOf(1, 1);
-  // Points between two corners lie where hangingWeight() says; the one between all four comes from
-  // the points along the lower axis, the order of valueOnCoarserLeaf().
-  const auto between = [](float low, float high, double weight) {
-    return hangingValue(static_cast<double>(low), static_cast<double>(high), weight);
-  };
-  double along_b[2] = {}, along_c[2] = {};  // beside the lower and the higher side of the face
-  double weight_b = 1, weight_c = 1;
-  if (parts_b == 2) {
-    weight_b = hangingWeight(lattice, out.level, out.b, out.first[out.b] + 1);
-    for (int side = 0; side < 2; ++side) {
-      along_b[side] = between(valueOf(0, side), valueOf(1, side), weight_b);
-      values[side * parts_c][1] = static_cast<float>(along_b[side]);
-    }
-  }
-  if (parts_c == 2) {
-    weight_c = hangingWeight(lattice, out.level, out.c, out.first[out.c] + 1);
-    for (int side = 0; side < 2; ++side) {
-      along_c[side] = between(valueOf(side, 0), valueOf(side, 1), weight_c);
-      values[1][side * parts_b] = static_cast<float>(along_c[side]);
-    }
-  }
-  if (parts_b == 2 && parts_c == 2)
-    values[1][1] =
-        static_cast<float>(out.b < out.c ? hangingValue(along_b[0], along_b[1], weight_c)
-                                         : hangingValue(along_c[0], along_c[1], weight_b));
+  fillFace(lattice, out.level, out.first, {out.b, out.c}, {parts_b, parts_c}, values);
   return out;
 }
 

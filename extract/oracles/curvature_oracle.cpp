@@ -2,6 +2,7 @@
 
 #include "isobrick/extract/kernels/row_bits.h"
 #include "isobrick/storage/curvature_code.h"
+#include "isobrick/storage/pyramid_parts.h"
 
 namespace isobrick {
 
@@ -37,12 +38,12 @@ void CurvatureOracle::keepRefined(int level, const Index3& first, std::int64_t c
 }
 
 const CurvatureOracle::BrickCurvature& CurvatureOracle::curvatureOf(const Index3& brick) {
-  const std::size_t row = context_->pyramid.brickRow(0, brick);
+  const std::size_t row = context_->pyramid.parts().brickRow(0, brick);
   if (last_ != nullptr && last_row_ == row) return *last_;
   const auto [entry, is_new] = bricks_.try_emplace(row);
   if (is_new) {
     context_->read_log.note(row, ReadLog::kCurvature);
-    context_->pyramid.curvature(brick, entry->second.coefficients, context_->query.cancel);
+    context_->pyramid.parts().curvature(brick, entry->second.coefficients, context_->query.cancel);
     context_->tileRanges(0, brick, entry->second.tile_ranges);
   }
   last_row_ = row;

@@ -6,6 +6,7 @@
 #include "isobrick/extract/oracles/cells_beyond.h"
 #include "isobrick/extract/oracles/error_cells.h"
 #include "isobrick/storage/index_loop.h"
+#include "isobrick/storage/pyramid_parts.h"
 
 namespace isobrick {
 namespace {
@@ -21,11 +22,12 @@ float roundingOf(const ValueRange& values, float isovalue) {
 ErrorOracle::ErrorOracle(const Pyramid& pyramid, double tolerance, float isovalue)
     : tolerance_(static_cast<float>(tolerance) - roundingOf(pyramid.valueRange(), isovalue)),
       isovalue_(isovalue),
-      last_level_(
-          std::min(std::max(1, pyramid.errorBins().last_level), pyramid.lattice().levels() - 1)),
-      greatest_code_(pyramid.errorBins().count == 0
+      last_level_(std::min(std::max(1, pyramid.parts().tables().errorBins().last_level),
+                           pyramid.lattice().levels() - 1)),
+      greatest_code_(pyramid.parts().tables().errorBins().count == 0
                          ? -1
-                         : ErrorCode::greatestWithin(tolerance / pyramid.errorBins().unit())) {}
+                         : ErrorCode::greatestWithin(
+                               tolerance / pyramid.parts().tables().errorBins().unit())) {}
 ErrorOracle::~ErrorOracle() = default;
 
 template <typename Value>
@@ -88,7 +90,7 @@ class ErrorOracle::NearCells {
 };
 
 ErrorOracle::Found ErrorOracle::foundIn(const MeshContext& context, const Index3& brick) const {
-  return found_.get(context.pyramid.brickRow(0, brick), [&] {
+  return found_.get(context.pyramid.parts().brickRow(0, brick), [&] {
     thread_local ErrorCells cells;
     NearCells coarse(*this, context, 2);
     return cells.find(context, brick, {isovalue_, tolerance_}, [&](const Index3& cell) {
@@ -108,7 +110,7 @@ IndexBox ErrorOracle::cellsOf(const MeshContext& context, int level, const Index
 
 ErrorOracle::Bits ErrorOracle::decided(const MeshContext& context, int level,
                                        const Index3& brick) const {
-  const std::size_t row = context.pyramid.brickRow(brickLevel(level), brick);
+  const std::size_t row = context.pyramid.parts().brickRow(brickLevel(level), brick);
   return decided_[level].get(row, [&] {
     CellBits cells =
         level == 1 ? beyondAtLevel1(context, brick) : beyondBounds(context, level, brick);
@@ -139,7 +141,7 @@ CellBits ErrorOracle::beyondAtLevel1(const MeshContext& context, const Index3& b
   forEachIndex({Index3(-1), Index3(3)}, [&](const Index3& offset) {
     const Index3 other = brick + offset;
     if (!contains({Index3(0), layout.bricks(0)}, other)) return;
-    if (found_.isInMaking(context.pyramid.brickRow(0, other)))
+    if (found_.isInMaking(context.pyramid.parts().brickRow(0, other)))
       in_making.push_back(offset);
     else
       ask(offset);

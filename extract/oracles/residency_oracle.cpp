@@ -1,6 +1,7 @@
 #include "isobrick/extract/oracles/residency_oracle.h"
 
 #include "isobrick/extract/kernels/row_bits.h"
+#include "isobrick/storage/pyramid_parts.h"
 
 namespace isobrick {
 
@@ -12,8 +13,8 @@ ResidencyOracle::ResidencyOracle(const QueryNeeds& needs, const CancelFlag* canc
   for (int level = first_whole_level_; level < pyramid.lattice().levels(); ++level)
     for (const PartKind kind : needs_.kinds()) {
       if (!needs_.mayCross(level, brick)) continue;
-      pyramid.require(kind, level, brick, cancel);
-      if (auto part = pyramid.holdIfResident(kind, level, brick))
+      pyramid.parts().require(kind, level, brick, cancel);
+      if (auto part = pyramid.parts().holdIfResident(kind, level, brick))
         whole_levels_.push_back(*std::move(part));
     }
 }
@@ -102,23 +103,12 @@ bool ResidencyOracle::hasOwnParts(int level, const Index3& brick) {
   return needs_.areMet(level, brick, whatIsThere());
 }
 
-// A leaf of the next coarser level beside the brick takes the values of corners that touch it from
-// the brick's samples, or from those of the brick of this level that the leaf itself covers a part
-// of. A leaf that holds a part of the surface covers one that is not quiet.
 bool ResidencyOracle::lacksBorder(int level, const Index3& brick) {
-  if (has(PartKind::kSamples, level, brick)) return false;
-  const Index3 first = glm::max(brick - Index3(1), Index3(0));
-  const Index3 end = glm::min(brick + Index3(2), layout_.bricks(level));
-  bool lacks = false;
-  forEachIndex({first, end - first}, [&](const Index3& other) {
-    lacks = lacks || (!needs_.isQuiet(level, other, whatIsThere()) &&
-                      !has(PartKind::kSamples, level, other));
-  });
-  return lacks;
+  return !needs_.hasBorder(level, brick, whatIsThere());
 }
 
 bool ResidencyOracle::hasRow(int level, const Index3& brick) const {
-  return level >= first_whole_level_ || needs_.pyramid().isRowAtHand(level, brick);
+  return level >= first_whole_level_ || needs_.pyramid().parts().isRowAtHand(level, brick);
 }
 
 bool ResidencyOracle::has(PartKind kind, int level, const Index3& brick) {
@@ -128,7 +118,7 @@ bool ResidencyOracle::has(PartKind kind, int level, const Index3& brick) {
   const auto k = static_cast<std::size_t>(kind);
   if (!known.is_asked[k]) {
     known.is_asked[k] = true;
-    known.parts[k] = needs_.pyramid().holdIfResident(kind, level, brick);
+    known.parts[k] = needs_.pyramid().parts().holdIfResident(kind, level, brick);
   }
   return known.parts[k].has_value();
 }

@@ -10,6 +10,7 @@
 
 #include "isobrick/extract/oracles/oracle_share.h"
 #include "isobrick/extract/paging/query_needs.h"
+#include "isobrick/storage/pyramid_parts.h"
 
 namespace isobrick {
 
@@ -45,6 +46,8 @@ class ResidencyOracle {
   // anything is fetched for the query, so that they need not push that out later. Throws Error if
   // they cannot be read, and Cancelled.
   explicit ResidencyOracle(const QueryNeeds& needs, const CancelFlag* cancel = nullptr);
+
+  const QueryNeeds& needs() const { return needs_; }
 
   bool refines(int level, const Index3& cell);
   // kAll only where all bricks of children are usable.
@@ -97,7 +100,7 @@ class ResidencyOracle {
   }
   void refuse(int level, const Index3& brick);
   Brick& at(int level, const Index3& brick) {
-    return bricks_[needs_.pyramid().brickRow(level, brick)];
+    return bricks_[needs_.pyramid().parts().brickRow(level, brick)];
   }
   // Of the level below that hold the cells' children.
   IndexBox bricksOfChildren(int level, const IndexBox& cells) const;

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "isobrick/extract/paging/read_ahead.h"
+#include "isobrick/storage/pyramid_parts.h"
 
 namespace isobrick {
 
@@ -104,7 +105,7 @@ void BrickFetcher::noteOutcome(const Job& job, Outcome outcome) {
 BrickFetcher::Outcome BrickFetcher::admit(const Job& job,
                                           std::optional<BrickPager::Room>& room) const try {
   const auto& [level, brick, needs_samples, lacks_parts] = job.brick;
-  auto found = job.needs->pyramid().reserve(job.needs->kinds(), level, brick, job.since);
+  auto found = job.needs->pyramid().parts().reserve(job.needs->kinds(), level, brick, job.since);
   if (!found) return Outcome::kNoRoom;
   room.emplace(*std::move(found));
   return Outcome::kDone;
@@ -119,17 +120,13 @@ BrickFetcher::Outcome BrickFetcher::fetch(const Job& job, BrickPager::Room& room
   Outcome outcome = Outcome::kDone;
   const auto bring = [&](PartKind kind, int level, const Index3& of) {
     if (isEnded(job.announcement)) return false;
-    const BrickPager::Fetched fetched = pyramid.fetch(kind, level, of, room);
+    const BrickPager::Fetched fetched = pyramid.parts().fetch(kind, level, of, room);
     if (fetched == kNow) noteCome();
     if (fetched == kNoRoom) outcome = Outcome::kNoRoom;
     if (fetched == kNever) outcome = Outcome::kFailed;
     return outcome == Outcome::kDone;
   };
-  const auto read_row = [&](int level, const Index3& of) {
-    static_cast<void>(pyramid.brickRowOf(level, of));
-    return true;
-  };
-  bool is_whole = job.needs->areMet(brick.level, brick.brick, BrickAnswers{read_row, bring});
+  bool is_whole = job.needs->areMet(brick.level, brick.brick, answersThatReadRows(pyramid, bring));
   if (brick.needs_samples && outcome == Outcome::kDone)
     is_whole = bring(PartKind::kSamples, brick.level, brick.brick);
   // Others may have brought it in since the query looked.

@@ -33,7 +33,7 @@ class BrickFetcher {
   // A query for now looks at what is there: wait() counts from here on.
   void beginQuery();
   // Takes the place of what is left of the announcement before. Nothing goes for these bricks that
-  // a query from number `since` on (Pyramid::beginQuery()) took or fetched.
+  // a query from number `since` on (PyramidParts::beginQuery()) took or fetched.
   void announce(const QueryNeeds& needs, std::vector<MissingBrick> bricks, std::uint64_t since);
   // Ends the announcement. Waits for nothing: each thread ends the part that it is at.
   void takeBack();

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "isobrick/extract/oracles/leaf_classifier.h"
+#include "isobrick/storage/pyramid_parts.h"
 
 namespace isobrick {
 namespace {
@@ -20,8 +21,8 @@ MeshContext withEverything(const MeshContext& context) {
 // True, too, as long as the brick's row is not at hand: it is not read for that.
 bool mayCross(const MeshContext& context, int level, const Index3& brick) {
   return overlapsQueryBox(context, level, context.pyramid.layout().brickCellBox(level, brick)) &&
-         (!context.query.cull_by_ranges || !context.pyramid.isRowAtHand(level, brick) ||
-          context.pyramid.brickRange(level, brick).crosses(context.isovalue));
+         (!context.pyramid.parts().isRowAtHand(level, brick) ||
+          context.residency->needs().mayCross(level, brick));
 }
 
 class MissingBricks {
@@ -64,7 +65,7 @@ class MissingBricks {
     const bool is_refined = classifier_.mayRefine(level, cells);
     if (!is_refined && !classifier_.mayHoldLeaf(level, cells)) return;
     wanted_.push_back({keyOf(level, cells), level, brick});
-    if (!is_refined || !context_.pyramid.isRowAtHand(level, brick)) return;
+    if (!is_refined || !context_.pyramid.parts().isRowAtHand(level, brick)) return;
     const Index3 first = 2L * brick;
     const Index3 end = glm::min(first + Index3(2), layout.bricks(level - 1));
     forEachIndex({first, end - first}, [&](const Index3& child) { visit(level - 1, child); });
@@ -84,7 +85,7 @@ class MissingBricks {
   // After what the brick needs to be usable.
   void list(int level, const Index3& brick) {
     ResidencyOracle& residency = *context_.residency;
-    if (!listed_.insert(context_.pyramid.brickRow(level, brick)).second ||
+    if (!listed_.insert(context_.pyramid.parts().brickRow(level, brick)).second ||
         residency.isUsableNow(level, brick))
       return;
     residency.forEachParentAround(level, brick,

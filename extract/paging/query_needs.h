@@ -3,11 +3,13 @@
 
 #include <algorithm>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "isobrick/extract/query.h"
 #include "isobrick/storage/index_loop.h"
 #include "isobrick/storage/pyramid.h"
+#include "isobrick/storage/pyramid_parts.h"
 
 namespace isobrick {
 
@@ -21,6 +23,16 @@ struct BrickAnswers {
 template <typename Row, typename Part>
 BrickAnswers(Row, Part) -> BrickAnswers<Row, Part>;  // clang 14 deduces no aggregate
 
+// Reads a row that is not at hand; throws Error if it is damaged.
+template <typename Part>
+auto answersThatReadRows(const Pyramid& pyramid, Part part) {
+  return BrickAnswers{[&pyramid](int level, const Index3& brick) {
+                        static_cast<void>(pyramid.parts().brickRowOf(level, brick));
+                        return true;
+                      },
+                      std::move(part)};
+}
+
 // What has to be resident of a brick so that its cells can be meshed, and so that the oracles can
 // say which of them are refined, without a read. A value; its pyramid outlives it.
 class QueryNeeds {
@@ -29,10 +41,13 @@ class QueryNeeds {
       : pyramid_(&pyramid),
         isovalue_(static_cast<float>(query.isovalue)),
         culls_(query.cull_by_ranges) {
-    add(query);
-    for (const DetailChoice& choice : query.or_finer) add(choice);
-    if (takes_curvature_) kinds_.push_back(PartKind::kCurvature);
-    if (takes_errors_) kinds_.push_back(PartKind::kError);
+    const auto any = [&](auto has) {
+      return has(query) || std::any_of(query.or_finer.begin(), query.or_finer.end(), has);
+    };
+    if (any([](const DetailChoice& choice) { return choice.curvature_tolerance.has_value(); }))
+      kinds_.push_back(PartKind::kCurvature);
+    if (any([](const DetailChoice& choice) { return choice.tolerance.has_value(); }))
+      kinds_.push_back(PartKind::kError);
   }
 
   const Pyramid& pyramid() const { return *pyramid_; }
@@ -52,12 +67,12 @@ class QueryNeeds {
   bool areMet(int level, const Index3& brick, const Answers& has) const {
     using enum PartKind;
     if (!has.row(level, brick)) return false;
-    if (level == 0 && takes_curvature_ &&
+    if (level == 0 && takes(kCurvature) &&
         !(has.part(kRanges, 0, brick) && has.part(kCurvature, 0, brick)))
       return false;
     if (!hasRanges(level, brick, has)) return false;
     if (!isQuiet(level, brick, has) && !has.part(kSamples, level, brick)) return false;
-    if (!takes_errors_) return true;
+    if (!takes(kError)) return true;
     if (level >= kFirstErrorLevel && level <= pyramid_->spec().error_level &&
         !(has.part(kRanges, level, brick) && has.part(kError, level, brick)))
       return false;
@@ -73,6 +88,23 @@ class QueryNeeds {
     return are_met;
   }
 
+  // False unless the brick's samples are there, or no coarser leaf beside it can need them: such a
+  // leaf takes the values of corners that touch it from them, or from those of the brick of this
+  // level that the leaf itself covers a part of. A leaf that holds a part of the surface covers one
+  // that is not quiet.
+  template <typename Answers>
+  bool hasBorder(int level, const Index3& brick, const Answers& has) const {
+    if (has.part(PartKind::kSamples, level, brick)) return true;
+    const Index3 first = glm::max(brick - Index3(1), Index3(0));
+    const Index3 end = glm::min(brick + Index3(2), pyramid_->layout().bricks(level));
+    bool has_all = true;
+    forEachIndex({first, end - first}, [&](const Index3& other) {
+      has_all =
+          has_all && (isQuiet(level, other, has) || has.part(PartKind::kSamples, level, other));
+    });
+    return has_all;
+  }
+
   // True where no leaf of the brick's level or of the next coarser one, within the brick, holds a
   // part of the surface: the tiles hold all corners of the coarser leaf that a corner of it can
   // hang on if they have at least four cells (rule 7). Unknown, so false, without the brick's
@@ -84,7 +116,7 @@ class QueryNeeds {
     if (!has.part(PartKind::kRanges, level, brick)) return false;
     if (pyramid_->layout().tileCells() < 4) return false;
     std::vector<std::uint8_t> crossed;
-    pyramid_->crossedTiles(level, brick, isovalue_, crossed);
+    pyramid_->parts().crossedTiles(level, brick, isovalue_, crossed);
     return std::find(crossed.begin(), crossed.end(), 1) == crossed.end();
   }
 
@@ -95,15 +127,13 @@ class QueryNeeds {
     return !culls_ || (has.row(level, brick) &&
                        (!mayCross(level, brick) || has.part(PartKind::kRanges, level, brick)));
   }
-  void add(const DetailChoice& choice) {
-    takes_curvature_ = takes_curvature_ || choice.curvature_tolerance.has_value();
-    takes_errors_ = takes_errors_ || choice.tolerance.has_value();
+  bool takes(PartKind kind) const {
+    return std::find(kinds_.begin(), kinds_.end(), kind) != kinds_.end();
   }
 
   const Pyramid* pyramid_;
   float isovalue_;
   bool culls_;
-  bool takes_curvature_ = false, takes_errors_ = false;
   std::vector<PartKind> kinds_ = {PartKind::kRanges, PartKind::kSamples};
 };
 

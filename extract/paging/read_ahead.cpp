@@ -7,6 +7,7 @@
 #include "isobrick/extract/meshing/active_tiles.h"
 #include "isobrick/extract/oracles/leaf_classifier.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/pyramid_parts.h"
 
 namespace isobrick {
 
@@ -19,7 +20,7 @@ ReadAhead::~ReadAhead() {
   for (std::thread& thread : threads_) thread.join();
   // Those of a query that ended early.
   for (std::size_t work = reached_; work < looked_; ++work)
-    context_.pyramid.withdraw(work_[work].level, work_[work].brick);
+    context_.pyramid.parts().withdraw(work_[work].level, work_[work].brick);
 }
 
 void ReadAhead::noteReached(std::size_t work) {
@@ -83,7 +84,7 @@ void ReadAhead::look(std::unique_lock<std::mutex>& lock) {
   const Pyramid& pyramid = context_.pyramid;
   const std::size_t work = looked_;
   const auto& [level, brick, adaptive] = work_[work];
-  const std::uint64_t bytes = pyramid.heldBytes(PartKind::kSamples, level, brick);
+  const std::uint64_t bytes = pyramid.parts().heldBytes(PartKind::kSamples, level, brick);
   bytes_.push_back(bytes);
   ahead_bytes_ += bytes;
   ++looked_;
@@ -92,9 +93,9 @@ void ReadAhead::look(std::unique_lock<std::mutex>& lock) {
   lock.unlock();
   if (context_.query.cull_by_ranges)
     for (std::size_t n = begin; n < end; ++n)
-      pyramid.announce(PartKind::kRanges, work_[n].level, work_[n].brick);
+      pyramid.parts().announce(PartKind::kRanges, work_[n].level, work_[n].brick);
   const bool is_needed = isNeeded(work_[work]);
-  if (is_needed) pyramid.announce(PartKind::kSamples, level, brick);
+  if (is_needed) pyramid.parts().announce(PartKind::kSamples, level, brick);
   lock.lock();
   if (work < reached_) return;
   if (is_needed)
@@ -109,13 +110,13 @@ void ReadAhead::load(std::unique_lock<std::mutex>& lock) {
   const auto& [level, brick, adaptive] = work_[announced_.front()];
   announced_.pop_front();
   lock.unlock();
-  context_.pyramid.fetch(PartKind::kSamples, level, brick, context_.query.cancel);
+  context_.pyramid.parts().fetch(PartKind::kSamples, level, brick, context_.query.cancel);
   lock.lock();
 }
 
 bool ReadAhead::isNeeded(const BrickWork& work) const {
   if (!context_.query.cull_by_ranges) return true;
-  context_.pyramid.fetch(PartKind::kRanges, work.level, work.brick, context_.query.cancel);
+  context_.pyramid.parts().fetch(PartKind::kRanges, work.level, work.brick, context_.query.cancel);
   ActiveTiles tiles;
   if (!tiles.load(context_, work.level, work.brick)) return false;
   if (!work.adaptive) return true;

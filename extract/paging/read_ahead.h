@@ -13,6 +13,7 @@
 
 #include "isobrick/extract/extraction_plan.h"
 #include "isobrick/extract/session/mesh_context.h"
+#include "isobrick/storage/pyramid_parts.h"
 
 namespace isobrick {
 
@@ -46,14 +47,14 @@ class ReadAhead {
   static constexpr std::size_t kRangesAhead = 32;
 
   ReadAhead(const MeshContext& context, std::span<const BrickWork> work)
-      : context_(context), work_(work), misses_before_(context.pyramid.missCount()) {}
+      : context_(context), work_(work), misses_before_(context.pyramid.parts().missCount()) {}
   ~ReadAhead();
   ReadAhead(const ReadAhead&) = delete;
   ReadAhead& operator=(const ReadAhead&) = delete;
 
   // A mesher is about to take this brick of the work.
   void reached(std::size_t work) {
-    if (context_.pyramid.missCount() != misses_before_) noteReached(work);
+    if (context_.pyramid.parts().missCount() != misses_before_) noteReached(work);
   }
 
  private:

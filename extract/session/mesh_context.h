@@ -7,6 +7,7 @@
 #include "isobrick/extract/query.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid.h"
+#include "isobrick/storage/pyramid_parts.h"
 
 namespace isobrick {
 
@@ -25,28 +26,28 @@ struct MeshContext {
   const Lattice& lattice() const { return pyramid.lattice(); }
 
   BrickSamples samples(int level, const Index3& brick) const {
-    read_log.note(pyramid.brickRow(level, brick), ReadLog::kSamples);
+    read_log.note(pyramid.parts().brickRow(level, brick), ReadLog::kSamples);
     return pyramid.samples(level, brick, query.cancel);
   }
   BrickRanges ranges(int level, const Index3& brick) const {
-    read_log.note(pyramid.brickRow(level, brick), ReadLog::kRanges);
-    return pyramid.ranges(level, brick, query.cancel);
+    read_log.note(pyramid.parts().brickRow(level, brick), ReadLog::kRanges);
+    return pyramid.parts().ranges(level, brick, query.cancel);
   }
   void tileRanges(int level, const Index3& brick, std::vector<ValueRange>& out) const {
-    read_log.note(pyramid.brickRow(level, brick), ReadLog::kRanges);
+    read_log.note(pyramid.parts().brickRow(level, brick), ReadLog::kRanges);
     pyramid.tileRanges(level, brick, out, query.cancel);
   }
   // Which tiles of the brick the isosurface may cross.
   void crossedTiles(int level, const Index3& brick, std::vector<std::uint8_t>& out) const {
-    read_log.note(pyramid.brickRow(level, brick), ReadLog::kRanges);
-    pyramid.crossedTiles(level, brick, isovalue, out, query.cancel);
+    read_log.note(pyramid.parts().brickRow(level, brick), ReadLog::kRanges);
+    pyramid.parts().crossedTiles(level, brick, isovalue, out, query.cancel);
   }
 
-  // Pyramid::errorCodes() for the query's isovalue.
+  // PyramidParts::errorCodes() for the query's isovalue.
   void errorCodes(int level, const Index3& brick, std::vector<std::uint8_t>& out) const {
-    read_log.note(pyramid.brickRow(level, brick), ReadLog::kRanges);
-    read_log.note(pyramid.brickRow(level, brick), ReadLog::kError);
-    pyramid.errorCodes(level, brick, static_cast<double>(isovalue), out, query.cancel);
+    read_log.note(pyramid.parts().brickRow(level, brick), ReadLog::kRanges);
+    read_log.note(pyramid.parts().brickRow(level, brick), ReadLog::kError);
+    pyramid.parts().errorCodes(level, brick, static_cast<double>(isovalue), out, query.cancel);
   }
 
   bool isCancelled() const { return query.cancel != nullptr && query.cancel->requested(); }
@@ -57,9 +58,9 @@ struct MeshContext {
   // Throws Error where bytes that this thread has asked for could not be had while it used them. To
   // be called before what was made of them is passed on, or another reason is given for it.
   void throwIfReadsFailed() const {
-    if (!pyramid.hasFailedReads()) return;
+    if (!pyramid.parts().hasFailedReads()) return;
     read_log.forEachNewOfThisThread([this](std::size_t row) {
-      const BrickAddress at = pyramid.brickAt(row);
+      const BrickAddress at = pyramid.parts().brickAt(row);
       pyramid.throwIfReadsFailed(at.level, at.brick);
     });
   }
@@ -68,16 +69,12 @@ struct MeshContext {
   // when no thread is at work on the query any more, before its result is believed. Costs one call
   // to the system.
   void throwIfWrittenOver() const {
-    if (pyramid.edition() == edition) return;
+    if (pyramid.parts().edition() == edition) return;
     for (const ReadLog::Entry& entry : read_log.entries()) {
-      const BrickAddress at = pyramid.brickAt(entry.brick_row);
-      const auto look = [&](ReadLog::Mark mark, PartKind kind) {
-        if ((entry.marks & mark) != 0) pyramid.throwIfWrittenOver(kind, at.level, at.brick);
-      };
-      look(ReadLog::kSamples, PartKind::kSamples);
-      look(ReadLog::kRanges, PartKind::kRanges);
-      look(ReadLog::kCurvature, PartKind::kCurvature);
-      look(ReadLog::kError, PartKind::kError);
+      const BrickAddress at = pyramid.parts().brickAt(entry.brick_row);
+      for (const PartKind kind : kPartKinds)
+        if ((entry.marks & ReadLog::markOf(kind)) != 0)
+          pyramid.parts().throwIfWrittenOver(kind, at.level, at.brick);
     }
     throw Error("'" + pyramid.path() +
                     "' was written to while it was read, and is what it was; do it again",

@@ -6,6 +6,7 @@
 
 #include "isobrick/extract/paging/read_ahead.h"
 #include "isobrick/storage/isolated_loop.h"
+#include "isobrick/storage/pyramid_parts.h"
 
 namespace isobrick {
 namespace {
@@ -156,7 +157,8 @@ void meshInOrder(const MeshContext& context, std::span<const BrickWork> work, Me
     const MeshBatch& batch = job.batch->batch;
     const BrickWork& item = work[job.work];
     if (batch.triangles.empty() || context.isCancelled()) return;
-    context.read_log.note(context.pyramid.brickRow(item.level, item.brick), ReadLog::kActive);
+    context.read_log.note(context.pyramid.parts().brickRow(item.level, item.brick),
+                          ReadLog::kActive);
     LevelCounts& level = counts[static_cast<std::size_t>(item.level)];
     level.cells += batch.cells;
     level.transition_cells += batch.transition_cells;

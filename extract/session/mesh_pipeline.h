@@ -13,7 +13,6 @@
 #include <vector>
 
 #include "isobrick/extract/extraction_plan.h"
-#include "isobrick/extract/extraction_report.h"
 #include "isobrick/extract/meshing/adaptive_mesher.h"
 #include "isobrick/extract/meshing/uniform_mesher.h"
 #include "isobrick/extract/sinks/triangle_sink.h"

@@ -15,8 +15,10 @@
 #include "isobrick/extract/meshing/active_rows.h"
 #include "isobrick/extract/meshing/missing_vertex.h"
 #include "isobrick/extract/paging/read_ahead.h"
+#include "isobrick/extract/session/surface_memory.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/isolated_loop.h"
+#include "isobrick/storage/pyramid_parts.h"
 
 namespace isobrick {
 namespace {
@@ -134,8 +136,10 @@ class SurfaceWriter::Run {
         jobs_(work.size() + 1) {
     job_of_brick_.reserve(work.size());
     for (std::size_t job = 0; job < work.size(); ++job)
-      job_of_brick_.emplace(context.pyramid.brickRow(work[job].level, work[job].brick), job);
-    if (mesh.side_numbers_.size() < work.size()) mesh.side_numbers_.resize(work.size());
+      job_of_brick_.emplace(context.pyramid.parts().brickRow(work[job].level, work[job].brick),
+                            job);
+    if (mesh.memory_->side_numbers.size() < work.size())
+      mesh.memory_->side_numbers.resize(work.size());
     jobs_[0].placed.set();
   }
 
@@ -224,7 +228,8 @@ class SurfaceWriter::Run {
       const std::uint32_t greatest = makeTriangles(rows, first, context_.frame.mirrored(),
                                                    mesh_.triangleData() + 3 * job.first_triangle);
       if (greatest >= job.first_vertex + job.vertices) failMissingVertex(context_, work);
-      context_.read_log.note(context_.pyramid.brickRow(work.level, work.brick), ReadLog::kActive);
+      context_.read_log.note(context_.pyramid.parts().brickRow(work.level, work.brick),
+                             ReadLog::kActive);
     } else {
       job.numbered.set();
     }
@@ -242,7 +247,7 @@ class SurfaceWriter::Run {
     const BrickWork& work = work_[number];
     Index3 brick = work.brick;
     if (--brick[axis] < 0) return number;
-    const auto found = job_of_brick_.find(context_.pyramid.brickRow(work.level, brick));
+    const auto found = job_of_brick_.find(context_.pyramid.parts().brickRow(work.level, brick));
     return found == job_of_brick_.end() ? number : found->second;
   }
 
@@ -268,7 +273,7 @@ class SurfaceWriter::Run {
       // Without triangles it has set none: then what crosses the side here, it denies.
       const bool has_any = jobs_[neighbour].triangles > 0;
       const IndexBox cells = layout_.brickCellBox(work_[neighbour].level, work_[neighbour].brick);
-      const SideNumbers side(cells.count, mesh_.side_numbers_[neighbour]);
+      const SideNumbers side(cells.count, mesh_.memory_->side_numbers[neighbour]);
       if (axis == 0) {
         for (const std::size_t across : {std::size_t{1}, std::size_t{2}})
           for (const std::uint32_t r : rows.crossed_rows[across].list())
@@ -297,7 +302,7 @@ class SurfaceWriter::Run {
   void giveSideNumbers(std::size_t number, const FirstVertices& first, const BrickRows& rows) {
     const std::int64_t nx = rows.cells.x, ny = rows.cells.y, nz = rows.cells.z;
     const std::int64_t words = rows.words_per_row;
-    SideNumbers side(rows.cells, mesh_.side_numbers_[number]);
+    SideNumbers side(rows.cells, mesh_.memory_->side_numbers[number]);
     side.forgetAll();
     const auto numberOf = [&](std::size_t axis, std::int64_t r) {
       return first[axis] + rows.numbers[axis][static_cast<std::size_t>(r)];

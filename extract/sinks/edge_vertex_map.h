@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "isobrick/extract/edge_key.h"
+#include "isobrick/extract/sinks/triangle_sink.h"
 
 namespace isobrick {
 

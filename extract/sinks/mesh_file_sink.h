@@ -6,10 +6,11 @@
 #include <vector>
 
 #include "isobrick/extract/sinks/triangle_sink.h"
-#include "isobrick/extract/sinks/vertex_values.h"
 #include "isobrick/storage/cancel.h"
 
 namespace isobrick {
+
+class VertexValues;  // extract/pyramid_values.h
 
 // A sink that writes a file and publishes it in finish().
 class MeshFileSink : public TriangleSink {

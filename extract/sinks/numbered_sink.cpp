@@ -2,6 +2,7 @@
 
 #include <limits>
 
+#include "isobrick/extract/pyramid_values.h"
 #include "isobrick/storage/error.h"
 
 namespace isobrick {

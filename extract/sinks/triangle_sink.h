@@ -1,14 +1,59 @@
 // Where triangles go: batch by batch, in an order that no thread count changes.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <memory>
+#include <type_traits>
+#include <utility>
 #include <vector>
 
-#include "isobrick/extract/edge_key.h"
-#include "isobrick/extract/sinks/raw_vector.h"
 #include "isobrick/storage/grid.h"
 
 namespace isobrick {
+
+// Identifies a crossing among all levels: the voxel position of its edge's lower end and the axis.
+//
+//   bit 63 62   61 .. 42   41 .. 22   21 .. 2   1 0
+//       0  0    z          y          x         axis
+//
+// The edge's length is not part of it: where leaves of two levels share an edge, only the coarser
+// edge carries a crossing, so one (position, axis) names one edge in a mesh.
+using EdgeKey = std::uint64_t;
+// The key of no edge.
+inline constexpr EdgeKey kNoEdge = ~EdgeKey{0};
+
+// The key of the edge that begins at a voxel position and goes along `axis`.
+constexpr EdgeKey makeEdgeKey(const Index3& position, int axis) {
+  return (static_cast<EdgeKey>(position.z) << 42) | (static_cast<EdgeKey>(position.y) << 22) |
+         (static_cast<EdgeKey>(position.x) << 2) | static_cast<EdgeKey>(axis);
+}
+static_assert(kMaxVoxelsPerAxis <= (std::int64_t{1} << 20));
+
+// For vectors whose resize() leaves new elements as they are: memory that is filled right away.
+template <typename T>
+struct RawAllocator : std::allocator<T> {
+  // As allocators have it.
+  template <typename U>
+  struct rebind {
+    using other = RawAllocator<U>;  // for elements of another type
+  };
+  // Leaves the element as it is.
+  template <typename U>
+  void construct(U* at) noexcept {
+    static_assert(std::is_trivially_destructible_v<U>);
+    ::new (static_cast<void*>(at)) U;
+  }
+  // Makes the element of the arguments.
+  template <typename U, typename... Arguments>
+  void construct(U* at, Arguments&&... arguments) {
+    ::new (static_cast<void*>(at)) U(std::forward<Arguments>(arguments)...);
+  }
+};
+
+// A vector whose resize() leaves new elements as they are.
+template <typename T>
+using RawVector = std::vector<T, RawAllocator<T>>;
 
 // What one brick of one level adds to a mesh.
 struct MeshBatch {
@@ -16,11 +61,11 @@ struct MeshBatch {
   struct SharedVertex {
     std::uint32_t vertex;      // index into positions
     std::uint8_t batches = 0;  // that list it in the whole mesh, at the most; 0: not known
-    EdgeKey key;
+    EdgeKey key;               // of the edge that it lies on
   };
 
-  int level = 0;
-  Index3 brick{0};
+  int level = 0;                       // of the brick
+  Index3 brick{0};                     // its place among the bricks of the level
   bool is_uniform = false;             // see Query::has_brick
   double fraction_done = 0;            // of the extraction's bricks, with this one: 0 .. 1
   Index3 origin{0};                    // the voxel that positions are counted from
@@ -34,6 +79,7 @@ struct MeshBatch {
   std::uint64_t cells = 0;             // leaves with at least one triangle
   std::uint64_t transition_cells = 0;  // those of them that have a fan
 
+  // Forgets what the brick added; keeps the memory.
   void clear() {
     positions.clear();
     normals.clear();
@@ -51,8 +97,8 @@ struct MeshBatch {
 
 // What a sink may want to know before the first batch.
 struct MeshFrame {
-  GridGeometry geometry;
-  Index3 voxels{0};
+  GridGeometry geometry;  // of the volume
+  Index3 voxels{0};       // of level 0
 
   // Greatest magnitude of a world coordinate divided by the least voxel spacing: above 2048, single
   // precision no longer separates crossings that are 1/4096 of an edge apart (rule 8).
@@ -63,13 +109,16 @@ struct MeshFrame {
 class WorldPlacement {
  public:
   WorldPlacement() = default;
+  // Of the volume: MeshFrame::geometry.
   explicit WorldPlacement(const GridGeometry& geometry)
       : origin_(geometry.origin), matrix_(geometry.indexToWorldMatrix()) {}
 
+  // Of a position that is counted from the voxel `origin`.
   glm::dvec3 worldPosition(const Index3& origin, const glm::vec3& position) const {
     // Both are exact, and so is their sum: 20 bits before the point, 24 behind at the most.
     return origin_ + matrix_ * (glm::dvec3(origin) + glm::dvec3(position));
   }
+  // Of a vertex of a batch.
   glm::dvec3 worldPosition(const MeshBatch& batch, std::uint32_t vertex) const {
     return worldPosition(batch.origin, batch.positions[vertex]);
   }
@@ -87,9 +136,10 @@ struct KnownVertex {
 
 // A batch and its place in the mesh, which a sink gives it, with memory that goes round.
 struct PlacedBatch {
-  MeshBatch batch;
-  std::uint64_t first_vertex = 0, first_triangle = 0;  // of the mesh
-  std::uint64_t first_byte = 0;  // of the file, for sinks whose lines differ in length
+  MeshBatch batch;                   // as it was made
+  std::uint64_t first_vertex = 0;    // of the mesh
+  std::uint64_t first_triangle = 0;  // likewise
+  std::uint64_t first_byte = 0;      // of the file, for sinks whose lines differ in length
   // Ascending. All other vertices are new and numbered from first_vertex on, in their order.
   std::vector<KnownVertex> known;
   std::vector<std::uint32_t> numbers;  // scratch for write()
@@ -109,10 +159,15 @@ struct PlacedBatch {
 class TriangleSink {
  public:
   virtual ~TriangleSink() = default;
+  // Before the first batch.
   virtual void begin(const MeshFrame&) {}
+  // A plain sink's batch.
   virtual void accept(const MeshBatch&) {}
+  // Decides where the batch goes.
   virtual void place(PlacedBatch& placed) { accept(placed.batch); }
+  // Does the rest.
   virtual void write(PlacedBatch&) {}
+  // After the last batch.
   virtual void finish() {}
 };
 

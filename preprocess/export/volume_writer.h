@@ -11,6 +11,7 @@
 
 namespace isobrick {
 
+// How a volume is written.
 struct VolumeWriteOptions {
   // Called now and then with the share that is done, 0 .. 1, by one thread at a time.
   std::function<void(double fraction)> progress;

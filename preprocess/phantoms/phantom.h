@@ -26,10 +26,10 @@ namespace isobrick {
 //   head            1324      a CT-like head; values are HU + 1024 (air 0 .. 24, soft tissue about
 //                             1000 .. 1100, bone 1300 .. 3200). 1324 is bone, 500 is skin
 struct PhantomSpec {
-  std::string name;
+  std::string name;         // one of these
   std::int64_t size = 256;  // voxels per axis, 2 .. kMaxVoxelsPerAxis
   // Type of the stored voxels; without it uint16 for head, uint8 for gyroid, float32 for others.
-  std::optional<VoxelType> voxel_type;
+  std::optional<VoxelType> voxel_type = {};
   double gyroid_period = 16;  // in voxels, > 0
 };
 
@@ -41,10 +41,10 @@ struct PhantomConstants {
   double torus_minor_radius = 0;  // of the tube, 0.11 (size - 1)
   glm::dvec3 plane_normal{0.0};   // unit; the plane is dot(plane_normal, p) = plane_offset, and
   double plane_offset = 0;        // values rise along the normal
-  double gyroid_period = 0;
-  glm::dvec3 gyroid_origin{0.0};        // X = 2 pi (x - gyroid_origin.x) / gyroid_period, and so on
+  double gyroid_period = 0;       // in voxels
+  glm::dvec3 gyroid_origin{0.0};  // X = 2 pi (x - gyroid_origin.x) / gyroid_period, and so on
   double marschner_lobb_frequency = 6;  // f_M
-  double marschner_lobb_alpha = 0.25;
+  double marschner_lobb_alpha = 0.25;   // alpha
 };
 
 // How field values become voxels: stored = offset + scale * value, for integer types rounded to
@@ -56,8 +56,9 @@ struct PhantomConstants {
 //   marschner-lobb                255 v          -128 + 255 v   65535 v          32767 v   v
 //   head                          v / 16         -128 + v / 16  v                v         v
 struct PhantomScale {
-  double offset = 0;
-  double scale = 1;
+  double offset = 0;  // stored for 0
+  double scale = 1;   // stored for a unit of the field
+  // What is stored for a value of the field, before it is rounded and clamped.
   double stored(double value) const { return offset + scale * value; }
 };
 
@@ -67,17 +68,23 @@ class Phantom {
   // Throws Error for an unknown name (the message lists all names) and a size out of range.
   explicit Phantom(const PhantomSpec& spec);
 
+  // As it was made with.
   const PhantomSpec& spec() const { return spec_; }
+  // Of its surface.
   const PhantomConstants& constants() const { return constants_; }
+  // Of what fillRow() writes.
   VoxelType voxelType() const { return voxel_type_; }
+  // From the field to voxels.
   const PhantomScale& scale() const { return scale_; }
 
   // The isovalue to use, in units of the field and of the stored voxels.
   double isovalue() const;
+  // The same as voxels have it.
   double storedIsovalue() const { return scale_.stored(isovalue()); }
 
   // The field at continuous voxel index coordinates, in field units.
   double value(double x, double y, double z) const;
+  // The same.
   double value(const glm::dvec3& p) const { return value(p.x, p.y, p.z); }
 
   // d(value)/d(voxel index), analytic. Not for head, which has none: throws std::logic_error. At

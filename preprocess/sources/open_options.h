@@ -18,10 +18,10 @@ std::vector<std::string> rawTypeNames();
 
 // How to read a file that has no header.
 struct RawLayout {
-  Index3 voxels{0};
-  std::string type;  // one of them, or as "uint8", "uchar"
-  bool big_endian = false;
-  std::uint64_t offset_bytes = 0;
+  Index3 voxels{0};                // per axis 2 .. kMaxVoxelsPerAxis
+  std::string type;                // one of them, or as "uint8", "uchar"
+  bool big_endian = false;         // of types of several bytes
+  std::uint64_t offset_bytes = 0;  // of the first voxel
 };
 
 // Picks one number of voxels that have several (vectors, colours, complex numbers).
@@ -30,6 +30,7 @@ struct ComponentChoice {
   std::int64_t index = 0;  // otherwise: this one, from 0
 };
 
+// What opening takes beside the path.
 struct OpenOptions {
   // Given: the file has no header, whatever its name.
   std::optional<RawLayout> raw;
@@ -47,7 +48,9 @@ struct OpenOptions {
   std::string series;
   // Replace the spacing and origin that the input states or lacks. For a coarser level of a pyramid
   // they are still those of level 0. Finite; `spacing` above 0.
-  std::optional<glm::dvec3> spacing, origin;
+  std::optional<glm::dvec3> spacing;
+  // See spacing.
+  std::optional<glm::dvec3> origin;
   // Opens a pyramid (.isb) as a volume: this level of it. Without it pyramids are refused, so that
   // nobody builds a pyramid of a pyramid by accident.
   std::optional<int> pyramid_level;
@@ -57,7 +60,9 @@ struct OpenOptions {
   std::string grid;
   // Number of the time step or channel to take from a volume with several (OME-Zarr, time steps of
   // NIfTI, DICOM); without it the first, and a note says so (for DICOM: Error).
-  std::optional<std::int64_t> time, channel;
+  std::optional<std::int64_t> time;
+  // See time.
+  std::optional<std::int64_t> channel;
   // The component to take from NRRD, MetaImage, NIfTI and VTI with several values per voxel.
   // Without it such volumes are refused; with it all others are.
   std::optional<ComponentChoice> component;
@@ -65,9 +70,11 @@ struct OpenOptions {
   // part of a grid that is in memory at a time. VolumeSource::bufferBytes() says how many it takes.
   std::uint64_t memory_bytes = std::uint64_t{256} << 20;
 
+  // Throws Cancelled after a request.
   void checkCancel() const {
     if (cancel != nullptr) cancel->check();
   }
+  // Calls `progress`, if there is one.
   void report(std::string_view phase, double fraction) const {
     if (progress) progress(phase, fraction);
   }

@@ -7,6 +7,7 @@
 #include "isobrick/extract/sinks/counting_sink.h"
 #include "isobrick/preprocess/phantoms/phantom.h"
 #include "isobrick/storage/index_loop.h"
+#include "isobrick/storage/pyramid_parts.h"
 #include "tests/support/field_pyramid.h"
 #include "tests/support/random_numbers.h"
 
@@ -18,9 +19,9 @@ template <typename F>
 void forEachBrickRead(const Pyramid& pyramid, F&& f) {
   for (int level = 0; level < pyramid.lattice().levels(); ++level)
     forEachIndex({Index3(0), pyramid.layout().bricks(level)}, [&](const Index3& brick) {
-      const BrickRow row = pyramid.brickRowOf(level, brick);
+      const BrickRow row = pyramid.parts().brickRowOf(level, brick);
       if (row.part(PartKind::kSamples).stored_bytes > 0 &&
-          pyramid.holdIfResident(PartKind::kSamples, level, brick))
+          pyramid.parts().holdIfResident(PartKind::kSamples, level, brick))
         f(level, brick);
     });
 }
@@ -51,7 +52,7 @@ TEST(BricksRead, HardlyAnyIsReadOfWhichTheSurfaceCrossesNoTile) {
     extractAround(pyramid, isovalue, focus, randomReal(random, 2, 40));
     forEachBrickRead(pyramid, [&](int level, const Index3& brick) {
       std::vector<std::uint8_t> crossed;
-      pyramid.crossedTiles(level, brick, isovalue, crossed);
+      pyramid.parts().crossedTiles(level, brick, isovalue, crossed);
       ++read;
       if (std::find(crossed.begin(), crossed.end(), 1) == crossed.end()) ++not_crossed;
     });

@@ -17,6 +17,7 @@
 #include <vector>
 
 #include "isobrick/extract/extractor.h"
+#include "isobrick/storage/pyramid_parts.h"
 #include "tools/bench/page_cache.h"
 
 namespace isobrick {
@@ -52,10 +53,10 @@ void readRuns(const std::string& path, const std::vector<FileRun>& runs) {
 std::vector<FileRun> residentRuns(const Pyramid& pyramid) {
   std::vector<FileRun> parts, runs;
   for (std::size_t row = 0; row < pyramid.brickCount(); ++row) {
-    const auto [level, brick] = pyramid.brickAt(row);
+    const auto [level, brick] = pyramid.parts().brickAt(row);
     for (const PartKind kind : kPartKinds) {
-      const format::PartEntry part = pyramid.brickRowOf(level, brick).part(kind);
-      if (part.stored_bytes > 0 && pyramid.holdIfResident(kind, level, brick))
+      const format::PartEntry part = pyramid.parts().brickRowOf(level, brick).part(kind);
+      if (part.stored_bytes > 0 && pyramid.parts().holdIfResident(kind, level, brick))
         parts.push_back({part.offset, part.offset + part.stored_bytes});
     }
   }
@@ -100,7 +101,7 @@ void coldQuery(benchmark::State& state) {
       const Pyramid pyramid(path, Pyramid::kDefaultBudgetBytes, access);
       Extractor extractor(pyramid);
       cold.push_back(millisecondsOf([&] { extractor.extract(query, mesh); }));
-      bytes = pyramid.counters().bytes_read;
+      bytes = pyramid.parts().counters().bytes_read;
       runs = residentRuns(pyramid);
     }
     {

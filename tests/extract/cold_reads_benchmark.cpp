@@ -19,6 +19,7 @@
 #include <vector>
 
 #include "isobrick/extract/extractor.h"
+#include "isobrick/storage/pyramid_parts.h"
 #include "tools/bench/page_cache.h"
 
 namespace isobrick {
@@ -35,7 +36,7 @@ std::vector<StoredPart> samplesOfPlan(const std::string& path, double isovalue) 
   std::vector<StoredPart> parts;
   const ExtractionPlan plan = Extractor(pyramid).plan(query);
   for (const BrickWork& work : plan.bricks()) {
-    const BrickRow row = pyramid.brickRowOf(work.level, work.brick);
+    const BrickRow row = pyramid.parts().brickRowOf(work.level, work.brick);
     const format::PartEntry& part = row.part(PartKind::kSamples);
     if (part.stored_bytes > 0) parts.push_back({part.offset, part.stored_bytes});
   }

@@ -19,6 +19,7 @@
 #include "isobrick/preprocess/pyramid_builder.h"
 #include "isobrick/storage/curvature_code.h"
 #include "isobrick/storage/index_loop.h"
+#include "isobrick/storage/pyramid_parts.h"
 #include "tests/extract/random_case.h"
 #include "tests/extract/same_mesh.h"
 #include "tests/support/array_source.h"
@@ -46,7 +47,7 @@ bool isFlatByPyramid(const Pyramid& pyramid, float isovalue, double tolerance, c
   std::vector<ValueRange> ranges;
   std::vector<std::uint8_t> coefficients;
   pyramid.tileRanges(0, brick, ranges);
-  pyramid.curvature(brick, coefficients);
+  pyramid.parts().curvature(brick, coefficients);
   const Index3 local = std::int64_t{2} * cell - brick * layout.brickCells();
   const ValueRange range = ranges[static_cast<std::size_t>(
       linearIndex(local / layout.tileCells(), layout.brickTiles(0, brick)))];
@@ -117,14 +118,15 @@ std::vector<std::uint8_t> boundsBeyond(const Pyramid& pyramid, float isovalue, d
   const BrickLayout& layout = pyramid.layout();
   std::vector<std::uint8_t> codes;
   forEachIndex({Index3(0), layout.bricks(level)}, [&](const Index3& brick) {
-    if (!pyramid.errorCodes(level, brick, static_cast<double>(isovalue), codes)) return;
+    if (!pyramid.parts().errorCodes(level, brick, static_cast<double>(isovalue), codes)) return;
     const std::uint8_t* code = codes.data();
     forEachIndex(layout.brickCellBox(level, brick), [&](const Index3& cell) {
-      const double bound = ErrorCode::decode(*code++) * pyramid.errorBins().unit();
+      const double bound = ErrorCode::decode(*code++) * pyramid.parts().tables().errorBins().unit();
       are_beyond[static_cast<std::size_t>(linearIndex(cell, cells))] = bound > tolerance ? 1 : 0;
     });
   });
-  if (level >= pyramid.errorBins().last_level || level + 1 >= lattice.levels()) return are_beyond;
+  if (level >= pyramid.parts().tables().errorBins().last_level || level + 1 >= lattice.levels())
+    return are_beyond;
   const std::vector<std::uint8_t> coarser = boundsBeyond(pyramid, isovalue, tolerance, level + 1);
   const Index3 coarser_cells = lattice.cells(level + 1);
   forEachIndex({Index3(0), cells}, [&](const Index3& cell) {

@@ -13,6 +13,7 @@
 #include "isobrick/extract/sinks/counting_sink.h"
 #include "isobrick/extract/sinks/indexed_mesh.h"
 #include "isobrick/extract/sinks/mesh_file_sink.h"
+#include "isobrick/storage/pyramid_parts.h"
 #include "tests/support/field_pyramid.h"
 #include "tests/support/file_bytes.h"
 #include "tests/support/mesh_checker.h"
@@ -192,8 +193,8 @@ TEST(Extract, FilesAreTheSameForAnyNumberOfThreadsAndAnyBudget) {
         extractIsosurface(pyramid, query, *sink);
         files.push_back(readBytes(folder.file("mesh.ply")));
         if (budget == 1) {
-          EXPECT_GT(pyramid.counters().parts_released, 0u);
-          EXPECT_LE(pyramid.heldBytes(), budget);
+          EXPECT_GT(pyramid.parts().counters().parts_released, 0u);
+          EXPECT_LE(pyramid.parts().heldBytes(), budget);
         }
       }
   }

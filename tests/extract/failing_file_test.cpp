@@ -18,6 +18,8 @@
 #include "isobrick/extract/sinks/indexed_mesh.h"
 #include "isobrick/preprocess/phantoms/phantom.h"
 #include "isobrick/preprocess/pyramid_builder.h"
+#include "isobrick/storage/pyramid_parts.h"
+#include "isobrick/storage/pyramid_verify.h"
 #include "tests/extract/read_faults.h"
 #include "tests/support/file_bytes.h"
 #include "tests/support/plain_reader.h"
@@ -223,7 +225,7 @@ TEST_P(FailingFile, ACutEndsTheQueriesThatNeedTheBytes) {
 TEST_P(FailingFileInPlace, AHeldBrickThatIsCutFailsAlone) {
   const Pyramid pyramid(path_, Pyramid::kDefaultBudgetBytes, GetParam().access);
   const Index3 brick = pyramid.layout().bricks(0) - Index3(2);
-  ASSERT_GT(pyramid.sampleBytes(0, brick), 4096u);
+  ASSERT_GT(pyramid.parts().storedBytes(PartKind::kSamples, 0, brick), 4096u);
   const BrickSamples held = pyramid.samples(0, brick);
   std::filesystem::resize_file(path_, back_begin_);
   EXPECT_EQ(static_cast<int>(*held.part.data()), 0);
@@ -384,12 +386,12 @@ TEST_P(FailingFileUnmapped, WhatIsReadGivesTheSameAsTheMap) {
       EXPECT_FALSE(mesh.triangles.empty());
       EXPECT_TRUE(isSame(mesh, meshOf(mapped, query)));
     }
-    EXPECT_GT(read.counters().bytes_read, 0u);
+    EXPECT_GT(read.parts().counters().bytes_read, 0u);
     for (std::size_t row = 0; row < read.brickCount(); ++row) {
-      const BrickAddress at = read.brickAt(row);
-      EXPECT_FALSE(read.verifyBrick(at.level, at.brick).has_value());
+      const BrickAddress at = read.parts().brickAt(row);
+      EXPECT_FALSE(verifyBrick(read, at.level, at.brick).has_value());
     }
-    EXPECT_TRUE(read.verifyRest().empty());
+    EXPECT_TRUE(verifyRest(read).empty());
   }
 }
 

@@ -28,6 +28,7 @@
 #include "isobrick/extract/sinks/mesh_file_sink.h"
 #include "isobrick/preprocess/pyramid_builder.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/pyramid_verify.h"
 #include "isobrick/viewer/offscreen_renderer.h"
 #include "tests/support/array_source.h"
 #include "tests/support/plain_reader.h"
@@ -231,12 +232,13 @@ class Harness {
 
   void verify(const Pyramid& pyramid) {
     std::string first;
-    for (const std::string& fault : pyramid.verifyRest()) first = first.empty() ? fault : first;
+    for (const std::string& fault : verifyRest(pyramid)) first = first.empty() ? fault : first;
     for (int level = 0; level < pyramid.lattice().levels(); ++level) {
       const Index3 bricks = pyramid.layout().bricks(level);
       for (std::int64_t i = 0; i < elementCount(bricks); ++i)
-        if (const auto damage = pyramid.verifyBrick(
-                level, Index3(i % bricks.x, i / bricks.x % bricks.y, i / (bricks.x * bricks.y))))
+        if (const auto damage = verifyBrick(
+                pyramid, level,
+                Index3(i % bricks.x, i / bricks.x % bricks.y, i / (bricks.x * bricks.y))))
           if (first.empty()) first = damage->what;
     }
     if (first.empty()) return;

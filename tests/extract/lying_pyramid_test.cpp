@@ -12,6 +12,7 @@
 #include "isobrick/extract/sinks/indexed_mesh.h"
 #include "isobrick/preprocess/pyramid_builder.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/pyramid_verify.h"
 #include "tests/support/array_source.h"
 #include "tests/support/plain_reader.h"
 #include "tests/support/random_numbers.h"
@@ -131,7 +132,7 @@ TEST(LyingPyramid, ADraftThatWasNotChangedIsTheSamePyramid) {
   const std::string path = folder.file("same.isb");
   writeFile(path, edited(good, [](const auto&, auto&) {}));
   const Pyramid pyramid(path);
-  EXPECT_FALSE(pyramid.verifyBrick(0, Index3(0)).has_value());
+  EXPECT_FALSE(verifyBrick(pyramid, 0, Index3(0)).has_value());
   Query query;
   query.isovalue = 50;
   EXPECT_EQ(extractChecked(pyramid, query), "");

@@ -26,6 +26,7 @@
 #include "isobrick/preprocess/phantoms/phantom.h"
 #include "isobrick/preprocess/pyramid_builder.h"
 #include "isobrick/storage/brick_index.h"
+#include "isobrick/storage/pyramid_parts.h"
 #include "tests/extract/random_case.h"
 #include "tests/extract/read_faults.h"
 #include "tests/extract/same_mesh.h"
@@ -46,7 +47,7 @@ struct NowCoverage {
 template <typename F>
 void forEachBrickOf(const Pyramid& pyramid, F&& f) {
   for (std::size_t row = 0; row < pyramid.brickCount(); ++row) {
-    const BrickAddress at = pyramid.brickAt(row);
+    const BrickAddress at = pyramid.parts().brickAt(row);
     f(at.level, at.brick);
   }
 }
@@ -64,14 +65,15 @@ void bringIn(const Pyramid& pyramid, RandomCase& random) {
   forEachBrickOf(pyramid, [&](int level, const Index3& brick) {
     for (const PartKind kind : kPartKinds)
       if (random.chance(chances[static_cast<std::size_t>(level)])) {
-        EXPECT_NE(pyramid.fetch(kind, level, brick), BrickPager::Fetched::kNever);
+        EXPECT_NE(pyramid.parts().fetch(kind, level, brick), BrickPager::Fetched::kNever);
       }
   });
 }
 
 void bringAllIn(const Pyramid& pyramid) {
   forEachBrickOf(pyramid, [&](int level, const Index3& brick) {
-    for (const PartKind kind : kPartKinds) static_cast<void>(pyramid.fetch(kind, level, brick));
+    for (const PartKind kind : kPartKinds)
+      static_cast<void>(pyramid.parts().fetch(kind, level, brick));
   });
 }
 
@@ -122,14 +124,14 @@ class NowQueries {
     bringIn(pyramid, random_);
     const LeafLevels leaves = leavesNow(pyramid, query);
     ASSERT_TRUE(auditLeafLevels(leaves).empty());
-    const BrickPager::Counters before = pyramid.counters();
+    const BrickPager::Counters before = pyramid.parts().counters();
     Extractor extractor(pyramid);
     IndexedMeshSink sink;
     const ExtractionReport report = extractor.extract(query, sink);
     const MeshReport check = checkMesh(sink.mesh().positions, sink.mesh().triangles,
                                        indexOptions(pyramid.spec().voxels));
     ASSERT_TRUE(check.ok()) << check.summary();
-    EXPECT_EQ(pyramid.counters().misses, before.misses) << "something was read";
+    EXPECT_EQ(pyramid.parts().counters().misses, before.misses) << "something was read";
     const ReferenceMesh reference = referenceMesh(reference_, leaves, query.isovalue);
     expectSameMesh(sink.mesh(), reference, report);
     if (report.is_complete) expectSameBytes(sink.mesh(), whole);
@@ -262,7 +264,7 @@ class AnyBudget {
     constexpr std::uint64_t kBrickBytes = std::uint64_t{1} << 16;
     const double share = random_.real(0, 2.2);
     const std::uint64_t budget_bytes =
-        static_cast<std::uint64_t>(share * static_cast<double>(whole.heldBytes())) +
+        static_cast<std::uint64_t>(share * static_cast<double>(whole.parts().heldBytes())) +
         (share > 1 ? kBrickBytes : 0);
     const Pyramid pyramid(path_, budget_bytes, access_);
     Extractor extractor(pyramid);
@@ -305,7 +307,7 @@ class AnyBudget {
       const ExtractionReport report = extractor.extract(query, sink);
       ++answers_;
       // Unless the levels that are one brick, which are read, take more than the budget.
-      const std::uint64_t released = pyramid.counters().parts_released;
+      const std::uint64_t released = pyramid.parts().counters().parts_released;
       if (answer == 0) is_alone = is_alone && released == 0;
       EXPECT_TRUE(!is_alone || released == 0) << released;
       const std::vector<std::int8_t> leaves = leavesNow(pyramid, query).levels;
@@ -380,7 +382,7 @@ class NowQueryOfAHead : public testing::TestWithParam<format::Codec> {
   // But for the part that each thread is at.
   static void expectNoMoreFetched(const Pyramid& pyramid, std::uint64_t fetched) {
     std::this_thread::sleep_for(milliseconds(20));
-    EXPECT_LE(pyramid.counters().parts_fetched, fetched + ReadAhead::kThreads);
+    EXPECT_LE(pyramid.parts().counters().parts_fetched, fetched + ReadAhead::kThreads);
   }
 
   const TemporaryFolder folder_;
@@ -396,7 +398,8 @@ TEST_P(NowQueryOfAHead, TheFirstAnswerReadsOnlyLevelsOfOneBrick) {
   ASSERT_EQ(report.levels.size(), 1u);
   EXPECT_EQ(report.levels[0].level, 4);  // the finest of them: 7 cells of 100
   EXPECT_GT(report.triangles, 0u);
-  EXPECT_LE(pyramid.counters().misses, 2u * 4);  // ranges and samples of the levels from 4 on
+  EXPECT_LE(pyramid.parts().counters().misses,
+            2u * 4);  // ranges and samples of the levels from 4 on
 }
 
 // What came in for the brick at the focus is used before what is far has come in.
@@ -404,11 +407,11 @@ TEST_P(NowQueryOfAHead, RefinesNearTheFocusFirst) {
   const Pyramid whole(path_);
   const std::uint64_t triangles = trianglesOf(whole, query_);
   // With room for all, all comes in.
-  const Pyramid larger(path_, 2 * whole.heldBytes());
+  const Pyramid larger(path_, 2 * whole.parts().heldBytes());
   Extractor of_larger(larger);
   EXPECT_EQ(refine(of_larger).triangles, triangles);
   // Room for what is near, but not for all.
-  const Pyramid pyramid(path_, larger.heldBytes() / 2);
+  const Pyramid pyramid(path_, larger.parts().heldBytes() / 2);
   Extractor extractor(pyramid);
   const ExtractionReport report = refine(extractor);
   EXPECT_FALSE(report.is_complete);
@@ -430,10 +433,10 @@ TEST_P(NowQueryOfAHead, WhatIsFetchedFitsIntoTheBudget) {
       // Also what comes in while the next answer is made.
       for (const milliseconds between : {milliseconds(10000), milliseconds(0)}) {
         SCOPED_TRACE(testing::Message() << quarters << " quarters, " << between.count() << " ms");
-        const Pyramid pyramid(path_, whole.heldBytes() * quarters / 4);
+        const Pyramid pyramid(path_, whole.parts().heldBytes() * quarters / 4);
         Extractor extractor(pyramid);
         EXPECT_FALSE(refine(extractor, between).is_complete);
-        EXPECT_EQ(pyramid.counters().parts_released, 0u);
+        EXPECT_EQ(pyramid.parts().counters().parts_released, 0u);
       }
   }
 }
@@ -444,7 +447,7 @@ TEST_P(NowQueryOfAHead, EndsForAnyBudget) {
   const std::uint64_t triangles = trianglesOf(whole, query_);
   for (const std::uint64_t sixteenths : {0, 1, 2, 4, 8, 15, 16}) {
     SCOPED_TRACE(sixteenths);
-    const Pyramid pyramid(path_, whole.heldBytes() * sixteenths / 16);
+    const Pyramid pyramid(path_, whole.parts().heldBytes() * sixteenths / 16);
     Extractor extractor(pyramid);
     std::size_t answers = 0;
     ExtractionReport report;
@@ -473,10 +476,10 @@ TEST_P(NowQueryOfAHead, WhatOthersBringInIsWaitedFor) {
   traverseBricks(context);
   const std::vector<MissingBrick> missing = missingBricks(context);
   bringAllIn(pyramid);
-  const std::uint64_t fetched = pyramid.counters().parts_fetched;
+  const std::uint64_t fetched = pyramid.parts().counters().parts_fetched;
   fetcher.announce(needs, missing, 0);
   EXPECT_TRUE(fetcher.wait(std::chrono::seconds(10)));
-  EXPECT_EQ(pyramid.counters().parts_fetched, fetched);
+  EXPECT_EQ(pyramid.parts().counters().parts_fetched, fetched);
   // What was there before has not.
   fetcher.beginQuery();
   std::vector<MissingBrick> there = missing;
@@ -497,20 +500,20 @@ TEST_P(NowQueryOfAHead, WhatHasRoomAloneComesIn) {
     forEachIndex({Index3(0), pyramid.layout().bricks(0)}, [&](const Index3& brick) {
       if (missing.size() == 2 || (!missing.empty() && brick.z - missing[0].brick.z < 4)) return;
       std::uint64_t lacking = 0;
-      needs.areMet(0, brick,
-                   BrickAnswers{[](int, const Index3&) { return true; },
-                                [&](PartKind kind, int level, const Index3& of) {
-                                  const std::uint64_t bytes = pyramid.heldBytes(kind, level, of);
-                                  if (kind == PartKind::kSamples && level == 0 && of.z > brick.z &&
-                                      bytes > 0) {
-                                    lacking = bytes;
-                                    return false;
-                                  }
-                                  EXPECT_NE(pyramid.fetch(kind, level, of),
-                                            BrickPager::Fetched::kNever);
-                                  return true;
-                                }});
-      if (lacking == 0 || pyramid.heldBytes(PartKind::kSamples, 0, brick) == 0) return;
+      needs.areMet(
+          0, brick,
+          BrickAnswers{
+              [](int, const Index3&) { return true; },
+              [&](PartKind kind, int level, const Index3& of) {
+                const std::uint64_t bytes = pyramid.parts().heldBytes(kind, level, of);
+                if (kind == PartKind::kSamples && level == 0 && of.z > brick.z && bytes > 0) {
+                  lacking = bytes;
+                  return false;
+                }
+                EXPECT_NE(pyramid.parts().fetch(kind, level, of), BrickPager::Fetched::kNever);
+                return true;
+              }});
+      if (lacking == 0 || pyramid.parts().heldBytes(PartKind::kSamples, 0, brick) == 0) return;
       missing.push_back({0, brick, false, true});
       part_bytes = std::max(part_bytes, lacking);
     });
@@ -520,18 +523,18 @@ TEST_P(NowQueryOfAHead, WhatHasRoomAloneComesIn) {
   {
     const Pyramid pyramid(path_);
     ASSERT_EQ(bringNearlyAllIn(pyramid).size(), 2u);
-    held_bytes = pyramid.heldBytes();
+    held_bytes = pyramid.parts().heldBytes();
   }
   for (int time = 0; time < 200; ++time) {
     const Pyramid pyramid(path_, held_bytes + 2 * part_bytes);  // twice: for the packed bytes
     const std::vector<MissingBrick> missing = bringNearlyAllIn(pyramid);
-    ASSERT_EQ(pyramid.counters().parts_released, 0u);
+    ASSERT_EQ(pyramid.parts().counters().parts_released, 0u);
     const std::uint64_t since = 0;  // nothing goes
     BrickFetcher fetcher;
     fetcher.beginQuery();
     fetcher.announce(QueryNeeds(pyramid, query_), missing, since);
     ASSERT_TRUE(fetcher.wait(std::chrono::seconds(10))) << time;
-    EXPECT_EQ(pyramid.counters().parts_released, 0u);
+    EXPECT_EQ(pyramid.parts().counters().parts_released, 0u);
   }
 }
 
@@ -561,7 +564,7 @@ TEST_P(NowQueryOfAHead, OtherQueriesTakeAnnouncementsBack) {
   other.focus.reset();
   IndexedMeshSink others;
   extractor.extract(other, others);
-  const std::uint64_t fetched = pyramid.counters().parts_fetched;
+  const std::uint64_t fetched = pyramid.parts().counters().parts_fetched;
   expectNoMoreFetched(pyramid, fetched);
 }
 
@@ -575,7 +578,7 @@ TEST_P(NowQueryOfAHead, ACancelledOneReadsNoFurther) {
   Query cancelled = query_;
   cancelled.cancel = &cancel;
   EXPECT_THROW(extractor.extract(cancelled, sink), Cancelled);
-  const std::uint64_t fetched = pyramid.counters().parts_fetched;
+  const std::uint64_t fetched = pyramid.parts().counters().parts_fetched;
   expectNoMoreFetched(pyramid, fetched);
   EXPECT_TRUE(refine(extractor).is_complete);
 }
@@ -615,7 +618,7 @@ TEST(NowQuery, ReadsNoRowsWhileItsCallerWaits) {
   buildPyramid(*makePhantomSource(PhantomSpec{"head", 100, {}, 16}), path, options);
   const Pyramid pyramid(path);
   ASSERT_GT(pyramid.brickCount() * 96, BrickIndex::kReadAtOnceBytes);
-  ASSERT_EQ(pyramid.tableBytesRead(), 0u);
+  ASSERT_EQ(pyramid.parts().tableBytesRead(), 0u);
   Query query;
   query.isovalue = 500;
   query.focus = FocusSphere{glm::dvec3(50, 50, 14), 14};
@@ -632,7 +635,7 @@ TEST(NowQuery, ReadsNoRowsWhileItsCallerWaits) {
                               log,     0,     &residency};
     EXPECT_EQ(traverseBricks(context).size(), 1u);
     EXPECT_FALSE(missingBricks(context).empty());
-    of_whole_levels = pyramid.tableBytesRead();
+    of_whole_levels = pyramid.parts().tableBytesRead();
     EXPECT_LE(of_whole_levels, 2u * BrickIndex::kRowsAtATime * 120);
   }
   Extractor extractor(pyramid);
@@ -644,7 +647,7 @@ TEST(NowQuery, ReadsNoRowsWhileItsCallerWaits) {
     report = extractor.extract(query, sink);
   } while (!report.is_complete && extractor.waitForBricks(std::chrono::nanoseconds::max()));
   EXPECT_TRUE(report.is_complete);
-  EXPECT_GT(pyramid.tableBytesRead(), of_whole_levels);
+  EXPECT_GT(pyramid.parts().tableBytesRead(), of_whole_levels);
 }
 
 // As long as anybody can wait is no time that is over at once.
@@ -654,9 +657,9 @@ TEST_P(NowQueryOfAHead, WaitsForEverIfThatIsAsked) {
   IndexedMeshSink sink;
   EXPECT_FALSE(extractor.extract(query_, sink).is_complete);
   EXPECT_TRUE(extractor.waitForBricks(std::chrono::nanoseconds::max()));
-  const std::uint64_t fetched = pyramid.counters().parts_fetched;
+  const std::uint64_t fetched = pyramid.parts().counters().parts_fetched;
   EXPECT_TRUE(extractor.waitForBricks(std::chrono::nanoseconds::max()));
-  EXPECT_EQ(pyramid.counters().parts_fetched, fetched);  // it had waited for all
+  EXPECT_EQ(pyramid.parts().counters().parts_fetched, fetched);  // it had waited for all
 }
 
 INSTANTIATE_TEST_SUITE_P(All, NowQueryOfAHead,

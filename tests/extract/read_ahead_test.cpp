@@ -16,6 +16,7 @@
 #include "isobrick/preprocess/phantoms/phantom.h"
 #include "isobrick/preprocess/pyramid_builder.h"
 #include "isobrick/storage/index_loop.h"
+#include "isobrick/storage/pyramid_parts.h"
 #include "tests/support/temporary_folder.h"
 
 namespace isobrick::test {
@@ -43,7 +44,7 @@ class HeldSink : public CountingSink {
   explicit HeldSink(const Pyramid& pyramid) : pyramid_(pyramid) {}
   void place(PlacedBatch& batch) override {
     CountingSink::place(batch);
-    most_held_ = std::max(most_held_, pyramid_.heldBytes());
+    most_held_ = std::max(most_held_, pyramid_.parts().heldBytes());
   }
   std::uint64_t mostHeld() const { return most_held_; }
 
@@ -63,7 +64,7 @@ class ReadAheadTest : public testing::TestWithParam<Codec> {
   }
   // Gives up after a while, so that a test without read-ahead fails rather than hangs.
   static void waitForFetched(const Pyramid& pyramid) {
-    for (int n = 0; n < 10000 && pyramid.counters().parts_fetched == 0; ++n)
+    for (int n = 0; n < 10000 && pyramid.parts().counters().parts_fetched == 0; ++n)
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
   }
   std::uint64_t trianglesOf(const Pyramid& pyramid) const {
@@ -80,7 +81,7 @@ TEST_P(ReadAheadTest, EveryPartComesInOnceAndIsUsed) {
   const Pyramid pyramid(path_);
   SinkWithAStop sink([&] { waitForFetched(pyramid); });
   const ExtractionReport report = extractIsosurface(pyramid, query_, sink);
-  const BrickPager::Counters counters = pyramid.counters();
+  const BrickPager::Counters counters = pyramid.parts().counters();
   EXPECT_GT(report.triangles, 0u);
   EXPECT_GT(counters.parts_fetched, 0u);
   EXPECT_EQ(counters.fetched_unused, 0u);
@@ -91,10 +92,10 @@ TEST_P(ReadAheadTest, EveryPartComesInOnceAndIsUsed) {
 TEST_P(ReadAheadTest, NothingIsFetchedWhereAllIsThere) {
   const Pyramid pyramid(path_);
   const std::uint64_t triangles = trianglesOf(pyramid);
-  const BrickPager::Counters before = pyramid.counters();
+  const BrickPager::Counters before = pyramid.parts().counters();
   EXPECT_EQ(trianglesOf(pyramid), triangles);
-  EXPECT_EQ(pyramid.counters().parts_fetched, before.parts_fetched);
-  EXPECT_EQ(pyramid.counters().misses, before.misses);
+  EXPECT_EQ(pyramid.parts().counters().parts_fetched, before.parts_fetched);
+  EXPECT_EQ(pyramid.parts().counters().misses, before.misses);
 }
 
 TEST_P(ReadAheadTest, ACancelledQueryEndsItAndTheNextIsWhole) {
@@ -108,13 +109,13 @@ TEST_P(ReadAheadTest, ACancelledQueryEndsItAndTheNextIsWhole) {
     cancel.request();
   });
   EXPECT_THROW(extractIsosurface(pyramid, query, sink), Cancelled);
-  const std::uint64_t fetched = pyramid.counters().parts_fetched;
+  const std::uint64_t fetched = pyramid.parts().counters().parts_fetched;
   EXPECT_GT(fetched, 0u);
   EXPECT_EQ(trianglesOf(pyramid), triangles);
   // All that it fetched is there and is used: nothing is read twice, and nothing else.
-  EXPECT_EQ(pyramid.counters().bytes_read, whole.counters().bytes_read);
-  EXPECT_EQ(pyramid.counters().parts_read, whole.counters().parts_read);
-  EXPECT_EQ(pyramid.counters().fetched_unused, 0u);
+  EXPECT_EQ(pyramid.parts().counters().bytes_read, whole.parts().counters().bytes_read);
+  EXPECT_EQ(pyramid.parts().counters().parts_read, whole.parts().counters().parts_read);
+  EXPECT_EQ(pyramid.parts().counters().fetched_unused, 0u);
 }
 
 // After the request each thread ends the part that it is at, however long the query takes to end.
@@ -135,14 +136,14 @@ TEST_P(ReadAheadTest, ACancelledQueryReadsNoFurther) {
     std::uint64_t read_before = 0;
     SinkWithAStop sink([&] {
       cancel.request();
-      read_before = pyramid.counters().parts_read;
+      read_before = pyramid.parts().counters().parts_read;
       std::this_thread::sleep_for(std::chrono::milliseconds(50));
     });
     EXPECT_THROW(extractIsosurface(pyramid, query, sink), Cancelled);
-    if (2 * read_before > whole.counters().parts_read) continue;
+    if (2 * read_before > whole.parts().counters().parts_read) continue;
     // Four threads read ahead, and a brick has ranges and samples.
     const auto threads = 4 + static_cast<unsigned>(tbb::this_task_arena::max_concurrency());
-    EXPECT_LE(pyramid.counters().parts_read - read_before, 2 * threads);
+    EXPECT_LE(pyramid.parts().counters().parts_read - read_before, 2 * threads);
     return;
   }
   FAIL() << "all was read before any query could be cancelled";
@@ -162,14 +163,14 @@ TEST_P(ReadAheadTest, KeepsASmallBudget) {
   HeldSink sink(pyramid);
   for (int round = 0; round < 3; ++round) {
     EXPECT_EQ(extractIsosurface(pyramid, query_, sink).triangles, triangles);
-    EXPECT_LE(pyramid.heldBytes(), budget);
+    EXPECT_LE(pyramid.parts().heldBytes(), budget);
     SurfaceMesh mesh;
     EXPECT_EQ(extractIsosurface(pyramid, query_, mesh).triangles, triangles);
-    EXPECT_LE(pyramid.heldBytes(), budget);
+    EXPECT_LE(pyramid.parts().heldBytes(), budget);
   }
   EXPECT_GT(sink.mostHeld(), budget / 2);
   EXPECT_LE(sink.mostHeld(), most_held);
-  const BrickPager::Counters counters = pyramid.counters();
+  const BrickPager::Counters counters = pyramid.parts().counters();
   EXPECT_GT(counters.parts_released, 0u);
   EXPECT_GT(counters.parts_fetched, 0u);
   EXPECT_EQ(counters.fetched_unused, 0u);
@@ -184,8 +185,8 @@ TEST_P(ReadAheadTest, ReadsNoFurtherAheadThanAThirtySecondOfTheBudget) {
   const std::vector<ChoiceOracles> oracles = oraclesOf(pyramid, query_);
   const WorldFrame frame(pyramid.spec().geometry, pyramid.valueRange());
   ReadLog log;
-  const MeshContext context{pyramid, query_, oracles,           frame,
-                            500.0F,  log,    pyramid.edition(), nullptr};
+  const MeshContext context{pyramid, query_, oracles, frame, 500.0F, log, pyramid.parts().edition(),
+                            nullptr};
   std::vector<BrickWork> work;
   forEachIndex({Index3(0), pyramid.layout().bricks(0)}, [&](const Index3& brick) {
     work.push_back({0, brick, false});
@@ -195,9 +196,10 @@ TEST_P(ReadAheadTest, ReadsNoFurtherAheadThanAThirtySecondOfTheBudget) {
   ahead.reached(0);
   waitForFetched(pyramid);
   std::this_thread::sleep_for(std::chrono::milliseconds(100));  // it has not gone on
-  EXPECT_GT(pyramid.counters().parts_fetched, 0u);
-  EXPECT_LE(pyramid.counters().parts_fetched, 2u * kBricksAhead);  // some bricks are smaller
-  EXPECT_LE(pyramid.heldBytes(), (1 + kBricksAhead) * kMostSampleBytes * 33 / 32);
+  EXPECT_GT(pyramid.parts().counters().parts_fetched, 0u);
+  EXPECT_LE(pyramid.parts().counters().parts_fetched,
+            2u * kBricksAhead);  // some bricks are smaller
+  EXPECT_LE(pyramid.parts().heldBytes(), (1 + kBricksAhead) * kMostSampleBytes * 33 / 32);
 }
 
 INSTANTIATE_TEST_SUITE_P(All, ReadAheadTest, testing::Values(Codec::kStored, Codec::kZstd),

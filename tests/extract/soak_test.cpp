@@ -20,6 +20,7 @@
 #include "isobrick/extract/extractor.h"
 #include "isobrick/preprocess/phantoms/phantom.h"
 #include "isobrick/preprocess/pyramid_builder.h"
+#include "isobrick/storage/pyramid_parts.h"
 #include "tests/extract/read_faults.h"
 #include "tests/support/file_bytes.h"
 #include "tests/support/hashing_sink.h"
@@ -234,7 +235,7 @@ TEST_F(Soak, QueriesCancelsAndFaultsGoOnWithoutGrowth) {
   // Nobody holds a part any more, and all is well again.
   for (std::size_t which = 0; which < std::size(scenes_); ++which) {
     const Scene& scene = scenes_[which];
-    EXPECT_LE(scene.pyramid->heldBytes(), scene.pyramid->budgetBytes());
+    EXPECT_LE(scene.pyramid->parts().heldBytes(), scene.pyramid->budgetBytes());
     for (std::uint64_t number = 0; number < kQueries; ++number) {
       HashingSink sink;
       extractIsosurface(*scene.pyramid, queryOf(number), sink);

@@ -6,6 +6,7 @@
 #include <map>
 
 #include "isobrick/extract/extractor.h"
+#include "isobrick/extract/sinks/edge_vertex_map.h"
 #include "isobrick/preprocess/pyramid_builder.h"
 #include "tests/support/array_source.h"
 #include "tests/support/random_numbers.h"

@@ -15,6 +15,8 @@
 #include "isobrick/preprocess/pyramid_builder.h"
 #include "isobrick/storage/checksum.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/pyramid_parts.h"
+#include "isobrick/storage/pyramid_verify.h"
 #include "tests/faults/fault_points.h"
 #include "tests/faults/fault_sweep.h"
 #include "tests/support/child_process.h"
@@ -157,10 +159,10 @@ class OpenSubject : public FaultSubject {
     const Pyramid pyramid(path_);
     bool is_good = pyramid.histogram().bins() > 0;
     for (std::size_t row = 0; row < pyramid.brickCount(); row += 7) {
-      const auto [level, brick] = pyramid.brickAt(row);
-      is_good = !pyramid.verifyBrick(level, brick) && is_good;
+      const auto [level, brick] = pyramid.parts().brickAt(row);
+      is_good = !verifyBrick(pyramid, level, brick) && is_good;
     }
-    return pyramid.verifyRest().empty() && is_good;
+    return verifyRest(pyramid).empty() && is_good;
   }
 
  private:

@@ -2,7 +2,7 @@
 cmake_policy(SET CMP0057 NEW)
 file(READ ${SOURCE}/docs/ARCHITECTURE.md text)
 set(failed FALSE)
-set(names "")
+set(names isobrick)
 foreach(folder storage preprocess extract viewer tools)
   file(GLOB_RECURSE files RELATIVE ${SOURCE} ${SOURCE}/${folder}/*.h ${SOURCE}/${folder}/*.cpp)
   foreach(file ${files})

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "isobrick/preprocess/pyramid_builder.h"
+#include "isobrick/storage/pyramid_parts.h"
 #include "tests/support/array_source.h"
 #include "tests/support/temporary_folder.h"
 
@@ -183,7 +184,7 @@ TEST(IsovalueSuggestions, EqualVoxelsHaveNone) {
   const TemporaryFolder folder;
   const Pyramid pyramid = built<std::uint16_t>(
       folder, [](const Index3&) { return 7; }, 0);
-  EXPECT_FALSE(pyramid.gradients());
+  EXPECT_FALSE(pyramid.parts().tables().gradients());
   EXPECT_TRUE(suggestIsovalues(pyramid).values.empty());
 }
 
@@ -208,7 +209,7 @@ TEST(GradientSpectrum, SumsTheEdgesThatAnIsovalueCrosses) {
     return static_cast<double>((at.x / 24 * 7 + at.y / 40 * 5 + at.z / 32 * 3) % 11 * 20);
   };
   const Pyramid pyramid = built<std::uint8_t>(folder, value, 0);
-  const auto spectrum = pyramid.gradients();
+  const auto spectrum = pyramid.parts().tables().gradients();
   ASSERT_TRUE(spectrum);
   const double width = static_cast<double>(spectrum->width);
   for (std::size_t part = 0; part < spectrum->parts(); ++part) {
@@ -240,7 +241,8 @@ TEST(GradientSpectrum, IsTheSameForAnyBricks) {
   std::vector<std::vector<float>> all;
   for (const std::int64_t brick_cells : {8, 32, 64}) {
     const TemporaryFolder folder;
-    const auto spectrum = built<std::int16_t>(folder, headValue, 15, brick_cells).gradients();
+    const auto spectrum =
+        built<std::int16_t>(folder, headValue, 15, brick_cells).parts().tables().gradients();
     ASSERT_TRUE(spectrum);
     all.push_back(elementsOf(*spectrum));
   }

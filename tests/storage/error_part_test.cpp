@@ -11,6 +11,8 @@
 #include "isobrick/preprocess/pyramid_builder.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/index_loop.h"
+#include "isobrick/storage/pyramid_parts.h"
+#include "isobrick/storage/pyramid_verify.h"
 #include "tests/support/array_source.h"
 #include "tests/support/file_bytes.h"
 #include "tests/support/mesh_checker.h"
@@ -111,8 +113,8 @@ TEST_F(ErrorPart, OfAnotherSizeThanTheRangesAskForIsNamed) {
   const Pyramid pyramid(path);
   std::size_t damaged = 0;
   for (std::size_t row = 0; row < pyramid.brickCount(); ++row) {
-    const BrickAddress at = pyramid.brickAt(row);
-    const auto damage = pyramid.verifyBrick(at.level, at.brick);
+    const BrickAddress at = pyramid.parts().brickAt(row);
+    const auto damage = verifyBrick(pyramid, at.level, at.brick);
     if (!damage) continue;
     ++damaged;
     EXPECT_GE(at.level, kFirstErrorLevel);

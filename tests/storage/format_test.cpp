@@ -17,6 +17,8 @@
 
 #include "isobrick/preprocess/pyramid_builder.h"
 #include "isobrick/storage/pyramid.h"
+#include "isobrick/storage/pyramid_parts.h"
+#include "isobrick/storage/pyramid_verify.h"
 #include "tests/support/array_source.h"
 #include "tests/support/build_message.h"
 #include "tests/support/plain_reader.h"
@@ -163,10 +165,10 @@ bool readersAgree(const Pyramid& pyramid, const PlainBrick& brick) {
   same = same && PlainRange{range.min, range.max} == brick.range;
   if (brick.level == 0) {
     std::vector<std::uint8_t> codes;
-    pyramid.curvature(index, codes);
+    pyramid.parts().curvature(index, codes);
     same = same && codes == brick.codes;
   }
-  return same && !pyramid.verifyBrick(brick.level, index).has_value();
+  return same && !verifyBrick(pyramid, brick.level, index).has_value();
 }
 
 struct FormatCase {

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "isobrick/storage/pyramid_verify.h"
 #include "tests/support/file_bytes.h"
 #include "tests/support/golden_pyramid.h"
 #include "tests/support/temporary_folder.h"
@@ -43,7 +44,7 @@ TEST_P(Golden, TheLibraryFindsWhatTheTextSays) {
     const Index3 bricks = pyramid.layout().bricks(level);
     for (std::int64_t i = 0; i < elementCount(bricks); ++i) {
       const Index3 brick(i % bricks.x, i / bricks.x % bricks.y, i / bricks.x / bricks.y);
-      const auto damage = pyramid.verifyBrick(level, brick);
+      const auto damage = verifyBrick(pyramid, level, brick);
       EXPECT_FALSE(damage) << damage->what;
     }
   }

@@ -31,6 +31,8 @@
 #include "isobrick/storage/brick_encoder.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid.h"
+#include "isobrick/storage/pyramid_parts.h"
+#include "isobrick/storage/pyramid_verify.h"
 #include "isobrick/storage/pyramid_writer.h"
 #include "tests/support/array_source.h"
 #include "tests/support/build_message.h"
@@ -198,9 +200,9 @@ Verdict judge(const std::string& path) {
   try {
     const Pyramid pyramid(path);
     forAllBricks(pyramid, [&](int level, const Index3& brick) {
-      const auto damage = pyramid.verifyBrick(level, brick);
+      const auto damage = verifyBrick(pyramid, level, brick);
       if (!damage) return;
-      verdict.damaged.push_back(pyramid.brickRow(level, brick));
+      verdict.damaged.push_back(pyramid.parts().brickRow(level, brick));
       EXPECT_EQ(damage->level, level);
       EXPECT_EQ(damage->brick, brick);
       EXPECT_FALSE(damage->what.empty());
@@ -208,7 +210,7 @@ Verdict judge(const std::string& path) {
       EXPECT_EQ(damage->what.find(brickText(level, brick)), std::string::npos) << damage->what;
       EXPECT_EQ(damage->what.find(path), std::string::npos) << damage->what;
     });
-    verdict.rest = pyramid.verifyRest();
+    verdict.rest = verifyRest(pyramid);
   } catch (const Error& error) {
     verdict.open_error = error.what();
     // One line that names the file.
@@ -380,7 +382,7 @@ void flipEveryByteOfBricks(format::Codec codec) {
           std::vector<std::uint8_t> codes;
           if (kind == 0) pyramid.samples(brick.level, index);
           if (kind == 1) pyramid.tileRanges(brick.level, index, ranges);
-          if (kind == 2) pyramid.curvature(index, codes);
+          if (kind == 2) pyramid.parts().curvature(index, codes);
         } catch (const Error& error) {
           message = error.what();
         }
@@ -1106,7 +1108,7 @@ void checkBricksNotYetReadThrow(format::Codec codec) {
       const int result = readBrick(pyramid, level, brick);
       (result == 0 ? read : result == 1 ? failed : wrong) += 1;
       // verifyBrick says the same.
-      if (pyramid.verifyBrick(level, brick).has_value() != (result == 1)) ++wrong;
+      if (verifyBrick(pyramid, level, brick).has_value() != (result == 1)) ++wrong;
     });
     return read > 0 && failed > 0 && wrong == 0 ? 0 : 3;
   });
@@ -1173,7 +1175,8 @@ TEST(TruncatedWhileMapped, HeldPackedBricksStay) {
     const Pyramid pyramid(path);
     const PlainBrick& brick = plain.bricks.front();
     const BrickSamples samples = pyramid.samples(0, Index3(0));
-    if (pyramid.sampleBytes(0, Index3(0)) >= 2 * brick.samples.size()) return 4;  // not packed
+    if (pyramid.parts().storedBytes(PartKind::kSamples, 0, Index3(0)) >= 2 * brick.samples.size())
+      return 4;  // not packed
     std::filesystem::resize_file(path, 512);
     for (std::size_t i = 0; i < brick.samples.size(); ++i)
       if (static_cast<float>(samples.data<std::uint16_t>()[i]) != brick.samples[i]) return 3;
@@ -1629,7 +1632,7 @@ void readWithinABudget(format::Codec codec) {
     });
   for (std::thread& thread : threads) thread.join();
   EXPECT_EQ(wrong, 0);
-  EXPECT_GT(pyramid.counters().parts_released, 0u);
+  EXPECT_GT(pyramid.parts().counters().parts_released, 0u);
 }
 
 TEST(BrickPager, PyramidReadersWithinABudget) {

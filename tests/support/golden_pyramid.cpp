@@ -6,6 +6,7 @@
 #include <iomanip>
 #include <sstream>
 
+#include "isobrick/storage/pyramid_parts.h"
 #include "tests/support/array_source.h"
 
 namespace isobrick::test {
@@ -251,13 +252,14 @@ std::string dumpOf(const Pyramid& pyramid) {
   header.value_max = static_cast<double>(pyramid.valueRange().max);
   header.curvature_epsilon = spec.curvature_epsilon;
   header.noise = pyramid.noise();
-  header.error_first = pyramid.errorBins().first;
-  header.error_width = pyramid.errorBins().width;
-  header.error_bins = pyramid.errorBins().count;
+  header.error_first = pyramid.parts().tables().errorBins().first;
+  header.error_width = pyramid.parts().tables().errorBins().width;
+  header.error_bins = pyramid.parts().tables().errorBins().count;
   header.error_level = static_cast<std::uint32_t>(spec.error_level);
   const VoxelHistogram histogram = pyramid.histogram();
   header.histogram.assign(histogram.counts().begin(), histogram.counts().end());
-  if (const auto gradients = pyramid.gradients()) header.gradients = elementsOf(*gradients);
+  if (const auto gradients = pyramid.parts().tables().gradients())
+    header.gradients = elementsOf(*gradients);
   std::string result = dumpOfHeader(header);
   const BrickLayout& layout = pyramid.layout();
   const int levels = pyramid.lattice().levels();
@@ -292,11 +294,11 @@ std::string dumpOf(const Pyramid& pyramid) {
         values.ranges.push_back(static_cast<float>(tile.max));
       }
       std::vector<std::uint8_t> codes;
-      if (level == 0) pyramid.curvature(index, codes);
+      if (level == 0) pyramid.parts().curvature(index, codes);
       values.codes.assign(codes.begin(), codes.end());
-      const ErrorBins& bins = pyramid.errorBins();
+      const ErrorBins& bins = pyramid.parts().tables().errorBins();
       for (std::uint32_t bin = 0; bin < bins.count; ++bin) {
-        pyramid.errorCodes(level, index, bins.first + (bin + 0.5) * bins.width, codes);
+        pyramid.parts().errorCodes(level, index, bins.first + (bin + 0.5) * bins.width, codes);
         values.errors.insert(values.errors.end(), codes.begin(), codes.end());
       }
       result += dumpOfBrick(values, "");

@@ -10,6 +10,7 @@
 #include "isobrick/extract/extractor.h"
 #include "isobrick/extract/sinks/counting_sink.h"
 #include "isobrick/storage/pyramid.h"
+#include "isobrick/storage/pyramid_parts.h"
 #include "tests/support/replacement.h"
 
 namespace isobrick::test {
@@ -35,15 +36,18 @@ inline TakeTrace traceOf(const std::string& path, const IsovalueSweep& sweep) {
     const ExtractionPlan plan = extractor.plan(sweep.query(n));
     std::vector<Take>& takes = trace.emplace_back();
     for (const BrickWork& work : plan.bricks()) {
-      const std::uint64_t id = 2 * pyramid.brickRow(work.level, work.brick);
-      const std::uint64_t range_bytes = pyramid.rangeBytes(work.level, work.brick);
+      const std::uint64_t id = 2 * pyramid.parts().brickRow(work.level, work.brick);
+      const std::uint64_t range_bytes =
+          pyramid.parts().storedBytes(PartKind::kRanges, work.level, work.brick);
       if (range_bytes == 0) continue;
       takes.push_back({id, range_bytes});
-      pyramid.crossedTiles(work.level, work.brick, static_cast<float>(plan.query().isovalue),
-                           crossed);
+      pyramid.parts().crossedTiles(work.level, work.brick,
+                                   static_cast<float>(plan.query().isovalue), crossed);
       bool is_crossed = false;
       for (const std::uint8_t tile : crossed) is_crossed = is_crossed || tile != 0;
-      if (is_crossed) takes.push_back({id + 1, pyramid.sampleBytes(work.level, work.brick)});
+      if (is_crossed)
+        takes.push_back(
+            {id + 1, pyramid.parts().storedBytes(PartKind::kSamples, work.level, work.brick)});
     }
   }
   return trace;
@@ -56,16 +60,16 @@ inline std::uint64_t bytesReadByPager(const std::string& path, const TakeTrace& 
   const Pyramid pyramid(path, budget_bytes);
   std::vector<ValueRange> ranges;
   for (const std::vector<Take>& query : trace) {
-    pyramid.beginQuery();
+    pyramid.parts().beginQuery();
     for (const Take& take : query) {
-      const auto [level, brick] = pyramid.brickAt(take.id / 2);
+      const auto [level, brick] = pyramid.parts().brickAt(take.id / 2);
       if (take.id % 2 == 0)
         pyramid.tileRanges(level, brick, ranges);
       else
         pyramid.samples(level, brick);
     }
   }
-  return pyramid.counters().bytes_read;
+  return pyramid.parts().counters().bytes_read;
 }
 
 // Bytes that it reads for the sweep's queries, ahead of need too: in an order that the threads'
@@ -79,7 +83,7 @@ inline std::uint64_t bytesReadByQueries(const std::string& path, const IsovalueS
     CountingSink sink;
     extractor.extract(sweep.query(n), sink);
   }
-  return pyramid.counters().bytes_read;
+  return pyramid.parts().counters().bytes_read;
 }
 
 }  // namespace isobrick::test

@@ -14,6 +14,7 @@
 #include <exception>
 
 #include "isobrick/extract/extractor.h"
+#include "isobrick/storage/pyramid_parts.h"
 #include "tests/support/hashing_sink.h"
 #include "tests/support/random_numbers.h"
 
@@ -48,7 +49,7 @@ int explore(char** words) {
   }
   rusage usage = {};
   getrusage(RUSAGE_SELF, &usage);
-  const BrickPager::Counters counters = pyramid.counters();
+  const BrickPager::Counters counters = pyramid.parts().counters();
   std::printf("{\"triangles\": %" PRIu64 ", \"bytes_read\": %" PRIu64 ", \"evictions\": %" PRIu64
               ", \"peak_rss_bytes\": %" PRIu64 "}\n",
               triangles, counters.bytes_read, counters.parts_released,

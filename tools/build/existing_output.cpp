@@ -6,6 +6,7 @@
 
 #include "isobrick/preprocess/shallow_json.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/format.h"
 #include "isobrick/storage/pyramid.h"
 
 namespace isobrick {

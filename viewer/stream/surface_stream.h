@@ -15,7 +15,7 @@
 #include <utility>
 #include <vector>
 
-#include "isobrick/extract/extraction_report.h"
+#include "isobrick/extract/extraction_plan.h"
 #include "isobrick/extract/extractor.h"
 #include "isobrick/extract/query.h"
 #include "isobrick/storage/cancel.h"

@@ -7,6 +7,7 @@
 #include <cfloat>
 #include <glm/vec3.hpp>
 
+#include "isobrick/storage/pyramid_parts.h"
 #include "isobrick/viewer/offscreen_renderer.h"
 #include "isobrick/viewer/session/folder_listing.h"
 #include "isobrick/viewer/window/panel_tools.h"
@@ -73,9 +74,9 @@ void buildStatistics(const ViewSession& session, const PanelFacts& facts, float 
   ImGui::Text("made by the pass: %llu triangles",
               static_cast<unsigned long long>(status.triangles_made));
   ImGui::Text("bricks read by the pass: %llu", static_cast<unsigned long long>(status.bricks_read));
-  ImGui::Text("in memory %s of %s", megabytes(session.pyramid().heldBytes()).c_str(),
+  ImGui::Text("in memory %s of %s", megabytes(session.pyramid().parts().heldBytes()).c_str(),
               megabytes(session.pyramid().budgetBytes()).c_str());
-  const BrickPager::Counters counters = session.pyramid().counters();
+  const BrickPager::Counters counters = session.pyramid().parts().counters();
   ImGui::Text("parts read %llu, evicted %llu", static_cast<unsigned long long>(counters.parts_read),
               static_cast<unsigned long long>(counters.parts_released));
   for (const LevelCounts& level : status.levels) {

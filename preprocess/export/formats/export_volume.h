@@ -15,13 +15,14 @@ namespace isobrick {
 // one to the next, the origin is the same.
 using VolumeLevels = std::vector<std::unique_ptr<VolumeSource>>;
 
+// How a volume is written, beside what all formats have.
 struct ExportOptions : VolumeWriteOptions {
   // HDF5: a dataset of that name is replaced; otherwise it is an Error.
   bool replace_dataset = true;
   // OpenVDB: the value of voxels that are not stored; without it that of the VDB file the volume
   // came from, or 0. Values no further from it than the tolerance are not stored either.
   std::optional<float> vdb_background;
-  double vdb_tolerance = 0;
+  double vdb_tolerance = 0;  // of OpenVDB, in the units of the voxels
   // Half floats in place of floats; values that they cannot hold are refused. 8-bit voxels, which
   // lose nothing, are written so always.
   bool vdb_half = false;

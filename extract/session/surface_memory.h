@@ -1,0 +1,54 @@
+// The memory of a mesh that is written in place.
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include "isobrick/extract/surface_mesh.h"
+
+namespace isobrick {
+
+// Address space for the most elements there may be, of which a part from the beginning is open.
+// Addresses alone cost nothing, not even where the system promises no more than it has
+// (vm.overcommit_memory=2) or bounds what a process may write to (RLIMIT_DATA). Memory comes with
+// the first write to an open page, in huge pages where the system grants them, and stays.
+class ReservedBytes {
+ public:
+  explicit ReservedBytes(std::size_t bytes) : bytes_(bytes) {}
+  ~ReservedBytes() { release(); }
+  ReservedBytes(const ReservedBytes&) = delete;
+  ReservedBytes& operator=(const ReservedBytes&) = delete;
+
+  // Takes the addresses, unless it has them. Throws Error where there are none.
+  void reserve();
+  // The first `bytes` may be read and written from here on; they are reserved. By one thread at a
+  // time. Throws Error where the system does not promise the memory.
+  void open(std::size_t bytes) {
+    if (bytes > open_bytes_) openFurther(bytes);
+  }
+  // nullptr before reserve().
+  std::byte* data() const { return data_; }
+  // Gives all memory and addresses back to the system.
+  void release() noexcept;
+
+ private:
+  // What is open counts as used where memory is promised, so there is not much more of it than is
+  // asked for.
+  static constexpr std::size_t kStep = std::size_t{32} << 20;
+
+  void openFurther(std::size_t bytes);
+
+  std::byte* data_ = nullptr;
+  const std::size_t bytes_;
+  std::size_t open_bytes_ = 0;
+};
+
+struct SurfaceMesh::Memory {
+  ReservedBytes positions{sizeof(glm::vec3) * (kMostVertices + 1)};
+  ReservedBytes normals{sizeof(glm::vec3) * (kMostVertices + 1)};
+  ReservedBytes triangles{3 * sizeof(std::uint32_t) * kMostTriangles};
+  // Numbers of crossings on the high sides of bricks.
+  std::vector<RawVector<std::uint32_t>> side_numbers;
+};
+
+}  // namespace isobrick

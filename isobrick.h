@@ -1,0 +1,23 @@
+// All of isobrick but its viewer: open, query and build pyramids, and read volumes of all formats.
+//
+// Begin with Pyramid and Extractor for what is there, with openVolume() and buildPyramid() for what
+// is not; a VolumeSource and a TriangleSink are what a program may bring itself. The programs in
+// `examples/` show each.
+//
+// A program links what it uses of isobrick::storage, extract, preprocess, sources and export. A
+// header that is not included here belongs to the library itself, and may change at any time; but
+// pictures are made with `isobrick/viewer/offscreen_renderer.h`.
+#pragma once
+
+#include "isobrick/extract/extractor.h"
+#include "isobrick/extract/pyramid_values.h"
+#include "isobrick/extract/sinks/counting_sink.h"
+#include "isobrick/extract/sinks/indexed_mesh.h"
+#include "isobrick/extract/sinks/mesh_file_sink.h"
+#include "isobrick/preprocess/export/formats/export_volume.h"
+#include "isobrick/preprocess/phantoms/phantom.h"
+#include "isobrick/preprocess/pyramid_builder.h"
+#include "isobrick/preprocess/sources/open_volume.h"
+#include "isobrick/preprocess/sources/pyramid_source.h"
+#include "isobrick/storage/isovalue_suggestions.h"
+#include "isobrick/storage/pyramid_verify.h"

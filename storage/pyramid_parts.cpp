@@ -1,0 +1,243 @@
+#include "isobrick/storage/pyramid_parts.h"
+
+#include <algorithm>
+#include <cstring>
+
+#include "isobrick/storage/index_loop.h"
+
+namespace isobrick {
+
+PyramidParts::PyramidParts(const PyramidTables& tables, std::uint64_t budget_bytes)
+    : tables_(tables),
+      pager_(
+          tables.bytes(),
+          [this](std::size_t id) {
+            const BrickAddress at = brickAt(id / kPartKinds.size());
+            return pagedPart(static_cast<PartKind>(id % kPartKinds.size()), at.level, at.brick);
+          },
+          budget_bytes) {}
+
+BrickPager::Part PyramidParts::pagedPart(PartKind kind, int level, const Index3& brick) const {
+  const BrickRow row = brickRowOf(level, brick);
+  const format::PartEntry& part = row.part(kind);
+  const auto codec = static_cast<format::Codec>(part.codec);
+  // The index has seen to it that the elements of a packed part are fewer than 2^31 bytes.
+  const bool is_packed = codec == format::Codec::kLz4 || codec == format::Codec::kZstd;
+  const auto elements =
+      is_packed ? static_cast<std::uint32_t>(partBytes(row, spec(), layout(), kind, level, brick))
+                : 0;
+  return {part.offset, part.stored_bytes, part.checksum, elements, codec};
+}
+
+BrickPart PyramidParts::acquire(PartKind kind, int level, const Index3& brick,
+                                const CancelFlag* cancel) const {
+  BrickPart part;
+  part.id_ = partId(kind, brickRow(level, brick));
+  const char* why = "";
+  part.data_ = pager_.acquire(part.id_, &why, cancel);
+  if (part.data_ == nullptr) {
+    const format::PartEntry entry = brickRowOf(level, brick).part(kind);
+    tables_.fail(brickName(level, brick) + ", " + partName(kind) + ", " +
+                     std::to_string(entry.stored_bytes) + " bytes at offset " +
+                     std::to_string(entry.offset) + ", " + why +
+                     "; build it again or restore a copy",
+                 {.offset = entry.offset, .level = level, .brick = brick});
+  }
+  part.pager_ = &pager_;
+  return part;
+}
+
+BrickPager::Fetched PyramidParts::fetch(PartKind kind, int level, const Index3& brick,
+                                        const CancelFlag* cancel) const {
+  if (storedBytes(kind, level, brick) == 0) return BrickPager::Fetched::kBefore;
+  return pager_.fetch(partId(kind, brickRow(level, brick)), cancel);
+}
+
+std::optional<BrickPager::Room> PyramidParts::reserve(std::span<const PartKind> kinds, int level,
+                                                      const Index3& brick,
+                                                      std::uint64_t since) const {
+  const BrickRow row = brickRowOf(level, brick);
+  std::vector<std::size_t> ids;
+  for (const PartKind kind : kinds)
+    if (row.part(kind).stored_bytes > 0) ids.push_back(partId(kind, brickRow(level, brick)));
+  return pager_.reserve(ids, since);
+}
+
+BrickPager::Fetched PyramidParts::fetch(PartKind kind, int level, const Index3& brick,
+                                        BrickPager::Room& room) const {
+  if (storedBytes(kind, level, brick) == 0) return BrickPager::Fetched::kBefore;
+  return pager_.fetch(partId(kind, brickRow(level, brick)), room);
+}
+
+void PyramidParts::announce(PartKind kind, int level, const Index3& brick) const {
+  if (storedBytes(kind, level, brick) > 0) pager_.announce(partId(kind, brickRow(level, brick)));
+}
+
+void PyramidParts::require(PartKind kind, int level, const Index3& brick,
+                           const CancelFlag* cancel) const {
+  if (storedBytes(kind, level, brick) > 0) acquire(kind, level, brick, cancel);
+}
+
+std::optional<BrickPart> PyramidParts::holdIfResident(PartKind kind, int level,
+                                                      const Index3& brick) const {
+  BrickPart part;
+  if (storedBytes(kind, level, brick) == 0) return part;
+  part.id_ = partId(kind, brickRow(level, brick));
+  part.data_ = pager_.acquireIfResident(part.id_);
+  if (part.data_ == nullptr) return std::nullopt;
+  part.pager_ = &pager_;
+  return part;
+}
+
+std::uint64_t PyramidParts::heldBytes(PartKind kind, int level, const Index3& brick) const {
+  const BrickPager::Part part = pagedPart(kind, level, brick);
+  return part.bytes == 0 ? 0 : pager_.costOf(part);
+}
+
+void PyramidParts::withdraw(int level, const Index3& brick) const {
+  for (const PartKind kind : kPartKinds) pager_.withdraw(partId(kind, brickRow(level, brick)));
+}
+
+void PyramidParts::throwIfReadsFailed(int level, const Index3& brick) const {
+  for (const PartKind kind : kPartKinds) throwIfReadFailed(kind, level, brick);
+}
+
+void PyramidParts::throwIfReadFailed(PartKind kind, int level, const Index3& brick) const {
+  const BrickPager::Part part = pagedPart(kind, level, brick);
+  if (part.bytes == 0 || !pager_.isInPlace(part)) return;
+  const std::optional<std::uint64_t> page = tables_.bytes().failedOffset(part.offset, part.bytes);
+  if (!page) return;
+  const std::uint64_t offset = std::max(*page, part.offset);
+  tables_.fail(
+      brickName(level, brick) + " became unreadable at offset " + std::to_string(offset) +
+          " while it was in use (the file was cut short or its disk failed); check the disk "
+          "and build it again or restore a copy",
+      {.offset = offset, .level = level, .brick = brick});
+}
+
+void PyramidParts::throwIfWrittenOver(PartKind kind, int level, const Index3& brick) const {
+  const BrickPager::Part part = pagedPart(kind, level, brick);
+  if (part.bytes > 0 && pager_.isInPlace(part)) acquire(kind, level, brick);
+}
+
+BrickSamples PyramidParts::samples(int level, const Index3& brick, const CancelFlag* cancel) const {
+  BrickSamples result;
+  result.box = layout().brickSampleBox(level, brick);
+  const BrickRow row = brickRowOf(level, brick);
+  if (row.part(kSamples).stored_bytes > 0) {
+    result.part = acquire(kSamples, level, brick, cancel);
+    return result;
+  }
+  result.part.made_.resize(partBytes(row, spec(), layout(), kSamples, level, brick));
+  visitVoxelType(spec().voxel_type, [&](auto tag) {
+    using T = typename decltype(tag)::Type;
+    std::fill_n(reinterpret_cast<T*>(result.part.made_.data()), result.box.size(),
+                static_cast<T>(row.constant));
+  });
+  result.part.data_ = result.part.made_.data();
+  return result;
+}
+
+BrickRanges PyramidParts::ranges(int level, const Index3& brick, const CancelFlag* cancel) const {
+  const BrickRow row = brickRowOf(level, brick);
+  if (row.part(kRanges).stored_bytes == 0) return {{}, row.constant};
+  return {acquire(kRanges, level, brick, cancel), 0};
+}
+
+void PyramidParts::tileRanges(int level, const Index3& brick, std::vector<ValueRange>& out,
+                              const CancelFlag* cancel) const {
+  const BrickRanges ranges = this->ranges(level, brick, cancel);
+  out.resize(static_cast<std::size_t>(elementCount(layout().brickTiles(level, brick))));
+  visitVoxelType(spec().voxel_type, [&](auto tag) {
+    for (std::size_t i = 0; i < out.size(); ++i)
+      out[i] = ranges.tile<typename decltype(tag)::Type>(i);
+  });
+  throwIfReadFailed(kRanges, level, brick);
+}
+
+void PyramidParts::crossedTiles(int level, const Index3& brick, float isovalue,
+                                std::vector<std::uint8_t>& out, const CancelFlag* cancel) const {
+  const BrickRow row = brickRowOf(level, brick);
+  const auto count = static_cast<std::size_t>(elementCount(layout().brickTiles(level, brick)));
+  out.assign(count, 0);
+  if (row.part(kRanges).stored_bytes == 0) return;  // one value does not cross
+  const BrickPart part = acquire(kRanges, level, brick, cancel);
+  visitVoxelType(spec().voxel_type, [&](auto tag) {
+    using T = typename decltype(tag)::Type;
+    const std::optional<T> threshold = insideThreshold<T>(isovalue);
+    if (!threshold) return;
+    const T* pairs = reinterpret_cast<const T*>(part.data());
+    std::uint8_t* crossed = out.data();
+    const T least = *threshold;
+    // Without branches: a loop for vectors.
+    for (std::size_t i = 0; i < count; ++i)
+      crossed[i] = static_cast<std::uint8_t>(static_cast<unsigned>(pairs[2 * i] < least) &
+                                             static_cast<unsigned>(pairs[2 * i + 1] >= least));
+  });
+  throwIfReadFailed(kRanges, level, brick);
+}
+
+void PyramidParts::curvature(const Index3& brick, std::vector<std::uint8_t>& out,
+                             const CancelFlag* cancel) const {
+  out.clear();
+  if (!spec().has_curvature) return;
+  const auto count = static_cast<std::size_t>(3 * elementCount(layout().brickNodes(brick)));
+  if (storedBytes(kCurvature, 0, brick) == 0) {
+    out.assign(count, 0);
+    return;
+  }
+  const BrickPart part = acquire(kCurvature, 0, brick, cancel);
+  out.resize(count);
+  std::memcpy(out.data(), part.data(), count);
+  throwIfReadFailed(kCurvature, 0, brick);
+}
+
+bool PyramidParts::errorCodes(int level, const Index3& brick, std::optional<double> isovalue,
+                              std::vector<std::uint8_t>& out, const CancelFlag* cancel) const {
+  out.clear();
+  if (level < kFirstErrorLevel || level > spec().error_level) return false;
+  const IndexBox cells = layout().brickCellBox(level, brick);
+  out.assign(static_cast<std::size_t>(cells.size()), 0);
+  const BrickRow row = brickRowOf(level, brick);
+  if (row.part(kError).stored_bytes == 0) return true;
+  std::vector<ValueRange> ranges;
+  tileRanges(level, brick, ranges, cancel);
+  const BrickPart part = acquire(kError, level, brick, cancel);
+  const std::uint32_t bin = isovalue ? tables_.errorBins().binOf(*isovalue) : 0;
+  const Index3 tiles = layout().brickTiles(level, brick);
+  std::uint64_t at = 0;  // of the tile's first block
+  for (std::size_t tile = 0; tile < ranges.size(); ++tile) {
+    const Index3 first = indexAt(static_cast<std::int64_t>(tile), tiles) * spec().tile_cells;
+    const Index3 count = glm::min(Index3(spec().tile_cells), cells.count - first);
+    const auto block_bytes = static_cast<std::uint64_t>(elementCount(count));
+    // A reversed range is one that verify finds; it must not lead anywhere.
+    const bool is_sound = ranges[tile].min <= ranges[tile].max;
+    const TileBins bins(tables_.errorBins(), is_sound ? ranges[tile] : tables_.valueRange());
+    if (bins.blocks() * block_bytes > row.error_bytes - at) failErrorSize(level, brick);
+    const auto* codes = reinterpret_cast<const std::uint8_t*>(part.data()) + at;
+    const std::uint32_t begin = isovalue ? bins.blockOf(bin) : 0;
+    const std::uint32_t end = isovalue ? begin + 1 : bins.blocks();
+    codes += begin * block_bytes;
+    for (std::uint32_t block = begin; block < end; ++block)
+      for (std::int64_t z = 0; z < count.z; ++z)
+        for (std::int64_t y = 0; y < count.y; ++y, codes += count.x) {
+          std::uint8_t* const cells_row =
+              &out[static_cast<std::size_t>(linearIndex(first + Index3(0, y, z), cells.count))];
+          for (std::int64_t x = 0; x < count.x; ++x)
+            cells_row[x] = std::max(cells_row[x], codes[x]);
+        }
+    at += bins.blocks() * block_bytes;
+  }
+  if (at != row.error_bytes) failErrorSize(level, brick);
+  throwIfReadFailed(kError, level, brick);
+  return true;
+}
+
+void PyramidParts::failErrorSize(int level, const Index3& brick) const {
+  tables_.fail(brickName(level, brick) +
+                   ", error, does not have the bytes that its ranges ask for; "
+                   "build it again or restore a copy",
+               {.level = level, .brick = brick});
+}
+
+}  // namespace isobrick

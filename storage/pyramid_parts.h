@@ -1,0 +1,156 @@
+// The parts of all bricks of an open pyramid: which there are, which are resident, and what is in
+// them. The rest of the library reads and pages by this; programs outside read by Pyramid.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "isobrick/storage/brick_pager.h"
+#include "isobrick/storage/brick_parts.h"
+#include "isobrick/storage/cancel.h"
+#include "isobrick/storage/pyramid.h"
+#include "isobrick/storage/pyramid_tables.h"
+
+namespace isobrick {
+
+// The closures of the tiles of one brick.
+struct BrickRanges {
+  BrickPart part;      // pairs of the pyramid's voxel type; no bytes if all voxels are one value
+  float constant = 0;  // that value
+
+  // Of tile number `tile`, x fastest.
+  template <typename T>
+  ValueRange tile(std::size_t tile) const {
+    if (part.data() == nullptr) return {constant, constant};
+    const T* pair = reinterpret_cast<const T*>(part.data()) + 2 * tile;
+    return {static_cast<float>(pair[0]), static_cast<float>(pair[1])};
+  }
+};
+
+// All const members are thread-safe. All that asks for a brick throws Error, which names it, if its
+// row of the brick table is damaged. What reads a part throws Error that names the brick if its
+// bytes are damaged or cannot be read, and Cancelled if that is requested while it waits.
+class PyramidParts {
+ public:
+  // `tables` outlive this object. `budget_bytes`: see BrickPager.
+  PyramidParts(const PyramidTables& tables, std::uint64_t budget_bytes);
+
+  const PyramidTables& tables() const { return tables_; }
+
+  // ---- which parts there are: the brick table
+
+  // Row of the brick in the file's table: a number that identifies it among all levels.
+  std::size_t brickRow(int level, const Index3& brick) const {
+    return index().number(level, brick);
+  }
+  // The brick of a row below brickCount().
+  BrickAddress brickAt(std::size_t row) const { return index().address(row); }
+  std::size_t brickCount() const { return index().count(); }
+  // What the brick table says of a brick.
+  BrickRow brickRowOf(int level, const Index3& brick) const {
+    return index().row(brickRow(level, brick));
+  }
+  // False if the row has to be read from the file first: see BrickIndex::isAtHand().
+  bool isRowAtHand(int level, const Index3& brick) const {
+    return index().isAtHand(brickRow(level, brick));
+  }
+  // Closure of the values in the brick's cells (rule 7).
+  ValueRange brickRange(int level, const Index3& brick) const {
+    const BrickRow row = brickRowOf(level, brick);
+    return {row.range_min, row.range_max};
+  }
+  // Bytes that a part takes in the file, packed or not; 0 if none is stored.
+  std::uint64_t storedBytes(PartKind kind, int level, const Index3& brick) const {
+    return brickRowOf(level, brick).part(kind).stored_bytes;
+  }
+  // Bytes of the brick table that were read since it was opened: not among the counters below.
+  std::uint64_t tableBytesRead() const { return index().bytesRead(); }
+
+  // ---- what is in them
+
+  // As Pyramid's.
+  BrickSamples samples(int level, const Index3& brick, const CancelFlag* cancel = nullptr) const;
+  void tileRanges(int level, const Index3& brick, std::vector<ValueRange>& out,
+                  const CancelFlag* cancel = nullptr) const;
+  // Closures of the brick's tiles, layout().brickTiles() of them, x fastest.
+  BrickRanges ranges(int level, const Index3& brick, const CancelFlag* cancel = nullptr) const;
+  // For each of these tiles 1 if its range crosses the isovalue (ValueRange::crosses), else 0.
+  void crossedTiles(int level, const Index3& brick, float isovalue, std::vector<std::uint8_t>& out,
+                    const CancelFlag* cancel = nullptr) const;
+  // Three coefficients (CurvatureCode) for each of layout().brickNodes(brick) cells of level 1 in a
+  // brick of level 0, x fastest; over the range of the level-0 tile that holds the node's first
+  // cell. Empty if the pyramid has none. `out` is resized.
+  void curvature(const Index3& brick, std::vector<std::uint8_t>& out,
+                 const CancelFlag* cancel = nullptr) const;
+  // For every cell of a brick of level 2 or 3, x fastest, the code (ErrorCode, in units of
+  // PyramidTables::errorBins()) of a bound of its error for an isovalue, or without one for all
+  // (rule 15). False, with an empty `out`, if the pyramid has none of this level.
+  bool errorCodes(int level, const Index3& brick, std::optional<double> isovalue,
+                  std::vector<std::uint8_t>& out, const CancelFlag* cancel = nullptr) const;
+
+  // As Pyramid's.
+  void throwIfReadsFailed(int level, const Index3& brick) const;
+  // True if that may throw for any brick. Costs next to nothing.
+  bool hasFailedReads() const { return tables_.bytes().failedOffset().has_value(); }
+  // How often the file was found written to: if this number is the same before and after, nobody
+  // wrote to what was used in between. Asks the system for the time of the file's last change.
+  std::uint64_t edition() const { return pager_.noticeChanges(); }
+  // After another edition was found: throws Error if the part of the brick, used in place, is not
+  // what it was when the pyramid was opened.
+  void throwIfWrittenOver(PartKind kind, int level, const Index3& brick) const;
+
+  // ---- which are resident: paging
+
+  // Says that parts are asked for by another query from here on: what queries do not ask for any
+  // more is the first to go. Returns the query's number: see BrickPager::reserve().
+  std::uint64_t beginQuery() const { return pager_.beginQuery(); }
+  // Brings a part in ahead of its use, if one is stored: see BrickPager::fetch().
+  BrickPager::Fetched fetch(PartKind kind, int level, const Index3& brick,
+                            const CancelFlag* cancel = nullptr) const;
+  // Sets aside the room that these parts of a brick need to come in: see BrickPager::reserve().
+  std::optional<BrickPager::Room> reserve(std::span<const PartKind> kinds, int level,
+                                          const Index3& brick, std::uint64_t since) const;
+  // Brings a part into such room: see BrickPager::fetch().
+  BrickPager::Fetched fetch(PartKind kind, int level, const Index3& brick,
+                            BrickPager::Room& room) const;
+  // Has the system begin to read a part, if one is stored: see BrickPager::announce().
+  void announce(PartKind kind, int level, const Index3& brick) const;
+  // Makes a part resident, if one is stored. Throws Error that says why it cannot be read, and
+  // Cancelled.
+  void require(PartKind kind, int level, const Index3& brick,
+               const CancelFlag* cancel = nullptr) const;
+  // A hold on a part that is resident, for as long as it shall stay that; nothing if it is not.
+  // Of a part that is not stored the hold is empty.
+  std::optional<BrickPart> holdIfResident(PartKind kind, int level, const Index3& brick) const;
+  // Takes back what was fetched of the brick, for a query that was cancelled: see
+  // BrickPager::withdraw().
+  void withdraw(int level, const Index3& brick) const;
+  // What a part of the brick counts against the budget while it is resident; 0 if none is stored.
+  std::uint64_t heldBytes(PartKind kind, int level, const Index3& brick) const;
+  // What counts against it now, of all parts.
+  std::uint64_t heldBytes() const { return pager_.heldBytes(); }
+  // How often a part was asked for that was not resident.
+  std::uint64_t missCount() const { return pager_.missCount(); }
+  BrickPager::Counters counters() const { return pager_.counters(); }
+
+ private:
+  using enum PartKind;
+  static std::size_t partId(PartKind kind, std::size_t row) {
+    return kPartKinds.size() * row + static_cast<std::size_t>(kind);
+  }
+  const BrickIndex& index() const { return tables_.index(); }
+  const PyramidSpec& spec() const { return tables_.spec(); }
+  const BrickLayout& layout() const { return tables_.layout(); }
+  BrickPager::Part pagedPart(PartKind kind, int level, const Index3& brick) const;
+  BrickPart acquire(PartKind kind, int level, const Index3& brick,
+                    const CancelFlag* cancel = nullptr) const;
+  void throwIfReadFailed(PartKind kind, int level, const Index3& brick) const;
+  [[noreturn]] void failErrorSize(int level, const Index3& brick) const;
+
+  const PyramidTables& tables_;
+  mutable BrickPager pager_;  // thread-safe by itself
+};
+
+}  // namespace isobrick

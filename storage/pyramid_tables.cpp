@@ -1,0 +1,244 @@
+#include "isobrick/storage/pyramid_tables.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+#include "isobrick/storage/brick_encoder.h"
+#include "isobrick/storage/checksum.h"
+#include "isobrick/storage/error.h"
+#include "isobrick/storage/usable_geometry.h"
+
+namespace isobrick {
+namespace {
+
+bool isPowerOfTwoWithin(std::uint32_t value, std::uint32_t least, std::uint32_t greatest) {
+  return std::has_single_bit(value) && value >= least && value <= greatest;
+}
+
+bool areKindsSane(const format::Header& header) {
+  if (header.kind_count < 2 || header.kind_count > format::kMostKinds) return false;
+  for (std::uint32_t i = 1; i < header.kind_count; ++i)
+    if (header.kinds[i] <= header.kinds[i - 1]) return false;
+  return header.kinds[0] == static_cast<std::uint32_t>(PartKind::kSamples) &&
+         header.kinds[1] == static_cast<std::uint32_t>(PartKind::kRanges);
+}
+
+// True where a voxel of the type may have the value.
+bool isVoxel(VoxelType type, double value) {
+  return visitVoxelType(type, [&](auto tag) {
+    using T = typename decltype(tag)::Type;
+    using Limits = std::numeric_limits<T>;
+    return value >= static_cast<double>(Limits::lowest()) &&
+           value <= static_cast<double>(Limits::max()) &&
+           static_cast<double>(static_cast<T>(value)) == value;
+  });
+}
+
+// Of a header whose voxel type is one of the five.
+bool areValuesSane(const format::Header& header) {
+  const auto type = static_cast<VoxelType>(header.voxel_type);
+  if (!isVoxel(type, header.value_min) || !isVoxel(type, header.value_max) ||
+      header.value_min > header.value_max)
+    return false;
+  // Noise is the median of second differences, less a factor; twice the range bounds it.
+  return header.noise >= 0 && header.noise <= 2 * (header.value_max - header.value_min);
+}
+
+// Bins lie where values are. Those of a float32 may reach beyond by their width in the histogram.
+bool areBinsNearValues(const ErrorBins& bins, const ValueRange& values) {
+  const double most = std::max(std::abs(static_cast<double>(values.min)),
+                               std::abs(static_cast<double>(values.max)));
+  const double reach = most * (1 + 1.0 / 64) + 0x1p-120;
+  return std::abs(bins.first) <= reach && bins.width * bins.count <= 2 * reach;
+}
+
+bool hasKind(const format::Header& header, PartKind kind) {
+  const auto* const end = header.kinds + header.kind_count;
+  return std::find(header.kinds, end, static_cast<std::uint32_t>(kind)) != end;
+}
+
+}  // namespace
+
+PyramidTables::PyramidTables(const std::string& path, FileAccess access) : file_(path, access) {
+  readHeader();
+}
+PyramidTables::~PyramidTables() = default;
+
+void PyramidTables::fail(const std::string& what, ErrorPlace place) const {
+  place.path = path();
+  throw Error("'" + path() + "' " + what, std::move(place));
+}
+
+void PyramidTables::readHeader() {
+  constexpr std::uint64_t kSize = sizeof(format::Header);
+  format::Header header{};
+  if (file_.size() >= kSize && !file_.read(0, kSize, reinterpret_cast<std::byte*>(&header)))
+    fail("cannot be read at offset 0; check the disk");
+  if (std::memcmp(header.magic, format::kMagic, sizeof header.magic) != 0)
+    fail("is not an isobrick pyramid; make one with 'isobrick build'");
+  if (header.version != format::kVersion)
+    fail("has format version " + std::to_string(header.version) + ", this program reads version " +
+         std::to_string(format::kVersion) + "; build it again or use the program that wrote it");
+  if (header.header_bytes != kSize ||
+      header.header_checksum != checksum64(&header, offsetof(format::Header, header_checksum)))
+    fail("has a damaged header; build it again");
+  if (header.file_bytes != file_.size())
+    fail("has " + std::to_string(file_.size()) + " bytes where its header says " +
+         std::to_string(header.file_bytes) + ": it was cut or changed; build it again");
+
+  bool sane = header.voxel_type < kVoxelTypeCount && header.filter <= 1 && areKindsSane(header) &&
+              isPowerOfTwoWithin(header.brick_cells, 4, 256) &&
+              isPowerOfTwoWithin(header.tile_cells, 2, header.brick_cells) &&
+              areValuesSane(header) && std::isfinite(header.curvature_epsilon) &&
+              header.curvature_epsilon >= 0 &&
+              header.length_unit <= static_cast<std::uint32_t>(LengthUnit::kMillimetre);
+  for (int axis = 0; axis < 3; ++axis) {
+    sane = sane && header.dims[axis] >= 2 &&
+           header.dims[axis] <= static_cast<std::uint64_t>(kMaxVoxelsPerAxis) &&
+           std::isfinite(header.spacing[axis]) && header.spacing[axis] > 0 &&
+           std::isfinite(header.origin[axis]);
+  }
+  for (const double d : header.direction) sane = sane && std::isfinite(d);
+  if (!sane) fail("has impossible numbers in its header; build it again");
+
+  for (int axis = 0; axis < 3; ++axis) {
+    spec_.voxels[axis] = static_cast<std::int64_t>(header.dims[axis]);
+    spec_.geometry.spacing[axis] = header.spacing[axis];
+    spec_.geometry.origin[axis] = header.origin[axis];
+    for (int row = 0; row < 3; ++row)
+      spec_.geometry.direction[axis][row] = header.direction[3 * axis + row];
+  }
+  spec_.geometry.unit = static_cast<LengthUnit>(header.length_unit);
+  if (!isUsableGeometry(spec_.geometry))
+    fail("has a spacing, an origin or directions that give no usable positions; build it again");
+  spec_.voxel_type = static_cast<VoxelType>(header.voxel_type);
+  spec_.filter = static_cast<format::Filter>(header.filter);
+  spec_.brick_cells = header.brick_cells;
+  spec_.tile_cells = header.tile_cells;
+  spec_.has_curvature = hasKind(header, kCurvature);
+  spec_.curvature_epsilon = header.curvature_epsilon;
+  spec_.error_level = hasKind(header, kError) ? static_cast<int>(header.error_last_level) : 0;
+  value_range_ = {static_cast<float>(header.value_min), static_cast<float>(header.value_max)};
+  layout_ = spec_.layout();
+  header_ = header;
+  if (hasKind(header, kError)) readErrorBins(header);
+  if (header.level_count != static_cast<std::uint32_t>(lattice().levels()))
+    fail("has a wrong number of levels; build it again");
+  readTables(header);
+}
+
+void PyramidTables::readErrorBins(const format::Header& header) {
+  error_bins_ = {header.error_first, header.error_width, header.error_bins, spec_.error_level};
+  // Far enough from underflow.
+  if (!(error_bins_.width >= 0x1p-200) || error_bins_.count == 0 ||
+      error_bins_.count > ErrorBins::kMost || !areBinsNearValues(error_bins_, value_range_) ||
+      spec_.error_level < kFirstErrorLevel ||
+      spec_.error_level > std::min(kMostErrorLevel, lattice().levels() - 1))
+    fail("has impossible bins of errors in its header; build it again");
+}
+
+std::vector<std::byte> PyramidTables::readTable(std::uint64_t offset, std::uint64_t bytes,
+                                                std::uint64_t checksum, const char* name) const {
+  std::vector<std::byte> table;
+  if (file_.holds(offset, bytes)) {
+    table.resize(bytes);
+    if (file_.read(offset, bytes, table.data()) && checksum64(table.data(), bytes) == checksum)
+      return table;
+  }
+  fail(std::string("has a damaged ") + name + "; build it again");
+}
+
+void PyramidTables::readTables(const format::Header& header) {
+  // The layout follows from the header, so the tables must have just the sizes that it gives.
+  index_ = std::make_unique<BrickIndex>(file_, spec_, header);
+  std::vector<format::LevelRow> levels(static_cast<std::size_t>(lattice().levels()));
+  const std::uint64_t level_bytes = levels.size() * sizeof(format::LevelRow);
+  std::memcpy(
+      levels.data(),
+      readTable(header.level_table_offset, level_bytes, header.level_table_checksum, "level table")
+          .data(),
+      level_bytes);
+  for (int level = 0; level < lattice().levels(); ++level) {
+    const format::LevelRow& row = levels[static_cast<std::size_t>(level)];
+    const Index3 samples = lattice().samples(level);
+    const Index3 bricks = layout_.bricks(level);
+    bool same = row.first_brick == index_->firstOfLevel(level);
+    for (int axis = 0; axis < 3; ++axis)
+      same = same && row.samples[axis] == static_cast<std::uint64_t>(samples[axis]) &&
+             row.bricks[axis] == static_cast<std::uint64_t>(bricks[axis]);
+    if (!same) fail("has a level table that contradicts its header; build it again");
+  }
+  if (header.provenance_bytes > kMostProvenanceBytes)
+    fail("has a provenance of " + std::to_string(header.provenance_bytes) +
+         " bytes, which is more than any pyramid has; build it again");
+  const std::vector<std::byte> text = readTable(header.provenance_offset, header.provenance_bytes,
+                                                header.provenance_checksum, "provenance");
+  provenance_.assign(reinterpret_cast<const char*>(text.data()), text.size());
+}
+
+VoxelHistogram PyramidTables::histogram() const {
+  VoxelHistogram histogram(spec_.voxel_type, value_range_);
+  const format::PartEntry& part = header_.histogram;
+  const auto counts = std::as_writable_bytes(histogram.counts());
+  // What is stored is not longer than the counts, which are few.
+  std::vector<std::byte> stored;
+  if (part.stored_bytes <= counts.size())
+    stored = readTable(part.offset, part.stored_bytes, part.checksum, "histogram");
+  bool is_sound =
+      decodePart(static_cast<format::Codec>(part.codec), stored, counts.size(), counts.data());
+  auto left = static_cast<std::uint64_t>(elementCount(spec_.voxels));
+  for (const std::uint64_t count : histogram.counts()) {
+    is_sound = is_sound && count <= left;
+    left -= is_sound ? count : 0;
+  }
+  if (!is_sound || left != 0) fail("has a damaged histogram; build it again");
+  return histogram;
+}
+
+std::optional<GradientSpectrum> PyramidTables::gradients() const {
+  const format::PartEntry& part = header_.gradients;
+  if (part.offset == 0 && part.stored_bytes == 0) return std::nullopt;
+  std::vector<float> elements(gradientElements(gradientParts(spec_.voxels)));
+  const auto bytes = std::as_writable_bytes(std::span(elements));
+  std::vector<std::byte> stored;
+  if (part.stored_bytes <= bytes.size())
+    stored = readTable(part.offset, part.stored_bytes, part.checksum, "gradient spectrum");
+  std::optional<GradientSpectrum> spectrum;
+  if (decodePart(static_cast<format::Codec>(part.codec), stored, bytes.size(), bytes.data()))
+    spectrum = gradientSpectrumOf(elements);
+  if (!spectrum) fail("has a damaged gradient spectrum; build it again");
+  return spectrum;
+}
+
+PyramidSums PyramidTables::sums() const {
+  PyramidSums sums;
+  PyramidBytes& bytes = sums.bytes;
+  bytes.total = file_.size();
+  bytes.raw = static_cast<std::uint64_t>(elementCount(spec_.voxels)) * voxelBytes(spec_.voxel_type);
+  for (std::size_t n = 0; n < index_->count(); ++n) {
+    const auto [level, brick] = index_->address(n);
+    const BrickRow row = index_->row(n);
+    const std::uint64_t stored = row.part(kSamples).stored_bytes;
+    (level == 0 ? bytes.samples_level0 : bytes.samples_coarser) += stored;
+    bytes.ranges += row.part(kRanges).stored_bytes;
+    bytes.curvature += row.part(kCurvature).stored_bytes;
+    bytes.error += row.part(kError).stored_bytes;
+    ++sums.codecs.samples[row.part(kSamples).codec];
+    ++sums.codecs.ranges[row.part(kRanges).codec];
+    ++sums.codecs.curvature[row.part(kCurvature).codec];
+    ++sums.codecs.error[row.part(kError).codec];
+    if (level > 0 || stored == 0) continue;
+    // What the brick holds beyond one copy of the samples that it covers.
+    const auto all_samples = static_cast<std::uint64_t>(layout_.brickSampleBox(0, brick).size());
+    const auto own_samples = static_cast<std::uint64_t>(layout_.brickOwnSamples(0, brick).size());
+    bytes.aprons_level0 += stored * (all_samples - own_samples) / all_samples;
+  }
+  bytes.index = bytes.total - bytes.samples_level0 - bytes.samples_coarser - bytes.ranges -
+                bytes.curvature - bytes.error;
+  return sums;
+}
+
+}  // namespace isobrick
