@@ -29,6 +29,11 @@ if(output MATCHES "^0 vertices")
   message(FATAL_ERROR "the README's program finds no surface: ${output}")
 endif()
 
+# The examples, as a stranger builds them.
+run(${configure} -S ${SOURCE}/examples -B examples -DCMAKE_BUILD_TYPE=Release)
+run(${CMAKE_COMMAND} --build examples)
+run(examples/own_source)
+
 # One component: what it does not need is hidden from it.
 run(${configure} -S ${SOURCE}/tests/house/extract_only -B extract_only -DCMAKE_BUILD_TYPE=Release
     -DCMAKE_DISABLE_FIND_PACKAGE_ITK=ON -DCMAKE_DISABLE_FIND_PACKAGE_OpenVDB=ON

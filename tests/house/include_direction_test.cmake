@@ -46,6 +46,8 @@ endforeach()
 foreach(folder storage preprocess extract viewer tools tests)
   forbid(${folder} "storage/|preprocess/|extract/|viewer/" "")
 endforeach()
+# The examples take what is installed, and nothing else.
+forbid(examples "(isobrick/[a-z]+/|storage/|preprocess/|extract/|viewer/|tools/|tests/)" "")
 if(failed)
   message(FATAL_ERROR "an include runs against the direction of the house")
 endif()

@@ -1,0 +1,13 @@
+# Doxygen makes the reference of the public headers without a warning: all that they have is described.
+include(${CMAKE_CURRENT_LIST_DIR}/skip.cmake)
+find_program(DOXYGEN doxygen)
+if(NOT DOXYGEN)
+  skip("doxygen was not found")
+  return()
+endif()
+include(${SOURCE}/docs/reference.cmake)
+file(GLOB pages ${OUT}/html/classisobrick_1_1Pyramid.html ${OUT}/html/classisobrick_1_1TriangleSink.html)
+list(LENGTH pages count)
+if(NOT count EQUAL 2)
+  message(FATAL_ERROR "the reference lacks pages")
+endif()
