@@ -35,9 +35,12 @@ struct MeshFileOptions {
 
 // A format of meshes, and which of MeshFileOptions it takes.
 struct MeshFormatInfo {
-  std::string ending;
-  bool has_values, has_zlib, has_meshopt;
+  std::string ending;  // ".ply"
+  bool has_values;     // MeshFileOptions::values
+  bool has_zlib;       // MeshFileOptions::zlib
+  bool has_meshopt;    // MeshFileOptions::meshopt
 };
+// All that makeMeshFileSink() writes.
 std::vector<MeshFormatInfo> meshFormats();
 
 // Makes a sink for `path`; its extension decides:

@@ -22,10 +22,11 @@ std::unique_ptr<VolumeSource> openVolume(const std::string& path, const OpenOpti
 
 // A format that openVolume() reads, for a list of them.
 struct ReadableFormat {
-  const char* name;
+  const char* name;     // "NRRD"
   const char* endings;  // or what else names it; ".mhd .mha"
   bool is_built_in;     // false: this build of isobrick leaves it out
 };
+// All of them.
 std::vector<ReadableFormat> readableFormats();
 
 // Gives a source that was opened otherwise, level `level` of a pyramid, the spacing and the origin

@@ -45,10 +45,11 @@ VolumeWriteReport exportVolume(VolumeLevels& levels, const std::string& path,
 
 // A format that exportVolume() writes, for a list of them.
 struct WritableFormat {
-  std::string ending;
-  bool has_levels;   // all levels of a pyramid in one file
-  bool is_built_in;  // false: this build of isobrick leaves it out
+  std::string ending;  // ".nrrd"
+  bool has_levels;     // all levels of a pyramid in one file
+  bool is_built_in;    // false: this build of isobrick leaves it out
 };
+// All of them.
 std::vector<WritableFormat> writableFormats();
 
 // Throws the Error of exportVolume() for a name, or for several levels; writes nothing.
