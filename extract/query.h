@@ -62,12 +62,6 @@ struct DetailChoice {
   // they are where the bound of the total curvature (Eq. 2) is at most this: 1/voxel^2, >= 0.
   // "Flatter than a sphere of radius rho voxels" is 1 / (2 rho^2). Not with uniform_level > 0.
   std::optional<double> curvature_tolerance;
-  // Cells of level 1 are extracted as they are where no error is beyond this (rule 15): in the
-  // data's units, >= 0. Where nothing but this leaves cells coarse, every vertex on an edge lies
-  // where level 0, interpolated, is within it of the isovalue, but for the 1/4096 of an edge that a
-  // vertex may be moved (rule 8); and every voxel at or beyond isovalue -+ tolerance is on its own
-  // side. Not with uniform_level > 0.
-  std::optional<double> tolerance;
   bool operator==(const DetailChoice&) const = default;
 };
 

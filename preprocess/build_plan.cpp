@@ -3,10 +3,8 @@
 #include <algorithm>
 #include <string>
 
-#include "isobrick/preprocess/error_chunk.h"
 #include "isobrick/preprocess/slice_spool.h"
 #include "isobrick/storage/error.h"
-#include "isobrick/storage/error_bins.h"
 #include "isobrick/storage/write_journal.h"
 
 namespace isobrick {
@@ -21,7 +19,6 @@ constexpr std::uint64_t kPipelineBytes = 48 * kMebibyte;
 constexpr std::uint64_t kSmallThings = 4 * kMebibyte;
 constexpr std::uint64_t kThreadThings = 2 * kMebibyte;  // counts of values among them
 constexpr std::uint64_t kBrickCopiesPerThread = 3;
-constexpr std::uint64_t kUsualErrorBlocks = 8;
 
 class Planner {
  public:
@@ -34,7 +31,7 @@ class Planner {
 
   BuildPlan plan(std::uint64_t memory_bytes, int threads) {
     const std::uint64_t fixed = fixedBytes(threads);
-    const std::uint64_t least = std::max(fixed + pipelineBytes(0, {1, 1}), errorPassBytes());
+    const std::uint64_t least = fixed + pipelineBytes(0, {1, 1});
     if (memory_bytes < least) refuse(memory_bytes, least);
     const std::uint64_t available = memory_bytes - fixed;
     chooseWindows(std::max(pipelineBytes(0, {1, 1}), std::min(available / 2, kPipelineBytes)));
@@ -76,20 +73,6 @@ class Planner {
     // Packing takes as much again as the samples of a brick.
     return kBuildWindows * (windowBytes(level, shape) + 2 * bricks * brickBytes(level)) +
            handedOnBytes(level, shape);
-  }
-
-  // Of the pass that comes after the levels, with one thread: a chunk with its surroundings, and
-  // the codes of a brick of the last level and of all in it. By measurement.
-  std::uint64_t errorPassBytes() const {
-    if (spec_.error_level == 0) return 0;
-    constexpr std::uint64_t kBytesPerVoxel = 48, kBytesPerCell = 12;
-    const Index3 around = ErrorChunk::kMostCells + Index3(1);
-    std::uint64_t bytes = product(glm::min(around, layout_.lattice().voxels())) * kBytesPerVoxel;
-    for (int level = kFirstErrorLevel; level <= spec_.error_level; ++level) {
-      const Index3 cells(spec_.brick_cells << (spec_.error_level - level));
-      bytes += product(glm::min(cells, layout_.lattice().cells(level))) * kBytesPerCell;
-    }
-    return bytes;
   }
 
   std::uint64_t fixedBytes(int threads) const {
@@ -181,9 +164,6 @@ class Planner {
       bytes += product(layout_.bricks(level)) *
                (brickBytes(level) + format::kSampleAlignment + 2 * format::kPartAlignment +
                 format::rowBytes(format::kMostKinds));
-    // Of errors nobody knows before how many bins they touch.
-    for (int level = kFirstErrorLevel; level <= spec_.error_level; ++level)
-      bytes += product(layout_.lattice().cells(level)) * kUsualErrorBlocks;
     return bytes;
   }
 

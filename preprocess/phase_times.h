@@ -8,19 +8,9 @@
 
 namespace isobrick {
 
-enum class BuildStep {
-  kRead,
-  kLowPass,
-  kRanges,
-  kCount,
-  kCurvature,
-  kError,
-  kPack,
-  kWrite,
-  kPublish
-};
-inline constexpr std::array<const char*, 9> kBuildStepNames = {
-    "read", "low-pass", "ranges", "count", "curvature", "error", "pack", "write", "publish"};
+enum class BuildStep { kRead, kLowPass, kRanges, kCount, kCurvature, kPack, kWrite, kPublish };
+inline constexpr std::array<const char*, 8> kBuildStepNames = {
+    "read", "low-pass", "ranges", "count", "curvature", "pack", "write", "publish"};
 
 // Seconds that all threads together spent in each step. Thread-safe.
 class PhaseTimes {

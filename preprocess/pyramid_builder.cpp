@@ -10,7 +10,6 @@
 #include "isobrick/preprocess/brick_maker.h"
 #include "isobrick/preprocess/brick_pipeline.h"
 #include "isobrick/preprocess/build_identity.h"
-#include "isobrick/preprocess/error_pass.h"
 #include "isobrick/preprocess/finite_voxels.h"
 #include "isobrick/preprocess/input_identity.h"
 #include "isobrick/preprocess/kernels/curvature_fit.h"
@@ -33,8 +32,6 @@ PyramidSpec specOf(const VolumeInfo& info, const BuildOptions& options) {
   spec.tile_cells = options.tile_cells;
   spec.has_curvature = options.with_curvature;
   spec.curvature_epsilon = options.curvature_epsilon;
-  const int last = std::min(options.error_level, Lattice(info.voxels).levels() - 1);
-  spec.error_level = last < kFirstErrorLevel ? 0 : last;
   return spec;
 }
 
@@ -69,7 +66,6 @@ class Build {
     try {
       takeSpace();
       makeLevels();
-      findErrors();
       publish();
     } catch (...) {
       throwUnfinished({source_.info(), options_, input_, writer_, closures_.all().size()});
@@ -297,23 +293,13 @@ class Build {
     writer_.flush();
   }
 
-  // Of bricks that are all written.
-  void findErrors() {
-    if (spec_.error_level == 0) return;
-    error_bins_ = errorBinsOf(statistics_.histogram(spec_.voxel_type, voxel_range_), voxel_range_,
-                              spec_.error_level);
-    ErrorPass<T> pass(spec_, error_bins_, voxel_range_, options_.codec, options_.memory_bytes,
-                      writer_, times_);
-    pass.run(options_.cancel, [this](double fraction) { progress("errors", fraction); });
-  }
-
   void publish() {
     const PhaseTimes::Timer timer(times_, BuildStep::kPublish);
     input_.checkContent();
     if (options_.cancel != nullptr) options_.cancel->check();
     const VoxelHistogram histogram = statistics_.histogram(spec_.voxel_type, voxel_range_);
     report_.file_bytes =
-        writer_.finish({voxel_range_, closures_.all(), histogram, error_bins_, statistics_.noise(),
+        writer_.finish({voxel_range_, closures_.all(), histogram, statistics_.noise(),
                         provenanceText(source_, options_, identity_),
                         statistics_.gradients(histogram, voxel_range_, spec_.voxels)},
                        options_.codec);
@@ -335,7 +321,6 @@ class Build {
   VoxelStatistics statistics_;
   BrickMaker<T> maker_;
   ValueRange voxel_range_;
-  ErrorBins error_bins_;
   std::size_t bricks_made_ = 0;
   BuildReport report_;
 };
@@ -362,9 +347,6 @@ void checkOptions(const BuildOptions& options) {
       !isPowerOfTwo(options.tile_cells) || options.tile_cells < 2 ||
       options.tile_cells > options.brick_cells)
     throw Error("a brick has 4 to 256 cells an axis and a tile 2 up to the brick's, powers of two");
-  if (options.error_level != 0 &&
-      (options.error_level < kFirstErrorLevel || options.error_level > kMostErrorLevel))
-    throw Error("bounds of errors are for level 2, or for the levels 2 and 3");
   if (options.with_curvature && !(options.curvature_epsilon >= kLeastCurvatureEpsilon &&
                                   std::isfinite(options.curvature_epsilon)))
     throw Error("the least gradient that counts for the curvature must be finite, 1/65536 or more");

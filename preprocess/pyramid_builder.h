@@ -56,9 +56,6 @@ struct BuildOptions {
   bool with_curvature = true;  // stores bounds, so that queries may have a curvature_tolerance
   // See PyramidSpec::curvature_epsilon; at least kLeastCurvatureEpsilon (curvature_fit.h).
   double curvature_epsilon = 1.0 / 64;
-  // Up to which level, 2 or 3, cells get a bound of their error, so that a tolerance can keep them
-  // (rule 15); 0: none do. A volume may have fewer levels.
-  int error_level = 0;
   // Value that takes the place of NaN and infinite voxels; without it they are refused.
   std::optional<float> nan_as;
   std::string tool_version;  // goes into the provenance; does not change the identity

@@ -298,14 +298,6 @@ void encodeNumbers(std::size_t element_bytes, format::Codec codec, EncodedPart& 
   store(part, codec, {element_bytes, true}, scratch);
 }
 
-void encodeErrors(format::Codec codec, EncodedPart& part) {
-  std::vector<std::byte> scratch;
-  if (part.bytes.empty() || (part.bytes[0] == std::byte{0} && allEqual(part.bytes, 1)))
-    leaveOut(part, format::Codec::kConstant);
-  else
-    store(part, codec, kCodesView, scratch);
-}
-
 bool decodePart(format::Codec codec, std::span<const std::byte> stored, std::size_t bytes,
                 std::byte* out) {
   switch (codec) {

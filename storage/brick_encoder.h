@@ -39,9 +39,6 @@ void encodeBrick(VoxelType type, format::Codec codec, EncodedBrick& brick);
 // The same for a part that belongs to no brick: numbers of `element_bytes` (1, 2, 4 or 8) bytes.
 void encodeNumbers(std::size_t element_bytes, format::Codec codec, EncodedPart& part);
 
-// The same for the error part of a brick, one byte a code: nothing where all of them are 0.
-void encodeErrors(format::Codec codec, EncodedPart& part);
-
 // Parts of more bytes cannot be packed; no brick has one (256^3 cells of float32 take 70 MB).
 inline constexpr std::uint64_t kMostPackedBytes = (std::uint64_t{1} << 31) - 1 - 16;
 

@@ -100,7 +100,6 @@ BrickRow BrickIndex::decode(const std::byte* bytes) const {
   row.range_min = tail.range_min;
   row.range_max = tail.range_max;
   row.constant = tail.constant;
-  row.error_bytes = tail.error_bytes;
   return row;
 }
 

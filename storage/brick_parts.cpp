@@ -3,12 +3,11 @@
 #include <limits>
 
 #include "isobrick/storage/brick_encoder.h"
-#include "isobrick/storage/error_bins.h"
 
 namespace isobrick {
 
-std::uint64_t partBytes(const BrickRow& row, const PyramidSpec& spec, const BrickLayout& layout,
-                        PartKind kind, int level, const Index3& brick) {
+std::uint64_t partBytes(const PyramidSpec& spec, const BrickLayout& layout, PartKind kind,
+                        int level, const Index3& brick) {
   switch (kind) {
     case PartKind::kSamples:
       return static_cast<std::uint64_t>(layout.brickSampleBox(level, brick).size()) *
@@ -18,8 +17,6 @@ std::uint64_t partBytes(const BrickRow& row, const PyramidSpec& spec, const Bric
              voxelBytes(spec.voxel_type);
     case PartKind::kCurvature:
       return static_cast<std::uint64_t>(elementCount(layout.brickNodes(brick))) * 3;
-    case PartKind::kError:
-      return row.error_bytes;
   }
   return 0;
 }
@@ -27,17 +24,7 @@ std::uint64_t partBytes(const BrickRow& row, const PyramidSpec& spec, const Bric
 namespace {
 
 bool isAbsent(PartKind kind, const PyramidSpec& spec, int level) {
-  if (kind == PartKind::kCurvature) return level > 0 || !spec.has_curvature;
-  if (kind == PartKind::kError) return level < kFirstErrorLevel || level > spec.error_level;
-  return false;
-}
-
-// Of a part that is stored. How many blocks of codes a brick has depends on its ranges: at least
-// two a tile, and at most one more than there are bins.
-bool isPossibleErrorSize(const BrickRow& row, const BrickLayout& layout, int level,
-                         const Index3& brick) {
-  const auto cells = static_cast<std::uint64_t>(layout.brickCellBox(level, brick).size());
-  return row.error_bytes >= 2 * cells && row.error_bytes <= (ErrorBins::kMost + 1) * cells;
+  return kind == PartKind::kCurvature && (level > 0 || !spec.has_curvature);
 }
 
 }  // namespace
@@ -52,13 +39,12 @@ bool isPossiblePart(const BrickRow& row, const PyramidSpec& spec, const BrickLay
     case format::Codec::kAbsent:
       // Constant ranges are those of constant samples.
       return (codec == format::Codec::kAbsent) == is_absent && part.stored_bytes == 0 &&
-             part.offset == 0 && (kind != PartKind::kError || row.error_bytes == 0) &&
+             part.offset == 0 &&
              (kind != PartKind::kRanges || row.part(PartKind::kSamples).codec == part.codec);
     case format::Codec::kStored:
     case format::Codec::kLz4:
     case format::Codec::kZstd: {
-      const std::uint64_t elements = partBytes(row, spec, layout, kind, level, brick);
-      if (kind == PartKind::kError && !isPossibleErrorSize(row, layout, level, brick)) return false;
+      const std::uint64_t elements = partBytes(spec, layout, kind, level, brick);
       const bool is_size_right = codec == format::Codec::kStored
                                      ? part.stored_bytes == elements
                                      : part.stored_bytes > 0 && part.stored_bytes < elements &&

@@ -11,12 +11,12 @@
 namespace isobrick {
 
 // The numbers are those of the file's header.
-enum class PartKind { kSamples = 0, kRanges = 1, kCurvature = 2, kError = 3 };
+enum class PartKind { kSamples = 0, kRanges = 1, kCurvature = 2 };
 inline constexpr std::array kPartKinds = {PartKind::kSamples, PartKind::kRanges,
-                                          PartKind::kCurvature, PartKind::kError};
-// "samples", "ranges", "curvature" or "error".
+                                          PartKind::kCurvature};
+// "samples", "ranges" or "curvature".
 constexpr const char* partName(PartKind kind) {
-  constexpr const char* kNames[] = {"samples", "ranges", "curvature", "error"};
+  constexpr const char* kNames[] = {"samples", "ranges", "curvature"};
   return kNames[static_cast<std::size_t>(kind)];
 }
 
@@ -26,7 +26,7 @@ struct BrickRow {
   std::array<format::PartEntry, kPartKinds.size()> parts;
   float range_min = 0, range_max = 0;
   float constant = 0;
-  std::uint32_t error_bytes = 0;  // of the elements of the error part; journals have no padding
+  std::uint32_t unused = 0;  // journals have no padding
 
   const format::PartEntry& part(PartKind kind) const {
     return parts[static_cast<std::size_t>(kind)];
@@ -34,10 +34,9 @@ struct BrickRow {
   format::PartEntry& part(PartKind kind) { return parts[static_cast<std::size_t>(kind)]; }
 };
 
-// Bytes of the elements of a part, unpacked, as the layout gives them, or of the error part the
-// row; `layout` is spec.layout().
-std::uint64_t partBytes(const BrickRow& row, const PyramidSpec& spec, const BrickLayout& layout,
-                        PartKind kind, int level, const Index3& brick);
+// Bytes of the elements of a part, unpacked, as the layout gives them; `layout` is spec.layout().
+std::uint64_t partBytes(const PyramidSpec& spec, const BrickLayout& layout, PartKind kind,
+                        int level, const Index3& brick);
 
 // True where codecs, sizes and alignment of all parts, and the constant, are such as this brick can
 // have. Where the bytes lie, and the range of the brick, are for the caller to check.

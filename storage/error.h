@@ -37,7 +37,6 @@ enum class Remedy {
   kWholeFloats,         // ExportOptions::vdb_half
   kReplaceDataset,      // ExportOptions::replace_dataset
   kChooseChannel,       // OpenOptions::channel
-  kBuildWithErrors,     // BuildOptions::error_level
   kPackMesh,            // MeshFileOptions::meshopt
   kChooseStack,         // OpenOptions::grid
   kChooseTime,          // OpenOptions::time

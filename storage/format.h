@@ -31,6 +31,8 @@ inline constexpr std::uint32_t kVersion = 3;
 inline constexpr std::uint64_t kSampleAlignment = 4096;
 // A header lists at most so many kinds of parts.
 inline constexpr std::uint32_t kMostKinds = 8;
+// The kind of the error bounds that development builds of 0.2 wrote. Readers pass over them.
+inline constexpr std::uint32_t kErrorKind = 3;
 // Tables and the other parts begin at multiples of this.
 inline constexpr std::uint64_t kPartAlignment = 64;
 
@@ -67,13 +69,10 @@ struct Header {
   std::uint64_t provenance_offset;
   std::uint64_t provenance_bytes;
   std::uint64_t provenance_checksum;
-  PartEntry histogram;              // see value_histogram.h
-  double noise;                     // sigma of the voxels' noise, in their units; finite, >= 0
-  std::uint32_t kinds[kMostKinds];  // what the parts of a row are, ascending: PartKind, or newer
-  double error_first;               // the bins of error bounds (error_bins.h); zero without any
-  double error_width;
-  std::uint32_t error_bins;
-  std::uint32_t error_last_level;
+  PartEntry histogram;               // see value_histogram.h
+  double noise;                      // sigma of the voxels' noise, in their units; finite, >= 0
+  std::uint32_t kinds[kMostKinds];   // what the parts of a row are, ascending: PartKind, or newer
+  std::uint8_t error_bins[24];       // of kErrorKind; zero without it
   std::uint32_t length_unit;         // LengthUnit, of spacing and origin
   std::uint8_t reserved_between[4];  // zero
   PartEntry gradients;               // see gradient_spectrum.h; all zero where there are none
@@ -94,7 +93,7 @@ static_assert(sizeof(LevelRow) == 56);
 struct RowTail {
   float range_min, range_max;  // closure over the brick's cells (rule 7)
   float constant;              // the value of samples whose codec is kConstant
-  std::uint32_t error_bytes;   // of the elements of the error part; 0 where no bytes are stored
+  std::uint32_t error_bytes;   // of kErrorKind; zero without it
   std::uint64_t checksum;      // XXH3-64 of the row's bytes before it; the seed is the row's number
 };
 static_assert(sizeof(RowTail) == 24);

@@ -49,9 +49,6 @@ struct PyramidSpec {
   // Samples with |gradient| < curvature_epsilon * (range of their tile) per voxel do not count for
   // the curvature bound: the isosurface has no curvature where the gradient vanishes.
   double curvature_epsilon = 1.0 / 64;
-  // The last level whose cells have bounds of their error (error_bins.h), from level 2 on; 0: none
-  // have.
-  int error_level = 0;
 
   // How levels are cut into bricks.
   BrickLayout layout() const { return {Lattice(voxels), brick_cells, tile_cells}; }
@@ -67,7 +64,6 @@ struct PyramidBytes {
   std::uint64_t samples_coarser = 0;  // of all other levels
   std::uint64_t ranges = 0;           // of tiles
   std::uint64_t curvature = 0;        // bounds of it
-  std::uint64_t error = 0;            // bounds of it
   std::uint64_t index = 0;            // header, tables, histogram, provenance and alignment
 };
 
@@ -78,7 +74,6 @@ struct PyramidCodecs {
   CodecCounts samples{};    // of bricks
   CodecCounts ranges{};     // of tiles
   CodecCounts curvature{};  // bounds of it
-  CodecCounts error{};      // bounds of it
 };
 
 // What passing over the whole brick table gives.

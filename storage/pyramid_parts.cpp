@@ -24,8 +24,7 @@ BrickPager::Part PyramidParts::pagedPart(PartKind kind, int level, const Index3&
   // The index has seen to it that the elements of a packed part are fewer than 2^31 bytes.
   const bool is_packed = codec == format::Codec::kLz4 || codec == format::Codec::kZstd;
   const auto elements =
-      is_packed ? static_cast<std::uint32_t>(partBytes(row, spec(), layout(), kind, level, brick))
-                : 0;
+      is_packed ? static_cast<std::uint32_t>(partBytes(spec(), layout(), kind, level, brick)) : 0;
   return {part.offset, part.stored_bytes, part.checksum, elements, codec};
 }
 
@@ -128,7 +127,7 @@ BrickSamples PyramidParts::samples(int level, const Index3& brick, const CancelF
     result.part = acquire(kSamples, level, brick, cancel);
     return result;
   }
-  result.part.made_.resize(partBytes(row, spec(), layout(), kSamples, level, brick));
+  result.part.made_.resize(partBytes(spec(), layout(), kSamples, level, brick));
   visitVoxelType(spec().voxel_type, [&](auto tag) {
     using T = typename decltype(tag)::Type;
     std::fill_n(reinterpret_cast<T*>(result.part.made_.data()), result.box.size(),
@@ -190,54 +189,6 @@ void PyramidParts::curvature(const Index3& brick, std::vector<std::uint8_t>& out
   out.resize(count);
   std::memcpy(out.data(), part.data(), count);
   throwIfReadFailed(kCurvature, 0, brick);
-}
-
-bool PyramidParts::errorCodes(int level, const Index3& brick, std::optional<double> isovalue,
-                              std::vector<std::uint8_t>& out, const CancelFlag* cancel) const {
-  out.clear();
-  if (level < kFirstErrorLevel || level > spec().error_level) return false;
-  const IndexBox cells = layout().brickCellBox(level, brick);
-  out.assign(static_cast<std::size_t>(cells.size()), 0);
-  const BrickRow row = brickRowOf(level, brick);
-  if (row.part(kError).stored_bytes == 0) return true;
-  std::vector<ValueRange> ranges;
-  tileRanges(level, brick, ranges, cancel);
-  const BrickPart part = acquire(kError, level, brick, cancel);
-  const std::uint32_t bin = isovalue ? tables_.errorBins().binOf(*isovalue) : 0;
-  const Index3 tiles = layout().brickTiles(level, brick);
-  std::uint64_t at = 0;  // of the tile's first block
-  for (std::size_t tile = 0; tile < ranges.size(); ++tile) {
-    const Index3 first = indexAt(static_cast<std::int64_t>(tile), tiles) * spec().tile_cells;
-    const Index3 count = glm::min(Index3(spec().tile_cells), cells.count - first);
-    const auto block_bytes = static_cast<std::uint64_t>(elementCount(count));
-    // A reversed range is one that verify finds; it must not lead anywhere.
-    const bool is_sound = ranges[tile].min <= ranges[tile].max;
-    const TileBins bins(tables_.errorBins(), is_sound ? ranges[tile] : tables_.valueRange());
-    if (bins.blocks() * block_bytes > row.error_bytes - at) failErrorSize(level, brick);
-    const auto* codes = reinterpret_cast<const std::uint8_t*>(part.data()) + at;
-    const std::uint32_t begin = isovalue ? bins.blockOf(bin) : 0;
-    const std::uint32_t end = isovalue ? begin + 1 : bins.blocks();
-    codes += begin * block_bytes;
-    for (std::uint32_t block = begin; block < end; ++block)
-      for (std::int64_t z = 0; z < count.z; ++z)
-        for (std::int64_t y = 0; y < count.y; ++y, codes += count.x) {
-          std::uint8_t* const cells_row =
-              &out[static_cast<std::size_t>(linearIndex(first + Index3(0, y, z), cells.count))];
-          for (std::int64_t x = 0; x < count.x; ++x)
-            cells_row[x] = std::max(cells_row[x], codes[x]);
-        }
-    at += bins.blocks() * block_bytes;
-  }
-  if (at != row.error_bytes) failErrorSize(level, brick);
-  throwIfReadFailed(kError, level, brick);
-  return true;
-}
-
-void PyramidParts::failErrorSize(int level, const Index3& brick) const {
-  tables_.fail(brickName(level, brick) +
-                   ", error, does not have the bytes that its ranges ask for; "
-                   "build it again or restore a copy",
-               {.level = level, .brick = brick});
 }
 
 }  // namespace isobrick

@@ -84,11 +84,6 @@ class PyramidParts {
   // cell. Empty if the pyramid has none. `out` is resized.
   void curvature(const Index3& brick, std::vector<std::uint8_t>& out,
                  const CancelFlag* cancel = nullptr) const;
-  // For every cell of a brick of level 2 or 3, x fastest, the code (ErrorCode, in units of
-  // PyramidTables::errorBins()) of a bound of its error for an isovalue, or without one for all
-  // (rule 15). False, with an empty `out`, if the pyramid has none of this level.
-  bool errorCodes(int level, const Index3& brick, std::optional<double> isovalue,
-                  std::vector<std::uint8_t>& out, const CancelFlag* cancel = nullptr) const;
 
   // As Pyramid's.
   void throwIfReadsFailed(int level, const Index3& brick) const;
@@ -147,7 +142,6 @@ class PyramidParts {
   BrickPart acquire(PartKind kind, int level, const Index3& brick,
                     const CancelFlag* cancel = nullptr) const;
   void throwIfReadFailed(PartKind kind, int level, const Index3& brick) const;
-  [[noreturn]] void failErrorSize(int level, const Index3& brick) const;
 
   const PyramidTables& tables_;
   mutable BrickPager pager_;  // thread-safe by itself

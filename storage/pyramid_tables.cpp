@@ -47,14 +47,6 @@ bool areValuesSane(const format::Header& header) {
   return header.noise >= 0 && header.noise <= 2 * (header.value_max - header.value_min);
 }
 
-// Bins lie where values are. Those of a float32 may reach beyond by their width in the histogram.
-bool areBinsNearValues(const ErrorBins& bins, const ValueRange& values) {
-  const double most = std::max(std::abs(static_cast<double>(values.min)),
-                               std::abs(static_cast<double>(values.max)));
-  const double reach = most * (1 + 1.0 / 64) + 0x1p-120;
-  return std::abs(bins.first) <= reach && bins.width * bins.count <= 2 * reach;
-}
-
 bool hasKind(const format::Header& header, PartKind kind) {
   const auto* const end = header.kinds + header.kind_count;
   return std::find(header.kinds, end, static_cast<std::uint32_t>(kind)) != end;
@@ -120,24 +112,12 @@ void PyramidTables::readHeader() {
   spec_.tile_cells = header.tile_cells;
   spec_.has_curvature = hasKind(header, kCurvature);
   spec_.curvature_epsilon = header.curvature_epsilon;
-  spec_.error_level = hasKind(header, kError) ? static_cast<int>(header.error_last_level) : 0;
   value_range_ = {static_cast<float>(header.value_min), static_cast<float>(header.value_max)};
   layout_ = spec_.layout();
   header_ = header;
-  if (hasKind(header, kError)) readErrorBins(header);
   if (header.level_count != static_cast<std::uint32_t>(lattice().levels()))
     fail("has a wrong number of levels; build it again");
   readTables(header);
-}
-
-void PyramidTables::readErrorBins(const format::Header& header) {
-  error_bins_ = {header.error_first, header.error_width, header.error_bins, spec_.error_level};
-  // Far enough from underflow.
-  if (!(error_bins_.width >= 0x1p-200) || error_bins_.count == 0 ||
-      error_bins_.count > ErrorBins::kMost || !areBinsNearValues(error_bins_, value_range_) ||
-      spec_.error_level < kFirstErrorLevel ||
-      spec_.error_level > std::min(kMostErrorLevel, lattice().levels() - 1))
-    fail("has impossible bins of errors in its header; build it again");
 }
 
 std::vector<std::byte> PyramidTables::readTable(std::uint64_t offset, std::uint64_t bytes,
@@ -225,19 +205,17 @@ PyramidSums PyramidTables::sums() const {
     (level == 0 ? bytes.samples_level0 : bytes.samples_coarser) += stored;
     bytes.ranges += row.part(kRanges).stored_bytes;
     bytes.curvature += row.part(kCurvature).stored_bytes;
-    bytes.error += row.part(kError).stored_bytes;
     ++sums.codecs.samples[row.part(kSamples).codec];
     ++sums.codecs.ranges[row.part(kRanges).codec];
     ++sums.codecs.curvature[row.part(kCurvature).codec];
-    ++sums.codecs.error[row.part(kError).codec];
     if (level > 0 || stored == 0) continue;
     // What the brick holds beyond one copy of the samples that it covers.
     const auto all_samples = static_cast<std::uint64_t>(layout_.brickSampleBox(0, brick).size());
     const auto own_samples = static_cast<std::uint64_t>(layout_.brickOwnSamples(0, brick).size());
     bytes.aprons_level0 += stored * (all_samples - own_samples) / all_samples;
   }
-  bytes.index = bytes.total - bytes.samples_level0 - bytes.samples_coarser - bytes.ranges -
-                bytes.curvature - bytes.error;
+  bytes.index =
+      bytes.total - bytes.samples_level0 - bytes.samples_coarser - bytes.ranges - bytes.curvature;
   return sums;
 }
 

@@ -9,7 +9,6 @@
 
 #include "isobrick/storage/brick_index.h"
 #include "isobrick/storage/error.h"
-#include "isobrick/storage/error_bins.h"
 #include "isobrick/storage/gradient_spectrum.h"
 #include "isobrick/storage/paged_file.h"
 #include "isobrick/storage/pyramid_info.h"
@@ -36,9 +35,6 @@ class PyramidTables {
   const Lattice& lattice() const { return layout_.lattice(); }
   const ValueRange& valueRange() const { return value_range_; }
   const std::string& provenance() const { return provenance_; }
-  // The bins of the bounds that PyramidParts::errorCodes() reads; none if the pyramid was built
-  // without.
-  const ErrorBins& errorBins() const { return error_bins_; }
   // The rows of the brick table.
   const BrickIndex& index() const { return *index_; }
 
@@ -55,7 +51,6 @@ class PyramidTables {
  private:
   using enum PartKind;
   void readHeader();
-  void readErrorBins(const format::Header& header);
   void readTables(const format::Header& header);
   std::vector<std::byte> readTable(std::uint64_t offset, std::uint64_t bytes,
                                    std::uint64_t checksum, const char* name) const;
@@ -65,7 +60,6 @@ class PyramidTables {
   PyramidSpec spec_;
   BrickLayout layout_;
   ValueRange value_range_;
-  ErrorBins error_bins_;
   std::string provenance_;
   std::unique_ptr<BrickIndex> index_;
 };

@@ -15,6 +15,11 @@
 namespace isobrick {
 namespace {
 
+bool hasErrorKind(const format::Header& header) {
+  const auto* const end = header.kinds + header.kind_count;
+  return std::find(header.kinds, end, format::kErrorKind) != end;
+}
+
 // Asks for samples and ranges as everybody does, so what is unreadable is an Error.
 //
 // A contradiction between two bricks does not say which of them is wrong. The finer one is asked
@@ -46,8 +51,6 @@ class BrickVerifier {
     pyramid_.tileRanges(level, brick, ranges);
     std::vector<std::uint8_t> codes;
     if (level == 0) pyramid_.curvature(brick, codes);
-    std::vector<std::uint8_t> errors;
-    pyramid_.errorCodes(level, brick, 0, errors);
     if (hasStrayFields(level, brick)) return "a field that nothing uses is not zero";
     if (!areFinite(samples)) return "a sample is not a finite number";
     std::vector<ValueRange>& seen = values.seen;
@@ -256,7 +259,7 @@ class BrickVerifier {
   bool hasStrayFields(int level, const Index3& brick) const {
     const BrickIndex::StoredRow row =
         pyramid_.tables().index().storedRow(pyramid_.brickRow(level, brick));
-    bool stray = pyramid_.tables().spec().error_level == 0 && row.tail.error_bytes != 0;
+    bool stray = !hasErrorKind(pyramid_.tables().header()) && row.tail.error_bytes != 0;
     for (const format::PartEntry& part : row.parts)
       stray = stray || (part.stored_bytes == 0 && part.checksum != 0);
     const bool is_constant =
@@ -304,8 +307,8 @@ std::vector<std::string> verifyRest(const Pyramid& pyramid, const CancelFlag* ca
   if (std::any_of(std::begin(header.reserved), std::end(header.reserved), isSet) ||
       std::any_of(std::begin(header.reserved_between), std::end(header.reserved_between), isSet))
     faults.emplace_back("reserved bytes of the header are not zero");
-  if (pyramid.spec().error_level == 0 && (header.error_first != 0 || header.error_width != 0 ||
-                                          header.error_bins != 0 || header.error_last_level != 0))
+  if (!hasErrorKind(header) &&
+      std::any_of(std::begin(header.error_bins), std::end(header.error_bins), isSet))
     faults.emplace_back("the header has bins of errors, and the bricks have none");
   if (std::any_of(header.kinds + header.kind_count, std::end(header.kinds),
                   [](std::uint32_t kind) { return kind != 0; }))

@@ -184,8 +184,6 @@ std::vector<JournalEntry> PyramidWriter::takeOver(const std::string& identity,
   std::vector<JournalEntry>& entries = journal->entries;
   if (entries.size() > brick_table_.size()) entries.clear();
   std::vector<std::byte> buffer;
-  PyramidSpec unfinished = spec_;
-  unfinished.error_level = 0;
   std::size_t good = 0;
   int level = 0;
   for (; good < entries.size(); ++good) {
@@ -195,7 +193,7 @@ std::vector<JournalEntry> PyramidWriter::takeOver(const std::string& identity,
     const auto i =
         static_cast<std::int64_t>(good - level_table_[static_cast<std::size_t>(level)].first_brick);
     const Index3 brick = indexAt(i, layout_.bricks(level));
-    if (!isPossibleRow(entries[good].row, unfinished, layout_, level, brick)) break;
+    if (!isPossibleRow(entries[good].row, spec_, layout_, level, brick)) break;
     if (cancel != nullptr && cancel->requested())
       throw Cancelled("interrupted; '" + file_.temporaryPath() + "' stays as it was");
     if (!isUndamaged(file_.fd(), entries[good], end_, buffer)) break;
@@ -231,24 +229,10 @@ void PyramidWriter::write(const EncodedBrick& brick) {
   row.part(PartKind::kSamples) = place(brick.samples, sampleAlignment(brick.samples));
   row.part(PartKind::kRanges) = place(brick.ranges, format::kPartAlignment);
   row.part(PartKind::kCurvature) = place(brick.curvature, format::kPartAlignment);
-  row.part(PartKind::kError).codec = static_cast<std::uint32_t>(format::Codec::kAbsent);
   row.constant = brick.constant;
   file_.writeGathered(std::span(spans).first(count));
   journal_->add(row, end_);
   ++bricks_written_;
-}
-
-void PyramidWriter::writeError(std::uint64_t row, const EncodedPart& part, std::uint64_t elements) {
-  assert(row < bricks_written_ && spec_.error_level > 0);
-  format::PartEntry entry = {};
-  entry.codec = static_cast<std::uint32_t>(part.codec);
-  if (!part.bytes.empty()) {
-    entry.offset = append(part.bytes.data(), part.bytes.size());
-    entry.checksum = part.checksum;
-    entry.stored_bytes = static_cast<std::uint32_t>(part.bytes.size());
-    brick_table_[row].error_bytes = static_cast<std::uint32_t>(elements);
-  }
-  brick_table_[row].part(PartKind::kError) = entry;
 }
 
 void PyramidWriter::readPart(std::uint64_t row, PartKind part, std::size_t bytes,
@@ -279,7 +263,6 @@ void PyramidWriter::readPart(std::uint64_t row, PartKind part, std::size_t bytes
 std::vector<PartKind> PyramidWriter::kinds() const {
   std::vector<PartKind> kinds = {PartKind::kSamples, PartKind::kRanges};
   if (spec_.has_curvature) kinds.push_back(PartKind::kCurvature);
-  if (spec_.error_level > 0) kinds.push_back(PartKind::kError);
   return kinds;
 }
 
@@ -305,7 +288,7 @@ std::uint64_t PyramidWriter::appendBrickTable() {
       std::memcpy(at, &row.part(kind), sizeof(format::PartEntry));
       at += sizeof(format::PartEntry);
     }
-    format::RowTail tail{row.range_min, row.range_max, row.constant, row.error_bytes, 0};
+    format::RowTail tail{row.range_min, row.range_max, row.constant, 0, 0};
     std::memcpy(at, &tail, sizeof tail);
     at += offsetof(format::RowTail, checksum);
     tail.checksum = checksum64(begin, static_cast<std::size_t>(at - begin), number);
@@ -355,12 +338,6 @@ std::uint64_t PyramidWriter::finish(const Summary& summary, format::Codec codec)
   header.value_max = static_cast<double>(summary.voxel_range.max);
   header.curvature_epsilon = spec_.curvature_epsilon;
   header.noise = summary.noise;
-  if (spec_.error_level > 0) {
-    header.error_first = summary.error_bins.first;
-    header.error_width = summary.error_bins.width;
-    header.error_bins = summary.error_bins.count;
-    header.error_last_level = static_cast<std::uint32_t>(spec_.error_level);
-  }
 
   header.histogram = appendNumbers(summary.histogram.counts(), codec);
   if (summary.gradients)

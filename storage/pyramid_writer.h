@@ -11,7 +11,6 @@
 #include "isobrick/storage/brick_encoder.h"
 #include "isobrick/storage/brick_parts.h"
 #include "isobrick/storage/cancel.h"
-#include "isobrick/storage/error_bins.h"
 #include "isobrick/storage/gradient_spectrum.h"
 #include "isobrick/storage/pyramid_info.h"
 #include "isobrick/storage/voxel_histogram.h"
@@ -56,14 +55,8 @@ class PyramidWriter {
   void write(const EncodedBrick& brick);
   void flush() { journal_->flush(); }
 
-  // Writes the error part of brick `row`, which was written before and can have one: stored or
-  // packed, or constant where all codes are 0. `elements`: bytes of the codes. No journal says so;
-  // a build that goes on makes them again.
-  void writeError(std::uint64_t row, const EncodedPart& part, std::uint64_t elements);
-
-  // Reads the elements of the samples or ranges of brick `row`: a resumed one (< bricksResumed()),
-  // or any that was written where nobody writes. `bytes` is the size that the layout gives.
-  // Thread-safe, also while another thread writes.
+  // Reads the elements of the samples or ranges of brick `row`, a resumed one (< bricksResumed()).
+  // `bytes` is the size that the layout gives. Thread-safe, also while another thread writes.
   void readPart(std::uint64_t row, PartKind part, std::size_t bytes, std::byte* out) const;
 
   // The temporary and its journal outlive this object.
@@ -75,7 +68,6 @@ class PyramidWriter {
     ValueRange voxel_range;
     std::span<const ValueRange> brick_ranges;  // closures of all bricks, in the table's order
     const VoxelHistogram& histogram;           // of the voxels, which have that range
-    ErrorBins error_bins;                      // of the error parts, where the spec has them
     double noise = 0;                          // sigma, in the voxels' units; finite, >= 0
     std::string provenance_json;
     std::optional<GradientSpectrum> gradients;

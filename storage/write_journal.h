@@ -11,7 +11,7 @@
 namespace isobrick {
 
 // The first bytes of a journal.
-inline constexpr char kJournalMagic[8] = {'I', 'S', 'B', 'J', 'R', 'N', 'L', '1'};
+inline constexpr char kJournalMagic[8] = {'I', 'S', 'B', 'J', 'R', 'N', 'L', '2'};
 
 // One brick whose parts are in the temporary file, and where the next one goes.
 struct JournalEntry {
@@ -19,7 +19,7 @@ struct JournalEntry {
   std::uint64_t end = 0;
   std::uint64_t checksum = 0;  // XXH3-64 of the bytes before it: a torn entry is no entry
 };
-static_assert(sizeof(JournalEntry) == 128);
+static_assert(sizeof(JournalEntry) == 104);
 
 // A file beside the temporary: an identity text, then entries in the order of the brick table. It
 // is only ever appended to. Used by one thread at a time. Failures throw ResumableError.

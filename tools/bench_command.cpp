@@ -191,7 +191,7 @@ Command addBenchCommand(CLI::App& app) {
   beginGroup(*sub, kOutputGroup);
   addJsonFlag(*sub, arguments->json);
   sub->footer(
-      "\nA query with a focus, a level or a tolerance gets a row of its own beside the finest "
+      "\nA query with a focus, a level or a curvature gets a row of its own beside the finest "
       "surface.\n\nExample:\n  isobrick bench head.isb --iso 1324 --level 1 --rows isobrick");
   return {sub, [arguments] { return runBench(*arguments); }};
 }

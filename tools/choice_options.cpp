@@ -25,16 +25,6 @@ double parseFieldOfView(const std::string& text) {
   return degrees;
 }
 
-// "150", "3sigma" or "sigma".
-ToleranceText parseTolerance(const std::string& text) {
-  const std::string sigma = "sigma";
-  if (text.size() < sigma.size() ||
-      text.compare(text.size() - sigma.size(), sigma.size(), sigma) != 0)
-    return {parseNumberFrom(text, 0), false};
-  const std::string factor = text.substr(0, text.size() - sigma.size());
-  return {factor.empty() ? 1.0 : parseNumberFrom(factor, 0), true};
-}
-
 double leastSpacing(const GridGeometry& geometry) {
   return std::min({geometry.spacing.x, geometry.spacing.y, geometry.spacing.z});
 }
@@ -103,9 +93,7 @@ void addChoiceOptions(CLI::App& app, ChoiceOptions& options) {
       addParsedOption(app, "--curvature-radius", options.curvature_radius, parseAboveZero, "RHO",
                       "The same for parts flatter than a sphere of RHO voxels: T = 1/(2 RHO^2)");
   curvature->excludes(rho);
-  addParsedOption(app, "--tolerance", options.tolerance, parseTolerance, "V|Nsigma",
-                  "Leave parts at level 1 where no vertex lies more than V, in the data's units, "
-                  "from where the voxels have the isovalue; or N times the noise ('info')");
+  addRemovedOption(app, "--tolerance");
   addViewOptions(app, options);
   addLevelOption(app, options.level, 63)->excludes(focus);
 }
@@ -146,9 +134,6 @@ DetailChoice makeChoice(const ChoiceOptions& options, bool world, const Pyramid&
     const double rho = *options.curvature_radius;
     choice.curvature_tolerance = 1 / (2 * rho * rho);
   }
-  if (options.tolerance)
-    choice.tolerance =
-        options.tolerance->value * (options.tolerance->is_of_noise ? pyramid.noise() : 1.0);
   if (options.eye) choice.view = makeView(options);
   return choice;
 }

@@ -13,19 +13,12 @@ namespace isobrick {
 // Degrees, from corner to corner of a picture whose field of view is not given.
 inline constexpr double kDefaultFieldOfView = 90;
 
-// A tolerance in the units of the data, or a multiple of the noise.
-struct ToleranceText {
-  double value = 0;
-  bool is_of_noise = false;
-};
-
 struct ChoiceOptions {
   std::optional<glm::dvec3> focus;
   std::optional<double> radius;
   std::optional<int> level;
   std::optional<double> curvature_tolerance;
   std::optional<double> curvature_radius;
-  std::optional<ToleranceText> tolerance;
   std::optional<glm::dvec3> eye;
   std::optional<double> pixels_per_radian, pixels_per_unit, pixels;
   std::optional<glm::dvec3> look_at;
@@ -35,12 +28,11 @@ struct ChoiceOptions {
 
 void addChoiceOptions(CLI::App& app, ChoiceOptions& options);
 
-// A further choice in words: "focus=10,20,30 radius=5 tolerance=100", the options' names without
+// A further choice in words: "focus=10,20,30 radius=5 curvature=0.01", the options' names without
 // their dashes. Throws std::invalid_argument with what is wrong.
 ChoiceOptions parseChoice(const std::string& text);
 
-// `world`: the focus and its radius are in world units. The noise is estimated where it is asked
-// for.
+// `world`: the focus and its radius are in world units.
 DetailChoice makeChoice(const ChoiceOptions& options, bool world, const Pyramid& pyramid);
 
 }  // namespace isobrick

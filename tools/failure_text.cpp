@@ -52,8 +52,6 @@ Texts advicesOf(Remedy remedy) {
     case Remedy::kChooseChannel:
       return {"choose an index of the first axis with --select channel=N",
               "'isobrick build' takes one index of the first axis with --select channel=N"};
-    case Remedy::kBuildWithErrors:
-      return {"build it anew with 'isobrick build' and --error"};
     case Remedy::kPackMesh:
       return {"pack it with --meshopt", "extract less"};
     case Remedy::kChooseStack:

@@ -115,12 +115,10 @@ void printInfoJson(const Pyramid& pyramid) {
   // Bricks of all levels by the codec of their part, such as {"lz4": 812, "stored": 3}.
   json["codecs"] = {{"samples", jsonOfCodecs(codecs.samples)},
                     {"ranges", jsonOfCodecs(codecs.ranges)},
-                    {"curvature", jsonOfCodecs(codecs.curvature)},
-                    {"error", jsonOfCodecs(codecs.error)}};
+                    {"curvature", jsonOfCodecs(codecs.curvature)}};
   json["brick_cells"] = spec.brick_cells;
   json["tile_cells"] = spec.tile_cells;
   json["has_curvature"] = spec.has_curvature;
-  json["error_level"] = spec.error_level;
   json["curvature_epsilon"] = spec.curvature_epsilon;
   json["filter"] = filterName(spec.filter);
   json["provenance"] = provenanceOf(pyramid);
@@ -147,20 +145,17 @@ void printInfoText(const Pyramid& pyramid, const std::string& path) {
     const glm::dvec3& to = geometry.direction[axis];
     fmt::print("axis {}     {} {} {}\n", "xyz"[axis], to.x, to.y, to.z);
   }
-  fmt::print("bricks     {} cells, tiles {} cells; filter {}; curvature {}; errors {}\n",
-             spec.brick_cells, spec.tile_cells, filterName(spec.filter),
-             spec.has_curvature ? "yes" : "no",
-             spec.error_level == 0 ? "no" : fmt::format("to level {}", spec.error_level));
+  fmt::print("bricks     {} cells, tiles {} cells; filter {}; curvature {}\n", spec.brick_cells,
+             spec.tile_cells, filterName(spec.filter), spec.has_curvature ? "yes" : "no");
   fmt::print(
       "bytes      {} ({:.2f} x raw): level 0 {} (of it aprons {}), coarser {}, ranges {}, "
-      "curvature {}, errors {}, index {}\n",
+      "curvature {}, index {}\n",
       byteSizeText(bytes.total), static_cast<double>(bytes.total) / static_cast<double>(bytes.raw),
       byteSizeText(bytes.samples_level0), byteSizeText(bytes.aprons_level0),
       byteSizeText(bytes.samples_coarser), byteSizeText(bytes.ranges),
-      byteSizeText(bytes.curvature), byteSizeText(bytes.error), byteSizeText(bytes.index));
-  fmt::print("samples    {}\nranges     {}\ncurvature  {}\nerrors     {}\n",
-             codecsText(codecs.samples), codecsText(codecs.ranges), codecsText(codecs.curvature),
-             codecsText(codecs.error));
+      byteSizeText(bytes.curvature), byteSizeText(bytes.index));
+  fmt::print("samples    {}\nranges     {}\ncurvature  {}\n", codecsText(codecs.samples),
+             codecsText(codecs.ranges), codecsText(codecs.curvature));
   for (int level = 0; level < pyramid.lattice().levels(); ++level) {
     const Index3 samples = pyramid.lattice().samples(level);
     fmt::print("level {:<4} {} x {} x {} samples, {} bricks\n", level, samples.x, samples.y,

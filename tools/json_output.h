@@ -25,7 +25,6 @@ inline Json jsonOfBytes(const PyramidBytes& bytes) {
           {"samples_coarser", bytes.samples_coarser},
           {"ranges", bytes.ranges},
           {"curvature", bytes.curvature},
-          {"error", bytes.error},
           {"index", bytes.index}};
 }
 

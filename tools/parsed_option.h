@@ -43,4 +43,13 @@ CLI::Option* addChoiceOption(CLI::App& app, const std::string& name, T& target,
       ->check(CLI::IsMember(choices));
 }
 
+// An option that is no more, not in --help: whoever gives it is told what to use.
+inline void addRemovedOption(CLI::App& app, const std::string& name) {
+  const auto refuse = [name](const std::string&) {
+    throw CLI::ValidationError(
+        name, "was removed; use 'extract --simplify D', which keeps within D voxels");
+  };
+  app.add_option_function<std::string>(name, refuse)->group("");
+}
+
 }  // namespace isobrick

@@ -95,7 +95,7 @@ void addQueryOptions(CLI::App& app, QueryOptions& options, bool several) {
   app.add_option_function<std::vector<std::string>>(
          "--or-finer", addFiner,
          "Refine where this wants it too, such as 'focus=10,20,30 radius=5'; may be given again. "
-         "What is said of focus, curvature, tolerance, eye and level in one place leaves cells "
+         "What is said of focus, curvature, eye and level in one place leaves cells "
          "coarse together")
       ->type_name("CHOICE")
       ->expected(1)

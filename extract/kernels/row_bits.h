@@ -41,18 +41,6 @@ void keepBitsWhere(std::uint64_t* bits, std::int64_t words, F&& f) {
       if (!f(64 * word + std::countr_zero(left))) bits[word] &= ~(left & -left);
 }
 
-// Bits [from, from + count) of a row go to bits [to, to + count) of another; set ones are added.
-inline void addBits(const std::uint64_t* source, std::int64_t from, std::uint64_t* target,
-                    std::int64_t to, std::int64_t count) {
-  for (std::int64_t done = 0; done < count;) {
-    const std::int64_t source_bit = (from + done) % 64, target_bit = (to + done) % 64;
-    const std::int64_t some = std::min({count - done, 64 - source_bit, 64 - target_bit});
-    const std::uint64_t bits = source[(from + done) / 64] >> source_bit & lowBits(some);
-    target[(to + done) / 64] |= bits << target_bit;
-    done += some;
-  }
-}
-
 inline bool hasBitsBetween(const std::uint64_t* bits, std::int64_t begin, std::int64_t end) {
   for (std::int64_t word = begin / 64; 64 * word < end; ++word)
     if ((bits[word] & bitsBetween(begin, end, word)) != 0) return true;

@@ -10,15 +10,13 @@ namespace isobrick {
 
 bool LeafClassifier::Choice::refines(int level, const Index3& cell) {
   return shared.focus.refines(level, cell) && (!shared.view || shared.view->refines(level, cell)) &&
-         curvature.refines(level, cell) &&
-         (!shared.error || shared.error->refines(context, level, cell));
+         curvature.refines(level, cell);
 }
 
 void LeafClassifier::Choice::keepRefined(int level, const Index3& first, std::int64_t count,
                                          std::uint64_t* bits) {
   keepPlaced(level, first, count, bits);
   curvature.keepRefined(level, first, count, bits);
-  if (shared.error) shared.error->keepRefined(context, level, first, count, bits);
 }
 
 void LeafClassifier::Choice::keepPlaced(int level, const Index3& first, std::int64_t count,
@@ -32,8 +30,6 @@ Share LeafClassifier::Choice::shareOfRefined(int level, const IndexBox& box) con
   if (share != Share::kNone && shared.view)
     share = coarserShare(share, shared.view->shareOfRefined(level, box));
   if (share != Share::kNone) share = coarserShare(share, curvature.shareOfRefined(level, box));
-  if (share != Share::kNone && shared.error)
-    share = coarserShare(share, shared.error->shareOfRefined(level));
   return share;
 }
 
@@ -41,7 +37,7 @@ LeafClassifier::LeafClassifier(const MeshContext& context)
     : lattice_(context.lattice()), residency_(context.residency) {
   choices_.reserve(context.oracles.size());
   for (const ChoiceOracles& shared : context.oracles)
-    choices_.push_back({context, shared, CurvatureOracle(context, *shared.choice)});
+    choices_.push_back({shared, CurvatureOracle(context, *shared.choice)});
 }
 
 bool LeafClassifier::refines(int level, const Index3& cell) {

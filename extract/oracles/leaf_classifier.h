@@ -38,7 +38,6 @@ class LeafClassifier {
 
  private:
   struct Choice {
-    const MeshContext& context;
     const ChoiceOracles& shared;
     CurvatureOracle curvature;
 

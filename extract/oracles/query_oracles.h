@@ -1,11 +1,9 @@
 // The oracles of a query that all its threads share.
 #pragma once
 
-#include <memory>
 #include <optional>
 #include <vector>
 
-#include "isobrick/extract/oracles/error_oracle.h"
 #include "isobrick/extract/oracles/focus_oracle.h"
 #include "isobrick/extract/oracles/view_oracle.h"
 #include "isobrick/extract/query.h"
@@ -18,7 +16,6 @@ struct ChoiceOracles {
   const DetailChoice* choice;
   FocusOracle focus;
   std::optional<ViewOracle> view;
-  std::unique_ptr<ErrorOracle> error;
 };
 
 // Of the query's own choice, then of the further ones. Made once a query, which has to outlive it
@@ -27,11 +24,8 @@ inline std::vector<ChoiceOracles> oraclesOf(const Pyramid& pyramid, const Query&
   const Lattice& lattice = pyramid.lattice();
   std::vector<ChoiceOracles> oracles;
   const auto add = [&](const DetailChoice& choice) {
-    oracles.push_back({&choice, FocusOracle(lattice, choice), std::nullopt, nullptr});
+    oracles.push_back({&choice, FocusOracle(lattice, choice), std::nullopt});
     if (choice.view) oracles.back().view.emplace(lattice, pyramid.spec().geometry, *choice.view);
-    if (choice.tolerance)
-      oracles.back().error = std::make_unique<ErrorOracle>(pyramid, *choice.tolerance,
-                                                           static_cast<float>(query.isovalue));
   };
   add(query);
   for (const DetailChoice& choice : query.or_finer) add(choice);

@@ -46,8 +46,6 @@ class QueryNeeds {
     };
     if (any([](const DetailChoice& choice) { return choice.curvature_tolerance.has_value(); }))
       kinds_.push_back(PartKind::kCurvature);
-    if (any([](const DetailChoice& choice) { return choice.tolerance.has_value(); }))
-      kinds_.push_back(PartKind::kError);
   }
 
   const Pyramid& pyramid() const { return *pyramid_; }
@@ -60,9 +58,8 @@ class QueryNeeds {
     return !culls_ || pyramid_->brickRange(level, brick).crosses(isovalue_);
   }
 
-  // Asks for one needed row or part after the other: those of other bricks too that the error
-  // oracle looks at. Ends with false at the first that is not there; a brick's row is asked for
-  // before its ranges, and those before its samples.
+  // Asks for one needed row or part after the other. Ends with false at the first that is not
+  // there; a brick's row is asked for before its ranges, and those before its samples.
   template <typename Answers>
   bool areMet(int level, const Index3& brick, const Answers& has) const {
     using enum PartKind;
@@ -71,21 +68,7 @@ class QueryNeeds {
         !(has.part(kRanges, 0, brick) && has.part(kCurvature, 0, brick)))
       return false;
     if (!hasRanges(level, brick, has)) return false;
-    if (!isQuiet(level, brick, has) && !has.part(kSamples, level, brick)) return false;
-    if (!takes(kError)) return true;
-    if (level >= kFirstErrorLevel && level <= pyramid_->spec().error_level &&
-        !(has.part(kRanges, level, brick) && has.part(kError, level, brick)))
-      return false;
-    if (level > 0) return true;
-    const Index3 first = glm::max(brick - Index3(1), Index3(0));
-    const Index3 end = glm::min(brick + Index3(2), pyramid_->layout().bricks(0));
-    bool are_met = true;
-    forEachIndex({first, end - first}, [&](const Index3& other) {
-      are_met = are_met && hasRanges(0, other, has) &&
-                (isQuiet(0, other, has) ||
-                 (has.part(kSamples, 0, other) && has.part(kSamples, 1, other / std::int64_t{2})));
-    });
-    return are_met;
+    return isQuiet(level, brick, has) || has.part(kSamples, level, brick);
   }
 
   // False unless the brick's samples are there, or no coarser leaf beside it can need them: such a

@@ -14,7 +14,7 @@ namespace isobrick {
 // Notes may come from any thread. Grows with what is noted, not with the file.
 class ReadLog {
  public:
-  enum Mark : std::uint8_t { kSamples = 1, kRanges = 2, kCurvature = 4, kError = 8, kActive = 16 };
+  enum Mark : std::uint8_t { kSamples = 1, kRanges = 2, kCurvature = 4, kActive = 8 };
   static constexpr Mark markOf(PartKind kind) {
     return static_cast<Mark>(1u << static_cast<unsigned>(kind));
   }

@@ -43,13 +43,6 @@ struct MeshContext {
     pyramid.parts().crossedTiles(level, brick, isovalue, out, query.cancel);
   }
 
-  // PyramidParts::errorCodes() for the query's isovalue.
-  void errorCodes(int level, const Index3& brick, std::vector<std::uint8_t>& out) const {
-    read_log.note(pyramid.parts().brickRow(level, brick), ReadLog::kRanges);
-    read_log.note(pyramid.parts().brickRow(level, brick), ReadLog::kError);
-    pyramid.parts().errorCodes(level, brick, static_cast<double>(isovalue), out, query.cancel);
-  }
-
   bool isCancelled() const { return query.cancel != nullptr && query.cancel->requested(); }
   // Throws Cancelled where that is requested.
   void checkCancel() const {

@@ -68,14 +68,6 @@ void checkCurvatureTolerance(const Pyramid& pyramid, const DetailChoice& choice)
         {.path = pyramid.path()}, {Remedy::kBuildWithCurvature});
 }
 
-void checkTolerance(const DetailChoice& choice) {
-  if (!(*choice.tolerance >= 0) ||
-      !(*choice.tolerance <= static_cast<double>(std::numeric_limits<float>::max())))
-    throw Error("the tolerance must be a finite number >= 0, in the units of the data");
-  if (choice.uniform_level && *choice.uniform_level > 0)
-    throw Error("the tolerance acts on level 0; leave out the uniform level");
-}
-
 void checkBox(const QueryBox& box) {
   for (int axis = 0; axis < 3; ++axis)
     if (!(box.min[axis] < box.max[axis]))
@@ -89,7 +81,6 @@ void checkChoice(const Pyramid& pyramid, const DetailChoice& choice) {
   if (choice.uniform_level) checkUniformLevel(pyramid, *choice.uniform_level);
   if (choice.view) checkView(pyramid, *choice.view);
   if (choice.curvature_tolerance) checkCurvatureTolerance(pyramid, choice);
-  if (choice.tolerance) checkTolerance(choice);
 }
 
 }  // namespace

@@ -24,7 +24,6 @@
 #include "tests/extract/same_mesh.h"
 #include "tests/support/array_source.h"
 #include "tests/support/mesh_checker.h"
-#include "tests/support/reference_error.h"
 #include "tests/support/reference_mesher.h"
 #include "tests/support/temporary_folder.h"
 
@@ -37,7 +36,7 @@ constexpr int kQueriesPerVolume = 6;
 // cannot fail.
 struct Coverage {
   int queries = 0, with_triangles = 0, with_transitions = 0, with_two_levels = 0, flattened = 0,
-      seen = 0, combined = 0, tolerated = 0, promised = 0, bounded = 0;
+      seen = 0, combined = 0;
 };
 
 // The curvature decision of one cell of level 1, from what the pyramid says of it.
@@ -93,55 +92,7 @@ bool isSeen(const ViewPoint& view, int level, const Index3& cell) {
   return outside < (3 * edge / 2 - 1) * d;
 }
 
-// The decision of the tolerance. Where single precision may see it otherwise, its own.
-bool isBeyond(const Pyramid& pyramid, ReferenceTolerance& reference, float isovalue,
-              double tolerance, const Index3& cell) {
-  if (const auto refines = reference.refines(cell)) return *refines;
-  Query query;
-  query.isovalue = static_cast<double>(isovalue);
-  query.tolerance = tolerance;
-  const auto oracles = oraclesOf(pyramid, query);
-  const WorldFrame frame(pyramid.spec().geometry);
-  ReadLog log;
-  return oracles[0].error->refines({pyramid, query, oracles, frame, isovalue, log}, 1, cell);
-}
-
-// The decision of the tolerance on levels that may have stored bounds, for all cells of a level, x
-// fastest, by what the pyramid says. The one block of a tile for all bins that it does not touch
-// may say more of a cell than a coarser one says that touches it, in a bin of its own; then the
-// coarser one is right.
-std::vector<std::uint8_t> boundsBeyond(const Pyramid& pyramid, float isovalue, double tolerance,
-                                       int level) {
-  const Lattice& lattice = pyramid.lattice();
-  const Index3 cells = lattice.cells(level);
-  std::vector<std::uint8_t> are_beyond(static_cast<std::size_t>(elementCount(cells)), 1);
-  const BrickLayout& layout = pyramid.layout();
-  std::vector<std::uint8_t> codes;
-  forEachIndex({Index3(0), layout.bricks(level)}, [&](const Index3& brick) {
-    if (!pyramid.parts().errorCodes(level, brick, static_cast<double>(isovalue), codes)) return;
-    const std::uint8_t* code = codes.data();
-    forEachIndex(layout.brickCellBox(level, brick), [&](const Index3& cell) {
-      const double bound = ErrorCode::decode(*code++) * pyramid.parts().tables().errorBins().unit();
-      are_beyond[static_cast<std::size_t>(linearIndex(cell, cells))] = bound > tolerance ? 1 : 0;
-    });
-  });
-  if (level >= pyramid.parts().tables().errorBins().last_level || level + 1 >= lattice.levels())
-    return are_beyond;
-  const std::vector<std::uint8_t> coarser = boundsBeyond(pyramid, isovalue, tolerance, level + 1);
-  const Index3 coarser_cells = lattice.cells(level + 1);
-  forEachIndex({Index3(0), cells}, [&](const Index3& cell) {
-    const Index3 first = glm::max(cell - Index3(1), Index3(0)) / std::int64_t{2};
-    const Index3 last = glm::min((cell + Index3(1)) / std::int64_t{2}, coarser_cells - Index3(1));
-    forEachIndex({first, last - first + Index3(1)}, [&](const Index3& at) {
-      if (coarser[static_cast<std::size_t>(linearIndex(at, coarser_cells))] == 0)
-        are_beyond[static_cast<std::size_t>(linearIndex(cell, cells))] = 0;
-    });
-  });
-  return are_beyond;
-}
-
-LeafLevels referenceLeaves(const Pyramid& pyramid, const ReferencePyramid& reference,
-                           double isovalue, const DetailChoice& choice) {
+LeafLevels referenceLeaves(const Pyramid& pyramid, double isovalue, const DetailChoice& choice) {
   ReferenceQuery expected;
   expected.iso = isovalue;
   if (choice.focus) {
@@ -153,26 +104,8 @@ LeafLevels referenceLeaves(const Pyramid& pyramid, const ReferencePyramid& refer
     expected.flat = [&, iso = static_cast<float>(isovalue)](const Index3& cell) {
       return isFlatByPyramid(pyramid, iso, *choice.curvature_tolerance, cell);
     };
-  std::map<int, std::vector<std::uint8_t>> bounds;
-  std::optional<ReferenceTolerance> tolerance;
-  if (choice.tolerance)
-    tolerance.emplace(reference, static_cast<double>(static_cast<float>(isovalue)),
-                      *choice.tolerance);
-  std::map<std::int64_t, bool> beyond;  // asked for by each cell of level 0 in it
-  expected.further = [&, iso = static_cast<float>(isovalue)](int level, const Index3& cell) {
-    if (choice.view && !isSeen(*choice.view, level, cell)) return false;
-    if (choice.tolerance && level > 1) {
-      const Lattice& lattice = pyramid.lattice();
-      if (level >= lattice.levels()) return true;
-      std::vector<std::uint8_t>& known = bounds[level];
-      if (known.empty()) known = boundsBeyond(pyramid, iso, *choice.tolerance, level);
-      return known[static_cast<std::size_t>(linearIndex(cell, lattice.cells(level)))] != 0;
-    }
-    if (!choice.tolerance || level != 1) return true;
-    const auto [known, is_new] =
-        beyond.try_emplace(linearIndex(cell, pyramid.lattice().cells(1)), false);
-    if (is_new) known->second = isBeyond(pyramid, *tolerance, iso, *choice.tolerance, cell);
-    return known->second;
+  expected.further = [&](int level, const Index3& cell) {
+    return !choice.view || isSeen(*choice.view, level, cell);
   };
   return referenceLeafLevels(pyramid.lattice(), expected);
 }
@@ -190,7 +123,6 @@ void runVolume(std::uint32_t seed, Rows rows, const TemporaryFolder& folder, Cov
   options.brick_cells =
       is_wide ? std::int64_t{128} << random.uniform(0, 1) : std::int64_t{4} << random.uniform(0, 4);
   options.tile_cells = std::min(options.brick_cells, std::int64_t{2} << random.uniform(0, 2));
-  options.error_level = random.chance(0.3) ? 0 : random.uniform(2, 3);
   const bool subsample = random.chance(0.2);
   options.filter = subsample ? format::Filter::kSubsample : format::Filter::kAverage;
   ArraySource<T> source(dims, values);
@@ -209,12 +141,12 @@ void runVolume(std::uint32_t seed, Rows rows, const TemporaryFolder& folder, Cov
         values[static_cast<std::size_t>(random.uniform(0, static_cast<int>(values.size()) - 1))]);
     query.isovalue = random.chance(0.6) ? sample : sample + random.real(-3, 3);
     static_cast<DetailChoice&>(query) = randomChoice(random, pyramid, 0.85);
-    LeafLevels leaves = referenceLeaves(pyramid, reference_pyramid, query.isovalue, query);
+    LeafLevels leaves = referenceLeaves(pyramid, query.isovalue, query);
     if (random.chance(0.25))
       for (int further = random.uniform(1, 2); further > 0; --further) {
         query.or_finer.push_back(randomChoice(random, pyramid, 1));
-        leaves = finerLeafLevels(leaves, referenceLeaves(pyramid, reference_pyramid, query.isovalue,
-                                                         query.or_finer.back()));
+        leaves = finerLeafLevels(leaves,
+                                 referenceLeaves(pyramid, query.isovalue, query.or_finer.back()));
       }
     IndexedMeshSink sink;
     const ExtractionReport report = extractIsosurface(pyramid, query, sink);
@@ -228,17 +160,7 @@ void runVolume(std::uint32_t seed, Rows rows, const TemporaryFolder& folder, Cov
     expectSameLeaves(pyramid, query, reference.leaves);
     if (testing::Test::HasFatalFailure()) return;
 
-    if (query.tolerance && !query.view && !query.focus && !query.curvature_tolerance) {
-      ASSERT_EQ(
-          brokenPromise(reference_pyramid, reference,
-                        static_cast<double>(static_cast<float>(query.isovalue)), *query.tolerance),
-          "");
-      coverage.promised += report.levels.size() > 1 ? 1 : 0;
-      coverage.bounded += !report.levels.empty() && report.levels.back().level > 1 ? 1 : 0;
-    }
-
     ++coverage.queries;
-    coverage.tolerated += query.tolerance && report.levels.size() > 1 ? 1 : 0;
     coverage.with_triangles += report.triangles > 0 ? 1 : 0;
     coverage.with_transitions += reference.transitionCellCount() > 0 ? 1 : 0;
     coverage.with_two_levels += report.levels.size() > 1 ? 1 : 0;
@@ -266,12 +188,9 @@ Coverage runVolumes(int volumes, Rows rows) {
   }
   std::printf(
       "%d queries: %d with triangles, %d with transition fans, %d with several levels, of them %d "
-      "with a curvature tolerance, %d with a view, %d with several choices, %d with a tolerance, "
-      "%d "
-      "with nothing else, %d of these with leaves of level 2 or 3\n",
+      "with a curvature tolerance, %d with a view, %d with several choices\n",
       coverage.queries, coverage.with_triangles, coverage.with_transitions,
-      coverage.with_two_levels, coverage.flattened, coverage.seen, coverage.combined,
-      coverage.tolerated, coverage.promised, coverage.bounded);
+      coverage.with_two_levels, coverage.flattened, coverage.seen, coverage.combined);
   return coverage;
 }
 
@@ -284,8 +203,6 @@ TEST(ExtractProperty, MatchesTheReferenceOnRandomQueries) {
   EXPECT_GT(coverage.flattened, coverage.queries / 10);
   EXPECT_GT(coverage.seen, coverage.queries / 20);
   EXPECT_GT(coverage.combined, coverage.queries / 20);
-  EXPECT_GT(coverage.promised, coverage.queries / 30);
-  EXPECT_GT(coverage.bounded, coverage.queries / 100);
 }
 
 TEST(ExtractProperty, MatchesTheReferenceOnRowsOfSeveralWords) {

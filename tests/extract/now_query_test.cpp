@@ -179,7 +179,6 @@ void runVolume(std::uint32_t seed, const TemporaryFolder& folder, NowCoverage& c
   BuildOptions options;
   options.brick_cells = std::int64_t{4} << random.uniform(0, 1);
   options.tile_cells = std::min(options.brick_cells, std::int64_t{2} << random.uniform(0, 2));
-  options.error_level = random.chance(0.3) ? 0 : random.uniform(2, 3);
   options.codec = random.chance(0.5) ? format::Codec::kStored : format::Codec::kLz4;
   ArraySource<T> source(dims, values);
   const std::string path = folder.file("case.isb");
@@ -245,7 +244,6 @@ class AnyBudget {
     const std::vector<std::uint8_t> values = random_.field<std::uint8_t>(dims);
     BuildOptions options;
     options.brick_cells = std::int64_t{4} << random_.uniform(0, 1);
-    options.error_level = random_.chance(0.5) ? 0 : 2;
     options.codec = random_.chance(0.5) ? format::Codec::kStored : format::Codec::kLz4;
     ArraySource<std::uint8_t> source(dims, values);
     buildPyramid(source, path_, options);
@@ -420,25 +418,20 @@ TEST_P(NowQueryOfAHead, RefinesNearTheFocusFirst) {
   EXPECT_GT(report.levels.back().level, 1);
 }
 
-// All that is fetched counts, ranges and what the error oracle looks at beside a brick: else it
-// would push out the coarse bricks that were fetched first and that all others need.
+// All that is fetched counts: else it would push out the coarse bricks that were fetched first and
+// that all others need.
 TEST_P(NowQueryOfAHead, WhatIsFetchedFitsIntoTheBudget) {
   const Pyramid whole(path_);
-  Query within_tolerance = query_;
-  within_tolerance.tolerance = 20;
-  for (const Query& query : {query_, within_tolerance}) {
-    query_ = query;
-    trianglesOf(whole, query);
-    for (const std::uint64_t quarters : {1, 2, 3})
-      // Also what comes in while the next answer is made.
-      for (const milliseconds between : {milliseconds(10000), milliseconds(0)}) {
-        SCOPED_TRACE(testing::Message() << quarters << " quarters, " << between.count() << " ms");
-        const Pyramid pyramid(path_, whole.parts().heldBytes() * quarters / 4);
-        Extractor extractor(pyramid);
-        EXPECT_FALSE(refine(extractor, between).is_complete);
-        EXPECT_EQ(pyramid.parts().counters().parts_released, 0u);
-      }
-  }
+  trianglesOf(whole, query_);
+  for (const std::uint64_t quarters : {1, 2, 3})
+    // Also what comes in while the next answer is made.
+    for (const milliseconds between : {milliseconds(10000), milliseconds(0)}) {
+      SCOPED_TRACE(testing::Message() << quarters << " quarters, " << between.count() << " ms");
+      const Pyramid pyramid(path_, whole.parts().heldBytes() * quarters / 4);
+      Extractor extractor(pyramid);
+      EXPECT_FALSE(refine(extractor, between).is_complete);
+      EXPECT_EQ(pyramid.parts().counters().parts_released, 0u);
+    }
 }
 
 // What came in and went again before it was used is not waited for anew for ever.
@@ -486,56 +479,6 @@ TEST_P(NowQueryOfAHead, WhatOthersBringInIsWaitedFor) {
   for (MissingBrick& brick : there) brick.lacks_parts = brick.needs_samples = false;
   fetcher.announce(needs, there, 0);
   EXPECT_FALSE(fetcher.wait(std::chrono::seconds(10)));
-}
-
-// Two bricks that each lack parts beside them, with room for one of these: threads that are at both
-// leave each other none, and it comes in all the same.
-TEST_P(NowQueryOfAHead, WhatHasRoomAloneComesIn) {
-  query_.tolerance = 20;
-  std::uint64_t part_bytes = 0;  // of the largest part that is lacking
-  // All but what lies beside two bricks that are not neighbours.
-  const auto bringNearlyAllIn = [&](const Pyramid& pyramid) {
-    const QueryNeeds needs(pyramid, query_);
-    std::vector<MissingBrick> missing;
-    forEachIndex({Index3(0), pyramid.layout().bricks(0)}, [&](const Index3& brick) {
-      if (missing.size() == 2 || (!missing.empty() && brick.z - missing[0].brick.z < 4)) return;
-      std::uint64_t lacking = 0;
-      needs.areMet(
-          0, brick,
-          BrickAnswers{
-              [](int, const Index3&) { return true; },
-              [&](PartKind kind, int level, const Index3& of) {
-                const std::uint64_t bytes = pyramid.parts().heldBytes(kind, level, of);
-                if (kind == PartKind::kSamples && level == 0 && of.z > brick.z && bytes > 0) {
-                  lacking = bytes;
-                  return false;
-                }
-                EXPECT_NE(pyramid.parts().fetch(kind, level, of), BrickPager::Fetched::kNever);
-                return true;
-              }});
-      if (lacking == 0 || pyramid.parts().heldBytes(PartKind::kSamples, 0, brick) == 0) return;
-      missing.push_back({0, brick, false, true});
-      part_bytes = std::max(part_bytes, lacking);
-    });
-    return missing;
-  };
-  std::uint64_t held_bytes = 0;
-  {
-    const Pyramid pyramid(path_);
-    ASSERT_EQ(bringNearlyAllIn(pyramid).size(), 2u);
-    held_bytes = pyramid.parts().heldBytes();
-  }
-  for (int time = 0; time < 200; ++time) {
-    const Pyramid pyramid(path_, held_bytes + 2 * part_bytes);  // twice: for the packed bytes
-    const std::vector<MissingBrick> missing = bringNearlyAllIn(pyramid);
-    ASSERT_EQ(pyramid.parts().counters().parts_released, 0u);
-    const std::uint64_t since = 0;  // nothing goes
-    BrickFetcher fetcher;
-    fetcher.beginQuery();
-    fetcher.announce(QueryNeeds(pyramid, query_), missing, since);
-    ASSERT_TRUE(fetcher.wait(std::chrono::seconds(10))) << time;
-    EXPECT_EQ(pyramid.parts().counters().parts_released, 0u);
-  }
 }
 
 TEST_P(NowQueryOfAHead, TwoExtractorsAtOnceBothRefineToTheEnd) {

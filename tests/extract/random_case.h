@@ -98,11 +98,6 @@ inline DetailChoice randomChoice(RandomCase& random, const Pyramid& pyramid, dou
     return random.chance(0.3) ? glm::round(point) : point;
   };
   DetailChoice choice;
-  const auto tolerance = [&] { return random.chance(0.1) ? 0.0 : random.real(0, 120); };
-  if (random.chance(0.15)) {
-    choice.tolerance = tolerance();
-    return choice;
-  }
   if (random.chance(0.25)) {
     ViewPoint& view = choice.view.emplace();
     view.eye = anywhere();
@@ -127,7 +122,6 @@ inline DetailChoice randomChoice(RandomCase& random, const Pyramid& pyramid, dou
   }
   if (choice.uniform_level.value_or(0) == 0 && random.chance(0.6))
     choice.curvature_tolerance = random.chance(0.15) ? 0.0 : std::exp(random.real(-9, 5));
-  if (choice.uniform_level.value_or(0) == 0 && random.chance(0.2)) choice.tolerance = tolerance();
   return choice;
 }
 

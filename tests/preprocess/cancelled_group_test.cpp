@@ -38,7 +38,6 @@ class InACancelledGroup : public testing::Test {
   void build(const std::string& name) const {
     BuildOptions options;
     options.brick_cells = 16;
-    options.error_level = 2;
     buildPyramid(*makePhantomSource(PhantomSpec{"head", 70, {}, 16}), folder_.file(name), options);
   }
   std::shared_ptr<const Pyramid> pyramid() const {

@@ -93,7 +93,6 @@ std::uint64_t leastMemory(VolumeSource& source, const BuildOptions& options) {
   spec.brick_cells = options.brick_cells;
   spec.tile_cells = options.tile_cells;
   spec.has_curvature = options.with_curvature;
-  spec.error_level = options.error_level;
   for (std::uint64_t bytes = std::uint64_t{1} << 20;; bytes += bytes / 32) {
     try {
       makeBuildPlan(spec, source, bytes, tbb::this_task_arena::max_concurrency());
@@ -239,30 +238,6 @@ TEST(Resume, AnyInterruptionGivesTheSameBytes) {
     EXPECT_GT(interruptions, 5);
     EXPECT_GT(kept, 4);
   }
-}
-
-// The levels are kept then, and the errors found again.
-TEST(Resume, AnInterruptionWhileErrorsAreFoundGivesTheSameBytes) {
-  const TemporaryFolder folder;
-  const Index3 dims(50, 40, 70);
-  const auto values = testVolume<std::uint16_t>(dims, 3);
-  BuildOptions options = smallBricks();
-  options.error_level = 3;
-  const std::string reference = build(dims, values, folder.file("reference.isb"), options, false);
-  CancelFlag cancel;
-  BuildOptions broken = options;
-  broken.cancel = &cancel;
-  broken.progress = [&](std::string_view phase, double) {
-    if (phase == "errors") cancel.request();
-  };
-  ArraySource<std::uint16_t> source(dims, values);
-  const std::string path = folder.file("a.isb");
-  EXPECT_THROW(buildPyramid(source, path, broken), Cancelled);
-  EXPECT_TRUE(fs::exists(path + ".partial"));
-  EXPECT_FALSE(fs::exists(path));
-  options.resume = true;
-  EXPECT_TRUE(build(dims, values, path, options, true) == reference);
-  EXPECT_FALSE(fs::exists(path + ".partial"));
 }
 
 // Leaves a partial of a build that failed late, and returns the finished file.

@@ -77,32 +77,6 @@ INSTANTIATE_TEST_SUITE_P(Scans, RealVolume,
                            return path.substr(0, path.find('/'));
                          });
 
-// The goal of the error oracle on a noisy scan: without a focus, at most 0.65 of the triangles of
-// level 0, and closed.
-TEST(RealVolumes, ToleranceSavesTrianglesOfTheHead) {
-  const TemporaryFolder folder;
-  BuildOptions options;
-  options.with_curvature = false;
-  const auto source = openItkSource(scanPath("vhf_head_ct/vhf_head.nrrd"));
-  buildPyramid(*source, folder.file("scan.isb"), options);
-  const Pyramid pyramid(folder.file("scan.isb"));
-  for (const auto& [isovalue, tolerance] : std::map<double, double>{{500, 150}, {1250, 300}}) {
-    Query query;
-    query.isovalue = isovalue;
-    CountingSink all;
-    extractIsosurface(pyramid, query, all);
-    query.tolerance = tolerance;
-    const IndexedMesh mesh = extractMesh(pyramid, query);
-    EXPECT_LE(static_cast<double>(mesh.triangles.size() / 3),
-              0.65 * static_cast<double>(all.triangles()))
-        << "at " << isovalue;
-    const MeshReport report =
-        checkMesh(mesh.positions, mesh.triangles,
-                  volumeOptions(pyramid.spec().geometry, pyramid.spec().voxels));
-    EXPECT_TRUE(report.ok()) << "at " << isovalue << ": " << report.summary();
-  }
-}
-
 // The DICOM folder is the NRRD in Hounsfield units, 1024 lower.
 TEST(RealVolumes, DicomFolderGivesTheMeshOfTheNrrd) {
   const TemporaryFolder folder;

@@ -579,33 +579,6 @@ TEST(HostileFile, ValuesThatNoVoxelHasAreRefused) {
   }
 }
 
-// Bins of errors that are nowhere near the values.
-TEST(HostileFile, BinsOfErrorsFarFromTheValuesAreRefused) {
-  const DiskFolder folder;
-  NoiseSource source(Index3(33), VoxelType::kUint8);
-  BuildOptions options = smallBricks();
-  options.error_level = 2;
-  buildPyramid(source, folder.file("good.isb"), options);
-  const Bytes good = readWholeFile(folder.file("good.isb"));
-  const auto openError = [&](const std::function<void(format::Header&)>& edit) {
-    PyramidDraft draft(good);
-    edit(draft.header);
-    writeBytes(folder.file("bad.isb"), draft.seal());
-    return judge(folder.file("bad.isb")).open_error;
-  };
-  EXPECT_EQ(openError([](format::Header&) {}), "");
-  for (const double number : {1e6, -1e6, 1e300, -1e300, std::nan(""), HUGE_VAL}) {
-    EXPECT_NE(openError([&](format::Header& h) { h.error_first = number; }).find("bins of errors"),
-              std::string::npos)
-        << number;
-    EXPECT_NE(openError([&](format::Header& h) { h.error_width = number; }).find("bins of errors"),
-              std::string::npos)
-        << number;
-  }
-  for (const std::uint32_t bins : {0u, 257u, ~0u})
-    EXPECT_NE(openError([&](format::Header& h) { h.error_bins = bins; }), "");
-}
-
 TEST(HostileFile, DimensionsThatPromiseMoreThanTheFileHolds) {
   const DiskFolder folder;
   const Bytes good = readWholeFile(buildTinyFile(folder));
@@ -896,7 +869,8 @@ TEST(HostileFile, ReservedFieldsAndValueRangesThatLieAreFound) {
   EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.header.value_max += 1; }).rest.size(), 2u);
   EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.header.kinds[7] = 1; }).rest.size(), 1u);
   EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.header.reserved_between[3] = 1; }).rest.size(), 1u);
-  EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.bricks[2].row.error_bytes = 1; }).damaged,
+  EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.header.error_bins[5] = 1; }).rest.size(), 1u);
+  EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.bricks[2].row.unused = 1; }).damaged,
             (std::vector<std::size_t>{2}));
   EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.bricks[0].row.range_max += 1; }).damaged,
             (std::vector<std::size_t>{0}));
@@ -916,10 +890,10 @@ TEST(HostileFile, PartsOfUnknownKindsArePassedOver) {
   const Pyramid pyramid(path), newer(later);
   forAllBricks(pyramid, [&](int level, const Index3& brick) {
     const BrickSamples a = pyramid.samples(level, brick), b = newer.samples(level, brick);
-    ASSERT_EQ(std::memcmp(a.part.data(), b.part.data(),
-                          partBytes({}, pyramid.spec(), pyramid.layout(), PartKind::kSamples, level,
-                                    brick)),
-              0);
+    ASSERT_EQ(
+        std::memcmp(a.part.data(), b.part.data(),
+                    partBytes(pyramid.spec(), pyramid.layout(), PartKind::kSamples, level, brick)),
+        0);
     EXPECT_EQ(pyramid.brickRange(level, brick), newer.brickRange(level, brick));
   });
   // Kinds are listed once, in ascending order, samples and ranges first.

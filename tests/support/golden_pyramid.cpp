@@ -65,15 +65,13 @@ struct BrickValues {
   float least = 0, greatest = 0;
   std::vector<float> samples, ranges;
   std::vector<std::uint32_t> codes;
-  std::vector<std::uint32_t> errors;  // of all cells, bin by bin
 };
 
 std::string dumpOfBrick(const BrickValues& brick, const std::string& parts) {
   return std::string("brick") + texts(brick.index) + " of level " + text(brick.level) + ": range " +
          text(brick.least) + " " + text(brick.greatest) + "; samples" + texts(brick.count) +
          " from" + texts(brick.first_sample) + "\n" + parts + elements("samples", brick.samples) +
-         elements("tile ranges", brick.ranges) + elements("curvature", brick.codes) +
-         elements("error", brick.errors);
+         elements("tile ranges", brick.ranges) + elements("curvature", brick.codes);
 }
 
 // The header's numbers, one a line.
@@ -88,8 +86,6 @@ struct HeaderValues {
   double value_min = 0, value_max = 0, curvature_epsilon = 0, noise = 0;
   std::vector<std::uint32_t> histogram;
   std::vector<float> gradients;
-  double error_first = 0, error_width = 0;
-  std::uint32_t error_bins = 0, error_level = 0;
 };
 
 std::string dumpOfHeader(const HeaderValues& header) {
@@ -100,9 +96,7 @@ std::string dumpOfHeader(const HeaderValues& header) {
       << texts(header.spacing) << "\norigin" << texts(header.origin) << "\ndirection"
       << texts(header.direction) << "\nlength_unit " << header.length_unit << "\nvalues "
       << text(header.value_min) << ' ' << text(header.value_max) << "\ncurvature_epsilon "
-      << text(header.curvature_epsilon) << "\nnoise " << text(header.noise) << "\nerror_level "
-      << header.error_level << ", " << header.error_bins << " bins of " << text(header.error_width)
-      << " from " << text(header.error_first) << '\n'
+      << text(header.curvature_epsilon) << "\nnoise " << text(header.noise) << '\n'
       << elements("histogram", header.histogram) << elements("gradients", header.gradients);
   return out.str();
 }
@@ -143,8 +137,6 @@ std::vector<GoldenPyramid> goldenPyramids() {
       golden.options.tile_cells = 2;
       golden.options.codec = codec;
       golden.options.with_curvature = result.size() % 2 == 0;
-      constexpr int kErrorLevels[] = {0, 3, 2};
-      golden.options.error_level = kErrorLevels[result.size() / 2 % 3];
       const bool subsamples = result.size() % 5 == 4;
       if (subsamples) golden.options.filter = format::Filter::kSubsample;
       golden.options.tool_version = "golden";
@@ -193,17 +185,13 @@ std::string dumpOf(const PlainPyramid& pyramid) {
                                      pyramid.curvature_epsilon,
                                      pyramid.noise,
                                      {pyramid.histogram.begin(), pyramid.histogram.end()},
-                                     pyramid.gradients,
-                                     pyramid.error_first,
-                                     pyramid.error_width,
-                                     pyramid.error_bins,
-                                     pyramid.error_last_level});
+                                     pyramid.gradients});
   for (std::size_t l = 0; l < pyramid.levels.size(); ++l)
     result += dumpOfLevel(static_cast<int>(l), pyramid.levels[l].samples, pyramid.levels[l].bricks);
   for (const PlainBrick& brick : pyramid.bricks) {
     std::string parts;
-    static const char* const kNames[] = {"samples", "tile ranges", "curvature", "error"};
-    for (std::size_t i = 0; i < 4; ++i)
+    static const char* const kNames[] = {"samples", "tile ranges", "curvature"};
+    for (std::size_t i = 0; i < 3; ++i)
       parts += std::string("  part ") + kNames[i] + ": " + codecText(brick.parts[i].codec) + ", " +
                text(brick.parts[i].stored_bytes) + " bytes at " + text(brick.parts[i].offset) +
                "\n";
@@ -215,16 +203,12 @@ std::string dumpOf(const PlainPyramid& pyramid) {
                        brick.range.max,
                        brick.samples,
                        {},
-                       {},
                        {}};
     for (const PlainRange& range : brick.tile_ranges) {
       values.ranges.push_back(range.min);
       values.ranges.push_back(range.max);
     }
     values.codes.assign(brick.codes.begin(), brick.codes.end());
-    for (std::uint32_t bin = 0; brick.parts[3].codec != 2 && bin < pyramid.error_bins; ++bin)
-      for (const std::uint8_t code : plainErrorCodes(pyramid, brick, bin))
-        values.errors.push_back(code);
     result += dumpOfBrick(values, parts);
   }
   return result;
@@ -252,10 +236,6 @@ std::string dumpOf(const Pyramid& pyramid) {
   header.value_max = static_cast<double>(pyramid.valueRange().max);
   header.curvature_epsilon = spec.curvature_epsilon;
   header.noise = pyramid.noise();
-  header.error_first = pyramid.parts().tables().errorBins().first;
-  header.error_width = pyramid.parts().tables().errorBins().width;
-  header.error_bins = pyramid.parts().tables().errorBins().count;
-  header.error_level = static_cast<std::uint32_t>(spec.error_level);
   const VoxelHistogram histogram = pyramid.histogram();
   header.histogram.assign(histogram.counts().begin(), histogram.counts().end());
   if (const auto gradients = pyramid.parts().tables().gradients())
@@ -280,7 +260,6 @@ std::string dumpOf(const Pyramid& pyramid) {
                          static_cast<float>(range.max),
                          {},
                          {},
-                         {},
                          {}};
       visitVoxelType(spec.voxel_type, [&](auto tag) {
         using T = typename decltype(tag)::Type;
@@ -296,11 +275,6 @@ std::string dumpOf(const Pyramid& pyramid) {
       std::vector<std::uint8_t> codes;
       if (level == 0) pyramid.parts().curvature(index, codes);
       values.codes.assign(codes.begin(), codes.end());
-      const ErrorBins& bins = pyramid.parts().tables().errorBins();
-      for (std::uint32_t bin = 0; bin < bins.count; ++bin) {
-        pyramid.parts().errorCodes(level, index, bins.first + (bin + 0.5) * bins.width, codes);
-        values.errors.insert(values.errors.end(), codes.begin(), codes.end());
-      }
       result += dumpOfBrick(values, "");
     }
   }

@@ -127,7 +127,7 @@ class Mutation {
         &header.spacing[0],   &header.spacing[1],   &header.spacing[2],        &header.origin[0],
         &header.origin[1],    &header.origin[2],    &header.direction[0],      &header.direction[4],
         &header.direction[8], &header.direction[1], &header.curvature_epsilon, &header.value_min,
-        &header.value_max,    &header.noise,        &header.error_first,       &header.error_width};
+        &header.value_max,    &header.noise};
     double& number = *numbers[randomBelow(random_, std::size(numbers))];
     number = nastyDouble(random_);
     // A value that no voxel has is refused at once.

@@ -171,21 +171,9 @@ PlainPyramid readHeader(FileBytes& file) {
   require(std::isfinite(p.curvature_epsilon) && p.curvature_epsilon >= 0, "curvature_epsilon");
   p.noise = file.f64(296);
   require(p.noise >= 0 && p.noise <= 2 * (p.value_max - p.value_min), "noise");
-  p.error_first = file.f64(336);
-  p.error_width = file.f64(344);
-  p.error_bins = file.u32(352);
-  p.error_last_level = file.u32(356);
-  const double reach =
-      std::max(std::abs(p.value_min), std::abs(p.value_max)) * 65 / 64 + std::ldexp(1.0, -120);
-  if (std::find(p.kinds.begin(), p.kinds.end(), 3u) != p.kinds.end())
-    require(std::abs(p.error_first) <= reach && p.error_width >= std::ldexp(1.0, -200) &&
-                p.error_width * p.error_bins <= 2 * reach && p.error_bins >= 1 &&
-                p.error_bins <= 256 && p.error_last_level >= 2 && p.error_last_level <= 3,
-            "bins of errors");
-  else
-    require(
-        p.error_first == 0 && p.error_width == 0 && p.error_bins == 0 && p.error_last_level == 0,
-        "bins without errors");
+  if (std::find(p.kinds.begin(), p.kinds.end(), 3u) == p.kinds.end())
+    for (std::uint64_t i = 336; i < 360; ++i)
+      require(file.number(i, 1) == 0, "bins without errors");
   p.length_unit = file.u32(360);
   require(p.length_unit <= 1, "length_unit");
   for (std::uint64_t i = 364; i < 504; ++i)
@@ -315,22 +303,6 @@ void readElements(const FileBytes& file, std::uint32_t voxel_type, float constan
   if (hasBytes(brick.parts[2])) brick.codes = elementsOf(file, brick.parts[2], codes);
 }
 
-// The cells of a brick's tile.
-PlainIndex tileCells(const PlainBrick& brick, std::int64_t tile_cells, std::size_t tile) {
-  const auto n = static_cast<std::int64_t>(tile);
-  const PlainIndex at = {n % brick.tiles[0], n / brick.tiles[0] % brick.tiles[1],
-                         n / (brick.tiles[0] * brick.tiles[1])};
-  PlainIndex cells{};
-  for (std::size_t axis = 0; axis < 3; ++axis)
-    cells[axis] = std::min(tile_cells, brick.cells[axis] - at[axis] * tile_cells);
-  return cells;
-}
-
-std::int64_t blocksOf(const PlainPyramid& p, const PlainRange& range) {
-  return 2 + plainErrorBin(p, static_cast<double>(range.max)) -
-         plainErrorBin(p, static_cast<double>(range.min));
-}
-
 PlainBrick readBrick(FileBytes& file, const PlainPyramid& p, int level, const PlainIndex& index,
                      std::uint64_t at) {
   PlainBrick brick;
@@ -347,18 +319,17 @@ PlainBrick readBrick(FileBytes& file, const PlainPyramid& p, int level, const Pl
     brick.nodes[axis] = ceilOf(brick.cells[axis], 2);
   }
   const std::uint32_t voxel = kVoxelSizes[p.voxel_type];
-  const std::int64_t error_bytes = file.u32(at + 24 * p.kinds.size() + 12);
-  const std::int64_t bytes[4] = {product(brick.count) * voxel, product(brick.tiles) * 2 * voxel,
-                                 product(brick.nodes) * 3, error_bytes};
-  brick.parts[2].codec = brick.parts[3].codec = 2;
+  const std::int64_t bytes[3] = {product(brick.count) * voxel, product(brick.tiles) * 2 * voxel,
+                                 product(brick.nodes) * 3};
+  brick.parts[2].codec = 2;
   for (const std::uint32_t kind : p.kinds) {
     require(kind < 4, "a kind that this reader does not know");
-    const bool has_it = kind < 2 || (kind == 2 && level == 0) ||
-                        (kind == 3 && level >= 2 && level <= static_cast<int>(p.error_last_level));
-    brick.parts[kind] = readPart(file, at, bytes[kind], has_it, kind == 0);
+    if (kind < 3)
+      brick.parts[kind] = readPart(file, at, bytes[kind], kind < 2 || level == 0, kind == 0);
+    else if (file.u32(at + 16) > 0)  // section 9: passed over
+      file.checkHash(file.u64(at), file.u32(at + 16), file.u64(at + 8), "errors");
     at += 24;
   }
-  require(hasBytes(brick.parts[3]) || error_bytes == 0, "bytes of errors that are not stored");
   brick.range = {file.f32(at), file.f32(at + 4)};
   require(brick.range.min <= brick.range.max, "range of a brick");
   const float constant = file.f32(at + 8);
@@ -371,14 +342,6 @@ PlainBrick readBrick(FileBytes& file, const PlainPyramid& p, int level, const Pl
   for (const PlainRange& range : brick.tile_ranges)
     require(range.min <= range.max && range.min >= brick.range.min && range.max <= brick.range.max,
             "range of a tile");
-  if (hasBytes(brick.parts[3])) {
-    brick.errors = elementsOf(file, brick.parts[3], error_bytes);
-    std::int64_t blocks = 0;
-    for (std::size_t tile = 0; tile < brick.tile_ranges.size(); ++tile)
-      blocks +=
-          product(tileCells(brick, p.tile_cells, tile)) * blocksOf(p, brick.tile_ranges[tile]);
-    require(blocks == error_bytes, "bytes of errors");
-  }
   return brick;
 }
 
@@ -434,8 +397,6 @@ void requirePartsInOrder(const PlainPyramid& p) {
       require(part.offset >= end, "parts in another order than the brick table");
       end = part.offset + part.stored_bytes;
     }
-  for (const PlainBrick& brick : p.bricks)
-    require(!hasBytes(brick.parts[3]) || brick.parts[3].offset >= end, "errors before other parts");
 }
 
 }  // namespace
@@ -504,39 +465,6 @@ double plainCurvatureOfCode(std::uint8_t code) {
   if (code == 0) return 0;
   if (code == 255) return std::numeric_limits<double>::infinity();
   return static_cast<double>(static_cast<float>(std::pow(2.0, (code - 176) / 8.0)));
-}
-
-std::uint32_t plainErrorBin(const PlainPyramid& pyramid, double value) {
-  const double bin = std::floor((value - pyramid.error_first) / pyramid.error_width);
-  if (bin < 0) return 0;
-  return bin >= pyramid.error_bins ? pyramid.error_bins - 1 : static_cast<std::uint32_t>(bin);
-}
-
-std::vector<std::uint8_t> plainErrorCodes(const PlainPyramid& pyramid, const PlainBrick& brick,
-                                          std::uint32_t bin) {
-  std::vector<std::uint8_t> codes(static_cast<std::size_t>(product(brick.cells)), 0);
-  if (brick.errors.empty()) return codes;
-  std::int64_t at = 0;
-  for (std::size_t tile = 0; tile < brick.tile_ranges.size(); ++tile) {
-    const PlainRange& range = brick.tile_ranges[tile];
-    const std::uint32_t first = plainErrorBin(pyramid, static_cast<double>(range.min));
-    const std::uint32_t last = plainErrorBin(pyramid, static_cast<double>(range.max));
-    const std::int64_t block = bin < first || bin > last ? 0 : bin - first + 1;
-    const PlainIndex cells = tileCells(brick, pyramid.tile_cells, tile);
-    const auto n = static_cast<std::int64_t>(tile);
-    const PlainIndex low = {n % brick.tiles[0] * pyramid.tile_cells,
-                            n / brick.tiles[0] % brick.tiles[1] * pyramid.tile_cells,
-                            n / (brick.tiles[0] * brick.tiles[1]) * pyramid.tile_cells};
-    std::int64_t from = at + block * product(cells);
-    for (std::int64_t z = 0; z < cells[2]; ++z)
-      for (std::int64_t y = 0; y < cells[1]; ++y)
-        for (std::int64_t x = 0; x < cells[0]; ++x, ++from)
-          codes[static_cast<std::size_t>(
-              ((low[2] + z) * brick.cells[1] + low[1] + y) * brick.cells[0] + low[0] + x)] =
-              brick.errors[static_cast<std::size_t>(from)];
-    at += product(cells) * blocksOf(pyramid, range);
-  }
-  return codes;
 }
 
 double plainCurvatureBound(const std::uint8_t codes[3], const PlainRange& tile_range,

@@ -38,8 +38,7 @@ struct PlainBrick {
   PlainIndex nodes{};
   std::vector<std::uint8_t> codes;  // three a node; empty where absent
   PlainRange range;
-  std::vector<std::uint8_t> errors;  // section 9, of all tiles; empty where absent or all 0
-  std::array<PlainPart, 4> parts;    // by kind; one that the header does not list is absent
+  std::array<PlainPart, 3> parts;  // by kind; one that the header does not list is absent
 
   float sampleAt(const PlainIndex& sample) const;  // by its index in the level
   // The range of the tile that holds `cell` of the brick's level.
@@ -61,8 +60,6 @@ struct PlainPyramid {
   std::array<double, 9> direction{};
   std::uint32_t length_unit = 0;
   double value_min = 0, value_max = 0, curvature_epsilon = 0, noise = 0;
-  double error_first = 0, error_width = 0;
-  std::uint32_t error_bins = 0, error_last_level = 0;
   std::vector<std::uint32_t> kinds;      // of the parts of a row
   std::vector<std::uint64_t> histogram;  // section 10
   std::vector<float> gradients;          // section 10; empty where there are none
@@ -78,12 +75,6 @@ struct PlainPyramid {
 
 // Throws std::runtime_error where the file breaks a rule of docs/FORMAT.md section 12.
 PlainPyramid readPlainPyramid(const std::string& path);
-
-// Section 9: the codes of all cells of a brick for one bin, x fastest.
-std::vector<std::uint8_t> plainErrorCodes(const PlainPyramid& pyramid, const PlainBrick& brick,
-                                          std::uint32_t bin);
-// The bin of an isovalue.
-std::uint32_t plainErrorBin(const PlainPyramid& pyramid, double value);
 
 std::vector<std::uint8_t> readWholeFile(const std::string& path);
 

@@ -36,7 +36,6 @@ PyramidSpec specOf(const format::Header& header) {
   spec.brick_cells = header.brick_cells;
   spec.tile_cells = header.tile_cells;
   spec.has_curvature = header.kind_count > 2 && header.kinds[2] == 2;
-  spec.error_level = static_cast<int>(header.error_last_level);
   return spec;
 }
 
@@ -54,7 +53,7 @@ BrickRow rowAt(const Bytes& file, const format::Header& header, std::uint64_t at
   row.range_min = tail.range_min;
   row.range_max = tail.range_max;
   row.constant = tail.constant;
-  row.error_bytes = tail.error_bytes;
+  row.unused = tail.error_bytes;
   return row;
 }
 
@@ -70,7 +69,7 @@ Bytes bytesOf(const BrickRow& row, const format::Header& header) {
             : format::PartEntry{0, 0, 0, static_cast<std::uint32_t>(format::Codec::kAbsent)});
   }
   put(bytes, bytes.size() - sizeof(format::RowTail),
-      format::RowTail{row.range_min, row.range_max, row.constant, row.error_bytes, 0});
+      format::RowTail{row.range_min, row.range_max, row.constant, row.unused, 0});
   return bytes;
 }
 
@@ -113,9 +112,9 @@ PyramidDraft::Elements PyramidDraft::elementsOf(const Brick& brick) const {
     const auto codec = static_cast<format::Codec>(part.codec);
     auto& out = elements[static_cast<std::size_t>(kind)];
     if (codec == format::Codec::kAbsent) continue;
-    out.resize(partBytes(brick.row, spec_, layout_, kind, brick.level, brick.index));
+    out.resize(partBytes(spec_, layout_, kind, brick.level, brick.index));
     if (codec == format::Codec::kConstant) {
-      if (kind == PartKind::kCurvature || kind == PartKind::kError) continue;
+      if (kind == PartKind::kCurvature) continue;
       visitVoxelType(spec_.voxel_type, [&](auto tag) {
         using T = typename decltype(tag)::Type;
         const T value = static_cast<T>(brick.row.constant);
@@ -138,14 +137,8 @@ void PyramidDraft::setElements(Brick& brick, const Elements& elements, format::C
   encoded.ranges.bytes = elements[1];
   encoded.curvature.bytes = elements[2];
   encodeBrick(spec_.voxel_type, codec, encoded);
-  EncodedPart error;
-  error.bytes = elements[3];
-  if (brick.row.part(PartKind::kError).codec != static_cast<std::uint32_t>(format::Codec::kAbsent))
-    encodeErrors(codec, error);
-  brick.row.error_bytes = static_cast<std::uint32_t>(error.bytes.empty() ? 0 : elements[3].size());
   brick.row.constant = encoded.constant;
-  const EncodedPart* const parts[] = {&encoded.samples, &encoded.ranges, &encoded.curvature,
-                                      &error};
+  const EncodedPart* const parts[] = {&encoded.samples, &encoded.ranges, &encoded.curvature};
   for (const PartKind kind : kPartKinds) {
     const auto at = static_cast<std::size_t>(kind);
     const auto* const first = reinterpret_cast<const std::uint8_t*>(parts[at]->bytes.data());

@@ -106,8 +106,7 @@ TEST_F(ConvertCommandTest, OptionsOfAnotherFormatAreRefused) {
                              {"--vdb-tolerance", "3"},
                              {"--tolerance", "3"},
                              {"--codec", "zstd"},
-                             {"--no-curvature"},
-                             {"--error", "2"}}) {
+                             {"--no-curvature"}}) {
     Words all{"convert", "head.isb", "-o", "a.nrrd"};
     all.insert(all.end(), words.begin(), words.end());
     expectFailure(2, all, words.front() + " is for ");

@@ -49,7 +49,7 @@ def hash_without_version(path):
 
 
 def queries(info, random_numbers):
-    """Twenty queries: uniform, focus, curvature, tolerance, view and box."""
+    """Twenty queries: uniform, focus, curvature, view and box."""
     x, y, z = info["dimensions"]
     low, high = info["value_range"]
     for n in range(20):

@@ -31,7 +31,7 @@ void writeVast(std::int64_t size, const std::string& path) {
   const std::vector<ValueRange> ranges(bricks, range);
   VoxelHistogram histogram(spec.voxel_type, range);
   histogram.counts()[0] = static_cast<std::uint64_t>(elementCount(spec.voxels));
-  writer.finish({range, ranges, histogram, {}, 0, "{}", {}}, format::Codec::kStored);
+  writer.finish({range, ranges, histogram, 0, "{}", {}}, format::Codec::kStored);
   std::printf("%llu bricks\n", static_cast<unsigned long long>(bricks));
 }
 

@@ -48,7 +48,7 @@ const OptionFit kFits[] = {
      ".vdb",
      {".vdb"}},
     {Side::kOutput, {"--levels"}, ".vdb and .ome.zarr", {".vdb", ".zarr"}},
-    {Side::kOutput, {"--codec", "--no-curvature", "--error"}, ".isb", {".isb"}},
+    {Side::kOutput, {"--codec", "--no-curvature"}, ".isb", {".isb"}},
 };
 
 // "--level", or "--select time" for "--select time=3".

@@ -53,7 +53,6 @@ ViewState bounded(const ViewState& state, const ViewVolume& volume) {
   result.focus.radius = std::clamp(result.focus.radius, 1.0, volume.diagonal());
   result.pictures.times = std::clamp(result.pictures.times, 1, 16);
   if (result.view_pixels) result.view_pixels = std::clamp(*result.view_pixels, 0.1, 1000.0);
-  if (result.tolerance) result.tolerance = std::max(*result.tolerance, 0.0);
   if (result.clip_planes.size() > kMostClipPlanes) result.clip_planes.resize(kMostClipPlanes);
   for (ViewClipPlane& plane : result.clip_planes) {
     const double length = glm::length(plane.normal);
@@ -75,7 +74,6 @@ Query queryOf(const ViewState& state, const ViewVolume& volume, std::size_t surf
   Query query;
   query.isovalue = state.surfaces[surface].isovalue;
   query.curvature_tolerance = state.curvature_tolerance;
-  query.tolerance = state.tolerance;
   if (radius < volume.diagonal()) query.focus = FocusSphere{state.focus.center, radius};
   if (state.view_pixels) {
     const PlacedCamera camera = placeCamera(state.camera, 1.0);
@@ -106,8 +104,7 @@ bool asksForTheSameDetail(const ViewState& a, const ViewState& b) {
   if ((carriesValues(a) || carriesValues(b)) && a.coloring != b.coloring) return false;
   if (a.coloring == ViewColoring::kOther && a.values.other != b.values.other) return false;
   return a.focus.center == b.focus.center && a.curvature_tolerance == b.curvature_tolerance &&
-         a.tolerance == b.tolerance && a.view_pixels == b.view_pixels &&
-         (!a.view_pixels || a.camera == b.camera);
+         a.view_pixels == b.view_pixels && (!a.view_pixels || a.camera == b.camera);
 }
 
 }  // namespace

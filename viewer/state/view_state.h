@@ -80,7 +80,6 @@ struct ViewState {
   int active_surface = 0;                            // which one keys and the slider move
   ViewFocus focus;
   std::optional<double> curvature_tolerance;  // Query::curvature_tolerance
-  std::optional<double> tolerance;            // Query::tolerance, data units
   std::optional<double> view_pixels;          // ViewPoint::pixels, seen from the camera
   std::vector<ViewClipPlane> clip_planes;     // at most kMostClipPlanes
   std::array<ViewSlice, 3> slices;            // across x, y and z

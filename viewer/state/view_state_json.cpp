@@ -47,7 +47,7 @@ ISOBRICK_FIELDS(ViewClipPlane, normal, offset, enabled, cap)
 ISOBRICK_FIELDS(ViewSlice, shown, position)
 ISOBRICK_FIELDS(ViewPictures, transparent, times)
 ISOBRICK_FIELDS(ViewValues, gradient_window, other, other_window)
-ISOBRICK_FIELDS(ViewState, camera, surfaces, active_surface, focus, curvature_tolerance, tolerance,
+ISOBRICK_FIELDS(ViewState, camera, surfaces, active_surface, focus, curvature_tolerance,
                 view_pixels, clip_planes, slices, value_window, coloring, values, lighting,
                 ambient_occlusion, pictures, wireframe, show_transitions, show_box, show_handles,
                 background_top, background_bottom)
@@ -193,7 +193,6 @@ void checkRanges(const ViewState& state) {
   if (!(state.focus.radius > 0.0)) refuse("focus.radius", "is not above 0");
   if (state.curvature_tolerance && *state.curvature_tolerance < 0.0)
     refuse("curvature_tolerance", "is below 0");
-  if (state.tolerance && *state.tolerance < 0.0) refuse("tolerance", "is below 0");
   if (state.view_pixels && !(*state.view_pixels > 0.0)) refuse("view_pixels", "is not above 0");
   if (state.pictures.times < 1 || state.pictures.times > 16)
     refuse("pictures.times", "is not from 1 to 16");
@@ -205,8 +204,9 @@ void checkRanges(const ViewState& state) {
 std::string viewStateToJson(const ViewState& state) { return toJson(state).dump(2) + "\n"; }
 
 ViewState viewStateFromJson(const std::string& text) {
-  const Json json = Json::parse(text, nullptr, false);
+  Json json = Json::parse(text, nullptr, false);
   if (json.is_discarded()) throw Error("the view is not JSON");
+  if (json.is_object()) json.erase("tolerance");  // of development builds; ignored
   ViewState state;
   fromJson(json, "", state);
   checkRanges(state);

@@ -112,29 +112,8 @@ void focus(ViewSession& session) {
   ImGui::Checkbox("follow the view", &state.focus.follow_view);
 }
 
-// In units of the data, over multiples of the noise where that is known.
-void tolerance(double& value, double sigma, double span, float scale) {
-  if (!(sigma > 0.0)) {
-    sliderOf("of the data", value, 0.0, 0.2 * span, "%.4g", ImGuiSliderFlags_Logarithmic);
-    return;
-  }
-  constexpr int kMostSigmas = 6;
-  sliderOf("of the data", value, 0.0, kMostSigmas * sigma, "%.4g");
-  // The grab's middle goes from half its width to half its width before the end.
-  const float left = ImGui::GetItemRectMin().x, bottom = ImGui::GetItemRectMax().y;
-  const float rim = 2.0f + 0.5f * ImGui::GetStyle().GrabMinSize;
-  const float width = ImGui::CalcItemWidth() - 2.0f * rim;  // the item's own has the label, too
-  for (int i = 1; i < kMostSigmas; ++i) {
-    const float share = static_cast<float>(i) / kMostSigmas;
-    const float x = left + rim + share * width;
-    ImGui::GetWindowDrawList()->AddLine({x, bottom - 5.0f * scale}, {x, bottom},
-                                        IM_COL32(255, 237, 158, 255));
-  }
-  ImGui::Text("%.2f sigma; each mark is %.4g", value / sigma, sigma);
-}
-
 // What may stay coarse, by the oracles.
-void detail(ViewSession& session, float scale) {
+void detail(ViewSession& session) {
   if (!ImGui::CollapsingHeader("detail")) return;
   ViewState& state = session.state();
   const auto optional = [&](const char* label, std::optional<double>& value, double first) {
@@ -145,11 +124,6 @@ void detail(ViewSession& session, float scale) {
     }
     return on;
   };
-  const double span = session.histogram().greatest - session.histogram().least;
-  const double sigma = session.pyramid().noise();
-  if (optional("where the value is off by at most", state.tolerance,
-               sigma > 0.0 ? sigma : 0.01 * span))
-    tolerance(*state.tolerance, sigma, span, scale);
   if (optional("where cells are this small", state.view_pixels, 2.0))
     sliderOf("on the screen", *state.view_pixels, 0.5, 50.0, "%.1f pixels",
              ImGuiSliderFlags_Logarithmic);
@@ -323,7 +297,7 @@ Wishes buildControls(ViewSession& session, float scale) {
   histogram(session, scale);
   surfaces(session, scale);
   focus(session);
-  detail(session, scale);
+  detail(session);
   clipPlanes(session, scale);
   slices(session);
   look(session, scale);

@@ -153,7 +153,6 @@ TEST(LeafClassifier, ClassifiesRowsAsItClassifiesCells) {
       dims[axis] = randomInt(random, 2, axis == 0 && volume % 3 == 0 ? 300 : 24);
     BuildOptions options;
     options.brick_cells = std::int64_t{4} << randomInt(random, 0, 6);
-    options.error_level = static_cast<int>(randomInt(random, 2, 3));
     options.tile_cells = 2 << randomInt(random, 0, 1);
     ArraySource<float> source(dims, arrayOfField<float>(dims, [&](const Index3& i) {
                                 const double smooth = std::sin(0.4 * static_cast<double>(i.x)) +

@@ -54,8 +54,8 @@ TEST(ShownMeshTest, AtAHundredMomentsItPassesTheChecker) {
         state.focus.center = 40.0 * glm::dvec3(share(random), share(random), share(random));
         break;
       case 3:
-        state.tolerance.reset();
-        if (share(random) < 0.5) state.tolerance = 0.1 * share(random);
+        state.curvature_tolerance.reset();
+        if (share(random) < 0.5) state.curvature_tolerance = 0.1 * share(random);
         break;
       default:
         break;  // the hand rests

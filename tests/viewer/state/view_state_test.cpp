@@ -21,7 +21,6 @@ ViewState fullState() {
   state.active_surface = 1;
   state.focus = {{10.0, 20.5, 30.0}, 77.7, true, false, true};
   state.curvature_tolerance = 0.125;
-  state.tolerance = 12.5;
   state.view_pixels = 1.5;
   state.clip_planes = {{{0.36, 0.48, 0.8}, -12.5, false, false}};
   state.slices = {{{true, 3.0}, {true, 4.0}, {true, 5.0}}};
@@ -109,7 +108,6 @@ TEST(ViewStateTest, WrongTextIsRefusedByTheNameOfTheField) {
       {R"({"active_surface": -1})", "active_surface"},
       {R"({"active_surface": 0.5})", "active_surface"},
       {R"({"curvature_tolerance": -1})", "curvature_tolerance"},
-      {R"({"tolerance": -1})", "tolerance"},
       {R"({"view_pixels": 0})", "view_pixels"},
       {R"({"focus": {"radius": 0}})", "focus.radius"},
       {R"({"slices": [{}]})", "slices"},
@@ -119,6 +117,12 @@ TEST(ViewStateTest, WrongTextIsRefusedByTheNameOfTheField) {
     const std::string said = refusal(text);
     EXPECT_NE(said.find("'" + std::string(field) + "'"), std::string::npos) << said;
   }
+}
+
+// Development builds saved one.
+TEST(ViewStateTest, AToleranceIsIgnored) {
+  EXPECT_EQ(viewStateFromJson(R"({"wireframe": true, "tolerance": 3})"),
+            viewStateFromJson(R"({"wireframe": true})"));
 }
 
 TEST(ViewStateTest, FilesNameThemselvesInErrors) {
@@ -174,9 +178,7 @@ TEST(ViewStateTest, TheViewAsksForWhatItsPictureShows) {
   ViewState state = firstView(volume, 1.0);
   EXPECT_FALSE(queryOf(state, volume, 0, 5.0, 600.0).view);
   state.view_pixels = 2.0;
-  state.tolerance = 30.0;
   const Query query = queryOf(state, volume, 0, 5.0, 600.0);
-  EXPECT_EQ(query.tolerance, 30.0);
   ASSERT_TRUE(query.view);
   EXPECT_EQ(query.view->eye, placeCamera(state.camera, 1.0).eye);
   EXPECT_EQ(query.view->pixels, 2.0);
@@ -210,7 +212,6 @@ TEST(ViewStateTest, OnlyWhatChangesTrianglesAsksForThem) {
   EXPECT_TRUE(asks([](ViewState& s) { s.focus.radius += 1.0; }));
   EXPECT_TRUE(asks([](ViewState& s) { s.focus.center.x += 1.0; }));
   EXPECT_TRUE(asks([](ViewState& s) { s.curvature_tolerance.reset(); }));
-  EXPECT_TRUE(asks([](ViewState& s) { s.tolerance = 1.0; }));
   EXPECT_TRUE(asks([](ViewState& s) { s.view_pixels = 1.0; }));
 }
 
