@@ -14,8 +14,8 @@ inline std::string textWithRemedies(const Error& error) {
                                            "begin anew",   "raw layout",      "correct raw layout",
                                            "dicom float",  "with curvature",  "component",
                                            "whole floats", "replace dataset", "channel",
-                                           "with errors",  "pack mesh",       "stack",
-                                           "time",         "variant",         "series"};
+                                           "pack mesh",    "stack",           "time",
+                                           "variant",      "series"};
   std::string text = error.what();
   for (const Remedy remedy : error.remedies())
     text += std::string(" <") + kNames[static_cast<int>(remedy)] + ">";
