@@ -65,6 +65,15 @@ struct DetailChoice {
   bool operator==(const DetailChoice&) const = default;
 };
 
+// Fewer triangles within a distance of the surface that the query gives without it: no point of
+// the result is further from that surface, and none of that further from the result. Each brick is
+// simplified on its own; vertices that bricks share stay where they are.
+struct SimplifyOptions {
+  double distance = 0;    // above 0; in voxels of level 0
+  bool in_world = false;  // in world units instead
+  bool operator==(const SimplifyOptions&) const = default;
+};
+
 // Which surface it is, and how fine: what two queries have in common that give the same.
 struct SurfaceChoice : DetailChoice {
   // The surface separates value >= isovalue (inside) from value < isovalue. Compared as float.
@@ -73,6 +82,7 @@ struct SurfaceChoice : DetailChoice {
   std::vector<DetailChoice> or_finer;
   // Only leaves that overlap this box are extracted, as a whole; the surface is open there.
   std::optional<QueryBox> box;
+  std::optional<SimplifyOptions> simplify;  // none: the surface as it was meshed
   // Off: every brick and every tile is visited. The mesh is the same (rule 7); for tests.
   bool cull_by_ranges = true;
   bool operator==(const SurfaceChoice&) const = default;

@@ -152,6 +152,7 @@ Query makeQuery(const QueryOptions& options, const Pyramid& pyramid) {
                               : QueryBox{options.box->lower, options.box->upper};
     refuseBoxOutside(*query.box, pyramid, options.input.path);
   }
+  query.simplify = options.simplify;
   query.cancel = &interruptFlag();
   return query;
 }

@@ -21,6 +21,7 @@ struct QueryOptions {
   ChoiceOptions choice;
   std::vector<ChoiceOptions> or_finer;
   std::optional<Corners> box;
+  std::optional<SimplifyOptions> simplify;
   bool world = false;
   std::uint64_t memory_bytes = Pyramid::kDefaultBudgetBytes;
   bool no_map = false;

@@ -3,6 +3,7 @@
 #include <tbb/task_arena.h>
 
 #include <chrono>
+#include <glm/matrix.hpp>
 
 #include "isobrick/extract/paging/read_ahead.h"
 #include "isobrick/storage/isolated_loop.h"
@@ -21,6 +22,16 @@ std::uint64_t keptBytes(const PlacedBatch& placed) {
   return of(placed.batch.positions) + of(placed.batch.normals) + of(placed.batch.triangles) +
          of(placed.batch.shared) + of(placed.known) + of(placed.numbers) + of(placed.bytes) +
          of(placed.world) + of(placed.values);
+}
+
+std::optional<SimplifySpace> simplifySpace(const MeshContext& context) {
+  const std::optional<SimplifyOptions>& options = context.query.simplify;
+  if (!options) return std::nullopt;
+  SimplifySpace space{.distance = static_cast<float>(options->distance)};
+  if (!options->in_world) return space;
+  space.to_space = context.pyramid.spec().geometry.indexToWorldMatrix();
+  space.to_voxels = glm::inverse(space.to_space);
+  return space;
 }
 
 }  // namespace
@@ -132,6 +143,7 @@ void meshInOrder(const MeshContext& context, std::span<const BrickWork> work, Me
   JobBoard board(memory.ringOf(kBatchesPerThread * static_cast<std::size_t>(threads)), work.size(),
                  context.query.cancel);
   ReadAhead ahead(context, work);
+  const std::optional<SimplifySpace> space = simplifySpace(context);
 
   const auto mesh = [&](JobBoard::Job& job) {
     MeshBatch& batch = job.batch->batch;
@@ -147,6 +159,7 @@ void meshInOrder(const MeshContext& context, std::span<const BrickWork> work, Me
         worker.adaptive.mesh(context, work[job.work], batch);
       else
         worker.uniform.mesh(context, work[job.work], batch);
+      if (space) worker.simplifier.simplify(*space, context.query.cancel, batch);
     } catch (const Cancelled&) {
       batch.clear();
     }

@@ -15,6 +15,7 @@
 #include "isobrick/extract/extraction_plan.h"
 #include "isobrick/extract/meshing/adaptive_mesher.h"
 #include "isobrick/extract/meshing/uniform_mesher.h"
+#include "isobrick/extract/simplify/batch_simplifier.h"
 #include "isobrick/extract/sinks/triangle_sink.h"
 
 namespace isobrick {
@@ -23,6 +24,7 @@ namespace isobrick {
 struct MeshWorker {
   UniformMesher uniform;
   AdaptiveMesher adaptive;
+  BatchSimplifier simplifier;
 };
 
 // Batches that go round: to a mesher, in the order of the work to their receiver, and back. What

@@ -92,6 +92,8 @@ void checkQuery(const Pyramid& pyramid, const Query& query) {
   checkChoice(pyramid, query);
   for (const DetailChoice& choice : query.or_finer) checkChoice(pyramid, choice);
   if (query.box) checkBox(*query.box);
+  if (query.simplify && !(query.simplify->distance > 0 && std::isfinite(query.simplify->distance)))
+    throw Error("the distance of a simplification must be a finite number above 0");
 }
 
 }  // namespace isobrick
