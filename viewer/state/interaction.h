@@ -108,7 +108,7 @@ inline constexpr KeyHelp kKeyHelp[] = {
     {"C", "colour by level"},
     {"L", "three lights or a headlight"},
     {"B", "the box"},
-    {"S", "the sphere of interest"},
+    {"S", "the region of interest"},
     {"X, Y, Z", "a clip plane across that axis through the focus, on and off"},
     {"I", "turn the last clip plane round"},
     {"P or F12", "write a picture; with Shift as EXR, with depth and normals"},

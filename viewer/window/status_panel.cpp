@@ -63,7 +63,7 @@ Wishes openingError(const PanelFacts& facts, float scale) {
 }  // namespace
 
 void buildStatistics(const ViewSession& session, const PanelFacts& facts, float scale) {
-  if (!ImGui::CollapsingHeader("what is going on", ImGuiTreeNodeFlags_DefaultOpen)) return;
+  if (!ImGui::CollapsingHeader("statistics", ImGuiTreeNodeFlags_DefaultOpen)) return;
   const SessionStatus status = session.status();
   ImGui::Text("%llu triangles, %s", static_cast<unsigned long long>(status.triangles),
               megabytes(status.shown_bytes).c_str());

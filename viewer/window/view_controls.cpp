@@ -83,7 +83,7 @@ void surfaces(ViewSession& session, float scale) {
     ImGui::PopID();
   }
   constexpr std::size_t kMostSurfaces = 8;
-  if (state.surfaces.size() < kMostSurfaces && ImGui::SmallButton("another surface")) {
+  if (state.surfaces.size() < kMostSurfaces && ImGui::SmallButton("add surface")) {
     ViewSurface surface = state.surfaces[static_cast<std::size_t>(state.active_surface)];
     surface.color = {0.85f, 0.45f, 0.35f};
     state.surfaces.push_back(surface);
@@ -97,7 +97,7 @@ void surfaces(ViewSession& session, float scale) {
 }
 
 void focus(ViewSession& session) {
-  if (!ImGui::CollapsingHeader("focus", ImGuiTreeNodeFlags_DefaultOpen)) return;
+  if (!ImGui::CollapsingHeader("region of interest", ImGuiTreeNodeFlags_DefaultOpen)) return;
   ViewState& state = session.state();
   const double most = session.volume().diagonal();
   ImGui::Checkbox("finest everywhere", &state.focus.everywhere);
@@ -155,7 +155,7 @@ void clipPlanes(ViewSession& session, float scale) {
     ImGui::SameLine();
     ImGui::Checkbox("cap", &plane.cap);
     ImGui::SameLine();
-    if (ImGui::SmallButton("turn")) {
+    if (ImGui::SmallButton("flip plane")) {
       plane.normal = -plane.normal;
       plane.offset = -plane.offset;
     }
@@ -186,7 +186,7 @@ void clipPlanes(ViewSession& session, float scale) {
     }
     ImGui::SameLine();
   }
-  ImGui::TextUnformatted("another one");
+  ImGui::TextUnformatted("add plane");
 }
 
 void slices(ViewSession& session) {
@@ -250,7 +250,7 @@ void coloring(ViewSession& session, float scale) {
 }
 
 void look(ViewSession& session, float scale) {
-  if (!ImGui::CollapsingHeader("look")) return;
+  if (!ImGui::CollapsingHeader("appearance")) return;
   ViewState& state = session.state();
   coloring(session, scale);
   ImGui::Checkbox("transitions", &state.show_transitions);
