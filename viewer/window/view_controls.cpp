@@ -150,7 +150,7 @@ void clipPlanes(ViewSession& session, float scale) {
     }
     ImGui::Checkbox("##enabled", &plane.enabled);
     ImGui::SameLine();
-    ImGui::SetNextItemWidth(110.0f * scale);
+    ImGui::SetNextItemWidth(80.0f * scale);
     sliderOf("##offset", plane.offset, least, most, "%.1f");
     ImGui::SameLine();
     ImGui::Checkbox("cap", &plane.cap);
