@@ -95,12 +95,10 @@ void BatchSimplifier::collapse(float target) {
   result_.resize(kept + indices_.size());
   const float* const positions = &finest_positions_[0].x;
   // Its errors are parts of the extent of the positions.
-  const float scale =
-      meshopt_simplifyScale(positions, finest_positions_.size(), sizeof(glm::vec3));
-  const std::size_t count =
-      meshopt_simplify(&result_[kept], indices_.data(), indices_.size(), positions,
-                       finest_positions_.size(), sizeof(glm::vec3), 0, target / scale,
-                       meshopt_SimplifyLockBorder, nullptr);
+  const float scale = meshopt_simplifyScale(positions, finest_positions_.size(), sizeof(glm::vec3));
+  const std::size_t count = meshopt_simplify(
+      &result_[kept], indices_.data(), indices_.size(), positions, finest_positions_.size(),
+      sizeof(glm::vec3), 0, target / scale, meshopt_SimplifyLockBorder, nullptr);
   result_.resize(kept + count);
 }
 
@@ -108,8 +106,10 @@ void BatchSimplifier::keepAround(std::uint32_t vertex) {
   for (const std::uint32_t t : finest_.around(vertex)) stays_[t] = 1;
 }
 
-// Sides with more than two triangles; triangles back to back; sides between two vertices of one
-// side of the brick that were none before, which the neighbour may have as well.
+// Besides faults of the patch alone: a side between two vertices that another batch has as well,
+// and that was none before, could be a side there too, and so could a triangle between three of
+// them. Of a uniform brick, others have both vertices only if they lie in one of its sides; leaves
+// of other levels may have any two.
 bool BatchSimplifier::refuseFaults(const MeshBatch& batch) {
   glm::vec3 lower(batch.positions[0]), upper = lower;
   for (const glm::vec3& position : batch.positions) {
@@ -119,20 +119,24 @@ bool BatchSimplifier::refuseFaults(const MeshBatch& batch) {
   is_fixed_.assign(finest_positions_.size(), 0);
   for (const MeshBatch::SharedVertex& shared : batch.shared) is_fixed_[shared.vertex] = 2;
   refused_.insert(refused_.end(), simplified_.faults().begin(), simplified_.faults().end());
-  for (std::uint32_t t = 0; t < simplified_.count(); ++t)
+  const auto mayBeElsewhere = [&](std::uint32_t a, std::uint32_t b) {
+    if (is_fixed_[a] != 2 || is_fixed_[b] != 2) return false;
+    return !batch.is_uniform || (sidesOf(batch.positions[a], lower, upper) &
+                                 sidesOf(batch.positions[b], lower, upper)) != 0;
+  };
+  const auto corner = [this](std::uint32_t t, int c) { return simplified_.triangle(t)[c % 3]; };
+  for (std::uint32_t t = kept_; t < simplified_.count(); ++t) {
+    int sides = 0;
     for (int side = 0; side < 3; ++side) {
-      const std::uint32_t from = simplified_.triangle(t)[side];
-      const std::uint32_t to = simplified_.triangle(t)[side == 2 ? 0 : side + 1];
-      if (simplified_.beside(t, side) == SurfacePatch::kNone) continue;
-      if (is_fixed_[from] != 2 || is_fixed_[to] != 2) continue;
-      if ((sidesOf(batch.positions[from], lower, upper) &
-           sidesOf(batch.positions[to], lower, upper)) == 0)
-        continue;
-      bool was_there = false;
-      for (const std::uint32_t old : finest_.around(from))
-        for (int c = 0; c < 3; ++c) was_there |= finest_.triangle(old)[c] == to;
-      if (!was_there) refused_.insert(refused_.end(), {from, to});
+      const std::uint32_t from = corner(t, side), to = corner(t, side + 1);
+      if (!mayBeElsewhere(from, to)) continue;
+      ++sides;
+      if (simplified_.beside(t, side) != SurfacePatch::kNone && !finest_.hasSide(from, to))
+        refused_.insert(refused_.end(), {from, to});
     }
+    if (sides == 3 && !finest_.hasTriangle(simplified_.triangle(t)))
+      refused_.insert(refused_.end(), {corner(t, 0), corner(t, 1), corner(t, 2)});
+  }
   for (std::uint32_t t = 0; t < simplified_.count(); ++t)
     for (int side = 0; side < 3; ++side)
       if (simplified_.beside(t, side) == SurfacePatch::kNone)
@@ -244,7 +248,8 @@ void BatchSimplifier::write(const SimplifySpace& space, MeshBatch& batch) const 
   }
   batch.positions.resize(count);
   batch.normals.resize(count);
-  std::erase_if(batch.shared, [&](const auto& s) { return numbers[s.vertex] == SurfacePatch::kNone; });
+  std::erase_if(batch.shared,
+                [&](const auto& s) { return numbers[s.vertex] == SurfacePatch::kNone; });
   for (MeshBatch::SharedVertex& shared : batch.shared) shared.vertex = numbers[shared.vertex];
   batch.triangles.resize(simplified_.triangles().size());
   for (std::size_t i = 0; i < batch.triangles.size(); ++i)

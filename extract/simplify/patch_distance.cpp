@@ -54,8 +54,7 @@ std::uint32_t walkTo(const SurfacePatch& patch, const glm::vec3& point, std::uin
 bool DistanceProof::Piece::isWithin(const SurfacePatch::Facet& facet,
                                     float squared_distance) const {
   for (int i = 0; i < count; ++i)
-    if (!(squaredDistance(corners[static_cast<std::size_t>(i)], facet.corners) <=
-          squared_distance))
+    if (!(squaredDistance(corners[static_cast<std::size_t>(i)], facet.corners) <= squared_distance))
       return false;
   return true;
 }

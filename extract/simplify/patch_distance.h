@@ -35,7 +35,7 @@ class DistanceProof {
   struct Piece {
     std::array<glm::vec3, kMostCorners> corners;
     int count = 0;
-    std::uint32_t triangle = 0;  // of the patch, that it is tried with
+    std::uint32_t triangle = 0;                // of the patch, that it is tried with
     std::uint32_t from = SurfacePatch::kNone;  // that it was cut off from
     bool isWithin(const SurfacePatch::Facet& facet, float squared_distance) const;
   };

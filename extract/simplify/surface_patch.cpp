@@ -28,6 +28,23 @@ void SurfacePatch::set(std::span<const std::uint32_t> triangles, std::size_t pos
   findPinches();
 }
 
+bool SurfacePatch::hasSide(std::uint32_t a, std::uint32_t b) const {
+  for (const std::uint32_t t : around(a))
+    for (int c = 0; c < 3; ++c)
+      if (triangle(t)[c] == b) return true;
+  return false;
+}
+
+bool SurfacePatch::hasTriangle(const std::uint32_t* corners) const {
+  for (const std::uint32_t t : around(corners[0])) {
+    int first = 0;
+    while (triangle(t)[first] != corners[0]) ++first;
+    if (triangle(t)[next(first)] == corners[1] && triangle(t)[next(next(first))] == corners[2])
+      return true;
+  }
+  return false;
+}
+
 void SurfacePatch::findNeighbours() {
   beside_.assign(triangles_.size(), kNone);
   faults_.clear();

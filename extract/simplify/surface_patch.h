@@ -49,6 +49,9 @@ class SurfacePatch {
   std::uint32_t beside(std::uint32_t t, int side) const {
     return beside_[std::size_t{3} * t + static_cast<std::size_t>(side)];
   }
+  // Whether any triangle has both vertices, and whether one has the three in this direction.
+  bool hasSide(std::uint32_t a, std::uint32_t b) const;
+  bool hasTriangle(const std::uint32_t* corners) const;
   // Vertices at which this is no surface: corners of sides that more than two triangles have, or
   // two in the same direction, and of triangles back to back; vertices of more than one fan.
   std::span<const std::uint32_t> faults() const { return faults_; }

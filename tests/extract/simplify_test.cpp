@@ -1,0 +1,145 @@
+// Simplified meshes of random volumes and queries: closed as before, within the distance both ways,
+// the same for any number of threads. ISOBRICK_SIMPLIFY_MESHES sets the number of meshes.
+#include <gtest/gtest.h>
+#include <tbb/task_arena.h>
+
+#include <cstdlib>
+#include <limits>
+#include <string>
+
+#include "isobrick/extract/extractor.h"
+#include "isobrick/extract/sinks/indexed_mesh.h"
+#include "isobrick/storage/error.h"
+#include "tests/extract/random_case.h"
+#include "tests/support/field_pyramid.h"
+#include "tests/support/hashing_sink.h"
+#include "tests/support/mesh_checker.h"
+#include "tools/bench/surface_distance.h"
+
+namespace isobrick::test {
+namespace {
+
+// distanceFrom() leaves out a voxel at the border of a volume, so nothing is put there.
+constexpr double kMargin = 8;
+
+PlainMesh plainMesh(const IndexedMesh& mesh) {
+  PlainMesh plain;
+  for (const glm::dvec3& p : mesh.positions)
+    plain.positions.push_back({static_cast<float>(p.x + kMargin), static_cast<float>(p.y + kMargin),
+                               static_cast<float>(p.z + kMargin)});
+  for (std::size_t t = 0; t < mesh.triangles.size(); t += 3)
+    plain.triangles.push_back({mesh.triangles[t], mesh.triangles[t + 1], mesh.triangles[t + 2]});
+  return plain;
+}
+
+IndexedMesh meshOf(const Pyramid& pyramid, const Query& query) {
+  IndexedMeshSink sink;
+  extractIsosurface(pyramid, query, sink);
+  return sink.mesh();
+}
+
+double greatestDistance(const PlainMesh& from, const PlainMesh& to, const Index3& voxels) {
+  const DistanceOptions options{.most_points = std::numeric_limits<std::int32_t>::max(),
+                                .voxels = voxels + Index3(static_cast<std::int64_t>(4 * kMargin))};
+  return distanceFrom(from, to, options).max;
+}
+
+int meshes() {
+  const char* const text = std::getenv("ISOBRICK_SIMPLIFY_MESHES");
+  return text != nullptr ? std::atoi(text) : 120;
+}
+
+TEST(Simplify, RandomMeshesStayClosedAndNear) {
+  std::size_t triangles = 0, simplified_triangles = 0;
+  for (int n = 0; n < meshes(); ++n) {
+    SCOPED_TRACE("mesh " + std::to_string(n));
+    RandomCase random(static_cast<std::uint32_t>(n));
+    const TemporaryFolder folder;
+    const Index3 dims = random.dims();
+    BuildOptions build;
+    build.brick_cells = std::int64_t{8} << random.uniform(0, 3);
+    ArraySource<float> source(dims, random.field<float>(dims));
+    buildPyramid(source, folder.file("case.isb"), build);
+    const Pyramid pyramid(folder.file("case.isb"));
+    Query query;
+    static_cast<DetailChoice&>(query) = randomChoice(random, pyramid, 0.6);
+    query.isovalue = random.real(20, 180);
+    const IndexedMesh finest = meshOf(pyramid, query);
+    query.simplify = SimplifyOptions{random.real(0.05, 1.5)};
+    const IndexedMesh mesh = meshOf(pyramid, query);
+    triangles += finest.triangles.size() / 3;
+    simplified_triangles += mesh.triangles.size() / 3;
+
+    const MeshReport report = checkMesh(mesh.positions, mesh.triangles, indexOptions(dims));
+    ASSERT_TRUE(report.ok()) << report.summary();
+    ASSERT_EQ(finest.triangles.empty(), mesh.triangles.empty());
+    if (finest.triangles.empty()) continue;
+    const PlainMesh from = plainMesh(mesh), to = plainMesh(finest);
+    const double most = query.simplify->distance + 1e-3;
+    ASSERT_LE(greatestDistance(from, to, dims), most);
+    ASSERT_LE(greatestDistance(to, from, dims), most);
+  }
+  EXPECT_GT(triangles, 10'000u * static_cast<unsigned>(meshes()) / 120);
+  EXPECT_LT(simplified_triangles, triangles * 9 / 10);
+}
+
+Query sphereQuery(double distance) {
+  Query query;
+  query.isovalue = 0;
+  if (distance > 0) query.simplify = SimplifyOptions{distance};
+  return query;
+}
+
+// A sphere of radius 40 voxels in bricks of 32 cells.
+std::string sphere(const TemporaryFolder& folder, const GridGeometry& geometry = {}) {
+  BuildOptions options;
+  options.brick_cells = 32;
+  return buildField(
+      folder, Index3(97), [](const glm::dvec3& p) { return 40 - glm::length(p - 48.0); }, options,
+      geometry);
+}
+
+TEST(Simplify, ASphereNeedsAFifthOfItsTriangles) {
+  const TemporaryFolder folder;
+  const Pyramid pyramid(sphere(folder));
+  const std::size_t finest = meshOf(pyramid, sphereQuery(0)).triangles.size();
+  EXPECT_LT(meshOf(pyramid, sphereQuery(0.25)).triangles.size(), finest / 5);
+}
+
+TEST(Simplify, ThreadsDoNotChangeAByte) {
+  const TemporaryFolder folder;
+  const Pyramid pyramid(sphere(folder));
+  const auto hashWith = [&](int threads) {
+    HashingSink sink;
+    tbb::task_arena(threads).execute([&] { extractIsosurface(pyramid, sphereQuery(0.2), sink); });
+    return sink.value();
+  };
+  EXPECT_EQ(hashWith(1), hashWith(4));
+}
+
+TEST(Simplify, ADistanceInTheWorldCountsThere) {
+  const TemporaryFolder folder;
+  GridGeometry geometry;
+  geometry.spacing = glm::dvec3(0.5);
+  const Pyramid pyramid(sphere(folder, geometry));
+  Query query = sphereQuery(0.4);
+  const std::size_t in_voxels = meshOf(pyramid, query).triangles.size();
+  query.simplify = SimplifyOptions{.distance = 0.2, .in_world = true};
+  const std::size_t in_world = meshOf(pyramid, query).triangles.size();
+  EXPECT_LT(in_world, in_voxels * 5 / 4);
+  EXPECT_GT(in_world, in_voxels * 3 / 4);
+}
+
+TEST(Simplify, DistancesThatAreNoneAreRefused) {
+  const TemporaryFolder folder;
+  const Pyramid pyramid(sphere(folder));
+  for (const double distance : {0.0, -1.0, std::numeric_limits<double>::infinity()}) {
+    Query query = sphereQuery(0);
+    query.simplify = SimplifyOptions{distance};
+    HashingSink sink;
+    EXPECT_THROW(extractIsosurface(pyramid, query, sink), Error);
+  }
+}
+
+}  // namespace
+}  // namespace isobrick::test
