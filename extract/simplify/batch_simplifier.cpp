@@ -49,6 +49,11 @@ unsigned sidesOf(const glm::vec3& position, const glm::vec3& lower, const glm::v
 void BatchSimplifier::simplify(const SimplifySpace& space, const CancelFlag* cancel,
                                MeshBatch& batch) {
   if (batch.triangles.empty()) return;
+  lower_ = upper_ = batch.positions[0];
+  for (const glm::vec3& position : batch.positions) {
+    lower_ = glm::min(lower_, position);
+    upper_ = glm::max(upper_, position);
+  }
   finest_positions_.resize(batch.positions.size());
   for (std::size_t v = 0; v < batch.positions.size(); ++v)
     finest_positions_[v] = glm::vec3(space.to_space * glm::dvec3(batch.positions[v]));
@@ -61,7 +66,7 @@ void BatchSimplifier::simplify(const SimplifySpace& space, const CancelFlag* can
   for (int trial = 0; trial < kMostTrials; ++trial) {
     if (cancel != nullptr) cancel->check();
     if (simplifyOnce(space, target, batch)) {
-      write(space, batch);
+      write(batch);
       return;
     }
     if (trial % kTrialsOfOneTarget == kTrialsOfOneTarget - 1) target /= 4;
@@ -74,10 +79,12 @@ bool BatchSimplifier::simplifyOnce(const SimplifySpace& space, float target,
   collapse(target);
   simplified_.set(result_, finest_positions_.size());
   if (!refuseFaults(batch)) return false;
+  voxels_.assign(batch.positions.begin(), batch.positions.end());
   positions_ = finest_positions_;
   simplified_.place(positions_);
   findPlaces();
   fitVertices();
+  settleVertices(space);
   return proveDistances(space.distance);
 }
 
@@ -111,18 +118,13 @@ void BatchSimplifier::keepAround(std::uint32_t vertex) {
 // them. Of a uniform brick, others have both vertices only if they lie in one of its sides; leaves
 // of other levels may have any two.
 bool BatchSimplifier::refuseFaults(const MeshBatch& batch) {
-  glm::vec3 lower(batch.positions[0]), upper = lower;
-  for (const glm::vec3& position : batch.positions) {
-    lower = glm::min(lower, position);
-    upper = glm::max(upper, position);
-  }
   is_fixed_.assign(finest_positions_.size(), 0);
   for (const MeshBatch::SharedVertex& shared : batch.shared) is_fixed_[shared.vertex] = 2;
   refused_.insert(refused_.end(), simplified_.faults().begin(), simplified_.faults().end());
   const auto mayBeElsewhere = [&](std::uint32_t a, std::uint32_t b) {
     if (is_fixed_[a] != 2 || is_fixed_[b] != 2) return false;
-    return !batch.is_uniform || (sidesOf(batch.positions[a], lower, upper) &
-                                 sidesOf(batch.positions[b], lower, upper)) != 0;
+    return !batch.is_uniform || (sidesOf(batch.positions[a], lower_, upper_) &
+                                 sidesOf(batch.positions[b], lower_, upper_)) != 0;
   };
   const auto corner = [this](std::uint32_t t, int c) { return simplified_.triangle(t)[c % 3]; };
   for (std::uint32_t t = kept_; t < simplified_.count(); ++t) {
@@ -197,6 +199,16 @@ void BatchSimplifier::fitVertices() {
       positions_[v] += (glm::vec3(shifts_[v]) + own) / (shifts_[v].w + 1);
     }
   }
+}
+
+// Before the proof, so that it is about what is written: a vertex stays in the box of its batch.
+// One that was not moved keeps its bits.
+void BatchSimplifier::settleVertices(const SimplifySpace& space) {
+  for (std::uint32_t v = 0; v < positions_.size(); ++v) {
+    if (positions_[v] == finest_positions_[v]) continue;
+    voxels_[v] = glm::clamp(glm::vec3(space.to_voxels * glm::dvec3(positions_[v])), lower_, upper_);
+    positions_[v] = glm::vec3(space.to_space * glm::dvec3(voxels_[v]));
+  }
   simplified_.place(positions_);
 }
 
@@ -227,22 +239,13 @@ bool BatchSimplifier::proveDistances(float distance) {
   return refused_.empty();
 }
 
-void BatchSimplifier::write(const SimplifySpace& space, MeshBatch& batch) const {
-  glm::vec3 lower(batch.positions[0]), upper = lower;
-  for (const glm::vec3& position : batch.positions) {
-    lower = glm::min(lower, position);
-    upper = glm::max(upper, position);
-  }
+void BatchSimplifier::write(MeshBatch& batch) const {
   std::vector<std::uint32_t> numbers(batch.positions.size(), SurfacePatch::kNone);
   std::uint32_t count = 0;
   for (std::uint32_t v = 0; v < numbers.size(); ++v) {
     if (simplified_.around(v).empty()) continue;
     numbers[v] = count;
-    // What was not moved keeps its bits. A vertex stays in the box of its brick.
-    batch.positions[count] =
-        positions_[v] == finest_positions_[v]
-            ? batch.positions[v]
-            : glm::clamp(glm::vec3(space.to_voxels * glm::dvec3(positions_[v])), lower, upper);
+    batch.positions[count] = voxels_[v];
     batch.normals[count] = batch.normals[v];
     ++count;
   }

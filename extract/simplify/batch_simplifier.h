@@ -44,10 +44,11 @@ class BatchSimplifier {
   bool refuseFaults(const MeshBatch& batch);
   void findPlaces();
   void fitVertices();
+  void settleVertices(const SimplifySpace& space);
   bool proveDistances(float distance);
   // Keeps all finest triangles that have the vertex.
   void keepAround(std::uint32_t vertex);
-  void write(const SimplifySpace& space, MeshBatch& batch) const;
+  void write(MeshBatch& batch) const;
 
   struct Place {  // of a finest vertex on the simplified patch
     std::uint32_t triangle = SurfacePatch::kNone;
@@ -55,6 +56,8 @@ class BatchSimplifier {
   };
 
   std::vector<glm::vec3> finest_positions_, positions_;  // in space
+  RawVector<glm::vec3> voxels_;                          // what is written: positions_ in voxels
+  glm::vec3 lower_{0.0f}, upper_{0.0f};                  // of the batch, in voxels
   SurfacePatch finest_, simplified_;
   std::vector<std::uint8_t> stays_;     // of each finest triangle
   std::vector<std::uint8_t> is_fixed_;  // of each vertex: at a border, or in a triangle that stays
