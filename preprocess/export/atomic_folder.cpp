@@ -36,8 +36,13 @@ std::string withoutSlash(std::string path) {
 
 }  // namespace
 
+AtomicFolder::AtomicFolder(const std::string& path, const std::string& temporary_path)
+    : path_(path), temporary_path_(temporary_path) {}
+
+// The other constructor has ended when this one begins, so the destructor removes the temporary if
+// anything fails from here on.
 AtomicFolder::AtomicFolder(const std::string& path)
-    : path_(withoutSlash(path)), temporary_path_(path_ + kTemporaryEnding) {
+    : AtomicFolder(withoutSlash(path), withoutSlash(path) + kTemporaryEnding) {
   std::error_code ignored;
   const auto status = fs::symlink_status(path_, ignored);
   if (fs::exists(status) && !fs::is_directory(status))

@@ -30,6 +30,8 @@ class AtomicFolder {
   void commit(const CancelFlag* cancel = nullptr);
 
  private:
+  AtomicFolder(const std::string& path, const std::string& temporary_path);
+
   std::string path_;
   std::string temporary_path_;
   int fd_ = -1;  // of the temporary folder, locked
