@@ -179,7 +179,8 @@ Command addBenchCommand(CLI::App& app) {
       ->check(CLI::IsMember({"on", "off", "both"}));
   sub->add_option(
          "--rows", settings.only,
-         "Only these rows, such as isobrick,vtkFlyingEdges3D; openvdb-A for any adaptivity A")
+         "Only these rows, such as isobrick,vtkFlyingEdges3D; openvdb-A for any adaptivity A, "
+         "simplify-D for any distance D of 'isobrick extract --simplify'")
       ->type_name("NAMES")
       ->delimiter(',');
   sub->add_option("--peers", arguments->peers,
@@ -201,6 +202,7 @@ Command addBenchRowCommand(CLI::App& app) {
   sub->group("");  // not for people
   const auto arguments = std::make_shared<BenchRowArguments>();
   addQueryOptions(*sub, arguments->query);
+  addSimplifyOption(*sub, arguments->query);
   addRowTaskOptions(*sub, arguments->task);
   return {sub, [arguments] { return runBenchRow(*arguments); }};
 }

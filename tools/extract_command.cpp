@@ -62,13 +62,6 @@ struct ExtractResults {
   BrickPager::Counters pager;  // of all of them
 };
 
-SimplifyOptions parseSimplify(const std::string& text) {
-  const bool in_world = text.ends_with("mm");
-  const double distance = parseNumber(in_world ? text.substr(0, text.size() - 2) : text);
-  if (!(distance > 0)) throw std::invalid_argument("a distance is wanted that is above 0");
-  return {distance, in_world};
-}
-
 // The file of each isovalue: that of -o, or of several isovalues with the value behind its stem,
 // "bone-500.ply" and "bone-1200.ply". Empty for one that is not chosen yet.
 std::vector<std::string> meshNames(const ExtractArguments& arguments) {
@@ -280,9 +273,7 @@ Command addExtractCommand(CLI::App& app) {
   const auto arguments = std::make_shared<ExtractArguments>();
   addQueryOptions(*sub, arguments->query, true);
   beginGroup(*sub, kDetailGroup);
-  addParsedOption(*sub, "--simplify", arguments->query.simplify, parseSimplify, "D",
-                  "Fewer triangles: of each brick, within D voxels of level 0 of the surface as it "
-                  "is without this, either way; 0.2mm: in world units");
+  addSimplifyOption(*sub, arguments->query);
   beginGroup(*sub, kOutputGroup);
   CLI::Option* const output =
       sub->add_option("-o,--output", arguments->output,

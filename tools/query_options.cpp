@@ -63,6 +63,13 @@ void readIsovalues(QueryOptions& options, const std::vector<std::string>& texts,
   options.isovalue = options.isovalues.front().value_or(0);
 }
 
+SimplifyOptions parseSimplify(const std::string& text) {
+  const bool in_world = text.ends_with("mm");
+  const double distance = parseNumber(in_world ? text.substr(0, text.size() - 2) : text);
+  if (!(distance > 0)) throw std::invalid_argument("a distance is wanted that is above 0");
+  return {distance, in_world};
+}
+
 }  // namespace
 
 void addQueryOptions(CLI::App& app, QueryOptions& options, bool several) {
@@ -117,6 +124,12 @@ void addNoMapFlag(CLI::App& app, bool& no_map) {
   app.add_flag("--no-map", no_map,
                "Read all of the file and map nothing of it: for network file systems; the result "
                "is the same");
+}
+
+void addSimplifyOption(CLI::App& app, QueryOptions& options) {
+  addParsedOption(app, "--simplify", options.simplify, parseSimplify, "D",
+                  "Fewer triangles: of each brick, within D voxels of level 0 of the surface as it "
+                  "is without this, either way; 0.2mm: in world units");
 }
 
 void findPyramid(QueryOptions& options) {

@@ -32,6 +32,9 @@ struct QueryOptions {
 // one is refused.
 void addQueryOptions(CLI::App& app, QueryOptions& options, bool several = false);
 
+// --simplify.
+void addSimplifyOption(CLI::App& app, QueryOptions& options);
+
 // findPyramid() of its input.
 void findPyramid(QueryOptions& options);
 

@@ -1,38 +1,21 @@
 #include "isobrick/extract/simplify/batch_simplifier.h"
 
-#include <meshoptimizer.h>
-
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
-#include <glm/vec4.hpp>
 
 namespace isobrick {
 namespace {
 
-// Trials, each with more triangles that stay. A different target would make faults at other places,
-// so it is lowered only if these do not end.
-constexpr int kMostTrials = 24, kTrialsOfOneTarget = 12;
-// What meshoptimizer is asked for, as a part of the distance: its error is a mean of squares, and
-// moving the vertices takes away about half of it.
-constexpr float kTargetPart = 0.6f;
-// Steps of the fit; after four it gains nothing more.
-constexpr int kFitSteps = 4;
-
-// Of the point of the triangle's plane below `point`, moved into the triangle.
-glm::vec3 weightsOf(const glm::vec3& point, const SurfacePatch::Facet& facet) {
-  const auto& [a, b, c] = facet.corners;
-  const glm::vec3 ab = b - a, ac = c - a, ap = point - a;
-  const float d00 = glm::dot(ab, ab), d01 = glm::dot(ab, ac), d11 = glm::dot(ac, ac);
-  const float d20 = glm::dot(ap, ab), d21 = glm::dot(ap, ac);
-  const float area = d00 * d11 - d01 * d01;
-  if (!(area > 0)) return {1.0f, 0.0f, 0.0f};
-  const float v = (d11 * d20 - d01 * d21) / area, w = (d00 * d21 - d01 * d20) / area;
-  glm::vec3 weights = glm::max(glm::vec3(1 - v - w, v, w), glm::vec3(0.0f));
-  return weights / (weights.x + weights.y + weights.z);
-}
+// The cheapest of so many candidates get their turn in a round; if there are few, all do.
+constexpr std::size_t kCandidatesForEach = 2, kFewCandidates = 256;
+// An edge is not tried if its triangles would lie further from the finest ones than this part of
+// the distance, in the mean of squares: it would hardly ever be let through.
+constexpr float kMostMeanSquare = 0.05f;
+constexpr std::uint32_t kNone = CornerTable::kNone;
 
 // Sides of the batch's box that a vertex lies in: two bits an axis.
 unsigned sidesOf(const glm::vec3& position, const glm::vec3& lower, const glm::vec3& upper) {
@@ -49,214 +32,256 @@ unsigned sidesOf(const glm::vec3& position, const glm::vec3& lower, const glm::v
 void BatchSimplifier::simplify(const SimplifySpace& space, const CancelFlag* cancel,
                                MeshBatch& batch) {
   if (batch.triangles.empty()) return;
+  begin(space, batch);
+  addPlanes();
+  for (round_ = 1;; ++round_) {
+    if (cancel != nullptr) cancel->check();
+    findCandidates();
+    if (candidates_.empty()) break;
+    sortCandidates();
+    collapseCandidates(cancel, batch);
+  }
+  write(batch);
+}
+
+void BatchSimplifier::begin(const SimplifySpace& space, const MeshBatch& batch) {
+  space_ = space;
   lower_ = upper_ = batch.positions[0];
   for (const glm::vec3& position : batch.positions) {
     lower_ = glm::min(lower_, position);
     upper_ = glm::max(upper_, position);
   }
-  finest_positions_.resize(batch.positions.size());
-  for (std::size_t v = 0; v < batch.positions.size(); ++v)
-    finest_positions_[v] = glm::vec3(space.to_space * glm::dvec3(batch.positions[v]));
-  finest_.set(batch.triangles, batch.positions.size());
-  finest_.place(finest_positions_);
-  stays_.assign(finest_.count(), 0);
-  // An isosurface has none; if it had, they would be left as they are.
-  for (const std::uint32_t vertex : finest_.faults()) keepAround(vertex);
-  float target = kTargetPart * space.distance;
-  for (int trial = 0; trial < kMostTrials; ++trial) {
-    if (cancel != nullptr) cancel->check();
-    if (simplifyOnce(space, target, batch)) {
-      write(batch);
-      return;
-    }
-    if (trial % kTrialsOfOneTarget == kTrialsOfOneTarget - 1) target /= 4;
+  center_ = glm::round((lower_ + upper_) / 2.0f);
+  const std::size_t vertices = batch.positions.size();
+  positions_.resize(vertices);
+  for (std::size_t v = 0; v < vertices; ++v)
+    positions_[v] = space_.to_space * (batch.positions[v] - center_);
+  table_.set(batch.triangles, vertices);
+  is_shared_.assign(vertices, 0);
+  for (const MeshBatch::SharedVertex& shared : batch.shared) is_shared_[shared.vertex] = 1;
+  is_fixed_.resize(vertices);
+  for (std::uint32_t v = 0; v < vertices; ++v)
+    is_fixed_[v] = is_shared_[v] != 0 || table_.ring(v) != CornerTable::Ring::kClosed;
+  normals_.assign(batch.normals.begin(), batch.normals.end());
+  touched_.assign(vertices, 0);
+  is_refused_.assign(std::size_t{4} * table_.triangles(), 0);
+  deviations_.assign(table_.triangles(), Deviation());
+  alive_.resize(table_.triangles());
+  for (std::uint32_t t = 0; t < table_.triangles(); ++t) alive_[t] = t;
+}
+
+// Each triangle counts a third at each of its vertices.
+void BatchSimplifier::addPlanes() {
+  quadrics_.assign(positions_.size(), Quadric());
+  for (std::uint32_t t = 0; t < table_.triangles(); ++t) {
+    const std::uint32_t c = CornerTable::firstCorner(t);
+    const std::uint32_t corners[] = {table_.vertex(c), table_.vertex(c + 1), table_.vertex(c + 2)};
+    const glm::vec3& a = positions_[corners[0]];
+    const glm::vec3 across = glm::cross(positions_[corners[1]] - a, positions_[corners[2]] - a);
+    const float length = std::sqrt(glm::dot(across, across));
+    if (!(length > 0)) continue;
+    for (const std::uint32_t v : corners) quadrics_[v].addPlane(across / length, length / 6);
   }
+  for (std::size_t v = 0; v < normals_.size(); ++v) normals_[v] *= quadrics_[v].weight;
 }
 
-bool BatchSimplifier::simplifyOnce(const SimplifySpace& space, float target,
-                                   const MeshBatch& batch) {
-  refused_.clear();
-  collapse(target);
-  simplified_.set(result_, finest_positions_.size());
-  if (!refuseFaults(batch)) return false;
-  voxels_.assign(batch.positions.begin(), batch.positions.end());
-  positions_ = finest_positions_;
-  simplified_.place(positions_);
-  findPlaces();
-  fitVertices();
-  settleVertices(space);
-  return proveDistances(space.distance);
-}
-
-void BatchSimplifier::collapse(float target) {
-  indices_.clear();
-  result_.clear();
-  for (std::uint32_t t = 0; t < finest_.count(); ++t) {
-    const std::uint32_t* const corners = finest_.triangle(t);
-    std::vector<std::uint32_t>& to = stays_[t] != 0 ? result_ : indices_;
-    to.insert(to.end(), corners, corners + 3);
-  }
-  const std::size_t kept = result_.size();
-  kept_ = static_cast<std::uint32_t>(kept / 3);
-  if (indices_.empty()) return;
-  result_.resize(kept + indices_.size());
-  const float* const positions = &finest_positions_[0].x;
-  // Its errors are parts of the extent of the positions.
-  const float scale = meshopt_simplifyScale(positions, finest_positions_.size(), sizeof(glm::vec3));
-  const std::size_t count = meshopt_simplify(
-      &result_[kept], indices_.data(), indices_.size(), positions, finest_positions_.size(),
-      sizeof(glm::vec3), 0, target / scale, meshopt_SimplifyLockBorder, nullptr);
-  result_.resize(kept + count);
-}
-
-void BatchSimplifier::keepAround(std::uint32_t vertex) {
-  for (const std::uint32_t t : finest_.around(vertex)) stays_[t] = 1;
-}
-
-// Besides faults of the patch alone: a side between two vertices that another batch has as well,
-// and that was none before, could be a side there too, and so could a triangle between three of
-// them. Of a uniform brick, others have both vertices only if they lie in one of its sides; leaves
-// of other levels may have any two.
-bool BatchSimplifier::refuseFaults(const MeshBatch& batch) {
-  is_fixed_.assign(finest_positions_.size(), 0);
-  for (const MeshBatch::SharedVertex& shared : batch.shared) is_fixed_[shared.vertex] = 2;
-  refused_.insert(refused_.end(), simplified_.faults().begin(), simplified_.faults().end());
-  const auto mayBeElsewhere = [&](std::uint32_t a, std::uint32_t b) {
-    if (is_fixed_[a] != 2 || is_fixed_[b] != 2) return false;
-    return !batch.is_uniform || (sidesOf(batch.positions[a], lower_, upper_) &
-                                 sidesOf(batch.positions[b], lower_, upper_)) != 0;
+std::uint32_t BatchSimplifier::cornerThatGoes(std::uint32_t corner) const {
+  const auto isBroken = [&](std::uint32_t c) {
+    return table_.ring(table_.vertex(c)) == CornerTable::Ring::kBroken;
   };
-  const auto corner = [this](std::uint32_t t, int c) { return simplified_.triangle(t)[c % 3]; };
-  for (std::uint32_t t = kept_; t < simplified_.count(); ++t) {
-    int sides = 0;
-    for (int side = 0; side < 3; ++side) {
-      const std::uint32_t from = corner(t, side), to = corner(t, side + 1);
-      if (!mayBeElsewhere(from, to)) continue;
-      ++sides;
-      if (simplified_.beside(t, side) != SurfacePatch::kNone && !finest_.hasSide(from, to))
-        refused_.insert(refused_.end(), {from, to});
-    }
-    if (sides == 3 && !finest_.hasTriangle(simplified_.triangle(t)))
-      refused_.insert(refused_.end(), {corner(t, 0), corner(t, 1), corner(t, 2)});
-  }
-  for (std::uint32_t t = 0; t < simplified_.count(); ++t)
-    for (int side = 0; side < 3; ++side)
-      if (simplified_.beside(t, side) == SurfacePatch::kNone)
-        for (const int c : {side, side == 2 ? 0 : side + 1})
-          is_fixed_[simplified_.triangle(t)[c]] |= 1;
-  for (std::uint32_t t = 0; t < finest_.count(); ++t)
-    if (stays_[t] != 0)
-      for (int c = 0; c < 3; ++c) is_fixed_[finest_.triangle(t)[c]] |= 1;
-  for (const std::uint32_t vertex : refused_) keepAround(vertex);
-  return refused_.empty();
+  const std::uint32_t other = CornerTable::next(corner);
+  if (isBroken(corner) || isBroken(other)) return kNone;
+  if (is_fixed_[table_.vertex(corner)] == 0) return corner;
+  if (is_fixed_[table_.vertex(other)] != 0) return kNone;
+  return CornerTable::next(table_.opposite(CornerTable::previous(corner)));
 }
 
-// Where finest vertices lie on the simplified patch: those that remain at themselves, the others by
-// walking from a vertex that they share a triangle with, so that nobody comes to another sheet.
-void BatchSimplifier::findPlaces() {
-  places_.assign(finest_positions_.size(), Place());
-  waiting_.clear();
-  for (std::uint32_t v = 0; v < places_.size(); ++v)
-    if (!simplified_.around(v).empty()) {
-      places_[v].triangle = simplified_.around(v)[0];
-      waiting_.push_back(v);
-    }
-  for (std::size_t next = 0; next < waiting_.size(); ++next) {
-    const std::uint32_t from = waiting_[next];
-    for (const std::uint32_t t : finest_.around(from))
-      for (int c = 0; c < 3; ++c) {
-        const std::uint32_t v = finest_.triangle(t)[c];
-        Place& place = places_[v];
-        if (place.triangle != SurfacePatch::kNone) continue;
-        place.triangle = walkTo(simplified_, finest_positions_[v], places_[from].triangle);
-        place.weights = weightsOf(finest_positions_[v], simplified_.facet(place.triangle));
-        waiting_.push_back(v);
-      }
-  }
-}
-
-// Least squares of the heights of finest vertices over their triangles, by simultaneous steps: each
-// vertex goes the weighted mean of what is left around it.
-void BatchSimplifier::fitVertices() {
-  const auto patch = simplified_.triangles();
-  for (int step = 0; step < kFitSteps; ++step) {
-    shifts_.assign(positions_.size(), glm::vec4(0.0f));
-    for (std::uint32_t v = 0; v < places_.size(); ++v) {
-      const Place& place = places_[v];
-      if (place.triangle == SurfacePatch::kNone || !simplified_.around(v).empty()) continue;
-      const std::uint32_t* const corners = &patch[std::size_t{3} * place.triangle];
-      glm::vec3 at(0.0f);
-      for (int c = 0; c < 3; ++c) at += place.weights[c] * positions_[corners[c]];
-      const glm::vec3& normal = simplified_.facet(place.triangle).normal;
-      const glm::vec3 left = glm::dot(finest_positions_[v] - at, normal) * normal;
-      for (int c = 0; c < 3; ++c)
-        shifts_[corners[c]] += glm::vec4(place.weights[c] * left, place.weights[c]);
-    }
-    for (std::uint32_t v = 0; v < positions_.size(); ++v) {
-      if (is_fixed_[v] != 0 || !(shifts_[v].w > 0)) continue;
-      // The vertex itself counts as one that lies where it was.
-      const glm::vec3 own = finest_positions_[v] - positions_[v];
-      positions_[v] += (glm::vec3(shifts_[v]) + own) / (shifts_[v].w + 1);
-    }
-  }
-}
-
-// Before the proof, so that it is about what is written: a vertex stays in the box of its batch.
-// One that was not moved keeps its bits.
-void BatchSimplifier::settleVertices(const SimplifySpace& space) {
-  for (std::uint32_t v = 0; v < positions_.size(); ++v) {
-    if (positions_[v] == finest_positions_[v]) continue;
-    voxels_[v] = glm::clamp(glm::vec3(space.to_voxels * glm::dvec3(positions_[v])), lower_, upper_);
-    positions_[v] = glm::vec3(space.to_space * glm::dvec3(voxels_[v]));
-  }
-  simplified_.place(positions_);
-}
-
-// A walk may end beside the triangle that it looks for, so it is tried from each corner.
-bool BatchSimplifier::proveDistances(float distance) {
-  const auto prove = [&](const SurfacePatch& of, std::uint32_t t, const SurfacePatch& against,
-                         const auto& startAt) {
-    const std::array<glm::vec3, 3>& corners = of.facet(t).corners;
-    const glm::vec3 center = (corners[0] + corners[1] + corners[2]) / 3.0f;
-    for (int c = 0; c < 3; ++c) {
-      const std::uint32_t start = startAt(of.triangle(t)[c]);
-      if (start != SurfacePatch::kNone &&
-          proof_.isWithin(against, corners, walkTo(against, center, start), distance))
-        return;
-    }
-    refused_.insert(refused_.end(), of.triangle(t), of.triangle(t) + 3);
+void BatchSimplifier::findCandidates() {
+  candidates_.clear();
+  std::erase_if(alive_, [&](std::uint32_t t) { return !table_.isAlive(t); });
+  const float most = kMostMeanSquare * space_.distance * space_.distance;
+  std::array<std::uint32_t, EdgeBlock::kEdges> corners;
+  std::size_t count = 0;
+  const auto evaluate = [&] {
+    edges_.compute();
+    for (std::size_t i = 0; i < count; ++i)
+      if (edges_.cost(i) <= most * edges_.weight(i))
+        candidates_.push_back({edges_.cost(i), corners[i]});
+    count = 0;
   };
-  for (std::uint32_t t = 0; t < finest_.count(); ++t)
-    if (stays_[t] == 0)
-      prove(finest_, t, simplified_, [&](std::uint32_t v) { return places_[v].triangle; });
-  for (std::uint32_t t = kept_; t < simplified_.count(); ++t)
-    prove(simplified_, t, finest_, [&](std::uint32_t v) { return finest_.around(v)[0]; });
-  // Without area there is no normal, and nothing but a line to draw.
-  for (std::uint32_t t = kept_; t < simplified_.count(); ++t)
-    if (simplified_.facet(t).normal == glm::vec3(0.0f))
-      refused_.insert(refused_.end(), simplified_.triangle(t), simplified_.triangle(t) + 3);
-  for (const std::uint32_t vertex : refused_) keepAround(vertex);
-  return refused_.empty();
+  for (const std::uint32_t t : alive_)
+    for (std::uint32_t c = CornerTable::firstCorner(t), end = c + 3; c < end; ++c) {
+      const std::uint32_t facing = table_.opposite(c);
+      if (facing == kNone || facing < c || is_refused_[c] != 0) continue;
+      const std::uint32_t corner = cornerThatGoes(CornerTable::next(c));
+      if (corner == kNone) continue;
+      const std::uint32_t gone = table_.vertex(corner);
+      const std::uint32_t kept = table_.vertex(CornerTable::next(corner));
+      edges_.set(count, quadrics_[gone], quadrics_[kept], positions_[gone] - positions_[kept],
+                 is_fixed_[kept] != 0);
+      corners[count++] = corner;
+      if (count == EdgeBlock::kEdges) evaluate();
+    }
+  evaluate();
 }
 
-void BatchSimplifier::write(MeshBatch& batch) const {
-  std::vector<std::uint32_t> numbers(batch.positions.size(), SurfacePatch::kNone);
+// The cheapest part of them, roughly in order: by the highest bits of their costs.
+void BatchSimplifier::sortCandidates() {
+  constexpr int kBits = 12;
+  std::array<std::uint32_t, (1u << kBits) + 1> first{};
+  const auto keyOf = [](const Candidate& candidate) {
+    return std::bit_cast<std::uint32_t>(candidate.cost) >> (31 - kBits);
+  };
+  for (const Candidate& candidate : candidates_) ++first[keyOf(candidate) + 1];
+  for (std::size_t i = 1; i < first.size(); ++i) first[i] += first[i - 1];
+  sorted_.resize(candidates_.size());
+  for (const Candidate& candidate : candidates_) sorted_[first[keyOf(candidate)]++] = candidate;
+  if (sorted_.size() > kFewCandidates) sorted_.resize(sorted_.size() / kCandidatesForEach);
+}
+
+void BatchSimplifier::collapseCandidates(const CancelFlag* cancel, const MeshBatch& batch) {
+  constexpr std::size_t kBetweenLooks = 1024;
+  for (std::size_t i = 0; i < sorted_.size(); ++i) {
+    if (cancel != nullptr && i % kBetweenLooks == 0) cancel->check();
+    const std::uint32_t corner = sorted_[i].corner;
+    if (!table_.isAlive(CornerTable::triangleOf(corner))) continue;
+    if (touched_[table_.vertex(corner)] == round_ ||
+        touched_[table_.vertex(CornerTable::next(corner))] == round_)
+      continue;
+    if (collapse(corner, batch)) continue;
+    const std::uint32_t facing = CornerTable::previous(corner);
+    is_refused_[std::min(facing, table_.opposite(facing))] = 1;
+  }
+}
+
+// In the box of the batch, and rounded as it will be written.
+glm::vec3 BatchSimplifier::placeInBatch(const glm::vec3& position) const {
+  const glm::vec3 voxel = space_.to_voxels * position + center_;
+  return space_.to_space * (glm::clamp(voxel, lower_, upper_) - center_);
+}
+
+bool BatchSimplifier::collapse(std::uint32_t corner, const MeshBatch& batch) {
+  const std::uint32_t gone = table_.vertex(corner);
+  const std::uint32_t kept = table_.vertex(CornerTable::next(corner));
+  const glm::vec3 to_gone = positions_[gone] - positions_[kept];
+  Quadric quadric = quadrics_[gone];
+  quadric.moveCenter(-to_gone);
+  quadric += quadrics_[kept];
+  const glm::vec3 place = is_fixed_[kept] != 0
+                              ? positions_[kept]
+                              : placeInBatch(positions_[kept] + bestPlace(quadric, to_gone));
+  if (!findRegion(corner, place)) return false;
+  if (region_.is_open && !keepsOthersApart(corner, batch)) return false;
+  if (!bound_.follow(region_, deviations_, space_.distance)) return false;
+  table_.collapse(corner);
+  quadric.moveCenter(place - positions_[kept]);
+  quadrics_[kept] = quadric;
+  positions_[kept] = place;
+  if (is_fixed_[kept] == 0) normals_[kept] += normals_[gone];
+  touched_[kept] = round_;
+  for (int i = 0; i < region_.sides(); ++i) {
+    const std::uint32_t t = region_.old_triangles[i];
+    deviations_[t] = bound_.deviation(i);
+    for (std::uint32_t c = CornerTable::firstCorner(t), end = c + 3; c < end; ++c)
+      is_refused_[std::min(c, table_.opposite(c))] = 0;
+  }
+  return true;
+}
+
+bool BatchSimplifier::findRegion(std::uint32_t corner, const glm::vec3& place) {
+  const std::uint32_t at_kept = CornerTable::next(corner);
+  const std::uint32_t beyond = table_.opposite(CornerTable::previous(corner));
+  const std::uint32_t left = CornerTable::triangleOf(corner),
+                      right = CornerTable::triangleOf(beyond);
+  region_.is_open = is_fixed_[table_.vertex(at_kept)] != 0;
+  region_.gone = positions_[table_.vertex(corner)] - place;
+  region_.kept = positions_[table_.vertex(at_kept)] - place;
+  int count = 0;
+  const auto add = [&](std::uint32_t at) {
+    ring_[count] = table_.vertex(at);
+    region_.ring[count] = positions_[ring_[count]] - place;
+    ++count;
+  };
+  add(CornerTable::previous(corner));
+  for (std::uint32_t at = table_.left(corner); CornerTable::triangleOf(at) != right;
+       at = table_.left(at)) {
+    if (count == CollapseRegion::kMostRing) return false;
+    region_.old_triangles[count - 1] = CornerTable::triangleOf(at);
+    add(CornerTable::previous(at));
+  }
+  region_.last_of_gone = count - 1;
+  if (count < 2) return false;
+  if (!region_.is_open) {
+    std::uint32_t at = table_.left(CornerTable::next(beyond));
+    if (CornerTable::triangleOf(at) == left) return false;
+    for (;; add(CornerTable::previous(at)), at = table_.left(at)) {
+      region_.old_triangles[count - 1] = CornerTable::triangleOf(at);
+      if (CornerTable::triangleOf(table_.left(at)) == left) break;
+      if (count == CollapseRegion::kMostRing) return false;
+    }
+    if (count < 3) return false;
+  }
+  region_.count = count;
+  region_.old_triangles[region_.sides()] = left;
+  region_.old_triangles[region_.sides() + 1] = right;
+  return true;
+}
+
+// Around a fixed vertex: none of its new sides is there already, none comes back to back with
+// another triangle, and none might be there in another batch. Of a uniform brick, others have both
+// vertices of a side only if they lie in one of its faces; leaves of other levels may have any two.
+bool BatchSimplifier::keepsOthersApart(std::uint32_t corner, const MeshBatch& batch) const {
+  const std::uint32_t at_kept = CornerTable::next(corner);
+  const std::uint32_t kept = table_.vertex(at_kept);
+  const std::span new_neighbours = std::span(ring_).subspan(1, region_.last_of_gone - 1);
+  if (new_neighbours.empty()) {
+    const std::uint32_t facing = table_.opposite(table_.left(corner));
+    return facing == kNone || table_.vertex(facing) != kept;
+  }
+  const auto isNew = [&](std::uint32_t vertex) {
+    return std::ranges::find(new_neighbours, vertex) == new_neighbours.end();
+  };
+  const std::uint32_t other = CornerTable::next(table_.opposite(CornerTable::previous(corner)));
+  for (std::uint32_t at = table_.right(at_kept); at != kNone && at != other; at = table_.right(at))
+    if (!isNew(table_.vertex(CornerTable::next(at)))) return false;
+  for (std::uint32_t at = table_.left(other); at != kNone && at != at_kept; at = table_.left(at))
+    if (!isNew(table_.vertex(CornerTable::previous(at)))) return false;
+  if (is_shared_[kept] == 0) return true;
+  const unsigned sides = sidesOf(batch.positions[kept], lower_, upper_);
+  return std::ranges::none_of(new_neighbours, [&](std::uint32_t vertex) {
+    return is_shared_[vertex] != 0 &&
+           (!batch.is_uniform || (sides & sidesOf(batch.positions[vertex], lower_, upper_)) != 0);
+  });
+}
+
+void BatchSimplifier::write(MeshBatch& batch) {
+  numbers_.assign(batch.positions.size(), kNone);
+  std::size_t corners = 0;
+  for (const std::uint32_t t : alive_)
+    for (std::uint32_t c = CornerTable::firstCorner(t), end = c + 3; c < end; ++c) {
+      batch.triangles[corners] = table_.vertex(c);
+      numbers_[batch.triangles[corners++]] = 0;
+    }
+  batch.triangles.resize(corners);
   std::uint32_t count = 0;
-  for (std::uint32_t v = 0; v < numbers.size(); ++v) {
-    if (simplified_.around(v).empty()) continue;
-    numbers[v] = count;
-    batch.positions[count] = voxels_[v];
-    batch.normals[count] = batch.normals[v];
+  for (std::uint32_t v = 0; v < numbers_.size(); ++v) {
+    if (numbers_[v] == kNone) continue;
+    numbers_[v] = count;
+    batch.positions[count] =
+        touched_[v] == 0 || is_fixed_[v] != 0
+            ? batch.positions[v]
+            : glm::clamp(space_.to_voxels * positions_[v] + center_, lower_, upper_);
+    const float length = std::sqrt(glm::dot(normals_[v], normals_[v]));
+    batch.normals[count] = touched_[v] == 0 || is_fixed_[v] != 0 || !(length > 0)
+                               ? batch.normals[v]
+                               : normals_[v] / length;
     ++count;
   }
   batch.positions.resize(count);
   batch.normals.resize(count);
-  std::erase_if(batch.shared,
-                [&](const auto& s) { return numbers[s.vertex] == SurfacePatch::kNone; });
-  for (MeshBatch::SharedVertex& shared : batch.shared) shared.vertex = numbers[shared.vertex];
-  batch.triangles.resize(simplified_.triangles().size());
-  for (std::size_t i = 0; i < batch.triangles.size(); ++i)
-    batch.triangles[i] = numbers[simplified_.triangles()[i]];
+  for (std::uint32_t& vertex : batch.triangles) vertex = numbers_[vertex];
+  std::erase_if(batch.shared, [&](const auto& s) { return numbers_[s.vertex] == kNone; });
+  for (MeshBatch::SharedVertex& shared : batch.shared) shared.vertex = numbers_[shared.vertex];
   batch.transition_indices = 0;
 }
 

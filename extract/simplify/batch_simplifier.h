@@ -1,15 +1,16 @@
 // Fewer triangles for what one brick adds to a mesh, within a distance of it.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <glm/mat3x3.hpp>
 #include <glm/vec3.hpp>
-#include <glm/vec4.hpp>
-#include <span>
 #include <vector>
 
-#include "isobrick/extract/simplify/patch_distance.h"
-#include "isobrick/extract/simplify/surface_patch.h"
+#include "isobrick/extract/simplify/corner_table.h"
+#include "isobrick/extract/simplify/deviation.h"
+#include "isobrick/extract/simplify/edge_costs.h"
+#include "isobrick/extract/simplify/quadric.h"
 #include "isobrick/extract/sinks/triangle_sink.h"
 #include "isobrick/storage/cancel.h"
 
@@ -18,56 +19,61 @@ namespace isobrick {
 // How far simplification may go, in the space in which distances count.
 struct SimplifySpace {
   float distance = 0;         // above 0
-  glm::dmat3 to_space{1.0};   // from voxels; identity for a distance in voxels
-  glm::dmat3 to_voxels{1.0};  // back
+  glm::mat3 to_space{1.0f};   // from voxels; identity for a distance in voxels
+  glm::mat3 to_voxels{1.0f};  // back
 };
 
 // Simplifies batches one after the other, with memory that goes round. The result depends on the
 // batch alone.
 //
-// meshoptimizer collapses edges (Garland and Heckbert 1997); the vertices that remain are moved to
-// where the triangles around them fit the finest vertices best; then both distances are proved
-// (DistanceProof). Triangles for which a proof fails, and those around a fault of topology, stay as
-// they were, and all is done again, until nothing fails. Vertices on the border of the batch, those
-// that other batches have among them, are never moved, so that batches fit each other.
+// Edges collapse, those first that change the sum of squared distances to the finest triangles
+// least, to the place where it is least (Garland and Heckbert 1997). An edge that might bring
+// a point further from where it was than the distance does not collapse (DeviationBound). Vertices
+// that other batches have among them, and those at borders, never move, so batches fit each other.
 class BatchSimplifier {
  public:
   // Afterwards no point of the batch is further than the distance from what it was, and no point of
-  // that further from it. Normals are those that the vertices had. A batch for which nothing can be
-  // proved stays as it is. Throws Cancelled if that is requested; `cancel` may be null.
+  // that further from it, but for the rounding of floats. The normal of a vertex is the mean of
+  // those that became it, by area. Throws Cancelled if that is requested; `cancel` may be null.
   void simplify(const SimplifySpace& space, const CancelFlag* cancel, MeshBatch& batch);
 
  private:
-  // One trial. False if triangles were added to those that stay.
-  bool simplifyOnce(const SimplifySpace& space, float target, const MeshBatch& batch);
-  void collapse(float target);
-  bool refuseFaults(const MeshBatch& batch);
-  void findPlaces();
-  void fitVertices();
-  void settleVertices(const SimplifySpace& space);
-  bool proveDistances(float distance);
-  // Keeps all finest triangles that have the vertex.
-  void keepAround(std::uint32_t vertex);
-  void write(MeshBatch& batch) const;
-
-  struct Place {  // of a finest vertex on the simplified patch
-    std::uint32_t triangle = SurfacePatch::kNone;
-    glm::vec3 weights{0.0f};  // of the triangle's corners
+  struct Candidate {
+    float cost;
+    std::uint32_t corner;  // of the vertex that goes; the next one is that of the one that stays
   };
 
-  std::vector<glm::vec3> finest_positions_, positions_;  // in space
-  RawVector<glm::vec3> voxels_;                          // what is written: positions_ in voxels
-  glm::vec3 lower_{0.0f}, upper_{0.0f};                  // of the batch, in voxels
-  SurfacePatch finest_, simplified_;
-  std::vector<std::uint8_t> stays_;     // of each finest triangle
-  std::vector<std::uint8_t> is_fixed_;  // of each vertex: at a border, or in a triangle that stays
-  std::vector<std::uint32_t> indices_, result_;
-  std::uint32_t kept_ = 0;  // the first triangles of the result are those that stay
-  std::vector<Place> places_;
-  std::vector<std::uint32_t> waiting_;
-  std::vector<glm::vec4> shifts_;
-  std::vector<std::uint32_t> refused_;  // vertices
-  DistanceProof proof_;
+  void begin(const SimplifySpace& space, const MeshBatch& batch);
+  void addPlanes();
+  void findCandidates();
+  void sortCandidates();
+  void collapseCandidates(const CancelFlag* cancel, const MeshBatch& batch);
+  bool collapse(std::uint32_t corner, const MeshBatch& batch);
+  // The corner whose vertex goes: the corner itself, or that at the other end of its edge.
+  std::uint32_t cornerThatGoes(std::uint32_t corner) const;
+  glm::vec3 placeInBatch(const glm::vec3& position) const;
+  bool findRegion(std::uint32_t corner, const glm::vec3& place);
+  bool keepsOthersApart(std::uint32_t corner, const MeshBatch& batch) const;
+  void write(MeshBatch& batch);
+
+  SimplifySpace space_;
+  glm::vec3 lower_{0.0f}, upper_{0.0f}, center_{0.0f};  // of the batch, in voxels
+  CornerTable table_;
+  std::vector<glm::vec3> positions_;     // in space, from the center
+  std::vector<Quadric> quadrics_;        // of vertices, about their positions
+  std::vector<glm::vec3> normals_;       // sums, by area
+  std::vector<std::uint8_t> is_shared_;  // of vertices
+  std::vector<std::uint8_t> is_fixed_;
+  std::vector<std::uint32_t> touched_;    // the round in which a vertex last changed
+  std::vector<std::uint8_t> is_refused_;  // of corners that stand for edges
+  std::vector<Deviation> deviations_;     // of triangles
+  std::vector<Candidate> candidates_, sorted_;
+  std::vector<std::uint32_t> alive_, numbers_;
+  std::uint32_t round_ = 0;
+  EdgeBlock edges_;
+  CollapseRegion region_;
+  std::array<std::uint32_t, CollapseRegion::kMostRing> ring_;  // vertices
+  DeviationBound bound_;
 };
 
 }  // namespace isobrick

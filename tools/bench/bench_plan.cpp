@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <string_view>
 
 #include "isobrick/storage/error.h"
 
@@ -12,6 +13,16 @@ namespace {
 std::vector<std::string> joined(std::vector<std::string> a, const std::vector<std::string>& b) {
   a.insert(a.end(), b.begin(), b.end());
   return a;
+}
+
+// Of the rows of simplification: those that are asked for, or one.
+std::vector<std::string> simplifyDistances(const std::vector<std::string>& only) {
+  if (only.empty()) return {"0.5"};
+  std::vector<std::string> distances;
+  for (const std::string& name : only)
+    if (name.rfind(kSimplifyRows, 0) == 0)
+      distances.push_back(name.substr(std::string_view(kSimplifyRows).size()));
+  return distances;
 }
 
 // One of each name; cache and pages are set later.
@@ -27,6 +38,8 @@ std::vector<BenchRow> namedRows(const BenchSettings& settings, const std::vector
   };
   const auto own = joined({settings.own_executable, "bench-row"}, settings.own_words);
   add(kFinestRow, false, own);
+  for (const std::string& distance : simplifyDistances(settings.only))
+    add(kSimplifyRows + distance, true, joined(own, {"--simplify", distance}));
   if (!settings.query_words.empty()) add(kAdaptiveRow, true, joined(own, settings.query_words));
   for (const PeerRow& peer : peers)
     add(peer.name, peer.approximates,

@@ -49,6 +49,8 @@ struct BenchRow {
 // The name of the row that extracts the finest level everywhere.
 inline constexpr char kFinestRow[] = "isobrick";
 inline constexpr char kAdaptiveRow[] = "isobrick-adaptive";
+// Begins the names of rows that simplify the finest level; what --simplify takes follows.
+inline constexpr char kSimplifyRows[] = "simplify-";
 
 // All rows of all settings of caches and pages, in the order in which they are measured. Throws
 // Error where a name in settings.only is not that of a row.

@@ -1,0 +1,82 @@
+// Triangles and what is beside them, while edges collapse.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+namespace isobrick {
+
+// A table of corners (Rossignac 2001): triangle t has the corners 4t, 4t + 1 and 4t + 2, and each
+// corner knows its vertex and the corner that faces it across the side between the other two.
+class CornerTable {
+ public:
+  static constexpr std::uint32_t kNone = ~std::uint32_t{0};
+
+  static std::uint32_t triangleOf(std::uint32_t corner) { return corner / 4; }
+  static std::uint32_t firstCorner(std::uint32_t triangle) { return 4 * triangle; }
+  // Of the same triangle, counter-clockwise and clockwise.
+  static std::uint32_t next(std::uint32_t corner) {
+    return (corner & ~3u) | ((0b001001u >> (2 * (corner & 3))) & 3u);
+  }
+  static std::uint32_t previous(std::uint32_t corner) {
+    return (corner & ~3u) | ((0b010010u >> (2 * (corner & 3))) & 3u);
+  }
+
+  // Takes the triangles: three different vertices each, of so many.
+  void set(std::span<const std::uint32_t> triangles, std::size_t vertices);
+
+  std::uint32_t vertex(std::uint32_t corner) const {
+    return triangles_[corner / 4].vertices[corner & 3];
+  }
+  // kNone at a border, and where a side has more than two triangles, or two in one direction.
+  std::uint32_t opposite(std::uint32_t corner) const {
+    return triangles_[corner / 4].opposites[corner & 3];
+  }
+  // The corner of the same vertex in the next triangle around it, counter-clockwise or clockwise;
+  // kNone beyond a border.
+  std::uint32_t left(std::uint32_t corner) const {
+    const std::uint32_t facing = opposite(next(corner));
+    return facing == kNone ? kNone : next(facing);
+  }
+  std::uint32_t right(std::uint32_t corner) const {
+    const std::uint32_t facing = opposite(previous(corner));
+    return facing == kNone ? kNone : previous(facing);
+  }
+
+  // What triangles around a vertex make of it.
+  enum class Ring : std::uint8_t {
+    kClosed,  // one ring
+    kOpen,    // part of a ring, as at a border
+    kBroken   // anything else: no surface there
+  };
+  Ring ring(std::uint32_t vertex) const { return rings_[vertex]; }
+
+  // Collapses the edge from the corner's vertex to that of the next corner: all that remains has
+  // the latter. Both triangles at the edge are then no more; the caller has seen that what remains
+  // is a surface.
+  void collapse(std::uint32_t corner);
+  bool isAlive(std::uint32_t triangle) const { return triangles_[triangle].vertices[0] != kNone; }
+  std::uint32_t triangles() const { return static_cast<std::uint32_t>(triangles_.size()); }
+
+ private:
+  // Together, since whoever asks for one asks for the other.
+  struct Triangle {
+    std::array<std::uint32_t, 4> vertices, opposites;  // of corners; the last ones are unused
+  };
+
+  std::uint32_t& facing(std::uint32_t corner) {
+    return triangles_[corner / 4].opposites[corner & 3];
+  }
+  void findOpposites();
+  void findRings();
+  void join(std::uint32_t corner, std::uint32_t other);
+  void removeTriangle(std::uint32_t corner);
+
+  std::vector<Triangle> triangles_;
+  std::vector<std::uint32_t> first_, around_;  // of each vertex: its corners at the beginning
+  std::vector<Ring> rings_;                    // of vertices, at the beginning
+};
+
+}  // namespace isobrick
