@@ -1,7 +1,7 @@
 // A surface at once, and finer each time it is asked for: what a viewer does. Each query is
 // answered from what is in memory; what was lacking comes in meanwhile, first what is near the
-// focus. The last one is the surface that a query without `now` gives, to the byte: it goes to
-// refined.ply.
+// focus. The last one is the surface that the same query gives if it is not progressive, to the
+// byte: it goes to refined.ply.
 #include <isobrick/isobrick.h>
 
 #include <chrono>
@@ -16,7 +16,7 @@ int main() try {
   Query query;
   query.isovalue = 1324;
   query.focus = FocusSphere{{150, 60, 150}, 60};
-  query.now = true;
+  query.is_progressive = true;
 
   Extractor extractor(pyramid);
   SurfaceMesh mesh;  // keeps its memory; valid until the next extraction into it
@@ -32,7 +32,7 @@ int main() try {
     // an origin, and its positions count from there.
   } while (!report.is_complete && extractor.waitForBricks(std::chrono::milliseconds(50)));
 
-  query.now = false;
+  query.is_progressive = false;
   SurfaceMesh whole;
   const ExtractionReport full = extractIsosurface(pyramid, query, whole);
   const bool is_same = mesh.positions().size() == whole.positions().size() &&

@@ -46,7 +46,7 @@ struct LevelCounts {
 
 // What an extraction did.
 struct ExtractionReport {
-  bool is_complete = true;          // false: coarser than asked for, as the query was one for now
+  bool is_complete = true;          // false: coarser than asked for; of progressive queries alone
   std::uint64_t triangles = 0;      // of all levels
   std::vector<LevelCounts> levels;  // those with triangles, finest first
   std::uint64_t bricks_active = 0;  // bricks with at least one triangle

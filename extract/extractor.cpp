@@ -84,13 +84,13 @@ struct Extractor::Memory {
   VertexNumbering numbering;
   ReadLog log;
   BrickFetcher fetcher;
-  // Of the run of queries for now that ask for the same surface.
+  // Of the run of progressive queries that ask for the same surface.
   std::optional<SurfaceChoice> asked_for;
   std::uint64_t asked_since = 0;  // number of the first
 
-  // A query for now begins. What the queries of its run took and fetched stays for it: returns the
-  // number of the first of them.
-  std::uint64_t beginQueryForNow(const Query& query) {
+  // A progressive query begins. What the queries of its run took and fetched stays for it: returns
+  // the number of the first of them.
+  std::uint64_t beginProgressiveQuery(const Query& query) {
     const bool goes_on = asked_for && *asked_for == query;
     if (!goes_on) fetcher.takeBack();
     fetcher.beginQuery();
@@ -100,7 +100,7 @@ struct Extractor::Memory {
     return asked_since;
   }
   // Another query begins.
-  void endQueriesForNow() {
+  void endProgressiveQueries() {
     fetcher.takeBack();
     asked_for.reset();
   }
@@ -126,11 +126,11 @@ struct Extractor::Memory {
     return meshInto(context, bricks, joiner);
   }
 
-  // A query for now. `mesher`: meshInto() to where the caller wants it.
+  // A progressive query. `mesher`: meshInto() to where the caller wants it.
   template <typename Mesher>
-  ExtractionReport extractNow(const Query& query, const Mesher& mesher) try {
+  ExtractionReport extractProgressively(const Query& query, const Mesher& mesher) try {
     checkQuery(pyramid, query);
-    const std::uint64_t since = beginQueryForNow(query);
+    const std::uint64_t since = beginProgressiveQuery(query);
     const QueryNeeds needs(pyramid, query);
     ResidencyOracle residency(needs, query.cancel);
     const QueryContext context(pyramid, query, log, &residency);
@@ -164,7 +164,7 @@ Extractor::~Extractor() = default;
 Extractor::Extractor(Extractor&&) noexcept = default;
 
 ExtractionPlan Extractor::plan(const Query& query) const {
-  if (query.now) throw Error("a query for now has no plan; extract it");
+  if (query.is_progressive) throw Error("a progressive query has no plan; extract it");
   checkQuery(memory_->pyramid, query);
   ExtractionPlan plan;
   plan.query_ = query;
@@ -175,7 +175,7 @@ ExtractionPlan Extractor::plan(const Query& query) const {
 
 ExtractionReport Extractor::execute(const ExtractionPlan& plan, std::size_t first,
                                     std::size_t count, TriangleSink& sink) {
-  memory_->endQueriesForNow();
+  memory_->endProgressiveQueries();
   // The ranges of a plan are one query.
   if (first == 0) memory_->pyramid.parts().beginQuery();
   const QueryContext context(memory_->pyramid, plan.query(), memory_->log);
@@ -186,11 +186,11 @@ ExtractionReport Extractor::execute(const ExtractionPlan& plan, std::size_t firs
 }
 
 ExtractionReport Extractor::extract(const Query& query, TriangleSink& sink) {
-  if (query.now)
-    return memory_->extractNow(query,
-                               [&](const MeshContext& context, std::span<const BrickWork> bricks) {
-                                 return memory_->meshInto(context, bricks, sink);
-                               });
+  if (query.is_progressive)
+    return memory_->extractProgressively(
+        query, [&](const MeshContext& context, std::span<const BrickWork> bricks) {
+          return memory_->meshInto(context, bricks, sink);
+        });
   const ExtractionPlan whole = plan(query);
   return execute(whole, 0, whole.bricks().size(), sink);
 }
@@ -201,9 +201,9 @@ ExtractionReport Extractor::extract(const Query& query, SurfaceMesh& mesh) {
   const auto write = [&](const MeshContext& context, std::span<const BrickWork> bricks) {
     return memory_->meshInto(context, bricks, mesh, writer);
   };
-  if (query.now) return memory_->extractNow(query, write);
+  if (query.is_progressive) return memory_->extractProgressively(query, write);
   const ExtractionPlan whole = plan(query);
-  memory_->endQueriesForNow();
+  memory_->endProgressiveQueries();
   memory_->pyramid.parts().beginQuery();
   const QueryContext context(memory_->pyramid, whole.query(), memory_->log);
   return write(*context, whole.bricks());

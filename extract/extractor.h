@@ -43,11 +43,11 @@ class Extractor {
   ExtractionReport execute(const ExtractionPlan& plan, std::size_t first, std::size_t count,
                            TriangleSink& sink);
 
-  // Plan and execution of the whole query. One for now (Query::now) is answered at once, from what
-  // is resident: report.is_complete says whether that is what the query without `now` gives, to the
-  // byte. What was lacking then comes in beside the caller's work, first what refines the surface
-  // near the focus or the eye, as long as it fits into the pyramid's budget beside what this
-  // query, asked for any number of times, used and fetched; so the same query again refines:
+  // Plan and execution of the whole query. One for now (Query::is_progressive) is answered at once,
+  // from what is resident: report.is_complete says whether that is what the query without `now`
+  // gives, to the byte. What was lacking then comes in beside the caller's work, first what refines
+  // the surface near the focus or the eye, as long as it fits into the pyramid's budget beside what
+  // this query, asked for any number of times, used and fetched; so the same query again refines:
   //
   //   do report = extractor.extract(query, mesh);
   //   while (!report.is_complete && extractor.waitForBricks(std::chrono::milliseconds(50)));
@@ -59,7 +59,7 @@ class Extractor {
   // The parts and every byte depend on the query alone.
   ExtractionReport extract(const Query& query, SurfaceMesh& mesh);
 
-  // Waits until all has come in that the latest query for now lacked, at most `longest`. False
+  // Waits until all has come in that the latest progressive query lacked, at most `longest`. False
   // where nothing has come in since, and nothing will: all was there, it could not be had, or the
   // budget has no room for it.
   bool waitForBricks(std::chrono::nanoseconds longest);

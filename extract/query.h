@@ -92,7 +92,7 @@ struct SurfaceChoice : DetailChoice {
 struct Query : SurfaceChoice {
   // Answered at once from what is resident: coarser if that is not enough, but closed all the
   // same. Nothing is read but levels that are one brick. See Extractor::waitForBricks().
-  bool now = false;
+  bool is_progressive = false;
   // Where it is true of a brick, the caller has that brick's part of the surface already, and it is
   // left out of what comes. Asked, on the caller's thread and at most once a brick, of bricks of
   // which all cells, and all cells that touch them, are leaves of the brick's level: what such a

@@ -37,7 +37,7 @@ struct CellWords {
   }
 
   // Cells with corners of both kinds.
-  std::uint64_t active(std::uint64_t cells) const {
+  std::uint64_t crossedCells(std::uint64_t cells) const {
     const std::uint64_t any = (corners[0] | corners[1] | corners[2] | corners[3]) |
                               (corners[4] | corners[5] | corners[6] | corners[7]);
     const std::uint64_t all = (corners[0] & corners[1] & corners[2] & corners[3]) &

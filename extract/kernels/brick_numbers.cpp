@@ -25,7 +25,7 @@ struct TriangleCounter {
   explicit TriangleCounter(const std::uint8_t* counts) {
     for (int i = 0; i < 4; ++i) table[i] = _mm512_loadu_si512(counts + 64 * i);
   }
-  std::uint32_t count(const CellWords& c, std::uint64_t active) const {
+  std::uint32_t count(const CellWords& c, std::uint64_t cells) const {
     __m512i pattern = _mm512_setzero_si512();
     for (int corner = 0; corner < 8; ++corner)
       pattern = _mm512_mask_add_epi8(pattern, c.corners[corner], pattern,
@@ -33,7 +33,7 @@ struct TriangleCounter {
     const __m512i low = _mm512_permutex2var_epi8(table[0], pattern, table[1]);
     const __m512i high = _mm512_permutex2var_epi8(table[2], pattern, table[3]);
     const __m512i both = _mm512_maskz_mov_epi8(
-        active, _mm512_mask_blend_epi8(_mm512_movepi8_mask(pattern), low, high));
+        cells, _mm512_mask_blend_epi8(_mm512_movepi8_mask(pattern), low, high));
     return static_cast<std::uint32_t>(
         _mm512_reduce_add_epi64(_mm512_sad_epu8(both, _mm512_setzero_si512())));
   }
@@ -56,7 +56,7 @@ class EightRows {
       rows_.crossings[axis] =
           static_cast<std::uint32_t>(_mm_cvtsi128_si64(_mm512_castsi512_si128(next_[axis])));
     rows_.triangles = triangles_;
-    rows_.active_cells = cell_count_;
+    rows_.crossed_cell_count = cell_count_;
   }
 
  private:
@@ -151,16 +151,16 @@ class EightRows {
     to.count += static_cast<std::size_t>(std::popcount(static_cast<unsigned>(lanes)));
   }
 
-  HWY_INLINE void countCells(std::int64_t r, __m512i active) {
-    const __mmask8 lanes = _mm512_test_epi64_mask(active, active);
+  HWY_INLINE void countCells(std::int64_t r, __m512i cells) {
+    const __mmask8 lanes = _mm512_test_epi64_mask(cells, cells);
     if (lanes == 0) return;
-    _mm512_mask_storeu_epi64(rows_.active.data() + r, lanes, active);
-    list(r, lanes, rows_.active_rows);
-    cell_count_ += static_cast<std::uint32_t>(_mm512_reduce_add_epi64(_mm512_popcnt_epi64(active)));
+    _mm512_mask_storeu_epi64(rows_.crossed_cells.data() + r, lanes, cells);
+    list(r, lanes, rows_.rows_with_crossed_cells);
+    cell_count_ += static_cast<std::uint32_t>(_mm512_reduce_add_epi64(_mm512_popcnt_epi64(cells)));
     for (unsigned rest = lanes; rest != 0; rest &= rest - 1) {
       const std::int64_t row = r + std::countr_zero(rest);
-      triangles_ +=
-          counter_.count(CellWords(rows_, row, 0), rows_.active[static_cast<std::size_t>(row)]);
+      triangles_ += counter_.count(CellWords(rows_, row, 0),
+                                   rows_.crossed_cells[static_cast<std::size_t>(row)]);
     }
   }
 
@@ -178,7 +178,7 @@ class SingleRows {
       : rows_(rows), triangle_counts_(triangle_counts) {}
 
   void run() {
-    rows_.triangles = rows_.active_cells = 0;
+    rows_.triangles = rows_.crossed_cell_count = 0;
     for (std::int64_t k = 0; k <= rows_.cells.z; ++k)
       for (std::int64_t j = 0; j <= rows_.cells.y; ++j) {
         const std::int64_t r = rows_.row(j, k);
@@ -238,18 +238,18 @@ class SingleRows {
   void countCells(std::int64_t r) {
     bool any = false;
     const std::int64_t words = rows_.words_per_row;
-    std::uint64_t* active = rows_.active.data() + r * words;
+    std::uint64_t* cells = rows_.crossed_cells.data() + r * words;
     for (std::int64_t w = 0; w < words; ++w) {
-      active[w] = 0;
+      cells[w] = 0;
       if (rows_.wanted(r)[w] == 0) continue;
       const CellWords c(rows_, r, w);
-      active[w] = c.active(rows_.wanted(r)[w]);
-      any = any || active[w] != 0;
-      rows_.active_cells += static_cast<std::uint32_t>(std::popcount(active[w]));
-      for (std::uint64_t rest = active[w]; rest != 0; rest &= rest - 1)
+      cells[w] = c.crossedCells(rows_.wanted(r)[w]);
+      any = any || cells[w] != 0;
+      rows_.crossed_cell_count += static_cast<std::uint32_t>(std::popcount(cells[w]));
+      for (std::uint64_t rest = cells[w]; rest != 0; rest &= rest - 1)
         rows_.triangles += triangle_counts_[c.pattern(std::countr_zero(rest))];
     }
-    if (any) listRow(r, rows_.active_rows);
+    if (any) listRow(r, rows_.rows_with_crossed_cells);
   }
 
   BrickRows& rows_;
@@ -283,7 +283,7 @@ void numberRows(BrickRows& rows) {
     return all;
   }();
   for (RowList& list : rows.crossed_rows) list.count = 0;
-  rows.active_rows.count = 0;
+  rows.rows_with_crossed_cells.count = 0;
   HWY_DYNAMIC_DISPATCH(numberAll)(rows, counts.data());
 }
 

@@ -121,8 +121,9 @@ void BrickRows::resize(const Index3& brick_cells) {
   for (auto& axis : crossed_first) axis.resize(rows + kBeyond);
   for (auto& axis : numbers) axis.resize(rows + kBeyond);
   for (auto& axis : first_numbers) axis.resize(rows);
-  active.resize((rows + kBeyond) * words);
-  for (RowList* list : {&crossed_rows[0], &crossed_rows[1], &crossed_rows[2], &active_rows}) {
+  crossed_cells.resize((rows + kBeyond) * words);
+  for (RowList* list :
+       {&crossed_rows[0], &crossed_rows[1], &crossed_rows[2], &rows_with_crossed_cells}) {
     list->rows.resize(rows + kBeyond);
     list->count = 0;
   }

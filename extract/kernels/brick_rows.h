@@ -74,11 +74,11 @@ struct BrickRows {
   std::array<std::vector<std::uint8_t>, 2> crossed_first;  // [axis - 1][r]: at corner 0
   std::array<RowList, 3> crossed_rows;                     // [axis]
   // Wanted cells with corners of both kinds: [r * words_per_row + word] of the rows listed.
-  std::vector<std::uint64_t> active;
-  RowList active_rows;
+  std::vector<std::uint64_t> crossed_cells;
+  RowList rows_with_crossed_cells;
   std::array<std::uint32_t, 3> crossings{};  // own crossings along each axis
   std::uint32_t triangles = 0;
-  std::uint32_t active_cells = 0;
+  std::uint32_t crossed_cell_count = 0;
 
   std::int64_t row(std::int64_t j, std::int64_t k) const { return k * (cells.y + 1) + j; }
   std::int64_t rowsPerSlice() const { return cells.y + 1; }

@@ -64,12 +64,11 @@ HWY_INLINE void crossedWords(const BrickRows& rows, std::int64_t r, std::int64_t
   out[7] = z[words];
 }
 
-// The cells `active` of one word. Writes up to 16 elements at a time; `end` is where all triangles
-// of the brick end.
+// The crossed cells `cells` of one word. Writes up to 16 elements at a time; `end` is where all
+// triangles of the brick end.
 HWY_INLINE std::uint32_t* meshWord(const CellWords& c, const std::uint64_t (&crossed)[8],
-                                   std::uint64_t active, const CellRow& row,
-                                   const PackedCase* cases, std::uint32_t* out,
-                                   const std::uint32_t* end) {
+                                   std::uint64_t cells, const CellRow& row, const PackedCase* cases,
+                                   std::uint32_t* out, const std::uint32_t* end) {
 #if HWY_TARGET == HWY_AVX3_DL
   const auto set8 = [](const std::uint64_t(&w)[8]) {
     return _mm512_set_epi64(static_cast<long long>(w[7]), static_cast<long long>(w[6]),
@@ -84,8 +83,8 @@ HWY_INLINE std::uint32_t* meshWord(const CellWords& c, const std::uint64_t (&cro
   // Low halves: the number; high halves: less one.
   const __m512i bases = _mm512_or_si512(
       numbers, _mm512_slli_epi64(_mm512_add_epi32(numbers, _mm512_set1_epi64(0xFFFFFFFFll)), 32));
-  for (; active != 0; active &= active - 1) {
-    const std::uint64_t bit = active & (~active + 1);
+  for (; cells != 0; cells &= cells - 1) {
+    const std::uint64_t bit = cells & (~cells + 1);
     const __m512i bits = _mm512_set1_epi64(static_cast<long long>(bit));
     const __m512i below = _mm512_set1_epi64(static_cast<long long>(bit - 1));
     const unsigned pattern = _cvtmask8_u32(_mm512_test_epi64_mask(corners, bits));
@@ -104,8 +103,8 @@ HWY_INLINE std::uint32_t* meshWord(const CellWords& c, const std::uint64_t (&cro
     out += indices;
   }
 #else
-  for (; active != 0; active &= active - 1) {
-    const int cell = std::countr_zero(active);
+  for (; cells != 0; cells &= cells - 1) {
+    const int cell = std::countr_zero(cells);
     const std::uint64_t below = (std::uint64_t{1} << cell) - 1;
     std::uint32_t slots[16];
     for (std::size_t n = 0; n < 8; ++n) {
@@ -156,7 +155,7 @@ std::uint32_t makeAllTriangles(const BrickRows& rows, const FirstVertices& first
   const std::uint32_t* const end = out + 3 * static_cast<std::size_t>(rows.triangles);
   const bool foreign_first = (rows.foreign_sides & 1) != 0;
   std::uint32_t greatest = 0;
-  for (const std::size_t r : rows.active_rows.list()) {
+  for (const std::size_t r : rows.rows_with_crossed_cells.list()) {
     const std::uint32_t* const row_begin = out;
     const std::size_t r10 = r + 1, r01 = r + slice, r11 = r01 + 1;
     CellRow row = {{first[0] + rows.numbers[0][r], first[0] + rows.numbers[0][r10],
@@ -169,17 +168,17 @@ std::uint32_t makeAllTriangles(const BrickRows& rows, const FirstVertices& first
       const CellWords c(rows, row_number, w);
       std::uint64_t crossed[8];
       crossedWords(rows, row_number, w, crossed);
-      std::uint64_t active =
-          rows.active[r * static_cast<std::size_t>(words) + static_cast<std::size_t>(w)];
-      if (foreign_first && w == 0 && (active & 1) != 0) {
+      std::uint64_t cells =
+          rows.crossed_cells[r * static_cast<std::size_t>(words) + static_cast<std::size_t>(w)];
+      if (foreign_first && w == 0 && (cells & 1) != 0) {
         row.first_number[0] = first[1] + rows.first_numbers[0][r];
         row.first_number[1] = first[1] + rows.first_numbers[0][r01];
         row.first_number[2] = first[2] + rows.first_numbers[1][r];
         row.first_number[3] = first[2] + rows.first_numbers[1][r10];
         out = meshFirstCell(c, row, cases, out);
-        active &= active - 1;
+        cells &= cells - 1;
       }
-      if (active != 0) out = meshWord(c, crossed, active, row, cases, out, end);
+      if (cells != 0) out = meshWord(c, crossed, cells, row, cases, out, end);
       if (words > 1)
         for (std::size_t n = 0; n < 8; ++n)
           row.number[n] += static_cast<std::uint32_t>(std::popcount(crossed[n]));

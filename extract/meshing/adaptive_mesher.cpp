@@ -44,7 +44,7 @@ class AdaptiveMesher::Brick {
     if (!kernels.template compare<T>(context_, work_, family_.ownSamples())) return;
     corners_.resolve(lattice_, context_.isovalue, split_, family_, rows);
     kernels.number();
-    batch_.cells += rows.active_cells;
+    batch_.cells += rows.crossed_cell_count;
     takeFans(rows);
     context_.checkCancel();
     kernels.template make<T>(context_, work_, family_.ownSamples(), batch_);
@@ -76,7 +76,7 @@ class AdaptiveMesher::Brick {
           finer[static_cast<std::size_t>(face)] &= corners.crossed(face) & zone;
           fans |= finer[static_cast<std::size_t>(face)];
         }
-        rows.active[static_cast<std::size_t>(r * rows.words_per_row + word)] &= ~fans;
+        rows.crossed_cells[static_cast<std::size_t>(r * rows.words_per_row + word)] &= ~fans;
         for (std::uint64_t left = fans; left != 0; left &= left - 1) {
           const int bit = std::countr_zero(left);
           const unsigned pattern = corners.pattern(bit);

@@ -1,9 +1,9 @@
 // Marching cubes and transition fans on a brick where leaves of several levels meet.
 #pragma once
 
-#include "isobrick/extract/meshing/active_tiles.h"
 #include "isobrick/extract/meshing/brick_cells.h"
 #include "isobrick/extract/meshing/brick_split.h"
+#include "isobrick/extract/meshing/crossed_tiles.h"
 #include "isobrick/extract/meshing/transition_corners.h"
 #include "isobrick/extract/session/brick_traversal.h"
 #include "isobrick/extract/sinks/triangle_sink.h"
@@ -29,7 +29,7 @@ class AdaptiveMesher {
     unsigned finer = 0;    // bit f: beside finer leaves across face f, and crossed there
   };
 
-  ActiveTiles tiles_;
+  CrossedTiles tiles_;
   BrickSplit split_;
   BrickCells cells_;
   TransitionCorners corners_;

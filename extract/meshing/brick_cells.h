@@ -11,7 +11,7 @@ namespace isobrick {
 
 // Meshes one brick after the other and reuses its memory. One object serves one thread. In turn:
 // reset(), the caller wants cells, compare(), the caller may change bits, number(), the caller may
-// take cells out of rows().active, make().
+// take cells out of rows().crossed_cells, make().
 class BrickCells {
  public:
   // Sizes the rows for a brick; no cell is wanted then.
@@ -29,7 +29,7 @@ class BrickCells {
   // Numbers the crossings.
   void number() { numberRows(rows_); }
   // Puts a vertex for every crossing, made of the brick's own samples, and the triangles of the
-  // active cells into `batch`, which has none yet. A crossing's vertex has its number.
+  // crossed cells into `batch`, which has none yet. A crossing's vertex has its number.
   template <typename T>
   void make(const MeshContext& context, const BrickWork& work, const BrickSamples& samples,
             MeshBatch& batch);

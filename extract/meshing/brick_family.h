@@ -18,7 +18,7 @@ namespace isobrick {
 // A brick of one level and the bricks of the next finer level in its closed box. Each is asked for
 // when its first sample is, and held as long as this object lives. A sample on the border of finer
 // bricks is taken from one that has a leaf there, which most likely is read anyway. Where a query
-// is one for now and that one is not resident, another that has the sample takes its place:
+// is progressive and that one is not resident, another that has the sample takes its place:
 // ResidencyOracle sees to it that there is one. T: the voxel type.
 template <typename T>
 class BrickFamily {
@@ -54,8 +54,8 @@ class BrickFamily {
   }
   // Up to where, from sample `fine` on along x, it is known without reading samples that those of
   // the finer level are on the same side of the isovalue as those of this level in their places: a
-  // tile that the surface does not cross has both (rule 7), and so has a brick that a query for now
-  // may do without. `fine.x` where that is not known.
+  // tile that the surface does not cross has both (rule 7), and so has a brick that a progressive
+  // query may do without. `fine.x` where that is not known.
   std::int64_t endOfOwnSide(const Index3& fine) {
     if (context_.residency != nullptr) return brickWith(fine) ? fine.x : fine.x + 1;
     if (!context_.query.cull_by_ranges) return fine.x;

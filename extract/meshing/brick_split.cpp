@@ -7,14 +7,14 @@
 namespace isobrick {
 
 void BrickSplit::split(const MeshContext& context, LeafClassifier& classifier,
-                       const ActiveTiles& tiles, int level, const IndexBox& cells,
+                       const CrossedTiles& tiles, int level, const IndexBox& cells,
                        BrickRows& rows) {
   level_ = level;
   cells_ = cells;
   words_ = wordsOf(cells.count.x);
   has_plain_ = false;
   zone_rows_.clear();
-  active_cells_.resize(static_cast<std::size_t>(words_));
+  crossed_cells_.resize(static_cast<std::size_t>(words_));
   leaves_.reset(classifier, context.lattice(), level, cells);
   zone_.clear();
   const std::int64_t edge = context.pyramid.layout().tileCells();
@@ -28,33 +28,34 @@ void BrickSplit::split(const MeshContext& context, LeafClassifier& classifier,
 }
 
 void BrickSplit::splitTileRow(const MeshContext& context, const LeafClassifier& classifier,
-                              const ActiveTiles& tiles, std::int64_t y, std::int64_t z,
+                              const CrossedTiles& tiles, std::int64_t y, std::int64_t z,
                               BrickRows& rows) {
   const std::int64_t edge = context.pyramid.layout().tileCells();
-  const ActiveTiles::Span span = tiles.activeSpan(y, z);
+  const CrossedTiles::Span span = tiles.crossedSpan(y, z);
   if (span.begin == span.end) return;
-  const IndexBox active = ActiveTiles::cellsOf(span, y, z, cells_, edge);
-  if (!overlapsQueryBox(context, level_, active) || !classifier.mayHoldLeaf(level_, active)) return;
-  std::fill(active_cells_.begin(), active_cells_.end(), 0);
+  const IndexBox crossed = CrossedTiles::cellsOf(span, y, z, cells_, edge);
+  if (!overlapsQueryBox(context, level_, crossed) || !classifier.mayHoldLeaf(level_, crossed))
+    return;
+  std::fill(crossed_cells_.begin(), crossed_cells_.end(), 0);
   for (std::int64_t x = span.begin; x < span.end; ++x) {
-    if (!tiles.isActive({x, y, z})) continue;
+    if (!tiles.isCrossed({x, y, z})) continue;
     const std::int64_t end = std::min((x + 1) * edge, cells_.count.x);
     for (std::int64_t word = x * edge / 64; 64 * word < end; ++word)
-      active_cells_[static_cast<std::size_t>(word)] |= bitsBetween(x * edge, end, word);
+      crossed_cells_[static_cast<std::size_t>(word)] |= bitsBetween(x * edge, end, word);
   }
-  const bool are_plain = !context.query.box && classifier.areAllLeaves(level_, active);
+  const bool are_plain = !context.query.box && classifier.areAllLeaves(level_, crossed);
   has_plain_ = has_plain_ || are_plain;
-  const Index3 first = active.first - cells_.first, end = first + active.count;
+  const Index3 first = crossed.first - cells_.first, end = first + crossed.count;
   for (std::int64_t k = first.z; k < end.z; ++k)
     for (std::int64_t j = first.y; j < end.y; ++j) {
       if (are_plain)
-        std::copy(active_cells_.begin(), active_cells_.end(), rows.wantedCells(j, k));
+        std::copy(crossed_cells_.begin(), crossed_cells_.end(), rows.wantedCells(j, k));
       else
         splitRow(context, j, k, rows);
     }
 }
 
-// The cells of active tiles in one row.
+// The cells of crossed tiles in one row.
 void BrickSplit::splitRow(const MeshContext& context, std::int64_t j, std::int64_t k,
                           BrickRows& rows) {
   if (zone_.empty())
@@ -63,7 +64,7 @@ void BrickSplit::splitRow(const MeshContext& context, std::int64_t j, std::int64
   leaves_.find(j, k);
   leaves_.leaves(j, k, rest);
   for (std::int64_t word = 0; word < words_; ++word)
-    rest[word] &= active_cells_[static_cast<std::size_t>(word)];
+    rest[word] &= crossed_cells_[static_cast<std::size_t>(word)];
   if (context.query.box) keepOverlapping(context, j, k, rest);
   std::uint64_t any = 0;
   for (std::int64_t word = 0; word < words_; ++word) any |= rest[word];

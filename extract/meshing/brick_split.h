@@ -6,12 +6,12 @@
 #include <vector>
 
 #include "isobrick/extract/kernels/brick_rows.h"
-#include "isobrick/extract/meshing/active_tiles.h"
+#include "isobrick/extract/meshing/crossed_tiles.h"
 #include "isobrick/extract/meshing/leaf_rows.h"
 
 namespace isobrick {
 
-// Where leaves lie on a brick's rows of cells. Only rows with an active tile are looked at, and
+// Where leaves lie on a brick's rows of cells. Only rows with a crossed tile are looked at, and
 // only what the query's box overlaps counts. Keeps its memory from brick to brick.
 class BrickSplit {
  public:
@@ -22,7 +22,7 @@ class BrickSplit {
 
   // `rows`: sized for the brick; gets the leaves as its wanted cells. The classifier must live as
   // long as leaves() is asked.
-  void split(const MeshContext& context, LeafClassifier& classifier, const ActiveTiles& tiles,
+  void split(const MeshContext& context, LeafClassifier& classifier, const CrossedTiles& tiles,
              int level, const IndexBox& cells, BrickRows& rows);
 
   bool hasLeaves() const { return has_plain_ || !zone_rows_.empty(); }
@@ -40,7 +40,7 @@ class BrickSplit {
     return (k + 1) * (cells_.count.y + 2) + j + 1;
   }
   void splitTileRow(const MeshContext& context, const LeafClassifier& classifier,
-                    const ActiveTiles& tiles, std::int64_t y, std::int64_t z, BrickRows& plain);
+                    const CrossedTiles& tiles, std::int64_t y, std::int64_t z, BrickRows& plain);
   void splitRow(const MeshContext& context, std::int64_t j, std::int64_t k, BrickRows& plain);
   void keepOverlapping(const MeshContext& context, std::int64_t j, std::int64_t k,
                        std::uint64_t* bits) const;
@@ -52,7 +52,7 @@ class BrickSplit {
   LeafRows leaves_;
   std::vector<std::uint64_t> zone_;
   std::vector<ZoneRow> zone_rows_;
-  std::vector<std::uint64_t> active_cells_;  // in active tiles of the row of tiles at hand
+  std::vector<std::uint64_t> crossed_cells_;  // in crossed tiles of the row of tiles at hand
 };
 
 }  // namespace isobrick

@@ -1,6 +1,6 @@
 #include "isobrick/extract/meshing/uniform_mesher.h"
 
-#include "isobrick/extract/meshing/active_rows.h"
+#include "isobrick/extract/meshing/crossed_rows.h"
 #include "isobrick/extract/meshing/shared_vertices.h"
 
 namespace isobrick {
@@ -11,7 +11,7 @@ void UniformMesher::mesh(const MeshContext& context, const BrickWork& work, Mesh
   const IndexBox cells = layout.brickCellBox(work.level, work.brick);
   BrickRows& rows = cells_.rows();
   cells_.reset(cells);
-  wantActiveRows(tiles_, layout.tileCells(), rows);
+  wantCrossedRows(tiles_, layout.tileCells(), rows);
   batch.origin = brickOrigin(context.lattice(), work.level, cells);
   const BrickSamples samples = context.samples(work.level, work.brick);
   visitVoxelType(context.pyramid.spec().voxel_type, [&](auto tag) {
@@ -20,7 +20,7 @@ void UniformMesher::mesh(const MeshContext& context, const BrickWork& work, Mesh
     if (!cells_.compare<T>(context, work, samples)) return;
     cells_.number();
     context.checkCancel();
-    batch.cells += rows.active_cells;
+    batch.cells += rows.crossed_cell_count;
     cells_.make<T>(context, work, samples, batch);
     SharedVertices(rows, context.lattice(), work.level, cells, batch).list();
   });

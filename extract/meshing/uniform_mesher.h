@@ -1,8 +1,8 @@
 // Marching cubes on a brick whose cells, and all that touch them, are leaves of one level.
 #pragma once
 
-#include "isobrick/extract/meshing/active_tiles.h"
 #include "isobrick/extract/meshing/brick_cells.h"
+#include "isobrick/extract/meshing/crossed_tiles.h"
 
 namespace isobrick {
 
@@ -13,7 +13,7 @@ class UniformMesher {
   void mesh(const MeshContext& context, const BrickWork& work, MeshBatch& batch);
 
  private:
-  ActiveTiles tiles_;
+  CrossedTiles tiles_;
   BrickCells cells_;
 };
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "isobrick/extract/oracles/cell_distance.h"
-#include "isobrick/extract/oracles/oracle_share.h"
+#include "isobrick/extract/oracles/coverage.h"
 #include "isobrick/extract/session/mesh_context.h"
 
 namespace isobrick {
@@ -27,10 +27,10 @@ class CurvatureOracle {
   }
   // Of the `count` cells from `first` on along x, bit i being first.x + i, keeps those refined.
   void keepRefined(int level, const Index3& first, std::int64_t count, std::uint64_t* bits);
-  Share shareOfRefined(int level, const IndexBox& cells) const {
-    if (level != 1 || !is_on_) return Share::kAll;
-    return squaredDistanceBounds(center_, 1, cells).least <= radius_squared_ ? Share::kSome
-                                                                             : Share::kAll;
+  Coverage refinedCoverage(int level, const IndexBox& cells) const {
+    if (level != 1 || !is_on_) return Coverage::kAll;
+    return squaredDistanceBounds(center_, 1, cells).least <= radius_squared_ ? Coverage::kSome
+                                                                             : Coverage::kAll;
   }
 
  private:

@@ -37,14 +37,14 @@ FocusOracle::FocusOracle(const Lattice& lattice, const DetailChoice& choice)
   }
 }
 
-Share FocusOracle::shareOfRefined(int level, const IndexBox& cells) const {
-  if (level > last_level_) return Share::kAll;
+Coverage FocusOracle::refinedCoverage(int level, const IndexBox& cells) const {
+  if (level > last_level_) return Coverage::kAll;
   const double within = refined_within_squared_[static_cast<std::size_t>(level)];
-  if (within == 0.0) return Share::kNone;
+  if (within == 0.0) return Coverage::kNone;
   const DistanceBounds distance = squaredDistanceBounds(focus_, level, cells);
-  if (distance.greatest < within) return Share::kAll;
-  if (distance.least >= within) return Share::kNone;
-  return Share::kSome;
+  if (distance.greatest < within) return Coverage::kAll;
+  if (distance.least >= within) return Coverage::kNone;
+  return Coverage::kSome;
 }
 
 void FocusOracle::keepRefined(int level, const Index3& first, std::int64_t count,

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "isobrick/extract/oracles/cell_distance.h"
-#include "isobrick/extract/oracles/oracle_share.h"
+#include "isobrick/extract/oracles/coverage.h"
 #include "isobrick/extract/query.h"
 
 namespace isobrick {
@@ -28,7 +28,7 @@ class FocusOracle {
     return squaredDistance(focus_, level, cell) <
            refined_within_squared_[static_cast<std::size_t>(level)];
   }
-  Share shareOfRefined(int level, const IndexBox& cells) const;
+  Coverage refinedCoverage(int level, const IndexBox& cells) const;
   // Of the `count` cells from `first` on along x, bit i being first.x + i, keeps those refined.
   void keepRefined(int level, const Index3& first, std::int64_t count, std::uint64_t* bits) const;
 

@@ -25,12 +25,13 @@ void LeafClassifier::Choice::keepPlaced(int level, const Index3& first, std::int
   if (shared.view) shared.view->keepRefined(level, first, count, bits);
 }
 
-Share LeafClassifier::Choice::shareOfRefined(int level, const IndexBox& box) const {
-  Share share = shared.focus.shareOfRefined(level, box);
-  if (share != Share::kNone && shared.view)
-    share = coarserShare(share, shared.view->shareOfRefined(level, box));
-  if (share != Share::kNone) share = coarserShare(share, curvature.shareOfRefined(level, box));
-  return share;
+Coverage LeafClassifier::Choice::refinedCoverage(int level, const IndexBox& box) const {
+  Coverage coverage = shared.focus.refinedCoverage(level, box);
+  if (coverage != Coverage::kNone && shared.view)
+    coverage = coarserCoverage(coverage, shared.view->refinedCoverage(level, box));
+  if (coverage != Coverage::kNone)
+    coverage = coarserCoverage(coverage, curvature.refinedCoverage(level, box));
+  return coverage;
 }
 
 LeafClassifier::LeafClassifier(const MeshContext& context)
@@ -89,16 +90,16 @@ void LeafClassifier::keepResident(int level, const Index3& first, std::int64_t c
   });
 }
 
-Share LeafClassifier::shareOfRefined(int level, const IndexBox& cells) const {
-  Share share = Share::kNone;
+Coverage LeafClassifier::refinedCoverage(int level, const IndexBox& cells) const {
+  Coverage coverage = Coverage::kNone;
   for (const Choice& choice : choices_) {
-    share = finerShare(share, choice.shareOfRefined(level, cells));
-    if (share == Share::kAll) break;
+    coverage = finerCoverage(coverage, choice.refinedCoverage(level, cells));
+    if (coverage == Coverage::kAll) break;
   }
-  if (share == Share::kNone || residency_ == nullptr) return share;
-  const Share resident = residency_->shareOfRefined(level, cells);
-  if (resident == Share::kNone) residency_->noteRefused(level, cells);
-  return coarserShare(share, resident);
+  if (coverage == Coverage::kNone || residency_ == nullptr) return coverage;
+  const Coverage resident = residency_->refinedCoverage(level, cells);
+  if (resident == Coverage::kNone) residency_->noteRefused(level, cells);
+  return coarserCoverage(coverage, resident);
 }
 
 CellState LeafClassifier::state(int level, const Index3& cell) {
@@ -145,19 +146,19 @@ void LeafClassifier::classifyRow(int level, const Index3& first, std::int64_t co
 }
 
 bool LeafClassifier::mayHoldLeaf(int level, const IndexBox& cells) const {
-  return shareOfRefined(level + 1, parentsOf(cells)) != Share::kNone &&
-         shareOfRefined(level, cells) != Share::kAll;
+  return refinedCoverage(level + 1, parentsOf(cells)) != Coverage::kNone &&
+         refinedCoverage(level, cells) != Coverage::kAll;
 }
 
 bool LeafClassifier::mayRefine(int level, const IndexBox& cells) const {
-  return shareOfRefined(level, cells) != Share::kNone;
+  return refinedCoverage(level, cells) != Coverage::kNone;
 }
 
 bool LeafClassifier::areAllLeaves(int level, const IndexBox& cells) const {
   const Index3 first = glm::max(cells.first - Index3(1), Index3(0));
   const Index3 end = glm::min(cells.end() + Index3(1), lattice_.cells(level));
   const IndexBox ring{first, end - first};
-  return shareOfRefined(level + 1, parentsOf(ring)) == Share::kAll && !mayRefine(level, ring);
+  return refinedCoverage(level + 1, parentsOf(ring)) == Coverage::kAll && !mayRefine(level, ring);
 }
 
 }  // namespace isobrick

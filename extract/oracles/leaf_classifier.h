@@ -14,8 +14,8 @@ namespace isobrick {
 enum class CellState : std::uint8_t { kOutside = 1, kCoarser = 2, kLeaf = 4, kFiner = 8 };
 
 // Joins the oracles: a cell is refined where any choice of the query refines it, and a choice does
-// where all of its oracles do. Of a query for now what is resident has to allow it too. One object
-// serves one thread for one brick.
+// where all of its oracles do. Of a progressive query what is resident has to allow it too. One
+// object serves one thread for one brick.
 class LeafClassifier {
  public:
   explicit LeafClassifier(const MeshContext& context);
@@ -45,13 +45,13 @@ class LeafClassifier {
     void keepRefined(int level, const Index3& first, std::int64_t count, std::uint64_t* bits);
     // The same of the oracles that need no brick.
     void keepPlaced(int level, const Index3& first, std::int64_t count, std::uint64_t* bits) const;
-    Share shareOfRefined(int level, const IndexBox& cells) const;
+    Coverage refinedCoverage(int level, const IndexBox& cells) const;
   };
 
   bool refines(int level, const Index3& cell);
   void keepRefined(int level, const Index3& first, std::int64_t count, std::uint64_t* bits);
   void keepResident(int level, const Index3& first, std::int64_t count, std::uint64_t* bits);
-  Share shareOfRefined(int level, const IndexBox& cells) const;
+  Coverage refinedCoverage(int level, const IndexBox& cells) const;
   const std::uint64_t* existingRow(int level, const Index3& first, std::int64_t count);
 
   const Lattice& lattice_;

@@ -20,12 +20,12 @@ ResidencyOracle::ResidencyOracle(const QueryNeeds& needs, const CancelFlag* canc
 }
 
 bool ResidencyOracle::refines(int level, const Index3& cell) {
-  return shareOfRefined(level, {cell, Index3(1)}) == Share::kAll;
+  return refinedCoverage(level, {cell, Index3(1)}) == Coverage::kAll;
 }
 
-Share ResidencyOracle::shareOfRefined(int level, const IndexBox& cells) {
-  if (level - 1 >= first_whole_level_) return Share::kAll;
-  if (level == 0) return Share::kNone;
+Coverage ResidencyOracle::refinedCoverage(int level, const IndexBox& cells) {
+  if (level - 1 >= first_whole_level_) return Coverage::kAll;
+  if (level == 0) return Coverage::kNone;
   const std::lock_guard lock(mutex_);
   bool any = false, all = true;
   forEachIndex(bricksOfChildren(level, cells), [&](const Index3& brick) {
@@ -33,7 +33,7 @@ Share ResidencyOracle::shareOfRefined(int level, const IndexBox& cells) {
     any = any || is_usable;
     all = all && is_usable;
   });
-  return all ? Share::kAll : any ? Share::kSome : Share::kNone;
+  return all ? Coverage::kAll : any ? Coverage::kSome : Coverage::kNone;
 }
 
 void ResidencyOracle::keepRefined(int level, const Index3& first, std::int64_t count,

@@ -8,7 +8,7 @@
 #include <unordered_map>
 #include <vector>
 
-#include "isobrick/extract/oracles/oracle_share.h"
+#include "isobrick/extract/oracles/coverage.h"
 #include "isobrick/extract/paging/query_needs.h"
 #include "isobrick/storage/pyramid_parts.h"
 
@@ -51,7 +51,7 @@ class ResidencyOracle {
 
   bool refines(int level, const Index3& cell);
   // kAll only where all bricks of children are usable.
-  Share shareOfRefined(int level, const IndexBox& cells);
+  Coverage refinedCoverage(int level, const IndexBox& cells);
   // Of the `count` cells from `first` on along x, bit i being first.x + i, keeps those refined.
   void keepRefined(int level, const Index3& first, std::int64_t count, std::uint64_t* bits);
 

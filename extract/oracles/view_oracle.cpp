@@ -62,35 +62,37 @@ bool ViewOracle::refines(int level, const Index3& cell) const {
 
 // All centres lie within half the box's diagonal of its middle, and in its bounds of distance; both
 // are drawn apart by a millionth of what they are made of, so that what they say is certain.
-Share ViewOracle::shareOfRefined(int level, const IndexBox& cells) const {
-  if (level > last_level_) return Share::kAll;
+Coverage ViewOracle::refinedCoverage(int level, const IndexBox& cells) const {
+  if (level > last_level_) return Coverage::kAll;
   const auto l = static_cast<std::size_t>(level);
-  if (seen_within_squared_[l] == 0.0) return Share::kNone;
+  if (seen_within_squared_[l] == 0.0) return Coverage::kNone;
   const glm::dvec3 low = centerOf(level, cells.first);
   const glm::dvec3 high = centerOf(level, cells.end() - Index3(1));
   const glm::dvec3 nearest = glm::clamp(eye_, low, high) - eye_;
   const glm::dvec3 farthest = glm::max(glm::abs(low - eye_), glm::abs(high - eye_));
-  Share share = Share::kSome;
-  if (glm::dot(farthest, farthest) * (1 + 1e-6) < seen_within_squared_[l]) share = Share::kAll;
-  if (glm::dot(nearest, nearest) * (1 - 1e-6) >= seen_within_squared_[l]) return Share::kNone;
-  if (!has_field_) return share;
+  Coverage coverage = Coverage::kSome;
+  if (glm::dot(farthest, farthest) * (1 + 1e-6) < seen_within_squared_[l])
+    coverage = Coverage::kAll;
+  if (glm::dot(nearest, nearest) * (1 - 1e-6) >= seen_within_squared_[l]) return Coverage::kNone;
+  if (!has_field_) return coverage;
   const glm::dvec3 middle = 0.5 * (low + high);
   const double distance = distanceFromField(middle);
   const double reach =
       0.5 * glm::length(high - low) + 1e-6 * (glm::length(middle - eye_) + glm::length(spacing_));
-  if (distance - reach >= near_field_within_[l]) return Share::kNone;
-  return distance + reach < near_field_within_[l] ? share : coarserShare(share, Share::kSome);
+  if (distance - reach >= near_field_within_[l]) return Coverage::kNone;
+  return distance + reach < near_field_within_[l] ? coverage
+                                                  : coarserCoverage(coverage, Coverage::kSome);
 }
 
 void ViewOracle::keepRefined(int level, const Index3& first, std::int64_t count,
                              std::uint64_t* bits) const {
-  switch (shareOfRefined(level, {first, Index3(count, 1, 1)})) {
-    case Share::kAll:
+  switch (refinedCoverage(level, {first, Index3(count, 1, 1)})) {
+    case Coverage::kAll:
       return;
-    case Share::kNone:
+    case Coverage::kNone:
       std::fill(bits, bits + wordsOf(count), 0);
       return;
-    case Share::kSome:
+    case Coverage::kSome:
       break;
   }
   keepBitsWhere(bits, wordsOf(count), [&](std::int64_t i) {

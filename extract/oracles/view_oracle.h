@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "isobrick/extract/oracles/oracle_share.h"
+#include "isobrick/extract/oracles/coverage.h"
 #include "isobrick/extract/query.h"
 
 namespace isobrick {
@@ -31,7 +31,7 @@ class ViewOracle {
 
   // The virtual cell above the root is refined; level 0 never is.
   bool refines(int level, const Index3& cell) const;
-  Share shareOfRefined(int level, const IndexBox& cells) const;
+  Coverage refinedCoverage(int level, const IndexBox& cells) const;
   // Of the `count` cells from `first` on along x, bit i being first.x + i, keeps those refined.
   void keepRefined(int level, const Index3& first, std::int64_t count, std::uint64_t* bits) const;
 

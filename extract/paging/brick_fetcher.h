@@ -1,4 +1,4 @@
-// Bringing in what a query for now lacks, while its caller looks at what there was.
+// Bringing in what a progressive query lacks, while its caller looks at what there was.
 #pragma once
 
 #include <chrono>
@@ -30,7 +30,7 @@ class BrickFetcher {
   BrickFetcher(const BrickFetcher&) = delete;
   BrickFetcher& operator=(const BrickFetcher&) = delete;
 
-  // A query for now looks at what is there: wait() counts from here on.
+  // A progressive query looks at what is there: wait() counts from here on.
   void beginQuery();
   // Takes the place of what is left of the announcement before. Nothing goes for these bricks that
   // a query from number `since` on (PyramidParts::beginQuery()) took or fetched.

@@ -1,4 +1,4 @@
-// What a query for now lacks, in the order in which it helps.
+// What a progressive query lacks, in the order in which it helps.
 #pragma once
 
 #include <vector>

@@ -4,7 +4,7 @@
 #include <exception>
 #include <utility>
 
-#include "isobrick/extract/meshing/active_tiles.h"
+#include "isobrick/extract/meshing/crossed_tiles.h"
 #include "isobrick/extract/oracles/leaf_classifier.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid_parts.h"
@@ -117,7 +117,7 @@ void ReadAhead::load(std::unique_lock<std::mutex>& lock) {
 bool ReadAhead::isNeeded(const BrickWork& work) const {
   if (!context_.query.cull_by_ranges) return true;
   context_.pyramid.parts().fetch(PartKind::kRanges, work.level, work.brick, context_.query.cancel);
-  ActiveTiles tiles;
+  CrossedTiles tiles;
   if (!tiles.load(context_, work.level, work.brick)) return false;
   if (!work.adaptive) return true;
   const BrickLayout& layout = context_.pyramid.layout();
@@ -126,11 +126,11 @@ bool ReadAhead::isNeeded(const BrickWork& work) const {
   bool is_needed = false;
   for (std::int64_t z = 0; z < tiles.dims().z; ++z)
     for (std::int64_t y = 0; y < tiles.dims().y && !is_needed; ++y) {
-      const ActiveTiles::Span span = tiles.activeSpan(y, z);
+      const CrossedTiles::Span span = tiles.crossedSpan(y, z);
       if (span.begin == span.end) continue;
-      const IndexBox active = ActiveTiles::cellsOf(span, y, z, cells, layout.tileCells());
-      is_needed = overlapsQueryBox(context_, work.level, active) &&
-                  classifier.mayHoldLeaf(work.level, active);
+      const IndexBox crossed = CrossedTiles::cellsOf(span, y, z, cells, layout.tileCells());
+      is_needed = overlapsQueryBox(context_, work.level, crossed) &&
+                  classifier.mayHoldLeaf(work.level, crossed);
     }
   return is_needed;
 }

@@ -21,7 +21,7 @@ struct MeshContext {
   float isovalue;
   ReadLog& read_log;
   std::uint64_t edition = 0;             // of the pyramid's file when the query began
-  ResidencyOracle* residency = nullptr;  // of a query for now
+  ResidencyOracle* residency = nullptr;  // of a progressive query
 
   const Lattice& lattice() const { return pyramid.lattice(); }
 

@@ -12,7 +12,7 @@
 #include "isobrick/extract/kernels/brick_bits.h"
 #include "isobrick/extract/kernels/brick_crossings.h"
 #include "isobrick/extract/kernels/brick_triangles.h"
-#include "isobrick/extract/meshing/active_rows.h"
+#include "isobrick/extract/meshing/crossed_rows.h"
 #include "isobrick/extract/meshing/missing_vertex.h"
 #include "isobrick/extract/paging/read_ahead.h"
 #include "isobrick/extract/session/surface_memory.h"
@@ -114,7 +114,7 @@ class OnceFlag {
 
 struct BrickJob {
   std::uint64_t first_vertex = 0, first_triangle = 0;
-  std::uint32_t vertices = 0, triangles = 0, active_cells = 0;
+  std::uint32_t vertices = 0, triangles = 0, crossed_cell_count = 0;
   Index3 origin{0};
   OnceFlag placed;    // first_vertex and first_triangle are known
   OnceFlag numbered;  // so are its side numbers, where it has triangles
@@ -157,7 +157,7 @@ class SurfaceWriter::Run {
       const BrickJob& done = jobs_[job];
       if (done.triangles == 0) continue;
       counts.level = work_[job].level;
-      counts.cells += done.active_cells;
+      counts.cells += done.crossed_cell_count;
       counts.triangles += done.triangles;
       mesh_.parts_.push_back({done.first_vertex, done.vertices, done.first_triangle, done.triangles,
                               done.origin, work_[job].level});
@@ -200,7 +200,7 @@ class SurfaceWriter::Run {
     if (threshold_ && worker.tiles.load(context_, work.level, work.brick)) {
       rows.resize(cells.count);
       findNeighbours(number, rows);
-      wantActiveRows(worker.tiles, layout_.tileCells(), rows);
+      wantCrossedRows(worker.tiles, layout_.tileCells(), rows);
       samples = context_.samples(work.level, work.brick);
       grid = {samples.template data<T>(), samples.box.count, cells.first - samples.box.first,
               cells.count};
@@ -209,7 +209,7 @@ class SurfaceWriter::Run {
       numberRows(rows);
       job.vertices = rows.ownCrossings();
       job.triangles = rows.triangles;
-      job.active_cells = rows.active_cells;
+      job.crossed_cell_count = rows.crossed_cell_count;
     }
     if (!place(number)) return;
     if (job.triangles > 0) {

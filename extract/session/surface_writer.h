@@ -8,7 +8,7 @@
 #include "isobrick/extract/extraction_plan.h"
 #include "isobrick/extract/extractor.h"
 #include "isobrick/extract/kernels/brick_crossings.h"
-#include "isobrick/extract/meshing/active_tiles.h"
+#include "isobrick/extract/meshing/crossed_tiles.h"
 #include "isobrick/extract/surface_mesh.h"
 
 namespace isobrick {
@@ -16,7 +16,7 @@ namespace isobrick {
 // What stays from query to query.
 struct SurfaceWriterMemory {
   struct Worker {
-    ActiveTiles tiles;
+    CrossedTiles tiles;
     BrickRows rows;
     CornerSpacing spacing;
   };

@@ -26,7 +26,7 @@ struct BricksInMemory {
   struct Brick {
     IndexBox cells, samples;
     std::vector<T> values;
-    std::vector<std::uint8_t> active_rows;
+    std::vector<std::uint8_t> crossed_rows;
   };
   Lattice lattice;
   float isovalue;
@@ -47,13 +47,13 @@ struct BricksInMemory {
         brick.values.push_back(static_cast<T>(
             value(brick.samples.first + Index3(i % c.x, i / c.x % c.y, i / (c.x * c.y)))));
       }
-      if (markActiveRows(brick)) bricks.push_back(std::move(brick));
+      if (markCrossedRows(brick)) bricks.push_back(std::move(brick));
     }
   }
 
-  bool markActiveRows(Brick& brick) const {
+  bool markCrossedRows(Brick& brick) const {
     const Index3& cells = brick.cells.count;
-    brick.active_rows.assign(static_cast<std::size_t>(cells.y * cells.z), 0);
+    brick.crossed_rows.assign(static_cast<std::size_t>(cells.y * cells.z), 0);
     bool any = false;
     const Index3 inset = brick.cells.first - brick.samples.first;
     for (std::int64_t tz = 0; tz < cells.z; tz += kTile)
@@ -70,7 +70,7 @@ struct BricksInMemory {
           any = true;
           for (std::int64_t z = tz; z < end.z; ++z)
             for (std::int64_t y = ty; y < end.y; ++y)
-              brick.active_rows[static_cast<std::size_t>(z * cells.y + y)] = 1;
+              brick.crossed_rows[static_cast<std::size_t>(z * cells.y + y)] = 1;
         }
     return any;
   }
@@ -129,7 +129,7 @@ void meshBricks(benchmark::State& state, const BricksInMemory<T>& volume) {
       rows.resize(brick.cells.count);
       for (std::int64_t k = 0, row = 0; k < rows.cells.z; ++k)
         for (std::int64_t j = 0; j < rows.cells.y; ++j, ++row)
-          if (brick.active_rows[static_cast<std::size_t>(row)] != 0)
+          if (brick.crossed_rows[static_cast<std::size_t>(row)] != 0)
             rows.wantedCells(j, k)[0] = cellBits(rows.cells.x, 0);
       compareRows(grid, *insideThreshold<T>(volume.isovalue), rows);
       clock.end(PhaseTimes::kCompare);

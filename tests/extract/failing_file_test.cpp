@@ -337,11 +337,11 @@ TEST_P(FailingFileInPlace, WhatIsWrittenOverWhileItIsMeshedIsNoticed) {
 }
 
 // Also where it takes no read to have it.
-TEST_P(FailingFileInPlace, WhatIsWrittenOverFailsAQueryForNow) {
+TEST_P(FailingFileInPlace, WhatIsWrittenOverFailsAProgressiveQuery) {
   const Pyramid pyramid(path_);
   Extractor extractor(pyramid);
   Query query = wholeQuery();
-  query.now = true;
+  query.is_progressive = true;
   const auto refine = [&] {
     CountingSink sink;
     for (std::size_t answer = 0; answer < pyramid.brickCount(); ++answer) {

@@ -1,5 +1,5 @@
-// Everything at once, for as long as one likes: random queries, also for now, cancels, faults and
-// evictions in several threads at the least budget. ISOBRICK_SOAK_SECONDS: how long (2).
+// Everything at once, for as long as one likes: random queries, progressive ones too, cancels,
+// faults and evictions in several threads at the least budget. ISOBRICK_SOAK_SECONDS: how long (2).
 #include <fcntl.h>
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
@@ -118,7 +118,7 @@ class Soak : public testing::Test {
         Query query = queryOf(number);
         CancelFlag flag;
         query.cancel = &flag;
-        query.now = random() % 4 == 0;
+        query.is_progressive = random() % 4 == 0;
         const bool is_cancelled = random() % 3 == 0;
         CancellingSink sink(flag, is_cancelled ? randomBelow(random, 12) : ~std::uint64_t{0});
         ++steps_[thread];
@@ -222,7 +222,8 @@ TEST_F(Soak, QueriesCancelsAndFaultsGoOnWithoutGrowth) {
 
   for (const auto& [why, count] : faults_) ADD_FAILURE() << count << " times: " << why;
   std::printf(
-      "%lu meshes, %lu coarser ones for now, %lu cancelled, %lu failed; %.1f MiB half way, %.1f at "
+      "%lu meshes, %lu coarser progressive ones, %lu cancelled, %lu failed; %.1f MiB half way, "
+      "%.1f at "
       "the end\n",
       whole_.load(), partial_.load(), cancelled_.load(), failed_.load(),
       static_cast<double>(half_way) / 0x1p20, static_cast<double>(at_end) / 0x1p20);

@@ -119,21 +119,21 @@ class QuerySubject : public FaultSubject {
 };
 
 // Answers from what is resident, until all is.
-class NowSubject : public FaultSubject {
+class ProgressiveSubject : public FaultSubject {
  public:
-  NowSubject(const std::string& pyramid, std::uint64_t expected)
+  ProgressiveSubject(const std::string& pyramid, std::uint64_t expected)
       : expected_(expected), pyramid_(pyramid), extractor_(pyramid_) {}
 
   void attempt() override { is_other_ = refine() && hashOf(mesh_) != expected_; }
   std::string afterwards() override {
     if (is_other_) return "a complete answer was another mesh";
-    if (!refine()) return "the next queries for now do not end complete";
+    if (!refine()) return "the next progressive queries do not end complete";
     return hashOf(mesh_) == expected_ ? "" : "the next query gives another mesh";
   }
   // True where the mesh is complete.
   bool refine() {
     Query query = queryOf(true);
-    query.now = true;
+    query.is_progressive = true;
     for (int times = 0; times < 1000; ++times) {
       if (extractor_.extract(query, mesh_).is_complete) return true;
       if (!extractor_.waitForBricks(std::chrono::milliseconds(50))) return false;
@@ -228,18 +228,18 @@ TEST_F(QueryFaults, FilesOfAllFormats) {
         QueryCase{.name = "uniform, packed .vtp", .file = "vtp", .is_packed = true}})
     sweep(how);
 }
-TEST_F(QueryFaults, QueriesForNow) {
+TEST_F(QueryFaults, ProgressiveQueries) {
   for (const format::Codec codec : {format::Codec::kStored, kZstd}) {
     const std::string pyramid = build(codec);
     std::optional<std::uint64_t> expected;
-    sweepFaults(codec == kZstd ? "for now, packed" : "for now, mapped",
+    sweepFaults(codec == kZstd ? "progressive, packed" : "progressive, mapped",
                 [&]() -> std::unique_ptr<FaultSubject> {
                   if (!expected) {
                     SurfaceMesh mesh;
                     extractIsosurface(Pyramid(pyramid), queryOf(true), mesh);
                     expected = hashOf(mesh);
                   }
-                  return std::make_unique<NowSubject>(pyramid, *expected);
+                  return std::make_unique<ProgressiveSubject>(pyramid, *expected);
                 });
   }
 }

@@ -24,7 +24,7 @@
 namespace isobrick {
 namespace {
 
-// All that the words and the script write; what hands do later finds names of its own.
+// All that the words and the script write; what users do later finds names of its own.
 void refuseReplacingOutputs(const ViewOptions& options, bool force) {
   const std::vector<std::string> inputs{options.path, options.script_path, options.state_path};
   if (!options.report_path.empty())
@@ -81,7 +81,7 @@ Command addViewCommand(CLI::App& app) {
   beginGroup(*sub, kScriptGroup);
   CLI::Option* const script =
       sub->add_option("--script", options->script_path,
-                      "Timed inputs in place of hands; leaves at their end (docs/VIEWER.md)")
+                      "Timed inputs in place of a user; leaves at their end (docs/VIEWER.md)")
           ->type_name("EVENTS.json");
   sub->add_option("--frames", options->frames_folder,
                   "Folder for the files that the script writes; default: this one")
@@ -91,7 +91,7 @@ Command addViewCommand(CLI::App& app) {
       ->type_name("R.json")
       ->needs(script);
   sub->add_option("--record", options->record_path,
-                  "Write what hands do as such a script, when the window is closed")
+                  "Write what the user does as such a script, when the window is closed")
       ->type_name("EVENTS.json");
   addForceFlag(*sub, *force);
   sub->add_flag("--offscreen", options->offscreen, "Run the script without a window")
@@ -105,7 +105,7 @@ H lists the keys.)");
             refuseReplacingOutputs(*options, *force);
             if (!isVolume(options->path)) refuseWordsForPyramid(*input);
             options->build = volumeBuilder({*input, options->threads + 1, *preview_share});
-            // What scripts open is no choice of hands.
+            // What scripts open is no choice of the user.
             if (options->script_path.empty()) options->recent_path = recentFilesPath();
             options->width = size->width;
             options->height = size->height;

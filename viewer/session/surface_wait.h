@@ -1,4 +1,4 @@
-// What a hand waits for until it sees the surface that it asked for.
+// What a user waits for until it sees the surface that it asked for.
 #pragma once
 
 #include <deque>

@@ -17,7 +17,7 @@
 namespace isobrick {
 namespace {
 
-// A hand that did not change anything for so long rests.
+// A user who did not change anything for so long rests.
 constexpr double kRestSeconds = 0.15;
 constexpr int kMostSliceValues = 512;  // to a side
 // Of all slices and caps, which come together.
@@ -210,7 +210,7 @@ int ViewSession::firstLevel() const {
 }
 
 // What the view asks for, in samples of the pyramid.
-Query ViewSession::queryNow(std::size_t surface, double radius) const {
+Query ViewSession::currentQuery(std::size_t surface, double radius) const {
   Query query = queryOf(state_, volume_, surface, radius, interaction_.size.y);
   if (!preview_of_) return query;
   Query coarse;
@@ -230,7 +230,7 @@ StreamPass ViewSession::passOf(double radius) const {
     if (isShown(s, radius))
       pass.kept.push_back({number, surfaces_->contentOf(number)});
     else
-      pass.queries.push_back({number, queryNow(s, radius)});
+      pass.queries.push_back({number, currentQuery(s, radius)});
   }
   return pass;
 }
@@ -253,7 +253,7 @@ void ViewSession::requestQuickly(double radius, double seconds) {
   send(std::move(request), seconds);
 }
 
-// What a hand waits for is given up for half the radius where it has many triangles.
+// What a user waits for is given up for half the radius where it has many triangles.
 void ViewSession::boundFirstPass(StreamRequest& request) const {
   for (const double smaller : smallerRadii(request.passes[0].radius))
     request.smaller.push_back(passOf(smaller));
@@ -352,7 +352,7 @@ void ViewSession::takeNews(const SurfaceSet::News& news) {
 void ViewSession::shrinkToBudget() {
   stream_.cancel();
   over_budget_ = true;
-  // The next hand that moves begins with what fits.
+  // The next user who moves begins with what fits.
   quality_.radius = std::max(kLeastRadius, 0.7 * std::min(quality_.radius, first_radius_));
   // What of this request is shown already is as fine as it gets.
   if (!showsTheLatest() && first_radius_ > 1.0)
@@ -492,7 +492,7 @@ SessionStatus ViewSession::status() const {
   if (mesh_worker_.busy())
     status.doing = "writing the mesh";
   else if (!asked_for_all_)
-    status.doing = "following the hand";
+    status.doing = "following the user";
   else if (settled())
     status.doing = "ready";
   else if (!shown_pass_.is_complete)
@@ -526,7 +526,7 @@ glm::dvec3 ViewSession::pointAt(const glm::dvec2& pixel) {
 void ViewSession::exportMesh(const std::string& path) {
   mesh_error_.clear();
   mesh_worker_.request(
-      {queryNow(static_cast<std::size_t>(state_.active_surface), radiusAtRest()), path});
+      {currentQuery(static_cast<std::size_t>(state_.active_surface), radiusAtRest()), path});
 }
 
 void ViewSession::writeShownMesh(const std::string& path) const {

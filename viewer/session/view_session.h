@@ -156,7 +156,7 @@ class ViewSession {
   SceneFrame sceneNow(int width, int height) const;
   double radiusAtRest() const;
   int firstLevel() const;
-  Query queryNow(std::size_t surface, double radius) const;
+  Query currentQuery(std::size_t surface, double radius) const;
   void requestSurfaces(double seconds);
   StreamValues wantedValues() const;
   bool isShown(std::size_t surface, double radius) const;

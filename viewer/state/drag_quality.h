@@ -37,13 +37,13 @@ DragQuality givenUp(const DragQuality& quality, double radius, std::uint64_t tri
 // and where that was far lower there is none any longer; few triangles do not lower it either.
 DragQuality drawn(const DragQuality& quality, std::uint64_t triangles, double seconds);
 
-// The radius for a hand that moves on, while what it sees has been `age` seconds behind what it
+// The radius for a user who moves on, while what it sees has been `age` seconds behind what it
 // asked for. Where frames, or a surface that has suddenly grown, take longer than the stream is
 // patient, every extraction is given up for the next one, and none of them tells its rate; so each
 // gets smaller than the one before, until one is shown.
 double hurriedRadius(double radius, double age);
 
-// Beyond so many triangles a surface for a hand that moves is given up for a smaller one: half as
+// Beyond so many triangles a surface for a user who moves is given up for a smaller one: half as
 // many again as fit the time, as a surface may suddenly grow; 0 where nothing was measured yet.
 std::uint64_t mostTriangles(const DragQuality& quality);
 

@@ -71,7 +71,7 @@ struct InputEvent {
     kMove,        // the cursor is at x, y
     kPress,       // of `button`
     kRelease,     // of `button`
-    kWheel,       // by `amount` notches, away from the hand
+    kWheel,       // by `amount` notches, away from the user
     kKeyPress,    // of `key`; repeats of a held key too
     kKeyRelease,  // of `key`
     kText,        // the character `character`

@@ -31,7 +31,7 @@ struct SceneHandle {
 };
 
 // None while the view hides them, or behind the eye. An axis along which the eye looks has none,
-// for the hand could not tell how far it moves.
+// for the user could not tell how far it moves.
 std::vector<SceneHandle> handlesOf(const ViewState& state, const ViewVolume& volume,
                                    const PictureSize& picture);
 // The one whose tip is under the cursor.

@@ -50,7 +50,7 @@ std::uint64_t SurfaceStream::request(StreamRequest request) {
   const std::lock_guard lock(mutex_);
   if (waiting_) request.may_reuse = request.may_reuse && waiting_->request.may_reuse;
   waiting_ = Job{++last_number_, std::move(request), std::move(cancel)};
-  if (!working_ || !a_hand_waits_) {
+  if (!working_ || !user_waits_) {
     endCurrent();
     dropPassesAtRest();
   }
@@ -104,7 +104,7 @@ void SurfaceStream::dropPassesAtRest() {
 // Where a request waits for a pass that takes long. With the lock.
 void SurfaceStream::endSlowPass() {
   if (!working_ || !waiting_ || cancel_->requested() || now() - pass_begin_ <= patience_) return;
-  if (a_hand_waits_) patience_ *= 2.0;
+  if (user_waits_) patience_ *= 2.0;
   endCurrent();
 }
 
@@ -214,9 +214,9 @@ SurfaceStream::Outcome SurfaceStream::runFirstPass(const Job& job) {
 // False where the attempt is not to be made.
 bool SurfaceStream::begin(const Attempt& attempt) {
   const std::lock_guard lock(mutex_);
-  a_hand_waits_ = attempt.at_once;
-  // What no hand waits for comes after a request that does.
-  if (!a_hand_waits_ && waiting_) endCurrent();
+  user_waits_ = attempt.at_once;
+  // What no user waits for comes after a request that does.
+  if (!user_waits_ && waiting_) endCurrent();
   if (cancel_->requested()) return false;
   pass_begin_ = now();
   waited_ = 0.0;
@@ -303,7 +303,7 @@ SurfaceStream::Outcome SurfaceStream::extract(const Job& job, const Attempt& att
   done_.swap(made_);  // nothing fails from here on
   made_.clear();
   const std::lock_guard lock(mutex_);
-  if (a_hand_waits_) patience_ = least_patience_;
+  if (user_waits_) patience_ = least_patience_;
   end.last_pass = attempt.pass + 1 == job.request.passes.size() && end.is_complete;
   noteTime(end);
   return end.is_complete ? Outcome::kComplete : Outcome::kIncomplete;
@@ -318,7 +318,7 @@ void SurfaceStream::extractSurface(const StreamPass::SurfaceQuery& surface, cons
                  [&](std::size_t, SurfaceChunk&& chunk) { take(std::move(chunk)); });
   Query query = surface.query;
   query.cancel = cancel_.get();
-  query.now = attempt.at_once;
+  query.is_progressive = attempt.at_once;
   std::vector<LevelCounts> levels(static_cast<std::size_t>(pyramid_->lattice().levels()));
   query.has_brick = [&](int level, const Index3& brick) {
     ChunkKey of_brick = key;

@@ -61,8 +61,8 @@ struct StreamValues {
 // Passes from coarse to fine.
 struct StreamRequest {
   std::vector<StreamPass> passes;
-  // A hand waits for the first one: it is answered from what is resident (Query::now), and where
-  // that is not all of it once more, when what was lacking has been read.
+  // A user waits for the first one: it is answered from what is resident (Query::is_progressive),
+  // and where that is not all of it once more, when what was lacking has been read.
   bool at_once = true;
   // In place of the first one, and of each other, where that has more than `most_triangles`; the
   // last of these may have any number.
@@ -84,7 +84,7 @@ struct StreamMessage {
   Kind kind = Kind::kChunk;
   std::uint64_t request = 0;
   std::size_t pass = 0;
-  bool at_rest = false;  // a hand that moves on does not wait for the pass
+  bool at_rest = false;  // a user who moves on does not wait for the pass
   SurfaceChunk chunk;
   bool too_many = false;  // of kDropped: it has more triangles than it may
   // Of kPassDone; with `too_many` radius, seconds and triangles_made until then:
@@ -107,11 +107,11 @@ struct StreamMessage {
 // interface; none of them waits for an extraction.
 //
 // A new request ends the one before: at once where that is beyond its first pass, or has been in it
-// for longer than a patience; else when its first pass is answered, so that a hand that never rests
+// for longer than a patience; else when its first pass is answered, so that a user who never rests
 // sees surfaces all the same. The patience doubles whenever it gave up a first pass, and is what it
 // was when one is done: on a machine that is slow, or busy, one gets through sooner or later. The
 // queue holds at most kQueueBytes; the extraction waits where the interface is slower. What it
-// holds of passes that no hand waits for goes with the next request, for which it would be in the
+// holds of passes that no user waits for goes with the next request, for which it would be in the
 // way.
 class SurfaceStream {
  public:
@@ -189,7 +189,7 @@ class SurfaceStream {
   bool stopping_ = false;
   std::uint64_t last_number_ = 0;
   std::shared_ptr<CancelFlag> cancel_;  // of the job at hand
-  bool a_hand_waits_ = false;           // for the pass at hand
+  bool user_waits_ = false;             // for the pass at hand
   double pass_begin_ = 0.0;
   double patience_;      // seconds
   double waited_ = 0.0;  // seconds of the pass at hand in pushChunk()

@@ -151,7 +151,7 @@ void StatusPanel::sessionLine(ViewSession& session, const PanelFacts& facts, flo
       ImGui::Text("| %s", facts.message.c_str());
     }
   }
-  // Reading depth waits for the drawing, so only a hand that rests asks for it.
+  // Reading depth waits for the drawing, so only a user who rests asks for it.
   if (session.settled() && hovers) {
     hover_.clear();
     if (const auto point = session.surfaceAt(session.interaction().cursor)) {

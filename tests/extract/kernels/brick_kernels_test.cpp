@@ -116,12 +116,12 @@ TYPED_TEST(BrickKernels, AreThoseOfThePlainTwins) {
           randomInt(random, 0, 1) == 0 ? 0 : static_cast<unsigned>(randomInt(random, 0, 7));
       // Rows of cells without a crossing may be left out, and now and then are not.
       forEachIndex(Index3(cells.y, cells.z, 1), [&](const Index3& row) {
-        bool active = randomInt(random, 0, 9) == 0;
+        bool crossed = randomInt(random, 0, 9) == 0;
         for (std::int64_t i = 0; i < cells.x; ++i) {
           const unsigned pattern = brick.patternOf(Index3(i, row.x, row.y));
-          active = active || (pattern != 0 && pattern != 255);
+          crossed = crossed || (pattern != 0 && pattern != 255);
         }
-        if (active)
+        if (crossed)
           for (std::int64_t i = 0; i < cells.x; ++i)
             rows.wantedCells(row.x, row.y)[i / 64] |= std::uint64_t{1} << i % 64;
       });
@@ -170,10 +170,10 @@ TYPED_TEST(BrickKernels, AreThoseOfThePlainTwins) {
       std::vector<std::uint32_t> expected;
       for (const bool mirrored : {false, true}) {
         expected.clear();
-        std::uint32_t active_cells = 0;
+        std::uint32_t crossed_cell_count = 0;
         forEachIndex(cells, [&](const Index3& cell) {
           const MarchingCubesCase& mc = marchingCubesTable()[brick.patternOf(cell)];
-          active_cells += mc.triangle_count > 0 ? 1 : 0;
+          crossed_cell_count += mc.triangle_count > 0 ? 1 : 0;
           for (std::size_t t = 0; t < mc.triangle_count; ++t)
             for (std::size_t n = 0; n < 3; ++n) {
               const std::size_t corner = mirrored && n > 0 ? 3 - n : n;
@@ -185,7 +185,7 @@ TYPED_TEST(BrickKernels, AreThoseOfThePlainTwins) {
             }
         });
         ASSERT_EQ(rows.triangles, expected.size() / 3);
-        ASSERT_EQ(rows.active_cells, active_cells);
+        ASSERT_EQ(rows.crossed_cell_count, crossed_cell_count);
         std::vector<std::uint32_t> triangles(expected.size());
         const std::uint32_t greatest = makeTriangles(rows, first, mirrored, triangles.data());
         ASSERT_EQ(triangles, expected);

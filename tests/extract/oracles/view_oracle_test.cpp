@@ -146,7 +146,7 @@ TEST(ViewOracle, TouchingLeavesDifferByOneLevelAndParentsOfRefinedCellsAreRefine
 
 TEST(ViewOracle, RowsAndBoxesAgreeWithCells) {
   Random random(23);
-  std::int64_t of_shares[3] = {};
+  std::int64_t of_coverages[3] = {};
   for (int round = 0; round < 400; ++round) {
     const Case c = randomCase(random);
     const ViewOracle oracle(c.lattice, c.geometry, c.view);
@@ -162,10 +162,10 @@ TEST(ViewOracle, RowsAndBoxesAgreeWithCells) {
       std::int64_t refined = 0;
       forEachIndex(box,
                    [&](const Index3& cell) { refined += oracle.refines(level, cell) ? 1 : 0; });
-      const Share share = oracle.shareOfRefined(level, box);
-      ++of_shares[static_cast<int>(share)];
-      ASSERT_TRUE(share != Share::kAll || refined == box.size());
-      ASSERT_TRUE(share != Share::kNone || refined == 0);
+      const Coverage coverage = oracle.refinedCoverage(level, box);
+      ++of_coverages[static_cast<int>(coverage)];
+      ASSERT_TRUE(coverage != Coverage::kAll || refined == box.size());
+      ASSERT_TRUE(coverage != Coverage::kNone || refined == 0);
       std::uint64_t bits = random();
       const std::uint64_t asked = bits;
       oracle.keepRefined(level, box.first, box.count.x, &bits);
@@ -175,7 +175,7 @@ TEST(ViewOracle, RowsAndBoxesAgreeWithCells) {
                                      : std::uint64_t{0});
     }
   }
-  for (const std::int64_t count : of_shares) EXPECT_GT(count, 100);
+  for (const std::int64_t count : of_coverages) EXPECT_GT(count, 100);
 }
 
 }  // namespace

@@ -58,7 +58,7 @@ TEST(ShownMeshTest, AtAHundredMomentsItPassesTheChecker) {
         if (share(random) < 0.5) state.curvature_tolerance = 0.1 * share(random);
         break;
       default:
-        break;  // the hand rests
+        break;  // the user rests
     }
     for (int frame = 0; frame < 4; ++frame) {
       session.update(clock += 0.05);

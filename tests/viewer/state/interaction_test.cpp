@@ -44,7 +44,7 @@ class InteractionTest : public ::testing::Test {
   Wishes send(const InputEvent& event, bool on_panel = false) {
     return applyEvent(event, seconds_ += 0.01, on_panel, volume_, interaction_, state_);
   }
-  // A click at the place, as a hand does it.
+  // A click at the place, as a user does it.
   Wishes click(double x, double y) {
     send(at(Kind::kMove, x, y));
     const Wishes wishes = send(at(Kind::kPress, x, y));

@@ -194,7 +194,7 @@ TEST_F(SurfaceStreamTest, TheLastOfManyRequestsIsWhatStays) {
   EXPECT_EQ(renderer.kept().size(), set.shown().size());
 }
 
-// Its uploads would come before what the hand waits for.
+// Its uploads would come before what the user waits for.
 TEST_F(SurfaceStreamTest, OfWhatNoHandWaitsForNothingComesAfterTheNextRequest) {
   SurfaceStream stream(pyramid_, 2);
   NullRenderer renderer;

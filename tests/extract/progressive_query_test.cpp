@@ -1,6 +1,7 @@
-// Queries for now: from any state of what is resident a closed, balanced surface without a read,
-// which grows to what the query gives. ISOBRICK_PROPERTY_SEED as in extract_property_test.cpp, and
-// of ISOBRICK_PROPERTY_VOLUMES a third; three queries a volume, each in several states.
+// Progressive queries: from any state of what is resident a closed, balanced surface without a
+// read, which grows to what the query gives. ISOBRICK_PROPERTY_SEED as in
+// extract_property_test.cpp, and of ISOBRICK_PROPERTY_VOLUMES a third; three queries a volume, each
+// in several states.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -40,7 +41,7 @@ namespace {
 using std::chrono::milliseconds;
 
 // What the random states really exercised.
-struct NowCoverage {
+struct ProgressiveCoverage {
   int answers = 0, partial = 0, complete = 0, with_levels = 0, with_transitions = 0, rounds = 0;
 };
 
@@ -101,16 +102,16 @@ void expectSameBytes(const IndexedMesh& a, const IndexedMesh& b) {
   ASSERT_EQ(a.triangles, b.triangles);
 }
 
-class NowQueries {
+class ProgressiveQueries {
  public:
-  NowQueries(RandomCase& random, const std::string& path, const ReferencePyramid& reference,
-             NowCoverage& coverage)
+  ProgressiveQueries(RandomCase& random, const std::string& path, const ReferencePyramid& reference,
+                     ProgressiveCoverage& coverage)
       : random_(random), path_(path), reference_(reference), coverage_(coverage) {}
 
   void run(Query query) {
     IndexedMeshSink whole;
     extractIsosurface(Pyramid(path_), query, whole);
-    query.now = true;
+    query.is_progressive = true;
     for (int state = 0; state < 3; ++state) {
       answerOnce(query, whole.mesh());
       if (testing::Test::HasFatalFailure()) return;
@@ -168,11 +169,11 @@ class NowQueries {
   RandomCase& random_;
   const std::string path_;
   const ReferencePyramid& reference_;
-  NowCoverage& coverage_;
+  ProgressiveCoverage& coverage_;
 };
 
 template <typename T>
-void runVolume(std::uint32_t seed, const TemporaryFolder& folder, NowCoverage& coverage) {
+void runVolume(std::uint32_t seed, const TemporaryFolder& folder, ProgressiveCoverage& coverage) {
   RandomCase random(seed);
   const Index3 dims = random.dims();
   const std::vector<T> values = random.field<T>(dims);
@@ -185,7 +186,7 @@ void runVolume(std::uint32_t seed, const TemporaryFolder& folder, NowCoverage& c
   buildPyramid(source, path, options);
   const ReferencePyramid reference =
       buildReferencePyramid<T>(dims, values, ReferenceFilter::kAverage);
-  NowQueries queries(random, path, reference, coverage);
+  ProgressiveQueries queries(random, path, reference, coverage);
   for (int q = 0; q < 3; ++q) {
     SCOPED_TRACE("seed " + std::to_string(seed) + " query " + std::to_string(q) + " dims " +
                  std::to_string(dims.x) + "x" + std::to_string(dims.y) + "x" +
@@ -203,12 +204,12 @@ void runVolume(std::uint32_t seed, const TemporaryFolder& folder, NowCoverage& c
   }
 }
 
-TEST(NowQuery, AnyStateGivesAClosedSurfaceAndGrowsToTheWholeAnswer) {
+TEST(ProgressiveQuery, AnyStateGivesAClosedSurfaceAndGrowsToTheWholeAnswer) {
   // A volume takes longer here than there.
   const int volumes = (environmentOr("ISOBRICK_PROPERTY_VOLUMES", 180) + 2) / 3;
   const int first = environmentOr("ISOBRICK_PROPERTY_SEED", 1);
   const TemporaryFolder folder;
-  NowCoverage coverage;
+  ProgressiveCoverage coverage;
   for (int v = 0; v < volumes; ++v) {
     const auto seed = static_cast<std::uint32_t>(first + v);
     switch (seed % 3) {
@@ -277,7 +278,7 @@ class AnyBudget {
     Query query;
     query.isovalue = isovalue_;
     static_cast<DetailChoice&>(query) = randomChoice(random_, pyramid, 0.85);
-    query.now = true;
+    query.is_progressive = true;
     return query;
   }
 
@@ -332,7 +333,7 @@ class AnyBudget {
   int answers_ = 0;
 };
 
-TEST(NowQuery, AnyBudgetAndCallerEndsAndNothingGoesThatWasFetched) {
+TEST(ProgressiveQuery, AnyBudgetAndCallerEndsAndNothingGoesThatWasFetched) {
   const int volumes = (environmentOr("ISOBRICK_PROPERTY_VOLUMES", 180) + 11) / 12;
   const int first = environmentOr("ISOBRICK_PROPERTY_SEED", 1);
   const TemporaryFolder folder;
@@ -348,7 +349,7 @@ TEST(NowQuery, AnyBudgetAndCallerEndsAndNothingGoesThatWasFetched) {
 }
 
 // The head phantom in many bricks, and a focus in it.
-class NowQueryOfAHead : public testing::TestWithParam<format::Codec> {
+class ProgressiveQueryOfAHead : public testing::TestWithParam<format::Codec> {
  protected:
   void SetUp() override {
     BuildOptions options;
@@ -357,10 +358,10 @@ class NowQueryOfAHead : public testing::TestWithParam<format::Codec> {
     buildPyramid(*makePhantomSource(PhantomSpec{"head", 100, {}, 16}), path_, options);
     query_.isovalue = 500;
     query_.focus = FocusSphere{glm::dvec3(50, 50, 14), 14};
-    query_.now = true;
+    query_.is_progressive = true;
   }
   static std::uint64_t trianglesOf(const Pyramid& pyramid, Query query) {
-    query.now = false;
+    query.is_progressive = false;
     IndexedMeshSink sink;
     return extractIsosurface(pyramid, query, sink).triangles;
   }
@@ -388,7 +389,7 @@ class NowQueryOfAHead : public testing::TestWithParam<format::Codec> {
   Query query_;
 };
 
-TEST_P(NowQueryOfAHead, TheFirstAnswerReadsOnlyLevelsOfOneBrick) {
+TEST_P(ProgressiveQueryOfAHead, TheFirstAnswerReadsOnlyLevelsOfOneBrick) {
   const Pyramid pyramid(path_);
   IndexedMeshSink sink;
   const ExtractionReport report = Extractor(pyramid).extract(query_, sink);
@@ -401,7 +402,7 @@ TEST_P(NowQueryOfAHead, TheFirstAnswerReadsOnlyLevelsOfOneBrick) {
 }
 
 // What came in for the brick at the focus is used before what is far has come in.
-TEST_P(NowQueryOfAHead, RefinesNearTheFocusFirst) {
+TEST_P(ProgressiveQueryOfAHead, RefinesNearTheFocusFirst) {
   const Pyramid whole(path_);
   const std::uint64_t triangles = trianglesOf(whole, query_);
   // With room for all, all comes in.
@@ -420,7 +421,7 @@ TEST_P(NowQueryOfAHead, RefinesNearTheFocusFirst) {
 
 // All that is fetched counts: else it would push out the coarse bricks that were fetched first and
 // that all others need.
-TEST_P(NowQueryOfAHead, WhatIsFetchedFitsIntoTheBudget) {
+TEST_P(ProgressiveQueryOfAHead, WhatIsFetchedFitsIntoTheBudget) {
   const Pyramid whole(path_);
   trianglesOf(whole, query_);
   for (const std::uint64_t quarters : {1, 2, 3})
@@ -435,7 +436,7 @@ TEST_P(NowQueryOfAHead, WhatIsFetchedFitsIntoTheBudget) {
 }
 
 // What came in and went again before it was used is not waited for anew for ever.
-TEST_P(NowQueryOfAHead, EndsForAnyBudget) {
+TEST_P(ProgressiveQueryOfAHead, EndsForAnyBudget) {
   const Pyramid whole(path_);
   const std::uint64_t triangles = trianglesOf(whole, query_);
   for (const std::uint64_t sixteenths : {0, 1, 2, 4, 8, 15, 16}) {
@@ -455,7 +456,7 @@ TEST_P(NowQueryOfAHead, EndsForAnyBudget) {
 }
 
 // What another extractor on the pyramid brought in since the query looked has come.
-TEST_P(NowQueryOfAHead, WhatOthersBringInIsWaitedFor) {
+TEST_P(ProgressiveQueryOfAHead, WhatOthersBringInIsWaitedFor) {
   const Pyramid pyramid(path_);
   const QueryNeeds needs(pyramid, query_);
   ResidencyOracle residency(needs);
@@ -481,7 +482,7 @@ TEST_P(NowQueryOfAHead, WhatOthersBringInIsWaitedFor) {
   EXPECT_FALSE(fetcher.wait(std::chrono::seconds(10)));
 }
 
-TEST_P(NowQueryOfAHead, TwoExtractorsAtOnceBothRefineToTheEnd) {
+TEST_P(ProgressiveQueryOfAHead, TwoExtractorsAtOnceBothRefineToTheEnd) {
   for (int time = 0; time < 4; ++time) {
     const Pyramid pyramid(path_);
     std::array<ExtractionReport, 2> reports;
@@ -496,13 +497,13 @@ TEST_P(NowQueryOfAHead, TwoExtractorsAtOnceBothRefineToTheEnd) {
   }
 }
 
-TEST_P(NowQueryOfAHead, OtherQueriesTakeAnnouncementsBack) {
+TEST_P(ProgressiveQueryOfAHead, OtherQueriesTakeAnnouncementsBack) {
   const Pyramid pyramid(path_);
   Extractor extractor(pyramid);
   IndexedMeshSink sink;
   EXPECT_FALSE(extractor.extract(query_, sink).is_complete);
   Query other = query_;
-  other.now = false;
+  other.is_progressive = false;
   other.uniform_level = 4;
   other.focus.reset();
   IndexedMeshSink others;
@@ -511,7 +512,7 @@ TEST_P(NowQueryOfAHead, OtherQueriesTakeAnnouncementsBack) {
   expectNoMoreFetched(pyramid, fetched);
 }
 
-TEST_P(NowQueryOfAHead, ACancelledOneReadsNoFurther) {
+TEST_P(ProgressiveQueryOfAHead, ACancelledOneReadsNoFurther) {
   const Pyramid pyramid(path_);
   Extractor extractor(pyramid);
   IndexedMeshSink sink;
@@ -526,7 +527,7 @@ TEST_P(NowQueryOfAHead, ACancelledOneReadsNoFurther) {
   EXPECT_TRUE(refine(extractor).is_complete);
 }
 
-TEST_P(NowQueryOfAHead, ABrickThatCannotBeHadIsAnError) {
+TEST_P(ProgressiveQueryOfAHead, ABrickThatCannotBeHadIsAnError) {
   const Pyramid pyramid(path_, Pyramid::kDefaultBudgetBytes, FileAccess::kRead);
   Extractor extractor(pyramid);
   IndexedMeshSink first;
@@ -547,13 +548,13 @@ TEST_P(NowQueryOfAHead, ABrickThatCannotBeHadIsAnError) {
   EXPECT_TRUE(refine(extractor).is_complete);
 }
 
-TEST_P(NowQueryOfAHead, HasNoPlan) {
+TEST_P(ProgressiveQueryOfAHead, HasNoPlan) {
   const Pyramid pyramid(path_);
   EXPECT_THROW(Extractor(pyramid).plan(query_), Error);
 }
 
 // A file whose brick table is too long to be read when it is opened: its rows come in as parts do.
-TEST(NowQuery, ReadsNoRowsWhileItsCallerWaits) {
+TEST(ProgressiveQuery, ReadsNoRowsWhileItsCallerWaits) {
   const TemporaryFolder folder;
   const std::string path = folder.file("many_bricks.isb");
   BuildOptions options;
@@ -565,7 +566,7 @@ TEST(NowQuery, ReadsNoRowsWhileItsCallerWaits) {
   Query query;
   query.isovalue = 500;
   query.focus = FocusSphere{glm::dvec3(50, 50, 14), 14};
-  query.now = true;
+  query.is_progressive = true;
   // The rows of levels that are one brick.
   std::uint64_t of_whole_levels = 0;
   {
@@ -594,7 +595,7 @@ TEST(NowQuery, ReadsNoRowsWhileItsCallerWaits) {
 }
 
 // As long as anybody can wait is no time that is over at once.
-TEST_P(NowQueryOfAHead, WaitsForEverIfThatIsAsked) {
+TEST_P(ProgressiveQueryOfAHead, WaitsForEverIfThatIsAsked) {
   const Pyramid pyramid(path_);
   Extractor extractor(pyramid);
   IndexedMeshSink sink;
@@ -605,7 +606,7 @@ TEST_P(NowQueryOfAHead, WaitsForEverIfThatIsAsked) {
   EXPECT_EQ(pyramid.parts().counters().parts_fetched, fetched);  // it had waited for all
 }
 
-INSTANTIATE_TEST_SUITE_P(All, NowQueryOfAHead,
+INSTANTIATE_TEST_SUITE_P(All, ProgressiveQueryOfAHead,
                          testing::Values(format::Codec::kStored, format::Codec::kZstd),
                          [](const auto& test) {
                            return std::string(test.param == format::Codec::kStored ? "Stored"

@@ -10,40 +10,40 @@
 namespace isobrick {
 
 // Filled by load(); keeps its memory from brick to brick.
-class ActiveTiles {
+class CrossedTiles {
  public:
-  // Asks for the brick's tile ranges unless culling is off. Returns false where no tile is active.
+  // Asks for the brick's tile ranges unless culling is off. Returns false where no tile is crossed.
   bool load(const MeshContext& context, int level, const Index3& brick) {
     dims_ = context.pyramid.layout().brickTiles(level, brick);
     const auto count = static_cast<std::size_t>(elementCount(dims_));
     if (!context.query.cull_by_ranges) {
-      active_.assign(count, 1);
+      crossed_.assign(count, 1);
       return true;
     }
-    context.crossedTiles(level, brick, active_);
-    return std::memchr(active_.data(), 1, count) != nullptr;
+    context.crossedTiles(level, brick, crossed_);
+    return std::memchr(crossed_.data(), 1, count) != nullptr;
   }
 
-  // Of the active tiles keeps those for which f(tile) holds. Returns false where none is left.
+  // Of the crossed tiles keeps those for which f(tile) holds. Returns false where none is left.
   template <typename F>
   bool keepWhere(F&& f) {
     bool any = false;
-    for (std::size_t i = 0; i < active_.size(); ++i) {
-      if (active_[i] == 0) continue;
-      active_[i] = f(indexAt(static_cast<std::int64_t>(i), dims_)) ? 1 : 0;
-      any = any || active_[i] != 0;
+    for (std::size_t i = 0; i < crossed_.size(); ++i) {
+      if (crossed_[i] == 0) continue;
+      crossed_[i] = f(indexAt(static_cast<std::int64_t>(i), dims_)) ? 1 : 0;
+      any = any || crossed_[i] != 0;
     }
     return any;
   }
 
   const Index3& dims() const { return dims_; }
-  // The first active of the tiles (x, y, z), and the one behind the last: [0, 0) where there is
+  // The first crossed of the tiles (x, y, z), and the one behind the last: [0, 0) where there is
   // none.
   struct Span {
     std::int64_t begin = 0, end = 0;
   };
-  Span activeSpan(std::int64_t y, std::int64_t z) const {
-    const std::uint8_t* row = active_.data() + linearIndex({0, y, z}, dims_);
+  Span crossedSpan(std::int64_t y, std::int64_t z) const {
+    const std::uint8_t* row = crossed_.data() + linearIndex({0, y, z}, dims_);
     const auto count = static_cast<std::size_t>(dims_.x);
     const void* first = std::memchr(row, 1, count);
     if (first == nullptr) return {};
@@ -59,17 +59,17 @@ class ActiveTiles {
     return {cells.first + first, last - first};
   }
   // Any of the tiles (x, y, z).
-  bool isAnyActive(std::int64_t y, std::int64_t z) const {
-    const std::uint8_t* row = active_.data() + linearIndex({0, y, z}, dims_);
+  bool isAnyCrossed(std::int64_t y, std::int64_t z) const {
+    const std::uint8_t* row = crossed_.data() + linearIndex({0, y, z}, dims_);
     return std::memchr(row, 1, static_cast<std::size_t>(dims_.x)) != nullptr;
   }
-  bool isActive(const Index3& tile) const {
-    return active_[static_cast<std::size_t>(linearIndex(tile, dims_))] != 0;
+  bool isCrossed(const Index3& tile) const {
+    return crossed_[static_cast<std::size_t>(linearIndex(tile, dims_))] != 0;
   }
 
  private:
   Index3 dims_{0};
-  std::vector<std::uint8_t> active_;
+  std::vector<std::uint8_t> crossed_;
 };
 
 }  // namespace isobrick

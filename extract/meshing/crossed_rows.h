@@ -1,17 +1,17 @@
-// From active tiles to the rows of cells that the uniform kernel looks at.
+// From crossed tiles to the rows of cells that the uniform kernel looks at.
 #pragma once
 
 #include "isobrick/extract/kernels/brick_bits.h"
-#include "isobrick/extract/meshing/active_tiles.h"
+#include "isobrick/extract/meshing/crossed_tiles.h"
 
 namespace isobrick {
 
-// Wants all cells of every row that has an active tile. `rows` wants none yet.
-inline void wantActiveRows(const ActiveTiles& tiles, std::int64_t tile_cells, BrickRows& rows) {
+// Wants all cells of every row that has a crossed tile. `rows` wants none yet.
+inline void wantCrossedRows(const CrossedTiles& tiles, std::int64_t tile_cells, BrickRows& rows) {
   const Index3 dims = tiles.dims();
   for (std::int64_t z = 0; z < dims.z; ++z)
     for (std::int64_t y = 0; y < dims.y; ++y) {
-      if (!tiles.isAnyActive(y, z)) continue;
+      if (!tiles.isAnyCrossed(y, z)) continue;
       const std::int64_t j_end = std::min((y + 1) * tile_cells, rows.cells.y);
       const std::int64_t k_end = std::min((z + 1) * tile_cells, rows.cells.z);
       for (std::int64_t k = z * tile_cells; k < k_end; ++k)

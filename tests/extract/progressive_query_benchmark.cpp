@@ -1,6 +1,7 @@
-// How long a query for now takes from opening the file to its first surface, and to its last: the
-// file was dropped from the page cache before each. ISOBRICK_BENCHMARK_PYRAMID: the file (needed);
-// ISOBRICK_BENCHMARK_ISOVALUE (600). Argument 1: around a focus in the middle, else all of level 0.
+// How long a progressive query takes from opening the file to its first surface, and to its last:
+// the file was dropped from the page cache before each. ISOBRICK_BENCHMARK_PYRAMID: the file
+// (needed); ISOBRICK_BENCHMARK_ISOVALUE (600). Argument 1: around a focus in the middle, else all
+// of level 0.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>
@@ -37,7 +38,7 @@ void firstAndLastSurface(benchmark::State& state) {
     SurfaceMesh mesh;
     Query query;
     query.isovalue = isovalue != nullptr ? std::atof(isovalue) : 600;
-    query.now = true;
+    query.is_progressive = true;
     if (state.range(0) != 0)
       query.focus = FocusSphere{0.5 * glm::dvec3(pyramid.spec().voxels),
                                 0.1 * static_cast<double>(pyramid.spec().voxels.x)};

@@ -1,4 +1,4 @@
-// What an oracle says of many cells at once.
+// The answer of an oracle for many cells at once.
 #pragma once
 
 #include <algorithm>
@@ -10,7 +10,7 @@ namespace isobrick {
 // An oracle answers three questions:
 //
 //   bool refines(int level, const Index3& cell)         is the cell refined, or extracted here?
-//   Share shareOfRefined(int level, const IndexBox& b)  of the cells in the box, how many are?
+//   Coverage refinedCoverage(int level, const IndexBox& b)  how many cells of the box are refined?
 //   void keepRefined(int level, const Index3& first,    of the cells in a row along x, which are?
 //                    std::int64_t count, std::uint64_t* bits)  Clears the bits of the others.
 //
@@ -19,12 +19,12 @@ namespace isobrick {
 // refines is refined, so whether a cell is a leaf can be asked without walking down to it. Both
 // hold for oracles that are combined too, by the coarser or by the finer one (docs/ALGORITHM.md,
 // section 5).
-enum class Share { kNone, kSome, kAll };
+enum class Coverage { kNone, kSome, kAll };
 
-// The share of the cells that two oracles both refine: what they give where the coarser one wins.
-inline Share coarserShare(Share a, Share b) { return std::min(a, b); }
-// Of the cells that one of two refines: what they give where the finer one wins.
-inline Share finerShare(Share a, Share b) { return std::max(a, b); }
+// The coverage of the cells that two oracles both refine: theirs if the coarser one wins.
+inline Coverage coarserCoverage(Coverage a, Coverage b) { return std::min(a, b); }
+// The coverage of the cells that one of two refines: theirs if the finer one wins.
+inline Coverage finerCoverage(Coverage a, Coverage b) { return std::max(a, b); }
 
 // The smallest box of cells of the next coarser level that covers `cells`, which are not negative.
 inline IndexBox parentsOf(const IndexBox& cells) {
