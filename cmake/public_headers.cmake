@@ -5,22 +5,18 @@ set(isobrick_public_headers
   isobrick.h
   # what a pyramid is
   storage/brick_layout.h
-  storage/cancel.h
   storage/error.h
   storage/grid.h
   storage/isovalue_suggestions.h
   storage/pyramid.h
   storage/pyramid_info.h
   storage/pyramid_verify.h
-  storage/value_range.h
   storage/voxel_histogram.h
   storage/voxel_type.h
   # a pyramid in, triangles out
-  extract/extraction_plan.h
   extract/extractor.h
   extract/pyramid_values.h
   extract/query.h
-  extract/sinks/counting_sink.h
   extract/sinks/indexed_mesh.h
   extract/sinks/mesh_file_sink.h
   extract/sinks/triangle_sink.h
@@ -28,16 +24,12 @@ set(isobrick_public_headers
   extract/surface_mesh.h
   # a volume in, a pyramid out; and volumes to other formats
   preprocess/export/formats/export_volume.h
-  preprocess/export/volume_writer.h
   preprocess/phantoms/phantom.h
   preprocess/pyramid_builder.h
-  preprocess/sources/open_options.h
   preprocess/sources/open_volume.h
-  preprocess/sources/pyramid_source.h
   preprocess/volume_source.h)
 if(ISOBRICK_WITH_VIEWER)
   list(APPEND isobrick_public_headers
     viewer/image.h
-    viewer/image_writer.h
     viewer/offscreen_renderer.h)
 endif()

@@ -84,7 +84,7 @@ struct Extractor::Memory {
   VertexNumbering numbering;
   ReadLog log;
   BrickFetcher fetcher;
-  // Of the run of progressive queries that ask for the same surface.
+  // For the run of progressive queries that ask for the same surface.
   std::optional<SurfaceChoice> asked_for;
   std::uint64_t asked_since = 0;  // number of the first
 

@@ -2,11 +2,8 @@
 #pragma once
 
 #include <chrono>
-#include <cstdint>
 #include <memory>
-#include <vector>
 
-#include "isobrick/extract/extraction_plan.h"
 #include "isobrick/extract/query.h"
 #include "isobrick/extract/sinks/triangle_sink.h"
 #include "isobrick/extract/surface_mesh.h"
@@ -18,7 +15,7 @@ namespace isobrick {
 // query touches no fresh memory. One object serves one call at a time; for several queries at once
 // on a pyramid make several. The pyramid must outlive it.
 //
-// What a query costs depends on what comes out: nothing is done for every brick of the file.
+// The cost of a query depends on its result: nothing is done for every brick of the file.
 class Extractor {
  public:
   // Reads nothing yet.
@@ -27,8 +24,8 @@ class Extractor {
   Extractor(Extractor&&) noexcept;
 
   // The bricks that a query needs. Throws Error for a query that makes no sense for this pyramid
-  // (level out of range, no curvature stored, a number that is not finite), for one for now, whose
-  // bricks depend on the moment, and Cancelled.
+  // (level out of range, no curvature stored, a number that is not finite) and for a progressive
+  // one, whose bricks depend on the moment. Throws Cancelled.
   ExtractionPlan plan(const Query& query) const;
 
   // Meshes the bricks [first, first + count) of a plan of this pyramid into `sink`. Bricks are
@@ -43,25 +40,26 @@ class Extractor {
   ExtractionReport execute(const ExtractionPlan& plan, std::size_t first, std::size_t count,
                            TriangleSink& sink);
 
-  // Plan and execution of the whole query. One for now (Query::is_progressive) is answered at once,
-  // from what is resident: report.is_complete says whether that is what the query without `now`
-  // gives, to the byte. What was lacking then comes in beside the caller's work, first what refines
-  // the surface near the focus or the eye, as long as it fits into the pyramid's budget beside what
-  // this query, asked for any number of times, used and fetched; so the same query again refines:
+  // Plan and execution of the whole query. A progressive one (Query::is_progressive) is answered at
+  // once from the bricks in memory. report.is_complete says whether the answer is, byte by byte,
+  // that of the same query that is not progressive. The missing bricks then come in beside the
+  // caller's work: first those that refine the surface near the focus or the eye. They come as long
+  // as they fit into the pyramid's budget beside the bricks that this query used and fetched,
+  // however often it was asked. So the same query again refines:
   //
   //   do report = extractor.extract(query, mesh);
   //   while (!report.is_complete && extractor.waitForBricks(std::chrono::milliseconds(50)));
   //
-  // Any other query, and a request to cancel one, takes that back. Throws Error for a brick that
-  // the query needs and that could not be had meanwhile.
+  // Any other query, and a request to cancel one, stops that. Throws Error for a brick that the
+  // query needs and that could not be read meanwhile.
   ExtractionReport extract(const Query& query, TriangleSink& sink);
   // The same into memory, in the place of what `mesh` held. After an exception the mesh is empty.
   // The parts and every byte depend on the query alone.
   ExtractionReport extract(const Query& query, SurfaceMesh& mesh);
 
-  // Waits until all has come in that the latest progressive query lacked, at most `longest`. False
-  // where nothing has come in since, and nothing will: all was there, it could not be had, or the
-  // budget has no room for it.
+  // Waits, at most `longest`, until all bricks have come in that the latest progressive query
+  // lacked. False if none has come in since and none will: all were there, they could not be read,
+  // or the budget has no room for them.
   bool waitForBricks(std::chrono::nanoseconds longest);
 
  private:

@@ -16,20 +16,20 @@ namespace isobrick {
 class VertexValues {
  public:
   virtual ~VertexValues() = default;
-  // Fills `values`, one for every position; not a number where the field has none. What it throws
-  // ends the extraction.
+  // Fills `values`, one for every position; NaN if the field has none there. An
+  // exception ends the extraction.
   virtual void evaluate(std::span<const glm::dvec3> world, std::span<float> values) const = 0;
 };
 
 // Interpolates the samples of level 0 trilinearly. Within half a voxel outside of the outermost
-// samples, which is where their voxels end, the value is that of the border; further out there is
-// none (NaN). Holds one brick for each thread that evaluates. The pyramid outlives it.
+// samples, the end of their voxels, the value is that of the border; further out there is none
+// (NaN). Holds one brick for each thread that evaluates. The pyramid outlives it.
 class PyramidValues : public VertexValues {
  public:
   // Reads nothing yet.
   explicit PyramidValues(const Pyramid& pyramid);
 
-  // Throws Error, with the path and the brick, where samples cannot be read.
+  // Throws Error, with the path and the brick, if samples cannot be read.
   void evaluate(std::span<const glm::dvec3> world, std::span<float> values) const override;
   // Positions so far that had no value.
   std::uint64_t outside() const { return outside_; }

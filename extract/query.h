@@ -1,11 +1,14 @@
-// What a caller asks for: one isosurface, and how fine it shall be where.
+// A query: one isosurface, and how fine it shall be at each place; the plan that is made of it, and
+// the report.
 #pragma once
 
+#include <cstdint>
 #include <functional>
 #include <optional>
+#include <span>
 #include <vector>
 
-#include "isobrick/storage/cancel.h"
+#include "isobrick/storage/error.h"
 #include "isobrick/storage/grid.h"
 
 namespace isobrick {
@@ -26,19 +29,20 @@ struct QueryBox {
   bool operator==(const QueryBox&) const = default;
 };
 
-// From where the surface is seen, in world units: a cell is refined while its longest edge covers
-// more than `pixels` pixels of a picture taken from there.
+// The place from which the surface is seen, in world units: a cell is refined while its longest
+// edge covers more than `pixels` pixels of a picture taken from there.
 struct ViewPoint {
   glm::dvec3 eye{0.0};  // world units
-  // Of a perspective picture near its middle: its height in pixels over its field of view in
+  // For a perspective picture, near its middle: its height in pixels over its field of view in
   // radians. Above 0.
   double pixels_per_radian = 1000;
-  // Of a parallel projection, in place of the former: pixels per world unit. Above 0.
+  // For a parallel projection, in place of the former: pixels per world unit. Above 0.
   std::optional<double> pixels_per_unit;
   double pixels = 1;  // above 0
 
-  // What the picture shows, as a cone around it, or, of a parallel projection, a cylinder. Outside
-  // of it the surface grows coarser with the distance from it. Without one all around counts.
+  // The part of the world in the picture, as a cone around it or, for a parallel projection, a
+  // cylinder. Outside of it the surface grows coarser with the distance. Without a field all
+  // directions count.
   struct Field {
     glm::dvec3 direction{0.0};  // from the eye into the picture; any length above 0
     double half_angle = 0;      // radians, above 0 and below pi/2; of a perspective picture
@@ -49,8 +53,9 @@ struct ViewPoint {
   bool operator==(const ViewPoint&) const = default;
 };
 
-// How fine the surface shall be where. Each that is given leaves cells coarse; a cell is refined
-// where all of them refine it. With none of them the finest level is extracted everywhere.
+// How fine the surface shall be at each place. Each member that is given leaves cells coarse; a
+// cell is refined if all of them refine it. With none of them the finest level is extracted
+// everywhere.
 struct DetailChoice {
   // Level 0 inside the sphere, coarser with the distance from it.
   std::optional<FocusSphere> focus;
@@ -59,7 +64,7 @@ struct DetailChoice {
   // As fine as a picture from there can show.
   std::optional<ViewPoint> view;
   // Cells of level 1 inside the sphere of interest (everywhere without a focus) are extracted as
-  // they are where the bound of the total curvature (Eq. 2) is at most this: 1/voxel^2, >= 0.
+  // they are if the bound of the total curvature (Eq. 2) is at most this: 1/voxel^2, >= 0.
   // "Flatter than a sphere of radius rho voxels" is 1 / (2 rho^2). Not with uniform_level > 0.
   std::optional<double> curvature_tolerance;
   bool operator==(const DetailChoice&) const = default;
@@ -90,16 +95,62 @@ struct SurfaceChoice : DetailChoice {
 
 // A surface, and how the caller wants it.
 struct Query : SurfaceChoice {
-  // Answered at once from what is resident: coarser if that is not enough, but closed all the
-  // same. Nothing is read but levels that are one brick. See Extractor::waitForBricks().
+  // The query is answered at once from the bricks in memory: coarser if they are not enough, but
+  // closed all the same. Only levels of a single brick are read. Asked again, it refines: see
+  // Extractor::waitForBricks().
   bool is_progressive = false;
-  // Where it is true of a brick, the caller has that brick's part of the surface already, and it is
-  // left out of what comes. Asked, on the caller's thread and at most once a brick, of bricks of
-  // which all cells, and all cells that touch them, are leaves of the brick's level: what such a
-  // brick adds depends on pyramid, level, brick and isovalue alone.
+  // True if the caller has that brick's part of the surface already: the result leaves it out. It
+  // is called on the caller's thread, at most once a brick, for bricks of which all cells, and all
+  // cells that touch them, are leaves of the brick's level: the part of such a brick depends on
+  // pyramid, level, brick and isovalue alone.
   std::function<bool(int level, const Index3& brick)> has_brick;
   // Looked at all the time; may be null, and outlives the query.
   const CancelFlag* cancel = nullptr;
+};
+
+// One brick to mesh.
+struct BrickWork {
+  int level = 0;    // of the brick
+  Index3 brick{0};  // its place among the bricks of the level
+  // False if every cell of the brick, and every cell that touches it, is a leaf of this level:
+  // plain marching cubes on the samples as they are.
+  bool adaptive = false;
+};
+
+// Every brick that may hold a part of the surface, in the order in which its batches come out.
+// Found in memory from ranges and oracles alone; nothing was read from the file. Its size is that
+// of the surface, not of the file. A value: may be copied, cut in ranges and executed any number of
+// times. The query's cancel flag, if it has one, must live as long as the plan is executed.
+class ExtractionPlan {
+ public:
+  // The query that was planned.
+  const Query& query() const { return query_; }
+  // In the order in which their batches come out.
+  std::span<const BrickWork> bricks() const { return bricks_; }
+
+ private:
+  friend class Extractor;
+  Query query_;
+  std::vector<BrickWork> bricks_;
+};
+
+// The result of an extraction for one level.
+struct LevelCounts {
+  int level = 0;                       // of the pyramid
+  std::uint64_t cells = 0;             // leaves with at least one triangle
+  std::uint64_t triangles = 0;         // of all its leaves
+  std::uint64_t transition_cells = 0;  // cells whose triangles are fans
+};
+
+// The result of an extraction.
+struct ExtractionReport {
+  bool is_complete = true;          // false: coarser than asked for; of progressive queries alone
+  std::uint64_t triangles = 0;      // of all levels
+  std::vector<LevelCounts> levels;  // those with triangles, finest first
+  std::uint64_t bricks_active = 0;  // bricks with at least one triangle
+  std::uint64_t bricks_read = 0;    // bricks of which any part was asked for
+  std::uint64_t bytes_active = 0;   // stored bytes of the samples of active bricks
+  std::uint64_t bytes_read = 0;     // stored bytes of all parts asked for, each counted once
 };
 
 }  // namespace isobrick

@@ -1,7 +1,6 @@
 // A mesh in memory that is written in place and kept from query to query.
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
 #include <glm/vec3.hpp>
 #include <memory>
@@ -13,15 +12,15 @@
 namespace isobrick {
 
 // An indexed triangle mesh. Every vertex is stored once. Positions are counted in voxels from the
-// origin of their part (see MeshBatch::origin), where float holds them exactly; a renderer passes a
-// part's origin as an offset, and worldPosition() gives doubles.
+// origin of their part (see MeshBatch::origin), so that float holds them exactly; a renderer passes
+// a part's origin as an offset, and worldPosition() gives doubles.
 //
 // The object keeps the memory of the largest mesh it held, so a query into it writes to warm
-// memory. Extracting into it throws Error where the system grants no address space or no memory.
+// memory. Extracting into it throws Error if the system grants no address space or no memory.
 class SurfaceMesh {
  public:
-  // What one brick added: vertices and triangles [first, first + count). Its triangles may use
-  // vertices of parts before it.
+  // The part that one brick added: vertices and triangles [first, first + count). Its triangles may
+  // use vertices of parts before it.
   struct Part {
     std::uint64_t first_vertex = 0;    // of the mesh
     std::uint64_t vertices = 0;        // how many
@@ -38,7 +37,7 @@ class SurfaceMesh {
   // Empty.
   SurfaceMesh();
   ~SurfaceMesh();
-  // What was moved from is empty.
+  // Leaves the other one empty.
   SurfaceMesh(SurfaceMesh&& other) noexcept;
   SurfaceMesh& operator=(SurfaceMesh&& other) noexcept;
 
@@ -53,7 +52,7 @@ class SurfaceMesh {
 
   // The part that brought the vertex.
   const Part& partOfVertex(std::uint64_t vertex) const;
-  // Where the vertex is in the world.
+  // The place of a vertex in the world.
   glm::dvec3 worldPosition(std::uint64_t vertex) const {
     return placement_.worldPosition(partOfVertex(vertex).origin, positions()[vertex]);
   }
@@ -66,7 +65,7 @@ class SurfaceMesh {
   friend class SurfaceJoiner;
   // Forgets the mesh and keeps its memory.
   void clear(const GridGeometry& geometry);
-  // Room for so many, to be written to. By one thread at a time. Throws Error where a mesh can have
+  // Room for so many, to be written to. By one thread at a time. Throws Error if a mesh can have
   // no more.
   void openFor(std::uint64_t vertices, std::uint64_t triangles);
   glm::vec3* positionData() const;

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "isobrick/preprocess/kernels/sample_block.h"
-#include "isobrick/storage/value_range.h"
+#include "isobrick/storage/voxel_type.h"
 
 namespace isobrick {
 

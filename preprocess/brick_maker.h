@@ -13,7 +13,7 @@
 
 namespace isobrick {
 
-// What bricks of a level hand on to the next one.
+// The samples and ranges that bricks of a level hand on to the next one.
 template <typename T>
 struct HandedOn {
   T* samples = nullptr;            // of level + 1, dense in `box`; null at the top

@@ -9,7 +9,7 @@
 
 namespace isobrick {
 
-// What making bricks takes and gives, as boxes of indices. Pure arithmetic.
+// Input and output of making bricks, as boxes of indices. Pure arithmetic.
 class BrickNeeds {
  public:
   explicit BrickNeeds(const PyramidSpec& spec);

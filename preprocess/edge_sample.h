@@ -12,7 +12,7 @@
 
 namespace isobrick {
 
-// Of the edges in every n-th row of every n-th slice, of large volumes from every fourth voxel,
+// For the edges in every n-th row of every n-th slice, of large volumes from every fourth voxel,
 // kEdges are kept: the first ones in the order
 // of a random number, which their place gives, over the difference of their two voxels. That is a
 // priority sample (Duffield, Lund and Thorup, 2007), of which sums over all edges can be estimated.
@@ -25,10 +25,10 @@ class EdgeSample {
   // volume reaches; `samples` has both. Every voxel of the volume comes once, in any sample.
   template <typename T>
   void add(const SampleBlock<T>& samples, const IndexBox& own, const Index3& volume);
-  // What another sample, of other voxels, has.
+  // Adds another sample, of other voxels.
   void merge(const EdgeSample& other);
 
-  // Of the volume whose histogram this is. Nothing where no edges were found.
+  // For the volume whose histogram this is. Nothing where no edges were found.
   std::optional<GradientSpectrum> spectrum(const VoxelHistogram& histogram, const ValueRange& range,
                                            const Index3& volume) const;
 

@@ -5,8 +5,9 @@
 #include <string>
 #include <vector>
 
+#include "isobrick/preprocess/pyramid_builder.h"
 #include "isobrick/preprocess/volume_source.h"
-#include "isobrick/storage/cancel.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 
@@ -33,7 +34,7 @@ class InputWatch {
   void checkContent();
 
  private:
-  // Of one file: device, inode, bytes, and both times that a change of it changes. The second of
+  // For one file: device, inode, bytes, and both times that a change of it changes. The second of
   // them cannot be set back.
   using Stamp = std::array<std::int64_t, 7>;
   static std::vector<Stamp> stampsOf(const std::vector<std::string>& files);
@@ -44,5 +45,9 @@ class InputWatch {
   std::vector<Stamp> stamps_;
   std::string identity_;
 };
+
+// JSON, valid UTF-8 whatever the names are. `identity` is that of the source and the options.
+std::string provenanceText(const VolumeSource& source, const BuildOptions& options,
+                           const std::string& identity);
 
 }  // namespace isobrick

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <charconv>
+#include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -24,5 +26,19 @@ inline std::string shortText(double number) {
   return {digits,
           std::to_chars(digits, digits + sizeof digits, number, std::chars_format::general, 6).ptr};
 }
+
+struct NumberedName {
+  std::string before, after;
+  std::size_t width = 0;  // at least so many characters
+  char fill = ' ';
+
+  std::string of(std::int64_t number) const;
+  // Whether it is the name of some number that is not negative, however it is filled up.
+  bool matches(const std::string& name) const;
+};
+
+// As printf takes it: one %d or %i, perhaps with a width of up to 99 characters, which a 0 before
+// it fills with zeros. Nothing for all other texts.
+std::optional<NumberedName> parseNumberedName(const std::string& text);
 
 }  // namespace isobrick

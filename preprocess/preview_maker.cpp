@@ -138,7 +138,7 @@ void PreviewMaker<T>::publish(std::int64_t slices) {
           .string();
   tbb::task_arena arena(std::min(tbb::this_task_arena::max_concurrency(), kMostThreads));
   arena.execute([&] { buildPyramid(source, path, options); });
-  // Who was told of the one before has opened it by now, or takes this one.
+  // A viewer that was told of the one before has opened it by now, or takes this one.
   std::error_code ignored;
   if (!path_.empty()) std::filesystem::remove(path_, ignored);
   path_ = path;

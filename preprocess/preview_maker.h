@@ -12,7 +12,7 @@
 
 namespace isobrick {
 
-// What a build that makes previews holds for them, beside all else: their samples, and the build of
+// The memory of a build for its previews, beside all else: their samples, and the build of
 // one of them.
 inline constexpr std::uint64_t kPreviewBytes = std::uint64_t{40} << 20;
 

@@ -9,7 +9,6 @@
 
 #include "isobrick/preprocess/brick_maker.h"
 #include "isobrick/preprocess/brick_pipeline.h"
-#include "isobrick/preprocess/build_identity.h"
 #include "isobrick/preprocess/finite_voxels.h"
 #include "isobrick/preprocess/input_identity.h"
 #include "isobrick/preprocess/kernels/curvature_fit.h"

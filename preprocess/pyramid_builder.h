@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "isobrick/preprocess/volume_source.h"
-#include "isobrick/storage/cancel.h"
+#include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid_info.h"
 
 namespace isobrick {
@@ -25,7 +25,7 @@ using BuildProgress = std::function<void(std::string_view phase, double fraction
 inline constexpr int kBuildAlgorithm = 3;
 
 // A coarse version of what a build has read by then: an ordinary pyramid, of the first sample in
-// every `step` along each axis, in the place of the world where the volume is, with as many slices
+// every `step` along each axis, in the volume's place in the world, with as many slices
 // as were whole.
 struct BuildPreview {
   std::string path;       // of the file
@@ -34,13 +34,13 @@ struct BuildPreview {
 };
 
 // Previews are published while level 0 is read, each under a name of its own. One goes when the
-// next is there, and the last when the build ends: who is told of one opens it at once, and may
-// remove it. There are none of volumes of at most 128^3 voxels, and none where `memory_bytes` are
-// fewer than 160 MiB. They change neither the result nor the bound of the memory.
+// next is there, and the last when the build ends: a program that is told of one opens it at once,
+// and may remove it. There are none of volumes of at most 128^3 voxels, and none if `memory_bytes`
+// are fewer than 160 MiB. They change neither the result nor the bound of the memory.
 struct PreviewOptions {
   std::string folder;  // empty: there are none. Best in memory; for this build alone
-  // Of the time of the build; 0: none; 1: one after every slab of bricks. A first one that takes
-  // hardly any comes after the first slab all the same.
+  // The share of the build's time, 0 .. 1; 0: none; 1: one after every slab of bricks. A first one
+  // that takes hardly any time comes after the first slab all the same.
   double most_share = 0.02;
   std::function<void(const BuildPreview&)> published;  // on the caller's thread
 };
@@ -60,8 +60,8 @@ struct BuildOptions {
   std::optional<float> nan_as;
   std::string tool_version;  // goes into the provenance; does not change the identity
 
-  // Bounds all buffers of the build together, those of the source included. What does not fit lies
-  // in files without a name in the folder of the output. Does not change the result.
+  // Bounds all buffers of the build together, those of the source included. The rest lies
+  // in temporary files in the folder of the output. Does not change the result.
   std::uint64_t memory_bytes = std::uint64_t{512} << 20;
   // Go on from what an interrupted or killed build of the same input with the same options left
   // beside the output; without anything there, begin at the beginning. Does not change the result.
@@ -77,12 +77,11 @@ struct BuildOptions {
 // Phases overlap: `busy_seconds` adds up what all threads spent in one, computing or waiting for
 // the disk.
 struct BuildPhase {
-  std::string
-      name;  // "read", "low-pass", "ranges", "curvature", "error", "pack", "write", "publish"
+  std::string name;         // "read", "low-pass", "ranges", "curvature", "pack", "write", "publish"
   double busy_seconds = 0;  // of all threads
 };
 
-// What a build did.
+// The result of a build.
 struct BuildReport {
   std::vector<BuildPhase> phases;     // in the order of the names above
   double seconds = 0;                 // from the first to the last
@@ -94,25 +93,25 @@ struct BuildReport {
 
 // Reads `source` to its end and writes a pyramid to `path`, which appears only when it is complete
 // and durable. Uses the calling TBB arena for computing, and a thread each for reading and writing.
-// The file does not depend on the number of threads, on memory_bytes, or on where earlier builds
-// were interrupted.
+// The file does not depend on the number of threads, on memory_bytes, or on the
+// point at which earlier builds were interrupted.
 //
 // Throws Error for bad input and for a memory bound too small for one brick (the message says how
-// much it takes), ResumableError where the disk is full or fails, or where the input changed or
-// cannot be read any more, Cancelled. After the last two, "<path>.partial" and its journal stay for
-// `resume` if that is wished and at least one brick was written, and the message says so; otherwise
-// nothing is left. What is kept was all read from the input as it was at the beginning: the times
-// of its files are looked at after every window, and its content at the end.
+// much it takes), ResumableError if the disk is full or fails, or if the input changed or
+// cannot be read any more, and Cancelled. After the last two, "<path>.partial" and its journal stay
+// for `resume` if that is wished and at least one brick was written, and the message says so;
+// otherwise nothing is left. All kept bricks were made from the input as it was at the beginning:
+// the times of its files are checked after every window, and its content at the end.
 BuildReport buildPyramid(VolumeSource& source, const std::string& path,
                          const BuildOptions& options);
 // The same for an input that was sampled already; `input` is that of `source`.
 BuildReport buildPyramid(VolumeSource& source, InputWatch& input, const std::string& path,
                          const BuildOptions& options);
 
-// What a pyramid is made from and how, a line each: input (files with sizes, times and samples of
-// their content, or a phantom's parameters), how voxels are read, grid, options, kBuildAlgorithm.
-// Equal texts mean equal bricks. It is in the provenance, key "identity", and in the journal of an
-// unfinished build. `input_identity` is that of the source, on the first line.
+// The input of a pyramid and the way it is built, a line each: input (files with sizes, times and
+// samples of their content, or a phantom's parameters), how voxels are read, grid, options,
+// kBuildAlgorithm. Equal texts mean equal bricks. It is in the provenance, key "identity", and in
+// the journal of an unfinished build. `input_identity` is that of the source, on the first line.
 std::string buildIdentity(const VolumeInfo& info, const std::string& input_identity,
                           const BuildOptions& options);
 // The same, with some blocks of every file read for it.

@@ -1,4 +1,4 @@
-// What was asked for last, within a budget.
+// The values that were asked for last, within a budget.
 #pragma once
 
 #include <cstdint>
@@ -17,7 +17,7 @@ class RecentCache {
  public:
   using Value = std::shared_ptr<const std::vector<T>>;
 
-  // What is kept takes up to `budget_bytes`, or is one value.
+  // Kept values take up to `budget_bytes`, or are one value.
   explicit RecentCache(std::uint64_t budget_bytes) : budget_bytes_(budget_bytes) {}
 
   // Null: it is not there.
@@ -28,7 +28,7 @@ class RecentCache {
     values_.splice(values_.end(), values_, found->second);
     return found->second->second;
   }
-  // Of two threads that made the same value, that of the first is kept.
+  // If two threads made the same value, that of the first is kept.
   void add(const Key& key, Value value) {
     const std::lock_guard lock(mutex_);
     if (places_.contains(key)) return;

@@ -10,7 +10,7 @@
 
 #include "isobrick/preprocess/scratch_volume.h"
 #include "isobrick/preprocess/volume_source.h"
-#include "isobrick/storage/cancel.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 

@@ -1,4 +1,4 @@
-// What a build that fails leaves, and what its user is told.
+// The remains of a build that fails, and the message to its user.
 #pragma once
 
 #include <cstdint>

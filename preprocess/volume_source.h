@@ -1,9 +1,8 @@
-// Where voxels come from: the interface between file formats and the pyramid builder.
+// Sources of voxels: the interface between file formats and the pyramid builder.
 #pragma once
 
 #include <cstdint>
 #include <map>
-#include <memory>
 #include <string>
 #include <vector>
 
@@ -16,7 +15,7 @@ namespace isobrick {
 struct VolumeInfo {
   Index3 voxels{0};                          // per axis 2 .. kMaxVoxelsPerAxis
   VoxelType voxel_type = VoxelType::kUint8;  // of what readRows and readBox deliver
-  GridGeometry geometry;                     // where voxels are in the world
+  GridGeometry geometry;                     // the voxels' place in the world
   std::string source;    // path, or the phantom's name: goes into the provenance
   std::string format;    // "raw", "NRRD", "DICOM series", "phantom", ...
   std::string encoding;  // how the voxels are stored, if the user said so and not the file
@@ -38,13 +37,13 @@ class VolumeSource {
   // Writes rows [first, first + count) into `out`: count * voxels.x voxels of info().voxel_type,
   // native byte order. Row r is row r % voxels.y of slice r / voxels.y. Calls ask for ascending
   // rows; rows that were skipped between two calls are never asked for
-  // later. One thread at a time.
+  // later. By one thread at a time.
   virtual void readRows(std::int64_t first, std::int64_t count, void* out) = 0;
 
   // True if readBox() may be used instead of readRows().
   virtual bool readsBoxes() const { return false; }
   // Writes the voxels of `box`, x fastest, box.count.x * y * z of them, into `out`. Any box, in any
-  // order, by any number of threads at once. Only where readsBoxes().
+  // order, by any number of threads at once. Only if readsBoxes().
   virtual void readBox(const IndexBox& box, void* out) const;
 
   // Notes on the voxels that were read so far, a line each, beside those of info(). Not while

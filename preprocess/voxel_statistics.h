@@ -1,4 +1,4 @@
-// What is counted of the voxels of level 0 while a pyramid is built: their values,
+// Statistics of the voxels of level 0 while a pyramid is built: their values,
 // their noise, and how steep they are (edge_sample.h).
 #pragma once
 
@@ -29,7 +29,7 @@ class VoxelStatistics {
   template <typename T>
   void add(const SampleBlock<T>& samples, const IndexBox& own, const Index3& volume);
 
-  // Of all voxels that were counted, which have that range. Not while others count.
+  // For all voxels that were counted, which have that range. Not while others count.
   VoxelHistogram histogram(VoxelType type, const ValueRange& range) const;
   double noise() const;
   // Nothing where all voxels are equal.

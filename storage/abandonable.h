@@ -10,7 +10,7 @@
 #include <thread>
 #include <utility>
 
-#include "isobrick/storage/cancel.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 

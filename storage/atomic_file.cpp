@@ -181,7 +181,7 @@ void AtomicFile::cutAfterPosition() {
 }
 
 // fsync does not return before all is written, which no signal changes; so the bytes are brought to
-// the disk some of them at a time before it. What goes wrong here would not be reported again by
+// the disk some of them at a time before it. A failure here would not be reported again by
 // fsync.
 void AtomicFile::drain(const CancelFlag& cancel) {
   constexpr std::uint64_t kStepBytes = std::uint64_t{4} << 20;

@@ -10,7 +10,7 @@
 #include <span>
 #include <string>
 
-#include "isobrick/storage/cancel.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 
@@ -32,7 +32,7 @@ std::string folderOf(const std::string& path);
 // pwrite() may be called from several threads at once; all other members from one at a time.
 class AtomicFile {
  public:
-  // What becomes of the bytes in a temporary that a killed process left.
+  // The fate of the bytes in a temporary that a killed process left.
   enum class Leftover { kEmpty, kKeep };
   explicit AtomicFile(const std::string& path, Leftover leftover = Leftover::kEmpty,
                       const char* temporary_ending = kTemporaryEnding);

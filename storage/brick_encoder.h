@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "isobrick/storage/format.h"
-#include "isobrick/storage/value_range.h"
 #include "isobrick/storage/voxel_type.h"
 
 namespace isobrick {
@@ -26,7 +25,8 @@ struct EncodedBrick {
   EncodedPart ranges;     // a (min, max) pair of voxels for every tile, x fastest
   EncodedPart curvature;  // three codes (CurvatureCode) for every node; empty: the brick has none
   float constant = 0;     // the value of all samples, where they are equal
-  // What encodeBrick() packs into: as many bytes as its largest part has elements' bytes.
+  // The memory that encodeBrick() packs into: as many bytes as its largest part has elements'
+  // bytes.
   std::vector<std::byte> scratch;
 };
 

@@ -1,7 +1,6 @@
 // The brick table of an open pyramid, read and believed row by row as it is asked for.
 #pragma once
 
-#include <array>
 #include <atomic>
 #include <cstdint>
 #include <memory>
@@ -14,7 +13,7 @@
 namespace isobrick {
 
 // Bricks are numbered as their rows are: all of level 0 (x fastest), then all of level 1, and so
-// on. What a query costs, in time and memory, depends on the rows that it asks for and not on how
+// on. The cost of a query, in time and memory, depends on the rows that it asks for and not on how
 // many there are: some of the table stays in memory, at most kMostBytes of it. All const members
 // are thread-safe.
 class BrickIndex {
@@ -29,7 +28,7 @@ class BrickIndex {
   // row all the same.
   static constexpr std::uint64_t kReadAtOnceBytes = std::uint64_t{1} << 20;
 
-  // Of a longer table reads nothing. `header` was checked, but not where the table is. `file`
+  // For a longer table reads nothing. `header` was checked, but not where the table is. `file`
   // outlives the index. Throws Error where header and layout contradict each other, or the table is
   // not in the file or cannot be read.
   BrickIndex(const PagedFile& file, const PyramidSpec& spec, const format::Header& header);
@@ -51,7 +50,7 @@ class BrickIndex {
   // with others in a table of more than kMostSlots * kRowsAtATime rows, and may have to be read.
   bool isAtHand(std::size_t number) const;
 
-  // Of the table, so far.
+  // For the table, so far.
   std::uint64_t bytesRead() const { return bytes_read_; }
 
   // The row as it lies in the file, the parts of unknown kinds with it. Throws as row() does.

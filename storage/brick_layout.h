@@ -33,7 +33,7 @@ class BrickLayout {
   BrickLayout(const Lattice& lattice, std::int64_t brick_cells, std::int64_t tile_cells)
       : lattice_(lattice), brick_cells_(brick_cells), tile_cells_(tile_cells) {}
 
-  // Where samples are.
+  // The samples' places.
   const Lattice& lattice() const { return lattice_; }
   // Cells along an edge of a brick.
   std::int64_t brickCells() const { return brick_cells_; }
@@ -55,7 +55,7 @@ class BrickLayout {
     const Index3 last = glm::min(cells.end() + Index3(1), lattice_.samples(level) - Index3(1));
     return {first, last - first + Index3(1)};
   }
-  // Of these samples the ones that no other brick of the level has for its own: those at the cells'
+  // Those of these samples that no other brick of the level has for its own: those at the cells'
   // lower corners, and the last ones at the far border.
   IndexBox brickOwnSamples(int level, const Index3& brick) const {
     IndexBox own = brickCellBox(level, brick);

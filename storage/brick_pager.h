@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "isobrick/storage/buffer_slab.h"
-#include "isobrick/storage/cancel.h"
+#include "isobrick/storage/error.h"
 #include "isobrick/storage/format.h"
 #include "isobrick/storage/load_threads.h"
 #include "isobrick/storage/paged_file.h"

@@ -1,4 +1,4 @@
-// What the brick table says of a brick: which parts there are, and what is possible of them. Rows
+// The entry of a brick in the brick table: its parts, and what is possible of them. Rows
 // from files are hostile; one place knows what is possible, for finished pyramids and for those
 // that a killed build left.
 #pragma once

@@ -22,7 +22,7 @@ void forbid(const void*, std::uint64_t) {}
 void permit(const void*, std::uint64_t) {}
 #endif
 
-// What is reserved counts for nothing, not even where the system promises no more than it has
+// Reserved addresses count for nothing, not even if the system promises no more than it has
 // (vm.overcommit_memory=2); as far as buffers reach it is opened, so much at once.
 constexpr std::uint64_t kOpenStep = std::uint64_t{32} << 20;
 
@@ -162,7 +162,7 @@ void BufferSlab::trim(std::uint64_t bytes) noexcept {
   }
 }
 
-// What is touched of a free run; returns how much of `most` that was.
+// The touched part of a free run; returns how much of `most` that was.
 std::uint64_t BufferSlab::giveBackGranules(std::uint64_t begin, std::uint64_t bytes,
                                            std::uint64_t most) {
   const std::uint64_t end =

@@ -38,7 +38,7 @@ class BufferSlab {
   BufferSlab(const BufferSlab&) = delete;
   BufferSlab& operator=(const BufferSlab&) = delete;
 
-  // What a buffer of so many bytes takes: a little more, so that runs of nearly the same size can
+  // The size of a buffer for so many bytes: a little more, so that runs of nearly the same size can
   // take each other's place.
   static std::uint64_t runBytes(std::uint64_t bytes);
 
@@ -47,10 +47,10 @@ class BufferSlab {
   [[nodiscard]] std::byte* take(std::uint64_t bytes);
   void giveBack(const std::byte* buffer) noexcept;
 
-  // Of all together; 0 once it is known that no addresses are to be had.
+  // The size of all together; 0 once it is known that the system gives no addresses.
   std::uint64_t bytes() const;
-  // What was touched, and not given back to the system, beyond the runs that are taken. Counts a
-  // huge page as a whole.
+  // The memory that was touched, and not given back to the system, beyond the runs that are taken.
+  // Counts a huge page as a whole.
   std::uint64_t idleBytes() const;
   // Gives about so many of them back, those of the longest runs first, or as many as there are in
   // whole granules.

@@ -27,11 +27,11 @@ constexpr std::uint64_t kPagesPerNote = 64;
 struct GuardedRange {
   RangeSlot range;
   std::atomic<std::uint64_t> failed_offset{kNothingFailed};
-  // A bit for each page that could not be had. Changes only while the range is none.
+  // A bit for each page that could not be read. Changes only while the range is none.
   Notes* failed_pages = nullptr;
 };
 
-// What the process had for SIGBUS when an entry of ours took its place.
+// The process's own action for SIGBUS, which an entry of ours replaced.
 struct EarlierAction {
   struct sigaction action;
   std::atomic<bool> is_spent{false};  // SA_RESETHAND: it had its one call
@@ -197,7 +197,7 @@ void BusErrorGuard::keepInFront() noexcept {
     if (entry == kMostHandlers) return;
     struct sigaction ours = {}, replaced = {};
     ours.sa_sigaction = kEntries[entry];
-    // On the alternate stack, for the thread's own may be what cannot be had.
+    // On the alternate stack, for the thread's own may be what cannot be read.
     ours.sa_flags = SA_SIGINFO | SA_ONSTACK | (found.sa_flags & SA_RESTART);
     sigemptyset(&ours.sa_mask);
     sigaction(SIGBUS, &ours, &replaced);

@@ -1,4 +1,4 @@
-// Pages of mapped files that cannot be had: zeros and a note in place of a crash.
+// Pages of mapped files that cannot be read: zeros and a note in place of a crash.
 #pragma once
 
 #include <cstddef>
@@ -7,8 +7,8 @@
 
 namespace isobrick {
 
-// Guards one range of mapped memory. Touching a page that cannot be had (the file was cut, its disk
-// failed) raises SIGBUS. The handler puts a page of zeros there, notes the place, and the
+// Guards one range of mapped memory. Touching a page that cannot be read (the file was cut, its
+// disk failed) raises SIGBUS. The handler puts a page of zeros there, notes the place, and the
 // instruction that touched it goes on. So whoever used guarded memory asks failedOffset() before
 // the result is believed. The zeros stay until the memory is mapped anew. The notes take a bit for
 // each page, of which only those pages are in memory that have a note.
@@ -27,7 +27,7 @@ namespace isobrick {
 // is for that handler, and so is every one after kMostHandlers different handlers have come.
 //
 // Thread-safety: guards of different objects may begin, end and fail at once in any threads. One
-// object is used by one thread at a time, but for failedOffset(). What the handler does is
+// object is used by one thread at a time, but for failedOffset(). The handler's work is
 // async-signal-safe; nothing else here is to be called from a signal handler.
 class BusErrorGuard {
  public:
@@ -46,9 +46,9 @@ class BusErrorGuard {
   [[nodiscard]] bool guard(const void* begin, std::uint64_t size);
   void leave() noexcept;
 
-  // Where, from the begin of the range, the page begins that was the first not to be had.
+  // Where, from the begin of the range, the page begins that was the first that could not be read.
   std::optional<std::uint64_t> failedOffset() const noexcept;
-  // The same of the lowest page that could not be had among those of [offset, offset + bytes),
+  // The same of the lowest page that could not be read among those of [offset, offset + bytes),
   // which lies within the range; `bytes` is at least 1. Costs next to nothing where none failed.
   std::optional<std::uint64_t> failedOffset(std::uint64_t offset,
                                             std::uint64_t bytes) const noexcept;

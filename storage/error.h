@@ -1,6 +1,7 @@
 // Errors that a user, or the program that called, can act on.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <glm/vec3.hpp>
 #include <optional>
@@ -11,7 +12,7 @@
 
 namespace isobrick {
 
-// Where a run failed, as far as that is known.
+// The place of a failure, as far as that is known.
 struct ErrorPlace {
   std::string path = {};                                // of the file; empty: none
   std::optional<std::uint64_t> offset = {};             // byte in it
@@ -19,8 +20,7 @@ struct ErrorPlace {
   std::optional<glm::vec<3, std::int64_t>> brick = {};  // of that level
 };
 
-// A parameter of the call that would help. What it is called, the caller knows: the command adds
-// the names of its options.
+// A parameter of the call that would help. The command adds the names of its options.
 enum class Remedy {
   kAllowMoreMemory,     // BuildOptions::memory_bytes
   kUseLessMemory,       // the same, or fewer threads
@@ -44,18 +44,18 @@ enum class Remedy {
   kChooseSeries,        // OpenOptions::series
 };
 
-// A failed run. `what()` is one line that says what went wrong, where (path, offset, brick, voxel)
-// and what to do; place() and remedies() say the same to a program. Programming mistakes are
-// asserted, never reported through this class.
+// A failed run. `what()` is one line that says what went wrong, at which place (path,
+// offset, brick, voxel) and what to do; place() and remedies() say the same to a program.
+// Programming mistakes are asserted, never reported through this class.
 class Error : public std::runtime_error {
  public:
   // `what`: see what().
   explicit Error(const std::string& what, ErrorPlace place = {}, std::vector<Remedy> remedies = {})
       : std::runtime_error(what), place_(std::move(place)), remedies_(std::move(remedies)) {}
 
-  // Where.
+  // The place of the failure.
   const ErrorPlace& place() const { return place_; }
-  // What may help; often nothing that a parameter does.
+  // Parameters that may help; often none.
   const std::vector<Remedy>& remedies() const { return remedies_; }
 
  private:
@@ -77,6 +77,23 @@ class Cancelled : public Error {
   Cancelled() : Error("interrupted; nothing was left behind") {}
   // `what` says what was left behind.
   using Error::Error;
+};
+
+// A request to stop, which long work checks. Set by one thread (or a signal handler: the flag is
+// lock-free), checked by the workers between pieces of work of at most some milliseconds.
+class CancelFlag {
+ public:
+  // Asks for a stop; for good.
+  void request() noexcept { requested_.store(true, std::memory_order_relaxed); }
+  // Whether a stop was asked for.
+  bool requested() const noexcept { return requested_.load(std::memory_order_relaxed); }
+  // Throws Cancelled once a stop was requested.
+  void check() const {
+    if (requested()) throw Cancelled();
+  }
+
+ private:
+  std::atomic<bool> requested_{false};
 };
 
 }  // namespace isobrick

@@ -35,7 +35,7 @@ IoResult repeatWrite(std::size_t bytes, Call&& call) {
   return result;
 }
 
-// What lies behind the last offset that a file can have would be a negative one to the system.
+// An offset behind the last possible one would be negative to the system.
 bool isPossible(std::uint64_t offset, std::size_t bytes) {
   return bytes <= kMostOffset && offset <= kMostOffset - bytes;
 }

@@ -11,7 +11,7 @@
 
 namespace isobrick {
 
-// What became of a request. Callers turn it into an error that names their file and what to do.
+// The outcome of a request. Callers turn it into an error that names their file and what to do.
 struct IoResult {
   std::size_t bytes = 0;  // that were read or written, from the first on
   int error = 0;          // errno of the call that failed; 0: none did

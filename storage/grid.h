@@ -1,4 +1,4 @@
-// Where samples are: voxel indices, the pyramid's lattices, and the way to world space.
+// Places of samples: voxel indices, the pyramid's lattices, and the way to world space.
 #pragma once
 
 #include <algorithm>
@@ -21,7 +21,7 @@ inline constexpr std::int64_t kMaxVoxelsPerAxis = std::int64_t{1} << 20;
 // kMaxVoxelsPerAxis, so that the product fits 64 bits.
 constexpr std::int64_t elementCount(const Index3& dims) { return dims.x * dims.y * dims.z; }
 
-// What the lengths of a volume are: millimetres wherever its unit is known, so that what is read in
+// The unit of a volume's lengths: millimetres if the input's unit is known, so that a volume in
 // micrometres is scaled. The numbers are those of the file.
 enum class LengthUnit : std::uint32_t { kUnknown = 0, kMillimetre = 1 };
 
@@ -54,8 +54,8 @@ struct GridGeometry {
 };
 
 // The lattices of all levels of one volume (rule 1 of the design). Sample (i,j,k) of level l sits
-// at voxel index (i,j,k) * 2^l exactly. Where that runs past the last voxel (only the last sample
-// of an axis can), the sample repeats the last voxel and sits on it: the last cell of a level is
+// at voxel index (i,j,k) * 2^l exactly. If that is past the last voxel (only the last sample of
+// an axis can be), the sample repeats the last voxel and sits on it: the last cell of a level is
 // thinner than the others, no position leaves the volume, and a linear field stays exact.
 class Lattice {
  public:
@@ -83,7 +83,7 @@ class Lattice {
   std::int64_t position(int level, int axis, std::int64_t i) const {
     return std::min(i << level, voxels_[axis] - 1);
   }
-  // Of a sample, along all axes.
+  // The same along all axes.
   Index3 position(int level, const Index3& sample) const {
     return {position(level, 0, sample.x), position(level, 1, sample.y),
             position(level, 2, sample.z)};

@@ -1,4 +1,4 @@
-// Isovalues that show something: where to begin with a volume that nobody has seen.
+// Isovalues that show something: a beginning with a volume that is new to the user.
 #pragma once
 
 #include <optional>
@@ -18,10 +18,10 @@ struct IsovalueSuggestion {
   double gradient = 0;  // their mean difference, in the units of the voxels; 0: not known
 };
 
-// What there is to see in a volume.
+// The surfaces that a volume offers.
 struct IsovalueSuggestions {
   // At most kMost. The first one is between the object and what surrounds it; the others follow by
-  // the gradient along the whole isosurface. Empty only where all voxels are equal.
+  // the gradient along the whole isosurface. Empty only if all voxels are equal.
   std::vector<IsovalueSuggestion> values;
   // The least voxel, if it is no data: it fills what was not scanned.
   std::optional<double> padding_least;
@@ -31,11 +31,11 @@ struct IsovalueSuggestions {
   static constexpr std::size_t kMost = 4;  // of `values`
 };
 
-// A material is a value around which the volume is flat: where the mean gradient along the
-// isosurface (gradient_spectrum.h), with voxels that have equal neighbours taken in, has a valley,
-// and enough voxels lie in it. A suggestion is the value half-way between two materials that follow
-// each other, outside the noise of both. Above the last material, or below the first, stands the
-// centre of the gradients for a second one: so thin things are found that are no material.
+// A material is a value around which the volume is flat: the mean gradient along the
+// isosurface (gradient_spectrum.h), with voxels that have equal neighbours taken in, has a valley
+// there, and enough voxels lie in it. A suggestion is the value half-way between two materials that
+// follow each other, outside the noise of both. Above the last material, or below the first, stands
+// the centre of the gradients for a second one: so thin things are found that are no material.
 //
 // The surroundings are the material of the least value that has a quarter as many voxels as the
 // greatest. The value of many voxels at an end of the range is padding if the next values are far
@@ -43,12 +43,12 @@ struct IsovalueSuggestions {
 // slices along an axis; further from all others than these are from each other; or below the
 // Hounsfield units of a CT.
 //
-// Without a spectrum (files of earlier programs), or where it tells nothing, the value that divides
-// the voxels into two groups of least spread (Otsu), padding left out.
+// Without a spectrum (files of earlier programs), or if it tells nothing, the suggestion is the
+// value that divides the voxels into two groups of least spread (Otsu), padding left out.
 IsovalueSuggestions suggestIsovalues(const VoxelHistogram& histogram, const ValueRange& range,
                                      const std::optional<GradientSpectrum>& spectrum, double noise);
 
-// Of a pyramid. Throws Error where its histogram or its spectrum is damaged.
+// The same for a pyramid. Throws Error if its histogram or its spectrum is damaged.
 IsovalueSuggestions suggestIsovalues(const Pyramid& pyramid);
 
 }  // namespace isobrick

@@ -18,10 +18,10 @@ class FileTail;
 // Opens a whole file for reading and, with kMap, maps it. All const members are thread-safe, none
 // is safe in a signal handler; nobody may use the object while it is made or destroyed.
 //
-// A page that cannot be had when it is touched (the file was cut, its disk failed) reads as zeros
+// A page that cannot be read when it is touched (the file was cut, its disk failed) reads as zeros
 // from then on (see BusErrorGuard, also for what becomes of other handlers of SIGBUS). So whoever
-// used mapped bytes asks failedOffset() of them before the result is believed. What is read is a
-// copy, and it is known at once whether it could be had.
+// used mapped bytes asks failedOffset() of them before the result is believed. Bytes that are read
+// are a copy, and it is known at once whether it could be had.
 class PagedFile {
  public:
   // Throws Error where the file cannot be opened or mapped, is empty, or too many are mapped at
@@ -52,7 +52,7 @@ class PagedFile {
 
   const std::byte* data() const { return data_; }
 
-  // Where the page begins that was the first not to be had; nothing while all could be.
+  // Where the page begins that was the first that could not be read; nothing while all could be.
   std::optional<std::uint64_t> failedOffset() const { return guard_.failedOffset(); }
   // The same of the lowest such page with any of these bytes, at least 1, which lie in the file.
   std::optional<std::uint64_t> failedOffset(std::uint64_t offset, std::uint64_t bytes) const {
@@ -60,7 +60,7 @@ class PagedFile {
   }
 
   // XXH3-64 of `bytes` bytes from `offset`, asked from the disk in one go; leaves the pages
-  // resident. False where a page cannot be had.
+  // resident. False where a page cannot be read.
   [[nodiscard]] bool checksum(std::uint64_t offset, std::uint64_t bytes,
                               std::uint64_t* result) const;
 

@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "isobrick/storage/cancel.h"
+#include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid_info.h"
 #include "isobrick/storage/voxel_histogram.h"
 
@@ -18,8 +18,8 @@ class BrickPager;
 class PyramidTables;
 class PyramidParts;
 
-// The hold on one part of a brick: in the file's map where it is stored, in a buffer where it was
-// unpacked or made. The memory that data() returns is aligned to 16 bytes at least, and stays
+// The hold on one part of a brick: in the file's map if it is stored as it is, in a buffer if it
+// was unpacked or made. The memory that data() returns is aligned to 16 bytes at least, and stays
 // valid and unchanged as long as this object lives. Movable; used by one thread at a time; the
 // pyramid outlives it.
 class BrickPart {
@@ -68,18 +68,19 @@ struct BrickSamples {
 // The file should not be changed while it is open. If it is cut short all the same, or its disk
 // fails, acquiring a brick whose bytes are lost, or throwIfReadsFailed() after its use, throws
 // Error, and nothing crashes; other bricks stay what they were. An extraction from a file that is
-// written to meanwhile ends with Error. A file that another one takes the name of stays as it was.
+// written to meanwhile ends with Error. If another file takes this one's name, this one stays as it
+// was.
 class Pyramid {
  public:
-  // Of a pyramid that is opened without one: 1 GiB.
+  // The budget of a pyramid that is opened without one: 1 GiB.
   static constexpr std::uint64_t kDefaultBudgetBytes = std::uint64_t{1} << 30;
 
   // Opens and validates header, level table and provenance: sizes, offsets and checksums. Reads no
-  // brick. So opening takes as long for any number of bricks; what it believes of a brick is
-  // checked when the brick is first asked for. `budget_bytes` bounds what stays in memory of the
-  // bricks, mapped and unpacked. Bricks in use stay whatever it is. With FileAccess::kRead nothing
-  // is mapped: all comes by reads, which suits network file systems, and what was read is not
-  // touched by what happens to the file. Results are the same. Throws Error if the file is not a
+  // brick. So opening takes as long for any number of bricks; a brick is checked when it is first
+  // asked for. `budget_bytes` bounds the memory of bricks, mapped and unpacked. Bricks in use stay
+  // even if they exceed it. With FileAccess::kRead nothing
+  // is mapped: all bytes are read, which suits network file systems, and a change of the file does
+  // not touch the bytes that were read. Results are the same. Throws Error if the file is not a
   // pyramid, was truncated, is damaged or of a newer version.
   explicit Pyramid(const std::string& path, std::uint64_t budget_bytes = kDefaultBudgetBytes,
                    FileAccess access = FileAccess::kMap);
@@ -89,9 +90,9 @@ class Pyramid {
   const std::string& path() const;
   // Voxels, their type, geometry, and how the file is cut into bricks.
   const PyramidSpec& spec() const { return spec_; }
-  // Where bricks lie.
+  // The places of bricks.
   const BrickLayout& layout() const { return layout_; }
-  // Where samples lie; how many levels there are.
+  // The places of samples, and the number of levels.
   const Lattice& lattice() const { return layout_.lattice(); }
   // Least and greatest voxel of level 0.
   const ValueRange& valueRange() const { return value_range_; }
@@ -123,9 +124,9 @@ class Pyramid {
   // fastest. `out` is resized. Throws as samples().
   void tileRanges(int level, const Index3& brick, std::vector<ValueRange>& out,
                   const CancelFlag* cancel = nullptr) const;
-  // Throws Error if bytes of this brick could not be had while somebody used them (the file was
-  // cut, its disk failed): what was computed from them is worthless. To be called after samples
-  // were used and before the result is passed on.
+  // Throws Error if bytes of this brick could not be read while they were in use (the file was cut,
+  // its disk failed): the results computed from them are wrong. Call it after using samples and
+  // before passing on the result.
   void throwIfReadsFailed(int level, const Index3& brick) const;
 
   // For the library itself (storage/pyramid_parts.h, which is not installed).
@@ -135,7 +136,7 @@ class Pyramid {
   const std::unique_ptr<const PyramidTables> tables_;
   const std::unique_ptr<const PyramidParts> parts_;
   const std::uint64_t budget_bytes_;
-  // Of the file; here because they are asked for everywhere.
+  // Facts of the file that are asked for everywhere.
   const PyramidSpec spec_;
   const BrickLayout layout_;
   const ValueRange value_range_;

@@ -1,4 +1,4 @@
-// What is known of a pyramid as a whole.
+// Facts of a pyramid as a whole.
 #pragma once
 
 #include <array>
@@ -6,7 +6,6 @@
 #include <string_view>
 
 #include "isobrick/storage/brick_layout.h"
-#include "isobrick/storage/value_range.h"
 #include "isobrick/storage/voxel_type.h"
 
 namespace isobrick {
@@ -20,12 +19,11 @@ enum class Filter : std::uint32_t {
 };
 // How the bytes of a part are packed; the numbers are those of the file.
 enum class Codec : std::uint32_t {
-  kStored = 0,  // the bytes themselves
-  kConstant =
-      1,  // no bytes: samples and ranges all have the brick's constant, curvature and errors are 0
-  kAbsent = 2,  // no bytes: the part was not made (curvature of coarser levels, without --error)
-  kLz4 = 3,     // a Blosc buffer, packed with LZ4
-  kZstd = 4,    // a Blosc buffer, packed with Zstandard; of differences (docs/FORMAT.md)
+  kStored = 0,    // the bytes themselves
+  kConstant = 1,  // no bytes: samples and ranges all have the brick's constant, curvature is 0
+  kAbsent = 2,    // no bytes: the part was not made, such as the curvature of coarser levels
+  kLz4 = 3,       // a Blosc buffer, packed with LZ4
+  kZstd = 4,      // a Blosc buffer, packed with Zstandard; of differences (docs/FORMAT.md)
 };
 
 }  // namespace format
@@ -40,21 +38,21 @@ enum class FileAccess {
 struct PyramidSpec {
   Index3 voxels{0};                          // per axis 2 .. kMaxVoxelsPerAxis
   VoxelType voxel_type = VoxelType::kUint8;  // of the samples of all levels
-  GridGeometry geometry;                     // where voxels are in the world
+  GridGeometry geometry;                     // the voxels' place in the world
   // From a level to the next coarser one.
   format::Filter filter = format::Filter::kAverage;
   std::int64_t brick_cells = 64;  // power of two, 4 .. 256
   std::int64_t tile_cells = 4;    // power of two, 2 .. brick_cells
   bool has_curvature = true;      // whether there are bounds of the curvature
   // Samples with |gradient| < curvature_epsilon * (range of their tile) per voxel do not count for
-  // the curvature bound: the isosurface has no curvature where the gradient vanishes.
+  // the curvature bound: the isosurface has no curvature if the gradient vanishes.
   double curvature_epsilon = 1.0 / 64;
 
   // How levels are cut into bricks.
   BrickLayout layout() const { return {Lattice(voxels), brick_cells, tile_cells}; }
 };
 
-// Where the bytes of a file are, by kind.
+// The bytes of a file, by kind.
 struct PyramidBytes {
   std::uint64_t total = 0;           // of the file
   std::uint64_t raw = 0;             // voxels of level 0 without anything around them
@@ -76,7 +74,7 @@ struct PyramidCodecs {
   CodecCounts curvature{};  // bounds of it
 };
 
-// What passing over the whole brick table gives.
+// Sums over the whole brick table.
 struct PyramidSums {
   PyramidBytes bytes;    // of the file, by kind
   PyramidCodecs codecs;  // of the parts, by kind

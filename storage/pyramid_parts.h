@@ -9,7 +9,7 @@
 
 #include "isobrick/storage/brick_pager.h"
 #include "isobrick/storage/brick_parts.h"
-#include "isobrick/storage/cancel.h"
+#include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid.h"
 #include "isobrick/storage/pyramid_tables.h"
 
@@ -20,7 +20,7 @@ struct BrickRanges {
   BrickPart part;      // pairs of the pyramid's voxel type; no bytes if all voxels are one value
   float constant = 0;  // that value
 
-  // Of tile number `tile`, x fastest.
+  // For tile number `tile`, x fastest.
   template <typename T>
   ValueRange tile(std::size_t tile) const {
     if (part.data() == nullptr) return {constant, constant};
@@ -30,8 +30,8 @@ struct BrickRanges {
 };
 
 // All const members are thread-safe. All that asks for a brick throws Error, which names it, if its
-// row of the brick table is damaged. What reads a part throws Error that names the brick if its
-// bytes are damaged or cannot be read, and Cancelled if that is requested while it waits.
+// row of the brick table is damaged. A member that reads a part throws Error that names the brick
+// if its bytes are damaged or cannot be read, and Cancelled if that is requested while it waits.
 class PyramidParts {
  public:
   // `tables` outlive this object. `budget_bytes`: see BrickPager.
@@ -48,7 +48,7 @@ class PyramidParts {
   // The brick of a row below brickCount().
   BrickAddress brickAt(std::size_t row) const { return index().address(row); }
   std::size_t brickCount() const { return index().count(); }
-  // What the brick table says of a brick.
+  // The entry of a brick in the brick table.
   BrickRow brickRowOf(int level, const Index3& brick) const {
     return index().row(brickRow(level, brick));
   }
@@ -117,14 +117,14 @@ class PyramidParts {
   void require(PartKind kind, int level, const Index3& brick,
                const CancelFlag* cancel = nullptr) const;
   // A hold on a part that is resident, for as long as it shall stay that; nothing if it is not.
-  // Of a part that is not stored the hold is empty.
+  // For a part that is not stored the hold is empty.
   std::optional<BrickPart> holdIfResident(PartKind kind, int level, const Index3& brick) const;
   // Takes back what was fetched of the brick, for a query that was cancelled: see
   // BrickPager::withdraw().
   void withdraw(int level, const Index3& brick) const;
-  // What a part of the brick counts against the budget while it is resident; 0 if none is stored.
+  // The bytes of a part that count against the budget while it is resident; 0 if none is stored.
   std::uint64_t heldBytes(PartKind kind, int level, const Index3& brick) const;
-  // What counts against it now, of all parts.
+  // The bytes of all parts that count against it now.
   std::uint64_t heldBytes() const { return pager_.heldBytes(); }
   // How often a part was asked for that was not resident.
   std::uint64_t missCount() const { return pager_.missCount(); }

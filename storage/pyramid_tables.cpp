@@ -37,7 +37,7 @@ bool isVoxel(VoxelType type, double value) {
   });
 }
 
-// Of a header whose voxel type is one of the five.
+// For a header whose voxel type is one of the five.
 bool areValuesSane(const format::Header& header) {
   const auto type = static_cast<VoxelType>(header.voxel_type);
   if (!isVoxel(type, header.value_min) || !isVoxel(type, header.value_max) ||
@@ -163,7 +163,7 @@ VoxelHistogram PyramidTables::histogram() const {
   VoxelHistogram histogram(spec_.voxel_type, value_range_);
   const format::PartEntry& part = header_.histogram;
   const auto counts = std::as_writable_bytes(histogram.counts());
-  // What is stored is not longer than the counts, which are few.
+  // The stored bytes are not more than those of the counts, which are few.
   std::vector<std::byte> stored;
   if (part.stored_bytes <= counts.size())
     stored = readTable(part.offset, part.stored_bytes, part.checksum, "histogram");
@@ -209,7 +209,7 @@ PyramidSums PyramidTables::sums() const {
     ++sums.codecs.ranges[row.part(kRanges).codec];
     ++sums.codecs.curvature[row.part(kCurvature).codec];
     if (level > 0 || stored == 0) continue;
-    // What the brick holds beyond one copy of the samples that it covers.
+    // The bytes of the brick beyond one copy of the samples that it covers.
     const auto all_samples = static_cast<std::uint64_t>(layout_.brickSampleBox(0, brick).size());
     const auto own_samples = static_cast<std::uint64_t>(layout_.brickOwnSamples(0, brick).size());
     bytes.aprons_level0 += stored * (all_samples - own_samples) / all_samples;

@@ -16,7 +16,7 @@
 
 namespace isobrick {
 
-// What a pyramid says of itself; believes nothing before it is checked. All const members are
+// The tables of a pyramid; believes nothing before it is checked. All const members are
 // thread-safe.
 class PyramidTables {
  public:

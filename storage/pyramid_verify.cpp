@@ -29,7 +29,7 @@ class BrickVerifier {
   explicit BrickVerifier(const Pyramid& pyramid)
       : pyramid_(pyramid.parts()), layout_(pyramid.layout()), lattice_(pyramid.lattice()) {}
 
-  // What is wrong with a brick, or "".
+  // The fault of a brick, or "".
   std::string findFault(int level, const Index3& brick) const {
     Values values;
     std::string fault = findOwnFault(level, brick, values);

@@ -10,7 +10,7 @@
 
 namespace isobrick {
 
-// What is wrong with one brick.
+// A fault of one brick.
 struct BrickDamage {
   int level = 0;     // of the brick
   Index3 brick{0};   // its place among the bricks of the level
@@ -23,7 +23,7 @@ struct BrickDamage {
 // fault, or they cannot be read, this brick is not named.
 std::optional<BrickDamage> verifyBrick(const Pyramid& pyramid, int level, const Index3& brick);
 
-// What is wrong outside of the bricks, a line each: reserved fields and padding that are not
+// The faults outside of the bricks, a line each: reserved fields and padding that are not
 // zero, parts that overlap, a value range that is not that of the voxels. Reads the padding.
 std::vector<std::string> verifyRest(const Pyramid& pyramid, const CancelFlag* cancel = nullptr);
 
@@ -34,7 +34,7 @@ struct VerifyOptions {
   const CancelFlag* cancel = nullptr;             // looked at before every brick
 };
 
-// What verifyPyramid() found.
+// The faults that verifyPyramid() found.
 struct PyramidFaults {
   std::vector<BrickDamage> bricks;  // in the order of the file's brick table
   std::vector<std::string> rest;    // as verifyRest() says it

@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <array>
 #include <cassert>
-#include <cerrno>
 #include <cstddef>
 #include <cstring>
 #include <filesystem>
@@ -146,7 +145,7 @@ PyramidWriter::PyramidWriter(const std::string& path, const PyramidSpec& spec,
   end_ = sizeof(format::Header);
   std::vector<JournalEntry> entries;
   if (resume) {
-    // What cannot be continued now, on a full disk for one, is not thrown away.
+    // A file that cannot be continued now, on a full disk for one, is not thrown away.
     file_.keepTemporary(true);
     entries = takeOver(identity, cancel);
   } else {

@@ -10,7 +10,7 @@
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/brick_encoder.h"
 #include "isobrick/storage/brick_parts.h"
-#include "isobrick/storage/cancel.h"
+#include "isobrick/storage/error.h"
 #include "isobrick/storage/gradient_spectrum.h"
 #include "isobrick/storage/pyramid_info.h"
 #include "isobrick/storage/voxel_histogram.h"
@@ -25,7 +25,7 @@ inline constexpr char kUnfinishedEnding[] = ".partial";
 // gave the pyramid its name leaves it, and it means nothing. Any failure is silent.
 void removeStrayJournal(const std::string& path) noexcept;
 
-// Writes `path`. Nothing has that name before finish() returned. What was written so far lies in
+// Writes `path`. Nothing has that name before finish() returned. The bytes so far lie in
 // "<path>.partial", and "<path>.partial.journal" says what of it is good; both are removed with the
 // writer, unless keepForResume() was called, or the process is killed. One thread at a time. Every
 // failed write throws ResumableError.
@@ -63,7 +63,7 @@ class PyramidWriter {
   void keepForResume();
   const std::string& temporaryPath() const { return file_.temporaryPath(); }
 
-  // What is known of a volume when its last voxel was seen.
+  // Facts of a volume that are known when its last voxel was seen.
   struct Summary {
     ValueRange voxel_range;
     std::span<const ValueRange> brick_ranges;  // closures of all bricks, in the table's order

@@ -102,7 +102,7 @@ class ResidencePolicy {
     return settled_.bytes + member.bytes <= most_settled_bytes_;
   }
 
-  // nullptr where the oldest is not to be had: then it is the newest.
+  // nullptr if the oldest may not go: then it is the newest.
   template <typename F>
   static Member* takeOldest(Queue& queue, Which which, F&& takes) {
     Member& member = *queue.oldest;

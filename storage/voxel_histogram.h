@@ -8,12 +8,11 @@
 #include <type_traits>
 #include <vector>
 
-#include "isobrick/storage/value_range.h"
 #include "isobrick/storage/voxel_type.h"
 
 namespace isobrick {
 
-// A bin for every value of the integer types: exact. Of float32 a bin for all values that share the
+// Integer types have a bin for every value: exact. float32 has a bin for all values that share the
 // upper 16 bits, sign, exponent and 7 bits of mantissa: at most 1/128 of the value wide. Bins are
 // in the order of their values, from that of the least voxel to that of the greatest.
 class VoxelHistogram {
@@ -30,7 +29,7 @@ class VoxelHistogram {
   std::span<std::uint64_t> counts() { return counts_; }
   // Voxels by bin.
   std::span<const std::uint64_t> counts() const { return counts_; }
-  // The values that a voxel of the bin may have; of integer types one value.
+  // The values that a voxel of the bin may have; one value for integer types.
   ValueRange bin(std::size_t i) const;
 
   // The counts in `bins` equal parts of [least, greatest], which is not empty: those of a float's

@@ -1,9 +1,12 @@
 // The five voxel types that a pyramid can hold, and dispatch from the run-time tag to the C++ type.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <iterator>
+#include <limits>
 #include <optional>
 #include <stdexcept>
 #include <string_view>
@@ -20,8 +23,8 @@ enum class VoxelType : std::uint32_t {
   kFloat32 = 4
 };
 
-// What there is to say of each, in the order of the numbers. Other names belong to one format each
-// and stay with its reader or writer.
+// Name and size of each, in the order of the numbers. Other names belong to one format each and
+// stay with its reader or writer.
 struct VoxelTypeInfo {
   std::string_view name;        // as it is printed
   std::string_view short_name;  // as the command takes it
@@ -36,7 +39,7 @@ inline constexpr VoxelTypeInfo kVoxelTypes[] = {{"uint8", "u8", 1},
 // How many there are.
 inline constexpr std::uint32_t kVoxelTypeCount = std::size(kVoxelTypes);
 
-// Bytes of a voxel. `type`: one of the five; who reads it from a file has checked that.
+// Bytes of a voxel. `type`: one of the five; code that reads it from a file checks that.
 constexpr std::size_t voxelBytes(VoxelType type) {
   return kVoxelTypes[static_cast<std::uint32_t>(type)].bytes;
 }
@@ -100,5 +103,40 @@ constexpr VoxelType voxelTypeOf() {
 #define ISOBRICK_CHECK_BYTES(T) static_assert(voxelBytes(voxelTypeOf<T>()) == sizeof(T));
 ISOBRICK_FOR_EACH_VOXEL_TYPE(ISOBRICK_CHECK_BYTES)
 #undef ISOBRICK_CHECK_BYTES
+
+// Closed interval; empty until something was included. Every voxel type fits float exactly.
+struct ValueRange {
+  float min = std::numeric_limits<float>::infinity();   // the least value
+  float max = -std::numeric_limits<float>::infinity();  // the greatest value
+
+  bool operator==(const ValueRange&) const = default;
+  // Grows to hold a value.
+  void include(float v) {
+    min = std::min(min, v);
+    max = std::max(max, v);
+  }
+  // Grows to hold another range.
+  void include(const ValueRange& other) {
+    min = std::min(min, other.min);
+    max = std::max(max, other.max);
+  }
+  // True if values on both sides of the isovalue occur; a value equal to it is inside.
+  bool crosses(float isovalue) const { return min < isovalue && max >= isovalue; }
+};
+
+// The least voxel that is inside: v >= isovalue exactly if v >= the threshold. None if no
+// voxel of the type is. T: a voxel type.
+template <typename T>
+std::optional<T> insideThreshold(float isovalue) {
+  if constexpr (std::is_floating_point_v<T>) {
+    return isovalue;
+  } else {
+    const float least = std::ceil(isovalue);
+    if (least > static_cast<float>(std::numeric_limits<T>::max())) return std::nullopt;
+    if (least < static_cast<float>(std::numeric_limits<T>::lowest()))
+      return std::numeric_limits<T>::lowest();
+    return static_cast<T>(least);
+  }
+}
 
 }  // namespace isobrick

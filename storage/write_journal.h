@@ -1,4 +1,4 @@
-// What is known of a file that is being written, so that a killed run can be continued.
+// A journal of a file that is being written, so that a killed run can be continued.
 #pragma once
 
 #include <cstdint>

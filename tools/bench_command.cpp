@@ -12,7 +12,7 @@
 #include "tools/bench/isobrick_engine.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
-#include "tools/one_line.h"
+#include "tools/line_words.h"
 #include "tools/own_folder.h"
 #include "tools/parse_text.h"
 #include "tools/parsed_option.h"

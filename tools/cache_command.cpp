@@ -13,7 +13,7 @@
 #include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/json_output.h"
-#include "tools/one_line.h"
+#include "tools/line_words.h"
 #include "tools/pyramid_cache.h"
 #include "tools/shared_options.h"
 #include "tools/text_table.h"

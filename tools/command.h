@@ -1,4 +1,4 @@
-// What a subcommand is: a parser for its words and the work that follows.
+// A subcommand: a parser for its words and the work that follows.
 #pragma once
 
 #include <CLI/CLI.hpp>

@@ -10,16 +10,16 @@
 
 #include "isobrick/extract/extractor.h"
 #include "isobrick/extract/pyramid_values.h"
-#include "isobrick/extract/sinks/counting_sink.h"
 #include "isobrick/extract/sinks/mesh_file_sink.h"
+#include "isobrick/extract/sinks/vertex_numbering.h"
 #include "isobrick/storage/lowercase.h"
 #include "isobrick/storage/pyramid_parts.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
 #include "tools/json_output.h"
+#include "tools/line_words.h"
 #include "tools/measured_sink.h"
-#include "tools/one_line.h"
 #include "tools/output_check.h"
 #include "tools/parse_text.h"
 #include "tools/parsed_option.h"
@@ -200,7 +200,7 @@ Json jsonOfSurface(const ExtractArguments& arguments, const ExtractResult& resul
   return json;
 }
 
-// Of one isovalue its own facts; of several a list of these.
+// For one isovalue its own facts; of several a list of these.
 Json jsonOfResults(const ExtractArguments& arguments, const ExtractResults& results) {
   Json json;
   if (results.surfaces.size() == 1) {
@@ -278,7 +278,7 @@ Command addExtractCommand(CLI::App& app) {
   CLI::Option* const output =
       sub->add_option("-o,--output", arguments->output,
                       "Output; a mesh, .ply, .stl, .obj, .glb or .vtp, in world units. "
-                      "Without it the mesh is only counted. Of several isovalues each gets a file: "
+                      "Without it the mesh is only counted. Each of several isovalues gets a file: "
                       "mesh-500.ply")
           ->type_name("MESH");
   addForceFlag(*sub, arguments->force)->needs(output);

@@ -1,4 +1,4 @@
-// What the user is told of a failure.
+// The message to the user about a failure.
 #pragma once
 
 #include <exception>
@@ -16,7 +16,7 @@ using HasOption = std::function<bool(const std::string& option)>;
 // The failure's own line, and for an Error what would help, with options that this command has.
 std::string failureText(const std::exception& failure, const HasOption& has);
 
-// What helps, in the words of a command that has such options; never empty. A text that speaks of
+// The remedy, in the words of a command that has such options; never empty. A text that speaks of
 // options of another command names that: 'isobrick build'.
 std::string adviceOf(Remedy remedy, const HasOption& has);
 

@@ -15,7 +15,7 @@
 #include "tools/shared_options.h"
 #include "tools/text_table.h"
 #if ISOBRICK_WITH_VIEWER
-#include "isobrick/viewer/image_writer.h"
+#include "isobrick/viewer/image.h"
 #endif
 
 namespace isobrick {

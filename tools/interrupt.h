@@ -1,7 +1,7 @@
 // Ctrl-C: the first stops the work tidily, the second at once.
 #pragma once
 
-#include "isobrick/storage/cancel.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <charconv>
+#include <string>
 #include <string_view>
 
 namespace isobrick {
@@ -19,6 +20,15 @@ bool takeNumber(std::string_view& line, T& number) {
   const auto read = std::from_chars(line.data(), line.data() + line.size(), number);
   if (read.ec != std::errc()) return false;
   return takeWord(line, line.substr(0, static_cast<std::size_t>(read.ptr - line.data())));
+}
+
+// Line breaks and other control characters become spaces.
+inline std::string oneLine(std::string_view text) {
+  std::string line(text);
+  for (char& c : line)
+    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = ' ';
+  while (!line.empty() && line.back() == ' ') line.pop_back();
+  return line;
 }
 
 }  // namespace isobrick

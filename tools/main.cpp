@@ -1,4 +1,4 @@
-// What the executables of the `isobrick` command share: words in, exit status out.
+// The common part of the executables of the `isobrick` command: words in, exit status out.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -16,7 +16,7 @@
 #include "tools/command.h"
 #include "tools/failure_text.h"
 #include "tools/interrupt.h"
-#include "tools/one_line.h"
+#include "tools/line_words.h"
 
 namespace isobrick {
 namespace {
@@ -66,7 +66,7 @@ int runChosen(const std::vector<Command>& commands) {
   return status;
 }
 
-// Of a failure to find memory too, which may go on while it is told.
+// For a failure to find memory too, which may go on while it is told.
 int reportFailure(const std::exception& failure, const HasOption& has) noexcept try {
   const bool lacks_memory = dynamic_cast<const std::bad_alloc*>(&failure) != nullptr;
   fmt::print(stderr, "isobrick: {}\n",

@@ -32,7 +32,8 @@ class MeasuredSink : public TriangleSink {
     measure([&] { sink_.finish(); });
   }
 
-  // Of the extraction's time on so many threads: the sink's serial part, and its share of the rest.
+  // The share of the extraction's time on so many threads: the sink's serial part, and its share of
+  // the rest.
   double seconds(int threads) const {
     return serial_seconds_ + 1e-9 * static_cast<double>(write_nanoseconds_) / threads;
   }

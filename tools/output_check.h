@@ -13,7 +13,7 @@ CLI::Option* addForceFlag(CLI::App& app, bool& force);
 
 struct PlannedOutput {
   std::string path;
-  // What would be another name for it, for the line that refuses it.
+  // A way to another name for it, for the line that refuses it.
   std::string way_out = "choose another output with -o";
 };
 

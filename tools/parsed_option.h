@@ -25,7 +25,7 @@ CLI::Option* addParsedOption(CLI::App& app, const std::string& names, Target& ta
   return app.add_option_function<std::string>(names, set, description)->type_name(value_name);
 }
 
-// What an option takes, in the order of --help.
+// The values of an option, in the order of --help.
 template <typename T>
 using Choices = std::vector<std::pair<std::string, T>>;
 

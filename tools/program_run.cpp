@@ -55,7 +55,7 @@ std::vector<std::string> environmentWith(const std::vector<std::string>& setting
   return all;
 }
 
-// What execve() takes; the pointers live as long as `words`.
+// The arguments of execve(); the pointers live as long as `words`.
 std::vector<char*> pointersTo(std::vector<std::string>& words) {
   std::vector<char*> pointers;
   for (std::string& word : words) pointers.push_back(word.data());
@@ -71,7 +71,7 @@ pid_t start(const ProgramCall& call, const Pipe& out, const Pipe& err) {
   posix_spawn_file_actions_adddup2(&actions, err.writeEnd(), STDERR_FILENO);
   posix_spawnattr_t attributes;
   posix_spawnattr_init(&attributes);
-  // Who cannot write to the caller any longer, because that is gone, ends.
+  // A process that cannot write to its caller any longer, because that is gone, ends.
   sigset_t defaults;
   sigemptyset(&defaults);
   for (const int number : {SIGPIPE, SIGTERM, SIGINT}) sigaddset(&defaults, number);

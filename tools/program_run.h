@@ -6,7 +6,6 @@
 #include <string_view>
 #include <vector>
 
-#include "isobrick/storage/cancel.h"
 #include "isobrick/storage/error.h"
 
 namespace isobrick {

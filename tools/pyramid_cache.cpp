@@ -79,7 +79,7 @@ int tryBuildLock(const std::string& path) {
   }
 }
 
-// What belongs to one pyramid, beside the file itself.
+// The files of one pyramid, beside the file itself.
 std::string lockPath(const std::string& pyramid) { return pyramid + std::string(kLockEnding); }
 std::string unfinishedPath(const std::string& pyramid) { return pyramid + kUnfinishedEnding; }
 std::string journalPath(const std::string& pyramid) {

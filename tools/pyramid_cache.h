@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-#include "isobrick/storage/cancel.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <glm/common.hpp>
 #include <limits>
 
@@ -10,7 +9,7 @@
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/isovalue_suggestions.h"
 #include "tools/interrupt.h"
-#include "tools/one_line.h"
+#include "tools/line_words.h"
 #include "tools/parsed_option.h"
 #include "tools/shared_options.h"
 #include "tools/thread_count.h"
@@ -83,7 +82,7 @@ void addQueryOptions(CLI::App& app, QueryOptions& options, bool several) {
          },
          "Isovalue; values of at least V are inside. 'auto' is the first one that `isobrick info` "
          "suggests" +
-             std::string(several ? ". Of several, 500,1200, each is a surface of its own" : ""))
+             std::string(several ? ". With several, 500,1200, each is a surface of its own" : ""))
       ->type_name(several ? "V,..." : "V")
       ->expected(1)
       ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
@@ -101,8 +100,8 @@ void addQueryOptions(CLI::App& app, QueryOptions& options, bool several) {
   };
   app.add_option_function<std::vector<std::string>>(
          "--or-finer", addFiner,
-         "Refine where this wants it too, such as 'focus=10,20,30 radius=5'; may be given again. "
-         "What is said of focus, curvature, eye and level in one place leaves cells "
+         "Refine the cells of another choice too, such as 'focus=10,20,30 radius=5'; may be given again. "
+         "Focus, curvature, eye and level that are given together leave cells "
          "coarse together")
       ->type_name("CHOICE")
       ->expected(1)

@@ -4,7 +4,6 @@
 #include <CLI/CLI.hpp>
 #include <cstdint>
 #include <optional>
-#include <string>
 #include <vector>
 
 #include "isobrick/storage/pyramid.h"

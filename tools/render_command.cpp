@@ -12,7 +12,7 @@
 
 #include "isobrick/storage/abandonable.h"
 #include "isobrick/storage/atomic_file.h"
-#include "isobrick/viewer/image_writer.h"
+#include "isobrick/viewer/image.h"
 #include "isobrick/viewer/offscreen_renderer.h"
 #include "isobrick/viewer/session/view_picture.h"
 #include "isobrick/viewer/state/view_state_json.h"

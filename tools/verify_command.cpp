@@ -8,7 +8,7 @@
 #include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
-#include "tools/one_line.h"
+#include "tools/line_words.h"
 #include "tools/progress_bar.h"
 #include "tools/query_options.h"
 #include "tools/stopwatch.h"

@@ -16,7 +16,6 @@
 #include "tools/failure_text.h"
 #include "tools/interrupt.h"
 #include "tools/line_words.h"
-#include "tools/one_line.h"
 #include "tools/own_folder.h"
 #include "tools/program_run.h"
 #include "tools/progress_bar.h"
@@ -41,7 +40,7 @@ constexpr VolumeWord kVolumeWords[] = {
      "Distances between voxels in the units of the world, in place of what the input says or "
      "lacks"},
     {"--origin", "X,Y,Z",
-     "Where the first voxel is in the world, in place of what the input says or lacks"},
+     "Place of the first voxel in the world, instead of the input's own or missing one"},
     {"--raw-dims", "X,Y,Z", "The input has no header, and this many voxels per axis"},
     {"--raw-type", "T", "Its voxels, as for 'isobrick build'"},
     {"--raw-endian", "E", "Its byte order; default: little"},
@@ -79,7 +78,7 @@ BuiltPyramid builtBy(const ProgramCall& call, const CancelFlag& cancel) {
   return {json["output"].get<std::string>(), !json.value("skipped", false)};
 }
 
-// What was begun of another content, or differently, cannot be gone on with.
+// A build that was begun of another content, or differently, cannot be continued.
 BuiltPyramid goOnOrBegin(const ProgramCall& call, const CancelFlag& cancel) {
   ProgramCall going_on = call;
   going_on.words.emplace_back("--resume");

@@ -11,7 +11,7 @@
 #include <string_view>
 #include <vector>
 
-#include "isobrick/storage/cancel.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 

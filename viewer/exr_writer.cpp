@@ -15,7 +15,7 @@
 #include <utility>
 
 #include "isobrick/storage/error.h"
-#include "isobrick/viewer/image_writer.h"
+#include "isobrick/viewer/image.h"
 
 namespace isobrick {
 namespace {

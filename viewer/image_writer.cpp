@@ -1,5 +1,3 @@
-#include "isobrick/viewer/image_writer.h"
-
 #include <png.h>
 
 #include <algorithm>
@@ -9,6 +7,7 @@
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/lowercase.h"
+#include "isobrick/viewer/image.h"
 
 namespace isobrick {
 

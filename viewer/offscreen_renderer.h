@@ -33,15 +33,15 @@ struct RenderMesh {
   std::span<const std::uint8_t> triangle_levels;
 };
 
-// An axis-aligned box in world units; empty where a lower bound exceeds the upper.
+// An axis-aligned box in world units; empty if a lower bound exceeds the upper.
 struct RenderBox {
   glm::vec3 lower{0.0f};  // bounds
   glm::vec3 upper{0.0f};  // likewise
 };
 
-// A camera that walks around the mesh and stands where the whole of it just fits into the picture.
-// In the patient's coordinates of medical volumes (LPS: +x left, +y back, +z head) azimuth 0 and
-// elevation 0 is a portrait: the face, with its left to the right.
+// A camera that walks around the mesh, at the distance at which all of it just fits into the
+// picture. In the patient's coordinates of medical volumes (LPS: +x left, +y back, +z head) azimuth
+// 0 and elevation 0 is a portrait: the face, with its left to the right.
 struct OrbitCamera {
   // Degrees. Positive azimuths walk to the right around `up`; 180 sees the back.
   double azimuth = 25.0;
@@ -57,9 +57,9 @@ struct OrbitCamera {
 // A camera put in place by hand. Lengths in world units. `eye` and `target` differ, and `up` is not
 // parallel to the view; render() throws Error otherwise.
 struct LookAtCamera {
-  glm::dvec3 eye{0.0};           // where it stands
-  glm::dvec3 target{0.0};        // what is in the middle of the picture
-  glm::dvec3 up{0.0, 0.0, 1.0};  // what is up in it
+  glm::dvec3 eye{0.0};           // its place
+  glm::dvec3 target{0.0};        // the middle of the picture
+  glm::dvec3 up{0.0, 0.0, 1.0};  // points up in it
 };
 
 // A sphere that is drawn as a circle.
@@ -74,18 +74,18 @@ struct RenderOptions {
   int height = 1024;           // pixels, likewise
   double vertical_fov = 30.0;  // degrees, 1 .. 150
 
-  OrbitCamera orbit;                    // where the eye is
-  std::optional<LookAtCamera> look_at;  // used instead of `orbit` where given
+  OrbitCamera orbit;                    // the eye's place
+  std::optional<LookAtCamera> look_at;  // used instead of `orbit` if given
 
   // Colours each triangle by its level (levelColor) instead of surface_color.
   bool color_by_level = false;
   // Draws the triangles' edges over the shaded surface, a pixel wide and anti-aliased. They fade
-  // where triangles get as small as the lines, so that a dense mesh does not drown in them.
+  // if triangles get as small as the lines, so that a dense mesh does not drown in them.
   bool wireframe = false;
   // The outline of this sphere is drawn over the picture as a thin circle, hidden by nothing.
   std::optional<SphereOutline> focus_sphere;
 
-  // Of the outside.
+  // Surfaces seen from the outside.
   glm::vec3 surface_color{0.90f, 0.86f, 0.79f};
   // Surfaces seen from the inside (clockwise triangles): dark and warm, unlike any levelColor, so
   // that an inside-out mesh cannot be mistaken for a good one.
@@ -98,8 +98,8 @@ struct RenderOptions {
 // violet for coarser ones; levels past the last distinct colour share it.
 glm::vec3 levelColor(int level);
 
-// Owns an OpenGL 4.5 context that draws into memory, on the GPU where Mesa drives one and with
-// Mesa's software renderer everywhere else. Making one takes some 0.1 s; use it for many pictures.
+// Owns an OpenGL 4.5 context that draws into memory, on the GPU if Mesa drives one, and with
+// Mesa's software renderer otherwise. Making one takes some 0.1 s; use it for many pictures.
 //
 // Threads: one call at a time per renderer, from any thread; different renderers are independent.
 // A call leaves the calling thread without a current EGL context.
@@ -107,7 +107,7 @@ glm::vec3 levelColor(int level);
 // while they are drawn.
 class OffscreenRenderer {
  public:
-  // Throws Error that says what to install where no context can be made.
+  // Throws Error that says what to install if no context can be made.
   OffscreenRenderer();
   ~OffscreenRenderer();
   OffscreenRenderer(const OffscreenRenderer&) = delete;
@@ -115,7 +115,7 @@ class OffscreenRenderer {
 
   // Draws the mesh with 4 samples a pixel. Lines and edges are averaged in linear light. The same
   // call gives the same picture on the same machine. An empty mesh gives the background.
-  // Throws Error for sizes and cameras outside their ranges and where memory does not suffice.
+  // Throws Error for sizes and cameras outside their ranges and if memory does not suffice.
   Image render(const RenderMesh& mesh, const RenderOptions& options);
   // The same of a surface that comes in chunks, as an extraction makes them. Each is forgotten when
   // it was sent, so that none of it is held twice.
@@ -124,7 +124,7 @@ class OffscreenRenderer {
 
   // Greatest width and height of a picture in pixels.
   int greatestSize() const;
-  // What draws, for logs: for instance "llvmpipe (LLVM 15.0.6, 256 bits)".
+  // The device that draws, for logs: for instance "llvmpipe (LLVM 15.0.6, 256 bits)".
   const std::string& deviceName() const;
 
  private:

@@ -1,7 +1,6 @@
 #include "isobrick/viewer/placed_camera.h"
 
 #include <algorithm>
-#include <cmath>
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
 #include <limits>

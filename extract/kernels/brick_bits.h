@@ -1,8 +1,6 @@
 // Words of bits of a brick's rows (see brick_rows.h), and what a row of cells sees of them.
 #pragma once
 
-#include <algorithm>
-
 #include "isobrick/extract/kernels/brick_rows.h"
 #include "isobrick/extract/kernels/row_bits.h"
 

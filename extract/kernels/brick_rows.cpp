@@ -6,7 +6,6 @@
 #include <hwy/foreach_target.h>  // must come before highway.h
 #include <hwy/highway.h>
 
-#include <bit>
 #include <cstring>
 
 #include "isobrick/extract/kernels/brick_bits.h"

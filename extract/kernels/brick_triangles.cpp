@@ -8,7 +8,6 @@
 
 #include <algorithm>
 #include <bit>
-#include <cstring>
 
 #include "isobrick/extract/kernels/brick_bits.h"
 #include "isobrick/extract/kernels/marching_cubes_table.h"

@@ -12,7 +12,7 @@
 #include <limits>
 
 #include "isobrick/storage/brick_layout.h"
-#include "isobrick/storage/value_range.h"
+#include "isobrick/storage/voxel_type.h"
 
 namespace isobrick {
 

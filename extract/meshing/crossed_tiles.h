@@ -24,18 +24,6 @@ class CrossedTiles {
     return std::memchr(crossed_.data(), 1, count) != nullptr;
   }
 
-  // Of the crossed tiles keeps those for which f(tile) holds. Returns false where none is left.
-  template <typename F>
-  bool keepWhere(F&& f) {
-    bool any = false;
-    for (std::size_t i = 0; i < crossed_.size(); ++i) {
-      if (crossed_[i] == 0) continue;
-      crossed_[i] = f(indexAt(static_cast<std::int64_t>(i), dims_)) ? 1 : 0;
-      any = any || crossed_[i] != 0;
-    }
-    return any;
-  }
-
   const Index3& dims() const { return dims_; }
   // The first crossed of the tiles (x, y, z), and the one behind the last: [0, 0) where there is
   // none.

@@ -1,8 +1,6 @@
 // A vertex that should have been made before it was asked for.
 #pragma once
 
-#include <string>
-
 #include "isobrick/extract/session/brick_traversal.h"
 #include "isobrick/storage/error.h"
 

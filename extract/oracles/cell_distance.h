@@ -21,7 +21,7 @@ class RowDistance {
     const double dx = (static_cast<double>(first_ + i) + 0.5) * edge_ - x_;
     return dx * dx + dy_squared_ + dz_squared_;
   }
-  // Of the line of the cells' centres.
+  // For the line of the cells' centres.
   double squaredBesideX() const { return dy_squared_ + dz_squared_; }
   double edge() const { return edge_; }
 

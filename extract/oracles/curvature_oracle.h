@@ -25,7 +25,7 @@ class CurvatureOracle {
     return level != 1 || !is_on_ || squaredDistance(center_, 1, cell) > radius_squared_ ||
            !isFlat(cell);
   }
-  // Of the `count` cells from `first` on along x, bit i being first.x + i, keeps those refined.
+  // Among the `count` cells from `first` on along x, bit i being first.x + i, keeps those refined.
   void keepRefined(int level, const Index3& first, std::int64_t count, std::uint64_t* bits);
   Coverage refinedCoverage(int level, const IndexBox& cells) const {
     if (level != 1 || !is_on_) return Coverage::kAll;

@@ -29,7 +29,7 @@ class FocusOracle {
            refined_within_squared_[static_cast<std::size_t>(level)];
   }
   Coverage refinedCoverage(int level, const IndexBox& cells) const;
-  // Of the `count` cells from `first` on along x, bit i being first.x + i, keeps those refined.
+  // Among the `count` cells from `first` on along x, bit i being first.x + i, keeps those refined.
   void keepRefined(int level, const Index3& first, std::int64_t count, std::uint64_t* bits) const;
 
  private:

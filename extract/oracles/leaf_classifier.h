@@ -1,4 +1,4 @@
-// What a cell is to a given level: part of a coarser leaf, a leaf, or refined.
+// The kind of a cell at a given level: part of a coarser leaf, a leaf, or refined.
 #pragma once
 
 #include <array>
@@ -14,7 +14,7 @@ namespace isobrick {
 enum class CellState : std::uint8_t { kOutside = 1, kCoarser = 2, kLeaf = 4, kFiner = 8 };
 
 // Joins the oracles: a cell is refined where any choice of the query refines it, and a choice does
-// where all of its oracles do. Of a progressive query what is resident has to allow it too. One
+// where all of its oracles do. In a progressive query the resident parts have to allow it too. One
 // object serves one thread for one brick.
 class LeafClassifier {
  public:
@@ -22,7 +22,7 @@ class LeafClassifier {
 
   // The cell's state; it may lie beyond the volume.
   CellState state(int level, const Index3& cell);
-  // Of the `count` cells of `level` from `first` on along x, which the volume has, bit i being
+  // Among the `count` cells of `level` from `first` on along x, which the volume has, bit i being
   // first.x + i: those whose parent is refined, and of these the ones that are refined themselves.
   // Both get whole words, with zeros behind the last cell.
   void classifyRow(int level, const Index3& first, std::int64_t count, std::uint64_t* exists,

@@ -11,14 +11,14 @@
 
 namespace isobrick {
 
-// Of one choice: a cell is refined where all of them refine it, and the curvature oracle does too.
+// For one choice: a cell is refined if all of them refine it, and the curvature oracle does too.
 struct ChoiceOracles {
   const DetailChoice* choice;
   FocusOracle focus;
   std::optional<ViewOracle> view;
 };
 
-// Of the query's own choice, then of the further ones. Made once a query, which has to outlive it
+// For the query's own choice, then of the further ones. Made once a query, which has to outlive it
 // unchanged.
 inline std::vector<ChoiceOracles> oraclesOf(const Pyramid& pyramid, const Query& query) {
   const Lattice& lattice = pyramid.lattice();

@@ -37,7 +37,7 @@ struct MissingBrick {
 // nothing that touches c is coarser than c. It also gives that the parent of a refined cell is
 // refined.
 //
-// What is found of a brick is found once, and what is resident then is held as long as this object
+// The parts of a brick are looked for once, and those found are held as long as this object
 // lives: so the answers do not change while bricks come and go, and what was found usable is there
 // when it is meshed. All members are thread-safe.
 class ResidencyOracle {
@@ -52,7 +52,7 @@ class ResidencyOracle {
   bool refines(int level, const Index3& cell);
   // kAll only where all bricks of children are usable.
   Coverage refinedCoverage(int level, const IndexBox& cells);
-  // Of the `count` cells from `first` on along x, bit i being first.x + i, keeps those refined.
+  // Among the `count` cells from `first` on along x, bit i being first.x + i, keeps those refined.
   void keepRefined(int level, const Index3& first, std::int64_t count, std::uint64_t* bits);
 
   // Whether the brick is usable.
@@ -73,7 +73,7 @@ class ResidencyOracle {
 
   // The other oracles refine cells of the box and this one does not: what that is for is noted.
   void noteRefused(int level, const IndexBox& cells);
-  // What noteRefused() has found. While nobody asks.
+  // The results of noteRefused(). While no thread asks.
   const std::vector<MissingBrick>& missing() const { return missing_; }
   bool hasRefused() const { return has_refused_; }
 
@@ -92,7 +92,7 @@ class ResidencyOracle {
   bool lacksBorder(int level, const Index3& brick);
   bool hasRow(int level, const Index3& brick) const;
   bool has(PartKind kind, int level, const Index3& brick);
-  // What is there, for QueryNeeds.
+  // The resident parts, for QueryNeeds.
   auto whatIsThere() {
     return BrickAnswers{
         [this](int level, const Index3& brick) { return hasRow(level, brick); },
@@ -102,7 +102,7 @@ class ResidencyOracle {
   Brick& at(int level, const Index3& brick) {
     return bricks_[needs_.pyramid().parts().brickRow(level, brick)];
   }
-  // Of the level below that hold the cells' children.
+  // For the level below that hold the cells' children.
   IndexBox bricksOfChildren(int level, const IndexBox& cells) const;
 
   const QueryNeeds needs_;

@@ -32,13 +32,13 @@ class ViewOracle {
   // The virtual cell above the root is refined; level 0 never is.
   bool refines(int level, const Index3& cell) const;
   Coverage refinedCoverage(int level, const IndexBox& cells) const;
-  // Of the `count` cells from `first` on along x, bit i being first.x + i, keeps those refined.
+  // Among the `count` cells from `first` on along x, bit i being first.x + i, keeps those refined.
   void keepRefined(int level, const Index3& first, std::int64_t count, std::uint64_t* bits) const;
 
  private:
-  // Of the centre of the cell, in the world turned to the axes of the index.
+  // The centre of the cell, in the world turned to the axes of the index.
   glm::dvec3 centerOf(int level, const Index3& cell) const;
-  // Of a point there from what the picture shows; negative inside.
+  // The distance of a point there from the picture's field; negative inside.
   double distanceFromField(const glm::dvec3& point) const;
 
   int last_level_;

@@ -41,7 +41,7 @@ class BrickFetcher {
   // in since the query began and nothing will.
   bool wait(std::chrono::nanoseconds longest);
 
-  // Of the announcement a brick that could not be read, once.
+  // A brick of the announcement that could not be read, once.
   std::optional<MissingBrick> takeFailed();
 
  private:

@@ -1,4 +1,4 @@
-// What a progressive query lacks, in the order in which it helps.
+// The parts that a progressive query lacks, in the order in which they help.
 #pragma once
 
 #include <vector>

@@ -33,8 +33,8 @@ auto answersThatReadRows(const Pyramid& pyramid, Part part) {
                       std::move(part)};
 }
 
-// What has to be resident of a brick so that its cells can be meshed, and so that the oracles can
-// say which of them are refined, without a read. A value; its pyramid outlives it.
+// The parts of a brick that must be resident so that its cells can be meshed, and so that the
+// oracles can say which of them are refined, without a read. A value; its pyramid outlives it.
 class QueryNeeds {
  public:
   QueryNeeds(const Pyramid& pyramid, const Query& query)

@@ -34,14 +34,14 @@ void ReadAhead::noteReached(std::size_t work) {
     reached_ = work + 1;
     looked_ = std::max(looked_, reached_);
     ranges_ = std::max(ranges_, reached_);
-    // What a mesher needs at once it reads for itself.
+    // A mesher reads the parts that it needs at once itself.
     std::erase_if(announced_, [&](std::size_t announced) { return announced < reached_; });
     if (!has_started_) start();
   }
   wake_.notify_all();
 }
 
-// Threads are a help only: where there are none to be had the meshers read for themselves.
+// Threads are a help only: if the system gives none the meshers read for themselves.
 void ReadAhead::start() try {
   has_started_ = true;
   most_ahead_bytes_ = std::min(context_.pyramid.budgetBytes() / 32, kMostBytes);

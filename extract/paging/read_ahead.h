@@ -1,7 +1,6 @@
 // Reading the bricks of a plan ahead of the threads that mesh them.
 #pragma once
 
-#include <atomic>
 #include <condition_variable>
 #include <cstddef>
 #include <cstdint>
@@ -11,7 +10,7 @@
 #include <thread>
 #include <vector>
 
-#include "isobrick/extract/extraction_plan.h"
+#include "isobrick/extract/query.h"
 #include "isobrick/extract/session/mesh_context.h"
 #include "isobrick/storage/pyramid_parts.h"
 
@@ -27,7 +26,7 @@ namespace isobrick {
 // whoever finds nothing to look at, so there is always as much for the disk to do at once as may
 // be.
 //
-// What was announced or fetched and not yet reached by the meshers is at most a thirty-second of
+// Parts announced or fetched and not yet reached by the meshers are at most a thirty-second of
 // the budget, half of what the pager has for arrivals, and no more than kMostBytes; where that is
 // less than a brick nothing is read ahead. A request to cancel the query, or the end of this
 // object, ends the threads: each ends the part that it is at. What they fetched and nobody reached

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "isobrick/extract/extraction_plan.h"
+#include "isobrick/extract/query.h"
 #include "isobrick/extract/session/mesh_context.h"
 
 namespace isobrick {

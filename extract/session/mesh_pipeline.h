@@ -12,9 +12,9 @@
 #include <span>
 #include <vector>
 
-#include "isobrick/extract/extraction_plan.h"
 #include "isobrick/extract/meshing/adaptive_mesher.h"
 #include "isobrick/extract/meshing/uniform_mesher.h"
+#include "isobrick/extract/query.h"
 #include "isobrick/extract/simplify/batch_simplifier.h"
 #include "isobrick/extract/sinks/triangle_sink.h"
 

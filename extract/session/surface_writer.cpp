@@ -5,7 +5,6 @@
 
 #include <atomic>
 #include <bit>
-#include <limits>
 #include <thread>
 #include <unordered_map>
 

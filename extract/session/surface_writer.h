@@ -5,10 +5,10 @@
 
 #include <span>
 
-#include "isobrick/extract/extraction_plan.h"
 #include "isobrick/extract/extractor.h"
 #include "isobrick/extract/kernels/brick_crossings.h"
 #include "isobrick/extract/meshing/crossed_tiles.h"
+#include "isobrick/extract/query.h"
 #include "isobrick/extract/surface_mesh.h"
 
 namespace isobrick {

@@ -1,7 +1,6 @@
 // A hash table from edges to vertex numbers.
 #pragma once
 
-#include <cstdint>
 #include <vector>
 
 #include "isobrick/extract/sinks/triangle_sink.h"
@@ -41,7 +40,7 @@ class EdgeVertexMap {
   void erase(EdgeKey key) {
     const std::size_t mask = slots_.size() - 1;
     std::size_t hole = slotOf(key);
-    // What was displaced beyond the hole moves up, so that every key is found from its own slot on.
+    // Displaced keys beyond the hole move up, so that every key is found from its own slot on.
     for (std::size_t at = (hole + 1) & mask; slots_[at].key != kNoEdge; at = (at + 1) & mask)
       if (((at - firstSlotOf(slots_[at].key)) & mask) >= ((at - hole) & mask)) {
         slots_[hole] = slots_[at];

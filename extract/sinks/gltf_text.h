@@ -1,4 +1,4 @@
-// What both kinds of binary glTF say alike. Private to extract/sinks/.
+// The common part of both kinds of binary glTF. Private to extract/sinks/.
 #pragma once
 
 #include <cstdint>

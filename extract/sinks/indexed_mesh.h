@@ -16,7 +16,7 @@ struct IndexedMesh {
 // Collects a mesh. Throws Error beyond 2^32 - 1 vertices.
 class IndexedMeshSink : public TriangleSink {
  public:
-  // Notes where the volume is.
+  // Notes the volume's place in the world.
   void begin(const MeshFrame& frame) override { placement_ = WorldPlacement(frame.geometry); }
   // Adds the batch.
   void place(PlacedBatch& placed) override;

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "isobrick/extract/sinks/triangle_sink.h"
-#include "isobrick/storage/cancel.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 
@@ -19,13 +19,12 @@ class MeshFileSink : public TriangleSink {
   virtual std::uint64_t vertices() const = 0;
 };
 
-// What a mesh file is to be, beside its name. All that is pointed to may be null and outlives the
-// sink.
+// Options of a mesh file. All pointers may be null; their targets outlive the sink.
 struct MeshFileOptions {
   // Looked at in finish(), which then throws Cancelled, and no file is left.
   const CancelFlag* cancel = nullptr;
-  // An attribute of the vertices: `value` of .ply and .vtp, `_VALUE` of .glb, where 0 stands for
-  // vertices without one. Error for the other formats.
+  // An attribute of the vertices: `value` of .ply and .vtp, `_VALUE` of .glb, in which 0 stands
+  // for vertices without one. Error for the other formats.
   const VertexValues* values = nullptr;
   // Packs .vtp with zlib. Error for the other formats.
   bool zlib = false;
@@ -44,15 +43,15 @@ struct MeshFormatInfo {
 std::vector<MeshFormatInfo> meshFormats();
 
 // Makes a sink for `path`; its extension decides:
-//   .ply  binary little-endian: x y z (float, or double where MeshFrame says that single precision
+//   .ply  binary little-endian: x y z (float, or double if MeshFrame says that single precision
 //         does not separate crossings), nx ny nz, faces with the pyramid level as `level`
 //   .stl  binary: triangles without shared vertices, at most 2^32 - 1
 //   .obj  text: v (digits enough to read the same float or double as in .ply), vn, f
-//   .glb  glTF 2.0, binary: POSITION and NORMAL as float, indices of 32 bits; at most 4 GiB. Where
+//   .glb  glTF 2.0, binary: POSITION and NORMAL as float, indices of 32 bits; at most 4 GiB. If
 //         .ply takes doubles, positions count from the middle of the volume, and the node's
 //         translation, which a float holds exactly, leads there. With MeshFileOptions::meshopt
-//         positions, always counted from the middle, are rounded to a lattice of at most 1/8192 of
-//         the least spacing where the volume reaches over up to some 1,000 of it, normals
+//         positions, always counted from the middle, are rounded to a lattice: of at most 1/8192 of
+//         the least spacing if the volume is up to some 1,000 spacings wide. Normals are rounded
 //         to 10 bits; the mesh is cut into primitives, whose common vertices are equal
 //   .vtp  VTK PolyData, appended data: as .ply, with normals as `Normals`, and `level` of the cells
 // All but .stl hold at most 2^32 - 1 vertices. All are in the world coordinates of the pyramid, LPS

@@ -27,7 +27,7 @@ std::unique_ptr<MeshFileSink> makeMeshoptSink(const std::string& path,
 std::unique_ptr<MeshFileSink> makeVtpSink(const std::string& path, const MeshFileOptions& options,
                                           std::uint64_t most_narrow);
 
-// What headers say of the coordinates, beside their unit.
+// The text of headers on coordinates, beside their unit.
 inline constexpr std::string_view kMeshSpace = "LPS";
 
 }  // namespace isobrick

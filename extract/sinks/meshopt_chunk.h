@@ -28,7 +28,7 @@ struct PositionLattice {
   double step() const;
 };
 
-// What one batch adds to a chunk.
+// The part of a chunk that one batch adds.
 struct MeshoptPiece {
   std::vector<glm::i32vec3> positions;  // on the lattice
   std::vector<glm::vec3> normals;       // one a position

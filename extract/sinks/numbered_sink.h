@@ -1,4 +1,4 @@
-// What the formats with numbered vertices share.
+// The common part of the formats with numbered vertices.
 #pragma once
 
 #include <string>

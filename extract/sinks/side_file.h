@@ -1,4 +1,4 @@
-// What has to wait until the bytes before it are written.
+// Bytes that wait until those before them are written.
 #pragma once
 
 #include <cstddef>
@@ -6,7 +6,7 @@
 #include <string>
 
 #include "isobrick/storage/atomic_file.h"
-#include "isobrick/storage/cancel.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 

@@ -1,7 +1,6 @@
 // Binary STL.
 #include <limits>
 #include <string>
-#include <vector>
 
 #include "isobrick/extract/sinks/byte_pointer.h"
 #include "isobrick/extract/sinks/mesh_formats.h"

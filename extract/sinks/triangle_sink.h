@@ -1,4 +1,4 @@
-// Where triangles go: batch by batch, in an order that no thread count changes.
+// The way of triangles out: batch by batch, in an order that no thread count changes.
 #pragma once
 
 #include <cstddef>
@@ -17,7 +17,7 @@ namespace isobrick {
 //   bit 63 62   61 .. 42   41 .. 22   21 .. 2   1 0
 //       0  0    z          y          x         axis
 //
-// The edge's length is not part of it: where leaves of two levels share an edge, only the coarser
+// The edge's length is not part of it: if leaves of two levels share an edge, only the coarser
 // edge carries a crossing, so one (position, axis) names one edge in a mesh.
 using EdgeKey = std::uint64_t;
 // The key of no edge.
@@ -55,7 +55,7 @@ struct RawAllocator : std::allocator<T> {
 template <typename T>
 using RawVector = std::vector<T, RawAllocator<T>>;
 
-// What one brick of one level adds to a mesh.
+// The part of a mesh that one brick of one level adds.
 struct MeshBatch {
   // A vertex that other batches may have too; equal keys are one vertex.
   struct SharedVertex {
@@ -88,14 +88,14 @@ struct MeshBatch {
     transition_indices = 0;
     cells = transition_cells = 0;
   }
-  // What it takes in memory, rounding up to capacities not counted.
+  // Bytes that it takes in memory, without spare capacity.
   std::uint64_t bytes() const {
     return (positions.size() + normals.size()) * sizeof(glm::vec3) +
            triangles.size() * sizeof(std::uint32_t) + shared.size() * sizeof(SharedVertex);
   }
 };
 
-// What a sink may want to know before the first batch.
+// Facts of the volume that a sink may want before the first batch.
 struct MeshFrame {
   GridGeometry geometry;  // of the volume
   Index3 voxels{0};       // of level 0
@@ -109,16 +109,16 @@ struct MeshFrame {
 class WorldPlacement {
  public:
   WorldPlacement() = default;
-  // Of the volume: MeshFrame::geometry.
+  // `geometry`: MeshFrame::geometry.
   explicit WorldPlacement(const GridGeometry& geometry)
       : origin_(geometry.origin), matrix_(geometry.indexToWorldMatrix()) {}
 
-  // Of a position that is counted from the voxel `origin`.
+  // The place of a position that is counted from the voxel `origin`.
   glm::dvec3 worldPosition(const Index3& origin, const glm::vec3& position) const {
     // Both are exact, and so is their sum: 20 bits before the point, 24 behind at the most.
     return origin_ + matrix_ * (glm::dvec3(origin) + glm::dvec3(position));
   }
-  // Of a vertex of a batch.
+  // The place of a vertex of a batch.
   glm::dvec3 worldPosition(const MeshBatch& batch, std::uint32_t vertex) const {
     return worldPosition(batch.origin, batch.positions[vertex]);
   }
@@ -148,12 +148,12 @@ struct PlacedBatch {
   std::vector<float> values;           // likewise
 };
 
-// Receives a mesh. begin() once, then every batch, finish() once. What a sink throws ends the
-// extraction and reaches its caller; finish() is not called then.
+// Receives a mesh. begin() once, then every batch, finish() once. An exception of a sink
+// ends the extraction and reaches its caller; finish() is not called then.
 //
 // A plain sink takes each batch in accept(): in order, never two calls at the same time, but from
 // any thread. A sink with much to do for a batch overrides place() and write() in its stead:
-// place() is called like accept() and only decides where the batch goes; write() follows from any
+// place() is called like accept() and only decides the batch's place; write() follows from any
 // thread, for several batches at the same time, and is done before finish(). A batch is valid only
 // during the calls.
 class TriangleSink {
@@ -163,7 +163,7 @@ class TriangleSink {
   virtual void begin(const MeshFrame&) {}
   // A plain sink's batch.
   virtual void accept(const MeshBatch&) {}
-  // Decides where the batch goes.
+  // Decides the batch's place.
   virtual void place(PlacedBatch& placed) { accept(placed.batch); }
   // Does the rest.
   virtual void write(PlacedBatch&) {}

@@ -58,4 +58,22 @@ void forEachNewRun(const PlacedBatch& placed, F&& f) {
 // Fills placed.numbers: of every vertex of the batch, for meshes whose numbers have 32 bits.
 void findNumbers(PlacedBatch& placed);
 
+// Counts triangles and distinct vertices in 64 bits.
+class CountingSink : public TriangleSink {
+ public:
+  // Counts the batch.
+  void place(PlacedBatch& placed) override {
+    triangles_ += placed.batch.triangles.size() / 3;
+    numbering_.place(placed);
+  }
+  // So far.
+  std::uint64_t triangles() const { return triangles_; }
+  // Distinct ones so far.
+  std::uint64_t vertices() const { return numbering_.count(); }
+
+ private:
+  std::uint64_t triangles_ = 0;
+  VertexNumbering numbering_;
+};
+
 }  // namespace isobrick

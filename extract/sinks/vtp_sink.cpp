@@ -3,7 +3,6 @@
 #include <zlib.h>
 
 #include <algorithm>
-#include <cstring>
 #include <limits>
 #include <string>
 #include <vector>
@@ -35,7 +34,7 @@ class ArrayAppender {
   }
 
  private:
-  // Of an array; a multiple of all element sizes.
+  // For an array; a multiple of all element sizes.
   static constexpr std::uint64_t kBlockBytes = std::uint64_t{1} << 18;
 
   template <typename Fill>
@@ -153,7 +152,7 @@ class VtpSink : public NumberedSink {
   static constexpr std::size_t kNormalBytes = 12;
   static constexpr std::size_t kCornersBytes = 12;  // of a triangle
 
-  // Of arrays, in the appended data.
+  // For arrays, in the appended data.
   struct Offsets {
     std::uint64_t positions = 0, normals = 0, values = 0, corners = 0, ends = 0, levels = 0;
   };

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "isobrick/storage/cancel.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 
@@ -25,8 +25,8 @@ class AtomicFolder {
   // Writes a file in it that is whole or makes the folder worthless; thread-safe.
   void writeFile(const std::string& name, const void* data, std::size_t bytes);
 
-  // Waits for the disk and gives the folder its name. What has that name already is replaced, and
-  // removed with all that is in it: the caller has looked at it.
+  // Waits for the disk and gives the folder its name. A file or folder of that name is replaced,
+  // and removed with all that is in it: the caller has looked at it.
   void commit(const CancelFlag* cancel = nullptr);
 
  private:

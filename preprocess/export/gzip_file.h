@@ -6,7 +6,7 @@
 #include <span>
 
 #include "isobrick/storage/atomic_file.h"
-#include "isobrick/storage/cancel.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 

@@ -8,13 +8,14 @@
 #include <vector>
 
 #include "isobrick/preprocess/export/volume_headers.h"
+#include "isobrick/preprocess/rows_as_boxes.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/usable_geometry.h"
 
 namespace isobrick {
 namespace {
 
-// What all views say of the volume that they are made of.
+// The common part of all views of a volume.
 class SourceView : public VolumeSource {
  public:
   const VolumeInfo& info() const final { return info_; }
@@ -25,6 +26,11 @@ class SourceView : public VolumeSource {
     const std::string identity = source_->identity();
     return identity.empty() ? identity : identity + "; " + info_.encoding;
   }
+  std::uint64_t bufferBytes() const override { return source_->bufferBytes(); }
+  void readRows(std::int64_t first, std::int64_t count, void* out) override {
+    source_->readRows(first, count, out);
+  }
+  void readBox(const IndexBox& box, void* out) const override { source_->readBox(box, out); }
 
  protected:
   SourceView(std::unique_ptr<VolumeSource> source, const std::string& what)
@@ -61,19 +67,7 @@ class CroppedSource final : public SourceView {
     auto* to = static_cast<std::byte*>(out);
     const std::size_t bytes = voxelBytes(info_.voxel_type);
     const std::size_t row_bytes = static_cast<std::size_t>(box_.count.x) * bytes;
-    if (readsBoxes()) {
-      while (count > 0) {
-        const std::int64_t y = first % box_.count.y, z = first / box_.count.y;
-        const bool is_whole = y == 0 && count >= box_.count.y;
-        const std::int64_t slices = is_whole ? count / box_.count.y : 1;
-        const std::int64_t rows = is_whole ? box_.count.y : std::min(box_.count.y - y, count);
-        readBox({Index3(0, y, z), Index3(box_.count.x, rows, slices)}, to);
-        to += static_cast<std::size_t>(rows * slices) * row_bytes;
-        first += rows * slices;
-        count -= rows * slices;
-      }
-      return;
-    }
+    if (readsBoxes()) return readRowsAsBoxes(*this, first, count, out);
     row_.resize(wholeRowBytes());
     for (std::int64_t row = first; row < first + count; ++row, to += row_bytes) {
       const std::int64_t y = box_.first.y + row % box_.count.y;
@@ -122,12 +116,6 @@ class PlacedSource final : public SourceView {
                       pointText(info_.geometry.origin) + ": choose spacings above 0",
                   {.path = info_.source});
   }
-
-  std::uint64_t bufferBytes() const override { return source_->bufferBytes(); }
-  void readRows(std::int64_t first, std::int64_t count, void* out) override {
-    source_->readRows(first, count, out);
-  }
-  void readBox(const IndexBox& box, void* out) const override { source_->readBox(box, out); }
 };
 
 // One value after the other becomes another: map(in, out) is told the types.
@@ -164,7 +152,7 @@ class MappedSource : public SourceView {
   using SourceView::SourceView;
 
  private:
-  // Of the source's type and of info_.voxel_type.
+  // For the source's type and of info_.voxel_type.
   virtual void mapValues(const std::byte* from, std::size_t count, void* to) const = 0;
 
   static constexpr std::size_t kBlockBytes = std::size_t{1} << 20;
@@ -226,7 +214,7 @@ class WindowedSource final : public MappedSource {
         Out* const out = static_cast<Out*>(to);
         for (std::size_t i = 0; i < count; ++i) {
           const double step = std::min((static_cast<double>(in[i]) - low) * scale, steps);
-          // What is no number becomes the least: it compares with nothing.
+          // NaN becomes the least: it compares with nothing.
           out[i] = static_cast<Out>(least + static_cast<std::int32_t>(step > 0 ? step + 0.5 : 0.0));
         }
       });

@@ -6,7 +6,7 @@ namespace {
 // A request to cancel is looked at after so many bytes: some milliseconds for any source.
 constexpr std::uint64_t kBytesPerLook = std::uint64_t{1} << 20;
 
-// What a layer of a pyramid's bricks has, unless it was built otherwise.
+// The slices of a layer of a pyramid's bricks, unless it was built otherwise.
 constexpr std::int64_t kBrickSlices = 64;
 
 }  // namespace

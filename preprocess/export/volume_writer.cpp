@@ -1,9 +1,7 @@
 #include "isobrick/preprocess/export/volume_writer.h"
 
-#include <array>
 #include <filesystem>
 #include <optional>
-#include <span>
 #include <string>
 #include <string_view>
 

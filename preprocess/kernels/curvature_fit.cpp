@@ -101,8 +101,8 @@ class Block {
 };
 constexpr std::size_t kStride[3] = {1, 3, 9};
 
-// What the samples of kLanes nodes are made of. Edges, faces and cells are at their lowest voxel;
-// the elements of a block that have no edge, face or cell are not set.
+// The values that the samples of kLanes nodes are made of. Edges, faces and cells are at their
+// lowest voxel; the elements of a block that have no edge, face or cell are not set.
 struct NodeBlocks {
   Block t, u;      // the value above the range's low end and below its high one
   Block edge[3];   // difference along the axis

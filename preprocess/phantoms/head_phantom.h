@@ -1,7 +1,6 @@
 // The CT-like head phantom, row by row. Private to phantom.cpp.
 #pragma once
 
-#include <cstddef>
 #include <span>
 
 namespace isobrick {

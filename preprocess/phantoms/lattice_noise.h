@@ -7,7 +7,7 @@
 namespace isobrick {
 
 // A row of 3-D value noise: random values in [-1, 1] on a cubic lattice of `frequency` cells per
-// unit length, interpolated with smoothsteps. What y and z contribute is worked out once per row,
+// unit length, interpolated with smoothsteps. The share of y and z is worked out once per row,
 // so a sample costs one interpolation. value() depends on (seed, position) alone, not on the row.
 class NoiseRow {
  public:

@@ -58,7 +58,7 @@ struct PhantomConstants {
 struct PhantomScale {
   double offset = 0;  // stored for 0
   double scale = 1;   // stored for a unit of the field
-  // What is stored for a value of the field, before it is rounded and clamped.
+  // The number stored for a value of the field, before it is rounded and clamped.
   double stored(double value) const { return offset + scale * value; }
 };
 
@@ -70,9 +70,9 @@ class Phantom {
 
   // As it was made with.
   const PhantomSpec& spec() const { return spec_; }
-  // Of its surface.
+  // The constants of its surface.
   const PhantomConstants& constants() const { return constants_; }
-  // Of what fillRow() writes.
+  // The type of the voxels that fillRow() writes.
   VoxelType voxelType() const { return voxel_type_; }
   // From the field to voxels.
   const PhantomScale& scale() const { return scale_; }
@@ -88,8 +88,8 @@ class Phantom {
   double value(const glm::dvec3& p) const { return value(p.x, p.y, p.z); }
 
   // d(value)/d(voxel index), analytic. Not for head, which has none: throws std::logic_error. At
-  // the few points where the field is not differentiable (the sphere's centre, the torus's circle
-  // and axis) the undefined part is 0.
+  // the few points at which the field is not differentiable (the sphere's centre, the torus's
+  // circle and axis) the undefined part is 0.
   glm::dvec3 gradient(const glm::dvec3& p) const;
 
   // Writes row (y, z): `size` voxels of voxelType(). Exactly value() at every voxel, stored as

@@ -28,7 +28,7 @@ class FileStream final : public ByteStream {
   std::uint64_t at_;
 };
 
-// What a character of base64 text means: 0 .. 63, or one of these.
+// The meaning of a character of base64 text: 0 .. 63, or one of these.
 constexpr std::uint8_t kBlank = 64, kPadding = 65, kEnd = 66, kForeign = 67;
 
 constexpr std::array<std::uint8_t, 256> makeMeanings() {

@@ -5,7 +5,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
-#include <string>
 
 #include "isobrick/preprocess/input_file.h"
 
@@ -21,7 +20,7 @@ class ByteStream {
   // The caller has all that it needs: throws Error where what it got fails a checksum that comes
   // now. Reads no further than that takes, and not much.
   virtual void finish() {}
-  // What the stream holds at a time.
+  // The most bytes that the stream holds.
   virtual std::uint64_t bufferBytes() const { return 0; }
 };
 
@@ -32,7 +31,7 @@ std::uint64_t skipBytes(ByteStream& stream, std::uint64_t bytes);
 std::unique_ptr<ByteStream> makeFileStream(std::shared_ptr<const InputFile> file,
                                            std::uint64_t offset);
 
-// What the base64 text from `offset` on stands for, up to the next '<' or the end of the file.
+// The bytes of the base64 text from `offset` on, up to the next '<' or the end of the file.
 // White space is skipped; after padding another text may follow at once, as VTK writes it. Throws
 // Error at any other character.
 std::unique_ptr<ByteStream> makeBase64Stream(std::shared_ptr<const InputFile> file,

@@ -36,7 +36,7 @@ constexpr std::array<std::uint32_t, 8> kNumbers = {
     dicom::kColumns,         dicom::kBitsAllocated,       dicom::kBitsStored,
     dicom::kHighBit,         dicom::kPixelRepresentation};
 
-// What holds elements of interest in an item of the functional groups, and these elements.
+// Sequences with elements of interest in an item of the functional groups, and these elements.
 constexpr std::array<std::uint32_t, 5> kGroupSequences = {
     dicom::kFrameContent, dicom::kPlanePosition, dicom::kPlaneOrientation, dicom::kPixelMeasures,
     dicom::kPixelValueTransformation};
@@ -108,7 +108,7 @@ class Walker {
       if (group != 2 && group != 8) return;
       if (walkDataSet(header)) header.state = DicomHeader::State::kImage;
     } catch (const Damaged&) {
-      // Who gets as far as the pixels of an image of some size is no other file.
+      // A file whose walk comes to the pixels of an image of some size is no other file.
       if (at_pixels_ && header.values.contains(dicom::kRows) &&
           header.values.contains(dicom::kColumns))
         header.state = DicomHeader::State::kDamaged;
@@ -225,7 +225,7 @@ class Walker {
     skip(element.length);
   }
 
-  // What lies in an element without a type may be written in another encoding than the rest.
+  // The content of an element without a type may be written in another encoding than the rest.
   static Encoding innerEncoding(const Element& element, const Encoding& outer) {
     return element.representation == "UN" ? Encoding{false, false} : outer;
   }

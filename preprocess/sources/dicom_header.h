@@ -59,7 +59,7 @@ struct DicomHeader {
     const auto found = values.find(tag);
     return found == values.end() ? "" : found->second;
   }
-  // Of a frame, counted from 0: what it says, or else all share, or else the file says.
+  // The value of a frame, counted from 0: its own, or else that of all frames, or else the file's.
   std::string value(std::uint32_t tag, std::size_t frame) const {
     if (frame < frames.size())
       if (const auto own = frames[frame].find(tag); own != frames[frame].end()) return own->second;

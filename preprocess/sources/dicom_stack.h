@@ -10,7 +10,9 @@
 #include <string>
 #include <vector>
 
-#include "isobrick/preprocess/sources/open_options.h"
+#include "isobrick/preprocess/sources/dicom_header.h"
+#include "isobrick/preprocess/sources/dicom_values.h"
+#include "isobrick/preprocess/sources/open_volume.h"
 #include "isobrick/preprocess/volume_source.h"
 
 namespace isobrick {
@@ -26,7 +28,7 @@ struct DicomPlace {
   std::vector<std::int64_t> channel;   // what else a slice may differ by: echo, b-value, ...
 };
 
-// What is said of slices, and what helps.
+// The error for slices, and its remedy.
 struct DicomStackWords {
   std::string path;
   std::string same_position;  // behind "they are at the same position"
@@ -52,5 +54,21 @@ std::optional<glm::dvec3> sortDicomSlices(const DicomStackWords& words, const gl
 
 // "1\2\3" as a position.
 std::optional<glm::dvec3> dicomPosition(const std::string& text);
+
+struct DicomFrames {
+  VolumeInfo info;
+  std::vector<std::size_t> frames;  // of each slice, the number of its frame in the file, from 0
+  std::vector<DicomValueMap> maps;  // of each slice
+  std::size_t frames_in_file = 0;
+};
+
+// True where functional groups say where frames are: others are read as ITK reads them.
+bool hasDicomFrames(const DicomHeader& header);
+
+// Frames sorted by position, with geometry, voxel type, and notes on what was assumed. Several
+// stacks, time points, echoes, ...: those of the options, or Error. Throws Error too where frames
+// differ in what a volume has only once, and for colours and frames that are no slices.
+DicomFrames arrangeDicomFrames(const std::string& path, const DicomHeader& header,
+                               const OpenOptions& options);
 
 }  // namespace isobrick

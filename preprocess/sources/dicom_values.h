@@ -18,7 +18,7 @@ struct DicomValueMap {
   int bits_allocated = 16;
   int bits_stored = 16;
   bool is_signed = false;
-  // Stored numbers. What a writer claims to have found; many leave it out, and some are wrong.
+  // Stored numbers, as the writer claims them; many leave them out, and some are wrong.
   std::optional<std::int64_t> smallest, largest;
   std::optional<std::int64_t> padding;  // stands where the scanner saw nothing
 

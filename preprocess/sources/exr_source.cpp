@@ -1,5 +1,3 @@
-#include "isobrick/preprocess/sources/exr_source.h"
-
 #include <ImathBox.h>
 #include <ImathMatrix.h>
 #include <ImathVec.h>
@@ -25,6 +23,7 @@
 
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/path_error.h"
+#include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/preprocess/sources/slice_names.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/storage/error.h"
@@ -129,7 +128,7 @@ class ExrFile {
   std::unique_ptr<Imf::MultiPartInputFile> file_;
 };
 
-// What isobrick wrote beside the pixels, where all of it is there.
+// The attributes that isobrick wrote beside the pixels, if all of them are there.
 void takeOwnAttributes(const Imf::Header& header, VolumeInfo& info, bool& has_geometry) {
   const auto* const spacing = header.findTypedAttribute<Imf::V3dAttribute>("isobrickSpacing");
   const auto* const origin = header.findTypedAttribute<Imf::V3dAttribute>("isobrickOrigin");

@@ -1,8 +1,5 @@
-#include "isobrick/preprocess/sources/hdf5_source.h"
-
 #include <algorithm>
 #include <array>
-#include <cstring>
 #include <filesystem>
 #include <mutex>
 #include <optional>
@@ -12,7 +9,8 @@
 #include "isobrick/preprocess/hdf5_handle.h"
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/path_error.h"
-#include "isobrick/preprocess/sources/rows_as_boxes.h"
+#include "isobrick/preprocess/rows_as_boxes.h"
+#include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/stored_voxels.h"
 #include "isobrick/storage/error.h"
@@ -27,7 +25,7 @@ Error cannotRead(const std::string& path, const std::string& reason) {
 // It prints a stack of calls for everything that fails.
 void silenceHdf5() { H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr); }
 
-// What fills the library's buffers of chunks as they are in memory.
+// The type of the library's chunks in memory.
 hid_t memoryType(StoredType type) {
   switch (type) {
     case StoredType::kUint8:
@@ -46,27 +44,11 @@ hid_t memoryType(StoredType type) {
 
 std::optional<StoredType> storedTypeOf(hid_t type) {
   const std::size_t bytes = H5Tget_size(type);
-  if (H5Tget_class(type) == H5T_FLOAT) {
-    if (bytes == 4) return StoredType::kFloat32;
-    if (bytes == 8) return StoredType::kFloat64;
-    if (bytes == 2) return StoredType::kFloat64;  // half: converted like a double
-    return std::nullopt;
-  }
-  if (H5Tget_class(type) == H5T_ENUM && bytes == 1) return StoredType::kUint8;  // h5py's bool
+  // A half is converted like a double, and h5py's bool is an enum.
+  if (H5Tget_class(type) == H5T_FLOAT) return isobrick::storedTypeOf('f', bytes == 2 ? 8 : bytes);
+  if (H5Tget_class(type) == H5T_ENUM && bytes == 1) return StoredType::kUint8;
   if (H5Tget_class(type) != H5T_INTEGER) return std::nullopt;
-  const bool has_sign = H5Tget_sign(type) != H5T_SGN_NONE;
-  switch (bytes) {
-    case 1:
-      return has_sign ? StoredType::kInt8 : StoredType::kUint8;
-    case 2:
-      return has_sign ? StoredType::kInt16 : StoredType::kUint16;
-    case 4:
-      return has_sign ? StoredType::kInt32 : StoredType::kUint32;
-    case 8:
-      return has_sign ? StoredType::kInt64 : StoredType::kUint64;
-    default:
-      return std::nullopt;
-  }
+  return isobrick::storedTypeOf(H5Tget_sign(type) != H5T_SGN_NONE ? 'i' : 'u', bytes);
 }
 
 constexpr int kMostAxes = 8;

@@ -6,7 +6,6 @@
 #include <sstream>
 
 #include "isobrick/preprocess/number_text.h"
-#include "isobrick/preprocess/numbered_name.h"
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/storage/brick_layout.h"
 #include "isobrick/storage/error.h"

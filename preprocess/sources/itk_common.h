@@ -1,5 +1,5 @@
-// What the two ITK sources share. Private to itk_source.cpp and itk_series_source.cpp: ITK headers
-// go no further.
+// The common part of the two ITK sources. Private to itk_source.cpp and itk_series_source.cpp: ITK
+// headers go no further.
 #pragma once
 
 #include <itkImageIOBase.h>
@@ -7,10 +7,9 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include <vector>
 
 #include "isobrick/preprocess/sources/dicom_header.h"
-#include "isobrick/preprocess/sources/open_options.h"
+#include "isobrick/preprocess/sources/open_volume.h"
 #include "isobrick/preprocess/volume_source.h"
 #include "isobrick/storage/error.h"
 

@@ -9,7 +9,7 @@
 
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/path_error.h"
-#include "isobrick/preprocess/sources/dicom_frames.h"
+#include "isobrick/preprocess/sources/dicom_stack.h"
 #include "isobrick/preprocess/sources/dicom_tags.h"
 #include "isobrick/preprocess/sources/itk_common.h"
 #include "isobrick/storage/abandonable.h"

@@ -2,11 +2,9 @@
 #include <itkGDCMImageIO.h>
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <filesystem>
 #include <glm/geometric.hpp>
-#include <limits>
 #include <map>
 #include <set>
 
@@ -19,7 +17,7 @@
 #include "isobrick/preprocess/sources/itk_common.h"
 #include "isobrick/preprocess/sources/slice_names.h"
 #include "isobrick/preprocess/sources/source_checks.h"
-#include "isobrick/preprocess/sources/tiff_lengths.h"
+#include "isobrick/preprocess/sources/tiff_pages.h"
 #include "isobrick/storage/abandonable.h"
 #include "isobrick/storage/lowercase.h"
 
@@ -28,7 +26,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// What is kept of a file's header: thousands of whole ones would be too much.
+// The kept part of a file's header: thousands of whole ones would be too much.
 struct DicomSlice {
   std::string path;
   FileStamp stamp;
@@ -487,7 +485,7 @@ std::unique_ptr<VolumeSource> openImageStack(const std::string& folder,
                                             first.image->GetImageSizeInBytes(), options.cancel);
 }
 
-// What a folder may be read as, and how many slices speak for it.
+// A way to read a folder, and how many slices speak for it.
 struct FolderKind {
   const char* name;
   std::int64_t slices;

@@ -1,6 +1,4 @@
 // Single files that ITK reads, and what the folder source shares with them.
-#include "isobrick/preprocess/sources/itk_source.h"
-
 #include <dlfcn.h>
 #include <itkGDCMImageIO.h>
 #include <itkImageIOFactory.h>
@@ -30,17 +28,17 @@
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/path_error.h"
-#include "isobrick/preprocess/sources/dicom_frames.h"
 #include "isobrick/preprocess/sources/dicom_header.h"
+#include "isobrick/preprocess/sources/dicom_stack.h"
 #include "isobrick/preprocess/sources/dicom_tags.h"
 #include "isobrick/preprocess/sources/dicom_values.h"
+#include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/preprocess/sources/header_text.h"
 #include "isobrick/preprocess/sources/itk_common.h"
 #include "isobrick/preprocess/sources/length_units.h"
 #include "isobrick/preprocess/sources/nifti_run.h"
 #include "isobrick/preprocess/sources/raw_run.h"
 #include "isobrick/preprocess/sources/source_checks.h"
-#include "isobrick/preprocess/sources/tiff_lengths.h"
 #include "isobrick/preprocess/sources/tiff_pages.h"
 #include "isobrick/preprocess/sources/voxel_components.h"
 #include "isobrick/storage/abandonable.h"
@@ -332,22 +330,10 @@ namespace {
 std::optional<StoredType> storedTypeOf(Component component) {
   return visitComponent(component, [](auto tag) -> std::optional<StoredType> {
     using T = typename decltype(tag)::Type;
-    if constexpr (std::is_same_v<T, float>) return StoredType::kFloat32;
-    if constexpr (std::is_same_v<T, double>) return StoredType::kFloat64;
-    if constexpr (std::is_integral_v<T>) {
-      constexpr bool kSigned = std::is_signed_v<T>;
-      switch (sizeof(T)) {
-        case 1:
-          return kSigned ? StoredType::kInt8 : StoredType::kUint8;
-        case 2:
-          return kSigned ? StoredType::kInt16 : StoredType::kUint16;
-        case 4:
-          return kSigned ? StoredType::kInt32 : StoredType::kUint32;
-        case 8:
-          return kSigned ? StoredType::kInt64 : StoredType::kUint64;
-      }
-    }
-    return std::nullopt;
+    return isobrick::storedTypeOf(std::is_floating_point_v<T> ? 'f'
+                                  : std::is_signed_v<T>       ? 'i'
+                                                              : 'u',
+                                  sizeof(T));
   });
 }
 
@@ -367,7 +353,7 @@ void checkMrcBytes(const std::string& path, std::uint64_t voxel_bytes) {
                                "; get the whole file again");
 }
 
-// What is in ångströms, unless nothing is said: then ITK makes it 1.
+// MRC's lengths are ångströms; without any ITK makes them 1.
 std::string mrcUnit(const std::string& path) {
   constexpr std::size_t kCellAt = 40, kCellBytes = 12;
   std::array<char, kCellBytes> cell = {};
@@ -376,7 +362,7 @@ std::string mrcUnit(const std::string& path) {
   return cell == std::array<char, kCellBytes>{} ? "" : "angstrom";
 }
 
-// Of what ITK makes of the file's lengths.
+// The units of the lengths that ITK gives.
 void takeUnits(const std::string& path, VolumeInfo& info) {
   const auto take = [&](const std::string& unit) {
     takeLengthUnits({unit, unit, unit}, info.geometry, info.notes);
@@ -558,7 +544,7 @@ std::unique_ptr<VolumeSource> openNiftiRun(VolumeInfo info, std::uint64_t compon
                          shortText(stored.map->intercept) + " were applied to the stored values");
   if (nifti.numbers_together > 1) takeComponent(components, options, stored, info);
   const auto bytes = stored.bytesOf(elementCount(info.voxels));
-  // Of the volumes in the file, one behind the other.
+  // For the volumes in the file, one behind the other.
   const auto runOf = [&](std::uint64_t volume) {
     RawRun run = nifti.run;
     std::uint64_t& offset = run.is_deflated ? run.content_offset_bytes : run.offset_bytes;

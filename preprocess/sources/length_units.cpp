@@ -4,7 +4,6 @@
 #include <cmath>
 #include <glm/geometric.hpp>
 #include <string_view>
-#include <utility>
 
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/storage/lowercase.h"

@@ -17,8 +17,8 @@ struct LengthScale {
   bool operator==(const LengthScale&) const = default;
 };
 
-// Of metres with any prefix, as names ("micrometer", "Micrometres") and as symbols ("um"), and of
-// the other lengths that UDUNITS and OME know; none for what is no length.
+// The scale of metres with any prefix, as names ("micrometer", "Micrometres") and as symbols
+// ("um"), and of the other lengths that UDUNITS and OME know; none for what is no length.
 std::optional<LengthScale> lengthScale(const std::string& unit);
 
 // The numbers of `geometry` along the world's axes are of these units, "" where none is said: makes

@@ -1,5 +1,5 @@
-// What is an HDF5 file by its name; asked where the library is left out, too.
-#include "isobrick/preprocess/sources/hdf5_source.h"
+// Names of HDF5 files; asked even if the library is left out.
+#include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/storage/lowercase.h"
 
 namespace isobrick {

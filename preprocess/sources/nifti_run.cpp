@@ -68,7 +68,7 @@ class NiftiHeader {
   // The number of axes, and behind it that of the voxels along each.
   int dim(int i) const { return at<std::int16_t>(40 + 2 * static_cast<std::size_t>(i)); }
   int dataType() const { return at<std::int16_t>(70); }
-  // What xyzt_units says of lengths; Analyze 7.5 has them in millimetres.
+  // The unit of lengths by xyzt_units; Analyze 7.5 has them in millimetres.
   std::string lengthUnit() const {
     static constexpr const char* kUnits[] = {"", "meter", "millimeter", "micrometer"};
     const unsigned code = isNifti() ? bytes_[123] & 7u : 2u;

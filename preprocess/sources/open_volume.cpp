@@ -7,16 +7,9 @@
 
 #include "isobrick/preprocess/export/source_views.h"
 #include "isobrick/preprocess/path_error.h"
-#include "isobrick/preprocess/sources/exr_source.h"
-#include "isobrick/preprocess/sources/hdf5_source.h"
+#include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/preprocess/sources/header_text.h"
-#include "isobrick/preprocess/sources/itk_source.h"
-#include "isobrick/preprocess/sources/pyramid_source.h"
-#include "isobrick/preprocess/sources/raw_source.h"
-#include "isobrick/preprocess/sources/vdb_source.h"
 #include "isobrick/preprocess/sources/voxel_components.h"
-#include "isobrick/preprocess/sources/vti_source.h"
-#include "isobrick/preprocess/sources/zarr_source.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/lowercase.h"
 

@@ -1,14 +1,88 @@
 // From a path to a volume source, whatever the format.
 #pragma once
 
+#include <cstdint>
+#include <functional>
 #include <memory>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
-#include "isobrick/preprocess/sources/open_options.h"
 #include "isobrick/preprocess/volume_source.h"
+#include "isobrick/storage/error.h"
+#include "isobrick/storage/grid.h"
+#include "isobrick/storage/pyramid.h"
 
 namespace isobrick {
+
+// The names that RawLayout::type takes: "u8", "i8", "u16", "i16", "f32", and "u32", "i32" and
+// "f64", which become float32 with a note.
+std::vector<std::string> rawTypeNames();
+
+// How to read a file that has no header.
+struct RawLayout {
+  Index3 voxels{0};                // per axis 2 .. kMaxVoxelsPerAxis
+  std::string type;                // one of them, or as "uint8", "uchar"
+  bool big_endian = false;         // of types of several bytes
+  std::uint64_t offset_bytes = 0;  // of the first voxel
+};
+
+// Picks one number of voxels that have several (vectors, colours, complex numbers).
+struct ComponentChoice {
+  bool magnitude = false;  // the root of the sum of all their squares, as float32
+  std::int64_t index = 0;  // otherwise: this one, from 0
+};
+
+// Options of opening a volume.
+struct OpenOptions {
+  // Given: the file has no header, whatever its name.
+  std::optional<RawLayout> raw;
+  // Looked at while the volume is opened, and by the source whenever it is read: it outlives the
+  // source. Both throw Cancelled after a request.
+  const CancelFlag* cancel = nullptr;
+  // Called now and then on the caller's thread while the volume is opened, if that takes long: the
+  // name of the phase, and the share of it that is done, 0 .. 1. Not called once the volume is
+  // open.
+  std::function<void(std::string_view phase, double fraction)> progress;
+  // Makes a DICOM series float32, whatever its headers say: for a series with values that do not
+  // fit the type that they suggest (dicom_values.h).
+  bool dicom_float32 = false;
+  // UID or number of the series to take from a folder with several DICOM series.
+  std::string series;
+  // Replace the spacing and origin that the input states or lacks. For a coarser level of a pyramid
+  // they are still those of level 0. Finite; `spacing` above 0.
+  std::optional<glm::dvec3> spacing;
+  // See spacing.
+  std::optional<glm::dvec3> origin;
+  // Opens a pyramid (.isb) as a volume: this level of it. Without it pyramids are refused, so that
+  // no pyramid is built of a pyramid by accident.
+  std::optional<int> pyramid_level;
+  // Name of the volume to take from a file with several (OpenVDB grids, arrays of VTI, stacks of an
+  // enhanced DICOM file); empty: the first that can be read (for stacks: Error if there are
+  // several).
+  std::string grid;
+  // Number of the time step or channel to take from a volume with several (OME-Zarr, time steps of
+  // NIfTI, DICOM); without it the first, and a note says so (for DICOM: Error).
+  std::optional<std::int64_t> time;
+  // See time.
+  std::optional<std::int64_t> channel;
+  // The component to take from NRRD, MetaImage, NIfTI and VTI with several values per voxel.
+  // Without it such volumes are refused; with it all others are.
+  std::optional<ComponentChoice> component;
+  // The most bytes that the source should hold, if it has a choice: the pager of a pyramid, the
+  // part of a grid that is in memory at a time. VolumeSource::bufferBytes() says how many it takes.
+  std::uint64_t memory_bytes = std::uint64_t{256} << 20;
+
+  // Throws Cancelled after a request.
+  void checkCancel() const {
+    if (cancel != nullptr) cancel->check();
+  }
+  // Calls `progress`, if there is one.
+  void report(std::string_view phase, double fraction) const {
+    if (progress) progress(phase, fraction);
+  }
+};
 
 // Opens the volume at `path`: a file of any format that isobrick reads, or a folder with a DICOM
 // series or a stack of TIFF slices. VTI and VDB files are known by their ending, others by their
@@ -37,5 +111,18 @@ std::unique_ptr<VolumeSource> placedAsGiven(std::unique_ptr<VolumeSource> source
 // Throws the Error of openVolume() if the name or the kind of the path shows that it is not usable;
 // opens nothing.
 void refuseUnusablePath(const std::string& path, const OpenOptions& options = {});
+
+// The samples of `level`, whole: voxel (i,j,k) is sample (i,j,k) of the level, at the world
+// position that docs/FORMAT.md gives it. Spacing is 2^level times the volume's, and the origin is
+// the same. If the last sample of an axis repeats the border voxel, a note says so: it lies
+// further in than a regular grid can say. Holds what the pager of `pyramid` holds, `budget_bytes`,
+// and nothing more; boxes are read by any number of threads, and one call uses the calling TBB
+// arena.
+//
+// Throws Error if the pyramid has no such level; while it is read, what Pyramid::samples()
+// throws, and Cancelled. `cancel`, which may be null, outlives the source.
+std::unique_ptr<VolumeSource> makePyramidSource(std::shared_ptr<const Pyramid> pyramid,
+                                                std::uint64_t budget_bytes, int level,
+                                                const CancelFlag* cancel = nullptr);
 
 }  // namespace isobrick

@@ -1,11 +1,10 @@
-#include "isobrick/preprocess/sources/pyramid_source.h"
-
 #include <algorithm>
 #include <utility>
 
 #include "isobrick/preprocess/kernels/sample_block.h"
+#include "isobrick/preprocess/rows_as_boxes.h"
 #include "isobrick/preprocess/shallow_json.h"
-#include "isobrick/preprocess/sources/rows_as_boxes.h"
+#include "isobrick/preprocess/sources/open_volume.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/index_loop.h"
 #include "isobrick/storage/isolated_loop.h"
@@ -13,7 +12,7 @@
 namespace isobrick {
 namespace {
 
-// What the provenance says of the volume; text from anywhere, so that nothing of it is relied on.
+// The volume by the provenance; text from anywhere, so that nothing of it is relied on.
 void takeProvenance(const Pyramid& pyramid, VolumeInfo& info) {
   using Json = nlohmann::json;
   const Json json = parseShallowJson(pyramid.provenance());

@@ -13,7 +13,7 @@
 #include "isobrick/preprocess/sources/byte_stream.h"
 #include "isobrick/preprocess/sources/stored_voxels.h"
 #include "isobrick/preprocess/volume_source.h"
-#include "isobrick/storage/cancel.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 

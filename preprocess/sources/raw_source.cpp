@@ -1,12 +1,9 @@
 // Volumes without a header, and raw voxels that another file's header describes.
-#include "isobrick/preprocess/sources/raw_source.h"
-
-#include <array>
-#include <string_view>
 #include <utility>
 
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/path_error.h"
+#include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/preprocess/sources/inflate_stream.h"
 #include "isobrick/preprocess/sources/raw_run.h"
 #include "isobrick/preprocess/sources/source_checks.h"
@@ -17,7 +14,7 @@
 namespace isobrick {
 namespace {
 
-// What a file without a header may hold.
+// The types of a file without a header.
 constexpr StoredType kRawTypes[] = {StoredType::kUint8, StoredType::kInt8,    StoredType::kUint16,
                                     StoredType::kInt16, StoredType::kFloat32, StoredType::kUint32,
                                     StoredType::kInt32, StoredType::kFloat64};

@@ -8,7 +8,7 @@
 #include <string_view>
 
 #include "isobrick/preprocess/input_file.h"
-#include "isobrick/preprocess/sources/exr_source.h"
+#include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/lowercase.h"
 

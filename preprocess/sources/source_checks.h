@@ -1,4 +1,5 @@
-// What every volume source checks before it promises a VolumeInfo. Private to preprocess/sources/.
+// The checks of every volume source before it promises a VolumeInfo. Private to
+// preprocess/sources/.
 #pragma once
 
 #include <cstddef>

@@ -5,6 +5,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <iterator>
 #include <optional>
 #include <string_view>
 
@@ -25,7 +26,7 @@ enum class StoredType {
   kFloat64
 };
 
-// What there is to say of each, in their order. Other names belong to one format each and stay with
+// Name and size of each, in their order. Other names belong to one format each and stay with
 // its reader.
 struct StoredTypeInfo {
   std::string_view name, short_name;  // as of a VoxelType
@@ -42,6 +43,14 @@ constexpr const StoredTypeInfo& infoOf(StoredType type) {
   return kStoredTypes[static_cast<std::size_t>(type)];
 }
 constexpr std::size_t storedBytes(StoredType type) { return infoOf(type).bytes; }
+// The type of unsigned ('u') or signed ('i') integers or floats ('f') of so many bytes, if it is
+// one of them.
+constexpr std::optional<StoredType> storedTypeOf(char kind, std::size_t bytes) {
+  for (std::size_t type = 0; type < std::size(kStoredTypes); ++type)
+    if (kStoredTypes[type].name[0] == kind && kStoredTypes[type].bytes == bytes)
+      return static_cast<StoredType>(type);
+  return std::nullopt;
+}
 
 // Numbers in a file. Those of the five voxel types are delivered as they are; others, and all that
 // are mapped, become float32.
@@ -63,7 +72,7 @@ struct StoredVoxels {
   std::size_t component = 0;
   bool magnitude = false;
 
-  // Of a voxel.
+  // For a voxel.
   std::size_t bytes() const { return storedBytes(type) * components; }
   // Bytes of so many voxels, or nothing where 64 bits do not hold them.
   std::optional<std::uint64_t> bytesOf(std::int64_t voxels) const {
@@ -82,7 +91,7 @@ struct StoredVoxels {
   void decodeInPlace(void* data, std::size_t count) const;
   // Otherwise: `stored`, aligned for its type, is overwritten on the way.
   void decode(std::byte* stored, std::size_t count, float* out) const;
-  // Of voxels with several numbers: likewise, to voxels of the type delivered().
+  // For voxels with several numbers: likewise, to voxels of the type delivered().
   void decodeComponents(std::byte* stored, std::size_t count, void* out) const;
 };
 

@@ -4,16 +4,19 @@
 
 #include <glm/vec3.hpp>
 #include <string>
+#include <vector>
+
+#include "isobrick/storage/grid.h"
 
 namespace isobrick {
 
 // libtiff takes a file that ends within its list of pages as one of fewer pages, and ITK takes all
 // pages to be as large as the first and reads beyond those that are not. Throws Error that names
 // the file where the list leads out of it or in a circle, or where pages differ; smaller pictures
-// beside the pages may. What else is wrong with a page is libtiff's to find.
+// beside the pages may. libtiff finds other faults of a page.
 void checkTiffPages(const std::string& path);
 
-// What the first page says of lengths.
+// The lengths that the first page states.
 struct TiffResolution {
   int unit = 2;             // 1: none, 2: inch, 3: centimetre
   double x = 0, y = 0;      // pixels a unit; 0: not said
@@ -22,5 +25,16 @@ struct TiffResolution {
 };
 // Throws Error that names the file where it ends within the page.
 TiffResolution tiffResolutionOf(const std::string& path);
+
+// The note on a stack of slices that have no distance.
+inline constexpr char kNoSliceDistance[] =
+    "image slices have no distance; that of pixels along x was used";
+
+// Spacing and unit by what the first page says: OME-TIFF's PhysicalSizeX to Z, ImageJ's unit and
+// spacing, the voxel of a Zeiss LSM, or the resolution in pixels an inch or a centimetre; of a
+// resolution without a unit the numbers. Where nothing is said of the distance of slices that of
+// pixels along x is taken, and a note says so. Throws Error for a file that is cut short.
+void takeTiffLengths(const std::string& path, GridGeometry& geometry,
+                     std::vector<std::string>& notes);
 
 }  // namespace isobrick

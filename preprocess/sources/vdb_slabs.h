@@ -5,7 +5,6 @@
 #include <openvdb/openvdb.h>
 
 #include <algorithm>
-#include <bit>
 #include <cstdint>
 #include <istream>
 #include <streambuf>
@@ -112,13 +111,13 @@ class VdbSlabs {
   static bool meet(const IndexBox& a, const IndexBox& b) {
     return glm::all(glm::lessThan(a.first, b.end())) && glm::all(glm::lessThan(b.first, a.end()));
   }
-  // Of a child, in leaves: z fastest.
+  // For a child, in leaves: z fastest.
   static Index3 placeInNode(openvdb::Index child) {
     return {child / (kNodeLeaves * kNodeLeaves), child / kNodeLeaves % kNodeLeaves,
             child % kNodeLeaves};
   }
 
-  // Of the root and the nodes below it.
+  // For the root and the nodes below it.
   void takeCoarseTiles(const Tree& tree) {
     auto at = tree.cbeginValueAll();
     at.setMaxDepth(Tree::DEPTH - 3);
@@ -150,7 +149,7 @@ class VdbSlabs {
     }
   }
 
-  // What of `region` lies in the box becomes `value`.
+  // The part of `region` in the box becomes `value`.
   static void fill(const IndexBox& box, float* out, const IndexBox& region, float value) {
     const Index3 begin = glm::max(box.first, region.first) - box.first;
     const Index3 end = glm::min(box.end(), region.end()) - box.first;

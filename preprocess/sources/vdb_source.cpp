@@ -1,7 +1,5 @@
 // OpenVDB grids (.vdb), as Houdini, Blender and ParaView write them: the box of a grid's active
 // voxels as a dense volume. The only file that includes OpenVDB.
-#include "isobrick/preprocess/sources/vdb_source.h"
-
 #include <malloc.h>
 #include <openvdb/io/Archive.h>
 #include <openvdb/io/GridDescriptor.h>
@@ -24,8 +22,9 @@
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/openvdb_library.h"
 #include "isobrick/preprocess/path_error.h"
+#include "isobrick/preprocess/rows_as_boxes.h"
+#include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/preprocess/sources/length_units.h"
-#include "isobrick/preprocess/sources/rows_as_boxes.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/vdb_slabs.h"
 #include "isobrick/preprocess/volume_source.h"
@@ -48,7 +47,7 @@ bool isOneOf(const GridBase& grid) {
   return (grid.isType<Grids>() || ...);
 }
 
-// What is active, or true or false: voxels of 0 and 1.
+// Masks and bools: voxels of 0 and 1.
 template <typename Grid>
 constexpr bool kHasBits =
     std::is_same_v<Grid, openvdb::BoolGrid> || std::is_same_v<Grid, openvdb::MaskGrid>;
@@ -474,7 +473,7 @@ GridGeometry geometryOf(const std::string& path, const GridBase& grid, const Ind
   return geometry;
 }
 
-// What both sources share.
+// The common part of both sources.
 class VdbSourceBase : public VolumeSource {
  public:
   const VolumeInfo& info() const final { return info_; }
@@ -522,7 +521,7 @@ class VdbSlabSource final : public VdbSourceBase {
       : VdbSourceBase(std::move(info), first), file_(std::move(file)), slabs_(std::move(slabs)) {
     const auto slice_bytes =
         static_cast<std::uint64_t>(info_.voxels.x * info_.voxels.y) * sizeof(float);
-    // What a thread has of its leaves.
+    // A thread's leaves.
     constexpr std::uint64_t kThreadBytes = std::uint64_t{1} << 20;
     const auto threads =
         static_cast<std::uint64_t>(std::max(1, tbb::this_task_arena::max_concurrency()));
@@ -575,7 +574,7 @@ class VdbSlabSource final : public VdbSourceBase {
   std::int64_t slab_begin_ = 0, slab_slices_ = 0;  // what is in it
 };
 
-// What the writer of .vdb wants back.
+// The properties that the writer of .vdb wants back.
 void takeProperties(VolumeInfo& info, const GridBase::Ptr& grid, const Index3& first) {
   info.properties["vdb.name"] = grid->getName();
   info.properties["vdb.class"] = GridBase::gridClassToString(grid->getGridClass());

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "isobrick/preprocess/sources/open_options.h"
+#include "isobrick/preprocess/sources/open_volume.h"
 #include "isobrick/preprocess/sources/stored_voxels.h"
 #include "isobrick/preprocess/volume_source.h"
 #include "isobrick/storage/error.h"

@@ -118,7 +118,7 @@ class VtiReader {
       header_.appended_encoding = attributes["encoding"];
       if (header_.appended_encoding.empty())
         return fail("its AppendedData has no encoding or no data");
-      // What follows is no XML.
+      // The bytes that follow are no XML.
       is_appended_ = true;
       header_.appended_at = tagEnd();
       stop();

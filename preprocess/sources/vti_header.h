@@ -19,7 +19,7 @@ struct VtiArray {
   std::uint64_t text_at = 0;  // otherwise: the byte of the file behind the tag
 };
 
-// What a file says, as it says it: nothing but its syntax was checked, and what is missing is
+// The statements of a file, as they stand: nothing but its syntax was checked, and a missing one is
 // empty.
 struct VtiHeader {
   std::string file_type, byte_order, header_type, compressor;  // of VTKFile

@@ -1,10 +1,7 @@
 // VTK XML ImageData (.vti), as ParaView writes it.
-#include "isobrick/preprocess/sources/vti_source.h"
-
 #include <algorithm>
 #include <array>
 #include <charconv>
-#include <cmath>
 #include <optional>
 #include <utility>
 
@@ -12,6 +9,7 @@
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/byte_stream.h"
+#include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/preprocess/sources/inflate_stream.h"
 #include "isobrick/preprocess/sources/raw_run.h"
 #include "isobrick/preprocess/sources/source_checks.h"
@@ -284,7 +282,7 @@ class VtiOpener {
   VtiArray array_;
   StoredVoxels stored_;
   std::uint64_t need_bytes_ = 0;
-  // Of the array: how it is encoded, and behind what was read of it. at_ is that byte of the file
+  // For the array: how it is encoded, and behind what was read of it. at_ is that byte of the file
   // only where nothing is encoded.
   bool is_base64_ = false;
   std::uint64_t at_ = 0;

@@ -11,7 +11,6 @@
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/shallow_json.h"
 #include "isobrick/preprocess/sources/source_checks.h"
-#include "isobrick/preprocess/sources/zarr_json.h"
 #include "isobrick/storage/error.h"
 
 namespace isobrick {
@@ -87,23 +86,16 @@ void ZarrArray::takeShape(const Json& json, const char* key, Indices& out) {
 }
 
 void ZarrArray::setType(const std::string& name) {
-  static constexpr std::pair<const char*, StoredType> kTypes[] = {
-      {"bool", StoredType::kUint8},      {"uint8", StoredType::kUint8},
-      {"int8", StoredType::kInt8},       {"uint16", StoredType::kUint16},
-      {"int16", StoredType::kInt16},     {"uint32", StoredType::kUint32},
-      {"int32", StoredType::kInt32},     {"uint64", StoredType::kUint64},
-      {"int64", StoredType::kInt64},     {"float32", StoredType::kFloat32},
-      {"float64", StoredType::kFloat64}, {"b1", StoredType::kUint8},
-      {"u1", StoredType::kUint8},        {"i1", StoredType::kInt8},
-      {"u2", StoredType::kUint16},       {"i2", StoredType::kInt16},
-      {"u4", StoredType::kUint32},       {"i4", StoredType::kInt32},
-      {"u8", StoredType::kUint64},       {"i8", StoredType::kInt64},
-      {"f4", StoredType::kFloat32},      {"f8", StoredType::kFloat64}};
-  for (const auto& [known, type] : kTypes)
-    if (name == known) {
-      stored_.type = type;
-      return;
-    }
+  if (name == "bool" || name == "b1") {
+    stored_.type = StoredType::kUint8;
+    return;
+  }
+  for (std::size_t type = 0; type < std::size(kStoredTypes); ++type) {
+    const StoredTypeInfo& info = kStoredTypes[type];
+    if (name != info.name && name != info.name[0] + std::to_string(info.bytes)) continue;
+    stored_.type = static_cast<StoredType>(type);
+    return;
+  }
   refuse("its voxels are of the type " + quotedText(name, 40) + ", which is none of the integers " +
          "and floats that are read");
 }

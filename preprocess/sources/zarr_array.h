@@ -3,14 +3,41 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <nlohmann/json.hpp>
 #include <nlohmann/json_fwd.hpp>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "isobrick/preprocess/sources/stored_voxels.h"
-#include "isobrick/preprocess/sources/zarr_codecs.h"
 
 namespace isobrick {
+
+enum class ZarrCodec { kNone, kBlosc, kZlib, kGzip, kZstd };
+
+// Unpacks `packed`, which must become exactly out.size() bytes. Returns what is wrong with it, fit
+// for "...: WHAT", or nothing. Input is hostile: nothing is read or written beyond the spans.
+std::string unpackZarr(ZarrCodec codec, std::span<const std::byte> packed,
+                       std::span<std::byte> out);
+
+// The most that `bytes` unpacked bytes can take packed: more than that is read by nobody.
+std::uint64_t mostPackedBytes(std::uint64_t bytes);
+
+// CRC-32C (Castagnoli), as Zarr's index of a shard has it.
+std::uint32_t crc32c(std::span<const std::byte> bytes);
+
+// The member, or null.
+inline const nlohmann::json& member(const nlohmann::json& json, const char* key) {
+  static const nlohmann::json kNull;
+  if (!json.is_object()) return kNull;
+  const auto found = json.find(key);
+  return found == json.end() ? kNull : *found;
+}
+
+// The string, or "".
+inline std::string textOf(const nlohmann::json& json) {
+  return json.is_string() ? json.get<std::string>() : std::string();
+}
 
 // A JSON file of a store, which may be anybody's: at most 16 MiB, not nested deeper than 32. Throws
 // Error for what is no JSON object.
@@ -33,7 +60,7 @@ class ZarrArray {
   const StoredVoxels& stored() const { return stored_; }
   // Elements from one index to the next along each axis, within a chunk.
   const Indices& strides() const { return strides_; }
-  // Of a chunk as readChunk() gives it.
+  // For a chunk as readChunk() gives it.
   std::uint64_t chunkBytes() const;
 
   // All elements of a chunk, those beyond the array's end too, as stored().delivered() voxels; the

@@ -1,11 +1,11 @@
-#include "isobrick/preprocess/sources/zarr_codecs.h"
-
 #include <blosc.h>
 #include <zlib.h>
 #include <zstd.h>
 
 #include <array>
 #include <cstring>
+
+#include "isobrick/preprocess/sources/zarr_array.h"
 
 namespace isobrick {
 namespace {

@@ -1,12 +1,8 @@
-#include "isobrick/preprocess/sources/zarr_source.h"
-
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <filesystem>
 #include <mutex>
 #include <nlohmann/json.hpp>
-#include <optional>
 #include <utility>
 #include <vector>
 
@@ -14,11 +10,11 @@
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/recent_cache.h"
+#include "isobrick/preprocess/rows_as_boxes.h"
+#include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/preprocess/sources/length_units.h"
-#include "isobrick/preprocess/sources/rows_as_boxes.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/zarr_array.h"
-#include "isobrick/preprocess/sources/zarr_json.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/index_loop.h"
 
@@ -59,7 +55,7 @@ bool isInside(const std::string& path) {
   return true;
 }
 
-// What a list of transformations makes of an index along each axis: scale * index + translation.
+// A list of transformations as a map of an index along each axis: scale * index + translation.
 struct Placement {
   std::vector<double> scale, translation;
   bool has_translation = false;
@@ -94,8 +90,8 @@ Placement placementOf(const std::string& path, const Json& transformations, std:
 
 using ChunkCache = RecentCache<Indices, std::byte>;
 
-// Which chunks were read, each counted once, and how many of them the store has not. Of more chunks
-// than any volume has that is not made to have them, none is counted.
+// Which chunks were read, each counted once, and how many of them the store has not. For more
+// chunks than any volume has that is not made to have them, none is counted.
 class ChunkTally {
  public:
   explicit ChunkTally(const Index3& chunks)

@@ -11,7 +11,7 @@
 
 #include "isobrick/extract/extractor.h"
 #include "isobrick/extract/session/mesh_pipeline.h"
-#include "isobrick/extract/sinks/counting_sink.h"
+#include "isobrick/extract/sinks/vertex_numbering.h"
 #include "isobrick/preprocess/pyramid_builder.h"
 #include "isobrick/storage/index_loop.h"
 #include "tests/support/array_source.h"

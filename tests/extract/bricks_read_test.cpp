@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "isobrick/extract/extractor.h"
-#include "isobrick/extract/sinks/counting_sink.h"
+#include "isobrick/extract/sinks/vertex_numbering.h"
 #include "isobrick/preprocess/phantoms/phantom.h"
 #include "isobrick/storage/index_loop.h"
 #include "isobrick/storage/pyramid_parts.h"

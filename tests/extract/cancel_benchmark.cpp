@@ -17,8 +17,8 @@
 #include <vector>
 
 #include "isobrick/extract/extractor.h"
-#include "isobrick/extract/sinks/counting_sink.h"
-#include "tools/bench/page_cache.h"
+#include "isobrick/extract/sinks/vertex_numbering.h"
+#include "tools/bench/process_memory.h"
 
 namespace isobrick {
 namespace {

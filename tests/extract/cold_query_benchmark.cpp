@@ -18,7 +18,7 @@
 
 #include "isobrick/extract/extractor.h"
 #include "isobrick/storage/pyramid_parts.h"
-#include "tools/bench/page_cache.h"
+#include "tools/bench/process_memory.h"
 
 namespace isobrick {
 namespace {

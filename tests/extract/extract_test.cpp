@@ -10,9 +10,9 @@
 #include <tuple>
 
 #include "isobrick/extract/extractor.h"
-#include "isobrick/extract/sinks/counting_sink.h"
 #include "isobrick/extract/sinks/indexed_mesh.h"
 #include "isobrick/extract/sinks/mesh_file_sink.h"
+#include "isobrick/extract/sinks/vertex_numbering.h"
 #include "isobrick/storage/pyramid_parts.h"
 #include "tests/support/field_pyramid.h"
 #include "tests/support/file_bytes.h"

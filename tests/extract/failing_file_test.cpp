@@ -14,8 +14,8 @@
 #include <vector>
 
 #include "isobrick/extract/extractor.h"
-#include "isobrick/extract/sinks/counting_sink.h"
 #include "isobrick/extract/sinks/indexed_mesh.h"
+#include "isobrick/extract/sinks/vertex_numbering.h"
 #include "isobrick/preprocess/phantoms/phantom.h"
 #include "isobrick/preprocess/pyramid_builder.h"
 #include "isobrick/storage/pyramid_parts.h"

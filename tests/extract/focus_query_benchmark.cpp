@@ -14,7 +14,7 @@
 #include <vector>
 
 #include "isobrick/extract/extractor.h"
-#include "isobrick/extract/sinks/counting_sink.h"
+#include "isobrick/extract/sinks/vertex_numbering.h"
 
 namespace isobrick {
 namespace {

@@ -23,9 +23,9 @@
 
 #include "isobrick/extract/extractor.h"
 #include "isobrick/extract/pyramid_values.h"
-#include "isobrick/extract/sinks/counting_sink.h"
 #include "isobrick/extract/sinks/indexed_mesh.h"
 #include "isobrick/extract/sinks/mesh_file_sink.h"
+#include "isobrick/extract/sinks/vertex_numbering.h"
 #include "isobrick/preprocess/pyramid_builder.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid_verify.h"

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "isobrick/extract/extractor.h"
-#include "tools/bench/page_cache.h"
+#include "tools/bench/process_memory.h"
 
 namespace isobrick {
 namespace {

@@ -11,7 +11,7 @@
 
 #include "isobrick/extract/extractor.h"
 #include "isobrick/extract/session/mesh_context.h"
-#include "isobrick/extract/sinks/counting_sink.h"
+#include "isobrick/extract/sinks/vertex_numbering.h"
 #include "isobrick/extract/surface_mesh.h"
 #include "isobrick/preprocess/phantoms/phantom.h"
 #include "isobrick/preprocess/pyramid_builder.h"

@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "isobrick/extract/extraction_plan.h"
+#include "isobrick/extract/query.h"
 #include "isobrick/extract/sinks/indexed_mesh.h"
 #include "tests/support/reference_mesher.h"
 

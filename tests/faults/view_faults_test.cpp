@@ -5,11 +5,11 @@
 #include <stdexcept>
 #include <thread>
 
-#include "isobrick/viewer/render/null_renderer.h"
 #include "isobrick/viewer/session/view_session.h"
 #include "tests/faults/fault_sweep.h"
 #include "tests/support/child_process.h"
 #include "tests/support/field_pyramid.h"
+#include "tests/support/null_renderer.h"
 
 namespace isobrick::test {
 namespace {

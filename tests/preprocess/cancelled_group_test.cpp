@@ -10,7 +10,6 @@
 #include "isobrick/preprocess/phantoms/phantom.h"
 #include "isobrick/preprocess/pyramid_builder.h"
 #include "isobrick/preprocess/sources/open_volume.h"
-#include "isobrick/preprocess/sources/pyramid_source.h"
 #include "tests/support/file_bytes.h"
 #include "tests/support/temporary_folder.h"
 

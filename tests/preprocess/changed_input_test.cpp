@@ -8,7 +8,7 @@
 
 #include "isobrick/preprocess/build_plan.h"
 #include "isobrick/preprocess/pyramid_builder.h"
-#include "isobrick/preprocess/sources/raw_source.h"
+#include "isobrick/preprocess/sources/format_sources.h"
 #include "tests/support/build_message.h"
 #include "tests/support/file_bytes.h"
 #include "tests/support/volume_files.h"

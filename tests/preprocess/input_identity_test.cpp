@@ -10,7 +10,7 @@
 
 #include "isobrick/preprocess/phantoms/phantom.h"
 #include "isobrick/preprocess/pyramid_builder.h"
-#include "isobrick/preprocess/sources/raw_source.h"
+#include "isobrick/preprocess/sources/format_sources.h"
 #include "tests/support/array_source.h"
 #include "tests/support/build_message.h"
 #include "tests/support/file_bytes.h"

@@ -7,7 +7,7 @@
 #include "isobrick/extract/extractor.h"
 #include "isobrick/extract/sinks/indexed_mesh.h"
 #include "isobrick/preprocess/preview_maker.h"
-#include "isobrick/preprocess/sources/pyramid_source.h"
+#include "isobrick/preprocess/sources/open_volume.h"
 #include "isobrick/storage/index_loop.h"
 #include "isobrick/storage/pyramid.h"
 #include "tests/support/array_source.h"

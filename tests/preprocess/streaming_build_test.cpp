@@ -9,7 +9,7 @@
 
 #include "isobrick/preprocess/build_plan.h"
 #include "isobrick/preprocess/pyramid_builder.h"
-#include "isobrick/preprocess/sources/raw_source.h"
+#include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/storage/write_journal.h"
 #include "tests/support/array_source.h"
 #include "tests/support/build_message.h"

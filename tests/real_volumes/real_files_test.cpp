@@ -9,10 +9,7 @@
 #include <tuple>
 #include <vector>
 
-#include "isobrick/preprocess/sources/itk_source.h"
-#include "isobrick/preprocess/sources/raw_source.h"
-#include "isobrick/preprocess/sources/vdb_source.h"
-#include "isobrick/preprocess/sources/vti_source.h"
+#include "isobrick/preprocess/sources/format_sources.h"
 #include "tests/support/dicom_folder_tests.h"
 #include "tests/support/test_paths.h"
 #include "tests/support/volume_files.h"

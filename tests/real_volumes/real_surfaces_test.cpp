@@ -4,10 +4,10 @@
 #include <map>
 
 #include "isobrick/extract/extractor.h"
-#include "isobrick/extract/sinks/counting_sink.h"
 #include "isobrick/extract/sinks/indexed_mesh.h"
+#include "isobrick/extract/sinks/vertex_numbering.h"
 #include "isobrick/preprocess/pyramid_builder.h"
-#include "isobrick/preprocess/sources/itk_source.h"
+#include "isobrick/preprocess/sources/format_sources.h"
 #include "tests/support/mesh_checker.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/support/test_paths.h"

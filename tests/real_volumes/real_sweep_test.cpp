@@ -2,7 +2,7 @@
 #include <gtest/gtest.h>
 
 #include "isobrick/preprocess/pyramid_builder.h"
-#include "isobrick/preprocess/sources/itk_source.h"
+#include "isobrick/preprocess/sources/format_sources.h"
 #include "tests/support/isovalue_sweep.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/support/test_paths.h"

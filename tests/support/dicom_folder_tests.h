@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-#include "isobrick/preprocess/sources/itk_source.h"
+#include "isobrick/preprocess/sources/format_sources.h"
 #include "tests/support/volume_files.h"
 
 namespace isobrick::test {

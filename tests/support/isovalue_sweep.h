@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "isobrick/extract/extractor.h"
-#include "isobrick/extract/sinks/counting_sink.h"
+#include "isobrick/extract/sinks/vertex_numbering.h"
 #include "isobrick/storage/pyramid.h"
 #include "isobrick/storage/pyramid_parts.h"
 #include "tests/support/replacement.h"

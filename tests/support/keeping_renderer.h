@@ -3,7 +3,7 @@
 
 #include <map>
 
-#include "isobrick/viewer/render/null_renderer.h"
+#include "tests/support/null_renderer.h"
 
 namespace isobrick::test {
 

@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "isobrick/preprocess/sources/itk_source.h"
+#include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/preprocess/volume_source.h"
 #include "isobrick/storage/error.h"
 #include "tests/support/file_bytes.h"

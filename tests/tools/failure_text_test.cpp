@@ -85,7 +85,6 @@ TEST_F(FailureTextTest, TheTextsOfTheCommandsNameTheirOwnOptions) {
       {"build_one.cpp", {"build"}},
       {"build_batch.cpp", {"build"}},
       {"build_report.cpp", {"build"}},
-      {"existing_output.cpp", {"build"}},
       {"open_input.cpp", {"build", "convert"}},
       {"convert_command.cpp", {"convert"}},
       {"convert_output.cpp", {"convert"}},

@@ -22,7 +22,7 @@
 #include <vector>
 
 #include "isobrick/storage/error.h"
-#include "isobrick/viewer/image_writer.h"
+#include "isobrick/viewer/image.h"
 #include "isobrick/viewer/offscreen_renderer.h"
 #include "tests/support/requirement.h"
 #include "tests/support/temporary_folder.h"

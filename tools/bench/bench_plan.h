@@ -5,7 +5,6 @@
 #include <string>
 #include <vector>
 
-#include "tools/bench/peer_rows.h"
 #include "tools/bench/row_measurement.h"
 #include "tools/bench/surface_distance.h"
 

@@ -4,12 +4,10 @@
 
 #include <algorithm>
 #include <array>
-#include <cstdlib>
 #include <fstream>
 #include <numeric>
 #include <thread>
 
-#include "tools/bench/spread.h"
 #include "tools/text_table.h"
 
 namespace isobrick {

@@ -1,6 +1,8 @@
-// What a benchmark says: an object of JSON, or tables for people.
+// The report of a benchmark: an object of JSON, or tables for people.
 #pragma once
 
+#include <algorithm>
+#include <cstddef>
 #include <string>
 #include <vector>
 
@@ -32,5 +34,18 @@ Json jsonOfBench(const BenchSettings& settings, const BenchScene& scene,
 // Tables, one for each setting of cache and pages, then distances.
 std::string textOfBench(const BenchSettings& settings, const BenchScene& scene,
                         const std::vector<BenchRow>& rows);
+
+struct Spread {
+  double median = 0, min = 0, max = 0;
+};
+
+// `values` has one value at least. Between two in the middle the median is their mean.
+inline Spread spreadOf(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  const std::size_t half = values.size() / 2;
+  const double median =
+      values.size() % 2 == 1 ? values[half] : 0.5 * (values[half - 1] + values[half]);
+  return {median, values.front(), values.back()};
+}
 
 }  // namespace isobrick

@@ -3,13 +3,11 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
 #include <map>
 
-#include "tools/bench/page_cache.h"
 #include "tools/bench/process_memory.h"
 #include "tools/program_run.h"
 

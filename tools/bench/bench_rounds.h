@@ -4,12 +4,12 @@
 #include <functional>
 #include <vector>
 
-#include "isobrick/storage/cancel.h"
+#include "isobrick/storage/error.h"
 #include "tools/bench/bench_plan.h"
 
 namespace isobrick {
 
-// What is being done, and how many of how many steps of it are behind.
+// The work in progress, and how many of how many steps of it are done.
 using BenchProgress = std::function<void(const char* what, std::size_t done, std::size_t all)>;
 
 // The rows that the peers' executable has; none without one. Throws Error where it does not say.

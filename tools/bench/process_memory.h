@@ -1,7 +1,8 @@
-// What the system says of this process's memory, and the kind of pages it gets.
+// This process's memory by the system, and the kind of pages it gets.
 #pragma once
 
 #include <cstdint>
+#include <string>
 
 namespace isobrick {
 
@@ -19,5 +20,13 @@ void refuseHugePages();
 // The setting (NAME=value) that has the C library ask for huge pages in every large allocation of
 // a program that starts with it; glibc 2.35 and later.
 inline constexpr char kAllocateHugePages[] = "GLIBC_TUNABLES=glibc.malloc.hugetlb=1";
+
+// Asks the system to forget the file's pages, after it has written those that wait for the disk.
+// It keeps what a process has mapped, and some file systems (tmpfs) keep everything: see
+// cachedShare(). Both throw Error where the file cannot be opened.
+void dropFromPageCache(const std::string& path);
+
+// 0: nothing of the file is in memory; 1: all of it.
+double cachedShare(const std::string& path);
 
 }  // namespace isobrick

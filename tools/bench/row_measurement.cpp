@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 #include <sys/resource.h>
 
+#include <sstream>
+
 #include "isobrick/storage/error.h"
 #include "tools/bench/process_memory.h"
 #include "tools/json_output.h"
@@ -98,6 +100,53 @@ RowMeasurement rowMeasurementOf(const std::string& text) {
       fmt::format("'{}' is not what a row's process reports; build isobrick and "
                   "bench_peers from the same sources",
                   text.substr(0, 80)));
+}
+
+void addRowTaskOptions(CLI::App& app, RowTask& task) {
+  app.add_option("--row", task.row, "Which row to measure")->type_name("NAME")->required();
+  app.add_option("--repeat", task.repeats, "Measured extractions, after one that is not")
+      ->type_name("N")
+      ->check(CLI::Range(1, 1000000));
+  app.add_flag("--cold", task.cold, "Measure the first extraction, with reading the volume");
+  app.add_flag("!--no-huge-pages", task.huge_pages, "Refuse huge pages");
+  app.add_option("--mesh", task.mesh_path, "Where to write the mesh, for distances")
+      ->type_name("PATH");
+}
+
+std::vector<std::string> rowTaskWords(const RowTask& task) {
+  std::vector<std::string> words = {"--row", task.row, "--repeat", std::to_string(task.repeats)};
+  if (task.cold) words.emplace_back("--cold");
+  if (!task.huge_pages) words.emplace_back("--no-huge-pages");
+  if (!task.mesh_path.empty()) words.insert(words.end(), {"--mesh", task.mesh_path});
+  return words;
+}
+
+namespace {
+
+constexpr char kExact[] = "exact";
+constexpr char kApproximate[] = "approximate";
+
+}  // namespace
+
+std::string textOf(const std::vector<PeerRow>& rows) {
+  std::string text;
+  for (const PeerRow& row : rows)
+    text += fmt::format("{} {}\n", row.name, row.approximates ? kApproximate : kExact);
+  return text;
+}
+
+std::vector<PeerRow> peerRowsOf(const std::string& text) {
+  std::vector<PeerRow> rows;
+  std::istringstream words(text);
+  for (std::string name, kind; words >> name;) {
+    if (!(words >> kind) || (kind != kExact && kind != kApproximate))
+      throw Error(
+          fmt::format("what the peers say of the row '{}' cannot be read; build isobrick "
+                      "and bench_peers from the same sources",
+                      name));
+    rows.push_back({name, kind == kApproximate});
+  }
+  return rows;
 }
 
 }  // namespace isobrick

@@ -1,4 +1,4 @@
-// What a benchmark measures: one way to get from a volume to the triangles of an isosurface.
+// The subject of a benchmark: one way to get from a volume to the triangles of an isosurface.
 #pragma once
 
 #include <cstdint>
@@ -21,7 +21,7 @@ class SurfaceEngine {
 
   // The volume comes into memory, or is opened.
   virtual void load() = 0;
-  // What has to be made of the volume before any surface can be extracted.
+  // Prepares the volume before any surface can be extracted.
   virtual void prepare() {}
   // A surface into memory, in the place of the one before.
   virtual void extract() = 0;

@@ -124,7 +124,7 @@ double TriangleTree::distance(const glm::dvec3& point, Hint& hint) const {
   if (hint.triangle >= order_.size()) hint.triangle = 0;
   double nearest = squaredTo(point, order_[hint.triangle]);
 
-  // What is still to be looked at; the nearest child of a box comes first. A box leaves at most
+  // Boxes still to be searched; the nearest child of a box comes first. A box leaves at most
   // kFanout - 1 others behind on each level.
   struct Visit {
     double squared;

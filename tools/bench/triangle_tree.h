@@ -19,7 +19,7 @@ class TriangleTree {
   // Uses the calling TBB arena. A mesh without triangles is further away than anything.
   explicit TriangleTree(const PlainMesh& mesh);
 
-  // What a caller keeps between questions: near points have near answers.
+  // A caller's memory between questions: near points have near answers.
   struct Hint {
     std::uint32_t triangle = 0;  // in the tree's order
   };

@@ -14,7 +14,6 @@
 #include "tools/build/build_batch.h"
 #include "tools/build/build_one.h"
 #include "tools/build/build_report.h"
-#include "tools/build/glob_inputs.h"
 #include "tools/build/pyramid_options.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
@@ -78,7 +77,7 @@ std::vector<BuildJob> makeJobs(const BuildArguments& arguments) {
   return jobs;
 }
 
-// What is wrong with the words themselves is said before anything starts; what is wrong with one
+// A fault of the words themselves is reported before anything starts; a fault of one
 // input waits for its turn.
 void checkUsage(const BuildArguments& arguments, const std::vector<BuildJob>& jobs) {
   const BuildOptions& options = arguments.settings.options;
@@ -112,7 +111,7 @@ int runBuild(const BuildArguments& arguments) {
   checkUsage(arguments, jobs);
   const OutputFolder folder(arguments.out_dir);
   const BuildSettings& settings = arguments.settings;
-  // What is printed must not depend on how many files a pattern happens to match.
+  // The output must not depend on how many files a pattern happens to match.
   if (arguments.inputs.size() > 1 || isInputPattern(arguments.inputs.front()))
     return runBuildBatch(jobs, settings, arguments.json);
   const BuiltVolume built = buildOne(jobs.front(), settings);
@@ -224,8 +223,8 @@ Command addBuildCommand(CLI::App& app) {
   addInputOptions(*sub, arguments->inputs, arguments->input);
   sub->footer(R"(
 A pyramid of the same input and options is up to date and is left as it is; one of an input that
-changed, or of other options, is built again. Of many inputs those that fail do not stop the others;
-the exit status is 1 then.
+changed, or of other options, is built again. An input that fails does not stop the others; the exit
+status is 1 then.
 
 Example:
   isobrick build 'scans/*.nrrd' --out-dir pyramids)");

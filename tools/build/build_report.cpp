@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 
 #include "tools/byte_size.h"
-#include "tools/one_line.h"
+#include "tools/line_words.h"
 
 namespace isobrick {
 namespace {

@@ -2,7 +2,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <filesystem>
 #include <memory>
@@ -15,7 +14,6 @@
 #include "isobrick/preprocess/export/source_views.h"
 #include "isobrick/preprocess/export/volume_rows.h"
 #include "isobrick/preprocess/sources/open_volume.h"
-#include "isobrick/preprocess/sources/pyramid_source.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid.h"
 #include "tools/build/build_one.h"
@@ -26,7 +24,7 @@
 #include "tools/command.h"
 #include "tools/interrupt.h"
 #include "tools/json_output.h"
-#include "tools/one_line.h"
+#include "tools/line_words.h"
 #include "tools/output_check.h"
 #include "tools/parse_text.h"
 #include "tools/parsed_option.h"
@@ -215,7 +213,7 @@ void printConverted(const ConvertArguments& arguments, const Converted& converte
   for (const std::string& note : volume.notes) fmt::print("note: {}\n", oneLine(note));
 }
 
-// What a format drops is no failure, but nobody should find out later.
+// A loss in a format is no failure, but the user should know it now.
 void warnOfLoss(const ConvertArguments& arguments, const Converted& converted) {
   for (const std::string& lost : converted.report.lost)
     fmt::print(stderr, "isobrick: warning: '{}': {}\n", oneLine(arguments.output), oneLine(lost));
@@ -321,8 +319,8 @@ Command addConvertCommand(CLI::App& app) {
   addOpenOptions(*sub, arguments->input);
   sub->footer(R"(
 World coordinates are taken as LPS (DICOM, ITK), lengths as millimetres if the input says its unit;
-the summary says in which space and unit the output is. What its format cannot keep is warned of, a
-line each. docs/FORMATS.md has the table.
+the summary says in which space and unit the output is. A warning names everything that its format
+cannot keep, a line each. docs/FORMATS.md has the table.
 
 Example:
   isobrick convert head.isb --level 1 -o half.nii.gz)");

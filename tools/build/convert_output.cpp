@@ -5,9 +5,8 @@
 #include <algorithm>
 #include <filesystem>
 
-#include "isobrick/preprocess/numbered_name.h"
-#include "isobrick/preprocess/sources/hdf5_source.h"
-#include "isobrick/preprocess/sources/zarr_source.h"
+#include "isobrick/preprocess/number_text.h"
+#include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/storage/error.h"
 #include "tools/output_check.h"
 
@@ -16,7 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Of folders only those are replaced that plainly hold what would be written.
+// Only folders are replaced that plainly hold the same kind of output.
 bool holdsNothingElse(const std::string& folder, const std::string& pattern) {
   std::error_code ignored;
   if (fs::is_empty(folder, ignored)) return true;

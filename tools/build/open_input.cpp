@@ -106,7 +106,7 @@ void addOpenOptions(CLI::App& app, InputOptions& options) {
       ->group("");  // its name in earlier versions
   addParsedOption(
       app, "--origin", options.origin, parsePoint, "X,Y,Z",
-      "Where the first voxel is in the world, in place of what the input says or lacks");
+      "Place of the first voxel in the world, instead of the input's own or missing one");
   addSelectOption(app, [&options](const std::string& word) { select(options, word); });
   // Names until 0.1 of what --select takes.
   for (const SelectKey& key : kSelectKeys)
@@ -123,8 +123,8 @@ void addOpenOptions(CLI::App& app, InputOptions& options) {
              "")
           ->group("");
   app.add_flag("--dicom-float32", options.dicom_float32,
-               "Take a DICOM series as float32, where its headers promise 16 bits and its values "
-               "do not keep to them");
+               "Take a DICOM series as float32, if its headers promise 16 bits and its values do "
+               "not keep to them");
 }
 
 OpenOptions openOptionsOf(const InputOptions& input) {

@@ -2,13 +2,12 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
-#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "isobrick/preprocess/phantoms/phantom.h"
-#include "isobrick/preprocess/sources/open_options.h"
+#include "isobrick/preprocess/sources/open_volume.h"
 
 namespace isobrick {
 
@@ -33,7 +32,7 @@ void addInputOptions(CLI::App& app, std::vector<std::string>& paths, InputOption
 // The --raw-... options and all others that say how an input is opened, without the inputs.
 void addOpenOptions(CLI::App& app, InputOptions& options);
 
-// What these words say of how to open the volume.
+// The options of opening the volume that these words give.
 OpenOptions openOptionsOf(const InputOptions& input);
 
 // Throws Error for files whose names tell that they are not supported, and UsageError for those

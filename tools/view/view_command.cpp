@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "isobrick/storage/pyramid.h"
-#include "isobrick/viewer/session/recent_files.h"
+#include "isobrick/viewer/session/folder_listing.h"
 #include "isobrick/viewer/session/view_script.h"
 #include "isobrick/viewer/session/volume_opener.h"
 #include "isobrick/viewer/window/view_loop.h"
@@ -105,7 +105,7 @@ H lists the keys.)");
             refuseReplacingOutputs(*options, *force);
             if (!isVolume(options->path)) refuseWordsForPyramid(*input);
             options->build = volumeBuilder({*input, options->threads + 1, *preview_share});
-            // What scripts open is no choice of the user.
+            // A file that a script opens is no choice of the user.
             if (options->script_path.empty()) options->recent_path = recentFilesPath();
             options->width = size->width;
             options->height = size->height;

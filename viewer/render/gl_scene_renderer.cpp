@@ -8,7 +8,6 @@
 #include <glm/mat3x3.hpp>
 #include <glm/matrix.hpp>
 #include <limits>
-#include <numeric>
 #include <utility>
 
 #include "isobrick/storage/error.h"
@@ -357,7 +356,7 @@ void GlSceneRenderer::draw(const SceneFrame& frame) {
 
   glBlitNamedFramebuffer(*sampled_frame_, *resolved_frame_, 0, 0, width_, height_, 0, 0, width_,
                          height_, GL_COLOR_BUFFER_BIT, GL_NEAREST);
-  // What others draw next to it (a panel) does not expect these.
+  // Code that draws next to it (a panel) does not expect these.
   glClipControl(GL_LOWER_LEFT, GL_NEGATIVE_ONE_TO_ONE);
   glDisable(GL_DEPTH_TEST);
   glBindVertexArray(0);
@@ -418,7 +417,7 @@ void GlSceneRenderer::drawSurfaces(const View& view) {
   glEnable(GL_DEPTH_TEST);
   glDisable(GL_BLEND);
 
-  // Opaque ones first. Of a translucent one only what is nearest is seen, so its depth goes first.
+  // Opaque ones first. For a translucent one only what is nearest is seen, so its depth goes first.
   std::vector<int> translucent;
   for (std::size_t s = 0; s < frame.surfaces.size(); ++s) {
     const int surface = static_cast<int>(s);

@@ -47,7 +47,7 @@ class GlSceneRenderer : public SceneRenderer {
   bool isLost() const;
 
   int greatestSize() const override { return greatest_size_; }
-  // What draws, for logs: for instance "llvmpipe (LLVM 15.0.6, 256 bits)".
+  // The device that draws, for logs: for instance "llvmpipe (LLVM 15.0.6, 256 bits)".
   const std::string& deviceName() const { return device_name_; }
 
  private:

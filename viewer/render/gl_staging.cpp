@@ -5,7 +5,7 @@
 
 namespace isobrick {
 namespace {
-// What one frame uploads at most.
+// The most bytes that one frame uploads.
 constexpr std::size_t kStagingBytes = std::size_t{16} << 20;
 }  // namespace
 

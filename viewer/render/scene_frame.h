@@ -1,4 +1,4 @@
-// What one picture shows, as plain data: the same for windows, files and tests.
+// The content of one picture, as plain data: the same for windows, files and tests.
 #pragma once
 
 #include <array>
@@ -13,7 +13,7 @@
 
 namespace isobrick {
 
-// What a renderer keeps, by number; 0 is nothing.
+// The number of a chunk that a renderer keeps; 0 is none.
 using ChunkId = std::uint32_t;
 using SliceId = std::uint32_t;
 

@@ -33,17 +33,17 @@ class SceneRenderer {
   // All of a chunk at once. Throws as reserve().
   virtual ChunkId upload(const SurfaceChunk& chunk) = 0;
   virtual void release(ChunkId chunk) = 0;
-  // What is kept of a chunk: its vertices, triangles, origin, level and surface. Slow.
+  // The kept parts of a chunk: its vertices, triangles, origin, level and surface. Slow.
   virtual SurfaceChunk download(ChunkId chunk) const = 0;
   virtual SliceId uploadSlice(const SliceImage& image) = 0;
   virtual void releaseSlice(SliceId slice) = 0;
-  // Of everything that is kept.
+  // For everything that is kept.
   virtual std::uint64_t bytesKept() const = 0;
 
   // Draws a frame of at least one pixel. Everything that it names is kept here.
   virtual void draw(const SceneFrame& frame) = 0;
 
-  // Of the frame that was drawn last: how far along the camera's forward axis the surface under a
+  // For the frame that was drawn last: how far along the camera's forward axis the surface under a
   // pixel (from the top left) lies; none where there is only background.
   virtual std::optional<double> distanceAt(const glm::dvec2& pixel) = 0;
   // Its colours; with alpha where it was transparent.

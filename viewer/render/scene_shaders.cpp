@@ -250,7 +250,7 @@ void main() {
 }
 )";
 
-// Of depths: where pixels are in eye coordinates.
+// For depths: where pixels are in eye coordinates.
 constexpr char kPlacesOfPixels[] = R"(
 layout(binding = 0) uniform sampler2D depths;
 uniform vec4 projection;
@@ -279,8 +279,8 @@ float radiusAt(float distance) {
 }
 )";
 
-// What rises over the plane of a pixel shades it, the more the nearer it is. The places that are
-// looked at turn from pixel to pixel, so that 4 x 4 of them see as much as 256 places.
+// Surfaces that rise over the plane of a pixel shade it, the more the nearer it is. The places that
+// are looked at turn from pixel to pixel, so that 4 x 4 of them see as much as 256 places.
 constexpr char kOcclusionFragmentShader[] = R"(
 out float open;
 
@@ -333,7 +333,7 @@ void main() {
   for (int y = -2; y < 2; ++y) {
     for (int x = -2; x < 2; ++x) {
       float there = distanceAt(pixel + ivec2(x, y));
-      // What lies behind or before it is another surface's.
+      // A point behind or before it is another surface's.
       float weight = there < 0.0 ? 0.0 : max(0.0, 1.0 - 2.0 * abs(there - distance) / radius);
       sum += weight * texelFetch(openness, pixel + ivec2(x, y), 0).r;
       weights += weight;

@@ -2,20 +2,18 @@
 #pragma once
 
 #include <array>
-#include <cmath>
 #include <compare>
 #include <cstdint>
 #include <glm/mat3x3.hpp>
 #include <glm/vec3.hpp>
 #include <optional>
-#include <span>
 #include <vector>
 
 namespace isobrick {
 
 struct RenderMesh;
 
-// Of a vertex that has no value.
+// The value of a vertex that has none.
 inline constexpr std::int16_t kNoVertexValue = -32768;
 
 // 20 bytes, as the shaders read them.
@@ -31,8 +29,8 @@ glm::vec3 unpackNormal(const std::array<std::int16_t, 3>& packed);
 // A share of the range of all values, 0 .. 1, as -32766 .. 32767; not a number: kNoVertexValue.
 std::int16_t packValue(double share);
 
-// What the content of a chunk depends on, where that is not what lies around its brick: the same
-// key, the same bytes.
+// The facts that the content of a chunk depends on, if that is not what lies around its brick: the
+// same key, the same bytes.
 struct ChunkKey {
   int surface = 0;
   double isovalue = 0.0;
@@ -43,8 +41,8 @@ struct ChunkKey {
   auto operator<=>(const ChunkKey&) const = default;
 };
 
-// What one brick adds to a surface: indexed triangles of one level. Positions are floats from an
-// origin of their own, so they are as exact at the far end of a volume as at its near end.
+// The part of a surface that one brick adds: indexed triangles of one level. Positions are floats
+// from an origin of their own, so they are as exact at the far end of a volume as at its near end.
 struct SurfaceChunk {
   glm::dvec3 origin{0.0};  // whole numbers of the scene's lattice
   std::vector<SurfaceVertex> vertices;

@@ -32,7 +32,7 @@ void UploadRing::reclaim() {
     tail_ = regions_.front().end;
     regions_.pop_front();
   }
-  // What is all free has no end that something could not go across.
+  // A ring that is all free has no end in the way.
   if (tail_ == head_) head_ = closed_ = tail_ = 0;
 }
 

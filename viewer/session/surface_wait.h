@@ -1,4 +1,4 @@
-// What a user waits for until it sees the surface that it asked for.
+// The parts of a user's wait for a surface.
 #pragma once
 
 #include <deque>

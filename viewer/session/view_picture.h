@@ -5,7 +5,7 @@
 #include <memory>
 #include <string>
 
-#include "isobrick/storage/cancel.h"
+#include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid.h"
 #include "isobrick/viewer/image.h"
 #include "isobrick/viewer/state/view_state.h"

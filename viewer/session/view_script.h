@@ -58,7 +58,7 @@ ViewScript readViewScript(const std::string& path);
 class ScriptRecorder {
  public:
   void add(double seconds, const InputEvent& event);
-  // Of a window that had this size at first, and an interface of this scale.
+  // For a window that had this size at first, and an interface of this scale.
   std::string json(int width, int height, double scale) const;
 
  private:
@@ -66,7 +66,7 @@ class ScriptRecorder {
   std::optional<double> last_;      // seconds of the last event
 };
 
-// What one frame is to do.
+// The task of one frame.
 struct ScriptFrame {
   std::vector<InputEvent> events;
   std::optional<ViewState> state;
@@ -76,7 +76,7 @@ struct ScriptFrame {
   bool finished = false;           // there is no further step
 };
 
-// What the last frame showed: all that the state asks for; a preview of what is built, as fine as
+// The last frame: all that the state asks for; a preview of what is built, as fine as
 // it gets.
 struct ScriptSight {
   bool settled = false;

@@ -20,7 +20,7 @@ namespace {
 // A user who did not change anything for so long rests.
 constexpr double kRestSeconds = 0.15;
 constexpr int kMostSliceValues = 512;  // to a side
-// Of all slices and caps, which come together.
+// For all slices and caps, which come together.
 constexpr std::uint64_t kMostPlaneBytes =
     (kMostClipPlanes + 3) * kMostSliceValues * kMostSliceValues * sizeof(float);
 static_assert(kMostPlaneBytes <= kUploadBytes);
@@ -126,7 +126,7 @@ void ViewSession::resume(SceneRenderer& renderer) {
   surfaces_.emplace(renderer, gpu_budget_bytes_);
 }
 
-// Of a pass that began before suspend() a part is gone.
+// For a pass that began before suspend() a part is gone.
 std::optional<StreamMessage> ViewSession::nextMessage() {
   auto message = stream_.poll();
   while (message && message->request <= forgotten_request_) message = stream_.poll();
@@ -138,7 +138,7 @@ void ViewSession::follow(const ViewSession& other) {
   framed_ = other.framed_;
   last_update_ = other.last_update_;
   state_ = other.state_;
-  // What a volume opens with follows from its values.
+  // The first view of a volume follows from its values.
   double& isovalue = state_.surfaces[0].isovalue;
   if (isovalue == other.first_state_.surfaces[0].isovalue)
     isovalue = first_state_.surfaces[0].isovalue;
@@ -166,7 +166,7 @@ void ViewSession::update(double seconds, UploadAllowance& allowance) {
   last_update_ = seconds;
   state_ = bounded(state_, volume_);
   updatePlanes(allowance);
-  // What has come tells how much to ask for.
+  // The past extractions tell how much to ask for.
   takeNews(surfaces_->pump([&] { return nextMessage(); }, clockSeconds, allowance));
   requestSurfaces(seconds);
   if (auto outcome = mesh_worker_.poll()) {
@@ -192,7 +192,7 @@ void ViewSession::requestSurfaces(double seconds) {
       requestQuickly(std::min(hurriedRadius(quality_.radius, age), wanted), seconds);
   } else if (!asked_for_all_ && seconds - last_change_ >= kRestSeconds) {
     asked_for_all_ = true;
-    // What is shown is not made again.
+    // A surface that is shown is not made again.
     if (over_budget_ || (showsTheLatest() && shown_pass_.radius >= wanted)) return;
     requestPasses(showsTheLatest() ? finerRadii(shown_pass_.radius, wanted)
                                    : passRadii(quality_.radius, wanted),
@@ -209,7 +209,7 @@ int ViewSession::firstLevel() const {
   return preview_of_ ? std::countr_zero(static_cast<std::uint64_t>(preview_of_->step)) : 0;
 }
 
-// What the view asks for, in samples of the pyramid.
+// The query of the view, in samples of the pyramid.
 Query ViewSession::currentQuery(std::size_t surface, double radius) const {
   Query query = queryOf(state_, volume_, surface, radius, interaction_.size.y);
   if (!preview_of_) return query;
@@ -253,7 +253,7 @@ void ViewSession::requestQuickly(double radius, double seconds) {
   send(std::move(request), seconds);
 }
 
-// What a user waits for is given up for half the radius where it has many triangles.
+// A surface that a user waits for is given up for half the radius if it has many triangles.
 void ViewSession::boundFirstPass(StreamRequest& request) const {
   for (const double smaller : smallerRadii(request.passes[0].radius))
     request.smaller.push_back(passOf(smaller));
@@ -354,7 +354,7 @@ void ViewSession::shrinkToBudget() {
   over_budget_ = true;
   // The next user who moves begins with what fits.
   quality_.radius = std::max(kLeastRadius, 0.7 * std::min(quality_.radius, first_radius_));
-  // What of this request is shown already is as fine as it gets.
+  // The part of this request that is shown already is as fine as it gets.
   if (!showsTheLatest() && first_radius_ > 1.0)
     requestPasses({std::max(1.0, 0.5 * first_radius_)}, false, now_);
 }

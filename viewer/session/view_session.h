@@ -1,7 +1,6 @@
 // A volume being looked at: events in, frames out, with extraction beside it. No window.
 #pragma once
 
-#include <deque>
 #include <map>
 #include <memory>
 #include <optional>
@@ -11,9 +10,9 @@
 
 #include "isobrick/storage/pyramid.h"
 #include "isobrick/viewer/render/scene_renderer.h"
-#include "isobrick/viewer/session/preview_of.h"
 #include "isobrick/viewer/session/scene_of_view.h"
 #include "isobrick/viewer/session/surface_wait.h"
+#include "isobrick/viewer/session/volume_opener.h"
 #include "isobrick/viewer/state/drag_quality.h"
 #include "isobrick/viewer/state/interaction.h"
 #include "isobrick/viewer/stream/latest_worker.h"
@@ -31,7 +30,7 @@ struct SessionOptions {
   std::optional<PreviewOf> preview_of = {};
 };
 
-// What is going on, for people.
+// The state of the work, for people.
 struct SessionStatus {
   std::string doing;            // "ready", or what is under way
   std::string limited;          // what limits what is shown; empty: nothing
@@ -82,7 +81,7 @@ class ViewSession {
   bool hasShown() const;
   bool writesMesh() const { return mesh_worker_.busy(); }
 
-  // What the event asks of the caller; a focus has been set already.
+  // The event's wishes to the caller; a focus has been set already.
   Wishes apply(const InputEvent& event, double seconds, bool on_panel);
 
   // Asks for what the state needs and takes what has come, as far as `allowance`, the frame's.
@@ -100,7 +99,7 @@ class ViewSession {
   // Draws what is there, with the size of the interaction; false where that is nothing.
   bool draw();
 
-  // What draw() shows as a picture, `times` as large along both sides, or as much as the renderer
+  // The scene of draw() as a picture, `times` as large along both sides, or as much as the renderer
   // can; with `layers`, depth and normals too. Draws, so the next draw() makes the screen's anew.
   // Throws Error where there is no memory for it.
   Image picture(int times, bool layers);
@@ -108,18 +107,18 @@ class ViewSession {
   // How long the frame drawn last took, with showing it: a slow picture gets coarser surfaces
   // during drags.
   void noteDrawing(double seconds);
-  // What is shown draws slowly, and what the user asked for lately will soon be there: update() and
+  // The scene draws slowly, and the surface of the latest request will soon be there: update() and
   // ask again before it is drawn once more.
   bool drawsBetterLater() const;
 
-  // What is shown is what the state asks for, as fine as it will get, slices included.
+  // True if the scene is the one that the state asks for, as fine as it will get, slices included.
   bool settled() const;
   SessionStatus status() const;
   // The values of the darkest and the lightest colour, where what is shown has values.
   std::optional<std::array<double, 2>> valueWindow() const {
     return valueWindowOf(state_, shown_pass_.values);
   }
-  // What there could be, likewise; both 0 where there are none.
+  // The greatest possible value, likewise; both 0 if there are none.
   const std::array<double, 2>& valueRange() const { return shown_pass_.values; }
   // For the surfaces that the last update() began to show.
   const std::vector<SurfaceWait>& waits() const { return waits_; }
@@ -142,7 +141,7 @@ class ViewSession {
     WantedPlane wanted;
     SliceId image = 0;
   };
-  // What is shown of a surface was made of this.
+  // The request that the shown part of a surface was made of.
   struct ShownSurface {
     ViewState state;
     double radius = 0.0;
@@ -201,7 +200,7 @@ class ViewSession {
   bool over_budget_ = false;
   double first_radius_ = 0.0;  // of the latest request's first pass
   std::uint64_t last_request_ = 0, shown_request_ = 0;
-  // Of those after the one that is shown; without a time: what is shown is what it asks for,
+  // For those after the one that is shown; without a time: what is shown is what it asks for,
   // coarser.
   std::map<std::uint64_t, std::optional<double>> request_times_;
   double now_ = 0.0;

@@ -9,15 +9,22 @@
 #include <string>
 #include <string_view>
 
-#include "isobrick/storage/cancel.h"
+#include "isobrick/storage/error.h"
+#include "isobrick/storage/grid.h"
 #include "isobrick/storage/pyramid.h"
-#include "isobrick/viewer/session/preview_of.h"
 #include "isobrick/viewer/stream/latest_worker.h"
 #include "isobrick/viewer/stream/value_histogram.h"
 
 namespace isobrick {
 
-// What a build tells while it is under way.
+// The preview has every `step`-th voxel along each axis, from the first one on, and perhaps not all
+// slices of them, in the place of the world where the volume is.
+struct PreviewOf {
+  std::int64_t step = 2;  // a power of two
+  Index3 voxels{2};       // of the volume
+};
+
+// The reports of a build under way.
 struct BuildListener {
   // How far it is: the phase ("bricks"), and the share of it that is done, 0 .. 1.
   std::function<void(std::string_view phase, double share)> progress;

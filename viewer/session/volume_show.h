@@ -16,7 +16,7 @@ class VolumeShow {
 
   // The session that is shown; null: nothing is open.
   ViewSession* session() const { return shown_ ? shown_->session.get() : nullptr; }
-  // Of which it was made; null likewise.
+  // The pyramid that it was made of; null likewise.
   const OpenedVolume* opened() const { return shown_ ? &shown_->opened : nullptr; }
   bool showsPreview() const { return shown_ && shown_->opened.preview_of; }
 

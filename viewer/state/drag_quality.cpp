@@ -9,10 +9,10 @@ namespace {
 // Triangles that say something about a rate.
 constexpr std::uint64_t kFewest = 1000;
 
-// What a radius that was too large becomes with every surface that was not.
+// The growth of a radius that was too large with every surface that was not.
 constexpr double kForgotten = 1.02;
 
-// What one extraction, and one picture, do in their time.
+// The rates of one extraction and of one picture.
 double fittingTriangles(const DragQuality& quality) {
   const double rate = quality.drawn_per_second > 0.0
                           ? std::min(quality.triangles_per_second, quality.drawn_per_second)
@@ -50,7 +50,7 @@ DragQuality measured(const DragQuality& quality, double radius, std::uint64_t tr
   DragQuality next = quality;
   next.triangles_per_second = extractionRate(quality, triangles, seconds);
   const double fitting = fittingTriangles(next);
-  // Of an empty surface the time is all there is to go by.
+  // For an empty surface the time is all there is to go by.
   const double share = triangles >= kFewest ? fitting / static_cast<double>(triangles)
                                             : kDragSeconds / std::max(seconds, 1e-3);
   double fits = radius * std::clamp(std::sqrt(share), 0.5, 2.0);

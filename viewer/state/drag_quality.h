@@ -6,7 +6,7 @@
 
 namespace isobrick {
 
-// What was measured of the extractions so far. A value; the functions below give the next one.
+// The measured rates of the extractions so far. A value; the functions below give the next one.
 struct DragQuality {
   double radius = 16.0;               // of interest, voxels: what fits into the time
   double triangles_per_second = 0.0;  // extracted; 0: nothing was measured yet

@@ -1,10 +1,12 @@
 #include "isobrick/viewer/state/interaction.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
 #include <optional>
+#include <utility>
 
 namespace isobrick {
 namespace {
@@ -119,7 +121,7 @@ void moveIsovalue(double step, const ViewVolume& volume, ViewState& state) {
   state = bounded(state, volume);
 }
 
-void controlKey(Key key, ViewState& state, Wishes& wishes) {
+void controlKey(Key key, Wishes& wishes) {
   switch (key) {
     case Key::kS:
       wishes.save_state = true;
@@ -129,15 +131,6 @@ void controlKey(Key key, ViewState& state, Wishes& wishes) {
       break;
     case Key::kQ:
       wishes.close = true;
-      break;
-    case Key::kPad1:
-      state.camera = alongAxis(state.camera, AxisView::kBack);
-      break;
-    case Key::kPad3:
-      state.camera = alongAxis(state.camera, AxisView::kLeft);
-      break;
-    case Key::kPad7:
-      state.camera = alongAxis(state.camera, AxisView::kBottom);
       break;
     default:
       break;
@@ -149,7 +142,35 @@ bool fliesWith(Key key) {
          key == Key::kQ;
 }
 
-void toggle(bool& value) { value = !value; }
+// The views from the keypad, which Ctrl turns round.
+bool lookFrom(Key key, bool control, ViewState& state) {
+  constexpr std::pair<Key, std::array<AxisView, 2>> kViews[] = {
+      {Key::kPad1, {AxisView::kFront, AxisView::kBack}},
+      {Key::kPad3, {AxisView::kRight, AxisView::kLeft}},
+      {Key::kPad7, {AxisView::kTop, AxisView::kBottom}}};
+  for (const auto& [view_key, views] : kViews)
+    if (key == view_key) {
+      state.camera = alongAxis(state.camera, views[control ? 1 : 0]);
+      return true;
+    }
+  return false;
+}
+
+// The keys that switch something on and off.
+void toggle(Key key, Interaction& interaction, ViewState& state) {
+  const std::pair<Key, bool*> toggles[] = {{Key::kPad5, &state.camera.orthographic},
+                                           {Key::kO, &state.camera.orthographic},
+                                           {Key::kG, &interaction.flying},
+                                           {Key::kW, &state.wireframe},
+                                           {Key::kB, &state.show_box},
+                                           {Key::kS, &state.focus.show_sphere},
+                                           {Key::kT, &state.show_handles},
+                                           {Key::kV, &state.focus.follow_view},
+                                           {Key::kTab, &interaction.show_panel},
+                                           {Key::kH, &interaction.show_help}};
+  for (const auto& [toggle_key, flag] : toggles)
+    if (key == toggle_key) *flag = !*flag;
+}
 
 void plainKey(const InputEvent& event, const ViewVolume& volume, Interaction& interaction,
               ViewState& state, Wishes& wishes) {
@@ -157,6 +178,8 @@ void plainKey(const InputEvent& event, const ViewVolume& volume, Interaction& in
   if (event.key == Key::kLeft) return moveIsovalue(-step, volume, state);
   if (event.key == Key::kRight) return moveIsovalue(step, volume, state);
   if (event.repeated || (interaction.flying && fliesWith(event.key))) return;
+  if (lookFrom(event.key, false, state)) return;
+  toggle(event.key, interaction, state);
   switch (event.key) {
     case Key::kF:
       state.camera = framed(state.camera, volume.box(), interaction.aspect());
@@ -164,27 +187,8 @@ void plainKey(const InputEvent& event, const ViewVolume& volume, Interaction& in
     case Key::kR:
       stepIsovalue(volume, state);
       break;
-    case Key::kPad1:
-      state.camera = alongAxis(state.camera, AxisView::kFront);
-      break;
-    case Key::kPad3:
-      state.camera = alongAxis(state.camera, AxisView::kRight);
-      break;
-    case Key::kPad7:
-      state.camera = alongAxis(state.camera, AxisView::kTop);
-      break;
-    case Key::kPad5:
-    case Key::kO:
-      toggle(state.camera.orthographic);
-      break;
-    case Key::kG:
-      toggle(interaction.flying);
-      break;
     case Key::kEscape:
       interaction.flying = interaction.show_help = false;
-      break;
-    case Key::kW:
-      toggle(state.wireframe);
       break;
     case Key::kC:
       state.coloring =
@@ -193,18 +197,6 @@ void plainKey(const InputEvent& event, const ViewVolume& volume, Interaction& in
     case Key::kL:
       state.lighting = state.lighting == ViewLighting::kThreeLights ? ViewLighting::kHeadlight
                                                                     : ViewLighting::kThreeLights;
-      break;
-    case Key::kB:
-      toggle(state.show_box);
-      break;
-    case Key::kS:
-      toggle(state.focus.show_sphere);
-      break;
-    case Key::kT:
-      toggle(state.show_handles);
-      break;
-    case Key::kV:
-      toggle(state.focus.follow_view);
       break;
     case Key::kX:
     case Key::kY:
@@ -226,12 +218,6 @@ void plainKey(const InputEvent& event, const ViewVolume& volume, Interaction& in
       break;
     case Key::kN:
       wishes.browse = true;
-      break;
-    case Key::kTab:
-      toggle(interaction.show_panel);
-      break;
-    case Key::kH:
-      toggle(interaction.show_help);
       break;
     default:
       break;
@@ -268,10 +254,10 @@ Wishes applyEvent(const InputEvent& event, double seconds, bool on_panel, const 
     case InputEvent::Kind::kKeyPress:
       interaction.held[number(event.key)] = !on_panel && !event.control;
       if (on_panel) break;
-      if (event.control)
-        controlKey(event.key, state, wishes);
-      else
+      if (!event.control)
         plainKey(event, volume, interaction, state, wishes);
+      else if (!lookFrom(event.key, true, state))
+        controlKey(event.key, wishes);
       break;
     case InputEvent::Kind::kKeyRelease:
       interaction.held[number(event.key)] = false;

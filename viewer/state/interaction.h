@@ -1,4 +1,4 @@
-// What events do to a view: an event and a state give a state. No window, no OpenGL.
+// Events on a view: an event and a state give a state. No window, no OpenGL.
 #pragma once
 
 #include <array>
@@ -12,10 +12,10 @@
 
 namespace isobrick {
 
-// Of the scale of a screen.
+// For the scale of a screen.
 inline constexpr double kMostScale = 2.5;
 
-// What lasts from event to event, and belongs to no saved view.
+// State that lasts from event to event, and belongs to no saved view.
 struct Interaction {
   enum class Drag { kNone, kTurn, kPan, kZoom, kHandle, kPanel };
 
@@ -41,7 +41,7 @@ struct Interaction {
   glm::dvec2 toPicture(const glm::dvec2& pixel) const;
 };
 
-// What an event asks of whoever has a renderer and files.
+// The wishes of an event to the owner of a renderer and files.
 struct Wishes {
   std::optional<glm::dvec2> focus_at;  // the surface under this pixel becomes focus and pivot
   bool screenshot = false;

@@ -1,6 +1,5 @@
 #include "isobrick/viewer/state/scene_handles.h"
 
-#include <cmath>
 #include <glm/geometric.hpp>
 
 namespace isobrick {

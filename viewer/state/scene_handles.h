@@ -42,7 +42,7 @@ std::optional<SceneHandle> handleAt(const std::vector<SceneHandle>& handles,
 // Nothing where the cursor's ray runs along it.
 std::optional<double> pullOf(const SceneHandle& handle, const ViewCamera& camera,
                              const PictureSize& picture, const glm::dvec2& cursor);
-// What the handle belongs to, moved by so many world units from where the handle's foot is.
+// The object of the handle, moved by so many world units from where the handle's foot is.
 void pull(const SceneHandle& handle, double by, const ViewVolume& volume, ViewState& state);
 
 // A face of the cube in the upper right corner of the picture.

@@ -1,4 +1,4 @@
-// What the viewer shows: everything that a saved view brings back, as plain structs.
+// The state of the viewer: everything that a saved view brings back, as plain structs.
 #pragma once
 
 #include <array>
@@ -53,7 +53,7 @@ struct ViewSlice {
   bool operator==(const ViewSlice&) const = default;
 };
 
-// What pictures of the view are like, beside the window.
+// The form of pictures of the view, beside the window.
 struct ViewPictures {
   bool transparent = false;  // no background
   int times = 1;             // as many pixels as the window, along both sides; 1 .. 16
@@ -63,7 +63,8 @@ struct ViewPictures {
 
 enum class ViewColoring { kPlain, kLevel, kGradient, kOther };
 
-// What the colours of values say. A window: the values of the darkest and the lightest colour.
+// The meaning of the colours of values. A window: the values of the darkest and the lightest
+// colour.
 struct ViewValues {
   // Data units per world unit; none: from 0 to a quarter of the greatest there could be.
   std::optional<std::array<double, 2>> gradient_window;
@@ -100,7 +101,7 @@ struct ViewState {
   bool operator==(const ViewState&) const = default;
 };
 
-// What the viewer knows of the volume it shows.
+// The viewer's knowledge of the volume it shows.
 struct ViewVolume {
   Index3 voxels{2, 2, 2};
   GridGeometry geometry;

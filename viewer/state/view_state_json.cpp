@@ -8,7 +8,6 @@
 #include <sstream>
 #include <string_view>
 #include <type_traits>
-#include <utility>
 
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"

@@ -1,13 +1,39 @@
 // A triangle sink that makes the chunks of a picture.
 #pragma once
 
+#include <array>
 #include <functional>
+#include <memory>
+#include <span>
+#include <string>
 
 #include "isobrick/extract/sinks/triangle_sink.h"
+#include "isobrick/storage/pyramid.h"
 #include "isobrick/viewer/render/surface_chunk.h"
-#include "isobrick/viewer/stream/chunk_values.h"
 
 namespace isobrick {
+
+// Where the chunks of a volume lie in the world.
+SceneLattice latticeOf(const GridGeometry& geometry);
+
+// Thread-safe.
+class ChunkValues {
+ public:
+  virtual ~ChunkValues() = default;
+  // The values of the shares 0 and 1.
+  virtual std::array<double, 2> range() const = 0;
+  // A share of the range for every vertex of the batch, or not a number; `placed.world` is scratch.
+  // Throws Error for a damaged brick.
+  virtual void evaluate(PlacedBatch& placed, std::span<float> shares) const = 0;
+};
+
+// How steep the volume is there, in data units per world unit, from the samples of the brick and
+// level that the triangles were made of. The pyramid outlives it.
+std::unique_ptr<ChunkValues> gradientValues(const Pyramid& pyramid);
+
+// The values that another pyramid's level 0 has there (extract/pyramid_values.h), of which as many
+// bytes are kept in memory as of `shown`. Throws Error where there is none at `path`.
+std::unique_ptr<ChunkValues> otherValues(const Pyramid& shown, const std::string& path);
 
 // Makes a chunk of every batch, several at once, and hands it on with its place in the order of the
 // extraction. `take` is called from any thread, for several chunks at the same time; what it throws
@@ -30,8 +56,5 @@ class ChunkSink : public TriangleSink {
   Take take_;
   std::uint64_t next_place_ = 0;
 };
-
-// Where the chunks of a volume lie in the world.
-SceneLattice latticeOf(const GridGeometry& geometry);
 
 }  // namespace isobrick

@@ -12,7 +12,6 @@
 #include <thread>
 #include <utility>
 
-#include "isobrick/storage/cancel.h"
 #include "isobrick/storage/error.h"
 
 namespace isobrick {

@@ -1,7 +1,6 @@
 #include "isobrick/viewer/stream/plane_sampler.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
@@ -39,7 +38,7 @@ class LevelReader {
       return interpolate(samples_.data<typename decltype(tag)::Type>(), first, share);
     });
   }
-  // Throws Error where bytes of a brick could not be had while they were used.
+  // Throws Error where bytes of a brick could not be read while they were used.
   void check() const {
     if (brick_.x >= 0) pyramid_.throwIfReadsFailed(level_, brick_);
   }

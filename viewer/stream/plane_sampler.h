@@ -1,7 +1,7 @@
 // The volume's values on a parallelogram: for slices, and for the caps of cut surfaces.
 #pragma once
 
-#include "isobrick/storage/cancel.h"
+#include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid.h"
 #include "isobrick/viewer/render/scene_frame.h"
 

@@ -74,7 +74,7 @@ bool SurfaceSet::uploadPiece(UploadAllowance& allowance) {
   return true;
 }
 
-// Of what the pass keeps or uses again.
+// For what the pass keeps or uses again.
 bool SurfaceSet::hasAllOf(const StreamMessage& pass) const {
   std::set<ChunkKey> keys;
   if (!pass.reused.empty())

@@ -14,11 +14,11 @@
 
 namespace isobrick {
 
-// What one frame may spend on uploads.
+// The allowance of one frame for uploads.
 inline constexpr double kUploadSeconds = 0.002;
 inline constexpr std::uint64_t kUploadBytes = std::uint64_t{16} << 20;
 
-// What is left of that, for all that is uploaded in a frame, however often it looks for more.
+// The rest of it, for all that is uploaded in a frame, however often it looks for more.
 struct UploadAllowance {
   double seconds = kUploadSeconds;
   std::uint64_t bytes = kUploadBytes;
@@ -44,7 +44,7 @@ class SurfaceSet {
   SurfaceSet(const SurfaceSet&) = delete;
   SurfaceSet& operator=(const SurfaceSet&) = delete;
 
-  // What the messages of one frame came to.
+  // The sum of the messages of one frame.
   struct News {
     bool shows_another = false;  // a pass was completed
     bool over_budget = false;    // the pass at hand does not fit, here or on the card: dropped
@@ -56,7 +56,7 @@ class SurfaceSet {
   // Takes messages, and the chunks in them piece by piece, until there are none, the renderer takes
   // no more, or the time (`clock()`, seconds) or the bytes of `allowance`, from which they are
   // taken, are spent; where it is the time alone at least one piece, so that a slow machine comes
-  // to an end too. What is left of a chunk comes in the next frame.
+  // to an end too. The rest of a chunk comes in the next frame.
   template <typename Poll, typename Clock>
   News pump(Poll&& poll, Clock&& clock, UploadAllowance& allowance) {
     News news;

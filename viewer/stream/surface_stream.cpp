@@ -132,7 +132,7 @@ void SurfaceStream::dropLastChunks() {
   }
 }
 
-// The pass had no end: poll() makes one. What was to be reused later may have gone with it.
+// The pass had no end: poll() makes one. Chunks to be reused later may have gone with it.
 void SurfaceStream::lose(std::uint64_t request) {
   const std::lock_guard lock(mutex_);
   dropLastChunks();
@@ -215,7 +215,7 @@ SurfaceStream::Outcome SurfaceStream::runFirstPass(const Job& job) {
 bool SurfaceStream::begin(const Attempt& attempt) {
   const std::lock_guard lock(mutex_);
   user_waits_ = attempt.at_once;
-  // What no user waits for comes after a request that does.
+  // Passes that no user waits for come after a request that does.
   if (!user_waits_ && waiting_) endCurrent();
   if (cancel_->requested()) return false;
   pass_begin_ = now();
@@ -294,7 +294,7 @@ SurfaceStream::Outcome SurfaceStream::extract(const Job& job, const Attempt& att
       extractSurface(surface, attempt, take, end);
   });
   end.triangles_made = triangles;
-  // Of surfaces that are kept what was shown stays.
+  // For surfaces that are kept what was shown stays.
   for (const auto& done : done_)
     if (std::any_of(attempt.work->kept.begin(), attempt.work->kept.end(),
                     [&](const auto& kept) { return kept.surface == done.first.surface; }))

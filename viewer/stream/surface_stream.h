@@ -12,16 +12,14 @@
 #include <optional>
 #include <string>
 #include <thread>
-#include <utility>
 #include <vector>
 
-#include "isobrick/extract/extraction_plan.h"
 #include "isobrick/extract/extractor.h"
 #include "isobrick/extract/query.h"
-#include "isobrick/storage/cancel.h"
+#include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid.h"
 #include "isobrick/viewer/render/surface_chunk.h"
-#include "isobrick/viewer/stream/chunk_values.h"
+#include "isobrick/viewer/stream/chunk_sink.h"
 
 namespace isobrick {
 
@@ -43,14 +41,14 @@ struct StreamPass {
   std::vector<KeptSurface> kept = {};
 };
 
-// What a pass made of one of its queries.
+// The result of a pass for one of its queries.
 struct StreamedSurface {
   int surface = 0;
   std::uint64_t triangles = 0;
   std::vector<LevelCounts> levels;
 };
 
-// What vertices carry beside their normals.
+// The values that vertices carry beside their normals.
 struct StreamValues {
   enum class What { kNone, kGradient, kOther } what = What::kNone;
   std::string other;  // of kOther: the path of a pyramid
@@ -87,7 +85,7 @@ struct StreamMessage {
   bool at_rest = false;  // a user who moves on does not wait for the pass
   SurfaceChunk chunk;
   bool too_many = false;  // of kDropped: it has more triangles than it may
-  // Of kPassDone; with `too_many` radius, seconds and triangles_made until then:
+  // For kPassDone; with `too_many` radius, seconds and triangles_made until then:
   bool last_pass = false;
   bool is_complete = true;  // false: coarser than asked for, where bricks were not resident
   double radius = 0.0;
@@ -170,12 +168,12 @@ class SurfaceStream {
   const std::shared_ptr<const Pyramid> pyramid_;
   const int threads_;
   const double least_patience_;
-  // Of the thread alone:
+  // For the thread alone:
   Extractor extractor_;  // keeps its memory from pass to pass
   StreamValues values_wanted_;
   std::unique_ptr<ChunkValues> values_;
   std::uint64_t values_number_ = 0, last_values_number_ = 0;  // see ChunkKey
-  // What chunks with a key add: of the last pass that was done, and of the one at hand.
+  // The share of chunks with a key: of the last pass that was done, and of the one at hand.
   struct Addition {
     std::uint64_t cells = 0, triangles = 0;
   };

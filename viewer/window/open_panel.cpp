@@ -1,10 +1,10 @@
-#include "isobrick/viewer/window/open_panel.h"
-
 #include <imgui.h>
 
 #include <algorithm>
 #include <array>
 #include <filesystem>
+
+#include "isobrick/viewer/window/view_panel.h"
 
 namespace isobrick {
 namespace {

@@ -1,4 +1,4 @@
-// What the parts of the interface that are drawn with Dear ImGui share.
+// The common part of the panels that are drawn with Dear ImGui.
 #pragma once
 
 #include <imgui.h>
@@ -9,7 +9,7 @@
 
 namespace isobrick {
 
-// Of the line at the foot, in pixels of an ordinary screen.
+// For the line at the foot, in pixels of an ordinary screen.
 inline constexpr float kStatusHeight = 26.0f;
 
 // As printf has it, cut after 255 characters.

@@ -1,11 +1,10 @@
-#include "isobrick/viewer/window/scene_overlay.h"
-
 #include <imgui.h>
 
 #include <array>
 #include <cmath>
 
 #include "isobrick/viewer/window/panel_tools.h"
+#include "isobrick/viewer/window/view_panel.h"
 
 namespace isobrick {
 namespace {

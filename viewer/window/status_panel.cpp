@@ -1,5 +1,3 @@
-#include "isobrick/viewer/window/status_panel.h"
-
 #include <imgui.h>
 
 #include <algorithm>
@@ -11,6 +9,7 @@
 #include "isobrick/viewer/offscreen_renderer.h"
 #include "isobrick/viewer/session/folder_listing.h"
 #include "isobrick/viewer/window/panel_tools.h"
+#include "isobrick/viewer/window/view_panel.h"
 
 namespace isobrick {
 namespace {
@@ -19,7 +18,8 @@ std::string megabytes(std::uint64_t bytes) {
   return text("%.1f MiB", static_cast<double>(bytes) / (1 << 20));
 }
 
-// What is being opened, or why the last one was not; the session's line goes on beside it.
+// The volume that is being opened, or why the last one was not; the session's line goes on beside
+// it.
 Wishes openingLine(const PanelFacts& facts) {
   Wishes wishes;
   const VolumeOpener::Status& opening = facts.opening;

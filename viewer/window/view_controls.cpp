@@ -1,5 +1,3 @@
-#include "isobrick/viewer/window/view_controls.h"
-
 #include <imgui.h>
 
 #include <algorithm>
@@ -8,6 +6,7 @@
 #include <glm/geometric.hpp>
 
 #include "isobrick/viewer/window/panel_tools.h"
+#include "isobrick/viewer/window/view_panel.h"
 
 namespace isobrick {
 namespace {
@@ -112,7 +111,7 @@ void focus(ViewSession& session) {
   ImGui::Checkbox("follow the view", &state.focus.follow_view);
 }
 
-// What may stay coarse, by the oracles.
+// Parts that may stay coarse, by the oracles.
 void detail(ViewSession& session) {
   if (!ImGui::CollapsingHeader("detail")) return;
   ViewState& state = session.state();
@@ -224,7 +223,7 @@ void valueBar(float scale) {
   }
 }
 
-// What the colours of the surfaces say.
+// The meaning of the surfaces' colours.
 void coloring(ViewSession& session, float scale) {
   ViewState& state = session.state();
   int chosen = static_cast<int>(state.coloring);

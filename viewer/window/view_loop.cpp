@@ -19,8 +19,8 @@
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid_file.h"
-#include "isobrick/viewer/image_writer.h"
-#include "isobrick/viewer/session/recent_files.h"
+#include "isobrick/viewer/image.h"
+#include "isobrick/viewer/session/folder_listing.h"
 #include "isobrick/viewer/session/view_script.h"
 #include "isobrick/viewer/session/view_session.h"
 #include "isobrick/viewer/session/volume_show.h"
@@ -42,7 +42,7 @@ double secondsNow() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
-// What a script's report has of a frame.
+// The figures of a frame in a script's report.
 struct ReportedFrame {
   double seconds = 0.0;  // since the begin
   FrameTimes times;
@@ -144,7 +144,7 @@ bool isToBeBuilt(const std::string& source) {
          (fs::exists(source, ignored) && !isPyramidFile(source));
 }
 
-// What files of it are called: "scan" for "scans/scan.nii.gz", "head-256" for "phantom:head:256".
+// The name of its files: "scan" for "scans/scan.nii.gz", "head-256" for "phantom:head:256".
 std::string stemOf(const std::string& source) {
   if (source.rfind("phantom:", 0) == 0) {
     std::string name = source.substr(source.find(':') + 1);
@@ -259,7 +259,7 @@ class ViewLoop {
     target_->setTitle(shownName(fs::path(source).filename().string()) + what + " - isobrick");
   }
 
-  // What was being built will not come.
+  // The volume under way will not come.
   void giveUpPreview() {
     if (!show_.showsPreview()) return;
     show_.giveUpPreview(target_->renderer(), size(), target_->scale());
@@ -286,7 +286,7 @@ class ViewLoop {
     auto outcome = std::exchange(outcome_, std::nullopt);
     if (!outcome) return;
     if (!outcome->volume) giveUpPreview();
-    // What a script is all about.
+    // The steps of a script.
     if (!outcome->volume && player_ && session() == nullptr && outcome->source == options_.path)
       throw Error(outcome->error);
     open_error_ = outcome->error;
@@ -423,7 +423,7 @@ class ViewLoop {
     if (wishes.open) opener_.open(*wishes.open);
   }
 
-  // What fails is said in the window, and the rest goes on.
+  // A failure is shown in the window, and the rest goes on.
   void grant(const Wishes& wishes) {
     try {
       if (wishes.screenshot) writePicture(freeName(stem_, ".png"));
@@ -508,7 +508,7 @@ class ViewLoop {
   std::string message_;
   std::deque<FrameTimes> frames_;
   std::vector<ReportedFrame> reported_;
-  // Of the last frame.
+  // For the last frame.
   std::vector<SurfaceWait> waits_;
   std::uint64_t uploaded_bytes_ = 0;
 };

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <string>
 
-#include "isobrick/storage/cancel.h"
+#include "isobrick/storage/error.h"
 #include "isobrick/viewer/session/volume_opener.h"
 
 namespace isobrick {

@@ -7,8 +7,6 @@
 
 #include "isobrick/storage/error.h"
 #include "isobrick/viewer/window/panel_tools.h"
-#include "isobrick/viewer/window/scene_overlay.h"
-#include "isobrick/viewer/window/view_controls.h"
 
 namespace isobrick {
 namespace {
@@ -115,7 +113,7 @@ Wishes ViewPanel::panel(ViewSession& session, const PanelFacts& facts) {
   const auto scale = static_cast<float>(scale_);
   const float height = ImGui::GetIO().DisplaySize.y - scale * kStatusHeight;
   ImGui::SetNextWindowPos({0.0f, 0.0f});
-  // Of a small window half is left for the picture.
+  // For a small window half is left for the picture.
   const float width = std::min(scale * kPanelWidth, 0.5f * ImGui::GetIO().DisplaySize.x);
   ImGui::SetNextWindowSize({std::max(1.0f, width), std::max(1.0f, height)});
   ImGui::SetNextWindowBgAlpha(0.82f);

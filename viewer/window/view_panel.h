@@ -1,11 +1,78 @@
 // The interface over the picture, and the context of Dear ImGui that it is drawn with.
 #pragma once
 
+#include <deque>
+#include <string>
+#include <vector>
+
+#include "isobrick/viewer/session/folder_listing.h"
 #include "isobrick/viewer/session/view_session.h"
-#include "isobrick/viewer/window/open_panel.h"
-#include "isobrick/viewer/window/status_panel.h"
+#include "isobrick/viewer/session/volume_opener.h"
+#include "isobrick/viewer/state/interaction.h"
+#include "isobrick/viewer/stream/latest_worker.h"
 
 namespace isobrick {
+
+// Into the window of Dear ImGui that is being built. Changes the session's state as the user asks.
+// `scale`: pixels of this screen that are one of an ordinary one.
+Wishes buildControls(ViewSession& session, float scale);
+
+// With Dear ImGui, between its begin and its end of a frame. `hovers`: the cursor is over the
+// scene.
+void buildOverlay(ViewSession& session, float scale, bool hovers);
+
+// Used by ViewPanel between its begin() and draw(). Folders are listed in the background.
+class OpenPanel {
+ public:
+  OpenPanel();
+
+  bool visible = false;
+
+  // `recent`: absolute paths, latest first.
+  Wishes build(double scale, const std::vector<std::string>& recent);
+
+ private:
+  void goTo(const std::string& folder);
+  void takeListing();
+  Wishes entries(float width);
+
+  FolderListing listing_;
+  bool listed_ = false;
+  std::string error_;
+  std::string typed_;
+  LatestWorker<std::string, FolderListing> lister_;
+};
+
+// How long one frame took, in seconds.
+struct FrameTimes {
+  double interface = 0.0;  // events, state, panel, requests and uploads
+  double draw = 0.0;       // the scene and the panel, by the graphics card or the processor
+};
+
+// The facts of the panel beside the session.
+struct PanelFacts {
+  const std::deque<FrameTimes>& frames;  // the last ones
+  std::string message;                   // what was done last: a file that was written
+  std::string device;                    // what draws
+  VolumeOpener::Status opening;
+  std::string open_error;  // why the last opening ended without a volume; empty: it did not
+  const std::vector<std::string>& recent;  // what was opened last
+};
+
+// Figures, into the window of Dear ImGui that is being built.
+void buildStatistics(const ViewSession& session, const PanelFacts& facts, float scale);
+
+// Builds the line at the foot and, above it, why the last opening ended without a volume.
+class StatusPanel {
+ public:
+  // `session`: null: nothing is open. `hovers`: the cursor is over the scene.
+  Wishes build(ViewSession* session, const PanelFacts& facts, float scale, bool hovers);
+
+ private:
+  void sessionLine(ViewSession& session, const PanelFacts& facts, float scale, bool hovers);
+
+  std::string hover_;  // the position under the cursor
+};
 
 // One at a time, on the thread of the current context, while that context lives. For each frame:
 // feed() its events, begin(), build(), draw().

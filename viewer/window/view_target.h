@@ -19,7 +19,7 @@ class ViewTarget {
   // Another context and renderer in the place of those that were lost; what was made with them is
   // gone by then. Its size comes as an event.
   virtual void renew() = 0;
-  // What came since the last call, the size of the picture first of all; waits for the first event
+  // The events since the last call, the size of the picture first of all; waits for the first event
   // for at most so long.
   virtual std::vector<InputEvent> takeEvents(double wait_seconds) = 0;
   // Asks for another size; an event tells when it has it.

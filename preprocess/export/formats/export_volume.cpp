@@ -2,10 +2,8 @@
 
 #include <string_view>
 
-#include "isobrick/preprocess/export/formats/hdf5_writer.h"
-#include "isobrick/preprocess/export/formats/slice_writers.h"
-#include "isobrick/preprocess/export/formats/vdb_writer.h"
-#include "isobrick/preprocess/export/formats/zarr_writer.h"
+#include "isobrick/preprocess/export/formats/format_writers.h"
+#include "isobrick/preprocess/export/volume_writer.h"
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/storage/error.h"
 

@@ -12,7 +12,7 @@
 #include <algorithm>
 #include <vector>
 
-#include "isobrick/preprocess/export/formats/slice_writers.h"
+#include "isobrick/preprocess/export/formats/format_writers.h"
 #include "isobrick/storage/error.h"
 
 namespace isobrick {

@@ -9,7 +9,7 @@
 #include <string>
 
 #include "isobrick/storage/atomic_file.h"
-#include "isobrick/storage/cancel.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
 

@@ -1,5 +1,3 @@
-#include "isobrick/preprocess/export/formats/hdf5_writer.h"
-
 #include <algorithm>
 #include <array>
 #include <filesystem>
@@ -7,6 +5,7 @@
 #include <utility>
 #include <vector>
 
+#include "isobrick/preprocess/export/formats/format_writers.h"
 #include "isobrick/preprocess/export/formats/hdf5_original.h"
 #include "isobrick/preprocess/export/formats/spooled_source.h"
 #include "isobrick/preprocess/export/volume_rows.h"

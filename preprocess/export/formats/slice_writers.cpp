@@ -1,12 +1,9 @@
-#include "isobrick/preprocess/export/formats/slice_writers.h"
-
-#include <algorithm>
 #include <filesystem>
-#include <vector>
 
 #include "isobrick/preprocess/export/atomic_folder.h"
+#include "isobrick/preprocess/export/formats/format_writers.h"
 #include "isobrick/preprocess/export/volume_rows.h"
-#include "isobrick/preprocess/numbered_name.h"
+#include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/storage/error.h"
 

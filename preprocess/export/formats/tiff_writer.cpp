@@ -7,7 +7,7 @@
 #include <memory>
 #include <optional>
 
-#include "isobrick/preprocess/export/formats/slice_writers.h"
+#include "isobrick/preprocess/export/formats/format_writers.h"
 #include "isobrick/preprocess/export/volume_rows.h"
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"

@@ -35,7 +35,7 @@ constexpr std::int64_t kNodeVoxels = LowerNode::DIM;
 constexpr std::int64_t kReadBytes = kNodeVoxels * kNodeVoxels * kNodeVoxels * 4;
 // A leaf in the file, packed not at all: its mask, what says how it is packed, its values.
 constexpr std::size_t kMostLeafBytes = sizeof(Leaf::NodeMaskType) + 32 + Leaf::SIZE * sizeof(float);
-// What a thread has at a time: voxels as they come, and a node's leaves as they go.
+// The memory of a thread: voxels as they come, and a node's leaves as they go.
 constexpr std::uint64_t kThreadBytes =
     kReadBytes + LowerNode::NUM_VALUES * kMostLeafBytes + (std::uint64_t{2} << 20);
 // A leaf without values with its entry in the node above, and what malloc adds.
@@ -113,7 +113,7 @@ class NodeRow {
     });
   }
 
-  // What belongs into the tree; forgotten by that.
+  // The nodes that belong into the tree; forgotten by that.
   void moveInto(openvdb::FloatTree& tree) {
     for (const Tile& tile : tiles_) tree.addTile(1, tile.at, tile.value, tile.is_active);
     for (std::unique_ptr<Leaf>& leaf : leaves_) tree.addLeaf(leaf.release());
@@ -123,7 +123,7 @@ class NodeRow {
   std::size_t leafCount() const { return leaves_.size(); }
 
  private:
-  // Of the coordinates along an axis, those where a leaf has voxels of the box.
+  // The coordinates along an axis at which a leaf has voxels of the box.
   std::pair<std::int64_t, std::int64_t> leafRange(const Index3& node, int axis) const {
     const std::int64_t low = box_.first[axis] + plan_.first[axis];
     const std::int64_t high = box_.end()[axis] + plan_.first[axis];
@@ -245,7 +245,7 @@ class NodeRow {
   std::vector<std::unique_ptr<Leaf>> leaves_;
 };
 
-// What the nodes of a tree take at most, those above leaves among them.
+// The most memory of a tree's nodes, those above leaves among them.
 std::uint64_t mostNodeBytes(const VolumeInfo& info) {
   const Index3 leaves = info.voxels / kLeafVoxels + Index3(2);  // some reach over both ends
   return static_cast<std::uint64_t>(elementCount(leaves)) * kBytesPerLeaf * 8 / 7;

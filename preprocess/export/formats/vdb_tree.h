@@ -27,7 +27,7 @@ struct VdbGridPlan {
   openvdb::GridClass grid_class = openvdb::GRID_UNKNOWN;
   bool saves_half = false;
 
-  // What a voxel counts as: values within the tolerance are the background.
+  // The value that a voxel counts as: values within the tolerance are the background.
   float valueOf(float value) const {
     return grid_class != openvdb::GRID_LEVEL_SET && std::abs(value - background) <= tolerance
                ? background

@@ -1,11 +1,8 @@
-#include "isobrick/preprocess/export/formats/vdb_writer.h"
-
 #include <openvdb/io/Archive.h>
 #include <openvdb/io/Compression.h>
 #include <openvdb/io/GridDescriptor.h>
 #include <openvdb/io/io.h>
 
-#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <fstream>
@@ -13,8 +10,8 @@
 #include <sstream>
 #include <string_view>
 #include <utility>
-#include <vector>
 
+#include "isobrick/preprocess/export/formats/format_writers.h"
 #include "isobrick/preprocess/export/formats/spooled_source.h"
 #include "isobrick/preprocess/export/formats/vdb_tree.h"
 #include "isobrick/preprocess/export/volume_rows.h"
@@ -72,7 +69,7 @@ VdbGridPlan planGrid(const VolumeInfo& info, std::size_t level, const ExportOpti
   return plan;
 }
 
-// What the coordinates of a file are.
+// The coordinates of a file.
 struct VdbUnit {
   double per_unit = 1;  // of it in one of the source's
   std::string name;
@@ -80,7 +77,7 @@ struct VdbUnit {
 
 // OpenVDB takes grids of a few nanometres in millimetres for singular ones.
 VdbUnit unitFor(const GridGeometry& finest, const std::string& path) {
-  // Of a voxel; a thousand times what OpenVDB refuses.
+  // The limit of a voxel; a thousand times what OpenVDB refuses.
   constexpr double kLeastVolume = 3e-12;
   const auto fits = [&](double scale) {
     return finest.spacing.x * scale * finest.spacing.y * scale * finest.spacing.z * scale >=

@@ -1,5 +1,3 @@
-#include "isobrick/preprocess/export/formats/zarr_writer.h"
-
 #include <blosc.h>
 
 #include <algorithm>
@@ -12,6 +10,7 @@
 #include <vector>
 
 #include "isobrick/preprocess/export/atomic_folder.h"
+#include "isobrick/preprocess/export/formats/format_writers.h"
 #include "isobrick/preprocess/export/formats/spooled_source.h"
 #include "isobrick/preprocess/export/volume_rows.h"
 #include "isobrick/preprocess/kernels/sample_block.h"

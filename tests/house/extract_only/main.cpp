@@ -1,6 +1,6 @@
 // extract_only FILE.isb ISOVALUE: prints how many triangles the surface has.
 #include <isobrick/extract/extractor.h>
-#include <isobrick/extract/sinks/counting_sink.h>
+#include <isobrick/extract/sinks/vertex_numbering.h>
 
 #include <cstdio>
 #include <cstdlib>

@@ -11,9 +11,9 @@
 
 #include "isobrick/preprocess/export/atomic_folder.h"
 #include "isobrick/preprocess/export/source_views.h"
+#include "isobrick/preprocess/export/volume_writer.h"
 #include "isobrick/preprocess/pyramid_builder.h"
 #include "isobrick/preprocess/sources/open_volume.h"
-#include "isobrick/preprocess/sources/pyramid_source.h"
 #include "tests/support/array_source.h"
 #include "tests/support/volume_files.h"
 

@@ -14,7 +14,6 @@
 #include "isobrick/preprocess/pyramid_builder.h"
 #include "isobrick/preprocess/sources/length_units.h"
 #include "isobrick/preprocess/sources/open_volume.h"
-#include "isobrick/preprocess/sources/pyramid_source.h"
 #include "isobrick/storage/pyramid.h"
 #include "tests/support/array_source.h"
 #include "tests/support/nifti_file.h"

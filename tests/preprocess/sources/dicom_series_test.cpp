@@ -12,7 +12,7 @@
 
 #include "isobrick/preprocess/sources/dicom_header.h"
 #include "isobrick/preprocess/sources/dicom_values.h"
-#include "isobrick/preprocess/sources/itk_source.h"
+#include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/preprocess/sources/open_volume.h"
 #include "tests/support/file_bytes.h"
 #include "tests/support/tiff_file.h"

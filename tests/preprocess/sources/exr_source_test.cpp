@@ -1,6 +1,4 @@
 // OpenEXR slices as other programs write them: tiles, several parts and channels.
-#include "isobrick/preprocess/sources/exr_source.h"
-
 #include <ImathBox.h>
 #include <OpenEXR/ImfChannelList.h>
 #include <OpenEXR/ImfFrameBuffer.h>
@@ -11,6 +9,7 @@
 #include <OpenEXR/ImfTiledOutputPart.h>
 #include <gtest/gtest.h>
 
+#include "isobrick/preprocess/sources/format_sources.h"
 #include "tests/support/volume_files.h"
 
 namespace isobrick::test {

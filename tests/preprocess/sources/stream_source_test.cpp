@@ -9,8 +9,7 @@
 #include <thread>
 
 #include "isobrick/preprocess/phantoms/phantom.h"
-#include "isobrick/preprocess/sources/itk_source.h"
-#include "isobrick/preprocess/sources/raw_source.h"
+#include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/preprocess/volume_source.h"
 #include "tests/support/nifti_file.h"
 #include "tests/support/packed_bytes.h"

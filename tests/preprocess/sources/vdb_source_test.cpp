@@ -1,6 +1,4 @@
 // OpenVDB files, written here with OpenVDB, and files that must be refused.
-#include "isobrick/preprocess/sources/vdb_source.h"
-
 #include <gtest/gtest.h>
 #include <openvdb/io/Stream.h>
 #include <openvdb/openvdb.h>
@@ -13,6 +11,7 @@
 #include <thread>
 #include <tuple>
 
+#include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/preprocess/volume_source.h"
 #include "tests/support/command_test.h"
 #include "tests/support/volume_files.h"

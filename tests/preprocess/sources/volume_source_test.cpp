@@ -14,9 +14,8 @@
 #include <limits>
 
 #include "isobrick/preprocess/export/volume_writer.h"
-#include "isobrick/preprocess/sources/itk_source.h"
+#include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/preprocess/sources/open_volume.h"
-#include "isobrick/preprocess/sources/raw_source.h"
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"
 #include "tests/support/tiff_file.h"

@@ -1,6 +1,4 @@
 // VTK ImageData files, all variants written by hand, and files that must be refused.
-#include "isobrick/preprocess/sources/vti_source.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -8,6 +6,7 @@
 #include <functional>
 #include <limits>
 
+#include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/preprocess/volume_source.h"
 #include "tests/support/packed_bytes.h"
 #include "tests/support/volume_files.h"

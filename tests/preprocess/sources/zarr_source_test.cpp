@@ -1,6 +1,4 @@
 // Zarr stores whose files cannot be opened: only what is not there is the fill value.
-#include "isobrick/preprocess/sources/zarr_source.h"
-
 #include <gtest/gtest.h>
 
 #include <cerrno>
@@ -10,6 +8,7 @@
 #include "isobrick/preprocess/export/formats/export_volume.h"
 #include "isobrick/preprocess/export/source_views.h"
 #include "isobrick/preprocess/pyramid_builder.h"
+#include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/preprocess/sources/open_volume.h"
 #include "isobrick/storage/pyramid.h"
 #include "tests/support/array_source.h"

@@ -12,7 +12,6 @@
 #include "tests/support/child_process.h"
 #include "tests/support/file_bytes.h"
 #include "tests/support/test_paths.h"
-#include "tools/bench/page_cache.h"
 
 namespace isobrick {
 namespace {

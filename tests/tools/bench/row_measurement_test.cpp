@@ -7,8 +7,7 @@
 
 #include "isobrick/storage/error.h"
 #include "tests/support/temporary_folder.h"
-#include "tools/bench/peer_rows.h"
-#include "tools/bench/spread.h"
+#include "tools/bench/bench_report.h"
 
 namespace isobrick {
 namespace {

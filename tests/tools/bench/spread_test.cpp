@@ -1,6 +1,6 @@
-#include "tools/bench/spread.h"
-
 #include <gtest/gtest.h>
+
+#include "tools/bench/bench_report.h"
 
 namespace isobrick {
 namespace {

@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "isobrick/storage/error.h"
-#include "isobrick/viewer/image_writer.h"
+#include "isobrick/viewer/image.h"
 #include "isobrick/viewer/session/view_picture.h"
 #include "tests/support/field_pyramid.h"
 #include "tests/support/requirement.h"

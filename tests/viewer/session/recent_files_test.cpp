@@ -1,6 +1,4 @@
 // The list of what was opened last, also one that somebody else wrote.
-#include "isobrick/viewer/session/recent_files.h"
-
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
@@ -8,6 +6,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "isobrick/viewer/session/folder_listing.h"
 #include "tests/support/file_bytes.h"
 #include "tests/support/temporary_folder.h"
 

@@ -10,9 +10,9 @@
 #include <thread>
 
 #include "isobrick/extract/extractor.h"
-#include "isobrick/extract/sinks/counting_sink.h"
-#include "isobrick/viewer/render/null_renderer.h"
+#include "isobrick/extract/sinks/vertex_numbering.h"
 #include "tests/support/field_pyramid.h"
+#include "tests/support/null_renderer.h"
 
 namespace isobrick {
 namespace {

@@ -1,6 +1,4 @@
 // Values at vertices: steepness, and what another pyramid has there.
-#include "isobrick/viewer/stream/chunk_values.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>

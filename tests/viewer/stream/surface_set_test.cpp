@@ -7,7 +7,7 @@
 #include <optional>
 #include <utility>
 
-#include "isobrick/viewer/render/null_renderer.h"
+#include "tests/support/null_renderer.h"
 
 namespace isobrick {
 namespace {

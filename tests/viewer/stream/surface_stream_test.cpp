@@ -9,15 +9,15 @@
 #include <thread>
 
 #include "isobrick/extract/extractor.h"
-#include "isobrick/extract/sinks/counting_sink.h"
 #include "isobrick/extract/sinks/indexed_mesh.h"
-#include "isobrick/viewer/render/null_renderer.h"
+#include "isobrick/extract/sinks/vertex_numbering.h"
 #include "isobrick/viewer/session/shown_mesh.h"
 #include "isobrick/viewer/stream/latest_worker.h"
 #include "isobrick/viewer/stream/surface_set.h"
 #include "tests/support/field_pyramid.h"
 #include "tests/support/keeping_renderer.h"
 #include "tests/support/mesh_checker.h"
+#include "tests/support/null_renderer.h"
 
 namespace isobrick {
 namespace {

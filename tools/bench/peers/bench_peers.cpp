@@ -16,11 +16,9 @@
 #include <string_view>
 
 #include "isobrick/storage/error.h"
-#include "tools/bench/peer_rows.h"
-#include "tools/bench/peers/openvdb_engine.h"
-#include "tools/bench/peers/vtk_engines.h"
+#include "tools/bench/peers/peer_engines.h"
 #include "tools/bench/row_measurement.h"
-#include "tools/one_line.h"
+#include "tools/line_words.h"
 
 namespace isobrick {
 namespace {

@@ -1,15 +1,14 @@
-#include "tools/bench/peers/level0_volume.h"
-
 #include <tbb/parallel_for.h>
 
 #include <cstring>
 
 #include "isobrick/storage/pyramid.h"
+#include "tools/bench/peers/peer_engines.h"
 
 namespace isobrick {
 namespace {
 
-// What stays of the file while it is read; little, as it counts against the peer.
+// The memory for the file while it is read; little, as it counts against the peer.
 constexpr std::uint64_t kBudgetBytes = 64 << 20;
 
 // The rows of a brick that no other brick has to the dense block `out`.

@@ -1,5 +1,3 @@
-#include "tools/bench/peers/openvdb_engine.h"
-
 #include <openvdb/openvdb.h>
 #include <openvdb/tools/Dense.h>
 #include <openvdb/tools/VolumeToMesh.h>
@@ -8,7 +6,7 @@
 #include <vector>
 
 #include "isobrick/storage/voxel_type.h"
-#include "tools/bench/peers/level0_volume.h"
+#include "tools/bench/peers/peer_engines.h"
 
 namespace isobrick {
 namespace {

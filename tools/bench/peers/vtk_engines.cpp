@@ -1,6 +1,4 @@
 // Compiled as C++17: vtkSMPTools.h of VTK 9.1 is not C++20.
-#include "tools/bench/peers/vtk_engines.h"
-
 #include <vtkCellArray.h>
 #include <vtkFlyingEdges3D.h>
 #include <vtkImageData.h>
@@ -13,7 +11,7 @@
 
 #include <map>
 
-#include "tools/bench/peers/level0_volume.h"
+#include "tools/bench/peers/peer_engines.h"
 
 namespace isobrick {
 namespace {

@@ -1,4 +1,4 @@
-// Rows of sources that read boxes. Private to preprocess/sources/.
+// Rows of sources that read boxes.
 #pragma once
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-#include "isobrick/preprocess/numbered_name.h"
+#include "isobrick/preprocess/number_text.h"
 
 #include <cstdlib>
 
