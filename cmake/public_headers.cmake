@@ -24,6 +24,7 @@ set(isobrick_public_headers
   extract/surface_mesh.h
   # a volume in, a pyramid out; and volumes to other formats
   preprocess/export/formats/export_volume.h
+  preprocess/export/volume_writer.h
   preprocess/phantoms/phantom.h
   preprocess/pyramid_builder.h
   preprocess/sources/open_volume.h

@@ -100,7 +100,8 @@ void addQueryOptions(CLI::App& app, QueryOptions& options, bool several) {
   };
   app.add_option_function<std::vector<std::string>>(
          "--or-finer", addFiner,
-         "Refine the cells of another choice too, such as 'focus=10,20,30 radius=5'; may be given again. "
+         "Refine the cells of another choice too, such as 'focus=10,20,30 radius=5'; may be given "
+         "again. "
          "Focus, curvature, eye and level that are given together leave cells "
          "coarse together")
       ->type_name("CHOICE")

@@ -1,12 +1,35 @@
 // Writing volumes to files that other programs read.
 #pragma once
 
+#include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
-#include "isobrick/preprocess/export/formats/export_volume.h"
+#include "isobrick/preprocess/volume_source.h"
+#include "isobrick/storage/error.h"
 
 namespace isobrick {
+
+// How a volume is written.
+struct VolumeWriteOptions {
+  // Called now and then with the share that is done, 0 .. 1, by one thread at a time.
+  std::function<void(double fraction)> progress;
+  // Asked after every MiB, and while the disk is busy; writeVolume() then throws Cancelled and
+  // leaves no file.
+  const CancelFlag* cancel = nullptr;
+  // Bounds the writer's buffers, beside the source's own; at least a row.
+  std::uint64_t memory_bytes = std::uint64_t{16} << 20;
+  // Called when everything is written and nothing has its name yet: if it throws, no file is left.
+  std::function<void()> before_publishing;
+};
+
+// Result of writing a volume.
+struct VolumeWriteReport {
+  std::uint64_t bytes = 0;        // of all files
+  std::string space;              // of the file's world coordinates, such as "LPS"
+  std::vector<std::string> lost;  // each thing that the format cannot keep, a line each
+};
 
 // The endings that writeVolume() knows.
 std::vector<std::string> plainVolumeEndings();

@@ -1,15 +1,13 @@
 // From a volume, or the levels of one, to a file or folder of any format.
 #pragma once
 
-#include <cstdint>
-#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "isobrick/preprocess/export/volume_writer.h"
 #include "isobrick/preprocess/volume_source.h"
-#include "isobrick/storage/error.h"
 
 namespace isobrick {
 
@@ -17,27 +15,7 @@ namespace isobrick {
 // one to the next, the origin is the same.
 using VolumeLevels = std::vector<std::unique_ptr<VolumeSource>>;
 
-// How a volume is written.
-struct VolumeWriteOptions {
-  // Called now and then with the share that is done, 0 .. 1, by one thread at a time.
-  std::function<void(double fraction)> progress;
-  // Asked after every MiB, and while the disk is busy; writeVolume() then throws Cancelled and
-  // leaves no file.
-  const CancelFlag* cancel = nullptr;
-  // Bounds the writer's buffers, beside the source's own; at least a row.
-  std::uint64_t memory_bytes = std::uint64_t{16} << 20;
-  // Called when everything is written and nothing has its name yet: if it throws, no file is left.
-  std::function<void()> before_publishing;
-};
-
-// Result of writing a volume.
-struct VolumeWriteReport {
-  std::uint64_t bytes = 0;        // of all files
-  std::string space;              // of the file's world coordinates, such as "LPS"
-  std::vector<std::string> lost;  // each thing that the format cannot keep, a line each
-};
-
-// The same, with what some formats have beside.
+// How a volume is written, with the choices that some formats have beside.
 struct ExportOptions : VolumeWriteOptions {
   // HDF5: a dataset of that name is replaced; otherwise it is an Error.
   bool replace_dataset = true;
