@@ -13,23 +13,24 @@
 
 namespace isobrick {
 
+// From a huge page on: what lies before the first whole one comes in small pages.
 void ReservedBytes::reserve() {
   if (data_ != nullptr) return;
-  void* const at =
-      ::mmap(nullptr, bytes_, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
-  if (at == MAP_FAILED)
+  map_ = ::mmap(nullptr, bytes_ + kHugePageBytes, PROT_NONE,
+                MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+  if (map_ == MAP_FAILED)
     throw Error("no address space for a mesh (" + std::to_string(bytes_ >> 30) +
                 " GiB): " + std::strerror(errno) + "; stream the mesh to a file instead");
-  ::madvise(at, bytes_, MADV_HUGEPAGE);  // where it is refused, small pages do
-  data_ = static_cast<std::byte*>(at);
+  data_ = static_cast<std::byte*>(map_);
+  data_ += -reinterpret_cast<std::uintptr_t>(data_) % kHugePageBytes;
+  ::madvise(data_, bytes_, MADV_HUGEPAGE);  // where it is refused, small pages do
 }
 
 // A quarter more than there is, so that a mesh takes few steps however large it becomes; to the end
 // of a huge page.
 void ReservedBytes::openFurther(std::size_t bytes) {
-  const auto begin = reinterpret_cast<std::uintptr_t>(data_);
-  const std::uintptr_t wanted = begin + std::max(bytes, open_bytes_ + open_bytes_ / 4);
-  const std::size_t end = std::min((wanted + kStep - 1) / kStep * kStep - begin, bytes_);
+  const std::size_t wanted = std::max(bytes, open_bytes_ + open_bytes_ / 4);
+  const std::size_t end = std::min((wanted + kStep - 1) / kStep * kStep, bytes_);
   if (::mprotect(data_ + open_bytes_, end - open_bytes_, PROT_READ | PROT_WRITE) != 0)
     throw Error("no memory for a mesh (" + std::to_string(end >> 20) +
                 " MiB): " + std::strerror(errno) +
@@ -38,7 +39,7 @@ void ReservedBytes::openFurther(std::size_t bytes) {
 }
 
 void ReservedBytes::release() noexcept {
-  if (data_ != nullptr) ::munmap(data_, bytes_);
+  if (data_ != nullptr) ::munmap(map_, bytes_ + kHugePageBytes);
   data_ = nullptr;
   open_bytes_ = 0;
 }

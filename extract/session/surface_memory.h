@@ -35,9 +35,11 @@ class ReservedBytes {
   // What is open counts as used where memory is promised, so there is not much more of it than is
   // asked for.
   static constexpr std::size_t kStep = std::size_t{32} << 20;
+  static constexpr std::size_t kHugePageBytes = std::size_t{2} << 20;
 
   void openFurther(std::size_t bytes);
 
+  void* map_ = nullptr;  // what was reserved
   std::byte* data_ = nullptr;
   const std::size_t bytes_;
   std::size_t open_bytes_ = 0;
