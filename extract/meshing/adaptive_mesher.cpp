@@ -7,7 +7,6 @@
 #include "isobrick/extract/kernels/marching_cubes_table.h"
 #include "isobrick/extract/meshing/brick_vertices.h"
 #include "isobrick/extract/meshing/fans.h"
-#include "isobrick/extract/meshing/leaf_edges.h"
 #include "isobrick/extract/meshing/missing_vertex.h"
 #include "isobrick/extract/meshing/shared_vertices.h"
 #include "isobrick/extract/meshing/transition_face.h"
@@ -31,7 +30,7 @@ class AdaptiveMesher::Brick {
         leaves_(memory.split_.leaves()),
         classifier_(context),
         family_(context, leaves_, level_, work.brick),
-        vertices_(context, family_, batch) {}
+        vertices_(context, family_, memory.edges_, batch) {}
 
   void run() {
     BrickCells& kernels = memory_.cells_;
@@ -50,8 +49,9 @@ class AdaptiveMesher::Brick {
     kernels.template make<T>(context_, work_, family_.ownSamples(), batch_);
     SharedVertices(rows, lattice_, level_, cells_, batch_)
         .list(corners_, [this](std::uint32_t vertex, int axis, const Index3& at) {
-          makeZoneVertex(vertex, axis, cells_.first + at);
+          makeZoneVertex(vertex, axis, at);
         });
+    vertices_.flush();
     const std::size_t plain_indices = batch_.triangles.size();
     for (const FanCell& fan : memory_.fan_cells_) meshFans(fan);
     batch_.transition_indices = batch_.triangles.size() - plain_indices;
@@ -91,24 +91,36 @@ class AdaptiveMesher::Brick {
     }
   }
 
-  // A corner of a leaf of the zone.
-  LatticePoint corner(const Index3& sample) {
-    const Index3 at = sample - cells_.first;
-    return cornerPoint(lattice_, level_, sample, corners_.touchesFiner(at),
-                       corners_.touchesCoarser(at), family_);
+  // A corner of a leaf of the zone, counted from the brick's first.
+  void takeCorner(const Index3& at, EdgeEnd& out) {
+    cornerEnd(lattice_, level_, cells_.first + at, corners_.touchesFiner(at),
+              corners_.touchesCoarser(at), family_, out);
   }
 
-  // On the edge along `axis` from sample `base`, of which leaves of another level touch an end.
-  void makeZoneVertex(std::uint32_t vertex, int axis, const Index3& base) {
-    const LeafEdge edge = leafEdge(lattice_, leaves_, cells_, base, axis);
-    if (!edge.is_of_coarser) {
-      vertices_.put(vertex, axis, corner(edge.low), corner(edge.high), edge.is_shared);
+  // On the edge along `axis` from corner `at`, of which leaves of another level touch an end. Half
+  // of a coarser leaf's edge has that edge's crossing, between its own samples (rule 8).
+  void makeZoneVertex(std::uint32_t vertex, int axis, const Index3& at) {
+    const LeafRows::EdgeBits around = zone_edges_.around(leaves_, axis, at);
+    const int b = (axis + 1) % 3, c = (axis + 2) % 3;
+    const bool is_shared = around.among_leaves == 0 || at[b] == 0 || at[b] == cells_.count[b] ||
+                           at[c] == 0 || at[c] == cells_.count[c];
+    Index3 low = cells_.first + at, high = low;
+    if (around.beside_coarser != 0 && isOnCoarserLattice(lattice_, level_, b, low[b]) &&
+        isOnCoarserLattice(lattice_, level_, c, low[c])) {
+      low[axis] = low[axis] / 2 * 2;
+      high[axis] = std::min(low[axis] + 2, lattice_.samples(level_)[axis] - 1);
+      const SampleView<T>& own = family_.own();
+      vertices_.put(vertex, axis, level_, low, high, is_shared);
+      own.end(low, vertices_.low());
+      own.end(high, vertices_.high());
       return;
     }
-    const auto ownPoint = [&](const Index3& sample) {
-      return LatticePoint{family_.own().value(sample), level_, sample};
-    };
-    vertices_.put(vertex, axis, ownPoint(edge.low), ownPoint(edge.high), edge.is_shared);
+    Index3 next = at;
+    ++next[axis];
+    ++high[axis];
+    vertices_.put(vertex, axis, level_, low, high, is_shared);
+    takeCorner(at, vertices_.low());
+    takeCorner(next, vertices_.high());
   }
 
   // Rule 10: the contour follows the fine side's polyline on every transition face, and every loop
@@ -132,7 +144,9 @@ class AdaptiveMesher::Brick {
       float corner_values[8] = {};
       for (unsigned rest = mask; rest != 0; rest &= rest - 1) {
         const auto c = static_cast<unsigned>(std::countr_zero(rest));
-        corner_values[c] = corner(cell + Index3(c & 1, c >> 1 & 1, c >> 2)).value;
+        EdgeEnd end;
+        takeCorner(cell - cells_.first + Index3(c & 1, c >> 1 & 1, c >> 2), end);
+        corner_values[c] = end.value;
       }
       addTransitionFace(makeTransitionFace(lattice_, level_, cell, face, corner_values),
                         context_.isovalue, vertices, makeVertex, contour);
@@ -140,10 +154,34 @@ class AdaptiveMesher::Brick {
     const glm::dvec3 low(lattice_.position(level_, cell));
     const glm::dvec3 high(lattice_.position(level_, cell + Index3(1)));
     const glm::dvec3 center = 0.5 * (low + high) - glm::dvec3(batch_.origin);
+    vertices_.flush();
     const bool is_closed = forEachLoop(
         contour, [&](const ContourLoop& loop) { addFan(context_.frame, center, loop, batch_); });
     if (!is_closed) failMissingVertex(context_, work_);
   }
+
+  // What touches the edges of one word, asked for in order.
+  class ZoneEdges {
+   public:
+    LeafRows::EdgeBits around(const LeafRows& leaves, int axis, const Index3& at) {
+      if (axis != 0 && at.x == 0) return leaves.firstEdgeAround(axis, at.y, at.z);
+      const std::int64_t bit = axis == 0 ? at.x : at.x - 1;
+      const std::int64_t word = bit / 64;
+      if (axis != axis_ || at.y != j_ || at.z != k_ || word != word_) {
+        axis_ = axis;
+        j_ = at.y;
+        k_ = at.z;
+        word_ = word;
+        bits_ = leaves.edgesAround(axis, j_, k_, word);
+      }
+      return {bits_.among_leaves >> bit % 64 & 1, bits_.beside_coarser >> bit % 64 & 1};
+    }
+
+   private:
+    int axis_ = -1;
+    std::int64_t j_ = 0, k_ = 0, word_ = 0;
+    LeafRows::EdgeBits bits_;
+  };
 
   const MeshContext& context_;
   const BrickWork& work_;
@@ -158,6 +196,7 @@ class AdaptiveMesher::Brick {
   LeafClassifier classifier_;
   BrickFamily<T> family_;
   BrickVertices<T> vertices_;
+  ZoneEdges zone_edges_;
 };
 
 void AdaptiveMesher::mesh(const MeshContext& context, const BrickWork& work, MeshBatch& batch) {

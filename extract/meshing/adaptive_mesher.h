@@ -1,6 +1,7 @@
 // Marching cubes and transition fans on a brick where leaves of several levels meet.
 #pragma once
 
+#include "isobrick/extract/kernels/edge_crossings.h"
 #include "isobrick/extract/meshing/brick_cells.h"
 #include "isobrick/extract/meshing/brick_split.h"
 #include "isobrick/extract/meshing/crossed_tiles.h"
@@ -34,6 +35,7 @@ class AdaptiveMesher {
   BrickCells cells_;
   TransitionCorners corners_;
   std::vector<FanCell> fan_cells_;
+  EdgeQueue edges_;
 };
 
 }  // namespace isobrick

@@ -43,8 +43,10 @@ class BrickFamily {
   }
   // A finer brick that holds sample `fine` of the finer level, a point of this brick's closed box.
   const SampleView<T>& finer(const Index3& fine) {
+    if (last_finer_ != nullptr && last_finer_->hasCorner(fine)) return last_finer_->view;
     FinerBrick& slot = slotWith(fine);
     if (!slot.held) hold(level_ - 1, slot.brick, slot.held);
+    last_finer_ = &*slot.held;
     return slot.held->view;
   }
   // Up to where the brick of finer() holds the samples of the finer level from `fine` on along x.
@@ -84,6 +86,15 @@ class BrickFamily {
   struct HeldBrick {
     BrickSamples samples;
     SampleView<T> view;
+    IndexBox corners;  // of its cells
+
+    bool hasCorner(const Index3& sample) const {
+      const auto isIn = [&](int axis) {
+        return static_cast<std::uint64_t>(sample[axis] - corners.first[axis]) <
+               static_cast<std::uint64_t>(corners.count[axis]);
+      };
+      return isIn(0) && isIn(1) && isIn(2);
+    }
   };
   struct FinerBrick {
     Index3 brick{0};
@@ -143,7 +154,9 @@ class BrickFamily {
   void hold(int level, const Index3& brick, std::optional<HeldBrick>& out) const {
     BrickSamples samples = context_.samples(level, brick);
     SampleView<T> view(context_.lattice(), level, samples.box, samples.template data<T>());
-    out.emplace(HeldBrick{std::move(samples), std::move(view)});
+    IndexBox corners = context_.pyramid.layout().brickCellBox(level, brick);
+    corners.count += Index3(1);
+    out.emplace(HeldBrick{std::move(samples), std::move(view), corners});
   }
 
   const MeshContext& context_;
@@ -153,6 +166,7 @@ class BrickFamily {
   const std::int64_t edge_;  // of a brick, in cells; a power of two
   const int shift_;          // its logarithm
   std::optional<HeldBrick> own_;
+  const HeldBrick* last_finer_ = nullptr;  // that was asked for
   std::array<std::unique_ptr<FinerBrick>, 64> finer_;  // and those around, x fastest
 };
 

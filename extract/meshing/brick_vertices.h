@@ -1,51 +1,65 @@
 // Vertices between lattice points of which the brick's own samples are not the whole truth.
 #pragma once
 
+#include "isobrick/extract/kernels/edge_crossings.h"
 #include "isobrick/extract/meshing/brick_family.h"
 #include "isobrick/extract/meshing/corner_values.h"
 #include "isobrick/extract/sinks/triangle_sink.h"
 
 namespace isobrick {
 
-// Writes vertices of a batch whose origin is set. T: the voxel type.
+// Writes vertices of a batch whose origin is set. They wait in a queue: positions and normals are
+// there after flush(). T: the voxel type.
 template <typename T>
 class BrickVertices {
  public:
-  BrickVertices(const MeshContext& context, BrickFamily<T>& family, MeshBatch& batch)
-      : context_(context), family_(family), batch_(batch) {}
+  BrickVertices(const MeshContext& context, BrickFamily<T>& family, EdgeQueue& queue,
+                MeshBatch& batch)
+      : context_(context), family_(family), queue_(queue), batch_(batch) {}
 
-  // Puts the crossing of the edge along `axis` from `low` to `high` in the place of vertex
-  // `vertex`. `is_shared`: lists it as one that other bricks may have too.
-  void put(std::uint32_t vertex, int axis, const LatticePoint& low, const LatticePoint& high,
+  // Puts the crossing of the edge of `level` along `axis` from sample `low` to sample `high` in the
+  // place of vertex `vertex`. `is_shared`: lists it as one that other bricks may have too. The
+  // caller fills low() and high().
+  void put(std::uint32_t vertex, int axis, int level, const Index3& low, const Index3& high,
            bool is_shared) {
+    if (queue_.count == EdgeQueue::kMost) flush();
     const Lattice& lattice = context_.lattice();
-    const Index3 base = lattice.position(low.level, low.sample);
-    const float t = crossingParameter(context_.isovalue, low.value, high.value);
-    glm::vec3 position(base - batch_.origin);
-    const std::int64_t end = lattice.position(high.level, axis, high.sample[axis]);
-    position[axis] = crossingCoordinate(static_cast<float>(end - batch_.origin[axis]),
-                                        static_cast<float>(end - base[axis]), t);
-    batch_.positions[vertex] = position;
-    batch_.normals[vertex] = context_.frame.normal(gradientAt(gradientOf(low), gradientOf(high), t),
-                                                   axis, low.value >= context_.isovalue);
+    CrossedEdge& edge = queue_.edges[queue_.count++];
+    edge.vertex = vertex;
+    edge.axis = axis;
+    const Index3 base = lattice.position(level, low);
+    const Index3& origin = batch_.origin;
+    for (int a = 0; a < 3; ++a) (&edge.begin.x)[a] = static_cast<float>(base[a] - origin[a]);
+    edge.end = static_cast<float>(lattice.position(level, axis, high[axis]) - origin[axis]);
     if (is_shared) batch_.shared.push_back({vertex, 0, makeEdgeKey(base, axis)});
   }
-  // The same behind the vertices that there are; returns its number.
+  EdgeEnd& low() { return queue_.low[queue_.count - 1]; }
+  EdgeEnd& high() { return queue_.high[queue_.count - 1]; }
+
+  // The same behind the vertices that there are, of an edge between points of a transition face;
+  // returns its number.
   std::uint32_t append(int axis, const LatticePoint& low, const LatticePoint& high) {
     const auto vertex = static_cast<std::uint32_t>(batch_.positions.size());
     batch_.positions.emplace_back();
     batch_.normals.emplace_back();
-    put(vertex, axis, low, high, true);
+    put(vertex, axis, low.level, low.sample, high.sample, true);
+    takeEnd(low, this->low());
+    takeEnd(high, this->high());
     return vertex;
+  }
+  void flush() {
+    queue_.make(context_.frame, context_.isovalue, batch_.positions.data(), batch_.normals.data());
   }
 
  private:
-  glm::vec3 gradientOf(const LatticePoint& point) {
-    return family_.at(point.level, point.sample).gradient(point.sample);
+  void takeEnd(const LatticePoint& point, EdgeEnd& out) {
+    family_.at(point.level, point.sample).end(point.sample, out);
+    out.value = point.value;
   }
 
   const MeshContext& context_;
   BrickFamily<T>& family_;
+  EdgeQueue& queue_;
   MeshBatch& batch_;
 };
 

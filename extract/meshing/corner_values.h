@@ -120,19 +120,43 @@ inline Index3 finerSample(const Lattice& lattice, int level, const Index3& sampl
   return glm::min(2L * sample, lattice.samples(level - 1) - Index3(1));
 }
 
-// Rule 6 for a sample that is a corner of a leaf: the finest of the leaves that touch it decides,
-// unless it hangs on a coarser one. By rule 5 not both a finer and a coarser leaf touch it.
+// valueOnCoarserLeaf() of the brick's own samples.
 template <typename T>
-LatticePoint cornerPoint(const Lattice& lattice, int level, const Index3& sample,
-                         bool touches_finer, bool touches_coarser, BrickFamily<T>& family) {
+float ownValueOnCoarserLeaf(const Lattice& lattice, int level, const Index3& sample,
+                            const SampleView<T>& view) {
+  // The mean of integers of 16 bits is exact in any order, also that of one of them four times.
+  if constexpr (sizeof(T) <= 2) {
+    std::int64_t steps[3] = {0, 0, 0};
+    bool is_between = true;  // the middle of its neighbours along each odd axis
+    for (int axis = 0, odd = 0; axis < 3; ++axis)
+      if (sample[axis] % 2 != 0) {
+        is_between = is_between && (sample[axis] + 1) << level < lattice.voxels()[axis];
+        steps[odd++] = view.stride(axis);
+      }
+    if (is_between) {
+      const T* at = view.at(view.offset(sample));
+      const auto [a, b, unused] = steps;
+      return static_cast<float>(int{at[-a - b]} + at[a - b] + at[b - a] + at[a + b]) * 0.25f;
+    }
+  }
+  return valueOnCoarserLeaf(lattice, level, sample,
+                            [&](const Index3& at) { return view.value(at); });
+}
+
+// Rule 6 for a sample that is a corner of a leaf, with the gradient there (rule 12): the finest of
+// the leaves that touch it decides, unless it hangs on a coarser one. By rule 5 not both a finer
+// and a coarser leaf touch it.
+template <typename T>
+void cornerEnd(const Lattice& lattice, int level, const Index3& sample, bool touches_finer,
+               bool touches_coarser, BrickFamily<T>& family, EdgeEnd& out) {
   if (touches_finer) {
     const Index3 fine = finerSample(lattice, level, sample);
-    return {family.finer(fine).value(fine), level - 1, fine};
+    family.finer(fine).end(fine, out);
+    return;
   }
-  const SampleView<T>& view = family.own();
-  if (!touches_coarser) return {view.value(sample), level, sample};
-  const auto ownValue = [&](const Index3& at) { return view.value(at); };
-  return {valueOnCoarserLeaf(lattice, level, sample, ownValue), level, sample};
+  const SampleView<T>& own = family.own();
+  own.end(sample, out);
+  if (touches_coarser) out.value = ownValueOnCoarserLeaf(lattice, level, sample, own);
 }
 
 }  // namespace isobrick

@@ -1,6 +1,7 @@
 #include "isobrick/extract/meshing/leaf_rows.h"
 
 #include <algorithm>
+#include <functional>
 
 #include "isobrick/extract/kernels/row_bits.h"
 
@@ -46,6 +47,13 @@ void LeafRows::classify(std::int64_t j, std::int64_t k) {
     finer[word] = refined;
     coarser[word] = cells_of_row_[w] & ~exists;
   }
+  std::uint64_t* const beside = leaf + kBesideOthers * words_;
+  std::uint64_t here = finer[0] | coarser[0];
+  for (std::int64_t word = 0; word < words_; ++word) {
+    const std::uint64_t next = word + 1 < words_ ? finer[word + 1] | coarser[word + 1] : 0;
+    beside[word] = here | (here >> 1 | next << 63) | (here >> 2 | next << 62);
+    here = next;
+  }
 }
 
 // Bit i becomes bit i + 1.
@@ -66,20 +74,13 @@ void LeafRows::leaves(std::int64_t j, std::int64_t k, std::uint64_t* out) const 
 
 void LeafRows::leavesAmongLeaves(std::int64_t j, std::int64_t k, std::uint64_t* out) const {
   const std::uint64_t* leaf = words(kLeaf, j, k);
-  const auto others = [&](std::int64_t word) {
-    std::uint64_t any = 0;
-    for (std::int64_t dk = -1; dk <= 1; ++dk)
-      for (std::int64_t dj = -1; dj <= 1; ++dj)
-        any |= words(kFiner, j + dj, k + dk)[word] | words(kCoarser, j + dj, k + dk)[word];
-    return any;
-  };
-  std::uint64_t here = others(0);
-  for (std::int64_t word = 0; word < wordsOf(cells_.count.x); ++word) {
-    const std::uint64_t next = others(word + 1);
-    // Cell i lies between bits i, i + 1 and i + 2.
-    const std::uint64_t touched = here | (here >> 1 | next << 63) | (here >> 2 | next << 62);
+  const std::int64_t next_row = kKinds * words_, next_slice = next_row * (cells_.count.y + 2);
+  const std::uint64_t* beside = words(kBesideOthers, j - 1, k - 1);
+  for (std::int64_t word = 0; word < wordsOf(cells_.count.x); ++word, ++beside) {
+    std::uint64_t touched = 0;
+    for (const std::uint64_t* slice : {beside, beside + next_slice, beside + 2 * next_slice})
+      touched |= slice[0] | slice[next_row] | slice[2 * next_row];
     out[word] = (leaf[word] >> 1 | leaf[word + 1] << 63) & ~touched;
-    here = next;
   }
 }
 
@@ -111,23 +112,29 @@ void LeafRows::cornersTouching(std::int64_t j, std::int64_t k, std::uint64_t* fi
   find(kCoarser, coarser);
 }
 
-bool LeafRows::areLeavesAround(const Index3& base, int axis) const {
-  const Index3 b = base - cells_.first;
-  if (axis == 0)
-    return (twoAt(kLeaf, b.x, b.y, b.z) & twoAt(kLeaf, b.x, b.y - 1, b.z) &
-            twoAt(kLeaf, b.x, b.y, b.z - 1) & twoAt(kLeaf, b.x, b.y - 1, b.z - 1) & 1) != 0;
-  const std::int64_t y = axis == 1 ? b.y : b.y - 1, z = axis == 1 ? b.z - 1 : b.z;
-  return (twoAt(kLeaf, b.x - 1, b.y, b.z) & twoAt(kLeaf, b.x - 1, y, z)) == 3;
+LeafRows::EdgeBits LeafRows::edgesAround(int axis, std::int64_t j, std::int64_t k,
+                                         std::int64_t word) const {
+  const std::int64_t beside_j = axis == 1 ? j : j - 1, beside_k = axis == 1 ? k - 1 : k;
+  const auto rowsOf = [&](Kind kind, std::int64_t n, auto join) {
+    std::uint64_t bits = join(words(kind, j, k)[n], words(kind, beside_j, beside_k)[n]);
+    if (axis == 0) bits = join(bits, join(words(kind, j, k - 1)[n], words(kind, j - 1, k - 1)[n]));
+    return bits;
+  };
+  // Cell i is bit i + 1.
+  const auto edgesOf = [&](Kind kind, auto join) {
+    const std::uint64_t here = rowsOf(kind, word, join), next = rowsOf(kind, word + 1, join);
+    const std::uint64_t cells = here >> 1 | next << 63;
+    return axis == 0 ? cells : join(cells, here >> 2 | next << 62);
+  };
+  return {edgesOf(kLeaf, std::bit_and<std::uint64_t>()),
+          edgesOf(kCoarser, std::bit_or<std::uint64_t>())};
 }
 
-bool LeafRows::isAnyCoarserAround(const Index3& base, int axis) const {
-  const Index3 b = base - cells_.first;
-  if (axis == 0)
-    return ((twoAt(kCoarser, b.x, b.y, b.z) | twoAt(kCoarser, b.x, b.y - 1, b.z) |
-             twoAt(kCoarser, b.x, b.y, b.z - 1) | twoAt(kCoarser, b.x, b.y - 1, b.z - 1)) &
-            1) != 0;
-  const std::int64_t y = axis == 1 ? b.y : b.y - 1, z = axis == 1 ? b.z - 1 : b.z;
-  return (twoAt(kCoarser, b.x - 1, b.y, b.z) | twoAt(kCoarser, b.x - 1, y, z)) != 0;
+LeafRows::EdgeBits LeafRows::firstEdgeAround(int axis, std::int64_t j, std::int64_t k) const {
+  const std::int64_t beside_j = axis == 1 ? j : j - 1, beside_k = axis == 1 ? k - 1 : k;
+  const std::uint64_t leaves = words(kLeaf, j, k)[0] & words(kLeaf, beside_j, beside_k)[0];
+  const std::uint64_t coarser = words(kCoarser, j, k)[0] | words(kCoarser, beside_j, beside_k)[0];
+  return {leaves & leaves >> 1 & 1, (coarser | coarser >> 1) & 1};
 }
 
 }  // namespace isobrick

@@ -41,10 +41,15 @@ class LeafRows {
   // Which cells of word `word` of the row have a refined cell across face f: bit i of [f] is cell
   // 64 word + i, as in leaves(). Rows beside it must have been found.
   std::array<std::uint64_t, 6> besideFiner(std::int64_t j, std::int64_t k, std::int64_t word) const;
-  // Whether all, or any, of the four cells that touch the edge along `axis` from sample `base` of
-  // the level are leaves, or are coarser. Those beyond the volume are neither.
-  bool areLeavesAround(const Index3& base, int axis) const;
-  bool isAnyCoarserAround(const Index3& base, int axis) const;
+  // Edges along `axis` from corner row (j, k): those that only leaves touch, and those that a coarser
+  // leaf does. Cells beyond the volume are neither. Bit i of word `word` is corner 64 word + i for
+  // axis 0 and the one behind it for the others, as in BrickRows::crossed.
+  struct EdgeBits {
+    std::uint64_t among_leaves = 0, beside_coarser = 0;
+  };
+  EdgeBits edgesAround(int axis, std::int64_t j, std::int64_t k, std::int64_t word) const;
+  // The same of corner 0 alone, in bit 0. Not of axis 0.
+  EdgeBits firstEdgeAround(int axis, std::int64_t j, std::int64_t k) const;
   // Whether a cell of the level is refined: one of the brick's, or one that touches it.
   bool isRefined(const Index3& cell) const {
     const Index3 at = cell - cells_.first;
@@ -52,8 +57,9 @@ class LeafRows {
   }
 
  private:
-  // Bit i + 1 of a row's words is cell i.
-  enum Kind { kLeaf, kFiner, kCoarser, kKinds };
+  // Bit i + 1 of a row's words is cell i. Of kBesideOthers bit i: the cell, or one beside it in the
+  // row, is finer or coarser.
+  enum Kind { kLeaf, kFiner, kCoarser, kBesideOthers, kKinds };
 
   std::size_t index(std::int64_t j, std::int64_t k) const {
     return static_cast<std::size_t>((k + 1) * (cells_.count.y + 2) + j + 1);

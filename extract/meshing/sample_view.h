@@ -4,6 +4,7 @@
 #include <bit>
 #include <vector>
 
+#include "isobrick/extract/kernels/edge_crossings.h"
 #include "isobrick/storage/brick_layout.h"
 
 namespace isobrick {
@@ -48,14 +49,19 @@ class SampleView {
     const Index3 local = sample - box_.first;
     return gradientAtLocal(local, linearIndex(local, box_.count));
   }
+  // Value and gradient to `out`.
+  void end(const Index3& sample, EdgeEnd& out) const {
+    const Index3 local = sample - box_.first;
+    const T* at = data_ + linearIndex(local, box_.count);
+    out.value = static_cast<float>(*at);
+    for (int axis = 0; axis < 3; ++axis)
+      (&out.gradient.x)[axis] = difference(at, taps_[axis][static_cast<std::size_t>(local[axis])]);
+  }
   glm::vec3 gradientAtLocal(const Index3& local, std::int64_t offset) const {
     const T* at = data_ + offset;
     glm::vec3 g;
-    for (int axis = 0; axis < 3; ++axis) {
-      const Tap& tap = taps_[axis][static_cast<std::size_t>(local[axis])];
-      const float difference = static_cast<float>(at[tap.high]) - static_cast<float>(at[tap.low]);
-      g[axis] = tap.inverse != 0 ? difference * tap.inverse : difference / tap.distance;
-    }
+    for (int axis = 0; axis < 3; ++axis)
+      g[axis] = difference(at, taps_[axis][static_cast<std::size_t>(local[axis])]);
     return g;
   }
 
@@ -65,6 +71,10 @@ class SampleView {
     float distance = 1;              // in voxels
     float inverse = 1;               // of the distance where that is exact, else 0
   };
+  static float difference(const T* at, const Tap& tap) {
+    const float values = static_cast<float>(at[tap.high]) - static_cast<float>(at[tap.low]);
+    return tap.inverse != 0 ? values * tap.inverse : values / tap.distance;
+  }
   const T* data_ = nullptr;
   IndexBox box_;
   std::int64_t stride_[3] = {0, 0, 0};

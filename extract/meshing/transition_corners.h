@@ -22,7 +22,6 @@ class TransitionCorners {
   // Asks `rows` to compare what the zone needs.
   void reset(const Lattice& lattice, const BrickSplit& split, const IndexBox& cells,
              BrickRows& rows) {
-    lattice_ = &lattice;
     level_ = split.leaves().level();
     cells_ = cells;
     last_ = lattice.samples(split.leaves().level()) - Index3(1);
@@ -34,14 +33,22 @@ class TransitionCorners {
       rows_of->resize(count * static_cast<std::size_t>(words_));
     for (auto* row : {&inside_, &finer_here_, &hanging_, &all_, &any_})
       row->resize(static_cast<std::size_t>(words_));
+    for (const int axis : {1, 2}) {
+      ends_[axis - 1].resize(static_cast<std::size_t>(cells.count[axis]) + 1);
+      for (std::int64_t i = 0; i <= cells.count[axis]; ++i) {
+        const auto [low, high] = endsAround(lattice, level_, axis, cells.first[axis] + i);
+        ends_[axis - 1][static_cast<std::size_t>(i)] = {low - cells.first[axis],
+                                                        high - cells.first[axis]};
+      }
+    }
+    std::uint8_t* const compare_too = rows.compare_too.data();
     for (const BrickSplit::ZoneRow& row : split.zoneRows())
       for (const std::int64_t k : {row.k, row.k + 1})
-        for (const std::int64_t j : {row.j, row.j + 1})
+        for (const std::int64_t j : {row.j, row.j + 1}) {
+          compare_too[rows.row(j, k)] = 1;
           for (const std::int64_t z : endsOf(2, k))
-            for (const std::int64_t y : endsOf(1, j)) {
-              rows.compare_too[static_cast<std::size_t>(rows.row(j, k))] = 1;
-              rows.compare_too[static_cast<std::size_t>(rows.row(y, z))] = 1;
-            }
+            for (const std::int64_t y : endsOf(1, j)) compare_too[rows.row(y, z)] = 1;
+        }
   }
 
   // Gives the corners of the zone's cells in `rows`, which are compared, their bits.
@@ -104,10 +111,9 @@ class TransitionCorners {
     return finer_[at] | coarser_[at];
   }
 
-  // endsAround() of corner `i` of the brick along `axis`.
-  std::array<std::int64_t, 2> endsOf(int axis, std::int64_t i) const {
-    const auto [low, high] = endsAround(*lattice_, level_, axis, cells_.first[axis] + i);
-    return {low - cells_.first[axis], high - cells_.first[axis]};
+  // endsAround() of corner `i` of the brick along y or z.
+  const std::array<std::int64_t, 2>& endsOf(int axis, std::int64_t i) const {
+    return ends_[axis - 1][static_cast<std::size_t>(i)];
   }
   void takeOwn(const BrickRows& rows, std::int64_t r, std::uint64_t* out) const {
     const std::uint64_t* own = rows.inside.data() + r * rows.words_per_row;
@@ -177,7 +183,7 @@ class TransitionCorners {
     const std::int64_t r = rows.row(j, k);
     const std::uint64_t* touches_finer = wordsAt(finer_, static_cast<std::size_t>(r));
     const std::uint64_t* touches_coarser = wordsAt(coarser_, static_cast<std::size_t>(r));
-    std::uint64_t carry = 0, any_hanging = 0;
+    std::uint64_t carry = 0, any_hanging = 0, any_finer = 0;
     for (std::int64_t word = 0; word < words_; ++word) {
       const std::uint64_t cells = zoneCells(split, j, k, word);
       const std::uint64_t corners = cells | cells << 1 | carry;
@@ -186,7 +192,9 @@ class TransitionCorners {
       hanging_[static_cast<std::size_t>(word)] =
           touches_coarser[word] & ~touches_finer[word] & corners;
       any_hanging |= hanging_[static_cast<std::size_t>(word)];
+      any_finer |= finer_here_[static_cast<std::size_t>(word)];
     }
+    if ((any_hanging | any_finer) == 0) return;
     if (any_hanging != 0) joinEnds(rows, j, k);
     takeOwn(rows, r, inside_.data());
     const Index3 first = cells_.first + Index3(0, j, k);
@@ -199,7 +207,7 @@ class TransitionCorners {
       for (; others != 0; others &= others - 1) {
         const int bit = std::countr_zero(others);
         const Index3 sample = first + Index3(64 * word + bit, 0, 0);
-        putBit(w, bit, cornerPoint(lattice, level, sample, false, true, family).value >= isovalue);
+        putBit(w, bit, ownValueOnCoarserLeaf(lattice, level, sample, family.own()) >= isovalue);
       }
     }
     resolveFiner(lattice, isovalue, level, first, family);
@@ -244,7 +252,6 @@ class TransitionCorners {
 
   static constexpr std::uint64_t kOdd = 0xAAAAAAAAAAAAAAAAull;
 
-  const Lattice* lattice_ = nullptr;
   int level_ = 0;
   IndexBox cells_;
   std::int64_t words_ = 0;           // of a row of corners, corner i in bit i % 64 of word i / 64
@@ -252,6 +259,7 @@ class TransitionCorners {
   std::vector<std::uint8_t> found_;  // rows beside the zone
   Words finer_, coarser_;            // of rows that were found: what touches their corners
   Index3 last_{0};                   // sample of the level
+  std::vector<std::array<std::int64_t, 2>> ends_[2];
   Words inside_, finer_here_, hanging_, all_, any_;  // of the row at hand
 };
 

@@ -56,13 +56,14 @@ void FocusOracle::keepRefined(int level, const Index3& first, std::int64_t count
   if (within == std::numeric_limits<double>::infinity()) return;
   const RowDistance distance(focus_, level, first);
   const auto isRefined = [&](std::int64_t i) { return distance.squared(i) < within; };
-  if (isRefined(0) && isRefined(count - 1)) return;
-  if (distance.squaredBesideX() >= within) {
+  const double beside = distance.squaredBesideX();
+  if (beside >= within) {
     keepBits(bits, count, 0, 0);
     return;
   }
-  const double edge = distance.edge();
-  const double at = focus_.x / edge - 0.5 - static_cast<double>(first.x);  // of the focus, in cells
+  if (isRefined(0) && isRefined(count - 1)) return;
+  const double cells = 1.0 / distance.edge();  // in a voxel; exact, where a division is slow
+  const double at = focus_.x * cells - 0.5 - static_cast<double>(first.x);  // of the focus
   const auto last = static_cast<double>(count - 1);
   const auto nearest = static_cast<std::int64_t>(std::clamp(at, 0.0, last) + 0.5);
   // The cell whose centre is nearest, or the one beside it where that is a tie by rounding.
@@ -77,7 +78,7 @@ void FocusOracle::keepRefined(int level, const Index3& first, std::int64_t count
       return;
     }
   }
-  const double half = std::sqrt(std::max(0.0, within - distance.squaredBesideX())) / edge;
+  const double half = std::sqrt(within - beside) * cells;
   std::int64_t low = static_cast<std::int64_t>(std::clamp(at - half, 0.0, last));
   std::int64_t high = static_cast<std::int64_t>(std::clamp(at + half, 0.0, last));
   low = std::min(low, from);
