@@ -1,4 +1,4 @@
-// Where the isosurface cuts the faces of one cell: pieces from vertex to vertex, and the loops that
+// Where the isosurface cuts the faces of one cell: pieces from point to point, and the loops that
 // they close (rules 9 and 10).
 #pragma once
 
@@ -14,35 +14,130 @@ namespace isobrick {
 // has its vertex; where ranges hide samples, or values are not finite, kernels find this instead.
 inline constexpr std::uint32_t kNoVertex = ~std::uint32_t{0};
 
-// The numbers of the vertices on a cell's edges; only crossed edges have one.
-using CellVertices = std::array<std::uint32_t, kCellEdges>;
+// The points of a cell's contour: first its edges, then, for each face, the four edges inside it
+// where it is halved both ways.
+inline constexpr int kContourPoints = kCellEdges + 6 * 4;
 
-struct Contour {
-  // Six faces of at most four sub-faces with two pieces each.
-  static constexpr std::size_t kMostPieces = 48;
-
-  std::array<std::uint32_t, kMostPieces> from;
-  std::array<std::uint32_t, kMostPieces> to;
-  std::array<std::uint8_t, kMostPieces> face;  // that it lies in, of the cell: bit f is face f
-  std::size_t size = 0;
-
-  void add(std::uint32_t a, std::uint32_t b, int in_face) {
-    from[size] = a;
-    to[size] = b;
-    face[size] = static_cast<std::uint8_t>(1u << in_face);
-    ++size;
-  }
-  // The piece that begins at `vertex`; `size` where there is none.
-  std::size_t pieceFrom(std::uint32_t vertex) const {
-    std::size_t piece = 0;
-    while (piece < size && (vertex == kNoVertex || from[piece] != vertex)) ++piece;
-    return piece;
-  }
+// The contour on one face: at most four halves of halves with two pieces each. Each runs from one
+// edge to another, in the numbers of a table below.
+struct FaceContour {
+  struct Piece {
+    std::uint8_t from, to;
+  };
+  std::array<Piece, 8> pieces{};
+  std::uint8_t size = 0;
 };
 
-// Adds the contour on face `face` of a cell with the sign pattern `pattern` (bit c: corner c is
-// inside).
-void addPlainFace(unsigned pattern, int face, const CellVertices& vertices, Contour& contour);
+// Edges of a halved face: 2 j + i is part i (0, 1) along b of row j (0 .. 2), 6 + 2 i + j part j
+// along c of column i; b and c are the axes (axis + 1) % 3 and (axis + 2) % 3 of face 2 axis + side.
+// Where it is not halved along an axis, only part 0 and the lines 0 and 2 are there.
+inline constexpr int kHalvedFaceEdges = 12;
+struct FaceParts {
+  int b = 2, c = 2;  // 1 or 2
+};
+constexpr int halvedFaceEdge(const FaceParts& parts, FaceCorner p, FaceCorner q) {
+  if (p.b != q.b) return 2 * (p.c == parts.c ? 2 : p.c) + (p.b < q.b ? p.b : q.b);
+  return 6 + 2 * (p.b == parts.b ? 2 : p.b) + (p.c < q.c ? p.c : q.c);
+}
+
+// The contour on a face of side `side` (0, 1) that is halved: bit 3 j + i of `inside` says so of
+// point (i, j), 0 .. parts of each.
+constexpr FaceContour makeHalvedFace(int side, unsigned inside_bits, const FaceParts& parts = {}) {
+  FaceContour contour;
+  for (int part_c = 0; part_c < parts.c; ++part_c)
+    for (int part_b = 0; part_b < parts.b; ++part_b) {
+      FaceCorner corner[4]{};
+      bool inside[4]{};
+      for (int n = 0; n < 4; ++n) {
+        const FaceCorner at = kFaceLoop[side][n];
+        corner[n] = {static_cast<std::uint8_t>(part_b + at.b),
+                     static_cast<std::uint8_t>(part_c + at.c)};
+        inside[n] = (inside_bits >> (3 * corner[n].c + corner[n].b) & 1) != 0;
+      }
+      forEachFaceSegment(inside, [&](int m, int n) {
+        contour.pieces[contour.size++] = {
+            static_cast<std::uint8_t>(halvedFaceEdge(parts, corner[(m + 3) % 4], corner[m])),
+            static_cast<std::uint8_t>(halvedFaceEdge(parts, corner[n], corner[(n + 1) % 4]))};
+      });
+    }
+  return contour;
+}
+
+// The contour on face `face` of a cell, in the cell's edges: bit c of `pattern` says whether corner
+// c is inside.
+constexpr FaceContour makePlainFace(int face, unsigned pattern) {
+  const int axis = face / 2, side = face % 2;
+  int corner[4]{};
+  bool inside[4]{};
+  for (int i = 0; i < 4; ++i) {
+    const FaceCorner at = kFaceLoop[side][i];
+    corner[i] = side << axis | at.b << (axis + 1) % 3 | at.c << (axis + 2) % 3;
+    inside[i] = (pattern >> corner[i] & 1) != 0;
+  }
+  const auto edgeBetween = [&](int i, int j) {
+    const int low = corner[i] & corner[j], along = corner[i] ^ corner[j];
+    return static_cast<std::uint8_t>(edgeNumber(along >> 1, low & 1, low >> 1 & 1, low >> 2));
+  };
+  FaceContour contour;
+  forEachFaceSegment(inside, [&](int i, int j) {
+    contour.pieces[contour.size++] = {edgeBetween((i + 3) % 4, i), edgeBetween(j, (j + 1) % 4)};
+  });
+  return contour;
+}
+
+// The same of faces halved both ways, and of a cell's, from a table.
+const FaceContour& halvedFace(int side, unsigned inside_bits);
+const FaceContour& plainFace(int face, unsigned pattern);
+
+// The point of a contour that an edge of a halved face is: the cell's edge that it is half of, or
+// one inside the face.
+constexpr std::uint8_t contourPoint(int face, int halved_face_edge) {
+  const int axis = face / 2, b = (axis + 1) % 3, c = (axis + 2) % 3;
+  const bool along_b = halved_face_edge < 6;
+  const int line = halved_face_edge % 6 / 2;  // j of the row or i of the column
+  if (line == 1)
+    return static_cast<std::uint8_t>(kCellEdges + 4 * face + (along_b ? 2 : 0) +
+                                     halved_face_edge % 2);
+  int at[3] = {0, 0, 0};
+  at[axis] = face % 2;
+  at[along_b ? c : b] = line / 2;
+  return static_cast<std::uint8_t>(edgeNumber(along_b ? b : c, at[0], at[1], at[2]));
+}
+
+inline constexpr auto kHalvedFacePoints = [] {
+  std::array<std::array<std::uint8_t, kHalvedFaceEdges>, 6> points{};
+  for (int face = 0; face < 6; ++face)
+    for (int edge = 0; edge < kHalvedFaceEdges; ++edge)
+      points[static_cast<std::size_t>(face)][static_cast<std::size_t>(edge)] =
+          contourPoint(face, edge);
+  return points;
+}();
+
+// The pieces on the faces of one cell.
+struct Contour {
+  // Six faces of at most four halves of halves with two pieces each.
+  static constexpr std::size_t kMostPieces = 48;
+  static constexpr std::uint8_t kNoPiece = 255;
+
+  struct Piece {
+    std::uint8_t from, to;
+    std::uint8_t face;  // that it lies in, of the cell: bit f is face f
+  };
+  std::array<Piece, kMostPieces> pieces;
+  std::size_t size = 0;
+  std::array<std::uint8_t, kContourPoints> next;      // the piece that begins at a point
+  std::array<std::uint32_t, kContourPoints> numbers;  // of their vertices, as far as known
+
+  Contour() {
+    next.fill(kNoPiece);
+    numbers.fill(kNoVertex);
+  }
+  void add(std::uint8_t from, std::uint8_t to, int in_face) {
+    pieces[size] = {from, to, static_cast<std::uint8_t>(1u << in_face)};
+    if (next[from] == kNoPiece) next[from] = static_cast<std::uint8_t>(size);
+    ++size;
+  }
+};
 
 // A closed loop of a contour, in the direction of the pieces.
 struct ContourLoop {
@@ -57,20 +152,23 @@ struct ContourLoop {
 // values that are not finite can be; the caller has an Error then.
 template <typename F>
 [[nodiscard]] bool forEachLoop(const Contour& contour, F&& loop) {
-  std::array<bool, Contour::kMostPieces> used{};
+  std::uint64_t used = 0;
+  static_assert(Contour::kMostPieces <= 64);
   std::array<std::uint32_t, Contour::kMostPieces> vertices;
   std::array<std::uint8_t, Contour::kMostPieces> faces;
   for (std::size_t start = 0; start < contour.size; ++start) {
-    if (used[start]) continue;
+    if ((used >> start & 1) != 0) continue;
     std::size_t length = 0, at = start;
     std::uint8_t before = 0;  // the face of the piece that ends at the vertex
     do {
-      used[at] = true;
-      vertices[length] = contour.from[at];
-      faces[length++] = contour.face[at] | before;
-      before = contour.face[at];
-      at = contour.pieceFrom(contour.to[at]);
-      if (at == contour.size || (used[at] && at != start)) return false;
+      const Contour::Piece& piece = contour.pieces[at];
+      used |= std::uint64_t{1} << at;
+      vertices[length] = contour.numbers[piece.from];
+      if (vertices[length] == kNoVertex) return false;
+      faces[length++] = piece.face | before;
+      before = piece.face;
+      at = contour.next[piece.to];
+      if (at == Contour::kNoPiece || ((used >> at & 1) != 0 && at != start)) return false;
     } while (at != start);
     faces[0] |= before;
     loop(ContourLoop{{vertices.data(), length}, {faces.data(), length}});

@@ -8,6 +8,14 @@ namespace isobrick {
 
 inline std::int64_t wordsOf(std::int64_t bits) { return (bits + 63) / 64; }
 
+// How many bits are set. std::popcount() is a call where every processor has to be served.
+constexpr std::uint32_t bitCount(std::uint64_t x) {
+  x -= x >> 1 & 0x5555555555555555ull;
+  x = (x & 0x3333333333333333ull) + (x >> 2 & 0x3333333333333333ull);
+  x = (x + (x >> 4)) & 0x0F0F0F0F0F0F0F0Full;
+  return static_cast<std::uint32_t>(x * 0x0101010101010101ull >> 56);
+}
+
 // The lowest `count` bits, 0 .. 64.
 inline std::uint64_t lowBits(std::int64_t count) {
   return count >= 64 ? ~std::uint64_t{0} : (std::uint64_t{1} << count) - 1;

@@ -91,7 +91,11 @@ class AdaptiveMesher::Brick {
     }
   }
 
-  // A corner of a leaf of the zone, counted from the brick's first.
+  // Corners of leaves of the zone, counted from the brick's first.
+  float cornerValueAt(const Index3& at) {
+    return cornerValue(lattice_, level_, cells_.first + at, corners_.touchesFiner(at),
+                       corners_.touchesCoarser(at), family_);
+  }
   void takeCorner(const Index3& at, EdgeEnd& out) {
     cornerEnd(lattice_, level_, cells_.first + at, corners_.touchesFiner(at),
               corners_.touchesCoarser(at), family_, out);
@@ -128,28 +132,38 @@ class AdaptiveMesher::Brick {
   void meshFans(const FanCell& fan) {
     const auto& [cell, pattern, finer] = fan;
     ++batch_.transition_cells;
-    const CellVertices vertices = memory_.cells_.verticesOf(cell - cells_.first);
+    const Index3 first = cell - cells_.first;
+    const auto numberOf = [&](int edge) {
+      const CellEdge& e = kCellEdgeTable[static_cast<std::size_t>(edge)];
+      return memory_.cells_.vertexOn(e.axis, first + Index3(e.x, e.y, e.z));
+    };
     const auto makeVertex = [&](int axis, const LatticePoint& low, const LatticePoint& high) {
       return vertices_.append(axis, low, high);
     };
+    float values[8];
+    unsigned known = 0;  // of them
     Contour contour;
     for (int face = 0; face < 6; ++face) {
       // Between corners of one kind all values are of that kind.
       const unsigned mask = faceCorners(face), inside = pattern & mask;
       if (inside == 0 || inside == mask) continue;
       if ((finer >> face & 1) == 0) {
-        addPlainFace(pattern, face, vertices, contour);
+        const FaceContour& pieces = plainFace(face, pattern);
+        for (std::size_t n = 0; n < pieces.size; ++n) {
+          const auto [from, to] = pieces.pieces[n];
+          for (const std::uint8_t point : {from, to})
+            if (contour.numbers[point] == kNoVertex) contour.numbers[point] = numberOf(point);
+          contour.add(from, to, face);
+        }
         continue;
       }
-      float corner_values[8] = {};
-      for (unsigned rest = mask; rest != 0; rest &= rest - 1) {
+      for (unsigned rest = mask & ~known; rest != 0; rest &= rest - 1) {
         const auto c = static_cast<unsigned>(std::countr_zero(rest));
-        EdgeEnd end;
-        takeCorner(cell - cells_.first + Index3(c & 1, c >> 1 & 1, c >> 2), end);
-        corner_values[c] = end.value;
+        values[c] = cornerValueAt(first + Index3(c & 1, c >> 1 & 1, c >> 2));
       }
-      addTransitionFace(makeTransitionFace(lattice_, level_, cell, face, corner_values),
-                        context_.isovalue, vertices, makeVertex, contour);
+      known |= mask;
+      addTransitionFace(makeTransitionFace(lattice_, level_, cell, face, values),
+                        context_.isovalue, numberOf, makeVertex, contour);
     }
     const glm::dvec3 low(lattice_.position(level_, cell));
     const glm::dvec3 high(lattice_.position(level_, cell + Index3(1)));

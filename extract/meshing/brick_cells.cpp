@@ -1,7 +1,5 @@
 #include "isobrick/extract/meshing/brick_cells.h"
 
-#include <bit>
-
 #include "isobrick/extract/kernels/brick_triangles.h"
 #include "isobrick/extract/kernels/row_bits.h"
 #include "isobrick/storage/voxel_type.h"
@@ -47,15 +45,6 @@ void BrickCells::make(const MeshContext& context, const BrickWork& work,
 ISOBRICK_FOR_EACH_VOXEL_TYPE(ISOBRICK_INSTANTIATE)
 #undef ISOBRICK_INSTANTIATE
 
-CellVertices BrickCells::verticesOf(const Index3& cell) const {
-  CellVertices vertices;
-  for (std::size_t e = 0; e < vertices.size(); ++e) {
-    const CellEdge& edge = kCellEdgeTable[e];
-    vertices[e] = vertexOn(edge.axis, cell + Index3(edge.x, edge.y, edge.z));
-  }
-  return vertices;
-}
-
 std::uint32_t BrickCells::vertexOn(int axis, const Index3& corner) const {
   const auto a = static_cast<std::size_t>(axis);
   const std::int64_t r = rows_.row(corner.y, corner.z);
@@ -68,8 +57,8 @@ std::uint32_t BrickCells::vertexOn(int axis, const Index3& corner) const {
   const std::uint64_t* crossed = rows_.crossed[a].data() + r * rows_.words_per_row;
   if ((crossed[bit / 64] >> bit % 64 & 1) == 0) return kNoVertex;
   for (std::int64_t w = 0; w < bit / 64; ++w)
-    number += static_cast<std::uint32_t>(std::popcount(crossed[w]));
-  return number + static_cast<std::uint32_t>(std::popcount(crossed[bit / 64] & lowBits(bit % 64)));
+    number += bitCount(crossed[w]);
+  return number + bitCount(crossed[bit / 64] & lowBits(bit % 64));
 }
 
 }  // namespace isobrick

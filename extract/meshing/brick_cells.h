@@ -34,13 +34,11 @@ class BrickCells {
   void make(const MeshContext& context, const BrickWork& work, const BrickSamples& samples,
             MeshBatch& batch);
 
-  // The vertices on the edges of a wanted cell, counted from the brick's first, after number().
-  CellVertices verticesOf(const Index3& cell) const;
-
- private:
-  // kNoVertex where the edge along `axis` from `corner` is not crossed.
+  // The vertex on the edge along `axis` from a corner of a wanted cell, counted from the brick's
+  // first, after number(). kNoVertex where it is not crossed.
   std::uint32_t vertexOn(int axis, const Index3& corner) const;
 
+ private:
   BrickRows rows_;
   CornerSpacing spacing_;
 };

@@ -143,9 +143,20 @@ float ownValueOnCoarserLeaf(const Lattice& lattice, int level, const Index3& sam
                             [&](const Index3& at) { return view.value(at); });
 }
 
-// Rule 6 for a sample that is a corner of a leaf, with the gradient there (rule 12): the finest of
-// the leaves that touch it decides, unless it hangs on a coarser one. By rule 5 not both a finer
-// and a coarser leaf touch it.
+// Rule 6 for a sample that is a corner of a leaf: the finest of the leaves that touch it decides,
+// unless it hangs on a coarser one. By rule 5 not both a finer and a coarser leaf touch it.
+template <typename T>
+float cornerValue(const Lattice& lattice, int level, const Index3& sample, bool touches_finer,
+                  bool touches_coarser, BrickFamily<T>& family) {
+  if (touches_finer) {
+    const Index3 fine = finerSample(lattice, level, sample);
+    return family.finer(fine).value(fine);
+  }
+  const SampleView<T>& own = family.own();
+  return touches_coarser ? ownValueOnCoarserLeaf(lattice, level, sample, own) : own.value(sample);
+}
+
+// The same with the gradient there (rule 12), to `out`.
 template <typename T>
 void cornerEnd(const Lattice& lattice, int level, const Index3& sample, bool touches_finer,
                bool touches_coarser, BrickFamily<T>& family, EdgeEnd& out) {

@@ -34,9 +34,14 @@ class SharedVertices {
   template <typename Zone, typename Visit>
   void list(const Zone& zone, Visit&& visit) {
     const std::int64_t ny = cells_.count.y, nz = cells_.count.z;
-    for (int axis = 0; axis < 3; ++axis)
+    for (int axis = 0; axis < 3; ++axis) {
+      std::int64_t k = 0, slice_first = 0;  // of the slice of the row, which ascend
       for (const std::uint32_t r : rows_.crossed_rows[static_cast<std::size_t>(axis)].list()) {
-        const std::int64_t k = r / rows_.rowsPerSlice(), j = r % rows_.rowsPerSlice();
+        while (r >= slice_first + rows_.rowsPerSlice()) {
+          slice_first += rows_.rowsPerSlice();
+          ++k;
+        }
+        const std::int64_t j = r - slice_first;
         const bool in_side =
             (axis != 1 && (j == 0 || j == ny)) || (axis != 2 && (k == 0 || k == nz));
         if (zone.hasEdges(axis, r))
@@ -44,6 +49,7 @@ class SharedVertices {
         else if (axis != 0 || in_side)
           listRow(axis, j, k, in_side, NoZone(), visit);
       }
+    }
   }
 
  private:
@@ -74,15 +80,16 @@ class SharedVertices {
       const std::uint64_t others = zone.edges(axis, r, w);
       std::uint64_t own = ~std::uint64_t{0};  // in the brick's sides
       if (!all) own = axis == 0 ? 0 : bitsBetween(cells_.count.x - 1, cells_.count.x, w);
-      // One by one: rows have few, and counting bits at once is a call on old processors.
-      for (std::uint64_t rest = crossed[w]; rest != 0; rest &= rest - 1, ++number) {
+      for (std::uint64_t rest = crossed[w] & (others | own); rest != 0; rest &= rest - 1) {
         const int bit = std::countr_zero(rest);
         const Index3 corner(64 * w + bit + (axis == 0 ? 0 : 1), j, k);
+        const std::uint32_t vertex = number + bitCount(crossed[w] & lowBits(bit));
         if ((others >> bit & 1) != 0)
-          visit(number, axis, corner);
-        else if ((own >> bit & 1) != 0)
-          add(number, axis, corner);
+          visit(vertex, axis, corner);
+        else
+          add(vertex, axis, corner);
       }
+      if (w + 1 < words) number += bitCount(crossed[w]);
     }
   }
   // The bricks that have the edge.

@@ -210,7 +210,7 @@ class TransitionCorners {
         putBit(w, bit, ownValueOnCoarserLeaf(lattice, level, sample, family.own()) >= isovalue);
       }
     }
-    resolveFiner(lattice, isovalue, level, first, family);
+    if (any_finer != 0) resolveFiner(lattice, isovalue, level, first, family);
     putOwn(inside_.data(), r, rows);
   }
   // The corners of the row that a finer leaf touches: they have that leaf's samples.
@@ -221,11 +221,12 @@ class TransitionCorners {
     std::int64_t row = 0;      // the offset of its sample 0 along x
     std::int64_t end = 0;      // where another brick begins
     std::int64_t own_end = 0;  // up to here own bits stay
+    Index3 fine = finerSample(lattice, level, first);
+    const std::int64_t last_x = lattice.samples(level - 1).x - 1;
     for (std::size_t w = 0; w < finer_here_.size(); ++w)
       for (std::uint64_t rest = finer_here_[w]; rest != 0; rest &= rest - 1) {
         const int bit = std::countr_zero(rest);
-        const Index3 fine = finerSample(
-            lattice, level, first + Index3(64 * static_cast<std::int64_t>(w) + bit, 0, 0));
+        fine.x = std::min(2 * (first.x + 64 * static_cast<std::int64_t>(w) + bit), last_x);
         if (fine.x < own_end) continue;
         if (view == nullptr || fine.x >= end) {
           view = nullptr;

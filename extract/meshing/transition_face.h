@@ -53,52 +53,42 @@ inline TransitionFace makeTransitionFace(const Lattice& lattice, int level, cons
   return out;
 }
 
-// A point of a transition face: values[j][i].
-struct FacePoint {
-  int i = 0, j = 0;
-};
-
-// Adds the contour on the fine side. Edges of the coarse cell have their vertex in `vertices`;
+// Adds the contour on the fine side. numberOf(edge) looks up the vertex of one of the cell's edges;
 // makeVertex(axis, low, high) makes that of an edge between two LatticePoints inside the face; such
 // an edge is no other leaf's of the level, and is asked for once.
-template <typename F>
-void addTransitionFace(const TransitionFace& face, float isovalue, const CellVertices& vertices,
-                       F&& makeVertex, Contour& contour) {
-  std::uint32_t inner[2][2] = {{kNoVertex, kNoVertex}, {kNoVertex, kNoVertex}};  // along c, b
-  const auto vertexBetween = [&](FacePoint p, FacePoint q) {
-    const int i = std::min(p.i, q.i), j = std::min(p.j, q.j);
-    const bool along_b = p.i != q.i;
-    const bool on_cell_edge = along_b ? j == 0 || j == face.parts_c : i == 0 || i == face.parts_b;
-    if (on_cell_edge) {
-      int at[3] = {0, 0, 0};
-      at[face.axis] = face.side;
-      at[along_b ? face.c : face.b] = (along_b ? j : i) == 0 ? 0 : 1;
-      return vertices[static_cast<std::size_t>(
-          edgeNumber(along_b ? face.b : face.c, at[0], at[1], at[2]))];
+template <typename Find, typename Make>
+void addTransitionFace(const TransitionFace& face, float isovalue, Find&& numberOf,
+                       Make&& makeVertex, Contour& contour) {
+  const int number = 2 * face.axis + face.side;
+  const auto& points = kHalvedFacePoints[static_cast<std::size_t>(number)];
+  const auto pointOf = [&](std::uint8_t edge) {
+    const std::uint8_t point = points[edge];
+    std::uint32_t& vertex = contour.numbers[point];
+    if (vertex != kNoVertex) return point;
+    if (point < kCellEdges) {
+      vertex = numberOf(point);
+    } else {
+      const bool along_b = edge < 6;
+      const int part = edge % 2, i = along_b ? part : 1, j = along_b ? 1 : part;
+      vertex = makeVertex(along_b ? face.b : face.c, face.point(i, j),
+                          along_b ? face.point(i + 1, j) : face.point(i, j + 1));
     }
-    std::uint32_t& vertex = inner[along_b ? 1 : 0][along_b ? i : j];
-    if (vertex == kNoVertex) {
-      const LatticePoint high = along_b ? face.point(i + 1, j) : face.point(i, j + 1);
-      vertex = makeVertex(along_b ? face.b : face.c, face.point(i, j), high);
-    }
-    return vertex;
+    return point;
   };
-  for (int part_c = 0; part_c < face.parts_c; ++part_c)
-    for (int part_b = 0; part_b < face.parts_b; ++part_b) {
-      FacePoint corner[4];
-      bool inside[4];
-      for (int n = 0; n < 4; ++n) {
-        const FaceCorner at = kFaceLoop[face.side][n];
-        corner[n] = {part_b + at.b, part_c + at.c};
-        inside[n] = face.values[corner[n].j][corner[n].i] >= isovalue;
-      }
-      forEachFaceSegment(inside, [&](int m, int n) {
-        // One after the other: the order in which vertices are made is part of the mesh (rule 13).
-        const std::uint32_t to = vertexBetween(corner[n], corner[(n + 1) % 4]);
-        const std::uint32_t from = vertexBetween(corner[(m + 3) % 4], corner[m]);
-        contour.add(from, to, 2 * face.axis + face.side);
-      });
-    }
+  unsigned inside = 0;
+  for (int j = 0; j <= face.parts_c; ++j)
+    for (int i = 0; i <= face.parts_b; ++i)
+      inside |= static_cast<unsigned>(face.values[j][i] >= isovalue) << (3 * j + i);
+  const bool is_halved = face.parts_b == 2 && face.parts_c == 2;
+  const FaceContour pieces = is_halved
+                                 ? halvedFace(face.side, inside)
+                                 : makeHalvedFace(face.side, inside, {face.parts_b, face.parts_c});
+  for (std::size_t n = 0; n < pieces.size; ++n) {
+    // One after the other: the order in which vertices are made is part of the mesh (rule 13).
+    const std::uint8_t to = pointOf(pieces.pieces[n].to);
+    const std::uint8_t from = pointOf(pieces.pieces[n].from);
+    contour.add(from, to, number);
+  }
 }
 
 }  // namespace isobrick
