@@ -182,6 +182,7 @@ class SingleRows {
     for (std::int64_t k = 0; k <= rows_.cells.z; ++k)
       for (std::int64_t j = 0; j <= rows_.cells.y; ++j) {
         const std::int64_t r = rows_.row(j, k);
+        if (!touchesWanted(r)) continue;  // as most do not around a focus
         for (int axis = 0; axis < 3; ++axis) number(axis, j, k);
         if (j < rows_.cells.y && k < rows_.cells.z) countCells(r);
       }
@@ -189,6 +190,14 @@ class SingleRows {
   }
 
  private:
+  bool touchesWanted(std::int64_t r) const {
+    const std::int64_t words = rows_.words_per_row, slice = rows_.rowsPerSlice();
+    const std::uint64_t *a = rows_.wanted(r), *b = rows_.wanted(r - 1),
+                        *c = rows_.wanted(r - slice), *d = rows_.wanted(r - slice - 1);
+    std::uint64_t any = 0;
+    for (std::int64_t w = 0; w < words; ++w) any |= a[w] | b[w] | c[w] | d[w];
+    return any != 0;
+  }
   void number(int axis, std::int64_t j, std::int64_t k) {
     const auto a = static_cast<std::size_t>(axis);
     const std::int64_t words = rows_.words_per_row, slice = rows_.rowsPerSlice();
