@@ -69,8 +69,7 @@ void BrickSplit::splitRow(const MeshContext& context, std::int64_t j, std::int64
   std::uint64_t any = 0;
   for (std::int64_t word = 0; word < words_; ++word) any |= rest[word];
   if (any == 0) return;
-  for (std::int64_t dk = -1; dk <= 1; ++dk)
-    for (std::int64_t dj = -1; dj <= 1; ++dj) leaves_.find(j + dj, k + dk);
+  leaves_.findAround(j, k);
   std::uint64_t* wanted = rows.wantedCells(j, k);
   leaves_.leavesAmongLeaves(j, k, wanted);
   any = 0;

@@ -19,8 +19,7 @@ void LeafRows::reset(LeafClassifier& classifier, const Lattice& lattice, int lev
   bits_.resize(rows * kKinds * static_cast<std::size_t>(words_));
   begin_ = std::max<std::int64_t>(cells.first.x - 1, 0);
   count_ = std::min(cells.end().x + 1, level_cells_.x) - begin_;
-  for (auto* row : {&exists_, &refined_, &cells_of_row_})
-    row->assign(static_cast<std::size_t>(words_), 0);
+  cells_of_row_.assign(static_cast<std::size_t>(words_), 0);
   setBits(cells_of_row_.data(), count_);
   if (begin_ == cells.first.x) shiftByOne(cells_of_row_);
 }
@@ -32,20 +31,23 @@ void LeafRows::classify(std::int64_t j, std::int64_t k) {
     std::fill(leaf, leaf + kKinds * words_, 0);
     return;
   }
-  classifier_->classifyRow(level_, {begin_, y, z}, count_, exists_.data(), refined_.data());
   // Cell -1 is bit 0; where the volume begins with the brick, there is none.
-  if (begin_ == cells_.first.x)
-    for (auto* row : {&exists_, &refined_}) {
-      std::fill(row->begin() + wordsOf(count_), row->end(), 0);  // a bit of the row before
-      shiftByOne(*row);
-    }
+  const int shift = begin_ == cells_.first.x ? 1 : 0;
+  std::uint64_t refined[kMostWords] = {};
+  const std::uint64_t* exists =
+      classifier_->classifyRow(level_, {begin_, y, z}, count_, refined);
   std::uint64_t *finer = leaf + kFiner * words_, *coarser = leaf + kCoarser * words_;
+  std::uint64_t exists_carry = 0, refined_carry = 0;
+  const std::int64_t found = wordsOf(count_);
   for (std::int64_t word = 0; word < words_; ++word) {
-    const auto w = static_cast<std::size_t>(word);
-    const std::uint64_t exists = exists_[w], refined = refined_[w];
-    leaf[word] = exists & ~refined;
-    finer[word] = refined;
-    coarser[word] = cells_of_row_[w] & ~exists;
+    const std::uint64_t exists_here = word < found ? exists[word] : 0;
+    const std::uint64_t refined_here = refined[word];
+    const std::uint64_t existing = exists_here << shift | exists_carry;
+    finer[word] = refined_here << shift | refined_carry;
+    leaf[word] = existing & ~finer[word];
+    coarser[word] = cells_of_row_[static_cast<std::size_t>(word)] & ~existing;
+    exists_carry = shift == 0 ? 0 : exists_here >> 63;
+    refined_carry = shift == 0 ? 0 : refined_here >> 63;
   }
   std::uint64_t* const beside = leaf + kBesideOthers * words_;
   std::uint64_t here = finer[0] | coarser[0];
@@ -64,6 +66,17 @@ void LeafRows::shiftByOne(std::vector<std::uint64_t>& row) {
     word = word << 1 | carry;
     carry = last;
   }
+}
+
+void LeafRows::findAround(std::int64_t j, std::int64_t k) {
+  const std::uint8_t* const found = &found_[index(j - 1, k - 1)];
+  const std::int64_t slice = cells_.count.y + 2;
+  std::uint8_t all = 1;
+  for (const std::uint8_t* of : {found, found + slice, found + 2 * slice})
+    all &= of[0] & of[1] & of[2];
+  if (all != 0) return;
+  for (std::int64_t dk = -1; dk <= 1; ++dk)
+    for (std::int64_t dj = -1; dj <= 1; ++dj) find(j + dj, k + dk);
 }
 
 void LeafRows::leaves(std::int64_t j, std::int64_t k, std::uint64_t* out) const {

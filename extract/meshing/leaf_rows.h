@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "isobrick/extract/kernels/brick_rows.h"
 #include "isobrick/extract/oracles/leaf_classifier.h"
 
 namespace isobrick {
@@ -27,6 +28,8 @@ class LeafRows {
       classify(j, k);
     }
   }
+  // The same of the row and all that touch it.
+  void findAround(std::int64_t j, std::int64_t k);
   // The row's leaves, cell i in bit i % 64 of word i / 64; `out` holds a word for every 64 cells.
   // Here and below bits behind the brick's last cell say something of other bricks' cells.
   void leaves(std::int64_t j, std::int64_t k, std::uint64_t* out) const;
@@ -59,6 +62,7 @@ class LeafRows {
  private:
   // Bit i + 1 of a row's words is cell i. Of kBesideOthers bit i: the cell, or one beside it in the
   // row, is finer or coarser.
+  static constexpr std::size_t kMostWords = (kMaxBrickCells + 2 + 63) / 64 + 1;
   enum Kind { kLeaf, kFiner, kCoarser, kBesideOthers, kKinds };
 
   std::size_t index(std::int64_t j, std::int64_t k) const {
@@ -88,7 +92,6 @@ class LeafRows {
   // Of every row: what is asked of the classifier.
   std::int64_t begin_ = 0, count_ = 0;  // along x, counted in the level
   std::vector<std::uint64_t> cells_of_row_;
-  std::vector<std::uint64_t> exists_, refined_;  // of the row at hand; zeros behind `count_`
 };
 
 }  // namespace isobrick

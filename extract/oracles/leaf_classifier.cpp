@@ -134,15 +134,13 @@ const std::uint64_t* LeafClassifier::existingRow(int level, const Index3& first,
   return exists;
 }
 
-void LeafClassifier::classifyRow(int level, const Index3& first, std::int64_t count,
-                                 std::uint64_t* exists, std::uint64_t* refined) {
-  const std::uint64_t* existing = existingRow(level, first, count);
-  std::copy(existing, existing + wordsOf(count), exists);
-  std::copy(exists, exists + wordsOf(count), refined);
-  if (level > 0)
-    keepRefined(level, first, count, refined);
-  else
-    std::fill(refined, refined + wordsOf(count), 0);
+const std::uint64_t* LeafClassifier::classifyRow(int level, const Index3& first,
+                                                 std::int64_t count, std::uint64_t* refined) {
+  const std::uint64_t* const exists = existingRow(level, first, count);
+  for (std::int64_t word = 0; word < wordsOf(count); ++word)
+    refined[word] = level > 0 ? exists[word] : 0;
+  if (level > 0) keepRefined(level, first, count, refined);
+  return exists;
 }
 
 bool LeafClassifier::mayHoldLeaf(int level, const IndexBox& cells) const {

@@ -22,11 +22,12 @@ class LeafClassifier {
 
   // The cell's state; it may lie beyond the volume.
   CellState state(int level, const Index3& cell);
-  // Among the `count` cells of `level` from `first` on along x, which the volume has, bit i being
-  // first.x + i: those whose parent is refined, and of these the ones that are refined themselves.
-  // Both get whole words, with zeros behind the last cell.
-  void classifyRow(int level, const Index3& first, std::int64_t count, std::uint64_t* exists,
-                   std::uint64_t* refined);
+  // Classifies the `count` cells of `level` from `first` on along x, which the volume has; bit i is
+  // cell first.x + i. Returns those whose parent is refined, valid until the next call, and puts
+  // the ones of these that are refined themselves into `refined`. Both are whole words, with zeros
+  // behind the last cell.
+  const std::uint64_t* classifyRow(int level, const Index3& first, std::int64_t count,
+                                   std::uint64_t* refined);
 
   // False where the oracles rule out that a cell of the box is a leaf of `level`.
   bool mayHoldLeaf(int level, const IndexBox& cells) const;

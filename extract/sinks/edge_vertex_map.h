@@ -15,8 +15,9 @@ class EdgeVertexMap {
  public:
   EdgeVertexMap() : slots_(kLeastSlots) {}
 
-  // The number of `key`; where it has none yet, `number` is stored and `*inserted` set.
-  Number findOrInsert(EdgeKey key, Number number, bool* inserted) {
+  // The number of `key`, valid until the next insertion or removal; where it has none yet, `number`
+  // is stored and `*inserted` set.
+  Number& findOrInsert(EdgeKey key, Number number, bool* inserted) {
     if (2 * (size_ + 1) > slots_.size()) grow();
     Slot& slot = slots_[slotOf(key)];
     *inserted = slot.key == kNoEdge;
@@ -30,10 +31,6 @@ class EdgeVertexMap {
   // Null where the key has no number. Valid until the next insertion or removal.
   const Number* find(EdgeKey key) const {
     const Slot& slot = slots_[slotOf(key)];
-    return slot.key == kNoEdge ? nullptr : &slot.number;
-  }
-  Number* find(EdgeKey key) {
-    Slot& slot = slots_[slotOf(key)];
     return slot.key == kNoEdge ? nullptr : &slot.number;
   }
   // A key that has a number.

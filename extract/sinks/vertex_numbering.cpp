@@ -26,14 +26,14 @@ void VertexNumbering::place(PlacedBatch& placed) {
     bool inserted = false;
     const std::uint64_t fresh = count_ + shared.vertex - placed.known.size();
     const std::uint64_t batches_left = shared.batches == 0 ? kNever : shared.batches - 1u;
-    const std::uint64_t entry =
+    std::uint64_t& entry =
         known.findOrInsert(shared.key, fresh | batches_left << kNumberBits, &inserted);
     if (inserted) continue;
     placed.known.push_back({shared.vertex, entry & ((std::uint64_t{1} << kNumberBits) - 1)});
     if (entry >> kNumberBits == 1)
       known.erase(shared.key);
     else if (entry >> kNumberBits != kNever)
-      *known.find(shared.key) -= std::uint64_t{1} << kNumberBits;
+      entry -= std::uint64_t{1} << kNumberBits;
   }
   count_ += placed.batch.positions.size() - placed.known.size();
 }

@@ -186,8 +186,9 @@ TEST(LeafClassifier, ClassifiesRowsAsItClassifiesCells) {
         // Two rows with the same parents, often.
         for (first.y = first.y / 2 * 2; first.y < dims_in_cells.y && randomInt(random, 0, 2) > 0;
              ++first.y) {
-          std::vector<std::uint64_t> exists = randomWords(random, count), refined = exists;
-          rows.classifyRow(level, first, count, exists.data(), refined.data());
+          std::vector<std::uint64_t> refined = randomWords(random, count);
+          const std::uint64_t* row_exists = rows.classifyRow(level, first, count, refined.data());
+          const std::vector<std::uint64_t> exists(row_exists, row_exists + wordsOf(count));
           for (std::int64_t i = 0; i < 64 * wordsOf(count); ++i) {
             CellState expected = CellState::kCoarser;
             if (i < count) expected = cells.state(level, {first.x + i, first.y, first.z});
