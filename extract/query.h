@@ -2,6 +2,7 @@
 // the report.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <functional>
 #include <optional>
@@ -106,6 +107,9 @@ struct Query : SurfaceChoice {
   std::function<bool(int level, const Index3& brick)> has_brick;
   // Looked at all the time; may be null, and outlives the query.
   const CancelFlag* cancel = nullptr;
+  // Where the share of the bricks that are meshed is written, 0 .. 1, by any thread: roughly in
+  // order. May be null, and outlives the query.
+  std::atomic<float>* fraction_done = nullptr;
 };
 
 // One brick to mesh.

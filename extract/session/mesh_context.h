@@ -48,6 +48,12 @@ struct MeshContext {
   void checkCancel() const {
     if (query.cancel != nullptr) query.cancel->check();
   }
+  // A brick of `count` is meshed; they are begun in order.
+  void noteDone(std::size_t number, std::size_t count) const {
+    if (query.fraction_done != nullptr)
+      query.fraction_done->store(static_cast<float>(number + 1) / static_cast<float>(count),
+                                 std::memory_order_relaxed);
+  }
   // Throws Error where bytes that this thread has asked for could not be had while it used them. To
   // be called before what was made of them is passed on, or another reason is given for it.
   void throwIfReadsFailed() const {

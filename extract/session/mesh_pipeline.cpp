@@ -153,6 +153,7 @@ void meshInOrder(const MeshContext& context, std::span<const BrickWork> work, Me
     batch.brick = work[job.work].brick;
     batch.is_uniform = !work[job.work].adaptive;
     batch.fraction_done = static_cast<double>(job.work + 1) / static_cast<double>(work.size());
+    context.noteDone(job.work, work.size());
     MeshWorker& worker = memory.workers.local();
     try {
       if (work[job.work].adaptive)

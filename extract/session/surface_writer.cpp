@@ -178,6 +178,7 @@ class SurfaceWriter::Run {
         context_.checkCancel();
         ahead.reached(job);
         writeBrick(job, worker);
+        context_.noteDone(job, work_.size());
       }
     } catch (...) {
       has_failed_ = true;

@@ -1,0 +1,40 @@
+"""Adaptive crack-free isosurfaces of volumes larger than memory.
+
+    isobrick.build(array, "scan.isb", spacing=(0.5, 0.5, 1.0))
+    with isobrick.open("scan.isb") as pyramid:
+        mesh = pyramid.extract(1324, focus=(75, 30, 75), radius=20)
+    mesh.save("bone.ply")
+
+Arrays are [z, y, x]: the last axis is x. Points, focus, spacing and origin are (x, y, z) in world units; calls
+that take points take voxel indices, (x, y, z) too, with ``indices=True``.
+"""
+
+from ._build import BuildReport, RawLayout, build
+from ._core import Cancel
+from ._errors import Cancelled, Error
+from ._mesh import Mesh
+from ._pyramid import Damage, Histogram, Level, Pyramid, Session, Suggestion, open
+from ._query import Detail, ExtractReport, LevelCounts, View
+from ._version import __version__
+
+__all__ = [
+    "BuildReport",
+    "Cancel",
+    "Cancelled",
+    "Damage",
+    "Detail",
+    "Error",
+    "ExtractReport",
+    "Histogram",
+    "Level",
+    "LevelCounts",
+    "Mesh",
+    "Pyramid",
+    "RawLayout",
+    "Session",
+    "Suggestion",
+    "View",
+    "__version__",
+    "build",
+    "open",
+]

@@ -1,0 +1,138 @@
+"""Meshes in memory."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _core
+from ._query import ExtractReport, make_report
+
+if TYPE_CHECKING:
+    import meshio
+    import pyvista
+    import trimesh
+
+
+class Mesh:
+    """A triangle mesh. Its arrays are the library's own memory, read-only and alive as long as one of them is.
+
+    Points are (x, y, z) in world units; ``index_points`` has them in voxel indices. Triangles wind
+    counter-clockwise seen from outside, which is where values are below the isovalue, and normals point there.
+    """
+
+    def __init__(self, handle: _core.MeshHandle) -> None:
+        self._handle = handle
+
+    @property
+    def points(self) -> NDArray[Any]:
+        """(n, 3), world units, (x, y, z): float32, or float64 where the volume lies so far from the world's
+        origin that float32 cannot tell neighbouring points apart. Made when it is first asked for."""
+        return self._handle.points()
+
+    @property
+    def index_points(self) -> NDArray[np.float64]:
+        """(n, 3): the points in voxel indices, (x, y, z). A new array for every call."""
+        return self._handle.index_points()
+
+    @property
+    def faces(self) -> NDArray[np.uint32]:
+        """(m, 3): three numbers of points each."""
+        return self._handle.faces()
+
+    @property
+    def normals(self) -> NDArray[np.float32]:
+        """(n, 3): unit, in the world, towards lower values."""
+        return self._handle.normals()
+
+    @property
+    def levels(self) -> NDArray[np.uint8]:
+        """(m,): the level of the pyramid that each triangle comes from."""
+        return self._handle.levels()
+
+    @property
+    def values(self) -> NDArray[np.float32] | None:
+        """(n,): of the other pyramid that the query named as ``values``, NaN outside of it; None without one."""
+        return self._handle.values()
+
+    @property
+    def report(self) -> ExtractReport:
+        """What the extraction did."""
+        return make_report(self._handle.report())
+
+    @property
+    def is_complete(self) -> bool:
+        """False: coarser than asked for, as the query took what was in memory (``Session.progressive``)."""
+        return bool(self._handle.report()["is_complete"])
+
+    @property
+    def unit(self) -> str:
+        """Of the points: 'millimetres' or 'unknown'."""
+        return self._handle.unit()
+
+    def __repr__(self) -> str:
+        return f"<isobrick.Mesh: {len(self.faces):,} triangles, {len(self.normals):,} points>"
+
+    def area(self) -> float:
+        """Of the surface, in world units squared."""
+        a, b, c = (self.points[self.faces[:, i]].astype(np.float64) for i in range(3))
+        return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+
+    def volume(self) -> float:
+        """Inside of a closed surface, in world units cubed. What the volume's border cuts open is not closed."""
+        middle = self.points.mean(axis=0, dtype=np.float64) if len(self.points) else 0.0
+        a, b, c = (self.points[self.faces[:, i]].astype(np.float64) - middle for i in range(3))
+        return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6)
+
+    def save(self, path: str | os.PathLike[str], *, zlib: bool = False, meshopt: bool = False) -> None:
+        """Writes ``.ply``, ``.stl``, ``.obj``, ``.glb`` or ``.vtp``, points in world units: to the byte what
+        ``extract_to`` writes. ``zlib`` packs ``.vtp``, ``meshopt`` packs ``.glb``. A file of that name is
+        replaced."""
+        self._handle.save(os.fspath(path), zlib, meshopt)
+
+    def to_vtk(self) -> Any:
+        """A ``vtkPolyData`` on this memory: points (x, y, z) in world units, with ``Normals``, ``level`` of the
+        cells and, if there are any, ``value``. Takes the package vtk."""
+        from .vtk import poly_data_of
+
+        return poly_data_of(self)
+
+    def to_pyvista(self) -> pyvista.PolyData:
+        """``to_vtk()`` as a ``pyvista.PolyData``, points (x, y, z) in world units. Takes the package pyvista."""
+        import pyvista
+
+        return pyvista.PolyData(self.to_vtk())
+
+    def to_trimesh(self) -> trimesh.Trimesh:
+        """A ``trimesh.Trimesh``, points (x, y, z) in world units. Takes the package trimesh."""
+        import trimesh
+
+        return trimesh.Trimesh(
+            self.points, self.faces, vertex_normals=self.normals, process=False, metadata={"units": self.unit}
+        )
+
+    def to_meshio(self) -> meshio.Mesh:
+        """A ``meshio.Mesh``, points (x, y, z) in world units. Takes the package meshio."""
+        import meshio
+
+        point_data: dict[str, Any] = {"Normals": self.normals}
+        if self.values is not None:
+            point_data["value"] = self.values
+        return meshio.Mesh(
+            self.points, [("triangle", self.faces)], point_data=point_data, cell_data={"level": [self.levels]}
+        )
+
+    def to_open3d(self) -> Any:
+        """An ``open3d.geometry.TriangleMesh``, points (x, y, z) in world units; copied. Takes the package
+        open3d."""
+        import open3d
+
+        mesh = open3d.geometry.TriangleMesh(
+            open3d.utility.Vector3dVector(self.points.astype(np.float64)),
+            open3d.utility.Vector3iVector(self.faces.astype(np.int32)),
+        )
+        mesh.vertex_normals = open3d.utility.Vector3dVector(self.normals.astype(np.float64))
+        return mesh

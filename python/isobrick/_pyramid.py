@@ -1,0 +1,523 @@
+"""Open pyramids, their levels, and queries."""
+
+from __future__ import annotations
+
+import json
+import os
+import weakref
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _core
+from ._errors import Error
+from ._mesh import Mesh
+from ._progress import Progress, told_progress
+from ._query import Detail, ExtractReport, View, _QuerySettings, make_report
+from ._sizes import byte_size
+
+Triple = tuple[float, float, float]
+Isovalue = float | Literal["auto"]
+
+_alive: weakref.WeakSet[Pyramid | Session] = weakref.WeakSet()
+
+
+def _abandon_all() -> None:
+    for held in list(_alive):
+        held._abandon()
+
+
+# A child of fork() has neither the threads nor the locks of its parent's pyramids.
+os.register_at_fork(after_in_child=_abandon_all)
+
+
+@dataclass(frozen=True)
+class Histogram:
+    """How often which values occur among the voxels of level 0: bins that have any, in ascending order."""
+
+    #: Least and greatest value of each bin; of integer types one value.
+    least: NDArray[np.float32]
+    greatest: NDArray[np.float32]
+    counts: NDArray[np.uint64]
+
+
+@dataclass(frozen=True)
+class Suggestion:
+    """An isovalue that shows something."""
+
+    value: float
+    #: Lattice edges that the surface crosses, estimated; 0: not known.
+    area: float
+    #: Their mean difference of values; 0: not known.
+    gradient: float
+
+
+@dataclass(frozen=True)
+class Damage:
+    """What is wrong with a pyramid; ``level`` and ``brick``, (x, y, z), are None outside of bricks."""
+
+    level: int | None
+    brick: tuple[int, int, int] | None
+    what: str
+
+
+class Level:
+    """One level of a pyramid as an array [z, y, x]: ``shape``, ``dtype``, ``chunks``, slicing, ``numpy.asarray``.
+    Sample [k, j, i] of level l sits at voxel index (i, j, k) * 2^l; ``affine`` leads from (i, j, k) to (x, y, z)
+    in world units. ``dask.array.from_array`` takes it as it is.
+    """
+
+    ndim = 3
+
+    def __init__(self, pyramid: Pyramid, level: int) -> None:
+        self._pyramid = pyramid
+        self.level = level
+        x, y, z = pyramid._handle.samples(level)
+        self.shape: tuple[int, int, int] = (z, y, x)
+        self.dtype: np.dtype[Any] = pyramid.dtype
+        edge = pyramid._handle.brick_cells()
+        self.chunks: tuple[int, int, int] = (min(z, edge), min(y, edge), min(x, edge))
+
+    @property
+    def size(self) -> int:
+        return self.shape[0] * self.shape[1] * self.shape[2]
+
+    @property
+    def nbytes(self) -> int:
+        return self.size * self.dtype.itemsize
+
+    @property
+    def affine(self) -> NDArray[np.float64]:
+        """4 x 4: from (i, j, k) of this level to (x, y, z) in world units."""
+        return self._pyramid.affine @ np.diag([*([float(1 << self.level)] * 3), 1.0])
+
+    @property
+    def bricks(self) -> tuple[int, int, int]:
+        """How many there are along z, y, x."""
+        x, y, z = self._pyramid._handle.bricks(self.level)
+        return z, y, x
+
+    def __len__(self) -> int:
+        return self.shape[0]
+
+    def __repr__(self) -> str:
+        return f"<isobrick.Level {self.level}: {self.shape} {self.dtype}>"
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        if copy is False:
+            raise ValueError("the samples of a level are not in memory as one array: they have to be copied")
+        array = self[...]
+        return array if dtype is None else array.astype(dtype)
+
+    def __getitem__(self, key: Any) -> Any:
+        keys = list(key) if isinstance(key, tuple) else [key]
+        if Ellipsis in [k for k in keys if k is Ellipsis]:
+            at = next(i for i, k in enumerate(keys) if k is Ellipsis)
+            keys[at : at + 1] = [slice(None)] * (4 - len(keys))
+        if len(keys) > 3:
+            raise IndexError(f"a level has three axes, and {len(keys)} indices were given")
+        keys += [slice(None)] * (3 - len(keys))
+        first: list[int] = []
+        count: list[int] = []
+        after: list[Any] = []  # picks from the box what the keys want
+        for k, length in zip(keys, self.shape):
+            if isinstance(k, slice):
+                picked = range(*k.indices(length))
+                low, high = (min(picked[0], picked[-1]), max(picked[0], picked[-1])) if picked else (0, -1)
+                start = picked.start - low if picked else 0
+                stop = start + len(picked) * picked.step
+                after.append(slice(start, stop if stop >= 0 else None, picked.step) if picked else slice(0, 0))
+            elif isinstance(k, (int, np.integer)):
+                low = int(k) + (length if k < 0 else 0)
+                if not 0 <= low < length:
+                    raise IndexError(f"index {k} is out of range for an axis of {length} samples")
+                high = low
+                after.append(0)
+            else:
+                indices = np.asarray(k)
+                if indices.dtype == bool:
+                    indices = np.flatnonzero(indices)
+                if indices.ndim != 1 or (indices.size and indices.dtype.kind not in "iu"):
+                    raise IndexError("a level takes integers, slices and lists of integers as indices")
+                indices = np.where(indices < 0, indices + length, indices).astype(np.int64)
+                if indices.size and not (0 <= indices.min() and indices.max() < length):
+                    raise IndexError(f"an index is out of range for an axis of {length} samples")
+                low, high = (int(indices.min()), int(indices.max())) if indices.size else (0, -1)
+                after.append(indices - low)
+            first.append(low)
+            count.append(high - low + 1)
+        if min(count) <= 0:
+            box = np.empty([max(n, 0) for n in count], self.dtype)
+        else:
+            z, y, x = first
+            nz, ny, nx = count
+            box = self._pyramid._handle.read_box(self.level, x, y, z, nx, ny, nz)
+        # One axis after the other, from the last, so that lists on several axes pick an outer product.
+        for axis in (2, 1, 0):
+            box = box[(slice(None),) * axis + (after[axis],)]
+        return box if box.ndim else box[()]
+
+    def brick(self, z: int, y: int, x: int) -> tuple[tuple[int, int, int], NDArray[Any]]:
+        """The samples of one brick with its apron, and the index [z, y, x] of the first of them. Read-only, and
+        the file's own memory where bricks are stored as they are (codec 'none')."""
+        if not all(0 <= i < n for i, n in zip((z, y, x), self.bricks)):
+            raise IndexError(f"brick [{z}, {y}, {x}] is not one of {self.bricks}")
+        (fx, fy, fz), array = self._pyramid._handle.read_brick(self.level, x, y, z)
+        return (fz, fy, fx), array
+
+
+class Pyramid:
+    """An open pyramid, a context manager. Open one with ``isobrick.open``.
+
+    Arrays are [z, y, x]; points, focus, spacing and origin are (x, y, z) in world units. May be used by any
+    number of threads. Pickles as its path: a copy in another process opens the file itself, and so does a
+    child of fork().
+    """
+
+    def __init__(self, path: str | os.PathLike[str], memory: int | str = "1G", mmap: bool = True) -> None:
+        self._closed = False
+        # Absolute, so that it is the same file after a change of folder, and in other processes.
+        self._path = os.path.abspath(os.fspath(path))
+        self._memory_bytes = byte_size(memory)
+        self._mmap = mmap
+        self._opened: _core.PyramidHandle | None = None
+        self._handle  # noqa: B018  opens the file
+        _alive.add(self)
+
+    @property
+    def _handle(self) -> _core.PyramidHandle:
+        if self._closed:
+            raise Error("the pyramid is closed; open it again with isobrick.open()", path=self._path)
+        if self._opened is None:
+            self._opened = _core.PyramidHandle(self._path, self._memory_bytes, self._mmap)
+        return self._opened
+
+    def _abandon(self) -> None:
+        if self._opened is not None:
+            self._opened.abandon()
+            self._opened = None
+
+    def close(self) -> None:
+        """Gives the file up. Meshes and bricks that are still held stay what they are."""
+        if self._opened is not None:
+            self._opened.close()
+        self._opened = None
+        self._closed = True
+
+    def __enter__(self) -> Pyramid:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Pyramid, (self._path, self._memory_bytes, self._mmap)
+
+    def __repr__(self) -> str:
+        if self._closed:
+            return f"<isobrick.Pyramid '{self._path}', closed>"
+        return f"<isobrick.Pyramid '{self._path}': {self.shape} {self.dtype}>"
+
+    @property
+    def path(self) -> str:
+        """Of the file, absolute."""
+        return self._path
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Voxels of level 0, (z, y, x)."""
+        x, y, z = self._handle.voxels()
+        return z, y, x
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        return np.dtype(self._handle.voxel_type())
+
+    @property
+    def spacing(self) -> Triple:
+        """From a voxel to the next, (x, y, z), in world units."""
+        return self._handle.spacing()
+
+    @property
+    def origin(self) -> Triple:
+        """Of voxel (0, 0, 0), (x, y, z), in world units."""
+        return self._handle.origin()
+
+    @property
+    def affine(self) -> NDArray[np.float64]:
+        """4 x 4: from voxel indices (i, j, k) to (x, y, z) in world units, LPS as ITK and DICOM have it."""
+        return np.array(self._handle.affine(), dtype=np.float64).reshape(4, 4)
+
+    @property
+    def unit(self) -> str:
+        """Of the world: 'millimetres' or 'unknown'."""
+        return self._handle.unit()
+
+    @property
+    def value_range(self) -> tuple[float, float]:
+        """Least and greatest voxel."""
+        return self._handle.value_range()
+
+    @property
+    def has_curvature(self) -> bool:
+        """Whether queries may have a ``curvature``."""
+        return self._handle.has_curvature()
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of the voxels' noise, in their units; 0: none."""
+        return self._handle.noise()
+
+    @property
+    def file_bytes(self) -> int:
+        return self._handle.file_bytes()
+
+    @property
+    def provenance(self) -> dict[str, Any]:
+        """Source, filter, version of the tool, notes."""
+        result: dict[str, Any] = json.loads(self._handle.provenance())
+        return result
+
+    @property
+    def levels(self) -> list[Level]:
+        """All levels, the finest first; arrays [z, y, x]."""
+        return [Level(self, level) for level in range(self._handle.levels())]
+
+    def level(self, level: int) -> Level:
+        """One level as an array [z, y, x]; 0 is the finest."""
+        count = self._handle.levels()
+        if not 0 <= level < count:
+            raise Error(f"level {level} is not one of 0 to {count - 1}", path=self._path, level=level)
+        return Level(self, level)
+
+    def histogram(self) -> Histogram:
+        """Of the voxels of level 0."""
+        least, greatest, counts = self._handle.histogram()
+        return Histogram(
+            np.array(least, np.float32), np.array(greatest, np.float32), np.array(counts, np.uint64)
+        )
+
+    def isovalues(self) -> list[Suggestion]:
+        """Isovalues that show something, at most four, the best first; none if all voxels are equal."""
+        return [Suggestion(*one) for one in self._handle.suggestions()]
+
+    def verify(
+        self, *, threads: int = 0, progress: Progress = None, cancel: _core.Cancel | None = None
+    ) -> list[Damage]:
+        """Reads the whole file and says what is wrong with it; nothing: an empty list."""
+        with told_progress(progress, "verifying") as tell:
+            return [Damage(*one) for one in self._handle.verify(threads, tell, cancel)]
+
+    def session(self) -> Session:
+        """For several queries: memory of one is used by the next."""
+        return Session(self)
+
+    def extract(
+        self,
+        isovalue: Isovalue = "auto",
+        *,
+        focus: Sequence[float] | None = None,
+        radius: float | None = None,
+        level: int | None = None,
+        view: View | None = None,
+        curvature: float | None = None,
+        or_finer: Sequence[Detail] = (),
+        box: Sequence[Sequence[float]] | None = None,
+        simplify: float | None = None,
+        values: Pyramid | None = None,
+        indices: bool = False,
+        memory: int | str | None = None,
+        threads: int = 0,
+        progress: Progress = None,
+        cancel: _core.Cancel | None = None,
+    ) -> Mesh:
+        """The isosurface, as a mesh in memory.
+
+        focus, radius and box are (x, y, z) in world units, or voxel indices (x, y, z) with ``indices=True``; so
+        is the distance of ``simplify``. The mesh's points are (x, y, z) in world units.
+
+        isovalue   values of at least this are inside; 'auto': the first of ``isovalues()``
+        focus, radius
+                   the finest level within the sphere, coarser with the distance from it
+        level      the whole surface from this level; not with a focus
+        view       as fine as a picture from there can show
+        curvature  level 1 where the total curvature is at most this, in 1/voxel^2
+        or_finer   more of these, each a ``Detail``: a cell is refined if any one of them wants it
+        box        ((x, y, z), (x, y, z)): only cells that overlap it
+        simplify   fewer triangles, within this distance
+        values     another pyramid: its values at the points become ``Mesh.values``
+        memory     bounds what stays of the file in memory, for this query alone
+        threads    0: all cores
+        """
+        pyramid = self if memory is None else Pyramid(self._path, memory, self._mmap)
+        try:
+            with told_progress(progress, "extracting") as tell:
+                settings = self._settings(
+                    isovalue, Detail(focus, radius, level, view, curvature), or_finer, box, simplify, values,
+                    indices, threads, tell, cancel,
+                )  # fmt: skip
+                return Mesh(_core.SessionHandle(pyramid._handle).extract(settings, False))
+        finally:
+            if pyramid is not self:
+                pyramid.close()
+
+    def extract_to(
+        self,
+        path: str | os.PathLike[str],
+        isovalue: Isovalue = "auto",
+        *,
+        focus: Sequence[float] | None = None,
+        radius: float | None = None,
+        level: int | None = None,
+        view: View | None = None,
+        curvature: float | None = None,
+        or_finer: Sequence[Detail] = (),
+        box: Sequence[Sequence[float]] | None = None,
+        simplify: float | None = None,
+        values: Pyramid | None = None,
+        indices: bool = False,
+        zlib: bool = False,
+        meshopt: bool = False,
+        force: bool = False,
+        threads: int = 0,
+        progress: Progress = None,
+        cancel: _core.Cancel | None = None,
+    ) -> ExtractReport:
+        """The isosurface, streamed to ``.ply``, ``.stl``, ``.obj``, ``.glb`` or ``.vtp``: for meshes larger than
+        memory. focus, radius and box are (x, y, z) in world units, or voxel indices with ``indices=True``; the
+        other parameters are those of ``extract``. The file has its name when it is whole; one that exists is
+        replaced with ``force``."""
+        with told_progress(progress, "extracting") as tell:
+            settings = self._settings(
+                isovalue, Detail(focus, radius, level, view, curvature), or_finer, box, simplify, values,
+                indices, threads, tell, cancel,
+            )  # fmt: skip
+            facts = _core.SessionHandle(self._handle).extract_to(settings, os.fspath(path), zlib, meshopt, force)
+            return make_report(facts)
+
+    def _settings(
+        self,
+        isovalue: Isovalue,
+        detail: Detail,
+        or_finer: Sequence[Detail],
+        box: Sequence[Sequence[float]] | None,
+        simplify: float | None,
+        values: Pyramid | None,
+        indices: bool,
+        threads: int,
+        tell: Any,
+        cancel: _core.Cancel | None,
+    ) -> _QuerySettings:
+        if isovalue == "auto":
+            suggestions = self.isovalues()
+            if not suggestions:
+                raise Error(f"all voxels of '{self._path}' are equal: no isovalue has a surface", path=self._path)
+            isovalue = suggestions[0].value
+        corners = None
+        if box is not None:
+            (ax, ay, az), (bx, by, bz) = box
+            corners = (float(ax), float(ay), float(az)), (float(bx), float(by), float(bz))
+        return _QuerySettings(
+            float(isovalue), detail, indices, or_finer, corners, simplify,
+            None if values is None else values._handle, threads, tell, cancel,
+        )  # fmt: skip
+
+
+class Session:
+    """Queries on one pyramid, one at a time, that share memory: a mesh that nobody holds is written over by the
+    next query, so a loop touches no fresh memory. A mesh, or an array of one, that is held stays what it is.
+
+    focus, radius and box are (x, y, z) in world units, or voxel indices with ``indices=True``.
+    """
+
+    def __init__(self, pyramid: Pyramid) -> None:
+        self._pyramid = pyramid
+        self._opened: _core.SessionHandle | None = _core.SessionHandle(pyramid._handle)
+        _alive.add(self)
+
+    def _abandon(self) -> None:
+        if self._opened is not None:
+            self._opened.abandon()
+            self._opened = None
+
+    @property
+    def _handle(self) -> _core.SessionHandle:
+        if self._opened is None:
+            self._opened = _core.SessionHandle(self._pyramid._handle)
+        return self._opened
+
+    @property
+    def pyramid(self) -> Pyramid:
+        return self._pyramid
+
+    def extract(
+        self,
+        isovalue: Isovalue = "auto",
+        *,
+        focus: Sequence[float] | None = None,
+        radius: float | None = None,
+        level: int | None = None,
+        view: View | None = None,
+        curvature: float | None = None,
+        or_finer: Sequence[Detail] = (),
+        box: Sequence[Sequence[float]] | None = None,
+        simplify: float | None = None,
+        values: Pyramid | None = None,
+        indices: bool = False,
+        threads: int = 0,
+        progress: Progress = None,
+        cancel: _core.Cancel | None = None,
+    ) -> Mesh:
+        """As ``Pyramid.extract``: (x, y, z) in world units, voxel indices with ``indices=True``."""
+        with told_progress(progress, "extracting") as tell:
+            settings = self._pyramid._settings(
+                isovalue, Detail(focus, radius, level, view, curvature), or_finer, box, simplify, values,
+                indices, threads, tell, cancel,
+            )  # fmt: skip
+            return Mesh(self._handle.extract(settings, False))
+
+    def progressive(
+        self,
+        isovalue: Isovalue = "auto",
+        *,
+        focus: Sequence[float] | None = None,
+        radius: float | None = None,
+        level: int | None = None,
+        view: View | None = None,
+        curvature: float | None = None,
+        or_finer: Sequence[Detail] = (),
+        box: Sequence[Sequence[float]] | None = None,
+        simplify: float | None = None,
+        indices: bool = False,
+        threads: int = 0,
+        cancel: _core.Cancel | None = None,
+    ) -> Iterator[Mesh]:
+        """Meshes of one surface: the first at once, from what is in memory, and finer ones as bricks come in, near
+        the focus first. The last one is that of ``extract``, unless the pyramid's ``memory`` has no room for it;
+        ``Mesh.is_complete`` says which. (x, y, z) in world units, voxel indices with ``indices=True``."""
+        settings = self._pyramid._settings(
+            isovalue, Detail(focus, radius, level, view, curvature), or_finer, box, simplify, None,
+            indices, threads, None, cancel,
+        )  # fmt: skip
+        while True:
+            mesh = Mesh(self._handle.extract(settings, True))
+            is_complete = mesh.is_complete
+            yield mesh
+            del mesh  # so that its memory may be used again
+            if is_complete or not self._handle.wait_for_bricks(0.05):
+                return
+
+
+def open(path: str | os.PathLike[str], *, memory: int | str = "1G", mmap: bool = True) -> Pyramid:
+    """Opens the pyramid ``path`` (``.isb``). Reads no brick, so it takes as long for any size.
+
+    Arrays of it are [z, y, x]; points, focus and geometry are (x, y, z) in world units. ``memory`` bounds what
+    stays of the file in memory, ``mmap=False`` reads it instead of mapping it, for network file systems.
+    """
+    return Pyramid(path, memory, mmap)

@@ -1,0 +1,155 @@
+#include "array_source.h"
+
+#include <nanobind/ndarray.h>
+
+#include <array>
+#include <bit>
+#include <cstring>
+#include <utility>
+
+namespace nb = nanobind;
+
+namespace isobrick::python {
+namespace {
+
+// IEEE 754 half precision, as numpy has it.
+struct Half {
+  std::uint16_t bits;
+  explicit operator float() const {
+    const std::uint32_t sign = static_cast<std::uint32_t>(bits & 0x8000u) << 16;
+    const std::uint32_t exponent = bits >> 10 & 0x1fu, mantissa = bits & 0x3ffu;
+    if (exponent == 0) {
+      const float tiny = static_cast<float>(mantissa) * 0x1p-24F;
+      return sign != 0 ? -tiny : tiny;
+    }
+    const std::uint32_t wide = exponent == 31 ? 255u : exponent + 112u;
+    return std::bit_cast<float>(sign | wide << 23 | mantissa << 13);
+  }
+};
+
+template <typename F>
+void visitStored(const std::string& type, F&& f) {
+  if (type == "u1") return f(VoxelTag<std::uint8_t>{});
+  if (type == "i1") return f(VoxelTag<std::int8_t>{});
+  if (type == "u2") return f(VoxelTag<std::uint16_t>{});
+  if (type == "i2") return f(VoxelTag<std::int16_t>{});
+  if (type == "u4") return f(VoxelTag<std::uint32_t>{});
+  if (type == "i4") return f(VoxelTag<std::int32_t>{});
+  if (type == "u8") return f(VoxelTag<std::uint64_t>{});
+  if (type == "i8") return f(VoxelTag<std::int64_t>{});
+  if (type == "f2") return f(VoxelTag<Half>{});
+  if (type == "f4") return f(VoxelTag<float>{});
+  if (type == "f8") return f(VoxelTag<double>{});
+  throw Error("voxels of numpy's type '" + type +
+              "' are no real numbers that a pyramid can hold; convert the array with astype()");
+}
+
+template <typename Stored>
+using Delivered =
+    std::conditional_t<sizeof(Stored) <= 2 && std::is_integral_v<Stored>, Stored, float>;
+
+template <typename Stored>
+Stored load(const std::byte* from, bool is_swapped) {
+  std::array<std::byte, sizeof(Stored)> bytes;
+  std::memcpy(bytes.data(), from, sizeof(Stored));
+  if (is_swapped)
+    for (std::size_t i = 0; i < sizeof(Stored) / 2; ++i)
+      std::swap(bytes[i], bytes[sizeof(Stored) - 1 - i]);
+  return std::bit_cast<Stored>(bytes);
+}
+
+// Rows by boxes, for both kinds.
+class BoxSource : public VolumeSource {
+ public:
+  BoxSource(VolumeInfo info, std::string identity)
+      : info_(std::move(info)), identity_(std::move(identity)) {}
+  const VolumeInfo& info() const override { return info_; }
+  std::string identity() const override { return identity_; }
+  bool readsBoxes() const override { return true; }
+  void readRows(std::int64_t first, std::int64_t count, void* out) override {
+    const std::size_t row_bytes =
+        static_cast<std::size_t>(info_.voxels.x) * voxelBytes(info_.voxel_type);
+    for (std::int64_t row = first; row < first + count; ++row)
+      readBox({{0, row % info_.voxels.y, row / info_.voxels.y}, {info_.voxels.x, 1, 1}},
+              static_cast<std::byte*>(out) + static_cast<std::size_t>(row - first) * row_bytes);
+  }
+
+ private:
+  VolumeInfo info_;
+  std::string identity_;
+};
+
+template <typename Stored>
+class StridedSource final : public BoxSource {
+ public:
+  StridedSource(VolumeInfo info, const StridedArray& array, std::string identity)
+      : BoxSource(std::move(info), std::move(identity)), array_(array) {}
+
+  void readBox(const IndexBox& box, void* out) const override {
+    auto* to = static_cast<Delivered<Stored>*>(out);
+    const bool is_run = std::is_same_v<Stored, Delivered<Stored>> && !array_.is_swapped &&
+                        array_.strides.x == static_cast<std::int64_t>(sizeof(Stored));
+    for (std::int64_t z = box.first.z; z < box.end().z; ++z)
+      for (std::int64_t y = box.first.y; y < box.end().y; ++y) {
+        const std::byte* from =
+            reinterpret_cast<const std::byte*>(array_.address) +
+            (box.first.x * array_.strides.x + y * array_.strides.y + z * array_.strides.z);
+        if (is_run) {
+          std::memcpy(to, from, static_cast<std::size_t>(box.count.x) * sizeof(Stored));
+          to += box.count.x;
+          continue;
+        }
+        for (std::int64_t x = 0; x < box.count.x; ++x, from += array_.strides.x)
+          *to++ = static_cast<Delivered<Stored>>(load<Stored>(from, array_.is_swapped));
+      }
+  }
+
+ private:
+  StridedArray array_;
+};
+
+class ReaderSource final : public BoxSource {
+ public:
+  ReaderSource(VolumeInfo info, nb::handle read, std::uint64_t buffer_bytes, std::string identity)
+      : BoxSource(std::move(info), std::move(identity)), read_(read), buffer_bytes_(buffer_bytes) {}
+
+  std::uint64_t bufferBytes() const override { return buffer_bytes_; }
+  void readBox(const IndexBox& box, void* out) const override {
+    const nb::gil_scoped_acquire locked;
+    const nb::object result =
+        read_(box.first.x, box.first.y, box.first.z, box.count.x, box.count.y, box.count.z);
+    const auto voxels = nb::cast<nb::ndarray<nb::ro, nb::c_contig, nb::device::cpu>>(result);
+    std::memcpy(out, voxels.data(), voxels.nbytes());
+  }
+
+ private:
+  nb::handle read_;  // the caller's: this object goes without the interpreter's lock
+  std::uint64_t buffer_bytes_;
+};
+
+}  // namespace
+
+VoxelType deliveredType(const std::string& type) {
+  VoxelType result = VoxelType::kFloat32;
+  visitStored(type,
+              [&](auto tag) { result = voxelTypeOf<Delivered<typename decltype(tag)::Type>>(); });
+  return result;
+}
+
+std::unique_ptr<VolumeSource> makeStridedSource(VolumeInfo info, const StridedArray& array,
+                                                std::string identity) {
+  std::unique_ptr<VolumeSource> source;
+  info.voxel_type = deliveredType(array.type);
+  visitStored(array.type, [&](auto tag) {
+    source = std::make_unique<StridedSource<typename decltype(tag)::Type>>(std::move(info), array,
+                                                                           std::move(identity));
+  });
+  return source;
+}
+
+std::unique_ptr<VolumeSource> makeReaderSource(VolumeInfo info, nb::handle read,
+                                               std::uint64_t buffer_bytes, std::string identity) {
+  return std::make_unique<ReaderSource>(std::move(info), read, buffer_bytes, std::move(identity));
+}
+
+}  // namespace isobrick::python

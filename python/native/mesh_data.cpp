@@ -1,0 +1,174 @@
+#include "mesh_data.h"
+
+#include <sys/mman.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <new>
+#include <unordered_map>
+#include <vector>
+
+namespace isobrick::python {
+namespace {
+
+// Calls f(part, first vertex, end) for pieces of the mesh's parts, many at once.
+template <typename F>
+void forEachPiece(const SurfaceMesh& mesh, const F& f) {
+  const std::vector<SurfaceMesh::Part>& parts = mesh.parts();
+  tbb::parallel_for(std::size_t{0}, parts.size(), [&](std::size_t i) {
+    f(parts[i], parts[i].first_vertex, parts[i].first_vertex + parts[i].vertices);
+  });
+}
+
+template <typename Real>
+void writePoints(const SurfaceMesh& mesh, const WorldPlacement& placement, Real* out) {
+  forEachPiece(mesh, [&](const SurfaceMesh::Part& part, std::uint64_t begin, std::uint64_t end) {
+    for (std::uint64_t v = begin; v < end; ++v) {
+      const glm::dvec3 world = placement.worldPosition(part.origin, mesh.positions()[v]);
+      for (int axis = 0; axis < 3; ++axis)
+        out[3 * v + static_cast<std::uint64_t>(axis)] = static_cast<Real>(world[axis]);
+    }
+  });
+}
+
+// The parts of a mesh as the batches of a sink. Edge keys are only compared, so that the number of
+// a vertex serves as one.
+class PartBatches {
+ public:
+  explicit PartBatches(const SurfaceMesh& mesh)
+      : mesh_(mesh), is_shared_(mesh.positions().size(), false) {
+    for (const SurfaceMesh::Part& part : mesh_.parts())
+      for (const std::uint32_t v : trianglesOf(part))
+        if (v < part.first_vertex) is_shared_[v] = true;
+  }
+
+  void fill(const SurfaceMesh::Part& part, MeshBatch& batch) {
+    batch.clear();
+    batch.level = part.level;
+    batch.origin = part.origin;
+    const auto first = static_cast<std::size_t>(part.first_vertex);
+    const auto count = static_cast<std::size_t>(part.vertices);
+    batch.positions.assign(&mesh_.positions()[0] + first, &mesh_.positions()[0] + first + count);
+    batch.normals.assign(&mesh_.normals()[0] + first, &mesh_.normals()[0] + first + count);
+    for (std::size_t v = 0; v < count; ++v)
+      if (is_shared_[first + v])
+        batch.shared.push_back({static_cast<std::uint32_t>(v), 0, first + v});
+    std::unordered_map<std::uint32_t, std::uint32_t> place;
+    for (const std::uint32_t v : trianglesOf(part))
+      batch.triangles.push_back(v >= part.first_vertex
+                                    ? v - static_cast<std::uint32_t>(part.first_vertex)
+                                    : placeOf(v, part, place, batch));
+  }
+
+ private:
+  std::span<const std::uint32_t> trianglesOf(const SurfaceMesh::Part& part) const {
+    return mesh_.triangles().subspan(3 * part.first_triangle, 3 * part.triangles);
+  }
+
+  // Of a vertex that an earlier part brought: behind the part's own.
+  std::uint32_t placeOf(std::uint32_t v, const SurfaceMesh::Part& part,
+                        std::unordered_map<std::uint32_t, std::uint32_t>& place,
+                        MeshBatch& batch) const {
+    const auto [at, is_new] = place.emplace(v, static_cast<std::uint32_t>(batch.positions.size()));
+    if (is_new) {
+      // Origins lie whole voxels apart and positions have room for them: the sum is exact.
+      const glm::dvec3 shift(mesh_.partOfVertex(v).origin - part.origin);
+      batch.positions.emplace_back(glm::vec3(glm::dvec3(mesh_.positions()[v]) + shift));
+      batch.normals.push_back(mesh_.normals()[v]);
+      batch.shared.push_back({at->second, 0, v});
+    }
+    return at->second;
+  }
+
+  const SurfaceMesh& mesh_;
+  std::vector<bool> is_shared_;
+};
+
+}  // namespace
+
+RoomyBytes::~RoomyBytes() {
+  if (data_ != nullptr) ::munmap(data_, bytes_);
+}
+
+std::byte* RoomyBytes::room(std::size_t bytes) {
+  constexpr std::size_t kStep = std::size_t{2} << 20;
+  if (bytes <= bytes_ && data_ != nullptr) return data_;
+  const std::size_t wanted = (bytes + kStep) / kStep * kStep;
+  void* const at =
+      ::mmap(nullptr, wanted, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+  if (at == MAP_FAILED) throw std::bad_alloc();
+  ::madvise(at, wanted, MADV_HUGEPAGE);  // where it is refused, small pages do
+  if (data_ != nullptr) ::munmap(data_, bytes_);
+  data_ = static_cast<std::byte*>(at);
+  bytes_ = wanted;
+  return data_;
+}
+
+void MeshData::filled(const MeshFrame& frame, const ExtractionReport& report,
+                      std::shared_ptr<const VertexValues> values) {
+  frame_ = frame;
+  report_ = report;
+  values_ = std::move(values);
+  has_points_ = has_levels_ = has_evaluated_ = false;
+}
+
+const void* MeshData::points() {
+  const bool doubles = hasDoubles();
+  std::byte* const data =
+      point_bytes_.room(3 * vertices() * (doubles ? sizeof(double) : sizeof(float)));
+  if (has_points_) return data;
+  const WorldPlacement placement(frame_.geometry);
+  if (doubles)
+    writePoints(surface_, placement, reinterpret_cast<double*>(data));
+  else
+    writePoints(surface_, placement, reinterpret_cast<float*>(data));
+  has_points_ = true;
+  return data;
+}
+
+void MeshData::indexPoints(double* out) const {
+  writePoints(surface_, WorldPlacement(GridGeometry()), out);
+}
+
+const std::uint8_t* MeshData::levels() {
+  auto* const data = reinterpret_cast<std::uint8_t*>(level_bytes_.room(triangles()));
+  if (has_levels_) return data;
+  for (const SurfaceMesh::Part& part : surface_.parts())
+    std::fill_n(data + part.first_triangle, part.triangles, static_cast<std::uint8_t>(part.level));
+  has_levels_ = true;
+  return data;
+}
+
+const float* MeshData::values() {
+  auto* const data = reinterpret_cast<float*>(value_bytes_.room(vertices() * sizeof(float)));
+  if (has_evaluated_) return data;
+  const WorldPlacement placement(frame_.geometry);
+  forEachPiece(surface_,
+               [&](const SurfaceMesh::Part& part, std::uint64_t begin, std::uint64_t end) {
+                 std::vector<glm::dvec3> world;
+                 world.reserve(end - begin);
+                 for (std::uint64_t v = begin; v < end; ++v)
+                   world.push_back(placement.worldPosition(part.origin, surface_.positions()[v]));
+                 values_->evaluate(world, {data + begin, static_cast<std::size_t>(end - begin)});
+               });
+  has_evaluated_ = true;
+  return data;
+}
+
+void MeshData::save(const std::string& path, bool zlib, bool meshopt,
+                    const CancelFlag* cancel) const {
+  const auto sink = makeMeshFileSink(
+      path, {.cancel = cancel, .values = values_.get(), .zlib = zlib, .meshopt = meshopt});
+  sink->begin(frame_);
+  PartBatches batches(surface_);
+  PlacedBatch placed;
+  for (const SurfaceMesh::Part& part : surface_.parts()) {
+    if (cancel != nullptr) cancel->check();
+    batches.fill(part, placed.batch);
+    sink->place(placed);
+    sink->write(placed);
+  }
+  sink->finish();
+}
+
+}  // namespace isobrick::python

@@ -1,0 +1,360 @@
+#include "query_binding.h"
+
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/array.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/string.h>
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <filesystem>
+#include <limits>
+#include <memory>
+#include <mutex>
+#include <numbers>
+#include <utility>
+#include <vector>
+
+#include "interruptible_call.h"
+#include "mesh_data.h"
+#include "pyramid_binding.h"
+
+namespace nb = nanobind;
+
+namespace isobrick::python {
+namespace {
+
+using Doubles3 = std::array<double, 3>;
+
+glm::dvec3 vectorOf(const Doubles3& v) { return {v[0], v[1], v[2]}; }
+
+template <typename T>
+std::optional<T> optionalOf(const nb::object& settings, const char* name) {
+  return nb::cast<std::optional<T>>(settings.attr(name));
+}
+
+double leastSpacing(const GridGeometry& geometry) {
+  return std::min({geometry.spacing.x, geometry.spacing.y, geometry.spacing.z});
+}
+
+// A `View` of Python.
+ViewPoint readView(const nb::object& from) {
+  ViewPoint view;
+  view.eye = vectorOf(nb::cast<Doubles3>(from.attr("eye")));
+  view.pixels = nb::cast<double>(from.attr("pixels"));
+  view.pixels_per_radian = nb::cast<double>(from.attr("pixels_per_radian"));
+  view.pixels_per_unit = optionalOf<double>(from, "pixels_per_unit");
+  if (const auto look_at = optionalOf<Doubles3>(from, "look_at")) {
+    view.field = ViewPoint::Field{};
+    view.field->direction = vectorOf(*look_at) - view.eye;
+    view.field->half_angle = nb::cast<double>(from.attr("field_of_view")) * std::numbers::pi / 360;
+    view.field->radius = optionalOf<double>(from, "field_radius").value_or(0);
+  }
+  return view;
+}
+
+// A `Detail` of Python; `indices`: focus and radius are in voxel indices.
+DetailChoice readDetail(const nb::object& from, const GridGeometry& geometry, bool indices) {
+  DetailChoice choice;
+  if (const auto focus = optionalOf<Doubles3>(from, "focus")) {
+    const double radius = optionalOf<double>(from, "radius").value_or(0);
+    const glm::dvec3 center = vectorOf(*focus);
+    choice.focus =
+        indices ? FocusSphere{center, radius}
+                : FocusSphere{geometry.worldToIndex(center), radius / leastSpacing(geometry)};
+  }
+  choice.uniform_level = optionalOf<int>(from, "level");
+  choice.curvature_tolerance = optionalOf<double>(from, "curvature");
+  if (!from.attr("view").is_none()) choice.view = readView(from.attr("view"));
+  return choice;
+}
+
+// The least box of indices around a box of the world.
+QueryBox indexBoxAround(const QueryBox& world, const GridGeometry& geometry) {
+  QueryBox result{glm::dvec3(std::numeric_limits<double>::infinity()),
+                  glm::dvec3(-std::numeric_limits<double>::infinity())};
+  for (int corner = 0; corner < 8; ++corner) {
+    glm::dvec3 at;
+    for (int axis = 0; axis < 3; ++axis)
+      at[axis] = (corner >> axis & 1) != 0 ? world.max[axis] : world.min[axis];
+    const glm::dvec3 index = geometry.worldToIndex(at);
+    result.min = glm::min(result.min, index);
+    result.max = glm::max(result.max, index);
+  }
+  return result;
+}
+
+// A `_QuerySettings` of Python (isobrick/_query.py).
+Query readQuery(const nb::object& from, const GridGeometry& geometry) {
+  const bool indices = nb::cast<bool>(from.attr("indices"));
+  Query query;
+  query.isovalue = nb::cast<double>(from.attr("isovalue"));
+  static_cast<DetailChoice&>(query) = readDetail(from.attr("detail"), geometry, indices);
+  for (const nb::handle choice : from.attr("or_finer"))
+    query.or_finer.push_back(readDetail(nb::borrow(choice), geometry, indices));
+  if (const auto corners = optionalOf<std::array<Doubles3, 2>>(from, "box")) {
+    const QueryBox box{vectorOf((*corners)[0]), vectorOf((*corners)[1])};
+    query.box = indices ? box : indexBoxAround(box, geometry);
+  }
+  if (const auto distance = optionalOf<double>(from, "simplify"))
+    query.simplify = SimplifyOptions{*distance, !indices};
+  return query;
+}
+
+CallOptions readCall(const nb::object& from) {
+  return {from.attr("progress"), nb::cast<int>(from.attr("threads")),
+          nb::cast<const CancelRequest*>(from.attr("cancel"))};
+}
+
+std::shared_ptr<const VertexValues> readValues(const nb::object& from) {
+  const nb::object values = from.attr("values");
+  if (values.is_none()) return nullptr;
+  // The field and the pyramid that it holds on to, in one.
+  struct HeldValues : VertexValues {
+    explicit HeldValues(std::shared_ptr<const Pyramid> of) : pyramid(std::move(of)) {}
+    void evaluate(std::span<const glm::dvec3> world, std::span<float> out) const override {
+      field.evaluate(world, out);
+    }
+    std::shared_ptr<const Pyramid> pyramid;
+    PyramidValues field{*pyramid};
+  };
+  return std::make_shared<HeldValues>(nb::cast<const PyramidHandle&>(values).pyramid());
+}
+
+// A share of a mesh; numpy arrays have one too.
+struct MeshHandle {
+  std::shared_ptr<MeshData> data;
+
+  nb::capsule owner() const {
+    return nb::capsule(new std::shared_ptr<MeshData>(data),
+                       [](void* p) noexcept { delete static_cast<std::shared_ptr<MeshData>*>(p); });
+  }
+  template <typename T, std::size_t Columns>
+  nb::object rows(const T* elements, std::uint64_t count) const {
+    const std::size_t shape[] = {static_cast<std::size_t>(count), Columns};
+    return nb::cast(nb::ndarray<nb::numpy, const T, nb::ndim<2>>(elements, 2, shape, owner()));
+  }
+  template <typename T>
+  nb::object row(const T* elements, std::uint64_t count) const {
+    const std::size_t shape[] = {static_cast<std::size_t>(count)};
+    return nb::cast(nb::ndarray<nb::numpy, const T, nb::ndim<1>>(elements, 1, shape, owner()));
+  }
+  // Without the interpreter's lock, since it may take long.
+  template <typename Make>
+  auto made(const Make& make) const {
+    const nb::gil_scoped_release unlocked;
+    const std::lock_guard lock(mutex());
+    return make(*data);
+  }
+
+ private:
+  // What is made late is made for everybody who shares the mesh.
+  static std::mutex& mutex() {
+    static auto* const mutex = new std::mutex;
+    return *mutex;
+  }
+};
+
+nb::object meshPoints(const MeshHandle& mesh) {
+  const void* const points = mesh.made([](MeshData& data) { return data.points(); });
+  const std::uint64_t count = mesh.data->vertices();
+  return mesh.data->hasDoubles() ? mesh.rows<double, 3>(static_cast<const double*>(points), count)
+                                 : mesh.rows<float, 3>(static_cast<const float*>(points), count);
+}
+
+nb::object meshIndexPoints(const MeshHandle& mesh) {
+  const auto count = static_cast<std::size_t>(mesh.data->vertices());
+  auto points = std::make_unique<double[]>(3 * count);
+  {
+    const nb::gil_scoped_release unlocked;
+    mesh.data->indexPoints(points.get());
+  }
+  double* const data = points.get();
+  const nb::capsule owner(points.release(),
+                          [](void* p) noexcept { delete[] static_cast<double*>(p); });
+  const std::size_t shape[] = {count, 3};
+  return nb::cast(nb::ndarray<nb::numpy, double, nb::ndim<2>>(data, 2, shape, owner));
+}
+
+nb::object reportOf(const ExtractionReport& report) {
+  nb::list levels;
+  for (const LevelCounts& counts : report.levels)
+    levels.append(
+        nb::make_tuple(counts.level, counts.cells, counts.triangles, counts.transition_cells));
+  nb::dict result;
+  result["is_complete"] = report.is_complete;
+  result["triangles"] = report.triangles;
+  result["levels"] = levels;
+  result["bricks_active"] = report.bricks_active;
+  result["bricks_read"] = report.bricks_read;
+  result["bytes_active"] = report.bytes_active;
+  result["bytes_read"] = report.bytes_read;
+  return result;
+}
+
+void saveMesh(const MeshHandle& mesh, const std::string& path, bool zlib, bool meshopt) {
+  runInterruptibly(
+      {}, [&](CallState& state) { mesh.data->save(path, zlib, meshopt, &state.cancel()); });
+}
+
+// Queries one after the other on a pyramid, into memory that nobody holds any more.
+class Session {
+ public:
+  explicit Session(const PyramidHandle& handle)
+      : pyramid_(handle.pyramid()),
+        extractor_(std::make_unique<Extractor>(*pyramid_)),
+        mutex_(std::make_unique<std::mutex>()) {}
+
+  MeshHandle extract(const nb::object& settings, bool now) {
+    Query query = readQuery(settings, geometry());
+    query.now = now;
+    const CallOptions call = readCall(settings);
+    const std::shared_ptr<const VertexValues> values = readValues(settings);
+    std::shared_ptr<MeshData> mesh;
+    runInterruptibly(call, [&](CallState& state) {
+      const std::lock_guard lock(mutex());
+      query.cancel = &state.cancel();
+      query.fraction_done = &state.fraction();
+      mesh = idleMesh();
+      const ExtractionReport report = extractor().extract(query, mesh->surface());
+      mesh->filled({geometry(), pyramid_->spec().voxels}, report, values);
+    });
+    return {std::move(mesh)};
+  }
+
+  nb::object extractTo(const nb::object& settings, const std::string& path, bool zlib, bool meshopt,
+                       bool force) {
+    if (!force && std::filesystem::exists(path))
+      throw Error("'" + path + "' exists; give force=True to replace it", {.path = path});
+    std::error_code ignored;
+    if (std::filesystem::equivalent(path, pyramid_->path(), ignored))
+      throw Error("'" + path + "' is the pyramid itself; choose another name", {.path = path});
+    Query query = readQuery(settings, geometry());
+    const std::shared_ptr<const VertexValues> values = readValues(settings);
+    ExtractionReport report;
+    std::uint64_t vertices = 0;
+    runInterruptibly(readCall(settings), [&](CallState& state) {
+      const std::lock_guard lock(mutex());
+      query.cancel = &state.cancel();
+      query.fraction_done = &state.fraction();
+      const auto sink = makeMeshFileSink(
+          path,
+          {.cancel = &state.cancel(), .values = values.get(), .zlib = zlib, .meshopt = meshopt});
+      report = extractor().extract(query, *sink);
+      vertices = sink->vertices();
+    });
+    const nb::object result = reportOf(report);
+    result["vertices"] = vertices;
+    return result;
+  }
+
+  // See Extractor::waitForBricks().
+  bool waitForBricks(double seconds) {
+    bool has_more = false;
+    runInterruptibly({}, [&](CallState& state) {
+      const std::lock_guard lock(mutex());
+      const auto end = std::chrono::steady_clock::now() + std::chrono::duration<double>(seconds);
+      // Short waits, so that Ctrl-C is seen; one that ends early is one after which all is there.
+      constexpr auto kWait = std::chrono::milliseconds(5);
+      for (auto now = std::chrono::steady_clock::now(); now < end;) {
+        has_more = extractor().waitForBricks(kWait);
+        state.cancel().check();
+        const auto before = std::exchange(now, std::chrono::steady_clock::now());
+        if (!has_more || now - before < kWait) return;
+      }
+    });
+    return has_more;
+  }
+
+  // How many meshes it keeps memory of, in use or not.
+  std::size_t meshes() const { return meshes_.size(); }
+
+  // See PyramidHandle::abandon().
+  void abandon() {
+    (void)extractor_.release();
+    (void)mutex_.release();
+    new std::shared_ptr<const Pyramid>(std::move(pyramid_));
+    pyramid_.reset();
+    meshes_.clear();
+  }
+
+ private:
+  static constexpr std::size_t kMostIdle = 2;
+
+  std::mutex& mutex() {
+    if (!mutex_) throw Error("the session is of the process that forked; make another one");
+    return *mutex_;
+  }
+  Extractor& extractor() { return *extractor_; }
+  const GridGeometry& geometry() const {
+    if (!pyramid_) throw Error("the session is of the process that forked; make another one");
+    return pyramid_->spec().geometry;
+  }
+
+  // One that no array holds, or a new one; of those that are idle a few are kept.
+  std::shared_ptr<MeshData> idleMesh() {
+    const auto is_idle = [](const std::shared_ptr<MeshData>& mesh) {
+      return mesh.use_count() == 1;
+    };
+    std::shared_ptr<MeshData> found;
+    if (const auto at = std::find_if(meshes_.begin(), meshes_.end(), is_idle); at != meshes_.end())
+      found = *at;
+    std::size_t idle = 0;
+    std::erase_if(meshes_, [&](const std::shared_ptr<MeshData>& mesh) {
+      return is_idle(mesh) && ++idle > kMostIdle;
+    });
+    if (found) return found;
+    meshes_.push_back(std::make_shared<MeshData>());
+    return meshes_.back();
+  }
+
+  std::shared_ptr<const Pyramid> pyramid_;
+  std::unique_ptr<Extractor> extractor_;  // goes before the pyramid
+  std::unique_ptr<std::mutex> mutex_;     // one call at a time
+  std::vector<std::shared_ptr<MeshData>> meshes_;
+};
+
+}  // namespace
+
+void bindQueries(nb::module_& module) {
+  nb::class_<MeshHandle>(module, "MeshHandle")
+      .def("points", &meshPoints)
+      .def("index_points", &meshIndexPoints)
+      .def("faces",
+           [](const MeshHandle& m) {
+             return m.rows<std::uint32_t, 3>(m.data->surface().triangles().data(),
+                                             m.data->triangles());
+           })
+      .def("normals",
+           [](const MeshHandle& m) {
+             return m.rows<float, 3>(
+                 reinterpret_cast<const float*>(m.data->surface().normals().data()),
+                 m.data->vertices());
+           })
+      .def("levels",
+           [](const MeshHandle& m) {
+             return m.row(m.made([](MeshData& d) { return d.levels(); }), m.data->triangles());
+           })
+      .def("values",
+           [](const MeshHandle& m) -> nb::object {
+             if (!m.data->hasValues()) return nb::none();
+             return m.row(m.made([](MeshData& d) { return d.values(); }), m.data->vertices());
+           })
+      .def("report", [](const MeshHandle& m) { return reportOf(m.data->report()); })
+      .def("unit",
+           [](const MeshHandle& m) {
+             return std::string(lengthUnitName(m.data->frame().geometry.unit));
+           })
+      .def("save", &saveMesh, nb::arg("path"), nb::arg("zlib"), nb::arg("meshopt"));
+  nb::class_<Session>(module, "SessionHandle")
+      .def(nb::init<const PyramidHandle&>(), nb::arg("pyramid"))
+      .def("extract", &Session::extract, nb::arg("settings"), nb::arg("now"))
+      .def("extract_to", &Session::extractTo, nb::arg("settings"), nb::arg("path"), nb::arg("zlib"),
+           nb::arg("meshopt"), nb::arg("force"))
+      .def("wait_for_bricks", &Session::waitForBricks, nb::arg("seconds"))
+      .def("meshes", &Session::meshes)
+      .def("abandon", &Session::abandon);
+}
+
+}  // namespace isobrick::python

@@ -1,0 +1,81 @@
+// isobrick._volumes: building from files of all formats. Apart from _core, since it loads ITK,
+// OpenVDB and HDF5.
+#include <isobrick/isobrick.h>
+#include <nanobind/nanobind.h>
+#include <nanobind/stl/array.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/string.h>
+
+#include <array>
+#include <optional>
+
+#include "build_binding.h"
+#include "error_translation.h"
+
+namespace nb = nanobind;
+
+namespace isobrick::python {
+namespace {
+
+using Doubles3 = std::array<double, 3>;
+
+std::optional<glm::dvec3> vectorOf(const std::optional<Doubles3>& v) {
+  if (!v) return std::nullopt;
+  return glm::dvec3((*v)[0], (*v)[1], (*v)[2]);
+}
+
+// A `RawLayout` of Python.
+std::optional<RawLayout> readRaw(const nb::object& from) {
+  if (from.is_none()) return std::nullopt;
+  RawLayout raw;
+  const auto shape = nb::cast<std::array<std::int64_t, 3>>(from.attr("shape"));
+  raw.voxels = {shape[2], shape[1], shape[0]};
+  raw.type = nb::cast<std::string>(from.attr("dtype"));
+  raw.big_endian = nb::cast<bool>(from.attr("big_endian"));
+  raw.offset_bytes = nb::cast<std::uint64_t>(from.attr("offset"));
+  return raw;
+}
+
+nb::object buildFile(const std::string& path, const nb::object& input, const nb::object& settings) {
+  OpenOptions options;
+  options.raw = readRaw(input.attr("raw"));
+  options.spacing = vectorOf(nb::cast<std::optional<Doubles3>>(input.attr("spacing")));
+  options.origin = vectorOf(nb::cast<std::optional<Doubles3>>(input.attr("origin")));
+  options.series = nb::cast<std::string>(input.attr("series"));
+  options.grid = nb::cast<std::string>(input.attr("grid"));
+  options.time = nb::cast<std::optional<std::int64_t>>(input.attr("time"));
+  options.channel = nb::cast<std::optional<std::int64_t>>(input.attr("channel"));
+  if (const auto component = nb::cast<std::optional<std::int64_t>>(input.attr("component")))
+    options.component = ComponentChoice{false, *component};
+  const BuildRequest request = readBuildRequest(settings);
+  options.memory_bytes = request.options.memory_bytes / 2;
+  return buildFrom(
+      [&](CallState& state) {
+        options.cancel = &state.cancel();
+        options.progress = [&](std::string_view phase, double f) { state.report(phase, f); };
+        if (const std::size_t colon = path.find("phantom:"); colon == 0) {
+          const std::size_t size_at = path.find(':', 8);
+          PhantomSpec spec{.name = path.substr(8, size_at - 8)};
+          if (size_at != std::string::npos) spec.size = std::stoll(path.substr(size_at + 1));
+          return placedAsGiven(makePhantomSource(spec), options);
+        }
+        return openVolume(path, options);
+      },
+      request);
+}
+
+}  // namespace
+}  // namespace isobrick::python
+
+NB_MODULE(_volumes, m) {
+  using namespace isobrick::python;
+  translateErrors();
+  nb::module_::import_("isobrick._core");  // has the type of `cancel`
+  m.def("build_file", &buildFile, nb::arg("path"), nb::arg("input"), nb::arg("settings"));
+  m.def("readable_formats", [] {
+    nb::list result;
+    for (const isobrick::ReadableFormat& format : isobrick::readableFormats())
+      if (format.is_built_in) result.append(nb::make_tuple(format.name, format.endings));
+    return result;
+  });
+}
