@@ -170,7 +170,7 @@ def _build_array(
     nz, ny, nx = volume.shape
     description = _ArrayDescription(
         (nx, ny, nz), place.spacing, place.origin, place.direction, place.is_millimetres,
-        volume.name, volume.format, type_, "", volume.notes,
+        volume.format if volume.memory is not None else volume.name or volume.format, volume.format, type_, "", volume.notes,
     )  # fmt: skip
     description.identity = (
         f"{volume.format} {volume.dtype.str} {volume.shape} {place.spacing} {place.origin} "

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any, Union
+from typing import Any
 
 #: ``None`` or ``False``: silent. ``True``: a bar of tqdm. A bar of tqdm that is at hand. Or a callable, which
 #: gets the name of the phase and the share that is done, 0 to 1, on the caller's thread, some times a
 #: second; an exception that it raises ends the call and comes out of it.
-Progress = Union[None, bool, Callable[[str, float], object], Any]
+Progress = None | bool | Callable[[str, float], object] | Any
 
 
 @contextmanager
@@ -21,7 +21,7 @@ def told_progress(progress: Progress, title: str) -> Iterator[Callable[[str, flo
     if callable(progress) and not hasattr(progress, "update"):
         yield progress
         return
-    bar = progress
+    bar: Any = progress
     if progress is True:
         try:
             from tqdm.auto import tqdm

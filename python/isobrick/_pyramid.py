@@ -93,7 +93,9 @@ class Level:
     @property
     def affine(self) -> NDArray[np.float64]:
         """4 x 4: from (i, j, k) of this level to (x, y, z) in world units."""
-        return self._pyramid.affine @ np.diag([*([float(1 << self.level)] * 3), 1.0])
+        scale = float(1 << self.level)
+        scaled: NDArray[np.float64] = self._pyramid.affine * np.array([scale, scale, scale, 1.0])
+        return scaled
 
     @property
     def bricks(self) -> tuple[int, int, int]:
@@ -110,7 +112,7 @@ class Level:
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
         if copy is False:
             raise ValueError("the samples of a level are not in memory as one array: they have to be copied")
-        array = self[...]
+        array: NDArray[Any] = self[...]
         return array if dtype is None else array.astype(dtype)
 
     def __getitem__(self, key: Any) -> Any:
@@ -151,7 +153,7 @@ class Level:
             first.append(low)
             count.append(high - low + 1)
         if min(count) <= 0:
-            box = np.empty([max(n, 0) for n in count], self.dtype)
+            box: NDArray[Any] = np.empty([max(n, 0) for n in count], self.dtype)
         else:
             z, y, x = first
             nz, ny, nx = count

@@ -84,7 +84,11 @@ NB_MODULE(_core, m) {
       },
       nb::arg("type"));
   m.def("build_strided", &buildStrided, nb::arg("description"), nb::arg("address"),
-        nb::arg("strides"), nb::arg("is_swapped"), nb::arg("settings"));
+        nb::arg("strides"), nb::arg("is_swapped"), nb::arg("settings"),
+        nb::sig("def build_strided(description: object, address: int, strides: tuple[int, int, "
+                "int], is_swapped: bool, settings: object) -> dict[str, typing.Any]"));
   m.def("build_read", &buildRead, nb::arg("description"), nb::arg("read"), nb::arg("buffer_bytes"),
-        nb::arg("settings"));
+        nb::arg("settings"),
+        nb::sig("def build_read(description: object, read: typing.Any, buffer_bytes: int, "
+                "settings: object) -> dict[str, typing.Any]"));
 }

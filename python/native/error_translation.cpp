@@ -4,10 +4,66 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/string.h>
 
+#include <string>
+
 namespace nb = nanobind;
 
 namespace isobrick::python {
 namespace {
+
+// What the parameter is called in Python that would help; null: none would.
+const char* adviceOf(Remedy remedy) {
+  switch (remedy) {
+    case Remedy::kAllowMoreMemory:
+      return "give a larger memory";
+    case Remedy::kUseLessMemory:
+      return "give a smaller memory, or fewer threads";
+    case Remedy::kOtherFolder:
+      return "choose another folder";
+    case Remedy::kPack:
+      return "give codec='zstd'";
+    case Remedy::kReplaceNotFinite:
+      return "give nan_as, the value to put there";
+    case Remedy::kDescribeRawFile:
+      return "give raw=isobrick.RawLayout(shape, dtype)";
+    case Remedy::kCorrectRawLayout:
+      return "correct raw";
+    case Remedy::kBuildWithCurvature:
+      return "build the pyramid with curvature=True";
+    case Remedy::kChooseComponent:
+      return "give component";
+    case Remedy::kChooseChannel:
+    case Remedy::kChooseVariant:
+      return "give channel";
+    case Remedy::kChooseTime:
+      return "give time";
+    case Remedy::kChooseStack:
+      return "give grid";
+    case Remedy::kChooseSeries:
+      return "give series";
+    case Remedy::kPackMesh:
+      return "give meshopt=True";
+    case Remedy::kResume:
+    case Remedy::kBeginAnew:
+    case Remedy::kDicomAsFloat32:
+    case Remedy::kWholeFloats:
+    case Remedy::kReplaceDataset:
+      return nullptr;
+  }
+  return nullptr;
+}
+
+std::string textOf(const Error& error) {
+  std::string text = error.what();
+  const char* joint = "; ";
+  for (const Remedy remedy : error.remedies())
+    if (const char* const advice = adviceOf(remedy)) {
+      text += joint;
+      text += advice;
+      joint = ", or ";
+    }
+  return text;
+}
 
 void raise(const char* name, const Error& error) {
   const nb::object type = nb::module_::import_("isobrick._errors").attr(name);
@@ -19,7 +75,7 @@ void raise(const char* name, const Error& error) {
   if (place.offset) offset = nb::cast(*place.offset);
   if (place.level) level = nb::cast(*place.level);
   if (place.brick) brick = nb::make_tuple(place.brick->x, place.brick->y, place.brick->z);
-  const nb::object text = nb::steal(PyUnicode_DecodeFSDefault(error.what()));
+  const nb::object text = nb::steal(PyUnicode_DecodeFSDefault(textOf(error).c_str()));
   const nb::object exception = type(text, path, offset, level, brick);
   PyErr_SetObject(type.ptr(), exception.ptr());
 }

@@ -1,5 +1,6 @@
 #include "interruptible_call.h"
 
+#include <nanobind/stl/string.h>
 #include <tbb/task_arena.h>
 #include <unistd.h>
 

@@ -181,24 +181,32 @@ void bindPyramid(nb::module_& module) {
            nb::arg("budget_bytes"), nb::arg("is_mapped"))
       .def("close", &PyramidHandle::close)
       .def("abandon", &PyramidHandle::abandon)
-      .def("voxels", [](const PyramidHandle& h) { return tupleOf(h.pyramid()->spec().voxels); })
+      .def(
+          "voxels", [](const PyramidHandle& h) { return tupleOf(h.pyramid()->spec().voxels); },
+          nb::sig("def voxels(self) -> tuple[int, int, int]"))
       .def("voxel_type",
            [](const PyramidHandle& h) {
              return std::string(voxelTypeName(h.pyramid()->spec().voxel_type));
            })
-      .def("spacing",
-           [](const PyramidHandle& h) { return tupleOf(h.pyramid()->spec().geometry.spacing); })
-      .def("origin",
-           [](const PyramidHandle& h) { return tupleOf(h.pyramid()->spec().geometry.origin); })
+      .def(
+          "spacing",
+          [](const PyramidHandle& h) { return tupleOf(h.pyramid()->spec().geometry.spacing); },
+          nb::sig("def spacing(self) -> tuple[float, float, float]"))
+      .def(
+          "origin",
+          [](const PyramidHandle& h) { return tupleOf(h.pyramid()->spec().geometry.origin); },
+          nb::sig("def origin(self) -> tuple[float, float, float]"))
       .def("affine", [](const PyramidHandle& h) { return affineOf(h.pyramid()->spec().geometry); })
       .def("unit",
            [](const PyramidHandle& h) {
              return std::string(lengthUnitName(h.pyramid()->spec().geometry.unit));
            })
-      .def("value_range",
-           [](const PyramidHandle& h) {
-             return nb::make_tuple(h.pyramid()->valueRange().min, h.pyramid()->valueRange().max);
-           })
+      .def(
+          "value_range",
+          [](const PyramidHandle& h) {
+            return nb::make_tuple(h.pyramid()->valueRange().min, h.pyramid()->valueRange().max);
+          },
+          nb::sig("def value_range(self) -> tuple[float, float]"))
       .def("has_curvature",
            [](const PyramidHandle& h) { return h.pyramid()->spec().has_curvature; })
       .def("brick_cells", [](const PyramidHandle& h) { return h.pyramid()->spec().brick_cells; })
@@ -208,26 +216,32 @@ void bindPyramid(nb::module_& module) {
           [](const PyramidHandle& h, int level) {
             return tupleOf(h.pyramid()->lattice().samples(level));
           },
-          nb::arg("level"))
+          nb::arg("level"), nb::sig("def samples(self, level: int) -> tuple[int, int, int]"))
       .def(
           "bricks",
           [](const PyramidHandle& h, int level) {
             return tupleOf(h.pyramid()->layout().bricks(level));
           },
-          nb::arg("level"))
+          nb::arg("level"), nb::sig("def bricks(self, level: int) -> tuple[int, int, int]"))
       .def("noise", [](const PyramidHandle& h) { return h.pyramid()->noise(); })
       .def("provenance", [](const PyramidHandle& h) { return h.pyramid()->provenance(); })
       .def("file_bytes", [](const PyramidHandle& h) { return h.pyramid()->fileBytes(); })
-      .def("histogram", &histogram)
-      .def("suggestions", &suggestions)
-      .def("verify", &verify, nb::arg("threads"), nb::arg("progress").none(),
-           nb::arg("cancel").none())
+      .def("histogram", &histogram,
+           nb::sig("def histogram(self) -> tuple[list[float], list[float], list[int]]"))
+      .def("suggestions", &suggestions,
+           nb::sig("def suggestions(self) -> list[tuple[float, float, float]]"))
+      .def("verify", &verify,
+           nb::sig("def verify(self, threads: int, progress: object | None, cancel: Cancel | None) "
+                   "-> list[tuple[int | None, tuple[int, int, int] | None, str]]"),
+           nb::arg("threads"), nb::arg("progress").none(), nb::arg("cancel").none())
       .def(
           "read_brick",
           [](const PyramidHandle& h, int level, std::int64_t x, std::int64_t y, std::int64_t z) {
             return brickArray(h, level, {x, y, z});
           },
-          nb::arg("level"), nb::arg("x"), nb::arg("y"), nb::arg("z"))
+          nb::arg("level"), nb::arg("x"), nb::arg("y"), nb::arg("z"),
+          nb::sig("def read_brick(self, level: int, x: int, y: int, z: int) -> tuple[tuple[int, "
+                  "int, int], numpy.typing.NDArray[typing.Any]]"))
       .def(
           "read_box",
           [](const PyramidHandle& h, int level, std::int64_t x, std::int64_t y, std::int64_t z,
@@ -235,7 +249,9 @@ void bindPyramid(nb::module_& module) {
             return boxArray(h, level, {x, y, z}, {nx, ny, nz});
           },
           nb::arg("level"), nb::arg("x"), nb::arg("y"), nb::arg("z"), nb::arg("nx"), nb::arg("ny"),
-          nb::arg("nz"));
+          nb::arg("nz"),
+          nb::sig("def read_box(self, level: int, x: int, y: int, z: int, nx: int, ny: int, nz: "
+                  "int) -> numpy.typing.NDArray[typing.Any]"));
 }
 
 }  // namespace isobrick::python

@@ -319,29 +319,40 @@ class Session {
 
 void bindQueries(nb::module_& module) {
   nb::class_<MeshHandle>(module, "MeshHandle")
-      .def("points", &meshPoints)
-      .def("index_points", &meshIndexPoints)
-      .def("faces",
-           [](const MeshHandle& m) {
-             return m.rows<std::uint32_t, 3>(m.data->surface().triangles().data(),
-                                             m.data->triangles());
-           })
-      .def("normals",
-           [](const MeshHandle& m) {
-             return m.rows<float, 3>(
-                 reinterpret_cast<const float*>(m.data->surface().normals().data()),
-                 m.data->vertices());
-           })
-      .def("levels",
-           [](const MeshHandle& m) {
-             return m.row(m.made([](MeshData& d) { return d.levels(); }), m.data->triangles());
-           })
-      .def("values",
-           [](const MeshHandle& m) -> nb::object {
-             if (!m.data->hasValues()) return nb::none();
-             return m.row(m.made([](MeshData& d) { return d.values(); }), m.data->vertices());
-           })
-      .def("report", [](const MeshHandle& m) { return reportOf(m.data->report()); })
+      .def("points", &meshPoints, nb::sig("def points(self) -> numpy.typing.NDArray[typing.Any]"))
+      .def("index_points", &meshIndexPoints,
+           nb::sig("def index_points(self) -> numpy.typing.NDArray[numpy.float64]"))
+      .def(
+          "faces",
+          [](const MeshHandle& m) {
+            return m.rows<std::uint32_t, 3>(m.data->surface().triangles().data(),
+                                            m.data->triangles());
+          },
+          nb::sig("def faces(self) -> numpy.typing.NDArray[numpy.uint32]"))
+      .def(
+          "normals",
+          [](const MeshHandle& m) {
+            return m.rows<float, 3>(
+                reinterpret_cast<const float*>(m.data->surface().normals().data()),
+                m.data->vertices());
+          },
+          nb::sig("def normals(self) -> numpy.typing.NDArray[numpy.float32]"))
+      .def(
+          "levels",
+          [](const MeshHandle& m) {
+            return m.row(m.made([](MeshData& d) { return d.levels(); }), m.data->triangles());
+          },
+          nb::sig("def levels(self) -> numpy.typing.NDArray[numpy.uint8]"))
+      .def(
+          "values",
+          [](const MeshHandle& m) -> nb::object {
+            if (!m.data->hasValues()) return nb::none();
+            return m.row(m.made([](MeshData& d) { return d.values(); }), m.data->vertices());
+          },
+          nb::sig("def values(self) -> numpy.typing.NDArray[numpy.float32] | None"))
+      .def(
+          "report", [](const MeshHandle& m) { return reportOf(m.data->report()); },
+          nb::sig("def report(self) -> dict[str, typing.Any]"))
       .def("unit",
            [](const MeshHandle& m) {
              return std::string(lengthUnitName(m.data->frame().geometry.unit));
@@ -350,8 +361,11 @@ void bindQueries(nb::module_& module) {
   nb::class_<Session>(module, "SessionHandle")
       .def(nb::init<const PyramidHandle&>(), nb::arg("pyramid"))
       .def("extract", &Session::extract, nb::arg("settings"), nb::arg("now"))
-      .def("extract_to", &Session::extractTo, nb::arg("settings"), nb::arg("path"), nb::arg("zlib"),
-           nb::arg("meshopt"), nb::arg("force"))
+      .def("extract_to", &Session::extractTo,
+           nb::sig("def extract_to(self, settings: object, path: str, zlib: bool, meshopt: bool, "
+                   "force: bool) -> dict[str, typing.Any]"),
+           nb::arg("settings"), nb::arg("path"), nb::arg("zlib"), nb::arg("meshopt"),
+           nb::arg("force"))
       .def("wait_for_bricks", &Session::waitForBricks, nb::arg("seconds"))
       .def("meshes", &Session::meshes)
       .def("abandon", &Session::abandon);

@@ -70,12 +70,16 @@ nb::object buildFile(const std::string& path, const nb::object& input, const nb:
 NB_MODULE(_volumes, m) {
   using namespace isobrick::python;
   translateErrors();
-  nb::module_::import_("isobrick._core");  // has the type of `cancel`
-  m.def("build_file", &buildFile, nb::arg("path"), nb::arg("input"), nb::arg("settings"));
-  m.def("readable_formats", [] {
-    nb::list result;
-    for (const isobrick::ReadableFormat& format : isobrick::readableFormats())
-      if (format.is_built_in) result.append(nb::make_tuple(format.name, format.endings));
-    return result;
-  });
+  m.def("build_file", &buildFile, nb::arg("path"), nb::arg("input"), nb::arg("settings"),
+        nb::sig(
+            "def build_file(path: str, input: object, settings: object) -> dict[str, typing.Any]"));
+  m.def(
+      "readable_formats",
+      [] {
+        nb::list result;
+        for (const isobrick::ReadableFormat& format : isobrick::readableFormats())
+          if (format.is_built_in) result.append(nb::make_tuple(format.name, format.endings));
+        return result;
+      },
+      nb::sig("def readable_formats() -> list[tuple[str, str]]"));
 }
