@@ -87,7 +87,7 @@ class Source(VTKPythonAlgorithmBase):
     """
 
     def __init__(self) -> None:
-        super().__init__(nInputPorts=0, nOutputPorts=1, outputType="vtkPolyData")
+        super().__init__(nInputPorts=0, nOutputPorts=1, outputType="vtkPolyData")  # type: ignore[no-untyped-call]
         self._file_name = ""
         self._isovalues: list[float] = []
         self._focus = (0.0, 0.0, 0.0)
@@ -185,7 +185,7 @@ class ImageSource(VTKPythonAlgorithmBase):
     """A level of a pyramid as ``vtkImageData``, in its place in the world: a reader of ``.isb``."""
 
     def __init__(self) -> None:
-        super().__init__(nInputPorts=0, nOutputPorts=1, outputType="vtkImageData")
+        super().__init__(nInputPorts=0, nOutputPorts=1, outputType="vtkImageData")  # type: ignore[no-untyped-call]
         self._file_name = ""
         self._level = 0
         self._pyramid: Pyramid | None = None
