@@ -40,7 +40,7 @@ drawing=$programs/drawing
 mkdir -p "$drawing"
 library() { ldconfig -p | awk -v name="$1" '$1 == name && /x86-64/ {print $NF; exit}'; }
 loaded=()
-for name in libEGL.so.1 libEGL_mesa.so.0 libOpenGL.so.0 libGLdispatch.so.0 libX11.so.6; do
+for name in libEGL.so.1 libEGL_mesa.so.0 libOpenGL.so.0 libGLdispatch.so.0 libGL.so.1 libGLX.so.0 libX11.so.6; do
   loaded+=("$(library $name)")
 done
 loaded+=(/usr/lib/x86_64-linux-gnu/dri/swrast_dri.so)

@@ -12,7 +12,7 @@ EXECUTABLE = PROGRAMS / "bin" / "isobrick"
 #: Of a wheel: a software OpenGL, and what it takes.
 DRAWING = PROGRAMS / "drawing"
 
-_DRAWING_LIBRARIES = ("libEGL.so.1", "libOpenGL.so.0", "libX11.so.6")
+_DRAWING_LIBRARIES = ("libEGL.so.1", "libOpenGL.so.0", "libGL.so.1", "libX11.so.6")
 
 
 def _is_here(library: str) -> bool:

@@ -127,7 +127,7 @@ void runInterruptibly(const CallOptions& options, const std::function<void(CallS
   {
     nb::gil_scoped_release unlocked;
     float told = -1;
-    while (!helper->waitFor(std::chrono::milliseconds(10))) {
+    while (!helper->waitFor(std::chrono::milliseconds(4))) {
       if (options.cancel != nullptr && options.cancel->flag.requested()) state.cancel().request();
       if (interruption) continue;
       const nb::gil_scoped_acquire locked;

@@ -44,7 +44,7 @@ struct CallOptions {
 };
 
 // Runs `work` on a thread of its own, in an arena of as many threads as the options want, while the
-// caller, which holds the interpreter's lock and gives it away meanwhile, looks every 10 ms whether
+// caller, which holds the interpreter's lock and gives it away meanwhile, looks every 4 ms whether
 // Python has a signal for it. If it has, or if the progress callback throws, `work` is cancelled
 // and waited for, and the exception goes on. Throws what `work` throws.
 //

@@ -1,0 +1,50 @@
+"""Pyramids as multiscale layers of napari."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import isobrick
+
+LayerData = tuple[Any, dict[str, Any], str]
+
+
+def napari_affine(pyramid: isobrick.Pyramid) -> NDArray[np.float64]:
+    """4 x 4: from voxel indices to the world, both (z, y, x)."""
+    swap = np.zeros((4, 4))
+    swap[[0, 1, 2, 3], [2, 1, 0, 3]] = 1
+    result: NDArray[np.float64] = swap @ pyramid.affine @ swap
+    return result
+
+
+def get_reader(path: str | list[str]) -> Callable[[str | list[str]], list[LayerData]] | None:
+    """What npe2 asks for: a function that reads `path`, or None."""
+    paths = [path] if isinstance(path, str) else path
+    if not all(p.lower().endswith(".isb") for p in paths):
+        return None
+    return read
+
+
+def read(path: str | list[str]) -> list[LayerData]:
+    """A multiscale image of every pyramid, with its affine and units. Reads nothing of the voxels."""
+    return [layer_of(isobrick.open(p)) for p in ([path] if isinstance(path, str) else path)]
+
+
+def layer_of(pyramid: isobrick.Pyramid) -> LayerData:
+    """The layer of an open pyramid."""
+    # Coarser than some 32 voxels helps nobody.
+    levels = [level for level in pyramid.levels if level.level == 0 or max(level.shape) >= 32]
+    low, high = pyramid.value_range
+    options = {
+        "name": pyramid.path.rsplit("/", 1)[-1].removesuffix(".isb"),
+        "multiscale": len(levels) > 1,
+        "affine": napari_affine(pyramid),
+        "contrast_limits": (low, max(high, low + 1e-6)),
+        "units": ("mm" if pyramid.unit == "millimetres" else "pixel",) * 3,
+        "metadata": {"isobrick": pyramid},
+    }
+    return (levels if len(levels) > 1 else levels[0]), options, "image"

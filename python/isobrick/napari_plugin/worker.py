@@ -1,0 +1,68 @@
+"""Extractions beside napari's interface: the latest request wins."""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import Any
+
+from qtpy.QtCore import QObject, Signal
+
+import isobrick
+
+
+class LatestWorker(QObject):  # type: ignore[misc]
+    """One thread that extracts what was asked for last. A request that comes while another is under way cancels
+    that one; of those that wait, all but the last are forgotten."""
+
+    #: The mesh, what it was asked for with, and how long it took in seconds; on the interface's thread.
+    done = Signal(object, object, float)
+    #: An isobrick.Error.
+    failed = Signal(object)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._changed = threading.Condition()
+        self._pyramid: isobrick.Pyramid | None = None  # of the session
+        self._session: isobrick.Session | None = None
+        self._wanted: tuple[isobrick.Pyramid, dict[str, Any]] | None = None
+        self._cancel = isobrick.Cancel()
+        self._ends = False
+        self._thread = threading.Thread(target=self._run, name="isobrick-napari", daemon=True)
+        self._thread.start()
+
+    def request(self, pyramid: isobrick.Pyramid, **choice: Any) -> None:
+        """As Session.extract takes it."""
+        with self._changed:
+            self._wanted = (pyramid, choice)
+            self._cancel.request()
+            self._changed.notify()
+
+    def end(self) -> None:
+        """Waits for the thread."""
+        with self._changed:
+            self._ends = True
+            self._cancel.request()
+            self._changed.notify()
+        self._thread.join()
+
+    def _run(self) -> None:
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._wanted is not None or self._ends)
+                if self._ends or self._wanted is None:
+                    return
+                pyramid, choice = self._wanted
+                self._wanted = None
+                self._cancel = isobrick.Cancel()
+            try:
+                if self._session is None or pyramid is not self._pyramid:
+                    self._pyramid, self._session = pyramid, pyramid.session()
+                began = time.perf_counter()
+                mesh = self._session.extract(**choice, cancel=self._cancel)
+                mesh.points  # noqa: B018  made here, and not on the interface's thread
+                self.done.emit(mesh, choice, time.perf_counter() - began)
+            except isobrick.Cancelled:
+                continue
+            except isobrick.Error as error:
+                self.failed.emit(error)
