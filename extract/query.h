@@ -107,8 +107,8 @@ struct Query : SurfaceChoice {
   std::function<bool(int level, const Index3& brick)> has_brick;
   // Looked at all the time; may be null, and outlives the query.
   const CancelFlag* cancel = nullptr;
-  // Where the share of the bricks that are meshed is written, 0 .. 1, by any thread: roughly in
-  // order. May be null, and outlives the query.
+  // Raised to the share of the bricks that are meshed, 1 when all are; by any thread, so that
+  // another one may look. The caller sets it to 0 before. May be null, and outlives the query.
   std::atomic<float>* fraction_done = nullptr;
 };
 

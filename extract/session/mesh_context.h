@@ -48,11 +48,13 @@ struct MeshContext {
   void checkCancel() const {
     if (query.cancel != nullptr) query.cancel->check();
   }
-  // A brick of `count` is meshed; they are begun in order.
+  // The brick `number` of `count` is meshed. They are begun in order, and done in nearly the same.
   void noteDone(std::size_t number, std::size_t count) const {
-    if (query.fraction_done != nullptr)
-      query.fraction_done->store(static_cast<float>(number + 1) / static_cast<float>(count),
-                                 std::memory_order_relaxed);
+    if (query.fraction_done == nullptr) return;
+    const float done = static_cast<float>(number + 1) / static_cast<float>(count);
+    float told = query.fraction_done->load(std::memory_order_relaxed);
+    while (told < done && !query.fraction_done->compare_exchange_weak(told, done)) {
+    }
   }
   // Throws Error where bytes that this thread has asked for could not be had while it used them. To
   // be called before what was made of them is passed on, or another reason is given for it.

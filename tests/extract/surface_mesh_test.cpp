@@ -4,6 +4,7 @@
 #include <tbb/task_arena.h>
 
 #include <algorithm>
+#include <atomic>
 #include <array>
 #include <cmath>
 #include <cstring>
@@ -90,10 +91,15 @@ TEST(SurfaceMesh, IsTheMeshOfTheSinkForAnyNumberOfThreads) {
       query.focus = FocusSphere{glm::dvec3(dims) * 0.4, 4.0};
 
     IndexedMeshSink sink;
+    std::atomic<float> fraction_done{0};
+    query.fraction_done = &fraction_done;
     const ExtractionReport expected = extractIsosurface(pyramid, query, sink);
+    const float all_done = expected.triangles > 0 ? 1.0F : fraction_done.load();
+    EXPECT_EQ(fraction_done.exchange(0), all_done);
     tbb::task_arena one(1), four(4);
     ExtractionReport report;
     four.execute([&] { report = extractIsosurface(pyramid, query, mesh); });
+    EXPECT_EQ(fraction_done, all_done);
     one.execute([&] { extractIsosurface(pyramid, query, again); });
     ASSERT_EQ(report.triangles, expected.triangles);
     ASSERT_EQ(report.bricks_active, expected.bricks_active);

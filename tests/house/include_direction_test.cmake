@@ -46,8 +46,10 @@ endforeach()
 foreach(folder storage preprocess extract viewer tools tests)
   forbid(${folder} "storage/|preprocess/|extract/|viewer/" "")
 endforeach()
-# The examples take what is installed, and nothing else.
+# The examples and the Python module take what is installed, and nothing else.
 forbid(examples "(isobrick/[a-z]+/|storage/|preprocess/|extract/|viewer/|tools/|tests/)" "")
+forbid(python "(isobrick/[a-z]+/|storage/|preprocess/|extract/|viewer/|tools/|tests/)" "")
+forbid(python "openvdb/|vtk|itk|epoxy/|GL/|GLFW/|Imf|OpenEXR|blosc|hwy/" "")
 if(failed)
   message(FATAL_ERROR "an include runs against the direction of the house")
 endif()

@@ -4,6 +4,7 @@ import os
 import sys
 
 import isobrick
+from paraview import smstate
 from paraview.simple import *  # noqa: F403
 
 pyramid, out = os.environ["TRY_PYRAMID"], os.environ["TRY_OUT"]
@@ -34,8 +35,10 @@ ResetCamera(view)  # noqa: F405
 view.CameraPosition, view.CameraFocalPoint, view.CameraViewUp = [64, -260, 64], [64, 64, 64], [0, 0, 1]
 Render(view)  # noqa: F405
 SaveScreenshot(f"{out}.png", view)  # noqa: F405
-SaveState(f"{out}.py")  # noqa: F405
-assert "IsobrickSurface(" in open(f"{out}.py").read()
+state = smstate.get_state()
+assert "IsobrickSurface(" in state and "Isovalues = [1324.0]" in state
+with open(f"{out}.py", "w") as file:
+    file.write(state)
 print("plugin: works", flush=True)
 if "paraview" in os.path.basename(sys.executable) or os.environ.get("TRY_CLIENT"):
     os._exit(0)

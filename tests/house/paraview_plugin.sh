@@ -10,7 +10,7 @@ out=${2:-$(mktemp -d /tmp/isobrick_paraview_XXXXXX)}
 mkdir -p "$out"
 export TRY_PYRAMID=$out/head.isb
 "$python" -c "import isobrick, sys; isobrick.build('phantom:head:128', sys.argv[1], force=True)" "$TRY_PYRAMID"
-TRY_OUT=$out/batch xvfb-run -a "$python" -m isobrick.paraview pvbatch "$here/paraview_plugin.py"
+TRY_OUT=$out/batch xvfb-run -a -s '-screen 0 1280x900x24' "$python" -m isobrick.paraview pvbatch "$here/paraview_plugin.py"
 TRY_OUT=$out/client TRY_CLIENT=1 timeout 300 xvfb-run -a -s '-screen 0 1280x900x24' \
   "$python" -m isobrick.paraview paraview --script="$here/paraview_plugin.py"
 ls -l "$out"/*.png "$out"/*.py
