@@ -66,3 +66,5 @@ class LatestWorker(QObject):  # type: ignore[misc]
                 continue
             except isobrick.Error as error:
                 self.failed.emit(error)
+            except RuntimeError:
+                return  # Qt's side of this object is gone: napari was closed
