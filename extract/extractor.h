@@ -3,6 +3,7 @@
 
 #include <chrono>
 #include <memory>
+#include <optional>
 
 #include "isobrick/extract/query.h"
 #include "isobrick/extract/sinks/triangle_sink.h"
@@ -71,5 +72,12 @@ class Extractor {
 ExtractionReport extractIsosurface(const Pyramid& pyramid, const Query& query, TriangleSink& sink);
 // One query without a session, into memory.
 ExtractionReport extractIsosurface(const Pyramid& pyramid, const Query& query, SurfaceMesh& mesh);
+
+// The distance in voxels with which the query's surface has at most `triangles` of them, and not
+// many fewer; none if it has no more without simplification. query.simplify is not looked at. The
+// surface is extracted some ten times. Throws as Extractor::extract() does, and Error if no
+// distance leaves so few: vertices that bricks share always stay.
+std::optional<SimplifyOptions> findSimplification(Extractor& extractor, Query query,
+                                                  std::uint64_t triangles);
 
 }  // namespace isobrick

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -38,6 +39,7 @@ struct ExtractArguments {
   QueryOptions query;
   std::string output;     // empty: the mesh is counted only
   VolumeInput attribute;  // whose values vertices get; path empty: none
+  std::optional<std::uint64_t> most_triangles;
   bool zlib = false;
   bool meshopt = false;
   int repeat = 1;
@@ -49,6 +51,7 @@ struct ExtractArguments {
 struct ExtractResult {
   std::string output;  // empty: counted only
   double isovalue = 0;
+  std::optional<SimplifyOptions> simplify;
   ExtractionReport report;  // of the last repeat
   std::uint64_t vertices = 0;
   std::vector<double> extract_seconds;  // one for every repeat, without the time in a file's sink
@@ -103,7 +106,10 @@ ExtractResult extractOne(const ExtractArguments& arguments, const Pyramid& pyram
   ExtractResult result;
   result.output = output;
   result.isovalue = arguments.query.isovalue;
-  const Query query = makeQuery(arguments.query, pyramid);
+  Query query = makeQuery(arguments.query, pyramid);
+  if (arguments.most_triangles)
+    query.simplify = findSimplification(extractor, query, *arguments.most_triangles);
+  result.simplify = query.simplify;
   const MeshFileOptions options{.cancel = &interruptFlag(),
                                 .values = values,
                                 .zlib = arguments.zlib,
@@ -185,6 +191,7 @@ Json jsonOfSurface(const ExtractArguments& arguments, const ExtractResult& resul
     json["attribute"] = {{"path", arguments.attribute.path},
                          {"vertices_outside", result.vertices_outside}};
   json["isovalue"] = result.isovalue;
+  if (result.simplify) json["simplify"] = result.simplify->distance;
   json["triangles"] = report.triangles;
   json["vertices"] = result.vertices;
   json["seconds"] = {{"extract", result.extract_seconds}, {"write", result.write_seconds}};
@@ -224,6 +231,9 @@ void printSummary(const ExtractResult& result) {
   const ExtractionReport& report = result.report;
   fmt::print("{}{} triangles, {} vertices\n", result.output.empty() ? "" : result.output + ": ",
              countText(report.triangles), countText(result.vertices));
+  if (result.simplify)
+    fmt::print("  within {:.4g} {} of the finest surface\n", result.simplify->distance,
+               result.simplify->in_world ? "units of the world" : "voxels");
   for (const LevelCounts& counts : report.levels)
     fmt::print("  level {:<2} {:>14} triangles in {} cells, {} of them in transition\n",
                counts.level, countText(counts.triangles), countText(counts.cells),
@@ -274,6 +284,16 @@ Command addExtractCommand(CLI::App& app) {
   addQueryOptions(*sub, arguments->query, true);
   beginGroup(*sub, kDetailGroup);
   addSimplifyOption(*sub, arguments->query);
+  addParsedOption(
+      *sub, "--triangles", arguments->most_triangles,
+      [](const std::string& text) {
+        return static_cast<std::uint64_t>(
+            parseInteger(text, 1, std::numeric_limits<std::int64_t>::max()));
+      },
+      "N",
+      "At most N triangles: finds the distance of --simplify for that, by extracting the surface "
+      "some ten times")
+      ->excludes("--simplify");
   beginGroup(*sub, kOutputGroup);
   CLI::Option* const output =
       sub->add_option("-o,--output", arguments->output,

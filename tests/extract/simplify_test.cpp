@@ -141,5 +141,21 @@ TEST(Simplify, DistancesThatAreNoneAreRefused) {
   }
 }
 
+TEST(Simplify, FindsTheDistanceForANumberOfTriangles) {
+  const TemporaryFolder folder;
+  const Pyramid pyramid(sphere(folder));
+  const std::size_t finest = meshOf(pyramid, sphereQuery(0)).triangles.size() / 3;
+  Extractor extractor(pyramid);
+  EXPECT_FALSE(findSimplification(extractor, sphereQuery(0), finest));
+  for (const std::size_t most : {finest / 2, finest / 5}) {
+    const auto found = findSimplification(extractor, sphereQuery(0), most);
+    ASSERT_TRUE(found);
+    const std::size_t count = meshOf(pyramid, sphereQuery(found->distance)).triangles.size() / 3;
+    EXPECT_LE(count, most);
+    EXPECT_GT(count, most * 9 / 10);
+  }
+  EXPECT_THROW(findSimplification(extractor, sphereQuery(0), 10), Error);
+}
+
 }  // namespace
 }  // namespace isobrick::test

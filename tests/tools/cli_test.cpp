@@ -110,6 +110,18 @@ TEST_F(CliTest, FromPhantomToPicture) {
   EXPECT_GE(mesh["bytes_read"], mesh["bytes_active"]);
   EXPECT_GT(mesh["peak_rss_bytes"], 0);
 
+  // Fewer triangles: by a distance, and by their number.
+  const Json near = runForJson({"extract", "head.isb", "--iso", "1324", "--simplify", "0.5"});
+  const Json few = runForJson({"extract", "head.isb", "--iso", "1324", "--triangles", "12000"});
+  EXPECT_EQ(near["simplify"], 0.5);
+  EXPECT_LE(few["triangles"], 12000);
+  EXPECT_GT(few["simplify"], 0);
+  const Json again = runForJson({"extract", "head.isb", "--iso", "1324", "--simplify",
+                                 few["simplify"].dump(), "-o", "few.ply"});
+  EXPECT_EQ(again["triangles"], few["triangles"]);
+  EXPECT_EQ(run({"extract", "head.isb", "--iso", "1324", "--triangles", "9"}).status, 1);
+  fs::remove(path("few.ply"));
+
   // Counted only, and as STL: the same mesh.
   const Json counted = runForJson(with({}));
   EXPECT_EQ(counted["triangles"], mesh["triangles"]);
@@ -349,6 +361,10 @@ TEST_F(CliTest, WrongUsageExitsWithTwo) {
       {{"extract", "sphere.isb", "--iso", "0", "--curvature-radius", "0"}, "above 0"},
       {{"extract", "sphere.isb", "--iso", "0", "--tolerance", "3sigma"}, "--simplify"},
       {{"build", "sphere.raw", "--error", "2"}, "--simplify"},
+      {{"extract", "sphere.isb", "--iso", "0", "--simplify", "0"}, "above 0"},
+      {{"extract", "sphere.isb", "--iso", "0", "--simplify", "1", "--triangles", "9"},
+       "--triangles"},
+      {{"extract", "sphere.isb", "--iso", "0", "--triangles", "0"}, "'0'"},
       {{"extract", "sphere.isb", "--iso", "0", "--pixels", "2"}, "--eye"},
       {{"extract", "sphere.isb", "--iso", "0", "--eye", "1,2,3", "--pixels", "0"}, "above 0"},
       {{"extract", "sphere.isb", "--iso", "0", "--eye", "1,2,3", "--field-of-view", "30"},
