@@ -47,7 +47,7 @@ std::string textOf(const std::timespec& time) {
 }
 
 void printCacheJson(const std::string& folder, const std::vector<CachedPyramid>& entries) {
-  Json json;
+  Json json = Json::object();
   json["folder"] = folder;
   json["bound_bytes"] = cacheBound();
   std::uint64_t total = 0;
@@ -79,7 +79,7 @@ void printCacheText(const std::string& folder, const std::vector<CachedPyramid>&
 
 void printRemoval(const std::string& folder, const CacheRemoval& removal, bool as_json) {
   if (as_json) {
-    Json json;
+    Json json = Json::object();
     json["folder"] = folder;
     json["removed"] = removal.removed;
     json["removed_bytes"] = removal.bytes;

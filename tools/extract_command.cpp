@@ -185,7 +185,7 @@ Json jsonOfPager(const BrickPager::Counters& counters) {
 
 Json jsonOfSurface(const ExtractArguments& arguments, const ExtractResult& result) {
   const ExtractionReport& report = result.report;
-  Json json;
+  Json json = Json::object();
   json["output"] = result.output.empty() ? Json() : Json(result.output);
   if (!arguments.attribute.path.empty())
     json["attribute"] = {{"path", arguments.attribute.path},
@@ -209,7 +209,7 @@ Json jsonOfSurface(const ExtractArguments& arguments, const ExtractResult& resul
 
 // For one isovalue its own facts; of several a list of these.
 Json jsonOfResults(const ExtractArguments& arguments, const ExtractResults& results) {
-  Json json;
+  Json json = Json::object();
   if (results.surfaces.size() == 1) {
     json = jsonOfSurface(arguments, results.surfaces.front());
     Json seconds = {{"open", results.open_seconds}};

@@ -96,7 +96,7 @@ void printInfoJson(const Pyramid& pyramid) {
   const PyramidSpec& spec = pyramid.spec();
   const auto [bytes, codecs] = pyramid.sums();
   const IsovalueSuggestions suggestions = suggestIsovalues(pyramid);
-  Json json;
+  Json json = Json::object();
   json["pyramid"] = pyramid.path();
   json["dimensions"] = jsonOf(spec.voxels);
   json["voxel_type"] = voxelTypeName(spec.voxel_type);

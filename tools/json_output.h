@@ -10,7 +10,8 @@
 
 namespace isobrick {
 
-// Keys stay in the order in which they were put.
+// Keys stay in the order in which they were put. An object begins as Json::object(): a null that
+// becomes one when its first key is put would be destroyed wrongly if memory ran out just then.
 using Json = nlohmann::ordered_json;
 
 inline Json jsonOf(const Index3& v) { return {v.x, v.y, v.z}; }

@@ -155,7 +155,7 @@ class BuildBatch {
   }
 
   Json jsonOfAll() const {
-    Json json;
+    Json json = Json::object();
     json["volumes"] = Json::array();
     for (const BatchEntry& entry : entries_)
       json["volumes"].push_back(

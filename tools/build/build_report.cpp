@@ -50,7 +50,7 @@ std::string codecOptionName(format::Codec codec) {
 }
 
 Json jsonOfBuilt(const BuildJob& job, const BuiltVolume& built, const BuildSettings& settings) {
-  Json json;
+  Json json = Json::object();
   json["input"] = job.input.path;
   json["output"] = built.output;
   json["skipped"] = built.skipped;

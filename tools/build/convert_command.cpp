@@ -177,7 +177,7 @@ Converted convert(const ConvertArguments& arguments) {
 
 Json jsonOfConverted(const ConvertArguments& arguments, const Converted& converted) {
   const VolumeInfo& volume = converted.volume;
-  Json json;
+  Json json = Json::object();
   json["input"] = arguments.input.path;
   json["output"] = arguments.output;
   json["format"] = volume.format;

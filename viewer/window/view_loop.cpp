@@ -55,7 +55,7 @@ struct ReportedFrame {
 };
 
 nlohmann::ordered_json spreadOf(std::vector<double> values) {
-  nlohmann::ordered_json spread;
+  auto spread = nlohmann::ordered_json::object();
   std::sort(values.begin(), values.end());
   const auto at = [&](double share) {
     return values.empty()
@@ -97,7 +97,7 @@ void addWaits(const std::vector<ReportedFrame>& frames, nlohmann::ordered_json& 
 
 std::string reportOf(const std::vector<ReportedFrame>& frames, const std::string& device,
                      const SessionStatus& status) {
-  nlohmann::ordered_json report;
+  auto report = nlohmann::ordered_json::object();
   report["device"] = device;
   report["frames"] = frames.size();
   report["seconds"] = frames.empty() ? 0.0 : frames.back().seconds;
