@@ -15,9 +15,8 @@ std::vector<std::string> joined(std::vector<std::string> a, const std::vector<st
   return a;
 }
 
-// Of the rows of simplification: those that are asked for, or one.
+// Of the rows of simplification that are asked for.
 std::vector<std::string> simplifyDistances(const std::vector<std::string>& only) {
-  if (only.empty()) return {"0.5"};
   std::vector<std::string> distances;
   for (const std::string& name : only)
     if (name.rfind(kSimplifyRows, 0) == 0)

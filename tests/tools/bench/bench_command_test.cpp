@@ -113,6 +113,21 @@ TEST_F(BenchCommandTest, AnAdaptiveQueryHasARowWithItsDistances) {
   EXPECT_NE(text.find("voxels from it to the finest surface, and back"), std::string::npos) << text;
 }
 
+TEST_F(BenchCommandTest, ASimplificationHasARowIfItIsNamed) {
+  makeSphere();
+  const Json bench = runForJson({"bench", "sphere.isb", "--iso", "0", "--rounds", "1", "--repeat",
+                                 "1", "--rows", "isobrick,simplify-0.25"});
+  ASSERT_EQ(bench["rows"].size(), 2u);
+  const Json& row = rowOf(bench, "simplify-0.25");
+  EXPECT_LT(row["triangles"], rowOf(bench, "isobrick")["triangles"]);
+  EXPECT_EQ(row["triangles"],
+            runForJson({"extract", "sphere.isb", "--iso", "0", "--simplify", "0.25"})["triangles"]);
+  for (const char* way : {"to_finest", "from_finest"}) {
+    EXPECT_GT(row["distance"][way]["mean"], 0) << way;
+    EXPECT_LE(row["distance"][way]["max"], 0.25) << way;
+  }
+}
+
 // Level 0 everywhere is the finest surface, whatever row it is in.
 TEST_F(BenchCommandTest, TheFinestSurfaceHasNoDistanceToItself) {
   makeSphere();
