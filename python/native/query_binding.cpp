@@ -206,9 +206,9 @@ class Session {
         extractor_(std::make_unique<Extractor>(*pyramid_)),
         mutex_(std::make_unique<std::mutex>()) {}
 
-  MeshHandle extract(const nb::object& settings, bool now) {
+  MeshHandle extract(const nb::object& settings, bool is_progressive) {
     Query query = readQuery(settings, geometry());
-    query.now = now;
+    query.is_progressive = is_progressive;
     const CallOptions call = readCall(settings);
     const std::shared_ptr<const VertexValues> values = readValues(settings);
     std::shared_ptr<MeshData> mesh;
@@ -360,7 +360,7 @@ void bindQueries(nb::module_& module) {
       .def("save", &saveMesh, nb::arg("path"), nb::arg("zlib"), nb::arg("meshopt"));
   nb::class_<Session>(module, "SessionHandle")
       .def(nb::init<const PyramidHandle&>(), nb::arg("pyramid"))
-      .def("extract", &Session::extract, nb::arg("settings"), nb::arg("now"))
+      .def("extract", &Session::extract, nb::arg("settings"), nb::arg("is_progressive"))
       .def("extract_to", &Session::extractTo,
            nb::sig("def extract_to(self, settings: object, path: str, zlib: bool, meshopt: bool, "
                    "force: bool) -> dict[str, typing.Any]"),
