@@ -29,8 +29,8 @@ struct FaceContour {
 };
 
 // Edges of a halved face: 2 j + i is part i (0, 1) along b of row j (0 .. 2), 6 + 2 i + j part j
-// along c of column i; b and c are the axes (axis + 1) % 3 and (axis + 2) % 3 of face 2 axis + side.
-// Where it is not halved along an axis, only part 0 and the lines 0 and 2 are there.
+// along c of column i; b and c are the axes (axis + 1) % 3 and (axis + 2) % 3 of face 2 axis +
+// side. Where it is not halved along an axis, only part 0 and the lines 0 and 2 are there.
 inline constexpr int kHalvedFaceEdges = 12;
 struct FaceParts {
   int b = 2, c = 2;  // 1 or 2

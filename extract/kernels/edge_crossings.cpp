@@ -37,9 +37,9 @@ void makeQueuedEdges(const EdgeQueue& queue, const WorldFrame& frame, float isov
                  gz = between(low_z, high_z);
     const auto row = [&](std::size_t n, auto g) {
       if (frame.isDiagonal()) return hn::Mul(hn::Set(df, m[4 * n]), g);
-      return hn::Add(hn::Add(hn::Mul(hn::Set(df, m[3 * n]), gx),
-                             hn::Mul(hn::Set(df, m[3 * n + 1]), gy)),
-                     hn::Mul(hn::Set(df, m[3 * n + 2]), gz));
+      return hn::Add(
+          hn::Add(hn::Mul(hn::Set(df, m[3 * n]), gx), hn::Mul(hn::Set(df, m[3 * n + 1]), gy)),
+          hn::Mul(hn::Set(df, m[3 * n + 2]), gz));
     };
     const auto x = row(0, gx), y = row(1, gy), z = row(2, gz);
     const auto square = hn::Add(hn::Add(hn::Mul(x, x), hn::Mul(y, y)), hn::Mul(z, z));

@@ -36,8 +36,8 @@ inline EdgeCrossing makeEdgeCrossing(const WorldFrame& frame, float isovalue,
   const float t = crossingParameter(isovalue, low.value, high.value);
   EdgeCrossing made{edge.begin, {}};
   made.position[edge.axis] = crossingCoordinate(edge.end, edge.end - edge.begin[edge.axis], t);
-  made.normal = frame.normal(gradientAt(low.gradient, high.gradient, t), edge.axis,
-                             low.value >= isovalue);
+  made.normal =
+      frame.normal(gradientAt(low.gradient, high.gradient, t), edge.axis, low.value >= isovalue);
   return made;
 }
 

@@ -162,8 +162,8 @@ class AdaptiveMesher::Brick {
         values[c] = cornerValueAt(first + Index3(c & 1, c >> 1 & 1, c >> 2));
       }
       known |= mask;
-      addTransitionFace(makeTransitionFace(lattice_, level_, cell, face, values),
-                        context_.isovalue, numberOf, makeVertex, contour);
+      addTransitionFace(makeTransitionFace(lattice_, level_, cell, face, values), context_.isovalue,
+                        numberOf, makeVertex, contour);
     }
     const glm::dvec3 low(lattice_.position(level_, cell));
     const glm::dvec3 high(lattice_.position(level_, cell + Index3(1)));

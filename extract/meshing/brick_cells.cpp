@@ -56,8 +56,7 @@ std::uint32_t BrickCells::vertexOn(int axis, const Index3& corner) const {
   const std::int64_t bit = axis == 0 ? corner.x : corner.x - 1;
   const std::uint64_t* crossed = rows_.crossed[a].data() + r * rows_.words_per_row;
   if ((crossed[bit / 64] >> bit % 64 & 1) == 0) return kNoVertex;
-  for (std::int64_t w = 0; w < bit / 64; ++w)
-    number += bitCount(crossed[w]);
+  for (std::int64_t w = 0; w < bit / 64; ++w) number += bitCount(crossed[w]);
   return number + bitCount(crossed[bit / 64] & lowBits(bit % 64));
 }
 

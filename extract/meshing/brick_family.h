@@ -166,7 +166,7 @@ class BrickFamily {
   const std::int64_t edge_;  // of a brick, in cells; a power of two
   const int shift_;          // its logarithm
   std::optional<HeldBrick> own_;
-  const HeldBrick* last_finer_ = nullptr;  // that was asked for
+  const HeldBrick* last_finer_ = nullptr;              // that was asked for
   std::array<std::unique_ptr<FinerBrick>, 64> finer_;  // and those around, x fastest
 };
 

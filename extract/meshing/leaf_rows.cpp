@@ -34,8 +34,7 @@ void LeafRows::classify(std::int64_t j, std::int64_t k) {
   // Cell -1 is bit 0; where the volume begins with the brick, there is none.
   const int shift = begin_ == cells_.first.x ? 1 : 0;
   std::uint64_t refined[kMostWords] = {};
-  const std::uint64_t* exists =
-      classifier_->classifyRow(level_, {begin_, y, z}, count_, refined);
+  const std::uint64_t* exists = classifier_->classifyRow(level_, {begin_, y, z}, count_, refined);
   std::uint64_t *finer = leaf + kFiner * words_, *coarser = leaf + kCoarser * words_;
   std::uint64_t exists_carry = 0, refined_carry = 0;
   const std::int64_t found = wordsOf(count_);

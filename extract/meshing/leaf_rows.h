@@ -44,9 +44,9 @@ class LeafRows {
   // Which cells of word `word` of the row have a refined cell across face f: bit i of [f] is cell
   // 64 word + i, as in leaves(). Rows beside it must have been found.
   std::array<std::uint64_t, 6> besideFiner(std::int64_t j, std::int64_t k, std::int64_t word) const;
-  // Edges along `axis` from corner row (j, k): those that only leaves touch, and those that a coarser
-  // leaf does. Cells beyond the volume are neither. Bit i of word `word` is corner 64 word + i for
-  // axis 0 and the one behind it for the others, as in BrickRows::crossed.
+  // Edges along `axis` from corner row (j, k): those that only leaves touch, and those that a
+  // coarser leaf does. Cells beyond the volume are neither. Bit i of word `word` is corner 64 word
+  // + i for axis 0 and the one behind it for the others, as in BrickRows::crossed.
   struct EdgeBits {
     std::uint64_t among_leaves = 0, beside_coarser = 0;
   };

@@ -134,8 +134,8 @@ const std::uint64_t* LeafClassifier::existingRow(int level, const Index3& first,
   return exists;
 }
 
-const std::uint64_t* LeafClassifier::classifyRow(int level, const Index3& first,
-                                                 std::int64_t count, std::uint64_t* refined) {
+const std::uint64_t* LeafClassifier::classifyRow(int level, const Index3& first, std::int64_t count,
+                                                 std::uint64_t* refined) {
   const std::uint64_t* const exists = existingRow(level, first, count);
   for (std::int64_t word = 0; word < wordsOf(count); ++word)
     refined[word] = level > 0 ? exists[word] : 0;

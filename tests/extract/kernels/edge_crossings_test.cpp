@@ -1,5 +1,7 @@
 // Crossings of queued edges against their scalar twin, bit by bit, on every instruction set of the
 // machine; and contours on halved faces against those on plain ones.
+#include "isobrick/extract/kernels/edge_crossings.h"
+
 #include <gtest/gtest.h>
 
 #include <cstring>
@@ -8,7 +10,6 @@
 #include <vector>
 
 #include "isobrick/extract/kernels/contour.h"
-#include "isobrick/extract/kernels/edge_crossings.h"
 #include "tests/support/every_target.h"
 #include "tests/support/random_numbers.h"
 
@@ -45,7 +46,9 @@ TEST(EdgeCrossings, AreThoseOfTheScalarTwin) {
         };
         const bool is_inside = randomInt(random, 0, 1) == 1;
         CrossedEdge edge{static_cast<std::uint32_t>(count - 1 - i),
-                         static_cast<int>(randomInt(random, 0, 2)), {}, 0};
+                         static_cast<int>(randomInt(random, 0, 2)),
+                         {},
+                         0};
         for (int axis = 0; axis < 3; ++axis)
           edge.begin[axis] = static_cast<float>(randomInt(random, -256, 256));
         edge.end = edge.begin[edge.axis] + static_cast<float>(1 << randomInt(random, 0, 8));
@@ -70,8 +73,8 @@ TEST(EdgeCrossings, AreThoseOfTheScalarTwin) {
   });
 }
 
-// Every point on a side of the face begins or ends pieces as often as its edge is crossed, and every
-// point inside is passed through.
+// Every point on a side of the face begins or ends pieces as often as its edge is crossed, and
+// every point inside is passed through.
 TEST(FaceContours, OfHalvedFacesAreJoined) {
   for (int side = 0; side < 2; ++side)
     for (const FaceParts& parts : {FaceParts{2, 2}, {1, 2}, {2, 1}, {1, 1}})
