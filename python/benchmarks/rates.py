@@ -7,7 +7,6 @@ and marching cubes of other packages on the same volume.
 from __future__ import annotations
 
 import json
-import resource
 import statistics
 import subprocess
 import sys
@@ -43,10 +42,14 @@ def timed(call: Callable[[], object]) -> float:
     return time.perf_counter() - began
 
 
+PEAK = """
+def peak():
+    return int(open("/proc/self/status").read().split("VmHWM:")[1].split()[0])
+"""
 PEER = """
-import sys, time, resource, numpy as np
+import sys, time, numpy as np
 array = np.load(sys.argv[2])
-before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+before = peak()
 def run():
     if sys.argv[1] == "skimage":
         from skimage.measure import marching_cubes
@@ -63,22 +66,22 @@ def run():
 run() if sys.argv[3] == "2" else None
 began = time.perf_counter()
 count = run()
-print(time.perf_counter() - began, (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024, count)
+print(time.perf_counter() - began, (peak() - before) / 1024, count)
 """
 OURS = """
-import sys, time, resource, isobrick
+import sys, time, isobrick
 pyramid = isobrick.open(sys.argv[1])
-before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+before = peak()
 session = pyramid.session()
 session.extract(1324).points
 began = time.perf_counter()
 mesh = session.extract(1324); mesh.points
-print(time.perf_counter() - began, (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024, len(mesh.faces))
+print(time.perf_counter() - began, (peak() - before) / 1024, len(mesh.faces))
 """
 
 
 def child(program: str, *words: object) -> tuple[float, float, int]:
-    done = subprocess.run([sys.executable, "-c", program, *map(str, words)], capture_output=True, text=True)
+    done = subprocess.run([sys.executable, "-c", PEAK + program, *map(str, words)], capture_output=True, text=True)
     if done.returncode != 0:
         print(done.stderr.splitlines()[-1], file=sys.stderr)
         return float("nan"), float("nan"), 0
@@ -98,13 +101,13 @@ def main() -> None:
             session.extract(1324).points
 
             def by_command() -> float:
-                return min(command("extract", folder / "head.isb", "--iso", 1324, "--repeat", 5)["seconds"]["extract"])
+                return command("bench", folder / "head.isb", "--iso", 1324)["rows"][0]["seconds"]["min"]
 
             def best_of(call: Callable[[], object]) -> float:
-                return min(timed(call) for _ in range(5))
+                return min(timed(call) for _ in range(15))
 
             made = in_turns(turns, {
-                "command, counted": by_command,
+                "C++ (isobrick bench)": by_command,
                 "session.extract": lambda: best_of(lambda: session.extract(1324)),
                 "session.extract, points": lambda: best_of(lambda: session.extract(1324).points),
             })  # fmt: skip
