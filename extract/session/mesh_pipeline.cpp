@@ -2,6 +2,7 @@
 
 #include <tbb/task_arena.h>
 
+#include <algorithm>
 #include <chrono>
 #include <glm/matrix.hpp>
 
@@ -29,8 +30,13 @@ std::optional<SimplifySpace> simplifySpace(const MeshContext& context) {
   if (!options) return std::nullopt;
   SimplifySpace space{.distance = static_cast<float>(options->distance)};
   if (!options->in_world) return space;
-  space.to_space = context.pyramid.spec().geometry.indexToWorldMatrix();
-  space.to_voxels = glm::inverse(space.to_space);
+  // In units of the least spacing: squares of squares of the world's own might leave the floats.
+  const GridGeometry& geometry = context.pyramid.spec().geometry;
+  const double unit = std::min({geometry.spacing.x, geometry.spacing.y, geometry.spacing.z});
+  const glm::dmat3 to_space = geometry.indexToWorldMatrix() / unit;
+  space.distance = static_cast<float>(options->distance / unit);
+  space.to_space = to_space;
+  space.to_voxels = glm::inverse(to_space);
   return space;
 }
 

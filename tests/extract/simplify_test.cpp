@@ -118,16 +118,18 @@ TEST(Simplify, ThreadsDoNotChangeAByte) {
 }
 
 TEST(Simplify, ADistanceInTheWorldCountsThere) {
-  const TemporaryFolder folder;
-  GridGeometry geometry;
-  geometry.spacing = glm::dvec3(0.5);
-  const Pyramid pyramid(sphere(folder, geometry));
-  Query query = sphereQuery(0.4);
-  const std::size_t in_voxels = meshOf(pyramid, query).triangles.size();
-  query.simplify = SimplifyOptions{.distance = 0.2, .in_world = true};
-  const std::size_t in_world = meshOf(pyramid, query).triangles.size();
-  EXPECT_LT(in_world, in_voxels * 5 / 4);
-  EXPECT_GT(in_world, in_voxels * 3 / 4);
+  for (const double spacing : {0.5, 1e-15, 1e15}) {
+    const TemporaryFolder folder;
+    GridGeometry geometry;
+    geometry.spacing = glm::dvec3(spacing);
+    const Pyramid pyramid(sphere(folder, geometry));
+    Query query = sphereQuery(0.4);
+    const std::size_t in_voxels = meshOf(pyramid, query).triangles.size();
+    query.simplify = SimplifyOptions{.distance = 0.4 * spacing, .in_world = true};
+    const std::size_t in_world = meshOf(pyramid, query).triangles.size();
+    EXPECT_LT(in_world, in_voxels * 5 / 4);
+    EXPECT_GT(in_world, in_voxels * 3 / 4);
+  }
 }
 
 TEST(Simplify, DistancesThatAreNoneAreRefused) {
