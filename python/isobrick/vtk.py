@@ -36,7 +36,7 @@ def _vtk_array(array: Any, name: str | None = None, copy: bool = False) -> Any:
 
 def _index_array(array: Any, copy: bool) -> Any:
     """Of the very type that cells store: of another one they would share the memory and not what keeps it."""
-    result = (vtkTypeInt32Array if array.itemsize == 4 else vtkTypeInt64Array)()
+    result: Any = (vtkTypeInt32Array if array.itemsize == 4 else vtkTypeInt64Array)()
     result.SetVoidArray(array, array.size, 1)
     if copy:
         copied = result.NewInstance()
@@ -50,7 +50,7 @@ def _index_array(array: Any, copy: bool) -> Any:
 def _cells_keep_memory() -> bool:
     """Whether cells keep the memory of arrays that they were given; those of VTK 9.2 do not."""
 
-    class Watched(np.ndarray):  # type: ignore[type-arg]
+    class Watched(np.ndarray):
         """An array with weak references."""
 
     numbers = np.arange(0, 4, 3, dtype=np.int32).view(Watched)

@@ -28,7 +28,7 @@ def test_mypy_is_strict(tmp_path: Path) -> None:
     program.write_text("\n".join(examples()))
     for what in (["-p", "isobrick"], [str(program)]):
         done = subprocess.run(
-            [sys.executable, "-m", "mypy", "--strict", "--ignore-missing-imports", "--untyped-calls-exclude=vtkmodules", "--cache-dir",
+            [sys.executable, "-m", "mypy", "--strict", "--config-file", str(ROOT / "pyproject.toml"), "--cache-dir",
              str(ROOT / "build" / "mypy"), *what],
             cwd=tmp_path, capture_output=True, text=True, timeout=600,
         )  # fmt: skip

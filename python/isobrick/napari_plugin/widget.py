@@ -42,7 +42,7 @@ class HistogramView(QWidget):  # type: ignore[misc]
         self.update()
 
     def _x_of(self, value: float) -> float:
-        return (value - self._low) / max(self._high - self._low, 1e-9) * self.width()
+        return float((value - self._low) / max(self._high - self._low, 1e-9) * self.width())
 
     def paintEvent(self, event: QPaintEvent) -> None:
         painter = QPainter(self)
@@ -87,6 +87,8 @@ class SurfaceWidget(QWidget):  # type: ignore[misc]
         self._viewer = napari_viewer
         self._focus: tuple[float, float, float] | None = None  # (x, y, z)
         self._layer: Any = None
+        self._status = QLabel("open an .isb")
+        self._status.setWordWrap(True)
         self._worker = LatestWorker()
         self._worker.done.connect(self._show)
         self._worker.failed.connect(lambda error: self._status.setText(str(error)))
@@ -99,8 +101,6 @@ class SurfaceWidget(QWidget):  # type: ignore[misc]
         self._level = _number(0, 19, 0)
         self._simplify = _number(0, 1e6, 3)
         self._simplify.setSpecialValueText("off")
-        self._status = QLabel("open an .isb")
-        self._status.setWordWrap(True)
         suggest = QPushButton("next suggestion")
 
         form = QFormLayout()
