@@ -16,10 +16,10 @@ void makeQueuedEdges(const EdgeQueue& queue, const WorldFrame& frame, float isov
                      float (*out)[EdgeQueue::kMost]) {
   static_assert(sizeof(EdgeEnd) == 4 * sizeof(float));
   const hn::CappedTag<float, EdgeQueue::kMost> df;
-  using Floats = hn::Vec<decltype(df)>;
+  using EdgeFloats = hn::Vec<decltype(df)>;
   const float* const m = frame.normalMatrix();
   for (std::size_t i = 0; i < queue.count; i += hn::Lanes(df)) {
-    Floats low, high, low_x, low_y, low_z, high_x, high_y, high_z;
+    EdgeFloats low, high, low_x, low_y, low_z, high_x, high_y, high_z;
     hn::LoadInterleaved4(df, &queue.low[i].value, low, low_x, low_y, low_z);
     hn::LoadInterleaved4(df, &queue.high[i].value, high, high_x, high_y, high_z);
     // crossingParameter()
@@ -32,9 +32,11 @@ void makeQueuedEdges(const EdgeQueue& queue, const WorldFrame& frame, float isov
     const auto s = hn::Sub(hn::Set(df, 1.0f), t);
     hn::Store(s, df, out[0] + i);
     // gradientAt() and WorldFrame::normal()
-    const auto between = [&](Floats a, Floats b) { return hn::Add(hn::Mul(a, s), hn::Mul(b, t)); };
-    const Floats gx = between(low_x, high_x), gy = between(low_y, high_y),
-                 gz = between(low_z, high_z);
+    const auto between = [&](EdgeFloats a, EdgeFloats b) {
+      return hn::Add(hn::Mul(a, s), hn::Mul(b, t));
+    };
+    const EdgeFloats gx = between(low_x, high_x), gy = between(low_y, high_y),
+                     gz = between(low_z, high_z);
     const auto row = [&](std::size_t n, auto g) {
       if (frame.isDiagonal()) return hn::Mul(hn::Set(df, m[4 * n]), g);
       return hn::Add(
