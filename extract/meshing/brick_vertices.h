@@ -15,7 +15,9 @@ class BrickVertices {
  public:
   BrickVertices(const MeshContext& context, BrickFamily<T>& family, EdgeQueue& queue,
                 MeshBatch& batch)
-      : context_(context), family_(family), queue_(queue), batch_(batch) {}
+      : context_(context), family_(family), queue_(queue), batch_(batch) {
+    queue_.count = 0;  // a brick that failed may have left some
+  }
 
   // Puts the crossing of the edge of `level` along `axis` from sample `low` to sample `high` in the
   // place of vertex `vertex`. `is_shared`: lists it as one that other bricks may have too. The
