@@ -89,8 +89,8 @@ class Mesh:
 
     def save(self, path: str | os.PathLike[str], *, zlib: bool = False, meshopt: bool = False) -> None:
         """Writes ``.ply``, ``.stl``, ``.obj``, ``.glb`` or ``.vtp``, points in world units: to the byte what
-        ``extract_to`` writes. ``zlib`` packs ``.vtp``, ``meshopt`` packs ``.glb``. A file of that name is
-        replaced."""
+        ``extract_to`` writes, but for ``meshopt``, whose chunks are cut elsewhere. ``zlib`` packs ``.vtp``,
+        ``meshopt`` packs ``.glb``. A file of that name is replaced."""
         self._handle.save(os.fspath(path), zlib, meshopt)
 
     def to_vtk(self) -> Any:
