@@ -227,16 +227,27 @@ bool BatchSimplifier::findRegion(std::uint32_t corner, const glm::vec3& place) {
   return true;
 }
 
-// Around a fixed vertex: none of its new sides is there already, none comes back to back with
-// another triangle, and none might be there in another batch. Of a uniform brick, others have both
-// vertices of a side only if they lie in one of its faces; leaves of other levels may have any two.
+// Of a uniform brick, others have both vertices of a side only if they lie in one of its faces;
+// leaves of other levels may have any two.
+bool BatchSimplifier::mayBeElsewhere(const MeshBatch& batch, std::uint32_t a,
+                                     std::uint32_t b) const {
+  if (is_shared_[a] == 0 || is_shared_[b] == 0) return false;
+  return !batch.is_uniform || (sidesOf(batch.positions[a], lower_, upper_) &
+                               sidesOf(batch.positions[b], lower_, upper_)) != 0;
+}
+
+// Around a fixed vertex: none of its new sides is there already, no new triangle comes back to back
+// with another, and neither might be there in another batch.
 bool BatchSimplifier::keepsOthersApart(std::uint32_t corner, const MeshBatch& batch) const {
   const std::uint32_t at_kept = CornerTable::next(corner);
   const std::uint32_t kept = table_.vertex(at_kept);
-  const std::span new_neighbours = std::span(ring_).subspan(1, region_.last_of_gone - 1);
+  const std::span new_neighbours =
+      std::span(ring_).subspan(1, static_cast<std::size_t>(region_.last_of_gone) - 1);
   if (new_neighbours.empty()) {
     const std::uint32_t facing = table_.opposite(table_.left(corner));
-    return facing == kNone || table_.vertex(facing) != kept;
+    if (facing != kNone) return table_.vertex(facing) != kept;
+    return !(mayBeElsewhere(batch, kept, ring_[0]) && mayBeElsewhere(batch, kept, ring_[1]) &&
+             mayBeElsewhere(batch, ring_[0], ring_[1]));
   }
   const auto isNew = [&](std::uint32_t vertex) {
     return std::ranges::find(new_neighbours, vertex) == new_neighbours.end();
@@ -246,12 +257,8 @@ bool BatchSimplifier::keepsOthersApart(std::uint32_t corner, const MeshBatch& ba
     if (!isNew(table_.vertex(CornerTable::next(at)))) return false;
   for (std::uint32_t at = table_.left(other); at != kNone && at != at_kept; at = table_.left(at))
     if (!isNew(table_.vertex(CornerTable::previous(at)))) return false;
-  if (is_shared_[kept] == 0) return true;
-  const unsigned sides = sidesOf(batch.positions[kept], lower_, upper_);
-  return std::ranges::none_of(new_neighbours, [&](std::uint32_t vertex) {
-    return is_shared_[vertex] != 0 &&
-           (!batch.is_uniform || (sides & sidesOf(batch.positions[vertex], lower_, upper_)) != 0);
-  });
+  return std::ranges::none_of(
+      new_neighbours, [&](std::uint32_t vertex) { return mayBeElsewhere(batch, kept, vertex); });
 }
 
 void BatchSimplifier::write(MeshBatch& batch) {

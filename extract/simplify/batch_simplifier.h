@@ -53,6 +53,7 @@ class BatchSimplifier {
   std::uint32_t cornerThatGoes(std::uint32_t corner) const;
   glm::vec3 placeInBatch(const glm::vec3& position) const;
   bool findRegion(std::uint32_t corner, const glm::vec3& place);
+  bool mayBeElsewhere(const MeshBatch& batch, std::uint32_t a, std::uint32_t b) const;
   bool keepsOthersApart(std::uint32_t corner, const MeshBatch& batch) const;
   void write(MeshBatch& batch);
 

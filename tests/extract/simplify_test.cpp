@@ -52,8 +52,10 @@ int meshes() {
 TEST(Simplify, RandomMeshesStayClosedAndNear) {
   std::size_t triangles = 0, simplified_triangles = 0;
   for (int n = 0; n < meshes(); ++n) {
-    SCOPED_TRACE("mesh " + std::to_string(n));
-    RandomCase random(static_cast<std::uint32_t>(n));
+    // In 658 a neighbour had the triangle that a collapse on the border would have made.
+    const int seed = n == 0 ? 658 : n;
+    SCOPED_TRACE("mesh " + std::to_string(seed));
+    RandomCase random(static_cast<std::uint32_t>(seed));
     const TemporaryFolder folder;
     const Index3 dims = random.dims();
     BuildOptions build;
