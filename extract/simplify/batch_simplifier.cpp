@@ -154,10 +154,8 @@ void BatchSimplifier::collapseCandidates(const CancelFlag* cancel, const MeshBat
   }
 }
 
-// In the box of the batch, and rounded as it will be written.
-glm::vec3 BatchSimplifier::placeInBatch(const glm::vec3& position) const {
-  const glm::vec3 voxel = space_.to_voxels * position + center_;
-  return space_.to_space * (glm::clamp(voxel, lower_, upper_) - center_);
+glm::vec3 BatchSimplifier::voxelsOf(const glm::vec3& position) const {
+  return glm::clamp(space_.to_voxels * position + center_, lower_, upper_);
 }
 
 bool BatchSimplifier::collapse(std::uint32_t corner, const MeshBatch& batch) {
@@ -167,9 +165,10 @@ bool BatchSimplifier::collapse(std::uint32_t corner, const MeshBatch& batch) {
   Quadric quadric = quadrics_[gone];
   quadric.moveCenter(-to_gone);
   quadric += quadrics_[kept];
-  const glm::vec3 place = is_fixed_[kept] != 0
-                              ? positions_[kept]
-                              : placeInBatch(positions_[kept] + bestPlace(quadric, to_gone));
+  const glm::vec3 place =
+      is_fixed_[kept] != 0
+          ? positions_[kept]
+          : space_.to_space * (voxelsOf(positions_[kept] + bestPlace(quadric, to_gone)) - center_);
   if (!findRegion(corner, place)) return false;
   if (region_.is_open && !keepsOthersApart(corner, batch)) return false;
   if (!bound_.follow(region_, deviations_, space_.distance)) return false;
@@ -275,9 +274,7 @@ void BatchSimplifier::write(MeshBatch& batch) {
     if (numbers_[v] == kNone) continue;
     numbers_[v] = count;
     batch.positions[count] =
-        touched_[v] == 0 || is_fixed_[v] != 0
-            ? batch.positions[v]
-            : glm::clamp(space_.to_voxels * positions_[v] + center_, lower_, upper_);
+        touched_[v] == 0 || is_fixed_[v] != 0 ? batch.positions[v] : voxelsOf(positions_[v]);
     const float length = std::sqrt(glm::dot(normals_[v], normals_[v]));
     batch.normals[count] = touched_[v] == 0 || is_fixed_[v] != 0 || !(length > 0)
                                ? batch.normals[v]

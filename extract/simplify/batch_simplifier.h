@@ -16,7 +16,8 @@
 
 namespace isobrick {
 
-// How far simplification may go, in the space in which distances count.
+// How far simplification may go, in the space in which distances count: voxels, or the world in
+// units of the least spacing.
 struct SimplifySpace {
   float distance = 0;         // above 0
   glm::mat3 to_space{1.0f};   // from voxels; identity for a distance in voxels
@@ -51,7 +52,8 @@ class BatchSimplifier {
   bool collapse(std::uint32_t corner, const MeshBatch& batch);
   // The corner whose vertex goes: the corner itself, or that at the other end of its edge.
   std::uint32_t cornerThatGoes(std::uint32_t corner) const;
-  glm::vec3 placeInBatch(const glm::vec3& position) const;
+  // A position in voxels, in the box of the batch.
+  glm::vec3 voxelsOf(const glm::vec3& position) const;
   bool findRegion(std::uint32_t corner, const glm::vec3& place);
   bool mayBeElsewhere(const MeshBatch& batch, std::uint32_t a, std::uint32_t b) const;
   bool keepsOthersApart(std::uint32_t corner, const MeshBatch& batch) const;
