@@ -74,9 +74,9 @@ ExtractionReport extractIsosurface(const Pyramid& pyramid, const Query& query, T
 ExtractionReport extractIsosurface(const Pyramid& pyramid, const Query& query, SurfaceMesh& mesh);
 
 // The distance in voxels with which the query's surface has at most `triangles` of them, and not
-// many fewer; none if it has no more without simplification. query.simplify is not looked at. The
-// surface is extracted some ten times. Throws as Extractor::extract() does, and Error if no
-// distance leaves so few: vertices that bricks share always stay.
+// many fewer; none if it has no more without simplification. Of query.simplify, drop_small alone
+// counts. The surface is extracted some ten times. Throws as Extractor::extract() does, and Error
+// if no distance leaves so few: vertices that bricks share always stay.
 std::optional<SimplifyOptions> findSimplification(Extractor& extractor, Query query,
                                                   std::uint64_t triangles);
 

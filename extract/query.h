@@ -77,6 +77,9 @@ struct DetailChoice {
 struct SimplifyOptions {
   double distance = 0;    // above 0; in voxels of level 0
   bool in_world = false;  // in world units instead
+  // Leaves out connected components whose bounding box has a diagonal below the distance: specks
+  // of noise. Those that lie in more than one brick stay.
+  bool drop_small = false;
   bool operator==(const SimplifyOptions&) const = default;
 };
 

@@ -40,6 +40,7 @@ struct ExtractArguments {
   std::string output;     // empty: the mesh is counted only
   VolumeInput attribute;  // whose values vertices get; path empty: none
   std::optional<std::uint64_t> most_triangles;
+  bool drop_small = false;
   bool zlib = false;
   bool meshopt = false;
   int repeat = 1;
@@ -107,6 +108,10 @@ ExtractResult extractOne(const ExtractArguments& arguments, const Pyramid& pyram
   result.output = output;
   result.isovalue = arguments.query.isovalue;
   Query query = makeQuery(arguments.query, pyramid);
+  if (arguments.drop_small) {
+    if (!query.simplify) query.simplify.emplace();
+    query.simplify->drop_small = true;
+  }
   if (arguments.most_triangles)
     query.simplify = findSimplification(extractor, query, *arguments.most_triangles);
   result.simplify = query.simplify;
@@ -158,6 +163,8 @@ ExtractResults extract(ExtractArguments& arguments) {
   results.open_seconds = open_watch.seconds();
   chooseIsovalues(arguments.query, pyramid);
   refuseTwins(arguments.query.isovalues);
+  if (arguments.drop_small && !arguments.query.simplify && !arguments.most_triangles)
+    throw UsageError("--drop-small goes with --simplify or --triangles; give one of them");
   refuseOutputs(arguments);
   const std::vector<std::string> names = meshNames(arguments);
   Extractor extractor(pyramid);
@@ -260,6 +267,8 @@ void printSummaries(const ExtractArguments& arguments, const ExtractResults& res
 
 int runExtract(ExtractArguments arguments) {
   refuseTwins(arguments.query.isovalues);
+  if (arguments.drop_small && !arguments.query.simplify && !arguments.most_triangles)
+    throw UsageError("--drop-small goes with --simplify or --triangles; give one of them");
   refuseOutputs(arguments);
   findPyramid(arguments.query);
   VolumeInput& attribute = arguments.attribute;
@@ -294,6 +303,9 @@ Command addExtractCommand(CLI::App& app) {
       "At most N triangles: finds the distance of --simplify for that, by extracting the surface "
       "some ten times")
       ->excludes("--simplify");
+  sub->add_flag("--drop-small", arguments->drop_small,
+                "With --simplify or --triangles: leave out pieces of the surface that lie in one "
+                "brick and whose box has a diagonal below the distance");
   beginGroup(*sub, kOutputGroup);
   CLI::Option* const output =
       sub->add_option("-o,--output", arguments->output,

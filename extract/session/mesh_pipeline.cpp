@@ -28,7 +28,8 @@ std::uint64_t keptBytes(const PlacedBatch& placed) {
 std::optional<SimplifySpace> simplifySpace(const MeshContext& context) {
   const std::optional<SimplifyOptions>& options = context.query.simplify;
   if (!options) return std::nullopt;
-  SimplifySpace space{.distance = static_cast<float>(options->distance)};
+  SimplifySpace space{.distance = static_cast<float>(options->distance),
+                      .drops_small = options->drop_small};
   if (!options->in_world) return space;
   // In units of the least spacing: squares of squares of the world's own might leave the floats.
   const GridGeometry& geometry = context.pyramid.spec().geometry;

@@ -31,6 +31,7 @@ unsigned sidesOf(const glm::vec3& position, const glm::vec3& lower, const glm::v
 
 void BatchSimplifier::simplify(const SimplifySpace& space, const CancelFlag* cancel,
                                MeshBatch& batch) {
+  if (space.drops_small) small_.drop(space.to_space, space.distance, batch);
   if (batch.triangles.empty()) return;
   begin(space, batch);
   addPlanes();
@@ -261,31 +262,18 @@ bool BatchSimplifier::keepsOthersApart(std::uint32_t corner, const MeshBatch& ba
 }
 
 void BatchSimplifier::write(MeshBatch& batch) {
-  numbers_.assign(batch.positions.size(), kNone);
   std::size_t corners = 0;
   for (const std::uint32_t t : alive_)
-    for (std::uint32_t c = CornerTable::firstCorner(t), end = c + 3; c < end; ++c) {
-      batch.triangles[corners] = table_.vertex(c);
-      numbers_[batch.triangles[corners++]] = 0;
-    }
+    for (std::uint32_t c = CornerTable::firstCorner(t), end = c + 3; c < end; ++c)
+      batch.triangles[corners++] = table_.vertex(c);
   batch.triangles.resize(corners);
-  std::uint32_t count = 0;
-  for (std::uint32_t v = 0; v < numbers_.size(); ++v) {
-    if (numbers_[v] == kNone) continue;
-    numbers_[v] = count;
-    batch.positions[count] =
-        touched_[v] == 0 || is_fixed_[v] != 0 ? batch.positions[v] : voxelsOf(positions_[v]);
+  for (std::uint32_t v = 0; v < touched_.size(); ++v) {
+    if (touched_[v] == 0 || is_fixed_[v] != 0) continue;
+    batch.positions[v] = voxelsOf(positions_[v]);
     const float length = std::sqrt(glm::dot(normals_[v], normals_[v]));
-    batch.normals[count] = touched_[v] == 0 || is_fixed_[v] != 0 || !(length > 0)
-                               ? batch.normals[v]
-                               : normals_[v] / length;
-    ++count;
+    if (length > 0) batch.normals[v] = normals_[v] / length;
   }
-  batch.positions.resize(count);
-  batch.normals.resize(count);
-  for (std::uint32_t& vertex : batch.triangles) vertex = numbers_[vertex];
-  std::erase_if(batch.shared, [&](const auto& s) { return numbers_[s.vertex] == kNone; });
-  for (MeshBatch::SharedVertex& shared : batch.shared) shared.vertex = numbers_[shared.vertex];
+  dropUnusedVertices(batch, numbers_);
   batch.transition_indices = 0;
 }
 

@@ -11,6 +11,7 @@
 #include "isobrick/extract/simplify/deviation.h"
 #include "isobrick/extract/simplify/edge_costs.h"
 #include "isobrick/extract/simplify/quadric.h"
+#include "isobrick/extract/simplify/small_components.h"
 #include "isobrick/extract/sinks/triangle_sink.h"
 #include "isobrick/storage/error.h"
 
@@ -20,6 +21,7 @@ namespace isobrick {
 // units of the least spacing.
 struct SimplifySpace {
   float distance = 0;         // above 0
+  bool drops_small = false;   // components below the distance: see SmallComponents
   glm::mat3 to_space{1.0f};   // from voxels; identity for a distance in voxels
   glm::mat3 to_voxels{1.0f};  // back
 };
@@ -34,8 +36,9 @@ struct SimplifySpace {
 class BatchSimplifier {
  public:
   // Afterwards no point of the batch is further than the distance from what it was, and no point of
-  // that further from it, but for the rounding of floats. The normal of a vertex is the mean of
-  // those that became it, by area. Throws Cancelled if that is requested; `cancel` may be null.
+  // that further from it, but for the rounding of floats and for components that are dropped. The
+  // normal of a vertex is the mean of those that became it, by area. Throws Cancelled if that is
+  // requested; `cancel` may be null.
   void simplify(const SimplifySpace& space, const CancelFlag* cancel, MeshBatch& batch);
 
  private:
@@ -77,6 +80,7 @@ class BatchSimplifier {
   CollapseRegion region_;
   std::array<std::uint32_t, CollapseRegion::kMostRing> ring_;  // vertices
   DeviationBound bound_;
+  SmallComponents small_;
 };
 
 }  // namespace isobrick

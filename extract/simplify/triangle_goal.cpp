@@ -19,9 +19,14 @@ constexpr double kEnough = 0.97;
 std::optional<SimplifyOptions> findSimplification(Extractor& extractor, Query query,
                                                   std::uint64_t triangles) {
   TriangleSink nowhere;
+  SimplifyOptions options;
+  options.drop_small = query.simplify && query.simplify->drop_small;
   const auto countAt = [&](std::optional<double> distance) {
     query.simplify.reset();
-    if (distance) query.simplify = SimplifyOptions{*distance};
+    if (distance) {
+      options.distance = *distance;
+      query.simplify = options;
+    }
     return extractor.extract(query, nowhere).triangles;
   };
   if (countAt(std::nullopt) <= triangles) return std::nullopt;
@@ -50,7 +55,8 @@ std::optional<SimplifyOptions> findSimplification(Extractor& extractor, Query qu
     throw Error(
         "simplification leaves more triangles than that; ask for more triangles, or for a "
         "coarser level");
-  return SimplifyOptions{*best};
+  options.distance = *best;
+  return options;
 }
 
 }  // namespace isobrick

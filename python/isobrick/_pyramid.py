@@ -332,6 +332,7 @@ class Pyramid:
         or_finer: Sequence[Detail] = (),
         box: Sequence[Sequence[float]] | None = None,
         simplify: float | None = None,
+        drop_small: bool = False,
         values: Pyramid | None = None,
         indices: bool = False,
         memory: int | str | None = None,
@@ -353,6 +354,7 @@ class Pyramid:
         or_finer   more of these, each a ``Detail``: a cell is refined if any one of them wants it
         box        ((x, y, z), (x, y, z)): only cells that overlap it
         simplify   fewer triangles, within this distance
+        drop_small leaves out pieces within one brick whose box has a diagonal below that distance
         values     another pyramid: its values at the points become ``Mesh.values``
         memory     bounds what stays of the file in memory, for this query alone
         threads    0: all cores
@@ -361,8 +363,8 @@ class Pyramid:
         try:
             with told_progress(progress, "extracting") as tell:
                 settings = self._settings(
-                    isovalue, Detail(focus, radius, level, view, curvature), or_finer, box, simplify, values,
-                    indices, threads, tell, cancel,
+                    isovalue, Detail(focus, radius, level, view, curvature), or_finer, box, simplify, drop_small,
+                values, indices, threads, tell, cancel,
                 )  # fmt: skip
                 return Mesh(_core.SessionHandle(pyramid._handle).extract(settings, False))
         finally:
@@ -382,6 +384,7 @@ class Pyramid:
         or_finer: Sequence[Detail] = (),
         box: Sequence[Sequence[float]] | None = None,
         simplify: float | None = None,
+        drop_small: bool = False,
         values: Pyramid | None = None,
         indices: bool = False,
         zlib: bool = False,
@@ -397,8 +400,8 @@ class Pyramid:
         replaced with ``force``."""
         with told_progress(progress, "extracting") as tell:
             settings = self._settings(
-                isovalue, Detail(focus, radius, level, view, curvature), or_finer, box, simplify, values,
-                indices, threads, tell, cancel,
+                isovalue, Detail(focus, radius, level, view, curvature), or_finer, box, simplify, drop_small,
+                values, indices, threads, tell, cancel,
             )  # fmt: skip
             facts = _core.SessionHandle(self._handle).extract_to(settings, os.fspath(path), zlib, meshopt, force)
             return make_report(facts)
@@ -410,6 +413,7 @@ class Pyramid:
         or_finer: Sequence[Detail],
         box: Sequence[Sequence[float]] | None,
         simplify: float | None,
+        drop_small: bool,
         values: Pyramid | None,
         indices: bool,
         threads: int,
@@ -421,12 +425,14 @@ class Pyramid:
             if not suggestions:
                 raise Error(f"all voxels of '{self._path}' are equal: no isovalue has a surface", path=self._path)
             isovalue = suggestions[0].value
+        if drop_small and simplify is None:
+            raise Error("drop_small goes with simplify, the distance below which a piece is small; give both")
         corners = None
         if box is not None:
             (ax, ay, az), (bx, by, bz) = box
             corners = (float(ax), float(ay), float(az)), (float(bx), float(by), float(bz))
         return _QuerySettings(
-            float(isovalue), detail, indices, or_finer, corners, simplify,
+            float(isovalue), detail, indices, or_finer, corners, simplify, drop_small,
             None if values is None else values._handle, threads, tell, cancel,
         )  # fmt: skip
 
@@ -470,6 +476,7 @@ class Session:
         or_finer: Sequence[Detail] = (),
         box: Sequence[Sequence[float]] | None = None,
         simplify: float | None = None,
+        drop_small: bool = False,
         values: Pyramid | None = None,
         indices: bool = False,
         threads: int = 0,
@@ -479,8 +486,8 @@ class Session:
         """As ``Pyramid.extract``: (x, y, z) in world units, voxel indices with ``indices=True``."""
         with told_progress(progress, "extracting") as tell:
             settings = self._pyramid._settings(
-                isovalue, Detail(focus, radius, level, view, curvature), or_finer, box, simplify, values,
-                indices, threads, tell, cancel,
+                isovalue, Detail(focus, radius, level, view, curvature), or_finer, box, simplify, drop_small,
+                values, indices, threads, tell, cancel,
             )  # fmt: skip
             return Mesh(self._handle.extract(settings, False))
 
@@ -496,6 +503,7 @@ class Session:
         or_finer: Sequence[Detail] = (),
         box: Sequence[Sequence[float]] | None = None,
         simplify: float | None = None,
+        drop_small: bool = False,
         indices: bool = False,
         threads: int = 0,
         cancel: _core.Cancel | None = None,
@@ -504,8 +512,8 @@ class Session:
         the focus first. The last one is that of ``extract``, unless the pyramid's ``memory`` has no room for it;
         ``Mesh.is_complete`` says which. (x, y, z) in world units, voxel indices with ``indices=True``."""
         settings = self._pyramid._settings(
-            isovalue, Detail(focus, radius, level, view, curvature), or_finer, box, simplify, None,
-            indices, threads, None, cancel,
+            isovalue, Detail(focus, radius, level, view, curvature), or_finer, box, simplify, drop_small,
+            None, indices, threads, None, cancel,
         )  # fmt: skip
         while True:
             mesh = Mesh(self._handle.extract(settings, True))

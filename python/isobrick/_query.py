@@ -64,6 +64,7 @@ class _QuerySettings:
     or_finer: Sequence[Detail] = ()
     box: tuple[Triple, Triple] | None = None
     simplify: float | None = None
+    drop_small: bool = False
     values: Any = None
     threads: int = 0
     progress: Any = None

@@ -98,7 +98,7 @@ Query readQuery(const nb::object& from, const GridGeometry& geometry) {
     query.box = indices ? box : indexBoxAround(box, geometry);
   }
   if (const auto distance = optionalOf<double>(from, "simplify"))
-    query.simplify = SimplifyOptions{*distance, !indices};
+    query.simplify = SimplifyOptions{*distance, !indices, nb::cast<bool>(from.attr("drop_small"))};
   return query;
 }
 

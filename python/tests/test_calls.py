@@ -22,9 +22,12 @@ from conftest import ball
 
 
 def run(program: str, *arguments: object) -> subprocess.Popen[str]:
+    # Shells start what runs in the background with Ctrl-C ignored, and children inherit that.
+    listening = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
     return subprocess.Popen(
-        [sys.executable, "-c", textwrap.dedent(program), *map(str, arguments)], stdout=subprocess.PIPE, text=True
-    )
+        [sys.executable, "-c", listening + textwrap.dedent(program), *map(str, arguments)],
+        stdout=subprocess.PIPE, text=True,
+    )  # fmt: skip
 
 
 BUILD = """
@@ -64,6 +67,8 @@ def test_ctrl_c_ends_a_call_and_leaves_nothing(program: str, tmp_path: Path, hea
     out = tmp_path / "out.isb"
     child = run(program, out, head)
     assert child.stdout is not None
+    killer = threading.Timer(120, child.kill)  # so that a call that never ends fails the test
+    killer.start()
     assert child.stdout.readline() == "running\n"
     time.sleep(0.05)
     began = time.monotonic()
@@ -75,6 +80,7 @@ def test_ctrl_c_ends_a_call_and_leaves_nothing(program: str, tmp_path: Path, hea
         pytest.fail("the call went on to its end")
     assert time.monotonic() - began < 2
     assert child.wait(timeout=60) == 0
+    killer.cancel()
     assert [p.name for p in tmp_path.iterdir() if p.suffix != ".obj"] == []
     assert all(p.name == "out.isb.obj" for p in tmp_path.iterdir()), "no temporary file is left"
 

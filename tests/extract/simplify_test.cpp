@@ -3,9 +3,12 @@
 #include <gtest/gtest.h>
 #include <tbb/task_arena.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <limits>
+#include <numeric>
 #include <string>
+#include <vector>
 
 #include "isobrick/extract/extractor.h"
 #include "isobrick/extract/sinks/indexed_mesh.h"
@@ -159,6 +162,55 @@ TEST(Simplify, FindsTheDistanceForANumberOfTriangles) {
     EXPECT_GT(count, most * 9 / 10);
   }
   EXPECT_THROW(findSimplification(extractor, sphereQuery(0), 10), Error);
+}
+
+// How many pieces a mesh has.
+std::size_t pieces(const IndexedMesh& mesh) {
+  std::vector<std::uint32_t> parents(mesh.positions.size());
+  std::iota(parents.begin(), parents.end(), 0u);
+  const auto rootOf = [&](std::uint32_t v) {
+    while (parents[v] != v) v = parents[v] = parents[parents[v]];
+    return v;
+  };
+  std::size_t count = parents.size();
+  for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
+    const std::uint32_t a = rootOf(mesh.triangles[i]);
+    const std::uint32_t b = rootOf(mesh.triangles[i - i % 3]);
+    if (a == b) continue;
+    parents[a] = b;
+    --count;
+  }
+  return count;
+}
+
+TEST(Simplify, SmallPiecesGoIfThatIsAsked) {
+  // A ball, and single voxels: two inside of bricks, one between two. Each has a surface of one
+  // voxel an axis, and its box a diagonal of the root of 3.
+  const TemporaryFolder folder;
+  BuildOptions build;
+  build.brick_cells = 32;
+  const auto field = [](const glm::dvec3& p) {
+    for (const glm::dvec3& voxel :
+         {glm::dvec3(3, 4, 5), glm::dvec3(90, 4, 70), glm::dvec3(32, 5, 5)})
+      if (p == voxel) return 10.0;
+    return std::clamp(20 - glm::length(p - 48.0), -10.0, 10.0);
+  };
+  for (const double spacing : {1.0, 0.25}) {
+    GridGeometry geometry;
+    geometry.spacing = glm::dvec3(spacing);
+    const Pyramid pyramid(buildField(folder, Index3(97), field, build, geometry));
+    const auto piecesAt = [&](double distance, bool drop_small) {
+      Query query = sphereQuery(0);
+      query.simplify = SimplifyOptions{distance * spacing, spacing != 1.0, drop_small};
+      const IndexedMesh mesh = meshOf(pyramid, query);
+      EXPECT_TRUE(checkMesh(mesh.positions, mesh.triangles, {}).ok());
+      return pieces(mesh);
+    };
+    EXPECT_EQ(piecesAt(1.8, false), 4u);
+    EXPECT_EQ(piecesAt(1.7, true), 4u);
+    EXPECT_EQ(piecesAt(1.8, true), 2u);
+    EXPECT_EQ(piecesAt(0.5, true), 4u);
+  }
 }
 
 }  // namespace

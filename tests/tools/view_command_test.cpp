@@ -282,6 +282,17 @@ TEST_F(ViewCommandTest, AVolumeIsShownWhileItIsBuilt) {
   EXPECT_EQ(after, before);
 }
 
+TEST_F(ViewCommandTest, MeshFilesAreSimplifiedIfTheViewSaysSo) {
+  write("meshes.json", R"({"size": [160, 120], "steps": [
+      {"wait": "settled"}, {"mesh": "whole.ply"}, {"wait": "settled"},
+      {"set": {"mesh_distance": 2}}, {"mesh": "simplified.ply"}, {"wait": "settled"}]})");
+  runWell({"view", "sphere.isb", "--offscreen", "--script", "meshes.json", "--frames", "frames"});
+  const auto whole = fs::file_size(path("frames/whole.ply"));
+  const auto simplified = fs::file_size(path("frames/simplified.ply"));
+  EXPECT_GT(simplified, 1000u);
+  EXPECT_LT(simplified, whole * 9 / 10);
+}
+
 TEST_F(ViewCommandTest, RubbishToBeginWithIsOneLine) {
   write("rubbish", std::string(5000, 'x'));
   const std::set<std::string> before = files();

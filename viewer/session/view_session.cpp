@@ -525,8 +525,9 @@ glm::dvec3 ViewSession::pointAt(const glm::dvec2& pixel) {
 
 void ViewSession::exportMesh(const std::string& path) {
   mesh_error_.clear();
-  mesh_worker_.request(
-      {currentQuery(static_cast<std::size_t>(state_.active_surface), radiusAtRest()), path});
+  Query query = currentQuery(static_cast<std::size_t>(state_.active_surface), radiusAtRest());
+  if (state_.mesh_distance) query.simplify = SimplifyOptions{*state_.mesh_distance};
+  mesh_worker_.request({query, path});
 }
 
 void ViewSession::writeShownMesh(const std::string& path) const {

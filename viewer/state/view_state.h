@@ -91,6 +91,8 @@ struct ViewState {
   ViewLighting lighting = ViewLighting::kThreeLights;
   bool ambient_occlusion = false;  // surfaces shade each other, by their depths in the picture
   ViewPictures pictures;
+  // Mesh files are simplified within this distance, voxels (SimplifyOptions::distance).
+  std::optional<double> mesh_distance;
   bool wireframe = false;
   bool show_transitions = false;  // cells that join two levels in a colour of their own
   bool show_box = true;

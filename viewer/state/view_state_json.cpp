@@ -48,8 +48,8 @@ ISOBRICK_FIELDS(ViewPictures, transparent, times)
 ISOBRICK_FIELDS(ViewValues, gradient_window, other, other_window)
 ISOBRICK_FIELDS(ViewState, camera, surfaces, active_surface, focus, curvature_tolerance,
                 view_pixels, clip_planes, slices, value_window, coloring, values, lighting,
-                ambient_occlusion, pictures, wireframe, show_transitions, show_box, show_handles,
-                background_top, background_bottom)
+                ambient_occlusion, pictures, mesh_distance, wireframe, show_transitions, show_box,
+                show_handles, background_top, background_bottom)
 
 constexpr std::array<std::string_view, 4> namesOf(ViewColoring) {
   return {"plain", "level", "gradient", "other"};
@@ -193,6 +193,8 @@ void checkRanges(const ViewState& state) {
   if (state.curvature_tolerance && *state.curvature_tolerance < 0.0)
     refuse("curvature_tolerance", "is below 0");
   if (state.view_pixels && !(*state.view_pixels > 0.0)) refuse("view_pixels", "is not above 0");
+  if (state.mesh_distance && !(*state.mesh_distance > 0.0))
+    refuse("mesh_distance", "is not above 0");
   if (state.pictures.times < 1 || state.pictures.times > 16)
     refuse("pictures.times", "is not from 1 to 16");
   if (state.clip_planes.size() > kMostClipPlanes) refuse("clip_planes", "has more than 6 elements");

@@ -270,7 +270,18 @@ void look(ViewSession& session, float scale) {
   ImGui::ColorEdit3("below", &state.background_bottom.r, ImGuiColorEditFlags_NoInputs);
 }
 
-Wishes files(ViewPictures& pictures, float scale) {
+void meshDistance(std::optional<double>& distance, float scale) {
+  constexpr double kFirst = 0.5;  // voxels
+  bool simplified = distance.has_value();
+  if (ImGui::Checkbox("simplify meshes", &simplified))
+    distance = simplified ? std::optional(kFirst) : std::nullopt;
+  if (!distance) return;
+  ImGui::SameLine();
+  ImGui::SetNextItemWidth(110.0f * scale);
+  sliderOf("##within", *distance, 0.05, 10.0, "within %.2f voxels", ImGuiSliderFlags_Logarithmic);
+}
+
+Wishes files(ViewState& state, float scale) {
   Wishes wishes;
   if (!ImGui::CollapsingHeader("files")) return wishes;
   wishes.browse = ImGui::SmallButton("open");
@@ -283,10 +294,11 @@ Wishes files(ViewPictures& pictures, float scale) {
   wishes.save_state = ImGui::SmallButton("save view");
   ImGui::SameLine();
   wishes.load_state = ImGui::SmallButton("load view");
-  ImGui::Checkbox("transparent", &pictures.transparent);
+  ImGui::Checkbox("transparent", &state.pictures.transparent);
   ImGui::SameLine();
   ImGui::SetNextItemWidth(80.0f * scale);
-  ImGui::SliderInt("x window", &pictures.times, 1, 8);
+  ImGui::SliderInt("x window", &state.pictures.times, 1, 8);
+  meshDistance(state.mesh_distance, scale);
   return wishes;
 }
 
@@ -300,7 +312,7 @@ Wishes buildControls(ViewSession& session, float scale) {
   clipPlanes(session, scale);
   slices(session);
   look(session, scale);
-  return files(session.state().pictures, scale);
+  return files(session.state(), scale);
 }
 
 }  // namespace isobrick

@@ -31,6 +31,7 @@ ViewState fullState() {
   state.lighting = ViewLighting::kHeadlight;
   state.ambient_occlusion = true;
   state.pictures = {true, 3};
+  state.mesh_distance = 0.75;
   state.wireframe = true;
   state.show_box = false;
   state.show_handles = false;
