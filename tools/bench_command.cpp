@@ -180,6 +180,7 @@ Command addBenchCommand(CLI::App& app) {
   sub->add_option(
          "--rows", settings.only,
          "Only these rows, such as isobrick,vtkFlyingEdges3D; openvdb-A for any adaptivity A, "
+         "vtkQuadricDecimation-R and vtkDecimatePro-R for any reduction R, "
          "simplify-D for any distance D of 'isobrick extract --simplify'")
       ->type_name("NAMES")
       ->delimiter(',');

@@ -3,6 +3,7 @@
 
   plot_bench.py bench.json -o bench.png                      times, rates, memory, errors of one run
   plot_bench.py r10.json r20.json r40.json --against radius  a curve of times over several runs
+  plot_bench.py ct.json mr.json --against distance           triangles and times at a mean distance
 
 The ending of the picture says its format: .png, .svg or .pdf. Reads nothing but the JSON.
 """
@@ -169,15 +170,51 @@ def plot_curves(runs, against, output):
     save(figure, output)
 
 
+def family_of(name):
+    """simplify-0.5 and simplify-1 are one curve."""
+    return name.rstrip("0123456789.").rstrip("-")
+
+
+def plot_distances(runs, output):
+    """A column for each run: triangles above, times below, against the mean distance to the finest surface."""
+    pyplot = import_pyplot()
+    figure, axes = pyplot.subplots(2, len(runs), figsize=(3.6 * len(runs), 7), squeeze=False,
+                                   sharex="col", layout="constrained")
+    for column, (bench, rows) in enumerate(runs):
+        approximating = [r for r in rows if "distance" in r]
+        if not approximating:
+            fail(f"'{bench['file']}' has no row that approximates; name some with --rows, such as simplify-1")
+        for family in unique(family_of(r["name"]) for r in approximating):
+            points = sorted((max(way["mean"] for way in r["distance"].values()), r["triangles"],
+                             1e3 * r["seconds"]["median"])
+                            for r in approximating if family_of(r["name"]) == family)
+            distances, triangles, times = zip(*points)
+            for axis, values in zip(axes[:, column], (triangles, times)):
+                axis.plot(distances, values, "o-", markersize=4, label=family)
+        for axis in axes[:, column]:
+            axis.set_xscale("log")
+            axis.set_yscale("log")
+            axis.grid(alpha=0.3, which="both")
+        name = os.path.basename(bench["file"]).removesuffix(".isb")
+        axes[0][column].set_title(f"{name} at {bench['isovalue']:g}", fontsize=10)
+        axes[1][column].set_xlabel("mean distance, voxels")
+    axes[0][0].set_ylabel("triangles")
+    axes[1][0].set_ylabel("milliseconds, with extraction")
+    axes[0][0].legend(fontsize="small")
+    save(figure, output)
+
+
 def main():
     parser = argparse.ArgumentParser(description="Plots of what 'isobrick bench --json' printed.")
     parser.add_argument("json", nargs="+", help="what 'isobrick bench --json' printed")
-    parser.add_argument("--against", choices=ABSCISSAS,
-                        help="plot the times of several runs over this")
+    parser.add_argument("--against", choices=[*ABSCISSAS, "distance"],
+                        help="plot the times of several runs over this; distance: triangles, too")
     parser.add_argument("-o", "--output", default="bench.png", help="picture; default: bench.png")
     arguments = parser.parse_args()
     runs = [read_bench(path) for path in arguments.json]
-    if arguments.against:
+    if arguments.against == "distance":
+        plot_distances(runs, arguments.output)
+    elif arguments.against:
         plot_curves(runs, arguments.against, arguments.output)
     elif len(runs) == 1:
         plot(*runs[0], arguments.output)

@@ -96,8 +96,23 @@ def test_layers_lie_where_the_volume_is(tmp_path: Path) -> None:
     reader = get_reader(path)
     assert reader is not None
     ((levels, options, kind),) = reader(path)
-    assert kind == "image" and options["multiscale"] and [l.shape[0] for l in levels] == [70, 36]
+    assert kind == "image" and options["multiscale"] and [l.shape[0] for l in levels] == [70, 35]
     with isobrick.open(path) as pyramid:
         index = np.array([5.0, 3, 2])  # x, y, z
         world = (pyramid.affine @ [*index, 1])[:3]
         assert np.allclose((options["affine"] @ [*index[::-1], 1])[:3], world[::-1])
+
+
+def test_levels_lie_over_each_other(tmp_path: Path) -> None:
+    from isobrick.napari_plugin.reader import layer_of
+
+    isobrick.build(ball(96, "uint16"), tmp_path / "ball.isb")
+    with isobrick.open(tmp_path / "ball.isb") as pyramid:
+        levels, options, kind = layer_of(pyramid)
+        assert kind == "image" and options["multiscale"] and len(levels) > 1
+        for level in levels:
+            assert tuple(n * 2**level.level for n in level.shape) == (96, 96, 96)
+            whole = np.asarray(pyramid.level(level.level))
+            z, y, x = level.shape
+            assert np.array_equal(np.asarray(level), whole[:z, :y, :x])
+            assert np.array_equal(level[-1], whole[z - 1, :y, :x])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 from typing import Any
 
@@ -34,10 +35,24 @@ def read(path: str | list[str]) -> list[LayerData]:
     return [layer_of(isobrick.open(p)) for p in ([path] if isinstance(path, str) else path)]
 
 
+def _without_last_samples(level: isobrick.Level, voxels: tuple[int, int, int]) -> isobrick.Level:
+    """napari takes the quotient of shapes for the distance between samples. Without the samples beyond the last
+    voxel that is 2^level, as it should be, for all numbers of voxels that 2^level divides; for others the last
+    samples are shown at most one sample off."""
+    z, y, x = (-(-n // 2**level.level) for n in voxels)
+    result = copy.copy(level)
+    result.shape = (z, y, x)
+    return result
+
+
 def layer_of(pyramid: isobrick.Pyramid) -> LayerData:
     """The layer of an open pyramid."""
     # Coarser than some 32 voxels helps nobody.
-    levels = [level for level in pyramid.levels if level.level == 0 or max(level.shape) >= 32]
+    levels = [
+        _without_last_samples(level, pyramid.shape)
+        for level in pyramid.levels
+        if level.level == 0 or max(level.shape) >= 32
+    ]
     low, high = pyramid.value_range
     options = {
         "name": pyramid.path.rsplit("/", 1)[-1].removesuffix(".isb"),

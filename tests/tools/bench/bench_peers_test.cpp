@@ -1,4 +1,7 @@
 // The real peers: built only if bench_peers is. OpenVDB is always there, VTK if it was found.
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
 #include "tests/support/command_test.h"
 #include "tools/bench/plain_mesh.h"
 #include "tools/bench/triangle_tree.h"
@@ -33,12 +36,30 @@ TEST_F(BenchPeersTest, SayWhatRowsTheyHave) {
                                   "vtkMarchingCubes exact\n"
                                 : "") +
                 "openvdb-0 approximate\nopenvdb-0.1 approximate\nopenvdb-0.5 approximate\n");
-  // Of further names those that are an adaptivity.
-  for (const char* name : {"openvdb-0.03", "openvdb-0.1", "openvdb-1.5", "openvdb-x", "isobrick"})
+  // Of further names those with a number that fits.
+  for (const char* name : {"openvdb-0.03", "openvdb-0.1", "openvdb-1.5", "openvdb-x", "isobrick",
+                           "vtkDecimatePro-0.8", "vtkDecimatePro-2", "vtkMarchingCubes-0.5"})
     words.push_back(name);
   const Outcome further = wait(start(words));
   EXPECT_EQ(further.status, 0) << further.err;
-  EXPECT_EQ(further.out, outcome.out + "openvdb-0.03 approximate\n");
+  EXPECT_EQ(further.out, outcome.out + "openvdb-0.03 approximate\n" +
+                             (kHasVtk ? "vtkDecimatePro-0.8 approximate\n" : ""));
+}
+
+TEST_F(BenchPeersTest, MakeSurfacesSmaller) {
+  makeVolume("u16");
+  std::vector<std::string> names = {"openvdb-0.2", "simplify-1"};
+  if (kHasVtk) names.insert(names.end(), {"vtkQuadricDecimation-0.7", "vtkDecimatePro-0.7"});
+  const Json bench =
+      runForJson({"bench", "gyroid.isb", "--iso", "32767.5", "--rounds", "1", "--repeat", "1",
+                  "--rows", fmt::format("isobrick,{}", fmt::join(names, ","))});
+  ASSERT_EQ(bench["rows"].size(), names.size() + 1);
+  for (const std::string& name : names) {
+    const Json& row = rowOf(bench, name);
+    EXPECT_GT(row["triangles"], 0) << name;
+    EXPECT_LT(row["triangles"], rowOf(bench, "isobrick")["triangles"]) << name;
+    EXPECT_LT(row["distance"]["to_finest"]["mean"], 0.5) << name;
+  }
 }
 
 // `bench` finds bench_peers by itself, and puts all its rows beside ours.

@@ -35,6 +35,15 @@ if(NOT radius STREQUAL "4")
   message(FATAL_ERROR "the JSON says not what was asked for: ${focus_json}")
 endif()
 
+# A third one, of surfaces that approximate.
+run_well(${ISOBRICK} bench sphere.isb --iso 0 --rounds 1 --repeat 1 --rows simplify-0.2,simplify-0.4
+         --json)
+file(COPY_FILE ${WORK}/out ${WORK}/simplify.json)
+run_well(${ISOBRICK} bench sphere.isb --iso 0 --rounds 1 --repeat 1 --rows isobrick --json)
+file(COPY_FILE ${WORK}/out ${WORK}/exact.json)
+
+expect_failure("has no row that approximates"
+               ${PYTHON} ${script} exact.json --against distance -o distance.png)
 expect_failure("several runs need '--against'" ${PYTHON} ${script} bench.json focus.json)
 expect_failure("no run has a value of 'radius'"
                ${PYTHON} ${script} bench.json --against radius -o radius.png)
@@ -62,6 +71,11 @@ if(missing EQUAL 0)
   file(SIZE ${WORK}/curve.png bytes)
   if(bytes LESS 5000)
     message(FATAL_ERROR "curve.png has only ${bytes} bytes")
+  endif()
+  run_well(${PYTHON} ${script} simplify.json simplify.json --against distance -o distance.png)
+  file(SIZE ${WORK}/distance.png bytes)
+  if(bytes LESS 10000)
+    message(FATAL_ERROR "distance.png has only ${bytes} bytes")
   endif()
   expect_failure("cannot write" ${PYTHON} ${script} bench.json -o no/folder/bench.png)
   message(STATUS "pictures made")

@@ -1,7 +1,7 @@
 // bench_peers: one row of `isobrick bench` by another library, in a process of its own.
 //
 //   bench_peers --list [NAME ...]                                the rows there are, and of these
-//                                                                those of an adaptivity of its own
+//                                                                those with a number behind them
 //   bench_peers FILE.isb --iso V --threads N --row NAME ...      measures one, prints JSON
 #include <fmt/format.h>
 #include <tbb/global_control.h>
@@ -23,42 +23,53 @@
 namespace isobrick {
 namespace {
 
-// Rows of OpenVDB are named by their adaptivity, 0 .. 1; these are there unasked.
-constexpr std::string_view kOpenVdbPrefix = "openvdb-";
 #ifdef ISOBRICK_WITH_OPENVDB
-constexpr std::array<const char*, 3> kOpenVdbRows = {"openvdb-0", "openvdb-0.1", "openvdb-0.5"};
+constexpr bool kHasOpenVdb = true;
 #else
-constexpr std::array<const char*, 0> kOpenVdbRows;
+constexpr bool kHasOpenVdb = false;
 #endif
 #ifdef ISOBRICK_WITH_VTK
-constexpr std::array<const char*, 3> kVtkRows = {"vtkFlyingEdges3D", "vtkSynchronizedTemplates3D",
-                                                 "vtkMarchingCubes"};
+constexpr bool kHasVtk = true;
 #else
-constexpr std::array<const char*, 0> kVtkRows;
+constexpr bool kHasVtk = false;
 #endif
 
-// None if `name` is not that of a row of OpenVDB, or OpenVDB is not there.
-std::optional<double> adaptivityOf(std::string_view name) {
-  if (kOpenVdbRows.empty() || name.substr(0, kOpenVdbPrefix.size()) != kOpenVdbPrefix)
-    return std::nullopt;
-  const char* const end = name.data() + name.size();
-  double adaptivity = 0;
-  const auto [rest, failure] =
-      std::from_chars(name.data() + kOpenVdbPrefix.size(), end, adaptivity);
-  if (failure != std::errc() || rest != end || !(adaptivity >= 0 && adaptivity <= 1))
-    return std::nullopt;
-  return adaptivity;
+// These are there unasked.
+constexpr std::array<const char*, 3> kVtkRows = {"vtkFlyingEdges3D", "vtkSynchronizedTemplates3D",
+                                                 "vtkMarchingCubes"};
+constexpr std::array<const char*, 3> kOpenVdbRows = {"openvdb-0", "openvdb-0.1", "openvdb-0.5"};
+
+// Rows with a number, 0 .. 1, behind their name: an adaptivity, or the part of the triangles that
+// is taken away.
+struct NumberedRow {
+  std::string_view name;
+  double number = 0;
+};
+
+std::optional<NumberedRow> numberedRow(std::string_view row) {
+  for (const std::string_view name : {"openvdb", "vtkQuadricDecimation", "vtkDecimatePro"}) {
+    if (!(name == "openvdb" ? kHasOpenVdb : kHasVtk)) continue;
+    if (row.substr(0, name.size()) != name || row.substr(name.size(), 1) != "-") continue;
+    const char* const end = row.data() + row.size();
+    double number = 0;
+    const auto [rest, failure] = std::from_chars(row.data() + name.size() + 1, end, number);
+    if (failure == std::errc() && rest == end && number >= 0 && number <= 1)
+      return NumberedRow{name, number};
+  }
+  return std::nullopt;
 }
 
 std::vector<PeerRow> peerRows(std::span<char* const> further) {
   std::vector<PeerRow> rows;
   // VTK's vertices lie on the same edges as ours; those of OpenVDB inside of cells.
-  for (const char* name : kVtkRows) rows.push_back({name, false});
-  for (const char* name : kOpenVdbRows) rows.push_back({name, true});
+  if (kHasVtk)
+    for (const char* name : kVtkRows) rows.push_back({name, false});
+  if (kHasOpenVdb)
+    for (const char* name : kOpenVdbRows) rows.push_back({name, true});
   for (const std::string name : further) {
     const bool is_known =
         std::any_of(rows.begin(), rows.end(), [&](const PeerRow& row) { return row.name == name; });
-    if (!is_known && adaptivityOf(name)) rows.push_back({name, true});
+    if (!is_known && numberedRow(name)) rows.push_back({name, true});
   }
   return rows;
 }
@@ -72,11 +83,15 @@ struct PeerArguments {
 };
 
 std::unique_ptr<SurfaceEngine> makeEngine(const PeerArguments& arguments) {
+  const std::optional<NumberedRow> numbered = numberedRow(arguments.task.row);
 #ifdef ISOBRICK_WITH_OPENVDB
-  if (const auto adaptivity = adaptivityOf(arguments.task.row))
-    return makeOpenVdbEngine(arguments.path, arguments.isovalue, *adaptivity);
+  if (numbered && numbered->name == "openvdb")
+    return makeOpenVdbEngine(arguments.path, arguments.isovalue, numbered->number);
 #endif
 #ifdef ISOBRICK_WITH_VTK
+  if (numbered)
+    return makeVtkDecimation(std::string(numbered->name), arguments.path, arguments.isovalue,
+                             numbered->number, arguments.threads);
   if (auto engine =
           makeVtkEngine(arguments.task.row, arguments.path, arguments.isovalue, arguments.threads))
     return engine;

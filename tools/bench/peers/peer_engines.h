@@ -46,4 +46,10 @@ std::unique_ptr<SurfaceEngine> makeOpenVdbEngine(const std::string& path, double
 std::unique_ptr<SurfaceEngine> makeVtkEngine(const std::string& name, const std::string& path,
                                              double isovalue, int threads);
 
+// The surface of vtkFlyingEdges3D, made smaller by the class `name`, vtkQuadricDecimation or
+// vtkDecimatePro, which takes `reduction` of the triangles away, 0 .. 1. Topology is preserved, so
+// vtkDecimatePro may leave more. Sets the number of threads of VTK as a whole.
+std::unique_ptr<SurfaceEngine> makeVtkDecimation(const std::string& name, const std::string& path,
+                                                 double isovalue, double reduction, int threads);
+
 }  // namespace isobrick

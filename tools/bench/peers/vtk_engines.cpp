@@ -1,12 +1,15 @@
 // Compiled as C++17: vtkSMPTools.h of VTK 9.1 is not C++20.
 #include <vtkCellArray.h>
+#include <vtkDecimatePro.h>
 #include <vtkFlyingEdges3D.h>
 #include <vtkImageData.h>
 #include <vtkMarchingCubes.h>
 #include <vtkNew.h>
 #include <vtkPointData.h>
 #include <vtkPolyData.h>
+#include <vtkQuadricDecimation.h>
 #include <vtkSMPTools.h>
+#include <vtkSmartPointer.h>
 #include <vtkSynchronizedTemplates3D.h>
 
 #include <map>
@@ -36,6 +39,15 @@ class VtkEngine : public SurfaceEngine {
     filter_->ComputeGradientsOff();
     filter_->ComputeScalarsOff();
     filter_->SetInputData(image_);
+    last_ = filter_;
+  }
+  // `decimation` makes the surface smaller, which takes its normals away.
+  VtkEngine(const std::string& path, double isovalue,
+            vtkSmartPointer<vtkPolyDataAlgorithm> decimation)
+      : VtkEngine(path, isovalue, "decimated by one thread, without normals") {
+    filter_->ComputeNormalsOff();
+    decimation->SetInputConnection(filter_->GetOutputPort());
+    last_ = decimation;
   }
 
   void load() override {
@@ -51,7 +63,7 @@ class VtkEngine : public SurfaceEngine {
 
   void extract() override {
     filter_->Modified();
-    filter_->Update();
+    last_->Update();
   }
 
   SurfaceSize size() const override {
@@ -87,12 +99,13 @@ class VtkEngine : public SurfaceEngine {
   std::string note() const override { return note_; }
 
  private:
-  vtkPolyData* output() const { return const_cast<vtkNew<Filter>&>(filter_)->GetOutput(); }
+  vtkPolyData* output() const { return last_->GetOutput(); }
 
   std::string path_, note_;
   std::array<double, 3> spacing_{1, 1, 1};
   vtkNew<vtkImageData> image_;
   vtkNew<Filter> filter_;
+  vtkSmartPointer<vtkPolyDataAlgorithm> last_;  // of those that make the surface
 };
 
 }  // namespace
@@ -109,6 +122,20 @@ std::unique_ptr<SurfaceEngine> makeVtkEngine(const std::string& name, const std:
   if (name == "vtkMarchingCubes")
     return std::make_unique<VtkEngine<vtkMarchingCubes>>(path, isovalue, kOneThread);
   return nullptr;
+}
+
+std::unique_ptr<SurfaceEngine> makeVtkDecimation(const std::string& name, const std::string& path,
+                                                 double isovalue, double reduction, int threads) {
+  vtkSMPTools::Initialize(threads);
+  if (name == "vtkQuadricDecimation") {
+    const auto filter = vtkSmartPointer<vtkQuadricDecimation>::New();
+    filter->SetTargetReduction(reduction);
+    return std::make_unique<VtkEngine<vtkFlyingEdges3D>>(path, isovalue, filter);
+  }
+  const auto filter = vtkSmartPointer<vtkDecimatePro>::New();
+  filter->SetTargetReduction(reduction);
+  filter->PreserveTopologyOn();
+  return std::make_unique<VtkEngine<vtkFlyingEdges3D>>(path, isovalue, filter);
 }
 
 }  // namespace isobrick
