@@ -338,7 +338,7 @@ Command addExtractCommand(CLI::App& app) {
       "N",
       "At most N triangles: finds the distance of --simplify for that, by extracting the surface "
       "some ten times")
-      ->excludes("--simplify");
+      ->excludes(findOption(*sub, "--simplify"));
   sub->add_flag("--drop-small", arguments->drop_small,
                 "With --simplify or --triangles: leave out pieces of the surface that lie in one "
                 "brick and whose box has a diagonal below the distance");

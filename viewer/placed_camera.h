@@ -33,8 +33,6 @@ struct WorldBox {
 // A box that holds nothing, to include points in.
 WorldBox emptyWorldBox();
 std::array<glm::dvec3, 8> cornersOf(const WorldBox& box);
-// The nearest point of a box that is not empty.
-glm::dvec3 nearestPoint(const WorldBox& box, const glm::dvec3& point);
 
 // Clip planes that just hold the box, for the sake of depth resolution. For perspective `near` is
 // kept above 0 where the eye is inside the box or the box behind it.
@@ -71,9 +69,5 @@ struct PictureRay {
   glm::dvec3 at(double distance) const { return origin + distance * direction; }
 };
 PictureRay rayThrough(const PlacedCamera& camera, const glm::dvec2& place);
-
-// Where the ray passes nearest to, or first enters, the box: the point of the box that a click
-// beside everything stands for.
-glm::dvec3 nearestPointOnBox(const WorldBox& box, const PictureRay& ray);
 
 }  // namespace isobrick

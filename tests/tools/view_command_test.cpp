@@ -282,6 +282,41 @@ TEST_F(ViewCommandTest, AVolumeIsShownWhileItIsBuilt) {
   EXPECT_EQ(after, before);
 }
 
+// Nothing that is pressed loses the object for good.
+TEST_F(ViewCommandTest, ViewsComeBack) {
+  write("views.json", R"({"size": [400, 300], "steps": [
+      {"wait": "settled"}, {"key": "TAB"}, {"wait": 0.5}, {"state": "first.json"},
+      {"double_click": [12, 200]}, {"wait": 0.5}, {"state": "beside.json"},
+      {"drag": {"from": [200, 150], "to": [260, 170], "seconds": 0.6}}, {"wait": 0.5},
+      {"state": "turned.json"},
+      {"key": "X"}, {"wait": 0.5}, {"state": "cut.json"},
+      {"key": "Z", "control": true}, {"wait": 0.1}, {"state": "uncut.json"},
+      {"key": "Z", "control": true}, {"wait": 0.1}, {"state": "unturned.json"},
+      {"key": "Z", "control": true, "shift": true}, {"wait": 0.1}, {"state": "redone.json"},
+      {"set": {"surfaces": [{"isovalue": 8}]}}, {"wait": "settled"},
+      {"key": "F"}, {"wait": "settled"}, {"state": "framed.json"},
+      {"key": "HOME"}, {"wait": "settled"}, {"state": "home.json"},
+      {"set": {"focus": {"radius": 4, "everywhere": false}}},
+      {"key": "F", "shift": true}, {"wait": "settled"}, {"state": "focus.json"}]})");
+  runWell({"view", "sphere.isb", "--offscreen", "--script", "views.json", "--frames", "frames"});
+  const auto state = [&](const char* name) {
+    return Json::parse(readBytes(path("frames/" + std::string(name) + ".json")));
+  };
+  EXPECT_EQ(state("beside"), state("first"));
+  EXPECT_NE(state("turned"), state("first"));
+  EXPECT_NE(state("cut"), state("turned"));
+  EXPECT_EQ(state("uncut"), state("turned"));
+  EXPECT_EQ(state("unturned"), state("first"));
+  EXPECT_EQ(state("redone"), state("turned"));
+  // The sphere is smaller than the volume, the focus smaller than the sphere.
+  const auto distance = [&](const char* name) {
+    return state(name)["camera"]["distance"].get<double>();
+  };
+  EXPECT_LT(distance("framed"), 0.7 * distance("first"));
+  EXPECT_EQ(state("home"), state("first"));
+  EXPECT_LT(distance("focus"), 0.5 * distance("first"));
+}
+
 TEST_F(ViewCommandTest, MeshFilesAreSimplifiedIfTheViewSaysSo) {
   write("meshes.json", R"({"size": [160, 120], "steps": [
       {"wait": "settled"}, {"mesh": "whole.ply"}, {"wait": "settled"},

@@ -46,6 +46,7 @@ struct ChunkKey {
 struct SurfaceChunk {
   glm::dvec3 origin{0.0};  // whole numbers of the scene's lattice
   std::vector<SurfaceVertex> vertices;
+  glm::vec3 lower{0.0f}, upper{0.0f};    // the least box around the vertices
   std::vector<std::uint32_t> triangles;  // 3 indices each, counter-clockwise seen from the outside
   // How many of them, at the end, are of cells that join two levels.
   std::size_t transition_indices = 0;

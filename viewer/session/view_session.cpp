@@ -156,8 +156,24 @@ Wishes ViewSession::apply(const InputEvent& event, double seconds, bool on_panel
     state_.camera = framed(state_.camera, volume_.box(), interaction_.aspect());
     framed_ = true;
   }
-  if (wishes.focus_at) focusOn(pointAt(*wishes.focus_at), volume_, state_);
+  grantView(wishes);
   return wishes;
+}
+
+void ViewSession::grantView(const Wishes& wishes) {
+  if (wishes.focus_at)
+    if (const auto point = surfaceAt(*wishes.focus_at)) focusOn(*point, volume_, state_);
+  if (wishes.frame_surfaces) {
+    const auto shown = surfaces_->shownBox();
+    const WorldBox box = shown ? volume_.boxAround((*shown)[0], (*shown)[1]) : volume_.box();
+    state_.camera = framed(state_.camera, box, interaction_.aspect());
+  }
+  if (wishes.first_view) {
+    state_ = first_state_;
+    state_.camera = framed(state_.camera, volume_.box(), interaction_.aspect());
+  }
+  if (wishes.undo) state_ = history_.undo(state_).value_or(state_);
+  if (wishes.redo) state_ = history_.redo(state_).value_or(state_);
 }
 
 void ViewSession::update(double seconds, UploadAllowance& allowance) {
@@ -165,6 +181,8 @@ void ViewSession::update(double seconds, UploadAllowance& allowance) {
   advanceFlight(std::clamp(seconds - last_update_, 0.0, 0.1), volume_, interaction_, state_);
   last_update_ = seconds;
   state_ = bounded(state_, volume_);
+  const bool is_held = interaction_.drag != Interaction::Drag::kNone || interaction_.flying;
+  if (framed_) history_.note(state_, is_held, seconds);
   updatePlanes(allowance);
   // The past extractions tell how much to ask for.
   takeNews(surfaces_->pump([&] { return nextMessage(); }, clockSeconds, allowance));
@@ -515,12 +533,6 @@ std::optional<glm::dvec3> ViewSession::surfaceAt(const glm::dvec2& pixel) {
   if (!distance) return std::nullopt;
   const PlacedCamera camera = placeCamera(state_.camera, interaction_.aspect());
   return rayThrough(camera, interaction_.toPicture(pixel + 0.5)).at(*distance);
-}
-
-glm::dvec3 ViewSession::pointAt(const glm::dvec2& pixel) {
-  if (const auto point = surfaceAt(pixel)) return *point;
-  const PlacedCamera camera = placeCamera(state_.camera, interaction_.aspect());
-  return nearestPointOnBox(volume_.box(), rayThrough(camera, interaction_.toPicture(pixel + 0.5)));
 }
 
 void ViewSession::exportMesh(const std::string& path) {

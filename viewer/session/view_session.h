@@ -15,6 +15,7 @@
 #include "isobrick/viewer/session/volume_opener.h"
 #include "isobrick/viewer/state/drag_quality.h"
 #include "isobrick/viewer/state/interaction.h"
+#include "isobrick/viewer/state/view_history.h"
 #include "isobrick/viewer/stream/latest_worker.h"
 #include "isobrick/viewer/stream/surface_set.h"
 #include "isobrick/viewer/stream/surface_stream.h"
@@ -81,7 +82,7 @@ class ViewSession {
   bool hasShown() const;
   bool writesMesh() const { return mesh_worker_.busy(); }
 
-  // The event's wishes to the caller; a focus has been set already.
+  // The event's wishes to the caller; those about the view have been granted already.
   Wishes apply(const InputEvent& event, double seconds, bool on_panel);
 
   // Asks for what the state needs and takes what has come, as far as `allowance`, the frame's.
@@ -123,9 +124,7 @@ class ViewSession {
   // For the surfaces that the last update() began to show.
   const std::vector<SurfaceWait>& waits() const { return waits_; }
 
-  // The surface under a pixel of the frame drawn last, or the nearest point of the box.
-  glm::dvec3 pointAt(const glm::dvec2& pixel);
-  // The surface alone; nothing where there is background.
+  // The surface under a pixel of the frame drawn last; nothing where there is background.
   std::optional<glm::dvec3> surfaceAt(const glm::dvec2& pixel);
 
   // Writes the active surface, as fine as it is wanted, in the background.
@@ -152,6 +151,7 @@ class ViewSession {
     Query query;
     std::string path;
   };
+  void grantView(const Wishes& wishes);
   SceneFrame sceneNow(int width, int height) const;
   double radiusAtRest() const;
   int firstLevel() const;
@@ -186,6 +186,7 @@ class ViewSession {
   ValueHistogram histogram_;
   ViewState state_;
   ViewState first_state_;  // that it was opened with
+  ViewHistory history_;
   Interaction interaction_;
   bool framed_ = false;  // the first size gives the camera its distance
   double last_update_ = 0.0;

@@ -121,8 +121,14 @@ void moveIsovalue(double step, const ViewVolume& volume, ViewState& state) {
   state = bounded(state, volume);
 }
 
-void controlKey(Key key, Wishes& wishes) {
-  switch (key) {
+void controlKey(const InputEvent& event, Wishes& wishes) {
+  switch (event.key) {
+    case Key::kZ:
+      (event.shift ? wishes.redo : wishes.undo) = true;
+      break;
+    case Key::kY:
+      wishes.redo = true;
+      break;
     case Key::kS:
       wishes.save_state = true;
       break;
@@ -172,6 +178,14 @@ void toggle(Key key, Interaction& interaction, ViewState& state) {
     if (key == toggle_key) *flag = !*flag;
 }
 
+// Around the sphere of interest, as far as it is in the volume.
+WorldBox boxOfFocus(const ViewVolume& volume, const ViewState& state) {
+  const glm::dvec3 last(volume.voxels - Index3(1));
+  const glm::dvec3 lower = glm::max(state.focus.center - state.focus.radius, glm::dvec3(0.0));
+  const glm::dvec3 upper = glm::min(state.focus.center + state.focus.radius, last);
+  return volume.boxAround(lower, upper);
+}
+
 void plainKey(const InputEvent& event, const ViewVolume& volume, Interaction& interaction,
               ViewState& state, Wishes& wishes) {
   const double step = event.shift ? 10.0 : 1.0;
@@ -182,7 +196,13 @@ void plainKey(const InputEvent& event, const ViewVolume& volume, Interaction& in
   toggle(event.key, interaction, state);
   switch (event.key) {
     case Key::kF:
-      state.camera = framed(state.camera, volume.box(), interaction.aspect());
+      if (event.shift)
+        state.camera = framed(state.camera, boxOfFocus(volume, state), interaction.aspect());
+      else
+        wishes.frame_surfaces = true;
+      break;
+    case Key::kHome:
+      wishes.first_view = true;
       break;
     case Key::kR:
       stepIsovalue(volume, state);
@@ -257,7 +277,7 @@ Wishes applyEvent(const InputEvent& event, double seconds, bool on_panel, const 
       if (!event.control)
         plainKey(event, volume, interaction, state, wishes);
       else if (!lookFrom(event.key, true, state))
-        controlKey(event.key, wishes);
+        controlKey(event, wishes);
       break;
     case InputEvent::Kind::kKeyRelease:
       interaction.held[number(event.key)] = false;
@@ -291,6 +311,10 @@ void addWishes(const Wishes& more, Wishes& wishes) {
   const auto join = [](bool one, bool& other) { other = other || one; };
   if (more.focus_at) wishes.focus_at = more.focus_at;
   if (more.open) wishes.open = more.open;
+  join(more.frame_surfaces, wishes.frame_surfaces);
+  join(more.first_view, wishes.first_view);
+  join(more.undo, wishes.undo);
+  join(more.redo, wishes.redo);
   join(more.screenshot, wishes.screenshot);
   join(more.screenshot_exr, wishes.screenshot_exr);
   join(more.save_state, wishes.save_state);

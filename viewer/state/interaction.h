@@ -44,6 +44,10 @@ struct Interaction {
 // The wishes of an event to the owner of a renderer and files.
 struct Wishes {
   std::optional<glm::dvec2> focus_at;  // the surface under this pixel becomes focus and pivot
+  bool frame_surfaces = false;         // all that is shown of them
+  bool first_view = false;             // the one that the volume was opened with
+  bool undo = false;
+  bool redo = false;
   bool screenshot = false;
   bool screenshot_exr = false;  // with depth and normals
   bool save_state = false;
@@ -96,7 +100,8 @@ inline constexpr KeyHelp kKeyHelp[] = {
     {"double click", "focus on the surface there, and turn about it"},
     {"left, right arrow", "isovalue by 1; with Shift by 10"},
     {"R", "the next isovalue that is suggested"},
-    {"F", "see all of it"},
+    {"F, Shift+F", "see all of the surface; the focus"},
+    {"Ctrl+Z, Ctrl+Shift+Z, Home", "undo, redo; the first view"},
     {"keypad 1, 3, 7", "from the front, the right, the top; with Ctrl from behind"},
     {"keypad 5 or O", "orthographic or perspective"},
     {"arrows in the scene", "drag the focus, or a clip plane"},

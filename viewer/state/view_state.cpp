@@ -9,12 +9,14 @@
 namespace isobrick {
 
 WorldBox ViewVolume::box() const {
+  return boxAround(glm::dvec3(0.0), glm::dvec3(voxels - Index3(1)));
+}
+
+WorldBox ViewVolume::boxAround(const glm::dvec3& lower, const glm::dvec3& upper) const {
   WorldBox box = emptyWorldBox();
-  for (unsigned i = 0; i < 8; ++i) {
-    const glm::dvec3 index(i & 1u ? voxels.x - 1 : 0, i & 2u ? voxels.y - 1 : 0,
-                           i & 4u ? voxels.z - 1 : 0);
-    box.include(geometry.indexToWorld(index));
-  }
+  for (unsigned i = 0; i < 8; ++i)
+    box.include(geometry.indexToWorld(
+        {i & 1u ? upper.x : lower.x, i & 2u ? upper.y : lower.y, i & 4u ? upper.z : lower.z}));
   return box;
 }
 

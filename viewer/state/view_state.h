@@ -114,6 +114,8 @@ struct ViewVolume {
 
   // The world's axis-aligned box around all voxels.
   WorldBox box() const;
+  // That around a box of voxel indices.
+  WorldBox boxAround(const glm::dvec3& lower, const glm::dvec3& upper) const;
   // Voxels from any point of the volume to the furthest.
   double diagonal() const;
 };

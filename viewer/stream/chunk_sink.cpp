@@ -26,8 +26,12 @@ void ChunkSink::write(PlacedBatch& placed) {
     chunk.key->brick = {batch.brick.x, batch.brick.y, batch.brick.z};
   }
   chunk.vertices.resize(batch.positions.size());
-  for (std::size_t v = 0; v < batch.positions.size(); ++v)
+  chunk.lower = chunk.upper = batch.positions[0];
+  for (std::size_t v = 0; v < batch.positions.size(); ++v) {
     chunk.vertices[v] = {batch.positions[v], packNormal(batch.normals[v])};
+    chunk.lower = glm::min(chunk.lower, batch.positions[v]);
+    chunk.upper = glm::max(chunk.upper, batch.positions[v]);
+  }
   if (values_ != nullptr) {
     placed.values.resize(batch.positions.size());
     values_->evaluate(placed, placed.values);

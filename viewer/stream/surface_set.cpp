@@ -1,6 +1,7 @@
 #include "isobrick/viewer/stream/surface_set.h"
 
 #include <algorithm>
+#include <glm/common.hpp>
 #include <set>
 #include <utility>
 
@@ -57,7 +58,8 @@ void SurfaceSet::acceptChunk(StreamMessage message, News& news) {
     budget_bytes_ = shown_.bytes + incoming_.bytes + bytes - 1;
     return refuse(message.request, news);
   }
-  incoming_.add({id, chunk.surface, bytes, chunk.key});
+  incoming_.add({id, chunk.surface, bytes, chunk.key, chunk.origin + glm::dvec3(chunk.lower),
+                 chunk.origin + glm::dvec3(chunk.upper)});
   if (bytes > 0) pending_ = Pending{id, std::move(chunk)};
 }
 
@@ -100,6 +102,14 @@ void SurfaceSet::show(const StreamMessage& pass) {
   release(gone);
   shown_ = std::exchange(incoming_, {});
   contents_ = std::move(contents);
+}
+
+std::optional<std::array<glm::dvec3, 2>> SurfaceSet::shownBox() const {
+  if (shown_.chunks.empty()) return std::nullopt;
+  std::array<glm::dvec3, 2> box{shown_.chunks[0].lower, shown_.chunks[0].upper};
+  for (const Chunk& chunk : shown_.chunks)
+    box = {glm::min(box[0], chunk.lower), glm::max(box[1], chunk.upper)};
+  return box;
 }
 
 std::vector<ChunkId> SurfaceSet::shown() const {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cstdint>
 #include <map>
 #include <optional>
@@ -78,6 +79,8 @@ class SurfaceSet {
   }
 
   std::vector<ChunkId> shown() const;
+  // The least box around what is shown, in the scene's lattice; none if that is nothing.
+  std::optional<std::array<glm::dvec3, 2>> shownBox() const;
   // A number for what is shown of a surface: another one whenever a pass brought it anew; 0:
   // nothing.
   std::uint64_t contentOf(int surface) const;
@@ -91,6 +94,7 @@ class SurfaceSet {
     int surface = 0;
     std::uint64_t bytes = 0;
     std::optional<ChunkKey> key = {};
+    glm::dvec3 lower{0.0}, upper{0.0};  // in the scene's lattice
   };
   struct Chunks {
     std::vector<Chunk> chunks;

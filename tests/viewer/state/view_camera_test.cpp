@@ -5,7 +5,6 @@
 
 #include <cmath>
 #include <glm/geometric.hpp>
-#include <random>
 
 namespace isobrick {
 namespace {
@@ -160,33 +159,6 @@ TEST(ViewCameraTest, DepthRangesSurviveTheEyeInsideAndBehind) {
   parallel.orthographic = true;  // sees what is behind its eye
   EXPECT_LT(depthRangeOf(box, parallel).near, -10.0);
   EXPECT_LT(depthRangeOf(emptyWorldBox(), inside).near, depthRangeOf(emptyWorldBox(), inside).far);
-}
-
-TEST(ViewCameraTest, AClickBesideTheBoxMeansItsNearestPoint) {
-  const WorldBox box{glm::dvec3(-1.0), glm::dvec3(1.0)};
-  // Through the box: where it enters.
-  const PictureRay through{{0.25, -5.0, 0.5}, {0.0, 1.0, 0.0}};
-  EXPECT_LT(glm::distance(nearestPointOnBox(box, through), glm::dvec3(0.25, -1.0, 0.5)), 1e-9);
-  // From within: the eye itself.
-  const PictureRay within{{0.1, 0.2, 0.3}, {0.0, 1.0, 0.0}};
-  EXPECT_LT(glm::distance(nearestPointOnBox(box, within), glm::dvec3(0.1, 0.2, 0.3)), 1e-9);
-  // Beside it: no other point of the box is nearer to the ray.
-  std::mt19937 random(7);
-  std::uniform_real_distribution<double> number(-1.0, 1.0);
-  for (int i = 0; i < 100; ++i) {
-    const PictureRay ray{{3.0 + number(random), -6.0, number(random)},
-                         {0.3 * number(random), 1.0, 0.3 * number(random)}};
-    const auto away = [&](const glm::dvec3& p) {
-      const double t =
-          glm::dot(p - ray.origin, ray.direction) / glm::dot(ray.direction, ray.direction);
-      return glm::distance(p, ray.at(t));
-    };
-    const double found = away(nearestPointOnBox(box, ray));
-    for (int k = 0; k < 50; ++k) {
-      const glm::dvec3 other(number(random), number(random), number(random));
-      EXPECT_LE(found, away(other) + 1e-6);
-    }
-  }
 }
 
 }  // namespace

@@ -1,0 +1,35 @@
+// The views of a session, for undo and redo.
+#pragma once
+
+#include <deque>
+#include <optional>
+
+#include "isobrick/viewer/state/view_state.h"
+
+namespace isobrick {
+
+// Remembers the view whenever it rests: changes that follow each other within kRestSeconds, and all
+// of a drag, are one step. Time is the caller's: seconds that run on.
+class ViewHistory {
+ public:
+  static constexpr double kRestSeconds = 0.4;
+  static constexpr std::size_t kMostViews = 200;  // older ones are forgotten
+
+  // The view of this moment; `is_held`: the user drags or flies.
+  void note(const ViewState& view, bool is_held, double seconds);
+
+  // The view before `now`, or after it; none if there is none. What `now` has and note() has not
+  // remembered yet is remembered first, so that redo() brings it back.
+  std::optional<ViewState> undo(const ViewState& now);
+  std::optional<ViewState> redo(const ViewState& now);
+
+ private:
+  void remember(const ViewState& view);
+
+  std::deque<ViewState> views_;
+  std::size_t at_ = 0;  // the place of the current one among them
+  std::optional<ViewState> changing_;
+  double changed_ = 0.0;  // when `changing_` last did
+};
+
+}  // namespace isobrick
