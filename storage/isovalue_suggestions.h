@@ -1,4 +1,4 @@
-// Isovalues that show something: a beginning with a volume that is new to the user.
+// Suggested isovalues for a volume that is new to the user.
 #pragma once
 
 #include <optional>
@@ -11,31 +11,32 @@ namespace isobrick {
 
 struct GradientSpectrum;  // storage/gradient_spectrum.h
 
-// One of them.
+// A suggested isovalue.
 struct IsovalueSuggestion {
   double value = 0;     // in the units of the voxels, with few digits
   double area = 0;      // lattice edges of level 0 that it crosses, estimated; 0: not known
   double gradient = 0;  // their mean difference, in the units of the voxels; 0: not known
 };
 
-// The surfaces that a volume offers.
+// The suggestions for a volume.
 struct IsovalueSuggestions {
   // At most kMost. The first one is between the object and what surrounds it; the others follow by
   // the gradient along the whole isosurface. Empty only if all voxels are equal.
   std::vector<IsovalueSuggestion> values;
   // The least voxel, if it is no data: it fills what was not scanned.
   std::optional<double> padding_least;
-  // The same of the greatest.
+  // The greatest voxel, likewise.
   std::optional<double> padding_greatest;
 
   static constexpr std::size_t kMost = 4;  // of `values`
 };
 
-// A material is a value around which the volume is flat: the mean gradient along the
-// isosurface (gradient_spectrum.h), with voxels that have equal neighbours taken in, has a valley
-// there, and enough voxels lie in it. A suggestion is the value half-way between two materials that
-// follow each other, outside the noise of both. Above the last material, or below the first, stands
-// the centre of the gradients for a second one: so thin things are found that are no material.
+// A material is a value around which the volume is flat: the mean gradient along the isosurface
+// (gradient_spectrum.h), with voxels that have equal neighbours taken in, has a valley there, and
+// enough voxels lie in it. A suggestion is the value half-way between two materials that follow
+// each other, outside the noise of both. Above the last material, or below the first, the centre of
+// the gradients takes the place of a second one, so that thin structures that form no material are
+// found too.
 //
 // The surroundings are the material of the least value that has a quarter as many voxels as the
 // greatest. The value of many voxels at an end of the range is padding if the next values are far
