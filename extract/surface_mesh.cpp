@@ -23,7 +23,7 @@ void ReservedBytes::reserve() {
                 " GiB): " + std::strerror(errno) + "; stream the mesh to a file instead");
   data_ = static_cast<std::byte*>(map_);
   data_ += -reinterpret_cast<std::uintptr_t>(data_) % kHugePageBytes;
-  ::madvise(data_, bytes_, MADV_HUGEPAGE);  // where it is refused, small pages do
+  ::madvise(data_, bytes_, MADV_HUGEPAGE);  // if it is refused, small pages do
 }
 
 // A quarter more than there is, so that a mesh takes few steps however large it becomes; to the end

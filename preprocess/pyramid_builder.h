@@ -66,8 +66,7 @@ struct BuildOptions {
   // Go on from what an interrupted or killed build of the same input with the same options left
   // beside the output; without anything there, begin at the beginning. Does not change the result.
   bool resume = false;
-  // If true, a build that ends early leaves the files that `resume` takes; otherwise it leaves
-  // nothing.
+  // A build that ends early leaves the files that `resume` takes; if false, it leaves nothing.
   bool keep_unfinished = true;
 
   const CancelFlag* cancel = nullptr;  // may be null

@@ -35,8 +35,7 @@ struct IsovalueSuggestions {
 // (gradient_spectrum.h), with voxels that have equal neighbours taken in, has a valley there, and
 // enough voxels lie in it. A suggestion is the value half-way between two materials that follow
 // each other, outside the noise of both. Above the last material, or below the first, the centre of
-// the gradients takes the place of a second one, so that thin structures that form no material are
-// found too.
+// the gradients replaces a second one, so that thin structures, which are no material, are found.
 //
 // The surroundings are the material of the least value that has a quarter as many voxels as the
 // greatest. The value of many voxels at an end of the range is padding if the next values are far

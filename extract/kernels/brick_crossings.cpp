@@ -75,8 +75,8 @@ HWY_INLINE Ints field(Ints words) {
   }
 }
 
-// Voxels around many places at once. Offsets are elements from the first sample. What is read lies
-// between the samples that are asked for, or before them.
+// Voxels around many places at once. Offsets are elements from the first sample. It reads only
+// between the requested samples, or before them.
 template <typename T>
 struct VoxelLanes {
   using Values = Ints;

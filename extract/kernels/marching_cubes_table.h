@@ -8,7 +8,7 @@
 
 namespace isobrick {
 
-// One of the 256 sign patterns of a cell. Bit c of the pattern is set where corner c is inside.
+// One of the 256 sign patterns of a cell. Bit c of the pattern is set if corner c is inside.
 struct MarchingCubesCase {
   std::uint8_t triangle_count = 0;
   std::array<std::uint8_t, 36> edges{};  // three edges a triangle

@@ -55,8 +55,7 @@ void forEachNewRun(const PlacedBatch& placed, F&& f) {
   run(placed.batch.positions.size());
 }
 
-// Fills placed.numbers with the number of every vertex of the batch, for meshes whose numbers have
-// 32 bits.
+// Fills placed.numbers for every vertex of the batch; for meshes whose numbers have 32 bits.
 void findNumbers(PlacedBatch& placed);
 
 // Counts triangles and distinct vertices in 64 bits.
