@@ -20,7 +20,7 @@ struct GzipFile::State {
   State(const State&) = delete;
   State& operator=(const State&) = delete;
 
-  // Packs what the stream was given, and with Z_FINISH all that zlib still holds.
+  // Packs the stream's input, and with Z_FINISH all that zlib still holds.
   void run(int flush) {
     int result;
     do {

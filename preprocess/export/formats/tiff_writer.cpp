@@ -32,8 +32,8 @@ void silenceTiff() {
   TIFFSetWarningHandler(nullptr);
 }
 
-// Pixels along x and y a centimetre, or of an unknown unit a unit. None where the quotients of a
-// TIFF do not hold them: the library would cut them off.
+// Pixels along x and y a centimetre, or of an unknown unit a unit. None if the quotients of a TIFF
+// do not hold them: the library would cut them off.
 std::optional<glm::dvec2> resolutionOf(const GridGeometry& geometry) {
   const double unit = geometry.unit == LengthUnit::kMillimetre ? 10 : 1;
   const glm::dvec2 resolution(unit / geometry.spacing.x, unit / geometry.spacing.y);
