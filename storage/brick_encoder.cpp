@@ -146,8 +146,7 @@ void leaveOut(EncodedPart& part, format::Codec codec) {
 }
 
 // Replaces the bytes by their Blosc buffer. False, with the bytes unchanged, if it does not save
-// enough: bytes that are stored as they are need no buffer of their own when they are read, and no
-// time.
+// enough: plain bytes need no buffer of their own when they are read, and no time.
 bool pack(EncodedPart& part, format::Codec codec, const ElementView& view,
           std::vector<std::byte>& scratch) {
   const std::size_t bytes = part.bytes.size();

@@ -588,8 +588,7 @@ std::unique_ptr<VolumeSource> openNiftiRun(VolumeInfo info, std::uint64_t compon
   return makeMagnitudeSource(std::move(chosen), std::move(sources));
 }
 
-// The file, and those that it names. ITK recognises MetaImage by its ending and NRRD by its first
-// bytes.
+// The file, and those that it names. ITK tells MetaImage by its ending and NRRD by its first bytes.
 std::vector<std::string> filesOf(const std::string& path) {
   std::error_code ignored;
   if (!std::filesystem::is_regular_file(path, ignored)) return {path};
