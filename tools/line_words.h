@@ -7,7 +7,7 @@
 
 namespace isobrick {
 
-// Takes a word and the space behind it off the line; false where it begins with another one.
+// Takes a word and the space behind it off the line; false if it begins with another one.
 inline bool takeWord(std::string_view& line, std::string_view word) {
   if (line.substr(0, word.size()) != word || line.substr(word.size(), 1) != " ") return false;
   line.remove_prefix(word.size() + 1);

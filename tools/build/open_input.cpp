@@ -38,7 +38,7 @@ std::int64_t parseCount(const std::string& text) {
   return parseInteger(text, 0, std::numeric_limits<std::int64_t>::max());
 }
 
-// The keys of --select, and the options that they were once.
+// The keys of --select, and the former options of the same meaning.
 struct SelectKey {
   std::string_view key;
   const char* old_option;

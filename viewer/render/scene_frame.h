@@ -40,8 +40,7 @@ struct SceneSlice {
 struct SurfaceLook {
   glm::vec3 color{0.90f, 0.86f, 0.79f};  // sRGB
   double opacity = 1.0;
-  double order =
-      0.0;  // of translucent ones, ascending: an inner surface comes before the outer one
+  double order = 0.0;  // of translucent ones, ascending: an inner one comes first
 };
 
 // Points with dot(normal, point) >= offset stay.

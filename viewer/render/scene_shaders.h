@@ -14,16 +14,17 @@
 
 namespace isobrick {
 
-// Lit triangles, with front and back in different colours. Attributes: 0 vec3 position from the
-// chunk's origin, 1 vec4 outward normal in world axes and SurfaceVertex::value. With `wireframe`
-// there are none: vertices and indices are read from the buffer at binding 0, laid out as
-// SurfaceVertex and then three indices a triangle, and 3 vertices a triangle are drawn. Uniforms:
-// vec3 chunk_offset, eye_rest; mat3 lattice_to_eye, world_to_eye; vec4 projection (x and y scale,
-// depth scale and offset); bool orthographic, headlight; vec4 clip_planes[6] (eye coordinates); int
-// clip_count; vec4 surface_color; vec3 back_color; bool as_normals (the colour is the normal,
-// world); bool by_value; vec2 value_window (shares of the range for the ends of value_colors, 5 of
-// them); with `wireframe` uint first_index (the place of the first index in the buffer, in 4
-// bytes).
+// Lit triangles, with front and back in different colours.
+// Attributes: 0 vec3 position from the chunk's origin, 1 vec4 outward normal in world axes and
+// SurfaceVertex::value. With `wireframe` there are none: vertices and indices are read from the
+// buffer at binding 0, laid out as SurfaceVertex and then three indices a triangle, and 3 vertices
+// a triangle are drawn.
+// Uniforms: vec3 chunk_offset, eye_rest; mat3 lattice_to_eye, world_to_eye; vec4 projection (x and
+// y scale, depth scale and offset); bool orthographic, headlight; vec4 clip_planes[6] (eye
+// coordinates); int clip_count; vec4 surface_color; vec3 back_color; bool as_normals (the colour is
+// the normal, world); bool by_value; vec2 value_window (shares of the range for the ends of
+// value_colors, 5 of them); with `wireframe` uint first_index (the place of the first index in the
+// buffer, in 4 bytes).
 GlProgram makeSurfaceProgram(bool wireframe);
 
 // The ground of the picture, from top to bottom. Draw 3 vertices without attributes.

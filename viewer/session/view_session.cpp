@@ -59,8 +59,7 @@ void addCounts(const std::vector<LevelCounts>& counts, std::vector<LevelCounts>&
             [](const LevelCounts& a, const LevelCounts& b) { return a.level < b.level; });
 }
 
-// Takes the rate of the triangles that were not reused for all; if these are few, nothing is
-// measured.
+// Takes the rate of the triangles that were not reused for all; does nothing if these are few.
 DragQuality measuredPass(const DragQuality& quality, const StreamMessage& pass) {
   if (4 * pass.triangles_made < pass.triangles) return quality;
   const double share = pass.triangles == 0 ? 1.0

@@ -68,7 +68,7 @@ nlohmann::ordered_json spreadOf(std::vector<double> values) {
   return spread;
 }
 
-// The ages of surfaces when another one replaced them, by their parts.
+// The ages of surfaces when another one replaced them, and their parts.
 void addWaits(const std::vector<ReportedFrame>& frames, nlohmann::ordered_json& report) {
   constexpr std::array<std::pair<const char*, double SurfaceWait::*>, 4> kParts{
       {{"before", &SurfaceWait::before},
