@@ -46,7 +46,7 @@ class Extractor {
   // that of the same query that is not progressive. The missing bricks are then read in the
   // background: first those that refine the surface near the focus or the eye. They come as long as
   // they fit into the pyramid's budget beside the bricks that this query used and fetched, however
-  // often it was asked. So the same query again refines:
+  // often it was repeated. So the same query again refines:
   //
   //   do report = extractor.extract(query, mesh);
   //   while (!report.is_complete && extractor.waitForBricks(std::chrono::milliseconds(50)));

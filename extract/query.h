@@ -151,13 +151,13 @@ struct LevelCounts {
 
 // The result of an extraction.
 struct ExtractionReport {
-  bool is_complete = true;          // false: coarser than asked for; of progressive queries alone
+  bool is_complete = true;          // false: coarser than requested; of progressive queries alone
   std::uint64_t triangles = 0;      // of all levels
   std::vector<LevelCounts> levels;  // those with triangles, finest first
   std::uint64_t bricks_active = 0;  // bricks with at least one triangle
-  std::uint64_t bricks_read = 0;    // bricks of which any part was asked for
+  std::uint64_t bricks_read = 0;    // bricks of which any part was requested
   std::uint64_t bytes_active = 0;   // stored bytes of the samples of active bricks
-  std::uint64_t bytes_read = 0;     // stored bytes of all parts asked for, each counted once
+  std::uint64_t bytes_read = 0;     // stored bytes of all parts requested, each counted once
 };
 
 }  // namespace isobrick

@@ -13,7 +13,7 @@
 
 namespace isobrick {
 
-// From a huge page on: what lies before the first whole one comes in small pages.
+// From a huge page on: bytes before the first whole one come in small pages.
 void ReservedBytes::reserve() {
   if (data_ != nullptr) return;
   map_ = ::mmap(nullptr, bytes_ + kHugePageBytes, PROT_NONE,

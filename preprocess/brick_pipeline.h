@@ -18,7 +18,7 @@ namespace isobrick {
 // One window on its way from reading to making.
 struct BrickWindow {
   IndexBox bricks;
-  IndexBox sample_box;  // what `samples` holds, dense
+  IndexBox sample_box;  // of `samples`, dense
   LargeBuffer samples;
   bool has_samples = false;  // false: all its bricks exist already, nothing was read
 };

@@ -67,7 +67,7 @@ bool isLeastFurther(const VoxelHistogram& histogram, const ValueRange& range) {
          static_cast<double>(range.max) - static_cast<double>(histogram.bin(high).max);
 }
 
-// Sums over edges by the values that they cross: each goes in shares to the parts that it touches.
+// Sums over edges by the values that they cross: each adds a share to every part that it touches.
 class PartSums {
  public:
   PartSums(std::size_t parts, double first, double width)

@@ -179,7 +179,7 @@ std::string buildIdentity(const VolumeInfo& info, const std::string& input_ident
   line("brick", std::to_string(options.brick_cells));
   line("tile", std::to_string(options.tile_cells));
   line("curvature", options.with_curvature ? jsonOfNumber(options.curvature_epsilon) : "none");
-  line("error", "none");  // as programs say it that could store bounds of errors
+  line("error", "none");  // as in programs that could store bounds of errors
   line("nan_as", options.nan_as ? jsonOfNumber(static_cast<double>(*options.nan_as)) : "none");
   line("version", std::to_string(format::kVersion));
   line("algorithm", std::to_string(kBuildAlgorithm));

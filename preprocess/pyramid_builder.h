@@ -63,8 +63,9 @@ struct BuildOptions {
   // Bounds all buffers of the build together, those of the source included. The rest lies
   // in temporary files in the folder of the output. Does not change the result.
   std::uint64_t memory_bytes = std::uint64_t{512} << 20;
-  // Go on from what an interrupted or killed build of the same input with the same options left
-  // beside the output; without anything there, begin at the beginning. Does not change the result.
+  // Resumes from the files that an interrupted or killed build of the same input with the same
+  // options left beside the output; without such files, begins at the beginning. Does not change
+  // the result.
   bool resume = false;
   // A build that ends early leaves the files that `resume` takes; if false, it leaves nothing.
   bool keep_unfinished = true;
@@ -74,8 +75,8 @@ struct BuildOptions {
   PreviewOptions preview;              // without a folder there are none
 };
 
-// Phases overlap: `busy_seconds` adds up what all threads spent in one, computing or waiting for
-// the disk.
+// Phases overlap: `busy_seconds` adds up the time that all threads spent in one, computing or
+// waiting for the disk.
 struct BuildPhase {
   std::string name;         // "read", "low-pass", "ranges", "curvature", "pack", "write", "publish"
   double busy_seconds = 0;  // of all threads

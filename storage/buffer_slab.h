@@ -73,7 +73,7 @@ class BufferSlab {
 
   mutable std::mutex mutex_;  // guards all below
   std::uint64_t bytes_;
-  void* map_ = nullptr;                // what was reserved
+  void* map_ = nullptr;                // the reserved range
   std::byte* base_ = nullptr;          // from here on, at a huge page
   std::map<std::uint64_t, Run> runs_;  // by begin; without gaps
   FreeRuns free_runs_;

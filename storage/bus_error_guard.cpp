@@ -128,7 +128,7 @@ void passOn(EarlierAction& earlier, int signal, siginfo_t* info, void* context) 
 
 // The handler, as often as there are actions to pass signals on to. A handler that came after entry
 // k has found that entry, and we put another one in front of it: when it calls or restores what it
-// found, entry k passes the signal on to what is below, and there is no loop.
+// found, entry k passes the signal on to the action below it, and there is no loop.
 template <std::size_t kEntry>
 void onBusError(int signal, siginfo_t* info, void* context) {
   const int saved_errno = errno;

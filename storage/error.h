@@ -64,7 +64,7 @@ class Error : public std::runtime_error {
 };
 
 // A failure of the moment, not of the input: a full disk, a read that failed. The same run may
-// succeed later, so what was done so far is worth keeping.
+// succeed later, so the work so far is worth keeping.
 class ResumableError : public Error {
  public:
   // Takes the arguments of Error.
@@ -75,7 +75,7 @@ class ResumableError : public Error {
 class Cancelled : public Error {
  public:
   Cancelled() : Error("interrupted; nothing was left behind") {}
-  // `what` says what was left behind.
+  // `what` names the files that were left behind.
   using Error::Error;
 };
 

@@ -20,10 +20,10 @@ struct IsovalueSuggestion {
 
 // The suggestions for a volume.
 struct IsovalueSuggestions {
-  // At most kMost. The first one is between the object and what surrounds it; the others follow by
+  // At most kMost. The first one is between the object and its surroundings; the others follow by
   // the gradient along the whole isosurface. Empty only if all voxels are equal.
   std::vector<IsovalueSuggestion> values;
-  // The least voxel, if it is no data: it fills what was not scanned.
+  // The least voxel, if it is no data: it fills the unscanned part.
   std::optional<double> padding_least;
   // The greatest voxel, likewise.
   std::optional<double> padding_greatest;
@@ -39,11 +39,11 @@ struct IsovalueSuggestions {
 //
 // The surroundings are the material of the least value that has a quarter as many voxels as the
 // greatest. The value of many voxels at an end of the range is padding if the next values are far
-// from it, there are materials without it, and it fills what a scanner leaves out: the same in all
-// slices along an axis; further from all others than these are from each other; or below the
-// Hounsfield units of a CT.
+// from it, there are materials without it, and it fills the part that a scanner leaves out: the
+// same in all slices along an axis; further from all others than these are from each other; or
+// below the Hounsfield units of a CT.
 //
-// Without a spectrum (files of earlier programs), or if it tells nothing, the suggestion is the
+// Without a spectrum (files of earlier programs), or if it shows no material, the suggestion is the
 // value that divides the voxels into two groups of least spread (Otsu), padding left out.
 IsovalueSuggestions suggestIsovalues(const VoxelHistogram& histogram, const ValueRange& range,
                                      const std::optional<GradientSpectrum>& spectrum, double noise);

@@ -68,8 +68,8 @@ class BrickVerifier {
     return "";
   }
 
-  // Ranges against those of the next finer level, which they take in, and against all values that
-  // they may stand for.
+  // Ranges against those of the next finer level, which they include, and against all values that
+  // they have to cover.
   std::string findRangeFault(int level, const Index3& brick, const Values& values) const {
     const std::vector<ValueRange>& ranges = values.stated;
     std::vector<ValueRange> known = values.seen;

@@ -210,7 +210,7 @@ void PyramidWriter::write(const EncodedBrick& brick) {
   std::array<iovec, 2 * kPartKinds.size()> spans;
   std::size_t count = 0;
   const auto append = [&](const void* data, std::size_t bytes) {
-    spans[count++] = {const_cast<void*>(data), bytes};  // only read; iovec cannot say so
+    spans[count++] = {const_cast<void*>(data), bytes};  // only read; iovec has no const pointer
     end_ += bytes;
   };
   const auto place = [&](const EncodedPart& part, std::uint64_t alignment) {

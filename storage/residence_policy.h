@@ -7,7 +7,7 @@
 
 namespace isobrick {
 
-// Queries go over a file in the same order again and again, each taking most of what the one before
+// Queries read a file in the same order again and again, each taking most of what the one before
 // took (an isovalue that is moved, a focus that wanders). If such a cycle exceeds the budget, a
 // queue of the least recently used keeps just the parts that are needed last, and no part is there
 // when it is needed; the queues of S3-FIFO are little better, as parts return after more others
@@ -34,7 +34,7 @@ class ResidencePolicy {
   // A part that may go, as a member of its owner's record. Changed by the policy alone.
   struct Member {
     std::uint64_t id = 0;
-    std::uint64_t bytes = 0;  // what it costs
+    std::uint64_t bytes = 0;  // its cost
     Member* newer = nullptr;
     Member* older = nullptr;
   };

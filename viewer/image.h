@@ -13,10 +13,10 @@
 
 namespace isobrick {
 
-// An RGB picture with linear light (twice the value is twice the light) and the primaries of
-// Rec. 709, which are those of sRGB. 0 is black and 1 is the white of a screen; greater values are
-// kept by EXR and clipped by PNG. Linear light is what averaging pixels and EXR need; the sRGB
-// curve is applied once, on the way to 8 bits.
+// An RGB picture with linear light (twice the value is twice the light) and the primaries of Rec.
+// 709, which are those of sRGB. 0 is black and 1 is the white of a screen; greater values are kept
+// by EXR and clipped by PNG. Averaging pixels and EXR need linear light; the sRGB curve is applied
+// once, on the way to 8 bits.
 struct Image {
   int width = 0;   // pixels
   int height = 0;  // pixels

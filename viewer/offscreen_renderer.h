@@ -54,8 +54,8 @@ struct OrbitCamera {
   std::optional<RenderBox> box;
 };
 
-// A camera put in place by hand. Lengths in world units. `eye` and `target` differ, and `up` is not
-// parallel to the view; render() throws Error otherwise.
+// A camera that is placed explicitly. Lengths in world units. `eye` and `target` differ, and `up`
+// is not parallel to the view; render() throws Error otherwise.
 struct LookAtCamera {
   glm::dvec3 eye{0.0};           // its place
   glm::dvec3 target{0.0};        // the middle of the picture

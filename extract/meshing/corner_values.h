@@ -76,7 +76,7 @@ float valueOnCoarserLeaf(const Lattice& lattice, int level, const Index3& sample
 
 // The same for a whole face of a coarser leaf: values[j][i] of the samples of `level` from `first`
 // on, i along axes[0] and j along axes[1], 0 .. parts of each (1, or 2 if the face is halved). The
-// four corners are there; what lies between them is filled.
+// four corners are set; the points between them are filled.
 inline void fillFace(const Lattice& lattice, int level, const Index3& first,
                      const std::array<int, 2>& axes, const std::array<int, 2>& parts,
                      float (&values)[3][3]) {

@@ -1,4 +1,4 @@
-// Which cells of a brick are leaves, and what touches them.
+// Which cells of a brick are leaves, and which leaves of other levels touch them.
 #pragma once
 
 #include <array>
@@ -31,7 +31,7 @@ class LeafRows {
   // The same of the row and all that touch it.
   void findAround(std::int64_t j, std::int64_t k);
   // The row's leaves, cell i in bit i % 64 of word i / 64; `out` holds a word for every 64 cells.
-  // Here and below bits behind the brick's last cell say something of other bricks' cells.
+  // Here and below bits behind the brick's last cell are of other bricks' cells.
   void leaves(std::int64_t j, std::int64_t k, std::uint64_t* out) const;
   // The row's leaves that only leaves touch. Rows beyond the volume touch nothing. All rows around
   // must have been found.

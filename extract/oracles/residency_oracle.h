@@ -37,7 +37,7 @@ struct MissingBrick {
 // nothing that touches c is coarser than c. It also gives that the parent of a refined cell is
 // refined.
 //
-// The parts of a brick are looked for once, and those found are held as long as this object lives:
+// The parts of a brick are looked up once, and those found are held as long as this object lives:
 // so the answers do not change while bricks come and go, and a brick that was found usable is there
 // when it is meshed. All members are thread-safe.
 class ResidencyOracle {

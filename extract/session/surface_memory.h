@@ -38,7 +38,7 @@ class ReservedBytes {
 
   void openFurther(std::size_t bytes);
 
-  void* map_ = nullptr;  // what was reserved
+  void* map_ = nullptr;  // the reserved range
   std::byte* data_ = nullptr;
   const std::size_t bytes_;
   std::size_t open_bytes_ = 0;

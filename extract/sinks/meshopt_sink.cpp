@@ -73,7 +73,7 @@ class MeshoptSink : public NumberedSink {
 
  private:
   static constexpr std::uint64_t kChunkVertices = 1 << 16;
-  // Offsets in what readers would unpack to are kept below what 32 bits with a sign hold.
+  // Offsets in unpacked buffers are kept below the greatest number of 32 bits with a sign.
   static constexpr std::uint64_t kMostUnpackedBytes = std::uint64_t{1} << 31;
 
   struct Chunk {

@@ -45,7 +45,7 @@ void GzipFile::write(std::span<const std::byte> bytes, const CancelFlag* cancel)
   while (!bytes.empty()) {
     if (cancel != nullptr) cancel->check();
     const std::size_t part = std::min(bytes.size(), kMostPerCall);
-    // zlib does not change what it packs, and says so only in words.
+    // zlib does not change its input, but its pointer is not const.
     state_->stream.next_in =
         const_cast<unsigned char*>(reinterpret_cast<const unsigned char*>(bytes.data()));
     state_->stream.avail_in = static_cast<uInt>(part);

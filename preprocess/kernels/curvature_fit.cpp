@@ -118,7 +118,7 @@ struct Polynomial {
   void raise(Vector t, Vector u, Vector k) {
     const Vector basis0 = u * u, basis1 = (t + t) * u, basis2 = t * t;
     const Vector norm = (basis0 * basis0 + basis1 * basis1) + basis2 * basis2;
-    // Not delta / norm: only what depends on p is in the chain from update to update.
+    // Not delta / norm: only terms that depend on p are in the chain from update to update.
     const Vector inverse = splat(1.0f) / norm;
     const Vector p = (b0 * basis0 + b1 * basis1) + b2 * basis2;
     const Vector step = hn::Max(k - p, hn::Zero(kFloats)) * inverse;
@@ -150,8 +150,8 @@ HWY_INLINE Vector twiceCurvature(const Jet& j, Vector least) {
 constexpr std::size_t firstPlace(bool inner) { return inner ? 1 : 0; }
 constexpr std::size_t cellsAtPlace(bool inner) { return inner ? 2 : 1; }
 
-// The voxels that are inner or outer ones along x, y and z as the arguments say: so that the number
-// of cells is known to the compiler.
+// The voxels that are inner or outer ones along x, y and z by the arguments: so that the number of
+// cells is known at compile time.
 template <bool InnerX, bool InnerY, bool InnerZ>
 HWY_INLINE void raiseAtVoxels(const NodeBlocks& n, Vector least, Polynomial& p) {
   for (std::size_t z = firstPlace(InnerZ); z < 3; z += 2)

@@ -46,7 +46,7 @@ constexpr std::array<std::uint32_t, 12> kGroupValues = {
     dicom::kSliceThickness,   dicom::kSpacingBetweenSlices, dicom::kPixelSpacing,
     dicom::kRescaleIntercept, dicom::kRescaleSlope,         dicom::kDimensionIndexPointer};
 
-// Numbers of 32 bits; implicit encoding does not say that they are.
+// Numbers of 32 bits; implicit encoding does not state their type.
 constexpr std::array<std::uint32_t, 3> kLongNumbers = {
     dicom::kInStackPosition, dicom::kTemporalPositionIndex, dicom::kDimensionIndexValues};
 

@@ -12,7 +12,7 @@
 
 namespace isobrick {
 
-// How the stored numbers of one slice become values, as far as its header says.
+// How the stored numbers of one slice become values, by its header.
 struct DicomValueMap {
   double slope = 1, intercept = 0;
   int bits_allocated = 16;
@@ -37,7 +37,7 @@ struct DicomVoxelType {
   std::string note;  // for VolumeInfo::notes; empty if there is nothing to say
 };
 
-// The voxel type of a series whose slices have these maps (at least one); no pixel is looked at.
+// The voxel type of a series whose slices have these maps (at least one); no pixel is read.
 //
 //   0. All slices hold values of 8 bits as they are: uint8 or int8.
 //   1. A slope or an intercept that is no whole number: float32.
@@ -50,8 +50,8 @@ struct DicomVoxelType {
 //      type has, its scanner does not make them.
 //   5. float32, with a note.
 //
-// 3 and 4 trust the header in what it cannot prove. The reader of the slices compares every value
-// with the type, and refuses one that does not fit: nothing is ever cut off.
+// 3 and 4 trust facts of the header that it cannot prove. The reader of the slices compares every
+// value with the type, and refuses one that does not fit: nothing is ever cut off.
 DicomVoxelType dicomVoxelType(const std::vector<DicomValueMap>& maps);
 
 // Adds a note if small values are meant to be shown bright.

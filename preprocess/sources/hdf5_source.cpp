@@ -104,7 +104,7 @@ std::string textAttribute(hid_t object, const char* name) {
   const std::size_t bytes = H5Tget_size(type.id());
   std::string text(bytes, '\0');
   if (bytes > kMost || H5Aread(found.id(), type.id(), text.data()) < 0) return {};
-  return text.c_str();  // up to what fills it up
+  return text.c_str();  // up to the characters that fill it up
 }
 
 class Hdf5Source final : public VolumeSource {
@@ -300,7 +300,7 @@ class Hdf5Source final : public VolumeSource {
   }
 
   // The library makes no chunk that is longer than a dataset of a fixed size, and reads past the
-  // end of one whose header was damaged to say so.
+  // end of one whose damaged header states such a chunk.
   void refuseImpossibleChunks(const std::array<hsize_t, kMostAxes>& chunk) const {
     const Hdf5Handle space(H5Dget_space(dataset_.id()), H5Sclose);
     std::array<hsize_t, kMostAxes> dims{}, most{};

@@ -35,8 +35,8 @@ std::optional<HeaderText> readMetaImageHeader(const std::string& path);
 std::vector<std::string> nrrdFiles(const std::string& header_path);
 std::vector<std::string> metaImageFiles(const std::string& header_path);
 
-// The units of length of the world's axes (length_units.h), "" if none is said. An NRRD in a space
-// of patients or scanners, such as left-posterior-superior, is in millimetres unless it says
+// The units of length of the world's axes (length_units.h), "" if none is stated. An NRRD in a
+// space of patients or scanners, such as left-posterior-superior, is in millimetres unless it says
 // otherwise: the format takes those spaces from DICOM and NIfTI. A MetaImage is in millimetres
 // unless it says otherwise.
 std::array<std::string, 3> nrrdUnits(const std::string& header_path);

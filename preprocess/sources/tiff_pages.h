@@ -19,8 +19,8 @@ void checkTiffPages(const std::string& path);
 // The lengths that the first page states.
 struct TiffResolution {
   int unit = 2;             // 1: none, 2: inch, 3: centimetre
-  double x = 0, y = 0;      // pixels a unit; 0: not said
-  glm::dvec3 lsm_voxel{0};  // Zeiss LSM: its edges in metres; 0: not said
+  double x = 0, y = 0;      // pixels a unit; 0: not stated
+  glm::dvec3 lsm_voxel{0};  // Zeiss LSM: its edges in metres; 0: not stated
   std::string description;  // no longer than descriptions usually are
 };
 // Throws Error that names the file if it ends within the page.

@@ -61,7 +61,7 @@ StoredType storedType(const std::string& path, const std::string& name) {
   throw cannotUse(path, "its voxels are of the type " + quoted(name) + ", which is no number");
 }
 
-// Opening, step by step; each refuses what it cannot use.
+// Opening, step by step; each refuses files that it cannot use.
 class VtiOpener {
  public:
   VtiOpener(const std::string& path, const OpenOptions& options)

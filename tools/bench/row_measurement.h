@@ -29,7 +29,7 @@ struct RowMeasurement {
   double first_seconds = 0;    // the first extraction, into memory that the process never had
   // The measured ones. Cold: a single one, load + prepare + first.
   std::vector<double> seconds;
-  // Of all threads, for one extraction: a busy machine changes this least.
+  // Seconds of all threads for one extraction: a busy machine changes this least.
   double processor_seconds = 0;
   std::uint64_t loaded_rss_bytes = 0;  // peak until the volume was there
   std::uint64_t peak_rss_bytes = 0;    // peak of the extractions, with the volume that stays

@@ -73,8 +73,7 @@ std::unique_ptr<CacheBuildLock> placeInCache(BuildJob& job, const BuildSettings&
   return std::make_unique<CacheBuildLock>(job.output, interruptFlag());
 }
 
-// An existing file is in the way, unless it is a pyramid, of which isUpToDate() looks at the
-// origin.
+// An existing file is in the way, unless it is a pyramid, whose origin isUpToDate() checks.
 void refuseAsOutput(const BuildJob& job, const std::vector<std::string>& inputs, bool replace) {
   refuseReplacing({job.output, "choose another output with -o or --out-dir"}, inputs, replace);
 }

@@ -125,7 +125,7 @@ void ViewSession::resume(SceneRenderer& renderer) {
   surfaces_.emplace(renderer, gpu_budget_bytes_);
 }
 
-// For a pass that began before suspend() a part is gone.
+// Drops messages of passes that began before suspend(), as a part of these is gone.
 std::optional<StreamMessage> ViewSession::nextMessage() {
   auto message = stream_.poll();
   while (message && message->request <= forgotten_request_) message = stream_.poll();

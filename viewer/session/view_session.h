@@ -32,7 +32,7 @@ struct SessionOptions {
 
 // The state of the work, for the user.
 struct SessionStatus {
-  std::string doing;            // "ready", or what is under way
+  std::string doing;            // "ready", or the work under way
   std::string limited;          // the limit on the shown surface; empty: none
   std::string error;            // of the last extraction, slice or mesh; empty: none
   double shown_radius = 0.0;    // voxels
@@ -51,7 +51,7 @@ struct SessionStatus {
 };
 
 // Belongs to one thread, that of the renderer, which outlives it. Time is the caller's: seconds
-// that run on. For each frame: apply() all events, change state() as the user asks, update()
+// that run on. For each frame: apply() all events, change state() by the user's input, update()
 // once or more often, draw().
 class ViewSession {
  public:

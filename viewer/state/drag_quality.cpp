@@ -6,7 +6,7 @@
 namespace isobrick {
 namespace {
 
-// Triangles that say something about a rate.
+// The fewest triangles from which a rate is measured.
 constexpr std::uint64_t kFewest = 1000;
 
 // The growth of a radius that was too large with every surface that was not.

@@ -10,7 +10,7 @@ namespace isobrick {
 struct DragQuality {
   double radius = 16.0;               // of interest, voxels: fits into the time
   double triangles_per_second = 0.0;  // extracted; 0: nothing was measured yet
-  double drawn_per_second = 0.0;      // triangles drawn, by what draws slowly; 0: it does not
+  double drawn_per_second = 0.0;      // triangles drawn, by a slow renderer; 0: it is not slow
   double too_large = 0.0;  // a radius of which lately the triangles were too many; 0: none
 };
 

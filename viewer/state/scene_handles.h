@@ -18,7 +18,7 @@ struct PictureSize {
   double scale = 1.0;
 };
 
-// An arrow: what it moves is drawn along it.
+// An arrow, along which the user moves its object.
 struct SceneHandle {
   enum class Kind { kFocus, kClipPlane };
   Kind kind = Kind::kFocus;

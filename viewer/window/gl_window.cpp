@@ -111,7 +111,7 @@ struct GlWindow::Callbacks {
     text.character = character;
     push(window, text);
   }
-  // Of several files it opens the last one.
+  // Opens the last one of several files.
   static void onDrop(GLFWwindow* window, int count, const char** paths) {
     for (int i = 0; i < count; ++i) {
       InputEvent dropped = event(window, InputEvent::Kind::kOpen);

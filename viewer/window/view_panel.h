@@ -89,7 +89,7 @@ class ViewPanel {
   // Whether events of the mouse, and of the keyboard, are the panel's in this frame.
   bool wantsMouse() const;
   bool wantsKeyboard() const;
-  // Applies the user's changes to the session's state; null: nothing is open.
+  // Applies the user's changes to the session's state; null if no volume is open.
   Wishes build(ViewSession* session, const PanelFacts& facts);
   // The list of volumes to open, on and off.
   void toggleOpening() { open_panel_.visible = !open_panel_.visible; }

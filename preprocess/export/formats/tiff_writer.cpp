@@ -74,7 +74,7 @@ bool writePage(TIFF* file, const VolumeInfo& info, const std::byte* slice) {
   const std::uint64_t row_bytes = rowBytes(info);
   for (std::uint32_t row = 0, strip = 0; good && row < height; row += rows, ++strip) {
     const std::uint32_t count = std::min(rows, height - row);
-    // The library takes what it only reads as if it wrote it.
+    // The library only reads these bytes, but takes a pointer to write.
     auto* const data = const_cast<std::byte*>(slice + row * row_bytes);
     good = TIFFWriteEncodedStrip(file, strip, data, static_cast<tmsize_t>(count * row_bytes)) >= 0;
   }

@@ -38,7 +38,7 @@ constexpr std::size_t kMostLeafBytes = sizeof(Leaf::NodeMaskType) + 32 + Leaf::S
 // The memory of a thread: voxels as they come, and a node's leaves as they go.
 constexpr std::uint64_t kThreadBytes =
     kReadBytes + LowerNode::NUM_VALUES * kMostLeafBytes + (std::uint64_t{2} << 20);
-// A leaf without values with its entry in the node above, and what malloc adds.
+// A leaf without values with its entry in the node above, and malloc's overhead.
 constexpr std::uint64_t kBytesPerLeaf = 128;
 
 // The greatest multiple of `step` that is not above `index`.

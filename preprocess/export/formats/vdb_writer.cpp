@@ -77,7 +77,7 @@ struct VdbUnit {
 
 // OpenVDB takes grids of a few nanometres in millimetres for singular ones.
 VdbUnit unitFor(const GridGeometry& finest, const std::string& path) {
-  // The limit of a voxel; a thousand times what OpenVDB refuses.
+  // The limit of a voxel; a thousand times OpenVDB's limit.
   constexpr double kLeastVolume = 3e-12;
   const auto fits = [&](double scale) {
     return finest.spacing.x * scale * finest.spacing.y * scale * finest.spacing.z * scale >=
