@@ -77,7 +77,7 @@ struct ScriptFrame {
   bool finished = false;           // there is no further step
 };
 
-// The last frame: whether it shows the whole state; or a preview of the build, as fine as it gets.
+// The last frame: whether it shows the whole state, or a preview of the build, as fine as it gets.
 struct ScriptSight {
   bool settled = false;
   bool preview = false;
