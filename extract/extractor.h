@@ -31,9 +31,9 @@ class Extractor {
 
   // Meshes the bricks [first, first + count) of a plan of this pyramid into `sink`. Bricks are
   // paged in on demand, the work is spread over the calling TBB arena. The result depends on the
-  // query alone: not on threads, cache size or what was extracted before. The batches of ranges
-  // that follow each other are those of the whole plan, so ranges may be executed by different
-  // extractors, at the same time, and joined by their edge keys.
+  // query alone: not on threads, cache size or earlier queries. The batches of ranges that follow
+  // each other are those of the whole plan, so ranges may be executed by different extractors, at
+  // the same time, and joined by their edge keys.
   //
   // The mesh of the whole plan is closed and oriented away from the volume's border (rule 11).
   // Throws Error for a damaged brick, Cancelled, and whatever the sink throws. Only the query's

@@ -15,7 +15,7 @@ class BrickNeeds {
   explicit BrickNeeds(const PyramidSpec& spec);
 
   const BrickLayout& layout() const { return layout_; }
-  // Coarser levels that a tile's range takes in: log2(tile_cells), less at the top of the pyramid.
+  // Coarser levels that a tile's range includes: log2(tile_cells), less at the top of the pyramid.
   int levelsAbove(int level) const;
 
   // Cells of `level` + `above` in the closed cubes of the bricks; their corners are samples.

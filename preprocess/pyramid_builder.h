@@ -25,8 +25,8 @@ using BuildProgress = std::function<void(std::string_view phase, double fraction
 inline constexpr int kBuildAlgorithm = 3;
 
 // A coarse version of the slices that a build has read so far: an ordinary pyramid of the first
-// sample in every `step` along each axis, in the volume's place in the world, with as many slices
-// as were complete.
+// sample in every `step` along each axis, in the volume's place in the world, with all complete
+// slices.
 struct BuildPreview {
   std::string path;       // of the file
   std::int64_t step = 2;  // voxels from one sample to the next, a power of two

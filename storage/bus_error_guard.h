@@ -48,8 +48,8 @@ class BusErrorGuard {
 
   // The offset, from the begin of the range, of the page that was the first that could not be read.
   std::optional<std::uint64_t> failedOffset() const noexcept;
-  // The same of the lowest page that could not be read among those of [offset, offset + bytes),
-  // which lies within the range; `bytes` is at least 1. Costs next to nothing if none failed.
+  // The same for the lowest page of [offset, offset + bytes) that could not be read, which lies
+  // within the range; `bytes` is at least 1. Costs next to nothing if none failed.
   std::optional<std::uint64_t> failedOffset(std::uint64_t offset,
                                             std::uint64_t bytes) const noexcept;
 

@@ -23,7 +23,7 @@ IoResult readBytesAt(int fd, std::uint64_t offset, void* out, std::size_t bytes)
 
 // Writes all bytes, or fewer with an error (ENOSPC if the system takes none and gives no reason).
 IoResult writeBytesAt(int fd, std::uint64_t offset, const void* data, std::size_t bytes);
-// The same of several spans of memory one after the other; changes `spans`.
+// The same for several spans of memory one after the other; changes `spans`.
 IoResult writeBytesAt(int fd, std::uint64_t offset, std::span<iovec> spans);
 // The same at the position of `fd`, which moves behind them.
 IoResult writeNextBytes(int fd, const void* data, std::size_t bytes);

@@ -15,7 +15,7 @@
 
 namespace isobrick {
 
-// Calls f(i) for every i of [begin, end). Rethrows what f throws.
+// Calls f(i) for every i of [begin, end). Rethrows an exception of f.
 template <typename Index, typename F>
 void isolatedFor(Index begin, Index end, const F& f) {
   tbb::task_group_context isolated(tbb::task_group_context::isolated);

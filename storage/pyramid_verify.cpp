@@ -127,7 +127,7 @@ class BrickVerifier {
     return "";
   }
 
-  // True if the ranges of brick `at` of level `finer` take in the samples of the brick `down`
+  // True if the ranges of brick `at` of level `finer` include the samples of the brick `down`
   // levels above that lie in them, or if they cannot be read.
   bool takesIn(int finer, const Index3& at, int down, const BrickSamples& samples,
                bool with_tiles) const {

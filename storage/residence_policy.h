@@ -7,11 +7,11 @@
 
 namespace isobrick {
 
-// Queries read a file in the same order again and again, each taking most of what the one before
-// took (an isovalue that is moved, a focus that wanders). If such a cycle exceeds the budget, a
-// queue of the least recently used keeps just the parts that are needed last, and no part is there
-// when it is needed; the queues of S3-FIFO are little better, as parts return after more others
-// than they remember. The best choice is to let the newest go, as it is needed last. So:
+// Queries read a file in the same order again and again, each taking most parts of the one before
+// (an isovalue that is moved, a focus that wanders). If such a cycle exceeds the budget, a queue of
+// the least recently used keeps just the parts that are needed last, and no part is there when it
+// is needed; the queues of S3-FIFO are little better, as parts return after more others than they
+// remember. The best choice is to let the newest go, as it is needed last. So:
 //
 //   settled   parts that stay as long as queries take them
 //   arrivals  parts that came in lately: a sixteenth of the budget, or what is left over by the

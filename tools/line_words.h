@@ -14,7 +14,7 @@ inline bool takeWord(std::string_view& line, std::string_view word) {
   return true;
 }
 
-// The same of a number.
+// The same for a number.
 template <typename T>
 bool takeNumber(std::string_view& line, T& number) {
   const auto read = std::from_chars(line.data(), line.data() + line.size(), number);

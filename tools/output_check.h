@@ -21,7 +21,7 @@ struct PlannedOutput {
 // `force`, anything at all. Inputs are files and folders; a name of neither (phantom:head) is none.
 void refuseReplacing(const PlannedOutput& output, const std::vector<std::string>& inputs,
                      bool force);
-// The same of a volume. A .mhd has its voxels in a .raw beside it: that one is replaced, with
+// The same for a volume. A .mhd has its voxels in a .raw beside it: that one is replaced, with
 // `force`, if the replaced header names it, and is foreign otherwise.
 void refuseReplacingVolume(const PlannedOutput& output, const std::vector<std::string>& inputs,
                            bool force);

@@ -117,7 +117,7 @@ class OffscreenRenderer {
   // call gives the same picture on the same machine. An empty mesh gives the background.
   // Throws Error for sizes and cameras outside their ranges and if memory does not suffice.
   Image render(const RenderMesh& mesh, const RenderOptions& options);
-  // The same of a surface that comes in chunks, as an extraction makes them. Each is freed once it
+  // The same for a surface that comes in chunks, as an extraction makes them. Each is freed once it
   // was sent, so that no chunk is held twice.
   Image render(std::vector<SurfaceChunk> chunks, const SceneLattice& lattice,
                const RenderOptions& options);

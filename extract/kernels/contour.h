@@ -85,7 +85,7 @@ constexpr FaceContour makePlainFace(int face, unsigned pattern) {
   return contour;
 }
 
-// The same of faces halved both ways, and of a cell's, from a table.
+// The same for faces halved both ways, and for a cell's, from a table.
 const FaceContour& halvedFace(int side, unsigned inside_bits);
 const FaceContour& plainFace(int face, unsigned pattern);
 

@@ -28,7 +28,7 @@ class LeafRows {
       classify(j, k);
     }
   }
-  // The same of the row and all that touch it.
+  // The same for the row and all that touch it.
   void findAround(std::int64_t j, std::int64_t k);
   // The row's leaves, cell i in bit i % 64 of word i / 64; `out` holds a word for every 64 cells.
   // Here and below bits behind the brick's last cell are of other bricks' cells.
@@ -51,7 +51,7 @@ class LeafRows {
     std::uint64_t among_leaves = 0, beside_coarser = 0;
   };
   EdgeBits edgesAround(int axis, std::int64_t j, std::int64_t k, std::int64_t word) const;
-  // The same of corner 0 alone, in bit 0. Not of axis 0.
+  // The same for corner 0 alone, in bit 0. Not of axis 0.
   EdgeBits firstEdgeAround(int axis, std::int64_t j, std::int64_t k) const;
   // Whether a cell of the level is refined: one of the brick's, or one that touches it.
   bool isRefined(const Index3& cell) const {

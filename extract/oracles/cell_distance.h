@@ -30,7 +30,7 @@ class RowDistance {
   std::int64_t first_;
 };
 
-// The same of one cell, to the bit.
+// The same for one cell, to the bit.
 inline double squaredDistance(const glm::dvec3& point, int level, const Index3& cell) {
   return RowDistance(point, level, cell).squared(0);
 }

@@ -44,7 +44,7 @@ class LeafClassifier {
 
     bool refines(int level, const Index3& cell);
     void keepRefined(int level, const Index3& first, std::int64_t count, std::uint64_t* bits);
-    // The same of the oracles that need no brick.
+    // The same for the oracles that need no brick.
     void keepPlaced(int level, const Index3& first, std::int64_t count, std::uint64_t* bits) const;
     Coverage refinedCoverage(int level, const IndexBox& cells) const;
   };

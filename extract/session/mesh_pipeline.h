@@ -113,7 +113,7 @@ struct MeshMemory {
 // `counts[level]`, noted as active, and passed to the sink: place() in the order of the work, then
 // write(). Batches are reused, so memory does not grow with the mesh: if the sink is slow, or
 // batches are large, no more are begun. Stops early, without an exception, if the query is
-// cancelled. Rethrows what a mesher or the sink throws.
+// cancelled. Rethrows the exceptions of meshers and of the sink.
 void meshInOrder(const MeshContext& context, std::span<const BrickWork> work, MeshMemory& memory,
                  TriangleSink& sink, std::vector<LevelCounts>& counts);
 

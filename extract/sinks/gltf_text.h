@@ -22,7 +22,7 @@ std::string joined(const Parts&... parts) {
 // "[1,0.5,-3e+20]", with digits that read back as the same numbers.
 std::string arrayText(const glm::dvec3& v);
 
-// The middle of the volume, exact as a float too, since that is what many readers make of it.
+// The middle of the volume, exact as a float too, since many readers convert it to one.
 glm::dvec3 gltfCenter(const MeshFrame& frame);
 
 // "asset":{...}

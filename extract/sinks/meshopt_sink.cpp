@@ -18,7 +18,7 @@ namespace {
 // is a primitive. A vertex that several batches have is there once for each of them; all positions
 // are on one lattice, so the copies are equal and nothing opens.
 //
-// place() says which batches are a chunk, in their order. write() adds the piece of a batch; the
+// place() decides which batches are a chunk, in their order. write() adds the piece of a batch; the
 // call that adds the last piece of a chunk packs it. Packed chunks go into a temporary file in
 // their order, as the length of the JSON in front of them is known with the last; few wait for
 // their turn, since few batches are on their way at a time.
@@ -93,7 +93,7 @@ class MeshoptSink : public NumberedSink {
     if (options_.values == nullptr) return piece;
     piece.values = placed.values;
     for (float& value : piece.values)
-      if (std::isnan(value)) value = 0;  // the format forbids what is not a number
+      if (std::isnan(value)) value = 0;  // the format forbids NaN
     return piece;
   }
 

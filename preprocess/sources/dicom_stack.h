@@ -67,8 +67,8 @@ bool hasDicomFrames(const DicomHeader& header);
 
 // Frames sorted by position, with geometry, voxel type, and notes on assumptions. If there are
 // several stacks, time points, echoes, ..., takes those of the options, or throws Error. Throws
-// Error too if frames differ in what a volume has only once, and for colours and frames that are no
-// slices.
+// Error too if frames differ in a property that a volume has only once, and for colours and frames
+// that are no slices.
 DicomFrames arrangeDicomFrames(const std::string& path, const DicomHeader& header,
                                const OpenOptions& options);
 

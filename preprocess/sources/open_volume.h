@@ -45,7 +45,7 @@ struct OpenOptions {
   // name of the phase, and the share of it that is done, 0 .. 1. Not called once the volume is
   // open.
   std::function<void(std::string_view phase, double fraction)> progress;
-  // Makes a DICOM series float32, whatever its headers say: for a series with values that do not
+  // Makes a DICOM series float32, whatever its headers state: for a series with values that do not
   // fit the type that they suggest (dicom_values.h).
   bool dicom_float32 = false;
   // UID or number of the series to take from a folder with several DICOM series.

@@ -10,8 +10,8 @@
 
 namespace isobrick {
 
-// libtiff takes a file that ends within its list of pages as one of fewer pages, and ITK takes all
-// pages to be as large as the first and reads beyond those that are not. Throws Error that names
+// libtiff takes a file that ends within its list of pages as one of fewer pages, and ITK assumes
+// that all pages are as large as the first and reads beyond smaller ones. Throws Error that names
 // the file if the list leads out of it or in a circle, or if pages differ; smaller pictures beside
 // the pages may differ. libtiff finds other faults of a page.
 void checkTiffPages(const std::string& path);

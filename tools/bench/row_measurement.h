@@ -15,7 +15,7 @@ struct RowTask {
   // The first extraction of the process is the measured one, and reading the volume is part of it.
   bool cold = false;
   bool huge_pages = true;
-  std::string mesh_path;  // where the mesh goes afterwards; empty: nowhere
+  std::string mesh_path;  // file for the mesh afterwards; empty: none
 };
 
 void addRowTaskOptions(CLI::App& app, RowTask& task);

@@ -65,8 +65,8 @@ struct BuiltVolume {
   }
 };
 
-// Builds unless the output is up to date. Throws what openInput and buildPyramid throw, and Error
-// if the output is not to be replaced or memory runs out.
+// Builds unless the output is up to date. Throws as openInput and buildPyramid do, and Error if the
+// output is not to be replaced or memory runs out.
 BuiltVolume buildOne(const BuildJob& job, const BuildSettings& settings);
 
 // True if `output` is a pyramid of this very source and these options already; false if there is

@@ -156,7 +156,7 @@ GlSceneRenderer::GlSceneRenderer(Uploads uploads) {
   glVertexArrayVertexBuffer(*line_array_, 0, *line_buffer_, 0, sizeof(glm::vec4));
 }
 
-// ------------------------------------------------------------------------------------ what is kept
+// ----------------------------------------------------------------------------------- kept objects
 
 ChunkId GlSceneRenderer::reserve(const SurfaceChunk& chunk) {
   Chunk kept;

@@ -11,7 +11,7 @@ namespace isobrick {
 // Passes the renderer's copies of `chunks` to the sink, chunk by chunk. Positions are the same to
 // the bit on both sides of a brick, so vertices in the same place of one surface become one vertex:
 // a mesh that has a gap on the screen has one in the sink. `frame`: of the pyramid that the chunks
-// are of. Normals have the 16 bits that they are drawn with. Throws what the sink throws.
+// are of. Normals have the 16 bits that they are drawn with. Passes on exceptions of the sink.
 void takeShownMesh(const SceneRenderer& renderer, const std::vector<ChunkId>& chunks,
                    const MeshFrame& frame, TriangleSink& sink);
 

@@ -52,7 +52,7 @@ struct ViewScript {
 
 // Throws Error, in one line that names the step, for text that is no script.
 ViewScript viewScriptFromJson(const std::string& text);
-// The same of a file; Error names the path.
+// The same for a file; Error names the path.
 ViewScript readViewScript(const std::string& path);
 
 // Records the user's input as a script that repeats it. Time is the caller's.

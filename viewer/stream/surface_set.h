@@ -1,4 +1,4 @@
-// The chunks that are shown, and those that will take their place: never a half surface.
+// The chunks that are shown, and those that will replace them: never a half surface.
 #pragma once
 
 #include <algorithm>

@@ -137,7 +137,7 @@ std::unique_ptr<ViewTarget> makeTarget(const ViewOptions& options, int width, in
 }
 
 // A file or a folder that is there and is no pyramid, or the name of a phantom. Everything else is
-// opened as a pyramid, before there is a window, which reports its own errors.
+// opened as a pyramid before the window exists; opening reports the errors.
 bool isToBeBuilt(const std::string& source) {
   std::error_code ignored;
   return source.rfind("phantom:", 0) == 0 ||
