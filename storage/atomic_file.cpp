@@ -62,9 +62,9 @@ bool namesOpenFile(const std::string& path, int fd) {
          named.st_dev == opened.st_dev && named.st_ino == opened.st_ino;
 }
 
-// Opens and locks the temporary, and empties it if told so. The lock distinguishes a leftover of a
-// killed process from the file of a living one. Between open and lock the other process may have
-// published the file; then this one must not empty it, and the next round makes a new one.
+// Opens and locks the temporary file, and empties it if `empty`. The lock distinguishes a leftover
+// of a killed process from the file of a living one. Between open and lock the other process may
+// have published the file; then this one must not empty it, and the next round makes a new one.
 int openTemporary(const std::string& path, const std::string& temporary_path, bool empty) {
   for (;;) {
     const int fd = open(temporary_path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666);

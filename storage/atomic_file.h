@@ -23,16 +23,16 @@ std::string folderOf(const std::string& path);
 
 // Writes to "<path>.isobrick.partial" in the same folder; commit() makes the bytes durable and
 // gives them their name, replacing an older file in one step. An AtomicFile that is destroyed
-// without commit() removes its temporary, so a failed or cancelled run leaves nothing behind,
-// unless keepTemporary(true) was called. A temporary that a killed process left is taken over; one
-// that a living process writes is refused.
+// without commit() removes its temporary file, so a failed or cancelled run leaves nothing behind,
+// unless keepTemporary(true) was called. A temporary file that a killed process left is taken over;
+// one that a living process writes is refused.
 //
 // Failures that can pass (no space, ...) throw ResumableError, others Error, with the path, the
 // reason and what to do. Nothing is buffered: pass blocks of some 64 KiB or more. pwrite() may be
 // called from several threads at once; all other members from one at a time.
 class AtomicFile {
  public:
-  // The fate of the bytes in a temporary that a killed process left.
+  // The fate of the bytes in a temporary file that a killed process left.
   enum class Leftover { kEmpty, kKeep };
   explicit AtomicFile(const std::string& path, Leftover leftover = Leftover::kEmpty,
                       const char* temporary_ending = kTemporaryEnding);
@@ -64,7 +64,7 @@ class AtomicFile {
   void reserve(std::uint64_t bytes, const CancelFlag* cancel = nullptr);
   void cutAfterPosition();
 
-  // The destructor leaves the temporary where it is.
+  // The destructor leaves the temporary file in place.
   void keepTemporary(bool keep) { keep_ = keep; }
 
   // Waits for the disk, gives the file its name, waits for the folder. Once, and nothing may be

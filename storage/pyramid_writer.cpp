@@ -85,7 +85,7 @@ bool isUndamaged(int fd, const JournalEntry& entry, std::uint64_t begin,
   return at == entry.end;
 }
 
-// True if a foreign file has the name of a temporary: it begins neither with zeros nor with
+// True if a foreign file has a temporary file's name: it begins neither with zeros nor with
 // `magic`.
 template <std::size_t bytes>
 bool isForeign(const std::string& path, const char (&magic)[bytes]) {
@@ -98,8 +98,8 @@ bool isForeign(const std::string& path, const char (&magic)[bytes]) {
          std::any_of(std::begin(begin), std::end(begin), [](char c) { return c != 0; });
 }
 
-// Returns the path, unless the file with the temporary's name, or a journal without a temporary, is
-// foreign: an unfinished pyramid begins with zeros, and for a moment at the end with its header.
+// Returns the path, unless the file with the temporary file's name, or a journal without that file,
+// is foreign: an unfinished pyramid begins with zeros, and for a moment at the end with its header.
 const std::string& refuseForeignTemporary(const std::string& path) {
   const std::string temporary = path + kUnfinishedEnding;
   const bool is_there = std::filesystem::exists(temporary);
@@ -355,7 +355,7 @@ std::uint64_t PyramidWriter::finish(const Summary& summary, format::Codec codec)
   file_.pwrite(&header, sizeof header, 0);
   file_.cutAfterPosition();
   file_.commit(cancel_);
-  // Last: a kill before this line leaves a journal without a temporary, which means nothing
+  // Last: a kill before this line leaves a journal without its temporary file, which means nothing
   // (removeStrayJournal()).
   journal_->remove();
   journal_.reset();

@@ -1,4 +1,4 @@
-// Writing a pyramid: bricks in the order of the table under a temporary name, published as a whole.
+// Writes a pyramid: bricks in the order of the table under a temporary name, published as a whole.
 #pragma once
 
 #include <memory>
@@ -59,7 +59,7 @@ class PyramidWriter {
   // `bytes` is the size that the layout gives. Thread-safe, also while another thread writes.
   void readPart(std::uint64_t row, PartKind part, std::size_t bytes, std::byte* out) const;
 
-  // The temporary and its journal outlive this object.
+  // The temporary file and its journal outlive this object.
   void keepForResume();
   const std::string& temporaryPath() const { return file_.temporaryPath(); }
 

@@ -21,8 +21,8 @@ struct JournalEntry {
 };
 static_assert(sizeof(JournalEntry) == 104);
 
-// A file beside the temporary: an identity text, then entries in the order of the brick table. It
-// is only ever appended to. Used by one thread at a time. Failures throw ResumableError.
+// A file beside the temporary file: an identity text, then entries in the order of the brick table.
+// It is only ever appended to. Used by one thread at a time. Failures throw ResumableError.
 class WriteJournal {
  public:
   struct Content {

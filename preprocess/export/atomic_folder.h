@@ -9,8 +9,8 @@ namespace isobrick {
 
 // Files are written into temporaryPath(), "<path>.isobrick.partial"; commit() makes them durable
 // and gives the folder its name. An AtomicFolder that is destroyed without commit() removes it with
-// all that is in it. A temporary that a killed process left is emptied; one that a living process
-// writes is refused. Throws Error and ResumableError as AtomicFile does.
+// all that is in it. A temporary folder that a killed process left is emptied; one that a living
+// process writes is refused. Throws Error and ResumableError as AtomicFile does.
 class AtomicFolder {
  public:
   explicit AtomicFolder(const std::string& path);
