@@ -335,8 +335,7 @@ class ViewLoop {
       panel_->discard();
     }
     const double drawn_by = secondsNow();
-    if (scripted.file)
-      writeScripted(*scripted.file, drawn);  // from the frame that is about to be shown
+    if (scripted.file) writeScripted(*scripted.file, drawn);  // from the frame shown next
     const double written = secondsNow();
     if (drawn) target_->show();
     const double draw_seconds = drawn_by - drawing + secondsNow() - written;
