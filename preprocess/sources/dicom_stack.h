@@ -65,10 +65,10 @@ struct DicomFrames {
 // True if functional groups state the places of frames: other files are read as ITK reads them.
 bool hasDicomFrames(const DicomHeader& header);
 
-// Frames sorted by position, with geometry, voxel type, and notes on assumptions. Takes the stacks,
-// time points, echoes, ... of the options if there are several, or throws Error. Throws Error too
-// if frames differ in a property that a volume has only once, and for colours and frames that are
-// no slices.
+// Frames sorted by position, with geometry, voxel type, and notes on assumptions. Takes the stack,
+// time point, echo, ... that the options choose if there are several, or throws Error. Throws Error
+// too if frames differ in a property that a volume has only once, and for colours and frames that
+// are no slices.
 DicomFrames arrangeDicomFrames(const std::string& path, const DicomHeader& header,
                                const OpenOptions& options);
 
