@@ -13,6 +13,7 @@
 #include "isobrick/extract/pyramid_values.h"
 #include "isobrick/extract/sinks/indexed_mesh.h"
 #include "isobrick/extract/sinks/mesh_file_sink.h"
+#include "isobrick/extract/sinks/surface_components.h"
 #include "isobrick/extract/sinks/vertex_numbering.h"
 #include "isobrick/preprocess/export/formats/export_volume.h"
 #include "isobrick/preprocess/phantoms/phantom.h"

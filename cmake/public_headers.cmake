@@ -20,6 +20,7 @@ set(isobrick_public_headers
   extract/sinks/indexed_mesh.h
   extract/sinks/mesh_file_sink.h
   extract/sinks/triangle_sink.h
+  extract/sinks/surface_components.h
   extract/sinks/vertex_numbering.h
   extract/surface_mesh.h
   # a volume in, a pyramid out; and volumes to other formats

@@ -12,11 +12,13 @@
 #include "isobrick/extract/extractor.h"
 #include "isobrick/extract/pyramid_values.h"
 #include "isobrick/extract/sinks/mesh_file_sink.h"
+#include "isobrick/extract/sinks/surface_components.h"
 #include "isobrick/extract/sinks/vertex_numbering.h"
 #include "isobrick/storage/lowercase.h"
 #include "isobrick/storage/pyramid_parts.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
+#include "tools/component_list.h"
 #include "tools/interrupt.h"
 #include "tools/json_output.h"
 #include "tools/line_words.h"
@@ -41,6 +43,9 @@ struct ExtractArguments {
   VolumeInput attribute;  // whose values vertices get; path empty: none
   std::optional<std::uint64_t> most_triangles;
   bool drop_small = false;
+  bool list_components = false;
+  std::optional<std::uint64_t> keep_largest;
+  std::optional<double> drop_below;  // area, world units^2
   bool zlib = false;
   bool meshopt = false;
   int repeat = 1;
@@ -53,7 +58,10 @@ struct ExtractResult {
   std::string output;  // empty: counted only
   double isovalue = 0;
   std::optional<SimplifyOptions> simplify;
-  ExtractionReport report;  // of the last repeat
+  std::optional<SurfaceComponents> components;
+  std::size_t components_kept = 0;
+  double components_seconds = 0;  // to find them
+  ExtractionReport report;        // of the last repeat
   std::uint64_t vertices = 0;
   std::vector<double> extract_seconds;  // one for every repeat, without the time in a file's sink
   std::uint64_t vertices_outside = 0;   // of the other pyramid
@@ -101,6 +109,21 @@ void refuseTwins(std::vector<std::optional<double>> isovalues) {
                                  *twin ? fmt::format("{}", **twin) : "auto"));
 }
 
+void findComponents(const ExtractArguments& arguments, Extractor& extractor, const Query& query,
+                    ExtractResult& result) {
+  if (!arguments.list_components && !arguments.keep_largest && !arguments.drop_below) return;
+  const Stopwatch watch;
+  ComponentFinder finder(query);
+  extractor.extract(query, finder);
+  result.components = finder.take();
+  result.components_kept = result.components->list().size();
+  if (arguments.drop_below)
+    result.components_kept = result.components->countFrom(*arguments.drop_below);
+  if (arguments.keep_largest)
+    result.components_kept = std::min<std::size_t>(result.components_kept, *arguments.keep_largest);
+  result.components_seconds = watch.seconds();
+}
+
 ExtractResult extractOne(const ExtractArguments& arguments, const Pyramid& pyramid,
                          Extractor& extractor, const PyramidValues* values,
                          const std::string& output) {
@@ -115,6 +138,7 @@ ExtractResult extractOne(const ExtractArguments& arguments, const Pyramid& pyram
   if (arguments.most_triangles)
     query.simplify = findSimplification(extractor, query, *arguments.most_triangles);
   result.simplify = query.simplify;
+  findComponents(arguments, extractor, query, result);
   const MeshFileOptions options{.cancel = &interruptFlag(),
                                 .values = values,
                                 .zlib = arguments.zlib,
@@ -129,7 +153,12 @@ ExtractResult extractOne(const ExtractArguments& arguments, const Pyramid& pyram
     TriangleSink& sink = to_file ? static_cast<TriangleSink&>(*file_sink) : counting_sink;
     MeasuredSink measured(sink, bar);
     const Stopwatch watch;
-    result.report = extractor.extract(query, measured);
+    if (result.components) {
+      ComponentFilter filter(*result.components, result.components_kept, measured);
+      result.report = extractor.extract(query, filter);
+    } else {
+      result.report = extractor.extract(query, measured);
+    }
     const double seconds = watch.seconds();
     if (to_file) result.write_seconds = measured.seconds(arguments.query.threads);
     result.extract_seconds.push_back(seconds - result.write_seconds);
@@ -163,8 +192,6 @@ ExtractResults extract(ExtractArguments& arguments) {
   results.open_seconds = open_watch.seconds();
   chooseIsovalues(arguments.query, pyramid);
   refuseTwins(arguments.query.isovalues);
-  if (arguments.drop_small && !arguments.query.simplify && !arguments.most_triangles)
-    throw UsageError("--drop-small goes with --simplify or --triangles; give one of them");
   refuseOutputs(arguments);
   const std::vector<std::string> names = meshNames(arguments);
   Extractor extractor(pyramid);
@@ -199,9 +226,14 @@ Json jsonOfSurface(const ExtractArguments& arguments, const ExtractResult& resul
                          {"vertices_outside", result.vertices_outside}};
   json["isovalue"] = result.isovalue;
   if (result.simplify) json["simplify"] = result.simplify->distance;
+  if (result.components) {
+    json["components"] = jsonOfComponents(*result.components);
+    json["components_kept"] = result.components_kept;
+  }
   json["triangles"] = report.triangles;
   json["vertices"] = result.vertices;
   json["seconds"] = {{"extract", result.extract_seconds}, {"write", result.write_seconds}};
+  if (result.components) json["seconds"]["components"] = result.components_seconds;
   json["levels"] = Json::array();
   for (const LevelCounts& counts : report.levels)
     json["levels"].push_back({{"level", counts.level},
@@ -235,6 +267,7 @@ Json jsonOfResults(const ExtractArguments& arguments, const ExtractResults& resu
 }
 
 void printSummary(const ExtractResult& result) {
+  if (result.components) printComponents(*result.components, result.components_kept);
   const ExtractionReport& report = result.report;
   fmt::print("{}{} triangles, {} vertices\n", result.output.empty() ? "" : result.output + ": ",
              countText(report.triangles), countText(result.vertices));
@@ -254,6 +287,7 @@ void printSummaries(const ExtractArguments& arguments, const ExtractResults& res
   std::string extract_text;
   double write_seconds = 0;
   for (const ExtractResult& result : results.surfaces) {
+    if (result.components) extract_text += fmt::format(" {:.4f} +", result.components_seconds);
     if (results.surfaces.size() > 1) fmt::print("isovalue {}: ", result.isovalue);
     printSummary(result);
     for (const double seconds : result.extract_seconds)
@@ -266,6 +300,8 @@ void printSummaries(const ExtractArguments& arguments, const ExtractResults& res
 }
 
 int runExtract(ExtractArguments arguments) {
+  if (arguments.drop_small && !arguments.query.simplify && !arguments.most_triangles)
+    throw UsageError("--drop-small goes with --simplify or --triangles; give one of them");
   refuseTwins(arguments.query.isovalues);
   if (arguments.drop_small && !arguments.query.simplify && !arguments.most_triangles)
     throw UsageError("--drop-small goes with --simplify or --triangles; give one of them");
@@ -306,6 +342,24 @@ Command addExtractCommand(CLI::App& app) {
   sub->add_flag("--drop-small", arguments->drop_small,
                 "With --simplify or --triangles: leave out pieces of the surface that lie in one "
                 "brick and whose box has a diagonal below the distance");
+  sub->add_flag("--components", arguments->list_components,
+                "List the connected pieces of the surface by their area, with the volume that each "
+                "encloses, in world units");
+  addParsedOption(
+      *sub, "--keep-largest", arguments->keep_largest,
+      [](const std::string& text) {
+        return static_cast<std::uint64_t>(
+            parseInteger(text, 1, std::numeric_limits<std::int64_t>::max()));
+      },
+      "N", "Only the N connected pieces of the largest area; they are listed, too");
+  addParsedOption(
+      *sub, "--drop-below", arguments->drop_below,
+      [](const std::string& text) {
+        const double area = parseNumber(text);
+        if (!(area >= 0)) throw std::invalid_argument("an area is wanted, 0 or more");
+        return area;
+      },
+      "AREA", "Only connected pieces of at least this area, in squares of the world's unit");
   beginGroup(*sub, kOutputGroup);
   CLI::Option* const output =
       sub->add_option("-o,--output", arguments->output,

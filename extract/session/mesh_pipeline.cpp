@@ -168,6 +168,7 @@ void meshInOrder(const MeshContext& context, std::span<const BrickWork> work, Me
       else
         worker.uniform.mesh(context, work[job.work], batch);
       if (space) worker.simplifier.simplify(*space, context.query.cancel, batch);
+      if (!batch.triangles.empty()) sink.prepare(*job.batch);
     } catch (const Cancelled&) {
       batch.clear();
     }

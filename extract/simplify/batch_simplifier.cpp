@@ -7,6 +7,8 @@
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
 
+#include "isobrick/extract/sinks/batch_components.h"
+
 namespace isobrick {
 namespace {
 

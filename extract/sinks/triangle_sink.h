@@ -154,13 +154,17 @@ struct PlacedBatch {
 // A plain sink takes each batch in accept(): in order, never two calls at the same time, but from
 // any thread. A sink with much to do for a batch overrides place() and write() instead: place() is
 // called like accept() and only decides the batch's place; write() follows from any thread, for
-// several batches at the same time, and is done before finish(). A batch is valid only during the
-// calls.
+// several batches at the same time, and is done before finish(). A sink that changes batches does
+// it in prepare(), which comes before place(), from any thread, for several batches at the same
+// time and in any order; a batch without triangles goes no further. A batch is valid only during
+// the calls.
 class TriangleSink {
  public:
   virtual ~TriangleSink() = default;
   // Before the first batch.
   virtual void begin(const MeshFrame&) {}
+  // May change the batch.
+  virtual void prepare(PlacedBatch&) {}
   // A plain sink's batch.
   virtual void accept(const MeshBatch&) {}
   // Decides the batch's place.

@@ -1,0 +1,193 @@
+#include "isobrick/extract/sinks/surface_components.h"
+
+#include <algorithm>
+#include <glm/common.hpp>
+#include <glm/geometric.hpp>
+#include <limits>
+#include <mutex>
+#include <numeric>
+
+#include "isobrick/extract/sinks/batch_components.h"
+#include "isobrick/extract/sinks/edge_vertex_map.h"
+#include "isobrick/storage/error.h"
+
+namespace isobrick {
+namespace {
+
+// A component of a batch, or of the surface.
+struct ComponentPart {
+  std::uint64_t triangles = 0;
+  double area = 0;
+  double volume = 0;  // of the cone from the volume's centre over its triangles
+  glm::dvec3 lower{std::numeric_limits<double>::infinity()};
+  glm::dvec3 upper{-std::numeric_limits<double>::infinity()};
+  bool has_border = false;
+
+  void add(const ComponentPart& other) {
+    triangles += other.triangles;
+    area += other.area;
+    volume += other.volume;
+    lower = glm::min(lower, other.lower);
+    upper = glm::max(upper, other.upper);
+    has_border = has_border || other.has_border;
+  }
+};
+
+std::uint64_t keyOfBrick(const MeshBatch& batch) {
+  const Index3& b = batch.brick;
+  return static_cast<std::uint64_t>(((batch.level << 19 | b.z) << 19 | b.y) << 19 | b.x);
+}
+
+}  // namespace
+
+std::size_t SurfaceComponents::countFrom(double area) const {
+  return static_cast<std::size_t>(
+      std::find_if(list_.begin(), list_.end(), [&](const auto& c) { return c.area < area; }) -
+      list_.begin());
+}
+
+// Parts are numbered in the order of the extraction, and joined along the vertices that batches
+// share. Only vertices that a later batch may have are remembered, as in VertexNumbering.
+struct ComponentFinder::Joined {
+  std::mutex mutex;  // guards the parts
+  std::vector<ComponentPart> parts;
+  std::vector<std::uint32_t> parents;
+  EdgeVertexMap<std::uint64_t> shared;  // a part, and above it how many batches are still to come
+
+  std::uint32_t rootOf(std::uint32_t part) {
+    while (parents[part] != part) part = parents[part] = parents[parents[part]];
+    return part;
+  }
+  void join(std::uint32_t a, std::uint32_t b) {
+    a = rootOf(a);
+    b = rootOf(b);
+    parents[std::max(a, b)] = std::min(a, b);
+  }
+  void note(const MeshBatch::SharedVertex& vertex, std::uint32_t part) {
+    constexpr int kPartBits = 32;
+    constexpr std::uint64_t kNever = 255;  // forgotten
+    const std::uint64_t left = vertex.batches == 0 ? kNever : vertex.batches - 1u;
+    bool inserted = false;
+    std::uint64_t& entry = shared.findOrInsert(vertex.key, part | left << kPartBits, &inserted);
+    if (inserted) return;
+    join(part, static_cast<std::uint32_t>(entry));
+    if (entry >> kPartBits == 1)
+      shared.erase(vertex.key);
+    else if (entry >> kPartBits != kNever)
+      entry -= std::uint64_t{1} << kPartBits;
+  }
+};
+
+ComponentFinder::ComponentFinder(const Query& query) : has_box_(query.box.has_value()) {}
+ComponentFinder::~ComponentFinder() = default;
+
+void ComponentFinder::begin(const MeshFrame& frame) {
+  frame_ = frame;
+  // Volumes far from the origin would lose digits; any point does.
+  GridGeometry geometry = frame.geometry;
+  geometry.origin = glm::dvec3(0.0);
+  placement_ = WorldPlacement(geometry);
+  joined_ = std::make_unique<Joined>();
+  components_ = {};
+}
+
+void ComponentFinder::prepare(PlacedBatch& placed) {
+  labelComponents(placed.batch, placed.numbers);
+}
+
+void ComponentFinder::place(PlacedBatch& placed) {
+  const std::size_t first = joined_->parts.size();
+  const std::size_t count = 1 + *std::ranges::max_element(placed.numbers);
+  if (first + count > std::numeric_limits<std::uint32_t>::max())
+    throw Error("the surface has more than 4 billion pieces in bricks; ask for a coarser level");
+  {
+    const std::lock_guard lock(joined_->mutex);
+    joined_->parts.resize(first + count);
+  }
+  joined_->parents.resize(first + count);
+  std::iota(joined_->parents.begin() + static_cast<std::ptrdiff_t>(first), joined_->parents.end(),
+            static_cast<std::uint32_t>(first));
+  for (const MeshBatch::SharedVertex& vertex : placed.batch.shared)
+    joined_->note(vertex, static_cast<std::uint32_t>(first + placed.numbers[vertex.vertex]));
+  components_.batches_.push_back({keyOfBrick(placed.batch), first});
+  placed.first_vertex = first;
+}
+
+void ComponentFinder::write(PlacedBatch& placed) {
+  const MeshBatch& batch = placed.batch;
+  std::vector<ComponentPart> parts(1 + *std::ranges::max_element(placed.numbers));
+  const glm::dvec3 last(frame_.voxels - Index3(1));
+  placed.world.resize(batch.positions.size());
+  for (std::uint32_t v = 0; v < batch.positions.size(); ++v) {
+    const glm::dvec3 voxel = glm::dvec3(batch.origin) + glm::dvec3(batch.positions[v]);
+    placed.world[v] = placement_.worldPosition(batch, v);
+    ComponentPart& part = parts[placed.numbers[v]];
+    part.lower = glm::min(part.lower, placed.world[v]);
+    part.upper = glm::max(part.upper, placed.world[v]);
+    part.has_border |=
+        glm::any(glm::equal(voxel, glm::dvec3(0.0))) || glm::any(glm::equal(voxel, last));
+  }
+  for (std::size_t i = 0; i < batch.triangles.size(); i += 3) {
+    const glm::dvec3& a = placed.world[batch.triangles[i]];
+    const glm::dvec3& b = placed.world[batch.triangles[i + 1]];
+    const glm::dvec3& c = placed.world[batch.triangles[i + 2]];
+    const glm::dvec3 across = glm::cross(b - a, c - a);
+    ComponentPart& part = parts[placed.numbers[batch.triangles[i]]];
+    ++part.triangles;
+    part.area += glm::length(across) / 2;
+    part.volume += glm::dot(a, across) / 6;
+  }
+  const std::lock_guard lock(joined_->mutex);
+  std::ranges::copy(parts,
+                    joined_->parts.begin() + static_cast<std::ptrdiff_t>(placed.first_vertex));
+}
+
+void ComponentFinder::finish() {
+  // The least part of a component is its root, and comes before the others.
+  std::vector<std::uint32_t> roots, component(joined_->parts.size());
+  std::vector<ComponentPart> sums;
+  for (std::uint32_t part = 0; part < component.size(); ++part) {
+    const std::uint32_t root = joined_->rootOf(part);
+    if (root == part) {
+      component[part] = static_cast<std::uint32_t>(sums.size());
+      sums.emplace_back();
+    } else {
+      component[part] = component[root];
+    }
+    sums[component[part]].add(joined_->parts[part]);
+  }
+  std::vector<std::uint32_t> order(sums.size()), places(sums.size());
+  std::iota(order.begin(), order.end(), 0u);
+  std::ranges::stable_sort(order, [&](auto a, auto b) { return sums[a].area > sums[b].area; });
+  for (std::uint32_t place = 0; place < order.size(); ++place) {
+    const ComponentPart& sum = sums[order[place]];
+    places[order[place]] = place;
+    SurfaceComponent listed;
+    listed.triangles = sum.triangles;
+    listed.area = sum.area;
+    if (!sum.has_border && !has_box_) listed.volume = sum.volume;
+    listed.lower = sum.lower + frame_.geometry.origin;
+    listed.upper = sum.upper + frame_.geometry.origin;
+    components_.list_.push_back(listed);
+  }
+  for (std::uint32_t& of : component) of = places[of];
+  components_.of_part_ = std::move(component);
+  std::ranges::sort(components_.batches_, {}, &SurfaceComponents::Batch::key);
+  joined_.reset();
+}
+
+void ComponentFilter::prepare(PlacedBatch& placed) {
+  const auto& batches = components_.batches_;
+  const std::uint64_t key = keyOfBrick(placed.batch);
+  const auto found = std::ranges::lower_bound(batches, key, {}, &SurfaceComponents::Batch::key);
+  if (found == batches.end() || found->key != key)
+    throw Error(
+        "the surface has pieces that were not there when they were listed; extract it again");
+  std::vector<std::uint8_t> is_kept(labelComponents(placed.batch, placed.numbers));
+  for (std::size_t i = 0; i < is_kept.size(); ++i)
+    is_kept[i] = components_.of_part_.at(found->first + i) < count_;
+  keepComponents(placed.batch, placed.numbers, is_kept);
+  if (!placed.batch.triangles.empty()) sink_.prepare(placed);
+}
+
+}  // namespace isobrick

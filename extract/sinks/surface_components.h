@@ -1,0 +1,93 @@
+// The connected components of a surface, of any size, in two passes: list them, then extract again
+// those that are wanted.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "isobrick/extract/query.h"
+#include "isobrick/extract/sinks/triangle_sink.h"
+
+namespace isobrick {
+
+// One of them.
+struct SurfaceComponent {
+  std::uint64_t triangles = 0;  // of the mesh
+  double area = 0;              // world units^2
+  // Enclosed, world units^3: below 0 for the wall of a hollow. None if the component has a border,
+  // as it reaches the border of the volume or of the query's box.
+  std::optional<double> volume;
+  glm::dvec3 lower{0.0};  // of the least box around it, world units
+  glm::dvec3 upper{0.0};  // likewise
+};
+
+// The components of the surface of one query.
+class SurfaceComponents {
+ public:
+  // The largest area first; of equal ones, that comes first which the extraction meets first.
+  const std::vector<SurfaceComponent>& list() const { return list_; }
+  // How many of the list have at least this area.
+  std::size_t countFrom(double area) const;
+
+ private:
+  friend class ComponentFinder;
+  friend class ComponentFilter;
+  // Components of batches, before they are joined: those of a batch follow each other.
+  struct Batch {
+    std::uint64_t key = 0;    // of its brick
+    std::uint64_t first = 0;  // the number of its first component
+  };
+  std::vector<SurfaceComponent> list_;
+  std::vector<Batch> batches_;          // ascending in `key`
+  std::vector<std::uint32_t> of_part_;  // of a component of a batch: the place in the list
+};
+
+// First pass: a sink that finds the components of what is extracted into it. Its memory grows with
+// the number of components in bricks, 100 bytes each. The result depends on the query alone.
+class ComponentFinder : public TriangleSink {
+ public:
+  // `query`: that is extracted.
+  explicit ComponentFinder(const Query& query);
+  ~ComponentFinder() override;
+
+  void begin(const MeshFrame& frame) override;
+  void prepare(PlacedBatch& placed) override;
+  void place(PlacedBatch& placed) override;
+  void write(PlacedBatch& placed) override;
+  void finish() override;
+
+  // After the extraction. Moves them out.
+  SurfaceComponents take() { return std::move(components_); }
+
+ private:
+  struct Joined;
+  bool has_box_;
+  MeshFrame frame_;
+  WorldPlacement placement_;
+  std::unique_ptr<Joined> joined_;
+  SurfaceComponents components_;
+};
+
+// Second pass: a sink that hands on the first `count` components of the list, of the same query.
+// The mesh is closed where the whole one is. `components` and `sink` outlive it.
+class ComponentFilter : public TriangleSink {
+ public:
+  // Reads `components` during the extraction, and gives batches to `sink`.
+  ComponentFilter(const SurfaceComponents& components, std::size_t count, TriangleSink& sink)
+      : components_(components), count_(count), sink_(sink) {}
+
+  void begin(const MeshFrame& frame) override { sink_.begin(frame); }
+  void prepare(PlacedBatch& placed) override;
+  void place(PlacedBatch& placed) override { sink_.place(placed); }
+  void write(PlacedBatch& placed) override { sink_.write(placed); }
+  void finish() override { sink_.finish(); }
+
+ private:
+  const SurfaceComponents& components_;
+  const std::size_t count_;
+  TriangleSink& sink_;
+};
+
+}  // namespace isobrick

@@ -1,0 +1,39 @@
+#include "tools/component_list.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "tools/byte_size.h"
+
+namespace isobrick {
+
+Json jsonOfComponents(const SurfaceComponents& components) {
+  Json json = Json::array();
+  for (const SurfaceComponent& one : components.list())
+    json.push_back({{"triangles", one.triangles},
+                    {"area", one.area},
+                    {"volume", one.volume ? Json(*one.volume) : Json()},
+                    {"lower", {one.lower.x, one.lower.y, one.lower.z}},
+                    {"upper", {one.upper.x, one.upper.y, one.upper.z}}});
+  return json;
+}
+
+void printComponents(const SurfaceComponents& components, std::size_t kept) {
+  constexpr std::size_t kMostLines = 20;
+  const std::vector<SurfaceComponent>& list = components.list();
+  fmt::print("{} components, {} of them kept\n", countText(list.size()), countText(kept));
+  if (list.empty()) return;
+  fmt::print("  {:>6} {:>14} {:>14} {:>14}  box\n", "", "triangles", "area", "volume");
+  for (std::size_t i = 0; i < std::min(list.size(), kMostLines); ++i) {
+    const SurfaceComponent& one = list[i];
+    fmt::print("  {:>6} {:>14} {:>14.6g} {:>14}  {:.6g},{:.6g},{:.6g} to {:.6g},{:.6g},{:.6g}\n",
+               i + 1, countText(one.triangles), one.area,
+               one.volume ? fmt::format("{:.6g}", *one.volume) : "has a border", one.lower.x,
+               one.lower.y, one.lower.z, one.upper.x, one.upper.y, one.upper.z);
+  }
+  if (list.size() > kMostLines)
+    fmt::print("  and {} smaller ones; --json lists all\n", countText(list.size() - kMostLines));
+}
+
+}  // namespace isobrick
