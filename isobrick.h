@@ -1,12 +1,12 @@
 // All of isobrick but its viewer: open, query and build pyramids, and read volumes of all formats.
 //
-// Begin with Pyramid and Extractor for what is there, with openVolume() and buildPyramid() for what
-// is not; a VolumeSource and a TriangleSink are what a program may bring itself. The programs in
-// `examples/` show each.
+// Begin with Pyramid and Extractor if there is a pyramid, and with openVolume() and buildPyramid()
+// if there is none. A program may bring a VolumeSource and a TriangleSink of its own. The programs
+// in `examples/` show all of these.
 //
-// A program links what it uses of isobrick::storage, extract, preprocess, sources and export. A
-// header that is not included here belongs to the library itself, and may change at any time; but
-// pictures are made with `isobrick/viewer/offscreen_renderer.h`.
+// A program links the libraries that it uses: isobrick::storage, extract, preprocess, sources and
+// export. A header that is not included here belongs to the library itself, and may change at any
+// time; but pictures are made with `isobrick/viewer/offscreen_renderer.h`.
 #pragma once
 
 #include "isobrick/extract/extractor.h"

@@ -1,5 +1,5 @@
-// Opens a pyramid, says what is in it, and writes two surfaces: the bone around a point, as fine as
-// the voxels there and coarser with the distance, and all of the skin from a coarser level.
+// Opens a pyramid, prints its contents, and writes two surfaces: the bone around a point, as fine
+// as the voxels there and coarser with the distance, and all of the skin from a coarser level.
 //
 //   open_and_query [FILE.isb]    without a file: of a phantom of a head, head.isb
 #include <isobrick/isobrick.h>

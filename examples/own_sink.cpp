@@ -1,5 +1,5 @@
-// A sink of one's own: takes triangles as they are made, holds none of them, and draws what an eye
-// above the volume sees into sphere.pgm; it measures the surface on the way.
+// A sink of one's own: takes triangles as they are made, holds none of them, and draws the view
+// from above the volume into sphere.pgm; it measures the surface on the way.
 #include <isobrick/isobrick.h>
 
 #include <algorithm>

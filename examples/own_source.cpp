@@ -36,7 +36,7 @@ class HeartSource : public VolumeSource {
         for (std::int64_t x = box.first.x; x < box.end().x; ++x)
           *voxel++ = static_cast<float>(value(info_.geometry.indexToWorld({x, y, z})));
   }
-  // Differs for any two sources whose voxels do: a build that goes on asks for it.
+  // Differs for any two sources whose voxels differ: a resumed build compares it.
   std::string identity() const override { return "heart of half units, version 1"; }
 
  private:

@@ -1,5 +1,5 @@
-// A surface at once, and finer each time it is asked for: what a viewer does. Each query is
-// answered from what is in memory; what was lacking comes in meanwhile, first what is near the
+// A surface at once, and finer each time the query is asked again, as in a viewer. Each query is
+// answered from the bricks in memory; the missing ones come in meanwhile, first those near the
 // focus. The last one is the surface that the same query gives if it is not progressive, to the
 // byte: it goes to refined.ply.
 #include <isobrick/isobrick.h>

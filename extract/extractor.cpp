@@ -21,7 +21,7 @@ std::vector<LevelCounts> noCounts(int levels) {
   return counts;
 }
 
-// What the log says of one brick.
+// Adds the log's entry of one brick to the report.
 void addReads(const PyramidParts& parts, const ReadLog::Entry& entry, ExtractionReport& report) {
   const auto [level, brick] = parts.brickAt(entry.brick_row);
   const BrickRow row = parts.brickRowOf(level, brick);
@@ -46,7 +46,7 @@ ExtractionReport makeReport(const Pyramid& pyramid, const ReadLog& log,
   return report;
 }
 
-// What the workers of one query read.
+// The inputs of the workers of one query.
 class QueryContext {
  public:
   QueryContext(const Pyramid& pyramid, const Query& query, ReadLog& log,
@@ -84,12 +84,12 @@ struct Extractor::Memory {
   VertexNumbering numbering;
   ReadLog log;
   BrickFetcher fetcher;
-  // For the run of progressive queries that ask for the same surface.
+  // For the run of progressive queries of the same surface.
   std::optional<SurfaceChoice> asked_for;
   std::uint64_t asked_since = 0;  // number of the first
 
-  // A progressive query begins. What the queries of its run took and fetched stays for it: returns
-  // the number of the first of them.
+  // A progressive query begins. The parts that the queries of its run took and fetched stay for it:
+  // returns the number of the first of these queries.
   std::uint64_t beginProgressiveQuery(const Query& query) {
     const bool goes_on = asked_for && *asked_for == query;
     if (!goes_on) fetcher.takeBack();
@@ -126,7 +126,7 @@ struct Extractor::Memory {
     return meshInto(context, bricks, joiner);
   }
 
-  // A progressive query. `mesher`: meshInto() to where the caller wants it.
+  // A progressive query. `mesher`: meshInto() to the place that the caller chose.
   template <typename Mesher>
   ExtractionReport extractProgressively(const Query& query, const Mesher& mesher) try {
     checkQuery(pyramid, query);

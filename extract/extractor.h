@@ -12,9 +12,9 @@
 
 namespace isobrick {
 
-// A session on one pyramid: keeps what threads work with from query to query, so that a second
-// query touches no fresh memory. One object serves one call at a time; for several queries at once
-// on a pyramid make several. The pyramid must outlive it.
+// A session on one pyramid: keeps the memory that threads work with from query to query, so that a
+// second query touches no fresh memory. One object serves one call at a time; for several queries
+// at once on a pyramid make several. The pyramid must outlive it.
 //
 // The cost of a query depends on its result: nothing is done for every brick of the file.
 class Extractor {
@@ -31,9 +31,9 @@ class Extractor {
 
   // Meshes the bricks [first, first + count) of a plan of this pyramid into `sink`. Bricks are
   // paged in on demand, the work is spread over the calling TBB arena. The result depends on the
-  // query alone: not on threads, cache size or what was extracted before. The batches of ranges
-  // that follow each other are those of the whole plan, so ranges may be executed by different
-  // extractors, at the same time, and joined by their edge keys.
+  // query alone: not on threads, cache size or earlier queries. The batches of ranges that follow
+  // each other are those of the whole plan, so ranges may be executed by different extractors, at
+  // the same time, and joined by their edge keys.
   //
   // The mesh of the whole plan is closed and oriented away from the volume's border (rule 11).
   // Throws Error for a damaged brick, Cancelled, and whatever the sink throws. Only the query's
@@ -43,18 +43,18 @@ class Extractor {
 
   // Plan and execution of the whole query. A progressive one (Query::is_progressive) is answered at
   // once from the bricks in memory. report.is_complete says whether the answer is, byte by byte,
-  // that of the same query that is not progressive. The missing bricks then come in beside the
-  // caller's work: first those that refine the surface near the focus or the eye. They come as long
-  // as they fit into the pyramid's budget beside the bricks that this query used and fetched,
-  // however often it was asked. So the same query again refines:
+  // that of the same query that is not progressive. The missing bricks are then read in the
+  // background: first those that refine the surface near the focus or the eye. They come as long as
+  // they fit into the pyramid's budget beside the bricks that this query used and fetched, however
+  // often it was repeated. So the same query again refines:
   //
   //   do report = extractor.extract(query, mesh);
   //   while (!report.is_complete && extractor.waitForBricks(std::chrono::milliseconds(50)));
   //
-  // Any other query, and a request to cancel one, stops that. Throws Error for a brick that the
-  // query needs and that could not be read meanwhile.
+  // Any other query, and a request to cancel one, stops this reading. Throws Error for a brick that
+  // the query needs and that could not be read meanwhile.
   ExtractionReport extract(const Query& query, TriangleSink& sink);
-  // The same into memory, in the place of what `mesh` held. After an exception the mesh is empty.
+  // The same into memory; replaces the contents of `mesh`. After an exception the mesh is empty.
   // The parts and every byte depend on the query alone.
   ExtractionReport extract(const Query& query, SurfaceMesh& mesh);
 
@@ -73,10 +73,10 @@ ExtractionReport extractIsosurface(const Pyramid& pyramid, const Query& query, T
 // One query without a session, into memory.
 ExtractionReport extractIsosurface(const Pyramid& pyramid, const Query& query, SurfaceMesh& mesh);
 
-// The distance in voxels with which the query's surface has at most `triangles` of them, and not
-// many fewer; none if it has no more without simplification. Of query.simplify, drop_small alone
-// counts. The surface is extracted some ten times. Throws as Extractor::extract() does, and Error
-// if no distance leaves so few: vertices that bricks share always stay.
+// The distance in voxels at which the query's simplified surface has at most `triangles` triangles,
+// and not many fewer; none if the surface has no more without simplification. Only drop_small of
+// query.simplify counts. The surface is extracted some ten times. Throws as Extractor::extract()
+// does, and Error if no distance leaves so few: vertices that bricks share always stay.
 std::optional<SimplifyOptions> findSimplification(Extractor& extractor, Query query,
                                                   std::uint64_t triangles);
 

@@ -15,7 +15,7 @@ namespace {
 // A position in the cell that holds it.
 struct Place {
   std::size_t brick_row = 0;
-  std::size_t position = 0;  // which of the positions asked for
+  std::size_t position = 0;  // index in the caller's positions
   Index3 brick{0};
   Index3 cell{0};
   glm::dvec3 fraction{0.0};  // 0 .. 1 in the cell

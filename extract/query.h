@@ -1,5 +1,5 @@
-// A query: one isosurface, and how fine it shall be at each place; the plan that is made of it, and
-// the report.
+// A query: one isosurface, and how fine it shall be at each place; the plan made from it, and the
+// report.
 #pragma once
 
 #include <atomic>
@@ -62,7 +62,7 @@ struct DetailChoice {
   std::optional<FocusSphere> focus;
   // Extracts the whole surface from this level, 0 .. levels - 1. Not together with a focus.
   std::optional<int> uniform_level;
-  // As fine as a picture from there can show.
+  // As fine as a picture taken from there can show.
   std::optional<ViewPoint> view;
   // Cells of level 1 inside the sphere of interest (everywhere without a focus) are extracted as
   // they are if the bound of the total curvature (Eq. 2) is at most this: 1/voxel^2, >= 0.
@@ -71,9 +71,9 @@ struct DetailChoice {
   bool operator==(const DetailChoice&) const = default;
 };
 
-// Fewer triangles within a distance of the surface that the query gives without it: no point of
-// the result is further from that surface, and none of that further from the result. Each brick is
-// simplified on its own; vertices that bricks share stay where they are.
+// Fewer triangles within a distance of the surface that the query gives without it: no point of the
+// result is further from that surface, and no point of that surface is further from the result.
+// Each brick is simplified on its own; vertices that bricks share stay where they are.
 struct SimplifyOptions {
   double distance = 0;    // above 0; in voxels of level 0
   bool in_world = false;  // in world units instead
@@ -83,7 +83,7 @@ struct SimplifyOptions {
   bool operator==(const SimplifyOptions&) const = default;
 };
 
-// Which surface it is, and how fine: what two queries have in common that give the same.
+// Which surface it is, and how fine. Two queries with the same choice give the same surface.
 struct SurfaceChoice : DetailChoice {
   // The surface separates value >= isovalue (inside) from value < isovalue. Compared as float.
   double isovalue = 0;
@@ -97,7 +97,7 @@ struct SurfaceChoice : DetailChoice {
   bool operator==(const SurfaceChoice&) const = default;
 };
 
-// A surface, and how the caller wants it.
+// A surface, and how it is delivered.
 struct Query : SurfaceChoice {
   // The query is answered at once from the bricks in memory: coarser if they are not enough, but
   // closed all the same. Only levels of a single brick are read. Asked again, it refines: see
@@ -108,10 +108,10 @@ struct Query : SurfaceChoice {
   // cells that touch them, are leaves of the brick's level: the part of such a brick depends on
   // pyramid, level, brick and isovalue alone.
   std::function<bool(int level, const Index3& brick)> has_brick;
-  // Looked at all the time; may be null, and outlives the query.
+  // Checked all the time; may be null, and outlives the query.
   const CancelFlag* cancel = nullptr;
-  // Raised to the share of the bricks that are meshed, 1 when all are; by any thread, so that
-  // another one may look. The caller sets it to 0 before. May be null, and outlives the query.
+  // Raised to the share of the bricks that are meshed, 1 when all are. Any thread raises it, and
+  // any other may read it. The caller sets it to 0 before. May be null, and outlives the query.
   std::atomic<float>* fraction_done = nullptr;
 };
 
@@ -151,13 +151,13 @@ struct LevelCounts {
 
 // The result of an extraction.
 struct ExtractionReport {
-  bool is_complete = true;          // false: coarser than asked for; of progressive queries alone
+  bool is_complete = true;          // false: coarser than requested; of progressive queries alone
   std::uint64_t triangles = 0;      // of all levels
   std::vector<LevelCounts> levels;  // those with triangles, finest first
   std::uint64_t bricks_active = 0;  // bricks with at least one triangle
-  std::uint64_t bricks_read = 0;    // bricks of which any part was asked for
+  std::uint64_t bricks_read = 0;    // bricks of which any part was requested
   std::uint64_t bytes_active = 0;   // stored bytes of the samples of active bricks
-  std::uint64_t bytes_read = 0;     // stored bytes of all parts asked for, each counted once
+  std::uint64_t bytes_read = 0;     // stored bytes of all parts requested, each counted once
 };
 
 }  // namespace isobrick

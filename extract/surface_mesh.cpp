@@ -13,7 +13,7 @@
 
 namespace isobrick {
 
-// From a huge page on: what lies before the first whole one comes in small pages.
+// From a huge page on: bytes before the first whole one come in small pages.
 void ReservedBytes::reserve() {
   if (data_ != nullptr) return;
   map_ = ::mmap(nullptr, bytes_ + kHugePageBytes, PROT_NONE,
@@ -23,7 +23,7 @@ void ReservedBytes::reserve() {
                 " GiB): " + std::strerror(errno) + "; stream the mesh to a file instead");
   data_ = static_cast<std::byte*>(map_);
   data_ += -reinterpret_cast<std::uintptr_t>(data_) % kHugePageBytes;
-  ::madvise(data_, bytes_, MADV_HUGEPAGE);  // where it is refused, small pages do
+  ::madvise(data_, bytes_, MADV_HUGEPAGE);  // if it is refused, small pages do
 }
 
 // A quarter more than there is, so that a mesh takes few steps however large it becomes; to the end

@@ -50,7 +50,7 @@ class SurfaceMesh {
   // In the order of their vertices and triangles.
   const std::vector<Part>& parts() const { return parts_; }
 
-  // The part that brought the vertex.
+  // The part that added the vertex.
   const Part& partOfVertex(std::uint64_t vertex) const;
   // The place of a vertex in the world.
   glm::dvec3 worldPosition(std::uint64_t vertex) const {
@@ -65,8 +65,8 @@ class SurfaceMesh {
   friend class SurfaceJoiner;
   // Forgets the mesh and keeps its memory.
   void clear(const GridGeometry& geometry);
-  // Room for so many, to be written to. By one thread at a time. Throws Error if a mesh can have
-  // no more.
+  // Makes room for so many, to be written to. By one thread at a time. Throws Error if a mesh can
+  // have no more.
   void openFor(std::uint64_t vertices, std::uint64_t triangles);
   glm::vec3* positionData() const;
   glm::vec3* normalData() const;

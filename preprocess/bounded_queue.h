@@ -1,4 +1,4 @@
-// Hands things from one thread to another, at most so many at a time.
+// Passes things from one thread to another, at most so many at a time.
 #pragma once
 
 #include <condition_variable>
@@ -10,8 +10,8 @@ namespace isobrick {
 
 // A first-in first-out queue between threads. All members are thread-safe.
 //
-// close() means: nothing more comes; what is in it is still handed out. abort() means: stop at
-// once; everybody who waits is woken, and nothing is handed out any more.
+// After close() nothing more comes, and pop() still returns the things in the queue. abort() stops
+// at once: all waiting calls return, and pop() returns nothing more.
 template <typename T>
 class BoundedQueue {
  public:

@@ -9,7 +9,7 @@
 
 namespace isobrick {
 
-// A brick's range is a closure (rule 7): it takes in the samples of its own level, of all finer
+// A brick's range is a closure (rule 7): it includes the samples of its own level, of all finer
 // ones, and of the coarser ones up to the level at which the brick is a single cell. The first two
 // and the nearest coarser levels come with the ranges of its tiles, the others when those levels
 // are made. Thread-safe for different bricks of one level.

@@ -158,7 +158,7 @@ void BrickMaker<T>::count(const Index3& brick, const SampleBlock<T>& voxels) con
   statistics_.add(voxels, needs_.layout().brickOwnSamples(0, brick), spec_.voxels);
 }
 
-// A tile takes in its up to eight tiles of the finer level, and with them all finer samples.
+// A tile includes its tiles of the finer level, up to eight, and with them all finer samples.
 template <typename T>
 void BrickMaker<T>::includeFinerTiles(int level, const Index3& brick,
                                       const ScratchVolume& finer_tiles, Scratch& s) const {

@@ -1,4 +1,4 @@
-// All that is made of one brick's samples: what is stored of it, and what coarser levels need.
+// Makes everything from one brick's samples: its stored parts, and the input of coarser levels.
 #pragma once
 
 #include "isobrick/preprocess/brick_closures.h"
@@ -13,7 +13,7 @@
 
 namespace isobrick {
 
-// The samples and ranges that bricks of a level hand on to the next one.
+// The samples and ranges that bricks of a level pass on to the next one.
 template <typename T>
 struct HandedOn {
   T* samples = nullptr;            // of level + 1, dense in `box`; null at the top
@@ -36,14 +36,14 @@ class BrickMaker {
         statistics_(statistics),
         times_(times) {}
 
-  // Encodes the brick and hands on what is made of it. `samples` holds needs.samples() of it;
-  // `finer_tiles` are the tiles that the level below handed on, null at level 0. Returns the range
+  // Encodes the brick and passes its samples and ranges on. `samples` holds needs.samples() of it;
+  // `finer_tiles` are the tiles that the level below passed on, null at level 0. Returns the range
   // of the brick's samples at level 0, an empty one at others.
   ValueRange make(int level, const Index3& brick, const SampleBlock<T>& samples,
                   const ScratchVolume* finer_tiles, const HandedOn<T>& handed_on,
                   EncodedBrick& encoded) const;
 
-  // Hands on what make() did, and returns the same, from the parts of a brick that an earlier build
+  // Passes on and returns the same as make(), from the parts of a brick that an earlier build
   // wrote.
   ValueRange remake(int level, const Index3& brick, const PyramidWriter& writer,
                     const HandedOn<T>& handed_on) const;

@@ -18,9 +18,9 @@ namespace isobrick {
 // One window on its way from reading to making.
 struct BrickWindow {
   IndexBox bricks;
-  IndexBox sample_box;  // what `samples` holds, dense
+  IndexBox sample_box;  // of `samples`, dense
   LargeBuffer samples;
-  bool has_samples = false;  // false: all its bricks are there already, nothing was read
+  bool has_samples = false;  // false: all its bricks exist already, nothing was read
 };
 
 // Bricks on their way from making to writing, in the order of the brick table.
@@ -30,8 +30,8 @@ struct BrickBatch {
 };
 
 // Moves windows and batches between three stages. A buffer that is under way belongs to the stage
-// that took it last; where all are under way, the stage that wants one waits. The first failure of
-// any stage stops all, and is thrown by run() or finish() on the caller's thread.
+// that took it last; if all are under way, a stage that needs one waits. The first failure of any
+// stage stops all, and is thrown by run() or finish() on the caller's thread.
 class BrickPipeline {
  public:
   using Read = std::function<void(std::int64_t window, BrickWindow&)>;
@@ -45,7 +45,7 @@ class BrickPipeline {
   BrickPipeline& operator=(const BrickPipeline&) = delete;
 
   // Takes windows 0 .. windows - 1 through reading (a thread of its own, in order) and making (the
-  // caller's thread, in order), and hands the batches on to the writing thread.
+  // caller's thread, in order), and passes the batches on to the writing thread.
   void run(std::int64_t windows, const Read& read, const Make& make);
   // Waits until all batches were written. Afterwards nothing can be run.
   void finish();

@@ -62,8 +62,8 @@ IndexBox BrickNeeds::handedOn(int level, const IndexBox& bricks) const {
   return {first, end - first};
 }
 
-// Axes do not depend on each other. Along one, windows differ only near the volume's ends: what a
-// window takes beyond its bricks is less than a brick, so it reaches at most into the last but one
+// Axes do not depend on each other. Along one, windows differ only near the volume's ends: the part
+// of a window beyond its bricks is less than a brick, so it reaches at most into the last but one
 // of the windows before an end that is cut off.
 template <typename F>
 Index3 BrickNeeds::greatest(int level, const Index3& per_window, F&& box_of) const {

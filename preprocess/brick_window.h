@@ -15,17 +15,17 @@ class BrickNeeds {
   explicit BrickNeeds(const PyramidSpec& spec);
 
   const BrickLayout& layout() const { return layout_; }
-  // Coarser levels that a tile's range takes in: log2(tile_cells), less at the top of the pyramid.
+  // Coarser levels that a tile's range includes: log2(tile_cells), less at the top of the pyramid.
   int levelsAbove(int level) const;
 
   // Cells of `level` + `above` in the closed cubes of the bricks; their corners are samples.
   IndexBox cellsAbove(int level, const IndexBox& bricks, int above) const;
-  // Samples of `level` that the bricks take: what they store, and what all coarser samples that
-  // their ranges take in are made from.
+  // Samples of `level` that the bricks take: those that they store, and those from which all
+  // coarser samples in their ranges are made.
   IndexBox samples(int level, const IndexBox& bricks) const;
   // The samples of level + `above` among them, above >= 1.
   IndexBox samplesAbove(int level, const IndexBox& bricks, int above) const;
-  // The samples of level + 1 that these bricks, and no others, hand on to the next level.
+  // The samples of level + 1 that these bricks, and no others, pass on to the next level.
   IndexBox handedOn(int level, const IndexBox& bricks) const;
   // The most samples along each axis that samples() gives for a window of so many bricks, and that
   // handedOn() gives. `per_window` are those of BrickWindows, and 1 along z. Buffers are so large.
@@ -48,7 +48,7 @@ class BrickNeeds {
 // x, or whole rows of bricks of one slab.
 class BrickWindows {
  public:
-  // `per_window`: bricks along x and y; more than one row only where rows are whole.
+  // `per_window`: bricks along x and y; more than one row only if rows are whole.
   BrickWindows(const Index3& bricks, std::int64_t per_window_x, std::int64_t per_window_y)
       : bricks_(bricks), x_(per_window_x), y_(per_window_y) {}
 

@@ -14,8 +14,8 @@ constexpr std::uint64_t kMebibyte = std::uint64_t{1} << 20;
 // Larger windows than these gain nothing: their reading is long amortised, and they leave the
 // cache.
 constexpr std::uint64_t kPipelineBytes = 48 * kMebibyte;
-// Tables and small things that do not grow with the volume; and what Blosc, the kernels and the
-// allocator hold for every thread beside copies of a brick.
+// Tables and small things that do not grow with the volume; and the memory that Blosc, the kernels
+// and the allocator hold for every thread beside copies of a brick.
 constexpr std::uint64_t kSmallThings = 4 * kMebibyte;
 constexpr std::uint64_t kThreadThings = 2 * kMebibyte;  // counts of values among them
 constexpr std::uint64_t kBrickCopiesPerThread = 3;

@@ -1,4 +1,4 @@
-// How a build keeps within its memory.
+// The plan by which a build keeps within its memory.
 #pragma once
 
 #include <cstdint>
@@ -21,22 +21,22 @@ struct BuildPlan {
     std::int64_t x = 1, y = 1;
   };
   std::vector<WindowShape> windows;
-  // Samples of the largest window: what BrickNeeds gives, no more.
+  // Samples of the largest window, as BrickNeeds gives them.
   std::uint64_t window_bytes = 0;
-  std::uint64_t handed_on_bytes = 0;  // samples that it hands on to the next level
+  std::uint64_t handed_on_bytes = 0;  // samples that it passes on to the next level
 
-  // Slices between a source that is read in order and its use; 0 where it is read box by box.
+  // Slices between a source that is read in order and its use; 0 if it is read box by box.
   std::int64_t spool_slices = 0;
   ScratchVolume::Place spool_place = ScratchVolume::Place::kMemory;
-  // Where the samples of level l, and the ranges of the tiles of level l - 1, wait for their use.
+  // The places in which the samples of level l, and the ranges of the tiles of level l - 1, wait.
   std::vector<ScratchVolume::Place> stores;
 
   std::uint64_t scratch_file_bytes = 0;  // the most that temporary files take at a time
   std::uint64_t file_bytes_bound = 0;    // the pyramid is at most so large
 };
 
-// Throws Error where `memory_bytes` do not suffice for one brick at a time; the message says how
-// many would.
+// Throws Error if `memory_bytes` does not suffice for one brick at a time; the message says how
+// many bytes would.
 BuildPlan makeBuildPlan(const PyramidSpec& spec, const VolumeSource& source,
                         std::uint64_t memory_bytes, int threads);
 

@@ -10,7 +10,7 @@
 namespace isobrick {
 namespace {
 
-// The ranges of the tiles of one row along x, a node at a time. False where all are single values:
+// The ranges of the tiles of one row along x, a node at a time. False if all are single values:
 // there is nothing to bound.
 bool setRanges(const ValueRange* tiles, std::int64_t nodes_per_tile, CurvatureRow& row) {
   bool any = false;

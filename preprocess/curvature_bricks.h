@@ -14,7 +14,7 @@ namespace isobrick {
 // over the range of the tile that holds the node. `samples` cover at least the corners of the
 // brick's cells (layout.brickCellBox), `tiles` are the ranges of the brick's own tiles
 // (layout.brickTiles, x fastest) and hold their samples; epsilon is at least
-// kLeastCurvatureEpsilon. `codes` is resized; what it held does not matter. Thread-safe.
+// kLeastCurvatureEpsilon. `codes` is resized; its contents do not matter. Thread-safe.
 template <typename T>
 void brickCurvature(const BrickLayout& layout, const Index3& brick, const SampleBlock<T>& samples,
                     std::span<const ValueRange> tiles, double epsilon,

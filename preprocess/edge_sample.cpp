@@ -10,7 +10,7 @@
 namespace isobrick {
 namespace {
 
-// Which voxels are looked at: those whose indices are multiples. A volume of a few voxels has few.
+// The voxels that are sampled: those whose indices are multiples of these. Small volumes have few.
 struct EdgeSteps {
   std::int64_t column, row;  // and slice
 };
@@ -34,8 +34,8 @@ std::uint32_t mixed(std::uint32_t h) {
   return h ^ h >> 16;
 }
 
-// The values that are worth parts: a far least or greatest voxel, such as padding has, and the last
-// ten-thousandth of the others at both ends are not.
+// The values that get parts: all but a far least or greatest voxel, such as padding has, and the
+// last ten-thousandth of the others at both ends.
 ValueRange spectrumRange(const VoxelHistogram& histogram, const ValueRange& range) {
   constexpr std::uint64_t kOutliers = 10000;
   const auto counts = histogram.counts();
@@ -67,7 +67,7 @@ bool isLeastFurther(const VoxelHistogram& histogram, const ValueRange& range) {
          static_cast<double>(range.max) - static_cast<double>(histogram.bin(high).max);
 }
 
-// Sums over edges by the values that they cross: each goes in shares to the parts that it touches.
+// Sums over edges by the values that they cross: each adds a share to every part that it touches.
 class PartSums {
  public:
   PartSums(std::size_t parts, double first, double width)
@@ -115,7 +115,7 @@ void EdgeSample::addRow(const T* from, const T* to, std::int64_t first, std::int
   for (std::int64_t x = (step - first % step) % step; x < count; x += step) {
     if (from[x] == to[x]) continue;
     const auto a = static_cast<float>(from[x]), b = static_cast<float>(to[x]);
-    constexpr int kDropped = 8;  // what is left is a float without rounding, and above 0
+    constexpr int kDropped = 8;  // the remaining bits are a float without rounding, and above 0
     const std::uint32_t random =
         (mixed(seed + static_cast<std::uint32_t>(first + x) * 0x9e3779b1u) >> kDropped) + 1;
     // Nearly all end here, without a division.
@@ -175,7 +175,7 @@ std::optional<GradientSpectrum> EdgeSample::spectrum(const VoxelHistogram& histo
   std::sort(edges.begin(), edges.end(), [&](const Edge& a, const Edge& b) {
     return a.priority != b.priority ? a.priority < b.priority : key(a) < key(b);
   });
-  // Edges with a priority below that of the first one left out stand for those that were, too.
+  // Edges with a priority below that of the first one left out also stand for the edges left out.
   double reach = std::numeric_limits<double>::infinity();
   if (edges.size() > kEdges) {
     reach = static_cast<double>(edges[kEdges].priority);

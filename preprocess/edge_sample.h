@@ -1,4 +1,4 @@
-// A sample of the lattice edges of level 0, steep ones first, and what it says of the whole.
+// A sample of the lattice edges of level 0, steep ones first, and estimates from it.
 #pragma once
 
 #include <cstdint>
@@ -13,22 +13,22 @@
 namespace isobrick {
 
 // For the edges in every n-th row of every n-th slice, of large volumes from every fourth voxel,
-// kEdges are kept: the first ones in the order
-// of a random number, which their place gives, over the difference of their two voxels. That is a
-// priority sample (Duffield, Lund and Thorup, 2007), of which sums over all edges can be estimated.
-// It depends on the volume alone: not on bricks, windows, threads, or the order of calls.
+// kEdges are kept: the first ones in the order of a random number, which their place gives, over
+// the difference of their two voxels. That is a priority sample (Duffield, Lund and Thorup, 2007),
+// from which sums over all edges can be estimated. It depends on the volume alone: not on bricks,
+// windows, threads, or the order of calls.
 class EdgeSample {
  public:
   static constexpr std::size_t kEdges = 32768;
 
-  // Looks at the edges from the voxels of `own` to the next ones along each axis, as far as the
+  // Samples the edges from the voxels of `own` to the next ones along each axis, as far as the
   // volume reaches; `samples` has both. Every voxel of the volume comes once, in any sample.
   template <typename T>
   void add(const SampleBlock<T>& samples, const IndexBox& own, const Index3& volume);
   // Adds another sample, of other voxels.
   void merge(const EdgeSample& other);
 
-  // For the volume whose histogram this is. Nothing where no edges were found.
+  // For the volume whose histogram this is. Nothing if no edges were found.
   std::optional<GradientSpectrum> spectrum(const VoxelHistogram& histogram, const ValueRange& range,
                                            const Index3& volume) const;
 
@@ -44,7 +44,7 @@ class EdgeSample {
               std::uint32_t axis, std::uint32_t seed);
   void prune();
 
-  // Those of all that were seen whose priority is at most the greatest one kept; more for a while.
+  // The edges whose priority is at most the greatest one kept; more for a while.
   std::vector<Edge> edges_;
   float greatest_kept_ = std::numeric_limits<float>::max();
 };

@@ -1,4 +1,4 @@
-// Voxels that no isovalue can be compared with: NaN and infinite ones.
+// Voxels that are not finite: NaN and infinite ones.
 #pragma once
 
 #include <cstdint>

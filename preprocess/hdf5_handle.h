@@ -8,7 +8,7 @@
 
 namespace isobrick {
 
-// The library has one state for the whole process: nothing of it is used without this.
+// The library has one state for the whole process: no call to it is made without this.
 inline std::mutex& hdf5Mutex() {
   static std::mutex mutex;
   return mutex;
@@ -30,7 +30,7 @@ class Hdf5Handle {
 
   hid_t id() const { return id_; }
   bool isValid() const { return id_ >= 0; }
-  // False where that failed: of a file, what was still to be written.
+  // False if that failed: of a file, if its last bytes could not be written.
   bool close() { return id_ < 0 || close_(std::exchange(id_, H5I_INVALID_HID)) >= 0; }
 
  private:

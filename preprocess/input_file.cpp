@@ -15,7 +15,7 @@
 namespace isobrick {
 namespace {
 
-// The file or the nearest folder above it that has its name, where that is a link to nowhere.
+// The file, or the nearest folder above it that exists by name, if that is a link to nowhere.
 std::optional<std::filesystem::path> linkToNowhere(std::filesystem::path path) {
   for (; !path.empty(); path = path.parent_path()) {
     struct stat status = {};
@@ -28,7 +28,7 @@ std::optional<std::filesystem::path> linkToNowhere(std::filesystem::path path) {
   return std::nullopt;
 }
 
-// `name` is what the message calls it.
+// `name` is its name in the message.
 [[noreturn]] void refuseToOpen(const std::string& path, const std::string& name, int reason) {
   const std::string cannot = "cannot open " + name + ": ";
   if (reason == ENOENT)
@@ -61,7 +61,7 @@ bool inputIsThere(const std::string& path) {
 }
 
 InputFile::InputFile(const std::string& path, const std::string& named_by) : path_(path) {
-  // Without O_NONBLOCK a pipe would be waited for; regular files do not heed it.
+  // Without O_NONBLOCK the call would wait for a pipe; it has no effect on regular files.
   fd_ = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   const std::string name =
       "'" + path + "'" + (named_by.empty() ? "" : ", which '" + named_by + "' names");

@@ -8,16 +8,16 @@
 
 namespace isobrick {
 
-// False only where nothing has that name: neither a file nor a link, and where no folder on the way
-// is a link to nowhere. Throws Error for what has the name and cannot be reached, such as the links
-// of git-annex and DataLad to files that were not fetched.
+// False only if nothing has that name, neither a file nor a link, and no folder on the way is a
+// link to nowhere. Throws Error for a name that cannot be reached, such as the links of git-annex
+// and DataLad to files that were not fetched.
 bool inputIsThere(const std::string& path);
 
 // Owns the descriptor. Errors name the path, the byte and the reason.
 class InputFile {
  public:
-  // `named_by` is the header that names the file, or empty. Throws Error for what cannot be opened
-  // and for what is no regular file.
+  // `named_by` is the header that names the file, or empty. Throws Error if the path cannot be
+  // opened or is no regular file.
   explicit InputFile(const std::string& path, const std::string& named_by = "");
   ~InputFile();
   InputFile(const InputFile&) = delete;
@@ -28,8 +28,8 @@ class InputFile {
   std::uint64_t size() const { return size_; }
   const std::timespec& changedAt() const { return changed_at_; }
 
-  // Reads `bytes` at `offset`, fewer only where the file ends; returns how many. By any number of
-  // threads at once. Throws ResumableError where the disk fails.
+  // Reads `bytes` at `offset`, fewer only if the file ends; returns how many. By any number of
+  // threads at once. Throws ResumableError if the disk fails.
   std::size_t readAt(std::uint64_t offset, void* out, std::size_t bytes) const;
 
  private:

@@ -16,7 +16,7 @@
 namespace isobrick {
 namespace {
 
-// Headers are at the beginning, and what was cut off is missing at the end.
+// Headers are at the beginning, and a truncated file lacks its end.
 constexpr std::uint64_t kEndBytes = std::uint64_t{64} << 10;
 constexpr std::uint64_t kBlockBytes = std::uint64_t{4} << 10;
 constexpr std::uint64_t kBlocks = 16;
@@ -95,7 +95,7 @@ std::vector<InputWatch::Stamp> InputWatch::stampsOf(const std::vector<std::strin
   std::vector<Stamp> stamps;
   for (const std::string& file : files) {
     struct stat status = {};
-    Stamp stamp = {};  // of a file that cannot be reached: looking into it says why
+    Stamp stamp = {};  // of a file that cannot be reached: opening it gives the reason
     if (stat(file.c_str(), &status) == 0)
       stamp = {static_cast<std::int64_t>(status.st_dev),
                static_cast<std::int64_t>(status.st_ino),
@@ -152,7 +152,7 @@ std::string provenanceText(const VolumeSource& source, const BuildOptions& optio
                          {"notes", info.notes}};
   for (const std::string& note : source.notesOfReading()) json["notes"].push_back(note);
   if (!info.properties.empty()) json["properties"] = info.properties;
-  // Whether there were any is not said: a resumed build does not see all voxels.
+  // It does not tell whether there were any: a resumed build does not read all voxels.
   if (options.nan_as && info.voxel_type == VoxelType::kFloat32)
     json["notes"].push_back("voxels that were not finite became " +
                             jsonOfNumber(static_cast<double>(*options.nan_as)));
@@ -179,7 +179,7 @@ std::string buildIdentity(const VolumeInfo& info, const std::string& input_ident
   line("brick", std::to_string(options.brick_cells));
   line("tile", std::to_string(options.tile_cells));
   line("curvature", options.with_curvature ? jsonOfNumber(options.curvature_epsilon) : "none");
-  line("error", "none");  // as programs say it that could store bounds of errors
+  line("error", "none");  // as in programs that could store bounds of errors
   line("nan_as", options.nan_as ? jsonOfNumber(static_cast<double>(*options.nan_as)) : "none");
   line("version", std::to_string(format::kVersion));
   line("algorithm", std::to_string(kBuildAlgorithm));

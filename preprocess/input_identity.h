@@ -13,23 +13,22 @@ namespace isobrick {
 
 // One line that changes with the source's files: their number, bytes, times of last change, and
 // blocks of their content, spread from the first to the last byte; for a source without files, its
-// identity(). Reads at most some 200 KiB of each file, and looks at `cancel`, which may be null,
-// before each. Throws Error where one cannot be opened, and ResumableError where it cannot be read
-// or ends before its end.
+// identity(). Reads at most some 200 KiB of each file, and checks `cancel`, which may be null,
+// before each. Throws Error if one cannot be opened, and ResumableError if it cannot be read or
+// ends before its end.
 std::string inputIdentity(const VolumeSource& source, const CancelFlag* cancel = nullptr);
 
 // A source's input from the beginning of a build to its end. Used by one thread at a time.
 class InputWatch {
  public:
-  // Samples the input, as inputIdentity() does. `cancel`, which is looked at then and by
+  // Samples the input, as inputIdentity() does. `cancel`, which is checked then and by
   // checkContent(), outlives this object; the source need not.
   explicit InputWatch(const VolumeSource& source, const CancelFlag* cancel = nullptr);
   const std::string& identity() const { return identity_; }
 
-  // Both throw ResumableError where the input is no longer what it was, or where that cannot be
-  // told because a file cannot be read. The first only asks for the files' times and sizes, and
-  // looks into them where these have changed: what was read before it returns was of the old
-  // content.
+  // Both throw ResumableError if the input has changed, or if that cannot be told because a file
+  // cannot be read. The first compares only the files' times and sizes, and their content if these
+  // have changed: all bytes that were read before it returns were of the old content.
   void check();
   void checkContent();
 

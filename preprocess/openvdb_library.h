@@ -6,7 +6,7 @@
 
 namespace isobrick {
 
-// OpenVDB knows its grid types, and keeps to itself what it would print, from here on.
+// From here on OpenVDB has its grid types registered, and prints nothing.
 inline void initializeOpenVdb() {
   static const bool kDone = [] {
     openvdb::initialize();

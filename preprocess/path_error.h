@@ -1,4 +1,4 @@
-// Errors of a file, in the words that all sources and writers have for them.
+// Errors of a file, in the words that all sources and writers use.
 #pragma once
 
 #include <string>
@@ -9,7 +9,7 @@
 
 namespace isobrick {
 
-// "cannot use 'PATH': WHY": the file is whole, and is not what can be worked with.
+// "cannot use 'PATH': WHY": the file is whole, but cannot be used.
 inline Error unusable(const std::string& path, const std::string& why,
                       std::vector<Remedy> remedies = {}) {
   return Error("cannot use '" + path + "': " + why, {.path = path}, std::move(remedies));

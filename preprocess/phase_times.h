@@ -1,4 +1,4 @@
-// Where the time of a build goes.
+// The time that each step of a build takes.
 #pragma once
 
 #include <array>

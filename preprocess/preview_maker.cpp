@@ -11,9 +11,9 @@ namespace isobrick {
 namespace {
 
 constexpr std::int64_t kMostSamples = std::int64_t{1} << 21;
-// Until one was made.
+// The assumption until a first one was made.
 constexpr double kSecondsPerSample = 20e-9;
-// That the first one may take without having been saved up for.
+// The first one may take this long before any time was saved for it.
 constexpr double kFirstSeconds = 0.02;
 constexpr int kMostThreads = 4;
 
@@ -138,7 +138,7 @@ void PreviewMaker<T>::publish(std::int64_t slices) {
           .string();
   tbb::task_arena arena(std::min(tbb::this_task_arena::max_concurrency(), kMostThreads));
   arena.execute([&] { buildPyramid(source, path, options); });
-  // A viewer that was told of the one before has opened it by now, or takes this one.
+  // A viewer that got the path of the previous one has opened it by now, or takes this one.
   std::error_code ignored;
   if (!path_.empty()) std::filesystem::remove(path_, ignored);
   path_ = path;

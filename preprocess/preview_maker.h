@@ -1,4 +1,4 @@
-// A coarse version of a volume while its pyramid is built, for people who wait for it.
+// A coarse version of a volume while its pyramid is built, for users who wait for it.
 #pragma once
 
 #include <chrono>
@@ -16,7 +16,7 @@ namespace isobrick {
 // one of them.
 inline constexpr std::uint64_t kPreviewBytes = std::uint64_t{40} << 20;
 
-// Which samples a preview of the whole volume has.
+// The samples of a preview of the whole volume.
 struct PreviewGrid {
   std::int64_t step = 2;  // voxels from one to the next, a power of two
   Index3 samples{2};      // those at multiples of it, within the volume
@@ -33,15 +33,15 @@ class PreviewMaker {
   // `info` and `options`, with the same `options.preview`, are those of the build, which begins
   // now; they outlive the maker.
   PreviewMaker(const VolumeInfo& info, const PreviewGrid& grid, const BuildOptions& options);
-  // Removes what was published and is still there.
+  // Removes the preview that was published and is still there.
   ~PreviewMaker();
   PreviewMaker(const PreviewMaker&) = delete;
   PreviewMaker& operator=(const PreviewMaker&) = delete;
 
   // Samples of level 1, dense in `box`.
   void include(const IndexBox& box, const T* samples);
-  // Publishes what there is, where the build can spare the time: all slices of level 1 below `end`
-  // were included.
+  // Publishes the samples so far, if the build can spare the time: all slices of level 1 below
+  // `end` were included.
   void offer(std::int64_t end);
 
  private:

@@ -40,7 +40,7 @@ std::string spaceText(std::uint64_t bytes) {
 }
 
 // One build; T is the voxel type. The levels come one after the other, each as windows of bricks
-// that pass through the pipeline; what the next level is made from waits in a store.
+// that pass through the pipeline; the samples for the next level wait in a store.
 template <typename T>
 class Build {
  public:
@@ -111,8 +111,8 @@ class Build {
     if (options_.progress) options_.progress(what, fraction);
   }
 
-  // A full disk is to show now rather than at the end. Packed bricks are smaller than plain ones,
-  // by how much nobody knows: then only what cannot be enough is refused.
+  // A full disk is to show now rather than at the end. The size of packed bricks is unknown
+  // beforehand: then only space that cannot be enough is refused.
   void takeSpace() {
     const std::optional<std::uint64_t> free_bytes = writer_.freeBytes();
     if (!free_bytes) return;
@@ -214,7 +214,7 @@ class Build {
     window.sample_box = needs_.samples(level, window.bricks);
     std::byte* const samples = window.samples.dataFor(bytesOf(window.sample_box));
     if (spool != nullptr) spool->releaseBefore(window.sample_box.first.z);
-    // A window may be large and a disk slow: a request to cancel is not to wait for all of it.
+    // A window may be large and a disk slow: a request to cancel must not wait for all of it.
     std::byte* to = samples;
     for (const IndexBox& slices : piecesOf(window.sample_box)) {
       if (options_.cancel != nullptr) options_.cancel->check();
@@ -227,7 +227,7 @@ class Build {
       to += bytesOf(slices);
     }
     if (level > 0) return;
-    // Before its bricks come to the journal: one of other content must never be gone on with.
+    // Before its bricks come to the journal: a brick of other content must never be resumed.
     input_.check();
     if constexpr (std::is_same_v<T, float>)
       report_.replaced_voxels += makeFinite(reinterpret_cast<float*>(samples), window.sample_box,
@@ -305,7 +305,7 @@ class Build {
   }
 
   VolumeSource& source_;
-  InputWatch& input_;  // by the reading thread, and by the caller's where that has ended
+  InputWatch& input_;  // by the reading thread, and by the caller's once that has ended
   const BuildOptions& options_;
   std::string folder_;  // of the output
   const PyramidSpec spec_;

@@ -18,25 +18,25 @@ class InputWatch;  // input_identity.h
 // Called now and then by one thread at a time: the phase's name and how much of it is done, 0 .. 1.
 using BuildProgress = std::function<void(std::string_view phase, double fraction)>;
 
-// Which bricks an input and options become: part of the identity, so that what an older program
-// built is built anew and not gone on with. To be raised with every change after which the same
-// input and options give other bytes: in a kernel, in the packing, in what a source makes of its
-// file, in the order of the file. Never for a release alone.
+// The version of the bricks that an input and options give. It is part of the identity, so that
+// pyramids and unfinished builds of an older program are built anew. Raise it with every change
+// after which the same input and options give other bytes: in a kernel, in the packing, in how a
+// source reads its file, in the order of the file. Never raise it for a release alone.
 inline constexpr int kBuildAlgorithm = 3;
 
-// A coarse version of what a build has read by then: an ordinary pyramid, of the first sample in
-// every `step` along each axis, in the volume's place in the world, with as many slices
-// as were whole.
+// A coarse version of the slices that a build has read so far: an ordinary pyramid of the first
+// sample in every `step` along each axis, in the volume's place in the world, with all complete
+// slices.
 struct BuildPreview {
   std::string path;       // of the file
   std::int64_t step = 2;  // voxels from one sample to the next, a power of two
   Index3 voxels{0};       // of the volume that is being built
 };
 
-// Previews are published while level 0 is read, each under a name of its own. One goes when the
-// next is there, and the last when the build ends: a program that is told of one opens it at once,
-// and may remove it. There are none of volumes of at most 128^3 voxels, and none if `memory_bytes`
-// are fewer than 160 MiB. They change neither the result nor the bound of the memory.
+// Previews are published while level 0 is read, each under a name of its own. Each is removed when
+// the next is there, and the last when the build ends, so a program opens one as soon as it is
+// published, and may remove it. There are none for volumes of at most 128^3 voxels, and none if
+// `memory_bytes` is below 160 MiB. They change neither the result nor the bound of the memory.
 struct PreviewOptions {
   std::string folder;  // empty: there are none. Best in memory; for this build alone
   // The share of the build's time, 0 .. 1; 0: none; 1: one after every slab of bricks. A first one
@@ -63,10 +63,11 @@ struct BuildOptions {
   // Bounds all buffers of the build together, those of the source included. The rest lies
   // in temporary files in the folder of the output. Does not change the result.
   std::uint64_t memory_bytes = std::uint64_t{512} << 20;
-  // Go on from what an interrupted or killed build of the same input with the same options left
-  // beside the output; without anything there, begin at the beginning. Does not change the result.
+  // Resumes from the files that an interrupted or killed build of the same input with the same
+  // options left beside the output; without such files, begins at the beginning. Does not change
+  // the result.
   bool resume = false;
-  // A build that ends early leaves what `resume` takes; otherwise it leaves nothing.
+  // A build that ends early leaves the files that `resume` takes; if false, it leaves nothing.
   bool keep_unfinished = true;
 
   const CancelFlag* cancel = nullptr;  // may be null
@@ -74,8 +75,8 @@ struct BuildOptions {
   PreviewOptions preview;              // without a folder there are none
 };
 
-// Phases overlap: `busy_seconds` adds up what all threads spent in one, computing or waiting for
-// the disk.
+// Phases overlap: `busy_seconds` adds up the time that all threads spent in one, computing or
+// waiting for the disk.
 struct BuildPhase {
   std::string name;         // "read", "low-pass", "ranges", "curvature", "pack", "write", "publish"
   double busy_seconds = 0;  // of all threads
@@ -97,9 +98,9 @@ struct BuildReport {
 // point at which earlier builds were interrupted.
 //
 // Throws Error for bad input and for a memory bound too small for one brick (the message says how
-// much it takes), ResumableError if the disk is full or fails, or if the input changed or
-// cannot be read any more, and Cancelled. After the last two, "<path>.partial" and its journal stay
-// for `resume` if that is wished and at least one brick was written, and the message says so;
+// much it takes), ResumableError if the disk is full or fails, or if the input changed or cannot be
+// read any more, and Cancelled. After the last two, "<path>.partial" and its journal stay for
+// `resume` if keep_unfinished is set and at least one brick was written, and the message says so;
 // otherwise nothing is left. All kept bricks were made from the input as it was at the beginning:
 // the times of its files are checked after every window, and its content at the end.
 BuildReport buildPyramid(VolumeSource& source, const std::string& path,

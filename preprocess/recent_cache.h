@@ -1,4 +1,4 @@
-// The values that were asked for last, within a budget.
+// The values that were used last, within a budget.
 #pragma once
 
 #include <cstdint>
@@ -11,7 +11,7 @@
 
 namespace isobrick {
 
-// Vectors of T by key, those used last. Thread-safe.
+// Vectors of T by key. Thread-safe.
 template <typename Key, typename T>
 class RecentCache {
  public:

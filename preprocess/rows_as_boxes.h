@@ -8,7 +8,7 @@
 namespace isobrick {
 
 // VolumeSource::readRows() by readBox(): as many whole slices at once as there are, so that every
-// brick or chunk of them is looked at once.
+// brick or chunk of them is read once.
 inline void readRowsAsBoxes(const VolumeSource& source, std::int64_t first, std::int64_t count,
                             void* out) {
   auto* to = static_cast<std::byte*>(out);

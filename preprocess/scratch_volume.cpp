@@ -18,7 +18,7 @@ namespace {
 
 constexpr std::size_t kHugePageBytes = std::size_t{2} << 20;
 
-// A file without a name; file systems that know none get one whose name is removed at once.
+// A file without a name; file systems that have none get one whose name is removed at once.
 int openTemporary(const std::string& folder) {
   int fd = open(folder.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
   if (fd >= 0) return fd;

@@ -9,7 +9,7 @@
 
 namespace isobrick {
 
-// Memory for large buffers: asks for huge pages, which come ten times as fast as small ones. The
+// Memory for large buffers: requests huge pages, which come ten times as fast as small ones. The
 // bytes are not set to anything. Throws std::bad_alloc.
 class LargeBuffer {
  public:
@@ -17,8 +17,8 @@ class LargeBuffer {
   explicit LargeBuffer(std::size_t bytes);
   std::byte* data() const { return data_.get(); }
   std::size_t size() const { return bytes_; }
-  // data(), for so many bytes. Throws std::logic_error where the buffer has fewer: nothing is ever
-  // written beyond it, whatever its size was reckoned from.
+  // data(), for so many bytes. Throws std::logic_error if the buffer has fewer: nothing is ever
+  // written beyond it, however its size was computed.
   std::byte* dataFor(std::size_t bytes) const;
 
  private:
@@ -34,7 +34,7 @@ class LargeBuffer {
 class ScratchVolume {
  public:
   enum class Place { kMemory, kFile };
-  // The file is made in `folder`. Throws ResumableError where that fails.
+  // The file is made in `folder`. Throws ResumableError if that fails.
   ScratchVolume(const Index3& dims, std::size_t element_bytes, Place place,
                 const std::string& folder);
   ~ScratchVolume();

@@ -1,4 +1,4 @@
-// JSON out of a file that anybody may have made.
+// JSON out of a file of unknown origin.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -6,9 +6,9 @@
 
 namespace isobrick {
 
-// Discarded (is_discarded()) where the text is no JSON or is nested deeper than 32: a parser, and
-// whoever walks through the result, would take a stack as deep as that. `Json` is nlohmann::json or
-// its ordered kin.
+// Discarded (is_discarded()) if the text is no JSON or is nested deeper than 32: a parser, and any
+// walk through the result, would take a stack as deep as that. `Json` is nlohmann::json or its
+// ordered kin.
 template <typename Json = nlohmann::json>
 Json parseShallowJson(const std::string& text) {
   constexpr int kDeepest = 32;

@@ -72,7 +72,7 @@ void SliceSpool::waitForSlices(std::int64_t end) {
 }
 
 void SliceSpool::read(const IndexBox& box, void* out) {
-  // They would be waited for, for ever.
+  // The call would wait for them for ever.
   if (box.count.z > slices_) throw std::logic_error("more slices are asked for than are held");
   waitForSlices(box.end().z);
   auto* to = static_cast<std::byte*>(out);

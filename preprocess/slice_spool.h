@@ -1,4 +1,4 @@
-// Makes a source that can only be read in order look like one that is read box by box.
+// Reads boxes from a source that can only be read in order.
 #pragma once
 
 #include <condition_variable>
@@ -15,11 +15,11 @@
 namespace isobrick {
 
 // A thread of its own reads the source, some slices ahead of their use, into a ring of slices that
-// lies in memory or in a temporary file. The slices below releaseBefore() give their place to those
-// that come. One thread may use the members; the source must not be used by anybody else.
+// lies in memory or in a temporary file. The slices below releaseBefore() give their place to later
+// ones. One thread may use the members; nothing else may use the source.
 class SliceSpool {
  public:
-  // The ring holds `slices` slices, at least as many as any box asked for spans (plus what lies
+  // The ring holds `slices` slices, at least as many as any box spans that is read (plus those
   // between it and the last releaseBefore()). Reading begins with slice `first`. `cancel`, which
   // may be null and outlives the spool, ends reading after the rows that are being read: read()
   // throws Cancelled then.
@@ -34,7 +34,7 @@ class SliceSpool {
   void read(const IndexBox& box, void* out);
   void releaseBefore(std::int64_t slice);
 
-  // Rows that the thread asks for at a time.
+  // Rows that the thread reads at a time.
   static std::int64_t rowsPerRead(const VolumeInfo& info);
 
  private:

@@ -11,7 +11,7 @@ namespace {
 
 enum class InputState { kAsItWas, kChanged, kUnknown };
 
-// Unknown if the user did not wait for the answer.
+// Unknown if the user cancelled the check.
 InputState stateOf(InputWatch& input) {
   try {
     input.checkContent();

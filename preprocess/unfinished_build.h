@@ -1,4 +1,4 @@
-// The remains of a build that fails, and the message to its user.
+// The remaining files of a build that fails, and the message to its user.
 #pragma once
 
 #include <cstdint>
@@ -17,8 +17,8 @@ struct UnfinishedBuild {
   std::uint64_t bricks = 0;  // of the whole pyramid
 };
 
-// For a catch block: throws the exception at hand as the caller of buildPyramid() gets it. Where
-// the build can go on later, the temporary file stays, and the message says so.
+// For a catch block: throws the current exception as the caller of buildPyramid() gets it. If the
+// build can be resumed, the temporary file stays, and the message says so.
 [[noreturn]] void throwUnfinished(const UnfinishedBuild& build);
 
 }  // namespace isobrick

@@ -20,7 +20,7 @@ struct VolumeInfo {
   std::string format;    // "raw", "NRRD", "DICOM series", "phantom", ...
   std::string encoding;  // how the voxels are stored, if the user said so and not the file
   std::vector<std::string> notes;  // every conversion on the way in, a line each
-  // Facts of the file beside its voxels that a writer of its format wants back, such as the
+  // Facts of the file beside its voxels that a writer of its format needs again, such as the
   // background of an OpenVDB grid: "vdb.background" and its value as text.
   std::map<std::string, std::string> properties = {};
 };
@@ -35,9 +35,8 @@ class VolumeSource {
   virtual const VolumeInfo& info() const = 0;
 
   // Writes rows [first, first + count) into `out`: count * voxels.x voxels of info().voxel_type,
-  // native byte order. Row r is row r % voxels.y of slice r / voxels.y. Calls ask for ascending
-  // rows; rows that were skipped between two calls are never asked for
-  // later. By one thread at a time.
+  // native byte order. Row r is row r % voxels.y of slice r / voxels.y. Rows ascend from call to
+  // call; rows that were skipped between two calls are never read later. By one thread at a time.
   virtual void readRows(std::int64_t first, std::int64_t count, void* out) = 0;
 
   // True if readBox() may be used instead of readRows().

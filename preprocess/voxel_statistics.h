@@ -15,24 +15,24 @@
 namespace isobrick {
 
 // The noise is the standard deviation of noise that is independent from voxel to voxel, in the
-// units of the voxels: of the second differences along x, which a smooth field hardly has, the
-// median of the magnitudes, over 0.6745 sqrt(6), as it is for Gaussian noise. Triples of equal
-// voxels do not count: they are background that was cut off, or saturated. 0 where all are such.
-// Surfaces, which are few, hardly move a median; noise that a filter has smeared over several
-// voxels is underestimated. Every fourth row of every fourth slice is looked at; magnitudes are
-// told apart to 1/256 of theirs.
+// units of the voxels: the median of the magnitudes of the second differences along x, which are
+// small in a smooth field, over 0.6745 sqrt(6), as for Gaussian noise. Triples of equal voxels do
+// not count: they are background that was cut off, or saturated. 0 if all are such. Surfaces, which
+// are few, hardly move a median; noise that a filter has smeared over several voxels is
+// underestimated. It reads every fourth row of every fourth slice, and magnitudes to 1/256 of their
+// value.
 class VoxelStatistics {
  public:
-  // Counts the voxels of `own`, with `samples` around it: one more along each axis where the volume
-  // has it, which has `volume` voxels. Thread-safe. Every voxel is to be counted once;
-  // nothing depends on how they come.
+  // Counts the voxels of `own`, with `samples` around it: one more along each axis if the volume,
+  // of `volume` voxels, has it. Thread-safe. Every voxel is to be counted once; their order does
+  // not matter.
   template <typename T>
   void add(const SampleBlock<T>& samples, const IndexBox& own, const Index3& volume);
 
   // For all voxels that were counted, which have that range. Not while others count.
   VoxelHistogram histogram(VoxelType type, const ValueRange& range) const;
   double noise() const;
-  // Nothing where all voxels are equal.
+  // Nothing if all voxels are equal.
   std::optional<GradientSpectrum> gradients(const VoxelHistogram& histogram,
                                             const ValueRange& range, const Index3& volume) const;
 

@@ -1,4 +1,4 @@
-// Waiting for a call of a library that cannot be interrupted.
+// Waits for a library call that cannot be interrupted.
 #pragma once
 
 #include <chrono>
@@ -42,7 +42,7 @@ auto runAbandonable(const CancelFlag* cancel, Work work) {
     } catch (...) {
       failure = std::current_exception();
     }
-    shared->work.reset();  // what only the work owned goes here
+    shared->work.reset();  // destroys everything that only the work owned
     const std::lock_guard lock(shared->mutex);
     shared->result = std::move(result);
     shared->failure = failure;
@@ -50,7 +50,7 @@ auto runAbandonable(const CancelFlag* cancel, Work work) {
     shared->changed.notify_all();
   }).detach();
 
-  // A signal handler can set the flag and nothing more, so nobody wakes this thread.
+  // A signal handler can only set the flag, so no call wakes this thread.
   constexpr auto kBetweenLooks = std::chrono::milliseconds(5);
   std::unique_lock lock(shared->mutex);
   while (!shared->changed.wait_for(lock, kBetweenLooks, [&] { return shared->is_done; }))

@@ -19,7 +19,7 @@
 namespace isobrick {
 namespace {
 
-// The disk is asked to begin writing after so many bytes: so it works while the next ones are made,
+// Writing to the disk begins after so many bytes: so the disk works while the next ones are made,
 // and the fsync at the end has little left to do.
 constexpr std::uint64_t kBytesPerWriteback = std::uint64_t{8} << 20;
 
@@ -55,16 +55,16 @@ const char* adviceFor(int error) {
   throw Error(line, {.path = path, .offset = offset});
 }
 
-// True where `path` still names the file that is open as `fd`.
+// True if `path` still names the file that is open as `fd`.
 bool namesOpenFile(const std::string& path, int fd) {
   struct stat named = {}, opened = {};
   return stat(path.c_str(), &named) == 0 && fstat(fd, &opened) == 0 &&
          named.st_dev == opened.st_dev && named.st_ino == opened.st_ino;
 }
 
-// Opens and locks the temporary, and empties it if told so. The lock tells a leftover of a killed
-// process from the file of a living one. Between open and lock the other process may have published
-// the file; then it is not ours to empty, and the next round makes a new one.
+// Opens and locks the temporary file, and empties it if `empty`. The lock distinguishes a leftover
+// of a killed process from the file of a living one. Between open and lock the other process may
+// have published the file; then this one must not empty it, and the next round makes a new one.
 int openTemporary(const std::string& path, const std::string& temporary_path, bool empty) {
   for (;;) {
     const int fd = open(temporary_path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666);
@@ -146,7 +146,7 @@ void AtomicFile::writeGathered(std::span<iovec> spans) {
   beginWriteback(result.bytes);
 }
 
-// Asked for, not waited for; where it is not possible, fsync does all the work.
+// Requests it without waiting; if that is not possible, fsync does all the work.
 void AtomicFile::beginWriteback(std::uint64_t bytes) {
   if ((written_ += bytes) < kBytesPerWriteback) return;
   written_ = 0;

@@ -1,4 +1,4 @@
-// A file that appears under its name only when it is whole.
+// A file that appears under its name only when it is complete.
 #pragma once
 
 #include <sys/uio.h>
@@ -14,25 +14,25 @@
 
 namespace isobrick {
 
-// Behind the name of what is written: nobody else has files of such names. A pyramid, which can be
-// gone on with, has one of its own, "<path>.partial" (pyramid_writer.h).
+// The ending of a file that is being written; no other program has files of such names. A pyramid,
+// whose build can be resumed, has one of its own, "<path>.partial" (pyramid_writer.h).
 inline constexpr char kTemporaryEnding[] = ".isobrick.partial";
 
-// Where the file lies: "." for a name alone.
+// The folder of the file: "." for a name alone.
 std::string folderOf(const std::string& path);
 
 // Writes to "<path>.isobrick.partial" in the same folder; commit() makes the bytes durable and
 // gives them their name, replacing an older file in one step. An AtomicFile that is destroyed
-// without commit() removes its temporary, so a failed or cancelled run leaves nothing behind,
-// unless keepTemporary(true) was called. A temporary that a killed process left is taken over; one
-// that a living process writes is refused.
+// without commit() removes its temporary file, so a failed or cancelled run leaves nothing behind,
+// unless keepTemporary(true) was called. A temporary file that a killed process left is taken over;
+// one that a living process writes is refused.
 //
 // Failures that can pass (no space, ...) throw ResumableError, others Error, with the path, the
-// reason and what to do. Nothing is buffered: hand over blocks of some 64 KiB or more.
-// pwrite() may be called from several threads at once; all other members from one at a time.
+// reason and what to do. Nothing is buffered: pass blocks of some 64 KiB or more. pwrite() may be
+// called from several threads at once; all other members from one at a time.
 class AtomicFile {
  public:
-  // The fate of the bytes in a temporary that a killed process left.
+  // The fate of the bytes in a temporary file that a killed process left.
   enum class Leftover { kEmpty, kKeep };
   explicit AtomicFile(const std::string& path, Leftover leftover = Leftover::kEmpty,
                       const char* temporary_ending = kTemporaryEnding);
@@ -56,20 +56,20 @@ class AtomicFile {
   // Appends after `position` from now on; what lies behind it is overwritten or cut off.
   void continueFrom(std::uint64_t position) { position_ = position; }
 
-  // Free bytes of the file system for this process, or nothing where it cannot tell.
+  // Free bytes of the file system for this process, or nothing if it cannot tell.
   std::optional<std::uint64_t> freeBytes() const;
-  // Makes sure that the file can grow to `bytes`: where the file system supports it, the space is
+  // Makes sure that the file can grow to `bytes`: if the file system supports it, the space is
   // taken now. The file is that long until cutAfterPosition(). File systems in memory (tmpfs) are
-  // left alone: there it would take the memory that is to be spared.
+  // left alone: there it would take the memory that the build saves.
   void reserve(std::uint64_t bytes, const CancelFlag* cancel = nullptr);
   void cutAfterPosition();
 
-  // The destructor leaves the temporary where it is.
+  // The destructor leaves the temporary file in place.
   void keepTemporary(bool keep) { keep_ = keep; }
 
   // Waits for the disk, gives the file its name, waits for the folder. Once, and nothing may be
-  // written afterwards. Looks at `cancel` while it waits for the disk: throws Cancelled, and the
-  // file has not got its name.
+  // written afterwards. Checks `cancel` while it waits for the disk: throws Cancelled, and the file
+  // does not get its name.
   void commit(const CancelFlag* cancel = nullptr);
 
  private:
@@ -81,7 +81,7 @@ class AtomicFile {
   std::string temporary_path_;
   int fd_ = -1;
   std::uint64_t position_ = 0;
-  std::atomic<std::uint64_t> written_ = 0;  // since the disk was asked to begin, about
+  std::atomic<std::uint64_t> written_ = 0;  // since the last writeback began, about
   bool keep_ = false;
 };
 

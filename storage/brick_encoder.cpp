@@ -19,7 +19,7 @@ static_assert(kMostPackedBytes == BLOSC_MAX_BUFFERSIZE);
 struct BloscSetting {
   const char* compressor;
   int level;
-  std::size_t block_bytes;  // Blosc multiplies it by the element's bytes where it splits a block
+  std::size_t block_bytes;  // Blosc multiplies it by the element's bytes if it splits a block
 };
 // LZ4 is there for speed: level 5 saves at most 2 % more and takes 3 to 15 % longer. Its blocks
 // stay in the second-level cache.
@@ -27,8 +27,8 @@ constexpr BloscSetting kLz4Setting = {BLOSC_LZ4_COMPNAME, 3, 128 * 1024};
 // Blosc's level 2 is level 3 of Zstandard: up to twice the time, for nothing or a few per cent.
 constexpr BloscSetting kZstdSetting = {BLOSC_ZSTD_COMPNAME, 1, 256 * 1024};
 
-// How the elements of a part are seen: as numbers of this many bytes, whose bytes are shuffled; or
-// as single bytes, as they are.
+// How the elements of a part are packed: as numbers of this many bytes, whose bytes are shuffled;
+// or as single bytes, as they are.
 struct ElementView {
   std::size_t bytes;
   bool shuffled;
@@ -133,7 +133,7 @@ void undoDifferences(std::byte* data, std::size_t bytes, std::size_t element_byt
 
 // ---- packing ----
 
-// True where all elements of `element_bytes` bytes are the same.
+// True if all elements of `element_bytes` bytes are the same.
 bool allEqual(std::span<const std::byte> data, std::size_t element_bytes) {
   return data.size() <= element_bytes ||
          std::memcmp(data.data(), data.data() + element_bytes, data.size() - element_bytes) == 0;
@@ -145,8 +145,8 @@ void leaveOut(EncodedPart& part, format::Codec codec) {
   part.codec = codec;
 }
 
-// Replaces the bytes by their Blosc buffer. False, with the bytes unchanged, where it does not save
-// enough: what is stored as it is needs no buffer of its own when it is read, and no time.
+// Replaces the bytes by their Blosc buffer. False, with the bytes unchanged, if it does not save
+// enough: plain bytes need no buffer of their own when they are read, and no time.
 bool pack(EncodedPart& part, format::Codec codec, const ElementView& view,
           std::vector<std::byte>& scratch) {
   const std::size_t bytes = part.bytes.size();
@@ -191,15 +191,15 @@ static_assert(sizeof(BloscHeader) == BLOSC_MIN_HEADER_LENGTH);
 
 constexpr unsigned kDoNotSplit = 0x10;
 constexpr int kCompressorShift = 5;
-// Blosc takes twice a block's bytes, and a little, from the heap without a look at what it gets.
+// Blosc takes twice a block's bytes, and a little, from the heap and does not check the result.
 constexpr std::uint32_t kMostBlockBytes = 1 << 20;
 // Many small blocks take long: Zstandard sets itself up for each.
 constexpr std::uint32_t kLeastBlockBytes = 128;
 // Blosc splits a block only if each split has this many bytes.
 constexpr std::uint32_t kLeastSplitBytes = 128;
 
-// Checks what the format permits. In particular Blosc's own compressor, BloscLZ, is not let near
-// the bytes: its decoder adds up lengths without a look at the overflow (c-blosc issue 405).
+// Checks it against the format. Blosc's own compressor, BloscLZ, is refused: its decoder adds up
+// lengths without a check for overflow (c-blosc issue 405).
 bool isHeaderSound(const BloscHeader& header, format::Codec codec, std::size_t stored_bytes,
                    std::size_t bytes) {
   const unsigned compressor = codec == format::Codec::kZstd ? BLOSC_ZSTD_FORMAT : BLOSC_LZ4_FORMAT;

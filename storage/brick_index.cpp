@@ -107,7 +107,7 @@ void BrickIndex::check(std::size_t number, const std::byte* bytes) const {
   std::uint64_t stated = 0;
   std::memcpy(&stated, bytes + row_bytes_ - sizeof stated, sizeof stated);
   if (checksum64(bytes, row_bytes_ - sizeof stated, number) != stated) fail(number, "is damaged");
-  // Parts of kinds that are not known are never looked at, but have to be in the file as all are.
+  // Parts of unknown kinds are never read, but have to lie in the file as all parts do.
   for (std::size_t i = 0; i < kinds_.size(); ++i) {
     format::PartEntry part;
     std::memcpy(&part, bytes + i * sizeof part, sizeof part);

@@ -1,4 +1,4 @@
-// The brick table of an open pyramid, read and believed row by row as it is asked for.
+// The brick table of an open pyramid, read and checked row by row as rows are needed.
 #pragma once
 
 #include <atomic>
@@ -13,7 +13,7 @@
 namespace isobrick {
 
 // Bricks are numbered as their rows are: all of level 0 (x fastest), then all of level 1, and so
-// on. The cost of a query, in time and memory, depends on the rows that it asks for and not on how
+// on. The cost of a query, in time and memory, depends on the rows that it needs and not on how
 // many there are: some of the table stays in memory, at most kMostBytes of it. All const members
 // are thread-safe.
 class BrickIndex {
@@ -28,8 +28,8 @@ class BrickIndex {
   // row all the same.
   static constexpr std::uint64_t kReadAtOnceBytes = std::uint64_t{1} << 20;
 
-  // For a longer table reads nothing. `header` was checked, but not where the table is. `file`
-  // outlives the index. Throws Error where header and layout contradict each other, or the table is
+  // For a longer table reads nothing. `header` was checked, but for the place of the table. `file`
+  // outlives the index. Throws Error if header and layout contradict each other, or the table is
   // not in the file or cannot be read.
   BrickIndex(const PagedFile& file, const PyramidSpec& spec, const format::Header& header);
 
@@ -41,13 +41,13 @@ class BrickIndex {
   }
   BrickAddress address(std::size_t number) const;
 
-  // The row of a brick, number < count(). Throws Error, which names the brick, where the row cannot
-  // be read, is damaged, or says what is not possible.
+  // The row of a brick, number < count(). Throws Error, which names the brick, if the row cannot be
+  // read, is damaged, or has impossible values.
   BrickRow row(std::size_t number) const;
 
-  // False if row() has to read it first and nothing else of the table has to go for that. So if it
-  // is read then, it is at hand from then on: true for good. True, too, of rows that share a place
-  // with others in a table of more than kMostSlots * kRowsAtATime rows, and may have to be read.
+  // False if row() has to read it first and no other piece of the table has to go for that. Once
+  // read it stays in memory: then true for good. True, too, of rows that share a place with others
+  // in a table of more than kMostSlots * kRowsAtATime rows, and may have to be read.
   bool isAtHand(std::size_t number) const;
 
   // For the table, so far.
@@ -89,7 +89,7 @@ class BrickIndex {
   std::vector<std::size_t> first_;  // per level
   std::size_t count_ = 0;
   std::size_t slot_count_ = 0;
-  std::unique_ptr<Slot[]> slots_;  // a piece of the table has one place where it may be
+  std::unique_ptr<Slot[]> slots_;  // each piece of the table has one possible place
   mutable std::atomic<std::uint64_t> bytes_read_{0};
 };
 

@@ -13,7 +13,7 @@ struct IndexBox {
   Index3 count{0};  // how many, per axis
 
   bool operator==(const IndexBox&) const = default;
-  // Behind the greatest index, per axis.
+  // One past the greatest index, per axis.
   Index3 end() const { return first + count; }
   // How many indices.
   std::int64_t size() const { return elementCount(count); }
@@ -29,7 +29,7 @@ struct IndexBox {
 class BrickLayout {
  public:
   BrickLayout() = default;
-  // Both edges are powers of two, that of a tile is no longer than that of a brick.
+  // Both edges are powers of two; a tile's is at most a brick's.
   BrickLayout(const Lattice& lattice, std::int64_t brick_cells, std::int64_t tile_cells)
       : lattice_(lattice), brick_cells_(brick_cells), tile_cells_(tile_cells) {}
 
@@ -55,8 +55,8 @@ class BrickLayout {
     const Index3 last = glm::min(cells.end() + Index3(1), lattice_.samples(level) - Index3(1));
     return {first, last - first + Index3(1)};
   }
-  // Those of these samples that no other brick of the level has for its own: those at the cells'
-  // lower corners, and the last ones at the far border.
+  // The stored samples that belong to this brick alone: those at the cells' lower corners and, at
+  // the far border, the last ones too.
   IndexBox brickOwnSamples(int level, const Index3& brick) const {
     IndexBox own = brickCellBox(level, brick);
     for (int axis = 0; axis < 3; ++axis)
@@ -81,7 +81,7 @@ class BrickLayout {
   std::int64_t tile_cells_ = 4;
 };
 
-// Which brick of a pyramid.
+// The address of a brick in a pyramid.
 struct BrickAddress {
   int level = 0;    // of the brick
   Index3 brick{0};  // its place among the bricks of the level

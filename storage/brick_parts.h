@@ -1,6 +1,5 @@
-// The entry of a brick in the brick table: its parts, and what is possible of them. Rows
-// from files are hostile; one place knows what is possible, for finished pyramids and for those
-// that a killed build left.
+// The entry of a brick in the brick table: its parts, and their possible values. Rows from files
+// are hostile; the checks here serve finished pyramids and those that a killed build left.
 #pragma once
 
 #include <array>
@@ -20,8 +19,8 @@ constexpr const char* partName(PartKind kind) {
   return kNames[static_cast<std::size_t>(kind)];
 }
 
-// A row of the brick table, with an entry for every kind that this program knows; what the file
-// does not have is absent.
+// A row of the brick table, with an entry for every kind that this program reads; parts that the
+// file does not have are absent.
 struct BrickRow {
   std::array<format::PartEntry, kPartKinds.size()> parts;
   float range_min = 0, range_max = 0;
@@ -38,8 +37,8 @@ struct BrickRow {
 std::uint64_t partBytes(const PyramidSpec& spec, const BrickLayout& layout, PartKind kind,
                         int level, const Index3& brick);
 
-// True where codecs, sizes and alignment of all parts, and the constant, are such as this brick can
-// have. Where the bytes lie, and the range of the brick, are for the caller to check.
+// True if codecs, sizes and alignment of all parts, and the constant, are possible for this brick.
+// The caller checks the place of the bytes and the range of the brick.
 bool isPossibleRow(const BrickRow& row, const PyramidSpec& spec, const BrickLayout& layout,
                    int level, const Index3& brick);
 

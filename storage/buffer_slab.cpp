@@ -42,14 +42,13 @@ BufferSlab::~BufferSlab() {
 }
 
 // 32 sizes for each power of two, as bricks at the border are a little smaller than the others.
-// With 8 sizes what is lost to rounding up made sweeps at half the working set read up to 30 %
-// more.
+// With 8 sizes the loss to rounding up made sweeps at half the working set read up to 30 % more.
 std::uint64_t BufferSlab::runBytes(std::uint64_t bytes) {
   bytes += kRedZoneBytes;
   return roundedUp(bytes, std::bit_floor(bytes | 2048u) / 32);
 }
 
-// Where it is refused, there is no slab, and nobody asks again.
+// If the system refuses, there is no slab, and no further call tries again.
 bool BufferSlab::reserve() {
   if (bytes_ == 0) return false;
   void* const map = mmap(nullptr, bytes_ + kHugePageBytes, PROT_NONE,
@@ -70,7 +69,7 @@ bool BufferSlab::reserve() {
   map_ = map;
   base_ = static_cast<std::byte*>(map);
   base_ += -reinterpret_cast<std::uintptr_t>(base_) % kHugePageBytes;
-  madvise(base_, bytes_, MADV_HUGEPAGE);  // where it is refused, small pages do
+  madvise(base_, bytes_, MADV_HUGEPAGE);  // if it is refused, small pages do
   return true;
 }
 

@@ -15,17 +15,17 @@ namespace isobrick {
 
 // Memory that is touched for the first time comes from the system page by page, and each page costs
 // a fault and is cleared: for a brick that is unpacked into fresh memory that is as long again as
-// unpacking. Here buffers are runs of one range that asks for huge pages and keeps what was
-// touched.
+// unpacking. Here buffers are runs of one range in huge pages that keeps the touched memory.
 //
-// The range is as large as the budget of who owns it, in whole huge pages, and so bounds what is
-// touched; it is reserved with the first buffer, as addresses alone. Runs that go join free
-// neighbours; a buffer takes the smallest free run that holds it. Where there is none, or no
-// addresses are left, it has to come from elsewhere. Under AddressSanitizer what is not taken may
-// not be touched.
+// The range is as large as its owner's budget, in whole huge pages, and so bounds the touched
+// memory; it is reserved with the first buffer, as addresses alone. Runs that are given back join
+// free neighbours; a buffer takes the smallest free run that holds it. If there is none, or no
+// addresses are left, the buffer has to come from elsewhere. Under AddressSanitizer memory that is
+// not taken may not be touched.
 //
 // All members are thread-safe, and take one lock for a time that grows with the logarithm of the
-// number of runs; trim() holds it longer. Nobody may use the object while it is made or destroyed.
+// number of runs; trim() holds it longer. No thread may use the object while it is made or
+// destroyed.
 class BufferSlab {
  public:
   static constexpr std::uint64_t kHugePageBytes = std::uint64_t{2} << 20;
@@ -43,7 +43,7 @@ class BufferSlab {
   static std::uint64_t runBytes(std::uint64_t bytes);
 
   // A buffer of at least 1 byte, aligned to 64, until giveBack(). Its contents are left over from
-  // others. nullptr where no free run is long enough. Throws std::bad_alloc.
+  // others. nullptr if no free run is long enough. Throws std::bad_alloc.
   [[nodiscard]] std::byte* take(std::uint64_t bytes);
   void giveBack(const std::byte* buffer) noexcept;
 
@@ -73,7 +73,7 @@ class BufferSlab {
 
   mutable std::mutex mutex_;  // guards all below
   std::uint64_t bytes_;
-  void* map_ = nullptr;                // what was reserved
+  void* map_ = nullptr;                // the reserved range
   std::byte* base_ = nullptr;          // from here on, at a huge page
   std::map<std::uint64_t, Run> runs_;  // by begin; without gaps
   FreeRuns free_runs_;

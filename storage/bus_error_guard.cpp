@@ -61,7 +61,7 @@ std::uint64_t bytesOfNotes(std::uint64_t range_bytes) {
 // blocked.
 bool isFault(const siginfo_t& info) { return info.si_code > 0 && info.si_code != BUS_MCEERR_AO; }
 
-// True where the address is in a guarded range, and now a page of zeros lies there.
+// True if the address is in a guarded range, and now a page of zeros lies there.
 bool mendGuardedPage(std::uintptr_t address) {
   const std::uintptr_t page_bytes = g_page_bytes.load();
   for (GuardedRange& guarded : g_ranges) {
@@ -78,7 +78,7 @@ bool mendGuardedPage(std::uintptr_t address) {
     const std::uint64_t number = offset / page_bytes;
     guarded.failed_pages[number / kPagesPerNote].fetch_or(std::uint64_t{1}
                                                           << number % kPagesPerNote);
-    // Last: who sees this sees the note too.
+    // Last: a thread that reads this sees the note too.
     std::uint64_t nothing = kNothingFailed;
     guarded.failed_offset.compare_exchange_strong(nothing, offset);
     return true;
@@ -86,7 +86,7 @@ bool mendGuardedPage(std::uintptr_t address) {
   return false;
 }
 
-// The same signal once more, for the default action: what it says of the fault shows in the core.
+// The same signal once more, for the default action: its facts of the fault show in the core.
 void dieAsWithoutUs(int signal, siginfo_t* info) {
   struct sigaction action = {};
   action.sa_handler = SIG_DFL;
@@ -128,13 +128,13 @@ void passOn(EarlierAction& earlier, int signal, siginfo_t* info, void* context) 
 
 // The handler, as often as there are actions to pass signals on to. A handler that came after entry
 // k has found that entry, and we put another one in front of it: when it calls or restores what it
-// found, entry k passes the signal on to what is below, and there is no loop.
+// found, entry k passes the signal on to the action below it, and there is no loop.
 template <std::size_t kEntry>
 void onBusError(int signal, siginfo_t* info, void* context) {
   const int saved_errno = errno;
   const bool is_mended =
       info->si_code > 0 && mendGuardedPage(reinterpret_cast<std::uintptr_t>(info->si_addr));
-  // The count was raised before this entry was installed; to look at it shows that it was.
+  // The count was raised before this entry was installed; reading it makes the entry visible.
   if (!is_mended && kEntry < g_earlier_count.load())
     passOn(g_earlier[kEntry], signal, info, context);
   errno = saved_errno;
@@ -155,7 +155,7 @@ bool isOurs(const struct sigaction& action) {
   return false;
 }
 
-// By signals, for the system fills in only the part of a mask that it knows.
+// Signal by signal, as the system fills in only a part of the mask.
 bool isSameMask(const sigset_t& a, const sigset_t& b) {
   for (int signal = 1; signal < NSIG; ++signal)
     if (sigismember(&a, signal) != sigismember(&b, signal)) return false;
@@ -167,9 +167,9 @@ bool isSame(const struct sigaction& a, const struct sigaction& b) {
          isSameMask(a.sa_mask, b.sa_mask);
 }
 
-// The entry that passes on to `action`; kMostHandlers where there is none left. The same one again
-// for an action that was here before: it went away and came back. (A handler that installs itself
-// over itself makes a loop without us, too.)
+// The entry that passes on to `action`; kMostHandlers if there is none left. The same one again for
+// an action that was here before: it went away and came back. (A handler that installs itself over
+// itself makes a loop without us, too.)
 std::size_t entryFor(const struct sigaction& action) {
   const std::size_t count = g_earlier_count.load();
   std::size_t entry = 0;
@@ -191,13 +191,13 @@ void BusErrorGuard::keepInFront() noexcept {
   const std::lock_guard lock(g_earlier_mutex);
   g_page_bytes.store(pageBytes());
   sigaction(SIGBUS, nullptr, &found);
-  // Again where another one came between the two calls.
+  // Again if another one came between the two calls.
   while (!isOurs(found)) {
     const std::size_t entry = entryFor(found);
     if (entry == kMostHandlers) return;
     struct sigaction ours = {}, replaced = {};
     ours.sa_sigaction = kEntries[entry];
-    // On the alternate stack, for the thread's own may be what cannot be read.
+    // On the alternate stack, as the thread's own may be the memory that cannot be read.
     ours.sa_flags = SA_SIGINFO | SA_ONSTACK | (found.sa_flags & SA_RESTART);
     sigemptyset(&ours.sa_mask);
     sigaction(SIGBUS, &ours, &replaced);

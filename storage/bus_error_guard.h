@@ -9,20 +9,20 @@ namespace isobrick {
 
 // Guards one range of mapped memory. Touching a page that cannot be read (the file was cut, its
 // disk failed) raises SIGBUS. The handler puts a page of zeros there, notes the place, and the
-// instruction that touched it goes on. So whoever used guarded memory asks failedOffset() before
-// the result is believed. The zeros stay until the memory is mapped anew. The notes take a bit for
-// each page, of which only those pages are in memory that have a note.
+// instruction that touched it goes on. So a caller that used guarded memory calls failedOffset()
+// before it uses the result. The zeros stay until the memory is mapped anew. The notes take a bit
+// for each page, of which only those pages are in memory that have a note.
 //
-// The handler belongs to the process. The first guard() installs it and it stays to the end.
-// Signals that are not ours go to what was installed when the handler came, as the kernel would
-// deliver them: to a handler with its mask and flags (but for SA_ONSTACK: the alternate stack is
-// used where the thread has one), to nobody where they may be ignored, or to the default, which
-// ends the process as if this handler did not exist. After a foreign fault that somebody mended
-// ours is still in place.
+// The handler belongs to the process. The first guard() installs it and it stays to the end. Other
+// signals go to the action that was installed before it, as the kernel would deliver them: to a
+// handler with its mask and flags (but for SA_ONSTACK: the alternate stack is used if the thread
+// has one), to none if they may be ignored, or to the default, which ends the process as if this
+// handler did not exist. After a foreign fault that another handler repaired ours is still in
+// place.
 //
-// A handler that somebody else installs later (a JVM, Python's faulthandler) would get our faults.
-// Therefore guard() and keepInFront() put ours in front of it again; it then gets what is foreign,
-// and where it passes that on to what it found itself, that reaches the handlers from before it.
+// A handler that another library installs later (a JVM, Python's faulthandler) would get our
+// faults. Therefore guard() and keepInFront() put ours in front of it again; it then gets foreign
+// signals, and if it passes them on to the action that it found, they reach the handlers before it.
 // Two gaps remain: a fault after a later handler came and before the next guard() or keepInFront()
 // is for that handler, and so is every one after kMostHandlers different handlers have come.
 //
@@ -40,20 +40,20 @@ class BusErrorGuard {
   BusErrorGuard& operator=(const BusErrorGuard&) = delete;
 
   // Guards `size` bytes (at least 1) from `begin`, which begin a page, and the rest of their last
-  // page. Guards nothing and returns false where kMostRanges are guarded already, or where there is
-  // no address space for the notes. To be called once the memory is mapped, and leave() before it
-  // is unmapped; nobody may touch it meanwhile.
+  // page. Guards nothing and returns false if kMostRanges are guarded already, or if there is no
+  // address space for the notes. Call it once the memory is mapped, and leave() before it is
+  // unmapped; no thread may touch the memory during these calls.
   [[nodiscard]] bool guard(const void* begin, std::uint64_t size);
   void leave() noexcept;
 
-  // Where, from the begin of the range, the page begins that was the first that could not be read.
+  // The offset, from the begin of the range, of the page that was the first that could not be read.
   std::optional<std::uint64_t> failedOffset() const noexcept;
-  // The same of the lowest page that could not be read among those of [offset, offset + bytes),
-  // which lies within the range; `bytes` is at least 1. Costs next to nothing where none failed.
+  // The same for the lowest page of [offset, offset + bytes) that could not be read, which lies
+  // within the range; `bytes` is at least 1. Costs next to nothing if none failed.
   std::optional<std::uint64_t> failedOffset(std::uint64_t offset,
                                             std::uint64_t bytes) const noexcept;
 
-  // Costs one system call where the handler is in front.
+  // Costs one system call if the handler is in front.
   static void keepInFront() noexcept;
 
  private:

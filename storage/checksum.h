@@ -10,7 +10,7 @@ namespace isobrick {
 // XXH3-64.
 std::uint64_t checksum64(const void* data, std::size_t bytes, std::uint64_t seed = 0);
 
-// The same of bytes that come one run after the other.
+// The same for bytes that come one run after the other.
 class RunningChecksum {
  public:
   RunningChecksum();

@@ -26,7 +26,7 @@ struct CurvatureCode {
   static constexpr std::uint8_t encodeUp(double value) {
     if (value != value) return 255;
     if (!(value > 0)) return 0;
-    // value = mantissa * 2^exponent, by its bits; what is subnormal is below code 1 anyway.
+    // value = mantissa * 2^exponent, by its bits; subnormal values are below code 1 anyway.
     const auto bits = std::bit_cast<std::uint64_t>(value);
     const int exponent = static_cast<int>(bits >> 52) - 1023;
     const auto mantissa = std::bit_cast<double>((bits & ((1ull << 52) - 1)) | 1023ull << 52);

@@ -1,4 +1,4 @@
-// Errors that a user, or the program that called, can act on.
+// Errors that a user or the calling program can act on.
 #pragma once
 
 #include <atomic>
@@ -24,13 +24,13 @@ struct ErrorPlace {
 enum class Remedy {
   kAllowMoreMemory,     // BuildOptions::memory_bytes
   kUseLessMemory,       // the same, or fewer threads
-  kOtherFolder,         // for what is written
+  kOtherFolder,         // for the output
   kPack,                // BuildOptions::codec
   kReplaceNotFinite,    // BuildOptions::nan_as
   kResume,              // BuildOptions::resume
   kBeginAnew,           // without BuildOptions::resume
   kDescribeRawFile,     // OpenOptions::raw
-  kCorrectRawLayout,    // what OpenOptions::raw says
+  kCorrectRawLayout,    // the values of OpenOptions::raw
   kDicomAsFloat32,      // OpenOptions::dicom_float32
   kBuildWithCurvature,  // BuildOptions::with_curvature
   kChooseComponent,     // OpenOptions::component
@@ -64,10 +64,10 @@ class Error : public std::runtime_error {
 };
 
 // A failure of the moment, not of the input: a full disk, a read that failed. The same run may
-// succeed later, so what was done so far is worth keeping.
+// succeed later, so the work so far is worth keeping.
 class ResumableError : public Error {
  public:
-  // As Error's.
+  // Takes the arguments of Error.
   using Error::Error;
 };
 
@@ -75,17 +75,17 @@ class ResumableError : public Error {
 class Cancelled : public Error {
  public:
   Cancelled() : Error("interrupted; nothing was left behind") {}
-  // `what` says what was left behind.
+  // `what` names the files that were left behind.
   using Error::Error;
 };
 
-// A request to stop, which long work checks. Set by one thread (or a signal handler: the flag is
-// lock-free), checked by the workers between pieces of work of at most some milliseconds.
+// A request to stop that long work checks. It is set by one thread (or a signal handler: the flag
+// is lock-free), and checked by the workers between pieces of work of at most some milliseconds.
 class CancelFlag {
  public:
-  // Asks for a stop; for good.
+  // Requests a stop, which cannot be taken back.
   void request() noexcept { requested_.store(true, std::memory_order_relaxed); }
-  // Whether a stop was asked for.
+  // Whether a stop was requested.
   bool requested() const noexcept { return requested_.load(std::memory_order_relaxed); }
   // Throws Cancelled once a stop was requested.
   void check() const {

@@ -14,7 +14,7 @@ constexpr std::size_t kMostPerCall = std::size_t{1} << 30;  // Linux moves less 
 constexpr auto kMostOffset = static_cast<std::uint64_t>(std::numeric_limits<off_t>::max());
 
 // Calls `call(bytes done, bytes to do)`, which is a read or a write, until all is done, a call
-// fails or nothing more is done.
+// fails or a call does nothing.
 template <typename Call>
 IoResult repeat(std::size_t bytes, Call&& call) {
   IoResult result;

@@ -1,5 +1,5 @@
-// Reading and writing open files: the one place that knows of interrupted calls, of calls that do
-// less than they were asked for, and of offsets that no file has.
+// Reading and writing open files: the one place that handles interrupted calls, calls that do a
+// part of their work, and offsets that no file has.
 #pragma once
 
 #include <sys/uio.h>
@@ -21,10 +21,9 @@ struct IoResult {
 // Does not move the position of `fd`; by any number of threads at once, as writeBytesAt().
 IoResult readBytesAt(int fd, std::uint64_t offset, void* out, std::size_t bytes);
 
-// Writes all bytes, or fewer with an error (ENOSPC where the system takes none and does not say
-// why).
+// Writes all bytes, or fewer with an error (ENOSPC if the system takes none and gives no reason).
 IoResult writeBytesAt(int fd, std::uint64_t offset, const void* data, std::size_t bytes);
-// The same of several spans of memory one after the other; changes `spans`.
+// The same for several spans of memory one after the other; changes `spans`.
 IoResult writeBytesAt(int fd, std::uint64_t offset, std::span<iovec> spans);
 // The same at the position of `fd`, which moves behind them.
 IoResult writeNextBytes(int fd, const void* data, std::size_t bytes);

@@ -36,10 +36,10 @@ inline constexpr std::uint32_t kErrorKind = 3;
 // Tables and the other parts begin at multiples of this.
 inline constexpr std::uint64_t kPartAlignment = 64;
 
-// Where a part of a brick is, or the histogram, or the gradients.
+// The place of a part of a brick, of the histogram, or of the gradients.
 struct PartEntry {
-  std::uint64_t offset;        // from the start of the file; 0 where there are no bytes
-  std::uint64_t checksum;      // XXH3-64 of the stored bytes; 0 where there are none
+  std::uint64_t offset;        // from the start of the file; 0 if there are no bytes
+  std::uint64_t checksum;      // XXH3-64 of the stored bytes; 0 if there are none
   std::uint32_t stored_bytes;  // size in the file
   std::uint32_t codec;
 };
@@ -71,11 +71,11 @@ struct Header {
   std::uint64_t provenance_checksum;
   PartEntry histogram;               // see value_histogram.h
   double noise;                      // sigma of the voxels' noise, in their units; finite, >= 0
-  std::uint32_t kinds[kMostKinds];   // what the parts of a row are, ascending: PartKind, or newer
+  std::uint32_t kinds[kMostKinds];   // kinds of the parts of a row, ascending: PartKind, or newer
   std::uint8_t error_bins[24];       // of kErrorKind; zero without it
   std::uint32_t length_unit;         // LengthUnit, of spacing and origin
   std::uint8_t reserved_between[4];  // zero
-  PartEntry gradients;               // see gradient_spectrum.h; all zero where there are none
+  PartEntry gradients;               // see gradient_spectrum.h; all zero if there are none
   std::uint8_t reserved[112];        // zero
   std::uint64_t header_checksum;     // XXH3-64 of all the bytes before it
 };

@@ -8,7 +8,7 @@
 namespace isobrick {
 namespace {
 
-// Every array of numbers in the order in which they are stored, after first and width.
+// Every array of numbers in the stored order, after first and width.
 template <typename Spectrum, typename F>
 void forEachArray(Spectrum& spectrum, F&& f) {
   f(spectrum.at_least);

@@ -25,8 +25,8 @@ struct GradientSpectrum {
   float first = 0, width = 1;  // part i has the values from first + i width on
   // Edges that end at the least, and at the greatest voxel: how many there are along x, y and z.
   std::array<float, 3> at_least{}, at_greatest{};
-  // Those that end at neither, at the least, and at the greatest; at both: with the one that is
-  // further from the other values.
+  // Edges that end at neither, at the least, and at the greatest. An edge that ends at both counts
+  // for the one that is further from the other values.
   Edges inner, least, greatest;
 
   std::size_t parts() const { return inner.area.size(); }
@@ -35,10 +35,10 @@ struct GradientSpectrum {
 // How many parts a volume of so many voxels has.
 std::size_t gradientParts(const Index3& voxels);
 
-// As they are stored: docs/FORMAT.md has the order.
+// The stored numbers: docs/FORMAT.md has the order.
 constexpr std::size_t gradientElements(std::size_t parts) { return 8 + 6 * parts; }
 std::vector<float> elementsOf(const GradientSpectrum& spectrum);
-// Nothing where a number is not finite, a sum is negative, or the width is not positive.
+// Nothing if a number is not finite, a sum is negative, or the width is not positive.
 std::optional<GradientSpectrum> gradientSpectrumOf(std::span<const float> elements);
 
 }  // namespace isobrick

@@ -22,7 +22,7 @@ inline constexpr std::int64_t kMaxVoxelsPerAxis = std::int64_t{1} << 20;
 constexpr std::int64_t elementCount(const Index3& dims) { return dims.x * dims.y * dims.z; }
 
 // The unit of a volume's lengths: millimetres if the input's unit is known, so that a volume in
-// micrometres is scaled. The numbers are those of the file.
+// micrometres is scaled. The values are those of the file format.
 enum class LengthUnit : std::uint32_t { kUnknown = 0, kMillimetre = 1 };
 
 // "unknown" or "millimetres".
@@ -68,7 +68,7 @@ class Lattice {
 
   // Number of levels: the coarsest is the first that has a single cell.
   int levels() const { return levels_; }
-  // As it was made with.
+  // As given to the constructor.
   const Index3& voxels() const { return voxels_; }
 
   // Cells of level l: per axis ceil((voxels - 1) / 2^l), at least 1.

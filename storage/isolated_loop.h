@@ -1,12 +1,12 @@
-// Loops on all threads that nobody outside can end in the middle.
+// Loops on all threads that no caller's task group can end in the middle.
 //
-// A loop of TBB belongs to the task that it is called in: where that task's group is cancelled, the
-// loop ends without an exception, and what it should have made is what lay there before. A caller
-// of a public function may be such a task. So every loop behind a public function is isolated:
-// only an exception of its own body ends it early, and a cancel flag that the body asks.
+// A loop of TBB belongs to the task that it is called in: if that task's group is cancelled, the
+// loop ends without an exception, and leaves a part of its results unmade. A caller of a public
+// function may be such a task. So every loop behind a public function is isolated: only an
+// exception of its own body ends it early, or a cancel flag that the body checks.
 //
-// The one header of `storage` that knows TBB: here, because `extract` and `preprocess` share
-// nothing else; nothing in `storage` includes it.
+// The one header of `storage` that includes TBB. It is here because `extract` and `preprocess`
+// share nothing else; nothing in `storage` includes it.
 #pragma once
 
 #include <tbb/parallel_for.h>
@@ -15,7 +15,7 @@
 
 namespace isobrick {
 
-// Calls f(i) for every i of [begin, end). Rethrows what f throws.
+// Calls f(i) for every i of [begin, end). Rethrows an exception of f.
 template <typename Index, typename F>
 void isolatedFor(Index begin, Index end, const F& f) {
   tbb::task_group_context isolated(tbb::task_group_context::isolated);

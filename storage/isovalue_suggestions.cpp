@@ -12,29 +12,29 @@
 namespace isobrick {
 namespace {
 
-constexpr std::size_t kParts = 256;            // where there is no spectrum
+constexpr std::size_t kParts = 256;            // if there is no spectrum
 constexpr double kLeastPaddingShare = 0.002;   // of the voxels
-constexpr double kLeastMaterialShare = 0.003;  // of those that are no padding
+constexpr double kLeastMaterialShare = 0.003;  // of the voxels that are not padding
 constexpr double kValley = 0.65;               // of the gradients on both sides, at most
 constexpr double kSteepEnough = 0.7;           // of the mean gradient between two materials
 constexpr double kLeastGradient = 0.05;        // of the greatest among the suggestions
-constexpr double kLeastSteepness = 0.15;       // the same of the mean gradient
+constexpr double kLeastSteepness = 0.15;       // the same for the mean gradient
 constexpr double kSurroundingsShare = 0.25;    // of the most frequent material's voxels
 constexpr double kCutOff = 0.3;   // of the voxels beside it, at least, are at an end of the range
 constexpr double kEnough = 1e-5;  // of all edges
 constexpr double kNoiseSigmas = 3.5;
-// The mean difference of edges that cross a value in noise, each as often as it is long, in sigmas.
+// The mean difference of edges that cross a value in noise, weighted by their lengths, in sigmas.
 constexpr double kBiased = 1.77;
-constexpr double kMaterialVoxels = 0.6;  // of a material's at most, where it ends
+constexpr double kMaterialVoxels = 0.6;  // of a material's at most, at its end
 
-// Values without those that are padding.
+// The values that are not padding.
 struct Curves {
   double first = 0, width = 1;
   std::vector<double> area, gradient, voxels;  // of the parts
   std::vector<double> steepness;               // the mean gradient, equal neighbours taken in
   double noise = 0;
   bool are_labels = false;  // a few integers
-  // Voxels of the least and the greatest value where these lie beyond the parts.
+  // Voxels of the least and the greatest value if these lie beyond the parts.
   std::optional<double> below, above;
   double voxels_below = 0, voxels_above = 0;
 
@@ -190,8 +190,8 @@ double wholeOf(const std::vector<double>& numbers) {
   return std::accumulate(numbers.begin(), numbers.end(), 0.0);
 }
 
-// Whether the material at an end of the range is but what a scanner cut off there: between it and
-// the next one there are many voxels.
+// Whether the material at an end of the range is only values that a scanner cut off there: then
+// there are many voxels between it and the next one.
 bool isCutOff(const Curves& curves, const Material& material, const Material& next) {
   const std::size_t parts = curves.parts(), at = curves.partOf(material.value);
   if (parts < 8 || (at > 1 && at + 2 < parts)) return false;
@@ -217,7 +217,7 @@ std::vector<Material> materialsOf(const Curves& curves) {
   return materials;
 }
 
-// With as few digits as tell it from values a twentieth of `span` away.
+// With as few digits as distinguish it from values a twentieth of `span` away.
 double rounded(double value, double span) {
   const double step = std::pow(10.0, std::floor(std::log10(span / 20)));
   if (!std::isnormal(step)) return value;
@@ -291,7 +291,7 @@ class IsovalueChooser {
     return moment / sum;
   }
 
-  // Where the volume is not steep half-way, the nearest value where it is. None in the noise.
+  // If the volume is not steep half-way, takes the nearest value at which it is. None in the noise.
   void propose(Candidate candidate) {
     const std::size_t begin = curves_.partOf(leastOf(candidate));
     const std::size_t end = curves_.partOf(greatestOf(candidate)) + 1;
@@ -369,8 +369,8 @@ class IsovalueChooser {
   std::vector<Candidate> candidates_;
 };
 
-// Otsu: the value that parts the voxels into two groups of the least spread; which share of it is
-// between the groups.
+// Otsu: the value that divides the voxels into two groups of the least spread, and the share of the
+// spread that is between the groups.
 struct Division {
   double value = 0, share = 0;
 };
@@ -410,7 +410,7 @@ Division divisionOf(VoxelHistogram histogram, const ValueRange& range, PaddingEn
           spread > 0 ? best / spread : 0};
 }
 
-// How the voxels of one end of the range stand to the others.
+// The voxels at one end of the range, compared with the others.
 struct RangeEnd {
   double share = 0;       // of all voxels
   double gap = 0;         // to the nearest of the others
@@ -422,7 +422,7 @@ RangeEnd endOf(const VoxelHistogram& histogram, const ValueRange& range, bool is
   const double all = std::accumulate(counts.begin(), counts.end(), 0.0);
   const std::size_t end = is_least ? 0 : bins - 1;
   const double others = all - static_cast<double>(counts[end]);
-  // A few voxels between are of resampling.
+  // A few voxels between them come from resampling.
   constexpr double kOutliers = 1e-3;
   const auto quantile = [&](double share) {
     double before = 0;

@@ -20,7 +20,7 @@ bool LoadThreads::run(std::function<void()> job) noexcept try {
     if (jobs_.size() >= idle_ && threads_.size() < kMostThreads) {
       try {
         threads_.emplace_back([this] { work(); });
-      } catch (const std::exception&) {  // those that are there do it
+      } catch (const std::exception&) {  // the existing threads do the work
       }
     }
     if (threads_.empty()) return false;

@@ -1,4 +1,4 @@
-// Threads that do what somebody may stop waiting for.
+// Threads for work that a caller may stop waiting for.
 #pragma once
 
 #include <condition_variable>
@@ -11,7 +11,7 @@
 
 namespace isobrick {
 
-// Jobs are begun in their order, on threads that stay. The destructor drops those that have not
+// Jobs are begun in their order, on threads that stay. The destructor drops jobs that have not
 // begun and waits for the others. All members are thread-safe.
 class LoadThreads {
  public:

@@ -12,7 +12,7 @@ inline std::string lowercase(std::string text) {
   return text;
 }
 
-// ".nrrd" of "scans/Head.NRRD"; "" where there is none.
+// ".nrrd" of "scans/Head.NRRD"; "" if there is none.
 inline std::string lowerExtension(const std::filesystem::path& path) {
   return lowercase(path.extension().string());
 }

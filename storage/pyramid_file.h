@@ -9,7 +9,7 @@ namespace isobrick {
 // of a pipe.
 bool beginsAsPyramid(const std::string& path);
 
-// True for a regular file that begins as a pyramid, or is called one (.isb).
+// True for a regular file that begins as a pyramid, or has its ending (.isb).
 bool isPyramidFile(const std::string& path);
 
 }  // namespace isobrick

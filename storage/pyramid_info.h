@@ -30,11 +30,11 @@ enum class Codec : std::uint32_t {
 
 // How the bytes of a file come into memory.
 enum class FileAccess {
-  kMap,   // what can be used in place is mapped; the rest is read
-  kRead,  // everything is read, nothing is mapped: for file systems that are far away
+  kMap,   // parts that can be used in place are mapped; the rest is read
+  kRead,  // everything is read, nothing is mapped: for remote file systems
 };
 
-// Fixed before the first brick is written.
+// The properties of a pyramid that are fixed before its first brick is written.
 struct PyramidSpec {
   Index3 voxels{0};                          // per axis 2 .. kMaxVoxelsPerAxis
   VoxelType voxel_type = VoxelType::kUint8;  // of the samples of all levels
@@ -67,7 +67,7 @@ struct PyramidBytes {
 
 // How many bricks have a part in each codec; the index is the codec's number.
 using CodecCounts = std::array<std::uint64_t, 5>;
-// The same of every kind of part.
+// The codec counts of every kind of part.
 struct PyramidCodecs {
   CodecCounts samples{};    // of bricks
   CodecCounts ranges{};     // of tiles

@@ -26,7 +26,7 @@ bool areKindsSane(const format::Header& header) {
          header.kinds[1] == static_cast<std::uint32_t>(PartKind::kRanges);
 }
 
-// True where a voxel of the type may have the value.
+// True if a voxel of the type may have the value.
 bool isVoxel(VoxelType type, double value) {
   return visitVoxelType(type, [&](auto tag) {
     using T = typename decltype(tag)::Type;
@@ -163,7 +163,7 @@ VoxelHistogram PyramidTables::histogram() const {
   VoxelHistogram histogram(spec_.voxel_type, value_range_);
   const format::PartEntry& part = header_.histogram;
   const auto counts = std::as_writable_bytes(histogram.counts());
-  // The stored bytes are not more than those of the counts, which are few.
+  // The stored bytes are at most those of the counts, which are few.
   std::vector<std::byte> stored;
   if (part.stored_bytes <= counts.size())
     stored = readTable(part.offset, part.stored_bytes, part.checksum, "histogram");

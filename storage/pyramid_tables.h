@@ -16,8 +16,7 @@
 
 namespace isobrick {
 
-// The tables of a pyramid; believes nothing before it is checked. All const members are
-// thread-safe.
+// The tables of a pyramid; uses nothing before it is checked. All const members are thread-safe.
 class PyramidTables {
  public:
   // A provenance of more bytes is refused: it is text for people, and comes into memory as a whole.

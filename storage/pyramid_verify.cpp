@@ -20,10 +20,10 @@ bool hasErrorKind(const format::Header& header) {
   return std::find(header.kinds, end, format::kErrorKind) != end;
 }
 
-// Asks for samples and ranges as everybody does, so what is unreadable is an Error.
+// Reads samples and ranges by the ordinary calls, so an unreadable part is an Error.
 //
-// A contradiction between two bricks does not say which of them is wrong. The finer one is asked
-// first: where it is wrong by itself, it is named when its turn comes, and the coarser is not.
+// A contradiction between two bricks does not show which of them is wrong. The finer one is checked
+// first: if it is wrong by itself, it is named when its turn comes, and the coarser is not.
 class BrickVerifier {
  public:
   explicit BrickVerifier(const Pyramid& pyramid)
@@ -68,8 +68,8 @@ class BrickVerifier {
     return "";
   }
 
-  // Ranges against those of the next finer level, which they take in, and against all values that
-  // they may stand for.
+  // Ranges against those of the next finer level, which they include, and against all values that
+  // they have to cover.
   std::string findRangeFault(int level, const Index3& brick, const Values& values) const {
     const std::vector<ValueRange>& ranges = values.stated;
     std::vector<ValueRange> known = values.seen;
@@ -127,8 +127,8 @@ class BrickVerifier {
     return "";
   }
 
-  // True where the ranges of brick `at` of level `finer` take in the samples of the brick `down`
-  // levels above that lie in them; also where they cannot be read.
+  // True if the ranges of brick `at` of level `finer` include the samples of the brick `down`
+  // levels above that lie in them, or if they cannot be read.
   bool takesIn(int finer, const Index3& at, int down, const BrickSamples& samples,
                bool with_tiles) const {
     std::vector<ValueRange> ranges;
@@ -149,7 +149,7 @@ class BrickVerifier {
     return true;
   }
 
-  // True where a brick that findRangeFault() looks at is wrong by itself.
+  // True if a brick that findRangeFault() reads is wrong by itself.
   bool hasFaultyNeighbour(int level, const Index3& brick) const {
     if (level > 0) {
       const IndexBox children = childrenOf(level, brick);
@@ -364,7 +364,7 @@ std::vector<std::string> verifyRest(const Pyramid& pyramid, const CancelFlag* ca
     }
     at = std::max(at, extent.offset + extent.bytes);
   }
-  // The parts of a row that is damaged lie in what looks like padding.
+  // The parts of a damaged row lie in bytes that look like padding.
   if (stray_bytes > 0 && knows_all_parts)
     faults.push_back("padding that is not zero: " + std::to_string(stray_bytes) +
                      " bytes, the first at offset " + std::to_string(first_stray));
@@ -406,7 +406,7 @@ PyramidFaults verifyPyramid(const Pyramid& pyramid, const VerifyOptions& options
     std::vector<std::jthread> threads;
     try {
       while (threads.size() + 1 < std::min(wanted, count)) threads.emplace_back(verifyNext);
-    } catch (const std::exception&) {  // those that are there do it
+    } catch (const std::exception&) {  // the existing threads do the work
     }
     verifyNext();
   }

@@ -1,4 +1,4 @@
-// Checking a whole pyramid: that every byte is what was written, and means what it should.
+// Checks a whole pyramid: every byte is as it was written, and the contents fit together.
 #pragma once
 
 #include <functional>
@@ -14,24 +14,24 @@ namespace isobrick {
 struct BrickDamage {
   int level = 0;     // of the brick
   Index3 brick{0};   // its place among the bricks of the level
-  std::string what;  // does not say which brick
+  std::string what;  // the fault, without the brick's name
 };
 
-// Reads every part of one brick and says what is wrong with it: bytes, samples that are not
-// finite, and ranges that are not just what section 6 of docs/FORMAT.md says. For the latter it
-// also reads tile ranges of the next finer level and samples of coarser ones; if it is their
-// fault, or they cannot be read, this brick is not named.
+// Reads every part of one brick and describes its fault: damaged bytes, samples that are not
+// finite, or ranges that differ from those that section 6 of docs/FORMAT.md defines. To check
+// ranges it also reads tile ranges of the next finer level and samples of coarser ones; if the
+// fault is in these, or they cannot be read, this brick is not named.
 std::optional<BrickDamage> verifyBrick(const Pyramid& pyramid, int level, const Index3& brick);
 
 // The faults outside of the bricks, a line each: reserved fields and padding that are not
 // zero, parts that overlap, a value range that is not that of the voxels. Reads the padding.
 std::vector<std::string> verifyRest(const Pyramid& pyramid, const CancelFlag* cancel = nullptr);
 
-// How verifyPyramid() goes about it.
+// Options of verifyPyramid().
 struct VerifyOptions {
   int threads = 0;                                // 0: all cores
   std::function<void(double fraction)> progress;  // 0 .. 1; by one thread at a time
-  const CancelFlag* cancel = nullptr;             // looked at before every brick
+  const CancelFlag* cancel = nullptr;             // checked before every brick
 };
 
 // The faults that verifyPyramid() found.
@@ -39,11 +39,11 @@ struct PyramidFaults {
   std::vector<BrickDamage> bricks;  // in the order of the file's brick table
   std::vector<std::string> rest;    // as verifyRest() says it
 
-  // Whether all is well.
+  // Whether no fault was found.
   bool empty() const { return bricks.empty() && rest.empty(); }
 };
 
-// Both of the whole file. Throws Cancelled.
+// Checks every brick and the rest of the file. Throws Cancelled.
 PyramidFaults verifyPyramid(const Pyramid& pyramid, const VerifyOptions& options = {});
 
 }  // namespace isobrick

@@ -60,7 +60,7 @@ std::string firstDifference(const std::string& is, const std::string& was) {
   return "more or fewer options";
 }
 
-// True where the parts of the entry lie behind `begin`, one after the other with zeros between, and
+// True if the parts of the entry lie behind `begin`, one after the other with zeros between, and
 // are undamaged.
 bool isUndamaged(int fd, const JournalEntry& entry, std::uint64_t begin,
                  std::vector<std::byte>& buffer) {
@@ -85,7 +85,7 @@ bool isUndamaged(int fd, const JournalEntry& entry, std::uint64_t begin,
   return at == entry.end;
 }
 
-// True where somebody else's file has a name of ours: it begins neither with zeros nor with
+// True if a foreign file has a temporary file's name: it begins neither with zeros nor with
 // `magic`.
 template <std::size_t bytes>
 bool isForeign(const std::string& path, const char (&magic)[bytes]) {
@@ -98,8 +98,8 @@ bool isForeign(const std::string& path, const char (&magic)[bytes]) {
          std::any_of(std::begin(begin), std::end(begin), [](char c) { return c != 0; });
 }
 
-// The path again, unless what has the name of the temporary, or alone that of its journal, is none:
-// an unfinished pyramid begins with zeros, and for a moment at the end with its header.
+// Returns the path, unless the file with the temporary file's name, or a journal without that file,
+// is foreign: an unfinished pyramid begins with zeros, and for a moment at the end with its header.
 const std::string& refuseForeignTemporary(const std::string& path) {
   const std::string temporary = path + kUnfinishedEnding;
   const bool is_there = std::filesystem::exists(temporary);
@@ -151,7 +151,7 @@ PyramidWriter::PyramidWriter(const std::string& path, const PyramidSpec& spec,
   } else {
     unlink(journalPath(file_).c_str());
   }
-  // The header is written last; until then its place holds zeros, which no reader takes for one.
+  // The header is written last; until then its place holds zeros, which no reader accepts as one.
   const std::array<std::byte, sizeof(format::Header)> blank{};
   file_.pwrite(blank.data(), blank.size(), 0);
   file_.continueFrom(end_);
@@ -210,7 +210,7 @@ void PyramidWriter::write(const EncodedBrick& brick) {
   std::array<iovec, 2 * kPartKinds.size()> spans;
   std::size_t count = 0;
   const auto append = [&](const void* data, std::size_t bytes) {
-    spans[count++] = {const_cast<void*>(data), bytes};  // only read; iovec cannot say so
+    spans[count++] = {const_cast<void*>(data), bytes};  // only read; iovec has no const pointer
     end_ += bytes;
   };
   const auto place = [&](const EncodedPart& part, std::uint64_t alignment) {
@@ -258,7 +258,7 @@ void PyramidWriter::readPart(std::uint64_t row, PartKind part, std::size_t bytes
                          {Remedy::kBeginAnew});
 }
 
-// Those that bricks of this pyramid may have.
+// The kinds that bricks of this pyramid may have.
 std::vector<PartKind> PyramidWriter::kinds() const {
   std::vector<PartKind> kinds = {PartKind::kSamples, PartKind::kRanges};
   if (spec_.has_curvature) kinds.push_back(PartKind::kCurvature);
@@ -355,7 +355,7 @@ std::uint64_t PyramidWriter::finish(const Summary& summary, format::Codec codec)
   file_.pwrite(&header, sizeof header, 0);
   file_.cutAfterPosition();
   file_.commit(cancel_);
-  // Last: a kill before this line leaves a journal without a temporary, which means nothing
+  // Last: a kill before this line leaves a journal without its temporary file, which means nothing
   // (removeStrayJournal()).
   journal_->remove();
   journal_.reset();

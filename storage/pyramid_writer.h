@@ -1,4 +1,4 @@
-// Writing a pyramid: bricks in the order of the table under a temporary name, published as a whole.
+// Writes a pyramid: bricks in the order of the table under a temporary name, published as a whole.
 #pragma once
 
 #include <memory>
@@ -18,25 +18,25 @@
 
 namespace isobrick {
 
-// Behind the name of a pyramid that is being written.
+// The ending of a pyramid that is being written.
 inline constexpr char kUnfinishedEnding[] = ".partial";
 
-// Removes "<path>.partial.journal" where it stands alone: a build that was killed just after it
-// gave the pyramid its name leaves it, and it means nothing. Any failure is silent.
+// Removes "<path>.partial.journal" if it stands alone: a build that was killed just after it gave
+// the pyramid its name leaves it, and it means nothing. Any failure is silent.
 void removeStrayJournal(const std::string& path) noexcept;
 
 // Writes `path`. Nothing has that name before finish() returned. The bytes so far lie in
-// "<path>.partial", and "<path>.partial.journal" says what of it is good; both are removed with the
-// writer, unless keepForResume() was called, or the process is killed. One thread at a time. Every
-// failed write throws ResumableError.
+// "<path>.partial", and "<path>.partial.journal" lists its complete bricks; both are removed with
+// the writer, unless keepForResume() was called, or the process is killed. One thread at a time.
+// Every failed write throws ResumableError.
 class PyramidWriter {
  public:
   // `identity` is a text of what the file is made from, input and options. With `resume`, the
   // bricks of an earlier writer are taken over as far as they are undamaged; the identity must be
-  // the same, or Error says so and all stays as it is. Without it they are removed. Takes the
-  // exclusive right to write `path`; where another process has it, throws Error. `cancel` may be
-  // null and outlives the writer, which looks at it wherever it may wait for long: here while it
-  // checks what was left, in reserve() and finish() for the disk. Then it throws Cancelled.
+  // the same, or it throws Error and leaves everything as it is. Without it they are removed. Takes
+  // the exclusive right to write `path`; if another process has it, throws Error. `cancel` may be
+  // null and outlives the writer, which checks it during every long wait: here while it checks the
+  // leftovers, in reserve() and finish() for the disk. Then it throws Cancelled.
   PyramidWriter(const std::string& path, const PyramidSpec& spec, const std::string& identity,
                 bool resume, const CancelFlag* cancel);
   ~PyramidWriter();
@@ -46,9 +46,9 @@ class PyramidWriter {
   std::uint64_t bricksWritten() const { return bricks_written_; }
   std::uint64_t bytesWritten() const { return end_; }
 
-  // Free bytes of the file system, or nothing where it cannot tell.
+  // Free bytes of the file system, or nothing if it cannot tell.
   std::optional<std::uint64_t> freeBytes() const { return file_.freeBytes(); }
-  // Takes `bytes` in all from the file system now. Throws ResumableError where it has fewer.
+  // Takes `bytes` in all from the file system now. Throws ResumableError if it has fewer.
   void reserve(std::uint64_t bytes) { file_.reserve(bytes, cancel_); }
 
   // Writes the next brick in the order of the table. The journal says so after the next flush().
@@ -59,7 +59,7 @@ class PyramidWriter {
   // `bytes` is the size that the layout gives. Thread-safe, also while another thread writes.
   void readPart(std::uint64_t row, PartKind part, std::size_t bytes, std::byte* out) const;
 
-  // The temporary and its journal outlive this object.
+  // The temporary file and its journal outlive this object.
   void keepForResume();
   const std::string& temporaryPath() const { return file_.temporaryPath(); }
 
@@ -79,7 +79,7 @@ class PyramidWriter {
  private:
   std::vector<JournalEntry> takeOver(const std::string& identity, const CancelFlag* cancel);
   std::vector<PartKind> kinds() const;
-  // Appends bytes at a multiple of kPartAlignment; where they begin.
+  // Appends bytes at a multiple of kPartAlignment; returns their offset.
   std::uint64_t append(const void* data, std::size_t bytes);
   std::uint64_t appendBrickTable();
   template <typename T>

@@ -1,4 +1,4 @@
-// A range of memory that one thread changes while a signal handler looks at it.
+// A range of memory that one thread changes while a signal handler reads it.
 #pragma once
 
 #include <atomic>
@@ -18,15 +18,14 @@ class RangeSlot {
 
   // A range of size 0 is none.
   void set(const Range& range) noexcept {
-    version_.fetch_add(1);  // odd: what stands here is not to be believed
+    version_.fetch_add(1);  // odd: the values are not valid
     begin_.store(range.begin);
     size_.store(range.size);
     version_.fetch_add(1);
   }
 
-  // The range as it was at one moment; nothing where there is none, or where it changed while it
-  // was read. (A range in use does not change: whoever asks because of a fault in it loses
-  // nothing.)
+  // The range as it was at one moment; nothing if there is none, or if it changed while it was
+  // read. (A range in use does not change, so a read because of a fault in it loses nothing.)
   std::optional<Range> read() const noexcept {
     const std::uint64_t version = version_.load();
     const Range range{begin_.load(), size_.load()};

@@ -1,4 +1,4 @@
-// Which part goes when the budget is exceeded.
+// Decides which part goes when the budget is exceeded.
 #pragma once
 
 #include <algorithm>
@@ -7,39 +7,39 @@
 
 namespace isobrick {
 
-// Queries go over a file in the same order again and again, each taking most of what the one before
-// took (an isovalue that is moved, a focus that wanders). Of such a cycle that exceeds the budget,
-// a queue of the least recently used keeps just what is needed last, and nothing is ever there; the
-// queues of S3-FIFO are little better, as what returns does so after more than they remember. What
-// would be best is to let the newest go, as it is needed last. So:
+// Queries read a file in the same order again and again, each taking most parts of the one before
+// (an isovalue that is moved, a focus that wanders). If such a cycle exceeds the budget, a queue of
+// the least recently used keeps just the parts that are needed last, and no part is there when it
+// is needed; the queues of S3-FIFO are little better, as parts return after more others than they
+// remember. The best choice is to let the newest go, as it is needed last. So:
 //
 //   settled   parts that stay as long as queries take them
 //   arrivals  parts that came in lately: a sixteenth of the budget, or what is left over by the
 //             settled; they serve for what is taken twice within a query, and the oldest goes
 //
-// An arrival settles where there is room among the settled. A settled part that neither this query
-// nor the one before took is stale: it goes first, and makes that room. All parts are looked at
-// once a query for that.
+// An arrival settles if there is room among the settled. A settled part that neither this query nor
+// the one before took is stale: it goes first, and makes that room. All parts are examined once a
+// query for that.
 //
 // Kinds and levels are treated alike: to let ranges or coarse levels go last made traces of sweeps,
 // focus points and dragging read 6 % less to 17 % more (docs/BENCHMARKS.md, "Reading").
 //
-// While no query was announced nothing settles, and what was taken longest ago goes, but for one
-// more round where it was taken twice.
+// While no query was announced nothing settles, and the part that was taken longest ago goes; one
+// that was taken twice stays for one more round.
 //
-// A part that is taken again moves nothing, it only leaves a note with its owner: so that takes no
-// lock of this. Allocates nothing. Used by one thread at a time.
+// Taking a part again moves nothing and only leaves a note with its owner, so it takes no lock of
+// this object. Allocates nothing. Used by one thread at a time.
 class ResidencePolicy {
  public:
-  // A part that may go, within what its owner keeps of it. Changed by the policy alone.
+  // A part that may go, as a member of its owner's record. Changed by the policy alone.
   struct Member {
     std::uint64_t id = 0;
-    std::uint64_t bytes = 0;  // what it costs
+    std::uint64_t bytes = 0;  // its cost
     Member* newer = nullptr;
     Member* older = nullptr;
   };
-  // Which of the idle parts is meant: any, one that was not taken since the owner was asked last,
-  // or a stale one.
+  // Which of the idle parts is meant: any, one that was not taken since the last call, or a stale
+  // one.
   enum class Which { kAny, kTakenOnce, kStale };
 
   explicit ResidencePolicy(std::uint64_t budget_bytes)
@@ -52,8 +52,8 @@ class ResidencePolicy {
 
   void add(Member& member) { pushNewest(arrivals_, member); }
 
-  // The one that goes, no more a member; nullptr where all are in use. The owner answers
-  // `takes(member, which)`: true where it is such a part, and nobody can get it any more.
+  // Takes out the part that goes; nullptr if all are in use. The owner's `takes(member, which)`
+  // returns true if it is such a part, and no thread can get it any more.
   template <typename F>
   Member* takeVictim(F&& takes) {
     for (; unlooked_ > 0; --unlooked_)
@@ -61,7 +61,7 @@ class ResidencePolicy {
         --unlooked_;
         return victim;
       }
-    // Twice round: for the notes, and for those that had one.
+    // Twice round: for the notes, and for the parts that had one.
     for (std::size_t left = 2 * arrivals_.count; left > 0; --left) {
       if (has_queries_ && settles(*arrivals_.oldest)) {
         Member& member = *arrivals_.oldest;
@@ -77,8 +77,8 @@ class ResidencePolicy {
     return nullptr;
   }
 
-  // Takes out members for which the owner answers `takes(member)`, those that came first, as long
-  // as it answers `lacks()`. All others keep their places.
+  // Takes out members for which the owner's `takes(member)` is true, the oldest first, as long as
+  // its `lacks()` is true. All others keep their places.
   template <typename Takes, typename Lacks>
   void takeWhile(Lacks&& lacks, Takes&& takes) {
     for (Queue* queue : {&arrivals_, &settled_})
@@ -130,7 +130,7 @@ class ResidencePolicy {
 
   const std::uint64_t most_settled_bytes_;
   Queue arrivals_, settled_;
-  std::size_t unlooked_ = 0;  // of the settled, that may be stale
+  std::size_t unlooked_ = 0;  // settled ones that may be stale
   bool has_queries_ = false;
 };
 

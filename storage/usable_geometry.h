@@ -1,4 +1,4 @@
-// Which placements of a volume in the world can be computed with.
+// The placements of a volume in the world that computations can use.
 #pragma once
 
 #include <cmath>
@@ -7,8 +7,8 @@
 
 namespace isobrick {
 
-// True where every point of a volume of up to kMaxVoxelsPerAxis voxels an axis gets a position that
-// is finite, in single precision too, and world and index space can be changed into each other:
+// True if every point of a volume of up to kMaxVoxelsPerAxis voxels an axis gets a position that is
+// finite, in single precision too, and world and index space can be changed into each other:
 // spacings within 2^-100 .. 2^100, an origin within 2^100, directions that span space.
 inline bool isUsableGeometry(const GridGeometry& geometry) {
   constexpr double kMost = 0x1p100;

@@ -8,7 +8,7 @@
 namespace isobrick {
 namespace {
 
-// The float of which histogramKey() is the upper half of a number in the order of the values.
+// The float whose number in the order of the values has histogramKey() as its upper half.
 float ofOrderedBits(std::uint32_t ordered) {
   constexpr std::uint32_t kSign = 0x80000000;
   return std::bit_cast<float>((ordered & kSign) != 0 ? ordered & ~kSign : ~ordered);

@@ -1,4 +1,4 @@
-// How often which values occur among the voxels of level 0.
+// How often each value occurs among the voxels of level 0.
 #pragma once
 
 #include <bit>
@@ -17,13 +17,13 @@ namespace isobrick {
 // in the order of their values, from that of the least voxel to that of the greatest.
 class VoxelHistogram {
  public:
-  // However many values there are.
+  // The most bins, however many values there are.
   static constexpr std::size_t kMostBins = 65536;
 
-  // No voxels yet, of a type and range.
+  // Holds no voxels yet; they will be of the type and in the range.
   VoxelHistogram(VoxelType type, const ValueRange& range);
 
-  // How many there are.
+  // Number of bins.
   std::size_t bins() const { return counts_.size(); }
   // Voxels by bin.
   std::span<std::uint64_t> counts() { return counts_; }
@@ -32,8 +32,8 @@ class VoxelHistogram {
   // The values that a voxel of the bin may have; one value for integer types.
   ValueRange bin(std::size_t i) const;
 
-  // The counts in `bins` equal parts of [least, greatest], which is not empty: those of a float's
-  // bin shared out over the parts that it touches, those of an integer v over [v - 1/2, v + 1/2].
+  // The counts in `bins` equal parts of [least, greatest], which is not empty. A float's bin is
+  // shared out over the parts that it touches, the bin of an integer v over [v - 1/2, v + 1/2].
   std::vector<double> inEqualParts(double least, double greatest, std::size_t bins) const;
 
  private:

@@ -36,7 +36,7 @@ inline constexpr VoxelTypeInfo kVoxelTypes[] = {{"uint8", "u8", 1},
                                                 {"uint16", "u16", 2},
                                                 {"int16", "i16", 2},
                                                 {"float32", "f32", 4}};
-// How many there are.
+// Number of voxel types.
 inline constexpr std::uint32_t kVoxelTypeCount = std::size(kVoxelTypes);
 
 // Bytes of a voxel. `type`: one of the five; code that reads it from a file checks that.
@@ -110,12 +110,12 @@ struct ValueRange {
   float max = -std::numeric_limits<float>::infinity();  // the greatest value
 
   bool operator==(const ValueRange&) const = default;
-  // Grows to hold a value.
+  // Grows to include a value.
   void include(float v) {
     min = std::min(min, v);
     max = std::max(max, v);
   }
-  // Grows to hold another range.
+  // Grows to include another range.
   void include(const ValueRange& other) {
     min = std::min(min, other.min);
     max = std::max(max, other.max);
@@ -124,8 +124,8 @@ struct ValueRange {
   bool crosses(float isovalue) const { return min < isovalue && max >= isovalue; }
 };
 
-// The least voxel that is inside: v >= isovalue exactly if v >= the threshold. None if no
-// voxel of the type is. T: a voxel type.
+// The least voxel that is inside: v >= isovalue exactly if v >= the threshold. None if no voxel of
+// the type is inside. T: a voxel type.
 template <typename T>
 std::optional<T> insideThreshold(float isovalue) {
   if constexpr (std::is_floating_point_v<T>) {

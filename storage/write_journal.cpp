@@ -21,7 +21,7 @@ struct JournalHeader {
   char magic[sizeof kJournalMagic];
   std::uint64_t identity_bytes;
 };
-// Longer identities are not ours.
+// No writer makes longer identities.
 constexpr std::uint64_t kMostIdentityBytes = std::uint64_t{1} << 20;
 
 std::uint64_t checksumOf(const JournalEntry& entry) {
@@ -54,7 +54,7 @@ class RegularFile {
   RegularFile& operator=(const RegularFile&) = delete;
 
   bool isOpen() const { return is_regular_; }
-  // False where the file has fewer bytes, or cannot be read.
+  // False if the file has fewer bytes, or cannot be read.
   bool read(void* to, std::size_t bytes, std::uint64_t offset) const {
     return readBytesAt(fd_, offset, to, bytes).bytes == bytes;
   }

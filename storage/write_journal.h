@@ -13,7 +13,7 @@ namespace isobrick {
 // The first bytes of a journal.
 inline constexpr char kJournalMagic[8] = {'I', 'S', 'B', 'J', 'R', 'N', 'L', '2'};
 
-// One brick whose parts are in the temporary file, and where the next one goes.
+// One brick whose parts are in the temporary file, and the offset of the next one.
 struct JournalEntry {
   BrickRow row;
   std::uint64_t end = 0;
@@ -21,30 +21,30 @@ struct JournalEntry {
 };
 static_assert(sizeof(JournalEntry) == 104);
 
-// A file beside the temporary: an identity text, then entries in the order of the brick table. It
-// is only ever appended to. Used by one thread at a time. Failures throw ResumableError.
+// A file beside the temporary file: an identity text, then entries in the order of the brick table.
+// It is only ever appended to. Used by one thread at a time. Failures throw ResumableError.
 class WriteJournal {
  public:
   struct Content {
     std::string identity;
     std::vector<JournalEntry> entries;  // up to the first that is damaged
   };
-  // Nothing where there is no journal, or none that can be read. Never throws for its content.
+  // Nothing if there is no journal, or none that can be read. Never throws for its content.
   static std::optional<Content> read(const std::string& path);
 
   // Begins a journal with `entries`, replacing an older one.
   WriteJournal(const std::string& path, const std::string& identity,
                const std::vector<JournalEntry>& entries);
-  // Leaves the file where it is.
+  // Leaves the file in place.
   ~WriteJournal();
   WriteJournal(const WriteJournal&) = delete;
   WriteJournal& operator=(const WriteJournal&) = delete;
 
-  // Takes note of a brick; flush() writes the notes. To be called after the brick's bytes were
-  // written, so that no entry speaks of bytes that are not there.
+  // Adds the entry of a brick; flush() writes the entries. Call it after the brick's bytes were
+  // written, so that no entry names bytes that are not there.
   void add(const BrickRow& row, std::uint64_t end);
   void flush();
-  // Removes the file, unless its name has come to mean another one: that of the next writer, who
+  // Removes the file, unless its name now belongs to another one: that of the next writer, which
   // may begin as soon as the finished file has its name.
   void remove() noexcept;
 

@@ -1,4 +1,4 @@
-// isobrick bench: the speed of extraction, beside that of other libraries where bench_peers is.
+// isobrick bench: the speed of extraction, beside other libraries' if bench_peers is there.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -26,15 +26,15 @@ namespace {
 
 struct BenchArguments {
   const CLI::App* parser = nullptr;
-  std::vector<const CLI::Option*> query_options;  // those that extract has too
+  std::vector<const CLI::Option*> query_options;  // the options that extract has too
   QueryOptions query;
   BenchSettings settings;
   std::string cache = "warm", huge_pages = "on", peers;
   bool json = false;
 };
 
-// The words of the query again, as the user wrote them, for the processes of our own rows: what
-// every row needs, and what makes a query adaptive.
+// The words of the query again, as the user wrote them, for the processes of our own rows: the
+// words for every row, and those that make a query adaptive.
 void splitQueryWords(BenchArguments& arguments) {
   BenchSettings& settings = arguments.settings;
   settings.own_words = {settings.path};
@@ -71,7 +71,7 @@ std::vector<bool> settingsOf(const std::string& word, const char* off, const cha
   return {false, true};
 }
 
-// Empty where there is none.
+// Empty if there is none.
 std::string firstFailure(const std::vector<BenchRow>& rows) {
   for (const BenchRow& row : rows)
     if (!row.failure.empty()) return fmt::format("row '{}': {}", row.name, row.failure);
@@ -90,7 +90,7 @@ int runBench(BenchArguments& arguments) {
 
   BenchScene scene;
   {
-    // Only looked at: what a row needs of the file, its own process opens.
+    // Opened only for its facts: each row's own process opens the file again.
     const Pyramid pyramid(settings.path);
     chooseIsovalues(arguments.query, pyramid);
     warnOfEmptySurface(arguments.query, pyramid);

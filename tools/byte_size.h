@@ -1,4 +1,4 @@
-// Counts and sizes for people.
+// Counts and sizes as text to read.
 #pragma once
 
 #include <cstdint>

@@ -32,7 +32,7 @@ std::string pyramidsText(std::size_t count) {
   return fmt::format("{} pyramid{}", count, count == 1 ? "" : "s");
 }
 
-// The volume that it was made of; empty where it does not say.
+// The volume that it was made of; empty if its file does not state it.
 std::string sourceOf(const CachedPyramid& entry) try {
   const Pyramid pyramid(entry.path);
   const Json json = parseShallowJson<Json>(pyramid.provenance());

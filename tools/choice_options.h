@@ -1,4 +1,4 @@
-// The options with which a query says how fine the surface is where: its own, or a further choice.
+// The options for the surface's detail at each place: the query's own, or a further choice.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -29,7 +29,7 @@ struct ChoiceOptions {
 void addChoiceOptions(CLI::App& app, ChoiceOptions& options);
 
 // A further choice in words: "focus=10,20,30 radius=5 curvature=0.01", the options' names without
-// their dashes. Throws std::invalid_argument with what is wrong.
+// their dashes. Throws std::invalid_argument with the reason.
 ChoiceOptions parseChoice(const std::string& text);
 
 // `world`: the focus and its radius are in world units.

@@ -32,7 +32,7 @@ auto findOption(App& app, const std::string& name) {
   return found.empty() ? nullptr : found.front();
 }
 
-// Whether `app` is told an option, for tools/failure_text.h.
+// Whether `app` has an option, for tools/failure_text.h.
 inline auto optionsOf(const CLI::App& app) {
   return [&app](const std::string& name) { return findOption(app, name) != nullptr; };
 }
@@ -41,11 +41,11 @@ inline auto optionsOf(const CLI::App& app) {
 // view/isobrick_view_commands.cpp).
 std::vector<Command> addCommands(CLI::App& app);
 
-// The subcommand for a file that is named without one; nothing where the word is no file.
+// The subcommand for a file that is named without one; nothing if the word is no file.
 std::optional<std::string> commandOfFile(const std::string& word);
 
-// Where another executable has the subcommand `name`, becomes that executable, with the words
-// `argv`; else returns. Throws Error where it cannot be run.
+// If another executable has the subcommand `name`, becomes that executable, with the words `argv`;
+// else returns. Throws Error if it cannot be run.
 void runExternalCommand(std::string_view name, char** argv);
 
 // One file each.
@@ -67,8 +67,8 @@ Command addFormatsCommand(CLI::App& app);
 Command addVolumeFormatsCommand(CLI::App& app);
 Command addPagesCommand(CLI::App& app);
 
-// `definitions` of every executable, and what it prints: {"commands": [{"name", "description",
-// "footer", "options": [...]}], "description", "footer"}, without what is hidden.
+// `definitions` of every executable, which prints: {"commands": [{"name", "description", "footer",
+// "options": [...]}], "description", "footer"}, without hidden ones.
 Command addDefinitionsCommand(CLI::App& app);
 nlohmann::ordered_json definitionsOf(const CLI::App& app);
 Command addBenchRowCommand(CLI::App& app);

@@ -10,14 +10,14 @@
 
 namespace isobrick {
 
-// Whether the command at hand has an option, "--memory" or "-o".
+// Whether the current command has an option, "--memory" or "-o".
 using HasOption = std::function<bool(const std::string& option)>;
 
-// The failure's own line, and for an Error what would help, with options that this command has.
+// The failure's own line, and for an Error the remedies, with options that this command has.
 std::string failureText(const std::exception& failure, const HasOption& has);
 
-// The remedy, in the words of a command that has such options; never empty. A text that speaks of
-// options of another command names that: 'isobrick build'.
+// The remedy, in the words of a command that has such options; never empty. A text with options of
+// another command names that command: 'isobrick build'.
 std::string adviceOf(Remedy remedy, const HasOption& has);
 
 // "--raw-dims" and "-o" of "give --raw-dims X,Y,Z, or choose another file with -o".

@@ -1,5 +1,5 @@
-// isobrick formats: what is read and written, from the tables that readers and writers are chosen
-// by.
+// isobrick formats: lists the formats to read and write, from the tables that select readers and
+// writers.
 #include <fmt/format.h>
 
 #include <memory>

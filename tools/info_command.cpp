@@ -1,4 +1,4 @@
-// isobrick info: what a pyramid is.
+// isobrick info: the facts of a pyramid.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -28,8 +28,8 @@ struct InfoArguments {
   bool json = false;
 };
 
-// The provenance as an object. It comes from a file that anybody may have made: what is no JSON, or
-// is nested without end, is given as text.
+// The provenance as an object. The file may be hostile: text that is no JSON, or nested too deep,
+// is given as text.
 Json provenanceOf(const Pyramid& pyramid) {
   Json json = parseShallowJson<Json>(pyramid.provenance());
   return json.is_discarded() ? Json(pyramid.provenance()) : json;

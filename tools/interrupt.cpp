@@ -7,7 +7,7 @@ namespace {
 
 CancelFlag the_flag;
 
-// Only what is safe in a signal handler: a lock-free store and signal().
+// Makes only calls that are safe in a signal handler: a lock-free store and signal().
 extern "C" void onInterrupt(int) {
   the_flag.request();
   std::signal(SIGINT, SIG_DFL);

@@ -53,7 +53,7 @@ constexpr ExternalCommand kExternalCommands[] = {
 
 std::vector<Command> addCommands(CLI::App& app) {
   std::vector<Command> commands;
-  // Only for --help: runExternalCommand() has been asked before.
+  // Only for --help: runExternalCommand() was called before.
   for (const ExternalCommand& command : kExternalCommands)
     app.add_subcommand(std::string(command.name), std::string(command.description));
   commands.push_back(addInfoCommand(app));

@@ -17,7 +17,7 @@ using Json = nlohmann::ordered_json;
 inline Json jsonOf(const Index3& v) { return {v.x, v.y, v.z}; }
 inline Json jsonOf(const glm::dvec3& v) { return {v.x, v.y, v.z}; }
 
-// Where a pyramid's bytes are.
+// The bytes of a pyramid, by kind.
 inline Json jsonOfBytes(const PyramidBytes& bytes) {
   return {{"total", bytes.total},
           {"raw", bytes.raw},

@@ -7,14 +7,14 @@
 
 namespace isobrick {
 
-// Takes a word and the space behind it off the line; false where it begins with another one.
+// Takes a word and the space behind it off the line; false if it begins with another one.
 inline bool takeWord(std::string_view& line, std::string_view word) {
   if (line.substr(0, word.size()) != word || line.substr(word.size(), 1) != " ") return false;
   line.remove_prefix(word.size() + 1);
   return true;
 }
 
-// The same of a number.
+// The same for a number.
 template <typename T>
 bool takeNumber(std::string_view& line, T& number) {
   const auto read = std::from_chars(line.data(), line.data() + line.size(), number);

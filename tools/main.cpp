@@ -38,7 +38,7 @@ int reportUsage(const CLI::App& app, const std::string& message) {
   return kWrongUsage;
 }
 
-// The exit status where the words themselves end the run (help, version, wrong usage).
+// The exit status if the words themselves end the run (help, version, wrong usage).
 std::optional<int> parseArguments(CLI::App& app, int argc, char** argv) {
   try {
     app.parse(argc, argv);
@@ -66,7 +66,7 @@ int runChosen(const std::vector<Command>& commands) {
   return status;
 }
 
-// For a failure to find memory too, which may go on while it is told.
+// Also for a lack of memory, which may go on during the report.
 int reportFailure(const std::exception& failure, const HasOption& has) noexcept try {
   const bool lacks_memory = dynamic_cast<const std::bad_alloc*>(&failure) != nullptr;
   fmt::print(stderr, "isobrick: {}\n",
@@ -99,7 +99,7 @@ bool isSubcommand(const CLI::App& app, const std::string& word) {
   return !named.empty();
 }
 
-// `isobrick scan.nrrd` is `isobrick view scan.nrrd`; returns where the word is no file.
+// `isobrick scan.nrrd` is `isobrick view scan.nrrd`; returns if the word is no file.
 void runCommandOfFile(int argc, char** argv) {
   std::optional<std::string> command = commandOfFile(argv[1]);
   if (!command) return;
@@ -119,8 +119,8 @@ int runWords(int argc, char** argv) {
   installInterruptHandler();
   const int status = runReportingFailures(app, commands);
   if (status == kInterrupted) {
-    // A call of a library may still be under way (storage/abandonable.h), and with it everything
-    // that destructors of global objects would take away.
+    // A call of a library may still be under way (storage/abandonable.h), which uses objects that
+    // destructors of global objects would destroy.
     std::fflush(nullptr);
     std::_Exit(status);
   }

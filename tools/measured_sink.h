@@ -9,8 +9,7 @@
 
 namespace isobrick {
 
-// Adds up the time that another sink takes, and shows how much went through. Both
-// sink and bar outlive it.
+// Adds up the time that another sink takes, and shows the progress. Both sink and bar outlive it.
 class MeasuredSink : public TriangleSink {
  public:
   MeasuredSink(TriangleSink& sink, ProgressBar& bar) : sink_(sink), bar_(bar) {}

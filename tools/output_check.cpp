@@ -19,7 +19,7 @@ bool isThere(const fs::path& path) {
   return fs::exists(fs::symlink_status(path, ignored));
 }
 
-// Where a MetaImage has its voxels, if it can be read.
+// The file with a MetaImage's voxels, if the header can be read.
 std::optional<fs::path> dataFileOf(const fs::path& header) {
   std::error_code ignored;
   if (!fs::is_regular_file(header, ignored)) return std::nullopt;

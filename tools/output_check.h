@@ -1,5 +1,5 @@
-// The one rule for what commands write: nothing that exists is replaced without --force, --force
-// replaces the named output and nothing beside it, and what is read is never written over.
+// The one rule for the outputs of commands: no existing file is replaced without --force, --force
+// replaces the named output and nothing beside it, and an input is never written over.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -8,21 +8,21 @@
 
 namespace isobrick {
 
-// --force, as every command that writes has it.
+// --force, the same in every command that writes.
 CLI::Option* addForceFlag(CLI::App& app, bool& force);
 
 struct PlannedOutput {
   std::string path;
-  // A way to another name for it, for the line that refuses it.
+  // The way to another name for it, for the line that refuses it.
   std::string way_out = "choose another output with -o";
 };
 
-// Throws Error where writing the file would replace an input, anything but a file, or, without
+// Throws Error if writing the file would replace an input, anything but a file, or, without
 // `force`, anything at all. Inputs are files and folders; a name of neither (phantom:head) is none.
 void refuseReplacing(const PlannedOutput& output, const std::vector<std::string>& inputs,
                      bool force);
-// The same of a volume. A .mhd has its voxels in a .raw beside it: that one goes, with `force`, if
-// the header that is replaced names it, and is somebody else's otherwise.
+// The same for a volume. A .mhd has its voxels in a .raw beside it: that one is replaced, with
+// `force`, if the replaced header names it, and is foreign otherwise.
 void refuseReplacingVolume(const PlannedOutput& output, const std::vector<std::string>& inputs,
                            bool force);
 

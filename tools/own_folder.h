@@ -1,4 +1,4 @@
-// Where this executable lies, beside which others are looked for.
+// The folder of this executable, beside which others are searched.
 #pragma once
 
 #include <filesystem>
@@ -7,13 +7,13 @@
 
 namespace isobrick {
 
-// Both are empty where the system does not say.
+// Both are empty if the system does not give the path.
 std::filesystem::path ownExecutable();
 std::filesystem::path ownFolder();
 
 // The executable of this name that came with this one: beside it, or in libexec once installed.
 std::optional<std::string> findOwnExecutable(const std::string& name);
-// The same. Throws Error where there is none.
+// The same. Throws Error if there is none.
 std::string requiredExecutable(const std::string& name);
 
 }  // namespace isobrick

@@ -25,8 +25,7 @@ namespace fs = std::filesystem;
 
 std::string textOf(const Json& json, const char* key) { return json[key].get<std::string>(); }
 
-// All commands; those of the other executables, which have the options, in place of our own words
-// for them.
+// All commands; those of other executables by the executables' own definitions, with the options.
 Json allDefinitions(const CLI::App& app) {
   Json all = definitionsOf(app);
   for (const char* const executable : {"isobrick-build", "isobrick-view"}) {
@@ -128,7 +127,7 @@ std::string choicesText(const Json& option) {
   return text;
 }
 
-// As much of a description as fits beside a name, without what shells would read.
+// As much of a description as fits beside a name, without characters that shells interpret.
 std::string shortText(const std::string& description) {
   std::string text = description.substr(
       0, std::min({description.find(". "), description.find(';'), description.find(':')}));

@@ -17,7 +17,7 @@ namespace {
   throw std::invalid_argument(fmt::format("'{}' is not {}", text, expected));
 }
 
-// from_chars knows no leading plus sign, users do.
+// from_chars takes no leading plus sign, but users may write one.
 template <typename T>
 bool parseWhole(std::string_view text, T& value) {
   if (text.size() > 1 && text[0] == '+' && text[1] != '-') text.remove_prefix(1);
@@ -30,7 +30,7 @@ bool parseFinite(std::string_view text, double& value) {
   return parseWhole(text, value) && std::isfinite(value);
 }
 
-// Parses "a,b,c" with `parse(part, values[i])`; false where a part is bad or the count is another.
+// Parses "a,b,c" with `parse(part, values[i])`; false if a part is bad or the count differs.
 template <typename T, std::size_t count, typename Parse>
 bool parseList(std::string_view text, std::array<T, count>& values, Parse parse) {
   for (std::size_t i = 0; i < count; ++i) {

@@ -10,7 +10,7 @@
 
 namespace isobrick {
 
-// All throw std::invalid_argument with what is wrong and what is expected.
+// All throw std::invalid_argument with the fault and the expected form.
 
 // A finite number: 500, -1.5, 2e-3.
 double parseNumber(const std::string& text);

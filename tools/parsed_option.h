@@ -29,7 +29,7 @@ CLI::Option* addParsedOption(CLI::App& app, const std::string& names, Target& ta
 template <typename T>
 using Choices = std::vector<std::pair<std::string, T>>;
 
-// Adds an option that sets `target` to what one of the choices means.
+// Adds an option that sets `target` to the value of one of the choices.
 template <typename T>
 CLI::Option* addChoiceOption(CLI::App& app, const std::string& name, T& target,
                              const Choices<T>& choices, const std::string& value_name,
@@ -43,7 +43,7 @@ CLI::Option* addChoiceOption(CLI::App& app, const std::string& name, T& target,
       ->check(CLI::IsMember(choices));
 }
 
-// An option that is no more, not in --help: whoever gives it is told what to use.
+// A removed option, not in --help: using it is an error that names its successor.
 inline void addRemovedOption(CLI::App& app, const std::string& name) {
   const auto refuse = [name](const std::string&) {
     throw CLI::ValidationError(

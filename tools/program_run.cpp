@@ -18,7 +18,7 @@
 namespace isobrick {
 namespace {
 
-// The two ends of a pipe; what is still open is closed.
+// The two ends of a pipe; ends that are still open are closed.
 class Pipe {
  public:
   Pipe() {
@@ -71,7 +71,7 @@ pid_t start(const ProgramCall& call, const Pipe& out, const Pipe& err) {
   posix_spawn_file_actions_adddup2(&actions, err.writeEnd(), STDERR_FILENO);
   posix_spawnattr_t attributes;
   posix_spawnattr_init(&attributes);
-  // A process that cannot write to its caller any longer, because that is gone, ends.
+  // A process whose caller is gone ends when it writes to it.
   sigset_t defaults;
   sigemptyset(&defaults);
   for (const int number : {SIGPIPE, SIGTERM, SIGINT}) sigaddset(&defaults, number);
@@ -128,7 +128,7 @@ void throwIfFailed(const ProgramCall& call, int status, const std::string& error
                        said);
 }
 
-// Tells of the lines that are whole by now, and keeps the last one alone, which a failure names.
+// Reports the complete lines so far, and keeps the last one alone, which a failure names.
 void tellLines(const ProgramCall& call, std::string& text, std::size_t& told) {
   if (!call.on_error_line) return;
   for (std::size_t end = 0; (end = text.find('\n', told)) != std::string::npos; told = end + 1)

@@ -1,4 +1,4 @@
-// Another program: its words in, what it printed out.
+// Another program: its words in, its output out.
 #pragma once
 
 #include <functional>
@@ -20,7 +20,7 @@ struct ProgramCall {
   int tidy_end_milliseconds = 0;
 };
 
-// The program left with a status other than 0; `said` is the last line of its stderr.
+// The program ended with a status other than 0; `said` is the last line of its stderr.
 class ProgramFailure : public Error {
  public:
   ProgramFailure(const std::string& what, std::string said_last)
@@ -28,10 +28,10 @@ class ProgramFailure : public Error {
   const std::string said;
 };
 
-// Runs the program to its end and returns what it wrote to its stdout. Throws Error where it cannot
-// be started or is killed by a signal, ProgramFailure where it leaves with another status than 0,
-// and Cancelled, with the program gone, once `cancel` asks for it. Not for two threads at a time:
-// the pipes of one call would stay open in the program of the other.
+// Runs the program to its end and returns its stdout. Throws Error if it cannot be started or is
+// killed by a signal, ProgramFailure if it ends with another status than 0, and Cancelled, with the
+// program gone, after a request of `cancel`. Not for two threads at a time: the pipes of one call
+// would stay open in the program of the other.
 std::string runProgram(const ProgramCall& call, const CancelFlag* cancel = nullptr);
 
 }  // namespace isobrick

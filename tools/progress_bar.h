@@ -1,4 +1,4 @@
-// A line on the terminal that says how far long work is.
+// A line on the terminal that shows the progress of long work.
 #pragma once
 
 #include <chrono>
@@ -8,27 +8,27 @@
 
 namespace isobrick {
 
-// How progress is told.
+// The style of progress.
 enum class ProgressStyle {
-  kBar,    // drawn where stderr is a terminal, nothing anywhere else
+  kBar,    // drawn if stderr is a terminal, nothing anywhere else
   kLines,  // for programs, wherever stderr goes: "progress 0.612 read", share and phase
 };
 
-// Draws on stderr. The line is wiped when
-// the bar goes out of scope, also by an exception, so that what follows begins on a clean line.
-// Thread-safe; cheap enough to be called for every brick (it draws ten times a second at most).
+// Draws on stderr. The line is wiped when the bar goes out of scope, also by an exception, so that
+// later output begins on a clean line. Thread-safe; cheap enough to be called for every brick (it
+// draws ten times a second at most).
 class ProgressBar {
  public:
-  // `total` is what a whole phase stands for, in `unit`, for the rate: 268.4 and "MB".
+  // `total` is the amount of a whole phase, in `unit`, for the rate: 268.4 and "MB".
   ProgressBar(double total, std::string unit, ProgressStyle style = ProgressStyle::kBar);
   ~ProgressBar();
   ProgressBar(const ProgressBar&) = delete;
   ProgressBar& operator=(const ProgressBar&) = delete;
 
-  // "read  ######....  61 %  512 MB/s  3 s left"; a new phase starts its own clock,
-  // and what was done of it by then (a resumed build begins in the middle) does not count as speed.
+  // "read  ######....  61 %  512 MB/s  3 s left"; a new phase starts its own clock, and its
+  // progress by then (a resumed build begins in the middle) does not count as speed.
   void show(std::string_view phase, double fraction);
-  // The same where what is done, in `unit`, does not follow from the fraction; `total` is not used.
+  // The same if the amount, in `unit`, does not follow from the fraction; `total` is not used.
   void show(std::string_view phase, double fraction, double amount);
 
  private:

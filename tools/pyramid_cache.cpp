@@ -48,8 +48,7 @@ class OpenDescriptor {
   int fd_;
 };
 
-// False where another process has it. A file system without locks is taken for one without other
-// processes.
+// False if another process has it. On a file system without locks, assumes that there is none.
 bool tryLock(int fd, int kind) {
   int failed = 0;
   do failed = flock(fd, kind | LOCK_NB);
@@ -64,7 +63,7 @@ bool hasName(int fd, const std::string& path) {
          open_file.st_dev == named.st_dev && open_file.st_ino == named.st_ino;
 }
 
-// The lock file, locked; -1 where another process has it.
+// The lock file, locked; -1 if another process has it.
 int tryBuildLock(const std::string& path) {
   while (true) {
     OpenDescriptor file(open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644));
@@ -74,7 +73,7 @@ int tryBuildLock(const std::string& path) {
                               path, std::strerror(errno)),
                   {.path = path});
     if (!tryLock(file.get(), LOCK_EX)) return -1;
-    // Whoever had it before may have removed it.
+    // The process that had it before may have removed it.
     if (hasName(file.get(), path)) return file.release();
   }
 }
@@ -98,13 +97,13 @@ std::string pyramidNameOf(const std::string& file) {
   return {};
 }
 
-// Nothing where there is no such file. Throws Error where it cannot be removed.
+// Does nothing if there is no such file. Throws Error if it cannot be removed.
 void removeFile(const std::string& path) {
   if (unlink(path.c_str()) == 0 || errno == ENOENT) return;
   throw Error(fmt::format("cannot remove '{}': {}", path, std::strerror(errno)), {.path = path});
 }
 
-// False where a process uses or builds it.
+// False if a process uses or builds it.
 bool removeUnlessUsed(const CachedPyramid& entry) {
   const std::string lock_path = lockPath(entry.path);
   const OpenDescriptor lock(tryBuildLock(lock_path));
@@ -126,7 +125,7 @@ bool isLater(const std::timespec& a, const std::timespec& b) {
 }  // namespace
 
 std::string defaultCacheFolder() {
-  // The specification has relative ones ignored.
+  // The specification ignores relative ones.
   for (const auto& [variable, below] :
        {std::pair{"XDG_CACHE_HOME", "isobrick"}, std::pair{"HOME", ".cache/isobrick"}}) {
     const char* const folder = std::getenv(variable);
@@ -179,7 +178,7 @@ CacheBuildLock::~CacheBuildLock() {
 bool usePyramid(const std::string& path) {
   OpenDescriptor file(open(path.c_str(), O_RDONLY | O_CLOEXEC));
   if (file.get() < 0 || !tryLock(file.get(), LOCK_SH) || !hasName(file.get(), path)) return false;
-  // The time of the last access is for this alone: mounts with noatime do not keep it otherwise.
+  // Sets the time of the last access, as mounts with noatime do not keep it otherwise.
   const std::timespec times[2] = {{0, UTIME_NOW}, {0, UTIME_OMIT}};
   futimens(file.get(), times);
   file.release();  // open until the process ends
@@ -217,7 +216,7 @@ CacheRemoval clearCache(const std::string& folder) {
       ++removal.in_use;
       continue;
     }
-    if (entry.bytes > 0) ++removal.removed;  // else a lock that nobody took away
+    if (entry.bytes > 0) ++removal.removed;  // else a lock file that was left behind
     removal.bytes += entry.bytes;
   }
   return removal;

@@ -41,8 +41,8 @@ struct RenderArguments {
   std::string state;  // a saved view, in place of most of the above; empty: none
 };
 
-// The query's eye, where it looks at something, is the picture's; and what covers how many pixels
-// is then a matter of this picture, where nothing else was said.
+// The query's eye, if it looks at something, is the picture's; sizes in pixels are then those of
+// this picture, unless the user gave others.
 void placeEye(RenderArguments& arguments) {
   ChoiceOptions& choice = arguments.query.choice;
   if (!choice.eye || !choice.look_at || choice.pixels_per_unit) return;
@@ -75,7 +75,7 @@ void writePicture(const RenderArguments& arguments, const std::vector<char>& pic
   file.commit(&interruptFlag());
 }
 
-// What `isobrick view` shows of a saved view.
+// Draws a saved view as `isobrick view` shows it.
 int renderState(RenderArguments& arguments) {
   const ImageFormat format = imageFormatOf(arguments.output);
   refuseReplacing({arguments.output}, {arguments.query.input.path, arguments.state},
@@ -99,7 +99,7 @@ int renderState(RenderArguments& arguments) {
 }
 
 int runRender(RenderArguments arguments) {
-  // Neither a slip of the pen nor a machine that cannot draw shall cost an extraction.
+  // A mistyped name, or a machine that cannot draw, must not cost an extraction.
   const ImageFormat format = imageFormatOf(arguments.output);
   refuseReplacing({arguments.output}, {arguments.query.input.path, arguments.state},
                   arguments.force);

@@ -28,9 +28,9 @@ inline constexpr char kSurfaceGroup[] = "Surface", kDetailGroup[] = "Detail",
 // Options that are added to the command from now on belong to this group.
 inline void beginGroup(CLI::App& app, const char* group) { app.option_defaults()->group(group); }
 
-// What --memory is where it is not given, in every command.
+// The default of --memory in every command.
 inline constexpr std::uint64_t kDefaultMemoryBytes = Pyramid::kDefaultBudgetBytes;
-static_assert(kDefaultMemoryBytes == std::uint64_t{1} << 30);  // as --help says
+static_assert(kDefaultMemoryBytes == std::uint64_t{1} << 30);  // as in --help
 
 inline CLI::Option* addMemoryOption(CLI::App& app, std::uint64_t& bytes) {
   return addParsedOption(app, "--memory", bytes, parseByteSize, "SIZE",
@@ -41,8 +41,8 @@ inline CLI::Option* addJsonFlag(CLI::App& app, bool& json) {
   return app.add_flag("--json", json, "Print one JSON object in place of text");
 }
 
-// --select, which says what `select` is called with, a word KEY=VALUE at a time; it throws
-// std::invalid_argument for a word that is wrong.
+// --select, which calls `select` with one word KEY=VALUE at a time; it throws std::invalid_argument
+// for a word that is wrong.
 inline CLI::Option* addSelectOption(CLI::App& app,
                                     std::function<void(const std::string& word)> select) {
   const auto each = [select = std::move(select)](const std::vector<std::string>& words) {

@@ -9,8 +9,7 @@
 
 namespace isobrick {
 
-// A row of cells, a line each in text(). Widths count code points, which is what a terminal shows
-// of most scripts.
+// A row of cells, a line each in text(). Widths count code points, as terminals show most scripts.
 class TextTable {
  public:
   // `right_aligned` has an R for every column of numbers and an L for every other one: "LLR".

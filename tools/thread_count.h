@@ -21,7 +21,7 @@ inline void addThreadsOption(CLI::App& app, int& threads) {
       "Threads to use; default: all cores");
 }
 
-// Calls `work()` where TBB has `threads` threads, the calling one included.
+// Calls `work()` with TBB limited to `threads` threads, the calling one included.
 template <typename Work>
 auto runWithThreads(int threads, Work&& work) {
   const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,

@@ -13,7 +13,7 @@ constexpr char kInstallAdvice[] =
     "install an OpenGL 4.5 driver (Debian and Ubuntu: apt install libegl1 libopengl0 "
     "libgl1-mesa-dri)";
 
-// libepoxy ends the process where a library is missing; an Error is friendlier. The libraries stay
+// libepoxy ends the process if a library is missing; an Error is friendlier. The libraries stay
 // loaded: libepoxy loads them next.
 void requireLibraries() {
   const auto loads = [](const char* name) {

@@ -6,14 +6,14 @@
 
 namespace isobrick {
 
-// Owns an OpenGL 4.5 core context and the tiny surface that some drivers want beside it. GL objects
+// Owns an OpenGL 4.5 core context and the tiny surface that some drivers need beside it. GL objects
 // made in the context die with it.
 //
 // Threads: current on one thread at a time, by a CurrentScope; different contexts are independent.
 class EglContext {
  public:
-  // Prefers Mesa's surfaceless platform and falls back to the default display.
-  // Throws Error that says what to install where no context can be made.
+  // Prefers Mesa's surfaceless platform and falls back to the default display. Throws Error that
+  // says what to install if no context can be made.
   EglContext();
   // The context must not be current on another thread.
   ~EglContext();
@@ -24,7 +24,7 @@ class EglContext {
   // from another thread. The context outlives it. GL functions may be called only inside of one.
   class CurrentScope {
    public:
-    // Throws Error where the context is current on another thread.
+    // Throws Error if the context is current on another thread.
     explicit CurrentScope(const EglContext& context);
     ~CurrentScope();
     CurrentScope(const CurrentScope&) = delete;
@@ -35,7 +35,7 @@ class EglContext {
   };
 
  private:
-  // False, with nothing made, where the display is of no use.
+  // False, with nothing made, if the display is of no use.
   bool openOn(EGLDisplay display);
 
   EGLDisplay display_ = EGL_NO_DISPLAY;

@@ -1,4 +1,4 @@
-// The only file of the viewer that knows OpenEXR.
+// The only file of the viewer that uses OpenEXR.
 #include <OpenEXR/ImfChannelList.h>
 #include <OpenEXR/ImfFrameBuffer.h>
 #include <OpenEXR/ImfHeader.h>
@@ -79,7 +79,7 @@ std::vector<char> encodeExr(const Image& image) {
     }
     if (!image.depth.empty()) {
       header.channels().insert("Z", Imf::Channel(Imf::FLOAT));
-      // Reading alone, whatever the library's signature says.
+      // Only reads, although the library's signature is not const.
       frame.insert("Z", sliceOf(Imf::FLOAT, const_cast<float*>(image.depth.data()), sizeof(float),
                                 image.width));
     }

@@ -13,10 +13,10 @@
 
 namespace isobrick {
 
-// An RGB picture with linear light (twice the value is twice the light) and the primaries of
-// Rec. 709, which are those of sRGB. 0 is black and 1 is the white of a screen; greater values are
-// kept by EXR and clipped by PNG. Linear light is what averaging pixels and EXR need; the sRGB
-// curve is applied once, on the way to 8 bits.
+// An RGB picture with linear light (twice the value is twice the light) and the primaries of Rec.
+// 709, which are those of sRGB. 0 is black and 1 is the white of a screen; greater values are kept
+// by EXR and clipped by PNG. Averaging pixels and EXR need linear light; the sRGB curve is applied
+// once, on the way to 8 bits.
 struct Image {
   int width = 0;   // pixels
   int height = 0;  // pixels
@@ -75,14 +75,14 @@ enum class ImageFormat {
 inline constexpr std::pair<const char*, ImageFormat> kImageFormats[] = {
     {".png", ImageFormat::kPng}, {".exr", ImageFormat::kExr}};
 
-// The format that a file name asks for by its extension, in upper or lower case. Throws Error for
-// any other extension: ask before long work, so that a slip of the pen costs nothing.
+// The format of a file name by its extension, in upper or lower case. Throws Error for any other
+// extension; check it before long work, so that a mistyped name costs nothing.
 ImageFormat imageFormatOf(const std::filesystem::path& path);
 
-// Writes `image` in the format that the extension asks for. The file appears under its name only
-// when it is complete, replacing what was there; when writing fails nothing is left behind and
-// Error names the path. Holds the encoded file in memory (at most the size of the pixels).
-// Safe to call from several threads for different paths.
+// Writes `image` in the format of the extension. The file appears under its name only when it is
+// complete, and replaces an older one. If writing fails, nothing is left behind and Error names the
+// path. Holds the encoded file in memory (at most the size of the pixels). Safe to call from
+// several threads for different paths.
 void writeImage(const std::filesystem::path& path, const Image& image);
 
 // The picture as the bytes of a file of that format.

@@ -21,7 +21,7 @@ ImageFormat imageFormatOf(const std::filesystem::path& path) {
 
 namespace {
 
-// PNG has colours as they would be alone, beside how much of them there is.
+// PNG stores colours that are not premultiplied, and alpha beside them.
 std::vector<std::uint8_t> pngPixels(const Image& image) {
   std::vector<std::uint8_t> pixels;
   if (image.alpha.empty()) {

@@ -26,7 +26,7 @@ constexpr std::array<glm::vec3, 8> kLevelColors{{
     {0.60f, 0.38f, 0.64f},  // violet
 }};
 
-// For meshes too: positions that no triangle uses are framed, and chunks hold those in use alone.
+// For meshes too: the frame includes unused positions, and chunks hold only used ones.
 template <typename ForEachPoint>
 SceneFrame frameOf(const RenderOptions& options, const SceneLattice& lattice,
                    ForEachPoint&& forEachPoint) {

@@ -39,11 +39,11 @@ struct RenderBox {
   glm::vec3 upper{0.0f};  // likewise
 };
 
-// A camera that walks around the mesh, at the distance at which all of it just fits into the
-// picture. In the patient's coordinates of medical volumes (LPS: +x left, +y back, +z head) azimuth
-// 0 and elevation 0 is a portrait: the face, with its left to the right.
+// A camera that orbits the mesh, at the distance at which all of it just fits into the picture. In
+// the patient's coordinates of medical volumes (LPS: +x left, +y back, +z head) azimuth 0 and
+// elevation 0 is a portrait: the face, with its left to the right.
 struct OrbitCamera {
-  // Degrees. Positive azimuths walk to the right around `up`; 180 sees the back.
+  // Degrees. Positive azimuths lie to the right around `up`; 180 sees the back.
   double azimuth = 25.0;
   // Degrees; positive sees the mesh from above, 90 from straight above (azimuth then turns it).
   double elevation = 15.0;
@@ -54,8 +54,8 @@ struct OrbitCamera {
   std::optional<RenderBox> box;
 };
 
-// A camera put in place by hand. Lengths in world units. `eye` and `target` differ, and `up` is not
-// parallel to the view; render() throws Error otherwise.
+// A camera that is placed explicitly. Lengths in world units. `eye` and `target` differ, and `up`
+// is not parallel to the view; render() throws Error otherwise.
 struct LookAtCamera {
   glm::dvec3 eye{0.0};           // its place
   glm::dvec3 target{0.0};        // the middle of the picture
@@ -90,8 +90,8 @@ struct RenderOptions {
   // Surfaces seen from the inside (clockwise triangles): dark and warm, unlike any levelColor, so
   // that an inside-out mesh cannot be mistaken for a good one.
   glm::vec3 back_color{0.46f, 0.20f, 0.13f};
-  glm::vec3 background_top{0.36f, 0.38f, 0.41f};     // behind all
-  glm::vec3 background_bottom{0.16f, 0.17f, 0.19f};  // and further down
+  glm::vec3 background_top{0.36f, 0.38f, 0.41f};     // behind the mesh
+  glm::vec3 background_bottom{0.16f, 0.17f, 0.19f};  // the same at the bottom
 };
 
 // The colour (sRGB 0..1) of a pyramid level: red for 0, then through yellow and green to blue and
@@ -117,8 +117,8 @@ class OffscreenRenderer {
   // call gives the same picture on the same machine. An empty mesh gives the background.
   // Throws Error for sizes and cameras outside their ranges and if memory does not suffice.
   Image render(const RenderMesh& mesh, const RenderOptions& options);
-  // The same of a surface that comes in chunks, as an extraction makes them. Each is forgotten when
-  // it was sent, so that none of it is held twice.
+  // The same for a surface that comes in chunks, as an extraction makes them. Each is freed once it
+  // was sent, so that no chunk is held twice.
   Image render(std::vector<SurfaceChunk> chunks, const SceneLattice& lattice,
                const RenderOptions& options);
 

@@ -1,4 +1,4 @@
-// Where the eye stands, what it sees, and how distance becomes depth: arithmetic without OpenGL.
+// The place of the eye, its view, and depth from distance: arithmetic without OpenGL.
 #pragma once
 
 #include <array>
@@ -16,10 +16,10 @@ struct PlacedCamera {
   glm::dvec3 forward{0.0, 1.0, 0.0};
   double half_width = 1.0;    // of the picture: at distance 1, or in world units if orthographic
   double half_height = 1.0;   // likewise
-  bool orthographic = false;  // all rays are parallel; what lies behind the eye is seen too
+  bool orthographic = false;  // all rays are parallel; points behind the eye are seen too
 };
 
-// An axis-aligned box of the world; empty where a lower bound exceeds the upper.
+// An axis-aligned box of the world; empty if a lower bound exceeds the upper.
 struct WorldBox {
   glm::dvec3 lower{0.0};
   glm::dvec3 upper{0.0};
@@ -35,7 +35,7 @@ WorldBox emptyWorldBox();
 std::array<glm::dvec3, 8> cornersOf(const WorldBox& box);
 
 // Clip planes that just hold the box, for the sake of depth resolution. For perspective `near` is
-// kept above 0 where the eye is inside the box or the box behind it.
+// kept above 0 if the eye is inside the box or the box behind it.
 struct DepthRange {
   double near = 0.1;
   double far = 1.0;

@@ -61,8 +61,8 @@ PictureFit::PictureFit(const PlacedCamera& camera)
       nearest_(kLeast) {}
 
 // A point (x, y, z) along right, up and forward is left of the right border of an eye at (a, b, c)
-// where x - a <= half_width * (z - c); so only the greatest x - half_width * z of all points
-// matters there, and likewise at the three other borders.
+// if x - a <= half_width * (z - c); so only the greatest x - half_width * z of all points matters
+// there, and likewise at the three other borders.
 void PictureFit::include(const glm::dvec3& point) {
   const double x = glm::dot(point, camera_.right);
   const double y = glm::dot(point, camera_.up);

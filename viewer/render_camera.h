@@ -1,4 +1,4 @@
-// The camera of a picture in a file: from its options to where the eye stands, without OpenGL.
+// The camera of a picture in a file: from its options to the place of the eye, without OpenGL.
 #pragma once
 
 #include <glm/vec3.hpp>
@@ -9,8 +9,8 @@
 
 namespace isobrick {
 
-// Where an eye that is not turned must stand for the picture to be just filled, but for a margin:
-// all points in it, in the middle of both directions and touching the border in one.
+// The place of an eye, without turning it, at which the points just fill the picture, but for a
+// margin: they lie in the middle of both directions and touch the border in one.
 class PictureFit {
  public:
   explicit PictureFit(const PlacedCamera& camera);
@@ -26,11 +26,11 @@ class PictureFit {
 
 // The camera of `options` for a picture of the options' shape: in its place if it looks at a
 // target, else at the origin with the directions of the orbit. Sizes and field of view must be in
-// their ranges. Throws Error where eye and target coincide, `up` is zero or parallel to the view,
-// or the eye, a direction or an angle is not finite.
+// their ranges. Throws Error if eye and target coincide, `up` is zero or parallel to the view, or
+// the eye, a direction or an angle is not finite.
 PlacedCamera aimCamera(const RenderOptions& options);
 
-// The same in its place: an OrbitCamera frames its box, or where it has none all points that
+// The same in its place: an OrbitCamera frames its box, or, if it has none, all points that
 // forEachPoint(f) passes to f(glm::dvec3); with nothing to frame the eye stays at the origin.
 template <typename ForEachPoint>
 PlacedCamera placeCamera(const RenderOptions& options, ForEachPoint&& forEachPoint) {
@@ -49,7 +49,7 @@ PlacedCamera placeCamera(const RenderOptions& options, ForEachPoint&& forEachPoi
   return camera;
 }
 
-// The least box that holds the positions; an empty one (RenderBox) where there are none.
+// The least box that holds the positions; an empty one (RenderBox) if there are none.
 RenderBox boundsOf(std::span<const glm::vec3> positions);
 
 }  // namespace isobrick

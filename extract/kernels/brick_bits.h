@@ -1,4 +1,4 @@
-// Words of bits of a brick's rows (see brick_rows.h), and what a row of cells sees of them.
+// Words of bits of a brick's rows (see brick_rows.h), and the corner bits of a row of cells.
 #pragma once
 
 #include "isobrick/extract/kernels/brick_rows.h"

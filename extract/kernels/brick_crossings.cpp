@@ -75,8 +75,8 @@ HWY_INLINE Ints field(Ints words) {
   }
 }
 
-// Voxels around many places at once. Offsets are elements from the first sample. What is read lies
-// between the samples that are asked for, or before them.
+// Voxels around many places at once. Offsets are elements from the first sample. It reads only
+// between the requested samples, or before them.
 template <typename T>
 struct VoxelLanes {
   using Values = Ints;
@@ -242,7 +242,7 @@ class CrossingMaker {
     safe_offset_ = first_offset_ + low_[0] + low_[1] * stride_[1] + low_[2] * stride_[2];
   }
 
-  // Returns the ends of what was written.
+  // Returns the ends of the written elements.
   void run(float*& positions, float*& normals) {
     positions_ = positions;
     normals_ = normals;
@@ -270,7 +270,7 @@ class CrossingMaker {
     waiting_ = static_cast<std::size_t>(appendBits(bits, base, queue_ + waiting_) - queue_);
   }
 
-  // Makes whole vectors of what waits and moves the rest to the front.
+  // Makes whole vectors of the waiting edges and moves the rest to the front.
   HWY_NOINLINE void flush() {
     const std::size_t lanes = hn::Lanes(FloatTag());
     std::size_t done = 0;

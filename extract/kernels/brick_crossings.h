@@ -7,7 +7,7 @@
 
 namespace isobrick {
 
-// Where a brick's corners are and what their gradients are taken over.
+// The places of a brick's corners, and the distances over which their gradients are taken.
 struct CornerSpacing {
   // Corner i of one axis. Differences go from the sample `low` to the sample `high` (offsets along
   // the axis, -1 .. 1), which are `distance` voxels apart; one-sided at the volume's border.

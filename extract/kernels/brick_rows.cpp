@@ -40,7 +40,7 @@ HWY_INLINE std::uint64_t insideBits(const T* row, T threshold) {
   return bits;
 }
 
-// Calls f(r) for every row of corners that a wanted cell has, or that is asked for.
+// Calls f(r) for every row of corners that a wanted cell has, or that compare_too names.
 template <typename F>
 HWY_INLINE void forEachRowToCompare(const BrickRows& rows, F&& f) {
   const std::int64_t slice = rows.rowsPerSlice(), words = rows.words_per_row;

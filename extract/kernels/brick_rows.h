@@ -1,9 +1,8 @@
-// A brick as rows of bits: which samples are inside, which edges are crossed, which number each
-// crossing has.
+// A brick as rows of bits: samples that are inside, edges that are crossed, numbers of crossings.
 //
 // The route through a brick that is all leaves of one level:
 //
-//   samples -> compareRows -> bits of the corner rows -> numberRows -> numbers, how much comes out
+//   samples -> compareRows -> bits of the corner rows -> numberRows -> numbers and counts
 //           -> makeCrossings (brick_crossings.h)      -> positions and normals
 //           -> makeTriangles (brick_triangles.h)      -> triangles
 //
@@ -56,13 +55,13 @@ struct BrickRows {
 
   Index3 cells{0};
   std::int64_t words_per_row = 1;
-  // Number of the first crossing of row r beyond corner 0, counted within the axis. Where the row
-  // is another brick's, what that brick says. Only of rows with crossings.
+  // Number of the first crossing of row r beyond corner 0, counted within the axis. If the row is
+  // another brick's, that brick's number. Only of rows with crossings.
   std::array<std::vector<std::uint32_t>, 3> numbers;  // [axis][r]
   // Number of the crossing at corner 0, for the foreign side x: [axis - 1][r].
   std::array<std::vector<std::uint32_t>, 2> first_numbers;
 
-  // Further rows of corners to compare, [r]: 1 where somebody else wants their bits.
+  // Further rows of corners to compare, [r]: 1 if TransitionCorners needs their bits.
   std::vector<std::uint8_t> compare_too;
   // By compareRows(): [r * words_per_row + word] and [r]; of rows that touch a wanted cell.
   std::vector<std::uint64_t> inside;
@@ -83,7 +82,7 @@ struct BrickRows {
   std::int64_t row(std::int64_t j, std::int64_t k) const { return k * (cells.y + 1) + j; }
   std::int64_t rowsPerSlice() const { return cells.y + 1; }
   std::uint32_t ownCrossings() const { return crossings[0] + crossings[1] + crossings[2]; }
-  // True where the crossings along `axis` of row (j, k) beyond corner 0 are another brick's.
+  // True if the crossings along `axis` of row (j, k) beyond corner 0 are another brick's.
   bool isForeign(int axis, std::int64_t j, std::int64_t k) const {
     return (axis != 1 && j == 0 && (foreign_sides & 2) != 0) ||
            (axis != 2 && k == 0 && (foreign_sides & 4) != 0);

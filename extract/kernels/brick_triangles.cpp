@@ -16,11 +16,11 @@
 #define ISOBRICK_EXTRACT_PACKED_CASE
 namespace isobrick {
 
-// A pattern's triangles. A cell sees its twelve edges in eight rows: along x those of its four
-// rows of corners, along y and z those of two rows each, in which it has an edge at its low and at
-// its high side. Row `n` gives slot 2n, the number of the first crossing at or beyond the cell's
-// high side, and slot 2n + 1, that number less one: the crossing at the low side, where there is
-// one. For the rows along x slot 2n is the cell's own edge.
+// A pattern's triangles. A cell's twelve edges lie in eight rows: along x those of its four rows of
+// corners, along y and z those of two rows each, in which it has an edge at its low and at its high
+// side. Row `n` gives slot 2n, the number of the first crossing at or beyond the cell's high side,
+// and slot 2n + 1, that number less one: the crossing at the low side, if there is one. For the
+// rows along x slot 2n is the cell's own edge.
 struct PackedCase {
   std::uint8_t slots[15] = {};
   std::uint8_t indices = 0;  // three a triangle
@@ -40,7 +40,7 @@ namespace isobrick {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-// What one row of cells needs of the rows around it.
+// The numbers that one row of cells needs from the rows around it.
 struct CellRow {
   std::uint32_t number[8];        // of the first crossing of each of the eight rows, see PackedCase
   std::uint32_t first_number[4];  // those of rows 4 .. 7 at corner 0
@@ -122,7 +122,7 @@ HWY_INLINE std::uint32_t* meshWord(const CellWords& c, const std::uint64_t (&cro
   return out;
 }
 
-// Cell 0 of a row where the brick's low side x is another's.
+// Cell 0 of a row if the brick's low side x is another's.
 HWY_INLINE std::uint32_t* meshFirstCell(const CellWords& c, const CellRow& row,
                                         const PackedCase* cases, std::uint32_t* out) {
   std::uint32_t slots[16];

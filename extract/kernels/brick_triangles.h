@@ -5,8 +5,8 @@
 
 namespace isobrick {
 
-// What is added to the numbers of a brick's crossings along each axis to give vertex numbers.
-// Arithmetic is modulo 2^32, also in BrickRows::numbers and first_numbers of foreign sides.
+// The offsets from the numbers of a brick's crossings along each axis to vertex numbers. Arithmetic
+// is modulo 2^32, also in BrickRows::numbers and first_numbers of foreign sides.
 using FirstVertices = std::array<std::uint32_t, 3>;
 
 // Those of a brick whose own crossings are numbered from `first_vertex` on.
@@ -16,9 +16,9 @@ inline FirstVertices firstVertices(const BrickRows& rows, std::uint32_t first_ve
 }
 
 // Writes the 3 * rows.triangles vertex numbers that numberRows() counted, cells by k, j, i, and
-// nothing beyond. `mirrored` turns every triangle round. Returns the greatest number: where a file
-// lies about its ranges, a foreign side has numbers that are nobody's, and this shows them before
-// anybody uses them.
+// nothing beyond. `mirrored` turns every triangle round. Returns the greatest number: if the ranges
+// in a file are wrong, a foreign side has numbers of no vertex, and the caller finds them here
+// before it uses them.
 std::uint32_t makeTriangles(const BrickRows& rows, const FirstVertices& first, bool mirrored,
                             std::uint32_t* triangles);
 

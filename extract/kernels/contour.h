@@ -10,12 +10,12 @@
 
 namespace isobrick {
 
-// The number of a vertex that does not exist. In a sound pyramid every crossing that is asked for
-// has its vertex; where ranges hide samples, or values are not finite, kernels find this instead.
+// The number of a vertex that does not exist. In a sound pyramid every crossing that a kernel looks
+// up has its vertex; if ranges hide samples, or values are not finite, they find this number.
 inline constexpr std::uint32_t kNoVertex = ~std::uint32_t{0};
 
-// The points of a cell's contour: first its edges, then, for each face, the four edges inside it
-// where it is halved both ways.
+// The points of a cell's contour: first its edges, then, for each face, the four edges inside it if
+// it is halved both ways.
 inline constexpr int kContourPoints = kCellEdges + 6 * 4;
 
 // The contour on one face: at most four halves of halves with two pieces each. Each runs from one
@@ -30,7 +30,7 @@ struct FaceContour {
 
 // Edges of a halved face: 2 j + i is part i (0, 1) along b of row j (0 .. 2), 6 + 2 i + j part j
 // along c of column i; b and c are the axes (axis + 1) % 3 and (axis + 2) % 3 of face 2 axis +
-// side. Where it is not halved along an axis, only part 0 and the lines 0 and 2 are there.
+// side. If it is not halved along an axis, only part 0 and the lines 0 and 2 are there.
 inline constexpr int kHalvedFaceEdges = 12;
 struct FaceParts {
   int b = 2, c = 2;  // 1 or 2
@@ -85,7 +85,7 @@ constexpr FaceContour makePlainFace(int face, unsigned pattern) {
   return contour;
 }
 
-// The same of faces halved both ways, and of a cell's, from a table.
+// The same for faces halved both ways, and for a cell's, from a table.
 const FaceContour& halvedFace(int side, unsigned inside_bits);
 const FaceContour& plainFace(int face, unsigned pattern);
 
@@ -142,14 +142,14 @@ struct Contour {
 // A closed loop of a contour, in the direction of the pieces.
 struct ContourLoop {
   std::span<const std::uint32_t> vertices;
-  // Of each vertex: the faces of the cell that it lies in, bit f for face f. One of an edge lies in
-  // two, and has a piece in each of them.
+  // For each vertex the faces of the cell that it lies in, bit f for face f. A vertex on an edge
+  // lies in two, and has a piece in each of them.
   std::span<const std::uint8_t> faces;
 };
 
-// Calls loop(ContourLoop) for every closed loop. It is valid during the call. False where pieces
-// close no loop or lack a vertex: values of which the cell and its faces do not think alike, as
-// values that are not finite can be; the caller has an Error then.
+// Calls loop(ContourLoop) for every closed loop. It is valid during the call. False if pieces close
+// no loop or lack a vertex: the cell and its faces disagree about values, as is possible if these
+// are not finite; the caller then throws an Error.
 template <typename F>
 [[nodiscard]] bool forEachLoop(const Contour& contour, F&& loop) {
   std::uint64_t used = 0;

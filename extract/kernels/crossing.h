@@ -26,8 +26,8 @@ inline constexpr int kCrossingBits = 15;
 inline constexpr float kCrossingRounder = 1.5f * (1 << (23 - kCrossingBits));
 
 // Where the isosurface crosses an edge with the values `low` and `high` at its ends, as a part of
-// the edge from its lower end. Exactly one of the values is >= isovalue. Within its bounds for any
-// values, also those that no sound pyramid holds: infinite, NaN, or equal.
+// the edge from its lower end. Exactly one of the values is >= isovalue. The result is within its
+// bounds for any values, also for infinite, NaN or equal ones, which no sound pyramid holds.
 inline float crossingParameter(float isovalue, float low, float high) {
   float t = (isovalue - low) / (high - low);
   t = t > kLeastCrossing ? t : kLeastCrossing;  // not std::clamp, which lets NaN through
@@ -43,7 +43,7 @@ inline float crossingCoordinate(float high, float length, float t) {
 }
 
 // The voxel that a brick's coordinates are counted from: along each axis its lower end, or the last
-// voxel where it reaches that.
+// voxel if it reaches that.
 inline Index3 brickOrigin(const Lattice& lattice, int level, const IndexBox& cells) {
   Index3 origin;
   for (int axis = 0; axis < 3; ++axis) {
@@ -85,8 +85,8 @@ class WorldFrame {
     for (int axis = 0; axis < 3; ++axis) edge_normals_[axis] = glm::normalize(to_normal[axis]);
   }
 
-  // The unit normal towards lower values for an index-space gradient. Where the gradient vanishes
-  // the edge itself knows the way: from its inside end to its outside end.
+  // The unit normal towards lower values for an index-space gradient. If the gradient vanishes, the
+  // normal is along the edge, from its inside end to its outside end.
   glm::vec3 normal(const glm::vec3& gradient, int edge_axis, bool low_end_is_inside) const {
     const glm::vec3 world = transformed(gradient);
     const float square = (world.x * world.x + world.y * world.y) + world.z * world.z;
@@ -96,7 +96,7 @@ class WorldFrame {
   }
 
   // Squares of transformed gradients that have all their bits and a root: neither vanishing nor
-  // infinite nor NaN. Where one is not, normal() takes to double.
+  // infinite nor NaN. If one is not, normal() computes in double.
   static constexpr float kLeastSquare = 0x1p-90f;
   static bool isUsable(float square) {
     return square >= kLeastSquare && square < std::numeric_limits<float>::infinity();
@@ -104,10 +104,10 @@ class WorldFrame {
 
   // Row by row: from a gradient to a world direction, up to a factor.
   const float* normalMatrix() const { return &normal_matrix_[0][0]; }
-  // True where the world's axes are those of the index: then only the diagonal counts.
+  // True if the world's axes are those of the index: then only the diagonal counts.
   bool isDiagonal() const { return diagonal_; }
 
-  // True where the index axes are left-handed in the world, so that triangles must turn round.
+  // True if the index axes are left-handed in the world, so that triangles must turn round.
   bool mirrored() const { return mirrored_; }
 
  private:

@@ -11,7 +11,7 @@ namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
 // To `out`: how far the crossing is along the edge from its end, as a part of it, the normal, and
-// the square of what that was made of.
+// the square of its length before it was made a unit.
 void makeQueuedEdges(const EdgeQueue& queue, const WorldFrame& frame, float isovalue,
                      float (*out)[EdgeQueue::kMost]) {
   static_assert(sizeof(EdgeEnd) == 4 * sizeof(float));

@@ -1,4 +1,4 @@
-// Crossings of edges whose ends are known: for edges that touch leaves of several levels.
+// Crossings of edges with given ends: for edges that touch leaves of several levels.
 #pragma once
 
 #include <array>
@@ -47,8 +47,8 @@ struct EdgeQueue {
 
   std::size_t count = 0;
   std::array<CrossedEdge, kMost> edges;
-  // Written number by number where they lie: returned in registers they would be put together in
-  // memory, and whoever takes them waits.
+  // Written number by number where they lie: returned in registers, they would be put together in
+  // memory, and the next load of them would wait.
   std::array<EdgeEnd, kMost> low, high;
 
   // Makes the crossings of all, with the bits of makeEdgeCrossing(), puts them to positions[vertex]

@@ -8,16 +8,16 @@
 
 namespace isobrick {
 
-// One of the 256 sign patterns of a cell. Bit c of the pattern is set where corner c is inside.
+// One of the 256 sign patterns of a cell. Bit c of the pattern is set if corner c is inside.
 struct MarchingCubesCase {
   std::uint8_t triangle_count = 0;
   std::array<std::uint8_t, 36> edges{};  // three edges a triangle
 };
 
-// Made by the generator in marching_cubes_table.cpp when it is first asked for. Every loop of n
-// points gives n - 2 triangles, and no triangle side joins two points of one cell face unless it is
-// part of the contour on that face (rule 10): a neighbour could have the same side, and the edge
-// would be used four times.
+// Made by the generator in marching_cubes_table.cpp at the first call. Every loop of n points gives
+// n - 2 triangles, and no triangle side joins two points of one cell face unless it is part of the
+// contour on that face (rule 10): a neighbour could have the same side, and the edge would be used
+// four times.
 const std::array<MarchingCubesCase, 256>& marchingCubesTable();
 
 }  // namespace isobrick

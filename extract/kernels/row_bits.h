@@ -8,7 +8,7 @@ namespace isobrick {
 
 inline std::int64_t wordsOf(std::int64_t bits) { return (bits + 63) / 64; }
 
-// How many bits are set. std::popcount() is a call where every processor has to be served.
+// How many bits are set. std::popcount() is a function call in a build for every processor.
 constexpr std::uint32_t bitCount(std::uint64_t x) {
   x -= x >> 1 & 0x5555555555555555ull;
   x = (x & 0x3333333333333333ull) + (x >> 2 & 0x3333333333333333ull);
@@ -40,8 +40,7 @@ inline void keepBits(std::uint64_t* bits, std::int64_t count, std::int64_t begin
     bits[word] &= bitsBetween(begin, end, word);
 }
 
-// Of the bits of `words` words keeps those for which `f(number of the bit)` holds; it is asked of
-// no others.
+// Keeps the set bits of `words` words for which `f(number of the bit)` is true.
 template <typename F>
 void keepBitsWhere(std::uint64_t* bits, std::int64_t words, F&& f) {
   for (std::int64_t word = 0; word < words; ++word)

@@ -174,7 +174,7 @@ class AdaptiveMesher::Brick {
     if (!is_closed) failMissingVertex(context_, work_);
   }
 
-  // What touches the edges of one word, asked for in order.
+  // The leaves that touch the edges of one word; edges are looked up in order.
   class ZoneEdges {
    public:
     LeafRows::EdgeBits around(const LeafRows& leaves, int axis, const Index3& at) {

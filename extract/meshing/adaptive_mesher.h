@@ -13,7 +13,7 @@ namespace isobrick {
 
 // Meshes the leaves of one level in one brick at a time and reuses its memory. One object serves
 // one thread. All leaves go through the kernels of uniform bricks, all together. The transition
-// zone, which leaves of other levels touch, is put right before and after: the bits of its corners
+// zone, which leaves of other levels touch, is corrected before and after: the bits of its corners
 // (rule 6), the vertices on its edges (rules 6, 8 and 12), and fans in place of the triangles of
 // cells beside finer leaves (rule 10).
 class AdaptiveMesher {

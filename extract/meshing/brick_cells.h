@@ -9,9 +9,9 @@
 
 namespace isobrick {
 
-// Meshes one brick after the other and reuses its memory. One object serves one thread. In turn:
-// reset(), the caller wants cells, compare(), the caller may change bits, number(), the caller may
-// take cells out of rows().crossed_cells, make().
+// Meshes one brick after the other and reuses its memory. One object serves one thread. The order
+// of calls: reset(), the caller marks the wanted cells, compare(), the caller may change bits,
+// number(), the caller may take cells out of rows().crossed_cells, make().
 class BrickCells {
  public:
   // Sizes the rows for a brick; no cell is wanted then.
@@ -22,8 +22,8 @@ class BrickCells {
   BrickRows& rows() { return rows_; }
   const BrickRows& rows() const { return rows_; }
 
-  // Compares what rows() asks for. False where no voxel of the type is inside, and nothing was
-  // compared. T: the voxel type.
+  // Compares the rows that rows() marks. False, without comparing, if no voxel of the type is
+  // inside. T: the voxel type.
   template <typename T>
   bool compare(const MeshContext& context, const BrickWork& work, const BrickSamples& samples);
   // Numbers the crossings.
@@ -35,7 +35,7 @@ class BrickCells {
             MeshBatch& batch);
 
   // The vertex on the edge along `axis` from a corner of a wanted cell, counted from the brick's
-  // first, after number(). kNoVertex where it is not crossed.
+  // first, after number(). kNoVertex if it is not crossed.
   std::uint32_t vertexOn(int axis, const Index3& corner) const;
 
  private:

@@ -15,16 +15,16 @@
 
 namespace isobrick {
 
-// A brick of one level and the bricks of the next finer level in its closed box. Each is asked for
-// when its first sample is, and held as long as this object lives. A sample on the border of finer
-// bricks is taken from one that has a leaf there, which most likely is read anyway. Where a query
-// is progressive and that one is not resident, another that has the sample takes its place:
-// ResidencyOracle sees to it that there is one. T: the voxel type.
+// A brick of one level and the bricks of the next finer level in its closed box. Each is read when
+// its first sample is needed, and held as long as this object lives. A sample on the border of
+// finer bricks is taken from one that has a leaf there, which most likely is read anyway. If a
+// query is progressive and that one is not resident, another that has the sample takes its place:
+// ResidencyOracle ensures that there is one. T: the voxel type.
 template <typename T>
 class BrickFamily {
  public:
-  // `leaves`: of the brick; samples of the finer level are asked for only where the rows of cells
-  // around were found.
+  // `leaves`: of the brick; samples of the finer level are taken only if the rows of cells around
+  // them were found.
   BrickFamily(const MeshContext& context, const LeafRows& leaves, int level, const Index3& brick)
       : context_(context),
         leaves_(leaves),
@@ -57,7 +57,7 @@ class BrickFamily {
   // Up to where, from sample `fine` on along x, it is known without reading samples that those of
   // the finer level are on the same side of the isovalue as those of this level in their places: a
   // tile that the surface does not cross has both (rule 7), and so has a brick that a progressive
-  // query may do without. `fine.x` where that is not known.
+  // query does not need. `fine.x` if that is not known.
   std::int64_t endOfOwnSide(const Index3& fine) {
     if (context_.residency != nullptr) return brickWith(fine) ? fine.x : fine.x + 1;
     if (!context_.query.cull_by_ranges) return fine.x;
@@ -119,8 +119,8 @@ class BrickFamily {
     return context_.residency == nullptr ||
            context_.residency->holdsSamples(level_ - 1, finer_brick);
   }
-  // Of the bricks whose closed boxes have the sample one that can be had: the first with a leaf at
-  // it that the surface may cross, the first with a leaf, or the first.
+  // One of the held bricks whose closed boxes have the sample: the first with a leaf at it that the
+  // surface may cross, else the first with a leaf, else the first.
   std::optional<Index3> brickWith(const Index3& fine) const {
     const Index3 bricks = context_.pyramid.layout().bricks(level_ - 1);
     const Index3 first = glm::max(fine - Index3(1), Index3(0)) / edge_;
@@ -166,7 +166,7 @@ class BrickFamily {
   const std::int64_t edge_;  // of a brick, in cells; a power of two
   const int shift_;          // its logarithm
   std::optional<HeldBrick> own_;
-  const HeldBrick* last_finer_ = nullptr;              // that was asked for
+  const HeldBrick* last_finer_ = nullptr;              // used last
   std::array<std::unique_ptr<FinerBrick>, 64> finer_;  // and those around, x fastest
 };
 

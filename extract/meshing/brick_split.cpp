@@ -84,7 +84,7 @@ void BrickSplit::splitRow(const MeshContext& context, std::int64_t j, std::int64
   zone_rows_.push_back({j, k});
 }
 
-// Of cells in a row keeps those that the query's box overlaps.
+// Keeps the cells in a row that the query's box overlaps.
 void BrickSplit::keepOverlapping(const MeshContext& context, std::int64_t j, std::int64_t k,
                                  std::uint64_t* bits) const {
   keepBitsWhere(bits, words_, [&](std::int64_t i) {

@@ -11,8 +11,8 @@
 
 namespace isobrick {
 
-// Where leaves lie on a brick's rows of cells. Only rows with a crossed tile are looked at, and
-// only what the query's box overlaps counts. Keeps its memory from brick to brick.
+// Where leaves lie on a brick's rows of cells. Only rows with a crossed tile are examined, and only
+// cells that the query's box overlaps count. Keeps its memory from brick to brick.
 class BrickSplit {
  public:
   // One row of cells that has leaves of the transition zone.
@@ -21,18 +21,18 @@ class BrickSplit {
   };
 
   // `rows`: sized for the brick; gets the leaves as its wanted cells. The classifier must live as
-  // long as leaves() is asked.
+  // long as leaves() is used.
   void split(const MeshContext& context, LeafClassifier& classifier, const CrossedTiles& tiles,
              int level, const IndexBox& cells, BrickRows& rows);
 
   bool hasLeaves() const { return has_plain_ || !zone_rows_.empty(); }
   const std::vector<ZoneRow>& zoneRows() const { return zone_rows_; }
   // The row's leaves of the transition zone in crossed tiles, cell i in bit i % 64 of word i / 64;
-  // zeros where the row is not a zone row. Rows beside the brick's, -1 and the count, have none.
+  // zeros if the row is not a zone row. Rows beside the brick's, -1 and the count, have none.
   const std::uint64_t* zone(std::int64_t j, std::int64_t k) const {
     return zone_.data() + index(j, k) * words_;
   }
-  // Of the cells of the transition zone and of all that touch them.
+  // The states of the transition zone's cells and of all that touch them.
   const LeafRows& leaves() const { return leaves_; }
 
  private:
@@ -52,7 +52,7 @@ class BrickSplit {
   LeafRows leaves_;
   std::vector<std::uint64_t> zone_;
   std::vector<ZoneRow> zone_rows_;
-  std::vector<std::uint64_t> crossed_cells_;  // in crossed tiles of the row of tiles at hand
+  std::vector<std::uint64_t> crossed_cells_;  // in crossed tiles of the current row of tiles
 };
 
 }  // namespace isobrick

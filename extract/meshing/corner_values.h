@@ -1,5 +1,5 @@
-// Rule 6: the value of a lattice point depends on the point alone. This is its one home; meshers
-// and oracles ask here.
+// Rule 6: the value of a lattice point depends on the point alone. Meshers and oracles all use this
+// one implementation.
 //
 // Let m and M be the finest and the coarsest level of the leaves that touch the point. If it lies
 // on the lattice of level M, its value is that of level m. Otherwise it hangs on an edge or a face
@@ -21,7 +21,7 @@ inline double hangingValue(double a, double b, double w) {
   return std::clamp(a + w * (b - a), low, high);
 }
 
-// True where sample `i` of `level` along `axis` is one of the next coarser level too.
+// True if sample `i` of `level` along `axis` is one of the next coarser level too.
 inline bool isOnCoarserLattice(const Lattice& lattice, int level, int axis, std::int64_t i) {
   return i % 2 == 0 || i << level >= lattice.voxels()[axis] - 1;
 }
@@ -75,8 +75,8 @@ float valueOnCoarserLeaf(const Lattice& lattice, int level, const Index3& sample
 }
 
 // The same for a whole face of a coarser leaf: values[j][i] of the samples of `level` from `first`
-// on, i along axes[0] and j along axes[1], 0 .. parts of each (1, or 2 where the face is halved).
-// The four corners are there; what lies between them is filled.
+// on, i along axes[0] and j along axes[1], 0 .. parts of each (1, or 2 if the face is halved). The
+// four corners are set; the points between them are filled.
 inline void fillFace(const Lattice& lattice, int level, const Index3& first,
                      const std::array<int, 2>& axes, const std::array<int, 2>& parts,
                      float (&values)[3][3]) {

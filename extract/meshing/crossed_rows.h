@@ -1,4 +1,4 @@
-// From crossed tiles to the rows of cells that the uniform kernel looks at.
+// From crossed tiles to the rows of cells that the uniform kernel meshes.
 #pragma once
 
 #include "isobrick/extract/kernels/brick_bits.h"
@@ -6,7 +6,7 @@
 
 namespace isobrick {
 
-// Wants all cells of every row that has a crossed tile. `rows` wants none yet.
+// Marks all cells of every row that has a crossed tile as wanted. `rows` has none yet.
 inline void wantCrossedRows(const CrossedTiles& tiles, std::int64_t tile_cells, BrickRows& rows) {
   const Index3 dims = tiles.dims();
   for (std::int64_t z = 0; z < dims.z; ++z)

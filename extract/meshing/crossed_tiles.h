@@ -12,7 +12,7 @@ namespace isobrick {
 // Filled by load(); keeps its memory from brick to brick.
 class CrossedTiles {
  public:
-  // Asks for the brick's tile ranges unless culling is off. Returns false where no tile is crossed.
+  // Reads the brick's tile ranges unless culling is off. Returns false if no tile is crossed.
   bool load(const MeshContext& context, int level, const Index3& brick) {
     dims_ = context.pyramid.layout().brickTiles(level, brick);
     const auto count = static_cast<std::size_t>(elementCount(dims_));
@@ -25,8 +25,7 @@ class CrossedTiles {
   }
 
   const Index3& dims() const { return dims_; }
-  // The first crossed of the tiles (x, y, z), and the one behind the last: [0, 0) where there is
-  // none.
+  // The first crossed of the tiles (x, y, z), and the one behind the last: [0, 0) if there is none.
   struct Span {
     std::int64_t begin = 0, end = 0;
   };

@@ -20,7 +20,7 @@ bool hasFlatTriangle(const glm::dvec3& center, std::span<const std::uint32_t> lo
   return false;
 }
 
-// Appends a triangle of vertices of the batch, turned round where the world is mirrored.
+// Appends a triangle of vertices of the batch, turned round if the world is mirrored.
 void addTriangle(const WorldFrame& frame, std::uint32_t a, std::uint32_t b, std::uint32_t c,
                  MeshBatch& batch) {
   if (frame.mirrored()) std::swap(b, c);

@@ -31,7 +31,7 @@ void LeafRows::classify(std::int64_t j, std::int64_t k) {
     std::fill(leaf, leaf + kKinds * words_, 0);
     return;
   }
-  // Cell -1 is bit 0; where the volume begins with the brick, there is none.
+  // Cell -1 is bit 0; if the volume begins with the brick, there is none.
   const int shift = begin_ == cells_.first.x ? 1 : 0;
   std::uint64_t refined[kMostWords] = {};
   const std::uint64_t* exists = classifier_->classifyRow(level_, {begin_, y, z}, count_, refined);

@@ -1,4 +1,4 @@
-// Which cells of a brick are leaves, and what touches them.
+// Which cells of a brick are leaves, and which leaves of other levels touch them.
 #pragma once
 
 #include <array>
@@ -14,13 +14,13 @@ namespace isobrick {
 // is first needed. One object serves one thread, brick after brick, and keeps its memory.
 class LeafRows {
  public:
-  // `cells`: of the brick, in the lattice's `level`. The classifier must outlive what follows.
+  // `cells`: of the brick, in the lattice's `level`. The classifier must outlive all later calls.
   void reset(LeafClassifier& classifier, const Lattice& lattice, int level, const IndexBox& cells);
 
   int level() const { return level_; }
 
   // Finds row (j, k), counted from the brick's first cell; -1 and the count itself are the rows
-  // that touch it. What follows asks only for cells in rows that were found.
+  // that touch it. The functions below take only cells in rows that were found.
   void find(std::int64_t j, std::int64_t k) {
     std::uint8_t& found = found_[index(j, k)];
     if (found == 0) {
@@ -28,10 +28,10 @@ class LeafRows {
       classify(j, k);
     }
   }
-  // The same of the row and all that touch it.
+  // The same for the row and all that touch it.
   void findAround(std::int64_t j, std::int64_t k);
   // The row's leaves, cell i in bit i % 64 of word i / 64; `out` holds a word for every 64 cells.
-  // Here and below bits behind the brick's last cell say something of other bricks' cells.
+  // Here and below bits behind the brick's last cell are of other bricks' cells.
   void leaves(std::int64_t j, std::int64_t k, std::uint64_t* out) const;
   // The row's leaves that only leaves touch. Rows beyond the volume touch nothing. All rows around
   // must have been found.
@@ -45,13 +45,13 @@ class LeafRows {
   // 64 word + i, as in leaves(). Rows beside it must have been found.
   std::array<std::uint64_t, 6> besideFiner(std::int64_t j, std::int64_t k, std::int64_t word) const;
   // Edges along `axis` from corner row (j, k): those that only leaves touch, and those that a
-  // coarser leaf does. Cells beyond the volume are neither. Bit i of word `word` is corner 64 word
-  // + i for axis 0 and the one behind it for the others, as in BrickRows::crossed.
+  // coarser leaf touches. Cells beyond the volume are neither. Bit i of word `word` is corner 64
+  // word + i for axis 0 and the one behind it for the others, as in BrickRows::crossed.
   struct EdgeBits {
     std::uint64_t among_leaves = 0, beside_coarser = 0;
   };
   EdgeBits edgesAround(int axis, std::int64_t j, std::int64_t k, std::int64_t word) const;
-  // The same of corner 0 alone, in bit 0. Not of axis 0.
+  // The same for corner 0 alone, in bit 0. Not of axis 0.
   EdgeBits firstEdgeAround(int axis, std::int64_t j, std::int64_t k) const;
   // Whether a cell of the level is refined: one of the brick's, or one that touches it.
   bool isRefined(const Index3& cell) const {
@@ -60,8 +60,8 @@ class LeafRows {
   }
 
  private:
-  // Bit i + 1 of a row's words is cell i. Of kBesideOthers bit i: the cell, or one beside it in the
-  // row, is finer or coarser.
+  // Bit i + 1 of a row's words is cell i. In kBesideOthers bit i says that the cell, or one beside
+  // it in the row, is finer or coarser.
   static constexpr std::size_t kMostWords = (kMaxBrickCells + 2 + 63) / 64 + 1;
   enum Kind { kLeaf, kFiner, kCoarser, kBesideOthers, kKinds };
 
@@ -89,7 +89,7 @@ class LeafRows {
   std::int64_t words_ = 0;  // of a row of one kind
   std::vector<std::uint8_t> found_;
   std::vector<std::uint64_t> bits_;
-  // Of every row: what is asked of the classifier.
+  // The cells of every row that the classifier classifies.
   std::int64_t begin_ = 0, count_ = 0;  // along x, counted in the level
   std::vector<std::uint64_t> cells_of_row_;
 };

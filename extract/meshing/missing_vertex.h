@@ -1,4 +1,4 @@
-// A vertex that should have been made before it was asked for.
+// A vertex that should have been made before it was used.
 #pragma once
 
 #include "isobrick/extract/session/brick_traversal.h"
@@ -6,8 +6,8 @@
 
 namespace isobrick {
 
-// Throws the Error for a brick whose samples or ranges do not fit together; where that is because
-// their bytes could not be had, the Error that says so.
+// Throws the Error for a brick whose samples or ranges do not fit together; if their bytes could
+// not be read, the Error of the read.
 [[noreturn]] inline void failMissingVertex(const MeshContext& context, const BrickWork& work) {
   context.throwIfReadsFailed();
   throw Error("'" + context.pyramid.path() + "' contradicts itself in " +

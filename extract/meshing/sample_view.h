@@ -22,7 +22,7 @@ class SampleView {
       taps.resize(static_cast<std::size_t>(box.count[axis]));
       for (std::int64_t i = 0; i < box.count[axis]; ++i) {
         // At the border of the volume the difference is one-sided. Elsewhere a brick's own corners
-        // always have both neighbours in the apron; the apron itself is never asked.
+        // always have both neighbours in the apron; no gradient is taken in the apron itself.
         const std::int64_t low = i > 0 ? i - 1 : i;
         const std::int64_t high = i + 1 < box.count[axis] ? i + 1 : i;
         const auto distance =
@@ -69,7 +69,7 @@ class SampleView {
   struct Tap {
     std::int64_t low = 0, high = 0;  // offsets from the sample
     float distance = 1;              // in voxels
-    float inverse = 1;               // of the distance where that is exact, else 0
+    float inverse = 1;               // of the distance if that is exact, else 0
   };
   static float difference(const T* at, const Tap& tap) {
     const float values = static_cast<float>(at[tap.high]) - static_cast<float>(at[tap.low]);

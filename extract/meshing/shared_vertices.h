@@ -11,8 +11,8 @@
 
 namespace isobrick {
 
-// What BrickCells::make() numbered. Edges that only leaves of the brick's level touch are shared
-// where they lie in the brick's sides; others the caller knows.
+// The vertices that BrickCells::make() numbered. Edges that only leaves of the brick's level touch
+// are shared if they lie in the brick's sides; the caller decides about the others.
 class SharedVertices {
  public:
   SharedVertices(const BrickRows& rows, const Lattice& lattice, int level, const IndexBox& cells,
@@ -24,13 +24,13 @@ class SharedVertices {
         level_cells_(lattice.cells(level)),
         batch_(batch) {}
 
-  // Of a brick whose edges only leaves of its level touch.
+  // For a brick whose edges only leaves of its level touch.
   void list() {
     list(NoZone(), [](std::uint32_t, int, const Index3&) {});
   }
-  // `zone` says which edges other leaves touch, as TransitionCorners does. visit(vertex, axis,
-  // corner) is called in their stead, for those that are crossed, ascending in `vertex` as the
-  // list.
+  // `zone` says which edges other leaves touch, as TransitionCorners does. Instead of listing
+  // those, calls visit(vertex, axis, corner) for each of them that is crossed, ascending in
+  // `vertex` as the list.
   template <typename Zone, typename Visit>
   void list(const Zone& zone, Visit&& visit) {
     const std::int64_t ny = cells_.count.y, nz = cells_.count.z;

@@ -19,7 +19,7 @@ namespace isobrick {
 // by one. Keeps its memory.
 class TransitionCorners {
  public:
-  // Asks `rows` to compare what the zone needs.
+  // Marks in `rows` the rows to compare for the zone.
   void reset(const Lattice& lattice, const BrickSplit& split, const IndexBox& cells,
              BrickRows& rows) {
     level_ = split.leaves().level();
@@ -200,7 +200,7 @@ class TransitionCorners {
     const Index3 first = cells_.first + Index3(0, j, k);
     for (std::int64_t word = 0; word < words_; ++word) {
       const auto w = static_cast<std::size_t>(word);
-      // What hangs between corners of one kind is of that kind.
+      // A corner that hangs between corners of one kind is of that kind.
       const std::uint64_t hanging = hanging_[w];
       inside_[w] = (inside_[w] & ~hanging) | (all_[w] & hanging);
       std::uint64_t others = hanging & (all_[w] ^ any_[w]);
@@ -258,10 +258,10 @@ class TransitionCorners {
   std::int64_t words_ = 0;           // of a row of corners, corner i in bit i % 64 of word i / 64
   std::int64_t slice_ = 0;           // rows
   std::vector<std::uint8_t> found_;  // rows beside the zone
-  Words finer_, coarser_;            // of rows that were found: what touches their corners
+  Words finer_, coarser_;            // of rows that were found: corners that such a leaf touches
   Index3 last_{0};                   // sample of the level
   std::vector<std::array<std::int64_t, 2>> ends_[2];
-  Words inside_, finer_here_, hanging_, all_, any_;  // of the row at hand
+  Words inside_, finer_here_, hanging_, all_, any_;  // of the current row
 };
 
 }  // namespace isobrick

@@ -8,8 +8,8 @@
 
 namespace isobrick {
 
-// 2x2 faces of finer leaves, fewer where the cell is too thin to be halved, between 3x3 points
-// whose values the four corners of the coarse face determine (fillFace()).
+// 2x2 faces of finer leaves, fewer if the cell is too thin to be halved, between 3x3 points whose
+// values the four corners of the coarse face determine (fillFace()).
 struct TransitionFace {
   int axis = 0, side = 0;        // of the coarse cell
   int b = 1, c = 2;              // the axes of the face
@@ -55,7 +55,7 @@ inline TransitionFace makeTransitionFace(const Lattice& lattice, int level, cons
 
 // Adds the contour on the fine side. numberOf(edge) looks up the vertex of one of the cell's edges;
 // makeVertex(axis, low, high) makes that of an edge between two LatticePoints inside the face; such
-// an edge is no other leaf's of the level, and is asked for once.
+// an edge belongs to no other leaf of the level, and is made once.
 template <typename Find, typename Make>
 void addTransitionFace(const TransitionFace& face, float isovalue, Find&& numberOf,
                        Make&& makeVertex, Contour& contour) {

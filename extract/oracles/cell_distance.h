@@ -6,7 +6,7 @@
 namespace isobrick {
 
 // The squared distances of the centres of a row's cells along x from a point, in voxels. Cells
-// count as full cubes, also where the border makes them thin.
+// count as full cubes, also at the border, which makes them thin.
 class RowDistance {
  public:
   // `first`: cell 0 of the row.
@@ -30,13 +30,13 @@ class RowDistance {
   std::int64_t first_;
 };
 
-// The same of one cell, to the bit.
+// The same for one cell, to the bit.
 inline double squaredDistance(const glm::dvec3& point, int level, const Index3& cell) {
   return RowDistance(point, level, cell).squared(0);
 }
 
-// Bounds of that distance for all cells of a box. They are rounded in their own way, so they are
-// drawn apart by a millionth: what lies beyond a bound does so for certain.
+// Bounds of that distance for all cells of a box. They are rounded differently, so they are widened
+// by a millionth: a distance beyond a bound is so for certain.
 struct DistanceBounds {
   double least = 0;
   double greatest = 0;

@@ -14,11 +14,10 @@ namespace isobrick {
 //   void keepRefined(int level, const Index3& first,    of the cells in a row along x, which are?
 //                    std::int64_t count, std::uint64_t* bits)  Clears the bits of the others.
 //
-// kNone and kAll are certain; kSome may also be said of a box that is all of one kind. The leaves
-// of an oracle that stands alone are 2:1 balanced (rule 5), and the parent of a cell that it
-// refines is refined, so whether a cell is a leaf can be asked without walking down to it. Both
-// hold for oracles that are combined too, by the coarser or by the finer one (docs/ALGORITHM.md,
-// section 5).
+// kNone and kAll are certain; kSome may also be the answer for a box that is all of one kind. The
+// leaves of an oracle that stands alone are 2:1 balanced (rule 5), and the parent of a cell that it
+// refines is refined, so the state of a cell is found without walking down to it. Both hold for
+// oracles that are combined too, by the coarser or by the finer one (docs/ALGORITHM.md, section 5).
 enum class Coverage { kNone, kSome, kAll };
 
 // The coverage of the cells that two oracles both refine: theirs if the coarser one wins.

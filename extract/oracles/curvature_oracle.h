@@ -15,8 +15,7 @@ namespace isobrick {
 // Refines every cell but those of level 1 whose centre lies within the sphere of interest and whose
 // curvature bound is within the choice's tolerance; without a tolerance every cell.
 //
-// Keeps the curvature of the bricks that it asked for, so one object serves one thread for one
-// brick.
+// Keeps the curvature of the bricks that it read, so one object serves one thread for one brick.
 class CurvatureOracle {
  public:
   CurvatureOracle(const MeshContext& context, const DetailChoice& choice);
@@ -39,9 +38,9 @@ class CurvatureOracle {
     std::vector<ValueRange> tile_ranges;
   };
 
-  // True where the curvature bound of the cell of level 1 is within the tolerance. Where the
-  // isovalue is outside the tile's range, the bound at the range's end decides: cells beside a flat
-  // piece of the surface are coarse with it, and no transition is needed between them.
+  // True if the curvature bound of the cell of level 1 is within the tolerance. If the isovalue is
+  // outside the tile's range, the bound at the range's end decides: cells beside a flat piece of
+  // the surface are coarse with it, and no transition is needed between them.
   bool isFlat(const Index3& cell);
   const BrickCurvature& curvatureOf(const Index3& brick);
 
@@ -51,7 +50,7 @@ class CurvatureOracle {
   glm::dvec3 center_{0.0};
   double radius_squared_ = std::numeric_limits<double>::infinity();
   std::unordered_map<std::size_t, BrickCurvature> bricks_;  // by row of the brick table
-  std::size_t last_row_ = 0;                                // asked for last, if any was
+  std::size_t last_row_ = 0;                                // used last, if any was
   const BrickCurvature* last_ = nullptr;
 };
 

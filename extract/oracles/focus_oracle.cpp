@@ -51,7 +51,7 @@ void FocusOracle::keepRefined(int level, const Index3& first, std::int64_t count
                               std::uint64_t* bits) const {
   if (level > last_level_) return;
   // A row cuts the sphere in one piece, in rounded arithmetic too: going away from the focus no
-  // term of the squared distance falls. So its ends are found from where they should be.
+  // term of the squared distance falls. So the search for its ends begins at their computed places.
   const double within = refined_within_squared_[static_cast<std::size_t>(level)];
   if (within == std::numeric_limits<double>::infinity()) return;
   const RowDistance distance(focus_, level, first);
@@ -62,11 +62,11 @@ void FocusOracle::keepRefined(int level, const Index3& first, std::int64_t count
     return;
   }
   if (isRefined(0) && isRefined(count - 1)) return;
-  const double cells = 1.0 / distance.edge();  // in a voxel; exact, where a division is slow
+  const double cells = 1.0 / distance.edge();  // in a voxel; exact, and faster than a division
   const double at = focus_.x * cells - 0.5 - static_cast<double>(first.x);  // of the focus
   const auto last = static_cast<double>(count - 1);
   const auto nearest = static_cast<std::int64_t>(std::clamp(at, 0.0, last) + 0.5);
-  // The cell whose centre is nearest, or the one beside it where that is a tie by rounding.
+  // The cell whose centre is nearest, or the one beside it if that is a tie by rounding.
   std::int64_t from = nearest;
   if (!isRefined(from)) {
     if (from + 1 < count && isRefined(from + 1))

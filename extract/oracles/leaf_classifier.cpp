@@ -66,12 +66,12 @@ void LeafClassifier::keepRefined(int level, const Index3& first, std::int64_t co
     choice.keepRefined(level, first, count, kept_.data());
     for (std::size_t word = 0; word < words; ++word) {
       bits[word] |= kept_[word];
-      asked_[word] &= ~kept_[word];  // the other choices need not be asked
+      asked_[word] &= ~kept_[word];  // the other choices need not test these
     }
   }
 }
 
-// Before the choices, as some of their oracles read bricks. Refused is only what these leave.
+// Before the choices, as some of their oracles read bricks. Notes only cells that these refine.
 void LeafClassifier::keepResident(int level, const Index3& first, std::int64_t count,
                                   std::uint64_t* bits) {
   const auto words = static_cast<std::size_t>(wordsOf(count));

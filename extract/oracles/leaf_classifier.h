@@ -13,8 +13,8 @@ namespace isobrick {
 // Bits, so that the states of several cells can be joined.
 enum class CellState : std::uint8_t { kOutside = 1, kCoarser = 2, kLeaf = 4, kFiner = 8 };
 
-// Joins the oracles: a cell is refined where any choice of the query refines it, and a choice does
-// where all of its oracles do. In a progressive query the resident parts have to allow it too. One
+// Joins the oracles: a cell is refined if any choice of the query refines it, and a choice refines
+// it if all of its oracles do. In a progressive query the resident parts have to allow it too. One
 // object serves one thread for one brick.
 class LeafClassifier {
  public:
@@ -29,12 +29,12 @@ class LeafClassifier {
   const std::uint64_t* classifyRow(int level, const Index3& first, std::int64_t count,
                                    std::uint64_t* refined);
 
-  // False where the oracles rule out that a cell of the box is a leaf of `level`.
+  // False if the oracles rule out that a cell of the box is a leaf of `level`.
   bool mayHoldLeaf(int level, const IndexBox& cells) const;
-  // False where they rule out that a cell of the box is refined.
+  // False if they rule out that a cell of the box is refined.
   bool mayRefine(int level, const IndexBox& cells) const;
-  // True where every cell in the box and every cell that touches it is a leaf of `level`. False
-  // where that is not certain.
+  // True if every cell in the box and every cell that touches it is a leaf of `level`. False if
+  // that is not certain.
   bool areAllLeaves(int level, const IndexBox& cells) const;
 
  private:
@@ -44,7 +44,7 @@ class LeafClassifier {
 
     bool refines(int level, const Index3& cell);
     void keepRefined(int level, const Index3& first, std::int64_t count, std::uint64_t* bits);
-    // The same of the oracles that need no brick.
+    // The same for the oracles that need no brick.
     void keepPlaced(int level, const Index3& first, std::int64_t count, std::uint64_t* bits) const;
     Coverage refinedCoverage(int level, const IndexBox& cells) const;
   };
@@ -56,18 +56,18 @@ class LeafClassifier {
   const std::uint64_t* existingRow(int level, const Index3& first, std::int64_t count);
 
   const Lattice& lattice_;
-  ResidencyOracle* const residency_;  // null: all that is asked for is read
+  ResidencyOracle* const residency_;  // null: every needed part is read
   std::vector<Choice> choices_;
-  std::vector<std::uint64_t> asked_, kept_;  // of a row, where there are several choices
-  // Rows of cells of which the parents are refined, as four rows have the same parents: those asked
-  // for last, of as many as the rows of a tile and around it have along y and z.
+  std::vector<std::uint64_t> asked_, kept_;  // of a row, if there are several choices
+  // Rows of cells of which the parents are refined, as four rows have the same parents: the latest
+  // ones, as many as the rows of a tile and around it have along y and z.
   struct ParentRow {
     int level = -1;
     Index3 first{0};
   };
   static constexpr std::int64_t kParentRows = 4;
   std::array<ParentRow, kParentRows * kParentRows> parent_rows_;
-  std::vector<std::uint64_t> parents_;     // refined ones, of the row at hand
+  std::vector<std::uint64_t> parents_;     // refined ones, of the current row
   std::vector<std::uint64_t> exists_;      // row by row of parent_rows_
   std::int64_t first_x_ = 0, count_ = -1;  // of every row's cells
 };

@@ -1,4 +1,4 @@
-// The residency oracle: as fine as what is resident allows.
+// The residency oracle: as fine as the resident parts allow.
 #pragma once
 
 #include <array>
@@ -19,14 +19,14 @@ struct MissingBrick {
   int level = 0;
   Index3 brick{0};
   bool needs_samples = false;  // whatever its ranges say
-  bool lacks_parts = false;    // surely, of those that QueryNeeds says
+  bool lacks_parts = false;    // certainly lacks some that QueryNeeds lists
 };
 
-// Refines a cell of level l where the brick of level l - 1 that holds its children is usable. That
-// is a brick
+// Refines a cell of level l if the brick of level l - 1 that holds its children is usable. That is
+// a brick
 //
-//   - of which all is resident that the query takes of it (QueryNeeds),
-//   - whose samples are resident too where a coarser leaf beside it may need them and has no other
+//   - of which all parts are resident that the query takes of it (QueryNeeds),
+//   - whose samples are resident too if a coarser leaf beside it may need them and has no other
 //     brick to take them from,
 //   - and the parents of which, and of its 26 neighbours, are usable.
 //
@@ -37,8 +37,8 @@ struct MissingBrick {
 // nothing that touches c is coarser than c. It also gives that the parent of a refined cell is
 // refined.
 //
-// The parts of a brick are looked for once, and those found are held as long as this object
-// lives: so the answers do not change while bricks come and go, and what was found usable is there
+// The parts of a brick are looked up once, and those found are held as long as this object lives:
+// so the answers do not change while bricks come and go, and a brick that was found usable is there
 // when it is meshed. All members are thread-safe.
 class ResidencyOracle {
  public:
@@ -50,14 +50,14 @@ class ResidencyOracle {
   const QueryNeeds& needs() const { return needs_; }
 
   bool refines(int level, const Index3& cell);
-  // kAll only where all bricks of children are usable.
+  // kAll only if all bricks of children are usable.
   Coverage refinedCoverage(int level, const IndexBox& cells);
   // Among the `count` cells from `first` on along x, bit i being first.x + i, keeps those refined.
   void keepRefined(int level, const Index3& first, std::int64_t count, std::uint64_t* bits);
 
   // Whether the brick is usable.
   bool isUsableNow(int level, const Index3& brick);
-  // Whether it is for want of its own parts that the brick is not usable. Asks for no part more.
+  // Whether the brick is unusable because parts of its own are missing. Looks up no further part.
   bool lacksParts(int level, const Index3& brick);
   // Whether the brick's samples are held.
   bool holdsSamples(int level, const Index3& brick);
@@ -71,9 +71,9 @@ class ResidencyOracle {
     forEachIndex({first, last - first + Index3(1)}, f);
   }
 
-  // The other oracles refine cells of the box and this one does not: what that is for is noted.
+  // The other oracles refine cells of the box, this one does not: notes the missing bricks.
   void noteRefused(int level, const IndexBox& cells);
-  // The results of noteRefused(). While no thread asks.
+  // The results of noteRefused(). Not while another thread uses the oracle.
   const std::vector<MissingBrick>& missing() const { return missing_; }
   bool hasRefused() const { return has_refused_; }
 

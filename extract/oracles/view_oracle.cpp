@@ -61,7 +61,7 @@ bool ViewOracle::refines(int level, const Index3& cell) const {
 }
 
 // All centres lie within half the box's diagonal of its middle, and in its bounds of distance; both
-// are drawn apart by a millionth of what they are made of, so that what they say is certain.
+// are widened by a millionth of their terms, so that they hold for certain.
 Coverage ViewOracle::refinedCoverage(int level, const IndexBox& cells) const {
   if (level > last_level_) return Coverage::kAll;
   const auto l = static_cast<std::size_t>(level);

@@ -1,4 +1,4 @@
-// The view oracle: as fine as a picture can show, and coarser outside of what it shows.
+// The view oracle: as fine as a picture can show, and coarser outside of the picture.
 #pragma once
 
 #include <cstdint>
@@ -12,12 +12,12 @@ namespace isobrick {
 // A pure function of (level, cell); all members are const and thread-safe.
 //
 // Lengths are of the world. Let d be the diagonal of a voxel's cube, e its longest edge, and r the
-// distance from the eye to a cell's centre. A cell of level l is refined where
+// distance from the eye to a cell's centre. A cell of level l is refined if
 //
 //   r < a 2^l      with a = max(pixels_per_radian e / pixels + d/2, 3d/2),
 //
-// and not outside of the field. So no point of a leaf in the field sees its longest edge cover more
-// than `pixels`. The distance to the field (negative inside) is f; a cell is refined where also
+// and not outside of the field. So the longest edge of a leaf in the field covers at most `pixels`
+// pixels. The distance to the field (negative inside) is f; a cell is refined if also
 //
 //   f < (3 2^(l-1) - 1) d,
 //

@@ -37,7 +37,7 @@ class Traversal {
     forEachIndex({first, end - first}, [&](const Index3& child) { visit(level - 1, child); });
   }
 
-  // True where all cells of the brick and all that touch it are leaves of `level`, and are wanted.
+  // True if all cells of the brick and all that touch it are leaves of `level`, and are wanted.
   bool isUniform(int level, const IndexBox& cells) const {
     return classifier_.areAllLeaves(level, cells) &&
            (!context_.query.box || liesInQueryBox(level, cells));

@@ -1,4 +1,4 @@
-// What every worker of one extraction reads.
+// The inputs that all workers of one extraction share.
 #pragma once
 
 #include "isobrick/extract/kernels/crossing.h"
@@ -44,7 +44,7 @@ struct MeshContext {
   }
 
   bool isCancelled() const { return query.cancel != nullptr && query.cancel->requested(); }
-  // Throws Cancelled where that is requested.
+  // Throws Cancelled if a stop is requested.
   void checkCancel() const {
     if (query.cancel != nullptr) query.cancel->check();
   }
@@ -56,8 +56,8 @@ struct MeshContext {
     while (told < done && !query.fraction_done->compare_exchange_weak(told, done)) {
     }
   }
-  // Throws Error where bytes that this thread has asked for could not be had while it used them. To
-  // be called before what was made of them is passed on, or another reason is given for it.
+  // Throws Error if bytes that this thread requested could not be read while it used them. Call it
+  // before results made from them are passed on, or another error is reported for them.
   void throwIfReadsFailed() const {
     if (!pyramid.parts().hasFailedReads()) return;
     read_log.forEachNewOfThisThread([this](std::size_t row) {
@@ -65,10 +65,9 @@ struct MeshContext {
       pyramid.throwIfReadsFailed(at.level, at.brick);
     });
   }
-  // Throws Error where somebody wrote to the file since the query began: one that names a brick of
-  // the query that is not what it was, if there is one; otherwise it may have been. To be called
-  // when no thread is at work on the query any more, before its result is believed. Costs one call
-  // to the system.
+  // Throws Error if the file was written to since the query began. The Error names a brick of the
+  // query that has changed, if there is one; otherwise it says that one may have changed. Call it
+  // when no thread works on the query any more, before its result is used. Costs one system call.
   void throwIfWrittenOver() const {
     if (pyramid.parts().edition() == edition) return;
     for (const ReadLog::Entry& entry : read_log.entries()) {
@@ -83,7 +82,7 @@ struct MeshContext {
   }
 };
 
-// True where the open extent of a leaf and the query's box overlap, or there is no box.
+// True if the open extent of a leaf and the query's box overlap, or there is no box.
 inline bool overlapsQueryBox(const MeshContext& context, int level, const IndexBox& cells) {
   if (!context.query.box) return true;
   const Index3 low = context.lattice().position(level, cells.first);

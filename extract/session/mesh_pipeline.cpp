@@ -17,7 +17,7 @@ namespace {
 // do.
 constexpr std::size_t kBatchesPerThread = 16;
 
-// Of memory, in use or not.
+// Bytes of its memory, in use or not.
 std::uint64_t keptBytes(const PlacedBatch& placed) {
   const auto of = [](const auto& elements) { return elements.capacity() * sizeof elements[0]; };
   return of(placed.batch.positions) + of(placed.batch.normals) + of(placed.batch.triangles) +
@@ -73,7 +73,7 @@ JobBoard::JobBoard(BatchRing& ring, std::size_t jobs, const CancelFlag* cancel)
 }
 
 JobBoard::Task JobBoard::next() {
-  // A signal handler can set the flag and nothing more, so nobody wakes this thread.
+  // A signal handler can only set the flag, so no call wakes this thread.
   constexpr auto kBetweenLooks = std::chrono::milliseconds(1);
   std::unique_lock lock(mutex_);
   while (true) {
@@ -87,7 +87,7 @@ JobBoard::Task JobBoard::next() {
   }
 }
 
-// What makes room comes first.
+// Tasks that make room come first.
 std::optional<JobBoard::Task> JobBoard::taskAtHand() {
   if (!to_write_.empty()) {
     const Task task{Step::kWrite, to_write_.front()};

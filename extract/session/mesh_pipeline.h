@@ -1,4 +1,4 @@
-// Bricks meshed in parallel and handed on in order.
+// Bricks meshed in parallel and passed on in order.
 #pragma once
 
 #include <tbb/enumerable_thread_specific.h>
@@ -20,19 +20,19 @@
 
 namespace isobrick {
 
-// What one thread meshes with.
+// The working memory of one thread.
 struct MeshWorker {
   UniformMesher uniform;
   AdaptiveMesher adaptive;
   BatchSimplifier simplifier;
 };
 
-// Batches that go round: to a mesher, in the order of the work to their receiver, and back. What
-// was given back last is taken first, so that no more of them grow than are under way at once. Used
-// by one thread at a time.
+// Batches that are reused: they go to a mesher, in the order of the work to their receiver, and
+// back. The batch that came back last is taken first, so that no more of them grow than are in use
+// at once. Used by one thread at a time.
 class BatchRing {
  public:
-  // What idle batches keep of memory, at most.
+  // The most bytes that idle batches keep.
   static constexpr std::uint64_t kMostIdleBytes = std::uint64_t{16} << 20;
 
   explicit BatchRing(std::size_t count);
@@ -50,12 +50,12 @@ class BatchRing {
   std::uint64_t idle_bytes_ = 0;  // that they keep
 };
 
-// What a thread is to do next: jobs 0, 1, 2, ... are meshed by any threads, placed in their order
-// by one at a time, and written by any.
+// Decides the next task of a thread: jobs 0, 1, 2, ... are meshed by any threads, placed in their
+// order by one at a time, and written by any.
 //
-// No job is begun while those that are meshed and not written yet hold more than kMostBytes: on top
-// comes one batch for each thread. A job that was begun is never held up, so there is always one
-// that goes on. All members are thread-safe.
+// No job is begun while batches that are meshed and not written yet hold more than kMostBytes; one
+// batch for each thread comes on top. A job that was begun never waits for room, so there is always
+// one that goes on. All members are thread-safe.
 class JobBoard {
  public:
   static constexpr std::uint64_t kMostBytes = std::uint64_t{16} << 20;
@@ -74,12 +74,12 @@ class JobBoard {
   // `ring` has as many batches as jobs may be under way; `cancel` may be null. Both outlive it.
   JobBoard(BatchRing& ring, std::size_t jobs, const CancelFlag* cancel);
 
-  // Waits for something to do. kEnd where nothing is left that this thread could do: all jobs are
-  // placed, those that were begun before a request to cancel are, or fail() was called.
+  // Waits for something to do. kEnd if no task is left for this thread: all jobs are placed, those
+  // that were begun before a request to cancel are, or fail() was called.
   Task next();
-  // A task that next() gave is done.
+  // Reports a task of next() as done.
   void finish(const Task& task);
-  // Nothing goes on any more.
+  // Ends all waiting; no task is given out any more.
   void fail();
 
  private:
@@ -98,7 +98,7 @@ class JobBoard {
   std::uint64_t bytes_ = 0;  // of batches that are meshed and not written
 };
 
-// What stays from query to query. Serves one query at a time.
+// The memory that stays from query to query. Serves one query at a time.
 struct MeshMemory {
   tbb::enumerable_thread_specific<MeshWorker> workers;
   std::unique_ptr<BatchRing> ring;
@@ -110,10 +110,10 @@ struct MeshMemory {
 };
 
 // Meshes all of `work` on the calling TBB arena. Batches with triangles are counted in
-// `counts[level]`, noted as active, and handed to the sink: place() in the order of the work, then
-// write(). Batches go round, so memory does not grow with the mesh: where the sink is slow, or
-// batches are large, no more are begun. Stops early, without a word, where the query is cancelled.
-// Rethrows what a mesher or the sink throws.
+// `counts[level]`, noted as active, and passed to the sink: place() in the order of the work, then
+// write(). Batches are reused, so memory does not grow with the mesh: if the sink is slow, or
+// batches are large, no more are begun. Stops early, without an exception, if the query is
+// cancelled. Rethrows the exceptions of meshers and of the sink.
 void meshInOrder(const MeshContext& context, std::span<const BrickWork> work, MeshMemory& memory,
                  TriangleSink& sink, std::vector<LevelCounts>& counts);
 

@@ -6,8 +6,8 @@
 
 namespace isobrick {
 
-// Throws Error where a number is not finite or out of its range, where parts of the query exclude
-// each other, and where the pyramid lacks what the query needs.
+// Throws Error if a number is not finite or out of its range, if parts of the query exclude each
+// other, and if the pyramid lacks what the query needs.
 void checkQuery(const Pyramid& pyramid, const Query& query);
 
 }  // namespace isobrick

@@ -13,7 +13,7 @@ class SurfaceJoiner : public TriangleSink {
   // Empties `mesh`. `numbering` lends its memory.
   SurfaceJoiner(SurfaceMesh& mesh, const GridGeometry& geometry, VertexNumbering& numbering);
 
-  // Throws Error where the mesh grows beyond what numbers can say.
+  // Throws Error if the mesh grows beyond the greatest vertex number.
   void place(PlacedBatch& placed) override;
   void write(PlacedBatch& placed) override;
   void finish() override;

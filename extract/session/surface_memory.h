@@ -9,9 +9,9 @@
 namespace isobrick {
 
 // Address space for the most elements there may be, of which a part from the beginning is open.
-// Addresses alone cost nothing, not even where the system promises no more than it has
-// (vm.overcommit_memory=2) or bounds what a process may write to (RLIMIT_DATA). Memory comes with
-// the first write to an open page, in huge pages where the system grants them, and stays.
+// Addresses alone cost nothing, not even if the system promises no more than it has
+// (vm.overcommit_memory=2) or bounds the memory of a process (RLIMIT_DATA). Memory comes with the
+// first write to an open page, in huge pages if the system grants them, and stays.
 class ReservedBytes {
  public:
   explicit ReservedBytes(std::size_t bytes) : bytes_(bytes) {}
@@ -19,10 +19,10 @@ class ReservedBytes {
   ReservedBytes(const ReservedBytes&) = delete;
   ReservedBytes& operator=(const ReservedBytes&) = delete;
 
-  // Takes the addresses, unless it has them. Throws Error where there are none.
+  // Takes the addresses, unless it has them. Throws Error if there are none.
   void reserve();
   // The first `bytes` may be read and written from here on; they are reserved. By one thread at a
-  // time. Throws Error where the system does not promise the memory.
+  // time. Throws Error if the system does not promise the memory.
   void open(std::size_t bytes) {
     if (bytes > open_bytes_) openFurther(bytes);
   }
@@ -32,14 +32,13 @@ class ReservedBytes {
   void release() noexcept;
 
  private:
-  // What is open counts as used where memory is promised, so there is not much more of it than is
-  // asked for.
+  // Systems that promise memory count open bytes as used, so open() takes few more than needed.
   static constexpr std::size_t kStep = std::size_t{32} << 20;
   static constexpr std::size_t kHugePageBytes = std::size_t{2} << 20;
 
   void openFurther(std::size_t bytes);
 
-  void* map_ = nullptr;  // what was reserved
+  void* map_ = nullptr;  // the reserved range
   std::byte* data_ = nullptr;
   const std::size_t bytes_;
   std::size_t open_bytes_ = 0;

@@ -22,12 +22,12 @@
 namespace isobrick {
 namespace {
 
-// Stands for the first crossing of a row that the brick which should have it lacks, because it
-// lies. With what is added to the number of a row's first crossing it is beyond every vertex.
+// Stands for the first crossing of a row in a damaged brick that should have it and lacks it. It
+// stays beyond every vertex, whatever is added to the number of a row's first crossing.
 constexpr std::uint32_t kNoCrossing = SurfaceMesh::kMostVertices + 1;
 
 // Numbers of the crossings on a brick's high sides, as vertex numbers of the mesh, in one array
-// whose memory was another brick's before: what is not set, reads as kNoCrossing.
+// that reuses the memory of another brick: a number that is not set reads as kNoCrossing.
 class SideNumbers {
  public:
   SideNumbers(const Index3& cells, RawVector<std::uint32_t>& array)
@@ -48,11 +48,11 @@ class SideNumbers {
     const std::size_t at = last(axis, r);
     return (array_[bits(at)] >> at % 32 & 1) != 0 ? array_[at] : kNoCrossing;
   }
-  // Of the last row of slice k, along x (0) or z (2): BrickRows::numbers.
+  // The number of the last row of slice k, along x (0) or z (2): BrickRows::numbers.
   std::uint32_t& inSideY(int axis, std::int64_t k) const {
     return array_[lastPlaces() + static_cast<std::size_t>((axis == 0 ? 0 : nz_) + k)];
   }
-  // Of row j of the last slice, along x (0) or y (1).
+  // The number of row j of the last slice, along x (0) or y (1).
   std::uint32_t& inSideZ(int axis, std::int64_t j) const {
     return array_[lastPlaces() + static_cast<std::size_t>(2 * nz_ + (axis == 0 ? 0 : ny_) + j)];
   }
@@ -90,9 +90,9 @@ bool hasCrossings(const BrickRows& rows, int axis, std::int64_t r) {
 class OnceFlag {
  public:
   void set() { change(kSet); }
-  // It will never be set: nobody waits for it any more.
+  // It will never be set: ends all waiting.
   void giveUp() { change(kNever); }
-  // False where it was given up.
+  // False if it was given up.
   bool wait() const {
     // Most are set within moments; a thread that waits for a read leaves its core to others.
     for (int looks = 0; state_.load(std::memory_order_acquire) == kNotYet; ++looks) {
@@ -116,7 +116,7 @@ struct BrickJob {
   std::uint32_t vertices = 0, triangles = 0, crossed_cell_count = 0;
   Index3 origin{0};
   OnceFlag placed;    // first_vertex and first_triangle are known
-  OnceFlag numbered;  // so are its side numbers, where it has triangles
+  OnceFlag numbered;  // so are its side numbers, if it has triangles
 };
 
 }  // namespace
@@ -147,7 +147,7 @@ class SurfaceWriter::Run {
     {
       ReadAhead ahead(context_, work_);
       isolatedForEach(0, threads, [&](int) { writeBricks(ahead); });
-    }  // its threads note what they look at
+    }  // its threads log the parts that they read
     context_.checkCancel();
     context_.throwIfWrittenOver();
 
@@ -219,7 +219,7 @@ class SurfaceWriter::Run {
       job.numbered.set();
       worker.spacing.set(context_.lattice(), work.level, cells, samples.box);
       job.origin = worker.spacing.origin;
-      // Memory that is touched for the first time takes longer than what is written there.
+      // The first touch of memory takes longer than the writing itself.
       context_.checkCancel();
       makeCrossings(grid, rows, worker.spacing, context_.frame, context_.isovalue,
                     &mesh_.positionData()[job.first_vertex].x,
@@ -242,7 +242,7 @@ class SurfaceWriter::Run {
     for (int axis = 0; axis < 3; ++axis)
       if (neighbourOf(number, axis) < number) rows.foreign_sides |= 1u << axis;
   }
-  // The job of the brick before this one along `axis`; the number itself where there is none.
+  // The job of the brick before this one along `axis`; the number itself if there is none.
   std::size_t neighbourOf(std::size_t number, int axis) const {
     const BrickWork& work = work_[number];
     Index3 brick = work.brick;
@@ -270,7 +270,7 @@ class SurfaceWriter::Run {
       const std::size_t neighbour = neighbourOf(number, axis);
       if (neighbour == number) continue;
       if (!jobs_[neighbour].numbered.wait()) return false;
-      // Without triangles it has set none: then what crosses the side here, it denies.
+      // Without triangles it has set none, and contradicts the crossings that this brick has there.
       const bool has_any = jobs_[neighbour].triangles > 0;
       const IndexBox cells = layout_.brickCellBox(work_[neighbour].level, work_[neighbour].brick);
       const SideNumbers side(cells.count, mesh_.memory_->side_numbers[neighbour]);

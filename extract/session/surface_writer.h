@@ -13,7 +13,7 @@
 
 namespace isobrick {
 
-// What stays from query to query.
+// The memory that stays from query to query.
 struct SurfaceWriterMemory {
   struct Worker {
     CrossedTiles tiles;
@@ -34,15 +34,15 @@ struct SurfaceWriterMemory {
 //
 // A crossing on a side between bricks is that of the brick that comes first, so nothing is joined
 // afterwards. A thread waits in 2 and 3 only for bricks that others have begun, and the first
-// unfinished brick waits for nobody.
+// unfinished brick never waits.
 class SurfaceWriter {
  public:
   // Empties `mesh`.
   SurfaceWriter(SurfaceMesh& mesh, const GridGeometry& geometry, SurfaceWriterMemory& memory);
 
-  // True where all bricks are uniform and of one level.
+  // True if all bricks are uniform and of one level.
   static bool canWrite(std::span<const BrickWork> work);
-  // Returns what it wrote. The mesh is empty after an exception.
+  // Returns the counts of the mesh. The mesh is empty after an exception.
   LevelCounts run(const MeshContext& context, std::span<const BrickWork> work);
 
  private:

@@ -8,15 +8,15 @@
 namespace isobrick {
 
 // Open addressing with linear probing; grows by doubling. Clearing keeps the memory and walks
-// through all of it, so one object serves brick after brick. The kernels look up every vertex of a
-// mixed brick here; std::unordered_map would allocate a node for each.
+// through all of it, so one object serves brick after brick. VertexNumbering looks up every shared
+// vertex; std::unordered_map would allocate a node for each.
 template <typename Number>
 class EdgeVertexMap {
  public:
   EdgeVertexMap() : slots_(kLeastSlots) {}
 
-  // The number of `key`, valid until the next insertion or removal; where it has none yet, `number`
-  // is stored and `*inserted` set.
+  // The number of `key`, valid until the next insertion or removal; if it has none yet, `number` is
+  // stored and `*inserted` set.
   Number& findOrInsert(EdgeKey key, Number number, bool* inserted) {
     if (2 * (size_ + 1) > slots_.size()) grow();
     Slot& slot = slots_[slotOf(key)];
@@ -28,7 +28,7 @@ class EdgeVertexMap {
     return slot.number;
   }
 
-  // Null where the key has no number. Valid until the next insertion or removal.
+  // Null if the key has no number. Valid until the next insertion or removal.
   const Number* find(EdgeKey key) const {
     const Slot& slot = slots_[slotOf(key)];
     return slot.key == kNoEdge ? nullptr : &slot.number;

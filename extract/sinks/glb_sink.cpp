@@ -75,7 +75,7 @@ class GlbSink : public NumberedSink {
       least = glm::min(least, p);
       greatest = glm::max(greatest, p);
       to.put(p.x, p.y, p.z, n.x, n.y, n.z);
-      // The format forbids what is not a number.
+      // The format forbids NaN.
       if (options_.values != nullptr)
         to.put(std::isnan(placed.values[i]) ? 0.0f : placed.values[i]);
       ++i;

@@ -14,8 +14,8 @@ std::string numberText(double number) {
   return {digits, std::to_chars(digits, digits + sizeof digits, number).ptr};
 }
 
-// The nearest number that a float holds. Not by conversion there and back, which GCC 12 leaves out
-// where it makes vectors of it.
+// The nearest number that a float holds. It does not convert there and back, as GCC 12 drops that
+// in vectorised code.
 double roundToSingle(double number) {
   int exponent = 0;
   const double fraction = std::frexp(number, &exponent);

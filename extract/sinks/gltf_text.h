@@ -22,7 +22,7 @@ std::string joined(const Parts&... parts) {
 // "[1,0.5,-3e+20]", with digits that read back as the same numbers.
 std::string arrayText(const glm::dvec3& v);
 
-// The middle of the volume, exact as a float too, since that is what many readers make of it.
+// The middle of the volume, exact as a float too, since many readers convert it to one.
 glm::dvec3 gltfCenter(const MeshFrame& frame);
 
 // "asset":{...}
@@ -36,7 +36,7 @@ inline constexpr std::string_view kGltfMaterials =
 // All that comes before the bytes of the chunk of data: the JSON is filled up with spaces to
 // `json_bytes`, a multiple of 4. Without data that chunk is left out: no buffer may be empty.
 std::string glbHeader(const std::string& json, std::size_t json_bytes, std::uint64_t bin_bytes);
-// Its length, where there is data.
+// Its length, if there is data.
 constexpr std::uint64_t glbHeaderBytes(std::uint64_t json_bytes) { return 12 + 8 + json_bytes + 8; }
 
 // `can_pack`: --meshopt is a way out too.

@@ -16,11 +16,11 @@ struct IndexedMesh {
 // Collects a mesh. Throws Error beyond 2^32 - 1 vertices.
 class IndexedMeshSink : public TriangleSink {
  public:
-  // Notes the volume's place in the world.
+  // Records the volume's place in the world.
   void begin(const MeshFrame& frame) override { placement_ = WorldPlacement(frame.geometry); }
   // Adds the batch.
   void place(PlacedBatch& placed) override;
-  // As far as it has come; whole after the extraction.
+  // The mesh so far; complete after the extraction.
   const IndexedMesh& mesh() const { return mesh_; }
   // Moves the mesh out; the sink is empty of it afterwards.
   IndexedMesh takeMesh() { return std::move(mesh_); }

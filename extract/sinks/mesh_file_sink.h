@@ -21,7 +21,7 @@ class MeshFileSink : public TriangleSink {
 
 // Options of a mesh file. All pointers may be null; their targets outlive the sink.
 struct MeshFileOptions {
-  // Looked at in finish(), which then throws Cancelled, and no file is left.
+  // Checked in finish(), which then throws Cancelled and leaves no file.
   const CancelFlag* cancel = nullptr;
   // An attribute of the vertices: `value` of .ply and .vtp, `_VALUE` of .glb, in which 0 stands
   // for vertices without one. Error for the other formats.

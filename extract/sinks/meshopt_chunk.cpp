@@ -107,7 +107,7 @@ PackedChunk packChunk(const std::vector<MeshoptPiece>& pieces, const PositionLat
   std::vector<float> values = allOf(pieces, &MeshoptPiece::values);
   const std::vector<std::uint32_t> triangles = allTriangles(pieces);
 
-  // Triangles that share corners come together, vertices in the order in which triangles want them.
+  // Triangles that share corners come together, vertices in the order in which triangles use them.
   std::vector<std::uint32_t> corners(triangles.size());
   meshopt_optimizeVertexCacheFifo(corners.data(), triangles.data(), triangles.size(),
                                   positions.size(), kCacheSize);

@@ -18,10 +18,10 @@ struct PositionLattice {
   glm::dvec3 center{0.0};
   int exponent = 0;
 
-  // The step is a power of two and at most 1/8192 of the least spacing, half of what crossings are
-  // apart from the ends of their edges, so that no two vertices fall together. Volumes that reach
-  // over more than some 1,000 of that spacing get as fine a one as the range of m allows, which is
-  // what single precision would have at their ends.
+  // The step is a power of two and at most 1/8192 of the least spacing, half of the distance of
+  // crossings from the ends of their edges, so that no two vertices fall together. Volumes that
+  // reach over more than some 1,000 of that spacing get as fine a one as the range of m allows,
+  // which is that of single precision at their ends.
   static PositionLattice of(const MeshFrame& frame);
 
   glm::i32vec3 nearest(const glm::dvec3& world) const;

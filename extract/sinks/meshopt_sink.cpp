@@ -18,10 +18,10 @@ namespace {
 // is a primitive. A vertex that several batches have is there once for each of them; all positions
 // are on one lattice, so the copies are equal and nothing opens.
 //
-// place() says which batches are a chunk, in their order. write() brings what a batch adds; whoever
-// brings the last piece of a chunk packs it. Packed chunks go into a temporary file in their order,
-// as the length of the JSON in front of them is known with the last; few wait for their turn, since
-// few batches are on their way at a time.
+// place() decides which batches are a chunk, in their order. write() adds the piece of a batch; the
+// call that adds the last piece of a chunk packs it. Packed chunks go into a temporary file in
+// their order, as the length of the JSON in front of them is known with the last; few wait for
+// their turn, since few batches are on their way at a time.
 class MeshoptSink : public NumberedSink {
  public:
   MeshoptSink(const std::string& path, const MeshFileOptions& options, std::uint64_t most_bytes)
@@ -73,7 +73,7 @@ class MeshoptSink : public NumberedSink {
 
  private:
   static constexpr std::uint64_t kChunkVertices = 1 << 16;
-  // Offsets in what readers would unpack to are kept below what 32 bits with a sign hold.
+  // Offsets in unpacked buffers are kept below the greatest number of 32 bits with a sign.
   static constexpr std::uint64_t kMostUnpackedBytes = std::uint64_t{1} << 31;
 
   struct Chunk {
@@ -93,7 +93,7 @@ class MeshoptSink : public NumberedSink {
     if (options_.values == nullptr) return piece;
     piece.values = placed.values;
     for (float& value : piece.values)
-      if (std::isnan(value)) value = 0;  // the format forbids what is not a number
+      if (std::isnan(value)) value = 0;  // the format forbids NaN
     return piece;
   }
 
@@ -170,7 +170,7 @@ class MeshoptSink : public NumberedSink {
     const std::string head = joined("{", gltfAsset(frame_));
     if (triangles_ == 0) return joined(head, R"(,"scene":0,"scenes":[{}]})");
     const char* const extensions = R"(["EXT_meshopt_compression","KHR_mesh_quantization"])";
-    // Behind the packed buffer those that readers make of it.
+    // Behind the packed buffer come those that readers unpack it to.
     std::string buffers = joined(R"([{"byteLength":)", std::to_string(packed_bytes_), "}");
     for (const std::uint64_t bytes : unpacked_bytes_)
       buffers += joined(R"(,{"byteLength":)", std::to_string(bytes),

@@ -25,9 +25,9 @@ class NumberedSink : public MeshFileSink {
   static std::size_t newVertices(const PlacedBatch& placed) {
     return placed.batch.positions.size() - placed.known.size();
   }
-  // Fills placed.world, and placed.values where there are any: of the new vertices, in their order.
+  // Fills placed.world, and placed.values if there are any: of the new vertices, in their order.
   void findVertices(PlacedBatch& placed) const;
-  // The same of all vertices of the batch.
+  // The same for all vertices of the batch.
   void findAllVertices(PlacedBatch& placed) const;
   // Calls f(v) for the index in the batch of every new vertex, in their order.
   template <typename F>

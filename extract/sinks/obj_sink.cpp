@@ -28,7 +28,7 @@ class TextPointer {
     const char* end = std::to_chars(digits, digits + sizeof digits, number).ptr;
     putRight({digits, static_cast<std::size_t>(end - digits)}, width);
   }
-  // " 12//12" where width is 6.
+  // " 12//12" if width is 6.
   void putCorner(std::uint64_t number, std::size_t width) {
     char digits[48];
     char* end = std::to_chars(digits, digits + 20, number).ptr;
@@ -52,7 +52,7 @@ class TextPointer {
 std::size_t digitsOf(std::uint64_t number) { return std::to_string(number).size(); }
 
 // Vertices and faces go batch by batch: a face needs only vertices of its batch and earlier ones.
-// Numbers are padded, so that place() knows how long a batch's text will be, and threads write
+// Numbers are padded, so that place() computes the length of a batch's text, and threads write
 // their batches side by side.
 class ObjSink : public NumberedSink {
  public:

@@ -65,7 +65,7 @@ class PlySink : public NumberedSink {
     faces_.pwrite(placed.bytes.data(), placed.bytes.size(), placed.first_triangle * kFaceBytes);
   }
 
-  // Always kHeaderBytes long: a comment fills what the counts leave.
+  // Always kHeaderBytes long: a comment fills the rest.
   std::string makeHeader() const {
     const std::string real = double_precision_ ? "double" : "float";
     const std::string head =

@@ -15,7 +15,7 @@ namespace isobrick {
 
 SideFile::SideFile(const std::string& mesh_path, const std::string& what)
     : path_(mesh_path + "." + what + ".XXXXXX") {
-  fd_ = ::mkostemp(path_.data(), O_CLOEXEC);  // a name that nobody else has
+  fd_ = ::mkostemp(path_.data(), O_CLOEXEC);  // a unique name
   if (fd_ < 0) fail(std::strerror(errno));
   ::unlink(path_.c_str());
 }

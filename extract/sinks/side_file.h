@@ -10,9 +10,9 @@
 
 namespace isobrick {
 
-// A file beside a mesh that has gone from its folder as soon as it is there, and vanishes with the
-// process: faces wait in it for the last vertex. Throws Error, with the path, where it cannot be
-// made, written or read.
+// A temporary file in the mesh's folder, which loses its name at once and vanishes with the
+// process: faces wait in it for the last vertex. Throws Error, with the path, if it cannot be made,
+// written or read.
 class SideFile {
  public:
   // Its name, as long as it has one: "<mesh_path>.<what>." and six letters.

@@ -17,7 +17,7 @@ class StlSink : public MeshFileSink {
 
   void begin(const MeshFrame& frame) override {
     placement_ = WorldPlacement(frame.geometry);
-    // Must not begin with "solid": that is how ASCII STL is told.
+    // Must not begin with "solid", by which readers recognise ASCII STL.
     std::string header = "isobrick; units: ";
     header += lengthUnitName(frame.geometry.unit);
     header.append("; space: ").append(kMeshSpace).resize(kHeaderBytes);

@@ -1,5 +1,5 @@
-// The connected components of a surface, of any size, in two passes: list them, then extract again
-// those that are wanted.
+// The connected components of a surface, of any size, in two passes: list them, then extract the
+// chosen ones again.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +12,7 @@
 
 namespace isobrick {
 
-// One of them.
+// A component of a surface.
 struct SurfaceComponent {
   std::uint64_t triangles = 0;  // of the mesh
   double area = 0;              // world units^2
@@ -26,7 +26,7 @@ struct SurfaceComponent {
 // The components of the surface of one query.
 class SurfaceComponents {
  public:
-  // The largest area first; of equal ones, that comes first which the extraction meets first.
+  // The largest area first; equal ones in the order in which the extraction meets them.
   const std::vector<SurfaceComponent>& list() const { return list_; }
   // How many of the list have at least this area.
   std::size_t countFrom(double area) const;
@@ -44,11 +44,11 @@ class SurfaceComponents {
   std::vector<std::uint32_t> of_part_;  // of a component of a batch: the place in the list
 };
 
-// First pass: a sink that finds the components of what is extracted into it. Its memory grows with
-// the number of components in bricks, 100 bytes each. The result depends on the query alone.
+// First pass: a sink that finds the components of the surface that it receives. Its memory grows
+// with the number of components in bricks, 100 bytes each. The result depends on the query alone.
 class ComponentFinder : public TriangleSink {
  public:
-  // `query`: that is extracted.
+  // `query`: the one that is extracted.
   explicit ComponentFinder(const Query& query);
   ~ComponentFinder() override;
 
@@ -70,8 +70,8 @@ class ComponentFinder : public TriangleSink {
   SurfaceComponents components_;
 };
 
-// Second pass: a sink that hands on the first `count` components of the list, of the same query.
-// The mesh is closed where the whole one is. `components` and `sink` outlive it.
+// Second pass: a sink that passes on the first `count` components of the list, of the same query.
+// The mesh is closed where the whole surface is. `components` and `sink` outlive it.
 class ComponentFilter : public TriangleSink {
  public:
   // Reads `components` during the extraction, and gives batches to `sink`.

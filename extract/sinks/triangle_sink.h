@@ -1,4 +1,4 @@
-// The way of triangles out: batch by batch, in an order that no thread count changes.
+// The interface that receives triangles: batch by batch, in an order that no thread count changes.
 #pragma once
 
 #include <cstddef>
@@ -74,7 +74,7 @@ struct MeshBatch {
   RawVector<std::uint32_t> triangles;  // three indices into positions each, counter-clockwise
                                        // seen in the world from the lower values
   std::vector<SharedVertex> shared;    // ascending in `vertex`
-  // So many of the last of `triangles` are of cells that join two levels, the transition cells.
+  // The last so many of `triangles` belong to transition cells, which join two levels.
   std::size_t transition_indices = 0;
   std::uint64_t cells = 0;             // leaves with at least one triangle
   std::uint64_t transition_cells = 0;  // those of them that have a fan
@@ -95,7 +95,7 @@ struct MeshBatch {
   }
 };
 
-// Facts of the volume that a sink may want before the first batch.
+// Facts of the volume that a sink may need before the first batch.
 struct MeshFrame {
   GridGeometry geometry;  // of the volume
   Index3 voxels{0};       // of level 0
@@ -134,7 +134,7 @@ struct KnownVertex {
   std::uint64_t number = 0;  // in the mesh
 };
 
-// A batch and its place in the mesh, which a sink gives it, with memory that goes round.
+// A batch and its place in the mesh, which a sink gives it, with memory that is reused.
 struct PlacedBatch {
   MeshBatch batch;                   // as it was made
   std::uint64_t first_vertex = 0;    // of the mesh
@@ -152,12 +152,12 @@ struct PlacedBatch {
 // ends the extraction and reaches its caller; finish() is not called then.
 //
 // A plain sink takes each batch in accept(): in order, never two calls at the same time, but from
-// any thread. A sink with much to do for a batch overrides place() and write() in its stead:
-// place() is called like accept() and only decides the batch's place; write() follows from any
-// thread, for several batches at the same time, and is done before finish(). A sink that changes
-// batches does it in prepare(), which comes before place(), from any thread, for several batches at
-// the same time and in any order; a batch without triangles goes no further. A batch is valid only
-// during the calls.
+// any thread. A sink with much to do for a batch overrides place() and write() instead: place() is
+// called like accept() and only decides the batch's place; write() follows from any thread, for
+// several batches at the same time, and is done before finish(). A sink that changes batches does
+// it in prepare(), which comes before place(), from any thread, for several batches at the same
+// time and in any order; a batch without triangles goes no further. A batch is valid only during
+// the calls.
 class TriangleSink {
  public:
   virtual ~TriangleSink() = default;
@@ -169,7 +169,7 @@ class TriangleSink {
   virtual void accept(const MeshBatch&) {}
   // Decides the batch's place.
   virtual void place(PlacedBatch& placed) { accept(placed.batch); }
-  // Does the rest.
+  // Does the rest of the work on the batch.
   virtual void write(PlacedBatch&) {}
   // After the last batch.
   virtual void finish() {}

@@ -14,7 +14,7 @@ class EdgeVertexMap;
 
 // Numbers vertices in the order in which they first appear; a shared vertex keeps its first number.
 // Remembers only vertices that a later batch may have too: a vertex whose batches are known is
-// forgotten with the last of them, so that of a large mesh only its front is held.
+// forgotten with the last of them, so that only the front of a large mesh is held.
 class VertexNumbering {
  public:
   VertexNumbering();
@@ -55,7 +55,7 @@ void forEachNewRun(const PlacedBatch& placed, F&& f) {
   run(placed.batch.positions.size());
 }
 
-// Fills placed.numbers: of every vertex of the batch, for meshes whose numbers have 32 bits.
+// Fills placed.numbers for every vertex of the batch; for meshes whose numbers have 32 bits.
 void findNumbers(PlacedBatch& placed);
 
 // Counts triangles and distinct vertices in 64 bits.

@@ -98,8 +98,7 @@ class ArrayAppender {
 };
 
 // Every property is an array of its own, and arrays come one behind the other: positions first,
-// which go straight to their place where they are not packed; the others wait in files of their
-// own.
+// which go straight to their place if they are not packed; the others wait in files of their own.
 class VtpSink : public NumberedSink {
  public:
   VtpSink(const std::string& path, const MeshFileOptions& options, std::uint64_t most_narrow)

@@ -39,8 +39,8 @@ std::string withoutSlash(std::string path) {
 AtomicFolder::AtomicFolder(const std::string& path, const std::string& temporary_path)
     : path_(path), temporary_path_(temporary_path) {}
 
-// The other constructor has ended when this one begins, so the destructor removes the temporary if
-// anything fails from here on.
+// The other constructor has ended when this one begins, so the destructor removes the temporary
+// folder if anything fails from here on.
 AtomicFolder::AtomicFolder(const std::string& path)
     : AtomicFolder(withoutSlash(path), withoutSlash(path) + kTemporaryEnding) {
   std::error_code ignored;

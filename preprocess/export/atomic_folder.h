@@ -1,4 +1,4 @@
-// A folder that appears under its name only when all in it is whole.
+// A folder that appears under its name only when all in it is complete.
 #pragma once
 
 #include <string>
@@ -9,8 +9,8 @@ namespace isobrick {
 
 // Files are written into temporaryPath(), "<path>.isobrick.partial"; commit() makes them durable
 // and gives the folder its name. An AtomicFolder that is destroyed without commit() removes it with
-// all that is in it. A temporary that a killed process left is emptied; one that a living process
-// writes is refused. Throws Error and ResumableError as AtomicFile does.
+// all that is in it. A temporary folder that a killed process left is emptied; one that a living
+// process writes is refused. Throws Error and ResumableError as AtomicFile does.
 class AtomicFolder {
  public:
   explicit AtomicFolder(const std::string& path);
@@ -22,11 +22,11 @@ class AtomicFolder {
 
   // Makes a folder in it, and those above.
   void makeFolder(const std::string& name);
-  // Writes a file in it that is whole or makes the folder worthless; thread-safe.
+  // Writes a file in it; if that fails, the folder is of no use. Thread-safe.
   void writeFile(const std::string& name, const void* data, std::size_t bytes);
 
   // Waits for the disk and gives the folder its name. A file or folder of that name is replaced,
-  // and removed with all that is in it: the caller has looked at it.
+  // and removed with all that is in it: the caller has checked it.
   void commit(const CancelFlag* cancel = nullptr);
 
  private:

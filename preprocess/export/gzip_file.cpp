@@ -20,7 +20,7 @@ struct GzipFile::State {
   State(const State&) = delete;
   State& operator=(const State&) = delete;
 
-  // Packs what the stream was given, and with Z_FINISH all that zlib still holds.
+  // Packs the stream's input, and with Z_FINISH all that zlib still holds.
   void run(int flush) {
     int result;
     do {
@@ -45,7 +45,7 @@ void GzipFile::write(std::span<const std::byte> bytes, const CancelFlag* cancel)
   while (!bytes.empty()) {
     if (cancel != nullptr) cancel->check();
     const std::size_t part = std::min(bytes.size(), kMostPerCall);
-    // zlib does not change what it packs, and says so only in words.
+    // zlib does not change its input, but its pointer is not const.
     state_->stream.next_in =
         const_cast<unsigned char*>(reinterpret_cast<const unsigned char*>(bytes.data()));
     state_->stream.avail_in = static_cast<uInt>(part);

@@ -10,8 +10,8 @@
 
 namespace isobrick {
 
-// Packs what it is given and appends it to `file`, which outlives it. Holds 256 KiB of packed bytes
-// and zlib's window. One thread. Throws what AtomicFile::write() throws, and Cancelled.
+// Packs its input and appends it to `file`, which outlives it. Holds 256 KiB of packed bytes and
+// zlib's window. One thread. Throws what AtomicFile::write() throws, and Cancelled.
 class GzipFile {
  public:
   explicit GzipFile(AtomicFile& file);

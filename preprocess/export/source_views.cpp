@@ -54,7 +54,7 @@ class CroppedSource final : public SourceView {
         box_(box) {
     info_.voxels = box.count;
     info_.geometry.origin = source_->info().geometry.indexToWorld(glm::dvec3(box.first));
-    // Where the voxels lie in a grid of their own.
+    // If the voxels lie in a grid of their own.
     if (const auto first = info_.properties.find("vdb.first"); first != info_.properties.end())
       info_.properties.erase(first);
   }
@@ -87,7 +87,7 @@ class CroppedSource final : public SourceView {
   }
 
   IndexBox box_;
-  std::vector<std::byte> row_;  // of the source, where it is read by rows
+  std::vector<std::byte> row_;  // of the source, if it is read by rows
 };
 
 std::string pointText(const glm::dvec3& v) {
@@ -118,7 +118,7 @@ class PlacedSource final : public SourceView {
   }
 };
 
-// One value after the other becomes another: map(in, out) is told the types.
+// Maps one value after the other; map(in, out) gets the types.
 class MappedSource : public SourceView {
  public:
   std::uint64_t bufferBytes() const final { return source_->bufferBytes() + kBlockBytes; }

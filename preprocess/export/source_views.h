@@ -10,7 +10,7 @@
 namespace isobrick {
 
 // The voxels of `box`, which lies in the volume and has at least two along every axis; throws Error
-// otherwise. Positions in the world stay what they were.
+// otherwise. Positions in the world stay the same.
 std::unique_ptr<VolumeSource> makeCroppedSource(std::unique_ptr<VolumeSource> source,
                                                 const IndexBox& box);
 

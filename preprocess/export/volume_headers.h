@@ -14,14 +14,14 @@ namespace isobrick {
 std::string numberText(double value);
 
 std::string nrrdHeader(const VolumeInfo& info);
-// `data_name`: the file with the voxels, or "LOCAL" where they follow.
+// `data_name`: the file with the voxels, or "LOCAL" if they follow.
 std::string metaImageHeader(const VolumeInfo& info, const std::string& data_name);
 // All of a .vti up to the first voxel; kVtiEnd follows the last.
 std::string vtiHeader(const VolumeInfo& info);
 inline constexpr char kVtiEnd[] = "\n  </AppendedData>\n</VTKFile>\n";
 
 // The header of a NIfTI-1 file (.nii) with the four bytes that say that no extension follows; the
-// voxels come next. Adds a line to `lost` where single precision changes the geometry. Throws Error
+// voxels come next. Adds a line to `lost` if single precision changes the geometry. Throws Error
 // for more than 32767 voxels along an axis.
 inline constexpr std::size_t kNiftiBytes = 352;
 std::array<std::byte, kNiftiBytes> niftiHeader(const VolumeInfo& info, const std::string& path,

@@ -3,7 +3,7 @@
 namespace isobrick {
 namespace {
 
-// A request to cancel is looked at after so many bytes: some milliseconds for any source.
+// A request to cancel is checked after so many bytes: some milliseconds for any source.
 constexpr std::uint64_t kBytesPerLook = std::uint64_t{1} << 20;
 
 // The slices of a layer of a pyramid's bricks, unless it was built otherwise.
@@ -15,7 +15,7 @@ void readRowsWatched(VolumeSource& source, std::int64_t first, std::int64_t coun
                      const VolumeWriteOptions& options) {
   const VolumeInfo& info = source.info();
   const std::uint64_t row_bytes = rowBytes(info);
-  // Sources of boxes look at the request themselves, and are fast; what comes in order may be slow.
+  // Sources of boxes check the request themselves, and are fast; those read in order may be slow.
   const std::int64_t per_look =
       source.readsBoxes()
           ? count

@@ -1,5 +1,5 @@
-// A volume's rows in order, a bounded run of them at a time: what all writers are fed with. Private
-// to preprocess/export/.
+// A volume's rows in order, a bounded run of them at a time: the input of all writers. Private to
+// preprocess/export/.
 #pragma once
 
 #include <algorithm>
@@ -26,15 +26,15 @@ inline void checkCancel(const VolumeWriteOptions& options) {
   if (options.cancel != nullptr) options.cancel->check();
 }
 
-// Fills `out` with rows, looking at the request to cancel after every MiB where the source is slow.
+// Fills `out` with rows, and checks the request to cancel after every MiB if the source is slow.
 void readRowsWatched(VolumeSource& source, std::int64_t first, std::int64_t count, std::byte* out,
                      const VolumeWriteOptions& options);
 
 // Slices that a run of at most `bytes` has: as many layers of bricks as fit, so that a pyramid's
-// brick is unpacked once, or as many slices; 0 where not even one fits.
+// brick is unpacked once, or as many slices; 0 if not even one fits.
 std::int64_t slicesInMemory(const VolumeInfo& info, std::uint64_t bytes);
 
-// Calls take(first row, rows, bytes) with all rows in order: whole slices where one fits into
+// Calls take(first row, rows, bytes) with all rows in order: whole slices if one fits into
 // options.memory_bytes, otherwise as many rows as fit, and at least one. Tells progress.
 template <typename Take>
 void forEachRun(VolumeSource& source, const VolumeWriteOptions& options, Take&& take) {

@@ -39,7 +39,7 @@ void refuseTooLittleSpace(const VolumeSource& source, const AtomicFile& file) {
 // All voxels, as they lie in memory: little-endian (storage/format.h).
 void writeVoxels(VolumeSource& source, AtomicFile& file, const VolumeWriteOptions& options) {
   refuseTooLittleSpace(source, file);
-  constexpr std::uint64_t kMostPerWrite = std::uint64_t{8} << 20;  // Ctrl-C is heard in between
+  constexpr std::uint64_t kMostPerWrite = std::uint64_t{8} << 20;  // Ctrl-C is checked in between
   forEachRun(source, options, [&](std::int64_t, std::int64_t rows, const std::byte* data) {
     std::uint64_t left = static_cast<std::uint64_t>(rows) * rowBytes(source.info());
     while (left > 0) {

@@ -15,7 +15,7 @@ namespace isobrick {
 struct VolumeWriteOptions {
   // Called now and then with the share that is done, 0 .. 1, by one thread at a time.
   std::function<void(double fraction)> progress;
-  // Asked after every MiB, and while the disk is busy; writeVolume() then throws Cancelled and
+  // Checked after every MiB, and while the disk is busy; writeVolume() then throws Cancelled and
   // leaves no file.
   const CancelFlag* cancel = nullptr;
   // Bounds the writer's buffers, beside the source's own; at least a row.
@@ -31,9 +31,9 @@ struct VolumeWriteReport {
   std::vector<std::string> lost;  // each thing that the format cannot keep, a line each
 };
 
-// The endings that writeVolume() knows.
+// The endings that writeVolume() takes.
 std::vector<std::string> plainVolumeEndings();
-// True for a name that has one of them.
+// True if the name has one of these endings.
 bool isPlainVolumeName(const std::string& path);
 
 // Reads `source` from its first slice to its last and writes `path`, little-endian. World
@@ -47,7 +47,7 @@ bool isPlainVolumeName(const std::string& path);
 //   .vti     VTK ImageData, appended raw, with Direction
 //   .raw     the voxels alone: dimensions, type and geometry are lost
 // Files appear under their names when they are whole, and replace older ones. No library of these
-// formats is used: each is a header and a run of voxels, and ITK's writers want the whole image.
+// formats is used: each is a header and a run of voxels, and ITK's writers need the whole image.
 //
 // Throws Error for other endings, for volumes that the format cannot hold and for failed writes
 // (storage/atomic_file.h), and whatever the source throws.

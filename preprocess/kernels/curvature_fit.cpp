@@ -19,7 +19,7 @@
 //   ranges above 2^125, because the scale must be a normal number). A gradient that counts is at
 //   least W * 2^-16, so its sixth power is at least 2^-102: nothing that matters underflows.
 // - With t = v - low and u = high - v, each rounded once, the basis functions u^2, 2tu, t^2 have a
-//   relative error of a few u even where they nearly vanish, and so have p and the update, which
+//   relative error of a few u even if they nearly vanish, and so have p and the update, which
 //   add up positive terms only. They are W^2 times the Bernstein polynomials; coefficients get that
 //   factor at the end, so no division by W is needed. At midpoints t and u are sums too.
 // - k = (mean^2 + g2 s / 2) / g2^3 has mixed signs in mean and s; with h2 = fxy^2 + fxz^2 + fyz^2
@@ -64,7 +64,7 @@ constexpr float kSlack = 0x1p-19f;
 constexpr float kInexactDifferences = 0x1p-30f;
 // A gradient counts when it is epsilon times the range or a rounding less.
 constexpr double kEpsilonRounding = 1 - 1e-6;
-// Below every threshold on scaled values, above 0: no sample counts where there is no gradient.
+// Below every threshold on scaled values, above 0: no sample without a gradient counts.
 constexpr float kLeastGradientSquared = 0x1p-36f;
 
 struct FitConstants {
@@ -118,7 +118,7 @@ struct Polynomial {
   void raise(Vector t, Vector u, Vector k) {
     const Vector basis0 = u * u, basis1 = (t + t) * u, basis2 = t * t;
     const Vector norm = (basis0 * basis0 + basis1 * basis1) + basis2 * basis2;
-    // Not delta / norm: only what depends on p is in the chain from update to update.
+    // Not delta / norm: only terms that depend on p are in the chain from update to update.
     const Vector inverse = splat(1.0f) / norm;
     const Vector p = (b0 * basis0 + b1 * basis1) + b2 * basis2;
     const Vector step = hn::Max(k - p, hn::Zero(kFloats)) * inverse;
@@ -133,7 +133,7 @@ struct Jet {
   Vector slack;  // at least kSlack * (fxy^2 + fxz^2 + fyz^2)
 };
 
-// Twice the total curvature; 0 where the squared gradient is below `least`.
+// Twice the total curvature; 0 if the squared gradient is below `least`.
 HWY_INLINE Vector twiceCurvature(const Jet& j, Vector least) {
   const Vector g2 = j.fx * j.fx + (j.fy * j.fy + j.fz * j.fz);
   const Vector a = j.fx * j.fyz, b = j.fy * j.fxz, c = j.fz * j.fxy;
@@ -150,8 +150,8 @@ HWY_INLINE Vector twiceCurvature(const Jet& j, Vector least) {
 constexpr std::size_t firstPlace(bool inner) { return inner ? 1 : 0; }
 constexpr std::size_t cellsAtPlace(bool inner) { return inner ? 2 : 1; }
 
-// The voxels that are inner or outer ones along x, y and z as the arguments say: so that the number
-// of cells is known to the compiler.
+// The voxels that are inner or outer ones along x, y and z by the arguments: so that the number of
+// cells is known at compile time.
 template <bool InnerX, bool InnerY, bool InnerZ>
 HWY_INLINE void raiseAtVoxels(const NodeBlocks& n, Vector least, Polynomial& p) {
   for (std::size_t z = firstPlace(InnerZ); z < 3; z += 2)

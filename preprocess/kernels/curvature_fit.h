@@ -14,8 +14,8 @@ inline constexpr double kLeastCurvatureEpsilon = 0x1p-16;
 inline constexpr float kLeastCurvatureRange = 0x1p-120f;
 
 // A row of nodes along x: a node is a cell of level 1, with 3x3x3 voxels that it shares with its
-// neighbours. Reused from row to row; all arrays are longer than `nodes` needs, by what SIMD reads
-// and writes past the end, and start as 0.
+// neighbours. Reused from row to row; all arrays are longer than `nodes` needs, by the elements
+// that SIMD reads and writes past the end, and start as 0.
 struct CurvatureRow {
   explicit CurvatureRow(std::int64_t node_count);
 
@@ -26,7 +26,7 @@ struct CurvatureRow {
   std::array<std::vector<float>, 9> voxels;
   // A range that holds all voxels of the node: the one that its polynomial is over.
   std::vector<float> low, high;
-  // Bernstein coefficients b0, b1, b2 over that range, in 1/voxel^2: what fitCurvature finds.
+  // Bernstein coefficients b0, b1, b2 over that range, in 1/voxel^2: the result of fitCurvature.
   std::array<std::vector<float>, 3> coefficients;
 };
 
@@ -40,7 +40,7 @@ struct CurvatureFitOptions {
 
 // For every node: coefficients with p(v_i) >= k_i for all samples of its eight cells that count, by
 // the update of Sect. 5.2: minimal in the least squares sense, only ever upward. 0 for nodes of one
-// value and where no sample counts; infinity where no bound is known (voxels or ranges that are not
+// value and if no sample counts; infinity if no bound is known (voxels or ranges that are not
 // finite, ranges below kLeastCurvatureRange). Runs on the widest SIMD instructions of the machine,
 // with the same bits on all of them.
 void fitCurvature(const CurvatureFitOptions& options, CurvatureRow& row);

@@ -23,7 +23,7 @@ using LowPassSum =
                        std::conditional_t<sizeof(T) == 1, std::int16_t, std::int32_t>>;
 
 // Calls `f(x)` so that vectors of `lanes` elements from x on cover [0, count) and nothing else: the
-// last one overlaps the one before. False where count < lanes.
+// last one overlaps the one before. False if count < lanes.
 template <typename F>
 bool coverWithVectors(std::int64_t count, std::int64_t lanes, F&& f) {
   if (count < lanes) return false;
@@ -199,7 +199,7 @@ IndexBox lowPassSupport(const Lattice& lattice, int level, format::Filter filter
                         const IndexBox& coarse) {
   IndexBox support;
   for (int axis = 0; axis < 3; ++axis) {
-    // The second to last sample can be filtered where the clamped last one is not.
+    // The second to last sample can be filtered although the clamped last one is not.
     std::int64_t last = 0;
     for (std::int64_t i = std::max(coarse.first[axis], coarse.end()[axis] - 2);
          i < coarse.end()[axis]; ++i)

@@ -15,10 +15,10 @@ struct LowPassTap {
   std::int64_t last() const { return center + (filtered ? 1 : 0); }
 };
 
-// The tap of coarse sample `i` along `axis`. An axis is filtered only where both neighbours exist
-// at their regular distance, 2^level voxels: at the volume's border and beside a clamped last
-// sample the value is taken as it is, so that a linear field stays exact on every level.
-// kSubsample never filters.
+// The tap of coarse sample `i` along `axis`. An axis is filtered only if both neighbours exist at
+// their regular distance, 2^level voxels: at the volume's border and beside a clamped last sample
+// the value is taken as it is, so that a linear field stays exact on every level. kSubsample never
+// filters.
 LowPassTap lowPassTap(const Lattice& lattice, int level, format::Filter filter, int axis,
                       std::int64_t i);
 

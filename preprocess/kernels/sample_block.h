@@ -7,7 +7,7 @@
 
 namespace isobrick {
 
-// A view: the buffer belongs to somebody else and outlives it. Copy it freely.
+// A view: the buffer belongs to another object and outlives it. Copy it freely.
 template <typename T>
 struct SampleBlock {
   const T* data = nullptr;                        // the sample at box.first
@@ -29,7 +29,7 @@ struct SampleBlock {
   }
 };
 
-// Copies what `block` has in `box`, which lies within both, to its place in the dense `target`.
+// Copies the samples of `block` in `box`, which lies within both, to the dense `target`.
 template <typename From, typename To>
 void copyBox(const SampleBlock<From>& block, const IndexBox& box, To* target,
              const IndexBox& target_box) {

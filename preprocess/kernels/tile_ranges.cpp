@@ -47,7 +47,7 @@ void minMaxOfRows(const T* low, const T* high, std::int64_t rows, std::int64_t s
   }
 }
 
-// Axis by axis: z, then y, then x, so that a sample is looked at little more than once.
+// Axis by axis: z, then y, then x, so that a sample is read little more than once.
 template <typename T>
 void includeCubes(const SampleBlock<T>& samples, const IndexBox& cells, std::int64_t edge,
                   CubeRanges<T>& ranges) {

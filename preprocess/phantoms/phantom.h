@@ -68,7 +68,7 @@ class Phantom {
   // Throws Error for an unknown name (the message lists all names) and a size out of range.
   explicit Phantom(const PhantomSpec& spec);
 
-  // As it was made with.
+  // As given to the constructor.
   const PhantomSpec& spec() const { return spec_; }
   // The constants of its surface.
   const PhantomConstants& constants() const { return constants_; }
@@ -79,7 +79,7 @@ class Phantom {
 
   // The isovalue to use, in units of the field and of the stored voxels.
   double isovalue() const;
-  // The same as voxels have it.
+  // The same in units of the stored voxels.
   double storedIsovalue() const { return scale_.stored(isovalue()); }
 
   // The field at continuous voxel index coordinates, in field units.

@@ -70,7 +70,7 @@ class Base64Stream final : public ByteStream {
   // A group that began in the text before may end in this one.
   static constexpr std::size_t kDecodedBytes = kTextBytes / 4 * 3 + 3;
 
-  // Decodes the next piece of text; false where there is none.
+  // Decodes the next piece of text; false if there is none.
   bool refill() {
     next_ = filled_ = 0;
     while (!ended_ && filled_ == 0) {

@@ -10,15 +10,14 @@
 
 namespace isobrick {
 
-// One thread at a time. Errors name the file: Error for damage, ResumableError where the disk
-// fails.
+// One thread at a time. Errors name the file: Error for damage, ResumableError if the disk fails.
 class ByteStream {
  public:
   virtual ~ByteStream() = default;
-  // Writes the next `bytes` to `out`, fewer only where the content ends; returns how many.
+  // Writes the next `bytes` to `out`, fewer only if the content ends; returns how many.
   virtual std::size_t read(void* out, std::size_t bytes) = 0;
-  // The caller has all that it needs: throws Error where what it got fails a checksum that comes
-  // now. Reads no further than that takes, and not much.
+  // Call it after the last read: throws Error if the content fails a checksum that comes now. Reads
+  // no further than that takes, and not much.
   virtual void finish() {}
   // The most bytes that the stream holds.
   virtual std::uint64_t bufferBytes() const { return 0; }

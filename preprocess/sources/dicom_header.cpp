@@ -46,7 +46,7 @@ constexpr std::array<std::uint32_t, 12> kGroupValues = {
     dicom::kSliceThickness,   dicom::kSpacingBetweenSlices, dicom::kPixelSpacing,
     dicom::kRescaleIntercept, dicom::kRescaleSlope,         dicom::kDimensionIndexPointer};
 
-// Numbers of 32 bits; implicit encoding does not say that they are.
+// Numbers of 32 bits; implicit encoding does not state their type.
 constexpr std::array<std::uint32_t, 3> kLongNumbers = {
     dicom::kInStackPosition, dicom::kTemporalPositionIndex, dicom::kDimensionIndexValues};
 
@@ -56,7 +56,7 @@ bool isOneOf(const auto& all, const auto& one) {
 
 std::atomic<std::uint64_t> headers_read{0};
 
-// The file ends early, or what is read makes no sense.
+// The file ends early, or its content makes no sense.
 struct Damaged {};
 
 struct Encoding {
@@ -120,7 +120,7 @@ class Walker {
     return tag == dicom::kGridFrameOffsets ? kMostOffsetBytes : kMostValueBytes;
   }
 
-  // True where the pixels were found, whole.
+  // True if the pixels were found, whole.
   bool walkDataSet(DicomHeader& header) {
     DicomValues& values = header.values;
     // Group 2 is always explicit little-endian and says how the rest is encoded.
@@ -171,7 +171,7 @@ class Walker {
         skipValue(element, encoding, 0);
       } else {
         values[element.tag] = text(element, encoding);
-        // The retired "recognition code"; GDCM aborts on any that it does not know.
+        // The retired "recognition code"; GDCM aborts on any that it does not support.
         if (element.tag == dicom::kRecognitionCode && !values[element.tag].starts_with("ACR"))
           throw Damaged();
       }
@@ -245,7 +245,7 @@ class Walker {
     }
   }
 
-  // Calls `f` behind the head of each item of a sequence, with the encoding of what is in it.
+  // Calls `f` behind the head of each item of a sequence, with the encoding of its content.
   template <typename F>
   void walkItems(const Element& sequence, const Encoding& outer, F f) {
     const Encoding encoding = innerEncoding(sequence, outer);
@@ -306,7 +306,7 @@ class Walker {
     return element;
   }
 
-  // GDCM aborts where an element that it works with has another type than the standard says.
+  // GDCM aborts if an element that it uses has another type than the standard gives it.
   static void checkTypeOfImageElement(const Element& element) {
     static constexpr std::array<std::uint32_t, 9> kDecimals = {
         dicom::kSliceThickness, dicom::kSpacingBetweenSlices, dicom::kImagerPixelSpacing,
@@ -376,7 +376,7 @@ class Walker {
   }
   void skip(std::uint64_t count) {
     if (count > size_ - at_) throw Damaged();
-    // A seek throws away what was read ahead.
+    // A seek drops the bytes that were read ahead.
     constexpr std::uint64_t kFewBytes = 4096;
     if (count > kFewBytes) return seek(at_ + count);
     in_.ignore(static_cast<std::streamsize>(count));

@@ -2,12 +2,12 @@
 // to preprocess/sources/.
 //
 // GDCM fills missing pixels of a file that was cut short with zeros, and aborts the process on some
-// damaged headers. So every file is walked element by element first; GDCM sees only those that are
+// damaged headers. So every file is walked element by element first; GDCM reads only those that are
 // whole.
 //
 // Old files may lack the 128 bytes and "DICM" in front and begin with their first element, of group
-// 2 or 8. Such a file counts as DICOM only where it can be walked as a data set, its tags
-// ascending, up to its pixels: anything may begin with these bytes.
+// 2 or 8. Such a file counts as DICOM only if it can be walked as a data set, its tags ascending,
+// up to its pixels: anything may begin with these bytes.
 #pragma once
 
 #include <cstdint>
@@ -17,14 +17,14 @@
 
 namespace isobrick {
 
-// Tells whether a file is still the one that was looked at.
+// Tells whether a file is still the one that was read.
 struct FileStamp {
   std::uint64_t bytes = 0;
   std::int64_t changed_seconds = 0, changed_nanoseconds = 0;
   bool operator==(const FileStamp&) const = default;
 };
 
-// All zeros where the file is gone.
+// All zeros if the file is gone.
 FileStamp fileStamp(const std::string& path);
 
 // By tag (group << 16 | element), without padding. Numbers of type US, SS and UL are written out in
@@ -43,18 +43,18 @@ struct DicomHeader {
   FileStamp stamp;     // of the file, from before it was walked
   DicomValues values;  // short elements before the pixels
 
-  // An enhanced file says of each frame where it is and what its numbers mean: what all frames
-  // share, and what each has. Only elements that are looked at; at most as many frames as the file
-  // has.
+  // An enhanced file states the place of each frame and the meaning of its numbers: elements that
+  // all frames share, and those of each. Only elements that isobrick reads; at most as many frames
+  // as the file has.
   DicomValues shared;
   std::vector<DicomValues> frames;
   bool hasGroups() const { return !shared.empty() || !frames.empty(); }
   std::vector<DicomValues> dimensions;  // of kDimensionIndices
 
-  // Where the pixels are, as they lie in the file; 0 bytes for those that are packed.
+  // The place of the pixels, as they lie in the file; 0 bytes for packed ones.
   std::uint64_t pixels_at = 0, pixel_bytes = 0;
 
-  // "" where there is no such element.
+  // "" if there is no such element.
   std::string value(std::uint32_t tag) const {
     const auto found = values.find(tag);
     return found == values.end() ? "" : found->second;
@@ -68,7 +68,7 @@ struct DicomHeader {
   }
 };
 
-// Throws Error where the file cannot be opened; damage is a state.
+// Throws Error if the file cannot be opened; damage is a state.
 DicomHeader readDicomHeader(const std::string& path);
 
 // How often readDicomHeader() was called in this process: every file of a series costs one.

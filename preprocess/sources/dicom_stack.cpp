@@ -26,7 +26,7 @@ bool haveAllPositions(const std::vector<DicomPlace>& places) {
                      [](const DicomPlace& place) { return place.position.has_value(); });
 }
 
-// Where there are no positions nobody can tell: true.
+// Without positions it cannot be decided: true.
 bool areSomeAtOnePosition(const std::vector<DicomPlace>& places, const glm::dvec3& normal) {
   if (!haveAllPositions(places)) return true;
   std::vector<double> heights;
@@ -156,7 +156,7 @@ std::optional<glm::dvec3> dicomPosition(const std::string& text) {
 
 namespace {
 
-// Dimensions that say where a frame is, and those that say when: delays, times and phases of a
+// Dimensions for the place of a frame, and those for its time: delays, times and phases of a
 // heart's beat.
 constexpr std::array<std::uint32_t, 3> kPlaceDimensions = {dicom::kStackId, dicom::kInStackPosition,
                                                            dicom::kImagePosition};
@@ -226,7 +226,7 @@ std::vector<DicomPlace> placesOf(const DicomHeader& header, std::size_t frames,
   return places;
 }
 
-// The values of an element that all slices are to share; empty where none has it.
+// The values of an element that all slices are to share; empty if none has it.
 std::vector<double> sharedNumbers(const std::string& path, const DicomHeader& header,
                                   const std::vector<std::size_t>& frames, std::uint32_t tag,
                                   std::size_t count, const char* what) {

@@ -17,7 +17,7 @@
 
 namespace isobrick {
 
-// One slice: what its header says of its place.
+// One slice: its place by its header.
 struct DicomPlace {
   std::size_t index = 0;               // of the file or the frame
   std::string name;                    // for messages: "'slice7.dcm'", "frame 7"
@@ -25,7 +25,7 @@ struct DicomPlace {
   std::int64_t number = 0;             // orders slices without positions
   std::string stack;                   // slices of several stacks are several volumes
   std::vector<std::int64_t> time;      // orders volumes of one stack
-  std::vector<std::int64_t> channel;   // what else a slice may differ by: echo, b-value, ...
+  std::vector<std::int64_t> channel;   // further differences of slices: echo, b-value, ...
 };
 
 // The error for slices, and its remedy.
@@ -35,19 +35,19 @@ struct DicomStackWords {
   std::string gap;            // behind "they are 2 mm apart and others 1 mm on average"
 };
 
-// Leaves the slices of one volume, those that options.grid (a stack's name), time and channel (from
-// 0, in ascending order) choose, and says so in info.encoding. Throws Error where there are several
-// volumes and no choice, or none of that name or number. Times count as such where `times_differ`
-// (the header counts volumes), or where slices would be at the same position; channels there alone.
-// `normal` says that of the image plane of a slice.
+// Leaves the slices of the one volume that options.grid (a stack's name), time and channel (from 0,
+// in ascending order) choose, and notes the choice in info.encoding. Throws Error if there are
+// several volumes and no choice, or none of that name or number. Different times are different
+// volumes if `times_differ` (the header counts volumes), or if slices would be at the same
+// position; channels in the latter case alone. `normal`: of the image plane of a slice.
 void chooseDicomVolume(const DicomStackWords& words,
                        const std::function<glm::dvec3(const DicomPlace&)>& normal,
                        bool times_differ, const OpenOptions& options,
                        std::vector<DicomPlace>& places, VolumeInfo& info);
 
 // Sorts at least two slices by position along the normal of the image plane and gives the step from
-// one to the next, in mm. Throws Error where two are at the same position, and where the steps
-// differ by more than a tenth. Where positions are missing: sorts by number, and gives no step.
+// one to the next, in mm. Throws Error if two are at the same position, and if the steps differ by
+// more than a tenth. If positions are missing, sorts by number, and gives no step.
 std::optional<glm::dvec3> sortDicomSlices(const DicomStackWords& words, const glm::dvec3& normal,
                                           std::vector<DicomPlace>& places,
                                           std::vector<std::string>& notes);
@@ -62,12 +62,13 @@ struct DicomFrames {
   std::size_t frames_in_file = 0;
 };
 
-// True where functional groups say where frames are: others are read as ITK reads them.
+// True if functional groups state the places of frames: other files are read as ITK reads them.
 bool hasDicomFrames(const DicomHeader& header);
 
-// Frames sorted by position, with geometry, voxel type, and notes on what was assumed. Several
-// stacks, time points, echoes, ...: those of the options, or Error. Throws Error too where frames
-// differ in what a volume has only once, and for colours and frames that are no slices.
+// Frames sorted by position, with geometry, voxel type, and notes on assumptions. Takes the stack,
+// time point, echo, ... that the options choose if there are several, or throws Error. Throws Error
+// too if frames differ in a property that a volume has only once, and for colours and frames that
+// are no slices.
 DicomFrames arrangeDicomFrames(const std::string& path, const DicomHeader& header,
                                const OpenOptions& options);
 

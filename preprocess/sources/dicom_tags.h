@@ -1,4 +1,4 @@
-// The elements of a DICOM file that isobrick looks at, by tag (group << 16 | element). Private to
+// The elements of a DICOM file that isobrick reads, by tag (group << 16 | element). Private to
 // preprocess/sources/.
 #pragma once
 

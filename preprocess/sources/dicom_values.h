@@ -1,4 +1,4 @@
-// Which values the slices of a DICOM series may hold, told by their headers alone. Private to
+// The values that the slices of a DICOM series may hold, by their headers alone. Private to
 // preprocess/sources/.
 #pragma once
 
@@ -12,7 +12,7 @@
 
 namespace isobrick {
 
-// How the stored numbers of one slice become values, as far as its header says.
+// How the stored numbers of one slice become values, by its header.
 struct DicomValueMap {
   double slope = 1, intercept = 0;
   int bits_allocated = 16;
@@ -20,7 +20,7 @@ struct DicomValueMap {
   bool is_signed = false;
   // Stored numbers, as the writer claims them; many leave them out, and some are wrong.
   std::optional<std::int64_t> smallest, largest;
-  std::optional<std::int64_t> padding;  // stands where the scanner saw nothing
+  std::optional<std::int64_t> padding;  // the value of pixels that the scanner did not see
 
   bool operator==(const DicomValueMap&) const = default;
 };
@@ -29,15 +29,15 @@ struct DicomValueMap {
 // counts from 0.
 DicomValueMap dicomValueMap(const DicomHeader& header, std::size_t frame = 0);
 
-// "1\2\3" -> {1, 2, 3}; empty where it is something else.
+// "1\2\3" -> {1, 2, 3}; empty if it is something else.
 std::vector<double> decimalStrings(const std::string& text, std::size_t count);
 
 struct DicomVoxelType {
   VoxelType type = VoxelType::kFloat32;
-  std::string note;  // for VolumeInfo::notes; empty where there is nothing to say
+  std::string note;  // for VolumeInfo::notes; empty if there is nothing to say
 };
 
-// The voxel type of a series whose slices have these maps (at least one); no pixel is looked at.
+// The voxel type of a series whose slices have these maps (at least one); no pixel is read.
 //
 //   0. All slices hold values of 8 bits as they are: uint8 or int8.
 //   1. A slope or an intercept that is no whole number: float32.
@@ -45,16 +45,16 @@ struct DicomVoxelType {
 //   3. All slices have their smallest and largest pixel value (0028,0106 and 0107), and with the
 //      padding values (0028,0120) these fit int16, or else uint16: that.
 //   4. At most 16 bits are stored, every slope is 1 or -1, none of 3's elements contradicts: int16
-//      where the bits allow values below zero, else uint16. A CT that stores 12 significant bits in
-//      16 and says -1024 for the intercept is such a series: its bits allow more values than a
-//      16-bit type has, its scanner does not make them.
+//      if the bits allow values below zero, else uint16. A CT that stores 12 significant bits in 16
+//      and says -1024 for the intercept is such a series: its bits allow more values than a 16-bit
+//      type has, its scanner does not make them.
 //   5. float32, with a note.
 //
-// 3 and 4 trust the header in what it cannot prove. Whoever reads the slices compares every value
-// with the type, and refuses what does not fit: nothing is ever cut off.
+// 3 and 4 trust facts of the header that it cannot prove. The reader of the slices compares every
+// value with the type, and refuses one that does not fit: nothing is ever cut off.
 DicomVoxelType dicomVoxelType(const std::vector<DicomValueMap>& maps);
 
-// Where small values are meant to be shown bright.
+// Adds a note if small values are meant to be shown bright.
 void noteMonochrome1(const std::string& photometric, std::vector<std::string>& notes);
 
 }  // namespace isobrick

@@ -49,7 +49,7 @@ struct ExrChannel {
   Imf::PixelType type = Imf::HALF;
 };
 
-// An open file. The library throws for what is damaged, and prints nothing.
+// An open file. The library throws for a damaged file, and prints nothing.
 class ExrFile {
  public:
   explicit ExrFile(const std::string& path) : path_(path), bytes_(InputFile(path).size()) {
@@ -59,8 +59,7 @@ class ExrFile {
   const Imf::Header& header(int part) const { return file_->header(part); }
   int parts() const { return file_->parts(); }
 
-  // Pixels of the first part that counts; what they take as floats is believed of a file that may
-  // have so many.
+  // Pixels of a part; refuses more than a file of this size can hold.
   Index3 pixels(int part) const {
     const Imath::Box2i window = header(part).dataWindow();
     const Index3 pixels(std::int64_t{window.max.x} - window.min.x + 1,
@@ -226,7 +225,7 @@ class ExrSlices final : public VolumeSource {
     const double value =
         channel_.type == Imf::UINT ? bits : static_cast<double>(std::bit_cast<float>(bits));
     if constexpr (std::is_same_v<T, float>) return static_cast<float>(value);
-    // Isobrick wrote whole numbers of the type; whoever edited them since gets the nearest.
+    // Isobrick wrote whole numbers of the type; pixels that were edited since become the nearest.
     const double low = std::numeric_limits<T>::min(), high = std::numeric_limits<T>::max();
     return value > low ? static_cast<T>(std::min(std::round(value), high)) : static_cast<T>(low);
   }

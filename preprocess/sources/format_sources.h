@@ -10,15 +10,15 @@
 
 namespace isobrick {
 
-// Opens a raw file. Throws Error where the file is shorter than offset + voxels, where it is longer
-// (wrong dimensions are the usual reason; the message names both sizes), or where an axis has
-// fewer than 2 voxels.
+// Opens a raw file. Throws Error if the file is shorter than offset + voxels, if it is longer
+// (wrong dimensions are the usual reason; the message names both sizes), or if an axis has fewer
+// than 2 voxels.
 std::unique_ptr<VolumeSource> openRawSource(const std::string& path, const RawLayout& layout);
 
-// Opens VTK XML ImageData (.vti): one piece; of its point data the array that is marked as scalars,
+// Opens VTK XML ImageData (.vti): one piece; the array of its point data that is marked as scalars,
 // or the first with one value per voxel; appended (raw or base64) or inline binary, plain or
 // compressed by zlib. Direction, and extents that do not begin at 0, are applied. 32- and 64-bit
-// integers and doubles become float32 with a note. Throws Error for everything else, and where the
+// integers and doubles become float32 with a note. Throws Error for everything else, and if the
 // sizes in the file contradict each other.
 std::unique_ptr<VolumeSource> openVtiSource(const std::string& path,
                                             const OpenOptions& options = {});
@@ -31,8 +31,8 @@ bool isZarrFolder(const std::string& path);
 // ("scan.ome.zarr/1"). Read are all integers and floats of both byte orders, C and F order, both
 // separators, chunks that are missing, packed with Blosc (LZ4, zlib, Zstandard), zlib, gzip or
 // Zstandard. Scale and translation of OME are spacing and origin: a voxel is its centre. For
-// several time steps or channels the first is taken, with a note, or what options.time and
-// options.channel say. Boxes are read; unpacked chunks are kept up to options.memory_bytes.
+// several time steps or channels the first is taken, with a note, or the ones in options.time and
+// options.channel. Boxes are read; unpacked chunks are kept up to options.memory_bytes.
 //
 // Everything in a store may be hostile: names of levels do not lead out of it, sizes are checked
 // before anything is allocated. Throws Error that names the file.
@@ -51,43 +51,43 @@ bool hasExrSlices(const std::string& folder);
 
 // Opens a folder of OpenEXR pictures, one a slice, in the order of the numbers in their names: the
 // channel named options.grid, or else "Y", or else the first; a note says which of several. Halves
-// and floats become float32, uint32 too, with a note; what isobrick wrote gets back the type and
-// the geometry that it wrote beside. Scan lines, tiles (of the finest level) and files of several
-// parts are read, the first part that has the channel; deep pictures are not. All slices have the
-// data window and the channel of the first. Holds one slice. Throws Error that names the file.
+// and floats become float32, uint32 too, with a note; pictures that isobrick wrote get back the
+// type and the geometry that it wrote beside. Scan lines, tiles (of the finest level) and files of
+// several parts are read, the first part that has the channel; deep pictures are not. All slices
+// have the data window and the channel of the first. Holds one slice. Throws Error that names the
+// file.
 std::unique_ptr<VolumeSource> openExrSlices(const std::string& folder,
                                             const OpenOptions& options = {});
 
 // Opens an OpenVDB file (.vdb): the grid named options.grid, or else its first float grid, or its
 // first grid of doubles, int32 or int64, which become float32, or of bools or a mask, which become
-// 0 and 1; a note names all where there are several. The volume is the box around the active voxels
+// 0 and 1; a note names all if there are several. The volume is the box around the active voxels
 // and one voxel more on each side, so that surfaces close, or the box that isobrick wrote it from;
-// what is not active has the value of the tree there (the background, or the inside of a level
-// set). Values are as stored: distances of level sets are negative inside. Class, background and
-// first coordinate are properties ("vdb.class", ...).
+// inactive voxels have the value of the tree there (the background, or the inside of a level set).
+// Values are as stored: distances of level sets are negative inside. Class, background and first
+// coordinate are properties ("vdb.class", ...).
 //
 // A grid that fits into options.memory_bytes is held whole, sparse as it is. For a larger one only
 // the nodes and the leaves of some slices are: it is read in order then, once through the file for
-// each slab of slices. bufferBytes() says which. Throws Error where there is no such grid, where it
-// has no active voxels or a transform that is not linear, and for files that are damaged or cut
-// short.
+// each slab of slices. bufferBytes() says which. Throws Error if there is no such grid, if it has
+// no active voxels or a transform that is not linear, and for files that are damaged or cut short.
 std::unique_ptr<VolumeSource> openVdbSource(const std::string& path,
                                             const OpenOptions& options = {});
 
-// "scan.h5:/entry/data" as its file and its dataset, which is empty where none is named; nothing
-// but the whole word as a file where it has no such form (.h5, .hdf5, .hdf, .he5, .nxs).
+// Splits "scan.h5:/entry/data" into its file and its dataset, which is empty if none is named; the
+// whole word is the file if it has no such form (.h5, .hdf5, .hdf, .he5, .nxs).
 std::pair<std::string, std::string> splitHdf5Name(const std::string& name);
 bool isHdf5Name(const std::string& name);
 
 // Opens a dataset of three axes, slowest first, "file.h5:/path"; without a path, the only one that
-// the file has. More axes are taken where all others have one element, or with options.channel for
-// a single further one. Integers and floats of either byte order, in one piece or in chunks packed
+// the file has. More axes are taken if all others have one element, or with options.channel for a
+// single further one. Integers and floats of either byte order, in one piece or in chunks packed
 // with filters that the library has; the others are named. Attributes "spacing", "origin" and
 // "direction" (of the axes x, y, z, the last as three columns) are the geometry, or
 // "element_size_um" (z, y, x) the spacing; otherwise the spacing is 1.
 //
 // Boxes are read, by one thread at a time: the library is not made for more. It keeps chunks of up
-// to options.memory_bytes. The file may be hostile: what the library makes of it is checked before
+// to options.memory_bytes. The file may be hostile: the library's results are checked before
 // anything is allocated. Throws Error that names the file.
 std::unique_ptr<VolumeSource> openHdf5Source(const std::string& name,
                                              const OpenOptions& options = {});

@@ -69,7 +69,7 @@ herr_t noteDataset(hid_t group, const char* name, const H5O_info_t* info, void* 
   return names.size() > kMostDatasets ? 1 : 0;
 }
 
-// The numbers of an attribute, or none where it is not there or of another length.
+// The numbers of an attribute, or none if it is missing or of another length.
 std::vector<double> attribute(hid_t object, const char* name, std::size_t count) {
   if (H5Aexists(object, name) <= 0) return {};
   const Hdf5Handle found(H5Aopen(object, name, H5P_DEFAULT), H5Aclose);
@@ -104,7 +104,7 @@ std::string textAttribute(hid_t object, const char* name) {
   const std::size_t bytes = H5Tget_size(type.id());
   std::string text(bytes, '\0');
   if (bytes > kMost || H5Aread(found.id(), type.id(), text.data()) < 0) return {};
-  return text.c_str();  // up to what fills it up
+  return text.c_str();  // up to the characters that fill it up
 }
 
 class Hdf5Source final : public VolumeSource {
@@ -146,7 +146,7 @@ class Hdf5Source final : public VolumeSource {
   }
 
   void readBox(const IndexBox& box, void* out) const override {
-    // Layers of chunks, so that a request to stop is heard.
+    // Layers of chunks, so that a request to stop is checked between them.
     auto* to = static_cast<std::byte*>(out);
     const std::int64_t layer = std::max(std::int64_t{1}, chunk_slices_);
     for (std::int64_t z = box.first.z; z < box.end().z;) {
@@ -163,7 +163,7 @@ class Hdf5Source final : public VolumeSource {
  private:
   void openFile() {
     silenceHdf5();
-    const InputFile check(path_);  // says better why it cannot be opened
+    const InputFile check(path_);  // gives a better reason why it cannot be opened
     const Hdf5Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
     H5Pset_fclose_degree(access.id(), H5F_CLOSE_STRONG);
     file_ = Hdf5Handle(H5Fopen(path_.c_str(), H5F_ACC_RDONLY, access.id()), H5Fclose);
@@ -300,7 +300,7 @@ class Hdf5Source final : public VolumeSource {
   }
 
   // The library makes no chunk that is longer than a dataset of a fixed size, and reads past the
-  // end of one whose header was damaged to say so.
+  // end of one whose damaged header states such a chunk.
   void refuseImpossibleChunks(const std::array<hsize_t, kMostAxes>& chunk) const {
     const Hdf5Handle space(H5Dget_space(dataset_.id()), H5Sclose);
     std::array<hsize_t, kMostAxes> dims{}, most{};
@@ -310,7 +310,7 @@ class Hdf5Source final : public VolumeSource {
         throw cannotRead(path_, "its chunks are longer than the dataset may become");
   }
 
-  // A virtual dataset takes its voxels from others. The library makes fill values of those that it
+  // A virtual dataset takes its voxels from others. The library gives fill values for those that it
   // does not find.
   void findSourceFiles() {
     const Hdf5Handle creation(H5Dget_create_plist(dataset_.id()), H5Pclose);
@@ -339,7 +339,7 @@ class Hdf5Source final : public VolumeSource {
     }
   }
 
-  // As the library looks for it: beside the file, then from where the program runs.
+  // Searches as the library does: beside the file, then in the working directory.
   void checkSource(const std::string& name, const std::string& dataset) {
     const std::string beside =
         (std::filesystem::path(path_).parent_path() / std::filesystem::path(name)).string();
@@ -347,7 +347,7 @@ class Hdf5Source final : public VolumeSource {
     const bool is_new = name != "." && std::find(source_files_.begin(), source_files_.end(),
                                                  source) == source_files_.end();
     if (is_new) {
-      const InputFile check(source, path_);  // says why it cannot be opened
+      const InputFile check(source, path_);  // throws the reason why it cannot be opened
       source_files_.push_back(source);
     }
     const Hdf5Handle opened(
@@ -444,7 +444,7 @@ class Hdf5Source final : public VolumeSource {
     }
     const Hdf5Handle file_space(H5Dget_space(dataset_.id()), H5Sclose);
     const Hdf5Handle memory_space(H5Screate_simple(axes_, count.data(), nullptr), H5Sclose);
-    // h5py's bools are named numbers of 8 bits: read as what they are.
+    // h5py's bools are named numbers of 8 bits: read in their own type.
     const Hdf5Handle own_type(H5Dget_type(dataset_.id()), H5Tclose);
     const hid_t type = is_enum_ ? own_type.id() : memory_type_;
     if (H5Sselect_hyperslab(file_space.id(), H5S_SELECT_SET, first.data(), nullptr, count.data(),

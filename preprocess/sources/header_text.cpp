@@ -182,7 +182,7 @@ std::vector<std::string> nrrdFiles(const std::string& header_path) {
   if (named.empty()) return {header_path};
   if (isList(named)) return headerAndNamed(header_path, header->listed);
   const std::vector<std::string> parts = words(named);
-  // Teem asks for all three numbers; without them it is one file with a strange name.
+  // Teem requires all three numbers; without them it is one file with a strange name.
   if (named.find('%') == std::string::npos || parts.size() < 4)
     return headerAndNamed(header_path, {named});
   const auto pattern = parseNumberedName(parts[0]);

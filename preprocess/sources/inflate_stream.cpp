@@ -15,7 +15,7 @@
 namespace isobrick {
 namespace {
 
-// Members are what ends with an end mark: those of a gzip file, or the blocks of a VTK file.
+// Members end with an end mark: they are those of a gzip file, or the blocks of a VTK file.
 class InflateStream final : public ByteStream {
  public:
   InflateStream(const std::string& path, std::unique_ptr<ByteStream> packed,
@@ -40,7 +40,7 @@ class InflateStream final : public ByteStream {
   }
 
   void finish() override {
-    // Where the content is longer than what was needed, its checksum is too far.
+    // If the content is longer than the part that was needed, its checksum is too far.
     std::array<Bytef, 4096> rest;
     for (int parts = 0; in_member_ && parts < 16; ++parts) inflatePart(rest.data(), rest.size());
   }
@@ -55,7 +55,7 @@ class InflateStream final : public ByteStream {
 
   bool isBlocks() const { return block_bytes_ != 0; }
 
-  // False where the content ends with the member before.
+  // False if the content ends with the member before.
   bool beginMember() {
     const bool is_first = !began_;
     began_ = true;

@@ -1,4 +1,4 @@
-// Inflating as the bytes are asked for. Private to preprocess/sources/.
+// Inflates bytes as they are read. Private to preprocess/sources/.
 #pragma once
 
 #include <cstdint>
@@ -9,17 +9,17 @@
 
 namespace isobrick {
 
-// What `packed` holds in gzip or zlib form, whichever it is. Gzip members that follow each other
-// are one content; what follows the last one is ignored. Holds 256 KiB of packed bytes and zlib's
-// window, and writes straight to where the caller wants it.
+// The content of `packed`, which is in gzip or zlib form. Gzip members that follow each other are
+// one content; bytes after the last one are ignored. Holds 256 KiB of packed bytes and zlib's
+// window, and writes straight to the caller's memory.
 //
-// read() throws Error, naming `path` and the byte of content, where the data end before their own
-// end mark or are damaged. finish() looks at the checksum where it is near.
+// read() throws Error, naming `path` and the byte of content, if the data end before their own end
+// mark or are damaged. finish() checks the checksum if it is near.
 std::unique_ptr<ByteStream> makeInflateStream(const std::string& path,
                                               std::unique_ptr<ByteStream> packed);
 
 // The blocks of a VTK file: zlib streams one behind the other that inflate to `block_bytes` each,
-// the last one to what is missing to `total_bytes`. A block of another size is damage.
+// the last one to the rest of `total_bytes`. A block of another size is damage.
 std::unique_ptr<ByteStream> makeInflateBlocksStream(const std::string& path,
                                                     std::unique_ptr<ByteStream> packed,
                                                     std::uint64_t block_bytes,

@@ -17,7 +17,7 @@ namespace isobrick::itk_detail {
 
 using Component = itk::ImageIOBase::IOComponentType;
 
-// Registers the formats and silences what ITK and GDCM print on stderr; once, thread-safe.
+// Registers the formats and silences ITK and GDCM on stderr; once, thread-safe.
 void prepareItk();
 
 // One line for a failed call, without ITK's prefixes: "cannot read 'path': reason; what to do".
@@ -28,8 +28,8 @@ Error itkError(const std::string& path, const std::exception& exception);
 // voxel.
 itk::ImageIOBase::Pointer openImage(const std::string& path, const OpenOptions& options = {});
 
-// The same for a DICOM image that was walked before. Throws Error too where the file is no longer
-// the one with that stamp: GDCM must not see what was not walked.
+// The same for a DICOM image that was walked before. Throws Error too if the file is no longer the
+// one with that stamp: GDCM must not read a file that was not walked.
 itk::ImageIOBase::Pointer openDicomImage(const std::string& path, const FileStamp& stamp,
                                          const OpenOptions& options = {});
 
@@ -56,7 +56,7 @@ std::unique_ptr<VolumeSource> openItkFile(const std::string& path, const OpenOpt
 // A DICOM file with all slices (frames).
 std::unique_ptr<VolumeSource> openDicomFile(const std::string& path, const DicomHeader& header,
                                             const OpenOptions& options);
-// One that says of its frames where they are (hasDicomFrames()).
+// A DICOM file that states the places of its frames (hasDicomFrames()).
 std::unique_ptr<VolumeSource> openDicomFrames(const std::string& path, const DicomHeader& header,
                                               const OpenOptions& options);
 // A folder with a DICOM series or a stack of slices.

@@ -1,5 +1,5 @@
 // Enhanced DICOM files: frames in the order of their positions, each with a slope and an intercept
-// of its own. GDCM, which ITK reads DICOM with, has one of each for a file.
+// of its own. GDCM, by which ITK reads DICOM, has one of each for a file.
 #include <gdcmImageReader.h>
 #include <gdcmTrace.h>
 
@@ -74,8 +74,8 @@ PixelBytes unpackFrames(const std::string& path, const FileStamp& stamp, std::ui
   }
 }
 
-// Frames that lie in the file as they are read where they are; others are unpacked at once, with
-// the first row, and held until the last row was delivered.
+// Frames that lie in the file as they are are read in place; others are unpacked at once, with the
+// first row, and held until the last row was delivered.
 class DicomFramesSource final : public VolumeSource {
  public:
   DicomFramesSource(DicomFrames volume, const DicomHeader& header, const CancelFlag* cancel)

@@ -62,7 +62,7 @@ DicomSlice dicomSlice(const std::string& path, const DicomHeader& header) {
 
 struct DicomScan {
   std::vector<DicomSlice> slices;
-  std::vector<std::string> damaged;  // what began as DICOM and is not whole
+  std::vector<std::string> damaged;  // files that begin as DICOM and are not whole
 
   // So that it can be compared with pictures: a file of many frames is many slices.
   std::int64_t pictures() const {
@@ -119,7 +119,7 @@ std::vector<DicomSeries> listSeries(const std::vector<DicomSlice>& slices) {
   return all;
 }
 
-// Leaves the slices of the one series, or of that which is chosen.
+// Leaves the slices of the only series, or of the chosen one.
 void chooseSeries(const std::string& folder, const std::string& name,
                   std::vector<DicomSlice>& slices) {
   const std::vector<DicomSeries> all = listSeries(slices);
@@ -144,7 +144,7 @@ void chooseSeries(const std::string& folder, const std::string& name,
   std::erase_if(slices, [&](const DicomSlice& slice) { return slice.series_uid != chosen[0]; });
 }
 
-// Throws where slices differ in what a volume has only once.
+// Throws if slices differ in a property that a volume has only once.
 void requireOneGrid(const std::vector<DicomSlice>& slices) {
   const DicomSlice& reference = slices.front();
   const std::vector<double> axes = decimalStrings(reference.orientation, 6);
@@ -160,7 +160,7 @@ void requireOneGrid(const std::vector<DicomSlice>& slices) {
 }
 
 // Sorts the slices of the one volume, those at the time of the options, and gives the step from one
-// to the next, in mm; no step where they have no positions.
+// to the next, in mm; no step if they have no positions.
 std::optional<glm::dvec3> sortSlices(const std::string& folder, std::vector<DicomSlice>& slices,
                                      const glm::dvec3& normal, const OpenOptions& options,
                                      VolumeInfo& info) {
@@ -242,10 +242,10 @@ bool isInteger(Component component) {
   return component != Component::FLOAT && component != Component::DOUBLE;
 }
 
-// One slice is held as its file stores it; rows are converted as they are asked for.
+// One slice is held as its file stores it; rows are converted as they are read.
 class SliceStackSource final : public VolumeSource {
  public:
-  // `slice_bytes` is what a slice takes as it is stored.
+  // `slice_bytes`: of a slice as it is stored.
   SliceStackSource(VolumeInfo info, std::vector<SliceFile> files, std::uint64_t slice_bytes,
                    const CancelFlag* cancel)
       : info_(std::move(info)),
@@ -277,7 +277,7 @@ class SliceStackSource final : public VolumeSource {
     return paths;
   }
   std::string identity() const override { return {}; }
-  // ITK's libraries hold the slice too while they decode it, and once more where they rescale it.
+  // ITK's libraries hold the slice too while they decode it, and once more if they rescale it.
   std::uint64_t bufferBytes() const override { return 3 * slice_bytes_; }
 
  private:
@@ -290,7 +290,7 @@ class SliceStackSource final : public VolumeSource {
     pixels_ = runAbandonable(cancel_, [file, expected = info_.voxels, buffer = std::move(buffer)] {
       return decodeSlice(file, expected, buffer);
     });
-    // Whatever the headers said, and whatever became of the files since: nothing is cut off.
+    // Nothing is cut off, even if the headers are wrong or the files have changed since.
     const bool is_exact = exactVoxelType(pixels_.component) == info_.voxel_type;
     const bool is_float = info_.voxel_type == VoxelType::kFloat32;
     if (!is_exact && !is_float) checkRange(file, k);
@@ -352,7 +352,7 @@ void believeGdcm(const itk::GDCMImageIO& first, std::vector<DicomSlice>& slices,
   }
 }
 
-// The type of a series, with a note where it is wider than 16 bits.
+// The type of a series, with a note if it is wider than 16 bits.
 VoxelType chooseVoxelType(const std::vector<DicomSlice>& slices, std::optional<VoxelType> first,
                           const OpenOptions& options, std::vector<std::string>& notes) {
   if (options.dicom_float32) {
@@ -416,7 +416,7 @@ std::unique_ptr<VolumeSource> openDicomSeries(const std::string& folder,
     info.geometry.direction[2] = *step / info.geometry.spacing.z;
   } else {
     info.geometry.direction[2] = normal;
-    // The distance is what ITK took for the slice thickness.
+    // The distance is the one that ITK took for the slice thickness.
     info.notes.emplace_back("slices without positions were sorted by instance number");
     if (!options.spacing)
       info.notes.back() +=
@@ -491,7 +491,7 @@ struct FolderKind {
   std::int64_t slices;
 };
 
-// The kind with the most slices: a stray picture does not decide. The others are taken note of.
+// The kind with the most slices: a stray picture does not decide. A note names the others.
 std::size_t mostOf(const std::string& folder, const std::vector<FolderKind>& kinds,
                    std::vector<std::string>& notes) {
   std::size_t most = 0;

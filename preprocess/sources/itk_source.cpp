@@ -1,4 +1,4 @@
-// Single files that ITK reads, and what the folder source shares with them.
+// Single files that ITK reads, and code that the folder source shares.
 #include <dlfcn.h>
 #include <itkGDCMImageIO.h>
 #include <itkImageIOFactory.h>
@@ -49,7 +49,7 @@ namespace itk_detail {
 namespace {
 
 // Without ITK's CMake "use file" nothing is registered; and a factory that was registered twice
-// would only be asked twice.
+// would only be called twice.
 template <typename... Factories>
 void registerFactories() {
   (itk::ObjectFactoryBase::RegisterFactory(Factories::New()), ...);
@@ -59,7 +59,7 @@ void registerFactories() {
 std::string plainMessage(std::string text) {
   for (char& c : text)
     if (c == '\n' || c == '\r' || c == '\t') c = ' ';
-  // NRRD's are a chain of callers; the last one knows the reason: "... [nrrd] function: reason"
+  // NRRD's are a chain of callers; the last one gives the reason: "... [nrrd] function: reason"
   if (const std::size_t last = text.rfind("[nrrd] "); last != std::string::npos) {
     text.erase(0, last + 7);
     if (const std::size_t end = text.find(": "); end != std::string::npos) text.erase(0, end + 2);
@@ -78,9 +78,9 @@ std::string plainMessage(std::string text) {
   return line;
 }
 
-// Catches what a library prints on std::cerr while it lives: MetaIO reports there what it does not
-// report otherwise, and the user gets one line for an error. One at a time in the process; another
-// thread's std::cerr meanwhile is caught too.
+// Catches the output of a library on std::cerr while it lives: MetaIO reports some errors only
+// there, and the user gets one line for an error. One at a time in the process; another thread's
+// std::cerr meanwhile is caught too.
 class CerrCapture {
  public:
   CerrCapture() : lock_(mutex()), previous_(std::cerr.rdbuf(text_.rdbuf())) {}
@@ -144,7 +144,7 @@ void prepareItk() {
   std::call_once(once, [] {
     itk::Object::GlobalWarningDisplayOff();
     silenceTiff();
-    // DICOM is not among them: openImage() looks at such files itself (dicom_header.h).
+    // DICOM is not among them: openImage() reads such files itself (dicom_header.h).
     registerFactories<itk::NrrdImageIOFactory, itk::MetaImageIOFactory, itk::NiftiImageIOFactory,
                       itk::TIFFImageIOFactory, itk::PNGImageIOFactory, itk::MRCImageIOFactory>();
   });
@@ -188,7 +188,7 @@ Error unknownFormat(const std::string& path) {
                     {Remedy::kDescribeRawFile});
 }
 
-// `options` say what becomes of several values per voxel.
+// `options` decide about several values per voxel.
 itk::ImageIOBase::Pointer requireImage(const std::string& path, itk::ImageIOBase::Pointer image,
                                        const OpenOptions& options) {
   if (image.IsNull()) throw unknownFormat(path);
@@ -337,8 +337,8 @@ std::optional<StoredType> storedTypeOf(Component component) {
   });
 }
 
-// ITK does not notice where an MRC file ends before its voxels. In front of them are 1024 bytes and
-// an extension, whose length stands in the order that the machine stamp tells.
+// ITK does not notice if an MRC file ends before its voxels do. In front of them are 1024 bytes and
+// an extension, whose length is in the byte order of the machine stamp.
 void checkMrcBytes(const std::string& path, std::uint64_t voxel_bytes) {
   constexpr std::size_t kHeaderBytes = 1024, kExtensionAt = 92, kStampAt = 212;
   const InputFile file(path);
@@ -405,7 +405,7 @@ VolumeInfo describeVolume(const std::string& path, const itk::ImageIOBase& image
   if (const auto exact = exactVoxelType(component)) {
     info.voxel_type = *exact;
   } else {
-    visitComponent(component, [](auto) {});  // refuses what is no number
+    visitComponent(component, [](auto) {});  // refuses types that are no numbers
     info.voxel_type = VoxelType::kFloat32;
     info.notes.push_back(itk::ImageIOBase::GetComponentTypeAsString(component) +
                          " voxels were converted to float32");
@@ -413,7 +413,7 @@ VolumeInfo describeVolume(const std::string& path, const itk::ImageIOBase& image
   return info;
 }
 
-// Frames of a file that does not say of each where it is. ITK stacks them as they come.
+// Frames of a file that does not state the place of each. ITK stacks them as they come.
 void describePlainFrames(const std::string& path, const DicomHeader& header,
                          const itk::ImageIOBase& image, const OpenOptions& options,
                          std::vector<std::string>& notes) {
@@ -434,10 +434,10 @@ void describePlainFrames(const std::string& path, const DicomHeader& header,
 
 // A 3-D image that cannot be streamed, in one file or behind a header in several: held in memory
 // from the first readRows() until the last row was delivered. (ITK could stream some of them, but
-// where it does it does not notice that the data end early.)
+// it then does not notice that the data end early.)
 class WholeImageSource final : public VolumeSource {
  public:
-  // `stored` is looked at where voxels have several values.
+  // `stored` is used if voxels have several values.
   WholeImageSource(VolumeInfo info, std::vector<std::string> files, itk::ImageIOBase::Pointer image,
                    const StoredVoxels& stored, const CancelFlag* cancel)
       : info_(std::move(info)),
@@ -482,7 +482,7 @@ class WholeImageSource final : public VolumeSource {
   // The whole image into buffer_.
   void load() {
     const std::uint64_t bytes = bufferBytes();
-    // More than the machine has would only be refused by the kernel, or not even by it.
+    // Otherwise the kernel alone would refuse more than the machine has, or not even that.
     const auto physical = static_cast<std::uint64_t>(sysconf(_SC_PHYS_PAGES)) *
                           static_cast<std::uint64_t>(sysconf(_SC_PAGESIZE));
     if (bytes > physical) throw std::bad_alloc();
@@ -508,7 +508,7 @@ struct TimeStep {
   std::uint64_t index = 0, count = 1;
 };
 
-// The one that is wished, or the first. A note says so.
+// The chosen one, or the first. A note says so.
 TimeStep chooseTimeStep(const std::string& path, const itk::ImageIOBase& image,
                         const OpenOptions& options, std::vector<std::string>& notes) {
   TimeStep step;
@@ -554,7 +554,7 @@ std::unique_ptr<VolumeSource> openNiftiRun(VolumeInfo info, std::uint64_t compon
       throw contradiction();
     return run;
   };
-  // Another step is another volume to whoever asks whether a pyramid is of this one.
+  // Another step is another volume when a pyramid is compared with its input.
   const auto nameStep = [&](VolumeInfo& of) {
     if (time.count > 1)
       of.encoding +=
@@ -577,7 +577,7 @@ std::unique_ptr<VolumeSource> openNiftiRun(VolumeInfo info, std::uint64_t compon
       throw contradiction();
     return openRawRun(component_info, runOf(volume), stored, options.cancel);
   };
-  // The last one shows whether the file is whole, where it is not packed.
+  // The last one shows whether the file is whole, if it is not packed.
   if (!nifti.run.is_deflated) openComponent(components - 1, info);
   if (!options.component->magnitude) {
     chosen.voxel_type = info.voxel_type;
@@ -588,7 +588,7 @@ std::unique_ptr<VolumeSource> openNiftiRun(VolumeInfo info, std::uint64_t compon
   return makeMagnitudeSource(std::move(chosen), std::move(sources));
 }
 
-// The file, and those that it names. ITK knows MetaImage by its ending and NRRD by its first bytes.
+// The file, and those that it names. ITK tells MetaImage by its ending and NRRD by its first bytes.
 std::vector<std::string> filesOf(const std::string& path) {
   std::error_code ignored;
   if (!std::filesystem::is_regular_file(path, ignored)) return {path};
@@ -629,10 +629,10 @@ std::unique_ptr<VolumeSource> openImageFile(const std::string& path, std::vector
 }  // namespace
 
 std::unique_ptr<VolumeSource> openItkFile(const std::string& path, const OpenOptions& options) {
-  static_cast<void>(InputFile(path));  // refuses what is no file: a pipe would be waited for
-  // First: what has no good names must not come to ITK.
+  static_cast<void>(InputFile(path));  // refuses a pipe, which ITK would wait for
+  // First: ITK must not get a header with bad names.
   std::vector<std::string> files = filesOf(path);
-  // ITK opens what a header names, to find out how long it is.
+  // ITK opens the files that a header names, to find their lengths.
   for (const std::string& file : files) {
     std::error_code ignored;
     const auto status = std::filesystem::status(file, ignored);

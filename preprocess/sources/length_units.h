@@ -18,12 +18,12 @@ struct LengthScale {
 };
 
 // The scale of metres with any prefix, as names ("micrometer", "Micrometres") and as symbols
-// ("um"), and of the other lengths that UDUNITS and OME know; none for what is no length.
+// ("um"), and of the other lengths of UDUNITS and OME; none for a word that is no length.
 std::optional<LengthScale> lengthScale(const std::string& unit);
 
-// The numbers of `geometry` along the world's axes are of these units, "" where none is said: makes
-// millimetres of them, with a note where they were not. If one of them is missing or no length, all
-// stay as they are and their unit is unknown, with a note where a file says only a part of it.
+// The numbers of `geometry` along the world's axes are in these units, "" if none is stated.
+// Converts them to millimetres, with a note if they were not. If a unit is missing or no length,
+// all numbers stay and their unit is unknown, with a note if a file states only some units.
 void takeLengthUnits(const std::array<std::string, 3>& units, GridGeometry& geometry,
                      std::vector<std::string>& notes);
 

@@ -1,4 +1,4 @@
-// Names of HDF5 files; asked even if the library is left out.
+// Names of HDF5 files; built even if the library is left out.
 #include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/storage/lowercase.h"
 

@@ -26,7 +26,7 @@ bool isGzipped(const InputFile& file) {
 }
 
 // The file beside `path` that has one of `endings` for `ending` (each perhaps with .gz), or `path`
-// where its name ends otherwise.
+// if its name ends otherwise.
 std::string besidePair(const std::string& path, const std::string& ending,
                        std::initializer_list<const char*> endings) {
   std::string stem = path;
@@ -132,7 +132,7 @@ StoredType storedType(const std::string& path, int data_type) {
   }
 }
 
-// As the NIfTI library and ITK have it: what is not finite counts as 0, and a slope of 0 as 1.
+// As in the NIfTI library and ITK: numbers that are not finite count as 0, and a slope of 0 as 1.
 std::optional<StoredVoxels::Map> valueMap(const NiftiHeader& header) {
   if (!header.isNifti()) return std::nullopt;
   StoredVoxels::Map map;

@@ -1,8 +1,7 @@
-// Where the voxels of a NIfTI or Analyze file are and how they are stored. ITK fills what is
-// missing of such a file with zeros and says nothing; so it reads the geometry only. The NIfTI
-// library itself neither says where the voxels begin in a file that inflates nor streams them,
-// which is why the few fields of the header that matter here are read by hand. Private to
-// preprocess/sources/.
+// The place of the voxels of a NIfTI or Analyze file and how they are stored. ITK silently fills
+// missing bytes of such a file with zeros; so it reads the geometry only. The NIfTI library itself
+// neither gives the first byte of the voxels in a file that inflates nor streams them; so the few
+// fields of the header that matter here are read by hand. Private to preprocess/sources/.
 #pragma once
 
 #include <string>
@@ -18,15 +17,15 @@ struct NiftiRun {
   // Numbers of a voxel that lie together: of colours and complex numbers. Vectors are volumes of
   // their components, one behind the other.
   std::size_t numbers_together = 1;
-  std::string length_unit;  // of spacing and origin, such as "micrometer"; "" where none is said
+  std::string length_unit;  // of spacing and origin, such as "micrometer"; "" if none is stated
 };
 
 // `path` is a file that ITK took for NIfTI: .nii, or .hdr or .img of a pair; gzipped or not. Throws
-// Error where the header is damaged or unusual, or the other file of the pair is missing.
+// Error if the header is damaged or unusual, or the other file of the pair is missing.
 NiftiRun findNiftiRun(const std::string& path);
 
-// Where `path` ends in .nii or .nii.gz: throws Error for a header that the NIfTI library would
-// refuse with a line of its own on the standard error.
+// If `path` ends in .nii or .nii.gz, throws Error for a header that the NIfTI library would refuse
+// with a line of its own on the standard error.
 void checkNiftiHeader(const std::string& path);
 
 }  // namespace isobrick

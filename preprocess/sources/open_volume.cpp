@@ -72,8 +72,8 @@ bool mayHaveComponents(const std::string& path, const OpenOptions& options) {
          ending != ".isb" && ending != ".vdb";
 }
 
-// `knows` looks at the name and the kind alone; ITK knows the formats without it by their content.
-// The first reader that knows a path reads it.
+// `knows` checks the name and the kind alone; ITK recognises formats without it by their content.
+// The first reader that recognises a path reads it.
 struct Reader {
   ReadableFormat format;
   bool (*knows)(const std::string& path, bool is_folder);

@@ -23,7 +23,7 @@ std::vector<std::string> rawTypeNames();
 // How to read a file that has no header.
 struct RawLayout {
   Index3 voxels{0};                // per axis 2 .. kMaxVoxelsPerAxis
-  std::string type;                // one of them, or as "uint8", "uchar"
+  std::string type;                // one of rawTypeNames(), or such as "uint8", "uchar"
   bool big_endian = false;         // of types of several bytes
   std::uint64_t offset_bytes = 0;  // of the first voxel
 };
@@ -36,16 +36,16 @@ struct ComponentChoice {
 
 // Options of opening a volume.
 struct OpenOptions {
-  // Given: the file has no header, whatever its name.
+  // If given, the file has no header, whatever its name.
   std::optional<RawLayout> raw;
-  // Looked at while the volume is opened, and by the source whenever it is read: it outlives the
+  // Checked while the volume is opened, and by the source whenever it is read: it outlives the
   // source. Both throw Cancelled after a request.
   const CancelFlag* cancel = nullptr;
   // Called now and then on the caller's thread while the volume is opened, if that takes long: the
   // name of the phase, and the share of it that is done, 0 .. 1. Not called once the volume is
   // open.
   std::function<void(std::string_view phase, double fraction)> progress;
-  // Makes a DICOM series float32, whatever its headers say: for a series with values that do not
+  // Makes a DICOM series float32, whatever its headers state: for a series with values that do not
   // fit the type that they suggest (dicom_values.h).
   bool dicom_float32 = false;
   // UID or number of the series to take from a folder with several DICOM series.
@@ -85,9 +85,9 @@ struct OpenOptions {
 };
 
 // Opens the volume at `path`: a file of any format that isobrick reads, or a folder with a DICOM
-// series or a stack of TIFF slices. VTI and VDB files are known by their ending, others by their
-// content; with options.raw the file is read as raw voxels, whatever it is called. Reads headers,
-// and no voxels. May be called by several threads at once.
+// series or a stack of TIFF slices. VTI and VDB files are recognised by their ending, others by
+// their content; with options.raw the file is read as raw voxels, whatever it is called. Reads
+// headers, and no voxels. May be called by several threads at once.
 //
 // Throws Error if the path cannot be opened or read, for formats that this build of isobrick leaves
 // out, for pyramids, and (with Remedy::kDescribeRawFile) for files that are known to have no header
@@ -114,10 +114,9 @@ void refuseUnusablePath(const std::string& path, const OpenOptions& options = {}
 
 // The samples of `level`, whole: voxel (i,j,k) is sample (i,j,k) of the level, at the world
 // position that docs/FORMAT.md gives it. Spacing is 2^level times the volume's, and the origin is
-// the same. If the last sample of an axis repeats the border voxel, a note says so: it lies
-// further in than a regular grid can say. Holds what the pager of `pyramid` holds, `budget_bytes`,
-// and nothing more; boxes are read by any number of threads, and one call uses the calling TBB
-// arena.
+// the same. If the last sample of an axis repeats the border voxel, a note says so: it lies further
+// in than a regular grid can express. Holds what the pager of `pyramid` holds, `budget_bytes`, and
+// nothing more; boxes are read by any number of threads, and one call uses the calling TBB arena.
 //
 // Throws Error if the pyramid has no such level; while it is read, what Pyramid::samples()
 // throws, and Cancelled. `cancel`, which may be null, outlives the source.

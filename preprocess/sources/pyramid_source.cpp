@@ -12,7 +12,7 @@
 namespace isobrick {
 namespace {
 
-// The volume by the provenance; text from anywhere, so that nothing of it is relied on.
+// The volume by the provenance; text of unknown origin, so nothing relies on it.
 void takeProvenance(const Pyramid& pyramid, VolumeInfo& info) {
   using Json = nlohmann::json;
   const Json json = parseShallowJson(pyramid.provenance());

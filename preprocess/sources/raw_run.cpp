@@ -11,12 +11,12 @@ namespace isobrick {
 namespace {
 
 // "LIST" and "slice%03d.raw 1 9 1" are several files. No name at all is one that cannot be opened:
-// ITK would ask for all memory.
+// ITK would request all memory.
 bool isOneFile(const std::string& name) {
   return !name.starts_with("LIST") && name.find('%') == std::string::npos;
 }
 
-// True where the values of a voxel are the first of four axes: "sizes: 3 64 64 64".
+// True if the values of a voxel are the first of four axes: "sizes: 3 64 64 64".
 bool hasValuesTogether(std::map<std::string, std::string>& fields, std::uint64_t components,
                        const Index3& voxels) {
   std::istringstream sizes(fields["sizes"]), kinds(fields["kinds"]);

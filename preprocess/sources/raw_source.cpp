@@ -28,7 +28,7 @@ StoredType storedType(const std::string& path, const std::string& name) {
   throw unreadable(path, "unknown voxel type '" + name + "'; choose one of " + names);
 }
 
-// Reads straight from the file, whatever is asked for.
+// Reads every row or box straight from the file.
 class RawSource final : public VolumeSource {
  public:
   RawSource(VolumeInfo info, const RawRun& run, const StoredVoxels& stored)
@@ -118,7 +118,7 @@ class RawSource final : public VolumeSource {
 
   VolumeInfo info_;
   StoredVoxels stored_;
-  std::string header_path_;  // empty where the user described the file
+  std::string header_path_;  // empty if the user described the file
   std::uint64_t offset_bytes_;
   InputFile file_;
 };

@@ -77,7 +77,7 @@ bool hasExrSlices(const std::string& folder) {
     if (ending == ".tif" || ending == ".tiff" || ending == ".png") ++others;
   }
   if (exr == 0) return false;
-  // A stray picture does not decide what a folder is.
+  // A stray picture does not decide the kind of a folder.
   for (const auto& entry : fs::directory_iterator(folder, ignored))
     if (entry.is_regular_file(ignored) && beginsAsDicom(entry.path())) ++others;
   return exr > others;

@@ -6,7 +6,7 @@
 
 namespace isobrick {
 
-// Regular files of the folder, sorted by their bytes. Throws Error where it cannot be read, and for
+// Regular files of the folder, sorted by their bytes. Throws Error if it cannot be read, and for
 // links to nowhere, which may be slices (not for those of editors, whose names begin with a dot).
 std::vector<std::string> filesInFolder(const std::string& folder);
 

@@ -76,7 +76,7 @@ template <typename T>
 struct StoredTag {
   using Type = T;
 };
-// Calls f(tag) with the C++ type of what is stored.
+// Calls f(tag) with the C++ type of the stored numbers.
 template <typename F>
 void visitStoredType(StoredType type, F&& f) {
   switch (type) {

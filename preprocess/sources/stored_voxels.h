@@ -1,4 +1,4 @@
-// How the voxels of a file are stored, and what becomes of them. Private to preprocess/sources/.
+// How the voxels of a file are stored, and how they are delivered. Private to preprocess/sources/.
 #pragma once
 
 #include <algorithm>
@@ -30,7 +30,7 @@ enum class StoredType {
 // its reader.
 struct StoredTypeInfo {
   std::string_view name, short_name;  // as of a VoxelType
-  std::string_view c_name;            // as C calls it; empty where that depends on the machine
+  std::string_view c_name;            // its name in C; empty if that depends on the machine
   std::size_t bytes;                  // of one number
 };
 inline constexpr StoredTypeInfo kStoredTypes[] = {
@@ -57,14 +57,12 @@ constexpr std::optional<StoredType> storedTypeOf(char kind, std::size_t bytes) {
 struct StoredVoxels {
   StoredType type = StoredType::kUint8;
   bool big_endian = false;
-  // value = stored * slope + intercept, in double, of integers that became float32 first, as ITK
-  // does it.
+  // value = stored * slope + intercept, in double, after integers became float32, as ITK does it.
   struct Map {
     double slope = 1, intercept = 0;
   };
   std::optional<Map> map;
-  // Floating-point numbers that are not finite count as 0, before the map: what the NIfTI library
-  // does.
+  // Floating-point numbers that are not finite count as 0, before the map, as in the NIfTI library.
   bool not_finite_is_zero = false;
   // Numbers of a voxel, one behind the other, at most kMostComponents: one of them becomes its
   // value, or, with no map, the magnitude of all of them.
@@ -74,7 +72,7 @@ struct StoredVoxels {
 
   // For a voxel.
   std::size_t bytes() const { return storedBytes(type) * components; }
-  // Bytes of so many voxels, or nothing where 64 bits do not hold them.
+  // Bytes of so many voxels, or nothing if 64 bits do not hold them.
   std::optional<std::uint64_t> bytesOf(std::int64_t voxels) const {
     std::uint64_t product = 0;
     if (__builtin_mul_overflow(static_cast<std::uint64_t>(voxels), bytes(), &product))
@@ -87,7 +85,7 @@ struct StoredVoxels {
   // Whether delivered bytes are the stored ones.
   bool isVerbatim() const;
 
-  // Where keepsType(): makes `count` stored numbers at `data` delivered ones.
+  // If keepsType(): turns `count` stored numbers at `data` into delivered ones.
   void decodeInPlace(void* data, std::size_t count) const;
   // Otherwise: `stored`, aligned for its type, is overwritten on the way.
   void decode(std::byte* stored, std::size_t count, float* out) const;
@@ -99,8 +97,8 @@ struct StoredVoxels {
 inline constexpr std::size_t kMostComponents = 1024;
 
 // Delivers `count` voxels to `out`, aligned for its type. read(bytes, n) must fetch the next n
-// stored bytes; it is asked for pieces that stay in the processor's cache wherever they are worked
-// on. Holds kDecodeBufferBytes on the stack.
+// stored bytes; the pieces are small, so that each stays in the processor's cache while it is
+// converted. Holds kDecodeBufferBytes on the stack.
 inline constexpr std::size_t kDecodeBufferBytes = std::size_t{32} << 10;
 template <typename Read>
 void decodeVoxels(const StoredVoxels& stored, std::size_t count, void* out, Read&& read) {

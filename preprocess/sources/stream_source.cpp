@@ -46,7 +46,7 @@ class StreamSource final : public VolumeSource {
   }
 
  private:
-  // A request to cancel is answered after so many bytes: some milliseconds of inflating.
+  // A request to cancel is checked after so many bytes: some milliseconds of inflating.
   static constexpr std::size_t kBytesPerLook = std::size_t{1} << 20;
 
   void checkCancel() const {

@@ -16,13 +16,13 @@
 namespace isobrick {
 namespace {
 
-// That of OME grows with the planes of a file.
+// The text of OME grows with the planes of a file.
 constexpr std::uint64_t kMostTextBytes = std::uint64_t{16} << 20;
 // Pages of a volume are its slices.
 constexpr std::uint64_t kMostPages = std::uint64_t{1} << 20;
 
 // Follows the list from page to page: a page begins with the number of its entries, and behind
-// these stands where the next one is.
+// these is the offset of the next page.
 class TiffPageList {
  public:
   explicit TiffPageList(const std::string& path) : file_(path) {}
@@ -58,7 +58,7 @@ class TiffPageList {
     return result;
   }
 
-  // Where the first page is.
+  // The offset of the first page.
   std::uint64_t begin() {
     std::array<char, 2> order = {};
     if (file_.readAt(0, order.data(), order.size()) != order.size()) throw cutShort();
@@ -114,7 +114,7 @@ class TiffPageList {
                      "its pages differ in size or in their values; keep only those of one volume");
   }
 
-  // Two whole numbers or a floating one, in the entry where it has room for them; 0 for others.
+  // Two whole numbers or a floating one, in the entry if it has room for them; 0 for others.
   double realNumber(std::uint64_t type, std::uint64_t value_at) const {
     constexpr std::uint64_t kRational = 5, kFloat = 11, kDouble = 12;
     if (type == kFloat)
@@ -127,7 +127,7 @@ class TiffPageList {
     return over == 0 ? 0 : static_cast<double>(number(at, 4)) / over;
   }
 
-  // Of `bytes` bytes in the file's order.
+  // A number of `bytes` bytes in the file's order.
   std::uint64_t number(std::uint64_t offset, std::uint64_t bytes) const {
     std::array<unsigned char, 8> stored = {};
     if (offset > file_.size() || file_.readAt(offset, stored.data(), bytes) != bytes)
@@ -174,7 +174,7 @@ std::string textBehind(const std::string& text, const std::string& before, char 
   return last == std::string::npos && end != '\n' ? "" : text.substr(first, last - first);
 }
 
-// The schema's unit is the micrometre where none is said.
+// The schema's unit is the micrometre if none is stated.
 std::optional<TiffLengths> omeLengths(const std::string& description) {
   if (description.find("<OME") == std::string::npos) return std::nullopt;
   TiffLengths lengths;

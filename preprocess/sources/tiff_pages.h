@@ -1,4 +1,4 @@
-// Whether a TIFF file has all of its pages, and what the first says of lengths. Private to
+// Whether a TIFF file has all of its pages, and the lengths that the first one states. Private to
 // preprocess/sources/.
 #pragma once
 
@@ -10,30 +10,30 @@
 
 namespace isobrick {
 
-// libtiff takes a file that ends within its list of pages as one of fewer pages, and ITK takes all
-// pages to be as large as the first and reads beyond those that are not. Throws Error that names
-// the file where the list leads out of it or in a circle, or where pages differ; smaller pictures
-// beside the pages may. libtiff finds other faults of a page.
+// libtiff takes a file that ends within its list of pages as one of fewer pages, and ITK assumes
+// that all pages are as large as the first and reads beyond smaller ones. Throws Error that names
+// the file if the list leads out of it or in a circle, or if pages differ; smaller pictures beside
+// the pages may differ. libtiff finds other faults of a page.
 void checkTiffPages(const std::string& path);
 
 // The lengths that the first page states.
 struct TiffResolution {
   int unit = 2;             // 1: none, 2: inch, 3: centimetre
-  double x = 0, y = 0;      // pixels a unit; 0: not said
-  glm::dvec3 lsm_voxel{0};  // Zeiss LSM: its edges in metres; 0: not said
-  std::string description;  // as far as it is no longer than descriptions are
+  double x = 0, y = 0;      // pixels a unit; 0: not stated
+  glm::dvec3 lsm_voxel{0};  // Zeiss LSM: its edges in metres; 0: not stated
+  std::string description;  // no longer than descriptions usually are
 };
-// Throws Error that names the file where it ends within the page.
+// Throws Error that names the file if it ends within the page.
 TiffResolution tiffResolutionOf(const std::string& path);
 
 // The note on a stack of slices that have no distance.
 inline constexpr char kNoSliceDistance[] =
     "image slices have no distance; that of pixels along x was used";
 
-// Spacing and unit by what the first page says: OME-TIFF's PhysicalSizeX to Z, ImageJ's unit and
-// spacing, the voxel of a Zeiss LSM, or the resolution in pixels an inch or a centimetre; of a
-// resolution without a unit the numbers. Where nothing is said of the distance of slices that of
-// pixels along x is taken, and a note says so. Throws Error for a file that is cut short.
+// Spacing and unit by the first page: OME-TIFF's PhysicalSizeX to Z, ImageJ's unit and spacing, the
+// voxel of a Zeiss LSM, or the resolution in pixels an inch or a centimetre; the numbers of a
+// resolution without a unit. If the distance of slices is not stated, that of pixels along x is
+// taken, and a note says so. Throws Error for a file that is cut short.
 void takeTiffLengths(const std::string& path, GridGeometry& geometry,
                      std::vector<std::string>& notes);
 

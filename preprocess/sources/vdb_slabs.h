@@ -39,8 +39,8 @@ class MemoryStreamBuffer final : public std::streambuf {
   }
 };
 
-// Where the leaves of a tree are in its file, and the values of its tiles: some 10 bytes a leaf,
-// a tenth of what the tree itself takes without its voxels.
+// The places of a tree's leaves in its file, and the values of its tiles: some 10 bytes a leaf, a
+// tenth of the tree itself without its voxels.
 template <typename Tree>
 class VdbSlabs {
  public:
@@ -48,8 +48,8 @@ class VdbSlabs {
   using LowerNode = typename Tree::RootNodeType::ChildNodeType::ChildNodeType;
   static constexpr std::int64_t kLeafVoxels = Leaf::DIM, kNodeVoxels = LowerNode::DIM;
 
-  // `places`: where the leaves of the tree begin in `file`, in its order, and where the last ends.
-  // `stream` says how they are packed. The file outlives the slabs; the tree need not.
+  // `places`: the bytes at which the leaves of the tree begin in `file`, in its order, and the last
+  // one's end. `stream` says how they are packed. The file outlives the slabs; the tree need not.
   VdbSlabs(const Tree& tree, std::vector<std::uint64_t> places,
            const openvdb::io::StreamMetadata& stream, const InputFile& file)
       : places_(std::move(places)), stream_(stream), file_(file), background_(tree.background()) {
@@ -100,7 +100,7 @@ class VdbSlabs {
     Index3 first;                             // its lowest corner
     typename LowerNode::NodeMaskType leaves;  // which children are leaves
     std::size_t first_leaf;                   // of them, in places_
-    std::vector<Tile> tiles;                  // of the others, those that are not the background
+    std::vector<Tile> tiles;                  // of the others that are not the background
   };
   struct Box {
     IndexBox box;
@@ -159,7 +159,7 @@ class VdbSlabs {
         std::fill_n(out + linearIndex({begin.x, y, z}, box.count), end.x - begin.x, value);
   }
 
-  // A plane of leaves at a time: one read, from the first to the last that is wanted.
+  // A plane of leaves at a time: one read, from the first to the last that the box needs.
   void readLeaves(const Node& node, const IndexBox& box, float* out) const {
     MemoryStreamBuffer memory;
     std::istream in(&memory);

@@ -59,7 +59,7 @@ bool isScalar(const GridBase& grid) {
              grid);
 }
 
-// Calls f(grid) with the grid as what it is: one of the scalar types.
+// Calls f(grid) with the grid as its own type, one of the scalar types.
 template <typename F>
 void visitScalar(const GridBase::Ptr& grid, F&& f) {
   const auto callIf = [&](auto typed) {
@@ -94,9 +94,9 @@ void copyVoxels(const Grid& grid, const IndexBox& box, void* out) {
     copyBox(grid, box, static_cast<float*>(out));
 }
 
-// A file that says how far it was read, and stops where that is wished: what it throws comes out of
-// OpenVDB's call through the stream. To skip a few bytes, as of each of a million leaves, costs
-// nothing; to go beyond the end fails.
+// A file that reports its progress, and throws after a request to stop: the exception comes out of
+// OpenVDB's call through the stream. Skipping a few bytes, as in each of a million leaves, costs
+// nothing; seeking beyond the end fails.
 class WatchedFile final : public std::streambuf {
  public:
   // They outlive it.
@@ -143,9 +143,9 @@ class WatchedFile final : public std::streambuf {
   std::uint64_t begin_ = 0;  // of the buffer, in the file
 };
 
-// A .vdb file, read front to back. OpenVDB's own io::File goes on with whatever is in memory where
-// a file ends too early; here the stream throws instead, and every byte is read at once rather than
-// at the first access, which would be long after the file was found to be good.
+// A .vdb file, read front to back. OpenVDB's own io::File goes on with the bytes in memory if a
+// file ends too early; here the stream throws instead, and every byte is read at once rather than
+// at the first access, which would be long after the check of the file.
 class VdbFile : private openvdb::io::Archive {
  public:
   VdbFile(const std::string& path, const OpenOptions& options)
@@ -172,8 +172,8 @@ class VdbFile : private openvdb::io::Archive {
     });
   }
 
-  // The grid with its voxels, or, where these take more than `memory_bytes`, without: its nodes
-  // alone. Then slabsOf() has them.
+  // The grid with its voxels, or, if these take more than `memory_bytes`, its nodes alone. Then
+  // slabsOf() reads the voxels.
   struct Loaded {
     GridBase::Ptr grid;
     bool has_voxels = true;
@@ -184,7 +184,7 @@ class VdbFile : private openvdb::io::Archive {
     guarded([&] {
       // Blosc packs no better than this.
       constexpr std::uint64_t kMostRatio = 40;
-      // Bits are within their leaves: without them little would be left out.
+      // Bits lie within their leaves: leaving them out would save little.
       if (bytes_ > memory_bytes / kMostRatio && canSkipVoxels() && !isMask(*chosen_->grid)) {
         loaded.grid = emptyGrid();
         readNodes(loaded.grid);
@@ -209,8 +209,8 @@ class VdbFile : private openvdb::io::Archive {
     return loaded;
   }
 
-  // Once, right after load() left the voxels out: where those of each leaf are. Goes through all of
-  // them, most of which are skipped.
+  // Call it once, right after load() left the voxels out: finds those of each leaf. Goes through
+  // all of them, and skips most.
   template <typename Tree>
   std::unique_ptr<VdbSlabs<Tree>> slabsOf(Tree& tree) {
     using Leaf = typename Tree::LeafNodeType;
@@ -240,7 +240,7 @@ class VdbFile : private openvdb::io::Archive {
     guarded([&] { slabs.read(box, out, [&] { options_.checkCancel(); }); });
   }
 
-  // Nobody waits for the file to be opened any more.
+  // The file is open: no caller waits for it any more.
   void stopReporting() { options_.progress = nullptr; }
 
  private:
@@ -250,7 +250,7 @@ class VdbFile : private openvdb::io::Archive {
     bool is_loaded = false;
   };
 
-  // Whatever goes wrong in `work` becomes an Error that names the file.
+  // Any failure in `work` becomes an Error that names the file.
   template <typename Work>
   void guarded(Work&& work) try {
     work();
@@ -404,8 +404,8 @@ struct VoxelBox {
   Index3 first, count;
 };
 
-// The box that isobrick wrote the grid from, where it says one that holds all active voxels. Nobody
-// else need say it, and nothing but dimensions follow from it.
+// The box that isobrick wrote the grid from, if the file states one that holds all active voxels.
+// Other programs need not state it, and only dimensions follow from it.
 std::optional<VoxelBox> boxOfMetadata(const GridBase& grid, const openvdb::CoordBBox& active) {
   const auto vectorOf = [&](const char* key) -> std::optional<Index3> {
     const auto meta = grid.getMetadata<openvdb::Vec3IMetadata>(key);
@@ -510,7 +510,7 @@ class VdbSource final : public VdbSourceBase {
   typename Grid::ConstPtr grid_;
 };
 
-// A grid that does not fit into memory: where its leaves are is held, and the voxels of some
+// A grid that does not fit into memory: holds the places of its leaves, and the voxels of some
 // slices.
 template <typename Tree>
 class VdbSlabSource final : public VdbSourceBase {
@@ -529,7 +529,7 @@ class VdbSlabSource final : public VdbSourceBase {
     const std::uint64_t left = memory_bytes > held ? memory_bytes - held : 0;
     slices_ = std::clamp(static_cast<std::int64_t>(left / slice_bytes), std::int64_t{1},
                          info_.voxels.z + kLeafSlices);
-    // Whole layers of leaves, so that none is read twice, where they fit.
+    // Whole layers of leaves, if they fit, so that none is read twice.
     if (slices_ >= kLeafSlices) slices_ -= slices_ % kLeafSlices;
     // While the file was opened, the nodes took most.
     buffer_bytes_ = std::max(node_bytes, held + static_cast<std::uint64_t>(slices_) * slice_bytes);
@@ -571,10 +571,10 @@ class VdbSlabSource final : public VdbSourceBase {
   std::int64_t slices_ = 0;  // of a slab
   std::uint64_t buffer_bytes_ = 0;
   std::vector<float> slab_;
-  std::int64_t slab_begin_ = 0, slab_slices_ = 0;  // what is in it
+  std::int64_t slab_begin_ = 0, slab_slices_ = 0;  // its contents
 };
 
-// The properties that the writer of .vdb wants back.
+// The properties that the writer of .vdb needs again.
 void takeProperties(VolumeInfo& info, const GridBase::Ptr& grid, const Index3& first) {
   info.properties["vdb.name"] = grid->getName();
   info.properties["vdb.class"] = GridBase::gridClassToString(grid->getGridClass());

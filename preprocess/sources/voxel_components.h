@@ -1,4 +1,4 @@
-// Voxels with several values: which become a volume. Private to preprocess/sources/.
+// Voxels with several values: the choice of one for the volume. Private to preprocess/sources/.
 #pragma once
 
 #include <cstdint>
@@ -13,16 +13,16 @@
 
 namespace isobrick {
 
-// Throws Error unless there is a choice where voxels have several values and none where they have
-// one, and the choice is one of them.
+// Throws Error unless there is a choice of one of the values if voxels have several, and no choice
+// if they have one.
 void checkComponentChoice(const std::string& path, std::uint64_t components,
                           const OpenOptions& options);
 
 // For volumes that never have several.
 void refuseComponentChoice(const std::string& path, const OpenOptions& options);
 
-// Brings a checked choice into how voxels are decoded and what is said of them; `info` says
-// otherwise all of voxels with one value.
+// Applies a checked choice to the decoding in `stored` and to `info`, which otherwise describes
+// voxels with one value.
 void takeComponent(std::uint64_t components, const OpenOptions& options, StoredVoxels& stored,
                    VolumeInfo& info);
 

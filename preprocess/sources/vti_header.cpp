@@ -25,7 +25,7 @@ constexpr std::size_t kPieceBytes = 64 << 10;
 class Attributes {
  public:
   explicit Attributes(const XML_Char** pairs) : pairs_(pairs) {}
-  // "" where there is no such attribute.
+  // "" if there is no such attribute.
   std::string operator[](std::string_view key) const {
     for (const XML_Char** pair = pairs_; *pair != nullptr; pair += 2)
       if (key == pair[0]) return pair[1];
@@ -36,7 +36,7 @@ class Attributes {
   const XML_Char** pairs_;
 };
 
-// Expat calls back from C, which no exception may cross: what goes wrong in a handler is kept, ends
+// Expat calls back from C, which no exception may cross: an exception in a handler is kept, ends
 // the parsing, and is thrown afterwards.
 class VtiReader {
  public:
@@ -92,7 +92,7 @@ class VtiReader {
     if (open_.empty()) stop();
   }
 
-  // Keeps what is of interest; an element is known by those that it lies in.
+  // Keeps the attributes of interest; an element is recognised by the elements that it lies in.
   void take(std::string_view name, const Attributes& attributes) {
     if (isIn({})) {
       if (name != "VTKFile") return fail("it is no VTK file: its XML has no VTKFile");
@@ -165,7 +165,7 @@ class VtiReader {
     return std::equal(open_.begin(), open_.end(), path.begin(), path.end());
   }
 
-  // The bytes of the file where the tag at hand begins, and where it ends.
+  // The bytes of the file at which the current tag begins and ends.
   std::uint64_t at() const {
     return static_cast<std::uint64_t>(
         std::max<XML_Index>(0, XML_GetCurrentByteIndex(parser_.get())));

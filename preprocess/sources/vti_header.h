@@ -28,13 +28,13 @@ struct VtiHeader {
   std::string scalars;  // the name that PointData has for the array to take
   std::vector<VtiArray> point_arrays;
   bool has_cell_arrays = false;
-  std::string appended_encoding;  // "raw" or "base64"; empty where nothing is appended
+  std::string appended_encoding;  // "raw" or "base64"; empty if nothing is appended
   std::uint64_t appended_at = 0;  // the byte of the file behind the '_'
 };
 
-// Reads the tags of the file, with Expat, up to its appended data or its end; what lies between
-// tags is passed over. Throws Error, naming the byte, for what is no well-formed XML of the kind
-// that VTK writes: elements, attributes, comments and processing instructions.
+// Reads the tags of the file, with Expat, up to its appended data or its end; text between tags is
+// passed over. Throws Error, naming the byte, for anything but well-formed XML of the kind that VTK
+// writes: elements, attributes, comments and processing instructions.
 VtiHeader readVtiHeader(const InputFile& file);
 
 }  // namespace isobrick

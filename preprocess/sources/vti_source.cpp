@@ -61,7 +61,7 @@ StoredType storedType(const std::string& path, const std::string& name) {
   throw cannotUse(path, "its voxels are of the type " + quoted(name) + ", which is no number");
 }
 
-// Opening, step by step; each refuses what it cannot use.
+// Opening, step by step; each refuses files that it cannot use.
 class VtiOpener {
  public:
   VtiOpener(const std::string& path, const OpenOptions& options)
@@ -108,7 +108,7 @@ class VtiOpener {
 
   void takeGeometry() {
     const auto extent = numbers<std::int64_t, 6>(header_.whole_extent);
-    // VTK's own are int: what is more would overflow sums below.
+    // VTK's own are int: greater ones would overflow sums below.
     constexpr std::int64_t kMost = std::int64_t{1} << 31;
     if (!extent || std::any_of(extent->begin(), extent->end(),
                                [](std::int64_t v) { return v < -kMost || v > kMost; }))
@@ -125,7 +125,7 @@ class VtiOpener {
     for (int axis = 0; axis < 3; ++axis) {
       const auto i = static_cast<std::size_t>(2 * axis);
       info_.voxels[axis] = (*extent)[i + 1] - (*extent)[i] + 1;
-      // Origin is where index 0 is, which need not be in the extent.
+      // Origin is the position of index 0, which need not be in the extent.
       geometry.origin +=
           geometry.direction[axis] * (geometry.spacing[axis] * static_cast<double>((*extent)[i]));
     }
@@ -153,7 +153,7 @@ class VtiOpener {
   }
 
   // The array that the user named; or the one that the file calls its scalars, or the first that
-  // can be them: of one value per voxel, or of several where one is to be taken of them.
+  // can be them: of one value per voxel, or of several if one is to be taken of them.
   void chooseArray() {
     const auto& arrays = header_.point_arrays;
     const bool wants_several = options_.component.has_value();
@@ -205,7 +205,7 @@ class VtiOpener {
     return openBlocks(first_word);
   }
 
-  // Opens the stream of what the file has for the array: numbers of its own, then the voxels.
+  // Opens the stream of the array's bytes in the file: numbers of its own, then the voxels.
   void locate() {
     is_base64_ = true;
     at_ = array_.text_at;
@@ -250,7 +250,7 @@ class VtiOpener {
 
   std::unique_ptr<VolumeSource> openBlocks(std::uint64_t blocks) {
     const std::uint64_t block_bytes = readWord();
-    const std::uint64_t last_bytes = readWord();  // 0 where the last block is whole
+    const std::uint64_t last_bytes = readWord();  // 0 if the last block is whole
     std::uint64_t whole_bytes = 0, have = 0;
     const std::uint64_t whole_blocks = blocks - (blocks > 0 && last_bytes > 0 ? 1 : 0);
     const bool fits = block_bytes > 0 && last_bytes <= block_bytes &&
@@ -259,8 +259,8 @@ class VtiOpener {
     if (blocks == 0 || !fits || have != need_bytes_)
       throw wrongSize(fits ? std::to_string(have)
                            : std::to_string(blocks) + " blocks of " + std::to_string(block_bytes));
-    // Where each block begins is told by the one before; the list of their sizes is not needed.
-    // There are at most as many blocks as bytes in the file: no product overflows.
+    // The end of one block is the begin of the next; the list of their sizes is not needed. There
+    // are at most as many blocks as bytes in the file: no product overflows.
     if (blocks > file_->size() / wordBytes() ||
         skipBytes(*stream_, blocks * wordBytes()) != blocks * wordBytes())
       throw cannotUse(path_, "its list of " + std::to_string(blocks) + " blocks is cut short");
@@ -282,8 +282,8 @@ class VtiOpener {
   VtiArray array_;
   StoredVoxels stored_;
   std::uint64_t need_bytes_ = 0;
-  // For the array: how it is encoded, and behind what was read of it. at_ is that byte of the file
-  // only where nothing is encoded.
+  // For the array: its encoding, and the first unread byte of it. at_ is that byte of the file only
+  // if nothing is encoded.
   bool is_base64_ = false;
   std::uint64_t at_ = 0;
   std::unique_ptr<ByteStream> stream_;

@@ -30,7 +30,7 @@ std::string quotedJson(const Json& json) {
 
 std::int64_t product(const ZarrArray::Indices& v) {
   std::int64_t result = 1;
-  for (const std::int64_t n : v) result *= n;  // checked where they were read
+  for (const std::int64_t n : v) result *= n;  // checked when they were read
   return result;
 }
 
@@ -304,7 +304,7 @@ std::string ZarrArray::pathOf(const Indices& outer) const {
   return folder_ + "/" + key_prefix_ + key;
 }
 
-// As a disk does that is taken out: then all chunks would be the fill value.
+// A disk may have been removed: then all chunks would be the fill value.
 void ZarrArray::throwIfStoreWentAway() const {
   if (!inputIsThere(metadata_path_))
     throw ResumableError("cannot read '" + folder_ + "': '" + metadata_path_ +
@@ -395,7 +395,7 @@ bool ZarrArray::readChunk(const Indices& index, std::vector<std::byte>& out) con
       const double high = static_cast<double>(std::numeric_limits<T>::max());
       const bool fits =
           std::is_same_v<T, float> || (fill_ >= low && fill_ <= high && fill_ == std::floor(fill_));
-      // Only where it is needed: others write any.
+      // Only if it is needed: other programs write any value.
       if (!fits) refuse("chunks are missing, and its fill_value is none of its numbers");
       std::fill_n(reinterpret_cast<T*>(out.data()), voxels, static_cast<T>(fill_));
     });

@@ -15,12 +15,12 @@ namespace isobrick {
 
 enum class ZarrCodec { kNone, kBlosc, kZlib, kGzip, kZstd };
 
-// Unpacks `packed`, which must become exactly out.size() bytes. Returns what is wrong with it, fit
-// for "...: WHAT", or nothing. Input is hostile: nothing is read or written beyond the spans.
+// Unpacks `packed`, which must become exactly out.size() bytes. Returns its fault, fit for "...:
+// FAULT", or nothing. Input is hostile: nothing is read or written beyond the spans.
 std::string unpackZarr(ZarrCodec codec, std::span<const std::byte> packed,
                        std::span<std::byte> out);
 
-// The most that `bytes` unpacked bytes can take packed: more than that is read by nobody.
+// The most that `bytes` unpacked bytes can take packed: no more than that is ever read.
 std::uint64_t mostPackedBytes(std::uint64_t bytes);
 
 // CRC-32C (Castagnoli), as Zarr's index of a shard has it.
@@ -39,8 +39,8 @@ inline std::string textOf(const nlohmann::json& json) {
   return json.is_string() ? json.get<std::string>() : std::string();
 }
 
-// A JSON file of a store, which may be anybody's: at most 16 MiB, not nested deeper than 32. Throws
-// Error for what is no JSON object.
+// A JSON file of a store, which may be hostile: at most 16 MiB, not nested deeper than 32. Throws
+// Error for text that is no JSON object.
 nlohmann::json readZarrJson(const std::string& path);
 
 // An array of up to 5 axes, the slowest first, as its metadata say. Chunks are the units that are
@@ -49,13 +49,13 @@ class ZarrArray {
  public:
   using Indices = std::vector<std::int64_t>;
 
-  // Reads `folder`/.zarray or `folder`/zarr.json. Throws Error for what is missing, damaged, or of
-  // a kind that is not read (the message says which), and for chunks of more than 1 GiB.
+  // Reads `folder`/.zarray or `folder`/zarr.json. Throws Error for a file that is missing, damaged,
+  // or of a kind that is not read (the message says which), and for chunks of more than 1 GiB.
   explicit ZarrArray(const std::string& folder);
 
   const Indices& shape() const { return shape_; }
   const Indices& chunk() const { return chunk_; }
-  // Names of the axes, where the array has them (version 3).
+  // Names of the axes, if the array has them (version 3).
   const std::vector<std::string>& axisNames() const { return axis_names_; }
   const StoredVoxels& stored() const { return stored_; }
   // Elements from one index to the next along each axis, within a chunk.
@@ -64,13 +64,13 @@ class ZarrArray {
   std::uint64_t chunkBytes() const;
 
   // All elements of a chunk, those beyond the array's end too, as stored().delivered() voxels; the
-  // fill value where the store has no such chunk, and then false. Throws Error that names the file
-  // where it is damaged or cannot be opened.
+  // fill value, and returns false, if the store has no such chunk. Throws Error that names the file
+  // if it is damaged or cannot be opened.
   bool readChunk(const Indices& index, std::vector<std::byte>& out) const;
   double fill() const { return fill_; }
 
   // The metadata, and the files that hold voxels with `fixed` at every axis that is not negative
-  // there: those that exist, or of more than some ten thousand a selection, evenly spread.
+  // there: all that exist, or, of more than some ten thousand, a selection, evenly spread.
   std::vector<std::string> files(const Indices& fixed) const;
 
  private:
@@ -99,8 +99,8 @@ class ZarrArray {
 
   std::string folder_, metadata_path_;
   Indices shape_;
-  Indices chunk_;  // what is packed
-  Indices outer_;  // what a file holds: chunk_, or a shard of chunks
+  Indices chunk_;  // the unit that is packed
+  Indices outer_;  // the unit in a file: chunk_, or a shard of chunks
   Indices strides_;
   Indices order_;  // axes, slowest first
   std::vector<std::string> axis_names_;

@@ -29,7 +29,7 @@ Error cannotUse(const std::string& path, const std::string& reason) {
   return unusable(path, reason + "; correct its metadata");
 }
 
-// The attributes of a group or an array, whichever the version; null where there are none.
+// The attributes of a group or an array, whichever the version; null if there are none.
 Json attributesOf(const std::string& folder) {
   if (inputIsThere(folder + "/zarr.json"))
     return member(readZarrJson(folder + "/zarr.json"), "attributes");
@@ -37,7 +37,7 @@ Json attributesOf(const std::string& folder) {
   return {};
 }
 
-// The image of a group: the first, in either place; null where there is none.
+// The image of a group: the first, in either place; null if there is none.
 Json multiscaleOf(const Json& attributes) {
   const Json& ome = member(attributes, "ome");
   const Json& list =
@@ -90,8 +90,8 @@ Placement placementOf(const std::string& path, const Json& transformations, std:
 
 using ChunkCache = RecentCache<Indices, std::byte>;
 
-// Which chunks were read, each counted once, and how many of them the store has not. For more
-// chunks than any volume has that is not made to have them, none is counted.
+// The chunks that were read, each counted once, and how many of them the store lacks. Chunks are
+// not counted if there are more than any volume has that was not made for it.
 class ChunkTally {
  public:
   explicit ChunkTally(const Index3& chunks)
@@ -202,7 +202,7 @@ class ZarrSource final : public VolumeSource {
   template <typename T>
   void copyChunk(const T* chunk, const Index3& chunk_first, const Index3& size, const IndexBox& box,
                  T* out) const {
-    // Where the other axes are, within the chunk.
+    // The place of the other axes, within the chunk.
     for (std::size_t i = 0; i < fixed_.size(); ++i)
       if (fixed_[i] >= 0) chunk += fixed_[i] % array_.chunk()[i] * array_.strides()[i];
     Index3 stride;
@@ -280,7 +280,7 @@ class ZarrOpener {
       array_path_ = path_ + "/" + name;
       return;
     }
-    // An array that the folder above knows as a level of its image.
+    // An array that the folder above lists as a level of its image.
     const fs::path parent = fs::path(path_).parent_path();
     const std::string name = fs::path(path_).filename().string();
     if (parent.empty() || !isZarrFolder(parent.string())) return;
@@ -414,7 +414,7 @@ bool isZarrFolder(const std::string& path) {
   std::error_code ignored;
   for (const char* name : {"/zarr.json", "/.zarray", "/.zgroup", "/.zattrs"})
     if (fs::is_regular_file(path + name, ignored) || fs::is_symlink(path + name, ignored))
-      return true;  // a link to nowhere too: who opens it says so
+      return true;  // a link to nowhere too: opening it then fails
   return false;
 }
 

@@ -15,7 +15,7 @@ std::vector<std::string> joined(std::vector<std::string> a, const std::vector<st
   return a;
 }
 
-// Of the rows of simplification that are asked for.
+// The distances of the rows of simplification in `only`.
 std::vector<std::string> simplifyDistances(const std::vector<std::string>& only) {
   std::vector<std::string> distances;
   for (const std::string& name : only)

@@ -1,4 +1,4 @@
-// Which rows a benchmark has, and with what words each is measured.
+// The rows of a benchmark, and the words with which each is measured.
 #pragma once
 
 #include <optional>
@@ -48,11 +48,11 @@ struct BenchRow {
 // The name of the row that extracts the finest level everywhere.
 inline constexpr char kFinestRow[] = "isobrick";
 inline constexpr char kAdaptiveRow[] = "isobrick-adaptive";
-// Begins the names of rows that simplify the finest level; what --simplify takes follows.
+// Begins the names of rows that simplify the finest level; a value of --simplify follows.
 inline constexpr char kSimplifyRows[] = "simplify-";
 
 // All rows of all settings of caches and pages, in the order in which they are measured. Throws
-// Error where a name in settings.only is not that of a row.
+// Error if a name in settings.only is not that of a row.
 std::vector<BenchRow> planRows(const BenchSettings& settings, const std::vector<PeerRow>& peers);
 
 }  // namespace isobrick

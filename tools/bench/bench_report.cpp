@@ -61,7 +61,7 @@ RowSummary summaryOf(const BenchRow& row) {
 bool isMeasured(const BenchRow& row) { return row.failure.empty() && !row.measurements.empty(); }
 
 // The row that the others of its setting are compared with: the fastest peer that is exact, or our
-// own; nullptr where neither was measured.
+// own; nullptr if neither was measured.
 const BenchRow* referenceFor(const BenchRow& row, const std::vector<BenchRow>& rows) {
   for (const char* name : {"vtkFlyingEdges3D", kFinestRow})
     for (const BenchRow& other : rows)

@@ -1,4 +1,4 @@
-// The report of a benchmark: an object of JSON, or tables for people.
+// The report of a benchmark: an object of JSON, or tables to read.
 #pragma once
 
 #include <algorithm>
@@ -12,18 +12,18 @@
 
 namespace isobrick {
 
-// Where and on what it ran.
+// The machine and the volume that it ran on.
 struct BenchScene {
   Index3 voxels{0};
   std::string voxel_type;
   std::string processor;
   int cores = 0;
-  double load_before = 0, load_after = 0;  // processes that wanted to run, mean of a minute
+  double load_before = 0, load_after = 0;  // processes ready to run, mean of a minute
 };
 
-// Reads what the machine says of itself; load_before is that of now.
+// Reads the facts of the machine; load_before is the present load.
 BenchScene makeBenchScene(const Index3& voxels, const std::string& voxel_type);
-// Processes that want to run, mean of the last minute.
+// Processes ready to run, mean of the last minute.
 double machineLoad();
 
 // {"file", "isovalue", ..., "rows": [{"name", "triangles", "threads", "seconds": {...}, ...}]}: see

@@ -16,7 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// A folder for the moment.
+// A temporary folder.
 class ScratchFolder {
  public:
   ScratchFolder() {

@@ -9,10 +9,10 @@
 
 namespace isobrick {
 
-// The work in progress, and how many of how many steps of it are done.
+// The work in progress, the number of its steps that are done, and of all.
 using BenchProgress = std::function<void(const char* what, std::size_t done, std::size_t all)>;
 
-// The rows that the peers' executable has; none without one. Throws Error where it does not say.
+// The rows that the peers' executable has; none without one. Throws Error if it does not list them.
 std::vector<PeerRow> askPeers(const BenchSettings& settings, const CancelFlag* cancel);
 
 // Rounds over all rows. A row whose process fails is given up (BenchRow::failure), the others go

@@ -1,4 +1,4 @@
-// Our own side of a benchmark, the only file of it that knows how a mesh gets into memory.
+// Our own side of a benchmark, its only file that extracts a mesh into memory.
 #pragma once
 
 #include <memory>
@@ -9,8 +9,8 @@
 
 namespace isobrick {
 
-// `budget_bytes` bounds what stays of the file, and `access` is how it is read, as in Pyramid. Runs
-// in the calling TBB arena.
+// `budget_bytes` bounds the bytes that stay of the file, and `access` is how it is read, as in
+// Pyramid. Runs in the calling TBB arena.
 std::unique_ptr<SurfaceEngine> makeIsobrickEngine(const std::string& path,
                                                   std::uint64_t budget_bytes, FileAccess access,
                                                   const Query& query);

@@ -14,8 +14,8 @@ struct PlainMesh {
   std::vector<std::array<std::uint32_t, 3>> triangles;  // numbers of positions
 };
 
-// A file for the moment: in the byte order of this machine. Both throw Error that names the file;
-// reading, where its size or a number in it does not fit.
+// A temporary file, in the byte order of this machine. Both throw Error that names the file;
+// reading also if its size or a number in it does not fit.
 void writePlainMesh(const PlainMesh& mesh, const std::string& path);
 PlainMesh readPlainMesh(const std::string& path);
 

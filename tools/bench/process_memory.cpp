@@ -19,7 +19,7 @@
 namespace isobrick {
 namespace {
 
-// The value, in KiB, of a line such as "VmHWM:     1234 kB"; 0 where there is none.
+// The value, in KiB, of a line such as "VmHWM:     1234 kB"; 0 if there is none.
 std::uint64_t bytesInLine(const char* path, const std::string& name) {
   std::ifstream file(path);
   for (std::string line; std::getline(file, line);)

@@ -1,4 +1,4 @@
-// This process's memory by the system, and the kind of pages it gets.
+// This process's memory as the system counts it, and the kind of its pages.
 #pragma once
 
 #include <cstdint>
@@ -7,23 +7,23 @@
 namespace isobrick {
 
 // The most memory that was resident at any moment since the process started or forgot its peak.
-// Unlike getrusage()'s it knows nothing of the process that started this one.
+// Unlike getrusage()'s it does not include the process that started this one.
 std::uint64_t peakOfProcess();
-// From here on the peak counts anew. Where the system does not let it, the old peak stays.
+// From here on the peak counts anew. If the system does not allow it, the old peak stays.
 void forgetPeak();
 
 // Bytes of this process's own memory that lie in huge pages.
 std::uint64_t hugePageBytes();
-// No huge pages for this process from here on, whatever it or a library asks for. Throws Error
-// where the system refuses.
+// No huge pages for this process from here on, whatever it or a library requests. Throws Error if
+// the system refuses.
 void refuseHugePages();
-// The setting (NAME=value) that has the C library ask for huge pages in every large allocation of
+// The setting (NAME=value) that makes the C library request huge pages in every large allocation of
 // a program that starts with it; glibc 2.35 and later.
 inline constexpr char kAllocateHugePages[] = "GLIBC_TUNABLES=glibc.malloc.hugetlb=1";
 
-// Asks the system to forget the file's pages, after it has written those that wait for the disk.
-// It keeps what a process has mapped, and some file systems (tmpfs) keep everything: see
-// cachedShare(). Both throw Error where the file cannot be opened.
+// Makes the system drop the file's pages, after it has written those that wait for the disk. It
+// keeps pages that a process has mapped, and some file systems (tmpfs) keep everything: see
+// cachedShare(). Both throw Error if the file cannot be opened.
 void dropFromPageCache(const std::string& path);
 
 // 0: nothing of the file is in memory; 1: all of it.

@@ -94,7 +94,7 @@ RowMeasurement rowMeasurementOf(const std::string& text) {
     json.at("note").get_to(m.note);
     if (!m.seconds.empty()) return m;
   } catch (const Json::exception&) {
-    // said below
+    // reported below
   }
   throw Error(
       fmt::format("'{}' is not what a row's process reports; build isobrick and "

@@ -1,4 +1,4 @@
-// One row in one process: what was measured, and how it gets to the process that asked.
+// One row in one process: its measurements, and their text for the process that started it.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -15,11 +15,11 @@ struct RowTask {
   // The first extraction of the process is the measured one, and reading the volume is part of it.
   bool cold = false;
   bool huge_pages = true;
-  std::string mesh_path;  // where the mesh goes afterwards; empty: nowhere
+  std::string mesh_path;  // file for the mesh afterwards; empty: none
 };
 
 void addRowTaskOptions(CLI::App& app, RowTask& task);
-// The words that these options make the same task of.
+// The words from which these options make the same task.
 std::vector<std::string> rowTaskWords(const RowTask& task);
 
 struct RowMeasurement {
@@ -29,7 +29,7 @@ struct RowMeasurement {
   double first_seconds = 0;    // the first extraction, into memory that the process never had
   // The measured ones. Cold: a single one, load + prepare + first.
   std::vector<double> seconds;
-  // For all threads, for one of them: what a busy machine changes least.
+  // Seconds of all threads for one extraction: a busy machine changes this least.
   double processor_seconds = 0;
   std::uint64_t loaded_rss_bytes = 0;  // peak until the volume was there
   std::uint64_t peak_rss_bytes = 0;    // peak of the extractions, with the volume that stays
@@ -37,20 +37,20 @@ struct RowMeasurement {
   std::string note;
 };
 
-// Runs the engine as the task says, in this process, and writes the mesh where it wants one. To be
-// called where the threads of the task are already set up.
+// Runs the engine as the task says, in this process, and writes the mesh if the task names a file.
+// Call it when the threads of the task are already set up.
 RowMeasurement measureRow(const RowTask& task, SurfaceEngine& engine);
 
-// As one object of JSON, and back. Throws Error where the text is not what the other wrote.
+// As one object of JSON, and back. Throws Error if the text is not one that the other wrote.
 std::string textOf(const RowMeasurement& measurement);
 RowMeasurement rowMeasurementOf(const std::string& text);
 
 struct PeerRow {
   std::string name;           // without blanks
-  bool approximates = false;  // its vertices do not lie where those of the finest surface do
+  bool approximates = false;  // its vertices differ from those of the finest surface
 };
 
-// A line each, and back. Throws Error where the text is not what the other wrote.
+// A line each, and back. Throws Error if the text is not one that the other wrote.
 std::string textOf(const std::vector<PeerRow>& rows);
 std::vector<PeerRow> peerRowsOf(const std::string& text);
 

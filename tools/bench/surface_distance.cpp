@@ -46,7 +46,7 @@ class PointPicker {
       const std::int64_t cuts = triangle(t).cuts();
       all += static_cast<std::size_t>(cuts * cuts);
     }
-    // Odd, as triangles often come in pairs of which only one half would be seen.
+    // Odd, as triangles often come in pairs, of which an even step would take only one half.
     stride_ = ((all + options.most_points - 1) / options.most_points) | 1u;
   }
 

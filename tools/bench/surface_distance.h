@@ -9,8 +9,8 @@
 
 namespace isobrick {
 
-// From the points of one surface to the nearest points of another, in voxels. Infinite where the
-// other has no triangles; 0 where the first has no points.
+// From the points of one surface to the nearest points of another, in voxels. Infinite if the other
+// has no triangles; 0 if the first has no points.
 struct OneWayDistance {
   double mean = 0;
   double p99 = 0;  // 99 % of the area is no further away
@@ -22,7 +22,7 @@ struct DistanceOptions {
   // Points are taken evenly from a surface so that there are about that many at most.
   std::size_t most_points = 2'000'000;
   // Only points at least a voxel inside of [0, voxels - 1] count: OpenVDB closes surfaces at the
-  // volume's border, where others leave them open.
+  // volume's border, and others leave them open there.
   Index3 voxels{0};
 };
 

@@ -13,8 +13,8 @@ struct SurfaceSize {
   std::uint64_t bytes = 0;  // of the mesh in memory: positions, normals, triangles
 };
 
-// Its members are called in the order in which they stand here, extract() any number of times.
-// Also included as C++17, for VTK's sake.
+// Its members are called in this order, extract() any number of times. Also included as C++17, for
+// VTK's sake.
 class SurfaceEngine {
  public:
   virtual ~SurfaceEngine() = default;
@@ -27,7 +27,7 @@ class SurfaceEngine {
   virtual void extract() = 0;
   virtual SurfaceSize size() const = 0;
   virtual PlainMesh mesh() const = 0;
-  // How this engine goes about it, where it differs from the others.
+  // The way of this engine, if it differs from the others.
   virtual std::string note() const { return {}; }
 };
 

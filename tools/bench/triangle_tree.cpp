@@ -67,7 +67,7 @@ double squaredDistanceToTriangle(const glm::dvec3& point, const glm::dvec3& a, c
                                  const glm::dvec3& c) {
   const glm::dvec3 normal = glm::cross(b - a, c - a);
   const double normal2 = squaredLength(normal);
-  // Within the prism over the triangle it is the height that counts, else the nearest edge.
+  // Within the prism over the triangle the height counts, else the nearest edge.
   if (normal2 > 0 && glm::dot(glm::cross(b - a, point - a), normal) >= 0 &&
       glm::dot(glm::cross(c - b, point - b), normal) >= 0 &&
       glm::dot(glm::cross(a - c, point - c), normal) >= 0) {

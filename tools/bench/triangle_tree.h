@@ -10,20 +10,20 @@ namespace isobrick {
 
 // A hierarchy of boxes over the triangles of a mesh, for millions of them: the triangles in the
 // order of a space-filling curve, a box for each kFanout neighbours, a box for each kFanout of
-// those boxes, and so on. Nothing points anywhere, so it is built in one pass for each level.
-// (CGAL and Embree answer the same question, and would be one more thing to install for it.)
+// those boxes, and so on. There are no pointers, so it is built in one pass for each level. (CGAL
+// and Embree do the same, and would be one more dependency.)
 //
-// Refers to the mesh, which outlives it. Any number of threads may ask.
+// Refers to the mesh, which outlives it. Any number of threads may use it.
 class TriangleTree {
  public:
   // Uses the calling TBB arena. A mesh without triangles is further away than anything.
   explicit TriangleTree(const PlainMesh& mesh);
 
-  // A caller's memory between questions: near points have near answers.
+  // A caller's memory between calls: near points have near results.
   struct Hint {
     std::uint32_t triangle = 0;  // in the tree's order
   };
-  // Distance from `point` to the mesh; infinite where that has no triangles.
+  // Distance from `point` to the mesh; infinite if that has no triangles.
   double distance(const glm::dvec3& point, Hint& hint) const;
 
  private:

@@ -95,7 +95,7 @@ class BuildBatch {
       fmt::print("{}\n", builtLine(*entry.built));
     else
       fmt::print("{}: FAILED: {}\n", oneLine(entry.job->input.path), oneLine(entry.reason));
-    std::fflush(stdout);  // whoever reads a pipe wants to see how far it is; main looks for errors
+    std::fflush(stdout);  // readers of a pipe see the progress at once; main checks for errors
   }
 
   std::size_t count(const std::string& state) const {

@@ -8,13 +8,13 @@
 
 namespace isobrick {
 
-// Builds one volume after the other, each with all threads, and says so in a line each and a table
-// at the end, or with `json` in one object. A volume that fails does not stop the others; why it
-// failed goes to stderr too. Returns the exit status: 1 where one failed. Throws Cancelled, once
-// what was done is printed.
+// Builds one volume after the other, each with all threads, and prints a line for each and a table
+// at the end, or with `json` in one object. A volume that fails does not stop the others; the
+// reason goes to stderr too. Returns the exit status: 1 if one failed. Throws Cancelled, once the
+// results so far are printed.
 int runBuildBatch(const std::vector<BuildJob>& jobs, const BuildSettings& settings, bool json);
 
-// True where the word has a wildcard (*, ?, [...]) and no file has that very name.
+// True if the word has a wildcard (*, ?, [...]) and no file has that very name.
 bool isInputPattern(const std::string& word);
 
 // Every pattern becomes the paths that match it, sorted; all other words stay as they are. Throws

@@ -36,7 +36,7 @@ struct BuildArguments {
   BuildSettings settings{{}, allCores()};
 };
 
-// The folder of --out-dir. One that was made here goes again if nothing is in it at the end.
+// The folder of --out-dir. One that was made here is removed if nothing is in it at the end.
 class OutputFolder {
  public:
   explicit OutputFolder(const std::string& path) : path_(path) {

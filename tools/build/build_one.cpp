@@ -35,8 +35,8 @@ std::uint64_t freshBytes(const BrickLayout& layout, std::uint64_t raw, std::uint
   return static_cast<std::uint64_t>(static_cast<double>(raw) * share);
 }
 
-// The pyramid has its name by now: where there is no memory left to open it, what is known without
-// that must do, and the build has not failed.
+// The pyramid has its name by now: if there is no memory left to open it, returns the facts known
+// without it, and the build has not failed.
 PyramidBytes bytesOfPyramid(const BuiltVolume& built) {
   try {
     return Pyramid(built.output).sums().bytes;
@@ -59,8 +59,8 @@ void takeNoteOfPyramid(const BuildOptions& options, BuiltVolume& built) {
     built.fresh_bytes = freshBytes(layout, built.bytes.raw, built.report.bricks_resumed);
 }
 
-// Where the pyramid goes that is wanted in the cache: what is up to date beside the input is taken
-// as it is; else it is called by its identity, and the lock keeps other processes from building it.
+// The place of a pyramid in the cache: one that is up to date beside the input is taken as it is;
+// else the file is named after its identity, and the lock keeps other processes from building it.
 std::unique_ptr<CacheBuildLock> placeInCache(BuildJob& job, const BuildSettings& settings,
                                              const VolumeInfo& info,
                                              const std::string& input_identity) {
@@ -73,8 +73,7 @@ std::unique_ptr<CacheBuildLock> placeInCache(BuildJob& job, const BuildSettings&
   return std::make_unique<CacheBuildLock>(job.output, interruptFlag());
 }
 
-// An existing file is in the way, unless it is a pyramid, of which isUpToDate() looks at the
-// origin.
+// An existing file is in the way, unless it is a pyramid, whose origin isUpToDate() checks.
 void refuseAsOutput(const BuildJob& job, const std::vector<std::string>& inputs, bool replace) {
   refuseReplacing({job.output, "choose another output with -o or --out-dir"}, inputs, replace);
 }
@@ -162,7 +161,7 @@ BuiltVolume buildOne(const BuildJob& job, const BuildSettings& settings) {
     return runWithThreads(settings.threads, [&] { return openAndBuild(job, settings); });
   } catch (const std::bad_alloc&) {
     throw outOfMemory(job, settings);
-  } catch (const std::length_error&) {  // what a vector throws for more than all addresses
+  } catch (const std::length_error&) {  // a vector throws it for more than all addresses
     throw outOfMemory(job, settings);
   } catch (const std::system_error& failure) {  // a thread that the system does not give
     if (failure.code() != std::errc::resource_unavailable_try_again) throw;
@@ -180,7 +179,7 @@ struct Origin {
   std::string source, identity;
 };
 
-// Anybody may have made the file: what is no JSON, or is nested without end, says nothing.
+// The file may be hostile: text that is no JSON, or nested too deep, gives nothing.
 Origin originOf(const Pyramid& pyramid) {
   using Json = nlohmann::json;
   const Json json = parseShallowJson(pyramid.provenance());
@@ -196,7 +195,7 @@ std::string inputLine(const std::string& identity) {
   return identity.substr(0, identity.find('\n'));
 }
 
-// Which voxels of the input, and where: what users say of it is in these lines.
+// The lines about the choice of voxels and their place, which users may set.
 std::string volumeLines(const std::string& identity) {
   std::string lines;
   for (const char* name : {"\nvoxels=", "\nformat="}) {
@@ -206,8 +205,9 @@ std::string volumeLines(const std::string& identity) {
   return lines;
 }
 
-// A relative path names another file in another folder, and a pyramid does not say where it was
-// built. One that lies in the current folder, or below it, was most likely built from here.
+// A relative path names another file in another folder, and a pyramid does not store the folder in
+// which it was built. One that lies in the current folder, or below it, was most likely built from
+// here.
 bool meansTheSameFile(const std::string& source, const std::string& output) {
   if (fs::path(source).is_absolute()) return true;
   std::error_code error;

@@ -12,7 +12,7 @@
 
 namespace isobrick {
 
-// How progress is told: before each phase, and in which style.
+// The form of progress: the text before each phase, and the style.
 struct ShownAs {
   std::string label;
   ProgressStyle style = ProgressStyle::kBar;
@@ -31,8 +31,8 @@ BuildReport buildShowingProgress(VolumeSource& source, InputWatch& input, const 
 struct BuildSettings {
   BuildOptions options;
   int threads = 1;
-  bool rebuild = false;  // also what is up to date
-  bool force = false;    // replaces what is not a pyramid of the same input
+  bool rebuild = false;  // builds pyramids that are up to date too
+  bool force = false;    // replaces a file that is not a pyramid of the same input
   // Not empty: in place of the job's output, a pyramid in this folder (tools/pyramid_cache.h), or
   // the one beside the input if that is up to date.
   std::string cache_folder = {};
@@ -50,7 +50,7 @@ struct BuildJob {
 struct BuiltVolume {
   std::string output;
   bool skipped = false;  // it was up to date; then `report` is empty
-  VolumeInfo volume;     // its notes tell of replaced voxels too
+  VolumeInfo volume;     // its notes name replaced voxels too
   BuildReport report;
   PyramidBytes bytes;
   int levels = 0;
@@ -59,22 +59,22 @@ struct BuiltVolume {
   double open_seconds = 0;
   double seconds = 0;  // all of it
 
-  // Bytes of voxels that this run worked on, in a second of `of_seconds`; 0 where there were none.
+  // Bytes of voxels that this run worked on, in a second of `of_seconds`; 0 if there were none.
   double megabytesPerSecond(double of_seconds) const {
     return of_seconds > 0 ? static_cast<double>(fresh_bytes) / 1e6 / of_seconds : 0;
   }
 };
 
-// Builds unless the output is up to date. Throws what openInput and buildPyramid throw, and Error
-// where the output is not to be replaced or memory runs out.
+// Builds unless the output is up to date. Throws as openInput and buildPyramid do, and Error if the
+// output is not to be replaced or memory runs out.
 BuiltVolume buildOne(const BuildJob& job, const BuildSettings& settings);
 
-// True where `output` is a pyramid of this very source and these options already; false where there
-// is none, or one that was made from the same input, which has changed since or is to be built with
-// other options. Where it was made from something else, or nobody can tell, throws Error; with
-// `force`, which replaces it, false. `input_identity` is that of the source. With `any_options`
-// they may be others, but where users said how to read the input (VolumeInfo::encoding) it was read
-// so.
+// True if `output` is a pyramid of this very source and these options already; false if there is
+// none, or one that was made from the same input, which has changed since or is to be built with
+// other options. If it was made from something else, or its origin is unknown, throws Error; with
+// `force`, which replaces it, false. `input_identity` is that of the source. With `any_options` the
+// options may be others, but the input must have been read in the way that the user set
+// (VolumeInfo::encoding).
 bool isUpToDate(const std::string& output, const VolumeInfo& info,
                 const std::string& input_identity, const BuildOptions& options, bool any_options,
                 bool force);

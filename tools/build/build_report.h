@@ -1,4 +1,4 @@
-// What `isobrick build` says of a volume that it built.
+// The output of `isobrick build` about a volume that it built.
 #pragma once
 
 #include <string>

@@ -213,7 +213,7 @@ void printConverted(const ConvertArguments& arguments, const Converted& converte
   for (const std::string& note : volume.notes) fmt::print("note: {}\n", oneLine(note));
 }
 
-// A loss in a format is no failure, but the user should know it now.
+// A loss in a format is no failure, but the user gets a warning now.
 void warnOfLoss(const ConvertArguments& arguments, const Converted& converted) {
   for (const std::string& lost : converted.report.lost)
     fmt::print(stderr, "isobrick: warning: '{}': {}\n", oneLine(arguments.output), oneLine(lost));

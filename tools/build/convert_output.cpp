@@ -15,7 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Only folders are replaced that plainly hold the same kind of output.
+// A folder is replaced only if it plainly holds the same kind of output.
 bool holdsNothingElse(const std::string& folder, const std::string& pattern) {
   std::error_code ignored;
   if (fs::is_empty(folder, ignored)) return true;

@@ -1,4 +1,4 @@
-// What `isobrick convert` may write over.
+// The outputs that `isobrick convert` may write over.
 #pragma once
 
 #include <string>
@@ -7,8 +7,8 @@
 namespace isobrick {
 
 // The rule of tools/output_check.h for all that convert writes: files, and folders of slices or of
-// OME-Zarr, which are replaced with `force` where nothing else is in them. A file of HDF5 may be
-// there, and its writer looks for the dataset. `inputs`: what the user named, and all files of it.
+// OME-Zarr, which are replaced with `force` if nothing else is in them. An HDF5 file may exist; its
+// writer checks the dataset. `inputs`: the names that the user gave, and all their files.
 void refuseConvertOutput(const std::string& output, const std::vector<std::string>& inputs,
                          bool force);
 

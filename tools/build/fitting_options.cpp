@@ -24,8 +24,7 @@ struct OptionFit {
                                                     // the name of an output ends
 };
 
-// A choice of component is looked at where the file is opened, which knows how many values a voxel
-// has.
+// A choice of component is checked when the file is opened, as it depends on the values per voxel.
 const OptionFit kFits[] = {
     {Side::kInput,
      {"--select grid", "--select array", "--grid"},

@@ -1,4 +1,4 @@
-// Which option goes with which format: one that would change nothing is refused, not ignored.
+// The formats of each option: an option that would change nothing is refused, not ignored.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -8,8 +8,8 @@
 
 namespace isobrick {
 
-// Throw UsageError for the first option that was given to `parser` and is not for the format of
-// what is read, as its source names it, or of what is written, as its name ends.
+// Throw UsageError for the first option that was given to `parser` and is not for the format of the
+// input, as its source names it, or of the output, by its ending.
 void refuseUnfitInputOptions(const CLI::App& parser, const VolumeInfo& input);
 void refuseUnfitOutputOptions(const CLI::App& parser, const std::string& output);
 

@@ -1,4 +1,4 @@
-// The subcommands of the executable `isobrick-build`, which `isobrick` hands over to.
+// The subcommands of the executable `isobrick-build`, which `isobrick` starts.
 #include "tools/command.h"
 
 namespace isobrick {

@@ -38,7 +38,7 @@ std::int64_t parseCount(const std::string& text) {
   return parseInteger(text, 0, std::numeric_limits<std::int64_t>::max());
 }
 
-// The keys of --select, and the options that they were once.
+// The keys of --select, and the former options of the same meaning.
 struct SelectKey {
   std::string_view key;
   const char* old_option;
@@ -108,7 +108,7 @@ void addOpenOptions(CLI::App& app, InputOptions& options) {
       app, "--origin", options.origin, parsePoint, "X,Y,Z",
       "Place of the first voxel in the world, instead of the input's own or missing one");
   addSelectOption(app, [&options](const std::string& word) { select(options, word); });
-  // Names until 0.1 of what --select takes.
+  // The names until 0.1 of the values of --select.
   for (const SelectKey& key : kSelectKeys)
     if (key.old_option != nullptr)
       app.add_option_function<std::string>(

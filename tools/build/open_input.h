@@ -1,4 +1,4 @@
-// From what the user names as input to a volume source.
+// From the name of an input to a volume source.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -12,7 +12,7 @@
 namespace isobrick {
 
 struct InputOptions {
-  const CLI::App* parser = nullptr;  // of the words of which the rest comes
+  const CLI::App* parser = nullptr;  // of the words that the rest comes from
   std::string path;
   std::optional<Index3> raw_dims;  // given: the file has no header
   RawLayout raw;                   // everything but the dimensions
@@ -29,18 +29,18 @@ struct InputOptions {
 // INPUT..., which go to `paths`, and the --raw-... options, which hold for each of them.
 void addInputOptions(CLI::App& app, std::vector<std::string>& paths, InputOptions& options);
 
-// The --raw-... options and all others that say how an input is opened, without the inputs.
+// The --raw-... options and all others for opening an input, without the inputs.
 void addOpenOptions(CLI::App& app, InputOptions& options);
 
 // The options of opening the volume that these words give.
 OpenOptions openOptionsOf(const InputOptions& input);
 
-// Throws Error for files whose names tell that they are not supported, and UsageError for those
+// Throws Error for files whose names show that they are not supported, and UsageError for files
 // that need --raw-dims. Opens nothing.
 void refuseKnownMisfits(const InputOptions& input);
 
-// The phantom that "phantom:head:512" names (256 voxels per axis where no size is given); nothing
-// for other words. Throws Error for a size that is none.
+// The phantom that "phantom:head:512" names (256 voxels per axis if no size is given); nothing for
+// other words. Throws Error for a size that is none.
 std::optional<PhantomSpec> phantomOf(const std::string& input);
 
 // "head.isb" for "scans/head.nii.gz", and for the folder "scans/head"; "head-512.isb" for

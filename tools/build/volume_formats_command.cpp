@@ -1,5 +1,4 @@
-// isobrick-build volume-formats: what `isobrick formats` asks this executable, which has the
-// libraries.
+// isobrick-build volume-formats: `isobrick formats` calls it, as this executable has the libraries.
 #include <fmt/format.h>
 
 #include "isobrick/preprocess/export/formats/export_volume.h"

@@ -16,11 +16,11 @@ struct ViewBuildOptions {
 };
 
 // Builds into the cache, or finds there (tools/volume_input.h). Previews lie in a folder of their
-// own, in memory where there is one for that, which goes with the build.
+// own, in memory if there is such a place; the folder is removed after the build.
 VolumeBuilder volumeBuilder(ViewBuildOptions options);
 
-// In memory where there is a place for that; for this user alone. It goes, with all in it, with the
-// object; that of a process that was killed, when the next one is made.
+// In memory if there is a place for that; for this user alone. It is removed, with all in it, with
+// the object; the folder of a killed process when the next one is made.
 class PreviewFolder {
  public:
   PreviewFolder();

@@ -1,4 +1,4 @@
-// The subcommand of the executable `isobrick-view`, which `isobrick` hands over to.
+// The subcommand of the executable `isobrick-view`, which `isobrick` starts.
 #include "tools/command.h"
 
 namespace isobrick {

@@ -24,7 +24,7 @@
 namespace isobrick {
 namespace {
 
-// All that the words and the script write; what users do later finds names of its own.
+// All outputs of the words and the script; later outputs of the user get names of their own.
 void refuseReplacingOutputs(const ViewOptions& options, bool force) {
   const std::vector<std::string> inputs{options.path, options.script_path, options.state_path};
   if (!options.report_path.empty())
@@ -105,7 +105,7 @@ H lists the keys.)");
             refuseReplacingOutputs(*options, *force);
             if (!isVolume(options->path)) refuseWordsForPyramid(*input);
             options->build = volumeBuilder({*input, options->threads + 1, *preview_share});
-            // A file that a script opens is no choice of the user.
+            // A file that a script opens was not chosen by the user.
             if (options->script_path.empty()) options->recent_path = recentFilesPath();
             options->width = size->width;
             options->height = size->height;

@@ -94,12 +94,12 @@ class GlFence {
     fence.sync_ = glFenceSync(GL_SYNC_GPU_COMMANDS_COMPLETE, 0);
     return fence;
   }
-  // Until all that came before it is done; nothing to wait for where there is none.
+  // Waits until all commands before it are done; returns at once if there is no fence.
   void wait() const {
     constexpr GLuint64 kSecond = 1'000'000'000;
     if (sync_ != nullptr) glClientWaitSync(sync_, GL_SYNC_FLUSH_COMMANDS_BIT, kSecond);
   }
-  // Whether it is; true as well after the loss of the context.
+  // Whether they are done; true as well after the loss of the context.
   bool isPassed() const {
     return sync_ == nullptr ||
            glClientWaitSync(sync_, GL_SYNC_FLUSH_COMMANDS_BIT, 0) != GL_TIMEOUT_EXPIRED;

@@ -35,8 +35,8 @@ GlTexture makeTexture(GLenum format, int width, int height) {
   return texture;
 }
 
-// A segment as a ribbon: normalised device coordinates, pixels from its middle, and depth. Empty
-// where it is not ahead of the near plane.
+// A segment as a ribbon: normalised device coordinates, pixels from its middle, and depth. Empty if
+// it is not ahead of the near plane.
 void addRibbon(const SceneFrame& frame, const DepthProjection& depth, const DepthRange& range,
                const SceneSegment& segment, std::vector<glm::vec4>& ribbon) {
   const PlacedCamera& camera = frame.camera;
@@ -156,7 +156,7 @@ GlSceneRenderer::GlSceneRenderer(Uploads uploads) {
   glVertexArrayVertexBuffer(*line_array_, 0, *line_buffer_, 0, sizeof(glm::vec4));
 }
 
-// ------------------------------------------------------------------------------------ what is kept
+// ----------------------------------------------------------------------------------- kept objects
 
 ChunkId GlSceneRenderer::reserve(const SurfaceChunk& chunk) {
   Chunk kept;
@@ -181,8 +181,8 @@ ChunkId GlSceneRenderer::reserve(const SurfaceChunk& chunk) {
   return last_chunk_;
 }
 
-// Bytes of a chunk as runs in memory: f(first byte, where it goes in the buffer, count), until it
-// is false.
+// Bytes of a chunk as runs in memory: f(first byte, offset in the buffer, count), until it is
+// false.
 template <typename F>
 bool GlSceneRenderer::forParts(const SurfaceChunk& chunk, std::size_t begin, std::size_t bytes,
                                F&& f) {
@@ -212,7 +212,7 @@ bool GlSceneRenderer::uploadPiece(ChunkId id, const SurfaceChunk& chunk, std::si
     fill(id, chunk, begin, bytes);
     return true;
   }
-  // Where the second of two parts finds no room, the first comes again.
+  // If the second of two parts finds no room, the first comes again.
   const GLuint buffer = *chunks_.at(id).buffer;
   return forParts(chunk, begin, bytes,
                   [&](const std::byte* data, std::size_t offset, std::size_t count) {
@@ -417,7 +417,7 @@ void GlSceneRenderer::drawSurfaces(const View& view) {
   glEnable(GL_DEPTH_TEST);
   glDisable(GL_BLEND);
 
-  // Opaque ones first. For a translucent one only what is nearest is seen, so its depth goes first.
+  // Opaque ones first. Only the nearest part of a translucent one is seen, so its depth goes first.
   std::vector<int> translucent;
   for (std::size_t s = 0; s < frame.surfaces.size(); ++s) {
     const int surface = static_cast<int>(s);
@@ -495,8 +495,8 @@ void GlSceneRenderer::drawIndices(const Chunk& chunk, GLsizei begin, GLsizei end
 }
 
 // Mesa's rasteriser in software sets all triangles up before it draws them, half a kilobyte each,
-// in scenes of 36 MiB of which it keeps two and more: several times what the chunks take. What is
-// flushed early needs less of that, and is drawn while the next is set up.
+// in scenes of 36 MiB of which it keeps two and more: several times the memory of the chunks. An
+// early flush needs less of it, and its triangles are drawn while the next ones are set up.
 void GlSceneRenderer::boundFlight(GLsizei indices) {
   indices_in_flight_ += indices;
   if (!is_software_ || indices_in_flight_ < kIndicesInFlight) return;
@@ -506,8 +506,8 @@ void GlSceneRenderer::boundFlight(GLsizei indices) {
   before.wait();
 }
 
-// Before slices and caps, whose colours stand for values. Depth is that of one sample of a pixel;
-// samples of the background stay as they are.
+// Comes before slices and caps, whose colours stand for values. Depth is that of one sample of a
+// pixel; samples of the background stay as they are.
 void GlSceneRenderer::drawOcclusion(const View& view) {
   if (*openness_ == 0) {
     openness_ = makeTexture(GL_R8, width_, height_);
@@ -533,7 +533,7 @@ void GlSceneRenderer::drawOcclusion(const View& view) {
   glBindFramebuffer(GL_FRAMEBUFFER, *sampled_frame_);
   glEnable(GL_DEPTH_TEST);
   glDepthMask(GL_FALSE);
-  glDepthFunc(GL_LESS);  // than nothing: all that is not background
+  glDepthFunc(GL_LESS);  // passes everything that is not background
   glEnable(GL_BLEND);
   glBlendFuncSeparate(GL_ZERO, GL_SRC_COLOR, GL_ZERO, GL_ONE);
   cover(shade_program_);
@@ -617,7 +617,7 @@ void GlSceneRenderer::drawRibbon(const std::vector<glm::vec4>& ribbon, const glm
 std::optional<double> GlSceneRenderer::distanceAt(const glm::dvec2& pixel) {
   const int x = static_cast<int>(pixel.x), y = height_ - 1 - static_cast<int>(pixel.y);
   if (pixel.x < 0.0 || pixel.y < 0.0 || x >= width_ || y < 0) return std::nullopt;
-  // Only where both rectangles are the same may samples be resolved.
+  // Samples may be resolved only if both rectangles are the same.
   glBlitNamedFramebuffer(*sampled_frame_, *resolved_frame_, x, y, x + 1, y + 1, x, y, x + 1, y + 1,
                          GL_DEPTH_BUFFER_BIT, GL_NEAREST);
   glBindFramebuffer(GL_READ_FRAMEBUFFER, *resolved_frame_);

@@ -18,9 +18,9 @@ namespace isobrick {
 class GlSceneRenderer : public SceneRenderer {
  public:
   // How pieces of chunks come to the card: through a ring that stays mapped, or by a copy of the
-  // driver's; that alone is faster where the card is the processor itself.
+  // driver's; the copy alone is faster if the card is the processor itself.
   enum class Uploads { kAsSuits, kStaged };
-  // Throws Error where the driver refuses the shaders.
+  // Throws Error if the driver refuses the shaders.
   explicit GlSceneRenderer(Uploads uploads = Uploads::kAsSuits);
 
   ChunkId reserve(const SurfaceChunk& chunk) override;
@@ -33,7 +33,7 @@ class GlSceneRenderer : public SceneRenderer {
   SliceId uploadSlice(const SliceImage& image) override;
   void releaseSlice(SliceId slice) override;
   std::uint64_t bytesKept() const override { return bytes_kept_; }
-  // Throws Error where there is no memory for a picture of this size.
+  // Throws Error if there is no memory for a picture of this size.
   void draw(const SceneFrame& frame) override;
   std::optional<double> distanceAt(const glm::dvec2& pixel) override;
   Image picture() override;
@@ -63,7 +63,7 @@ class GlSceneRenderer : public SceneRenderer {
     GlTexture texture;
     std::uint64_t bytes = 0;
   };
-  struct View;  // what all that is drawn of a frame shares
+  struct View;  // shared by all draw calls of a frame
 
   template <typename F>
   static bool forParts(const SurfaceChunk& chunk, std::size_t begin, std::size_t bytes, F&& f);
@@ -98,7 +98,7 @@ class GlSceneRenderer : public SceneRenderer {
   GlRenderbuffer sampled_color_, sampled_depth_;
   GlTexture resolved_color_, resolved_depth_;
   GlFramebuffer sampled_frame_, resolved_frame_;
-  GlTexture openness_;  // of ambient occlusion, where a picture of this size had it
+  GlTexture openness_;  // of ambient occlusion, if a picture of this size had it
   GlFramebuffer openness_frame_;
 
   std::optional<GlStaging> staging_;  // none: pieces go without it

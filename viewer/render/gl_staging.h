@@ -1,4 +1,4 @@
-// Memory that the processor writes and the graphics card copies from, when it comes to that.
+// Memory that the processor writes and the graphics card copies from later.
 #pragma once
 
 #include "isobrick/viewer/render/gl_handle.h"

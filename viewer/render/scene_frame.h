@@ -30,7 +30,7 @@ struct SliceImage {
 struct SceneSlice {
   SliceId image = 0;
   glm::dvec3 corner{0.0}, across{0.0}, along{0.0};  // world
-  // Only where the value is at least this: the cap of a cut surface.
+  // Draws only values of at least this: the cap of a cut surface.
   std::optional<double> least_value;
   // The clip plane that it caps, which then does not cut it: an index of SceneFrame::clip_planes.
   int cap_of = -1;
@@ -40,7 +40,7 @@ struct SceneSlice {
 struct SurfaceLook {
   glm::vec3 color{0.90f, 0.86f, 0.79f};  // sRGB
   double opacity = 1.0;
-  double order = 0.0;  // of translucent ones, ascending: what lies within another comes before it
+  double order = 0.0;  // of translucent ones, ascending: an inner one comes first
 };
 
 // Points with dot(normal, point) >= offset stay.
@@ -68,11 +68,11 @@ struct SceneFrame {
   SceneLattice lattice;
 
   std::vector<ChunkId> chunks;
-  std::vector<SurfaceLook> surfaces{SurfaceLook{}};  // chunks say by number which is theirs
+  std::vector<SurfaceLook> surfaces{SurfaceLook{}};  // chunks name theirs by number
   bool color_by_level = false;
-  int first_level = 0;  // which level of the volume the chunks' level 0 is: of previews not its own
-  // By the vertices' values, where they have one: the ends of kValueColors are for these shares of
-  // their range. Comes before color_by_level.
+  int first_level = 0;  // the volume's level that the chunks' level 0 is: above 0 for previews
+  // Colours by the vertices' values, if they have any: these shares of their range get the ends of
+  // kValueColors. Comes before color_by_level.
   std::optional<std::array<double, 2>> value_window;
   std::optional<glm::vec3>
       transition_color;  // of cells that join two levels, sRGB; none: as others
@@ -81,7 +81,7 @@ struct SceneFrame {
   bool ambient_occlusion = false;  // surfaces shade each other, as if light came from all around
   std::vector<SceneClipPlane> clip_planes;  // at most 6
   std::vector<SceneSlice> slices;
-  std::vector<SceneSegment> segments;   // thin lines, hidden by what is in front of them
+  std::vector<SceneSegment> segments;   // thin lines, hidden by surfaces in front of them
   std::optional<SphereOutline> sphere;  // its outline, over everything
   bool fill_sphere = false;             // and its inside, translucent
 

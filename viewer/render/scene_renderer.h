@@ -21,8 +21,7 @@ class SceneRenderer {
  public:
   virtual ~SceneRenderer() = default;
 
-  // Makes room for a chunk, of which nothing is there yet. Throws Error where there is no memory
-  // for it.
+  // Makes room for a chunk, without its bytes. Throws Error if there is no memory for it.
   virtual ChunkId reserve(const SurfaceChunk& chunk) = 0;
   // Copies some of the bytes of that chunk, at most kPieceBytes: its vertices, then its triangles.
   // Never waits; false: not now, but in the next frame.
@@ -43,13 +42,13 @@ class SceneRenderer {
   // Draws a frame of at least one pixel. Everything that it names is kept here.
   virtual void draw(const SceneFrame& frame) = 0;
 
-  // For the frame that was drawn last: how far along the camera's forward axis the surface under a
-  // pixel (from the top left) lies; none where there is only background.
+  // For the frame that was drawn last: the distance along the camera's forward axis of the surface
+  // under a pixel (from the top left); none if there is only background.
   virtual std::optional<double> distanceAt(const glm::dvec2& pixel) = 0;
-  // Its colours; with alpha where it was transparent.
+  // Its colours; with alpha if it was transparent.
   virtual Image picture() = 0;
-  // How far along the camera's forward axis what is seen at each pixel lies, rows from top to
-  // bottom; infinity where there is only background.
+  // The distances along the camera's forward axis at each pixel, rows from top to bottom; infinity
+  // for background.
   virtual std::vector<float> distances() = 0;
   // Greatest width and height of a frame in pixels.
   virtual int greatestSize() const = 0;

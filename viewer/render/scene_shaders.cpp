@@ -250,7 +250,7 @@ void main() {
 }
 )";
 
-// For depths: where pixels are in eye coordinates.
+// For depths: the places of pixels in eye coordinates.
 constexpr char kPlacesOfPixels[] = R"(
 layout(binding = 0) uniform sampler2D depths;
 uniform vec4 projection;
@@ -279,8 +279,8 @@ float radiusAt(float distance) {
 }
 )";
 
-// Surfaces that rise over the plane of a pixel shade it, the more the nearer it is. The places that
-// are looked at turn from pixel to pixel, so that 4 x 4 of them see as much as 256 places.
+// Surfaces that rise over the plane of a pixel shade it, the more the nearer it is. The sampled
+// places turn from pixel to pixel, so that 4 x 4 pixels cover as much as 256 places.
 constexpr char kOcclusionFragmentShader[] = R"(
 out float open;
 

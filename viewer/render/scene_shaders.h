@@ -1,6 +1,6 @@
-// The renderer's programs: what light does, as GLSL 4.50. They belong to the context that is
-// current when they are made. Each function throws Error with the driver's words where it refuses
-// the GLSL. All colours, in and out, are linear light; depth is reversed (1 near, 0 far).
+// The renderer's programs: lighting, as GLSL 4.50. They belong to the context that is current when
+// they are made. Each function throws Error with the driver's words if it refuses the GLSL. All
+// colours, in and out, are linear light; depth is reversed (1 near, 0 far).
 #pragma once
 
 #include <epoxy/gl.h>
@@ -14,17 +14,17 @@
 
 namespace isobrick {
 
-// Lit triangles, front and back told apart.
+// Lit triangles, with front and back in different colours.
 // Attributes: 0 vec3 position from the chunk's origin, 1 vec4 outward normal in world axes and
-// SurfaceVertex::value. With
-// `wireframe` there are none: vertices and indices are read from the buffer at binding 0, laid out
-// as SurfaceVertex and then three indices a triangle, and 3 vertices a triangle are drawn.
+// SurfaceVertex::value. With `wireframe` there are none: vertices and indices are read from the
+// buffer at binding 0, laid out as SurfaceVertex and then three indices a triangle, and 3 vertices
+// a triangle are drawn.
 // Uniforms: vec3 chunk_offset, eye_rest; mat3 lattice_to_eye, world_to_eye; vec4 projection (x and
 // y scale, depth scale and offset); bool orthographic, headlight; vec4 clip_planes[6] (eye
 // coordinates); int clip_count; vec4 surface_color; vec3 back_color; bool as_normals (the colour is
 // the normal, world); bool by_value; vec2 value_window (shares of the range for the ends of
-// value_colors, 5 of them); with `wireframe`
-// uint first_index (the place of the first index in the buffer, in 4 bytes).
+// value_colors, 5 of them); with `wireframe` uint first_index (the place of the first index in the
+// buffer, in 4 bytes).
 GlProgram makeSurfaceProgram(bool wireframe);
 
 // The ground of the picture, from top to bottom. Draw 3 vertices without attributes.
@@ -50,8 +50,8 @@ GlProgram makeSliceProgram();
 GlProgram makeSphereProgram();
 constexpr GLsizei kSphereVertices = 6 * 32 * 64;
 
-// How much of the light from all around reaches what is seen at a pixel, by the depths around it: 1
-// all of it. Draw 3 vertices. Uniforms: sampler2D depths at unit 0; vec4 projection; bool
+// The share of the light from all around that reaches the surface at a pixel, by the depths around
+// it: 1 is all. Draw 3 vertices. Uniforms: sampler2D depths at unit 0; vec4 projection; bool
 // orthographic; float reach (pixels around each, within which things shade each other).
 GlProgram makeOcclusionProgram();
 

@@ -64,7 +64,7 @@ class MeshCutter {
 
   const RenderMesh& mesh_;
   glm::dvec3 origin_;
-  std::vector<std::uint32_t> numbers_;  // of the mesh's vertices in the chunk at hand
+  std::vector<std::uint32_t> numbers_;  // of the mesh's vertices in the current chunk
   std::vector<std::uint32_t> used_;
 };
 

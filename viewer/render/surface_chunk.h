@@ -29,12 +29,12 @@ glm::vec3 unpackNormal(const std::array<std::int16_t, 3>& packed);
 // A share of the range of all values, 0 .. 1, as -32766 .. 32767; not a number: kNoVertexValue.
 std::int16_t packValue(double share);
 
-// The facts that the content of a chunk depends on, if that is not what lies around its brick: the
-// same key, the same bytes.
+// The facts that the content of a chunk depends on, if it does not depend on other bricks: equal
+// keys mean equal bytes.
 struct ChunkKey {
   int surface = 0;
   double isovalue = 0.0;
-  std::uint64_t values = 0;  // a number for what vertices carry; 0: nothing
+  std::uint64_t values = 0;  // a number for the values at vertices; 0: none
   int level = 0;
   std::array<std::int64_t, 3> brick{};
 
@@ -48,7 +48,7 @@ struct SurfaceChunk {
   std::vector<SurfaceVertex> vertices;
   glm::vec3 lower{0.0f}, upper{0.0f};    // the least box around the vertices
   std::vector<std::uint32_t> triangles;  // 3 indices each, counter-clockwise seen from the outside
-  // How many of them, at the end, are of cells that join two levels.
+  // The last so many of them belong to transition cells, which join two levels.
   std::size_t transition_indices = 0;
   int level = 0;                // of the pyramid
   int surface = 0;              // which of the scene's surfaces
@@ -72,8 +72,8 @@ struct SceneLattice {
 
 // The eye in the lattice, in two parts: a snapped one for which origin - snapped is a float without
 // rounding for every chunk within `reach` of it, and the small rest that is the same for all. Then
-// position + (origin - snapped) is the correctly rounded sum of what both chunks at a brick's side
-// mean, so the sides of neighbours have the same bits and nothing shines through between them.
+// position + (origin - snapped) is the correctly rounded sum for both chunks at a brick's side, so
+// the sides of neighbours have the same bits and nothing shines through between them.
 struct SnappedEye {
   glm::dvec3 snapped{0.0};
   glm::dvec3 rest{0.0};
@@ -84,7 +84,7 @@ struct SnappedEye {
 SnappedEye snapEye(const glm::dvec3& eye, double reach);
 
 // A mesh of world positions as chunks of at most 2^18 triangles, with a common origin. Triangles
-// are sorted by their levels where those are asked for. The scene's lattice is the world itself.
+// are sorted by their levels if `with_levels`. The scene's lattice is the world itself.
 std::vector<SurfaceChunk> chunksOf(const RenderMesh& mesh, bool with_levels);
 
 }  // namespace isobrick

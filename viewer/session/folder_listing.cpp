@@ -16,8 +16,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// Bytes of the character that begins at `at`; 0 where none does. Overlong forms, surrogates and
-// what lies beyond U+10FFFF are none.
+// Bytes of the character that begins at `at`; 0 if none does. Overlong forms, surrogates and codes
+// beyond U+10FFFF are none.
 std::size_t characterBytes(const std::string& text, std::size_t at) {
   const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(text[i]); };
   const unsigned first = byte(at);
@@ -91,13 +91,13 @@ namespace {
 namespace fs = std::filesystem;
 
 bool canBeKept(std::string_view path) {
-  constexpr std::size_t kLongest = 4095;  // what the system takes
+  constexpr std::size_t kLongest = 4095;  // the system's limit
   return !path.empty() && path.front() == '/' && path.size() <= kLongest &&
          std::none_of(path.begin(), path.end(),
                       [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7f; });
 }
 
-// Relative paths are to be ignored, as the base directory specification has it.
+// Ignores relative paths, as the base directory specification says.
 fs::path folderNamed(const char* variable) {
   const char* const value = std::getenv(variable);
   return value != nullptr && *value == '/' ? fs::path(value) : fs::path();
@@ -157,7 +157,7 @@ void writeRecentFiles(const std::string& path, const std::vector<std::string>& r
   AtomicFile file(path);
   file.write(text.data(), text.size());
   file.commit();
-} catch (const std::exception&) {  // what was opened is there all the same
+} catch (const std::exception&) {  // the volume is open all the same
 }
 
 }  // namespace isobrick

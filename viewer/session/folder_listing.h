@@ -1,4 +1,4 @@
-// The entries of a folder, for people who choose from it.
+// The entries of a folder, from which the user chooses.
 #pragma once
 
 #include <string>
@@ -22,12 +22,12 @@ struct FolderListing {
 };
 inline constexpr std::size_t kMostFolderEntries = 4000;
 
-// Regular files and folders, links to them included. Throws Error where the folder cannot be read,
-// and Cancelled.
+// Regular files and folders, links to them included. Throws Error if the folder cannot be read, and
+// Cancelled.
 FolderListing listFolder(const std::string& folder, const CancelFlag& cancel);
 
-// Bytes from anywhere as one line of UTF-8: what is none, and what could move a cursor, becomes
-// '?'.
+// Bytes of any origin as one line of UTF-8: bytes that are none, and characters that could move a
+// cursor, become '?'.
 std::string shownName(const std::string& bytes);
 
 inline constexpr std::size_t kMostRecentFiles = 12;
@@ -37,12 +37,12 @@ inline constexpr std::size_t kMostRecentFiles = 12;
 std::vector<std::string> withRecent(std::vector<std::string> recent, const std::string& path);
 
 // Absolute paths, one a line, as the file has them: at most kMostRecentFiles. An entry that is no
-// such path is left out, whoever wrote it.
+// such path is left out.
 std::vector<std::string> recentFromText(std::string_view text);
 std::string recentToText(const std::vector<std::string>& recent);
 
-// Where the list lies: isobrick/recent in $XDG_STATE_HOME, or in ~/.local/state. Empty where there
-// is no such folder to be named.
+// The path of the list: isobrick/recent in $XDG_STATE_HOME, or in ~/.local/state. Empty if neither
+// is defined.
 std::string recentFilesPath();
 // Neither throws: a list that cannot be read is empty, and one that cannot be written is lost. At
 // most 64 KiB are read, from a regular file.

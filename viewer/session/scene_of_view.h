@@ -1,4 +1,4 @@
-// From what a view says to what a picture shows.
+// From the state of a view to the scene of a picture.
 #pragma once
 
 #include <array>
@@ -11,7 +11,7 @@
 
 namespace isobrick {
 
-// A slice or a cap that the view wants.
+// A slice or a cap that the view shows.
 struct WantedPlane {
   IndexPlane plane;
   int cap_of = -1;  // the clip plane, as it is numbered in the scene
@@ -20,11 +20,11 @@ struct WantedPlane {
 };
 std::vector<WantedPlane> planesOf(const ViewState& state, const ViewVolume& volume);
 
-// All of a frame but what a renderer keeps: chunks, and the images of slices.
+// All of a frame but the objects that a renderer keeps: chunks, and the images of slices.
 SceneFrame sceneOf(const ViewState& state, const ViewVolume& volume, int width, int height);
 
-// The values of the darkest and the lightest colour, where the view colours by values, of which the
-// vertices' are in `range`.
+// The values of the darkest and the lightest colour, if the view colours by values; `range`: of the
+// vertices' values.
 std::optional<std::array<double, 2>> valueWindowOf(const ViewState& state,
                                                    const std::array<double, 2>& range);
 

@@ -8,7 +8,7 @@
 namespace isobrick {
 namespace {
 
-// Where a vertex is, in voxels, and its surface.
+// The position of a vertex, in voxels, and its surface.
 using Place = std::array<double, 4>;
 
 struct PlaceHash {
@@ -21,7 +21,7 @@ struct PlaceHash {
 
 void takeShownMesh(const SceneRenderer& renderer, const std::vector<ChunkId>& chunks,
                    const MeshFrame& frame, TriangleSink& sink) {
-  std::unordered_map<Place, EdgeKey, PlaceHash> keys;  // which edge it was nobody knows any more
+  std::unordered_map<Place, EdgeKey, PlaceHash> keys;  // the vertex's edge is not stored any more
   sink.begin(frame);
   for (const ChunkId id : chunks) {
     const SurfaceChunk chunk = renderer.download(id);

@@ -1,4 +1,4 @@
-// The mesh that is on the screen, taken back from what draws it.
+// The mesh that is on the screen, read back from the renderer.
 #pragma once
 
 #include <vector>
@@ -8,10 +8,10 @@
 
 namespace isobrick {
 
-// Gives what the renderer keeps of `chunks` to the sink, chunk by chunk. Positions are the same to
+// Passes the renderer's copies of `chunks` to the sink, chunk by chunk. Positions are the same to
 // the bit on both sides of a brick, so vertices in the same place of one surface become one vertex:
 // a mesh that has a gap on the screen has one in the sink. `frame`: of the pyramid that the chunks
-// are of. Normals have the 16 bits that they are drawn with. Throws what the sink throws.
+// are of. Normals have the 16 bits that they are drawn with. Passes on exceptions of the sink.
 void takeShownMesh(const SceneRenderer& renderer, const std::vector<ChunkId>& chunks,
                    const MeshFrame& frame, TriangleSink& sink);
 

@@ -6,13 +6,13 @@
 
 namespace isobrick {
 
-// From the oldest request that a new surface answers until the frame that shows it is begun: how
-// old what was shown before had become. Seconds, none below 0.
+// From the oldest request that a new surface answers until the frame that shows it is begun: the
+// age that the surface shown before had reached. Seconds, none below 0.
 struct SurfaceWait {
   double before = 0.0;      // passes that were finished or given up first, and the thread's start
   double extraction = 0.0;  // of the surface itself
   double uploads = 0.0;     // and the rest of the interface's work, since it was extracted
-  double drawing = 0.0;     // since then too, of frames that show what was there before
+  double drawing = 0.0;     // since then too, of frames that show the surface before
 
   double total() const { return before + extraction + uploads + drawing; }
 };
@@ -26,7 +26,7 @@ class DrawingTimes {
  public:
   // Ascending, apart from each other.
   void add(double begin, double end);
-  // How much of the time since then was spent on it, of the last 240 frames.
+  // The seconds since `moment` that were spent on drawing, in the last 240 frames.
   double since(double moment) const;
 
  private:

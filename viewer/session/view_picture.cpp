@@ -30,7 +30,7 @@ ViewPicture drawView(std::shared_ptr<const Pyramid> pyramid, const ViewState& st
   resize.y = height;
   session.apply(resize, 0.0, false);
   session.state() = state;
-  double clock = 0.0;  // nobody moves anything: any clock does
+  double clock = 0.0;  // nothing moves: any clock does
   do {
     cancel.check();
     session.update(clock += 1.0);

@@ -280,7 +280,7 @@ const char* nameOf(MouseButton button) {
                                           : "right";
 }
 
-// The step that an event is; null where it is none.
+// The step that an event is; null if it is none.
 Json stepOf(const InputEvent& event) {
   Json step;
   switch (event.kind) {
@@ -332,7 +332,7 @@ void ScriptRecorder::add(double seconds, const InputEvent& event) {
     steps_.push_back(Json{{"wait", wait}}.dump());
   }
   last_ = seconds;
-  // A path may be no UTF-8, of which alone JSON is made.
+  // A path may be no UTF-8, but JSON is always UTF-8.
   steps_.push_back(step.dump(-1, ' ', false, Json::error_handler_t::replace));
 }
 

@@ -28,7 +28,8 @@ struct ScriptPatch {  // fields of the state, as a JSON merge patch
   std::string json;
 };
 struct ScriptWait {
-  // For a time; until all is there, as fine as it gets; until that, or a preview of what is built.
+  // For a time; until all is as fine as it gets; until that, or until a preview of the build is
+  // shown.
   enum class What { kSeconds, kSettled, kPreview } what = What::kSettled;
   double seconds = 0.0;
 };
@@ -45,13 +46,13 @@ using ScriptStep = std::variant<ScriptLoss, ScriptEvent, ScriptMotion, ScriptSwe
 
 struct ViewScript {
   int width = 1280, height = 800;  // of the picture, pixels
-  double scale = 1.0;              // of the interface, where there is no window; 1 .. kMostScale
+  double scale = 1.0;              // of the interface, without a window; 1 .. kMostScale
   std::vector<ScriptStep> steps;
 };
 
-// Throws Error, in one line that names the step, for what is no script.
+// Throws Error, in one line that names the step, for text that is no script.
 ViewScript viewScriptFromJson(const std::string& text);
-// The same of a file; Error names the path.
+// The same for a file; Error names the path.
 ViewScript readViewScript(const std::string& path);
 
 // Records the user's input as a script that repeats it. Time is the caller's.
@@ -76,8 +77,7 @@ struct ScriptFrame {
   bool finished = false;           // there is no further step
 };
 
-// The last frame: all that the state asks for; a preview of what is built, as fine as
-// it gets.
+// The last frame: whether it shows the whole state, or a preview of the build, as fine as it gets.
 struct ScriptSight {
   bool settled = false;
   bool preview = false;
@@ -88,14 +88,14 @@ class ScriptPlayer {
  public:
   explicit ScriptPlayer(ViewScript script) : script_(std::move(script)) {}
 
-  // Throws Error where a patch gives no view.
+  // Throws Error if a patch gives no view.
   ScriptFrame next(double seconds, const ScriptSight& sight, const ViewState& state);
   // From a wait for a preview to the next wait nothing may take its place.
   bool keepsPreview() const { return keeps_preview_ && step_ < script_.steps.size(); }
 
  private:
   bool isDone(const ScriptWait& wait, double elapsed, const ScriptSight& sight) const;
-  // True where the step is done with this frame.
+  // True if the step is done with this frame.
   bool play(const ScriptStep& step, double elapsed, const ScriptSight& sight,
             const ViewState& state, ScriptFrame& frame) const;
 

@@ -17,14 +17,14 @@
 namespace isobrick {
 namespace {
 
-// A user who did not change anything for so long rests.
+// The view is at rest if the user has not changed anything for so long.
 constexpr double kRestSeconds = 0.15;
 constexpr int kMostSliceValues = 512;  // to a side
 // For all slices and caps, which come together.
 constexpr std::uint64_t kMostPlaneBytes =
     (kMostClipPlanes + 3) * kMostSliceValues * kMostSliceValues * sizeof(float);
 static_assert(kMostPlaneBytes <= kUploadBytes);
-// So long a drawing waits for the next surface, where it takes longer itself.
+// A drawing waits so long for the next surface, if it takes longer itself.
 constexpr double kPostponedSeconds = 0.1;
 
 ViewVolume volumeOf(const Pyramid& pyramid, const std::optional<PreviewOf>& preview_of) {
@@ -59,8 +59,7 @@ void addCounts(const std::vector<LevelCounts>& counts, std::vector<LevelCounts>&
             [](const LevelCounts& a, const LevelCounts& b) { return a.level < b.level; });
 }
 
-// As if all of the pass had been made at the rate of what was not reused; where that is little, the
-// pass tells nothing.
+// Takes the rate of the triangles that were not reused for all; does nothing if these are few.
 DragQuality measuredPass(const DragQuality& quality, const StreamMessage& pass) {
   if (4 * pass.triangles_made < pass.triangles) return quality;
   const double share = pass.triangles == 0 ? 1.0
@@ -126,7 +125,7 @@ void ViewSession::resume(SceneRenderer& renderer) {
   surfaces_.emplace(renderer, gpu_budget_bytes_);
 }
 
-// For a pass that began before suspend() a part is gone.
+// Drops messages of passes that began before suspend(), as a part of these is gone.
 std::optional<StreamMessage> ViewSession::nextMessage() {
   auto message = stream_.poll();
   while (message && message->request <= forgotten_request_) message = stream_.poll();
@@ -184,7 +183,7 @@ void ViewSession::update(double seconds, UploadAllowance& allowance) {
   const bool is_held = interaction_.drag != Interaction::Drag::kNone || interaction_.flying;
   if (framed_) history_.note(state_, is_held, seconds);
   updatePlanes(allowance);
-  // The past extractions tell how much to ask for.
+  // The past extractions decide the size of the next request.
   takeNews(surfaces_->pump([&] { return nextMessage(); }, clockSeconds, allowance));
   requestSurfaces(seconds);
   if (auto outcome = mesh_worker_.poll()) {
@@ -193,7 +192,8 @@ void ViewSession::update(double seconds, UploadAllowance& allowance) {
   }
 }
 
-// While the state changes, one pass that fits the time; at rest, all that is wanted.
+// While the state changes, one pass that fits the time; at rest, all passes up to the wanted
+// radius.
 void ViewSession::requestSurfaces(double seconds) {
   const double wanted = radiusAtRest();
   const bool first = !requested_;
@@ -253,8 +253,8 @@ StreamPass ViewSession::passOf(double radius) const {
   return pass;
 }
 
-// As fine as with this radius, or finer, but not finer than is wanted, and nothing that is under
-// way will replace it.
+// As fine as with this radius, or finer, but not finer than wanted, and no pass under way will
+// replace it.
 bool ViewSession::isShown(std::size_t surface, double radius) const {
   const int number = static_cast<int>(surface);
   if (!request_times_.empty() && kept_.count(number) == 0) return false;
@@ -280,13 +280,13 @@ void ViewSession::boundFirstPass(StreamRequest& request) const {
 
 StreamValues ViewSession::wantedValues() const {
   if (state_.coloring == ViewColoring::kGradient) return {StreamValues::What::kGradient, ""};
-  // Until one was named there is nothing to colour by.
+  // Until a pyramid was named there is nothing to colour by.
   if (state_.coloring == ViewColoring::kOther && !state_.values.other.empty())
     return {StreamValues::What::kOther, state_.values.other};
   return {};
 }
 
-// `at_once`: nothing of what they ask for is shown yet.
+// `at_once`: no part of the requested surfaces is shown yet.
 void ViewSession::requestPasses(const std::vector<double>& radii, bool at_once, double seconds) {
   StreamRequest request;
   for (const double radius : radii) request.passes.push_back(passOf(radius));
@@ -324,14 +324,14 @@ bool ViewSession::drawsBetterLater() const {
          longestWait().value_or(kPostponedSeconds) < kPostponedSeconds;
 }
 
-// Seconds for which the user has waited for what is not shown yet; none if nothing is awaited.
+// Seconds for which the user has waited for a surface that is not shown yet; none without one.
 std::optional<double> ViewSession::longestWait() const {
   for (const auto& [request, since] : request_times_)
     if (since) return now_ - *since;
   return std::nullopt;
 }
 
-// `pass` will be shown; nobody waits any longer for what it answers.
+// `pass` will be shown; the wait for the requests that it answers is over.
 void ViewSession::noteWait(const StreamMessage& pass) {
   const std::optional<double> waited = longestWait();
   request_times_.erase(request_times_.begin(), request_times_.upper_bound(pass.request));
@@ -370,7 +370,7 @@ void ViewSession::takeNews(const SurfaceSet::News& news) {
 void ViewSession::shrinkToBudget() {
   stream_.cancel();
   over_budget_ = true;
-  // The next user who moves begins with what fits.
+  // The next drag begins with a radius that fits.
   quality_.radius = std::max(kLeastRadius, 0.7 * std::min(quality_.radius, first_radius_));
   // The part of this request that is shown already is as fine as it gets.
   if (!showsTheLatest() && first_radius_ > 1.0)

@@ -1,4 +1,4 @@
-// A volume being looked at: events in, frames out, with extraction beside it. No window.
+// A volume in view: events in, frames out, with extraction beside it. No window.
 #pragma once
 
 #include <map>
@@ -26,15 +26,15 @@ namespace isobrick {
 struct SessionOptions {
   int threads = 1;                                          // of the extraction
   std::uint64_t gpu_budget_bytes = std::uint64_t{1} << 30;  // of chunks in the renderer
-  // Where the pyramid is a preview. It is then shown as fine as it is, whatever the view asks for;
-  // view and volume() are those of the volume, but for the range of its values.
+  // Given if the pyramid is a preview. It is then shown as fine as it is, whatever the view's
+  // settings; view and volume() are those of the volume, but for the range of its values.
   std::optional<PreviewOf> preview_of = {};
 };
 
-// The state of the work, for people.
+// The state of the work, for the user.
 struct SessionStatus {
-  std::string doing;            // "ready", or what is under way
-  std::string limited;          // what limits what is shown; empty: nothing
+  std::string doing;            // "ready", or the work under way
+  std::string limited;          // the limit on the shown surface; empty: none
   std::string error;            // of the last extraction, slice or mesh; empty: none
   double shown_radius = 0.0;    // voxels
   double wanted_radius = 0.0;   // voxels
@@ -47,19 +47,19 @@ struct SessionStatus {
   double triangles_per_second = 0.0;
   double drag_radius = 0.0;
   std::uint64_t passes = 0;  // completed
-  double surface_age = 0.0;  // seconds since the surface shown was last the one asked for
+  double surface_age = 0.0;  // seconds since the shown surface was last the requested one
   std::vector<LevelCounts> levels;
 };
 
 // Belongs to one thread, that of the renderer, which outlives it. Time is the caller's: seconds
-// that run on. For each frame: apply() all events, change state() as the user asks, update()
+// that run on. For each frame: apply() all events, change state() by the user's input, update()
 // once or more often, draw().
 class ViewSession {
  public:
   // Reads the histogram. Throws Error for a damaged one.
   ViewSession(std::shared_ptr<const Pyramid> pyramid, SceneRenderer& renderer,
               const SessionOptions& options);
-  // The same of a pyramid of which it was read before.
+  // The same for a pyramid whose histogram was read before.
   ViewSession(std::shared_ptr<const Pyramid> pyramid, ValueHistogram histogram,
               SceneRenderer& renderer, const SessionOptions& options);
   ~ViewSession();
@@ -73,19 +73,19 @@ class ViewSession {
   const ValueHistogram& histogram() const { return histogram_; }
   const Pyramid& pyramid() const { return *pyramid_; }
 
-  // Nothing: what is shown is the volume itself.
+  // Nothing if the volume itself is shown.
   const std::optional<PreviewOf>& previewOf() const { return preview_of_; }
-  // Goes on from `other`, which shows the same volume, or a preview of it: with the drag that is
-  // under way, the camera, and all of the view that the user changed since it was opened.
+  // Goes on from `other`, which shows the same volume, or a preview of it: with the current drag,
+  // the camera, and all of the view that the user changed since it was opened.
   void follow(const ViewSession& other);
-  // Something was shown, or there is nothing to show.
+  // True if something was shown, or there is nothing to show.
   bool hasShown() const;
   bool writesMesh() const { return mesh_worker_.busy(); }
 
   // The event's wishes to the caller; those about the view have been granted already.
   Wishes apply(const InputEvent& event, double seconds, bool on_panel);
 
-  // Asks for what the state needs and takes what has come, as far as `allowance`, the frame's.
+  // Requests surfaces for the state and takes those that have come, within the frame's `allowance`.
   void update(double seconds, UploadAllowance& allowance);
   // In a frame of its own.
   void update(double seconds) {
@@ -97,25 +97,25 @@ class ViewSession {
   void suspend();
   void resume(SceneRenderer& renderer);
 
-  // Draws what is there, with the size of the interaction; false where that is nothing.
+  // Draws the chunks so far, with the size of the interaction; false if that size is 0.
   bool draw();
 
   // The scene of draw() as a picture, `times` as large along both sides, or as much as the renderer
   // can; with `layers`, depth and normals too. Draws, so the next draw() makes the screen's anew.
-  // Throws Error where there is no memory for it.
+  // Throws Error if there is no memory for it.
   Image picture(int times, bool layers);
 
   // How long the frame drawn last took, with showing it: a slow picture gets coarser surfaces
   // during drags.
   void noteDrawing(double seconds);
-  // The scene draws slowly, and the surface of the latest request will soon be there: update() and
-  // ask again before it is drawn once more.
+  // The scene draws slowly, and the surface of the latest request will soon be there: call update()
+  // and this again before it is drawn once more.
   bool drawsBetterLater() const;
 
-  // True if the scene is the one that the state asks for, as fine as it will get, slices included.
+  // True if the scene is the one of the state, as fine as it will get, slices included.
   bool settled() const;
   SessionStatus status() const;
-  // The values of the darkest and the lightest colour, where what is shown has values.
+  // The values of the darkest and the lightest colour, if the shown surface has values.
   std::optional<std::array<double, 2>> valueWindow() const {
     return valueWindowOf(state_, shown_pass_.values);
   }
@@ -124,13 +124,13 @@ class ViewSession {
   // For the surfaces that the last update() began to show.
   const std::vector<SurfaceWait>& waits() const { return waits_; }
 
-  // The surface under a pixel of the frame drawn last; nothing where there is background.
+  // The surface under a pixel of the frame drawn last; none if there is background.
   std::optional<glm::dvec3> surfaceAt(const glm::dvec2& pixel);
 
-  // Writes the active surface, as fine as it is wanted, in the background.
+  // Writes the active surface, as fine as the view's settings, in the background.
   void exportMesh(const std::string& path);
-  // Writes what is on the screen now, all surfaces, as it was drawn; to look for faults. Waits for
-  // it. Throws Error.
+  // Writes the mesh that is on the screen now, all surfaces, as it was drawn; to look for faults.
+  // Waits for it. Throws Error.
   void writeShownMesh(const std::string& path) const;
   // The file that was written since the last call.
   std::optional<std::string> takeExported();
@@ -192,16 +192,16 @@ class ViewSession {
   double last_update_ = 0.0;
 
   DragQuality quality_;
-  std::optional<ViewState> requested_;  // what the last request was made of
+  std::optional<ViewState> requested_;  // the state of the last request
   double last_change_ = 0.0;            // when a request last differed from the one before
   bool asked_for_all_ = false;          // since then
-  bool ask_again_ = false;              // what was asked for could not be answered any longer
-  bool shows_less_ = false;             // than the stream's messages brought
+  bool ask_again_ = false;              // the request could not be answered any longer
+  bool shows_less_ = false;             // than the stream's messages contained
   std::set<int> kept_;                  // surfaces that all requests under way keep
   bool over_budget_ = false;
   double first_radius_ = 0.0;  // of the latest request's first pass
   std::uint64_t last_request_ = 0, shown_request_ = 0;
-  // For those after the one that is shown; without a time: what is shown is what it asks for,
+  // For requests after the one that is shown; without a time if the shown surface answers it,
   // coarser.
   std::map<std::uint64_t, std::optional<double>> request_times_;
   double now_ = 0.0;

@@ -82,7 +82,7 @@ void VolumeOpener::takeIn(const std::string& path, const PreviewOf& preview_of,
     preview.source = source;
     preview.pyramid.clear();
     preview.preview_of = preview_of;
-    // It is open: nobody needs its name.
+    // It is open: its name is not needed any more.
     std::error_code ignored;
     fs::remove(path, ignored);
     const std::lock_guard lock(mutex_);

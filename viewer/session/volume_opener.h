@@ -18,7 +18,7 @@
 namespace isobrick {
 
 // The preview has every `step`-th voxel along each axis, from the first one on, and perhaps not all
-// slices of them, in the place of the world where the volume is.
+// slices of them, at the volume's place in the world.
 struct PreviewOf {
   std::int64_t step = 2;  // a power of two
   Index3 voxels{2};       // of the volume
@@ -26,22 +26,22 @@ struct PreviewOf {
 
 // The reports of a build under way.
 struct BuildListener {
-  // How far it is: the phase ("bricks"), and the share of it that is done, 0 .. 1.
+  // The phase ("bricks"), and the share of it that is done, 0 .. 1.
   std::function<void(std::string_view phase, double share)> progress;
-  // A pyramid of what was read by now; the file may be removed, and is not needed when this
+  // A pyramid of the slices read so far; the file may be removed, and is not needed when this
   // returns.
   std::function<void(const std::string& path, const PreviewOf&)> preview;
 };
 // Makes a pyramid of a volume, unless there is a current one, and returns its path. Throws Error
-// for what is no volume, and Cancelled.
+// for a path that is no volume, and Cancelled.
 using VolumeBuilder =
     std::function<std::string(const std::string& input, const BuildListener&, const CancelFlag&)>;
 
-// A pyramid that is ready to be looked at.
+// A pyramid that is ready to be shown.
 struct OpenedVolume {
-  std::string source;   // what was asked for
-  std::string pyramid;  // the file; the same, or what was built of it; a preview's has none
-  std::optional<PreviewOf> preview_of;  // where it is one, of what is being built
+  std::string source;   // as the user named it
+  std::string pyramid;  // the file; the same, or the one built from it; a preview has none
+  std::optional<PreviewOf> preview_of;  // if it is one, of the build under way
   std::shared_ptr<const Pyramid> file;
   ValueHistogram histogram;
 };
@@ -53,7 +53,7 @@ OpenedVolume openPyramid(const std::string& path, std::uint64_t memory_bytes);
 // wait, but the destructor waits for the end of a build.
 class VolumeOpener {
  public:
-  // An opening that ended: a volume, or why there is none.
+  // An opening that ended: a volume, or the reason for none.
   struct Outcome {
     std::string source;
     std::optional<OpenedVolume> volume;
@@ -61,7 +61,7 @@ class VolumeOpener {
   };
   struct Status {
     bool busy = false;
-    std::string source;  // what is being opened
+    std::string source;  // the path that is being opened
     std::string phase;   // of its build; empty: it is only opened
     double share = 0.0;  // of the phase
   };
@@ -69,11 +69,11 @@ class VolumeOpener {
   // `build` is called on a thread of the opener.
   VolumeOpener(VolumeBuilder build, std::uint64_t memory_bytes);
 
-  // A path, or what else `build` knows.
+  // A path, or another name that `build` takes.
   void open(const std::string& source);
   void cancel();
   std::optional<Outcome> poll();  // each once
-  // The last preview of what is being opened, once.
+  // The last preview of the volume that is being opened, once.
   std::optional<OpenedVolume> takePreview();
   Status status() const;
 

@@ -1,4 +1,5 @@
-// Which volume is shown: previews while its pyramid is built, then the pyramid, with the same view.
+// The volume that is shown: previews while its pyramid is built, then the pyramid, with the same
+// view.
 #pragma once
 
 #include <memory>
@@ -21,17 +22,16 @@ class VolumeShow {
   bool showsPreview() const { return shown_ && shown_->opened.preview_of; }
 
   // A window of `size` pixels, of `scale`, or 0 while there is none, shows it: at once, or, after a
-  // preview of the same volume, once it is there as fine as it gets, or the user changes the
-  // surface.
+  // preview of the same volume, once it is as fine as it gets, or the user changes the surface.
   void take(OpenedVolume opened, SceneRenderer& renderer, const glm::dvec2& size, double scale);
-  // Previews will lead to nothing: what was shown before them is shown again.
+  // No volume will follow the previews: shows again the volume before them.
   void giveUpPreview(SceneRenderer& renderer, const glm::dvec2& size, double scale);
 
-  // As those of ViewSession; what is shown, and what follows it, share `allowance`.
+  // As those of ViewSession; the shown session and the next one share `allowance`.
   void update(double seconds, UploadAllowance& allowance);
   void suspend();
   void resume(SceneRenderer& renderer);
-  // Nothing is about to take the place of what is shown, which is as fine as it gets.
+  // True if nothing is about to replace the shown volume, and that is as fine as it gets.
   bool settled() const { return !next_ && (!shown_ || shown_->session->settled()); }
 
  private:
@@ -49,7 +49,7 @@ class VolumeShow {
 
   const SessionOptions options_;
   std::optional<Showing> shown_, next_;
-  std::optional<Aside> aside_;  // what was shown before previews
+  std::optional<Aside> aside_;  // the volume shown before the previews
 };
 
 }  // namespace isobrick

@@ -6,7 +6,7 @@
 namespace isobrick {
 namespace {
 
-// Triangles that say something about a rate.
+// The fewest triangles from which a rate is measured.
 constexpr std::uint64_t kFewest = 1000;
 
 // The growth of a radius that was too large with every surface that was not.
@@ -20,7 +20,7 @@ double fittingTriangles(const DragQuality& quality) {
   return kDragSeconds * rate;
 }
 
-// Whether so many are enough for what they cost to be the time that they took.
+// Whether so many are enough for the time to be mostly their cost.
 bool areMany(const DragQuality& quality, std::uint64_t triangles) {
   constexpr double kShare = 0.25;
   return static_cast<double>(triangles) >= kShare * fittingTriangles(quality);

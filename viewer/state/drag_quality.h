@@ -1,4 +1,4 @@
-// How fine a surface may be during a drag, and in which steps it grows fine again.
+// The detail of a surface during a drag, and the steps in which it grows fine again.
 #pragma once
 
 #include <cstdint>
@@ -8,9 +8,9 @@ namespace isobrick {
 
 // The measured rates of the extractions so far. A value; the functions below give the next one.
 struct DragQuality {
-  double radius = 16.0;               // of interest, voxels: what fits into the time
+  double radius = 16.0;               // of interest, voxels: fits into the time
   double triangles_per_second = 0.0;  // extracted; 0: nothing was measured yet
-  double drawn_per_second = 0.0;      // triangles drawn, by what draws slowly; 0: it does not
+  double drawn_per_second = 0.0;      // triangles drawn, by a slow renderer; 0: it is not slow
   double too_large = 0.0;  // a radius of which lately the triangles were too many; 0: none
 };
 
@@ -34,28 +34,28 @@ DragQuality givenUp(const DragQuality& quality, double radius, std::uint64_t tri
 
 // After a picture of so many triangles. A rasteriser in software is as slow as an extraction.
 // Pictures that take less than half the time, as graphics cards draw them, may only raise a rate,
-// and where that was far lower there is none any longer; few triangles do not lower it either.
+// and remove one that was far lower; few triangles do not lower it either.
 DragQuality drawn(const DragQuality& quality, std::uint64_t triangles, double seconds);
 
-// The radius for a user who moves on, while what it sees has been `age` seconds behind what it
-// asked for. Where frames, or a surface that has suddenly grown, take longer than the stream is
-// patient, every extraction is given up for the next one, and none of them tells its rate; so each
+// The radius for a user who moves on, while the shown surface has been `age` seconds behind the
+// requested one. If frames, or a surface that has suddenly grown, take longer than the stream's
+// patience, every extraction is given up for the next one, and none of them gives a rate; so each
 // gets smaller than the one before, until one is shown.
 double hurriedRadius(double radius, double age);
 
 // Beyond so many triangles a surface for a user who moves is given up for a smaller one: half as
-// many again as fit the time, as a surface may suddenly grow; 0 where nothing was measured yet.
+// many again as fit the time, as a surface may suddenly grow; 0 if nothing was measured yet.
 std::uint64_t mostTriangles(const DragQuality& quality);
 
-// The radii that take the place of `radius` where a surface has too many triangles, each half the
-// one before, down to a quarter.
+// The radii that replace `radius` if a surface has too many triangles, each half the one before,
+// down to a quarter.
 std::vector<double> smallerRadii(double radius);
 
-// The radii of the passes at rest: from what is quick, each twice the last one, to `wanted`. Each
-// pass makes the bricks anew whose leaves are not those of the one before; even where these are
-// all, the geometric growth keeps all passes together to about a third more than the last one.
+// The radii of the passes at rest: from `quick`, each twice the last one, to `wanted`. Each pass
+// makes the bricks anew whose leaves are not those of the one before; even if these are all, the
+// geometric growth keeps all passes together to about a third more than the last one.
 std::vector<double> passRadii(double quick, double wanted);
-// Those that are left, at least one, where the one with `shown` is shown.
+// The remaining ones, at least one, if the one with `shown` is shown.
 std::vector<double> finerRadii(double shown, double wanted);
 
 }  // namespace isobrick

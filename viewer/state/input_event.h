@@ -10,7 +10,7 @@ namespace isobrick {
 
 enum class MouseButton { kLeft, kMiddle, kRight };
 
-// The keys that the viewer knows, beside text.
+// The keys that the viewer uses, beside text.
 enum class Key {
   kNone,
   kA,
@@ -89,7 +89,7 @@ struct InputEvent {
   unsigned character = 0;
   bool shift = false, control = false;
   bool repeated = false;  // a key that is held
-  int clicks = 0;         // of a press: 2 where whoever sends it knows that it is a double click
+  int clicks = 0;         // of a press: 2 if its sender recognises a double click
   std::string path;       // bytes, as the system has them
 
   bool operator==(const InputEvent&) const = default;

@@ -64,7 +64,7 @@ Interaction::Drag dragOf(const InputEvent& event) {
   return event.button == MouseButton::kMiddle ? Interaction::Drag::kPan : Interaction::Drag::kZoom;
 }
 
-// True where the user took a handle or the cube.
+// True if the user took a handle or the cube.
 bool takeHold(const ViewVolume& volume, const ViewState& state, Interaction& interaction) {
   const PictureSize picture = interaction.picture();
   interaction.pressed_face = cubeFaceAt(cubeFacesOf(state.camera, picture), interaction.cursor);

@@ -24,7 +24,7 @@ struct Interaction {
   double scale = 1.0;  // pixels of this screen that are one of an ordinary one, 1 .. kMostScale
   Drag drag = Drag::kNone;
   MouseButton drag_button = MouseButton::kLeft;
-  glm::dvec2 pressed_at{0.0};            // pixels, where the button went down
+  glm::dvec2 pressed_at{0.0};            // pixels, at which the button went down
   std::optional<AxisView> pressed_face;  // of the cube
   std::optional<SceneHandle> held_handle;
   double first_pull = 0.0;  // of it, world units
@@ -55,24 +55,24 @@ struct Wishes {
   bool export_mesh = false;
   bool close = false;
   bool browse = false;              // the list of files to open, on and off
-  bool stop_opening = false;        // what is being opened, or said of it, is not wanted any longer
+  bool stop_opening = false;        // cancels the opening under way, or its message
   std::optional<std::string> open;  // this path
 };
 
-// Both together.
+// Adds the wishes of `more` to `wishes`.
 void addWishes(const Wishes& more, Wishes& wishes);
 
 // A press within this time and distance of the last click is a double click.
 inline constexpr double kDoubleClickSeconds = 0.35;
 inline constexpr double kDoubleClickPixels = 5.0;
 
-// Changes `interaction` and `state` as the event has it. `seconds` is any clock that runs on;
-// `on_panel` says that the cursor, or the keyboard, is on a panel: what begins there stays there.
+// Applies the event to `interaction` and `state`. `seconds` is any clock that runs on; `on_panel`:
+// the cursor, or the keyboard, is on a panel; a drag that begins there stays there.
 Wishes applyEvent(const InputEvent& event, double seconds, bool on_panel, const ViewVolume& volume,
                   Interaction& interaction, ViewState& state);
 
-// Moves a flying camera by the keys that are held: W, S, A, D, E (up), Q (down); Shift is not
-// asked for, the speed follows the size of the volume.
+// Moves a flying camera by the keys that are held: W, S, A, D, E (up), Q (down); Shift has no
+// effect, the speed follows the size of the volume.
 void advanceFlight(double seconds, const ViewVolume& volume, const Interaction& interaction,
                    ViewState& state);
 
@@ -84,7 +84,7 @@ void focusOn(const glm::dvec3& world, const ViewVolume& volume, ViewState& state
 void toggleClipPlane(int axis, const ViewVolume& volume, ViewState& state);
 
 // The next greater one of the isovalues that are suggested, after the greatest the least, for the
-// active surface. Nothing where none is suggested.
+// active surface. Changes nothing if none is suggested.
 void stepIsovalue(const ViewVolume& volume, ViewState& state);
 
 // The keys and what they do, for the help window and the documentation.

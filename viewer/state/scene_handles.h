@@ -18,31 +18,31 @@ struct PictureSize {
   double scale = 1.0;
 };
 
-// An arrow: what it moves is drawn along it.
+// An arrow, along which the user moves its object.
 struct SceneHandle {
   enum class Kind { kFocus, kClipPlane };
   Kind kind = Kind::kFocus;
   int number = 0;                        // the axis of the voxels, or which clip plane
   glm::dvec3 foot{0.0};                  // world
   glm::dvec3 direction{1.0, 0.0, 0.0};   // world, unit
-  glm::dvec2 foot_pixel{0.0}, tip{0.0};  // in the picture; the tip is what is taken
+  glm::dvec2 foot_pixel{0.0}, tip{0.0};  // in the picture; the user takes the tip
 
   bool operator==(const SceneHandle&) const = default;
 };
 
-// None while the view hides them, or behind the eye. An axis along which the eye looks has none,
-// for the user could not tell how far it moves.
+// None while the view hides them, or behind the eye. An axis along which the eye looks has none, as
+// the user could not see how far it moves.
 std::vector<SceneHandle> handlesOf(const ViewState& state, const ViewVolume& volume,
                                    const PictureSize& picture);
 // The one whose tip is under the cursor.
 std::optional<SceneHandle> handleAt(const std::vector<SceneHandle>& handles,
                                     const glm::dvec2& cursor, double scale);
 
-// How far along its direction a handle is pulled, in world units from its foot, by the cursor.
-// Nothing where the cursor's ray runs along it.
+// The distance that the cursor pulls a handle along its direction, in world units from its foot.
+// Nothing if the cursor's ray runs along it.
 std::optional<double> pullOf(const SceneHandle& handle, const ViewCamera& camera,
                              const PictureSize& picture, const glm::dvec2& cursor);
-// The object of the handle, moved by so many world units from where the handle's foot is.
+// The object of the handle, moved by so many world units from the handle's foot.
 void pull(const SceneHandle& handle, double by, const ViewVolume& volume, ViewState& state);
 
 // A face of the cube in the upper right corner of the picture.

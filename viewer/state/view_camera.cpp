@@ -91,7 +91,7 @@ ViewCamera zoomed(const ViewCamera& camera, double factor, const glm::dvec2& cur
 ViewCamera lookedAround(const ViewCamera& camera, double azimuth_degrees,
                         double elevation_degrees) {
   const glm::dvec3 eye = camera.pivot - camera.distance * turned(camera).forward;
-  // To look right is to walk to the left around what is in front.
+  // Looking right is the same as orbiting to the left around the point in front.
   ViewCamera result = orbited(camera, -azimuth_degrees, -elevation_degrees);
   result.pivot = eye + result.distance * turned(result).forward;
   return result;

@@ -24,13 +24,13 @@ struct ViewCamera {
 // `aspect` is width / height of the picture.
 PlacedCamera placeCamera(const ViewCamera& camera, double aspect);
 
-// The same direction, from where the whole box is seen; the pivot is its middle.
+// The same direction, from a place that sees the whole box; the pivot is its middle.
 ViewCamera framed(const ViewCamera& camera, const WorldBox& box, double aspect);
 
 // Turned about the pivot, to the right and up. Elevation stops at the poles.
 ViewCamera orbited(const ViewCamera& camera, double azimuth_degrees, double elevation_degrees);
 
-// Moved so that what lies in the pivot's plane moves by `shift` (normalised device coordinates).
+// Moved so that points in the pivot's plane move by `shift` (normalised device coordinates).
 ViewCamera panned(const ViewCamera& camera, const glm::dvec2& shift, double aspect);
 
 // The distance times `factor` (> 0), with the point of the pivot's plane under `cursor` (normalised

@@ -27,7 +27,7 @@ ViewState firstView(const ViewVolume& volume, double aspect) {
   const double span = volume.greatest_value - volume.least_value;
   state.surfaces[0].isovalue = volume.least_value + 0.5 * span;
   state.focus.center = 0.5 * glm::dvec3(volume.voxels - Index3(1));
-  // Half of it in the sphere: something to look at, on any machine.
+  // Half of it in the sphere: any machine shows that soon.
   state.focus.radius = std::max(
       8.0,
       0.25 * static_cast<double>(std::max({volume.voxels.x, volume.voxels.y, volume.voxels.z})));
@@ -98,8 +98,7 @@ double wantedRadius(const ViewState& state, const ViewVolume& volume) {
 
 namespace {
 
-// Where and by what the surfaces shall be how fine, but for the radius, and what they are coloured
-// by.
+// Compares the settings of the surfaces' detail, but for the radius, and of their colouring.
 bool asksForTheSameDetail(const ViewState& a, const ViewState& b) {
   const auto carriesValues = [](const ViewState& state) {
     return state.coloring == ViewColoring::kGradient || state.coloring == ViewColoring::kOther;

@@ -27,9 +27,9 @@ struct ViewSurface {
 struct ViewFocus {
   glm::dvec3 center{0.0};   // voxel indices
   double radius = 32.0;     // voxels, > 0
-  bool everywhere = false;  // the finest level everywhere; the centre only says where it begins
+  bool everywhere = false;  // the finest level everywhere; the centre only sets where it begins
   bool show_sphere = true;
-  bool follow_view = false;  // the centre is what the camera turns about
+  bool follow_view = false;  // the centre is the camera's pivot
 
   bool operator==(const ViewFocus&) const = default;
 };
@@ -39,7 +39,7 @@ struct ViewClipPlane {
   glm::dvec3 normal{1.0, 0.0, 0.0};  // world, unit
   double offset = 0.0;               // world units
   bool enabled = true;
-  bool cap = true;  // the cut shows the volume's values where it is inside the surface
+  bool cap = true;  // the cut shows the volume's values inside the surface
 
   bool operator==(const ViewClipPlane&) const = default;
 };
@@ -103,7 +103,7 @@ struct ViewState {
   bool operator==(const ViewState&) const = default;
 };
 
-// The viewer's knowledge of the volume it shows.
+// The facts of the volume that the viewer shows.
 struct ViewVolume {
   Index3 voxels{2, 2, 2};
   GridGeometry geometry;
@@ -123,24 +123,24 @@ struct ViewVolume {
 // The view that a volume opens with: framed from the front, the focus in its middle.
 ViewState firstView(const ViewVolume& volume, double aspect);
 
-// `state`, from the user or a file, with every number in its range, and the focus where it follows
-// the view.
+// `state`, from the user or a file, with every number in its range, and the focus on the pivot if
+// it follows the view.
 ViewState bounded(const ViewState& state, const ViewVolume& volume);
 
-// Surfaces with isovalue `isovalue` within the radius `radius`; beyond the volume's diagonal, or
-// where the focus is everywhere and the radius reaches all of it, the whole of level 0.
+// Surfaces with isovalue `isovalue` within the radius `radius`; beyond the volume's diagonal, or if
+// the focus is everywhere and the radius reaches all of it, the whole of level 0.
 //
-// `height`: of the picture, pixels; counts where the view says how fine the surface shall be.
+// `height`: of the picture, pixels; counts if the view sets how fine the surface shall be.
 Query queryOf(const ViewState& state, const ViewVolume& volume, std::size_t surface, double radius,
               double height);
 
-// The radius that is asked for at rest.
+// The radius at rest.
 double wantedRadius(const ViewState& state, const ViewVolume& volume);
 
-// True where both ask for the same of a surface, but for the radius.
+// True if both give the same query of a surface, but for the radius.
 bool asksForTheSameSurface(const ViewState& a, const ViewState& b, std::size_t surface);
 
-// True where both ask for the same triangles and values at their vertices, in a picture of the same
+// True if both give the same triangles and values at their vertices, in a picture of the same
 // height.
 bool asksForTheSame(const ViewState& a, const ViewState& b);
 

@@ -1,4 +1,4 @@
-// A view as JSON text and back: what `view --state` opens and Ctrl+S writes.
+// A view as JSON text and back: `view --state` opens it and Ctrl+S writes it.
 #pragma once
 
 #include <string>
@@ -14,7 +14,7 @@ std::string viewStateToJson(const ViewState& state);
 // for text that is no JSON, an unknown field, and a value of another type or out of its range.
 ViewState viewStateFromJson(const std::string& text);
 
-// The same from and to a file; Error names the path. The file appears when it is whole.
+// The same from and to a file; Error names the path. The file appears when it is complete.
 ViewState readViewState(const std::string& path);
 void writeViewState(const std::string& path, const ViewState& state);
 

@@ -66,7 +66,7 @@ class SampleField {
         lattice_(lattice),
         level_(level) {}
 
-  // Per voxel: differences over two cells, one-sided where the samples end.
+  // Per voxel: differences over two cells, one-sided at the last samples.
   glm::dvec3 gradient(const glm::dvec3& index) const {
     const glm::dvec3 lower(lattice_.position(level_, first_));
     const glm::dvec3 upper(lattice_.position(level_, first_ + count_ - Index3(1)));

@@ -13,7 +13,7 @@
 
 namespace isobrick {
 
-// Where the chunks of a volume lie in the world.
+// The place of a volume's chunks in the world.
 SceneLattice latticeOf(const GridGeometry& geometry);
 
 // Thread-safe.
@@ -32,12 +32,12 @@ class ChunkValues {
 std::unique_ptr<ChunkValues> gradientValues(const Pyramid& pyramid);
 
 // The values that another pyramid's level 0 has there (extract/pyramid_values.h), of which as many
-// bytes are kept in memory as of `shown`. Throws Error where there is none at `path`.
+// bytes are kept in memory as of `shown`. Throws Error if there is none at `path`.
 std::unique_ptr<ChunkValues> otherValues(const Pyramid& shown, const std::string& path);
 
-// Makes a chunk of every batch, several at once, and hands it on with its place in the order of the
-// extraction. `take` is called from any thread, for several chunks at the same time; what it throws
-// ends the extraction.
+// Makes a chunk of every batch, several at once, and passes it on with its place in the order of
+// the extraction. `take` is called from any thread, for several chunks at the same time; an
+// exception of it ends the extraction.
 class ChunkSink : public TriangleSink {
  public:
   using Take = std::function<void(std::size_t place, SurfaceChunk&& chunk)>;

@@ -16,7 +16,7 @@
 
 namespace isobrick {
 
-// The words of a failure; fewer where there is no memory for them, which need none.
+// The words of a failure; fewer, which need no memory, if there is none for them.
 inline std::string failureWords(const std::exception& failure) noexcept try {
   if (dynamic_cast<const std::bad_alloc*>(&failure) != nullptr) return "no memory left";
   return failure.what();
@@ -24,7 +24,7 @@ inline std::string failureWords(const std::exception& failure) noexcept try {
   return "no memory left";
 }
 
-// Calls `work(request, cancel)` on a thread of its own. A newer request cancels the one at hand.
+// Calls `work(request, cancel)` on a thread of its own. A newer request cancels the current one.
 // request(), cancel() and poll() are for one other thread and never wait for the work.
 template <typename Request, typename Result>
 class LatestWorker {
@@ -33,7 +33,7 @@ class LatestWorker {
   struct Outcome {
     Request request;
     std::optional<Result> result;
-    std::string error;  // where there is no result
+    std::string error;  // if there is no result
   };
 
   explicit LatestWorker(Work work) : work_(std::move(work)), thread_([this] { run(); }) {}
@@ -57,7 +57,7 @@ class LatestWorker {
     if (cancel_ != nullptr) cancel_->request();
     wake_.notify_all();
   }
-  // Ends the work at hand; it has no outcome then.
+  // Ends the current work; it has no outcome then.
   void cancel() {
     const std::lock_guard lock(mutex_);
     waiting_.reset();
@@ -100,8 +100,8 @@ class LatestWorker {
   mutable std::mutex mutex_;
   std::condition_variable wake_;
   std::optional<Request> waiting_;
-  std::shared_ptr<CancelFlag> waiting_cancel_;  // made by who asks: the thread has no one to tell
-  std::shared_ptr<CancelFlag> cancel_;          // of the work at hand
+  std::shared_ptr<CancelFlag> waiting_cancel_;  // made by request(), which can report a failure
+  std::shared_ptr<CancelFlag> cancel_;          // of the current work
   std::optional<Outcome> outcome_;
   bool stopping_ = false;
   std::thread thread_;  // last: it uses all of the above

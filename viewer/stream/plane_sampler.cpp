@@ -9,7 +9,7 @@
 namespace isobrick {
 namespace {
 
-// Reads samples of one level anywhere, with the brick that was used last at hand.
+// Reads samples of one level anywhere, and keeps the brick that was used last.
 class LevelReader {
  public:
   LevelReader(const Pyramid& pyramid, int level)
@@ -38,7 +38,7 @@ class LevelReader {
       return interpolate(samples_.data<typename decltype(tag)::Type>(), first, share);
     });
   }
-  // Throws Error where bytes of a brick could not be read while they were used.
+  // Throws Error if bytes of a brick could not be read while they were used.
   void check() const {
     if (brick_.x >= 0) pyramid_.throwIfReadsFailed(level_, brick_);
   }

@@ -32,7 +32,7 @@ SliceImage samplePlane(const Pyramid& pyramid, const IndexPlane& plane,
 IndexPlane slicePlane(const Index3& voxels, int axis, double position);
 
 // The part of the plane dot(normal, world) = offset that the box of the volume's voxels can meet,
-// as a square around it; nothing where they do not meet.
+// as a square around it; nothing if they do not meet.
 std::optional<IndexPlane> capPlane(const Index3& voxels, const GridGeometry& geometry,
                                    const glm::dvec3& normal, double offset);
 

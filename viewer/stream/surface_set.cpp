@@ -76,7 +76,7 @@ bool SurfaceSet::uploadPiece(UploadAllowance& allowance) {
   return true;
 }
 
-// For what the pass keeps or uses again.
+// For the chunks that the pass keeps or reuses.
 bool SurfaceSet::hasAllOf(const StreamMessage& pass) const {
   std::set<ChunkKey> keys;
   if (!pass.reused.empty())

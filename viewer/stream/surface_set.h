@@ -1,4 +1,4 @@
-// The chunks that are shown, and those that will take their place: never a half surface.
+// The chunks that are shown, and those that will replace them: never a half surface.
 #pragma once
 
 #include <algorithm>
@@ -19,7 +19,7 @@ namespace isobrick {
 inline constexpr double kUploadSeconds = 0.002;
 inline constexpr std::uint64_t kUploadBytes = std::uint64_t{16} << 20;
 
-// The rest of it, for all that is uploaded in a frame, however often it looks for more.
+// The rest of it, for all uploads of a frame, however many calls there are.
 struct UploadAllowance {
   double seconds = kUploadSeconds;
   std::uint64_t bytes = kUploadBytes;
@@ -29,17 +29,17 @@ struct UploadAllowance {
     bytes -= std::min(bytes, uploaded_bytes);
     seconds -= took_seconds;
   }
-  // A frame that waits lasts longer: an eighth of what it waits, as of 16 ms, is for uploads again.
+  // A frame that waits lasts longer: an eighth of its wait, as of 16 ms, is for uploads again.
   void addWaited(double waited) {
     seconds = std::min(kUploadSeconds, std::max(seconds, 0.0) + waited / 8.0);
   }
 };
 
-// Uploads the chunks of a pass as they come, and shows them when all of them are there; what was
-// shown before goes then. Used by the renderer's thread, which outlives it.
+// Uploads the chunks of a pass as they come, and shows them when all of them are there; the chunks
+// shown before go then. Used by the renderer's thread, which outlives it.
 class SurfaceSet {
  public:
-  // `budget_bytes`: of what is shown and what comes in, together.
+  // `budget_bytes`: of shown and incoming chunks together.
   SurfaceSet(SceneRenderer& renderer, std::uint64_t budget_bytes);
   ~SurfaceSet();
   SurfaceSet(const SurfaceSet&) = delete;
@@ -48,16 +48,16 @@ class SurfaceSet {
   // The sum of the messages of one frame.
   struct News {
     bool shows_another = false;  // a pass was completed
-    bool over_budget = false;    // the pass at hand does not fit, here or on the card: dropped
+    bool over_budget = false;    // the current pass does not fit, here or on the card: dropped
     bool failed = false;         // see error()
-    bool stale = false;          // a pass wanted to keep what is not shown, and was dropped
-    // Those that were completed, and those that had too many triangles, without chunks.
+    bool stale = false;          // a pass keeps chunks that are not shown, and was dropped
+    // Passes that were completed, and passes that had too many triangles, without chunks.
     std::vector<StreamMessage> passes;
   };
   // Takes messages, and the chunks in them piece by piece, until there are none, the renderer takes
   // no more, or the time (`clock()`, seconds) or the bytes of `allowance`, from which they are
-  // taken, are spent; where it is the time alone at least one piece, so that a slow machine comes
-  // to an end too. The rest of a chunk comes in the next frame.
+  // taken, are spent; if only the time is spent, takes at least one piece, so that a slow machine
+  // comes to an end too. The rest of a chunk comes in the next frame.
   template <typename Poll, typename Clock>
   News pump(Poll&& poll, Clock&& clock, UploadAllowance& allowance) {
     News news;
@@ -81,8 +81,8 @@ class SurfaceSet {
   std::vector<ChunkId> shown() const;
   // The least box around what is shown, in the scene's lattice; none if that is nothing.
   std::optional<std::array<glm::dvec3, 2>> shownBox() const;
-  // A number for what is shown of a surface: another one whenever a pass brought it anew; 0:
-  // nothing.
+  // A number for the shown chunks of a surface, which changes whenever a pass replaces them; 0:
+  // none.
   std::uint64_t contentOf(int surface) const;
   std::uint64_t shownBytes() const { return shown_.bytes; }
   std::uint64_t incomingBytes() const { return incoming_.bytes; }
@@ -105,7 +105,7 @@ class SurfaceSet {
       bytes += chunk.bytes;
     }
   };
-  // A chunk of which a part is there.
+  // A chunk that is uploaded in part.
   struct Pending {
     ChunkId id = 0;
     SurfaceChunk chunk;
@@ -123,7 +123,7 @@ class SurfaceSet {
   std::uint64_t budget_bytes_;
   Chunks shown_, incoming_;
   std::optional<Pending> pending_;         // it is the last one of incoming_
-  std::map<int, std::uint64_t> contents_;  // by surface, of what is shown
+  std::map<int, std::uint64_t> contents_;  // by surface, of the shown chunks
   std::uint64_t last_content_ = 0;
   std::uint64_t refused_request_ = 0;  // went over the budget: its other chunks are not taken
   std::string error_;

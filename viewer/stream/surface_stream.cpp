@@ -101,7 +101,7 @@ void SurfaceStream::dropPassesAtRest() {
   std::erase_if(queue_, isDropped);
 }
 
-// Where a request waits for a pass that takes long. With the lock.
+// Call it when a request waits for a pass that takes long. With the lock.
 void SurfaceStream::endSlowPass() {
   if (!working_ || !waiting_ || cancel_->requested() || now() - pass_begin_ <= patience_) return;
   if (user_waits_) patience_ *= 2.0;
@@ -177,7 +177,7 @@ void SurfaceStream::run() {
     lock.unlock();
     try {
       runJob(job);
-    } catch (const std::exception&) {  // no memory for the message that says so
+    } catch (const std::exception&) {  // no memory for the message about it
       lose(job.number);
     }
     lock.lock();
@@ -211,7 +211,7 @@ SurfaceStream::Outcome SurfaceStream::runFirstPass(const Job& job) {
   }
 }
 
-// False where the attempt is not to be made.
+// False if the attempt is not to be made.
 bool SurfaceStream::begin(const Attempt& attempt) {
   const std::lock_guard lock(mutex_);
   user_waits_ = attempt.at_once;
@@ -250,7 +250,7 @@ SurfaceStream::Outcome SurfaceStream::run(const Job& job, const Attempt& attempt
   return outcome;
 }
 
-// Kept from pass to pass. Throws Error where another pyramid cannot be opened.
+// Kept from pass to pass. Throws Error if another pyramid cannot be opened.
 const ChunkValues* SurfaceStream::valuesFor(const StreamValues& wanted) {
   if (wanted == values_wanted_) return values_.get();
   values_.reset();
@@ -294,7 +294,7 @@ SurfaceStream::Outcome SurfaceStream::extract(const Job& job, const Attempt& att
       extractSurface(surface, attempt, take, end);
   });
   end.triangles_made = triangles;
-  // For surfaces that are kept what was shown stays.
+  // The shown chunks of kept surfaces stay.
   for (const auto& done : done_)
     if (std::any_of(attempt.work->kept.begin(), attempt.work->kept.end(),
                     [&](const auto& kept) { return kept.surface == done.first.surface; }))

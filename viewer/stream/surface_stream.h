@@ -23,9 +23,9 @@
 
 namespace isobrick {
 
-// One closed surface for each query, together: what may take the place of what was shown before.
+// One closed surface for each query, together: they may replace the surfaces shown before.
 struct StreamPass {
-  // A surface whose chunks stay as they are: what is shown of it is of the content with this number
+  // A surface whose chunks stay as they are: its shown chunks have the content with this number
   // (SurfaceSet::contentOf).
   struct KeptSurface {
     int surface = 0;
@@ -36,7 +36,7 @@ struct StreamPass {
     int surface = 0;  // its number in the scene
     Query query;
   };
-  double radius = 0.0;  // what the queries were made with
+  double radius = 0.0;  // of the queries
   std::vector<SurfaceQuery> queries;
   std::vector<KeptSurface> kept = {};
 };
@@ -59,24 +59,24 @@ struct StreamValues {
 // Passes from coarse to fine.
 struct StreamRequest {
   std::vector<StreamPass> passes;
-  // A user waits for the first one: it is answered from what is resident (Query::is_progressive),
-  // and where that is not all of it once more, when what was lacking has been read.
+  // A user waits for the first one: it is answered from resident bricks (Query::is_progressive),
+  // and if some are missing once more, when these have been read.
   bool at_once = true;
-  // In place of the first one, and of each other, where that has more than `most_triangles`; the
+  // Each replaces the one before, or the first pass, if that has more than `most_triangles`; the
   // last of these may have any number.
   std::vector<StreamPass> smaller = {};
   std::uint64_t most_triangles = 0;
   StreamValues values = {};
-  // Bricks that are the same in the pass that was done last are not made again. False where what
-  // its messages brought is not all shown.
+  // Bricks that are the same in the pass that was done last are not made again. False if not all
+  // chunks of that pass are shown.
   bool may_reuse = true;
 };
 
 struct StreamMessage {
   enum class Kind {
-    kChunk,     // of the pass at hand
+    kChunk,     // of the current pass
     kPassDone,  // all chunks of the pass were sent
-    kDropped,   // the pass at hand was given up: another request came, or it has too many triangles
+    kDropped,   // the current pass was given up: another request came, or it has too many triangles
     kFailed,    // the same, for an error
   };
   Kind kind = Kind::kChunk;
@@ -87,11 +87,11 @@ struct StreamMessage {
   bool too_many = false;  // of kDropped: it has more triangles than it may
   // For kPassDone; with `too_many` radius, seconds and triangles_made until then:
   bool last_pass = false;
-  bool is_complete = true;  // false: coarser than asked for, where bricks were not resident
+  bool is_complete = true;  // false: coarser than requested, as bricks were not resident
   double radius = 0.0;
-  std::array<double, 2> values{0.0, 0.0};  // what a vertex value's share 0 and 1 stand for
+  std::array<double, 2> values{0.0, 0.0};  // that a vertex value's share 0 and 1 stand for
   double seconds = 0.0;                    // of extraction, waiting for a full queue left out
-  double ended = 0.0;                      // when the extraction had, of steady_clock
+  double ended = 0.0;                      // when the extraction ended, of steady_clock
   std::uint64_t triangles = 0;             // of all queries
   std::uint64_t triangles_made = 0;        // those of them that are not reused
   std::vector<ChunkKey> reused;            // chunks of the pass shown before that are part of it
@@ -104,13 +104,12 @@ struct StreamMessage {
 // A thread with an Extractor session. request(), poll() and the rest are for one other thread, the
 // interface; none of them waits for an extraction.
 //
-// A new request ends the one before: at once where that is beyond its first pass, or has been in it
-// for longer than a patience; else when its first pass is answered, so that a user who never rests
-// sees surfaces all the same. The patience doubles whenever it gave up a first pass, and is what it
-// was when one is done: on a machine that is slow, or busy, one gets through sooner or later. The
-// queue holds at most kQueueBytes; the extraction waits where the interface is slower. What it
-// holds of passes that no user waits for goes with the next request, for which it would be in the
-// way.
+// A new request ends the one before: at once if that is beyond its first pass, or has been in it
+// for longer than the patience; else when its first pass is answered, so that a user who never
+// rests sees surfaces all the same. The patience doubles whenever it ends a first pass, and is
+// reset when one is done: so on a slow or busy machine one gets through sooner or later. The queue
+// holds at most kQueueBytes; the extraction waits if the interface is slower. Messages in it of
+// passes that no user waits for are dropped with the next request, which they would delay.
 class SurfaceStream {
  public:
   static constexpr double kPatienceSeconds = 0.1;
@@ -119,14 +118,14 @@ class SurfaceStream {
   // `threads`: of the extraction. The pyramid is shared with it.
   SurfaceStream(std::shared_ptr<const Pyramid> pyramid, int threads,
                 double patience_seconds = kPatienceSeconds);
-  // Cancels what is under way.
+  // Cancels the work under way.
   ~SurfaceStream();
   SurfaceStream(const SurfaceStream&) = delete;
   SurfaceStream& operator=(const SurfaceStream&) = delete;
 
   // Returns the number that its messages will have; numbers ascend.
   std::uint64_t request(StreamRequest request);
-  // Ends everything: no pass goes on, none waits.
+  // Ends everything: no pass goes on, and none waits.
   void cancel();
   // The next message, if there is one. Messages of one pass follow each other, chunks first.
   std::optional<StreamMessage> poll();
@@ -137,7 +136,7 @@ class SurfaceStream {
   struct Job {
     std::uint64_t number = 0;
     StreamRequest request;
-    std::shared_ptr<CancelFlag> cancel;  // made by who asks, whom an exception reaches
+    std::shared_ptr<CancelFlag> cancel;  // made by request(), whose caller gets an exception
   };
   void run();
   enum class Outcome { kComplete, kIncomplete, kTooMany, kEnded };
@@ -173,7 +172,7 @@ class SurfaceStream {
   StreamValues values_wanted_;
   std::unique_ptr<ChunkValues> values_;
   std::uint64_t values_number_ = 0, last_values_number_ = 0;  // see ChunkKey
-  // The share of chunks with a key: of the last pass that was done, and of the one at hand.
+  // The share of chunks with a key: of the last pass that was done, and of the current one.
   struct Addition {
     std::uint64_t cells = 0, triangles = 0;
   };
@@ -186,11 +185,11 @@ class SurfaceStream {
   bool working_ = false;
   bool stopping_ = false;
   std::uint64_t last_number_ = 0;
-  std::shared_ptr<CancelFlag> cancel_;  // of the job at hand
-  bool user_waits_ = false;             // for the pass at hand
+  std::shared_ptr<CancelFlag> cancel_;  // of the current job
+  bool user_waits_ = false;             // for the current pass
   double pass_begin_ = 0.0;
   double patience_;      // seconds
-  double waited_ = 0.0;  // seconds of the pass at hand in pushChunk()
+  double waited_ = 0.0;  // seconds of the current pass in pushChunk()
   std::deque<StreamMessage> queue_;
   std::uint64_t queue_bytes_ = 0;
   std::optional<std::uint64_t> lost_;  // a request whose end found no memory

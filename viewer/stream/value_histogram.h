@@ -1,4 +1,4 @@
-// How often which values occur, as it is drawn.
+// How often each value occurs, for drawing.
 #pragma once
 
 #include <cstddef>
@@ -17,8 +17,7 @@ struct ValueHistogram {
   double total() const;
 };
 
-// From the histogram and the gradients that the pyramid has, which throw Error where they are
-// damaged.
+// From the histogram and the gradients that the pyramid has, which throw Error if they are damaged.
 ValueHistogram histogramOf(const Pyramid& pyramid, std::size_t bins = 256);
 
 }  // namespace isobrick

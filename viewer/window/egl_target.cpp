@@ -24,7 +24,7 @@ EglTarget::~EglTarget() = default;
 
 std::vector<InputEvent> EglTarget::takeEvents(double) { return std::exchange(events_, {}); }
 
-// Nobody looks, but who measures frames wants them drawn.
+// No frame is visible, but measurements need them drawn.
 void EglTarget::show() { glFinish(); }
 
 void EglTarget::resize(int width, int height) {

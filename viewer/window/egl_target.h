@@ -11,7 +11,7 @@ namespace isobrick {
 
 class EglTarget : public ViewTarget {
  public:
-  // Throws Error that says what to install where no context can be made.
+  // Throws Error that says what to install if no context can be made.
   EglTarget(int width, int height, double scale);
   ~EglTarget() override;
 

@@ -111,7 +111,7 @@ struct GlWindow::Callbacks {
     text.character = character;
     push(window, text);
   }
-  // For several files the last one is looked at.
+  // Opens the last one of several files.
   static void onDrop(GLFWwindow* window, int count, const char** paths) {
     for (int i = 0; i < count; ++i) {
       InputEvent dropped = event(window, InputEvent::Kind::kOpen);
@@ -139,7 +139,7 @@ void GlWindow::open(int width, int height) {
   glfwWindowHint(GLFW_CONTEXT_VERSION_MAJOR, 4);
   glfwWindowHint(GLFW_CONTEXT_VERSION_MINOR, 5);
   glfwWindowHint(GLFW_OPENGL_PROFILE, GLFW_OPENGL_CORE_PROFILE);
-  glfwWindowHint(GLFW_CONTEXT_ROBUSTNESS, GLFW_LOSE_CONTEXT_ON_RESET);  // and say so
+  glfwWindowHint(GLFW_CONTEXT_ROBUSTNESS, GLFW_LOSE_CONTEXT_ON_RESET);  // and reports it
   glfwWindowHint(GLFW_DEPTH_BITS, 0);  // frames have buffers of their own
   glfwWindowHint(GLFW_STENCIL_BITS, 0);
   window_ = glfwCreateWindow(width, height, title_.c_str(), nullptr, nullptr);

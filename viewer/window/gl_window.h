@@ -1,4 +1,4 @@
-// A window of the desktop. The only file that knows GLFW, with its source.
+// A window of the desktop. Only this file and its source use GLFW.
 #pragma once
 
 #include <memory>
@@ -12,7 +12,7 @@ namespace isobrick {
 // One at a time, on the main thread.
 class GlWindow : public ViewTarget {
  public:
-  // Throws Error, with the way out, where there is no display or no OpenGL 4.5.
+  // Throws Error, with the remedy, if there is no display or no OpenGL 4.5.
   GlWindow(int width, int height, const std::string& title);
   ~GlWindow() override;
 

@@ -11,7 +11,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// A line to choose, shown as what it is: ImGui takes "##" in a label for a mark of its own.
+// A line to choose, shown literally: ImGui takes "##" in a label for a mark of its own.
 bool chooses(int id, const std::string& shown) {
   ImGui::PushID(id);
   const bool chosen = ImGui::Selectable("##line");

@@ -18,8 +18,8 @@ std::string megabytes(std::uint64_t bytes) {
   return text("%.1f MiB", static_cast<double>(bytes) / (1 << 20));
 }
 
-// The volume that is being opened, or why the last one was not; the session's line goes on beside
-// it.
+// The volume that is being opened, or why the last one was not opened; the session's line stays
+// beside it.
 Wishes openingLine(const PanelFacts& facts) {
   Wishes wishes;
   const VolumeOpener::Status& opening = facts.opening;
@@ -82,7 +82,7 @@ void buildStatistics(const ViewSession& session, const PanelFacts& facts, float 
   for (const LevelCounts& level : status.levels) {
     const double share =
         static_cast<double>(level.triangles) / std::max(1.0, static_cast<double>(status.triangles));
-    // In the colour that the level has on the surface, dark enough for what is written on it.
+    // In the colour that the level has on the surface, dark enough for the text on it.
     const glm::vec3 color = 0.6f * levelColor(level.level);
     ImGui::PushStyleColor(ImGuiCol_PlotHistogram, {color.r, color.g, color.b, 1.0f});
     ImGui::ProgressBar(
@@ -151,7 +151,7 @@ void StatusPanel::sessionLine(ViewSession& session, const PanelFacts& facts, flo
       ImGui::Text("| %s", facts.message.c_str());
     }
   }
-  // Reading depth waits for the drawing, so only a user who rests asks for it.
+  // Reading depth waits for the drawing, so it is read only at rest.
   if (session.settled() && hovers) {
     hover_.clear();
     if (const auto point = session.surfaceAt(session.interaction().cursor)) {

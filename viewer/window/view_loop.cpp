@@ -35,7 +35,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::size_t kFrameTimes = 240;
-constexpr double kIdleSeconds = 0.1;       // between looks where nothing moves
+constexpr double kIdleSeconds = 0.1;       // between updates if nothing moves
 constexpr double kStayAwakeSeconds = 0.5;  // after the last event: panels fade and blink
 
 double secondsNow() {
@@ -68,7 +68,7 @@ nlohmann::ordered_json spreadOf(std::vector<double> values) {
   return spread;
 }
 
-// How old what was shown became before another surface took its place, and what of.
+// The ages of surfaces when another one replaced them, and their parts.
 void addWaits(const std::vector<ReportedFrame>& frames, nlohmann::ordered_json& report) {
   constexpr std::array<std::pair<const char*, double SurfaceWait::*>, 4> kParts{
       {{"before", &SurfaceWait::before},
@@ -137,7 +137,7 @@ std::unique_ptr<ViewTarget> makeTarget(const ViewOptions& options, int width, in
 }
 
 // A file or a folder that is there and is no pyramid, or the name of a phantom. Everything else is
-// opened as a pyramid, before there is a window, and says itself what is wrong.
+// opened as a pyramid before the window exists; opening reports the errors.
 bool isToBeBuilt(const std::string& source) {
   std::error_code ignored;
   return source.rfind("phantom:", 0) == 0 ||
@@ -228,7 +228,7 @@ class ViewLoop {
     return player_ || secondsNow() < awake_until_ || !show_.settled() ||
            (session() != nullptr && session()->interaction().flying);
   }
-  // All that was asked for is there.
+  // True if everything requested is shown.
   bool settled() const { return !opener_.status().busy && !outcome_ && show_.settled(); }
   ScriptSight whatIsThere() const { return {settled(), show_.showsPreview() && show_.settled()}; }
   SessionStatus status() const {
@@ -237,7 +237,7 @@ class ViewLoop {
   ViewState& state() { return session() != nullptr ? session()->state() : idle_state_; }
   glm::dvec2 size() const { return {width_, height_}; }
 
-  // In place of what was shown before.
+  // Replaces the volume shown before.
   void show(OpenedVolume opened) {
     const bool is_preview = opened.preview_of.has_value();
     const std::string source = opened.source, pyramid = opened.pyramid;
@@ -269,8 +269,8 @@ class ViewLoop {
       target_->setTitle("isobrick");
   }
 
-  // After the loss of a context, by a driver that was reset or by a script: all that it kept is
-  // made again from what is shown.
+  // After the loss of a context, by a driver that was reset or by a script: all its objects are
+  // made again from the shown state.
   void renewContext() {
     show_.suspend();
     panel_.reset();
@@ -335,7 +335,7 @@ class ViewLoop {
       panel_->discard();
     }
     const double drawn_by = secondsNow();
-    if (scripted.file) writeScripted(*scripted.file, drawn);  // from what is about to be shown
+    if (scripted.file) writeScripted(*scripted.file, drawn);  // from the frame shown next
     const double written = secondsNow();
     if (drawn) target_->show();
     const double draw_seconds = drawn_by - drawing + secondsNow() - written;

@@ -10,23 +10,23 @@
 namespace isobrick {
 
 struct ViewOptions {
-  std::string path;                    // a pyramid, or what `build` knows; empty: nothing yet
-  VolumeBuilder build;                 // of what is no pyramid
-  std::uint64_t memory_bytes = 0;      // of the file, as Pyramid takes it
+  std::string path;                // a pyramid, or a name that `build` takes; empty: nothing yet
+  VolumeBuilder build;             // of a volume that is no pyramid
+  std::uint64_t memory_bytes = 0;  // of the file, as Pyramid takes it
   std::uint64_t gpu_budget_bytes = 0;  // of chunks
   int threads = 1;                     // of the extraction
   std::string state_path;              // a view to begin with; empty: none
   std::string script_path;             // empty: input comes from the user
   std::string frames_folder = ".";     // where a script's files go
   std::string report_path;             // JSON of a script's timings; empty: none
-  std::string recent_path;             // list of what was opened last; empty: none
+  std::string recent_path;             // list of the volumes opened last; empty: none
   std::string record_path;         // script of the user's input, written at the end; empty: none
   bool offscreen = false;          // without a window; scripts only
   int width = 1280, height = 800;  // of the window, pixels
   const CancelFlag* cancel = nullptr;
 };
 
-// Throws Error where the file, the view or the script cannot be read, no window can be opened, or a
+// Throws Error if the file, the view or the script cannot be read, no window can be opened, or a
 // script's files cannot be written, and Cancelled. Without a script, errors are shown in the
 // window.
 void runView(const ViewOptions& options);

@@ -13,8 +13,8 @@
 
 namespace isobrick {
 
-// Into the window of Dear ImGui that is being built. Changes the session's state as the user asks.
-// `scale`: pixels of this screen that are one of an ordinary one.
+// Into the window of Dear ImGui that is being built. Applies the user's changes to the session's
+// state. `scale`: pixels of this screen that are one of an ordinary one.
 Wishes buildControls(ViewSession& session, float scale);
 
 // With Dear ImGui, between its begin and its end of a frame. `hovers`: the cursor is over the
@@ -52,11 +52,11 @@ struct FrameTimes {
 // The facts of the panel beside the session.
 struct PanelFacts {
   const std::deque<FrameTimes>& frames;  // the last ones
-  std::string message;                   // what was done last: a file that was written
-  std::string device;                    // what draws
+  std::string message;                   // the last result: a file that was written
+  std::string device;                    // that draws
   VolumeOpener::Status opening;
   std::string open_error;  // why the last opening ended without a volume; empty: it did not
-  const std::vector<std::string>& recent;  // what was opened last
+  const std::vector<std::string>& recent;  // volumes opened last
 };
 
 // Figures, into the window of Dear ImGui that is being built.
@@ -78,7 +78,7 @@ class StatusPanel {
 // feed() its events, begin(), build(), draw().
 class ViewPanel {
  public:
-  // Throws Error where ImGui cannot use the context.
+  // Throws Error if ImGui cannot use the context.
   explicit ViewPanel(double scale);
   ~ViewPanel();
   ViewPanel(const ViewPanel&) = delete;
@@ -89,13 +89,13 @@ class ViewPanel {
   // Whether events of the mouse, and of the keyboard, are the panel's in this frame.
   bool wantsMouse() const;
   bool wantsKeyboard() const;
-  // Changes the session's state as the user asks; null: nothing is open.
+  // Applies the user's changes to the session's state; null if no volume is open.
   Wishes build(ViewSession* session, const PanelFacts& facts);
   // The list of volumes to open, on and off.
   void toggleOpening() { open_panel_.visible = !open_panel_.visible; }
   // Into the framebuffer that is bound.
   void draw();
-  // In place of draw(), where there is no picture.
+  // Call it instead of draw() if there is no picture.
   void discard();
 
  private:

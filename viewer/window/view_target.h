@@ -1,4 +1,4 @@
-// Where frames are shown and events come from: a window, or memory.
+// The target of frames and the source of events: a window, or memory.
 #pragma once
 
 #include <string>
@@ -16,13 +16,13 @@ class ViewTarget {
   virtual ~ViewTarget() = default;
 
   virtual GlSceneRenderer& renderer() = 0;
-  // Another context and renderer in the place of those that were lost; what was made with them is
-  // gone by then. Its size comes as an event.
+  // Makes another context and renderer in the place of the lost ones; all objects of these are gone
+  // by then. Its size comes as an event.
   virtual void renew() = 0;
   // The events since the last call, the size of the picture first of all; waits for the first event
   // for at most so long.
   virtual std::vector<InputEvent> takeEvents(double wait_seconds) = 0;
-  // Asks for another size; an event tells when it has it.
+  // Requests another size; an event reports it.
   virtual void resize(int width, int height) = 0;
   // How many pixels of this screen are one of an ordinary one.
   virtual double scale() const = 0;

@@ -12,7 +12,7 @@ namespace {
 
 using Writer = VolumeWriteReport (*)(VolumeLevels&, const std::string&, const ExportOptions&);
 
-// `write` is null where this isobrick was built without the library.
+// `write` is null if this isobrick was built without the library.
 struct ExportFormat {
   std::string_view ending;
   bool has_levels;

@@ -24,11 +24,11 @@ struct ExportOptions : VolumeWriteOptions {
   std::optional<float> vdb_background;
   double vdb_tolerance = 0;  // of OpenVDB, in the units of the voxels
   // Half floats in place of floats; values that they cannot hold are refused. 8-bit voxels, which
-  // lose nothing, are written so always.
+  // lose nothing, are always written so.
   bool vdb_half = false;
 };
 
-// Writes `levels` to `path`, whose ending decides: all that writeVolume() knows, and
+// Writes `levels` to `path`, whose ending decides: all endings of writeVolume(), and
 //   .vdb       OpenVDB: a float grid for each level
 //   .h5        HDF5: one dataset, named as in "file.h5:/path"
 //   .exr       OpenEXR, a slice each, in a folder of their own: "slices/%04d.exr"

@@ -12,7 +12,7 @@ namespace isobrick {
 // "folder/slice%04d.exr": whether the name of the file has a place for the number of a slice.
 bool isSlicePattern(const std::string& path);
 
-// Throws Error, to be allowed more memory, where not even one slice fits.
+// Throws Error with Remedy::kAllowMoreMemory if not even one slice fits.
 void refuseLargeSlices(const VolumeInfo& info, const std::string& path,
                        const ExportOptions& options);
 // Calls take(slice, data) for every slice in order.
@@ -21,7 +21,7 @@ void forEachSlice(VolumeSource& source, const ExportOptions& options,
 
 // Calls write(path, slice) for every slice of the finest level, in order, with the file to write
 // for it; the folder appears when all are there, and replaces an older one. Holds a slice. Throws
-// Error where the pattern has no folder of its own, or no place for a number.
+// Error if the pattern has no folder of its own, or no place for a number.
 VolumeWriteReport writeSlices(
     VolumeLevels& levels, const std::string& pattern, const ExportOptions& options,
     const std::function<void(const std::string& path, const std::byte* slice)>& write);
@@ -31,8 +31,8 @@ VolumeWriteReport writeSlices(
 VolumeWriteReport writeExrSlices(VolumeLevels& levels, const std::string& path,
                                  const ExportOptions& options);
 
-// TIFF, one file for each slice of a pattern, or one of as many pages (BigTIFF where it may be
-// larger than 2 GiB). Pixel spacing is kept as resolution.
+// TIFF, one file for each slice of a pattern, or one of as many pages (BigTIFF if it may be larger
+// than 2 GiB). Pixel spacing is kept as resolution.
 VolumeWriteReport writeTiff(VolumeLevels& levels, const std::string& path,
                             const ExportOptions& options);
 
@@ -46,13 +46,13 @@ VolumeWriteReport writeHdf5(VolumeLevels& levels, const std::string& path,
 
 // Writes a float grid for each level: voxels that differ from the background are active, the others
 // are not stored. A source that came out of a VDB file (VolumeInfo::properties, "vdb.*") gets its
-// background, grid class, name and place among the voxels back; of a level set, what lies within
-// the narrow band is active.
+// background, grid class, name and place among the voxels back; of a level set, the voxels within
+// the narrow band are active.
 //
 // Each source is read once, in parallel, and its leaves are packed at once: they wait in a
 // temporary file beside the output, as long as the grid, until the tree, which comes first in the
 // file, is known. So memory holds the nodes of one grid's tree, some 120 bytes for each 8x8x8
-// voxels that are not constant, and some 20 MiB a thread; where that is more than
+// voxels that are not constant, and some 20 MiB a thread; if that is more than
 // options.memory_bytes, throws Error with Remedy::kAllowMoreMemory. A source that is read in order
 // waits in another such file.
 VolumeWriteReport writeVdb(VolumeLevels& levels, const std::string& path,
@@ -60,8 +60,8 @@ VolumeWriteReport writeVdb(VolumeLevels& levels, const std::string& path,
 
 // Writes a folder, OME-Zarr 0.4 (Zarr version 2): an array for each level, of chunks of 64 voxels
 // an axis, packed by Blosc with LZ4; chunks of nothing but 0 are left out. Sample i of level l lies
-// at index i * 2^l of level 0, so that scale doubles and the translation stays. The direction,
-// which the format does not know, goes into an attribute of isobrick's own. Chunks are packed and
+// at index i * 2^l of level 0, so that scale doubles and the translation stays. The direction, for
+// which the format has no place, goes into an attribute of isobrick's own. Chunks are packed and
 // written in parallel; a source that is read in order waits in a temporary file beside the output.
 VolumeWriteReport writeOmeZarr(VolumeLevels& levels, const std::string& path,
                                const ExportOptions& options);

@@ -62,7 +62,7 @@ void Hdf5Original::refuseTooLittleSpace(const AtomicFile& copy) const {
 
 void Hdf5Original::copyTo(AtomicFile& copy, const CancelFlag* cancel,
                           const std::function<void(std::uint64_t)>& progress) const {
-  // First of all, so that nobody else reads what only its owner may.
+  // Comes first, so that no other user reads bytes that only the owner may read.
   if (fchown(copy.fd(), status_.st_uid, status_.st_gid) != 0 && errno != EPERM)
     throw failed(path_, errno);
   if (fchmod(copy.fd(), status_.st_mode & 07777) != 0) throw failed(path_, errno);

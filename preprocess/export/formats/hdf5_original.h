@@ -13,23 +13,23 @@
 
 namespace isobrick {
 
-// The file stays as it is: what is written goes into a copy, which takes its name in the end. Until
-// then it is locked for writers, as the HDF5 library does it, so that what another program adds
-// meanwhile is not lost. Throws Error where it is being written, or cannot be read.
+// The file stays as it is: all writing goes into a copy, which takes its name in the end. Until
+// then the file is locked for writers, as the HDF5 library does it, so that no data of another
+// program are lost. Throws Error if it is being written, or cannot be read.
 class Hdf5Original {
  public:
-  // Nothing where there is no file of that name.
+  // Nothing if there is no file of that name.
   static std::optional<Hdf5Original> open(const std::string& path);
   Hdf5Original(Hdf5Original&& other) noexcept;
   Hdf5Original& operator=(Hdf5Original&&) = delete;
   ~Hdf5Original();
 
   std::uint64_t bytes() const { return static_cast<std::uint64_t>(status_.st_size); }
-  // All bytes, owner and mode, and progress(bytes so far). Where the file system shares blocks, it
-  // takes no space; otherwise ResumableError says where there is too little.
+  // All bytes, owner and mode, and progress(bytes so far). If the file system shares blocks, it
+  // takes no space; otherwise throws ResumableError if there is too little.
   void copyTo(AtomicFile& copy, const CancelFlag* cancel,
               const std::function<void(std::uint64_t)>& progress) const;
-  // Throws Error: whoever does not lock may have written it all the same.
+  // Throws Error if a program that does not lock has written to it all the same.
   void refuseChanged() const;
 
  private:

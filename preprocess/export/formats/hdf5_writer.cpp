@@ -41,8 +41,8 @@ std::array<hsize_t, 3> slowestFirst(const Index3& v) {
 
 class Hdf5Writer {
  public:
-  // `file` is its path, `path` what the user said. Where the file `is_there` it gets a dataset
-  // more, and loses one of that name if told so.
+  // `file` is its path, `path` the user's text. If the file `is_there` it gets one more dataset,
+  // and loses one of that name if that may be replaced.
   Hdf5Writer(const std::string& file, bool is_there, const std::string& path,
              const std::string& dataset, bool replace, const VolumeInfo& info)
       : path_(path), info_(info) {
@@ -120,7 +120,7 @@ class Hdf5Writer {
     return nameOf(object) == nameOf(file_.id());
   }
 
-  // Takes away what has the name of the dataset, if it may go.
+  // Removes the object with the name of the dataset, if it may be replaced.
   void makeRoomFor(const std::string& dataset, bool replace) const {
     for (std::size_t slash = 0; slash != std::string::npos;) {
       slash = dataset.find('/', slash + 1);

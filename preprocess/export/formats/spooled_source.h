@@ -9,9 +9,9 @@
 
 namespace isobrick {
 
-// Reads all of `source` into a temporary file in `folder`, which is as long as the volume and goes
-// with the result. Throws ResumableError where there is no room for it, Cancelled, and what the
-// source throws.
+// Reads all of `source` into a temporary file in `folder`, which is as long as the volume and is
+// removed with the result. Throws ResumableError if there is no room for it, Cancelled, and what
+// the source throws.
 std::unique_ptr<VolumeSource> makeSpooledSource(std::unique_ptr<VolumeSource> source,
                                                 const std::string& folder,
                                                 const VolumeWriteOptions& options);

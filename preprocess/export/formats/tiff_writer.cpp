@@ -32,8 +32,8 @@ void silenceTiff() {
   TIFFSetWarningHandler(nullptr);
 }
 
-// Pixels along x and y a centimetre, or of an unknown unit a unit. None where the quotients of a
-// TIFF do not hold them: the library would cut them off.
+// Pixels along x and y a centimetre, or of an unknown unit a unit. None if the quotients of a TIFF
+// do not hold them: the library would cut them off.
 std::optional<glm::dvec2> resolutionOf(const GridGeometry& geometry) {
   const double unit = geometry.unit == LengthUnit::kMillimetre ? 10 : 1;
   const glm::dvec2 resolution(unit / geometry.spacing.x, unit / geometry.spacing.y);
@@ -74,7 +74,7 @@ bool writePage(TIFF* file, const VolumeInfo& info, const std::byte* slice) {
   const std::uint64_t row_bytes = rowBytes(info);
   for (std::uint32_t row = 0, strip = 0; good && row < height; row += rows, ++strip) {
     const std::uint32_t count = std::min(rows, height - row);
-    // The library takes what it only reads as if it wrote it.
+    // The library only reads these bytes, but takes a pointer to write.
     auto* const data = const_cast<std::byte*>(slice + row * row_bytes);
     good = TIFFWriteEncodedStrip(file, strip, data, static_cast<tmsize_t>(count * row_bytes)) >= 0;
   }

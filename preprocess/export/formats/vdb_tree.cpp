@@ -33,12 +33,12 @@ constexpr std::int64_t kNodeVoxels = LowerNode::DIM;
 // Voxels that are read at a time: a node of floats, or nodes side by side along x. As rows these
 // are 512 bytes each, whatever the type.
 constexpr std::int64_t kReadBytes = kNodeVoxels * kNodeVoxels * kNodeVoxels * 4;
-// A leaf in the file, packed not at all: its mask, what says how it is packed, its values.
+// A leaf in the file, packed not at all: its mask, the way it is packed, its values.
 constexpr std::size_t kMostLeafBytes = sizeof(Leaf::NodeMaskType) + 32 + Leaf::SIZE * sizeof(float);
 // The memory of a thread: voxels as they come, and a node's leaves as they go.
 constexpr std::uint64_t kThreadBytes =
     kReadBytes + LowerNode::NUM_VALUES * kMostLeafBytes + (std::uint64_t{2} << 20);
-// A leaf without values with its entry in the node above, and what malloc adds.
+// A leaf without values with its entry in the node above, and malloc's overhead.
 constexpr std::uint64_t kBytesPerLeaf = 128;
 
 // The greatest multiple of `step` that is not above `index`.
@@ -187,8 +187,8 @@ class NodeRow {
     return mask;
   }
 
-  // What Leaf::writeBuffers() writes after a look at every value: here all that are inactive are
-  // the background, and only the others are stored.
+  // Writes the same as Leaf::writeBuffers(), without its look at every value: here all inactive
+  // values are the background, and only the others are stored.
   void writeActive(const Leaf::NodeMaskType& mask, const float* values) {
     mask.save(out_);
     out_.put(static_cast<char>(openvdb::io::NO_MASK_OR_INACTIVE_VALS));
@@ -203,8 +203,8 @@ class NodeRow {
     openvdb::io::writeData(out_, halves_.data(), count, compression_);
   }
 
-  // The values of the leaf whose lowest corner is voxel `low`, in OpenVDB's order: z fastest. What
-  // reaches beyond the volume is background.
+  // The values of the leaf whose lowest corner is voxel `low`, in OpenVDB's order: z fastest.
+  // Voxels beyond the volume are background.
   template <typename T>
   void copyLeaf(const T* from, const Index3& low, float* out) const {
     const std::int64_t row = box_.count.x, slice = box_.count.x * box_.count.y;
@@ -233,9 +233,9 @@ class NodeRow {
   const VolumeSource& source_;
   const VdbGridPlan& plan_;
   const std::uint32_t compression_;
-  IndexBox box_;  // what stored_ holds, in voxels of the source
+  IndexBox box_;  // of stored_, in voxels of the source
   std::vector<std::byte> stored_;
-  Leaf scratch_;  // the leaf at hand
+  Leaf scratch_;  // the current leaf
   std::array<float, Leaf::SIZE> active_;
   std::array<Half, Leaf::SIZE> halves_;
   std::array<Half, 256> half_of_byte_;
@@ -266,7 +266,7 @@ constexpr std::int64_t kMostFileBytes = std::int64_t{1} << 62;
 }  // namespace
 
 void VdbGridPlan::refuseBeyondHalf(float value, const std::string& path) const {
-  constexpr float kFirstInfinite = 65520;  // as a half; what lies below is rounded to 65504
+  constexpr float kFirstInfinite = 65520;  // as a half; lower values are rounded to 65504
   if (!(std::abs(value) >= kFirstInfinite) || std::isinf(value)) return;
   throw unwritable(path,
                    "the value " + numberText(static_cast<double>(value)) +
@@ -328,7 +328,7 @@ void makeVdbTree(const VolumeSource& source, const VdbGridPlan& plan, std::uint3
                     static_cast<std::int64_t>(voxelBytes(info.voxel_type)));
   const auto threads =
       static_cast<std::uint64_t>(std::max(1, tbb::this_task_arena::max_concurrency()));
-  // More threads only where that leaves room for all nodes.
+  // More threads only if that leaves room for all nodes.
   const std::uint64_t nodes_bytes = mostNodeBytes(info);
   const std::uint64_t left =
       options.memory_bytes > nodes_bytes ? options.memory_bytes - nodes_bytes : 0;

@@ -18,7 +18,7 @@
 
 namespace isobrick {
 
-// Where a volume's voxels go in its grid, which of them are active, and how they are stored.
+// The places of a volume's voxels in its grid, which of them are active, and how they are stored.
 struct VdbGridPlan {
   std::string name;
   Index3 first{0};  // coordinate of voxel (0,0,0)
@@ -33,7 +33,7 @@ struct VdbGridPlan {
                ? background
                : value;
   }
-  // Throws Error where a half float would be infinite and the value is not.
+  // Throws Error if a half float would be infinite and the value is not.
   void refuseBeyondHalf(float value, const std::string& path) const;
   bool isActive(float value) const {
     return grid_class == openvdb::GRID_LEVEL_SET ? std::abs(value) < background
@@ -58,7 +58,7 @@ class VdbPackedLeaves {
     std::uint64_t first = 0, bytes = 0;
   };
   ScratchVolume file_;
-  std::mutex mutex_;  // guards what follows
+  std::mutex mutex_;  // guards all below
   std::uint64_t end_ = 0;
   std::map<openvdb::Coord, Run> runs_;
 };
@@ -66,9 +66,9 @@ class VdbPackedLeaves {
 // Reads all of `source`, which reads boxes, once and in parallel: fills the tree of `grid`, which
 // has its class and background already, with nodes without values, and `leaves` with these, packed
 // with OpenVDB's `compression`. Holds the nodes, some 120 bytes for each 8x8x8 voxels that are not
-// constant, and some 20 MiB a thread, of which it takes as many as options.memory_bytes allows.
-// Where the nodes are more than that, throws Error with Remedy::kAllowMoreMemory, and for values
-// that half floats cannot hold with Remedy::kWholeFloats; both name `path`.
+// constant, and some 20 MiB a thread, of which it takes as many as options.memory_bytes allows. If
+// the nodes take more than that, throws Error with Remedy::kAllowMoreMemory, and for values that
+// half floats cannot hold with Remedy::kWholeFloats; both name `path`.
 void makeVdbTree(const VolumeSource& source, const VdbGridPlan& plan, std::uint32_t compression,
                  const std::string& path, const ExportOptions& options,
                  const std::function<void(double)>& tick, openvdb::FloatGrid& grid,

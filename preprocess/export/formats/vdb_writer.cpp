@@ -77,7 +77,7 @@ struct VdbUnit {
 
 // OpenVDB takes grids of a few nanometres in millimetres for singular ones.
 VdbUnit unitFor(const GridGeometry& finest, const std::string& path) {
-  // The limit of a voxel; a thousand times what OpenVDB refuses.
+  // The limit of a voxel; a thousand times OpenVDB's limit.
   constexpr double kLeastVolume = 3e-12;
   const auto fits = [&](double scale) {
     return finest.spacing.x * scale * finest.spacing.y * scale * finest.spacing.z * scale >=
@@ -159,7 +159,7 @@ class VdbArchive : private openvdb::io::Archive {
     return openvdb::io::getDataCompression(nowhere);
   }
 
-  // `writeLeaves` writes what is in all leaves.
+  // `writeLeaves` writes the contents of all leaves.
   void writeGrid(const openvdb::FloatGrid& grid, const std::function<void()>& writeLeaves) {
     openvdb::io::GridDescriptor descriptor(grid.getName(), grid.type(), grid.saveFloatAsHalf());
     descriptor.writeHeader(out_);
@@ -229,7 +229,7 @@ VolumeWriteReport writeVdb(VolumeLevels& levels, const std::string& path,
       const auto tick = [&](double done) {
         if (options.progress) options.progress((before + share * done) / total);
       };
-      // OpenVDB has loops of its own, also where a tree goes.
+      // OpenVDB has loops of its own, also when a tree is destroyed.
       isolatedFor(0, 1, [&](int) {
         const auto grid = gridWithoutVoxels(info, plan, i, unit);
         VdbPackedLeaves leaves(folderOf(path));

@@ -81,7 +81,7 @@ Json imageMetadata(const VolumeLevels& levels) {
           {"isobrick", {{"space", "LPS"}, {"direction", columns}, {"source", finest.source}}}};
 }
 
-// One chunk, with zeros where it reaches beyond the volume.
+// One chunk, with zeros if it reaches beyond the volume.
 template <typename T>
 bool fillChunk(const VolumeSource& source, const Index3& first, std::vector<T>& chunk,
                std::vector<T>& inside) {
@@ -105,7 +105,7 @@ class LevelWriter {
               const ExportOptions& options)
       : source_(source), folder_(folder), name_(std::move(name)), options_(options) {}
 
-  // `tick` is told the share that is done, by one thread at a time. Returns the bytes written.
+  // Calls `tick` with the share that is done, by one thread at a time. Returns the bytes written.
   std::uint64_t write(const std::function<void(double)>& tick) {
     const VolumeInfo& info = source_.info();
     const Index3 chunks = BrickLayout::ceilDivide(info.voxels, kChunkVoxels);
@@ -113,7 +113,7 @@ class LevelWriter {
     writeText(".zarray", textOf(arrayMetadata(info)));
     std::mutex mutex;
     std::int64_t rows_done = 0;
-    // A row of chunks at a time: what is next to each other in the source, and one folder.
+    // A row of chunks at a time: they are neighbours in the source, and in one folder.
     isolatedFor(std::int64_t{0}, chunks.y * chunks.z, [&](std::int64_t row) {
       const std::int64_t y = row % chunks.y, z = row / chunks.y;
       const std::string folder = std::to_string(z) + "/" + std::to_string(y);

@@ -34,13 +34,13 @@ constexpr bool kHasVtk = true;
 constexpr bool kHasVtk = false;
 #endif
 
-// These are there unasked.
+// These are listed without being named.
 constexpr std::array<const char*, 3> kVtkRows = {"vtkFlyingEdges3D", "vtkSynchronizedTemplates3D",
                                                  "vtkMarchingCubes"};
 constexpr std::array<const char*, 3> kOpenVdbRows = {"openvdb-0", "openvdb-0.1", "openvdb-0.5"};
 
 // Rows with a number, 0 .. 1, behind their name: an adaptivity, or the part of the triangles that
-// is taken away.
+// is removed.
 struct NumberedRow {
   std::string_view name;
   double number = 0;

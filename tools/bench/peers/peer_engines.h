@@ -14,7 +14,7 @@ namespace isobrick {
 
 class Pyramid;
 
-// Also included as C++17, for VTK's sake. Throws Error where the file is no pyramid or damaged.
+// Also included as C++17, for VTK's sake. Throws Error if the file is no pyramid or damaged.
 class Level0Volume {
  public:
   explicit Level0Volume(const std::string& path);

@@ -105,7 +105,7 @@ class VtkEngine : public SurfaceEngine {
   std::array<double, 3> spacing_{1, 1, 1};
   vtkNew<vtkImageData> image_;
   vtkNew<Filter> filter_;
-  vtkSmartPointer<vtkPolyDataAlgorithm> last_;  // of those that make the surface
+  vtkSmartPointer<vtkPolyDataAlgorithm> last_;  // of the algorithms that make the surface
 };
 
 }  // namespace
