@@ -34,6 +34,17 @@ BrickIndex::BrickIndex(const PagedFile& file, const PyramidSpec& spec, const for
     for (std::size_t piece = 0; piece < slot_count_; ++piece) load(slots_[piece], piece);
 }
 
+std::vector<ByteRange> BrickIndex::rangesReadAtOnce(const format::Header& header) {
+  std::vector<ByteRange> ranges;
+  const std::uint64_t row_bytes = format::rowBytes(header.kind_count);
+  if (header.brick_count > kReadAtOnceBytes / row_bytes) return ranges;
+  for (std::uint64_t first = 0; first < header.brick_count; first += kRowsAtATime)
+    ranges.push_back(
+        {header.brick_table_offset + first * row_bytes,
+         std::min<std::uint64_t>(kRowsAtATime, header.brick_count - first) * row_bytes});
+  return ranges;
+}
+
 BrickAddress BrickIndex::address(std::size_t number) const {
   const auto after = std::upper_bound(first_.begin(), first_.end(), number);
   const auto level = static_cast<int>(after - first_.begin()) - 1;
@@ -81,8 +92,8 @@ void BrickIndex::load(Slot& slot, std::size_t piece) const {
   slot.piece = kNoPiece;
   slot.checked = 0;
   slot.bytes.resize(bytes);
-  if (!file_.read(offset_ + first * row_bytes_, bytes, slot.bytes.data()))
-    fail(first, "cannot be read");
+  RangeReader::Failure why = "cannot be read";
+  if (!file_.read(offset_ + first * row_bytes_, bytes, slot.bytes.data(), &why)) fail(first, why);
   slot.piece = piece;
   slot.is_filled = true;
   bytes_read_ += bytes;
@@ -133,8 +144,8 @@ void BrickIndex::fail(std::size_t number, const char* what) const {
   const std::uint64_t offset = offset_ + number * row_bytes_;
   throw Error("'" + file_.path() + "' " + brickName(level, brick) +
                   ", its row in the brick table, " + std::to_string(row_bytes_) +
-                  " bytes at offset " + std::to_string(offset) + ", " + what +
-                  "; build it again or restore a copy",
+                  " bytes at offset " + std::to_string(offset) + ", " +
+                  withAdvice(what, "build it again or restore a copy"),
               {.path = file_.path(), .offset = offset, .level = level, .brick = brick});
 }
 

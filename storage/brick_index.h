@@ -33,6 +33,10 @@ class BrickIndex {
   // not in the file or cannot be read.
   BrickIndex(const PagedFile& file, const PyramidSpec& spec, const format::Header& header);
 
+  // What the constructor reads of a table, in the ranges in which it does. Where they lie, and how
+  // many there are, was not checked.
+  static std::vector<ByteRange> rangesReadAtOnce(const format::Header& header);
+
   std::size_t count() const { return count_; }
   std::size_t firstOfLevel(int level) const { return first_[static_cast<std::size_t>(level)]; }
   std::size_t number(int level, const Index3& brick) const {

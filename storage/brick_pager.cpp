@@ -167,7 +167,8 @@ void BrickPager::announce(std::size_t id) try {
     if (shard.entries.contains(id)) return;
   }
   const Part part = part_of_(id);
-  file_.announce(part.offset, part.bytes);
+  const ByteRange range{part.offset, part.bytes};
+  file_.announce({&range, 1});
 } catch (const Error&) {  // from part_of_; acquire() says so
 }
 
@@ -328,7 +329,7 @@ bool BrickPager::checkInPlace(const Part& part, const char** why) const {
 
 bool BrickPager::readPart(const Part& part, std::byte* out, const char** why) const {
   *why = kUnreadable;
-  if (!file_.read(part.offset, part.bytes, out)) return false;
+  if (!file_.read(part.offset, part.bytes, out, why)) return false;
   *why = kWrongChecksum;
   return checksum64(out, part.bytes) == part.checksum;
 }

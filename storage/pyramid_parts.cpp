@@ -17,6 +17,9 @@ PyramidParts::PyramidParts(const PyramidTables& tables, std::uint64_t budget_byt
           },
           budget_bytes) {}
 
+// Threads of the pager may wait for a server, and the pager for them.
+PyramidParts::~PyramidParts() { tables_.bytes().abandonReads(); }
+
 BrickPager::Part PyramidParts::pagedPart(PartKind kind, int level, const Index3& brick) const {
   const BrickRow row = brickRowOf(level, brick);
   const format::PartEntry& part = row.part(kind);
@@ -38,8 +41,8 @@ BrickPart PyramidParts::acquire(PartKind kind, int level, const Index3& brick,
     const format::PartEntry entry = brickRowOf(level, brick).part(kind);
     tables_.fail(brickName(level, brick) + ", " + partName(kind) + ", " +
                      std::to_string(entry.stored_bytes) + " bytes at offset " +
-                     std::to_string(entry.offset) + ", " + why +
-                     "; build it again or restore a copy",
+                     std::to_string(entry.offset) + ", " +
+                     withAdvice(why, "build it again or restore a copy"),
                  {.offset = entry.offset, .level = level, .brick = brick});
   }
   part.pager_ = &pager_;

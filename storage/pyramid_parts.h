@@ -36,6 +36,8 @@ class PyramidParts {
  public:
   // `tables` outlive this object. `budget_bytes`: see BrickPager.
   PyramidParts(const PyramidTables& tables, std::uint64_t budget_bytes);
+  ~PyramidParts();
+  PyramidParts(const PyramidParts&) = delete;
 
   const PyramidTables& tables() const { return tables_; }
 
