@@ -73,6 +73,34 @@ bool BrickIndex::isAtHand(std::size_t number) const {
   return slots_[number / kRowsAtATime % slot_count_].is_filled;
 }
 
+bool BrickIndex::isAbsent(std::size_t number) const {
+  const std::size_t piece = number / kRowsAtATime;
+  Slot& slot = slots_[piece % slot_count_];
+  const std::lock_guard lock(slot.mutex);
+  return slot.piece != piece;
+}
+
+void BrickIndex::bringIn(std::span<const std::size_t> numbers) const {
+  std::vector<std::size_t> pieces;
+  for (const std::size_t number : numbers)
+    if (isAbsent(number)) pieces.push_back(number / kRowsAtATime);
+  std::sort(pieces.begin(), pieces.end());
+  pieces.erase(std::unique(pieces.begin(), pieces.end()), pieces.end());
+  std::vector<ByteRange> ranges;
+  for (const std::size_t piece : pieces) ranges.push_back(rangeOf(piece));
+  file_.announce(ranges);
+  for (const std::size_t piece : pieces) {
+    Slot& slot = slots_[piece % slot_count_];
+    const std::lock_guard lock(slot.mutex);
+    if (slot.piece != piece) load(slot, piece);
+  }
+}
+
+ByteRange BrickIndex::rangeOf(std::size_t piece) const {
+  const std::size_t first = piece * kRowsAtATime;
+  return {offset_ + first * row_bytes_, std::min(kRowsAtATime, count_ - first) * row_bytes_};
+}
+
 template <typename F>
 void BrickIndex::withRow(std::size_t number, F&& f) const {
   const std::size_t piece = number / kRowsAtATime, place = number % kRowsAtATime;
@@ -87,16 +115,16 @@ void BrickIndex::withRow(std::size_t number, F&& f) const {
 }
 
 void BrickIndex::load(Slot& slot, std::size_t piece) const {
-  const std::size_t first = piece * kRowsAtATime;
-  const std::size_t bytes = std::min(kRowsAtATime, count_ - first) * row_bytes_;
+  const ByteRange range = rangeOf(piece);
   slot.piece = kNoPiece;
   slot.checked = 0;
-  slot.bytes.resize(bytes);
+  slot.bytes.resize(range.bytes);
   RangeReader::Failure why = "cannot be read";
-  if (!file_.read(offset_ + first * row_bytes_, bytes, slot.bytes.data(), &why)) fail(first, why);
+  if (!file_.read(range.offset, range.bytes, slot.bytes.data(), &why))
+    fail(piece * kRowsAtATime, why);
   slot.piece = piece;
   slot.is_filled = true;
-  bytes_read_ += bytes;
+  bytes_read_ += range.bytes;
 }
 
 BrickRow BrickIndex::decode(const std::byte* bytes) const {

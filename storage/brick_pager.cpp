@@ -160,16 +160,15 @@ BrickPager::Fetched BrickPager::fetch(std::size_t id, Room* room, const CancelFl
   return Fetched::kNow;
 }
 
-void BrickPager::announce(std::size_t id) try {
-  {
-    Shard& shard = shardOf(id);
-    const std::lock_guard lock(shard.mutex);
-    if (shard.entries.contains(id)) return;
+void BrickPager::announce(std::span<const std::size_t> ids) try {
+  std::vector<ByteRange> ranges;
+  for (const std::size_t id : ids) {
+    if (!isAbsent(id)) continue;
+    const Part part = part_of_(id);
+    if (!file_.isKept(part.checksum, part.bytes)) ranges.push_back({part.offset, part.bytes});
   }
-  const Part part = part_of_(id);
-  const ByteRange range{part.offset, part.bytes};
-  file_.announce({&range, 1});
-} catch (const Error&) {  // from part_of_; acquire() says so
+  file_.announce(ranges);
+} catch (const std::exception&) {  // such as of part_of_: acquire() says so
 }
 
 // For what is being loaded; the caller is among its users, and not any more where it throws.
@@ -329,9 +328,12 @@ bool BrickPager::checkInPlace(const Part& part, const char** why) const {
 
 bool BrickPager::readPart(const Part& part, std::byte* out, const char** why) const {
   *why = kUnreadable;
+  if (file_.readKept(part.checksum, part.bytes, out)) return true;
   if (!file_.read(part.offset, part.bytes, out, why)) return false;
   *why = kWrongChecksum;
-  return checksum64(out, part.bytes) == part.checksum;
+  if (checksum64(out, part.bytes) != part.checksum) return false;
+  file_.keep(part.checksum, part.bytes, out);
+  return true;
 }
 
 // Everything is done with a copy: what the checksum and the checks of the Blosc buffer have seen is

@@ -127,9 +127,9 @@ class BrickPager {
   // another thread loads.
   Fetched fetch(std::size_t id, Room& room);
 
-  // Says that part `id` will be fetched or acquired soon: where it is absent the system begins to
-  // read it. Waits for nothing, and counts nowhere.
-  void announce(std::size_t id);
+  // Says that these parts will be fetched or acquired soon: the system begins to read those that
+  // are absent, or the server to send them. Waits for nothing, and counts nowhere.
+  void announce(std::span<const std::size_t> ids);
 
   // Takes a fetch() of this query back: the part is not kept for it any more, and unless the next
   // query takes it, it is among the first to go then.

@@ -11,6 +11,7 @@
 #include "isobrick/storage/checksum.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_ranges.h"
+#include "isobrick/storage/part_cache.h"
 #include "isobrick/storage/remote/open_remote.h"
 #include "isobrick/storage/remote/remote_address.h"
 
@@ -80,6 +81,9 @@ PagedFile::PagedFile(const std::string& path, FileAccess access, const RemoteOpt
   if (isRemotePath(path)) {
     path_ = withoutSecrets(path);
     reader_ = openRemoteRanges(path, remote);
+    if (!remote.cache_folder.empty() && remote.cache_bytes > 0)
+      kept_ =
+          std::make_unique<PartCache>(remote.cache_folder, remote.cache_bytes, reader_->identity());
   } else {
     auto local = std::make_unique<FileRanges>(path);
     local_ = local.get();
@@ -162,6 +166,28 @@ bool PagedFile::read(std::uint64_t offset, std::uint64_t bytes, std::byte* out,
   const RangeReader::Failure failure = reader_->read({offset, bytes}, out);
   if (failure != nullptr && *failure != '\0' && why != nullptr) *why = failure;
   return failure == nullptr;
+}
+
+bool PagedFile::readKept(std::uint64_t checksum, std::uint64_t bytes, std::byte* out) const {
+  if (kept_ == nullptr || !kept_->read(checksum, bytes, out)) return false;
+  ++kept_parts_;
+  kept_bytes_ += bytes;
+  return true;
+}
+
+void PagedFile::keep(std::uint64_t checksum, std::uint64_t bytes, const std::byte* data) const {
+  if (kept_ != nullptr) kept_->write(checksum, bytes, data);
+}
+
+bool PagedFile::isKept(std::uint64_t checksum, std::uint64_t bytes) const {
+  return kept_ != nullptr && kept_->has(checksum, bytes);
+}
+
+RemoteCounters PagedFile::remoteCounters() const {
+  RemoteCounters counters = reader_->counters();
+  counters.cached_parts = kept_parts_;
+  counters.cached_bytes = kept_bytes_;
+  return counters;
 }
 
 void PagedFile::announce(std::span<const ByteRange> ranges) const { reader_->announce(ranges); }

@@ -2,6 +2,7 @@
 // read.
 #pragma once
 
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
@@ -19,6 +20,7 @@ namespace isobrick {
 
 class FileRanges;
 class FileTail;
+class PartCache;
 
 // Opens a whole file for reading and, with kMap, maps it; a file behind a URL is never mapped. All
 // const members are thread-safe, none is safe in a signal handler; nobody may use the object while
@@ -55,13 +57,21 @@ class PagedFile {
   [[nodiscard]] bool read(std::uint64_t offset, std::uint64_t bytes, std::byte* out,
                           RangeReader::Failure* why = nullptr) const;
 
+  // Copies a part, bytes with a checksum, from the folder of RemoteOptions to `out`; false if it is
+  // not there, as for a local file. What came from the server instead is kept there.
+  [[nodiscard]] bool readKept(std::uint64_t checksum, std::uint64_t bytes, std::byte* out) const;
+  void keep(std::uint64_t checksum, std::uint64_t bytes, const std::byte* data) const;
+  bool isKept(std::uint64_t checksum, std::uint64_t bytes) const;
+
   // Asks the system to bring these bytes into its page cache, or the server to send them, and waits
   // for nothing. Ranges that are announced together may be sent together.
   void announce(std::span<const ByteRange> ranges) const;
 
   // Ends reads that wait for a server, and all later ones: see RangeReader::abandon().
   void abandonReads() const { reader_->abandon(); }
-  RemoteCounters remoteCounters() const { return reader_->counters(); }
+  RemoteCounters remoteCounters() const;
+  // See RangeReader::identity().
+  std::string identity() const { return reader_->identity(); }
 
   // ---- of a mapped file ----
 
@@ -111,12 +121,14 @@ class PagedFile {
   const std::byte* data_ = nullptr;
   std::unique_ptr<RangeReader> reader_;
   const FileRanges* local_ = nullptr;  // the reader of a local file
+  std::unique_ptr<PartCache> kept_;    // of a remote one
   std::uint64_t size_ = 0;
   std::unique_ptr<FileTail> tail_;
   BusErrorGuard guard_;
   mutable std::mutex mutex_;  // guards the two below
   mutable Stamp stamp_;
   mutable std::uint64_t edition_ = 0;
+  mutable std::atomic<std::uint64_t> kept_parts_{0}, kept_bytes_{0};  // that were read
 };
 
 }  // namespace isobrick

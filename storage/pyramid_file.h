@@ -9,7 +9,8 @@ namespace isobrick {
 // of a pipe.
 bool beginsAsPyramid(const std::string& path);
 
-// True for a regular file that begins as a pyramid, or is called one (.isb).
+// True for a regular file that begins as a pyramid, or is called one (.isb), and for a URL, behind
+// which nothing else is read.
 bool isPyramidFile(const std::string& path);
 
 }  // namespace isobrick

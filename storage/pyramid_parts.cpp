@@ -71,8 +71,11 @@ BrickPager::Fetched PyramidParts::fetch(PartKind kind, int level, const Index3& 
   return pager_.fetch(partId(kind, brickRow(level, brick)), room);
 }
 
-void PyramidParts::announce(PartKind kind, int level, const Index3& brick) const {
-  if (storedBytes(kind, level, brick) > 0) pager_.announce(partId(kind, brickRow(level, brick)));
+void PyramidParts::announce(std::span<const PartAddress> parts) const {
+  std::vector<std::size_t> ids;
+  for (const auto& [kind, level, brick] : parts)
+    if (storedBytes(kind, level, brick) > 0) ids.push_back(partId(kind, brickRow(level, brick)));
+  pager_.announce(ids);
 }
 
 void PyramidParts::require(PartKind kind, int level, const Index3& brick,

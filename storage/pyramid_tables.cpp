@@ -14,6 +14,9 @@
 namespace isobrick {
 namespace {
 
+// Rows of a remote brick table that are asked for together where all of it is passed over.
+constexpr std::size_t kRowsInAStride = std::size_t{1} << 15;
+
 bool isPowerOfTwoWithin(std::uint32_t value, std::uint32_t least, std::uint32_t greatest) {
   return std::has_single_bit(value) && value >= least && value <= greatest;
 }
@@ -216,7 +219,15 @@ PyramidSums PyramidTables::sums() const {
   PyramidBytes& bytes = sums.bytes;
   bytes.total = file_.size();
   bytes.raw = static_cast<std::uint64_t>(elementCount(spec_.voxels)) * voxelBytes(spec_.voxel_type);
+  std::vector<std::size_t> stride;
   for (std::size_t n = 0; n < index_->count(); ++n) {
+    if (n % kRowsInAStride == 0 && file_.isRemote()) {
+      stride.clear();
+      for (std::size_t row = n; row < std::min(n + kRowsInAStride, index_->count());
+           row += BrickIndex::kRowsAtATime)
+        stride.push_back(row);
+      index_->bringIn(stride);
+    }
     const auto [level, brick] = index_->address(n);
     const BrickRow row = index_->row(n);
     const std::uint64_t stored = row.part(kSamples).stored_bytes;

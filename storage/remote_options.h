@@ -5,6 +5,8 @@
 #include <string>
 #include <string_view>
 
+#include "isobrick/storage/error.h"
+
 namespace isobrick {
 
 // Choices for a file behind a URL; without effect on a local file.
@@ -21,6 +23,9 @@ struct RemoteOptions {
   // How often a request is sent, if its failure may pass: a time limit, a broken connection, 429,
   // 500, 502, 503 or 504. At least 1.
   int tries = 5;
+  // Looked at while the server is waited for the first time; then Cancelled is thrown. May be null,
+  // and outlives the opening alone.
+  const CancelFlag* cancel = nullptr;
 };
 
 // What the network had to do for an open pyramid so far; all zero for a local file.

@@ -166,8 +166,9 @@ void printInfoText(const Pyramid& pyramid, const std::string& path) {
 
 int runInfo(InfoArguments& arguments) {
   findPyramid(arguments.input, allCores(), std::nullopt);
-  const Pyramid pyramid(arguments.input.pyramid, Pyramid::kDefaultBudgetBytes,
-                        fileAccess(arguments.no_map));
+  const auto file = openPyramidFile(arguments.input.pyramid, Pyramid::kDefaultBudgetBytes,
+                                    fileAccess(arguments.no_map), remoteOptions(arguments.input));
+  const Pyramid& pyramid = *file;
   if (arguments.json)
     printInfoJson(pyramid);
   else

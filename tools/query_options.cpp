@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "isobrick/extract/query.h"
+#include "isobrick/storage/abandonable.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/isovalue_suggestions.h"
 #include "tools/interrupt.h"
@@ -124,6 +125,13 @@ void addNoMapFlag(CLI::App& app, bool& no_map) {
   app.add_flag("--no-map", no_map,
                "Read all of the file and map nothing of it: for network file systems; the result "
                "is the same");
+}
+
+std::shared_ptr<const Pyramid> openPyramidFile(const std::string& path, std::uint64_t memory_bytes,
+                                               FileAccess access, const RemoteOptions& remote) {
+  const CancelFlag* const cancel = isRemotePath(path) ? &interruptFlag() : nullptr;
+  return runAbandonable(
+      cancel, [=] { return std::make_shared<const Pyramid>(path, memory_bytes, access, remote); });
 }
 
 void addSimplifyOption(CLI::App& app, QueryOptions& options) {

@@ -19,13 +19,18 @@ namespace {
 
 struct VerifyArguments {
   std::string path;
+  std::string cache_folder;
+  std::uint64_t cache_bytes = 0;
   bool no_map = false;
   int threads = allCores();
 };
 
 int runVerify(const VerifyArguments& arguments) {
   const Stopwatch watch;
-  const Pyramid pyramid(arguments.path, Pyramid::kDefaultBudgetBytes, fileAccess(arguments.no_map));
+  const auto file =
+      openPyramidFile(arguments.path, Pyramid::kDefaultBudgetBytes, fileAccess(arguments.no_map),
+                      remoteOptions(arguments.cache_folder, arguments.cache_bytes));
+  const Pyramid& pyramid = *file;
   PyramidFaults faults;
   {
     ProgressBar bar(static_cast<double>(pyramid.fileBytes()) / 1e6, "MB");
@@ -60,9 +65,13 @@ Command addVerifyCommand(CLI::App& app) {
   CLI::App* const sub = app.add_subcommand(
       "verify", "Check every brick and table of a pyramid and name what is damaged");
   const auto arguments = std::make_shared<VerifyArguments>();
-  sub->add_option("FILE", arguments->path, "Pyramid (.isb)")->type_name("PATH")->required();
+  sub->add_option("FILE", arguments->path, "Pyramid (.isb), also behind http://, https:// or s3://")
+      ->type_name("PATH")
+      ->required();
   addNoMapFlag(*sub, arguments->no_map);
   addThreadsOption(*sub, arguments->threads);
+  addCacheFolderOption(*sub, arguments->cache_folder)->group(kRemoteGroup);
+  addCacheSizeOption(*sub, arguments->cache_bytes);
   sub->footer(R"(
 Example:
   isobrick verify head.isb)");

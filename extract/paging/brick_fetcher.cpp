@@ -81,6 +81,7 @@ void BrickFetcher::run() {
     is_admitting_ = false;
     if (isCurrent(job) && outcome != Outcome::kNoRoom) next_ = job.number + 1;
     wake_.notify_all();
+    if (job.needs->pyramid().parts().isRemote()) announceNext(lock);
     lock.unlock();
     if (outcome == Outcome::kDone) outcome = fetch(job, *room);
     room.reset();
@@ -90,6 +91,31 @@ void BrickFetcher::run() {
     if (isIdle()) idle_.notify_all();
     wake_.notify_all();
   }
+}
+
+// The first part that each of the next bricks lacks: which one comes after it shows in that.
+void BrickFetcher::announceNext(std::unique_lock<std::mutex>& lock) {
+  const std::shared_ptr<const QueryNeeds> needs = needs_;
+  const auto first = bricks_.begin() + static_cast<std::ptrdiff_t>(next_ > 0 ? next_ - 1 : 0);
+  const auto count = std::min<std::ptrdiff_t>(bricks_.end() - first, kBricksAhead);
+  const std::vector<MissingBrick> next(first, first + count);
+  lock.unlock();
+  try {
+    const PyramidParts& parts = needs->pyramid().parts();
+    std::vector<PyramidParts::PartAddress> lacking;
+    const BrickAnswers answers{
+        [&](int level, const Index3& brick) { return parts.isRowAtHand(level, brick); },
+        [&](PartKind kind, int level, const Index3& brick) {
+          if (parts.holdIfResident(kind, level, brick)) return true;
+          lacking.push_back({kind, level, brick});
+          return false;
+        }};
+    for (const MissingBrick& missing : next)
+      static_cast<void>(needs->areMet(missing.level, missing.brick, answers));
+    parts.announce(lacking);
+  } catch (const std::exception&) {  // whoever fetches the brick meets the same
+  }
+  lock.lock();
 }
 
 void BrickFetcher::noteOutcome(const Job& job, Outcome outcome) {

@@ -23,6 +23,9 @@ namespace isobrick {
 // Which bytes there are is the pager's to know (BrickPager::reserve()): room is set aside for one
 // brick after the other, in their order, before it is begun, so that a brick never takes the room
 // of one that was announced before it. The first brick without room ends the announcement.
+//
+// Of a pyramid behind a URL the parts of the next bricks are asked of the server before a thread is
+// at them, as far as it is known by then what they need.
 class BrickFetcher {
  public:
   BrickFetcher() = default;
@@ -44,6 +47,9 @@ class BrickFetcher {
   // A brick of the announcement that could not be read, once.
   std::optional<MissingBrick> takeFailed();
 
+  // Bricks whose parts are asked of a server ahead of the first that is not admitted.
+  static constexpr std::size_t kBricksAhead = 48;
+
  private:
   enum class Outcome { kDone, kNoRoom, kFailed };
   // A brick of an announcement.
@@ -59,6 +65,7 @@ class BrickFetcher {
   void start();
   void run();
   Outcome admit(const Job& job, std::optional<BrickPager::Room>& room) const;
+  void announceNext(std::unique_lock<std::mutex>& lock);
   Outcome fetch(const Job& job, BrickPager::Room& room);
   bool isEnded(std::uint64_t announcement);
   void noteCome();

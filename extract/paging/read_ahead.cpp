@@ -11,6 +11,15 @@
 
 namespace isobrick {
 
+ReadAhead::ReadAhead(const MeshContext& context, std::span<const BrickWork> work)
+    : context_(context),
+      work_(work),
+      misses_before_(context.pyramid.parts().missCount()),
+      is_far_(context.pyramid.parts().isRemote()) {
+  const std::lock_guard lock(mutex_);
+  if (is_far_ && !work_.empty()) start();
+}
+
 ReadAhead::~ReadAhead() {
   {
     const std::lock_guard lock(mutex_);
@@ -57,7 +66,7 @@ void ReadAhead::start() try {
 
 bool ReadAhead::mayLook() const {
   return looked_ < work_.size() && ahead_bytes_ + brick_bytes_ <= most_ahead_bytes_ &&
-         announced_.size() < kMostAnnounced;
+         announced_.size() < (is_far_ ? kMostAnnouncedFar : kMostAnnounced);
 }
 
 // Bricks are looked at before any is loaded, so that the disk has as much to do at once as it may.
@@ -88,14 +97,18 @@ void ReadAhead::look(std::unique_lock<std::mutex>& lock) {
   bytes_.push_back(bytes);
   ahead_bytes_ += bytes;
   ++looked_;
-  const std::size_t end = std::min(work_.size(), work + kRangesAhead);
+  const std::size_t end = std::min(work_.size(), work + (is_far_ ? kRangesAheadFar : kRangesAhead));
   const std::size_t begin = std::exchange(ranges_, std::max(ranges_, end));
   lock.unlock();
-  if (context_.query.cull_by_ranges)
+  if (context_.query.cull_by_ranges) {
+    std::vector<PyramidParts::PartAddress> ranges;
     for (std::size_t n = begin; n < end; ++n)
-      pyramid.parts().announce(PartKind::kRanges, work_[n].level, work_[n].brick);
+      ranges.push_back({PartKind::kRanges, work_[n].level, work_[n].brick});
+    pyramid.parts().announce(ranges);
+  }
   const bool is_needed = isNeeded(work_[work]);
-  if (is_needed) pyramid.parts().announce(PartKind::kSamples, level, brick);
+  const PyramidParts::PartAddress samples{PartKind::kSamples, level, brick};
+  if (is_needed) pyramid.parts().announce({&samples, 1});
   lock.lock();
   if (work < reached_) return;
   if (is_needed)

@@ -45,29 +45,33 @@ HttpRanges::HttpRanges(std::string name, const std::string& url,
       signer_(std::move(signer)),
       transfers_(std::make_unique<HttpTransfers>(static_cast<HttpClient&>(*this),
                                                  stallSecondsOf(options))) {
-  open();
+  open(options.cancel);
 }
 
 HttpRanges::~HttpRanges() { abandon(); }
 
-void HttpRanges::open() {
+void HttpRanges::open(const CancelFlag* cancel) {
   std::unique_lock lock(mutex_);
   beginning_ = std::make_shared<WantedRange>();
   beginning_->range = {0, kFirstBytes};
   beginning_->is_awaited = true;
   queue_.push(beginning_);
   transfers_->wake();
-  changed_.wait(lock, [&] {
-    return beginning_->state == WantedRange::State::kHere ||
-           beginning_->state == WantedRange::State::kFailed;
-  });
+  // A signal handler can set the flag and nothing more, so nobody wakes this thread.
+  constexpr auto kBetweenLooks = std::chrono::milliseconds(5);
+  while (beginning_->state != WantedRange::State::kHere &&
+         beginning_->state != WantedRange::State::kFailed) {
+    changed_.wait_for(lock, kBetweenLooks);
+    if (cancel != nullptr) cancel->check();
+  }
   if (beginning_->state == WantedRange::State::kFailed)
     throw Error("cannot open '" + name_ + "': " + beginning_->failure, {.path = name_});
   is_open_ = true;
 }
 
 std::string HttpRanges::identity() const {
-  return url_ + "\n" + file_.etag + "\n" + file_.last_modified + "\n" + std::to_string(file_.bytes);
+  return (signer_ != nullptr ? signer_->requestNow().url : url_) + "\n" + file_.etag + "\n" +
+         file_.last_modified + "\n" + std::to_string(file_.bytes);
 }
 
 RemoteCounters HttpRanges::counters() const {
@@ -170,6 +174,7 @@ void HttpRanges::announce(std::span<const ByteRange> ranges) {
         ahead_.emplace(wanted->ahead, wanted);
       });
     }
+    last_announced_ = Clock::now();
   }
   transfers_->wake();
 }
@@ -197,6 +202,10 @@ std::optional<HttpRequest> HttpRanges::nextRequest(std::chrono::milliseconds* wa
     if (first_due != delayed_.end())
       *wait = std::min(*wait,
                        std::chrono::ceil<std::chrono::milliseconds>(first_due->not_before - now));
+    if (!queue_.hasAwaited() && !queue_.empty() && now < last_announced_ + kLinger) {
+      *wait = std::min(*wait, std::chrono::milliseconds(1));
+      return std::nullopt;
+    }
     joined.wanted = queue_.pop();
     if (joined.wanted.empty()) return std::nullopt;
     joined.first = joined.wanted.front()->range.offset;
@@ -222,9 +231,11 @@ HttpRequest HttpRanges::requestFor(Joined& joined) {
   request.headers = sameFileHeaders(file_);
   // A signature is for one host.
   request.follows_redirects = signer_ == nullptr;
-  if (signer_ != nullptr)
-    for (std::string& header : signer_->headersFor(request.url))
-      request.headers.push_back(std::move(header));
+  if (signer_ != nullptr) {
+    AddressedRequest addressed = signer_->requestNow();
+    request.url = std::move(addressed.url);
+    for (std::string& header : addressed.headers) request.headers.push_back(std::move(header));
+  }
   underway_.emplace(request.id, std::move(joined));
   return request;
 }

@@ -24,7 +24,8 @@ namespace isobrick {
 
 // Readers and announcements put ranges into a queue, of which a thread of its own makes requests:
 // neighbours joined (range_queue.h), many underway at once (http_transfers.h), repeated with
-// back-off if the failure may pass. A range that is announced stays here until it is read, or until
+// back-off if the failure may pass. What is announced alone waits for kLinger for others that lie
+// beside it. A range that is announced stays here until it is read, or until
 // announced ranges have more than kMostAheadBytes together: then the oldest goes. Two that read the
 // same range wait for the same request.
 //
@@ -33,6 +34,7 @@ namespace isobrick {
 // not.
 class HttpRanges final : public RangeReader, private HttpClient {
  public:
+  static constexpr std::chrono::microseconds kLinger{1000};
   static constexpr std::uint64_t kMostAheadBytes = std::uint64_t{64} << 20;
 
   // `name` is for messages. Waits for the file's first bytes. `signer` may be null. Throws Error.
@@ -62,7 +64,7 @@ class HttpRanges final : public RangeReader, private HttpClient {
     bool had_other_region = false, had_detour = false;
   };
 
-  void open();
+  void open(const CancelFlag* cancel);
   Wanted want(const ByteRange& range);
   Failure await(std::unique_lock<std::mutex>& lock, const Wanted& wanted, std::byte* out);
   void takeFromAhead(WantedRange& wanted);
@@ -92,6 +94,7 @@ class HttpRanges final : public RangeReader, private HttpClient {
   bool is_abandoned_ = false;
   std::string redirected_url_;  // that answered in place of url_; empty: that did
   RangeQueue queue_;
+  Clock::time_point last_announced_{};
   std::map<std::pair<std::uint64_t, std::uint64_t>, Wanted> wanted_;  // by offset and bytes
   std::map<std::uint64_t, Wanted> ahead_;  // announced and read by nobody yet, the oldest first
   std::uint64_t ahead_bytes_ = 0;

@@ -62,6 +62,7 @@ class Exchange {
     const std::string range = std::to_string(request.first) + "-" + std::to_string(request.last);
     set(CURLOPT_RANGE, range.c_str());
     set(CURLOPT_USERAGENT, "isobrick");
+    set(CURLOPT_PATH_AS_IS, 1L);  // "a/../b" may be the name of an object
     set(CURLOPT_PROTOCOLS_STR, "http,https");
     set(CURLOPT_HTTP_VERSION, static_cast<long>(CURL_HTTP_VERSION_2TLS));
     set(CURLOPT_PIPEWAIT, 1L);  // a second connection only where the first cannot carry more

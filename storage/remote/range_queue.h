@@ -49,6 +49,8 @@ class RangeQueue {
   void hurry(const Wanted& wanted);
   void remove(const Wanted& wanted);
   bool empty() const { return by_offset_.empty(); }
+  // Whether any of them is awaited; may be true for a moment yet when none is any more.
+  bool hasAwaited() const { return !awaited_.empty(); }
 
   // Those of the next request, in the order of their offsets; empty if none waits.
   std::vector<Wanted> pop();

@@ -15,7 +15,7 @@ bool isRemotePath(std::string_view path) {
 std::string withoutSecrets(const std::string& url) {
   std::string shown = url;
   const std::size_t scheme = shown.find("://");
-  if (scheme == std::string::npos) return shown;
+  if (scheme == std::string::npos || lowercase(shown.substr(0, scheme)) == "s3") return shown;
   shown.resize(std::min(shown.find_first_of("?#"), shown.size()));
   const std::size_t host = scheme + 3;
   const std::size_t host_end = std::min(shown.find('/', host), shown.size());

@@ -10,13 +10,19 @@
 
 namespace isobrick {
 
-// Adds headers to a request that prove who asks. Thread-safe.
+// Where a request goes, and headers, a whole line each.
+struct AddressedRequest {
+  std::string url;
+  std::vector<std::string> headers;
+};
+
+// Makes requests for one file that prove who asks. Thread-safe.
 class RequestSigner {
  public:
   virtual ~RequestSigner() = default;
-  // Whole lines for a GET of the URL, now.
-  virtual std::vector<std::string> headersFor(const std::string& url) = 0;
-  // From now on for that region.
+  // A GET, valid for some minutes from now on.
+  virtual AddressedRequest requestNow() = 0;
+  // The file is in that region.
   virtual void useRegion(const std::string& region) = 0;
 };
 

@@ -339,7 +339,7 @@ TEST(RemotePath, IsAUrlThatIsobrickReads) {
 TEST(RemotePath, IsShownWithoutSecrets) {
   EXPECT_EQ(withoutSecrets("https://a:b@c/d@e?f=g#h"), "https://c/d@e");
   EXPECT_EQ(withoutSecrets("https://c/d"), "https://c/d");
-  EXPECT_EQ(withoutSecrets("s3://bucket/key"), "s3://bucket/key");
+  EXPECT_EQ(withoutSecrets("s3://bucket/key?of@all"), "s3://bucket/key?of@all");
   EXPECT_EQ(withoutSecrets("https://a@b"), "https://b");
   EXPECT_EQ(withoutSecrets("a@b?c"), "a@b?c");
 }
