@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <cstdio>
 #include <exception>
 #include <filesystem>
@@ -148,7 +149,10 @@ KeptParts trimParts(const std::string& folder, std::uint64_t most_bytes) {
   KeptParts removed;
   const std::string lock_path = partsFolder(folder) + "/lock";
   const Descriptor lock(::open(lock_path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600));
-  if (lock.get() < 0 || ::flock(lock.get(), LOCK_EX | LOCK_NB) != 0) return removed;
+  // The look of another process, which takes moments, is waited for: it does not know of what this
+  // one is about to write.
+  while (lock.get() >= 0 && ::flock(lock.get(), LOCK_EX) != 0 && errno == EINTR) {
+  }
   std::vector<PartFile> parts;
   std::uint64_t bytes = 0;
   const std::time_t now = std::time(nullptr);

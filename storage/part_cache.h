@@ -55,7 +55,7 @@ struct KeptParts {
 };
 KeptParts keptParts(const std::string& folder);
 // Removes those that were used least recently until they have at most `most_bytes` together; says
-// what was removed. Does nothing while another process does it.
+// what was removed.
 KeptParts trimParts(const std::string& folder, std::uint64_t most_bytes);
 
 }  // namespace isobrick

@@ -15,6 +15,7 @@
 #include "isobrick/extract/sinks/vertex_numbering.h"
 #include "isobrick/storage/lowercase.h"
 #include "isobrick/storage/pyramid_parts.h"
+#include "isobrick/storage/remote/remote_address.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
@@ -138,7 +139,7 @@ ExtractResult extractOne(const ExtractArguments& arguments, const Pyramid& pyram
     fmt::print(stderr,
                "isobrick: warning: {} of {} vertices lie outside of '{}' and have no value ({})\n",
                countText(result.vertices_outside), countText(result.vertices),
-               oneLine(arguments.attribute.path),
+               oneLine(withoutSecrets(arguments.attribute.path)),
                lowerExtension(output) == ".glb" ? "0 in the file" : "NaN in the file");
   return result;
 }
@@ -271,9 +272,11 @@ void printSummaries(const ExtractArguments& arguments, const ExtractResults& res
     write_seconds += result.write_seconds;
   }
   if (results.remote)
-    fmt::print("network: {} requests, {}; from the cache folder: {}\n",
-               countText(results.remote->requests), byteSizeText(results.remote->bytes),
-               byteSizeText(results.remote->cached_bytes));
+    fmt::print("network: {} requests, {}{}\n", countText(results.remote->requests),
+               byteSizeText(results.remote->bytes),
+               results.remote->cached_bytes > 0
+                   ? fmt::format("; {} from the cache", byteSizeText(results.remote->cached_bytes))
+                   : "");
   fmt::print("seconds: open {:.4f}, extract{}, write {:.4f}; {} threads; peak memory {}\n",
              results.open_seconds, extract_text, write_seconds, arguments.query.threads,
              byteSizeText(peakResidentBytes()));

@@ -10,6 +10,7 @@
 #include "isobrick/preprocess/shallow_json.h"
 #include "isobrick/storage/isovalue_suggestions.h"
 #include "isobrick/storage/pyramid.h"
+#include "isobrick/storage/remote/remote_address.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/json_output.h"
@@ -172,7 +173,7 @@ int runInfo(InfoArguments& arguments) {
   if (arguments.json)
     printInfoJson(pyramid);
   else
-    printInfoText(pyramid, arguments.input.path);
+    printInfoText(pyramid, withoutSecrets(arguments.input.path));
   return 0;
 }
 

@@ -2,11 +2,14 @@
 
 #include <algorithm>
 #include <exception>
+#include <map>
+#include <set>
 #include <utility>
 
 #include "isobrick/extract/meshing/crossed_tiles.h"
 #include "isobrick/extract/oracles/leaf_classifier.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/index_loop.h"
 #include "isobrick/storage/pyramid_parts.h"
 
 namespace isobrick {
@@ -17,7 +20,10 @@ ReadAhead::ReadAhead(const MeshContext& context, std::span<const BrickWork> work
       misses_before_(context.pyramid.parts().missCount()),
       is_far_(context.pyramid.parts().isRemote()) {
   const std::lock_guard lock(mutex_);
-  if (is_far_ && !work_.empty()) start();
+  if (!is_far_ || work_.empty()) return;
+  for (const auto& [level, brick, adaptive] : work_)
+    rows_of_work_.insert(context_.pyramid.parts().brickRow(level, brick));
+  start();
 }
 
 ReadAhead::~ReadAhead() {
@@ -107,8 +113,10 @@ void ReadAhead::look(std::unique_lock<std::mutex>& lock) {
     pyramid.parts().announce(ranges);
   }
   const bool is_needed = isNeeded(work_[work]);
-  const PyramidParts::PartAddress samples{PartKind::kSamples, level, brick};
-  if (is_needed) pyramid.parts().announce({&samples, 1});
+  std::vector<PyramidParts::PartAddress> samples;
+  if (is_needed) samples.push_back({PartKind::kSamples, level, brick});
+  if (is_needed && is_far_ && adaptive) addLenders(work_[work], samples);
+  pyramid.parts().announce(samples);
   lock.lock();
   if (work < reached_) return;
   if (is_needed)
@@ -125,6 +133,79 @@ void ReadAhead::load(std::unique_lock<std::mutex>& lock) {
   lock.unlock();
   context_.pyramid.parts().fetch(PartKind::kSamples, level, brick, context_.query.cancel);
   lock.lock();
+}
+
+// Finer bricks whose samples the brick may need, if the surface crosses a leaf of it beside finer
+// leaves: corners and crossings there are made of them (BrickFamily::finer()). Of a local file they
+// are left to the mesher.
+//
+// A leaf lies in one tile of the finer level, whose range takes in all that the leaf's corners can
+// be (rule 7). The finer leaves that touch it are at most a cell away from that tile.
+void ReadAhead::addLenders(const BrickWork& work,
+                           std::vector<PyramidParts::PartAddress>& samples) const {
+  CrossedTiles tiles;
+  if (work.level == 0 || !tiles.load(context_, work.level, work.brick)) return;
+  const int level = work.level, finer = level - 1;
+  const BrickLayout& layout = context_.pyramid.layout();
+  const Index3 all = context_.lattice().cells(level), all_finer = context_.lattice().cells(finer);
+  const IndexBox cells = layout.brickCellBox(level, work.brick);
+  const LeafClassifier classifier(context_);
+  const auto around = [](const IndexBox& box, const Index3& end_of_all) {
+    const Index3 first = glm::max(box.first - Index3(1), Index3(0));
+    return IndexBox{first, glm::min(box.end() + Index3(1), end_of_all) - first};
+  };
+  std::map<std::size_t, CrossedTiles> finer_tiles;  // by row; of bricks that the plan has
+  std::set<std::size_t> lenders;
+
+  // Of a tile of the finer level.
+  const auto mayBeCrossed = [&](const Index3& tile) {
+    const Index3 first = tile * layout.tileCells();
+    const Index3 brick = first / layout.brickCells();
+    if (!context_.query.cull_by_ranges) return true;
+    if (!context_.pyramid.brickRange(finer, brick).crosses(context_.isovalue)) return false;
+    const IndexBox own = layout.brickCellBox(finer, brick);
+    if (!rows_of_work_.contains(context_.pyramid.parts().brickRow(finer, brick))) return true;
+    const auto [found, is_new] =
+        finer_tiles.try_emplace(context_.pyramid.parts().brickRow(finer, brick));
+    if (is_new) {
+      context_.pyramid.parts().fetch(PartKind::kRanges, finer, brick, context_.query.cancel);
+      found->second.load(context_, finer, brick);
+    }
+    return found->second.isCrossed((first - own.first) / layout.tileCells());
+  };
+  const auto addAround = [&](const IndexBox& fine) {
+    const IndexBox near = around(fine, all_finer);
+    const Index3 first = near.first / layout.brickCells();
+    const Index3 end = (near.end() - Index3(1)) / layout.brickCells() + Index3(1);
+    forEachIndex({first, end - first}, [&](const Index3& brick) {
+      const IndexBox own = layout.brickCellBox(finer, brick);
+      const Index3 from = glm::max(own.first, near.first), to = glm::min(own.end(), near.end());
+      if (classifier.mayHoldLeaf(finer, {from, to - from}) &&
+          lenders.insert(context_.pyramid.parts().brickRow(finer, brick)).second)
+        samples.push_back({PartKind::kSamples, finer, brick});
+    });
+  };
+  forEachIndex({Index3(0), tiles.dims()}, [&](const Index3& tile) {
+    if (!tiles.isCrossed(tile)) return;
+    const IndexBox leaves =
+        CrossedTiles::cellsOf({tile.x, tile.x + 1}, tile.y, tile.z, cells, layout.tileCells());
+    if (!overlapsQueryBox(context_, level, leaves) || !classifier.mayHoldLeaf(level, leaves) ||
+        !classifier.mayRefine(level, around(leaves, all)))
+      return;
+    const Index3 fine_first = leaves.first * std::int64_t{2};
+    const Index3 fine_end = glm::min(leaves.end() * std::int64_t{2}, all_finer);
+    const Index3 first = fine_first / layout.tileCells();
+    const Index3 end = (fine_end - Index3(1)) / layout.tileCells() + Index3(1);
+    forEachIndex({first, end - first}, [&](const Index3& finer_tile) {
+      const Index3 from = finer_tile * layout.tileCells();
+      const Index3 to = glm::min(from + Index3(layout.tileCells()), all_finer);
+      const IndexBox coarse{from / std::int64_t{2},
+                            (to + Index3(1)) / std::int64_t{2} - from / std::int64_t{2}};
+      if (classifier.mayHoldLeaf(level, coarse) &&
+          classifier.mayRefine(level, around(coarse, all)) && mayBeCrossed(finer_tile))
+        addAround({from, to - from});
+    });
+  });
 }
 
 bool ReadAhead::isNeeded(const BrickWork& work) const {

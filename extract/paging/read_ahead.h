@@ -8,6 +8,7 @@
 #include <mutex>
 #include <span>
 #include <thread>
+#include <unordered_set>
 #include <vector>
 
 #include "isobrick/extract/query.h"
@@ -69,11 +70,13 @@ class ReadAhead {
   void look(std::unique_lock<std::mutex>& lock);
   void load(std::unique_lock<std::mutex>& lock);
   bool isNeeded(const BrickWork& work) const;
+  void addLenders(const BrickWork& work, std::vector<PyramidParts::PartAddress>& samples) const;
 
   const MeshContext& context_;
   const std::span<const BrickWork> work_;
   const std::uint64_t misses_before_;
-  const bool is_far_;  // behind a URL
+  const bool is_far_;                             // behind a URL
+  std::unordered_set<std::size_t> rows_of_work_;  // of such a one; whose ranges are announced
 
   std::mutex mutex_;  // guards all below
   std::condition_variable wake_;

@@ -64,7 +64,7 @@ class HttpClient {
 class HttpTransfers {
  public:
   static constexpr int kMostRequests = 32;
-  static constexpr int kMostConnections = 16;
+  static constexpr int kMostConnections = 32;
   static constexpr int kMostRedirects = 5;
   // A server that takes longer to answer than its connection to come to be, hangs.
   static constexpr double kConnectSeconds = 10;

@@ -26,9 +26,10 @@ import time
 ETAG = '"first"'
 MODIFIED = "Tue, 24 Nov 2026 10:00:00 GMT"
 lock = threading.Lock()
-requests = []  # {path, first, last}
+requests = []  # {path, first, last, at}
 counts = {}    # requests by path
 options = None
+began = time.monotonic()
 
 
 class Waves:
@@ -89,7 +90,8 @@ class Handler(socketserver.StreamRequestHandler):
                     return self.send(answer(200, self.stats(), Connection="close"))
                 with lock:
                     number = counts[request.path] = counts.get(request.path, 0) + 1
-                    requests.append({"path": request.path, "first": request.first, "last": request.last})
+                    requests.append({"path": request.path, "first": request.first, "last": request.last,
+                                     "at": round(time.monotonic() - began, 4)})
                 if waves:
                     waves.wait()
                 behave = BEHAVIOURS.get(request.behaviour)
@@ -120,9 +122,24 @@ class Handler(socketserver.StreamRequestHandler):
             return json.dumps({"requests": requests, "waves": waves.sizes if waves else []}).encode()
 
 
+class Data:
+    """The bytes of a file, of which slices are read."""
+
+    def __init__(self, path):
+        self.path = path
+
+    def __len__(self):
+        return os.path.getsize(self.path)
+
+    def __getitem__(self, part):
+        first, last, _ = part.indices(len(self))
+        with open(self.path, "rb") as file:
+            file.seek(first)
+            return file.read(max(0, last - first))
+
+
 def data_of(request):
-    with open(os.path.join(options.folder, request.name), "rb") as file:
-        return file.read()
+    return Data(os.path.join(options.folder, request.name))
 
 
 def good(handler, request, number, etag=ETAG, modified=MODIFIED, heeds=True, change=lambda body: body,
@@ -149,7 +166,7 @@ def good(handler, request, number, etag=ETAG, modified=MODIFIED, heeds=True, cha
 def ignores(handler, request, number):
     data = data_of(request)
     handler.send(head(200, {"Content-Length": len(data), "ETag": ETAG}))
-    handler.send(data)
+    handler.send(data[:])
 
 
 def ignores_without_end(handler, request, number):
