@@ -161,28 +161,63 @@ void ReadAhead::addLenders(const BrickWork& work,
   const auto mayBeCrossed = [&](const Index3& tile) {
     const Index3 first = tile * layout.tileCells();
     const Index3 brick = first / layout.brickCells();
-    if (!context_.query.cull_by_ranges) return true;
+    const std::size_t row = context_.pyramid.parts().brickRow(finer, brick);
+    if (!context_.query.cull_by_ranges || context_.pyramid.parts().isRowAbsent(row)) return true;
     if (!context_.pyramid.brickRange(finer, brick).crosses(context_.isovalue)) return false;
     const IndexBox own = layout.brickCellBox(finer, brick);
-    if (!rows_of_work_.contains(context_.pyramid.parts().brickRow(finer, brick))) return true;
-    const auto [found, is_new] =
-        finer_tiles.try_emplace(context_.pyramid.parts().brickRow(finer, brick));
+    if (!rows_of_work_.contains(row)) return true;
+    const auto [found, is_new] = finer_tiles.try_emplace(row);
     if (is_new) {
       context_.pyramid.parts().fetch(PartKind::kRanges, finer, brick, context_.query.cancel);
       found->second.load(context_, finer, brick);
     }
     return found->second.isCrossed((first - own.first) / layout.tileCells());
   };
-  const auto addAround = [&](const IndexBox& fine) {
-    const IndexBox near = around(fine, all_finer);
-    const Index3 first = near.first / layout.brickCells();
-    const Index3 end = (near.end() - Index3(1)) / layout.brickCells() + Index3(1);
-    forEachIndex({first, end - first}, [&](const Index3& brick) {
-      const IndexBox own = layout.brickCellBox(finer, brick);
-      const Index3 from = glm::max(own.first, near.first), to = glm::min(own.end(), near.end());
-      if (classifier.mayHoldLeaf(finer, {from, to - from}) &&
-          lenders.insert(context_.pyramid.parts().brickRow(finer, brick)).second)
-        samples.push_back({PartKind::kSamples, finer, brick});
+  // As BrickFamily::brickWith() chooses the brick that a corner is taken from.
+  const auto isRefined = [&](const Index3& cell) {
+    return classifier.mayRefine(level, {cell, Index3(1)});
+  };
+  const auto worthOf = [&](const Index3& brick, const Index3& fine) {
+    const IndexBox own = layout.brickCellBox(finer, brick);
+    const Index3 first =
+        glm::max((fine - Index3(1)) / std::int64_t{2}, own.first / std::int64_t{2});
+    const Index3 last = glm::min(fine / std::int64_t{2}, (own.end() - Index3(1)) / std::int64_t{2});
+    bool has_leaf = false;
+    forEachIndex({first, last - first + Index3(1)},
+                 [&](const Index3& cell) { has_leaf = has_leaf || isRefined(cell); });
+    if (!has_leaf ||
+        context_.pyramid.parts().isRowAbsent(context_.pyramid.parts().brickRow(finer, brick)))
+      return 0;
+    return context_.pyramid.brickRange(finer, brick).crosses(context_.isovalue) ? 2 : 1;
+  };
+  const auto addLender = [&](const Index3& fine) {
+    const Index3 first = glm::max(fine - Index3(1), Index3(0)) / layout.brickCells();
+    const Index3 last = glm::min(fine / layout.brickCells(), layout.bricks(finer) - Index3(1));
+    int best = 0;
+    Index3 lender(0);
+    forEachIndex({first, last - first + Index3(1)}, [&](const Index3& brick) {
+      const int worth = best == 2 ? 0 : worthOf(brick, fine);
+      if (worth <= best) return;
+      best = worth;
+      lender = brick;
+    });
+    if (best > 0 && lenders.insert(context_.pyramid.parts().brickRow(finer, lender)).second)
+      samples.push_back({PartKind::kSamples, finer, lender});
+  };
+  // Of leaves within the tile. Where all of them lie in one brick that is known already, there is
+  // nothing to find.
+  const auto addLenders = [&](const IndexBox& coarse) {
+    const Index3 first = glm::max(coarse.first * std::int64_t{2} - Index3(1), Index3(0));
+    const Index3 last = glm::min(coarse.end() * std::int64_t{2}, all_finer - Index3(1));
+    if (first / layout.brickCells() == last / layout.brickCells() &&
+        lenders.contains(context_.pyramid.parts().brickRow(finer, first / layout.brickCells())))
+      return;
+    forEachIndex(coarse, [&](const Index3& cell) {
+      if (!classifier.mayHoldLeaf(level, {cell, Index3(1)})) return;
+      for (int corner = 0; corner < 8; ++corner)
+        addLender(
+            glm::min((cell + Index3(corner & 1, corner >> 1 & 1, corner >> 2)) * std::int64_t{2},
+                     all_finer));
     });
   };
   forEachIndex({Index3(0), tiles.dims()}, [&](const Index3& tile) {
@@ -203,7 +238,7 @@ void ReadAhead::addLenders(const BrickWork& work,
                             (to + Index3(1)) / std::int64_t{2} - from / std::int64_t{2}};
       if (classifier.mayHoldLeaf(level, coarse) &&
           classifier.mayRefine(level, around(coarse, all)) && mayBeCrossed(finer_tile))
-        addAround({from, to - from});
+        addLenders(coarse);
     });
   });
 }
