@@ -58,7 +58,9 @@ std::optional<MissingBrick> BrickFetcher::takeFailed() {
 
 // If there are no threads, nothing comes in, and wait() says so.
 void BrickFetcher::start() try {
-  while (threads_.size() < ReadAhead::kThreads) threads_.emplace_back([this] { run(); });
+  const bool is_far = needs_->pyramid().parts().isRemote();
+  while (threads_.size() < (is_far ? kThreadsFar : ReadAhead::kThreads))
+    threads_.emplace_back([this] { run(); });
 } catch (const std::exception&) {
   if (threads_.empty()) end();
 }

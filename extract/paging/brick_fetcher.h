@@ -47,8 +47,9 @@ class BrickFetcher {
   // A brick of the announcement that could not be read, once.
   std::optional<MissingBrick> takeFailed();
 
-  // Bricks whose parts are asked of a server ahead of the first that is not admitted.
-  static constexpr std::size_t kBricksAhead = 48;
+  // Bricks whose parts are asked of a server ahead of the first that is not admitted, and the
+  // threads that wait for its answers.
+  static constexpr std::size_t kBricksAhead = 48, kThreadsFar = 16;
 
  private:
   enum class Outcome { kDone, kNoRoom, kFailed };
