@@ -66,9 +66,10 @@ std::optional<BrickPager::Room> PyramidParts::reserve(std::span<const PartKind> 
 }
 
 BrickPager::Fetched PyramidParts::fetch(PartKind kind, int level, const Index3& brick,
-                                        BrickPager::Room& room) const {
+                                        const std::shared_ptr<BrickPager::Room>& room,
+                                        const CancelFlag* cancel) const {
   if (storedBytes(kind, level, brick) == 0) return BrickPager::Fetched::kBefore;
-  return pager_.fetch(partId(kind, brickRow(level, brick)), room);
+  return pager_.fetch(partId(kind, brickRow(level, brick)), room, cancel);
 }
 
 void PyramidParts::announce(std::span<const PartAddress> parts) const {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <span>
 #include <vector>
@@ -114,7 +115,8 @@ class PyramidParts {
                                           const Index3& brick, std::uint64_t since) const;
   // Brings a part into such room: see BrickPager::fetch().
   BrickPager::Fetched fetch(PartKind kind, int level, const Index3& brick,
-                            BrickPager::Room& room) const;
+                            const std::shared_ptr<BrickPager::Room>& room,
+                            const CancelFlag* cancel) const;
   // Has the system, or the server, begin with those of these parts that are stored: see
   // BrickPager::announce(). What is announced together may come in fewer requests.
   struct PartAddress {

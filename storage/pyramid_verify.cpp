@@ -392,10 +392,10 @@ constexpr std::size_t kBricksAhead = 64;
 
 void announceBrick(const PyramidParts& parts, std::size_t row) {
   if (row >= parts.brickCount()) return;
-  const auto [level, brick] = parts.brickAt(row);
+  const BrickAddress at = parts.brickAt(row);
   std::array<PyramidParts::PartAddress, kPartKinds.size()> all;
   std::transform(kPartKinds.begin(), kPartKinds.end(), all.begin(), [&](PartKind kind) {
-    return PyramidParts::PartAddress{kind, level, brick};
+    return PyramidParts::PartAddress{kind, at.level, at.brick};
   });
   try {
     parts.announce(all);

@@ -14,6 +14,7 @@ BrickFetcher::~BrickFetcher() {
     const std::lock_guard lock(mutex_);
     stops_ = true;
   }
+  stop_.request();
   wake_.notify_all();
   for (std::thread& thread : threads_) thread.join();
 }
@@ -74,7 +75,7 @@ void BrickFetcher::run() {
     wake_.wait(lock, [&] { return stops_ || mayAdmit(); });
     if (stops_) return;
     const Job job = nextJob();
-    std::optional<BrickPager::Room> room;
+    std::shared_ptr<BrickPager::Room> room;
     is_admitting_ = true;
     ++busy_;
     lock.unlock();
@@ -85,7 +86,7 @@ void BrickFetcher::run() {
     wake_.notify_all();
     if (job.needs->pyramid().parts().isRemote()) announceNext(lock);
     lock.unlock();
-    if (outcome == Outcome::kDone) outcome = fetch(job, *room);
+    if (outcome == Outcome::kDone) outcome = fetch(job, room);
     room.reset();
     lock.lock();
     --busy_;
@@ -131,24 +132,28 @@ void BrickFetcher::noteOutcome(const Job& job, Outcome outcome) {
 }
 
 BrickFetcher::Outcome BrickFetcher::admit(const Job& job,
-                                          std::optional<BrickPager::Room>& room) const try {
+                                          std::shared_ptr<BrickPager::Room>& room) const try {
   const auto& [level, brick, needs_samples, lacks_parts] = job.brick;
   auto found = job.needs->pyramid().parts().reserve(job.needs->kinds(), level, brick, job.since);
   if (!found) return Outcome::kNoRoom;
-  room.emplace(*std::move(found));
+  room = std::make_shared<BrickPager::Room>(*std::move(found));
   return Outcome::kDone;
 } catch (const std::exception&) {  // such as a damaged row
   return Outcome::kFailed;
 }
 
-BrickFetcher::Outcome BrickFetcher::fetch(const Job& job, BrickPager::Room& room) try {
+BrickFetcher::Outcome BrickFetcher::fetch(const Job& job,
+                                          const std::shared_ptr<BrickPager::Room>& room) try {
   using enum BrickPager::Fetched;
   const Pyramid& pyramid = job.needs->pyramid();
   const MissingBrick& brick = job.brick;
+  // A disk is waited for, a server is not.
+  const bool is_far = pyramid.parts().isRemote();
   Outcome outcome = Outcome::kDone;
   const auto bring = [&](PartKind kind, int level, const Index3& of) {
     if (isEnded(job.announcement)) return false;
-    const BrickPager::Fetched fetched = pyramid.parts().fetch(kind, level, of, room);
+    const BrickPager::Fetched fetched =
+        pyramid.parts().fetch(kind, level, of, room, is_far ? &stop_ : nullptr);
     if (fetched == kNow) noteCome();
     if (fetched == kNoRoom) outcome = Outcome::kNoRoom;
     if (fetched == kNever) outcome = Outcome::kFailed;

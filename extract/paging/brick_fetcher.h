@@ -65,9 +65,9 @@ class BrickFetcher {
 
   void start();
   void run();
-  Outcome admit(const Job& job, std::optional<BrickPager::Room>& room) const;
+  Outcome admit(const Job& job, std::shared_ptr<BrickPager::Room>& room) const;
   void announceNext(std::unique_lock<std::mutex>& lock);
-  Outcome fetch(const Job& job, BrickPager::Room& room);
+  Outcome fetch(const Job& job, const std::shared_ptr<BrickPager::Room>& room);
   bool isEnded(std::uint64_t announcement);
   void noteCome();
   // All with the lock.
@@ -80,6 +80,7 @@ class BrickFetcher {
   void end() { next_ = bricks_.size(); }
   bool isIdle() const { return next_ == bricks_.size() && busy_ == 0; }
 
+  CancelFlag stop_;   // ends what waits for a server
   std::mutex mutex_;  // guards all below
   std::condition_variable wake_, idle_;
   bool stops_ = false;

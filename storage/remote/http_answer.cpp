@@ -9,8 +9,6 @@
 namespace isobrick {
 namespace {
 
-using Kind = HttpVerdict::Kind;
-
 // A server that asks for a longer pause is not waited for.
 constexpr double kLongestPause = 30;
 
@@ -30,7 +28,9 @@ bool takePrefix(std::string_view& text, std::string_view prefix) {
   return true;
 }
 
-HttpVerdict never(std::string text) { return {.kind = Kind::kNever, .text = std::move(text)}; }
+HttpVerdict never(std::string text) {
+  return {.kind = HttpVerdict::Kind::kNever, .text = std::move(text)};
+}
 
 // Seconds; a date, or nothing, is no wish.
 double pauseOf(const std::string& retry_after) {
@@ -47,7 +47,7 @@ HttpVerdict judgeRefusal(const HttpHead& head) {
   // S3 says this of a bucket that another region has, under several statuses.
   if (!head.bucket_region.empty() && (status / 100 == 3 || status == 400))
     return {
-        .kind = Kind::kRegion,
+        .kind = HttpVerdict::Kind::kRegion,
         .text = "the bucket is in another region; set AWS_REGION to '" + head.bucket_region + "'",
         .bucket_region = head.bucket_region};
   switch (status) {
@@ -71,7 +71,7 @@ HttpVerdict judgeRefusal(const HttpHead& head) {
     case 502:
     case 503:
     case 504:
-      return {.kind = Kind::kMayPass,
+      return {.kind = HttpVerdict::Kind::kMayPass,
               .text = "the server is busy or fails (" + number + "); try again later",
               .wait_seconds = pauseOf(head.retry_after)};
     default:
@@ -115,7 +115,7 @@ HttpVerdict judgeFirstAnswer(const HttpHead& head, std::uint64_t first, std::uin
   if (head.status == 416) return never("the file is empty; build it again");
   std::optional<ContentRange> range;
   HttpVerdict verdict = judgeRange(head, range);
-  if (verdict.kind != Kind::kGood) return verdict;
+  if (verdict.kind != HttpVerdict::Kind::kGood) return verdict;
   if (range->first != first || range->last != std::min(last, range->total - 1))
     return never("the server sends other bytes than it was asked for; use another server");
   file = {range->total, head.etag, head.last_modified};
@@ -127,7 +127,7 @@ HttpVerdict judgeAnswer(const HttpHead& head, std::uint64_t first, std::uint64_t
   if (head.status == 416) return never(kChanged);
   std::optional<ContentRange> range;
   HttpVerdict verdict = judgeRange(head, range);
-  if (verdict.kind != Kind::kGood) return verdict;
+  if (verdict.kind != HttpVerdict::Kind::kGood) return verdict;
   // Servers that know no conditions say it like this; one of several servers may leave a mark out.
   if (range->total != file.bytes || (!head.etag.empty() && head.etag != file.etag) ||
       (!head.last_modified.empty() && head.last_modified != file.last_modified))

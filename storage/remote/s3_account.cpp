@@ -110,7 +110,7 @@ class AccountFinder {
         if (settings->contains(way))
           throw Error("the profile '" + profile_ + "' says how to get keys (" + way +
                       "), which isobrick does not do; set the variables that 'aws configure "
-                      "export-credentials --format env' prints");
+                      "export-credentials' prints");
     }
     return std::nullopt;
   }
