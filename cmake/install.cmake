@@ -90,6 +90,11 @@ function(isobrick_pkg_config component requires requires_private libs_private)
   install(FILES ${PROJECT_BINARY_DIR}/isobrick-${component}.pc COMPONENT development
           DESTINATION ${CMAKE_INSTALL_LIBDIR}/pkgconfig)
 endfunction()
-isobrick_pkg_config(storage "" "blosc" "-lstdc++ -lm")
+if(ISOBRICK_WITH_HTTP)
+  # Not by its own file: with --static that names what a static libcurl would need.
+  isobrick_pkg_config(storage "" "blosc" "-lcurl -lstdc++ -lm")
+else()
+  isobrick_pkg_config(storage "" "blosc" "-lstdc++ -lm")
+endif()
 isobrick_pkg_config(extract "isobrick-storage" "tbb libhwy zlib" "-lmeshoptimizer -lstdc++ -lm")
 isobrick_pkg_config(preprocess "isobrick-storage" "tbb libhwy zlib" "-lstdc++ -lm")

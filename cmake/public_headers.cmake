@@ -11,6 +11,7 @@ set(isobrick_public_headers
   storage/pyramid.h
   storage/pyramid_info.h
   storage/pyramid_verify.h
+  storage/remote_options.h
   storage/voxel_histogram.h
   storage/voxel_type.h
   # a pyramid in, triangles out

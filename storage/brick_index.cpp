@@ -34,6 +34,17 @@ BrickIndex::BrickIndex(const PagedFile& file, const PyramidSpec& spec, const for
     for (std::size_t piece = 0; piece < slot_count_; ++piece) load(slots_[piece], piece);
 }
 
+std::vector<ByteRange> BrickIndex::rangesReadAtOnce(const format::Header& header) {
+  std::vector<ByteRange> ranges;
+  const std::uint64_t row_bytes = format::rowBytes(header.kind_count);
+  if (header.brick_count > kReadAtOnceBytes / row_bytes) return ranges;
+  for (std::uint64_t first = 0; first < header.brick_count; first += kRowsAtATime)
+    ranges.push_back(
+        {header.brick_table_offset + first * row_bytes,
+         std::min<std::uint64_t>(kRowsAtATime, header.brick_count - first) * row_bytes});
+  return ranges;
+}
+
 BrickAddress BrickIndex::address(std::size_t number) const {
   const auto after = std::upper_bound(first_.begin(), first_.end(), number);
   const auto level = static_cast<int>(after - first_.begin()) - 1;
@@ -62,6 +73,34 @@ bool BrickIndex::isAtHand(std::size_t number) const {
   return slots_[number / kRowsAtATime % slot_count_].is_filled;
 }
 
+bool BrickIndex::isAbsent(std::size_t number) const {
+  const std::size_t piece = number / kRowsAtATime;
+  Slot& slot = slots_[piece % slot_count_];
+  const std::lock_guard lock(slot.mutex);
+  return slot.piece != piece;
+}
+
+void BrickIndex::bringIn(std::span<const std::size_t> numbers) const {
+  std::vector<std::size_t> pieces;
+  for (const std::size_t number : numbers)
+    if (isAbsent(number)) pieces.push_back(number / kRowsAtATime);
+  std::sort(pieces.begin(), pieces.end());
+  pieces.erase(std::unique(pieces.begin(), pieces.end()), pieces.end());
+  std::vector<ByteRange> ranges;
+  for (const std::size_t piece : pieces) ranges.push_back(rangeOf(piece));
+  file_.announce(ranges);
+  for (const std::size_t piece : pieces) {
+    Slot& slot = slots_[piece % slot_count_];
+    const std::lock_guard lock(slot.mutex);
+    if (slot.piece != piece) load(slot, piece);
+  }
+}
+
+ByteRange BrickIndex::rangeOf(std::size_t piece) const {
+  const std::size_t first = piece * kRowsAtATime;
+  return {offset_ + first * row_bytes_, std::min(kRowsAtATime, count_ - first) * row_bytes_};
+}
+
 template <typename F>
 void BrickIndex::withRow(std::size_t number, F&& f) const {
   const std::size_t piece = number / kRowsAtATime, place = number % kRowsAtATime;
@@ -76,16 +115,16 @@ void BrickIndex::withRow(std::size_t number, F&& f) const {
 }
 
 void BrickIndex::load(Slot& slot, std::size_t piece) const {
-  const std::size_t first = piece * kRowsAtATime;
-  const std::size_t bytes = std::min(kRowsAtATime, count_ - first) * row_bytes_;
+  const ByteRange range = rangeOf(piece);
   slot.piece = kNoPiece;
   slot.checked = 0;
-  slot.bytes.resize(bytes);
-  if (!file_.read(offset_ + first * row_bytes_, bytes, slot.bytes.data()))
-    fail(first, "cannot be read");
+  slot.bytes.resize(range.bytes);
+  RangeReader::Failure why = "cannot be read";
+  if (!file_.read(range.offset, range.bytes, slot.bytes.data(), &why))
+    fail(piece * kRowsAtATime, why);
   slot.piece = piece;
   slot.is_filled = true;
-  bytes_read_ += bytes;
+  bytes_read_ += range.bytes;
 }
 
 BrickRow BrickIndex::decode(const std::byte* bytes) const {
@@ -133,8 +172,8 @@ void BrickIndex::fail(std::size_t number, const char* what) const {
   const std::uint64_t offset = offset_ + number * row_bytes_;
   throw Error("'" + file_.path() + "' " + brickName(level, brick) +
                   ", its row in the brick table, " + std::to_string(row_bytes_) +
-                  " bytes at offset " + std::to_string(offset) + ", " + what +
-                  "; build it again or restore a copy",
+                  " bytes at offset " + std::to_string(offset) + ", " +
+                  withAdvice(what, "build it again or restore a copy"),
               {.path = file_.path(), .offset = offset, .level = level, .brick = brick});
 }
 

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <memory>
 #include <mutex>
+#include <span>
 #include <vector>
 
 #include "isobrick/storage/brick_parts.h"
@@ -33,6 +34,10 @@ class BrickIndex {
   // not in the file or cannot be read.
   BrickIndex(const PagedFile& file, const PyramidSpec& spec, const format::Header& header);
 
+  // What the constructor reads of a table, in the ranges in which it does. Where they lie, and how
+  // many there are, was not checked.
+  static std::vector<ByteRange> rangesReadAtOnce(const format::Header& header);
+
   std::size_t count() const { return count_; }
   std::size_t firstOfLevel(int level) const { return first_[static_cast<std::size_t>(level)]; }
   std::size_t number(int level, const Index3& brick) const {
@@ -49,6 +54,13 @@ class BrickIndex {
   // read it stays in memory: then true for good. True, too, of rows that share a place with others
   // in a table of more than kMostSlots * kRowsAtATime rows, and may have to be read.
   bool isAtHand(std::size_t number) const;
+
+  // Asks a server for the pieces of the table that hold these rows, those that are here apart, and
+  // reads them all. For a table that is read row by row; costs a round trip, or none. Damaged rows
+  // are left to row().
+  void bringIn(std::span<const std::size_t> numbers) const;
+  // True if row() has to read it first.
+  bool isAbsent(std::size_t number) const;
 
   // For the table, so far.
   std::uint64_t bytesRead() const { return bytes_read_; }
@@ -75,6 +87,7 @@ class BrickIndex {
   // Calls f with the bytes of a row that was checked.
   template <typename F>
   void withRow(std::size_t number, F&& f) const;
+  ByteRange rangeOf(std::size_t piece) const;
   void load(Slot& slot, std::size_t piece) const;
   BrickRow decode(const std::byte* bytes) const;
   void check(std::size_t number, const std::byte* bytes) const;

@@ -115,14 +115,20 @@ const std::byte* BrickPager::take(Shard& shard, std::unique_lock<std::mutex>& lo
 }
 
 BrickPager::Fetched BrickPager::fetch(std::size_t id, const CancelFlag* cancel) {
-  return fetch(id, nullptr, cancel);
+  return fetch(id, nullptr, cancel, nullptr);
 }
 
 BrickPager::Fetched BrickPager::fetch(std::size_t id, Room& room) {
-  return fetch(id, &room, nullptr);
+  return fetch(id, &room, nullptr, nullptr);
 }
 
-BrickPager::Fetched BrickPager::fetch(std::size_t id, Room* room, const CancelFlag* cancel) {
+BrickPager::Fetched BrickPager::fetch(std::size_t id, const std::shared_ptr<Room>& room,
+                                      const CancelFlag* cancel) {
+  return fetch(id, room.get(), cancel, room);
+}
+
+BrickPager::Fetched BrickPager::fetch(std::size_t id, Room* room, const CancelFlag* cancel,
+                                      const std::shared_ptr<Room>& shared_room) {
   if (!isReachable(id)) return Fetched::kNever;
   const auto entry = std::make_shared<Entry>();
   entry->id = id;
@@ -143,7 +149,7 @@ BrickPager::Fetched BrickPager::fetch(std::size_t id, Room* room, const CancelFl
         release(id);
       } else if (there->state == State::kLoading && room != nullptr) {
         ++there->users;
-        if (wait(shard, lock, *there, &why, nullptr) == nullptr)
+        if (wait(shard, lock, *there, &why, cancel) == nullptr)
           return why == kNoRoom ? Fetched::kNoRoom : Fetched::kNever;
         lock.unlock();
         release(id);
@@ -152,23 +158,24 @@ BrickPager::Fetched BrickPager::fetch(std::size_t id, Room* room, const CancelFl
     }
   }
   const char* why = "";
-  const std::byte* const data =
-      room != nullptr ? load(shard, entry, &why, room) : loadOrLeave(shard, entry, &why, cancel);
+  const std::byte* const data = room != nullptr && cancel == nullptr
+                                    ? load(shard, entry, &why, room)
+                                    : loadOrLeave(shard, entry, &why, cancel, shared_room);
   if (data == nullptr) return why == kNoRoom ? Fetched::kNoRoom : Fetched::kNever;
   ++parts_fetched_;
   release(id);
   return Fetched::kNow;
 }
 
-void BrickPager::announce(std::size_t id) try {
-  {
-    Shard& shard = shardOf(id);
-    const std::lock_guard lock(shard.mutex);
-    if (shard.entries.contains(id)) return;
+void BrickPager::announce(std::span<const std::size_t> ids) try {
+  std::vector<ByteRange> ranges;
+  for (const std::size_t id : ids) {
+    if (!isAbsent(id)) continue;
+    const Part part = part_of_(id);
+    if (!file_.isKept(part.checksum, part.bytes)) ranges.push_back({part.offset, part.bytes});
   }
-  const Part part = part_of_(id);
-  file_.announce(part.offset, part.bytes);
-} catch (const Error&) {  // from part_of_; acquire() says so
+  file_.announce(ranges);
+} catch (const std::exception&) {  // such as of part_of_: acquire() says so
 }
 
 // For what is being loaded; the caller is among its users, and not any more where it throws.
@@ -192,20 +199,22 @@ const std::byte* BrickPager::wait(Shard& shard, std::unique_lock<std::mutex>& lo
 
 // Loads the caller's part; where the caller may be cancelled, on another thread.
 const std::byte* BrickPager::loadOrLeave(Shard& shard, const std::shared_ptr<Entry>& entry,
-                                         const char** why, const CancelFlag* cancel) {
+                                         const char** why, const CancelFlag* cancel,
+                                         const std::shared_ptr<Room>& room) {
   const auto leave = [&]() noexcept {
     try {
-      return load_threads_.run([this, &shard, entry] { loadForOthers(shard, entry); });
+      return load_threads_.run(
+          [this, &shard, entry, room] { loadForOthers(shard, entry, room.get()); });
     } catch (const std::bad_alloc&) {
       return false;
     }
   };
-  if (cancel == nullptr || !leave()) return load(shard, entry, why);
+  if (cancel == nullptr || !leave()) return load(shard, entry, why, room.get());
   std::unique_lock lock(shard.mutex);
   return wait(shard, lock, *entry, why, cancel);
 }
 
-void BrickPager::loadForOthers(Shard& shard, const std::shared_ptr<Entry>& entry) {
+void BrickPager::loadForOthers(Shard& shard, const std::shared_ptr<Entry>& entry, Room* room) {
   {
     const std::lock_guard lock(shard.mutex);
     if (entry->users == 0) {  // nobody waits any more
@@ -216,7 +225,7 @@ void BrickPager::loadForOthers(Shard& shard, const std::shared_ptr<Entry>& entry
     ++entry->users;
   }
   const char* why = "";
-  if (load(shard, entry, &why) != nullptr) release(entry->id);
+  if (load(shard, entry, &why, room) != nullptr) release(entry->id);
 }
 
 // Throws nothing: whoever joins the load waits for its end.
@@ -328,9 +337,12 @@ bool BrickPager::checkInPlace(const Part& part, const char** why) const {
 
 bool BrickPager::readPart(const Part& part, std::byte* out, const char** why) const {
   *why = kUnreadable;
-  if (!file_.read(part.offset, part.bytes, out)) return false;
+  if (file_.readKept(part.checksum, part.bytes, out)) return true;
+  if (!file_.read(part.offset, part.bytes, out, why)) return false;
   *why = kWrongChecksum;
-  return checksum64(out, part.bytes) == part.checksum;
+  if (checksum64(out, part.bytes) != part.checksum) return false;
+  file_.keep(part.checksum, part.bytes, out);
+  return true;
 }
 
 // Everything is done with a copy: what the checksum and the checks of the Blosc buffer have seen is

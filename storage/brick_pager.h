@@ -126,10 +126,13 @@ class BrickPager {
   // fetch() into `room`, which grows as by reserve() if it is too small. Waits for a part that
   // another thread loads.
   Fetched fetch(std::size_t id, Room& room);
+  // The same for somebody who may stop waiting: throws Cancelled like acquire(). Then the part
+  // comes in all the same if it is being read, and the room lives so long.
+  Fetched fetch(std::size_t id, const std::shared_ptr<Room>& room, const CancelFlag* cancel);
 
-  // Says that part `id` will be fetched or acquired soon: where it is absent the system begins to
-  // read it. Waits for nothing, and counts nowhere.
-  void announce(std::size_t id);
+  // Says that these parts will be fetched or acquired soon: the system begins to read those that
+  // are absent, or the server to send them. Waits for nothing, and counts nowhere.
+  void announce(std::span<const std::size_t> ids);
 
   // Takes a fetch() of this query back: the part is not kept for it any more, and unless the next
   // query takes it, it is among the first to go then.
@@ -192,10 +195,12 @@ class BrickPager {
                         const std::shared_ptr<Entry>& slot, const char** why);
   const std::byte* wait(Shard& shard, std::unique_lock<std::mutex>& lock, Entry& entry,
                         const char** why, const CancelFlag* cancel);
-  Fetched fetch(std::size_t id, Room* room, const CancelFlag* cancel);
+  Fetched fetch(std::size_t id, Room* room, const CancelFlag* cancel,
+                const std::shared_ptr<Room>& shared_room);
   const std::byte* loadOrLeave(Shard& shard, const std::shared_ptr<Entry>& entry, const char** why,
-                               const CancelFlag* cancel);
-  void loadForOthers(Shard& shard, const std::shared_ptr<Entry>& entry);
+                               const CancelFlag* cancel,
+                               const std::shared_ptr<Room>& room = nullptr);
+  void loadForOthers(Shard& shard, const std::shared_ptr<Entry>& entry, Room* room);
   const std::byte* load(Shard& shard, const std::shared_ptr<Entry>& entry, const char** why,
                         Room* room = nullptr);
   const std::byte* checkAnew(Shard& shard, Entry& entry, const char** why);

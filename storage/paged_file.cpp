@@ -1,6 +1,5 @@
 #include "isobrick/storage/paged_file.h"
 
-#include <fcntl.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -11,7 +10,10 @@
 
 #include "isobrick/storage/checksum.h"
 #include "isobrick/storage/error.h"
-#include "isobrick/storage/file_io.h"
+#include "isobrick/storage/file_ranges.h"
+#include "isobrick/storage/part_cache.h"
+#include "isobrick/storage/remote/open_remote.h"
+#include "isobrick/storage/remote/remote_address.h"
 
 namespace isobrick {
 namespace {
@@ -74,35 +76,31 @@ class FileTail {
   BusErrorGuard guard_;
 };
 
-PagedFile::PagedFile(const std::string& path, FileAccess access) : path_(path) {
-  // Without O_NONBLOCK a pipe would be waited for; regular files do not heed it.
-  fd_ = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
-  if (fd_ < 0)
-    throw Error("cannot open '" + path + "': " + std::strerror(errno) + "; check the path",
-                {.path = path});
-  struct stat status = {};
-  try {
-    if (fstat(fd_, &status) != 0 || !S_ISREG(status.st_mode))
-      throw Error("cannot read '" + path + "': it is not a regular file; copy it to one",
-                  {.path = path});
-    if (status.st_size == 0)
-      throw Error("cannot read '" + path + "': it is empty; build it again", {.path = path});
-    size_ = static_cast<std::uint64_t>(status.st_size);
-    if (access == FileAccess::kMap) map();
-  } catch (...) {
-    ::close(fd_);
-    throw;
+PagedFile::PagedFile(const std::string& path, FileAccess access, const RemoteOptions& remote)
+    : path_(path) {
+  if (isRemotePath(path)) {
+    path_ = withoutSecrets(path);
+    reader_ = openRemoteRanges(path, remote);
+    if (!remote.cache_folder.empty() && remote.cache_bytes > 0)
+      kept_ =
+          std::make_unique<PartCache>(remote.cache_folder, remote.cache_bytes, reader_->identity());
+  } else {
+    auto local = std::make_unique<FileRanges>(path);
+    local_ = local.get();
+    reader_ = std::move(local);
   }
+  size_ = reader_->size();
+  if (!isRemote() && access == FileAccess::kMap) map();
 }
 
 void PagedFile::map() {
   stamp_ = stamp();
-  void* const map = mmap(nullptr, size_, PROT_READ, MAP_SHARED, fd_, 0);
+  void* const map = mmap(nullptr, size_, PROT_READ, MAP_SHARED, local_->fd(), 0);
   if (map == MAP_FAILED)
     throw Error("cannot map '" + path_ + "': " + std::strerror(errno) +
                     "; raise the limit on virtual memory or open it without a map",
                 {.path = path_});
-  tail_ = std::make_unique<FileTail>(fd_, size_);
+  tail_ = std::make_unique<FileTail>(local_->fd(), size_);
   if (!tail_->isGuarded() || !guard_.guard(map, size_)) {
     munmap(map, size_);
     throw Error("cannot open '" + path_ + "': " + std::to_string(kMostFiles) +
@@ -117,7 +115,6 @@ void PagedFile::map() {
 PagedFile::~PagedFile() {
   guard_.leave();
   if (data_ != nullptr) munmap(const_cast<std::byte*>(data_), size_);
-  ::close(fd_);
 }
 
 bool PagedFile::isWhole() const {
@@ -128,14 +125,14 @@ bool PagedFile::reaches(std::uint64_t offset, std::uint64_t bytes) const {
   if (!isMapped()) return true;
   BusErrorGuard::keepInFront();
   struct stat status = {};
-  return !failedOffset(offset, bytes) && fstat(fd_, &status) == 0 &&
+  return !failedOffset(offset, bytes) && fstat(local_->fd(), &status) == 0 &&
          static_cast<std::uint64_t>(status.st_size) >= offset + bytes;
 }
 
 PagedFile::Stamp PagedFile::stamp() const {
   constexpr std::int64_t kNanosecondsPerSecond = 1'000'000'000;
   struct stat status = {};
-  if (fstat(fd_, &status) != 0) return {};
+  if (fstat(local_->fd(), &status) != 0) return {};
   return {std::int64_t{status.st_mtim.tv_sec} * kNanosecondsPerSecond + status.st_mtim.tv_nsec,
           status.st_size};
 }
@@ -164,13 +161,36 @@ bool PagedFile::checksum(std::uint64_t offset, std::uint64_t bytes, std::uint64_
   return !failedOffset(offset, bytes);
 }
 
-bool PagedFile::read(std::uint64_t offset, std::uint64_t bytes, std::byte* out) const {
-  return readBytesAt(fd_, offset, out, bytes).bytes == bytes;
+bool PagedFile::read(std::uint64_t offset, std::uint64_t bytes, std::byte* out,
+                     RangeReader::Failure* why) const {
+  const RangeReader::Failure failure = reader_->read({offset, bytes}, out);
+  if (failure != nullptr && *failure != '\0' && why != nullptr) *why = failure;
+  return failure == nullptr;
 }
 
-void PagedFile::announce(std::uint64_t offset, std::uint64_t bytes) const {
-  posix_fadvise(fd_, static_cast<off_t>(offset), static_cast<off_t>(bytes), POSIX_FADV_WILLNEED);
+bool PagedFile::readKept(std::uint64_t checksum, std::uint64_t bytes, std::byte* out) const {
+  if (kept_ == nullptr || !kept_->read(checksum, bytes, out)) return false;
+  ++kept_parts_;
+  kept_bytes_ += bytes;
+  return true;
 }
+
+void PagedFile::keep(std::uint64_t checksum, std::uint64_t bytes, const std::byte* data) const {
+  if (kept_ != nullptr) kept_->write(checksum, bytes, data);
+}
+
+bool PagedFile::isKept(std::uint64_t checksum, std::uint64_t bytes) const {
+  return kept_ != nullptr && kept_->has(checksum, bytes);
+}
+
+RemoteCounters PagedFile::remoteCounters() const {
+  RemoteCounters counters = reader_->counters();
+  counters.cached_parts = kept_parts_;
+  counters.cached_bytes = kept_bytes_;
+  return counters;
+}
+
+void PagedFile::announce(std::span<const ByteRange> ranges) const { reader_->announce(ranges); }
 
 void PagedFile::release(std::uint64_t offset, std::uint64_t bytes) const {
   const std::uint64_t begin = offset / kFaultAroundBytes * kFaultAroundBytes;

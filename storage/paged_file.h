@@ -1,22 +1,30 @@
-// A read-only file whose parts are used in place in its map, or read.
+// A read-only file, of this machine or behind a URL, whose parts are used in place in its map, or
+// read.
 #pragma once
 
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <span>
 #include <string>
 
 #include "isobrick/storage/bus_error_guard.h"
 #include "isobrick/storage/pyramid_info.h"  // FileAccess
+#include "isobrick/storage/range_reader.h"
+#include "isobrick/storage/remote_options.h"
 
 namespace isobrick {
 
+class FileRanges;
 class FileTail;
+class PartCache;
 
-// Opens a whole file for reading and, with kMap, maps it. All const members are thread-safe, none
-// is safe in a signal handler; nobody may use the object while it is made or destroyed.
+// Opens a whole file for reading and, with kMap, maps it; a file behind a URL is never mapped. All
+// const members are thread-safe, none is safe in a signal handler; nobody may use the object while
+// it is made or destroyed.
 //
 // A page that cannot be read when it is touched (the file was cut, its disk failed) reads as zeros
 // from then on (see BusErrorGuard, also for what becomes of other handlers of SIGBUS). So whoever
@@ -26,7 +34,8 @@ class PagedFile {
  public:
   // Throws Error where the file cannot be opened or mapped, is empty, or too many are mapped at
   // once (kMostFiles).
-  explicit PagedFile(const std::string& path, FileAccess access = FileAccess::kMap);
+  explicit PagedFile(const std::string& path, FileAccess access = FileAccess::kMap,
+                     const RemoteOptions& remote = {});
   ~PagedFile();
   PagedFile(const PagedFile&) = delete;
   PagedFile& operator=(const PagedFile&) = delete;
@@ -35,6 +44,7 @@ class PagedFile {
 
   const std::string& path() const { return path_; }
   std::uint64_t size() const { return size_; }
+  bool isRemote() const { return local_ == nullptr; }
   // True where [offset, offset + bytes) lies in the file; safe against overflow.
   bool holds(std::uint64_t offset, std::uint64_t bytes) const {
     return offset <= size_ && bytes <= size_ - offset;
@@ -42,11 +52,26 @@ class PagedFile {
   bool isMapped() const { return data_ != nullptr; }
 
   // Copies `bytes` bytes from `offset` to `out`, past the map: what was copied is the caller's
-  // alone and stays as it is, whatever happens to the file. False where they cannot be read.
-  [[nodiscard]] bool read(std::uint64_t offset, std::uint64_t bytes, std::byte* out) const;
+  // alone and stays as it is, whatever happens to the file. False where they cannot be read: then
+  // `*why`, if it is asked for, says more where there is more to say, and is left alone elsewhere.
+  [[nodiscard]] bool read(std::uint64_t offset, std::uint64_t bytes, std::byte* out,
+                          RangeReader::Failure* why = nullptr) const;
 
-  // Asks the system to bring these bytes into its page cache, and waits for nothing.
-  void announce(std::uint64_t offset, std::uint64_t bytes) const;
+  // Copies a part, bytes with a checksum, from the folder of RemoteOptions to `out`; false if it is
+  // not there, as for a local file. What came from the server instead is kept there.
+  [[nodiscard]] bool readKept(std::uint64_t checksum, std::uint64_t bytes, std::byte* out) const;
+  void keep(std::uint64_t checksum, std::uint64_t bytes, const std::byte* data) const;
+  bool isKept(std::uint64_t checksum, std::uint64_t bytes) const;
+
+  // Asks the system to bring these bytes into its page cache, or the server to send them, and waits
+  // for nothing. Ranges that are announced together may be sent together.
+  void announce(std::span<const ByteRange> ranges) const;
+
+  // Ends reads that wait for a server, and all later ones: see RangeReader::abandon().
+  void abandonReads() const { reader_->abandon(); }
+  RemoteCounters remoteCounters() const;
+  // See RangeReader::identity().
+  std::string identity() const { return reader_->identity(); }
 
   // ---- of a mapped file ----
 
@@ -94,13 +119,16 @@ class PagedFile {
 
   std::string path_;
   const std::byte* data_ = nullptr;
+  std::unique_ptr<RangeReader> reader_;
+  const FileRanges* local_ = nullptr;  // the reader of a local file
+  std::unique_ptr<PartCache> kept_;    // of a remote one
   std::uint64_t size_ = 0;
-  int fd_ = -1;
   std::unique_ptr<FileTail> tail_;
   BusErrorGuard guard_;
   mutable std::mutex mutex_;  // guards the two below
   mutable Stamp stamp_;
   mutable std::uint64_t edition_ = 0;
+  mutable std::atomic<std::uint64_t> kept_parts_{0}, kept_bytes_{0};  // that were read
 };
 
 }  // namespace isobrick

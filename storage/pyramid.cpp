@@ -8,8 +8,9 @@ BrickPart::~BrickPart() {
   if (pager_ != nullptr) pager_->release(id_);
 }
 
-Pyramid::Pyramid(const std::string& path, std::uint64_t budget_bytes, FileAccess access)
-    : tables_(std::make_unique<PyramidTables>(path, access)),
+Pyramid::Pyramid(const std::string& path, std::uint64_t budget_bytes, FileAccess access,
+                 const RemoteOptions& remote)
+    : tables_(std::make_unique<PyramidTables>(path, access, remote)),
       parts_(std::make_unique<PyramidParts>(*tables_, budget_bytes)),
       budget_bytes_(budget_bytes),
       spec_(tables_->spec()),
@@ -23,6 +24,7 @@ double Pyramid::noise() const { return tables_->header().noise; }
 VoxelHistogram Pyramid::histogram() const { return tables_->histogram(); }
 std::uint64_t Pyramid::fileBytes() const { return tables_->bytes().size(); }
 std::size_t Pyramid::brickCount() const { return parts_->brickCount(); }
+RemoteCounters Pyramid::remoteCounters() const { return tables_->bytes().remoteCounters(); }
 PyramidSums Pyramid::sums() const { return tables_->sums(); }
 
 ValueRange Pyramid::brickRange(int level, const Index3& brick) const {

@@ -1,4 +1,4 @@
-// Reading a pyramid: a validated `.isb` file whose bricks come and go.
+// Reading a pyramid: a validated `.isb` file, local or behind a URL, whose bricks come and go.
 #pragma once
 
 #include <cstddef>
@@ -10,6 +10,7 @@
 
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid_info.h"
+#include "isobrick/storage/remote_options.h"
 #include "isobrick/storage/voxel_histogram.h"
 
 namespace isobrick {
@@ -82,11 +83,16 @@ class Pyramid {
   // is mapped: all bytes are read, which suits network file systems, and a change of the file does
   // not touch the bytes that were read. Results are the same. Throws Error if the file is not a
   // pyramid, was truncated, is damaged or of a newer version.
+  //
+  // `path` may be a URL: http://, https://, or s3://bucket/key. Then every part is asked of the
+  // server as a range of bytes when it is needed, many at once, and repeated if a failure may pass;
+  // on top of the budget come at most 64 MiB that are on their way. A server that does not serve
+  // ranges is refused, and if the file changes while it is open, what needs it ends with Error.
   explicit Pyramid(const std::string& path, std::uint64_t budget_bytes = kDefaultBudgetBytes,
-                   FileAccess access = FileAccess::kMap);
+                   FileAccess access = FileAccess::kMap, const RemoteOptions& remote = {});
   ~Pyramid();
 
-  // The name that it was opened by.
+  // The name that it was opened by; of a URL without password and query.
   const std::string& path() const;
   // Voxels, their type, geometry, and how the file is cut into bricks.
   const PyramidSpec& spec() const { return spec_; }
@@ -110,6 +116,8 @@ class Pyramid {
   std::size_t brickCount() const;
   // The bytes of the file by kind: passes over the whole brick table.
   PyramidSums sums() const;
+  // What was asked of the server so far; all zero for a local file.
+  RemoteCounters remoteCounters() const;
   // As it was opened with.
   std::uint64_t budgetBytes() const { return budget_bytes_; }
 

@@ -7,6 +7,7 @@
 
 #include "isobrick/storage/format.h"
 #include "isobrick/storage/lowercase.h"
+#include "isobrick/storage/remote_options.h"
 
 namespace isobrick {
 namespace {
@@ -27,6 +28,7 @@ bool beginsAsPyramid(const std::string& path) {
 }
 
 bool isPyramidFile(const std::string& path) {
+  if (isRemotePath(path)) return true;
   return isRegularFile(path) && (lowerExtension(path) == ".isb" || beginsAsPyramid(path));
 }
 

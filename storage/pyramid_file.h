@@ -9,7 +9,8 @@ namespace isobrick {
 // of a pipe.
 bool beginsAsPyramid(const std::string& path);
 
-// True for a regular file that begins as a pyramid, or has its ending (.isb).
+// True for a regular file that begins as a pyramid, or has its ending (.isb), and for a URL, of
+// which nothing is read for that.
 bool isPyramidFile(const std::string& path);
 
 }  // namespace isobrick

@@ -17,6 +17,9 @@ PyramidParts::PyramidParts(const PyramidTables& tables, std::uint64_t budget_byt
           },
           budget_bytes) {}
 
+// Threads of the pager may wait for a server, and the pager for them.
+PyramidParts::~PyramidParts() { tables_.bytes().abandonReads(); }
+
 BrickPager::Part PyramidParts::pagedPart(PartKind kind, int level, const Index3& brick) const {
   const BrickRow row = brickRowOf(level, brick);
   const format::PartEntry& part = row.part(kind);
@@ -38,8 +41,8 @@ BrickPart PyramidParts::acquire(PartKind kind, int level, const Index3& brick,
     const format::PartEntry entry = brickRowOf(level, brick).part(kind);
     tables_.fail(brickName(level, brick) + ", " + partName(kind) + ", " +
                      std::to_string(entry.stored_bytes) + " bytes at offset " +
-                     std::to_string(entry.offset) + ", " + why +
-                     "; build it again or restore a copy",
+                     std::to_string(entry.offset) + ", " +
+                     withAdvice(why, "build it again or restore a copy"),
                  {.offset = entry.offset, .level = level, .brick = brick});
   }
   part.pager_ = &pager_;
@@ -63,13 +66,17 @@ std::optional<BrickPager::Room> PyramidParts::reserve(std::span<const PartKind> 
 }
 
 BrickPager::Fetched PyramidParts::fetch(PartKind kind, int level, const Index3& brick,
-                                        BrickPager::Room& room) const {
+                                        const std::shared_ptr<BrickPager::Room>& room,
+                                        const CancelFlag* cancel) const {
   if (storedBytes(kind, level, brick) == 0) return BrickPager::Fetched::kBefore;
-  return pager_.fetch(partId(kind, brickRow(level, brick)), room);
+  return pager_.fetch(partId(kind, brickRow(level, brick)), room, cancel);
 }
 
-void PyramidParts::announce(PartKind kind, int level, const Index3& brick) const {
-  if (storedBytes(kind, level, brick) > 0) pager_.announce(partId(kind, brickRow(level, brick)));
+void PyramidParts::announce(std::span<const PartAddress> parts) const {
+  std::vector<std::size_t> ids;
+  for (const auto& [kind, level, brick] : parts)
+    if (storedBytes(kind, level, brick) > 0) ids.push_back(partId(kind, brickRow(level, brick)));
+  pager_.announce(ids);
 }
 
 void PyramidParts::require(PartKind kind, int level, const Index3& brick,

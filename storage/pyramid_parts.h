@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <span>
 #include <vector>
@@ -36,6 +37,8 @@ class PyramidParts {
  public:
   // `tables` outlive this object. `budget_bytes`: see BrickPager.
   PyramidParts(const PyramidTables& tables, std::uint64_t budget_bytes);
+  ~PyramidParts();
+  PyramidParts(const PyramidParts&) = delete;
 
   const PyramidTables& tables() const { return tables_; }
 
@@ -65,6 +68,9 @@ class PyramidParts {
   std::uint64_t storedBytes(PartKind kind, int level, const Index3& brick) const {
     return brickRowOf(level, brick).part(kind).stored_bytes;
   }
+  // As BrickIndex's, by brickRow().
+  bool isRowAbsent(std::size_t row) const { return index().isAbsent(row); }
+  void bringInRows(std::span<const std::size_t> rows) const { index().bringIn(rows); }
   // Bytes of the brick table that were read since it was opened: not among the counters below.
   std::uint64_t tableBytesRead() const { return index().bytesRead(); }
 
@@ -109,9 +115,18 @@ class PyramidParts {
                                           const Index3& brick, std::uint64_t since) const;
   // Brings a part into such room: see BrickPager::fetch().
   BrickPager::Fetched fetch(PartKind kind, int level, const Index3& brick,
-                            BrickPager::Room& room) const;
-  // Has the system begin to read a part, if one is stored: see BrickPager::announce().
-  void announce(PartKind kind, int level, const Index3& brick) const;
+                            const std::shared_ptr<BrickPager::Room>& room,
+                            const CancelFlag* cancel) const;
+  // Has the system, or the server, begin with those of these parts that are stored: see
+  // BrickPager::announce(). What is announced together may come in fewer requests.
+  struct PartAddress {
+    PartKind kind;
+    int level;
+    Index3 brick;
+  };
+  void announce(std::span<const PartAddress> parts) const;
+  // True if the parts come from a server, which answers many requests in the time of one.
+  bool isRemote() const { return tables_.bytes().isRemote(); }
   // Makes a part resident, if one is stored. Throws Error that says why it cannot be read, and
   // Cancelled.
   void require(PartKind kind, int level, const Index3& brick,

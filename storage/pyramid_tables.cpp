@@ -14,6 +14,9 @@
 namespace isobrick {
 namespace {
 
+// Rows of a remote brick table that are asked for together where all of it is passed over.
+constexpr std::size_t kRowsInAStride = std::size_t{1} << 15;
+
 bool isPowerOfTwoWithin(std::uint32_t value, std::uint32_t least, std::uint32_t greatest) {
   return std::has_single_bit(value) && value >= least && value <= greatest;
 }
@@ -54,7 +57,9 @@ bool hasKind(const format::Header& header, PartKind kind) {
 
 }  // namespace
 
-PyramidTables::PyramidTables(const std::string& path, FileAccess access) : file_(path, access) {
+PyramidTables::PyramidTables(const std::string& path, FileAccess access,
+                             const RemoteOptions& remote)
+    : file_(path, access, remote) {
   readHeader();
 }
 PyramidTables::~PyramidTables() = default;
@@ -67,8 +72,9 @@ void PyramidTables::fail(const std::string& what, ErrorPlace place) const {
 void PyramidTables::readHeader() {
   constexpr std::uint64_t kSize = sizeof(format::Header);
   format::Header header{};
-  if (file_.size() >= kSize && !file_.read(0, kSize, reinterpret_cast<std::byte*>(&header)))
-    fail("cannot be read at offset 0; check the disk");
+  RangeReader::Failure why = "cannot be read at offset 0; check the disk";
+  if (file_.size() >= kSize && !file_.read(0, kSize, reinterpret_cast<std::byte*>(&header), &why))
+    fail(why);
   if (std::memcmp(header.magic, format::kMagic, sizeof header.magic) != 0)
     fail("is not an isobrick pyramid; make one with 'isobrick build'");
   if (header.version != format::kVersion)
@@ -123,15 +129,30 @@ void PyramidTables::readHeader() {
 std::vector<std::byte> PyramidTables::readTable(std::uint64_t offset, std::uint64_t bytes,
                                                 std::uint64_t checksum, const char* name) const {
   std::vector<std::byte> table;
+  RangeReader::Failure why = "";
   if (file_.holds(offset, bytes)) {
     table.resize(bytes);
-    if (file_.read(offset, bytes, table.data()) && checksum64(table.data(), bytes) == checksum)
+    if (file_.read(offset, bytes, table.data(), &why) &&
+        checksum64(table.data(), bytes) == checksum)
       return table;
   }
+  if (*why != '\0') fail(std::string("has a ") + name + " that " + why);
   fail(std::string("has a damaged ") + name + "; build it again");
 }
 
+// All that is read when a pyramid is opened, in one go.
+void PyramidTables::announceTables(const format::Header& header) const {
+  std::vector<ByteRange> ranges = BrickIndex::rangesReadAtOnce(header);
+  ranges.push_back({header.level_table_offset, header.level_count * sizeof(format::LevelRow)});
+  if (header.provenance_bytes <= kMostProvenanceBytes)
+    ranges.push_back({header.provenance_offset, header.provenance_bytes});
+  std::erase_if(ranges,
+                [&](const ByteRange& range) { return !file_.holds(range.offset, range.bytes); });
+  file_.announce(ranges);
+}
+
 void PyramidTables::readTables(const format::Header& header) {
+  announceTables(header);
   // The layout follows from the header, so the tables must have just the sizes that it gives.
   index_ = std::make_unique<BrickIndex>(file_, spec_, header);
   std::vector<format::LevelRow> levels(static_cast<std::size_t>(lattice().levels()));
@@ -198,7 +219,15 @@ PyramidSums PyramidTables::sums() const {
   PyramidBytes& bytes = sums.bytes;
   bytes.total = file_.size();
   bytes.raw = static_cast<std::uint64_t>(elementCount(spec_.voxels)) * voxelBytes(spec_.voxel_type);
+  std::vector<std::size_t> stride;
   for (std::size_t n = 0; n < index_->count(); ++n) {
+    if (n % kRowsInAStride == 0 && file_.isRemote()) {
+      stride.clear();
+      for (std::size_t row = n; row < std::min(n + kRowsInAStride, index_->count());
+           row += BrickIndex::kRowsAtATime)
+        stride.push_back(row);
+      index_->bringIn(stride);
+    }
     const auto [level, brick] = index_->address(n);
     const BrickRow row = index_->row(n);
     const std::uint64_t stored = row.part(kSamples).stored_bytes;

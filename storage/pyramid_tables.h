@@ -23,7 +23,7 @@ class PyramidTables {
   static constexpr std::uint64_t kMostProvenanceBytes = std::uint64_t{64} << 20;
 
   // See Pyramid's constructor.
-  explicit PyramidTables(const std::string& path, FileAccess access);
+  PyramidTables(const std::string& path, FileAccess access, const RemoteOptions& remote);
   ~PyramidTables();
 
   const std::string& path() const { return file_.path(); }
@@ -50,6 +50,7 @@ class PyramidTables {
  private:
   using enum PartKind;
   void readHeader();
+  void announceTables(const format::Header& header) const;
   void readTables(const format::Header& header);
   std::vector<std::byte> readTable(std::uint64_t offset, std::uint64_t bytes,
                                    std::uint64_t checksum, const char* name) const;

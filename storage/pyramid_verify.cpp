@@ -1,11 +1,13 @@
 #include "isobrick/storage/pyramid_verify.h"
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <bit>
 #include <cmath>
 #include <exception>
 #include <mutex>
+#include <span>
 #include <thread>
 #include <utility>
 
@@ -14,6 +16,8 @@
 
 namespace isobrick {
 namespace {
+
+constexpr std::size_t kGapsAtOnce = 512;
 
 bool hasErrorKind(const format::Header& header) {
   const auto* const end = header.kinds + header.kind_count;
@@ -349,20 +353,27 @@ std::vector<std::string> verifyRest(const Pyramid& pyramid, const CancelFlag* ca
 
   std::uint64_t at = 0, stray_bytes = 0, first_stray = 0, overlaps = 0, first_overlap = 0;
   std::vector<std::byte> padding(std::size_t{64} << 10);
+  std::vector<ByteRange> gaps;
   for (const Extent& extent : extents) {
     if (extent.offset < at && extent.bytes > 0 && overlaps++ == 0) first_overlap = extent.offset;
-    while (at < extent.offset) {
-      if (cancel != nullptr) cancel->check();
-      const std::uint64_t bytes = std::min<std::uint64_t>(extent.offset - at, padding.size());
-      if (!tables.bytes().read(at, bytes, padding.data())) {
-        faults.push_back("the padding at offset " + std::to_string(at) + " cannot be read");
-        return faults;
-      }
-      for (std::uint64_t i = 0; i < bytes; ++i)
-        if (padding[i] != std::byte{0} && stray_bytes++ == 0) first_stray = at + i;
-      at += bytes;
-    }
+    for (; at < extent.offset; at += gaps.back().bytes)
+      gaps.push_back({at, std::min<std::uint64_t>(extent.offset - at, padding.size())});
     at = std::max(at, extent.offset + extent.bytes);
+  }
+  for (std::size_t gap = 0; gap < gaps.size(); ++gap) {
+    if (cancel != nullptr) cancel->check();
+    // A server sends many in the time of one.
+    if (gap % kGapsAtOnce == 0 && tables.bytes().isRemote())
+      tables.bytes().announce(
+          std::span(gaps).subspan(gap, std::min(kGapsAtOnce, gaps.size() - gap)));
+    const auto [offset, bytes] = gaps[gap];
+    RangeReader::Failure why = "cannot be read";
+    if (!tables.bytes().read(offset, bytes, padding.data(), &why)) {
+      faults.push_back("the padding at offset " + std::to_string(offset) + " " + why);
+      return faults;
+    }
+    for (std::uint64_t i = 0; i < bytes; ++i)
+      if (padding[i] != std::byte{0} && stray_bytes++ == 0) first_stray = offset + i;
   }
   // The parts of a damaged row lie in bytes that look like padding.
   if (stray_bytes > 0 && knows_all_parts)
@@ -373,6 +384,26 @@ std::vector<std::string> verifyRest(const Pyramid& pyramid, const CancelFlag* ca
                      std::to_string(first_overlap));
   return faults;
 }
+
+namespace {
+
+// A server is asked for the bricks that come so much later.
+constexpr std::size_t kBricksAhead = 64;
+
+void announceBrick(const PyramidParts& parts, std::size_t row) {
+  if (row >= parts.brickCount()) return;
+  const BrickAddress at = parts.brickAt(row);
+  std::array<PyramidParts::PartAddress, kPartKinds.size()> all;
+  std::transform(kPartKinds.begin(), kPartKinds.end(), all.begin(), [&](PartKind kind) {
+    return PyramidParts::PartAddress{kind, at.level, at.brick};
+  });
+  try {
+    parts.announce(all);
+  } catch (const Error&) {  // of a damaged row, which has its turn
+  }
+}
+
+}  // namespace
 
 PyramidFaults verifyPyramid(const Pyramid& pyramid, const VerifyOptions& options) {
   PyramidFaults faults;
@@ -387,6 +418,7 @@ PyramidFaults verifyPyramid(const Pyramid& pyramid, const VerifyOptions& options
     try {
       for (std::size_t row = next++; row < count; row = next++) {
         if (options.cancel != nullptr) options.cancel->check();
+        if (pyramid.parts().isRemote()) announceBrick(pyramid.parts(), row + kBricksAhead);
         const BrickAddress at = pyramid.parts().brickAt(row);
         std::optional<BrickDamage> damage = verifyBrick(pyramid, at.level, at.brick);
         const std::lock_guard lock(mutex);

@@ -41,7 +41,7 @@ void splitQueryWords(BenchArguments& arguments) {
   for (const CLI::Option* const option : arguments.query_options) {
     const std::string name = option->get_name();
     if (option->count() == 0 || option->get_positional() || option->get_group() == kVolumeGroup ||
-        option->get_group().empty())
+        option->get_group() == kRemoteGroup || option->get_group().empty())
       continue;
     if (name == "--box") throw UsageError("bench compares whole surfaces; leave out --box");
     if (name == "--threads") continue;
@@ -85,13 +85,17 @@ int runBench(BenchArguments& arguments) {
   settings.threads = arguments.query.threads;
   settings.cold = settingsOf(arguments.cache, "warm", "cold");
   settings.huge_pages = settingsOf(arguments.huge_pages, "off", "on");
+  if (isRemotePath(settings.path) && arguments.cache != "warm")
+    throw UsageError("a pyramid behind a URL has no page cache; leave out --page-cache");
   settings.own_executable = ownExecutable().string();
   settings.peers_executable = findPeers(arguments.peers);
 
   BenchScene scene;
   {
     // Opened only for its facts: each row's own process opens the file again.
-    const Pyramid pyramid(settings.path);
+    const auto file = openPyramidFile(settings.path, Pyramid::kDefaultBudgetBytes, FileAccess::kMap,
+                                      remoteOptions(arguments.query.input));
+    const Pyramid& pyramid = *file;
     chooseIsovalues(arguments.query, pyramid);
     warnOfEmptySurface(arguments.query, pyramid);
     scene = makeBenchScene(pyramid.lattice().voxels(),

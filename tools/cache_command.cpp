@@ -1,4 +1,4 @@
-// isobrick cache: the pyramids that were built of volumes.
+// isobrick cache: the pyramids that were built of volumes, and parts of those behind URLs.
 #include <fmt/chrono.h>
 #include <fmt/format.h>
 
@@ -9,6 +9,7 @@
 
 #include "isobrick/preprocess/shallow_json.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/part_cache.h"
 #include "isobrick/storage/pyramid.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
@@ -61,6 +62,8 @@ void printCacheJson(const std::string& folder, const std::vector<CachedPyramid>&
                                 {"source", sourceOf(entry)}});
   }
   json["bytes"] = total;
+  const KeptParts parts = keptParts(folder);
+  json["remote_parts"] = {{"count", parts.count}, {"bytes", parts.bytes}};
   printJson(json);
 }
 
@@ -75,27 +78,36 @@ void printCacheText(const std::string& folder, const std::vector<CachedPyramid>&
   }
   fmt::print("{}{}: {}, {} of at most {}\n", table.text(), oneLine(folder), entries.size(),
              byteSizeText(total), byteSizeText(cacheBound()));
+  if (const KeptParts parts = keptParts(folder); parts.count > 0)
+    fmt::print("parts of pyramids behind URLs: {}, {}\n", countText(parts.count),
+               byteSizeText(parts.bytes));
 }
 
-void printRemoval(const std::string& folder, const CacheRemoval& removal, bool as_json) {
+void printRemoval(const std::string& folder, const CacheRemoval& removal, const KeptParts& parts,
+                  bool as_json) {
   if (as_json) {
     Json json = Json::object();
     json["folder"] = folder;
     json["removed"] = removal.removed;
     json["removed_bytes"] = removal.bytes;
     json["in_use"] = removal.in_use;
+    json["remote_parts"] = {{"count", parts.count}, {"bytes", parts.bytes}};
     return printJson(json);
   }
   fmt::print(
       "{}: removed {}, {}{}\n", oneLine(folder), pyramidsText(removal.removed),
       byteSizeText(removal.bytes),
       removal.in_use > 0 ? fmt::format("; {} in use, kept", pyramidsText(removal.in_use)) : "");
+  if (parts.count > 0)
+    fmt::print("parts of pyramids behind URLs: removed {}, {}\n", countText(parts.count),
+               byteSizeText(parts.bytes));
 }
 
 int runCache(const CacheArguments& arguments) {
   const std::string folder = arguments.folder.empty() ? defaultCacheFolder() : arguments.folder;
   if (arguments.clear) {
-    printRemoval(folder, clearCache(folder), arguments.json);
+    const CacheRemoval removal = clearCache(folder);
+    printRemoval(folder, removal, trimParts(folder, 0), arguments.json);
     return 0;
   }
   std::vector<CachedPyramid> entries = listCache(folder);
@@ -111,7 +123,9 @@ int runCache(const CacheArguments& arguments) {
 
 Command addCacheCommand(CLI::App& app) {
   CLI::App* const sub =
-      app.add_subcommand("cache", "List or clear the pyramids that were built of volumes");
+      app.add_subcommand("cache",
+                         "List or clear what commands keep: pyramids of volumes, and parts "
+                         "of pyramids behind URLs");
   const auto arguments = std::make_shared<CacheArguments>();
   sub->add_flag("--clear", arguments->clear, "Remove all but those that a process uses");
   addCacheFolderOption(*sub, arguments->folder);
@@ -119,7 +133,8 @@ Command addCacheCommand(CLI::App& app) {
   sub->footer(fmt::format(R"(
 'extract', 'render', 'view', 'bench' and 'info' build the pyramid of a volume here, and find it again
 until the volume changes. Beyond {} (or what the variable ISOBRICK_CACHE_SIZE says, such as 100G) the
-least recently used pyramids go; the newest one stays, however large it is.
+least recently used pyramids go; the newest one stays, however large it is. Parts of pyramids behind
+URLs come here with --cache-size, which bounds them.
 
 Example:
   isobrick cache --clear)",

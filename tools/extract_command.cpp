@@ -16,6 +16,7 @@
 #include "isobrick/extract/sinks/vertex_numbering.h"
 #include "isobrick/storage/lowercase.h"
 #include "isobrick/storage/pyramid_parts.h"
+#include "isobrick/storage/remote/remote_address.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/component_list.h"
@@ -71,7 +72,9 @@ struct ExtractResult {
 struct ExtractResults {
   std::vector<ExtractResult> surfaces;
   double open_seconds = 0;
-  BrickPager::Counters pager;  // of all of them
+  BrickPager::Counters pager;            // of all of them
+  std::optional<RemoteCounters> remote;  // of all since the beginning; of a URL
+  RemoteCounters opening;
 };
 
 // The file of each isovalue: that of -o, or of several isovalues with the value behind its stem,
@@ -170,7 +173,7 @@ ExtractResult extractOne(const ExtractArguments& arguments, const Pyramid& pyram
     fmt::print(stderr,
                "isobrick: warning: {} of {} vertices lie outside of '{}' and have no value ({})\n",
                countText(result.vertices_outside), countText(result.vertices),
-               oneLine(arguments.attribute.path),
+               oneLine(withoutSecrets(arguments.attribute.path)),
                lowerExtension(output) == ".glb" ? "0 in the file" : "NaN in the file");
   return result;
 }
@@ -182,14 +185,17 @@ ExtractResults extract(ExtractArguments& arguments) {
   const bool has_attribute = !arguments.attribute.path.empty();
   const std::uint64_t memory_bytes = arguments.query.memory_bytes / (has_attribute ? 2 : 1);
   const FileAccess access = fileAccess(arguments.query.no_map);
-  const Pyramid pyramid(arguments.query.input.pyramid, memory_bytes, access);
-  std::optional<Pyramid> other;
+  const RemoteOptions remote = remoteOptions(arguments.query.input);
+  const auto file = openPyramidFile(arguments.query.input.pyramid, memory_bytes, access, remote);
+  const Pyramid& pyramid = *file;
+  std::shared_ptr<const Pyramid> other;
   std::optional<PyramidValues> values;
   if (has_attribute) {
-    other.emplace(arguments.attribute.pyramid, memory_bytes, access);
+    other = openPyramidFile(arguments.attribute.pyramid, memory_bytes, access, remote);
     values.emplace(*other);
   }
   results.open_seconds = open_watch.seconds();
+  results.opening = pyramid.remoteCounters();
   chooseIsovalues(arguments.query, pyramid);
   refuseTwins(arguments.query.isovalues);
   refuseOutputs(arguments);
@@ -201,6 +207,7 @@ ExtractResults extract(ExtractArguments& arguments) {
         extractOne(arguments, pyramid, extractor, values ? &*values : nullptr, names[i]));
   }
   results.pager = pyramid.parts().counters();
+  if (isRemotePath(arguments.query.input.pyramid)) results.remote = pyramid.remoteCounters();
   return results;
 }
 
@@ -215,6 +222,16 @@ Json jsonOfPager(const BrickPager::Counters& counters) {
           {"fetched", counters.parts_fetched},
           {"fetched_unused", counters.fetched_unused},
           {"seconds_waited", 1e-9 * static_cast<double>(counters.wait_nanoseconds)}};
+}
+
+Json jsonOfRemote(const RemoteCounters& all, const RemoteCounters& opening) {
+  return {{"requests", all.requests},
+          {"repeated", all.repeated},
+          {"bytes", all.bytes},
+          {"open_requests", opening.requests},
+          {"open_bytes", opening.bytes},
+          {"cached_parts", all.cached_parts},
+          {"cached_bytes", all.cached_bytes}};
 }
 
 Json jsonOfSurface(const ExtractArguments& arguments, const ExtractResult& result) {
@@ -261,6 +278,7 @@ Json jsonOfResults(const ExtractArguments& arguments, const ExtractResults& resu
     json["seconds"] = {{"open", results.open_seconds}};
   }
   json["pager"] = jsonOfPager(results.pager);
+  if (results.remote) json["remote"] = jsonOfRemote(*results.remote, results.opening);
   json["peak_rss_bytes"] = peakResidentBytes();
   json["threads"] = arguments.query.threads;
   return json;
@@ -294,6 +312,12 @@ void printSummaries(const ExtractArguments& arguments, const ExtractResults& res
       extract_text += fmt::format(" {:.4f}", seconds);
     write_seconds += result.write_seconds;
   }
+  if (results.remote)
+    fmt::print("network: {} requests, {}{}\n", countText(results.remote->requests),
+               byteSizeText(results.remote->bytes),
+               results.remote->cached_bytes > 0
+                   ? fmt::format("; {} from the cache", byteSizeText(results.remote->cached_bytes))
+                   : "");
   fmt::print("seconds: open {:.4f}, extract{}, write {:.4f}; {} threads; peak memory {}\n",
              results.open_seconds, extract_text, write_seconds, arguments.query.threads,
              byteSizeText(peakResidentBytes()));

@@ -10,6 +10,7 @@
 #include "isobrick/preprocess/shallow_json.h"
 #include "isobrick/storage/isovalue_suggestions.h"
 #include "isobrick/storage/pyramid.h"
+#include "isobrick/storage/remote/remote_address.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/json_output.h"
@@ -166,12 +167,13 @@ void printInfoText(const Pyramid& pyramid, const std::string& path) {
 
 int runInfo(InfoArguments& arguments) {
   findPyramid(arguments.input, allCores(), std::nullopt);
-  const Pyramid pyramid(arguments.input.pyramid, Pyramid::kDefaultBudgetBytes,
-                        fileAccess(arguments.no_map));
+  const auto file = openPyramidFile(arguments.input.pyramid, Pyramid::kDefaultBudgetBytes,
+                                    fileAccess(arguments.no_map), remoteOptions(arguments.input));
+  const Pyramid& pyramid = *file;
   if (arguments.json)
     printInfoJson(pyramid);
   else
-    printInfoText(pyramid, arguments.input.path);
+    printInfoText(pyramid, withoutSecrets(arguments.input.path));
   return 0;
 }
 

@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/remote_options.h"
 
 namespace isobrick {
 namespace {
@@ -53,6 +54,10 @@ CLI::Option* addForceFlag(CLI::App& app, bool& force) {
 void refuseReplacing(const PlannedOutput& output, const std::vector<std::string>& inputs,
                      bool force) {
   const std::string& path = output.path;
+  if (isRemotePath(path))
+    throw Error(
+        fmt::format("'{}' is a URL, and isobrick writes files alone; {}", path, output.way_out),
+        {.path = path});
   refuseInput(path, output, inputs);
   std::error_code ignored;
   if (fs::exists(path, ignored) && !fs::is_regular_file(path, ignored))

@@ -13,7 +13,9 @@
 namespace isobrick {
 
 PictureSurface extractPictureSurface(QueryOptions options) {
-  const Pyramid pyramid(options.input.pyramid, options.memory_bytes, fileAccess(options.no_map));
+  const auto file = openPyramidFile(options.input.pyramid, options.memory_bytes,
+                                    fileAccess(options.no_map), remoteOptions(options.input));
+  const Pyramid& pyramid = *file;
   chooseIsovalues(options, pyramid);
   const Query query = makeQuery(options, pyramid);
   const GridGeometry& geometry = pyramid.spec().geometry;

@@ -6,8 +6,10 @@
 #include <limits>
 
 #include "isobrick/extract/query.h"
+#include "isobrick/storage/abandonable.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/isovalue_suggestions.h"
+#include "isobrick/storage/remote/remote_address.h"
 #include "tools/interrupt.h"
 #include "tools/line_words.h"
 #include "tools/parsed_option.h"
@@ -126,6 +128,13 @@ void addNoMapFlag(CLI::App& app, bool& no_map) {
                "is the same");
 }
 
+std::shared_ptr<const Pyramid> openPyramidFile(const std::string& path, std::uint64_t memory_bytes,
+                                               FileAccess access, const RemoteOptions& remote) {
+  const CancelFlag* const cancel = isRemotePath(path) ? &interruptFlag() : nullptr;
+  return runAbandonable(
+      cancel, [=] { return std::make_shared<const Pyramid>(path, memory_bytes, access, remote); });
+}
+
 void addSimplifyOption(CLI::App& app, QueryOptions& options) {
   addParsedOption(app, "--simplify", options.simplify, parseSimplify, "D",
                   "Fewer triangles: of each brick, within D voxels of level 0 of the surface as it "
@@ -144,7 +153,7 @@ void chooseIsovalues(QueryOptions& options, const Pyramid& pyramid) {
       const IsovalueSuggestions suggestions = suggestIsovalues(pyramid);
       if (suggestions.values.empty())
         throw Error(fmt::format("all voxels of '{}' are {}: no isovalue has a surface",
-                                options.input.path, pyramid.valueRange().min));
+                                withoutSecrets(options.input.path), pyramid.valueRange().min));
       best = suggestions.values.front().value;
       fmt::print(stderr, "isobrick: isovalue {}\n", *best);
     }
@@ -163,7 +172,7 @@ Query makeQuery(const QueryOptions& options, const Pyramid& pyramid) {
   if (options.box) {
     query.box = options.world ? indexBoxAround(*options.box, geometry)
                               : QueryBox{options.box->lower, options.box->upper};
-    refuseBoxOutside(*query.box, pyramid, options.input.path);
+    refuseBoxOutside(*query.box, pyramid, withoutSecrets(options.input.path));
   }
   query.simplify = options.simplify;
   query.cancel = &interruptFlag();
@@ -176,7 +185,7 @@ void warnOfEmptySurface(const QueryOptions& options, const Pyramid& pyramid) {
   fmt::print(stderr,
              "isobrick: warning: the mesh is empty: no surface at the isovalue {}, since the "
              "values of '{}' are {} to {}\n",
-             options.isovalue, oneLine(options.input.path), range.min, range.max);
+             options.isovalue, oneLine(withoutSecrets(options.input.path)), range.min, range.max);
 }
 
 }  // namespace isobrick

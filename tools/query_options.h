@@ -3,7 +3,9 @@
 
 #include <CLI/CLI.hpp>
 #include <cstdint>
+#include <memory>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "isobrick/storage/pyramid.h"
@@ -39,6 +41,11 @@ void findPyramid(QueryOptions& options);
 
 // --no-map, as the other commands have it too.
 void addNoMapFlag(CLI::App& app, bool& no_map);
+
+// Opens a pyramid, local or behind a URL. Throws Cancelled at once after Ctrl-C, even while a
+// server is waited for.
+std::shared_ptr<const Pyramid> openPyramidFile(const std::string& path, std::uint64_t memory_bytes,
+                                               FileAccess access, const RemoteOptions& remote);
 
 inline FileAccess fileAccess(bool no_map) { return no_map ? FileAccess::kRead : FileAccess::kMap; }
 

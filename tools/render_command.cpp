@@ -86,8 +86,8 @@ int renderState(RenderArguments& arguments) {
   const Stopwatch watch;
   const ViewPicture view = runWithThreads(arguments.query.threads, [&] {
     return drawView(
-        std::make_shared<const Pyramid>(arguments.query.input.pyramid, arguments.query.memory_bytes,
-                                        fileAccess(arguments.query.no_map)),
+        openPyramidFile(arguments.query.input.pyramid, arguments.query.memory_bytes,
+                        fileAccess(arguments.query.no_map), remoteOptions(arguments.query.input)),
         state, arguments.size.width, arguments.size.height, arguments.query.threads,
         format == ImageFormat::kExr, interruptFlag());
   });
@@ -179,8 +179,8 @@ Command addRenderCommand(CLI::App& app) {
   const std::set<std::string> together{"FILE",   "--output",  "--size",  "--memory", "--no-map",
                                        "--help", "--threads", "--state", "--force"};
   for (CLI::Option* const option : sub->get_options())
-    if (option->get_group() != kVolumeGroup && !option->get_group().empty() &&
-        together.count(option->get_name(false, true)) == 0 &&
+    if (option->get_group() != kVolumeGroup && option->get_group() != kRemoteGroup &&
+        !option->get_group().empty() && together.count(option->get_name(false, true)) == 0 &&
         together.count(option->get_single_name()) == 0 &&
         together.count("--" + option->get_single_name()) == 0)
       state->excludes(option);

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "isobrick/storage/pyramid_verify.h"
+#include "isobrick/storage/remote/remote_address.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
@@ -19,13 +20,19 @@ namespace {
 
 struct VerifyArguments {
   std::string path;
+  std::string cache_folder;
+  std::uint64_t cache_bytes = 0;
   bool no_map = false;
   int threads = allCores();
 };
 
 int runVerify(const VerifyArguments& arguments) {
   const Stopwatch watch;
-  const Pyramid pyramid(arguments.path, Pyramid::kDefaultBudgetBytes, fileAccess(arguments.no_map));
+  const auto file =
+      openPyramidFile(arguments.path, Pyramid::kDefaultBudgetBytes, fileAccess(arguments.no_map),
+                      remoteOptions(arguments.cache_folder, arguments.cache_bytes));
+  const Pyramid& pyramid = *file;
+  const std::string path = withoutSecrets(arguments.path);
   PyramidFaults faults;
   {
     ProgressBar bar(static_cast<double>(pyramid.fileBytes()) / 1e6, "MB");
@@ -34,22 +41,22 @@ int runVerify(const VerifyArguments& arguments) {
                                      .cancel = &interruptFlag()});
   }
   for (const std::string& fault : faults.rest)
-    fmt::print(stderr, "isobrick: {}: {}\n", arguments.path, oneLine(fault));
+    fmt::print(stderr, "isobrick: {}: {}\n", path, oneLine(fault));
   for (const BrickDamage& damage : faults.bricks)
     fmt::print(stderr, "isobrick: level {}, brick ({},{},{}): {}\n", damage.level, damage.brick.x,
                damage.brick.y, damage.brick.z, oneLine(damage.what));
   const std::string bricks = countText(pyramid.brickCount());
   if (!faults.bricks.empty()) {
-    fmt::print("{}: {} of {} bricks are damaged; build it again\n", arguments.path,
+    fmt::print("{}: {} of {} bricks are damaged; build it again\n", path,
                countText(faults.bricks.size()), bricks);
     return 1;
   }
   if (!faults.rest.empty()) {
-    fmt::print("{}: all {} bricks are whole, but not the rest of the file; build it again\n",
-               arguments.path, bricks);
+    fmt::print("{}: all {} bricks are whole, but not the rest of the file; build it again\n", path,
+               bricks);
     return 1;
   }
-  fmt::print("{}: all {} bricks are whole ({} in {:.2f} s)\n", arguments.path, bricks,
+  fmt::print("{}: all {} bricks are whole ({} in {:.2f} s)\n", path, bricks,
              byteSizeText(pyramid.fileBytes()), watch.seconds());
   return 0;
 }
@@ -60,9 +67,13 @@ Command addVerifyCommand(CLI::App& app) {
   CLI::App* const sub = app.add_subcommand(
       "verify", "Check every brick and table of a pyramid and name what is damaged");
   const auto arguments = std::make_shared<VerifyArguments>();
-  sub->add_option("FILE", arguments->path, "Pyramid (.isb)")->type_name("PATH")->required();
+  sub->add_option("FILE", arguments->path, "Pyramid (.isb), also behind http://, https:// or s3://")
+      ->type_name("PATH")
+      ->required();
   addNoMapFlag(*sub, arguments->no_map);
   addThreadsOption(*sub, arguments->threads);
+  addCacheFolderOption(*sub, arguments->cache_folder)->group(kRemoteGroup);
+  addCacheSizeOption(*sub, arguments->cache_bytes);
   sub->footer(R"(
 Example:
   isobrick verify head.isb)");

@@ -130,7 +130,8 @@ BuiltPyramid buildIntoCache(const std::string& volume, const VolumeBuild& build,
 CLI::Option* addVolumeInput(CLI::App& app, VolumeInput& input) {
   return app
       .add_option("FILE", input.path,
-                  "Pyramid (.isb); or a volume as 'isobrick build' reads it, a DICOM folder, "
+                  "Pyramid (.isb), also behind http://, https:// or s3://; or a volume as "
+                  "'isobrick build' reads it, a DICOM folder, "
                   "or phantom:NAME:SIZE, of which a pyramid is built into the cache first")
       ->type_name("PATH");
 }
@@ -147,13 +148,30 @@ void addVolumeOptions(CLI::App& app, VolumeInput& input) {
         ->type_name(word.type)
         ->group(kVolumeGroup);
   addCacheFolderOption(app, input.cache_folder)->group(kVolumeGroup);
+  addCacheSizeOption(app, input.cache_bytes);
 }
 
 CLI::Option* addCacheFolderOption(CLI::App& app, std::string& folder) {
   return app
       .add_option("--cache-folder", folder,
-                  "Folder for pyramids of volumes; default: isobrick in XDG_CACHE_HOME or ~/.cache")
+                  "Folder for pyramids of volumes, and for parts of pyramids behind URLs; default: "
+                  "isobrick in XDG_CACHE_HOME or ~/.cache")
       ->type_name("DIR");
+}
+
+CLI::Option* addCacheSizeOption(CLI::App& app, std::uint64_t& bytes) {
+  return addParsedOption(app, "--cache-size", bytes, parseByteSize, "SIZE",
+                         "Keep the parts that were read in the cache folder, at most so much of "
+                         "all pyramids, such as 4G; default: none stay")
+      ->group(kRemoteGroup);
+}
+
+RemoteOptions remoteOptions(const std::string& cache_folder, std::uint64_t cache_bytes) {
+  RemoteOptions remote;
+  remote.cache_bytes = cache_bytes;
+  if (cache_bytes > 0)
+    remote.cache_folder = cache_folder.empty() ? defaultCacheFolder() : cache_folder;
+  return remote;
 }
 
 bool isVolume(const std::string& path) {

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/remote_options.h"
 
 namespace isobrick {
 
@@ -21,10 +22,13 @@ struct VolumeInput {
   std::map<std::string, std::string> words;  // how to read a volume, by option of `isobrick build`
   std::vector<std::string> selections;       // the same of --select, a word each
   std::string cache_folder;                  // empty: the default one
+  std::uint64_t cache_bytes = 0;             // of remote parts in that folder; 0: none stay
 };
 
 // The --help group of the options that say how to read a volume.
 inline constexpr char kVolumeGroup[] = "If FILE is a volume";
+// The same of those for a pyramid behind a URL.
+inline constexpr char kRemoteGroup[] = "If FILE is a URL";
 
 // FILE.
 CLI::Option* addVolumeInput(CLI::App& app, VolumeInput& input);
@@ -33,6 +37,14 @@ void addVolumeOptions(CLI::App& app, VolumeInput& input);
 
 // --cache-folder.
 CLI::Option* addCacheFolderOption(CLI::App& app, std::string& folder);
+// --cache-size, of the commands that read pyramids behind URLs.
+CLI::Option* addCacheSizeOption(CLI::App& app, std::uint64_t& bytes);
+
+// How a pyramid behind a URL is read. Throws Error if there is no folder for its parts.
+RemoteOptions remoteOptions(const std::string& cache_folder, std::uint64_t cache_bytes);
+inline RemoteOptions remoteOptions(const VolumeInput& input) {
+  return remoteOptions(input.cache_folder, input.cache_bytes);
+}
 
 // A file or a folder that is there and is no pyramid, or the name of a phantom. Everything else is
 // opened as a pyramid, and that says what is wrong.

@@ -14,6 +14,7 @@ BrickFetcher::~BrickFetcher() {
     const std::lock_guard lock(mutex_);
     stops_ = true;
   }
+  stop_.request();
   wake_.notify_all();
   for (std::thread& thread : threads_) thread.join();
 }
@@ -58,7 +59,9 @@ std::optional<MissingBrick> BrickFetcher::takeFailed() {
 
 // If there are no threads, nothing comes in, and wait() says so.
 void BrickFetcher::start() try {
-  while (threads_.size() < ReadAhead::kThreads) threads_.emplace_back([this] { run(); });
+  const bool is_far = needs_->pyramid().parts().isRemote();
+  while (threads_.size() < (is_far ? kThreadsFar : ReadAhead::kThreads))
+    threads_.emplace_back([this] { run(); });
 } catch (const std::exception&) {
   if (threads_.empty()) end();
 }
@@ -72,7 +75,7 @@ void BrickFetcher::run() {
     wake_.wait(lock, [&] { return stops_ || mayAdmit(); });
     if (stops_) return;
     const Job job = nextJob();
-    std::optional<BrickPager::Room> room;
+    std::shared_ptr<BrickPager::Room> room;
     is_admitting_ = true;
     ++busy_;
     lock.unlock();
@@ -81,8 +84,9 @@ void BrickFetcher::run() {
     is_admitting_ = false;
     if (isCurrent(job) && outcome != Outcome::kNoRoom) next_ = job.number + 1;
     wake_.notify_all();
+    if (job.needs->pyramid().parts().isRemote()) announceNext(lock);
     lock.unlock();
-    if (outcome == Outcome::kDone) outcome = fetch(job, *room);
+    if (outcome == Outcome::kDone) outcome = fetch(job, room);
     room.reset();
     lock.lock();
     --busy_;
@@ -90,6 +94,31 @@ void BrickFetcher::run() {
     if (isIdle()) idle_.notify_all();
     wake_.notify_all();
   }
+}
+
+// The first part that each of the next bricks lacks: which one comes after it shows in that.
+void BrickFetcher::announceNext(std::unique_lock<std::mutex>& lock) {
+  const std::shared_ptr<const QueryNeeds> needs = needs_;
+  const auto first = bricks_.begin() + static_cast<std::ptrdiff_t>(next_ > 0 ? next_ - 1 : 0);
+  const auto count = std::min<std::ptrdiff_t>(bricks_.end() - first, kBricksAhead);
+  const std::vector<MissingBrick> next(first, first + count);
+  lock.unlock();
+  try {
+    const PyramidParts& parts = needs->pyramid().parts();
+    std::vector<PyramidParts::PartAddress> lacking;
+    const BrickAnswers answers{
+        [&](int level, const Index3& brick) { return parts.isRowAtHand(level, brick); },
+        [&](PartKind kind, int level, const Index3& brick) {
+          if (parts.holdIfResident(kind, level, brick)) return true;
+          lacking.push_back({kind, level, brick});
+          return false;
+        }};
+    for (const MissingBrick& missing : next)
+      static_cast<void>(needs->areMet(missing.level, missing.brick, answers));
+    parts.announce(lacking);
+  } catch (const std::exception&) {  // whoever fetches the brick meets the same
+  }
+  lock.lock();
 }
 
 void BrickFetcher::noteOutcome(const Job& job, Outcome outcome) {
@@ -103,24 +132,28 @@ void BrickFetcher::noteOutcome(const Job& job, Outcome outcome) {
 }
 
 BrickFetcher::Outcome BrickFetcher::admit(const Job& job,
-                                          std::optional<BrickPager::Room>& room) const try {
+                                          std::shared_ptr<BrickPager::Room>& room) const try {
   const auto& [level, brick, needs_samples, lacks_parts] = job.brick;
   auto found = job.needs->pyramid().parts().reserve(job.needs->kinds(), level, brick, job.since);
   if (!found) return Outcome::kNoRoom;
-  room.emplace(*std::move(found));
+  room = std::make_shared<BrickPager::Room>(*std::move(found));
   return Outcome::kDone;
 } catch (const std::exception&) {  // such as a damaged row
   return Outcome::kFailed;
 }
 
-BrickFetcher::Outcome BrickFetcher::fetch(const Job& job, BrickPager::Room& room) try {
+BrickFetcher::Outcome BrickFetcher::fetch(const Job& job,
+                                          const std::shared_ptr<BrickPager::Room>& room) try {
   using enum BrickPager::Fetched;
   const Pyramid& pyramid = job.needs->pyramid();
   const MissingBrick& brick = job.brick;
+  // A disk is waited for, a server is not.
+  const bool is_far = pyramid.parts().isRemote();
   Outcome outcome = Outcome::kDone;
   const auto bring = [&](PartKind kind, int level, const Index3& of) {
     if (isEnded(job.announcement)) return false;
-    const BrickPager::Fetched fetched = pyramid.parts().fetch(kind, level, of, room);
+    const BrickPager::Fetched fetched =
+        pyramid.parts().fetch(kind, level, of, room, is_far ? &stop_ : nullptr);
     if (fetched == kNow) noteCome();
     if (fetched == kNoRoom) outcome = Outcome::kNoRoom;
     if (fetched == kNever) outcome = Outcome::kFailed;

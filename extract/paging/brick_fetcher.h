@@ -23,6 +23,9 @@ namespace isobrick {
 // Which bytes there are is the pager's to know (BrickPager::reserve()): room is set aside for one
 // brick after the other, in their order, before it is begun, so that a brick never takes the room
 // of one that was announced before it. The first brick without room ends the announcement.
+//
+// Of a pyramid behind a URL the parts of the next bricks are asked of the server before a thread is
+// at them, as far as it is known by then what they need.
 class BrickFetcher {
  public:
   BrickFetcher() = default;
@@ -44,6 +47,10 @@ class BrickFetcher {
   // A brick of the announcement that could not be read, once.
   std::optional<MissingBrick> takeFailed();
 
+  // Bricks whose parts are asked of a server ahead of the first that is not admitted, and the
+  // threads that wait for its answers.
+  static constexpr std::size_t kBricksAhead = 48, kThreadsFar = 16;
+
  private:
   enum class Outcome { kDone, kNoRoom, kFailed };
   // A brick of an announcement.
@@ -58,8 +65,9 @@ class BrickFetcher {
 
   void start();
   void run();
-  Outcome admit(const Job& job, std::optional<BrickPager::Room>& room) const;
-  Outcome fetch(const Job& job, BrickPager::Room& room);
+  Outcome admit(const Job& job, std::shared_ptr<BrickPager::Room>& room) const;
+  void announceNext(std::unique_lock<std::mutex>& lock);
+  Outcome fetch(const Job& job, const std::shared_ptr<BrickPager::Room>& room);
   bool isEnded(std::uint64_t announcement);
   void noteCome();
   // All with the lock.
@@ -72,6 +80,7 @@ class BrickFetcher {
   void end() { next_ = bricks_.size(); }
   bool isIdle() const { return next_ == bricks_.size() && busy_ == 0; }
 
+  CancelFlag stop_;   // ends what waits for a server
   std::mutex mutex_;  // guards all below
   std::condition_variable wake_, idle_;
   bool stops_ = false;

@@ -8,6 +8,7 @@
 #include <mutex>
 #include <span>
 #include <thread>
+#include <unordered_set>
 #include <vector>
 
 #include "isobrick/extract/query.h"
@@ -25,6 +26,10 @@ namespace isobrick {
 // fetched, and its samples announced where they are needed. Announced samples are fetched by
 // whoever finds nothing to look at, so there is always as much for the disk to do at once as may
 // be.
+//
+// A server answers many requests in the time of one, and none before a round trip. So of a pyramid
+// behind a URL the threads begin with the query, whose parts come in two round trips, all ranges
+// and then all samples, as far as the bound allows.
 //
 // Parts announced or fetched and not yet reached by the meshers are at most a thirty-second of
 // the budget, half of what the pager has for arrivals, and no more than kMostBytes; where that is
@@ -44,16 +49,17 @@ class ReadAhead {
   static constexpr std::size_t kMostAnnounced = 16;
   // Bricks whose ranges are announced before the first of them is looked at.
   static constexpr std::size_t kRangesAhead = 32;
+  // The same two of a pyramid behind a URL.
+  static constexpr std::size_t kMostAnnouncedFar = 512, kRangesAheadFar = 1024;
 
-  ReadAhead(const MeshContext& context, std::span<const BrickWork> work)
-      : context_(context), work_(work), misses_before_(context.pyramid.parts().missCount()) {}
+  ReadAhead(const MeshContext& context, std::span<const BrickWork> work);
   ~ReadAhead();
   ReadAhead(const ReadAhead&) = delete;
   ReadAhead& operator=(const ReadAhead&) = delete;
 
   // A mesher is about to take this brick of the work.
   void reached(std::size_t work) {
-    if (context_.pyramid.parts().missCount() != misses_before_) noteReached(work);
+    if (is_far_ || context_.pyramid.parts().missCount() != misses_before_) noteReached(work);
   }
 
  private:
@@ -64,10 +70,13 @@ class ReadAhead {
   void look(std::unique_lock<std::mutex>& lock);
   void load(std::unique_lock<std::mutex>& lock);
   bool isNeeded(const BrickWork& work) const;
+  void addLenders(const BrickWork& work, std::vector<PyramidParts::PartAddress>& samples) const;
 
   const MeshContext& context_;
   const std::span<const BrickWork> work_;
   const std::uint64_t misses_before_;
+  const bool is_far_;                             // behind a URL
+  std::unordered_set<std::size_t> rows_of_work_;  // of such a one; whose ranges are announced
 
   std::mutex mutex_;  // guards all below
   std::condition_variable wake_;

@@ -2,6 +2,7 @@
 
 #include "isobrick/extract/oracles/leaf_classifier.h"
 #include "isobrick/storage/index_loop.h"
+#include "isobrick/storage/pyramid_parts.h"
 
 namespace isobrick {
 namespace {
@@ -13,11 +14,44 @@ class Traversal {
 
   std::vector<BrickWork> run() {
     const int top = context_.lattice().levels() - 1;
+    if (context_.pyramid.parts().isRemote()) bringInRows(top);
     visit(top, Index3(0));  // the coarsest level is one cell
     return std::move(work_);
   }
 
  private:
+  // A server is asked for all rows of the brick table together that the traversal may come to: a
+  // range that is not known yet prunes nothing. Then once more, where that were too many at once.
+  void bringInRows(int top) {
+    constexpr int kMostRounds = 64;  // a longer table has more rows than stay
+    for (int round = 0; round < kMostRounds; ++round) {
+      absent_rows_.clear();
+      findAbsentRows(top, Index3(0));
+      if (absent_rows_.empty()) return;
+      context_.pyramid.parts().bringInRows(absent_rows_);
+    }
+  }
+
+  void findAbsentRows(int level, const Index3& brick) {
+    constexpr std::size_t kMostRows = std::size_t{1} << 15;
+    if (absent_rows_.size() == kMostRows) return;
+    context_.checkCancel();
+    const IndexBox cells = layout_.brickCellBox(level, brick);
+    if (!overlapsQueryBox(context_, level, cells)) return;
+    const PyramidParts& parts = context_.pyramid.parts();
+    const std::size_t row = parts.brickRow(level, brick);
+    if (parts.isRowAbsent(row))
+      absent_rows_.push_back(row);
+    else if (context_.query.cull_by_ranges &&
+             !context_.pyramid.brickRange(level, brick).crosses(context_.isovalue))
+      return;
+    if (!classifier_.mayRefine(level, cells)) return;
+    const Index3 first = 2L * brick;
+    const Index3 end = glm::min(first + Index3(2), layout_.bricks(level - 1));
+    forEachIndex({first, end - first},
+                 [&](const Index3& child) { findAbsentRows(level - 1, child); });
+  }
+
   void visit(int level, const Index3& brick) {
     context_.checkCancel();
     const IndexBox cells = layout_.brickCellBox(level, brick);
@@ -57,6 +91,7 @@ class Traversal {
   const BrickLayout& layout_;
   const LeafClassifier classifier_;
   std::vector<BrickWork> work_;
+  std::vector<std::size_t> absent_rows_;
 };
 
 }  // namespace

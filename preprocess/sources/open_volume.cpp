@@ -12,6 +12,7 @@
 #include "isobrick/preprocess/sources/voxel_components.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/lowercase.h"
+#include "isobrick/storage/remote_options.h"
 
 namespace isobrick {
 namespace {
@@ -69,7 +70,7 @@ bool mayHaveComponents(const std::string& path, const OpenOptions& options) {
   std::error_code ignored;
   const std::string ending = lowerExtension(path);
   return !options.raw && !fs::is_directory(path, ignored) && !isHdf5Name(path) &&
-         ending != ".isb" && ending != ".vdb";
+         ending != ".isb" && ending != ".vdb" && !isRemotePath(path);
 }
 
 // `knows` checks the name and the kind alone; ITK recognises formats without it by their content.
@@ -117,7 +118,7 @@ std::unique_ptr<VolumeSource> openFormat(const std::string& path, const OpenOpti
   if (options.raw) return openRawSource(path, *options.raw);
   std::error_code ignored;
   const bool is_folder = fs::is_directory(path, ignored);
-  if (!is_folder && options.pyramid_level && lowerExtension(path) == ".isb")
+  if (!is_folder && options.pyramid_level && (isRemotePath(path) || lowerExtension(path) == ".isb"))
     return makePyramidSource(std::make_shared<const Pyramid>(path, options.memory_bytes),
                              options.memory_bytes, *options.pyramid_level, options.cancel);
   for (const Reader& reader : kReaders)
@@ -143,6 +144,8 @@ std::vector<ReadableFormat> readableFormats() {
 }
 
 void refuseUnusablePath(const std::string& path, const OpenOptions& options) {
+  if (isRemotePath(path) && (options.raw || !options.pyramid_level))
+    throw unreadable(path, "behind a URL isobrick reads pyramids alone; copy the volume to a file");
   std::error_code ignored;
   const fs::file_status status = fs::status(path, ignored);
   // Opening a pipe would wait for its other end, for ever.

@@ -8,6 +8,7 @@
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/index_loop.h"
 #include "isobrick/storage/isolated_loop.h"
+#include "isobrick/storage/pyramid_parts.h"
 
 namespace isobrick {
 namespace {
@@ -52,8 +53,11 @@ class PyramidSource final : public VolumeSource {
   }
 
   const VolumeInfo& info() const override { return info_; }
-  std::vector<std::string> files() const override { return {pyramid_->path()}; }
-  std::string identity() const override { return {}; }
+  // A file behind a URL ends its reads if it changes.
+  std::vector<std::string> files() const override {
+    return bytes().isRemote() ? std::vector<std::string>() : std::vector{pyramid_->path()};
+  }
+  std::string identity() const override { return bytes().identity(); }
   std::uint64_t bufferBytes() const override { return budget_bytes_; }
   bool readsBoxes() const override { return true; }
 
@@ -67,6 +71,7 @@ class PyramidSource final : public VolumeSource {
     const Index3 begin = glm::min(box.first / cells, last);
     const Index3 end = glm::min((box.end() - Index3(1)) / cells, last) + Index3(1);
     const Index3 count = end - begin;
+    if (bytes().isRemote()) announce(begin, count);
     isolatedFor(std::int64_t{0}, elementCount(count), [&](std::int64_t i) {
       if (cancel_ != nullptr) cancel_->check();
       copyBrick(begin + indexAt(i, count), box, out);
@@ -74,6 +79,16 @@ class PyramidSource final : public VolumeSource {
   }
 
  private:
+  const PagedFile& bytes() const { return pyramid_->parts().tables().bytes(); }
+
+  void announce(const Index3& begin, const Index3& count) const {
+    std::vector<PyramidParts::PartAddress> samples;
+    forEachIndex({begin, count}, [&](const Index3& brick) {
+      samples.push_back({PartKind::kSamples, level_, brick});
+    });
+    pyramid_->parts().announce(samples);
+  }
+
   void copyBrick(const Index3& brick, const IndexBox& box, void* out) const {
     const IndexBox own = pyramid_->layout().brickOwnSamples(level_, brick);
     const Index3 first = glm::max(own.first, box.first), end = glm::min(own.end(), box.end());

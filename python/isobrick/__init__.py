@@ -13,7 +13,7 @@ from ._build import BuildReport, RawLayout, build
 from ._core import Cancel
 from ._errors import Cancelled, Error
 from ._mesh import Mesh
-from ._pyramid import Damage, Histogram, Level, Pyramid, Session, Suggestion, open
+from ._pyramid import Damage, Histogram, Level, Pyramid, RemoteCounters, Session, Suggestion, open
 from ._query import Detail, ExtractReport, LevelCounts, View
 from ._version import __version__
 
@@ -31,6 +31,7 @@ __all__ = [
     "Mesh",
     "Pyramid",
     "RawLayout",
+    "RemoteCounters",
     "Session",
     "Suggestion",
     "View",

@@ -35,6 +35,43 @@ def _abandon_all() -> None:
 os.register_at_fork(after_in_child=_abandon_all)
 
 
+def _is_url(path: str) -> bool:
+    return path.lower().startswith(("http://", "https://", "s3://"))
+
+
+def _whole_path(path: str) -> str:
+    # Absolute, so that it is the same file after a change of folder, and in other processes.
+    return path if _is_url(path) else os.path.abspath(path)
+
+
+def _shown(path: str) -> str:
+    # A query may hold a signature, and what stands before the host a password.
+    if not _is_url(path):
+        return path
+    scheme, rest = path.split("#")[0].split("?")[0].split("://", 1)
+    host, slash, name = rest.partition("/")
+    return f"{scheme}://{host.rpartition('@')[2]}{slash}{name}"
+
+
+def _default_cache_folder() -> str:
+    base = os.environ.get("XDG_CACHE_HOME", "")
+    return os.path.join(base if os.path.isabs(base) else os.path.expanduser("~/.cache"), "isobrick")
+
+
+@dataclass(frozen=True)
+class RemoteCounters:
+    """What was asked of a server for an open pyramid."""
+
+    requests: int
+    #: Of these, those that were sent again.
+    repeated: int
+    #: That the server sent, without headers.
+    bytes: int
+    #: That came from the cache folder instead.
+    cached_parts: int
+    cached_bytes: int
+
+
 @dataclass(frozen=True)
 class Histogram:
     """How often which values occur among the voxels of level 0: bins that have any, in ascending order."""
@@ -180,12 +217,22 @@ class Pyramid:
     child of fork().
     """
 
-    def __init__(self, path: str | os.PathLike[str], memory: int | str = "1G", mmap: bool = True) -> None:
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        memory: int | str = "1G",
+        mmap: bool = True,
+        cache_folder: str | os.PathLike[str] | None = None,
+        cache_size: int | str = 0,
+    ) -> None:
         self._closed = False
-        # Absolute, so that it is the same file after a change of folder, and in other processes.
-        self._path = os.path.abspath(os.fspath(path))
+        self._path = _whole_path(os.fspath(path))
         self._memory_bytes = byte_size(memory)
         self._mmap = mmap
+        self._cache_bytes = byte_size(cache_size) if cache_size else 0
+        self._cache_folder = ""
+        if self._cache_bytes:
+            self._cache_folder = os.path.abspath(os.fspath(cache_folder or _default_cache_folder()))
         self._opened: _core.PyramidHandle | None = None
         self._handle  # noqa: B018  opens the file
         _alive.add(self)
@@ -195,7 +242,9 @@ class Pyramid:
         if self._closed:
             raise Error("the pyramid is closed; open it again with isobrick.open()", path=self._path)
         if self._opened is None:
-            self._opened = _core.PyramidHandle(self._path, self._memory_bytes, self._mmap)
+            self._opened = _core.PyramidHandle(
+                self._path, self._memory_bytes, self._mmap, self._cache_folder, self._cache_bytes
+            )
         return self._opened
 
     def _abandon(self) -> None:
@@ -219,17 +268,22 @@ class Pyramid:
         self.close()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Pyramid, (self._path, self._memory_bytes, self._mmap)
+        return Pyramid, (self._path, self._memory_bytes, self._mmap, self._cache_folder, self._cache_bytes)
 
     def __repr__(self) -> str:
         if self._closed:
-            return f"<isobrick.Pyramid '{self._path}', closed>"
-        return f"<isobrick.Pyramid '{self._path}': {self.shape} {self.dtype}>"
+            return f"<isobrick.Pyramid '{_shown(self._path)}', closed>"
+        return f"<isobrick.Pyramid '{_shown(self._path)}': {self.shape} {self.dtype}>"
 
     @property
     def path(self) -> str:
-        """Of the file, absolute."""
+        """Of the file, absolute; or the URL."""
         return self._path
+
+    @property
+    def remote_counters(self) -> RemoteCounters:
+        """What was asked of the server so far; all zero for a local file."""
+        return RemoteCounters(*self._handle.remote_counters())
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -359,7 +413,9 @@ class Pyramid:
         memory     bounds what stays of the file in memory, for this query alone
         threads    0: all cores
         """
-        pyramid = self if memory is None else Pyramid(self._path, memory, self._mmap)
+        pyramid = self
+        if memory is not None:
+            pyramid = Pyramid(self._path, memory, self._mmap, self._cache_folder, self._cache_bytes)
         try:
             with told_progress(progress, "extracting") as tell:
                 settings = self._settings(
@@ -524,10 +580,20 @@ class Session:
                 return
 
 
-def open(path: str | os.PathLike[str], *, memory: int | str = "1G", mmap: bool = True) -> Pyramid:
+def open(
+    path: str | os.PathLike[str],
+    *,
+    memory: int | str = "1G",
+    mmap: bool = True,
+    cache_folder: str | os.PathLike[str] | None = None,
+    cache_size: int | str = 0,
+) -> Pyramid:
     """Opens the pyramid ``path`` (``.isb``). Reads no brick, so it takes as long for any size.
 
     Arrays of it are [z, y, x]; points, focus and geometry are (x, y, z) in world units. ``memory`` bounds what
     stays of the file in memory, ``mmap=False`` reads it instead of mapping it, for network file systems.
+
+    ``path`` may be a URL: ``https://…``, ``http://…`` or ``s3://bucket/key``. ``cache_size`` ("4G") keeps parts
+    of it on disk, in ``cache_folder`` or the folder that ``isobrick cache`` lists; by default none stay.
     """
-    return Pyramid(path, memory, mmap)
+    return Pyramid(path, memory, mmap, cache_folder, cache_size)

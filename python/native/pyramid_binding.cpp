@@ -159,10 +159,22 @@ nb::object verify(const PyramidHandle& handle, int threads, const nb::object& pr
 
 }  // namespace
 
-PyramidHandle::PyramidHandle(const std::string& path, std::uint64_t budget_bytes, bool is_mapped) {
-  const nb::gil_scoped_release unlocked;
-  pyramid_ = std::make_shared<const Pyramid>(path, budget_bytes,
-                                             is_mapped ? FileAccess::kMap : FileAccess::kRead);
+PyramidHandle::PyramidHandle(const std::string& path, std::uint64_t budget_bytes, bool is_mapped,
+                             const std::string& cache_folder, std::uint64_t cache_bytes) {
+  RemoteOptions remote;
+  remote.cache_folder = cache_folder;
+  remote.cache_bytes = cache_bytes;
+  const auto open = [&](const CancelFlag* cancel) {
+    remote.cancel = cancel;
+    pyramid_ = std::make_shared<const Pyramid>(
+        path, budget_bytes, is_mapped ? FileAccess::kMap : FileAccess::kRead, remote);
+  };
+  if (isRemotePath(path)) {
+    runInterruptibly({}, [&](CallState& state) { open(&state.cancel()); });
+  } else {
+    const nb::gil_scoped_release unlocked;
+    open(nullptr);
+  }
 }
 
 const std::shared_ptr<const Pyramid>& PyramidHandle::pyramid() const {
@@ -177,8 +189,17 @@ void PyramidHandle::abandon() {
 
 void bindPyramid(nb::module_& module) {
   nb::class_<PyramidHandle>(module, "PyramidHandle")
-      .def(nb::init<const std::string&, std::uint64_t, bool>(), nb::arg("path"),
-           nb::arg("budget_bytes"), nb::arg("is_mapped"))
+      .def(nb::init<const std::string&, std::uint64_t, bool, const std::string&, std::uint64_t>(),
+           nb::arg("path"), nb::arg("budget_bytes"), nb::arg("is_mapped"), nb::arg("cache_folder"),
+           nb::arg("cache_bytes"))
+      .def(
+          "remote_counters",
+          [](const PyramidHandle& h) {
+            const RemoteCounters counters = h.pyramid()->remoteCounters();
+            return nb::make_tuple(counters.requests, counters.repeated, counters.bytes,
+                                  counters.cached_parts, counters.cached_bytes);
+          },
+          nb::sig("def remote_counters(self) -> tuple[int, int, int, int, int]"))
       .def("close", &PyramidHandle::close)
       .def("abandon", &PyramidHandle::abandon)
       .def(

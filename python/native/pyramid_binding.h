@@ -12,7 +12,9 @@ namespace isobrick::python {
 // An open pyramid that lives as long as anything of it is held, until abandon().
 class PyramidHandle {
  public:
-  PyramidHandle(const std::string& path, std::uint64_t budget_bytes, bool is_mapped);
+  // `cache_folder` and `cache_bytes` as of RemoteOptions.
+  PyramidHandle(const std::string& path, std::uint64_t budget_bytes, bool is_mapped,
+                const std::string& cache_folder, std::uint64_t cache_bytes);
 
   // Throws Error after close() and abandon().
   const std::shared_ptr<const Pyramid>& pyramid() const;

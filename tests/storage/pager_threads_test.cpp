@@ -187,7 +187,7 @@ TEST_P(PagerThreads, WhatIsAnnouncedIsReadByTheSystemAndCountsNowhere) {
   const bool is_cold = cachedShare(path_) == 0;
   const PagedFile file(path_, GetParam().access);
   BrickPager pager(file, parts_, GetParam().budget_bytes);
-  for (std::size_t id = 0; id < parts_.size(); ++id) pager.announce(id);
+  for (std::size_t id = 0; id < parts_.size(); ++id) pager.announce({&id, 1});
   const BrickPager::Counters counters = pager.counters();
   EXPECT_EQ(counters.hits + counters.misses + counters.parts_read + counters.parts_fetched, 0u);
   EXPECT_EQ(pager.heldBytes(), 0u);
@@ -196,7 +196,8 @@ TEST_P(PagerThreads, WhatIsAnnouncedIsReadByTheSystemAndCountsNowhere) {
   EXPECT_GE(cachedShare(path_), 0.9);
   const char* why = "";
   EXPECT_TRUE(holdsElements(0, pager.acquire(0, &why)));
-  pager.announce(0);  // is resident
+  const std::size_t resident = 0;
+  pager.announce({&resident, 1});
   pager.release(0);
 }
 

@@ -11,6 +11,9 @@ std::string sharedData();
 // Folder of the checked-in pyramids.
 std::string goldenFolder();
 
+// The server of ranges: tests/support/range_server.h.
+std::string rangeServerScript();
+
 // The `isobrick` command of this build.
 std::string isobrickCommand();
 

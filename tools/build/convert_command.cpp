@@ -50,6 +50,8 @@ struct ConvertArguments {
   BuildOptions build;   // of an .isb
   ExportOptions write;  // of all else
   bool no_map = false;
+  std::string cache_folder;
+  std::uint64_t cache_bytes = 0;
   bool force = false;
   bool json = false;
   int threads = allCores();
@@ -59,7 +61,7 @@ bool hasEnding(const std::string& path, const char* ending) {
   return fs::path(path).extension() == ending;
 }
 
-bool isPyramid(const std::string& path) { return hasEnding(path, ".isb"); }
+bool isPyramid(const std::string& path) { return isRemotePath(path) || hasEnding(path, ".isb"); }
 
 // In voxel indices of level 0, as the box was given; before any of its numbers becomes an integer.
 void refuseBoxBeyond(const Corners& corners, const VolumeInfo& info, int level) {
@@ -104,8 +106,9 @@ VolumeLevels openLevels(const ConvertArguments& arguments) {
   if (isPyramid(arguments.input.path)) {
     const OpenOptions options = openOptionsOf(arguments.input);
     refuseUnusablePath(arguments.input.path, options);
-    const auto pyramid = std::make_shared<const Pyramid>(arguments.input.path, memory_bytes,
-                                                         fileAccess(arguments.no_map));
+    const auto pyramid =
+        openPyramidFile(arguments.input.path, memory_bytes, fileAccess(arguments.no_map),
+                        remoteOptions(arguments.cache_folder, arguments.cache_bytes));
     const bool all = !arguments.levels.empty();
     const int first = all ? 0 : arguments.level;
     const int last = all ? pyramid->lattice().levels() - 1 : arguments.level;
@@ -260,7 +263,8 @@ Command addConvertCommand(CLI::App& app) {
   arguments->build.memory_bytes = kDefaultMemoryBytes;
   arguments->build.keep_unfinished = false;  // there is no --resume
   sub->add_option("IN", arguments->input.path,
-                  "Pyramid (.isb), or a volume in any format that `build` reads")
+                  "Pyramid (.isb), also behind http://, https:// or s3://; or a volume in any "
+                  "format that `build` reads")
       ->type_name("PATH")
       ->required();
   beginGroup(*sub, kOutputGroup);
@@ -313,6 +317,8 @@ Command addConvertCommand(CLI::App& app) {
   addMemoryOption(*sub, arguments->build.memory_bytes);
   addNoMapFlag(*sub, arguments->no_map);
   addThreadsOption(*sub, arguments->threads);
+  addCacheFolderOption(*sub, arguments->cache_folder)->group(kRemoteGroup);
+  addCacheSizeOption(*sub, arguments->cache_bytes);
   beginGroup(*sub, kOutputGroup);
   addJsonFlag(*sub, arguments->json);
   beginGroup(*sub, kInputGroup);

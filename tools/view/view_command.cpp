@@ -53,7 +53,8 @@ Command addViewCommand(CLI::App& app) {
   const auto input = std::make_shared<VolumeInput>();
   addVolumeInput(*sub, *input)
       ->description(
-          "Pyramid (.isb); or a volume as 'isobrick build' reads it, a DICOM folder, or "
+          "Pyramid (.isb), also behind http://, https:// or s3://; or a volume as 'isobrick build' "
+          "reads it, a DICOM folder, or "
           "phantom:NAME:SIZE, of which a pyramid is built into the cache first; default: chosen in "
           "the "
           "window");
@@ -102,6 +103,7 @@ Example:
 H lists the keys.)");
   return {sub, [options, size, input, preview_share, force] {
             options->path = input->path;
+            options->remote = remoteOptions(*input);
             refuseReplacingOutputs(*options, *force);
             if (!isVolume(options->path)) refuseWordsForPyramid(*input);
             options->build = volumeBuilder({*input, options->threads + 1, *preview_share});

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <utility>
 
+#include "isobrick/storage/abandonable.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid_file.h"
 
@@ -15,15 +16,20 @@ namespace {
 constexpr std::uint64_t kPreviewMemory = std::uint64_t{64} << 20;  // more than it takes
 }
 
-OpenedVolume openPyramid(const std::string& path, std::uint64_t memory_bytes) {
-  auto file = std::make_shared<const Pyramid>(path, memory_bytes);
-  ValueHistogram histogram = histogramOf(*file);
-  return {path, path, {}, std::move(file), std::move(histogram)};
+OpenedVolume openPyramid(const std::string& path, std::uint64_t memory_bytes,
+                         const RemoteOptions& remote, const CancelFlag* cancel) {
+  return runAbandonable(isRemotePath(path) ? cancel : nullptr, [=] {
+    auto file = std::make_shared<const Pyramid>(path, memory_bytes, FileAccess::kMap, remote);
+    ValueHistogram histogram = histogramOf(*file);
+    return OpenedVolume{path, path, {}, std::move(file), std::move(histogram)};
+  });
 }
 
-VolumeOpener::VolumeOpener(VolumeBuilder build, std::uint64_t memory_bytes)
+VolumeOpener::VolumeOpener(VolumeBuilder build, std::uint64_t memory_bytes,
+                           const RemoteOptions& remote)
     : build_(std::move(build)),
       memory_bytes_(memory_bytes),
+      remote_(remote),
       worker_([this](const std::string& source, const CancelFlag& cancel) {
         return work(source, cancel);
       }) {}
@@ -70,7 +76,7 @@ OpenedVolume VolumeOpener::work(const std::string& source, const CancelFlag& can
   const std::string path = isPyramidFile(source) ? source : build_(source, {tell, take}, cancel);
   tell("", 1.0);
   cancel.check();
-  OpenedVolume opened = openPyramid(path, memory_bytes_);
+  OpenedVolume opened = openPyramid(path, memory_bytes_, remote_, &cancel);
   opened.source = source;
   return opened;
 }

@@ -46,8 +46,10 @@ struct OpenedVolume {
   ValueHistogram histogram;
 };
 
-// Opens without building; reads the histogram. Throws Error.
-OpenedVolume openPyramid(const std::string& path, std::uint64_t memory_bytes);
+// Opens without building; reads the histogram. `remote` is for a URL. Throws Error, and Cancelled
+// soon after `cancel`, which may be null, even while a server is waited for.
+OpenedVolume openPyramid(const std::string& path, std::uint64_t memory_bytes,
+                         const RemoteOptions& remote = {}, const CancelFlag* cancel = nullptr);
 
 // One opening at a time: a newer one ends the one before. All members are for one thread and never
 // wait, but the destructor waits for the end of a build.
@@ -67,7 +69,7 @@ class VolumeOpener {
   };
 
   // `build` is called on a thread of the opener.
-  VolumeOpener(VolumeBuilder build, std::uint64_t memory_bytes);
+  VolumeOpener(VolumeBuilder build, std::uint64_t memory_bytes, const RemoteOptions& remote = {});
 
   // A path, or another name that `build` takes.
   void open(const std::string& source);
@@ -84,6 +86,7 @@ class VolumeOpener {
 
   const VolumeBuilder build_;
   const std::uint64_t memory_bytes_;
+  const RemoteOptions remote_;
   mutable std::mutex mutex_;  // guards progress_ and preview_
   Status progress_;
   std::optional<OpenedVolume> preview_;

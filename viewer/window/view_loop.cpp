@@ -137,8 +137,10 @@ std::unique_ptr<ViewTarget> makeTarget(const ViewOptions& options, int width, in
 }
 
 // A file or a folder that is there and is no pyramid, or the name of a phantom. Everything else is
-// opened as a pyramid before the window exists; opening reports the errors.
-bool isToBeBuilt(const std::string& source) {
+// opened as a pyramid before the window exists; opening reports the errors. A build and a server
+// take time, so they begin when the window is there.
+bool isOpenedBeside(const std::string& source) {
+  if (isRemotePath(source)) return true;
   std::error_code ignored;
   return source.rfind("phantom:", 0) == 0 ||
          (fs::exists(source, ignored) && !isPyramidFile(source));
@@ -146,6 +148,8 @@ bool isToBeBuilt(const std::string& source) {
 
 // The name of its files: "scan" for "scans/scan.nii.gz", "head-256" for "phantom:head:256".
 std::string stemOf(const std::string& source) {
+  if (isRemotePath(source))
+    return fs::path(source.substr(0, source.find_first_of("?#"))).stem().string();
   if (source.rfind("phantom:", 0) == 0) {
     std::string name = source.substr(source.find(':') + 1);
     std::replace(name.begin(), name.end(), ':', '-');
@@ -175,9 +179,9 @@ class ViewLoop {
         state_path_(options.state_path),
         recent_(readRecentFiles(options.recent_path)),
         show_({options.threads, options.gpu_budget_bytes}),
-        opener_(options.build, options.memory_bytes) {
+        opener_(options.build, options.memory_bytes, options.remote) {
     std::optional<OpenedVolume> first;
-    const bool to_be_built = !options.path.empty() && isToBeBuilt(options.path);
+    const bool to_be_built = !options.path.empty() && isOpenedBeside(options.path);
     if (!options.path.empty() && !to_be_built)
       first = openPyramid(options.path, options.memory_bytes);
     if (!options.state_path.empty()) first_state_ = readViewState(options.state_path);

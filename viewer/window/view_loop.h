@@ -13,6 +13,7 @@ struct ViewOptions {
   std::string path;                // a pyramid, or a name that `build` takes; empty: nothing yet
   VolumeBuilder build;             // of a volume that is no pyramid
   std::uint64_t memory_bytes = 0;  // of the file, as Pyramid takes it
+  RemoteOptions remote;            // if it is behind a URL
   std::uint64_t gpu_budget_bytes = 0;  // of chunks
   int threads = 1;                     // of the extraction
   std::string state_path;              // a view to begin with; empty: none

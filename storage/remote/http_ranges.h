@@ -1,0 +1,111 @@
+// Ranges of a file behind HTTP.
+#pragma once
+
+#include <chrono>
+#include <condition_variable>
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <random>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "isobrick/storage/range_reader.h"
+#include "isobrick/storage/remote/http_answer.h"
+#include "isobrick/storage/remote/http_transfers.h"
+#include "isobrick/storage/remote/range_queue.h"
+#include "isobrick/storage/remote/remote_address.h"
+#include "isobrick/storage/remote_options.h"
+
+namespace isobrick {
+
+// Readers and announcements put ranges into a queue, of which a thread of its own makes requests:
+// neighbours joined (range_queue.h), many underway at once (http_transfers.h), repeated with
+// back-off if the failure may pass. What is announced alone waits for kLinger for others that lie
+// beside it. A range that is announced stays here until it is read, or until
+// announced ranges have more than kMostAheadBytes together: then the oldest goes. Two that read the
+// same range wait for the same request.
+//
+// The first answer says how long the file is and how it is known again (ETag, time of change). A
+// later one of another file ends the read with an error, whether the server heeds conditions or
+// not.
+class HttpRanges final : public RangeReader, private HttpClient {
+ public:
+  static constexpr std::chrono::microseconds kLinger{1000};
+  static constexpr std::uint64_t kMostAheadBytes = std::uint64_t{64} << 20;
+
+  // `name` is for messages. Waits for the file's first bytes. `signer` may be null. Throws Error.
+  HttpRanges(std::string name, const std::string& url, std::unique_ptr<RequestSigner> signer,
+             const RemoteOptions& options);
+  ~HttpRanges() override;
+
+  std::uint64_t size() const override { return file_.bytes; }
+  [[nodiscard]] Failure read(const ByteRange& range, std::byte* out) override;
+  void announce(std::span<const ByteRange> ranges) override;
+  void abandon() override;
+  std::string identity() const override;
+  RemoteCounters counters() const override;
+
+ private:
+  using Wanted = RangeQueue::Wanted;
+  using Clock = std::chrono::steady_clock;
+  // The range of a request, and what was wanted of it.
+  struct Joined {
+    std::vector<Wanted> wanted;  // in the order of their offsets
+    std::uint64_t first = 0, last = 0;
+    std::uint64_t received = 0;  // bytes, from the first on, in this try
+    int tries = 0;
+    Clock::time_point not_before{};
+    HttpVerdict verdict;
+    bool is_shortcut = false;  // sent to where an earlier one was redirected
+    bool had_other_region = false, had_detour = false;
+  };
+
+  void open(const CancelFlag* cancel);
+  Wanted want(const ByteRange& range);
+  Failure await(std::unique_lock<std::mutex>& lock, const Wanted& wanted, std::byte* out);
+  void takeFromAhead(WantedRange& wanted);
+  void forget(const Wanted& wanted);
+  bool makeRoom(std::uint64_t bytes);
+  const char* interned(const std::string& text);
+  HttpRequest requestFor(Joined& joined);
+  void finish(const Joined& joined);
+  void fail(const Joined& joined, const std::string& text);
+  bool isToRepeat(Joined& joined, const HttpEnd& end);
+
+  std::optional<HttpRequest> nextRequest(std::chrono::milliseconds* wait) override;
+  bool onHead(std::uint64_t id, const HttpHead& head) override;
+  bool onBytes(std::uint64_t id, std::span<const std::byte> bytes) override;
+  void onEnd(std::uint64_t id, const HttpEnd& end) override;
+
+  const std::string name_;
+  const std::string url_;
+  const int most_tries_;
+  const std::unique_ptr<RequestSigner> signer_;
+
+  mutable std::mutex mutex_;  // guards all below
+  std::condition_variable changed_;
+  RemoteFile file_;   // does not change once it is open
+  Wanted beginning_;  // what the first request brings
+  bool is_open_ = false;
+  bool is_abandoned_ = false;
+  std::string redirected_url_;  // that answered in place of url_; empty: that did
+  RangeQueue queue_;
+  Clock::time_point last_announced_{};
+  std::map<std::pair<std::uint64_t, std::uint64_t>, Wanted> wanted_;  // by offset and bytes
+  std::map<std::uint64_t, Wanted> ahead_;  // announced and read by nobody yet, the oldest first
+  std::uint64_t ahead_bytes_ = 0;
+  std::map<std::uint64_t, Joined> underway_;
+  std::vector<Joined> delayed_;  // that are to be sent again
+  std::uint64_t next_id_ = 0;
+  std::set<std::string> texts_;  // of failures, which readers point to
+  RemoteCounters counters_;
+  std::minstd_rand random_{std::random_device{}()};
+
+  std::unique_ptr<HttpTransfers> transfers_;  // last: its thread uses all of the above
+};
+
+}  // namespace isobrick

@@ -1,0 +1,162 @@
+#include "isobrick/storage/remote/s3_account.h"
+
+#include <cstdlib>
+#include <fstream>
+#include <iterator>
+#include <map>
+#include <sstream>
+
+#include "isobrick/storage/error.h"
+#include "isobrick/storage/lowercase.h"
+
+namespace isobrick {
+namespace {
+
+// A file of settings is not longer.
+constexpr std::size_t kMostFileBytes = std::size_t{1} << 20;
+
+using Settings = std::map<std::string, std::string>;
+
+std::string withoutBlanks(const std::string& text) {
+  const std::size_t begin = text.find_first_not_of(" \t\r");
+  if (begin == std::string::npos) return {};
+  return text.substr(begin, text.find_last_not_of(" \t\r") + 1 - begin);
+}
+
+// The settings of a section, "[name]"; nothing if there is none. Indented lines belong to the
+// setting before them.
+std::optional<Settings> sectionOf(const std::string& file, const std::string& section) {
+  std::optional<Settings> settings;
+  bool is_inside = false;
+  std::istringstream lines(file);
+  for (std::string line; std::getline(lines, line);) {
+    if (line.empty() || line[0] == '#' || line[0] == ';' || line[0] == ' ' || line[0] == '\t')
+      continue;
+    if (line[0] == '[') {
+      is_inside = withoutBlanks(line.substr(1, line.find(']') - 1)) == section;
+      if (is_inside && !settings) settings.emplace();
+      continue;
+    }
+    const std::size_t equals = line.find('=');
+    if (!is_inside || equals == std::string::npos) continue;
+    (*settings)[lowercase(withoutBlanks(line.substr(0, equals)))] =
+        withoutBlanks(line.substr(equals + 1));
+  }
+  return settings;
+}
+
+class AccountFinder {
+ public:
+  explicit AccountFinder(const S3Surroundings& surroundings) : surroundings_(surroundings) {
+    std::string profile = firstOf({"AWS_PROFILE", "AWS_DEFAULT_PROFILE"});
+    const bool is_named = !profile.empty();
+    if (!is_named) profile = "default";
+    const std::string home = surroundings.variable("HOME");
+    const auto path = [&](const char* variable, const char* usual) {
+      const std::string given = surroundings.variable(variable);
+      return given.empty() ? home + usual : given;
+    };
+    const std::string configuration = surroundings.file(path("AWS_CONFIG_FILE", "/.aws/config"));
+    auto settings = sectionOf(configuration, "profile " + profile);
+    if (!settings && profile == "default") settings = sectionOf(configuration, profile);
+    auto keys = sectionOf(
+        surroundings.file(path("AWS_SHARED_CREDENTIALS_FILE", "/.aws/credentials")), profile);
+    if (is_named && !settings && !keys)
+      throw Error("there is no profile '" + profile +
+                  "' in ~/.aws/config or ~/.aws/credentials; set AWS_PROFILE to one that is there");
+    profile_ = profile;
+    if (settings) settings_ = *std::move(settings);
+    if (keys) credentials_ = *std::move(keys);
+  }
+
+  S3Account account() const {
+    S3Account account;
+    if (!isAnonymous()) account.keys = keys();
+    account.region = firstOf({"AWS_REGION", "AWS_DEFAULT_REGION"});
+    if (account.region.empty()) account.region = setting("region");
+    if (account.region.empty()) account.region = "us-east-1";
+    account.endpoint = firstOf({"AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL"});
+    if (account.endpoint.empty()) account.endpoint = setting("endpoint_url");
+    while (account.endpoint.ends_with('/')) account.endpoint.pop_back();
+    const std::string scheme = lowercase(account.endpoint.substr(0, 8));
+    if (!account.endpoint.empty() && !scheme.starts_with("http://") &&
+        !scheme.starts_with("https://"))
+      throw Error("the endpoint '" + account.endpoint +
+                  "' is no URL; set AWS_ENDPOINT_URL to one such as https://host:9000");
+    return account;
+  }
+
+ private:
+  bool isAnonymous() const {
+    const std::string word = lowercase(surroundings_.variable("AWS_NO_SIGN_REQUEST"));
+    return word == "yes" || word == "true" || word == "1";
+  }
+
+  std::optional<S3Keys> keys() const {
+    const auto variable = [&](const char* name) { return surroundings_.variable(name); };
+    if (auto given = pairOf(variable("AWS_ACCESS_KEY_ID"), variable("AWS_SECRET_ACCESS_KEY"),
+                            variable("AWS_SESSION_TOKEN"), "the variables"))
+      return given;
+    for (const Settings* settings : {&credentials_, &settings_}) {
+      const auto value = [&](const char* name) {
+        const auto found = settings->find(name);
+        return found == settings->end() ? std::string() : found->second;
+      };
+      if (auto given = pairOf(value("aws_access_key_id"), value("aws_secret_access_key"),
+                              value("aws_session_token"), "the profile '" + profile_ + "'"))
+        return given;
+      for (const char* const way : {"role_arn", "sso_session", "sso_start_url",
+                                    "credential_process", "web_identity_token_file"})
+        if (settings->contains(way))
+          throw Error("the profile '" + profile_ + "' says how to get keys (" + way +
+                      "), which isobrick does not do; set the variables that 'aws configure "
+                      "export-credentials' prints");
+    }
+    return std::nullopt;
+  }
+
+  static std::optional<S3Keys> pairOf(std::string id, std::string secret, std::string token,
+                                      const std::string& where) {
+    if (id.empty() && secret.empty()) return std::nullopt;
+    if (id.empty() || secret.empty())
+      throw Error("of the keys for S3, " + where + " have one of two; give both of " +
+                  "AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY");
+    return S3Keys{std::move(id), std::move(secret), std::move(token)};
+  }
+
+  std::string setting(const char* name) const {
+    const auto found = settings_.find(name);
+    return found == settings_.end() ? std::string() : found->second;
+  }
+  std::string firstOf(std::initializer_list<const char*> names) const {
+    for (const char* const name : names)
+      if (std::string value = surroundings_.variable(name); !value.empty()) return value;
+    return {};
+  }
+
+  const S3Surroundings& surroundings_;
+  std::string profile_;
+  Settings settings_, credentials_;
+};
+
+}  // namespace
+
+S3Surroundings systemSurroundings() {
+  return {[](const std::string& name) {
+            const char* const value = std::getenv(name.c_str());
+            return std::string(value != nullptr ? value : "");
+          },
+          [](const std::string& path) {
+            std::ifstream file(path, std::ios::binary);
+            std::string text(kMostFileBytes, '\0');
+            file.read(text.data(), static_cast<std::streamsize>(text.size()));
+            text.resize(static_cast<std::size_t>(file.gcount()));
+            return text;
+          }};
+}
+
+S3Account findS3Account(const S3Surroundings& surroundings) {
+  return AccountFinder(surroundings).account();
+}
+
+}  // namespace isobrick

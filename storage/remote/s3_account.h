@@ -1,0 +1,39 @@
+// Who asks for objects in S3, and where: the usual variables and profiles.
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+
+#include "isobrick/storage/remote/s3_signature.h"
+
+namespace isobrick {
+
+struct S3Account {
+  std::optional<S3Keys> keys;  // nothing: anonymous
+  std::string region;          // never empty
+  std::string endpoint;        // "https://host:port" without a slash at the end; empty: Amazon's
+};
+
+// What a variable says, and what a file has; both "" for none. For tests others than the system's.
+struct S3Surroundings {
+  std::function<std::string(const std::string& name)> variable;
+  std::function<std::string(const std::string& path)> file;
+};
+S3Surroundings systemSurroundings();
+
+// Each from the first place that has it:
+//
+//   keys      AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY and AWS_SESSION_TOKEN; the profile in the
+//             credentials file (AWS_SHARED_CREDENTIALS_FILE, ~/.aws/credentials), then in the
+//             configuration (AWS_CONFIG_FILE, ~/.aws/config); else anonymous, and also where
+//             AWS_NO_SIGN_REQUEST is YES, TRUE or 1
+//   region    AWS_REGION, AWS_DEFAULT_REGION, the profile; else us-east-1
+//   endpoint  AWS_ENDPOINT_URL_S3, AWS_ENDPOINT_URL, the profile (endpoint_url); else Amazon's
+//   profile   AWS_PROFILE, AWS_DEFAULT_PROFILE; else default
+//
+// Throws Error for half of a pair of keys, for a profile that is named and is not there, and for
+// one that says how to get keys (a role, single sign-on, a program) in place of keys.
+S3Account findS3Account(const S3Surroundings& surroundings);
+
+}  // namespace isobrick

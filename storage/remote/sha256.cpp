@@ -1,0 +1,94 @@
+#include "isobrick/storage/remote/sha256.h"
+
+#include <bit>
+#include <cstddef>
+
+namespace isobrick {
+namespace {
+
+constexpr std::size_t kBlockBytes = 64;
+
+// The fractional parts of the cube roots of the first 64 primes.
+constexpr std::array<std::uint32_t, 64> kRoundConstants = {
+    0x428a2f98, 0x71374491, 0xb5c0fbcf, 0xe9b5dba5, 0x3956c25b, 0x59f111f1, 0x923f82a4, 0xab1c5ed5,
+    0xd807aa98, 0x12835b01, 0x243185be, 0x550c7dc3, 0x72be5d74, 0x80deb1fe, 0x9bdc06a7, 0xc19bf174,
+    0xe49b69c1, 0xefbe4786, 0x0fc19dc6, 0x240ca1cc, 0x2de92c6f, 0x4a7484aa, 0x5cb0a9dc, 0x76f988da,
+    0x983e5152, 0xa831c66d, 0xb00327c8, 0xbf597fc7, 0xc6e00bf3, 0xd5a79147, 0x06ca6351, 0x14292967,
+    0x27b70a85, 0x2e1b2138, 0x4d2c6dfc, 0x53380d13, 0x650a7354, 0x766a0abb, 0x81c2c92e, 0x92722c85,
+    0xa2bfe8a1, 0xa81a664b, 0xc24b8b70, 0xc76c51a3, 0xd192e819, 0xd6990624, 0xf40e3585, 0x106aa070,
+    0x19a4c116, 0x1e376c08, 0x2748774c, 0x34b0bcb5, 0x391c0cb3, 0x4ed8aa4a, 0x5b9cca4f, 0x682e6ff3,
+    0x748f82ee, 0x78a5636f, 0x84c87814, 0x8cc70208, 0x90befffa, 0xa4506ceb, 0xbef9a3f7, 0xc67178f2};
+
+using State = std::array<std::uint32_t, 8>;
+
+std::uint32_t bigEndian(const char* bytes) {
+  std::uint32_t word = 0;
+  for (int i = 0; i < 4; ++i) word = word << 8 | static_cast<std::uint8_t>(bytes[i]);
+  return word;
+}
+
+void addBlock(State& state, const char* block) {
+  std::array<std::uint32_t, 64> schedule;
+  for (std::size_t i = 0; i < 16; ++i) schedule[i] = bigEndian(block + 4 * i);
+  for (std::size_t i = 16; i < 64; ++i) {
+    const std::uint32_t a = schedule[i - 15], b = schedule[i - 2];
+    schedule[i] = schedule[i - 16] + schedule[i - 7] +
+                  (std::rotr(a, 7) ^ std::rotr(a, 18) ^ a >> 3) +
+                  (std::rotr(b, 17) ^ std::rotr(b, 19) ^ b >> 10);
+  }
+  State s = state;
+  for (std::size_t i = 0; i < 64; ++i) {
+    const std::uint32_t first = s[7] +
+                                (std::rotr(s[4], 6) ^ std::rotr(s[4], 11) ^ std::rotr(s[4], 25)) +
+                                ((s[4] & s[5]) ^ (~s[4] & s[6])) + kRoundConstants[i] + schedule[i];
+    const std::uint32_t second = (std::rotr(s[0], 2) ^ std::rotr(s[0], 13) ^ std::rotr(s[0], 22)) +
+                                 ((s[0] & s[1]) ^ (s[0] & s[2]) ^ (s[1] & s[2]));
+    s = {first + second, s[0], s[1], s[2], s[3] + first, s[4], s[5], s[6]};
+  }
+  for (std::size_t i = 0; i < s.size(); ++i) state[i] += s[i];
+}
+
+}  // namespace
+
+Sha256 sha256(std::string_view text) {
+  State state = {0x6a09e667, 0xbb67ae85, 0x3c6ef372, 0xa54ff53a,
+                 0x510e527f, 0x9b05688c, 0x1f83d9ab, 0x5be0cd19};
+  // A one, zeros, and the number of bits end a block.
+  std::string rest(text.substr(text.size() / kBlockBytes * kBlockBytes));
+  rest += '\x80';
+  while (rest.size() % kBlockBytes != kBlockBytes - 8) rest += '\0';
+  const std::uint64_t bits = std::uint64_t{text.size()} * 8;
+  for (int shift = 56; shift >= 0; shift -= 8) rest += static_cast<char>(bits >> shift & 0xff);
+  for (std::size_t at = 0; at + kBlockBytes <= text.size(); at += kBlockBytes)
+    addBlock(state, text.data() + at);
+  for (std::size_t at = 0; at < rest.size(); at += kBlockBytes) addBlock(state, rest.data() + at);
+  Sha256 hash{};
+  for (std::size_t i = 0; i < hash.size(); ++i)
+    hash[i] = static_cast<std::uint8_t>(state[i / 4] >> (24 - 8 * (i % 4)) & 0xff);
+  return hash;
+}
+
+Sha256 hmacSha256(std::string_view key, std::string_view text) {
+  std::string block = key.size() > kBlockBytes ? bytesOf(sha256(key)) : std::string(key);
+  block.resize(kBlockBytes, '\0');
+  std::string inner = block, outer = block;
+  for (char& byte : inner) byte = static_cast<char>(byte ^ 0x36);
+  for (char& byte : outer) byte = static_cast<char>(byte ^ 0x5c);
+  return sha256(outer + bytesOf(sha256(inner.append(text))));
+}
+
+std::string hexText(const Sha256& hash) {
+  constexpr char kDigits[] = "0123456789abcdef";
+  std::string text;
+  for (const std::uint8_t byte : hash) {
+    text += kDigits[byte >> 4];
+    text += kDigits[byte & 15];
+  }
+  return text;
+}
+
+std::string bytesOf(const Sha256& hash) {
+  return {reinterpret_cast<const char*>(hash.data()), hash.size()};
+}
+
+}  // namespace isobrick

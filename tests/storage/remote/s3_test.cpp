@@ -1,0 +1,222 @@
+// Signatures against published vectors, and who asks where.
+#include <gtest/gtest.h>
+
+#include <map>
+
+#include "isobrick/storage/error.h"
+#include "isobrick/storage/remote/s3_account.h"
+#include "isobrick/storage/remote/s3_object.h"
+#include "isobrick/storage/remote/s3_signature.h"
+#include "isobrick/storage/remote/sha256.h"
+
+namespace isobrick::test {
+namespace {
+
+// FIPS 180-4's examples, and lengths around a block.
+TEST(Sha256Hash, IsThatOfTheStandard) {
+  EXPECT_EQ(hexText(sha256("")),
+            "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855");
+  EXPECT_EQ(hexText(sha256("abc")),
+            "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad");
+  EXPECT_EQ(hexText(sha256("abcdbcdecdefdefgefghfghighijhijkijkljklmklmnlmnomnopnopq")),
+            "248d6a61d20638b8e5c026930c3e6039a33ce45964ff2167f6ecedd419db06c1");
+  EXPECT_EQ(hexText(sha256(std::string(1'000'000, 'a'))),
+            "cdc76e5c9914fb9281a1c7e284d73e67f1809a48a497200e046d39ccc7112cd0");
+  EXPECT_EQ(hexText(sha256(std::string(55, 'a'))),
+            "9f4390f8d30c2dd92ec9f095b65e2b9ae9b0a925a5258e241c9f1e910f734318");
+  EXPECT_EQ(hexText(sha256(std::string(56, 'a'))),
+            "b35439a4ac6f0948b6d6f9e3c6af0f5f590ce20f1bde7090ef7970686ec6738a");
+  EXPECT_EQ(hexText(sha256(std::string(64, 'a'))),
+            "ffe054fe7ae0cb6dc65c3af9b61d5209f439851db43d0ba5997337df154668eb");
+}
+
+// RFC 4231, cases 1, 2 and 6.
+TEST(Sha256Hash, OfAKeyIsThatOfTheStandard) {
+  EXPECT_EQ(hexText(hmacSha256(std::string(20, '\x0b'), "Hi There")),
+            "b0344c61d8db38535ca8afceaf0bf12b881dc200c9833da726e9376c2e32cff7");
+  EXPECT_EQ(hexText(hmacSha256("Jefe", "what do ya want for nothing?")),
+            "5bdcc146bf60754e6a042426089575c75a003f089d2739839dec58b964ec3843");
+  EXPECT_EQ(hexText(hmacSha256(std::string(131, '\xaa'),
+                               "Test Using Larger Than Block-Size Key - Hash Key First")),
+            "60e431591ee0b67f0d8a26aacbf5b77f8e0bc6213728c5140546040f0ee37f54");
+}
+
+// "Examples: signature calculations" of Amazon's manual of S3.
+const S3Keys kManualKeys{"AKIAIOSFODNN7EXAMPLE", "wJalrXUtnFEMI/K7MDENG/bPxRfiCYEXAMPLEKEY", ""};
+constexpr const char* kManualTime = "20130524T000000Z";
+
+UnsignedRequest manualRequest(const std::string& path) {
+  UnsignedRequest request;
+  request.path = path;
+  request.payload_hash = hexText(sha256(""));
+  request.headers = {{"host", "examplebucket.s3.amazonaws.com"},
+                     {"x-amz-content-sha256", request.payload_hash},
+                     {"x-amz-date", kManualTime}};
+  return request;
+}
+std::string signatureIn(const std::string& authorization) {
+  return authorization.substr(authorization.rfind('=') + 1);
+}
+
+TEST(S3Signature, OfAnObjectsRangeIsThatOfTheManual) {
+  UnsignedRequest request = manualRequest("/test.txt");
+  request.headers.emplace_back("range", "bytes=0-9");
+  EXPECT_EQ(authorizationV4(request, kManualKeys, "us-east-1", "s3", kManualTime),
+            "AWS4-HMAC-SHA256 Credential=AKIAIOSFODNN7EXAMPLE/20130524/us-east-1/s3/aws4_request,"
+            "SignedHeaders=host;range;x-amz-content-sha256;x-amz-date,"
+            "Signature=f0e8bdb87c964420e857bd35b5d6ed310bd44f0170aba48dd91039c6036bdb41");
+}
+
+TEST(S3Signature, OfQueriesIsThatOfTheManual) {
+  UnsignedRequest request = manualRequest("/");
+  request.query = {{"lifecycle", ""}};
+  EXPECT_EQ(signatureIn(authorizationV4(request, kManualKeys, "us-east-1", "s3", kManualTime)),
+            "fea454ca298b7da1c68078a5d1bdbfbbe0d65c699e0f91ac7a200a0136783543");
+  request.query = {{"prefix", "J"}, {"max-keys", "2"}};
+  EXPECT_EQ(signatureIn(authorizationV4(request, kManualKeys, "us-east-1", "s3", kManualTime)),
+            "34b48302e7b5fa45bde8084f4b7868a86f0a534bc59db6670ed5711ef69dc6f7");
+}
+
+// "get-vanilla" of the test suite for signatures of version 4.
+TEST(S3Signature, IsThatOfTheTestSuite) {
+  UnsignedRequest request;
+  request.path = "/";
+  request.payload_hash = hexText(sha256(""));
+  request.headers = {{"host", "example.amazonaws.com"}, {"x-amz-date", "20150830T123600Z"}};
+  const S3Keys keys{"AKIDEXAMPLE", "wJalrXUtnFEMI/K7MDENG+bPxRfiCYEXAMPLEKEY", ""};
+  EXPECT_EQ(signatureIn(authorizationV4(request, keys, "us-east-1", "service", "20150830T123600Z")),
+            "5fa00fa31553b73ebf1942676e86291e8372ff2a2260956d9b8aae1d763fbf31");
+  request.query = {{"Param2", "value2"}, {"Param1", "value1"}};
+  EXPECT_EQ(signatureIn(authorizationV4(request, keys, "us-east-1", "service", "20150830T123600Z")),
+            "b97d918cfa904a5beff61c982a1b6f458b799221646efd99d3219ec94cdf2500");
+}
+
+TEST(S3Signature, PathsAndTimesAreWrittenAsTheyAreSigned) {
+  EXPECT_EQ(encodedPath("a/b c+d%?é~-_."), "a/b%20c%2Bd%25%3F%C3%A9~-_.");
+  EXPECT_EQ(amzTime(0), "19700101T000000Z");
+  EXPECT_EQ(amzTime(1795516200), "20261124T103000Z");
+}
+
+// Variables and files that a test says.
+struct Surroundings {
+  std::map<std::string, std::string> variables{{"HOME", "/home/ann"}};
+  std::map<std::string, std::string> files;
+
+  S3Account account() const {
+    const auto valueIn = [](const auto& map, const std::string& name) {
+      const auto found = map.find(name);
+      return found == map.end() ? std::string() : found->second;
+    };
+    return findS3Account({[&](const std::string& name) { return valueIn(variables, name); },
+                          [&](const std::string& path) { return valueIn(files, path); }});
+  }
+};
+
+TEST(S3Account, IsAnonymousByDefault) {
+  const S3Account account = Surroundings().account();
+  EXPECT_FALSE(account.keys);
+  EXPECT_EQ(account.region, "us-east-1");
+  EXPECT_EQ(account.endpoint, "");
+}
+
+TEST(S3Account, IsThatOfTheVariables) {
+  Surroundings around;
+  around.variables["AWS_ACCESS_KEY_ID"] = "id";
+  around.variables["AWS_SECRET_ACCESS_KEY"] = "secret";
+  around.variables["AWS_SESSION_TOKEN"] = "token";
+  around.variables["AWS_DEFAULT_REGION"] = "eu-west-1";
+  around.variables["AWS_ENDPOINT_URL"] = "http://host:9000/";
+  around.files["/home/ann/.aws/credentials"] = "[default]\naws_access_key_id=other\n";
+  S3Account account = around.account();
+  ASSERT_TRUE(account.keys);
+  EXPECT_EQ(account.keys->id, "id");
+  EXPECT_EQ(account.keys->secret, "secret");
+  EXPECT_EQ(account.keys->token, "token");
+  EXPECT_EQ(account.region, "eu-west-1");
+  EXPECT_EQ(account.endpoint, "http://host:9000");
+  around.variables["AWS_REGION"] = "eu-west-2";
+  around.variables["AWS_ENDPOINT_URL_S3"] = "https://s3.here";
+  around.variables["AWS_NO_SIGN_REQUEST"] = "YES";
+  account = around.account();
+  EXPECT_FALSE(account.keys);
+  EXPECT_EQ(account.region, "eu-west-2");
+  EXPECT_EQ(account.endpoint, "https://s3.here");
+}
+
+TEST(S3Account, IsThatOfTheProfile) {
+  Surroundings around;
+  around.files["/home/ann/.aws/credentials"] =
+      "# keys\n[default]\naws_access_key_id = one\naws_secret_access_key = two\n\n"
+      "[lab]\r\nAWS_ACCESS_KEY_ID=three\r\naws_secret_access_key=fo=ur\r\naws_session_token=t\r\n";
+  around.files["/home/ann/.aws/config"] =
+      "[default]\nregion = eu-north-1\n[profile lab]\nregion=eu-south-1\n"
+      "endpoint_url = https://lab\ns3 =\n  region = none\n[lab]\nregion = wrong\n";
+  S3Account account = around.account();
+  ASSERT_TRUE(account.keys);
+  EXPECT_EQ(account.keys->id, "one");
+  EXPECT_EQ(account.keys->token, "");
+  EXPECT_EQ(account.region, "eu-north-1");
+  around.variables["AWS_PROFILE"] = "lab";
+  account = around.account();
+  EXPECT_EQ(account.keys->id, "three");
+  EXPECT_EQ(account.keys->secret, "fo=ur");
+  EXPECT_EQ(account.keys->token, "t");
+  EXPECT_EQ(account.region, "eu-south-1");
+  EXPECT_EQ(account.endpoint, "https://lab");
+  around.files["/elsewhere"] = around.files["/home/ann/.aws/credentials"];
+  around.files.erase("/home/ann/.aws/credentials");
+  EXPECT_FALSE(around.account().keys);
+  around.variables["AWS_SHARED_CREDENTIALS_FILE"] = "/elsewhere";
+  EXPECT_TRUE(around.account().keys);
+}
+
+TEST(S3Account, OfWhichHalfIsMissingIsRefused) {
+  Surroundings around;
+  around.variables["AWS_ACCESS_KEY_ID"] = "id";
+  EXPECT_THROW(around.account(), Error);
+  around.variables.erase("AWS_ACCESS_KEY_ID");
+  around.variables["AWS_PROFILE"] = "nowhere";
+  EXPECT_THROW(around.account(), Error);
+  around.files["/home/ann/.aws/config"] = "[profile nowhere]\nsso_session = x\n";
+  EXPECT_THROW(around.account(), Error);
+  around.variables["AWS_NO_SIGN_REQUEST"] = "1";
+  EXPECT_NO_THROW(around.account());
+  around.variables["AWS_ENDPOINT_URL"] = "host:9000";
+  EXPECT_THROW(around.account(), Error);
+}
+
+TEST(S3Object, HasTheBucketInTheNameOfAmazonsServers) {
+  const S3Account account{.keys = {}, .region = "eu-west-1", .endpoint = {}};
+  S3Object object("s3://scans/a b/c.isb", account);
+  EXPECT_EQ(object.requestNow().url, "https://scans.s3.eu-west-1.amazonaws.com/a%20b/c.isb");
+  EXPECT_TRUE(object.requestNow().headers.empty());
+  object.useRegion("us-west-2");
+  EXPECT_EQ(object.requestNow().url, "https://scans.s3.us-west-2.amazonaws.com/a%20b/c.isb");
+  object.useRegion("evil.example/");
+  EXPECT_EQ(object.requestNow().url, "https://scans.s3.us-west-2.amazonaws.com/a%20b/c.isb");
+  S3Object dotted("s3://scans.org/c", account);
+  EXPECT_EQ(dotted.requestNow().url, "https://s3.eu-west-1.amazonaws.com/scans.org/c");
+}
+
+TEST(S3Object, HasTheBucketInThePathElsewhere) {
+  const S3Account account{.keys = S3Keys{"id", "secret", "token"},
+                          .region = "us-east-1",
+                          .endpoint = "http://127.0.0.1:9000/base"};
+  S3Object object("S3://scans/c.isb", account);
+  const AddressedRequest request = object.requestNow();
+  EXPECT_EQ(request.url, "http://127.0.0.1:9000/base/scans/c.isb");
+  ASSERT_EQ(request.headers.size(), 4u);
+  EXPECT_EQ(request.headers[2], "x-amz-security-token: token");
+  EXPECT_EQ(request.headers[3].rfind("Authorization: AWS4-HMAC-SHA256 Credential=id/", 0), 0u);
+}
+
+TEST(S3Object, NamesWithoutABucketOrAKeyAreRefused) {
+  const S3Account account{.keys = {}, .region = "us-east-1", .endpoint = {}};
+  for (const char* const url : {"s3://", "s3://bucket", "s3://bucket/", "s3:///key", "s3://b@d/key",
+                                "s3://b:9/key", "s3://b%2f/key"})
+    EXPECT_THROW(S3Object(url, account), Error) << url;
+  EXPECT_THROW(S3Object("s3://a/b", {.keys = {}, .region = "x.evil", .endpoint = {}}), Error);
+}
+
+}  // namespace
+}  // namespace isobrick::test
