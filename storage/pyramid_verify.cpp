@@ -356,8 +356,12 @@ std::vector<std::string> verifyRest(const Pyramid& pyramid, const CancelFlag* ca
   std::vector<ByteRange> gaps;
   for (const Extent& extent : extents) {
     if (extent.offset < at && extent.bytes > 0 && overlaps++ == 0) first_overlap = extent.offset;
-    for (; at < extent.offset; at += gaps.back().bytes)
+    for (; at < extent.offset; at += gaps.back().bytes) {
       gaps.push_back({at, std::min<std::uint64_t>(extent.offset - at, padding.size())});
+      if (tables.bytes().holds(at, gaps.back().bytes)) continue;
+      faults.push_back("the padding at offset " + std::to_string(at) + " cannot be read");
+      return faults;
+    }
     at = std::max(at, extent.offset + extent.bytes);
   }
   for (std::size_t gap = 0; gap < gaps.size(); ++gap) {

@@ -44,7 +44,7 @@ def server(head: Path) -> Iterator[Server]:
 def same(a: isobrick.Mesh, b: isobrick.Mesh) -> bool:
     return bool(
         np.array_equal(a.points, b.points)
-        and np.array_equal(a.triangles, b.triangles)
+        and np.array_equal(a.faces, b.faces)
         and np.array_equal(a.normals, b.normals)
     )
 
@@ -94,7 +94,7 @@ def test_ctrl_c_does_not_wait_for_the_server(server: Server) -> None:
 
 @pytest.fixture(scope="module")
 def bucket(head: Path) -> Iterator[str]:
-    """The endpoint of a server with s3://scans/dir/a head+1.isb; keys are wanted."""
+    """The endpoint of a server with s3://scans/dir/a head+1.isb, which wants keys, and s3://scans/public.isb."""
     import boto3
     from moto.server import ThreadedMotoServer
 
@@ -107,6 +107,7 @@ def bucket(head: Path) -> Iterator[str]:
     )
     client.create_bucket(Bucket="scans")
     client.upload_file(str(head), "scans", "dir/a head+1.isb")
+    client.upload_file(str(head), "scans", "public.isb", ExtraArgs={"ACL": "public-read"})
     yield endpoint
     moto.stop()
 
@@ -147,8 +148,10 @@ def test_s3_by_a_profile(bucket: str, clean: pytest.MonkeyPatch, tmp_path: Path)
 
 def test_s3_anonymously(bucket: str, clean: pytest.MonkeyPatch) -> None:
     clean.setenv("AWS_ENDPOINT_URL_S3", bucket)
-    with isobrick.open(URL) as far:
+    with isobrick.open("s3://scans/public.isb") as far:
         assert far.shape == (128, 128, 128)
+    with pytest.raises(isobrick.Error, match="refuses access"):
+        isobrick.open(URL)
 
 
 def test_s3_signatures_are_checked_by_the_server(bucket: str, clean: pytest.MonkeyPatch) -> None:

@@ -64,9 +64,10 @@ TEST_F(RemoteCommandTest, TheReportSaysWhatTheNetworkDid) {
 
 TEST_F(RemoteCommandTest, AViewShowsItAsTheLocalFile) {
   for (const std::string& source : {std::string("head.isb"), url()}) {
-    writeBytes(path("script.json"), R"({"events": [{"wait": "surface"}, {"picture": "a.png"}]})");
-    const Outcome outcome = run({"view", source, "--offscreen", "--script", "script.json",
-                                 "--frames", ".", "--force", "--size", "64x64"});
+    writeBytes(path("script.json"),
+               R"({"size": [120, 90], "steps": [{"wait": "settled"}, {"picture": "a.png"}]})");
+    const Outcome outcome =
+        run({"view", source, "--offscreen", "--script", "script.json", "--force"});
     ASSERT_EQ(outcome.status, 0) << outcome.err;
     fs::rename(path("a.png"), path(source == "head.isb" ? "near.png" : "far.png"));
   }

@@ -58,11 +58,11 @@ set_line() {
   elif [ "$milliseconds" != 0 ]; then
     [ -z "$relay" ] || kill "$relay"
     mkfifo "$work/input$milliseconds"
-    "$here/../support/delay_relay.py" 10.213.77.2 8080 "$milliseconds" <"$work/input$milliseconds" >"$work/port" &
+    "$here/../support/delay_relay.py" 10.213.77.2 8080 "$milliseconds" <"$work/input$milliseconds" >"$work/port$milliseconds" &
     relay=$!
     exec 9>"$work/input$milliseconds"
-    while [ ! -s "$work/port" ]; do sleep 0.05; done
-    read -r port <"$work/port"
+    while [ ! -s "$work/port$milliseconds" ]; do sleep 0.05; done
+    read -r port <"$work/port$milliseconds"
     source=http://127.0.0.1:$port/scan.isb
   fi
 }
