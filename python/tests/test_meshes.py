@@ -241,6 +241,19 @@ def test_the_vtk_source_and_image(head: Path) -> None:
         assert output.GetScalarComponentAsDouble(5, 6, 7, 0) == level[7, 6, 5]
 
 
+def test_specks_go_if_that_is_asked(tmp_path: Path) -> None:
+    array = ball(40)
+    array[2, 3, 4] = 5.0  # one voxel, whose surface has a box with a diagonal below the root of 3
+    isobrick.build(array, tmp_path / "s.isb")
+    with isobrick.open(tmp_path / "s.isb") as pyramid:
+        whole = pyramid.extract(0, simplify=1.8, indices=True)
+        dropped = pyramid.extract(0, simplify=1.8, drop_small=True, indices=True)
+        kept = pyramid.extract(0, simplify=0.5, drop_small=True, indices=True)
+        assert whole.points.min() < 3 < dropped.points.min() and kept.points.min() < 3
+        with pytest.raises(isobrick.Error, match="drop_small goes with simplify"):
+            pyramid.extract(0, drop_small=True)
+
+
 def test_an_empty_surface(head: Path) -> None:
     with isobrick.open(head) as pyramid:
         mesh = pyramid.extract(60000)
