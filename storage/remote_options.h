@@ -30,8 +30,8 @@ struct RemoteOptions {
 
 // What the network had to do for an open pyramid so far; all zero for a local file.
 struct RemoteCounters {
-  std::uint64_t requests = 0;  // sent, those that were repeated among them
-  std::uint64_t repeated = 0;
+  std::uint64_t requests = 0;      // sent, those that were repeated among them
+  std::uint64_t repeated = 0;      // of these, sent again
   std::uint64_t bytes = 0;         // that servers sent, without headers
   std::uint64_t cached_parts = 0;  // that came from the folder of RemoteOptions
   std::uint64_t cached_bytes = 0;  // of these
