@@ -194,13 +194,14 @@ def plot_distances(runs, output):
         for axis in axes[:, column]:
             axis.set_xscale("log")
             axis.set_yscale("log")
+            axis.tick_params(axis="x", which="minor", labelbottom=False)
             axis.grid(alpha=0.3, which="both")
         name = os.path.basename(bench["file"]).removesuffix(".isb")
         axes[0][column].set_title(f"{name} at {bench['isovalue']:g}", fontsize=10)
         axes[1][column].set_xlabel("mean distance, voxels")
     axes[0][0].set_ylabel("triangles")
     axes[1][0].set_ylabel("milliseconds, with extraction")
-    axes[0][0].legend(fontsize="small")
+    axes[0][-1].legend(fontsize="small")
     save(figure, output)
 
 
