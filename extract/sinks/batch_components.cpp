@@ -1,32 +1,17 @@
 #include "isobrick/extract/sinks/batch_components.h"
 
-#include <algorithm>
 #include <numeric>
 
+#include "isobrick/extract/sinks/disjoint_sets.h"
+
 namespace isobrick {
-namespace {
-
-// The least vertex of a component is its root, and its own parent. Every vertex on the way gets its
-// grandparent as its parent, so that ways stay short.
-std::uint32_t rootOf(std::vector<std::uint32_t>& parents, std::uint32_t vertex) {
-  while (parents[vertex] != vertex) {
-    parents[vertex] = parents[parents[vertex]];
-    vertex = parents[vertex];
-  }
-  return vertex;
-}
-
-}  // namespace
 
 std::uint32_t labelComponents(const MeshBatch& batch, std::vector<std::uint32_t>& labels) {
   labels.resize(batch.positions.size());
   std::iota(labels.begin(), labels.end(), 0u);
   for (std::size_t i = 0; i < batch.triangles.size(); i += 3)
-    for (std::size_t corner = 1; corner < 3; ++corner) {
-      const std::uint32_t a = rootOf(labels, batch.triangles[i]);
-      const std::uint32_t b = rootOf(labels, batch.triangles[i + corner]);
-      labels[std::max(a, b)] = std::min(a, b);
-    }
+    for (std::size_t corner = 1; corner < 3; ++corner)
+      joinSets(labels, batch.triangles[i], batch.triangles[i + corner]);
   // Parents come before their children, so a parent has its label already.
   std::uint32_t count = 0;
   for (std::uint32_t v = 0; v < labels.size(); ++v)

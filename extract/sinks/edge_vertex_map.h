@@ -1,6 +1,7 @@
 // A hash table from edges to vertex numbers.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "isobrick/extract/sinks/triangle_sink.h"
@@ -85,6 +86,36 @@ class EdgeVertexMap {
 
   std::vector<Slot> slots_;
   std::size_t size_ = 0;
+};
+
+// The vertices that several batches list. A vertex whose batches are known is forgotten with the
+// last of them, so that of a large mesh only its front is held.
+class SharedVertexMap {
+ public:
+  // The value that the vertex was first met with. None if this is the first time: then `value`,
+  // below 2^56, is remembered.
+  std::optional<std::uint64_t> meet(const MeshBatch::SharedVertex& vertex, std::uint64_t value) {
+    const std::uint64_t batches_left = vertex.batches == 0 ? kNever : vertex.batches - 1u;
+    bool inserted = false;
+    std::uint64_t& entry =
+        entries_.findOrInsert(vertex.key, value | batches_left << kValueBits, &inserted);
+    if (inserted) return std::nullopt;
+    const std::uint64_t first = entry & ((std::uint64_t{1} << kValueBits) - 1);
+    if (entry >> kValueBits == 1)
+      entries_.erase(vertex.key);
+    else if (entry >> kValueBits != kNever)
+      entry -= std::uint64_t{1} << kValueBits;
+    return first;
+  }
+  void clear() { entries_.clear(); }
+  std::size_t size() const { return entries_.size(); }
+
+ private:
+  // A value and, above it, how many batches are still to list the vertex.
+  static constexpr int kValueBits = 56;
+  static constexpr std::uint64_t kNever = 255;  // forgotten
+
+  EdgeVertexMap<std::uint64_t> entries_;
 };
 
 }  // namespace isobrick

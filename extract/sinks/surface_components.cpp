@@ -8,6 +8,7 @@
 #include <numeric>
 
 #include "isobrick/extract/sinks/batch_components.h"
+#include "isobrick/extract/sinks/disjoint_sets.h"
 #include "isobrick/extract/sinks/edge_vertex_map.h"
 #include "isobrick/storage/error.h"
 
@@ -47,35 +48,12 @@ std::size_t SurfaceComponents::countFrom(double area) const {
 }
 
 // Parts are numbered in the order of the extraction, and joined along the vertices that batches
-// share. Only vertices that a later batch may have are remembered, as in VertexNumbering.
+// share.
 struct ComponentFinder::Joined {
   std::mutex mutex;  // guards the parts
   std::vector<ComponentPart> parts;
-  std::vector<std::uint32_t> parents;
-  EdgeVertexMap<std::uint64_t> shared;  // a part, and above it how many batches are still to come
-
-  std::uint32_t rootOf(std::uint32_t part) {
-    while (parents[part] != part) part = parents[part] = parents[parents[part]];
-    return part;
-  }
-  void join(std::uint32_t a, std::uint32_t b) {
-    a = rootOf(a);
-    b = rootOf(b);
-    parents[std::max(a, b)] = std::min(a, b);
-  }
-  void note(const MeshBatch::SharedVertex& vertex, std::uint32_t part) {
-    constexpr int kPartBits = 32;
-    constexpr std::uint64_t kNever = 255;  // forgotten
-    const std::uint64_t left = vertex.batches == 0 ? kNever : vertex.batches - 1u;
-    bool inserted = false;
-    std::uint64_t& entry = shared.findOrInsert(vertex.key, part | left << kPartBits, &inserted);
-    if (inserted) return;
-    join(part, static_cast<std::uint32_t>(entry));
-    if (entry >> kPartBits == 1)
-      shared.erase(vertex.key);
-    else if (entry >> kPartBits != kNever)
-      entry -= std::uint64_t{1} << kPartBits;
-  }
+  std::vector<std::uint32_t> parents;  // of parts
+  SharedVertexMap shared;              // with the parts that they were first met in
 };
 
 ComponentFinder::ComponentFinder(const Query& query) : has_box_(query.box.has_value()) {}
@@ -92,12 +70,13 @@ void ComponentFinder::begin(const MeshFrame& frame) {
 }
 
 void ComponentFinder::prepare(PlacedBatch& placed) {
-  labelComponents(placed.batch, placed.numbers);
+  const std::uint32_t count = labelComponents(placed.batch, placed.numbers);
+  placed.numbers.push_back(count);  // behind the numbers of the vertices
 }
 
 void ComponentFinder::place(PlacedBatch& placed) {
   const std::size_t first = joined_->parts.size();
-  const std::size_t count = 1 + *std::ranges::max_element(placed.numbers);
+  const std::size_t count = placed.numbers.back();
   if (first + count > std::numeric_limits<std::uint32_t>::max())
     throw Error("the surface has more than 4 billion pieces in bricks; ask for a coarser level");
   {
@@ -107,15 +86,19 @@ void ComponentFinder::place(PlacedBatch& placed) {
   joined_->parents.resize(first + count);
   std::iota(joined_->parents.begin() + static_cast<std::ptrdiff_t>(first), joined_->parents.end(),
             static_cast<std::uint32_t>(first));
-  for (const MeshBatch::SharedVertex& vertex : placed.batch.shared)
-    joined_->note(vertex, static_cast<std::uint32_t>(first + placed.numbers[vertex.vertex]));
+  for (const MeshBatch::SharedVertex& vertex : placed.batch.shared) {
+    const std::size_t part = first + placed.numbers[vertex.vertex];
+    if (const auto other = joined_->shared.meet(vertex, part))
+      joinSets(joined_->parents, static_cast<std::uint32_t>(part),
+               static_cast<std::uint32_t>(*other));
+  }
   components_.batches_.push_back({keyOfBrick(placed.batch), first});
   placed.first_vertex = first;
 }
 
 void ComponentFinder::write(PlacedBatch& placed) {
   const MeshBatch& batch = placed.batch;
-  std::vector<ComponentPart> parts(1 + *std::ranges::max_element(placed.numbers));
+  std::vector<ComponentPart> parts(placed.numbers.back());
   const glm::dvec3 last(frame_.voxels - Index3(1));
   placed.world.resize(batch.positions.size());
   for (std::uint32_t v = 0; v < batch.positions.size(); ++v) {
@@ -144,10 +127,10 @@ void ComponentFinder::write(PlacedBatch& placed) {
 
 void ComponentFinder::finish() {
   // The least part of a component is its root, and comes before the others.
-  std::vector<std::uint32_t> roots, component(joined_->parts.size());
+  std::vector<std::uint32_t> component(joined_->parts.size());
   std::vector<ComponentPart> sums;
   for (std::uint32_t part = 0; part < component.size(); ++part) {
-    const std::uint32_t root = joined_->rootOf(part);
+    const std::uint32_t root = rootOf(joined_->parents, part);
     if (root == part) {
       component[part] = static_cast<std::uint32_t>(sums.size());
       sums.emplace_back();

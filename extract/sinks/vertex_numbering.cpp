@@ -5,35 +5,20 @@
 #include "isobrick/extract/sinks/edge_vertex_map.h"
 
 namespace isobrick {
-namespace {
 
-// A number and, above it, how many batches are still to list the vertex.
-constexpr int kNumberBits = 56;
-constexpr std::uint64_t kNever = 255;  // forgotten
-
-}  // namespace
-
-VertexNumbering::VertexNumbering() : shared_(std::make_unique<EdgeVertexMap<std::uint64_t>>()) {}
+VertexNumbering::VertexNumbering() : shared_(std::make_unique<SharedVertexMap>()) {}
 VertexNumbering::~VertexNumbering() = default;
 VertexNumbering::VertexNumbering(VertexNumbering&&) noexcept = default;
 VertexNumbering& VertexNumbering::operator=(VertexNumbering&&) noexcept = default;
 
 void VertexNumbering::place(PlacedBatch& placed) {
-  EdgeVertexMap<std::uint64_t>& known = *shared_;
+  SharedVertexMap& known = *shared_;
   placed.first_vertex = count_;
   placed.known.clear();
   for (const MeshBatch::SharedVertex& shared : placed.batch.shared) {
-    bool inserted = false;
     const std::uint64_t fresh = count_ + shared.vertex - placed.known.size();
-    const std::uint64_t batches_left = shared.batches == 0 ? kNever : shared.batches - 1u;
-    std::uint64_t& entry =
-        known.findOrInsert(shared.key, fresh | batches_left << kNumberBits, &inserted);
-    if (inserted) continue;
-    placed.known.push_back({shared.vertex, entry & ((std::uint64_t{1} << kNumberBits) - 1)});
-    if (entry >> kNumberBits == 1)
-      known.erase(shared.key);
-    else if (entry >> kNumberBits != kNever)
-      entry -= std::uint64_t{1} << kNumberBits;
+    if (const auto number = known.meet(shared, fresh))
+      placed.known.push_back({shared.vertex, *number});
   }
   count_ += placed.batch.positions.size() - placed.known.size();
 }

@@ -9,8 +9,7 @@
 
 namespace isobrick {
 
-template <typename Number>
-class EdgeVertexMap;
+class SharedVertexMap;
 
 // Numbers vertices in the order in which they first appear; a shared vertex keeps its first number.
 // Remembers only vertices that a later batch may have too: a vertex whose batches are known is
@@ -34,7 +33,7 @@ class VertexNumbering {
   std::size_t remembered() const;
 
  private:
-  std::unique_ptr<EdgeVertexMap<std::uint64_t>> shared_;
+  std::unique_ptr<SharedVertexMap> shared_;
   std::uint64_t count_ = 0;
 };
 

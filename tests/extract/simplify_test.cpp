@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cstdlib>
 #include <limits>
-#include <numeric>
 #include <string>
 #include <vector>
 
@@ -17,6 +16,7 @@
 #include "tests/support/field_pyramid.h"
 #include "tests/support/hashing_sink.h"
 #include "tests/support/mesh_checker.h"
+#include "tests/support/mesh_components.h"
 #include "tools/bench/surface_distance.h"
 
 namespace isobrick::test {
@@ -164,25 +164,6 @@ TEST(Simplify, FindsTheDistanceForANumberOfTriangles) {
   EXPECT_THROW(findSimplification(extractor, sphereQuery(0), 10), Error);
 }
 
-// How many pieces a mesh has.
-std::size_t pieces(const IndexedMesh& mesh) {
-  std::vector<std::uint32_t> parents(mesh.positions.size());
-  std::iota(parents.begin(), parents.end(), 0u);
-  const auto rootOf = [&](std::uint32_t v) {
-    while (parents[v] != v) v = parents[v] = parents[parents[v]];
-    return v;
-  };
-  std::size_t count = parents.size();
-  for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
-    const std::uint32_t a = rootOf(mesh.triangles[i]);
-    const std::uint32_t b = rootOf(mesh.triangles[i - i % 3]);
-    if (a == b) continue;
-    parents[a] = b;
-    --count;
-  }
-  return count;
-}
-
 TEST(Simplify, SmallPiecesGoIfThatIsAsked) {
   // A ball, and single voxels: two inside of bricks, one between two. Each has a surface of one
   // voxel an axis, and its box a diagonal of the root of 3.
@@ -204,7 +185,7 @@ TEST(Simplify, SmallPiecesGoIfThatIsAsked) {
       query.simplify = SimplifyOptions{distance * spacing, spacing != 1.0, drop_small};
       const IndexedMesh mesh = meshOf(pyramid, query);
       EXPECT_TRUE(checkMesh(mesh.positions, mesh.triangles, {}).ok());
-      return pieces(mesh);
+      return trianglesOfComponents(mesh).size();
     };
     EXPECT_EQ(piecesAt(1.8, false), 4u);
     EXPECT_EQ(piecesAt(1.7, true), 4u);

@@ -6,9 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <numbers>
-#include <numeric>
 
 #include "isobrick/extract/extractor.h"
 #include "isobrick/extract/sinks/indexed_mesh.h"
@@ -16,6 +14,7 @@
 #include "tests/support/field_pyramid.h"
 #include "tests/support/hashing_sink.h"
 #include "tests/support/mesh_checker.h"
+#include "tests/support/mesh_components.h"
 
 namespace isobrick::test {
 namespace {
@@ -32,24 +31,6 @@ IndexedMesh largest(const Pyramid& pyramid, const Query& query, const SurfaceCom
   ComponentFilter filter(components, count, sink);
   extractIsosurface(pyramid, query, filter);
   return sink.takeMesh();
-}
-
-// Triangles of each component of a mesh in memory, the most first.
-std::vector<std::uint64_t> trianglesOfComponents(const IndexedMesh& mesh) {
-  std::vector<std::uint32_t> parents(mesh.positions.size());
-  std::iota(parents.begin(), parents.end(), 0u);
-  const auto rootOf = [&](std::uint32_t v) {
-    while (parents[v] != v) v = parents[v] = parents[parents[v]];
-    return v;
-  };
-  for (std::size_t i = 0; i < mesh.triangles.size(); ++i)
-    parents[rootOf(mesh.triangles[i])] = rootOf(mesh.triangles[i - i % 3]);
-  std::map<std::uint32_t, std::uint64_t> counts;
-  for (std::size_t i = 0; i < mesh.triangles.size(); i += 3) ++counts[rootOf(mesh.triangles[i])];
-  std::vector<std::uint64_t> sorted;
-  for (const auto& [root, count] : counts) sorted.push_back(count);
-  std::ranges::sort(sorted, std::greater());
-  return sorted;
 }
 
 TEST(SurfaceComponents, AreaAndVolumeOfBallsAndHollows) {
