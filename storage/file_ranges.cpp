@@ -2,7 +2,6 @@
 
 #include <fcntl.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
 #include <cerrno>
 #include <cstring>
@@ -12,34 +11,29 @@
 
 namespace isobrick {
 
-FileRanges::FileRanges(const std::string& path) {
-  // Without O_NONBLOCK a pipe would be waited for; regular files do not heed it.
-  fd_ = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
-  if (fd_ < 0)
+// Without O_NONBLOCK a pipe would be waited for; regular files do not heed it.
+FileRanges::FileRanges(const std::string& path)
+    : file_(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK)) {
+  if (fd() < 0)
     throw Error("cannot open '" + path + "': " + std::strerror(errno) + "; check the path",
                 {.path = path});
   struct stat status = {};
   const char* why = nullptr;
-  if (fstat(fd_, &status) != 0 || !S_ISREG(status.st_mode))
+  if (fstat(fd(), &status) != 0 || !S_ISREG(status.st_mode))
     why = "it is not a regular file; copy it to one";
   else if (status.st_size == 0)
     why = "it is empty; build it again";
-  if (why != nullptr) {
-    ::close(fd_);
-    throw Error("cannot read '" + path + "': " + why, {.path = path});
-  }
+  if (why != nullptr) throw Error("cannot read '" + path + "': " + why, {.path = path});
   size_ = static_cast<std::uint64_t>(status.st_size);
 }
 
-FileRanges::~FileRanges() { ::close(fd_); }
-
 RangeReader::Failure FileRanges::read(const ByteRange& range, std::byte* out) {
-  return readBytesAt(fd_, range.offset, out, range.bytes).bytes == range.bytes ? nullptr : "";
+  return readBytesAt(fd(), range.offset, out, range.bytes).bytes == range.bytes ? nullptr : "";
 }
 
 void FileRanges::announce(std::span<const ByteRange> ranges) {
   for (const ByteRange& range : ranges)
-    posix_fadvise(fd_, static_cast<off_t>(range.offset), static_cast<off_t>(range.bytes),
+    posix_fadvise(fd(), static_cast<off_t>(range.offset), static_cast<off_t>(range.bytes),
                   POSIX_FADV_WILLNEED);
 }
 

@@ -3,6 +3,7 @@
 
 #include <string>
 
+#include "isobrick/storage/open_descriptor.h"
 #include "isobrick/storage/range_reader.h"
 
 namespace isobrick {
@@ -11,10 +12,9 @@ class FileRanges final : public RangeReader {
  public:
   // Throws Error if the file cannot be opened, is not a regular file, or is empty.
   explicit FileRanges(const std::string& path);
-  ~FileRanges() override;
 
   // Open for reading, as long as this object lives.
-  int fd() const { return fd_; }
+  int fd() const { return file_.get(); }
 
   std::uint64_t size() const override { return size_; }
   [[nodiscard]] Failure read(const ByteRange& range, std::byte* out) override;
@@ -22,7 +22,7 @@ class FileRanges final : public RangeReader {
   void announce(std::span<const ByteRange> ranges) override;
 
  private:
-  int fd_ = -1;
+  OpenDescriptor file_;
   std::uint64_t size_ = 0;
 };
 

@@ -17,6 +17,7 @@
 #include "isobrick/storage/checksum.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_io.h"
+#include "isobrick/storage/open_descriptor.h"
 #include "isobrick/storage/remote/sha256.h"
 
 namespace isobrick {
@@ -31,19 +32,6 @@ constexpr std::uint64_t kShares = 16;
 constexpr std::time_t kOldSeconds = 3600;
 
 std::string partsFolder(const std::string& folder) { return (fs::path(folder) / kPartsFolder); }
-
-class Descriptor {
- public:
-  explicit Descriptor(int fd) : fd_(fd) {}
-  ~Descriptor() {
-    if (fd_ >= 0) ::close(fd_);
-  }
-  Descriptor(const Descriptor&) = delete;
-  int get() const { return fd_; }
-
- private:
-  int fd_;
-};
 
 struct PartFile {
   std::pair<std::time_t, long> used;
@@ -97,7 +85,7 @@ bool PartCache::has(std::uint64_t checksum, std::uint64_t bytes) const {
 
 bool PartCache::read(std::uint64_t checksum, std::uint64_t bytes, std::byte* out) const {
   const std::string path = nameOf(checksum, bytes);
-  const Descriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK));
+  const OpenDescriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK));
   if (file.get() < 0) return false;
   if (readBytesAt(file.get(), 0, out, bytes).bytes != bytes || checksum64(out, bytes) != checksum) {
     ::unlink(path.c_str());
@@ -124,7 +112,7 @@ void PartCache::write(std::uint64_t checksum, std::uint64_t bytes, const std::by
   const std::string unnamed =
       folder_ + "/" + kUnnamedPart + std::to_string(::getpid()) + "-" + std::to_string(next_++);
   {
-    const Descriptor file(
+    const OpenDescriptor file(
         ::open(unnamed.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, 0600));
     if (file.get() < 0) return;
     if (writeBytesAt(file.get(), 0, data, bytes).bytes != bytes) {
@@ -148,7 +136,7 @@ KeptParts keptParts(const std::string& folder) {
 KeptParts trimParts(const std::string& folder, std::uint64_t most_bytes) {
   KeptParts removed;
   const std::string lock_path = partsFolder(folder) + "/lock";
-  const Descriptor lock(::open(lock_path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600));
+  const OpenDescriptor lock(::open(lock_path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600));
   // The look of another process, which takes moments, is waited for: it does not know of what this
   // one is about to write.
   while (lock.get() >= 0 && ::flock(lock.get(), LOCK_EX) != 0 && errno == EINTR) {

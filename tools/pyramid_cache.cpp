@@ -20,6 +20,7 @@
 
 #include "isobrick/storage/checksum.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/open_descriptor.h"
 #include "isobrick/storage/pyramid_writer.h"
 #include "tools/parse_text.h"
 
@@ -31,22 +32,6 @@ namespace fs = std::filesystem;
 constexpr std::size_t kHashDigits = 16;
 constexpr std::string_view kPyramidEnding = ".isb", kLockEnding = ".lock",
                            kJournalEnding = ".journal";
-
-// Closes the descriptor when it goes out of scope.
-class OpenDescriptor {
- public:
-  explicit OpenDescriptor(int fd) : fd_(fd) {}
-  ~OpenDescriptor() {
-    if (fd_ >= 0) close(fd_);
-  }
-  OpenDescriptor(const OpenDescriptor&) = delete;
-  OpenDescriptor& operator=(const OpenDescriptor&) = delete;
-  int get() const { return fd_; }
-  int release() { return std::exchange(fd_, -1); }
-
- private:
-  int fd_;
-};
 
 // False if another process has it. On a file system without locks, assumes that there is none.
 bool tryLock(int fd, int kind) {

@@ -13,6 +13,7 @@
 
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/lowercase.h"
+#include "isobrick/storage/remote/trimmed.h"
 
 namespace isobrick {
 namespace {
@@ -26,13 +27,6 @@ constexpr long kLeastRate = 64;
 bool initCurl() {
   static const bool is_ready = curl_global_init(CURL_GLOBAL_DEFAULT) == CURLE_OK;
   return is_ready;
-}
-
-std::string_view trimmed(std::string_view text) {
-  const auto isBlank = [](char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\n'; };
-  while (!text.empty() && isBlank(text.front())) text.remove_prefix(1);
-  while (!text.empty() && isBlank(text.back())) text.remove_suffix(1);
-  return text;
 }
 
 // The file that a variable names, or nothing.

@@ -5,9 +5,11 @@
 #include <iterator>
 #include <map>
 #include <sstream>
+#include <string_view>
 
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/lowercase.h"
+#include "isobrick/storage/remote/trimmed.h"
 
 namespace isobrick {
 namespace {
@@ -16,12 +18,6 @@ namespace {
 constexpr std::size_t kMostFileBytes = std::size_t{1} << 20;
 
 using Settings = std::map<std::string, std::string>;
-
-std::string withoutBlanks(const std::string& text) {
-  const std::size_t begin = text.find_first_not_of(" \t\r");
-  if (begin == std::string::npos) return {};
-  return text.substr(begin, text.find_last_not_of(" \t\r") + 1 - begin);
-}
 
 // The settings of a section, "[name]"; nothing if there is none. Indented lines belong to the
 // setting before them.
@@ -33,14 +29,15 @@ std::optional<Settings> sectionOf(const std::string& file, const std::string& se
     if (line.empty() || line[0] == '#' || line[0] == ';' || line[0] == ' ' || line[0] == '\t')
       continue;
     if (line[0] == '[') {
-      is_inside = withoutBlanks(line.substr(1, line.find(']') - 1)) == section;
+      is_inside = trimmed(line.substr(1, line.find(']') - 1)) == section;
       if (is_inside && !settings) settings.emplace();
       continue;
     }
     const std::size_t equals = line.find('=');
     if (!is_inside || equals == std::string::npos) continue;
-    (*settings)[lowercase(withoutBlanks(line.substr(0, equals)))] =
-        withoutBlanks(line.substr(equals + 1));
+    const std::string_view text = line;
+    (*settings)[lowercase(std::string(trimmed(text.substr(0, equals))))] =
+        trimmed(text.substr(equals + 1));
   }
   return settings;
 }
