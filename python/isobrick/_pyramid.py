@@ -35,22 +35,9 @@ def _abandon_all() -> None:
 os.register_at_fork(after_in_child=_abandon_all)
 
 
-def _is_url(path: str) -> bool:
-    return path.lower().startswith(("http://", "https://", "s3://"))
-
-
 def _whole_path(path: str) -> str:
     # Absolute, so that it is the same file after a change of folder, and in other processes.
-    return path if _is_url(path) else os.path.abspath(path)
-
-
-def _shown(path: str) -> str:
-    # A query may hold a signature, and what stands before the host a password.
-    if not _is_url(path):
-        return path
-    scheme, rest = path.split("#")[0].split("?")[0].split("://", 1)
-    host, slash, name = rest.partition("/")
-    return f"{scheme}://{host.rpartition('@')[2]}{slash}{name}"
+    return path if _core.is_remote_path(path) else os.path.abspath(path)
 
 
 def _default_cache_folder() -> str:
@@ -234,7 +221,7 @@ class Pyramid:
         if self._cache_bytes:
             self._cache_folder = os.path.abspath(os.fspath(cache_folder or _default_cache_folder()))
         self._opened: _core.PyramidHandle | None = None
-        self._handle  # noqa: B018  opens the file
+        self._shown = self._handle.path()  # opens the file; of a URL without keys and passwords
         _alive.add(self)
 
     @property
@@ -272,8 +259,8 @@ class Pyramid:
 
     def __repr__(self) -> str:
         if self._closed:
-            return f"<isobrick.Pyramid '{_shown(self._path)}', closed>"
-        return f"<isobrick.Pyramid '{_shown(self._path)}': {self.shape} {self.dtype}>"
+            return f"<isobrick.Pyramid '{self._shown}', closed>"
+        return f"<isobrick.Pyramid '{self._shown}': {self.shape} {self.dtype}>"
 
     @property
     def path(self) -> str:
@@ -420,7 +407,7 @@ class Pyramid:
             with told_progress(progress, "extracting") as tell:
                 settings = self._settings(
                     isovalue, Detail(focus, radius, level, view, curvature), or_finer, box, simplify, drop_small,
-                values, indices, threads, tell, cancel,
+                    values, indices, threads, tell, cancel,
                 )  # fmt: skip
                 return Mesh(_core.SessionHandle(pyramid._handle).extract(settings, False))
         finally:
@@ -479,7 +466,7 @@ class Pyramid:
         if isovalue == "auto":
             suggestions = self.isovalues()
             if not suggestions:
-                raise Error(f"all voxels of '{self._path}' are equal: no isovalue has a surface", path=self._path)
+                raise Error(f"all voxels of '{self._shown}' are equal: no isovalue has a surface", path=self._path)
             isovalue = suggestions[0].value
         if drop_small and simplify is None:
             raise Error("drop_small goes with simplify, the distance below which a piece is small; give both")

@@ -83,6 +83,9 @@ NB_MODULE(_core, m) {
         return std::string(isobrick::voxelTypeName(deliveredType(type)));
       },
       nb::arg("type"));
+  m.def(
+      "is_remote_path", [](const std::string& path) { return isobrick::isRemotePath(path); },
+      nb::arg("path"));
   m.def("build_strided", &buildStrided, nb::arg("description"), nb::arg("address"),
         nb::arg("strides"), nb::arg("is_swapped"), nb::arg("settings"),
         nb::sig("def build_strided(description: object, address: int, strides: tuple[int, int, "

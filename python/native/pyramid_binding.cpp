@@ -200,6 +200,7 @@ void bindPyramid(nb::module_& module) {
                                   counters.cached_parts, counters.cached_bytes);
           },
           nb::sig("def remote_counters(self) -> tuple[int, int, int, int, int]"))
+      .def("path", [](const PyramidHandle& h) { return h.pyramid()->path(); })
       .def("close", &PyramidHandle::close)
       .def("abandon", &PyramidHandle::abandon)
       .def(
