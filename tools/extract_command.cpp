@@ -112,12 +112,18 @@ void refuseTwins(std::vector<std::optional<double>> isovalues) {
                                  *twin ? fmt::format("{}", **twin) : "auto"));
 }
 
+std::uint64_t parseAtLeastOne(const std::string& text) {
+  return static_cast<std::uint64_t>(
+      parseInteger(text, 1, std::numeric_limits<std::int64_t>::max()));
+}
+
 void findComponents(const ExtractArguments& arguments, Extractor& extractor, const Query& query,
-                    ExtractResult& result) {
+                    ProgressBar& bar, ExtractResult& result) {
   if (!arguments.list_components && !arguments.keep_largest && !arguments.drop_below) return;
   const Stopwatch watch;
   ComponentFinder finder(query);
-  extractor.extract(query, finder);
+  MeasuredSink measured(finder, bar);
+  extractor.extract(query, measured);
   result.components = finder.take();
   result.components_kept = result.components->list().size();
   if (arguments.drop_below)
@@ -141,7 +147,6 @@ ExtractResult extractOne(const ExtractArguments& arguments, const Pyramid& pyram
   if (arguments.most_triangles)
     query.simplify = findSimplification(extractor, query, *arguments.most_triangles);
   result.simplify = query.simplify;
-  findComponents(arguments, extractor, query, result);
   const MeshFileOptions options{.cancel = &interruptFlag(),
                                 .values = values,
                                 .zlib = arguments.zlib,
@@ -150,6 +155,7 @@ ExtractResult extractOne(const ExtractArguments& arguments, const Pyramid& pyram
   const std::uint64_t outside_before = values != nullptr ? values->outside() : 0;
 
   ProgressBar bar(0, "million triangles");
+  findComponents(arguments, extractor, query, bar, result);
   for (int repeat = 1; repeat <= arguments.repeat; ++repeat) {
     const bool to_file = file_sink != nullptr && repeat == arguments.repeat;
     CountingSink counting_sink;
@@ -327,8 +333,6 @@ int runExtract(ExtractArguments arguments) {
   if (arguments.drop_small && !arguments.query.simplify && !arguments.most_triangles)
     throw UsageError("--drop-small goes with --simplify or --triangles; give one of them");
   refuseTwins(arguments.query.isovalues);
-  if (arguments.drop_small && !arguments.query.simplify && !arguments.most_triangles)
-    throw UsageError("--drop-small goes with --simplify or --triangles; give one of them");
   refuseOutputs(arguments);
   findPyramid(arguments.query);
   VolumeInput& attribute = arguments.attribute;
@@ -354,12 +358,7 @@ Command addExtractCommand(CLI::App& app) {
   beginGroup(*sub, kDetailGroup);
   addSimplifyOption(*sub, arguments->query);
   addParsedOption(
-      *sub, "--triangles", arguments->most_triangles,
-      [](const std::string& text) {
-        return static_cast<std::uint64_t>(
-            parseInteger(text, 1, std::numeric_limits<std::int64_t>::max()));
-      },
-      "N",
+      *sub, "--triangles", arguments->most_triangles, parseAtLeastOne, "N",
       "At most N triangles: finds the distance of --simplify for that, by extracting the surface "
       "some ten times")
       ->excludes(findOption(*sub, "--simplify"));
@@ -369,13 +368,8 @@ Command addExtractCommand(CLI::App& app) {
   sub->add_flag("--components", arguments->list_components,
                 "List the connected pieces of the surface by their area, with the volume that each "
                 "encloses, in world units");
-  addParsedOption(
-      *sub, "--keep-largest", arguments->keep_largest,
-      [](const std::string& text) {
-        return static_cast<std::uint64_t>(
-            parseInteger(text, 1, std::numeric_limits<std::int64_t>::max()));
-      },
-      "N", "Only the N connected pieces of the largest area; they are listed, too");
+  addParsedOption(*sub, "--keep-largest", arguments->keep_largest, parseAtLeastOne, "N",
+                  "Only the N connected pieces of the largest area; they are listed, too");
   addParsedOption(
       *sub, "--drop-below", arguments->drop_below,
       [](const std::string& text) {

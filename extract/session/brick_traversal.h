@@ -9,7 +9,7 @@
 namespace isobrick {
 
 // Visits every brick at most once, top down, prunes by range (rule 7) and by the oracles, and lists
-// the remaining bricks, depth first. Reads nothing from the file.
+// the remaining bricks, depth first. Reads no brick, only rows of the brick table.
 std::vector<BrickWork> traverseBricks(const MeshContext& context);
 
 }  // namespace isobrick

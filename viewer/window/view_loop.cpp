@@ -181,8 +181,8 @@ class ViewLoop {
         show_({options.threads, options.gpu_budget_bytes}),
         opener_(options.build, options.memory_bytes, options.remote) {
     std::optional<OpenedVolume> first;
-    const bool to_be_built = !options.path.empty() && isOpenedBeside(options.path);
-    if (!options.path.empty() && !to_be_built)
+    const bool opens_beside = !options.path.empty() && isOpenedBeside(options.path);
+    if (!options.path.empty() && !opens_beside)
       first = openPyramid(options.path, options.memory_bytes);
     if (!options.state_path.empty()) first_state_ = readViewState(options.state_path);
     int width = options.width, height = options.height;
@@ -199,7 +199,7 @@ class ViewLoop {
     panel_ = std::make_unique<ViewPanel>(target_->scale());
     if (first)
       show(std::move(*first));
-    else if (to_be_built)
+    else if (opens_beside)
       opener_.open(options.path);
     else if (!player_)
       panel_->toggleOpening();
