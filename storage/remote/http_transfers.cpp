@@ -2,6 +2,7 @@
 
 #include <curl/curl.h>
 #include <signal.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <array>
@@ -29,10 +30,16 @@ bool initCurl() {
   return is_ready;
 }
 
-// The file that a variable names, or nothing.
+// The file that a variable names; otherwise the system's, as a libcurl that came in a Python wheel
+// knows Debian's place alone. Null: libcurl's own.
 const char* certificateFile() {
   for (const char* const name : {"CURL_CA_BUNDLE", "AWS_CA_BUNDLE", "SSL_CERT_FILE"})
     if (const char* const file = std::getenv(name); file != nullptr && *file != '\0') return file;
+  for (const char* const file : {"/etc/ssl/certs/ca-certificates.crt",  // Debian, Arch
+                                 "/etc/pki/tls/certs/ca-bundle.crt",    // Fedora
+                                 "/etc/ssl/ca-bundle.pem",              // openSUSE
+                                 "/etc/ssl/cert.pem"})                  // Alpine
+    if (access(file, R_OK) == 0) return file;
   return nullptr;
 }
 
