@@ -114,7 +114,8 @@ TEST_F(CommandFaults, Render) {
                "head.png");
 }
 TEST_F(CommandFaults, Convert) {
-  for (const char* output : {"head.nrrd", "head.vti", "head.nii.gz", "head.ome.zarr"})
+  for (const char* output :
+       {"head.nrrd", "head.vti", "head.nii.gz", "head.ome.zarr", "head.precomputed"})
     sweepConvert(output);
 }
 
