@@ -24,6 +24,8 @@
 #include "tools/json_output.h"
 #include "tools/line_words.h"
 #include "tools/measured_sink.h"
+#include "tools/neuroglancer/extract_meshes.h"
+#include "tools/neuroglancer/precomputed_meshes.h"
 #include "tools/output_check.h"
 #include "tools/parse_text.h"
 #include "tools/parsed_option.h"
@@ -329,10 +331,14 @@ void printSummaries(const ExtractArguments& arguments, const ExtractResults& res
              byteSizeText(peakResidentBytes()));
 }
 
-int runExtract(ExtractArguments arguments) {
+int runExtract(const CLI::App& command, ExtractArguments arguments) {
   if (arguments.drop_small && !arguments.query.simplify && !arguments.most_triangles)
     throw UsageError("--drop-small goes with --simplify or --triangles; give one of them");
   refuseTwins(arguments.query.isovalues);
+  if (isPrecomputedName(arguments.output)) {
+    refuseForMeshes(command, arguments.query, arguments.output, arguments.force);
+    return runExtractMeshes(arguments.query, arguments.output, arguments.json);
+  }
   refuseOutputs(arguments);
   findPyramid(arguments.query);
   VolumeInput& attribute = arguments.attribute;
@@ -381,7 +387,8 @@ Command addExtractCommand(CLI::App& app) {
   beginGroup(*sub, kOutputGroup);
   CLI::Option* const output =
       sub->add_option("-o,--output", arguments->output,
-                      "Output; a mesh, .ply, .stl, .obj, .glb or .vtp, in world units. "
+                      "Output; a mesh, .ply, .stl, .obj, .glb or .vtp, in world units, or "
+                      ".precomputed: a folder for Neuroglancer with all levels. "
                       "Without it the mesh is only counted. Each of several isovalues gets a file: "
                       "mesh-500.ply")
           ->type_name("MESH");
@@ -407,7 +414,7 @@ Command addExtractCommand(CLI::App& app) {
 Example:
   isobrick extract head.isb --iso 500,1324 --focus 128,40,128 --radius 30 -o head.ply
 writes head-500.ply and head-1324.ply. ParaView offers such names as one group.)");
-  return {sub, [arguments] { return runExtract(*arguments); }};
+  return {sub, [sub, arguments] { return runExtract(*sub, *arguments); }};
 }
 
 }  // namespace isobrick

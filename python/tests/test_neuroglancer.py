@@ -45,3 +45,26 @@ def test_precomputed_volumes_are_read_by_tensorstore_and_cloud_volume(
         # A voxel lies where the voxels that it covers lie: the middle of the ball stays.
         assert abs(values.astype(np.float64).mean() - finer.mean()) < 1.5
         finer = values.astype(np.float64)
+
+
+def test_meshes_of_all_levels_are_read_by_cloud_volume(tmp_path: Path, command: Callable[..., str]) -> None:
+    array = ball(90, "float32")
+    isobrick.build(array, tmp_path / "v.isb", spacing=(0.5, 1, 2), brick_cells=16)
+    command("convert", tmp_path / "v.isb", "-o", tmp_path / "v.precomputed")
+    command("extract", tmp_path / "v.isb", "--iso", "-1,2", "-o", tmp_path / "v.precomputed" / "m.precomputed")
+    # cloud-volume reads meshes beside a segmentation alone.
+    info = json.loads((tmp_path / "v.precomputed" / "info").read_text())
+    info.update(type="segmentation", data_type="uint8", mesh="m.precomputed")
+    (tmp_path / "v.precomputed" / "info").write_text(json.dumps(info))
+    volume = CloudVolume(f"file://{tmp_path / 'v.precomputed'}", progress=False)
+    with isobrick.open(tmp_path / "v.isb") as pyramid:
+        for segment, isovalue in ((1, -1), (2, 2)):
+            for level in range(3):
+                ours = pyramid.extract(isovalue, level=level)
+                theirs = volume.mesh.get(segment, lod=level)[segment]
+                assert len(theirs.faces) == len(ours.faces)
+                # Neuroglancer counts nanometres, from the corner of the first voxel.
+                corner = np.array([0.25, 0.5, 1.0])
+                places = np.asarray(theirs.vertices, dtype=np.float64) / 1e6 - corner
+                assert np.allclose(places.min(0), ours.points.min(0), atol=1e-3)
+                assert np.allclose(places.max(0), ours.points.max(0), atol=1e-3)

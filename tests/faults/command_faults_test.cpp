@@ -105,6 +105,10 @@ TEST_F(CommandFaults, Extract) {
   sweepExtract(
       {"extract", "head.isb", "--iso", "500", "--focus", "20,18,15", "--radius", "6", "--json"});
 }
+TEST_F(CommandFaults, ExtractForNeuroglancer) {
+  sweepExtract({"extract", "head.isb", "--iso", "500", "-o", "m.precomputed", "--threads", "1"},
+               "m.precomputed");
+}
 TEST_F(CommandFaults, InfoAndVerify) {
   sweepExtract({"info", "head.isb", "--json"});
   sweepExtract({"verify", "head.isb", "--threads", "1"});

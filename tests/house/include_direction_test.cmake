@@ -38,6 +38,7 @@ forbid(viewer "isobrick/preprocess/|tools/|tests/|openvdb/|itk" "")
 forbid(viewer "Imf|OpenEXR" "^exr_writer")
 forbid(viewer "epoxy/|GL/" "egl_|_shaders|gl_")
 forbid(viewer "GLFW/|imgui" "^window/")
+forbid(tools "draco/" "^neuroglancer/draco_")
 forbid(tools "tests/|openvdb/|vtk|itk|epoxy/|GL/|GLFW/|Imf|OpenEXR" "^bench/peers/(openvdb|vtk)_engine")
 # Loops of TBB are isolated (storage/isolated_loop.h).
 foreach(folder preprocess extract viewer)

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "isobrick/preprocess/export/neuroglancer_info.h"
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/storage/error.h"
@@ -19,7 +20,8 @@ namespace fs = std::filesystem;
 bool holdsNothingElse(const std::string& folder, const std::string& pattern) {
   std::error_code ignored;
   if (fs::is_empty(folder, ignored)) return true;
-  if (pattern.empty()) return isZarrFolder(folder);
+  if (pattern.empty())
+    return isZarrFolder(folder) || neuroglancerTypeOf(folder) == "neuroglancer_multiscale_volume";
   const auto slices = parseNumberedName(pattern);
   return std::all_of(fs::directory_iterator(folder, ignored), fs::directory_iterator(),
                      [&](const fs::directory_entry& entry) {

@@ -1,0 +1,110 @@
+#include "tools/neuroglancer/extract_meshes.h"
+
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <set>
+#include <vector>
+
+#include "tools/byte_size.h"
+#include "tools/command.h"
+#include "tools/interrupt.h"
+#include "tools/json_output.h"
+#include "tools/line_words.h"
+#include "tools/measured_sink.h"
+#include "tools/neuroglancer/precomputed_meshes.h"
+#include "tools/output_check.h"
+#include "tools/progress_bar.h"
+#include "tools/shared_options.h"
+#include "tools/stopwatch.h"
+#include "tools/thread_count.h"
+
+namespace isobrick {
+namespace {
+
+namespace fs = std::filesystem;
+
+Json jsonOfMeshes(const std::string& output, const std::vector<PrecomputedMesh>& meshes,
+                  double seconds) {
+  Json json = {{"output", output}, {"segments", Json::array()}};
+  for (const PrecomputedMesh& mesh : meshes)
+    json["segments"].push_back({{"segment", mesh.segment},
+                                {"isovalue", mesh.isovalue},
+                                {"triangles", mesh.triangles},
+                                {"fragments", mesh.fragments},
+                                {"bytes", mesh.bytes}});
+  json["seconds"] = seconds;
+  json["peak_rss_bytes"] = peakResidentBytes();
+  return json;
+}
+
+void printMeshes(const std::string& output, const std::vector<PrecomputedMesh>& meshes,
+                 double seconds) {
+  for (const PrecomputedMesh& mesh : meshes) {
+    if (mesh.segment == 0) continue;
+    std::string triangles;
+    for (const std::uint64_t count : mesh.triangles)
+      triangles += (triangles.empty() ? "" : ", ") + countText(count);
+    fmt::print("{}: segment {}, isovalue {}: {} in {} fragments; triangles of the levels: {}\n",
+               oneLine(output), mesh.segment, mesh.isovalue, byteSizeText(mesh.bytes),
+               countText(mesh.fragments), triangles);
+  }
+  fmt::print("{:.2f} s; peak memory {}\n", seconds, byteSizeText(peakResidentBytes()));
+}
+
+}  // namespace
+
+void refuseForMeshes(const CLI::App& command, const QueryOptions& options,
+                     const std::string& output, bool force) {
+  const std::set<std::string> fitting{"FILE",      "--iso",    "--output", "--force", "--json",
+                                      "--threads", "--memory", "--no-map", "--help"};
+  for (const CLI::Option* const option : command.get_options()) {
+    const std::string name =
+        option->get_positional() ? option->get_single_name() : "--" + option->get_single_name();
+    if (option->count() > 0 && option->get_group() != kVolumeGroup &&
+        option->get_group() != kRemoteGroup && fitting.count(name) == 0)
+      throw UsageError(fmt::format(
+          "{} does not go with a .precomputed output, which holds all levels of the pyramid; leave "
+          "it out, or write another format",
+          name));
+  }
+  std::error_code ignored;
+  if (!fs::is_directory(output, ignored))
+    return refuseReplacing({output}, {options.input.path, options.input.pyramid}, force);
+  if (!holdsPrecomputedMeshes(output))
+    throw Error(fmt::format(
+        "'{}' is a folder with something else in it; choose another output with -o", output));
+  if (!force)
+    throw Error(fmt::format(
+        "'{}' exists already; replace it with --force, or choose another output with -o", output));
+}
+
+int runExtractMeshes(QueryOptions options, const std::string& output, bool as_json) {
+  findPyramid(options);
+  const Stopwatch watch;
+  const std::vector<PrecomputedMesh> meshes = runWithThreads(options.threads, [&] {
+    const auto pyramid = openPyramidFile(options.input.pyramid, options.memory_bytes,
+                                         fileAccess(options.no_map), remoteOptions(options.input));
+    chooseIsovalues(options, *pyramid);
+    std::vector<double> isovalues;
+    for (const std::optional<double>& isovalue : options.isovalues) {
+      isovalues.push_back(*isovalue);
+      options.isovalue = *isovalue;
+      warnOfEmptySurface(options, *pyramid);
+    }
+    ProgressBar bar(0, "million triangles");
+    return writePrecomputedMeshes(
+        *pyramid, isovalues, output, &interruptFlag(),
+        [&](Extractor& extractor, const Query& query, TriangleSink& sink) {
+          MeasuredSink measured(sink, bar);
+          return extractor.extract(query, measured);
+        });
+  });
+  if (as_json)
+    printJson(jsonOfMeshes(output, meshes, watch.seconds()));
+  else
+    printMeshes(output, meshes, watch.seconds());
+  return 0;
+}
+
+}  // namespace isobrick
