@@ -53,22 +53,39 @@ class NullRenderer : public SceneRenderer {
     kept.surface = kept_.at(chunk).surface;
     return kept;
   }
-  SliceId uploadSlice(const SliceImage& image) override {
-    uploaded_bytes_ += image.bytes();
-    return ++last_slice_;
+  SliceId reserveSlice(int width, int height) override {
+    slices_[++last_slice_] = {width, height, 0};
+    return last_slice_;
   }
-  void releaseSlice(SliceId slice) override { released_slices_.push_back(slice); }
+  void uploadRows(SliceId slice, const SliceImage& image, int first, int count) override {
+    KeptSlice& kept = slices_.at(slice);
+    if (first != kept.rows || image.width != kept.width || image.height != kept.height ||
+        first + count > image.height)
+      throw std::logic_error("rows that are none");
+    kept.rows += count;
+    uploaded_bytes_ += sizeof(float) * static_cast<std::uint64_t>(image.width * count);
+  }
+  void releaseSlice(SliceId slice) override {
+    if (slices_.erase(slice) == 0) throw std::logic_error("a slice that is not kept");
+    released_slices_.push_back(slice);
+  }
   std::uint64_t bytesKept() const override { return bytes_; }
   void draw(const SceneFrame& frame) override {
     for (const ChunkId chunk : frame.chunks) {
       const Kept& kept = kept_.at(chunk);  // throws: not kept
       if (kept.uploaded != kept.bytes) throw std::logic_error("a chunk of which a part is lacking");
     }
+    for (const SceneSlice& slice : frame.slices)
+      if (slices_.at(slice.image).rows != slices_.at(slice.image).height)
+        throw std::logic_error("a slice of which a part is lacking");
     frame_ = frame;
     ++draws_;
   }
   // What tests want to be hit.
-  std::optional<double> distanceAt(const glm::dvec2&) override { return distance; }
+  std::optional<double> distanceAt(const glm::dvec2&) override {
+    ++distances_read_;
+    return distance;
+  }
   Image picture() override { return {}; }
   std::vector<float> distances() override { return {}; }
   int greatestSize() const override { return 16384; }
@@ -81,17 +98,25 @@ class NullRenderer : public SceneRenderer {
   // What was drawn last, and how often something was.
   const SceneFrame& frame() const { return frame_; }
   std::uint64_t draws() const { return draws_; }
+  // Width, height and the rows that were uploaded.
+  struct KeptSlice {
+    int width = 0, height = 0, rows = 0;
+  };
+  const std::map<SliceId, KeptSlice>& slices() const { return slices_; }
+  std::uint64_t distancesRead() const { return distances_read_; }
   const std::vector<SliceId>& releasedSlices() const { return released_slices_; }
   std::uint64_t uploadedBytes() const { return uploaded_bytes_; }
   std::uint64_t endedUploads() const { return ended_uploads_; }
 
  private:
   std::map<ChunkId, Kept> kept_;
+  std::map<SliceId, KeptSlice> slices_;
   SceneFrame frame_;
   std::vector<SliceId> released_slices_;
   ChunkId last_ = 0;
   SliceId last_slice_ = 0;
   std::uint64_t bytes_ = 0, uploaded_bytes_ = 0, ended_uploads_ = 0, draws_ = 0;
+  std::uint64_t distances_read_ = 0;
 };
 
 }  // namespace isobrick

@@ -21,6 +21,7 @@ constexpr glm::vec3 kFocusColor{1.0f, 0.93f, 0.62f};
 constexpr float kFocusLineHalfWidth = 0.9f;  // pixels
 constexpr glm::vec3 kSegmentColor{0.62f, 0.66f, 0.72f};
 constexpr float kSegmentHalfWidth = 0.5f;
+constexpr GLenum kContextLost = 0x0507;        // GL_CONTEXT_LOST
 constexpr GLsizei kIndicesInFlight = 3 << 12;  // drawn and not flushed
 constexpr float kOcclusionReach = 1.0f / 16;   // of the picture's height
 constexpr double kLeastDistance = 1e-6;        // of segments from the eye, in units of `far`
@@ -156,6 +157,28 @@ GlSceneRenderer::GlSceneRenderer(Uploads uploads) {
   glVertexArrayVertexBuffer(*line_array_, 0, *line_buffer_, 0, sizeof(glm::vec4));
 }
 
+// Errors of earlier calls, those of a panel among them, are none of the next ones, but for a loss,
+// which a driver may report once, or for ever.
+void GlSceneRenderer::forgetErrors() {
+  constexpr int kMostKinds = 16;
+  GLenum error = GL_NO_ERROR;
+  for (int i = 0; i < kMostKinds && (error = glGetError()) != GL_NO_ERROR; ++i)
+    is_lost_ = is_lost_ || error == kContextLost;
+  if (is_lost_) throw RendererLost();
+}
+
+// For the calls since forgetErrors().
+void GlSceneRenderer::checkErrors(const std::string& if_no_memory) {
+  const GLenum error = glGetError();
+  if (error == GL_NO_ERROR) return;
+  is_lost_ = is_lost_ || error == kContextLost;
+  forgetErrors();
+  if (isLost()) throw RendererLost();
+  if (error == GL_OUT_OF_MEMORY) throw NoGraphicsMemory(if_no_memory);
+  throw Error("cannot draw: " + device_name_ + " reports the OpenGL error " +
+              std::to_string(error) + "; please report it, with the version of the driver");
+}
+
 // ----------------------------------------------------------------------------------- kept objects
 
 ChunkId GlSceneRenderer::reserve(const SurfaceChunk& chunk) {
@@ -170,11 +193,11 @@ ChunkId GlSceneRenderer::reserve(const SurfaceChunk& chunk) {
   kept.level = chunk.level;
   kept.surface = chunk.surface;
   if (kept.bytes > 0) {
+    forgetErrors();
     glNamedBufferStorage(*kept.buffer, static_cast<GLsizeiptr>(kept.bytes), nullptr,
                          GL_DYNAMIC_STORAGE_BIT);
-    if (glGetError() != GL_NO_ERROR)
-      throw Error("cannot keep " + std::to_string(kept.bytes) + " bytes of a surface: " +
-                  device_name_ + " has no memory left; ask for a smaller radius");
+    checkErrors("cannot keep " + std::to_string(kept.bytes) + " bytes of a surface: " +
+                device_name_ + " has no memory left; ask for a smaller radius");
   }
   bytes_kept_ += kept.bytes;
   chunks_.emplace(++last_chunk_, std::move(kept));
@@ -255,25 +278,29 @@ SurfaceChunk GlSceneRenderer::download(ChunkId id) const {
   return chunk;
 }
 
-SliceId GlSceneRenderer::uploadSlice(const SliceImage& image) {
+SliceId GlSceneRenderer::reserveSlice(int width, int height) {
   Slice kept;
+  forgetErrors();
   kept.texture = GlTexture::make(GLenum{GL_TEXTURE_2D});
-  kept.bytes = image.bytes();
-  glTextureStorage2D(*kept.texture, 1, GL_R32F, image.width, image.height);
-  glPixelStorei(GL_UNPACK_ALIGNMENT, 4);
-  glTextureSubImage2D(*kept.texture, 0, 0, 0, image.width, image.height, GL_RED, GL_FLOAT,
-                      image.values.data());
+  kept.bytes =
+      sizeof(float) * static_cast<std::uint64_t>(width) * static_cast<std::uint64_t>(height);
+  glTextureStorage2D(*kept.texture, 1, GL_R32F, width, height);
   glTextureParameteri(*kept.texture, GL_TEXTURE_MIN_FILTER, GL_LINEAR);
   glTextureParameteri(*kept.texture, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
   glTextureParameteri(*kept.texture, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
   glTextureParameteri(*kept.texture, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
-  if (glGetError() != GL_NO_ERROR)
-    throw Error("cannot keep a slice of " + std::to_string(image.width) + " x " +
-                std::to_string(image.height) + " values: " + device_name_ +
-                " has no memory left; show fewer slices");
+  checkErrors("cannot keep a slice of " + std::to_string(width) + " x " + std::to_string(height) +
+              " values: " + device_name_ + " has no memory left; show fewer slices");
   bytes_kept_ += kept.bytes;
   slices_.emplace(++last_slice_, std::move(kept));
   return last_slice_;
+}
+
+void GlSceneRenderer::uploadRows(SliceId slice, const SliceImage& image, int first, int count) {
+  glPixelStorei(GL_UNPACK_ALIGNMENT, 4);
+  glTextureSubImage2D(*slices_.at(slice).texture, 0, 0, first, image.width, count, GL_RED, GL_FLOAT,
+                      image.values.data() +
+                          static_cast<std::size_t>(first) * static_cast<std::size_t>(image.width));
 }
 
 void GlSceneRenderer::releaseSlice(SliceId slice) {
@@ -288,6 +315,7 @@ void GlSceneRenderer::releaseSlice(SliceId slice) {
 void GlSceneRenderer::resize(int width, int height) {
   if (width == width_ && height == height_) return;
   width_ = height_ = 0;  // stays so if this fails
+  forgetErrors();
   const auto allocate = [&](GlRenderbuffer& buffer, int samples, GLenum format) {
     buffer = GlRenderbuffer::make();
     glNamedRenderbufferStorageMultisample(*buffer, samples, format, width, height);
@@ -309,17 +337,23 @@ void GlSceneRenderer::resize(int width, int height) {
   const auto complete = [](const GlFramebuffer& frame) {
     return glCheckNamedFramebufferStatus(*frame, GL_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE;
   };
-  if (glGetError() != GL_NO_ERROR || !complete(sampled_frame_) || !complete(resolved_frame_)) {
-    throw Error("cannot render: no memory for a picture of " + std::to_string(width) + " x " +
-                std::to_string(height) + " pixels; choose a smaller width or height");
+  const std::string no_memory = "cannot render: no memory for a picture of " +
+                                std::to_string(width) + " x " + std::to_string(height) +
+                                " pixels; choose a smaller width or height";
+  checkErrors(no_memory);
+  if (complete(sampled_frame_) && complete(resolved_frame_)) {
+    width_ = width;
+    height_ = height;
+    return;
   }
-  width_ = width;
-  height_ = height;
+  if (isLost()) throw RendererLost();
+  throw NoGraphicsMemory(no_memory);
 }
 
 void GlSceneRenderer::draw(const SceneFrame& frame) {
   assert(frame.width > 0 && frame.height > 0 && frame.clip_planes.size() <= 6);
   resize(frame.width, frame.height);
+  forgetErrors();
   const View view(frame);
   depth_ = view.depth;
   transparent_ = frame.transparent;
@@ -360,11 +394,8 @@ void GlSceneRenderer::draw(const SceneFrame& frame) {
   glClipControl(GL_LOWER_LEFT, GL_NEGATIVE_ONE_TO_ONE);
   glDisable(GL_DEPTH_TEST);
   glBindVertexArray(0);
-  if (glGetError() != GL_NO_ERROR) {
-    throw Error("cannot render: " + device_name_ +
-                " failed, most likely for want of memory; "
-                "choose a smaller width or height");
-  }
+  checkErrors("cannot render: " + device_name_ +
+              " has no memory left; choose a smaller width or height");
 }
 
 void GlSceneRenderer::drawBackground(const SceneFrame& frame) {
@@ -660,7 +691,20 @@ std::vector<float> GlSceneRenderer::distances() {
   return distances;
 }
 
-bool GlSceneRenderer::isLost() const { return glGetGraphicsResetStatus() != GL_NO_ERROR; }
+// The driver reports a reset until it is over, so the first report counts.
+bool GlSceneRenderer::isLost() {
+  is_lost_ = is_lost_ || glGetGraphicsResetStatus() != GL_NO_ERROR;
+  return is_lost_;
+}
+
+void GlSceneRenderer::presentNothing(GLuint framebuffer, int width, int height) {
+  glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
+  glViewport(0, 0, width, height);
+  glDisable(GL_SCISSOR_TEST);
+  glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
+  glClearColor(0.16f, 0.17f, 0.19f, 1.0f);
+  glClear(GL_COLOR_BUFFER_BIT);
+}
 
 void GlSceneRenderer::present(GLuint framebuffer) {
   glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);

@@ -30,10 +30,10 @@ class GlSceneRenderer : public SceneRenderer {
   ChunkId upload(const SurfaceChunk& chunk) override;
   void release(ChunkId chunk) override;
   SurfaceChunk download(ChunkId chunk) const override;
-  SliceId uploadSlice(const SliceImage& image) override;
+  SliceId reserveSlice(int width, int height) override;
+  void uploadRows(SliceId slice, const SliceImage& image, int first, int count) override;
   void releaseSlice(SliceId slice) override;
   std::uint64_t bytesKept() const override { return bytes_kept_; }
-  // Throws Error if there is no memory for a picture of this size.
   void draw(const SceneFrame& frame) override;
   std::optional<double> distanceAt(const glm::dvec2& pixel) override;
   Image picture() override;
@@ -43,8 +43,12 @@ class GlSceneRenderer : public SceneRenderer {
   // left part of the frame's size is written.
   void present(GLuint framebuffer);
 
-  // The driver was reset: nothing is kept or drawn any longer, here and in this context.
-  bool isLost() const;
+  // In its place the colour of an empty background, for a picture that cannot be drawn.
+  void presentNothing(GLuint framebuffer, int width, int height);
+
+  // The driver was reset: nothing is kept or drawn any longer, here and in this context. Stays
+  // true.
+  bool isLost();
 
   int greatestSize() const override { return greatest_size_; }
   // The device that draws, for logs: for instance "llvmpipe (LLVM 15.0.6, 256 bits)".
@@ -65,6 +69,8 @@ class GlSceneRenderer : public SceneRenderer {
   };
   struct View;  // shared by all draw calls of a frame
 
+  void forgetErrors();
+  void checkErrors(const std::string& if_no_memory);
   template <typename F>
   static bool forParts(const SurfaceChunk& chunk, std::size_t begin, std::size_t bytes, F&& f);
   void fill(ChunkId id, const SurfaceChunk& chunk, std::size_t begin, std::size_t bytes);
@@ -85,6 +91,7 @@ class GlSceneRenderer : public SceneRenderer {
 
   std::string device_name_;
   bool is_software_ = false;
+  bool is_lost_ = false;
   int greatest_size_ = 0;
   int samples_ = 1;
   int width_ = 0, height_ = 0;  // of the framebuffers

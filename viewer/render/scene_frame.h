@@ -1,12 +1,15 @@
 // The content of one picture, as plain data: the same for windows, files and tests.
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <glm/vec3.hpp>
 #include <optional>
 #include <vector>
 
+#include "isobrick/viewer/image.h"
 #include "isobrick/viewer/offscreen_renderer.h"
 #include "isobrick/viewer/placed_camera.h"
 #include "isobrick/viewer/render/surface_chunk.h"
@@ -55,6 +58,19 @@ inline constexpr std::array<glm::vec3, 5> kValueColors{{{0.16f, 0.17f, 0.45f},
                                                         {0.35f, 0.68f, 0.47f},
                                                         {0.87f, 0.77f, 0.33f},
                                                         {0.98f, 0.95f, 0.80f}}};
+
+// The colour of a share 0 .. 1 of the window of values, sRGB: mixed in linear light, as shaders mix
+// it.
+inline glm::vec3 valueColor(double share) {
+  const double place = std::clamp(share, 0.0, 1.0) * static_cast<double>(kValueColors.size() - 1);
+  const std::size_t low = std::min(static_cast<std::size_t>(place), kValueColors.size() - 2);
+  const auto part = static_cast<float>(place - static_cast<double>(low));
+  glm::vec3 mixed;
+  for (glm::length_t c = 0; c < 3; ++c)
+    mixed[c] = srgbFromLinear((1.0f - part) * linearFromSrgb(kValueColors[low][c]) +
+                              part * linearFromSrgb(kValueColors[low + 1][c]));
+  return mixed;
+}
 
 struct SceneSegment {
   glm::dvec3 begin{0.0}, end{0.0};  // world

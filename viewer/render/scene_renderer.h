@@ -7,6 +7,7 @@
 #include <optional>
 #include <vector>
 
+#include "isobrick/storage/error.h"
 #include "isobrick/viewer/image.h"
 #include "isobrick/viewer/render/scene_frame.h"
 
@@ -15,13 +16,26 @@ namespace isobrick {
 // The most of a chunk that one call uploads while frames go on: a fraction of a millisecond.
 inline constexpr std::size_t kPieceBytes = std::size_t{256} << 10;
 
+// The driver was reset: all that was kept is gone, and nothing is drawn any longer. Any call may
+// throw it; release() never does. The owner makes another renderer.
+class RendererLost : public Error {
+ public:
+  RendererLost() : Error("the graphics driver was reset") {}
+};
+
+// The graphics card has no memory left for what was asked; all that was kept stays.
+class NoGraphicsMemory : public Error {
+ public:
+  using Error::Error;
+};
+
 // Keeps chunks and slices until they are released, and draws frames of them. Used by one thread.
 // Numbers are not given twice.
 class SceneRenderer {
  public:
   virtual ~SceneRenderer() = default;
 
-  // Makes room for a chunk, without its bytes. Throws Error if there is no memory for it.
+  // Makes room for a chunk, without its bytes. Throws NoGraphicsMemory.
   virtual ChunkId reserve(const SurfaceChunk& chunk) = 0;
   // Copies some of the bytes of that chunk, at most kPieceBytes: its vertices, then its triangles.
   // Never waits; false: not now, but in the next frame.
@@ -34,12 +48,22 @@ class SceneRenderer {
   virtual void release(ChunkId chunk) = 0;
   // The kept parts of a chunk: its vertices, triangles, origin, level and surface. Slow.
   virtual SurfaceChunk download(ChunkId chunk) const = 0;
-  virtual SliceId uploadSlice(const SliceImage& image) = 0;
+  // Makes room for a slice of so many values. Throws NoGraphicsMemory.
+  virtual SliceId reserveSlice(int width, int height) = 0;
+  // Copies `count` rows from `first` on of the image that the slice was reserved for.
+  virtual void uploadRows(SliceId slice, const SliceImage& image, int first, int count) = 0;
+  // All of a slice at once.
+  SliceId uploadSlice(const SliceImage& image) {
+    const SliceId id = reserveSlice(image.width, image.height);
+    uploadRows(id, image, 0, image.height);
+    return id;
+  }
   virtual void releaseSlice(SliceId slice) = 0;
   // For everything that is kept.
   virtual std::uint64_t bytesKept() const = 0;
 
-  // Draws a frame of at least one pixel. Everything that it names is kept here.
+  // Draws a frame of at least one pixel. Everything that it names is kept here. Throws
+  // NoGraphicsMemory if there is none for a picture of its size.
   virtual void draw(const SceneFrame& frame) = 0;
 
   // For the frame that was drawn last: the distance along the camera's forward axis of the surface

@@ -13,8 +13,8 @@ SurfaceSet::SurfaceSet(SceneRenderer& renderer, std::uint64_t budget_bytes)
     : renderer_(renderer), budget_bytes_(budget_bytes) {}
 
 SurfaceSet::~SurfaceSet() {
-  release(shown_);
-  release(incoming_);
+  for (const Chunks* chunks : {&shown_, &incoming_, &leaving_})
+    for (const Chunk& chunk : chunks->chunks) renderer_.release(chunk.id);
 }
 
 void SurfaceSet::accept(StreamMessage message, News& news) {
@@ -25,7 +25,7 @@ void SurfaceSet::accept(StreamMessage message, News& news) {
     case StreamMessage::Kind::kPassDone:
       if (message.request == refused_request_) return;
       if (!hasAllOf(message)) {
-        release(incoming_);
+        dropIncoming();
         news.stale = true;
         return;
       }
@@ -37,10 +37,10 @@ void SurfaceSet::accept(StreamMessage message, News& news) {
     case StreamMessage::Kind::kFailed:
       error_ = std::move(message.error);
       news.failed = true;
-      release(incoming_);
+      dropIncoming();
       break;
     case StreamMessage::Kind::kDropped:
-      release(incoming_);
+      dropIncoming();
       if (message.too_many) news.passes.push_back(std::move(message));
       break;
   }
@@ -53,10 +53,14 @@ void SurfaceSet::acceptChunk(StreamMessage message, News& news) {
   ChunkId id = 0;
   try {
     id = renderer_.reserve(chunk);
-  } catch (const Error&) {
-    // The card has less room than the budget allows, and others use it.
-    budget_bytes_ = shown_.bytes + incoming_.bytes + bytes - 1;
+  } catch (const NoGraphicsMemory&) {
+    // The card has less room than the budget allows at this moment: others use it too. The next
+    // request may fit again.
     return refuse(message.request, news);
+  } catch (const RendererLost&) {
+    throw;
+  } catch (const Error& error) {
+    return fail(message.request, error.what(), news);
   }
   incoming_.add({id, chunk.surface, bytes, chunk.key, chunk.origin + glm::dvec3(chunk.lower),
                  chunk.origin + glm::dvec3(chunk.upper)});
@@ -92,14 +96,12 @@ void SurfaceSet::show(const StreamMessage& pass) {
   const std::set<ChunkKey> reused(pass.reused.begin(), pass.reused.end());
   std::map<int, std::uint64_t> contents;
   for (const StreamPass::KeptSurface& kept : pass.kept) contents[kept.surface] = kept.content;
-  Chunks gone;
   for (const Chunk& chunk : shown_.chunks) {
     const bool stays =
         contents.count(chunk.surface) != 0 || (chunk.key && reused.count(*chunk.key) != 0);
-    (stays ? incoming_ : gone).add(chunk);
+    (stays ? incoming_ : leaving_).add(chunk);
   }
   for (const StreamedSurface& made : pass.surfaces) contents[made.surface] = ++last_content_;
-  release(gone);
   shown_ = std::exchange(incoming_, {});
   contents_ = std::move(contents);
 }
@@ -125,14 +127,32 @@ std::uint64_t SurfaceSet::contentOf(int surface) const {
 }
 
 void SurfaceSet::refuse(std::uint64_t request, News& news) {
-  release(incoming_);
+  dropIncoming();
   refused_request_ = request;
   news.over_budget = true;
 }
 
-void SurfaceSet::release(Chunks& chunks) {
-  for (const Chunk& chunk : chunks.chunks) renderer_.release(chunk.id);
-  chunks = {};
+void SurfaceSet::fail(std::uint64_t request, std::string error, News& news) {
+  dropIncoming();
+  refused_request_ = request;
+  error_ = std::move(error);
+  news.failed = true;
+}
+
+void SurfaceSet::dropIncoming() {
+  for (const Chunk& chunk : incoming_.chunks) leaving_.add(chunk);
+  incoming_ = {};
+  pending_.reset();
+}
+
+// As many as there are looks at the clock for: one release takes about a microsecond.
+void SurfaceSet::releaseSome() {
+  constexpr std::size_t kAtOnce = 16;
+  for (std::size_t i = 0; i < kAtOnce && !leaving_.chunks.empty(); ++i) {
+    renderer_.release(leaving_.chunks.back().id);
+    leaving_.bytes -= leaving_.chunks.back().bytes;
+    leaving_.chunks.pop_back();
+  }
 }
 
 }  // namespace isobrick

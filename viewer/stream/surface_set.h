@@ -36,7 +36,8 @@ struct UploadAllowance {
 };
 
 // Uploads the chunks of a pass as they come, and shows them when all of them are there; the chunks
-// shown before go then. Used by the renderer's thread, which outlives it.
+// shown before go then, a frame's share at a time. Used by the renderer's thread, which outlives
+// it.
 class SurfaceSet {
  public:
   // `budget_bytes`: of shown and incoming chunks together.
@@ -63,7 +64,9 @@ class SurfaceSet {
     News news;
     double last = clock();
     while (allowance.bytes > 0) {
-      if (pending_) {
+      if (!leaving_.chunks.empty()) {
+        releaseSome();
+      } else if (pending_) {
         if (!uploadPiece(allowance)) break;
       } else if (auto message = poll()) {
         accept(std::move(*message), news);
@@ -86,6 +89,8 @@ class SurfaceSet {
   std::uint64_t contentOf(int surface) const;
   std::uint64_t shownBytes() const { return shown_.bytes; }
   std::uint64_t incomingBytes() const { return incoming_.bytes; }
+  // True while chunks that are shown no longer have not been released.
+  bool isReleasing() const { return !leaving_.chunks.empty(); }
   const std::string& error() const { return error_; }
 
  private:
@@ -117,15 +122,17 @@ class SurfaceSet {
   bool hasAllOf(const StreamMessage& pass) const;
   void show(const StreamMessage& pass);
   void refuse(std::uint64_t request, News& news);
-  void release(Chunks& chunks);
+  void fail(std::uint64_t request, std::string error, News& news);
+  void dropIncoming();
+  void releaseSome();
 
   SceneRenderer& renderer_;
-  std::uint64_t budget_bytes_;
-  Chunks shown_, incoming_;
+  const std::uint64_t budget_bytes_;
+  Chunks shown_, incoming_, leaving_;
   std::optional<Pending> pending_;         // it is the last one of incoming_
   std::map<int, std::uint64_t> contents_;  // by surface, of the shown chunks
   std::uint64_t last_content_ = 0;
-  std::uint64_t refused_request_ = 0;  // went over the budget: its other chunks are not taken
+  std::uint64_t refused_request_ = 0;  // does not fit, or failed: its other chunks are not taken
   std::string error_;
 };
 

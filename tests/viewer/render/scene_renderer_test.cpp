@@ -9,6 +9,7 @@
 #include "isobrick/storage/error.h"
 #include "isobrick/viewer/egl_context.h"
 #include "isobrick/viewer/render/gl_scene_renderer.h"
+#include "tests/support/driver_faults.h"
 #include "tests/support/requirement.h"
 
 namespace isobrick {
@@ -346,6 +347,55 @@ TEST_F(SceneRendererTest, NormalsAndDistancesAreThoseOfTheSurface) {
     ASSERT_EQ(distances.size(), 64u * 64u);
     EXPECT_NEAR(distances[64 * 30 + 32], renderer_->distanceAt({32.0, 30.0}).value(), 1e-4);
     EXPECT_EQ(distances[64 * 2 + 2], std::numeric_limits<float>::infinity());
+  }
+}
+
+// An error that a panel left behind is none of the surface's.
+TEST_F(SceneRendererTest, AStaleErrorIsNoWantOfMemory) {
+  glEnable(GL_TRIANGLES);  // no capability
+  const ChunkId square = renderer_->upload(squareAt(0.0, 1.0, 0));
+  frame_.chunks = {square};
+  glEnable(GL_TRIANGLES);
+  EXPECT_TRUE(isRed(seen(32, 32)));
+  glEnable(GL_TRIANGLES);
+  frame_.width = 96;
+  EXPECT_TRUE(isRed(seen(48, 32)));
+  glEnable(GL_TRIANGLES);
+  EXPECT_NO_THROW(renderer_->uploadSlice({1, 1, {1.0f}}));
+}
+
+// The driver's words, and not the same for all of them.
+TEST_F(SceneRendererTest, FaultsOfTheDriverAreToldApart) {
+  const ChunkId square = renderer_->upload(squareAt(0.0, 1.0, 0));
+  frame_.chunks = {square};
+  seen(32, 32);
+  // A real want of memory: no card has room for such a texture.
+  const int most = renderer_->greatestSize();
+  test::DriverFaults faults;
+  EXPECT_THROW(
+      try { renderer_->reserveSlice(most * 4, most * 4); } catch (const NoGraphicsMemory&) {
+        FAIL() << "a size that is too large is no want of memory";
+      },
+      Error);
+  faults.reset();
+  EXPECT_TRUE(renderer_->isLost());
+  EXPECT_TRUE(renderer_->isLost());  // a driver reports it once
+  EXPECT_THROW(renderer_->draw(frame_), RendererLost);
+  EXPECT_THROW(renderer_->upload(squareAt(0.0, 1.0, 0)), RendererLost);
+}
+
+TEST_F(SceneRendererTest, TheLegendHasTheColoursOfTheSurface) {
+  SurfaceChunk chunk = squareAt(0.0, 1.0, 0);
+  frame_.headlight = true;
+  for (const double share : {0.0, 0.125, 0.3, 0.6, 1.0}) {
+    for (SurfaceVertex& vertex : chunk.vertices) vertex.value = packValue(share);
+    const ChunkId valued = renderer_->upload(chunk);
+    frame_.chunks = {valued};
+    frame_.value_window = {{0.0, 1.0}};
+    const glm::vec3 by_value = seen(32, 32);
+    frame_.value_window.reset();
+    frame_.surfaces[0].color = valueColor(share);
+    EXPECT_LT(glm::distance(seen(32, 32), by_value), 2e-3f) << share;
   }
 }
 

@@ -7,6 +7,7 @@
 #include <optional>
 #include <utility>
 
+#include "isobrick/storage/error.h"
 #include "tests/support/null_renderer.h"
 
 namespace isobrick {
@@ -138,6 +139,61 @@ TEST_F(SurfaceSetTest, OfWhatIsGivenUpNothingStays) {
   renderer_.pieces_left = 100;
   EXPECT_TRUE(frame(0.0).shows_another);
   EXPECT_EQ(renderer_.bytesKept(), kPieceBytes / 2);
+}
+
+// Each takes its time, as each is a call of the driver.
+class SlowRenderer : public NullRenderer {
+ public:
+  explicit SlowRenderer(double& clock) : clock_(clock) {}
+  void release(ChunkId chunk) override {
+    NullRenderer::release(chunk);
+    clock_ += 2e-6;
+  }
+
+ private:
+  double& clock_;
+};
+
+TEST_F(SurfaceSetTest, ChunksGoAFramesShareAtATime) {
+  SlowRenderer slow(clock_);
+  set_.emplace(slow, std::uint64_t{64} << 20);
+  constexpr std::size_t kChunks = 15'000;
+  for (std::size_t i = 0; i < kChunks; ++i) addChunk(1, 4);
+  add(Kind::kPassDone, 1);
+  while (set_->shown().empty()) frame(0.0);
+  addChunk(2, 4);
+  add(Kind::kPassDone, 2);
+  std::size_t frames = 0;
+  do {
+    const double begin = clock_;
+    frame(0.0);
+    EXPECT_LE(clock_ - begin, kUploadSeconds + 1e-4);
+    ++frames;
+  } while (set_->isReleasing() || !messages_.empty());
+  EXPECT_GE(frames, 10u);
+  EXPECT_EQ(set_->shown().size(), 1u);
+  EXPECT_EQ(slow.kept().size(), 1u);
+  set_.reset();
+}
+
+// An error of the card that is neither want of memory nor a loss is shown, and no half surface.
+TEST_F(SurfaceSetTest, AFailureOfTheCardIsShown) {
+  class FailingRenderer : public NullRenderer {
+    ChunkId reserve(const SurfaceChunk& chunk) override {
+      if (kept().size() == 1) throw Error("the card reports error 1282");
+      return NullRenderer::reserve(chunk);
+    }
+  } failing;
+  set_.emplace(failing, std::uint64_t{64} << 20);
+  for (int i = 0; i < 3; ++i) addChunk(1, 400);
+  add(Kind::kPassDone, 1);
+  const SurfaceSet::News news = frame(0.0);
+  EXPECT_TRUE(news.failed);
+  EXPECT_FALSE(news.over_budget);
+  EXPECT_EQ(set_->error(), "the card reports error 1282");
+  EXPECT_TRUE(set_->shown().empty());
+  EXPECT_TRUE(failing.kept().empty());
+  set_.reset();
 }
 
 TEST_F(SurfaceSetTest, OfAPartNothingStaysWhereAllEnds) {
