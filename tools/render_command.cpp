@@ -15,7 +15,7 @@
 #include "isobrick/viewer/image.h"
 #include "isobrick/viewer/offscreen_renderer.h"
 #include "isobrick/viewer/session/view_picture.h"
-#include "isobrick/viewer/state/view_state_json.h"
+#include "isobrick/viewer/state/view_file.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
@@ -82,7 +82,7 @@ int renderState(RenderArguments& arguments) {
                   arguments.force);
   { const AtomicFile probe(arguments.output); }
   findPyramid(arguments.query);
-  const ViewState state = readViewState(arguments.state);
+  const ViewState state = readView(arguments.state).state;
   const Stopwatch watch;
   const ViewPicture view = runWithThreads(arguments.query.threads, [&] {
     return drawView(

@@ -317,6 +317,88 @@ TEST_F(ViewCommandTest, ViewsComeBack) {
   EXPECT_LT(distance("focus"), 0.5 * distance("first"));
 }
 
+// A view that somebody saved is replaced after a yes alone; one's own is.
+TEST_F(ViewCommandTest, ASavedViewIsReplacedAfterAYesAlone) {
+  const auto save = [](const char* answer) {
+    return Json{{{"key", "TAB"}},  {{"key", "S"}, {"control", true}},
+                {{"wait", 0.05}},  {{"frame", "ask.png"}},
+                {{"key", answer}}, {{"wait", 0.05}}};
+  };
+  const auto run = [&](const Json& steps) {
+    write("save.json", Json{{"size", {300, 200}}, {"steps", steps}}.dump());
+    runWell({"view", "sphere.isb", "--offscreen", "--script", "save.json", "--force"});
+    return readBytes(path("sphere.view.json"));
+  };
+  write("sphere.view.json", "by a hand");
+  EXPECT_EQ(run(save("ESCAPE")), "by a hand");
+  const std::string saved = run(save("ENTER"));
+  EXPECT_EQ(Json::parse(saved)["volume"], "sphere.isb");
+  EXPECT_EQ(Json::parse(saved)["version"], 1);
+  // Once it is one's own it is replaced at once.
+  Json again = save("ENTER");
+  again.push_back({{"key", "W"}});
+  again.push_back({{"key", "S"}, {"control", true}});
+  again.push_back({{"wait", 0.05}});
+  EXPECT_EQ(Json::parse(run(again))["wireframe"], true);
+  // A view names its volume, which is opened with it.
+  write("named.json", R"({"size": [300, 200], "steps": [{"wait": "settled"},
+      {"state": "named.view.json"}]})");
+  runWell({"view", "--state", "sphere.view.json", "--offscreen", "--script", "named.json"});
+  EXPECT_EQ(Json::parse(readBytes(path("named.view.json")))["wireframe"], true);
+}
+
+// The view of another volume is another file than that of --state.
+TEST_F(ViewCommandTest, AnotherVolumeLeavesTheViewOfTheFirst) {
+  write("first.json", R"({"size": [300, 200], "steps": [{"wait": "settled"},
+      {"state": "first.view.json"}, {"open": "phantom:gyroid:20"}, {"wait": "settled"},
+      {"key": "S", "control": true}, {"wait": 0.05}]})");
+  write("given.json", R"({"wireframe": true})");
+  runWell({"view", "sphere.isb", "--state", "given.json", "--offscreen", "--script", "first.json"});
+  EXPECT_EQ(readBytes(path("given.json")), R"({"wireframe": true})");
+  EXPECT_EQ(Json::parse(readBytes(path("gyroid-20.view.json")))["volume"], "phantom:gyroid:20");
+}
+
+// Two orders, another volume and the end of the script: both are written.
+TEST_F(ViewCommandTest, NoMeshIsLostInSilence) {
+  write("meshes.json", R"({"size": [300, 200], "steps": [{"wait": "settled"},
+      {"key": "M"}, {"key": "M"}, {"mesh": "third.ply"}, {"open": "phantom:gyroid:20"},
+      {"key": "Q", "control": true}]})");
+  runWell({"view", "sphere.isb", "--offscreen", "--script", "meshes.json"});
+  const std::string mesh = readBytes(path("third.ply"));
+  EXPECT_GT(mesh.size(), 1000u);
+  EXPECT_EQ(readBytes(path("sphere-0001.ply")), mesh);
+  EXPECT_EQ(readBytes(path("sphere-0002.ply")), mesh);
+}
+
+TEST_F(ViewCommandTest, ARecordingOutlivesAKilledWindow) {
+  write("hands.json", R"({"size": [300, 200], "steps": [
+      {"key": "TAB"}, {"key": "W"}, {"state": "now.json"}, {"wait": 1000}]})");
+  const pid_t viewer = start({isobrickCommand(), "view", "sphere.isb", "--offscreen", "--script",
+                              "hands.json", "--record", "events.json"});
+  while (!fs::exists(path("now.json"))) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  kill(viewer, SIGKILL);
+  EXPECT_EQ(wait(viewer).status, -SIGKILL);
+  const Json events = Json::parse(readBytes(path("events.json")));
+  EXPECT_EQ(events["size"], (Json{300, 200}));
+  int keys = 0;
+  for (const Json& step : events["steps"]) keys += step.contains("key_press") ? 1 : 0;
+  EXPECT_EQ(keys, 2);
+}
+
+// Minimised, and something always moves.
+TEST_F(ViewCommandTest, AWindowWithoutAPictureLeavesTheProcessorAlone) {
+  write("hidden.json", R"({"size": [300, 200], "steps": [{"wait": "settled"}, {"key": "G"},
+      {"key_press": "W"}, {"resize": [0, 0]}, {"wait": 1}]})");
+  runWell(
+      {"view", "sphere.isb", "--offscreen", "--script", "hidden.json", "--report", "report.json"});
+  const Json report = Json::parse(readBytes(path("report.json")));
+  int hidden = 0;
+  for (const Json& frame : report["each_frame"])
+    hidden += frame["seconds"] > report["seconds"].get<double>() - 1.0 ? 1 : 0;
+  EXPECT_GT(hidden, 1);
+  EXPECT_LE(hidden, 60);  // as many as a screen shows at most
+}
+
 TEST_F(ViewCommandTest, MeshFilesAreSimplifiedIfTheViewSaysSo) {
   write("meshes.json", R"({"size": [160, 120], "steps": [
       {"wait": "settled"}, {"mesh": "whole.ply"}, {"wait": "settled"},

@@ -1,6 +1,7 @@
 #include "isobrick/viewer/session/scene_of_view.h"
 
 #include <algorithm>
+#include <glm/geometric.hpp>
 #include <limits>
 
 namespace isobrick {
@@ -10,17 +11,32 @@ constexpr glm::vec3 kTransitionColor{0.93f, 0.22f, 0.62f};
 
 }  // namespace
 
-std::vector<WantedPlane> planesOf(const ViewState& state, const ViewVolume& volume) {
+std::vector<WantedPlane> planesOf(const ViewState& state, const ViewVolume& volume, double height) {
+  constexpr double kLeastValues = 512.0;
+  const PlacedCamera camera = placeCamera(state.camera, 1.0);
+  const double seen =
+      2.0 * camera.half_height * (camera.orthographic ? 1.0 : state.camera.distance);
+  const glm::dmat3 to_world = volume.geometry.indexToWorldMatrix();
+  // Twice the pixels at the pivot: parts of the plane are nearer, and a level has half of the next.
+  const auto mostValues = [&](const IndexPlane& plane) {
+    const double side =
+        std::max(glm::length(to_world * plane.across), glm::length(to_world * plane.along));
+    const double values = 2.0 * side / seen * height;
+    return static_cast<int>(std::clamp(values, kLeastValues, double{kMostPlaneValues}));
+  };
   std::vector<WantedPlane> planes;
   for (int axis = 0; axis < 3; ++axis) {
     const ViewSlice& slice = state.slices[static_cast<std::size_t>(axis)];
-    if (slice.shown) planes.push_back({slicePlane(volume.voxels, axis, slice.position), -1});
+    if (!slice.shown) continue;
+    const IndexPlane plane = slicePlane(volume.voxels, axis, slice.position);
+    planes.push_back({plane, -1, axis, mostValues(plane)});
   }
-  int number = 0;
+  int number = 0, slot = 2;
   for (const ViewClipPlane& clip : state.clip_planes) {
+    ++slot;
     if (!clip.enabled) continue;
     const auto plane = capPlane(volume.voxels, volume.geometry, clip.normal, clip.offset);
-    if (clip.cap && plane) planes.push_back({*plane, number});
+    if (clip.cap && plane) planes.push_back({*plane, number, slot, mostValues(*plane)});
     ++number;
   }
   return planes;

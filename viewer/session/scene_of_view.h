@@ -15,10 +15,15 @@ namespace isobrick {
 struct WantedPlane {
   IndexPlane plane;
   int cap_of = -1;  // the clip plane, as it is numbered in the scene
-
-  bool operator==(const WantedPlane&) const = default;
+  // The same plane has the same number, wherever it is moved: 0 .. 2 slices, then the view's clip
+  // planes.
+  int slot = 0;
+  int most_values = 0;  // to its longer side, of a sampling that a picture can show
 };
-std::vector<WantedPlane> planesOf(const ViewState& state, const ViewVolume& volume);
+// `height`: of the picture, pixels. All voxels are sampled once they have a pixel each, about, up
+// to kMostPlaneValues to a side.
+inline constexpr int kMostPlaneValues = 2048;
+std::vector<WantedPlane> planesOf(const ViewState& state, const ViewVolume& volume, double height);
 
 // All of a frame but the objects that a renderer keeps: chunks, and the images of slices.
 SceneFrame sceneOf(const ViewState& state, const ViewVolume& volume, int width, int height);

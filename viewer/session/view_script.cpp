@@ -222,7 +222,13 @@ class StepReader {
       clicks(pairOf(value, where), 2);
     } else if (name == "wheel") {
       InputEvent turned = event(InputEvent::Kind::kWheel);
-      turned.amount = numberOf(value, where);
+      if (value.is_array()) {
+        const auto both = pairOf(value, where);
+        turned.amount = both[0];
+        turned.across = both[1];
+      } else {
+        turned.amount = numberOf(value, where);
+      }
       steps_.emplace_back(ScriptEvent{turned});
     } else if (name == "key") {
       key(value);
@@ -295,6 +301,7 @@ Json stepOf(const InputEvent& event) {
       break;
     case InputEvent::Kind::kWheel:
       step["wheel"] = event.amount;
+      if (event.across != 0.0) step["wheel"] = {event.amount, event.across};
       break;
     case InputEvent::Kind::kKeyPress:
       step["key_press"] = kKeyNames[static_cast<std::size_t>(event.key)];
@@ -313,6 +320,7 @@ Json stepOf(const InputEvent& event) {
       step["open"] = event.path;
       break;
     case InputEvent::Kind::kClose:
+    case InputEvent::Kind::kRefresh:
       break;
   }
   if (step.is_null()) return step;
@@ -323,25 +331,27 @@ Json stepOf(const InputEvent& event) {
 
 }  // namespace
 
-void ScriptRecorder::add(double seconds, const InputEvent& event) {
+std::string ScriptRecorder::head(int width, int height, double scale) {
+  return "{\"size\": [" + std::to_string(width) + ", " + std::to_string(height) +
+         "], \"scale\": " + Json(std::clamp(scale, 1.0, kMostScale)).dump() + ", \"steps\": [";
+}
+
+std::string ScriptRecorder::add(double seconds, const InputEvent& event) {
   const Json step = stepOf(event);
-  if (step.is_null()) return;
+  if (step.is_null()) return {};
+  std::string text;
+  const auto append = [&](const std::string& json) {
+    text += (std::exchange(is_empty_, false) ? "\n  " : ",\n  ") + json;
+  };
   constexpr double kShortest = 0.02;  // about a frame, which a step takes anyway
   if (last_ && seconds - *last_ > kShortest) {
     const double wait = std::round(1e3 * (seconds - *last_)) / 1e3;
-    steps_.push_back(Json{{"wait", wait}}.dump());
+    append(Json{{"wait", wait}}.dump());
   }
   last_ = seconds;
   // A path may be no UTF-8, but JSON is always UTF-8.
-  steps_.push_back(step.dump(-1, ' ', false, Json::error_handler_t::replace));
-}
-
-std::string ScriptRecorder::json(int width, int height, double scale) const {
-  std::string text = "{\"size\": [" + std::to_string(width) + ", " + std::to_string(height) +
-                     "], \"scale\": " + Json(std::clamp(scale, 1.0, kMostScale)).dump() +
-                     ", \"steps\": [";
-  for (std::size_t i = 0; i < steps_.size(); ++i) text += (i == 0 ? "\n  " : ",\n  ") + steps_[i];
-  return text + "\n]}\n";
+  append(step.dump(-1, ' ', false, Json::error_handler_t::replace));
+  return text;
 }
 
 ViewScript viewScriptFromJson(const std::string& text) {

@@ -1,7 +1,5 @@
 #include "isobrick/viewer/session/view_session.h"
 
-#include <tbb/task_arena.h>
-
 #include <algorithm>
 #include <bit>
 #include <chrono>
@@ -9,7 +7,6 @@
 #include <glm/geometric.hpp>
 #include <utility>
 
-#include "isobrick/extract/extractor.h"
 #include "isobrick/extract/sinks/mesh_file_sink.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/viewer/session/shown_mesh.h"
@@ -19,11 +16,6 @@ namespace {
 
 // The view is at rest if the user has not changed anything for so long.
 constexpr double kRestSeconds = 0.15;
-constexpr int kMostSliceValues = 512;  // to a side
-// For all slices and caps, which come together.
-constexpr std::uint64_t kMostPlaneBytes =
-    (kMostClipPlanes + 3) * kMostSliceValues * kMostSliceValues * sizeof(float);
-static_assert(kMostPlaneBytes <= kUploadBytes);
 // A drawing waits so long for the next surface, if it takes longer itself.
 constexpr double kPostponedSeconds = 0.1;
 
@@ -81,40 +73,28 @@ ViewSession::ViewSession(std::shared_ptr<const Pyramid> pyramid, ValueHistogram 
     : pyramid_(std::move(pyramid)),
       renderer_(&renderer),
       gpu_budget_bytes_(options.gpu_budget_bytes),
-      threads_(options.threads),
       preview_of_(options.preview_of),
       volume_(volumeOf(*pyramid_, preview_of_)),
       histogram_(std::move(histogram)),
       state_(firstView(volume_, 1.0)),
       surfaces_(std::in_place, renderer, options.gpu_budget_bytes),
       stream_(pyramid_, options.threads),
-      plane_worker_([this](const std::vector<WantedPlane>& planes, const CancelFlag& cancel) {
-        return samplePlanes(planes, cancel);
-      }),
-      mesh_worker_([this](const MeshOrder& order, const CancelFlag& cancel) {
-        return writeMesh(order, cancel);
-      }) {
+      planes_(pyramid_, preview_of_ ? static_cast<double>(preview_of_->step) : 1.0) {
   volume_.isovalues = histogram_.isovalues;
   state_.surfaces[0].isovalue =
       volume_.isovalues.empty() ? volume_.least_value : volume_.isovalues.front();
   first_state_ = state_;
 }
 
-ViewSession::~ViewSession() { releasePlanes(); }
-
-void ViewSession::releasePlanes() {
-  for (const Plane& plane : planes_) renderer_->releaseSlice(plane.image);
-  planes_.clear();
-}
+ViewSession::~ViewSession() { planes_.release(*renderer_); }
 
 void ViewSession::suspend() {
-  releasePlanes();
+  planes_.release(*renderer_);
   surfaces_.reset();
   stream_.cancel();
   forgotten_request_ = last_request_;
   request_times_.clear();
-  asked_planes_.clear();
-  plane_worker_.cancel();
+  drawn_camera_.reset();
   requested_.reset();
   shown_surfaces_.clear();
   shows_less_ = true;
@@ -182,14 +162,11 @@ void ViewSession::update(double seconds, UploadAllowance& allowance) {
   state_ = bounded(state_, volume_);
   const bool is_held = interaction_.drag != Interaction::Drag::kNone || interaction_.flying;
   if (framed_) history_.note(state_, is_held, seconds);
-  updatePlanes(allowance);
+  // They come first in a frame, so that surfaces that keep coming leave them room.
+  planes_.update(*renderer_, planesOf(state_, volume_, interaction_.size.y), allowance);
   // The past extractions decide the size of the next request.
   takeNews(surfaces_->pump([&] { return nextMessage(); }, clockSeconds, allowance));
   requestSurfaces(seconds);
-  if (auto outcome = mesh_worker_.poll()) {
-    mesh_error_ = outcome->error;
-    if (outcome->result) exported_ = *outcome->result;
-  }
 }
 
 // While the state changes, one pass that fits the time; at rest, all passes up to the wanted
@@ -197,9 +174,9 @@ void ViewSession::update(double seconds, UploadAllowance& allowance) {
 void ViewSession::requestSurfaces(double seconds) {
   const double wanted = radiusAtRest();
   const bool first = !requested_;
-  if (first || ask_again_ || !asksForTheSame(*requested_, state_)) {
+  if (first || ask_again_ || !asksAsRequested()) {
     const double age = longestWait().value_or(0.0);
-    requested_ = state_;
+    requested_ = Asked{state_, interaction_.size.y};
     ask_again_ = false;
     last_change_ = seconds;
     over_budget_ = false;
@@ -216,6 +193,11 @@ void ViewSession::requestSurfaces(double seconds) {
                                    : passRadii(quality_.radius, wanted),
                   shown_request_ != last_request_, seconds);
   }
+}
+
+bool ViewSession::asksAsRequested() const {
+  return asksForTheSame(requested_->state, state_) &&
+         (!state_.view_pixels || requested_->height == interaction_.size.y);
 }
 
 double ViewSession::radiusAtRest() const {
@@ -261,7 +243,8 @@ bool ViewSession::isShown(std::size_t surface, double radius) const {
   const auto found = shown_surfaces_.find(number);
   return found != shown_surfaces_.end() && found->second.is_complete &&
          found->second.radius >= radius && found->second.radius <= radiusAtRest() &&
-         asksForTheSameSurface(found->second.state, state_, surface);
+         asksForTheSameSurface(found->second.asked.state, state_, surface) &&
+         (!state_.view_pixels || found->second.asked.height == interaction_.size.y);
 }
 
 void ViewSession::requestQuickly(double radius, double seconds) {
@@ -305,7 +288,7 @@ void ViewSession::send(StreamRequest request, std::optional<double> waiting_sinc
   first_radius_ = request.passes[0].radius;
   // All that may fail comes before the request, whose answer is looked up here.
   auto time = decltype(request_times_){{0, waiting_since}}.extract(0);
-  auto asked = decltype(asked_){{0, state_}}.extract(0);
+  auto asked = decltype(asked_){{0, Asked{state_, interaction_.size.y}}}.extract(0);
   last_request_ = stream_.request(std::move(request));
   time.key() = asked.key() = last_request_;
   request_times_.insert(std::move(time));
@@ -388,46 +371,6 @@ bool ViewSession::showsTheLatest() const {
   return shown_request_ == last_request_ && shown_pass_.is_complete;
 }
 
-// They come first in a frame, so that surfaces that keep coming leave them room.
-void ViewSession::updatePlanes(UploadAllowance& allowance) {
-  const std::vector<WantedPlane> wanted = planesOf(state_, volume_);
-  if (wanted != asked_planes_) {
-    asked_planes_ = wanted;
-    plane_worker_.request(wanted);
-  }
-  if (allowance.bytes < kMostPlaneBytes) return;
-  auto outcome = plane_worker_.poll();
-  if (!outcome) return;
-  const double begin = clockSeconds();
-  std::uint64_t bytes = 0;
-  plane_error_ = outcome->error;
-  releasePlanes();
-  if (!outcome->result) return;
-  try {
-    for (std::size_t i = 0; i < outcome->result->size(); ++i) {
-      const SliceImage& image = (*outcome->result)[i];
-      planes_.push_back({outcome->request[i], renderer_->uploadSlice(image)});
-      bytes += image.bytes();
-    }
-  } catch (const Error& error) {
-    plane_error_ = error.what();
-  }
-  allowance.take(bytes, clockSeconds() - begin);
-}
-
-std::vector<SliceImage> ViewSession::samplePlanes(const std::vector<WantedPlane>& planes,
-                                                  const CancelFlag& cancel) const {
-  std::vector<SliceImage> images;
-  const double step = preview_of_ ? static_cast<double>(preview_of_->step) : 1.0;
-  for (const WantedPlane& wanted : planes) {
-    const IndexPlane plane{wanted.plane.corner / step, wanted.plane.across / step,
-                           wanted.plane.along / step};
-    images.push_back(samplePlane(*pyramid_, plane,
-                                 samplingOf(pyramid_->lattice(), plane, kMostSliceValues), cancel));
-  }
-  return images;
-}
-
 SceneFrame ViewSession::sceneNow(int width, int height) const {
   SceneFrame frame = sceneOf(state_, volume_, width, height);
   const GridGeometry& lattice = pyramid_->spec().geometry;
@@ -441,10 +384,11 @@ SceneFrame ViewSession::sceneNow(int width, int height) const {
     };
     frame.value_window = {shareOf((*window)[0]), shareOf((*window)[1])};
   }
-  // Chunks of a surface that has just been removed are shown until the next pass.
-  for (const Plane& plane : planes_) {
-    if (plane.wanted.cap_of < static_cast<int>(frame.clip_planes.size()))
-      frame.slices.push_back(sliceOf(plane.wanted, plane.image, state_, volume_));
+  for (WantedPlane wanted : planesOf(state_, volume_, interaction_.size.y)) {
+    const auto shown = planes_.shown(wanted);
+    if (!shown) continue;
+    wanted.plane = shown->plane;
+    frame.slices.push_back(sliceOf(wanted, shown->image, state_, volume_));
   }
   return frame;
 }
@@ -455,7 +399,10 @@ bool ViewSession::draw() {
   if (width < 1 || height < 1) return false;
   SceneFrame frame = sceneNow(width, height);
   frame.pixel_scale = interaction_.scale;
+  drawn_camera_.reset();
   renderer_->draw(frame);
+  drawn_camera_ = frame.camera;
+  drawn_state_ = state_;
   return true;
 }
 
@@ -466,6 +413,8 @@ Image ViewSession::picture(int times, bool layers) {
   SceneFrame frame = sceneNow(factor * width, factor * height);
   frame.pixel_scale = interaction_.scale * factor;
   frame.transparent = state_.pictures.transparent;
+  drawn_camera_.reset();
+  cursor_hit_.reset();
   renderer_->draw(frame);
   Image image = renderer_->picture();
   if (!layers) return image;
@@ -487,8 +436,8 @@ Image ViewSession::picture(int times, bool layers) {
 bool ViewSession::settled() const {
   const bool surfaces_done = asked_for_all_ &&
                              (all_passes_done_ || over_budget_ || !surfaces_->error().empty()) &&
-                             requested_ && asksForTheSame(*requested_, state_);
-  return surfaces_done && !stream_.busy() && !plane_worker_.busy() && !mesh_worker_.busy();
+                             requested_ && asksAsRequested();
+  return surfaces_done && !stream_.busy() && !surfaces_->isReleasing() && !planes_.busy();
 }
 
 SessionStatus ViewSession::status() const {
@@ -507,9 +456,7 @@ SessionStatus ViewSession::status() const {
   status.drag_radius = quality_.radius;
   status.passes = passes_;
   status.surface_age = longestWait().value_or(0.0);
-  if (mesh_worker_.busy())
-    status.doing = "writing the mesh";
-  else if (!asked_for_all_)
+  if (!asked_for_all_)
     status.doing = "following the user";
   else if (settled())
     status.doing = "ready";
@@ -523,44 +470,42 @@ SessionStatus ViewSession::status() const {
                          ? "GPU budget reached: showing radius " + whole(status.shown_radius) +
                                " of " + whole(status.wanted_radius)
                          : "GPU budget reached: not even the coarsest surface fits";
-  for (const std::string* error : {&surfaces_->error(), &plane_error_, &mesh_error_})
+  for (const std::string* error : {&surfaces_->error(), &planes_.error()})
     if (!error->empty()) status.error = *error;
   return status;
 }
 
 std::optional<glm::dvec3> ViewSession::surfaceAt(const glm::dvec2& pixel) {
+  // The depths are those of the camera that drew them, and not of one that has moved since.
+  if (!drawn_camera_) return std::nullopt;
   const std::optional<double> distance = renderer_->distanceAt(pixel);
   if (!distance) return std::nullopt;
-  const PlacedCamera camera = placeCamera(state_.camera, interaction_.aspect());
-  return rayThrough(camera, interaction_.toPicture(pixel + 0.5)).at(*distance);
+  return rayThrough(*drawn_camera_, interaction_.toPicture(pixel + 0.5)).at(*distance);
 }
 
-void ViewSession::exportMesh(const std::string& path) {
-  mesh_error_.clear();
+std::optional<glm::dvec3> ViewSession::surfaceUnderCursor() {
+  const bool rests = settled() && interaction_.drag == Interaction::Drag::kNone &&
+                     !interaction_.flying && drawn_state_ && *drawn_state_ == state_;
+  if (!rests) return std::nullopt;
+  const bool is_known = cursor_hit_ && cursor_hit_->cursor == interaction_.cursor &&
+                        cursor_hit_->size == interaction_.size && cursor_hit_->view == state_ &&
+                        cursor_hit_->passes == passes_;
+  if (!is_known)
+    cursor_hit_ = CursorHit{interaction_.cursor, interaction_.size, state_, passes_,
+                            surfaceAt(interaction_.cursor)};
+  return cursor_hit_->point;
+}
+
+MeshOrder ViewSession::meshOrder(const std::string& path) const {
   Query query = currentQuery(static_cast<std::size_t>(state_.active_surface), radiusAtRest());
   if (state_.mesh_distance) query.simplify = SimplifyOptions{*state_.mesh_distance};
-  mesh_worker_.request({query, path});
+  return {pyramid_, query, path};
 }
 
 void ViewSession::writeShownMesh(const std::string& path) const {
   const auto sink = makeMeshFileSink(path, {});
   takeShownMesh(*renderer_, surfaces_->shown(),
                 {pyramid_->spec().geometry, pyramid_->spec().voxels}, *sink);
-}
-
-std::optional<std::string> ViewSession::takeExported() {
-  return std::exchange(exported_, std::nullopt);
-}
-
-std::string ViewSession::writeMesh(const MeshOrder& order, const CancelFlag& cancel) const {
-  Query query = order.query;
-  query.cancel = &cancel;
-  tbb::task_arena arena(threads_);
-  arena.execute([&] {
-    const auto sink = makeMeshFileSink(order.path, {.cancel = &cancel});
-    extractIsosurface(*pyramid_, query, *sink);
-  });
-  return order.path;
 }
 
 }  // namespace isobrick

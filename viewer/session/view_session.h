@@ -10,13 +10,14 @@
 
 #include "isobrick/storage/pyramid.h"
 #include "isobrick/viewer/render/scene_renderer.h"
+#include "isobrick/viewer/session/mesh_queue.h"
+#include "isobrick/viewer/session/plane_set.h"
 #include "isobrick/viewer/session/scene_of_view.h"
 #include "isobrick/viewer/session/surface_wait.h"
 #include "isobrick/viewer/session/volume_opener.h"
 #include "isobrick/viewer/state/drag_quality.h"
 #include "isobrick/viewer/state/interaction.h"
 #include "isobrick/viewer/state/view_history.h"
-#include "isobrick/viewer/stream/latest_worker.h"
 #include "isobrick/viewer/stream/surface_set.h"
 #include "isobrick/viewer/stream/surface_stream.h"
 #include "isobrick/viewer/stream/value_histogram.h"
@@ -35,7 +36,7 @@ struct SessionOptions {
 struct SessionStatus {
   std::string doing;            // "ready", or the work under way
   std::string limited;          // the limit on the shown surface; empty: none
-  std::string error;            // of the last extraction, slice or mesh; empty: none
+  std::string error;            // of the last extraction or slice; empty: none
   double shown_radius = 0.0;    // voxels
   double wanted_radius = 0.0;   // voxels
   std::uint64_t triangles = 0;  // shown
@@ -80,7 +81,6 @@ class ViewSession {
   void follow(const ViewSession& other);
   // True if something was shown, or there is nothing to show.
   bool hasShown() const;
-  bool writesMesh() const { return mesh_worker_.busy(); }
 
   // The event's wishes to the caller; those about the view have been granted already.
   Wishes apply(const InputEvent& event, double seconds, bool on_panel);
@@ -126,30 +126,28 @@ class ViewSession {
 
   // The surface under a pixel of the frame drawn last; none if there is background.
   std::optional<glm::dvec3> surfaceAt(const glm::dvec2& pixel);
+  // The same under the cursor, for the line at the foot, if the view is at rest. Reading depth back
+  // waits for the card, so it is read once for a place and a frame that stay the same.
+  std::optional<glm::dvec3> surfaceUnderCursor();
 
-  // Writes the active surface, as fine as the view's settings, in the background.
-  void exportMesh(const std::string& path);
+  // The active surface, as fine as the view's settings, for a MeshQueue.
+  MeshOrder meshOrder(const std::string& path) const;
   // Writes the mesh that is on the screen now, all surfaces, as it was drawn; to look for faults.
   // Waits for it. Throws Error.
   void writeShownMesh(const std::string& path) const;
-  // The file that was written since the last call.
-  std::optional<std::string> takeExported();
 
  private:
-  struct Plane {
-    WantedPlane wanted;
-    SliceId image = 0;
+  // The settings that a request's triangles follow from.
+  struct Asked {
+    ViewState state;
+    double height = 0.0;  // of the picture, pixels
   };
   // The request that the shown part of a surface was made of.
   struct ShownSurface {
-    ViewState state;
+    Asked asked;
     double radius = 0.0;
     bool is_complete = false;
     StreamedSurface counts;
-  };
-  struct MeshOrder {
-    Query query;
-    std::string path;
   };
   void grantView(const Wishes& wishes);
   SceneFrame sceneNow(int width, int height) const;
@@ -167,20 +165,15 @@ class ViewSession {
   void send(StreamRequest request, std::optional<double> waiting_since);
   std::optional<double> longestWait() const;
   std::optional<StreamMessage> nextMessage();
-  void releasePlanes();
   void takeNews(const SurfaceSet::News& news);
   void noteWait(const StreamMessage& pass);
   void shrinkToBudget();
   bool showsTheLatest() const;
-  void updatePlanes(UploadAllowance& allowance);
-  std::vector<SliceImage> samplePlanes(const std::vector<WantedPlane>& planes,
-                                       const CancelFlag& cancel) const;
-  std::string writeMesh(const MeshOrder& order, const CancelFlag& cancel) const;
+  bool asksAsRequested() const;
 
   const std::shared_ptr<const Pyramid> pyramid_;
   SceneRenderer* renderer_;
   const std::uint64_t gpu_budget_bytes_;
-  const int threads_;
   const std::optional<PreviewOf> preview_of_;
   ViewVolume volume_;
   ValueHistogram histogram_;
@@ -192,12 +185,12 @@ class ViewSession {
   double last_update_ = 0.0;
 
   DragQuality quality_;
-  std::optional<ViewState> requested_;  // the state of the last request
-  double last_change_ = 0.0;            // when a request last differed from the one before
-  bool asked_for_all_ = false;          // since then
-  bool ask_again_ = false;              // the request could not be answered any longer
-  bool shows_less_ = false;             // than the stream's messages contained
-  std::set<int> kept_;                  // surfaces that all requests under way keep
+  std::optional<Asked> requested_;  // by the last request
+  double last_change_ = 0.0;        // when a request last differed from the one before
+  bool asked_for_all_ = false;      // since then
+  bool ask_again_ = false;          // the request could not be answered any longer
+  bool shows_less_ = false;         // than the stream's messages contained
+  std::set<int> kept_;              // surfaces that all requests under way keep
   bool over_budget_ = false;
   double first_radius_ = 0.0;  // of the latest request's first pass
   std::uint64_t last_request_ = 0, shown_request_ = 0;
@@ -208,23 +201,29 @@ class ViewSession {
   bool all_passes_done_ = false;
   StreamMessage shown_pass_;
   std::map<int, ShownSurface> shown_surfaces_;
-  std::map<std::uint64_t, ViewState> asked_;  // by request, from the one that is shown on
+  std::map<std::uint64_t, Asked> asked_;  // by request, from the one that is shown on
   std::uint64_t passes_ = 0;
   DrawingTimes drawings_;
   double last_drawing_ = 0.0;  // seconds
+  // The last answer of surfaceUnderCursor(), and the facts that it holds for.
+  struct CursorHit {
+    glm::dvec2 cursor{0.0}, size{0.0};
+    ViewState view;
+    std::uint64_t passes = 0;
+    std::optional<glm::dvec3> point;
+  };
+  std::optional<CursorHit> cursor_hit_;
   std::vector<SurfaceWait> waits_;
 
-  std::vector<Plane> planes_;
-  std::vector<WantedPlane> asked_planes_;
-  std::string plane_error_, mesh_error_;
-  std::optional<std::string> exported_;
+  // Of the frame drawn last; none: none was drawn, or another picture after it.
+  std::optional<PlacedCamera> drawn_camera_;
+  std::optional<ViewState> drawn_state_;  // of the last draw()
 
   std::optional<SurfaceSet> surfaces_;
   std::uint64_t forgotten_request_ = 0;  // the last one whose chunks are of no use
   // Last: their threads use the above.
   SurfaceStream stream_;
-  LatestWorker<std::vector<WantedPlane>, std::vector<SliceImage>> plane_worker_;
-  LatestWorker<MeshOrder, std::string> mesh_worker_;
+  PlaneSet planes_;
 };
 
 }  // namespace isobrick

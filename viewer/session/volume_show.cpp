@@ -60,7 +60,7 @@ void VolumeShow::update(double seconds, UploadAllowance& allowance) {
   next_->session->update(seconds, allowance);
   const bool takes_over =
       next_->session->settled() || (next_->session->hasShown() && !session()->settled());
-  if (!takes_over || session()->writesMesh()) return;
+  if (!takes_over) return;
   shown_ = std::exchange(next_, std::nullopt);
   if (!showsPreview()) aside_.reset();
 }

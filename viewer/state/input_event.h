@@ -66,18 +66,24 @@ static_assert(static_cast<std::size_t>(Key::kF12) + 1 == kKeyCount);
 
 std::optional<Key> keyNamed(std::string_view name);
 
+// The letter of a key in the user's layout. `name`: the text on the key there, UTF-8, may be empty;
+// `us_letter`: that of a US keyboard in this place, 'A' .. 'Z', or 0. It counts if the layout has
+// no Latin letters (Greek, Cyrillic) or says nothing. kNone: the key has no letter.
+Key letterKey(std::string_view name, char us_letter);
+
 struct InputEvent {
   enum class Kind {
     kMove,        // the cursor is at x, y
     kPress,       // of `button`
     kRelease,     // of `button`
-    kWheel,       // by `amount` notches, away from the user
+    kWheel,       // by `amount` notches away from the user, and `across` to the right
     kKeyPress,    // of `key`; repeats of a held key too
     kKeyRelease,  // of `key`
     kText,        // the character `character`
     kResize,      // of the picture: to x by y pixels, 0 while the window is minimised
     kClose,       // the window is to go
     kOpen,        // `path` is to be opened: it was dropped on the window, or chosen
+    kRefresh,     // the window's picture was damaged
   };
 
   Kind kind = Kind::kMove;
@@ -86,11 +92,16 @@ struct InputEvent {
   MouseButton button = MouseButton::kLeft;
   Key key = Key::kNone;
   double amount = 0.0;
+  double across = 0.0;
   unsigned character = 0;
   bool shift = false, control = false;
   bool repeated = false;  // a key that is held
   int clicks = 0;         // of a press: 2 if its sender recognises a double click
   std::string path;       // bytes, as the system has them
+  // When it was noticed, by the caller's clock; none: now. It may have come up to `waited` seconds
+  // earlier, while nobody looked.
+  std::optional<double> seconds = {};
+  double waited = 0.0;
 
   bool operator==(const InputEvent&) const = default;
 };

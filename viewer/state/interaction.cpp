@@ -89,12 +89,14 @@ void press(const InputEvent& event, double seconds, bool on_panel, const ViewVol
   interaction.pressed_face.reset();
   if (on_panel || event.button != MouseButton::kLeft || event.shift) return;
   if (takeHold(volume, state, interaction)) return;
+  // In slow frames both clicks are noticed late: the least time between them counts.
+  const double at = event.seconds.value_or(seconds);
   const bool quick =
-      seconds - interaction.last_click_seconds <= kDoubleClickSeconds &&
+      at - event.waited - interaction.last_click_seconds <= kDoubleClickSeconds &&
       glm::distance(interaction.cursor, interaction.last_click) <= kDoubleClickPixels;
   const bool again = quick || event.clicks == 2;
   if (again) wishes.focus_at = interaction.cursor;
-  interaction.last_click_seconds = again ? -1e9 : seconds;
+  interaction.last_click_seconds = again ? -1e9 : at;
   interaction.last_click = interaction.cursor;
 }
 
@@ -188,7 +190,7 @@ WorldBox boxOfFocus(const ViewVolume& volume, const ViewState& state) {
 
 void plainKey(const InputEvent& event, const ViewVolume& volume, Interaction& interaction,
               ViewState& state, Wishes& wishes) {
-  const double step = event.shift ? 10.0 : 1.0;
+  const double step = (event.shift ? 10.0 : 1.0) * isovalueStep(volume);
   if (event.key == Key::kLeft) return moveIsovalue(-step, volume, state);
   if (event.key == Key::kRight) return moveIsovalue(step, volume, state);
   if (event.repeated || (interaction.flying && fliesWith(event.key))) return;
@@ -284,6 +286,8 @@ Wishes applyEvent(const InputEvent& event, double seconds, bool on_panel, const 
       break;
     case InputEvent::Kind::kText:
       break;  // for panels
+    case InputEvent::Kind::kRefresh:
+      break;  // it brings a frame
     case InputEvent::Kind::kResize:
       interaction.size = {std::max(event.x, 0.0), std::max(event.y, 0.0)};
       break;
@@ -296,6 +300,12 @@ Wishes applyEvent(const InputEvent& event, double seconds, bool on_panel, const 
   }
   if (state.focus.follow_view) state = bounded(state, volume);
   return wishes;
+}
+
+double isovalueStep(const ViewVolume& volume) {
+  const double span = volume.greatest_value - volume.least_value;
+  if (!(span > 0.0) || !std::isfinite(span)) return 1.0;
+  return std::pow(10.0, std::floor(std::log10(1e-3 * span) + 1e-9));
 }
 
 void stepIsovalue(const ViewVolume& volume, ViewState& state) {
@@ -311,6 +321,7 @@ void addWishes(const Wishes& more, Wishes& wishes) {
   const auto join = [](bool one, bool& other) { other = other || one; };
   if (more.focus_at) wishes.focus_at = more.focus_at;
   if (more.open) wishes.open = more.open;
+  if (more.answer) wishes.answer = more.answer;
   join(more.frame_surfaces, wishes.frame_surfaces);
   join(more.first_view, wishes.first_view);
   join(more.undo, wishes.undo);

@@ -57,6 +57,7 @@ struct Wishes {
   bool browse = false;              // the list of files to open, on and off
   bool stop_opening = false;        // cancels the opening under way, or its message
   std::optional<std::string> open;  // this path
+  std::optional<bool> answer;       // to a question (session/wish_guard.h)
 };
 
 // Adds the wishes of `more` to `wishes`.
@@ -83,6 +84,10 @@ void focusOn(const glm::dvec3& world, const ViewVolume& volume, ViewState& state
 // off. A seventh plane is not added.
 void toggleClipPlane(int axis, const ViewVolume& volume, ViewState& state);
 
+// The least step of an isovalue by hand: the greatest power of ten of which the volume's range has
+// at least a thousand. With Shift ten of them.
+double isovalueStep(const ViewVolume& volume);
+
 // The next greater one of the isovalues that are suggested, after the greatest the least, for the
 // active surface. Changes nothing if none is suggested.
 void stepIsovalue(const ViewVolume& volume, ViewState& state);
@@ -98,7 +103,8 @@ inline constexpr KeyHelp kKeyHelp[] = {
     {"right drag, wheel", "zoom towards the cursor"},
     {"Ctrl+wheel", "radius of interest"},
     {"double click", "focus on the surface there, and turn about it"},
-    {"left, right arrow", "isovalue by 1; with Shift by 10"},
+    {"left, right arrow",
+     "isovalue by a thousandth of the range or less; with Shift by 10 of them"},
     {"R", "the next isovalue that is suggested"},
     {"F, Shift+F", "see all of the surface; the focus"},
     {"Ctrl+Z, Ctrl+Shift+Z, Home", "undo, redo; the first view"},

@@ -53,7 +53,7 @@ ViewState bounded(const ViewState& state, const ViewVolume& volume) {
     result.focus.center = volume.geometry.worldToIndex(result.camera.pivot);
   result.focus.center = glm::clamp(result.focus.center, glm::dvec3(0.0), last);
   result.focus.radius = std::clamp(result.focus.radius, 1.0, volume.diagonal());
-  result.pictures.times = std::clamp(result.pictures.times, 1, 16);
+  result.pictures.times = std::clamp(result.pictures.times, 1, kMostPictureTimes);
   if (result.mesh_distance) result.mesh_distance = std::clamp(*result.mesh_distance, 0.01, 1000.0);
   if (result.view_pixels) result.view_pixels = std::clamp(*result.view_pixels, 0.1, 1000.0);
   if (result.clip_planes.size() > kMostClipPlanes) result.clip_planes.resize(kMostClipPlanes);

@@ -53,10 +53,11 @@ struct ViewSlice {
   bool operator==(const ViewSlice&) const = default;
 };
 
+inline constexpr int kMostPictureTimes = 16;
 // The form of pictures of the view, beside the window.
 struct ViewPictures {
   bool transparent = false;  // no background
-  int times = 1;             // as many pixels as the window, along both sides; 1 .. 16
+  int times = 1;  // as many pixels as the window, along both sides; 1 .. kMostPictureTimes
 
   bool operator==(const ViewPictures&) const = default;
 };

@@ -3,13 +3,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <fstream>
 #include <nlohmann/json.hpp>
-#include <sstream>
 #include <string_view>
 #include <type_traits>
 
-#include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"
 
 namespace isobrick {
@@ -195,8 +192,8 @@ void checkRanges(const ViewState& state) {
   if (state.view_pixels && !(*state.view_pixels > 0.0)) refuse("view_pixels", "is not above 0");
   if (state.mesh_distance && !(*state.mesh_distance > 0.0))
     refuse("mesh_distance", "is not above 0");
-  if (state.pictures.times < 1 || state.pictures.times > 16)
-    refuse("pictures.times", "is not from 1 to 16");
+  if (state.pictures.times < 1 || state.pictures.times > kMostPictureTimes)
+    refuse("pictures.times", "is not from 1 to " + std::to_string(kMostPictureTimes));
   if (state.clip_planes.size() > kMostClipPlanes) refuse("clip_planes", "has more than 6 elements");
 }
 
@@ -212,25 +209,6 @@ ViewState viewStateFromJson(const std::string& text) {
   fromJson(json, "", state);
   checkRanges(state);
   return state;
-}
-
-ViewState readViewState(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::ostringstream text;
-  if (!file || !(text << file.rdbuf()))
-    throw Error("cannot read the view '" + path + "'; is it there?", {path});
-  try {
-    return viewStateFromJson(text.str());
-  } catch (const Error& error) {
-    throw Error("'" + path + "': " + error.what() + "; correct it or save the view anew", {path});
-  }
-}
-
-void writeViewState(const std::string& path, const ViewState& state) {
-  const std::string text = viewStateToJson(state);
-  AtomicFile file(path);
-  file.write(text.data(), text.size());
-  file.commit();
 }
 
 }  // namespace isobrick

@@ -1,4 +1,4 @@
-// A view as JSON text and back: `view --state` opens it and Ctrl+S writes it.
+// The state of a view as JSON text and back; view_file.h has the files.
 #pragma once
 
 #include <string>
@@ -13,9 +13,5 @@ std::string viewStateToJson(const ViewState& state);
 // Fields that the text lacks keep their defaults. Throws Error, in one line that names the field,
 // for text that is no JSON, an unknown field, and a value of another type or out of its range.
 ViewState viewStateFromJson(const std::string& text);
-
-// The same from and to a file; Error names the path. The file appears when it is complete.
-ViewState readViewState(const std::string& path);
-void writeViewState(const std::string& path, const ViewState& state);
 
 }  // namespace isobrick

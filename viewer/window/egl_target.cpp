@@ -1,5 +1,7 @@
 #include "isobrick/viewer/window/egl_target.h"
 
+#include <chrono>
+#include <thread>
 #include <utility>
 
 namespace isobrick {
@@ -22,7 +24,12 @@ void EglTarget::renew() {
 
 EglTarget::~EglTarget() = default;
 
-std::vector<InputEvent> EglTarget::takeEvents(double) { return std::exchange(events_, {}); }
+// No event comes while it waits.
+std::vector<InputEvent> EglTarget::takeEvents(double wait_seconds) {
+  if (events_.empty() && wait_seconds > 0.0)
+    std::this_thread::sleep_for(std::chrono::duration<double>(wait_seconds));
+  return std::exchange(events_, {});
+}
 
 // No frame is visible, but measurements need them drawn.
 void EglTarget::show() { glFinish(); }

@@ -23,6 +23,8 @@ class EglTarget : public ViewTarget {
   void setTitle(const std::string&) override {}
   unsigned framebuffer() const override { return *frame_; }
   void show() override;
+  std::string clipboardText() override { return clipboard_; }
+  void setClipboardText(const std::string& text) override { clipboard_ = text; }
 
  private:
   // In this order: the context goes last.
@@ -34,6 +36,7 @@ class EglTarget : public ViewTarget {
   GlFramebuffer frame_;
   GlTexture color_;
   std::vector<InputEvent> events_;
+  std::string clipboard_;  // of this target alone
 };
 
 }  // namespace isobrick

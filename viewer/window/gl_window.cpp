@@ -18,7 +18,6 @@ namespace {
   glfwGetError(&said);
   std::string why = said == nullptr ? "no reason was given" : said;
   std::replace(why.begin(), why.end(), '\n', ' ');
-  glfwTerminate();
   throw Error("cannot open a window with OpenGL 4.5 (" + why +
               "); 'isobrick render' draws pictures without one, and 'isobrick view --offscreen' "
               "runs scripts");
@@ -48,9 +47,13 @@ constexpr std::array kOtherKeys{
     KeyPair{GLFW_KEY_F12, Key::kF12},
 };
 
-Key keyOf(int glfw) {
-  if (glfw >= GLFW_KEY_A && glfw <= GLFW_KEY_Z)
-    return static_cast<Key>(static_cast<int>(Key::kA) + glfw - GLFW_KEY_A);
+// Letters are those of the layout; GLFW counts keys by their places on a US keyboard.
+Key keyOf(int glfw, int scancode) {
+  const bool is_us_letter = glfw >= GLFW_KEY_A && glfw <= GLFW_KEY_Z;
+  const char* const name = glfwGetKeyName(glfw, scancode);
+  const Key letter = letterKey(name == nullptr ? "" : name,
+                               is_us_letter ? static_cast<char>('A' + glfw - GLFW_KEY_A) : '\0');
+  if (letter != Key::kNone) return letter;
   const auto found = std::find_if(kOtherKeys.begin(), kOtherKeys.end(),
                                   [&](const KeyPair& pair) { return pair.glfw == glfw; });
   return found == kOtherKeys.end() ? Key::kNone : found->key;
@@ -94,15 +97,16 @@ struct GlWindow::Callbacks {
                                                          : MouseButton::kMiddle;
     push(window, pressed);
   }
-  static void onWheel(GLFWwindow* window, double, double y) {
+  static void onWheel(GLFWwindow* window, double x, double y) {
     InputEvent turned = event(window, InputEvent::Kind::kWheel);
     turned.amount = y;
+    turned.across = -x;  // GLFW counts to the left
     push(window, turned);
   }
-  static void onKey(GLFWwindow* window, int key, int, int action, int) {
+  static void onKey(GLFWwindow* window, int key, int scancode, int action, int) {
     InputEvent pressed = event(window, action == GLFW_RELEASE ? InputEvent::Kind::kKeyRelease
                                                               : InputEvent::Kind::kKeyPress);
-    pressed.key = keyOf(key);
+    pressed.key = keyOf(key, scancode);
     pressed.repeated = action == GLFW_REPEAT;
     if (pressed.key != Key::kNone) push(window, pressed);
   }
@@ -119,20 +123,28 @@ struct GlWindow::Callbacks {
       push(window, dropped);
     }
   }
+  static void onRefresh(GLFWwindow* window) {
+    push(window, event(window, InputEvent::Kind::kRefresh));
+  }
   static void onSize(GLFWwindow* window, int, int) { of(window).pushSize(); }
   static void onClose(GLFWwindow* window) { push(window, event(window, InputEvent::Kind::kClose)); }
 };
 
 GlWindow::GlWindow(int width, int height, const std::string& title) : title_(title) {
   if (glfwInit() != GLFW_TRUE) refuse();
-  open(width, height);
+  try {
+    open(width, height);
+  } catch (...) {
+    close();
+    glfwTerminate();
+    throw;
+  }
 }
 
 void GlWindow::renew() {
-  int width = 1, height = 1;
-  glfwGetWindowSize(window_, &width, &height);
+  if (window_ != nullptr) glfwGetWindowSize(window_, &last_width_, &last_height_);
   close();
-  open(std::max(width, 1), std::max(height, 1));
+  open(std::max(last_width_, 1), std::max(last_height_, 1));
 }
 
 void GlWindow::open(int width, int height) {
@@ -154,6 +166,7 @@ void GlWindow::open(int width, int height) {
   glfwSetKeyCallback(window_, Callbacks::onKey);
   glfwSetCharCallback(window_, Callbacks::onText);
   glfwSetDropCallback(window_, Callbacks::onDrop);
+  glfwSetWindowRefreshCallback(window_, Callbacks::onRefresh);
   glfwSetFramebufferSizeCallback(window_, Callbacks::onSize);
   glfwSetWindowCloseCallback(window_, Callbacks::onClose);
   pushSize();
@@ -201,6 +214,15 @@ double GlWindow::scale() const {
 void GlWindow::setTitle(const std::string& title) {
   title_ = title;
   glfwSetWindowTitle(window_, title_.c_str());
+}
+
+std::string GlWindow::clipboardText() {
+  const char* const text = glfwGetClipboardString(window_);
+  return text == nullptr ? "" : text;
+}
+
+void GlWindow::setClipboardText(const std::string& text) {
+  glfwSetClipboardString(window_, text.c_str());
 }
 
 void GlWindow::show() { glfwSwapBuffers(window_); }

@@ -24,6 +24,8 @@ class GlWindow : public ViewTarget {
   void setTitle(const std::string& title) override;
   unsigned framebuffer() const override { return 0; }
   void show() override;
+  std::string clipboardText() override;
+  void setClipboardText(const std::string& text) override;
 
  private:
   struct Callbacks;
@@ -32,6 +34,7 @@ class GlWindow : public ViewTarget {
   void pushSize();
 
   GLFWwindow* window_ = nullptr;
+  int last_width_ = 1, last_height_ = 1;  // in the units of the desktop, for another window
   std::string title_;
   std::unique_ptr<GlSceneRenderer> renderer_;
   std::vector<InputEvent> events_;

@@ -138,10 +138,15 @@ Wishes StatusPanel::build(ViewSession* session, const PanelFacts& facts, float s
 void StatusPanel::sessionLine(ViewSession& session, const PanelFacts& facts, float scale,
                               bool hovers) {
   const SessionStatus status = session.status();
-  if (!status.error.empty()) {
-    ImGui::TextColored({1.0f, 0.5f, 0.4f, 1.0f}, "%s", status.error.c_str());
+  const std::string& failure = facts.failure.empty() ? status.error : facts.failure;
+  if (!failure.empty()) {
+    ImGui::TextColored({1.0f, 0.5f, 0.4f, 1.0f}, "%s", failure.c_str());
   } else {
     ImGui::TextUnformatted(status.doing.c_str());
+    if (!facts.writing.empty()) {
+      ImGui::SameLine();
+      ImGui::Text("| writing %s", facts.writing.c_str());
+    }
     if (!status.limited.empty()) {
       ImGui::SameLine();
       ImGui::TextColored({1.0f, 0.85f, 0.5f, 1.0f}, "| %s", status.limited.c_str());
@@ -151,10 +156,9 @@ void StatusPanel::sessionLine(ViewSession& session, const PanelFacts& facts, flo
       ImGui::Text("| %s", facts.message.c_str());
     }
   }
-  // Reading depth waits for the drawing, so it is read only at rest.
-  if (session.settled() && hovers) {
+  if (hovers) {
     hover_.clear();
-    if (const auto point = session.surfaceAt(session.interaction().cursor)) {
+    if (const auto point = session.surfaceUnderCursor()) {
       const glm::dvec3 voxel = session.volume().geometry.worldToIndex(*point);
       hover_ = text("voxel %.1f %.1f %.1f   world %.1f %.1f %.1f", voxel.x, voxel.y, voxel.z,
                     point->x, point->y, point->z);

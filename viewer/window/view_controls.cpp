@@ -48,7 +48,8 @@ void histogram(ViewSession& session, float scale) {
     list.AddTriangleFilled({x - half, at.y}, {x + half, at.y}, {x, at.y + 1.6f * half},
                            IM_COL32(140, 220, 150, 255));
   }
-  ImGui::InputDouble("isovalue", &active.isovalue, 1.0, 10.0, "%.6g");
+  const double step = isovalueStep(session.volume());
+  ImGui::InputDouble("isovalue", &active.isovalue, step, 10.0 * step, "%.6g");
   if (session.volume().isovalues.empty()) return;
   if (ImGui::SmallButton("next suggestion")) stepIsovalue(session.volume(), state);
   for (const double suggested : session.volume().isovalues) {
@@ -211,12 +212,15 @@ void valueBar(float scale) {
   const ImVec2 at = ImGui::GetCursorScreenPos();
   const ImVec2 size{ImGui::GetContentRegionAvail().x, 10.0f * scale};
   ImGui::Dummy(size);
-  const float step = size.x / static_cast<float>(kValueColors.size() - 1);
-  const auto colorOf = [](const glm::vec3& c) {
+  // ImGui mixes sRGB values, the surfaces light: parts so small that it makes no difference.
+  constexpr int kParts = 64;
+  const auto colorAt = [](int part) {
+    const glm::vec3 c = valueColor(static_cast<double>(part) / kParts);
     return ImGui::ColorConvertFloat4ToU32({c.r, c.g, c.b, 1.0f});
   };
-  for (std::size_t i = 0; i + 1 < kValueColors.size(); ++i) {
-    const ImU32 low = colorOf(kValueColors[i]), high = colorOf(kValueColors[i + 1]);
+  const float step = size.x / kParts;
+  for (int i = 0; i < kParts; ++i) {
+    const ImU32 low = colorAt(i), high = colorAt(i + 1);
     const float x = at.x + step * static_cast<float>(i);
     ImGui::GetWindowDrawList()->AddRectFilledMultiColor({x, at.y}, {x + step, at.y + size.y}, low,
                                                         high, high, low);
@@ -297,7 +301,7 @@ Wishes files(ViewState& state, float scale) {
   ImGui::Checkbox("transparent", &state.pictures.transparent);
   ImGui::SameLine();
   ImGui::SetNextItemWidth(80.0f * scale);
-  ImGui::SliderInt("x window", &state.pictures.times, 1, 8);
+  ImGui::SliderInt("x window", &state.pictures.times, 1, kMostPictureTimes);
   meshDistance(state.mesh_distance, scale);
   return wishes;
 }

@@ -1,16 +1,10 @@
 #include "isobrick/viewer/window/view_loop.h"
 
-#include <sys/resource.h>
-
 #include <algorithm>
-#include <array>
 #include <chrono>
-#include <cstdio>
 #include <deque>
 #include <filesystem>
-#include <map>
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <thread>
 #include <utility>
@@ -21,10 +15,15 @@
 #include "isobrick/storage/pyramid_file.h"
 #include "isobrick/viewer/image.h"
 #include "isobrick/viewer/session/folder_listing.h"
+#include "isobrick/viewer/session/frame_report.h"
+#include "isobrick/viewer/session/mesh_queue.h"
+#include "isobrick/viewer/session/output_names.h"
+#include "isobrick/viewer/session/script_recording.h"
 #include "isobrick/viewer/session/view_script.h"
 #include "isobrick/viewer/session/view_session.h"
 #include "isobrick/viewer/session/volume_show.h"
-#include "isobrick/viewer/state/view_state_json.h"
+#include "isobrick/viewer/session/wish_guard.h"
+#include "isobrick/viewer/state/view_file.h"
 #include "isobrick/viewer/window/egl_target.h"
 #include "isobrick/viewer/window/gl_window.h"
 #include "isobrick/viewer/window/view_panel.h"
@@ -36,98 +35,11 @@ namespace fs = std::filesystem;
 
 constexpr std::size_t kFrameTimes = 240;
 constexpr double kIdleSeconds = 0.1;       // between updates if nothing moves
+constexpr double kHiddenSeconds = 0.02;    // likewise, if things move and no picture is there
 constexpr double kStayAwakeSeconds = 0.5;  // after the last event: panels fade and blink
 
 double secondsNow() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
-
-// The figures of a frame in a script's report.
-struct ReportedFrame {
-  double seconds = 0.0;  // since the begin
-  FrameTimes times;
-  double surface_age = 0.0;
-  double shown_radius = 0.0;
-  std::uint64_t triangles = 0;
-  std::uint64_t triangles_made = 0;
-  std::uint64_t uploaded_bytes = 0;
-  std::vector<SurfaceWait> waits;
-};
-
-nlohmann::ordered_json spreadOf(std::vector<double> values) {
-  auto spread = nlohmann::ordered_json::object();
-  std::sort(values.begin(), values.end());
-  const auto at = [&](double share) {
-    return values.empty()
-               ? 0.0
-               : values[static_cast<std::size_t>(share * static_cast<double>(values.size() - 1))];
-  };
-  spread["median"] = at(0.5);
-  spread["p95"] = at(0.95);
-  spread["max"] = at(1.0);
-  return spread;
-}
-
-// The ages of surfaces when another one replaced them, and their parts.
-void addWaits(const std::vector<ReportedFrame>& frames, nlohmann::ordered_json& report) {
-  constexpr std::array<std::pair<const char*, double SurfaceWait::*>, 4> kParts{
-      {{"before", &SurfaceWait::before},
-       {"extraction", &SurfaceWait::extraction},
-       {"uploads", &SurfaceWait::uploads},
-       {"drawing", &SurfaceWait::drawing}}};
-  std::map<std::string, std::vector<double>> values;
-  nlohmann::ordered_json list = nlohmann::ordered_json::array();
-  for (const ReportedFrame& f : frames) {
-    for (const SurfaceWait& wait : f.waits) {
-      nlohmann::ordered_json& one = list.emplace_back();
-      one["seconds"] = f.seconds;
-      one["triangles_made"] = f.triangles_made;
-      one["total_ms"] = 1e3 * wait.total();
-      values["total"].push_back(1e3 * wait.total());
-      for (const auto& [name, part] : kParts) {
-        one[std::string(name) + "_ms"] = 1e3 * wait.*part;
-        values[name].push_back(1e3 * wait.*part);
-      }
-    }
-  }
-  for (const char* name : {"total", "before", "extraction", "uploads", "drawing"})
-    report["surface_wait_ms"][name] = spreadOf(values[name]);
-  report["each_surface"] = std::move(list);
-}
-
-std::string reportOf(const std::vector<ReportedFrame>& frames, const std::string& device,
-                     const SessionStatus& status) {
-  auto report = nlohmann::ordered_json::object();
-  report["device"] = device;
-  report["frames"] = frames.size();
-  report["seconds"] = frames.empty() ? 0.0 : frames.back().seconds;
-  const auto spread = [&](auto&& value) {
-    std::vector<double> values;
-    for (const ReportedFrame& frame : frames) values.push_back(value(frame));
-    return spreadOf(std::move(values));
-  };
-  report["interface_ms"] = spread([](const auto& f) { return 1e3 * f.times.interface; });
-  report["draw_ms"] = spread([](const auto& f) { return 1e3 * f.times.draw; });
-  report["surface_age_ms"] = spread([](const auto& f) { return 1e3 * f.surface_age; });
-  report["uploaded_bytes"] =
-      spread([](const auto& f) { return static_cast<double>(f.uploaded_bytes); });
-  report["passes"] = status.passes;
-  addWaits(frames, report);
-  rusage usage{};
-  getrusage(RUSAGE_SELF, &usage);
-  report["peak_rss_bytes"] = std::uint64_t{1024} * static_cast<std::uint64_t>(usage.ru_maxrss);
-  nlohmann::ordered_json list = nlohmann::ordered_json::array();
-  for (const ReportedFrame& f : frames)
-    list.push_back({{"seconds", f.seconds},
-                    {"interface_ms", 1e3 * f.times.interface},
-                    {"draw_ms", 1e3 * f.times.draw},
-                    {"surface_age_ms", 1e3 * f.surface_age},
-                    {"radius", f.shown_radius},
-                    {"triangles", f.triangles},
-                    {"triangles_made", f.triangles_made},
-                    {"uploaded_bytes", f.uploaded_bytes}});
-  report["each_frame"] = std::move(list);
-  return report.dump(1) + "\n";
 }
 
 std::unique_ptr<ViewTarget> makeTarget(const ViewOptions& options, int width, int height,
@@ -146,45 +58,20 @@ bool isOpenedBeside(const std::string& source) {
          (fs::exists(source, ignored) && !isPyramidFile(source));
 }
 
-// The name of its files: "scan" for "scans/scan.nii.gz", "head-256" for "phantom:head:256".
-std::string stemOf(const std::string& source) {
-  if (isRemotePath(source))
-    return fs::path(source.substr(0, source.find_first_of("?#"))).stem().string();
-  if (source.rfind("phantom:", 0) == 0) {
-    std::string name = source.substr(source.find(':') + 1);
-    std::replace(name.begin(), name.end(), ':', '-');
-    return name;
-  }
-  fs::path path = source;
-  if (!path.has_filename()) path = path.parent_path();
-  if (path.extension() == ".gz") path = path.stem();
-  return path.stem().string();
-}
-
-// The first name STEM-0001.png, STEM-0002.png, ... that is free.
-std::string freeName(const std::string& stem, const char* extension) {
-  for (int number = 1; number < 10000; ++number) {
-    std::array<char, 16> digits{};
-    std::snprintf(digits.data(), digits.size(), "-%04d", number);
-    const std::string name = stem + digits.data() + extension;
-    if (!fs::exists(name)) return name;
-  }
-  throw Error("all names from '" + stem + "-0001" + extension + "' on are taken; move some away");
-}
-
 class ViewLoop {
  public:
   explicit ViewLoop(const ViewOptions& options)
       : options_(options),
-        state_path_(options.state_path),
+        path_(options.path),
         recent_(readRecentFiles(options.recent_path)),
         show_({options.threads, options.gpu_budget_bytes}),
-        opener_(options.build, options.memory_bytes, options.remote) {
+        opener_(options.build, options.memory_bytes, options.remote),
+        meshes_(options.threads) {
+    if (!options.state_path.empty()) first_view_ = readView(options.state_path);
+    if (path_.empty() && first_view_) path_ = first_view_->volume;
     std::optional<OpenedVolume> first;
-    const bool opens_beside = !options.path.empty() && isOpenedBeside(options.path);
-    if (!options.path.empty() && !opens_beside)
-      first = openPyramid(options.path, options.memory_bytes);
-    if (!options.state_path.empty()) first_state_ = readViewState(options.state_path);
+    const bool opens_beside = !path_.empty() && isOpenedBeside(path_);
+    if (!path_.empty() && !opens_beside) first = openPyramid(path_, options.memory_bytes);
     int width = options.width, height = options.height;
     double scale = 1.0;  // of a target without a window
     if (!options.script_path.empty()) {
@@ -196,11 +83,11 @@ class ViewLoop {
       fs::create_directories(options.frames_folder);
     }
     target_ = makeTarget(options, width, height, scale);
-    panel_ = std::make_unique<ViewPanel>(target_->scale());
+    panel_ = std::make_unique<ViewPanel>(target_->scale(), *target_);
     if (first)
       show(std::move(*first));
     else if (opens_beside)
-      opener_.open(options.path);
+      opener_.open(path_);
     else if (!player_)
       panel_->toggleOpening();
   }
@@ -210,13 +97,8 @@ class ViewLoop {
     while (!closing_) {
       if (options_.cancel != nullptr) options_.cancel->check();
       takeEvents();
-      if (!closing_ && (awake() || opener_.status().busy || !events_.empty())) frame();
-    }
-    if (!options_.record_path.empty()) {
-      const std::string script = recorder_.json(first_width_, first_height_, target_->scale());
-      AtomicFile file(options_.record_path);
-      file.write(script.data(), script.size());
-      file.commit();
+      const bool works = opener_.status().busy || meshes_.unwritten() > 0;
+      if (!closing_ && (awake() || works || !events_.empty())) frame();
     }
     if (!options_.report_path.empty()) {
       const std::string report = reportOf(reported_, target_->renderer().deviceName(), status());
@@ -233,7 +115,9 @@ class ViewLoop {
            (session() != nullptr && session()->interaction().flying);
   }
   // True if everything requested is shown.
-  bool settled() const { return !opener_.status().busy && !outcome_ && show_.settled(); }
+  bool settled() const {
+    return !opener_.status().busy && !outcome_ && show_.settled() && meshes_.unwritten() == 0;
+  }
   ScriptSight whatIsThere() const { return {settled(), show_.showsPreview() && show_.settled()}; }
   SessionStatus status() const {
     return session() != nullptr ? session()->status() : SessionStatus{};
@@ -259,7 +143,12 @@ class ViewLoop {
 
   void nameAfter(const std::string& source, const char* what) {
     stem_ = stemOf(source);
-    if (options_.state_path.empty()) state_path_ = stem_ + ".view.json";
+    if (source != named_after_) own_view_.forget();
+    named_after_ = source;
+    // The view of `--state` is that of the volume that it was opened with.
+    if (!first_source_) first_source_ = source;
+    state_path_ = !options_.state_path.empty() && source == *first_source_ ? options_.state_path
+                                                                           : stem_ + ".view.json";
     target_->setTitle(shownName(fs::path(source).filename().string()) + what + " - isobrick");
   }
 
@@ -274,12 +163,25 @@ class ViewLoop {
   }
 
   // After the loss of a context, by a driver that was reset or by a script: all its objects are
-  // made again from the shown state.
+  // made again from the shown state. A driver may need seconds until it makes another context.
   void renewContext() {
+    if (++losses_ > kMostLosses)
+      throw Error("the graphics driver was reset " + std::to_string(kMostLosses) +
+                  " times without drawing a frame; 'isobrick render' draws pictures");
     show_.suspend();
     panel_.reset();
-    target_->renew();
-    panel_ = std::make_unique<ViewPanel>(target_->scale());
+    constexpr int kMostTries = 20;
+    for (int tries = 1;; ++tries) {
+      try {
+        target_->renew();
+        break;
+      } catch (const Error&) {
+        if (tries == kMostTries) throw;
+      }
+      if (options_.cancel != nullptr) options_.cancel->check();
+      std::this_thread::sleep_for(std::chrono::milliseconds(250));
+    }
+    panel_ = std::make_unique<ViewPanel>(target_->scale(), *target_);
     show_.resume(target_->renderer());
   }
 
@@ -291,27 +193,55 @@ class ViewLoop {
     if (!outcome) return;
     if (!outcome->volume) giveUpPreview();
     // The steps of a script.
-    if (!outcome->volume && player_ && session() == nullptr && outcome->source == options_.path)
+    if (!outcome->volume && player_ && session() == nullptr && outcome->source == path_)
       throw Error(outcome->error);
     open_error_ = outcome->error;
     if (outcome->volume) show(std::move(*outcome->volume));
   }
 
+  // False if there is no room for a picture. One that cannot be drawn, for want of memory, is
+  // empty, and tried again with the next frame.
   bool draw() {
-    if (session() != nullptr) return session()->draw();
     if (width_ < 1 || height_ < 1) return false;
+    try {
+      drawScene();
+      target_->renderer().present(target_->framebuffer());
+      draw_error_.clear();
+    } catch (const RendererLost&) {
+      throw;
+    } catch (const Error& error) {
+      draw_error_ = error.what();
+      target_->renderer().presentNothing(target_->framebuffer(), width_, height_);
+    }
+    return true;
+  }
+
+  void drawScene() {
+    if (session() != nullptr) {
+      session()->draw();
+      return;
+    }
     SceneFrame frame;
     frame.width = width_;
     frame.height = height_;
     frame.background_top = idle_state_.background_top;
     frame.background_bottom = idle_state_.background_bottom;
     target_->renderer().draw(frame);
-    return true;
   }
 
+  // With the times between which they came: events that nobody looked for in a slow frame are
+  // reported at its end.
   void takeEvents() {
-    const std::vector<InputEvent> events = target_->takeEvents(awake() ? 0.0 : kIdleSeconds);
-    if (!events.empty()) awake_until_ = secondsNow() + kStayAwakeSeconds;
+    const double looked_last = std::exchange(looked_, secondsNow());
+    const double wait = !awake() ? kIdleSeconds : drawn_ ? 0.0 : kHiddenSeconds;
+    std::vector<InputEvent> events = target_->takeEvents(wait);
+    const double now = secondsNow();
+    if (!events.empty()) awake_until_ = now + kStayAwakeSeconds;
+    for (InputEvent& event : events) {
+      event.seconds = now;
+      event.waited = std::max(0.0, looked_ - looked_last);
+    }
+    looked_ = now;
     events_.insert(events_.end(), events.begin(), events.end());
   }
 
@@ -323,31 +253,50 @@ class ViewLoop {
     if (scripted.state) state() = *scripted.state;
     if (scripted.size) target_->resize(scripted.size->width, scripted.size->height);
     events_.insert(events_.end(), scripted.events.begin(), scripted.events.end());
-    if (scripted.lose_context || target_->renderer().isLost()) renewContext();
+    try {
+      if (scripted.lose_context || target_->renderer().isLost()) renewContext();
+      showFrame(begin, scripted);
+      losses_ = 0;
+    } catch (const RendererLost&) {
+      renewContext();
+    }
+    const bool ends = player_ && scripted.finished && meshes_.unwritten() == 0;
+    closing_ = closing_ || ends;
+  }
 
-    const Wishes wishes = takeInput(begin);
+  void showFrame(double begin, const ScriptFrame& scripted) {
+    addWishes(takeInput(begin), wishes_);
     UploadAllowance allowance;
     show_.update(begin, allowance);
     const double idle = waitForSurface(allowance);
     uploaded_bytes_ = kUploadBytes - allowance.bytes;
     const double drawing = secondsNow();
-    const bool drawn = draw();
-    if (drawn) {
-      target_->renderer().present(target_->framebuffer());
+    drawn_ = draw();
+    if (drawn_)
       panel_->draw();
-    } else {
+    else
       panel_->discard();
-    }
     const double drawn_by = secondsNow();
-    if (scripted.file) writeScripted(*scripted.file, drawn);  // from the frame shown next
+    if (scripted.file) writeScripted(*scripted.file, drawn_);  // from the frame shown next
     const double written = secondsNow();
-    if (drawn) target_->show();
+    if (drawn_) target_->show();
     const double draw_seconds = drawn_by - drawing + secondsNow() - written;
-    if (drawn && session() != nullptr) session()->noteDrawing(draw_seconds);
+    if (drawn_ && draw_error_.empty() && session() != nullptr) session()->noteDrawing(draw_seconds);
     remember({drawing - begin - idle, draw_seconds}, begin);
-    if (drawn) grant(wishes);
+    Wishes wishes = std::exchange(wishes_, {});
+    // A picture needs a frame.
+    if (!drawn_) {
+      wishes_.screenshot = std::exchange(wishes.screenshot, false);
+      wishes_.screenshot_exr = std::exchange(wishes.screenshot_exr, false);
+    }
+    wishes = guard_.pass(std::move(wishes), stakes());
+    grant(wishes);
     grantOpening(wishes);
-    closing_ = closing_ || wishes.close || (player_ && scripted.finished);
+    closing_ = closing_ || wishes.close;
+  }
+
+  Stakes stakes() const {
+    return {meshes_.unwritten(), own_view_.isOther(state_path_) ? state_path_ : std::string()};
   }
 
   // While the frame may upload more bytes. Returns the seconds in which nothing was done.
@@ -382,11 +331,12 @@ class ViewLoop {
     }
     for (const InputEvent& event : now) {
       panel_->feed(event);
-      if (first_width_ > 0) recorder_.add(seconds, event);
+      if (recording_) recording_->add(event.seconds.value_or(seconds), event);
       if (event.kind == InputEvent::Kind::kResize) {
         width_ = static_cast<int>(event.x);
         height_ = static_cast<int>(event.y);
-        if (first_width_ == 0) first_width_ = width_, first_height_ = height_;
+        if (!options_.record_path.empty() && !recording_ && width_ > 0 && height_ > 0)
+          recording_.emplace(options_.record_path, width_, height_, target_->scale());
       }
     }
     panel_->begin(width_, height_, seconds - last_frame_);
@@ -402,14 +352,18 @@ class ViewLoop {
                     : applyEvent(event, seconds, on_panel, {}, idle_interaction_, idle_state_),
                 wishes);
     }
-    if (first_state_ && session() != nullptr && height_ > 0) {
-      session()->state() = *first_state_;
-      first_state_.reset();
+    if (first_view_ && session() != nullptr && height_ > 0) {
+      session()->state() = first_view_->state;
+      first_view_.reset();
     }
-    if (session() != nullptr)
-      if (const auto written = session()->takeExported()) message_ = "wrote " + *written;
-    addWishes(panel_->build(session(), {frames_, message_, target_->renderer().deviceName(),
-                                        opener_.status(), open_error_, recent_}),
+    while (const auto mesh = meshes_.poll()) {
+      mesh_error_ = mesh->error;
+      if (mesh->error.empty()) message_ = "wrote " + mesh->path;
+    }
+    const std::string& failure = draw_error_.empty() ? mesh_error_ : draw_error_;
+    addWishes(panel_->build(session(),
+                            {frames_, message_, target_->renderer().deviceName(), opener_.status(),
+                             open_error_, recent_, meshes_.underWay(), failure, guard_.question()}),
               wishes);
     return wishes;
   }
@@ -433,18 +387,37 @@ class ViewLoop {
       if (wishes.screenshot) writePicture(freeName(stem_, ".png"));
       if (wishes.screenshot_exr) writePicture(freeName(stem_, ".exr"));
       if (session() == nullptr) return;
-      if (wishes.export_mesh) session()->exportMesh(freeName(stem_, ".ply"));
+      if (wishes.export_mesh) {
+        const auto isTaken = [&](const std::string& name) { return meshes_.willWrite(name); };
+        orderMesh(freeName(stem_, ".ply", isTaken));
+      }
       if (wishes.save_state) {
-        writeViewState(state_path_, session()->state());
+        writeView(state_path_, viewNow());
+        own_view_.noteWritten(state_path_);
         message_ = "wrote " + state_path_;
       }
       if (wishes.load_state) {
-        session()->state() = readViewState(state_path_);
+        const SavedView view = readView(state_path_);
+        session()->state() = view.state;
         message_ = "read " + state_path_;
+        if (!view.volume.empty() && !isSameVolume(view.volume, show_.opened()->source))
+          message_ += ", a view of " + view.volume;
       }
+    } catch (const RendererLost&) {
+      message_ = "the graphics driver was reset, and no picture was written";
+      throw;
     } catch (const Error& error) {
       message_ = error.what();
     }
+  }
+
+  SavedView viewNow() {
+    return {show_.opened() != nullptr ? show_.opened()->source : std::string(), state()};
+  }
+
+  void orderMesh(const std::string& path) {
+    mesh_error_.clear();
+    meshes_.add(session()->meshOrder(path));
   }
 
   // The scene without panels. It is drawn anew, so the screen's is, too, before it is shown.
@@ -467,13 +440,13 @@ class ViewLoop {
         if (drawn) writePicture(path);
         break;
       case ScriptFile::What::kMesh:
-        if (session() != nullptr) session()->exportMesh(path);
+        if (session() != nullptr) orderMesh(path);
         break;
       case ScriptFile::What::kShownMesh:
         if (session() != nullptr) session()->writeShownMesh(path);
         break;
       case ScriptFile::What::kState:
-        writeViewState(path, state());
+        writeView(path, viewNow());
         break;
     }
   }
@@ -487,8 +460,13 @@ class ViewLoop {
                          now.triangles_made, uploaded_bytes_, waits_});
   }
 
+  static constexpr int kMostLosses = 10;
+
   const ViewOptions& options_;
-  std::string stem_ = "isobrick", state_path_;
+  std::string path_;  // to begin with
+  std::string stem_ = "isobrick", state_path_ = "isobrick.view.json";
+  std::string named_after_;                  // the volume of these names
+  std::optional<std::string> first_source_;  // the first of them
   std::vector<std::string> recent_;
   std::string open_error_;
   std::optional<ScriptPlayer> player_;
@@ -497,19 +475,25 @@ class ViewLoop {
   std::unique_ptr<ViewPanel> panel_;
   VolumeShow show_;
   VolumeOpener opener_;  // its end waits for that of a build
+  MeshQueue meshes_;
   std::optional<VolumeOpener::Outcome> outcome_;
   // While nothing is open.
   Interaction idle_interaction_;
   ViewState idle_state_;
 
-  std::optional<ViewState> first_state_;
+  std::optional<SavedView> first_view_;
   std::deque<InputEvent> events_;
   int width_ = 0, height_ = 0;
-  int first_width_ = 0, first_height_ = 0;
-  ScriptRecorder recorder_;
+  std::optional<ScriptRecording> recording_;  // from the first size on
   double begin_ = 0.0, last_frame_ = 0.0, awake_until_ = 0.0;
+  double looked_ = 0.0;  // for events
+  bool drawn_ = true;    // in the last frame
   bool closing_ = false;
-  std::string message_;
+  int losses_ = 0;  // of the context, since a frame was whole
+  Wishes wishes_;   // that were not granted yet
+  WishGuard guard_;
+  OwnViewFile own_view_;
+  std::string message_, draw_error_, mesh_error_;
   std::deque<FrameTimes> frames_;
   std::vector<ReportedFrame> reported_;
   // For the last frame.

@@ -17,9 +17,18 @@ int indexOf(Key key) { return static_cast<int>(key); }
 
 }  // namespace
 
-ViewPanel::ViewPanel(double scale) : scale_(scale) {
+ViewPanel::ViewPanel(double scale, Clipboard& clipboard) : scale_(scale), clipboard_(clipboard) {
   ImGui::CreateContext();
   ImGuiIO& io = ImGui::GetIO();
+  io.ClipboardUserData = this;
+  io.SetClipboardTextFn = [](void* panel, const char* text) {
+    static_cast<ViewPanel*>(panel)->clipboard_.setClipboardText(text);
+  };
+  io.GetClipboardTextFn = [](void* panel) {
+    auto& self = *static_cast<ViewPanel*>(panel);
+    self.pasted_ = self.clipboard_.clipboardText();
+    return self.pasted_.c_str();
+  };
   io.IniFilename = nullptr;  // nothing is left in the user's folder
   io.FontGlobalScale = static_cast<float>(scale);
   ImGui::StyleColorsDark();
@@ -74,6 +83,7 @@ void ViewPanel::feed(const InputEvent& event) {
       break;
     case InputEvent::Kind::kWheel:
       io.MouseWheel += static_cast<float>(event.amount);
+      io.MouseWheelH -= static_cast<float>(event.across);  // it counts to the left
       break;
     case InputEvent::Kind::kKeyPress:
       io.KeysDown[indexOf(event.key)] = true;
@@ -87,6 +97,7 @@ void ViewPanel::feed(const InputEvent& event) {
     case InputEvent::Kind::kResize:
     case InputEvent::Kind::kClose:
     case InputEvent::Kind::kOpen:
+    case InputEvent::Kind::kRefresh:
       break;
   }
 }
@@ -139,6 +150,7 @@ Wishes ViewPanel::build(ViewSession* session, const PanelFacts& facts) {
   if (session != nullptr && session->interaction().show_panel) wishes = panel(*session, facts);
   addWishes(status_.build(session, facts, scale, hovers), wishes);
   addWishes(open_panel_.build(scale_, facts.recent), wishes);
+  addWishes(buildQuestion(facts.question), wishes);
   if (session != nullptr) buildOverlay(*session, scale, hovers);
   return wishes;
 }

@@ -2,14 +2,18 @@
 #pragma once
 
 #include <deque>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "isobrick/viewer/session/folder_listing.h"
+#include "isobrick/viewer/session/frame_report.h"
 #include "isobrick/viewer/session/view_session.h"
 #include "isobrick/viewer/session/volume_opener.h"
+#include "isobrick/viewer/session/wish_guard.h"
 #include "isobrick/viewer/state/interaction.h"
 #include "isobrick/viewer/stream/latest_worker.h"
+#include "isobrick/viewer/window/clipboard.h"
 
 namespace isobrick {
 
@@ -43,12 +47,6 @@ class OpenPanel {
   LatestWorker<std::string, FolderListing> lister_;
 };
 
-// How long one frame took, in seconds.
-struct FrameTimes {
-  double interface = 0.0;  // events, state, panel, requests and uploads
-  double draw = 0.0;       // the scene and the panel, by the graphics card or the processor
-};
-
 // The facts of the panel beside the session.
 struct PanelFacts {
   const std::deque<FrameTimes>& frames;  // the last ones
@@ -57,7 +55,13 @@ struct PanelFacts {
   VolumeOpener::Status opening;
   std::string open_error;  // why the last opening ended without a volume; empty: it did not
   const std::vector<std::string>& recent;  // volumes opened last
+  std::string writing;                     // the mesh under way; empty: none
+  std::string failure;                     // beside the session's: of a mesh, of the drawing
+  const std::optional<UserQuestion>& question;
 };
+
+// Asks in the middle of the window; Enter is a yes, Esc a no. The answer is a wish.
+Wishes buildQuestion(const std::optional<UserQuestion>& question);
 
 // Figures, into the window of Dear ImGui that is being built.
 void buildStatistics(const ViewSession& session, const PanelFacts& facts, float scale);
@@ -78,8 +82,8 @@ class StatusPanel {
 // feed() its events, begin(), build(), draw().
 class ViewPanel {
  public:
-  // Throws Error if ImGui cannot use the context.
-  explicit ViewPanel(double scale);
+  // `clipboard` outlives it. Throws Error if ImGui cannot use the context.
+  ViewPanel(double scale, Clipboard& clipboard);
   ~ViewPanel();
   ViewPanel(const ViewPanel&) = delete;
   ViewPanel& operator=(const ViewPanel&) = delete;
@@ -102,6 +106,8 @@ class ViewPanel {
   Wishes panel(ViewSession& session, const PanelFacts& facts);
 
   double scale_;
+  Clipboard& clipboard_;
+  std::string pasted_;  // for ImGui, until the next call
   StatusPanel status_;
   OpenPanel open_panel_;
 };

@@ -7,17 +7,16 @@
 #include "isobrick/viewer/image.h"
 #include "isobrick/viewer/render/gl_scene_renderer.h"
 #include "isobrick/viewer/state/input_event.h"
+#include "isobrick/viewer/window/clipboard.h"
 
 namespace isobrick {
 
 // Lives on one thread, on which its context is current all the time.
-class ViewTarget {
+class ViewTarget : public Clipboard {
  public:
-  virtual ~ViewTarget() = default;
-
   virtual GlSceneRenderer& renderer() = 0;
   // Makes another context and renderer in the place of the lost ones; all objects of these are gone
-  // by then. Its size comes as an event.
+  // by then. Its size comes as an event. Throws Error if there is none; it may be called again.
   virtual void renew() = 0;
   // The events since the last call, the size of the picture first of all; waits for the first event
   // for at most so long.

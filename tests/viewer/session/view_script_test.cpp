@@ -109,7 +109,7 @@ TEST(ViewScriptTest, WhatWasRecordedIsPlayedAgain) {
     if (event.kind == Kind::kMove) event.x = 12.25, event.y = 40.0;
     if (event.kind == Kind::kPress || event.kind == Kind::kRelease)
       event.button = MouseButton::kRight;
-    if (event.kind == Kind::kWheel) event.amount = -2.0;
+    if (event.kind == Kind::kWheel) event.amount = -2.0, event.across = 0.5;
     if (event.kind == Kind::kKeyPress || event.kind == Kind::kKeyRelease) event.key = Key::kPad7;
     if (event.kind == Kind::kText) event.character = '"';
     event.shift = kind % 2 == 1 && kind != 7;
@@ -117,17 +117,22 @@ TEST(ViewScriptTest, WhatWasRecordedIsPlayedAgain) {
     if (event.kind != Kind::kResize) events.push_back(event);
   }
   ScriptRecorder recorder;
+  std::string steps;
   for (std::size_t i = 0; i < events.size(); ++i)
-    recorder.add(0.01 * static_cast<double>(i * i), events[i]);
+    steps += recorder.add(0.01 * static_cast<double>(i * i), events[i]);
   InputEvent close;
   close.kind = Kind::kClose;
-  recorder.add(9.0, close);  // no step: a script ends of its own
-  const ViewScript script = viewScriptFromJson(recorder.json(300, 200, 1.75));
+  EXPECT_EQ(recorder.add(9.0, close), "");  // a script ends of its own
+  const auto scriptOf = [&](double scale) {
+    return viewScriptFromJson(ScriptRecorder::head(300, 200, scale) + steps +
+                              ScriptRecorder::kTail);
+  };
+  const ViewScript script = scriptOf(1.75);
   EXPECT_EQ(script.width, 300);
   EXPECT_EQ(script.height, 200);
   EXPECT_EQ(script.scale, 1.75);
   // A screen finer than a script's can be.
-  EXPECT_EQ(viewScriptFromJson(recorder.json(300, 200, 3.0)).scale, 2.5);
+  EXPECT_EQ(scriptOf(3.0).scale, 2.5);
   std::vector<InputEvent> played;
   double waited = 0.0;
   for (const ScriptStep& step : script.steps) {
@@ -196,14 +201,17 @@ TEST(ViewScriptTest, VolumesAreOpenedAndRecorded) {
   InputEvent drop;
   drop.kind = InputEvent::Kind::kOpen;
   drop.path = "/scans/head \"1\".nrrd";
-  recorder.add(0.0, drop);
-  ScriptPlayer player(viewScriptFromJson(recorder.json(10, 10, 1.0)));
+  std::string steps = recorder.add(0.0, drop);
+  const auto script = [&] {
+    return viewScriptFromJson(ScriptRecorder::head(10, 10, 1.0) + steps + ScriptRecorder::kTail);
+  };
+  ScriptPlayer player(script());
   const ScriptFrame frame = player.next(0.0, {true}, ViewState{});
   ASSERT_EQ(frame.events.size(), 1u);
   EXPECT_EQ(frame.events[0], drop);
   drop.path = "/scans/\xff";
-  recorder.add(0.0, drop);
-  EXPECT_EQ(viewScriptFromJson(recorder.json(10, 10, 1.0)).steps.size(), 2u);
+  steps += recorder.add(0.0, drop);
+  EXPECT_EQ(script().steps.size(), 2u);
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include <chrono>
 #include <filesystem>
 #include <glm/geometric.hpp>
+#include <set>
 #include <thread>
 
 #include "isobrick/extract/extractor.h"
@@ -286,10 +287,12 @@ TEST_F(ViewSessionTest, WhereThePassForAHandDoesNotFitACoarserOneIsShown) {
 class FullRenderer : public NullRenderer {
  public:
   ChunkId reserve(const SurfaceChunk& chunk) override {
-    if (bytesKept() + chunk.bytes() > room) throw Error("no memory left");
+    if (is_lost) throw RendererLost();
+    if (bytesKept() + chunk.bytes() > room) throw NoGraphicsMemory("no memory left");
     return NullRenderer::reserve(chunk);
   }
   std::uint64_t room = 0;
+  bool is_lost = false;
 };
 
 TEST_F(ViewSessionTest, ACardThatIsFullShowsACoarserSurface) {
@@ -306,7 +309,39 @@ TEST_F(ViewSessionTest, ACardThatIsFullShowsACoarserSurface) {
   EXPECT_GT(full.kept().size(), 0u);
   EXPECT_LT(session_->status().shown_radius, session_->status().wanted_radius);
   EXPECT_NE(session_->status().limited.find("GPU budget reached"), std::string::npos);
+  // Another program gave its memory back.
+  full.room = std::uint64_t{1} << 30;
+  session_->state().surfaces[0].isovalue += 0.5;
+  do {
+    session_->update(clock_ += 0.05);
+    std::this_thread::yield();
+  } while (!session_->settled());
+  EXPECT_EQ(session_->status().limited, "");
+  EXPECT_EQ(session_->status().shown_radius, session_->status().wanted_radius);
   session_.reset();
+}
+
+// A loss is no want of memory: the owner is told, makes another renderer, and all is there again.
+TEST_F(ViewSessionTest, ALossWithinAFrameIsTold) {
+  FullRenderer card;
+  card.room = std::uint64_t{1} << 30;
+  card.is_lost = true;
+  session_ = std::make_unique<ViewSession>(pyramid_, card, SessionOptions{2, 1 << 30});
+  EXPECT_THROW(
+      for (int i = 0; i < 100'000; ++i) {
+        session_->update(clock_ += 0.05);
+        std::this_thread::yield();
+      },
+      RendererLost);
+  session_->suspend();
+  session_->resume(renderer_);
+  InputEvent resize;
+  resize.kind = Kind::kResize;
+  resize.x = 200;
+  resize.y = 100;
+  session_->apply(resize, clock_, false);
+  settle();
+  EXPECT_EQ(trianglesShown(), trianglesOfAll());
 }
 
 TEST_F(ViewSessionTest, WhatARendererLostIsMadeAgainInAnother) {
@@ -352,7 +387,7 @@ TEST_F(ViewSessionTest, SlicesAndCapsComeAndGo) {
             1);
 }
 
-// Slices and caps are uploads of a frame like all others, and wait where it has no room for them.
+// Slices and caps are uploads of a frame like all others: rows of them wait where it has no room.
 TEST_F(ViewSessionTest, SlicesCountAmongTheUploadsOfAFrame) {
   settle();
   for (ViewSlice& slice : session_->state().slices) slice.shown = true;
@@ -366,28 +401,146 @@ TEST_F(ViewSessionTest, SlicesCountAmongTheUploadsOfAFrame) {
     return bytes - allowance.bytes;
   };
   for (int i = 0; i < 20; ++i) {
-    EXPECT_EQ(updateWith(std::uint64_t{1} << 20), 0u);
+    EXPECT_EQ(updateWith(60 * sizeof(float) - 1), 0u);
     std::this_thread::sleep_for(std::chrono::milliseconds(5));
   }
   EXPECT_FALSE(session_->settled());
   EXPECT_TRUE(renderer_.frame().slices.empty());
-  std::uint64_t uploaded = 0;
-  while (!session_->settled()) uploaded += updateWith(kUploadBytes);
+  int frames = 0;
+  for (; !session_->settled(); ++frames) EXPECT_LE(updateWith(4096), 4096u);
   updateWith(kUploadBytes);
   EXPECT_EQ(renderer_.frame().slices.size(), 3u);
-  EXPECT_GT(uploaded, 0u);
+  EXPECT_GE(frames, 3 * 4);  // 17 rows of 60 fit in a frame
 }
 
 TEST_F(ViewSessionTest, TheMeshOfWhatIsShownIsWritten) {
-  const std::string path = folder_.file("shown.stl");
-  session_->exportMesh(path);
-  settle();
-  EXPECT_EQ(session_->takeExported(), path);
-  EXPECT_FALSE(session_->takeExported());
+  MeshQueue queue(2);
+  const auto ended = [&] {
+    std::optional<MeshQueue::Outcome> outcome;
+    while (!(outcome = queue.poll())) std::this_thread::yield();
+    return *outcome;
+  };
+  const std::string path = folder_.file("shown.stl"), jpg = folder_.file("shown.jpg");
+  queue.add(session_->meshOrder(path));
+  EXPECT_EQ(ended().error, "");
   EXPECT_EQ(std::filesystem::file_size(path), 84 + 50 * trianglesOfAll());
-  session_->exportMesh(folder_.file("shown.jpg"));
+  queue.add(session_->meshOrder(jpg));
+  EXPECT_NE(ended().error.find("shown.jpg"), std::string::npos);
+  EXPECT_EQ(queue.unwritten(), 0u);
+}
+
+// Neither a further order nor the end of the session that gave it ends one.
+TEST_F(ViewSessionTest, EveryOrderedMeshIsWritten) {
+  MeshQueue queue(2);
+  std::vector<std::string> paths;
+  for (const char* name : {"a.stl", "b.stl", "c.stl"}) {
+    paths.push_back(folder_.file(name));
+    session_->state().surfaces[0].isovalue += 1.0;
+    queue.add(session_->meshOrder(paths.back()));
+  }
+  EXPECT_EQ(queue.unwritten(), 3u);
+  EXPECT_EQ(queue.underWay(), paths[0]);
+  EXPECT_TRUE(queue.willWrite(paths[2]));
+  session_.reset();
+  std::vector<std::string> written;
+  while (queue.unwritten() > 0)
+    if (const auto ended = queue.poll()) written.push_back(ended->error + ended->path);
+  EXPECT_EQ(written, paths);
+  EXPECT_FALSE(queue.willWrite(paths[2]));
+  for (const std::string& path : paths) EXPECT_GT(std::filesystem::file_size(path), 84u);
+}
+
+// Each frame moves the slice, faster than it is sampled.
+TEST_F(ViewSessionTest, SlicesFollowWhileTheyAreDragged) {
+  ViewState& state = session_->state();
+  for (ViewSlice& slice : state.slices) slice.shown = true;
   settle();
-  EXPECT_NE(session_->status().error.find("shown.jpg"), std::string::npos);
+  const auto imageOf = [&](std::size_t slice) { return renderer_.frame().slices.at(slice).image; };
+  const SliceId still = imageOf(1);
+  std::set<SliceId> images;
+  for (int i = 0; images.size() < 5; ++i) {
+    ASSERT_LT(i, 100'000);
+    state.slices[0].position = 5.0 + 0.001 * (i % 50'000);
+    frame(0.001);
+    EXPECT_EQ(imageOf(1), still);  // unchanged, so kept
+    images.insert(imageOf(0));
+    std::this_thread::yield();
+  }
+  settle();
+  EXPECT_EQ(imageOf(1), still);
+  EXPECT_EQ(renderer_.slices().size(), 3u);
+}
+
+TEST_F(ViewSessionTest, ACapNeverLiesBesideItsCut) {
+  ViewState& state = session_->state();
+  toggleClipPlane(2, session_->volume(), state);
+  toggleClipPlane(0, session_->volume(), state);
+  settle();
+  ASSERT_EQ(renderer_.frame().slices.size(), 2u);
+  const SliceId still = renderer_.frame().slices[1].image;
+  for (int i = 0; i < 30; ++i) {
+    state.clip_planes[0].offset += 0.25;
+    frame(0.01);
+    for (const SceneSlice& cap : renderer_.frame().slices) {
+      const SceneClipPlane& cut =
+          renderer_.frame().clip_planes.at(static_cast<std::size_t>(cap.cap_of));
+      EXPECT_NEAR(glm::dot(cut.normal, cap.corner), cut.offset, 1e-9);
+    }
+    EXPECT_EQ(renderer_.frame().slices.back().image, still);
+  }
+  // It is numbered anew, and is the same all the same.
+  state.clip_planes[0].enabled = false;
+  settle();
+  ASSERT_EQ(renderer_.frame().slices.size(), 1u);
+  EXPECT_EQ(renderer_.frame().slices[0].cap_of, 0);
+  EXPECT_EQ(renderer_.frame().slices[0].image, still);
+}
+
+TEST_F(ViewSessionTest, DepthIsReadAtRestOnceForAPlace) {
+  settle();
+  renderer_.distance = 20.0;
+  ASSERT_TRUE(session_->surfaceUnderCursor());
+  const std::uint64_t read = renderer_.distancesRead();
+  for (int i = 0; i < 5; ++i) {
+    frame(0.1);
+    EXPECT_TRUE(session_->surfaceUnderCursor());
+  }
+  EXPECT_EQ(renderer_.distancesRead(), read);
+  for (int i = 0; i < 5; ++i) {
+    session_->state().camera = orbited(session_->state().camera, 5.0, 1.0);
+    EXPECT_FALSE(session_->surfaceUnderCursor());
+    frame(0.1);
+  }
+  EXPECT_EQ(renderer_.distancesRead(), read);
+  EXPECT_TRUE(session_->surfaceUnderCursor());
+  EXPECT_EQ(renderer_.distancesRead(), read + 1);
+}
+
+// A press that comes with a move hits what the user saw, by the camera that drew it.
+TEST_F(ViewSessionTest, APlaceIsThatOfTheFrameThatWasDrawn) {
+  settle();
+  renderer_.distance = 20.0;
+  const auto before = session_->surfaceAt({100.0, 50.0});
+  session_->state().camera = orbited(session_->state().camera, 40.0, 10.0);
+  EXPECT_EQ(session_->surfaceAt({100.0, 50.0}), before);
+  frame(0.1);
+  EXPECT_NE(session_->surfaceAt({100.0, 50.0}), before);
+}
+
+// As fine as a picture can show: another picture shows more.
+TEST_F(ViewSessionTest, AResizeAsksAnewIfTheViewSaysHowFine) {
+  session_->state().view_pixels = 6.0;
+  session_->state().focus.everywhere = true;
+  settle();
+  const std::uint64_t small = trianglesShown();
+  InputEvent resize;
+  resize.kind = Kind::kResize;
+  resize.x = 1600;
+  resize.y = 800;
+  session_->apply(resize, clock_, false);
+  EXPECT_FALSE(session_->settled());
+  settle();
+  EXPECT_GT(trianglesShown(), small);
 }
 
 TEST_F(ViewSessionTest, AFileThatIsCutWhileItIsOpenIsAnErrorInTheWindow) {

@@ -126,6 +126,57 @@ TEST_F(InteractionTest, WhatBeganOnAPanelStaysThere) {
   EXPECT_NE(state_.camera.azimuth, start.camera.azimuth);
 }
 
+// Both clicks are noticed when a frame ends, and not before.
+TEST_F(InteractionTest, ADoubleClickIsOneInSlowFramesToo) {
+  const double frame = 0.6;
+  const auto pressAt = [&](double noticed) {
+    InputEvent press = at(Kind::kPress, 500, 200);
+    press.seconds = noticed;
+    press.waited = frame;
+    const Wishes wishes = send(press);
+    send(at(Kind::kRelease, 500, 200));
+    seconds_ += frame;  // handled one a frame
+    return wishes.focus_at.has_value();
+  };
+  send(at(Kind::kMove, 500, 200));
+  EXPECT_FALSE(pressAt(10.0));
+  EXPECT_TRUE(pressAt(10.0 + frame));
+  // Surely not within 0.35 s.
+  EXPECT_FALSE(pressAt(20.0));
+  EXPECT_FALSE(pressAt(20.0 + 2 * frame));
+}
+
+TEST_F(InteractionTest, AStepOfTheIsovalueFitsTheRange) {
+  const auto stepOf = [&](double least, double greatest) {
+    volume_.least_value = least;
+    volume_.greatest_value = greatest;
+    return isovalueStep(volume_);
+  };
+  EXPECT_DOUBLE_EQ(stepOf(-1024.0, 3071.0), 1.0);  // a CT
+  EXPECT_DOUBLE_EQ(stepOf(0.0, 1.0), 0.001);
+  EXPECT_DOUBLE_EQ(stepOf(0.0, 255.0), 0.1);
+  EXPECT_DOUBLE_EQ(stepOf(0.0, 65535.0), 10.0);
+  EXPECT_DOUBLE_EQ(stepOf(0.0, 1000.0), 1.0);
+  EXPECT_GT(stepOf(5.0, 5.0), 0.0);
+  stepOf(0.0, 1.0);
+  state_.surfaces[0].isovalue = 0.5;
+  send(key(Key::kRight));
+  EXPECT_DOUBLE_EQ(state_.surfaces[0].isovalue, 0.501);
+  send(key(Key::kLeft, true));
+  EXPECT_DOUBLE_EQ(state_.surfaces[0].isovalue, 0.491);
+}
+
+TEST(LetterKeyTest, LettersAreThoseOfTheLayout) {
+  EXPECT_EQ(letterKey("a", 'Q'), Key::kA);  // AZERTY
+  EXPECT_EQ(letterKey("m", '\0'), Key::kM);
+  EXPECT_EQ(letterKey(",", 'M'), Key::kNone);
+  EXPECT_EQ(letterKey("z", 'Y'), Key::kZ);         // QWERTZ
+  EXPECT_EQ(letterKey("\xd1\x84", 'A'), Key::kA);  // Cyrillic
+  EXPECT_EQ(letterKey("\xc3\xb6", '\0'), Key::kNone);
+  EXPECT_EQ(letterKey("", 'X'), Key::kX);
+  EXPECT_EQ(letterKey("1", '\0'), Key::kNone);
+}
+
 TEST_F(InteractionTest, OnlyTwoQuickClicksAtOnePlaceAreADoubleClick) {
   EXPECT_FALSE(click(100, 100).focus_at);
   const Wishes second = click(102, 101);

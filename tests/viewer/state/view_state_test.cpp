@@ -126,14 +126,6 @@ TEST(ViewStateTest, AToleranceIsIgnored) {
             viewStateFromJson(R"({"wireframe": true})"));
 }
 
-TEST(ViewStateTest, FilesNameThemselvesInErrors) {
-  const test::TemporaryFolder folder;
-  const std::string path = folder.path() + "/view.json";
-  EXPECT_THROW(readViewState(path), Error);
-  writeViewState(path, fullState());
-  EXPECT_EQ(readViewState(path), fullState());
-}
-
 TEST(ViewStateTest, BoundsPutEverythingIntoTheVolume) {
   const ViewVolume volume = someVolume();
   ViewState wild = fullState();

@@ -1,0 +1,85 @@
+// Views as files: what they were saved of, and where their paths lead.
+#include "isobrick/viewer/state/view_file.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "isobrick/storage/error.h"
+#include "tests/support/file_bytes.h"
+#include "tests/support/temporary_folder.h"
+
+namespace isobrick {
+namespace {
+
+namespace fs = std::filesystem;
+
+class ViewFileTest : public ::testing::Test {
+ protected:
+  // A view of `volume`, coloured by `other`.
+  static SavedView viewOf(const std::string& volume, const std::string& other) {
+    SavedView view{volume, {}};
+    view.state.wireframe = true;
+    view.state.values.other = other;
+    return view;
+  }
+  std::string refusal(const std::string& text) const {
+    std::ofstream(path_) << text;
+    try {
+      readView(path_);
+    } catch (const Error& error) {
+      return error.what();
+    }
+    return "accepted";
+  }
+  nlohmann::json written() const { return nlohmann::json::parse(test::readBytes(path_)); }
+
+  test::TemporaryFolder folder_;
+  const std::string path_ = folder_.file("scan.view.json");
+};
+
+TEST_F(ViewFileTest, AViewSaysItsVersionAndItsVolume) {
+  EXPECT_THROW(readView(path_), Error);
+  writeView(path_, viewOf("phantom:head:64", ""));
+  EXPECT_EQ(written()["version"], 1);
+  EXPECT_EQ(written()["volume"], "phantom:head:64");
+  const SavedView view = readView(path_);
+  EXPECT_EQ(view.volume, "phantom:head:64");
+  EXPECT_EQ(view.state, viewOf("", "").state);
+}
+
+// The folder of both is moved, and the current folder is another one.
+TEST_F(ViewFileTest, PathsBelowItsFolderMoveWithIt) {
+  writeView(path_, viewOf(folder_.file("scan.isb"), folder_.file("more/pet.isb")));
+  EXPECT_EQ(written()["volume"], "scan.isb");
+  EXPECT_EQ(written()["values"]["other"], "more/pet.isb");
+  const test::TemporaryFolder elsewhere;
+  fs::copy_file(path_, elsewhere.file("scan.view.json"));
+  const SavedView view = readView(elsewhere.file("scan.view.json"));
+  EXPECT_EQ(view.volume, elsewhere.file("scan.isb"));
+  EXPECT_EQ(view.state.values.other, elsewhere.file("more/pet.isb"));
+}
+
+TEST_F(ViewFileTest, OtherPathsAreAbsolute) {
+  writeView(path_, viewOf("here.isb", "https://host/pet.isb"));
+  EXPECT_EQ(written()["volume"], (fs::current_path() / "here.isb").string());
+  const SavedView view = readView(path_);
+  EXPECT_EQ(view.volume, (fs::current_path() / "here.isb").string());
+  EXPECT_EQ(view.state.values.other, "https://host/pet.isb");
+}
+
+TEST_F(ViewFileTest, OlderViewsAreReadAndLaterOnesRefused) {
+  std::ofstream(path_) << R"({"wireframe": true})";
+  EXPECT_EQ(readView(path_).volume, "");
+  EXPECT_TRUE(readView(path_).state.wireframe);
+  EXPECT_NE(refusal(R"({"version": 2, "new": 1})").find("'version' is later than 1"),
+            std::string::npos);
+  EXPECT_NE(refusal(R"({"version": "one"})").find("'version'"), std::string::npos);
+  EXPECT_NE(refusal(R"({"volume": 3})").find("'volume'"), std::string::npos);
+  EXPECT_NE(refusal(R"({"wirefram": true})").find("'" + path_ + "'"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace isobrick

@@ -1,0 +1,84 @@
+// The viewer within a test: drivers that fail in the middle of a frame.
+#include "isobrick/viewer/window/view_loop.h"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "isobrick/viewer/egl_context.h"
+#include "tests/support/driver_faults.h"
+#include "tests/support/field_pyramid.h"
+#include "tests/support/file_bytes.h"
+#include "tests/support/requirement.h"
+#include "tests/support/temporary_folder.h"
+
+namespace isobrick {
+namespace {
+
+class ViewLoopTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    try {
+      const EglContext probe;
+    } catch (const Error& error) {
+      SKIP_UNLESS_REQUIRED(error.what());
+    }
+    BuildOptions build;
+    build.brick_cells = 16;
+    options_.path = test::buildField(
+        folder_, Index3(40),
+        [](const glm::dvec3& p) { return 15.0 - glm::distance(p, glm::dvec3(20.0)); }, build);
+    options_.memory_bytes = std::uint64_t{64} << 20;
+    options_.gpu_budget_bytes = std::uint64_t{64} << 20;
+    options_.offscreen = true;
+    options_.frames_folder = folder_.path();
+    options_.script_path = folder_.file("script.json");
+  }
+  void run(const std::string& steps) {
+    std::ofstream(options_.script_path) << R"({"size": [200, 150], "steps": [)" << steps << "]}";
+    runView(options_);
+  }
+  std::string file(const char* name) const { return test::readBytes(folder_.file(name)); }
+
+  test::TemporaryFolder folder_;
+  ViewOptions options_;
+};
+
+// At any moment at which the driver is asked: at the begin of a frame, and after errors of uploads
+// and drawing.
+TEST_F(ViewLoopTest, AResetInTheMiddleOfAFrameEndsNothing) {
+  for (const int asks : {1, 2, 5}) {
+    test::DriverFaults driver;
+    driver.reset(asks);
+    const std::string name = "after-" + std::to_string(asks) + ".png";
+    run(R"({"wait": "settled"}, {"sweep": {"isovalue": [2, 6], "seconds": 0.1}},
+        {"wait": "settled"}, {"picture": ")" +
+        name + R"("})");
+    EXPECT_EQ(driver.resets(), 1);
+  }
+  EXPECT_EQ(file("after-1.png"), file("after-2.png"));
+  EXPECT_EQ(file("after-1.png"), file("after-5.png"));
+}
+
+TEST_F(ViewLoopTest, AnErrorOfADrawingIsShownAndTheNextFrameDraws) {
+  run(R"({"wait": "settled"}, {"picture": "before.png"})");
+  test::FailingDraws driver(GL_OUT_OF_MEMORY, 20);
+  run(R"({"wait": 0.2}, {"resize": [300, 200]}, {"wait": 0.1}, {"resize": [200, 150]},
+      {"wait": "settled"}, {"picture": "after.png"})");
+  EXPECT_EQ(driver.failures(), 20);
+  EXPECT_EQ(file("before.png"), file("after.png"));
+}
+
+// A context that is lost in a drawing: the error comes first, and the reset is its reason.
+TEST_F(ViewLoopTest, ALossWhileItDrawsIsNoWantOfMemory) {
+  run(R"({"wait": "settled"}, {"picture": "before.png"})");
+  test::FailingDraws driver(0x0507, 2);  // GL_CONTEXT_LOST
+  run(R"({"wait": "settled"}, {"picture": "after.png"})");
+  EXPECT_EQ(driver.failures(), 2);
+  EXPECT_EQ(file("before.png"), file("after.png"));
+}
+
+}  // namespace
+}  // namespace isobrick

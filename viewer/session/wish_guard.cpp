@@ -1,0 +1,61 @@
+#include "isobrick/viewer/session/wish_guard.h"
+
+#include <filesystem>
+#include <system_error>
+#include <utility>
+
+namespace isobrick {
+namespace {
+
+std::string stampOf(const std::string& path) {
+  std::error_code failed;
+  const auto time = std::filesystem::last_write_time(path, failed).time_since_epoch().count();
+  if (failed) return {};
+  const auto bytes = std::filesystem::file_size(path, failed);
+  return path + '\n' + std::to_string(time) + '\n' + std::to_string(failed ? 0 : bytes);
+}
+
+}  // namespace
+
+Wishes WishGuard::pass(Wishes wishes, const Stakes& stakes) {
+  const bool is_safe = held_ == Held::kSave ? stakes.other_view.empty()
+                                            : held_ == Held::kClose && stakes.unwritten_meshes == 0;
+  const bool agrees =
+      is_safe || wishes.answer.value_or(false) || (held_ == Held::kClose && wishes.close);
+  if (held_ != Held::kNothing && (agrees || wishes.answer)) {
+    const Held held = std::exchange(held_, Held::kNothing);
+    question_.reset();
+    if (agrees) {
+      (held == Held::kSave ? wishes.save_state : wishes.close) = true;
+      return wishes;
+    }
+  }
+  if (wishes.close && stakes.unwritten_meshes > 0) {
+    wishes.close = false;
+    const bool several = stakes.unwritten_meshes > 1;
+    hold(Held::kClose, {(several ? std::to_string(stakes.unwritten_meshes) + " meshes are"
+                                 : std::string("A mesh is")) +
+                            " not written yet. Leave without " + (several ? "them?" : "it?"),
+                        "leave", "stay"});
+  }
+  if (wishes.save_state && !stakes.other_view.empty()) {
+    wishes.save_state = false;
+    if (held_ == Held::kNothing)
+      hold(Held::kSave, {stakes.other_view + " exists. Replace it?", "replace", "keep"});
+  }
+  return wishes;
+}
+
+void WishGuard::hold(Held held, UserQuestion question) {
+  held_ = held;
+  question_ = std::move(question);
+}
+
+void OwnViewFile::noteWritten(const std::string& path) { stamp_ = stampOf(path); }
+
+bool OwnViewFile::isOther(const std::string& path) const {
+  std::error_code ignored;
+  return std::filesystem::exists(path, ignored) && (stamp_.empty() || stamp_ != stampOf(path));
+}
+
+}  // namespace isobrick

@@ -1,0 +1,32 @@
+// A saved view: its state, and the volume that it was saved of. Ctrl+S writes it, `--state` opens
+// it.
+#pragma once
+
+#include <string>
+
+#include "isobrick/viewer/state/view_state.h"
+
+namespace isobrick {
+
+// The version of the files that are written here.
+inline constexpr int kViewVersion = 1;
+
+struct SavedView {
+  // As the user named it: a path, a URL, a phantom; empty: the file does not say it.
+  std::string volume;
+  ViewState state;
+};
+
+// JSON with `version`, `volume` and every field of the state. Files without the first two are read
+// too. Paths below the folder of the file are relative to it there, so that both can be moved;
+// other paths are absolute. Those that come back are absolute, whatever the current folder is.
+//
+// Throws Error, in one line that names the file, and the field if one is wrong.
+SavedView readView(const std::string& path);
+// The file appears, in the place of an older one, when it is complete.
+void writeView(const std::string& path, const SavedView& view);
+
+// True for two names of one volume, by path.
+bool isSameVolume(const std::string& a, const std::string& b);
+
+}  // namespace isobrick

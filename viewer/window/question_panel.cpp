@@ -1,0 +1,30 @@
+#include <imgui.h>
+
+#include "isobrick/viewer/window/view_panel.h"
+
+namespace isobrick {
+
+Wishes buildQuestion(const std::optional<UserQuestion>& question) {
+  Wishes wishes;
+  if (!question) return wishes;
+  const ImVec2 screen = ImGui::GetIO().DisplaySize;
+  ImGui::SetNextWindowPos({0.5f * screen.x, 0.4f * screen.y}, ImGuiCond_Always, {0.5f, 0.5f});
+  ImGui::SetNextWindowFocus();
+  if (ImGui::Begin("question", nullptr,
+                   ImGuiWindowFlags_NoTitleBar | ImGuiWindowFlags_NoMove |
+                       ImGuiWindowFlags_NoResize | ImGuiWindowFlags_AlwaysAutoResize)) {
+    ImGui::PushTextWrapPos(0.8f * screen.x);
+    ImGui::TextUnformatted(question->text.c_str());
+    ImGui::PopTextWrapPos();
+    const auto pressed = [](ImGuiKey key) {
+      return ImGui::IsKeyPressed(ImGui::GetKeyIndex(key), false);
+    };
+    if (ImGui::Button(question->yes) || pressed(ImGuiKey_Enter)) wishes.answer = true;
+    ImGui::SameLine();
+    if (ImGui::Button(question->no) || pressed(ImGuiKey_Escape)) wishes.answer = false;
+  }
+  ImGui::End();
+  return wishes;
+}
+
+}  // namespace isobrick
