@@ -92,7 +92,7 @@ Command addViewCommand(CLI::App& app) {
       ->type_name("R.json")
       ->needs(script);
   sub->add_option("--record", options->record_path,
-                  "Write what the user does as such a script, when the window is closed")
+                  "Write what the user does as such a script, complete after every event")
       ->type_name("EVENTS.json");
   addForceFlag(*sub, *force);
   sub->add_flag("--offscreen", options->offscreen, "Run the script without a window")

@@ -41,7 +41,7 @@ void ScriptRecording::write(const std::string& text) {
     if (written < 0 && errno == EINTR) continue;
     if (written <= 0)
       throw Error("cannot record into '" + path_ + "' (" + std::generic_category().message(errno) +
-                      "); choose another --record",
+                      "); record into another file",
                   {path_});
     at += static_cast<std::uint64_t>(written);
     rest.remove_prefix(static_cast<std::size_t>(written));
