@@ -1,4 +1,5 @@
-// An OpenGL driver that reports a fault at a chosen moment. libepoxy's functions are pointers.
+// An OpenGL driver that reports a fault at a chosen moment. libepoxy's functions are pointers, which
+// are right only once a function was called: draw a picture, and read it, first.
 #pragma once
 
 #include <epoxy/gl.h>
@@ -45,13 +46,14 @@ class DriverFaults {
   int asks_until_reset_ = 0, resets_ = 0;
 };
 
-// While it lives, the first `times` frames end with `error`: each blits its samples after all that
-// it draws.
+// While it lives, the first `times` frames of at least so many pixels' width end with `error`: each
+// blits its samples after all that it draws.
 class FailingDraws {
  public:
-  FailingDraws(GLenum error, int times)
+  FailingDraws(GLenum error, int times, int least_width = 0)
       : error_(error),
         left_(times),
+        least_width_(least_width),
         get_before_(epoxy_glGetError),
         blit_before_(epoxy_glBlitNamedFramebuffer) {
     draws_ = this;
@@ -62,13 +64,14 @@ class FailingDraws {
       }
       return draws_->get_before_();
     };
-    epoxy_glBlitNamedFramebuffer = [](auto... arguments) {
-      if (draws_->left_ > 0) {
+    epoxy_glBlitNamedFramebuffer = [](GLuint from, GLuint to, GLint left, GLint bottom, GLint right,
+                                      auto... rest) {
+      if (draws_->left_ > 0 && right - left >= draws_->least_width_) {
         --draws_->left_;
         ++draws_->failures_;
         draws_->is_due_ = true;
       }
-      draws_->blit_before_(arguments...);
+      draws_->blit_before_(from, to, left, bottom, right, rest...);
     };
   }
   ~FailingDraws() {
@@ -83,7 +86,7 @@ class FailingDraws {
  private:
   inline static FailingDraws* draws_ = nullptr;
   GLenum error_;
-  int left_, failures_ = 0;
+  int left_, least_width_, failures_ = 0;
   bool is_due_ = false;
   decltype(epoxy_glGetError) get_before_;
   decltype(epoxy_glBlitNamedFramebuffer) blit_before_;

@@ -673,6 +673,7 @@ Image GlSceneRenderer::picture() {
       glReadPixels(0, height_ - 1 - y, width_, 1, GL_ALPHA, GL_FLOAT,
                    image.alpha.data() + static_cast<std::size_t>(y) * row_floats / 3);
   }
+  if (isLost()) throw RendererLost();  // nothing was read
   return image;
 }
 
@@ -685,6 +686,7 @@ std::vector<float> GlSceneRenderer::distances() {
   for (int y = 0; y < height_; ++y)
     glReadPixels(0, height_ - 1 - y, width_, 1, GL_DEPTH_COMPONENT, GL_FLOAT,
                  distances.data() + static_cast<std::size_t>(y) * row);
+  if (isLost()) throw RendererLost();
   for (float& value : distances)
     value = value > 0.0f ? static_cast<float>(depth_.distanceAt(value))
                          : std::numeric_limits<float>::infinity();

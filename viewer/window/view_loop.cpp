@@ -249,7 +249,10 @@ class ViewLoop {
     const double begin = secondsNow();
     takeOpened();
     ScriptFrame scripted;
-    if (player_) scripted = player_->next(begin - begin_, whatIsThere(), state());
+    if (file_again_ && settled())
+      scripted.file = std::exchange(file_again_, std::nullopt);
+    else if (player_ && !file_again_)
+      scripted = player_->next(begin - begin_, whatIsThere(), state());
     if (scripted.state) state() = *scripted.state;
     if (scripted.size) target_->resize(scripted.size->width, scripted.size->height);
     events_.insert(events_.end(), scripted.events.begin(), scripted.events.end());
@@ -259,8 +262,9 @@ class ViewLoop {
       losses_ = 0;
     } catch (const RendererLost&) {
       renewContext();
+      file_again_ = scripted.file;
     }
-    const bool ends = player_ && scripted.finished && meshes_.unwritten() == 0;
+    const bool ends = player_ && scripted.finished && !file_again_ && meshes_.unwritten() == 0;
     closing_ = closing_ || ends;
   }
 
@@ -489,8 +493,9 @@ class ViewLoop {
   double looked_ = 0.0;  // for events
   bool drawn_ = true;    // in the last frame
   bool closing_ = false;
-  int losses_ = 0;  // of the context, since a frame was whole
-  Wishes wishes_;   // that were not granted yet
+  std::optional<ScriptFile> file_again_;  // that a loss kept from being written
+  int losses_ = 0;                        // of the context, since a frame was whole
+  Wishes wishes_;                         // that were not granted yet
   WishGuard guard_;
   OwnViewFile own_view_;
   std::string message_, draw_error_, mesh_error_;

@@ -369,7 +369,7 @@ TEST_F(SceneRendererTest, FaultsOfTheDriverAreToldApart) {
   const ChunkId square = renderer_->upload(squareAt(0.0, 1.0, 0));
   frame_.chunks = {square};
   seen(32, 32);
-  // A real want of memory: no card has room for such a texture.
+  // Beyond what the card draws, which is another error than want of memory.
   const int most = renderer_->greatestSize();
   test::DriverFaults faults;
   EXPECT_THROW(

@@ -35,6 +35,7 @@ class ViewLoopTest : public ::testing::Test {
     options_.offscreen = true;
     options_.frames_folder = folder_.path();
     options_.script_path = folder_.file("script.json");
+    run(R"({"wait": "settled"}, {"picture": "found.png"})");  // see DriverFaults
   }
   void run(const std::string& steps) {
     std::ofstream(options_.script_path) << R"({"size": [200, 150], "steps": [)" << steps << "]}";
@@ -78,6 +79,19 @@ TEST_F(ViewLoopTest, ALossWhileItDrawsIsNoWantOfMemory) {
   run(R"({"wait": "settled"}, {"picture": "after.png"})");
   EXPECT_EQ(driver.failures(), 2);
   EXPECT_EQ(file("before.png"), file("after.png"));
+}
+
+// The script's file is written when all is there again.
+TEST_F(ViewLoopTest, APictureThatALossInterruptsIsWrittenAfterIt) {
+  const char kSteps[] = R"({"set": {"pictures": {"times": 3}}}, {"wait": "settled"},
+      {"picture": "large.png"})";
+  run(kSteps);
+  const std::string whole = file("large.png");
+  std::filesystem::remove(folder_.file("large.png"));
+  test::FailingDraws driver(0x0507, 1, 600);
+  run(kSteps);
+  EXPECT_EQ(driver.failures(), 1);
+  EXPECT_EQ(file("large.png"), whole);
 }
 
 }  // namespace
