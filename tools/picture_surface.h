@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "isobrick/viewer/offscreen_renderer.h"
-#include "isobrick/viewer/render/surface_chunk.h"
+#include "isobrick/viewer/stream/surface_chunk.h"
 #include "tools/query_options.h"
 
 namespace isobrick {

@@ -18,7 +18,7 @@
 
 namespace isobrick {
 
-struct SceneLattice;  // viewer/render/surface_chunk.h
+struct SceneLattice;  // viewer/stream/surface_chunk.h
 struct SurfaceChunk;
 
 // A view of a mesh that the caller owns and leaves alone during render().

@@ -35,6 +35,8 @@ forbid(preprocess "expat" "^sources/vti_header")
 forbid(extract "isobrick/preprocess/|isobrick/viewer/|tools/|tests/|epoxy/|GL/|GLFW/|Imf|OpenEXR|openvdb/|itk" "")
 forbid(extract "meshoptimizer" "^sinks/meshopt_chunk")
 forbid(viewer "isobrick/preprocess/|tools/|tests/|openvdb/|itk" "")
+# Python or another front end takes chunks without a renderer.
+forbid(viewer/stream "isobrick/viewer/(render|session|state|window)/|epoxy/" "")
 forbid(viewer "Imf|OpenEXR" "^exr_writer")
 forbid(viewer "epoxy/|GL/" "egl_|_shaders|gl_")
 forbid(viewer "GLFW/|imgui" "^window/")

@@ -1,5 +1,5 @@
-// An OpenGL driver that reports a fault at a chosen moment. libepoxy's functions are pointers, which
-// are right only once a function was called: draw a picture, and read it, first.
+// An OpenGL driver that reports a fault at a chosen moment. libepoxy's functions are pointers,
+// which are right only once a function was called: draw a picture, and read it, first.
 #pragma once
 
 #include <epoxy/gl.h>

@@ -12,23 +12,13 @@
 #include "isobrick/viewer/image.h"
 #include "isobrick/viewer/offscreen_renderer.h"
 #include "isobrick/viewer/placed_camera.h"
-#include "isobrick/viewer/render/surface_chunk.h"
+#include "isobrick/viewer/stream/chunk_store.h"
+#include "isobrick/viewer/stream/surface_chunk.h"
 
 namespace isobrick {
 
-// The number of a chunk that a renderer keeps; 0 is none.
-using ChunkId = std::uint32_t;
+// The number of a slice that a renderer keeps; 0 is none.
 using SliceId = std::uint32_t;
-
-// Values of the volume on a parallelogram: `width` x `height` of them, the first at `corner`, the
-// last of the first row at corner + across, the first of the last row at corner + along.
-struct SliceImage {
-  int width = 0;
-  int height = 0;
-  std::vector<float> values;  // data units; NaN: nothing there
-
-  std::uint64_t bytes() const { return values.size() * sizeof(float); }
-};
 
 struct SceneSlice {
   SliceId image = 0;

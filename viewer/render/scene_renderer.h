@@ -7,45 +7,19 @@
 #include <optional>
 #include <vector>
 
-#include "isobrick/storage/error.h"
 #include "isobrick/viewer/image.h"
 #include "isobrick/viewer/render/scene_frame.h"
+#include "isobrick/viewer/stream/chunk_store.h"
+#include "isobrick/viewer/stream/slice_image.h"
 
 namespace isobrick {
 
-// The most of a chunk that one call uploads while frames go on: a fraction of a millisecond.
-inline constexpr std::size_t kPieceBytes = std::size_t{256} << 10;
-
-// The driver was reset: all that was kept is gone, and nothing is drawn any longer. Any call may
-// throw it; release() never does. The owner makes another renderer.
-class RendererLost : public Error {
- public:
-  RendererLost() : Error("the graphics driver was reset") {}
-};
-
-// The graphics card has no memory left for what was asked; all that was kept stays.
-class NoGraphicsMemory : public Error {
- public:
-  using Error::Error;
-};
-
 // Keeps chunks and slices until they are released, and draws frames of them. Used by one thread.
 // Numbers are not given twice.
-class SceneRenderer {
+class SceneRenderer : public ChunkStore {
  public:
-  virtual ~SceneRenderer() = default;
-
-  // Makes room for a chunk, without its bytes. Throws NoGraphicsMemory.
-  virtual ChunkId reserve(const SurfaceChunk& chunk) = 0;
-  // Copies some of the bytes of that chunk, at most kPieceBytes: its vertices, then its triangles.
-  // Never waits; false: not now, but in the next frame.
-  virtual bool uploadPiece(ChunkId id, const SurfaceChunk& chunk, std::size_t begin,
-                           std::size_t bytes) = 0;
-  // After the last piece of a frame.
-  virtual void endUploads() = 0;
   // All of a chunk at once. Throws as reserve().
   virtual ChunkId upload(const SurfaceChunk& chunk) = 0;
-  virtual void release(ChunkId chunk) = 0;
   // The kept parts of a chunk: its vertices, triangles, origin, level and surface. Slow.
   virtual SurfaceChunk download(ChunkId chunk) const = 0;
   // Makes room for a slice of so many values. Throws NoGraphicsMemory.

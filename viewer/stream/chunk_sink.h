@@ -9,7 +9,7 @@
 
 #include "isobrick/extract/sinks/triangle_sink.h"
 #include "isobrick/storage/pyramid.h"
-#include "isobrick/viewer/render/surface_chunk.h"
+#include "isobrick/viewer/stream/surface_chunk.h"
 
 namespace isobrick {
 

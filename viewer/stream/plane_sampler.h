@@ -3,7 +3,7 @@
 
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid.h"
-#include "isobrick/viewer/render/scene_frame.h"
+#include "isobrick/viewer/stream/slice_image.h"
 
 namespace isobrick {
 

@@ -9,12 +9,12 @@
 
 namespace isobrick {
 
-SurfaceSet::SurfaceSet(SceneRenderer& renderer, std::uint64_t budget_bytes)
-    : renderer_(renderer), budget_bytes_(budget_bytes) {}
+SurfaceSet::SurfaceSet(ChunkStore& store, std::uint64_t budget_bytes)
+    : store_(store), budget_bytes_(budget_bytes) {}
 
 SurfaceSet::~SurfaceSet() {
   for (const Chunks* chunks : {&shown_, &incoming_, &leaving_})
-    for (const Chunk& chunk : chunks->chunks) renderer_.release(chunk.id);
+    for (const Chunk& chunk : chunks->chunks) store_.release(chunk.id);
 }
 
 void SurfaceSet::accept(StreamMessage message, News& news) {
@@ -52,7 +52,7 @@ void SurfaceSet::acceptChunk(StreamMessage message, News& news) {
   if (shown_.bytes + incoming_.bytes + bytes > budget_bytes_) return refuse(message.request, news);
   ChunkId id = 0;
   try {
-    id = renderer_.reserve(chunk);
+    id = store_.reserve(chunk);
   } catch (const NoGraphicsMemory&) {
     // The card has less room than the budget allows at this moment: others use it too. The next
     // request may fit again.
@@ -72,8 +72,7 @@ bool SurfaceSet::uploadPiece(UploadAllowance& allowance) {
   const auto whole = static_cast<std::size_t>(pending_->chunk.bytes());
   const std::size_t bytes = std::min(
       {kPieceBytes, whole - pending_->uploaded, static_cast<std::size_t>(allowance.bytes)});
-  if (!renderer_.uploadPiece(pending_->id, pending_->chunk, pending_->uploaded, bytes))
-    return false;
+  if (!store_.uploadPiece(pending_->id, pending_->chunk, pending_->uploaded, bytes)) return false;
   allowance.bytes -= bytes;
   pending_->uploaded += bytes;
   if (pending_->uploaded == whole) pending_.reset();
@@ -149,7 +148,7 @@ void SurfaceSet::dropIncoming() {
 void SurfaceSet::releaseSome() {
   constexpr std::size_t kAtOnce = 16;
   for (std::size_t i = 0; i < kAtOnce && !leaving_.chunks.empty(); ++i) {
-    renderer_.release(leaving_.chunks.back().id);
+    store_.release(leaving_.chunks.back().id);
     leaving_.bytes -= leaving_.chunks.back().bytes;
     leaving_.chunks.pop_back();
   }

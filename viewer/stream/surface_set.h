@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "isobrick/viewer/render/scene_renderer.h"
+#include "isobrick/viewer/stream/chunk_store.h"
 #include "isobrick/viewer/stream/surface_stream.h"
 
 namespace isobrick {
@@ -41,7 +41,7 @@ struct UploadAllowance {
 class SurfaceSet {
  public:
   // `budget_bytes`: of shown and incoming chunks together.
-  SurfaceSet(SceneRenderer& renderer, std::uint64_t budget_bytes);
+  SurfaceSet(ChunkStore& store, std::uint64_t budget_bytes);
   ~SurfaceSet();
   SurfaceSet(const SurfaceSet&) = delete;
   SurfaceSet& operator=(const SurfaceSet&) = delete;
@@ -77,7 +77,7 @@ class SurfaceSet {
       allowance.seconds -= now - std::exchange(last, now);
       if (allowance.isSpent()) break;
     }
-    renderer_.endUploads();
+    store_.endUploads();
     return news;
   }
 
@@ -126,7 +126,7 @@ class SurfaceSet {
   void dropIncoming();
   void releaseSome();
 
-  SceneRenderer& renderer_;
+  ChunkStore& store_;
   const std::uint64_t budget_bytes_;
   Chunks shown_, incoming_, leaving_;
   std::optional<Pending> pending_;         // it is the last one of incoming_

@@ -18,8 +18,8 @@
 #include "isobrick/extract/query.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid.h"
-#include "isobrick/viewer/render/surface_chunk.h"
 #include "isobrick/viewer/stream/chunk_sink.h"
+#include "isobrick/viewer/stream/surface_chunk.h"
 
 namespace isobrick {
 

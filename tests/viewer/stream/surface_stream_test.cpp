@@ -57,7 +57,7 @@ class SurfaceStreamTest : public ::testing::Test {
   template <typename Look>
   static void pumpAll(SurfaceStream& stream, SurfaceSet& set, Look&& look) {
     double clock = 0.0;
-    while (stream.busy()) {
+    while (stream.busy() || set.isReleasing()) {
       UploadAllowance allowance;
       look(set.pump([&] { return stream.poll(); }, [&] { return clock += 1e-4; }, allowance));
       std::this_thread::yield();

@@ -1,5 +1,5 @@
 // Chunks: cut from meshes, and as exact far from the world's origin as near it.
-#include "isobrick/viewer/render/surface_chunk.h"
+#include "isobrick/viewer/stream/surface_chunk.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "isobrick/viewer/render/surface_chunk.h"
+#include "isobrick/viewer/stream/surface_chunk.h"
 
 #include <algorithm>
 #include <cassert>

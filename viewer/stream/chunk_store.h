@@ -1,0 +1,47 @@
+// The place where chunks are kept while they are shown: a graphics card, or another front end's.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "isobrick/storage/error.h"
+#include "isobrick/viewer/stream/surface_chunk.h"
+
+namespace isobrick {
+
+// The number of a chunk that a store keeps; 0 is none.
+using ChunkId = std::uint32_t;
+
+// The most of a chunk that one call uploads while frames go on: a fraction of a millisecond.
+inline constexpr std::size_t kPieceBytes = std::size_t{256} << 10;
+
+// The driver was reset: all that was kept is gone, and nothing is drawn any longer. Any call may
+// throw it; release() never does. The owner makes another store.
+class RendererLost : public Error {
+ public:
+  RendererLost() : Error("the graphics driver was reset") {}
+};
+
+// The graphics card has no memory left for what was asked; all that was kept stays.
+class NoGraphicsMemory : public Error {
+ public:
+  using Error::Error;
+};
+
+// Keeps chunks until they are released. Used by one thread. Numbers are not given twice.
+class ChunkStore {
+ public:
+  virtual ~ChunkStore() = default;
+
+  // Makes room for a chunk, without its bytes. Throws NoGraphicsMemory.
+  virtual ChunkId reserve(const SurfaceChunk& chunk) = 0;
+  // Copies some of the bytes of that chunk, at most kPieceBytes: its vertices, then its triangles.
+  // Never waits; false: not now, but in the next frame.
+  virtual bool uploadPiece(ChunkId id, const SurfaceChunk& chunk, std::size_t begin,
+                           std::size_t bytes) = 0;
+  // After the last piece of a frame.
+  virtual void endUploads() = 0;
+  virtual void release(ChunkId chunk) = 0;
+};
+
+}  // namespace isobrick
