@@ -293,14 +293,18 @@ class ViewLoop {
       wishes_.screenshot = std::exchange(wishes.screenshot, false);
       wishes_.screenshot_exr = std::exchange(wishes.screenshot_exr, false);
     }
-    wishes = guard_.pass(std::move(wishes), stakes());
+    const Stakes at_stake = stakes(wishes);
+    wishes = guard_.pass(std::move(wishes), at_stake);
     grant(wishes);
     grantOpening(wishes);
     closing_ = closing_ || wishes.close;
   }
 
-  Stakes stakes() const {
-    return {meshes_.unwritten(), own_view_.isOther(state_path_) ? state_path_ : std::string()};
+  // Looks at the file only if it matters: a folder may be far away.
+  Stakes stakes(const Wishes& wishes) const {
+    const bool matters = wishes.save_state || guard_.question();
+    return {meshes_.unwritten(),
+            matters && own_view_.isOther(state_path_) ? state_path_ : std::string()};
   }
 
   // While the frame may upload more bytes. Returns the seconds in which nothing was done.
