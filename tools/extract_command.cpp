@@ -106,14 +106,6 @@ void refuseOutputs(const ExtractArguments& arguments) {
                       arguments.force);
 }
 
-void refuseTwins(std::vector<std::optional<double>> isovalues) {
-  std::sort(isovalues.begin(), isovalues.end());
-  const auto twin = std::adjacent_find(isovalues.begin(), isovalues.end());
-  if (twin != isovalues.end())
-    throw UsageError(fmt::format("the isovalue {} is given twice; leave one out",
-                                 *twin ? fmt::format("{}", **twin) : "auto"));
-}
-
 std::uint64_t parseAtLeastOne(const std::string& text) {
   return static_cast<std::uint64_t>(
       parseInteger(text, 1, std::numeric_limits<std::int64_t>::max()));
@@ -205,7 +197,7 @@ ExtractResults extract(ExtractArguments& arguments) {
   results.open_seconds = open_watch.seconds();
   results.opening = pyramid.remoteCounters();
   chooseIsovalues(arguments.query, pyramid);
-  refuseTwins(arguments.query.isovalues);
+  refuseTwinIsovalues(arguments.query.isovalues);
   refuseOutputs(arguments);
   const std::vector<std::string> names = meshNames(arguments);
   Extractor extractor(pyramid);
@@ -334,7 +326,7 @@ void printSummaries(const ExtractArguments& arguments, const ExtractResults& res
 int runExtract(const CLI::App& command, ExtractArguments arguments) {
   if (arguments.drop_small && !arguments.query.simplify && !arguments.most_triangles)
     throw UsageError("--drop-small goes with --simplify or --triangles; give one of them");
-  refuseTwins(arguments.query.isovalues);
+  refuseTwinIsovalues(arguments.query.isovalues);
   if (isPrecomputedName(arguments.output)) {
     refuseForMeshes(command, arguments.query, arguments.output, arguments.force);
     return runExtractMeshes(arguments.query, arguments.output, arguments.json);

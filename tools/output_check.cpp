@@ -71,6 +71,32 @@ void refuseReplacing(const PlannedOutput& output, const std::vector<std::string>
         {.path = path});
 }
 
+void refuseReplacingFolder(const PlannedOutput& output, const std::vector<std::string>& inputs,
+                           bool force,
+                           const std::function<bool(const std::string& folder)>& holds_own) {
+  const std::string& folder = output.path;
+  std::error_code ignored;
+  if (isThere(folder) && !fs::is_directory(folder, ignored))
+    throw Error(fmt::format("'{}' exists and is no folder; {}", folder, output.way_out),
+                {.path = folder});
+  if (!isThere(folder)) return refuseReplacing(output, inputs, force);
+  const fs::path whole = fs::weakly_canonical(folder, ignored);
+  for (const std::string& input : inputs) {
+    const fs::path inside = fs::weakly_canonical(input, ignored).lexically_relative(whole);
+    if (!inside.empty() && *inside.begin() != "..")
+      throw Error(fmt::format("'{}' holds the input; {}", folder, output.way_out),
+                  {.path = folder});
+  }
+  if (!fs::is_empty(folder, ignored) && !holds_own(folder))
+    throw Error(
+        fmt::format("'{}' is a folder with something else in it; {}", folder, output.way_out),
+        {.path = folder});
+  if (!force)
+    throw Error(
+        fmt::format("'{}' exists already; replace it with --force, or {}", folder, output.way_out),
+        {.path = folder});
+}
+
 void refuseReplacingVolume(const PlannedOutput& output, const std::vector<std::string>& inputs,
                            bool force) {
   refuseReplacing(output, inputs, force);

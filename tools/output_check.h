@@ -3,6 +3,7 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -21,6 +22,11 @@ struct PlannedOutput {
 // `force`, anything at all. Inputs are files and folders; a name of neither (phantom:head) is none.
 void refuseReplacing(const PlannedOutput& output, const std::vector<std::string>& inputs,
                      bool force);
+// The same for an output that is a folder: it is replaced, with `force`, only if `holds_own` says
+// so of it: that nothing is in it but what such an output has. A folder that holds an input is not.
+void refuseReplacingFolder(const PlannedOutput& output, const std::vector<std::string>& inputs,
+                           bool force,
+                           const std::function<bool(const std::string& folder)>& holds_own);
 // The same for a volume. A .mhd has its voxels in a .raw beside it: that one is replaced, with
 // `force`, if the replaced header names it, and is foreign otherwise.
 void refuseReplacingVolume(const PlannedOutput& output, const std::vector<std::string>& inputs,

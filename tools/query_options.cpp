@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <glm/common.hpp>
 #include <limits>
 
@@ -10,6 +11,7 @@
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/isovalue_suggestions.h"
 #include "isobrick/storage/remote/remote_address.h"
+#include "tools/command.h"
 #include "tools/interrupt.h"
 #include "tools/line_words.h"
 #include "tools/parsed_option.h"
@@ -186,6 +188,14 @@ void warnOfEmptySurface(const QueryOptions& options, const Pyramid& pyramid) {
              "isobrick: warning: the mesh is empty: no surface at the isovalue {}, since the "
              "values of '{}' are {} to {}\n",
              options.isovalue, oneLine(withoutSecrets(options.input.path)), range.min, range.max);
+}
+
+void refuseTwinIsovalues(std::vector<std::optional<double>> isovalues) {
+  std::sort(isovalues.begin(), isovalues.end());
+  const auto twin = std::adjacent_find(isovalues.begin(), isovalues.end());
+  if (twin != isovalues.end())
+    throw UsageError(fmt::format("the isovalue {} is given twice; leave one out",
+                                 *twin ? fmt::format("{}", **twin) : "auto"));
 }
 
 }  // namespace isobrick

@@ -53,6 +53,9 @@ inline FileAccess fileAccess(bool no_map) { return no_map ? FileAccess::kRead : 
 // which one that is. Throws Error where all voxels are equal.
 void chooseIsovalues(QueryOptions& options, const Pyramid& pyramid);
 
+// Throws UsageError if an isovalue is given twice.
+void refuseTwinIsovalues(std::vector<std::optional<double>> isovalues);
+
 // The query in voxel indices, whatever the user's units are; stopped by Ctrl-C.
 Query makeQuery(const QueryOptions& options, const Pyramid& pyramid);
 

@@ -1,18 +1,74 @@
 #include "isobrick/preprocess/export/neuroglancer_info.h"
 
+#include <algorithm>
 #include <fstream>
 #include <iterator>
 
 #include "isobrick/preprocess/shallow_json.h"
 
 namespace isobrick {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::uintmax_t kMostInfoBytes = std::uintmax_t{16} << 20;
+
+bool isOf(const std::string& name, const char* characters) {
+  return !name.empty() && name.find_first_not_of(characters) == std::string::npos;
+}
+
+}  // namespace
 
 std::string neuroglancerTypeOf(const std::string& folder) {
-  std::ifstream in(folder + "/info", std::ios::binary);
+  const fs::path path = fs::path(folder) / "info";
+  std::error_code error;
+  if (!fs::is_regular_file(path, error) || fs::file_size(path, error) > kMostInfoBytes) return "";
+  std::ifstream in(path, std::ios::binary);
   const std::string text{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
   const auto info = parseShallowJson(text);
   const auto type = info.is_object() ? info.find("@type") : info.end();
   return type != info.end() && type->is_string() ? type->get<std::string>() : "";
+}
+
+bool holdsNothingBut(const std::string& folder,
+                     const std::function<bool(const fs::directory_entry& entry)>& is_own) {
+  std::error_code error;
+  fs::directory_iterator entries(folder, error);
+  for (; !error && entries != fs::directory_iterator(); entries.increment(error))
+    if (!is_own(*entries)) return false;
+  return !error;
+}
+
+bool holdsPrecomputedVolume(const std::string& folder) {
+  if (neuroglancerTypeOf(folder) != "neuroglancer_multiscale_volume") return false;
+  const auto isChunk = [](const fs::directory_entry& entry) {
+    return entry.is_regular_file() && isOf(entry.path().filename().string(), "0123456789-_");
+  };
+  return holdsNothingBut(folder, [&](const fs::directory_entry& entry) {
+    const std::string name = entry.path().filename().string();
+    if (name == "info") return entry.is_regular_file();
+    return isOf(name, "0123456789") && entry.is_directory() && !entry.is_symlink() &&
+           holdsNothingBut(entry.path().string(), isChunk);
+  });
+}
+
+std::vector<std::string> neuroglancerLosses(const GridGeometry& geometry) {
+  std::vector<std::string> lost;
+  if (geometry.direction != glm::dmat3(1.0) || geometry.origin != glm::dvec3(0.0))
+    lost.push_back(
+        "Neuroglancer's format has no origin and no direction; they are kept in the member "
+        "'isobrick' of its file info, which other programs ignore");
+  if (geometry.unit != LengthUnit::kMillimetre)
+    lost.push_back("the volume does not say its unit of length; Neuroglancer takes millimetres");
+  return lost;
+}
+
+nlohmann::ordered_json placeInWorld(const GridGeometry& geometry) {
+  const auto listOf = [](const glm::dvec3& v) { return nlohmann::ordered_json{v.x, v.y, v.z}; };
+  nlohmann::ordered_json columns = nlohmann::ordered_json::array();
+  for (int axis = 0; axis < 3; ++axis)
+    columns.push_back(listOf(glm::dvec3(geometry.direction[axis])));
+  return {{"space", "LPS"}, {"origin", listOf(geometry.origin)}, {"direction", columns}};
 }
 
 }  // namespace isobrick

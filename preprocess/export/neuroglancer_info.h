@@ -1,12 +1,32 @@
-// What a folder holds for Neuroglancer.
+// What a folder holds for Neuroglancer, and what its formats lose.
 #pragma once
 
+#include <filesystem>
+#include <functional>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
+#include <vector>
+
+#include "isobrick/storage/grid.h"
 
 namespace isobrick {
 
 // The "@type" of the file info in the folder, such as "neuroglancer_multiscale_volume"; empty if it
 // has none.
 std::string neuroglancerTypeOf(const std::string& folder);
+
+// True if every entry of the folder is of these; false if it cannot be listed.
+bool holdsNothingBut(
+    const std::string& folder,
+    const std::function<bool(const std::filesystem::directory_entry& entry)>& is_own);
+
+// True if nothing is in the folder but the info and the chunks of a precomputed volume.
+bool holdsPrecomputedVolume(const std::string& folder);
+
+// What Neuroglancer's formats have no place for, a line each.
+std::vector<std::string> neuroglancerLosses(const GridGeometry& geometry);
+
+// The member "isobrick" of a file info, which keeps the place in the world.
+nlohmann::ordered_json placeInWorld(const GridGeometry& geometry);
 
 }  // namespace isobrick

@@ -1,6 +1,7 @@
 // `isobrick extract -o NAME.precomputed`: read back as Neuroglancer's specification of
 // multi-resolution meshes says, and held against the meshes of the levels.
 #include <draco/compression/decode.h>
+#include <sys/stat.h>
 
 #include <algorithm>
 #include <array>
@@ -157,10 +158,20 @@ class PrecomputedMeshesTest : public CommandTest {
   void SetUp() override {
     runWell({"build", "phantom:head:70", "--brick", "16", "-o", "head.isb"});
   }
+  // A run that warns of what the format loses, and of nothing else; its stdout.
+  std::string write(const Words& words) {
+    const Outcome outcome = run(words);
+    EXPECT_EQ(outcome.status, 0) << outcome.err;
+    EXPECT_NE(outcome.err.find("takes millimetres"), std::string::npos) << outcome.err;
+    return outcome.out;
+  }
 };
 
 TEST_F(PrecomputedMeshesTest, FragmentsAreTheMeshesOfAllLevels) {
-  const Json json = runForJson({"extract", "head.isb", "--iso", "500,1324", "-o", "m.precomputed"});
+  const Json json = Json::parse(
+      write({"extract", "head.isb", "--iso", "500,1324", "-o", "m.precomputed", "--json"}));
+  EXPECT_EQ(json["lost"].size(), 1u);
+  EXPECT_TRUE(json["seconds"].contains("extract"));
   ASSERT_EQ(json["segments"].size(), 2u);
   std::size_t most_nodes = 0;
   for (int number = 1; number <= 2; ++number) {
@@ -197,7 +208,7 @@ TEST_F(PrecomputedMeshesTest, FragmentsAreTheMeshesOfAllLevels) {
 TEST_F(PrecomputedMeshesTest, InfoPlacesVoxelsWhereTheVolumeHasThem) {
   runWell({"phantom", "head", "--voxels", "40", "-o", "head.nrrd"});
   runWell({"build", "head.nrrd", "--spacing", "0.5,0.25,2", "-o", "s.isb"});
-  runWell({"extract", "s.isb", "--iso", "500", "-o", "m.precomputed"});
+  write({"extract", "s.isb", "--iso", "500", "-o", "m.precomputed"});
   const Json info = Json::parse(readBytes(path("m.precomputed/info")));
   EXPECT_EQ(info["@type"], "neuroglancer_multilod_draco");
   EXPECT_EQ(info["vertex_quantization_bits"], 16);
@@ -208,9 +219,9 @@ TEST_F(PrecomputedMeshesTest, InfoPlacesVoxelsWhereTheVolumeHasThem) {
 }
 
 TEST_F(PrecomputedMeshesTest, AnyThreadsWriteTheSameBytes) {
-  runWell({"extract", "head.isb", "--iso", "500", "-o", "a.precomputed", "--threads", "1"});
-  runWell({"extract", "head.isb", "--iso", "500", "-o", "b.precomputed", "--threads", "4",
-           "--memory", "1M"});
+  write({"extract", "head.isb", "--iso", "500", "-o", "a.precomputed", "--threads", "1"});
+  write({"extract", "head.isb", "--iso", "500", "-o", "b.precomputed", "--threads", "4", "--memory",
+         "1M"});
   for (const char* name : {"1", "1.index", "info"})
     EXPECT_EQ(readBytes(path(std::string("a.precomputed/") + name)),
               readBytes(path(std::string("b.precomputed/") + name)))
@@ -239,24 +250,100 @@ TEST_F(PrecomputedMeshesTest, OptionsThatDoNotFitAreRefused) {
 
 TEST_F(PrecomputedMeshesTest, OnlyMeshesAreReplacedAndOnlyByForce) {
   const Words words{"extract", "head.isb", "--iso", "500", "-o", "m.precomputed"};
-  runWell(words);
-  expectFailure(1, words, "exists already");
   Words forced = words;
   forced.push_back("--force");
-  runWell(forced);
-  fs::create_directory(path("other.precomputed"));
-  std::ofstream(path("other.precomputed/letter.txt")) << "dear";
-  expectFailure(1, {"extract", "head.isb", "--iso", "500", "-o", "other.precomputed", "--force"},
-                "something else in it");
-  std::ofstream(path("m.precomputed/letter.txt")) << "dear";
-  expectFailure(1, forced, "something else in it");
-  // A volume for Neuroglancer is something else, too, and the other way round.
+  write(words);
+  expectFailure(1, words, "exists already");
+  write(forced);
+  for (const char* name :
+       {"m.precomputed/letter.txt", "m.precomputed/segment_properties/letter.txt",
+        "m.precomputed/7/letter.txt"}) {
+    fs::create_directories(fs::path(path(name)).parent_path());
+    std::ofstream(path(name)) << "dear";
+    expectFailure(1, forced, "something else in it");
+    EXPECT_EQ(readBytes(path(name)), "dear");
+    fs::remove(path(name));
+  }
+  fs::remove(path("m.precomputed/7"));
+  // Neither an input that lies within, nor a volume for Neuroglancer; nor a pipe for its info.
+  fs::copy(path("head.isb"), path("m.precomputed/1"), fs::copy_options::overwrite_existing);
+  expectFailure(1, {"extract", "m.precomputed/1", "--iso", "500", "-o", "m.precomputed", "--force"},
+                "holds the input");
   EXPECT_EQ(run({"convert", "head.isb", "-o", "v.precomputed"}).status, 0);
   expectFailure(1, {"extract", "head.isb", "--iso", "500", "-o", "v.precomputed", "--force"},
                 "something else in it");
-  EXPECT_EQ(run({"convert", "head.isb", "-o", "v.precomputed", "--force"}).status, 0);
-  expectFailure(1, {"convert", "head.isb", "-o", "m.precomputed", "--force"},
+  fs::create_directory(path("p.precomputed"));
+  ASSERT_EQ(mkfifo(path("p.precomputed/info").c_str(), 0600), 0);
+  expectFailure(1, {"extract", "head.isb", "--iso", "500", "-o", "p.precomputed", "--force"},
                 "something else in it");
+  expectFailure(1, {"convert", "head.isb", "-o", "p.precomputed", "--force"},
+                "something else in it");
+  std::ofstream(path("f.precomputed")) << "dear";
+  expectFailure(1, {"extract", "head.isb", "--iso", "500", "-o", "f.precomputed", "--force"},
+                "is no folder");
+}
+
+TEST_F(PrecomputedMeshesTest, OfVolumesOnlyTheirOwnKindIsReplaced) {
+  const Words words{"convert", "head.isb", "-o", "v.precomputed", "--force"};
+  EXPECT_EQ(run(words).status, 0);
+  EXPECT_EQ(run(words).status, 0);
+  for (const char* name :
+       {"v.precomputed/letter.txt", "v.precomputed/0/letter.txt", "v.precomputed/meshes/1"}) {
+    fs::create_directories(fs::path(path(name)).parent_path());
+    std::ofstream(path(name)) << "dear";
+    expectFailure(1, words, "something else in it");
+    EXPECT_EQ(readBytes(path(name)), "dear");
+    fs::remove(path(name));
+  }
+}
+
+// Six times the volume that the triangles enclose: above 0 if they turn left seen from outside.
+double signedVolume(const std::vector<Triangle>& triangles) {
+  double sum = 0;
+  for (const Triangle& t : triangles) {
+    const auto at = [&](std::size_t c, std::size_t axis) {
+      return static_cast<double>(t[c][axis]);
+    };
+    sum += at(0, 0) * (at(1, 1) * at(2, 2) - at(1, 2) * at(2, 1)) +
+           at(0, 1) * (at(1, 2) * at(2, 0) - at(1, 0) * at(2, 2)) +
+           at(0, 2) * (at(1, 0) * at(2, 1) - at(1, 1) * at(2, 0));
+  }
+  return sum;
+}
+
+TEST_F(PrecomputedMeshesTest, AMirroredVolumeIsNotInsideOut) {
+  runWell({"phantom", "head", "--voxels", "40", "-o", "head.nrrd"});
+  std::string file = readBytes(path("head.nrrd"));
+  const std::size_t at = file.find("space directions: (1");
+  ASSERT_NE(at, std::string::npos);
+  file.insert(at + std::string("space directions: (").size(), "-");
+  std::ofstream(path("mirrored.nrrd"), std::ios::binary) << file;
+  std::vector<std::vector<Triangle>> surfaces;
+  for (const char* name : {"head", "mirrored"}) {
+    runWell({"build", std::string(name) + ".nrrd", "-o", std::string(name) + "-1.isb"});
+    write({"extract", std::string(name) + "-1.isb", "--iso", "500", "-o",
+           std::string(name) + ".precomputed"});
+    surfaces.push_back(readSegment(path(std::string(name) + ".precomputed"), 1).triangles[0]);
+  }
+  EXPECT_GT(signedVolume(surfaces[0]), 0);
+  EXPECT_NEAR(signedVolume(surfaces[1]) / signedVolume(surfaces[0]), 1, 1e-3);
+}
+
+TEST_F(PrecomputedMeshesTest, LevelsThatHaveLostTheSurfaceAreLeftOut) {
+  write({"extract", "head.isb", "--iso", "1324", "-o", "m.precomputed"});
+  const Segment segment = readSegment(path("m.precomputed"), 1);
+  EXPECT_FALSE(segment.triangles.back().empty());
+  EXPECT_LT(segment.levels.size(), 7u);
+}
+
+TEST_F(PrecomputedMeshesTest, AnIsovalueIsWrittenOnce) {
+  const Json info = runForJson({"info", "head.isb"});
+  const std::string first = std::to_string(info["isovalues"][0]["value"].get<double>());
+  const Outcome outcome =
+      run({"extract", "head.isb", "--iso", "auto," + first, "-o", "m.precomputed"});
+  EXPECT_EQ(outcome.status, 2);
+  EXPECT_NE(outcome.err.find("given twice"), std::string::npos) << outcome.err;
+  EXPECT_FALSE(fs::exists(path("m.precomputed")));
 }
 
 }  // namespace

@@ -1,14 +1,11 @@
 #include "tools/build/convert_output.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <filesystem>
 
 #include "isobrick/preprocess/export/neuroglancer_info.h"
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/sources/format_sources.h"
-#include "isobrick/storage/error.h"
 #include "tools/output_check.h"
 
 namespace isobrick {
@@ -16,36 +13,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// A folder is replaced only if it plainly holds the same kind of output.
-bool holdsNothingElse(const std::string& folder, const std::string& pattern) {
-  std::error_code ignored;
-  if (fs::is_empty(folder, ignored)) return true;
-  if (pattern.empty())
-    return isZarrFolder(folder) || neuroglancerTypeOf(folder) == "neuroglancer_multiscale_volume";
-  const auto slices = parseNumberedName(pattern);
-  return std::all_of(fs::directory_iterator(folder, ignored), fs::directory_iterator(),
-                     [&](const fs::directory_entry& entry) {
-                       return entry.is_regular_file() && slices &&
-                              slices->matches(entry.path().filename().string());
-                     });
-}
-
 // `pattern`: of the slices in it, or empty.
-void refuseFolder(const std::string& folder, const std::string& pattern,
-                  const std::vector<std::string>& inputs, bool force) {
-  std::error_code ignored;
-  const fs::path whole = fs::weakly_canonical(folder, ignored);
-  for (const std::string& input : inputs) {
-    const fs::path inside = fs::weakly_canonical(input, ignored).lexically_relative(whole);
-    if (!inside.empty() && *inside.begin() != "..")
-      throw Error(fmt::format("'{}' holds the input; choose another output with -o", folder));
-  }
-  if (!holdsNothingElse(folder, pattern))
-    throw Error(fmt::format(
-        "'{}' is a folder with something else in it; choose another output with -o", folder));
-  if (!force)
-    throw Error(fmt::format(
-        "'{}' exists already; replace it with --force, or choose another output with -o", folder));
+bool holdsNothingElse(const std::string& folder, const std::string& pattern) {
+  if (pattern.empty()) return isZarrFolder(folder) || holdsPrecomputedVolume(folder);
+  const auto slices = parseNumberedName(pattern);
+  return slices && holdsNothingBut(folder, [&](const fs::directory_entry& entry) {
+           return entry.is_regular_file() && slices->matches(entry.path().filename().string());
+         });
 }
 
 // "scan.h5" for "scan.h5:/entry/data".
@@ -66,7 +40,9 @@ void refuseConvertOutput(const std::string& output, const std::vector<std::strin
   const std::string place = has_slices ? path.parent_path().string() : output;
   std::error_code ignored;
   if (fs::is_directory(place, ignored))
-    refuseFolder(place, has_slices ? name : "", files, force);
+    refuseReplacingFolder({place}, files, force, [&](const std::string& folder) {
+      return holdsNothingElse(folder, has_slices ? name : "");
+    });
   else
     refuseReplacingVolume({place}, files, force);
 }

@@ -2,10 +2,10 @@
 
 #include <fmt/format.h>
 
-#include <filesystem>
 #include <set>
 #include <vector>
 
+#include "isobrick/preprocess/export/neuroglancer_info.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
@@ -22,10 +22,7 @@
 namespace isobrick {
 namespace {
 
-namespace fs = std::filesystem;
-
-Json jsonOfMeshes(const std::string& output, const std::vector<PrecomputedMesh>& meshes,
-                  double seconds) {
+Json jsonOfMeshes(const std::string& output, const std::vector<PrecomputedMesh>& meshes) {
   Json json = {{"output", output}, {"segments", Json::array()}};
   for (const PrecomputedMesh& mesh : meshes)
     json["segments"].push_back({{"segment", mesh.segment},
@@ -33,8 +30,6 @@ Json jsonOfMeshes(const std::string& output, const std::vector<PrecomputedMesh>&
                                 {"triangles", mesh.triangles},
                                 {"fragments", mesh.fragments},
                                 {"bytes", mesh.bytes}});
-  json["seconds"] = seconds;
-  json["peak_rss_bytes"] = peakResidentBytes();
   return json;
 }
 
@@ -68,24 +63,22 @@ void refuseForMeshes(const CLI::App& command, const QueryOptions& options,
           "it out, or write another format",
           name));
   }
-  std::error_code ignored;
-  if (!fs::is_directory(output, ignored))
-    return refuseReplacing({output}, {options.input.path, options.input.pyramid}, force);
-  if (!holdsPrecomputedMeshes(output))
-    throw Error(fmt::format(
-        "'{}' is a folder with something else in it; choose another output with -o", output));
-  if (!force)
-    throw Error(fmt::format(
-        "'{}' exists already; replace it with --force, or choose another output with -o", output));
+  refuseReplacingFolder({output}, {options.input.path, options.input.pyramid}, force,
+                        holdsPrecomputedMeshes);
 }
 
 int runExtractMeshes(QueryOptions options, const std::string& output, bool as_json) {
   findPyramid(options);
   const Stopwatch watch;
+  double open_seconds = 0;
+  std::vector<std::string> lost;
   const std::vector<PrecomputedMesh> meshes = runWithThreads(options.threads, [&] {
     const auto pyramid = openPyramidFile(options.input.pyramid, options.memory_bytes,
                                          fileAccess(options.no_map), remoteOptions(options.input));
+    open_seconds = watch.seconds();
     chooseIsovalues(options, *pyramid);
+    refuseTwinIsovalues(options.isovalues);
+    lost = neuroglancerLosses(pyramid->spec().geometry);
     std::vector<double> isovalues;
     for (const std::optional<double>& isovalue : options.isovalues) {
       isovalues.push_back(*isovalue);
@@ -100,10 +93,18 @@ int runExtractMeshes(QueryOptions options, const std::string& output, bool as_js
           return extractor.extract(query, measured);
         });
   });
-  if (as_json)
-    printJson(jsonOfMeshes(output, meshes, watch.seconds()));
-  else
+  if (as_json) {
+    Json json = jsonOfMeshes(output, meshes);
+    json["seconds"] = {{"open", open_seconds}, {"extract", watch.seconds() - open_seconds}};
+    json["threads"] = options.threads;
+    json["lost"] = lost;
+    json["peak_rss_bytes"] = peakResidentBytes();
+    printJson(json);
+  } else {
     printMeshes(output, meshes, watch.seconds());
+  }
+  for (const std::string& line : lost)
+    fmt::print(stderr, "isobrick: warning: '{}': {}\n", oneLine(output), oneLine(line));
   return 0;
 }
 

@@ -39,7 +39,10 @@ void FragmentSink::write(PlacedBatch& placed) {
   for (const glm::vec3& position : batch.positions)
     positions.push_back(fragmentPosition(glm::dvec3(batch.origin) + glm::dvec3(position),
                                          batch.brick * edge_, edge_));
-  const std::vector<char> packed = packFragment(positions, batch.triangles);
+  std::vector<std::uint32_t> triangles(batch.triangles.begin(), batch.triangles.end());
+  for (std::size_t t = 0; is_mirrored_ && t < triangles.size(); t += 3)
+    std::swap(triangles[t], triangles[t + 1]);
+  const std::vector<char> packed = packFragment(positions, triangles);
   if (packed.size() > std::numeric_limits<std::uint32_t>::max())
     throw Error("a fragment of the mesh is larger than 4 GiB; build the pyramid with --brick 64");
   MeshFragment fragment{batch.brick, static_cast<std::uint32_t>(packed.size()),

@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <glm/matrix.hpp>
 #include <mutex>
 #include <span>
 #include <vector>
@@ -36,6 +37,9 @@ class FragmentSink : public TriangleSink {
   FragmentSink(std::int64_t edge, SideFile& spool, std::atomic<std::uint64_t>& end)
       : edge_(edge), spool_(spool), end_(end) {}
 
+  void begin(const MeshFrame& frame) override {
+    is_mirrored_ = glm::determinant(frame.geometry.direction) < 0;
+  }
   void write(PlacedBatch& placed) override;
 
   // After the extraction: in the order of the bricks' Morton codes.
@@ -45,6 +49,7 @@ class FragmentSink : public TriangleSink {
   const std::int64_t edge_;
   SideFile& spool_;
   std::atomic<std::uint64_t>& end_;
+  bool is_mirrored_ = false;  // then triangles that turn left in the world turn right in voxels
   std::mutex mutex_;
   std::vector<MeshFragment> fragments_;
 };

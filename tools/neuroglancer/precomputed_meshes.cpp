@@ -10,6 +10,7 @@
 #include "isobrick/preprocess/export/atomic_folder.h"
 #include "isobrick/preprocess/export/neuroglancer_info.h"
 #include "isobrick/storage/atomic_file.h"
+#include "isobrick/storage/lowercase.h"
 #include "tools/neuroglancer/fragment_sink.h"
 
 namespace isobrick {
@@ -36,7 +37,8 @@ MeshInfo meshInfo(const GridGeometry& geometry) {
           {"vertex_quantization_bits", kFragmentBits},
           {"transform", transform},
           {"lod_scale_multiplier", 1.0},
-          {"segment_properties", kPropertiesFolder}};
+          {"segment_properties", kPropertiesFolder},
+          {"isobrick", placeInWorld(geometry)}};
 }
 
 MeshInfo propertiesInfo(const std::vector<PrecomputedMesh>& meshes) {
@@ -138,6 +140,11 @@ std::vector<PrecomputedMesh> writePrecomputedMeshes(
       if (level > 0) addMissingParents(levels[levels.size() - 2], levels.back());
       mesh.fragments += levels.back().size();
     }
+    // Where the coarsest levels have lost the surface, finer ones are shown from afar.
+    while (mesh.fragments > 0 && mesh.triangles[levels.size() - 1] == 0) {
+      mesh.fragments -= levels.back().size();
+      levels.pop_back();
+    }
     if (mesh.fragments > 0) {
       mesh.segment = ++segment;
       const std::string name = std::to_string(mesh.segment);
@@ -155,22 +162,22 @@ std::vector<PrecomputedMesh> writePrecomputedMeshes(
   return meshes;
 }
 
-bool isPrecomputedName(const std::string& path) {
-  return fs::path(path).extension() == ".precomputed";
-}
+bool isPrecomputedName(const std::string& path) { return lowerExtension(path) == ".precomputed"; }
 
 bool holdsPrecomputedMeshes(const std::string& folder) {
-  std::error_code ignored;
-  if (fs::is_empty(folder, ignored)) return true;
   if (neuroglancerTypeOf(folder) != kMeshType) return false;
-  return std::all_of(fs::directory_iterator(folder, ignored), fs::directory_iterator(),
-                     [](const fs::directory_entry& entry) {
-                       const fs::path name = entry.path().filename();
-                       const std::string stem = name.stem().string();
-                       return name == "info" || name == kPropertiesFolder ||
-                              (stem.find_first_not_of("0123456789") == std::string::npos &&
-                               (!name.has_extension() || name.extension() == ".index"));
-                     });
+  return holdsNothingBut(folder, [](const fs::directory_entry& entry) {
+    const fs::path name = entry.path().filename();
+    if (name == kPropertiesFolder)
+      return entry.is_directory() && !entry.is_symlink() &&
+             holdsNothingBut(entry.path().string(), [](const fs::directory_entry& inner) {
+               return inner.path().filename() == "info" && inner.is_regular_file();
+             });
+    const bool is_numbered =
+        name.stem().string().find_first_not_of("0123456789") == std::string::npos &&
+        (!name.has_extension() || name.extension() == ".index");
+    return entry.is_regular_file() && (name == "info" || is_numbered);
+  });
 }
 
 }  // namespace isobrick

@@ -3,6 +3,7 @@
 #include <atomic>
 #include <cmath>
 #include <filesystem>
+#include <limits>
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <type_traits>
@@ -12,6 +13,7 @@
 #include "isobrick/preprocess/export/atomic_folder.h"
 #include "isobrick/preprocess/export/formats/format_writers.h"
 #include "isobrick/preprocess/export/formats/spooled_source.h"
+#include "isobrick/preprocess/export/neuroglancer_info.h"
 #include "isobrick/preprocess/export/volume_rows.h"
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/kernels/sample_block.h"
@@ -35,17 +37,20 @@ struct Scale {
   glm::dvec3 nanometres;
 };
 
-// An axis whose voxels are at least twice as long as the shortest axis' waits for the others.
+// An axis whose voxels are at least twice as long as those of the shortest axis waits for the
+// others; one of a single voxel counts no more.
 std::vector<Scale> scalesOf(const VolumeInfo& info) {
   std::vector<Scale> scales{
       {"0", info.voxels, Index3(1), info.geometry.spacing * kNanometresInMillimetre}};
   while (true) {
     const Scale& finer = scales.back();
     if (std::max({finer.voxels.x, finer.voxels.y, finer.voxels.z}) <= kEdge) return scales;
-    const double least = std::min({finer.nanometres.x, finer.nanometres.y, finer.nanometres.z});
+    double least = std::numeric_limits<double>::infinity();
+    for (int axis = 0; axis < 3; ++axis)
+      if (finer.voxels[axis] > 1) least = std::min(least, finer.nanometres[axis]);
     Scale scale{std::to_string(scales.size()), finer.voxels, Index3(1), finer.nanometres};
     for (int axis = 0; axis < 3; ++axis) {
-      if (finer.nanometres[axis] >= 2 * least) continue;
+      if (finer.voxels[axis] == 1 || finer.nanometres[axis] >= 2 * least) continue;
       scale.step[axis] = 2;
       scale.voxels[axis] = (finer.voxels[axis] + 1) / 2;
       scale.nanometres[axis] *= 2;
@@ -66,20 +71,13 @@ OrderedJson infoOf(const VolumeInfo& info, const std::vector<Scale>& scales) {
                       {"voxel_offset", listOf(Index3(0))},
                       {"chunk_sizes", {listOf(Index3(kEdge))}},
                       {"encoding", "raw"}});
-  OrderedJson columns = OrderedJson::array();
-  for (int axis = 0; axis < 3; ++axis)
-    columns.push_back(listOf(glm::dvec3(info.geometry.direction[axis])));
   constexpr std::array kTypes{"uint8", "int8", "uint16", "int16", "float32"};
   return {{"@type", "neuroglancer_multiscale_volume"},
           {"type", "image"},
           {"data_type", kTypes.at(static_cast<std::size_t>(info.voxel_type))},
           {"num_channels", 1},
           {"scales", listed},
-          {"isobrick",
-           {{"space", "LPS"},
-            {"origin", listOf(info.geometry.origin)},
-            {"direction", columns},
-            {"source", info.source}}}};
+          {"isobrick", placeInWorld(info.geometry)}};
 }
 
 IndexBox chunkBox(const Scale& scale, const Index3& chunk) {
@@ -218,18 +216,6 @@ class PrecomputedWriter {
   std::atomic<std::uint64_t> bytes_{0};
 };
 
-// What a volume loses in the format.
-std::vector<std::string> lossesOf(const GridGeometry& geometry) {
-  std::vector<std::string> lost;
-  if (geometry.direction != glm::dmat3(1.0) || geometry.origin != glm::dvec3(0.0))
-    lost.push_back(
-        "Neuroglancer's format has no origin and no direction; they are kept in the member "
-        "'isobrick' of its file info, which other programs ignore");
-  if (geometry.unit != LengthUnit::kMillimetre)
-    lost.push_back("the volume does not say its unit of length; Neuroglancer takes millimetres");
-  return lost;
-}
-
 }  // namespace
 
 VolumeWriteReport writePrecomputed(VolumeLevels& levels, const std::string& path,
@@ -237,7 +223,7 @@ VolumeWriteReport writePrecomputed(VolumeLevels& levels, const std::string& path
   std::unique_ptr<VolumeSource>& source = levels.front();
   VolumeWriteReport report;
   report.space = "index axes";
-  report.lost = lossesOf(source->info().geometry);
+  report.lost = neuroglancerLosses(source->info().geometry);
   AtomicFolder folder(path);
   const std::string beside = std::filesystem::path(folder.temporaryPath()).parent_path().string();
   if (!source->readsBoxes())

@@ -245,6 +245,20 @@ TEST_F(ExportVolumeTest, PrecomputedScalesAreMeansOfTheVoxelsThatTheyCover) {
   EXPECT_EQ(info["scales"][1]["resolution"], nlohmann::json({2e6, 2e6, 2e6}));
 }
 
+TEST_F(ExportVolumeTest, APrecomputedAxisOfOneVoxelIsHalvedNoMore) {
+  const Index3 voxels(300, 2, 40);
+  GridGeometry geometry;
+  geometry.spacing = {5, 0.01, 1};
+  const std::vector<std::uint8_t> values = wildValues<std::uint8_t>(voxels);
+  VolumeLevels levels;
+  levels.push_back(std::make_unique<ArraySource<std::uint8_t>>(voxels, values, geometry));
+  exportVolume(levels, pathOf("v.precomputed"), {});
+  // Then z alone, until its voxels are more than half as long as those of x.
+  checkPrecomputed<std::uint8_t>(
+      pathOf("v.precomputed"), values, voxels,
+      {{1, 1, 1}, {1, 2, 1}, {1, 1, 2}, {1, 1, 2}, {2, 1, 2}, {2, 1, 2}, {2, 1, 2}});
+}
+
 TEST_F(ExportVolumeTest, APrecomputedVolumeThatFailsLeavesNothing) {
   ExportOptions options;
   options.before_publishing = [] { throw Error("it changed"); };
