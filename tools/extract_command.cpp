@@ -239,7 +239,7 @@ Json jsonOfSurface(const ExtractArguments& arguments, const ExtractResult& resul
   Json json = Json::object();
   json["output"] = result.output.empty() ? Json() : Json(result.output);
   if (!arguments.attribute.path.empty())
-    json["attribute"] = {{"path", arguments.attribute.path},
+    json["attribute"] = {{"path", withoutSecrets(arguments.attribute.path)},
                          {"vertices_outside", result.vertices_outside}};
   json["isovalue"] = result.isovalue;
   if (result.simplify) json["simplify"] = result.simplify->distance;

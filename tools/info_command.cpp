@@ -98,7 +98,7 @@ void printInfoJson(const Pyramid& pyramid) {
   const auto [bytes, codecs] = pyramid.sums();
   const IsovalueSuggestions suggestions = suggestIsovalues(pyramid);
   Json json = Json::object();
-  json["pyramid"] = pyramid.path();
+  json["pyramid"] = withoutSecrets(pyramid.path());
   json["dimensions"] = jsonOf(spec.voxels);
   json["voxel_type"] = voxelTypeName(spec.voxel_type);
   json["spacing"] = jsonOf(spec.geometry.spacing);

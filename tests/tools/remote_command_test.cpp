@@ -62,6 +62,25 @@ TEST_F(RemoteCommandTest, TheReportSaysWhatTheNetworkDid) {
   EXPECT_FALSE(runForJson({"extract", "head.isb", "--iso", "500"}).contains("remote"));
 }
 
+TEST_F(RemoteCommandTest, NoReportShowsWhatSignsTheUrl) {
+  const std::string signed_url = url() + "?X-Amz-Signature=5ec2e7";
+  for (const Words& words :
+       {Words{"info", signed_url}, Words{"convert", signed_url, "-o", "a.nrrd"},
+        Words{"extract", "head.isb", "--iso", "500", "--attribute", signed_url, "-o", "a.ply"},
+        Words{"verify", signed_url}}) {
+    for (const bool as_json : {false, true}) {
+      Words all = words;
+      if (as_json && words[0] != "verify") all.push_back("--json");
+      if (words[0] == "convert" || words[0] == "extract") all.push_back("--force");
+      const Outcome outcome = run(all);
+      EXPECT_EQ(outcome.status, 0) << outcome.err;
+      EXPECT_EQ((outcome.out + outcome.err).find("5ec2e7"), std::string::npos)
+          << words[0] << "\n"
+          << outcome.out << outcome.err;
+    }
+  }
+}
+
 TEST_F(RemoteCommandTest, AViewShowsItAsTheLocalFile) {
   for (const std::string& source : {std::string("head.isb"), url()}) {
     writeBytes(path("script.json"),

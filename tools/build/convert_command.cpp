@@ -16,6 +16,7 @@
 #include "isobrick/preprocess/sources/open_volume.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid.h"
+#include "isobrick/storage/remote/remote_address.h"
 #include "tools/build/build_one.h"
 #include "tools/build/convert_output.h"
 #include "tools/build/fitting_options.h"
@@ -181,7 +182,7 @@ Converted convert(const ConvertArguments& arguments) {
 Json jsonOfConverted(const ConvertArguments& arguments, const Converted& converted) {
   const VolumeInfo& volume = converted.volume;
   Json json = Json::object();
-  json["input"] = arguments.input.path;
+  json["input"] = withoutSecrets(arguments.input.path);
   json["output"] = arguments.output;
   json["format"] = volume.format;
   json["dimensions"] = jsonOf(volume.voxels);
