@@ -34,6 +34,8 @@ Json allFormats() {
                               {"attribute", format.has_values},
                               {"zlib", format.has_zlib},
                               {"meshopt", format.has_meshopt}});
+  json["meshes"].push_back(
+      {{"ending", ".precomputed"}, {"attribute", false}, {"zlib", false}, {"meshopt", false}});
   json["pictures"] = Json::array();
 #if ISOBRICK_WITH_VIEWER
   for (const auto& [ending, format] : kImageFormats)
