@@ -34,7 +34,7 @@ auto runAbandonable(const CancelFlag* cancel, Work work) {
     bool is_done = false;
   };
   const auto shared = std::make_shared<Shared>(std::move(work));
-  std::thread([shared] {
+  std::thread thread([shared] {
     std::optional<Result> result;
     std::exception_ptr failure;
     try {
@@ -48,13 +48,20 @@ auto runAbandonable(const CancelFlag* cancel, Work work) {
     shared->failure = failure;
     shared->is_done = true;
     shared->changed.notify_all();
-  }).detach();
+  });
 
   // A signal handler can only set the flag, so no call wakes this thread.
   constexpr auto kBetweenLooks = std::chrono::milliseconds(5);
   std::unique_lock lock(shared->mutex);
-  while (!shared->changed.wait_for(lock, kBetweenLooks, [&] { return shared->is_done; }))
-    cancel->check();
+  while (!shared->changed.wait_for(lock, kBetweenLooks, [&] { return shared->is_done; })) {
+    if (!cancel->requested()) continue;
+    thread.detach();
+    throw Cancelled();
+  }
+  lock.unlock();
+  // What a library keeps for the thread is gone before the caller uses the library on, or ends the
+  // process.
+  thread.join();
   if (shared->failure) std::rethrow_exception(shared->failure);
   return std::move(*shared->result);
 }
