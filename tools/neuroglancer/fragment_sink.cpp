@@ -31,6 +31,12 @@ glm::ivec3 fragmentPosition(const glm::dvec3& position, const Index3& low, std::
   return glm::ivec3(glm::clamp(glm::floor(share * kMost + 0.5), 0.0, kMost));
 }
 
+void FragmentSink::prepare(PlacedBatch& placed) {
+  auto& triangles = placed.batch.triangles;
+  for (std::size_t t = 0; is_mirrored_ && t < triangles.size(); t += 3)
+    std::swap(triangles[t], triangles[t + 1]);
+}
+
 void FragmentSink::write(PlacedBatch& placed) {
   const MeshBatch& batch = placed.batch;
   if (batch.triangles.empty()) return;
@@ -39,10 +45,7 @@ void FragmentSink::write(PlacedBatch& placed) {
   for (const glm::vec3& position : batch.positions)
     positions.push_back(fragmentPosition(glm::dvec3(batch.origin) + glm::dvec3(position),
                                          batch.brick * edge_, edge_));
-  std::vector<std::uint32_t> triangles(batch.triangles.begin(), batch.triangles.end());
-  for (std::size_t t = 0; is_mirrored_ && t < triangles.size(); t += 3)
-    std::swap(triangles[t], triangles[t + 1]);
-  const std::vector<char> packed = packFragment(positions, triangles);
+  const std::vector<char> packed = packFragment(positions, batch.triangles);
   if (packed.size() > std::numeric_limits<std::uint32_t>::max())
     throw Error("a fragment of the mesh is larger than 4 GiB; build the pyramid with --brick 64");
   MeshFragment fragment{batch.brick, static_cast<std::uint32_t>(packed.size()),

@@ -40,6 +40,7 @@ class FragmentSink : public TriangleSink {
   void begin(const MeshFrame& frame) override {
     is_mirrored_ = glm::determinant(frame.geometry.direction) < 0;
   }
+  void prepare(PlacedBatch& placed) override;
   void write(PlacedBatch& placed) override;
 
   // After the extraction: in the order of the bricks' Morton codes.

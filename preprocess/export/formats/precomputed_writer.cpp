@@ -2,7 +2,6 @@
 #include <array>
 #include <atomic>
 #include <cmath>
-#include <filesystem>
 #include <limits>
 #include <mutex>
 #include <nlohmann/json.hpp>
@@ -17,6 +16,7 @@
 #include "isobrick/preprocess/export/volume_rows.h"
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/kernels/sample_block.h"
+#include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/isolated_loop.h"
 
@@ -225,9 +225,8 @@ VolumeWriteReport writePrecomputed(VolumeLevels& levels, const std::string& path
   report.space = "index axes";
   report.lost = neuroglancerLosses(source->info().geometry);
   AtomicFolder folder(path);
-  const std::string beside = std::filesystem::path(folder.temporaryPath()).parent_path().string();
   if (!source->readsBoxes())
-    source = makeSpooledSource(std::move(source), beside.empty() ? "." : beside, options);
+    source = makeSpooledSource(std::move(source), folderOf(folder.temporaryPath()), options);
   report.bytes = PrecomputedWriter(*source, scalesOf(source->info()), folder, options).write();
   if (options.before_publishing) options.before_publishing();
   folder.commit(options.cancel);

@@ -14,6 +14,7 @@
 #include "isobrick/preprocess/export/formats/spooled_source.h"
 #include "isobrick/preprocess/export/volume_rows.h"
 #include "isobrick/preprocess/kernels/sample_block.h"
+#include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/isolated_loop.h"
 
@@ -179,11 +180,11 @@ VolumeWriteReport writeOmeZarr(VolumeLevels& levels, const std::string& path,
   writeText(".zattrs", textOf(imageMetadata(levels)));
   double total = 0, before = 0;
   for (const auto& level : levels) total += static_cast<double>(volumeBytes(level->info()));
-  const std::string beside = std::filesystem::path(folder.temporaryPath()).parent_path().string();
   for (std::size_t i = 0; i < levels.size(); ++i) {
     const double share = static_cast<double>(volumeBytes(levels[i]->info()));
     if (!levels[i]->readsBoxes())
-      levels[i] = makeSpooledSource(std::move(levels[i]), beside.empty() ? "." : beside, options);
+      levels[i] =
+          makeSpooledSource(std::move(levels[i]), folderOf(folder.temporaryPath()), options);
     report.bytes +=
         LevelWriter(*levels[i], folder, std::to_string(i), options).write([&](double d) {
           if (options.progress) options.progress((before + share * d) / total);
