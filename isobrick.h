@@ -11,6 +11,7 @@
 
 #include "isobrick/extract/extractor.h"
 #include "isobrick/extract/pyramid_values.h"
+#include "isobrick/extract/shares/mesh_share.h"
 #include "isobrick/extract/sinks/indexed_mesh.h"
 #include "isobrick/extract/sinks/mesh_file_sink.h"
 #include "isobrick/extract/sinks/surface_components.h"

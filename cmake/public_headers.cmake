@@ -18,6 +18,7 @@ set(isobrick_public_headers
   extract/extractor.h
   extract/pyramid_values.h
   extract/query.h
+  extract/shares/mesh_share.h
   extract/sinks/indexed_mesh.h
   extract/sinks/mesh_file_sink.h
   extract/sinks/triangle_sink.h

@@ -58,6 +58,7 @@ Command addConvertCommand(CLI::App& app);
 Command addInfoCommand(CLI::App& app);
 Command addVerifyCommand(CLI::App& app);
 Command addExtractCommand(CLI::App& app);
+Command addMergeCommand(CLI::App& app);
 Command addRenderCommand(CLI::App& app);
 Command addViewCommand(CLI::App& app);
 Command addPhantomCommand(CLI::App& app);

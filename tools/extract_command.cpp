@@ -11,6 +11,7 @@
 
 #include "isobrick/extract/extractor.h"
 #include "isobrick/extract/pyramid_values.h"
+#include "isobrick/extract/shares/mesh_share.h"
 #include "isobrick/extract/sinks/mesh_file_sink.h"
 #include "isobrick/extract/sinks/surface_components.h"
 #include "isobrick/extract/sinks/vertex_numbering.h"
@@ -49,6 +50,7 @@ struct ExtractArguments {
   bool list_components = false;
   std::optional<std::uint64_t> keep_largest;
   std::optional<double> drop_below;  // area, world units^2
+  std::optional<ShareNumber> part;
   bool zlib = false;
   bool meshopt = false;
   int repeat = 1;
@@ -106,6 +108,18 @@ void refuseOutputs(const ExtractArguments& arguments) {
                       arguments.force);
 }
 
+bool isShareName(const std::string& output) { return lowerExtension(output) == kMeshShareEnding; }
+
+// "3/8"
+ShareNumber parseShare(const std::string& text) {
+  const std::size_t slash = text.find('/');
+  if (slash == std::string::npos)
+    throw std::invalid_argument("'" + text + "' is not I/N, such as 3/8");
+  const auto of = parseInteger(text.substr(slash + 1), 1, kMostShares);
+  return {static_cast<std::uint32_t>(parseInteger(text.substr(0, slash), 1, of)),
+          static_cast<std::uint32_t>(of)};
+}
+
 std::uint64_t parseAtLeastOne(const std::string& text) {
   return static_cast<std::uint64_t>(
       parseInteger(text, 1, std::numeric_limits<std::int64_t>::max()));
@@ -141,11 +155,21 @@ ExtractResult extractOne(const ExtractArguments& arguments, const Pyramid& pyram
   if (arguments.most_triangles)
     query.simplify = findSimplification(extractor, query, *arguments.most_triangles);
   result.simplify = query.simplify;
+  const ShareNumber share = arguments.part.value_or(ShareNumber());
+  const auto extractShare = [&](TriangleSink& sink) {
+    const ExtractionPlan plan = extractor.plan(query);
+    const BrickRun run = bricksOf(plan, share);
+    return extractor.execute(plan, run.first, run.count, sink);
+  };
   const MeshFileOptions options{.cancel = &interruptFlag(),
                                 .values = values,
                                 .zlib = arguments.zlib,
                                 .meshopt = arguments.meshopt};
-  const auto file_sink = output.empty() ? nullptr : makeMeshFileSink(output, options);
+  std::unique_ptr<MeshFileSink> file_sink;
+  if (isShareName(output))
+    file_sink = makeMeshShareSink(output, pyramid, extractor.plan(query), share, &interruptFlag());
+  else if (!output.empty())
+    file_sink = makeMeshFileSink(output, options);
   const std::uint64_t outside_before = values != nullptr ? values->outside() : 0;
 
   ProgressBar bar(0, "million triangles");
@@ -158,9 +182,9 @@ ExtractResult extractOne(const ExtractArguments& arguments, const Pyramid& pyram
     const Stopwatch watch;
     if (result.components) {
       ComponentFilter filter(*result.components, result.components_kept, measured);
-      result.report = extractor.extract(query, filter);
+      result.report = extractShare(filter);
     } else {
-      result.report = extractor.extract(query, measured);
+      result.report = extractShare(measured);
     }
     const double seconds = watch.seconds();
     if (to_file) result.write_seconds = measured.seconds(arguments.query.threads);
@@ -242,6 +266,8 @@ Json jsonOfSurface(const ExtractArguments& arguments, const ExtractResult& resul
     json["attribute"] = {{"path", withoutSecrets(arguments.attribute.path)},
                          {"vertices_outside", result.vertices_outside}};
   json["isovalue"] = result.isovalue;
+  if (arguments.part)
+    json["part"] = {{"number", arguments.part->number}, {"of", arguments.part->of}};
   if (result.simplify) json["simplify"] = result.simplify->distance;
   if (result.components) {
     json["components"] = jsonOfComponents(*result.components);
@@ -326,6 +352,12 @@ void printSummaries(const ExtractArguments& arguments, const ExtractResults& res
 int runExtract(const CLI::App& command, ExtractArguments arguments) {
   if (arguments.drop_small && !arguments.query.simplify && !arguments.most_triangles)
     throw UsageError("--drop-small goes with --simplify or --triangles; give one of them");
+  if (isShareName(arguments.output))
+    for (const char* const option : {"--attribute", "--zlib", "--meshopt"})
+      if (findOption(command, option)->count() > 0)
+        throw UsageError(fmt::format(
+            "{} does not go with a share of a mesh, {}; leave it out, or write another format",
+            option, kMeshShareEnding));
   refuseTwinIsovalues(arguments.query.isovalues);
   if (isPrecomputedName(arguments.output)) {
     refuseForMeshes(command, arguments.query, arguments.output, arguments.force);
@@ -355,20 +387,22 @@ Command addExtractCommand(CLI::App& app) {
   addQueryOptions(*sub, arguments->query, true);
   beginGroup(*sub, kDetailGroup);
   addSimplifyOption(*sub, arguments->query);
-  addParsedOption(
+  CLI::Option* const triangles = addParsedOption(
       *sub, "--triangles", arguments->most_triangles, parseAtLeastOne, "N",
       "At most N triangles: finds the distance of --simplify for that, by extracting the surface "
-      "some ten times")
-      ->excludes(findOption(*sub, "--simplify"));
+      "some ten times");
+  triangles->excludes(findOption(*sub, "--simplify"));
   sub->add_flag("--drop-small", arguments->drop_small,
                 "With --simplify or --triangles: leave out pieces of the surface that lie in one "
                 "brick and whose box has a diagonal below the distance");
-  sub->add_flag("--components", arguments->list_components,
-                "List the connected pieces of the surface by their area, with the volume that each "
-                "encloses, in world units");
-  addParsedOption(*sub, "--keep-largest", arguments->keep_largest, parseAtLeastOne, "N",
-                  "Only the N connected pieces of the largest area; they are listed, too");
-  addParsedOption(
+  CLI::Option* const components =
+      sub->add_flag("--components", arguments->list_components,
+                    "List the connected pieces of the surface by their area, with the volume that "
+                    "each encloses, in world units");
+  CLI::Option* const largest =
+      addParsedOption(*sub, "--keep-largest", arguments->keep_largest, parseAtLeastOne, "N",
+                      "Only the N connected pieces of the largest area; they are listed, too");
+  CLI::Option* const drop_below = addParsedOption(
       *sub, "--drop-below", arguments->drop_below,
       [](const std::string& text) {
         const double area = parseNumber(text);
@@ -379,12 +413,22 @@ Command addExtractCommand(CLI::App& app) {
   beginGroup(*sub, kOutputGroup);
   CLI::Option* const output =
       sub->add_option("-o,--output", arguments->output,
-                      "Output; a mesh, .ply, .stl, .obj, .glb or .vtp, in world units, or "
-                      ".precomputed: a folder for Neuroglancer with all levels. "
+                      "Output; a mesh, .ply, .stl, .obj, .glb or .vtp, in world units; "
+                      ".precomputed: a folder for Neuroglancer with all levels; or .isbm: a share "
+                      "for 'isobrick merge'. "
                       "Without it the mesh is only counted. Each of several isovalues gets a file: "
                       "mesh-500.ply")
           ->type_name("MESH");
   addForceFlag(*sub, arguments->force)->needs(output);
+  addParsedOption(*sub, "--part", arguments->part, parseShare, "I/N",
+                  "Only share I of N shares of the surface, I from 1. 'isobrick merge' joins the "
+                  "shares, as .isbm, to the mesh that one run gives; another format is open where "
+                  "other shares begin")
+      // These look at the whole surface.
+      ->excludes(triangles)
+      ->excludes(components)
+      ->excludes(largest)
+      ->excludes(drop_below);
   sub->add_option("--attribute", arguments->attribute.path,
                   "Another pyramid or volume, whose value at every vertex goes into .ply and .vtp "
                   "(value) or "

@@ -5,6 +5,7 @@
 #include <memory>
 #include <string>
 
+#include "isobrick/extract/shares/mesh_share.h"
 #include "isobrick/extract/sinks/mesh_file_sink.h"
 #include "isobrick/storage/error.h"
 #include "tools/command.h"
@@ -34,8 +35,9 @@ Json allFormats() {
                               {"attribute", format.has_values},
                               {"zlib", format.has_zlib},
                               {"meshopt", format.has_meshopt}});
-  json["meshes"].push_back(
-      {{"ending", ".precomputed"}, {"attribute", false}, {"zlib", false}, {"meshopt", false}});
+  for (const char* const ending : {".precomputed", kMeshShareEnding})
+    json["meshes"].push_back(
+        {{"ending", ending}, {"attribute", false}, {"zlib", false}, {"meshopt", false}});
   json["pictures"] = Json::array();
 #if ISOBRICK_WITH_VIEWER
   for (const auto& [ending, format] : kImageFormats)

@@ -59,6 +59,7 @@ std::vector<Command> addCommands(CLI::App& app) {
   commands.push_back(addInfoCommand(app));
   commands.push_back(addVerifyCommand(app));
   commands.push_back(addExtractCommand(app));
+  commands.push_back(addMergeCommand(app));
 #if ISOBRICK_WITH_VIEWER
   commands.push_back(addRenderCommand(app));
 #endif

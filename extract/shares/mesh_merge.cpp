@@ -1,0 +1,421 @@
+// Merging shares: their batches, checked, in the order of the whole surface.
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <tbb/parallel_pipeline.h>
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cmath>
+#include <cstring>
+#include <mutex>
+
+#include "isobrick/extract/shares/mesh_share.h"
+#include "isobrick/extract/shares/share_format.h"
+#include "isobrick/extract/shares/surface_identity.h"
+#include "isobrick/storage/checksum.h"
+#include "isobrick/storage/file_io.h"
+#include "isobrick/storage/open_descriptor.h"
+#include "isobrick/storage/usable_geometry.h"
+
+namespace isobrick {
+namespace {
+
+using share_format::BatchRecord;
+using share_format::SharedRecord;
+using ShareHeader = share_format::Header;
+
+// Longer identities are refused: a query has few choices.
+constexpr std::uint64_t kMostIdentityBytes = std::uint64_t{1} << 24;
+
+[[noreturn]] void failShare(const std::string& path, const std::string& what) {
+  throw Error("'" + path + "' " + what, {.path = path});
+}
+[[noreturn]] void failDamaged(const std::string& path, std::uint64_t offset) {
+  throw Error(
+      "'" + path + "' is damaged at byte " + std::to_string(offset) + "; extract this share again",
+      {.path = path, .offset = offset});
+}
+
+// An open share, whose header was checked.
+class ShareFile {
+ public:
+  explicit ShareFile(const std::string& path)
+      // Without O_NONBLOCK a pipe would be waited for.
+      : path_(path), file_(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK)) {
+    if (file_.get() < 0)
+      throw Error("cannot open '" + path + "': " + std::strerror(errno) + "; check the path",
+                  {.path = path});
+    struct stat status = {};
+    if (fstat(file_.get(), &status) != 0 || !S_ISREG(status.st_mode))
+      failShare(path, "is not a regular file; name the files that 'isobrick extract' wrote");
+    size_ = static_cast<std::uint64_t>(status.st_size);
+    if (size_ >= sizeof header_) read(0, &header_, sizeof header_);
+    if (std::memcmp(header_.magic, share_format::kMagic, sizeof header_.magic) != 0)
+      failShare(path, "is no share of a mesh; make shares with 'isobrick extract'");
+    if (header_.version != share_format::kVersion)
+      failShare(path, "has version " + std::to_string(header_.version) +
+                          ", this program reads version " + std::to_string(share_format::kVersion) +
+                          "; extract it again");
+    if (header_.header_checksum != checksum64(&header_, offsetof(ShareHeader, header_checksum)))
+      failDamaged(path, 0);
+    if (header_.file_bytes != size_)
+      failShare(path, "has " + std::to_string(size_) + " bytes where its header says " +
+                          std::to_string(header_.file_bytes) +
+                          ": it was cut or changed; extract this share again");
+    if (!isSane()) failShare(path, "has impossible numbers in its header; extract it again");
+  }
+
+  const std::string& path() const { return path_; }
+  const ShareHeader& header() const { return header_; }
+  // Where the batches end.
+  std::uint64_t batchesEnd() const { return size_ - header_.identity_bytes; }
+
+  std::string identity() const {
+    std::string text(header_.identity_bytes, '\0');
+    read(batchesEnd(), text.data(), text.size());
+    if (checksum64(text.data(), text.size()) != header_.identity_checksum)
+      failDamaged(path_, batchesEnd());
+    return text;
+  }
+
+  MeshFrame frame() const {
+    MeshFrame frame;
+    for (int axis = 0; axis < 3; ++axis) {
+      frame.voxels[axis] = static_cast<std::int64_t>(header_.voxels[axis]);
+      frame.geometry.spacing[axis] = header_.spacing[axis];
+      frame.geometry.origin[axis] = header_.origin[axis];
+      for (int row = 0; row < 3; ++row)
+        frame.geometry.direction[axis][row] = header_.direction[3 * axis + row];
+    }
+    frame.geometry.unit = static_cast<LengthUnit>(header_.length_unit);
+    return frame;
+  }
+
+  // The range lies in the file.
+  void read(std::uint64_t offset, void* out, std::size_t bytes) const {
+    const IoResult result = readBytesAt(file_.get(), offset, out, bytes);
+    if (result.bytes < bytes)
+      throw ResumableError(
+          "cannot read '" + path_ + "' " + ioFailureText(offset, result) + "; check the disk",
+          {.path = path_, .offset = offset});
+  }
+
+ private:
+  bool isSane() const {
+    bool sane = header_.of >= 1 && header_.of <= kMostShares && header_.number >= 1 &&
+                header_.number <= header_.of && header_.first_brick <= header_.all_bricks &&
+                header_.brick_count <= header_.all_bricks - header_.first_brick &&
+                header_.batches <= header_.brick_count &&
+                header_.identity_bytes <= kMostIdentityBytes &&
+                header_.identity_bytes <= size_ - sizeof header_ &&
+                header_.length_unit <= static_cast<std::uint32_t>(LengthUnit::kMillimetre);
+    for (int axis = 0; axis < 3; ++axis)
+      sane = sane && header_.voxels[axis] >= 2 &&
+             header_.voxels[axis] <= static_cast<std::uint64_t>(kMaxVoxelsPerAxis) &&
+             std::isfinite(header_.spacing[axis]) && header_.spacing[axis] > 0 &&
+             std::isfinite(header_.origin[axis]);
+    for (const double d : header_.direction) sane = sane && std::isfinite(d);
+    return sane && isUsableGeometry(frame().geometry);
+  }
+
+  std::string path_;
+  OpenDescriptor file_;
+  std::uint64_t size_ = 0;
+  ShareHeader header_{};
+};
+
+bool isFinite(const glm::vec3& v) {
+  return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
+}
+
+// The arrays of a record, one after the other.
+class ArrayReader {
+ public:
+  explicit ArrayReader(const std::byte* at) : at_(at) {}
+  // T has the layout of the file, without padding.
+  template <typename T>
+  void read(T* elements, std::size_t count) {
+    if (count > 0) std::memcpy(elements, at_, count * sizeof(T));
+    at_ += count * sizeof(T);
+  }
+
+ private:
+  const std::byte* at_;
+};
+static_assert(sizeof(glm::vec3) == share_format::kVectorBytes);
+
+// A batch on its way, with memory that is reused.
+struct MergedBatch {
+  PlacedBatch placed;
+  std::vector<std::byte> bytes;  // of its record
+  std::string path;
+  std::uint64_t offset = 0;
+};
+
+// Fills the batch from its record, whose length was checked. Throws Error if anything in it could
+// lead a sink astray.
+void decode(MergedBatch& merged, const Index3& voxels) {
+  BatchRecord record;
+  std::memcpy(&record, merged.bytes.data(), sizeof record);
+  constexpr std::size_t kChecked = offsetof(BatchRecord, level);
+  if (record.checksum != checksum64(merged.bytes.data() + kChecked, merged.bytes.size() - kChecked))
+    failDamaged(merged.path, merged.offset);
+  MeshBatch& batch = merged.placed.batch;
+  bool is_sane = record.level < 64 && record.is_uniform <= 1 && record.indices % 3 == 0 &&
+                 record.transition_indices <= record.indices;
+  batch.level = static_cast<int>(record.level);
+  batch.is_uniform = record.is_uniform == 1;
+  for (int axis = 0; axis < 3; ++axis) {
+    is_sane = is_sane && record.brick[axis] >= 0 && record.brick[axis] < voxels[axis] &&
+              record.origin[axis] >= 0 && record.origin[axis] < voxels[axis];
+    batch.brick[axis] = record.brick[axis];
+    batch.origin[axis] = record.origin[axis];
+  }
+  batch.transition_indices = record.transition_indices;
+  batch.cells = record.cells;
+  batch.transition_cells = record.transition_cells;
+  ArrayReader arrays(merged.bytes.data() + sizeof record);
+  batch.positions.resize(record.positions);
+  batch.normals.resize(record.positions);
+  batch.triangles.resize(record.indices);
+  arrays.read(batch.positions.data(), record.positions);
+  arrays.read(batch.normals.data(), record.positions);
+  arrays.read(batch.triangles.data(), record.indices);
+  is_sane = is_sane && std::all_of(batch.positions.begin(), batch.positions.end(), isFinite) &&
+            std::all_of(batch.normals.begin(), batch.normals.end(), isFinite) &&
+            std::all_of(batch.triangles.begin(), batch.triangles.end(),
+                        [&](std::uint32_t index) { return index < record.positions; });
+  batch.shared.clear();
+  std::int64_t last = -1;
+  for (std::uint32_t i = 0; i < record.shared; ++i) {
+    SharedRecord shared;
+    arrays.read(&shared, 1);
+    is_sane = is_sane && shared.vertex < record.positions && shared.vertex > last &&
+              shared.batches <= 0xFF && shared.key < EdgeKey{1} << 62;
+    last = shared.vertex;
+    batch.shared.push_back({shared.vertex, static_cast<std::uint8_t>(shared.batches), shared.key});
+  }
+  if (!is_sane) failDamaged(merged.path, merged.offset);
+}
+
+// The shares of one surface, in their order.
+class ShareList {
+ public:
+  explicit ShareList(const std::vector<std::string>& paths) {
+    if (paths.empty()) throw Error("there are no shares to merge; name their files");
+    std::string identity;
+    for (const std::string& path : paths) {
+      const ShareFile file(path);
+      if (shares_.empty()) {
+        identity = file.identity();
+        frame_ = file.frame();
+      } else {
+        refuseOther(file, identity);
+      }
+      shares_.push_back({path, file.header()});
+      batches_ += file.header().batches;
+      triangles_ += file.header().triangles;
+      bytes_ += file.header().file_bytes;
+    }
+    std::sort(shares_.begin(), shares_.end(),
+              [](const Share& a, const Share& b) { return a.header.number < b.header.number; });
+    refuseTwins();
+    refuseGaps();
+  }
+
+  struct Share {
+    std::string path;
+    ShareHeader header;
+  };
+  const std::vector<Share>& shares() const { return shares_; }
+  const MeshFrame& frame() const { return frame_; }
+  std::uint64_t batches() const { return batches_; }
+  std::uint64_t triangles() const { return triangles_; }
+  std::uint64_t bytes() const { return bytes_; }
+
+ private:
+  void refuseOther(const ShareFile& file, const std::string& identity) const {
+    const Share& first = shares_.front();
+    const std::string own = file.identity();
+    if (own != identity)
+      failShare(file.path(), "is of another surface than '" + first.path + "': " +
+                                 firstDifference(own, identity) + "; merge shares of one surface");
+    const ShareHeader& header = file.header();
+    if (header.of != first.header.of || header.all_bricks != first.header.all_bricks)
+      failShare(file.path(), "is one of " + std::to_string(header.of) + " shares, and '" +
+                                 first.path + "' one of " + std::to_string(first.header.of) +
+                                 "; merge shares of one division");
+  }
+  void refuseTwins() const {
+    const auto twin = std::adjacent_find(
+        shares_.begin(), shares_.end(),
+        [](const Share& a, const Share& b) { return a.header.number == b.header.number; });
+    if (twin != shares_.end())
+      failShare(twin[1].path, "is the same share, " + nameOf(twin->header.number) + ", as '" +
+                                  twin->path + "'; leave one out");
+  }
+  void refuseGaps() const {
+    std::vector<std::uint32_t> missing;
+    std::uint32_t next = 1;
+    for (const Share& share : shares_) {
+      for (; next < share.header.number; ++next) missing.push_back(next);
+      ++next;
+    }
+    for (; next <= shares_.front().header.of; ++next) missing.push_back(next);
+    if (!missing.empty()) {
+      constexpr std::size_t kMostNamed = 10;
+      std::string names;
+      for (std::size_t i = 0; i < std::min(missing.size(), kMostNamed); ++i)
+        names += (i == 0 ? "" : ", ") + nameOf(missing[i]);
+      if (missing.size() > kMostNamed)
+        names += " and " + std::to_string(missing.size() - kMostNamed) + " more";
+      throw Error("the surface is not whole without " + names +
+                  "; extract them as the others were, or name their files");
+    }
+    std::uint64_t brick = 0;
+    for (const Share& share : shares_) {
+      if (share.header.first_brick != brick)
+        failShare(share.path, "does not begin where the share before it ends; extract it again");
+      brick += share.header.brick_count;
+    }
+    if (brick != shares_.back().header.all_bricks)
+      failShare(shares_.back().path, "does not end with the surface; extract it again");
+  }
+  std::string nameOf(std::uint32_t number) const {
+    return std::to_string(number) + "/" + std::to_string(shares_.front().header.of);
+  }
+
+  std::vector<Share> shares_;
+  MeshFrame frame_;
+  std::uint64_t batches_ = 0, triangles_ = 0, bytes_ = 0;
+};
+
+// The records of all shares, one after the other; one file is open at a time.
+class RecordReader {
+ public:
+  explicit RecordReader(const ShareList& list) : list_(list) {}
+
+  // False after the last one.
+  bool read(MergedBatch& merged) {
+    while (file_ == nullptr || at_ == file_->batchesEnd())
+      if (!openNext()) return false;
+    BatchRecord record;
+    const std::uint64_t left = file_->batchesEnd() - at_;
+    if (left < sizeof record) failDamaged(file_->path(), at_);
+    file_->read(at_, &record, sizeof record);
+    if (record.bytes > left ||
+        record.bytes != share_format::recordBytes(record.positions, record.indices, record.shared))
+      failDamaged(file_->path(), at_);
+    merged.bytes.resize(record.bytes);
+    file_->read(at_, merged.bytes.data(), record.bytes);
+    // The checksum is of what was read now.
+    BatchRecord again;
+    std::memcpy(&again, merged.bytes.data(), sizeof again);
+    if (again.bytes != record.bytes || again.positions != record.positions ||
+        again.indices != record.indices || again.shared != record.shared)
+      failDamaged(file_->path(), at_);
+    merged.path = file_->path();
+    merged.offset = at_;
+    at_ += record.bytes;
+    ++batches_read_;
+    ++all_read_;
+    triangles_read_ += record.indices / 3;
+    merged.placed.batch.fraction_done =
+        static_cast<double>(all_read_) / static_cast<double>(list_.batches());
+    return true;
+  }
+
+ private:
+  bool openNext() {
+    if (file_ != nullptr &&
+        (batches_read_ != file_->header().batches || triangles_read_ != file_->header().triangles))
+      failDamaged(file_->path(), at_);
+    if (next_ == list_.shares().size()) return false;
+    const ShareList::Share& share = list_.shares()[next_++];
+    file_ = std::make_unique<ShareFile>(share.path);
+    if (std::memcmp(&file_->header(), &share.header, sizeof share.header) != 0)
+      failShare(share.path, "changed while it was merged; merge again");
+    at_ = sizeof(ShareHeader);
+    batches_read_ = triangles_read_ = 0;
+    return true;
+  }
+
+  const ShareList& list_;
+  std::unique_ptr<ShareFile> file_;
+  std::size_t next_ = 0;
+  std::uint64_t at_ = 0;
+  std::uint64_t batches_read_ = 0, triangles_read_ = 0;  // of this file
+  std::uint64_t all_read_ = 0;
+};
+
+// Batches that no thread has at the moment.
+class IdleBatches {
+ public:
+  explicit IdleBatches(std::size_t count) {
+    for (std::size_t i = 0; i < count; ++i) {
+      all_.push_back(std::make_unique<MergedBatch>());
+      idle_.push_back(all_.back().get());
+    }
+  }
+  MergedBatch* take() {
+    const std::lock_guard lock(mutex_);
+    MergedBatch* const batch = idle_.back();
+    idle_.pop_back();
+    return batch;
+  }
+  void giveBack(MergedBatch* batch) {
+    const std::lock_guard lock(mutex_);
+    idle_.push_back(batch);
+  }
+
+ private:
+  std::vector<std::unique_ptr<MergedBatch>> all_;
+  std::mutex mutex_;  // guards idle_
+  std::vector<MergedBatch*> idle_;
+};
+
+}  // namespace
+
+MergeReport mergeMeshShares(const std::vector<std::string>& paths, TriangleSink& sink,
+                            const CancelFlag* cancel) {
+  const ShareList list(paths);
+  RecordReader reader(list);
+  sink.begin(list.frame());
+  const std::size_t at_once = static_cast<std::size_t>(tbb::this_task_arena::max_concurrency()) + 2;
+  IdleBatches idle(at_once);
+  using enum tbb::filter_mode;
+  const auto read = [&](tbb::flow_control& control) -> MergedBatch* {
+    if (cancel != nullptr) cancel->check();
+    MergedBatch* const merged = idle.take();
+    if (reader.read(*merged)) return merged;
+    control.stop();
+    return nullptr;
+  };
+  const auto prepare = [&](MergedBatch* merged) {
+    decode(*merged, list.frame().voxels);
+    sink.prepare(merged->placed);
+    return merged;
+  };
+  const auto place = [&](MergedBatch* merged) {
+    if (!merged->placed.batch.triangles.empty()) sink.place(merged->placed);
+    return merged;
+  };
+  const auto write = [&](MergedBatch* merged) {
+    if (!merged->placed.batch.triangles.empty()) sink.write(merged->placed);
+    idle.giveBack(merged);
+  };
+  // As the loops of storage/isolated_loop.h.
+  tbb::task_group_context isolated(tbb::task_group_context::isolated);
+  tbb::parallel_pipeline(at_once,
+                         tbb::make_filter<void, MergedBatch*>(serial_in_order, read) &
+                             tbb::make_filter<MergedBatch*, MergedBatch*>(parallel, prepare) &
+                             tbb::make_filter<MergedBatch*, MergedBatch*>(serial_in_order, place) &
+                             tbb::make_filter<MergedBatch*, void>(parallel, write),
+                         isolated);
+  if (cancel != nullptr) cancel->check();
+  sink.finish();
+  return {static_cast<std::uint32_t>(list.shares().size()), list.triangles(), list.bytes()};
+}
+
+}  // namespace isobrick

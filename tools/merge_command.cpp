@@ -1,0 +1,97 @@
+// isobrick merge: shares of a surface into one mesh.
+#include <fmt/format.h>
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "isobrick/extract/shares/mesh_share.h"
+#include "isobrick/extract/sinks/mesh_file_sink.h"
+#include "isobrick/extract/sinks/vertex_numbering.h"
+#include "tools/byte_size.h"
+#include "tools/command.h"
+#include "tools/interrupt.h"
+#include "tools/json_output.h"
+#include "tools/line_words.h"
+#include "tools/measured_sink.h"
+#include "tools/output_check.h"
+#include "tools/progress_bar.h"
+#include "tools/shared_options.h"
+#include "tools/stopwatch.h"
+#include "tools/thread_count.h"
+
+namespace isobrick {
+namespace {
+
+struct MergeArguments {
+  std::vector<std::string> shares;
+  std::string output;  // empty: the shares are checked and the mesh is counted
+  bool zlib = false;
+  bool meshopt = false;
+  bool force = false;
+  bool json = false;
+  int threads = allCores();
+};
+
+int runMerge(const MergeArguments& arguments) {
+  const Stopwatch watch;
+  const std::string& output = arguments.output;
+  if (!output.empty()) refuseReplacing({output}, arguments.shares, arguments.force);
+  const auto file_sink = output.empty() ? nullptr
+                                        : makeMeshFileSink(output, {.cancel = &interruptFlag(),
+                                                                    .zlib = arguments.zlib,
+                                                                    .meshopt = arguments.meshopt});
+  CountingSink counting_sink;
+  TriangleSink& sink = file_sink ? static_cast<TriangleSink&>(*file_sink) : counting_sink;
+  const MergeReport report = runWithThreads(arguments.threads, [&] {
+    ProgressBar bar(0, "million triangles");
+    MeasuredSink measured(sink, bar);
+    return mergeMeshShares(arguments.shares, measured, &interruptFlag());
+  });
+  const std::uint64_t vertices = file_sink ? file_sink->vertices() : counting_sink.vertices();
+  if (arguments.json) {
+    printJson({{"output", output.empty() ? Json() : Json(output)},
+               {"shares", report.shares},
+               {"triangles", report.triangles},
+               {"vertices", vertices},
+               {"bytes_read", report.bytes},
+               {"seconds", watch.seconds()},
+               {"threads", arguments.threads},
+               {"peak_rss_bytes", peakResidentBytes()}});
+    return 0;
+  }
+  fmt::print("{}{} triangles, {} vertices of {} shares ({} in {:.2f} s; peak memory {})\n",
+             output.empty() ? "" : oneLine(output) + ": ", countText(report.triangles),
+             countText(vertices), countText(report.shares), byteSizeText(report.bytes),
+             watch.seconds(), byteSizeText(peakResidentBytes()));
+  return 0;
+}
+
+}  // namespace
+
+Command addMergeCommand(CLI::App& app) {
+  CLI::App* const sub = app.add_subcommand(
+      "merge", "Join the shares of a surface that 'extract --part' wrote to one mesh");
+  const auto arguments = std::make_shared<MergeArguments>();
+  sub->add_option("SHARE", arguments->shares, "All shares of one surface (.isbm), in any order")
+      ->required();
+  CLI::Option* const output =
+      sub->add_option("-o,--output", arguments->output,
+                      "Output; a mesh, .ply, .stl, .obj, .glb or .vtp, the same bytes as 'extract' "
+                      "writes in one run. Without it the shares are checked and counted")
+          ->type_name("MESH");
+  addForceFlag(*sub, arguments->force)->needs(output);
+  sub->add_flag("--zlib", arguments->zlib, "Pack .vtp with zlib")->needs(output);
+  sub->add_flag("--meshopt", arguments->meshopt, "Pack .glb with EXT_meshopt_compression")
+      ->needs(output);
+  addThreadsOption(*sub, arguments->threads);
+  addJsonFlag(*sub, arguments->json);
+  sub->footer(R"(
+Example:
+  isobrick extract head.isb --iso 1324 --part 1/2 -o head-1.isbm    on one machine
+  isobrick extract head.isb --iso 1324 --part 2/2 -o head-2.isbm    on another one
+  isobrick merge head-1.isbm head-2.isbm -o head.ply)");
+  return {sub, [arguments] { return runMerge(*arguments); }};
+}
+
+}  // namespace isobrick
