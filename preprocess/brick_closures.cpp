@@ -8,15 +8,6 @@
 
 namespace isobrick {
 
-BrickClosures::BrickClosures(const BrickLayout& layout) : layout_(layout) {
-  std::uint64_t rows = 0;
-  for (int level = 0; level < layout.lattice().levels(); ++level) {
-    first_row_.push_back(rows);
-    rows += static_cast<std::uint64_t>(elementCount(layout.bricks(level)));
-  }
-  ranges_.resize(rows);
-}
-
 template <typename T>
 void BrickClosures::include(int level, const Index3& brick, const ValueRange& tiles,
                             const SampleBlock<T>& samples) {

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "isobrick/preprocess/kernels/sample_block.h"
+#include "isobrick/storage/table_rows.h"
 #include "isobrick/storage/voxel_type.h"
 
 namespace isobrick {
@@ -15,7 +16,9 @@ namespace isobrick {
 // are made. Thread-safe for different bricks of one level.
 class BrickClosures {
  public:
-  BrickClosures(const BrickLayout& layout);
+  // Of these bricks, empty ranges at first.
+  BrickClosures(const BrickLayout& layout, const TableRows& rows)
+      : layout_(layout), rows_(rows), ranges_(rows.count()) {}
 
   // To be called once for every brick of every level, finest level first: `tiles` is the union of
   // the brick's tile ranges, `samples` holds the corners of its cells.
@@ -26,14 +29,11 @@ class BrickClosures {
   // In the order of the brick table; final when all bricks were included.
   std::span<const ValueRange> all() const { return ranges_; }
   // Row of a brick in that order.
-  std::uint64_t row(int level, const Index3& brick) const {
-    return first_row_[static_cast<std::size_t>(level)] +
-           static_cast<std::uint64_t>(linearIndex(brick, layout_.bricks(level)));
-  }
+  std::size_t row(int level, const Index3& brick) const { return rows_.row(level, brick); }
 
  private:
   BrickLayout layout_;
-  std::vector<std::uint64_t> first_row_;  // per level
+  TableRows rows_;
   std::vector<ValueRange> ranges_;
 };
 

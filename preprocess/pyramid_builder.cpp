@@ -57,7 +57,7 @@ class Build {
         plan_(makePlan()),
         identity_(buildIdentity(source.info(), input.identity(), options)),
         writer_(path, spec_, identity_, options.resume, options.cancel),
-        closures_(layout_),
+        closures_(layout_, TableRows(layout_)),
         maker_(spec_, options.codec, needs_, closures_, statistics_, times_) {}
 
   BuildReport run() {

@@ -6,7 +6,6 @@
 
 #include "isobrick/storage/checksum.h"
 #include "isobrick/storage/error.h"
-#include "isobrick/storage/index_loop.h"
 
 namespace isobrick {
 
@@ -16,21 +15,17 @@ BrickIndex::BrickIndex(const PagedFile& file, const PyramidSpec& spec, const for
       layout_(spec.layout()),
       offset_(header.brick_table_offset),
       row_bytes_(format::rowBytes(header.kind_count)),
-      kinds_(header.kinds, header.kinds + header.kind_count) {
-  // kMaxVoxelsPerAxis bounds the count by 2^57, and the file's size bounds it further.
-  for (int level = 0; level < layout_.lattice().levels(); ++level) {
-    first_.push_back(count_);
-    count_ += static_cast<std::size_t>(elementCount(layout_.bricks(level)));
-  }
-  if (header.brick_count != count_ || count_ > file.size() / row_bytes_)
+      kinds_(header.kinds, header.kinds + header.kind_count),
+      rows_(layout_) {
+  if (header.brick_count != count() || count() > file.size() / row_bytes_)
     throw Error("'" + file.path() + "' has a wrong number of bricks; build it again",
                 {.path = file.path()});
-  if (!file.holds(offset_, count_ * row_bytes_))
+  if (!file.holds(offset_, count() * row_bytes_))
     throw Error("'" + file.path() + "' has a damaged brick table; build it again",
                 {.path = file.path()});
-  slot_count_ = std::min(kMostSlots, (count_ + kRowsAtATime - 1) / kRowsAtATime);
+  slot_count_ = std::min(kMostSlots, (count() + kRowsAtATime - 1) / kRowsAtATime);
   slots_ = std::make_unique<Slot[]>(slot_count_);
-  if (count_ * row_bytes_ <= kReadAtOnceBytes)
+  if (count() * row_bytes_ <= kReadAtOnceBytes)
     for (std::size_t piece = 0; piece < slot_count_; ++piece) load(slots_[piece], piece);
 }
 
@@ -43,13 +38,6 @@ std::vector<ByteRange> BrickIndex::rangesReadAtOnce(const format::Header& header
         {header.brick_table_offset + first * row_bytes,
          std::min<std::uint64_t>(kRowsAtATime, header.brick_count - first) * row_bytes});
   return ranges;
-}
-
-BrickAddress BrickIndex::address(std::size_t number) const {
-  const auto after = std::upper_bound(first_.begin(), first_.end(), number);
-  const auto level = static_cast<int>(after - first_.begin()) - 1;
-  const auto n = static_cast<std::int64_t>(number - firstOfLevel(level));
-  return {level, indexAt(n, layout_.bricks(level))};
 }
 
 BrickRow BrickIndex::row(std::size_t number) const {
@@ -98,7 +86,7 @@ void BrickIndex::bringIn(std::span<const std::size_t> numbers) const {
 
 ByteRange BrickIndex::rangeOf(std::size_t piece) const {
   const std::size_t first = piece * kRowsAtATime;
-  return {offset_ + first * row_bytes_, std::min(kRowsAtATime, count_ - first) * row_bytes_};
+  return {offset_ + first * row_bytes_, std::min(kRowsAtATime, count() - first) * row_bytes_};
 }
 
 template <typename F>

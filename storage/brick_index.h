@@ -10,6 +10,7 @@
 
 #include "isobrick/storage/brick_parts.h"
 #include "isobrick/storage/paged_file.h"
+#include "isobrick/storage/table_rows.h"
 
 namespace isobrick {
 
@@ -38,13 +39,10 @@ class BrickIndex {
   // many there are, was not checked.
   static std::vector<ByteRange> rangesReadAtOnce(const format::Header& header);
 
-  std::size_t count() const { return count_; }
-  std::size_t firstOfLevel(int level) const { return first_[static_cast<std::size_t>(level)]; }
-  std::size_t number(int level, const Index3& brick) const {
-    return firstOfLevel(level) +
-           static_cast<std::size_t>(linearIndex(brick, layout_.bricks(level)));
-  }
-  BrickAddress address(std::size_t number) const;
+  std::size_t count() const { return rows_.count(); }
+  std::size_t firstOfLevel(int level) const { return rows_.firstOfLevel(level); }
+  std::size_t number(int level, const Index3& brick) const { return rows_.row(level, brick); }
+  BrickAddress address(std::size_t number) const { return rows_.address(number); }
 
   // The row of a brick, number < count(). Throws Error, which names the brick, if the row cannot be
   // read, is damaged, or has impossible values.
@@ -99,8 +97,7 @@ class BrickIndex {
   std::uint64_t offset_;
   std::uint64_t row_bytes_;
   std::vector<std::uint32_t> kinds_;
-  std::vector<std::size_t> first_;  // per level
-  std::size_t count_ = 0;
+  const TableRows rows_;
   std::size_t slot_count_ = 0;
   std::unique_ptr<Slot[]> slots_;  // each piece of the table has one possible place
   mutable std::atomic<std::uint64_t> bytes_read_{0};

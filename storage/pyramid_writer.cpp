@@ -15,7 +15,6 @@
 #include "isobrick/storage/checksum.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_io.h"
-#include "isobrick/storage/index_loop.h"
 #include "isobrick/storage/usable_geometry.h"
 
 namespace isobrick {
@@ -23,9 +22,8 @@ namespace {
 
 std::string journalPath(const AtomicFile& file) { return file.temporaryPath() + ".journal"; }
 
-std::vector<format::LevelRow> levelTable(const BrickLayout& layout) {
+std::vector<format::LevelRow> levelTable(const BrickLayout& layout, const TableRows& rows) {
   std::vector<format::LevelRow> table;
-  std::uint64_t first_brick = 0;
   for (int level = 0; level < layout.lattice().levels(); ++level) {
     const Index3 samples = layout.lattice().samples(level);
     const Index3 bricks = layout.bricks(level);
@@ -34,9 +32,8 @@ std::vector<format::LevelRow> levelTable(const BrickLayout& layout) {
       row.samples[axis] = static_cast<std::uint64_t>(samples[axis]);
       row.bricks[axis] = static_cast<std::uint64_t>(bricks[axis]);
     }
-    row.first_brick = first_brick;
+    row.first_brick = rows.firstOfLevel(level);
     table.push_back(row);
-    first_brick += static_cast<std::uint64_t>(elementCount(bricks));
   }
   return table;
 }
@@ -135,13 +132,12 @@ PyramidWriter::PyramidWriter(const std::string& path, const PyramidSpec& spec,
       layout_(spec.layout()),
       file_(refuseForeignTemporary(path),
             resume ? AtomicFile::Leftover::kKeep : AtomicFile::Leftover::kEmpty, kUnfinishedEnding),
-      level_table_(levelTable(layout_)) {
+      rows_(layout_),
+      brick_table_(rows_.count()) {
   if (!isUsableGeometry(spec.geometry))
     throw Error("cannot write '" + path +
                 "': the spacing must be within 2^-100 .. 2^100 and the origin within 2^100; "
                 "choose another unit of length");
-  const format::LevelRow& last = level_table_.back();
-  brick_table_.resize(last.first_brick + last.bricks[0] * last.bricks[1] * last.bricks[2]);
   end_ = sizeof(format::Header);
   std::vector<JournalEntry> entries;
   if (resume) {
@@ -184,14 +180,8 @@ std::vector<JournalEntry> PyramidWriter::takeOver(const std::string& identity,
   if (entries.size() > brick_table_.size()) entries.clear();
   std::vector<std::byte> buffer;
   std::size_t good = 0;
-  int level = 0;
   for (; good < entries.size(); ++good) {
-    while (level + 1 < layout_.lattice().levels() &&
-           good >= level_table_[static_cast<std::size_t>(level) + 1].first_brick)
-      ++level;
-    const auto i =
-        static_cast<std::int64_t>(good - level_table_[static_cast<std::size_t>(level)].first_brick);
-    const Index3 brick = indexAt(i, layout_.bricks(level));
+    const auto [level, brick] = rows_.address(good);
     if (!isPossibleRow(entries[good].row, spec_, layout_, level, brick)) break;
     if (cancel != nullptr && cancel->requested())
       throw Cancelled("interrupted; '" + file_.temporaryPath() + "' stays as it was");
@@ -320,7 +310,7 @@ std::uint64_t PyramidWriter::finish(const Summary& summary, format::Codec codec)
   header.header_bytes = sizeof header;
   header.voxel_type = static_cast<std::uint32_t>(spec_.voxel_type);
   header.filter = static_cast<std::uint32_t>(spec_.filter);
-  header.level_count = static_cast<std::uint32_t>(level_table_.size());
+  header.level_count = static_cast<std::uint32_t>(layout_.lattice().levels());
   header.brick_cells = static_cast<std::uint32_t>(spec_.brick_cells);
   header.tile_cells = static_cast<std::uint32_t>(spec_.tile_cells);
   for (const PartKind kind : kinds())
@@ -341,9 +331,10 @@ std::uint64_t PyramidWriter::finish(const Summary& summary, format::Codec codec)
   header.histogram = appendNumbers(summary.histogram.counts(), codec);
   if (summary.gradients)
     header.gradients = appendNumbers(std::span<const float>(elementsOf(*summary.gradients)), codec);
-  const std::size_t level_bytes = level_table_.size() * sizeof(format::LevelRow);
-  header.level_table_offset = append(level_table_.data(), level_bytes);
-  header.level_table_checksum = checksum64(level_table_.data(), level_bytes);
+  const std::vector<format::LevelRow> levels = levelTable(layout_, rows_);
+  const std::size_t level_bytes = levels.size() * sizeof(format::LevelRow);
+  header.level_table_offset = append(levels.data(), level_bytes);
+  header.level_table_checksum = checksum64(levels.data(), level_bytes);
   header.brick_table_offset = appendBrickTable();
   header.brick_count = brick_table_.size();
   const std::string& provenance = summary.provenance_json;

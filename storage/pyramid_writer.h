@@ -13,6 +13,7 @@
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/gradient_spectrum.h"
 #include "isobrick/storage/pyramid_info.h"
+#include "isobrick/storage/table_rows.h"
 #include "isobrick/storage/voxel_histogram.h"
 #include "isobrick/storage/write_journal.h"
 
@@ -90,7 +91,7 @@ class PyramidWriter {
   BrickLayout layout_;
   AtomicFile file_;
   std::uint64_t end_ = 0;  // where the next byte goes
-  std::vector<format::LevelRow> level_table_;
+  const TableRows rows_;
   std::vector<BrickRow> brick_table_;
   std::uint64_t bricks_written_ = 0, bricks_resumed_ = 0;
   bool keeps_ = false;
