@@ -112,11 +112,24 @@ ValueRange BrickMaker<T>::make(int level, const Index3& brick, const SampleBlock
 }
 
 template <typename T>
+void BrickMaker<T>::passOn(int level, const IndexBox& coarse, const SampleBlock<T>& samples,
+                           const HandedOn<T>& handed_on) const {
+  if (coarse.size() == 0) return;
+  const PhaseTimes::Timer timer(times_, BuildStep::kLowPass);
+  Scratch& s = scratch();
+  s.above.resize(std::max<std::size_t>(s.above.size(), 1));
+  s.above[0].resize(static_cast<std::size_t>(coarse.size()));
+  lowPassBlock(needs_.layout().lattice(), level, spec_.filter, samples, coarse, s.above[0].data());
+  copyBox(SampleBlock<T>::dense(s.above[0].data(), coarse), coarse, handed_on.samples,
+          handed_on.box);
+}
+
+template <typename T>
 ValueRange BrickMaker<T>::remake(int level, const Index3& brick, const PyramidWriter& writer,
                                  const HandedOn<T>& handed_on) const {
   Scratch& s = scratch();
   const BrickLayout& layout = needs_.layout();
-  const std::uint64_t row = closures_.row(level, brick);
+  const std::uint64_t row = writer.rows().row(level, brick);
   const IndexBox box = layout.brickSampleBox(level, brick);
   s.samples.resize(static_cast<std::size_t>(box.size()));
   s.pairs.resize(static_cast<std::size_t>(2 * elementCount(layout.brickTiles(level, brick))));
@@ -129,15 +142,8 @@ ValueRange BrickMaker<T>::remake(int level, const Index3& brick, const PyramidWr
   read(PartKind::kRanges, s.pairs);
 
   const auto samples = SampleBlock<T>::dense(s.samples.data(), box);
-  if (handed_on.samples != nullptr) {
-    const PhaseTimes::Timer timer(times_, BuildStep::kLowPass);
-    const IndexBox coarse = needs_.handedOn(level, {brick, Index3(1)});
-    s.above.resize(std::max<std::size_t>(s.above.size(), 1));
-    s.above[0].resize(static_cast<std::size_t>(coarse.size()));
-    lowPassBlock(layout.lattice(), level, spec_.filter, samples, coarse, s.above[0].data());
-    copyBox(SampleBlock<T>::dense(s.above[0].data(), coarse), coarse, handed_on.samples,
-            handed_on.box);
-  }
+  if (handed_on.samples != nullptr)
+    passOn(level, needs_.handedOn(level, {brick, Index3(1)}), samples, handed_on);
   if (level == 0) count(brick, samples);
   const PhaseTimes::Timer timer(times_, BuildStep::kRanges);
   ValueRange tiles, voxels;

@@ -43,6 +43,10 @@ class BrickMaker {
                   const ScratchVolume* finer_tiles, const HandedOn<T>& handed_on,
                   EncodedBrick& encoded) const;
 
+  // Passes the samples `coarse` of level + 1 on alone, from samples of `level`; none of no size.
+  void passOn(int level, const IndexBox& coarse, const SampleBlock<T>& samples,
+              const HandedOn<T>& handed_on) const;
+
   // Passes on and returns the same as make(), from the parts of a brick that an earlier build
   // wrote.
   ValueRange remake(int level, const Index3& brick, const PyramidWriter& writer,

@@ -4,17 +4,9 @@
 #include <bit>
 
 #include "isobrick/preprocess/kernels/low_pass.h"
+#include "isobrick/storage/index_loop.h"
 
 namespace isobrick {
-namespace {
-
-IndexBox unionOf(const IndexBox& a, const IndexBox& b) {
-  const Index3 first = glm::min(a.first, b.first);
-  return {first, glm::max(a.end(), b.end()) - first};
-}
-
-}  // namespace
-
 BrickNeeds::BrickNeeds(const PyramidSpec& spec)
     : spec_(spec),
       layout_(spec.layout()),
@@ -66,31 +58,29 @@ IndexBox BrickNeeds::handedOn(int level, const IndexBox& bricks) const {
 // of a window beyond its bricks is less than a brick, so it reaches at most into the last but one
 // of the windows before an end that is cut off.
 template <typename F>
-Index3 BrickNeeds::greatest(int level, const Index3& per_window, F&& box_of) const {
+Index3 BrickNeeds::greatest(const IndexBox& all, const Index3& per_window, F&& box_of) {
   constexpr std::int64_t kEnds = 3;
-  const Index3 all = layout_.bricks(level);
   Index3 most(0);
   for (int axis = 0; axis < 3; ++axis) {
-    const std::int64_t windows = (all[axis] + per_window[axis] - 1) / per_window[axis];
+    const std::int64_t windows = (all.count[axis] + per_window[axis] - 1) / per_window[axis];
     for (std::int64_t i = 0; i < windows; ++i) {
       if (i == kEnds) i = std::max(i, windows - kEnds);
-      IndexBox bricks{Index3(0), Index3(1)};
-      bricks.first[axis] = i * per_window[axis];
-      bricks.count[axis] = std::min(per_window[axis], all[axis] - bricks.first[axis]);
+      IndexBox bricks{all.first, Index3(1)};
+      bricks.first[axis] += i * per_window[axis];
+      bricks.count[axis] = std::min(per_window[axis], all.end()[axis] - bricks.first[axis]);
       most[axis] = std::max(most[axis], box_of(bricks).count[axis]);
     }
   }
   return most;
 }
 
-Index3 BrickNeeds::greatestSamples(int level, const Index3& per_window) const {
-  return greatest(level, per_window,
-                  [&](const IndexBox& bricks) { return samples(level, bricks); });
+Index3 BrickNeeds::greatestSamples(int level, const IndexBox& all, const Index3& per_window) const {
+  return greatest(all, per_window, [&](const IndexBox& bricks) { return samples(level, bricks); });
 }
 
-Index3 BrickNeeds::greatestHandedOn(int level, const Index3& per_window) const {
-  return greatest(level, per_window,
-                  [&](const IndexBox& bricks) { return handedOn(level, bricks); });
+Index3 BrickNeeds::greatestHandedOn(int level, const IndexBox& all,
+                                    const Index3& per_window) const {
+  return greatest(all, per_window, [&](const IndexBox& bricks) { return handedOn(level, bricks); });
 }
 
 IndexBox BrickNeeds::tiles(int level, const IndexBox& bricks) const {

@@ -27,44 +27,44 @@ class BrickNeeds {
   IndexBox samplesAbove(int level, const IndexBox& bricks, int above) const;
   // The samples of level + 1 that these bricks, and no others, pass on to the next level.
   IndexBox handedOn(int level, const IndexBox& bricks) const;
-  // The most samples along each axis that samples() gives for a window of so many bricks, and that
+  // The most samples along each axis that samples() gives for a window of `all` bricks, and that
   // handedOn() gives. `per_window` are those of BrickWindows, and 1 along z. Buffers are so large.
-  Index3 greatestSamples(int level, const Index3& per_window) const;
-  Index3 greatestHandedOn(int level, const Index3& per_window) const;
+  Index3 greatestSamples(int level, const IndexBox& all, const Index3& per_window) const;
+  Index3 greatestHandedOn(int level, const IndexBox& all, const Index3& per_window) const;
   // Tiles of the bricks in the grid of all tiles of the level.
   IndexBox tiles(int level, const IndexBox& bricks) const;
   Index3 allTiles(int level) const;
 
  private:
   template <typename F>
-  Index3 greatest(int level, const Index3& per_window, F&& box_of) const;
+  static Index3 greatest(const IndexBox& all, const Index3& per_window, F&& box_of);
 
   PyramidSpec spec_;
   BrickLayout layout_;
   int tile_levels_;
 };
 
-// The bricks of a level in the order of the brick table, a window at a time: some neighbours along
-// x, or whole rows of bricks of one slab.
+// A box of bricks of a level in the order of the brick table, a window at a time: some neighbours
+// along x, or whole rows of bricks of one slab.
 class BrickWindows {
  public:
   // `per_window`: bricks along x and y; more than one row only if rows are whole.
-  BrickWindows(const Index3& bricks, std::int64_t per_window_x, std::int64_t per_window_y)
+  BrickWindows(const IndexBox& bricks, std::int64_t per_window_x, std::int64_t per_window_y)
       : bricks_(bricks), x_(per_window_x), y_(per_window_y) {}
 
-  std::int64_t count() const { return along(0) * along(1) * bricks_.z; }
+  std::int64_t count() const { return along(0) * along(1) * bricks_.count.z; }
   IndexBox window(std::int64_t i) const {
     const Index3 first(i % along(0) * x_, i / along(0) % along(1) * y_, i / (along(0) * along(1)));
-    return {first, glm::min(Index3(x_, y_, 1), bricks_ - first)};
+    return {bricks_.first + first, glm::min(Index3(x_, y_, 1), bricks_.count - first)};
   }
 
  private:
   std::int64_t along(int axis) const {
     const std::int64_t size = axis == 0 ? x_ : y_;
-    return (bricks_[axis] + size - 1) / size;
+    return (bricks_.count[axis] + size - 1) / size;
   }
 
-  Index3 bricks_;
+  IndexBox bricks_;
   std::int64_t x_, y_;
 };
 

@@ -22,28 +22,37 @@ constexpr std::uint64_t kBrickCopiesPerThread = 3;
 
 class Planner {
  public:
-  Planner(const PyramidSpec& spec, const VolumeSource& source)
+  Planner(const PyramidSpec& spec, const BuildRegion& region, const VolumeSource* source)
       : spec_(spec),
         layout_(spec.layout()),
+        region_(region),
         source_(source),
-        needs_(spec),
+        needs_(region.needs()),
         voxel_(voxelBytes(spec.voxel_type)) {}
 
   BuildPlan plan(std::uint64_t memory_bytes, int threads) {
     const std::uint64_t fixed = fixedBytes(threads);
-    const std::uint64_t least = fixed + pipelineBytes(0, {1, 1});
+    const std::uint64_t least = fixed + pipelineBytes(first(), {1, 1});
     if (memory_bytes < least) refuse(memory_bytes, least);
     const std::uint64_t available = memory_bytes - fixed;
-    chooseWindows(std::max(pipelineBytes(0, {1, 1}), std::min(available / 2, kPipelineBytes)));
-    std::uint64_t rest = available - std::min(available, pipelineBytes(0, plan_.windows[0]));
-    if (!source_.readsBoxes()) rest -= placeSpool(rest);
+    chooseWindows(
+        std::max(pipelineBytes(first(), {1, 1}), std::min(available / 2, kPipelineBytes)));
+    std::uint64_t rest =
+        available -
+        std::min(available,
+                 pipelineBytes(first(), plan_.windows[static_cast<std::size_t>(first())]));
+    if (isReadInOrder()) rest -= placeSpool(rest);
     placeStores(rest);
     plan_.file_bytes_bound = fileBytesBound();
     return plan_;
   }
 
  private:
-  int levels() const { return layout_.lattice().levels(); }
+  int levels() const { return region_.endLevel(); }
+  int first() const { return region_.firstLevel(); }
+
+  std::uint64_t bufferBytes() const { return source_ != nullptr ? source_->bufferBytes() : 0; }
+  bool isReadInOrder() const { return source_ != nullptr && !source_->readsBoxes(); }
 
   static std::uint64_t product(const Index3& v) {
     return static_cast<std::uint64_t>(elementCount(v));
@@ -53,11 +62,15 @@ class Planner {
     return glm::min(bricks * spec_.brick_cells + Index3(more), layout_.lattice().samples(level));
   }
   std::uint64_t windowBytes(int level, const BuildPlan::WindowShape& shape) const {
-    return product(needs_.greatestSamples(level, {shape.x, shape.y, 1})) * voxel_;
+    return product(
+               needs_.greatestSamples(level, region_.windowBricks(level), {shape.x, shape.y, 1})) *
+           voxel_;
   }
   std::uint64_t handedOnBytes(int level, const BuildPlan::WindowShape& shape) const {
-    if (level + 1 == levels()) return 0;
-    return product(needs_.greatestHandedOn(level, {shape.x, shape.y, 1})) * voxel_;
+    if (region_.passedSamples(level).size() == 0) return 0;
+    return product(
+               needs_.greatestHandedOn(level, region_.windowBricks(level), {shape.x, shape.y, 1})) *
+           voxel_;
   }
   // The parts of one brick, unpacked.
   std::uint64_t brickBytes(int level) const {
@@ -76,16 +89,15 @@ class Planner {
   }
 
   std::uint64_t fixedBytes(int threads) const {
-    std::uint64_t bricks = 0;
-    for (int level = 0; level < levels(); ++level) bricks += product(layout_.bricks(level));
+    const std::uint64_t bricks = region_.rows().count();
     std::uint64_t bytes =
-        kSmallThings + source_.bufferBytes() + bricks * (sizeof(BrickRow) + sizeof(ValueRange));
-    if (!source_.readsBoxes())
+        kSmallThings + bufferBytes() + bricks * (sizeof(BrickRow) + sizeof(ValueRange));
+    if (isReadInOrder())
       bytes +=
-          static_cast<std::uint64_t>(SliceSpool::rowsPerRead(source_.info()) * spec_.voxels.x) *
+          static_cast<std::uint64_t>(SliceSpool::rowsPerRead(source_->info()) * spec_.voxels.x) *
           voxel_;
-    const std::uint64_t per_thread =
-        kThreadThings + kBrickCopiesPerThread * brickBytes(0) + windowBytes(0, {1, 1}) / 2;
+    const std::uint64_t per_thread = kThreadThings + kBrickCopiesPerThread * brickBytes(first()) +
+                                     windowBytes(first(), {1, 1}) / 2;
     return bytes + static_cast<std::uint64_t>(threads) * per_thread;
   }
 
@@ -93,20 +105,22 @@ class Planner {
     const auto mebibytes = [](std::uint64_t bytes) {
       return std::to_string((bytes + kMebibyte - 1) / kMebibyte) + "M";
     };
-    const std::uint64_t held = source_.bufferBytes();
+    const std::uint64_t held = bufferBytes();
+    const std::string name = source_ != nullptr ? source_->info().source : "super-bricks";
     throw Error(
-        "a memory of " + mebibytes(memory_bytes) + " is too small to build from '" +
-            source_.info().source + "', which takes " + mebibytes(least) +
+        "a memory of " + mebibytes(memory_bytes) + " is too small to build from '" + name +
+            "', which takes " + mebibytes(least) +
             (held > least / 2 ? ", most of it because this kind of file is not read piece by "
                                 "piece; convert it to an uncompressed .mhd, or allow "
                               : "; allow ") +
             mebibytes(least) + " or more",
-        {.path = source_.info().source}, {Remedy::kAllowMoreMemory});
+        {.path = name}, {Remedy::kAllowMoreMemory});
   }
 
   void chooseWindows(std::uint64_t pipeline_bytes) {
-    for (int level = 0; level < levels(); ++level) {
-      const Index3 bricks = layout_.bricks(level);
+    plan_.windows.resize(static_cast<std::size_t>(first()));
+    for (int level = first(); level < levels(); ++level) {
+      const Index3 bricks = region_.windowBricks(level).count;
       BuildPlan::WindowShape shape;
       const auto fits = [&](const BuildPlan::WindowShape& s) {
         return pipelineBytes(level, s) <= pipeline_bytes;
@@ -122,8 +136,8 @@ class Planner {
 
   // Returns the memory that it takes.
   std::uint64_t placeSpool(std::uint64_t rest) {
-    const std::int64_t slices = spec_.voxels.z;
-    const std::int64_t least = needs_.greatestSamples(0, Index3(1)).z;
+    const std::int64_t slices = region_.samples(0, region_.windowBricks(0)).count.z;
+    const std::int64_t least = needs_.greatestSamples(0, region_.windowBricks(0), Index3(1)).z;
     // A slab more: it comes in while the one before is worked on.
     const std::int64_t most = std::min(slices, least + spec_.brick_cells);
     const std::uint64_t slice_bytes =
@@ -141,16 +155,16 @@ class Planner {
   }
 
   std::uint64_t storeBytes(int level) const {
-    if (level == 0 || level >= levels()) return 0;
-    const Index3 tiles =
-        BrickLayout::ceilDivide(layout_.lattice().cells(level - 1), spec_.tile_cells);
-    return (product(layout_.lattice().samples(level)) + 2 * product(tiles)) * voxel_;
+    if (level <= first() || level > levels()) return 0;
+    if (region_.passedSamples(level - 1).size() == 0) return 0;
+    const Index3 tiles = region_.passedTiles(level - 1).count;
+    return (product(region_.passedSamples(level - 1).count) + 2 * product(tiles)) * voxel_;
   }
 
   // The store of a level and that of the next are there at the same time.
   void placeStores(std::uint64_t rest) {
     std::uint64_t most_in_files = 0;
-    for (int level = 0; level < levels(); ++level) {
+    for (int level = 0; level <= levels(); ++level) {
       const bool fits = storeBytes(level) + storeBytes(level + 1) <= rest;
       plan_.stores.push_back(fits ? ScratchVolume::Place::kMemory : ScratchVolume::Place::kFile);
       if (!fits) most_in_files = std::max(most_in_files, storeBytes(level) + storeBytes(level + 1));
@@ -160,8 +174,8 @@ class Planner {
 
   std::uint64_t fileBytesBound() const {
     std::uint64_t bytes = kMebibyte;  // header, provenance
-    for (int level = 0; level < levels(); ++level)
-      bytes += product(layout_.bricks(level)) *
+    for (int level = first(); level < levels(); ++level)
+      bytes += product(region_.rows().bricks(level).count) *
                (brickBytes(level) + format::kSampleAlignment + 2 * format::kPartAlignment +
                 format::rowBytes(format::kMostKinds));
     return bytes;
@@ -169,17 +183,18 @@ class Planner {
 
   const PyramidSpec& spec_;
   const BrickLayout layout_;
-  const VolumeSource& source_;
-  const BrickNeeds needs_;
+  const BuildRegion& region_;
+  const VolumeSource* const source_;
+  const BrickNeeds& needs_;
   const std::uint64_t voxel_;
   BuildPlan plan_;
 };
 
 }  // namespace
 
-BuildPlan makeBuildPlan(const PyramidSpec& spec, const VolumeSource& source,
-                        std::uint64_t memory_bytes, int threads) {
-  return Planner(spec, source).plan(memory_bytes, threads);
+BuildPlan makeBuildPlan(const PyramidSpec& spec, const BuildRegion& region,
+                        const VolumeSource* source, std::uint64_t memory_bytes, int threads) {
+  return Planner(spec, region, source).plan(memory_bytes, threads);
 }
 
 }  // namespace isobrick

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "isobrick/preprocess/brick_window.h"
+#include "isobrick/preprocess/build_region.h"
 #include "isobrick/preprocess/scratch_volume.h"
 #include "isobrick/preprocess/volume_source.h"
 #include "isobrick/storage/pyramid_info.h"
@@ -16,7 +16,7 @@ namespace isobrick {
 inline constexpr std::uint64_t kBuildWindows = 2;
 
 struct BuildPlan {
-  // Bricks of a window along x and y, for every level.
+  // Bricks of a window along x and y, for every level; of those below the region's, nothing.
   struct WindowShape {
     std::int64_t x = 1, y = 1;
   };
@@ -35,9 +35,10 @@ struct BuildPlan {
   std::uint64_t file_bytes_bound = 0;    // the pyramid is at most so large
 };
 
-// Throws Error if `memory_bytes` does not suffice for one brick at a time; the message says how
+// `source` has the voxels of level 0; null if the region begins above it. Throws Error if
+// `memory_bytes` does not suffice for one brick at a time; the message says how
 // many bytes would.
-BuildPlan makeBuildPlan(const PyramidSpec& spec, const VolumeSource& source,
-                        std::uint64_t memory_bytes, int threads);
+BuildPlan makeBuildPlan(const PyramidSpec& spec, const BuildRegion& region,
+                        const VolumeSource* source, std::uint64_t memory_bytes, int threads);
 
 }  // namespace isobrick

@@ -7,16 +7,13 @@
 #include <cmath>
 #include <filesystem>
 
-#include "isobrick/preprocess/brick_maker.h"
-#include "isobrick/preprocess/brick_pipeline.h"
 #include "isobrick/preprocess/finite_voxels.h"
 #include "isobrick/preprocess/input_identity.h"
 #include "isobrick/preprocess/kernels/curvature_fit.h"
+#include "isobrick/preprocess/level_maker.h"
 #include "isobrick/preprocess/preview_maker.h"
 #include "isobrick/preprocess/slice_spool.h"
 #include "isobrick/preprocess/unfinished_build.h"
-#include "isobrick/storage/index_loop.h"
-#include "isobrick/storage/isolated_loop.h"
 
 namespace isobrick {
 namespace {
@@ -39,10 +36,9 @@ std::string spaceText(std::uint64_t bytes) {
                                         : std::to_string(bytes >> 20) + " MiB";
 }
 
-// One build; T is the voxel type. The levels come one after the other, each as windows of bricks
-// that pass through the pipeline; the samples for the next level wait in a store.
+// One build of a whole pyramid; T is the voxel type.
 template <typename T>
-class Build {
+class Build : LevelInput<T> {
  public:
   Build(VolumeSource& source, InputWatch& input, const std::string& path,
         const BuildOptions& options)
@@ -51,23 +47,22 @@ class Build {
         options_(options),
         folder_(folderOf(path)),
         spec_(specOf(source.info(), options)),
-        layout_(spec_.layout()),
-        needs_(spec_),
+        region_(spec_),
         previews_(makePreviews(source.info(), options)),
         plan_(makePlan()),
         identity_(buildIdentity(source.info(), input.identity(), options)),
         writer_(path, spec_, identity_, options.resume, options.cancel),
-        closures_(layout_, TableRows(layout_)),
-        maker_(spec_, options.codec, needs_, closures_, statistics_, times_) {}
+        closures_(region_.layout(), region_.rows()),
+        levels_(spec_, region_, plan_, options, folder_, writer_, closures_, statistics_, times_) {}
 
   BuildReport run() {
     const auto begin = PhaseTimes::Clock::now();
     try {
       takeSpace();
-      makeLevels();
+      levels_.run(this, nullptr);
       publish();
     } catch (...) {
-      throwUnfinished({source_.info(), options_, input_, writer_, closures_.all().size()});
+      throwUnfinished({source_.info(), options_, input_, writer_, region_.rows().count()});
     }
     for (std::size_t step = 0; step < kBuildStepNames.size(); ++step)
       report_.phases.push_back(
@@ -79,11 +74,6 @@ class Build {
   }
 
  private:
-  // The samples of a level and the tile ranges of the level below it.
-  struct LevelStore {
-    ScratchVolume samples, finer_tiles;
-  };
-
   static std::unique_ptr<PreviewMaker<T>> makePreviews(const VolumeInfo& info,
                                                        const BuildOptions& options) {
     constexpr std::uint64_t kLeastShare = 4;  // of the memory is for the build itself
@@ -98,17 +88,13 @@ class Build {
     const int threads = tbb::this_task_arena::max_concurrency();
     if (previews_ != nullptr) {
       try {
-        return makeBuildPlan(spec_, source_, options_.memory_bytes - kPreviewBytes, threads);
+        return makeBuildPlan(spec_, region_, &source_, options_.memory_bytes - kPreviewBytes,
+                             threads);
       } catch (const Error&) {
         previews_.reset();
       }
     }
-    return makeBuildPlan(spec_, source_, options_.memory_bytes, threads);
-  }
-
-  void progress(const char* what, double fraction) {
-    if (options_.cancel != nullptr) options_.cancel->check();
-    if (options_.progress) options_.progress(what, fraction);
+    return makeBuildPlan(spec_, region_, &source_, options_.memory_bytes, threads);
   }
 
   // A full disk is to show now rather than at the end. The size of packed bricks is unknown
@@ -133,174 +119,49 @@ class Build {
     if (have >= most + plan_.scratch_file_bytes) writer_.reserve(most);
   }
 
-  void makeLevels() {
-    BrickPipeline pipeline(plan_, [this](const BrickBatch& batch) { writeBatch(batch); });
-    std::unique_ptr<LevelStore> store;
-    for (int level = 0; level < layout_.lattice().levels(); ++level) {
-      std::unique_ptr<LevelStore> next = makeStore(level + 1);
-      makeLevel(level, store.get(), next.get(), pipeline);
-      store = std::move(next);
-    }
-    pipeline.finish();
-  }
+  // ---- LevelInput: the reading thread
 
-  std::unique_ptr<LevelStore> makeStore(int level) const {
-    if (level == layout_.lattice().levels()) return nullptr;
-    const ScratchVolume::Place place = plan_.stores[static_cast<std::size_t>(level)];
-    return std::unique_ptr<LevelStore>(
-        new LevelStore{{layout_.lattice().samples(level), sizeof(T), place, folder_},
-                       {needs_.allTiles(level - 1) * Index3(2, 1, 1), sizeof(T), place, folder_}});
+  void begin(std::int64_t first_slice) override {
+    // For sources that are read in order; reading begins where an earlier build ended.
+    if (source_.readsBoxes()) return;
+    spool_ = std::make_unique<SliceSpool>(source_, first_slice, plan_.spool_slices,
+                                          plan_.spool_place, folder_, options_.cancel);
   }
-
-  void makeLevel(int level, const LevelStore* store, LevelStore* next, BrickPipeline& pipeline) {
-    const BuildPlan::WindowShape& shape = plan_.windows[static_cast<std::size_t>(level)];
-    const BrickWindows windows(layout_.bricks(level), shape.x, shape.y);
-    std::unique_ptr<SliceSpool> spool = level == 0 ? makeSpool(windows) : nullptr;
-    LargeBuffer handed_on_samples(plan_.handed_on_bytes);
-    pipeline.run(
-        windows.count(),
-        [&](std::int64_t i, BrickWindow& window) {
-          window.bricks = windows.window(i);
-          readWindow(level, store, spool.get(), window);
-        },
-        [&](const BrickWindow& window, BrickBatch& batch) {
-          HandedOn<T> handed_on;
-          if (next != nullptr) {
-            handed_on.box = needs_.handedOn(level, window.bricks);
-            handed_on.samples =
-                reinterpret_cast<T*>(handed_on_samples.dataFor(bytesOf(handed_on.box)));
-            handed_on.tiles = &next->finer_tiles;
-          }
-          makeBricks(level, window, store, handed_on, batch);
-          if (next == nullptr) return;
-          next->samples.write(handed_on.box, handed_on.samples);
-          if (level == 0 && previews_ != nullptr) preview(window.bricks, handed_on);
-        });
+  void releaseBefore(std::int64_t slice) override {
+    if (spool_ != nullptr) spool_->releaseBefore(slice);
   }
-
-  void preview(const IndexBox& bricks, const HandedOn<T>& handed_on) {
+  void read(const IndexBox& slices, std::byte* to) override {
+    if (spool_ != nullptr)
+      spool_->read(slices, to);
+    else
+      source_.readBox(slices, to);
+  }
+  void check(const IndexBox& box, std::byte* voxels, const IndexBox& own) override {
+    // Before its bricks come to the journal: a brick of other content must never be resumed.
+    input_.check();
+    if constexpr (std::is_same_v<T, float>)
+      report_.replaced_voxels +=
+          makeFinite(reinterpret_cast<float*>(voxels), box, own, options_.nan_as, source_.info());
+  }
+  // The calling thread.
+  void passedOn(const IndexBox& bricks, const HandedOn<T>& handed_on) override {
+    if (previews_ == nullptr) return;
     previews_->include(handed_on.box, handed_on.samples);
-    const Index3 all = layout_.bricks(0);
+    const Index3 all = region_.layout().bricks(0);
     const bool ends_slab = bricks.end().x == all.x && bricks.end().y == all.y;
     if (ends_slab) previews_->offer(handed_on.box.end().z);
   }
 
-  static std::size_t bytesOf(const IndexBox& box) {
-    return static_cast<std::size_t>(box.size()) * sizeof(T);
-  }
-
-  bool isResumed(int level, const Index3& brick) const {
-    return closures_.row(level, brick) < writer_.bricksResumed();
-  }
-
-  // For sources that are read in order; reading begins where an earlier build ended.
-  std::unique_ptr<SliceSpool> makeSpool(const BrickWindows& windows) {
-    if (source_.readsBoxes()) return nullptr;
-    for (std::int64_t i = 0; i < windows.count(); ++i) {
-      const IndexBox bricks = windows.window(i);
-      if (isResumed(0, bricks.end() - Index3(1))) continue;
-      return std::make_unique<SliceSpool>(source_, needs_.samples(0, bricks).first.z,
-                                          plan_.spool_slices, plan_.spool_place, folder_,
-                                          options_.cancel);
-    }
-    return nullptr;
-  }
-
-  void readWindow(int level, const LevelStore* store, SliceSpool* spool, BrickWindow& window) {
-    if (options_.cancel != nullptr) options_.cancel->check();
-    window.has_samples = !isResumed(level, window.bricks.end() - Index3(1));
-    if (!window.has_samples) return;
-    const PhaseTimes::Timer timer(times_, BuildStep::kRead);
-    window.sample_box = needs_.samples(level, window.bricks);
-    std::byte* const samples = window.samples.dataFor(bytesOf(window.sample_box));
-    if (spool != nullptr) spool->releaseBefore(window.sample_box.first.z);
-    // A window may be large and a disk slow: a request to cancel must not wait for all of it.
-    std::byte* to = samples;
-    for (const IndexBox& slices : piecesOf(window.sample_box)) {
-      if (options_.cancel != nullptr) options_.cancel->check();
-      if (level > 0)
-        store->samples.read(slices, to);
-      else if (spool != nullptr)
-        spool->read(slices, to);
-      else
-        source_.readBox(slices, to);
-      to += bytesOf(slices);
-    }
-    if (level > 0) return;
-    // Before its bricks come to the journal: a brick of other content must never be resumed.
-    input_.check();
-    if constexpr (std::is_same_v<T, float>)
-      report_.replaced_voxels += makeFinite(reinterpret_cast<float*>(samples), window.sample_box,
-                                            ownVoxels(window), options_.nan_as, source_.info());
-  }
-
-  // The box as some slices at a time, of some MiB together.
-  static std::vector<IndexBox> piecesOf(const IndexBox& box) {
-    constexpr std::int64_t kPieceBytes = std::int64_t{4} << 20;
-    const auto slice_bytes = box.count.x * box.count.y * static_cast<std::int64_t>(sizeof(T));
-    const std::int64_t most = std::max<std::int64_t>(1, kPieceBytes / slice_bytes);
-    std::vector<IndexBox> pieces;
-    for (std::int64_t z = 0; z < box.count.z; z += most)
-      pieces.push_back({box.first + Index3(0, 0, z),
-                        {box.count.x, box.count.y, std::min(most, box.count.z - z)}});
-    return pieces;
-  }
-
-  // The voxels of a window that no other window counts.
-  IndexBox ownVoxels(const BrickWindow& window) const {
-    const IndexBox& bricks = window.bricks;
-    const Index3 first = bricks.first * spec_.brick_cells + glm::min(bricks.first, Index3(1));
-    const Index3 end =
-        glm::min(bricks.end() * spec_.brick_cells + Index3(1), window.sample_box.end());
-    return {first, end - first};
-  }
-
-  void makeBricks(int level, const BrickWindow& window, const LevelStore* store,
-                  const HandedOn<T>& handed_on, BrickBatch& batch) {
-    const auto samples =
-        SampleBlock<T>::dense(reinterpret_cast<const T*>(window.samples.data()), window.sample_box);
-    const IndexBox& bricks = window.bricks;
-    batch.count = static_cast<std::size_t>(bricks.size());
-    const auto brickAt = [&](std::size_t i) {
-      const auto n = static_cast<std::int64_t>(i);
-      return bricks.first + Index3(n % bricks.count.x, n / bricks.count.x, 0);
-    };
-    // Resumed bricks come first, for bricks are written in this order.
-    batch.first = 0;
-    while (batch.first < batch.count && isResumed(level, brickAt(batch.first))) ++batch.first;
-    std::vector<ValueRange> voxels(batch.count);
-    isolatedForEach(std::size_t{0}, batch.count, [&](std::size_t i) {
-      if (options_.cancel != nullptr && options_.cancel->requested()) return;
-      const Index3 brick = brickAt(i);
-      voxels[i] = i < batch.first ? maker_.remake(level, brick, writer_, handed_on)
-                                  : maker_.make(level, brick, samples,
-                                                store != nullptr ? &store->finer_tiles : nullptr,
-                                                handed_on, batch.bricks[i]);
-    });
-    for (const ValueRange& range : voxels) voxel_range_.include(range);
-    bricks_made_ += batch.count;
-    progress("bricks",
-             static_cast<double>(bricks_made_) / static_cast<double>(closures_.all().size()));
-  }
-
-  void writeBatch(const BrickBatch& batch) {
-    const PhaseTimes::Timer timer(times_, BuildStep::kWrite);
-    for (std::size_t i = batch.first; i < batch.count; ++i) {
-      if (options_.cancel != nullptr) options_.cancel->check();
-      writer_.write(batch.bricks[i]);
-    }
-    writer_.flush();
-  }
-
   void publish() {
+    spool_.reset();
     const PhaseTimes::Timer timer(times_, BuildStep::kPublish);
     input_.checkContent();
     if (options_.cancel != nullptr) options_.cancel->check();
-    const VoxelHistogram histogram = statistics_.histogram(spec_.voxel_type, voxel_range_);
+    const VoxelHistogram histogram = statistics_.histogram(spec_.voxel_type, levels_.voxelRange());
     report_.file_bytes =
-        writer_.finish({voxel_range_, closures_.all(), histogram, statistics_.noise(),
+        writer_.finish({levels_.voxelRange(), closures_.all(), histogram, statistics_.noise(),
                         provenanceText(source_, options_, identity_),
-                        statistics_.gradients(histogram, voxel_range_, spec_.voxels)},
+                        statistics_.gradients(histogram, levels_.voxelRange(), spec_.voxels)},
                        options_.codec);
   }
 
@@ -309,8 +170,7 @@ class Build {
   const BuildOptions& options_;
   std::string folder_;  // of the output
   const PyramidSpec spec_;
-  const BrickLayout layout_;
-  const BrickNeeds needs_;
+  const BuildRegion region_;
   std::unique_ptr<PreviewMaker<T>> previews_;  // null: none are made
   const BuildPlan plan_;
   const std::string identity_;
@@ -318,9 +178,8 @@ class Build {
   PhaseTimes times_;
   BrickClosures closures_;
   VoxelStatistics statistics_;
-  BrickMaker<T> maker_;
-  ValueRange voxel_range_;
-  std::size_t bricks_made_ = 0;
+  LevelMaker<T> levels_;
+  std::unique_ptr<SliceSpool> spool_;  // of a source that is read in order
   BuildReport report_;
 };
 

@@ -50,11 +50,11 @@ std::byte* LargeBuffer::dataFor(std::size_t bytes) const {
 
 void LargeBuffer::Free::operator()(std::byte* data) const { std::free(data); }
 
-ScratchVolume::ScratchVolume(const Index3& dims, std::size_t element_bytes, Place place,
+ScratchVolume::ScratchVolume(const IndexBox& box, std::size_t element_bytes, Place place,
                              const std::string& folder)
-    : dims_(dims), element_bytes_(element_bytes), folder_(folder) {
+    : box_(box), element_bytes_(element_bytes), folder_(folder) {
   if (place == Place::kMemory) {
-    memory_ = LargeBuffer(static_cast<std::size_t>(elementCount(dims)) * element_bytes);
+    memory_ = LargeBuffer(static_cast<std::size_t>(box.size()) * element_bytes);
     return;
   }
   fd_ = openTemporary(folder);
@@ -72,10 +72,10 @@ template <typename F>
 void ScratchVolume::forRuns(const IndexBox& box, F&& f) const {
   // Whole rows of one slice lie together, and so do whole slices.
   std::int64_t run = box.count.x, runs_y = box.count.y, runs_z = box.count.z;
-  if (box.count.x == dims_.x) {
+  if (box.count.x == box_.count.x) {
     run *= runs_y;
     runs_y = 1;
-    if (box.count.y == dims_.y) {
+    if (box.count.y == box_.count.y) {
       run *= runs_z;
       runs_z = 1;
     }
@@ -84,7 +84,9 @@ void ScratchVolume::forRuns(const IndexBox& box, F&& f) const {
   std::size_t at = 0;
   for (std::int64_t z = 0; z < runs_z; ++z)
     for (std::int64_t y = 0; y < runs_y; ++y, at += bytes)
-      f(static_cast<std::size_t>(linearIndex(box.first + Index3(0, y, z), dims_)) * element_bytes_,
+      f(static_cast<std::size_t>(
+            linearIndex(box.first - box_.first + Index3(0, y, z), box_.count)) *
+            element_bytes_,
         at, bytes);
 }
 

@@ -29,18 +29,23 @@ class LargeBuffer {
   std::size_t bytes_ = 0;
 };
 
-// A dense block of elements, x fastest, in memory or in a file that has no name and vanishes with
+// A dense box of elements, x fastest, in memory or in a file that has no name and vanishes with
 // the process. Boxes that do not overlap may be read and written by several threads at once.
 class ScratchVolume {
  public:
   enum class Place { kMemory, kFile };
   // The file is made in `folder`. Throws ResumableError if that fails.
-  ScratchVolume(const Index3& dims, std::size_t element_bytes, Place place,
+  ScratchVolume(const IndexBox& box, std::size_t element_bytes, Place place,
                 const std::string& folder);
+  ScratchVolume(const Index3& dims, std::size_t element_bytes, Place place,
+                const std::string& folder)
+      : ScratchVolume(IndexBox{Index3(0), dims}, element_bytes, place, folder) {}
   ~ScratchVolume();
   ScratchVolume(const ScratchVolume&) = delete;
   ScratchVolume& operator=(const ScratchVolume&) = delete;
 
+  // The indices of its elements.
+  const IndexBox& box() const { return box_; }
   // Copies the elements of `box` from or to a dense block. A write to a full disk throws
   // ResumableError.
   void write(const IndexBox& box, const void* elements);
@@ -52,7 +57,7 @@ class ScratchVolume {
   template <typename F>
   void forRuns(const IndexBox& box, F&& f) const;
 
-  Index3 dims_;
+  IndexBox box_;
   std::size_t element_bytes_;
   std::string folder_;
   LargeBuffer memory_;

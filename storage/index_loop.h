@@ -13,6 +13,22 @@ inline bool contains(const IndexBox& box, const Index3& index) {
          index.x < end.x && index.y < end.y && index.z < end.z;
 }
 
+// The least box around both; an empty box adds nothing.
+inline IndexBox unionOf(const IndexBox& a, const IndexBox& b) {
+  if (a.size() == 0) return b;
+  if (b.size() == 0) return a;
+  const Index3 first = glm::min(a.first, b.first);
+  return {first, glm::max(a.end(), b.end()) - first};
+}
+
+// What both have; a box of no size if that is nothing.
+inline IndexBox intersectionOf(const IndexBox& a, const IndexBox& b) {
+  const Index3 first = glm::max(a.first, b.first);
+  const Index3 count = glm::min(a.end(), b.end()) - first;
+  if (count.x <= 0 || count.y <= 0 || count.z <= 0) return {};
+  return {first, count};
+}
+
 // The index whose linearIndex() in a block of `dims` is `i`.
 inline Index3 indexAt(std::int64_t i, const Index3& dims) {
   return {i % dims.x, i / dims.x % dims.y, i / (dims.x * dims.y)};

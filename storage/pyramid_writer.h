@@ -42,6 +42,8 @@ class PyramidWriter {
                 bool resume, const CancelFlag* cancel);
   ~PyramidWriter();
 
+  // The bricks that it writes, in the order of the table.
+  const TableRows& rows() const { return rows_; }
   // Number of bricks, counted in the order of the table, that an earlier writer left behind.
   std::uint64_t bricksResumed() const { return bricks_resumed_; }
   std::uint64_t bricksWritten() const { return bricks_written_; }

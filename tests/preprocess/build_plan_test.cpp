@@ -27,7 +27,7 @@ Greatest greatestWindows(const PyramidSpec& spec, const BuildPlan& plan) {
   Greatest greatest;
   for (int level = 0; level < levels; ++level) {
     const BuildPlan::WindowShape& shape = plan.windows[static_cast<std::size_t>(level)];
-    const BrickWindows windows(needs.layout().bricks(level), shape.x, shape.y);
+    const BrickWindows windows({Index3(0), needs.layout().bricks(level)}, shape.x, shape.y);
     for (std::int64_t i = 0; i < windows.count(); ++i) {
       const IndexBox bricks = windows.window(i), samples = needs.samples(level, bricks);
       greatest.window_bytes = std::max(greatest.window_bytes, bytesOf(samples, spec));
@@ -61,9 +61,9 @@ TEST(BuildPlan, BuffersAreAsLargeAsTheGreatestWindow) {
     const std::uint64_t memory = (std::uint64_t{8} << 20) + randomBelow(random, 1 << 21);
     BuildPlan plan;
     try {
-      plan = makeBuildPlan(spec, source, memory, 1);
+      plan = makeBuildPlan(spec, BuildRegion(spec), &source, memory, 1);
     } catch (const Error&) {
-      plan = makeBuildPlan(spec, source, std::uint64_t{1} << 30, 1);
+      plan = makeBuildPlan(spec, BuildRegion(spec), &source, std::uint64_t{1} << 30, 1);
     }
     const Greatest greatest = greatestWindows(spec, plan);
     ASSERT_EQ(plan.window_bytes, greatest.window_bytes)

@@ -51,7 +51,7 @@ class ChangedInputTest : public VolumeFilesTest {
     spec.brick_cells = options_.brick_cells;
     spec.has_curvature = true;
     for (std::uint64_t bytes = std::uint64_t{1} << 20;; bytes += bytes / 32) try {
-        makeBuildPlan(spec, *source, bytes, 2);
+        makeBuildPlan(spec, BuildRegion(spec), source.get(), bytes, 2);
         return bytes;
       } catch (const Error&) {
       }

@@ -95,7 +95,8 @@ std::uint64_t leastMemory(VolumeSource& source, const BuildOptions& options) {
   spec.has_curvature = options.with_curvature;
   for (std::uint64_t bytes = std::uint64_t{1} << 20;; bytes += bytes / 32) {
     try {
-      makeBuildPlan(spec, source, bytes, tbb::this_task_arena::max_concurrency());
+      makeBuildPlan(spec, BuildRegion(spec), &source, bytes,
+                    tbb::this_task_arena::max_concurrency());
       return bytes;
     } catch (const Error&) {
     }
@@ -159,11 +160,11 @@ TEST(StreamingBuildPlan, TheLeastMemoryPutsStoresAndSlicesInFiles) {
   // It depends on the threads: those of the plan, whatever the machine has.
   const std::uint64_t least =
       tbb::task_arena(2).execute([&] { return leastMemory(source, smallBricks()); });
-  const BuildPlan tight = makeBuildPlan(spec, source, least, 2);
+  const BuildPlan tight = makeBuildPlan(spec, BuildRegion(spec), &source, least, 2);
   EXPECT_EQ(tight.spool_place, ScratchVolume::Place::kFile);
   EXPECT_EQ(tight.stores[1], ScratchVolume::Place::kFile);
   EXPECT_EQ(tight.windows[0].y, 1);
-  const BuildPlan wide = makeBuildPlan(spec, source, std::uint64_t{1} << 30, 2);
+  const BuildPlan wide = makeBuildPlan(spec, BuildRegion(spec), &source, std::uint64_t{1} << 30, 2);
   EXPECT_EQ(wide.spool_place, ScratchVolume::Place::kMemory);
   EXPECT_EQ(wide.stores[1], ScratchVolume::Place::kMemory);
   EXPECT_EQ(wide.windows[0].x, 10);
