@@ -26,6 +26,7 @@
 #include "tools/interrupt.h"
 #include "tools/json_output.h"
 #include "tools/line_words.h"
+#include "tools/loss_warnings.h"
 #include "tools/output_check.h"
 #include "tools/parse_text.h"
 #include "tools/parsed_option.h"
@@ -217,12 +218,6 @@ void printConverted(const ConvertArguments& arguments, const Converted& converte
   for (const std::string& note : volume.notes) fmt::print("note: {}\n", oneLine(note));
 }
 
-// A loss in a format is no failure, but the user gets a warning now.
-void warnOfLoss(const ConvertArguments& arguments, const Converted& converted) {
-  for (const std::string& lost : converted.report.lost)
-    fmt::print(stderr, "isobrick: warning: '{}': {}\n", oneLine(arguments.output), oneLine(lost));
-}
-
 void checkUsage(const ConvertArguments& arguments) {
   refuseKnownMisfits(arguments.input);
   if (!isPyramid(arguments.output)) refuseUnknownExport(arguments.output, false);
@@ -241,7 +236,7 @@ int runConvert(ConvertArguments& arguments) {
     printJson(jsonOfConverted(arguments, converted));
   else
     printConverted(arguments, converted);
-  warnOfLoss(arguments, converted);
+  warnOfLosses(arguments.output, converted.report.lost);
   return 0;
 }
 

@@ -11,6 +11,7 @@
 #include "tools/interrupt.h"
 #include "tools/json_output.h"
 #include "tools/line_words.h"
+#include "tools/loss_warnings.h"
 #include "tools/measured_sink.h"
 #include "tools/neuroglancer/precomputed_meshes.h"
 #include "tools/output_check.h"
@@ -103,8 +104,7 @@ int runExtractMeshes(QueryOptions options, const std::string& output, bool as_js
   } else {
     printMeshes(output, meshes, watch.seconds());
   }
-  for (const std::string& line : lost)
-    fmt::print(stderr, "isobrick: warning: '{}': {}\n", oneLine(output), oneLine(line));
+  warnOfLosses(output, lost);
   return 0;
 }
 

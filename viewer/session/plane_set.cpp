@@ -1,20 +1,16 @@
 #include "isobrick/viewer/session/plane_set.h"
 
 #include <algorithm>
-#include <chrono>
 #include <utility>
 
 #include "isobrick/storage/error.h"
+#include "isobrick/viewer/clock_seconds.h"
 
 namespace isobrick {
 namespace {
 
 // To a side, of a sampling for a plane that may be moving: some milliseconds.
 constexpr int kQuickValues = 512;
-
-double planeClockSeconds() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
 
 int valuesOf(const PlaneSampling& sampling) { return sampling.width + sampling.height; }
 
@@ -138,10 +134,10 @@ void PlaneSet::uploadRows(SceneRenderer& renderer, UploadAllowance& allowance) {
     const int rows = static_cast<int>(
         std::min(room, static_cast<std::uint64_t>(upload.image.height - upload.rows)));
     if (rows == 0) return;
-    const double begin = planeClockSeconds();
+    const double begin = clockSeconds();
     renderer.uploadRows(upload.id, upload.image, upload.rows, rows);
     upload.rows += rows;
-    allowance.take(row * static_cast<std::uint64_t>(rows), planeClockSeconds() - begin);
+    allowance.take(row * static_cast<std::uint64_t>(rows), clockSeconds() - begin);
     if (allowance.isSpent()) break;
   }
   if (upload.rows < upload.image.height) return;

@@ -2,15 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 #include <iterator>
 #include <nlohmann/json.hpp>
-#include <sstream>
 #include <string_view>
 #include <utility>
 
 #include "isobrick/storage/error.h"
 #include "isobrick/viewer/state/interaction.h"
+#include "isobrick/viewer/state/text_file.h"
 #include "isobrick/viewer/state/view_state_json.h"
 
 namespace isobrick {
@@ -380,12 +379,9 @@ ViewScript viewScriptFromJson(const std::string& text) {
 }
 
 ViewScript readViewScript(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::ostringstream text;
-  if (!file || !(text << file.rdbuf()))
-    throw Error("cannot read the script '" + path + "'; is it there?", {path});
+  const std::string text = readTextFile(path, "script");
   try {
-    return viewScriptFromJson(text.str());
+    return viewScriptFromJson(text);
   } catch (const Error& error) {
     throw Error("'" + path + "': " + error.what() + "; docs/VIEWER.md has the steps", {path});
   }

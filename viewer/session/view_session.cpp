@@ -2,13 +2,13 @@
 
 #include <algorithm>
 #include <bit>
-#include <chrono>
 #include <cmath>
 #include <glm/geometric.hpp>
 #include <utility>
 
 #include "isobrick/extract/sinks/mesh_file_sink.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/viewer/clock_seconds.h"
 #include "isobrick/viewer/session/shown_mesh.h"
 
 namespace isobrick {
@@ -31,10 +31,6 @@ ViewVolume volumeOf(const Pyramid& pyramid, const std::optional<PreviewOf>& prev
     volume.has_all_values = false;
   }
   return volume;
-}
-
-double clockSeconds() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
 void addCounts(const std::vector<LevelCounts>& counts, std::vector<LevelCounts>& sums) {

@@ -1,13 +1,12 @@
 #include "isobrick/viewer/state/view_file.h"
 
 #include <filesystem>
-#include <fstream>
 #include <nlohmann/json.hpp>
-#include <sstream>
 
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/remote_options.h"
+#include "isobrick/viewer/state/text_file.h"
 #include "isobrick/viewer/state/view_state_json.h"
 
 namespace isobrick {
@@ -67,12 +66,9 @@ SavedView viewFromJson(const std::string& text) {
 }  // namespace
 
 SavedView readView(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::ostringstream text;
-  if (!file || !(text << file.rdbuf()))
-    throw Error("cannot read the view '" + path + "'; is it there?", {path});
+  const std::string text = readTextFile(path, "view");
   try {
-    SavedView view = viewFromJson(text.str());
+    SavedView view = viewFromJson(text);
     const std::filesystem::path folder = folderOfView(path);
     view.volume = readPath(view.volume, folder);
     view.state.values.other = readPath(view.state.values.other, folder);

@@ -4,10 +4,10 @@
 
 #include <algorithm>
 #include <atomic>
-#include <chrono>
 #include <utility>
 
 #include "isobrick/storage/error.h"
+#include "isobrick/viewer/clock_seconds.h"
 #include "isobrick/viewer/stream/chunk_sink.h"
 #include "isobrick/viewer/stream/latest_worker.h"
 
@@ -18,10 +18,6 @@ namespace {
 struct TooMany {
   std::uint64_t triangles = 0;
 };
-
-double now() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
 
 }  // namespace
 
@@ -103,14 +99,15 @@ void SurfaceStream::dropPassesAtRest() {
 
 // Call it when a request waits for a pass that takes long. With the lock.
 void SurfaceStream::endSlowPass() {
-  if (!working_ || !waiting_ || cancel_->requested() || now() - pass_begin_ <= patience_) return;
+  if (!working_ || !waiting_ || cancel_->requested() || clockSeconds() - pass_begin_ <= patience_)
+    return;
   if (user_waits_) patience_ *= 2.0;
   endCurrent();
 }
 
 // With the lock.
 void SurfaceStream::noteTime(StreamMessage& end) const {
-  end.ended = now();
+  end.ended = clockSeconds();
   end.seconds = std::max(0.0, end.ended - pass_begin_ - waited_);
 }
 
@@ -155,9 +152,9 @@ std::optional<StreamMessage> SurfaceStream::takeLost() {
 void SurfaceStream::pushChunk(StreamMessage message, const CancelFlag& cancel) {
   std::unique_lock lock(mutex_);
   if (queue_bytes_ >= kQueueBytes) {
-    const double begin = now();
+    const double begin = clockSeconds();
     room_.wait(lock, [&] { return queue_bytes_ < kQueueBytes || cancel.requested(); });
-    waited_ += now() - begin;
+    waited_ += clockSeconds() - begin;
   }
   if (cancel.requested()) throw Cancelled();
   const std::uint64_t bytes = message.chunk.bytes();
@@ -218,7 +215,7 @@ bool SurfaceStream::begin(const Attempt& attempt) {
   // Passes that no user waits for come after a request that does.
   if (!user_waits_ && waiting_) endCurrent();
   if (cancel_->requested()) return false;
-  pass_begin_ = now();
+  pass_begin_ = clockSeconds();
   waited_ = 0.0;
   return true;
 }

@@ -13,6 +13,7 @@
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid_file.h"
+#include "isobrick/viewer/clock_seconds.h"
 #include "isobrick/viewer/image.h"
 #include "isobrick/viewer/session/folder_listing.h"
 #include "isobrick/viewer/session/frame_report.h"
@@ -37,10 +38,6 @@ constexpr std::size_t kFrameTimes = 240;
 constexpr double kIdleSeconds = 0.1;       // between updates if nothing moves
 constexpr double kHiddenSeconds = 0.02;    // likewise, if things move and no picture is there
 constexpr double kStayAwakeSeconds = 0.5;  // after the last event: panels fade and blink
-
-double secondsNow() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
 
 std::unique_ptr<ViewTarget> makeTarget(const ViewOptions& options, int width, int height,
                                        double scale) {
@@ -93,7 +90,7 @@ class ViewLoop {
   }
 
   void run() {
-    begin_ = last_frame_ = secondsNow();
+    begin_ = last_frame_ = clockSeconds();
     while (!closing_) {
       if (options_.cancel != nullptr) options_.cancel->check();
       takeEvents();
@@ -111,7 +108,7 @@ class ViewLoop {
  private:
   ViewSession* session() const { return show_.session(); }
   bool awake() const {
-    return player_ || secondsNow() < awake_until_ || !show_.settled() ||
+    return player_ || clockSeconds() < awake_until_ || !show_.settled() ||
            (session() != nullptr && session()->interaction().flying);
   }
   // True if everything requested is shown.
@@ -232,10 +229,10 @@ class ViewLoop {
   // With the times between which they came: events that nobody looked for in a slow frame are
   // reported at its end.
   void takeEvents() {
-    const double looked_last = std::exchange(looked_, secondsNow());
+    const double looked_last = std::exchange(looked_, clockSeconds());
     const double wait = !awake() ? kIdleSeconds : drawn_ ? 0.0 : kHiddenSeconds;
     std::vector<InputEvent> events = target_->takeEvents(wait);
-    const double now = secondsNow();
+    const double now = clockSeconds();
     if (!events.empty()) awake_until_ = now + kStayAwakeSeconds;
     for (InputEvent& event : events) {
       event.seconds = now;
@@ -246,7 +243,7 @@ class ViewLoop {
   }
 
   void frame() {
-    const double begin = secondsNow();
+    const double begin = clockSeconds();
     takeOpened();
     ScriptFrame scripted;
     if (file_again_ && settled())
@@ -274,17 +271,17 @@ class ViewLoop {
     show_.update(begin, allowance);
     const double idle = waitForSurface(allowance);
     uploaded_bytes_ = kUploadBytes - allowance.bytes;
-    const double drawing = secondsNow();
+    const double drawing = clockSeconds();
     drawn_ = draw();
     if (drawn_)
       panel_->draw();
     else
       panel_->discard();
-    const double drawn_by = secondsNow();
+    const double drawn_by = clockSeconds();
     if (scripted.file) writeScripted(*scripted.file, drawn_);  // from the frame shown next
-    const double written = secondsNow();
+    const double written = clockSeconds();
     if (drawn_) target_->show();
-    const double draw_seconds = drawn_by - drawing + secondsNow() - written;
+    const double draw_seconds = drawn_by - drawing + clockSeconds() - written;
     if (drawn_ && draw_error_.empty() && session() != nullptr) session()->noteDrawing(draw_seconds);
     remember({drawing - begin - idle, draw_seconds}, begin);
     Wishes wishes = std::exchange(wishes_, {});
@@ -316,14 +313,14 @@ class ViewLoop {
     };
     if (session() == nullptr) return idle;
     for (note(); session()->drawsBetterLater() && allowance.bytes > 0; note()) {
-      const double begin = secondsNow();
+      const double begin = clockSeconds();
       const std::uint64_t left = allowance.bytes;
       std::this_thread::sleep_for(std::chrono::milliseconds(2));
-      const double looked = secondsNow();
+      const double looked = clockSeconds();
       allowance.addWaited(looked - begin);
       show_.update(looked, allowance);
       const bool nothing_came = allowance.bytes == left && session()->waits().empty();
-      idle += (nothing_came ? secondsNow() : looked) - begin;
+      idle += (nothing_came ? clockSeconds() : looked) - begin;
     }
     return idle;
   }
