@@ -27,6 +27,8 @@ using ShareHeader = share_format::Header;
 
 // Longer identities are refused: a query has few choices.
 constexpr std::uint64_t kMostIdentityBytes = std::uint64_t{1} << 24;
+// And longer records: the largest brick has 256^3 cells of at most 5 triangles.
+constexpr std::uint64_t kMostRecordBytes = std::uint64_t{1} << 32;
 
 [[noreturn]] void failShare(const std::string& path, const std::string& what) {
   throw Error("'" + path + "' " + what, {.path = path});
@@ -304,7 +306,7 @@ class RecordReader {
     const std::uint64_t left = file_->batchesEnd() - at_;
     if (left < sizeof record) failDamaged(file_->path(), at_);
     file_->read(at_, &record, sizeof record);
-    if (record.bytes > left ||
+    if (record.bytes > std::min(left, kMostRecordBytes) ||
         record.bytes != share_format::recordBytes(record.positions, record.indices, record.shared))
       failDamaged(file_->path(), at_);
     merged.bytes.resize(record.bytes);
