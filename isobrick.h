@@ -16,6 +16,7 @@
 #include "isobrick/extract/sinks/mesh_file_sink.h"
 #include "isobrick/extract/sinks/surface_components.h"
 #include "isobrick/extract/sinks/vertex_numbering.h"
+#include "isobrick/preprocess/divided_pyramid.h"
 #include "isobrick/preprocess/export/formats/export_volume.h"
 #include "isobrick/preprocess/phantoms/phantom.h"
 #include "isobrick/preprocess/pyramid_builder.h"

@@ -12,6 +12,7 @@ set(isobrick_public_headers
   storage/pyramid_info.h
   storage/pyramid_verify.h
   storage/remote_options.h
+  storage/share_number.h
   storage/voxel_histogram.h
   storage/voxel_type.h
   # a pyramid in, triangles out
@@ -26,6 +27,7 @@ set(isobrick_public_headers
   extract/sinks/vertex_numbering.h
   extract/surface_mesh.h
   # a volume in, a pyramid out; and volumes to other formats
+  preprocess/divided_pyramid.h
   preprocess/export/formats/export_volume.h
   preprocess/export/volume_writer.h
   preprocess/phantoms/phantom.h

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "isobrick/preprocess/kernels/sample_block.h"
@@ -18,13 +19,21 @@ class BrickClosures {
  public:
   // Of these bricks, empty ranges at first.
   BrickClosures(const BrickLayout& layout, const TableRows& rows)
-      : layout_(layout), rows_(rows), ranges_(rows.count()) {}
+      : BrickClosures(layout, rows, std::vector<ValueRange>(rows.count())) {}
+  // With ranges that are known.
+  BrickClosures(const BrickLayout& layout, const TableRows& rows, std::vector<ValueRange> ranges)
+      : layout_(layout), rows_(rows), ranges_(std::move(ranges)) {}
 
-  // To be called once for every brick of every level, finest level first: `tiles` is the union of
+  // To be called once for each of these bricks, finest level first: `tiles` is the union of
   // the brick's tile ranges, `samples` holds the corners of its cells.
   template <typename T>
   void include(int level, const Index3& brick, const ValueRange& tiles,
                const SampleBlock<T>& samples);
+
+  // The half of include() that concerns finer bricks: takes the samples into those of them that are
+  // among these.
+  template <typename T>
+  void includeInFiner(int level, const Index3& brick, const SampleBlock<T>& samples);
 
   // In the order of the brick table; final when all bricks were included.
   std::span<const ValueRange> all() const { return ranges_; }

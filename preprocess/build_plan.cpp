@@ -19,6 +19,7 @@ constexpr std::uint64_t kPipelineBytes = 48 * kMebibyte;
 constexpr std::uint64_t kSmallThings = 4 * kMebibyte;
 constexpr std::uint64_t kThreadThings = 2 * kMebibyte;  // counts of values among them
 constexpr std::uint64_t kBrickCopiesPerThread = 3;
+constexpr std::uint64_t kMostStatisticsBytes = 4 * kMebibyte;
 
 class Planner {
  public:
@@ -155,7 +156,7 @@ class Planner {
   }
 
   std::uint64_t storeBytes(int level) const {
-    if (level <= first() || level > levels()) return 0;
+    if (level < std::max(first(), 1) || level > levels()) return 0;
     if (region_.passedSamples(level - 1).size() == 0) return 0;
     const Index3 tiles = region_.passedTiles(level - 1).count;
     return (product(region_.passedSamples(level - 1).count) + 2 * product(tiles)) * voxel_;
@@ -173,7 +174,9 @@ class Planner {
   }
 
   std::uint64_t fileBytesBound() const {
-    std::uint64_t bytes = kMebibyte;  // header, provenance
+    std::uint64_t bytes = kMebibyte;            // header, provenance
+    if (levels() < layout_.lattice().levels())  // what the index takes
+      bytes += storeBytes(levels()) + kMostStatisticsBytes;
     for (int level = first(); level < levels(); ++level)
       bytes += product(region_.rows().bricks(level).count) *
                (brickBytes(level) + format::kSampleAlignment + 2 * format::kPartAlignment +

@@ -4,19 +4,8 @@
 
 namespace isobrick {
 
-BuildRegion::BuildRegion(const PyramidSpec& spec)
-    : spec_(spec), needs_(spec), rows_(needs_.layout()) {
-  passOn();
-}
-
-BuildRegion::BuildRegion(const PyramidSpec& spec, const SuperBricks& super_bricks,
-                         std::size_t number)
-    : spec_(spec), needs_(spec), rows_(super_bricks.rowsOf(number)) {
-  passOn();
-}
-
-BuildRegion::BuildRegion(const PyramidSpec& spec, const SuperBricks& super_bricks)
-    : spec_(spec), needs_(spec), rows_(super_bricks.rowsOfIndex()) {
+BuildRegion::BuildRegion(const PyramidSpec& spec, const std::optional<DividedFile>& file)
+    : spec_(spec), needs_(spec), rows_(file ? file->rows() : TableRows(needs_.layout())) {
   passOn();
 }
 
@@ -42,6 +31,16 @@ void BuildRegion::passOn() {
     }
     next = samples(level, read_[place(level)]);
   }
+}
+
+IndexBox BuildRegion::passedSamples(int level) const {
+  if (level < firstLevel()) return {Index3(0), layout().lattice().samples(level + 1)};
+  return passed_[place(level)];
+}
+
+IndexBox BuildRegion::passedTiles(int level) const {
+  if (level < firstLevel()) return needs_.tiles(level, {Index3(0), layout().bricks(level)});
+  return needs_.tiles(level, rows_.bricks(level));
 }
 
 IndexBox BuildRegion::samples(int level, const IndexBox& bricks) const {

@@ -13,12 +13,10 @@ namespace isobrick {
 // samples, and are not made. Pure arithmetic.
 class BuildRegion {
  public:
-  // The whole pyramid.
-  explicit BuildRegion(const PyramidSpec& spec);
-  // A super-brick.
-  BuildRegion(const PyramidSpec& spec, const SuperBricks& super_bricks, std::size_t number);
-  // The levels from super_bricks.levels() on. Their first input comes from the super-bricks.
-  BuildRegion(const PyramidSpec& spec, const SuperBricks& super_bricks);
+  // The bricks of a file of a divided pyramid; without one, the whole pyramid. The first input of
+  // the index's comes from the super-bricks.
+  explicit BuildRegion(const PyramidSpec& spec,
+                       const std::optional<DividedFile>& file = std::nullopt);
 
   const BrickNeeds& needs() const { return needs_; }
   const BrickLayout& layout() const { return needs_.layout(); }
@@ -31,8 +29,9 @@ class BuildRegion {
   // The bricks that windows are cut from: its own, and those that pass samples on to them.
   const IndexBox& windowBricks(int level) const { return read_[place(level)]; }
   // Samples of level + 1, and tiles of `level`, that it passes on. Empty at the top of the pyramid.
-  const IndexBox& passedSamples(int level) const { return passed_[place(level)]; }
-  IndexBox passedTiles(int level) const { return needs_.tiles(level, rows_.bricks(level)); }
+  // Of the level below its first one, what it takes: all of them.
+  IndexBox passedSamples(int level) const;
+  IndexBox passedTiles(int level) const;
 
   // The samples that a window of these bricks takes, and those that it passes on, which may be
   // none.

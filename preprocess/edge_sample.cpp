@@ -166,6 +166,39 @@ void EdgeSample::merge(const EdgeSample& other) {
   prune();
 }
 
+void EdgeSample::writeTo(ByteSequenceWriter& bytes) const {
+  std::vector<std::uint32_t> whole;
+  std::vector<float> values;
+  for (const Edge& edge : edges_) {
+    whole.insert(whole.end(), {edge.random, edge.axis});
+    values.insert(values.end(), {edge.least, edge.greatest});
+  }
+  bytes.add(std::span<const std::uint32_t>(whole));
+  bytes.add(std::span<const float>(values));
+  bytes.add(std::span<const float>(&greatest_kept_, 1));
+}
+
+bool EdgeSample::readFrom(ByteSequenceReader& bytes) {
+  const auto whole = bytes.take<std::uint32_t>();
+  const auto values = bytes.take<float>();
+  const auto greatest = bytes.take<float>();
+  if (!bytes.isSound() || whole.size() != values.size() || whole.size() % 2 != 0 ||
+      whole.size() > 4 * kEdges || greatest.size() != 1 || !(greatest[0] > 0))
+    return false;
+  edges_.clear();
+  greatest_kept_ = greatest[0];
+  for (std::size_t i = 0; i < whole.size(); i += 2) {
+    const std::uint32_t random = whole[i], axis = whole[i + 1];
+    const float least = values[i], most = values[i + 1];
+    if (random == 0 || random > std::uint32_t{1} << 24 || axis > 2 || !(least < most) ||
+        !std::isfinite(least) || !std::isfinite(most))
+      return false;
+    edges_.push_back(
+        {static_cast<float>(random) / differenceOf(least, most), random, axis, least, most});
+  }
+  return true;
+}
+
 std::optional<GradientSpectrum> EdgeSample::spectrum(const VoxelHistogram& histogram,
                                                      const ValueRange& range,
                                                      const Index3& volume) const {

@@ -6,6 +6,7 @@
 #include <optional>
 #include <vector>
 
+#include "isobrick/preprocess/byte_sequence.h"
 #include "isobrick/preprocess/kernels/sample_block.h"
 #include "isobrick/storage/gradient_spectrum.h"
 #include "isobrick/storage/voxel_histogram.h"
@@ -27,6 +28,10 @@ class EdgeSample {
   void add(const SampleBlock<T>& samples, const IndexBox& own, const Index3& volume);
   // Adds another sample, of other voxels.
   void merge(const EdgeSample& other);
+
+  // As bytes, for a merge() elsewhere. False if the bytes are none of a sample.
+  void writeTo(ByteSequenceWriter& bytes) const;
+  [[nodiscard]] bool readFrom(ByteSequenceReader& bytes);
 
   // For the volume whose histogram this is. Nothing if no edges were found.
   std::optional<GradientSpectrum> spectrum(const VoxelHistogram& histogram, const ValueRange& range,

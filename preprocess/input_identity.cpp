@@ -181,6 +181,7 @@ std::string buildIdentity(const VolumeInfo& info, const std::string& input_ident
   line("curvature", options.with_curvature ? jsonOfNumber(options.curvature_epsilon) : "none");
   line("error", "none");  // as in programs that could store bounds of errors
   line("nan_as", options.nan_as ? jsonOfNumber(static_cast<double>(*options.nan_as)) : "none");
+  if (options.super_cells > 0) line("super-brick", std::to_string(options.super_cells));
   line("version", std::to_string(format::kVersion));
   line("algorithm", std::to_string(kBuildAlgorithm));
   return text;

@@ -8,14 +8,13 @@
 namespace isobrick {
 
 template <typename T>
-std::unique_ptr<LevelStore> LevelMaker<T>::makeStore(int level) const {
-  if (level == region_.layout().lattice().levels()) return nullptr;
-  const ScratchVolume::Place place = plan_.stores[static_cast<std::size_t>(level)];
-  const IndexBox tiles = region_.passedTiles(level - 1);
-  const Index3 pair(2, 1, 1);
+std::unique_ptr<LevelStore> makeLevelStore(const BuildRegion& region, const BuildPlan& plan,
+                                           int level, const std::string& folder) {
+  if (level == region.layout().lattice().levels()) return nullptr;
+  const ScratchVolume::Place place = plan.stores[static_cast<std::size_t>(level)];
   return std::unique_ptr<LevelStore>(
-      new LevelStore{{region_.passedSamples(level - 1), sizeof(T), place, folder_},
-                     {{tiles.first * pair, tiles.count * pair}, sizeof(T), place, folder_}});
+      new LevelStore{{region.passedSamples(level - 1), sizeof(T), place, folder},
+                     {tilePairs(region.passedTiles(level - 1)), sizeof(T), place, folder}});
 }
 
 template <typename T>
@@ -23,7 +22,7 @@ std::unique_ptr<LevelStore> LevelMaker<T>::run(LevelInput<T>* input,
                                                std::unique_ptr<LevelStore> store) {
   BrickPipeline pipeline(plan_, [this](const BrickBatch& batch) { writeBatch(batch); });
   for (int level = region_.firstLevel(); level < region_.endLevel(); ++level) {
-    std::unique_ptr<LevelStore> next = makeStore(level + 1);
+    std::unique_ptr<LevelStore> next = makeLevelStore<T>(region_, plan_, level + 1, folder_);
     makeLevel(level, level == 0 ? input : nullptr, store.get(), next.get(), pipeline);
     store = std::move(next);
   }
@@ -182,7 +181,10 @@ void LevelMaker<T>::writeBatch(const BrickBatch& batch) {
   writer_.flush();
 }
 
-#define ISOBRICK_INSTANTIATE(T) template class LevelMaker<T>;
+#define ISOBRICK_INSTANTIATE(T)                                                                \
+  template std::unique_ptr<LevelStore> makeLevelStore<T>(const BuildRegion&, const BuildPlan&, \
+                                                         int, const std::string&);             \
+  template class LevelMaker<T>;
 ISOBRICK_FOR_EACH_VOXEL_TYPE(ISOBRICK_INSTANTIATE)
 #undef ISOBRICK_INSTANTIATE
 

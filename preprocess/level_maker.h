@@ -34,8 +34,18 @@ class LevelInput {
 
 // The samples of a level and the tile ranges of the level below it.
 struct LevelStore {
-  ScratchVolume samples, finer_tiles;
+  ScratchVolume samples, finer_tiles;  // the latter with two elements for each tile, along x
 };
+inline IndexBox tilePairs(const IndexBox& tiles) {
+  const Index3 pair(2, 1, 1);
+  return {tiles.first * pair, tiles.count * pair};
+}
+
+// A store for the samples of `level`, which the level below passes on, as far as the region has or
+// takes them; null at the top of the pyramid. T is the voxel type.
+template <typename T>
+std::unique_ptr<LevelStore> makeLevelStore(const BuildRegion& region, const BuildPlan& plan,
+                                           int level, const std::string& folder);
 
 // Makes the levels of a region and writes their bricks; T is the voxel type. The samples for the
 // next level wait in a store.
@@ -54,10 +64,6 @@ class LevelMaker {
         writer_(writer),
         times_(times),
         maker_(spec, options.codec, region.needs(), closures, statistics, times) {}
-
-  // A store for the samples of `level`, which the level below passes on, as far as the region has
-  // them; null at the top of the pyramid.
-  std::unique_ptr<LevelStore> makeStore(int level) const;
 
   // Makes all levels. `input` has the voxels, if the region begins at level 0, and `store` the
   // samples of its first level else. Returns what the last one passes on; null at the top.

@@ -8,50 +8,40 @@
 #include <filesystem>
 
 #include "isobrick/preprocess/finite_voxels.h"
+#include "isobrick/preprocess/hand_over.h"
 #include "isobrick/preprocess/input_identity.h"
 #include "isobrick/preprocess/kernels/curvature_fit.h"
 #include "isobrick/preprocess/level_maker.h"
 #include "isobrick/preprocess/preview_maker.h"
+#include "isobrick/preprocess/pyramid_file_builder.h"
 #include "isobrick/preprocess/slice_spool.h"
 #include "isobrick/preprocess/unfinished_build.h"
 
 namespace isobrick {
 namespace {
 
-PyramidSpec specOf(const VolumeInfo& info, const BuildOptions& options) {
-  PyramidSpec spec;
-  spec.voxels = info.voxels;
-  spec.voxel_type = info.voxel_type;
-  spec.geometry = info.geometry;
-  spec.filter = options.filter;
-  spec.brick_cells = options.brick_cells;
-  spec.tile_cells = options.tile_cells;
-  spec.has_curvature = options.with_curvature;
-  spec.curvature_epsilon = options.curvature_epsilon;
-  return spec;
-}
-
 std::string spaceText(std::uint64_t bytes) {
   return bytes < std::uint64_t{1} << 20 ? std::to_string((bytes + 1023) >> 10) + " KiB"
                                         : std::to_string(bytes >> 20) + " MiB";
 }
 
-// One build of a whole pyramid; T is the voxel type.
+// One build of a pyramid, or of a super-brick of it; T is the voxel type.
 template <typename T>
 class Build : LevelInput<T> {
  public:
   Build(VolumeSource& source, InputWatch& input, const std::string& path,
-        const BuildOptions& options)
+        const BuildOptions& options, const std::optional<DividedFile>& file)
       : source_(source),
         input_(input),
         options_(options),
         folder_(folderOf(path)),
-        spec_(specOf(source.info(), options)),
-        region_(spec_),
+        spec_(pyramidSpecOf(source.info(), options)),
+        file_(file),
+        region_(spec_, file_),
         previews_(makePreviews(source.info(), options)),
         plan_(makePlan()),
         identity_(buildIdentity(source.info(), input.identity(), options)),
-        writer_(path, spec_, identity_, options.resume, options.cancel),
+        writer_(path, spec_, identity_, options.resume, options.cancel, file_),
         closures_(region_.layout(), region_.rows()),
         levels_(spec_, region_, plan_, options, folder_, writer_, closures_, statistics_, times_) {}
 
@@ -59,8 +49,7 @@ class Build : LevelInput<T> {
     const auto begin = PhaseTimes::Clock::now();
     try {
       takeSpace();
-      levels_.run(this, nullptr);
-      publish();
+      publish(levels_.run(this, nullptr));
     } catch (...) {
       throwUnfinished({source_.info(), options_, input_, writer_, region_.rows().count()});
     }
@@ -77,7 +66,8 @@ class Build : LevelInput<T> {
   static std::unique_ptr<PreviewMaker<T>> makePreviews(const VolumeInfo& info,
                                                        const BuildOptions& options) {
     constexpr std::uint64_t kLeastShare = 4;  // of the memory is for the build itself
-    if (options.preview.folder.empty() || options.memory_bytes < kLeastShare * kPreviewBytes)
+    if (options.preview.folder.empty() || options.super_cells > 0 ||
+        options.memory_bytes < kLeastShare * kPreviewBytes)
       return nullptr;
     const std::optional<PreviewGrid> grid = previewGridOf(info.voxels);
     return grid ? std::make_unique<PreviewMaker<T>>(info, *grid, options) : nullptr;
@@ -152,17 +142,25 @@ class Build : LevelInput<T> {
     if (ends_slab) previews_->offer(handed_on.box.end().z);
   }
 
-  void publish() {
+  // `passed_on` is what the last level did; null at the top of the pyramid.
+  void publish(const std::unique_ptr<LevelStore>& passed_on) {
     spool_.reset();
     const PhaseTimes::Timer timer(times_, BuildStep::kPublish);
     input_.checkContent();
     if (options_.cancel != nullptr) options_.cancel->check();
-    const VoxelHistogram histogram = statistics_.histogram(spec_.voxel_type, levels_.voxelRange());
-    report_.file_bytes =
-        writer_.finish({levels_.voxelRange(), closures_.all(), histogram, statistics_.noise(),
-                        provenanceText(source_, options_, identity_),
-                        statistics_.gradients(histogram, levels_.voxelRange(), spec_.voxels)},
-                       options_.codec);
+    PyramidWriter::Summary summary;
+    summary.voxel_range = levels_.voxelRange();
+    summary.brick_ranges = closures_.all();
+    summary.provenance_json = provenanceText(source_, options_, identity_);
+    if (file_) {
+      summary.division = handOverOf({options_.codec, summary.voxel_range}, *passed_on, statistics_);
+    } else {
+      summary.histogram = statistics_.histogram(spec_.voxel_type, summary.voxel_range);
+      summary.noise = statistics_.noise();
+      summary.gradients =
+          statistics_.gradients(*summary.histogram, summary.voxel_range, spec_.voxels);
+    }
+    report_.file_bytes = writer_.finish(summary, options_.codec);
   }
 
   VolumeSource& source_;
@@ -170,6 +168,7 @@ class Build : LevelInput<T> {
   const BuildOptions& options_;
   std::string folder_;  // of the output
   const PyramidSpec spec_;
+  const std::optional<DividedFile> file_;  // of a divided pyramid
   const BuildRegion region_;
   std::unique_ptr<PreviewMaker<T>> previews_;  // null: none are made
   const BuildPlan plan_;
@@ -220,11 +219,31 @@ BuildReport buildPyramid(VolumeSource& source, const std::string& path,
 
 BuildReport buildPyramid(VolumeSource& source, InputWatch& input, const std::string& path,
                          const BuildOptions& options) {
+  if (options.super_cells != 0)
+    throw Error("'" + path + "' would be a file of a divided pyramid; build its super-bricks");
+  return buildPyramidFile(source, input, path, options, std::nullopt);
+}
+
+BuildReport buildPyramidFile(VolumeSource& source, InputWatch& input, const std::string& path,
+                             const BuildOptions& options, const std::optional<DividedFile>& file) {
   checkOptions(options);
   refuseInputAsTemporary(source, path);
   return visitVoxelType(source.info().voxel_type, [&](auto tag) {
-    return Build<typename decltype(tag)::Type>(source, input, path, options).run();
+    return Build<typename decltype(tag)::Type>(source, input, path, options, file).run();
   });
+}
+
+PyramidSpec pyramidSpecOf(const VolumeInfo& info, const BuildOptions& options) {
+  PyramidSpec spec;
+  spec.voxels = info.voxels;
+  spec.voxel_type = info.voxel_type;
+  spec.geometry = info.geometry;
+  spec.filter = options.filter;
+  spec.brick_cells = options.brick_cells;
+  spec.tile_cells = options.tile_cells;
+  spec.has_curvature = options.with_curvature;
+  spec.curvature_epsilon = options.curvature_epsilon;
+  return spec;
 }
 
 }  // namespace isobrick

@@ -60,6 +60,10 @@ struct BuildOptions {
   std::optional<float> nan_as;
   std::string tool_version;  // goes into the provenance; does not change the identity
 
+  // Of a divided pyramid (divided_pyramid.h): cells of level 0 along an edge of a super-brick, a
+  // power of two, at least those of a brick. buildPyramid() wants 0.
+  std::int64_t super_cells = 0;
+
   // Bounds all buffers of the build together, those of the source included. The rest lies
   // in temporary files in the folder of the output. Does not change the result.
   std::uint64_t memory_bytes = std::uint64_t{512} << 20;

@@ -46,6 +46,7 @@ class ScratchVolume {
 
   // The indices of its elements.
   const IndexBox& box() const { return box_; }
+  std::size_t elementBytes() const { return element_bytes_; }
   // Copies the elements of `box` from or to a dense block. A write to a full disk throws
   // ResumableError.
   void write(const IndexBox& box, const void* elements);

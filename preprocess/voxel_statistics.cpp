@@ -26,6 +26,36 @@ float magnitudeOf(std::size_t key) {
 // not wait for each other.
 constexpr std::size_t kLanes = 2;
 
+std::size_t keysOf(std::size_t voxel_bytes) {
+  return voxel_bytes == 1 ? 256 : VoxelHistogram::kMostBins;
+}
+
+// The counts that are not zero, with their places.
+void writeCounts(const std::vector<std::uint64_t>& counts, ByteSequenceWriter& bytes) {
+  std::vector<std::uint32_t> places;
+  std::vector<std::uint64_t> values;
+  for (std::size_t i = 0; i < counts.size(); ++i)
+    if (counts[i] > 0) {
+      places.push_back(static_cast<std::uint32_t>(i));
+      values.push_back(counts[i]);
+    }
+  bytes.add(std::span<const std::uint32_t>(places));
+  bytes.add(std::span<const std::uint64_t>(values));
+}
+bool includeCounts(ByteSequenceReader& bytes, std::vector<std::uint64_t>& counts) {
+  constexpr std::uint64_t kMostVoxels = std::uint64_t{1} << 57;
+  const auto places = bytes.take<std::uint32_t>();
+  const auto values = bytes.take<std::uint64_t>();
+  if (!bytes.isSound() || places.size() != values.size()) return false;
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    if (places[i] >= counts.size() || values[i] > kMostVoxels ||
+        counts[places[i]] > kMostVoxels - values[i])
+      return false;
+    counts[places[i]] += values[i];
+  }
+  return true;
+}
+
 template <typename T>
 void countRow(const T* row, std::int64_t count, std::uint64_t* keys) {
   // Background that was cut off comes in runs.
@@ -51,7 +81,7 @@ void VoxelStatistics::add(const SampleBlock<T>& samples, const IndexBox& own,
                           const Index3& volume) {
   Counts& counts = counts_.local();
   counts.edges.add(samples, own, volume);
-  counts.keys.resize(kLanes * (sizeof(T) == 1 ? 256 : VoxelHistogram::kMostBins));
+  counts.keys.resize(kLanes * keysOf(sizeof(T)));
   counts.magnitudes.resize(kMagnitudes);
   const Index3 end = own.end();
   for (std::int64_t z = own.first.z; z < end.z; ++z)
@@ -99,9 +129,29 @@ VoxelHistogram VoxelStatistics::histogram(VoxelType type, const ValueRange& rang
 std::optional<GradientSpectrum> VoxelStatistics::gradients(const VoxelHistogram& histogram,
                                                            const ValueRange& range,
                                                            const Index3& volume) const {
+  return allEdges().spectrum(histogram, range, volume);
+}
+
+EdgeSample VoxelStatistics::allEdges() const {
   EdgeSample all;
   for (const Counts& some : counts_) all.merge(some.edges);
-  return all.spectrum(histogram, range, volume);
+  return all;
+}
+
+void VoxelStatistics::writeTo(ByteSequenceWriter& bytes) const {
+  allEdges().writeTo(bytes);
+  writeCounts(sumOf(counts_, &Counts::keys), bytes);
+  writeCounts(sumOf(counts_, &Counts::magnitudes), bytes);
+}
+
+bool VoxelStatistics::include(VoxelType type, ByteSequenceReader& bytes) {
+  Counts& counts = counts_.local();
+  counts.keys.resize(kLanes * keysOf(voxelBytes(type)));
+  counts.magnitudes.resize(kMagnitudes);
+  EdgeSample edges;
+  if (!edges.readFrom(bytes)) return false;
+  counts.edges.merge(edges);
+  return includeCounts(bytes, counts.keys) && includeCounts(bytes, counts.magnitudes);
 }
 
 double VoxelStatistics::noise() const {

@@ -36,11 +36,17 @@ class VoxelStatistics {
   std::optional<GradientSpectrum> gradients(const VoxelHistogram& histogram,
                                             const ValueRange& range, const Index3& volume) const;
 
+  // All that was counted, as bytes, for another object; not while others count. include() adds it
+  // there; false if these are none of voxels of that type.
+  void writeTo(ByteSequenceWriter& bytes) const;
+  [[nodiscard]] bool include(VoxelType type, ByteSequenceReader& bytes);
+
  private:
   struct Counts {
     EdgeSample edges;
     std::vector<std::uint64_t> keys, magnitudes;  // of a key some counts side by side
   };
+  EdgeSample allEdges() const;
   static std::vector<std::uint64_t> sumOf(const tbb::enumerable_thread_specific<Counts>& counts,
                                           std::vector<std::uint64_t> Counts::*which);
 

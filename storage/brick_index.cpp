@@ -9,24 +9,80 @@
 
 namespace isobrick {
 
-BrickIndex::BrickIndex(const PagedFile& file, const PyramidSpec& spec, const format::Header& header)
+BrickIndex::BrickIndex(const PagedFile& file, const PyramidSpec& spec, const format::Header& header,
+                       const TableRows& own, const PyramidDivision* division)
     : file_(file),
       spec_(spec),
       layout_(spec.layout()),
       offset_(header.brick_table_offset),
       row_bytes_(format::rowBytes(header.kind_count)),
       kinds_(header.kinds, header.kinds + header.kind_count),
-      rows_(layout_) {
-  if (header.brick_count != count() || count() > file.size() / row_bytes_)
+      division_(division),
+      own_(own),
+      rows_(division != nullptr ? TableRows(layout_) : own) {
+  if (header.brick_count != own_.count() || own_.count() > header.file_bytes / row_bytes_)
     throw Error("'" + file.path() + "' has a wrong number of bricks; build it again",
                 {.path = file.path()});
-  if (!file.holds(offset_, count() * row_bytes_))
+  const std::uint64_t own_bytes = own_.count() * row_bytes_;
+  if (offset_ > header.file_bytes || own_bytes > header.file_bytes - offset_)
     throw Error("'" + file.path() + "' has a damaged brick table; build it again",
                 {.path = file.path()});
-  slot_count_ = std::min(kMostSlots, (count() + kRowsAtATime - 1) / kRowsAtATime);
+  const auto add = [&](std::size_t rows) {
+    piece_count_ += (rows + kRowsAtATime - 1) / kRowsAtATime;
+  };
+  add(own_.count());
+  const std::size_t own_pieces = piece_count_;
+  if (division_ != nullptr)
+    for (std::size_t number = 0; number < division_->fileCount(); ++number) {
+      first_pieces_.push_back(piece_count_);
+      add(rowsIn(number));
+    }
+  slot_count_ = std::min(kMostSlots, piece_count_);
   slots_ = std::make_unique<Slot[]>(slot_count_);
-  if (count() * row_bytes_ <= kReadAtOnceBytes)
-    for (std::size_t piece = 0; piece < slot_count_; ++piece) load(slots_[piece], piece);
+  if (own_bytes <= kReadAtOnceBytes)
+    for (std::size_t piece = 0; piece < own_pieces; ++piece) load(slots_[piece], piece);
+}
+
+BrickIndex::Place BrickIndex::placeOf(std::size_t number) const {
+  if (division_ == nullptr) return {kOwn, number};
+  const auto [level, brick] = rows_.address(number);
+  const SuperBricks& super_bricks = division_->superBricks();
+  if (level >= super_bricks.levels()) return {kOwn, own_.row(level, brick)};
+  return {super_bricks.numberOf(level, brick), super_bricks.rowOf(level, brick)};
+}
+
+std::size_t BrickIndex::numberOf(const Place& place) const {
+  if (division_ == nullptr) return place.row;
+  const BrickAddress at = place.file == kOwn
+                              ? own_.address(place.row)
+                              : division_->superBricks().rowsOf(place.file).address(place.row);
+  return rows_.row(at.level, at.brick);
+}
+
+BrickIndex::Place BrickIndex::firstOf(std::size_t piece) const {
+  const auto after = std::upper_bound(first_pieces_.begin(), first_pieces_.end(), piece);
+  if (after == first_pieces_.begin()) return {kOwn, piece * kRowsAtATime};
+  const auto file = static_cast<std::size_t>(after - first_pieces_.begin()) - 1;
+  return {file, (piece - first_pieces_[file]) * kRowsAtATime};
+}
+
+std::size_t BrickIndex::pieceOf(const Place& place) const {
+  return (place.file == kOwn ? 0 : first_pieces_[place.file]) + place.row / kRowsAtATime;
+}
+
+std::size_t BrickIndex::rowsIn(std::size_t file) const {
+  return file == kOwn ? own_.count() : division_->superBricks().rowsOf(file).count();
+}
+
+std::uint64_t BrickIndex::base(std::size_t file) const {
+  return file == kOwn ? 0 : division_->base(file);
+}
+
+std::uint64_t BrickIndex::offsetOf(const Place& place) const {
+  const std::uint64_t table =
+      place.file == kOwn ? offset_
+                         : base(place.file) + division_->file(place.file).brick_table_offset;
+  return table + place.row * row_bytes_;
 }
 
 std::vector<ByteRange> BrickIndex::rangesReadAtOnce(const format::Header& header) {
@@ -42,27 +98,58 @@ std::vector<ByteRange> BrickIndex::rangesReadAtOnce(const format::Header& header
 
 BrickRow BrickIndex::row(std::size_t number) const {
   BrickRow row;
-  withRow(number, [&](const std::byte* bytes) { row = decode(bytes); });
+  withRow(number, [&](const std::byte* bytes, const Place& place, const Slot& slot) {
+    row = decode(bytes);
+    if (place.file == kOwn) return;
+    moveParts(place, row.parts);
+    format::RowTail tail{row.range_min, row.range_max, 0, 0, 0};
+    widen(number, place, slot, tail);
+    row.range_min = tail.range_min;
+    row.range_max = tail.range_max;
+  });
   return row;
 }
 
 BrickIndex::StoredRow BrickIndex::storedRow(std::size_t number) const {
   StoredRow row;
   row.parts.resize(kinds_.size());
-  withRow(number, [&](const std::byte* bytes) {
+  withRow(number, [&](const std::byte* bytes, const Place& place, const Slot& slot) {
     const std::size_t part_bytes = kinds_.size() * sizeof(format::PartEntry);
     std::memcpy(row.parts.data(), bytes, part_bytes);
     std::memcpy(&row.tail, bytes + part_bytes, sizeof row.tail);
+    if (place.file == kOwn) return;
+    moveParts(place, row.parts);
+    widen(number, place, slot, row.tail);
   });
   return row;
 }
 
+void BrickIndex::moveParts(const Place& place, std::span<format::PartEntry> parts) const {
+  for (format::PartEntry& part : parts)
+    if (part.stored_bytes > 0) part.offset += base(place.file);
+}
+
+void BrickIndex::widen(std::size_t number, const Place& place, const Slot& slot,
+                       format::RowTail& tail) const {
+  const auto [level, brick] = address(number);
+  if (level == division_->superBricks().levels() - 1) {
+    const ValueRange range = division_->borderRange(brick);
+    tail.range_min = range.min;
+    tail.range_max = range.max;
+  }
+  for (const format::RangeCorrection& correction : slot.corrections)
+    if (correction.row == place.row) {
+      tail.range_min = correction.range.min;
+      tail.range_max = correction.range.max;
+    }
+}
+
 bool BrickIndex::isAtHand(std::size_t number) const {
-  return slots_[number / kRowsAtATime % slot_count_].is_filled;
+  return slots_[pieceOf(placeOf(number)) % slot_count_].is_filled;
 }
 
 bool BrickIndex::isAbsent(std::size_t number) const {
-  const std::size_t piece = number / kRowsAtATime;
+  const std::size_t piece = pieceOf(placeOf(number));
   Slot& slot = slots_[piece % slot_count_];
   const std::lock_guard lock(slot.mutex);
   return slot.piece != piece;
@@ -71,11 +158,20 @@ bool BrickIndex::isAbsent(std::size_t number) const {
 void BrickIndex::bringIn(std::span<const std::size_t> numbers) const {
   std::vector<std::size_t> pieces;
   for (const std::size_t number : numbers)
-    if (isAbsent(number)) pieces.push_back(number / kRowsAtATime);
+    if (isAbsent(number)) pieces.push_back(pieceOf(placeOf(number)));
   std::sort(pieces.begin(), pieces.end());
   pieces.erase(std::unique(pieces.begin(), pieces.end()), pieces.end());
   std::vector<ByteRange> ranges;
-  for (const std::size_t piece : pieces) ranges.push_back(rangeOf(piece));
+  std::size_t last_file = kOwn;
+  for (const std::size_t piece : pieces) {
+    ranges.push_back(rangeOf(piece));
+    const std::size_t file = firstOf(piece).file;
+    if (file != last_file && knownCorrections(file) == nullptr) {
+      const format::PartEntry& entry = division_->file(file).corrections;
+      if (entry.stored_bytes > 0) ranges.push_back({entry.offset, entry.stored_bytes});
+    }
+    last_file = file;
+  }
   file_.announce(ranges);
   for (const std::size_t piece : pieces) {
     Slot& slot = slots_[piece % slot_count_];
@@ -85,34 +181,83 @@ void BrickIndex::bringIn(std::span<const std::size_t> numbers) const {
 }
 
 ByteRange BrickIndex::rangeOf(std::size_t piece) const {
-  const std::size_t first = piece * kRowsAtATime;
-  return {offset_ + first * row_bytes_, std::min(kRowsAtATime, count() - first) * row_bytes_};
+  const Place first = firstOf(piece);
+  return {offsetOf(first), std::min(kRowsAtATime, rowsIn(first.file) - first.row) * row_bytes_};
 }
 
 template <typename F>
 void BrickIndex::withRow(std::size_t number, F&& f) const {
-  const std::size_t piece = number / kRowsAtATime, place = number % kRowsAtATime;
+  const Place place = placeOf(number);
+  const std::size_t piece = pieceOf(place), at = place.row % kRowsAtATime;
   Slot& slot = slots_[piece % slot_count_];
   const std::lock_guard lock(slot.mutex);
   if (slot.piece != piece) load(slot, piece);
-  const std::byte* const bytes = slot.bytes.data() + place * row_bytes_;
-  const std::uint32_t bit = std::uint32_t{1} << place;
+  const std::byte* const bytes = slot.bytes.data() + at * row_bytes_;
+  const std::uint32_t bit = std::uint32_t{1} << at;
   if ((slot.checked & bit) == 0) check(number, bytes);
   slot.checked |= bit;
-  f(bytes);
+  f(bytes, place, slot);
 }
 
 void BrickIndex::load(Slot& slot, std::size_t piece) const {
   const ByteRange range = rangeOf(piece);
+  const Place first = firstOf(piece);
   slot.piece = kNoPiece;
   slot.checked = 0;
+  slot.corrections.clear();
   slot.bytes.resize(range.bytes);
   RangeReader::Failure why = "cannot be read";
-  if (!file_.read(range.offset, range.bytes, slot.bytes.data(), &why))
-    fail(piece * kRowsAtATime, why);
+  if (!file_.read(range.offset, range.bytes, slot.bytes.data(), &why)) fail(numberOf(first), why);
+  if (first.file != kOwn) {
+    const Corrections corrections = correctionsOf(first.file);
+    auto at = std::lower_bound(
+        corrections->begin(), corrections->end(), first.row,
+        [](const format::RangeCorrection& c, std::size_t row) { return c.row < row; });
+    while (at != corrections->end() && at->row < first.row + kRowsAtATime)
+      slot.corrections.push_back(*at++);
+  }
   slot.piece = piece;
   slot.is_filled = true;
   bytes_read_ += range.bytes;
+}
+
+BrickIndex::Corrections BrickIndex::knownCorrections(std::size_t file) const {
+  const std::lock_guard lock(corrections_mutex_);
+  const auto known = std::find_if(corrections_.begin(), corrections_.end(),
+                                  [&](const auto& some) { return some.first == file; });
+  if (known == corrections_.end()) return nullptr;
+  corrections_.splice(corrections_.begin(), corrections_, known);
+  return known->second;
+}
+
+BrickIndex::Corrections BrickIndex::correctionsOf(std::size_t file) const {
+  constexpr std::size_t kFilesAtOnce = 64;
+  if (Corrections known = knownCorrections(file)) return known;
+  const format::PartEntry& entry = division_->file(file).corrections;
+  auto corrections = std::make_shared<std::vector<format::RangeCorrection>>(
+      entry.stored_bytes / sizeof(format::RangeCorrection));
+  RangeReader::Failure why = "cannot be read";
+  const auto bytes = std::as_writable_bytes(std::span(*corrections));
+  const bool is_read = file_.read(entry.offset, bytes.size(), bytes.data(), &why);
+  bool is_sound =
+      is_read && (bytes.empty() || checksum64(bytes.data(), bytes.size()) == entry.checksum);
+  std::uint64_t least_row = 0;
+  for (const auto& [row, range] : *corrections) {
+    is_sound = is_sound && row >= least_row && row < rowsIn(file) && range.min <= range.max &&
+               std::isfinite(range.min) && std::isfinite(range.max);
+    least_row = std::uint64_t{row} + 1;
+  }
+  if (!is_sound)
+    throw Error("'" + file_.path() + "', the corrected ranges of '" +
+                    division_->superBricks().fileName(file) + "', " +
+                    std::to_string(entry.stored_bytes) + " bytes at offset " +
+                    std::to_string(entry.offset) + ", " +
+                    withAdvice(is_read ? "are damaged" : why, "join the files again"),
+                {.path = file_.path(), .offset = entry.offset});
+  const std::lock_guard lock(corrections_mutex_);
+  corrections_.emplace_front(file, corrections);
+  if (corrections_.size() > kFilesAtOnce) corrections_.pop_back();
+  return corrections;
 }
 
 BrickRow BrickIndex::decode(const std::byte* bytes) const {
@@ -133,12 +278,18 @@ BrickRow BrickIndex::decode(const std::byte* bytes) const {
 void BrickIndex::check(std::size_t number, const std::byte* bytes) const {
   std::uint64_t stated = 0;
   std::memcpy(&stated, bytes + row_bytes_ - sizeof stated, sizeof stated);
-  if (checksum64(bytes, row_bytes_ - sizeof stated, number) != stated) fail(number, "is damaged");
+  const Place place = placeOf(number);
+  if (checksum64(bytes, row_bytes_ - sizeof stated, place.row) != stated)
+    fail(number, "is damaged");
+  const std::uint64_t end = place.file == kOwn
+                                ? (division_ != nullptr ? division_->indexBytes() : file_.size())
+                                : division_->file(place.file).file_bytes;
   // Parts of unknown kinds are never read, but have to lie in the file as all parts do.
   for (std::size_t i = 0; i < kinds_.size(); ++i) {
     format::PartEntry part;
     std::memcpy(&part, bytes + i * sizeof part, sizeof part);
-    if (!file_.holds(part.offset, part.stored_bytes)) fail(number, "has an impossible entry");
+    if (part.offset > end || part.stored_bytes > end - part.offset)
+      fail(number, "has an impossible entry");
   }
   const BrickRow row = decode(bytes);
   const auto [level, brick] = address(number);
@@ -157,12 +308,15 @@ void BrickIndex::check(std::size_t number, const std::byte* bytes) const {
 
 void BrickIndex::fail(std::size_t number, const char* what) const {
   const auto [level, brick] = address(number);
-  const std::uint64_t offset = offset_ + number * row_bytes_;
+  const std::uint64_t offset = offsetOf(placeOf(number));
+  ErrorPlace place = file_.place(offset);
+  place.level = level;
+  place.brick = brick;
   throw Error("'" + file_.path() + "' " + brickName(level, brick) +
-                  ", its row in the brick table, " + std::to_string(row_bytes_) +
-                  " bytes at offset " + std::to_string(offset) + ", " +
+                  ", its row in the brick table, " + std::to_string(row_bytes_) + " bytes at " +
+                  file_.offsetText(offset) + ", " +
                   withAdvice(what, "build it again or restore a copy"),
-              {.path = file_.path(), .offset = offset, .level = level, .brick = brick});
+              std::move(place));
 }
 
 }  // namespace isobrick

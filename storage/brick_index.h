@@ -3,13 +3,16 @@
 
 #include <atomic>
 #include <cstdint>
+#include <list>
 #include <memory>
 #include <mutex>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "isobrick/storage/brick_parts.h"
 #include "isobrick/storage/paged_file.h"
+#include "isobrick/storage/pyramid_division.h"
 #include "isobrick/storage/table_rows.h"
 
 namespace isobrick {
@@ -32,8 +35,10 @@ class BrickIndex {
 
   // For a longer table reads nothing. `header` was checked, but for the place of the table. `file`
   // outlives the index. Throws Error if header and layout contradict each other, or the table is
-  // not in the file or cannot be read.
-  BrickIndex(const PagedFile& file, const PyramidSpec& spec, const format::Header& header);
+  // not in the file or cannot be read. `own` are the bricks of the file's own table; with
+  // `division`, which outlives the index, or is null, those of the other files are there too.
+  BrickIndex(const PagedFile& file, const PyramidSpec& spec, const format::Header& header,
+             const TableRows& own, const PyramidDivision* division);
 
   // What the constructor reads of a table, in the ranges in which it does. Where they lie, and how
   // many there are, was not checked.
@@ -78,15 +83,35 @@ class BrickIndex {
     std::size_t piece = kNoPiece;
     std::atomic<bool> is_filled = false;  // once, and then for good
     std::vector<std::byte> bytes;
+    std::vector<format::RangeCorrection> corrections;  // of these rows
     std::uint32_t checked = 0;
     static_assert(kRowsAtATime == 32);
   };
 
-  // Calls f with the bytes of a row that was checked.
+  // Where the row of a brick lies: in the own table (kOwn) or that of a super-brick's file.
+  static constexpr std::size_t kOwn = ~std::size_t{0};
+  struct Place {
+    std::size_t file = kOwn, row = 0;
+  };
+  Place placeOf(std::size_t number) const;
+  std::size_t numberOf(const Place& place) const;
+  Place firstOf(std::size_t piece) const;
+  std::size_t pieceOf(const Place& place) const;
+  std::size_t rowsIn(std::size_t file) const;
+  std::uint64_t base(std::size_t file) const;  // of its offsets
+  std::uint64_t offsetOf(const Place& place) const;
+
+  // Calls f with the bytes of a row that was checked, and its slot.
   template <typename F>
   void withRow(std::size_t number, F&& f) const;
   ByteRange rangeOf(std::size_t piece) const;
   void load(Slot& slot, std::size_t piece) const;
+  using Corrections = std::shared_ptr<const std::vector<format::RangeCorrection>>;
+  Corrections correctionsOf(std::size_t file) const;
+  Corrections knownCorrections(std::size_t file) const;
+  // From a row as its file has it to one of the divided pyramid: offsets and range.
+  void widen(std::size_t number, const Place& place, const Slot& slot, format::RowTail& tail) const;
+  void moveParts(const Place& place, std::span<format::PartEntry> parts) const;
   BrickRow decode(const std::byte* bytes) const;
   void check(std::size_t number, const std::byte* bytes) const;
   [[noreturn]] void fail(std::size_t number, const char* what) const;
@@ -97,10 +122,17 @@ class BrickIndex {
   std::uint64_t offset_;
   std::uint64_t row_bytes_;
   std::vector<std::uint32_t> kinds_;
-  const TableRows rows_;
+  const PyramidDivision* division_;
+  const TableRows own_;   // of the own table
+  const TableRows rows_;  // of all
+  std::vector<std::size_t>
+      first_pieces_;  // of each file of a super-brick; those of the own come first
+  std::size_t piece_count_ = 0;
   std::size_t slot_count_ = 0;
   std::unique_ptr<Slot[]> slots_;  // each piece of the table has one possible place
   mutable std::atomic<std::uint64_t> bytes_read_{0};
+  mutable std::mutex corrections_mutex_;  // guards those below: of some files, the last used first
+  mutable std::list<std::pair<std::size_t, Corrections>> corrections_;
 };
 
 }  // namespace isobrick

@@ -76,8 +76,14 @@ struct Header {
   std::uint32_t length_unit;         // LengthUnit, of spacing and origin
   std::uint8_t reserved_between[4];  // zero
   PartEntry gradients;               // see gradient_spectrum.h; all zero if there are none
-  std::uint8_t reserved[112];        // zero
-  std::uint64_t header_checksum;     // XXH3-64 of all the bytes before it
+  // Of a file of a divided pyramid; all zero of a pyramid in one file.
+  std::uint32_t super_cells;   // cells of level 0 along an edge of a super-brick
+  std::uint32_t super_levels;  // levels 0 .. super_levels - 1 lie in files of super-bricks
+  std::uint64_t super_brick;   // 0: this is the index; else the number of the super-brick, plus 1
+  PartEntry division;  // stored as it is; of the index: FileEntry for every super-brick, then
+                       // a Range for every brick of level super_levels - 1
+  std::uint8_t reserved[72];      // zero
+  std::uint64_t header_checksum;  // XXH3-64 of all the bytes before it
 };
 static_assert(sizeof(Header) == 512 && std::is_trivially_copyable_v<Header>);
 
@@ -85,9 +91,32 @@ static_assert(sizeof(Header) == 512 && std::is_trivially_copyable_v<Header>);
 struct LevelRow {
   std::uint64_t samples[3];
   std::uint64_t bricks[3];
-  std::uint64_t first_brick;  // row of the brick table
+  std::uint64_t first_brick;  // row of the brick table; kNoRow of levels that it has not
 };
 static_assert(sizeof(LevelRow) == 56);
+inline constexpr std::uint64_t kNoRow = ~std::uint64_t{0};
+
+// What the index of a divided pyramid says of the file of a super-brick.
+struct FileEntry {
+  std::uint64_t file_bytes;
+  std::uint64_t header_checksum;     // as in the file's header
+  std::uint64_t brick_table_offset;  // likewise
+  PartEntry corrections;             // in the index: RangeCorrection, by ascending rows
+};
+static_assert(sizeof(FileEntry) == 48);
+
+// A closure, as in RowTail.
+struct Range {
+  float min, max;
+};
+static_assert(sizeof(Range) == 8);
+
+// The closure of a brick whose row, in the file of a super-brick, lacks values of coarser levels.
+struct RangeCorrection {
+  std::uint32_t row;  // of the file's brick table
+  Range range;
+};
+static_assert(sizeof(RangeCorrection) == 12);
 
 // The end of a row of the brick table, after `kind_count` PartEntries.
 struct RowTail {

@@ -9,9 +9,11 @@
 #include <cstring>
 
 #include "isobrick/storage/checksum.h"
+#include "isobrick/storage/divided_ranges.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_ranges.h"
 #include "isobrick/storage/part_cache.h"
+#include "isobrick/storage/pyramid_file.h"
 #include "isobrick/storage/remote/open_remote.h"
 #include "isobrick/storage/remote/remote_address.h"
 
@@ -79,6 +81,8 @@ class FileTail {
 PagedFile::PagedFile(const std::string& path, FileAccess access, const RemoteOptions& remote)
     : path_(path) {
   if (isRemotePath(path)) {
+    is_remote_ = true;
+    url_ = path;
     path_ = withoutSecrets(path);
     reader_ = openRemoteRanges(path, remote);
     if (!remote.cache_folder.empty() && remote.cache_bytes > 0)
@@ -112,9 +116,53 @@ void PagedFile::map() {
   madvise(map, size_, MADV_RANDOM);
 }
 
-PagedFile::~PagedFile() {
+void PagedFile::unmap() {
   guard_.leave();
   if (data_ != nullptr) munmap(const_cast<std::byte*>(data_), size_);
+  data_ = nullptr;
+}
+
+PagedFile::~PagedFile() { unmap(); }
+
+void PagedFile::divide(std::shared_ptr<const PyramidDivision> division,
+                       const RemoteOptions& remote) {
+  unmap();
+  tail_.reset();
+  local_ = nullptr;
+  DividedRanges::Files files;
+  files.division = std::move(division);
+  files.are_remote = is_remote_;
+  files.path_of = [url = is_remote_ ? url_ : path_](const std::string& name) {
+    return besidePath(url, name);
+  };
+  if (is_remote_)
+    files.open = [remote](const std::string& path, const CancelFlag& cancel) {
+      RemoteOptions options = remote;
+      options.cancel = &cancel;
+      return openRemoteRanges(path, options);
+    };
+  else
+    files.open = [](const std::string& path, const CancelFlag&) -> std::unique_ptr<RangeReader> {
+      return std::make_unique<FileRanges>(path);
+    };
+  auto ranges = std::make_unique<DividedRanges>(std::move(reader_), std::move(files));
+  divided_ = ranges.get();
+  reader_ = std::move(ranges);
+  size_ = reader_->size();
+}
+
+ErrorPlace PagedFile::place(std::uint64_t offset) const {
+  if (divided_ != nullptr)
+    if (const auto place = divided_->place(offset))
+      return {.path = place->path, .offset = place->offset};
+  return {.path = path_, .offset = offset};
+}
+
+std::string PagedFile::offsetText(std::uint64_t offset) const {
+  const ErrorPlace place = this->place(offset);
+  std::string text = "offset " + std::to_string(*place.offset);
+  if (place.path != path_) text += " of '" + place.path + "'";
+  return text;
 }
 
 bool PagedFile::isWhole() const {

@@ -12,15 +12,18 @@
 #include <string>
 
 #include "isobrick/storage/bus_error_guard.h"
+#include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid_info.h"  // FileAccess
 #include "isobrick/storage/range_reader.h"
 #include "isobrick/storage/remote_options.h"
 
 namespace isobrick {
 
+class DividedRanges;
 class FileRanges;
 class FileTail;
 class PartCache;
+class PyramidDivision;
 
 // Opens a whole file for reading and, with kMap, maps it; a file behind a URL is never mapped. All
 // const members are thread-safe, none is safe in a signal handler; nobody may use the object while
@@ -42,9 +45,18 @@ class PagedFile {
 
   static constexpr std::size_t kMostFiles = BusErrorGuard::kMostRanges / 2;
 
+  // For the index of a divided pyramid: from now on the bytes are those of all its files, of which
+  // none is mapped. Before any other thread uses this object.
+  void divide(std::shared_ptr<const PyramidDivision> division, const RemoteOptions& remote);
+
   const std::string& path() const { return path_; }
+  // Of all files together where it was divided.
   std::uint64_t size() const { return size_; }
-  bool isRemote() const { return local_ == nullptr; }
+  bool isRemote() const { return is_remote_; }
+  // The file, of a divided pyramid, with this offset, and the offset in it.
+  ErrorPlace place(std::uint64_t offset) const;
+  // "offset 17", or "offset 17 of 'scan.isbs/0-0-1.isb'".
+  std::string offsetText(std::uint64_t offset) const;
   // True where [offset, offset + bytes) lies in the file; safe against overflow.
   bool holds(std::uint64_t offset, std::uint64_t bytes) const {
     return offset <= size_ && bytes <= size_ - offset;
@@ -117,11 +129,16 @@ class PagedFile {
   Stamp stamp() const;
   void map();
 
+  void unmap();
+
   std::string path_;
+  bool is_remote_ = false;
+  std::string url_;  // with what path_ leaves out
   const std::byte* data_ = nullptr;
   std::unique_ptr<RangeReader> reader_;
-  const FileRanges* local_ = nullptr;  // the reader of a local file
-  std::unique_ptr<PartCache> kept_;    // of a remote one
+  const FileRanges* local_ = nullptr;       // the reader of a local file, unless it is divided
+  const DividedRanges* divided_ = nullptr;  // the reader of a divided one
+  std::unique_ptr<PartCache> kept_;         // of a remote one
   std::uint64_t size_ = 0;
   std::unique_ptr<FileTail> tail_;
   BusErrorGuard guard_;

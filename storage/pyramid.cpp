@@ -15,14 +15,17 @@ Pyramid::Pyramid(const std::string& path, std::uint64_t budget_bytes, FileAccess
       budget_bytes_(budget_bytes),
       spec_(tables_->spec()),
       layout_(tables_->layout()),
-      value_range_(tables_->valueRange()) {}
+      value_range_(tables_->valueRange()) {
+  if (tables_->dividedFile() && tables_->dividedFile()->number)
+    tables_->fail("is the file of one super-brick of a divided pyramid; open its folder");
+}
 Pyramid::~Pyramid() = default;
 
 const std::string& Pyramid::path() const { return tables_->path(); }
 const std::string& Pyramid::provenance() const { return tables_->provenance(); }
 double Pyramid::noise() const { return tables_->header().noise; }
 VoxelHistogram Pyramid::histogram() const { return tables_->histogram(); }
-std::uint64_t Pyramid::fileBytes() const { return tables_->bytes().size(); }
+std::uint64_t Pyramid::fileBytes() const { return tables_->fileBytes(); }
 std::size_t Pyramid::brickCount() const { return parts_->brickCount(); }
 RemoteCounters Pyramid::remoteCounters() const { return tables_->bytes().remoteCounters(); }
 PyramidSums Pyramid::sums() const { return tables_->sums(); }

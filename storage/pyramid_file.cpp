@@ -4,10 +4,12 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <utility>
 
 #include "isobrick/storage/format.h"
 #include "isobrick/storage/lowercase.h"
 #include "isobrick/storage/remote_options.h"
+#include "isobrick/storage/super_bricks.h"
 
 namespace isobrick {
 namespace {
@@ -17,7 +19,40 @@ bool isRegularFile(const std::string& path) {
   return std::filesystem::is_regular_file(path, ignored);
 }
 
+bool isFolder(const std::string& path) {
+  std::error_code ignored;
+  return std::filesystem::is_directory(path, ignored);
+}
+
+std::string withoutSlashes(std::string path) {
+  while (path.size() > 1 && path.ends_with('/')) path.pop_back();
+  return path;
+}
+
+// Of a URL, what comes before its query, and the query.
+std::pair<std::string, std::string> splitQuery(const std::string& path) {
+  const bool has_query = isRemotePath(path) && !lowercase(path.substr(0, 5)).starts_with("s3://");
+  const std::size_t end = has_query ? path.find_first_of("?#") : std::string::npos;
+  return {path.substr(0, end), end == std::string::npos ? "" : path.substr(end)};
+}
+
 }  // namespace
+
+std::string pyramidFileOf(const std::string& path) {
+  auto [place, query] = splitQuery(path);
+  place = withoutSlashes(place);
+  const bool has_ending = lowerExtension(place) == kDividedEnding;
+  const std::string index = place + "/" + kIndexName;
+  if (isRemotePath(path) ? has_ending : isFolder(path) && (has_ending || isRegularFile(index)))
+    return index + query;
+  return path;
+}
+
+std::string besidePath(const std::string& path, const std::string& name) {
+  const auto [place, query] = splitQuery(path);
+  const std::size_t slash = place.rfind('/');
+  return (slash == std::string::npos ? "" : place.substr(0, slash + 1)) + name + query;
+}
 
 bool beginsAsPyramid(const std::string& path) {
   if (!isRegularFile(path)) return false;
@@ -29,6 +64,9 @@ bool beginsAsPyramid(const std::string& path) {
 
 bool isPyramidFile(const std::string& path) {
   if (isRemotePath(path)) return true;
+  if (isFolder(path))
+    return lowerExtension(withoutSlashes(path)) == kDividedEnding ||
+           beginsAsPyramid(path + "/" + kIndexName);
   return isRegularFile(path) && (lowerExtension(path) == ".isb" || beginsAsPyramid(path));
 }
 

@@ -9,8 +9,15 @@ namespace isobrick {
 // of a pipe.
 bool beginsAsPyramid(const std::string& path);
 
-// True for a regular file that begins as a pyramid, or has its ending (.isb), and for a URL, of
-// which nothing is read for that.
+// True for a regular file that begins as a pyramid, or has its ending (.isb), for a folder that is
+// a divided pyramid, or has its ending (.isbs), and for a URL, of which nothing is read for that.
 bool isPyramidFile(const std::string& path);
+
+// The file to open for `path`: of a folder, also behind a URL, that is a divided pyramid, its
+// index.
+std::string pyramidFileOf(const std::string& path);
+
+// The path or URL of a file in the folder of another one; it takes the query of a URL over.
+std::string besidePath(const std::string& path, const std::string& name);
 
 }  // namespace isobrick

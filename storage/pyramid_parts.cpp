@@ -39,11 +39,14 @@ BrickPart PyramidParts::acquire(PartKind kind, int level, const Index3& brick,
   part.data_ = pager_.acquire(part.id_, &why, cancel);
   if (part.data_ == nullptr) {
     const format::PartEntry entry = brickRowOf(level, brick).part(kind);
+    ErrorPlace place = tables_.bytes().place(entry.offset);
+    place.level = level;
+    place.brick = brick;
     tables_.fail(brickName(level, brick) + ", " + partName(kind) + ", " +
-                     std::to_string(entry.stored_bytes) + " bytes at offset " +
-                     std::to_string(entry.offset) + ", " +
+                     std::to_string(entry.stored_bytes) + " bytes at " +
+                     tables_.bytes().offsetText(entry.offset) + ", " +
                      withAdvice(why, "build it again or restore a copy"),
-                 {.offset = entry.offset, .level = level, .brick = brick});
+                 std::move(place));
   }
   part.pager_ = &pager_;
   return part;

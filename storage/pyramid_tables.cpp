@@ -9,6 +9,7 @@
 #include "isobrick/storage/brick_encoder.h"
 #include "isobrick/storage/checksum.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/pyramid_file.h"
 #include "isobrick/storage/usable_geometry.h"
 
 namespace isobrick {
@@ -59,13 +60,13 @@ bool hasKind(const format::Header& header, PartKind kind) {
 
 PyramidTables::PyramidTables(const std::string& path, FileAccess access,
                              const RemoteOptions& remote)
-    : file_(path, access, remote) {
+    : file_(pyramidFileOf(path), access, remote), remote_(remote) {
   readHeader();
 }
 PyramidTables::~PyramidTables() = default;
 
 void PyramidTables::fail(const std::string& what, ErrorPlace place) const {
-  place.path = path();
+  if (place.path.empty()) place.path = path();
   throw Error("'" + path() + "' " + what, std::move(place));
 }
 
@@ -123,7 +124,43 @@ void PyramidTables::readHeader() {
   header_ = header;
   if (header.level_count != static_cast<std::uint32_t>(lattice().levels()))
     fail("has a wrong number of levels; build it again");
+  announceTables(header);
+  readDivision();
   readTables(header);
+}
+
+void PyramidTables::readDivision() {
+  const format::Header& header = header_;
+  if (header.super_cells == 0) {
+    if (header.super_levels != 0 || header.super_brick != 0 || header.division.stored_bytes != 0)
+      fail("has impossible numbers in its header; build it again");
+    return;
+  }
+  const bool is_power =
+      isPowerOfTwoWithin(header.super_cells, header.brick_cells, std::uint32_t{1} << 31);
+  if (!is_power || lattice().levels() < 2)
+    fail("has impossible numbers in its header; build it again");
+  const SuperBricks super_bricks(layout_, header.super_cells);
+  if (static_cast<std::uint32_t>(super_bricks.levels()) != header.super_levels ||
+      header.super_brick > super_bricks.count())
+    fail("has impossible numbers in its header; build it again");
+  divided_file_ = DividedFile{super_bricks, std::nullopt};
+  if (header.super_brick > 0) {
+    divided_file_->number = header.super_brick - 1;
+    return;
+  }
+  if (PyramidDivision::tableBytes(layout_, super_bricks) != header.division.stored_bytes)
+    fail("has a damaged table of files; join them again");
+  const auto division = PyramidDivision::of(layout_, super_bricks, divisionBytes(),
+                                            format::rowBytes(header.kind_count), header.file_bytes);
+  if (!division) fail("has a damaged table of files; join them again");
+  division_ = std::make_shared<PyramidDivision>(*division);
+  file_.divide(division_, remote_);
+}
+
+std::vector<std::byte> PyramidTables::divisionBytes() const {
+  const format::PartEntry& entry = header_.division;
+  return readTable(entry.offset, entry.stored_bytes, entry.checksum, "table of files");
 }
 
 std::vector<std::byte> PyramidTables::readTable(std::uint64_t offset, std::uint64_t bytes,
@@ -146,15 +183,17 @@ void PyramidTables::announceTables(const format::Header& header) const {
   ranges.push_back({header.level_table_offset, header.level_count * sizeof(format::LevelRow)});
   if (header.provenance_bytes <= kMostProvenanceBytes)
     ranges.push_back({header.provenance_offset, header.provenance_bytes});
+  if (header.super_cells > 0 && header.super_brick == 0)
+    ranges.push_back({header.division.offset, header.division.stored_bytes});
   std::erase_if(ranges,
                 [&](const ByteRange& range) { return !file_.holds(range.offset, range.bytes); });
   file_.announce(ranges);
 }
 
 void PyramidTables::readTables(const format::Header& header) {
-  announceTables(header);
   // The layout follows from the header, so the tables must have just the sizes that it gives.
-  index_ = std::make_unique<BrickIndex>(file_, spec_, header);
+  const TableRows own = divided_file_ ? divided_file_->rows() : TableRows(layout_);
+  index_ = std::make_unique<BrickIndex>(file_, spec_, header, own, division_.get());
   std::vector<format::LevelRow> levels(static_cast<std::size_t>(lattice().levels()));
   const std::uint64_t level_bytes = levels.size() * sizeof(format::LevelRow);
   std::memcpy(
@@ -166,7 +205,7 @@ void PyramidTables::readTables(const format::Header& header) {
     const format::LevelRow& row = levels[static_cast<std::size_t>(level)];
     const Index3 samples = lattice().samples(level);
     const Index3 bricks = layout_.bricks(level);
-    bool same = row.first_brick == index_->firstOfLevel(level);
+    bool same = row.first_brick == (own.hasLevel(level) ? own.firstOfLevel(level) : format::kNoRow);
     for (int axis = 0; axis < 3; ++axis)
       same = same && row.samples[axis] == static_cast<std::uint64_t>(samples[axis]) &&
              row.bricks[axis] == static_cast<std::uint64_t>(bricks[axis]);
@@ -217,7 +256,7 @@ std::optional<GradientSpectrum> PyramidTables::gradients() const {
 PyramidSums PyramidTables::sums() const {
   PyramidSums sums;
   PyramidBytes& bytes = sums.bytes;
-  bytes.total = file_.size();
+  bytes.total = fileBytes();
   bytes.raw = static_cast<std::uint64_t>(elementCount(spec_.voxels)) * voxelBytes(spec_.voxel_type);
   std::vector<std::size_t> stride;
   for (std::size_t n = 0; n < index_->count(); ++n) {

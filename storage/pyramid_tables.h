@@ -11,6 +11,7 @@
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/gradient_spectrum.h"
 #include "isobrick/storage/paged_file.h"
+#include "isobrick/storage/pyramid_division.h"
 #include "isobrick/storage/pyramid_info.h"
 #include "isobrick/storage/voxel_histogram.h"
 
@@ -34,8 +35,18 @@ class PyramidTables {
   const Lattice& lattice() const { return layout_.lattice(); }
   const ValueRange& valueRange() const { return value_range_; }
   const std::string& provenance() const { return provenance_; }
-  // The rows of the brick table.
+  // The rows of the brick table, of a divided pyramid of those of all its files.
   const BrickIndex& index() const { return *index_; }
+
+  // Which file of a divided pyramid it is, if it is one; an index has a division() too.
+  const std::optional<DividedFile>& dividedFile() const { return divided_file_; }
+  const PyramidDivision* division() const { return division_.get(); }
+  // Header::division, whose checksum was right.
+  std::vector<std::byte> divisionBytes() const;
+  // Bytes of all files.
+  std::uint64_t fileBytes() const {
+    return division_ != nullptr ? division_->fileBytes() : file_.size();
+  }
 
   // As Pyramid's.
   VoxelHistogram histogram() const;
@@ -52,6 +63,7 @@ class PyramidTables {
   void readHeader();
   void announceTables(const format::Header& header) const;
   void readTables(const format::Header& header);
+  void readDivision();
   std::vector<std::byte> readTable(std::uint64_t offset, std::uint64_t bytes,
                                    std::uint64_t checksum, const char* name) const;
 
@@ -61,6 +73,9 @@ class PyramidTables {
   BrickLayout layout_;
   ValueRange value_range_;
   std::string provenance_;
+  const RemoteOptions remote_;
+  std::optional<DividedFile> divided_file_;
+  std::shared_ptr<const PyramidDivision> division_;  // of an index
   std::unique_ptr<BrickIndex> index_;
 };
 

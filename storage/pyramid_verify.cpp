@@ -11,6 +11,7 @@
 #include <thread>
 #include <utility>
 
+#include "isobrick/storage/checksum.h"
 #include "isobrick/storage/index_loop.h"
 #include "isobrick/storage/pyramid_parts.h"
 
@@ -303,6 +304,69 @@ std::optional<BrickDamage> verifyBrick(const Pyramid& pyramid, int level, const 
   return BrickDamage{level, brick, fault};
 }
 
+namespace {
+
+// Bytes that have a meaning.
+struct Extent {
+  std::uint64_t offset, bytes;
+};
+
+// Header and tables of a file that begins at `base`.
+void addTables(const format::Header& header, std::uint64_t base, std::vector<Extent>& extents) {
+  const auto add = [&](std::uint64_t offset, std::uint64_t bytes) {
+    if (bytes > 0) extents.push_back({base + offset, bytes});
+  };
+  add(0, sizeof header);
+  add(header.level_table_offset, header.level_count * sizeof(format::LevelRow));
+  add(header.brick_table_offset, header.brick_count * format::rowBytes(header.kind_count));
+  add(header.provenance_offset, header.provenance_bytes);
+  for (const format::PartEntry& part : {header.histogram, header.gradients, header.division})
+    add(part.offset, part.stored_bytes);
+}
+
+bool isUndamaged(const PagedFile& file, std::uint64_t offset, std::uint64_t bytes,
+                 std::uint64_t checksum) {
+  if (!file.holds(offset, bytes)) return false;
+  std::vector<std::byte> table(bytes);
+  return bytes == 0 ||
+         (file.read(offset, bytes, table.data()) && checksum64(table.data(), bytes) == checksum);
+}
+
+// The tables of all files of super-bricks, which opening the index does not read.
+void addFiles(const PyramidTables& tables, const PyramidDivision& division,
+              std::vector<Extent>& extents, std::vector<std::string>& faults) {
+  const PagedFile& file = tables.bytes();
+  for (std::size_t number = 0; number < division.fileCount(); ++number) {
+    const std::uint64_t base = division.base(number);
+    std::string name = "'";
+    name.append(file.place(base).path).append("'");
+    format::Header header{};
+    RangeReader::Failure why = "cannot be read";
+    if (!file.read(base, sizeof header, reinterpret_cast<std::byte*>(&header), &why)) {
+      faults.push_back(name + " " + why);
+      extents.push_back({base, division.file(number).file_bytes});
+      continue;
+    }
+    addTables(header, base, extents);
+    if (!isUndamaged(file, base + header.level_table_offset,
+                     header.level_count * sizeof(format::LevelRow), header.level_table_checksum))
+      faults.push_back(name + " has a damaged level table");
+    if (!isUndamaged(file, base + header.provenance_offset, header.provenance_bytes,
+                     header.provenance_checksum))
+      faults.push_back(name + " has a damaged provenance");
+    if (!isUndamaged(file, base + header.division.offset, header.division.stored_bytes,
+                     header.division.checksum))
+      faults.push_back(name + " has a damaged table for the join");
+  }
+  for (std::size_t number = 0; number < division.fileCount(); ++number) {
+    const format::PartEntry& corrections = division.file(number).corrections;
+    if (corrections.stored_bytes > 0)
+      extents.push_back({corrections.offset, corrections.stored_bytes});
+  }
+}
+
+}  // namespace
+
 std::vector<std::string> verifyRest(const Pyramid& pyramid, const CancelFlag* cancel) {
   const PyramidTables& tables = pyramid.parts().tables();
   const format::Header& header = tables.header();
@@ -328,19 +392,11 @@ std::vector<std::string> verifyRest(const Pyramid& pyramid, const CancelFlag* ca
     faults.emplace_back(error.what());
   }
 
-  struct Extent {
-    std::uint64_t offset, bytes;
-  };
   bool knows_all_parts = true;
-  std::vector<Extent> extents = {
-      {0, sizeof header},
-      {header.level_table_offset, header.level_count * sizeof(format::LevelRow)},
-      {header.brick_table_offset, tables.index().count() * format::rowBytes(header.kind_count)},
-      {header.provenance_offset, header.provenance_bytes}};
-  if (header.histogram.stored_bytes > 0)
-    extents.push_back({header.histogram.offset, header.histogram.stored_bytes});
-  if (header.gradients.stored_bytes > 0)
-    extents.push_back({header.gradients.offset, header.gradients.stored_bytes});
+  std::vector<Extent> extents;
+  addTables(header, 0, extents);
+  if (const PyramidDivision* const division = tables.division())
+    addFiles(tables, *division, extents, faults);
   for (std::size_t number = 0; number < tables.index().count(); ++number) try {
       for (const format::PartEntry& part : tables.index().storedRow(number).parts)
         if (part.stored_bytes > 0) extents.push_back({part.offset, part.stored_bytes});
@@ -349,7 +405,7 @@ std::vector<std::string> verifyRest(const Pyramid& pyramid, const CancelFlag* ca
     }
   std::sort(extents.begin(), extents.end(),
             [](const Extent& a, const Extent& b) { return a.offset < b.offset; });
-  extents.push_back({pyramid.fileBytes(), 0});
+  extents.push_back({tables.bytes().size(), 0});
 
   std::uint64_t at = 0, stray_bytes = 0, first_stray = 0, overlaps = 0, first_overlap = 0;
   std::vector<std::byte> padding(std::size_t{64} << 10);

@@ -11,6 +11,7 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 
 #include "isobrick/storage/checksum.h"
 #include "isobrick/storage/error.h"
@@ -32,7 +33,7 @@ std::vector<format::LevelRow> levelTable(const BrickLayout& layout, const TableR
       row.samples[axis] = static_cast<std::uint64_t>(samples[axis]);
       row.bricks[axis] = static_cast<std::uint64_t>(bricks[axis]);
     }
-    row.first_brick = rows.firstOfLevel(level);
+    row.first_brick = rows.hasLevel(level) ? rows.firstOfLevel(level) : format::kNoRow;
     table.push_back(row);
   }
   return table;
@@ -126,13 +127,15 @@ void removeStrayJournal(const std::string& path) noexcept try {
 }
 
 PyramidWriter::PyramidWriter(const std::string& path, const PyramidSpec& spec,
-                             const std::string& identity, bool resume, const CancelFlag* cancel)
+                             const std::string& identity, bool resume, const CancelFlag* cancel,
+                             const std::optional<DividedFile>& file)
     : cancel_(cancel),
       spec_(spec),
       layout_(spec.layout()),
+      divided_(file),
       file_(refuseForeignTemporary(path),
             resume ? AtomicFile::Leftover::kKeep : AtomicFile::Leftover::kEmpty, kUnfinishedEnding),
-      rows_(layout_),
+      rows_(file ? file->rows() : TableRows(layout_)),
       brick_table_(rows_.count()) {
   if (!isUsableGeometry(spec.geometry))
     throw Error("cannot write '" + path +
@@ -297,6 +300,16 @@ format::PartEntry PyramidWriter::appendNumbers(std::span<const T> numbers, forma
           static_cast<std::uint32_t>(part.bytes.size()), static_cast<std::uint32_t>(part.codec)};
 }
 
+format::PartEntry PyramidWriter::appendBytes(std::span<const std::byte> bytes) {
+  if (bytes.empty()) return {};
+  if (bytes.size() > std::numeric_limits<std::uint32_t>::max())
+    throw Error("cannot write '" + file_.temporaryPath() +
+                "': its table of files would have more than 4 GiB; choose larger super-bricks");
+  return {append(bytes.data(), bytes.size()), checksum64(bytes.data(), bytes.size()),
+          static_cast<std::uint32_t>(bytes.size()),
+          static_cast<std::uint32_t>(format::Codec::kStored)};
+}
+
 std::uint64_t PyramidWriter::finish(const Summary& summary, format::Codec codec) {
   assert(bricks_written_ == brick_table_.size() &&
          summary.brick_ranges.size() == brick_table_.size());
@@ -328,7 +341,13 @@ std::uint64_t PyramidWriter::finish(const Summary& summary, format::Codec codec)
   header.curvature_epsilon = spec_.curvature_epsilon;
   header.noise = summary.noise;
 
-  header.histogram = appendNumbers(summary.histogram.counts(), codec);
+  if (divided_) {
+    header.super_cells = static_cast<std::uint32_t>(divided_->super_bricks.cells());
+    header.super_levels = static_cast<std::uint32_t>(divided_->super_bricks.levels());
+    header.super_brick = divided_->number ? 1 + *divided_->number : 0;
+    header.division = appendBytes(summary.division);
+  }
+  if (summary.histogram) header.histogram = appendNumbers(summary.histogram->counts(), codec);
   if (summary.gradients)
     header.gradients = appendNumbers(std::span<const float>(elementsOf(*summary.gradients)), codec);
   const std::vector<format::LevelRow> levels = levelTable(layout_, rows_);

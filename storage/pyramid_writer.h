@@ -13,7 +13,7 @@
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/gradient_spectrum.h"
 #include "isobrick/storage/pyramid_info.h"
-#include "isobrick/storage/table_rows.h"
+#include "isobrick/storage/super_bricks.h"
 #include "isobrick/storage/voxel_histogram.h"
 #include "isobrick/storage/write_journal.h"
 
@@ -37,9 +37,11 @@ class PyramidWriter {
   // the same, or it throws Error and leaves everything as it is. Without it they are removed. Takes
   // the exclusive right to write `path`; if another process has it, throws Error. `cancel` may be
   // null and outlives the writer, which checks it during every long wait: here while it checks the
-  // leftovers, in reserve() and finish() for the disk. Then it throws Cancelled.
+  // leftovers, in reserve() and finish() for the disk. Then it throws Cancelled. `file` says which
+  // file of a divided pyramid it is, if it is one.
   PyramidWriter(const std::string& path, const PyramidSpec& spec, const std::string& identity,
-                bool resume, const CancelFlag* cancel);
+                bool resume, const CancelFlag* cancel,
+                const std::optional<DividedFile>& file = std::nullopt);
   ~PyramidWriter();
 
   // The bricks that it writes, in the order of the table.
@@ -70,11 +72,15 @@ class PyramidWriter {
   struct Summary {
     ValueRange voxel_range;
     std::span<const ValueRange> brick_ranges;  // closures of all bricks, in the table's order
-    const VoxelHistogram& histogram;           // of the voxels, which have that range
+    std::optional<VoxelHistogram> histogram;   // of the voxels, which have that range
     double noise = 0;                          // sigma, in the voxels' units; finite, >= 0
     std::string provenance_json;
-    std::optional<GradientSpectrum> gradients;
+    std::optional<GradientSpectrum> gradients = {};
+    std::vector<std::byte> division = {};  // of a file of a divided pyramid: see format::Header
   };
+  // Appends bytes to the file, for Summary::division to name their place. Every brick was written
+  // before.
+  format::PartEntry appendBytes(std::span<const std::byte> bytes);
   // Writes histogram, gradients, tables, provenance and header, makes them durable and publishes
   // the file. Every brick of every level was written before. Returns the size of the file in bytes.
   std::uint64_t finish(const Summary& summary, format::Codec codec);
@@ -91,6 +97,7 @@ class PyramidWriter {
   const CancelFlag* cancel_;
   PyramidSpec spec_;
   BrickLayout layout_;
+  std::optional<DividedFile> divided_;
   AtomicFile file_;
   std::uint64_t end_ = 0;  // where the next byte goes
   const TableRows rows_;

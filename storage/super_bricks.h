@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <optional>
 #include <string>
 
 #include "isobrick/storage/table_rows.h"
@@ -45,6 +46,14 @@ class SuperBricks {
   }
   Index3 at(std::size_t number) const { return indexAt(static_cast<std::int64_t>(number), dims()); }
 
+  // The row of a brick, of a level below levels(), in its super-brick's file: as rowsOf() has it.
+  std::size_t rowOf(int level, const Index3& brick) const {
+    const Index3 place = brick / bricksAlong(level);
+    std::int64_t row = 0;
+    for (int finer = 0; finer < level; ++finer) row += bricks(place, finer).size();
+    const IndexBox box = bricks(place, level);
+    return static_cast<std::size_t>(row + linearIndex(brick - box.first, box.count));
+  }
   // The rows of the brick tables.
   TableRows rowsOf(std::size_t number) const {
     std::vector<IndexBox> boxes;
@@ -73,7 +82,21 @@ class SuperBricks {
   int levels_;
 };
 
-// The name of the index in the folder of a divided pyramid.
+// The name of the index in the folder of a divided pyramid, and the ending of the folder.
 inline constexpr char kIndexName[] = "index.isb";
+inline constexpr char kDividedEnding[] = ".isbs";
+
+// A file of a divided pyramid.
+struct DividedFile {
+  SuperBricks super_bricks;
+  std::optional<std::size_t> number;  // of its super-brick; nothing: it is the index
+
+  // The bricks of its brick table.
+  TableRows rows() const {
+    return number ? super_bricks.rowsOf(*number) : super_bricks.rowsOfIndex();
+  }
+  // Its name in the folder.
+  std::string name() const { return number ? super_bricks.fileName(*number) : kIndexName; }
+};
 
 }  // namespace isobrick

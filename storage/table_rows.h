@@ -32,6 +32,7 @@ class TableRows {
   // Of a level within these.
   const IndexBox& bricks(int level) const { return boxes_[place(level)]; }
   std::size_t firstOfLevel(int level) const { return first_[place(level)]; }
+  bool hasLevel(int level) const { return level >= first_level_ && level < endLevel(); }
 
   // Of a brick that is among them.
   std::size_t row(int level, const Index3& brick) const {

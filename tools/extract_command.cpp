@@ -110,16 +110,6 @@ void refuseOutputs(const ExtractArguments& arguments) {
 
 bool isShareName(const std::string& output) { return lowerExtension(output) == kMeshShareEnding; }
 
-// "3/8"
-ShareNumber parseShare(const std::string& text) {
-  const std::size_t slash = text.find('/');
-  if (slash == std::string::npos)
-    throw std::invalid_argument("'" + text + "' is not I/N, such as 3/8");
-  const auto of = parseInteger(text.substr(slash + 1), 1, kMostShares);
-  return {static_cast<std::uint32_t>(parseInteger(text.substr(0, slash), 1, of)),
-          static_cast<std::uint32_t>(of)};
-}
-
 std::uint64_t parseAtLeastOne(const std::string& text) {
   return static_cast<std::uint64_t>(
       parseInteger(text, 1, std::numeric_limits<std::int64_t>::max()));
@@ -158,7 +148,7 @@ ExtractResult extractOne(const ExtractArguments& arguments, const Pyramid& pyram
   const ShareNumber share = arguments.part.value_or(ShareNumber());
   const auto extractShare = [&](TriangleSink& sink) {
     const ExtractionPlan plan = extractor.plan(query);
-    const BrickRun run = bricksOf(plan, share);
+    const NumberRun run = bricksOf(plan, share);
     return extractor.execute(plan, run.first, run.count, sink);
   };
   const MeshFileOptions options{.cancel = &interruptFlag(),

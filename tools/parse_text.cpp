@@ -134,4 +134,13 @@ glm::vec3 parseColor(const std::string& text) {
   return glm::vec3(glm::dvec3(v[0], v[1], v[2]));
 }
 
+ShareNumber parseShare(const std::string& text) {
+  const std::size_t slash = text.find('/');
+  if (slash == std::string::npos)
+    throw std::invalid_argument("'" + text + "' is not I/N, such as 3/8");
+  const auto of = parseInteger(text.substr(slash + 1), 1, kMostShares);
+  return {static_cast<std::uint32_t>(parseInteger(text.substr(0, slash), 1, of)),
+          static_cast<std::uint32_t>(of)};
+}
+
 }  // namespace isobrick

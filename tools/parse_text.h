@@ -7,6 +7,7 @@
 #include <string>
 
 #include "isobrick/storage/grid.h"
+#include "isobrick/storage/share_number.h"
 
 namespace isobrick {
 
@@ -25,6 +26,9 @@ glm::dvec3 parsePoint(const std::string& text);
 Index3 parseIndex3(const std::string& text);
 // "65536", "256M", "1.5G": K, M, G and T stand for powers of 1024.
 std::uint64_t parseByteSize(const std::string& text);
+
+// "3/8"
+ShareNumber parseShare(const std::string& text);
 
 // A closed box as its two corners.
 struct Corners {

@@ -12,36 +12,20 @@
 #include "isobrick/extract/sinks/triangle_sink.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid.h"
+#include "isobrick/storage/share_number.h"
 
 namespace isobrick {
 
 // The ending of the files of shares.
 inline constexpr char kMeshShareEnding[] = ".isbm";
 
-// One of several shares of a surface.
-struct ShareNumber {
-  std::uint32_t number = 1;  // 1 .. of
-  std::uint32_t of = 1;      // shares in all
-};
-
-// The most shares that a surface is divided into.
-inline constexpr std::uint32_t kMostShares = 1'000'000;
-
-// Neighbours in a plan.
-struct BrickRun {
-  std::size_t first = 0;  // place in ExtractionPlan::bricks()
-  std::size_t count = 0;  // may be 0
-};
-
-// The bricks of a share. The runs of all shares follow each other, and each brick is in one. All
-// have the same number of bricks, or one more. Throws Error unless 1 <= number <= of <=
-// kMostShares.
-BrickRun bricksOf(const ExtractionPlan& plan, const ShareNumber& share);
+// The bricks of a share, by their places in ExtractionPlan::bricks(): runOfShare() of them.
+NumberRun bricksOf(const ExtractionPlan& plan, const ShareNumber& share);
 
 // Makes a sink that keeps all batches of a share in a file until they are merged. The
 // caller executes bricksOf(plan, share) into it:
 //
-//   const BrickRun run = bricksOf(plan, share);
+//   const NumberRun run = bricksOf(plan, share);
 //   const auto sink = makeMeshShareSink(path, pyramid, plan, share);
 //   extractor.execute(plan, run.first, run.count, *sink);
 //

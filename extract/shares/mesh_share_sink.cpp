@@ -18,7 +18,7 @@ class MeshShareSink : public MeshFileSink {
   MeshShareSink(const std::string& path, const ExtractionPlan& plan, const ShareNumber& share,
                 std::string identity, const CancelFlag* cancel)
       : file_(path), identity_(std::move(identity)), cancel_(cancel) {
-    const BrickRun run = bricksOf(plan, share);
+    const NumberRun run = bricksOf(plan, share);
     header_.number = share.number;
     header_.of = share.of;
     header_.first_brick = run.first;
@@ -109,17 +109,8 @@ class MeshShareSink : public MeshFileSink {
 
 }  // namespace
 
-BrickRun bricksOf(const ExtractionPlan& plan, const ShareNumber& share) {
-  if (share.of < 1 || share.of > kMostShares || share.number < 1 || share.number > share.of)
-    throw Error("there is no share " + std::to_string(share.number) + " of " +
-                std::to_string(share.of) + "; they count from 1, up to " +
-                std::to_string(kMostShares));
-  // Whole numbers: a product of bricks and shares fits into 64 bits.
-  const auto begin = [&](std::uint64_t number) {
-    return static_cast<std::size_t>(plan.bricks().size() * number / share.of);
-  };
-  const std::size_t first = begin(share.number - 1);
-  return {first, begin(share.number) - first};
+NumberRun bricksOf(const ExtractionPlan& plan, const ShareNumber& share) {
+  return runOfShare(plan.bricks().size(), share);
 }
 
 std::unique_ptr<MeshFileSink> makeMeshShareSink(const std::string& path, const Pyramid& pyramid,

@@ -31,7 +31,7 @@ void writeShare(const Pyramid& pyramid, const Query& query, const ShareNumber& s
                 const std::string& path) {
   Extractor extractor(pyramid);
   const ExtractionPlan plan = extractor.plan(query);
-  const BrickRun run = bricksOf(plan, share);
+  const NumberRun run = bricksOf(plan, share);
   const auto sink = makeMeshShareSink(path, pyramid, plan, share);
   extractor.execute(plan, run.first, run.count, *sink);
 }
@@ -168,7 +168,7 @@ TEST_F(MeshShareTest, ThereIsNoShareZero) {
   // Each brick is in one.
   std::size_t next = 0;
   for (std::uint32_t number = 1; number <= 7; ++number) {
-    const BrickRun run = bricksOf(plan, {number, 7});
+    const NumberRun run = bricksOf(plan, {number, 7});
     EXPECT_EQ(run.first, next);
     next += run.count;
   }

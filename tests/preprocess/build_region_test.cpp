@@ -54,10 +54,10 @@ TEST(BuildRegion, SuperBricksReadAndPassOnWhatTheyNeed) {
     SCOPED_TRACE("round " + std::to_string(round));
     expectEnough(spec, BuildRegion(spec));
     const SuperBricks super_bricks(layout, spec.brick_cells << randomInt(random, 0, 3));
-    expectEnough(spec, BuildRegion(spec, super_bricks));
+    expectEnough(spec, BuildRegion(spec, DividedFile{super_bricks, std::nullopt}));
     std::size_t bricks = super_bricks.rowsOfIndex().count();
     for (std::size_t number = 0; number < super_bricks.count(); ++number) {
-      const BuildRegion region(spec, super_bricks, number);
+      const BuildRegion region(spec, DividedFile{super_bricks, number});
       expectEnough(spec, region);
       bricks += region.rows().count();
       for (int level = 0; level < region.endLevel(); ++level)
@@ -77,12 +77,12 @@ TEST(BuildRegion, ASuperBrickReadsATenthMoreThanItself) {
   spec.voxels = Index3(3 * 2048 + 1);
   const SuperBricks super_bricks(spec.layout(), 2048);
   ASSERT_EQ(super_bricks.levels(), 4);
-  const BuildRegion middle(spec, super_bricks, 13);
+  const BuildRegion middle(spec, DividedFile{super_bricks, 13});
   const auto read = static_cast<double>(middle.samples(0, middle.windowBricks(0)).size());
   EXPECT_LT(read, 1.1 * 2048 * 2048 * 2048);
   std::int64_t sum = 0;
   for (std::size_t number = 0; number < super_bricks.count(); ++number) {
-    const BuildRegion region(spec, super_bricks, number);
+    const BuildRegion region(spec, DividedFile{super_bricks, number});
     sum += region.samples(0, region.windowBricks(0)).size();
   }
   EXPECT_LT(static_cast<double>(sum), 1.07 * static_cast<double>(elementCount(spec.voxels)));

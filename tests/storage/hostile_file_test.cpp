@@ -864,7 +864,7 @@ TEST(HostileFile, ReservedFieldsAndValueRangesThatLieAreFound) {
     return judge(bad);
   };
   EXPECT_TRUE(isGood(judgeDraft([](PyramidDraft&) {})));
-  EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.header.reserved[77] = 1; }).rest.size(), 1u);
+  EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.header.reserved[41] = 1; }).rest.size(), 1u);
   // Another range is not that of the voxels, and the histogram is of another size.
   EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.header.value_max += 1; }).rest.size(), 2u);
   EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.header.kinds[7] = 1; }).rest.size(), 1u);

@@ -4,14 +4,20 @@
 #include <filesystem>
 #include <map>
 #include <memory>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <system_error>
 #include <utility>
 #include <vector>
 
+#include "isobrick/preprocess/divided_pyramid.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/lowercase.h"
+#include "isobrick/storage/share_number.h"
+#include "isobrick/storage/super_bricks.h"
 #include "tools/build/build_batch.h"
+#include "tools/build/build_divided.h"
 #include "tools/build/build_one.h"
 #include "tools/build/build_report.h"
 #include "tools/build/pyramid_options.h"
@@ -33,7 +39,12 @@ struct BuildArguments {
   InputOptions input;
   std::string output, out_dir;
   bool json = false;
+  std::optional<ShareNumber> part;
+  std::int64_t super_cells = 0;  // 0: not given
+  bool join = false;
   BuildSettings settings{{}, allCores()};
+
+  bool isDivided() const { return lowerExtension(output) == kDividedEnding; }
 };
 
 // The folder of --out-dir. One that was made here is removed if nothing is in it at the end.
@@ -106,11 +117,34 @@ void checkUsage(const BuildArguments& arguments, const std::vector<BuildJob>& jo
   }
 }
 
-int runBuild(const BuildArguments& arguments) {
+// The output is one file, or a folder of many.
+void checkDivision(const BuildArguments& arguments) {
+  if (arguments.join && (arguments.inputs.size() != 1 || !arguments.output.empty()))
+    throw UsageError("--join takes the folder of super-bricks (.isbs) alone, and no output");
+  if (arguments.join) return;
+  const char* const given = arguments.part               ? "--part"
+                            : arguments.super_cells != 0 ? "--super-brick"
+                                                         : nullptr;
+  if (given != nullptr && !arguments.isDivided())
+    throw UsageError(
+        fmt::format("{} is for pyramids of many files; name the folder with -o OUT.isbs", given));
+  const BuildSettings& settings = arguments.settings;
+  if (arguments.isDivided() && (settings.any_options || !settings.options.preview.folder.empty()))
+    throw UsageError("--any-options and previews are for pyramids of one file");
+}
+
+int runBuild(BuildArguments arguments) {
+  checkDivision(arguments);
+  if (arguments.join) return runJoin(arguments.inputs.front(), arguments.settings, arguments.json);
+  if (arguments.isDivided())
+    arguments.settings.options.super_cells =
+        arguments.super_cells != 0 ? arguments.super_cells : kDefaultSuperCells;
   const std::vector<BuildJob> jobs = makeJobs(arguments);
   checkUsage(arguments, jobs);
   const OutputFolder folder(arguments.out_dir);
   const BuildSettings& settings = arguments.settings;
+  if (arguments.isDivided())
+    return runBuildDivided(jobs.front(), settings, arguments.part, arguments.json);
   // The output must not depend on how many files a pattern happens to match.
   if (arguments.inputs.size() > 1 || isInputPattern(arguments.inputs.front()))
     return runBuildBatch(jobs, settings, arguments.json);
@@ -141,9 +175,18 @@ void addOutputOptions(CLI::App& sub, BuildArguments& arguments) {
   CLI::Option* const output = addParsedOption(
       sub, "-o,--output", arguments.output, notEmpty, "OUT.isb",
       "Output; of a single input; default: the input's name with .isb in the current "
-      "folder");
+      "folder. OUT.isbs is a folder of many files, one for each super-brick, and an index");
   addParsedOption(sub, "--out-dir", arguments.out_dir, notEmpty, "DIR",
                   "Folder for the pyramids, made if it is missing; default: the current folder")
+      ->excludes(output);
+  CLI::Option* const part = addParsedOption(
+      sub, "--part", arguments.part, parseShare, "I/N",
+      "Of an output of many files (OUT.isbs, a folder): only share I of N shares of its "
+      "super-bricks, I from 1, in any order and on any machine; what is there stays");
+  sub.add_flag("--join", arguments.join,
+               "Check the super-bricks in the folder that is named as the input, and write its "
+               "index")
+      ->excludes(part)
       ->excludes(output);
   // For the commands that take volumes (tools/volume_input.h).
   addParsedOption(sub, "--into-cache", arguments.settings.cache_folder, notEmpty, "DIR", "")
@@ -191,6 +234,11 @@ void addPyramidOptions(CLI::App& sub, BuildArguments& arguments) {
   beginGroup(sub, kPyramidGroup);
   BuildOptions& options = arguments.settings.options;
   addStoredOptions(sub, options);
+  addParsedOption(
+      sub, "--super-brick", arguments.super_cells, powerOfTwo(4, std::int64_t{1} << 20), "CELLS",
+      fmt::format("Cells along an edge of a super-brick, a power of two, of an output of "
+                  "many files; default: {}",
+                  kDefaultSuperCells));
   Choices<format::Filter> filters;
   for (const auto filter : {format::Filter::kAverage, format::Filter::kSubsample})
     filters.emplace_back(filterName(filter), filter);
@@ -227,7 +275,10 @@ changed, or of other options, is built again. An input that fails does not stop 
 status is 1 then.
 
 Example:
-  isobrick build 'scans/*.nrrd' --out-dir pyramids)");
+  isobrick build 'scans/*.nrrd' --out-dir pyramids
+A scan of many machines, each with its part, and then the index:
+  isobrick build scan.ome.zarr -o scan.isbs --part 3/8
+  isobrick build scan.isbs --join)");
   return {sub, [arguments] { return runBuild(*arguments); }};
 }
 

@@ -16,6 +16,7 @@
 #include "isobrick/storage/format.h"
 #include "isobrick/storage/pyramid.h"
 #include "isobrick/storage/pyramid_file.h"
+#include "isobrick/storage/pyramid_tables.h"
 #include "isobrick/storage/pyramid_writer.h"
 #include "tools/build/fitting_options.h"
 #include "tools/byte_size.h"
@@ -142,6 +143,10 @@ std::unique_ptr<VolumeSource> openShowingProgress(const InputOptions& input,
 BuildReport buildShowingProgress(VolumeSource& source, InputWatch& input, const std::string& output,
                                  BuildOptions options, const ShownAs& shown) {
   ProgressBar bar(static_cast<double>(volumeBytes(source.info())) / 1e6, "MB", shown.style);
+  return buildPyramid(source, input, output, showingProgress(std::move(options), shown, bar));
+}
+
+BuildOptions showingProgress(BuildOptions options, const ShownAs& shown, ProgressBar& bar) {
   options.tool_version = ISOBRICK_VERSION;
   options.cancel = &interruptFlag();
   options.progress = [&](std::string_view phase, double share) {
@@ -152,13 +157,20 @@ BuildReport buildShowingProgress(VolumeSource& source, InputWatch& input, const 
     fmt::print(stderr, "preview {} {} {} {} {}\n", preview.step, voxels.x, voxels.y, voxels.z,
                preview.path);
   };
-  return buildPyramid(source, input, output, options);
+  return options;
 }
 
 BuiltVolume buildOne(const BuildJob& job, const BuildSettings& settings) {
+  BuiltVolume built;
+  buildWithThreads(job, settings, [&] { built = openAndBuild(job, settings); });
+  return built;
+}
+
+void buildWithThreads(const BuildJob& job, const BuildSettings& settings,
+                      const std::function<void()>& build) {
   refuseKnownMisfits(job.input);
   try {
-    return runWithThreads(settings.threads, [&] { return openAndBuild(job, settings); });
+    runWithThreads(settings.threads, build);
   } catch (const std::bad_alloc&) {
     throw outOfMemory(job, settings);
   } catch (const std::length_error&) {  // a vector throws it for more than all addresses
@@ -180,7 +192,7 @@ struct Origin {
 };
 
 // The file may be hostile: text that is no JSON, or nested too deep, gives nothing.
-Origin originOf(const Pyramid& pyramid) {
+Origin originOf(const PyramidTables& pyramid) {
   using Json = nlohmann::json;
   const Json json = parseShallowJson(pyramid.provenance());
   const auto text = [&](const char* key) {
@@ -232,7 +244,7 @@ bool isUpToDate(const std::string& output, const VolumeInfo& info,
   };
   Origin origin;
   try {
-    origin = originOf(Pyramid(output));
+    origin = originOf(PyramidTables(output, FileAccess::kRead, {}));
   } catch (const Error& error) {
     return inTheWay(fmt::format("from what it was made is unknown ({})", error.what()));
   }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <string>
 
@@ -26,6 +27,8 @@ std::unique_ptr<VolumeSource> openShowingProgress(const InputOptions& input,
                                                   const ShownAs& shown = {});
 BuildReport buildShowingProgress(VolumeSource& source, InputWatch& input, const std::string& output,
                                  BuildOptions options, const ShownAs& shown = {});
+// The options with progress, cancel flag and version; `shown` and `bar` outlive their use.
+BuildOptions showingProgress(BuildOptions options, const ShownAs& shown, ProgressBar& bar);
 
 // The same for all volumes of a run of `isobrick build`.
 struct BuildSettings {
@@ -68,6 +71,11 @@ struct BuiltVolume {
 // Builds unless the output is up to date. Throws as openInput and buildPyramid do, and Error if the
 // output is not to be replaced or memory runs out.
 BuiltVolume buildOne(const BuildJob& job, const BuildSettings& settings);
+
+// Calls `build` with the threads of the settings, after the input's options were checked; says what
+// to do if memory or threads run out.
+void buildWithThreads(const BuildJob& job, const BuildSettings& settings,
+                      const std::function<void()>& build);
 
 // True if `output` is a pyramid of this very source and these options already; false if there is
 // none, or one that was made from the same input, which has changed since or is to be built with

@@ -1,0 +1,19 @@
+// The build of one file: a whole pyramid, or a super-brick of a divided one.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "isobrick/preprocess/pyramid_builder.h"
+#include "isobrick/storage/super_bricks.h"
+
+namespace isobrick {
+
+// The facts of a pyramid that come from the volume and the options.
+PyramidSpec pyramidSpecOf(const VolumeInfo& info, const BuildOptions& options);
+
+// buildPyramid() for the file of a super-brick, if `file` is one.
+BuildReport buildPyramidFile(VolumeSource& source, InputWatch& input, const std::string& path,
+                             const BuildOptions& options, const std::optional<DividedFile>& file);
+
+}  // namespace isobrick

@@ -1,0 +1,87 @@
+#include "isobrick/storage/pyramid_division.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+namespace isobrick {
+namespace {
+
+// Of one file: far more than any disk has, and of 2^20 of them the sum is still a number.
+constexpr std::uint64_t kMostFileBytes = std::uint64_t{1} << 52;
+constexpr std::uint64_t kMostBytes = std::uint64_t{1} << 62;
+
+std::uint64_t alignedUp(std::uint64_t offset) {
+  constexpr std::uint64_t kAlignment = format::kSampleAlignment;
+  return (offset + kAlignment - 1) / kAlignment * kAlignment;
+}
+
+bool lies(std::uint64_t offset, std::uint64_t bytes, std::uint64_t end) {
+  return offset <= end && bytes <= end - offset;
+}
+
+}  // namespace
+
+std::vector<std::byte> PyramidDivision::table(std::span<const format::FileEntry> files,
+                                              std::span<const ValueRange> ranges) {
+  std::vector<std::byte> bytes;
+  const auto append = [&](const void* data, std::size_t size) {
+    const auto* const from = static_cast<const std::byte*>(data);
+    bytes.insert(bytes.end(), from, from + size);
+  };
+  append(files.data(), files.size_bytes());
+  for (const ValueRange& range : ranges) {
+    const format::Range stored{range.min, range.max};
+    append(&stored, sizeof stored);
+  }
+  return bytes;
+}
+
+std::optional<PyramidDivision> PyramidDivision::of(const BrickLayout& layout,
+                                                   const SuperBricks& super_bricks,
+                                                   std::span<const std::byte> table,
+                                                   std::uint64_t row_bytes,
+                                                   std::uint64_t index_bytes) {
+  PyramidDivision division(layout, super_bricks);
+  division.index_bytes_ = index_bytes;
+  division.end_ = index_bytes;
+  division.files_.resize(super_bricks.count());
+  const std::size_t entry_bytes = division.files_.size() * sizeof(format::FileEntry);
+  std::memcpy(division.files_.data(), table.data(), entry_bytes);
+  for (std::size_t number = 0; number < division.files_.size(); ++number) {
+    const format::FileEntry& file = division.files_[number];
+    const std::uint64_t rows = super_bricks.rowsOf(number).count();
+    if (file.file_bytes < sizeof(format::Header) || file.file_bytes > kMostFileBytes ||
+        !lies(file.brick_table_offset, rows * row_bytes, file.file_bytes) ||
+        !lies(file.corrections.offset, file.corrections.stored_bytes, index_bytes) ||
+        file.corrections.stored_bytes % sizeof(format::RangeCorrection) != 0 ||
+        file.corrections.stored_bytes / sizeof(format::RangeCorrection) > rows)
+      return std::nullopt;
+    division.bases_.push_back(alignedUp(division.end_));
+    division.end_ = division.bases_.back() + file.file_bytes;
+    if (division.end_ > kMostBytes) return std::nullopt;
+  }
+  table = table.subspan(entry_bytes);
+  for (; !table.empty(); table = table.subspan(sizeof(format::Range))) {
+    format::Range range;
+    std::memcpy(&range, table.data(), sizeof range);
+    if (!(range.min <= range.max) || !std::isfinite(range.min) || !std::isfinite(range.max))
+      return std::nullopt;
+    division.ranges_.push_back({range.min, range.max});
+  }
+  return division;
+}
+
+std::uint64_t PyramidDivision::fileBytes() const {
+  std::uint64_t bytes = index_bytes_;
+  for (const format::FileEntry& file : files_) bytes += file.file_bytes;
+  return bytes;
+}
+
+std::optional<std::size_t> PyramidDivision::fileAt(std::uint64_t offset) const {
+  const auto after = std::upper_bound(bases_.begin(), bases_.end(), offset);
+  if (after == bases_.begin()) return std::nullopt;
+  return static_cast<std::size_t>(after - bases_.begin()) - 1;
+}
+
+}  // namespace isobrick

@@ -1,0 +1,198 @@
+#include "tools/build/build_divided.h"
+
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <system_error>
+
+#include "isobrick/preprocess/divided_pyramid.h"
+#include "isobrick/preprocess/export/volume_rows.h"
+#include "isobrick/storage/error.h"
+#include "tools/build/build_report.h"
+#include "tools/build/fitting_options.h"
+#include "tools/byte_size.h"
+#include "tools/interrupt.h"
+#include "tools/json_output.h"
+#include "tools/output_check.h"
+#include "tools/stopwatch.h"
+#include "tools/thread_count.h"
+
+namespace isobrick {
+namespace {
+
+namespace fs = std::filesystem;
+
+// What became of a share.
+struct DividedResult {
+  std::size_t all = 0, in_share = 0, built = 0, up_to_date = 0;
+  std::uint64_t bricks = 0, resumed = 0, replaced_voxels = 0, file_bytes = 0, raw_bytes = 0;
+  double seconds = 0;
+  std::optional<JoinReport> join;
+};
+
+// Any process may make the folder first.
+void makeFolder(const std::string& folder) {
+  std::error_code error;
+  fs::create_directory(folder, error);
+  if (!fs::is_directory(folder, error))
+    throw Error(fmt::format("cannot make the folder '{}'; create the folder above it, or choose "
+                            "another output with -o",
+                            folder),
+                {.path = folder});
+}
+
+JoinReport joinShowingProgress(const std::string& folder, const BuildSettings& settings) {
+  ProgressBar bar(100, "%", settings.progress);
+  JoinOptions options;
+  options.memory_bytes = settings.options.memory_bytes;
+  options.cancel = &interruptFlag();
+  options.progress = [&](std::string_view phase, double share) { bar.show(phase, share); };
+  return joinPyramid(folder, options);
+}
+
+class DividedBuild {
+ public:
+  DividedBuild(const BuildJob& job, const BuildSettings& settings)
+      : job_(job), settings_(settings), source_(open()), input_(*source_, &interruptFlag()) {
+    refuseUnfitInputOptions(*job.input.parser, source_->info());
+    files_ = superBrickFiles(source_->info(), settings.options);
+    result_.all = files_.size();
+  }
+
+  void build(const ShareNumber& share) {
+    const NumberRun run = runOfShare(files_.size(), share);
+    result_.in_share = run.count;
+    makeFolder(job_.output);
+    for (std::size_t i = 0; i < run.count; ++i) {
+      interruptFlag().check();
+      buildNext(run.first + i,
+                fmt::format("[{}/{}] {}  ", i + 1, run.count, files_[run.first + i].name));
+    }
+  }
+  const VolumeInfo& volume() const { return source_->info(); }
+  DividedResult& result() { return result_; }
+
+ private:
+  std::unique_ptr<VolumeSource> open() const {
+    return openShowingProgress(job_.input, settings_.options.memory_bytes / 2,
+                               {job_.label, settings_.progress});
+  }
+
+  void buildNext(std::size_t number, const std::string& label) {
+    const std::string path = (fs::path(job_.output) / files_[number].name).string();
+    refuseReplacing({path}, source_->files(), true);
+    if (isUpToDate(path, source_->info(), input_.identity(), settings_.options, false,
+                   settings_.force) &&
+        !settings_.rebuild) {
+      ++result_.up_to_date;
+      return;
+    }
+    // What is read in order is read once.
+    if (is_read_ && !source_->readsBoxes()) source_ = open();
+    is_read_ = true;
+    const ShownAs shown{label, settings_.progress};
+    const std::uint64_t raw = static_cast<std::uint64_t>(files_[number].voxels.size()) *
+                              voxelBytes(source_->info().voxel_type);
+    ProgressBar bar(static_cast<double>(raw) / 1e6, "MB", settings_.progress);
+    const BuildReport report = buildSuperBrick(*source_, input_, job_.output, number,
+                                               showingProgress(settings_.options, shown, bar));
+    ++result_.built;
+    result_.bricks += report.bricks;
+    result_.resumed += report.bricks_resumed;
+    result_.replaced_voxels += report.replaced_voxels;
+    result_.file_bytes += report.file_bytes;
+    result_.raw_bytes += raw;
+  }
+
+  const BuildJob& job_;
+  const BuildSettings& settings_;
+  std::unique_ptr<VolumeSource> source_;
+  InputWatch input_;
+  std::vector<SuperBrickFile> files_;
+  bool is_read_ = false;
+  DividedResult result_;
+};
+
+Json jsonOfJoin(const JoinReport& join) {
+  return {{"super_bricks", join.super_bricks}, {"bricks", join.bricks},
+          {"index_bytes", join.index_bytes},   {"file_bytes", join.file_bytes},
+          {"corrections", join.corrections},   {"seconds", join.seconds}};
+}
+
+void printJoin(const std::string& folder, const JoinReport& join) {
+  fmt::print("{}: joined {} files, {} in all; index {} ({:.3f} % of them), {:.2f} s\n", folder,
+             join.super_bricks, byteSizeText(join.file_bytes), byteSizeText(join.index_bytes),
+             100 * static_cast<double>(join.index_bytes) / static_cast<double>(join.file_bytes),
+             join.seconds);
+}
+
+void printResult(const BuildJob& job, const BuildSettings& settings, const DividedResult& result,
+                 const std::optional<ShareNumber>& share, bool json) {
+  if (json) {
+    Json object = Json::object();
+    object["input"] = job.input.path;
+    object["output"] = job.output;
+    if (share) object["part"] = {{"number", share->number}, {"of", share->of}};
+    object["super_bricks"] = {{"all", result.all},
+                              {"in_part", result.in_share},
+                              {"built", result.built},
+                              {"up_to_date", result.up_to_date}};
+    object["super_brick_cells"] = settings.options.super_cells;
+    object["bricks"] = result.bricks;
+    object["bricks_resumed"] = result.resumed;
+    object["replaced_voxels"] = result.replaced_voxels;
+    object["codec"] = codecOptionName(settings.options.codec);
+    object["raw_bytes"] = result.raw_bytes;
+    object["file_bytes"] = result.file_bytes;
+    object["join"] = result.join ? jsonOfJoin(*result.join) : Json(nullptr);
+    object["seconds"] = result.seconds;
+    object["threads"] = settings.threads;
+    object["peak_rss_bytes"] = peakResidentBytes();
+    return printJson(object);
+  }
+  fmt::print("{}: {} of {} super-bricks of {} cells: {} built, {} up to date\n", job.output,
+             result.in_share, result.all, settings.options.super_cells, result.built,
+             result.up_to_date);
+  if (result.replaced_voxels > 0)
+    fmt::print("note: {} voxels that were not finite were replaced\n", result.replaced_voxels);
+  if (result.resumed > 0)
+    fmt::print("resumed: {} of {} bricks are of an earlier run\n", result.resumed, result.bricks);
+  if (result.join) printJoin(job.output, *result.join);
+  const double rate =
+      result.seconds > 0 ? static_cast<double>(result.raw_bytes) / 1e6 / result.seconds : 0;
+  fmt::print("{:.2f} s; {:.0f} MB/s; {} threads; peak memory {}, --memory {}\n", result.seconds,
+             rate, settings.threads, byteSizeText(peakResidentBytes()),
+             byteSizeText(settings.options.memory_bytes));
+}
+
+}  // namespace
+
+int runBuildDivided(const BuildJob& job, const BuildSettings& settings,
+                    const std::optional<ShareNumber>& share, bool json) {
+  const Stopwatch watch;
+  DividedResult result;
+  buildWithThreads(job, settings, [&] {
+    DividedBuild build(job, settings);
+    build.build(share.value_or(ShareNumber()));
+    result = build.result();
+    if (!share) result.join = joinShowingProgress(job.output, settings);
+  });
+  result.seconds = watch.seconds();
+  printResult(job, settings, result, share, json);
+  return 0;
+}
+
+int runJoin(const std::string& folder, const BuildSettings& settings, bool json) {
+  const JoinReport join =
+      runWithThreads(settings.threads, [&] { return joinShowingProgress(folder, settings); });
+  if (json) {
+    Json object = {{"output", folder}};
+    object["join"] = jsonOfJoin(join);
+    printJson(object);
+  } else {
+    printJoin(folder, join);
+  }
+  return 0;
+}
+
+}  // namespace isobrick
