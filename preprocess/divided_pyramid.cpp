@@ -7,6 +7,7 @@
 #include <chrono>
 #include <filesystem>
 #include <memory>
+#include <set>
 
 #include "isobrick/preprocess/hand_over.h"
 #include "isobrick/preprocess/input_identity.h"
@@ -65,12 +66,13 @@ BuildReport buildSuperBrick(VolumeSource& source, InputWatch& input, const std::
   return buildPyramidFile(source, input, pathIn(folder, file.name()), options, file);
 }
 
-bool isSuperBrickBuilt(const std::string& path, const std::string& identity) {
+bool isBuiltFrom(const std::string& path, const std::string& identity) {
   std::error_code ignored;
   if (!fs::is_regular_file(path, ignored)) return false;
   try {
     const PyramidTables tables(path, FileAccess::kRead, {});
-    return tables.dividedFile() && tables.dividedFile()->number && identityIn(tables) == identity;
+    return tables.dividedFile() && tables.dividedFile()->name() == fs::path(path).filename() &&
+           identityIn(tables) == identity;
   } catch (const Error&) {
     return false;
   }
@@ -88,19 +90,41 @@ std::string someOf(const std::vector<std::string>& names) {
   return text;
 }
 
-// The first super-brick's file that is there: all others have to be like it.
-std::unique_ptr<PyramidTables> openAnyOf(const std::string& folder) {
+// The names in a folder that files of super-bricks may have: "0-2-1.isb".
+std::set<std::string> superBrickNamesIn(const std::string& folder) {
+  std::set<std::string> names;
   std::error_code error;
   for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
     const std::string name = entry.path().filename().string();
-    if (entry.path().extension() != ".isb" || name == kIndexName) continue;
-    return std::make_unique<PyramidTables>(entry.path().string(), FileAccess::kRead,
-                                           RemoteOptions{});
+    const std::string stem = entry.path().stem().string();
+    if (entry.path().extension() == ".isb" && !stem.empty() &&
+        stem.find_first_not_of("0123456789-") == std::string::npos)
+      names.insert(name);
   }
-  throw Error("'" + folder + "' " +
-                  (error ? "cannot be read: " + error.message()
-                         : std::string("has no files of super-bricks; build them first")),
-              {.path = folder});
+  if (names.empty())
+    throw Error("'" + folder + "' " +
+                    (error ? "cannot be read: " + error.message() + "; check the path"
+                           : std::string("has no files of super-bricks; build them first")),
+                {.path = folder});
+  return names;
+}
+
+// All files are there, and no others that look like them.
+void checkNames(const std::string& folder, const SuperBricks& super_bricks,
+                std::set<std::string> names) {
+  std::vector<std::string> missing;
+  for (std::size_t number = 0; number < super_bricks.count(); ++number)
+    if (names.erase(super_bricks.fileName(number)) == 0)
+      missing.push_back(super_bricks.fileName(number));
+  if (!missing.empty())
+    throw Error("'" + folder + "' lacks " + std::to_string(missing.size()) + " of its " +
+                    std::to_string(super_bricks.count()) + " files: " + someOf(missing) +
+                    "; build these super-bricks, and join again",
+                {.path = folder});
+  if (!names.empty())
+    throw Error("'" + folder + "' has files of another division: " +
+                    someOf({names.begin(), names.end()}) + "; move them away, and join again",
+                {.path = folder});
 }
 
 // The join of one pyramid; T is the voxel type.
@@ -162,7 +186,9 @@ class Join {
                                                   FileAccess::kRead, RemoteOptions{});
     const PyramidTables& tables = *opened;
     const std::optional<DividedFile>& file = tables.dividedFile();
-    if (!file || file->number != number || file->super_bricks.cells() != super_bricks_.cells() ||
+    if (file && file->number != number)
+      tables.fail("is the file of another super-brick; build it again");
+    if (!file || file->super_bricks.cells() != super_bricks_.cells() ||
         tables.spec().voxels != spec_.voxels || tables.spec().voxel_type != spec_.voxel_type ||
         tables.layout().brickCells() != region_.layout().brickCells() ||
         identityIn(tables) != identity_)
@@ -272,22 +298,12 @@ class Join {
 }  // namespace
 
 JoinReport joinPyramid(const std::string& folder, const JoinOptions& options) {
-  const std::unique_ptr<PyramidTables> opened = openAnyOf(folder);
-  const PyramidTables& any = *opened;
+  const std::set<std::string> names = superBrickNamesIn(folder);
+  const PyramidTables any(pathIn(folder, *names.begin()), FileAccess::kRead, {});
   if (!any.dividedFile() || !any.dividedFile()->number)
     any.fail("is not the file of a super-brick; move it out of the folder");
   const SuperBricks& super_bricks = any.dividedFile()->super_bricks;
-  std::vector<std::string> missing;
-  for (std::size_t number = 0; number < super_bricks.count(); ++number) {
-    std::error_code ignored;
-    const std::string name = super_bricks.fileName(number);
-    if (!fs::exists(pathIn(folder, name), ignored)) missing.push_back(name);
-  }
-  if (!missing.empty())
-    throw Error("'" + folder + "' lacks " + std::to_string(missing.size()) + " of its " +
-                    std::to_string(super_bricks.count()) + " files: " + someOf(missing) +
-                    "; build these super-bricks, and join again",
-                {.path = folder});
+  checkNames(folder, super_bricks, names);
   return visitVoxelType(any.spec().voxel_type, [&](auto tag) {
     return Join<typename decltype(tag)::Type>(folder, any.spec(), super_bricks, any, options).run();
   });

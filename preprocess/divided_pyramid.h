@@ -34,9 +34,9 @@ std::vector<SuperBrickFile> superBrickFiles(const VolumeInfo& info, const BuildO
 BuildReport buildSuperBrick(VolumeSource& source, InputWatch& input, const std::string& folder,
                             std::size_t number, const BuildOptions& options);
 
-// Whether a file is that of a super-brick with this buildIdentity(): then it need not be built
-// again.
-bool isSuperBrickBuilt(const std::string& path, const std::string& identity);
+// Whether a file is one of a divided pyramid, a super-brick's or the index, and has this
+// buildIdentity(): then it need not be built again.
+bool isBuiltFrom(const std::string& path, const std::string& identity);
 
 // How joinPyramid() works.
 struct JoinOptions {

@@ -65,6 +65,10 @@ class BrickIndex {
   // True if row() has to read it first.
   bool isAbsent(std::size_t number) const;
 
+  // Whose table has the row: the number of a super-brick, or kOwn.
+  static constexpr std::size_t kOwn = ~std::size_t{0};
+  std::size_t fileOf(std::size_t number) const { return placeOf(number).file; }
+
   // For the table, so far.
   std::uint64_t bytesRead() const { return bytes_read_; }
 
@@ -88,8 +92,7 @@ class BrickIndex {
     static_assert(kRowsAtATime == 32);
   };
 
-  // Where the row of a brick lies: in the own table (kOwn) or that of a super-brick's file.
-  static constexpr std::size_t kOwn = ~std::size_t{0};
+  // Where the row of a brick lies.
   struct Place {
     std::size_t file = kOwn, row = 0;
   };

@@ -77,9 +77,7 @@ class DividedRanges::SuperBrickFile {
         reader->read({0, sizeof header}, reinterpret_cast<std::byte*>(&header)) == nullptr;
     if (!is_read || header.header_checksum != entry_.header_checksum ||
         checksum64(&header, offsetof(format::Header, header_checksum)) != header.header_checksum)
-      throw Error("'" + shown_ +
-                      "' is not the file that was joined; restore it, or build it again and join",
-                  {.path = shown_});
+      throw Error("'" + shown_ + "' is not the file that was joined", {.path = shown_});
     reader_ = std::move(reader);
     now_ = reader_.get();
     if (cancel_.requested()) reader_->abandon();
@@ -142,7 +140,9 @@ RangeReader::Failure DividedRanges::read(const ByteRange& range, std::byte* out)
   } catch (const Cancelled&) {
     return "cannot be read: it is not wanted any more";
   } catch (const Error& error) {
-    return interned(std::string("cannot be read: ") + error.what());
+    const std::string what = error.what();
+    return interned("cannot be read: " + what.substr(0, what.find(';')) +
+                    "; restore that file, or build its super-brick again and join");
   }
 }
 

@@ -10,6 +10,7 @@
 #include "isobrick/storage/checksum.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid_file.h"
+#include "isobrick/storage/remote/remote_address.h"
 #include "isobrick/storage/usable_geometry.h"
 
 namespace isobrick {
@@ -60,7 +61,9 @@ bool hasKind(const format::Header& header, PartKind kind) {
 
 PyramidTables::PyramidTables(const std::string& path, FileAccess access,
                              const RemoteOptions& remote)
-    : file_(pyramidFileOf(path), access, remote), remote_(remote) {
+    : path_(isRemotePath(path) ? withoutSecrets(path) : path),
+      file_(pyramidFileOf(path), access, remote),
+      remote_(remote) {
   readHeader();
 }
 PyramidTables::~PyramidTables() = default;

@@ -27,7 +27,8 @@ class PyramidTables {
   PyramidTables(const std::string& path, FileAccess access, const RemoteOptions& remote);
   ~PyramidTables();
 
-  const std::string& path() const { return file_.path(); }
+  // As it was opened; of a URL without what nobody else should see.
+  const std::string& path() const { return path_; }
   const PagedFile& bytes() const { return file_; }
   const format::Header& header() const { return header_; }
   const PyramidSpec& spec() const { return spec_; }
@@ -67,6 +68,7 @@ class PyramidTables {
   std::vector<std::byte> readTable(std::uint64_t offset, std::uint64_t bytes,
                                    std::uint64_t checksum, const char* name) const;
 
+  const std::string path_;
   PagedFile file_;
   format::Header header_{};
   PyramidSpec spec_;

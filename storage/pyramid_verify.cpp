@@ -7,6 +7,7 @@
 #include <cmath>
 #include <exception>
 #include <mutex>
+#include <set>
 #include <span>
 #include <thread>
 #include <utility>
@@ -343,7 +344,8 @@ void addFiles(const PyramidTables& tables, const PyramidDivision& division,
     format::Header header{};
     RangeReader::Failure why = "cannot be read";
     if (!file.read(base, sizeof header, reinterpret_cast<std::byte*>(&header), &why)) {
-      faults.push_back(name + " " + why);
+      const std::size_t bricks = division.superBricks().rowsOf(number).count();
+      faults.push_back(name + ", with " + std::to_string(bricks) + " bricks, " + why);
       extents.push_back({base, division.file(number).file_bytes});
       continue;
     }
@@ -463,11 +465,25 @@ void announceBrick(const PyramidParts& parts, std::size_t row) {
   }
 }
 
+// The files of super-bricks that cannot be opened: verifyRest() names each of them once.
+std::set<std::size_t> lostFiles(const PyramidTables& tables) {
+  std::set<std::size_t> lost;
+  const PyramidDivision* const division = tables.division();
+  for (std::size_t number = 0; division != nullptr && number < division->fileCount(); ++number) {
+    std::byte first{};
+    if (!tables.bytes().read(division->base(number), 1, &first)) lost.insert(number);
+  }
+  return lost;
+}
+
 }  // namespace
 
 PyramidFaults verifyPyramid(const Pyramid& pyramid, const VerifyOptions& options) {
   PyramidFaults faults;
   faults.rest = verifyRest(pyramid, options.cancel);
+  const std::set<std::size_t> lost = lostFiles(pyramid.parts().tables());
+  for (const std::size_t file : lost)
+    faults.lost_bricks += pyramid.parts().tables().division()->superBricks().rowsOf(file).count();
   const std::size_t count = pyramid.parts().brickCount();
   std::atomic<std::size_t> next{0};
   std::mutex mutex;  // guards all below
@@ -478,6 +494,7 @@ PyramidFaults verifyPyramid(const Pyramid& pyramid, const VerifyOptions& options
     try {
       for (std::size_t row = next++; row < count; row = next++) {
         if (options.cancel != nullptr) options.cancel->check();
+        if (lost.contains(pyramid.parts().tables().index().fileOf(row))) continue;
         if (pyramid.parts().isRemote()) announceBrick(pyramid.parts(), row + kBricksAhead);
         const BrickAddress at = pyramid.parts().brickAt(row);
         std::optional<BrickDamage> damage = verifyBrick(pyramid, at.level, at.brick);

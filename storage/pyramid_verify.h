@@ -38,6 +38,7 @@ struct VerifyOptions {
 struct PyramidFaults {
   std::vector<BrickDamage> bricks;  // in the order of the file's brick table
   std::vector<std::string> rest;    // as verifyRest() says it
+  std::size_t lost_bricks = 0;      // in files that cannot be opened, which `rest` names
 
   // Whether no fault was found.
   bool empty() const { return bricks.empty() && rest.empty(); }

@@ -10,6 +10,7 @@
 #include "isobrick/preprocess/shallow_json.h"
 #include "isobrick/storage/isovalue_suggestions.h"
 #include "isobrick/storage/pyramid.h"
+#include "isobrick/storage/pyramid_parts.h"
 #include "isobrick/storage/remote/remote_address.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
@@ -117,6 +118,11 @@ void printInfoJson(const Pyramid& pyramid) {
   json["codecs"] = {{"samples", jsonOfCodecs(codecs.samples)},
                     {"ranges", jsonOfCodecs(codecs.ranges)},
                     {"curvature", jsonOfCodecs(codecs.curvature)}};
+  json["division"] = nullptr;
+  if (const PyramidDivision* const division = pyramid.parts().tables().division())
+    json["division"] = {{"super_brick_cells", division->superBricks().cells()},
+                        {"files", division->fileCount()},
+                        {"index_bytes", division->indexBytes()}};
   json["brick_cells"] = spec.brick_cells;
   json["tile_cells"] = spec.tile_cells;
   json["has_curvature"] = spec.has_curvature;
@@ -146,6 +152,10 @@ void printInfoText(const Pyramid& pyramid, const std::string& path) {
     const glm::dvec3& to = geometry.direction[axis];
     fmt::print("axis {}     {} {} {}\n", "xyz"[axis], to.x, to.y, to.z);
   }
+  if (const PyramidDivision* const division = pyramid.parts().tables().division())
+    fmt::print("files      {}, one for each {} cells along an edge, and an index of {}\n",
+               division->fileCount(), division->superBricks().cells(),
+               byteSizeText(division->indexBytes()));
   fmt::print("bricks     {} cells, tiles {} cells; filter {}; curvature {}\n", spec.brick_cells,
              spec.tile_cells, filterName(spec.filter), spec.has_curvature ? "yes" : "no");
   fmt::print(

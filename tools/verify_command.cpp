@@ -46,9 +46,10 @@ int runVerify(const VerifyArguments& arguments) {
     fmt::print(stderr, "isobrick: level {}, brick ({},{},{}): {}\n", damage.level, damage.brick.x,
                damage.brick.y, damage.brick.z, oneLine(damage.what));
   const std::string bricks = countText(pyramid.brickCount());
-  if (!faults.bricks.empty()) {
-    fmt::print("{}: {} of {} bricks are damaged; build it again\n", path,
-               countText(faults.bricks.size()), bricks);
+  if (!faults.bricks.empty() || faults.lost_bricks > 0) {
+    fmt::print("{}: {} of {} bricks are damaged{}; build it again\n", path,
+               countText(faults.bricks.size() + faults.lost_bricks), bricks,
+               faults.lost_bricks > 0 ? " or lost" : "");
     return 1;
   }
   if (!faults.rest.empty()) {

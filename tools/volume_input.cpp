@@ -177,8 +177,8 @@ RemoteOptions remoteOptions(const std::string& cache_folder, std::uint64_t cache
 bool isVolume(const std::string& path) {
   std::error_code ignored;
   const fs::file_status status = fs::status(path, ignored);
-  return isPhantomName(path) || fs::is_directory(status) ||
-         (fs::is_regular_file(status) && !isPyramidFile(path));
+  return isPhantomName(path) ||
+         ((fs::is_directory(status) || fs::is_regular_file(status)) && !isPyramidFile(path));
 }
 
 std::vector<std::string> wordsForBuild(const VolumeInput& input) {

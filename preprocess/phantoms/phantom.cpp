@@ -10,6 +10,7 @@
 #include <stdexcept>
 
 #include "isobrick/preprocess/phantoms/head_phantom.h"
+#include "isobrick/preprocess/rows_as_boxes.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/isolated_loop.h"
 
@@ -68,12 +69,15 @@ class PhantomSource final : public VolumeSource {
            std::string(voxelTypeName(info_.voxel_type)) + ", period " + period;
   }
 
+  bool readsBoxes() const override { return true; }
   void readRows(std::int64_t first, std::int64_t count, void* out) override {
+    readRowsAsBoxes(*this, first, count, out);
+  }
+  void readBox(const IndexBox& box, void* out) const override {
     const std::size_t row_bytes =
-        static_cast<std::size_t>(info_.voxels.x) * voxelBytes(info_.voxel_type);
-    isolatedFor(std::int64_t{0}, count, [&](std::int64_t i) {
-      const std::int64_t row = first + i;
-      phantom_.fillRow(row % info_.voxels.y, row / info_.voxels.y,
+        static_cast<std::size_t>(box.count.x) * voxelBytes(info_.voxel_type);
+    isolatedFor(std::int64_t{0}, box.count.y * box.count.z, [&](std::int64_t i) {
+      phantom_.fillRow(box.first + Index3(0, i % box.count.y, i / box.count.y), box.count.x,
                        static_cast<std::byte*>(out) + static_cast<std::size_t>(i) * row_bytes);
     });
   }
@@ -218,9 +222,12 @@ glm::dvec3 Phantom::gradient(const glm::dvec3& p) const {
 }
 
 template <typename T>
-void Phantom::fillTypedRow(std::int64_t y, std::int64_t z, T* out) const {
-  const auto n = static_cast<std::size_t>(spec_.size);
-  const auto yd = static_cast<double>(y), zd = static_cast<double>(z);
+void Phantom::fillTypedRow(const Index3& first, std::int64_t count, T* out) const {
+  const auto n = static_cast<std::size_t>(count);
+  const auto yd = static_cast<double>(first.y), zd = static_cast<double>(first.z);
+  const auto xOf = [&](std::size_t i) {
+    return static_cast<double>(first.x + static_cast<std::int64_t>(i));
+  };
   const auto store = [&](std::size_t i, double field) {
     out[i] = toVoxel<T>(scale_.stored(field));
   };
@@ -229,7 +236,7 @@ void Phantom::fillTypedRow(std::int64_t y, std::int64_t z, T* out) const {
     thread_local std::vector<float> x, row;
     x.resize(n);
     row.resize(n);
-    for (std::size_t i = 0; i < n; ++i) x[i] = normalized(static_cast<double>(i), spec_.size);
+    for (std::size_t i = 0; i < n; ++i) x[i] = normalized(xOf(i), spec_.size);
     headPhantomRow(x, normalized(yd, spec_.size), normalized(zd, spec_.size),
                    2.0f / static_cast<float>(spec_.size - 1), row.data());
     for (std::size_t i = 0; i < n; ++i) store(i, static_cast<double>(row[i]));
@@ -239,16 +246,18 @@ void Phantom::fillTypedRow(std::int64_t y, std::int64_t z, T* out) const {
     const double gy = omega * (yd - constants_.gyroid_origin.y);
     const double gz = omega * (zd - constants_.gyroid_origin.z);
     const double cos_y = std::cos(gy), middle = std::sin(gy) * std::cos(gz), sin_z = std::sin(gz);
-    for (std::size_t i = 0; i < n; ++i) store(i, sin_x_[i] * cos_y + middle + sin_z * cos_x_[i]);
+    const double* const sin_x = sin_x_.data() + first.x;
+    const double* const cos_x = cos_x_.data() + first.x;
+    for (std::size_t i = 0; i < n; ++i) store(i, sin_x[i] * cos_y + middle + sin_z * cos_x[i]);
   } else {
-    for (std::size_t i = 0; i < n; ++i) store(i, value(static_cast<double>(i), yd, zd));
+    for (std::size_t i = 0; i < n; ++i) store(i, value(xOf(i), yd, zd));
   }
 }
 
-void Phantom::fillRow(std::int64_t y, std::int64_t z, void* out) const {
+void Phantom::fillRow(const Index3& first, std::int64_t count, void* out) const {
   visitVoxelType(voxel_type_, [&](auto tag) {
     using T = typename decltype(tag)::Type;
-    fillTypedRow(y, z, static_cast<T*>(out));
+    fillTypedRow(first, count, static_cast<T*>(out));
   });
 }
 

@@ -92,16 +92,16 @@ class Phantom {
   // circle and axis) the undefined part is 0.
   glm::dvec3 gradient(const glm::dvec3& p) const;
 
-  // Writes row (y, z): `size` voxels of voxelType(). Exactly value() at every voxel, stored as
-  // described at PhantomScale.
-  void fillRow(std::int64_t y, std::int64_t z, void* out) const;
+  // Writes `count` voxels of voxelType() from `first` on along x, within the volume. Exactly
+  // value() at every voxel, stored as described at PhantomScale.
+  void fillRow(const Index3& first, std::int64_t count, void* out) const;
 
  private:
   enum class Kind { kHead, kSphere, kTorus, kGyroid, kMarschnerLobb, kPlane };
   static Kind kindOf(const std::string& name);
 
   template <typename T>
-  void fillTypedRow(std::int64_t y, std::int64_t z, T* out) const;
+  void fillTypedRow(const Index3& first, std::int64_t count, T* out) const;
 
   PhantomSpec spec_;
   Kind kind_;

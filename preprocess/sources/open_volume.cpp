@@ -12,6 +12,7 @@
 #include "isobrick/preprocess/sources/voxel_components.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/lowercase.h"
+#include "isobrick/storage/pyramid_file.h"
 #include "isobrick/storage/remote_options.h"
 
 namespace isobrick {
@@ -118,7 +119,8 @@ std::unique_ptr<VolumeSource> openFormat(const std::string& path, const OpenOpti
   if (options.raw) return openRawSource(path, *options.raw);
   std::error_code ignored;
   const bool is_folder = fs::is_directory(path, ignored);
-  if (!is_folder && options.pyramid_level && (isRemotePath(path) || lowerExtension(path) == ".isb"))
+  if (options.pyramid_level &&
+      (isPyramidFile(path) || (!is_folder && lowerExtension(path) == ".isb")))
     return makePyramidSource(std::make_shared<const Pyramid>(path, options.memory_bytes),
                              options.memory_bytes, *options.pyramid_level, options.cancel);
   for (const Reader& reader : kReaders)
@@ -156,9 +158,10 @@ void refuseUnusablePath(const std::string& path, const OpenOptions& options) {
     throw unreadable(
         path,
         "it is no folder of DICOM series to choose from; name the folder, or leave out the series");
-  if (options.raw || !fs::is_regular_file(status)) return;
+  if (options.raw || isRemotePath(path)) return;
+  if (!fs::is_regular_file(status) && !isPyramidFile(path)) return;
   const std::string ending = lowerExtension(path);
-  if (ending == ".isb" && !options.pyramid_level)
+  if ((ending == ".isb" || fs::is_directory(status)) && !options.pyramid_level)
     throw Error("'" + path + "' is a pyramid already; give the volume that it was made of",
                 {.path = path});
   if (std::find(kRawEndings.begin(), kRawEndings.end(), ending) != kRawEndings.end())

@@ -55,7 +55,7 @@ class PyramidSource final : public VolumeSource {
   const VolumeInfo& info() const override { return info_; }
   // A file behind a URL ends its reads if it changes.
   std::vector<std::string> files() const override {
-    return bytes().isRemote() ? std::vector<std::string>() : std::vector{pyramid_->path()};
+    return bytes().isRemote() ? std::vector<std::string>() : std::vector{bytes().path()};
   }
   std::string identity() const override { return bytes().identity(); }
   std::uint64_t bufferBytes() const override { return budget_bytes_; }

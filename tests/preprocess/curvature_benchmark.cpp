@@ -32,7 +32,8 @@ std::vector<T> makeVoxels(Content content) {
     const Phantom phantom(spec);
     for (std::int64_t z = 0; z < kSize; ++z)
       for (std::int64_t y = 0; y < kSize; ++y)
-        phantom.fillRow(y, z, &voxels[static_cast<std::size_t>(linearIndex({0, y, z}, kDims))]);
+        phantom.fillRow({0, y, z}, kSize,
+                        &voxels[static_cast<std::size_t>(linearIndex({0, y, z}, kDims))]);
   } else {
     std::mt19937 random(1);
     for (T& voxel : voxels) voxel = static_cast<T>(random() >> 16);

@@ -59,12 +59,12 @@ void buildAll(const std::string& folder, const Index3& dims, const std::vector<T
     InputWatch input(source);
     const std::string path = folder + "/" + superBrickFiles(info, options)[number].name;
     const std::string identity = buildIdentity(info, input.identity(), options);
-    ASSERT_FALSE(isSuperBrickBuilt(path, identity));
+    ASSERT_FALSE(isBuiltFrom(path, identity));
     buildSuperBrick(source, input, folder, number, options);
-    ASSERT_TRUE(isSuperBrickBuilt(path, identity));
+    ASSERT_TRUE(isBuiltFrom(path, identity));
     BuildOptions others = options;
     others.super_cells *= 2;
-    ASSERT_FALSE(isSuperBrickBuilt(path, buildIdentity(info, input.identity(), others)));
+    ASSERT_FALSE(isBuiltFrom(path, buildIdentity(info, input.identity(), others)));
   }
 }
 

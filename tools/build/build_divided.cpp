@@ -8,6 +8,7 @@
 #include "isobrick/preprocess/divided_pyramid.h"
 #include "isobrick/preprocess/export/volume_rows.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/super_bricks.h"
 #include "tools/build/build_report.h"
 #include "tools/build/fitting_options.h"
 #include "tools/byte_size.h"
@@ -56,6 +57,8 @@ class DividedBuild {
       : job_(job), settings_(settings), source_(open()), input_(*source_, &interruptFlag()) {
     refuseUnfitInputOptions(*job.input.parser, source_->info());
     files_ = superBrickFiles(source_->info(), settings.options);
+    identity_ = buildIdentity(source_->info(), input_.identity(), settings.options);
+    refuseOther((fs::path(job.output) / kIndexName).string());
     result_.all = files_.size();
   }
 
@@ -73,6 +76,16 @@ class DividedBuild {
   DividedResult& result() { return result_; }
 
  private:
+  // Files of two builds in one folder are no pyramid.
+  void refuseOther(const std::string& path) const {
+    std::error_code ignored;
+    if (settings_.force || !fs::exists(path, ignored) || isBuiltFrom(path, identity_)) return;
+    throw Error(fmt::format("'{}' exists and was built of another input, or with other options; "
+                            "replace it with --force, or choose another output with -o",
+                            path),
+                {.path = path});
+  }
+
   std::unique_ptr<VolumeSource> open() const {
     return openShowingProgress(job_.input, settings_.options.memory_bytes / 2,
                                {job_.label, settings_.progress});
@@ -81,12 +94,11 @@ class DividedBuild {
   void buildNext(std::size_t number, const std::string& label) {
     const std::string path = (fs::path(job_.output) / files_[number].name).string();
     refuseReplacing({path}, source_->files(), true);
-    if (isUpToDate(path, source_->info(), input_.identity(), settings_.options, false,
-                   settings_.force) &&
-        !settings_.rebuild) {
+    if (isBuiltFrom(path, identity_) && !settings_.rebuild) {
       ++result_.up_to_date;
       return;
     }
+    refuseOther(path);
     // What is read in order is read once.
     if (is_read_ && !source_->readsBoxes()) source_ = open();
     is_read_ = true;
@@ -108,6 +120,7 @@ class DividedBuild {
   const BuildSettings& settings_;
   std::unique_ptr<VolumeSource> source_;
   InputWatch input_;
+  std::string identity_;
   std::vector<SuperBrickFile> files_;
   bool is_read_ = false;
   DividedResult result_;

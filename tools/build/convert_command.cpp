@@ -16,6 +16,7 @@
 #include "isobrick/preprocess/sources/open_volume.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid.h"
+#include "isobrick/storage/pyramid_file.h"
 #include "isobrick/storage/remote/remote_address.h"
 #include "tools/build/build_one.h"
 #include "tools/build/convert_output.h"
@@ -63,7 +64,7 @@ bool hasEnding(const std::string& path, const char* ending) {
   return fs::path(path).extension() == ending;
 }
 
-bool isPyramid(const std::string& path) { return isRemotePath(path) || hasEnding(path, ".isb"); }
+bool isPyramid(const std::string& path) { return hasEnding(path, ".isb") || isPyramidFile(path); }
 
 // In voxel indices of level 0, as the box was given; before any of its numbers becomes an integer.
 void refuseBoxBeyond(const Corners& corners, const VolumeInfo& info, int level) {

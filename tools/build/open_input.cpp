@@ -75,7 +75,7 @@ void addInputOptions(CLI::App& app, std::vector<std::string>& paths, InputOption
   app.add_option("INPUT", paths,
                  "Volumes: NRRD, MetaImage, NIfTI, VTI, VDB, TIFF, ... files, folders of a DICOM "
                  "series or of TIFF slices, or raw files; quoted patterns ('scans/*.nrrd') too; "
-                 "phantom:NAME:SIZE")
+                 "phantom:NAME:SIZE, or phantom:NAME:SIZE:TYPE")
       ->type_name("PATH")
       ->required();
   addOpenOptions(app, options);
@@ -164,8 +164,16 @@ std::optional<PhantomSpec> phantomOf(const std::string& input) {
   spec.name = input.substr(kPrefix.size());
   const std::size_t colon = spec.name.find(':');
   if (colon == std::string::npos) return spec;
-  const std::string size = spec.name.substr(colon + 1);
+  std::string size = spec.name.substr(colon + 1);
   spec.name.resize(colon);
+  if (const std::size_t second = size.find(':'); second != std::string::npos) {
+    const std::string type = size.substr(second + 1);
+    size.resize(second);
+    spec.voxel_type = voxelTypeNamed(type);
+    if (!spec.voxel_type)
+      throw Error(
+          fmt::format("the type of '{}' cannot be used: it is u8, i8, u16, i16 or f32", input));
+  }
   try {
     spec.size = parseInteger(size, 2, kMaxVoxelsPerAxis);
   } catch (const std::invalid_argument& wrong) {

@@ -10,6 +10,7 @@
 
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/pyramid_file.h"
 
 namespace isobrick {
 namespace {
@@ -62,7 +63,8 @@ FolderListing listFolder(const std::string& folder, const CancelFlag& cancel) {
       listing.cut = true;
       break;
     }
-    listing.entries.push_back({std::move(name), fs::is_directory(status)});
+    const bool is_folder = fs::is_directory(status) && !isPyramidFile(entry->path().string());
+    listing.entries.push_back({std::move(name), is_folder});
   }
   std::sort(listing.entries.begin(), listing.entries.end(),
             [](const FolderEntry& a, const FolderEntry& b) {
