@@ -166,10 +166,19 @@ void EdgeSample::merge(const EdgeSample& other) {
   prune();
 }
 
+std::vector<EdgeSample::Edge> EdgeSample::inOrder() const {
+  std::vector<Edge> edges = edges_;
+  const auto key = [](const Edge& e) { return std::tuple(e.random, e.axis, e.least, e.greatest); };
+  std::sort(edges.begin(), edges.end(), [&](const Edge& a, const Edge& b) {
+    return a.priority != b.priority ? a.priority < b.priority : key(a) < key(b);
+  });
+  return edges;
+}
+
 void EdgeSample::writeTo(ByteSequenceWriter& bytes) const {
   std::vector<std::uint32_t> whole;
   std::vector<float> values;
-  for (const Edge& edge : edges_) {
+  for (const Edge& edge : inOrder()) {
     whole.insert(whole.end(), {edge.random, edge.axis});
     values.insert(values.end(), {edge.least, edge.greatest});
   }
@@ -202,12 +211,7 @@ bool EdgeSample::readFrom(ByteSequenceReader& bytes) {
 std::optional<GradientSpectrum> EdgeSample::spectrum(const VoxelHistogram& histogram,
                                                      const ValueRange& range,
                                                      const Index3& volume) const {
-  // In an order of their own, so that sums of doubles are the same.
-  std::vector<Edge> edges = edges_;
-  const auto key = [](const Edge& e) { return std::tuple(e.random, e.axis, e.least, e.greatest); };
-  std::sort(edges.begin(), edges.end(), [&](const Edge& a, const Edge& b) {
-    return a.priority != b.priority ? a.priority < b.priority : key(a) < key(b);
-  });
+  std::vector<Edge> edges = inOrder();  // so that sums of doubles are the same
   // Edges with a priority below that of the first one left out also stand for the edges left out.
   double reach = std::numeric_limits<double>::infinity();
   if (edges.size() > kEdges) {

@@ -48,6 +48,8 @@ class EdgeSample {
   void addRow(const T* from, const T* to, std::int64_t first, std::int64_t count, std::int64_t step,
               std::uint32_t axis, std::uint32_t seed);
   void prune();
+  // By priority: an order that does not depend on how they came.
+  std::vector<Edge> inOrder() const;
 
   // The edges whose priority is at most the greatest one kept; more for a while.
   std::vector<Edge> edges_;

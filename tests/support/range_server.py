@@ -66,6 +66,8 @@ class Request:
         self.behaviour = parts[0]
         self.words = parts[1:-1]
         self.name = parts[-1]
+        if self.words and self.words[-1].endswith(".isbs"):
+            self.name = self.words.pop() + "/" + self.name
         found = re.fullmatch(r"bytes=(\d+)-(\d+)", headers.get("range", ""))
         self.first, self.last = (int(found[1]), int(found[2])) if found else (None, None)
 
@@ -146,6 +148,8 @@ def good(handler, request, number, etag=ETAG, modified=MODIFIED, heeds=True, cha
          **fields):
     """A server as it should be, or nearly."""
     data = data_of(request)
+    if not os.path.exists(data.path):
+        return handler.send(answer(404, b"no such file"))
     if heeds and request.headers.get("if-match", etag) != etag:
         return handler.send(answer(412))
     if heeds and request.headers.get("if-unmodified-since", modified) != modified:
