@@ -185,6 +185,12 @@ ExtractionReport Extractor::execute(const ExtractionPlan& plan, std::size_t firs
                            sink);
 }
 
+ExtractionReport Extractor::execute(const ExtractionPlan& plan, std::size_t first,
+                                    std::size_t count, SurfaceMesh& mesh) {
+  SurfaceJoiner joiner(mesh, memory_->pyramid.spec().geometry, memory_->numbering);
+  return execute(plan, first, count, joiner);
+}
+
 ExtractionReport Extractor::extract(const Query& query, TriangleSink& sink) {
   if (query.is_progressive)
     return memory_->extractProgressively(

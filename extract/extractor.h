@@ -40,6 +40,10 @@ class Extractor {
   // flag cancels it: inside a TBB task whose group is cancelled it goes on to its end.
   ExtractionReport execute(const ExtractionPlan& plan, std::size_t first, std::size_t count,
                            TriangleSink& sink);
+  // The same into memory; replaces the contents of `mesh`, which is open where other bricks of the
+  // plan go on.
+  ExtractionReport execute(const ExtractionPlan& plan, std::size_t first, std::size_t count,
+                           SurfaceMesh& mesh);
 
   // Plan and execution of the whole query. A progressive one (Query::is_progressive) is answered at
   // once from the bricks in memory. report.is_complete says whether the answer is, byte by byte,

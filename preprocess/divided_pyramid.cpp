@@ -60,6 +60,12 @@ std::vector<SuperBrickFile> superBrickFiles(const VolumeInfo& info, const BuildO
   return files;
 }
 
+BuildReport buildSuperBrick(VolumeSource& source, const std::string& folder, std::size_t number,
+                            const BuildOptions& options) {
+  InputWatch input(source, options.cancel);
+  return buildSuperBrick(source, input, folder, number, options);
+}
+
 BuildReport buildSuperBrick(VolumeSource& source, InputWatch& input, const std::string& folder,
                             std::size_t number, const BuildOptions& options) {
   const DividedFile file{superBricksOf(source.info(), options), number};
@@ -207,7 +213,8 @@ class Join {
     const BuildRegion region(spec_, DividedFile{super_bricks_, number});
     if (!takeHandOver<T>(bytes, spec_, region, facts, store, statistics_))
       tables.fail("has a damaged table for the join; build it again");
-    options_.codec = facts.codec;
+    // The index is small: that it stays so is worth more than the time to unpack it.
+    options_.codec = facts.codec == format::Codec::kStored ? facts.codec : format::Codec::kZstd;
     format::FileEntry& file = files_[number];
     file.file_bytes = tables.header().file_bytes;
     file.header_checksum = tables.header().header_checksum;
@@ -245,18 +252,25 @@ class Join {
         closures.includeInFiner(level, brick, SampleBlock<T>::dense(samples.data(), box));
       });
     }
-    std::vector<format::RangeCorrection> corrections;
+    std::vector<std::uint32_t> changed;
+    std::vector<float> least, greatest;
     for (std::size_t row = 0; row < rows.count(); ++row) {
       const ValueRange& range = closures.all()[row];
       const auto [level, brick] = rows.address(row);
       if (level == last)
         border_ranges_[static_cast<std::size_t>(
             linearIndex(brick, region_.layout().bricks(last)))] = range;
-      else if (range != ranges[row])
-        corrections.push_back({static_cast<std::uint32_t>(row), {range.min, range.max}});
+      else if (range != ranges[row]) {
+        changed.push_back(static_cast<std::uint32_t>(row));
+        least.push_back(range.min);
+        greatest.push_back(range.max);
+      }
     }
-    report_.corrections += corrections.size();
-    files_[number].corrections = writer.appendBytes(std::as_bytes(std::span(corrections)));
+    report_.corrections += changed.size();
+    files_[number].correction_count = static_cast<std::uint32_t>(changed.size());
+    for (const std::vector<float>& values : {least, greatest})
+      for (const float value : values) changed.push_back(std::bit_cast<std::uint32_t>(value));
+    files_[number].corrections = writer.append(changed, options_.codec);
   }
 
   void publish(PyramidWriter& writer, const BrickClosures& closures,

@@ -31,6 +31,9 @@ std::vector<SuperBrickFile> superBrickFiles(const VolumeInfo& info, const BuildO
 // Builds the file of super-brick `number` in `folder`, which exists, as buildPyramid() builds one;
 // there are no previews. A file of that name is replaced. The source should read box by box
 // (VolumeSource::readsBoxes()); another one is read up to the super-brick's last slice.
+BuildReport buildSuperBrick(VolumeSource& source, const std::string& folder, std::size_t number,
+                            const BuildOptions& options);
+// The same for an input that was sampled already; `input` is that of `source`.
 BuildReport buildSuperBrick(VolumeSource& source, InputWatch& input, const std::string& folder,
                             std::size_t number, const BuildOptions& options);
 

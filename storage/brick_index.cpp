@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "isobrick/storage/brick_encoder.h"
 #include "isobrick/storage/checksum.h"
 #include "isobrick/storage/error.h"
 
@@ -137,10 +138,10 @@ void BrickIndex::widen(std::size_t number, const Place& place, const Slot& slot,
     tail.range_min = range.min;
     tail.range_max = range.max;
   }
-  for (const format::RangeCorrection& correction : slot.corrections)
+  for (const RangeCorrection& correction : slot.corrections)
     if (correction.row == place.row) {
-      tail.range_min = correction.range.min;
-      tail.range_max = correction.range.max;
+      tail.range_min = correction.min;
+      tail.range_max = correction.max;
     }
 }
 
@@ -210,9 +211,9 @@ void BrickIndex::load(Slot& slot, std::size_t piece) const {
   if (!file_.read(range.offset, range.bytes, slot.bytes.data(), &why)) fail(numberOf(first), why);
   if (first.file != kOwn) {
     const Corrections corrections = correctionsOf(first.file);
-    auto at = std::lower_bound(
-        corrections->begin(), corrections->end(), first.row,
-        [](const format::RangeCorrection& c, std::size_t row) { return c.row < row; });
+    auto at =
+        std::lower_bound(corrections->begin(), corrections->end(), first.row,
+                         [](const RangeCorrection& c, std::size_t row) { return c.row < row; });
     while (at != corrections->end() && at->row < first.row + kRowsAtATime)
       slot.corrections.push_back(*at++);
   }
@@ -234,17 +235,23 @@ BrickIndex::Corrections BrickIndex::correctionsOf(std::size_t file) const {
   constexpr std::size_t kFilesAtOnce = 64;
   if (Corrections known = knownCorrections(file)) return known;
   const format::PartEntry& entry = division_->file(file).corrections;
-  auto corrections = std::make_shared<std::vector<format::RangeCorrection>>(
-      entry.stored_bytes / sizeof(format::RangeCorrection));
+  const std::size_t count = division_->file(file).correction_count;
+  std::vector<std::byte> stored(entry.stored_bytes), words(3 * count * sizeof(std::uint32_t));
   RangeReader::Failure why = "cannot be read";
-  const auto bytes = std::as_writable_bytes(std::span(*corrections));
-  const bool is_read = file_.read(entry.offset, bytes.size(), bytes.data(), &why);
+  const bool is_read = file_.read(entry.offset, stored.size(), stored.data(), &why);
   bool is_sound =
-      is_read && (bytes.empty() || checksum64(bytes.data(), bytes.size()) == entry.checksum);
+      is_read && (stored.empty() || checksum64(stored.data(), stored.size()) == entry.checksum);
+  is_sound = is_sound && (count == 0 || decodePart(static_cast<format::Codec>(entry.codec), stored,
+                                                   words.size(), words.data()));
+  auto corrections = std::make_shared<std::vector<RangeCorrection>>(is_sound ? count : 0);
   std::uint64_t least_row = 0;
-  for (const auto& [row, range] : *corrections) {
-    is_sound = is_sound && row >= least_row && row < rowsIn(file) && range.min <= range.max &&
-               std::isfinite(range.min) && std::isfinite(range.max);
+  for (std::size_t i = 0; i < corrections->size(); ++i) {
+    auto& [row, min, max] = (*corrections)[i];
+    std::memcpy(&row, &words[4 * i], 4);
+    std::memcpy(&min, &words[4 * (count + i)], 4);
+    std::memcpy(&max, &words[4 * (2 * count + i)], 4);
+    is_sound = is_sound && row >= least_row && row < rowsIn(file) && min <= max &&
+               std::isfinite(min) && std::isfinite(max);
     least_row = std::uint64_t{row} + 1;
   }
   if (!is_sound)

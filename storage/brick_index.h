@@ -87,7 +87,7 @@ class BrickIndex {
     std::size_t piece = kNoPiece;
     std::atomic<bool> is_filled = false;  // once, and then for good
     std::vector<std::byte> bytes;
-    std::vector<format::RangeCorrection> corrections;  // of these rows
+    std::vector<RangeCorrection> corrections;  // of these rows
     std::uint32_t checked = 0;
     static_assert(kRowsAtATime == 32);
   };
@@ -109,7 +109,7 @@ class BrickIndex {
   void withRow(std::size_t number, F&& f) const;
   ByteRange rangeOf(std::size_t piece) const;
   void load(Slot& slot, std::size_t piece) const;
-  using Corrections = std::shared_ptr<const std::vector<format::RangeCorrection>>;
+  using Corrections = std::shared_ptr<const std::vector<RangeCorrection>>;
   Corrections correctionsOf(std::size_t file) const;
   Corrections knownCorrections(std::size_t file) const;
   // From a row as its file has it to one of the divided pyramid: offsets and range.

@@ -101,22 +101,19 @@ struct FileEntry {
   std::uint64_t file_bytes;
   std::uint64_t header_checksum;     // as in the file's header
   std::uint64_t brick_table_offset;  // likewise
-  PartEntry corrections;             // in the index: RangeCorrection, by ascending rows
+  // Closures of bricks whose rows, in that file, lack values of coarser levels: in the index, their
+  // rows, u32, ascending; then range_min of all, f32; then range_max.
+  PartEntry corrections;
+  std::uint32_t correction_count;
+  std::uint32_t reserved;  // zero
 };
-static_assert(sizeof(FileEntry) == 48);
+static_assert(sizeof(FileEntry) == 56);
 
 // A closure, as in RowTail.
 struct Range {
   float min, max;
 };
 static_assert(sizeof(Range) == 8);
-
-// The closure of a brick whose row, in the file of a super-brick, lacks values of coarser levels.
-struct RangeCorrection {
-  std::uint32_t row;  // of the file's brick table
-  Range range;
-};
-static_assert(sizeof(RangeCorrection) == 12);
 
 // The end of a row of the brick table, after `kind_count` PartEntries.
 struct RowTail {

@@ -54,8 +54,8 @@ std::optional<PyramidDivision> PyramidDivision::of(const BrickLayout& layout,
     if (file.file_bytes < sizeof(format::Header) || file.file_bytes > kMostFileBytes ||
         !lies(file.brick_table_offset, rows * row_bytes, file.file_bytes) ||
         !lies(file.corrections.offset, file.corrections.stored_bytes, index_bytes) ||
-        file.corrections.stored_bytes % sizeof(format::RangeCorrection) != 0 ||
-        file.corrections.stored_bytes / sizeof(format::RangeCorrection) > rows)
+        file.correction_count > rows ||
+        file.corrections.stored_bytes > file.correction_count * sizeof(RangeCorrection))
       return std::nullopt;
     division.bases_.push_back(alignedUp(division.end_));
     division.end_ = division.bases_.back() + file.file_bytes;

@@ -13,6 +13,12 @@
 
 namespace isobrick {
 
+// The closure of a brick of a super-brick: in place of that in row `row` of its file.
+struct RangeCorrection {
+  std::uint32_t row = 0;
+  float min = 0, max = 0;
+};
+
 // All files together have one range of offsets: the index's own bytes come first, and then the file
 // of each super-brick, at a multiple of format::kSampleAlignment.
 class PyramidDivision {

@@ -310,6 +310,11 @@ format::PartEntry PyramidWriter::appendBytes(std::span<const std::byte> bytes) {
           static_cast<std::uint32_t>(format::Codec::kStored)};
 }
 
+format::PartEntry PyramidWriter::append(std::span<const std::uint32_t> numbers,
+                                        format::Codec codec) {
+  return numbers.empty() ? format::PartEntry{} : appendNumbers(numbers, codec);
+}
+
 std::uint64_t PyramidWriter::finish(const Summary& summary, format::Codec codec) {
   assert(bricks_written_ == brick_table_.size() &&
          summary.brick_ranges.size() == brick_table_.size());

@@ -78,14 +78,15 @@ class PyramidWriter {
     std::optional<GradientSpectrum> gradients = {};
     std::vector<std::byte> division = {};  // of a file of a divided pyramid: see format::Header
   };
-  // Appends bytes to the file, for Summary::division to name their place. Every brick was written
+  // Appends numbers to the file, for Summary::division to name their place. Every brick was written
   // before.
-  format::PartEntry appendBytes(std::span<const std::byte> bytes);
+  format::PartEntry append(std::span<const std::uint32_t> numbers, format::Codec codec);
   // Writes histogram, gradients, tables, provenance and header, makes them durable and publishes
   // the file. Every brick of every level was written before. Returns the size of the file in bytes.
   std::uint64_t finish(const Summary& summary, format::Codec codec);
 
  private:
+  format::PartEntry appendBytes(std::span<const std::byte> bytes);
   std::vector<JournalEntry> takeOver(const std::string& identity, const CancelFlag* cancel);
   std::vector<PartKind> kinds() const;
   // Appends bytes at a multiple of kPartAlignment; returns their offset.

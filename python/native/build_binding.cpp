@@ -40,6 +40,25 @@ void refuseReplacingInput(const VolumeSource& source, const std::string& out) {
   }
 }
 
+// False if the file is there already. One of another build is replaced only by force.
+bool buildMissingSuperBrick(VolumeSource& source, const BuildRequest& request,
+                            const BuildOptions& options, BuildReport& report) {
+  const std::vector<SuperBrickFile> files = superBrickFiles(source.info(), options);
+  const std::size_t number = *request.super_brick;
+  if (number >= files.size())
+    throw Error("there is no super-brick " + std::to_string(number) + "; there are " +
+                std::to_string(files.size()));
+  const std::string path = (std::filesystem::path(request.out) / files[number].name).string();
+  if (isBuiltFrom(path, buildIdentity(source, options))) return false;
+  if (!request.force && std::filesystem::exists(path))
+    throw Error("'" + path +
+                    "' exists and was built of another input, or with other options; "
+                    "give force=True to replace it",
+                {.path = path});
+  report = buildSuperBrick(source, request.out, number, options);
+  return true;
+}
+
 }  // namespace
 
 BuildRequest readBuildRequest(const nb::object& settings) {
@@ -55,6 +74,9 @@ BuildRequest readBuildRequest(const nb::object& settings) {
   options.memory_bytes = nb::cast<std::uint64_t>(settings.attr("memory_bytes"));
   options.tool_version = nb::cast<std::string>(settings.attr("tool_version"));
   options.keep_unfinished = false;
+  options.super_cells = nb::cast<std::int64_t>(settings.attr("super_cells"));
+  request.super_brick = nb::cast<std::optional<std::size_t>>(settings.attr("super_brick"));
+  options.keep_unfinished = request.super_brick.has_value();
   request.call.progress = settings.attr("progress");
   request.call.threads = nb::cast<int>(settings.attr("threads"));
   request.call.cancel = nb::cast<const CancelRequest*>(settings.attr("cancel"));
@@ -63,8 +85,9 @@ BuildRequest readBuildRequest(const nb::object& settings) {
 
 nb::object buildFrom(const std::function<std::unique_ptr<VolumeSource>(CallState&)>& open,
                      const BuildRequest& request) {
-  refuseReplacing(request);
+  if (!request.super_brick) refuseReplacing(request);
   BuildReport report;
+  bool was_built = false;
   std::vector<std::string> notes;
   VolumeInfo info;
   runInterruptibly(request.call, [&](CallState& state) {
@@ -75,7 +98,10 @@ nb::object buildFrom(const std::function<std::unique_ptr<VolumeSource>(CallState
     };
     const std::unique_ptr<VolumeSource> source = open(state);
     refuseReplacingInput(*source, request.out);
-    report = buildPyramid(*source, request.out, options);
+    if (request.super_brick)
+      was_built = !buildMissingSuperBrick(*source, request, options, report);
+    else
+      report = buildPyramid(*source, request.out, options);
     info = source->info();
     notes = info.notes;
     for (std::string& note : source->notesOfReading()) notes.push_back(std::move(note));
@@ -83,6 +109,7 @@ nb::object buildFrom(const std::function<std::unique_ptr<VolumeSource>(CallState
   std::map<std::string, double> busy;
   for (const BuildPhase& phase : report.phases) busy[phase.name] = phase.busy_seconds;
   nb::dict result;
+  result["was_built"] = was_built;
   result["seconds"] = report.seconds;
   result["busy_seconds"] = busy;
   result["file_bytes"] = report.file_bytes;
@@ -90,6 +117,45 @@ nb::object buildFrom(const std::function<std::unique_ptr<VolumeSource>(CallState
   result["replaced_voxels"] = report.replaced_voxels;
   result["notes"] = notes;
   return result;
+}
+
+nb::list superBricks(const VolumeInfo& info, const BuildRequest& request) {
+  nb::list result;
+  for (const SuperBrickFile& file : superBrickFiles(info, request.options)) {
+    const auto& [first, count] = file.voxels;
+    result.append(nb::make_tuple(file.name, nb::make_tuple(first.x, first.y, first.z),
+                                 nb::make_tuple(count.x, count.y, count.z)));
+  }
+  return result;
+}
+
+void bindJoin(nb::module_& module) {
+  module.def(
+      "join",
+      [](const std::string& folder, std::uint64_t memory_bytes, int threads,
+         const nb::object& progress, const CancelRequest* cancel) {
+        JoinReport report;
+        runInterruptibly({progress, threads, cancel}, [&](CallState& state) {
+          JoinOptions options;
+          options.memory_bytes = memory_bytes;
+          options.cancel = &state.cancel();
+          options.progress = [&](std::string_view phase, double fraction) {
+            state.report(phase, fraction);
+          };
+          report = joinPyramid(folder, options);
+        });
+        nb::dict result;
+        result["super_bricks"] = report.super_bricks;
+        result["bricks"] = report.bricks;
+        result["index_bytes"] = report.index_bytes;
+        result["file_bytes"] = report.file_bytes;
+        result["seconds"] = report.seconds;
+        return result;
+      },
+      nb::arg("folder"), nb::arg("memory_bytes"), nb::arg("threads"), nb::arg("progress").none(),
+      nb::arg("cancel").none(),
+      nb::sig("def join(folder: str, memory_bytes: int, threads: int, progress: object | None, "
+              "cancel: Cancel | None) -> dict[str, typing.Any]"));
 }
 
 }  // namespace isobrick::python

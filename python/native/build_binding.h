@@ -4,6 +4,8 @@
 #include <isobrick/isobrick.h>
 #include <nanobind/nanobind.h>
 
+#include <cstddef>
+#include <optional>
 #include <string>
 
 #include "interruptible_call.h"
@@ -15,11 +17,18 @@ struct BuildRequest {
   std::string out;
   bool force = false;
   BuildOptions options;
+  std::optional<std::size_t> super_brick;  // of a divided pyramid, whose folder `out` is
   CallOptions call;
 };
 
 // A `_BuildSettings` of Python (isobrick/_build.py).
 BuildRequest readBuildRequest(const nanobind::object& settings);
+
+// The files of super-bricks, a tuple each: name, first voxel and voxels, (x, y, z).
+nanobind::list superBricks(const VolumeInfo& info, const BuildRequest& request);
+
+// Adds join() to the module.
+void bindJoin(nanobind::module_& module);
 
 // Builds and returns a dict of what was done. `source` is read by the call's threads.
 nanobind::object buildFrom(const std::function<std::unique_ptr<VolumeSource>(CallState&)>& open,

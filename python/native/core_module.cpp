@@ -59,6 +59,12 @@ nb::object buildRead(const nb::object& description, const nb::object& read,
                    readBuildRequest(settings));
 }
 
+nb::list arraySuperBricks(const nb::object& description, const nb::object& settings) {
+  VolumeInfo info = readInfo(description);
+  info.voxel_type = deliveredType(nb::cast<std::string>(description.attr("type")));
+  return superBricks(info, readBuildRequest(settings));
+}
+
 }  // namespace
 }  // namespace isobrick::python
 
@@ -86,6 +92,10 @@ NB_MODULE(_core, m) {
   m.def(
       "is_remote_path", [](const std::string& path) { return isobrick::isRemotePath(path); },
       nb::arg("path"));
+  bindJoin(m);
+  m.def("super_bricks", &arraySuperBricks, nb::arg("description"), nb::arg("settings"),
+        nb::sig("def super_bricks(description: object, settings: object) -> list[tuple[str, "
+                "tuple[int, int, int], tuple[int, int, int]]]"));
   m.def("build_strided", &buildStrided, nb::arg("description"), nb::arg("address"),
         nb::arg("strides"), nb::arg("is_swapped"), nb::arg("settings"),
         nb::sig("def build_strided(description: object, address: int, strides: tuple[int, int, "

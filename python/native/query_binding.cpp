@@ -102,6 +102,33 @@ Query readQuery(const nb::object& from, const GridGeometry& geometry) {
   return query;
 }
 
+// (i, n), i from 1; nothing for the whole surface.
+std::optional<ShareNumber> readPart(const nb::object& from) {
+  const auto part = optionalOf<std::array<std::uint32_t, 2>>(from, "part");
+  if (!part) return std::nullopt;
+  return ShareNumber{(*part)[0], (*part)[1]};
+}
+
+// Writes the mesh of all shares, which are files, to `out`.
+nb::object mergeShares(const std::vector<std::string>& paths, const std::string& out, bool zlib,
+                       bool meshopt, bool force, int threads, const CancelRequest* cancel) {
+  if (!force && std::filesystem::exists(out))
+    throw Error("'" + out + "' exists; give force=True to replace it", {.path = out});
+  MergeReport report;
+  std::uint64_t vertices = 0;
+  runInterruptibly({nb::none(), threads, cancel}, [&](CallState& state) {
+    const auto sink =
+        makeMeshFileSink(out, {.cancel = &state.cancel(), .zlib = zlib, .meshopt = meshopt});
+    report = mergeMeshShares(paths, *sink, &state.cancel());
+    vertices = sink->vertices();
+  });
+  nb::dict result;
+  result["shares"] = report.shares;
+  result["triangles"] = report.triangles;
+  result["vertices"] = vertices;
+  return result;
+}
+
 CallOptions readCall(const nb::object& from) {
   return {from.attr("progress"), nb::cast<int>(from.attr("threads")),
           nb::cast<const CancelRequest*>(from.attr("cancel"))};
@@ -207,6 +234,7 @@ class Session {
         mutex_(std::make_unique<std::mutex>()) {}
 
   MeshHandle extract(const nb::object& settings, bool is_progressive) {
+    const auto part = readPart(settings);
     Query query = readQuery(settings, geometry());
     query.is_progressive = is_progressive;
     const CallOptions call = readCall(settings);
@@ -217,7 +245,8 @@ class Session {
       query.cancel = &state.cancel();
       query.fraction_done = &state.fraction();
       mesh = idleMesh();
-      const ExtractionReport report = extractor().extract(query, mesh->surface());
+      const ExtractionReport report = part ? extractPart(query, *part, mesh->surface())
+                                           : extractor().extract(query, mesh->surface());
       mesh->filled({geometry(), pyramid_->spec().voxels}, report, values);
     });
     return {std::move(mesh)};
@@ -231,17 +260,28 @@ class Session {
     if (std::filesystem::equivalent(path, pyramid_->path(), ignored))
       throw Error("'" + path + "' is the pyramid itself; choose another name", {.path = path});
     Query query = readQuery(settings, geometry());
+    const auto part = readPart(settings);
+    const bool is_share = std::filesystem::path(path).extension() == kMeshShareEnding;
     const std::shared_ptr<const VertexValues> values = readValues(settings);
+    if (is_share && (!part || values != nullptr || zlib || meshopt))
+      throw Error(
+          "'" + path + "' is a share; give part=(i, n) with it, and neither values nor packing",
+          {.path = path});
     ExtractionReport report;
     std::uint64_t vertices = 0;
     runInterruptibly(readCall(settings), [&](CallState& state) {
       const std::lock_guard lock(mutex());
       query.cancel = &state.cancel();
       query.fraction_done = &state.fraction();
-      const auto sink = makeMeshFileSink(
-          path,
-          {.cancel = &state.cancel(), .values = values.get(), .zlib = zlib, .meshopt = meshopt});
-      report = extractor().extract(query, *sink);
+      const ExtractionPlan plan = extractor().plan(query);
+      const ShareNumber share = part.value_or(ShareNumber());
+      const auto sink = is_share ? makeMeshShareSink(path, *pyramid_, plan, share, &state.cancel())
+                                 : makeMeshFileSink(path, {.cancel = &state.cancel(),
+                                                           .values = values.get(),
+                                                           .zlib = zlib,
+                                                           .meshopt = meshopt});
+      const NumberRun run = bricksOf(plan, share);
+      report = extractor().execute(plan, run.first, run.count, *sink);
       vertices = sink->vertices();
     });
     const nb::object result = reportOf(report);
@@ -281,6 +321,12 @@ class Session {
 
  private:
   static constexpr std::size_t kMostIdle = 2;
+
+  ExtractionReport extractPart(const Query& query, const ShareNumber& share, SurfaceMesh& mesh) {
+    const ExtractionPlan plan = extractor().plan(query);
+    const NumberRun run = bricksOf(plan, share);
+    return extractor().execute(plan, run.first, run.count, mesh);
+  }
 
   std::mutex& mutex() {
     if (!mutex_) throw Error("the session is of the process that forked; make another one");
@@ -358,6 +404,10 @@ void bindQueries(nb::module_& module) {
              return std::string(lengthUnitName(m.data->frame().geometry.unit));
            })
       .def("save", &saveMesh, nb::arg("path"), nb::arg("zlib"), nb::arg("meshopt"));
+  module.def("merge_shares", &mergeShares, nb::arg("paths"), nb::arg("out"), nb::arg("zlib"),
+             nb::arg("meshopt"), nb::arg("force"), nb::arg("threads"), nb::arg("cancel").none(),
+             nb::sig("def merge_shares(paths: list[str], out: str, zlib: bool, meshopt: bool, "
+                     "force: bool, threads: int, cancel: Cancel | None) -> dict[str, typing.Any]"));
   nb::class_<Session>(module, "SessionHandle")
       .def(nb::init<const PyramidHandle&>(), nb::arg("pyramid"))
       .def("extract", &Session::extract, nb::arg("settings"), nb::arg("is_progressive"))

@@ -36,7 +36,7 @@ std::optional<RawLayout> readRaw(const nb::object& from) {
   return raw;
 }
 
-nb::object buildFile(const std::string& path, const nb::object& input, const nb::object& settings) {
+OpenOptions readInput(const nb::object& input) {
   OpenOptions options;
   options.raw = readRaw(input.attr("raw"));
   options.spacing = vectorOf(nb::cast<std::optional<Doubles3>>(input.attr("spacing")));
@@ -47,21 +47,42 @@ nb::object buildFile(const std::string& path, const nb::object& input, const nb:
   options.channel = nb::cast<std::optional<std::int64_t>>(input.attr("channel"));
   if (const auto component = nb::cast<std::optional<std::int64_t>>(input.attr("component")))
     options.component = ComponentChoice{false, *component};
+  return options;
+}
+
+std::unique_ptr<VolumeSource> openInput(const std::string& path, OpenOptions options,
+                                        std::uint64_t memory_bytes, CallState& state) {
+  options.memory_bytes = memory_bytes / 2;
+  options.cancel = &state.cancel();
+  options.progress = [&](std::string_view phase, double f) { state.report(phase, f); };
+  if (const std::size_t colon = path.find("phantom:"); colon == 0) {
+    const std::size_t size_at = path.find(':', 8);
+    PhantomSpec spec{.name = path.substr(8, size_at - 8)};
+    if (size_at != std::string::npos) spec.size = std::stoll(path.substr(size_at + 1));
+    return placedAsGiven(makePhantomSource(spec), options);
+  }
+  return openVolume(path, options);
+}
+
+nb::object buildFile(const std::string& path, const nb::object& input, const nb::object& settings) {
+  const OpenOptions options = readInput(input);
   const BuildRequest request = readBuildRequest(settings);
-  options.memory_bytes = request.options.memory_bytes / 2;
   return buildFrom(
       [&](CallState& state) {
-        options.cancel = &state.cancel();
-        options.progress = [&](std::string_view phase, double f) { state.report(phase, f); };
-        if (const std::size_t colon = path.find("phantom:"); colon == 0) {
-          const std::size_t size_at = path.find(':', 8);
-          PhantomSpec spec{.name = path.substr(8, size_at - 8)};
-          if (size_at != std::string::npos) spec.size = std::stoll(path.substr(size_at + 1));
-          return placedAsGiven(makePhantomSource(spec), options);
-        }
-        return openVolume(path, options);
+        return openInput(path, options, request.options.memory_bytes, state);
       },
       request);
+}
+
+nb::list fileSuperBricks(const std::string& path, const nb::object& input,
+                         const nb::object& settings) {
+  const OpenOptions options = readInput(input);
+  const BuildRequest request = readBuildRequest(settings);
+  VolumeInfo info;
+  runInterruptibly(request.call, [&](CallState& state) {
+    info = openInput(path, options, request.options.memory_bytes, state)->info();
+  });
+  return superBricks(info, request);
 }
 
 }  // namespace
@@ -73,6 +94,9 @@ NB_MODULE(_volumes, m) {
   m.def("build_file", &buildFile, nb::arg("path"), nb::arg("input"), nb::arg("settings"),
         nb::sig(
             "def build_file(path: str, input: object, settings: object) -> dict[str, typing.Any]"));
+  m.def("super_bricks", &fileSuperBricks, nb::arg("path"), nb::arg("input"), nb::arg("settings"),
+        nb::sig("def super_bricks(path: str, input: object, settings: object) -> list[tuple[str, "
+                "tuple[int, int, int], tuple[int, int, int]]]"));
   m.def(
       "readable_formats",
       [] {
