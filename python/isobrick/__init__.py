@@ -9,11 +9,22 @@ Arrays are [z, y, x]: the last axis is x. Points, focus, spacing and origin are 
 that take points take voxel indices, (x, y, z) too, with ``indices=True``.
 """
 
-from ._build import BuildReport, RawLayout, build
+from ._build import BuildReport, JoinReport, RawLayout, build, join
 from ._core import Cancel
 from ._errors import Cancelled, Error
 from ._mesh import Mesh
-from ._pyramid import Damage, Histogram, Level, Pyramid, RemoteCounters, Session, Suggestion, open
+from ._pyramid import (
+    Damage,
+    Histogram,
+    Level,
+    MergeReport,
+    Pyramid,
+    RemoteCounters,
+    Session,
+    Suggestion,
+    merge,
+    open,
+)
 from ._query import Detail, ExtractReport, LevelCounts, View
 from ._version import __version__
 
@@ -26,8 +37,10 @@ __all__ = [
     "Error",
     "ExtractReport",
     "Histogram",
+    "JoinReport",
     "Level",
     "LevelCounts",
+    "MergeReport",
     "Mesh",
     "Pyramid",
     "RawLayout",
@@ -37,5 +50,7 @@ __all__ = [
     "View",
     "__version__",
     "build",
+    "join",
+    "merge",
     "open",
 ]

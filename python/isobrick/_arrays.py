@@ -83,6 +83,8 @@ def _is_a(source: object, module: str, name: str) -> bool:
 
 def describe(source: Any) -> ArrayVolume:
     """The volume of an array-like. Raises Error for what is none."""
+    if isinstance(source, ArrayVolume):
+        return source
     if isinstance(source, np.ma.MaskedArray):
         raise Error("the array is masked; give source.filled(value), with a value for the masked voxels")
     if isinstance(source, np.ndarray):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -41,6 +41,33 @@ class BuildReport:
     replaced_voxels: int
     #: Every conversion on the way in, a line each.
     notes: list[str]
+    #: Of a pyramid of many files (``.isbs``): files of super-bricks that were built, and that were there.
+    super_bricks_built: int = 0
+    super_bricks_up_to_date: int = 0
+
+
+@dataclass(frozen=True)
+class JoinReport:
+    """What a join did."""
+
+    super_bricks: int
+    #: Of all levels, in all files.
+    bricks: int
+    index_bytes: int
+    #: Of all files, the index among them.
+    file_bytes: int
+    seconds: float
+
+
+@dataclass(frozen=True)
+class SuperBrick:
+    """A file of a pyramid of many files."""
+
+    number: int
+    name: str
+    #: The voxels of level 0 that no other one has: the first, and how many, [z, y, x].
+    first: tuple[int, int, int]
+    shape: tuple[int, int, int]
 
 
 @dataclass
@@ -56,6 +83,8 @@ class _BuildSettings:
     threads: int
     progress: Any
     cancel: Any
+    super_cells: int = 0
+    super_brick: int | None = None
     tool_version: str = __version__
 
 
@@ -108,8 +137,11 @@ def build(
     time: int | None = None,
     channel: int | None = None,
     component: int | None = None,
+    super_brick: int = 2048,
+    part: tuple[int, int] | None = None,
 ) -> BuildReport:
-    """Builds the pyramid ``out`` (``.isb``) of a volume.
+    """Builds the pyramid ``out`` (``.isb``) of a volume; one whose name ends with ``.isbs`` is a folder of many
+    files, which several processes may build together.
 
     Arrays are [z, y, x]: the last axis is x. ``spacing``, ``origin`` and the columns of ``direction`` are
     (x, y, z) in world units.
@@ -131,51 +163,163 @@ def build(
     force       replaces ``out`` if it exists
     raw, series, grid, time, channel, component
                 of files: a layout without a header, and what to take from a file with several volumes
+    super_brick of ``.isbs``: cells along an edge of what one file holds, a power of two
+    part        of ``.isbs``: (i, n), only share i of n shares of the files, i from 1, in any order and on any
+                machine; files that are there stay. ``join`` makes the index. Without it all are built and joined
 
     The file appears under its name when it is whole; Ctrl-C, ``cancel`` and errors leave nothing.
     """
     name = os.fspath(out)
-    memory_bytes = byte_size(memory)
-    is_path = isinstance(source, (str, os.PathLike))
-    volume = None if is_path else describe(source)
-    with told_progress(progress, f"building {os.path.basename(name)}") as tell:
-        settings = _BuildSettings(
-            name, force, codec, filter, curvature, brick_cells, nan_as, memory_bytes, threads, tell, cancel
-        )
-        if volume is None:
+    is_divided = name.rstrip("/").endswith(".isbs")
+    if part is not None and not is_divided:
+        raise Error("a part is of a pyramid of many files; name it with the ending .isbs")
+    with told_progress(progress, f"building {os.path.basename(name.rstrip('/'))}") as tell:
+        builder = _Builder(
+            source, direction,
+            _FileInput(raw, spacing, origin, series, grid, time, channel, component),
+            _BuildSettings(
+                name, force, codec, filter, curvature, brick_cells, nan_as, byte_size(memory), threads, tell, cancel,
+                super_brick if is_divided else 0,
+            ),
+        )  # fmt: skip
+        if not is_divided:
+            return builder.build()
+        report = builder.build_part(part or (1, 1))
+    if part is None:
+        join(name, memory=memory, threads=threads, progress=progress, cancel=cancel)
+    return report
+
+
+def join(
+    folder: str | os.PathLike[str],
+    *,
+    memory: int | str = "512M",
+    threads: int = 0,
+    progress: Progress = None,
+    cancel: _core.Cancel | None = None,
+) -> JoinReport:
+    """Makes the coarser levels and the index of a pyramid of many files (``.isbs``), whose super-bricks are all
+    there; after that ``isobrick.open`` opens it. May be repeated. Raises Error that names files that are missing,
+    damaged, or of another build."""
+    with told_progress(progress, f"joining {os.path.basename(os.fspath(folder))}") as tell:
+        return JoinReport(**_core.join(os.fspath(folder), byte_size(memory), threads, tell, cancel))
+
+
+class _Builder:
+    """A volume, and how its pyramid is built."""
+
+    def __init__(self, source: Any, direction: Any, chosen: _FileInput, settings: _BuildSettings) -> None:
+        self._path = os.fspath(source) if isinstance(source, (str, os.PathLike)) else None
+        self._volume = None if self._path is not None else describe(source)
+        if self._path is not None and direction is not None:
+            raise Error("a direction can be given for arrays only; files have their own")
+        self._direction = direction
+        self._chosen = chosen
+        self._settings = settings
+
+    def build(self) -> BuildReport:
+        facts = self._run(self._settings)
+        del facts["was_built"]
+        return BuildReport(**facts)
+
+    def super_bricks(self) -> list[SuperBrick]:
+        """All of them, in the order of their numbers."""
+        if self._path is not None:
             from . import _volumes
 
-            if direction is not None:
-                raise Error("a direction can be given for arrays only; files have their own")
-            chosen = _FileInput(raw, spacing, origin, series, grid, time, channel, component)
-            return BuildReport(**_volumes.build_file(os.fspath(source), chosen, settings))
-        return BuildReport(**_build_array(volume, spacing, origin, direction, settings))
+            found = _volumes.super_bricks(self._path, self._chosen, self._settings)
+        else:
+            assert self._volume is not None
+            found = _core.super_bricks(
+                _describe_array(self._volume, self._chosen, self._direction)[0], self._settings
+            )
+        return [
+            SuperBrick(number, name, (f[2], f[1], f[0]), (n[2], n[1], n[0]))
+            for number, (name, f, n) in enumerate(found)
+        ]
+
+    def build_super_brick(self, number: int, progress: Any = None) -> tuple[bool, BuildReport]:
+        """Builds it unless it is there. Returns whether it was built, too."""
+        facts = self._run(replace(self._settings, super_brick=number, progress=progress))
+        was_built = facts.pop("was_built")
+        return was_built, BuildReport(**facts)
+
+    def build_part(self, part: tuple[int, int]) -> BuildReport:
+        number, of = part
+        if not 1 <= number <= of:
+            raise Error(f"there is no part {number} of {of}; they count from 1")
+        bricks = self.super_bricks()
+        mine = bricks[len(bricks) * (number - 1) // of : len(bricks) * number // of]
+        os.makedirs(self._settings.out, exist_ok=True)
+        reports: list[tuple[bool, BuildReport]] = []
+        tell = self._settings.progress
+        for done, brick in enumerate(mine):
+            step = None
+            if tell is not None:
+
+                def step(phase: str, fraction: float, done: int = done) -> None:
+                    tell(phase, (done + fraction) / len(mine))
+
+            reports.append(self.build_super_brick(brick.number, step))
+        return _sum_of(reports)
+
+    def _run(self, settings: _BuildSettings) -> dict[str, Any]:
+        if self._path is not None:
+            from . import _volumes
+
+            return _volumes.build_file(self._path, self._chosen, settings)
+        assert self._volume is not None
+        return _build_array(self._volume, self._chosen, self._direction, settings)
 
 
-def _build_array(
-    volume: ArrayVolume, spacing: Triple | None, origin: Triple | None, direction: Any, settings: _BuildSettings
-) -> dict[str, Any]:
-    place = volume.place
-    if spacing is not None:
-        place.spacing = spacing
-    if origin is not None:
-        place.origin = origin
+def _sum_of(reports: list[tuple[bool, BuildReport]]) -> BuildReport:
+    busy: dict[str, float] = {}
+    notes: list[str] = []
+    for _, report in reports:
+        for phase, seconds in report.busy_seconds.items():
+            busy[phase] = busy.get(phase, 0.0) + seconds
+        notes += [note for note in report.notes if note not in notes]
+    built = sum(was_built for was_built, _ in reports)
+    return BuildReport(
+        sum(r.seconds for _, r in reports), busy, sum(r.file_bytes for _, r in reports),
+        sum(r.bricks for _, r in reports), sum(r.replaced_voxels for _, r in reports), notes,
+        built, len(reports) - built,
+    )  # fmt: skip
+
+
+def _describe_array(
+    volume: ArrayVolume, chosen: _FileInput, direction: Any
+) -> tuple[_ArrayDescription, np.dtype[Any]]:
+    """What the library is told of an array, and the type in which its voxels come."""
+    place = replace(volume.place)
+    if chosen.spacing is not None:
+        place.spacing = chosen.spacing
+    if chosen.origin is not None:
+        place.origin = chosen.origin
     if direction is not None:
         place.direction = tuple(float(v) for v in np.asarray(direction, dtype=float).ravel())
     _check_place(place.spacing, place.origin, place.direction)
     type_ = f"{'u' if volume.dtype.kind == 'b' else volume.dtype.kind}{volume.dtype.itemsize}"
     delivered = np.dtype(_core.delivered_type(type_))
+    notes = list(volume.notes)
     if delivered != volume.dtype.newbyteorder("=") and volume.dtype.kind != "b":
-        volume.notes.append(f"{volume.dtype.name} voxels were converted to {delivered.name}")
+        notes.append(f"{volume.dtype.name} voxels were converted to {delivered.name}")
     nz, ny, nx = volume.shape
     description = _ArrayDescription(
         (nx, ny, nz), place.spacing, place.origin, place.direction, place.is_millimetres,
-        volume.format if volume.memory is not None else volume.name or volume.format, volume.format, type_, "", volume.notes,
+        volume.format if volume.memory is not None else volume.name or volume.format, volume.format, type_, "", notes,
     )  # fmt: skip
     description.identity = (
         f"{volume.format} {volume.dtype.str} {volume.shape} {place.spacing} {place.origin} "
         f"{place.direction} {volume.name}"
     )
+    return description, delivered
+
+
+def _build_array(
+    volume: ArrayVolume, chosen: _FileInput, direction: Any, settings: _BuildSettings
+) -> dict[str, Any]:
+    description, delivered = _describe_array(volume, chosen, direction)
     if volume.memory is not None:
         array = volume.memory
         sz, sy, sx = array.strides

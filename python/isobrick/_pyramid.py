@@ -89,6 +89,31 @@ class Damage:
     what: str
 
 
+@dataclass(frozen=True)
+class MergeReport:
+    """What a merge of shares did."""
+
+    shares: int
+    triangles: int
+    vertices: int
+
+
+def merge(
+    shares: Sequence[str | os.PathLike[str]],
+    out: str | os.PathLike[str],
+    *,
+    zlib: bool = False,
+    meshopt: bool = False,
+    force: bool = False,
+    threads: int = 0,
+    cancel: _core.Cancel | None = None,
+) -> MergeReport:
+    """Joins the shares of a surface (``.isbm``, in any order) to one closed mesh file, in bounded memory: the bytes
+    of one ``extract_to``. A missing or foreign share is an Error that names it."""
+    paths = [os.fspath(share) for share in shares]
+    return MergeReport(**_core.merge_shares(paths, os.fspath(out), zlib, meshopt, force, threads, cancel))
+
+
 class Level:
     """One level of a pyramid as an array [z, y, x]: ``shape``, ``dtype``, ``chunks``, slicing, ``numpy.asarray``.
     Sample [k, j, i] of level l sits at voxel index (i, j, k) * 2^l; ``affine`` leads from (i, j, k) to (x, y, z)
@@ -376,6 +401,7 @@ class Pyramid:
         drop_small: bool = False,
         values: Pyramid | None = None,
         indices: bool = False,
+        part: tuple[int, int] | None = None,
         memory: int | str | None = None,
         threads: int = 0,
         progress: Progress = None,
@@ -397,6 +423,7 @@ class Pyramid:
         simplify   fewer triangles, within this distance
         drop_small leaves out pieces within one brick whose box has a diagonal below that distance
         values     another pyramid: its values at the points become ``Mesh.values``
+        part       (i, n): only share i of n shares of the surface, i from 1, which is open where others begin
         memory     bounds what stays of the file in memory, for this query alone
         threads    0: all cores
         """
@@ -407,7 +434,7 @@ class Pyramid:
             with told_progress(progress, "extracting") as tell:
                 settings = self._settings(
                     isovalue, Detail(focus, radius, level, view, curvature), or_finer, box, simplify, drop_small,
-                    values, indices, threads, tell, cancel,
+                    values, indices, threads, tell, cancel, part,
                 )  # fmt: skip
                 return Mesh(_core.SessionHandle(pyramid._handle).extract(settings, False))
         finally:
@@ -430,6 +457,7 @@ class Pyramid:
         drop_small: bool = False,
         values: Pyramid | None = None,
         indices: bool = False,
+        part: tuple[int, int] | None = None,
         zlib: bool = False,
         meshopt: bool = False,
         force: bool = False,
@@ -440,11 +468,12 @@ class Pyramid:
         """The isosurface, streamed to ``.ply``, ``.stl``, ``.obj``, ``.glb`` or ``.vtp``: for meshes larger than
         memory. focus, radius and box are (x, y, z) in world units, or voxel indices with ``indices=True``; the
         other parameters are those of ``extract``. The file has its name when it is whole; one that exists is
-        replaced with ``force``."""
+        replaced with ``force``. With ``part`` and the ending ``.isbm`` it is a share, which ``isobrick.merge`` joins
+        with the others to the mesh of one call."""
         with told_progress(progress, "extracting") as tell:
             settings = self._settings(
                 isovalue, Detail(focus, radius, level, view, curvature), or_finer, box, simplify, drop_small,
-                values, indices, threads, tell, cancel,
+                values, indices, threads, tell, cancel, part,
             )  # fmt: skip
             facts = _core.SessionHandle(self._handle).extract_to(settings, os.fspath(path), zlib, meshopt, force)
             return make_report(facts)
@@ -462,6 +491,7 @@ class Pyramid:
         threads: int,
         tell: Any,
         cancel: _core.Cancel | None,
+        part: tuple[int, int] | None = None,
     ) -> _QuerySettings:
         if isovalue == "auto":
             suggestions = self.isovalues()
@@ -476,7 +506,7 @@ class Pyramid:
             corners = (float(ax), float(ay), float(az)), (float(bx), float(by), float(bz))
         return _QuerySettings(
             float(isovalue), detail, indices, or_finer, corners, simplify, drop_small,
-            None if values is None else values._handle, threads, tell, cancel,
+            None if values is None else values._handle, threads, tell, cancel, part,
         )  # fmt: skip
 
 

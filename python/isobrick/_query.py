@@ -69,6 +69,7 @@ class _QuerySettings:
     threads: int = 0
     progress: Any = None
     cancel: Any = None
+    part: tuple[int, int] | None = None
 
 
 @dataclass(frozen=True)

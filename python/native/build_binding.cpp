@@ -99,7 +99,7 @@ nb::object buildFrom(const std::function<std::unique_ptr<VolumeSource>(CallState
     const std::unique_ptr<VolumeSource> source = open(state);
     refuseReplacingInput(*source, request.out);
     if (request.super_brick)
-      was_built = !buildMissingSuperBrick(*source, request, options, report);
+      was_built = buildMissingSuperBrick(*source, request, options, report);
     else
       report = buildPyramid(*source, request.out, options);
     info = source->info();
