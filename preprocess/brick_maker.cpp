@@ -151,9 +151,9 @@ ValueRange BrickMaker<T>::remake(int level, const Index3& brick, const PyramidWr
   closures_.include(level, brick, tiles, samples);
   handOnTiles(level, brick, handed_on, s.pairs);
   if (level == 0) {
-    // The brick's apron is of level 0 too.
-    const auto [least, greatest] = std::minmax_element(s.samples.begin(), s.samples.end());
-    voxels = {static_cast<float>(*least) + 0.0f, static_cast<float>(*greatest) + 0.0f};
+    s.tiles.reset(Index3(1));
+    includeClosedCubes(samples, layout.brickCellBox(level, brick), spec_.brick_cells, s.tiles);
+    voxels = unionOf(s.tiles);
   }
   return voxels;
 }

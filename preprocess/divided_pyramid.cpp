@@ -13,6 +13,7 @@
 #include "isobrick/preprocess/input_identity.h"
 #include "isobrick/preprocess/pyramid_file_builder.h"
 #include "isobrick/preprocess/shallow_json.h"
+#include "isobrick/storage/pyramid_file.h"
 #include "isobrick/storage/pyramid_tables.h"
 
 namespace isobrick {
@@ -23,9 +24,12 @@ namespace fs = std::filesystem;
 SuperBricks superBricksOf(const VolumeInfo& info, const BuildOptions& options) {
   const BrickLayout layout = pyramidSpecOf(info, options).layout();
   const std::int64_t cells = options.super_cells;
-  if (cells < options.brick_cells || cells > std::int64_t{1} << 31 ||
+  const std::int64_t most = options.brick_cells * SuperBricks::kMostBricksAlong;
+  if (cells < options.brick_cells || cells > most ||
       !std::has_single_bit(static_cast<std::uint64_t>(cells)))
-    throw Error("a super-brick has at least the cells of a brick along an edge, a power of two");
+    throw Error("a super-brick of bricks of " + std::to_string(options.brick_cells) +
+                " cells has " + std::to_string(options.brick_cells) + " to " +
+                std::to_string(most) + " cells along an edge, a power of two");
   if (layout.lattice().levels() < 2)
     throw Error("'" + info.source +
                     "' fits into one brick: its pyramid has one level and is not divided; build it "
@@ -72,15 +76,20 @@ BuildReport buildSuperBrick(VolumeSource& source, InputWatch& input, const std::
   return buildPyramidFile(source, input, pathIn(folder, file.name()), options, file);
 }
 
-bool isBuiltFrom(const std::string& path, const std::string& identity) {
+DividedFileState stateOfDividedFile(const std::string& path, const std::string& identity) {
   std::error_code ignored;
-  if (!fs::is_regular_file(path, ignored)) return false;
+  if (!fs::exists(fs::symlink_status(path, ignored))) return DividedFileState::kMissing;
+  if (!fs::is_regular_file(path, ignored)) return DividedFileState::kOfAnotherBuild;
   try {
     const PyramidTables tables(path, FileAccess::kRead, {});
-    return tables.dividedFile() && tables.dividedFile()->name() == fs::path(path).filename() &&
-           identityIn(tables) == identity;
+    if (!tables.dividedFile() || identityIn(tables) != identity)
+      return DividedFileState::kOfAnotherBuild;
+    static_cast<void>(tables.divisionBytes());
+    return tables.dividedFile()->name() == fs::path(path).filename() ? DividedFileState::kBuilt
+                                                                     : DividedFileState::kDamaged;
   } catch (const Error&) {
-    return false;
+    const bool is_ours = fs::file_size(path, ignored) == 0 || beginsAsPyramid(path);
+    return is_ours ? DividedFileState::kDamaged : DividedFileState::kOfAnotherBuild;
   }
 }
 
@@ -281,9 +290,12 @@ class Join {
     summary.histogram = statistics_.histogram(spec_.voxel_type, voxel_range);
     std::uint64_t voxels = 0;
     for (const std::uint64_t count : summary.histogram->counts()) voxels += count;
-    if (voxels != static_cast<std::uint64_t>(elementCount(spec_.voxels)))
+    const auto counts = summary.histogram->counts();
+    if (voxels != static_cast<std::uint64_t>(elementCount(spec_.voxels)) || counts.front() == 0 ||
+        counts.back() == 0 || closures.all().back() != voxel_range)
       throw Error("'" + folder_ +
-                      "': the files of super-bricks do not count each voxel once; build them again",
+                      "': what the files of super-bricks count is not of one volume; build them "
+                      "again",
                   {.path = folder_});
     summary.noise = statistics_.noise();
     summary.gradients = statistics_.gradients(*summary.histogram, voxel_range, spec_.voxels);

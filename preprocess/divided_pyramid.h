@@ -37,9 +37,17 @@ BuildReport buildSuperBrick(VolumeSource& source, const std::string& folder, std
 BuildReport buildSuperBrick(VolumeSource& source, InputWatch& input, const std::string& folder,
                             std::size_t number, const BuildOptions& options);
 
-// Whether a file is one of a divided pyramid, a super-brick's or the index, and has this
-// buildIdentity(): then it need not be built again.
-bool isBuiltFrom(const std::string& path, const std::string& identity);
+// What is there under the name of a file of a divided pyramid.
+enum class DividedFileState {
+  kMissing,         // nothing
+  kBuilt,           // a file with this identity, whose header and tables are whole
+  kDamaged,         // a pyramid's file that is cut or damaged, or of another place in the volume
+  kOfAnotherBuild,  // one of another identity, or no pyramid's
+};
+
+// Of a super-brick's file, or the index. `identity` is buildIdentity() of the source and the
+// options.
+DividedFileState stateOfDividedFile(const std::string& path, const std::string& identity);
 
 // How joinPyramid() works.
 struct JoinOptions {

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <type_traits>
 
 namespace isobrick {
 namespace {
@@ -57,6 +59,13 @@ bool takeHandOver(std::span<const std::byte> all, const PyramidSpec& spec,
   if (facts.codec != format::Codec::kStored && facts.codec != format::Codec::kLz4 &&
       facts.codec != format::Codec::kZstd)
     return false;
+  const auto isVoxel = [](float value) {
+    using Limits = std::numeric_limits<T>;
+    return value >= static_cast<float>(Limits::lowest()) &&
+           value <= static_cast<float>(Limits::max()) &&
+           static_cast<float>(static_cast<T>(value)) == value;
+  };
+  if (!isVoxel(range[0]) || !isVoxel(range[1])) return false;
   facts.voxel_range = {range[0], range[1]};
   const int last = region.endLevel() - 1;
   return takeBox<T>(bytes, region.passedSamples(last), store.samples) &&

@@ -322,7 +322,7 @@ void BrickIndex::fail(std::size_t number, const char* what) const {
   throw Error("'" + file_.path() + "' " + brickName(level, brick) +
                   ", its row in the brick table, " + std::to_string(row_bytes_) + " bytes at " +
                   file_.offsetText(offset) + ", " +
-                  withAdvice(what, "build it again or restore a copy"),
+                  withAdvice(what, division_ == nullptr ? kDamageAdvice : kDividedDamageAdvice),
               std::move(place));
 }
 

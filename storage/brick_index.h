@@ -17,6 +17,11 @@
 
 namespace isobrick {
 
+// What to do about damaged bytes.
+inline constexpr char kDamageAdvice[] = "build it again or restore a copy";
+inline constexpr char kDividedDamageAdvice[] =
+    "restore a copy of that file, or delete it, build its super-brick again and join";
+
 // Bricks are numbered as their rows are: all of level 0 (x fastest), then all of level 1, and so
 // on. The cost of a query, in time and memory, depends on the rows that it needs and not on how
 // many there are: some of the table stays in memory, at most kMostBytes of it. All const members

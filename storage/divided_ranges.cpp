@@ -24,17 +24,14 @@ void add(const RemoteCounters& some, RemoteCounters& sum) {
 }  // namespace
 
 // The file of one super-brick, open or to be opened.
-class DividedRanges::SuperBrickFile {
+class DividedRanges::SuperBrickFile : public std::enable_shared_from_this<SuperBrickFile> {
  public:
-  SuperBrickFile(const Files& files, std::size_t number, const CancelFlag& cancel)
+  SuperBrickFile(const Files& files, std::size_t number, Openers& openers)
       : open_(files.open),
-        cancel_(cancel),
+        openers_(openers),
         path_(files.path_of(files.division->superBricks().fileName(number))),
         shown_(files.are_remote ? withoutSecrets(path_) : path_),
         entry_(files.division->file(number)) {}
-  ~SuperBrickFile() {
-    if (opener_.joinable()) opener_.join();
-  }
   SuperBrickFile(const SuperBrickFile&) = delete;
 
   std::uint64_t last_use = 0;  // guarded by the lock of DividedRanges
@@ -53,11 +50,26 @@ class DividedRanges::SuperBrickFile {
   // announce() of the reader. If a server is to be asked for the file first, a thread waits for it.
   void announce(std::vector<ByteRange> ranges, bool is_remote) {
     if (!is_remote || readerNow() != nullptr) return announceNow(ranges);
-    const std::lock_guard lock(opener_mutex_);
-    if (opener_.joinable()) return;
+    if (is_opening_.exchange(true)) return;
+    {
+      const std::lock_guard lock(openers_.mutex);
+      ++openers_.count;
+    }
     try {
-      opener_ = std::thread([this, ranges = std::move(ranges)] { announceNow(ranges); });
+      // It holds on to the file, which so counts as being in use.
+      std::thread([self = shared_from_this(), ranges = std::move(ranges)]() mutable {
+        self->announceNow(ranges);
+        self->is_opening_ = false;
+        Openers& openers = self->openers_;
+        self.reset();
+        const std::lock_guard lock(openers.mutex);
+        --openers.count;
+        openers.ended.notify_all();
+      }).detach();
     } catch (const std::system_error&) {  // who reads will wait a little longer
+      is_opening_ = false;
+      const std::lock_guard lock(openers_.mutex);
+      --openers_.count;
     }
   }
 
@@ -70,56 +82,65 @@ class DividedRanges::SuperBrickFile {
   }
 
   void open() {
-    std::unique_ptr<RangeReader> reader = open_(path_, cancel_);
+    std::unique_ptr<RangeReader> reader = open_(path_, openers_.abandoned);
     format::Header header{};
-    const bool is_read =
-        reader->size() == entry_.file_bytes &&
-        reader->read({0, sizeof header}, reinterpret_cast<std::byte*>(&header)) == nullptr;
-    if (!is_read || header.header_checksum != entry_.header_checksum ||
+    const bool fits = reader->size() == entry_.file_bytes;
+    if (const Failure why =
+            fits ? reader->read({0, sizeof header}, reinterpret_cast<std::byte*>(&header))
+                 : nullptr)
+      throw Error("'" + shown_ + "' " + (*why == '\0' ? "cannot be read at offset 0" : why),
+                  {.path = shown_});
+    if (!fits || header.header_checksum != entry_.header_checksum ||
         checksum64(&header, offsetof(format::Header, header_checksum)) != header.header_checksum)
       throw Error("'" + shown_ + "' is not the file that was joined", {.path = shown_});
     reader_ = std::move(reader);
     now_ = reader_.get();
-    if (cancel_.requested()) reader_->abandon();
+    if (openers_.abandoned.requested()) reader_->abandon();
   }
 
   const Open& open_;
-  const CancelFlag& cancel_;
+  Openers& openers_;
   const std::string path_, shown_;  // the latter for people
   const format::FileEntry entry_;
   std::mutex mutex_;  // guards the reader's coming
   std::unique_ptr<RangeReader> reader_;
   std::atomic<RangeReader*> now_ = nullptr;  // the same, for those who do not wait
-  std::mutex opener_mutex_;                  // guards the thread
-  std::thread opener_;
+  std::atomic<bool> is_opening_ = false;     // a thread does it
 };
 
 DividedRanges::DividedRanges(std::unique_ptr<RangeReader> index, Files files)
     : index_(std::move(index)), files_(std::move(files)) {}
-DividedRanges::~DividedRanges() = default;
+DividedRanges::~DividedRanges() {
+  openers_.abandoned.request();
+  std::unique_lock lock(openers_.mutex);
+  openers_.ended.wait(lock, [&] { return openers_.count == 0; });
+}
 
 std::shared_ptr<DividedRanges::SuperBrickFile> DividedRanges::fileOf(std::size_t number) {
+  std::shared_ptr<SuperBrickFile> closed;  // outside of the lock
   const std::lock_guard lock(mutex_);
   std::shared_ptr<SuperBrickFile>& file = open_[number];
-  if (file == nullptr) file = std::make_shared<SuperBrickFile>(files_, number, abandoned_);
+  if (file == nullptr) file = std::make_shared<SuperBrickFile>(files_, number, openers_);
   file->last_use = ++uses_;
   std::shared_ptr<SuperBrickFile> result = file;
-  closeLeastUsed();
+  closed = takeLeastUsed();
   return result;
 }
 
-// Those in use stay.
-void DividedRanges::closeLeastUsed() {
-  if (open_.size() <= (files_.are_remote ? kMostOpenRemote : kMostOpen)) return;
+// Out of those that are open, if they are too many. Those in use stay.
+std::shared_ptr<DividedRanges::SuperBrickFile> DividedRanges::takeLeastUsed() {
+  if (open_.size() <= (files_.are_remote ? kMostOpenRemote : kMostOpen)) return nullptr;
   auto oldest = open_.end();
   for (auto at = open_.begin(); at != open_.end(); ++at)
     if (at->second.use_count() == 1 &&
         (oldest == open_.end() || at->second->last_use < oldest->second->last_use))
       oldest = at;
-  if (oldest == open_.end()) return;
+  if (oldest == open_.end()) return nullptr;
   if (const RangeReader* const reader = oldest->second->readerNow())
     add(reader->counters(), of_closed_);
+  std::shared_ptr<SuperBrickFile> taken = std::move(oldest->second);
   open_.erase(oldest);
+  return taken;
 }
 
 RangeReader::Failure DividedRanges::read(const ByteRange& range, std::byte* out) {
@@ -141,7 +162,7 @@ RangeReader::Failure DividedRanges::read(const ByteRange& range, std::byte* out)
     return "cannot be read: it is not wanted any more";
   } catch (const Error& error) {
     const std::string what = error.what();
-    return interned("cannot be read: " + what.substr(0, what.find(';')) +
+    return interned("cannot be read: " + what.substr(0, what.rfind("; ")) +
                     "; restore that file, or build its super-brick again and join");
   }
 }
@@ -168,7 +189,7 @@ void DividedRanges::announce(std::span<const ByteRange> ranges) {
 }
 
 void DividedRanges::abandon() {
-  abandoned_.request();
+  openers_.abandoned.request();
   index_->abandon();
   const std::lock_guard lock(mutex_);
   for (const auto& [number, file] : open_)

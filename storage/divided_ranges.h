@@ -1,6 +1,7 @@
 // Ranges of all files of a divided pyramid, as if they were one file.
 #pragma once
 
+#include <condition_variable>
 #include <cstdint>
 #include <functional>
 #include <map>
@@ -19,7 +20,7 @@ namespace isobrick {
 // bytes are first asked for, and must be the one that was joined; kMostOpen of them stay open.
 class DividedRanges final : public RangeReader {
  public:
-  static constexpr std::size_t kMostOpen = 128, kMostOpenRemote = 32;
+  static constexpr std::size_t kMostOpen = 256, kMostOpenRemote = 128;
 
   // Opens a file of this name, or throws Error. A request to `cancel` ends that.
   using Open = std::function<std::unique_ptr<RangeReader>(const std::string& path,
@@ -50,12 +51,20 @@ class DividedRanges final : public RangeReader {
  private:
   class SuperBrickFile;
   std::shared_ptr<SuperBrickFile> fileOf(std::size_t number);
-  void closeLeastUsed();
+  std::shared_ptr<SuperBrickFile> takeLeastUsed();
   Failure interned(const std::string& text);
+
+  // What files that are being opened use.
+  struct Openers {
+    CancelFlag abandoned;
+    std::mutex mutex;  // guards all below
+    std::condition_variable ended;
+    int count = 0;  // threads that wait for a server
+  };
 
   const std::unique_ptr<RangeReader> index_;
   const Files files_;
-  CancelFlag abandoned_;
+  Openers openers_;
   mutable std::mutex mutex_;                                     // guards all below
   std::map<std::size_t, std::shared_ptr<SuperBrickFile>> open_;  // by number
   std::uint64_t uses_ = 0;

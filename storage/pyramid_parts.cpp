@@ -42,11 +42,12 @@ BrickPart PyramidParts::acquire(PartKind kind, int level, const Index3& brick,
     ErrorPlace place = tables_.bytes().place(entry.offset);
     place.level = level;
     place.brick = brick;
-    tables_.fail(brickName(level, brick) + ", " + partName(kind) + ", " +
-                     std::to_string(entry.stored_bytes) + " bytes at " +
-                     tables_.bytes().offsetText(entry.offset) + ", " +
-                     withAdvice(why, "build it again or restore a copy"),
-                 std::move(place));
+    tables_.fail(
+        brickName(level, brick) + ", " + partName(kind) + ", " +
+            std::to_string(entry.stored_bytes) + " bytes at " +
+            tables_.bytes().offsetText(entry.offset) + ", " +
+            withAdvice(why, tables_.division() == nullptr ? kDamageAdvice : kDividedDamageAdvice),
+        std::move(place));
   }
   part.pager_ = &pager_;
   return part;

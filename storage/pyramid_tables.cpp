@@ -139,8 +139,9 @@ void PyramidTables::readDivision() {
       fail("has impossible numbers in its header; build it again");
     return;
   }
-  const bool is_power =
-      isPowerOfTwoWithin(header.super_cells, header.brick_cells, std::uint32_t{1} << 31);
+  const bool is_power = isPowerOfTwoWithin(
+      header.super_cells, header.brick_cells,
+      header.brick_cells * static_cast<std::uint32_t>(SuperBricks::kMostBricksAlong));
   if (!is_power || lattice().levels() < 2)
     fail("has impossible numbers in its header; build it again");
   const SuperBricks super_bricks(layout_, header.super_cells);
@@ -163,7 +164,8 @@ void PyramidTables::readDivision() {
 
 std::vector<std::byte> PyramidTables::divisionBytes() const {
   const format::PartEntry& entry = header_.division;
-  return readTable(entry.offset, entry.stored_bytes, entry.checksum, "table of files");
+  return readTable(entry.offset, entry.stored_bytes, entry.checksum,
+                   header_.super_brick == 0 ? "table of files" : "table for the join");
 }
 
 std::vector<std::byte> PyramidTables::readTable(std::uint64_t offset, std::uint64_t bytes,

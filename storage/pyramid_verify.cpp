@@ -325,12 +325,18 @@ void addTables(const format::Header& header, std::uint64_t base, std::vector<Ext
     add(part.offset, part.stored_bytes);
 }
 
-bool isUndamaged(const PagedFile& file, std::uint64_t offset, std::uint64_t bytes,
-                 std::uint64_t checksum) {
-  if (!file.holds(offset, bytes)) return false;
-  std::vector<std::byte> table(bytes);
-  return bytes == 0 ||
-         (file.read(offset, bytes, table.data()) && checksum64(table.data(), bytes) == checksum);
+// Of bytes of a file that begins at `base` and has `file_bytes`.
+bool isUndamaged(const PagedFile& file, std::uint64_t base, std::uint64_t file_bytes,
+                 const ByteRange& range, std::uint64_t checksum) {
+  if (range.offset > file_bytes || range.bytes > file_bytes - range.offset) return false;
+  RunningChecksum sum;
+  std::vector<std::byte> some(std::min<std::uint64_t>(range.bytes, std::uint64_t{1} << 20));
+  for (std::uint64_t at = 0; at < range.bytes; at += some.size()) {
+    const std::uint64_t bytes = std::min<std::uint64_t>(some.size(), range.bytes - at);
+    if (!file.read(base + range.offset + at, bytes, some.data())) return false;
+    sum.add(some.data(), bytes);
+  }
+  return range.bytes == 0 || sum.value() == checksum;
 }
 
 // The tables of all files of super-bricks, which opening the index does not read.
@@ -350,15 +356,19 @@ void addFiles(const PyramidTables& tables, const PyramidDivision& division,
       continue;
     }
     addTables(header, base, extents);
-    if (!isUndamaged(file, base + header.level_table_offset,
-                     header.level_count * sizeof(format::LevelRow), header.level_table_checksum))
-      faults.push_back(name + " has a damaged level table");
-    if (!isUndamaged(file, base + header.provenance_offset, header.provenance_bytes,
-                     header.provenance_checksum))
-      faults.push_back(name + " has a damaged provenance");
-    if (!isUndamaged(file, base + header.division.offset, header.division.stored_bytes,
-                     header.division.checksum))
-      faults.push_back(name + " has a damaged table for the join");
+    const auto check = [&](std::uint64_t offset, std::uint64_t bytes, std::uint64_t checksum,
+                           const char* what) {
+      if (!isUndamaged(file, base, division.file(number).file_bytes, {offset, bytes}, checksum))
+        faults.push_back(name + " has a damaged " + what);
+    };
+    check(header.level_table_offset, header.level_count * sizeof(format::LevelRow),
+          header.level_table_checksum, "level table");
+    check(header.provenance_offset, header.provenance_bytes, header.provenance_checksum,
+          "provenance");
+    check(header.division.offset, header.division.stored_bytes, header.division.checksum,
+          "table for the join");
+    if (division.file(number).reserved != 0)
+      faults.push_back("reserved bytes of the entry of " + name + " are not zero");
   }
   for (std::size_t number = 0; number < division.fileCount(); ++number) {
     const format::PartEntry& corrections = division.file(number).corrections;

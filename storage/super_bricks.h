@@ -18,9 +18,11 @@ class SuperBricks {
   // which reach twice as far with every level: 31 voxels with tiles of 4 cells, which are 9 % more
   // to read around 2048 cells.
   static constexpr int kMostLevels = 4;
+  // Along an edge: bounds what is kept for each file in memory.
+  static constexpr std::int64_t kMostBricksAlong = 64;
 
-  // `cells` along an edge: a power of two, at least those of a brick. The pyramid has two levels or
-  // more.
+  // `cells` along an edge: a power of two, those of 1 to kMostBricksAlong bricks. The pyramid has
+  // two levels or more.
   SuperBricks(const BrickLayout& layout, std::int64_t cells)
       : layout_(layout),
         cells_(cells),

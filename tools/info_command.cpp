@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <memory>
 #include <numeric>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -94,9 +95,9 @@ std::string suggestionsText(const IsovalueSuggestions& suggestions) {
   return text + (suggestions.values.size() > 1 ? " (suggested, best first)" : " (suggested)");
 }
 
-void printInfoJson(const Pyramid& pyramid) {
+// `sums`: nothing if the rows of all bricks cannot be read.
+void printInfoJson(const Pyramid& pyramid, const std::optional<PyramidSums>& sums) {
   const PyramidSpec& spec = pyramid.spec();
-  const auto [bytes, codecs] = pyramid.sums();
   const IsovalueSuggestions suggestions = suggestIsovalues(pyramid);
   Json json = Json::object();
   json["pyramid"] = withoutSecrets(pyramid.path());
@@ -113,11 +114,13 @@ void printInfoJson(const Pyramid& pyramid) {
   json["isovalues"] = jsonOfSuggestions(suggestions);
   json["padding"] = paddingOf(suggestions);
   json["levels"] = jsonOfLevels(pyramid);
-  json["bytes"] = jsonOfBytes(bytes);
+  json["bytes"] = sums ? jsonOfBytes(sums->bytes) : Json(nullptr);
+  json["codecs"] = nullptr;
   // Bricks of all levels by the codec of their part, such as {"lz4": 812, "stored": 3}.
-  json["codecs"] = {{"samples", jsonOfCodecs(codecs.samples)},
-                    {"ranges", jsonOfCodecs(codecs.ranges)},
-                    {"curvature", jsonOfCodecs(codecs.curvature)}};
+  if (sums)
+    json["codecs"] = {{"samples", jsonOfCodecs(sums->codecs.samples)},
+                      {"ranges", jsonOfCodecs(sums->codecs.ranges)},
+                      {"curvature", jsonOfCodecs(sums->codecs.curvature)}};
   json["division"] = nullptr;
   if (const PyramidDivision* const division = pyramid.parts().tables().division())
     json["division"] = {{"super_brick_cells", division->superBricks().cells()},
@@ -132,10 +135,23 @@ void printInfoJson(const Pyramid& pyramid) {
   printJson(json);
 }
 
-void printInfoText(const Pyramid& pyramid, const std::string& path) {
+void printSums(const PyramidSums& sums) {
+  const auto& [bytes, codecs] = sums;
+  fmt::print(
+      "bytes      {} ({:.2f} x raw): level 0 {} (of it aprons {}), coarser {}, ranges {}, "
+      "curvature {}, index {}\n",
+      byteSizeText(bytes.total), static_cast<double>(bytes.total) / static_cast<double>(bytes.raw),
+      byteSizeText(bytes.samples_level0), byteSizeText(bytes.aprons_level0),
+      byteSizeText(bytes.samples_coarser), byteSizeText(bytes.ranges),
+      byteSizeText(bytes.curvature), byteSizeText(bytes.index));
+  fmt::print("samples    {}\nranges     {}\ncurvature  {}\n", codecsText(codecs.samples),
+             codecsText(codecs.ranges), codecsText(codecs.curvature));
+}
+
+void printInfoText(const Pyramid& pyramid, const std::string& path,
+                   const std::optional<PyramidSums>& sums) {
   const PyramidSpec& spec = pyramid.spec();
   const GridGeometry& geometry = spec.geometry;
-  const auto [bytes, codecs] = pyramid.sums();
   fmt::print("{}: {} x {} x {} {}, values {} to {}\n", path, spec.voxels.x, spec.voxels.y,
              spec.voxels.z, voxelTypeName(spec.voxel_type), pyramid.valueRange().min,
              pyramid.valueRange().max);
@@ -158,15 +174,7 @@ void printInfoText(const Pyramid& pyramid, const std::string& path) {
                byteSizeText(division->indexBytes()));
   fmt::print("bricks     {} cells, tiles {} cells; filter {}; curvature {}\n", spec.brick_cells,
              spec.tile_cells, filterName(spec.filter), spec.has_curvature ? "yes" : "no");
-  fmt::print(
-      "bytes      {} ({:.2f} x raw): level 0 {} (of it aprons {}), coarser {}, ranges {}, "
-      "curvature {}, index {}\n",
-      byteSizeText(bytes.total), static_cast<double>(bytes.total) / static_cast<double>(bytes.raw),
-      byteSizeText(bytes.samples_level0), byteSizeText(bytes.aprons_level0),
-      byteSizeText(bytes.samples_coarser), byteSizeText(bytes.ranges),
-      byteSizeText(bytes.curvature), byteSizeText(bytes.index));
-  fmt::print("samples    {}\nranges     {}\ncurvature  {}\n", codecsText(codecs.samples),
-             codecsText(codecs.ranges), codecsText(codecs.curvature));
+  if (sums) printSums(*sums);
   for (int level = 0; level < pyramid.lattice().levels(); ++level) {
     const Index3 samples = pyramid.lattice().samples(level);
     fmt::print("level {:<4} {} x {} x {} samples, {} bricks\n", level, samples.x, samples.y,
@@ -180,10 +188,20 @@ int runInfo(InfoArguments& arguments) {
   const auto file = openPyramidFile(arguments.input.pyramid, Pyramid::kDefaultBudgetBytes,
                                     fileAccess(arguments.no_map), remoteOptions(arguments.input));
   const Pyramid& pyramid = *file;
+  std::optional<PyramidSums> sums;
+  std::optional<Error> fault;
+  try {
+    sums = pyramid.sums();
+  } catch (const Error& error) {
+    // A file of a divided pyramid that is lost: the index says all the rest.
+    if (pyramid.parts().tables().division() == nullptr) throw;
+    fault = error;
+  }
   if (arguments.json)
-    printInfoJson(pyramid);
+    printInfoJson(pyramid, sums);
   else
-    printInfoText(pyramid, withoutSecrets(arguments.input.path));
+    printInfoText(pyramid, withoutSecrets(arguments.input.path), sums);
+  if (fault) throw *fault;
   return 0;
 }
 

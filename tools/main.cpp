@@ -89,6 +89,11 @@ int runReportingFailures(const CLI::App& app, const std::vector<Command>& comman
     reportFailure(cancelled, has);
     return kInterrupted;
   } catch (const std::exception& failure) {
+    // A read of a server that was ended by it.
+    if (interruptFlag().requested()) {
+      reportFailure(Cancelled(), has);
+      return kInterrupted;
+    }
     return reportFailure(failure, has);
   }
 }

@@ -3,13 +3,18 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <chrono>
 #include <glm/common.hpp>
 #include <limits>
+#include <stop_token>
+#include <thread>
+#include <utility>
 
 #include "isobrick/extract/query.h"
 #include "isobrick/storage/abandonable.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/isovalue_suggestions.h"
+#include "isobrick/storage/pyramid_parts.h"
 #include "isobrick/storage/remote/remote_address.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
@@ -130,11 +135,41 @@ void addNoMapFlag(CLI::App& app, bool& no_map) {
                "is the same");
 }
 
+namespace {
+
+// An open remote pyramid, of which Ctrl-C ends every read, also one that nobody can cancel.
+class InterruptiblePyramid {
+ public:
+  explicit InterruptiblePyramid(std::shared_ptr<const Pyramid> pyramid)
+      : pyramid_(std::move(pyramid)), watcher_([this](const std::stop_token& ended) {
+          // Those who look at the flag themselves come first, and say how far they were.
+          constexpr auto kBetweenLooks = std::chrono::milliseconds(50);
+          constexpr int kPatience = 6;
+          int looks = 0;
+          while (!ended.stop_requested() && looks < kPatience) {
+            std::this_thread::sleep_for(kBetweenLooks);
+            looks += interruptFlag().requested() ? 1 : 0;
+          }
+          if (looks == kPatience) pyramid_->parts().tables().bytes().abandonReads();
+        }) {}
+  const Pyramid& pyramid() const { return *pyramid_; }
+
+ private:
+  const std::shared_ptr<const Pyramid> pyramid_;
+  std::jthread watcher_;  // ends before the pyramid does
+};
+
+}  // namespace
+
 std::shared_ptr<const Pyramid> openPyramidFile(const std::string& path, std::uint64_t memory_bytes,
                                                FileAccess access, const RemoteOptions& remote) {
-  const CancelFlag* const cancel = isRemotePath(path) ? &interruptFlag() : nullptr;
-  return runAbandonable(
-      cancel, [=] { return std::make_shared<const Pyramid>(path, memory_bytes, access, remote); });
+  if (!isRemotePath(path))
+    return std::make_shared<const Pyramid>(path, memory_bytes, access, remote);
+  auto pyramid = runAbandonable(&interruptFlag(), [=] {
+    return std::make_shared<const Pyramid>(path, memory_bytes, access, remote);
+  });
+  const auto watched = std::make_shared<InterruptiblePyramid>(std::move(pyramid));
+  return {watched, &watched->pyramid()};
 }
 
 void addSimplifyOption(CLI::App& app, QueryOptions& options) {

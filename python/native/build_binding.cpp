@@ -49,8 +49,9 @@ bool buildMissingSuperBrick(VolumeSource& source, const BuildRequest& request,
     throw Error("there is no super-brick " + std::to_string(number) + "; there are " +
                 std::to_string(files.size()));
   const std::string path = (std::filesystem::path(request.out) / files[number].name).string();
-  if (isBuiltFrom(path, buildIdentity(source, options))) return false;
-  if (!request.force && std::filesystem::exists(path))
+  const DividedFileState state = stateOfDividedFile(path, buildIdentity(source, options));
+  if (state == DividedFileState::kBuilt) return false;
+  if (!request.force && state == DividedFileState::kOfAnotherBuild)
     throw Error("'" + path +
                     "' exists and was built of another input, or with other options; "
                     "give force=True to replace it",

@@ -59,12 +59,13 @@ void buildAll(const std::string& folder, const Index3& dims, const std::vector<T
     InputWatch input(source);
     const std::string path = folder + "/" + superBrickFiles(info, options)[number].name;
     const std::string identity = buildIdentity(info, input.identity(), options);
-    ASSERT_FALSE(isBuiltFrom(path, identity));
+    ASSERT_EQ(stateOfDividedFile(path, identity), DividedFileState::kMissing);
     buildSuperBrick(source, input, folder, number, options);
-    ASSERT_TRUE(isBuiltFrom(path, identity));
+    ASSERT_EQ(stateOfDividedFile(path, identity), DividedFileState::kBuilt);
     BuildOptions others = options;
     others.super_cells *= 2;
-    ASSERT_FALSE(isBuiltFrom(path, buildIdentity(info, input.identity(), others)));
+    ASSERT_EQ(stateOfDividedFile(path, buildIdentity(info, input.identity(), others)),
+              DividedFileState::kOfAnotherBuild);
   }
 }
 

@@ -2,8 +2,10 @@
 // file is.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cstring>
 #include <filesystem>
+#include <utility>
 
 #include "isobrick/extract/extractor.h"
 #include "isobrick/preprocess/divided_pyramid.h"
@@ -125,6 +127,63 @@ TEST_F(DividedFileTest, NoLieInTheIndexLeadsAstray) {
     }
   }
   EXPECT_GT(refused, 300);
+}
+
+// Lies in a super-brick's file, which the index is told of: nothing is asked of memory for them.
+TEST_F(DividedFileTest, NoLieInASuperBrickTakesMemory) {
+  const std::string name = "0-0-0.isb", good = readBytes(file(name)),
+                    index = readBytes(file(kIndexName));
+  const auto sealed = [](std::string bytes, const auto& edit) {
+    format::Header header{};
+    std::memcpy(&header, bytes.data(), sizeof header);
+    edit(header, bytes);
+    header.header_checksum = checksum64(&header, offsetof(format::Header, header_checksum));
+    std::memcpy(bytes.data(), &header, sizeof header);
+    return bytes;
+  };
+  const auto edits = std::to_array<void (*)(format::Header&)>(
+      {[](format::Header& h) { h.provenance_bytes = std::uint64_t{1} << 40; },
+       [](format::Header& h) { h.level_count = 0xffffffff; },
+       [](format::Header& h) { h.division.stored_bytes = 0xffffffff; }});
+  for (const auto edit : edits) {
+    const std::string bad =
+        sealed(good, [&](format::Header& header, std::string&) { edit(header); });
+    format::Header header{};
+    std::memcpy(&header, bad.data(), sizeof header);
+    writeBytes(file(name), bad);
+    writeBytes(file(kIndexName), sealed(index, [&](format::Header& of_index, std::string& bytes) {
+                 format::FileEntry entries[2];
+                 char* const at = bytes.data() + of_index.division.offset;
+                 std::memcpy(entries, at, sizeof entries);
+                 entries[0].header_checksum = header.header_checksum;
+                 entries[1].file_bytes = std::uint64_t{1} << 51;
+                 std::memcpy(at, entries, sizeof entries);
+                 of_index.division.checksum = checksum64(at, of_index.division.stored_bytes);
+               }));
+    EXPECT_TRUE(isFound());
+  }
+}
+
+// What a super-brick hands over to the join is held against its type and the other files.
+TEST_F(DividedFileTest, TheJoinBelievesNoRange) {
+  const std::string name = "0-0-0.isb", good = readBytes(file(name));
+  for (const auto& [least, greatest] :
+       {std::pair(-1.0f, 100.0f), {0.5f, 70000.0f}, {0.0f, 60000.0f}, {0.0f, 65536.0f}}) {
+    std::string bad = good;
+    format::Header header{};
+    std::memcpy(&header, bad.data(), sizeof header);
+    const float range[] = {least, greatest};
+    // Behind the count and the codec, and the count of these two.
+    std::memcpy(bad.data() + header.division.offset + 20, range, sizeof range);
+    header.division.checksum =
+        checksum64(bad.data() + header.division.offset, header.division.stored_bytes);
+    header.header_checksum = checksum64(&header, offsetof(format::Header, header_checksum));
+    std::memcpy(bad.data(), &header, sizeof header);
+    writeBytes(file(name), bad);
+    const std::string index = readBytes(file(kIndexName));
+    EXPECT_THROW(joinPyramid(pyramid_, {}), Error) << least << " " << greatest;
+    EXPECT_TRUE(readBytes(file(kIndexName)) == index);
+  }
 }
 
 TEST_F(DividedFileTest, BehindAUrlItIsReadAsOneFileIs) {

@@ -418,6 +418,7 @@ BEHAVIOURS = {
     "too-much": too_much, "contradicts": contradicts, "garbage": garbage, "no-http": no_http,
     "redirect": redirect, "redirect-once": redirect_once, "forgets": forgets, "nowhere": nowhere,
     "elsewhere": elsewhere, "circle": lambda h, r, n: h.send(answer(302, Location=r.path)), "hangs": hangs,
+    "index-only": lambda h, r, n: (good if r.name.endswith("index.isb") else hangs)(h, r, n),
     "fails": fails, "resets": resets, "ends": ends, "changes": changes, "cut": cut,
     "without-marks": without_marks, "weak": weak, "packed": packed, "content-range": content_range,
     "multipart": multipart, "headers-without-end": headers_without_end, "empty": empty, "slow": slow,

@@ -1,9 +1,12 @@
 // `isobrick build` with an output of many files, in parts, and all commands that read it.
 #include <chrono>
+#include <cstring>
 #include <thread>
 
+#include "isobrick/storage/format.h"
 #include "isobrick/storage/super_bricks.h"
 #include "tests/support/command_test.h"
+#include "tests/support/range_server.h"
 
 namespace isobrick::test {
 namespace {
@@ -76,8 +79,10 @@ TEST_F(DividedBuildTest, PartsAndTheJoinGiveThePyramidOfOneBuild) {
 TEST_F(DividedBuildTest, WhatIsThereStaysAlsoAfterAKill) {
   const auto superBricks = [&] {
     std::size_t count = 0;
-    for (const std::string& name : files())
-      count += name.starts_with("head.isbs/") && name.ends_with(".isb") ? 1 : 0;
+    for (const char* x : {"0", "1", "2"})
+      for (const char* y : {"0", "1", "2"})
+        for (const char* z : {"0", "1", "2"})
+          count += fs::exists(inFolder(std::string(x) + "-" + y + "-" + z + ".isb")) ? 1 : 0;
     return count;
   };
   Words words = build({});
@@ -95,6 +100,89 @@ TEST_F(DividedBuildTest, WhatIsThereStaysAlsoAfterAKill) {
   EXPECT_EQ(fs::last_write_time(inFolder("0-0-0.isb")), first);
   EXPECT_EQ(runForJson(build({}))["super_bricks"]["built"], 0);
   runWell({"verify", "head.isbs"});
+}
+
+// A file that was built by halves is that of one go, to the byte; and so another join finds the
+// same files.
+TEST_F(DividedBuildTest, CtrlCDoesNotWaitForAServer) {
+  runWell(build({}));
+  const RangeServer server(path(""));
+  for (const char* command : {"extract", "verify"}) {
+    Words words = {isobrickCommand(), command, server.url("index-only/head.isbs")};
+    if (words[1] == "extract") words.insert(words.end(), {"--iso", "900"});
+    const std::size_t before = server.requests();
+    const pid_t pid = start(words);
+    while (server.requests() < before + 4) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    const auto begin = std::chrono::steady_clock::now();
+    kill(pid, SIGINT);
+    const Outcome outcome = wait(pid);
+    // Far less than the time limit of a server that hangs.
+    EXPECT_LT(std::chrono::steady_clock::now() - begin, std::chrono::seconds(10));
+    EXPECT_EQ(outcome.status, 130);
+    EXPECT_NE(outcome.err.find("interrupted"), std::string::npos) << outcome.err;
+  }
+}
+
+// A file that was built by halves is that of one go, to the byte; and so another join finds the
+// same.
+TEST_F(DividedBuildTest, AResumedFileIsThatOfOneGo) {
+  runWell(build({}));
+  const std::string whole = readBytes(inFolder("0-1-1.isb"));
+  for (int round = 0; round < 12; ++round) {
+    fs::remove(inFolder("0-1-1.isb"));
+    Words words = build({"--resume", "--threads", "1"});
+    words.insert(words.begin(), isobrickCommand());
+    const pid_t pid = start(words);
+    const auto journal = inFolder("0-1-1.isb.partial.journal");
+    std::error_code gone;
+    while (!fs::exists(inFolder("0-1-1.isb")) &&
+           !(fs::exists(journal) && fs::file_size(journal, gone) > 2000u + 300u * round))
+      std::this_thread::yield();
+    kill(pid, SIGKILL);
+    wait(pid);
+    runWell(build({"--resume"}));
+    EXPECT_TRUE(readBytes(inFolder("0-1-1.isb")) == whole) << round;
+  }
+}
+
+TEST_F(DividedBuildTest, DamagedFilesAreBuiltAgain) {
+  runWell(build({}));
+  const std::string index = readBytes(inFolder(kIndexName)),
+                    file = readBytes(inFolder("1-0-2.isb"));
+  const auto expectMended = [&](const std::string& name) {
+    EXPECT_EQ(runForJson(build({}))["super_bricks"]["built"], name == kIndexName ? 0 : 1) << name;
+    EXPECT_TRUE(readBytes(inFolder(kIndexName)) == index);
+    EXPECT_TRUE(readBytes(inFolder("1-0-2.isb")) == file);
+  };
+  for (const std::string& name : {std::string(kIndexName), std::string("1-0-2.isb")}) {
+    const std::string& good = name == kIndexName ? index : file;
+    writeBytes(inFolder(name), good.substr(0, good.size() / 2));
+    expectMended(name);
+    writeBytes(inFolder(name), "");
+    expectMended(name);
+  }
+  // What it hands over to the join.
+  format::Header header{};
+  std::memcpy(&header, file.data(), sizeof header);
+  std::string bad = file;
+  bad[header.division.offset + header.division.stored_bytes / 2] ^= 1;
+  writeBytes(inFolder("1-0-2.isb"), bad);
+  expectFailure(1, {"build", "head.isbs", "--join"}, "damaged table for the join");
+  expectMended("1-0-2.isb");
+  // What is not isobrick's stays.
+  writeBytes(inFolder("1-0-2.isb"), "notes");
+  expectFailure(1, build({}), "replace it with --force");
+  runWell(build({"--force"}));
+  expectMended(kIndexName);
+}
+
+TEST_F(DividedBuildTest, TheFolderMayHaveASlashAndIsNoFile) {
+  runWell({"build", "head.nrrd", "--brick", "8", "-o", "slash.isbs/", "--super-brick", "64"});
+  EXPECT_TRUE(fs::is_directory(path("slash.isbs")));
+  writeBytes(path("file.isbs"), "x");
+  expectFailure(1, {"build", "head.nrrd", "-o", "file.isbs"}, "'file.isbs' is a file");
+  expectFailure(1, {"build", "head.nrrd", "--brick", "8", "-o", "x.isbs", "--super-brick", "1024"},
+                "8 to 512 cells");
 }
 
 TEST_F(DividedBuildTest, WhatIsNoPyramidIsNamed) {
@@ -129,7 +217,11 @@ TEST_F(DividedBuildTest, WhatIsNoPyramidIsNamed) {
   fs::rename(inFolder("1-1-1.isb"), path("kept"));
   const Words near = {"extract", "head.isbs", "--iso", "900", "--box", "0,0,0,30,60,60"};
   runWell(near);
-  runWell({"info", "--help"});
+  const Outcome info = run({"info", "head.isbs", "--json"});
+  EXPECT_EQ(info.status, 1);
+  EXPECT_EQ(Json::parse(info.out)["dimensions"], Json({80, 80, 80}));
+  EXPECT_EQ(Json::parse(info.out)["bytes"], nullptr);
+  EXPECT_NE(info.err.find("head.isbs/1-1-1.isb"), std::string::npos) << info.err;
   expectFailure(1, {"extract", "head.isbs", "--iso", "900"}, "1-1-1.isb");
   const Outcome lost = run({"verify", "head.isbs"});
   EXPECT_EQ(lost.status, 1);

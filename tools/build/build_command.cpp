@@ -44,7 +44,9 @@ struct BuildArguments {
   bool join = false;
   BuildSettings settings{{}, allCores()};
 
-  bool isDivided() const { return lowerExtension(output) == kDividedEnding; }
+  bool isDivided() const {
+    return lowerExtension(output.substr(0, output.find_last_not_of('/') + 1)) == kDividedEnding;
+  }
 };
 
 // The folder of --out-dir. One that was made here is removed if nothing is in it at the end.
@@ -235,7 +237,7 @@ void addPyramidOptions(CLI::App& sub, BuildArguments& arguments) {
   BuildOptions& options = arguments.settings.options;
   addStoredOptions(sub, options);
   addParsedOption(
-      sub, "--super-brick", arguments.super_cells, powerOfTwo(4, std::int64_t{1} << 20), "CELLS",
+      sub, "--super-brick", arguments.super_cells, powerOfTwo(4, 16384), "CELLS",
       fmt::format("Cells along an edge of a super-brick, a power of two, of an output of "
                   "many files; default: {}",
                   kDefaultSuperCells));
@@ -276,7 +278,7 @@ status is 1 then.
 
 Example:
   isobrick build 'scans/*.nrrd' --out-dir pyramids
-A scan of many machines, each with its part, and then the index:
+A scan of many machines, each with its part, and then the index (copies of an input need its times, too):
   isobrick build scan.ome.zarr -o scan.isbs --part 3/8
   isobrick build scan.isbs --join)");
   return {sub, [arguments] { return runBuild(*arguments); }};

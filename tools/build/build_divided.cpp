@@ -8,6 +8,7 @@
 #include "isobrick/preprocess/divided_pyramid.h"
 #include "isobrick/preprocess/export/volume_rows.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/pyramid_writer.h"
 #include "isobrick/storage/super_bricks.h"
 #include "tools/build/build_report.h"
 #include "tools/build/fitting_options.h"
@@ -35,6 +36,12 @@ struct DividedResult {
 void makeFolder(const std::string& folder) {
   std::error_code error;
   fs::create_directory(folder, error);
+  if (fs::exists(folder, error) && !fs::is_directory(folder, error))
+    throw Error(
+        fmt::format("'{}' is a file, and a pyramid of many files is a folder; choose another "
+                    "output with -o",
+                    folder),
+        {.path = folder});
   if (!fs::is_directory(folder, error))
     throw Error(fmt::format("cannot make the folder '{}'; create the folder above it, or choose "
                             "another output with -o",
@@ -58,7 +65,8 @@ class DividedBuild {
     refuseUnfitInputOptions(*job.input.parser, source_->info());
     files_ = superBrickFiles(source_->info(), settings.options);
     identity_ = buildIdentity(source_->info(), input_.identity(), settings.options);
-    refuseOther((fs::path(job.output) / kIndexName).string());
+    const std::string index = (fs::path(job.output) / kIndexName).string();
+    refuseOther(index, stateOfDividedFile(index, identity_));
     result_.all = files_.size();
   }
 
@@ -77,9 +85,8 @@ class DividedBuild {
 
  private:
   // Files of two builds in one folder are no pyramid.
-  void refuseOther(const std::string& path) const {
-    std::error_code ignored;
-    if (settings_.force || !fs::exists(path, ignored) || isBuiltFrom(path, identity_)) return;
+  void refuseOther(const std::string& path, DividedFileState state) const {
+    if (settings_.force || state != DividedFileState::kOfAnotherBuild) return;
     throw Error(fmt::format("'{}' exists and was built of another input, or with other options; "
                             "replace it with --force, or choose another output with -o",
                             path),
@@ -94,11 +101,13 @@ class DividedBuild {
   void buildNext(std::size_t number, const std::string& label) {
     const std::string path = (fs::path(job_.output) / files_[number].name).string();
     refuseReplacing({path}, source_->files(), true);
-    if (isBuiltFrom(path, identity_) && !settings_.rebuild) {
+    const DividedFileState state = stateOfDividedFile(path, identity_);
+    if (state == DividedFileState::kBuilt && !settings_.rebuild) {
+      removeStrayJournal(path);
       ++result_.up_to_date;
       return;
     }
-    refuseOther(path);
+    refuseOther(path, state);
     // What is read in order is read once.
     if (is_read_ && !source_->readsBoxes()) source_ = open();
     is_read_ = true;
