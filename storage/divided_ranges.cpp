@@ -82,6 +82,7 @@ class DividedRanges::SuperBrickFile : public std::enable_shared_from_this<SuperB
   }
 
   void open() {
+    openers_.abandoned.check();
     std::unique_ptr<RangeReader> reader = open_(path_, openers_.abandoned);
     format::Header header{};
     const bool fits = reader->size() == entry_.file_bytes;

@@ -8,8 +8,8 @@ namespace isobrick {
 namespace {
 
 // Of one file: far more than any disk has, and of 2^20 of them the sum is still a number.
-constexpr std::uint64_t kMostFileBytes = std::uint64_t{1} << 52;
-constexpr std::uint64_t kMostBytes = std::uint64_t{1} << 62;
+constexpr std::uint64_t kMostSuperBrickBytes = std::uint64_t{1} << 52;
+constexpr std::uint64_t kMostPyramidBytes = std::uint64_t{1} << 62;
 
 std::uint64_t alignedUp(std::uint64_t offset) {
   constexpr std::uint64_t kAlignment = format::kSampleAlignment;
@@ -51,7 +51,7 @@ std::optional<PyramidDivision> PyramidDivision::of(const BrickLayout& layout,
   for (std::size_t number = 0; number < division.files_.size(); ++number) {
     const format::FileEntry& file = division.files_[number];
     const std::uint64_t rows = super_bricks.rowsOf(number).count();
-    if (file.file_bytes < sizeof(format::Header) || file.file_bytes > kMostFileBytes ||
+    if (file.file_bytes < sizeof(format::Header) || file.file_bytes > kMostSuperBrickBytes ||
         !lies(file.brick_table_offset, rows * row_bytes, file.file_bytes) ||
         !lies(file.corrections.offset, file.corrections.stored_bytes, index_bytes) ||
         file.correction_count > rows ||
@@ -59,7 +59,7 @@ std::optional<PyramidDivision> PyramidDivision::of(const BrickLayout& layout,
       return std::nullopt;
     division.bases_.push_back(alignedUp(division.end_));
     division.end_ = division.bases_.back() + file.file_bytes;
-    if (division.end_ > kMostBytes) return std::nullopt;
+    if (division.end_ > kMostPyramidBytes) return std::nullopt;
   }
   table = table.subspan(entry_bytes);
   for (; !table.empty(); table = table.subspan(sizeof(format::Range))) {

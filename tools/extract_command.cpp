@@ -410,10 +410,11 @@ Command addExtractCommand(CLI::App& app) {
                       "mesh-500.ply")
           ->type_name("MESH");
   addForceFlag(*sub, arguments->force)->needs(output);
-  addParsedOption(*sub, "--part", arguments->part, parseShare, "I/N",
-                  "Only share I of N shares of the surface, I from 1. 'isobrick merge' joins the "
-                  "shares, as .isbm, to the mesh that one run gives; another format is open where "
-                  "other shares begin")
+  addParsedOption(
+      *sub, "--part", arguments->part, parseShare, "I/N",
+      "Do share I of N shares, I from 1: some of the surface's bricks. 'isobrick merge' joins the "
+      "shares, as .isbm, to the mesh that one run gives; another format is open where "
+      "other shares begin")
       // These look at the whole surface.
       ->excludes(triangles)
       ->excludes(components)

@@ -112,7 +112,8 @@ TEST_F(DividedBuildTest, CtrlCDoesNotWaitForAServer) {
     if (words[1] == "extract") words.insert(words.end(), {"--iso", "900"});
     const std::size_t before = server.requests();
     const pid_t pid = start(words);
-    while (server.requests() < before + 4) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    while (server.requests() < before + 4)
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
     const auto begin = std::chrono::steady_clock::now();
     kill(pid, SIGINT);
     const Outcome outcome = wait(pid);

@@ -183,8 +183,8 @@ void addOutputOptions(CLI::App& sub, BuildArguments& arguments) {
       ->excludes(output);
   CLI::Option* const part = addParsedOption(
       sub, "--part", arguments.part, parseShare, "I/N",
-      "Of an output of many files (OUT.isbs, a folder): only share I of N shares of its "
-      "super-bricks, I from 1, in any order and on any machine; what is there stays");
+      "Do share I of N shares, I from 1: some super-bricks of an output of many files (OUT.isbs, "
+      "a folder), in any order and on any machine; what is there stays");
   sub.add_flag("--join", arguments.join,
                "Check the super-bricks in the folder that is named as the input, and write its "
                "index")
