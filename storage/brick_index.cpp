@@ -72,7 +72,7 @@ std::size_t BrickIndex::pieceOf(const Place& place) const {
 }
 
 std::size_t BrickIndex::rowsIn(std::size_t file) const {
-  return file == kOwn ? own_.count() : division_->superBricks().rowsOf(file).count();
+  return file == kOwn ? own_.count() : division_->superBricks().rowCount(file);
 }
 
 std::uint64_t BrickIndex::base(std::size_t file) const {
@@ -245,13 +245,14 @@ BrickIndex::Corrections BrickIndex::correctionsOf(std::size_t file) const {
                                                    words.size(), words.data()));
   auto corrections = std::make_shared<std::vector<RangeCorrection>>(is_sound ? count : 0);
   std::uint64_t least_row = 0;
+  const std::uint64_t end_row = rowsIn(file);
   for (std::size_t i = 0; i < corrections->size(); ++i) {
     auto& [row, min, max] = (*corrections)[i];
     std::memcpy(&row, &words[4 * i], 4);
     std::memcpy(&min, &words[4 * (count + i)], 4);
     std::memcpy(&max, &words[4 * (2 * count + i)], 4);
-    is_sound = is_sound && row >= least_row && row < rowsIn(file) && min <= max &&
-               std::isfinite(min) && std::isfinite(max);
+    is_sound = is_sound && row >= least_row && row < end_row && min <= max && std::isfinite(min) &&
+               std::isfinite(max);
     least_row = std::uint64_t{row} + 1;
   }
   if (!is_sound)

@@ -50,7 +50,7 @@ std::optional<PyramidDivision> PyramidDivision::of(const BrickLayout& layout,
   std::memcpy(division.files_.data(), table.data(), entry_bytes);
   for (std::size_t number = 0; number < division.files_.size(); ++number) {
     const format::FileEntry& file = division.files_[number];
-    const std::uint64_t rows = super_bricks.rowsOf(number).count();
+    const std::uint64_t rows = super_bricks.rowCount(number);
     if (file.file_bytes < sizeof(format::Header) || file.file_bytes > kMostSuperBrickBytes ||
         !lies(file.brick_table_offset, rows * row_bytes, file.file_bytes) ||
         !lies(file.corrections.offset, file.corrections.stored_bytes, index_bytes) ||

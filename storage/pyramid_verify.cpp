@@ -350,7 +350,7 @@ void addFiles(const PyramidTables& tables, const PyramidDivision& division,
     format::Header header{};
     RangeReader::Failure why = "cannot be read";
     if (!file.read(base, sizeof header, reinterpret_cast<std::byte*>(&header), &why)) {
-      const std::size_t bricks = division.superBricks().rowsOf(number).count();
+      const std::size_t bricks = division.superBricks().rowCount(number);
       faults.push_back(name + ", with " + std::to_string(bricks) + " bricks, " + why);
       extents.push_back({base, division.file(number).file_bytes});
       continue;
@@ -493,7 +493,7 @@ PyramidFaults verifyPyramid(const Pyramid& pyramid, const VerifyOptions& options
   faults.rest = verifyRest(pyramid, options.cancel);
   const std::set<std::size_t> lost = lostFiles(pyramid.parts().tables());
   for (const std::size_t file : lost)
-    faults.lost_bricks += pyramid.parts().tables().division()->superBricks().rowsOf(file).count();
+    faults.lost_bricks += pyramid.parts().tables().division()->superBricks().rowCount(file);
   const std::size_t count = pyramid.parts().brickCount();
   std::atomic<std::size_t> next{0};
   std::mutex mutex;  // guards all below

@@ -56,6 +56,11 @@ class SuperBricks {
     const IndexBox box = bricks(place, level);
     return static_cast<std::size_t>(row + linearIndex(brick - box.first, box.count));
   }
+  std::size_t rowCount(std::size_t number) const {
+    std::int64_t rows = 0;
+    for (int level = 0; level < levels_; ++level) rows += bricks(at(number), level).size();
+    return static_cast<std::size_t>(rows);
+  }
   // The rows of the brick tables.
   TableRows rowsOf(std::size_t number) const {
     std::vector<IndexBox> boxes;

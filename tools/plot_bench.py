@@ -177,13 +177,14 @@ def family_of(name):
 
 def plot_distances(runs, output):
     """A column for each run: triangles above, times below, against the mean distance to the finest surface."""
+    columns = [(bench, rows, [r for r in rows if "distance" in r]) for bench, rows in runs]
+    for bench, _, approximating in columns:
+        if not approximating:
+            fail(f"'{bench['file']}' has no row that approximates; name some with --rows, such as simplify-1")
     pyplot = import_pyplot()
     figure, axes = pyplot.subplots(2, len(runs), figsize=(3.6 * len(runs), 7), squeeze=False,
                                    sharex="col", layout="constrained")
-    for column, (bench, rows) in enumerate(runs):
-        approximating = [r for r in rows if "distance" in r]
-        if not approximating:
-            fail(f"'{bench['file']}' has no row that approximates; name some with --rows, such as simplify-1")
+    for column, (bench, rows, approximating) in enumerate(columns):
         for family in unique(family_of(r["name"]) for r in approximating):
             points = sorted((max(way["mean"] for way in r["distance"].values()), r["triangles"],
                              1e3 * r["seconds"]["median"])

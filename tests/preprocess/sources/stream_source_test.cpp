@@ -6,11 +6,15 @@
 #include <cstring>
 #include <functional>
 #include <limits>
+#include <string>
 #include <thread>
+#include <vector>
 
 #include "isobrick/preprocess/phantoms/phantom.h"
 #include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/preprocess/volume_source.h"
+#include "isobrick/storage/index_loop.h"
+#include "tests/support/array_source.h"
 #include "tests/support/nifti_file.h"
 #include "tests/support/packed_bytes.h"
 #include "tests/support/random_numbers.h"
@@ -352,14 +356,30 @@ TEST_F(StreamSourceTest, BoxesAreReadByManyThreads) {
 }
 
 TEST_F(StreamSourceTest, SourcesOfRowsHaveNoBoxes) {
-  PhantomSpec spec;
-  spec.name = "sphere";
-  spec.size = 8;
-  const auto source = makePhantomSource(spec);
-  EXPECT_FALSE(source->readsBoxes());
-  EXPECT_TRUE(source->files().empty());
+  ArraySource<float> source(Index3(8), std::vector<float>(512));
+  EXPECT_FALSE(source.readsBoxes());
+  EXPECT_TRUE(source.files().empty());
   float voxel = 0;
-  EXPECT_THROW(source->readBox({Index3(0), Index3(1)}, &voxel), std::logic_error);
+  EXPECT_THROW(source.readBox({Index3(0), Index3(1)}, &voxel), std::logic_error);
+}
+
+TEST_F(StreamSourceTest, PhantomsAreReadByBoxes) {
+  for (const std::string& name : phantomNames()) {
+    PhantomSpec spec;
+    spec.name = name;
+    spec.size = 24;
+    spec.voxel_type = VoxelType::kUint16;
+    const auto source = makePhantomSource(spec);
+    ASSERT_TRUE(source->readsBoxes());
+    std::vector<std::uint16_t> whole(24 * 24 * 24), part(5 * 7 * 3);
+    source->readRows(0, 24 * 24, whole.data());
+    const IndexBox box{{13, 9, 20}, {5, 7, 3}};
+    source->readBox(box, part.data());
+    std::size_t i = 0;
+    forEachIndex(box, [&](const Index3& at) {
+      EXPECT_EQ(part[i++], whole[static_cast<std::size_t>(linearIndex(at, Index3(24)))]) << name;
+    });
+  }
 }
 
 }  // namespace
