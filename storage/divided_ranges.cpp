@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <atomic>
 #include <cstddef>
-#include <cstring>
 #include <system_error>
 #include <thread>
 #include <utility>
@@ -151,7 +150,7 @@ RangeReader::Failure DividedRanges::read(const ByteRange& range, std::byte* out)
   const std::uint64_t bytes = number ? division.file(*number).file_bytes : division.indexBytes();
   const std::uint64_t begin = range.offset - base;
   const std::uint64_t stored = begin < bytes ? std::min(range.bytes, bytes - begin) : 0;
-  std::memset(out + stored, 0, range.bytes - stored);
+  std::fill(out + stored, out + range.bytes, std::byte{0});
   if (stored == 0) return nullptr;
   if (!number) return index_->read({begin, stored}, out);
   const std::shared_ptr<SuperBrickFile> file = fileOf(*number);

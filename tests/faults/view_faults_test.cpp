@@ -46,6 +46,7 @@ class ViewSubject : public FaultSubject {
     for (int frame = 0, still = 0; frame < 20000; ++frame) {
       session_->update(clock_ += 0.05);
       session_->draw();
+      session_->noteDrawing(0.001);
       const SessionStatus status = session_->status();
       if (session_->settled()) return status.error;
       // An error is of the last extraction; the next request replaces it.

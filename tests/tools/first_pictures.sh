@@ -1,6 +1,6 @@
 #!/bin/sh
-# The first picture of every real volume, and of a head in a scanner's circle whose outside is padding: what somebody sees
-# who opens it. To look at; nothing is checked.
+# The first picture of every real volume, and of a head in a scanner's circle whose outside is padding: by `render`, and by
+# the viewer with its panel. To look at; nothing is checked.
 #   tests/tools/first_pictures.sh DATA_FOLDER OUTPUT_FOLDER [FOLDER_OF_THE_COMMANDS]
 # Needs python3 for the padded phantoms, and ImageMagick for the sheet of all.
 set -eu
@@ -12,6 +12,8 @@ mkdir -p "$out"
 picture() {
   "$isobrick" build "$2" -o "$out/$1.isb" --no-curvature --rebuild > /dev/null
   "$isobrick" render "$out/$1.isb" --iso auto --size 320x320 -o "$out/$1.png" --force 2> "$out/$1.txt" > /dev/null
+  printf '{"size": [960, 640], "steps": [{"wait": "settled"}, {"wait": 0.5}, {"frame": "%s-window.png"}]}' "$1" > "$out/$1.json"
+  "$isobrick" view "$out/$1.isb" --offscreen --script "$out/$1.json" --frames "$out" --force > /dev/null
   echo "$1: $("$isobrick" info "$out/$1.isb" | sed -n 's/^isovalues *//p')"
 }
 
@@ -47,6 +49,12 @@ picture head "$out/head.mhd"
 picture padded_low "$out/padded_low.mhd"
 picture padded_high "$out/padded_high.mhd"
 if command -v montage > /dev/null; then
-  (cd "$out" && montage -label '%t' vhf_head.png headsq.png tooth.png engine.png mr.png aneurism.png fingers.png smoke.png \
-    sphere.png head.png padded_low.png padded_high.png -tile 4x -geometry +4+4 sheet.png)
+  for kind in "" -window; do
+    sheet=
+    for name in vhf_head headsq tooth engine mr aneurism fingers smoke sphere head padded_low padded_high; do
+      sheet="$sheet $name$kind.png"
+    done
+    # shellcheck disable=SC2086
+    (cd "$out" && montage -label '%t' $sheet -tile 4x -geometry 480x+4+4 "sheet$kind.png")
+  done
 fi

@@ -708,13 +708,14 @@ void GlSceneRenderer::presentNothing(GLuint framebuffer, int width, int height) 
   glClear(GL_COLOR_BUFFER_BIT);
 }
 
-void GlSceneRenderer::present(GLuint framebuffer) {
+void GlSceneRenderer::present(GLuint framebuffer, int left, int bottom) {
   glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
-  glViewport(0, 0, width_, height_);
+  glViewport(left, bottom, width_, height_);
   glDisable(GL_DEPTH_TEST);
   glDisable(GL_BLEND);
   glDisable(GL_SCISSOR_TEST);
   glUseProgram(*screen_program_);
+  setUniform(screen_program_, "corner", glm::vec2(left, bottom));
   glBindTextureUnit(0, *resolved_color_);
   glBindVertexArray(*empty_array_);
   glDrawArrays(GL_TRIANGLES, 0, 3);

@@ -39,9 +39,9 @@ class GlSceneRenderer : public SceneRenderer {
   Image picture() override;
   std::vector<float> distances() override;
 
-  // The frame drawn last, as sRGB, into a framebuffer of the context (0: its window), whose lower
-  // left part of the frame's size is written.
-  void present(GLuint framebuffer);
+  // The frame drawn last, as sRGB, into a framebuffer of the context (0: its window): a part of the
+  // frame's size, with its lower left corner at this pixel from the left and from below.
+  void present(GLuint framebuffer, int left, int bottom);
 
   // In its place the colour of an empty background, for a picture that cannot be drawn.
   void presentNothing(GLuint framebuffer, int width, int height);

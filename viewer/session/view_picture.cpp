@@ -29,7 +29,7 @@ ViewPicture drawView(std::shared_ptr<const Pyramid> pyramid, const ViewState& st
   resize.x = width;
   resize.y = height;
   session.apply(resize, 0.0, false);
-  session.state() = state;
+  session.show(state);
   double clock = 0.0;  // nothing moves: any clock does
   do {
     cancel.check();
@@ -38,7 +38,7 @@ ViewPicture drawView(std::shared_ptr<const Pyramid> pyramid, const ViewState& st
   } while (!session.settled());
   const SessionStatus status = session.status();
   if (!status.error.empty()) throw Error(status.error);
-  return {session.picture(1, layers), status.triangles, renderer.deviceName()};
+  return {session.picture({width, height}, 1, layers), status.triangles, renderer.deviceName()};
 }
 
 }  // namespace isobrick

@@ -73,13 +73,14 @@ ViewSession::ViewSession(std::shared_ptr<const Pyramid> pyramid, ValueHistogram 
       volume_(volumeOf(*pyramid_, preview_of_)),
       histogram_(std::move(histogram)),
       state_(firstView(volume_, 1.0)),
+      opening_(state_),
       surfaces_(std::in_place, renderer, options.gpu_budget_bytes),
       stream_(pyramid_, options.threads),
       planes_(pyramid_, preview_of_ ? static_cast<double>(preview_of_->step) : 1.0) {
   volume_.isovalues = histogram_.isovalues;
   state_.surfaces[0].isovalue =
       volume_.isovalues.empty() ? volume_.least_value : volume_.isovalues.front();
-  first_state_ = state_;
+  opening_ = OpeningView(state_);
 }
 
 ViewSession::~ViewSession() { planes_.release(*renderer_); }
@@ -110,15 +111,21 @@ std::optional<StreamMessage> ViewSession::nextMessage() {
 
 void ViewSession::follow(const ViewSession& other) {
   interaction_ = other.interaction_;
-  framed_ = other.framed_;
   last_update_ = other.last_update_;
   state_ = other.state_;
   // The first view of a volume follows from its values.
+  const ViewState &before = other.opening_.view(), &first = opening_.view();
   double& isovalue = state_.surfaces[0].isovalue;
-  if (isovalue == other.first_state_.surfaces[0].isovalue)
-    isovalue = first_state_.surfaces[0].isovalue;
-  if (state_.value_window == other.first_state_.value_window)
-    state_.value_window = first_state_.value_window;
+  if (isovalue == before.surfaces[0].isovalue) isovalue = first.surfaces[0].isovalue;
+  if (state_.value_window == before.value_window) state_.value_window = first.value_window;
+  if (state_.focus == before.focus) state_.focus = first.focus;
+  if (state_.camera == before.camera) state_.camera = first.camera;
+  opening_.follow(other.opening_);
+}
+
+void ViewSession::show(const ViewState& state) {
+  state_ = state;
+  opening_.end();
 }
 
 bool ViewSession::hasShown() const {
@@ -127,10 +134,6 @@ bool ViewSession::hasShown() const {
 
 Wishes ViewSession::apply(const InputEvent& event, double seconds, bool on_panel) {
   const Wishes wishes = applyEvent(event, seconds, on_panel, volume_, interaction_, state_);
-  if (event.kind == InputEvent::Kind::kResize && !framed_ && interaction_.size.y > 0.0) {
-    state_.camera = framed(state_.camera, volume_.box(), interaction_.aspect());
-    framed_ = true;
-  }
   grantView(wishes);
   return wishes;
 }
@@ -138,15 +141,10 @@ Wishes ViewSession::apply(const InputEvent& event, double seconds, bool on_panel
 void ViewSession::grantView(const Wishes& wishes) {
   if (wishes.focus_at)
     if (const auto point = surfaceAt(*wishes.focus_at)) focusOn(*point, volume_, state_);
-  if (wishes.frame_surfaces) {
-    const auto shown = surfaces_->shownBox();
-    const WorldBox box = shown ? volume_.boxAround((*shown)[0], (*shown)[1]) : volume_.box();
-    state_.camera = framed(state_.camera, box, interaction_.aspect());
-  }
-  if (wishes.first_view) {
-    state_ = first_state_;
-    state_.camera = framed(state_.camera, volume_.box(), interaction_.aspect());
-  }
+  if (wishes.first_view) state_ = opening_.home(volume_, interaction_.aspect());
+  if (wishes.frame_surfaces)
+    state_.camera =
+        framed(state_.camera, shownBox().value_or(volume_.box()), interaction_.aspect());
   if (wishes.undo) state_ = history_.undo(state_).value_or(state_);
   if (wishes.redo) state_ = history_.redo(state_).value_or(state_);
 }
@@ -156,13 +154,34 @@ void ViewSession::update(double seconds, UploadAllowance& allowance) {
   advanceFlight(std::clamp(seconds - last_update_, 0.0, 0.1), volume_, interaction_, state_);
   last_update_ = seconds;
   state_ = bounded(state_, volume_);
-  const bool is_held = interaction_.drag != Interaction::Drag::kNone || interaction_.flying;
-  if (framed_) history_.note(state_, is_held, seconds);
   // They come first in a frame, so that surfaces that keep coming leave them room.
   planes_.update(*renderer_, planesOf(state_, volume_, interaction_.size.y), allowance);
   // The past extractions decide the size of the next request.
   takeNews(surfaces_->pump([&] { return nextMessage(); }, clockSeconds, allowance));
+  updateOpening();
+  const bool is_held = interaction_.drag != Interaction::Drag::kNone || interaction_.flying;
+  if (opening_.isOver())
+    history_.note(state_, is_held, seconds);
+  else
+    history_.startWith(opening_.view());
   requestSurfaces(seconds);
+}
+
+std::optional<WorldBox> ViewSession::shownBox() const {
+  const auto shown = surfaces_->shownBox();
+  return shown ? std::optional(volume_.boxAround((*shown)[0], (*shown)[1])) : std::nullopt;
+}
+
+void ViewSession::updateOpening() {
+  if (opening_.isOver() || !(interaction_.size.y > 0.0)) return;
+  OpeningView::Sight sight;
+  sight.box = shownBox();
+  sight.radius = shown_pass_.radius;
+  if (shown_pass_.bricks_read == 0) sight.extraction_seconds = shown_pass_.seconds;
+  sight.waited = clockSeconds() - last_news_;
+  sight.over_budget = over_budget_;
+  sight.is_whole = !preview_of_ && isFine();
+  opening_.update(sight, volume_, interaction_.aspect(), state_);
 }
 
 // While the state changes, one pass that fits the time; at rest, all passes up to the wanted
@@ -287,15 +306,18 @@ void ViewSession::send(StreamRequest request, std::optional<double> waiting_sinc
   auto asked = decltype(asked_){{0, Asked{state_, interaction_.size.y}}}.extract(0);
   last_request_ = stream_.request(std::move(request));
   time.key() = asked.key() = last_request_;
+  last_news_ = clockSeconds();
   request_times_.insert(std::move(time));
   asked_.insert(std::move(asked));
 }
 
-void ViewSession::noteDrawing(double seconds) {
-  quality_ = drawn(quality_, trianglesShown(), seconds);
+void ViewSession::noteDrawing(std::optional<double> seconds) {
+  opening_.noteDrawing(seconds);
+  if (!seconds) return;
+  quality_ = drawn(quality_, trianglesShown(), *seconds);
   const double now = clockSeconds();
-  drawings_.add(now - seconds, now);
-  last_drawing_ = seconds;
+  drawings_.add(now - *seconds, now);
+  last_drawing_ = *seconds;
 }
 
 bool ViewSession::drawsBetterLater() const {
@@ -337,6 +359,7 @@ void ViewSession::takeNews(const SurfaceSet::News& news) {
       shown[made.surface] = {asked_.at(shown_request_), pass.radius, pass.is_complete, made};
     shown_surfaces_ = std::move(shown);
     shown_pass_ = pass;
+    last_news_ = clockSeconds();
     ++passes_;
     all_passes_done_ = pass.request == last_request_ && pass.last_pass;
   }
@@ -402,9 +425,9 @@ bool ViewSession::draw() {
   return true;
 }
 
-Image ViewSession::picture(int times, bool layers) {
-  const int width = std::max(1, static_cast<int>(interaction_.size.x));
-  const int height = std::max(1, static_cast<int>(interaction_.size.y));
+Image ViewSession::picture(const glm::dvec2& size, int times, bool layers) {
+  const int width = std::max(1, static_cast<int>(size.x));
+  const int height = std::max(1, static_cast<int>(size.y));
   const int factor = std::clamp(renderer_->greatestSize() / std::max(width, height), 1, times);
   SceneFrame frame = sceneNow(factor * width, factor * height);
   frame.pixel_scale = interaction_.scale * factor;
@@ -430,6 +453,10 @@ Image ViewSession::picture(int times, bool layers) {
 }
 
 bool ViewSession::settled() const {
+  return isFine() && (preview_of_ || opening_.isOver() || !(interaction_.size.y > 0.0));
+}
+
+bool ViewSession::isFine() const {
   const bool surfaces_done = asked_for_all_ &&
                              (all_passes_done_ || over_budget_ || !surfaces_->error().empty()) &&
                              requested_ && asksAsRequested();
@@ -454,13 +481,14 @@ SessionStatus ViewSession::status() const {
   status.surface_age = longestWait().value_or(0.0);
   if (!asked_for_all_)
     status.doing = "following the user";
-  else if (settled())
+  else if (isFine())
     status.doing = "ready";
   else if (!shown_pass_.is_complete)
     status.doing = "reading what is lacking";
   else
     status.doing = "refining to radius " + whole(status.wanted_radius);
   if (preview_of_) status.limited = "preview at 1/" + std::to_string(preview_of_->step);
+  if (!opening_.limit(state_).empty()) status.limited = opening_.limit(state_);
   if (over_budget_)
     status.limited = showsTheLatest()
                          ? "GPU budget reached: showing radius " + whole(status.shown_radius) +
@@ -480,7 +508,7 @@ std::optional<glm::dvec3> ViewSession::surfaceAt(const glm::dvec2& pixel) {
 }
 
 std::optional<glm::dvec3> ViewSession::surfaceUnderCursor() {
-  const bool rests = settled() && interaction_.drag == Interaction::Drag::kNone &&
+  const bool rests = isFine() && interaction_.drag == Interaction::Drag::kNone &&
                      !interaction_.flying && drawn_state_ && *drawn_state_ == state_;
   if (!rests) return std::nullopt;
   const bool is_known = cursor_hit_ && cursor_hit_->cursor == interaction_.cursor &&

@@ -11,6 +11,7 @@
 #include "isobrick/storage/pyramid.h"
 #include "isobrick/viewer/render/scene_renderer.h"
 #include "isobrick/viewer/session/mesh_queue.h"
+#include "isobrick/viewer/session/opening_view.h"
 #include "isobrick/viewer/session/plane_set.h"
 #include "isobrick/viewer/session/scene_of_view.h"
 #include "isobrick/viewer/session/surface_wait.h"
@@ -65,8 +66,13 @@ class ViewSession {
               SceneRenderer& renderer, const SessionOptions& options);
   ~ViewSession();
 
-  // May be changed between frames; update() brings it into its bounds.
+  // May be changed between frames; update() brings it into its bounds. Until the user changes them,
+  // focus and camera follow from what is shown (OpeningView).
   ViewState& state() { return state_; }
+  // A view from a file, which is shown as it is.
+  void show(const ViewState& state);
+  // The state's focus is meant, however long its surface takes.
+  void keepFocus() { opening_.keepFocus(); }
   const ViewState& state() const { return state_; }
   Interaction& interaction() { return interaction_; }
   const Interaction& interaction() const { return interaction_; }
@@ -100,19 +106,21 @@ class ViewSession {
   // Draws the chunks so far, with the size of the interaction; false if that size is 0.
   bool draw();
 
-  // The scene of draw() as a picture, `times` as large along both sides, or as much as the renderer
-  // can; with `layers`, depth and normals too. Draws, so the next draw() makes the screen's anew.
-  // Throws Error if there is no memory for it.
-  Image picture(int times, bool layers);
+  // The scene as a picture of `size` pixels, `times` as large along both sides, or as much as the
+  // renderer can; with `layers`, depth and normals too. Draws, so the next draw() makes the
+  // screen's anew. Throws Error if there is no memory for it.
+  Image picture(const glm::dvec2& size, int times, bool layers);
 
   // How long the frame drawn last took, with showing it: a slow picture gets coarser surfaces
-  // during drags.
-  void noteDrawing(double seconds);
+  // during drags. None: it could not be drawn.
+  void noteDrawing(std::optional<double> seconds);
   // The scene draws slowly, and the surface of the latest request will soon be there: call update()
   // and this again before it is drawn once more.
   bool drawsBetterLater() const;
 
   // True if the scene is the one of the state, as fine as it will get, slices included.
+  bool isFine() const;
+  // And the view that the volume opens with is found, for which frames are drawn and noted.
   bool settled() const;
   SessionStatus status() const;
   // The values of the darkest and the lightest colour, if the shown surface has values.
@@ -150,6 +158,8 @@ class ViewSession {
     StreamedSurface counts;
   };
   void grantView(const Wishes& wishes);
+  void updateOpening();
+  std::optional<WorldBox> shownBox() const;
   SceneFrame sceneNow(int width, int height) const;
   double radiusAtRest() const;
   int firstLevel() const;
@@ -178,10 +188,9 @@ class ViewSession {
   ViewVolume volume_;
   ValueHistogram histogram_;
   ViewState state_;
-  ViewState first_state_;  // that it was opened with
+  OpeningView opening_;
   ViewHistory history_;
   Interaction interaction_;
-  bool framed_ = false;  // the first size gives the camera its distance
   double last_update_ = 0.0;
 
   DragQuality quality_;
@@ -203,6 +212,7 @@ class ViewSession {
   std::map<int, ShownSurface> shown_surfaces_;
   std::map<std::uint64_t, Asked> asked_;  // by request, from the one that is shown on
   std::uint64_t passes_ = 0;
+  double last_news_ = 0.0;  // of clockSeconds(), when a pass was last shown or requested
   DrawingTimes drawings_;
   double last_drawing_ = 0.0;  // seconds
   // The last answer of surfaceUnderCursor(), and the facts that it holds for.

@@ -49,7 +49,7 @@ void VolumeShow::giveUpPreview(SceneRenderer& renderer, const glm::dvec2& size, 
   if (!aside_) return close();
   Aside before = *std::exchange(aside_, std::nullopt);
   open(std::move(before.opened), renderer, size, scale);
-  session()->state() = before.state;
+  session()->show(before.state);
 }
 
 void VolumeShow::update(double seconds, UploadAllowance& allowance) {
@@ -59,7 +59,7 @@ void VolumeShow::update(double seconds, UploadAllowance& allowance) {
   next_->session->follow(*session());
   next_->session->update(seconds, allowance);
   const bool takes_over =
-      next_->session->settled() || (next_->session->hasShown() && !session()->settled());
+      next_->session->isFine() || (next_->session->hasShown() && !session()->settled());
   if (!takes_over) return;
   shown_ = std::exchange(next_, std::nullopt);
   if (!showsPreview()) aside_.reset();

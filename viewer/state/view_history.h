@@ -15,6 +15,8 @@ class ViewHistory {
   static constexpr double kRestSeconds = 0.4;
   static constexpr std::size_t kMostViews = 200;  // older ones are forgotten
 
+  // Forgets all views but this one.
+  void startWith(const ViewState& view);
   // The view of this moment; `is_held`: the user drags or flies.
   void note(const ViewState& view, bool is_held, double seconds);
 

@@ -27,13 +27,15 @@ ViewState firstView(const ViewVolume& volume, double aspect) {
   const double span = volume.greatest_value - volume.least_value;
   state.surfaces[0].isovalue = volume.least_value + 0.5 * span;
   state.focus.center = 0.5 * glm::dvec3(volume.voxels - Index3(1));
-  // Half of it in the sphere: any machine shows that soon.
+  state.focus.everywhere = true;
+  // If that becomes a region of interest, half of the volume is in it.
   state.focus.radius = std::max(
       8.0,
       0.25 * static_cast<double>(std::max({volume.voxels.x, volume.voxels.y, volume.voxels.z})));
   for (int axis = 0; axis < 3; ++axis)
     state.slices[static_cast<std::size_t>(axis)].position = std::floor(state.focus.center[axis]);
   state.value_window = {volume.least_value, volume.greatest_value};
+  state.show_box = false;  // the surface is framed
   state.camera = framed(state.camera, volume.box(), aspect);
   return state;
 }

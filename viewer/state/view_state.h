@@ -121,7 +121,8 @@ struct ViewVolume {
   double diagonal() const;
 };
 
-// The view that a volume opens with: framed from the front, the focus in its middle.
+// The view that a volume opens with before any of it is shown (session/opening_view.h): the volume
+// framed from the front, all of the surface fine, the focus in the middle.
 ViewState firstView(const ViewVolume& volume, double aspect);
 
 // `state`, from the user or a file, with every number in its range, and the focus on the pivot if

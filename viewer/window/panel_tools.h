@@ -7,10 +7,11 @@
 #include <cstdio>
 #include <string>
 
+#include "isobrick/viewer/window/window_layout.h"
+
 namespace isobrick {
 
-// For the line at the foot, in pixels of an ordinary screen.
-inline constexpr float kStatusHeight = 26.0f;
+inline float statusHeight(float scale) { return static_cast<float>(kStatusHeight) * scale; }
 
 // As printf has it, cut after 255 characters.
 template <typename... Arguments>

@@ -35,9 +35,18 @@ double roundLength(double most) {
   return power;
 }
 
+// The scene's picture in the window.
+struct Place {
+  ImVec2 corner;  // the upper left one, pixels of the window
+  ImVec2 size;
+  ImVec2 operator()(const glm::dvec2& pixel) const {
+    return {corner.x + static_cast<float>(pixel.x), corner.y + static_cast<float>(pixel.y)};
+  }
+};
+
 // As long at the pivot as its text says, in world units.
-void scaleBar(const ViewSession& session, float scale) {
-  const ImVec2 size = ImGui::GetIO().DisplaySize;
+void scaleBar(const ViewSession& session, float scale, const Place& place) {
+  const ImVec2 size = place.size;
   if (size.y < 100.0f) return;
   const ViewCamera& camera = session.state().camera;
   const PlacedCamera placed = placeCamera(camera, 1.0);
@@ -45,7 +54,8 @@ void scaleBar(const ViewSession& session, float scale) {
   const double per_pixel = height / static_cast<double>(size.y);
   const double length = roundLength(150.0 * scale * per_pixel);
   const auto pixels = static_cast<float>(length / per_pixel);
-  const ImVec2 end{size.x - 24.0f * scale, size.y - (kStatusHeight + 20.0f) * scale};
+  const ImVec2 end{place.corner.x + size.x - 24.0f * scale,
+                   place.corner.y + size.y - 20.0f * scale};
   ImDrawList& list = *ImGui::GetBackgroundDrawList();
   const ImU32 white = IM_COL32(235, 235, 235, 220);
   list.AddLine({end.x - pixels, end.y}, end, white, 2.0f * scale);
@@ -57,14 +67,11 @@ void scaleBar(const ViewSession& session, float scale) {
 }
 
 // Sides of the world's axes; a click looks from there.
-void axisCube(const ViewSession& session, bool hovers) {
+void axisCube(const ViewSession& session, bool hovers, const Place& place) {
   const Interaction& interaction = session.interaction();
   const std::vector<CubeFace> faces = cubeFacesOf(session.state().camera, interaction.picture());
   const auto hovered = hovers ? cubeFaceAt(faces, interaction.cursor) : std::nullopt;
   ImDrawList& list = *ImGui::GetBackgroundDrawList();
-  const auto place = [](const glm::dvec2& p) {
-    return ImVec2(static_cast<float>(p.x), static_cast<float>(p.y));
-  };
   for (const CubeFace& face : faces) {
     const int grey = static_cast<int>(70.0 + 90.0 * face.toward);
     const bool lit = hovered == face.view;
@@ -81,7 +88,7 @@ void axisCube(const ViewSession& session, bool hovers) {
   }
 }
 
-void handles(const ViewSession& session, float scale, bool hovers) {
+void handles(const ViewSession& session, float scale, bool hovers, const Place& place) {
   const Interaction& interaction = session.interaction();
   if (interaction.flying) return;
   const std::vector<SceneHandle> all =
@@ -98,9 +105,7 @@ void handles(const ViewSession& session, float scale, bool hovers) {
     const ImU32 color = is_lit     ? IM_COL32(255, 237, 158, 255)
                         : of_focus ? kAxisColors[static_cast<std::size_t>(handle.number)]
                                    : IM_COL32(220, 220, 225, 255);
-    const ImVec2 foot(static_cast<float>(handle.foot_pixel.x),
-                      static_cast<float>(handle.foot_pixel.y));
-    const ImVec2 tip(static_cast<float>(handle.tip.x), static_cast<float>(handle.tip.y));
+    const ImVec2 foot = place(handle.foot_pixel), tip = place(handle.tip);
     list.AddLine(foot, tip, IM_COL32(0, 0, 0, 160), 4.0f * scale);
     list.AddLine(foot, tip, color, 2.0f * scale);
     if (of_focus) {
@@ -132,10 +137,16 @@ void help(ViewSession& session, float scale) {
 
 }  // namespace
 
-void buildOverlay(ViewSession& session, float scale, bool hovers) {
-  scaleBar(session, scale);
-  axisCube(session, hovers);
-  if (session.interaction().drag != Interaction::Drag::kPanel) handles(session, scale, hovers);
+void buildOverlay(ViewSession& session, float scale, bool hovers, const SceneArea& area) {
+  const Place place{{static_cast<float>(area.left), 0.0f},
+                    {static_cast<float>(area.width), static_cast<float>(area.height)}};
+  ImDrawList& list = *ImGui::GetBackgroundDrawList();
+  list.PushClipRect(place.corner, {place.corner.x + place.size.x, place.corner.y + place.size.y});
+  scaleBar(session, scale, place);
+  axisCube(session, hovers, place);
+  if (session.interaction().drag != Interaction::Drag::kPanel)
+    handles(session, scale, hovers, place);
+  list.PopClipRect();
   if (session.interaction().show_help) help(session, scale);
 }
 

@@ -45,7 +45,7 @@ Wishes openingError(const PanelFacts& facts, float scale) {
   if (facts.open_error.empty()) return wishes;
   const ImVec2 size = ImGui::GetIO().DisplaySize;
   const float width = std::max(1.0f, size.x);
-  ImGui::SetNextWindowPos({0.0f, size.y - kStatusHeight * scale}, ImGuiCond_Always, {0.0f, 1.0f});
+  ImGui::SetNextWindowPos({0.0f, size.y - statusHeight(scale)}, ImGuiCond_Always, {0.0f, 1.0f});
   ImGui::SetNextWindowSizeConstraints({width, 0.0f}, {width, std::max(1.0f, size.y)});
   if (ImGui::Begin("why not", nullptr,
                    ImGuiWindowFlags_NoDecoration | ImGuiWindowFlags_NoMove |
@@ -112,9 +112,8 @@ void buildStatistics(const ViewSession& session, const PanelFacts& facts, float 
 
 Wishes StatusPanel::build(ViewSession* session, const PanelFacts& facts, float scale, bool hovers) {
   const ImVec2 size = ImGui::GetIO().DisplaySize;
-  ImGui::SetNextWindowPos({0.0f, size.y - kStatusHeight * scale});
-  ImGui::SetNextWindowSize({std::max(1.0f, size.x), kStatusHeight * scale});
-  ImGui::SetNextWindowBgAlpha(0.82f);
+  ImGui::SetNextWindowPos({0.0f, size.y - statusHeight(scale)});
+  ImGui::SetNextWindowSize({std::max(1.0f, size.x), statusHeight(scale)});
   Wishes wishes;
   if (ImGui::Begin(
           "status", nullptr,

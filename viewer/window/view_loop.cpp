@@ -120,7 +120,37 @@ class ViewLoop {
     return session() != nullptr ? session()->status() : SessionStatus{};
   }
   ViewState& state() { return session() != nullptr ? session()->state() : idle_state_; }
+  // The window's, and the part of it that shows the scene.
   glm::dvec2 size() const { return {width_, height_}; }
+  SceneArea area() const {
+    const bool with_panel = session() != nullptr && session()->interaction().show_panel;
+    return sceneArea(width_, height_, target_->scale(), with_panel);
+  }
+
+  // Gives the session the size of its area, and the cursor in it.
+  void layOut() {
+    if (session() == nullptr) return;
+    const SceneArea now = area();
+    const Interaction& interaction = session()->interaction();
+    if (interaction.size != glm::dvec2(now.width, now.height)) {
+      InputEvent resized;
+      resized.kind = InputEvent::Kind::kResize;
+      session()->apply(inScene(resized), last_frame_, false);
+    }
+    if (interaction.drag == Interaction::Drag::kNone)
+      session()->interaction().cursor = cursor_ - glm::dvec2(now.left, 0.0);
+  }
+
+  // An event of the window, in the scene's pixels.
+  InputEvent inScene(InputEvent event) const {
+    const SceneArea now = area();
+    if (event.kind == InputEvent::Kind::kMove) event.x -= now.left;
+    if (event.kind == InputEvent::Kind::kResize) {
+      event.x = now.width;
+      event.y = now.height;
+    }
+    return event;
+  }
 
   // Replaces the volume shown before.
   void show(OpenedVolume opened) {
@@ -202,7 +232,8 @@ class ViewLoop {
     if (width_ < 1 || height_ < 1) return false;
     try {
       drawScene();
-      target_->renderer().present(target_->framebuffer());
+      target_->renderer().presentNothing(target_->framebuffer(), width_, height_);
+      target_->renderer().present(target_->framebuffer(), area().left, area().bottom);
       draw_error_.clear();
     } catch (const RendererLost&) {
       throw;
@@ -219,8 +250,8 @@ class ViewLoop {
       return;
     }
     SceneFrame frame;
-    frame.width = width_;
-    frame.height = height_;
+    frame.width = std::max(1, area().width);
+    frame.height = std::max(1, area().height);
     frame.background_top = idle_state_.background_top;
     frame.background_bottom = idle_state_.background_bottom;
     target_->renderer().draw(frame);
@@ -250,7 +281,10 @@ class ViewLoop {
       scripted.file = std::exchange(file_again_, std::nullopt);
     else if (player_ && !file_again_)
       scripted = player_->next(begin - begin_, whatIsThere(), state());
-    if (scripted.state) state() = *scripted.state;
+    if (scripted.state) {
+      state() = *scripted.state;
+      if (session() != nullptr) session()->keepFocus();
+    }
     if (scripted.size) target_->resize(scripted.size->width, scripted.size->height);
     events_.insert(events_.end(), scripted.events.begin(), scripted.events.end());
     try {
@@ -282,7 +316,8 @@ class ViewLoop {
     const double written = clockSeconds();
     if (drawn_) target_->show();
     const double draw_seconds = drawn_by - drawing + clockSeconds() - written;
-    if (drawn_ && draw_error_.empty() && session() != nullptr) session()->noteDrawing(draw_seconds);
+    if (drawn_ && session() != nullptr)
+      session()->noteDrawing(draw_error_.empty() ? std::optional(draw_seconds) : std::nullopt);
     remember({drawing - begin - idle, draw_seconds}, begin);
     Wishes wishes = std::exchange(wishes_, {});
     // A picture needs a frame.
@@ -352,13 +387,15 @@ class ViewLoop {
                                event.kind == InputEvent::Kind::kKeyRelease ||
                                event.kind == InputEvent::Kind::kText;
       const bool on_panel = of_keyboard ? panel_->wantsKeyboard() : panel_->wantsMouse();
+      if (event.kind == InputEvent::Kind::kMove) cursor_ = {event.x, event.y};
       addWishes(session() != nullptr
-                    ? session()->apply(event, seconds, on_panel)
+                    ? session()->apply(inScene(event), seconds, on_panel)
                     : applyEvent(event, seconds, on_panel, {}, idle_interaction_, idle_state_),
                 wishes);
     }
+    layOut();
     if (first_view_ && session() != nullptr && height_ > 0) {
-      session()->state() = first_view_->state;
+      session()->show(first_view_->state);
       first_view_.reset();
     }
     while (const auto mesh = meshes_.poll()) {
@@ -368,7 +405,8 @@ class ViewLoop {
     const std::string& failure = draw_error_.empty() ? mesh_error_ : draw_error_;
     addWishes(panel_->build(session(),
                             {frames_, message_, target_->renderer().deviceName(), opener_.status(),
-                             open_error_, recent_, meshes_.underWay(), failure, guard_.question()}),
+                             open_error_, recent_, meshes_.underWay(), failure, guard_.question()},
+                            area()),
               wishes);
     return wishes;
   }
@@ -403,7 +441,7 @@ class ViewLoop {
       }
       if (wishes.load_state) {
         const SavedView view = readView(state_path_);
-        session()->state() = view.state;
+        session()->show(view.state);
         message_ = "read " + state_path_;
         if (!view.volume.empty() && !isSameVolume(view.volume, show_.opened()->source))
           message_ += ", a view of " + view.volume;
@@ -428,9 +466,9 @@ class ViewLoop {
   // The scene without panels. It is drawn anew, so the screen's is, too, before it is shown.
   void writePicture(const std::string& path) {
     const ImageFormat format = imageFormatOf(path);
-    writeImage(path, session() != nullptr
-                         ? session()->picture(state().pictures.times, format == ImageFormat::kExr)
-                         : target_->renderer().picture());
+    writeImage(path, session() != nullptr ? session()->picture(size(), state().pictures.times,
+                                                               format == ImageFormat::kExr)
+                                          : target_->renderer().picture());
     if (session() != nullptr) session()->draw();
     message_ = "wrote " + path;
   }
@@ -488,7 +526,8 @@ class ViewLoop {
 
   std::optional<SavedView> first_view_;
   std::deque<InputEvent> events_;
-  int width_ = 0, height_ = 0;
+  int width_ = 0, height_ = 0;                // of the window
+  glm::dvec2 cursor_{0.0};                    // in it
   std::optional<ScriptRecording> recording_;  // from the first size on
   double begin_ = 0.0, last_frame_ = 0.0, awake_until_ = 0.0;
   double looked_ = 0.0;  // for events

@@ -7,11 +7,10 @@
 
 #include "isobrick/storage/error.h"
 #include "isobrick/viewer/window/panel_tools.h"
+#include "isobrick/viewer/window/window_layout.h"
 
 namespace isobrick {
 namespace {
-
-constexpr float kPanelWidth = 300.0f;
 
 int indexOf(Key key) { return static_cast<int>(key); }
 
@@ -122,19 +121,17 @@ void ViewPanel::discard() { ImGui::EndFrame(); }
 
 Wishes ViewPanel::panel(ViewSession& session, const PanelFacts& facts) {
   const auto scale = static_cast<float>(scale_);
-  const float height = ImGui::GetIO().DisplaySize.y - scale * kStatusHeight;
+  const ImVec2 window = ImGui::GetIO().DisplaySize;
+  const auto width = static_cast<float>(panelWidth(static_cast<double>(window.x), scale_));
   ImGui::SetNextWindowPos({0.0f, 0.0f});
-  // For a small window half is left for the picture.
-  const float width = std::min(scale * kPanelWidth, 0.5f * ImGui::GetIO().DisplaySize.x);
-  ImGui::SetNextWindowSize({std::max(1.0f, width), std::max(1.0f, height)});
-  ImGui::SetNextWindowBgAlpha(0.82f);
+  ImGui::SetNextWindowSize({width, std::max(1.0f, window.y - statusHeight(scale))});
   Wishes wishes;
   if (ImGui::Begin("panel", nullptr,
                    ImGuiWindowFlags_NoMove | ImGuiWindowFlags_NoResize |
                        ImGuiWindowFlags_NoCollapse | ImGuiWindowFlags_NoTitleBar |
                        ImGuiWindowFlags_HorizontalScrollbar | ImGuiWindowFlags_NoNav |
                        ImGuiWindowFlags_NoBringToFrontOnFocus)) {
-    ImGui::PushItemWidth(scale * kPanelWidth * 0.52f);
+    ImGui::PushItemWidth(0.52f * width);
     wishes = buildControls(session, scale);
     buildStatistics(session, facts, scale);
     ImGui::PopItemWidth();
@@ -143,7 +140,7 @@ Wishes ViewPanel::panel(ViewSession& session, const PanelFacts& facts) {
   return wishes;
 }
 
-Wishes ViewPanel::build(ViewSession* session, const PanelFacts& facts) {
+Wishes ViewPanel::build(ViewSession* session, const PanelFacts& facts, const SceneArea& area) {
   Wishes wishes;
   const auto scale = static_cast<float>(scale_);
   const bool hovers = !wantsMouse();
@@ -151,7 +148,7 @@ Wishes ViewPanel::build(ViewSession* session, const PanelFacts& facts) {
   addWishes(status_.build(session, facts, scale, hovers), wishes);
   addWishes(open_panel_.build(scale_, facts.recent), wishes);
   addWishes(buildQuestion(facts.question), wishes);
-  if (session != nullptr) buildOverlay(*session, scale, hovers);
+  if (session != nullptr) buildOverlay(*session, scale, hovers, area);
   return wishes;
 }
 

@@ -14,6 +14,7 @@
 #include "isobrick/viewer/state/interaction.h"
 #include "isobrick/viewer/stream/latest_worker.h"
 #include "isobrick/viewer/window/clipboard.h"
+#include "isobrick/viewer/window/window_layout.h"
 
 namespace isobrick {
 
@@ -22,8 +23,8 @@ namespace isobrick {
 Wishes buildControls(ViewSession& session, float scale);
 
 // With Dear ImGui, between its begin and its end of a frame. `hovers`: the cursor is over the
-// scene.
-void buildOverlay(ViewSession& session, float scale, bool hovers);
+// scene, which is in `area` of the window.
+void buildOverlay(ViewSession& session, float scale, bool hovers, const SceneArea& area);
 
 // Used by ViewPanel between its begin() and draw(). Folders are listed in the background.
 class OpenPanel {
@@ -93,8 +94,9 @@ class ViewPanel {
   // Whether events of the mouse, and of the keyboard, are the panel's in this frame.
   bool wantsMouse() const;
   bool wantsKeyboard() const;
-  // Applies the user's changes to the session's state; null if no volume is open.
-  Wishes build(ViewSession* session, const PanelFacts& facts);
+  // Applies the user's changes to the session's state; null if no volume is open. `area`: of the
+  // scene.
+  Wishes build(ViewSession* session, const PanelFacts& facts, const SceneArea& area);
   // The list of volumes to open, on and off.
   void toggleOpening() { open_panel_.visible = !open_panel_.visible; }
   // Into the framebuffer that is bound.

@@ -43,6 +43,7 @@ class ViewSessionTest : public ::testing::Test {
   void frame(double seconds) {
     session_->update(clock_ += seconds);
     session_->draw();
+    session_->noteDrawing(0.001);
   }
   // Frames, without input, until all is there.
   void settle() {
@@ -101,6 +102,7 @@ TEST_F(ViewSessionTest, DraggedIsovaluesEndWithTheLastAtItsFinest) {
 
 TEST_F(ViewSessionTest, WhileOneSurfaceIsDraggedTheOthersStayAsTheyAre) {
   ViewState& state = session_->state();
+  state.focus.everywhere = false;
   state.focus.radius = 40.0;
   state.surfaces.push_back(state.surfaces[0]);
   state.surfaces[1].isovalue = 5.0;
@@ -251,7 +253,7 @@ TEST_F(ViewSessionTest, ADoubleClickFocusesOnWhatIsHit) {
 
 TEST_F(ViewSessionTest, WhatTheBudgetHoldsIsShownAndSaid) {
   open(150'000);
-  session_->state().focus.everywhere = true;
+  session_->keepFocus();
   settle();
   const SessionStatus status = session_->status();
   EXPECT_NE(status.limited.find("GPU budget reached"), std::string::npos) << status.limited;
@@ -262,12 +264,13 @@ TEST_F(ViewSessionTest, WhatTheBudgetHoldsIsShownAndSaid) {
 
 TEST_F(ViewSessionTest, WhereThePassForAHandDoesNotFitACoarserOneIsShown) {
   open(std::uint64_t{1} << 30);
+  session_->state().focus.everywhere = false;
   session_->state().focus.radius = 1.0;
   settle();
   // What is shown and what comes in fit just so.
   const std::uint64_t least = renderer_.bytesKept();
   open(3 * least);
-  session_->state().focus.everywhere = true;
+  session_->keepFocus();
   settle();
   session_->state().surfaces[0].isovalue += 0.25;
   settle();
@@ -277,6 +280,7 @@ TEST_F(ViewSessionTest, WhereThePassForAHandDoesNotFitACoarserOneIsShown) {
   EXPECT_NE(session_->status().limited.find("showing radius"), std::string::npos)
       << session_->status().limited;
   open(least / 2);
+  session_->keepFocus();
   settle();
   EXPECT_EQ(trianglesShown(), 0u);
   EXPECT_NE(session_->status().limited.find("not even the coarsest"), std::string::npos)
@@ -300,7 +304,7 @@ TEST_F(ViewSessionTest, ACardThatIsFullShowsACoarserSurface) {
   FullRenderer full;
   full.room = renderer_.bytesKept();
   session_ = std::make_unique<ViewSession>(pyramid_, full, SessionOptions{2, 1 << 30});
-  session_->state().focus.everywhere = true;
+  session_->keepFocus();
   do {
     session_->update(clock_ += 0.05);
     std::this_thread::yield();
@@ -530,7 +534,7 @@ TEST_F(ViewSessionTest, APlaceIsThatOfTheFrameThatWasDrawn) {
 // As fine as a picture can show: another picture shows more.
 TEST_F(ViewSessionTest, AResizeAsksAnewIfTheViewSaysHowFine) {
   session_->state().view_pixels = 6.0;
-  session_->state().focus.everywhere = true;
+  session_->keepFocus();
   settle();
   const std::uint64_t small = trianglesShown();
   InputEvent resize;
@@ -547,7 +551,7 @@ TEST_F(ViewSessionTest, AFileThatIsCutWhileItIsOpenIsAnErrorInTheWindow) {
   settle();
   const std::vector<ChunkId> before = renderer_.frame().chunks;
   std::filesystem::resize_file(pyramid_->path(), std::filesystem::file_size(pyramid_->path()) / 4);
-  session_->state().focus.everywhere = true;
+  session_->keepFocus();
   session_->state().surfaces[0].isovalue = 17.25;
   settle();
   EXPECT_NE(session_->status().error.find(pyramid_->path()), std::string::npos)

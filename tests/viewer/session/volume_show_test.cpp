@@ -66,6 +66,7 @@ class VolumeShowTest : public ::testing::Test {
       UploadAllowance allowance;
       show_.update(clock_ += 0.05, allowance);
       if (show_.session() != nullptr) show_.session()->draw();
+      if (show_.session() != nullptr) show_.session()->noteDrawing(0.001);
       std::this_thread::yield();
     } while (!done());
   }
@@ -109,7 +110,7 @@ TEST_F(VolumeShowTest, APreviewIsShownBeforeTheBuildHasEnded) {
   EXPECT_EQ(show_.session()->status().doing, "ready");
   EXPECT_EQ(show_.session()->volume().voxels, kVoxels);
   show_.session()->state().surfaces[0].isovalue = 0.0;
-  show_.session()->state().focus.everywhere = true;
+  show_.session()->keepFocus();
   framesUntil([&] { return show_.settled(); });
   EXPECT_LT(farthestFromSphere(), 0.25);  // of voxels of 1.5 to 2.5
   goes_on_ = true;

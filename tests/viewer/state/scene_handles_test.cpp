@@ -21,6 +21,7 @@ class SceneHandlesTest : public ::testing::TestWithParam<bool> {
     volume_.geometry.origin = {1000.0, -30.0, 5.0};
     interaction_.size = {800.0, 400.0};
     state_ = firstView(volume_, 2.0);
+    state_.focus.everywhere = false;
     state_.camera.orthographic = GetParam();
     state_ = bounded(state_, volume_);
   }

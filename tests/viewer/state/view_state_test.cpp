@@ -161,9 +161,9 @@ TEST(ViewStateTest, QueriesFollowTheFocusUpToAllOfTheVolume) {
   EXPECT_EQ(near.focus->center, state.focus.center);
   EXPECT_EQ(near.focus->radius, 5.0);
   EXPECT_FALSE(queryOf(state, volume, 0, volume.diagonal(), 600.0).focus);
-  EXPECT_EQ(wantedRadius(state, volume), state.focus.radius);
-  state.focus.everywhere = true;
   EXPECT_EQ(wantedRadius(state, volume), volume.diagonal());
+  state.focus.everywhere = false;
+  EXPECT_EQ(wantedRadius(state, volume), state.focus.radius);
 }
 
 TEST(ViewStateTest, TheViewAsksForWhatItsPictureShows) {

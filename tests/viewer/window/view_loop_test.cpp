@@ -65,7 +65,7 @@ TEST_F(ViewLoopTest, AResetInTheMiddleOfAFrameEndsNothing) {
 
 TEST_F(ViewLoopTest, AnErrorOfADrawingIsShownAndTheNextFrameDraws) {
   run(R"({"wait": "settled"}, {"picture": "before.png"})");
-  test::FailingDraws driver(GL_OUT_OF_MEMORY, 3, 200);  // fewer than there are steps
+  test::FailingDraws driver(GL_OUT_OF_MEMORY, 3, 140);  // beside the panel; fewer than steps
   run(R"({"wait": 0.2}, {"resize": [300, 200]}, {"wait": 0.1}, {"resize": [200, 150]},
       {"wait": "settled"}, {"picture": "after.png"})");
   EXPECT_EQ(driver.failures(), 3);
