@@ -73,6 +73,10 @@ if(ISOBRICK_WITH_WINDOW)
     pkg_check_modules(IMGUI REQUIRED IMPORTED_TARGET imgui)
     set(imgui_target PkgConfig::IMGUI)
   endif()
+  # Of the panels; without it they have the small bitmap font of Dear ImGui.
+  find_file(ISOBRICK_FONT Roboto-Regular.ttf PATHS /usr/share/fonts PATH_SUFFIXES
+            truetype/roboto/unhinted/RobotoTTF truetype/roboto google-roboto roboto TTF
+            DOC "The font of the viewer's panels, TrueType")
 endif()
 if(ISOBRICK_COMMAND)
   find_package(fmt REQUIRED)

@@ -47,7 +47,7 @@ loaded+=(/usr/lib/x86_64-linux-gnu/dri/swrast_dri.so)
 for path in "${loaded[@]}"; do cp -L "$path" "$drawing/"; done
 echo '{"file_format_version": "1.0.0", "ICD": {"library_path": "libEGL_mesa.so.0"}}' >"$drawing/mesa.json"
 
-# The licence of every Debian package that a library comes from.
+# The licence of every Debian package that a library, or the font in the command, comes from.
 licences=$programs/licences
 mkdir -p "$licences"
 find "$tree" -type f \( -name '*.so*' -o -path '*/bin/*' -o -path '*/libexec/*' \) -print0 |
@@ -55,7 +55,7 @@ find "$tree" -type f \( -name '*.so*' -o -path '*/bin/*' -o -path '*/libexec/*' 
   cat - <(printf '%s\n' "${loaded[@]}" | xargs -n 1 readlink -f) | sort -u >"$work/libraries"
 while read -r path; do
   dpkg-query -S "$path" "/usr${path#/usr}" "${path#/usr}" 2>/dev/null | cut -d: -f1 || true
-done <"$work/libraries" | sort -u >"$work/packages"
+done <"$work/libraries" | cat - <(echo fonts-roboto-unhinted) | sort -u >"$work/packages"
 while read -r package; do
   cp -L "/usr/share/doc/$package/copyright" "$licences/$package"
 done <"$work/packages"

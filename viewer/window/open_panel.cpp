@@ -4,6 +4,7 @@
 #include <array>
 #include <filesystem>
 
+#include "isobrick/viewer/window/panel_style.h"
 #include "isobrick/viewer/window/view_panel.h"
 
 namespace isobrick {
@@ -51,8 +52,7 @@ Wishes OpenPanel::entries(float width) {
   if (ImGui::SmallButton("open this folder")) wishes.open = listing_.folder;
   ImGui::SameLine();
   ImGui::TextUnformatted(shownName(listing_.folder).c_str());
-  if (!error_.empty())
-    ImGui::TextColored({1.0f, 0.5f, 0.4f, 1.0f}, "%s", shownName(error_).c_str());
+  if (!error_.empty()) ImGui::TextColored(kErrorText, "%s", shownName(error_).c_str());
   if (ImGui::BeginChild("entries", {width, -2.0f * ImGui::GetFrameHeightWithSpacing()}, true)) {
     ImGuiListClipper clipper;
     clipper.Begin(static_cast<int>(listing_.entries.size()));

@@ -21,6 +21,18 @@ std::string text(const char* format, Arguments... arguments) {
   return buffer.data();
 }
 
+// What the control before does, beside it when the mouse rests there.
+inline void explain(const char* text) {
+  constexpr double kRestSeconds = 0.3;
+  const double still = *static_cast<const double*>(ImGui::GetIO().UserData);
+  if (still < kRestSeconds || !ImGui::IsItemHovered(ImGuiHoveredFlags_AllowWhenDisabled)) return;
+  ImGui::BeginTooltip();
+  ImGui::PushTextWrapPos(20.0f * ImGui::GetFontSize());
+  ImGui::TextUnformatted(text);
+  ImGui::PopTextWrapPos();
+  ImGui::EndTooltip();
+}
+
 inline bool sliderOf(const char* label, double& value, double least, double greatest,
                      const char* format, ImGuiSliderFlags flags = 0) {
   return ImGui::SliderScalar(label, ImGuiDataType_Double, &value, &least, &greatest, format, flags);

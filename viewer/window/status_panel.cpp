@@ -8,6 +8,7 @@
 #include "isobrick/storage/pyramid_parts.h"
 #include "isobrick/viewer/offscreen_renderer.h"
 #include "isobrick/viewer/session/folder_listing.h"
+#include "isobrick/viewer/window/panel_style.h"
 #include "isobrick/viewer/window/panel_tools.h"
 #include "isobrick/viewer/window/view_panel.h"
 
@@ -52,7 +53,7 @@ Wishes openingError(const PanelFacts& facts, float scale) {
                        ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoNav)) {
     wishes.stop_opening = ImGui::SmallButton("x");
     ImGui::SameLine();
-    ImGui::PushStyleColor(ImGuiCol_Text, {1.0f, 0.5f, 0.4f, 1.0f});
+    ImGui::PushStyleColor(ImGuiCol_Text, kErrorText);
     ImGui::TextWrapped("%s", shownName(facts.open_error).c_str());
     ImGui::PopStyleColor();
   }
@@ -63,7 +64,7 @@ Wishes openingError(const PanelFacts& facts, float scale) {
 }  // namespace
 
 void buildStatistics(const ViewSession& session, const PanelFacts& facts, float scale) {
-  if (!ImGui::CollapsingHeader("statistics", ImGuiTreeNodeFlags_DefaultOpen)) return;
+  if (!ImGui::CollapsingHeader("statistics")) return;
   const SessionStatus status = session.status();
   ImGui::Text("%llu triangles, %s", static_cast<unsigned long long>(status.triangles),
               megabytes(status.shown_bytes).c_str());
@@ -139,7 +140,7 @@ void StatusPanel::sessionLine(ViewSession& session, const PanelFacts& facts, flo
   const SessionStatus status = session.status();
   const std::string& failure = facts.failure.empty() ? status.error : facts.failure;
   if (!failure.empty()) {
-    ImGui::TextColored({1.0f, 0.5f, 0.4f, 1.0f}, "%s", failure.c_str());
+    ImGui::TextColored(kErrorText, "%s", failure.c_str());
   } else {
     ImGui::TextUnformatted(status.doing.c_str());
     if (!facts.writing.empty()) {
@@ -148,7 +149,7 @@ void StatusPanel::sessionLine(ViewSession& session, const PanelFacts& facts, flo
     }
     if (!status.limited.empty()) {
       ImGui::SameLine();
-      ImGui::TextColored({1.0f, 0.85f, 0.5f, 1.0f}, "| %s", status.limited.c_str());
+      ImGui::TextColored(kWarningText, "| %s", status.limited.c_str());
     }
     if (!facts.message.empty()) {
       ImGui::SameLine();

@@ -6,6 +6,7 @@
 #include <algorithm>
 
 #include "isobrick/storage/error.h"
+#include "isobrick/viewer/window/panel_style.h"
 #include "isobrick/viewer/window/panel_tools.h"
 #include "isobrick/viewer/window/window_layout.h"
 
@@ -29,10 +30,8 @@ ViewPanel::ViewPanel(double scale, Clipboard& clipboard) : scale_(scale), clipbo
     return self.pasted_.c_str();
   };
   io.IniFilename = nullptr;  // nothing is left in the user's folder
-  io.FontGlobalScale = static_cast<float>(scale);
-  ImGui::StyleColorsDark();
-  ImGui::GetStyle().ScaleAllSizes(static_cast<float>(scale));
-  ImGui::GetStyle().WindowRounding = 0.0f;
+  io.UserData = &still_seconds_;
+  setPanelStyle(scale);
   io.KeyMap[ImGuiKey_Tab] = indexOf(Key::kTab);
   io.KeyMap[ImGuiKey_LeftArrow] = indexOf(Key::kLeft);
   io.KeyMap[ImGuiKey_RightArrow] = indexOf(Key::kRight);
@@ -107,6 +106,8 @@ void ViewPanel::begin(int width, int height, double seconds) {
   io.DeltaTime = static_cast<float>(std::clamp(seconds, 1e-4, 1.0));
   ImGui_ImplOpenGL3_NewFrame();
   ImGui::NewFrame();
+  const bool moves = io.MouseDelta.x != 0.0f || io.MouseDelta.y != 0.0f || ImGui::IsAnyMouseDown();
+  still_seconds_ = moves ? 0.0 : still_seconds_ + seconds;
 }
 
 bool ViewPanel::wantsMouse() const { return ImGui::GetIO().WantCaptureMouse; }

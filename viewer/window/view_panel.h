@@ -108,6 +108,7 @@ class ViewPanel {
   Wishes panel(ViewSession& session, const PanelFacts& facts);
 
   double scale_;
+  double still_seconds_ = 0.0;  // of the mouse (panel_tools.h)
   Clipboard& clipboard_;
   std::string pasted_;  // for ImGui, until the next call
   StatusPanel status_;

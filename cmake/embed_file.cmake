@@ -1,0 +1,17 @@
+# cmake -D INPUT=FILE -D OUTPUT=FILE.cpp -D NAME=NAME -P embed_file.cmake
+# Writes C++ that holds the bytes of a file: isobrick::NAME and isobrick::NAMEBytes.
+file(READ "${INPUT}" hex HEX)
+string(LENGTH "${hex}" digits)
+math(EXPR bytes "${digits} / 2")
+string(REGEX REPLACE "(..)" "0x\\1," numbers "${hex}")
+string(REGEX REPLACE "(................................................................................)" "\\1\n"
+       numbers "${numbers}")
+file(WRITE "${OUTPUT}" "namespace isobrick {
+extern const unsigned char ${NAME}[];
+extern const int ${NAME}Bytes;
+const int ${NAME}Bytes = ${bytes};
+const unsigned char ${NAME}[] = {
+${numbers}
+};
+}
+")

@@ -1,0 +1,96 @@
+#include <imgui.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "isobrick/viewer/window/panel_controls.h"
+#include "isobrick/viewer/window/panel_tools.h"
+
+namespace isobrick {
+namespace {
+
+constexpr ImU32 kGround = IM_COL32(14, 15, 18, 255);
+constexpr ImU32 kCounts = IM_COL32(112, 136, 170, 255);
+constexpr ImU32 kActive = IM_COL32(255, 214, 102, 255);
+constexpr ImU32 kOther = IM_COL32(210, 210, 210, 150);
+constexpr ImU32 kSuggested = IM_COL32(120, 220, 160, 255);
+
+// The logarithm of the voxels with each value: a surface has few of them.
+void bars(const ValueHistogram& histogram, const ImVec2& at, const ImVec2& size) {
+  ImDrawList& list = *ImGui::GetWindowDrawList();
+  const double most = *std::max_element(histogram.counts.begin(), histogram.counts.end());
+  const double highest = std::max(std::log1p(most), 1e-30);
+  const float width = size.x / static_cast<float>(histogram.counts.size());
+  for (std::size_t i = 0; i < histogram.counts.size(); ++i) {
+    const auto height = static_cast<float>(std::log1p(histogram.counts[i]) / highest);
+    const float x = at.x + width * static_cast<float>(i);
+    list.AddRectFilled({x, at.y + size.y * (1.0f - height)}, {x + width, at.y + size.y}, kCounts);
+  }
+}
+
+void histogram(ViewSession& session, float scale) {
+  ViewState& state = session.state();
+  const ValueHistogram& histogram = session.histogram();
+  ViewSurface& active = state.surfaces[static_cast<std::size_t>(state.active_surface)];
+  const ImVec2 at = ImGui::GetCursorScreenPos();
+  const ImVec2 size{std::max(1.0f, ImGui::GetContentRegionAvail().x), 90.0f * scale};
+  ImGui::InvisibleButton("histogram", size);
+  explain(
+      "How many voxels have each value, as a logarithm. Drag to move the isovalue; green marks are "
+      "the values that are suggested.");
+  const double span = std::max(histogram.greatest - histogram.least, 1e-30);
+  if (ImGui::IsItemActive()) {
+    const double share = std::clamp((ImGui::GetIO().MousePos.x - at.x) / size.x, 0.0f, 1.0f);
+    active.isovalue = histogram.least + share * span;
+  }
+  const auto xOf = [&](double value) {
+    return at.x + size.x * static_cast<float>((value - histogram.least) / span);
+  };
+  ImDrawList& list = *ImGui::GetWindowDrawList();
+  const ImVec2 end{at.x + size.x, at.y + size.y};
+  list.AddRectFilled(at, end, kGround, 3.0f * scale);
+  list.PushClipRect(at, end, true);
+  bars(histogram, at, size);
+  for (const ViewSurface& surface : state.surfaces) {
+    const bool is_active = &surface == &active;
+    const float x = xOf(surface.isovalue);
+    list.AddLine({x, at.y}, {x, end.y}, is_active ? kActive : kOther,
+                 (is_active ? 2.0f : 1.0f) * scale);
+  }
+  for (const double suggested : session.volume().isovalues) {
+    const float x = xOf(suggested), half = 5.0f * scale;
+    list.AddTriangleFilled({x - half, at.y}, {x + half, at.y}, {x, at.y + 1.6f * half}, kSuggested);
+  }
+  list.PopClipRect();
+}
+
+// A button for each.
+void suggestions(ViewSession& session) {
+  if (session.volume().isovalues.empty()) return;
+  ViewState& state = session.state();
+  double& isovalue = state.surfaces[static_cast<std::size_t>(state.active_surface)].isovalue;
+  ImGui::AlignTextToFramePadding();
+  ImGui::TextDisabled("suggested");
+  int number = 0;
+  for (const double suggested : session.volume().isovalues) {
+    ImGui::SameLine();
+    ImGui::PushID(number++);
+    if (ImGui::Button(text("%.6g", suggested).c_str())) isovalue = suggested;
+    explain("This isovalue. R steps through those that are suggested.");
+    ImGui::PopID();
+  }
+}
+
+}  // namespace
+
+void isovalueControls(ViewSession& session, float scale) {
+  histogram(session, scale);
+  ViewState& state = session.state();
+  double& isovalue = state.surfaces[static_cast<std::size_t>(state.active_surface)].isovalue;
+  const double step = isovalueStep(session.volume());
+  ImGui::InputDouble("isovalue", &isovalue, step, 10.0 * step, "%.6g");
+  explain("Of the active surface. The left and right arrows move it, with Shift faster.");
+  suggestions(session);
+}
+
+}  // namespace isobrick

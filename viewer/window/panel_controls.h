@@ -1,0 +1,17 @@
+// The parts of the panel, each into the window of Dear ImGui that is being built. They apply the
+// user's changes to the session's state. `scale`: pixels of this screen that are one of an ordinary
+// one.
+#pragma once
+
+#include "isobrick/viewer/session/view_session.h"
+
+namespace isobrick {
+
+// The isovalue of the active surface, over the histogram with all surfaces and suggestions.
+void isovalueControls(ViewSession& session, float scale);
+// Clip planes.
+void cutControls(ViewSession& session, float scale);
+// Colours, light and what else is drawn.
+void appearanceControls(ViewSession& session, float scale);
+
+}  // namespace isobrick
