@@ -64,6 +64,12 @@ endif()
 if(ISOBRICK_WITH_VIEWER)
   find_package(PNG REQUIRED)
   pkg_check_modules(EPOXY REQUIRED IMPORTED_TARGET epoxy)
+  find_path(ISOBRICK_STB stb_truetype.h PATH_SUFFIXES stb REQUIRED
+            DOC "The folder of stb_truetype.h, which draws the text in pictures")
+  # Without it panels have the small bitmap font of Dear ImGui, and pictures no text.
+  find_file(ISOBRICK_FONT Roboto-Regular.ttf PATHS /usr/share/fonts PATH_SUFFIXES
+            truetype/roboto/unhinted/RobotoTTF truetype/roboto google-roboto roboto TTF
+            DOC "The font of panels and pictures, TrueType")
 endif()
 if(ISOBRICK_WITH_WINDOW)
   pkg_check_modules(GLFW REQUIRED IMPORTED_TARGET glfw3>=3.3)
@@ -73,10 +79,6 @@ if(ISOBRICK_WITH_WINDOW)
     pkg_check_modules(IMGUI REQUIRED IMPORTED_TARGET imgui)
     set(imgui_target PkgConfig::IMGUI)
   endif()
-  # Of the panels; without it they have the small bitmap font of Dear ImGui.
-  find_file(ISOBRICK_FONT Roboto-Regular.ttf PATHS /usr/share/fonts PATH_SUFFIXES
-            truetype/roboto/unhinted/RobotoTTF truetype/roboto google-roboto roboto TTF
-            DOC "The font of the viewer's panels, TrueType")
 endif()
 if(ISOBRICK_COMMAND)
   find_package(fmt REQUIRED)

@@ -37,5 +37,6 @@ set(isobrick_public_headers
 if(ISOBRICK_WITH_VIEWER)
   list(APPEND isobrick_public_headers
     viewer/image.h
-    viewer/offscreen_renderer.h)
+    viewer/offscreen_renderer.h
+    viewer/picture_notes.h)
 endif()

@@ -21,6 +21,8 @@ PictureSurface extractPictureSurface(QueryOptions options) {
   const GridGeometry& geometry = pyramid.spec().geometry;
   PictureSurface result;
   result.lattice = latticeOf(geometry);
+  result.isovalue = query.isovalue;
+  result.unit = geometry.unit;
   ProgressBar bar(0, "million triangles");
   std::mutex mutex;
   ChunkSink sink({}, nullptr, [&](std::size_t place, SurfaceChunk&& chunk) {

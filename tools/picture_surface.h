@@ -16,6 +16,8 @@ struct PictureSurface {
   std::vector<SurfaceChunk> chunks;  // in the order of the extraction
   SceneLattice lattice;
   std::uint64_t triangles = 0;
+  double isovalue = 0.0;
+  LengthUnit unit = LengthUnit::kUnknown;  // of the world
   // Inside of it everything is of the finest level.
   std::optional<SphereOutline> focus;
 };

@@ -61,11 +61,27 @@ void placeEye(RenderArguments& arguments) {
   if (!choice.pixels_per_radian) choice.pixels_per_radian = height / vertical;
 }
 
+PictureLegend legendOf(const RenderOptions& options, const PictureSurface& surface) {
+  PictureLegend legend;
+  if (!options.color_by_level) {
+    legend.patches.push_back(
+        {options.surface_color, fmt::format("isovalue {:.6g}", surface.isovalue)});
+    return legend;
+  }
+  std::set<int> levels;
+  for (const SurfaceChunk& chunk : surface.chunks) levels.insert(chunk.level);
+  for (const int level : levels)
+    legend.patches.push_back({levelColor(level), fmt::format("level {}", level)});
+  return legend;
+}
+
 RenderOptions makeRenderOptions(const RenderArguments& arguments, const PictureSurface& surface) {
   RenderOptions options = arguments.picture;
   options.width = arguments.size.width;
   options.height = arguments.size.height;
   if (arguments.show_focus) options.focus_sphere = surface.focus;
+  options.notes.unit = surface.unit;
+  options.notes.meaning = legendOf(options, surface);
   return options;
 }
 
@@ -118,11 +134,12 @@ int runRender(RenderArguments arguments) {
   const double extract_seconds = extract_watch.seconds();
 
   const Stopwatch draw_watch;
+  RenderOptions options = makeRenderOptions(arguments, surface);
   // Neither OpenGL nor the libraries that pack pictures stop before their end.
   const auto chunks = std::make_shared<std::vector<SurfaceChunk>>(std::move(surface.chunks));
-  const std::vector<char> picture =
-      runAbandonable(&interruptFlag(), [renderer, chunks, lattice = surface.lattice, format,
-                                        options = makeRenderOptions(arguments, surface)] {
+  const std::vector<char> picture = runAbandonable(
+      &interruptFlag(),
+      [renderer, chunks, lattice = surface.lattice, format, options = std::move(options)] {
         return encodeImage(format, renderer->render(std::move(*chunks), lattice, options));
       });
   writePicture(arguments, picture);
@@ -157,6 +174,10 @@ Command addRenderCommand(CLI::App& app) {
   sub->add_flag("--color-by-level", picture.color_by_level,
                 "Colour triangles by their level: red for 0, then yellow, green, blue");
   sub->add_flag("--wireframe", picture.wireframe, "Draw the edges of the triangles");
+  sub->add_flag("--scale-bar", picture.notes.scale_bar,
+                "Draw a scale bar; it measures in the middle of what is framed");
+  sub->add_flag("--axes", picture.notes.axes, "Draw the directions of the world's x, y and z");
+  sub->add_flag("--legend", picture.notes.legend, "Draw what the colours mean");
   sub->add_flag("--show-focus", arguments->show_focus, "Draw the outline of the sphere of interest")
       ->needs(findOption(*sub, "--focus"));
   addParsedOption(*sub, "--color", picture.surface_color, parseColor, "R,G,B",

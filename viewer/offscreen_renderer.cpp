@@ -4,10 +4,12 @@
 #include <array>
 #include <cassert>
 #include <cstddef>
+#include <glm/geometric.hpp>
 #include <utility>
 
 #include "isobrick/storage/error.h"
 #include "isobrick/viewer/egl_context.h"
+#include "isobrick/viewer/notes/draw_notes.h"
 #include "isobrick/viewer/render/gl_scene_renderer.h"
 #include "isobrick/viewer/render_camera.h"
 
@@ -44,6 +46,15 @@ SceneFrame frameOf(const RenderOptions& options, const SceneLattice& lattice,
   frame.background_top = options.background_top;
   frame.background_bottom = options.background_bottom;
   return frame;
+}
+
+// From the eye to the target, or to the middle of what is framed.
+double targetDistance(const RenderOptions& options, const SceneFrame& frame) {
+  if (options.look_at) return glm::distance(options.look_at->eye, options.look_at->target);
+  const std::optional<RenderBox>& box = options.orbit.box;
+  const glm::dvec3 middle =
+      box ? 0.5 * (glm::dvec3(box->lower) + glm::dvec3(box->upper)) : frame.bounds.center();
+  return glm::dot(middle - frame.camera.eye, frame.camera.forward);
 }
 
 }  // namespace
@@ -122,8 +133,10 @@ Image OffscreenRenderer::render(const RenderMesh& mesh, const RenderOptions& opt
   const auto forEachPoint = [&](auto&& f) {
     for (const glm::vec3& position : mesh.positions) f(glm::dvec3(position));
   };
-  return context_->render(chunksOf(mesh, options.color_by_level),
-                          frameOf(options, SceneLattice{}, forEachPoint));
+  const SceneFrame frame = frameOf(options, SceneLattice{}, forEachPoint);
+  Image image = context_->render(chunksOf(mesh, options.color_by_level), frame);
+  drawNotes(options.notes, frame.camera, targetDistance(options, frame), image);
+  return image;
 }
 
 Image OffscreenRenderer::render(std::vector<SurfaceChunk> chunks, const SceneLattice& lattice,
@@ -134,8 +147,10 @@ Image OffscreenRenderer::render(std::vector<SurfaceChunk> chunks, const SceneLat
       for (const SurfaceVertex& vertex : chunk.vertices)
         f(lattice.toWorld(chunk.origin + glm::dvec3(vertex.position)));
   };
-  SceneFrame frame = frameOf(options, lattice, forEachPoint);
-  return context_->render(std::move(chunks), std::move(frame));
+  const SceneFrame frame = frameOf(options, lattice, forEachPoint);
+  Image image = context_->render(std::move(chunks), frame);
+  drawNotes(options.notes, frame.camera, targetDistance(options, frame), image);
+  return image;
 }
 
 int OffscreenRenderer::greatestSize() const { return context_->greatestSize(); }

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "isobrick/viewer/image.h"
+#include "isobrick/viewer/picture_notes.h"
 
 namespace isobrick {
 
@@ -92,6 +93,11 @@ struct RenderOptions {
   glm::vec3 back_color{0.46f, 0.20f, 0.13f};
   glm::vec3 background_top{0.36f, 0.38f, 0.41f};     // behind the mesh
   glm::vec3 background_bottom{0.16f, 0.17f, 0.19f};  // the same at the bottom
+
+  // Drawn over the picture. The scale bar measures at the target of `look_at`, or in the middle of
+  // the mesh. Without a font, which is a choice of the build, render() throws Error for any of
+  // them.
+  PictureNotes notes;
 };
 
 // The colour (sRGB 0..1) of a pyramid level: red for 0, then through yellow and green to blue and

@@ -138,12 +138,18 @@ TEST_F(CliTest, FromPhantomToPicture) {
   runWell({"render", "head.isb", "--iso", "1324", "--focus", "32,10,32", "--radius", "8",
            "--show-focus", "--color-by-level", "--wireframe", "--size", "96x64", "-o", "bone.png"});
   EXPECT_EQ(readBytes(path("bone.png")).substr(1, 3), "PNG");
+  std::set<std::string> pictures;
+  for (const char* note : {"--wireframe", "--scale-bar", "--axes", "--legend"}) {
+    runWell({"render", "head.isb", "--iso", "500", "--level", "2", "--size", "90x90",
+             "--color-by-level", note, "-o", "note.png", "--force"});
+    EXPECT_TRUE(pictures.insert(readBytes(path("note.png"))).second) << note;
+  }
   runWell({"render", "head.isb", "--iso", "500", "--level", "2", "--size", "64x64", "--background",
            "0,0,0", "-o", "skin.exr"});
   EXPECT_EQ(readBytes(path("skin.exr")).substr(0, 4), "\x76\x2f\x31\x01");
 
   EXPECT_EQ(files(), (std::set<std::string>{"bone.png", "bone.ply", "bone.stl", "head.isb",
-                                            "head.nrrd", "skin.exr"}));
+                                            "head.nrrd", "note.png", "skin.exr"}));
 }
 
 TEST_F(CliTest, TheSameBytesWithAnyNumberOfThreads) {

@@ -110,11 +110,14 @@ TEST_F(ViewCommandTest, RenderDrawsWhatTheViewerShows) {
   write("show.json", R"({"size": [320, 200], "steps": [
       {"set": {"surfaces": [{"isovalue": 1}], "slices": [{}, {}, {"shown": true, "position": 20}],
                "clip_planes": [{"normal": [1, 0, 0], "offset": 15}], "coloring": "level"}},
+      {"wait": "settled"}, {"picture": "bare.png"},
+      {"set": {"pictures": {"scale_bar": true, "axes": true, "legend": true}}},
       {"wait": "settled"}, {"picture": "seen.png"}, {"state": "seen.json"}]})");
   runWell({"view", "sphere.isb", "--offscreen", "--script", "show.json", "--frames", "frames"});
   runWell({"render", "sphere.isb", "--state", "frames/seen.json", "--size", "320x200", "-o",
            "same.png"});
   EXPECT_EQ(readBytes(path("same.png")), readBytes(path("frames/seen.png")));
+  EXPECT_NE(readBytes(path("same.png")), readBytes(path("frames/bare.png")));
   expectFailure(2, {"render", "sphere.isb", "-o", "a.png"}, "--iso");
   expectFailure(
       2, {"render", "sphere.isb", "-o", "a.png", "--state", "frames/seen.json", "--iso", "3"},

@@ -9,7 +9,9 @@
 #include "isobrick/extract/sinks/mesh_file_sink.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/viewer/clock_seconds.h"
+#include "isobrick/viewer/notes/draw_notes.h"
 #include "isobrick/viewer/session/shown_mesh.h"
+#include "isobrick/viewer/session/view_legend.h"
 
 namespace isobrick {
 namespace {
@@ -436,6 +438,8 @@ Image ViewSession::picture(const glm::dvec2& size, int times, bool layers) {
   cursor_hit_.reset();
   renderer_->draw(frame);
   Image image = renderer_->picture();
+  drawNotes(notesOf(state_, status().levels, valueWindow(), pyramid_->spec().geometry.unit),
+            frame.camera, state_.camera.distance, image);
   if (!layers) return image;
   frame.normals = true;
   frame.transparent = false;

@@ -58,6 +58,7 @@ inline constexpr int kMostPictureTimes = 16;
 struct ViewPictures {
   bool transparent = false;  // no background
   int times = 1;  // as many pixels as the window, along both sides; 1 .. kMostPictureTimes
+  bool scale_bar = false, axes = false, legend = false;  // PictureNotes
 
   bool operator==(const ViewPictures&) const = default;
 };

@@ -41,7 +41,7 @@ ISOBRICK_FIELDS(ViewSurface, isovalue, color, opacity, visible)
 ISOBRICK_FIELDS(ViewFocus, center, radius, everywhere, show_sphere, follow_view)
 ISOBRICK_FIELDS(ViewClipPlane, normal, offset, enabled, cap)
 ISOBRICK_FIELDS(ViewSlice, shown, position)
-ISOBRICK_FIELDS(ViewPictures, transparent, times)
+ISOBRICK_FIELDS(ViewPictures, transparent, times, scale_bar, axes, legend)
 ISOBRICK_FIELDS(ViewValues, gradient_window, other, other_window)
 ISOBRICK_FIELDS(ViewState, camera, surfaces, active_surface, focus, curvature_tolerance,
                 view_pixels, clip_planes, slices, value_window, coloring, values, lighting,

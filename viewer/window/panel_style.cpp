@@ -2,12 +2,9 @@
 
 #include <cmath>
 
-namespace isobrick {
+#include "isobrick/viewer/notes/interface_font.h"
 
-#ifdef ISOBRICK_HAS_FONT
-extern const unsigned char kInterfaceFont[];
-extern const int kInterfaceFontBytes;
-#endif
+namespace isobrick {
 
 namespace {
 
@@ -15,7 +12,10 @@ constexpr double kFontPixels = 16.0;  // of an ordinary screen
 
 void setFont(double scale) {
   ImGuiIO& io = ImGui::GetIO();
-#ifdef ISOBRICK_HAS_FONT
+  if (kInterfaceFontBytes == 0) {
+    io.FontGlobalScale = static_cast<float>(scale);
+    return;
+  }
   // Latin, Greek and Cyrillic letters, for names of files, and signs of units.
   static constexpr std::array<ImWchar, 7> kLetters{0x0020, 0x052f, 0x1e00, 0x22ff, 0, 0, 0};
   ImFontConfig config;
@@ -25,9 +25,6 @@ void setFont(double scale) {
   io.Fonts->AddFontFromMemoryTTF(const_cast<unsigned char*>(kInterfaceFont), kInterfaceFontBytes,
                                  static_cast<float>(std::round(kFontPixels * scale)), &config,
                                  kLetters.data());
-#else
-  io.FontGlobalScale = static_cast<float>(scale);
-#endif
 }
 
 void setColors() {

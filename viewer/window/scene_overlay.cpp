@@ -1,8 +1,8 @@
 #include <imgui.h>
 
 #include <array>
-#include <cmath>
 
+#include "isobrick/viewer/notes/draw_notes.h"
 #include "isobrick/viewer/window/panel_tools.h"
 #include "isobrick/viewer/window/view_panel.h"
 
@@ -27,14 +27,6 @@ const char* nameOf(AxisView view) {
   return "";
 }
 
-// 1, 2 or 5 times a power of ten, at most `most`.
-double roundLength(double most) {
-  const double power = std::pow(10.0, std::floor(std::log10(most)));
-  for (const double step : {5.0, 2.0})
-    if (step * power <= most) return step * power;
-  return power;
-}
-
 // The scene's picture in the window.
 struct Place {
   ImVec2 corner;  // the upper left one, pixels of the window
@@ -52,8 +44,9 @@ void scaleBar(const ViewSession& session, float scale, const Place& place) {
   const PlacedCamera placed = placeCamera(camera, 1.0);
   const double height = 2.0 * placed.half_height * (camera.orthographic ? 1.0 : camera.distance);
   const double per_pixel = height / static_cast<double>(size.y);
-  const double length = roundLength(150.0 * scale * per_pixel);
-  const auto pixels = static_cast<float>(length / per_pixel);
+  const ScaleBar bar = scaleBarOf(per_pixel, 150.0 * static_cast<double>(scale));
+  if (bar.length == 0.0) return;
+  const auto pixels = static_cast<float>(bar.pixels);
   const ImVec2 end{place.corner.x + size.x - 24.0f * scale,
                    place.corner.y + size.y - 20.0f * scale};
   ImDrawList& list = *ImGui::GetBackgroundDrawList();
@@ -61,9 +54,8 @@ void scaleBar(const ViewSession& session, float scale, const Place& place) {
   list.AddLine({end.x - pixels, end.y}, end, white, 2.0f * scale);
   for (const float x : {end.x - pixels, end.x})
     list.AddLine({x, end.y - 4.0f * scale}, {x, end.y + 4.0f * scale}, white, 2.0f * scale);
-  const bool is_metric = session.pyramid().spec().geometry.unit == LengthUnit::kMillimetre;
   list.AddText({end.x - pixels, end.y - 20.0f * scale}, white,
-               text(is_metric ? "%g mm" : "%g", length).c_str());
+               lengthText(bar.length, session.pyramid().spec().geometry.unit).c_str());
 }
 
 // Sides of the world's axes; a click looks from there.

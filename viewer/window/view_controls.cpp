@@ -153,6 +153,14 @@ Wishes files(ViewState& state, float scale) {
   ImGui::SetNextItemWidth(80.0f * scale);
   ImGui::SliderInt("x window", &state.pictures.times, 1, kMostPictureTimes);
   explain("Pixels of pictures along each side, in windows.");
+  ImGui::Checkbox("scale bar", &state.pictures.scale_bar);
+  explain("In pictures, at the point that the camera turns about.");
+  ImGui::SameLine();
+  ImGui::Checkbox("axes", &state.pictures.axes);
+  explain("The directions of x, y and z, in pictures.");
+  ImGui::SameLine();
+  ImGui::Checkbox("legend", &state.pictures.legend);
+  explain("What the colours mean, in pictures.");
   meshDistance(state.mesh_distance, scale);
   return wishes;
 }

@@ -30,7 +30,7 @@ ViewState fullState() {
   state.show_transitions = true;
   state.lighting = ViewLighting::kHeadlight;
   state.ambient_occlusion = true;
-  state.pictures = {true, 3};
+  state.pictures = {true, 3, true, true, true};
   state.mesh_distance = 0.75;
   state.wireframe = true;
   state.show_box = false;

@@ -1,0 +1,153 @@
+// Scale bars measure, axes point, legends have the colours, and text is there to be read.
+#include "isobrick/viewer/notes/draw_notes.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "isobrick/viewer/notes/picture_canvas.h"
+#include "isobrick/viewer/render/scene_frame.h"
+
+namespace isobrick {
+namespace {
+
+Image pictureOf(int width, int height, float light) {
+  const auto floats = 3 * static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+  return {width, height, std::vector<float>(floats, light)};
+}
+
+float greenAt(const Image& image, int x, int y) { return image.rgb[image.offsetOf(x, y) + 1]; }
+
+glm::vec3 screenColorAt(const Image& image, int x, int y) {
+  const float* const rgb = image.rgb.data() + image.offsetOf(x, y);
+  return {srgbFromLinear(rgb[0]), srgbFromLinear(rgb[1]), srgbFromLinear(rgb[2])};
+}
+
+TEST(ScaleBarTest, LengthsAreRoundAndAsLongAsFits) {
+  for (double per_pixel = 1e-9; per_pixel < 1e9; per_pixel *= 1.37) {
+    const ScaleBar bar = scaleBarOf(per_pixel, 200.0);
+    EXPECT_LE(bar.pixels, 200.0 * (1 + 1e-12));
+    EXPECT_GT(bar.pixels, 200.0 / 2.5 * (1 - 1e-12));
+    EXPECT_NEAR(bar.pixels * per_pixel, bar.length, 1e-9 * bar.length);
+    const double digit = bar.length / std::pow(10.0, std::floor(std::log10(bar.length) + 1e-9));
+    EXPECT_LT(std::min({std::abs(digit - 1), std::abs(digit - 2), std::abs(digit - 5)}), 1e-6);
+  }
+  EXPECT_EQ(scaleBarOf(0.0, 100.0).length, 0.0);
+  EXPECT_EQ(scaleBarOf(std::nan(""), 100.0).length, 0.0);
+}
+
+TEST(ScaleBarTest, LengthsHaveTheirUnitIfItIsKnown) {
+  EXPECT_EQ(lengthText(50.0, LengthUnit::kMillimetre), "50 mm");
+  EXPECT_EQ(lengthText(0.02, LengthUnit::kMillimetre), "20 \u00b5m");
+  EXPECT_EQ(lengthText(20000.0, LengthUnit::kMillimetre), "20 m");
+  EXPECT_EQ(lengthText(0.02, LengthUnit::kUnknown), "0.02");
+}
+
+// The bar on the ground is as long as it says, at the target's distance.
+TEST(DrawNotesTest, TheScaleBarMeasures) {
+  PictureNotes notes;
+  notes.scale_bar = true;
+  for (const bool orthographic : {false, true}) {
+    Image image = pictureOf(600, 400, 0.0f);
+    PlacedCamera camera;
+    camera.orthographic = orthographic;
+    camera.half_height = orthographic ? 40.0 : 0.25;
+    const double distance = 160.0;  // 0.25 * 160 is 40, so a pixel is 0.2 in both
+    drawNotes(notes, camera, distance, image);
+    const int row = 400 - static_cast<int>(std::lround(400.0 / 36.0));
+    int first = 600, last = -1;
+    for (int x = 0; x < 600; ++x)
+      if (std::max(greenAt(image, x, row), greenAt(image, x, row - 1)) > 0.5f) {
+        first = std::min(first, x);
+        last = std::max(last, x);
+      }
+    // 150 pixels would be 30: the bar is 20, its ends are round.
+    EXPECT_NEAR(last - first, 20.0 / 0.2, 3.0);
+  }
+}
+
+TEST(DrawNotesTest, AxesPointAsTheCameraSeesThem) {
+  Image image = pictureOf(360, 360, 0.0f);
+  PictureNotes notes;
+  notes.axes = true;
+  drawNotes(notes, PlacedCamera{}, 1.0, image);  // looks along +y: x to the right, z up
+  const glm::dvec2 foot(36.0, 324.0);
+  const glm::vec3 x = screenColorAt(image, static_cast<int>(foot.x) + 15, static_cast<int>(foot.y));
+  EXPECT_GT(x.r, 0.7f);
+  EXPECT_LT(x.g, 0.5f);
+  const glm::vec3 z = screenColorAt(image, static_cast<int>(foot.x), static_cast<int>(foot.y) - 15);
+  EXPECT_GT(z.b, 0.7f);
+  EXPECT_LT(z.r, 0.5f);
+}
+
+TEST(DrawNotesTest, TheLegendHasTheColoursOfTheSurfaces) {
+  Image image = pictureOf(720, 720, 0.1f);
+  image.alpha.assign(720 * 720, 0.25f);
+  PictureNotes notes;
+  notes.legend = true;
+  notes.meaning.patches = {{{0.9f, 0.2f, 0.1f}, "isovalue 580"}, {{0.1f, 0.6f, 0.9f}, "\u00b5"}};
+  notes.meaning.ramp = {{-3.0, 12.5}};
+  drawNotes(notes, PlacedCamera{}, 1.0, image);
+  const int unit = 20;
+  for (const int patch : {0, 1}) {
+    const int y = unit + patch * 28 + 10;
+    const glm::vec3 seen = screenColorAt(image, 30, y);
+    for (glm::length_t c = 0; c < 3; ++c)
+      EXPECT_NEAR(seen[c], notes.meaning.patches[static_cast<std::size_t>(patch)].color[c], 0.01f);
+    EXPECT_EQ(image.alpha[image.offsetOf(30, y) / 3], 1.0f);
+  }
+  const glm::vec3 dark = screenColorAt(image, 21, unit + 56 + 8), first = valueColor(0.0);
+  const glm::vec3 light = screenColorAt(image, 198, unit + 56 + 8), last = valueColor(1.0);
+  for (glm::length_t c = 0; c < 3; ++c) {
+    EXPECT_NEAR(dark[c], first[c], 0.03f);
+    EXPECT_NEAR(light[c], last[c], 0.03f);
+  }
+  EXPECT_EQ(image.alpha[image.offsetOf(700, 700) / 3], 0.25f);  // nothing is there
+}
+
+TEST(DrawNotesTest, NothingIsDrawnUnlessAsked) {
+  Image image = pictureOf(50, 50, 0.3f);
+  const std::vector<float> before = image.rgb;
+  drawNotes({}, PlacedCamera{}, 1.0, image);
+  EXPECT_EQ(image.rgb, before);
+}
+
+// Black on white, white on black.
+TEST(DrawNotesTest, TextStandsOutFromItsGround) {
+  PictureNotes notes;
+  notes.scale_bar = true;
+  for (const float ground : {0.0f, 1.0f}) {
+    Image image = pictureOf(400, 400, ground);
+    drawNotes(notes, PlacedCamera{}, 1.0, image);
+    const auto [least, most] = std::minmax_element(image.rgb.begin(), image.rgb.end());
+    EXPECT_GT(*most - *least, 0.75f);
+  }
+}
+
+TEST(PictureCanvasTest, TextIsWhereItIsSaidToBe) {
+  Image image = pictureOf(300, 100, 0.0f);
+  PictureCanvas canvas(image, 24.0);
+  canvas.text({50.0, 60.0}, "AVAVA", glm::vec3(1.0f), glm::vec3(0.0f));
+  double left = 300.0, right = 0.0, top = 100.0, bottom = 0.0;
+  for (int y = 0; y < 100; ++y)
+    for (int x = 0; x < 300; ++x)
+      if (greenAt(image, x, y) > 0.3f) {
+        left = std::min<double>(left, x);
+        right = std::max<double>(right, x);
+        top = std::min<double>(top, y);
+        bottom = std::max<double>(bottom, y);
+      }
+  EXPECT_NEAR(left, 50.0, 2.0);
+  EXPECT_NEAR(right, 50.0 + canvas.widthOf("AVAVA"), 2.0);
+  EXPECT_NEAR(bottom, 60.0, 1.5);
+  EXPECT_NEAR(bottom - top, 0.62 * 24.0, 3.0);  // of capitals
+  // A pair of letters may be closer than its parts (kerning).
+  EXPECT_LT(canvas.widthOf("AV"), canvas.widthOf("A") + canvas.widthOf("V") - 0.3);
+  // Text that is no UTF-8, or beside the picture, is no fault.
+  canvas.text({-500.0, 2000.0}, "far", glm::vec3(1.0f), glm::vec3(0.0f));
+  canvas.text({290.0, 5.0}, "\xff\xc3", glm::vec3(1.0f), glm::vec3(0.0f));
+}
+
+}  // namespace
+}  // namespace isobrick

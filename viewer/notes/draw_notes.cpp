@@ -1,0 +1,156 @@
+#include "isobrick/viewer/notes/draw_notes.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <glm/common.hpp>
+
+#include "isobrick/viewer/notes/picture_canvas.h"
+#include "isobrick/viewer/render/scene_frame.h"
+
+namespace isobrick {
+namespace {
+
+constexpr double kTextOfHeight = 1.0 / 36.0;  // of the picture
+constexpr glm::vec3 kWhite{1.0f}, kBlack{0.05f};
+
+std::string numberText(double value) {
+  std::array<char, 32> text{};
+  std::snprintf(text.data(), text.size(), "%.4g", value);
+  return text.data();
+}
+
+// Draws text and marks in white, or in black on a light ground.
+class Notes {
+ public:
+  Notes(Image& image, double text_pixels)
+      : image_(image), canvas_(image, text_pixels), unit_(text_pixels) {}
+
+  double unit() const { return unit_; }
+  PictureCanvas& canvas() { return canvas_; }
+
+  void text(const glm::dvec2& left, const std::string& text) {
+    const glm::vec3 ink = inkAt(left, {left.x + canvas_.widthOf(text), left.y - unit_});
+    canvas_.text(left, text, ink, ink == kWhite ? kBlack : kWhite);
+  }
+  // The colour of a mark between two corners.
+  glm::vec3 inkAt(const glm::dvec2& a, const glm::dvec2& b) const {
+    double light = 0.0, count = 0.0;
+    const glm::dvec2 lower = glm::min(a, b), upper = glm::max(a, b);
+    for (int y = std::max(0, static_cast<int>(lower.y));
+         y < std::min<double>(image_.height, upper.y + 1.0); ++y)
+      for (int x = std::max(0, static_cast<int>(lower.x));
+           x < std::min<double>(image_.width, upper.x + 1.0); ++x) {
+        const float* const rgb = image_.rgb.data() + image_.offsetOf(x, y);
+        light += 0.2126 * static_cast<double>(rgb[0]) + 0.7152 * static_cast<double>(rgb[1]) +
+                 0.0722 * static_cast<double>(rgb[2]);
+        count += 1.0;
+      }
+    // Equal contrast to black and to white: (L + 0.05)^2 = 0.05 * 1.05 (WCAG 2.2).
+    return light <= 0.18 * count ? kWhite : kBlack;
+  }
+
+ private:
+  Image& image_;
+  PictureCanvas canvas_;
+  double unit_;
+};
+
+void scaleBar(Notes& notes, const Image& image, double per_pixel, LengthUnit unit) {
+  const double m = notes.unit();
+  const ScaleBar bar = scaleBarOf(per_pixel, 0.25 * image.width);
+  if (bar.length == 0.0) return;
+  const glm::dvec2 end(image.width - m, image.height - m), begin(end.x - bar.pixels, end.y);
+  const std::string label = lengthText(bar.length, unit);
+  const glm::vec3 ink = notes.inkAt({begin.x, begin.y - m}, end);
+  const auto mark = [&](const glm::dvec2& a, const glm::dvec2& b) {
+    notes.canvas().line(a, b, 0.2 * m, ink == kWhite ? kBlack : kWhite);
+    notes.canvas().line(a, b, 0.12 * m, ink);
+  };
+  mark(begin, end);
+  for (const glm::dvec2& tick : {begin, end})
+    mark({tick.x, tick.y - 0.25 * m}, {tick.x, tick.y + 0.25 * m});
+  const double width = notes.canvas().widthOf(label);
+  notes.text({0.5 * (begin.x + end.x - width), begin.y - 0.5 * m}, label);
+}
+
+// The axes that point away from the eye first.
+void axes(Notes& notes, const Image& image, const PlacedCamera& camera) {
+  const double m = notes.unit(), length = 2.6 * m;
+  const glm::dvec2 foot(3.6 * m, image.height - 3.6 * m);
+  struct Axis {
+    glm::dvec3 seen;  // right, up, away
+    glm::vec3 color;
+    const char* name;
+  };
+  std::array<Axis, 3> all{{{{}, {0.90f, 0.35f, 0.31f}, "x"},
+                           {{}, {0.43f, 0.78f, 0.35f}, "y"},
+                           {{}, {0.38f, 0.58f, 0.96f}, "z"}}};
+  for (int axis = 0; axis < 3; ++axis)
+    all[static_cast<std::size_t>(axis)].seen = {camera.right[axis], camera.up[axis],
+                                                camera.forward[axis]};
+  std::sort(all.begin(), all.end(),
+            [](const Axis& a, const Axis& b) { return a.seen.z > b.seen.z; });
+  for (const Axis& axis : all) {
+    const glm::dvec2 arm(axis.seen.x, -axis.seen.y);
+    const glm::dvec2 tip = foot + length * arm;
+    notes.canvas().line(foot, tip, 0.16 * m, axis.color);
+    const double width = notes.canvas().widthOf(axis.name);
+    notes.text(tip + 0.55 * m * arm + glm::dvec2(-0.5 * width, 0.3 * m), axis.name);
+  }
+}
+
+void legendOf(Notes& notes, const PictureLegend& legend) {
+  const double m = notes.unit();
+  double top = m;
+  for (const PictureLegend::Patch& patch : legend.patches) {
+    notes.canvas().box({m, top}, {2.0 * m, top + m}, patch.color);
+    notes.text({2.5 * m, top + 0.82 * m}, patch.text);
+    top += 1.4 * m;
+  }
+  if (!legend.ramp) return;
+  if (!legend.ramp_title.empty()) {
+    notes.text({m, top + 0.82 * m}, legend.ramp_title);
+    top += 1.3 * m;
+  }
+  const double width = 9.0 * m;
+  const int steps = static_cast<int>(width);
+  for (int i = 0; i < steps; ++i)
+    notes.canvas().box({m + i, top}, {m + i + 1.0, top + 0.8 * m},
+                       valueColor((i + 0.5) / static_cast<double>(steps)));
+  const std::string least = numberText((*legend.ramp)[0]), most = numberText((*legend.ramp)[1]);
+  notes.text({m, top + 1.9 * m}, least);
+  notes.text({m + width - notes.canvas().widthOf(most), top + 1.9 * m}, most);
+}
+
+}  // namespace
+
+ScaleBar scaleBarOf(double per_pixel, double most_pixels) {
+  const double most = per_pixel * most_pixels;
+  if (!(most > 0.0) || !std::isfinite(most)) return {};
+  const double power = std::pow(10.0, std::floor(std::log10(most)));
+  double length = power;
+  for (const double step : {2.0, 5.0})
+    if (step * power <= most) length = step * power;
+  return {length, length / per_pixel};
+}
+
+std::string lengthText(double length, LengthUnit unit) {
+  if (unit != LengthUnit::kMillimetre) return numberText(length);
+  if (length < 0.1) return numberText(1e3 * length) + " \u00b5m";
+  if (length >= 1e4) return numberText(1e-3 * length) + " m";
+  return numberText(length) + " mm";
+}
+
+void drawNotes(const PictureNotes& notes, const PlacedCamera& camera, double target_distance,
+               Image& image) {
+  if (!notes.any() || image.width < 1 || image.height < 1) return;
+  Notes drawn(image, kTextOfHeight * std::min(image.height, image.width));
+  const double height = 2.0 * camera.half_height * (camera.orthographic ? 1.0 : target_distance);
+  if (notes.scale_bar) scaleBar(drawn, image, height / image.height, notes.unit);
+  if (notes.axes) axes(drawn, image, camera);
+  if (notes.legend) legendOf(drawn, notes.meaning);
+}
+
+}  // namespace isobrick

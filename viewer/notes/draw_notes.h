@@ -1,0 +1,27 @@
+// Writes notes into a picture.
+#pragma once
+
+#include <string>
+
+#include "isobrick/viewer/image.h"
+#include "isobrick/viewer/picture_notes.h"
+#include "isobrick/viewer/placed_camera.h"
+
+namespace isobrick {
+
+// A round length, 1, 2 or 5 times a power of ten, and its size in a picture.
+struct ScaleBar {
+  double length = 0.0;  // world units
+  double pixels = 0.0;
+};
+// At most `most_pixels` long, if a pixel is `per_pixel` world units; 0 without a scale.
+ScaleBar scaleBarOf(double per_pixel, double most_pixels);
+// "50 mm", "20 µm"; without a unit if the world's is not known.
+std::string lengthText(double length, LengthUnit unit);
+
+// `camera` drew the picture; `target_distance` is from its eye to what the scale bar measures, in
+// world units. Throws Error if there is something to draw, and isobrick was built without a font.
+void drawNotes(const PictureNotes& notes, const PlacedCamera& camera, double target_distance,
+               Image& image);
+
+}  // namespace isobrick

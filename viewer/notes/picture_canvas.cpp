@@ -1,0 +1,194 @@
+#include "isobrick/viewer/notes/picture_canvas.h"
+
+#include <algorithm>
+#include <cmath>
+#include <glm/common.hpp>
+#include <glm/geometric.hpp>
+#include <vector>
+
+#include "isobrick/storage/error.h"
+#include "isobrick/viewer/notes/interface_font.h"
+
+#define STB_TRUETYPE_IMPLEMENTATION
+#define STBTT_STATIC
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wunused-function"
+#include <stb_truetype.h>
+#pragma GCC diagnostic pop
+
+namespace isobrick {
+namespace {
+
+glm::vec3 linearOf(const glm::vec3& srgb) {
+  return {linearFromSrgb(srgb.r), linearFromSrgb(srgb.g), linearFromSrgb(srgb.b)};
+}
+
+// Of UTF-8; a byte that is none stands for itself as '?'.
+std::vector<int> codePointsOf(const std::string& text) {
+  std::vector<int> points;
+  for (std::size_t at = 0; at < text.size();) {
+    const auto first = static_cast<unsigned char>(text[at]);
+    const std::size_t count = first < 0x80   ? 1
+                              : first < 0xc0 ? 0
+                              : first < 0xe0 ? 2
+                              : first < 0xf0 ? 3
+                                             : 4;
+    if (count == 0 || at + count > text.size()) {
+      points.push_back('?');
+      ++at;
+      continue;
+    }
+    int point = count == 1 ? first : first & (0xff >> (count + 1));
+    for (std::size_t i = 1; i < count; ++i)
+      point = (point << 6) | (static_cast<unsigned char>(text[at + i]) & 0x3f);
+    points.push_back(point);
+    at += count;
+  }
+  return points;
+}
+
+// How much of each pixel of a box of the picture is covered, 0 .. 1.
+struct Mask {
+  int left, top, width, height;
+  std::vector<float> cover;
+  Mask(int l, int t, int w, int h)
+      : left(l),
+        top(t),
+        width(w),
+        height(h),
+        cover(static_cast<std::size_t>(w) * static_cast<std::size_t>(h)) {}
+  float& at(int x, int y) {
+    return cover[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) +
+                 static_cast<std::size_t>(x)];
+  }
+};
+
+// Every pixel as much as the most covered one within `radius`.
+Mask grown(Mask& mask, int radius) {
+  Mask wide = mask;
+  for (int y = 0; y < mask.height; ++y)
+    for (int x = 0; x < mask.width; ++x) {
+      const float cover = mask.at(x, y);
+      if (cover == 0.0f) continue;
+      for (int v = std::max(0, y - radius); v <= std::min(mask.height - 1, y + radius); ++v)
+        for (int u = std::max(0, x - radius); u <= std::min(mask.width - 1, x + radius); ++u)
+          if ((u - x) * (u - x) + (v - y) * (v - y) <= radius * radius)
+            wide.at(u, v) = std::max(wide.at(u, v), cover);
+    }
+  return wide;
+}
+
+}  // namespace
+
+struct PictureCanvas::Font {
+  stbtt_fontinfo info;
+  float scale = 1.0f;
+
+  // The width up to the next letter, with the kerning of the pair.
+  double advance(int point, int next) const {
+    int width = 0, bearing = 0;
+    stbtt_GetCodepointHMetrics(&info, point, &width, &bearing);
+    const int kern = next != 0 ? stbtt_GetCodepointKernAdvance(&info, point, next) : 0;
+    return static_cast<double>(scale) * (width + kern);
+  }
+};
+
+PictureCanvas::PictureCanvas(Image& image, double text_pixels)
+    : image_(image), text_pixels_(std::max(6.0, text_pixels)), font_(std::make_unique<Font>()) {
+  if (kInterfaceFontBytes == 0 || stbtt_InitFont(&font_->info, kInterfaceFont, 0) == 0)
+    throw Error(
+        "cannot write into pictures: isobrick was built without a font; build it with "
+        "-D ISOBRICK_FONT=FILE.ttf, or leave scale bar, axes and legend out");
+  font_->scale = stbtt_ScaleForPixelHeight(&font_->info, static_cast<float>(text_pixels_));
+}
+
+PictureCanvas::~PictureCanvas() = default;
+
+void PictureCanvas::blend(int x, int y, double coverage, const glm::vec3& linear) {
+  if (x < 0 || y < 0 || x >= image_.width || y >= image_.height || !(coverage > 0.0)) return;
+  const auto cover = static_cast<float>(std::min(coverage, 1.0));
+  float* const rgb = image_.rgb.data() + image_.offsetOf(x, y);
+  for (int c = 0; c < 3; ++c) rgb[c] += cover * (linear[c] - rgb[c]);
+  if (image_.alpha.empty()) return;
+  float& alpha = image_.alpha[image_.offsetOf(x, y) / 3];
+  alpha += cover * (1.0f - alpha);
+}
+
+void PictureCanvas::line(const glm::dvec2& from, const glm::dvec2& to, double width,
+                         const glm::vec3& color) {
+  const glm::vec3 linear = linearOf(color);
+  const glm::dvec2 lower = glm::floor(glm::min(from, to) - width);
+  const glm::dvec2 upper = glm::ceil(glm::max(from, to) + width);
+  const glm::dvec2 along = to - from;
+  const double squared = std::max(glm::dot(along, along), 1e-12);
+  for (int y = static_cast<int>(lower.y); y <= static_cast<int>(upper.y); ++y)
+    for (int x = static_cast<int>(lower.x); x <= static_cast<int>(upper.x); ++x) {
+      const glm::dvec2 arm = glm::dvec2(x + 0.5, y + 0.5) - from;
+      const double share = glm::clamp(glm::dot(arm, along) / squared, 0.0, 1.0);
+      blend(x, y, 0.5 + 0.5 * width - glm::length(arm - share * along), linear);
+    }
+}
+
+void PictureCanvas::box(const glm::dvec2& upper_left, const glm::dvec2& lower_right,
+                        const glm::vec3& color) {
+  const glm::vec3 linear = linearOf(color);
+  const auto covered = [](int pixel, double from, double to) {
+    return std::clamp(std::min(to, pixel + 1.0) - std::max(from, static_cast<double>(pixel)), 0.0,
+                      1.0);
+  };
+  for (int y = static_cast<int>(std::floor(upper_left.y)); y < lower_right.y; ++y)
+    for (int x = static_cast<int>(std::floor(upper_left.x)); x < lower_right.x; ++x)
+      blend(x, y, covered(x, upper_left.x, lower_right.x) * covered(y, upper_left.y, lower_right.y),
+            linear);
+}
+
+double PictureCanvas::widthOf(const std::string& text) const {
+  const std::vector<int> points = codePointsOf(text);
+  double width = 0.0;
+  for (std::size_t i = 0; i < points.size(); ++i)
+    width += font_->advance(points[i], i + 1 < points.size() ? points[i + 1] : 0);
+  return width;
+}
+
+void PictureCanvas::text(const glm::dvec2& left, const std::string& text, const glm::vec3& color,
+                         const glm::vec3& halo) {
+  const int radius = std::max(1, static_cast<int>(std::lround(text_pixels_ / 10.0)));
+  const int height = static_cast<int>(std::ceil(text_pixels_)) + 2 * radius;
+  const int base = static_cast<int>(std::lround(0.8 * text_pixels_)) + radius;  // from the top
+  Mask mask(static_cast<int>(std::floor(left.x)) - radius,
+            static_cast<int>(std::lround(left.y)) - base,
+            static_cast<int>(std::ceil(widthOf(text))) + 2 * radius + 2, height);
+  const std::vector<int> points = codePointsOf(text);
+  double pen = left.x - mask.left;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const float shift = static_cast<float>(pen - std::floor(pen));
+    int x0 = 0, y0 = 0, x1 = 0, y1 = 0;
+    stbtt_GetCodepointBitmapBoxSubpixel(&font_->info, points[i], font_->scale, font_->scale, shift,
+                                        0.0f, &x0, &y0, &x1, &y1);
+    const int w = x1 - x0, h = y1 - y0;
+    if (w > 0 && h > 0) {
+      std::vector<unsigned char> letter(static_cast<std::size_t>(w) * static_cast<std::size_t>(h));
+      stbtt_MakeCodepointBitmapSubpixel(&font_->info, letter.data(), w, h, w, font_->scale,
+                                        font_->scale, shift, 0.0f, points[i]);
+      for (int y = 0; y < h; ++y)
+        for (int x = 0; x < w; ++x) {
+          const int u = static_cast<int>(std::floor(pen)) + x0 + x, v = base + y0 + y;
+          if (u < 0 || v < 0 || u >= mask.width || v >= mask.height) continue;
+          const auto value = letter[static_cast<std::size_t>(y) * static_cast<std::size_t>(w) +
+                                    static_cast<std::size_t>(x)];
+          mask.at(u, v) = std::max(mask.at(u, v), static_cast<float>(value) / 255.0f);
+        }
+    }
+    pen += font_->advance(points[i], i + 1 < points.size() ? points[i + 1] : 0);
+  }
+  Mask around = grown(mask, radius);
+  constexpr double kHalo = 0.55;
+  for (int y = 0; y < mask.height; ++y)
+    for (int x = 0; x < mask.width; ++x) {
+      blend(mask.left + x, mask.top + y, kHalo * static_cast<double>(around.at(x, y)),
+            linearOf(halo));
+      blend(mask.left + x, mask.top + y, static_cast<double>(mask.at(x, y)), linearOf(color));
+    }
+}
+
+}  // namespace isobrick

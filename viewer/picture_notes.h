@@ -1,0 +1,39 @@
+// What is written into a picture: a scale bar, the world's axes and a legend.
+#pragma once
+
+#include <array>
+#include <glm/vec3.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "isobrick/storage/grid.h"
+
+namespace isobrick {
+
+// What the colours of a picture mean. Colours are sRGB values 0..1.
+struct PictureLegend {
+  // A colour and what it stands for.
+  struct Patch {
+    glm::vec3 color{0.0f};  // sRGB, 0..1
+    std::string text;       // UTF-8
+  };
+  std::vector<Patch> patches;  // surfaces, or levels
+  // The values of the darkest and the lightest colour of a ramp; none: there is no ramp.
+  std::optional<std::array<double, 2>> ramp;
+  std::string ramp_title;  // over the ramp, UTF-8
+};
+
+// All of a size that goes with the picture's.
+struct PictureNotes {
+  bool scale_bar = false;                  // lower right: a length at the middle of what is framed
+  bool axes = false;                       // lower left: the directions of the world's x, y and z
+  bool legend = false;                     // upper left
+  LengthUnit unit = LengthUnit::kUnknown;  // of the world
+  PictureLegend meaning;                   // for the legend
+
+  // True if there is something to draw.
+  bool any() const { return scale_bar || axes || legend; }
+};
+
+}  // namespace isobrick
