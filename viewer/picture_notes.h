@@ -24,6 +24,12 @@ struct PictureLegend {
   std::string ramp_title;  // over the ramp, UTF-8
 };
 
+// Points of the scene joined by lines, in front of everything, and a text at the last one.
+struct PictureMark {
+  std::vector<glm::dvec3> points;  // world
+  std::string text;                // UTF-8
+};
+
 // All of a size that goes with the picture's.
 struct PictureNotes {
   bool scale_bar = false;                  // lower right: a length at the middle of what is framed
@@ -31,9 +37,10 @@ struct PictureNotes {
   bool legend = false;                     // upper left
   LengthUnit unit = LengthUnit::kUnknown;  // of the world
   PictureLegend meaning;                   // for the legend
+  std::vector<PictureMark> marks;
 
   // True if there is something to draw.
-  bool any() const { return scale_bar || axes || legend; }
+  bool any() const { return scale_bar || axes || legend || !marks.empty(); }
 };
 
 }  // namespace isobrick

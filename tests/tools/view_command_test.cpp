@@ -1,8 +1,12 @@
 // `isobrick view` run by scripts: in a window of a virtual display, and without one.
 #include <array>
 #include <chrono>
+#include <cmath>
 #include <fstream>
+#include <glm/geometric.hpp>
+#include <numbers>
 #include <random>
+#include <sstream>
 #include <thread>
 
 #include "isobrick/viewer/state/input_event.h"
@@ -318,6 +322,41 @@ TEST_F(ViewCommandTest, ViewsComeBack) {
   EXPECT_LT(distance("framed"), 0.7 * distance("first"));
   EXPECT_EQ(state("home"), state("first"));
   EXPECT_LT(distance("focus"), 0.5 * distance("first"));
+}
+
+// On a sphere: a chord across the picture, and the angle that it takes from the middle, exact by
+// its radius.
+TEST_F(ViewCommandTest, MeasuresAreThoseOfTheSphere) {
+  write("measure.json", R"({"size": [500, 428], "steps": [{"key": "TAB"},
+      {"set": {"surfaces": [{"isovalue": 0}], "camera": {"orthographic": true, "azimuth": 0,
+               "elevation": 0, "pivot": [19.5, 19.5, 19.5], "distance": 74.641016151377535}}},
+      {"wait": "settled"}, {"key": "D"}, {"click": [150, 199.5]}, {"click": [350, 199.5]},
+      {"key": "A"}, {"click": [150, 199.5]}, {"click": [250, 199.5]}, {"click": [350, 199.5]},
+      {"click": [2, 2]}, {"key": "ESCAPE"}, {"double_click": [2, 2]}, {"wait": "settled"},
+      {"measurements": "all.csv"}, {"state": "measured.json"}, {"frame": "window.png"},
+      {"picture": "picture.png"}]})");
+  runWell({"view", "sphere.isb", "--offscreen", "--script", "measure.json", "--frames", "frames"});
+  const Json state = Json::parse(readBytes(path("frames/measured.json")));
+  ASSERT_EQ(state["measurements"].size(), 2u);
+  // 400 pixels are 40 voxels high: a tenth of a voxel each.
+  const auto point = [&](std::size_t which, std::size_t number) {
+    const Json p = state["measurements"][which]["points"][number];
+    return glm::dvec3(p[0], p[1], p[2]) - glm::dvec3(19.5);
+  };
+  const double radius = glm::length(point(1, 1));
+  // Pixels have their middle, so the ends are not quite as deep.
+  EXPECT_NEAR(glm::distance(point(0, 0), point(0, 1)), 20.0, 0.001);
+  for (const std::size_t end : {std::size_t{0}, std::size_t{1}})
+    EXPECT_NEAR(glm::length(point(0, end)), radius, 0.05);
+  std::istringstream table(readBytes(path("frames/all.csv")));
+  std::string head, distance, angle;
+  std::getline(table, head);
+  std::getline(table, distance);
+  std::getline(table, angle);
+  EXPECT_NEAR(std::stod(distance.substr(11)), 20.0, 0.001) << distance;
+  // Of the middle's angle the legs are chords: 180 degrees minus asin(10 / r).
+  const double expected = 180.0 - std::asin(10.0 / radius) * 180.0 / std::numbers::pi;
+  EXPECT_NEAR(std::stod(angle.substr(8)), expected, 0.5) << angle;
 }
 
 // A view that somebody saved is replaced after a yes alone; one's own is.

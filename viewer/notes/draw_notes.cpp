@@ -8,6 +8,7 @@
 
 #include "isobrick/viewer/notes/picture_canvas.h"
 #include "isobrick/viewer/render/scene_frame.h"
+#include "isobrick/viewer/state/scene_handles.h"
 
 namespace isobrick {
 namespace {
@@ -124,6 +125,22 @@ void legendOf(Notes& notes, const PictureLegend& legend) {
   notes.text({m + width - notes.canvas().widthOf(most), top + 1.9 * m}, most);
 }
 
+void mark(Notes& notes, const Image& image, const PlacedCamera& camera, const PictureMark& mark) {
+  const double m = notes.unit();
+  const glm::vec3 color{1.0f, 0.84f, 0.40f};
+  std::vector<glm::dvec2> pixels;
+  for (const glm::dvec3& point : mark.points)
+    if (const auto pixel = pixelOf(camera, {image.width, image.height}, point))
+      pixels.push_back(*pixel);
+  if (pixels.size() < mark.points.size()) return;  // a part of it is behind the eye
+  for (const auto& [width, ink] : {std::pair{0.24 * m, kBlack}, std::pair{0.12 * m, color}}) {
+    for (std::size_t i = 0; i + 1 < pixels.size(); ++i)
+      notes.canvas().line(pixels[i], pixels[i + 1], width, ink);
+    for (const glm::dvec2& pixel : pixels) notes.canvas().line(pixel, pixel, 0.25 * m + width, ink);
+  }
+  if (!pixels.empty()) notes.text(pixels.back() + glm::dvec2(0.5 * m, -0.4 * m), mark.text);
+}
+
 }  // namespace
 
 ScaleBar scaleBarOf(double per_pixel, double most_pixels) {
@@ -148,6 +165,7 @@ void drawNotes(const PictureNotes& notes, const PlacedCamera& camera, double tar
   if (!notes.any() || image.width < 1 || image.height < 1) return;
   Notes drawn(image, kTextOfHeight * std::min(image.height, image.width));
   const double height = 2.0 * camera.half_height * (camera.orthographic ? 1.0 : target_distance);
+  for (const PictureMark& of_scene : notes.marks) mark(drawn, image, camera, of_scene);
   if (notes.scale_bar) scaleBar(drawn, image, height / image.height, notes.unit);
   if (notes.axes) axes(drawn, image, camera);
   if (notes.legend) legendOf(drawn, notes.meaning);

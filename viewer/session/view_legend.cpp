@@ -24,6 +24,8 @@ PictureNotes notesOf(const ViewState& state, const std::vector<LevelCounts>& lev
   notes.axes = state.pictures.axes;
   notes.legend = state.pictures.legend;
   notes.unit = unit;
+  for (const ViewMeasurement& measurement : state.measurements)
+    notes.marks.push_back({measurement.points, measurementText(measurement, unit)});
   if (state.coloring == ViewColoring::kLevel) {
     for (const LevelCounts& level : levels)
       notes.meaning.patches.push_back(

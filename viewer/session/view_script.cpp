@@ -23,6 +23,7 @@ constexpr std::pair<std::string_view, ScriptFile::What> kFileSteps[] = {
     {"picture", ScriptFile::What::kPicture},
     {"mesh", ScriptFile::What::kMesh},
     {"shown_mesh", ScriptFile::What::kShownMesh},
+    {"measurements", ScriptFile::What::kMeasurements},
     {"state", ScriptFile::What::kState}};
 
 [[noreturn]] void refuse(const std::string& what) { throw Error("the script's " + what); }

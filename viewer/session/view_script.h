@@ -34,7 +34,14 @@ struct ScriptWait {
   double seconds = 0.0;
 };
 struct ScriptFile {
-  enum class What { kFrame, kPicture, kMesh, kShownMesh, kState } what = What::kFrame;
+  enum class What {
+    kFrame,
+    kPicture,
+    kMesh,
+    kShownMesh,
+    kMeasurements,
+    kState
+  } what = What::kFrame;
   std::string name;
 };
 struct ScriptSize {

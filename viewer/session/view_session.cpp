@@ -143,6 +143,8 @@ Wishes ViewSession::apply(const InputEvent& event, double seconds, bool on_panel
 void ViewSession::grantView(const Wishes& wishes) {
   if (wishes.focus_at)
     if (const auto point = surfaceAt(*wishes.focus_at)) focusOn(*point, volume_, state_);
+  if (wishes.measure_at)
+    if (const auto point = surfaceAt(*wishes.measure_at)) measureAt(*point, interaction_, state_);
   if (wishes.first_view) state_ = opening_.home(volume_, interaction_.aspect());
   if (wishes.frame_surfaces)
     state_.camera =

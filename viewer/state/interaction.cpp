@@ -94,18 +94,23 @@ void press(const InputEvent& event, double seconds, bool on_panel, const ViewVol
   const bool quick =
       at - event.waited - interaction.last_click_seconds <= kDoubleClickSeconds &&
       glm::distance(interaction.cursor, interaction.last_click) <= kDoubleClickPixels;
-  const bool again = quick || event.clicks == 2;
+  // A tool takes single clicks.
+  const bool again = (quick || event.clicks == 2) && interaction.tool == Interaction::Tool::kNone;
   if (again) wishes.focus_at = interaction.cursor;
   interaction.last_click_seconds = again ? -1e9 : at;
   interaction.last_click = interaction.cursor;
 }
 
-void release(const InputEvent& event, Interaction& interaction, ViewState& state) {
+void release(const InputEvent& event, Interaction& interaction, ViewState& state, Wishes& wishes) {
   if (event.button != interaction.drag_button) return;
-  interaction.drag = Interaction::Drag::kNone;
-  if (interaction.pressed_face &&
-      glm::distance(interaction.cursor, interaction.pressed_at) <= kDoubleClickPixels)
+  const Interaction::Drag drag = std::exchange(interaction.drag, Interaction::Drag::kNone);
+  const bool is_click =
+      glm::distance(interaction.cursor, interaction.pressed_at) <= kDoubleClickPixels;
+  if (is_click && interaction.pressed_face)
     state.camera = alongAxis(state.camera, *interaction.pressed_face);
+  else if (is_click && drag == Interaction::Drag::kTurn &&
+           interaction.tool != Interaction::Tool::kNone)
+    wishes.measure_at = interaction.cursor;
   interaction.pressed_face.reset();
 }
 
@@ -180,6 +185,10 @@ void toggle(Key key, Interaction& interaction, ViewState& state) {
     if (key == toggle_key) *flag = !*flag;
 }
 
+void switchTool(Interaction::Tool tool, Interaction& interaction) {
+  chooseTool(interaction.tool == tool ? Interaction::Tool::kNone : tool, interaction);
+}
+
 // Around the sphere of interest, as far as it is in the volume.
 WorldBox boxOfFocus(const ViewVolume& volume, const ViewState& state) {
   const glm::dvec3 last(volume.voxels - Index3(1));
@@ -211,6 +220,19 @@ void plainKey(const InputEvent& event, const ViewVolume& volume, Interaction& in
       break;
     case Key::kEscape:
       interaction.flying = interaction.show_help = false;
+      chooseTool(Interaction::Tool::kNone, interaction);
+      break;
+    case Key::kD:
+      switchTool(Interaction::Tool::kDistance, interaction);
+      break;
+    case Key::kA:
+      switchTool(Interaction::Tool::kAngle, interaction);
+      break;
+    case Key::kBackspace:
+      if (!interaction.picked.empty())
+        interaction.picked.pop_back();
+      else if (!state.measurements.empty())
+        state.measurements.pop_back();
       break;
     case Key::kC:
       state.coloring =
@@ -268,7 +290,7 @@ Wishes applyEvent(const InputEvent& event, double seconds, bool on_panel, const 
       press(event, seconds, on_panel, volume, state, interaction, wishes);
       break;
     case InputEvent::Kind::kRelease:
-      release(event, interaction, state);
+      release(event, interaction, state, wishes);
       break;
     case InputEvent::Kind::kWheel:
       if (!on_panel) wheel(event, volume, interaction, state);
@@ -320,6 +342,7 @@ void stepIsovalue(const ViewVolume& volume, ViewState& state) {
 void addWishes(const Wishes& more, Wishes& wishes) {
   const auto join = [](bool one, bool& other) { other = other || one; };
   if (more.focus_at) wishes.focus_at = more.focus_at;
+  if (more.measure_at) wishes.measure_at = more.measure_at;
   if (more.open) wishes.open = more.open;
   if (more.answer) wishes.answer = more.answer;
   join(more.frame_surfaces, wishes.frame_surfaces);
@@ -331,6 +354,7 @@ void addWishes(const Wishes& more, Wishes& wishes) {
   join(more.save_state, wishes.save_state);
   join(more.load_state, wishes.load_state);
   join(more.export_mesh, wishes.export_mesh);
+  join(more.export_measurements, wishes.export_measurements);
   join(more.close, wishes.close);
   join(more.browse, wishes.browse);
   join(more.stop_opening, wishes.stop_opening);
@@ -346,6 +370,21 @@ void advanceFlight(double seconds, const ViewVolume& volume, const Interaction& 
   constexpr double kVolumesPerSecond = 0.2;
   state.camera = flown(state.camera, direction * (kVolumesPerSecond * sizeOf(volume) * seconds));
   if (state.focus.follow_view) state = bounded(state, volume);
+}
+
+void chooseTool(Interaction::Tool tool, Interaction& interaction) {
+  interaction.tool = tool;
+  interaction.picked.clear();
+}
+
+void measureAt(const glm::dvec3& world, Interaction& interaction, ViewState& state) {
+  if (interaction.tool == Interaction::Tool::kNone) return;
+  interaction.picked.push_back(world);
+  const std::size_t wanted = interaction.tool == Interaction::Tool::kAngle ? 3 : 2;
+  if (interaction.picked.size() < wanted) return;
+  if (state.measurements.size() < kMostMeasurements)
+    state.measurements.push_back({std::move(interaction.picked)});
+  interaction.picked.clear();
 }
 
 void focusOn(const glm::dvec3& world, const ViewVolume& volume, ViewState& state) {

@@ -5,6 +5,7 @@
 #include <glm/vec2.hpp>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "isobrick/viewer/state/input_event.h"
 #include "isobrick/viewer/state/scene_handles.h"
@@ -18,6 +19,7 @@ inline constexpr double kMostScale = 2.5;
 // State that lasts from event to event, and belongs to no saved view.
 struct Interaction {
   enum class Drag { kNone, kTurn, kPan, kZoom, kHandle, kPanel };
+  enum class Tool { kNone, kDistance, kAngle };
 
   glm::dvec2 size{1.0, 1.0};  // of the picture, pixels; 0 while there is none
   glm::dvec2 cursor{0.0};     // pixels
@@ -31,6 +33,8 @@ struct Interaction {
   double last_click_seconds = -1e9;
   glm::dvec2 last_click{0.0};
   bool flying = false;
+  Tool tool = Tool::kNone;         // that a click on the surface is for
+  std::vector<glm::dvec3> picked;  // its points so far, world
   std::array<bool, kKeyCount> held{};
   bool show_help = false;
   bool show_panel = true;
@@ -43,9 +47,10 @@ struct Interaction {
 
 // The wishes of an event to the owner of a renderer and files.
 struct Wishes {
-  std::optional<glm::dvec2> focus_at;  // the surface under this pixel becomes focus and pivot
-  bool frame_surfaces = false;         // all that is shown of them
-  bool first_view = false;             // the one that the volume was opened with
+  std::optional<glm::dvec2> focus_at;    // the surface under this pixel becomes focus and pivot
+  std::optional<glm::dvec2> measure_at;  // the surface under this pixel is the tool's next point
+  bool frame_surfaces = false;           // all that is shown of them
+  bool first_view = false;               // the one that the volume was opened with
   bool undo = false;
   bool redo = false;
   bool screenshot = false;
@@ -53,6 +58,7 @@ struct Wishes {
   bool save_state = false;
   bool load_state = false;
   bool export_mesh = false;
+  bool export_measurements = false;
   bool close = false;
   bool browse = false;              // the list of files to open, on and off
   bool stop_opening = false;        // cancels the opening under way, or its message
@@ -76,6 +82,12 @@ Wishes applyEvent(const InputEvent& event, double seconds, bool on_panel, const 
 // effect, the speed follows the size of the volume.
 void advanceFlight(double seconds, const ViewVolume& volume, const Interaction& interaction,
                    ViewState& state);
+
+// From the first of its points on.
+void chooseTool(Interaction::Tool tool, Interaction& interaction);
+
+// The next point of the tool, world; the last one adds the measurement.
+void measureAt(const glm::dvec3& world, Interaction& interaction, ViewState& state);
 
 // Focus and pivot at a point of the world.
 void focusOn(const glm::dvec3& world, const ViewVolume& volume, ViewState& state);
@@ -115,6 +127,8 @@ inline constexpr KeyHelp kKeyHelp[] = {
     {"T", "the arrows on and off"},
     {"V", "the focus follows the view, or stays"},
     {"G", "fly: W A S D E Q; the mouse looks around; Esc or G ends it"},
+    {"D, A", "measure a distance, an angle: click on the surface; Esc ends it"},
+    {"Backspace", "takes the last point, or measurement, back"},
     {"W", "wireframe"},
     {"C", "colour by level"},
     {"L", "three lights or a headlight"},

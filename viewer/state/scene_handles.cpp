@@ -18,7 +18,9 @@ PlacedCamera placedIn(const ViewCamera& camera, const PictureSize& picture) {
   return placeCamera(camera, picture.pixels.x / picture.pixels.y);
 }
 
-std::optional<glm::dvec2> pixelOf(const PlacedCamera& camera, const PictureSize& picture,
+}  // namespace
+
+std::optional<glm::dvec2> pixelOf(const PlacedCamera& camera, const glm::dvec2& picture,
                                   const glm::dvec3& world) {
   const glm::dvec3 arm = world - camera.eye;
   const double along = glm::dot(arm, camera.forward);
@@ -26,10 +28,8 @@ std::optional<glm::dvec2> pixelOf(const PlacedCamera& camera, const PictureSize&
   const double reach = camera.orthographic ? 1.0 : along;
   const glm::dvec2 place(glm::dot(arm, camera.right) / (camera.half_width * reach),
                          glm::dot(arm, camera.up) / (camera.half_height * reach));
-  return glm::dvec2(0.5 + 0.5 * place.x, 0.5 - 0.5 * place.y) * picture.pixels;
+  return glm::dvec2(0.5 + 0.5 * place.x, 0.5 - 0.5 * place.y) * picture;
 }
-
-}  // namespace
 
 std::vector<SceneHandle> handlesOf(const ViewState& state, const ViewVolume& volume,
                                    const PictureSize& picture) {
@@ -42,8 +42,8 @@ std::vector<SceneHandle> handlesOf(const ViewState& state, const ViewVolume& vol
     const double per_pixel = 2.0 * camera.half_height * reach / picture.pixels.y;
     const bool of_focus = handle.kind == SceneHandle::Kind::kFocus;
     const double arm = (of_focus ? kFocusArmPixels : kPlaneArmPixels) * picture.scale * per_pixel;
-    const auto foot = pixelOf(camera, picture, handle.foot);
-    const auto tip = pixelOf(camera, picture, handle.foot + handle.direction * arm);
+    const auto foot = pixelOf(camera, picture.pixels, handle.foot);
+    const auto tip = pixelOf(camera, picture.pixels, handle.foot + handle.direction * arm);
     if (!foot || !tip || glm::distance(*foot, *tip) < kShortestArmPixels * picture.scale) return;
     handle.foot_pixel = *foot;
     handle.tip = *tip;

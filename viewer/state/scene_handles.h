@@ -30,6 +30,11 @@ struct SceneHandle {
   bool operator==(const SceneHandle&) const = default;
 };
 
+// The pixel that shows a point of the world, which may lie outside of the picture; none behind the
+// eye.
+std::optional<glm::dvec2> pixelOf(const PlacedCamera& camera, const glm::dvec2& picture,
+                                  const glm::dvec3& world);
+
 // None while the view hides them, or behind the eye. An axis along which the eye looks has none, as
 // the user could not see how far it moves.
 std::vector<SceneHandle> handlesOf(const ViewState& state, const ViewVolume& volume,

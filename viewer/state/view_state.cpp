@@ -67,6 +67,7 @@ ViewState bounded(const ViewState& state, const ViewVolume& volume) {
     double& position = result.slices[static_cast<std::size_t>(axis)].position;
     position = std::clamp(position, 0.0, last[axis]);
   }
+  if (result.measurements.size() > kMostMeasurements) result.measurements.resize(kMostMeasurements);
   const double size = glm::length(volume.box().upper - volume.box().lower);
   result.camera.distance = std::clamp(result.camera.distance, 1e-5 * size, 100.0 * size);
   result.camera.vertical_fov = std::clamp(result.camera.vertical_fov, 1.0, 150.0);

@@ -9,6 +9,7 @@
 
 #include "isobrick/extract/query.h"
 #include "isobrick/storage/grid.h"
+#include "isobrick/viewer/state/measurement.h"
 #include "isobrick/viewer/state/view_camera.h"
 
 namespace isobrick {
@@ -93,6 +94,7 @@ struct ViewState {
   ViewLighting lighting = ViewLighting::kThreeLights;
   bool ambient_occlusion = false;  // surfaces shade each other, by their depths in the picture
   ViewPictures pictures;
+  std::vector<ViewMeasurement> measurements;  // at most kMostMeasurements, shown in the scene
   // Mesh files are simplified within this distance, voxels (SimplifyOptions::distance).
   std::optional<double> mesh_distance;
   bool wireframe = false;

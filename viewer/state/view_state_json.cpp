@@ -43,10 +43,11 @@ ISOBRICK_FIELDS(ViewClipPlane, normal, offset, enabled, cap)
 ISOBRICK_FIELDS(ViewSlice, shown, position)
 ISOBRICK_FIELDS(ViewPictures, transparent, times, scale_bar, axes, legend)
 ISOBRICK_FIELDS(ViewValues, gradient_window, other, other_window)
+ISOBRICK_FIELDS(ViewMeasurement, points)
 ISOBRICK_FIELDS(ViewState, camera, surfaces, active_surface, focus, curvature_tolerance,
                 view_pixels, clip_planes, slices, value_window, coloring, values, lighting,
-                ambient_occlusion, pictures, mesh_distance, wireframe, show_transitions, show_box,
-                show_handles, background_top, background_bottom)
+                ambient_occlusion, pictures, measurements, mesh_distance, wireframe,
+                show_transitions, show_box, show_handles, background_top, background_bottom)
 
 constexpr std::array<std::string_view, 4> namesOf(ViewColoring) {
   return {"plain", "level", "gradient", "other"};
@@ -194,6 +195,9 @@ void checkRanges(const ViewState& state) {
     refuse("mesh_distance", "is not above 0");
   if (state.pictures.times < 1 || state.pictures.times > kMostPictureTimes)
     refuse("pictures.times", "is not from 1 to " + std::to_string(kMostPictureTimes));
+  for (const ViewMeasurement& measurement : state.measurements)
+    if (measurement.points.size() != 2 && measurement.points.size() != 3)
+      refuse("measurements", "has one that has neither 2 nor 3 points");
   if (state.clip_planes.size() > kMostClipPlanes) refuse("clip_planes", "has more than 6 elements");
 }
 

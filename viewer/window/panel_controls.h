@@ -14,4 +14,7 @@ void cutControls(ViewSession& session, float scale);
 // Colours, light and what else is drawn.
 void appearanceControls(ViewSession& session, float scale);
 
+// Distances and angles.
+Wishes measureControls(ViewSession& session);
+
 }  // namespace isobrick

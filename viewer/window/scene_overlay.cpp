@@ -109,6 +109,40 @@ void handles(const ViewSession& session, float scale, bool hovers, const Place& 
   }
 }
 
+// Those of the view, and the one that is being made.
+void measurements(const ViewSession& session, float scale, const Place& place) {
+  const Interaction& interaction = session.interaction();
+  const PlacedCamera camera = placeCamera(session.state().camera, interaction.aspect());
+  ImDrawList& list = *ImGui::GetBackgroundDrawList();
+  constexpr ImU32 kInk = IM_COL32(255, 214, 102, 255), kEdge = IM_COL32(0, 0, 0, 200);
+  const auto draw = [&](const std::vector<glm::dvec3>& points, const std::string& text,
+                        const std::optional<glm::dvec2>& next) {
+    std::vector<ImVec2> pixels;
+    for (const glm::dvec3& point : points)
+      if (const auto pixel = pixelOf(camera, interaction.size, point))
+        pixels.push_back(place(*pixel));
+    if (pixels.size() < points.size() || pixels.empty()) return;
+    const std::size_t count = pixels.size();
+    if (next) pixels.push_back(place(*next));
+    for (const auto& [width, ink] : {std::pair{4.0f, kEdge}, std::pair{2.0f, kInk}}) {
+      list.AddPolyline(pixels.data(), static_cast<int>(pixels.size()), ink, 0, width * scale);
+      for (std::size_t i = 0; i < count; ++i)
+        list.AddCircleFilled(pixels[i], (2.0f + width) * scale, ink);
+    }
+    if (text.empty()) return;
+    const ImVec2 at{pixels.back().x + 8.0f * scale, pixels.back().y - 22.0f * scale};
+    const ImVec2 size = ImGui::CalcTextSize(text.c_str());
+    list.AddRectFilled({at.x - 4.0f * scale, at.y - 1.0f * scale},
+                       {at.x + size.x + 4.0f * scale, at.y + size.y + 1.0f * scale}, kEdge,
+                       3.0f * scale);
+    list.AddText(at, kInk, text.c_str());
+  };
+  const LengthUnit unit = session.pyramid().spec().geometry.unit;
+  for (const ViewMeasurement& measurement : session.state().measurements)
+    draw(measurement.points, measurementText(measurement, unit), std::nullopt);
+  draw(interaction.picked, "", interaction.cursor);
+}
+
 void help(ViewSession& session, float scale) {
   const ImVec2 size = ImGui::GetIO().DisplaySize;
   ImGui::SetNextWindowPos({0.5f * size.x, 0.5f * size.y}, ImGuiCond_Appearing, {0.5f, 0.5f});
@@ -136,6 +170,7 @@ void buildOverlay(ViewSession& session, float scale, bool hovers, const SceneAre
   list.PushClipRect(place.corner, {place.corner.x + place.size.x, place.corner.y + place.size.y});
   scaleBar(session, scale, place);
   axisCube(session, hovers, place);
+  measurements(session, scale, place);
   if (session.interaction().drag != Interaction::Drag::kPanel)
     handles(session, scale, hovers, place);
   list.PopClipRect();

@@ -142,6 +142,14 @@ void StatusPanel::sessionLine(ViewSession& session, const PanelFacts& facts, flo
   if (!failure.empty()) {
     ImGui::TextColored(kErrorText, "%s", failure.c_str());
   } else {
+    const Interaction& interaction = session.interaction();
+    if (interaction.tool != Interaction::Tool::kNone) {
+      const bool is_angle = interaction.tool == Interaction::Tool::kAngle;
+      ImGui::TextColored(kWarningText, "%s: click point %zu of %d on the surface; Esc ends |",
+                         is_angle ? "angle" : "distance", interaction.picked.size() + 1,
+                         is_angle ? 3 : 2);
+      ImGui::SameLine();
+    }
     ImGui::TextUnformatted(status.doing.c_str());
     if (!facts.writing.empty()) {
       ImGui::SameLine();

@@ -173,9 +173,11 @@ Wishes buildControls(ViewSession& session, float scale) {
   cutControls(session, scale);
   appearanceControls(session, scale);
   slices(session);
+  Wishes wishes = measureControls(session);
   focus(session);
   detail(session);
-  return files(session.state(), scale);
+  addWishes(files(session.state(), scale), wishes);
+  return wishes;
 }
 
 }  // namespace isobrick

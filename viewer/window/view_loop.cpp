@@ -434,6 +434,7 @@ class ViewLoop {
         const auto isTaken = [&](const std::string& name) { return meshes_.willWrite(name); };
         orderMesh(freeName(stem_, ".ply", isTaken));
       }
+      if (wishes.export_measurements) writeMeasurements(freeName(stem_, ".csv"));
       if (wishes.save_state) {
         writeView(state_path_, viewNow());
         own_view_.noteWritten(state_path_);
@@ -456,6 +457,15 @@ class ViewLoop {
 
   SavedView viewNow() {
     return {show_.opened() != nullptr ? show_.opened()->source : std::string(), state()};
+  }
+
+  void writeMeasurements(const std::string& path) {
+    const std::string csv =
+        measurementsCsv(state().measurements, session()->pyramid().spec().geometry.unit);
+    AtomicFile file(path);
+    file.write(csv.data(), csv.size());
+    file.commit();
+    message_ = "wrote " + path;
   }
 
   void orderMesh(const std::string& path) {
@@ -487,6 +497,9 @@ class ViewLoop {
         break;
       case ScriptFile::What::kShownMesh:
         if (session() != nullptr) session()->writeShownMesh(path);
+        break;
+      case ScriptFile::What::kMeasurements:
+        if (session() != nullptr) writeMeasurements(path);
         break;
       case ScriptFile::What::kState:
         writeView(path, viewNow());

@@ -31,6 +31,7 @@ ViewState fullState() {
   state.lighting = ViewLighting::kHeadlight;
   state.ambient_occlusion = true;
   state.pictures = {true, 3, true, true, true};
+  state.measurements = {{{{1.0, 2.0, 3.0}, {4.0, 5.0, 6.0}}}};
   state.mesh_distance = 0.75;
   state.wireframe = true;
   state.show_box = false;
@@ -61,6 +62,7 @@ TEST(ViewStateTest, EveryFieldSurvivesTheWayThroughJson) {
   ViewState plain;
   plain.surfaces.resize(2);
   plain.clip_planes.resize(1);
+  plain.measurements = {{{glm::dvec3(0.0), glm::dvec3(0.0)}}};
   plain.values.gradient_window = plain.values.other_window = {0.0, 0.0};
   const nlohmann::json with = flat(full), without = flat(plain);
   for (const auto& leaf : without.items()) {

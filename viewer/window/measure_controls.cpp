@@ -1,0 +1,46 @@
+#include <imgui.h>
+
+#include <optional>
+
+#include "isobrick/viewer/window/panel_controls.h"
+#include "isobrick/viewer/window/panel_tools.h"
+
+namespace isobrick {
+
+Wishes measureControls(ViewSession& session) {
+  Wishes wishes;
+  if (!ImGui::CollapsingHeader("measure")) return wishes;
+  Interaction& interaction = session.interaction();
+  ViewState& state = session.state();
+  const auto toolButton = [&](const char* label, Interaction::Tool tool, const char* what) {
+    bool on = interaction.tool == tool;
+    if (ImGui::Checkbox(label, &on)) chooseTool(on ? tool : Interaction::Tool::kNone, interaction);
+    explain(what);
+  };
+  toolButton(
+      "distance", Interaction::Tool::kDistance,
+      "Click two points of the surface (D). Esc ends it, Backspace takes the last one back.");
+  ImGui::SameLine();
+  toolButton("angle", Interaction::Tool::kAngle,
+             "Click three points of the surface; the angle is at the second (A).");
+  const LengthUnit unit = session.pyramid().spec().geometry.unit;
+  std::optional<std::size_t> removed;
+  for (std::size_t i = 0; i < state.measurements.size(); ++i) {
+    ImGui::PushID(static_cast<int>(i));
+    if (ImGui::Button("x")) removed = i;
+    explain("Removes this measurement.");
+    ImGui::SameLine();
+    ImGui::AlignTextToFramePadding();
+    ImGui::Text("%zu   %s", i + 1, measurementText(state.measurements[i], unit).c_str());
+    ImGui::PopID();
+  }
+  if (removed)
+    state.measurements.erase(state.measurements.begin() + static_cast<std::ptrdiff_t>(*removed));
+  if (!state.measurements.empty()) {
+    wishes.export_measurements = ImGui::Button("write CSV");
+    explain("All of them as a table, with the points in world units.");
+  }
+  return wishes;
+}
+
+}  // namespace isobrick
