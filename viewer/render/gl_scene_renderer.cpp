@@ -573,11 +573,23 @@ void GlSceneRenderer::drawOcclusion(const View& view) {
   glDepthMask(GL_TRUE);
 }
 
+// Opaque ones first, then the farthest.
 void GlSceneRenderer::drawSlices(const View& view) {
+  std::vector<SceneSlice> slices = view.frame.slices;
+  const auto order = [&](const SceneSlice& slice) {
+    const glm::dvec3 middle = slice.corner + 0.5 * (slice.across + slice.along);
+    const double away = glm::dot(middle - view.frame.camera.eye, view.frame.camera.forward);
+    return std::pair(slice.opacity < 1.0, -away);
+  };
+  std::stable_sort(slices.begin(), slices.end(),
+                   [&](const SceneSlice& a, const SceneSlice& b) { return order(a) < order(b); });
   glEnable(GL_DEPTH_TEST);
-  glDisable(GL_BLEND);
+  glBlendFuncSeparate(GL_SRC_ALPHA, GL_ONE_MINUS_SRC_ALPHA, GL_ONE, GL_ONE_MINUS_SRC_ALPHA);
   glBindVertexArray(*empty_array_);
-  for (const SceneSlice& slice : view.frame.slices) {
+  for (const SceneSlice& slice : slices) {
+    const bool blends = slice.opacity < 1.0 && !view.frame.normals;
+    (blends ? glEnable : glDisable)(GL_BLEND);
+    glDepthMask(blends ? GL_FALSE : GL_TRUE);
     setView(slice_program_, view, slice.cap_of);
     setUniform(slice_program_, "corner", view.eyePosition(slice.corner));
     setUniform(slice_program_, "across", glm::vec3(view.to_eye * slice.across));
@@ -586,9 +598,12 @@ void GlSceneRenderer::drawSlices(const View& view) {
     setUniform(slice_program_, "least_value",
                slice.least_value ? static_cast<float>(*slice.least_value)
                                  : std::numeric_limits<float>::lowest());
+    setUniform(slice_program_, "opacity", static_cast<float>(blends ? slice.opacity : 1.0));
     glBindTextureUnit(0, *slices_.at(slice.image).texture);
     glDrawArrays(GL_TRIANGLE_STRIP, 0, 4);
   }
+  glDisable(GL_BLEND);
+  glDepthMask(GL_TRUE);
 }
 
 void GlSceneRenderer::drawSegments(const View& view) {

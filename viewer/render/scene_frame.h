@@ -23,11 +23,12 @@ using SliceId = std::uint32_t;
 struct SceneSlice {
   SliceId image = 0;
   glm::dvec3 corner{0.0}, across{0.0}, along{0.0};  // world
-  // Draws only values of at least this: the cap of a cut surface.
+  // Draws only values of at least this: the inside of a cut surface, or what is not air.
   std::optional<double> least_value;
   // The clip plane that it caps, which then does not cut it: an index of SceneFrame::clip_planes.
   int cap_of = -1;
   double black = 0.0, white = 1.0;  // data units
+  double opacity = 1.0;             // below 1 it hides no slice behind it
 };
 
 struct SurfaceLook {

@@ -206,6 +206,7 @@ in vec2 place;
 layout(binding = 0) uniform sampler2D values;
 uniform vec2 window;
 uniform float least_value;
+uniform float opacity;
 out vec4 color;
 
 void main() {
@@ -213,7 +214,7 @@ void main() {
   float value = texture(values, (place * (size - 1.0) + 0.5) / size).r;
   if (!(value >= least_value)) discard;  // nor where there is no value
   float grey = clamp((value - window.x) / max(window.y - window.x, 1e-30), 0.0, 1.0);
-  color = vec4(pow(vec3(grey), vec3(2.0, 2.1, 2.3)), 1.0);  // warm, unlike every surface
+  color = vec4(pow(vec3(grey), vec3(2.0, 2.1, 2.3)), opacity);  // warm, unlike every surface
 }
 )";
 

@@ -63,6 +63,7 @@ ViewState bounded(const ViewState& state, const ViewVolume& volume) {
     const double length = glm::length(plane.normal);
     plane.normal = length > 0.0 ? plane.normal / length : glm::dvec3(1.0, 0.0, 0.0);
   }
+  result.slice_opacity = std::clamp(result.slice_opacity, 0.0, 1.0);
   for (int axis = 0; axis < 3; ++axis) {
     double& position = result.slices[static_cast<std::size_t>(axis)].position;
     position = std::clamp(position, 0.0, last[axis]);

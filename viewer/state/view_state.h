@@ -87,6 +87,8 @@ struct ViewState {
   std::optional<double> view_pixels;          // ViewPoint::pixels, seen from the camera
   std::vector<ViewClipPlane> clip_planes;     // at most kMostClipPlanes
   std::array<ViewSlice, 3> slices;            // across x, y and z
+  double slice_opacity = 1.0;                 // 0 .. 1
+  std::optional<double> slice_threshold;      // data units; slices leave out what is below
   std::array<double, 2> value_window{0.0,
                                      1.0};  // data units that caps and slices show black, white
   ViewColoring coloring = ViewColoring::kPlain;

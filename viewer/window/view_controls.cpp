@@ -114,6 +114,18 @@ void slices(ViewSession& session) {
     ImGui::PopID();
   }
   const ValueHistogram& range = session.histogram();
+  sliderOf("opacity", state.slice_opacity, 0.0, 1.0, "%.2f");
+  explain("Below 1 you see through slices.");
+  bool has_threshold = state.slice_threshold.has_value();
+  if (ImGui::Checkbox("leave out values below", &has_threshold)) {
+    state.slice_threshold.reset();
+    if (has_threshold)
+      state.slice_threshold =
+          state.surfaces[static_cast<std::size_t>(state.active_surface)].isovalue;
+  }
+  explain("So that air does not hide the surface.");
+  if (state.slice_threshold)
+    sliderOf("threshold", *state.slice_threshold, range.least, range.greatest, "%.5g");
   sliderOf("black", state.value_window[0], range.least, range.greatest, "%.5g");
   explain("The value that slices and caps show black.");
   sliderOf("white", state.value_window[1], range.least, range.greatest, "%.5g");

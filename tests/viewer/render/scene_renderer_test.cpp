@@ -276,6 +276,35 @@ TEST_F(SceneRendererTest, WhatIsBehindATranslucentSurfaceIsSeen) {
   EXPECT_TRUE(isRed(seen(32, 32)));
 }
 
+// A translucent slice shows a square behind it, and a slice behind it, in any order.
+TEST_F(SceneRendererTest, TranslucentSlicesAreSeenThrough) {
+  const auto sliceAt = [&](double y, float value) {
+    SceneSlice slice;
+    slice.image = renderer_->uploadSlice({2, 2, {value, value, value, value}});
+    slice.corner = {-1.0, y, -1.0};
+    slice.across = {2.0, 0.0, 0.0};
+    slice.along = {0.0, 0.0, 2.0};
+    slice.white = 100.0;
+    return slice;
+  };
+  SceneSlice near = sliceAt(-1.0, 0.0f), far = sliceAt(1.0, 100.0f);
+  frame_.slices = {near, far};
+  EXPECT_LT(seen(32, 32).g, 0.01f);
+  frame_.slices[0].opacity = 0.5;
+  const glm::vec3 through = seen(32, 32);
+  EXPECT_NEAR(through.g, 0.5f, 0.02f);
+  std::swap(frame_.slices[0], frame_.slices[1]);
+  EXPECT_EQ(seen(32, 32), through);
+  for (SceneSlice& slice : frame_.slices) slice.opacity = 0.5;
+  const glm::vec3 both = seen(32, 32);
+  std::swap(frame_.slices[0], frame_.slices[1]);
+  EXPECT_EQ(seen(32, 32), both);
+  frame_.slices = {near};
+  frame_.slices[0].opacity = 0.5;
+  frame_.chunks = {renderer_->upload(squareAt(2.0, 1.0, 0))};
+  EXPECT_TRUE(isRed(seen(32, 32)));
+}
+
 TEST_F(SceneRendererTest, SegmentsAreHiddenByWhatIsInFrontOfThem) {
   frame_.segments = {{{-1.5, 1.0, 0.0}, {1.5, 1.0, 0.0}}};
   EXPECT_FALSE(isBlack(seen(32, 32)));

@@ -24,6 +24,8 @@ ViewState fullState() {
   state.view_pixels = 1.5;
   state.clip_planes = {{{0.36, 0.48, 0.8}, -12.5, false, false}};
   state.slices = {{{true, 3.0}, {true, 4.0}, {true, 5.0}}};
+  state.slice_opacity = 0.25;
+  state.slice_threshold = 120.0;
   state.value_window = {-100.0, 1500.0};
   state.coloring = ViewColoring::kLevel;
   state.values = {{{2.0, 30.0}}, "/scans/pet.isb", {{-1.5, 4.5}}};
