@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 
 #include "isobrick/storage/error.h"
@@ -23,6 +24,17 @@ std::string stemOf(const std::string& source) {
   if (!path.has_filename()) path = path.parent_path();
   if (path.extension() == ".gz") path = path.stem();
   return path.stem().string();
+}
+
+std::string shortPath(const std::string& path) {
+  const char* const home = std::getenv("HOME");
+  std::string folder = home != nullptr ? home : "";
+  if (folder.size() < 2) return path;
+  folder += '/';
+  if (path.rfind(folder, 0) != 0) return path;
+  std::string shown = "~/";
+  shown += path.substr(folder.size());
+  return shown;
 }
 
 std::string freeName(const std::string& stem, const char* extension,

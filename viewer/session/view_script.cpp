@@ -433,12 +433,14 @@ bool ScriptPlayer::play(const ScriptStep& step, double elapsed, const ScriptSigh
     const double share = shareOf(sweep->seconds);
     const double value = sweep->from + share * (sweep->to - sweep->from);
     frame.state = state;
-    if (sweep->what == ScriptSweep::What::kIsovalue)
+    if (sweep->what == ScriptSweep::What::kIsovalue) {
       frame.state->surfaces[static_cast<std::size_t>(state.active_surface)].isovalue = value;
-    else if (sweep->what == ScriptSweep::What::kRadius)
+    } else if (sweep->what == ScriptSweep::What::kRadius) {
       frame.state->focus.radius = value;
-    else
+      frame.state->focus.everywhere = false;
+    } else {
       frame.state->camera.azimuth = value;
+    }
     return share >= 1.0;
   } else if (const auto* patch = std::get_if<ScriptPatch>(&step)) {
     Json json = Json::parse(viewStateToJson(state));

@@ -173,13 +173,17 @@ void ViewSession::update(double seconds, UploadAllowance& allowance) {
 
 std::optional<WorldBox> ViewSession::shownBox() const {
   const auto shown = surfaces_->shownBox();
-  return shown ? std::optional(volume_.boxAround((*shown)[0], (*shown)[1])) : std::nullopt;
+  if (!shown) return std::nullopt;
+  const double step = preview_of_ ? static_cast<double>(preview_of_->step) : 1.0;
+  return volume_.boxAround(step * (*shown)[0], step * (*shown)[1]);
 }
 
 void ViewSession::updateOpening() {
   if (opening_.isOver() || !(interaction_.size.y > 0.0)) return;
   OpeningView::Sight sight;
   sight.box = shownBox();
+  // The slices of a preview grow; the camera stays.
+  if (preview_of_ && sight.box) sight.box = volume_.box();
   sight.radius = shown_pass_.radius;
   if (shown_pass_.bricks_read == 0) sight.extraction_seconds = shown_pass_.seconds;
   sight.waited = clockSeconds() - last_news_;

@@ -159,7 +159,7 @@ class ViewLoop {
     show_.take(std::move(opened), target_->renderer(), size(), target_->scale());
     nameAfter(source, is_preview ? " (preview)" : "");
     if (is_preview) return;
-    message_ = source == pyramid ? "" : "the pyramid is " + pyramid;
+    message_ = source == pyramid ? "" : "the pyramid is " + shortPath(pyramid);
     std::error_code ignored;
     const bool is_file = fs::exists(source, ignored);  // no phantom
     recent_ =

@@ -251,6 +251,26 @@ TEST_F(ViewSessionTest, ADoubleClickFocusesOnWhatIsHit) {
   settle();
 }
 
+// A preview's samples are further apart than the volume's.
+TEST_F(ViewSessionTest, WhatIsShownOfAPreviewIsFramed) {
+  session_.reset();
+  session_ = std::make_unique<ViewSession>(
+      pyramid_, renderer_, SessionOptions{2, std::uint64_t{1} << 30, PreviewOf{2, Index3(119)}});
+  InputEvent event;
+  event.kind = Kind::kResize;
+  event.x = 200;
+  event.y = 100;
+  session_->apply(event, 0.0, false);
+  session_->state().surfaces[0].isovalue = 15.0;  // a sphere of 10 samples around (30, 30, 30)
+  settle();
+  EXPECT_LT(glm::distance(session_->state().camera.pivot, session_->volume().box().center()), 1e-9);
+  event.kind = Kind::kKeyPress;
+  event.key = Key::kF;
+  session_->apply(event, clock_, false);
+  const double spacing = session_->volume().geometry.spacing.x;
+  EXPECT_LT(glm::distance(session_->state().camera.pivot, spacing * glm::dvec3(60.0)), spacing);
+}
+
 TEST_F(ViewSessionTest, WhatTheBudgetHoldsIsShownAndSaid) {
   open(150'000);
   session_->keepFocus();
