@@ -45,9 +45,10 @@ ISOBRICK_FIELDS(ViewPictures, transparent, times, scale_bar, axes, legend)
 ISOBRICK_FIELDS(ViewValues, gradient_window, other, other_window)
 ISOBRICK_FIELDS(ViewMeasurement, points)
 ISOBRICK_FIELDS(ViewState, camera, surfaces, active_surface, focus, curvature_tolerance,
-                view_pixels, clip_planes, slices, slice_opacity, slice_threshold, value_window, coloring, values, lighting,
-                ambient_occlusion, pictures, measurements, mesh_distance, wireframe,
-                show_transitions, show_box, show_handles, background_top, background_bottom)
+                view_pixels, clip_planes, slices, slice_opacity, slice_threshold, value_window,
+                coloring, values, lighting, ambient_occlusion, pictures, measurements,
+                mesh_distance, wireframe, show_transitions, show_box, show_handles, background_top,
+                background_bottom)
 
 constexpr std::array<std::string_view, 4> namesOf(ViewColoring) {
   return {"plain", "level", "gradient", "other"};
