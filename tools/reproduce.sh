@@ -102,7 +102,7 @@ figure2() {
     done
   done
 }
-figure2 phantom phantom:head:64 1240 "0 1 2"
+figure2 phantom phantom:head:64 1240 "1 2"
 if [ -f "$head_ct" ]; then
   figure2 ct "$head_ct" 1250 "0 1 2 3 4"
   for filter in average subsample; do
