@@ -196,37 +196,30 @@ def figure8():
 
 
 def focus_rows(name, radii):
-    """For each radius, and the finest surface: triangles, part of the finest, time on one and two threads."""
-    rows, times = [], {}
-    for radius in radii:
-        for threads in (1, 2):
-            for row in result(f"{name}-{radius}-threads{threads}")["rows"]:
-                times.setdefault((row["name"], radius), {})[threads] = row
-    finest = {t: times["isobrick", radii[0]][t]["triangles"] for t in (1, 2)}[1]
-    cases = [(f"radius {radius}", times["isobrick-adaptive", radius]) for radius in radii]
+    """For each radius, and for the finest surface: triangles, part of the finest, time, rate."""
+    measured = [{row["name"]: row for row in result(f"{name}-{radius}")["rows"]} for radius in radii]
+    finest = measured[0]["isobrick"]["triangles"]
+    cases = [(f"radius {radius}", rows["isobrick-adaptive"]["triangles"], rows["isobrick-adaptive"]["seconds"]["median"])
+             for radius, rows in zip(radii, measured)]
     # Each radius has measured the finest surface too: the median of the medians.
-    every = {t: median([times["isobrick", radius][t]["seconds"]["median"] for radius in radii]) for t in (1, 2)}
-    for title, by_threads in cases:
-        seconds = {t: by_threads[t]["seconds"]["median"] for t in (1, 2)}
-        rows.append((title, by_threads[1]["triangles"], finest, seconds))
-    rows.append(("everywhere", finest, finest, every))
-    return [[title, f"{triangles:,}", percent(triangles, of, 1), milliseconds(seconds[1]), milliseconds(seconds[2]),
-             f"{triangles / seconds[1] / 1e6:.1f}"] for title, triangles, of, seconds in rows]
+    cases.append(("everywhere", finest, median([rows["isobrick"]["seconds"]["median"] for rows in measured])))
+    return [[title, f"{triangles:,}", percent(triangles, finest, 1), milliseconds(seconds),
+             f"{triangles / seconds / 1e6:.1f}"] for title, triangles, seconds in cases]
 
 
-HEAD = ["", "triangles", "of the finest", "ms, one thread", "ms, two", "million/s, one thread"]
+HEAD = ["", "triangles", "of the finest", "ms, one thread", "million triangles/s"]
 
 
 def figure9():
-    return table(HEAD, [["paper, 9a", "32,000", "2.0 %", "", "", ""], ["paper, 9b (9c in its caption)", "88,000", "5.5 %", "", "", ""],
-                        ["paper, plain marching cubes", "1,600,000", "100 %", "", "", ""],
+    return table(HEAD, [["paper, 9a", "32,000", "2.0 %", "", ""], ["paper, 9b (9c in its caption)", "88,000", "5.5 %", "", ""],
+                        ["paper, plain marching cubes", "1,600,000", "100 %", "", ""],
                         *focus_rows("figure9", (10, 20, 40, 80))])
 
 
 def figure11():
-    paper = [["paper, 11a", "123,000", "2.1 %", "1,100", "", "0.11"],
-             ["paper, 11b", "2,200,000", "36.7 %", "15,800", "", "0.14"],
-             ["paper, 11c", "6,000,000", "100 %", "45,000", "", "0.13"]]
+    paper = [["paper, 11a", "123,000", "2.1 %", "1,100", "0.11"],
+             ["paper, 11b", "2,200,000", "36.7 %", "15,800", "0.14"],
+             ["paper, 11c", "6,000,000", "100 %", "45,000", "0.13"]]
     ct = focus_rows("figure11", (15, 40, 80))
     gyroid = focus_rows("figure11-gyroid", (29, 97, 155))
     for title, rows in (("CT", ct), ("gyroid", gyroid)):

@@ -59,8 +59,8 @@ crop() {
   pyramid "$1" "$file"
 }
 
-# Times of one query and of the finest surface: medians of 15, in 5 processes.
-bench() { "$isobrick" bench "$@" --rows isobrick,isobrick-adaptive --no-distances --json; }
+# Times of one query and of the finest surface, on one thread as in the paper: medians of 15, in 5 processes.
+bench() { "$isobrick" bench "$@" --threads 1 --rows isobrick,isobrick-adaptive --no-distances --json; }
 
 # ---- Building ------------------------------------------------------------------------------------
 
@@ -160,11 +160,9 @@ result figure7-marschner "$figures" cells "$folder/pyramids/marschner.isb" --at 
 
 # focus NAME PYRAMID ISOVALUE POINT RADII: the finest surface, and one around the point for each radius.
 focus() {
-  local name=$1 file=$folder/pyramids/$2.isb iso=$3 radius threads
-  for threads in 1 2; do
-    for radius in $5; do
-      result "$name-$radius-threads$threads" bench "$file" --iso "$iso" --focus "$4" --radius "$radius" --threads $threads
-    done
+  local name=$1 file=$folder/pyramids/$2.isb iso=$3 radius
+  for radius in $5; do
+    result "$name-$radius" bench "$file" --iso "$iso" --focus "$4" --radius "$radius"
   done
 }
 if [ -f "$head_ct" ]; then

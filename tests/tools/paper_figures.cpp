@@ -112,8 +112,8 @@ DrawnMesh drawnMesh(const SplitMesh& mesh) {
 void draw(const std::string& path, const DrawnMesh& mesh, const MeshArguments& arguments) {
   static OffscreenRenderer renderer;
   RenderOptions look = arguments.look;
-  look.width = 500;
-  look.height = 400;
+  look.width = 400;
+  look.height = 320;
   look.wireframe = look.color_by_level = true;
   if (!arguments.box.empty()) {
     const std::vector<double>& box = arguments.box;
