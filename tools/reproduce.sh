@@ -127,7 +127,7 @@ for radius in 100 40 20; do
   tolerance=$(awk "BEGIN {print 0.5 / $radius / $radius}")
   look=()
   [ $radius -ne 40 ] ||
-    look=(--pictures "$folder/pictures/paper-figure5" --azimuth 10 --elevation 40 --box '50,8,58,64,20,70')
+    look=(--pictures "$folder/pictures/paper-figure5" --azimuth 10 --elevation 40 --box '52,6,50,62,16,62')
   result figure5-curvature$radius \
     "$figures" meshes "$folder/pyramids/torus106.isb" --iso 0 --curvature "$tolerance" "${look[@]}"
   result figure5-curvature$radius-command \
