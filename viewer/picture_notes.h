@@ -37,7 +37,7 @@ struct PictureNotes {
   bool legend = false;                     // upper left
   LengthUnit unit = LengthUnit::kUnknown;  // of the world
   PictureLegend meaning;                   // for the legend
-  std::vector<PictureMark> marks;
+  std::vector<PictureMark> marks;          // measurements
 
   // True if there is something to draw.
   bool any() const { return scale_bar || axes || legend || !marks.empty(); }

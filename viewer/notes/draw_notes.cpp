@@ -39,10 +39,10 @@ class Notes {
   glm::vec3 inkAt(const glm::dvec2& a, const glm::dvec2& b) const {
     double light = 0.0, count = 0.0;
     const glm::dvec2 lower = glm::min(a, b), upper = glm::max(a, b);
-    for (int y = std::max(0, static_cast<int>(lower.y));
-         y < std::min<double>(image_.height, upper.y + 1.0); ++y)
-      for (int x = std::max(0, static_cast<int>(lower.x));
-           x < std::min<double>(image_.width, upper.x + 1.0); ++x) {
+    const PixelRange columns = pixelsBetween(lower.x, upper.x, image_.width);
+    const PixelRange rows = pixelsBetween(lower.y, upper.y, image_.height);
+    for (int y = rows.first; y < rows.end; ++y)
+      for (int x = columns.first; x < columns.end; ++x) {
         const float* const rgb = image_.rgb.data() + image_.offsetOf(x, y);
         light += 0.2126 * static_cast<double>(rgb[0]) + 0.7152 * static_cast<double>(rgb[1]) +
                  0.0722 * static_cast<double>(rgb[2]);

@@ -1,9 +1,11 @@
 #include "isobrick/viewer/notes/picture_canvas.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
+#include <optional>
 #include <vector>
 
 #include "isobrick/storage/error.h"
@@ -47,16 +49,35 @@ std::vector<int> codePointsOf(const std::string& text) {
   return points;
 }
 
+// The part of a line within `margin` of the picture. A line to a far place would lose its digits.
+std::optional<std::array<glm::dvec2, 2>> lineInPicture(const glm::dvec2& from, const glm::dvec2& to,
+                                                       const glm::dvec2& picture, double margin) {
+  const glm::dvec2 along = to - from;
+  double first = 0.0, last = 1.0;
+  for (int axis = 0; axis < 2; ++axis) {
+    const double least = -margin - from[axis], most = picture[axis] + margin - from[axis];
+    if (along[axis] == 0.0) {
+      if (least > 0.0 || most < 0.0) return std::nullopt;
+      continue;
+    }
+    const double a = least / along[axis], b = most / along[axis];
+    first = std::max(first, std::min(a, b));
+    last = std::min(last, std::max(a, b));
+  }
+  if (!(first <= last)) return std::nullopt;
+  return {{from + first * along, from + last * along}};
+}
+
 // How much of each pixel of a box of the picture is covered, 0 .. 1.
 struct Mask {
   int left, top, width, height;
   std::vector<float> cover;
-  Mask(int l, int t, int w, int h)
-      : left(l),
-        top(t),
-        width(w),
-        height(h),
-        cover(static_cast<std::size_t>(w) * static_cast<std::size_t>(h)) {}
+  Mask(const PixelRange& x, const PixelRange& y)
+      : left(x.first),
+        top(y.first),
+        width(x.end - x.first),
+        height(y.end - y.first),
+        cover(static_cast<std::size_t>(width) * static_cast<std::size_t>(height)) {}
   float& at(int x, int y) {
     return cover[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) +
                  static_cast<std::size_t>(x)];
@@ -79,6 +100,12 @@ Mask grown(Mask& mask, int radius) {
 }
 
 }  // namespace
+
+PixelRange pixelsBetween(double lower, double upper, int size) {
+  if (!(lower <= upper) || upper < 0.0 || lower >= size) return {};
+  return {static_cast<int>(std::max(0.0, std::floor(lower))),
+          static_cast<int>(std::min<double>(size, std::floor(upper) + 1.0))};
+}
 
 struct PictureCanvas::Font {
   stbtt_fontinfo info;
@@ -116,14 +143,18 @@ void PictureCanvas::blend(int x, int y, double coverage, const glm::vec3& linear
 
 void PictureCanvas::line(const glm::dvec2& from, const glm::dvec2& to, double width,
                          const glm::vec3& color) {
+  const auto seen = lineInPicture(from, to, {image_.width, image_.height}, 2.0 * width + 1.0);
+  if (!seen) return;
   const glm::vec3 linear = linearOf(color);
-  const glm::dvec2 lower = glm::floor(glm::min(from, to) - width);
-  const glm::dvec2 upper = glm::ceil(glm::max(from, to) + width);
-  const glm::dvec2 along = to - from;
+  const auto& [begin, end] = *seen;
+  const glm::dvec2 lower = glm::min(begin, end) - width, upper = glm::max(begin, end) + width;
+  const glm::dvec2 along = end - begin;
   const double squared = std::max(glm::dot(along, along), 1e-12);
-  for (int y = static_cast<int>(lower.y); y <= static_cast<int>(upper.y); ++y)
-    for (int x = static_cast<int>(lower.x); x <= static_cast<int>(upper.x); ++x) {
-      const glm::dvec2 arm = glm::dvec2(x + 0.5, y + 0.5) - from;
+  const PixelRange columns = pixelsBetween(lower.x, upper.x, image_.width);
+  const PixelRange rows = pixelsBetween(lower.y, upper.y, image_.height);
+  for (int y = rows.first; y < rows.end; ++y)
+    for (int x = columns.first; x < columns.end; ++x) {
+      const glm::dvec2 arm = glm::dvec2(x + 0.5, y + 0.5) - begin;
       const double share = glm::clamp(glm::dot(arm, along) / squared, 0.0, 1.0);
       blend(x, y, 0.5 + 0.5 * width - glm::length(arm - share * along), linear);
     }
@@ -136,8 +167,10 @@ void PictureCanvas::box(const glm::dvec2& upper_left, const glm::dvec2& lower_ri
     return std::clamp(std::min(to, pixel + 1.0) - std::max(from, static_cast<double>(pixel)), 0.0,
                       1.0);
   };
-  for (int y = static_cast<int>(std::floor(upper_left.y)); y < lower_right.y; ++y)
-    for (int x = static_cast<int>(std::floor(upper_left.x)); x < lower_right.x; ++x)
+  const PixelRange columns = pixelsBetween(upper_left.x, lower_right.x, image_.width);
+  const PixelRange rows = pixelsBetween(upper_left.y, lower_right.y, image_.height);
+  for (int y = rows.first; y < rows.end; ++y)
+    for (int x = columns.first; x < columns.end; ++x)
       blend(x, y, covered(x, upper_left.x, lower_right.x) * covered(y, upper_left.y, lower_right.y),
             linear);
 }
@@ -153,14 +186,16 @@ double PictureCanvas::widthOf(const std::string& text) const {
 void PictureCanvas::text(const glm::dvec2& left, const std::string& text, const glm::vec3& color,
                          const glm::vec3& halo) {
   const int radius = std::max(1, static_cast<int>(std::lround(text_pixels_ / 10.0)));
-  const int height = static_cast<int>(std::ceil(text_pixels_)) + 2 * radius;
-  const int base = static_cast<int>(std::lround(0.8 * text_pixels_)) + radius;  // from the top
-  Mask mask(static_cast<int>(std::floor(left.x)) - radius,
-            static_cast<int>(std::lround(left.y)) - base,
-            static_cast<int>(std::ceil(widthOf(text))) + 2 * radius + 2, height);
+  const double top = left.y - 0.8 * text_pixels_;
+  const PixelRange columns =
+      pixelsBetween(left.x - radius, left.x + widthOf(text) + radius + 2.0, image_.width);
+  const PixelRange rows = pixelsBetween(top - radius, top + text_pixels_ + radius, image_.height);
+  if (columns.first == columns.end || rows.first == rows.end) return;
+  Mask mask(columns, rows);
+  const int base = static_cast<int>(std::lround(left.y)) - mask.top;
   const std::vector<int> points = codePointsOf(text);
   double pen = left.x - mask.left;
-  for (std::size_t i = 0; i < points.size(); ++i) {
+  for (std::size_t i = 0; i < points.size() && pen < mask.width + radius; ++i) {
     const float shift = static_cast<float>(pen - std::floor(pen));
     int x0 = 0, y0 = 0, x1 = 0, y1 = 0;
     stbtt_GetCodepointBitmapBoxSubpixel(&font_->info, points[i], font_->scale, font_->scale, shift,

@@ -10,8 +10,17 @@
 
 namespace isobrick {
 
+// The pixels [first, end) of a picture's width or height that [lower, upper] touches; none if a
+// bound is not a number.
+struct PixelRange {
+  int first = 0;
+  int end = 0;
+};
+PixelRange pixelsBetween(double lower, double upper, int size);
+
 // Colours are sRGB values 0..1; places are pixels from the upper left corner of the picture. Marks
-// outside of it are cut off. Layers beside the colours and alpha stay as they are.
+// outside of it are cut off, however far they reach. Layers beside the colours and alpha stay as
+// they are.
 class PictureCanvas {
  public:
   // `image` outlives it. Throws Error if isobrick was built without a font.

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "isobrick/viewer/notes/picture_canvas.h"
 #include "isobrick/viewer/render/scene_frame.h"
@@ -106,6 +107,18 @@ TEST(DrawNotesTest, TheLegendHasTheColoursOfTheSurfaces) {
   EXPECT_EQ(image.alpha[image.offsetOf(700, 700) / 3], 0.25f);  // nothing is there
 }
 
+// A view file may say anything.
+TEST(DrawNotesTest, MarksFarAwayEndAtThePicture) {
+  Image image = pictureOf(200, 200, 0.0f);
+  PictureNotes notes;
+  notes.legend = true;
+  notes.meaning.patches.resize(5000, {glm::vec3(0.5f), "isovalue"});
+  for (const double far : {1e30, -1e30, 1e300})
+    notes.marks.push_back({{{0.0, 1.0, 0.0}, {far, 1.0, far}}, "far"});
+  drawNotes(notes, PlacedCamera{}, 1.0, image);
+  for (const float value : image.rgb) EXPECT_TRUE(std::isfinite(value));
+}
+
 TEST(DrawNotesTest, NothingIsDrawnUnlessAsked) {
   Image image = pictureOf(50, 50, 0.3f);
   const std::vector<float> before = image.rgb;
@@ -144,9 +157,47 @@ TEST(PictureCanvasTest, TextIsWhereItIsSaidToBe) {
   EXPECT_NEAR(bottom - top, 0.62 * 24.0, 3.0);  // of capitals
   // A pair of letters may be closer than its parts (kerning).
   EXPECT_LT(canvas.widthOf("AV"), canvas.widthOf("A") + canvas.widthOf("V") - 0.3);
-  // Text that is no UTF-8, or beside the picture, is no fault.
-  canvas.text({-500.0, 2000.0}, "far", glm::vec3(1.0f), glm::vec3(0.0f));
-  canvas.text({290.0, 5.0}, "\xff\xc3", glm::vec3(1.0f), glm::vec3(0.0f));
+}
+
+// However far a mark reaches, only the picture's pixels are visited, and it goes where it goes.
+TEST(PictureCanvasTest, FarMarksAreCutOffAtThePicture) {
+  const double inf = std::numeric_limits<double>::infinity();
+  Image image = pictureOf(300, 100, 0.0f);
+  PictureCanvas canvas(image, 24.0);
+  const glm::vec3 white(1.0f), black(0.0f);
+  canvas.line({10.0, 50.0}, {1e30, 50.0}, 3.0, white);
+  canvas.line({150.0, -1e12}, {150.0, 1e12}, 3.0, white);
+  for (const int x : {12, 100, 299}) EXPECT_GT(greenAt(image, x, 50), 0.9f) << x;
+  for (const int y : {0, 99}) EXPECT_GT(greenAt(image, 150, y), 0.9f) << y;
+  EXPECT_EQ(greenAt(image, 100, 40), 0.0f);
+  EXPECT_EQ(greenAt(image, 5, 50), 0.0f);
+
+  const std::vector<float> before = image.rgb;
+  for (const double far : {1e5, 1e30, inf, -1e5, -1e30, -inf, std::nan("")}) {
+    canvas.line({far, far}, {far, 2.0 * far}, 3.0, white);
+    canvas.box({far, 0.0}, {far, 50.0}, white);
+    canvas.text({far, 50.0}, "far", white, black);
+    canvas.text({50.0, far}, "far", white, black);
+  }
+  canvas.text({290.0, 500.0}, "\xff\xc3", white, black);
+  EXPECT_EQ(image.rgb, before);
+
+  canvas.text({290.0, 50.0}, "\xff\xc3", white, black);  // no UTF-8
+  canvas.text({10.0, 95.0}, std::string(1'000'000, 'W'), white, black);
+  canvas.box({-1e30, -1e30}, {1e30, 1e30}, white);
+  EXPECT_EQ(*std::min_element(image.rgb.begin(), image.rgb.end()), 1.0f);
+}
+
+// Letters that the border of the picture cuts are as they would be in a larger one.
+TEST(PictureCanvasTest, TextIsCutAtTheBorder) {
+  Image whole = pictureOf(300, 120, 0.2f), part = pictureOf(120, 40, 0.2f);
+  PictureCanvas on_whole(whole, 24.0), on_part(part, 24.0);
+  on_whole.text({80.25, 60.0}, "cut at both", glm::vec3(1.0f), glm::vec3(0.0f));
+  on_part.text({-19.75, 10.0}, "cut at both", glm::vec3(1.0f), glm::vec3(0.0f));
+  const int radius = 2;  // of the margin around letters
+  for (int y = radius; y < 40 - radius; ++y)
+    for (int x = radius; x < 120 - radius; ++x)
+      EXPECT_NEAR(greenAt(part, x, y), greenAt(whole, x + 100, y + 50), 1e-6f) << x << " " << y;
 }
 
 }  // namespace
