@@ -36,6 +36,7 @@ set(isobrick_public_headers
   preprocess/volume_source.h)
 if(ISOBRICK_WITH_VIEWER)
   list(APPEND isobrick_public_headers
+    viewer/color_map.h
     viewer/image.h
     viewer/offscreen_renderer.h
     viewer/picture_notes.h)

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "isobrick/storage/grid.h"
+#include "isobrick/viewer/color_map.h"
 
 namespace isobrick {
 
@@ -19,9 +20,10 @@ struct PictureLegend {
     std::string text;       // UTF-8
   };
   std::vector<Patch> patches;  // surfaces, or levels
-  // The values of the darkest and the lightest colour of a ramp; none: there is no ramp.
+  // The values of the first and the last colour of a ramp; none: there is no ramp.
   std::optional<std::array<double, 2>> ramp;
-  std::string ramp_title;  // over the ramp, UTF-8
+  ColorMap ramp_colors = ColorMap::kViridis;  // of the ramp
+  std::string ramp_title;                     // over the ramp, UTF-8
 };
 
 // Points of the scene joined by lines, in front of everything, and a text at the last one.

@@ -7,7 +7,6 @@
 #include <glm/common.hpp>
 
 #include "isobrick/viewer/notes/picture_canvas.h"
-#include "isobrick/viewer/render/scene_frame.h"
 #include "isobrick/viewer/state/scene_handles.h"
 
 namespace isobrick {
@@ -119,7 +118,7 @@ void legendOf(Notes& notes, const PictureLegend& legend) {
   const int steps = static_cast<int>(width);
   for (int i = 0; i < steps; ++i)
     notes.canvas().box({m + i, top}, {m + i + 1.0, top + 0.8 * m},
-                       valueColor((i + 0.5) / static_cast<double>(steps)));
+                       valueColor(legend.ramp_colors, (i + 0.5) / static_cast<double>(steps)));
   const std::string least = numberText((*legend.ramp)[0]), most = numberText((*legend.ramp)[1]);
   notes.text({m, top + 1.9 * m}, least);
   notes.text({m + width - notes.canvas().widthOf(most), top + 1.9 * m}, most);

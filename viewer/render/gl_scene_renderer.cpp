@@ -97,9 +97,12 @@ struct GlSceneRenderer::View {
       for (const glm::dvec3& corner : cornersOf(f.bounds))
         reach = std::max(reach, glm::distance(f.lattice.toLattice(corner), eye));
     snapped = snapEye(eye, reach);
-    for (const SceneClipPlane& plane : f.clip_planes)
-      clip_planes.emplace_back(
-          glm::dvec4(to_eye * plane.normal, glm::dot(plane.normal, f.camera.eye) - plane.offset));
+    for (const SceneClipPlane& plane : f.clip_planes) clip_planes.push_back(planeSeen(plane));
+  }
+  // In eye coordinates.
+  glm::vec4 planeSeen(const SceneClipPlane& plane) const {
+    return glm::vec4(
+        glm::dvec4(to_eye * plane.normal, glm::dot(plane.normal, frame.camera.eye) - plane.offset));
   }
   glm::vec3 eyePosition(const glm::dvec3& world) const {
     return glm::vec3(to_eye * (world - frame.camera.eye));
@@ -438,10 +441,10 @@ void GlSceneRenderer::drawSurfaces(const View& view) {
   if (frame.value_window) {
     const auto [low, high] = *frame.value_window;
     setUniform(program, "value_window", glm::vec2(glm::dvec2(low, high)));
-    for (std::size_t i = 0; i < kValueColors.size(); ++i)
-      setUniform(program, ("value_colors[" + std::to_string(i) + "]").c_str(),
-                 linearColor(kValueColors[i]));
+    setUniform(program, "value_colors", colorsOf(frame.color_map));
   }
+  setUniform(program, "by_plane", static_cast<int>(frame.value_plane.has_value()));
+  if (frame.value_plane) setUniform(program, "value_plane", view.planeSeen(*frame.value_plane));
   setUniform(program, "headlight", static_cast<int>(frame.headlight));
   setUniform(program, "back_color", linearColor(frame.back_color));
   glBindVertexArray(frame.wireframe ? *empty_array_ : *surface_array_);

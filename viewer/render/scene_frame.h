@@ -1,7 +1,6 @@
 // The content of one picture, as plain data: the same for windows, files and tests.
 #pragma once
 
-#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -9,7 +8,7 @@
 #include <optional>
 #include <vector>
 
-#include "isobrick/viewer/image.h"
+#include "isobrick/viewer/color_map.h"
 #include "isobrick/viewer/offscreen_renderer.h"
 #include "isobrick/viewer/placed_camera.h"
 #include "isobrick/viewer/stream/chunk_store.h"
@@ -43,26 +42,6 @@ struct SceneClipPlane {
   double offset = 0.0;
 };
 
-// From low to high, sRGB: ever lighter.
-inline constexpr std::array<glm::vec3, 5> kValueColors{{{0.16f, 0.17f, 0.45f},
-                                                        {0.13f, 0.45f, 0.60f},
-                                                        {0.35f, 0.68f, 0.47f},
-                                                        {0.87f, 0.77f, 0.33f},
-                                                        {0.98f, 0.95f, 0.80f}}};
-
-// The colour of a share 0 .. 1 of the window of values, sRGB: mixed in linear light, as shaders mix
-// it.
-inline glm::vec3 valueColor(double share) {
-  const double place = std::clamp(share, 0.0, 1.0) * static_cast<double>(kValueColors.size() - 1);
-  const std::size_t low = std::min(static_cast<std::size_t>(place), kValueColors.size() - 2);
-  const auto part = static_cast<float>(place - static_cast<double>(low));
-  glm::vec3 mixed;
-  for (glm::length_t c = 0; c < 3; ++c)
-    mixed[c] = srgbFromLinear((1.0f - part) * linearFromSrgb(kValueColors[low][c]) +
-                              part * linearFromSrgb(kValueColors[low + 1][c]));
-  return mixed;
-}
-
 struct SceneSegment {
   glm::dvec3 begin{0.0}, end{0.0};  // world
 };
@@ -79,8 +58,12 @@ struct SceneFrame {
   bool color_by_level = false;
   int first_level = 0;  // the volume's level that the chunks' level 0 is: above 0 for previews
   // Colours by the vertices' values, if they have any: these shares of their range get the ends of
-  // kValueColors. Comes before color_by_level.
+  // the map. Comes before color_by_level.
   std::optional<std::array<double, 2>> value_window;
+  // The values are distances to this plane, on its normal's side above 0, and `value_window` is in
+  // world units.
+  std::optional<SceneClipPlane> value_plane;
+  ColorMap color_map = ColorMap::kViridis;
   std::optional<glm::vec3>
       transition_color;  // of cells that join two levels, sRGB; none: as others
   bool wireframe = false;

@@ -80,7 +80,9 @@ uniform vec4 surface_color;
 uniform vec3 back_color;
 uniform bool by_value;
 uniform vec2 value_window;
-uniform vec3 value_colors[5];
+uniform vec3 value_colors[17];
+uniform bool by_plane;
+uniform vec4 value_plane;
 out vec4 color;
 
 const vec3 kKeyDirection = normalize(vec3(-0.55, 0.75, 0.60));  // over the viewer's left shoulder
@@ -88,10 +90,11 @@ const vec3 kSkyLight = vec3(0.20, 0.22, 0.25);
 const vec3 kGroundLight = vec3(0.09, 0.08, 0.07);
 
 vec3 frontColor() {
-  if (!by_value || share < 0.0) return surface_color.rgb;
-  float span = max(value_window.y - value_window.x, 1e-9);
-  float place = 4.0 * clamp((share - value_window.x) / span, 0.0, 1.0);
-  int low = min(int(place), 3);
+  if (!by_value || (share < 0.0 && !by_plane)) return surface_color.rgb;
+  float value = by_plane ? dot(value_plane, vec4(eye_position, 1.0)) : share;
+  float span = max(value_window.y - value_window.x, 1e-30);
+  float place = 16.0 * clamp((value - value_window.x) / span, 0.0, 1.0);
+  int low = min(int(place), 15);
   return mix(value_colors[low], value_colors[low + 1], place - float(low));
 }
 
@@ -444,6 +447,11 @@ void setUniform(const GlProgram& program, const char* name, const glm::vec4& val
 }
 void setUniform(const GlProgram& program, const char* name, const glm::mat3& value) {
   glProgramUniformMatrix3fv(*program, place(program, name), 1, GL_FALSE, &value[0][0]);
+}
+void setUniform(const GlProgram& program, const char* name,
+                const std::array<glm::vec3, kColorMapPlaces>& values) {
+  glProgramUniform3fv(*program, place(program, name), static_cast<GLsizei>(values.size()),
+                      &values[0][0]);
 }
 void setUniform(const GlProgram& program, const char* name, float value) {
   glProgramUniform1f(*program, place(program, name), value);

@@ -5,11 +5,13 @@
 
 #include <epoxy/gl.h>
 
+#include <array>
 #include <glm/mat3x3.hpp>
 #include <glm/vec2.hpp>
 #include <glm/vec3.hpp>
 #include <glm/vec4.hpp>
 
+#include "isobrick/viewer/color_map.h"
 #include "isobrick/viewer/render/gl_handle.h"
 
 namespace isobrick {
@@ -22,8 +24,9 @@ namespace isobrick {
 // Uniforms: vec3 chunk_offset, eye_rest; mat3 lattice_to_eye, world_to_eye; vec4 projection (x and
 // y scale, depth scale and offset); bool orthographic, headlight; vec4 clip_planes[6] (eye
 // coordinates); int clip_count; vec4 surface_color; vec3 back_color; bool as_normals (the colour is
-// the normal, world); bool by_value; vec2 value_window (shares of the range for the ends of
-// value_colors, 5 of them); with `wireframe` uint first_index (the place of the first index in the
+// the normal, world); bool by_value; vec2 value_window (shares of the range, or distances
+// `by_plane`, for the ends of value_colors, 17 of them); bool by_plane; vec4 value_plane (eye
+// coordinates); with `wireframe` uint first_index (the place of the first index in the
 // buffer, in 4 bytes).
 GlProgram makeSurfaceProgram(bool wireframe);
 
@@ -67,6 +70,8 @@ void setUniform(const GlProgram& program, const char* name, const glm::vec2& val
 void setUniform(const GlProgram& program, const char* name, const glm::vec3& value);
 void setUniform(const GlProgram& program, const char* name, const glm::vec4& value);
 void setUniform(const GlProgram& program, const char* name, const glm::mat3& value);
+void setUniform(const GlProgram& program, const char* name,
+                const std::array<glm::vec3, kColorMapPlaces>& values);
 void setUniform(const GlProgram& program, const char* name, float value);
 void setUniform(const GlProgram& program, const char* name, int value);
 void setUniform(const GlProgram& program, const char* name, unsigned value);

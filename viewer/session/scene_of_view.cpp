@@ -56,6 +56,7 @@ SceneFrame sceneOf(const ViewState& state, const ViewVolume& volume, int width, 
         {surface.color, surface.visible ? surface.opacity : 0.0, -surface.isovalue});
   }
   frame.color_by_level = state.coloring == ViewColoring::kLevel;
+  frame.color_map = state.values.map;
   frame.wireframe = state.wireframe;
   if (state.show_transitions) frame.transition_color = kTransitionColor;
   frame.headlight = state.lighting == ViewLighting::kHeadlight;
@@ -87,15 +88,35 @@ SceneFrame sceneOf(const ViewState& state, const ViewVolume& volume, int width, 
   return frame;
 }
 
+std::array<double, 2> valueRangeOf(const ViewState& state, const ViewVolume& volume,
+                                   const std::array<double, 2>& of_vertices) {
+  if (state.coloring != ViewColoring::kPlaneDistance) return of_vertices;
+  std::array<double, 2> range{std::numeric_limits<double>::infinity(),
+                              -std::numeric_limits<double>::infinity()};
+  for (const glm::dvec3& corner : cornersOf(volume.box())) {
+    const double away = glm::dot(state.values.plane.normal, corner) - state.values.plane.offset;
+    range = {std::min(range[0], away), std::max(range[1], away)};
+  }
+  return range;
+}
+
 std::optional<std::array<double, 2>> valueWindowOf(const ViewState& state,
                                                    const std::array<double, 2>& range) {
-  const bool gradient = state.coloring == ViewColoring::kGradient;
-  if (!gradient && state.coloring != ViewColoring::kOther) return std::nullopt;
   const double span = range[1] - range[0];
   if (!(span > 0.0)) return std::nullopt;
-  const std::array<double, 2> whole{range[0], range[0] + (gradient ? 0.25 : 1.0) * span};
-  const auto& wanted = gradient ? state.values.gradient_window : state.values.other_window;
-  return wanted.value_or(whole);
+  const ViewValues& values = state.values;
+  switch (state.coloring) {
+    case ViewColoring::kGradient:
+      return values.gradient_window.value_or(std::array{range[0], range[0] + 0.25 * span});
+    case ViewColoring::kOther:
+      return values.other_window.value_or(range);
+    case ViewColoring::kPlaneDistance:
+      return values.plane_window.value_or(range);
+    case ViewColoring::kPlain:
+    case ViewColoring::kLevel:
+      break;
+  }
+  return std::nullopt;
 }
 
 SceneSlice sliceOf(const WantedPlane& wanted, SliceId image, const ViewState& state,

@@ -28,8 +28,11 @@ std::vector<WantedPlane> planesOf(const ViewState& state, const ViewVolume& volu
 // All of a frame but the objects that a renderer keeps: chunks, and the images of slices.
 SceneFrame sceneOf(const ViewState& state, const ViewVolume& volume, int width, int height);
 
-// The values of the darkest and the lightest colour, if the view colours by values; `range`: of the
-// vertices' values.
+// The least and the greatest value that surfaces may be coloured by: distances to the plane in the
+// volume's box, or `of_vertices`.
+std::array<double, 2> valueRangeOf(const ViewState& state, const ViewVolume& volume,
+                                   const std::array<double, 2>& of_vertices);
+// The values of the first and the last colour, if the view colours by values; `range`: theirs.
 std::optional<std::array<double, 2>> valueWindowOf(const ViewState& state,
                                                    const std::array<double, 2>& range);
 

@@ -15,6 +15,15 @@ std::string isovalueText(double isovalue) {
   return text.data();
 }
 
+std::string valuesText(const ViewState& state, LengthUnit unit) {
+  const bool is_known = unit == LengthUnit::kMillimetre;
+  if (state.coloring == ViewColoring::kGradient)
+    return is_known ? "gradient per mm" : "gradient per unit of length";
+  if (state.coloring == ViewColoring::kPlaneDistance)
+    return is_known ? "distance to plane, mm" : "distance to plane";
+  return shownName(std::filesystem::path(state.values.other).stem().string());
+}
+
 }  // namespace
 
 PictureNotes notesOf(const ViewState& state, const std::vector<LevelCounts>& levels,
@@ -33,12 +42,9 @@ PictureNotes notesOf(const ViewState& state, const std::vector<LevelCounts>& lev
     return notes;
   }
   if (window) {
-    const bool is_gradient = state.coloring == ViewColoring::kGradient;
-    const std::string per = unit == LengthUnit::kMillimetre ? "mm" : "unit of length";
     notes.meaning.ramp = window;
-    notes.meaning.ramp_title =
-        is_gradient ? "gradient per " + per
-                    : shownName(std::filesystem::path(state.values.other).stem().string());
+    notes.meaning.ramp_colors = state.values.map;
+    notes.meaning.ramp_title = valuesText(state, unit);
     return notes;
   }
   for (const ViewSurface& surface : state.surfaces)

@@ -409,7 +409,12 @@ SceneFrame ViewSession::sceneNow(int width, int height) const {
     const auto shareOf = [&](double value) {
       return (value - values[0]) / (values[1] - values[0]);
     };
-    frame.value_window = {shareOf((*window)[0]), shareOf((*window)[1])};
+    if (state_.coloring == ViewColoring::kPlaneDistance) {
+      frame.value_plane = SceneClipPlane{state_.values.plane.normal, state_.values.plane.offset};
+      frame.value_window = window;
+    } else {
+      frame.value_window = {shareOf((*window)[0]), shareOf((*window)[1])};
+    }
   }
   for (WantedPlane wanted : planesOf(state_, volume_, interaction_.size.y)) {
     const auto shown = planes_.shown(wanted);

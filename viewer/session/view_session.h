@@ -123,12 +123,14 @@ class ViewSession {
   // And the view that the volume opens with is found, for which frames are drawn and noted.
   bool settled() const;
   SessionStatus status() const;
-  // The values of the darkest and the lightest colour, if the shown surface has values.
+  // The values of the first and the last colour, if the shown surface is coloured by values.
   std::optional<std::array<double, 2>> valueWindow() const {
-    return valueWindowOf(state_, shown_pass_.values);
+    return valueWindowOf(state_, valueRange());
   }
-  // The greatest possible value, likewise; both 0 if there are none.
-  const std::array<double, 2>& valueRange() const { return shown_pass_.values; }
+  // The least and the greatest possible value, likewise; both 0 if there are none.
+  std::array<double, 2> valueRange() const {
+    return valueRangeOf(state_, volume_, shown_pass_.values);
+  }
   // For the surfaces that the last update() began to show.
   const std::vector<SurfaceWait>& waits() const { return waits_; }
 

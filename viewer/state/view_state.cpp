@@ -59,10 +59,12 @@ ViewState bounded(const ViewState& state, const ViewVolume& volume) {
   if (result.mesh_distance) result.mesh_distance = std::clamp(*result.mesh_distance, 0.01, 1000.0);
   if (result.view_pixels) result.view_pixels = std::clamp(*result.view_pixels, 0.1, 1000.0);
   if (result.clip_planes.size() > kMostClipPlanes) result.clip_planes.resize(kMostClipPlanes);
-  for (ViewClipPlane& plane : result.clip_planes) {
-    const double length = glm::length(plane.normal);
-    plane.normal = length > 0.0 ? plane.normal / length : glm::dvec3(1.0, 0.0, 0.0);
-  }
+  const auto normalize = [](glm::dvec3& normal) {
+    const double length = glm::length(normal);
+    normal = length > 0.0 ? normal / length : glm::dvec3(1.0, 0.0, 0.0);
+  };
+  for (ViewClipPlane& plane : result.clip_planes) normalize(plane.normal);
+  normalize(result.values.plane.normal);
   result.slice_opacity = std::clamp(result.slice_opacity, 0.0, 1.0);
   for (int axis = 0; axis < 3; ++axis) {
     double& position = result.slices[static_cast<std::size_t>(axis)].position;

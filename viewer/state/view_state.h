@@ -9,6 +9,7 @@
 
 #include "isobrick/extract/query.h"
 #include "isobrick/storage/grid.h"
+#include "isobrick/viewer/color_map.h"
 #include "isobrick/viewer/state/measurement.h"
 #include "isobrick/viewer/state/view_camera.h"
 
@@ -64,15 +65,25 @@ struct ViewPictures {
   bool operator==(const ViewPictures&) const = default;
 };
 
-enum class ViewColoring { kPlain, kLevel, kGradient, kOther };
+enum class ViewColoring { kPlain, kLevel, kGradient, kOther, kPlaneDistance };
 
-// The meaning of the colours of values. A window: the values of the darkest and the lightest
-// colour.
+// A plane to measure from: dot(normal, point) - offset, above 0 on the normal's side.
+struct ViewPlane {
+  glm::dvec3 normal{0.0, 0.0, 1.0};  // world, unit
+  double offset = 0.0;               // world units
+
+  bool operator==(const ViewPlane&) const = default;
+};
+
+// The meaning of the colours of values. A window: the values of the first and the last colour.
 struct ViewValues {
+  ColorMap map = ColorMap::kViridis;
   // Data units per world unit; none: from 0 to a quarter of the greatest there could be.
   std::optional<std::array<double, 2>> gradient_window;
   std::string other;  // the path of the pyramid for ViewColoring::kOther
   std::optional<std::array<double, 2>> other_window;  // its data units; none: all of its values
+  ViewPlane plane;                                    // for ViewColoring::kPlaneDistance
+  std::optional<std::array<double, 2>> plane_window;  // world units; none: all of the volume
 
   bool operator==(const ViewValues&) const = default;
 };

@@ -42,7 +42,8 @@ ISOBRICK_FIELDS(ViewFocus, center, radius, everywhere, show_sphere, follow_view)
 ISOBRICK_FIELDS(ViewClipPlane, normal, offset, enabled, cap)
 ISOBRICK_FIELDS(ViewSlice, shown, position)
 ISOBRICK_FIELDS(ViewPictures, transparent, times, scale_bar, axes, legend)
-ISOBRICK_FIELDS(ViewValues, gradient_window, other, other_window)
+ISOBRICK_FIELDS(ViewPlane, normal, offset)
+ISOBRICK_FIELDS(ViewValues, map, gradient_window, other, other_window, plane, plane_window)
 ISOBRICK_FIELDS(ViewMeasurement, points)
 ISOBRICK_FIELDS(ViewState, camera, surfaces, active_surface, focus, curvature_tolerance,
                 view_pixels, clip_planes, slices, slice_opacity, slice_threshold, value_window,
@@ -50,8 +51,11 @@ ISOBRICK_FIELDS(ViewState, camera, surfaces, active_surface, focus, curvature_to
                 mesh_distance, wireframe, show_transitions, show_box, show_handles, background_top,
                 background_bottom)
 
-constexpr std::array<std::string_view, 4> namesOf(ViewColoring) {
-  return {"plain", "level", "gradient", "other"};
+constexpr std::array<std::string_view, 5> namesOf(ViewColoring) {
+  return {"plain", "level", "gradient", "other", "plane_distance"};
+}
+constexpr std::array<std::string_view, 5> namesOf(ColorMap) {
+  return {"viridis", "cividis", "inferno", "cool_warm", "grey"};
 }
 constexpr std::array<std::string_view, 2> namesOf(ViewLighting) {
   return {"three_lights", "headlight"};

@@ -8,15 +8,15 @@
 namespace isobrick {
 namespace {
 
-// The colours of values, from the darkest to the lightest.
-void valueBar(float scale) {
+// The colours of values, from the first to the last.
+void valueBar(ColorMap map, float scale) {
   const ImVec2 at = ImGui::GetCursorScreenPos();
   const ImVec2 size{ImGui::GetContentRegionAvail().x, 10.0f * scale};
   ImGui::Dummy(size);
   // ImGui mixes sRGB values, the surfaces light: parts so small that it makes no difference.
   constexpr int kParts = 64;
-  const auto colorAt = [](int part) {
-    const glm::vec3 c = valueColor(static_cast<double>(part) / kParts);
+  const auto colorAt = [map](int part) {
+    const glm::vec3 c = valueColor(map, static_cast<double>(part) / kParts);
     return ImGui::ColorConvertFloat4ToU32({c.r, c.g, c.b, 1.0f});
   };
   const float step = size.x / kParts;
@@ -28,16 +28,44 @@ void valueBar(float scale) {
   }
 }
 
+// Which plane distances are measured from. It stays where it is until another one is chosen.
+void planeOfValues(ViewSession& session) {
+  ViewState& state = session.state();
+  const auto choose = [&](const glm::dvec3& normal, double offset) {
+    state.values.plane = {normal, offset};
+    state.values.plane_window.reset();
+  };
+  ImGui::AlignTextToFramePadding();
+  ImGui::TextDisabled("plane");
+  constexpr std::array<const char*, 3> kNames{"x##plane", "y##plane", "z##plane"};
+  for (glm::length_t axis = 0; axis < 3; ++axis) {
+    ImGui::SameLine();
+    glm::dvec3 normal(0.0);
+    normal[axis] = 1.0;
+    if (ImGui::Button(kNames[static_cast<std::size_t>(axis)]))
+      choose(normal, session.volume().geometry.indexToWorld(state.focus.center)[axis]);
+    explain("The plane through the focus across this axis of the world.");
+  }
+  for (std::size_t i = 0; i < state.clip_planes.size(); ++i) {
+    ImGui::SameLine();
+    if (ImGui::Button(text("cut %d##plane", static_cast<int>(i) + 1).c_str()))
+      choose(state.clip_planes[i].normal, state.clip_planes[i].offset);
+    explain("The place of this clip plane.");
+  }
+}
+
 // The meaning of the surfaces' colours.
 void coloring(ViewSession& session, float scale) {
   ViewState& state = session.state();
   int chosen = static_cast<int>(state.coloring);
-  if (ImGui::Combo("colour by", &chosen, "surface\0level\0gradient\0another pyramid\0"))
+  if (ImGui::Combo("colour by", &chosen,
+                   "surface\0level\0gradient\0another pyramid\0distance to a plane\0"))
     state.coloring = static_cast<ViewColoring>(chosen);
   explain(
       "What the colours mean: that of the surface's line; the level of the pyramid, red the "
       "finest; "
-      "how steep the volume is there; the values of another pyramid at the same place.");
+      "how steep the volume is there; the values of another pyramid at the same place; how far "
+      "away a plane is.");
   const bool by_other = state.coloring == ViewColoring::kOther;
   if (by_other) {
     std::array<char, 1024> path{};
@@ -46,15 +74,28 @@ void coloring(ViewSession& session, float scale) {
     if (ImGui::InputText("pyramid", path.data(), path.size(), ImGuiInputTextFlags_EnterReturnsTrue))
       state.values.other = path.data();
   }
+  if (state.coloring == ViewColoring::kPlaneDistance) planeOfValues(session);
   const auto window = session.valueWindow();
   if (!window) return;
-  valueBar(scale);
+  valueBar(state.values.map, scale);
+  int map = static_cast<int>(state.values.map);
+  if (ImGui::Combo("colours", &map, "viridis\0cividis\0inferno\0cool to warm\0grey\0"))
+    state.values.map = static_cast<ColorMap>(map);
+  explain(
+      "All but one get lighter evenly, to colour-blind eyes too. Cool to warm has a light middle, "
+      "for values on both sides of one.");
   const auto [least, greatest] = session.valueRange();
   std::array<double, 2> wanted = *window;
-  const ImGuiSliderFlags flags = by_other ? 0 : ImGuiSliderFlags_Logarithmic;
-  const bool dark = sliderOf("darkest", wanted[0], least, greatest, "%.4g", flags);
-  const bool light = sliderOf("lightest", wanted[1], least, greatest, "%.4g", flags);
-  if (dark || light) (by_other ? state.values.other_window : state.values.gradient_window) = wanted;
+  const bool by_gradient = state.coloring == ViewColoring::kGradient;
+  const ImGuiSliderFlags flags = by_gradient ? ImGuiSliderFlags_Logarithmic : 0;
+  const bool first = sliderOf("first", wanted[0], least, greatest, "%.4g", flags);
+  explain("The value of the colour on the left.");
+  const bool last = sliderOf("last", wanted[1], least, greatest, "%.4g", flags);
+  explain("The value of the colour on the right.");
+  if (!first && !last) return;
+  (by_gradient ? state.values.gradient_window
+   : by_other  ? state.values.other_window
+               : state.values.plane_window) = wanted;
 }
 
 }  // namespace

@@ -8,7 +8,6 @@
 #include <limits>
 
 #include "isobrick/viewer/notes/picture_canvas.h"
-#include "isobrick/viewer/render/scene_frame.h"
 
 namespace isobrick {
 namespace {
@@ -89,6 +88,7 @@ TEST(DrawNotesTest, TheLegendHasTheColoursOfTheSurfaces) {
   notes.legend = true;
   notes.meaning.patches = {{{0.9f, 0.2f, 0.1f}, "isovalue 580"}, {{0.1f, 0.6f, 0.9f}, "\u00b5"}};
   notes.meaning.ramp = {{-3.0, 12.5}};
+  notes.meaning.ramp_colors = ColorMap::kCividis;
   drawNotes(notes, PlacedCamera{}, 1.0, image);
   const int unit = 20;
   for (const int patch : {0, 1}) {
@@ -98,8 +98,10 @@ TEST(DrawNotesTest, TheLegendHasTheColoursOfTheSurfaces) {
       EXPECT_NEAR(seen[c], notes.meaning.patches[static_cast<std::size_t>(patch)].color[c], 0.01f);
     EXPECT_EQ(image.alpha[image.offsetOf(30, y) / 3], 1.0f);
   }
-  const glm::vec3 dark = screenColorAt(image, 21, unit + 56 + 8), first = valueColor(0.0);
-  const glm::vec3 light = screenColorAt(image, 198, unit + 56 + 8), last = valueColor(1.0);
+  const glm::vec3 dark = screenColorAt(image, 21, unit + 56 + 8),
+                  first = valueColor(ColorMap::kCividis, 0.0);
+  const glm::vec3 light = screenColorAt(image, 198, unit + 56 + 8),
+                  last = valueColor(ColorMap::kCividis, 1.0);
   for (glm::length_t c = 0; c < 3; ++c) {
     EXPECT_NEAR(dark[c], first[c], 0.03f);
     EXPECT_NEAR(light[c], last[c], 0.03f);

@@ -416,15 +416,40 @@ TEST_F(SceneRendererTest, FaultsOfTheDriverAreToldApart) {
 TEST_F(SceneRendererTest, TheLegendHasTheColoursOfTheSurface) {
   SurfaceChunk chunk = squareAt(0.0, 1.0, 0);
   frame_.headlight = true;
-  for (const double share : {0.0, 0.125, 0.3, 0.6, 1.0}) {
-    for (SurfaceVertex& vertex : chunk.vertices) vertex.value = packValue(share);
-    const ChunkId valued = renderer_->upload(chunk);
-    frame_.chunks = {valued};
-    frame_.value_window = {{0.0, 1.0}};
-    const glm::vec3 by_value = seen(32, 32);
+  for (const ColorMap map : {ColorMap::kViridis, ColorMap::kInferno, ColorMap::kGrey}) {
+    frame_.color_map = map;
+    for (const double share : {0.0, 0.125, 0.3, 0.6, 1.0}) {
+      for (SurfaceVertex& vertex : chunk.vertices) vertex.value = packValue(share);
+      const ChunkId valued = renderer_->upload(chunk);
+      frame_.chunks = {valued};
+      frame_.value_window = {{0.0, 1.0}};
+      const glm::vec3 by_value = seen(32, 32);
+      frame_.value_window.reset();
+      frame_.surfaces[0].color = valueColor(map, share);
+      EXPECT_LT(glm::distance(seen(32, 32), by_value), 2e-3f) << share;
+    }
+  }
+}
+
+// Of a surface without values too, and far from the world's origin.
+TEST_F(SceneRendererTest, DistancesToAPlaneHaveTheirColours) {
+  const glm::dvec3 away(3e5, -2e5, 1e6);
+  frame_.camera.eye += away;
+  frame_.bounds = {away - 4.0, away + 4.0};
+  SurfaceChunk chunk = squareAt(0.0, 2.5, 0);
+  chunk.origin += away;
+  frame_.chunks = {renderer_->upload(chunk)};
+  frame_.headlight = true;
+  const glm::dvec3 normal = glm::normalize(glm::dvec3(1.0, 0.0, 1.0));
+  frame_.value_plane = SceneClipPlane{normal, glm::dot(normal, away) - 0.5};
+  for (const int x : {8, 24, 32, 56}) {
+    const glm::dvec3 point = away + glm::dvec3((x + 0.5) / 16.0 - 2.0, 0.0, 2.0 - 40.5 / 16.0);
+    const double distance = glm::dot(normal, point) - frame_.value_plane->offset;
+    frame_.value_window = {{-2.0, 2.0}};
+    const glm::vec3 by_distance = seen(x, 40);
     frame_.value_window.reset();
-    frame_.surfaces[0].color = valueColor(share);
-    EXPECT_LT(glm::distance(seen(32, 32), by_value), 2e-3f) << share;
+    frame_.surfaces[0].color = valueColor(frame_.color_map, (distance + 2.0) / 4.0);
+    EXPECT_LT(glm::distance(seen(x, 40), by_distance), 1e-2f) << x;
   }
 }
 

@@ -128,6 +128,12 @@ TEST(GoldenPicturesTest, ViewsLookAsTheyDid) {
   other.values.other = test::buildField<std::uint8_t>(
       folder, Index3(48), [](const glm::dvec3& p) { return 5.0 * p.x; }, options, {}, "other.isb");
   other.values.other_window = {{40.0, 200.0}};
+  ViewState& distance = add("distance");
+  distance.coloring = ViewColoring::kPlaneDistance;
+  distance.values.plane = {{0.0, 0.0, 1.0}, 23.5};
+  distance.values.plane_window = {{-20.0, 20.0}};
+  distance.values.map = ColorMap::kCoolWarm;
+  distance.pictures = {false, 1, true, true, true};
 
   const std::string golden = std::string(test::goldenFolder()) + "/pictures/";
   const CancelFlag never;

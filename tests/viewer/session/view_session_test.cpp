@@ -174,6 +174,29 @@ TEST_F(ViewSessionTest, ColoursOfValuesSayWhatTheyStandFor) {
                                                            session_->volume().greatest_value}));
 }
 
+TEST_F(ViewSessionTest, DistancesToAPlaneNeedNoExtraction) {
+  settle();
+  const std::vector<ChunkId> plain = renderer_.frame().chunks;
+  ViewState& state = session_->state();
+  state.coloring = ViewColoring::kPlaneDistance;
+  state.values.plane = {{0.0, 0.0, 2.0}, 3.0};  // its normal becomes a unit
+  state.values.map = ColorMap::kCoolWarm;
+  settle();
+  EXPECT_EQ(renderer_.frame().chunks, plain);
+  const WorldBox box = session_->volume().box();
+  const std::array<double, 2> all{box.lower.z - 3.0, box.upper.z - 3.0};
+  EXPECT_EQ(session_->valueRange(), all);
+  EXPECT_EQ(renderer_.frame().value_window, all);
+  EXPECT_EQ(renderer_.frame().value_plane->normal, glm::dvec3(0.0, 0.0, 1.0));
+  EXPECT_EQ(renderer_.frame().color_map, ColorMap::kCoolWarm);
+  state.values.plane_window = {{-1.0, 1.5}};
+  settle();
+  EXPECT_EQ(renderer_.frame().value_window, (std::array<double, 2>{-1.0, 1.5}));
+  state.coloring = ViewColoring::kPlain;
+  settle();
+  EXPECT_FALSE(renderer_.frame().value_window || renderer_.frame().value_plane);
+}
+
 TEST_F(ViewSessionTest, TurningTheCameraAsksForNothing) {
   settle();
   const std::uint64_t passes = session_->status().passes, uploaded = renderer_.uploadedBytes();

@@ -28,7 +28,8 @@ ViewState fullState() {
   state.slice_threshold = 120.0;
   state.value_window = {-100.0, 1500.0};
   state.coloring = ViewColoring::kLevel;
-  state.values = {{{2.0, 30.0}}, "/scans/pet.isb", {{-1.5, 4.5}}};
+  state.values = {ColorMap::kInferno,         {{2.0, 30.0}}, "/scans/pet.isb", {{-1.5, 4.5}},
+                  {{0.48, 0.6, -0.64}, 21.5}, {{-5.0, 12.0}}};
   state.show_transitions = true;
   state.lighting = ViewLighting::kHeadlight;
   state.ambient_occlusion = true;
@@ -65,7 +66,7 @@ TEST(ViewStateTest, EveryFieldSurvivesTheWayThroughJson) {
   plain.surfaces.resize(2);
   plain.clip_planes.resize(1);
   plain.measurements = {{{glm::dvec3(0.0), glm::dvec3(0.0)}}};
-  plain.values.gradient_window = plain.values.other_window = {0.0, 0.0};
+  plain.values.gradient_window = plain.values.other_window = plain.values.plane_window = {0.0, 0.0};
   const nlohmann::json with = flat(full), without = flat(plain);
   for (const auto& leaf : without.items()) {
     ASSERT_TRUE(with.contains(leaf.key())) << leaf.key();

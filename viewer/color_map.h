@@ -1,0 +1,32 @@
+// The colours of values.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <glm/vec3.hpp>
+
+namespace isobrick {
+
+// Each but the diverging one gets lighter in even steps, to eyes that confuse colours too.
+//
+// Viridis and inferno (N. J. Smith and S. van der Walt, 2015), cividis (Nuñez, Anderton and
+// Renslow, 2018) and cool to warm (K. Moreland, 2009, diverging: its middle is a light grey) as in
+// matplotlib, at 17 places.
+enum class ColorMap {
+  kViridis,   // dark violet, green, yellow
+  kCividis,   // blue, grey, yellow
+  kInferno,   // black, red, yellow
+  kCoolWarm,  // blue, grey, red
+  kGrey,      // black to white
+};
+
+// In even steps from the first to the last.
+inline constexpr std::size_t kColorMapPlaces = 17;
+
+// The colours at these places, linear light; between them light is mixed, by shaders too.
+const std::array<glm::vec3, kColorMapPlaces>& colorsOf(ColorMap map);
+
+// The colour of a share 0 .. 1 of the values, sRGB.
+glm::vec3 valueColor(ColorMap map, double share);
+
+}  // namespace isobrick
