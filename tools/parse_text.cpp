@@ -126,6 +126,32 @@ PixelSize parsePixelSize(const std::string& text) {
   return size;
 }
 
+PixelSize PictureSize::pixels(double per_inch) const {
+  const double scale = in_millimetres ? per_inch / 25.4 : 1.0;
+  // Beyond what any card draws, which then names its own limit.
+  const auto whole = [&](double length) {
+    return static_cast<int>(std::lround(std::clamp(scale * length, 1.0, 1e6)));
+  };
+  return {whole(width), whole(height)};
+}
+
+PictureSize parsePictureSize(const std::string& text) {
+  constexpr std::string_view kUnit = "mm";
+  if (text.size() <= kUnit.size() ||
+      text.compare(text.size() - kUnit.size(), kUnit.size(), kUnit)) {
+    const PixelSize pixels = parsePixelSize(text);
+    return {static_cast<double>(pixels.width), static_cast<double>(pixels.height), false};
+  }
+  const std::string lengths = text.substr(0, text.size() - kUnit.size());
+  const std::size_t cross = lengths.find('x');
+  if (cross == std::string::npos) refuse(text, "a size in millimetres such as 85x60mm");
+  PictureSize size{parseNumber(lengths.substr(0, cross)), parseNumber(lengths.substr(cross + 1)),
+                   true};
+  if (!(size.width > 0.0 && size.height > 0.0))
+    refuse(text, "a size in millimetres such as 85x60mm");
+  return size;
+}
+
 glm::vec3 parseColor(const std::string& text) {
   std::array<double, 3> v{};
   bool fits = parseList(text, v, parseFinite);

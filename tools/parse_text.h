@@ -45,6 +45,18 @@ struct PixelSize {
 };
 // "1024x768"
 PixelSize parsePixelSize(const std::string& text);
+
+// The same, or the size of a print in millimetres.
+struct PictureSize {
+  double width = 0.0;
+  double height = 0.0;
+  bool in_millimetres = false;
+
+  // At so many pixels per inch, at least one.
+  PixelSize pixels(double per_inch) const;
+};
+// "1024x768", "85x60mm"
+PictureSize parsePictureSize(const std::string& text);
 // "R,G,B", each 0 .. 1.
 glm::vec3 parseColor(const std::string& text);
 

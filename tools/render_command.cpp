@@ -12,18 +12,23 @@
 
 #include "isobrick/storage/abandonable.h"
 #include "isobrick/storage/atomic_file.h"
+#include "isobrick/viewer/background.h"
 #include "isobrick/viewer/image.h"
 #include "isobrick/viewer/offscreen_renderer.h"
 #include "isobrick/viewer/session/view_picture.h"
 #include "isobrick/viewer/state/view_file.h"
+#include "isobrick/viewer/state/view_path.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
 #include "tools/output_check.h"
 #include "tools/parse_text.h"
 #include "tools/parsed_option.h"
-#include "tools/picture_surface.h"
+#include "tools/progress_bar.h"
 #include "tools/query_options.h"
+#include "tools/render/picture_sequence.h"
+#include "tools/render/picture_surface.h"
+#include "tools/render/picture_turntable.h"
 #include "tools/shared_options.h"
 #include "tools/stopwatch.h"
 #include "tools/thread_count.h"
@@ -34,12 +39,23 @@ namespace {
 struct RenderArguments {
   QueryOptions query;
   std::string output;
-  PixelSize size{RenderOptions{}.width, RenderOptions{}.height};
+  PictureSize print_size{1024.0, 1024.0, false};
+  std::optional<double> pixels_per_inch;
+  PixelSize size;  // both together
   RenderOptions picture;
   bool show_focus = false;
   bool force = false;
-  std::string state;  // a saved view, in place of most of the above; empty: none
+  // Saved views, in place of most of the above: one, or the stops of the camera's path.
+  std::vector<std::string> states;
+  int pictures = 1;  // more: a turntable, or along the path
+  double pictures_per_second = 25.0;
 };
+
+std::vector<std::string> inputsOf(const RenderArguments& arguments) {
+  std::vector<std::string> inputs = arguments.states;
+  inputs.push_back(arguments.query.input.path);
+  return inputs;
+}
 
 // The query's eye, if it looks at something, is the picture's; sizes in pixels are then those of
 // this picture, unless the user gave others.
@@ -85,45 +101,85 @@ RenderOptions makeRenderOptions(const RenderArguments& arguments, const PictureS
   return options;
 }
 
+std::unique_ptr<PictureSequence> sequenceOf(const RenderArguments& arguments) {
+  return makePictureSequence(arguments.output, arguments.pictures_per_second, inputsOf(arguments),
+                             arguments.force);
+}
+
+// The place of one picture, which is published when it is complete.
+ImageFormat checkSingleOutput(const RenderArguments& arguments) {
+  const ImageFormat format = imageFormatOf(arguments.output);
+  refuseReplacing({arguments.output}, inputsOf(arguments), arguments.force);
+  { const AtomicFile probe(arguments.output); }
+  return format;
+}
+
+std::vector<char> encodePrint(const RenderArguments& arguments, ImageFormat format, Image image) {
+  image.pixels_per_inch = arguments.pixels_per_inch.value_or(0.0);
+  return encodeImage(format, image);
+}
+
 void writePicture(const RenderArguments& arguments, const std::vector<char>& picture) {
   AtomicFile file(arguments.output);
   file.write(picture.data(), picture.size());
   file.commit(&interruptFlag());
 }
 
-// Draws a saved view as `isobrick view` shows it.
-int renderState(RenderArguments& arguments) {
-  const ImageFormat format = imageFormatOf(arguments.output);
-  refuseReplacing({arguments.output}, {arguments.query.input.path, arguments.state},
-                  arguments.force);
-  { const AtomicFile probe(arguments.output); }
+std::string sizeText(const RenderArguments& arguments) {
+  const std::string size =
+      fmt::format("{} x {} pixels", arguments.size.width, arguments.size.height);
+  return arguments.pictures > 1 ? fmt::format("{} pictures of {}", arguments.pictures, size) : size;
+}
+
+// Draws saved views as `isobrick view` shows them.
+int renderStates(RenderArguments& arguments) {
+  const bool is_sequence = arguments.pictures > 1;
+  const auto sequence = is_sequence ? sequenceOf(arguments) : nullptr;
+  const ImageFormat format = is_sequence ? sequence->format() : checkSingleOutput(arguments);
   findPyramid(arguments.query);
-  const ViewState state = readView(arguments.state).state;
+  std::vector<ViewState> views;
+  for (const std::string& path : arguments.states) views.push_back(readView(path).state);
+  if (is_sequence)
+    views = views.size() == 1 ? turntable(views.front(), arguments.pictures)
+                              : viewsAlong(views, arguments.pictures);
   const Stopwatch watch;
-  const ViewPicture view = runWithThreads(arguments.query.threads, [&] {
-    return drawView(
+  std::uint64_t triangles = 0;
+  std::string device;
+  ProgressBar progress(arguments.pictures, "pictures");
+  int drawn = 0;
+  runWithThreads(arguments.query.threads, [&] {
+    const auto pyramid =
         openPyramidFile(arguments.query.input.pyramid, arguments.query.memory_bytes,
-                        fileAccess(arguments.query.no_map), remoteOptions(arguments.query.input)),
-        state, arguments.size.width, arguments.size.height, arguments.query.threads,
-        format == ImageFormat::kExr, interruptFlag());
+                        fileAccess(arguments.query.no_map), remoteOptions(arguments.query.input));
+    const ViewDrawing drawing{arguments.size.width, arguments.size.height, arguments.query.threads,
+                              format == ImageFormat::kExr};
+    drawViews(pyramid, views, drawing, interruptFlag(), [&](ViewPicture view) {
+      const std::vector<char> picture = encodePrint(arguments, format, std::move(view.image));
+      if (is_sequence)
+        sequence->add(picture);
+      else
+        writePicture(arguments, picture);
+      triangles = view.triangles;
+      device = view.device;
+      if (is_sequence) progress.show("draw", ++drawn / static_cast<double>(arguments.pictures));
+    });
   });
-  writePicture(arguments, encodeImage(format, view.image));
-  fmt::print("{}: {} x {} pixels, {} triangles; {:.2f} s ({})\n", arguments.output,
-             arguments.size.width, arguments.size.height, countText(view.triangles),
-             watch.seconds(), view.device);
+  if (is_sequence) sequence->finish();
+  fmt::print("{}: {}, {} triangles; {:.2f} s ({})\n", arguments.output, sizeText(arguments),
+             countText(triangles), watch.seconds(), device);
   return 0;
 }
 
+// One picture, or those of a turntable.
 int runRender(RenderArguments arguments) {
   // A mistyped name, or a machine that cannot draw, must not cost an extraction.
-  const ImageFormat format = imageFormatOf(arguments.output);
-  refuseReplacing({arguments.output}, {arguments.query.input.path, arguments.state},
-                  arguments.force);
-  { const AtomicFile probe(arguments.output); }
+  const bool is_sequence = arguments.pictures > 1;
+  const std::shared_ptr<PictureSequence> sequence = is_sequence ? sequenceOf(arguments) : nullptr;
+  const ImageFormat format = is_sequence ? sequence->format() : checkSingleOutput(arguments);
   const auto renderer = std::make_shared<OffscreenRenderer>();
   if (arguments.size.width > renderer->greatestSize() ||
       arguments.size.height > renderer->greatestSize())
-    throw UsageError(fmt::format("--size {}x{} is too large; at most {} pixels each",
+    throw UsageError(fmt::format("--size gives {} x {} pixels, which is too large; at most {} each",
                                  arguments.size.width, arguments.size.height,
                                  renderer->greatestSize()));
   findPyramid(arguments.query);
@@ -134,20 +190,58 @@ int runRender(RenderArguments arguments) {
   const double extract_seconds = extract_watch.seconds();
 
   const Stopwatch draw_watch;
-  RenderOptions options = makeRenderOptions(arguments, surface);
+  std::vector<RenderOptions> options{makeRenderOptions(arguments, surface)};
+  if (is_sequence) options = turntable(options.front(), surface, arguments.pictures);
   // Neither OpenGL nor the libraries that pack pictures stop before their end.
   const auto chunks = std::make_shared<std::vector<SurfaceChunk>>(std::move(surface.chunks));
+  const auto progress = std::make_shared<ProgressBar>(arguments.pictures, "pictures");
   const std::vector<char> picture = runAbandonable(
-      &interruptFlag(),
-      [renderer, chunks, lattice = surface.lattice, format, options = std::move(options)] {
-        return encodeImage(format, renderer->render(std::move(*chunks), lattice, options));
+      &interruptFlag(), [renderer, chunks, sequence, progress, lattice = surface.lattice, arguments,
+                         format, options = std::move(options)] {
+        std::vector<char> last;
+        double drawn = 0.0;
+        renderer->renderEach(std::move(*chunks), lattice, options, [&](Image image) {
+          interruptFlag().check();
+          last = encodePrint(arguments, format, std::move(image));
+          if (!sequence) return;
+          sequence->add(last);
+          progress->show("draw", ++drawn / arguments.pictures);
+        });
+        return last;
       });
-  writePicture(arguments, picture);
-  fmt::print("{}: {} x {} pixels, {} triangles; extract {:.2f} s, draw {:.2f} s ({})\n",
-             arguments.output, arguments.size.width, arguments.size.height,
-             countText(surface.triangles), extract_seconds, draw_watch.seconds(),
-             renderer->deviceName());
+  if (is_sequence)
+    sequence->finish();
+  else
+    writePicture(arguments, picture);
+  fmt::print("{}: {}, {} triangles; extract {:.2f} s, draw {:.2f} s ({})\n", arguments.output,
+             sizeText(arguments), countText(surface.triangles), extract_seconds,
+             draw_watch.seconds(), renderer->deviceName());
   return 0;
+}
+
+void checkArguments(RenderArguments& arguments, bool has_isovalue) {
+  const std::size_t states = arguments.states.size();
+  if (states == 0 && !has_isovalue) throw UsageError("--iso is required, or --state");
+  if (states > 1 && arguments.pictures == 1)
+    throw UsageError("several --state are the stops of a path; say how many --pictures it has");
+  if (arguments.pictures == 1 && isSequenceName(arguments.output))
+    throw UsageError(
+        fmt::format("'{}' is a name of many pictures; say how many --pictures", arguments.output));
+  if (arguments.pictures > 1 && arguments.query.choice.look_at)
+    throw UsageError("--pictures turns the picture around; leave out --look-at");
+  if (arguments.print_size.in_millimetres && !arguments.pixels_per_inch)
+    arguments.pixels_per_inch = 300.0;
+  arguments.size = arguments.print_size.pixels(arguments.pixels_per_inch.value_or(300.0));
+}
+
+// "dark", "light", "white", or a colour.
+glm::vec3 parseBackground(RenderOptions& picture, const std::string& text) {
+  for (const Background& background : kBackgrounds)
+    if (text == background.name) {
+      picture.background_bottom = background.bottom;
+      return background.top;
+    }
+  return picture.background_bottom = parseColor(text);
 }
 
 }  // namespace
@@ -160,13 +254,27 @@ Command addRenderCommand(CLI::App& app) {
   addQueryOptions(*sub, arguments->query);
   beginGroup(*sub, kOutputGroup);
   sub->add_option("-o,--output", arguments->output,
-                  "Output; a picture, .png (8 bits, sRGB) or .exr (half floats, linear)")
+                  "Output; a picture, .png (8 bits, sRGB) or .exr (half floats, linear); with "
+                  "--pictures folder/%04d.png, or a movie, .mp4")
       ->type_name("IMAGE")
       ->required();
   addForceFlag(*sub, arguments->force);
   beginGroup(*sub, kPictureGroup);
-  addParsedOption(*sub, "--size", arguments->size, parsePixelSize, "WxH",
-                  "Pixels; default: 1024x1024");
+  addParsedOption(*sub, "--size", arguments->print_size, parsePictureSize, "WxH",
+                  "Pixels, or, with --dpi, millimetres such as 85x60mm; default: 1024x1024");
+  addParsedOption(
+      *sub, "--dpi", arguments->pixels_per_inch,
+      [](const std::string& text) { return parseNumberFrom(text, 1.0); }, "N",
+      "Pixels per inch of a print, which the picture keeps; default for millimetres: 300");
+  addParsedOption(
+      *sub, "--pictures", arguments->pictures,
+      [](const std::string& text) { return static_cast<int>(parseInteger(text, 2, 100000)); }, "N",
+      "So many pictures: all around the surface, or along the path of several --state");
+  addParsedOption(
+      *sub, "--pictures-per-second", arguments->pictures_per_second,
+      [](const std::string& text) { return parseNumberFrom(text, 0.1); }, "N",
+      "Of a movie; default: 25")
+      ->needs(findOption(*sub, "--pictures"));
   addParsedOption(*sub, "--azimuth", picture.orbit.azimuth, parseNumber, "DEGREES",
                   "Walk around the surface, to the right; 0 looks along +y; default: 25");
   addParsedOption(*sub, "--elevation", picture.orbit.elevation, parseNumber, "DEGREES",
@@ -174,6 +282,7 @@ Command addRenderCommand(CLI::App& app) {
   sub->add_flag("--color-by-level", picture.color_by_level,
                 "Colour triangles by their level: red for 0, then yellow, green, blue");
   sub->add_flag("--wireframe", picture.wireframe, "Draw the edges of the triangles");
+  sub->add_flag("--ambient-occlusion", picture.ambient_occlusion, "Darken the surface in hollows");
   sub->add_flag("--scale-bar", picture.notes.scale_bar,
                 "Draw a scale bar; it measures in the middle of what is framed");
   sub->add_flag("--axes", picture.notes.axes, "Draw the directions of the world's x, y and z");
@@ -188,17 +297,20 @@ Command addRenderCommand(CLI::App& app) {
                   "Colour at the lower edge");
   addParsedOption(
       *sub, "--background", picture.background_top,
-      [&picture](const std::string& text) { return picture.background_bottom = parseColor(text); },
-      "R,G,B", "Both of them");
+      [&picture](const std::string& text) { return parseBackground(picture, text); },
+      "dark|light|white|R,G,B",
+      "Both of them: for screens (default), slides or print; or a colour");
   CLI::Option* const state =
       sub->add_option(
-             "--state", arguments->state,
+             "--state", arguments->states,
              "Saved view; as 'isobrick view' wrote it, in place of --iso and of all that says "
-             "what is seen from where")
-          ->type_name("VIEW.json");
+             "what is seen from where; several are the stops of a path")
+          ->type_name("VIEW.json")
+          ->allow_extra_args(false);
   CLI::Option* const isovalue = findOption(*sub, "--iso")->required(false);
-  const std::set<std::string> together{"FILE",   "--output",  "--size",  "--memory", "--no-map",
-                                       "--help", "--threads", "--state", "--force"};
+  const std::set<std::string> together{
+      "FILE",     "--output", "--size",    "--dpi",   "--pictures", "--pictures-per-second",
+      "--memory", "--help",   "--threads", "--state", "--force",    "--no-map"};
   for (CLI::Option* const option : sub->get_options())
     if (option->get_group() != kVolumeGroup && option->get_group() != kRemoteGroup &&
         !option->get_group().empty() && together.count(option->get_name(false, true)) == 0 &&
@@ -209,9 +321,8 @@ Command addRenderCommand(CLI::App& app) {
 Example:
   isobrick render head.isb --iso 500 --size 800x600 --azimuth 40 -o skin.png)");
   return {sub, [arguments, state, isovalue] {
-            if (state->count() == 0 && isovalue->count() == 0)
-              throw UsageError("--iso is required, or --state");
-            if (state->count() > 0) return renderState(*arguments);
+            checkArguments(*arguments, isovalue->count() > 0);
+            if (state->count() > 0) return renderStates(*arguments);
             return runRender(*arguments);
           }};
 }

@@ -58,6 +58,8 @@ std::vector<char> encodeExr(const Image& image) {
     Imf::Header header(image.width, image.height);
     header.compression() = Imf::ZIP_COMPRESSION;
     Imf::addChromaticities(header, Imf::Chromaticities());  // the default is Rec. 709
+    if (image.pixels_per_inch > 0.0)
+      Imf::addXDensity(header, static_cast<float>(image.pixels_per_inch));
     Imf::FrameBuffer frame;
     std::deque<std::vector<half>> halves;
     const auto addHalf = [&](const char* name, const std::vector<float>& values, std::size_t first,

@@ -26,6 +26,8 @@ struct Image {
   std::vector<float> alpha = {};    // 0 .. 1, and then `rgb` is premultiplied with it; else opaque
   std::vector<float> depth = {};    // along the camera's forward axis, world units; infinity: none
   std::vector<float> normals = {};  // three a pixel: outward, world, unit; 0: none
+  // Pixels per inch of a print, which both formats keep; 0: they say nothing.
+  double pixels_per_inch = 0.0;
 
   // The position of a pixel's first float in `rgb`.
   std::size_t offsetOf(int x, int y) const {
@@ -90,6 +92,7 @@ std::vector<char> encodeImage(ImageFormat format, const Image& image);
 
 // The bytes of a file. `image` has at least one pixel. Throws Error (without a path).
 // PNG: RGB, or RGBA not premultiplied, 8 bits, sRGB curve, values clipped to 0..1; no other layers.
+// The size of a print is kept as whole pixels per metre.
 std::vector<char> encodePng(const Image& image);
 // EXR: one part of scan lines, channels R, G, B and, if there is alpha, A (premultiplied) as
 // half floats (11 significant bits, values clipped to +-65504), ZIP compression, chromaticities of

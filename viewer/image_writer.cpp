@@ -1,7 +1,9 @@
 #include <png.h>
+#include <zlib.h>
 
 #include <algorithm>
 #include <cassert>
+#include <cmath>
 #include <string>
 
 #include "isobrick/storage/atomic_file.h"
@@ -39,6 +41,29 @@ std::vector<std::uint8_t> pngPixels(const Image& image) {
   return pixels;
 }
 
+void appendBigEndian(std::uint32_t value, std::vector<char>& bytes) {
+  for (const unsigned shift : {24u, 16u, 8u, 0u})
+    bytes.push_back(static_cast<char>(value >> shift & 0xff));
+}
+
+// The chunk of the size of a print, which libpng's simplified interface does not write: pixels per
+// metre along both sides. It stands after the header, the first 33 bytes.
+void insertPrintSize(double pixels_per_inch, std::vector<char>& png) {
+  constexpr std::size_t kHeaderEnd = 33;
+  const auto per_metre = static_cast<std::uint32_t>(std::lround(pixels_per_inch / 0.0254));
+  std::vector<char> content{'p', 'H', 'Y', 's'};
+  appendBigEndian(per_metre, content);
+  appendBigEndian(per_metre, content);
+  content.push_back(1);  // the unit is the metre
+  std::vector<char> chunk;
+  appendBigEndian(9, chunk);
+  chunk.insert(chunk.end(), content.begin(), content.end());
+  const auto* const bytes = reinterpret_cast<const unsigned char*>(content.data());
+  appendBigEndian(
+      static_cast<std::uint32_t>(crc32(0, bytes, static_cast<unsigned>(content.size()))), chunk);
+  png.insert(png.begin() + kHeaderEnd, chunk.begin(), chunk.end());
+}
+
 }  // namespace
 
 std::vector<char> encodePng(const Image& image) {
@@ -63,6 +88,7 @@ std::vector<char> encodePng(const Image& image) {
                 "; try a smaller picture");
   }
   encoded.resize(bytes);
+  if (image.pixels_per_inch > 0.0) insertPrintSize(image.pixels_per_inch, encoded);
   return encoded;
 }
 

@@ -41,6 +41,7 @@ SceneFrame frameOf(const RenderOptions& options, const SceneLattice& lattice,
   frame.surfaces[0].color = options.surface_color;
   frame.color_by_level = options.color_by_level;
   frame.wireframe = options.wireframe;
+  frame.ambient_occlusion = options.ambient_occlusion;
   frame.sphere = options.focus_sphere;
   frame.back_color = options.back_color;
   frame.background_top = options.background_top;
@@ -78,7 +79,8 @@ class OffscreenRenderer::Context {
   }
 
   void checkOptions(const RenderOptions& options) const;
-  Image render(std::vector<SurfaceChunk> chunks, SceneFrame frame);
+  void renderEach(std::vector<SurfaceChunk> chunks, std::vector<SceneFrame> frames,
+                  const std::function<void(std::size_t, Image)>& take);
 
   int greatestSize() const { return scene_->greatestSize(); }
   const std::string& deviceName() const { return scene_->deviceName(); }
@@ -102,18 +104,22 @@ void OffscreenRenderer::Context::checkOptions(const RenderOptions& options) cons
   }
 }
 
-Image OffscreenRenderer::Context::render(std::vector<SurfaceChunk> chunks, SceneFrame frame) {
+void OffscreenRenderer::Context::renderEach(std::vector<SurfaceChunk> chunks,
+                                            std::vector<SceneFrame> frames,
+                                            const std::function<void(std::size_t, Image)>& take) {
   const EglContext::CurrentScope current(egl_);
+  std::vector<ChunkId> kept;
   const auto forget = [&] {
-    for (const ChunkId chunk : frame.chunks) scene_->release(chunk);
+    for (const ChunkId chunk : kept) scene_->release(chunk);
   };
   try {
-    for (SurfaceChunk& chunk : chunks)
-      frame.chunks.push_back(scene_->upload(std::exchange(chunk, {})));
-    scene_->draw(frame);
-    Image image = scene_->picture();
+    for (SurfaceChunk& chunk : chunks) kept.push_back(scene_->upload(std::exchange(chunk, {})));
+    for (std::size_t i = 0; i < frames.size(); ++i) {
+      frames[i].chunks = kept;
+      scene_->draw(frames[i]);
+      take(i, scene_->picture());
+    }
     forget();
-    return image;
   } catch (...) {
     forget();
     throw;
@@ -134,23 +140,44 @@ Image OffscreenRenderer::render(const RenderMesh& mesh, const RenderOptions& opt
     for (const glm::vec3& position : mesh.positions) f(glm::dvec3(position));
   };
   const SceneFrame frame = frameOf(options, SceneLattice{}, forEachPoint);
-  Image image = context_->render(chunksOf(mesh, options.color_by_level), frame);
-  drawNotes(options.notes, frame.camera, targetDistance(options, frame), image);
-  return image;
+  Image picture;
+  context_->renderEach(chunksOf(mesh, options.color_by_level), {frame},
+                       [&](std::size_t, Image drawn) { picture = std::move(drawn); });
+  drawNotes(options.notes, frame.camera, targetDistance(options, frame), picture);
+  return picture;
 }
 
 Image OffscreenRenderer::render(std::vector<SurfaceChunk> chunks, const SceneLattice& lattice,
                                 const RenderOptions& options) {
-  context_->checkOptions(options);
+  Image picture;
+  renderEach(std::move(chunks), lattice, {&options, 1},
+             [&](Image drawn) { picture = std::move(drawn); });
+  return picture;
+}
+
+void OffscreenRenderer::renderEach(std::vector<SurfaceChunk> chunks, const SceneLattice& lattice,
+                                   std::span<const RenderOptions> options,
+                                   const std::function<void(Image picture)>& take) {
   const auto forEachPoint = [&](auto&& f) {
     for (const SurfaceChunk& chunk : chunks)
       for (const SurfaceVertex& vertex : chunk.vertices)
         f(lattice.toWorld(chunk.origin + glm::dvec3(vertex.position)));
   };
-  const SceneFrame frame = frameOf(options, lattice, forEachPoint);
-  Image image = context_->render(std::move(chunks), frame);
-  drawNotes(options.notes, frame.camera, targetDistance(options, frame), image);
-  return image;
+  std::vector<SceneFrame> frames;
+  for (const RenderOptions& each : options) {
+    context_->checkOptions(each);
+    frames.push_back(frameOf(each, lattice, forEachPoint));
+  }
+  std::vector<PlacedCamera> cameras;
+  std::vector<double> distances;
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    cameras.push_back(frames[i].camera);
+    distances.push_back(targetDistance(options[i], frames[i]));
+  }
+  context_->renderEach(std::move(chunks), std::move(frames), [&](std::size_t i, Image picture) {
+    drawNotes(options[i].notes, cameras[i], distances[i], picture);
+    take(std::move(picture));
+  });
 }
 
 int OffscreenRenderer::greatestSize() const { return context_->greatestSize(); }

@@ -7,6 +7,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <glm/vec3.hpp>
 #include <memory>
 #include <optional>
@@ -83,6 +84,8 @@ struct RenderOptions {
   // Draws the triangles' edges over the shaded surface, a pixel wide and anti-aliased. They fade
   // if triangles get as small as the lines, so that a dense mesh does not drown in them.
   bool wireframe = false;
+  // Surfaces shade each other by their depths in the picture: darker in hollows.
+  bool ambient_occlusion = false;
   // The outline of this sphere is drawn over the picture as a thin circle, hidden by nothing.
   std::optional<SphereOutline> focus_sphere;
 
@@ -127,6 +130,11 @@ class OffscreenRenderer {
   // was sent, so that no chunk is held twice.
   Image render(std::vector<SurfaceChunk> chunks, const SceneLattice& lattice,
                const RenderOptions& options);
+  // A picture for each of several options, for which the chunks are sent once. `take` is called
+  // with one after the other.
+  void renderEach(std::vector<SurfaceChunk> chunks, const SceneLattice& lattice,
+                  std::span<const RenderOptions> options,
+                  const std::function<void(Image picture)>& take);
 
   // Greatest width and height of a picture in pixels.
   int greatestSize() const;

@@ -4,6 +4,7 @@
 #include <OpenEXR/ImfHeader.h>
 #include <OpenEXR/ImfInputFile.h>
 #include <OpenEXR/ImfRgbaFile.h>
+#include <OpenEXR/ImfStandardAttributes.h>
 #include <gtest/gtest.h>
 #include <png.h>
 
@@ -467,6 +468,27 @@ TEST_F(ImageFileTest, ExrHoldsLinearLightInHalfPrecision) {
     EXPECT_EQ(static_cast<float>(pixels[i].g), static_cast<float>(half(image.rgb[3 * i + 1])));
     EXPECT_EQ(static_cast<float>(pixels[i].b), static_cast<float>(half(image.rgb[3 * i + 2])));
   }
+}
+
+TEST_F(ImageFileTest, BothFormatsHoldTheSizeOfAPrint) {
+  Image image = testPicture();
+  image.pixels_per_inch = 300.0;
+  writeImage(folder_ / "print.exr", image);
+  const Imf::RgbaInputFile file((folder_ / "print.exr").c_str());
+  ASSERT_TRUE(Imf::hasXDensity(file.header()));
+  EXPECT_EQ(Imf::xDensity(file.header()), 300.0f);
+  // Other programs read the picture as before, and the size by libpng.
+  const std::vector<char> encoded = encodePng(image);
+  std::FILE* const bytes = fmemopen(const_cast<char*>(encoded.data()), encoded.size(), "rb");
+  png_structp png = png_create_read_struct(PNG_LIBPNG_VER_STRING, nullptr, nullptr, nullptr);
+  png_infop info = png_create_info_struct(png);
+  png_init_io(png, bytes);
+  png_read_png(png, info, PNG_TRANSFORM_IDENTITY, nullptr);
+  EXPECT_EQ(png_get_x_pixels_per_meter(png, info), 11811u);
+  EXPECT_EQ(png_get_y_pixels_per_meter(png, info), 11811u);
+  EXPECT_EQ(png_get_image_width(png, info), 61u);
+  png_destroy_read_struct(&png, &info, nullptr);
+  std::fclose(bytes);
 }
 
 TEST_F(ImageFileTest, ExrHoldsAlphaDepthAndNormals) {

@@ -12,11 +12,21 @@
 
 namespace isobrick {
 
-ViewPicture drawView(std::shared_ptr<const Pyramid> pyramid, const ViewState& state, int width,
-                     int height, int threads, bool layers, const CancelFlag& cancel) {
+ViewPicture drawView(std::shared_ptr<const Pyramid> pyramid, const ViewState& state,
+                     const ViewDrawing& drawing, const CancelFlag& cancel) {
+  ViewPicture picture;
+  drawViews(std::move(pyramid), {&state, 1}, drawing, cancel,
+            [&](ViewPicture drawn) { picture = std::move(drawn); });
+  return picture;
+}
+
+void drawViews(std::shared_ptr<const Pyramid> pyramid, std::span<const ViewState> states,
+               const ViewDrawing& drawing, const CancelFlag& cancel,
+               const std::function<void(ViewPicture picture)>& take) {
   const EglContext context;
   const EglContext::CurrentScope current(context);
   GlSceneRenderer renderer;
+  const auto [width, height, threads, layers] = drawing;
   if (width < 1 || height < 1 || width > renderer.greatestSize() ||
       height > renderer.greatestSize())
     throw Error("cannot render a picture of " + std::to_string(width) + " x " +
@@ -29,16 +39,18 @@ ViewPicture drawView(std::shared_ptr<const Pyramid> pyramid, const ViewState& st
   resize.x = width;
   resize.y = height;
   session.apply(resize, 0.0, false);
-  session.show(state);
   double clock = 0.0;  // nothing moves: any clock does
-  do {
-    cancel.check();
-    session.update(clock += 1.0);
-    std::this_thread::sleep_for(std::chrono::milliseconds(1));
-  } while (!session.settled());
-  const SessionStatus status = session.status();
-  if (!status.error.empty()) throw Error(status.error);
-  return {session.picture({width, height}, 1, layers), status.triangles, renderer.deviceName()};
+  for (const ViewState& state : states) {
+    session.show(state);
+    do {
+      cancel.check();
+      session.update(clock += 1.0);
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    } while (!session.settled());
+    const SessionStatus status = session.status();
+    if (!status.error.empty()) throw Error(status.error);
+    take({session.picture({width, height}, 1, layers), status.triangles, renderer.deviceName()});
+  }
 }
 
 }  // namespace isobrick

@@ -91,8 +91,8 @@ enum class ViewLighting { kThreeLights, kHeadlight };
 
 struct ViewState {
   ViewCamera camera;
-  std::vector<ViewSurface> surfaces{ViewSurface{}};  // at least one
-  int active_surface = 0;                            // which one keys and the slider move
+  std::vector<ViewSurface> surfaces = std::vector<ViewSurface>(1);  // at least one
+  int active_surface = 0;  // which one keys and the slider move
   ViewFocus focus;
   std::optional<double> curvature_tolerance;  // Query::curvature_tolerance
   std::optional<double> view_pixels;          // ViewPoint::pixels, seen from the camera

@@ -2,6 +2,7 @@
 
 #include <array>
 
+#include "isobrick/viewer/background.h"
 #include "isobrick/viewer/window/panel_controls.h"
 #include "isobrick/viewer/window/panel_tools.h"
 
@@ -129,7 +130,14 @@ void appearanceControls(ViewSession& session, float scale) {
   sliderOf("field of view", state.camera.vertical_fov, 10.0, 90.0, "%.0f degrees");
   ImGui::AlignTextToFramePadding();
   ImGui::TextDisabled("background");
-  ImGui::SameLine();
+  for (const Background& background : kBackgrounds) {
+    ImGui::SameLine();
+    if (ImGui::Button(background.name)) {
+      state.background_top = background.top;
+      state.background_bottom = background.bottom;
+    }
+    explain("For screens: dark. For slides: light. For print: white.");
+  }
   ImGui::ColorEdit3("top", &state.background_top.r, ImGuiColorEditFlags_NoInputs);
   ImGui::SameLine();
   ImGui::ColorEdit3("bottom", &state.background_bottom.r, ImGuiColorEditFlags_NoInputs);

@@ -141,7 +141,7 @@ TEST(GoldenPicturesTest, ViewsLookAsTheyDid) {
   for (const auto& [name, state] : views) {
     Image image;
     try {
-      image = drawView(pyramid, state, kWidth, kHeight, 2, false, never).image;
+      image = drawView(pyramid, state, {kWidth, kHeight, 2, false}, never).image;
     } catch (const Error& error) {
       SKIP_UNLESS_REQUIRED(error.what());
     }

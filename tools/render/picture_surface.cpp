@@ -1,4 +1,4 @@
-#include "tools/picture_surface.h"
+#include "tools/render/picture_surface.h"
 
 #include <algorithm>
 #include <mutex>
