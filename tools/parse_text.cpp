@@ -126,7 +126,7 @@ PixelSize parsePixelSize(const std::string& text) {
   return size;
 }
 
-PixelSize PictureSize::pixels(double per_inch) const {
+PixelSize PrintSize::pixels(double per_inch) const {
   const double scale = in_millimetres ? per_inch / 25.4 : 1.0;
   // Beyond what any card draws, which then names its own limit.
   const auto whole = [&](double length) {
@@ -135,7 +135,7 @@ PixelSize PictureSize::pixels(double per_inch) const {
   return {whole(width), whole(height)};
 }
 
-PictureSize parsePictureSize(const std::string& text) {
+PrintSize parsePrintSize(const std::string& text) {
   constexpr std::string_view kUnit = "mm";
   if (text.size() <= kUnit.size() ||
       text.compare(text.size() - kUnit.size(), kUnit.size(), kUnit)) {
@@ -145,8 +145,8 @@ PictureSize parsePictureSize(const std::string& text) {
   const std::string lengths = text.substr(0, text.size() - kUnit.size());
   const std::size_t cross = lengths.find('x');
   if (cross == std::string::npos) refuse(text, "a size in millimetres such as 85x60mm");
-  PictureSize size{parseNumber(lengths.substr(0, cross)), parseNumber(lengths.substr(cross + 1)),
-                   true};
+  PrintSize size{parseNumber(lengths.substr(0, cross)), parseNumber(lengths.substr(cross + 1)),
+                 true};
   if (!(size.width > 0.0 && size.height > 0.0))
     refuse(text, "a size in millimetres such as 85x60mm");
   return size;

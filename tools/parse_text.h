@@ -47,7 +47,7 @@ struct PixelSize {
 PixelSize parsePixelSize(const std::string& text);
 
 // The same, or the size of a print in millimetres.
-struct PictureSize {
+struct PrintSize {
   double width = 0.0;
   double height = 0.0;
   bool in_millimetres = false;
@@ -56,7 +56,7 @@ struct PictureSize {
   PixelSize pixels(double per_inch) const;
 };
 // "1024x768", "85x60mm"
-PictureSize parsePictureSize(const std::string& text);
+PrintSize parsePrintSize(const std::string& text);
 // "R,G,B", each 0 .. 1.
 glm::vec3 parseColor(const std::string& text);
 

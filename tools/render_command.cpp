@@ -39,7 +39,7 @@ namespace {
 struct RenderArguments {
   QueryOptions query;
   std::string output;
-  PictureSize print_size{1024.0, 1024.0, false};
+  PrintSize print_size{1024.0, 1024.0, false};
   std::optional<double> pixels_per_inch;
   PixelSize size;  // both together
   RenderOptions picture;
@@ -260,7 +260,7 @@ Command addRenderCommand(CLI::App& app) {
       ->required();
   addForceFlag(*sub, arguments->force);
   beginGroup(*sub, kPictureGroup);
-  addParsedOption(*sub, "--size", arguments->print_size, parsePictureSize, "WxH",
+  addParsedOption(*sub, "--size", arguments->print_size, parsePrintSize, "WxH",
                   "Pixels, or, with --dpi, millimetres such as 85x60mm; default: 1024x1024");
   addParsedOption(
       *sub, "--dpi", arguments->pixels_per_inch,

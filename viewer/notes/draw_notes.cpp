@@ -17,7 +17,7 @@ constexpr glm::vec3 kWhite{1.0f}, kBlack{0.05f};
 
 std::string numberText(double value) {
   std::array<char, 32> text{};
-  std::snprintf(text.data(), text.size(), "%.4g", value);
+  std::snprintf(text.data(), text.size(), "%.6g", value);
   return text.data();
 }
 
@@ -25,7 +25,7 @@ std::string numberText(double value) {
 class Notes {
  public:
   Notes(Image& image, double text_pixels)
-      : image_(image), canvas_(image, text_pixels), unit_(text_pixels) {}
+      : image_(image), canvas_(image, text_pixels), unit_(canvas_.textPixels()) {}
 
   double unit() const { return unit_; }
   PictureCanvas& canvas() { return canvas_; }
@@ -114,30 +114,28 @@ void legendOf(Notes& notes, const PictureLegend& legend) {
     notes.text({m, top + 0.82 * m}, legend.ramp_title);
     top += 1.3 * m;
   }
-  const double width = 9.0 * m;
+  // Boxes of whole pixels, beside each other without the ground between them.
+  const double left = std::round(m), width = std::round(9.0 * m);
   const int steps = static_cast<int>(width);
   for (int i = 0; i < steps; ++i)
-    notes.canvas().box({m + i, top}, {m + i + 1.0, top + 0.8 * m},
+    notes.canvas().box({left + i, top}, {left + i + 1.0, top + 0.8 * m},
                        valueColor(legend.ramp_colors, (i + 0.5) / static_cast<double>(steps)));
   const std::string least = numberText((*legend.ramp)[0]), most = numberText((*legend.ramp)[1]);
-  notes.text({m, top + 1.9 * m}, least);
-  notes.text({m + width - notes.canvas().widthOf(most), top + 1.9 * m}, most);
+  notes.text({left, top + 1.9 * m}, least);
+  notes.text({left + width - notes.canvas().widthOf(most), top + 1.9 * m}, most);
 }
 
 void mark(Notes& notes, const Image& image, const PlacedCamera& camera, const PictureMark& mark) {
   const double m = notes.unit();
   const glm::vec3 color{1.0f, 0.84f, 0.40f};
-  std::vector<glm::dvec2> pixels;
-  for (const glm::dvec3& point : mark.points)
-    if (const auto pixel = pixelOf(camera, {image.width, image.height}, point))
-      pixels.push_back(*pixel);
-  if (pixels.size() < mark.points.size()) return;  // a part of it is behind the eye
+  const PixelPath path = pathOf(camera, {image.width, image.height}, mark.points);
   for (const auto& [width, ink] : {std::pair{0.24 * m, kBlack}, std::pair{0.12 * m, color}}) {
-    for (std::size_t i = 0; i + 1 < pixels.size(); ++i)
-      notes.canvas().line(pixels[i], pixels[i + 1], width, ink);
-    for (const glm::dvec2& pixel : pixels) notes.canvas().line(pixel, pixel, 0.25 * m + width, ink);
+    for (const auto& [from, to] : path.lines) notes.canvas().line(from, to, width, ink);
+    for (const glm::dvec2& pixel : path.points)
+      notes.canvas().line(pixel, pixel, 0.25 * m + width, ink);
   }
-  if (!pixels.empty()) notes.text(pixels.back() + glm::dvec2(0.5 * m, -0.4 * m), mark.text);
+  if (!path.points.empty())
+    notes.text(path.points.back() + glm::dvec2(0.5 * m, -0.4 * m), mark.text);
 }
 
 }  // namespace

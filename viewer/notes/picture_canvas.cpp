@@ -84,13 +84,20 @@ struct Mask {
   }
 };
 
-// Every pixel as much as the most covered one within `radius`.
+// Every pixel as much as the most covered one within `radius`. A pixel whose four neighbours are
+// covered as much adds nothing to what they give.
 Mask grown(Mask& mask, int radius) {
+  const auto isInside = [&](int x, int y) {
+    if (x == 0 || y == 0 || x + 1 == mask.width || y + 1 == mask.height) return false;
+    const float cover = mask.at(x, y);
+    return mask.at(x - 1, y) >= cover && mask.at(x + 1, y) >= cover && mask.at(x, y - 1) >= cover &&
+           mask.at(x, y + 1) >= cover;
+  };
   Mask wide = mask;
   for (int y = 0; y < mask.height; ++y)
     for (int x = 0; x < mask.width; ++x) {
       const float cover = mask.at(x, y);
-      if (cover == 0.0f) continue;
+      if (cover == 0.0f || isInside(x, y)) continue;
       for (int v = std::max(0, y - radius); v <= std::min(mask.height - 1, y + radius); ++v)
         for (int u = std::max(0, x - radius); u <= std::min(mask.width - 1, x + radius); ++u)
           if ((u - x) * (u - x) + (v - y) * (v - y) <= radius * radius)
@@ -150,14 +157,25 @@ void PictureCanvas::line(const glm::dvec2& from, const glm::dvec2& to, double wi
   const glm::dvec2 lower = glm::min(begin, end) - width, upper = glm::max(begin, end) + width;
   const glm::dvec2 along = end - begin;
   const double squared = std::max(glm::dot(along, along), 1e-12);
-  const PixelRange columns = pixelsBetween(lower.x, upper.x, image_.width);
   const PixelRange rows = pixelsBetween(lower.y, upper.y, image_.height);
-  for (int y = rows.first; y < rows.end; ++y)
+  for (int y = rows.first; y < rows.end; ++y) {
+    // The part of the line that is near this row.
+    double first = 0.0, last = 1.0;
+    if (along.y != 0.0) {
+      const double a = (y - width - 1.0 - begin.y) / along.y;
+      const double b = (y + width + 2.0 - begin.y) / along.y;
+      first = std::max(first, std::min(a, b));
+      last = std::min(last, std::max(a, b));
+    }
+    if (first > last) continue;
+    const auto [left, right] = std::minmax({begin.x + first * along.x, begin.x + last * along.x});
+    const PixelRange columns = pixelsBetween(left - width - 1.0, right + width + 1.0, image_.width);
     for (int x = columns.first; x < columns.end; ++x) {
       const glm::dvec2 arm = glm::dvec2(x + 0.5, y + 0.5) - begin;
       const double share = glm::clamp(glm::dot(arm, along) / squared, 0.0, 1.0);
       blend(x, y, 0.5 + 0.5 * width - glm::length(arm - share * along), linear);
     }
+  }
 }
 
 void PictureCanvas::box(const glm::dvec2& upper_left, const glm::dvec2& lower_right,

@@ -376,15 +376,16 @@ void GlSceneRenderer::draw(const SceneFrame& frame) {
     for (GLenum i = 0; i < 6; ++i) (i < planes ? glEnable : glDisable)(GL_CLIP_DISTANCE0 + i);
   };
   cut(frame.clip_planes.size());
-  drawSurfaces(view);
+  drawOpaqueSurfaces(view);
   if (frame.ambient_occlusion && !frame.normals) {
     cut(0);
     drawOcclusion(view);
     cut(frame.clip_planes.size());
   }
-  if (frame.normals) glColorMask(GL_FALSE, GL_FALSE, GL_FALSE, GL_FALSE);  // slices only hide
-  drawSlices(view);
-  glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
+  // Translucent surfaces write depth, so opaque slices behind them come first.
+  drawSlices(view, false);
+  drawTranslucentSurfaces(view);
+  if (!frame.normals) drawSlices(view, true);
   cut(0);
   if (!frame.normals) {
     drawSegments(view);
@@ -428,9 +429,8 @@ void GlSceneRenderer::setView(const GlProgram& program, const View& view, int un
   }
 }
 
-void GlSceneRenderer::drawSurfaces(const View& view) {
+const GlProgram& GlSceneRenderer::useSurfaceProgram(const View& view) const {
   const SceneFrame& frame = view.frame;
-  if (frame.chunks.empty()) return;
   const GlProgram& program = frame.wireframe ? wire_program_ : surface_program_;
   setView(program, view);
   setUniform(program, "lattice_to_eye", glm::mat3(view.to_eye * frame.lattice.matrix));
@@ -450,16 +450,26 @@ void GlSceneRenderer::drawSurfaces(const View& view) {
   glBindVertexArray(frame.wireframe ? *empty_array_ : *surface_array_);
   glEnable(GL_DEPTH_TEST);
   glDisable(GL_BLEND);
+  return program;
+}
 
-  // Opaque ones first. Only the nearest part of a translucent one is seen, so its depth goes first.
+void GlSceneRenderer::drawOpaqueSurfaces(const View& view) {
+  const SceneFrame& frame = view.frame;
+  if (frame.chunks.empty()) return;
+  const GlProgram& program = useSurfaceProgram(view);
+  for (std::size_t s = 0; s < frame.surfaces.size(); ++s)
+    if (frame.surfaces[s].opacity >= 1.0) drawChunks(view, program, static_cast<int>(s), true);
+}
+
+// Only the nearest part of one is seen, so its depth goes first.
+void GlSceneRenderer::drawTranslucentSurfaces(const View& view) {
+  const SceneFrame& frame = view.frame;
   std::vector<int> translucent;
-  for (std::size_t s = 0; s < frame.surfaces.size(); ++s) {
-    const int surface = static_cast<int>(s);
-    if (frame.surfaces[s].opacity >= 1.0)
-      drawChunks(view, program, surface, true);
-    else if (frame.surfaces[s].opacity > 0.0)
-      translucent.push_back(surface);
-  }
+  for (std::size_t s = 0; s < frame.surfaces.size(); ++s)
+    if (frame.surfaces[s].opacity > 0.0 && frame.surfaces[s].opacity < 1.0)
+      translucent.push_back(static_cast<int>(s));
+  if (translucent.empty() || frame.chunks.empty()) return;
+  const GlProgram& program = useSurfaceProgram(view);
   std::stable_sort(translucent.begin(), translucent.end(), [&](int a, int b) {
     return frame.surfaces[static_cast<std::size_t>(a)].order <
            frame.surfaces[static_cast<std::size_t>(b)].order;
@@ -576,23 +586,24 @@ void GlSceneRenderer::drawOcclusion(const View& view) {
   glDepthMask(GL_TRUE);
 }
 
-// Opaque ones first, then the farthest.
-void GlSceneRenderer::drawSlices(const View& view) {
-  std::vector<SceneSlice> slices = view.frame.slices;
-  const auto order = [&](const SceneSlice& slice) {
+// The farthest first. Opaque ones only hide the normals of surfaces.
+void GlSceneRenderer::drawSlices(const View& view, bool blends) {
+  std::vector<SceneSlice> slices;
+  for (const SceneSlice& slice : view.frame.slices)
+    if ((slice.opacity < 1.0) == blends) slices.push_back(slice);
+  const auto away = [&](const SceneSlice& slice) {
     const glm::dvec3 middle = slice.corner + 0.5 * (slice.across + slice.along);
-    const double away = glm::dot(middle - view.frame.camera.eye, view.frame.camera.forward);
-    return std::pair(slice.opacity < 1.0, -away);
+    return glm::dot(middle - view.frame.camera.eye, view.frame.camera.forward);
   };
   std::stable_sort(slices.begin(), slices.end(),
-                   [&](const SceneSlice& a, const SceneSlice& b) { return order(a) < order(b); });
+                   [&](const SceneSlice& a, const SceneSlice& b) { return away(a) > away(b); });
   glEnable(GL_DEPTH_TEST);
+  if (view.frame.normals) glColorMask(GL_FALSE, GL_FALSE, GL_FALSE, GL_FALSE);
   glBlendFuncSeparate(GL_SRC_ALPHA, GL_ONE_MINUS_SRC_ALPHA, GL_ONE, GL_ONE_MINUS_SRC_ALPHA);
   glBindVertexArray(*empty_array_);
+  (blends ? glEnable : glDisable)(GL_BLEND);
+  glDepthMask(blends ? GL_FALSE : GL_TRUE);
   for (const SceneSlice& slice : slices) {
-    const bool blends = slice.opacity < 1.0 && !view.frame.normals;
-    (blends ? glEnable : glDisable)(GL_BLEND);
-    glDepthMask(blends ? GL_FALSE : GL_TRUE);
     setView(slice_program_, view, slice.cap_of);
     setUniform(slice_program_, "corner", view.eyePosition(slice.corner));
     setUniform(slice_program_, "across", glm::vec3(view.to_eye * slice.across));
@@ -607,6 +618,7 @@ void GlSceneRenderer::drawSlices(const View& view) {
   }
   glDisable(GL_BLEND);
   glDepthMask(GL_TRUE);
+  glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
 }
 
 void GlSceneRenderer::drawSegments(const View& view) {

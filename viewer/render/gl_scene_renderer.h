@@ -77,13 +77,15 @@ class GlSceneRenderer : public SceneRenderer {
   void resize(int width, int height);
   void setView(const GlProgram& program, const View& view, int uncut_plane = -1) const;
   void drawBackground(const SceneFrame& frame);
-  void drawSurfaces(const View& view);
+  const GlProgram& useSurfaceProgram(const View& view) const;
+  void drawOpaqueSurfaces(const View& view);
+  void drawTranslucentSurfaces(const View& view);
   void drawChunks(const View& view, const GlProgram& program, int surface, bool opaque);
   void drawIndices(const Chunk& chunk, GLsizei begin, GLsizei end, bool wireframe,
                    GLint first_place);
   void boundFlight(GLsizei indices);
   void drawOcclusion(const View& view);
-  void drawSlices(const View& view);
+  void drawSlices(const View& view, bool blends);
   void drawSegments(const View& view);
   void drawSphere(const View& view);
   void drawRibbon(const std::vector<glm::vec4>& ribbon, const glm::vec3& color, float half_width,

@@ -9,12 +9,6 @@ void OpeningView::follow(const OpeningView& preview) {
   chooses_focus_ = chooses_focus_ && preview.chooses_focus_;
 }
 
-ViewState OpeningView::home(const ViewVolume& volume, double aspect) const {
-  ViewState home = view_;
-  if (!has_framed_) home.camera = framed(home.camera, volume.box(), aspect);
-  return home;
-}
-
 void OpeningView::update(const Sight& sight, const ViewVolume& volume, double aspect,
                          ViewState& state) {
   frames_ = frames_ && state.camera == view_.camera;
@@ -23,8 +17,11 @@ void OpeningView::update(const Sight& sight, const ViewVolume& volume, double as
     radius_ = sight.radius;
     drawings_ = {};
   }
-  if (chooses_focus_ && sight.box) {
-    chooseFocus(sight);
+  if (chooses_focus_ && !sight.is_preview) {
+    if (sight.box)
+      chooseFocus(sight);
+    else if (sight.is_whole)
+      chooses_focus_ = false;  // there is no surface
     state.focus = view_.focus;
   }
   if (frames_) {

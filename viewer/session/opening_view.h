@@ -28,12 +28,15 @@ class OpeningView {
     double waited = 0.0;              // seconds since it came, for the next one
     bool over_budget = false;         // the next one has no room on the card
     bool is_whole = false;            // no finer one will come
+    bool is_preview = false;          // it says nothing of how long all of the volume takes
   };
 
   explicit OpeningView(const ViewState& first) : view_(first) {}
 
-  // Decides no more than that of a preview of the same volume.
+  // The user's camera and focus of a preview of the same volume stay the user's.
   void follow(const OpeningView& preview);
+  // Frames and decides again.
+  void restart() { frames_ = chooses_focus_ = true; }
 
   // Changes camera and focus of `state`, in a picture of `aspect`, and of view().
   void update(const Sight& sight, const ViewVolume& volume, double aspect, ViewState& state);
@@ -43,9 +46,8 @@ class OpeningView {
   void keepFocus() { chooses_focus_ = false; }
   void end() { frames_ = chooses_focus_ = false; }
   bool isOver() const { return !frames_ && !chooses_focus_; }
+  bool hasFramed() const { return has_framed_; }
   const ViewState& view() const { return view_; }
-  // To come back to, in a picture of `aspect`.
-  ViewState home(const ViewVolume& volume, double aspect) const;
   // Why `state` shows a region of interest, one line; empty: it does not, or the user chose it.
   std::string limit(const ViewState& state) const;
 

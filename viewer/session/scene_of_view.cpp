@@ -27,7 +27,7 @@ std::vector<WantedPlane> planesOf(const ViewState& state, const ViewVolume& volu
   std::vector<WantedPlane> planes;
   for (int axis = 0; axis < 3; ++axis) {
     const ViewSlice& slice = state.slices[static_cast<std::size_t>(axis)];
-    if (!slice.shown) continue;
+    if (!slice.shown || !(state.slice_opacity > 0.0)) continue;
     const IndexPlane plane = slicePlane(volume.voxels, axis, slice.position);
     planes.push_back({plane, -1, axis, mostValues(plane)});
   }

@@ -444,8 +444,12 @@ bool ScriptPlayer::play(const ScriptStep& step, double elapsed, const ScriptSigh
     return share >= 1.0;
   } else if (const auto* patch = std::get_if<ScriptPatch>(&step)) {
     Json json = Json::parse(viewStateToJson(state));
-    json.merge_patch(Json::parse(patch->json));
+    const Json changes = Json::parse(patch->json);
+    json.merge_patch(changes);
     frame.state = viewStateFromJson(json.dump());
+    // The path may be no UTF-8, which JSON does not keep.
+    if (!changes.contains("values") || !changes["values"].contains("other"))
+      frame.state->values.other = state.values.other;
   } else if (const auto* wait = std::get_if<ScriptWait>(&step)) {
     return isDone(*wait, elapsed, sight);
   } else if (const auto* file = std::get_if<ScriptFile>(&step)) {

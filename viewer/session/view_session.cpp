@@ -58,6 +58,12 @@ DragQuality measuredPass(const DragQuality& quality, const StreamMessage& pass) 
   return measured(quality, pass.radius, pass.triangles, pass.seconds / share);
 }
 
+// What is still that of the opening view follows it.
+void adoptOpening(const ViewState& before, const ViewState& after, ViewState& view) {
+  if (view.camera == before.camera) view.camera = after.camera;
+  if (view.focus == before.focus) view.focus = after.focus;
+}
+
 std::string whole(double number) { return std::to_string(std::llround(number)); }
 
 }  // namespace
@@ -115,13 +121,17 @@ void ViewSession::follow(const ViewSession& other) {
   interaction_ = other.interaction_;
   last_update_ = other.last_update_;
   state_ = other.state_;
+  history_ = other.history_;
   // The first view of a volume follows from its values.
   const ViewState &before = other.opening_.view(), &first = opening_.view();
-  double& isovalue = state_.surfaces[0].isovalue;
-  if (isovalue == before.surfaces[0].isovalue) isovalue = first.surfaces[0].isovalue;
-  if (state_.value_window == before.value_window) state_.value_window = first.value_window;
-  if (state_.focus == before.focus) state_.focus = first.focus;
-  if (state_.camera == before.camera) state_.camera = first.camera;
+  const auto adopt = [&](ViewState& view) {
+    double& isovalue = view.surfaces[0].isovalue;
+    if (isovalue == before.surfaces[0].isovalue) isovalue = first.surfaces[0].isovalue;
+    if (view.value_window == before.value_window) view.value_window = first.value_window;
+    adoptOpening(before, first, view);
+  };
+  adopt(state_);
+  history_.amend(adopt);
   opening_.follow(other.opening_);
 }
 
@@ -145,7 +155,10 @@ void ViewSession::grantView(const Wishes& wishes) {
     if (const auto point = surfaceAt(*wishes.focus_at)) focusOn(*point, volume_, state_);
   if (wishes.measure_at)
     if (const auto point = surfaceAt(*wishes.measure_at)) measureAt(*point, interaction_, state_);
-  if (wishes.first_view) state_ = opening_.home(volume_, interaction_.aspect());
+  if (wishes.first_view) {
+    if (!opening_.hasFramed()) opening_.restart();  // another view came first
+    state_ = opening_.view();
+  }
   if (wishes.frame_surfaces)
     state_.camera =
         framed(state_.camera, shownBox().value_or(volume_.box()), interaction_.aspect());
@@ -164,10 +177,7 @@ void ViewSession::update(double seconds, UploadAllowance& allowance) {
   takeNews(surfaces_->pump([&] { return nextMessage(); }, clockSeconds, allowance));
   updateOpening();
   const bool is_held = interaction_.drag != Interaction::Drag::kNone || interaction_.flying;
-  if (opening_.isOver())
-    history_.note(state_, is_held, seconds);
-  else
-    history_.startWith(opening_.view());
+  history_.note(state_, is_held, seconds);
   requestSurfaces(seconds);
 }
 
@@ -189,7 +199,11 @@ void ViewSession::updateOpening() {
   sight.waited = clockSeconds() - last_news_;
   sight.over_budget = over_budget_;
   sight.is_whole = !preview_of_ && isFine();
+  sight.is_preview = preview_of_.has_value();
+  const ViewState before = opening_.view();
   opening_.update(sight, volume_, interaction_.aspect(), state_);
+  // It is no step of the user's.
+  history_.amend([&](ViewState& view) { adoptOpening(before, opening_.view(), view); });
 }
 
 // While the state changes, one pass that fits the time; at rest, all passes up to the wanted

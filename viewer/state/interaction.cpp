@@ -379,11 +379,11 @@ void chooseTool(Interaction::Tool tool, Interaction& interaction) {
 
 void measureAt(const glm::dvec3& world, Interaction& interaction, ViewState& state) {
   if (interaction.tool == Interaction::Tool::kNone) return;
+  if (state.measurements.size() >= kMostMeasurements) return;  // the foot line says so
   interaction.picked.push_back(world);
   const std::size_t wanted = interaction.tool == Interaction::Tool::kAngle ? 3 : 2;
   if (interaction.picked.size() < wanted) return;
-  if (state.measurements.size() < kMostMeasurements)
-    state.measurements.push_back({std::move(interaction.picked)});
+  state.measurements.push_back({std::move(interaction.picked)});
   interaction.picked.clear();
 }
 

@@ -18,8 +18,8 @@ double ViewMeasurement::value() const {
 std::string measurementText(const ViewMeasurement& measurement, LengthUnit unit) {
   std::array<char, 48> text{};
   const char* const form = measurement.isAngle()             ? "%.1f\u00b0"
-                           : unit == LengthUnit::kMillimetre ? "%.4g mm"
-                                                             : "%.4g";
+                           : unit == LengthUnit::kMillimetre ? "%.6g mm"
+                                                             : "%.6g";
   std::snprintf(text.data(), text.size(), form, measurement.value());
   return text.data();
 }

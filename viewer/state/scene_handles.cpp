@@ -31,6 +31,29 @@ std::optional<glm::dvec2> pixelOf(const PlacedCamera& camera, const glm::dvec2& 
   return glm::dvec2(0.5 + 0.5 * place.x, 0.5 - 0.5 * place.y) * picture;
 }
 
+PixelPath pathOf(const PlacedCamera& camera, const glm::dvec2& picture,
+                 const std::vector<glm::dvec3>& world) {
+  constexpr double kLeast = 1e-4;  // from the eye, of the distance of the farther end
+  const auto away = [&](const glm::dvec3& point) {
+    return glm::dot(point - camera.eye, camera.forward);
+  };
+  PixelPath path;
+  for (const glm::dvec3& point : world)
+    if (const auto pixel = pixelOf(camera, picture, point)) path.points.push_back(*pixel);
+  for (std::size_t i = 0; i + 1 < world.size(); ++i) {
+    std::array<glm::dvec3, 2> ends{world[i], world[i + 1]};
+    const std::array<double, 2> distances{away(ends[0]), away(ends[1])};
+    const double least = kLeast * std::max(distances[0], distances[1]);
+    for (std::size_t end = 0; end < 2 && !camera.orthographic; ++end)
+      if (distances[end] < least)
+        ends[end] += (least - distances[end]) / (distances[1 - end] - distances[end]) *
+                     (world[i + 1 - end] - world[i + end]);
+    const auto from = pixelOf(camera, picture, ends[0]), to = pixelOf(camera, picture, ends[1]);
+    if (from && to) path.lines.push_back({*from, *to});
+  }
+  return path;
+}
+
 std::vector<SceneHandle> handlesOf(const ViewState& state, const ViewVolume& volume,
                                    const PictureSize& picture) {
   std::vector<SceneHandle> handles;

@@ -35,6 +35,15 @@ struct SceneHandle {
 std::optional<glm::dvec2> pixelOf(const PlacedCamera& camera, const glm::dvec2& picture,
                                   const glm::dvec3& world);
 
+// Points of the world joined by lines, as a picture shows them: points that are not behind the eye,
+// and what of the lines is not.
+struct PixelPath {
+  std::vector<glm::dvec2> points;
+  std::vector<std::array<glm::dvec2, 2>> lines;
+};
+PixelPath pathOf(const PlacedCamera& camera, const glm::dvec2& picture,
+                 const std::vector<glm::dvec3>& world);
+
 // None while the view hides them, or behind the eye. An axis along which the eye looks has none, as
 // the user could not see how far it moves.
 std::vector<SceneHandle> handlesOf(const ViewState& state, const ViewVolume& volume,

@@ -2,12 +2,6 @@
 
 namespace isobrick {
 
-void ViewHistory::startWith(const ViewState& view) {
-  views_ = {view};
-  at_ = 0;
-  changing_.reset();
-}
-
 void ViewHistory::note(const ViewState& view, bool is_held, double seconds) {
   if (views_.empty()) return remember(view);
   if (view == views_[at_]) {

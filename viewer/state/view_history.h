@@ -15,8 +15,12 @@ class ViewHistory {
   static constexpr double kRestSeconds = 0.4;
   static constexpr std::size_t kMostViews = 200;  // older ones are forgotten
 
-  // Forgets all views but this one.
-  void startWith(const ViewState& view);
+  // Changes all views that it remembers: f(ViewState&).
+  template <typename F>
+  void amend(F&& f) {
+    for (ViewState& view : views_) f(view);
+    if (changing_) f(*changing_);
+  }
   // The view of this moment; `is_held`: the user drags or flies.
   void note(const ViewState& view, bool is_held, double seconds);
 

@@ -208,7 +208,10 @@ void checkRanges(const ViewState& state) {
 
 }  // namespace
 
-std::string viewStateToJson(const ViewState& state) { return toJson(state).dump(2) + "\n"; }
+std::string viewStateToJson(const ViewState& state) {
+  // A path may be no UTF-8, but JSON is always UTF-8.
+  return toJson(state).dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
 
 ViewState viewStateFromJson(const std::string& text) {
   Json json = Json::parse(text, nullptr, false);

@@ -15,6 +15,9 @@ inline const ImVec4 kErrorText{1.0f, 0.6f, 0.5f, 1.0f};
 // the colours of kTextGrounds.
 void setPanelStyle(double scale);
 
+// Of the colour of a level, in the bar that says how many triangles it has.
+inline constexpr float kLevelBarShade = 0.45f;
+
 // The colours that text stands on.
 inline constexpr std::array kTextGrounds{
     ImGuiCol_WindowBg,      ImGuiCol_PopupBg,      ImGuiCol_FrameBg,       ImGuiCol_FrameBgHovered,

@@ -65,7 +65,7 @@ void axisCube(const ViewSession& session, bool hovers, const Place& place) {
   const auto hovered = hovers ? cubeFaceAt(faces, interaction.cursor) : std::nullopt;
   ImDrawList& list = *ImGui::GetBackgroundDrawList();
   for (const CubeFace& face : faces) {
-    const int grey = static_cast<int>(70.0 + 90.0 * face.toward);
+    const int grey = static_cast<int>(100.0 + 100.0 * face.toward);
     const bool lit = hovered == face.view;
     const ImVec2 a = place(face.corners[0]), b = place(face.corners[1]), c = place(face.corners[2]),
                  d = place(face.corners[3]);
@@ -75,8 +75,9 @@ void axisCube(const ViewSession& session, bool hovers, const Place& place) {
     if (face.toward < 0.3) continue;
     const char* const name = nameOf(face.view);
     const ImVec2 size = ImGui::CalcTextSize(name);
-    list.AddText({0.5f * (a.x + c.x - size.x), 0.5f * (a.y + c.y - size.y)},
-                 IM_COL32(255, 255, 255, 255), name);
+    // Black on 100 or more of 255 has a contrast of 4.5 : 1 (WCAG 2.2).
+    list.AddText({0.5f * (a.x + c.x - size.x), 0.5f * (a.y + c.y - size.y)}, IM_COL32(0, 0, 0, 255),
+                 name);
   }
 }
 
@@ -117,20 +118,18 @@ void measurements(const ViewSession& session, float scale, const Place& place) {
   constexpr ImU32 kInk = IM_COL32(255, 214, 102, 255), kEdge = IM_COL32(0, 0, 0, 200);
   const auto draw = [&](const std::vector<glm::dvec3>& points, const std::string& text,
                         const std::optional<glm::dvec2>& next) {
-    std::vector<ImVec2> pixels;
-    for (const glm::dvec3& point : points)
-      if (const auto pixel = pixelOf(camera, interaction.size, point))
-        pixels.push_back(place(*pixel));
-    if (pixels.size() < points.size() || pixels.empty()) return;
-    const std::size_t count = pixels.size();
-    if (next) pixels.push_back(place(*next));
+    PixelPath path = pathOf(camera, interaction.size, points);
+    if (path.points.empty()) return;
+    if (next) path.lines.push_back({path.points.back(), *next});
     for (const auto& [width, ink] : {std::pair{4.0f, kEdge}, std::pair{2.0f, kInk}}) {
-      list.AddPolyline(pixels.data(), static_cast<int>(pixels.size()), ink, 0, width * scale);
-      for (std::size_t i = 0; i < count; ++i)
-        list.AddCircleFilled(pixels[i], (2.0f + width) * scale, ink);
+      for (const auto& [from, to] : path.lines)
+        list.AddLine(place(from), place(to), ink, width * scale);
+      for (const glm::dvec2& pixel : path.points)
+        list.AddCircleFilled(place(pixel), (2.0f + width) * scale, ink);
     }
     if (text.empty()) return;
-    const ImVec2 at{pixels.back().x + 8.0f * scale, pixels.back().y - 22.0f * scale};
+    const ImVec2 last = place(path.points.back());
+    const ImVec2 at{last.x + 8.0f * scale, last.y - 22.0f * scale};
     const ImVec2 size = ImGui::CalcTextSize(text.c_str());
     list.AddRectFilled({at.x - 4.0f * scale, at.y - 1.0f * scale},
                        {at.x + size.x + 4.0f * scale, at.y + size.y + 1.0f * scale}, kEdge,

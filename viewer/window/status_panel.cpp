@@ -84,7 +84,7 @@ void buildStatistics(const ViewSession& session, const PanelFacts& facts, float 
     const double share =
         static_cast<double>(level.triangles) / std::max(1.0, static_cast<double>(status.triangles));
     // In the colour that the level has on the surface, dark enough for the text on it.
-    const glm::vec3 color = 0.6f * levelColor(level.level);
+    const glm::vec3 color = kLevelBarShade * levelColor(level.level);
     ImGui::PushStyleColor(ImGuiCol_PlotHistogram, {color.r, color.g, color.b, 1.0f});
     ImGui::ProgressBar(
         static_cast<float>(share), {-1.0f, 0.0f},
@@ -145,9 +145,13 @@ void StatusPanel::sessionLine(ViewSession& session, const PanelFacts& facts, flo
     const Interaction& interaction = session.interaction();
     if (interaction.tool != Interaction::Tool::kNone) {
       const bool is_angle = interaction.tool == Interaction::Tool::kAngle;
-      ImGui::TextColored(kWarningText, "%s: click point %zu of %d on the surface; Esc ends |",
-                         is_angle ? "angle" : "distance", interaction.picked.size() + 1,
-                         is_angle ? 3 : 2);
+      if (session.state().measurements.size() < kMostMeasurements)
+        ImGui::TextColored(kWarningText, "%s: click point %zu of %d on the surface; Esc ends |",
+                           is_angle ? "angle" : "distance", interaction.picked.size() + 1,
+                           is_angle ? 3 : 2);
+      else
+        ImGui::TextColored(kWarningText, "a view has at most %zu measurements; remove one |",
+                           kMostMeasurements);
       ImGui::SameLine();
     }
     ImGui::TextUnformatted(status.doing.c_str());
@@ -173,9 +177,10 @@ void StatusPanel::sessionLine(ViewSession& session, const PanelFacts& facts, flo
     }
   }
   const std::string right = hover_.empty() ? "H: keys" : hover_;
-  ImGui::SameLine(std::max(
-      ImGui::GetCursorPosX(),
-      ImGui::GetIO().DisplaySize.x - ImGui::CalcTextSize(right.c_str()).x - 12.0f * scale));
+  const float end = ImGui::GetItemRectMax().x, margin = 12.0f * scale;
+  const float at = ImGui::GetIO().DisplaySize.x - ImGui::CalcTextSize(right.c_str()).x - margin;
+  if (at < end + margin) return;  // the left part needs the room
+  ImGui::SameLine(at);
   ImGui::TextUnformatted(right.c_str());
 }
 

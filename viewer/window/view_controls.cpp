@@ -66,10 +66,14 @@ void focus(ViewSession& session) {
   if (!state.focus.everywhere)
     sliderOf("radius", state.focus.radius, 4.0, most, "%.0f voxels", ImGuiSliderFlags_Logarithmic);
   const std::array<const char*, 3> names{"x", "y", "z"};
+  ImGui::BeginDisabled(state.focus.follow_view);
   for (int axis = 0; axis < 3; ++axis)
     sliderOf(names[static_cast<std::size_t>(axis)], state.focus.center[axis], 0.0,
              static_cast<double>(session.volume().voxels[axis] - 1), "%.0f");
+  ImGui::EndDisabled();
+  ImGui::BeginDisabled(state.focus.everywhere);
   ImGui::Checkbox("sphere", &state.focus.show_sphere);
+  ImGui::EndDisabled();
   explain("Draws the sphere (S).");
   ImGui::SameLine();
   ImGui::Checkbox("follow the view", &state.focus.follow_view);
@@ -91,7 +95,8 @@ void detail(ViewSession& session) {
   ImGui::TextDisabled("Parts that may be coarser");
   if (optional("where cells are small in the picture", state.view_pixels, 2.0))
     sliderOf("at most", *state.view_pixels, 0.5, 50.0, "%.1f pixels", ImGuiSliderFlags_Logarithmic);
-  if (!session.pyramid().spec().has_curvature) return;
+  // A view may ask for it where there is none, and has to be able to stop.
+  if (!session.pyramid().spec().has_curvature && !state.curvature_tolerance) return;
   if (!optional("where it is flat", state.curvature_tolerance, 0.005)) return;
   // As a radius: flatter than a sphere of so many voxels.
   double radius = std::sqrt(0.5 / std::max(*state.curvature_tolerance, 1e-12));
@@ -180,15 +185,22 @@ Wishes files(ViewState& state, float scale) {
 }  // namespace
 
 Wishes buildControls(ViewSession& session, float scale) {
-  isovalueControls(session, scale);
-  surfaces(session, scale);
-  cutControls(session, scale);
-  appearanceControls(session, scale);
-  slices(session);
-  Wishes wishes = measureControls(session);
-  focus(session);
-  detail(session);
-  addWishes(files(session.state(), scale), wishes);
+  // Controls of two sections may have the same label, and are not the same control.
+  const auto section = [](const char* id, const auto& controls) {
+    ImGui::PushID(id);
+    controls();
+    ImGui::PopID();
+  };
+  Wishes wishes;
+  section("isovalue", [&] { isovalueControls(session, scale); });
+  section("surfaces", [&] { surfaces(session, scale); });
+  section("cut", [&] { cutControls(session, scale); });
+  section("appearance", [&] { appearanceControls(session, scale); });
+  section("slices", [&] { slices(session); });
+  section("measure", [&] { addWishes(measureControls(session), wishes); });
+  section("focus", [&] { focus(session); });
+  section("detail", [&] { detail(session); });
+  section("files", [&] { addWishes(files(session.state(), scale), wishes); });
   return wishes;
 }
 

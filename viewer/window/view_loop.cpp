@@ -137,7 +137,10 @@ class ViewLoop {
       resized.kind = InputEvent::Kind::kResize;
       session()->apply(inScene(resized), last_frame_, false);
     }
-    if (interaction.drag == Interaction::Drag::kNone)
+    // The panel came or went under the cursor, which has not moved.
+    const double shift = std::exchange(left_, now.left) - now.left;
+    session()->interaction().pressed_at.x += shift;
+    if (interaction.drag == Interaction::Drag::kNone || shift != 0.0)
       session()->interaction().cursor = cursor_ - glm::dvec2(now.left, 0.0);
   }
 
@@ -540,6 +543,7 @@ class ViewLoop {
   std::optional<SavedView> first_view_;
   std::deque<InputEvent> events_;
   int width_ = 0, height_ = 0;                // of the window
+  int left_ = 0;                              // of the scene's area in it
   glm::dvec2 cursor_{0.0};                    // in it
   std::optional<ScriptRecording> recording_;  // from the first size on
   double begin_ = 0.0, last_frame_ = 0.0, awake_until_ = 0.0;

@@ -109,6 +109,22 @@ TEST(DrawNotesTest, TheLegendHasTheColoursOfTheSurfaces) {
   EXPECT_EQ(image.alpha[image.offsetOf(700, 700) / 3], 0.25f);  // nothing is there
 }
 
+// Whatever its size is: no ground shines through.
+TEST(DrawNotesTest, TheRampHidesItsGround) {
+  PictureNotes notes;
+  notes.legend = true;
+  notes.meaning.ramp = {{0.0, 1.0}};
+  for (const int size : {96, 500, 719, 1024}) {
+    Image image = pictureOf(size, size, 0.0f);
+    image.alpha.assign(image.rgb.size() / 3, 0.0f);
+    drawNotes(notes, PlacedCamera{}, 1.0, image);
+    const double m = std::max(6.0, size / 36.0);
+    const int y = static_cast<int>(m + 0.4 * m);
+    for (int x = static_cast<int>(m) + 2; x < static_cast<int>(9.5 * m); ++x)
+      ASSERT_EQ(image.alpha[image.offsetOf(x, y) / 3], 1.0f) << size << " " << x;
+  }
+}
+
 // A view file may say anything.
 TEST(DrawNotesTest, MarksFarAwayEndAtThePicture) {
   Image image = pictureOf(200, 200, 0.0f);

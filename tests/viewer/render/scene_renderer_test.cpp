@@ -303,6 +303,19 @@ TEST_F(SceneRendererTest, TranslucentSlicesAreSeenThrough) {
   frame_.slices[0].opacity = 0.5;
   frame_.chunks = {renderer_->upload(squareAt(2.0, 1.0, 0))};
   EXPECT_TRUE(isRed(seen(32, 32)));
+  // An opaque slice behind a translucent surface shines through it.
+  frame_.surfaces[0].opacity = 0.2;
+  frame_.chunks = {renderer_->upload(squareAt(-2.0, 1.0, 0))};
+  frame_.slices = {far};
+  EXPECT_GT(seen(32, 32).g, 0.7f);
+  // A translucent one has no depth: neither it nor what it stands before is measured wrong.
+  frame_.slices[0].opacity = 0.0;
+  frame_.chunks = {renderer_->upload(squareAt(2.0, 1.0, 0))};
+  frame_.surfaces[0].opacity = 1.0;
+  frame_.normals = true;
+  const glm::vec3 normal = seen(32, 32);
+  EXPECT_NEAR(normal.y, -1.0f, 0.01f);
+  EXPECT_NEAR(*renderer_->distanceAt({32.0, 32.0}), 12.0, 1e-3);
 }
 
 TEST_F(SceneRendererTest, SegmentsAreHiddenByWhatIsInFrontOfThem) {

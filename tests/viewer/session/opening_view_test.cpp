@@ -95,7 +95,41 @@ TEST_F(OpeningViewTest, TheUsersCameraAndFocusStay) {
   see(32.0);
   EXPECT_EQ(state_, users);
   EXPECT_TRUE(opening_.isOver());
-  EXPECT_EQ(opening_.home(volume_, 1.5), first);
+  EXPECT_EQ(opening_.view(), first);
+}
+
+// A preview, which is never whole, says nothing of the time that the volume takes.
+TEST_F(OpeningViewTest, APreviewChoosesNoFocus) {
+  sight_.is_preview = true;
+  sight_.waited = 100.0;
+  sight_.extraction_seconds = 1.0;
+  see(16.0);
+  see(16.0);
+  EXPECT_TRUE(state_.focus.everywhere);
+  OpeningView whole(state_);
+  whole.follow(opening_);
+  sight_.is_preview = false;
+  whole.update(sight_, volume_, 1.5, state_);
+  EXPECT_FALSE(state_.focus.everywhere);
+  // What the user chose in it stays.
+  state_ = whole.view();
+  OpeningView users(state_);
+  sight_.is_preview = true;
+  state_.focus.radius = 3.0;
+  users.update(sight_, volume_, 1.5, state_);
+  OpeningView after(state_);
+  after.follow(users);
+  sight_.is_preview = false;
+  after.update(sight_, volume_, 1.5, state_);
+  EXPECT_EQ(state_.focus.radius, 3.0);
+}
+
+TEST_F(OpeningViewTest, WithoutASurfaceItIsOver) {
+  sight_.box.reset();
+  sight_.is_whole = true;
+  opening_.update(sight_, volume_, 1.5, state_);
+  EXPECT_TRUE(opening_.isOver());
+  EXPECT_TRUE(state_.focus.everywhere);
 }
 
 }  // namespace

@@ -197,6 +197,59 @@ TEST_F(ViewSessionTest, DistancesToAPlaneNeedNoExtraction) {
   EXPECT_FALSE(renderer_.frame().value_window || renderer_.frame().value_plane);
 }
 
+// And the steps go on with the volume that follows it.
+TEST_F(ViewSessionTest, APreviewHasItsUndo) {
+  session_ = std::make_unique<ViewSession>(
+      pyramid_, renderer_, SessionOptions{2, std::uint64_t{1} << 30, PreviewOf{2, Index3(119)}});
+  InputEvent resize;
+  resize.kind = Kind::kResize;
+  resize.x = 200;
+  resize.y = 100;
+  session_->apply(resize, 0.0, false);
+  const auto key = [&](Key pressed, bool control) {
+    InputEvent event;
+    event.kind = Kind::kKeyPress;
+    event.key = pressed;
+    event.control = control;
+    session_->apply(event, clock_, false);
+    for (int i = 0; i < 4; ++i) frame(0.3);
+  };
+  settle();
+  key(Key::kX, false);
+  key(Key::kB, false);
+  ASSERT_EQ(session_->state().clip_planes.size(), 1u);
+  key(Key::kZ, true);
+  EXPECT_EQ(session_->state().clip_planes.size(), 1u);  // the box alone is undone
+  EXPECT_FALSE(session_->state().show_box);
+  const auto preview = std::move(session_);
+  open(std::uint64_t{1} << 30);
+  session_->follow(*preview);
+  settle();
+  const ViewCamera camera = session_->state().camera;
+  key(Key::kZ, true);
+  EXPECT_TRUE(session_->state().clip_planes.empty());
+  EXPECT_EQ(session_->state().camera, camera);  // the volume's framing is no step
+}
+
+// Home frames the surface, if another view came first.
+TEST_F(ViewSessionTest, HomeAfterASavedViewIsTheViewOfTheVolume) {
+  settle();
+  const ViewState first = session_->state();
+  open(std::uint64_t{1} << 30);
+  ViewState saved = first;
+  saved.camera = orbited(saved.camera, 70.0, 10.0);
+  saved.wireframe = true;
+  session_->show(saved);
+  settle();
+  EXPECT_EQ(session_->state(), saved);
+  InputEvent home;
+  home.kind = Kind::kKeyPress;
+  home.key = Key::kHome;
+  session_->apply(home, clock_, false);
+  settle();
+  EXPECT_EQ(session_->state(), first);
+}
+
 TEST_F(ViewSessionTest, TurningTheCameraAsksForNothing) {
   settle();
   const std::uint64_t passes = session_->status().passes, uploaded = renderer_.uploadedBytes();

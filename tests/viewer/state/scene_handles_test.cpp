@@ -13,6 +13,26 @@ namespace {
 
 using Kind = InputEvent::Kind;
 
+// A line that passes the eye is cut at it, and goes the right way in the picture.
+TEST(PixelPathTest, LinesEndInFrontOfTheEye) {
+  PlacedCamera camera;  // at the origin, along +y
+  camera.half_width = camera.half_height = 0.5;
+  const glm::dvec2 picture(100.0, 100.0);
+  const PixelPath path = pathOf(camera, picture, {{0.0, 10.0, 0.0}, {1.0, -10.0, 0.0}});
+  ASSERT_EQ(path.points.size(), 1u);
+  EXPECT_EQ(path.points[0], glm::dvec2(50.0, 50.0));
+  ASSERT_EQ(path.lines.size(), 1u);
+  EXPECT_EQ(path.lines[0][0], glm::dvec2(50.0, 50.0));
+  EXPECT_GT(path.lines[0][1].x, 1000.0);  // far to the right
+  EXPECT_EQ(path.lines[0][1].y, 50.0);
+  // Both behind it: nothing.
+  const PixelPath behind = pathOf(camera, picture, {{0.0, -1.0, 0.0}, {1.0, -10.0, 0.0}});
+  EXPECT_TRUE(behind.points.empty());
+  EXPECT_TRUE(behind.lines.empty());
+  camera.orthographic = true;
+  EXPECT_EQ(pathOf(camera, picture, {{0.0, -1.0, 0.0}, {1.0, -10.0, 0.0}}).lines.size(), 1u);
+}
+
 class SceneHandlesTest : public ::testing::TestWithParam<bool> {
  protected:
   SceneHandlesTest() {

@@ -7,6 +7,8 @@
 #include <cmath>
 #include <string>
 
+#include "isobrick/viewer/offscreen_renderer.h"
+
 namespace isobrick {
 namespace {
 
@@ -45,6 +47,10 @@ TEST_P(PanelStyleTest, TextCanBeReadOnAllThatItStandsOn) {
     EXPECT_GE(contrast(colors[ImGuiCol_Text], colors[grab]), 4.5);
   for (const ImVec4& text : {kWarningText, kErrorText, colors[ImGuiCol_TextDisabled]})
     EXPECT_GE(contrast(text, colors[ImGuiCol_WindowBg]), 4.5);
+  for (int level = 0; level < 8; ++level) {
+    const glm::vec3 bar = kLevelBarShade * levelColor(level);
+    EXPECT_GE(contrast(colors[ImGuiCol_Text], {bar.r, bar.g, bar.b, 1.0f}), 4.5) << level;
+  }
   // What is ticked is seen (1.4.11).
   EXPECT_GE(contrast(colors[ImGuiCol_CheckMark], colors[ImGuiCol_FrameBg]), 3.0);
 }

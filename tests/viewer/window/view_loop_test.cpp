@@ -94,5 +94,28 @@ TEST_F(ViewLoopTest, APictureThatALossInterruptsIsWrittenAfterIt) {
   EXPECT_EQ(file("large.png"), whole);
 }
 
+// The panel goes away under a cursor that holds the scene.
+TEST_F(ViewLoopTest, TabInADragMovesNothing) {
+  run(R"({"resize": [900, 600]}, {"wait": "settled"}, {"press": "left"}, {"move": [600, 300]},
+      {"press": "left"}, {"move": [610, 300]}, {"state": "before.json"}, {"key": "TAB"},
+      {"move": [611, 300]}, {"release": "left"}, {"state": "after.json"})");
+  const auto azimuth = [&](const char* name) {
+    return nlohmann::json::parse(file(name))["camera"]["azimuth"].get<double>();
+  };
+  EXPECT_NEAR(azimuth("after.json"), azimuth("before.json"), 1.0);
+  EXPECT_NE(azimuth("after.json"), azimuth("before.json"));
+}
+
+// Without a surface there is nothing to wait for, and undo works.
+TEST_F(ViewLoopTest, AVolumeOfOneValueOpens) {
+  options_.path = test::buildField(
+      folder_, Index3(20), [](const glm::dvec3&) { return 7.0; }, {}, {}, "constant.isb");
+  run(R"({"wait": "settled"}, {"key": "X"}, {"wait": 0.6}, {"key": "Y"}, {"wait": 0.6},
+      {"key": "Z", "control": true}, {"state": "undone.json"},
+      {"key": "Z", "control": true, "shift": true}, {"state": "redone.json"})");
+  EXPECT_EQ(nlohmann::json::parse(file("undone.json"))["clip_planes"].size(), 1u);
+  EXPECT_EQ(nlohmann::json::parse(file("redone.json"))["clip_planes"].size(), 2u);
+}
+
 }  // namespace
 }  // namespace isobrick
