@@ -185,6 +185,7 @@ Wishes buildControls(ViewSession& session, float scale) {
   cutControls(session, scale);
   appearanceControls(session, scale);
   slices(session);
+  pieceControls(session, scale);
   Wishes wishes = measureControls(session);
   focus(session);
   detail(session);
