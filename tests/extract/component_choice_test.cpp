@@ -34,10 +34,10 @@ class ComponentChoiceTest : public ::testing::Test {
         build, geometry_));
   }
 
-  // A point of the ball's surface at isovalue 0.
-  ComponentSeed seed(int ball) const {
-    const double radius = 0.5 * kRadii[ball];
-    const glm::dvec3 at = kCenters[ball] + kRadii[ball] * glm::normalize(glm::dvec3(1, 2, -2));
+  // A point of the ball's surface.
+  ComponentSeed seed(int ball, double isovalue = 0) const {
+    const double voxels = kRadii[ball] - isovalue, radius = 0.5 * voxels;
+    const glm::dvec3 at = kCenters[ball] + voxels * glm::normalize(glm::dvec3(1, 2, -2));
     return {geometry_.indexToWorld(at), 4 * std::numbers::pi * radius * radius};
   }
   // The balls that the choice leaves of the query's surface, and the lost seeds.
@@ -92,8 +92,8 @@ TEST_F(ComponentChoiceTest, HoldsForOtherLevelsAndIsovalues) {
       Query query;
       query.isovalue = isovalue;
       if (detail == 1) query.uniform_level = 1;
-      if (detail == 2) query.focus = FocusSphere{kCenters[0], 5};
-      if (detail == 3) query.focus = FocusSphere{kCenters[2], 8};
+      if (detail == 2) query.focus = FocusSphere{glm::dvec3(50), 34};
+      if (detail == 3) query.focus = FocusSphere{{25, 55, 25}, 40};
       EXPECT_EQ(ballsOf(query, {{seed(0)}, {}, 0}, 0), (Balls{0}));
       EXPECT_EQ(ballsOf(query, {{}, {seed(1)}, 0}, 0), (Balls{0, 2}));
     }
@@ -101,10 +101,10 @@ TEST_F(ComponentChoiceTest, HoldsForOtherLevelsAndIsovalues) {
 
 TEST_F(ComponentChoiceTest, APieceThatIsNotThereHasNoEffect) {
   Query query;
-  query.isovalue = 8;  // the smallest ball is gone
-  EXPECT_EQ(ballsOf(query, {{seed(2)}, {}, 0}, 1), (Balls{0, 1}));
-  EXPECT_EQ(ballsOf(query, {{seed(2), seed(1)}, {}, 0}, 1), (Balls{1}));
-  EXPECT_EQ(ballsOf(query, {{}, {seed(2)}, 0}, 1), (Balls{0, 1}));
+  query.isovalue = 7.5;  // the smallest ball is gone
+  EXPECT_EQ(ballsOf(query, {{seed(2, 5)}, {}, 0}, 1), (Balls{0, 1}));
+  EXPECT_EQ(ballsOf(query, {{seed(2, 5), seed(1, 5)}, {}, 0}, 1), (Balls{1}));
+  EXPECT_EQ(ballsOf(query, {{}, {seed(2, 5)}, 0}, 1), (Balls{0, 1}));
   // Joined to a much larger one: what is hidden was small.
   query.isovalue = 0;
   ComponentSeed speck = seed(0);
