@@ -67,7 +67,9 @@ void selectedPieceRow(ViewSession& session) {
                      piece->volume ? text("encloses %.5g", *piece->volume).c_str() : "open",
                      extent.x, extent.y, extent.z, piece->center.x, piece->center.y,
                      piece->center.z);
-  explain("Enclosed volume, extent along x, y and z, centre of the surface, in world units.");
+  explain(
+      "Enclosed volume (below 0 for the wall of a hollow), extent along x, y and z, centre of the "
+      "surface, in world units.");
   if (ImGui::Button("only this")) session.keepSelectedPiece();
   explain("Shows this piece alone; meshes have it alone, too (Enter, while picking).");
   ImGui::SameLine();
@@ -95,18 +97,20 @@ void pieceRows(ViewSession& session, float scale) {
   ImGui::TextWrapped("%s", title.c_str());
   selectedPieceRow(session);
   if (listed.pieces.empty()) return;
+  const bool is_mm = session.pyramid().spec().geometry.unit == LengthUnit::kMillimetre;
+  const char* const unit = is_mm ? " mm\u00b2" : "";
   const std::size_t rows = std::min(listed.pieces.size(), kMostRows);
   ImGui::BeginChild("pieces", {0.0f, 150.0f * scale}, true);
   for (std::size_t i = 0; i < rows; ++i) {
     const SurfaceComponent& piece = listed.pieces[i];
     const bool is_selected = pieces.selected() == i;
-    const std::string row = text("%zu   area %.5g   triangles %llu##%zu", i + 1, piece.area,
+    const std::string row = text("%zu   %.5g%s   %llu triangles##%zu", i + 1, piece.area, unit,
                                  static_cast<unsigned long long>(piece.triangles), i);
     if (ImGui::Selectable(row.c_str(), is_selected)) {
       pieces.select(i);
       frame(session, piece);
     }
-    explain("Click to frame it.");
+    explain("Its area and triangles. Click to frame it.");
   }
   if (rows < listed.pieces.size())
     ImGui::TextDisabled("and %zu smaller ones", listed.pieces.size() - rows);
