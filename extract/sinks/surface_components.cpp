@@ -1,15 +1,18 @@
 #include "isobrick/extract/sinks/surface_components.h"
 
 #include <algorithm>
+#include <cmath>
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
 #include <limits>
 #include <mutex>
 #include <numeric>
+#include <utility>
 
 #include "isobrick/extract/sinks/batch_components.h"
 #include "isobrick/extract/sinks/disjoint_sets.h"
 #include "isobrick/extract/sinks/edge_vertex_map.h"
+#include "isobrick/extract/sinks/nearest_parts.h"
 #include "isobrick/storage/error.h"
 
 namespace isobrick {
@@ -22,12 +25,16 @@ struct ComponentPart {
   double volume = 0;  // of the cone from the volume's centre over its triangles
   glm::dvec3 lower{std::numeric_limits<double>::infinity()};
   glm::dvec3 upper{-std::numeric_limits<double>::infinity()};
+  glm::dvec3 moment{0.0};  // of the area, about the world's origin of the placement
+  glm::dvec3 point{0.0};   // its first vertex
   bool has_border = false;
 
   void add(const ComponentPart& other) {
     triangles += other.triangles;
     area += other.area;
+    if (triangles == other.triangles) point = other.point;
     volume += other.volume;
+    moment += other.moment;
     lower = glm::min(lower, other.lower);
     upper = glm::max(upper, other.upper);
     has_border = has_border || other.has_border;
@@ -54,9 +61,11 @@ struct ComponentFinder::Joined {
   std::vector<ComponentPart> parts;
   std::vector<std::uint32_t> parents;  // of parts
   SharedVertexMap shared;              // with the parts that they were first met in
+  std::optional<NearestParts> nearest;
 };
 
-ComponentFinder::ComponentFinder(const Query& query) : has_box_(query.box.has_value()) {}
+ComponentFinder::ComponentFinder(const Query& query, ComponentPoints points)
+    : has_box_(query.box.has_value()), points_(std::move(points)) {}
 ComponentFinder::~ComponentFinder() = default;
 
 void ComponentFinder::begin(const MeshFrame& frame) {
@@ -66,6 +75,11 @@ void ComponentFinder::begin(const MeshFrame& frame) {
   geometry.origin = glm::dvec3(0.0);
   placement_ = WorldPlacement(geometry);
   joined_ = std::make_unique<Joined>();
+  std::vector<glm::dvec3> points = points_.points;
+  for (glm::dvec3& point : points) point -= frame.geometry.origin;
+  const glm::dvec3& spacing = geometry.spacing;
+  joined_->nearest.emplace(std::move(points), points_.reach,
+                           std::max({spacing.x, spacing.y, spacing.z}));
   components_ = {};
 }
 
@@ -117,9 +131,13 @@ void ComponentFinder::write(PlacedBatch& placed) {
     const glm::dvec3 across = glm::cross(b - a, c - a);
     ComponentPart& part = parts[placed.numbers[batch.triangles[i]]];
     ++part.triangles;
-    part.area += glm::length(across) / 2;
+    const double area = glm::length(across) / 2;
+    if (part.triangles == 1) part.point = a;
+    part.area += area;
+    part.moment += area / 3 * (a + b + c);
     part.volume += glm::dot(a, across) / 6;
   }
+  joined_->nearest->add(batch, placed.world, placed.numbers, placed.first_vertex);
   const std::lock_guard lock(joined_->mutex);
   std::ranges::copy(parts,
                     joined_->parts.begin() + static_cast<std::ptrdiff_t>(placed.first_vertex));
@@ -151,13 +169,37 @@ void ComponentFinder::finish() {
     if (!sum.has_border && !has_box_) listed.volume = sum.volume;
     listed.lower = sum.lower + frame_.geometry.origin;
     listed.upper = sum.upper + frame_.geometry.origin;
+    listed.center = (sum.area > 0 ? sum.moment / sum.area : sum.point) + frame_.geometry.origin;
+    listed.point = sum.point + frame_.geometry.origin;
     components_.list_.push_back(listed);
   }
   for (std::uint32_t& of : component) of = places[of];
+  for (const NearestParts::Nearest& near : joined_->nearest->nearest())
+    components_.at_points_.push_back(std::isfinite(near.squared_distance)
+                                         ? std::optional<std::size_t>(component[near.part])
+                                         : std::nullopt);
   components_.of_part_ = std::move(component);
   std::ranges::sort(components_.batches_, {}, &SurfaceComponents::Batch::key);
   joined_.reset();
 }
+
+namespace {
+
+std::vector<std::uint8_t> firstOnes(std::size_t all, std::size_t count) {
+  std::vector<std::uint8_t> result(all, 0);
+  std::fill_n(result.begin(), std::min(all, count), std::uint8_t{1});
+  return result;
+}
+
+}  // namespace
+
+ComponentFilter::ComponentFilter(const SurfaceComponents& components, std::size_t count,
+                                 TriangleSink& sink)
+    : ComponentFilter(components, firstOnes(components.list().size(), count), sink) {}
+
+ComponentFilter::ComponentFilter(const SurfaceComponents& components,
+                                 std::vector<std::uint8_t> is_kept, TriangleSink& sink)
+    : components_(components), is_kept_(std::move(is_kept)), sink_(sink) {}
 
 void ComponentFilter::prepare(PlacedBatch& placed) {
   const auto& batches = components_.batches_;
@@ -168,7 +210,7 @@ void ComponentFilter::prepare(PlacedBatch& placed) {
         "the surface has pieces that were not there when they were listed; extract it again");
   std::vector<std::uint8_t> is_kept(labelComponents(placed.batch, placed.numbers));
   for (std::size_t i = 0; i < is_kept.size(); ++i)
-    is_kept[i] = components_.of_part_.at(found->first + i) < count_;
+    is_kept[i] = is_kept_.at(components_.of_part_.at(found->first + i));
   keepComponents(placed.batch, placed.numbers, is_kept);
   if (!placed.batch.triangles.empty()) sink_.prepare(placed);
 }

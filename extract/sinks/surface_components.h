@@ -3,8 +3,10 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "isobrick/extract/query.h"
@@ -21,6 +23,18 @@ struct SurfaceComponent {
   std::optional<double> volume;
   glm::dvec3 lower{0.0};  // of the least box around it, world units
   glm::dvec3 upper{0.0};  // likewise
+  // The centre of gravity of the surface, as a thin shell; world units.
+  glm::dvec3 center{0.0};
+  // A vertex of it, the first one that the extraction meets; world units.
+  glm::dvec3 point{0.0};
+};
+
+// Points whose components are wanted.
+struct ComponentPoints {
+  std::vector<glm::dvec3> points;  // world units
+  // A surface further away from a point is not meant: in longest edges of the cells that it is
+  // made of there.
+  double reach = std::numeric_limits<double>::infinity();
 };
 
 // The components of the surface of one query.
@@ -30,6 +44,9 @@ class SurfaceComponents {
   const std::vector<SurfaceComponent>& list() const { return list_; }
   // How many of the list have at least this area.
   std::size_t countFrom(double area) const;
+  // For every point that the finder was given, the component that is nearest to it, as its place in
+  // the list; none: there is none within reach.
+  const std::vector<std::optional<std::size_t>>& atPoints() const { return at_points_; }
 
  private:
   friend class ComponentFinder;
@@ -42,14 +59,15 @@ class SurfaceComponents {
   std::vector<SurfaceComponent> list_;
   std::vector<Batch> batches_;          // ascending in `key`
   std::vector<std::uint32_t> of_part_;  // of a component of a batch: the place in the list
+  std::vector<std::optional<std::size_t>> at_points_;
 };
 
 // First pass: a sink that finds the components of the surface that it receives. Its memory grows
 // with the number of components in bricks, 100 bytes each. The result depends on the query alone.
 class ComponentFinder : public TriangleSink {
  public:
-  // `query`: the one that is extracted.
-  explicit ComponentFinder(const Query& query);
+  // `query`: the one that is extracted; `points`: whose components are looked for.
+  explicit ComponentFinder(const Query& query, ComponentPoints points = {});
   ~ComponentFinder() override;
 
   void begin(const MeshFrame& frame) override;
@@ -64,19 +82,22 @@ class ComponentFinder : public TriangleSink {
  private:
   struct Joined;
   bool has_box_;
+  ComponentPoints points_;
   MeshFrame frame_;
   WorldPlacement placement_;
   std::unique_ptr<Joined> joined_;
   SurfaceComponents components_;
 };
 
-// Second pass: a sink that passes on the first `count` components of the list, of the same query.
-// The mesh is closed where the whole surface is. `components` and `sink` outlive it.
+// Second pass: a sink that passes on some components of the list, of the same query. The mesh is
+// closed where the whole surface is. `components` and `sink` outlive it.
 class ComponentFilter : public TriangleSink {
  public:
-  // Reads `components` during the extraction, and gives batches to `sink`.
-  ComponentFilter(const SurfaceComponents& components, std::size_t count, TriangleSink& sink)
-      : components_(components), count_(count), sink_(sink) {}
+  // Reads `components` during the extraction, and gives batches of its first `count` to `sink`.
+  ComponentFilter(const SurfaceComponents& components, std::size_t count, TriangleSink& sink);
+  // The same for those for which `is_kept` is not 0, an entry for each of the list.
+  ComponentFilter(const SurfaceComponents& components, std::vector<std::uint8_t> is_kept,
+                  TriangleSink& sink);
 
   void begin(const MeshFrame& frame) override { sink_.begin(frame); }
   void prepare(PlacedBatch& placed) override;
@@ -86,7 +107,7 @@ class ComponentFilter : public TriangleSink {
 
  private:
   const SurfaceComponents& components_;
-  const std::size_t count_;
+  const std::vector<std::uint8_t> is_kept_;
   TriangleSink& sink_;
 };
 

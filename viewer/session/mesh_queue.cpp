@@ -17,7 +17,12 @@ std::string writeMeshFile(const MeshOrder& order, int threads, const CancelFlag&
   tbb::task_arena arena(threads);
   arena.execute([&] {
     const auto sink = makeMeshFileSink(order.path, {.cancel = &cancel});
-    extractIsosurface(*order.pyramid, query, *sink);
+    if (order.pieces.isAll()) {
+      extractIsosurface(*order.pyramid, query, *sink);
+    } else {
+      Extractor extractor(*order.pyramid);
+      extractChosen(extractor, query, order.pieces, *sink);
+    }
   });
   return order.path;
 }

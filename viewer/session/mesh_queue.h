@@ -8,6 +8,7 @@
 #include <string>
 
 #include "isobrick/extract/query.h"
+#include "isobrick/extract/sinks/component_choice.h"
 #include "isobrick/storage/pyramid.h"
 #include "isobrick/viewer/stream/latest_worker.h"
 
@@ -17,6 +18,7 @@ struct MeshOrder {
   std::shared_ptr<const Pyramid> pyramid;  // shared until its mesh is written
   Query query;
   std::string path;
+  ComponentChoice pieces = {};  // of the surface that go into the mesh
 };
 
 // An order depends on nothing that the user does later: not on another order, another volume or the

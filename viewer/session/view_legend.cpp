@@ -35,6 +35,8 @@ PictureNotes notesOf(const ViewState& state, const std::vector<LevelCounts>& lev
   notes.unit = unit;
   for (const ViewMeasurement& measurement : state.measurements)
     notes.marks.push_back({measurement.points, measurementText(measurement, unit)});
+  for (const ViewPieceMeasure& piece : state.piece_measures)
+    notes.marks.push_back({{piece.point}, pieceText(piece, unit)});
   if (state.coloring == ViewColoring::kLevel) {
     for (const LevelCounts& level : levels)
       notes.meaning.patches.push_back(

@@ -84,7 +84,8 @@ ViewSession::ViewSession(std::shared_ptr<const Pyramid> pyramid, ValueHistogram 
       opening_(state_),
       surfaces_(std::in_place, renderer, options.gpu_budget_bytes),
       stream_(pyramid_, options.threads),
-      planes_(pyramid_, preview_of_ ? static_cast<double>(preview_of_->step) : 1.0) {
+      planes_(pyramid_, preview_of_ ? static_cast<double>(preview_of_->step) : 1.0),
+      pieces_(pyramid_, options.threads) {
   volume_.isovalues = histogram_.isovalues;
   state_.surfaces[0].isovalue =
       volume_.isovalues.empty() ? volume_.least_value : volume_.isovalues.front();
@@ -155,6 +156,10 @@ void ViewSession::grantView(const Wishes& wishes) {
     if (const auto point = surfaceAt(*wishes.focus_at)) focusOn(*point, volume_, state_);
   if (wishes.measure_at)
     if (const auto point = surfaceAt(*wishes.measure_at)) measureAt(*point, interaction_, state_);
+  if (wishes.piece_at)
+    if (const auto point = surfaceAt(*wishes.piece_at)) listPieces(point);
+  if (wishes.keep_piece) keepSelectedPiece();
+  if (wishes.hide_piece) hideSelectedPiece();
   if (wishes.first_view) {
     if (!opening_.hasFramed()) opening_.restart();  // another view came first
     state_ = opening_.view();
@@ -176,6 +181,7 @@ void ViewSession::update(double seconds, UploadAllowance& allowance) {
   // The past extractions decide the size of the next request.
   takeNews(surfaces_->pump([&] { return nextMessage(); }, clockSeconds, allowance));
   updateOpening();
+  pieces_.update();
   const bool is_held = interaction_.drag != Interaction::Drag::kNone || interaction_.flying;
   history_.note(state_, is_held, seconds);
   requestSurfaces(seconds);
@@ -267,7 +273,7 @@ StreamPass ViewSession::passOf(double radius) const {
     if (isShown(s, radius))
       pass.kept.push_back({number, surfaces_->contentOf(number)});
     else
-      pass.queries.push_back({number, currentQuery(s, radius)});
+      pass.queries.push_back({number, currentQuery(s, radius), state_.surfaces[s].pieces});
   }
   return pass;
 }
@@ -482,7 +488,8 @@ Image ViewSession::picture(const glm::dvec2& size, int times, bool layers) {
 }
 
 bool ViewSession::settled() const {
-  return isFine() && (preview_of_ || opening_.isOver() || !(interaction_.size.y > 0.0));
+  return isFine() && !pieces_.busy() &&
+         (preview_of_ || opening_.isOver() || !(interaction_.size.y > 0.0));
 }
 
 bool ViewSession::isFine() const {
@@ -523,6 +530,10 @@ SessionStatus ViewSession::status() const {
                          ? "GPU budget reached: showing radius " + whole(status.shown_radius) +
                                " of " + whole(status.wanted_radius)
                          : "GPU budget reached: not even the coarsest surface fits";
+  if (const std::size_t lost = lostPieces(); lost > 0 && status.limited.empty())
+    status.limited = std::to_string(lost) +
+                     (lost == 1 ? " chosen piece is" : " chosen pieces are") +
+                     " not there at this isovalue";
   for (const std::string* error : {&surfaces_->error(), &planes_.error()})
     if (!error->empty()) status.error = *error;
   return status;
@@ -552,7 +563,8 @@ std::optional<glm::dvec3> ViewSession::surfaceUnderCursor() {
 MeshOrder ViewSession::meshOrder(const std::string& path) const {
   Query query = currentQuery(static_cast<std::size_t>(state_.active_surface), radiusAtRest());
   if (state_.mesh_distance) query.simplify = SimplifyOptions{*state_.mesh_distance};
-  return {pyramid_, query, path};
+  return {pyramid_, query, path,
+          state_.surfaces[static_cast<std::size_t>(state_.active_surface)].pieces};
 }
 
 void ViewSession::writeShownMesh(const std::string& path) const {

@@ -12,6 +12,7 @@
 #include "isobrick/viewer/render/scene_renderer.h"
 #include "isobrick/viewer/session/mesh_queue.h"
 #include "isobrick/viewer/session/opening_view.h"
+#include "isobrick/viewer/session/piece_list.h"
 #include "isobrick/viewer/session/plane_set.h"
 #include "isobrick/viewer/session/scene_of_view.h"
 #include "isobrick/viewer/session/surface_wait.h"
@@ -134,6 +135,20 @@ class ViewSession {
   // For the surfaces that the last update() began to show.
   const std::vector<SurfaceWait>& waits() const { return waits_; }
 
+  // The pieces of the active surface, for a list; the user's choice of them is in the state.
+  PieceList& pieces() { return pieces_; }
+  const PieceList& pieces() const { return pieces_; }
+  // Lists them as they are now. With a point, the piece there is selected when the list is there.
+  void listPieces(const std::optional<glm::dvec3>& point);
+  // False: the list is of another isovalue than the active surface has now.
+  bool piecesAreCurrent() const;
+  // Of the active surface only the selected piece stays, or this one is hidden too. No effect
+  // without a piece.
+  void keepSelectedPiece();
+  void hideSelectedPiece();
+  // Its measures go into the state, if there is room.
+  void measureSelectedPiece();
+
   // The surface under a pixel of the frame drawn last; none if there is background.
   std::optional<glm::dvec3> surfaceAt(const glm::dvec2& pixel);
   // The same under the cursor, for the line at the foot, if the view is at rest. Reading depth back
@@ -161,6 +176,7 @@ class ViewSession {
   };
   void grantView(const Wishes& wishes);
   void updateOpening();
+  std::size_t lostPieces() const;
   std::optional<WorldBox> shownBox() const;
   SceneFrame sceneNow(int width, int height) const;
   double radiusAtRest() const;
@@ -236,6 +252,7 @@ class ViewSession {
   // Last: their threads use the above.
   SurfaceStream stream_;
   PlaneSet planes_;
+  PieceList pieces_;
 };
 
 }  // namespace isobrick

@@ -110,7 +110,8 @@ void release(const InputEvent& event, Interaction& interaction, ViewState& state
     state.camera = alongAxis(state.camera, *interaction.pressed_face);
   else if (is_click && drag == Interaction::Drag::kTurn &&
            interaction.tool != Interaction::Tool::kNone)
-    wishes.measure_at = interaction.cursor;
+    (interaction.tool == Interaction::Tool::kPiece ? wishes.piece_at : wishes.measure_at) =
+        interaction.cursor;
   interaction.pressed_face.reset();
 }
 
@@ -228,6 +229,15 @@ void plainKey(const InputEvent& event, const ViewVolume& volume, Interaction& in
     case Key::kA:
       switchTool(Interaction::Tool::kAngle, interaction);
       break;
+    case Key::kK:
+      switchTool(Interaction::Tool::kPiece, interaction);
+      break;
+    case Key::kEnter:
+      wishes.keep_piece = interaction.tool == Interaction::Tool::kPiece;
+      break;
+    case Key::kDelete:
+      wishes.hide_piece = interaction.tool == Interaction::Tool::kPiece;
+      break;
     case Key::kBackspace:
       if (!interaction.picked.empty())
         interaction.picked.pop_back();
@@ -343,8 +353,11 @@ void addWishes(const Wishes& more, Wishes& wishes) {
   const auto join = [](bool one, bool& other) { other = other || one; };
   if (more.focus_at) wishes.focus_at = more.focus_at;
   if (more.measure_at) wishes.measure_at = more.measure_at;
+  if (more.piece_at) wishes.piece_at = more.piece_at;
   if (more.open) wishes.open = more.open;
   if (more.answer) wishes.answer = more.answer;
+  join(more.keep_piece, wishes.keep_piece);
+  join(more.hide_piece, wishes.hide_piece);
   join(more.frame_surfaces, wishes.frame_surfaces);
   join(more.first_view, wishes.first_view);
   join(more.undo, wishes.undo);
@@ -378,7 +391,8 @@ void chooseTool(Interaction::Tool tool, Interaction& interaction) {
 }
 
 void measureAt(const glm::dvec3& world, Interaction& interaction, ViewState& state) {
-  if (interaction.tool == Interaction::Tool::kNone) return;
+  if (interaction.tool == Interaction::Tool::kNone || interaction.tool == Interaction::Tool::kPiece)
+    return;
   if (state.measurements.size() >= kMostMeasurements) return;  // the foot line says so
   interaction.picked.push_back(world);
   const std::size_t wanted = interaction.tool == Interaction::Tool::kAngle ? 3 : 2;

@@ -19,7 +19,7 @@ inline constexpr double kMostScale = 2.5;
 // State that lasts from event to event, and belongs to no saved view.
 struct Interaction {
   enum class Drag { kNone, kTurn, kPan, kZoom, kHandle, kPanel };
-  enum class Tool { kNone, kDistance, kAngle };
+  enum class Tool { kNone, kDistance, kAngle, kPiece };
 
   glm::dvec2 size{1.0, 1.0};  // of the picture, pixels; 0 while there is none
   glm::dvec2 cursor{0.0};     // pixels
@@ -49,6 +49,9 @@ struct Interaction {
 struct Wishes {
   std::optional<glm::dvec2> focus_at;    // the surface under this pixel becomes focus and pivot
   std::optional<glm::dvec2> measure_at;  // the surface under this pixel is the tool's next point
+  std::optional<glm::dvec2> piece_at;    // the piece of the surface under this pixel is picked
+  bool keep_piece = false;               // of the active surface only the picked piece
+  bool hide_piece = false;               // the picked piece goes
   bool frame_surfaces = false;           // all that is shown of them
   bool first_view = false;               // the one that the volume was opened with
   bool undo = false;
@@ -128,6 +131,7 @@ inline constexpr KeyHelp kKeyHelp[] = {
     {"V", "the focus follows the view, or stays"},
     {"G", "fly: W A S D E Q; the mouse looks around; Esc or G ends it"},
     {"D, A", "measure a distance, an angle: click on the surface; Esc ends it"},
+    {"K", "pick a piece: click on the surface; Enter keeps only that one, Delete hides it"},
     {"Backspace", "takes the last point, or measurement, back"},
     {"W", "wireframe"},
     {"C", "colour by level"},

@@ -50,6 +50,7 @@ ViewState bounded(const ViewState& state, const ViewVolume& volume) {
     if (volume.has_all_values)
       surface.isovalue = std::clamp(surface.isovalue, volume.least_value, volume.greatest_value);
     surface.opacity = std::clamp(surface.opacity, 0.0, 1.0);
+    surface.pieces = bounded(surface.pieces);
   }
   if (result.focus.follow_view)
     result.focus.center = volume.geometry.worldToIndex(result.camera.pivot);
@@ -71,6 +72,8 @@ ViewState bounded(const ViewState& state, const ViewVolume& volume) {
     position = std::clamp(position, 0.0, last[axis]);
   }
   if (result.measurements.size() > kMostMeasurements) result.measurements.resize(kMostMeasurements);
+  if (result.piece_measures.size() > kMostPieceMeasures)
+    result.piece_measures.resize(kMostPieceMeasures);
   const double size = glm::length(volume.box().upper - volume.box().lower);
   result.camera.distance = std::clamp(result.camera.distance, 1e-5 * size, 100.0 * size);
   result.camera.vertical_fov = std::clamp(result.camera.vertical_fov, 1.0, 150.0);
@@ -119,7 +122,8 @@ bool asksForTheSameDetail(const ViewState& a, const ViewState& b) {
 
 bool asksForTheSameSurface(const ViewState& a, const ViewState& b, std::size_t surface) {
   return surface < a.surfaces.size() && surface < b.surfaces.size() &&
-         a.surfaces[surface].isovalue == b.surfaces[surface].isovalue && asksForTheSameDetail(a, b);
+         a.surfaces[surface].isovalue == b.surfaces[surface].isovalue &&
+         a.surfaces[surface].pieces == b.surfaces[surface].pieces && asksForTheSameDetail(a, b);
 }
 
 bool asksForTheSame(const ViewState& a, const ViewState& b) {
@@ -127,7 +131,8 @@ bool asksForTheSame(const ViewState& a, const ViewState& b) {
          a.focus.everywhere == b.focus.everywhere &&
          std::equal(a.surfaces.begin(), a.surfaces.end(), b.surfaces.begin(), b.surfaces.end(),
                     [](const ViewSurface& s, const ViewSurface& t) {
-                      return s.isovalue == t.isovalue && s.visible == t.visible;
+                      return s.isovalue == t.isovalue && s.visible == t.visible &&
+                             s.pieces == t.pieces;
                     });
 }
 

@@ -12,6 +12,7 @@
 #include "isobrick/viewer/color_map.h"
 #include "isobrick/viewer/state/measurement.h"
 #include "isobrick/viewer/state/view_camera.h"
+#include "isobrick/viewer/state/view_pieces.h"
 
 namespace isobrick {
 
@@ -21,6 +22,7 @@ struct ViewSurface {
   glm::vec3 color{0.90f, 0.86f, 0.79f};
   double opacity = 1.0;  // 0 .. 1
   bool visible = true;
+  ComponentChoice pieces = {};  // that are shown of it
 
   bool operator==(const ViewSurface&) const = default;
 };
@@ -107,7 +109,8 @@ struct ViewState {
   ViewLighting lighting = ViewLighting::kThreeLights;
   bool ambient_occlusion = false;  // surfaces shade each other, by their depths in the picture
   ViewPictures pictures;
-  std::vector<ViewMeasurement> measurements;  // at most kMostMeasurements, shown in the scene
+  std::vector<ViewMeasurement> measurements;     // at most kMostMeasurements, shown in the scene
+  std::vector<ViewPieceMeasure> piece_measures;  // at most kMostPieceMeasures
   // Mesh files are simplified within this distance, voxels (SimplifyOptions::distance).
   std::optional<double> mesh_distance;
   bool wireframe = false;

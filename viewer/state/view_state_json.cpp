@@ -37,7 +37,10 @@ void visitFields(std::string_view names, F&& f, Values&... values) {
   }
 
 ISOBRICK_FIELDS(ViewCamera, pivot, distance, azimuth, elevation, vertical_fov, orthographic)
-ISOBRICK_FIELDS(ViewSurface, isovalue, color, opacity, visible)
+ISOBRICK_FIELDS(ComponentSeed, point, area)
+ISOBRICK_FIELDS(ComponentChoice, keep, hide, least_area)
+ISOBRICK_FIELDS(ViewPieceMeasure, isovalue, level, area, volume, lower, upper, center, point)
+ISOBRICK_FIELDS(ViewSurface, isovalue, color, opacity, visible, pieces)
 ISOBRICK_FIELDS(ViewFocus, center, radius, everywhere, show_sphere, follow_view)
 ISOBRICK_FIELDS(ViewClipPlane, normal, offset, enabled, cap)
 ISOBRICK_FIELDS(ViewSlice, shown, position)
@@ -48,8 +51,8 @@ ISOBRICK_FIELDS(ViewMeasurement, points)
 ISOBRICK_FIELDS(ViewState, camera, surfaces, active_surface, focus, curvature_tolerance,
                 view_pixels, clip_planes, slices, slice_opacity, slice_threshold, value_window,
                 coloring, values, lighting, ambient_occlusion, pictures, measurements,
-                mesh_distance, wireframe, show_transitions, show_box, show_handles, background_top,
-                background_bottom)
+                piece_measures, mesh_distance, wireframe, show_transitions, show_box, show_handles,
+                background_top, background_bottom)
 
 constexpr std::array<std::string_view, 5> namesOf(ViewColoring) {
   return {"plain", "level", "gradient", "other", "plane_distance"};
@@ -200,6 +203,9 @@ void checkRanges(const ViewState& state) {
     refuse("mesh_distance", "is not above 0");
   if (state.pictures.times < 1 || state.pictures.times > kMostPictureTimes)
     refuse("pictures.times", "is not from 1 to " + std::to_string(kMostPictureTimes));
+  for (const ViewSurface& surface : state.surfaces)
+    if (bounded(surface.pieces) != surface.pieces)
+      refuse("surfaces", "has one with pieces of an area below 0");
   for (const ViewMeasurement& measurement : state.measurements)
     if (measurement.points.size() != 2 && measurement.points.size() != 3)
       refuse("measurements", "has one that has neither 2 nor 3 points");

@@ -12,15 +12,6 @@
 #include "isobrick/viewer/stream/latest_worker.h"
 
 namespace isobrick {
-namespace {
-
-// A pass has more triangles than its attempt may.
-struct TooMany {
-  std::uint64_t triangles = 0;
-};
-
-}  // namespace
-
 SurfaceStream::SurfaceStream(std::shared_ptr<const Pyramid> pyramid, int threads,
                              double patience_seconds)
     : pyramid_(std::move(pyramid)),
@@ -233,7 +224,7 @@ SurfaceStream::Outcome SurfaceStream::run(const Job& job, const Attempt& attempt
     outcome = extract(job, attempt, end);
     end.kind = StreamMessage::Kind::kPassDone;
   } catch (const Cancelled&) {
-  } catch (const TooMany& too_many) {
+  } catch (const TooManyTriangles& too_many) {
     outcome = Outcome::kTooMany;
     end.too_many = true;
     end.triangles_made = too_many.triangles;
@@ -268,7 +259,8 @@ SurfaceStream::Outcome SurfaceStream::extract(const Job& job, const Attempt& att
   std::mutex made_mutex;
   const auto take = [&](SurfaceChunk&& chunk) {
     triangles += chunk.triangles.size() / 3;
-    if (attempt.most_triangles > 0 && triangles > attempt.most_triangles) throw TooMany{triangles};
+    if (attempt.most_triangles > 0 && triangles > attempt.most_triangles)
+      throw TooManyTriangles{triangles};
     if (chunk.key) {
       const std::lock_guard lock(made_mutex);
       made_[*chunk.key] = {chunk.cells, chunk.triangles.size() / 3};
@@ -311,32 +303,46 @@ void SurfaceStream::extractSurface(const StreamPass::SurfaceQuery& surface, cons
                                    const std::function<void(SurfaceChunk&&)>& take,
                                    StreamMessage& end) {
   const ChunkKey key{surface.surface, surface.query.isovalue, values_number_, 0, {}};
-  ChunkSink sink(key, values_.get(),
-                 [&](std::size_t, SurfaceChunk&& chunk) { take(std::move(chunk)); });
+  const bool has_all = surface.pieces.isAll();
+  ChunkSink sink(key, values_.get(), [&](std::size_t, SurfaceChunk&& chunk) {
+    // Which pieces are kept depends on all bricks.
+    if (!has_all) chunk.key.reset();
+    take(std::move(chunk));
+  });
   Query query = surface.query;
   query.cancel = cancel_.get();
   query.is_progressive = attempt.at_once;
   std::vector<LevelCounts> levels(static_cast<std::size_t>(pyramid_->lattice().levels()));
-  query.has_brick = [&](int level, const Index3& brick) {
-    ChunkKey of_brick = key;
-    of_brick.level = level;
-    of_brick.brick = {brick.x, brick.y, brick.z};
-    const auto known = done_.find(of_brick);
-    if (known == done_.end()) return false;
-    made_.insert(*known);
-    end.reused.push_back(of_brick);
-    levels[static_cast<std::size_t>(level)].cells += known->second.cells;
-    levels[static_cast<std::size_t>(level)].triangles += known->second.triangles;
-    return true;
-  };
-  const ExtractionReport report = extractor_.extract(query, sink);
+  if (has_all)
+    query.has_brick = [&](int level, const Index3& brick) {
+      ChunkKey of_brick = key;
+      of_brick.level = level;
+      of_brick.brick = {brick.x, brick.y, brick.z};
+      const auto known = done_.find(of_brick);
+      if (known == done_.end()) return false;
+      made_.insert(*known);
+      end.reused.push_back(of_brick);
+      levels[static_cast<std::size_t>(level)].cells += known->second.cells;
+      levels[static_cast<std::size_t>(level)].triangles += known->second.triangles;
+      return true;
+    };
+  std::size_t lost = 0;
+  ExtractionReport report;
+  if (has_all) {
+    report = extractor_.extract(query, sink);
+  } else {
+    ChosenExtraction chosen =
+        extractChosen(extractor_, query, surface.pieces, sink, attempt.most_triangles);
+    report = std::move(chosen.report);
+    lost = chosen.lost;
+  }
   for (const LevelCounts& made : report.levels) {
     LevelCounts& counts = levels[static_cast<std::size_t>(made.level)];
     counts.cells += made.cells;
     counts.triangles += made.triangles;
     counts.transition_cells += made.transition_cells;
   }
-  StreamedSurface streamed{surface.surface, 0, {}};
+  StreamedSurface streamed{surface.surface, 0, {}, lost};
   for (std::size_t level = 0; level < levels.size(); ++level) {
     levels[level].level = static_cast<int>(level);
     streamed.triangles += levels[level].triangles;

@@ -16,6 +16,7 @@
 
 #include "isobrick/extract/extractor.h"
 #include "isobrick/extract/query.h"
+#include "isobrick/extract/sinks/component_choice.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid.h"
 #include "isobrick/viewer/stream/chunk_sink.h"
@@ -35,6 +36,7 @@ struct StreamPass {
   struct SurfaceQuery {
     int surface = 0;  // its number in the scene
     Query query;
+    ComponentChoice pieces = {};  // of the surface; the others are left out
   };
   double radius = 0.0;  // of the queries
   std::vector<SurfaceQuery> queries;
@@ -46,6 +48,7 @@ struct StreamedSurface {
   int surface = 0;
   std::uint64_t triangles = 0;
   std::vector<LevelCounts> levels;
+  std::size_t lost_pieces = 0;  // chosen ones that are not there (ChosenComponents)
 };
 
 // The values that vertices carry beside their normals.

@@ -36,7 +36,21 @@ Wishes measureControls(ViewSession& session) {
   }
   if (removed)
     state.measurements.erase(state.measurements.begin() + static_cast<std::ptrdiff_t>(*removed));
-  if (!state.measurements.empty()) {
+  std::optional<std::size_t> removed_piece;
+  for (std::size_t i = 0; i < state.piece_measures.size(); ++i) {
+    ImGui::PushID(static_cast<int>(state.measurements.size() + i));
+    if (ImGui::Button("x")) removed_piece = i;
+    explain("Removes this measurement.");
+    ImGui::SameLine();
+    ImGui::AlignTextToFramePadding();
+    ImGui::Text("%zu   %s", state.measurements.size() + i + 1,
+                pieceText(state.piece_measures[i], unit).c_str());
+    ImGui::PopID();
+  }
+  if (removed_piece)
+    state.piece_measures.erase(state.piece_measures.begin() +
+                               static_cast<std::ptrdiff_t>(*removed_piece));
+  if (!state.measurements.empty() || !state.piece_measures.empty()) {
     wishes.export_measurements = ImGui::Button("write CSV");
     explain("All of them as a table, with the points in world units.");
   }

@@ -14,7 +14,10 @@ void cutControls(ViewSession& session, float scale);
 // Colours, light and what else is drawn.
 void appearanceControls(ViewSession& session, float scale);
 
-// Distances and angles.
+// The pieces of the active surface, and which of them are shown.
+void pieceControls(ViewSession& session, float scale);
+
+// Distances, angles and measured pieces.
 Wishes measureControls(ViewSession& session);
 
 }  // namespace isobrick

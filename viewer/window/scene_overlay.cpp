@@ -139,7 +139,32 @@ void measurements(const ViewSession& session, float scale, const Place& place) {
   const LengthUnit unit = session.pyramid().spec().geometry.unit;
   for (const ViewMeasurement& measurement : session.state().measurements)
     draw(measurement.points, measurementText(measurement, unit), std::nullopt);
-  draw(interaction.picked, "", interaction.cursor);
+  for (const ViewPieceMeasure& piece : session.state().piece_measures)
+    draw({piece.point}, pieceText(piece, unit), std::nullopt);
+  if (interaction.tool != Interaction::Tool::kPiece)
+    draw(interaction.picked, "", interaction.cursor);
+}
+
+// The box of the piece that is selected.
+void selectedPiece(const ViewSession& session, float scale, const Place& place) {
+  const SurfaceComponent* const piece = session.pieces().selectedPiece();
+  if (piece == nullptr) return;
+  const Interaction& interaction = session.interaction();
+  const PlacedCamera camera = placeCamera(session.state().camera, interaction.aspect());
+  const auto corner = [&](int i) {
+    return pixelOf(camera, interaction.size,
+                   {(i & 1) != 0 ? piece->upper.x : piece->lower.x,
+                    (i & 2) != 0 ? piece->upper.y : piece->lower.y,
+                    (i & 4) != 0 ? piece->upper.z : piece->lower.z});
+  };
+  ImDrawList& list = *ImGui::GetBackgroundDrawList();
+  for (int from = 0; from < 8; ++from)
+    for (int axis = 0; axis < 3; ++axis) {
+      const int to = from | 1 << axis;
+      if (to == from) continue;
+      const auto a = corner(from), b = corner(to);
+      if (a && b) list.AddLine(place(*a), place(*b), IM_COL32(255, 214, 102, 255), 1.5f * scale);
+    }
 }
 
 void help(ViewSession& session, float scale) {
@@ -169,6 +194,7 @@ void buildOverlay(ViewSession& session, float scale, bool hovers, const SceneAre
   list.PushClipRect(place.corner, {place.corner.x + place.size.x, place.corner.y + place.size.y});
   scaleBar(session, scale, place);
   axisCube(session, hovers, place);
+  selectedPiece(session, scale, place);
   measurements(session, scale, place);
   if (session.interaction().drag != Interaction::Drag::kPanel)
     handles(session, scale, hovers, place);

@@ -143,7 +143,14 @@ void StatusPanel::sessionLine(ViewSession& session, const PanelFacts& facts, flo
     ImGui::TextColored(kErrorText, "%s", failure.c_str());
   } else {
     const Interaction& interaction = session.interaction();
-    if (interaction.tool != Interaction::Tool::kNone) {
+    if (interaction.tool == Interaction::Tool::kPiece) {
+      ImGui::TextColored(kWarningText, "%s",
+                         session.pieces().busy() ? "pieces: looking for it |"
+                         : session.pieces().selectedPiece() == nullptr
+                             ? "pieces: click one on the surface; Esc ends |"
+                             : "pieces: Enter keeps only this one, Delete hides it; Esc ends |");
+      ImGui::SameLine();
+    } else if (interaction.tool != Interaction::Tool::kNone) {
       const bool is_angle = interaction.tool == Interaction::Tool::kAngle;
       if (session.state().measurements.size() < kMostMeasurements)
         ImGui::TextColored(kWarningText, "%s: click point %zu of %d on the surface; Esc ends |",

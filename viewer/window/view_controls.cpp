@@ -197,6 +197,7 @@ Wishes buildControls(ViewSession& session, float scale) {
   section("cut", [&] { cutControls(session, scale); });
   section("appearance", [&] { appearanceControls(session, scale); });
   section("slices", [&] { slices(session); });
+  section("pieces", [&] { pieceControls(session, scale); });
   section("measure", [&] { addWishes(measureControls(session), wishes); });
   section("focus", [&] { focus(session); });
   section("detail", [&] { detail(session); });

@@ -463,8 +463,10 @@ class ViewLoop {
   }
 
   void writeMeasurements(const std::string& path) {
+    const LengthUnit unit = session()->pyramid().spec().geometry.unit;
     const std::string csv =
-        measurementsCsv(state().measurements, session()->pyramid().spec().geometry.unit);
+        measurementsCsv(state().measurements, unit) +
+        pieceMeasuresCsv(state().piece_measures, state().measurements.size() + 1, unit);
     AtomicFile file(path);
     file.write(csv.data(), csv.size());
     file.commit();

@@ -34,6 +34,9 @@ ViewState fullState() {
   state.lighting = ViewLighting::kHeadlight;
   state.ambient_occlusion = true;
   state.pictures = {true, 3, true, true, true};
+  for (ViewSurface& surface : state.surfaces)
+    surface.pieces = {{{{1.0, 2.0, 3.0}, 4.0}}, {{{5.0, 6.0, 7.0}, 8.0}}, 9.0};
+  state.piece_measures = {{1.0, 2, 3.0, 4.0, {5, 6, 7}, {8, 9, 10}, {11, 12, 13}, {14, 15, 16}}};
   state.measurements = {{{{1.0, 2.0, 3.0}, {4.0, 5.0, 6.0}}}};
   state.mesh_distance = 0.75;
   state.wireframe = true;
@@ -65,6 +68,9 @@ TEST(ViewStateTest, EveryFieldSurvivesTheWayThroughJson) {
   ViewState plain;
   plain.surfaces.resize(2);
   plain.clip_planes.resize(1);
+  for (ViewSurface& surface : plain.surfaces)
+    surface.pieces.keep = surface.pieces.hide = {ComponentSeed{}};
+  plain.piece_measures.resize(1);
   plain.measurements = {{{glm::dvec3(0.0), glm::dvec3(0.0)}}};
   plain.values.gradient_window = plain.values.other_window = plain.values.plane_window = {0.0, 0.0};
   const nlohmann::json with = flat(full), without = flat(plain);

@@ -1,0 +1,60 @@
+// A choice among the components of a surface that holds for other queries of the same volume too:
+// components are named by points on them.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "isobrick/extract/extractor.h"
+#include "isobrick/extract/query.h"
+#include "isobrick/extract/sinks/surface_components.h"
+
+namespace isobrick {
+
+// A component, as it was when it was chosen.
+struct ComponentSeed {
+  glm::dvec3 point{0.0};  // on it, world units
+  double area = 0.0;      // world units^2
+
+  bool operator==(const ComponentSeed&) const = default;
+};
+
+// Components named in `keep` stay. If there are any, all others go; else those go that are named in
+// `hide` or have less than the least area.
+struct ComponentChoice {
+  std::vector<ComponentSeed> keep, hide;
+  double least_area = 0.0;  // world units^2
+
+  bool isAll() const { return keep.empty() && hide.empty() && !(least_area > 0.0); }
+  bool operator==(const ComponentChoice&) const = default;
+};
+
+// The components that a choice leaves of one query's surface.
+struct ChosenComponents {
+  std::vector<std::uint8_t> is_kept;  // an entry for each of the list, 0 or 1
+  // Seeds without a component: none is within 4 cells, or, of `hide`, the one there has more than 4
+  // times the area, as a piece that is joined to a larger one at this isovalue or level. They have
+  // no effect.
+  std::size_t lost = 0;
+};
+
+// For a ComponentFinder, whose components chosenAmong() needs.
+ComponentPoints pointsOf(const ComponentChoice& choice);
+ChosenComponents chosenAmong(const SurfaceComponents& components, const ComponentChoice& choice);
+
+// The query's surface without the components that the choice leaves out, in two passes over one
+// plan; the memory of the first grows with the number of components in bricks. A progressive query
+// waits for its bricks. `most_triangles`: throws TooManyTriangles if the first pass has more; 0:
+// any number. Throws as Extractor::execute() does.
+struct TooManyTriangles {
+  std::uint64_t triangles = 0;  // so far
+};
+struct ChosenExtraction {
+  ExtractionReport report;
+  std::size_t lost = 0;  // see ChosenComponents
+};
+ChosenExtraction extractChosen(Extractor& extractor, Query query, const ComponentChoice& choice,
+                               TriangleSink& sink, std::uint64_t most_triangles = 0);
+
+}  // namespace isobrick
