@@ -64,16 +64,14 @@ class Drawing:
 def pyramid() -> Drawing:
     d = Drawing(640, 230)
     x = 20.0
-    for level in range(4):
+    for level in range(3):
         cells, side = 16 >> level, 170
         step = side / cells
         for i in range(cells + 1):
             d.line((x, 20 + i * step), (x + side, 20 + i * step), color=LEVELS[level], width=1)
             d.line((x + i * step, 20), (x + i * step, 20 + side), color=LEVELS[level], width=1)
         d.text(x + side / 2, 210, f"level {level}: spacing {1 << level}")
-        x += 155 if level == 3 else side + 10
-        if level == 2:
-            break
+        x += side + 10
     d.text(596, 110, "… down to", 13)
     d.text(596, 128, "2 × 2 × 2", 13)
     return d
@@ -100,7 +98,7 @@ def low_pass() -> Drawing:
 
 
 def bricks() -> Drawing:
-    d = Drawing(640, 260)
+    d = Drawing(640, 290)
     step = 11
     for by in range(2):
         for bx in range(3):
@@ -123,7 +121,7 @@ def bricks() -> Drawing:
 
 def ranges() -> Drawing:
     d = Drawing(640, 230)
-    values = [(10, 40), (30, 90), (80, 140), (20, 35), (15, 60), (110, 180), (130, 160), (5, 30)]
+    values = [(10, 40), (30, 90), (80, 140), (60, 130), (15, 60), (110, 180), (130, 160), (5, 30)]
     iso, base, scale = 100.0, 195.0, 0.85
     for i, (low, high) in enumerate(values):
         x = 60 + i * 62
@@ -211,15 +209,16 @@ def hanging() -> Drawing:
     d.text(400, 60, "The hollow sample hangs: it is a corner", anchor="start", size=13)
     d.text(400, 78, "of fine cells alone. Both sides use the", anchor="start")
     d.text(400, 96, "mean of the coarse edge's two ends.", anchor="start")
-    d.text(x0 + 160, 225, "fine cells                         a coarse cell", color=SOFT)
+    d.text(x0 + 80, 215, "fine cells", color=SOFT)
+    d.text(x0 + 240, 215, "a coarse cell", color=SOFT)
     return d
 
 
 def fan() -> Drawing:
-    d = Drawing(640, 330)
+    d = Drawing(640, 320)
 
     def at(x: float, y: float, z: float) -> Point:
-        return 70 + 210 * x + 100 * y, 270 - 190 * z - 55 * y
+        return 20 + 190 * x + 170 * y, 300 - 170 * z - 105 * y
 
     corners = [(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)]
     for a in corners:
@@ -229,7 +228,7 @@ def fan() -> Drawing:
     for t in (0.5,):  # the face beside the finer cells
         d.line(at(1, t, 0), at(1, t, 1), color=LEVELS[0])
         d.line(at(1, 0, t), at(1, 1, t), color=LEVELS[0])
-    loop = [at(0, 0, 0.42), at(1, 0, 0.62), at(1, 0.32, 0.5), at(1, 0.5, 0.66), at(1, 0.78, 0.5), at(1, 1, 0.4), at(0, 1, 0.55)]
+    loop = [at(0, 0, 0.3), at(1, 0, 0.62), at(1, 0.3, 0.5), at(1, 0.5, 0.72), at(1, 0.72, 0.5), at(1, 1, 0.25), at(0, 1, 0.5)]
     center = (sum(p[0] for p in loop) / len(loop), sum(p[1] for p in loop) / len(loop))
     for a, b in zip(loop, loop[1:] + loop[:1]):
         d.polygon([a, b, center], SURFACE, SURFACE, 0.25)
@@ -237,16 +236,16 @@ def fan() -> Drawing:
     for p in loop:
         d.dot(*p, 4, SURFACE)
     d.dot(*center, 5, INK)
-    d.text(420, 90, "A coarse cell whose right face", anchor="start")
-    d.text(420, 108, "touches four finer ones.", anchor="start")
-    d.text(420, 140, "There its loop takes the fine", anchor="start")
-    d.text(420, 158, "side's line; the loop becomes a", anchor="start")
-    d.text(420, 176, "fan around its centre.", anchor="start")
+    d.text(410, 90, "A coarse cell whose right face", anchor="start")
+    d.text(410, 108, "touches four finer ones.", anchor="start")
+    d.text(410, 140, "There its loop takes the fine", anchor="start")
+    d.text(410, 158, "side's line; the loop becomes a", anchor="start")
+    d.text(410, 176, "fan around its centre.", anchor="start")
     return d
 
 
 def paging() -> Drawing:
-    d = Drawing(720, 230)
+    d = Drawing(720, 250)
     d.label(10, 60, 110, 80, "file", "or URL", fill="#dfe8ea")
     d.label(190, 20, 140, 60, "mapped bricks,", "used in place")
     d.label(190, 125, 140, 60, "packed bricks,", "unpacked once")
@@ -260,8 +259,8 @@ def paging() -> Drawing:
     d.box(178, 8, 164, 190, color=SURFACE, width=2)
     d.text(260, 218, "--memory bounds this", color=SURFACE)
     d.text(563, 88, "in order", 12)
-    d.line((465, 142), (465, 205), (66, 205), (66, 144), arrow=True, width=1, dash="5 4")
-    d.text(400, 200, "asks ahead of use", 12, color=SOFT)
+    d.line((465, 142), (465, 235), (66, 235), (66, 144), arrow=True, width=1, dash="5 4")
+    d.text(400, 228, "asks ahead of use", 12, color=SOFT)
     return d
 
 
