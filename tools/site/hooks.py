@@ -55,7 +55,9 @@ def options_page() -> str:
         inputs = "".join(f" {o['positional']}" for o in command["options"] if o["positional"])
         lines += ["", f"```text\nisobrick {command['name']} [OPTIONS]{inputs}\n```"]
         groups: dict[str, list[str]] = {}
-        for option in command["options"]:
+        for option in sorted(command["options"], key=lambda option: not option["positional"]):
+            if "--help" in option["names"]:
+                continue
             names = ", ".join(f"`{name}`" for name in option["names"]) or f"`{option['positional']}`"
             value = f" {text(option['value'])}" if option["value"] else ""
             group = "Arguments" if option["positional"] else option["group"]
