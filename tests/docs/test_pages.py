@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import subprocess
 import sys
 from pathlib import Path
 
@@ -30,6 +31,15 @@ def environment(folder: Path) -> dict[str, str]:
 @pytest.mark.parametrize("page", TUTORIALS + HOW_TO, ids=lambda page: f"{page.parent.name}-{page.stem}")
 def test_page(page: Path, tmp_path: Path) -> None:
     assert run_page(page, tmp_path, environment(tmp_path)) > 0
+
+
+def test_the_readme(tmp_path: Path) -> None:
+    """Its tour goes through the folder that the quickstart leaves; it is short."""
+    readme = DOCS.parent / "README.md"
+    for words in (("phantom", "head", "--voxels", "256", "-o", "head.nrrd"), ("build", "head.nrrd")):
+        subprocess.run([EXECUTABLE, *words], cwd=tmp_path, check=True, capture_output=True)
+    assert run_page(readme, tmp_path, environment(tmp_path)) >= 6
+    assert len(readme.read_text().split()) <= 900
 
 
 def test_there_are_tutorials() -> None:
