@@ -22,7 +22,9 @@ if ! cmp -s tools/site/requirements.txt $venv/made-of; then
   cp tools/site/requirements.txt $venv/made-of
 fi
 mkdir -p build/site
-ISOBRICK=$(realpath "$isobrick") NO_MKDOCS_2_WARNING=1 $venv/bin/mkdocs build --strict --quiet --site-dir "$out"
+# Not --quiet: it hides warnings from --strict, too.
+ISOBRICK=$(realpath "$isobrick") NO_MKDOCS_2_WARNING=1 $venv/bin/mkdocs build --strict --site-dir "$out" \
+  >build/site/mkdocs.log 2>&1 || { cat build/site/mkdocs.log; exit 1; }
 cmake -D OUT=build/site/reference -P docs/reference.cmake >build/site/reference.log || { cat build/site/reference.log; exit 1; }
 cp -r build/site/reference/html "$out/cpp"
 $venv/bin/python tools/site/check_links.py "$out"

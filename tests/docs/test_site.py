@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -33,6 +34,24 @@ def test_the_site_is_built_without_a_warning(site: Path) -> None:
     assert "--simplify" in (site / "reference" / "options.html").read_text()
     assert "isobrick.Pyramid.extract" in (site / "reference" / "python.html").read_text()
     assert (site / "cpp" / "index.html").exists()
+
+
+def test_a_warning_fails(site: Path, tmp_path: Path) -> None:
+    for folder in ("docs", "tools/site", "python/isobrick"):
+        shutil.copytree(ROOT / folder, tmp_path / folder)
+    for file in ("mkdocs.yml", "tools/site.sh", "CONTRIBUTING.md", "CHANGELOG.md"):
+        shutil.copy(ROOT / file, tmp_path / file)
+    (tmp_path / "build/site").mkdir(parents=True)
+    (tmp_path / "build/site/venv").symlink_to(ROOT / "build/site/venv")
+    with open(tmp_path / "docs/GLOSSARY.md", "a") as page:
+        page.write("[a page](GONE.md)\n")
+    done = subprocess.run(
+        [tmp_path / "tools/site.sh"],
+        env={**os.environ, "ISOBRICK": str(EXECUTABLE)},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode != 0 and "GONE.md" in done.stdout and "Aborted with 1 warnings" in done.stdout
 
 
 def test_no_page_asks_another_host(site: Path) -> None:
