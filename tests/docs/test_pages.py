@@ -57,3 +57,10 @@ def test_a_page_that_fails_is_noticed(tmp_path: Path) -> None:
     with pytest.raises(AssertionError, match="not printed: 13 triangles"):
         run_page(page, tmp_path, {})
     assert missing_line("b\na", "a\nb") == "a"
+
+
+def test_no_page_is_too_long() -> None:
+    """Two are exact on purpose; the laboratory book of benchmarks gets a page of its own."""
+    may_be_longer = {"ALGORITHM.md", "BENCHMARKS.md", "FORMAT.md"}
+    words = {page: len(page.read_text().split()) for page in DOCS.rglob("*.md") if page.name not in may_be_longer}
+    assert not [f"{page}: {count} words" for page, count in words.items() if count > 2500]
