@@ -3,8 +3,8 @@
 # under AddressSanitizer and UndefinedBehaviorSanitizer. Safe to run again. Or only the presets of
 # CMakePresets.json that are named:
 #   tools/test.sh [release|dev|asan-ubsan|tsan|clang|python]...
-# `python` builds the Python module on the release, in a venv under build/python, and runs its tests;
-# it comes after the release by default.
+# `python` builds the Python module on the release, in a venv under build/python, and runs its tests and those
+# of the documents (tests/docs: all commands of the pages, and the site); it comes after the release by default.
 # With CI=true the presets are those of CI, which take warnings as errors.
 # Further tests run where the real volumes are (../shared/data); ISOBRICK_REQUIRE_DATA=1 makes it a
 # failure that they are not, ISOBRICK_REQUIRE_ALL=1 that anything else is skipped.
