@@ -37,7 +37,8 @@ built() {
     >"$tree.log" 2>&1 || { tail -5 "$tree.log" >&2; fail "${1:0:7} cannot be built; all is in $tree.log"; }
 }
 
-base=$(commitOf "$1") head=$(commitOf "${2:-HEAD}")
+base=$(commitOf "$1")
+head=$(commitOf "${2:-HEAD}")
 if [ -z "${2:-}" ] && ! git diff --quiet HEAD; then
   echo "bench_guard.sh: changes that are not committed are not measured" >&2
 fi
