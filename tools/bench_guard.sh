@@ -24,17 +24,22 @@ fi
 # commitOf NAME: its full hash.
 commitOf() { git rev-parse --verify --quiet "$1^{commit}" || fail "'$1' is no commit of this repository"; }
 
-# built COMMIT: builds its programs, in a worktree of its own. The build folder is the worktree's.
+# built COMMIT: builds its programs, in a worktree of its own that stays ('git worktree remove' takes it away).
 built() {
   local tree=$folder/$1
   if [ ! -e "$tree/.git" ]; then
     git worktree prune
     git worktree add --quiet --detach "$tree" "$1"
   fi
-  # Peers are no part of the comparison, and take minutes to compile.
-  (cd "$tree" && cmake --preset $preset -DISOBRICK_BENCH_PEERS=OFF && cmake --build --preset $preset \
-    --parallel "$(nproc)" --target isobrick isobrick-build isobrick-view isobrick_benchmarks) \
-    >"$tree.log" 2>&1 || { tail -5 "$tree.log" >&2; fail "${1:0:7} cannot be built; all is in $tree.log"; }
+  (
+    cd "$tree"
+    # Without the tree's name in what ccache compares, the second build finds the objects of the first one.
+    export CCACHE_BASEDIR=$tree CCACHE_NOHASHDIR=1
+    # Peers are no part of the comparison, and take minutes to compile.
+    cmake --preset $preset -DISOBRICK_BENCH_PEERS=OFF &&
+      cmake --build --preset $preset --parallel "$(nproc)" \
+        --target isobrick isobrick-build isobrick-view isobrick_benchmarks
+  ) >"$tree.log" 2>&1 || { tail -5 "$tree.log" >&2; fail "${1:0:7} cannot be built; all is in $tree.log"; }
 }
 
 base=$(commitOf "$1")
