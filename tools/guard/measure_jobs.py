@@ -2,7 +2,7 @@
 """Measures the jobs of tools/bench_guard.sh with two builds of isobrick, in turns.
 
     measure_jobs.py BASE_BUILD HEAD_BUILD -o TABLE.json [--work FOLDER] [--rounds N] [--voxels N]
-                    [--names BASE HEAD] [--jobs NAME,...] [--no-instructions]
+                    [--names BASE HEAD] [--jobs NAME ...] [--no-instructions]
 
 Each build works on pyramids that it made itself. TABLE.json has for each job its `seconds` and `peak_bytes`
 (a list for each build, a number for each round), `bytes_read` and `instructions` (a number for each build)."""
@@ -197,14 +197,13 @@ def main():
     parser.add_argument("--rounds", default=7, type=int)
     parser.add_argument("--voxels", default=256, type=int)
     parser.add_argument("--names", nargs=2, default=list(SIDES))
-    parser.add_argument("--jobs", default="", help="only these")
+    parser.add_argument("--jobs", nargs="+", default=[], help="only these")
     parser.add_argument("--no-instructions", action="store_true")
     arguments = parser.parse_args()
     jobs = jobs_of(arguments.voxels)
-    if wanted := [name for name in arguments.jobs.split(",") if name]:
-        if unknown := set(wanted) - {job.name for job in jobs}:
-            sys.exit(f"measure_jobs.py: there is no job '{min(unknown)}'")
-        jobs = [job for job in jobs if job.name in wanted]
+    if unknown := set(arguments.jobs) - {job.name for job in jobs}:
+        sys.exit(f"measure_jobs.py: there is no job '{min(unknown)}'; they are: {'; '.join(job.name for job in jobs)}")
+    jobs = [job for job in jobs if not arguments.jobs or job.name in arguments.jobs]
 
     def both(folder, voxels):
         folder.mkdir(parents=True, exist_ok=True)
