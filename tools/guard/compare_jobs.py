@@ -86,7 +86,7 @@ def text_of(table):
     lines += ["", f"Medians of {table['rounds']} rounds in turns; phantom head, {table['voxels']} voxels per axis; "
               f"load {before:.1f} to {after:.1f}. A change of time is the median of the rounds' ratios."]
     if any(job.get("measured_again") for job in table["jobs"]):
-        lines.append("(*): seemed slower, and was measured again in twice as many rounds; these count.")
+        lines.append("(*): seemed slower, and was measured again, up to three times in twice as many rounds; the last ones count.")
     if table.get("instructions_left_out"):
         lines.append(f"Instructions are not counted: {table['instructions_left_out']}.")
     return "\n".join(lines)
