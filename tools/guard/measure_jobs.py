@@ -14,6 +14,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import compare_jobs
@@ -56,6 +57,10 @@ def remove_built(side):
         file.unlink()
 
 
+class NotComparable(Exception):
+    """Both builds work, and chance did not let them do the same."""
+
+
 # ---- Resume: a build that was killed in the middle, with as many good bricks on both sides ----------------
 
 
@@ -65,13 +70,11 @@ def kill_in_the_middle(side):
     shutil.rmtree(killed, ignore_errors=True)
     killed.mkdir()
     process = subprocess.Popen(list(map(str, side.isobrick("build", side.volume, "-o", killed / "built.isb", "--codec",
-                                                           "none", "--threads", "1", "--progress-lines"))),
-                               stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
-    for line in process.stderr:
-        if (found := re.match(r"progress ([0-9.]+)", line)) and float(found[1]) >= 0.5:
-            process.send_signal(signal.SIGKILL)
-            break
-    process.stderr.read()
+                                                           "none", "--threads", "1"))), stdout=subprocess.DEVNULL)
+    half = side.none.stat().st_size / 2
+    while process.poll() is None and timed_run.bytes_by_calls(process.pid, "wchar") < half:
+        time.sleep(0.001)
+    process.send_signal(signal.SIGKILL)
     process.wait()
 
 
@@ -109,7 +112,7 @@ def prepare_resume(sides):
                 shutil.rmtree(sides[name].folder / "killed")
                 shutil.copytree(tries[name][number], sides[name].folder / "killed")
             return
-    raise timed_run.Failed("no two killed builds had the same number of bricks")
+    raise NotComparable("no two killed builds had the same number of bricks")
 
 
 # ---- The jobs ---------------------------------------------------------------------------------------------
@@ -242,6 +245,8 @@ def main():
                 row = {**measure(job, sides, 2 * arguments.rounds), "measured_again": True}
             if counts and job.counts_instructions:
                 row["instructions"] = {name: instructions(job, small[name]) for name in SIDES}
+        except NotComparable as reason:
+            row["left_out"] = str(reason)
         except (timed_run.Failed, OSError, subprocess.CalledProcessError) as failure:
             row["failure"] = str(failure)
         table["jobs"].append(row)

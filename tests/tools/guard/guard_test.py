@@ -73,6 +73,11 @@ class Comparison(unittest.TestCase):
         self.assertEqual(status, 1)
         self.assertIn("failed: no window", text)
 
+    def test_a_job_that_was_left_out_is_named_and_not_worse(self):
+        status, text = self.compare(job("build"), {"name": "resume", "left_out": "by chance"})
+        self.assertEqual(status, 0, text)
+        self.assertIn("left out: by chance", text)
+
     def test_instructions_may_be_missing(self):
         row = job()
         row["instructions"] = {"base": 5, "head": None}
