@@ -3,23 +3,17 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <glm/common.hpp>
 
 #include "isobrick/viewer/notes/picture_canvas.h"
 #include "isobrick/viewer/state/scene_handles.h"
+#include "isobrick/viewer/state/short_number.h"
 
 namespace isobrick {
 namespace {
 
 constexpr double kTextOfHeight = 1.0 / 36.0;  // of the picture
 constexpr glm::vec3 kWhite{1.0f}, kBlack{0.05f};
-
-std::string numberText(double value) {
-  std::array<char, 32> text{};
-  std::snprintf(text.data(), text.size(), "%.6g", value);
-  return text.data();
-}
 
 // Draws text and marks in white, or in black on a light ground.
 class Notes {
@@ -120,7 +114,7 @@ void legendOf(Notes& notes, const PictureLegend& legend) {
   for (int i = 0; i < steps; ++i)
     notes.canvas().box({left + i, top}, {left + i + 1.0, top + 0.8 * m},
                        valueColor(legend.ramp_colors, (i + 0.5) / static_cast<double>(steps)));
-  const std::string least = numberText((*legend.ramp)[0]), most = numberText((*legend.ramp)[1]);
+  const std::string least = shortNumber((*legend.ramp)[0]), most = shortNumber((*legend.ramp)[1]);
   notes.text({left, top + 1.9 * m}, least);
   notes.text({left + width - notes.canvas().widthOf(most), top + 1.9 * m}, most);
 }
@@ -151,10 +145,10 @@ ScaleBar scaleBarOf(double per_pixel, double most_pixels) {
 }
 
 std::string lengthText(double length, LengthUnit unit) {
-  if (unit != LengthUnit::kMillimetre) return numberText(length);
-  if (length < 0.1) return numberText(1e3 * length) + " \u00b5m";
-  if (length >= 1e4) return numberText(1e-3 * length) + " m";
-  return numberText(length) + " mm";
+  if (unit != LengthUnit::kMillimetre) return shortNumber(length);
+  if (length < 0.1) return shortNumber(1e3 * length) + " \u00b5m";
+  if (length >= 1e4) return shortNumber(1e-3 * length) + " m";
+  return shortNumber(length) + " mm";
 }
 
 void drawNotes(const PictureNotes& notes, const PlacedCamera& camera, double target_distance,

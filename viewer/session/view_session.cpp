@@ -146,8 +146,11 @@ bool ViewSession::hasShown() const {
 }
 
 Wishes ViewSession::apply(const InputEvent& event, double seconds, bool on_panel) {
+  const bool selects = interaction_.tool == Interaction::Tool::kPiece;
   const Wishes wishes = applyEvent(event, seconds, on_panel, volume_, interaction_, state_);
   grantView(wishes);
+  // Esc: its box goes with the tool.
+  if (selects && interaction_.tool == Interaction::Tool::kNone) pieces_.select(std::nullopt);
   return wishes;
 }
 

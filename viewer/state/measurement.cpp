@@ -6,6 +6,8 @@
 #include <glm/geometric.hpp>
 #include <glm/trigonometric.hpp>
 
+#include "isobrick/viewer/state/short_number.h"
+
 namespace isobrick {
 
 double ViewMeasurement::value() const {
@@ -16,11 +18,10 @@ double ViewMeasurement::value() const {
 }
 
 std::string measurementText(const ViewMeasurement& measurement, LengthUnit unit) {
+  if (!measurement.isAngle())
+    return shortNumber(measurement.value()) + (unit == LengthUnit::kMillimetre ? " mm" : "");
   std::array<char, 48> text{};
-  const char* const form = measurement.isAngle()             ? "%.1f\u00b0"
-                           : unit == LengthUnit::kMillimetre ? "%.6g mm"
-                                                             : "%.6g";
-  std::snprintf(text.data(), text.size(), form, measurement.value());
+  std::snprintf(text.data(), text.size(), "%.1f\u00b0", measurement.value());
   return text.data();
 }
 

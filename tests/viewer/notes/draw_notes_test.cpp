@@ -42,6 +42,7 @@ TEST(ScaleBarTest, LengthsHaveTheirUnitIfItIsKnown) {
   EXPECT_EQ(lengthText(0.02, LengthUnit::kMillimetre), "20 \u00b5m");
   EXPECT_EQ(lengthText(20000.0, LengthUnit::kMillimetre), "20 m");
   EXPECT_EQ(lengthText(0.02, LengthUnit::kUnknown), "0.02");
+  EXPECT_EQ(lengthText(20000.0, LengthUnit::kUnknown), "20000");
 }
 
 // The bar on the ground is as long as it says, at the target's distance.

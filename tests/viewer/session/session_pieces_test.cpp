@@ -131,6 +131,10 @@ TEST_F(SessionPiecesTest, ThePickedOneIsKeptOrHidden) {
   settle();
   EXPECT_EQ(shown(), trianglesOf(1));
   EXPECT_TRUE(session_->status().limited.empty());
+  key(Key::kEscape);  // its box goes with the tool
+  EXPECT_EQ(session_->pieces().selectedPiece(), nullptr);
+  key(Key::kK);
+  listAt(kSmall + glm::dvec3(kSmallRadius, 0, 0));
   // The whole choice is one step back.
   InputEvent undo;
   undo.kind = InputEvent::Kind::kKeyPress;

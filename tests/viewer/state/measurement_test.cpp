@@ -29,8 +29,8 @@ TEST(MeasurementTest, DistancesAndAnglesAreThoseOfThePoints) {
 
 TEST(MeasurementTest, TextHasTheUnitIfItIsKnown) {
   const ViewMeasurement distance{{{0, 0, 0}, {0, 0, 12.3456}}};
-  EXPECT_EQ(measurementText(distance, LengthUnit::kMillimetre), "12.3456 mm");
-  EXPECT_EQ(measurementText(distance, LengthUnit::kUnknown), "12.3456");
+  EXPECT_EQ(measurementText(distance, LengthUnit::kMillimetre), "12.35 mm");
+  EXPECT_EQ(measurementText(distance, LengthUnit::kUnknown), "12.35");
   EXPECT_EQ(measurementText({{{1, 0, 0}, {0, 0, 0}, {0, 1, 0}}}, LengthUnit::kUnknown), "90.0°");
 }
 
