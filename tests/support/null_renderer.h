@@ -20,6 +20,8 @@ class NullRenderer : public SceneRenderer {
     std::uint64_t uploaded = 0;  // bytes
   };
 
+  bool is_software = true;
+
   ChunkId reserve(const SurfaceChunk& chunk) override {
     kept_[++last_] = {chunk.bytes(), chunk.triangles.size() / 3, chunk.level, chunk.surface};
     bytes_ += chunk.bytes();
@@ -88,6 +90,7 @@ class NullRenderer : public SceneRenderer {
   }
   Image picture() override { return {}; }
   std::vector<float> distances() override { return {}; }
+  bool isSoftware() const override { return is_software; }
   int greatestSize() const override { return 16384; }
 
   std::optional<double> distance;

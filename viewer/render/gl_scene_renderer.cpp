@@ -119,7 +119,8 @@ struct GlSceneRenderer::View {
 
 GlSceneRenderer::GlSceneRenderer(Uploads uploads) {
   device_name_ = reinterpret_cast<const char*>(glGetString(GL_RENDERER));
-  is_software_ = device_name_.rfind("llvmpipe", 0) == 0;
+  for (const char* rasteriser : {"llvmpipe", "softpipe"})  // also below Vulkan
+    is_software_ = is_software_ || device_name_.find(rasteriser) != std::string::npos;
   GLint renderbuffer_size = 0;
   std::array<GLint, 2> viewport_size{};
   glGetIntegerv(GL_MAX_RENDERBUFFER_SIZE, &renderbuffer_size);

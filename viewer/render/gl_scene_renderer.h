@@ -50,6 +50,7 @@ class GlSceneRenderer : public SceneRenderer {
   // true.
   bool isLost();
 
+  bool isSoftware() const override { return is_software_; }
   int greatestSize() const override { return greatest_size_; }
   // The device that draws, for logs: for instance "llvmpipe (LLVM 15.0.6, 256 bits)".
   const std::string& deviceName() const { return device_name_; }

@@ -48,6 +48,8 @@ class SceneRenderer : public ChunkStore {
   // The distances along the camera's forward axis at each pixel, rows from top to bottom; infinity
   // for background.
   virtual std::vector<float> distances() = 0;
+  // The processor draws: what a card does at no cost takes time.
+  virtual bool isSoftware() const = 0;
   // Greatest width and height of a frame in pixels.
   virtual int greatestSize() const = 0;
 };

@@ -89,6 +89,7 @@ ViewSession::ViewSession(std::shared_ptr<const Pyramid> pyramid, ValueHistogram 
   volume_.isovalues = histogram_.isovalues;
   state_.surfaces[0].isovalue =
       volume_.isovalues.empty() ? volume_.least_value : volume_.isovalues.front();
+  state_.ambient_occlusion = !renderer.isSoftware();
   opening_ = OpeningView(state_);
 }
 

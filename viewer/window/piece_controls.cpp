@@ -76,8 +76,13 @@ void selectedPieceRow(ViewSession& session) {
   if (ImGui::Button("measure")) session.measureSelectedPiece();
   explain("Adds its area and volume to the measures.");
   ImGui::SameLine();
+  const ViewState& state = session.state();
+  const ComponentChoice& choice =
+      state.surfaces[static_cast<std::size_t>(state.active_surface)].pieces;
+  ImGui::BeginDisabled(choice.hide.size() >= kMostSeeds);
   if (ImGui::Button("hide")) session.hideSelectedPiece();
-  explain("Leaves this piece out, of meshes too (Delete, while picking).");
+  ImGui::EndDisabled();
+  explain("Leaves this piece out, of meshes too (Delete, while picking). At most 64 are hidden.");
 }
 
 void frame(ViewSession& session, const SurfaceComponent& piece) {

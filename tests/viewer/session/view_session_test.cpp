@@ -197,6 +197,14 @@ TEST_F(ViewSessionTest, DistancesToAPlaneNeedNoExtraction) {
   EXPECT_FALSE(renderer_.frame().value_window || renderer_.frame().value_plane);
 }
 
+TEST_F(ViewSessionTest, ACardShadesHollowsFromTheFirstPictureOn) {
+  EXPECT_FALSE(session_->state().ambient_occlusion);
+  renderer_.is_software = false;
+  open(std::uint64_t{1} << 30);
+  settle();
+  EXPECT_TRUE(renderer_.frame().ambient_occlusion);
+}
+
 // And the steps go on with the volume that follows it.
 TEST_F(ViewSessionTest, APreviewHasItsUndo) {
   session_ = std::make_unique<ViewSession>(
