@@ -14,7 +14,7 @@ namespace {
 
 static_assert(kMostPackedBytes == BLOSC_MAX_BUFFERSIZE);
 
-// ---- which parameters; docs/BENCHMARKS.md has the figures behind them ----
+// ---- which parameters; docs/lab/size_and_codec.md has the figures behind them ----
 
 struct BloscSetting {
   const char* compressor;
