@@ -25,6 +25,9 @@ import figures
 HERE = os.path.dirname(os.path.abspath(__file__))
 MIB = 1 << 20
 THREADS = 2
+NOT_THERE = "not there"
+# These take a second and more: each process makes one surface that counts, and one before.
+SLOW = ("vtkSynchronizedTemplates3D", "vtkMarchingCubes", "skimage", "PyMCubes")
 
 
 def load_average():
@@ -78,7 +81,7 @@ class Suite:
         self.rounds = 1 if self.quick else 3
         self.isobrick = f"{self.build}/isobrick"
         self.python = f"{options.venv}/bin/python" if options.venv != "none" else None
-        self.loads, self.left_out = [], []
+        self.loads = []
         self.begin = time.monotonic()
         os.makedirs(f"{self.work}/results", exist_ok=True)
         os.makedirs(f"{self.work}/volumes", exist_ok=True)
@@ -140,13 +143,12 @@ class Suite:
     # ---- ways to a surface ---------------------------------------------------------------------------
 
     def bench(self, volume, rows, *more, rounds=1, threads=THREADS):
-        """Rows of `isobrick bench`; one that failed or is not there is left out with a reason."""
-        listed = run(f"{self.build}/bench_peers", "--list", *rows) if os.path.exists(f"{self.build}/bench_peers") else ""
-        there = [row for row in rows if row.startswith(("isobrick", "simplify")) or f'"{row}"' in listed]
-        for row in rows:
-            if row not in there and row not in self.left_out:
-                self.left_out.append(row)
-        return run_json(self.isobrick, "bench", volume["pyramid"], "--iso", volume["isovalue"], "--threads", threads,
+        """Rows of `isobrick bench`; those of peers that were not built have a failure."""
+        peers = f"{self.build}/bench_peers"
+        listed = [words.split()[0] for words in run(peers, "--list", *rows).splitlines()] if os.path.exists(peers) else []
+        there = [row for row in rows if row.startswith(("isobrick", "simplify")) or row in listed]
+        missing = [{"name": row, "failure": NOT_THERE} for row in rows if row not in there]
+        return missing + run_json(self.isobrick, "bench", volume["pyramid"], "--iso", volume["isovalue"], "--threads", threads,
                         "--rounds", rounds, "--rows", ",".join(there), *more, "--json")["rows"]
 
     def python_row(self, row, volume, cache="warm", repeats=3):
@@ -158,7 +160,11 @@ class Suite:
         """All rows in turns, each in a process of its own; medians of the times of all rounds."""
         times, kept = {}, {}
         for _ in range(self.rounds):
-            for row in self.bench(volume, rows, "--no-distances", "--page-cache", cache, threads=threads):
+            quick, slow = ([row for row in rows if (row in SLOW) == is_slow] for is_slow in (False, True))
+            measured = self.bench(volume, quick, "--no-distances", "--page-cache", cache, threads=threads)
+            if slow:
+                measured += self.bench(volume, slow, "--no-distances", "--page-cache", cache, "--repeat", 1, threads=threads)
+            for row in measured:
                 if "seconds" not in row:
                     kept[row["name"]] = {"name": row["name"], "failure": row.get("failure", "failed")}
                     continue
@@ -166,12 +172,15 @@ class Suite:
                 kept[row["name"]] = {"name": row["name"], "triangles": row["triangles"], "first": row["first_seconds"]["median"]
                                      if "first_seconds" in row else None,
                                      "peak_bytes": row["peak_rss_bytes"], "note": row.get("note", "")}
-            for name in python_rows if self.python else []:
+            for name in python_rows:
+                if not self.python:
+                    kept[f"PyPI {name}"] = {"name": f"PyPI {name}", "failure": NOT_THERE}
+                    continue
                 if cache == "cold":
                     drop_from_page_cache(volume["raw"])
                 title = f"PyPI {name}"
                 try:
-                    row = self.python_row(name, volume, cache)
+                    row = self.python_row(name, volume, cache, 1 if name in SLOW else 3)
                 except Failed as failure:
                     kept[title] = {"name": title, "failure": str(failure)}
                     continue
@@ -181,9 +190,9 @@ class Suite:
         return [{**row, **({"seconds": spread(times[name])} if name in times else {})} for name, row in kept.items()]
 
     def extraction(self, volume):
-        rows = self.surface_rows(volume, ["isobrick", "vtkFlyingEdges3D", "vtkSynchronizedTemplates3D", "vtkMarchingCubes",
-                                          "openvdb-0"],
-                                 ["vtkFlyingEdges3D", "vtkMarchingCubes", "skimage", "PyMCubes"])
+        old = ["vtkSynchronizedTemplates3D", "vtkMarchingCubes"] if volume == next(iter(self.all_volumes.values())) else []
+        rows = self.surface_rows(volume, ["isobrick", "vtkFlyingEdges3D", *old, "openvdb-0"],
+                                 ["vtkFlyingEdges3D", *old[1:], "skimage", "PyMCubes"])
         single = self.surface_rows(volume, ["isobrick", "vtkFlyingEdges3D"], [], threads=1)
         return rows + [{**row, "name": f"{row['name']}, one thread"} for row in single]
 
@@ -267,7 +276,7 @@ class Suite:
                  "bytes": reports[name]["bytes"]["total"], "peak_bytes": reports[name]["peak_rss_bytes"]} for name, _ in kinds]
         peers = f"{self.build}/bench_pyramid_peers"
         for name in run(peers).split() if os.path.exists(peers) else []:
-            row = run_json(peers, volume["pyramid"], name, 5, THREADS, self.rounds)
+            row = run_json(peers, volume["pyramid"], name, 5, THREADS, 1 if self.quick else 2)
             rows.append({"name": name, "seconds": spread(row["seconds"]), "bytes": row["bytes"], "peak_bytes": row["peak_rss_bytes"]})
         return rows
 
@@ -469,7 +478,7 @@ def main():
         "machine": machine, "versions": versions, "threads": THREADS,
         "load": {"least": min(suite.loads), "greatest": max(suite.loads), "median": statistics.median(suite.loads)},
         "minutes": round(sum(r["seconds"] for r in results.values()) / 60, 1),
-        "left_out": suite.left_out, "volumes": volumes, "results": results, "last": last_run(options.last)})
+        "volumes": volumes, "results": results, "last": last_run(options.last)})
 
 
 if __name__ == "__main__":

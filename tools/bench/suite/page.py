@@ -142,9 +142,9 @@ class Page:
         return ", ".join(f"{name} {version}" for name, version in self.run["versions"].items())
 
     def left_out(self):
-        missing = [f"`{name}`" for name in self.run["left_out"]]
-        failed = sorted({f"{row['name']} of {step} ({row['failure']})" for step, result in self.results.items()
-                         for row in result["rows"] if "failure" in row})
+        rows = [(step, row) for step, result in self.results.items() for row in result["rows"] if "failure" in row]
+        missing = sorted({f"`{row['name']}`" for _, row in rows if row["failure"] == "not there"})
+        failed = sorted({f"{row['name']} of {step} ({row['failure']})" for step, row in rows if row["failure"] != "not there"})
         words = "" if not missing else f"Left out, as they could not be had here: {joined(missing)}. "
         return words + ("" if not failed else f"Failed: {joined(failed)}. ") or "Nothing was left out."
 
@@ -251,7 +251,8 @@ class Page:
         self.plots["memory"] = plots.bars(
             [(f"{title}, bounded", peaks("memory", lambda name: True)),
              (f"{title}, the finest surface into memory", peaks("extraction-head", lambda name: not name.endswith("one thread"))),
-             (f"{title}, a pyramid", peaks("building", lambda name: "none" not in name and "zstd" not in name))], "MiB")
+             (f"{title}, a pyramid", peaks("building", lambda name: "none" not in name and "zstd" not in name))],
+            "MiB", logarithmic=False)
         return table(["", "peak MiB", "last", "s", "last"], rows)
 
     def conversion_words(self):

@@ -34,6 +34,21 @@ def short(value):
     return f"{value:.{max(digits, 0)}f}"
 
 
+class LinearScale:
+    """From values to pixels, from 0."""
+
+    def __init__(self, values, begin, end):
+        self.high, self.begin, self.end = 1.04 * max(values), begin, end
+
+    def __call__(self, value):
+        return self.begin + (self.end - self.begin) * value / self.high
+
+    def marks(self):
+        step = 10.0 ** math.floor(math.log10(self.high))
+        step = next(step * part for part in (0.2, 0.5, 1, 2) if self.high / (step * part) <= 6)
+        return [i * step for i in range(int(self.high / step) + 1)]
+
+
 class Scale:
     """From values to pixels, logarithmic."""
 
@@ -46,22 +61,26 @@ class Scale:
         return self.begin + (self.end - self.begin) * (math.log10(value) - self.low) / (self.high - self.low)
 
     def marks(self):
-        """1, 2, 5 in each decade, or only its 1 if these are many."""
-        found = [m * 10.0**d for d in range(math.floor(self.low) - 1, math.ceil(self.high) + 1) for m in (1, 2, 5)]
-        found = [mark for mark in found if self.low <= math.log10(mark) <= self.high]
-        return found if len(found) <= 6 else [m for m in found if round(math.log10(m), 6) == round(math.log10(m))]
+        """As many of each decade as are some five in all."""
+        decades = range(math.floor(self.low) - 1, math.ceil(self.high) + 1)
+        for choice in ((1, 1.5, 2, 3, 4, 5, 6, 7, 8, 9), (1, 2, 3, 5, 7), (1, 2, 5), (1,)):
+            found = [m * 10.0**d for d in decades for m in choice if self.low <= math.log10(m * 10.0**d) <= self.high]
+            if len(found) <= 6:
+                break
+        return found
 
 
 BAR, NAMES, PANEL, FOOT = 20, 210, 430, 34
 
 
-def bars(panels, unit, legend=True):
-    """Panels of bars side by side below each other: [(title, [(name, value, last value or None, is ours)])]. The axis
-    begins at the least value's decade: bars of a logarithmic axis compare by their ends."""
+def bars(panels, unit, logarithmic=True):
+    """Panels of bars below each other: [(title, [(name, value, last value or None, is ours)])]. A logarithmic axis begins
+    at half of the least value."""
     parts, y = [], 8
     for title, rows in panels:
         values = [v for _, value, last, _ in rows for v in (value, last) if v]
-        scale = Scale([*values, min(values) / 2], NAMES, NAMES + PANEL)
+        scale = (Scale([*values, min(values) / 2], NAMES, NAMES + PANEL) if logarithmic
+                 else LinearScale(values, NAMES, NAMES + PANEL))
         parts.append(text(NAMES, y + 14, title, bold=True))
         top, y = y + 22, y + 22
         bottom = top + BAR * len(rows)
@@ -78,11 +97,12 @@ def bars(panels, unit, legend=True):
                 parts.append(line(scale(last), y + 1, scale(last), y + BAR - 1, LAST, 2.0))
             y += BAR
         y += FOOT
-    if legend:
-        parts += [f'<rect x="{NAMES}" y="{y}" width="14" height="12" fill="{OURS}"/>', text(NAMES + 20, y + 10, "isobrick", size=11),
-                  f'<rect x="{NAMES + 90}" y="{y}" width="14" height="12" fill="{PEER}"/>', text(NAMES + 110, y + 10, "others", size=11),
-                  line(NAMES + 180, y - 1, NAMES + 180, y + 13, LAST, 2.0), text(NAMES + 188, y + 10, "the last run", size=11)]
-        y += 22
+    parts += [f'<rect x="{NAMES}" y="{y}" width="14" height="12" fill="{OURS}"/>', text(NAMES + 20, y + 10, "isobrick", size=11),
+              f'<rect x="{NAMES + 90}" y="{y}" width="14" height="12" fill="{PEER}"/>', text(NAMES + 110, y + 10, "others", size=11),
+              line(NAMES + 180, y - 1, NAMES + 180, y + 13, LAST, 2.0), text(NAMES + 188, y + 10, "the last run", size=11)]
+    if logarithmic:
+        parts.append(text(NAMES + 280, y + 10, "logarithmic axis", size=11, color="#555555"))
+    y += 22
     return picture(NAMES + PANEL + 60, y, parts)
 
 

@@ -1,0 +1,99 @@
+"""docs/BENCHMARKS.md and its plots are what docs/benchmarks.json gives, and nothing else; and the page shows a regression.
+
+  benchmark_page_test.py SOURCE WORK
+"""
+
+import copy
+import json
+import os
+import shutil
+import subprocess
+import sys
+
+source, work = sys.argv[1:]
+page_maker = f"{source}/tools/bench/suite/page.py"
+committed = f"{source}/docs/benchmarks.json"
+sys.dont_write_bytecode = True
+sys.path.insert(0, f"{source}/tools/bench/suite")
+import figures
+import measure
+
+
+def make(*words):
+    return subprocess.run([sys.executable, "-B", page_maker, *words], capture_output=True, text=True, check=False)
+
+
+def expect_failure(words, *arguments):
+    done = make(*arguments)
+    assert done.returncode == 1 and words in done.stderr and done.stderr.count("\n") == 1, (arguments, done.stderr)
+
+
+def page_of(run, folder):
+    path = f"{folder}.json"
+    with open(path, "w", encoding="utf-8") as file:
+        json.dump(run, file)
+    done = make(path, folder)
+    assert done.returncode == 0, done.stderr
+    with open(f"{folder}/BENCHMARKS.md", encoding="utf-8") as file:
+        return file.read()
+
+
+shutil.rmtree(work, ignore_errors=True)
+os.makedirs(work)
+with open(committed, encoding="utf-8") as file:
+    run = json.load(file)
+
+# What is committed is what is made.
+done = make(committed, f"{source}/docs", "--check")
+assert done.returncode == 0, done.stderr
+
+# An edit by hand is found: of the page, of a plot, of the JSON.
+page_of(run, f"{work}/docs")
+assert make(committed, f"{work}/docs", "--check").returncode == 0
+for name in ("BENCHMARKS.md", "figures/bench-extraction.svg"):
+    with open(f"{work}/docs/{name}", "a", encoding="utf-8") as file:
+        file.write("\n")
+    expect_failure(name, committed, f"{work}/docs", "--check")
+    assert make(committed, f"{work}/docs").returncode == 0
+changed = copy.deepcopy(run)
+changed["results"]["building"]["rows"][0]["seconds"]["median"] *= 1.5
+with open(f"{work}/changed.json", "w", encoding="utf-8") as file:
+    json.dump(changed, file)
+expect_failure("BENCHMARKS.md", f"{work}/changed.json", f"{work}/docs", "--check")
+
+# Input that is none gets one line.
+expect_failure("cannot read", f"{work}/missing.json", work)
+for name, words in (("half", '{"results": '), ("list", "[]"), ("empty", "{}")):
+    with open(f"{work}/{name}.json", "w", encoding="utf-8") as file:
+        file.write(words)
+    expect_failure("is no run of tools/benchmark.sh", f"{work}/{name}.json", work)
+assert make(committed).returncode == 2
+
+# The last run stands beside this one: half of a building's time is a regression of this run, a slower machine is none.
+last = {"date": "2026-01-01", "commit": "before", "machine": "", "mode": "full", "figures": figures.flat(run)}
+words = page_of({**run, "last": last}, f"{work}/same")
+assert "No row of isobrick is slower" in words and "commit before" in words
+name = run["results"]["building"]["rows"][0]["name"]
+faster = {**last, "figures": {**last["figures"], f"building/{name}/seconds": run["results"]["building"]["rows"][0]["seconds"]["median"] / 2}}
+words = page_of({**run, "last": faster}, f"{work}/regression")
+assert f"1 of isobrick's rows are slower by more than 25 %: building, {name} (2.00)." in words, words
+machine = {**last, "figures": {key: value / 2 for key, value in last["figures"].items()}}
+assert "No row of isobrick is slower" in page_of({**run, "last": machine}, f"{work}/machine")
+assert "There is no earlier run" in page_of({**run, "last": None}, f"{work}/first")
+
+# A peer that could not be had, and one that failed, are named.
+gone = copy.deepcopy(run)
+rows = gone["results"]["cold"]["rows"]
+rows += [{"name": "absent", "failure": measure.NOT_THERE}, {"name": "broken", "failure": "no memory"}]
+words = page_of(gone, f"{work}/gone")
+assert "`absent`" in words and "broken of cold (no memory)" in words
+
+# A step whose result is there is not measured again.
+options = measure.argparse.Namespace(work=f"{work}/steps", build="", data="none", venv="none", quick=True, vtk="none")
+calls = []
+for _ in range(2):
+    suite = measure.Suite(options)
+    result = suite.step("once", lambda: calls.append(1) or [{"name": "row"}])
+    assert result["rows"] == [{"name": "row"}]
+assert len(calls) == 1
+print("the page is what its JSON gives")
