@@ -52,8 +52,12 @@ fi
 
 say "building in $folder/build"
 quietly cmake --preset release -B "$folder/build" "${vtk[@]}"
-quietly cmake --build "$folder/build" --parallel "$(nproc)" --target isobrick isobrick-build isobrick-view \
-  progressive_times $(cmake --build "$folder/build" --target help | grep -oE '^bench_(pyramid_)?peers\b' | sort -u)
+peers=()  # those that CMake has found
+for peer in bench_peers bench_pyramid_peers; do
+  [ ! -d "$folder/build/tools/CMakeFiles/$peer.dir" ] || peers+=("$peer")
+done
+quietly cmake --build "$folder/build" --parallel "$(nproc)" \
+  --target isobrick isobrick-build isobrick-view progressive_times "${peers[@]}"
 
 # Packages of PyPI, and the Python module on an installed isobrick.
 venv=$folder/venv

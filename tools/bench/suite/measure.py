@@ -148,7 +148,7 @@ class Suite:
         listed = [words.split()[0] for words in run(peers, "--list", *rows).splitlines()] if os.path.exists(peers) else []
         there = [row for row in rows if row.startswith(("isobrick", "simplify")) or row in listed]
         missing = [{"name": row, "failure": NOT_THERE} for row in rows if row not in there]
-        return missing + run_json(self.isobrick, "bench", volume["pyramid"], "--iso", volume["isovalue"], "--threads", threads,
+        return missing if not there else missing + run_json(self.isobrick, "bench", volume["pyramid"], "--iso", volume["isovalue"], "--threads", threads,
                         "--rounds", rounds, "--rows", ",".join(there), *more, "--json")["rows"]
 
     def python_row(self, row, volume, cache="warm", repeats=3):
