@@ -305,7 +305,7 @@ class Suite:
         out = f"{self.work}/volumes/converted"
         formats = ["nrrd", "vti", "tif", "h5", "ome.zarr", "vdb", "nii.gz"]
         into, back, rows = {f: [] for f in formats}, {f: [] for f in formats}, {}
-        copies = []
+        copies, peers = [], {}
         for _ in range(self.rounds):
             for ending in formats:
                 path = f"{out}.{ending}"
@@ -317,10 +317,30 @@ class Suite:
                                   THREADS, "--json")
                 back[ending].append(report["seconds"])
                 remove(path)
+                if ending in ("tif", "h5", "ome.zarr", "vdb", "nii.gz"):
+                    self.format_peer(ending, source, path, peers)
             copies.append(copy_seconds(source["raw"], f"{out}.copy"))
         remove(f"{out}.isb")
         mark = {"name": "copy of the voxels, fsync", "seconds": spread(copies), "bytes": source["bytes"]}
-        return [mark] + [{"name": f".{f}", "seconds": spread(into[f]), "back": spread(back[f]), **rows[f]} for f in formats]
+        made = [mark]
+        for ending in formats:
+            made.append({"name": f".{ending}", "seconds": spread(into[ending]), "back": spread(back[ending]), **rows[ending]})
+            if ending in peers:
+                peer = peers[ending]
+                made.append({**peer, "seconds": spread(peer["seconds"])} if peer["seconds"] else peer)
+        return made
+
+    def format_peer(self, ending, source, path, peers):
+        """The voxels to the same format by a package of Debian's Python; its time is added to peers[ending]."""
+        try:
+            row = run_json("/usr/bin/python3", f"{HERE}/format_peer.py", ending, source["layout"], path)
+        except Failed:
+            peers[ending] = {"name": f"a package for .{ending} in Debian's Python", "failure": NOT_THERE, "seconds": []}
+            return
+        kept = peers.setdefault(ending, {"name": f".{ending} by {row['name']}", "seconds": []})
+        kept["seconds"].append(row["seconds"])
+        kept.update(bytes=size_of(path), peak_bytes=row["peak_bytes"])
+        remove(path)
 
     def simplification(self, volume):
         rows = ["simplify-0.5", "simplify-1", "simplify-1.5", "openvdb-0.1", "openvdb-0.5"]
@@ -409,6 +429,12 @@ class Suite:
             titles[key] = {"title": f"head phantom {title}³", "source": f"phantom head:{title}", "real": False,
                            "dimensions": [title] * 3, "type": "uint16", "isovalue": 1324, "bytes": 2 * title**3}
         return results, titles
+
+
+def size_of(path):
+    if not os.path.isdir(path):
+        return os.path.getsize(path)
+    return sum(os.path.getsize(os.path.join(folder, name)) for folder, _, names in os.walk(path) for name in names)
 
 
 def remove(path):

@@ -330,7 +330,7 @@ def title_of(name):
 def is_ours(step, name):
     """Whether a row measures isobrick."""
     if step == "conversion":
-        return name.startswith(".")
+        return name.startswith(".") and " by " not in name
     if step.startswith("queries") or step in ("memory", "progressive"):
         return True
     return "isobrick" in name or name.startswith(("simplify", "build from"))

@@ -87,7 +87,7 @@ def bars(panels, unit, logarithmic=True):
         for mark in scale.marks():
             parts += [line(scale(mark), top, scale(mark), bottom + 4),
                       text(scale(mark), bottom + 17, short_mark(mark), "middle", 11, "#555555")]
-        parts.append(text(NAMES + PANEL + 8, bottom + 17, unit, size=11, color="#555555"))
+        parts.append(text(NAMES + PANEL + 40, bottom + 17, unit, size=11, color="#555555"))
         for name, value, last, ours in rows:
             parts.append(text(NAMES - 8, y + 14, name, "end"))
             parts.append(f'<rect x="{NAMES}" y="{y + 3}" width="{max(scale(value) - NAMES, 1):.1f}" height="{BAR - 6}" '
@@ -103,7 +103,7 @@ def bars(panels, unit, logarithmic=True):
     if logarithmic:
         parts.append(text(NAMES + 280, y + 10, "logarithmic axis", size=11, color="#555555"))
     y += 22
-    return picture(NAMES + PANEL + 60, y, parts)
+    return picture(NAMES + PANEL + 70, y, parts)
 
 
 def short_mark(mark):
