@@ -2,6 +2,8 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <sstream>
+
 #include "tests/support/command_test.h"
 #include "tools/bench/plain_mesh.h"
 #include "tools/bench/triangle_tree.h"
@@ -60,6 +62,34 @@ TEST_F(BenchPeersTest, MakeSurfacesSmaller) {
     EXPECT_LT(row["triangles"], rowOf(bench, "isobrick")["triangles"]) << name;
     EXPECT_LT(row["distance"]["to_finest"]["mean"], 0.5) << name;
   }
+}
+
+// Pyramids in memory, of tools/benchmark.sh.
+TEST_F(BenchPeersTest, MakeLevelsOfHalfTheSize) {
+  makeVolume("u16");
+  const Outcome listed = wait(start({ISOBRICK_BENCH_PYRAMID_PEERS}));
+  EXPECT_EQ(listed.out, "itkRecursivePyramid\nitkBinShrink\nopenvdbMultiResGrid\n");
+  std::istringstream rows(listed.out);
+  for (std::string row; rows >> row;) {
+    const Outcome outcome =
+        wait(start({ISOBRICK_BENCH_PYRAMID_PEERS, "gyroid.isb", row, "4", "2", "2"}));
+    ASSERT_EQ(outcome.status, 0) << outcome.err;
+    const Json made = Json::parse(outcome.out);
+    EXPECT_EQ(made["seconds"].size(), 2u) << row;
+    EXPECT_GT(made["peak_rss_bytes"], made["bytes"]) << row;
+    const auto coarser = made["coarser_samples"].get<double>();
+    // OpenVDB's levels reach a sample further, as ours do.
+    constexpr double kFewest = 18 * 18 * 18 + 9 * 9 * 9 + 4 * 4 * 4;
+    constexpr double kMost = 20 * 20 * 20 + 11 * 11 * 11 + 7 * 7 * 7;
+    EXPECT_GE(coarser, kFewest) << row;
+    EXPECT_LE(coarser, row == "openvdbMultiResGrid" ? kMost : kFewest) << row;
+  }
+  const Outcome wrong =
+      wait(start({ISOBRICK_BENCH_PYRAMID_PEERS, "gyroid.isb", "other", "4", "2", "2"}));
+  EXPECT_EQ(wrong.status, 1);
+  EXPECT_EQ(
+      wrong.err,
+      "bench_pyramid_peers: there is no row 'other'; without arguments the rows are listed\n");
 }
 
 // `bench` finds bench_peers by itself, and puts all its rows beside ours.

@@ -27,6 +27,9 @@ def fail(message):
 
 
 def table(head, rows):
+    """Without the columns of a last run that has no figure of them."""
+    kept = [i for i, title in enumerate(head) if title != "last" or any(row[i] for row in rows)]
+    head, rows = [head[i] for i in kept], [[row[i] for i in kept] for row in rows]
     lines = [head, ["---"] + ["--:"] * (len(head) - 1), *rows]
     return "\n".join("| " + " | ".join(str(cell) for cell in line) + " |" for line in lines)
 
@@ -177,8 +180,8 @@ class Page:
             ratios = [self.median(step, name) / self.median(step, "isobrick") for step, _ in self.steps("extraction")
                       for name in names if self.median(step, name)]
             if ratios:
-                words.append(f"{title} {between(ratios)} times")
-        return f"{joined(words)} as long as isobrick." if words else "No other library was at hand."
+                words.append(f"{title} {'' if words else 'takes '}{between(ratios)} times{'' if words else ' as long as isobrick'}")
+        return f"{joined(words)}." if words else "No other library was at hand."
 
     def bars_of(self, step, key="seconds", scale=1000.0, names=None):
         rows = [row for row in self.rows(step) if key in row and (names is None or row["name"] in names)]
