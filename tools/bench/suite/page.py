@@ -112,18 +112,24 @@ class Page:
         now, ours, peers = figures.flat(self.run), {}, []
         for key, value in now.items():
             step, name, what = key.split("/")[0], "/".join(key.split("/")[1:-1]), key.split("/")[-1]
-            old = last["figures"].get(key)
-            if what != "seconds" or not old:
+            if what != "seconds":
+                continue
+            # Other work disturbs the least time least; where that was not kept, medians are compared.
+            least = f"{step}/{name}/least seconds"
+            old = last["figures"].get(least)
+            value, old = (now[least], old) if old else (value, last["figures"].get(key))
+            if not old:
                 continue
             if is_ours(step, name):
                 ours[f"{step}, {name}"] = value / old
             else:
                 peers.append(value / old)
         if not ours:
-            return f"The last run ({last['date']}, commit {last['commit']}) has no figure of this one."
+            return f"The last run ({last['date']}) has no figure of this one."
         machine = statistics.median(peers) if peers else 1.0
         worse = {name: ratio / machine for name, ratio in ours.items() if ratio / machine > WORSE}
-        words = (f"*The last run* is that of {last['date']}, commit {last['commit']}. Since then the times of the others changed to "
+        origin = f"commit {last['commit']}" if last["commit"] else "of the page before this one"
+        words = (f"*The last run* is that of {last['date']}, {origin}. Since then the times of the others changed to "
                  f"{machine:.2f} of what they were, as the machine did, and those of isobrick to {statistics.median(ours.values()):.2f} "
                  f"(medians of {len(peers)} and {len(ours)} rows). ")
         if not worse:
