@@ -60,7 +60,7 @@ def test_a_page_that_fails_is_noticed(tmp_path: Path) -> None:
 
 
 def test_no_page_is_too_long() -> None:
-    """Two are exact on purpose; the laboratory book of benchmarks gets a page of its own."""
-    may_be_longer = {"ALGORITHM.md", "BENCHMARKS.md", "FORMAT.md"}
+    """Two are exact on purpose."""
+    may_be_longer = {"ALGORITHM.md", "FORMAT.md"}
     words = {page: len(page.read_text().split()) for page in DOCS.rglob("*.md") if page.name not in may_be_longer}
     assert not [f"{page}: {count} words" for page, count in words.items() if count > 2500]
