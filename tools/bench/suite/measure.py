@@ -502,6 +502,9 @@ def main():
         versions, machine = suite.versions(), suite.machine()
     except Failed as failure:
         sys.exit(f"benchmark: {failure}; what was measured is kept, run it again to go on")
+    except KeyboardInterrupt:
+        print("benchmark: interrupted; what was measured is kept, run it again to go on", file=sys.stderr)
+        sys.exit(130)
     write_json(options.output, {
         "format": 1, "mode": "quick" if suite.quick else "full", "date": begin, "commit": options.commit,
         "machine": machine, "versions": versions, "threads": THREADS,

@@ -135,7 +135,11 @@ class Page:
         if not worse:
             return words + f"No row of isobrick is slower by more than {100 * (WORSE - 1):.0f} % beyond that."
         named = [f"{name} ({ratio:.2f})" for name, ratio in sorted(worse.items(), key=lambda item: -item[1])[:8]]
-        return words + (f"Beyond that, {len(worse)} of isobrick's rows are slower by more than {100 * (WORSE - 1):.0f} %: " + joined(named) + ".")
+        words += f"Beyond that, {len(worse)} of isobrick's rows are slower by more than {100 * (WORSE - 1):.0f} %: {joined(named)}."
+        if self.run["load"]["median"] > self.run["machine"]["cores"]:
+            words += (" Under such a load that is no proof, as rows on several threads suffer more than rows on one: measure again on a quiet "
+                      "machine, or run `tools/bench_guard.sh`.")
+        return words
 
     def volumes_words(self):
         words = []
