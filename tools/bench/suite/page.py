@@ -102,7 +102,9 @@ class Page:
         if load["median"] > self.run["machine"]["cores"]:
             return (f"**Other work ran beside.** {words}, where {self.run['machine']['cores']} would keep it busy: times are long and "
                     "scatter. Read ratios of rows of one table rather than times.")
-        return words + "."
+        cores = self.run["machine"]["cores"]
+        busy = [step for step, result in self.results.items() if max(result["load"]) > 1.5 * cores]
+        return words + (f"; more than {1.5 * cores:g} beside {joined(busy)}, whose times are long." if busy else ".")
 
     def comparison(self):
         """The last run beside this one. Peers do not change with isobrick: what they changed is the machine's part. Those on

@@ -35,6 +35,7 @@ def vtk_row(name):
     from vtkmodules.vtkCommonCore import vtkSMPTools, vtkVersion
     from vtkmodules.vtkCommonDataModel import vtkImageData
 
+    vtkSMPTools.SetBackend("STDThread")  # the default of PyPI is Sequential
     vtkSMPTools.Initialize(threads)
 
     def load():
