@@ -1,6 +1,8 @@
 #include "isobrick/preprocess/number_text.h"
 
 #include <cstdlib>
+#include <filesystem>
+#include <utility>
 
 namespace isobrick {
 
@@ -35,6 +37,17 @@ std::optional<NumberedName> parseNumberedName(const std::string& text) {
   if (at == text.size() || (text[at] != 'd' && text[at] != 'i')) return std::nullopt;
   name.after = text.substr(at + 1);
   return name;
+}
+
+std::optional<NumberedFiles> parseNumberedFiles(const std::string& path) {
+  constexpr std::size_t kMostDigits = 18;
+  const std::filesystem::path whole(path);
+  const std::string folder = whole.parent_path().string();
+  std::optional<NumberedName> name = parseNumberedName(whole.filename().string());
+  if (!name || name->width > kMostDigits || folder.empty() || folder.find('%') != std::string::npos)
+    return std::nullopt;
+  name->fill = '0';
+  return NumberedFiles{folder, std::move(*name)};
 }
 
 }  // namespace isobrick

@@ -41,4 +41,13 @@ struct NumberedName {
 // it fills with zeros. Nothing for all other texts.
 std::optional<NumberedName> parseNumberedName(const std::string& text);
 
+// Files that lie in a folder of their own.
+struct NumberedFiles {
+  std::string folder;
+  NumberedName name;  // filled up with zeros, so that names sort as their numbers do
+};
+// "folder/%04d.tif"; nothing if there is no folder, or not one place for a number, in the last part
+// of the path.
+std::optional<NumberedFiles> parseNumberedFiles(const std::string& path);
+
 }  // namespace isobrick

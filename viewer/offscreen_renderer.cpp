@@ -31,12 +31,12 @@ constexpr std::array<glm::vec3, 8> kLevelColors{{
 // For meshes too: the frame includes unused positions, and chunks hold only used ones.
 template <typename ForEachPoint>
 SceneFrame frameOf(const RenderOptions& options, const SceneLattice& lattice,
-                   ForEachPoint&& forEachPoint) {
+                   const WorldBox& bounds, ForEachPoint&& forEachPoint) {
   SceneFrame frame;
   frame.width = options.width;
   frame.height = options.height;
   frame.camera = placeCamera(options, forEachPoint);
-  forEachPoint([&](const glm::dvec3& point) { frame.bounds.include(point); });
+  frame.bounds = bounds;
   frame.lattice = lattice;
   frame.surfaces[0].color = options.surface_color;
   frame.color_by_level = options.color_by_level;
@@ -47,6 +47,13 @@ SceneFrame frameOf(const RenderOptions& options, const SceneLattice& lattice,
   frame.background_top = options.background_top;
   frame.background_bottom = options.background_bottom;
   return frame;
+}
+
+template <typename ForEachPoint>
+WorldBox boundsOf(ForEachPoint&& forEachPoint) {
+  WorldBox bounds = emptyWorldBox();
+  forEachPoint([&](const glm::dvec3& point) { bounds.include(point); });
+  return bounds;
 }
 
 // From the eye to the target, or to the middle of what is framed.
@@ -139,7 +146,7 @@ Image OffscreenRenderer::render(const RenderMesh& mesh, const RenderOptions& opt
   const auto forEachPoint = [&](auto&& f) {
     for (const glm::vec3& position : mesh.positions) f(glm::dvec3(position));
   };
-  const SceneFrame frame = frameOf(options, SceneLattice{}, forEachPoint);
+  const SceneFrame frame = frameOf(options, SceneLattice{}, boundsOf(forEachPoint), forEachPoint);
   Image picture;
   context_->renderEach(chunksOf(mesh, options.color_by_level), {frame},
                        [&](std::size_t, Image drawn) { picture = std::move(drawn); });
@@ -163,10 +170,11 @@ void OffscreenRenderer::renderEach(std::vector<SurfaceChunk> chunks, const Scene
       for (const SurfaceVertex& vertex : chunk.vertices)
         f(lattice.toWorld(chunk.origin + glm::dvec3(vertex.position)));
   };
+  const WorldBox bounds = boundsOf(forEachPoint);
   std::vector<SceneFrame> frames;
   for (const RenderOptions& each : options) {
     context_->checkOptions(each);
-    frames.push_back(frameOf(each, lattice, forEachPoint));
+    frames.push_back(frameOf(each, lattice, bounds, forEachPoint));
   }
   std::vector<PlacedCamera> cameras;
   std::vector<double> distances;

@@ -9,6 +9,7 @@
 #include <sstream>
 
 #include "isobrick/preprocess/export/atomic_folder.h"
+#include "isobrick/preprocess/export/neuroglancer_info.h"
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"
@@ -24,12 +25,8 @@ namespace fs = std::filesystem;
 
 class NumberedPictures : public PictureSequence {
  public:
-  NumberedPictures(const fs::path& pattern, NumberedName name)
-      : format_(imageFormatOf(pattern)),
-        name_(std::move(name)),
-        folder_(pattern.parent_path().string()) {
-    name_.fill = '0';  // names sort as their numbers do
-  }
+  NumberedPictures(ImageFormat format, const NumberedFiles& files)
+      : format_(format), name_(files.name), folder_(files.folder) {}
   ImageFormat format() const override { return format_; }
   void add(const std::vector<char>& picture) override {
     folder_.writeFile(name_.of(++count_), picture.data(), picture.size());
@@ -128,21 +125,17 @@ std::unique_ptr<PictureSequence> makePictureSequence(const std::string& output,
     refuseReplacing({output}, inputs, force);
     return std::make_unique<Movie>(output, pictures_per_second);
   }
-  const fs::path path(output);
-  std::optional<NumberedName> name = parseNumberedName(path.filename().string());
-  const std::string folder = path.parent_path().string();
-  constexpr std::size_t kMostDigits = 18;
-  if (!name || name->width > kMostDigits || folder.empty() || folder.find('%') != std::string::npos)
+  const std::optional<NumberedFiles> files = parseNumberedFiles(output);
+  if (!files)
     throw Error("cannot write pictures to '" + output +
                 "': they go into a folder of their own, and their name has one place for the "
                 "number; write -o folder/%04d.png, or a movie with -o NAME.mp4");
-  refuseReplacingFolder({folder}, inputs, force, [&](const std::string& existing) {
-    for (const fs::directory_entry& entry : fs::directory_iterator(existing))
-      if (!entry.is_regular_file() || !name->matches(entry.path().filename().string()))
-        return false;
-    return true;
+  refuseReplacingFolder({files->folder}, inputs, force, [&](const std::string& folder) {
+    return holdsNothingBut(folder, [&](const fs::directory_entry& entry) {
+      return entry.is_regular_file() && files->name.matches(entry.path().filename().string());
+    });
   });
-  return std::make_unique<NumberedPictures>(path, std::move(*name));
+  return std::make_unique<NumberedPictures>(imageFormatOf(output), *files);
 }
 
 }  // namespace isobrick

@@ -5,6 +5,8 @@
 #include <cstdio>
 #include <glm/geometric.hpp>
 
+#include "isobrick/viewer/state/short_number.h"
+
 namespace isobrick {
 namespace {
 
@@ -51,8 +53,11 @@ ViewPieceMeasure measureOf(const SurfaceComponent& piece, double isovalue, int l
 
 std::string pieceText(const ViewPieceMeasure& piece, LengthUnit unit) {
   const bool is_mm = unit == LengthUnit::kMillimetre;
-  std::string text = numberText(is_mm ? "%.4g mm\u00b2" : "%.4g", piece.area);
-  if (piece.volume) text += numberText(is_mm ? ", %.4g mm\u00b3" : ", %.4g", *piece.volume);
+  std::string text = shortNumber(piece.area) + (is_mm ? " mm\u00b2" : "");
+  if (piece.volume) {
+    text += ", ";
+    text += shortNumber(*piece.volume) + (is_mm ? " mm\u00b3" : "");
+  }
   return text;
 }
 

@@ -151,19 +151,18 @@ void selectedPiece(const ViewSession& session, float scale, const Place& place) 
   if (piece == nullptr) return;
   const Interaction& interaction = session.interaction();
   const PlacedCamera camera = placeCamera(session.state().camera, interaction.aspect());
-  const auto corner = [&](int i) {
-    return pixelOf(camera, interaction.size,
-                   {(i & 1) != 0 ? piece->upper.x : piece->lower.x,
-                    (i & 2) != 0 ? piece->upper.y : piece->lower.y,
-                    (i & 4) != 0 ? piece->upper.z : piece->lower.z});
-  };
+  WorldBox box = emptyWorldBox();
+  box.include(piece->lower);
+  box.include(piece->upper);
+  const std::array<glm::dvec3, 8> corners = cornersOf(box);
   ImDrawList& list = *ImGui::GetBackgroundDrawList();
-  for (int from = 0; from < 8; ++from)
-    for (int axis = 0; axis < 3; ++axis) {
-      const int to = from | 1 << axis;
-      if (to == from) continue;
-      const auto a = corner(from), b = corner(to);
-      if (a && b) list.AddLine(place(*a), place(*b), IM_COL32(255, 214, 102, 255), 1.5f * scale);
+  for (std::size_t from = 0; from < 8; ++from)
+    for (const std::size_t axis : {1, 2, 4}) {
+      if ((from & axis) != 0) continue;
+      const PixelPath edge =
+          pathOf(camera, interaction.size, {corners[from], corners[from | axis]});
+      for (const auto& [a, b] : edge.lines)
+        list.AddLine(place(a), place(b), IM_COL32(255, 214, 102, 255), 1.5f * scale);
     }
 }
 

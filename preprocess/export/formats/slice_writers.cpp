@@ -38,22 +38,17 @@ void forEachSlice(VolumeSource& source, const ExportOptions& options,
 VolumeWriteReport writeSlices(
     VolumeLevels& levels, const std::string& pattern, const ExportOptions& options,
     const std::function<void(const std::string& path, const std::byte* slice)>& write) {
-  const fs::path path(pattern);
-  std::optional<NumberedName> name = parseNumberedName(path.filename().string());
-  const std::string folder_name = path.parent_path().string();
-  constexpr std::size_t kMostDigits = 18;
-  if (!name || name->width > kMostDigits || folder_name.empty() ||
-      folder_name.find('%') != std::string::npos)
+  const std::optional<NumberedFiles> files = parseNumberedFiles(pattern);
+  if (!files)
     throw unwritable(pattern,
                      "slices go into a folder of their own, and their name has one place for the "
                      "number; write as folder/%04d" +
-                         path.extension().string());
-  name->fill = '0';  // names of slices sort as their numbers do
+                         fs::path(pattern).extension().string());
   refuseLargeSlices(levels.front()->info(), pattern, options);
-  AtomicFolder folder(folder_name);
+  AtomicFolder folder(files->folder);
   VolumeWriteReport report;
   forEachSlice(*levels.front(), options, [&](std::int64_t slice, const std::byte* data) {
-    const std::string file = folder.temporaryPath() + "/" + name->of(slice);
+    const std::string file = folder.temporaryPath() + "/" + files->name.of(slice);
     write(file, data);
     report.bytes += fs::file_size(file);
   });
