@@ -50,7 +50,7 @@ SceneFrame frameOf(const RenderOptions& options, const SceneLattice& lattice,
 }
 
 template <typename ForEachPoint>
-WorldBox boundsOf(ForEachPoint&& forEachPoint) {
+WorldBox boxOfPoints(ForEachPoint&& forEachPoint) {
   WorldBox bounds = emptyWorldBox();
   forEachPoint([&](const glm::dvec3& point) { bounds.include(point); });
   return bounds;
@@ -146,7 +146,8 @@ Image OffscreenRenderer::render(const RenderMesh& mesh, const RenderOptions& opt
   const auto forEachPoint = [&](auto&& f) {
     for (const glm::vec3& position : mesh.positions) f(glm::dvec3(position));
   };
-  const SceneFrame frame = frameOf(options, SceneLattice{}, boundsOf(forEachPoint), forEachPoint);
+  const SceneFrame frame =
+      frameOf(options, SceneLattice{}, boxOfPoints(forEachPoint), forEachPoint);
   Image picture;
   context_->renderEach(chunksOf(mesh, options.color_by_level), {frame},
                        [&](std::size_t, Image drawn) { picture = std::move(drawn); });
@@ -170,7 +171,7 @@ void OffscreenRenderer::renderEach(std::vector<SurfaceChunk> chunks, const Scene
       for (const SurfaceVertex& vertex : chunk.vertices)
         f(lattice.toWorld(chunk.origin + glm::dvec3(vertex.position)));
   };
-  const WorldBox bounds = boundsOf(forEachPoint);
+  const WorldBox bounds = boxOfPoints(forEachPoint);
   std::vector<SceneFrame> frames;
   for (const RenderOptions& each : options) {
     context_->checkOptions(each);
