@@ -3,7 +3,7 @@
 # of their own, which debian/rules makes a package each.
 include(CMakePackageConfigHelpers)
 
-set(isobrick_components storage extract preprocess sources export)
+set(isobrick_components storage extract preprocess sources export view)
 if(ISOBRICK_WITH_VIEWER)
   list(APPEND isobrick_components viewer)
 endif()
@@ -98,3 +98,4 @@ else()
 endif()
 isobrick_pkg_config(extract "isobrick-storage" "tbb libhwy zlib" "-lmeshoptimizer -lstdc++ -lm")
 isobrick_pkg_config(preprocess "isobrick-storage" "tbb libhwy zlib" "-lstdc++ -lm")
+isobrick_pkg_config(view "isobrick-extract" "tbb" "-lstdc++ -lm")

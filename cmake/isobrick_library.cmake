@@ -1,5 +1,5 @@
-# isobrick_library(NAME FOLDER [EXCLUDE REGEX...]): the target isobrick_NAME, alias isobrick::NAME, of all
-# sources in a folder and its rooms.
+# isobrick_library(NAME FOLDER [INCLUDE REGEX] [EXCLUDE REGEX...]): the target isobrick_NAME, alias
+# isobrick::NAME, of all sources in a folder and its rooms.
 #
 # Headers are included as "isobrick/storage/grid.h" everywhere. In the build tree a link named
 # `isobrick` leads to the sources; in an installation it is a folder with the public headers.
@@ -34,8 +34,11 @@ function(isobrick_compile_options target)
 endfunction()
 
 function(isobrick_library name folder)
-  cmake_parse_arguments(PARSE_ARGV 2 arg "" "" "EXCLUDE")
+  cmake_parse_arguments(PARSE_ARGV 2 arg "" "INCLUDE" "EXCLUDE")
   file(GLOB_RECURSE sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/${folder}/*.cpp)
+  if(arg_INCLUDE)
+    list(FILTER sources INCLUDE REGEX ${arg_INCLUDE})
+  endif()
   foreach(regex ${arg_EXCLUDE})
     list(FILTER sources EXCLUDE REGEX ${regex})
   endforeach()

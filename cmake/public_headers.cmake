@@ -39,5 +39,6 @@ if(ISOBRICK_WITH_VIEWER)
     viewer/color_map.h
     viewer/image.h
     viewer/offscreen_renderer.h
-    viewer/picture_notes.h)
+    viewer/picture_notes.h
+    viewer/sphere_outline.h)
 endif()

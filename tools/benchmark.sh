@@ -66,7 +66,7 @@ if [ "$(cat "$venv/made" 2>/dev/null)" != "$commit $(cksum <$suite/requirements.
   quietly /usr/bin/python3 -m venv "$venv"
   if "$venv/bin/pip" install -q -r $suite/requirements.txt >"$folder/log" 2>&1; then
     quietly cmake --build "$folder/build" --parallel "$(nproc)" --target isobrick_storage isobrick_extract \
-      isobrick_preprocess isobrick_sources isobrick_export isobrick_viewer isobrick_pages
+      isobrick_preprocess isobrick_sources isobrick_export isobrick_view isobrick_viewer isobrick_pages
     quietly cmake --install "$folder/build" --prefix "$folder/prefix"
     CMAKE_PREFIX_PATH=$folder/prefix CMAKE_BUILD_PARALLEL_LEVEL=$(nproc) \
       quietly "$venv/bin/pip" install -q --no-deps --no-build-isolation --config-settings "build-dir=$folder/module" .

@@ -21,7 +21,7 @@ testPython() {
   [ "${CI:-}" != true ] || { release=ci-release werror=ON; }
   cmake --preset "$release" >build/configure.log 2>&1 || { cat build/configure.log; exit 1; }
   cmake --build --preset "$release" --parallel "$(nproc)" --target isobrick isobrick-build isobrick-view \
-    isobrick_storage isobrick_extract isobrick_preprocess isobrick_sources isobrick_export isobrick_viewer
+    isobrick_storage isobrick_extract isobrick_preprocess isobrick_sources isobrick_export isobrick_view isobrick_viewer
   cmake --install "build/$release" --prefix build/python/prefix >build/python-install.log
   local venv=build/python/venv
   [ -x $venv/bin/pip ] || /usr/bin/python3 -m venv $venv

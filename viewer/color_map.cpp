@@ -1,6 +1,7 @@
 #include "isobrick/viewer/color_map.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cstdint>
 
 #include "isobrick/viewer/image.h"
@@ -21,6 +22,18 @@ constexpr std::array<Places, 5> kColorMaps{{
      0xecd3c5, 0xf5c4ac, 0xf7b093, 0xf4987a, 0xeb7d62, 0xdd5f4b, 0xca3b37, 0xb40426},
     {0x000000, 0x101010, 0x202020, 0x303030, 0x404040, 0x505050, 0x606060, 0x707070, 0x808080,
      0x8f8f8f, 0x9f9f9f, 0xafafaf, 0xbfbfbf, 0xcfcfcf, 0xdfdfdf, 0xefefef, 0xffffff},
+}};
+
+// Ordered by hue, in steps that stay apart for colour-blind eyes by their lightness as well.
+constexpr std::array<glm::vec3, 8> kLevelColors{{
+    {0.84f, 0.24f, 0.27f},  // red
+    {0.96f, 0.55f, 0.25f},  // orange
+    {0.97f, 0.84f, 0.42f},  // yellow
+    {0.58f, 0.77f, 0.40f},  // green
+    {0.24f, 0.66f, 0.62f},  // teal
+    {0.24f, 0.51f, 0.80f},  // blue
+    {0.38f, 0.34f, 0.70f},  // indigo
+    {0.60f, 0.38f, 0.64f},  // violet
 }};
 
 std::array<std::array<glm::vec3, kColorMapPlaces>, kColorMaps.size()> linearColorMaps() {
@@ -50,6 +63,11 @@ glm::vec3 valueColor(ColorMap map, double share) {
   const auto part = static_cast<float>(place - static_cast<double>(low));
   const glm::vec3 light = (1.0f - part) * colors[low] + part * colors[low + 1];
   return {srgbFromLinear(light.r), srgbFromLinear(light.g), srgbFromLinear(light.b)};
+}
+
+glm::vec3 levelColor(int level) {
+  assert(level >= 0);
+  return kLevelColors[std::min(static_cast<std::size_t>(level), kLevelColors.size() - 1)];
 }
 
 }  // namespace isobrick

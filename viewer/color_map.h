@@ -1,4 +1,4 @@
-// The colours of values.
+// The colours of values and levels.
 #pragma once
 
 #include <array>
@@ -28,5 +28,9 @@ const std::array<glm::vec3, kColorMapPlaces>& colorsOf(ColorMap map);
 
 // The colour of a share 0 .. 1 of the values, sRGB.
 glm::vec3 valueColor(ColorMap map, double share);
+
+// The colour (sRGB 0..1) of a pyramid level: red for 0, then through yellow and green to blue and
+// violet for coarser ones; levels past the last distinct colour share it.
+glm::vec3 levelColor(int level);
 
 }  // namespace isobrick

@@ -1,7 +1,6 @@
 #include "isobrick/viewer/offscreen_renderer.h"
 
 #include <algorithm>
-#include <array>
 #include <cassert>
 #include <cstddef>
 #include <glm/geometric.hpp>
@@ -9,24 +8,13 @@
 
 #include "isobrick/storage/error.h"
 #include "isobrick/viewer/egl_context.h"
+#include "isobrick/viewer/mesh_chunks.h"
 #include "isobrick/viewer/notes/draw_notes.h"
 #include "isobrick/viewer/render/gl_scene_renderer.h"
 #include "isobrick/viewer/render_camera.h"
 
 namespace isobrick {
 namespace {
-
-// Ordered by hue, in steps that stay apart for colour-blind eyes by their lightness as well.
-constexpr std::array<glm::vec3, 8> kLevelColors{{
-    {0.84f, 0.24f, 0.27f},  // red
-    {0.96f, 0.55f, 0.25f},  // orange
-    {0.97f, 0.84f, 0.42f},  // yellow
-    {0.58f, 0.77f, 0.40f},  // green
-    {0.24f, 0.66f, 0.62f},  // teal
-    {0.24f, 0.51f, 0.80f},  // blue
-    {0.38f, 0.34f, 0.70f},  // indigo
-    {0.60f, 0.38f, 0.64f},  // violet
-}};
 
 // For meshes too: the frame includes unused positions, and chunks hold only used ones.
 template <typename ForEachPoint>
@@ -66,11 +54,6 @@ double targetDistance(const RenderOptions& options, const SceneFrame& frame) {
 }
 
 }  // namespace
-
-glm::vec3 levelColor(int level) {
-  assert(level >= 0);
-  return kLevelColors[std::min(static_cast<std::size_t>(level), kLevelColors.size() - 1)];
-}
 
 // ---------------------------------------------------------------------------------------- context
 

@@ -17,6 +17,7 @@
 
 #include "isobrick/viewer/image.h"
 #include "isobrick/viewer/picture_notes.h"
+#include "isobrick/viewer/sphere_outline.h"
 
 namespace isobrick {
 
@@ -64,12 +65,6 @@ struct LookAtCamera {
   glm::dvec3 up{0.0, 0.0, 1.0};  // points up in it
 };
 
-// A sphere that is drawn as a circle.
-struct SphereOutline {
-  glm::dvec3 center{0.0};  // world units
-  double radius = 0.0;     // world units, > 0
-};
-
 // Colours are sRGB values 0..1, as a colour picker shows them.
 struct RenderOptions {
   int width = 1024;            // pixels, 1 .. OffscreenRenderer::greatestSize()
@@ -102,10 +97,6 @@ struct RenderOptions {
   // them.
   PictureNotes notes;
 };
-
-// The colour (sRGB 0..1) of a pyramid level: red for 0, then through yellow and green to blue and
-// violet for coarser ones; levels past the last distinct colour share it.
-glm::vec3 levelColor(int level);
 
 // Owns an OpenGL 4.5 context that draws into memory, on the GPU if Mesa drives one, and with
 // Mesa's software renderer otherwise. Making one takes some 0.1 s; use it for many pictures.

@@ -1,19 +1,16 @@
-// The outline of a sphere in a picture, as triangles.
+// A sphere that is drawn as a circle.
 #pragma once
 
 #include <glm/vec3.hpp>
-#include <vector>
-
-#include "isobrick/viewer/offscreen_renderer.h"
-#include "isobrick/viewer/render_camera.h"
 
 namespace isobrick {
 
-// The outline of a sphere as a ribbon of triangles (3 corners each) that reaches `reach` pixels to
-// both sides of the line: x and y in normalised device coordinates, and z the distance from the
-// line's middle in pixels. The part behind the eye is left out. Empty if the eye is inside the
-// sphere or the radius is not positive. The picture is width x height pixels.
-std::vector<glm::vec3> outlineRibbon(const SphereOutline& sphere, const PlacedCamera& camera,
-                                     int width, int height, double reach);
+// A sphere whose outline is a part of a picture.
+struct SphereOutline {
+  glm::dvec3 center{0.0};  // world units
+  double radius = 0.0;     // world units, > 0
+
+  bool operator==(const SphereOutline&) const = default;  // equal in all
+};
 
 }  // namespace isobrick

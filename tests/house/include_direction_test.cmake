@@ -35,8 +35,14 @@ forbid(preprocess "expat" "^sources/vti_header")
 forbid(extract "isobrick/preprocess/|isobrick/viewer/|tools/|tests/|epoxy/|GL/|GLFW/|Imf|OpenEXR|openvdb/|itk" "")
 forbid(extract "meshoptimizer" "^sinks/meshopt_chunk")
 forbid(viewer "isobrick/preprocess/|tools/|tests/|openvdb/|itk" "")
-# Python or another front end takes chunks without a renderer.
-forbid(viewer/stream "isobrick/viewer/(render|session|state|window)/|epoxy/" "")
+# The library isobrick_view: Python or another front end takes chunks without a renderer, and drives a session
+# by the interfaces of one.
+set(pictures "isobrick/viewer/(egl|offscreen|render_camera|outline|mesh_chunks|view_picture|notes|window)|epoxy/|GL/|png")
+forbid(viewer/state "isobrick/viewer/(render|session|stream)/|${pictures}" "")
+forbid(viewer/stream "isobrick/viewer/(render|session|state)/|${pictures}" "")
+forbid(viewer/session "isobrick/viewer/render/(gl_|upload_|scene_shaders)|${pictures}" "")
+forbid(viewer/render "isobrick/viewer/(session|state)/" "")
+forbid(viewer/render "${pictures}" "gl_|_shaders")
 forbid(viewer "Imf|OpenEXR" "^exr_writer")
 forbid(viewer "epoxy/|GL/" "egl_|_shaders|gl_")
 forbid(viewer "GLFW/|imgui" "^window/")

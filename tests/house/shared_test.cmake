@@ -21,8 +21,8 @@ run(${CMAKE_COMMAND} --install build --prefix ${WORK}/prefix)
 
 file(GLOB_RECURSE libraries ${WORK}/prefix/libisobrick_*.so)
 list(LENGTH libraries count)
-if(NOT count EQUAL 5)
-  message(FATAL_ERROR "not storage, extract, preprocess, sources and export were installed: ${libraries}")
+if(NOT count EQUAL 6)
+  message(FATAL_ERROR "not storage, extract, preprocess, sources, export and view were installed: ${libraries}")
 endif()
 foreach(library ${libraries})
   # What it asks for itself; and that all of it is there, with all that it asks for in turn.
@@ -31,8 +31,11 @@ foreach(library ${libraries})
     message(FATAL_ERROR "${library} has no SONAME with a version:\n${output}")
   endif()
   refuse_libraries(${library} ${left_out})
-  if(library MATCHES "storage|extract")
+  if(library MATCHES "storage|extract|view")
     refuse_libraries(${library} "expat|isobrick_preprocess|isobrick_sources")
+  endif()
+  if(library MATCHES "view")  # nor for a window or pictures
+    refuse_libraries(${library} "png|libGL|EGL|glfw|imgui|X11")
   endif()
   if(library MATCHES "storage")  # meshes are packed with zlib
     refuse_libraries(${library} "libz\\.")

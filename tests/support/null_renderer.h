@@ -4,6 +4,7 @@
 #include <limits>
 #include <map>
 #include <stdexcept>
+#include <string>
 #include <vector>
 
 #include "isobrick/viewer/render/scene_renderer.h"
@@ -90,6 +91,8 @@ class NullRenderer : public SceneRenderer {
   }
   Image picture() override { return {}; }
   std::vector<float> distances() override { return {}; }
+  bool isLost() override { return false; }
+  const std::string& deviceName() const override { return device_name_; }
   bool isSoftware() const override { return is_software; }
   int greatestSize() const override { return 16384; }
 
@@ -112,6 +115,7 @@ class NullRenderer : public SceneRenderer {
   std::uint64_t endedUploads() const { return ended_uploads_; }
 
  private:
+  std::string device_name_ = "none";
   std::map<ChunkId, Kept> kept_;
   std::map<SliceId, KeptSlice> slices_;
   SceneFrame frame_;

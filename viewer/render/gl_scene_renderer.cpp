@@ -11,8 +11,8 @@
 #include <utility>
 
 #include "isobrick/storage/error.h"
+#include "isobrick/viewer/outline_ribbon.h"
 #include "isobrick/viewer/render/scene_shaders.h"
-#include "isobrick/viewer/sphere_outline.h"
 
 namespace isobrick {
 namespace {

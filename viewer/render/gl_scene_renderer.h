@@ -46,14 +46,10 @@ class GlSceneRenderer : public SceneRenderer {
   // In its place the colour of an empty background, for a picture that cannot be drawn.
   void presentNothing(GLuint framebuffer, int width, int height);
 
-  // The driver was reset: nothing is kept or drawn any longer, here and in this context. Stays
-  // true.
-  bool isLost();
-
+  bool isLost() override;
   bool isSoftware() const override { return is_software_; }
   int greatestSize() const override { return greatest_size_; }
-  // The device that draws, for logs: for instance "llvmpipe (LLVM 15.0.6, 256 bits)".
-  const std::string& deviceName() const { return device_name_; }
+  const std::string& deviceName() const override { return device_name_; }
 
  private:
   struct Chunk {

@@ -9,15 +9,13 @@
 #include <vector>
 
 #include "isobrick/viewer/color_map.h"
-#include "isobrick/viewer/offscreen_renderer.h"
 #include "isobrick/viewer/placed_camera.h"
+#include "isobrick/viewer/sphere_outline.h"
 #include "isobrick/viewer/stream/chunk_store.h"
+#include "isobrick/viewer/stream/slice_store.h"
 #include "isobrick/viewer/stream/surface_chunk.h"
 
 namespace isobrick {
-
-// The number of a slice that a renderer keeps; 0 is none.
-using SliceId = std::uint32_t;
 
 struct SceneSlice {
   SliceId image = 0;

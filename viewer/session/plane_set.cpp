@@ -27,14 +27,14 @@ PlaneSet::PlaneSet(std::shared_ptr<const Pyramid> pyramid, double step)
         return samplePlane(*pyramid_, inSamples(job.plane, step_), job.sampling, cancel);
       }) {}
 
-void PlaneSet::update(SceneRenderer& renderer, const std::vector<WantedPlane>& wanted,
+void PlaneSet::update(SliceStore& store, const std::vector<WantedPlane>& wanted,
                       UploadAllowance& allowance) {
   wanted_ = wanted;
-  dropOthers(renderer);
+  dropOthers(store);
   if (auto outcome = worker_.poll()) {
     under_way_.reset();
     if (outcome->result) {
-      begin(renderer, outcome->request, std::move(*outcome->result));
+      begin(store, outcome->request, std::move(*outcome->result));
     } else {
       failed_[outcome->request.slot] = outcome->request.plane;
       error_ = outcome->error;
@@ -46,7 +46,7 @@ void PlaneSet::update(SceneRenderer& renderer, const std::vector<WantedPlane>& w
     worker_.cancel();
     under_way_.reset();
   }
-  if (uploading_) uploadRows(renderer, allowance);
+  if (uploading_) uploadRows(store, allowance);
   if (uploading_ || worker_.busy()) return;
   if (auto job = nextJob()) {
     turns_[job->slot] = ++last_turn_;
@@ -93,12 +93,12 @@ std::optional<PlaneSet::Job> PlaneSet::nextJob() const {
   return next;
 }
 
-void PlaneSet::dropOthers(SceneRenderer& renderer) {
+void PlaneSet::dropOthers(SliceStore& store) {
   std::erase_if(kept_, [&](const auto& entry) {
     const WantedPlane* const wanted = wantedOf(entry.first);
     if (wanted != nullptr && (wanted->cap_of < 0 || wanted->plane == entry.second.plane))
       return false;
-    renderer.releaseSlice(entry.second.image);
+    store.releaseSlice(entry.second.image);
     return true;
   });
   std::erase_if(failed_, [&](const auto& entry) {
@@ -106,15 +106,15 @@ void PlaneSet::dropOthers(SceneRenderer& renderer) {
     return wanted == nullptr || wanted->plane != entry.second;
   });
   if (uploading_ && !isOfUse(uploading_->job)) {
-    renderer.releaseSlice(uploading_->id);
+    store.releaseSlice(uploading_->id);
     uploading_.reset();
   }
 }
 
-void PlaneSet::begin(SceneRenderer& renderer, Job job, SliceImage image) {
+void PlaneSet::begin(SliceStore& store, Job job, SliceImage image) {
   if (!isOfUse(job)) return;
   try {
-    const SliceId id = renderer.reserveSlice(image.width, image.height);
+    const SliceId id = store.reserveSlice(image.width, image.height);
     uploading_ = Upload{std::move(job), std::move(image), id, 0};
     error_.clear();
   } catch (const RendererLost&) {
@@ -126,7 +126,7 @@ void PlaneSet::begin(SceneRenderer& renderer, Job job, SliceImage image) {
 }
 
 // At least one piece if the time is spent, so that a slow machine comes to an end too.
-void PlaneSet::uploadRows(SceneRenderer& renderer, UploadAllowance& allowance) {
+void PlaneSet::uploadRows(SliceStore& store, UploadAllowance& allowance) {
   Upload& upload = *uploading_;
   const std::uint64_t row = sizeof(float) * static_cast<std::uint64_t>(upload.image.width);
   while (upload.rows < upload.image.height) {
@@ -135,14 +135,14 @@ void PlaneSet::uploadRows(SceneRenderer& renderer, UploadAllowance& allowance) {
         std::min(room, static_cast<std::uint64_t>(upload.image.height - upload.rows)));
     if (rows == 0) return;
     const double begin = clockSeconds();
-    renderer.uploadRows(upload.id, upload.image, upload.rows, rows);
+    store.uploadRows(upload.id, upload.image, upload.rows, rows);
     upload.rows += rows;
     allowance.take(row * static_cast<std::uint64_t>(rows), clockSeconds() - begin);
     if (allowance.isSpent()) break;
   }
   if (upload.rows < upload.image.height) return;
   const auto before = kept_.find(upload.job.slot);
-  if (before != kept_.end()) renderer.releaseSlice(before->second.image);
+  if (before != kept_.end()) store.releaseSlice(before->second.image);
   kept_[upload.job.slot] = {upload.job.plane, upload.image.width + upload.image.height, upload.id};
   uploading_.reset();
 }
@@ -154,9 +154,9 @@ std::optional<PlaneSet::Shown> PlaneSet::shown(const WantedPlane& wanted) const 
   return Shown{found->second.plane, found->second.image};
 }
 
-void PlaneSet::release(SceneRenderer& renderer) {
-  for (const auto& [slot, kept] : kept_) renderer.releaseSlice(kept.image);
-  if (uploading_) renderer.releaseSlice(uploading_->id);
+void PlaneSet::release(SliceStore& store) {
+  for (const auto& [slot, kept] : kept_) store.releaseSlice(kept.image);
+  if (uploading_) store.releaseSlice(uploading_->id);
   kept_.clear();
   failed_.clear();
   uploading_.reset();

@@ -1,4 +1,4 @@
-// The slices and caps of a view: sampled beside the interface, and kept by the renderer.
+// The slices and caps of a view: sampled beside the interface, and kept by the store.
 #pragma once
 
 #include <cstdint>
@@ -9,10 +9,10 @@
 #include <vector>
 
 #include "isobrick/storage/pyramid.h"
-#include "isobrick/viewer/render/scene_renderer.h"
 #include "isobrick/viewer/session/scene_of_view.h"
 #include "isobrick/viewer/stream/latest_worker.h"
 #include "isobrick/viewer/stream/plane_sampler.h"
+#include "isobrick/viewer/stream/slice_store.h"
 #include "isobrick/viewer/stream/surface_set.h"
 
 namespace isobrick {
@@ -29,7 +29,7 @@ class PlaneSet {
   PlaneSet(std::shared_ptr<const Pyramid> pyramid, double step);
 
   // For each frame: the planes of the view. Uploads within `allowance`.
-  void update(SceneRenderer& renderer, const std::vector<WantedPlane>& wanted,
+  void update(SliceStore& store, const std::vector<WantedPlane>& wanted,
               UploadAllowance& allowance);
   // The image for a plane, and the place that it was sampled at: for a slice that is dragged an
   // earlier one. None yet, or none any longer.
@@ -40,7 +40,7 @@ class PlaneSet {
   std::optional<Shown> shown(const WantedPlane& wanted) const;
 
   // Gives back all that the renderer keeps, and ends the work under way.
-  void release(SceneRenderer& renderer);
+  void release(SliceStore& store);
   // False once every plane is shown as finely as it will be.
   bool busy() const { return uploading_ || worker_.busy() || nextJob().has_value(); }
   // Of the last sampling or upload; empty: it went well.
@@ -67,9 +67,9 @@ class PlaneSet {
   const WantedPlane* wantedOf(int slot) const;
   bool isOfUse(const Job& job) const;
   std::optional<Job> nextJob() const;
-  void dropOthers(SceneRenderer& renderer);
-  void begin(SceneRenderer& renderer, Job job, SliceImage image);
-  void uploadRows(SceneRenderer& renderer, UploadAllowance& allowance);
+  void dropOthers(SliceStore& store);
+  void begin(SliceStore& store, Job job, SliceImage image);
+  void uploadRows(SliceStore& store, UploadAllowance& allowance);
 
   const std::shared_ptr<const Pyramid> pyramid_;
   const double step_;

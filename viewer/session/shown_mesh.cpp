@@ -19,7 +19,7 @@ struct PlaceHash {
 
 }  // namespace
 
-void takeShownMesh(const SceneRenderer& renderer, const std::vector<ChunkId>& chunks,
+void takeShownMesh(const SceneReadback& renderer, const std::vector<ChunkId>& chunks,
                    const MeshFrame& frame, TriangleSink& sink) {
   std::unordered_map<Place, EdgeKey, PlaceHash> keys;  // the vertex's edge is not stored any more
   sink.begin(frame);

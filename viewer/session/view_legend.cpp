@@ -3,7 +3,7 @@
 #include <cstdio>
 #include <filesystem>
 
-#include "isobrick/viewer/offscreen_renderer.h"
+#include "isobrick/viewer/color_map.h"
 #include "isobrick/viewer/session/folder_listing.h"
 
 namespace isobrick {

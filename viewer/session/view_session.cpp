@@ -9,7 +9,6 @@
 #include "isobrick/extract/sinks/mesh_file_sink.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/viewer/clock_seconds.h"
-#include "isobrick/viewer/notes/draw_notes.h"
 #include "isobrick/viewer/session/shown_mesh.h"
 #include "isobrick/viewer/session/view_legend.h"
 
@@ -473,8 +472,6 @@ Image ViewSession::picture(const glm::dvec2& size, int times, bool layers) {
   cursor_hit_.reset();
   renderer_->draw(frame);
   Image image = renderer_->picture();
-  drawNotes(notesOf(state_, status().levels, valueWindow(), pyramid_->spec().geometry.unit),
-            frame.camera, state_.camera.distance, image);
   if (!layers) return image;
   frame.normals = true;
   frame.transparent = false;
@@ -489,6 +486,10 @@ Image ViewSession::picture(const glm::dvec2& size, int times, bool layers) {
   }
   image.depth = renderer_->distances();
   return image;
+}
+
+PictureNotes ViewSession::notes() const {
+  return notesOf(state_, status().levels, valueWindow(), pyramid_->spec().geometry.unit);
 }
 
 bool ViewSession::settled() const {

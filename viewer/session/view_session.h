@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "isobrick/storage/pyramid.h"
+#include "isobrick/viewer/picture_notes.h"
 #include "isobrick/viewer/render/scene_renderer.h"
 #include "isobrick/viewer/session/mesh_queue.h"
 #include "isobrick/viewer/session/opening_view.h"
@@ -108,9 +109,11 @@ class ViewSession {
   bool draw();
 
   // The scene as a picture of `size` pixels, `times` as large along both sides, or as much as the
-  // renderer can; with `layers`, depth and normals too. Draws, so the next draw() makes the
-  // screen's anew. Throws Error if there is no memory for it.
+  // renderer can; with `layers`, depth and normals too. Without notes. Draws, so the next draw()
+  // makes the screen's anew. Throws Error if there is no memory for it.
   Image picture(const glm::dvec2& size, int times, bool layers);
+  // The notes that pictures of the scene have.
+  PictureNotes notes() const;
 
   // How long the frame drawn last took, with showing it: a slow picture gets coarser surfaces
   // during drags. None: it could not be drawn.

@@ -11,8 +11,6 @@
 
 namespace isobrick {
 
-struct RenderMesh;
-
 // The value of a vertex that has none.
 inline constexpr std::int16_t kNoVertexValue = -32768;
 
@@ -82,9 +80,5 @@ struct SnappedEye {
   glm::vec3 offsetOf(const glm::dvec3& origin) const { return glm::vec3(origin - snapped); }
 };
 SnappedEye snapEye(const glm::dvec3& eye, double reach);
-
-// A mesh of world positions as chunks of at most 2^18 triangles, with a common origin. Triangles
-// are sorted by their levels if `with_levels`. The scene's lattice is the world itself.
-std::vector<SurfaceChunk> chunksOf(const RenderMesh& mesh, bool with_levels);
 
 }  // namespace isobrick

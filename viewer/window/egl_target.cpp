@@ -8,7 +8,12 @@ namespace isobrick {
 
 EglTarget::EglTarget(int width, int height, double scale)
     : scale_(scale), width_(width), height_(height) {
-  renew();
+  try {
+    renew();
+  } catch (...) {
+    renderer_.reset();  // before its context
+    throw;
+  }
 }
 
 void EglTarget::renew() {
@@ -22,7 +27,7 @@ void EglTarget::renew() {
   resize(width_, height_);
 }
 
-EglTarget::~EglTarget() = default;
+EglTarget::~EglTarget() { renderer_.reset(); }
 
 // No event comes while it waits.
 std::vector<InputEvent> EglTarget::takeEvents(double wait_seconds) {

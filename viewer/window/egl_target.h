@@ -5,32 +5,31 @@
 #include <optional>
 
 #include "isobrick/viewer/egl_context.h"
-#include "isobrick/viewer/window/view_target.h"
+#include "isobrick/viewer/window/gl_target.h"
 
 namespace isobrick {
 
-class EglTarget : public ViewTarget {
+class EglTarget : public GlTarget {
  public:
   // Throws Error that says what to install if no context can be made.
   EglTarget(int width, int height, double scale);
   ~EglTarget() override;
 
-  GlSceneRenderer& renderer() override { return *renderer_; }
   void renew() override;
   std::vector<InputEvent> takeEvents(double wait_seconds) override;
   void resize(int width, int height) override;
   double scale() const override { return scale_; }
   void setTitle(const std::string&) override {}
-  unsigned framebuffer() const override { return *frame_; }
   void show() override;
   std::string clipboardText() override { return clipboard_; }
   void setClipboardText(const std::string& text) override { clipboard_ = text; }
 
  private:
+  unsigned framebuffer() const override { return *frame_; }
+
   // In this order: the context goes last.
   std::unique_ptr<EglContext> context_;
   std::optional<EglContext::CurrentScope> current_;
-  std::unique_ptr<GlSceneRenderer> renderer_;
   double scale_;
   int width_, height_;
   GlFramebuffer frame_;

@@ -25,6 +25,7 @@
 #include "isobrick/viewer/session/volume_show.h"
 #include "isobrick/viewer/session/wish_guard.h"
 #include "isobrick/viewer/state/view_file.h"
+#include "isobrick/viewer/view_picture.h"
 #include "isobrick/viewer/window/egl_target.h"
 #include "isobrick/viewer/window/gl_window.h"
 #include "isobrick/viewer/window/view_panel.h"
@@ -235,14 +236,14 @@ class ViewLoop {
     if (width_ < 1 || height_ < 1) return false;
     try {
       drawScene();
-      target_->renderer().presentNothing(target_->framebuffer(), width_, height_);
-      target_->renderer().present(target_->framebuffer(), area().left, area().bottom);
+      target_->presentNothing(width_, height_);
+      target_->present(area().left, area().bottom);
       draw_error_.clear();
     } catch (const RendererLost&) {
       throw;
     } catch (const Error& error) {
       draw_error_ = error.what();
-      target_->renderer().presentNothing(target_->framebuffer(), width_, height_);
+      target_->presentNothing(width_, height_);
     }
     return true;
   }
@@ -481,8 +482,8 @@ class ViewLoop {
   // The scene without panels. It is drawn anew, so the screen's is, too, before it is shown.
   void writePicture(const std::string& path) {
     const ImageFormat format = imageFormatOf(path);
-    writeImage(path, session() != nullptr ? session()->picture(size(), state().pictures.times,
-                                                               format == ImageFormat::kExr)
+    writeImage(path, session() != nullptr ? pictureOf(*session(), size(), state().pictures.times,
+                                                      format == ImageFormat::kExr)
                                           : target_->renderer().picture());
     if (session() != nullptr) session()->draw();
     message_ = "wrote " + path;
@@ -492,7 +493,7 @@ class ViewLoop {
     const std::string path = (fs::path(options_.frames_folder) / file.name).string();
     switch (file.what) {
       case ScriptFile::What::kFrame:
-        if (drawn) writeImage(path, readScreen(target_->framebuffer(), width_, height_));
+        if (drawn) writeImage(path, target_->screen(width_, height_));
         break;
       case ScriptFile::What::kPicture:
         if (drawn) writePicture(path);

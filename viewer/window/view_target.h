@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "isobrick/viewer/image.h"
-#include "isobrick/viewer/render/gl_scene_renderer.h"
+#include "isobrick/viewer/render/scene_renderer.h"
 #include "isobrick/viewer/state/input_event.h"
 #include "isobrick/viewer/window/clipboard.h"
 
@@ -14,7 +14,7 @@ namespace isobrick {
 // Lives on one thread, on which its context is current all the time.
 class ViewTarget : public Clipboard {
  public:
-  virtual GlSceneRenderer& renderer() = 0;
+  virtual SceneRenderer& renderer() = 0;
   // Makes another context and renderer in the place of the lost ones; all objects of these are gone
   // by then. Its size comes as an event. Throws Error if there is none; it may be called again.
   virtual void renew() = 0;
@@ -26,12 +26,15 @@ class ViewTarget : public Clipboard {
   // How many pixels of this screen are one of an ordinary one.
   virtual double scale() const = 0;
   virtual void setTitle(const std::string& title) = 0;
-  // The framebuffer that is shown, and showing it.
-  virtual unsigned framebuffer() const = 0;
+  // The frame that the renderer drew last becomes a part of the next picture, with its lower left
+  // corner at this pixel from the left and from below.
+  virtual void present(int left, int bottom) = 0;
+  // All of the next picture becomes an empty background.
+  virtual void presentNothing(int width, int height) = 0;
+  // The picture so far, panels included: 8 bits, sRGB.
+  virtual Image screen(int width, int height) = 0;
+  // Shows the picture.
   virtual void show() = 0;
 };
-
-// The contents of a framebuffer of the current context, panels included: 8 bits, sRGB.
-Image readScreen(unsigned framebuffer, int width, int height);
 
 }  // namespace isobrick

@@ -12,7 +12,7 @@
 
 #include "isobrick/storage/error.h"
 #include "isobrick/viewer/image.h"
-#include "isobrick/viewer/session/view_picture.h"
+#include "isobrick/viewer/view_picture.h"
 #include "tests/support/field_pyramid.h"
 #include "tests/support/requirement.h"
 #include "tests/support/test_paths.h"

@@ -1,4 +1,4 @@
-#include "isobrick/viewer/session/view_picture.h"
+#include "isobrick/viewer/view_picture.h"
 
 #include <chrono>
 #include <limits>
@@ -7,10 +7,20 @@
 
 #include "isobrick/storage/error.h"
 #include "isobrick/viewer/egl_context.h"
+#include "isobrick/viewer/notes/draw_notes.h"
 #include "isobrick/viewer/render/gl_scene_renderer.h"
-#include "isobrick/viewer/session/view_session.h"
 
 namespace isobrick {
+
+Image pictureOf(ViewSession& session, const glm::dvec2& size, int times, bool layers) {
+  Image image = session.picture(size, times, layers);
+  const ViewCamera& camera = session.state().camera;
+  drawNotes(
+      session.notes(),
+      placeCamera(camera, static_cast<double>(image.width) / static_cast<double>(image.height)),
+      camera.distance, image);
+  return image;
+}
 
 ViewPicture drawView(std::shared_ptr<const Pyramid> pyramid, const ViewState& state,
                      const ViewDrawing& drawing, const CancelFlag& cancel) {
@@ -49,7 +59,7 @@ void drawViews(std::shared_ptr<const Pyramid> pyramid, std::span<const ViewState
     } while (!session.settled());
     const SessionStatus status = session.status();
     if (!status.error.empty()) throw Error(status.error);
-    take({session.picture({width, height}, 1, layers), status.triangles, renderer.deviceName()});
+    take({pictureOf(session, {width, height}, 1, layers), status.triangles, renderer.deviceName()});
   }
 }
 

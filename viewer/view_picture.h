@@ -1,4 +1,4 @@
-// A saved view as a picture, without a window.
+// Views as pictures.
 #pragma once
 
 #include <cstdint>
@@ -10,7 +10,7 @@
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid.h"
 #include "isobrick/viewer/image.h"
-#include "isobrick/viewer/state/view_state.h"
+#include "isobrick/viewer/session/view_session.h"
 
 namespace isobrick {
 
@@ -28,6 +28,9 @@ struct ViewDrawing {
   int threads = 1;
   bool layers = false;
 };
+
+// The scene of a session as a picture with its notes. The rest is as in ViewSession::picture().
+Image pictureOf(ViewSession& session, const glm::dvec2& size, int times, bool layers);
 
 // The picture that `isobrick view` shows of this state when it is as fine as it gets: surfaces,
 // slices, caps. Throws Error for a damaged brick, sizes that cannot be drawn, and if no OpenGL

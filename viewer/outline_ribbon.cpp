@@ -1,4 +1,4 @@
-#include "isobrick/viewer/sphere_outline.h"
+#include "isobrick/viewer/outline_ribbon.h"
 
 #include <array>
 #include <cmath>
