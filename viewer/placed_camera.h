@@ -17,6 +17,8 @@ struct PlacedCamera {
   double half_width = 1.0;    // of the picture: at distance 1, or in world units if orthographic
   double half_height = 1.0;   // likewise
   bool orthographic = false;  // all rays are parallel; points behind the eye are seen too
+
+  bool operator==(const PlacedCamera&) const = default;
 };
 
 // An axis-aligned box of the world; empty if a lower bound exceeds the upper.

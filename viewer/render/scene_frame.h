@@ -26,22 +26,30 @@ struct SceneSlice {
   int cap_of = -1;
   double black = 0.0, white = 1.0;  // data units
   double opacity = 1.0;             // below 1 it hides no slice behind it
+
+  bool operator==(const SceneSlice&) const = default;
 };
 
 struct SurfaceLook {
   glm::vec3 color{0.90f, 0.86f, 0.79f};  // sRGB
   double opacity = 1.0;
   double order = 0.0;  // of translucent ones, ascending: an inner one comes first
+
+  bool operator==(const SurfaceLook&) const = default;
 };
 
 // Points with dot(normal, point) >= offset stay.
 struct SceneClipPlane {
   glm::dvec3 normal{1.0, 0.0, 0.0};  // world, unit
   double offset = 0.0;
+
+  bool operator==(const SceneClipPlane&) const = default;
 };
 
 struct SceneSegment {
   glm::dvec3 begin{0.0}, end{0.0};  // world
+
+  bool operator==(const SceneSegment&) const = default;
 };
 
 struct SceneFrame {
@@ -81,6 +89,8 @@ struct SceneFrame {
   glm::vec3 back_color{0.46f, 0.20f, 0.13f};
   glm::vec3 background_top{0.36f, 0.38f, 0.41f};
   glm::vec3 background_bottom{0.16f, 0.17f, 0.19f};
+
+  bool operator==(const SceneFrame&) const = default;
 };
 
 }  // namespace isobrick

@@ -35,14 +35,8 @@ void ViewSession::measureSelectedPiece() {
   const SurfaceComponent* const piece = pieces_.selectedPiece();
   if (piece == nullptr || state_.piece_measures.size() >= kMostPieceMeasures) return;
   const PieceList::Listed& listed = *pieces_.listed();
-  state_.piece_measures.push_back(measureOf(*piece, listed.isovalue, listed.level + firstLevel()));
-}
-
-// Of all surfaces that are shown.
-std::size_t ViewSession::lostPieces() const {
-  std::size_t lost = 0;
-  for (const auto& [number, surface] : shown_surfaces_) lost += surface.counts.lost_pieces;
-  return lost;
+  state_.piece_measures.push_back(
+      measureOf(*piece, listed.isovalue, listed.level + shown_.firstLevel()));
 }
 
 }  // namespace isobrick

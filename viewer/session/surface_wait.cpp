@@ -2,6 +2,9 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <utility>
+
+#include "isobrick/viewer/clock_seconds.h"
 
 namespace isobrick {
 
@@ -26,6 +29,25 @@ double DrawingTimes::since(double moment) const {
   double seconds = 0.0;
   for (const auto& [begin, end] : frames_) seconds += std::max(0.0, end - std::max(begin, moment));
   return seconds;
+}
+
+void SurfaceWaits::add(std::uint64_t request, Entry entry) {
+  entry.key() = request;
+  times_.insert(std::move(entry));
+}
+
+void SurfaceWaits::end(const StreamMessage& pass, double now) {
+  const std::optional<double> waited = longest(now);
+  times_.erase(times_.begin(), times_.upper_bound(pass.request));
+  if (!waited || longest(now) == waited) return;
+  ended_.push_back(
+      surfaceWait(*waited, pass.seconds, clockSeconds() - pass.ended, drawings_.since(pass.ended)));
+}
+
+std::optional<double> SurfaceWaits::longest(double now) const {
+  for (const auto& [request, since] : times_)
+    if (since) return now - *since;
+  return std::nullopt;
 }
 
 }  // namespace isobrick

@@ -1,8 +1,14 @@
-// The parts of a user's wait for a surface.
+// A user's waits for surfaces, and their parts.
 #pragma once
 
+#include <cstdint>
 #include <deque>
+#include <map>
+#include <optional>
 #include <utility>
+#include <vector>
+
+#include "isobrick/viewer/stream/surface_stream.h"
 
 namespace isobrick {
 
@@ -31,6 +37,36 @@ class DrawingTimes {
 
  private:
   std::deque<std::pair<double, double>> frames_;
+};
+
+// The requests that are not answered, and what became of those that were. Moments are seconds of
+// one clock, the frames', but for those of drawings and of passes, which are of clockSeconds().
+class SurfaceWaits {
+ public:
+  using Times = std::map<std::uint64_t, std::optional<double>>;
+  using Entry = Times::node_type;
+
+  // Of a request to come, for add(), which does not fail. `since`: the user waits from then on;
+  // none: the shown surface answers the request, coarser.
+  static Entry entry(const std::optional<double>& since) { return Times{{0, since}}.extract(0); }
+  void add(std::uint64_t request, Entry entry);
+  // `pass` will be shown at `now`: the wait for the requests that it answers is over.
+  void end(const StreamMessage& pass, double now);
+  // Nothing will answer them.
+  void giveUp() { times_.clear(); }
+  void noteDrawing(double begin, double end) { drawings_.add(begin, end); }
+
+  bool areThereAny() const { return !times_.empty(); }
+  // Seconds for which the user has waited for a surface that is not shown yet; none without one.
+  std::optional<double> longest(double now) const;
+  // Those that ended since clearEnded().
+  const std::vector<SurfaceWait>& ended() const { return ended_; }
+  void clearEnded() { ended_.clear(); }
+
+ private:
+  Times times_;  // by request
+  DrawingTimes drawings_;
+  std::vector<SurfaceWait> ended_;
 };
 
 }  // namespace isobrick

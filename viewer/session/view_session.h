@@ -1,28 +1,28 @@
 // A volume in view: events in, frames out, with extraction beside it. No window.
 #pragma once
 
-#include <map>
+#include <array>
 #include <memory>
 #include <optional>
-#include <set>
 #include <string>
 #include <vector>
 
 #include "isobrick/storage/pyramid.h"
 #include "isobrick/viewer/picture_notes.h"
 #include "isobrick/viewer/render/scene_renderer.h"
+#include "isobrick/viewer/session/drawn_scene.h"
 #include "isobrick/viewer/session/mesh_queue.h"
 #include "isobrick/viewer/session/opening_view.h"
 #include "isobrick/viewer/session/piece_list.h"
 #include "isobrick/viewer/session/plane_set.h"
 #include "isobrick/viewer/session/scene_of_view.h"
-#include "isobrick/viewer/session/surface_wait.h"
+#include "isobrick/viewer/session/session_status.h"
+#include "isobrick/viewer/session/shown_volume.h"
+#include "isobrick/viewer/session/surface_requests.h"
 #include "isobrick/viewer/session/volume_opener.h"
-#include "isobrick/viewer/state/drag_quality.h"
 #include "isobrick/viewer/state/interaction.h"
 #include "isobrick/viewer/state/view_history.h"
 #include "isobrick/viewer/stream/surface_set.h"
-#include "isobrick/viewer/stream/surface_stream.h"
 #include "isobrick/viewer/stream/value_histogram.h"
 
 namespace isobrick {
@@ -33,26 +33,6 @@ struct SessionOptions {
   // Given if the pyramid is a preview. It is then shown as fine as it is, whatever the view's
   // settings; view and volume() are those of the volume, but for the range of its values.
   std::optional<PreviewOf> preview_of = {};
-};
-
-// The state of the work, for the user.
-struct SessionStatus {
-  std::string doing;            // "ready", or the work under way
-  std::string limited;          // the limit on the shown surface; empty: none
-  std::string error;            // of the last extraction or slice; empty: none
-  double shown_radius = 0.0;    // voxels
-  double wanted_radius = 0.0;   // voxels
-  std::uint64_t triangles = 0;  // shown
-  // By the pass that is shown: the others were shown before, in bricks that stayed the same.
-  std::uint64_t triangles_made = 0;
-  std::uint64_t shown_bytes = 0;  // of chunks
-  std::uint64_t bricks_read = 0;  // by the pass that is shown
-  double extract_seconds = 0.0;   // of the pass that is shown
-  double triangles_per_second = 0.0;
-  double drag_radius = 0.0;
-  std::uint64_t passes = 0;  // completed
-  double surface_age = 0.0;  // seconds since the shown surface was last the requested one
-  std::vector<LevelCounts> levels;
 };
 
 // Belongs to one thread, that of the renderer, which outlives it. Time is the caller's: seconds
@@ -78,17 +58,17 @@ class ViewSession {
   const ViewState& state() const { return state_; }
   Interaction& interaction() { return interaction_; }
   const Interaction& interaction() const { return interaction_; }
-  const ViewVolume& volume() const { return volume_; }
+  const ViewVolume& volume() const { return shown_.volume(); }
   const ValueHistogram& histogram() const { return histogram_; }
-  const Pyramid& pyramid() const { return *pyramid_; }
+  const Pyramid& pyramid() const { return *shown_.pyramid(); }
 
   // Nothing if the volume itself is shown.
-  const std::optional<PreviewOf>& previewOf() const { return preview_of_; }
+  const std::optional<PreviewOf>& previewOf() const { return shown_.previewOf(); }
   // Goes on from `other`, which shows the same volume, or a preview of it: with the current drag,
   // the camera, and all of the view that the user changed since it was opened.
   void follow(const ViewSession& other);
   // True if something was shown, or there is nothing to show.
-  bool hasShown() const;
+  bool hasShown() const { return requests_.hasShown(); }
 
   // The event's wishes to the caller; those about the view have been granted already.
   Wishes apply(const InputEvent& event, double seconds, bool on_panel);
@@ -105,7 +85,8 @@ class ViewSession {
   void suspend();
   void resume(SceneRenderer& renderer);
 
-  // Draws the chunks so far, with the size of the interaction; false if that size is 0.
+  // Draws the chunks so far, with the size of the interaction; false if that size is 0, or the
+  // renderer still has this very picture.
   bool draw();
 
   // The scene as a picture of `size` pixels, `times` as large along both sides, or as much as the
@@ -115,12 +96,12 @@ class ViewSession {
   // The notes that pictures of the scene have.
   PictureNotes notes() const;
 
-  // How long the frame drawn last took, with showing it: a slow picture gets coarser surfaces
-  // during drags. None: it could not be drawn.
+  // How long the last frame took, with drawing and showing it: a slow picture gets coarser surfaces
+  // during drags. None: it could not be drawn. Without effect if draw() did not have to.
   void noteDrawing(std::optional<double> seconds);
   // The scene draws slowly, and the surface of the latest request will soon be there: call update()
   // and this again before it is drawn once more.
-  bool drawsBetterLater() const;
+  bool drawsBetterLater() const { return requests_.drawsBetterLater(); }
 
   // True if the scene is the one of the state, as fine as it will get, slices included.
   bool isFine() const;
@@ -133,10 +114,10 @@ class ViewSession {
   }
   // The least and the greatest possible value, likewise; both 0 if there are none.
   std::array<double, 2> valueRange() const {
-    return valueRangeOf(state_, volume_, shown_pass_.values);
+    return valueRangeOf(state_, volume(), requests_.shown().pass().values);
   }
   // For the surfaces that the last update() began to show.
-  const std::vector<SurfaceWait>& waits() const { return waits_; }
+  const std::vector<SurfaceWait>& waits() const { return requests_.waits(); }
 
   // The pieces of the active surface, for a list; the user's choice of them is in the state.
   PieceList& pieces() { return pieces_; }
@@ -165,95 +146,25 @@ class ViewSession {
   void writeShownMesh(const std::string& path) const;
 
  private:
-  // The settings that a request's triangles follow from.
-  struct Asked {
-    ViewState state;
-    double height = 0.0;  // of the picture, pixels
-  };
-  // The request that the shown part of a surface was made of.
-  struct ShownSurface {
-    Asked asked;
-    double radius = 0.0;
-    bool is_complete = false;
-    StreamedSurface counts;
-  };
   void grantView(const Wishes& wishes);
   void updateOpening();
-  std::size_t lostPieces() const;
   std::optional<WorldBox> shownBox() const;
   SceneFrame sceneNow(int width, int height) const;
-  double radiusAtRest() const;
-  int firstLevel() const;
-  Query currentQuery(std::size_t surface, double radius) const;
-  void requestSurfaces(double seconds);
-  StreamValues wantedValues() const;
-  bool isShown(std::size_t surface, double radius) const;
-  StreamPass passOf(double radius) const;
-  std::uint64_t trianglesShown() const;
-  void requestQuickly(double radius, double seconds);
-  void boundFirstPass(StreamRequest& request) const;
-  void requestPasses(const std::vector<double>& radii, bool at_once, double seconds);
-  void send(StreamRequest request, std::optional<double> waiting_since);
-  std::optional<double> longestWait() const;
-  std::optional<StreamMessage> nextMessage();
-  void takeNews(const SurfaceSet::News& news);
-  void noteWait(const StreamMessage& pass);
-  void shrinkToBudget();
-  bool showsTheLatest() const;
-  bool asksAsRequested() const;
 
-  const std::shared_ptr<const Pyramid> pyramid_;
+  const ShownVolume shown_;
+  const ValueHistogram histogram_;
   SceneRenderer* renderer_;
-  const std::uint64_t gpu_budget_bytes_;
-  const std::optional<PreviewOf> preview_of_;
-  ViewVolume volume_;
-  ValueHistogram histogram_;
   ViewState state_;
   OpeningView opening_;
   ViewHistory history_;
   Interaction interaction_;
   double last_update_ = 0.0;
-
-  DragQuality quality_;
-  std::optional<Asked> requested_;  // by the last request
-  double last_change_ = 0.0;        // when a request last differed from the one before
-  bool asked_for_all_ = false;      // since then
-  bool ask_again_ = false;          // the request could not be answered any longer
-  bool shows_less_ = false;         // than the stream's messages contained
-  std::set<int> kept_;              // surfaces that all requests under way keep
-  bool over_budget_ = false;
-  double first_radius_ = 0.0;  // of the latest request's first pass
-  std::uint64_t last_request_ = 0, shown_request_ = 0;
-  // For requests after the one that is shown; without a time if the shown surface answers it,
-  // coarser.
-  std::map<std::uint64_t, std::optional<double>> request_times_;
-  double now_ = 0.0;
-  bool all_passes_done_ = false;
-  StreamMessage shown_pass_;
-  std::map<int, ShownSurface> shown_surfaces_;
-  std::map<std::uint64_t, Asked> asked_;  // by request, from the one that is shown on
-  std::uint64_t passes_ = 0;
-  double last_news_ = 0.0;  // of clockSeconds(), when a pass was last shown or requested
-  DrawingTimes drawings_;
-  double last_drawing_ = 0.0;  // seconds
-  // The last answer of surfaceUnderCursor(), and the facts that it holds for.
-  struct CursorHit {
-    glm::dvec2 cursor{0.0}, size{0.0};
-    ViewState view;
-    std::uint64_t passes = 0;
-    std::optional<glm::dvec3> point;
-  };
-  std::optional<CursorHit> cursor_hit_;
-  std::vector<SurfaceWait> waits_;
-
-  // Of the frame drawn last; none: none was drawn, or another picture after it.
-  std::optional<PlacedCamera> drawn_camera_;
+  DrawnScene scene_;
   std::optional<ViewState> drawn_state_;  // of the last draw()
+  bool drew_ = false;                     // the renderer, in the last draw()
 
-  std::optional<SurfaceSet> surfaces_;
-  std::uint64_t forgotten_request_ = 0;  // the last one whose chunks are of no use
-  // Last: their threads use the above.
-  SurfaceStream stream_;
+  // Last: their threads use the pyramid.
+  SurfaceRequests requests_;
   PlaneSet planes_;
   PieceList pieces_;
 };

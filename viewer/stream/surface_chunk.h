@@ -66,6 +66,7 @@ struct SceneLattice {
 
   glm::dvec3 toWorld(const glm::dvec3& point) const { return origin + matrix * point; }
   glm::dvec3 toLattice(const glm::dvec3& world) const;
+  bool operator==(const SceneLattice&) const = default;
 };
 
 // The eye in the lattice, in two parts: a snapped one for which origin - snapped is a float without

@@ -287,8 +287,13 @@ TEST_F(ViewSessionTest, WhatANewSurfaceTookIsTold) {
 }
 
 TEST_F(ViewSessionTest, WhatDrawsSlowlyIsNotDrawnOnceMoreJustBeforeItGoes) {
+  const auto drawAnother = [&](double seconds) {
+    session_->state().wireframe = !session_->state().wireframe;
+    ASSERT_TRUE(session_->draw());
+    session_->noteDrawing(seconds);
+  };
   settle();
-  session_->noteDrawing(0.5);
+  drawAnother(0.5);
   EXPECT_FALSE(session_->drawsBetterLater());  // it stays
   const auto change = [&] {
     session_->state().surfaces[0].isovalue += 1.0;
@@ -301,7 +306,7 @@ TEST_F(ViewSessionTest, WhatDrawsSlowlyIsNotDrawnOnceMoreJustBeforeItGoes) {
   session_->update(clock_ += 0.2);  // nor is it waited for that long
   EXPECT_FALSE(session_->drawsBetterLater());
   settle();
-  session_->noteDrawing(0.01);  // what is fast is drawn
+  drawAnother(0.01);  // what is fast is drawn
   change();
   EXPECT_FALSE(session_->drawsBetterLater());
 }
@@ -665,6 +670,39 @@ TEST_F(ViewSessionTest, AFileThatIsCutWhileItIsOpenIsAnErrorInTheWindow) {
   session_->state().camera = orbited(session_->state().camera, 10.0, 0.0);
   frame(0.1);
   EXPECT_EQ(renderer_.frame().chunks, before);
+}
+
+// Panels move over a scene that stays as it is.
+TEST_F(ViewSessionTest, AFrameThatIsTheSameIsNotDrawnAgain) {
+  settle();
+  const auto drawsOf = [&](auto&& change) {
+    const std::uint64_t before = renderer_.draws();
+    change();
+    for (int i = 0; i < 10; ++i) frame(0.02);
+    return renderer_.draws() - before;
+  };
+  InputEvent move;
+  move.kind = Kind::kMove;
+  const auto moveTo = [&](double x) {
+    move.x = x;
+    session_->apply(move, clock_, true);
+  };
+  ViewState& state = session_->state();
+  EXPECT_EQ(drawsOf([&] { moveTo(5.0); }), 0u);
+  EXPECT_EQ(drawsOf([&] { state.mesh_distance = 1.0; }), 0u);  // of files alone
+  EXPECT_EQ(drawsOf([&] { state.camera = orbited(state.camera, 5.0, 1.0); }), 1u);
+  EXPECT_EQ(drawsOf([&] { state.surfaces[0].color.r = 0.5f; }), 1u);
+  EXPECT_EQ(drawsOf([&] {
+              state.clip_planes.push_back({{1.0, 0.0, 0.0}, 30.0, true, false});
+            }),
+            1u);
+  EXPECT_EQ(drawsOf([&] { session_->picture({50, 50}, 1, false); }), 2u);  // and the screen's
+  EXPECT_EQ(drawsOf([&] { session_->suspend(), session_->resume(renderer_); }) > 0, true);
+  settle();
+  EXPECT_EQ(drawsOf([&] { moveTo(6.0); }), 0u);
+  EXPECT_FALSE(session_->draw());
+  session_->noteDrawing(5.0);  // of a panel: it says nothing of the scene
+  EXPECT_FALSE(session_->drawsBetterLater());
 }
 
 TEST_F(ViewSessionTest, WithoutASizeNothingIsDrawn) {

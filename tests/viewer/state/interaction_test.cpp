@@ -6,8 +6,6 @@
 #include <glm/geometric.hpp>
 #include <random>
 
-#include "isobrick/viewer/state/drag_quality.h"
-
 namespace isobrick {
 namespace {
 
@@ -313,53 +311,6 @@ TEST(InputEventTest, KeysHaveNamesOfTheirOwn) {
   EXPECT_FALSE(keyNamed("f"));
 }
 
-TEST(DragQualityTest, TheRadiusFindsWhatFitsIntoTheTime) {
-  // A machine that makes a million triangles a second, and a surface of 4 r^2 of them.
-  DragQuality quality;
-  double radius = quality.radius;
-  for (int i = 0; i < 20; ++i) {
-    const auto triangles = static_cast<std::uint64_t>(4.0 * radius * radius);
-    quality = measured(quality, radius, triangles, static_cast<double>(triangles) / 1e6);
-    radius = quality.radius;
-  }
-  EXPECT_NEAR(quality.triangles_per_second, 1e6, 1e4);
-  EXPECT_NEAR(4.0 * radius * radius, kDragSeconds * 1e6, 0.05 * kDragSeconds * 1e6);
-}
-
-TEST(DragQualityTest, ASlowRasteriserBoundsTheRadiusToo) {
-  DragQuality quality = drawn({}, 100'000, 1.0);
-  EXPECT_EQ(quality.drawn_per_second, 1e5);
-  for (int i = 0; i < 20; ++i) {
-    const auto triangles = static_cast<std::uint64_t>(4.0 * quality.radius * quality.radius);
-    quality = measured(quality, quality.radius, triangles, static_cast<double>(triangles) / 1e6);
-  }
-  EXPECT_NEAR(4.0 * quality.radius * quality.radius, kDragSeconds * 1e5, 0.05 * kDragSeconds * 1e5);
-  EXPECT_EQ(drawn(quality, 10, 5.0).drawn_per_second, 1e5);         // too few to say anything
-  EXPECT_EQ(drawn(quality, 1'000, 0.01).drawn_per_second, 1e5);     // a small surface, as slow
-  EXPECT_EQ(drawn(quality, 100'000, 0.001).drawn_per_second, 0.0);  // a graphics card
-}
-
-TEST(DragQualityTest, StepsAreBoundedAndNeverBelowTheLeast) {
-  DragQuality quality = measured({}, 100.0, 1, 1e-6);
-  EXPECT_DOUBLE_EQ(quality.radius, 200.0);  // an empty surface says little
-  quality = measured(quality, 100.0, 50'000'000, 10.0);
-  EXPECT_DOUBLE_EQ(quality.radius, 50.0);
-  for (int i = 0; i < 20; ++i) quality = measured(quality, quality.radius, 50'000'000, 10.0);
-  EXPECT_DOUBLE_EQ(quality.radius, kLeastRadius);
-}
-
-TEST(DragQualityTest, PassesDoubleUpToWhatIsWanted) {
-  EXPECT_EQ(passRadii(16.0, 100.0), (std::vector<double>{16.0, 32.0, 64.0, 100.0}));
-  EXPECT_EQ(passRadii(16.0, 70.0), (std::vector<double>{16.0, 32.0, 70.0}));
-  EXPECT_EQ(passRadii(50.0, 20.0), (std::vector<double>{20.0}));
-  EXPECT_EQ(passRadii(0.0, 8.0), (std::vector<double>{8.0}));
-  EXPECT_EQ(passRadii(16.0, 17.0),
-            (std::vector<double>{16.0, 17.0}));  // something quick comes first
-  EXPECT_EQ(finerRadii(16.0, 100.0), (std::vector<double>{32.0, 64.0, 100.0}));
-  EXPECT_EQ(finerRadii(49.0, 100.0), (std::vector<double>{100.0}));  // not 98 before
-  EXPECT_EQ(finerRadii(3.0, 5.0), (std::vector<double>{5.0}));
-}
-
 TEST_F(InteractionTest, WhatIsDroppedIsToBeOpened) {
   InputEvent drop;
   drop.kind = Kind::kOpen;
@@ -375,67 +326,6 @@ TEST_F(InteractionTest, WhatIsDroppedIsToBeOpened) {
   addWishes(Wishes{}, wishes);
   EXPECT_TRUE(wishes.screenshot);
   EXPECT_EQ(wishes.open, drop.path);
-}
-
-TEST(DragQualityTest, AHandThatSeesNothingNewGetsLess) {
-  EXPECT_EQ(hurriedRadius(80.0, 0.0), 80.0);
-  EXPECT_EQ(hurriedRadius(80.0, 0.1), 80.0);
-  EXPECT_EQ(hurriedRadius(80.0, 0.2), 40.0);
-  EXPECT_EQ(hurriedRadius(80.0, 5.0), 20.0);
-  EXPECT_EQ(hurriedRadius(10.0, 5.0), kLeastRadius);
-}
-
-TEST(DragQualityTest, ASurfaceThatSuddenlyGrowsGetsASmallerRadius) {
-  EXPECT_EQ(mostTriangles({}), 0u);
-  DragQuality quality{40.0, 1e6, 0.0};
-  EXPECT_EQ(mostTriangles(quality), 90'000u);
-  quality.drawn_per_second = 1e5;
-  EXPECT_EQ(mostTriangles(quality), 9'000u);
-  EXPECT_EQ(smallerRadii(40.0), (std::vector<double>{20.0, 10.0}));
-  EXPECT_EQ(smallerRadii(20.0), (std::vector<double>{10.0}));
-  EXPECT_TRUE(smallerRadii(kLeastRadius).empty());
-}
-
-// They take as long as many do that are found as quickly: a surface that then grows is not given
-// up for it.
-TEST(DragQualityTest, FewTrianglesDoNotMakeAMachineSlow) {
-  DragQuality quality{200.0, 5e6, 1e6};
-  for (int i = 0; i < 100; ++i) {
-    quality = measured(quality, 100.0, 1'700, 0.02);
-    quality = drawn(quality, 1'700, 0.04);
-  }
-  EXPECT_EQ(mostTriangles(quality), 90'000u);
-  for (int i = 0; i < 100; ++i) quality = measured(quality, 100.0, 60'000, 0.12);
-  EXPECT_NEAR(quality.triangles_per_second, 5e5, 1e4);  // it is slow
-  for (int i = 0; i < 100; ++i) quality = drawn(quality, 30'000, 0.12);
-  EXPECT_NEAR(quality.drawn_per_second, 2.5e5, 1e4);
-  quality = measured(quality, 100.0, 2'000, 0.001);  // as quick as that at least
-  EXPECT_GT(quality.triangles_per_second, 9e5);
-}
-
-// A coarse level that the surface reaches all at once beyond some radius, and its fine ones do not.
-TEST(DragQualityTest, ARadiusThatWasTooLargeIsNotTriedForEveryRequest) {
-  DragQuality quality{16.0, 1e6, 0.0};
-  const auto trianglesOf = [](double radius) { return radius < 200.0 ? 2'000u : 500'000u; };
-  int given_up = 0;
-  double smallest = 1e9;
-  constexpr int kRequests = 100;
-  for (int i = 0; i < kRequests; ++i) {
-    double radius = quality.radius;
-    while (trianglesOf(radius) > mostTriangles(quality)) {
-      ++given_up;
-      quality = givenUp(quality, radius, mostTriangles(quality), 0.12);
-      EXPECT_LE(quality.radius, 0.5 * radius);
-      radius *= 0.5;
-    }
-    quality = measured(quality, radius, trianglesOf(radius), 0.002);
-    if (i > 10) smallest = std::min(smallest, radius);
-  }
-  EXPECT_LE(given_up, kRequests / 5);
-  EXPECT_GE(smallest, 80.0);
-  // Where it is gone the radius grows again.
-  for (int i = 0; i < 50; ++i) quality = measured(quality, quality.radius, 2'000, 0.002);
-  EXPECT_GT(quality.radius, 250.0);
 }
 
 }  // namespace

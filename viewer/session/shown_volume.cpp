@@ -1,0 +1,53 @@
+#include "isobrick/viewer/session/shown_volume.h"
+
+#include <bit>
+#include <utility>
+
+namespace isobrick {
+
+bool asksForTheSame(const AskedView& asked, const ViewState& state, double height) {
+  return asksForTheSame(asked.state, state) && (!state.view_pixels || asked.height == height);
+}
+
+ShownVolume::ShownVolume(std::shared_ptr<const Pyramid> pyramid,
+                         const std::optional<PreviewOf>& preview_of, std::vector<double> isovalues)
+    : pyramid_(std::move(pyramid)), preview_of_(preview_of) {
+  volume_.voxels = pyramid_->spec().voxels;
+  volume_.geometry = pyramid_->spec().geometry;
+  volume_.least_value = static_cast<double>(pyramid_->valueRange().min);
+  volume_.greatest_value = static_cast<double>(pyramid_->valueRange().max);
+  volume_.isovalues = std::move(isovalues);
+  if (!preview_of_) return;
+  volume_.voxels = preview_of_->voxels;
+  volume_.geometry.spacing /= step();
+  volume_.has_all_values = false;
+}
+
+int ShownVolume::firstLevel() const {
+  return preview_of_ ? std::countr_zero(static_cast<std::uint64_t>(preview_of_->step)) : 0;
+}
+
+SceneLattice ShownVolume::lattice() const {
+  const GridGeometry& samples = pyramid_->spec().geometry;
+  return {samples.indexToWorldMatrix(), samples.origin};
+}
+
+WorldBox ShownVolume::boxAround(const std::array<glm::dvec3, 2>& samples) const {
+  return volume_.boxAround(step() * samples[0], step() * samples[1]);
+}
+
+double ShownVolume::radiusAtRest(const ViewState& state) const {
+  return preview_of_ ? volume_.diagonal() : wantedRadius(state, volume_);
+}
+
+Query ShownVolume::queryOf(const AskedView& view, std::size_t surface, double radius) const {
+  Query query = isobrick::queryOf(view.state, volume_, surface, radius, view.height);
+  if (!preview_of_) return query;
+  Query coarse;
+  coarse.isovalue = query.isovalue;
+  if (query.focus)
+    coarse.focus = FocusSphere{query.focus->center / step(), query.focus->radius / step()};
+  return coarse;
+}
+
+}  // namespace isobrick

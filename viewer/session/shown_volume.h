@@ -1,0 +1,59 @@
+// The volume that a session shows, as its pyramid has it: all of it, or a preview.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "isobrick/extract/query.h"
+#include "isobrick/storage/pyramid.h"
+#include "isobrick/viewer/session/volume_opener.h"
+#include "isobrick/viewer/state/view_state.h"
+#include "isobrick/viewer/stream/surface_chunk.h"
+
+namespace isobrick {
+
+// The settings that the triangles of a view follow from.
+struct AskedView {
+  ViewState state;
+  double height = 0.0;  // of the picture, pixels
+};
+// True if `state` in a picture of `height` gives the same triangles.
+bool asksForTheSame(const AskedView& asked, const ViewState& state, double height);
+
+// A view counts in voxels of the volume, a pyramid in its own samples, which are fewer in a
+// preview.
+class ShownVolume {
+ public:
+  // `isovalues`: that are suggested.
+  ShownVolume(std::shared_ptr<const Pyramid> pyramid, const std::optional<PreviewOf>& preview_of,
+              std::vector<double> isovalues);
+
+  const ViewVolume& volume() const { return volume_; }
+  const std::shared_ptr<const Pyramid>& pyramid() const { return pyramid_; }
+  // Nothing if the volume itself is shown.
+  const std::optional<PreviewOf>& previewOf() const { return preview_of_; }
+
+  // Voxels to a sample.
+  double step() const { return preview_of_ ? static_cast<double>(preview_of_->step) : 1.0; }
+  // The level of the volume that the pyramid's level 0 is.
+  int firstLevel() const;
+  // How the samples lie in the world.
+  SceneLattice lattice() const;
+  // The world's box around a box of samples.
+  WorldBox boxAround(const std::array<glm::dvec3, 2>& samples) const;
+
+  // A preview is shown as fine as it is.
+  double radiusAtRest(const ViewState& state) const;
+  // The query of the view, in samples.
+  Query queryOf(const AskedView& view, std::size_t surface, double radius) const;
+
+ private:
+  const std::shared_ptr<const Pyramid> pyramid_;
+  const std::optional<PreviewOf> preview_of_;
+  ViewVolume volume_;
+};
+
+}  // namespace isobrick

@@ -1,0 +1,84 @@
+// How much of a surface a moment allows: the one controller of latency of a session.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+namespace isobrick {
+
+// From the rates of the extractions and pictures so far it finds the radius that follows a user who
+// moves, the steps in which the surface grows fine again at rest, and whether a slow picture waits
+// for the next surface. Radii are voxels.
+class SurfacePace {
+ public:
+  // The time that one extraction, and one picture, may take while a slider is dragged.
+  static constexpr double kDragSeconds = 0.06;
+  // No surface is coarser than with this radius.
+  static constexpr double kLeastRadius = 8.0;
+  // The view is at rest if the user has not changed anything for so long.
+  static constexpr double kRestSeconds = 0.15;
+  // A drawing waits so long for the next surface, if it takes longer itself.
+  static constexpr double kPostponedSeconds = 0.1;
+
+  struct Rates {
+    double radius = 16.0;               // of interest: fits into the time
+    double triangles_per_second = 0.0;  // extracted; 0: nothing was measured yet
+    double drawn_per_second = 0.0;      // triangles drawn, by a slow renderer; 0: it is not slow
+    double too_large = 0.0;  // a radius of which lately the triangles were too many; 0: none
+  };
+
+  SurfacePace() = default;
+  explicit SurfacePace(const Rates& rates) : rates_(rates) {}
+  const Rates& rates() const { return rates_; }
+
+  // After an extraction with `radius`, which made `made` of its triangles anew; it does nothing if
+  // these are few. The surface within a sphere grows with the square of its radius, so the radius
+  // that fits the time is found from the triangles that fit; steps are bounded, since a surface may
+  // be anywhere, and end before a radius that was too large. Runs that found next to nothing leave
+  // the rate as it was; few triangles may raise it, but do not lower it, as most of the time goes
+  // into finding them.
+  void noteExtraction(double radius, std::uint64_t triangles, std::uint64_t made, double seconds);
+  // After an extraction with `radius` that was given up for the triangles it had by then. The
+  // radius is too large until surfaces grow to it again, a little each time.
+  void noteGivenUp(double radius, std::uint64_t triangles, double seconds);
+  // After a picture of so many triangles. A rasteriser in software is as slow as an extraction.
+  // Pictures that take less than half the time, as graphics cards draw them, may only raise a rate,
+  // and remove one that was far lower; few triangles do not lower it either.
+  void noteDrawing(std::uint64_t triangles, double seconds);
+  // A surface with `radius` has no room on the card: the next drag begins with one that fits.
+  void noteOverBudget(double radius);
+
+  // The radius for a user who moves on, at most `wanted`, while the shown surface has been `age`
+  // seconds behind the requested one. If frames, or a surface that has suddenly grown, take longer
+  // than the stream's patience, every extraction is given up for the next one, and none of them
+  // gives a rate; so each gets smaller than the one before, until one is shown.
+  double quickRadius(double wanted, double age) const;
+  // Beyond so many triangles a surface for a user who moves is given up for a smaller one: half as
+  // many again as fit the time, as a surface may suddenly grow; 0 if nothing was measured yet.
+  std::uint64_t mostTriangles() const;
+  // The radii that replace `radius` if a surface has too many triangles, each half the one before,
+  // down to a quarter.
+  static std::vector<double> smallerRadii(double radius);
+  // The radii of the passes at rest: from one that fits the time, each twice the last one, to
+  // `wanted`. Each pass makes the bricks anew whose leaves are not those of the one before; even if
+  // these are all, the geometric growth keeps all passes together to about a third more than the
+  // last one.
+  std::vector<double> passRadii(double wanted) const;
+  // The remaining ones, at least one, if the one with `shown` is shown.
+  static std::vector<double> finerRadii(double shown, double wanted);
+
+  // The last picture was slow, and a user has waited for `wait` for a surface that will soon be
+  // there (none: no user waits): the next picture is worth waiting for it.
+  bool drawsBetterLater(const std::optional<double>& wait) const;
+
+ private:
+  double fittingTriangles() const;
+  bool areMany(std::uint64_t triangles) const;
+  double extractionRate(std::uint64_t triangles, double seconds) const;
+
+  Rates rates_;
+  double last_drawing_ = 0.0;  // seconds
+};
+
+}  // namespace isobrick

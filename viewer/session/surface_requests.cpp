@@ -1,0 +1,194 @@
+#include "isobrick/viewer/session/surface_requests.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "isobrick/viewer/clock_seconds.h"
+
+namespace isobrick {
+
+SurfaceRequests::SurfaceRequests(const ShownVolume& volume, ChunkStore& store,
+                                 std::uint64_t budget_bytes, int threads)
+    : volume_(volume),
+      budget_bytes_(budget_bytes),
+      surfaces_(std::in_place, store, budget_bytes),
+      stream_(volume.pyramid(), threads) {}
+
+void SurfaceRequests::suspend() {
+  surfaces_.reset();
+  stream_.cancel();
+  forgotten_request_ = last_request_;
+  waits_.giveUp();
+  requested_.reset();
+  shown_.forget();
+  shows_less_ = true;
+}
+
+void SurfaceRequests::resume(ChunkStore& store) { surfaces_.emplace(store, budget_bytes_); }
+
+bool SurfaceRequests::hasShown() const {
+  return shown_.passes() > 0 || over_budget_ || !surfaces_->error().empty();
+}
+
+bool SurfaceRequests::showsTheLatest() const {
+  return shown_.pass().request == last_request_ && shown_.pass().is_complete;
+}
+
+bool SurfaceRequests::isFine(const ViewState& state, double height) const {
+  return asked_for_all_ && (all_passes_done_ || over_budget_ || !surfaces_->error().empty()) &&
+         requested_ && asksForTheSame(*requested_, state, height) && !stream_.busy() &&
+         !surfaces_->isReleasing();
+}
+
+double SurfaceRequests::sinceNews() const { return clockSeconds() - last_news_; }
+
+void SurfaceRequests::noteDrawing(double seconds) {
+  pace_.noteDrawing(shown_.triangles(), seconds);
+  const double now = clockSeconds();
+  waits_.noteDrawing(now - seconds, now);
+}
+
+// ------------------------------------------------------------------------------------ what has
+// come
+
+// Drops messages of passes that began before suspend(), as a part of these is gone.
+std::optional<StreamMessage> SurfaceRequests::nextMessage() {
+  auto message = stream_.poll();
+  while (message && message->request <= forgotten_request_) message = stream_.poll();
+  return message;
+}
+
+void SurfaceRequests::take(double seconds, UploadAllowance& allowance) {
+  now_ = seconds;
+  waits_.clearEnded();
+  const SurfaceSet::News news =
+      surfaces_->pump([&] { return nextMessage(); }, clockSeconds, allowance);
+  for (const StreamMessage& pass : news.passes) takePass(pass);
+  shows_less_ = shows_less_ || news.over_budget || news.stale;
+  if (news.over_budget) shrinkToBudget();
+  ask_again_ = ask_again_ || news.stale;
+  if (news.over_budget || news.failed) waits_.giveUp();
+}
+
+void SurfaceRequests::takePass(const StreamMessage& pass) {
+  if (pass.too_many) return pace_.noteGivenUp(pass.radius, pass.triangles_made, pass.seconds);
+  waits_.end(pass, now_);
+  if (pass.is_complete && !pass.surfaces.empty())
+    pace_.noteExtraction(pass.radius, pass.triangles, pass.triangles_made, pass.seconds);
+  asked_.erase(asked_.begin(), asked_.lower_bound(pass.request));
+  shown_.take(pass, asked_.at(pass.request));
+  last_news_ = clockSeconds();
+  all_passes_done_ = pass.request == last_request_ && pass.last_pass;
+}
+
+void SurfaceRequests::shrinkToBudget() {
+  stream_.cancel();
+  over_budget_ = true;
+  pace_.noteOverBudget(first_radius_);
+  // The part of this request that is shown already is as fine as it gets.
+  if (!showsTheLatest() && first_radius_ > 1.0)
+    requestPasses({std::max(1.0, 0.5 * first_radius_)}, false);
+}
+
+// -------------------------------------------------------------------------------- what is asked
+// for
+
+void SurfaceRequests::request(const ViewState& state, double height, double seconds) {
+  now_ = seconds;
+  const double wanted = volume_.radiusAtRest(state);
+  const bool first = !requested_;
+  if (first || ask_again_ || !asksForTheSame(*requested_, state, height)) {
+    const double age = longestWait().value_or(0.0);
+    requested_ = AskedView{state, height};
+    ask_again_ = false;
+    last_change_ = seconds;
+    over_budget_ = false;
+    asked_for_all_ = first;
+    if (first)
+      requestPasses(pace_.passRadii(wanted), true);
+    else
+      requestQuickly(pace_.quickRadius(wanted, age));
+  } else if (!asked_for_all_ && seconds - last_change_ >= SurfacePace::kRestSeconds) {
+    asked_for_all_ = true;
+    const double shown = shown_.pass().radius;
+    // A surface that is shown is not made again.
+    if (over_budget_ || (showsTheLatest() && shown >= wanted)) return;
+    requestPasses(
+        showsTheLatest() ? SurfacePace::finerRadii(shown, wanted) : pace_.passRadii(wanted),
+        shown_.pass().request != last_request_);
+  }
+}
+
+StreamPass SurfaceRequests::passOf(double radius) const {
+  StreamPass pass;
+  pass.radius = radius;
+  const std::vector<ViewSurface>& surfaces = requested_->state.surfaces;
+  for (std::size_t s = 0; s < surfaces.size(); ++s) {
+    if (!surfaces[s].visible) continue;
+    const int number = static_cast<int>(s);
+    if (isShown(s, radius))
+      pass.kept.push_back({number, surfaces_->contentOf(number)});
+    else
+      pass.queries.push_back({number, volume_.queryOf(*requested_, s, radius), surfaces[s].pieces});
+  }
+  return pass;
+}
+
+// As fine as with this radius, or finer, but not finer than wanted, and no pass under way will
+// replace it.
+bool SurfaceRequests::isShown(std::size_t surface, double radius) const {
+  if (waits_.areThereAny() && kept_.count(static_cast<int>(surface)) == 0) return false;
+  return shown_.has(surface, *requested_, radius, volume_.radiusAtRest(requested_->state));
+}
+
+void SurfaceRequests::requestQuickly(double radius) {
+  StreamRequest request;
+  request.passes.push_back(passOf(radius));
+  boundFirstPass(request);
+  send(std::move(request), now_);
+}
+
+// A surface that a user waits for is given up for half the radius if it has many triangles.
+void SurfaceRequests::boundFirstPass(StreamRequest& request) const {
+  for (const double smaller : SurfacePace::smallerRadii(request.passes[0].radius))
+    request.smaller.push_back(passOf(smaller));
+  request.most_triangles = pace_.mostTriangles();
+}
+
+StreamValues SurfaceRequests::wantedValues() const {
+  const ViewState& state = requested_->state;
+  if (state.coloring == ViewColoring::kGradient) return {StreamValues::What::kGradient, ""};
+  // Until a pyramid was named there is nothing to colour by.
+  if (state.coloring == ViewColoring::kOther && !state.values.other.empty())
+    return {StreamValues::What::kOther, state.values.other};
+  return {};
+}
+
+// `at_once`: no part of the requested surfaces is shown yet.
+void SurfaceRequests::requestPasses(const std::vector<double>& radii, bool at_once) {
+  StreamRequest request;
+  for (const double radius : radii) request.passes.push_back(passOf(radius));
+  request.at_once = at_once;
+  if (at_once) boundFirstPass(request);
+  send(std::move(request), at_once ? std::optional(now_) : std::nullopt);
+}
+
+void SurfaceRequests::send(StreamRequest request, const std::optional<double>& waiting_since) {
+  all_passes_done_ = false;
+  kept_.clear();
+  for (const StreamPass::KeptSurface& kept : request.passes[0].kept) kept_.insert(kept.surface);
+  request.values = wantedValues();
+  request.may_reuse = !shows_less_;
+  shows_less_ = false;
+  first_radius_ = request.passes[0].radius;
+  // All that may fail comes before the request, whose answer is looked up here.
+  auto wait = SurfaceWaits::entry(waiting_since);
+  auto asked = decltype(asked_){{0, *requested_}}.extract(0);
+  last_request_ = stream_.request(std::move(request));
+  asked.key() = last_request_;
+  last_news_ = clockSeconds();
+  waits_.add(last_request_, std::move(wait));
+  asked_.insert(std::move(asked));
+}
+
+}  // namespace isobrick

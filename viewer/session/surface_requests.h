@@ -1,0 +1,107 @@
+// The surfaces of a view: what is asked of the stream, when and how fine, and what is shown of it.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "isobrick/viewer/session/shown_surfaces.h"
+#include "isobrick/viewer/session/shown_volume.h"
+#include "isobrick/viewer/session/surface_pace.h"
+#include "isobrick/viewer/session/surface_wait.h"
+#include "isobrick/viewer/stream/chunk_store.h"
+#include "isobrick/viewer/stream/surface_set.h"
+#include "isobrick/viewer/stream/surface_stream.h"
+
+namespace isobrick {
+
+// While a view changes, it is answered by one pass that fits the time; at rest by all passes up to
+// the wanted radius. A budget that is reached makes surfaces smaller. Belongs to the store's
+// thread. Time is the caller's: seconds that run on.
+class SurfaceRequests {
+ public:
+  // `volume` outlives it. `budget_bytes`: of chunks in the store; `threads`: of the extraction.
+  SurfaceRequests(const ShownVolume& volume, ChunkStore& store, std::uint64_t budget_bytes,
+                  int threads);
+
+  // For each frame, in this order: takes what has come, within `allowance`, and asks for the
+  // surfaces of the view.
+  void take(double seconds, UploadAllowance& allowance);
+  void request(const ViewState& state, double height, double seconds);
+
+  // Gives back all that the store keeps, which may end then. Until resume() nothing else is called.
+  void suspend();
+  void resume(ChunkStore& store);
+
+  // Of a picture of the surfaces, with showing it.
+  void noteDrawing(double seconds);
+  // As that of ViewSession.
+  bool drawsBetterLater() const { return pace_.drawsBetterLater(longestWait()); }
+
+  const ShownSurfaces& shown() const { return shown_; }
+  std::vector<ChunkId> chunks() const { return surfaces_->shown(); }
+  std::uint64_t chunkBytes() const { return surfaces_->shownBytes(); }
+  // The least box around them, in samples; none if that is nothing.
+  std::optional<std::array<glm::dvec3, 2>> shownBox() const { return surfaces_->shownBox(); }
+
+  // Something was shown, or there is nothing to show.
+  bool hasShown() const;
+  // The surfaces of the view are shown, as fine as they get.
+  bool isFine(const ViewState& state, double height) const;
+  bool isFollowingUser() const { return !asked_for_all_; }
+  // Those of the latest request, and all of their bricks were there.
+  bool showsTheLatest() const;
+  bool isOverBudget() const { return over_budget_; }
+  // Of the last extraction or upload; empty: it went well.
+  const std::string& error() const { return surfaces_->error(); }
+
+  const SurfacePace& pace() const { return pace_; }
+  // Seconds since the shown surface was last the requested one; none: it is.
+  std::optional<double> longestWait() const { return waits_.longest(now_); }
+  // For the surfaces that the last take() began to show.
+  const std::vector<SurfaceWait>& waits() const { return waits_.ended(); }
+  // Seconds since a pass was last shown or requested.
+  double sinceNews() const;
+
+ private:
+  std::optional<StreamMessage> nextMessage();
+  void takePass(const StreamMessage& pass);
+  void shrinkToBudget();
+  StreamValues wantedValues() const;
+  bool isShown(std::size_t surface, double radius) const;
+  StreamPass passOf(double radius) const;
+  void boundFirstPass(StreamRequest& request) const;
+  void requestQuickly(double radius);
+  void requestPasses(const std::vector<double>& radii, bool at_once);
+  void send(StreamRequest request, const std::optional<double>& waiting_since);
+
+  const ShownVolume& volume_;
+  const std::uint64_t budget_bytes_;
+  SurfacePace pace_;
+  SurfaceWaits waits_;
+  ShownSurfaces shown_;
+
+  double now_ = 0.0;
+  std::optional<AskedView> requested_;        // by the last request
+  std::map<std::uint64_t, AskedView> asked_;  // by request, from the one that is shown on
+  std::uint64_t last_request_ = 0;
+  std::uint64_t forgotten_request_ = 0;  // the last one whose chunks are of no use
+  double first_radius_ = 0.0;            // of the latest request's first pass
+  std::set<int> kept_;                   // surfaces that all requests under way keep
+  double last_change_ = 0.0;             // when a request last differed from the one before
+  bool asked_for_all_ = false;           // since then
+  bool all_passes_done_ = false;
+  bool ask_again_ = false;   // the request could not be answered any longer
+  bool shows_less_ = false;  // than the stream's messages contained
+  bool over_budget_ = false;
+  double last_news_ = 0.0;  // of clockSeconds()
+
+  std::optional<SurfaceSet> surfaces_;
+  SurfaceStream stream_;  // last: its thread uses the pyramid
+};
+
+}  // namespace isobrick
