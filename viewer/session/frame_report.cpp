@@ -59,6 +59,8 @@ std::string reportOf(const std::vector<ReportedFrame>& frames, const std::string
   auto report = nlohmann::ordered_json::object();
   report["device"] = device;
   report["frames"] = frames.size();
+  report["scenes_drawn"] = std::count_if(frames.begin(), frames.end(),
+                                         [](const auto& frame) { return frame.scene_drawn; });
   report["seconds"] = frames.empty() ? 0.0 : frames.back().seconds;
   const auto spread = [&](auto&& value) {
     std::vector<double> values;

@@ -20,6 +20,7 @@ struct FrameTimes {
 struct ReportedFrame {
   double seconds = 0.0;  // since the begin
   FrameTimes times;
+  bool scene_drawn = true;  // and not only shown again, as nothing in it changed
   double surface_age = 0.0;
   double shown_radius = 0.0;
   std::uint64_t triangles = 0;

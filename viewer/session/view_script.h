@@ -98,6 +98,8 @@ class ScriptPlayer {
  public:
   explicit ScriptPlayer(ViewScript script) : script_(std::move(script)) {}
 
+  const ViewScript& script() const { return script_; }
+
   // Throws Error if a patch gives no view.
   ScriptFrame next(double seconds, const ScriptSight& sight, const ViewState& state);
   // From a wait for a preview to the next wait nothing may take its place.

@@ -1,0 +1,100 @@
+#include "isobrick/viewer/window/input_router.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "isobrick/viewer/clock_seconds.h"
+
+namespace isobrick {
+
+InputRouter::InputRouter(ViewTarget& target, std::string record_path)
+    : target_(target), record_path_(std::move(record_path)), last_frame_(clockSeconds()) {}
+
+bool InputRouter::take(double wait_seconds) {
+  const double looked_last = std::exchange(looked_, clockSeconds());
+  std::vector<InputEvent> events = target_.takeEvents(wait_seconds);
+  const double now = clockSeconds();
+  for (InputEvent& event : events) {
+    event.seconds = now;
+    event.waited = std::max(0.0, looked_ - looked_last);
+  }
+  looked_ = now;
+  add(events);
+  return !events.empty();
+}
+
+SceneArea InputRouter::area(const ViewSession* session) const {
+  const bool with_panel = session != nullptr && session->interaction().show_panel;
+  return sceneArea(width_, height_, target_.scale(), with_panel);
+}
+
+std::vector<InputEvent> InputRouter::eventsOfFrame() {
+  std::vector<InputEvent> events;
+  while (!events_.empty()) {
+    events.push_back(events_.front());
+    events_.pop_front();
+    const InputEvent::Kind kind = events.back().kind;
+    if (kind == InputEvent::Kind::kPress || kind == InputEvent::Kind::kRelease) break;
+  }
+  return events;
+}
+
+void InputRouter::feed(const InputEvent& event, ViewPanel& panel, double seconds) {
+  panel.feed(event);
+  if (recording_) recording_->add(event.seconds.value_or(seconds), event);
+  if (event.kind != InputEvent::Kind::kResize) return;
+  width_ = static_cast<int>(event.x);
+  height_ = static_cast<int>(event.y);
+  if (!record_path_.empty() && !recording_ && width_ > 0 && height_ > 0)
+    recording_.emplace(record_path_, width_, height_, target_.scale());
+}
+
+Wishes InputRouter::pass(ViewPanel& panel, ViewSession* session, double seconds) {
+  const std::vector<InputEvent> events = eventsOfFrame();
+  for (const InputEvent& event : events) feed(event, panel, seconds);
+  panel.begin(width_, height_, seconds - last_frame_);
+  last_frame_ = seconds;
+  Wishes wishes;
+  for (const InputEvent& event : events) {
+    const bool of_keyboard = event.kind == InputEvent::Kind::kKeyPress ||
+                             event.kind == InputEvent::Kind::kKeyRelease ||
+                             event.kind == InputEvent::Kind::kText;
+    const bool on_panel = of_keyboard ? panel.wantsKeyboard() : panel.wantsMouse();
+    if (event.kind == InputEvent::Kind::kMove) cursor_ = {event.x, event.y};
+    addWishes(session != nullptr
+                  ? session->apply(inScene(event, session), seconds, on_panel)
+                  : applyEvent(event, seconds, on_panel, {}, idle_interaction_, idle_state_),
+              wishes);
+  }
+  if (session != nullptr) layOut(*session);
+  return wishes;
+}
+
+// An event of the window, in the scene's pixels.
+InputEvent InputRouter::inScene(InputEvent event, const ViewSession* session) const {
+  const SceneArea now = area(session);
+  if (event.kind == InputEvent::Kind::kMove) event.x -= now.left;
+  if (event.kind == InputEvent::Kind::kResize) {
+    event.x = now.width;
+    event.y = now.height;
+  }
+  return event;
+}
+
+// Gives the session the size of its area, and the cursor in it.
+void InputRouter::layOut(ViewSession& session) {
+  const SceneArea now = area(&session);
+  const Interaction& interaction = session.interaction();
+  if (interaction.size != glm::dvec2(now.width, now.height)) {
+    InputEvent resized;
+    resized.kind = InputEvent::Kind::kResize;
+    session.apply(inScene(resized, &session), last_frame_, false);
+  }
+  // The panel came or went under the cursor, which has not moved.
+  const double shift = std::exchange(left_, now.left) - now.left;
+  session.interaction().pressed_at.x += shift;
+  if (interaction.drag == Interaction::Drag::kNone || shift != 0.0)
+    session.interaction().cursor = cursor_ - glm::dvec2(now.left, 0.0);
+}
+
+}  // namespace isobrick

@@ -1,0 +1,86 @@
+#include "isobrick/viewer/window/open_volumes.h"
+
+#include <filesystem>
+#include <utility>
+
+#include "isobrick/storage/error.h"
+#include "isobrick/storage/pyramid_file.h"
+#include "isobrick/viewer/session/folder_listing.h"
+#include "isobrick/viewer/session/output_names.h"
+
+namespace isobrick {
+
+namespace fs = std::filesystem;
+
+bool isOpenedBeside(const std::string& source) {
+  if (isRemotePath(source)) return true;
+  std::error_code ignored;
+  return source.rfind("phantom:", 0) == 0 ||
+         (fs::exists(source, ignored) && !isPyramidFile(source));
+}
+
+OpenVolumes::OpenVolumes(const ViewOptions& options, ViewTarget& target, OutputFiles& files)
+    : recent_path_(options.recent_path),
+      target_(target),
+      files_(files),
+      recent_(readRecentFiles(options.recent_path)),
+      show_({options.threads, options.gpu_budget_bytes}),
+      opener_(options.build, options.memory_bytes, options.remote) {}
+
+void OpenVolumes::show(OpenedVolume opened, const glm::dvec2& size) {
+  const bool is_preview = opened.preview_of.has_value();
+  const std::string source = opened.source, pyramid = opened.pyramid;
+  show_.take(std::move(opened), target_.renderer(), size, target_.scale());
+  nameAfter(source, is_preview ? " (preview)" : "");
+  if (is_preview) return;
+  files_.say(source == pyramid ? "" : "the pyramid is " + shortPath(pyramid));
+  std::error_code ignored;
+  const bool is_file = fs::exists(source, ignored);  // no phantom
+  recent_ =
+      withRecent(std::move(recent_),
+                 is_file ? fs::absolute(source, ignored).lexically_normal().string() : source);
+  writeRecentFiles(recent_path_, recent_);
+}
+
+void OpenVolumes::nameAfter(const std::string& source, const char* what) {
+  files_.nameAfter(source);
+  target_.setTitle(shownName(fs::path(source).filename().string()) + what + " - isobrick");
+}
+
+// The volume under way will not come.
+void OpenVolumes::giveUpPreview(const glm::dvec2& size) {
+  if (!show_.showsPreview()) return;
+  show_.giveUpPreview(target_.renderer(), size, target_.scale());
+  if (show_.opened() != nullptr)
+    nameAfter(show_.opened()->source, "");
+  else
+    target_.setTitle("isobrick");
+}
+
+void OpenVolumes::take(const glm::dvec2& size, bool keeps_preview,
+                       const std::optional<std::string>& is_needed) {
+  if (!outcome_) outcome_ = opener_.poll();
+  if (auto preview = opener_.takePreview()) show(std::move(*preview), size);
+  if (keeps_preview && show_.showsPreview()) return;
+  auto outcome = std::exchange(outcome_, std::nullopt);
+  if (!outcome) return;
+  if (!outcome->volume) giveUpPreview(size);
+  if (!outcome->volume && session() == nullptr && is_needed == outcome->source)
+    throw Error(outcome->error);
+  error_ = outcome->error;
+  if (outcome->volume) show(std::move(*outcome->volume), size);
+}
+
+void OpenVolumes::grant(const Wishes& wishes, const glm::dvec2& size) {
+  if (wishes.stop_opening || wishes.open) {
+    error_.clear();
+    outcome_.reset();
+  }
+  if (wishes.stop_opening) {
+    opener_.cancel();
+    giveUpPreview(size);
+  }
+  if (wishes.open) opener_.open(*wishes.open);
+}
+
+}  // namespace isobrick

@@ -1,0 +1,64 @@
+// The volumes of the window: the one that is shown, and the one that is being opened.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "isobrick/viewer/session/volume_opener.h"
+#include "isobrick/viewer/session/volume_show.h"
+#include "isobrick/viewer/window/output_files.h"
+#include "isobrick/viewer/window/view_loop.h"
+#include "isobrick/viewer/window/view_target.h"
+
+namespace isobrick {
+
+// A file or a folder that is there and is no pyramid, the name of a phantom, or a URL: opening it
+// takes time, and may build. Everything else is a pyramid, or an error, at once.
+bool isOpenedBeside(const std::string& source);
+
+// The old volume stays until the new one, or its first preview, is there.
+class OpenVolumes {
+ public:
+  // All of them outlive it. `files` and the title of `target` are named after what is shown.
+  OpenVolumes(const ViewOptions& options, ViewTarget& target, OutputFiles& files);
+
+  void open(const std::string& source) { opener_.open(source); }
+  // Replaces the volume shown before, in a window of `size` pixels.
+  void show(OpenedVolume opened, const glm::dvec2& size);
+  // For each frame: shows what was opened since. With `keeps_preview` only another preview replaces
+  // a preview. Throws Error if `is_needed` (a path) cannot be opened and nothing is shown.
+  void take(const glm::dvec2& size, bool keeps_preview,
+            const std::optional<std::string>& is_needed);
+  void grant(const Wishes& wishes, const glm::dvec2& size);
+
+  VolumeShow& shown() { return show_; }
+  const VolumeShow& shown() const { return show_; }
+  ViewSession* session() const { return show_.session(); }
+  const OpenedVolume* opened() const { return show_.opened(); }
+  bool showsPreview() const { return show_.showsPreview(); }
+  // All that was opened is shown, as fine as it gets.
+  bool settled() const { return !busy() && !outcome_ && show_.settled(); }
+  bool busy() const { return opener_.status().busy; }
+
+  VolumeOpener::Status status() const { return opener_.status(); }
+  // Why the last opening ended without a volume; empty: it did not.
+  const std::string& error() const { return error_; }
+  // Opened last, latest first.
+  const std::vector<std::string>& recent() const { return recent_; }
+
+ private:
+  void nameAfter(const std::string& source, const char* what);
+  void giveUpPreview(const glm::dvec2& size);
+
+  const std::string recent_path_;
+  ViewTarget& target_;
+  OutputFiles& files_;
+  std::vector<std::string> recent_;
+  std::string error_;
+  VolumeShow show_;
+  VolumeOpener opener_;  // its end waits for that of a build
+  std::optional<VolumeOpener::Outcome> outcome_;
+};
+
+}  // namespace isobrick

@@ -1,0 +1,73 @@
+// The files that the window writes: pictures, meshes, views, tables of measurements.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "isobrick/viewer/session/mesh_queue.h"
+#include "isobrick/viewer/session/view_script.h"
+#include "isobrick/viewer/session/view_session.h"
+#include "isobrick/viewer/session/volume_opener.h"
+#include "isobrick/viewer/session/wish_guard.h"
+#include "isobrick/viewer/window/view_target.h"
+
+namespace isobrick {
+
+// Names follow the volume that is shown. A file that cannot be written is told in message(), and
+// the rest goes on; a script's ends the program.
+class OutputFiles {
+ public:
+  // `state_path`: of the view of the volume that comes first; empty: named after it. Scripts write
+  // into `frames_folder`. `threads`: of a mesh's extraction.
+  OutputFiles(std::string state_path, std::string frames_folder, int threads);
+
+  // The content of a frame.
+  struct Sight {
+    ViewTarget& target;
+    ViewSession* session = nullptr;        // null: nothing is open
+    const OpenedVolume* opened = nullptr;  // likewise
+    const ViewState& state;
+    int width = 0, height = 0;  // of the window
+    bool drawn = false;
+  };
+
+  // Another volume is shown, or a preview of it.
+  void nameAfter(const std::string& source);
+  // What the user would lose by `wishes`. Looks at a file only if it matters, as a folder may be
+  // far away: by these wishes, or since a question `is_open`.
+  Stakes stakes(const Wishes& wishes, bool is_open) const;
+  // Throws RendererLost.
+  void grant(const Wishes& wishes, const Sight& sight);
+  // Throws Error.
+  void write(const ScriptFile& file, const Sight& sight);
+
+  // Takes the meshes that were written since.
+  void takeMeshes();
+  std::size_t unwrittenMeshes() const { return meshes_.unwritten(); }
+  // The mesh that is being written; empty: none.
+  const std::string& meshUnderWay() const { return meshes_.underWay(); }
+  // Of the last mesh; empty: it went well.
+  const std::string& meshError() const { return mesh_error_; }
+
+  // The last result, for the user.
+  const std::string& message() const { return message_; }
+  void say(std::string message) { message_ = std::move(message); }
+
+ private:
+  void writePicture(const std::string& path, const Sight& sight);
+  void orderMesh(const std::string& path, const ViewSession& session);
+  void writeMeasurements(const std::string& path, const ViewSession& session);
+  void writeOwnView(const Sight& sight);
+  void readOwnView(const Sight& sight);
+
+  const std::string first_state_path_, frames_folder_;
+  std::string stem_ = "isobrick", state_path_ = "isobrick.view.json";
+  std::string named_after_;                  // the volume of these names
+  std::optional<std::string> first_source_;  // the first of them
+  OwnViewFile own_view_;
+  MeshQueue meshes_;
+  std::string message_, mesh_error_;
+};
+
+}  // namespace isobrick
