@@ -28,7 +28,7 @@ class BoundedFinder : public ComponentFinder {
 
 }  // namespace
 
-ComponentPoints pointsOf(const ComponentChoice& choice) {
+ComponentPoints pointsOf(const PieceChoice& choice) {
   ComponentPoints points;
   points.reach = kReachCells;
   for (const auto* seeds : {&choice.keep, &choice.hide})
@@ -36,7 +36,7 @@ ComponentPoints pointsOf(const ComponentChoice& choice) {
   return points;
 }
 
-ChosenComponents chosenAmong(const SurfaceComponents& components, const ComponentChoice& choice) {
+ChosenComponents chosenAmong(const SurfaceComponents& components, const PieceChoice& choice) {
   const std::vector<SurfaceComponent>& list = components.list();
   ChosenComponents chosen;
   chosen.is_kept.assign(list.size(), 0);
@@ -59,7 +59,7 @@ ChosenComponents chosenAmong(const SurfaceComponents& components, const Componen
   return chosen;
 }
 
-ChosenExtraction extractChosen(Extractor& extractor, Query query, const ComponentChoice& choice,
+ChosenExtraction extractChosen(Extractor& extractor, Query query, const PieceChoice& choice,
                                TriangleSink& sink, std::uint64_t most_triangles) {
   query.is_progressive = false;
   const ExtractionPlan plan = extractor.plan(query);

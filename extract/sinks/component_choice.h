@@ -22,12 +22,12 @@ struct ComponentSeed {
 
 // Components named in `keep` stay. If there are any, all others go; else those go that are named in
 // `hide` or have less than the least area.
-struct ComponentChoice {
+struct PieceChoice {
   std::vector<ComponentSeed> keep, hide;
   double least_area = 0.0;  // world units^2
 
   bool isAll() const { return keep.empty() && hide.empty() && !(least_area > 0.0); }
-  bool operator==(const ComponentChoice&) const = default;
+  bool operator==(const PieceChoice&) const = default;
 };
 
 // The components that a choice leaves of one query's surface.
@@ -40,8 +40,8 @@ struct ChosenComponents {
 };
 
 // For a ComponentFinder, whose components chosenAmong() needs.
-ComponentPoints pointsOf(const ComponentChoice& choice);
-ChosenComponents chosenAmong(const SurfaceComponents& components, const ComponentChoice& choice);
+ComponentPoints pointsOf(const PieceChoice& choice);
+ChosenComponents chosenAmong(const SurfaceComponents& components, const PieceChoice& choice);
 
 // The query's surface without the components that the choice leaves out, in two passes over one
 // plan; the memory of the first grows with the number of components in bricks. A progressive query
@@ -54,7 +54,7 @@ struct ChosenExtraction {
   ExtractionReport report;
   std::size_t lost = 0;  // see ChosenComponents
 };
-ChosenExtraction extractChosen(Extractor& extractor, Query query, const ComponentChoice& choice,
+ChosenExtraction extractChosen(Extractor& extractor, Query query, const PieceChoice& choice,
                                TriangleSink& sink, std::uint64_t most_triangles = 0);
 
 }  // namespace isobrick

@@ -41,7 +41,7 @@ class ComponentChoiceTest : public ::testing::Test {
     return {geometry_.indexToWorld(at), 4 * std::numbers::pi * radius * radius};
   }
   // The balls that the choice leaves of the query's surface, and the lost seeds.
-  std::vector<int> ballsOf(const Query& query, const ComponentChoice& choice, std::size_t lost) {
+  std::vector<int> ballsOf(const Query& query, const PieceChoice& choice, std::size_t lost) {
     Extractor extractor(*pyramid_);
     IndexedMeshSink sink;
     EXPECT_EQ(extractChosen(extractor, query, choice, sink).lost, lost);

@@ -18,7 +18,7 @@ struct MeshOrder {
   std::shared_ptr<const Pyramid> pyramid;  // shared until its mesh is written
   Query query;
   std::string path;
-  ComponentChoice pieces = {};  // of the surface that go into the mesh
+  PieceChoice pieces = {};  // of the surface that go into the mesh
 };
 
 // An order depends on nothing that the user does later: not on another order, another volume or the

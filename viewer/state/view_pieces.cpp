@@ -23,12 +23,12 @@ void boundSeeds(std::vector<ComponentSeed>& seeds) {
 
 }  // namespace
 
-void keepOnly(const ComponentSeed& piece, ComponentChoice& choice) {
+void keepOnly(const ComponentSeed& piece, PieceChoice& choice) {
   choice.keep = {piece};
   choice.hide.clear();
 }
 
-bool hide(const ComponentSeed& piece, ComponentChoice& choice) {
+bool hide(const ComponentSeed& piece, PieceChoice& choice) {
   const bool was_kept = std::erase_if(choice.keep, [&](const ComponentSeed& kept) {
                           return kept.point == piece.point;
                         }) > 0;
@@ -38,8 +38,8 @@ bool hide(const ComponentSeed& piece, ComponentChoice& choice) {
   return true;
 }
 
-ComponentChoice bounded(const ComponentChoice& choice) {
-  ComponentChoice result = choice;
+PieceChoice bounded(const PieceChoice& choice) {
+  PieceChoice result = choice;
   boundSeeds(result.keep);
   boundSeeds(result.hide);
   result.least_area = std::max(result.least_area, 0.0);

@@ -27,12 +27,12 @@ struct ViewPieceMeasure {
 };
 
 // Only this piece.
-void keepOnly(const ComponentSeed& piece, ComponentChoice& choice);
+void keepOnly(const ComponentSeed& piece, PieceChoice& choice);
 // Beside others that are hidden, or no longer among those that are kept. False: kMostSeeds of them
 // are hidden already.
-bool hide(const ComponentSeed& piece, ComponentChoice& choice);
+bool hide(const ComponentSeed& piece, PieceChoice& choice);
 // With every number in its range.
-ComponentChoice bounded(const ComponentChoice& choice);
+PieceChoice bounded(const PieceChoice& choice);
 
 ViewPieceMeasure measureOf(const SurfaceComponent& piece, double isovalue, int level);
 // "123.4 mm2, 56.7 mm3"; without a unit if that is not known, and without a volume if it is open.

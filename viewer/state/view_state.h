@@ -22,7 +22,7 @@ struct ViewSurface {
   glm::vec3 color{0.90f, 0.86f, 0.79f};
   double opacity = 1.0;  // 0 .. 1
   bool visible = true;
-  ComponentChoice pieces = {};  // that are shown of it
+  PieceChoice pieces = {};  // that are shown of it
 
   bool operator==(const ViewSurface&) const = default;
 };

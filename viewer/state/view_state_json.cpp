@@ -38,7 +38,7 @@ void visitFields(std::string_view names, F&& f, Values&... values) {
 
 ISOBRICK_FIELDS(ViewCamera, pivot, distance, azimuth, elevation, vertical_fov, orthographic)
 ISOBRICK_FIELDS(ComponentSeed, point, area)
-ISOBRICK_FIELDS(ComponentChoice, keep, hide, least_area)
+ISOBRICK_FIELDS(PieceChoice, keep, hide, least_area)
 ISOBRICK_FIELDS(ViewPieceMeasure, isovalue, level, area, volume, lower, upper, center, point)
 ISOBRICK_FIELDS(ViewSurface, isovalue, color, opacity, visible, pieces)
 ISOBRICK_FIELDS(ViewFocus, center, radius, everywhere, show_sphere, follow_view)

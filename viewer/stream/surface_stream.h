@@ -36,7 +36,7 @@ struct StreamPass {
   struct SurfaceQuery {
     int surface = 0;  // its number in the scene
     Query query;
-    ComponentChoice pieces = {};  // of the surface; the others are left out
+    PieceChoice pieces = {};  // of the surface; the others are left out
   };
   double radius = 0.0;  // of the queries
   std::vector<SurfaceQuery> queries;

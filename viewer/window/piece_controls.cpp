@@ -36,7 +36,7 @@ void pickAndList(ViewSession& session) {
 
 void chosenPieces(ViewSession& session, float scale) {
   ViewState& state = session.state();
-  ComponentChoice& choice = state.surfaces[static_cast<std::size_t>(state.active_surface)].pieces;
+  PieceChoice& choice = state.surfaces[static_cast<std::size_t>(state.active_surface)].pieces;
   bool drops = choice.least_area > 0.0;
   if (ImGui::Checkbox("without small pieces", &drops)) choice.least_area = drops ? 10.0 : 0.0;
   explain("Leaves out the pieces that have less area than this.");
@@ -77,8 +77,7 @@ void selectedPieceRow(ViewSession& session) {
   explain("Adds its area and volume to the measures.");
   ImGui::SameLine();
   const ViewState& state = session.state();
-  const ComponentChoice& choice =
-      state.surfaces[static_cast<std::size_t>(state.active_surface)].pieces;
+  const PieceChoice& choice = state.surfaces[static_cast<std::size_t>(state.active_surface)].pieces;
   ImGui::BeginDisabled(choice.hide.size() >= kMostSeeds);
   if (ImGui::Button("hide")) session.hideSelectedPiece();
   ImGui::EndDisabled();

@@ -11,15 +11,15 @@ namespace isobrick {
 namespace {
 
 TEST(ViewPiecesTest, OneIsKeptOrSomeAreHidden) {
-  ComponentChoice choice;
+  PieceChoice choice;
   EXPECT_TRUE(hide({{1, 2, 3}, 10}, choice));
   EXPECT_TRUE(hide({{4, 5, 6}, 20}, choice));
   EXPECT_EQ(choice.hide.size(), 2u);
   keepOnly({{7, 8, 9}, 30}, choice);
-  EXPECT_EQ(choice, (ComponentChoice{{{{7, 8, 9}, 30}}, {}, 0}));
+  EXPECT_EQ(choice, (PieceChoice{{{{7, 8, 9}, 30}}, {}, 0}));
   // The only one that is kept is hidden: the others come back.
   EXPECT_TRUE(hide({{7, 8, 9}, 30}, choice));
-  EXPECT_EQ(choice, (ComponentChoice{{}, {{{7, 8, 9}, 30}}, 0}));
+  EXPECT_EQ(choice, (PieceChoice{{}, {{{7, 8, 9}, 30}}, 0}));
   while (choice.hide.size() < kMostSeeds) EXPECT_TRUE(hide({{1, 2, 3}, 1}, choice));
   EXPECT_FALSE(hide({{1, 2, 3}, 1}, choice));
   EXPECT_EQ(choice.hide.size(), kMostSeeds);
