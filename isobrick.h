@@ -1,12 +1,13 @@
-// All of isobrick but its viewer: open, query and build pyramids, and read volumes of all formats.
+// All of isobrick but its pictures: open, query and build pyramids, read volumes of all formats,
+// and stream surfaces to an interface.
 //
 // Begin with Pyramid and Extractor if there is a pyramid, and with openVolume() and buildPyramid()
 // if there is none. A program may bring a VolumeSource and a TriangleSink of its own. The programs
 // in `examples/` show all of these.
 //
-// A program links the libraries that it uses: isobrick::storage, extract, preprocess, sources and
-// export. A header that is not included here belongs to the library itself, and may change at any
-// time; but pictures are made with `isobrick/viewer/offscreen_renderer.h`.
+// A program links the libraries that it uses: isobrick::storage, extract, preprocess, sources,
+// export and view. A header that is not included here belongs to the library itself, and may change
+// at any time; but pictures are made with `isobrick/viewer/offscreen_renderer.h`.
 #pragma once
 
 #include "isobrick/extract/extractor.h"
@@ -23,3 +24,4 @@
 #include "isobrick/preprocess/sources/open_volume.h"
 #include "isobrick/storage/isovalue_suggestions.h"
 #include "isobrick/storage/pyramid_verify.h"
+#include "isobrick/viewer/stream/merged_surface.h"

@@ -20,12 +20,17 @@ set(isobrick_public_headers
   extract/pyramid_values.h
   extract/query.h
   extract/shares/mesh_share.h
+  extract/sinks/component_choice.h
   extract/sinks/indexed_mesh.h
   extract/sinks/mesh_file_sink.h
   extract/sinks/triangle_sink.h
   extract/sinks/surface_components.h
   extract/sinks/vertex_numbering.h
   extract/surface_mesh.h
+  # a pyramid in, chunks of surfaces out, pass by pass, beside an interface
+  viewer/stream/merged_surface.h
+  viewer/stream/surface_chunk.h
+  viewer/stream/surface_stream.h
   # a volume in, a pyramid out; and volumes to other formats
   preprocess/divided_pyramid.h
   preprocess/export/formats/export_volume.h

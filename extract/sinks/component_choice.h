@@ -17,17 +17,19 @@ struct ComponentSeed {
   glm::dvec3 point{0.0};  // on it, world units
   double area = 0.0;      // world units^2
 
-  bool operator==(const ComponentSeed&) const = default;
+  bool operator==(const ComponentSeed&) const = default;  // equal in both
 };
 
 // Components named in `keep` stay. If there are any, all others go; else those go that are named in
 // `hide` or have less than the least area.
 struct PieceChoice {
-  std::vector<ComponentSeed> keep, hide;
-  double least_area = 0.0;  // world units^2
+  std::vector<ComponentSeed> keep;  // these, and no other
+  std::vector<ComponentSeed> hide;  // all but these
+  double least_area = 0.0;          // world units^2
 
+  // All stay.
   bool isAll() const { return keep.empty() && hide.empty() && !(least_area > 0.0); }
-  bool operator==(const PieceChoice&) const = default;
+  bool operator==(const PieceChoice&) const = default;  // equal in all
 };
 
 // The components that a choice leaves of one query's surface.
@@ -41,19 +43,22 @@ struct ChosenComponents {
 
 // For a ComponentFinder, whose components chosenAmong() needs.
 ComponentPoints pointsOf(const PieceChoice& choice);
+// Finds the components that the choice names.
 ChosenComponents chosenAmong(const SurfaceComponents& components, const PieceChoice& choice);
 
+// The triangles are too many.
+struct TooManyTriangles {
+  std::uint64_t triangles = 0;  // so far
+};
+// The result of extractChosen().
+struct ChosenExtraction {
+  ExtractionReport report;  // of the second pass
+  std::size_t lost = 0;     // see ChosenComponents
+};
 // The query's surface without the components that the choice leaves out, in two passes over one
 // plan; the memory of the first grows with the number of components in bricks. A progressive query
 // waits for its bricks. `most_triangles`: throws TooManyTriangles if the first pass has more; 0:
 // any number. Throws as Extractor::execute() does.
-struct TooManyTriangles {
-  std::uint64_t triangles = 0;  // so far
-};
-struct ChosenExtraction {
-  ExtractionReport report;
-  std::size_t lost = 0;  // see ChosenComponents
-};
 ChosenExtraction extractChosen(Extractor& extractor, Query query, const PieceChoice& choice,
                                TriangleSink& sink, std::uint64_t most_triangles = 0);
 

@@ -47,6 +47,7 @@ function(refuse_formats program)
   endif()
 endfunction()
 refuse_formats(extract_only/extract_only)
+refuse_formats(examples/stream_passes)
 
 # Public headers, with nothing of the source tree in sight: all together, and each alone that no source
 # file includes before anything else, as its own does in the build.

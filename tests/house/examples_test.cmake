@@ -1,4 +1,4 @@
-# Runs the five programs of examples/ and looks at what they say and leave. BIN: the folder that they are in.
+# Runs the six programs of examples/ and looks at what they say and leave. BIN: the folder that they are in.
 cmake_policy(VERSION 3.25)
 file(REMOVE_RECURSE ${WORK})
 file(MAKE_DIRECTORY ${WORK})
@@ -45,6 +45,9 @@ run(${CHECK_MESH} heart.ply)
 
 example(progressive_surfaces "pass 1: [0-9]+ triangles.*more to come" "passes; the last one is the whole surface")
 run(${CHECK_MESH} refined.ply --box 0 0 0 255 255 255)
+
+example(stream_passes "radius 8: [1-9][0-9]* triangles" "radius 24: [1-9]" "radius 200: [1-9][0-9]+ triangles, [0-9]+ of them new\n$")
+run(${CHECK_MESH} streamed.ply --box 0 0 0 127 127 127)
 
 example(build_and_verify "  0 %" " 75 %" "bricks in [0-9]+ bytes" "0 faults as it was built"
         "damaged.isb: brick \\(0,0,0\\) of level 0: " "1 faults in the damaged copy")

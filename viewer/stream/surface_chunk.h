@@ -1,4 +1,4 @@
-// A piece of a surface as it goes to the graphics card and stays there.
+// A piece of a surface as it goes to a graphics card, or another front end, and stays there.
 #pragma once
 
 #include <array>
@@ -22,7 +22,9 @@ struct SurfaceVertex {
 };
 static_assert(sizeof(SurfaceVertex) == 20);
 
+// A unit vector as SurfaceVertex::normal.
 std::array<std::int16_t, 3> packNormal(const glm::vec3& normal);
+// The inverse.
 glm::vec3 unpackNormal(const std::array<std::int16_t, 3>& packed);
 // A share of the range of all values, 0 .. 1, as -32766 .. 32767; not a number: kNoVertexValue.
 std::int16_t packValue(double share);
@@ -30,21 +32,22 @@ std::int16_t packValue(double share);
 // The facts that the content of a chunk depends on, if it does not depend on other bricks: equal
 // keys mean equal bytes.
 struct ChunkKey {
-  int surface = 0;
-  double isovalue = 0.0;
-  std::uint64_t values = 0;  // a number for the values at vertices; 0: none
-  int level = 0;
-  std::array<std::int64_t, 3> brick{};
+  int surface = 0;                      // its number in the scene
+  double isovalue = 0.0;                // of the query
+  std::uint64_t values = 0;             // a number for the values at vertices; 0: none
+  int level = 0;                        // of the pyramid
+  std::array<std::int64_t, 3> brick{};  // of that level
 
-  auto operator<=>(const ChunkKey&) const = default;
+  auto operator<=>(const ChunkKey&) const = default;  // an order of any kind
 };
 
 // The part of a surface that one brick adds: indexed triangles of one level. Positions are floats
 // from an origin of their own, so they are as exact at the far end of a volume as at its near end.
 struct SurfaceChunk {
-  glm::dvec3 origin{0.0};  // whole numbers of the scene's lattice
-  std::vector<SurfaceVertex> vertices;
-  glm::vec3 lower{0.0f}, upper{0.0f};    // the least box around the vertices
+  glm::dvec3 origin{0.0};                // whole numbers of the scene's lattice
+  std::vector<SurfaceVertex> vertices;   // counted from the origin
+  glm::vec3 lower{0.0f};                 // of the least box around the vertices
+  glm::vec3 upper{0.0f};                 // likewise
   std::vector<std::uint32_t> triangles;  // 3 indices each, counter-clockwise seen from the outside
   // The last so many of them belong to transition cells, which join two levels.
   std::size_t transition_indices = 0;
@@ -53,6 +56,7 @@ struct SurfaceChunk {
   std::uint64_t cells = 0;      // leaves that it is made of
   std::optional<ChunkKey> key;  // of a brick that only leaves of its level touch
 
+  // Of vertices and triangles.
   std::uint64_t bytes() const {
     return vertices.size() * sizeof(SurfaceVertex) + triangles.size() * sizeof(std::uint32_t);
   }
@@ -61,12 +65,14 @@ struct SurfaceChunk {
 // How the lattice of a scene lies in the world: world = origin + matrix * lattice. For pyramids the
 // lattice is that of the voxels.
 struct SceneLattice {
-  glm::dmat3 matrix{1.0};
-  glm::dvec3 origin{0.0};
+  glm::dmat3 matrix{1.0};  // world units a step of the lattice
+  glm::dvec3 origin{0.0};  // world units
 
+  // A point of the lattice in the world.
   glm::dvec3 toWorld(const glm::dvec3& point) const { return origin + matrix * point; }
+  // The inverse.
   glm::dvec3 toLattice(const glm::dvec3& world) const;
-  bool operator==(const SceneLattice&) const = default;
+  bool operator==(const SceneLattice&) const = default;  // equal in both
 };
 
 // The eye in the lattice, in two parts: a snapped one for which origin - snapped is a float without
@@ -74,12 +80,15 @@ struct SceneLattice {
 // position + (origin - snapped) is the correctly rounded sum for both chunks at a brick's side, so
 // the sides of neighbours have the same bits and nothing shines through between them.
 struct SnappedEye {
-  glm::dvec3 snapped{0.0};
-  glm::dvec3 rest{0.0};
+  glm::dvec3 snapped{0.0};  // of the lattice
+  glm::dvec3 rest{0.0};     // eye - snapped
 
+  // What a chunk's positions are moved by.
   glm::vec3 offsetOf(const SurfaceChunk& chunk) const { return offsetOf(chunk.origin); }
+  // The same for its origin.
   glm::vec3 offsetOf(const glm::dvec3& origin) const { return glm::vec3(origin - snapped); }
 };
+// For chunks whose origins are at most `reach` away from the eye.
 SnappedEye snapEye(const glm::dvec3& eye, double reach);
 
 }  // namespace isobrick

@@ -12,10 +12,25 @@
 #include "isobrick/viewer/stream/latest_worker.h"
 
 namespace isobrick {
+
+StreamPass passOf(const Query& query) {
+  StreamPass pass;
+  if (query.focus) pass.radius = query.focus->radius;
+  pass.queries.push_back({0, query});
+  return pass;
+}
+
+StreamRequest requestOf(const Query& query) {
+  StreamRequest request;
+  request.passes.push_back(passOf(query));
+  return request;
+}
+
 SurfaceStream::SurfaceStream(std::shared_ptr<const Pyramid> pyramid, int threads,
-                             double patience_seconds)
+                             std::function<void()> on_news, double patience_seconds)
     : pyramid_(std::move(pyramid)),
       threads_(std::max(1, threads)),
+      on_news_(std::move(on_news)),
       least_patience_(patience_seconds),
       extractor_(*pyramid_),
       patience_(patience_seconds),
@@ -105,11 +120,21 @@ void SurfaceStream::noteTime(StreamMessage& end) const {
 // Chunks of a pass that was given up go with it. A request that came after the last of them took
 // those of a pass at rest already, and its end has to follow.
 void SurfaceStream::finish(StreamMessage end) {
-  const std::lock_guard lock(mutex_);
-  const bool at_rest = end.at_rest;
-  if (end.kind != StreamMessage::Kind::kPassDone) dropLastChunks();
-  queue_.push_back(std::move(end));
-  if (at_rest && waiting_) dropPassesAtRest();
+  bool is_news = false;
+  {
+    const std::lock_guard lock(mutex_);
+    const bool at_rest = end.at_rest;
+    if (end.kind != StreamMessage::Kind::kPassDone) dropLastChunks();
+    is_news = queue_.empty();
+    queue_.push_back(std::move(end));
+    if (at_rest && waiting_) dropPassesAtRest();
+  }
+  if (is_news) tell();
+}
+
+// Without the lock.
+void SurfaceStream::tell() const {
+  if (on_news_) on_news_();
 }
 
 // With the lock.
@@ -122,11 +147,14 @@ void SurfaceStream::dropLastChunks() {
 
 // The pass had no end: poll() makes one. Chunks to be reused later may have gone with it.
 void SurfaceStream::lose(std::uint64_t request) {
-  const std::lock_guard lock(mutex_);
-  dropLastChunks();
-  lost_ = request;
-  if (waiting_) waiting_->request.may_reuse = false;
-  done_.clear();
+  {
+    const std::lock_guard lock(mutex_);
+    dropLastChunks();
+    lost_ = request;
+    if (waiting_) waiting_->request.may_reuse = false;
+    done_.clear();
+  }
+  tell();
 }
 
 // With the lock.
@@ -149,8 +177,11 @@ void SurfaceStream::pushChunk(StreamMessage message, const CancelFlag& cancel) {
   }
   if (cancel.requested()) throw Cancelled();
   const std::uint64_t bytes = message.chunk.bytes();
+  const bool is_news = queue_.empty();
   queue_.push_back(std::move(message));
   queue_bytes_ += bytes;
+  lock.unlock();
+  if (is_news) tell();
 }
 
 void SurfaceStream::run() {

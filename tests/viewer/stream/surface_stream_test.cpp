@@ -71,7 +71,7 @@ class SurfaceStreamTest : public ::testing::Test {
 
 // However little patience there is against what a pass takes: without its growing, none would end.
 TEST_F(SurfaceStreamTest, AHandThatNeverRestsSeesSurfacesOnASlowMachineToo) {
-  SurfaceStream stream(pyramid_, 1, 1e-9);
+  SurfaceStream stream(pyramid_, 1, {}, 1e-9);
   int done = 0;
   for (int dropped = 0; done < 3 && dropped < 1000;) {
     stream.request({{pass(40.0)}});
