@@ -48,7 +48,7 @@ std::optional<ScriptPlayer> readScript(const ViewOptions& options) {
 
 class ViewLoop {
  public:
-  explicit ViewLoop(const ViewOptions& options)
+  ViewLoop(const ViewOptions& options, ViewHost host)
       : options_(options),
         first_view_(options.state_path.empty() ? std::nullopt
                                                : std::optional(readView(options.state_path))),
@@ -58,12 +58,13 @@ class ViewLoop {
                    ? std::nullopt
                    : std::optional(openPyramid(path_, options.memory_bytes))),
         player_(readScript(options)),
-        target_(makeTarget(options, player_)),
+        target_(host.target ? std::move(host.target) : makeTarget(options, player_)),
         panel_(std::make_unique<ViewPanel>(target_->scale(), *target_)),
         files_(options.state_path, options.frames_folder, options.threads),
         volumes_(options, *target_, files_),
         input_(*target_, options.record_path),
-        log_(options.report_path) {
+        log_(options.report_path),
+        after_frame_(std::move(host.after_frame)) {
     if (first_)
       volumes_.show(*std::exchange(first_, std::nullopt), input_.size());
     else if (opens_beside_)
@@ -183,6 +184,7 @@ class ViewLoop {
     report.uploaded_bytes = kUploadBytes - allowance.bytes;
     remember(std::move(report));
     grantWishes();
+    if (after_frame_) after_frame_(session(), settled());
   }
 
   Wishes takeInput(double seconds) {
@@ -295,6 +297,7 @@ class ViewLoop {
   OpenVolumes volumes_;
   InputRouter input_;
   FrameLog log_;
+  const std::function<void(ViewSession*, bool)> after_frame_;
 
   double begin_ = 0.0, awake_until_ = 0.0;
   bool drawn_ = true;        // in the last frame
@@ -309,6 +312,8 @@ class ViewLoop {
 
 }  // namespace
 
-void runView(const ViewOptions& options) { ViewLoop(options).run(); }
+void runView(const ViewOptions& options, ViewHost host) {
+  ViewLoop(options, std::move(host)).run();
+}
 
 }  // namespace isobrick

@@ -2,10 +2,14 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
+#include <memory>
 #include <string>
 
 #include "isobrick/storage/error.h"
+#include "isobrick/viewer/session/view_session.h"
 #include "isobrick/viewer/session/volume_opener.h"
+#include "isobrick/viewer/window/view_target.h"
 
 namespace isobrick {
 
@@ -27,9 +31,17 @@ struct ViewOptions {
   const CancelFlag* cancel = nullptr;
 };
 
+// The surroundings of the loop, if they are not a window and a user.
+struct ViewHost {
+  std::unique_ptr<ViewTarget> target = {};  // null: as the options say
+  // After each frame that was shown, or had no room. `session`: null: nothing is open; `settled`:
+  // all that was asked for is shown, and written.
+  std::function<void(ViewSession* session, bool settled)> after_frame = {};
+};
+
 // Throws Error if the file, the view or the script cannot be read, no window can be opened, or a
 // script's files cannot be written, and Cancelled. Without a script, errors are shown in the
 // window.
-void runView(const ViewOptions& options);
+void runView(const ViewOptions& options, ViewHost host = {});
 
 }  // namespace isobrick
