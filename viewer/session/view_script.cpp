@@ -10,7 +10,6 @@
 #include "isobrick/storage/error.h"
 #include "isobrick/viewer/state/interaction.h"
 #include "isobrick/viewer/state/text_file.h"
-#include "isobrick/viewer/state/view_state_json.h"
 
 namespace isobrick {
 namespace {
@@ -280,79 +279,7 @@ class StepReader {
   bool shift_ = false, control_ = false;
 };
 
-const char* nameOf(MouseButton button) {
-  return button == MouseButton::kLeft     ? "left"
-         : button == MouseButton::kMiddle ? "middle"
-                                          : "right";
-}
-
-// The step that an event is; null if it is none.
-Json stepOf(const InputEvent& event) {
-  Json step;
-  switch (event.kind) {
-    case InputEvent::Kind::kMove:
-      step["move"] = {event.x, event.y};
-      break;
-    case InputEvent::Kind::kPress:
-      step["press"] = nameOf(event.button);
-      break;
-    case InputEvent::Kind::kRelease:
-      step["release"] = nameOf(event.button);
-      break;
-    case InputEvent::Kind::kWheel:
-      step["wheel"] = event.amount;
-      if (event.across != 0.0) step["wheel"] = {event.amount, event.across};
-      break;
-    case InputEvent::Kind::kKeyPress:
-      step["key_press"] = kKeyNames[static_cast<std::size_t>(event.key)];
-      break;
-    case InputEvent::Kind::kKeyRelease:
-      step["key_release"] = kKeyNames[static_cast<std::size_t>(event.key)];
-      break;
-    case InputEvent::Kind::kText:
-      if (event.character >= ' ' && event.character <= '~')
-        step["text"] = std::string(1, static_cast<char>(event.character));
-      break;
-    case InputEvent::Kind::kResize:
-      step["resize"] = {event.x, event.y};
-      break;
-    case InputEvent::Kind::kOpen:
-      step["open"] = event.path;
-      break;
-    case InputEvent::Kind::kClose:
-    case InputEvent::Kind::kRefresh:
-      break;
-  }
-  if (step.is_null()) return step;
-  if (event.shift) step["shift"] = true;
-  if (event.control) step["control"] = true;
-  return step;
-}
-
 }  // namespace
-
-std::string ScriptRecorder::head(int width, int height, double scale) {
-  return "{\"size\": [" + std::to_string(width) + ", " + std::to_string(height) +
-         "], \"scale\": " + Json(std::clamp(scale, 1.0, kMostScale)).dump() + ", \"steps\": [";
-}
-
-std::string ScriptRecorder::add(double seconds, const InputEvent& event) {
-  const Json step = stepOf(event);
-  if (step.is_null()) return {};
-  std::string text;
-  const auto append = [&](const std::string& json) {
-    text += (std::exchange(is_empty_, false) ? "\n  " : ",\n  ") + json;
-  };
-  constexpr double kShortest = 0.02;  // about a frame, which a step takes anyway
-  if (last_ && seconds - *last_ > kShortest) {
-    const double wait = std::round(1e3 * (seconds - *last_)) / 1e3;
-    append(Json{{"wait", wait}}.dump());
-  }
-  last_ = seconds;
-  // A path may be no UTF-8, but JSON is always UTF-8.
-  append(step.dump(-1, ' ', false, Json::error_handler_t::replace));
-  return text;
-}
 
 ViewScript viewScriptFromJson(const std::string& text) {
   const Json json = Json::parse(text, nullptr, false);
@@ -386,80 +313,6 @@ ViewScript readViewScript(const std::string& path) {
   } catch (const Error& error) {
     throw Error("'" + path + "': " + error.what() + "; docs/VIEWER.md has the steps", {path});
   }
-}
-
-ScriptFrame ScriptPlayer::next(double seconds, const ScriptSight& sight, const ViewState& state) {
-  ScriptFrame frame;
-  if (step_ < script_.steps.size()) {
-    if (!step_begin_) step_begin_ = seconds;
-    if (const auto* wait = std::get_if<ScriptWait>(&script_.steps[step_]))
-      keeps_preview_ = wait->what == ScriptWait::What::kPreview;
-    if (play(script_.steps[step_], seconds - *step_begin_, sight, state, frame)) {
-      ++step_;
-      step_begin_.reset();
-    }
-  }
-  frame.finished = step_ == script_.steps.size();
-  return frame;
-}
-
-bool ScriptPlayer::isDone(const ScriptWait& wait, double elapsed, const ScriptSight& sight) const {
-  switch (wait.what) {
-    case ScriptWait::What::kSeconds:
-      return elapsed >= wait.seconds;
-    case ScriptWait::What::kSettled:
-      return sight.settled;
-    case ScriptWait::What::kPreview:
-      return sight.settled || sight.preview;
-  }
-  return true;
-}
-
-bool ScriptPlayer::play(const ScriptStep& step, double elapsed, const ScriptSight& sight,
-                        const ViewState& state, ScriptFrame& frame) const {
-  const auto shareOf = [&](double seconds) {
-    return seconds > 0.0 ? std::clamp(elapsed / seconds, 0.0, 1.0) : 1.0;
-  };
-  if (const auto* event = std::get_if<ScriptEvent>(&step)) {
-    frame.events.push_back(event->event);
-  } else if (const auto* motion = std::get_if<ScriptMotion>(&step)) {
-    const double share = shareOf(motion->seconds);
-    InputEvent moved;
-    moved.x = motion->from[0] + share * (motion->to[0] - motion->from[0]);
-    moved.y = motion->from[1] + share * (motion->to[1] - motion->from[1]);
-    frame.events.push_back(moved);
-    return share >= 1.0;
-  } else if (const auto* sweep = std::get_if<ScriptSweep>(&step)) {
-    const double share = shareOf(sweep->seconds);
-    const double value = sweep->from + share * (sweep->to - sweep->from);
-    frame.state = state;
-    if (sweep->what == ScriptSweep::What::kIsovalue) {
-      frame.state->surfaces[static_cast<std::size_t>(state.active_surface)].isovalue = value;
-    } else if (sweep->what == ScriptSweep::What::kRadius) {
-      frame.state->focus.radius = value;
-      frame.state->focus.everywhere = false;
-    } else {
-      frame.state->camera.azimuth = value;
-    }
-    return share >= 1.0;
-  } else if (const auto* patch = std::get_if<ScriptPatch>(&step)) {
-    Json json = Json::parse(viewStateToJson(state));
-    const Json changes = Json::parse(patch->json);
-    json.merge_patch(changes);
-    frame.state = viewStateFromJson(json.dump());
-    // The path may be no UTF-8, which JSON does not keep.
-    if (!changes.contains("values") || !changes["values"].contains("other"))
-      frame.state->values.other = state.values.other;
-  } else if (const auto* wait = std::get_if<ScriptWait>(&step)) {
-    return isDone(*wait, elapsed, sight);
-  } else if (const auto* file = std::get_if<ScriptFile>(&step)) {
-    frame.file = *file;
-  } else if (const auto* size = std::get_if<ScriptSize>(&step)) {
-    frame.size = *size;
-  } else if (std::holds_alternative<ScriptLoss>(step)) {
-    frame.lose_context = true;
-  }
-  return true;
 }
 
 }  // namespace isobrick
