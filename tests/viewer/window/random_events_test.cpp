@@ -62,6 +62,12 @@ class Hand {
       : random_(seed), paths_(std::move(paths)) {}
 
   InputEvent next() {
+    if (!gesture_.empty()) {
+      const InputEvent event = gesture_.front();
+      gesture_.pop_front();
+      return event;
+    }
+    if (randomBelow(random_, 12) == 0) clickPanel();
     InputEvent event;
     event.shift = randomBelow(random_, 5) == 0;
     event.control = randomBelow(random_, 5) == 0;
@@ -123,6 +129,29 @@ class Hand {
     event.y = y_;
     return event;
   }
+  // A click on a control, often with Ctrl, which makes a field of a slider, and a number typed.
+  void clickPanel() {
+    InputEvent event;
+    x_ = event.x = randomReal(random_, 0.0, 340.0);
+    y_ = event.y = randomReal(random_, 0.0, 1.0 * kMostHeight);
+    gesture_.push_back(event);
+    event.control = randomBelow(random_, 2) == 0;
+    for (const Kind kind : {Kind::kPress, Kind::kRelease}) {
+      event.kind = kind;
+      gesture_.push_back(event);
+    }
+    event.control = false;
+    event.kind = Kind::kText;
+    for (std::uint64_t i = randomBelow(random_, 5); i > 0; --i) {
+      event.character = static_cast<unsigned>("0123456789-.e"[randomBelow(random_, 13)]);
+      gesture_.push_back(event);
+    }
+    event.key = Key::kEnter;
+    for (const Kind kind : {Kind::kKeyPress, Kind::kKeyRelease}) {
+      event.kind = kind;
+      gesture_.push_back(event);
+    }
+  }
   InputEvent button(InputEvent event) {
     event.kind = randomBelow(random_, 2) == 0 ? Kind::kPress : Kind::kRelease;
     event.button = static_cast<MouseButton>(randomBelow(random_, 4) % 3);
@@ -144,6 +173,7 @@ class Hand {
   test::Random random_;
   const std::vector<std::string> paths_;
   double x_ = 100.0, y_ = 100.0;
+  std::deque<InputEvent> gesture_;  // the rest of it
 };
 
 // Random frames; now and then quiet, then Home, and the look for the surface.
