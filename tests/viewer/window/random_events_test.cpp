@@ -368,6 +368,7 @@ TEST(RandomEventsTest, NothingThatAHandCanDoLosesTheSurface) {
         << play.left() << " of " << events << " events were left";
   }
   EXPECT_GT(play.checks(), events / 1000);
+  EXPECT_GT(driver.resets(), 0);
 }
 
 }  // namespace
