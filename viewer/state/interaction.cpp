@@ -138,7 +138,13 @@ void controlKey(const InputEvent& event, Wishes& wishes) {
       wishes.redo = true;
       break;
     case Key::kS:
-      wishes.save_state = true;
+      if (event.shift)
+        wishes.save_named_view.emplace();
+      else
+        wishes.save_state = true;
+      break;
+    case Key::kR:
+      wishes.show_named_view.emplace();
       break;
     case Key::kO:
       wishes.load_state = true;
@@ -356,6 +362,9 @@ void addWishes(const Wishes& more, Wishes& wishes) {
   if (more.piece_at) wishes.piece_at = more.piece_at;
   if (more.open) wishes.open = more.open;
   if (more.answer) wishes.answer = more.answer;
+  if (more.save_named_view) wishes.save_named_view = more.save_named_view;
+  if (more.show_named_view) wishes.show_named_view = more.show_named_view;
+  if (more.remove_named_view) wishes.remove_named_view = more.remove_named_view;
   join(more.keep_piece, wishes.keep_piece);
   join(more.hide_piece, wishes.hide_piece);
   join(more.frame_surfaces, wishes.frame_surfaces);

@@ -60,6 +60,10 @@ struct Wishes {
   bool screenshot_exr = false;  // with depth and normals
   bool save_state = false;
   bool load_state = false;
+  // Of the views with names (window/named_views.h).
+  std::optional<std::string> save_named_view;  // empty: under a free name
+  std::optional<std::string> show_named_view;  // empty: the one after the one shown last
+  std::optional<std::string> remove_named_view;
   bool export_mesh = false;
   bool export_measurements = false;
   bool close = false;
@@ -144,6 +148,7 @@ inline constexpr KeyHelp kKeyHelp[] = {
     {"M", "write the mesh"},
     {"N", "open another volume; so does dropping one on the window"},
     {"Ctrl+S, Ctrl+O", "write the view, read it again"},
+    {"Ctrl+Shift+S, Ctrl+R", "save the view under a new name; the next view that has a name"},
     {"Tab", "the panel"},
     {"H", "this list"},
     {"Ctrl+Q", "leave"},

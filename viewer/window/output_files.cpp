@@ -1,5 +1,6 @@
 #include "isobrick/viewer/window/output_files.h"
 
+#include <algorithm>
 #include <filesystem>
 #include <utility>
 
@@ -17,6 +18,25 @@ SavedView viewOf(const OutputFiles::Sight& sight) {
   return {sight.opened != nullptr ? sight.opened->source : std::string(), sight.state};
 }
 
+// The scene with nothing over it, as large as a thumbnail. It is drawn anew, so the screen's is,
+// too.
+Image thumbnailOf(ViewSession& session) {
+  const glm::dvec2 size = session.interaction().size;
+  constexpr double kWidth = NamedViews::kThumbnailWidth;
+  const double height = std::clamp(kWidth * size.y / std::max(1.0, size.x), 1.0, kWidth);
+  ViewState& state = session.state();
+  const ViewPictures pictures = std::exchange(state.pictures, {});
+  try {
+    Image image = pictureOf(session, {kWidth, height}, 1, false);
+    state.pictures = pictures;
+    session.draw();
+    return image;
+  } catch (...) {
+    state.pictures = pictures;
+    throw;
+  }
+}
+
 }  // namespace
 
 OutputFiles::OutputFiles(std::string state_path, std::string frames_folder, int threads)
@@ -27,6 +47,7 @@ OutputFiles::OutputFiles(std::string state_path, std::string frames_folder, int 
 void OutputFiles::nameAfter(const std::string& source) {
   stem_ = stemOf(source);
   if (source != named_after_) own_view_.forget();
+  views_.open(viewsFolderOf(source));
   named_after_ = source;
   // The view of `--state` is that of the volume that it was opened with.
   if (!first_source_) first_source_ = source;
@@ -40,7 +61,8 @@ Stakes OutputFiles::stakes(const Wishes& wishes, bool is_open) const {
           matters && own_view_.isOther(state_path_) ? state_path_ : std::string()};
 }
 
-void OutputFiles::takeMeshes() {
+void OutputFiles::takeDone() {
+  views_.update();
   while (const auto mesh = meshes_.poll()) {
     mesh_error_ = mesh->error;
     if (mesh->error.empty()) message_ = "wrote " + mesh->path;
@@ -58,7 +80,8 @@ void OutputFiles::grant(const Wishes& wishes, const Sight& sight) {
     }
     if (wishes.export_measurements) writeMeasurements(freeName(stem_, ".csv"), *sight.session);
     if (wishes.save_state) writeOwnView(sight);
-    if (wishes.load_state) readOwnView(sight);
+    if (wishes.load_state) showSaved(readView(state_path_), state_path_, sight);
+    grantViews(wishes, sight);
   } catch (const RendererLost&) {
     message_ = "the graphics driver was reset, and no picture was written";
     throw;
@@ -127,12 +150,33 @@ void OutputFiles::writeOwnView(const Sight& sight) {
   message_ = "wrote " + state_path_;
 }
 
-void OutputFiles::readOwnView(const Sight& sight) {
-  const SavedView view = readView(state_path_);
+void OutputFiles::showSaved(const SavedView& view, const std::string& path, const Sight& sight) {
   sight.session->show(view.state);
-  message_ = "read " + state_path_;
+  message_ = "read " + path;
   if (!view.volume.empty() && !isSameVolume(view.volume, sight.opened->source))
     message_ += ", a view of " + view.volume;
+}
+
+void OutputFiles::grantViews(const Wishes& wishes, const Sight& sight) {
+  if (wishes.save_named_view) {
+    const std::string name =
+        wishes.save_named_view->empty() ? views_.freeName() : *wishes.save_named_view;
+    views_.save(name, viewOf(sight), thumbnailOf(*sight.session));
+    message_ = "wrote " + shortPath(views_.pathOf(name));
+  }
+  if (wishes.remove_named_view) {
+    views_.remove(*wishes.remove_named_view);
+    message_ = "removed " + shortPath(views_.pathOf(*wishes.remove_named_view));
+  }
+  if (!wishes.show_named_view) return;
+  const bool is_next = wishes.show_named_view->empty();
+  const std::string name = is_next ? views_.nextTo(shown_view_) : *wishes.show_named_view;
+  if (name.empty()) {
+    message_ = "no view has a name yet; Ctrl+Shift+S saves one";
+    return;
+  }
+  shown_view_ = name;
+  showSaved(views_.read(name), views_.pathOf(name), sight);
 }
 
 }  // namespace isobrick

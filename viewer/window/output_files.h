@@ -10,6 +10,7 @@
 #include "isobrick/viewer/session/view_session.h"
 #include "isobrick/viewer/session/volume_opener.h"
 #include "isobrick/viewer/session/wish_guard.h"
+#include "isobrick/viewer/window/named_views.h"
 #include "isobrick/viewer/window/view_target.h"
 
 namespace isobrick {
@@ -42,13 +43,16 @@ class OutputFiles {
   // Throws Error.
   void write(const ScriptFile& file, const Sight& sight);
 
-  // Takes the meshes that were written since.
-  void takeMeshes();
+  // Takes the meshes that were written since, and the list of views.
+  void takeDone();
   std::size_t unwrittenMeshes() const { return meshes_.unwritten(); }
   // The mesh that is being written; empty: none.
   const std::string& meshUnderWay() const { return meshes_.underWay(); }
   // Of the last mesh; empty: it went well.
   const std::string& meshError() const { return mesh_error_; }
+
+  // Those that the user gave names to.
+  const NamedViews& views() const { return views_; }
 
   // The last result, for the user.
   const std::string& message() const { return message_; }
@@ -59,13 +63,16 @@ class OutputFiles {
   void orderMesh(const std::string& path, const ViewSession& session);
   void writeMeasurements(const std::string& path, const ViewSession& session);
   void writeOwnView(const Sight& sight);
-  void readOwnView(const Sight& sight);
+  void showSaved(const SavedView& view, const std::string& path, const Sight& sight);
+  void grantViews(const Wishes& wishes, const Sight& sight);
 
   const std::string first_state_path_, frames_folder_;
   std::string stem_ = "isobrick", state_path_ = "isobrick.view.json";
   std::string named_after_;                  // the volume of these names
   std::optional<std::string> first_source_;  // the first of them
   OwnViewFile own_view_;
+  NamedViews views_;
+  std::string shown_view_;  // of these, the last one
   MeshQueue meshes_;
   std::string message_, mesh_error_;
 };

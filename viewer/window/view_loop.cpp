@@ -193,12 +193,12 @@ class ViewLoop {
       session()->show(first_view_->state);
       first_view_.reset();
     }
-    files_.takeMeshes();
+    files_.takeDone();
     const std::string& failure = draw_error_.empty() ? files_.meshError() : draw_error_;
     addWishes(panel_->build(session(),
                             {log_.latest(), files_.message(), target_->renderer().deviceName(),
                              volumes_.status(), volumes_.error(), volumes_.recent(),
-                             files_.meshUnderWay(), failure, guard_.question()},
+                             files_.meshUnderWay(), failure, guard_.question(), files_.views()},
                             area()),
               wishes);
     return wishes;

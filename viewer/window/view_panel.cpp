@@ -134,6 +134,9 @@ Wishes ViewPanel::panel(ViewSession& session, const PanelFacts& facts) {
                        ImGuiWindowFlags_NoBringToFrontOnFocus)) {
     ImGui::PushItemWidth(0.52f * width);
     wishes = buildControls(session, scale);
+    ImGui::PushID("views");
+    addWishes(views_panel_.build(facts.views, scale), wishes);
+    ImGui::PopID();
     buildStatistics(session, facts, scale);
     ImGui::PopItemWidth();
   }

@@ -1,7 +1,10 @@
 // The interface over the picture, and the context of Dear ImGui that it is drawn with.
 #pragma once
 
+#include <array>
+#include <cstdint>
 #include <deque>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -14,6 +17,8 @@
 #include "isobrick/viewer/state/interaction.h"
 #include "isobrick/viewer/stream/latest_worker.h"
 #include "isobrick/viewer/window/clipboard.h"
+#include "isobrick/viewer/window/named_views.h"
+#include "isobrick/viewer/window/panel_texture.h"
 #include "isobrick/viewer/window/window_layout.h"
 
 namespace isobrick {
@@ -48,6 +53,20 @@ class OpenPanel {
   LatestWorker<std::string, FolderListing> lister_;
 };
 
+// Builds the part of the panel with the named views of the volume.
+class ViewsPanel {
+ public:
+  Wishes build(const NamedViews& views, float scale);
+
+ private:
+  Wishes line(const NamedView& view, float scale);
+  const PanelTexture& textureOf(const NamedView& view);
+
+  std::map<std::uint64_t, PanelTexture> textures_;  // by the numbers of the views
+  std::array<char, 128> typed_{};                   // the name of the next one
+  std::string removing_;                            // the view that the user was asked about
+};
+
 // The facts of the panel beside the session.
 struct PanelFacts {
   const std::deque<FrameTimes>& frames;  // the last ones
@@ -59,6 +78,7 @@ struct PanelFacts {
   std::string writing;                     // the mesh under way; empty: none
   std::string failure;                     // beside the session's: of a mesh, of the drawing
   const std::optional<UserQuestion>& question;
+  const NamedViews& views;
 };
 
 // Asks in the middle of the window; Enter is a yes, Esc a no. The answer is a wish.
@@ -113,6 +133,7 @@ class ViewPanel {
   std::string pasted_;  // for ImGui, until the next call
   StatusPanel status_;
   OpenPanel open_panel_;
+  ViewsPanel views_panel_;
 };
 
 }  // namespace isobrick
