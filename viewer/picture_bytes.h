@@ -3,7 +3,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <string>
 #include <vector>
 
 namespace isobrick {
@@ -19,9 +18,5 @@ struct PictureBytes {
                 static_cast<std::size_t>(x));
   }
 };
-
-// The picture of a PNG file with at most `most_side` pixels to each side. Throws Error, which names
-// the file, for a larger one and for all that is no PNG.
-PictureBytes readPng(const std::string& path, int most_side);
 
 }  // namespace isobrick

@@ -1,7 +1,8 @@
+#include "isobrick/viewer/png_reader.h"
+
 #include <png.h>
 
 #include "isobrick/storage/error.h"
-#include "isobrick/viewer/picture_bytes.h"
 
 namespace isobrick {
 namespace {

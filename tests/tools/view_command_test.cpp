@@ -407,6 +407,31 @@ TEST_F(ViewCommandTest, ViewsWithNamesComeBackOneAfterTheOther) {
            "-o", "two.png"});
 }
 
+// The flat views beside the scene: a click sets where the slices cross, a drag with the right
+// button black and white, the wheel the slice; the scene does not move.
+TEST_F(ViewCommandTest, SlicesInViewsOfTheirOwn) {
+  write("slices.json", R"({"size": [900, 600], "steps": [{"wait": "settled"},
+      {"key": "TAB"}, {"state": "before.json"}, {"key": "U"}, {"wait": "settled"},
+      {"click": [225, 143]}, {"wheel": 2}, {"wait": 0.05},
+      {"drag": {"from": [225, 140], "to": [265, 140], "button": "right", "seconds": 0.1}},
+      {"wait": "settled"}, {"frame": "slices.png"}, {"state": "after.json"}]})");
+  runWell({"view", "sphere.isb", "--offscreen", "--script", "slices.json"});
+  const Json before = Json::parse(readBytes(path("before.json")));
+  const Json after = Json::parse(readBytes(path("after.json")));
+  EXPECT_EQ(after["slice_views"]["shown"], true);
+  EXPECT_EQ(after["camera"], before["camera"]);
+  EXPECT_EQ(after["focus"], before["focus"]);
+  // The volume of 40 voxels is in the middle of 449 x 285 pixels.
+  EXPECT_NEAR(after["slices"][0]["position"].get<double>(), 19.5, 1.0);
+  EXPECT_NEAR(after["slices"][1]["position"].get<double>(), 19.5, 1.0);
+  EXPECT_EQ(after["slices"][2]["position"].get<double>(),
+            before["slices"][2]["position"].get<double>() + 2.0);
+  const auto width = [](const Json& view) {
+    return view["value_window"][1].get<double>() - view["value_window"][0].get<double>();
+  };
+  EXPECT_NEAR(width(after) / width(before), 1.1, 0.01);
+}
+
 // The view of another volume is another file than that of --state.
 TEST_F(ViewCommandTest, AnotherVolumeLeavesTheViewOfTheFirst) {
   write("first.json", R"({"size": [300, 200], "steps": [{"wait": "settled"},

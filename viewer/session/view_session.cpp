@@ -32,6 +32,7 @@ ViewSession::ViewSession(std::shared_ptr<const Pyramid> pyramid, ValueHistogram 
       opening_(state_),
       requests_(shown_, renderer, options.gpu_budget_bytes, options.threads),
       planes_(shown_.pyramid(), shown_.step()),
+      slice_views_(shown_.pyramid(), shown_.step()),
       pieces_(shown_.pyramid(), options.threads) {
   const std::vector<double>& isovalues = volume().isovalues;
   state_.surfaces[0].isovalue = isovalues.empty() ? volume().least_value : isovalues.front();
@@ -113,6 +114,7 @@ void ViewSession::update(double seconds, UploadAllowance& allowance) {
   // The past extractions decide the size of the next request.
   requests_.take(seconds, allowance);
   updateOpening();
+  slice_views_.update();
   pieces_.update();
   const bool is_held = interaction_.drag != Interaction::Drag::kNone || interaction_.flying;
   history_.note(state_, is_held, seconds);
@@ -204,7 +206,7 @@ PictureNotes ViewSession::notes() const {
 }
 
 bool ViewSession::settled() const {
-  return isFine() && !pieces_.busy() &&
+  return isFine() && !pieces_.busy() && !slice_views_.busy() &&
          (previewOf() || opening_.isOver() || !(interaction_.size.y > 0.0));
 }
 
@@ -220,7 +222,8 @@ SessionStatus ViewSession::status() const {
     status.limited = std::to_string(lost) +
                      (lost == 1 ? " chosen piece is" : " chosen pieces are") +
                      " not there at this isovalue";
-  if (!planes_.error().empty()) status.error = planes_.error();
+  for (const std::string* error : {&planes_.error(), &slice_views_.error()})
+    if (!error->empty()) status.error = *error;
   return status;
 }
 

@@ -18,6 +18,7 @@
 #include "isobrick/viewer/session/scene_of_view.h"
 #include "isobrick/viewer/session/session_status.h"
 #include "isobrick/viewer/session/shown_volume.h"
+#include "isobrick/viewer/session/slice_views.h"
 #include "isobrick/viewer/session/surface_requests.h"
 #include "isobrick/viewer/session/volume_opener.h"
 #include "isobrick/viewer/state/interaction.h"
@@ -119,6 +120,9 @@ class ViewSession {
   // For the surfaces that the last update() began to show.
   const std::vector<SurfaceWait>& waits() const { return requests_.waits(); }
 
+  // The flat views of the slices; update() samples what is wanted there.
+  SliceViews& sliceViews() { return slice_views_; }
+
   // The pieces of the active surface, for a list; the user's choice of them is in the state.
   PieceList& pieces() { return pieces_; }
   const PieceList& pieces() const { return pieces_; }
@@ -166,6 +170,7 @@ class ViewSession {
   // Last: their threads use the pyramid.
   SurfaceRequests requests_;
   PlaneSet planes_;
+  SliceViews slice_views_;
   PieceList pieces_;
 };
 

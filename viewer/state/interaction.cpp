@@ -183,6 +183,7 @@ void toggle(Key key, Interaction& interaction, ViewState& state) {
                                            {Key::kG, &interaction.flying},
                                            {Key::kW, &state.wireframe},
                                            {Key::kB, &state.show_box},
+                                           {Key::kU, &state.slice_views.shown},
                                            {Key::kS, &state.focus.show_sphere},
                                            {Key::kT, &state.show_handles},
                                            {Key::kV, &state.focus.follow_view},

@@ -144,6 +144,7 @@ inline constexpr KeyHelp kKeyHelp[] = {
     {"S", "the region of interest"},
     {"X, Y, Z", "a clip plane across that axis through the focus, on and off"},
     {"I", "turn the last clip plane round"},
+    {"U", "the slices in three views beside the scene; right drag there: black and white"},
     {"P or F12", "write a picture; with Shift as EXR, with depth and normals"},
     {"M", "write the mesh"},
     {"N", "open another volume; so does dropping one on the window"},

@@ -71,6 +71,9 @@ ViewState bounded(const ViewState& state, const ViewVolume& volume) {
     double& position = result.slices[static_cast<std::size_t>(axis)].position;
     position = std::clamp(position, 0.0, last[axis]);
   }
+  ViewSliceViews& views = result.slice_views;
+  views.zoom = std::clamp(views.zoom, kLeastSliceZoom, kMostSliceZoom);
+  if (views.center) views.center = glm::clamp(*views.center, glm::dvec3(0.0), last);
   if (result.measurements.size() > kMostMeasurements) result.measurements.resize(kMostMeasurements);
   if (result.piece_measures.size() > kMostPieceMeasures)
     result.piece_measures.resize(kMostPieceMeasures);

@@ -57,6 +57,17 @@ struct ViewSlice {
   bool operator==(const ViewSlice&) const = default;
 };
 
+// The three slices in views of their own beside the scene (slice_view.h). They share how near and
+// where.
+inline constexpr double kLeastSliceZoom = 0.5, kMostSliceZoom = 200.0;
+struct ViewSliceViews {
+  bool shown = false;
+  double zoom = 1.0;                 // 1: all of the slice; kLeastSliceZoom .. kMostSliceZoom
+  std::optional<glm::dvec3> center;  // voxel index; none: the middle of the volume
+
+  bool operator==(const ViewSliceViews&) const = default;
+};
+
 inline constexpr int kMostPictureTimes = 16;
 // The form of pictures of the view, beside the window.
 struct ViewPictures {
@@ -100,8 +111,9 @@ struct ViewState {
   std::optional<double> view_pixels;          // ViewPoint::pixels, seen from the camera
   std::vector<ViewClipPlane> clip_planes;     // at most kMostClipPlanes
   std::array<ViewSlice, 3> slices;            // across x, y and z
-  double slice_opacity = 1.0;                 // 0 .. 1
-  std::optional<double> slice_threshold;      // data units; slices leave out what is below
+  ViewSliceViews slice_views;
+  double slice_opacity = 1.0;             // 0 .. 1
+  std::optional<double> slice_threshold;  // data units; slices leave out what is below
   std::array<double, 2> value_window{0.0,
                                      1.0};  // data units that caps and slices show black, white
   ViewColoring coloring = ViewColoring::kPlain;

@@ -44,13 +44,14 @@ ISOBRICK_FIELDS(ViewSurface, isovalue, color, opacity, visible, pieces)
 ISOBRICK_FIELDS(ViewFocus, center, radius, everywhere, show_sphere, follow_view)
 ISOBRICK_FIELDS(ViewClipPlane, normal, offset, enabled, cap)
 ISOBRICK_FIELDS(ViewSlice, shown, position)
+ISOBRICK_FIELDS(ViewSliceViews, shown, zoom, center)
 ISOBRICK_FIELDS(ViewPictures, transparent, times, scale_bar, axes, legend)
 ISOBRICK_FIELDS(ViewPlane, normal, offset)
 ISOBRICK_FIELDS(ViewValues, map, gradient_window, other, other_window, plane, plane_window)
 ISOBRICK_FIELDS(ViewMeasurement, points)
 ISOBRICK_FIELDS(ViewState, camera, surfaces, active_surface, focus, curvature_tolerance,
-                view_pixels, clip_planes, slices, slice_opacity, slice_threshold, value_window,
-                coloring, values, lighting, ambient_occlusion, pictures, measurements,
+                view_pixels, clip_planes, slices, slice_views, slice_opacity, slice_threshold,
+                value_window, coloring, values, lighting, ambient_occlusion, pictures, measurements,
                 piece_measures, mesh_distance, wireframe, show_transitions, show_box, show_handles,
                 background_top, background_bottom)
 
@@ -201,6 +202,7 @@ void checkRanges(const ViewState& state) {
   if (state.view_pixels && !(*state.view_pixels > 0.0)) refuse("view_pixels", "is not above 0");
   if (state.mesh_distance && !(*state.mesh_distance > 0.0))
     refuse("mesh_distance", "is not above 0");
+  if (!(state.slice_views.zoom > 0.0)) refuse("slice_views.zoom", "is not above 0");
   if (state.pictures.times < 1 || state.pictures.times > kMostPictureTimes)
     refuse("pictures.times", "is not from 1 to " + std::to_string(kMostPictureTimes));
   for (const ViewSurface& surface : state.surfaces)

@@ -23,9 +23,10 @@ bool InputRouter::take(double wait_seconds) {
   return !events.empty();
 }
 
-SceneArea InputRouter::area(const ViewSession* session) const {
-  const bool with_panel = session != nullptr && session->interaction().show_panel;
-  return sceneArea(width_, height_, target_.scale(), with_panel);
+WindowAreas InputRouter::areas(const ViewSession* session) const {
+  return windowAreas(width_, height_, target_.scale(),
+                     session != nullptr && session->interaction().show_panel,
+                     session != nullptr && session->state().slice_views.shown);
 }
 
 std::vector<InputEvent> InputRouter::eventsOfFrame() {
@@ -72,7 +73,7 @@ Wishes InputRouter::pass(ViewPanel& panel, ViewSession* session, double seconds)
 
 // An event of the window, in the scene's pixels.
 InputEvent InputRouter::inScene(InputEvent event, const ViewSession* session) const {
-  const SceneArea now = area(session);
+  const SceneArea now = areas(session).scene;
   if (event.kind == InputEvent::Kind::kMove) event.x -= now.left;
   if (event.kind == InputEvent::Kind::kResize) {
     event.x = now.width;
@@ -83,7 +84,7 @@ InputEvent InputRouter::inScene(InputEvent event, const ViewSession* session) co
 
 // Gives the session the size of its area, and the cursor in it.
 void InputRouter::layOut(ViewSession& session) {
-  const SceneArea now = area(&session);
+  const SceneArea now = areas(&session).scene;
   const Interaction& interaction = session.interaction();
   if (interaction.size != glm::dvec2(now.width, now.height)) {
     InputEvent resized;

@@ -34,11 +34,11 @@ class InputRouter {
   // button, so that none is lost in a frame. The panel's frame is begun.
   Wishes pass(ViewPanel& panel, ViewSession* session, double seconds);
 
-  // The window's size, and the part of it that shows the scene.
+  // The window's size, and the parts of it.
   int width() const { return width_; }
   int height() const { return height_; }
   glm::dvec2 size() const { return {width_, height_}; }
-  SceneArea area(const ViewSession* session) const;
+  WindowAreas areas(const ViewSession* session) const;
 
   // The view while nothing is open.
   ViewState& idleState() { return idle_state_; }

@@ -7,6 +7,7 @@
 
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/remote_options.h"
+#include "isobrick/viewer/png_reader.h"
 #include "isobrick/viewer/session/output_names.h"
 
 namespace isobrick {

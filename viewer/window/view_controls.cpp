@@ -107,6 +107,11 @@ void detail(ViewSession& session) {
 void slices(ViewSession& session) {
   if (!ImGui::CollapsingHeader("slices")) return;
   ViewState& state = session.state();
+  ImGui::Checkbox("three views", &state.slice_views.shown);
+  explain(
+      "The slices flat beside the scene (U), with the surfaces' contours. Drag: the place where "
+      "they cross; right drag: black and white; wheel: the next slice; Ctrl+wheel: nearer; "
+      "Shift+drag: move; double click: focus there.");
   const std::array<const char*, 3> names{"across x", "across y", "across z"};
   for (int axis = 0; axis < 3; ++axis) {
     ViewSlice& slice = state.slices[static_cast<std::size_t>(axis)];

@@ -99,7 +99,7 @@ class ViewLoop {
     return session() != nullptr ? session()->status() : SessionStatus{};
   }
   ViewState& state() { return session() != nullptr ? session()->state() : input_.idleState(); }
-  SceneArea area() const { return input_.area(session()); }
+  SceneArea area() const { return input_.areas(session()).scene; }
   OutputFiles::Sight sight() {
     return {*target_,        session(), volumes_.opened(), state(), input_.width(),
             input_.height(), drawn_};
@@ -199,7 +199,7 @@ class ViewLoop {
                             {log_.latest(), files_.message(), target_->renderer().deviceName(),
                              volumes_.status(), volumes_.error(), volumes_.recent(),
                              files_.meshUnderWay(), failure, guard_.question(), files_.views()},
-                            area()),
+                            input_.areas(session())),
               wishes);
     return wishes;
   }

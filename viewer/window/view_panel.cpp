@@ -144,15 +144,16 @@ Wishes ViewPanel::panel(ViewSession& session, const PanelFacts& facts) {
   return wishes;
 }
 
-Wishes ViewPanel::build(ViewSession* session, const PanelFacts& facts, const SceneArea& area) {
+Wishes ViewPanel::build(ViewSession* session, const PanelFacts& facts, const WindowAreas& areas) {
   Wishes wishes;
   const auto scale = static_cast<float>(scale_);
   const bool hovers = !wantsMouse();
+  if (session != nullptr) slices_panel_.build(*session, scale, areas.slices);
   if (session != nullptr && session->interaction().show_panel) wishes = panel(*session, facts);
   addWishes(status_.build(session, facts, scale, hovers), wishes);
   addWishes(open_panel_.build(scale_, facts.recent), wishes);
   addWishes(buildQuestion(facts.question), wishes);
-  if (session != nullptr) buildOverlay(*session, scale, hovers, area);
+  if (session != nullptr) buildOverlay(*session, scale, hovers, areas.scene);
   return wishes;
 }
 

@@ -11,11 +11,13 @@
 
 #include "isobrick/viewer/session/folder_listing.h"
 #include "isobrick/viewer/session/frame_report.h"
+#include "isobrick/viewer/session/slice_views.h"
 #include "isobrick/viewer/session/view_session.h"
 #include "isobrick/viewer/session/volume_opener.h"
 #include "isobrick/viewer/session/wish_guard.h"
 #include "isobrick/viewer/state/interaction.h"
 #include "isobrick/viewer/stream/latest_worker.h"
+#include "isobrick/viewer/stream/slice_picture.h"
 #include "isobrick/viewer/window/clipboard.h"
 #include "isobrick/viewer/window/named_views.h"
 #include "isobrick/viewer/window/panel_texture.h"
@@ -67,6 +69,37 @@ class ViewsPanel {
   std::string removing_;                            // the view that the user was asked about
 };
 
+// Builds the flat views of the slices beside the scene, each a window of Dear ImGui.
+class SlicesPanel {
+ public:
+  // Applies the user's changes to the session's state. `areas`: of the views along x, y and z of
+  // the world, in pixels of the window.
+  void build(ViewSession& session, float scale, const std::array<SceneArea, 3>& areas);
+
+ private:
+  // What a picture of a slice is made of.
+  struct Look {
+    std::uint64_t number = 0;  // SliceViews::Shown::number
+    std::array<double, 2> window{};
+    std::vector<SliceContour> contours;
+
+    bool operator==(const Look&) const = default;
+  };
+  struct Picture {
+    Look look;
+    PanelTexture texture;
+  };
+  const PanelTexture& pictureOf(int view, const SliceViews::Shown& shown, const ViewState& state,
+                                float scale);
+  void input(ViewSession& session, const SliceFrame& frame, const ImVec2& corner);
+  void notes(const ViewSession& session, const SliceFrame& frame, const SliceViews::Shown* shown,
+             const ImVec2& corner, const ImVec2& size, float scale) const;
+
+  std::array<Picture, kSliceViews> pictures_;
+  int first_ = 0;           // view of this frame, so that each has its turn
+  bool has_drawn_ = false;  // a picture in this frame
+};
+
 // The facts of the panel beside the session.
 struct PanelFacts {
   const std::deque<FrameTimes>& frames;  // the last ones
@@ -114,9 +147,8 @@ class ViewPanel {
   // Whether events of the mouse, and of the keyboard, are the panel's in this frame.
   bool wantsMouse() const;
   bool wantsKeyboard() const;
-  // Applies the user's changes to the session's state; null if no volume is open. `area`: of the
-  // scene.
-  Wishes build(ViewSession* session, const PanelFacts& facts, const SceneArea& area);
+  // Applies the user's changes to the session's state; null if no volume is open.
+  Wishes build(ViewSession* session, const PanelFacts& facts, const WindowAreas& areas);
   // The list of volumes to open, on and off.
   void toggleOpening() { open_panel_.visible = !open_panel_.visible; }
   // Into the framebuffer that is bound.
@@ -134,6 +166,7 @@ class ViewPanel {
   StatusPanel status_;
   OpenPanel open_panel_;
   ViewsPanel views_panel_;
+  SlicesPanel slices_panel_;
 };
 
 }  // namespace isobrick
