@@ -24,6 +24,7 @@ ViewState fullState() {
   state.view_pixels = 1.5;
   state.clip_planes = {{{0.36, 0.48, 0.8}, -12.5, false, false}};
   state.slices = {{{true, 3.0}, {true, 4.0}, {true, 5.0}}};
+  state.slice_views = {true, 3.5, glm::dvec3(1.0, 2.0, 3.0)};
   state.slice_opacity = 0.25;
   state.slice_threshold = 120.0;
   state.value_window = {-100.0, 1500.0};
