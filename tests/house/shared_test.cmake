@@ -31,13 +31,13 @@ foreach(library ${libraries})
     message(FATAL_ERROR "${library} has no SONAME with a version:\n${output}")
   endif()
   refuse_libraries(${library} ${left_out})
-  if(library MATCHES "storage|extract|view")
+  if(library MATCHES "libisobrick_(storage|extract|view)\\.")
     refuse_libraries(${library} "expat|isobrick_preprocess|isobrick_sources")
   endif()
-  if(library MATCHES "view")  # nor for a window or pictures
+  if(library MATCHES "libisobrick_view\\.")  # nor for a window or pictures
     refuse_libraries(${library} "png|libGL|EGL|glfw|imgui|X11")
   endif()
-  if(library MATCHES "storage")  # meshes are packed with zlib
+  if(library MATCHES "libisobrick_storage\\.")  # meshes are packed with zlib
     refuse_libraries(${library} "libz\\.")
   endif()
   get_filename_component(folder ${library} DIRECTORY)

@@ -31,7 +31,21 @@ WindowAreas InputRouter::areas(const ViewSession* session) const {
 
 std::vector<InputEvent> InputRouter::eventsOfFrame() {
   std::vector<InputEvent> events;
-  while (!events_.empty()) {
+  // ImGui takes a frame's text first and then one of the keys that edit it, so both wait for such a
+  // key before them. Any key goes down once in a frame, with the same others held as the first.
+  const auto edits = [](const InputEvent& press) { return press.control || press.key > Key::kZ; };
+  const auto comesAfter = [&](const InputEvent& press, const InputEvent& next) {
+    if (press.kind != InputEvent::Kind::kKeyPress) return false;
+    if (next.kind == InputEvent::Kind::kText) return edits(press);
+    return next.kind == InputEvent::Kind::kKeyPress &&
+           (press.key == next.key || press.shift != next.shift || (edits(press) && edits(next)) ||
+            press.control != next.control);
+  };
+  const auto waits = [&](const InputEvent& next) {
+    return std::any_of(events.begin(), events.end(),
+                       [&](const InputEvent& event) { return comesAfter(event, next); });
+  };
+  while (!events_.empty() && !waits(events_.front())) {
     events.push_back(events_.front());
     events_.pop_front();
     const InputEvent::Kind kind = events.back().kind;

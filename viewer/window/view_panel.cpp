@@ -64,8 +64,11 @@ ViewPanel::~ViewPanel() {
 
 void ViewPanel::feed(const InputEvent& event) {
   ImGuiIO& io = ImGui::GetIO();
-  io.KeyShift = event.shift;
-  io.KeyCtrl = event.control;
+  // Those of a key, until the panel has seen it.
+  if (pressed_.empty() || event.kind == InputEvent::Kind::kKeyPress) {
+    io.KeyShift = event.shift;
+    io.KeyCtrl = event.control;
+  }
   const auto button = [&] {
     return event.button == MouseButton::kLeft ? 0 : event.button == MouseButton::kRight ? 1 : 2;
   };
@@ -85,9 +88,13 @@ void ViewPanel::feed(const InputEvent& event) {
       break;
     case InputEvent::Kind::kKeyPress:
       io.KeysDown[indexOf(event.key)] = true;
+      pressed_.push_back(event.key);
       break;
     case InputEvent::Kind::kKeyRelease:
-      io.KeysDown[indexOf(event.key)] = false;
+      if (std::find(pressed_.begin(), pressed_.end(), event.key) != pressed_.end())
+        released_.push_back(event.key);
+      else
+        io.KeysDown[indexOf(event.key)] = false;
       break;
     case InputEvent::Kind::kText:
       io.AddInputCharacter(event.character);
@@ -106,6 +113,9 @@ void ViewPanel::begin(int width, int height, double seconds) {
   io.DeltaTime = static_cast<float>(std::clamp(seconds, 1e-4, 1.0));
   ImGui_ImplOpenGL3_NewFrame();
   ImGui::NewFrame();
+  for (const Key key : released_) io.KeysDown[indexOf(key)] = false;
+  pressed_.clear();
+  released_.clear();
   const bool moves = io.MouseDelta.x != 0.0f || io.MouseDelta.y != 0.0f || ImGui::IsAnyMouseDown();
   still_seconds_ = moves ? 0.0 : still_seconds_ + seconds;
 }

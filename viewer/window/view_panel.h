@@ -163,6 +163,8 @@ class ViewPanel {
   double still_seconds_ = 0.0;  // of the mouse (panel_tools.h)
   Clipboard& clipboard_;
   std::string pasted_;  // for ImGui, until the next call
+  // Of this frame: ImGui looks at keys once in a frame, so a tap is shown to it in two of them.
+  std::vector<Key> pressed_, released_;
   StatusPanel status_;
   OpenPanel open_panel_;
   ViewsPanel views_panel_;

@@ -1,0 +1,110 @@
+// Events on their way to the panel, whatever number of them comes between two frames.
+#include "isobrick/viewer/window/input_router.h"
+
+#include <gtest/gtest.h>
+#include <imgui.h>
+
+#include <array>
+#include <memory>
+#include <string>
+
+#include "isobrick/storage/error.h"
+#include "isobrick/viewer/window/egl_target.h"
+#include "tests/support/requirement.h"
+
+namespace isobrick {
+namespace {
+
+InputEvent keyEvent(InputEvent::Kind kind, Key key, bool control) {
+  InputEvent event;
+  event.kind = kind;
+  event.key = key;
+  event.control = control;
+  return event;
+}
+
+InputEvent textEvent(char letter) {
+  InputEvent event;
+  event.kind = InputEvent::Kind::kText;
+  event.character = static_cast<unsigned char>(letter);
+  return event;
+}
+
+class InputRouterTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    try {
+      target_ = std::make_unique<EglTarget>(300, 200, 1.0);
+    } catch (const Error& error) {
+      SKIP_UNLESS_REQUIRED(error.what());
+    }
+    panel_ = std::make_unique<ViewPanel>(1.0, *target_);
+    router_ = std::make_unique<InputRouter>(*target_, "");
+  }
+
+  void type(Key key, bool control = false, bool control_after = false) {
+    router_->add({keyEvent(InputEvent::Kind::kKeyPress, key, control),
+                  keyEvent(InputEvent::Kind::kKeyRelease, key, control_after)});
+  }
+  // A frame with a field that has the keyboard.
+  void frame() {
+    router_->take(0.0);
+    router_->pass(*panel_, nullptr, seconds_ += 1.0);
+    ImGui::Begin("field");
+    if (seconds_ == 1.0) ImGui::SetKeyboardFocusHere();
+    ImGui::InputText("##text", text_.data(), text_.size());
+    ImGui::End();
+    panel_->draw();
+  }
+  int framesUntilAllWasTaken() {
+    int frames = 0;
+    for (; !router_->empty(); ++frames) frame();
+    for (int i = 0; i < 3; ++i) frame();
+    return frames;
+  }
+  std::string text() const { return text_.data(); }
+
+  std::unique_ptr<EglTarget> target_;
+  std::unique_ptr<ViewPanel> panel_;
+  std::unique_ptr<InputRouter> router_;
+  std::array<char, 64> text_{"old"};
+  double seconds_ = 0.0;
+};
+
+// In a frame of a second somebody types all of this.
+TEST_F(InputRouterTest, NoKeyIsLostInASlowFrame) {
+  for (int i = 0; i < 3; ++i) frame();
+  type(Key::kEnd);
+  for (const char letter : std::string(" words")) router_->add({textEvent(letter)});
+  for (int i = 0; i < 3; ++i) type(Key::kBackspace);
+  framesUntilAllWasTaken();
+  EXPECT_EQ(text(), "old wo");
+  type(Key::kLeft);
+  type(Key::kBackspace);
+  framesUntilAllWasTaken();
+  EXPECT_EQ(text(), "old o");
+}
+
+// Ctrl counts where the key went down, not at the end of the frame.
+TEST_F(InputRouterTest, ControlIsThatOfItsKey) {
+  for (int i = 0; i < 3; ++i) frame();
+  type(Key::kA, true, false);
+  router_->add({textEvent('n')});
+  type(Key::kX);
+  router_->add({textEvent('x')});
+  framesUntilAllWasTaken();
+  EXPECT_EQ(text(), "nx");
+}
+
+// Text and different keys share a frame.
+TEST_F(InputRouterTest, TypingTakesFewFrames) {
+  for (int i = 0; i < 3; ++i) frame();
+  for (const char letter : std::string("abcdefgh")) {
+    type(static_cast<Key>(static_cast<int>(Key::kA) + letter - 'a'));
+    router_->add({textEvent(letter)});
+  }
+  EXPECT_LE(framesUntilAllWasTaken(), 2);
+}
+
+}  // namespace
+}  // namespace isobrick
