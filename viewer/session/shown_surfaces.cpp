@@ -24,12 +24,16 @@ void addCounts(const std::vector<LevelCounts>& counts, std::vector<LevelCounts>&
 
 void ShownSurfaces::take(const StreamMessage& pass, const AskedView& asked) {
   std::map<int, Shown> shown;
-  for (const StreamPass::KeptSurface& kept : pass.kept)
-    shown[kept.surface] = surfaces_.at(kept.surface);
+  // One that is not known, since there was no memory for it, is asked for again.
+  for (const StreamPass::KeptSurface& kept : pass.kept) {
+    const auto before = surfaces_.find(kept.surface);
+    if (before != surfaces_.end()) shown.insert(*before);
+  }
   for (const StreamedSurface& made : pass.surfaces)
     shown[made.surface] = {asked, pass.radius, pass.is_complete, made};
+  StreamMessage copy = pass;
   surfaces_ = std::move(shown);
-  pass_ = pass;
+  pass_ = std::move(copy);
   ++passes_;
 }
 

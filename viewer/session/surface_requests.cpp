@@ -61,12 +61,14 @@ std::optional<StreamMessage> SurfaceRequests::nextMessage() {
 void SurfaceRequests::take(double seconds, UploadAllowance& allowance) {
   now_ = seconds;
   waits_.clearEnded();
+  // If this fails, the surface is asked for again.
+  const bool asks = std::exchange(ask_again_, true);
   const SurfaceSet::News news =
       surfaces_->pump([&] { return nextMessage(); }, clockSeconds, allowance);
   for (const StreamMessage& pass : news.passes) takePass(pass);
   shows_less_ = shows_less_ || news.over_budget || news.stale;
   if (news.over_budget) shrinkToBudget();
-  ask_again_ = ask_again_ || news.stale;
+  ask_again_ = asks || news.stale;
   if (news.over_budget || news.failed) waits_.giveUp();
 }
 
@@ -99,8 +101,8 @@ void SurfaceRequests::request(const ViewState& state, double height, double seco
   const bool first = !requested_;
   if (first || ask_again_ || !asksForTheSame(*requested_, state, height)) {
     const double age = longestWait().value_or(0.0);
+    ask_again_ = true;  // until it was sent
     requested_ = AskedView{state, height};
-    ask_again_ = false;
     last_change_ = seconds;
     over_budget_ = false;
     asked_for_all_ = first;
@@ -109,13 +111,13 @@ void SurfaceRequests::request(const ViewState& state, double height, double seco
     else
       requestQuickly(pace_.quickRadius(wanted, age));
   } else if (!asked_for_all_ && seconds - last_change_ >= SurfacePace::kRestSeconds) {
-    asked_for_all_ = true;
     const double shown = shown_.pass().radius;
     // A surface that is shown is not made again.
-    if (over_budget_ || (showsTheLatest() && shown >= wanted)) return;
-    requestPasses(
-        showsTheLatest() ? SurfacePace::finerRadii(shown, wanted) : pace_.passRadii(wanted),
-        shown_.pass().request != last_request_);
+    if (!over_budget_ && !(showsTheLatest() && shown >= wanted))
+      requestPasses(
+          showsTheLatest() ? SurfacePace::finerRadii(shown, wanted) : pace_.passRadii(wanted),
+          shown_.pass().request != last_request_);
+    asked_for_all_ = true;
   }
 }
 
@@ -189,6 +191,7 @@ void SurfaceRequests::send(StreamRequest request, const std::optional<double>& w
   last_news_ = clockSeconds();
   waits_.add(last_request_, std::move(wait));
   asked_.insert(std::move(asked));
+  ask_again_ = false;
 }
 
 }  // namespace isobrick

@@ -17,7 +17,19 @@ SurfaceSet::~SurfaceSet() {
     for (const Chunk& chunk : chunks->chunks) store_.release(chunk.id);
 }
 
+// If it fails, no part of its request is shown.
 void SurfaceSet::accept(StreamMessage message, News& news) {
+  const std::uint64_t request = message.request;
+  try {
+    take(std::move(message), news);
+  } catch (...) {
+    refused_request_ = request;
+    dropIncoming();
+    throw;
+  }
+}
+
+void SurfaceSet::take(StreamMessage message, News& news) {
   switch (message.kind) {
     case StreamMessage::Kind::kChunk:
       if (message.request != refused_request_) acceptChunk(std::move(message), news);
@@ -29,6 +41,7 @@ void SurfaceSet::accept(StreamMessage message, News& news) {
         news.stale = true;
         return;
       }
+      news.passes.reserve(news.passes.size() + 1);
       show(message);
       error_.clear();
       news.shows_another = true;
@@ -50,6 +63,10 @@ void SurfaceSet::acceptChunk(StreamMessage message, News& news) {
   SurfaceChunk& chunk = message.chunk;
   const std::uint64_t bytes = chunk.bytes();
   if (shown_.bytes + incoming_.bytes + bytes > budget_bytes_) return refuse(message.request, news);
+  Chunks made;
+  made.chunks.push_back({0, chunk.surface, bytes, chunk.key, chunk.origin + glm::dvec3(chunk.lower),
+                         chunk.origin + glm::dvec3(chunk.upper)});
+  made.bytes = bytes;
   ChunkId id = 0;
   try {
     id = store_.reserve(chunk);
@@ -62,8 +79,8 @@ void SurfaceSet::acceptChunk(StreamMessage message, News& news) {
   } catch (const Error& error) {
     return fail(message.request, error.what(), news);
   }
-  incoming_.add({id, chunk.surface, bytes, chunk.key, chunk.origin + glm::dvec3(chunk.lower),
-                 chunk.origin + glm::dvec3(chunk.upper)});
+  made.chunks.front().id = id;
+  incoming_.takeAll(made);
   if (bytes > 0) pending_ = Pending{id, std::move(chunk)};
 }
 
@@ -95,19 +112,19 @@ void SurfaceSet::show(const StreamMessage& pass) {
   const std::set<ChunkKey> reused(pass.reused.begin(), pass.reused.end());
   std::map<int, std::uint64_t> contents;
   for (const StreamPass::KeptSurface& kept : pass.kept) contents[kept.surface] = kept.content;
-  for (const Chunk& chunk : shown_.chunks) {
-    const bool stays =
-        contents.count(chunk.surface) != 0 || (chunk.key && reused.count(*chunk.key) != 0);
-    (stays ? incoming_ : leaving_).add(chunk);
-  }
+  const auto kept = [&, of = contents](const Chunk& chunk) {
+    return of.count(chunk.surface) != 0 || (chunk.key && reused.count(*chunk.key) != 0);
+  };
   for (const StreamedSurface& made : pass.surfaces) contents[made.surface] = ++last_content_;
-  shown_ = std::exchange(incoming_, {});
+  for (auto chunk = shown_.chunks.begin(); chunk != shown_.chunks.end();)
+    chunk = (kept(*chunk) ? incoming_ : leaving_).take(shown_, chunk);
+  shown_.takeAll(incoming_);
   contents_ = std::move(contents);
 }
 
 std::optional<std::array<glm::dvec3, 2>> SurfaceSet::shownBox() const {
   if (shown_.chunks.empty()) return std::nullopt;
-  std::array<glm::dvec3, 2> box{shown_.chunks[0].lower, shown_.chunks[0].upper};
+  std::array<glm::dvec3, 2> box{shown_.chunks.front().lower, shown_.chunks.front().upper};
   for (const Chunk& chunk : shown_.chunks)
     box = {glm::min(box[0], chunk.lower), glm::max(box[1], chunk.upper)};
   return box;
@@ -138,9 +155,8 @@ void SurfaceSet::fail(std::uint64_t request, std::string error, News& news) {
   news.failed = true;
 }
 
-void SurfaceSet::dropIncoming() {
-  for (const Chunk& chunk : incoming_.chunks) leaving_.add(chunk);
-  incoming_ = {};
+void SurfaceSet::dropIncoming() noexcept {
+  leaving_.takeAll(incoming_);
   pending_.reset();
 }
 

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <iterator>
+#include <list>
 #include <map>
 #include <optional>
 #include <string>
@@ -101,13 +103,23 @@ class SurfaceSet {
     std::optional<ChunkKey> key = {};
     glm::dvec3 lower{0.0}, upper{0.0};  // in the scene's lattice
   };
+  // A chunk is in one of these at any moment, so that it is released once: moving one from here to
+  // there takes no memory, which might not be there.
   struct Chunks {
-    std::vector<Chunk> chunks;
+    std::list<Chunk> chunks;
     std::uint64_t bytes = 0;
 
-    void add(const Chunk& chunk) {
-      chunks.push_back(chunk);
-      bytes += chunk.bytes;
+    // Takes one of `from`, or all; returns the one after it.
+    std::list<Chunk>::iterator take(Chunks& from, std::list<Chunk>::iterator chunk) noexcept {
+      const auto next = std::next(chunk);
+      from.bytes -= chunk->bytes;
+      bytes += chunk->bytes;
+      chunks.splice(chunks.end(), from.chunks, chunk);
+      return next;
+    }
+    void takeAll(Chunks& from) noexcept {
+      bytes += std::exchange(from.bytes, 0);
+      chunks.splice(chunks.end(), from.chunks);
     }
   };
   // A chunk that is uploaded in part.
@@ -117,13 +129,14 @@ class SurfaceSet {
     std::size_t uploaded = 0;  // bytes
   };
   void accept(StreamMessage message, News& news);
+  void take(StreamMessage message, News& news);
   void acceptChunk(StreamMessage message, News& news);
   bool uploadPiece(UploadAllowance& allowance);
   bool hasAllOf(const StreamMessage& pass) const;
   void show(const StreamMessage& pass);
   void refuse(std::uint64_t request, News& news);
   void fail(std::uint64_t request, std::string error, News& news);
-  void dropIncoming();
+  void dropIncoming() noexcept;
   void releaseSome();
 
   ChunkStore& store_;

@@ -2,7 +2,6 @@
 // structural similarity: shading, ambient occlusion, levels, edges, caps, slices, what is seen
 // through, transitions, colours of values.
 #include <gtest/gtest.h>
-#include <png.h>
 
 #include <algorithm>
 #include <cmath>
@@ -12,8 +11,10 @@
 
 #include "isobrick/storage/error.h"
 #include "isobrick/viewer/image.h"
+#include "isobrick/viewer/png_reader.h"
 #include "isobrick/viewer/view_picture.h"
 #include "tests/support/field_pyramid.h"
+#include "tests/support/picture_similarity.h"
 #include "tests/support/requirement.h"
 #include "tests/support/test_paths.h"
 
@@ -21,57 +22,6 @@ namespace isobrick {
 namespace {
 
 constexpr int kWidth = 160, kHeight = 120;
-
-// Screen values 0..255, grey.
-std::vector<double> greyOf(const std::vector<std::uint8_t>& rgb) {
-  std::vector<double> grey;
-  for (std::size_t i = 0; i < rgb.size(); i += 3)
-    grey.push_back(0.299 * rgb[i] + 0.587 * rgb[i + 1] + 0.114 * rgb[i + 2]);
-  return grey;
-}
-
-std::vector<std::uint8_t> pixelsOf(const Image& image) {
-  std::vector<std::uint8_t> rgb(image.rgb.size());
-  std::transform(image.rgb.begin(), image.rgb.end(), rgb.begin(), toSrgb8);
-  return rgb;
-}
-
-std::vector<std::uint8_t> readPng(const std::string& path) {
-  png_image read{};
-  read.version = PNG_IMAGE_VERSION;
-  if (!png_image_begin_read_from_file(&read, path.c_str())) return {};
-  read.format = PNG_FORMAT_RGB;
-  std::vector<std::uint8_t> pixels(PNG_IMAGE_SIZE(read));
-  if (!png_image_finish_read(&read, nullptr, pixels.data(), 0, nullptr)) return {};
-  return pixels;
-}
-
-// The mean over squares of 8 x 8 pixels: 1 for the same picture.
-double similarity(const std::vector<double>& a, const std::vector<double>& b) {
-  constexpr int kSquare = 8;
-  constexpr double kSteady1 = 6.5025, kSteady2 = 58.5225;  // (0.01 * 255)^2, (0.03 * 255)^2
-  double sum = 0.0;
-  int squares = 0;
-  for (int top = 0; top < kHeight; top += kSquare) {
-    for (int left = 0; left < kWidth; left += kSquare, ++squares) {
-      double ma = 0, mb = 0, aa = 0, bb = 0, ab = 0;
-      for (int y = top; y < top + kSquare; ++y) {
-        for (int x = left; x < left + kSquare; ++x) {
-          const double va = a[static_cast<std::size_t>(y * kWidth + x)];
-          const double vb = b[static_cast<std::size_t>(y * kWidth + x)];
-          ma += va, mb += vb, aa += va * va, bb += vb * vb, ab += va * vb;
-        }
-      }
-      constexpr double kCount = kSquare * kSquare;
-      ma /= kCount, mb /= kCount;
-      const double sa = aa / kCount - ma * ma, sb = bb / kCount - mb * mb;
-      const double sab = ab / kCount - ma * mb;
-      sum += (2 * ma * mb + kSteady1) * (2 * sab + kSteady2) /
-             ((ma * ma + mb * mb + kSteady1) * (sa + sb + kSteady2));
-    }
-  }
-  return sum / squares;
-}
 
 // ISOBRICK_WRITE_GOLDEN=1 writes them anew, to be looked at before they are kept.
 TEST(GoldenPicturesTest, ViewsLookAsTheyDid) {
@@ -102,7 +52,9 @@ TEST(GoldenPicturesTest, ViewsLookAsTheyDid) {
   hollow.clip_planes = {{{-0.6, 0.8, 0.0}, 6.0, true, false}};
   hollow.surfaces.push_back({200.0, {0.8f, 0.3f, 0.2f}, 1.0, true});
   hollow.camera.distance = 55.0;
-  views.emplace_back("occlusion", hollow).second.ambient_occlusion = true;
+  ViewState& near = add("near");
+  near.camera.distance = 45.0;
+  views.emplace_back("occlusion", near).second.ambient_occlusion = true;
   ViewState& levels = add("levels");
   levels.focus.everywhere = false;
   levels.focus.show_sphere = true;
@@ -137,7 +89,7 @@ TEST(GoldenPicturesTest, ViewsLookAsTheyDid) {
 
   const std::string golden = std::string(test::goldenFolder()) + "/pictures/";
   const CancelFlag never;
-  std::vector<std::vector<double>> drawn;
+  std::vector<PictureBytes> drawn;
   for (const auto& [name, state] : views) {
     Image image;
     try {
@@ -146,15 +98,15 @@ TEST(GoldenPicturesTest, ViewsLookAsTheyDid) {
       SKIP_UNLESS_REQUIRED(error.what());
     }
     if (test::environmentSays("ISOBRICK_WRITE_GOLDEN")) writeImage(golden + name + ".png", image);
-    drawn.push_back(greyOf(pixelsOf(image)));
-    const std::vector<std::uint8_t> expected = readPng(golden + name + ".png");
-    ASSERT_EQ(expected.size(), image.rgb.size()) << name;
-    EXPECT_GT(similarity(drawn.back(), greyOf(expected)), 0.98) << name;
+    drawn.push_back(test::bytesOf(image));
+    const PictureBytes expected = readPng(golden + name + ".png", kWidth);
+    EXPECT_GT(test::similarity(drawn.back(), expected), 0.98) << name;
   }
   // The measure tells them apart.
   for (std::size_t i = 1; i < drawn.size(); ++i)
     for (const std::size_t j : {std::size_t{0}, i - 1})
-      EXPECT_LT(similarity(drawn[j], drawn[i]), 0.975) << views[j].first << " " << views[i].first;
+      EXPECT_LT(test::similarity(drawn[j], drawn[i]), 0.975)
+          << views[j].first << " " << views[i].first;
 }
 
 }  // namespace

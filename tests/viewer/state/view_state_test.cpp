@@ -72,6 +72,7 @@ TEST(ViewStateTest, EveryFieldSurvivesTheWayThroughJson) {
   for (ViewSurface& surface : plain.surfaces)
     surface.pieces.keep = surface.pieces.hide = {ComponentSeed{}};
   plain.piece_measures.resize(1);
+  plain.slice_views.center = glm::dvec3(0.0);
   plain.measurements = {{{glm::dvec3(0.0), glm::dvec3(0.0)}}};
   plain.values.gradient_window = plain.values.other_window = plain.values.plane_window = {0.0, 0.0};
   const nlohmann::json with = flat(full), without = flat(plain);
