@@ -68,6 +68,7 @@ class Hand {
       return event;
     }
     if (randomBelow(random_, 12) == 0) clickPanel();
+    if (randomBelow(random_, 40) == 0) useTool();
     InputEvent event;
     event.shift = randomBelow(random_, 5) == 0;
     event.control = randomBelow(random_, 5) == 0;
@@ -152,6 +153,27 @@ class Hand {
       gesture_.push_back(event);
     }
   }
+  // A measurement, or a piece that is picked, near the middle of the scene.
+  void useTool() {
+    constexpr Key kTools[] = {Key::kD, Key::kA, Key::kK};
+    InputEvent event;
+    event.kind = Kind::kKeyPress;
+    event.key = kTools[randomBelow(random_, 3)];
+    gesture_.push_back(event);
+    for (int i = 0; i < 3; ++i) {
+      event.kind = Kind::kMove;
+      x_ = event.x = randomReal(random_, 200.0, 500.0);
+      y_ = event.y = randomReal(random_, 80.0, 300.0);
+      gesture_.push_back(event);
+      for (const Kind kind : {Kind::kPress, Kind::kRelease}) {
+        event.kind = kind;
+        gesture_.push_back(event);
+      }
+    }
+    event.kind = Kind::kKeyPress;
+    event.key = randomBelow(random_, 2) == 0 ? Key::kEnter : Key::kDelete;
+    gesture_.push_back(event);
+  }
   InputEvent button(InputEvent event) {
     event.kind = randomBelow(random_, 2) == 0 ? Kind::kPress : Kind::kRelease;
     event.button = static_cast<MouseButton>(randomBelow(random_, 4) % 3);
@@ -213,6 +235,8 @@ class Play {
       if (!fault.empty() && !last_fault_.empty()) throw Error(fault);
       last_fault_ = fault;
     }
+    if (session != nullptr && phase_ == Phase::kRandom && randomBelow(hand_.random(), 25) == 0)
+      change(*session);
     if (phase_ == Phase::kRandom || !orders_.empty()) return;
     if (clockSeconds() - since_ > kPatience)
       throw Error(std::string("there is no rest: ") +
@@ -232,6 +256,45 @@ class Play {
     else
       target.resize(static_cast<int>(randomInt(random, kLeastSide, kMostWidth)),
                     static_cast<int>(randomInt(random, kLeastSide, kMostHeight)));
+  }
+  // As the folded parts of the panel do, which clicks hardly find.
+  void change(ViewSession& session) {
+    test::Random& random = hand_.random();
+    ViewState& state = session.state();
+    const auto axis = static_cast<std::size_t>(randomBelow(random, 3));
+    switch (randomBelow(random, 9)) {
+      case 0:
+        state.slices[axis].shown = !state.slices[axis].shown;
+        break;
+      case 1:
+        state.slices[axis].position = randomReal(random, -10.0, 60.0);
+        break;
+      case 2:
+        state.coloring = static_cast<ViewColoring>(randomBelow(random, 5));
+        break;
+      case 3:
+        state.view_pixels = randomBelow(random, 2) == 0
+                                ? std::nullopt
+                                : std::optional(randomReal(random, 0.0, 20.0));
+        break;
+      case 4:
+        state.curvature_tolerance = randomReal(random, 0.0, 0.1);
+        break;
+      case 5:
+        if (state.surfaces.size() < 4) state.surfaces.push_back(state.surfaces[0]);
+        state.surfaces.back().opacity = randomReal(random, 0.0, 1.0);
+        break;
+      case 6:
+        session.listPieces(std::nullopt);
+        break;
+      case 7:
+        session.pieces().select(0);
+        session.keepSelectedPiece();
+        break;
+      default:
+        state.focus.everywhere = false;
+        state.focus.radius = randomReal(random, -1.0, 100.0);
+    }
   }
   void begin(Phase phase) {
     phase_ = phase;
