@@ -101,6 +101,7 @@ std::vector<SurfaceChunk> chunksOf(const RenderMesh& mesh, bool with_levels) {
     }
     cutter.add(triangle, chunks.back());
   }
+  for (SurfaceChunk& chunk : chunks) boundChunk(chunk);
   return chunks;
 }
 

@@ -28,39 +28,44 @@ void project(vec3 place) {
 }
 )";
 
-// position + chunk_offset is one correctly rounded sum (see SnappedEye), so chunks that share a
+// position + chunk_offset.xyz is one correctly rounded sum (see SnappedEye), so chunks that share a
 // vertex give it the same bits from here on.
 constexpr char kSurfaceVertexShader[] = R"(
 #ifdef WIREFRAME
 layout(std430, binding = 0) readonly buffer Chunk { uint words[]; };
-uniform uint first_index;
 out vec3 barycentric;
 #else
 layout(location = 0) in vec3 position;
 layout(location = 1) in vec4 normal_and_value;
 #endif
-uniform vec3 chunk_offset;
+layout(location = 2) in vec4 chunk_offset;  // w: 1 if coloured by value
+layout(location = 3) in vec4 chunk_color;
+layout(location = 4) in uvec2 chunk_words;  // places of the first index and of the first vertex
 uniform vec3 eye_rest;  // in the lattice
 uniform mat3 lattice_to_eye;
 uniform mat3 world_to_eye;
 out vec3 eye_position;
 out vec3 eye_normal;
 out float share;  // of the range of values; below 0: it has none
+flat out vec4 surface_color;
+flat out int takes_value;
 
 void main() {
 #ifdef WIREFRAME
-  uint first = 5u * words[first_index + uint(gl_VertexID)];
+  uint first = chunk_words.y + 5u * words[chunk_words.x + uint(gl_VertexID)];
   vec3 position = uintBitsToFloat(uvec3(words[first], words[first + 1u], words[first + 2u]));
   vec4 normal_and_value =
       vec4(unpackSnorm2x16(words[first + 3u]), unpackSnorm2x16(words[first + 4u]));
   int corner = gl_VertexID % 3;
   barycentric = vec3(corner == 0, corner == 1, corner == 2);
 #endif
-  precise vec3 from_snapped_eye = position + chunk_offset;
+  precise vec3 from_snapped_eye = position + chunk_offset.xyz;
   eye_position = lattice_to_eye * from_snapped_eye - lattice_to_eye * eye_rest;
   eye_normal = world_to_eye * normal_and_value.xyz;
   float value = round(normal_and_value.w * 32767.0);
   share = value < -32766.0 ? -1.0 : (value + 32766.0) / 65533.0;
+  surface_color = chunk_color;
+  takes_value = int(chunk_offset.w);
   project(eye_position);
 }
 )";
@@ -69,6 +74,8 @@ constexpr char kSurfaceFragmentShader[] = R"(
 in vec3 eye_position;
 in vec3 eye_normal;
 in float share;
+flat in vec4 surface_color;
+flat in int takes_value;
 #ifdef WIREFRAME
 in vec3 barycentric;
 #endif
@@ -76,7 +83,6 @@ uniform bool orthographic;
 uniform bool headlight;
 uniform bool as_normals;
 uniform mat3 world_to_eye;
-uniform vec4 surface_color;
 uniform vec3 back_color;
 uniform bool by_value;
 uniform vec2 value_window;
@@ -90,7 +96,7 @@ const vec3 kSkyLight = vec3(0.20, 0.22, 0.25);
 const vec3 kGroundLight = vec3(0.09, 0.08, 0.07);
 
 vec3 frontColor() {
-  if (!by_value || (share < 0.0 && !by_plane)) return surface_color.rgb;
+  if (!by_value || takes_value == 0 || (share < 0.0 && !by_plane)) return surface_color.rgb;
   float value = by_plane ? dot(value_plane, vec4(eye_position, 1.0)) : share;
   float span = max(value_window.y - value_window.x, 1e-30);
   float place = 16.0 * clamp((value - value_window.x) / span, 0.0, 1.0);

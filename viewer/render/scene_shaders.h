@@ -18,16 +18,15 @@ namespace isobrick {
 
 // Lit triangles, with front and back in different colours.
 // Attributes: 0 vec3 position from the chunk's origin, 1 vec4 outward normal in world axes and
-// SurfaceVertex::value. With `wireframe` there are none: vertices and indices are read from the
-// buffer at binding 0, laid out as SurfaceVertex and then three indices a triangle, and 3 vertices
-// a triangle are drawn.
-// Uniforms: vec3 chunk_offset, eye_rest; mat3 lattice_to_eye, world_to_eye; vec4 projection (x and
-// y scale, depth scale and offset); bool orthographic, headlight; vec4 clip_planes[6] (eye
-// coordinates); int clip_count; vec4 surface_color; vec3 back_color; bool as_normals (the colour is
-// the normal, world); bool by_value; vec2 value_window (shares of the range, or distances
-// `by_plane`, for the ends of value_colors, 17 of them); bool by_plane; vec4 value_plane (eye
-// coordinates); with `wireframe` uint first_index (the place of the first index in the
-// buffer, in 4 bytes).
+// SurfaceVertex::value; of a chunk 2 vec4 its origin's place and 1 if values colour it, 3 vec4 its
+// colour, 4 uvec2 the places of its first index and first vertex in the buffer, in 4 bytes. With
+// `wireframe` 0 and 1 are missing: vertices and indices are read from the buffer at binding 0, and
+// 3 vertices a triangle are drawn.
+// Uniforms: vec3 eye_rest; mat3 lattice_to_eye, world_to_eye; vec4 projection (x and y scale, depth
+// scale and offset); bool orthographic, headlight; vec4 clip_planes[6] (eye coordinates); int
+// clip_count; vec3 back_color; bool as_normals (the colour is the normal, world); bool by_value;
+// vec2 value_window (shares of the range, or distances `by_plane`, for the ends of value_colors, 17
+// of them); bool by_plane; vec4 value_plane (eye coordinates).
 GlProgram makeSurfaceProgram(bool wireframe);
 
 // The ground of the picture, from top to bottom. Draw 3 vertices without attributes.

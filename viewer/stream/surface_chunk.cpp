@@ -28,6 +28,14 @@ std::int16_t packValue(double share) {
   return static_cast<std::int16_t>(std::lround(std::clamp(share, 0.0, 1.0) * 65533.0) - 32766);
 }
 
+void boundChunk(SurfaceChunk& chunk) {
+  chunk.lower = chunk.upper = chunk.vertices.empty() ? glm::vec3(0.0f) : chunk.vertices[0].position;
+  for (const SurfaceVertex& vertex : chunk.vertices) {
+    chunk.lower = glm::min(chunk.lower, vertex.position);
+    chunk.upper = glm::max(chunk.upper, vertex.position);
+  }
+}
+
 glm::dvec3 SceneLattice::toLattice(const glm::dvec3& world) const {
   return glm::inverse(matrix) * (world - origin);
 }

@@ -62,6 +62,9 @@ struct SurfaceChunk {
   }
 };
 
+// Sets `lower` and `upper`.
+void boundChunk(SurfaceChunk& chunk);
+
 // How the lattice of a scene lies in the world: world = origin + matrix * lattice. For pyramids the
 // lattice is that of the voxels.
 struct SceneLattice {

@@ -26,6 +26,7 @@ SurfaceChunk squareAt(double y, double half, int surface, int level = 0) {
        {glm::vec3(-h, 0, -h), glm::vec3(h, 0, -h), glm::vec3(h, 0, h), glm::vec3(-h, 0, h)})
     chunk.vertices.push_back({p, packNormal({0.0f, -1.0f, 0.0f})});
   chunk.triangles = {0, 1, 2, 0, 2, 3};
+  boundChunk(chunk);
   return chunk;
 }
 
@@ -90,6 +91,27 @@ TEST_F(SceneRendererTest, WhatIsNearerHidesWhatIsBehindAndIsHit) {
   renderer_->release(near);
   renderer_->release(far);
   EXPECT_EQ(renderer_->bytesKept(), 0u);
+}
+
+// Many chunks take a draw call for each surface, and those outside of the picture none.
+TEST_F(SceneRendererTest, ChunksShareDrawCallsAndThoseOutsideAreLeftOut) {
+  for (int i = 0; i < 40; ++i)
+    frame_.chunks.push_back(renderer_->upload(squareAt(0.1 * i, 0.5, i % 2)));
+  EXPECT_TRUE(isRed(seen(32, 32)));
+  EXPECT_EQ(renderer_->counts().calls, 2u);
+  EXPECT_EQ(renderer_->counts().chunks, 40u);
+  SurfaceChunk aside = squareAt(0.0, 0.5, 0), behind = squareAt(-30.0, 0.5, 0);
+  aside.origin.x += 9.0;
+  frame_.chunks.push_back(renderer_->upload(aside));
+  frame_.chunks.push_back(renderer_->upload(behind));
+  renderer_->draw(frame_);
+  EXPECT_EQ(renderer_->counts().calls, 2u);
+  EXPECT_EQ(renderer_->counts().chunks, 40u);
+  EXPECT_EQ(renderer_->counts().culled, 2u);
+  // A clip plane leaves out what it cuts away as a whole.
+  frame_.clip_planes = {{{0.0, 1.0, 0.0}, 2.05}};
+  EXPECT_TRUE(isBlue(seen(32, 32)));
+  EXPECT_EQ(renderer_->counts().chunks, 19u);
 }
 
 TEST_F(SceneRendererTest, WhatIsKeptOfAChunkIsWhatWasGiven) {
@@ -201,6 +223,7 @@ SurfaceChunk groove() {
   for (const float x : {0.0f, 1.0f})
     for (const float z : {-1.0f, 1.0f}) chunk.vertices.push_back({{x, -x, z}, packNormal(right)});
   chunk.triangles = {0, 2, 3, 0, 3, 1, 4, 6, 7, 4, 7, 5};
+  boundChunk(chunk);
   return chunk;
 }
 

@@ -1,0 +1,41 @@
+// The slices that a card keeps, and drawing them.
+#pragma once
+
+#include <cstdint>
+#include <unordered_map>
+
+#include "isobrick/viewer/render/gl_device.h"
+#include "isobrick/viewer/render/gl_handle.h"
+#include "isobrick/viewer/render/scene_view.h"
+#include "isobrick/viewer/stream/slice_image.h"
+
+namespace isobrick {
+
+// SceneRenderer's functions have its meaning here.
+class GlSlices {
+ public:
+  explicit GlSlices(GlDevice& device);
+
+  SliceId reserve(int width, int height);
+  void uploadRows(SliceId slice, const SliceImage& image, int first, int count);
+  void release(SliceId slice);
+  std::uint64_t bytesKept() const { return bytes_kept_; }
+
+  // Those of the frame that are opaque, or those that are not; the farthest first. Opaque ones only
+  // hide the normals of surfaces.
+  void draw(const SceneView& view, bool translucent) const;
+
+ private:
+  struct Slice {
+    GlTexture texture;
+    std::uint64_t bytes = 0;
+  };
+  GlDevice& device_;
+  GlProgram program_;
+  GlVertexArray empty_array_;
+  std::unordered_map<SliceId, Slice> slices_;
+  SliceId last_ = 0;
+  std::uint64_t bytes_kept_ = 0;
+};
+
+}  // namespace isobrick

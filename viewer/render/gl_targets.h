@@ -1,0 +1,52 @@
+// The memory that frames are drawn into, and reading it back.
+#pragma once
+
+#include <glm/vec2.hpp>
+#include <optional>
+#include <vector>
+
+#include "isobrick/viewer/image.h"
+#include "isobrick/viewer/placed_camera.h"
+#include "isobrick/viewer/render/gl_device.h"
+#include "isobrick/viewer/render/gl_handle.h"
+
+namespace isobrick {
+
+GlTexture makeTexture(GLenum format, int width, int height);
+
+// Samples of colour (half floats, linear) and depth, and one of each for a pixel, which the samples
+// are resolved into.
+class GlTargets {
+ public:
+  explicit GlTargets(GlDevice& device);
+
+  // Throws NoGraphicsMemory, and has no size then.
+  void resize(int width, int height);
+  int width() const { return width_; }
+  int height() const { return height_; }
+  int greatestSize() const { return greatest_size_; }
+  int samples() const { return samples_; }
+
+  GLuint sampledFrame() const { return *sampled_frame_; }
+  GLuint resolvedFrame() const { return *resolved_frame_; }
+  GLuint resolvedColor() const { return *resolved_color_; }
+  GLuint resolvedDepth() const { return *resolved_depth_; }
+  // `what`: GL_COLOR_BUFFER_BIT or GL_DEPTH_BUFFER_BIT. Depth is that of one sample of a pixel.
+  void resolve(GLbitfield what) const;
+
+  // SceneRenderer's functions of these names, for a frame of this depth.
+  std::optional<double> distanceAt(const glm::dvec2& pixel, const DepthProjection& depth) const;
+  Image picture(bool with_alpha) const;
+  std::vector<float> distances(const DepthProjection& depth) const;
+
+ private:
+  GlDevice& device_;
+  int greatest_size_ = 0;
+  int samples_ = 1;
+  int width_ = 0, height_ = 0;
+  GlRenderbuffer sampled_color_, sampled_depth_;
+  GlTexture resolved_color_, resolved_depth_;
+  GlFramebuffer sampled_frame_, resolved_frame_;
+};
+
+}  // namespace isobrick

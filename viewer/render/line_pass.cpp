@@ -1,0 +1,130 @@
+#include "isobrick/viewer/render/line_pass.h"
+
+#include <algorithm>
+#include <glm/geometric.hpp>
+#include <glm/vec2.hpp>
+
+#include "isobrick/viewer/outline_ribbon.h"
+#include "isobrick/viewer/render/scene_shaders.h"
+
+namespace isobrick {
+namespace {
+
+constexpr glm::vec3 kFocusColor{1.0f, 0.93f, 0.62f};
+constexpr float kFocusLineHalfWidth = 0.9f;  // pixels
+constexpr glm::vec3 kSegmentColor{0.62f, 0.66f, 0.72f};
+constexpr float kSegmentHalfWidth = 0.5f;
+constexpr double kLeastDistance = 1e-6;  // of segments from the eye, in units of `far`
+
+// A segment as a ribbon: normalised device coordinates, pixels from its middle, and depth. Empty if
+// it is not ahead of the near plane.
+void addRibbon(const SceneFrame& frame, const DepthProjection& depth, const DepthRange& range,
+               const SceneSegment& segment, std::vector<glm::vec4>& ribbon) {
+  const PlacedCamera& camera = frame.camera;
+  struct End {
+    glm::dvec3 arm;
+    double distance;
+  };
+  const auto endOf = [&](const glm::dvec3& point) {
+    const glm::dvec3 arm = point - camera.eye;
+    return End{arm, glm::dot(arm, camera.forward)};
+  };
+  End a = endOf(segment.begin), b = endOf(segment.end);
+  const double near =
+      camera.orthographic ? range.near : std::max(range.near, kLeastDistance * range.far);
+  if (a.distance < near && b.distance < near) return;
+  const auto cut = [&](End& end, const End& other) {
+    if (end.distance >= near) return;
+    const double share = (near - end.distance) / (other.distance - end.distance);
+    end.arm += share * (other.arm - end.arm);
+    end.distance = near;
+  };
+  cut(a, b);
+  cut(b, a);
+  const glm::dvec2 half_size(0.5 * frame.width, 0.5 * frame.height);
+  const auto pixelOf = [&](const End& end) {
+    const double w = camera.orthographic ? 1.0 : end.distance;
+    return half_size * glm::dvec2(glm::dot(end.arm, camera.right) / (w * camera.half_width),
+                                  glm::dot(end.arm, camera.up) / (w * camera.half_height));
+  };
+  const glm::dvec2 p = pixelOf(a), q = pixelOf(b);
+  const double length = glm::distance(p, q);
+  if (!(length > 1e-6)) return;
+  const double reach = kSegmentHalfWidth * frame.pixel_scale + kLineReach;
+  const glm::dvec2 across = glm::dvec2(p.y - q.y, q.x - p.x) / length * reach;
+  const auto corner = [&](const glm::dvec2& pixel, const End& end, double side) {
+    const glm::dvec2 place = (pixel + side * across) / half_size;
+    return glm::vec4(glm::dvec4(place, side * reach, depth.depthAt(end.distance)));
+  };
+  for (const glm::vec4& place : {corner(p, a, -1), corner(q, b, -1), corner(q, b, 1),
+                                 corner(p, a, -1), corner(q, b, 1), corner(p, a, 1)})
+    ribbon.push_back(place);
+}
+
+}  // namespace
+
+LinePass::LinePass()
+    : line_program_(makeLineProgram()),
+      sphere_program_(makeSphereProgram()),
+      line_array_(GlVertexArray::make()),
+      empty_array_(GlVertexArray::make()),
+      line_buffer_(GlBuffer::make()) {
+  glVertexArrayAttribFormat(*line_array_, 0, 4, GL_FLOAT, GL_FALSE, 0);
+  glVertexArrayAttribBinding(*line_array_, 0, 0);
+  glEnableVertexArrayAttrib(*line_array_, 0);
+  glVertexArrayVertexBuffer(*line_array_, 0, *line_buffer_, 0, sizeof(glm::vec4));
+}
+
+void LinePass::drawSegments(const SceneView& view) const {
+  std::vector<glm::vec4> ribbon;
+  for (const SceneSegment& segment : view.frame.segments)
+    addRibbon(view.frame, view.depth, view.range, segment, ribbon);
+  glEnable(GL_DEPTH_TEST);
+  glDepthMask(GL_FALSE);
+  drawRibbon(ribbon, kSegmentColor, kSegmentHalfWidth * static_cast<float>(view.frame.pixel_scale),
+             0.15f);
+  glDepthMask(GL_TRUE);
+}
+
+void LinePass::drawSphere(const SceneView& view) const {
+  const SceneFrame& frame = view.frame;
+  if (!frame.sphere || !(frame.sphere->radius > 0.0)) return;
+  if (frame.fill_sphere) {
+    useProgram(sphere_program_, view);
+    setUniform(sphere_program_, "center", view.eyePosition(frame.sphere->center));
+    setUniform(sphere_program_, "radius", static_cast<float>(frame.sphere->radius));
+    setUniform(sphere_program_, "color", linearColor(kFocusColor));
+    glEnable(GL_DEPTH_TEST);
+    glDepthMask(GL_FALSE);
+    glEnable(GL_BLEND);
+    glBlendFunc(GL_ONE, GL_ONE_MINUS_SRC_ALPHA);
+    glBindVertexArray(*empty_array_);
+    glDrawArrays(GL_TRIANGLES, 0, kSphereVertices);
+    glDepthMask(GL_TRUE);
+  }
+  std::vector<glm::vec4> ribbon;
+  const float half_width = kFocusLineHalfWidth * static_cast<float>(frame.pixel_scale);
+  for (const glm::vec3& place : outlineRibbon(*frame.sphere, frame.camera, frame.width,
+                                              frame.height, half_width + kLineReach))
+    ribbon.emplace_back(place, 0.0f);
+  glDisable(GL_DEPTH_TEST);
+  drawRibbon(ribbon, kFocusColor, half_width, 0.5f);
+}
+
+void LinePass::drawRibbon(const std::vector<glm::vec4>& ribbon, const glm::vec3& color,
+                          float half_width, float casing) const {
+  if (ribbon.empty()) return;
+  glEnable(GL_BLEND);
+  glBlendFunc(GL_ONE, GL_ONE_MINUS_SRC_ALPHA);
+  glUseProgram(*line_program_);
+  setUniform(line_program_, "line_color", linearColor(color));
+  setUniform(line_program_, "half_width", half_width);
+  setUniform(line_program_, "casing", casing);
+  glBindVertexArray(*line_array_);
+  glNamedBufferData(*line_buffer_, static_cast<GLsizeiptr>(ribbon.size() * sizeof(glm::vec4)),
+                    ribbon.data(), GL_STREAM_DRAW);
+  glDrawArrays(GL_TRIANGLES, 0, static_cast<GLsizei>(ribbon.size()));
+  glDisable(GL_BLEND);
+}
+
+}  // namespace isobrick
