@@ -283,6 +283,8 @@ Command addRenderCommand(CLI::App& app) {
                 "Colour triangles by their level: red for 0, then yellow, green, blue");
   sub->add_flag("--wireframe", picture.wireframe, "Draw the edges of the triangles");
   sub->add_flag("--ambient-occlusion", picture.ambient_occlusion, "Darken the surface in hollows");
+  sub->add_flag("--shadow", picture.shadow, "The surface throws a soft shadow on itself");
+  sub->add_flag("--outlines", picture.outlines, "Dark lines where the surface ends");
   sub->add_flag("--scale-bar", picture.notes.scale_bar,
                 "Draw a scale bar; it measures in the middle of what is framed");
   sub->add_flag("--axes", picture.notes.axes, "Draw the directions of the world's x, y and z");

@@ -13,6 +13,7 @@ GlSceneRenderer::GlSceneRenderer(Uploads uploads)
       chunks_(device_, uploads == Uploads::kStaged || !device_.isSoftware()),
       slices_(device_),
       surfaces_(device_.isSoftware()),
+      shadow_(device_.isSoftware()),
       background_program_(makeBackgroundProgram()),
       screen_program_(makeScreenProgram()),
       empty_array_(GlVertexArray::make()) {}
@@ -24,9 +25,6 @@ void GlSceneRenderer::draw(const SceneFrame& frame) {
   const SceneView view(frame);
   depth_ = view.depth;
   transparent_ = frame.transparent;
-  surfaces_.begin(chunks_, view);
-  glBindFramebuffer(GL_FRAMEBUFFER, targets_.sampledFrame());
-  glViewport(0, 0, frame.width, frame.height);
   glDisable(GL_SCISSOR_TEST);
   glDisable(GL_CULL_FACE);
   glDisable(GL_FRAMEBUFFER_SRGB);
@@ -34,17 +32,29 @@ void GlSceneRenderer::draw(const SceneFrame& frame) {
   glDepthMask(GL_TRUE);
   glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
   glClearDepth(0.0);
-  glClear(GL_DEPTH_BUFFER_BIT);
   glDepthFunc(GL_GREATER);
-  drawBackground(frame);
   const auto cut = [&](std::size_t planes) {
     for (GLenum i = 0; i < 6; ++i) (i < planes ? glEnable : glDisable)(GL_CLIP_DISTANCE0 + i);
   };
+  cut(frame.clip_planes.size());
+  const bool with_shadow = frame.shadow && !frame.headlight && !frame.normals;
+  if (with_shadow) shadow_.draw(chunks_, view);
+  cut(0);
+  surfaces_.begin(chunks_, view, with_shadow ? &shadow_ : nullptr);
+  glBindFramebuffer(GL_FRAMEBUFFER, targets_.sampledFrame());
+  glViewport(0, 0, frame.width, frame.height);
+  glClear(GL_DEPTH_BUFFER_BIT);
+  drawBackground(frame);
   cut(frame.clip_planes.size());
   surfaces_.drawOpaque(chunks_, view);
   if (frame.ambient_occlusion && !frame.normals) {
     cut(0);
     occlusion_.draw(targets_, view);
+    cut(frame.clip_planes.size());
+  }
+  if (frame.outlines && !frame.normals) {
+    cut(0);
+    outlines_.draw(targets_, view);
     cut(frame.clip_planes.size());
   }
   // Translucent surfaces write depth, so opaque slices behind them come first.

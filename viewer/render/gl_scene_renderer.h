@@ -12,7 +12,9 @@
 #include "isobrick/viewer/render/gl_targets.h"
 #include "isobrick/viewer/render/line_pass.h"
 #include "isobrick/viewer/render/occlusion_pass.h"
+#include "isobrick/viewer/render/outline_pass.h"
 #include "isobrick/viewer/render/scene_renderer.h"
+#include "isobrick/viewer/render/shadow_pass.h"
 #include "isobrick/viewer/render/surface_pass.h"
 
 namespace isobrick {
@@ -75,7 +77,9 @@ class GlSceneRenderer : public SceneRenderer {
   GlChunks chunks_;
   GlSlices slices_;
   SurfacePass surfaces_;
+  ShadowPass shadow_;
   OcclusionPass occlusion_;
+  OutlinePass outlines_;
   LinePass lines_;
   GlProgram background_program_, screen_program_;
   GlVertexArray empty_array_;

@@ -74,6 +74,11 @@ struct SceneFrame {
       transition_color;  // of cells that join two levels, sRGB; none: as others
   bool wireframe = false;
   bool headlight = false;
+  // Of colours by value: that of the first and of the last one, which opacities between them
+  // follow. Comes beside that of a surface.
+  std::array<double, 2> value_opacity{1.0, 1.0};
+  bool outlines = false;  // dark lines where a surface ends before another one
+  bool shadow = false;  // opaque surfaces keep the key light from each other; not with a headlight
   bool ambient_occlusion = false;  // surfaces shade each other, as if light came from all around
   std::vector<SceneClipPlane> clip_planes;  // at most 6
   std::vector<SceneSlice> slices;
@@ -89,6 +94,12 @@ struct SceneFrame {
   glm::vec3 back_color{0.46f, 0.20f, 0.13f};
   glm::vec3 background_top{0.36f, 0.38f, 0.41f};
   glm::vec3 background_bottom{0.16f, 0.17f, 0.19f};
+
+  // Nothing is seen through this surface.
+  bool isOpaque(std::size_t surface) const {
+    const bool by_value = value_window && (value_opacity[0] < 1.0 || value_opacity[1] < 1.0);
+    return surfaces[surface].opacity >= 1.0 && !by_value;
+  }
 
   bool operator==(const SceneFrame&) const = default;
 };

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <glm/geometric.hpp>
 #include <string>
 
 #include "isobrick/storage/error.h"
@@ -87,21 +88,45 @@ uniform vec3 back_color;
 uniform bool by_value;
 uniform vec2 value_window;
 uniform vec3 value_colors[17];
+uniform vec2 value_opacity;
+uniform bool in_shadow;
+uniform mat3 shadow_rotation;
+uniform vec3 shadow_offset;
+uniform vec4 shadow_projection;
+uniform float shadow_texel;
+layout(binding = 3) uniform sampler2DShadow shadow_depths;
 uniform bool by_plane;
 uniform vec4 value_plane;
 out vec4 color;
 
-const vec3 kKeyDirection = normalize(vec3(-0.55, 0.75, 0.60));  // over the viewer's left shoulder
+uniform vec3 key_direction;
 const vec3 kSkyLight = vec3(0.20, 0.22, 0.25);
 const vec3 kGroundLight = vec3(0.09, 0.08, 0.07);
 
-vec3 frontColor() {
-  if (!by_value || takes_value == 0 || (share < 0.0 && !by_plane)) return surface_color.rgb;
+// With the surface's opacity.
+vec4 frontColor() {
+  if (!by_value || takes_value == 0 || (share < 0.0 && !by_plane)) return surface_color;
   float value = by_plane ? dot(value_plane, vec4(eye_position, 1.0)) : share;
   float span = max(value_window.y - value_window.x, 1e-30);
   float place = 16.0 * clamp((value - value_window.x) / span, 0.0, 1.0);
   int low = min(int(place), 15);
-  return mix(value_colors[low], value_colors[low + 1], place - float(low));
+  return vec4(mix(value_colors[low], value_colors[low + 1], place - float(low)),
+              surface_color.a * mix(value_opacity.x, value_opacity.y, place / 16.0));
+}
+
+// The share of the key light that reaches the point. It is asked for a little in front of the
+// surface, so that no facet shades itself.
+float keyLightAt(vec3 normal) {
+  float slope = sqrt(max(0.0, 1.0 - dot(normal, key_direction) * dot(normal, key_direction)));
+  vec3 point = eye_position + shadow_texel * (1.5 + 4.0 * slope) * normal;
+  vec3 place = shadow_rotation * point + shadow_offset;
+  vec3 there = vec3(0.5 + 0.5 * shadow_projection.xy * place.xy,
+                    shadow_projection.z * place.z + shadow_projection.w);
+  float step = 1.5 / float(textureSize(shadow_depths, 0).x);
+  float open = 0.0;
+  for (int y = -2; y <= 2; ++y)
+    for (int x = -2; x <= 2; ++x) open += texture(shadow_depths, there + vec3(vec2(x, y) * step, 0));
+  return open / 25.0;
 }
 
 #ifdef WIREFRAME
@@ -131,15 +156,17 @@ void main() {
   // stay dark, and are found out.
   if (!gl_FrontFacing && dot(normal, to_eye) < 0.0) normal = -normal;
 
-  vec3 surface = gl_FrontFacing ? frontColor() : back_color;
+  vec4 front = frontColor();
+  vec3 surface = gl_FrontFacing ? front.rgb : back_color;
   float head = max(dot(normal, to_eye), 0.0);
-  float key = max(dot(normal, kKeyDirection), 0.0);
+  float key = max(dot(normal, key_direction), 0.0);
+  if (in_shadow && key > 0.0) key *= keyLightAt(normal);
   vec3 light = headlight ? vec3(0.08 + 0.92 * head)
                          : mix(kGroundLight, kSkyLight, 0.5 + 0.5 * normal.y) + 0.24 * head +
                                vec3(0.70, 0.68, 0.64) * key;
   vec3 shaded = surface * light;
   if (gl_FrontFacing) {
-    float gloss = pow(max(dot(normal, normalize(kKeyDirection + to_eye)), 0.0), 48.0);
+    float gloss = pow(max(dot(normal, normalize(key_direction + to_eye)), 0.0), 48.0);
     shaded += 0.10 * gloss * key;
   } else {
     shaded *= 0.6;
@@ -147,8 +174,12 @@ void main() {
 #ifdef WIREFRAME
   shaded = mix(shaded, 0.10 * surface, 0.85 * edgeCoverage());
 #endif
-  color = vec4(shaded, surface_color.a);
+  color = vec4(shaded, front.a);
 }
+)";
+
+constexpr char kDepthFragmentShader[] = R"(
+void main() {}
 )";
 
 // One triangle that covers the picture.
@@ -353,6 +384,34 @@ void main() {
 }
 )";
 
+// An edge bends the depths: the neighbours on both sides are not where the plane through the pixel
+// has them. A smooth surface bends by less than the width of the neighbourhood.
+constexpr char kOutlineFragmentShader[] = R"(
+uniform int width;
+out vec4 color;
+
+float bendAlong(ivec2 pixel, float distance, ivec2 along) {
+  float before = distanceAt(pixel - along), after = distanceAt(pixel + along);
+  if (before < 0.0 || after < 0.0) return 1e9;  // the background
+  // The nearer one has the line.
+  return max(0.0, before + after - 2.0 * distance);
+}
+
+void main() {
+  ivec2 pixel = ivec2(gl_FragCoord.xy);
+  float distance = distanceAt(pixel);
+  float bend = 0.0;
+  if (distance >= 0.0)
+    for (int i = 0; i < 4; ++i) {
+      const ivec2 kAlong[4] = ivec2[](ivec2(1, 0), ivec2(0, 1), ivec2(1, 1), ivec2(1, -1));
+      bend = max(bend, bendAlong(pixel, distance, width * kAlong[i]));
+    }
+  // In units of the width of a line there.
+  float edge = smoothstep(4.0, 9.0, bend / (float(width) * radiusAt(max(distance, 0.0))));
+  color = vec4(vec3(1.0 - 0.9 * edge), 1.0);
+}
+)";
+
 constexpr char kScreenFragmentShader[] = R"(
 layout(binding = 0) uniform sampler2D picture;
 uniform vec2 corner;  // of the picture in the window
@@ -406,6 +465,19 @@ GlProgram makeSurfaceProgram(bool wireframe) {
   return linkProgram({kVersion, define, kProjection, kSurfaceVertexShader},
                      {kVersion, define, "", kSurfaceFragmentShader});
 }
+
+GlProgram makeDepthProgram() {
+  return linkProgram({kVersion, "", kProjection, kSurfaceVertexShader},
+                     {kVersion, "", "", kDepthFragmentShader});
+}
+
+GlProgram makeOutlineProgram() {
+  return linkProgram({kVersion, "", "", kBackgroundVertexShader},
+                     {kVersion, "", kPlacesOfPixels, kOutlineFragmentShader});
+}
+
+// Over the viewer's left shoulder.
+glm::vec3 keyLightDirection() { return glm::normalize(glm::vec3(-0.55f, 0.75f, 0.60f)); }
 
 GlProgram makeBackgroundProgram() {
   return linkProgram({kVersion, "", "", kBackgroundVertexShader},

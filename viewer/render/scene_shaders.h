@@ -26,8 +26,21 @@ namespace isobrick {
 // scale and offset); bool orthographic, headlight; vec4 clip_planes[6] (eye coordinates); int
 // clip_count; vec3 back_color; bool as_normals (the colour is the normal, world); bool by_value;
 // vec2 value_window (shares of the range, or distances `by_plane`, for the ends of value_colors, 17
-// of them); bool by_plane; vec4 value_plane (eye coordinates).
+// of them); vec2 value_opacity (of those ends); bool by_plane; vec4 value_plane (eye coordinates);
+// vec3 key_direction; bool in_shadow, and if so mat3 shadow_rotation, vec3 shadow_offset, vec4
+// shadow_projection, float shadow_texel (ShadowView), sampler2DShadow at unit 3.
 GlProgram makeSurfaceProgram(bool wireframe);
+
+// The depths of surfaces alone, without colours. Attributes and uniforms of places as above.
+GlProgram makeDepthProgram();
+
+// To the key light of the surface program, in eye coordinates, unit.
+glm::vec3 keyLightDirection();
+
+// Where a surface ends before another one or the background, as colours to be multiplied with the
+// picture's, at depth 0. Draw 3 vertices. Uniforms: sampler2D depths at unit 0; vec4 projection;
+// bool orthographic; float reach (1); int width (pixels).
+GlProgram makeOutlineProgram();
 
 // The ground of the picture, from top to bottom. Draw 3 vertices without attributes.
 // Uniforms: vec3 top, bottom.

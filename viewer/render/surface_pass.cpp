@@ -13,7 +13,8 @@ SurfacePass::SurfacePass(bool is_software)
       wire_program_(makeSurfaceProgram(true)),
       draws_(is_software) {}
 
-void SurfacePass::begin(const GlChunks& chunks, const SceneView& view) {
+void SurfacePass::begin(const GlChunks& chunks, const SceneView& view, const ShadowPass* shadow) {
+  shadow_ = shadow;
   draws_.resetCounts();
   draws_.collect(chunks, view, view.planesOfPicture());
 }
@@ -31,11 +32,23 @@ void SurfacePass::use(const SceneView& view) const {
     const auto [low, high] = *frame.value_window;
     setUniform(program, "value_window", glm::vec2(glm::dvec2(low, high)));
     setUniform(program, "value_colors", colorsOf(frame.color_map));
+    setUniform(program, "value_opacity",
+               glm::vec2(glm::dvec2(frame.value_opacity[0], frame.value_opacity[1])));
   }
   setUniform(program, "by_plane", static_cast<int>(frame.value_plane.has_value()));
   if (frame.value_plane) setUniform(program, "value_plane", view.planeSeen(*frame.value_plane));
+  setUniform(program, "key_direction", keyLightDirection());
   setUniform(program, "headlight", static_cast<int>(frame.headlight));
   setUniform(program, "back_color", linearColor(frame.back_color));
+  const bool shadow = shadow_ != nullptr;
+  setUniform(program, "in_shadow", static_cast<int>(shadow));
+  if (shadow) {
+    setUniform(program, "shadow_rotation", shadow_->seen().rotation);
+    setUniform(program, "shadow_offset", shadow_->seen().offset);
+    setUniform(program, "shadow_projection", shadow_->seen().projection);
+    setUniform(program, "shadow_texel", shadow_->seen().texel);
+    glBindTextureUnit(3, shadow_->depths());
+  }
   glEnable(GL_DEPTH_TEST);
   glDisable(GL_BLEND);
 }
@@ -45,7 +58,7 @@ void SurfacePass::drawOpaque(const GlChunks& chunks, const SceneView& view) {
   if (frame.chunks.empty()) return;
   use(view);
   for (std::size_t s = 0; s < frame.surfaces.size(); ++s)
-    if (frame.surfaces[s].opacity >= 1.0) draws_.draw(chunks, static_cast<int>(s), frame.wireframe);
+    if (frame.isOpaque(s)) draws_.draw(chunks, static_cast<int>(s), frame.wireframe);
 }
 
 // Only the nearest part of one is seen, so its depth goes first.
@@ -53,7 +66,7 @@ void SurfacePass::drawTranslucent(const GlChunks& chunks, const SceneView& view)
   const SceneFrame& frame = view.frame;
   std::vector<int> translucent;
   for (std::size_t s = 0; s < frame.surfaces.size(); ++s)
-    if (frame.surfaces[s].opacity > 0.0 && frame.surfaces[s].opacity < 1.0)
+    if (frame.surfaces[s].opacity > 0.0 && !frame.isOpaque(s))
       translucent.push_back(static_cast<int>(s));
   if (translucent.empty() || frame.chunks.empty()) return;
   use(view);

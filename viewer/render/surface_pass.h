@@ -5,6 +5,7 @@
 #include "isobrick/viewer/render/gl_chunks.h"
 #include "isobrick/viewer/render/gl_handle.h"
 #include "isobrick/viewer/render/scene_view.h"
+#include "isobrick/viewer/render/shadow_pass.h"
 
 namespace isobrick {
 
@@ -14,8 +15,8 @@ class SurfacePass {
   // Throws Error if the driver refuses the shaders.
   explicit SurfacePass(bool is_software);
 
-  // Finds what may be seen; comes first.
-  void begin(const GlChunks& chunks, const SceneView& view);
+  // Finds what may be seen; comes first. `shadow`: that of the frame; null: there is none.
+  void begin(const GlChunks& chunks, const SceneView& view, const ShadowPass* shadow);
   void drawOpaque(const GlChunks& chunks, const SceneView& view);
   void drawTranslucent(const GlChunks& chunks, const SceneView& view);
 
@@ -27,6 +28,7 @@ class SurfacePass {
 
   GlProgram program_, wire_program_;
   ChunkDraws draws_;
+  const ShadowPass* shadow_ = nullptr;  // of this frame
 };
 
 }  // namespace isobrick

@@ -66,6 +66,7 @@ ViewState bounded(const ViewState& state, const ViewVolume& volume) {
   };
   for (ViewClipPlane& plane : result.clip_planes) normalize(plane.normal);
   normalize(result.values.plane.normal);
+  for (double& opacity : result.values.opacity) opacity = std::clamp(opacity, 0.0, 1.0);
   result.slice_opacity = std::clamp(result.slice_opacity, 0.0, 1.0);
   for (int axis = 0; axis < 3; ++axis) {
     double& position = result.slices[static_cast<std::size_t>(axis)].position;

@@ -97,6 +97,8 @@ struct ViewValues {
   std::optional<std::array<double, 2>> other_window;  // its data units; none: all of its values
   ViewPlane plane;                                    // for ViewColoring::kPlaneDistance
   std::optional<std::array<double, 2>> plane_window;  // world units; none: all of the volume
+  // Of the first and of the last colour, 0 .. 1; those between follow. Surfaces have theirs beside.
+  std::array<double, 2> opacity{1.0, 1.0};
 
   bool operator==(const ViewValues&) const = default;
 };
@@ -120,6 +122,8 @@ struct ViewState {
   ViewValues values;
   ViewLighting lighting = ViewLighting::kThreeLights;
   bool ambient_occlusion = false;  // surfaces shade each other, by their depths in the picture
+  bool shadow = false;    // surfaces keep the key light from each other; not with the headlight
+  bool outlines = false;  // dark lines where a surface ends before another one
   ViewPictures pictures;
   std::vector<ViewMeasurement> measurements;     // at most kMostMeasurements, shown in the scene
   std::vector<ViewPieceMeasure> piece_measures;  // at most kMostPieceMeasures

@@ -47,13 +47,13 @@ ISOBRICK_FIELDS(ViewSlice, shown, position)
 ISOBRICK_FIELDS(ViewSliceViews, shown, zoom, center)
 ISOBRICK_FIELDS(ViewPictures, transparent, times, scale_bar, axes, legend)
 ISOBRICK_FIELDS(ViewPlane, normal, offset)
-ISOBRICK_FIELDS(ViewValues, map, gradient_window, other, other_window, plane, plane_window)
+ISOBRICK_FIELDS(ViewValues, map, gradient_window, other, other_window, plane, plane_window, opacity)
 ISOBRICK_FIELDS(ViewMeasurement, points)
 ISOBRICK_FIELDS(ViewState, camera, surfaces, active_surface, focus, curvature_tolerance,
                 view_pixels, clip_planes, slices, slice_views, slice_opacity, slice_threshold,
-                value_window, coloring, values, lighting, ambient_occlusion, pictures, measurements,
-                piece_measures, mesh_distance, wireframe, show_transitions, show_box, show_handles,
-                background_top, background_bottom)
+                value_window, coloring, values, lighting, ambient_occlusion, shadow, outlines,
+                pictures, measurements, piece_measures, mesh_distance, wireframe, show_transitions,
+                show_box, show_handles, background_top, background_bottom)
 
 constexpr std::array<std::string_view, 5> namesOf(ViewColoring) {
   return {"plain", "level", "gradient", "other", "plane_distance"};

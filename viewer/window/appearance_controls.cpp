@@ -93,6 +93,10 @@ void coloring(ViewSession& session, float scale) {
   explain("The value of the colour on the left.");
   const bool last = sliderOf("last", wanted[1], least, greatest, "%.4g", flags);
   explain("The value of the colour on the right.");
+  sliderOf("first opacity", state.values.opacity[0], 0.0, 1.0, "%.2f");
+  explain("Of the colour on the left; those between follow. Below 1 you see through.");
+  sliderOf("last opacity", state.values.opacity[1], 0.0, 1.0, "%.2f");
+  explain("Of the colour on the right.");
   if (!first && !last) return;
   (by_gradient ? state.values.gradient_window
    : by_other  ? state.values.other_window
@@ -119,6 +123,11 @@ void appearanceControls(ViewSession& session, float scale) {
   explain(
       "Darkens the surface in hollows, by the picture's depths. Takes time without a graphics "
       "card.");
+  ImGui::Checkbox("shadow", &state.shadow);
+  explain("Surfaces that nothing is seen through keep the light from what is behind them.");
+  ImGui::SameLine();
+  ImGui::Checkbox("outlines", &state.outlines);
+  explain("Dark lines where a surface ends before another one.");
   ImGui::Checkbox("box", &state.show_box);
   explain("The edges of the volume (B).");
   ImGui::SameLine();

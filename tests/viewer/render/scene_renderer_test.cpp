@@ -287,6 +287,105 @@ TEST_F(SceneRendererTest, GroovesLieInTheShadeOfWhatIsAroundThem) {
   EXPECT_EQ(normal, seen(90, 96));
 }
 
+// A small square before a large one: its shadow falls to the right and down, away from the light
+// over the viewer's left shoulder, with a soft edge, and is cut with the square.
+TEST_F(SceneRendererTest, ASquareThrowsAShadowOnTheOneBehind) {
+  frame_.camera.orthographic = true;
+  frame_.camera.half_width = frame_.camera.half_height = 2.0;
+  frame_.bounds = {glm::dvec3(-2.0), glm::dvec3(2.0)};
+  const ChunkId wall = renderer_->upload(squareAt(1.0, 1.9, 0));
+  const ChunkId plate = renderer_->upload(squareAt(0.0, 0.4, 1));
+  frame_.chunks = {wall};
+  const glm::vec3 lit = seen(46, 50);
+  frame_.shadow = true;
+  // Nothing shades itself.
+  for (int y = 4; y < 60; y += 2)
+    for (int x = 4; x < 60; x += 2) ASSERT_NEAR(seen(x, y).r, lit.r, 0.02f) << x << " " << y;
+  frame_.chunks = {wall, plate};
+  // One behind the plate: to the side by 0.55 / 0.60, down by 0.75 / 0.60 (16 pixels are one).
+  const glm::vec3 dark = seen(32 + 15, 32 + 20);
+  EXPECT_LT(dark.r, 0.55f * lit.r);
+  EXPECT_GT(dark.r, 0.05f * lit.r);
+  EXPECT_NEAR(seen(12, 12).r, lit.r, 0.02f);
+  EXPECT_TRUE(isBlue(seen(32, 32)));
+  int between = 0;
+  for (int x = 44; x < 60; ++x) {
+    const float r = seen(x, 52).r;
+    between += r > dark.r + 0.03f && r < lit.r - 0.03f ? 1 : 0;
+  }
+  EXPECT_GE(between, 1);
+  EXPECT_LE(between, 5);
+  frame_.clip_planes = {{{0.0, 1.0, 0.0}, 0.5}};  // the plate is cut away
+  EXPECT_NEAR(seen(47, 52).r, lit.r, 0.02f);
+  frame_.clip_planes.clear();
+  frame_.surfaces[1].opacity = 0.5;  // what is seen through throws none
+  EXPECT_NEAR(seen(47, 52).r, lit.r, 0.02f);
+  frame_.surfaces[1].opacity = 1.0;
+  frame_.headlight = true;
+  EXPECT_NEAR(seen(47, 52).r, seen(12, 12).r, 1e-3f);
+}
+
+// Lines lie on what is nearer, at its ends alone, and are as wide as the frame says.
+TEST_F(SceneRendererTest, OutlinesAreWhereASurfaceEnds) {
+  frame_.camera.orthographic = true;
+  frame_.camera.half_width = frame_.camera.half_height = 2.0;
+  const ChunkId wall = renderer_->upload(squareAt(1.0, 1.5, 0));
+  const ChunkId plate = renderer_->upload(squareAt(0.0, 0.5, 1));
+  frame_.chunks = {wall, plate};
+  renderer_->draw(frame_);
+  const Image before = renderer_->picture();
+  for (const double scale : {1.0, 3.0}) {
+    frame_.outlines = true;
+    frame_.pixel_scale = scale;
+    renderer_->draw(frame_);
+    const Image after = renderer_->picture();
+    int dark = 0;
+    for (int y = 0; y < 64; ++y) {
+      for (int x = 0; x < 64; ++x) {
+        const std::size_t at = after.offsetOf(x, y);
+        const float change =
+            before.rgb[at] + before.rgb[at + 2] - after.rgb[at] - after.rgb[at + 2];
+        const double away = std::max(std::abs(x + 0.5 - 32.0), std::abs(y + 0.5 - 32.0));
+        const bool is_end =
+            (away < 8.0 && away > 8.0 - scale - 0.6) || (away < 24.0 && away > 24.0 - scale - 0.6);
+        if (change > 0.05f) {
+          ++dark;
+          EXPECT_TRUE(is_end) << x << " " << y;
+        }
+      }
+    }
+    // Both borders, 64 and 192 pixels long.
+    EXPECT_NEAR(dark, 256.0 * scale, 40.0 * scale) << scale;
+  }
+  // A plane that is seen from the side has no line within it.
+  frame_.pixel_scale = 1.0;
+  frame_.chunks = {wall};
+  frame_.camera.forward = glm::normalize(glm::dvec3(0.9, 0.43, 0.0));
+  frame_.camera.right = glm::normalize(glm::dvec3(0.43, -0.9, 0.0));
+  frame_.camera.eye = glm::dvec3(0.0, 1.0, 0.0) - 10.0 * frame_.camera.forward;
+  const glm::vec3 outlined = seen(32, 32);
+  frame_.outlines = false;
+  EXPECT_EQ(seen(32, 32), outlined);
+}
+
+// What has the first colour is clear, and what has the last is not.
+TEST_F(SceneRendererTest, OpacityFollowsTheValues) {
+  SurfaceChunk front = squareAt(-1.0, 1.5, 0);
+  const std::array<double, 4> shares{0.0, 1.0, 1.0, 0.0};  // from left to right
+  for (std::size_t v = 0; v < 4; ++v) front.vertices[v].value = packValue(shares[v]);
+  frame_.chunks = {renderer_->upload(front), renderer_->upload(squareAt(2.0, 1.9, 1))};
+  frame_.value_window = {{0.0, 1.0}};
+  frame_.color_map = ColorMap::kGrey;
+  const glm::vec3 opaque_left = seen(16, 32), opaque_right = seen(47, 32);
+  EXPECT_FALSE(isBlue(opaque_left));
+  frame_.value_opacity = {0.0, 1.0};
+  frame_.surfaces[1].order = -1.0;  // it lies behind
+  EXPECT_TRUE(isBlue(seen(10, 32)));
+  EXPECT_NEAR(seen(47, 32).r, 0.79f * opaque_right.r, 0.02f);  // at 0.79 of the square
+  frame_.value_opacity = {1.0, 1.0};
+  EXPECT_EQ(seen(16, 32), opaque_left);
+}
+
 TEST_F(SceneRendererTest, WhatIsBehindATranslucentSurfaceIsSeen) {
   frame_.chunks = {renderer_->upload(squareAt(2.0, 1.0, 0)),
                    renderer_->upload(squareAt(-2.0, 1.0, 1))};

@@ -29,11 +29,12 @@ ViewState fullState() {
   state.slice_threshold = 120.0;
   state.value_window = {-100.0, 1500.0};
   state.coloring = ViewColoring::kLevel;
-  state.values = {ColorMap::kInferno,         {{2.0, 30.0}}, "/scans/pet.isb", {{-1.5, 4.5}},
-                  {{0.48, 0.6, -0.64}, 21.5}, {{-5.0, 12.0}}};
+  state.values = {ColorMap::kInferno,         {{2.0, 30.0}},  "/scans/pet.isb", {{-1.5, 4.5}},
+                  {{0.48, 0.6, -0.64}, 21.5}, {{-5.0, 12.0}}, {0.25, 0.75}};
   state.show_transitions = true;
   state.lighting = ViewLighting::kHeadlight;
   state.ambient_occlusion = true;
+  state.shadow = state.outlines = true;
   state.pictures = {true, 3, true, true, true};
   for (ViewSurface& surface : state.surfaces)
     surface.pieces = {{{{1.0, 2.0, 3.0}, 4.0}}, {{{5.0, 6.0, 7.0}, 8.0}}, 9.0};
