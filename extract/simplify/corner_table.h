@@ -52,6 +52,10 @@ class CornerTable {
     kBroken   // anything else: no surface there
   };
   Ring ring(std::uint32_t vertex) const { return rings_[vertex]; }
+  // All corners of a vertex, as long as no edge collapsed.
+  std::span<const std::uint32_t> cornersOf(std::uint32_t vertex) const {
+    return std::span(around_).subspan(first_[vertex], first_[vertex + 1] - first_[vertex]);
+  }
 
   // Collapses the edge from the corner's vertex to that of the next corner: all that remains has
   // the latter. Both triangles at the edge are then no more; the caller has seen that what remains
