@@ -12,8 +12,9 @@
 namespace isobrick {
 
 // What pictures of `state` have. `levels`: those that are shown; `window`: the values of the
-// darkest and the lightest colour, if the surface has values.
+// darkest and the lightest colour, if the surface has values; `path_of`: of its measurements.
 PictureNotes notesOf(const ViewState& state, const std::vector<LevelCounts>& levels,
-                     const std::optional<std::array<double, 2>>& window, LengthUnit unit);
+                     const std::optional<std::array<double, 2>>& window, LengthUnit unit,
+                     const PathOf& path_of);
 
 }  // namespace isobrick

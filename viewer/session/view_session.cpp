@@ -33,7 +33,8 @@ ViewSession::ViewSession(std::shared_ptr<const Pyramid> pyramid, ValueHistogram 
       requests_(shown_, renderer, options.gpu_budget_bytes, options.threads),
       planes_(shown_.pyramid(), shown_.step()),
       slice_views_(shown_.pyramid(), shown_.step()),
-      pieces_(shown_.pyramid(), options.threads) {
+      pieces_(shown_.pyramid(), options.threads),
+      paths_(shown_.pyramid(), options.threads, shown_.firstLevel()) {
   const std::vector<double>& isovalues = volume().isovalues;
   state_.surfaces[0].isovalue = isovalues.empty() ? volume().least_value : isovalues.front();
   state_.ambient_occlusion = !renderer.isSoftware();
@@ -116,6 +117,7 @@ void ViewSession::update(double seconds, UploadAllowance& allowance) {
   updateOpening();
   slice_views_.update();
   pieces_.update();
+  paths_.update(state_.measurements);
   const bool is_held = interaction_.drag != Interaction::Drag::kNone || interaction_.flying;
   history_.note(state_, is_held, seconds);
   requests_.request(state_, interaction_.size.y, seconds);
@@ -202,11 +204,12 @@ Image ViewSession::picture(const glm::dvec2& size, int times, bool layers) {
 }
 
 PictureNotes ViewSession::notes() const {
-  return notesOf(state_, status().levels, valueWindow(), pyramid().spec().geometry.unit);
+  return notesOf(state_, status().levels, valueWindow(), pyramid().spec().geometry.unit,
+                 paths_.asked());
 }
 
 bool ViewSession::settled() const {
-  return isFine() && !pieces_.busy() && !slice_views_.busy() &&
+  return isFine() && !pieces_.busy() && !slice_views_.busy() && !paths_.busy() &&
          (previewOf() || opening_.isOver() || !(interaction_.size.y > 0.0));
 }
 

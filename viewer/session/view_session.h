@@ -13,6 +13,7 @@
 #include "isobrick/viewer/session/drawn_scene.h"
 #include "isobrick/viewer/session/mesh_queue.h"
 #include "isobrick/viewer/session/opening_view.h"
+#include "isobrick/viewer/session/path_finder.h"
 #include "isobrick/viewer/session/piece_list.h"
 #include "isobrick/viewer/session/plane_set.h"
 #include "isobrick/viewer/session/scene_of_view.h"
@@ -137,6 +138,9 @@ class ViewSession {
   // Its measures go into the state, if there is room.
   void measureSelectedPiece();
 
+  // The paths of measurements over the surface.
+  const PathFinder& paths() const { return paths_; }
+
   // The surface under a pixel of the frame drawn last; none if there is background.
   std::optional<glm::dvec3> surfaceAt(const glm::dvec2& pixel);
   // The same under the cursor, for the line at the foot, if the view is at rest. Reading depth back
@@ -172,6 +176,7 @@ class ViewSession {
   PlaneSet planes_;
   SliceViews slice_views_;
   PieceList pieces_;
+  PathFinder paths_;
 };
 
 }  // namespace isobrick

@@ -231,7 +231,8 @@ void plainKey(const InputEvent& event, const ViewVolume& volume, Interaction& in
       chooseTool(Interaction::Tool::kNone, interaction);
       break;
     case Key::kD:
-      switchTool(Interaction::Tool::kDistance, interaction);
+      switchTool(event.shift ? Interaction::Tool::kSurfaceDistance : Interaction::Tool::kDistance,
+                 interaction);
       break;
     case Key::kA:
       switchTool(Interaction::Tool::kAngle, interaction);
@@ -407,7 +408,11 @@ void measureAt(const glm::dvec3& world, Interaction& interaction, ViewState& sta
   interaction.picked.push_back(world);
   const std::size_t wanted = interaction.tool == Interaction::Tool::kAngle ? 3 : 2;
   if (interaction.picked.size() < wanted) return;
-  state.measurements.push_back({std::move(interaction.picked)});
+  ViewMeasurement measurement{std::move(interaction.picked)};
+  if (interaction.tool == Interaction::Tool::kSurfaceDistance)
+    measurement.surface_isovalue =
+        state.surfaces[static_cast<std::size_t>(state.active_surface)].isovalue;
+  state.measurements.push_back(std::move(measurement));
   interaction.picked.clear();
 }
 

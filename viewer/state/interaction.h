@@ -19,7 +19,7 @@ inline constexpr double kMostScale = 2.5;
 // State that lasts from event to event, and belongs to no saved view.
 struct Interaction {
   enum class Drag { kNone, kTurn, kPan, kZoom, kHandle, kPanel };
-  enum class Tool { kNone, kDistance, kAngle, kPiece };
+  enum class Tool { kNone, kDistance, kAngle, kSurfaceDistance, kPiece };
 
   glm::dvec2 size{1.0, 1.0};  // of the picture, pixels; 0 while there is none
   glm::dvec2 cursor{0.0};     // pixels
@@ -134,7 +134,8 @@ inline constexpr KeyHelp kKeyHelp[] = {
     {"T", "the arrows on and off"},
     {"V", "the focus follows the view, or stays"},
     {"G", "fly: W A S D E Q; the mouse looks around; Esc or G ends it"},
-    {"D, A", "measure a distance, an angle: click on the surface; Esc ends it"},
+    {"D, A, Shift+D",
+     "measure a distance, an angle, a distance over the surface: click on it; Esc ends it"},
     {"K", "pick a piece: click on the surface; Enter keeps only that one, Delete hides it"},
     {"Backspace", "takes the last point, or measurement, back"},
     {"W", "wireframe"},

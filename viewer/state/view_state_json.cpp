@@ -48,7 +48,7 @@ ISOBRICK_FIELDS(ViewSliceViews, shown, zoom, center)
 ISOBRICK_FIELDS(ViewPictures, transparent, times, scale_bar, axes, legend)
 ISOBRICK_FIELDS(ViewPlane, normal, offset)
 ISOBRICK_FIELDS(ViewValues, map, gradient_window, other, other_window, plane, plane_window, opacity)
-ISOBRICK_FIELDS(ViewMeasurement, points)
+ISOBRICK_FIELDS(ViewMeasurement, points, surface_isovalue)
 ISOBRICK_FIELDS(ViewState, camera, surfaces, active_surface, focus, curvature_tolerance,
                 view_pixels, clip_planes, slices, slice_views, slice_opacity, slice_threshold,
                 value_window, coloring, values, lighting, ambient_occlusion, shadow, outlines,

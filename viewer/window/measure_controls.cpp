@@ -23,7 +23,15 @@ Wishes measureControls(ViewSession& session) {
   ImGui::SameLine();
   toolButton("angle", Interaction::Tool::kAngle,
              "Click three points of the surface; the angle is at the second (A).");
+  toolButton("distance over the surface", Interaction::Tool::kSurfaceDistance,
+             "Click two points of the active surface: the length of the shortest way over it "
+             "(Shift+D).");
+  if (session.paths().busy()) {
+    ImGui::SameLine();
+    ImGui::ProgressBar(session.paths().progress());
+  }
   const LengthUnit unit = session.pyramid().spec().geometry.unit;
+  const PathOf path_of = session.paths().asked();
   std::optional<std::size_t> removed;
   for (std::size_t i = 0; i < state.measurements.size(); ++i) {
     ImGui::PushID(static_cast<int>(i));
@@ -31,7 +39,7 @@ Wishes measureControls(ViewSession& session) {
     explain("Removes this measurement.");
     ImGui::SameLine();
     ImGui::AlignTextToFramePadding();
-    ImGui::Text("%zu   %s", i + 1, measurementText(state.measurements[i], unit).c_str());
+    ImGui::Text("%zu   %s", i + 1, measurementText(state.measurements[i], unit, path_of).c_str());
     ImGui::PopID();
   }
   if (removed)

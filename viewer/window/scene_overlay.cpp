@@ -117,9 +117,16 @@ void measurements(const ViewSession& session, float scale, const Place& place) {
   ImDrawList& list = *ImGui::GetBackgroundDrawList();
   constexpr ImU32 kInk = IM_COL32(255, 214, 102, 255), kEdge = IM_COL32(0, 0, 0, 200);
   const auto draw = [&](const std::vector<glm::dvec3>& points, const std::string& text,
-                        const std::optional<glm::dvec2>& next) {
+                        const std::optional<glm::dvec2>& next, const FoundPath* found) {
     PixelPath path = pathOf(camera, interaction.size, points);
     if (path.points.empty()) return;
+    if (found != nullptr) {
+      const SeenPath way =
+          seenPathOf(camera, interaction.size, found->path.points, found->path.outwards);
+      path.lines = way.facing;
+      for (const auto& [from, to] : way.away)
+        list.AddLine(place(from), place(to), kInk, 1.0f * scale);
+    }
     if (next) path.lines.push_back({path.points.back(), *next});
     for (const auto& [width, ink] : {std::pair{4.0f, kEdge}, std::pair{2.0f, kInk}}) {
       for (const auto& [from, to] : path.lines)
@@ -137,12 +144,14 @@ void measurements(const ViewSession& session, float scale, const Place& place) {
     list.AddText(at, kInk, text.c_str());
   };
   const LengthUnit unit = session.pyramid().spec().geometry.unit;
+  const PathOf path_of = session.paths().asked();
   for (const ViewMeasurement& measurement : session.state().measurements)
-    draw(measurement.points, measurementText(measurement, unit), std::nullopt);
+    draw(measurement.points, measurementText(measurement, unit, path_of), std::nullopt,
+         measurement.surface_isovalue ? path_of(measurement) : nullptr);
   for (const ViewPieceMeasure& piece : session.state().piece_measures)
-    draw({piece.point}, pieceText(piece, unit), std::nullopt);
+    draw({piece.point}, pieceText(piece, unit), std::nullopt, nullptr);
   if (interaction.tool != Interaction::Tool::kPiece)
-    draw(interaction.picked, "", interaction.cursor);
+    draw(interaction.picked, "", interaction.cursor, nullptr);
 }
 
 // The box of the piece that is selected.

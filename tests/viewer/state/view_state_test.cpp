@@ -39,7 +39,7 @@ ViewState fullState() {
   for (ViewSurface& surface : state.surfaces)
     surface.pieces = {{{{1.0, 2.0, 3.0}, 4.0}}, {{{5.0, 6.0, 7.0}, 8.0}}, 9.0};
   state.piece_measures = {{1.0, 2, 3.0, 4.0, {5, 6, 7}, {8, 9, 10}, {11, 12, 13}, {14, 15, 16}}};
-  state.measurements = {{{{1.0, 2.0, 3.0}, {4.0, 5.0, 6.0}}}};
+  state.measurements = {{{{1.0, 2.0, 3.0}, {4.0, 5.0, 6.0}}, 7.0}};
   state.mesh_distance = 0.75;
   state.wireframe = true;
   state.show_box = false;
@@ -111,6 +111,8 @@ TEST(ViewStateTest, WrongTextIsRefusedByTheNameOfTheField) {
   EXPECT_EQ(refusal("[]"), "the view's 'view' is not an object");
   const std::pair<const char*, const char*> cases[] = {
       {R"({"wirefram": true})", "wirefram"},
+      {R"({"measurements": [{"points": [[0, 0, 0], [1, 0, 0], [2, 0, 0]], "surface_isovalue": 1}]})",
+       "measurements"},
       {R"({"camera": {"distance": "far"}})", "camera.distance"},
       {R"({"camera": {"distance": 0}})", "camera.distance"},
       {R"({"camera": {"vertical_fov": 400}})", "camera.vertical_fov"},
