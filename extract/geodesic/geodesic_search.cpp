@@ -13,7 +13,7 @@ namespace isobrick {
 namespace {
 
 constexpr std::uint32_t kNoNumber = ~std::uint32_t{0};
-constexpr double kNever = std::numeric_limits<double>::infinity();
+constexpr double kNeverReached = std::numeric_limits<double>::infinity();
 // Two lengths that differ by less, of their own size, may be equal.
 constexpr double kRounding = 1e-10;
 constexpr unsigned kCancelEvery = 1024;
@@ -54,7 +54,7 @@ double GeodesicSearch::lengthAlongEdges(const TrianglePoint& from, const Triangl
     std::uint32_t vertex = 0;
     bool operator<(const Reached& other) const { return least > other.least; }
   };
-  std::vector<double> lengths(positions_.size(), kNever);
+  std::vector<double> lengths(positions_.size(), kNeverReached);
   std::priority_queue<Reached> queue;
   const auto reach = [&](std::uint32_t vertex, double length) {
     if (!(length < lengths[vertex])) return;
@@ -66,7 +66,7 @@ double GeodesicSearch::lengthAlongEdges(const TrianglePoint& from, const Triangl
     reach(vertex, glm::distance(from.place, positions_[vertex]));
   }
   const std::span goal = triangles_.subspan(3 * std::size_t{to.triangle}, 3);
-  double best = kNever;
+  double best = kNeverReached;
   for (unsigned count = 0; !queue.empty() && queue.top().least < best; ++count) {
     if (count % kCancelEvery == 0 && bounds.cancel != nullptr) bounds.cancel->check();
     const Reached at = queue.top();
@@ -148,13 +148,13 @@ class WindowSearch {
     }
   };
   struct Vertex {
-    double length = kNever;  // of the shortest path so far
+    double length = kNeverReached;  // of the shortest path so far
     std::uint32_t window = kNoNumber,
                   vertex = kNoNumber;  // that it came from; none: the first point
   };
   // Of the windows that face a corner: the one by which its vertex is reached first, and where.
   struct Split {
-    double length = kNever, along = 0.0;
+    double length = kNeverReached, along = 0.0;
   };
   // A triangle in the frame of a corner.
   struct Frame {
@@ -460,7 +460,7 @@ class WindowSearch {
   std::vector<std::uint32_t> free_;  // windows that nothing came of
   std::priority_queue<Event> queue_;
   bool has_child_ = false;                                  // of the window that is crossed
-  double best_ = kNever;                                    // length of a path
+  double best_ = kNeverReached;                             // length of a path
   std::optional<std::uint32_t> goal_window_, goal_vertex_;  // the last part of it
 };
 

@@ -17,7 +17,7 @@
 namespace isobrick {
 namespace {
 
-constexpr double kReachCells = 4.0;
+constexpr double kEndReachCells = 4.0;
 // The first ellipsoid, in straight distances between the ends.
 constexpr double kFirstDetour = 1.5;
 // Of a mesh in memory, with what the search keeps of it.
@@ -58,7 +58,7 @@ class PathOnLevel {
 
   // Throws TooMuchSurface and SearchTooLarge.
   SurfacePath find() {
-    double sum = kFirstDetour * glm::distance(ends_.from, ends_.to) + 2 * kReachCells * cell_;
+    double sum = kFirstDetour * glm::distance(ends_.from, ends_.to) + 2 * kEndReachCells * cell_;
     bool is_joined = false;  // the ends lie on one piece
     while (true) {
       const bool is_whole = extractWithin(sum);
@@ -115,7 +115,7 @@ class PathOnLevel {
 
   TrianglePoint place(const glm::dvec3& point, int number) const {
     TrianglePoint nearest;
-    double least = kReachCells * cell_;
+    double least = kEndReachCells * cell_;
     bool found = false;
     for (std::size_t i = 0; i < mesh_.triangles.size(); i += 3) {
       const glm::dvec3& a = mesh_.positions[mesh_.triangles[i]];
@@ -139,7 +139,7 @@ class PathOnLevel {
   bool areOnOnePiece() {
     ComponentPoints points;
     points.points = {ends_.from, ends_.to};
-    points.reach = kReachCells;
+    points.reach = kEndReachCells;
     const Query whole = query();
     ComponentFinder finder(whole, std::move(points));
     extractor_.extract(whole, finder);

@@ -6,7 +6,7 @@
 namespace isobrick {
 namespace {
 
-constexpr double kReachCells = 4.0;
+constexpr double kSeedReachCells = 4.0;
 constexpr double kMostGrowth = 4.0;
 
 // Gives up beyond a number of triangles.
@@ -30,7 +30,7 @@ class BoundedFinder : public ComponentFinder {
 
 ComponentPoints pointsOf(const PieceChoice& choice) {
   ComponentPoints points;
-  points.reach = kReachCells;
+  points.reach = kSeedReachCells;
   for (const auto* seeds : {&choice.keep, &choice.hide})
     for (const ComponentSeed& seed : *seeds) points.points.push_back(seed.point);
   return points;

@@ -208,9 +208,12 @@ void checkRanges(const ViewState& state) {
   for (const ViewSurface& surface : state.surfaces)
     if (bounded(surface.pieces) != surface.pieces)
       refuse("surfaces", "has one with pieces of an area below 0");
-  for (const ViewMeasurement& measurement : state.measurements)
+  for (const ViewMeasurement& measurement : state.measurements) {
     if (measurement.points.size() != 2 && measurement.points.size() != 3)
       refuse("measurements", "has one that has neither 2 nor 3 points");
+    if (measurement.isAngle() && measurement.surface_isovalue)
+      refuse("measurements", "has one over a surface that has not 2 points");
+  }
   if (state.clip_planes.size() > kMostClipPlanes) refuse("clip_planes", "has more than 6 elements");
 }
 
