@@ -515,9 +515,10 @@ std::shared_ptr<BrickPager::Entry> BrickPager::takeVictim() {
   policy_.takeVictim([&](ResidencePolicy::Member& member, ResidencePolicy::Which which) {
     using enum ResidencePolicy::Which;
     taken = takeOut(member, [&](Entry& entry) {
+      if (which == kAny) return true;
       if (which == kStale) return entry.query + 1 < query_;
-      return which != kTakenOnce ||
-             !((entry.is_ahead && entry.query == query_) || std::exchange(entry.is_used, false));
+      if (entry.is_ahead && entry.query == query_) return false;
+      return which == kNotAhead || !std::exchange(entry.is_used, false);
     });
     return taken != nullptr;
   });

@@ -38,9 +38,9 @@ class ResidencePolicy {
     Member* newer = nullptr;
     Member* older = nullptr;
   };
-  // Which of the idle parts is meant: any, one that was not taken since the last call, or a stale
-  // one.
-  enum class Which { kAny, kTakenOnce, kStale };
+  // Which of the idle parts is meant: any, one that was not read ahead for this query, one that was
+  // not taken since the last call either, or a stale one.
+  enum class Which { kAny, kNotAhead, kTakenOnce, kStale };
 
   explicit ResidencePolicy(std::uint64_t budget_bytes)
       : most_settled_bytes_(budget_bytes - budget_bytes / 16) {}
@@ -72,8 +72,9 @@ class ResidencePolicy {
         return victim;
       }
     }
-    for (std::size_t left = settled_.count; left > 0; --left)
-      if (Member* victim = takeOldest(settled_, Which::kAny, takes)) return victim;
+    for (const Which which : {Which::kNotAhead, Which::kAny})
+      for (std::size_t left = settled_.count; left > 0; --left)
+        if (Member* victim = takeOldest(settled_, which, takes)) return victim;
     return nullptr;
   }
 

@@ -105,7 +105,7 @@ std::uint64_t bytesReadByPolicy(const TakeTrace& trace, std::uint64_t budget_byt
         using enum ResidencePolicy::Which;
         const auto* victim = policy.takeVictim([&](auto& member, ResidencePolicy::Which which) {
           auto& one = static_cast<Held&>(member);
-          return which == kAny ||
+          return which == kAny || which == kNotAhead ||
                  (which == kStale ? one.query + 1 < query : !std::exchange(one.is_used, false));
         });
         held_bytes -= victim->bytes;
