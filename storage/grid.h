@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cstdint>
 #include <glm/mat3x3.hpp>
 #include <glm/matrix.hpp>
@@ -52,6 +53,16 @@ struct GridGeometry {
     return glm::inverse(indexToWorldMatrix()) * (world - origin);
   }
 };
+
+// The outermost voxels of a volume in the world; x runs fastest, from the first voxel to the last.
+inline std::array<glm::dvec3, 8> worldCorners(const GridGeometry& geometry, const Index3& voxels) {
+  const glm::dvec3 last(voxels - Index3(1));
+  std::array<glm::dvec3, 8> corners;
+  for (unsigned i = 0; i < 8; ++i)
+    corners[i] = geometry.indexToWorld(
+        {i & 1u ? last.x : 0.0, i & 2u ? last.y : 0.0, i & 4u ? last.z : 0.0});
+  return corners;
+}
 
 // The lattices of all levels of one volume (rule 1 of the design). Sample (i,j,k) of level l sits
 // at voxel index (i,j,k) * 2^l exactly. If that is past the last voxel (only the last sample of

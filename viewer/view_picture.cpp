@@ -44,11 +44,7 @@ void drawViews(std::shared_ptr<const Pyramid> pyramid, std::span<const ViewState
                 std::to_string(renderer.greatestSize()));
   ViewSession session(std::move(pyramid), renderer,
                       {threads, std::numeric_limits<std::uint64_t>::max()});
-  InputEvent resize;
-  resize.kind = InputEvent::Kind::kResize;
-  resize.x = width;
-  resize.y = height;
-  session.apply(resize, 0.0, false);
+  session.apply(InputEvent::resized(width, height), 0.0, false);
   double clock = 0.0;  // nothing moves: any clock does
   for (const ViewState& state : states) {
     session.show(state);

@@ -1,7 +1,6 @@
 #include "isobrick/extract/geodesic/surface_path.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <glm/geometric.hpp>
 #include <limits>
@@ -11,6 +10,7 @@
 
 #include "isobrick/extract/geodesic/geodesic_search.h"
 #include "isobrick/extract/geodesic/near_surface.h"
+#include "isobrick/extract/geodesic/nearest_on_triangle.h"
 #include "isobrick/extract/sinks/indexed_mesh.h"
 #include "isobrick/extract/sinks/surface_components.h"
 
@@ -22,29 +22,6 @@ constexpr double kEndReachCells = 4.0;
 constexpr double kFirstDetour = 1.5;
 // Of a mesh in memory, with what the search keeps of it.
 constexpr std::uint64_t kBytesPerTriangle = 40;
-
-// The point of a triangle that is nearest to `point` (Ericson, Real-Time Collision Detection, 2005,
-// 5.1.5: by the region of the triangle's plane that it lies over).
-glm::dvec3 nearestOf(const glm::dvec3& point, const glm::dvec3& a, const glm::dvec3& b,
-                     const glm::dvec3& c) {
-  const auto onSegment = [&](const glm::dvec3& from, const glm::dvec3& to) {
-    const glm::dvec3 along = to - from;
-    const double square = glm::dot(along, along);
-    const double share = square > 0.0 ? glm::dot(point - from, along) / square : 0.0;
-    return from + std::clamp(share, 0.0, 1.0) * along;
-  };
-  const glm::dvec3 normal = glm::cross(b - a, c - a);
-  const auto isLeftOf = [&](const glm::dvec3& from, const glm::dvec3& to) {
-    return glm::dot(glm::cross(to - from, point - from), normal) >= 0.0;
-  };
-  if (isLeftOf(a, b) && isLeftOf(b, c) && isLeftOf(c, a)) {
-    const double square = glm::dot(normal, normal);
-    if (square > 0.0) return point - glm::dot(point - a, normal) / square * normal;
-  }
-  const std::array<glm::dvec3, 3> onSides{onSegment(a, b), onSegment(b, c), onSegment(c, a)};
-  return *std::ranges::min_element(
-      onSides, {}, [&](const glm::dvec3& place) { return glm::distance(place, point); });
-}
 
 // One search on one level.
 class PathOnLevel {
@@ -102,14 +79,9 @@ class PathOnLevel {
     const double between = glm::distance(ends_.from, ends_.to);
     const double radius = 0.5 * std::sqrt(std::max(0.0, sum * sum - between * between));
     const glm::dvec3 middle = 0.5 * (ends_.from + ends_.to);
-    const glm::dvec3 last(pyramid_.spec().voxels - Index3(1));
     double furthest = 0.0;
-    for (unsigned corner = 0; corner < 8; ++corner) {
-      const glm::dvec3 index(corner & 1 ? last.x : 0.0, corner & 2 ? last.y : 0.0,
-                             corner & 4 ? last.z : 0.0);
-      furthest =
-          std::max(furthest, glm::distance(middle, pyramid_.spec().geometry.indexToWorld(index)));
-    }
+    for (const glm::dvec3& corner : worldCorners(pyramid_.spec().geometry, pyramid_.spec().voxels))
+      furthest = std::max(furthest, glm::distance(middle, corner));
     return radius >= furthest;
   }
 
@@ -121,8 +93,8 @@ class PathOnLevel {
       const glm::dvec3& a = mesh_.positions[mesh_.triangles[i]];
       // Cheaper than the exact distance: all of a triangle lies within two cells of its corner.
       if (glm::distance(a, point) > least + 2.0 * cell_) continue;
-      const glm::dvec3 there = nearestOf(point, a, mesh_.positions[mesh_.triangles[i + 1]],
-                                         mesh_.positions[mesh_.triangles[i + 2]]);
+      const glm::dvec3 there = nearestOnTriangle(point, a, mesh_.positions[mesh_.triangles[i + 1]],
+                                                 mesh_.positions[mesh_.triangles[i + 2]]);
       const double distance = glm::distance(there, point);
       if (distance > least || (found && distance == least)) continue;
       least = distance;

@@ -37,11 +37,7 @@ class ViewSubject : public FaultSubject {
   std::string look() {
     if (session_ == nullptr) {
       session_ = std::make_unique<ViewSession>(pyramid_, renderer_, SessionOptions{2, 1 << 30});
-      InputEvent resize;
-      resize.kind = InputEvent::Kind::kResize;
-      resize.x = 200;
-      resize.y = 100;
-      session_->apply(resize, 0.0, false);
+      session_->apply(InputEvent::resized(200, 100), 0.0, false);
     }
     for (int frame = 0, still = 0; frame < 20000; ++frame) {
       session_->update(clock_ += 0.05);

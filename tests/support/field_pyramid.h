@@ -2,11 +2,13 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "isobrick/preprocess/pyramid_builder.h"
+#include "isobrick/storage/pyramid.h"
 #include "tests/support/array_source.h"
 #include "tests/support/temporary_folder.h"
 
@@ -28,6 +30,15 @@ std::string buildField(const TemporaryFolder& folder, const Index3& dims, const 
   const std::string path = folder.file(name);
   buildPyramid(source, path, options);
   return path;
+}
+
+// The same of bricks of 16 cells, so that a small volume has many, and opened.
+inline std::shared_ptr<const Pyramid> openField(const TemporaryFolder& folder, const Index3& dims,
+                                                const Field& field,
+                                                const GridGeometry& geometry = {}) {
+  BuildOptions options;
+  options.brick_cells = 16;
+  return std::make_shared<const Pyramid>(buildField(folder, dims, field, options, geometry));
 }
 
 }  // namespace isobrick::test

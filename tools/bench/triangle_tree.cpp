@@ -11,6 +11,8 @@
 #include <limits>
 #include <utility>
 
+#include "isobrick/extract/geodesic/nearest_on_triangle.h"
+
 namespace isobrick {
 namespace {
 
@@ -20,13 +22,6 @@ glm::vec3 cornerOf(const PlainMesh& mesh, std::uint32_t vertex) {
 }
 
 double squaredLength(const glm::dvec3& v) { return glm::dot(v, v); }
-
-double squaredDistanceToSegment(const glm::dvec3& p, const glm::dvec3& a, const glm::dvec3& b) {
-  const glm::dvec3 along = b - a;
-  const double length2 = squaredLength(along);
-  const double t = length2 > 0 ? std::clamp(glm::dot(p - a, along) / length2, 0.0, 1.0) : 0.0;
-  return squaredLength(p - a - t * along);
-}
 
 // Every third bit from bit 0 on holds one of the 21 lower bits of `x`.
 std::uint64_t spreadBits(std::uint64_t x) {
@@ -65,17 +60,7 @@ std::vector<std::uint32_t> orderAlongCurve(const PlainMesh& mesh) {
 
 double squaredDistanceToTriangle(const glm::dvec3& point, const glm::dvec3& a, const glm::dvec3& b,
                                  const glm::dvec3& c) {
-  const glm::dvec3 normal = glm::cross(b - a, c - a);
-  const double normal2 = squaredLength(normal);
-  // Within the prism over the triangle the height counts, else the nearest edge.
-  if (normal2 > 0 && glm::dot(glm::cross(b - a, point - a), normal) >= 0 &&
-      glm::dot(glm::cross(c - b, point - b), normal) >= 0 &&
-      glm::dot(glm::cross(a - c, point - c), normal) >= 0) {
-    const double height = glm::dot(point - a, normal);
-    return height * height / normal2;
-  }
-  return std::min({squaredDistanceToSegment(point, a, b), squaredDistanceToSegment(point, b, c),
-                   squaredDistanceToSegment(point, c, a)});
+  return squaredLength(point - nearestOnTriangle(point, a, b, c));
 }
 
 TriangleTree::TriangleTree(const PlainMesh& mesh) : mesh_(mesh), order_(orderAlongCurve(mesh)) {

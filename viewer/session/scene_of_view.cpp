@@ -1,6 +1,7 @@
 #include "isobrick/viewer/session/scene_of_view.h"
 
 #include <algorithm>
+#include <array>
 #include <glm/geometric.hpp>
 #include <limits>
 
@@ -67,15 +68,10 @@ SceneFrame sceneOf(const ViewState& state, const ViewVolume& volume, int width, 
   for (const ViewClipPlane& plane : state.clip_planes)
     if (plane.enabled) frame.clip_planes.push_back({plane.normal, plane.offset});
   if (state.show_box) {
-    const auto corner = [&](unsigned i) {
-      return volume.geometry.indexToWorld(
-          {i & 1u ? static_cast<double>(volume.voxels.x - 1) : 0.0,
-           i & 2u ? static_cast<double>(volume.voxels.y - 1) : 0.0,
-           i & 4u ? static_cast<double>(volume.voxels.z - 1) : 0.0});
-    };
+    const std::array<glm::dvec3, 8> corners = worldCorners(volume.geometry, volume.voxels);
     for (unsigned i = 0; i < 8; ++i)
       for (const unsigned axis : {1u, 2u, 4u})
-        if ((i & axis) == 0) frame.segments.push_back({corner(i), corner(i | axis)});
+        if ((i & axis) == 0) frame.segments.push_back({corners[i], corners[i | axis]});
   }
   if (state.focus.show_sphere && !state.focus.everywhere) {
     const glm::dvec3& spacing = volume.geometry.spacing;

@@ -76,9 +76,7 @@ SliceImage SliceViews::sample(const Job& job, const CancelFlag& cancel) const {
 }
 
 bool SliceViews::isWanted(const Job& job) const {
-  const auto& wanted = wanted_[static_cast<std::size_t>(job.view)];
-  return wanted && wanted->frame == job.wanted.frame && wanted->width == job.wanted.width &&
-         wanted->height == job.wanted.height;
+  return wanted_[static_cast<std::size_t>(job.view)] == job.wanted;
 }
 
 // The quick ones first, and of these the one that waited longest.

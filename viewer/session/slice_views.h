@@ -52,6 +52,8 @@ class SliceViews {
   struct Wanted {
     SliceFrame frame;
     int width = 0, height = 0;
+
+    bool operator==(const Wanted&) const = default;
   };
   struct Job {
     int view = 0;

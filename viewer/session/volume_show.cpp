@@ -24,11 +24,7 @@ void VolumeShow::open(OpenedVolume opened, SceneRenderer& renderer, const glm::d
   session()->interaction().show_panel = with_panel;
   session()->interaction().scale = scale;
   if (!(size.y > 0.0)) return;
-  InputEvent resized;
-  resized.kind = InputEvent::Kind::kResize;
-  resized.x = size.x;
-  resized.y = size.y;
-  session()->apply(resized, 0.0, false);
+  session()->apply(InputEvent::resized(size.x, size.y), 0.0, false);
 }
 
 void VolumeShow::take(OpenedVolume opened, SceneRenderer& renderer, const glm::dvec2& size,

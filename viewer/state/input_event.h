@@ -103,6 +103,15 @@ struct InputEvent {
   std::optional<double> seconds = {};
   double waited = 0.0;
 
+  // The picture has this size, in pixels.
+  static InputEvent resized(double width, double height) {
+    InputEvent event;
+    event.kind = Kind::kResize;
+    event.x = width;
+    event.y = height;
+    return event;
+  }
+
   bool operator==(const InputEvent&) const = default;
 };
 

@@ -131,11 +131,7 @@ std::optional<IndexPlane> capPlane(const Index3& voxels, const GridGeometry& geo
   const glm::dvec3 v = glm::cross(normal, u);
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   glm::dvec3 lower(kInfinity), upper(-kInfinity);
-  for (unsigned i = 0; i < 8; ++i) {
-    const glm::dvec3 corner =
-        geometry.indexToWorld({i & 1u ? static_cast<double>(voxels.x - 1) : 0.0,
-                               i & 2u ? static_cast<double>(voxels.y - 1) : 0.0,
-                               i & 4u ? static_cast<double>(voxels.z - 1) : 0.0});
+  for (const glm::dvec3& corner : worldCorners(geometry, voxels)) {
     const glm::dvec3 place(glm::dot(corner, u), glm::dot(corner, v), glm::dot(corner, normal));
     lower = glm::min(lower, place);
     upper = glm::max(upper, place);

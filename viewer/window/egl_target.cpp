@@ -48,11 +48,7 @@ void EglTarget::resize(int width, int height) {
     glTextureStorage2D(*color_, 1, GL_RGBA8, width, height);
     glNamedFramebufferTexture(*frame_, GL_COLOR_ATTACHMENT0, *color_, 0);
   }
-  InputEvent event;
-  event.kind = InputEvent::Kind::kResize;
-  event.x = width;
-  event.y = height;
-  events_.push_back(event);
+  events_.push_back(InputEvent::resized(width, height));
 }
 
 }  // namespace isobrick

@@ -186,11 +186,7 @@ GlWindow::~GlWindow() {
 void GlWindow::pushSize() {
   int width = 0, height = 0;
   glfwGetFramebufferSize(window_, &width, &height);
-  InputEvent event;
-  event.kind = InputEvent::Kind::kResize;
-  event.x = width;
-  event.y = height;
-  events_.push_back(event);
+  events_.push_back(InputEvent::resized(width, height));
 }
 
 std::vector<InputEvent> GlWindow::takeEvents(double wait_seconds) {

@@ -100,11 +100,8 @@ InputEvent InputRouter::inScene(InputEvent event, const ViewSession* session) co
 void InputRouter::layOut(ViewSession& session) {
   const SceneArea now = areas(&session).scene;
   const Interaction& interaction = session.interaction();
-  if (interaction.size != glm::dvec2(now.width, now.height)) {
-    InputEvent resized;
-    resized.kind = InputEvent::Kind::kResize;
-    session.apply(inScene(resized, &session), last_frame_, false);
-  }
+  if (interaction.size != glm::dvec2(now.width, now.height))
+    session.apply(InputEvent::resized(now.width, now.height), last_frame_, false);
   // The panel came or went under the cursor, which has not moved.
   const double shift = std::exchange(left_, now.left) - now.left;
   session.interaction().pressed_at.x += shift;

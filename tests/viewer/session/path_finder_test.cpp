@@ -10,30 +10,20 @@
 #include <thread>
 
 #include "isobrick/viewer/session/view_session.h"
-#include "tests/support/field_pyramid.h"
 #include "tests/support/null_renderer.h"
+#include "tests/support/two_balls.h"
 
 namespace isobrick {
 namespace {
 
-constexpr glm::dvec3 kLarge{30, 30, 30}, kSmall{64, 64, 64};
-constexpr double kLargeRadius = 22, kSmallRadius = 12;
+using test::kLarge;
+using test::kLargeRadius;
+using test::kSmall;
+using test::kSmallRadius;
 
 class PathFinderTest : public ::testing::Test {
  protected:
-  PathFinderTest() {
-    BuildOptions options;
-    options.brick_cells = 16;
-    geometry_.spacing = glm::dvec3(0.5);
-    geometry_.origin = {100, 200, -300};
-    pyramid_ = std::make_shared<const Pyramid>(test::buildField(
-        folder_, Index3(81),
-        [](const glm::dvec3& p) {
-          return std::max(kLargeRadius - glm::distance(p, kLarge),
-                          kSmallRadius - glm::distance(p, kSmall));
-        },
-        options, geometry_));
-  }
+  PathFinderTest() { pyramid_ = test::openTwoBalls(folder_); }
   // On one of the balls, or between both.
   ViewMeasurement across(const glm::dvec3& from, const glm::dvec3& to) const {
     return {{geometry_.indexToWorld(from), geometry_.indexToWorld(to)}, 0.0};
@@ -52,7 +42,7 @@ class PathFinderTest : public ::testing::Test {
   }
 
   const test::TemporaryFolder folder_;
-  GridGeometry geometry_;
+  const GridGeometry geometry_ = test::twoBallsGeometry();
   std::shared_ptr<const Pyramid> pyramid_;
 };
 

@@ -9,37 +9,24 @@
 #include "isobrick/extract/sinks/vertex_numbering.h"
 #include "isobrick/viewer/session/mesh_queue.h"
 #include "isobrick/viewer/session/view_session.h"
-#include "tests/support/field_pyramid.h"
 #include "tests/support/null_renderer.h"
 #include "tests/support/ply_reader.h"
+#include "tests/support/two_balls.h"
 
 namespace isobrick {
 namespace {
 
-constexpr glm::dvec3 kLarge{30, 30, 30}, kSmall{64, 64, 64};
-constexpr double kLargeRadius = 22, kSmallRadius = 12;
+using test::kLarge;
+using test::kLargeRadius;
+using test::kSmall;
+using test::kSmallRadius;
 
 class SessionPiecesTest : public ::testing::Test {
  protected:
   SessionPiecesTest() {
-    BuildOptions options;
-    options.brick_cells = 16;
-    GridGeometry geometry;
-    geometry.spacing = glm::dvec3(0.5);
-    geometry.origin = {100, 200, -300};
-    pyramid_ = std::make_shared<const Pyramid>(test::buildField(
-        folder_, Index3(81),
-        [](const glm::dvec3& p) {
-          return std::max(kLargeRadius - glm::distance(p, kLarge),
-                          kSmallRadius - glm::distance(p, kSmall));
-        },
-        options, geometry));
+    pyramid_ = test::openTwoBalls(folder_);
     session_ = std::make_unique<ViewSession>(pyramid_, renderer_, SessionOptions{2});
-    InputEvent resize;
-    resize.kind = InputEvent::Kind::kResize;
-    resize.x = 200;
-    resize.y = 100;
-    session_->apply(resize, 0.0, false);
+    session_->apply(InputEvent::resized(200, 100), 0.0, false);
     session_->state().surfaces[0].isovalue = 0.0;
     settle();
   }

@@ -30,10 +30,7 @@ TEST(ShownMeshTest, AtAHundredMomentsItPassesTheChecker) {
       options));
   test::KeepingRenderer renderer;
   ViewSession session(pyramid, renderer, {2, std::uint64_t{1} << 30});
-  InputEvent resize;
-  resize.kind = InputEvent::Kind::kResize;
-  resize.x = resize.y = 100.0;
-  session.apply(resize, 0.0, false);
+  session.apply(InputEvent::resized(100.0, 100.0), 0.0, false);
 
   std::mt19937 random(17);
   std::uniform_real_distribution<double> share(0.0, 1.0);

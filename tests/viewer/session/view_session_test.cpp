@@ -23,22 +23,16 @@ using Kind = InputEvent::Kind;
 class ViewSessionTest : public ::testing::Test {
  protected:
   ViewSessionTest() {
-    BuildOptions options;
-    options.brick_cells = 16;
-    pyramid_ = std::make_shared<const Pyramid>(test::buildField(
-        folder_, Index3(60),
-        [](const glm::dvec3& p) { return 25.0 - glm::distance(p, glm::dvec3(30.0)); }, options));
+    pyramid_ = test::openField(folder_, Index3(60), [](const glm::dvec3& p) {
+      return 25.0 - glm::distance(p, glm::dvec3(30.0));
+    });
     open(std::uint64_t{1} << 30);
   }
 
   void open(std::uint64_t budget) {
     session_.reset();
     session_ = std::make_unique<ViewSession>(pyramid_, renderer_, SessionOptions{2, budget});
-    InputEvent resize;
-    resize.kind = Kind::kResize;
-    resize.x = 200;
-    resize.y = 100;
-    session_->apply(resize, 0.0, false);
+    session_->apply(InputEvent::resized(200, 100), 0.0, false);
   }
   void frame(double seconds) {
     session_->update(clock_ += seconds);
@@ -209,11 +203,7 @@ TEST_F(ViewSessionTest, ACardShadesHollowsFromTheFirstPictureOn) {
 TEST_F(ViewSessionTest, APreviewHasItsUndo) {
   session_ = std::make_unique<ViewSession>(
       pyramid_, renderer_, SessionOptions{2, std::uint64_t{1} << 30, PreviewOf{2, Index3(119)}});
-  InputEvent resize;
-  resize.kind = Kind::kResize;
-  resize.x = 200;
-  resize.y = 100;
-  session_->apply(resize, 0.0, false);
+  session_->apply(InputEvent::resized(200, 100), 0.0, false);
   const auto key = [&](Key pressed, bool control) {
     InputEvent event;
     event.kind = Kind::kKeyPress;
@@ -345,11 +335,7 @@ TEST_F(ViewSessionTest, WhatIsShownOfAPreviewIsFramed) {
   session_.reset();
   session_ = std::make_unique<ViewSession>(
       pyramid_, renderer_, SessionOptions{2, std::uint64_t{1} << 30, PreviewOf{2, Index3(119)}});
-  InputEvent event;
-  event.kind = Kind::kResize;
-  event.x = 200;
-  event.y = 100;
-  session_->apply(event, 0.0, false);
+  session_->apply(InputEvent::resized(200, 100), 0.0, false);
   session_->state().surfaces[0].isovalue = 15.0;  // a sphere of 10 samples around (30, 30, 30)
   settle();
   EXPECT_LT(glm::distance(session_->state().camera.pivot, session_->volume().box().center()), 1e-9);
@@ -448,11 +434,7 @@ TEST_F(ViewSessionTest, ALossWithinAFrameIsTold) {
       RendererLost);
   session_->suspend();
   session_->resume(renderer_);
-  InputEvent resize;
-  resize.kind = Kind::kResize;
-  resize.x = 200;
-  resize.y = 100;
-  session_->apply(resize, clock_, false);
+  session_->apply(InputEvent::resized(200, 100), clock_, false);
   settle();
   EXPECT_EQ(trianglesShown(), trianglesOfAll());
 }
@@ -646,11 +628,7 @@ TEST_F(ViewSessionTest, AResizeAsksAnewIfTheViewSaysHowFine) {
   session_->keepFocus();
   settle();
   const std::uint64_t small = trianglesShown();
-  InputEvent resize;
-  resize.kind = Kind::kResize;
-  resize.x = 1600;
-  resize.y = 800;
-  session_->apply(resize, clock_, false);
+  session_->apply(InputEvent::resized(1600, 800), clock_, false);
   EXPECT_FALSE(session_->settled());
   settle();
   EXPECT_GT(trianglesShown(), small);
@@ -706,9 +684,7 @@ TEST_F(ViewSessionTest, AFrameThatIsTheSameIsNotDrawnAgain) {
 }
 
 TEST_F(ViewSessionTest, WithoutASizeNothingIsDrawn) {
-  InputEvent resize;
-  resize.kind = Kind::kResize;
-  session_->apply(resize, 0.0, false);
+  session_->apply(InputEvent::resized(0, 0), 0.0, false);
   session_->update(1.0);
   EXPECT_FALSE(session_->draw());
   EXPECT_EQ(renderer_.draws(), 0u);

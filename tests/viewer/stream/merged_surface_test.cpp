@@ -24,16 +24,11 @@ using Kind = StreamMessage::Kind;
 class MergedSurfaceTest : public ::testing::Test {
  protected:
   MergedSurfaceTest() {
-    BuildOptions options;
-    options.brick_cells = 16;
-    pyramid_ = std::make_shared<const Pyramid>(test::buildField(
-        folder_, Index3(70),
-        [](const glm::dvec3& p) {
-          const glm::dvec3 q = p * 0.3;
-          return 10.0 * (std::sin(q.x) * std::cos(q.y) + std::sin(q.y) * std::cos(q.z) +
-                         std::sin(q.z) * std::cos(q.x));
-        },
-        options));
+    pyramid_ = test::openField(folder_, Index3(70), [](const glm::dvec3& p) {
+      const glm::dvec3 q = p * 0.3;
+      return 10.0 * (std::sin(q.x) * std::cos(q.y) + std::sin(q.y) * std::cos(q.z) +
+                     std::sin(q.z) * std::cos(q.x));
+    });
   }
 
   StreamPass pass(double radius, double isovalue = 1.25) const {

@@ -9,8 +9,7 @@
 
 #include "isobrick/viewer/egl_context.h"
 #include "isobrick/viewer/png_reader.h"
-#include "isobrick/viewer/window/view_loop.h"
-#include "tests/support/field_pyramid.h"
+#include "tests/support/offscreen_view.h"
 #include "tests/support/picture_similarity.h"
 #include "tests/support/requirement.h"
 #include "tests/support/test_paths.h"
@@ -36,17 +35,7 @@ TEST(GoldenPanelsTest, TheWindowLooksAsItDid) {
     SKIP_UNLESS_REQUIRED(error.what());
   }
   const test::TemporaryFolder folder;
-  BuildOptions build;
-  build.brick_cells = 16;
-  ViewOptions options;
-  options.path = test::buildField(
-      folder, Index3(40),
-      [](const glm::dvec3& p) { return 15.0 - glm::distance(p, glm::dvec3(20.0)); }, build);
-  options.memory_bytes = std::uint64_t{64} << 20;
-  options.gpu_budget_bytes = std::uint64_t{64} << 20;
-  options.offscreen = true;
-  options.frames_folder = folder.path();
-  options.script_path = folder.file("script.json");
+  const ViewOptions options = test::offscreenView(folder);
   std::ofstream(options.script_path) << kScript;
   runView(options);
 

@@ -9,8 +9,8 @@
 
 #include "isobrick/viewer/egl_context.h"
 #include "tests/support/driver_faults.h"
-#include "tests/support/field_pyramid.h"
 #include "tests/support/file_bytes.h"
+#include "tests/support/offscreen_view.h"
 #include "tests/support/requirement.h"
 #include "tests/support/temporary_folder.h"
 
@@ -25,16 +25,7 @@ class ViewLoopTest : public ::testing::Test {
     } catch (const Error& error) {
       SKIP_UNLESS_REQUIRED(error.what());
     }
-    BuildOptions build;
-    build.brick_cells = 16;
-    options_.path = test::buildField(
-        folder_, Index3(40),
-        [](const glm::dvec3& p) { return 15.0 - glm::distance(p, glm::dvec3(20.0)); }, build);
-    options_.memory_bytes = std::uint64_t{64} << 20;
-    options_.gpu_budget_bytes = std::uint64_t{64} << 20;
-    options_.offscreen = true;
-    options_.frames_folder = folder_.path();
-    options_.script_path = folder_.file("script.json");
+    options_ = test::offscreenView(folder_);
     run(R"({"wait": "settled"}, {"picture": "found.png"})");  // see DriverFaults
   }
   void run(const std::string& steps) {
