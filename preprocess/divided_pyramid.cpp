@@ -9,6 +9,7 @@
 #include <memory>
 #include <set>
 
+#include "isobrick/preprocess/build_region.h"
 #include "isobrick/preprocess/hand_over.h"
 #include "isobrick/preprocess/input_identity.h"
 #include "isobrick/preprocess/pyramid_file_builder.h"
@@ -53,13 +54,17 @@ std::string identityIn(const PyramidTables& tables) {
 
 std::vector<SuperBrickFile> superBrickFiles(const VolumeInfo& info, const BuildOptions& options) {
   const SuperBricks super_bricks = superBricksOf(info, options);
+  const PyramidSpec spec = pyramidSpecOf(info, options);
   std::vector<SuperBrickFile> files;
   for (std::size_t number = 0; number < super_bricks.count(); ++number) {
     const IndexBox bricks = super_bricks.bricks(super_bricks.at(number), 0);
     // A brick's first samples are the last ones of its neighbour.
     const Index3 first = bricks.first * options.brick_cells + glm::min(bricks.first, Index3(1));
     const Index3 end = glm::min(bricks.end() * options.brick_cells + Index3(1), info.voxels);
-    files.push_back({super_bricks.fileName(number), {first, end - first}});
+    const BuildRegion region(spec, DividedFile{super_bricks, number});
+    files.push_back({super_bricks.fileName(number),
+                     {first, end - first},
+                     region.samples(0, region.windowBricks(0))});
   }
   return files;
 }

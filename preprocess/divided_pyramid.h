@@ -22,6 +22,7 @@ inline constexpr std::int64_t kDefaultSuperCells = 2048;
 struct SuperBrickFile {
   std::string name;  // in the folder
   IndexBox voxels;   // of level 0; each voxel of the volume is in one of these boxes
+  IndexBox reads;    // of level 0: what buildSuperBrick() reads, some voxels around those
 };
 
 // All of them, in the order of their numbers. Throws Error if the options are unfit for the volume,

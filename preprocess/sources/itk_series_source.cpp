@@ -18,6 +18,7 @@
 #include "isobrick/preprocess/sources/slice_names.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/tiff_pages.h"
+#include "isobrick/preprocess/sources/tiff_source.h"
 #include "isobrick/storage/abandonable.h"
 #include "isobrick/storage/lowercase.h"
 
@@ -458,6 +459,7 @@ std::unique_ptr<VolumeSource> openImageStack(const std::string& folder,
   VolumeInfo info;
   info.source = folder;
   info.notes = std::move(notes);
+  if (auto stack = openTiffStack(info, paths, options)) return stack;
   const SliceImage first = openSlice({paths.front(), std::nullopt}, Index3(0));
   const std::string io_name = first.image->GetNameOfClass();
   info.format = io_name.substr(0, io_name.find("ImageIO")) + " stack";

@@ -7,6 +7,7 @@
 #include <itkNiftiImageIOFactory.h>
 #include <itkNrrdImageIOFactory.h>
 #include <itkPNGImageIOFactory.h>
+#include <itkTIFFImageIO.h>
 #include <itkTIFFImageIOFactory.h>
 #include <unistd.h>
 
@@ -40,6 +41,7 @@
 #include "isobrick/preprocess/sources/raw_run.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/tiff_pages.h"
+#include "isobrick/preprocess/sources/tiff_source.h"
 #include "isobrick/preprocess/sources/voxel_components.h"
 #include "isobrick/storage/abandonable.h"
 #include "isobrick/storage/lowercase.h"
@@ -188,6 +190,17 @@ Error unknownFormat(const std::string& path) {
                     {Remedy::kDescribeRawFile});
 }
 
+// The stored type with exactly this component's values, or none.
+std::optional<StoredType> storedTypeOf(Component component) {
+  return visitComponent(component, [](auto tag) -> std::optional<StoredType> {
+    using T = typename decltype(tag)::Type;
+    return isobrick::storedTypeOf(std::is_floating_point_v<T> ? 'f'
+                                  : std::is_signed_v<T>       ? 'i'
+                                                              : 'u',
+                                  sizeof(T));
+  });
+}
+
 // `options` decide about several values per voxel.
 itk::ImageIOBase::Pointer requireImage(const std::string& path, itk::ImageIOBase::Pointer image,
                                        const OpenOptions& options) {
@@ -195,6 +208,8 @@ itk::ImageIOBase::Pointer requireImage(const std::string& path, itk::ImageIOBase
   const Component component = image->GetComponentType();
   if (component == Component::UNKNOWNCOMPONENTTYPE || component == Component::LDOUBLE)
     throw unusable(path, "this kind of voxel is not supported; convert it to a scalar type first");
+  if (dynamic_cast<const itk::TIFFImageIO*>(image.GetPointer()) != nullptr)
+    refuseMisreadTiff(path, storedTypeOf(component));
   checkComponentChoice(path, image->GetNumberOfComponents(), options);
   return image;
 }
@@ -325,17 +340,6 @@ void convertComponents(Component component, const void* in, std::size_t count, V
 }
 
 namespace {
-
-// The stored type with exactly this component's values, or none.
-std::optional<StoredType> storedTypeOf(Component component) {
-  return visitComponent(component, [](auto tag) -> std::optional<StoredType> {
-    using T = typename decltype(tag)::Type;
-    return isobrick::storedTypeOf(std::is_floating_point_v<T> ? 'f'
-                                  : std::is_signed_v<T>       ? 'i'
-                                                              : 'u',
-                                  sizeof(T));
-  });
-}
 
 // ITK does not notice if an MRC file ends before its voxels do. In front of them are 1024 bytes and
 // an extension, whose length is in the byte order of the machine stamp.
@@ -640,6 +644,7 @@ std::unique_ptr<VolumeSource> openItkFile(const std::string& path, const OpenOpt
       static_cast<void>(InputFile(file, path));
   }
   if (const auto header = dicomImageHeader(path)) return openDicomFile(path, *header, options);
+  if (auto pages = openTiffFile(path, options)) return pages;
   return openImageFile(path, std::move(files), openImage(path, options), options);
 }
 

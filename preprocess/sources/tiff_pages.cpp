@@ -7,10 +7,9 @@
 #include <cstdint>
 #include <optional>
 
-#include "isobrick/preprocess/byte_order.h"
-#include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/length_units.h"
+#include "isobrick/preprocess/sources/tiff_directory.h"
 #include "isobrick/storage/error.h"
 
 namespace isobrick {
@@ -21,135 +20,82 @@ constexpr std::uint64_t kMostTextBytes = std::uint64_t{16} << 20;
 // Pages of a volume are its slices.
 constexpr std::uint64_t kMostPages = std::uint64_t{1} << 20;
 
-// Follows the list from page to page: a page begins with the number of its entries, and behind
-// these is the offset of the next page.
-class TiffPageList {
- public:
-  explicit TiffPageList(const std::string& path) : file_(path) {}
-
-  TiffResolution resolution() {
-    const std::uint64_t page = begin();
-    const std::uint64_t word = is_big_tiff_ ? 8 : 4, entry_bytes = is_big_tiff_ ? 20 : 12;
-    const std::uint64_t entries = number(page, is_big_tiff_ ? 8 : 2);
-    if (entries > file_.size() / entry_bytes) throw cutShort();
-    TiffResolution result;
-    for (std::uint64_t i = 0; i < entries; ++i) {
-      const std::uint64_t at = page + (is_big_tiff_ ? 8 : 2) + i * entry_bytes;
-      const std::uint64_t tag = number(at, 2), type = number(at + 2, 2);
-      const std::uint64_t count = number(at + 4, word), value = at + 4 + word;
-      constexpr std::uint64_t kText = 2, kShort = 3, kLong = 4;
-      if (tag == 296 && (type == kShort || type == kLong))
-        result.unit = static_cast<int>(number(value, type == kShort ? 2 : 4) & 3);
-      constexpr std::uint64_t kLsmInfo = 34412, kVoxelAt = 40, kVoxelEnd = 64;
-      if (tag == kLsmInfo && count >= kVoxelEnd)
-        for (int axis = 0; axis < 3; ++axis)
-          result.lsm_voxel[axis] = std::bit_cast<double>(
-              number(number(value, word) + kVoxelAt + 8 * static_cast<std::uint64_t>(axis), 8));
-      if (tag == 282) result.x = realNumber(type, value);
-      if (tag == 283) result.y = realNumber(type, value);
-      if (tag == 270 && type == kText && count <= kMostTextBytes) {
-        result.description.resize(static_cast<std::size_t>(count));
-        const std::uint64_t from = count <= word ? value : number(value, word);
-        if (from > file_.size() ||
-            file_.readAt(from, result.description.data(), result.description.size()) != count)
-          throw cutShort();
-      }
-    }
-    return result;
-  }
-
-  // The offset of the first page.
-  std::uint64_t begin() {
-    std::array<char, 2> order = {};
-    if (file_.readAt(0, order.data(), order.size()) != order.size()) throw cutShort();
-    big_endian_ = order[0] == 'M';
-    is_big_tiff_ = number(2, 2) == 43;
-    return number(is_big_tiff_ ? 8 : 4, is_big_tiff_ ? 8 : 4);
-  }
-
-  void check() {
-    std::uint64_t page = begin();
-    const std::uint64_t word = is_big_tiff_ ? 8 : 4, entry = is_big_tiff_ ? 20 : 12;
-    for (std::uint64_t count = 0; page != 0; ++count) {
-      if (count == kMostPages) throw cutShort();
-      const std::uint64_t count_bytes = is_big_tiff_ ? 8 : 2;
-      const std::uint64_t entries = number(page, count_bytes);
-      if (entries > file_.size() / entry) throw cutShort();
-      checkEntries(page + count_bytes, entries, entry);
-      page = number(page + count_bytes + entries * entry, word);
-    }
-  }
-
- private:
-  // The tags that decide the size of a row; without a tag 1, or 0 for sizes.
-  struct Form {
-    std::uint64_t width = 0, height = 0, bits = 1, samples = 1, planes = 1;
-    bool operator==(const Form&) const = default;
-  };
-
-  void checkEntries(std::uint64_t first, std::uint64_t entries, std::uint64_t entry_bytes) {
-    Form form;
-    for (std::uint64_t i = 0; i < entries; ++i) {
-      const std::uint64_t at = first + i * entry_bytes;
-      // Behind the tag its type, how many values there are, and the value, if there is one.
-      const std::uint64_t count_bytes = is_big_tiff_ ? 8 : 4;
-      const std::uint64_t tag = number(at, 2), type = number(at + 2, 2);
-      const std::uint64_t bytes = type == 3                    ? 2
-                                  : type == 4                  ? 4
-                                  : type == 16 && is_big_tiff_ ? 8
-                                                               : 1;
-      const std::uint64_t value = number(at + 4, count_bytes) == 1
-                                      ? number(at + 4 + count_bytes, bytes)
-                                      : number(at + 4, count_bytes);
-      if (tag == 254 && value != 0) return;  // a smaller picture beside the pages
-      if (tag == 256) form.width = value;
-      if (tag == 257) form.height = value;
-      if (tag == 258) form.bits = value;
-      if (tag == 277) form.samples = value;
-      if (tag == 284) form.planes = value;
-    }
-    if (!first_) first_ = form;
-    if (form != *first_)
-      throw unusable(file_.path(),
-                     "its pages differ in size or in their values; keep only those of one volume");
-  }
-
-  // Two whole numbers or a floating one, in the entry if it has room for them; 0 for others.
-  double realNumber(std::uint64_t type, std::uint64_t value_at) const {
-    constexpr std::uint64_t kRational = 5, kFloat = 11, kDouble = 12;
-    if (type == kFloat)
-      return static_cast<double>(
-          std::bit_cast<float>(static_cast<std::uint32_t>(number(value_at, 4))));
-    if (type != kRational && type != kDouble) return 0;
-    const std::uint64_t at = is_big_tiff_ ? value_at : number(value_at, 4);
-    if (type == kDouble) return std::bit_cast<double>(number(at, 8));
-    const auto over = static_cast<double>(number(at + 4, 4));
-    return over == 0 ? 0 : static_cast<double>(number(at, 4)) / over;
-  }
-
-  // A number of `bytes` bytes in the file's order.
-  std::uint64_t number(std::uint64_t offset, std::uint64_t bytes) const {
-    std::array<unsigned char, 8> stored = {};
-    if (offset > file_.size() || file_.readAt(offset, stored.data(), bytes) != bytes)
-      throw cutShort();
-    return loadUnsigned(stored.data(), bytes, big_endian_);
-  }
-  Error cutShort() const {
-    return unreadable(
-        file_.path(),
-        "its list of pages leads out of the file, or has no end; get the whole file again");
-  }
-
-  InputFile file_;
-  bool big_endian_ = false, is_big_tiff_ = false;
-  std::optional<Form> first_;
+// The tags that decide the size of a row; without a tag 1, or 0 for sizes.
+struct PageForm {
+  std::uint64_t width = 0, height = 0, bits = 1, samples = 1, planes = 1;
+  bool operator==(const PageForm&) const = default;
 };
+
+// None: a smaller picture beside the pages.
+std::optional<PageForm> formOf(const TiffDirectory& tiff, std::uint64_t page) {
+  PageForm form;
+  for (const TiffEntry& entry : tiff.entries(page)) {
+    // Of bits for each sample their number is compared, too.
+    const std::uint64_t value =
+        entry.count == 1 ? tiff.wholeNumber(entry).value_or(0) : entry.count;
+    if (entry.tag == 254 && value != 0) return std::nullopt;
+    if (entry.tag == 256) form.width = value;
+    if (entry.tag == 257) form.height = value;
+    if (entry.tag == 258) form.bits = value;
+    if (entry.tag == 277) form.samples = value;
+    if (entry.tag == 284) form.planes = value;
+  }
+  return form;
+}
 
 }  // namespace
 
-void checkTiffPages(const std::string& path) { TiffPageList(path).check(); }
+void checkTiffPages(const std::string& path) {
+  const TiffDirectory tiff(path);
+  std::optional<PageForm> first;
+  std::uint64_t count = 0;
+  for (std::uint64_t page = tiff.firstPage(); page != 0; page = tiff.pageAfter(page)) {
+    if (++count > kMostPages) throw tiff.cutShort();
+    const std::optional<PageForm> form = formOf(tiff, page);
+    if (!form) continue;
+    if (!first) first = form;
+    if (form != first)
+      throw unusable(path,
+                     "its pages differ in size or in their values; keep only those of one volume");
+  }
+}
 
-TiffResolution tiffResolutionOf(const std::string& path) { return TiffPageList(path).resolution(); }
+void refuseMisreadTiff(const std::string& path, std::optional<StoredType> type) {
+  const TiffDirectory tiff(path);
+  std::uint64_t bits = 1, kind = 1;
+  for (const TiffEntry& entry : tiff.entries(tiff.firstPage())) {
+    if (entry.tag == 258) bits = tiff.wholeNumber(entry).value_or(0);
+    if (entry.tag == 339) kind = tiff.wholeNumber(entry).value_or(0);
+  }
+  constexpr std::uint64_t kFloat = 3;
+  const bool is_float = type == StoredType::kFloat32 || type == StoredType::kFloat64;
+  if (type && (bits <= 8 || (bits == 8 * storedBytes(*type) && is_float == (kind == kFloat) &&
+                             (is_float || bits == 16))))
+    return;
+  throw unusable(path,
+                 "its pictures of numbers of " + std::to_string(bits) +
+                     " bits have a form that is not read (a palette, another corner first, or "
+                     "pages that differ); save them as grey ones of one size");
+}
+
+TiffResolution tiffResolutionOf(const std::string& path) {
+  const TiffDirectory tiff(path);
+  TiffResolution result;
+  for (const TiffEntry& entry : tiff.entries(tiff.firstPage())) {
+    constexpr std::uint64_t kText = 2;
+    constexpr std::uint64_t kLsmInfo = 34412, kVoxelAt = 40, kVoxelEnd = 64;
+    if (entry.tag == 296) result.unit = static_cast<int>(tiff.wholeNumber(entry).value_or(2) & 3);
+    if (entry.tag == kLsmInfo && entry.count >= kVoxelEnd)
+      for (int axis = 0; axis < 3; ++axis)
+        result.lsm_voxel[axis] = std::bit_cast<double>(
+            tiff.number(entry.value_at + kVoxelAt + 8 * static_cast<std::uint64_t>(axis), 8));
+    if (entry.tag == 282) result.x = tiff.realNumber(entry);
+    if (entry.tag == 283) result.y = tiff.realNumber(entry);
+    if (entry.tag == 270 && entry.type == kText && entry.count <= kMostTextBytes)
+      result.description = tiff.text(entry.value_at, entry.count);
+  }
+  return result;
+}
 
 namespace {
 

@@ -3,9 +3,11 @@
 #pragma once
 
 #include <glm/vec3.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "isobrick/preprocess/sources/stored_voxels.h"
 #include "isobrick/storage/grid.h"
 
 namespace isobrick {
@@ -15,6 +17,11 @@ namespace isobrick {
 // the file if the list leads out of it or in a circle, or if pages differ; smaller pictures beside
 // the pages may differ. libtiff finds other faults of a page.
 void checkTiffPages(const std::string& path);
+
+// ITK leaves 32-bit integers at zero, and takes halves and some planes for other numbers. Throws
+// Error that names the file unless `type`, which ITK finds, is that of the first page's numbers and
+// one that it reads.
+void refuseMisreadTiff(const std::string& path, std::optional<StoredType> type);
 
 // The lengths that the first page states.
 struct TiffResolution {

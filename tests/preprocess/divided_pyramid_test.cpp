@@ -10,6 +10,7 @@
 
 #include "isobrick/extract/extractor.h"
 #include "isobrick/preprocess/input_identity.h"
+#include "isobrick/preprocess/super_brick_input.h"
 #include "isobrick/storage/index_loop.h"
 #include "isobrick/storage/pyramid_parts.h"
 #include "isobrick/storage/pyramid_verify.h"
@@ -182,6 +183,90 @@ TEST_P(DividedPyramids, HaveTheValuesOfOneBuild) {
   }
 }
 INSTANTIATE_TEST_SUITE_P(Random, DividedPyramids, testing::Range(1u, 7u));
+
+// Counts the rows that are read, of all copies.
+class CountedSource final : public ArraySource<std::uint8_t> {
+ public:
+  CountedSource(const Index3& dims, const std::vector<std::uint8_t>& values,
+                std::vector<int>& reads)
+      : ArraySource(dims, values), reads_(reads) {}
+
+ private:
+  void fillRows(std::int64_t first, std::int64_t count, void* out) override {
+    for (std::int64_t row = first; row < first + count; ++row)
+      ++reads_[static_cast<std::size_t>(row)];
+    std::copy_n(values().begin() + first * info().voxels.x, count * info().voxels.x,
+                static_cast<std::uint8_t*>(out));
+  }
+  std::vector<int>& reads_;
+};
+
+// Slices that are read in order are read once for super-bricks beside each other.
+TEST(SuperBrickInputTest, ReadsASliceOnceForAllThatLieBesideEachOther) {
+  const TemporaryFolder folder;
+  const Index3 dims(120, 110, 130);
+  RandomCase random(5);
+  const auto values = random.field<std::uint8_t>(dims);
+  BuildOptions options;
+  options.brick_cells = 8;
+  {
+    ArraySource<std::uint8_t> source(dims, values);
+    buildPyramid(source, folder.file("whole.isb"), options);
+  }
+  options.super_cells = 64;
+  std::filesystem::create_directory(folder.file("divided.isbs"));
+  std::vector<int> reads(static_cast<std::size_t>(dims.y * dims.z));
+  SuperBrickInput input([&] { return std::make_unique<CountedSource>(dims, values, reads); },
+                        folder.file("divided.isbs"));
+  InputWatch watch(input.volume());
+  const std::vector<SuperBrickFile> files = superBrickFiles(input.volume().info(), options);
+  ASSERT_EQ(files.size(), 2u * 2u * 3u);
+  double told = -1;
+  for (std::size_t i = 0; i < files.size(); ++i) {
+    VolumeSource& source = input.sourceOf(std::span(files).subspan(i), nullptr, [&](double share) {
+      EXPECT_GE(share, 0);
+      EXPECT_LE(share, 1);
+      told = share;
+    });
+    EXPECT_EQ(source.readsBoxes(), true);
+    buildSuperBrick(source, watch, folder.file("divided.isbs"), i, options);
+  }
+  EXPECT_GE(told, 0);
+  joinPyramid(folder.file("divided.isbs"), {});
+  expectSameValues(Pyramid(folder.file("divided.isbs")), Pyramid(folder.file("whole.isb")));
+  // Slabs overlap by the voxels around super-bricks, and by no more.
+  std::int64_t sum = 0;
+  for (const int count : reads) {
+    EXPECT_GE(count, 1);
+    EXPECT_LE(count, 3);
+    sum += count;
+  }
+  std::int64_t slabs = 0;
+  for (std::size_t i = 0; i < files.size(); i += 4) slabs += files[i].reads.count.z * dims.y;
+  EXPECT_LE(sum, slabs);
+}
+
+// One alone reads the source itself; slices that were read are read again from a new one.
+TEST(SuperBrickInputTest, ASingleSuperBrickNeedsNoFile) {
+  const TemporaryFolder folder;
+  const Index3 dims(40, 40, 70);
+  const std::vector<std::uint8_t> values(static_cast<std::size_t>(elementCount(dims)), 7);
+  std::vector<int> reads(static_cast<std::size_t>(dims.y * dims.z));
+  SuperBrickInput input([&] { return std::make_unique<CountedSource>(dims, values, reads); },
+                        folder.path());
+  BuildOptions options;
+  options.brick_cells = 8;
+  options.super_cells = 32;
+  const std::vector<SuperBrickFile> files = superBrickFiles(input.volume().info(), options);
+  const auto sourceOf = [&](std::size_t number) -> VolumeSource& {
+    return input.sourceOf(std::span(&files[number], 1), nullptr, {});
+  };
+  EXPECT_FALSE(sourceOf(0).readsBoxes());
+  buildSuperBrick(sourceOf(0), folder.path(), 0, options);
+  buildSuperBrick(sourceOf(1), folder.path(), 1, options);
+  EXPECT_EQ(stateOfDividedFile(folder.file(files[1].name), buildIdentity(input.volume(), options)),
+            DividedFileState::kBuilt);
+}
 
 }  // namespace
 }  // namespace isobrick::test

@@ -6,7 +6,7 @@
 #include <system_error>
 
 #include "isobrick/preprocess/divided_pyramid.h"
-#include "isobrick/preprocess/export/volume_rows.h"
+#include "isobrick/preprocess/super_brick_input.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid_writer.h"
 #include "isobrick/storage/super_bricks.h"
@@ -61,10 +61,13 @@ JoinReport joinShowingProgress(const std::string& folder, const BuildSettings& s
 class DividedBuild {
  public:
   DividedBuild(const BuildJob& job, const BuildSettings& settings)
-      : job_(job), settings_(settings), source_(open()), input_(*source_, &interruptFlag()) {
-    refuseUnfitInputOptions(*job.input.parser, source_->info());
-    files_ = superBrickFiles(source_->info(), settings.options);
-    identity_ = buildIdentity(source_->info(), input_.identity(), settings.options);
+      : job_(job),
+        settings_(settings),
+        volume_([this] { return open(); }, job.output),
+        watch_(volume_.volume(), &interruptFlag()) {
+    refuseUnfitInputOptions(*job.input.parser, volume());
+    files_ = superBrickFiles(volume(), settings.options);
+    identity_ = buildIdentity(volume(), watch_.identity(), settings.options);
     const std::string index = (fs::path(job.output) / kIndexName).string();
     refuseOther(index, stateOfDividedFile(index, identity_));
     result_.all = files_.size();
@@ -76,14 +79,15 @@ class DividedBuild {
     makeFolder(job_.output);
     for (std::size_t i = 0; i < run.count; ++i) {
       interruptFlag().check();
-      buildNext(run.first + i,
+      buildNext(run.first + i, run.first + run.count,
                 fmt::format("[{}/{}] {}  ", i + 1, run.count, files_[run.first + i].name));
     }
   }
-  const VolumeInfo& volume() const { return source_->info(); }
   DividedResult& result() { return result_; }
 
  private:
+  const VolumeInfo& volume() const { return volume_.volume().info(); }
+
   // Files of two builds in one folder are no pyramid.
   void refuseOther(const std::string& path, DividedFileState state) const {
     if (settings_.force || state != DividedFileState::kOfAnotherBuild) return;
@@ -98,25 +102,41 @@ class DividedBuild {
                                {job_.label, settings_.progress});
   }
 
-  void buildNext(std::size_t number, const std::string& label) {
+  // The state of the file; one that may not be replaced ends the build.
+  DividedFileState stateOf(std::size_t number) const {
     const std::string path = (fs::path(job_.output) / files_[number].name).string();
-    refuseReplacing({path}, source_->files(), true);
+    refuseReplacing({path}, volume_.volume().files(), true);
     const DividedFileState state = stateOfDividedFile(path, identity_);
-    if (state == DividedFileState::kBuilt && !settings_.rebuild) {
-      removeStrayJournal(path);
+    refuseOther(path, state);
+    return state;
+  }
+  bool isMissing(std::size_t number) const {
+    return stateOf(number) != DividedFileState::kBuilt || settings_.rebuild;
+  }
+
+  // The missing ones of [number, end) that lie beside it: the first slices are read for all.
+  std::vector<SuperBrickFile> neighboursOf(std::size_t number, std::size_t end) const {
+    std::vector<SuperBrickFile> missing = {files_[number]};
+    while (++number < end && files_[number].voxels.first.z == missing.front().voxels.first.z)
+      if (isMissing(number)) missing.push_back(files_[number]);
+    return missing;
+  }
+
+  void buildNext(std::size_t number, std::size_t end, const std::string& label) {
+    if (!isMissing(number)) {
+      removeStrayJournal((fs::path(job_.output) / files_[number].name).string());
       ++result_.up_to_date;
       return;
     }
-    refuseOther(path, state);
-    // What is read in order is read once.
-    if (is_read_ && !source_->readsBoxes()) source_ = open();
-    is_read_ = true;
     const ShownAs shown{label, settings_.progress};
-    const std::uint64_t raw = static_cast<std::uint64_t>(files_[number].voxels.size()) *
-                              voxelBytes(source_->info().voxel_type);
+    const std::uint64_t raw =
+        static_cast<std::uint64_t>(files_[number].voxels.size()) * voxelBytes(volume().voxel_type);
     ProgressBar bar(static_cast<double>(raw) / 1e6, "MB", settings_.progress);
-    const BuildReport report = buildSuperBrick(*source_, input_, job_.output, number,
-                                               showingProgress(settings_.options, shown, bar));
+    const BuildOptions options = showingProgress(settings_.options, shown, bar);
+    VolumeSource& source =
+        volume_.sourceOf(neighboursOf(number, end), &interruptFlag(),
+                         [&](double share) { options.progress("reading slices", share); });
+    const BuildReport report = buildSuperBrick(source, watch_, job_.output, number, options);
     ++result_.built;
     result_.bricks += report.bricks;
     result_.resumed += report.bricks_resumed;
@@ -127,11 +147,10 @@ class DividedBuild {
 
   const BuildJob& job_;
   const BuildSettings& settings_;
-  std::unique_ptr<VolumeSource> source_;
-  InputWatch input_;
+  SuperBrickInput volume_;
+  InputWatch watch_;
   std::string identity_;
   std::vector<SuperBrickFile> files_;
-  bool is_read_ = false;
   DividedResult result_;
 };
 
