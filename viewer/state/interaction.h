@@ -4,12 +4,12 @@
 #include <array>
 #include <glm/vec2.hpp>
 #include <optional>
-#include <string>
 #include <vector>
 
 #include "isobrick/viewer/state/input_event.h"
 #include "isobrick/viewer/state/scene_handles.h"
 #include "isobrick/viewer/state/view_state.h"
+#include "isobrick/viewer/state/wishes.h"
 
 namespace isobrick {
 
@@ -45,37 +45,6 @@ struct Interaction {
   glm::dvec2 toPicture(const glm::dvec2& pixel) const;
 };
 
-// The wishes of an event to the owner of a renderer and files.
-struct Wishes {
-  std::optional<glm::dvec2> focus_at;    // the surface under this pixel becomes focus and pivot
-  std::optional<glm::dvec2> measure_at;  // the surface under this pixel is the tool's next point
-  std::optional<glm::dvec2> piece_at;    // the piece of the surface under this pixel is picked
-  bool keep_piece = false;               // of the active surface only the picked piece
-  bool hide_piece = false;               // the picked piece goes
-  bool frame_surfaces = false;           // all that is shown of them
-  bool first_view = false;               // the one that the volume was opened with
-  bool undo = false;
-  bool redo = false;
-  bool screenshot = false;
-  bool screenshot_exr = false;  // with depth and normals
-  bool save_state = false;
-  bool load_state = false;
-  // Of the views with names (window/named_views.h).
-  std::optional<std::string> save_named_view;  // empty: under a free name
-  std::optional<std::string> show_named_view;  // empty: the one after the one shown last
-  std::optional<std::string> remove_named_view;
-  bool export_mesh = false;
-  bool export_measurements = false;
-  bool close = false;
-  bool browse = false;              // the list of files to open, on and off
-  bool stop_opening = false;        // cancels the opening under way, or its message
-  std::optional<std::string> open;  // this path
-  std::optional<bool> answer;       // to a question (session/wish_guard.h)
-};
-
-// Adds the wishes of `more` to `wishes`.
-void addWishes(const Wishes& more, Wishes& wishes);
-
 // A press within this time and distance of the last click is a double click.
 inline constexpr double kDoubleClickSeconds = 0.35;
 inline constexpr double kDoubleClickPixels = 5.0;
@@ -102,58 +71,5 @@ void focusOn(const glm::dvec3& world, const ViewVolume& volume, ViewState& state
 // Adds a plane across a world axis through the focus, or turns an existing one of that axis on or
 // off. A seventh plane is not added.
 void toggleClipPlane(int axis, const ViewVolume& volume, ViewState& state);
-
-// The least step of an isovalue by hand: the greatest power of ten of which the volume's range has
-// at least a thousand. With Shift ten of them.
-double isovalueStep(const ViewVolume& volume);
-
-// The next greater one of the isovalues that are suggested, after the greatest the least, for the
-// active surface. Changes nothing if none is suggested.
-void stepIsovalue(const ViewVolume& volume, ViewState& state);
-
-// The keys and what they do, for the help window and the documentation.
-struct KeyHelp {
-  const char* keys;
-  const char* what;
-};
-inline constexpr KeyHelp kKeyHelp[] = {
-    {"left drag", "turn"},
-    {"middle or Shift+left drag", "move sideways"},
-    {"right drag, wheel", "zoom towards the cursor"},
-    {"Ctrl+wheel", "region of interest, its radius"},
-    {"double click", "turn about the surface there, and focus on it"},
-    {"left, right arrow",
-     "isovalue by a thousandth of the range or less; with Shift by 10 of them"},
-    {"R", "the next isovalue that is suggested"},
-    {"F, Shift+F", "see all of the surface; the focus"},
-    {"Ctrl+Z, Ctrl+Shift+Z, Home", "undo, redo; the first view"},
-    {"keypad 1, 3, 7", "from the front, the right, the top; with Ctrl from behind"},
-    {"keypad 5 or O", "orthographic or perspective"},
-    {"arrows in the scene", "drag the focus, or a clip plane"},
-    {"cube", "from that side; drag it to turn"},
-    {"T", "the arrows on and off"},
-    {"V", "the focus follows the view, or stays"},
-    {"G", "fly: W A S D E Q; the mouse looks around; Esc or G ends it"},
-    {"D, A, Shift+D",
-     "measure a distance, an angle, a distance over the surface: click on it; Esc ends it"},
-    {"K", "pick a piece: click on the surface; Enter keeps only that one, Delete hides it"},
-    {"Backspace", "takes the last point, or measurement, back"},
-    {"W", "wireframe"},
-    {"C", "colour by level"},
-    {"L", "three lights or a headlight"},
-    {"B", "the box"},
-    {"S", "the region of interest"},
-    {"X, Y, Z", "a clip plane across that axis through the focus, on and off"},
-    {"I", "turn the last clip plane round"},
-    {"U", "the slices in three views beside the scene; right drag there: black and white"},
-    {"P or F12", "write a picture; with Shift as EXR, with depth and normals"},
-    {"M", "write the mesh"},
-    {"N", "open another volume; so does dropping one on the window"},
-    {"Ctrl+S, Ctrl+O", "write the view, read it again"},
-    {"Ctrl+Shift+S, Ctrl+R", "save the view under a new name; the next view that has a name"},
-    {"Tab", "the panel"},
-    {"H", "this list"},
-    {"Ctrl+Q", "leave"},
-};
 
 }  // namespace isobrick

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "isobrick/viewer/state/view_keys.h"
 #include "isobrick/viewer/window/panel_controls.h"
 #include "isobrick/viewer/window/panel_tools.h"
 

@@ -3,6 +3,7 @@
 #include <array>
 
 #include "isobrick/viewer/notes/draw_notes.h"
+#include "isobrick/viewer/state/view_keys.h"
 #include "isobrick/viewer/window/panel_tools.h"
 #include "isobrick/viewer/window/view_panel.h"
 

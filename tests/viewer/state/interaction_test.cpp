@@ -6,6 +6,8 @@
 #include <glm/geometric.hpp>
 #include <random>
 
+#include "isobrick/viewer/state/view_keys.h"
+
 namespace isobrick {
 namespace {
 
