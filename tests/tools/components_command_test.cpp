@@ -2,6 +2,7 @@
 #include <array>
 #include <cstring>
 #include <glm/geometric.hpp>
+#include <glm/vec3.hpp>
 #include <map>
 #include <numeric>
 #include <set>
@@ -117,7 +118,7 @@ TEST_F(ComponentsCommandTest, NumbersAreThoseOfTheMeshsOwnEdges) {
     for (std::size_t i = 0; i < list.size(); ++i) {
       EXPECT_EQ(triangles[i], list[i]["triangles"].get<std::uint64_t>());
       EXPECT_NEAR(areas[i], list[i]["area"].get<double>(), 1e-4 * areas[i] + 1e-4);
-      if (i > 0) EXPECT_LE(list[i]["area"].get<double>(), list[i - 1]["area"].get<double>());
+      EXPECT_LE(list[i]["area"].get<double>(), list[i - (i > 0)]["area"].get<double>());
     }
   }
 }

@@ -196,7 +196,9 @@ void SurfaceRequests::boundFirstPass(StreamRequest& request) const {
 StreamValues SurfaceRequests::wantedValues() const {
   const ViewState& state = requested_->state;
   if (state.coloring == ViewColoring::kGradient) return {StreamValues::What::kGradient, ""};
-  if (state.coloring == ViewColoring::kComponent) return {StreamValues::What::kComponent, ""};
+  // Until one of the surfaces is listed, they are as if they were not coloured.
+  for (std::size_t s = 0; s < state.surfaces.size(); ++s)
+    if (requested_->listedOf(s) != nullptr) return {StreamValues::What::kComponent, ""};
   // Until a pyramid was named there is nothing to colour by.
   if (state.coloring == ViewColoring::kOther && !state.values.other.empty())
     return {StreamValues::What::kOther, state.values.other};

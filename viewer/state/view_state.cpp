@@ -114,8 +114,7 @@ namespace {
 // Compares the settings of the surfaces' detail, but for the radius, and of their colouring.
 bool asksForTheSameDetail(const ViewState& a, const ViewState& b) {
   const auto carriesValues = [](const ViewState& state) {
-    return state.coloring == ViewColoring::kGradient || state.coloring == ViewColoring::kOther ||
-           state.coloring == ViewColoring::kComponent;
+    return state.coloring == ViewColoring::kGradient || state.coloring == ViewColoring::kOther;
   };
   if ((carriesValues(a) || carriesValues(b)) && a.coloring != b.coloring) return false;
   if (a.coloring == ViewColoring::kOther && a.values.other != b.values.other) return false;

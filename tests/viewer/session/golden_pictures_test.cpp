@@ -136,12 +136,12 @@ TEST(GoldenPicturesTest, PiecesAreKnownInEveryPicture) {
     } catch (const Error& error) {
       SKIP_UNLESS_REQUIRED(error.what());
     }
-    EXPECT_EQ(drawn.back().rgb, drawn.front().rgb);
+    EXPECT_EQ(drawn.back().rgba, drawn.front().rgba);
   }
   // The large ball is orange, the small one sky blue, and no pixel has a colour of its own.
   std::size_t orange = 0, blue = 0;
-  for (std::size_t i = 0; i + 2 < drawn[0].rgb.size(); i += 3) {
-    const int red = drawn[0].rgb[i], third = drawn[0].rgb[i + 2];
+  for (std::size_t i = 0; i + 3 < drawn[0].rgba.size(); i += 4) {
+    const int red = drawn[0].rgba[i], third = drawn[0].rgba[i + 2];
     orange += red > third + 60;
     blue += third > red + 40;
   }
