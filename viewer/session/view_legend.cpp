@@ -37,7 +37,7 @@ void addPieces(const std::vector<ColoredPieces>& surfaces, LengthUnit unit, Pict
     for (std::size_t i = 0; i < lines; ++i) {
       const auto& [number, area] = surface.largest[i];
       std::string text = surfaces.size() > 1 ? isovalueText(surface.isovalue) + ", " : "";
-      text += "piece " + std::to_string(number) + ": " + shortNumber(area);
+      text += "piece " + std::to_string(number) + ": area " + shortNumber(area);
       if (unit == LengthUnit::kMillimetre) text += " mm\u00b2";
       legend.patches.push_back({componentColor(number), text});
     }

@@ -4,10 +4,11 @@
 #include <cmath>
 #include <glm/geometric.hpp>
 #include <limits>
-#include <map>
 #include <span>
 #include <tuple>
 #include <utility>
+
+#include "isobrick/extract/sinks/edge_vertex_map.h"
 
 namespace isobrick {
 namespace {
@@ -24,31 +25,38 @@ std::uint64_t blockKey(const glm::i64vec3& block) {
 
 NearComponents::NearComponents(int level) : side_(std::ldexp(kBlockCells, level)) {}
 
-std::int64_t NearComponents::blockOf(double voxel) const {
-  return static_cast<std::int64_t>(std::floor(voxel / side_));
+// No voxel of the volume is below 0.
+glm::i64vec3 NearComponents::blockOf(const glm::dvec3& voxel) const {
+  return glm::i64vec3(voxel / side_);
 }
 
 void NearComponents::add(const MeshBatch& batch, const std::vector<std::uint32_t>& labels) {
   struct Sum {
+    std::uint64_t block = 0;
+    std::uint32_t label = 0;
     glm::vec3 places{0.0f};
     float count = 0.0f;
   };
-  std::map<std::pair<std::uint64_t, std::uint32_t>, Sum> sums;
-  auto last = sums.end();  // neighbours in the batch lie in one block
+  std::vector<Sum> sums;
+  EdgeVertexMap<std::uint32_t> sum_of;  // by block of the brick and label
+  const glm::i64vec3 first = blockOf(glm::dvec3(batch.origin));
   for (std::size_t v = 0; v < batch.positions.size(); ++v) {
     const glm::dvec3 voxel = glm::dvec3(batch.origin) + glm::dvec3(batch.positions[v]);
-    const glm::i64vec3 block(blockOf(voxel.x), blockOf(voxel.y), blockOf(voxel.z));
-    const std::pair key(blockKey(block), labels[v]);
-    if (last == sums.end() || last->first != key) last = sums.try_emplace(key).first;
-    last->second.places += glm::vec3(voxel - side_ * glm::dvec3(block));
-    last->second.count += 1.0f;
+    const glm::i64vec3 block = blockOf(voxel), in_brick = block - first;
+    const auto place = static_cast<std::uint64_t>((in_brick.z << 8 | in_brick.y) << 8 | in_brick.x);
+    bool is_new = false;
+    const std::uint32_t number = sum_of.findOrInsert(
+        std::uint64_t{labels[v]} << 24 | place, static_cast<std::uint32_t>(sums.size()), &is_new);
+    if (is_new) sums.push_back({blockKey(block), labels[v]});
+    sums[number].places += glm::vec3(voxel - side_ * glm::dvec3(block));
+    sums[number].count += 1.0f;
   }
   Batch kept;
   kept.brick.level = batch.level;
   kept.brick.brick = batch.brick;
   kept.middles.reserve(sums.size());
-  for (const auto& [key, sum] : sums)
-    kept.middles.push_back({key.first, sum.places / sum.count, key.second});
+  for (const Sum& sum : sums)
+    kept.middles.push_back({sum.block, sum.places / sum.count, sum.label});
   const std::lock_guard lock(mutex_);
   batches_.push_back(std::move(kept));
 }
@@ -92,8 +100,9 @@ void NearComponents::search(const glm::i64vec3& block, std::int64_t reach, const
 
 std::uint32_t NearComponents::at(const glm::dvec3& voxel, double reach) const {
   std::uint32_t nearest = kNoComponent;
-  const glm::i64vec3 block(blockOf(voxel.x), blockOf(voxel.y), blockOf(voxel.z));
-  const std::int64_t most = std::clamp(blockOf(reach) + 1, std::int64_t{1}, kMostBlocks);
+  const glm::i64vec3 block = blockOf(voxel);
+  const std::int64_t most =
+      std::clamp(static_cast<std::int64_t>(reach / side_) + 1, std::int64_t{1}, kMostBlocks);
   for (std::int64_t blocks = 1; nearest == kNoComponent; blocks = std::min(2 * blocks, most)) {
     search(block, blocks, voxel, nearest);
     if (blocks == most) break;

@@ -40,7 +40,7 @@ class NearComponents {
     MeshBatch brick;  // without vertices: names the batch
     std::vector<Middle> middles;
   };
-  std::int64_t blockOf(double voxel) const;
+  glm::i64vec3 blockOf(const glm::dvec3& voxel) const;
   void search(const glm::i64vec3& block, std::int64_t reach, const glm::dvec3& voxel,
               std::uint32_t& nearest) const;
 
