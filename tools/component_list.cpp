@@ -24,11 +24,11 @@ void printComponents(const SurfaceComponents& components, std::size_t kept) {
   const std::vector<SurfaceComponent>& list = components.list();
   fmt::print("{} components, {} of them kept\n", countText(list.size()), countText(kept));
   if (list.empty()) return;
-  fmt::print("  {:>6} {:>14} {:>14} {:>14}  box\n", "", "triangles", "area", "volume");
+  fmt::print("  {:>6} {:>14} {:>14} {:>14}  box\n", "number", "triangles", "area", "volume");
   for (std::size_t i = 0; i < std::min(list.size(), kMostLines); ++i) {
     const SurfaceComponent& one = list[i];
-    fmt::print("  {:>6} {:>14} {:>14.6g} {:>14}  {:.6g},{:.6g},{:.6g} to {:.6g},{:.6g},{:.6g}\n",
-               i + 1, countText(one.triangles), one.area,
+    fmt::print("  {:>6} {:>14} {:>14.6g} {:>14}  {:.6g},{:.6g},{:.6g} to {:.6g},{:.6g},{:.6g}\n", i,
+               countText(one.triangles), one.area,
                one.volume ? fmt::format("{:.6g}", *one.volume) : "has a border", one.lower.x,
                one.lower.y, one.lower.z, one.upper.x, one.upper.y, one.upper.z);
   }

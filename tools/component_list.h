@@ -11,7 +11,8 @@ namespace isobrick {
 // All of them, the largest area first.
 Json jsonOfComponents(const SurfaceComponents& components);
 
-// The largest ones on stdout, how many more there are, and that the first `kept` are kept.
+// The largest ones on stdout, numbered from 0 on, how many more there are, and that the first
+// `kept` are kept.
 void printComponents(const SurfaceComponents& components, std::size_t kept);
 
 }  // namespace isobrick

@@ -43,8 +43,9 @@ namespace fs = std::filesystem;
 
 struct ExtractArguments {
   QueryOptions query;
-  std::string output;     // empty: the mesh is counted only
-  VolumeInput attribute;  // whose values vertices get; path empty: none
+  std::string output;              // empty: the mesh is counted only
+  VolumeInput attribute;           // whose values vertices get; path empty: none
+  bool number_components = false;  // vertices get the number of their component instead
   std::optional<std::uint64_t> most_triangles;
   bool drop_small = false;
   bool list_components = false;
@@ -57,6 +58,9 @@ struct ExtractArguments {
   bool force = false;
   bool json = false;
 };
+
+// In place of another pyramid: the number of the component that a vertex belongs to.
+constexpr const char* kComponentAttribute = "component";
 
 // One surface.
 struct ExtractResult {
@@ -117,7 +121,9 @@ std::uint64_t parseAtLeastOne(const std::string& text) {
 
 void findComponents(const ExtractArguments& arguments, Extractor& extractor, const Query& query,
                     ProgressBar& bar, ExtractResult& result) {
-  if (!arguments.list_components && !arguments.keep_largest && !arguments.drop_below) return;
+  if (!arguments.list_components && !arguments.keep_largest && !arguments.drop_below &&
+      !arguments.number_components)
+    return;
   const Stopwatch watch;
   ComponentFinder finder(query);
   MeasuredSink measured(finder, bar);
@@ -153,6 +159,7 @@ ExtractResult extractOne(const ExtractArguments& arguments, const Pyramid& pyram
   };
   const MeshFileOptions options{.cancel = &interruptFlag(),
                                 .values = values,
+                                .components = arguments.number_components,
                                 .zlib = arguments.zlib,
                                 .meshopt = arguments.meshopt};
   std::unique_ptr<MeshFileSink> file_sink;
@@ -255,6 +262,7 @@ Json jsonOfSurface(const ExtractArguments& arguments, const ExtractResult& resul
   if (!arguments.attribute.path.empty())
     json["attribute"] = {{"path", withoutSecrets(arguments.attribute.path)},
                          {"vertices_outside", result.vertices_outside}};
+  if (arguments.number_components) json["attribute"] = {{"name", kComponentAttribute}};
   json["isovalue"] = result.isovalue;
   if (arguments.part)
     json["part"] = {{"number", arguments.part->number}, {"of", arguments.part->of}};
@@ -342,6 +350,13 @@ void printSummaries(const ExtractArguments& arguments, const ExtractResults& res
 int runExtract(const CLI::App& command, ExtractArguments arguments) {
   if (arguments.drop_small && !arguments.query.simplify && !arguments.most_triangles)
     throw UsageError("--drop-small goes with --simplify or --triangles; give one of them");
+  VolumeInput& attribute = arguments.attribute;
+  arguments.number_components = attribute.path == kComponentAttribute;
+  if (arguments.number_components) attribute.path.clear();
+  if (arguments.number_components && arguments.part)
+    throw UsageError(
+        "--attribute component looks at the whole surface; leave out --part, or name a file "
+        "'./component'");
   if (isShareName(arguments.output))
     for (const char* const option : {"--attribute", "--zlib", "--meshopt"})
       if (findOption(command, option)->count() > 0)
@@ -355,7 +370,6 @@ int runExtract(const CLI::App& command, ExtractArguments arguments) {
   }
   refuseOutputs(arguments);
   findPyramid(arguments.query);
-  VolumeInput& attribute = arguments.attribute;
   attribute.cache_folder = arguments.query.input.cache_folder;
   if (!attribute.path.empty())
     findPyramid(attribute, arguments.query.threads, arguments.query.memory_bytes);
@@ -424,8 +438,10 @@ Command addExtractCommand(CLI::App& app) {
                   "Another pyramid or volume, whose value at every vertex goes into .ply and .vtp "
                   "(value) or "
                   ".glb (_VALUE): level 0, interpolated trilinearly where the vertex is in the "
-                  "world. Both pyramids share --memory")
-      ->type_name("OTHER")
+                  "world. Both pyramids share --memory. Or 'component': the number of the "
+                  "connected piece, 0 the one of the largest area, as --components lists them "
+                  "(component, _COMPONENT)")
+      ->type_name("OTHER|component")
       ->needs(output);
   sub->add_flag("--zlib", arguments->zlib, "Pack .vtp with zlib")->needs(output);
   sub->add_flag("--meshopt", arguments->meshopt,

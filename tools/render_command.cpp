@@ -79,6 +79,10 @@ void placeEye(RenderArguments& arguments) {
 
 PictureLegend legendOf(const RenderOptions& options, const PictureSurface& surface) {
   PictureLegend legend;
+  if (options.color_by_component) {
+    addPieces({surface.pieces}, surface.unit, legend);
+    return legend;
+  }
   if (!options.color_by_level) {
     legend.patches.push_back(
         {options.surface_color, fmt::format("isovalue {:.6g}", surface.isovalue)});
@@ -185,8 +189,9 @@ int runRender(RenderArguments arguments) {
   findPyramid(arguments.query);
   placeEye(arguments);
   const Stopwatch extract_watch;
-  PictureSurface surface = runWithThreads(arguments.query.threads,
-                                          [&] { return extractPictureSurface(arguments.query); });
+  PictureSurface surface = runWithThreads(arguments.query.threads, [&] {
+    return extractPictureSurface(arguments.query, arguments.picture.color_by_component);
+  });
   const double extract_seconds = extract_watch.seconds();
 
   const Stopwatch draw_watch;
@@ -281,6 +286,10 @@ Command addRenderCommand(CLI::App& app) {
                   "Look from above, up to 90, or from below; default: 15");
   sub->add_flag("--color-by-level", picture.color_by_level,
                 "Colour triangles by their level: red for 0, then yellow, green, blue");
+  sub->add_flag("--color-by-component", picture.color_by_component,
+                "Colour the connected pieces by their area: orange for the largest, then sky blue, "
+                "green, yellow, blue, red, purple, and again")
+      ->excludes(findOption(*sub, "--color-by-level"));
   sub->add_flag("--wireframe", picture.wireframe, "Draw the edges of the triangles");
   sub->add_flag("--ambient-occlusion", picture.ambient_occlusion, "Darken the surface in hollows");
   sub->add_flag("--shadow", picture.shadow, "The surface throws a soft shadow on itself");

@@ -36,6 +36,9 @@ constexpr std::array<glm::vec3, 8> kLevelColors{{
     {0.60f, 0.38f, 0.64f},  // violet
 }};
 
+constexpr std::array<std::uint32_t, kComponentColorCount> kComponentColors{
+    0xe69f00, 0x56b4e9, 0x009e73, 0xf0e442, 0x0072b2, 0xd55e00, 0xcc79a7};  // 0xrrggbb, sRGB
+
 std::array<std::array<glm::vec3, kColorMapPlaces>, kColorMaps.size()> linearColorMaps() {
   std::array<std::array<glm::vec3, kColorMapPlaces>, kColorMaps.size()> maps;
   const auto channel = [](std::uint32_t color, unsigned shift) {
@@ -68,6 +71,11 @@ glm::vec3 valueColor(ColorMap map, double share) {
 glm::vec3 levelColor(int level) {
   assert(level >= 0);
   return kLevelColors[std::min(static_cast<std::size_t>(level), kLevelColors.size() - 1)];
+}
+
+glm::vec3 componentColor(std::size_t place) {
+  const std::uint32_t color = kComponentColors[place % kComponentColors.size()];
+  return glm::vec3(color >> 16 & 0xff, color >> 8 & 0xff, color & 0xff) / 255.0f;
 }
 
 }  // namespace isobrick

@@ -1,4 +1,4 @@
-// The colours of values and levels.
+// The colours of values, levels and components.
 #pragma once
 
 #include <array>
@@ -32,5 +32,13 @@ glm::vec3 valueColor(ColorMap map, double share);
 // The colour (sRGB 0..1) of a pyramid level: red for 0, then through yellow and green to blue and
 // violet for coarser ones; levels past the last distinct colour share it.
 glm::vec3 levelColor(int level);
+
+// How many colours components have; then they come again.
+inline constexpr std::size_t kComponentColorCount = 7;
+
+// The colour (sRGB 0..1) of a component by its place in a list, the largest one's first: orange,
+// sky blue, bluish green, yellow, blue, vermilion, reddish purple. They stay apart to colour-blind
+// eyes (M. Okabe and K. Ito, Color Universal Design, 2008, without its black).
+glm::vec3 componentColor(std::size_t place);
 
 }  // namespace isobrick

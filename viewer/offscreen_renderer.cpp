@@ -28,6 +28,7 @@ SceneFrame frameOf(const RenderOptions& options, const SceneLattice& lattice,
   frame.lattice = lattice;
   frame.surfaces[0].color = options.surface_color;
   frame.color_by_level = options.color_by_level;
+  frame.color_by_component = options.color_by_component;
   frame.wireframe = options.wireframe;
   frame.ambient_occlusion = options.ambient_occlusion;
   frame.shadow = options.shadow;

@@ -76,6 +76,8 @@ struct RenderOptions {
 
   // Colours each triangle by its level (levelColor) instead of surface_color.
   bool color_by_level = false;
+  // Colours chunks by the components of their vertices (packComponent); comes before the level.
+  bool color_by_component = false;
   // Draws the triangles' edges over the shaded surface, a pixel wide and anti-aliased. They fade
   // if triangles get as small as the lines, so that a dense mesh does not drown in them.
   bool wireframe = false;

@@ -19,7 +19,8 @@ struct PictureLegend {
     glm::vec3 color{0.0f};  // sRGB, 0..1
     std::string text;       // UTF-8
   };
-  std::vector<Patch> patches;  // surfaces, or levels
+  std::vector<Patch> patches;  // surfaces, levels or pieces
+  std::string rest;            // a line below them, UTF-8; empty: there is none
   // The values of the first and the last colour of a ramp; none: there is no ramp.
   std::optional<std::array<double, 2>> ramp;
   ColorMap ramp_colors = ColorMap::kViridis;  // of the ramp

@@ -19,7 +19,7 @@ std::uint32_t labelComponents(const MeshBatch& batch, std::vector<std::uint32_t>
   return count;
 }
 
-void keepComponents(MeshBatch& batch, std::vector<std::uint32_t>& labels,
+bool keepComponents(MeshBatch& batch, std::vector<std::uint32_t>& labels,
                     const std::vector<std::uint8_t>& is_kept) {
   std::size_t kept = 0;
   for (std::size_t i = 0; i < batch.triangles.size(); i += 3) {
@@ -27,19 +27,19 @@ void keepComponents(MeshBatch& batch, std::vector<std::uint32_t>& labels,
     for (std::size_t corner = 0; corner < 3; ++corner)
       batch.triangles[kept++] = batch.triangles[i + corner];
   }
-  if (kept == batch.triangles.size()) return;
+  if (kept == batch.triangles.size()) return false;
   batch.triangles.resize(kept);
   batch.transition_indices = 0;
   dropUnusedVertices(batch, labels);
+  return true;
 }
 
 void dropUnusedVertices(MeshBatch& batch, std::vector<std::uint32_t>& numbers) {
-  constexpr std::uint32_t kUnused = ~std::uint32_t{0};
-  numbers.assign(batch.positions.size(), kUnused);
+  numbers.assign(batch.positions.size(), kDroppedVertex);
   for (const std::uint32_t vertex : batch.triangles) numbers[vertex] = 0;
   std::uint32_t count = 0;
   for (std::uint32_t v = 0; v < numbers.size(); ++v) {
-    if (numbers[v] == kUnused) continue;
+    if (numbers[v] == kDroppedVertex) continue;
     numbers[v] = count;
     batch.positions[count] = batch.positions[v];
     batch.normals[count++] = batch.normals[v];
@@ -47,7 +47,7 @@ void dropUnusedVertices(MeshBatch& batch, std::vector<std::uint32_t>& numbers) {
   batch.positions.resize(count);
   batch.normals.resize(count);
   for (std::uint32_t& vertex : batch.triangles) vertex = numbers[vertex];
-  std::erase_if(batch.shared, [&](const auto& s) { return numbers[s.vertex] == kUnused; });
+  std::erase_if(batch.shared, [&](const auto& s) { return numbers[s.vertex] == kDroppedVertex; });
   for (MeshBatch::SharedVertex& shared : batch.shared) shared.vertex = numbers[shared.vertex];
 }
 

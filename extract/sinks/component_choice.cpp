@@ -37,10 +37,15 @@ ComponentPoints pointsOf(const PieceChoice& choice) {
 }
 
 ChosenComponents chosenAmong(const SurfaceComponents& components, const PieceChoice& choice) {
-  const std::vector<SurfaceComponent>& list = components.list();
+  return chosenAmong(components.list(), components.atPoints(), choice);
+}
+
+ChosenComponents chosenAmong(const std::vector<SurfaceComponent>& list,
+                             const std::vector<std::optional<std::size_t>>& places,
+                             const PieceChoice& choice) {
   ChosenComponents chosen;
   chosen.is_kept.assign(list.size(), 0);
-  auto found = components.atPoints().begin();
+  auto found = places.begin();
   bool keeps_some = false;
   for (std::size_t i = 0; i < choice.keep.size(); ++i, ++found) {
     if (*found) chosen.is_kept[**found] = 1;
@@ -60,14 +65,15 @@ ChosenComponents chosenAmong(const SurfaceComponents& components, const PieceCho
 }
 
 ChosenExtraction extractChosen(Extractor& extractor, Query query, const PieceChoice& choice,
-                               TriangleSink& sink, std::uint64_t most_triangles) {
+                               TriangleSink& sink, std::uint64_t most_triangles,
+                               const ComponentNumbers* numbers) {
   query.is_progressive = false;
   const ExtractionPlan plan = extractor.plan(query);
   BoundedFinder finder(query, pointsOf(choice), most_triangles);
   extractor.execute(plan, 0, plan.bricks().size(), finder);
   const SurfaceComponents components = finder.take();
   ChosenComponents chosen = chosenAmong(components, choice);
-  ComponentFilter filter(components, std::move(chosen.is_kept), sink);
+  ComponentFilter filter(components, std::move(chosen.is_kept), sink, numbers);
   return {extractor.execute(plan, 0, plan.bricks().size(), filter), chosen.lost};
 }
 

@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "isobrick/extract/extractor.h"
@@ -45,6 +46,10 @@ struct ChosenComponents {
 ComponentPoints pointsOf(const PieceChoice& choice);
 // Finds the components that the choice names.
 ChosenComponents chosenAmong(const SurfaceComponents& components, const PieceChoice& choice);
+// The same of a list, if `found` are the places in it of pointsOf(), none for those without one.
+ChosenComponents chosenAmong(const std::vector<SurfaceComponent>& list,
+                             const std::vector<std::optional<std::size_t>>& found,
+                             const PieceChoice& choice);
 
 // The triangles are too many.
 struct TooManyTriangles {
@@ -58,8 +63,10 @@ struct ChosenExtraction {
 // The query's surface without the components that the choice leaves out, in two passes over one
 // plan; the memory of the first grows with the number of components in bricks. A progressive query
 // waits for its bricks. `most_triangles`: throws TooManyTriangles if the first pass has more; 0:
-// any number. Throws as Extractor::execute() does.
+// any number. `numbers`: those of the vertices (ComponentFilter). Throws as Extractor::execute()
+// does.
 ChosenExtraction extractChosen(Extractor& extractor, Query query, const PieceChoice& choice,
-                               TriangleSink& sink, std::uint64_t most_triangles = 0);
+                               TriangleSink& sink, std::uint64_t most_triangles = 0,
+                               const ComponentNumbers* numbers = nullptr);
 
 }  // namespace isobrick

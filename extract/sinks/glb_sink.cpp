@@ -57,7 +57,7 @@ class GlbSink : public NumberedSink {
   static constexpr std::size_t kBinOffset = 12 + 8 + kJsonBytes + 8;
   static constexpr std::size_t kTriangleBytes = 12;
 
-  std::size_t vertexBytes() const { return options_.values != nullptr ? 28 : 24; }
+  std::size_t vertexBytes() const { return hasAttribute() ? 28 : 24; }
   std::uint64_t binBytes() const {
     return vertices() * vertexBytes() + triangles_ * kTriangleBytes;
   }
@@ -76,8 +76,7 @@ class GlbSink : public NumberedSink {
       greatest = glm::max(greatest, p);
       to.put(p.x, p.y, p.z, n.x, n.y, n.z);
       // The format forbids NaN.
-      if (options_.values != nullptr)
-        to.put(std::isnan(placed.values[i]) ? 0.0f : placed.values[i]);
+      if (hasAttribute()) to.put(std::isnan(placed.values[i]) ? 0.0f : placed.values[i]);
       ++i;
     });
     file_.pwrite(placed.bytes.data(), placed.bytes.size(),
@@ -93,7 +92,6 @@ class GlbSink : public NumberedSink {
     const std::string head = joined("{", gltfAsset(frame_), R"(,"scene":0,"scenes":[)");
     if (triangles_ == 0) return joined(head, "{}]}");
 
-    const bool has_values = options_.values != nullptr;
     const std::string vertex_bytes = std::to_string(vertices() * vertexBytes());
     const auto attribute = [&](std::size_t offset, const char* type, const std::string& rest) {
       return joined(R"({"bufferView":0,"byteOffset":)", std::to_string(offset),
@@ -103,13 +101,13 @@ class GlbSink : public NumberedSink {
     return joined(
         head, gltfNode(center_),
         R"(,"meshes":[{"primitives":[{"attributes":{"POSITION":0,"NORMAL":1)",
-        has_values ? R"(,"_VALUE":3)" : "", R"(},"indices":2,"mode":4,"material":0}]}],)",
-        kGltfMaterials, R"(,"accessors":[)",
+        hasAttribute() ? joined(R"(,")", gltfAttribute(options_), R"(":3)") : "",
+        R"(},"indices":2,"mode":4,"material":0}]}],)", kGltfMaterials, R"(,"accessors":[)",
         attribute(0, "VEC3",
                   joined(R"(,"min":)", arrayText(least_), R"(,"max":)", arrayText(greatest_))),
         ",", attribute(12, "VEC3", ""), R"(,{"bufferView":1,"componentType":5125,"count":)",
         std::to_string(3 * triangles_), R"(,"type":"SCALAR"})",
-        has_values ? joined(",", attribute(24, "SCALAR", "")) : "",
+        hasAttribute() ? joined(",", attribute(24, "SCALAR", "")) : "",
         R"(],"bufferViews":[{"buffer":0,"byteOffset":0,"byteLength":)", vertex_bytes,
         R"(,"byteStride":)", std::to_string(vertexBytes()),
         R"(,"target":34962},{"buffer":0,"byteOffset":)", vertex_bytes, R"(,"byteLength":)",

@@ -6,6 +6,7 @@
 #include <string>
 #include <string_view>
 
+#include "isobrick/extract/sinks/mesh_file_sink.h"
 #include "isobrick/extract/sinks/triangle_sink.h"
 #include "isobrick/storage/error.h"
 
@@ -24,6 +25,11 @@ std::string arrayText(const glm::dvec3& v);
 
 // The middle of the volume, exact as a float too, since many readers convert it to one.
 glm::dvec3 gltfCenter(const MeshFrame& frame);
+
+// The name of the attribute that vertices have beside position and normal.
+inline std::string_view gltfAttribute(const MeshFileOptions& options) {
+  return options.components ? "_COMPONENT" : "_VALUE";
+}
 
 // "asset":{...}
 std::string gltfAsset(const MeshFrame& frame);

@@ -35,7 +35,7 @@ std::unique_ptr<MeshFileSink> makeMeshFileSink(const std::string& path,
   const std::string end = lowerExtension(path);
   for (const MeshFormat& format : kMeshFormats) {
     if (end != format.extension) continue;
-    if (options.values != nullptr && !format.has_values)
+    if ((options.values != nullptr || options.components) && !format.has_values)
       throw Error("'" + path + "': a mesh as " + end +
                       " has no attribute of its vertices; write .ply, .glb or .vtp",
                   {.path = path});

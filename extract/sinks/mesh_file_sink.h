@@ -26,6 +26,10 @@ struct MeshFileOptions {
   // An attribute of the vertices: `value` of .ply and .vtp, `_VALUE` of .glb, in which 0 stands
   // for vertices without one. Error for the other formats.
   const VertexValues* values = nullptr;
+  // PlacedBatch::components as an attribute in place of values: `component` of .ply and .vtp, a
+  // whole number; `_COMPONENT` of .glb, which has floats: exact up to 16,777,216. Error for the
+  // other formats.
+  bool components = false;
   // Packs .vtp with zlib. Error for the other formats.
   bool zlib = false;
   // Packs .glb with EXT_meshopt_compression. Error for the other formats.
@@ -35,7 +39,7 @@ struct MeshFileOptions {
 // A format of meshes, and which of MeshFileOptions it takes.
 struct MeshFormatInfo {
   std::string ending;  // ".ply"
-  bool has_values;     // MeshFileOptions::values
+  bool has_values;     // MeshFileOptions::values, and components
   bool has_zlib;       // MeshFileOptions::zlib
   bool has_meshopt;    // MeshFileOptions::meshopt
 };

@@ -90,7 +90,7 @@ class MeshoptSink : public NumberedSink {
     for (const glm::dvec3& world : placed.world) piece.positions.push_back(lattice_.nearest(world));
     piece.normals.assign(batch.normals.begin(), batch.normals.end());
     piece.triangles.assign(batch.triangles.begin(), batch.triangles.end());
-    if (options_.values == nullptr) return piece;
+    if (!hasAttribute()) return piece;
     piece.values = placed.values;
     for (float& value : piece.values)
       if (std::isnan(value)) value = 0;  // the format forbids NaN
@@ -140,10 +140,10 @@ class MeshoptSink : public NumberedSink {
                    : "";
     const std::string triangles =
         accessor(PackedChunk::kTriangles, R"(,"componentType":5125,"type":"SCALAR"})");
-    primitives_ +=
-        joined(primitives_.empty() ? "" : ",", R"({"attributes":{"POSITION":)", positions,
-               R"(,"NORMAL":)", normals, has_values ? joined(R"(,"_VALUE":)", values) : "",
-               R"(},"indices":)", triangles, R"(,"mode":4,"material":0})");
+    primitives_ += joined(
+        primitives_.empty() ? "" : ",", R"({"attributes":{"POSITION":)", positions, R"(,"NORMAL":)",
+        normals, has_values ? joined(R"(,")", gltfAttribute(options_), R"(":)", values) : "",
+        R"(},"indices":)", triangles, R"(,"mode":4,"material":0})");
   }
 
   std::size_t addView(const PackedChunk& chunk, PackedChunk::View kind) {

@@ -31,6 +31,9 @@ void NumberedSink::findVertices(PlacedBatch& placed) const {
     placed.world.push_back(placement_.worldPosition(placed.batch, static_cast<std::uint32_t>(v)));
   });
   findValues(placed);
+  if (!options_.components) return;
+  placed.values.clear();
+  forEachNew(placed, [&](std::size_t v) { placed.values.push_back(componentValue(placed, v)); });
 }
 
 void NumberedSink::findAllVertices(PlacedBatch& placed) const {
@@ -39,6 +42,9 @@ void NumberedSink::findAllVertices(PlacedBatch& placed) const {
   for (std::size_t v = 0; v < count; ++v)
     placed.world[v] = placement_.worldPosition(placed.batch, static_cast<std::uint32_t>(v));
   findValues(placed);
+  if (!options_.components) return;
+  placed.values.resize(count);
+  for (std::size_t v = 0; v < count; ++v) placed.values[v] = componentValue(placed, v);
 }
 
 void NumberedSink::findValues(PlacedBatch& placed) const {

@@ -25,7 +25,9 @@ class NumberedSink : public MeshFileSink {
   static std::size_t newVertices(const PlacedBatch& placed) {
     return placed.batch.positions.size() - placed.known.size();
   }
-  // Fills placed.world, and placed.values if there are any: of the new vertices, in their order.
+  bool hasAttribute() const { return options_.values != nullptr || options_.components; }
+  // Fills placed.world, and placed.values if there is an attribute: of the new vertices, in their
+  // order.
   void findVertices(PlacedBatch& placed) const;
   // The same for all vertices of the batch.
   void findAllVertices(PlacedBatch& placed) const;
@@ -45,6 +47,9 @@ class NumberedSink : public MeshFileSink {
 
  private:
   void findValues(PlacedBatch& placed) const;
+  static float componentValue(const PlacedBatch& placed, std::size_t v) {
+    return static_cast<float>(placed.components[v]);
+  }
 
   WorldPlacement placement_;
   VertexNumbering numbering_;

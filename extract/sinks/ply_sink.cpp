@@ -30,7 +30,7 @@ class PlySink : public NumberedSink {
   static constexpr std::size_t kFaceBytes = 14;
 
   std::size_t vertexBytes() const {
-    return (double_precision_ ? 36u : 24u) + (options_.values != nullptr ? 4u : 0u);
+    return (double_precision_ ? 36u : 24u) + (hasAttribute() ? 4u : 0u);
   }
 
   void writeVertices(PlacedBatch& placed) {
@@ -47,7 +47,10 @@ class PlySink : public NumberedSink {
       else
         to.put(static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z), n.x, n.y,
                n.z);
-      if (options_.values != nullptr) to.put(placed.values[i]);
+      if (options_.components)
+        to.put(placed.components[v]);
+      else if (options_.values != nullptr)
+        to.put(placed.values[i]);
       ++i;
     });
     file_.pwrite(placed.bytes.data(), placed.bytes.size(),
@@ -76,7 +79,10 @@ class PlySink : public NumberedSink {
     for (const char* name : {"x", "y", "z"}) rest += "property " + real + " " + name + "\n";
     for (const char* name : {"nx", "ny", "nz"})
       rest += std::string("property float ") + name + "\n";
-    if (options_.values != nullptr) rest += "property float value\n";
+    if (options_.components)
+      rest += "property uint component\n";
+    else if (options_.values != nullptr)
+      rest += "property float value\n";
     rest += "element face " + std::to_string(triangles_) +
             "\nproperty list uchar uint vertex_indices\nproperty uchar level\nend_header\n";
     const std::string prefix = "comment ";

@@ -54,6 +54,18 @@ std::size_t SurfaceComponents::countFrom(double area) const {
       list_.begin());
 }
 
+std::span<const std::uint32_t> SurfaceComponents::ofBatch(const MeshBatch& batch) const {
+  const std::uint64_t key = keyOfBrick(batch);
+  const auto found = std::ranges::lower_bound(batches_, key, {}, &Batch::key);
+  if (found == batches_.end() || found->key != key) return {};
+  return std::span(of_part_).subspan(found->first, found->count);
+}
+
+std::uint64_t SurfaceComponents::bytes() const {
+  return list_.size() * sizeof(SurfaceComponent) + batches_.size() * sizeof(Batch) +
+         of_part_.size() * sizeof(std::uint32_t);
+}
+
 // Parts are numbered in the order of the extraction, and joined along the vertices that batches
 // share.
 struct ComponentFinder::Joined {
@@ -106,7 +118,8 @@ void ComponentFinder::place(PlacedBatch& placed) {
       joinSets(joined_->parents, static_cast<std::uint32_t>(part),
                static_cast<std::uint32_t>(*other));
   }
-  components_.batches_.push_back({keyOfBrick(placed.batch), first});
+  components_.batches_.push_back(
+      {keyOfBrick(placed.batch), first, static_cast<std::uint32_t>(count)});
   placed.first_vertex = first;
 }
 
@@ -198,21 +211,33 @@ ComponentFilter::ComponentFilter(const SurfaceComponents& components, std::size_
     : ComponentFilter(components, firstOnes(components.list().size(), count), sink) {}
 
 ComponentFilter::ComponentFilter(const SurfaceComponents& components,
-                                 std::vector<std::uint8_t> is_kept, TriangleSink& sink)
-    : components_(components), is_kept_(std::move(is_kept)), sink_(sink) {}
+                                 std::vector<std::uint8_t> is_kept, TriangleSink& sink,
+                                 const ComponentNumbers* numbers)
+    : components_(components), is_kept_(std::move(is_kept)), sink_(sink), numbers_(numbers) {}
 
 void ComponentFilter::prepare(PlacedBatch& placed) {
-  const auto& batches = components_.batches_;
-  const std::uint64_t key = keyOfBrick(placed.batch);
-  const auto found = std::ranges::lower_bound(batches, key, {}, &SurfaceComponents::Batch::key);
-  if (found == batches.end() || found->key != key)
+  MeshBatch& batch = placed.batch;
+  const std::span<const std::uint32_t> places = components_.ofBatch(batch);
+  std::vector<std::uint8_t> is_kept(labelComponents(batch, placed.numbers));
+  if (places.empty() || places.size() != is_kept.size())
     throw Error(
         "the surface has pieces that were not there when they were listed; extract it again");
-  std::vector<std::uint8_t> is_kept(labelComponents(placed.batch, placed.numbers));
-  for (std::size_t i = 0; i < is_kept.size(); ++i)
-    is_kept[i] = is_kept_.at(components_.of_part_.at(found->first + i));
-  keepComponents(placed.batch, placed.numbers, is_kept);
-  if (!placed.batch.triangles.empty()) sink_.prepare(placed);
+  for (std::size_t i = 0; i < is_kept.size(); ++i) is_kept[i] = is_kept_.at(places[i]);
+  if (numbers_ != nullptr) {
+    numbers_->find(batch, placed.components);
+  } else {
+    placed.components.resize(batch.positions.size());
+    for (std::size_t v = 0; v < placed.components.size(); ++v)
+      placed.components[v] = places[placed.numbers[v]];
+  }
+  if (keepComponents(batch, placed.numbers, is_kept)) {
+    // Kept vertices keep their order.
+    for (std::size_t v = 0; v < placed.numbers.size(); ++v)
+      if (placed.numbers[v] != kDroppedVertex)
+        placed.components[placed.numbers[v]] = placed.components[v];
+    placed.components.resize(batch.positions.size());
+  }
+  if (!batch.triangles.empty()) sink_.prepare(placed);
 }
 
 }  // namespace isobrick

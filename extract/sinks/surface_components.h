@@ -6,6 +6,7 @@
 #include <limits>
 #include <memory>
 #include <optional>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -47,6 +48,11 @@ class SurfaceComponents {
   // For every point that the finder was given, the component that is nearest to it, as its place in
   // the list; none: there is none within reach.
   const std::vector<std::optional<std::size_t>>& atPoints() const { return at_points_; }
+  // The places in the list of a batch's components, in the order of their first vertices. Of the
+  // same query, as a whole; empty: there was none in that brick.
+  std::span<const std::uint32_t> ofBatch(const MeshBatch& batch) const;
+  // Bytes that it takes in memory, about.
+  std::uint64_t bytes() const;
 
  private:
   friend class ComponentFinder;
@@ -55,6 +61,7 @@ class SurfaceComponents {
   struct Batch {
     std::uint64_t key = 0;    // of its brick
     std::uint64_t first = 0;  // the number of its first component
+    std::uint32_t count = 0;  // of components
   };
   std::vector<SurfaceComponent> list_;
   std::vector<Batch> batches_;          // ascending in `key`
@@ -89,15 +96,47 @@ class ComponentFinder : public TriangleSink {
   SurfaceComponents components_;
 };
 
+// Gives vertices the numbers of their components in a list. Thread-safe.
+class ComponentNumbers {
+ public:
+  virtual ~ComponentNumbers() = default;
+  // Of every vertex of a whole batch, or kNoComponent. One component of the batch has one number.
+  virtual void find(const MeshBatch& batch, std::vector<std::uint32_t>& numbers) const = 0;
+};
+
+// A stage before a sink that fills PlacedBatch::components. `numbers` and `sink` outlive it.
+class ComponentNumbering : public TriangleSink {
+ public:
+  // `numbers`: of the surface that comes.
+  ComponentNumbering(const ComponentNumbers& numbers, TriangleSink& sink)
+      : numbers_(numbers), sink_(sink) {}
+
+  void begin(const MeshFrame& frame) override { sink_.begin(frame); }
+  void prepare(PlacedBatch& placed) override {
+    numbers_.find(placed.batch, placed.components);
+    sink_.prepare(placed);
+  }
+  void place(PlacedBatch& placed) override { sink_.place(placed); }
+  void write(PlacedBatch& placed) override { sink_.write(placed); }
+  void finish() override { sink_.finish(); }
+
+ private:
+  const ComponentNumbers& numbers_;
+  TriangleSink& sink_;
+};
+
 // Second pass: a sink that passes on some components of the list, of the same query. The mesh is
-// closed where the whole surface is. `components` and `sink` outlive it.
+// closed where the whole surface is. `components` and `sink` outlive it. Vertices get their
+// components' places in the list (PlacedBatch::components).
 class ComponentFilter : public TriangleSink {
  public:
   // Reads `components` during the extraction, and gives batches of its first `count` to `sink`.
   ComponentFilter(const SurfaceComponents& components, std::size_t count, TriangleSink& sink);
   // The same for those for which `is_kept` is not 0, an entry for each of the list.
+  // `numbers`, which outlive it: those that vertices get in place of the places in the list; null:
+  // these.
   ComponentFilter(const SurfaceComponents& components, std::vector<std::uint8_t> is_kept,
-                  TriangleSink& sink);
+                  TriangleSink& sink, const ComponentNumbers* numbers = nullptr);
 
   void begin(const MeshFrame& frame) override { sink_.begin(frame); }
   void prepare(PlacedBatch& placed) override;
@@ -109,6 +148,7 @@ class ComponentFilter : public TriangleSink {
   const SurfaceComponents& components_;
   const std::vector<std::uint8_t> is_kept_;
   TriangleSink& sink_;
+  const ComponentNumbers* numbers_;
 };
 
 }  // namespace isobrick

@@ -134,6 +134,9 @@ struct KnownVertex {
   std::uint64_t number = 0;  // in the mesh
 };
 
+// The number of a component that is in no list.
+inline constexpr std::uint32_t kNoComponent = ~std::uint32_t{0};
+
 // A batch and its place in the mesh, which a sink gives it, with memory that is reused.
 struct PlacedBatch {
   MeshBatch batch;                   // as it was made
@@ -146,6 +149,9 @@ struct PlacedBatch {
   std::vector<std::byte> bytes;        // likewise
   std::vector<glm::dvec3> world;       // likewise
   std::vector<float> values;           // likewise
+  // Of every vertex, the number of its component, or kNoComponent. Filled by a stage before the
+  // sink (ComponentFilter, ComponentNumbering); without one of these it has no meaning.
+  std::vector<std::uint32_t> components;
 };
 
 // Receives a mesh. begin() once, then every batch, finish() once. An exception of a sink

@@ -135,8 +135,7 @@ class VtpSink : public NumberedSink {
       file_.continueFrom(file_.position() + position_bytes);
     }
     append(offsets.normals, vertices() * kNormalBytes, from(normals_));
-    if (options_.values != nullptr)
-      append(offsets.values, vertices() * sizeof(float), from(values_));
+    if (hasAttribute()) append(offsets.values, vertices() * kValueBytes, from(values_));
     appendCells(offsets, append);
     append(offsets.levels, triangles_, from(levels_));
     constexpr std::string_view kEnd = "\n</AppendedData>\n</VTKFile>\n";
@@ -149,6 +148,7 @@ class VtpSink : public NumberedSink {
  private:
   static constexpr std::size_t kHeaderBytes = 2048;
   static constexpr std::size_t kNormalBytes = 12;
+  static constexpr std::size_t kValueBytes = 4;
   static constexpr std::size_t kCornersBytes = 12;  // of a triangle
 
   // For arrays, in the appended data.
@@ -185,9 +185,18 @@ class VtpSink : public NumberedSink {
       normals.put(n.x, n.y, n.z);
     });
     normals_.pwrite(placed.bytes.data(), placed.bytes.size(), placed.first_vertex * kNormalBytes);
-    if (options_.values != nullptr)
-      values_.pwrite(placed.values.data(), placed.values.size() * sizeof(float),
-                     placed.first_vertex * sizeof(float));
+    if (!hasAttribute()) return;
+    placed.bytes.resize(placed.values.size() * kValueBytes);
+    BytePointer values(placed.bytes.data());
+    std::size_t i = 0;
+    forEachNew(placed, [&](std::size_t v) {
+      if (options_.components)
+        values.put(placed.components[v]);
+      else
+        values.put(placed.values[i]);
+      ++i;
+    });
+    values_.pwrite(placed.bytes.data(), placed.bytes.size(), placed.first_vertex * kValueBytes);
   }
 
   void writeTriangles(PlacedBatch& placed) {
@@ -239,7 +248,7 @@ class VtpSink : public NumberedSink {
              std::to_string(components) + "\" format=\"appended\" offset=\"" +
              std::to_string(offset) + "\"/>\n";
     };
-    const bool has_values = options_.values != nullptr;
+    const std::string name = options_.components ? "component" : "value";
     std::string head =
         "<?xml version=\"1.0\"?>\n<!-- written by isobrick; world coordinates are " +
         std::string(kMeshSpace) + ", their unit is " +
@@ -250,9 +259,11 @@ class VtpSink : public NumberedSink {
         ">\n<PolyData>\n<Piece NumberOfPoints=\"" + std::to_string(vertices()) +
         "\" NumberOfVerts=\"0\" NumberOfLines=\"0\" NumberOfStrips=\"0\" NumberOfPolys=\"" +
         std::to_string(triangles_) + "\">\n<PointData Normals=\"Normals\"" +
-        (has_values ? " Scalars=\"value\"" : "") + ">\n" +
+        (hasAttribute() ? " Scalars=\"" + name + "\"" : "") + ">\n" +
         array("Float32", "Normals", 3, offsets.normals) +
-        (has_values ? array("Float32", "value", 1, offsets.values) : "") +
+        (hasAttribute()
+             ? array(options_.components ? "UInt32" : "Float32", name.c_str(), 1, offsets.values)
+             : "") +
         "</PointData>\n<CellData>\n" + array("UInt8", "level", 1, offsets.levels) +
         "</CellData>\n<Points>\n" + array(real, "Points", 3, offsets.positions) +
         "</Points>\n<Polys>\n" + array(index, "connectivity", 1, offsets.corners) +

@@ -65,7 +65,7 @@ def read_ply(path):
     assert end + v.nbytes + f.nbytes == len(data) and (f["count"] == 3).all()
     stack = lambda *keys: np.stack([v[key] for key in keys], 1)
     return Mesh(stack("x", "y", "z"), stack("nx", "ny", "nz"), f["corners"],
-                v["value"] if "value" in v.dtype.names else None,
+                next((v[name] for name in ("value", "component") if name in v.dtype.names), None),
                 f["level"] if "level" in f.dtype.names else None)
 
 
@@ -139,7 +139,8 @@ def read_glb(path):
         move = np.array(node["translation"])
         assert (move == move.astype("f4")).all()  # exact for readers of single precision too
         positions = positions + move
-    values = accessor(names["_VALUE"])[:, 0] if "_VALUE" in names else None
+    name = next((name for name in ("_VALUE", "_COMPONENT") if name in names), None)
+    values = accessor(names[name])[:, 0] if name else None
     return Mesh(positions, accessor(names["NORMAL"]), accessor(primitive["indices"]).reshape(-1, 3),
                 values)
 
@@ -204,7 +205,8 @@ def read_meshopt(path):
         names = primitive["attributes"]
         positions = attribute(names["POSITION"], "<f4", 3, 3)
         normals = attribute(names["NORMAL"], "<i2", 3, 4) / 32767
-        values = attribute(names["_VALUE"], "<f4", 1, 1) if "_VALUE" in names else None
+        name = next((name for name in ("_VALUE", "_COMPONENT") if name in names), None)
+        values = attribute(names[name], "<f4", 1, 1) if name else None
         corners = attribute(primitive["indices"], "<u4", 1, 1).reshape(-1, 3)
         assert np.bincount(corners.ravel(), minlength=len(positions)).min() > 0
         parts.append((positions, normals, corners + first, values))
@@ -237,7 +239,8 @@ def check_packed():
     run("build", "waves.nrrd", "-o", "waves.isb")
     parts = []
     for query in (("--iso", "0.1"), ("--iso", "0.1", "--focus", "60,40,30", "--radius", "20"),
-                  ("--iso", "0", "--level", "1", "--attribute", "waves.isb")):
+                  ("--iso", "0", "--level", "1", "--attribute", "waves.isb"),
+                  ("--iso", "1.2", "--attribute", "component")):
         run("extract", "--force", "waves.isb", *query, "-o", "p.ply")
         run("extract", "--force", "waves.isb", *query, "-o", "p.glb", "--meshopt", "--threads", "1")
         before = open("p.glb", "rb").read()
@@ -291,7 +294,7 @@ def read_vtp(path):
     root = xml.fromstring(head + b"</VTKFile>")
     assert root.get("header_type") == "UInt64" and root.get("byte_order") == "LittleEndian"
     piece = root.find("PolyData/Piece")
-    kinds = {"Float32": "<f4", "Float64": "<f8", "UInt8": "u1", "Int32": "<i4", "Int64": "<i8"}
+    kinds = {"Float32": "<f4", "Float64": "<f8", "UInt8": "u1", "UInt32": "<u4", "Int32": "<i4", "Int64": "<i8"}
     last = 0
 
     def array(group, name):
@@ -324,8 +327,8 @@ def read_vtp(path):
     positions = array("Points", "Points").reshape(-1, 3)
     normals = array("PointData", "Normals").reshape(-1, 3)
     levels = array("CellData", "level")
-    has_values = piece.find("PointData").get("Scalars") == "value"
-    values = array("PointData", "value") if has_values else None
+    scalars = piece.find("PointData").get("Scalars")
+    values = array("PointData", scalars) if scalars else None
     assert last == end, "bytes that belong to no array"
     assert int(piece.get("NumberOfPoints")) == len(positions)
     assert int(piece.get("NumberOfPolys")) == len(triangles)
@@ -379,6 +382,7 @@ def test_numpy():
         assert len(mesh.positions) == len(mesh.normals) == len(mesh.triangles) == 0
     check_packed()
     check_attributes()
+    check_components()
     check_interrupts()
 
 
@@ -403,6 +407,38 @@ def check_interrupts():
         if process.returncode == 0:
             os.remove(name)
     assert any(outcomes)
+
+
+def check_components():
+    """The same numbers in all formats: one for each connected part, by its area."""
+    x, y, z = grid((60, 70, 80))
+    values = np.sin(0.4 * x) * np.cos(0.3 * y) + np.sin(0.5 * z) + 0.01 * x
+    write_nrrd("blobs.nrrd", values.astype("<f4"), *OBLIQUE)
+    run("build", "blobs.nrrd", "-o", "blobs.isb", "--force")
+    query = ("extract", "--force", "blobs.isb", "--iso", "1.3", "--attribute", "component", "-o")
+    for name in ("c.ply", "c.vtp", "c.glb"):
+        run(*query, name)
+    run(*query, "p.vtp", "--zlib")
+    ply = read_ply("c.ply")
+    assert ply.values.dtype == np.dtype("<u4")
+    for other in (read_vtp("c.vtp"), read_vtp("p.vtp"), read_glb("c.glb")):
+        np.testing.assert_array_equal(other.values, ply.values)
+    assert read_vtp("c.vtp").values.dtype == np.dtype("<u4")
+    # The least vertex that each one is connected to.
+    least = np.arange(len(ply.positions))
+    while True:
+        before = least.copy()
+        np.minimum.at(least, ply.triangles, least[ply.triangles].min(1)[:, None])
+        least = least[least]
+        if (least == before).all():
+            break
+    roots, of_root = np.unique(least, return_inverse=True)
+    pairs = np.unique(np.stack([of_root, ply.values], 1), axis=0)
+    assert len(pairs) == len(roots) > 10 and sorted(pairs[:, 1]) == list(range(len(roots)))
+    a, b, c = (np.asarray(ply.positions, "f8")[ply.triangles[:, i]] for i in range(3))
+    areas = np.bincount(ply.values[ply.triangles[:, 0]],
+                        np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2)
+    assert (areas[1:] <= areas[:-1] * (1 + 1e-5)).all()
 
 
 def check_attributes():

@@ -293,7 +293,7 @@ json timeFrames(const FrameArguments& arguments) {
   for (const Query& query : queries) {
     std::vector<SurfaceChunk> chunks;
     std::mutex mutex;
-    ChunkSink sink({}, nullptr, [&](std::size_t, SurfaceChunk&& chunk) {
+    ChunkSink sink({}, {}, [&](std::size_t, SurfaceChunk&& chunk) {
       const std::lock_guard lock(mutex);
       chunks.push_back(std::move(chunk));
     });

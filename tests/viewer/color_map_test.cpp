@@ -3,7 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
+#include <set>
 
 #include "isobrick/viewer/image.h"
 
@@ -51,6 +53,25 @@ TEST(ColorMapTest, TheDivergingMapIsLightestInItsMiddle) {
 TEST(ColorMapTest, SharesBeyondTheEndsHaveTheColoursOfTheEnds) {
   EXPECT_EQ(valueColor(ColorMap::kViridis, -3.0), valueColor(ColorMap::kViridis, 0.0));
   EXPECT_EQ(valueColor(ColorMap::kViridis, 7.0), valueColor(ColorMap::kViridis, 1.0));
+}
+
+TEST(ColorMapTest, ComponentsHaveSevenColoursRoundAndRound) {
+  std::set<std::array<int, 3>> colors;
+  for (std::size_t place = 0; place < kComponentColorCount; ++place) {
+    const glm::vec3 color = 255.0f * componentColor(place);
+    colors.insert({static_cast<int>(std::lround(color.r)), static_cast<int>(std::lround(color.g)),
+                   static_cast<int>(std::lround(color.b))});
+    EXPECT_EQ(componentColor(place + 7), componentColor(place));
+    EXPECT_EQ(componentColor(place + 7'000'000), componentColor(place));
+  }
+  // Okabe and Ito's table, in percent: without its black.
+  EXPECT_EQ(colors, (std::set<std::array<int, 3>>{{230, 159, 0},
+                                                  {86, 180, 233},
+                                                  {0, 158, 115},
+                                                  {240, 228, 66},
+                                                  {0, 114, 178},
+                                                  {213, 94, 0},
+                                                  {204, 121, 167}}));
 }
 
 }  // namespace

@@ -5,6 +5,8 @@
 #include <utility>
 
 #include "isobrick/extract/extractor.h"
+#include "isobrick/extract/sinks/surface_components.h"
+#include "isobrick/viewer/color_map.h"
 #include "isobrick/viewer/stream/chunk_sink.h"
 #include "tools/interrupt.h"
 #include "tools/measured_sink.h"
@@ -12,7 +14,27 @@
 
 namespace isobrick {
 
-PictureSurface extractPictureSurface(QueryOptions options) {
+namespace {
+
+void extractWithComponents(const Pyramid& pyramid, const Query& query, ProgressBar& bar,
+                           ChunkSink& sink, PictureSurface& result) {
+  Extractor extractor(pyramid);
+  ComponentFinder finder(query);
+  MeasuredSink found(finder, bar);
+  extractor.extract(query, found);
+  const SurfaceComponents components = finder.take();
+  ComponentFilter filter(components, components.list().size(), sink);
+  MeasuredSink measured(filter, bar);
+  result.triangles = extractor.extract(query, measured).triangles;
+  result.pieces.isovalue = query.isovalue;
+  result.pieces.count = components.list().size();
+  for (std::size_t i = 0; i < std::min(kComponentColorCount, components.list().size()); ++i)
+    result.pieces.largest.emplace_back(i, components.list()[i].area);
+}
+
+}  // namespace
+
+PictureSurface extractPictureSurface(QueryOptions options, bool by_component) {
   const auto file = openPyramidFile(options.input.pyramid, options.memory_bytes,
                                     fileAccess(options.no_map), remoteOptions(options.input));
   const Pyramid& pyramid = *file;
@@ -25,13 +47,17 @@ PictureSurface extractPictureSurface(QueryOptions options) {
   result.unit = geometry.unit;
   ProgressBar bar(0, "million triangles");
   std::mutex mutex;
-  ChunkSink sink({}, nullptr, [&](std::size_t place, SurfaceChunk&& chunk) {
+  ChunkSink sink({}, {nullptr, by_component}, [&](std::size_t place, SurfaceChunk&& chunk) {
     const std::lock_guard lock(mutex);
     if (result.chunks.size() <= place) result.chunks.resize(place + 1);
     result.chunks[place] = std::move(chunk);
   });
-  MeasuredSink measured(sink, bar);
-  result.triangles = extractIsosurface(pyramid, query, measured).triangles;
+  if (by_component) {
+    extractWithComponents(pyramid, query, bar, sink, result);
+  } else {
+    MeasuredSink measured(sink, bar);
+    result.triangles = extractIsosurface(pyramid, query, measured).triangles;
+  }
   warnOfEmptySurface(options, pyramid);
   if (query.focus)
     result.focus = {geometry.indexToWorld(query.focus->center),

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "isobrick/viewer/offscreen_renderer.h"
+#include "isobrick/viewer/session/view_legend.h"
 #include "isobrick/viewer/stream/surface_chunk.h"
 #include "tools/query_options.h"
 
@@ -18,10 +19,12 @@ struct PictureSurface {
   std::uint64_t triangles = 0;
   double isovalue = 0.0;
   LengthUnit unit = LengthUnit::kUnknown;  // of the world
+  ColoredPieces pieces;                    // if it is coloured by them
   // Inside of it everything is of the finest level.
   std::optional<SphereOutline> focus;
 };
 
-PictureSurface extractPictureSurface(QueryOptions options);
+// `by_component`: vertices have the colours of their pieces, for which it is extracted twice.
+PictureSurface extractPictureSurface(QueryOptions options, bool by_component);
 
 }  // namespace isobrick

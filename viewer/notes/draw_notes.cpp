@@ -103,6 +103,7 @@ void legendOf(Notes& notes, const PictureLegend& legend) {
     notes.text({2.5 * m, top + 0.82 * m}, patch.text);
     top += 1.4 * m;
   }
+  if (!legend.rest.empty()) notes.text({m, top + 0.82 * m}, legend.rest);
   if (!legend.ramp) return;
   if (!legend.ramp_title.empty()) {
     notes.text({m, top + 0.82 * m}, legend.ramp_title);

@@ -59,9 +59,12 @@ struct SceneFrame {
   WorldBox bounds = emptyWorldBox();  // of all that is drawn; near and far come from it
   SceneLattice lattice;
 
-  std::vector<ChunkId> chunks;
+  std::vector<ChunkId> chunks;                       // their vertices' values mean the same
   std::vector<SurfaceLook> surfaces{SurfaceLook{}};  // chunks name theirs by number
   bool color_by_level = false;
+  // By the places of components (packComponent); a vertex without one has the surface's colour.
+  // Comes before color_by_level and values.
+  bool color_by_component = false;
   int first_level = 0;  // the volume's level that the chunks' level 0 is: above 0 for previews
   // Colours by the vertices' values, if they have any: these shares of their range get the ends of
   // the map. Comes before color_by_level.

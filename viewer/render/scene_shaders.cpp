@@ -50,6 +50,7 @@ out vec3 eye_normal;
 out float share;  // of the range of values; below 0: it has none
 flat out vec4 surface_color;
 flat out int takes_value;
+flat out int component;  // the place of its colour; below 0: it has none
 
 void main() {
 #ifdef WIREFRAME
@@ -67,6 +68,7 @@ void main() {
   share = value < -32766.0 ? -1.0 : (value + 32766.0) / 65533.0;
   surface_color = chunk_color;
   takes_value = int(chunk_offset.w);
+  component = int(value);
   project(eye_position);
 }
 )";
@@ -77,6 +79,7 @@ in vec3 eye_normal;
 in float share;
 flat in vec4 surface_color;
 flat in int takes_value;
+flat in int component;
 #ifdef WIREFRAME
 in vec3 barycentric;
 #endif
@@ -97,6 +100,8 @@ uniform float shadow_texel;
 layout(binding = 3) uniform sampler2DShadow shadow_depths;
 uniform bool by_plane;
 uniform vec4 value_plane;
+uniform bool by_component;
+uniform vec3 component_colors[7];
 out vec4 color;
 
 uniform vec3 key_direction;
@@ -105,6 +110,8 @@ const vec3 kGroundLight = vec3(0.09, 0.08, 0.07);
 
 // With the surface's opacity.
 vec4 frontColor() {
+  if (by_component && takes_value != 0 && component >= 0 && component < 7)
+    return vec4(component_colors[component], surface_color.a);
   if (!by_value || takes_value == 0 || (share < 0.0 && !by_plane)) return surface_color;
   float value = by_plane ? dot(value_plane, vec4(eye_position, 1.0)) : share;
   float span = max(value_window.y - value_window.x, 1e-30);

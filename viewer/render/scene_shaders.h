@@ -27,6 +27,7 @@ namespace isobrick {
 // clip_count; vec3 back_color; bool as_normals (the colour is the normal, world); bool by_value;
 // vec2 value_window (shares of the range, or distances `by_plane`, for the ends of value_colors, 17
 // of them); vec2 value_opacity (of those ends); bool by_plane; vec4 value_plane (eye coordinates);
+// bool by_component, and if so vec3 component_colors[7], which values are the places of;
 // vec3 key_direction; bool in_shadow, and if so mat3 shadow_rotation, vec3 shadow_offset, vec4
 // shadow_projection, float shadow_texel (ShadowView), sampler2DShadow at unit 3.
 GlProgram makeSurfaceProgram(bool wireframe);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <glm/vec2.hpp>
+#include <string>
 #include <vector>
 
 #include "isobrick/viewer/render/scene_shaders.h"
@@ -35,6 +36,12 @@ void SurfacePass::use(const SceneView& view) const {
     setUniform(program, "value_opacity",
                glm::vec2(glm::dvec2(frame.value_opacity[0], frame.value_opacity[1])));
   }
+  setUniform(program, "by_component", static_cast<int>(frame.color_by_component));
+  if (frame.color_by_component)
+    for (std::size_t place = 0; place < kComponentColorCount; ++place) {
+      const std::string name = "component_colors[" + std::to_string(place) + "]";
+      setUniform(program, name.c_str(), linearColor(componentColor(place)));
+    }
   setUniform(program, "by_plane", static_cast<int>(frame.value_plane.has_value()));
   if (frame.value_plane) setUniform(program, "value_plane", view.planeSeen(*frame.value_plane));
   setUniform(program, "key_direction", keyLightDirection());

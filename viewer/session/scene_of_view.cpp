@@ -113,6 +113,7 @@ std::optional<std::array<double, 2>> valueWindowOf(const ViewState& state,
       return values.plane_window.value_or(range);
     case ViewColoring::kPlain:
     case ViewColoring::kLevel:
+    case ViewColoring::kComponent:
       break;
   }
   return std::nullopt;

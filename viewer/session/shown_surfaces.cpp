@@ -44,6 +44,7 @@ bool ShownSurfaces::has(std::size_t surface, const AskedView& view, double least
   const Shown& shown = found->second;
   return shown.is_complete && shown.radius >= least && shown.radius <= most &&
          asksForTheSameSurface(shown.asked.state, view.state, surface) &&
+         shown.asked.listedOf(surface) == view.listedOf(surface) &&
          (!view.state.view_pixels || shown.asked.height == view.height);
 }
 
@@ -57,6 +58,11 @@ std::vector<LevelCounts> ShownSurfaces::levels() const {
   std::vector<LevelCounts> levels;
   for (const auto& [number, surface] : surfaces_) addCounts(surface.counts.levels, levels);
   return levels;
+}
+
+const StreamedSurface* ShownSurfaces::surface(std::size_t number) const {
+  const auto found = surfaces_.find(static_cast<int>(number));
+  return found != surfaces_.end() ? &found->second.counts : nullptr;
 }
 
 std::size_t ShownSurfaces::lostPieces() const {

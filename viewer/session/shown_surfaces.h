@@ -32,6 +32,8 @@ class ShownSurfaces {
   std::vector<LevelCounts> levels() const;
   // Pieces that users chose and that are not there.
   std::size_t lostPieces() const;
+  // A surface that is shown, by its number; null: it is not.
+  const StreamedSurface* surface(std::size_t number) const;
 
  private:
   // What the shown part of a surface was made of.

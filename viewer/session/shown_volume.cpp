@@ -5,8 +5,15 @@
 
 namespace isobrick {
 
-bool asksForTheSame(const AskedView& asked, const ViewState& state, double height) {
-  return asksForTheSame(asked.state, state) && (!state.view_pixels || asked.height == height);
+bool asksForTheSameTriangles(const AskedView& a, const AskedView& b) {
+  return asksForTheSame(a.state, b.state) && (!b.state.view_pixels || a.height == b.height);
+}
+
+bool asksForTheSame(const AskedView& a, const AskedView& b) {
+  if (!asksForTheSameTriangles(a, b)) return false;
+  for (std::size_t s = 0; s < b.state.surfaces.size(); ++s)
+    if (b.state.surfaces[s].visible && a.listedOf(s) != b.listedOf(s)) return false;
+  return true;
 }
 
 ShownVolume::ShownVolume(std::shared_ptr<const Pyramid> pyramid,

@@ -15,13 +15,23 @@
 
 namespace isobrick {
 
+class ListedComponents;  // stream/listed_components.h
+
 // The settings that the triangles of a view follow from.
 struct AskedView {
   ViewState state;
   double height = 0.0;  // of the picture, pixels
+  // The list that each surface is coloured by; null, or lacking: none.
+  std::vector<std::shared_ptr<const ListedComponents>> listed = {};
+
+  std::shared_ptr<const ListedComponents> listedOf(std::size_t surface) const {
+    return surface < listed.size() ? listed[surface] : nullptr;
+  }
 };
-// True if `state` in a picture of `height` gives the same triangles.
-bool asksForTheSame(const AskedView& asked, const ViewState& state, double height);
+// True if both give the same triangles, but for their colours.
+bool asksForTheSameTriangles(const AskedView& a, const AskedView& b);
+// True if both give the same chunks.
+bool asksForTheSame(const AskedView& a, const AskedView& b);
 
 // A view counts in voxels of the volume, a pyramid in its own samples, which are fewer in a
 // preview.

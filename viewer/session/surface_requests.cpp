@@ -4,15 +4,18 @@
 #include <utility>
 
 #include "isobrick/viewer/clock_seconds.h"
+#include "isobrick/viewer/stream/listed_components.h"
 
 namespace isobrick {
 
 SurfaceRequests::SurfaceRequests(const ShownVolume& volume, ChunkStore& store,
-                                 std::uint64_t budget_bytes, int threads)
+                                 std::uint64_t budget_bytes, int threads,
+                                 std::shared_ptr<KnownComponents> known)
     : volume_(volume),
       budget_bytes_(budget_bytes),
+      known_(std::move(known)),
       surfaces_(std::in_place, store, budget_bytes),
-      stream_(volume.pyramid(), threads) {}
+      stream_(volume.pyramid(), threads, {}, SurfaceStream::kPatienceSeconds, known_) {}
 
 void SurfaceRequests::suspend() {
   surfaces_.reset();
@@ -34,9 +37,9 @@ bool SurfaceRequests::showsTheLatest() const {
   return shown_.pass().request == last_request_ && shown_.pass().is_complete;
 }
 
-bool SurfaceRequests::isFine(const ViewState& state, double height) const {
+bool SurfaceRequests::isFine(const AskedView& view) const {
   return asked_for_all_ && (all_passes_done_ || over_budget_ || !surfaces_->error().empty()) &&
-         requested_ && asksForTheSame(*requested_, state, height) && !stream_.busy() &&
+         requested_ && asksForTheSame(*requested_, view) && !stream_.busy() &&
          !surfaces_->isReleasing();
 }
 
@@ -95,14 +98,16 @@ void SurfaceRequests::shrinkToBudget() {
 // -------------------------------------------------------------------------------- what is asked
 // for
 
-void SurfaceRequests::request(const ViewState& state, double height, double seconds) {
+void SurfaceRequests::request(const AskedView& view, double seconds) {
   now_ = seconds;
-  const double wanted = volume_.radiusAtRest(state);
+  const double wanted = volume_.radiusAtRest(view.state);
   const bool first = !requested_;
-  if (first || ask_again_ || !asksForTheSame(*requested_, state, height)) {
+  if (!first && !ask_again_ && changesAtRest(view)) {
+    requestAtRest(view, !asksForTheSameTriangles(*requested_, view));
+  } else if (first || ask_again_ || !asksForTheSame(*requested_, view)) {
     const double age = longestWait().value_or(0.0);
     ask_again_ = true;  // until it was sent
-    requested_ = AskedView{state, height};
+    requested_ = view;
     last_change_ = seconds;
     over_budget_ = false;
     asked_for_all_ = first;
@@ -121,6 +126,36 @@ void SurfaceRequests::request(const ViewState& state, double height, double seco
   }
 }
 
+// The view asks for other colours, or for other pieces that are known, and nothing else.
+bool SurfaceRequests::changesAtRest(const AskedView& view) const {
+  const StreamMessage& shown = shown_.pass();
+  const bool is_whole =
+      shown_.passes() > 0 && shown.is_complete && shown.radius >= volume_.radiusAtRest(view.state);
+  if (!asked_for_all_ || !is_whole || asksForTheSame(*requested_, view)) return false;
+  AskedView before = *requested_;
+  bool are_known = true;
+  for (std::size_t s = 0; s < std::min(before.state.surfaces.size(), view.state.surfaces.size());
+       ++s) {
+    const ViewSurface& surface = view.state.surfaces[s];
+    if (before.state.surfaces[s].pieces == surface.pieces) continue;
+    before.state.surfaces[s].pieces = surface.pieces;
+    const std::optional<int> level =
+        onlyLevelOf(volume_.queryOf(view, s, volume_.radiusAtRest(view.state)));
+    are_known = are_known && level && known_->find(surface.isovalue, *level) != nullptr;
+  }
+  return are_known && asksForTheSameTriangles(before, view);
+}
+
+// In one pass: none of the surfaces gets coarser for that. `waits`: a user does.
+void SurfaceRequests::requestAtRest(const AskedView& view, bool waits) {
+  ask_again_ = true;  // until it was sent
+  requested_ = view;
+  StreamRequest request;
+  request.passes.push_back(passOf(volume_.radiusAtRest(view.state)));
+  request.at_once = waits;
+  send(std::move(request), waits ? std::optional(now_) : std::nullopt);
+}
+
 StreamPass SurfaceRequests::passOf(double radius) const {
   StreamPass pass;
   pass.radius = radius;
@@ -131,7 +166,8 @@ StreamPass SurfaceRequests::passOf(double radius) const {
     if (isShown(s, radius))
       pass.kept.push_back({number, surfaces_->contentOf(number)});
     else
-      pass.queries.push_back({number, volume_.queryOf(*requested_, s, radius), surfaces[s].pieces});
+      pass.queries.push_back({number, volume_.queryOf(*requested_, s, radius), surfaces[s].pieces,
+                              requested_->listedOf(s)});
   }
   return pass;
 }
@@ -160,6 +196,9 @@ void SurfaceRequests::boundFirstPass(StreamRequest& request) const {
 StreamValues SurfaceRequests::wantedValues() const {
   const ViewState& state = requested_->state;
   if (state.coloring == ViewColoring::kGradient) return {StreamValues::What::kGradient, ""};
+  // Until one of the surfaces is listed, they are as if they were not coloured.
+  for (std::size_t s = 0; s < state.surfaces.size(); ++s)
+    if (requested_->listedOf(s) != nullptr) return {StreamValues::What::kComponent, ""};
   // Until a pyramid was named there is nothing to colour by.
   if (state.coloring == ViewColoring::kOther && !state.values.other.empty())
     return {StreamValues::What::kOther, state.values.other};

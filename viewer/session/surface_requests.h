@@ -24,14 +24,15 @@ namespace isobrick {
 // thread. Time is the caller's: seconds that run on.
 class SurfaceRequests {
  public:
-  // `volume` outlives it. `budget_bytes`: of chunks in the store; `threads`: of the extraction.
+  // `volume` outlives it. `budget_bytes`: of chunks in the store; `threads`: of the extraction;
+  // `known`: the lists of components that it uses and adds to.
   SurfaceRequests(const ShownVolume& volume, ChunkStore& store, std::uint64_t budget_bytes,
-                  int threads);
+                  int threads, std::shared_ptr<KnownComponents> known);
 
   // For each frame, in this order: takes what has come, within `allowance`, and asks for the
   // surfaces of the view.
   void take(double seconds, UploadAllowance& allowance);
-  void request(const ViewState& state, double height, double seconds);
+  void request(const AskedView& view, double seconds);
 
   // Gives back all that the store keeps, which may end then. Until resume() nothing else is called.
   void suspend();
@@ -51,7 +52,7 @@ class SurfaceRequests {
   // Something was shown, or there is nothing to show.
   bool hasShown() const;
   // The surfaces of the view are shown, as fine as they get.
-  bool isFine(const ViewState& state, double height) const;
+  bool isFine(const AskedView& view) const;
   bool isFollowingUser() const { return !asked_for_all_; }
   // Those of the latest request, and all of their bricks were there.
   bool showsTheLatest() const;
@@ -72,6 +73,8 @@ class SurfaceRequests {
   void takePass(const StreamMessage& pass);
   void shrinkToBudget();
   StreamValues wantedValues() const;
+  bool changesAtRest(const AskedView& view) const;
+  void requestAtRest(const AskedView& view, bool waits);
   bool isShown(std::size_t surface, double radius) const;
   StreamPass passOf(double radius) const;
   void boundFirstPass(StreamRequest& request) const;
@@ -81,6 +84,7 @@ class SurfaceRequests {
 
   const ShownVolume& volume_;
   const std::uint64_t budget_bytes_;
+  const std::shared_ptr<KnownComponents> known_;
   SurfacePace pace_;
   SurfaceWaits waits_;
   ShownSurfaces shown_;

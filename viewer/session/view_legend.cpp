@@ -1,10 +1,12 @@
 #include "isobrick/viewer/session/view_legend.h"
 
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 
 #include "isobrick/viewer/color_map.h"
 #include "isobrick/viewer/session/folder_listing.h"
+#include "isobrick/viewer/state/short_number.h"
 
 namespace isobrick {
 namespace {
@@ -26,9 +28,26 @@ std::string valuesText(const ViewState& state, LengthUnit unit) {
 
 }  // namespace
 
+void addPieces(const std::vector<ColoredPieces>& surfaces, LengthUnit unit, PictureLegend& legend) {
+  const std::size_t most = std::max<std::size_t>(1, kComponentColorCount / surfaces.size());
+  std::size_t more = 0;
+  for (const ColoredPieces& surface : surfaces) {
+    const std::size_t lines = std::min(most, surface.largest.size());
+    more += surface.count - lines;
+    for (std::size_t i = 0; i < lines; ++i) {
+      const auto& [number, area] = surface.largest[i];
+      std::string text = surfaces.size() > 1 ? isovalueText(surface.isovalue) + ", " : "";
+      text += "piece " + std::to_string(number) + ": area " + shortNumber(area);
+      if (unit == LengthUnit::kMillimetre) text += " mm\u00b2";
+      legend.patches.push_back({componentColor(number), text});
+    }
+  }
+  if (more > 0) legend.rest = "and " + std::to_string(more) + " smaller, in the same colours";
+}
+
 PictureNotes notesOf(const ViewState& state, const std::vector<LevelCounts>& levels,
                      const std::optional<std::array<double, 2>>& window, LengthUnit unit,
-                     const PathOf& path_of) {
+                     const PathOf& path_of, const std::vector<ColoredPieces>& pieces) {
   PictureNotes notes;
   notes.scale_bar = state.pictures.scale_bar;
   notes.axes = state.pictures.axes;
@@ -49,6 +68,10 @@ PictureNotes notesOf(const ViewState& state, const std::vector<LevelCounts>& lev
     for (const LevelCounts& level : levels)
       notes.meaning.patches.push_back(
           {levelColor(level.level), "level " + std::to_string(level.level)});
+    return notes;
+  }
+  if (!pieces.empty()) {
+    addPieces(pieces, unit, notes.meaning);
     return notes;
   }
   if (window) {

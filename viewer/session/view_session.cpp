@@ -6,7 +6,6 @@
 
 #include "isobrick/extract/sinks/mesh_file_sink.h"
 #include "isobrick/viewer/session/shown_mesh.h"
-#include "isobrick/viewer/session/view_legend.h"
 
 namespace isobrick {
 namespace {
@@ -30,10 +29,11 @@ ViewSession::ViewSession(std::shared_ptr<const Pyramid> pyramid, ValueHistogram 
       renderer_(&renderer),
       state_(firstView(volume(), 1.0)),
       opening_(state_),
-      requests_(shown_, renderer, options.gpu_budget_bytes, options.threads),
+      known_(std::make_shared<KnownComponents>()),
+      requests_(shown_, renderer, options.gpu_budget_bytes, options.threads, known_),
       planes_(shown_.pyramid(), shown_.step()),
       slice_views_(shown_.pyramid(), shown_.step()),
-      pieces_(shown_.pyramid(), options.threads),
+      pieces_(shown_.pyramid(), options.threads, known_),
       paths_(shown_.pyramid(), options.threads, shown_.firstLevel()) {
   const std::vector<double>& isovalues = volume().isovalues;
   state_.surfaces[0].isovalue = isovalues.empty() ? volume().least_value : isovalues.front();
@@ -116,11 +116,11 @@ void ViewSession::update(double seconds, UploadAllowance& allowance) {
   requests_.take(seconds, allowance);
   updateOpening();
   slice_views_.update();
-  pieces_.update();
+  updatePieces(seconds);
   paths_.update(state_.measurements);
   const bool is_held = interaction_.drag != Interaction::Drag::kNone || interaction_.flying;
   history_.note(state_, is_held, seconds);
-  requests_.request(state_, interaction_.size.y, seconds);
+  requests_.request(askedView(), seconds);
 }
 
 std::optional<WorldBox> ViewSession::shownBox() const {
@@ -159,6 +159,8 @@ SceneFrame ViewSession::sceneNow(int width, int height) const {
   frame.lattice = shown_.lattice();
   frame.chunks = requests_.chunks();
   frame.first_level = shown_.firstLevel();
+  frame.color_by_component = state_.coloring == ViewColoring::kComponent &&
+                             requests_.shown().pass().what == StreamValues::What::kComponent;
   if (const auto window = valueWindow()) {
     const auto& values = requests_.shown().pass().values;
     const auto shareOf = [&](double value) {
@@ -205,17 +207,15 @@ Image ViewSession::picture(const glm::dvec2& size, int times, bool layers) {
 
 PictureNotes ViewSession::notes() const {
   return notesOf(state_, status().levels, valueWindow(), pyramid().spec().geometry.unit,
-                 paths_.asked());
+                 paths_.asked(), coloredPieces());
 }
 
 bool ViewSession::settled() const {
-  return isFine() && !pieces_.busy() && !slice_views_.busy() && !paths_.busy() &&
-         (previewOf() || opening_.isOver() || !(interaction_.size.y > 0.0));
+  return isFine() && !pieces_.busy() && !waitsForPieces() && !slice_views_.busy() &&
+         !paths_.busy() && (previewOf() || opening_.isOver() || !(interaction_.size.y > 0.0));
 }
 
-bool ViewSession::isFine() const {
-  return requests_.isFine(state_, interaction_.size.y) && !planes_.busy();
-}
+bool ViewSession::isFine() const { return requests_.isFine(askedView()) && !planes_.busy(); }
 
 SessionStatus ViewSession::status() const {
   SessionStatus status = statusOf(requests_, shown_, state_, isFine());
@@ -225,6 +225,11 @@ SessionStatus ViewSession::status() const {
     status.limited = std::to_string(lost) +
                      (lost == 1 ? " chosen piece is" : " chosen pieces are") +
                      " not there at this isovalue";
+  if (waitsForPieces() && isFine()) status.doing = "finding the pieces";
+  if (hides_no_more_ && activeSurface(state_).pieces.hide.size() >= kMostSeeds)
+    status.limited = std::to_string(kMostSeeds) +
+                     " pieces are hidden, and no more can be: leave out small pieces, or keep one";
+  if (const std::string error = pieces_.wantedError(); !error.empty()) status.error = error;
   for (const std::string* error : {&planes_.error(), &slice_views_.error()})
     if (!error->empty()) status.error = *error;
   return status;

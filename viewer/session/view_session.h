@@ -21,6 +21,7 @@
 #include "isobrick/viewer/session/shown_volume.h"
 #include "isobrick/viewer/session/slice_views.h"
 #include "isobrick/viewer/session/surface_requests.h"
+#include "isobrick/viewer/session/view_legend.h"
 #include "isobrick/viewer/session/volume_opener.h"
 #include "isobrick/viewer/state/interaction.h"
 #include "isobrick/viewer/state/view_history.h"
@@ -107,7 +108,10 @@ class ViewSession {
 
   // True if the scene is the one of the state, as fine as it will get, slices included.
   bool isFine() const;
-  // And the view that the volume opens with is found, for which frames are drawn and noted.
+  // Surfaces are coloured by their pieces, which are not all known yet.
+  bool waitsForPieces() const { return pieces_.waits(); }
+  // And the pieces are known, and the view is found that the volume opens with, for which frames
+  // are drawn and noted.
   bool settled() const;
   SessionStatus status() const;
   // The values of the first and the last colour, if the shown surface is coloured by values.
@@ -132,11 +136,14 @@ class ViewSession {
   // False: the list is of another isovalue than the active surface has now.
   bool piecesAreCurrent() const;
   // Of the active surface only the selected piece stays, or this one is hidden too. No effect
-  // without a piece.
+  // without a piece; if kMostSeeds are hidden already, the status says so.
   void keepSelectedPiece();
   void hideSelectedPiece();
   // Its measures go into the state, if there is room.
   void measureSelectedPiece();
+
+  // The lists of pieces that are known, whoever asked for them.
+  const KnownComponents& known() const { return *known_; }
 
   // The paths of measurements over the surface.
   const PathFinder& paths() const { return paths_; }
@@ -156,6 +163,9 @@ class ViewSession {
  private:
   void grantView(const Wishes& wishes);
   void updateOpening();
+  void updatePieces(double seconds);
+  AskedView askedView() const { return {state_, interaction_.size.y, colored_by_}; }
+  std::vector<ColoredPieces> coloredPieces() const;
   std::optional<WorldBox> shownBox() const;
   SceneFrame sceneNow(int width, int height) const;
 
@@ -170,7 +180,11 @@ class ViewSession {
   DrawnScene scene_;
   std::optional<ViewState> drawn_state_;  // of the last draw()
   bool drew_ = false;                     // the renderer, in the last draw()
+  // By surface; one of another isovalue until the right one is there. Empty: no colours of pieces.
+  std::vector<std::shared_ptr<const ListedComponents>> colored_by_;
+  bool hides_no_more_ = false;  // the last piece to be hidden was one too many
 
+  const std::shared_ptr<KnownComponents> known_;
   // Last: their threads use the pyramid.
   SurfaceRequests requests_;
   PlaneSet planes_;

@@ -78,7 +78,7 @@ struct ViewPictures {
   bool operator==(const ViewPictures&) const = default;
 };
 
-enum class ViewColoring { kPlain, kLevel, kGradient, kOther, kPlaneDistance };
+enum class ViewColoring { kPlain, kLevel, kGradient, kOther, kPlaneDistance, kComponent };
 
 // A plane to measure from: dot(normal, point) - offset, above 0 on the normal's side.
 struct ViewPlane {
@@ -138,6 +138,14 @@ struct ViewState {
 
   bool operator==(const ViewState&) const = default;
 };
+
+// The active surface.
+inline ViewSurface& activeSurface(ViewState& state) {
+  return state.surfaces[static_cast<std::size_t>(state.active_surface)];
+}
+inline const ViewSurface& activeSurface(const ViewState& state) {
+  return state.surfaces[static_cast<std::size_t>(state.active_surface)];
+}
 
 // The facts of the volume that the viewer shows.
 struct ViewVolume {

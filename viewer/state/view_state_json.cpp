@@ -55,8 +55,8 @@ ISOBRICK_FIELDS(ViewState, camera, surfaces, active_surface, focus, curvature_to
                 pictures, measurements, piece_measures, mesh_distance, wireframe, show_transitions,
                 show_box, show_handles, background_top, background_bottom)
 
-constexpr std::array<std::string_view, 5> namesOf(ViewColoring) {
-  return {"plain", "level", "gradient", "other", "plane_distance"};
+constexpr std::array<std::string_view, 6> namesOf(ViewColoring) {
+  return {"plain", "level", "gradient", "other", "plane_distance", "component"};
 }
 constexpr std::array<std::string_view, 5> namesOf(ColorMap) {
   return {"viridis", "cividis", "inferno", "cool_warm", "grey"};

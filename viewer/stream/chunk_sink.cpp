@@ -32,9 +32,12 @@ void ChunkSink::write(PlacedBatch& placed) {
     chunk.lower = glm::min(chunk.lower, batch.positions[v]);
     chunk.upper = glm::max(chunk.upper, batch.positions[v]);
   }
-  if (values_ != nullptr) {
+  if (values_.components) {
+    for (std::size_t v = 0; v < chunk.vertices.size(); ++v)
+      chunk.vertices[v].value = packComponent(placed.components[v]);
+  } else if (values_.of != nullptr) {
     placed.values.resize(batch.positions.size());
-    values_->evaluate(placed, placed.values);
+    values_.of->evaluate(placed, placed.values);
     for (std::size_t v = 0; v < placed.values.size(); ++v)
       chunk.vertices[v].value = packValue(placed.values[v]);
   }

@@ -41,9 +41,13 @@ std::unique_ptr<ChunkValues> otherValues(const Pyramid& shown, const std::string
 class ChunkSink : public TriangleSink {
  public:
   using Take = std::function<void(std::size_t place, SurfaceChunk&& chunk)>;
-  // `key`: of the chunks, but for their level and brick. `values`: of the vertices; null: they have
-  // none. Outlives the sink.
-  ChunkSink(const ChunkKey& key, const ChunkValues* values, Take take)
+  // The values that vertices get.
+  struct Values {
+    const ChunkValues* of = nullptr;  // outlive the sink; null: none
+    bool components = false;          // the colours of PlacedBatch::components instead
+  };
+  // `key`: of the chunks, but for their level and brick.
+  ChunkSink(const ChunkKey& key, const Values& values, Take take)
       : surface_(key.surface), key_(key), values_(values), take_(std::move(take)) {}
 
   void place(PlacedBatch& placed) override { placed.first_byte = next_place_++; }
@@ -52,7 +56,7 @@ class ChunkSink : public TriangleSink {
  private:
   int surface_;
   ChunkKey key_;
-  const ChunkValues* values_;
+  Values values_;
   Take take_;
   std::uint64_t next_place_ = 0;
 };

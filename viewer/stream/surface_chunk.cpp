@@ -5,6 +5,9 @@
 #include <glm/common.hpp>
 #include <glm/matrix.hpp>
 
+#include "isobrick/extract/sinks/triangle_sink.h"
+#include "isobrick/viewer/color_map.h"
+
 namespace isobrick {
 namespace {
 
@@ -26,6 +29,11 @@ glm::vec3 unpackNormal(const std::array<std::int16_t, 3>& packed) {
 std::int16_t packValue(double share) {
   if (std::isnan(share)) return kNoVertexValue;
   return static_cast<std::int16_t>(std::lround(std::clamp(share, 0.0, 1.0) * 65533.0) - 32766);
+}
+
+std::int16_t packComponent(std::uint32_t number) {
+  if (number == kNoComponent) return kNoVertexValue;
+  return static_cast<std::int16_t>(number % kComponentColorCount);
 }
 
 void boundChunk(SurfaceChunk& chunk) {

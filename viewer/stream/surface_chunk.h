@@ -18,7 +18,7 @@ inline constexpr std::int16_t kNoVertexValue = -32768;
 struct SurfaceVertex {
   glm::vec3 position{0.0f};              // from the chunk's origin, in the scene's lattice
   std::array<std::int16_t, 3> normal{};  // world, outward, unit = 32767
-  std::int16_t value = kNoVertexValue;   // see packValue()
+  std::int16_t value = kNoVertexValue;   // see packValue(), packComponent()
 };
 static_assert(sizeof(SurfaceVertex) == 20);
 
@@ -28,6 +28,9 @@ std::array<std::int16_t, 3> packNormal(const glm::vec3& normal);
 glm::vec3 unpackNormal(const std::array<std::int16_t, 3>& packed);
 // A share of the range of all values, 0 .. 1, as -32766 .. 32767; not a number: kNoVertexValue.
 std::int16_t packValue(double share);
+// The place of a component's colour (componentColor), 0 .. 6, from its number; kNoComponent:
+// kNoVertexValue.
+std::int16_t packComponent(std::uint32_t number);
 
 // The facts that the content of a chunk depends on, if it does not depend on other bricks: equal
 // keys mean equal bytes.
@@ -35,6 +38,7 @@ struct ChunkKey {
   int surface = 0;                      // its number in the scene
   double isovalue = 0.0;                // of the query
   std::uint64_t values = 0;             // a number for the values at vertices; 0: none
+  std::uint64_t components = 0;         // a number for the list that colours them; 0: none
   int level = 0;                        // of the pyramid
   std::array<std::int64_t, 3> brick{};  // of that level
 

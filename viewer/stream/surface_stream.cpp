@@ -8,8 +8,10 @@
 
 #include "isobrick/storage/error.h"
 #include "isobrick/viewer/clock_seconds.h"
+#include "isobrick/viewer/color_map.h"
 #include "isobrick/viewer/stream/chunk_sink.h"
 #include "isobrick/viewer/stream/latest_worker.h"
+#include "isobrick/viewer/stream/listed_components.h"
 
 namespace isobrick {
 
@@ -27,11 +29,13 @@ StreamRequest requestOf(const Query& query) {
 }
 
 SurfaceStream::SurfaceStream(std::shared_ptr<const Pyramid> pyramid, int threads,
-                             std::function<void()> on_news, double patience_seconds)
+                             std::function<void()> on_news, double patience_seconds,
+                             std::shared_ptr<KnownComponents> known)
     : pyramid_(std::move(pyramid)),
       threads_(std::max(1, threads)),
       on_news_(std::move(on_news)),
       least_patience_(patience_seconds),
+      known_(known ? std::move(known) : std::make_shared<KnownComponents>()),
       extractor_(*pyramid_),
       patience_(patience_seconds),
       thread_([this] { run(); }) {}
@@ -305,6 +309,7 @@ SurfaceStream::Outcome SurfaceStream::extract(const Job& job, const Attempt& att
   };
   const ChunkValues* const values = valuesFor(job.request.values);
   if (values != nullptr) end.values = values->range();
+  end.what = values_wanted_.what;
   if (attempt.pass == 0 && !job.request.may_reuse) done_.clear();
   made_.clear();
   // TBB's threads come from one pool; an arena bounds how many of them work here.
@@ -329,13 +334,33 @@ SurfaceStream::Outcome SurfaceStream::extract(const Job& job, const Attempt& att
   return end.is_complete ? Outcome::kComplete : Outcome::kIncomplete;
 }
 
+namespace {
+
+// The first places that are kept of a list, for a legend.
+void noteLargest(const std::vector<std::uint8_t>& is_kept, StreamedSurface& streamed) {
+  for (std::size_t place = 0; place < is_kept.size(); ++place) {
+    if (is_kept[place] == 0) continue;
+    ++streamed.pieces;
+    if (streamed.largest.size() < kComponentColorCount) streamed.largest.push_back(place);
+  }
+}
+
+}  // namespace
+
 // In the arena.
 void SurfaceStream::extractSurface(const StreamPass::SurfaceQuery& surface, const Attempt& attempt,
                                    const std::function<void(SurfaceChunk&&)>& take,
                                    StreamMessage& end) {
-  const ChunkKey key{surface.surface, surface.query.isovalue, values_number_, 0, {}};
+  const bool by_component = values_wanted_.what == StreamValues::What::kComponent;
+  const ListedComponents* const listed = by_component ? surface.listed.get() : nullptr;
+  const ChunkKey key{surface.surface,
+                     surface.query.isovalue,
+                     values_number_,
+                     listed != nullptr ? listed->number() : 0,
+                     0,
+                     {}};
   const bool has_all = surface.pieces.isAll();
-  ChunkSink sink(key, values_.get(), [&](std::size_t, SurfaceChunk&& chunk) {
+  ChunkSink sink(key, {values_.get(), listed != nullptr}, [&](std::size_t, SurfaceChunk&& chunk) {
     // Which pieces are kept depends on all bricks.
     if (!has_all) chunk.key.reset();
     take(std::move(chunk));
@@ -357,15 +382,18 @@ void SurfaceStream::extractSurface(const StreamPass::SurfaceQuery& surface, cons
       levels[static_cast<std::size_t>(level)].triangles += known->second.triangles;
       return true;
     };
-  std::size_t lost = 0;
+  StreamedSurface streamed;
+  streamed.surface = surface.surface;
   ExtractionReport report;
-  if (has_all) {
-    report = extractor_.extract(query, sink);
+  if (!has_all) {
+    report = extractPieces(surface, query, attempt.most_triangles, sink, streamed);
+  } else if (listed != nullptr) {
+    const ListedNumbers numbers(*listed, query.isovalue);
+    ComponentNumbering numbering(numbers, sink);
+    report = extractor_.extract(query, numbering);
+    noteLargest(std::vector<std::uint8_t>(listed->list().size(), 1), streamed);
   } else {
-    ChosenExtraction chosen =
-        extractChosen(extractor_, query, surface.pieces, sink, attempt.most_triangles);
-    report = std::move(chosen.report);
-    lost = chosen.lost;
+    report = extractor_.extract(query, sink);
   }
   for (const LevelCounts& made : report.levels) {
     LevelCounts& counts = levels[static_cast<std::size_t>(made.level)];
@@ -373,7 +401,6 @@ void SurfaceStream::extractSurface(const StreamPass::SurfaceQuery& surface, cons
     counts.triangles += made.triangles;
     counts.transition_cells += made.transition_cells;
   }
-  StreamedSurface streamed{surface.surface, 0, {}, lost};
   for (std::size_t level = 0; level < levels.size(); ++level) {
     levels[level].level = static_cast<int>(level);
     streamed.triangles += levels[level].triangles;
@@ -383,6 +410,43 @@ void SurfaceStream::extractSurface(const StreamPass::SurfaceQuery& surface, cons
   end.bricks_read += report.bricks_read;
   end.is_complete = end.is_complete && report.is_complete;
   end.surfaces.push_back(std::move(streamed));
+}
+
+// The chosen pieces alone: of one level by its list, which is made if it is not known; of several
+// levels in two passes.
+ExtractionReport SurfaceStream::extractPieces(const StreamPass::SurfaceQuery& surface,
+                                              const Query& of_stream, std::uint64_t most_triangles,
+                                              TriangleSink& sink, StreamedSurface& streamed) {
+  Query query = of_stream;
+  query.is_progressive = false;
+  const bool by_component = values_wanted_.what == StreamValues::What::kComponent;
+  const ListedComponents* const colors = by_component ? surface.listed.get() : nullptr;
+  std::optional<ListedNumbers> numbers;
+  const auto noteLargestOfColors = [&] {
+    if (colors != nullptr)
+      noteLargest(colors->chosen(extractor_, surface.pieces, query.cancel).is_kept, streamed);
+  };
+  if (colors != nullptr) numbers.emplace(*colors, query.isovalue);
+  const std::optional<int> level = onlyLevelOf(query);
+  if (!level) {
+    noteLargestOfColors();
+    ChosenExtraction chosen = extractChosen(extractor_, query, surface.pieces, sink, most_triangles,
+                                            numbers ? &*numbers : nullptr);
+    streamed.lost_pieces = chosen.lost;
+    return std::move(chosen.report);
+  }
+  const auto listed = known_->findOrList(
+      extractor_, *pyramid_, {query.isovalue, *level, query.cancel, nullptr, most_triangles});
+  ChosenComponents chosen = listed->chosen(extractor_, surface.pieces, query.cancel);
+  streamed.lost_pieces = chosen.lost;
+  const bool is_of_colors = colors == listed.get();
+  if (is_of_colors)
+    noteLargest(chosen.is_kept, streamed);
+  else
+    noteLargestOfColors();
+  ComponentFilter filter(listed->components(), std::move(chosen.is_kept), sink,
+                         is_of_colors || !numbers ? nullptr : &*numbers);
+  return extractor_.extract(query, filter);
 }
 
 }  // namespace isobrick

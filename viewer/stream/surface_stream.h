@@ -32,7 +32,9 @@
 
 namespace isobrick {
 
-class ChunkValues;  // chunk_sink.h
+class ChunkValues;       // chunk_sink.h
+class KnownComponents;   // listed_components.h
+class ListedComponents;  // likewise
 
 // One closed surface for each query, together: they may replace the surfaces shown before.
 struct StreamPass {
@@ -48,6 +50,9 @@ struct StreamPass {
     int surface = 0;          // its number in the scene; the caller's choice, one query each
     Query query;              // its `cancel`, `is_progressive` and `has_brick` are the stream's own
     PieceChoice pieces = {};  // of the surface; the others are left out
+    // Whose places colour the vertices, with StreamValues::What::kComponent; of the same surface,
+    // or of one that is close to it. Null: they have none.
+    std::shared_ptr<const ListedComponents> listed = {};
   };
   double radius = 0.0;                 // of the queries, voxels; for the caller alone
   std::vector<SurfaceQuery> queries;   // extracted one after the other
@@ -60,12 +65,17 @@ struct StreamedSurface {
   std::uint64_t triangles = 0;      // with those of bricks that were not made again
   std::vector<LevelCounts> levels;  // with triangles, ascending
   std::size_t lost_pieces = 0;      // chosen ones that are not there (ChosenComponents)
+  // The places in SurfaceQuery::listed of the largest pieces that are shown, at most
+  // kComponentColorCount, and how many there are.
+  std::vector<std::size_t> largest = {};
+  std::size_t pieces = 0;  // see there
 };
 
 // The values that vertices carry beside their normals.
 struct StreamValues {
-  // None; how steep the volume is there, data units per world unit; those of another pyramid.
-  enum class What { kNone, kGradient, kOther };
+  // None; how steep the volume is there, data units per world unit; those of another pyramid; the
+  // places of components (packComponent).
+  enum class What { kNone, kGradient, kOther, kComponent };
   What what = What::kNone;  // the kind
   std::string other;        // of kOther: the path of a pyramid
 
@@ -113,6 +123,7 @@ struct StreamMessage {
   bool last_pass = false;   // nothing finer follows
   bool is_complete = true;  // false: coarser than requested, as bricks were not resident
   double radius = 0.0;      // of the pass
+  StreamValues::What what = StreamValues::What::kNone;  // the vertices' values
   std::array<double, 2> values{0.0, 0.0};     // that a vertex value's share 0 and 1 stand for
   double seconds = 0.0;                       // of extraction, waiting for a full queue left out
   double ended = 0.0;                         // when the extraction ended, of steady_clock
@@ -151,8 +162,11 @@ class SurfaceStream {
   // none. It comes from any thread of the extraction, perhaps from several at once, and perhaps for
   // a message that a newer request has dropped since. It wakes the interface and does nothing else:
   // it must neither wait, throw, nor call the stream, and lives as long as the stream.
+  //
+  // `known`: the lists of components that it uses and adds to; null: its own.
   SurfaceStream(std::shared_ptr<const Pyramid> pyramid, int threads,
-                std::function<void()> on_news = {}, double patience_seconds = kPatienceSeconds);
+                std::function<void()> on_news = {}, double patience_seconds = kPatienceSeconds,
+                std::shared_ptr<KnownComponents> known = {});
   // Cancels the work under way, and waits for its end.
   ~SurfaceStream();
   SurfaceStream(const SurfaceStream&) = delete;
@@ -190,6 +204,9 @@ class SurfaceStream {
   Outcome extract(const Job& job, const Attempt& attempt, StreamMessage& end);
   void extractSurface(const StreamPass::SurfaceQuery& surface, const Attempt& attempt,
                       const std::function<void(SurfaceChunk&&)>& take, StreamMessage& end);
+  ExtractionReport extractPieces(const StreamPass::SurfaceQuery& surface, const Query& query,
+                                 std::uint64_t most_triangles, TriangleSink& sink,
+                                 StreamedSurface& streamed);
   void noteTime(StreamMessage& end) const;
   void finish(StreamMessage end);
   void dropLastChunks();
@@ -206,6 +223,7 @@ class SurfaceStream {
   const int threads_;
   const std::function<void()> on_news_;
   const double least_patience_;
+  const std::shared_ptr<KnownComponents> known_;
   // For the thread alone:
   Extractor extractor_;  // keeps its memory from pass to pass
   StreamValues values_wanted_;

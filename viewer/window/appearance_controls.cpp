@@ -55,18 +55,29 @@ void planeOfValues(ViewSession& session) {
   }
 }
 
+// The largest pieces, in their colours.
+void legendOfPieces(const ViewSession& session) {
+  if (session.waitsForPieces()) return ImGui::TextDisabled("finding the pieces");
+  const PictureLegend legend = session.notes().meaning;
+  for (const PictureLegend::Patch& patch : legend.patches) {
+    patchOf(patch.color);
+    ImGui::TextUnformatted(patch.text.c_str());
+  }
+  if (!legend.rest.empty()) ImGui::TextDisabled("%s", legend.rest.c_str());
+}
+
 // The meaning of the surfaces' colours.
 void coloring(ViewSession& session, float scale) {
   ViewState& state = session.state();
   int chosen = static_cast<int>(state.coloring);
   if (ImGui::Combo("colour by", &chosen,
-                   "surface\0level\0gradient\0another pyramid\0distance to a plane\0"))
+                   "surface\0level\0gradient\0another pyramid\0distance to a plane\0piece\0"))
     state.coloring = static_cast<ViewColoring>(chosen);
   explain(
       "What the colours mean: that of the surface's line; the level of the pyramid, red the "
       "finest; "
       "how steep the volume is there; the values of another pyramid at the same place; how far "
-      "away a plane is.");
+      "away a plane is; the connected piece, by its area.");
   const bool by_other = state.coloring == ViewColoring::kOther;
   if (by_other) {
     std::array<char, 1024> path{};
@@ -76,6 +87,7 @@ void coloring(ViewSession& session, float scale) {
       state.values.other = path.data();
   }
   if (state.coloring == ViewColoring::kPlaneDistance) planeOfValues(session);
+  if (state.coloring == ViewColoring::kComponent) legendOfPieces(session);
   const auto window = session.valueWindow();
   if (!window) return;
   valueBar(state.values.map, scale);

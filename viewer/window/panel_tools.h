@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cstdio>
+#include <glm/vec3.hpp>
 #include <string>
 
 #include "isobrick/viewer/window/window_layout.h"
@@ -31,6 +32,17 @@ inline void explain(const char* text) {
   ImGui::TextUnformatted(text);
   ImGui::PopTextWrapPos();
   ImGui::EndTooltip();
+}
+
+// A patch of a colour, sRGB, before the text that says what it means.
+inline void patchOf(const glm::vec3& color) {
+  const float side = ImGui::GetTextLineHeight();
+  const ImVec2 at = ImGui::GetCursorScreenPos();
+  ImGui::GetWindowDrawList()->AddRectFilled(
+      at, {at.x + side, at.y + side},
+      ImGui::ColorConvertFloat4ToU32({color.r, color.g, color.b, 1.0f}));
+  ImGui::Dummy({side, side});
+  ImGui::SameLine();
 }
 
 inline bool sliderOf(const char* label, double& value, double least, double greatest,

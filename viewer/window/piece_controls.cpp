@@ -76,11 +76,7 @@ void selectedPieceRow(ViewSession& session) {
   if (ImGui::Button("measure")) session.measureSelectedPiece();
   explain("Adds its area and volume to the measures.");
   ImGui::SameLine();
-  const ViewState& state = session.state();
-  const PieceChoice& choice = state.surfaces[static_cast<std::size_t>(state.active_surface)].pieces;
-  ImGui::BeginDisabled(choice.hide.size() >= kMostSeeds);
   if (ImGui::Button("hide")) session.hideSelectedPiece();
-  ImGui::EndDisabled();
   explain("Leaves this piece out, of meshes too (Delete, while picking). At most 64 are hidden.");
 }
 
@@ -94,21 +90,25 @@ void frame(ViewSession& session, const SurfaceComponent& piece) {
 void pieceRows(ViewSession& session, float scale) {
   PieceList& pieces = session.pieces();
   if (!pieces.listed()) return;
-  const PieceList::Listed& listed = *pieces.listed();
-  std::string title = std::to_string(listed.pieces.size()) + " pieces";
-  if (!session.piecesAreCurrent()) title += text(" at isovalue %.6g", listed.isovalue);
-  if (listed.level > 0) title += text(", at level %d: level 0 is too much", listed.level);
+  const ListedComponents& listed = *pieces.listed();
+  const std::vector<SurfaceComponent>& list = listed.list();
+  std::string title = std::to_string(list.size()) + " pieces";
+  if (!session.piecesAreCurrent()) title += text(" at isovalue %.6g", listed.isovalue());
+  if (listed.level() > 0) title += text(", at level %d: level 0 is too much", listed.level());
   ImGui::TextWrapped("%s", title.c_str());
   selectedPieceRow(session);
-  if (listed.pieces.empty()) return;
+  if (list.empty()) return;
   const bool is_mm = session.pyramid().spec().geometry.unit == LengthUnit::kMillimetre;
   const char* const unit = is_mm ? " mm\u00b2" : "";
-  const std::size_t rows = std::min(listed.pieces.size(), kMostRows);
+  const std::size_t rows = std::min(list.size(), kMostRows);
+  const bool is_colored =
+      session.piecesAreCurrent() && session.state().coloring == ViewColoring::kComponent;
   ImGui::BeginChild("pieces", {0.0f, 150.0f * scale}, true);
   for (std::size_t i = 0; i < rows; ++i) {
-    const SurfaceComponent& piece = listed.pieces[i];
+    const SurfaceComponent& piece = list[i];
     const bool is_selected = pieces.selected() == i;
-    const std::string row = text("%zu   %.5g%s   %llu triangles##%zu", i + 1, piece.area, unit,
+    if (is_colored) patchOf(componentColor(i));
+    const std::string row = text("%zu   %.5g%s   %llu triangles##%zu", i, piece.area, unit,
                                  static_cast<unsigned long long>(piece.triangles), i);
     if (ImGui::Selectable(row.c_str(), is_selected)) {
       pieces.select(i);
@@ -116,8 +116,7 @@ void pieceRows(ViewSession& session, float scale) {
     }
     explain("Its area and triangles. Click to frame it.");
   }
-  if (rows < listed.pieces.size())
-    ImGui::TextDisabled("and %zu smaller ones", listed.pieces.size() - rows);
+  if (rows < list.size()) ImGui::TextDisabled("and %zu smaller ones", list.size() - rows);
   ImGui::EndChild();
 }
 

@@ -17,6 +17,7 @@
 #include "tests/support/picture_similarity.h"
 #include "tests/support/requirement.h"
 #include "tests/support/test_paths.h"
+#include "tests/support/two_balls.h"
 
 namespace isobrick {
 namespace {
@@ -86,6 +87,11 @@ TEST(GoldenPicturesTest, ViewsLookAsTheyDid) {
   distance.values.plane_window = {{-20.0, 20.0}};
   distance.values.map = ColorMap::kCoolWarm;
   distance.pictures = {false, 1, true, true, true};
+  ViewState& components = add("components");
+  components.coloring = ViewColoring::kComponent;
+  components.surfaces[0].isovalue = 216.0;
+  components.camera.distance = 36.0;
+  components.pictures = {false, 1, false, false, true};
 
   const std::string golden = std::string(test::goldenFolder()) + "/pictures/";
   const CancelFlag never;
@@ -107,6 +113,41 @@ TEST(GoldenPicturesTest, ViewsLookAsTheyDid) {
     for (const std::size_t j : {std::size_t{0}, i - 1})
       EXPECT_LT(test::similarity(drawn[j], drawn[i]), 0.975)
           << views[j].first << " " << views[i].first;
+}
+
+// The first picture waits for the pieces, so it is the same whatever the threads do.
+TEST(GoldenPicturesTest, PiecesAreKnownInEveryPicture) {
+  const test::TemporaryFolder folder;
+  const auto pyramid = test::openTwoBalls(folder);
+  ViewState state;
+  state.camera.pivot = pyramid->spec().geometry.indexToWorld(glm::dvec3(45));
+  state.camera.distance = 90.0;
+  state.camera.azimuth = 120.0;
+  state.surfaces[0].isovalue = 0.0;
+  state.focus.everywhere = true;
+  state.show_box = false;
+  state.coloring = ViewColoring::kComponent;
+  const CancelFlag never;
+  std::vector<PictureBytes> drawn;
+  for (const int threads : {1, 2, 3}) {
+    try {
+      drawn.push_back(
+          test::bytesOf(drawView(pyramid, state, {kWidth, kHeight, threads, false}, never).image));
+    } catch (const Error& error) {
+      SKIP_UNLESS_REQUIRED(error.what());
+    }
+    EXPECT_EQ(drawn.back().rgba, drawn.front().rgba);
+  }
+  // The large ball is orange, the small one sky blue, and no pixel has a colour of its own.
+  std::size_t orange = 0, blue = 0;
+  for (std::size_t i = 0; i + 3 < drawn[0].rgba.size(); i += 4) {
+    const int red = drawn[0].rgba[i], third = drawn[0].rgba[i + 2];
+    orange += red > third + 60;
+    blue += third > red + 40;
+  }
+  EXPECT_GT(orange, 1000u);
+  EXPECT_GT(blue, 200u);
+  EXPECT_LT(blue, orange);
 }
 
 }  // namespace

@@ -54,7 +54,7 @@ class SessionPiecesTest : public ::testing::Test {
   }
   // Of level 0, as listed.
   std::uint64_t trianglesOf(std::size_t place) const {
-    return session_->pieces().listed()->pieces.at(place).triangles;
+    return session_->pieces().listed()->list().at(place).triangles;
   }
   std::uint64_t shown() const { return session_->status().triangles; }
 
@@ -70,9 +70,9 @@ TEST_F(SessionPiecesTest, AreListedWithTheMeasuresOfTheBalls) {
   EXPECT_FALSE(session_->settled());
   settle();
   ASSERT_TRUE(session_->piecesAreCurrent());
-  const PieceList::Listed& listed = *session_->pieces().listed();
-  ASSERT_EQ(listed.pieces.size(), 2u);
-  EXPECT_EQ(listed.level, 0);
+  const ListedComponents& listed = *session_->pieces().listed();
+  ASSERT_EQ(listed.list().size(), 2u);
+  EXPECT_EQ(listed.level(), 0);
   EXPECT_EQ(session_->pieces().selectedPiece(), nullptr);
   EXPECT_EQ(session_->pieces().progress(), 1.0f);
   EXPECT_EQ(trianglesOf(0) + trianglesOf(1), shown());
@@ -80,7 +80,7 @@ TEST_F(SessionPiecesTest, AreListedWithTheMeasuresOfTheBalls) {
   const double radii[2] = {0.5 * kLargeRadius, 0.5 * kSmallRadius};
   const glm::dvec3 centers[2] = {geometry.indexToWorld(kLarge), geometry.indexToWorld(kSmall)};
   for (std::size_t i = 0; i < 2; ++i) {
-    const SurfaceComponent& piece = listed.pieces[i];
+    const SurfaceComponent& piece = listed.list()[i];
     const double r = radii[i], area = 4 * std::numbers::pi * r * r;
     // The chords of a mesh with edges h lie below the sphere by h^2 / 8r, here h <= 0.87.
     EXPECT_LT(piece.area, area);
@@ -97,12 +97,15 @@ TEST_F(SessionPiecesTest, AreListedWithTheMeasuresOfTheBalls) {
 }
 
 TEST_F(SessionPiecesTest, AnotherLevelIsListedIfLevel0IsTooMuch) {
-  PieceList pieces(pyramid_, 1, 16 * 16 * 16 * 10);
+  PieceList pieces(pyramid_, 1, std::make_shared<KnownComponents>(), 16 * 16 * 16 * 10);
   pieces.request(0.0, pyramid_->spec().geometry.indexToWorld(kSmall));
-  while (!pieces.update()) std::this_thread::yield();
+  while (pieces.busy()) {
+    pieces.update();
+    std::this_thread::yield();
+  }
   ASSERT_TRUE(pieces.listed()) << pieces.error();
-  EXPECT_GT(pieces.listed()->level, 0);
-  EXPECT_EQ(pieces.listed()->pieces.size(), 2u);
+  EXPECT_GT(pieces.listed()->level(), 0);
+  EXPECT_EQ(pieces.listed()->list().size(), 2u);
   EXPECT_EQ(pieces.selected(), 1u);
 }
 
@@ -184,7 +187,7 @@ TEST_F(SessionPiecesTest, MeasuresGoIntoTheView) {
   session_->measureSelectedPiece();
   ASSERT_EQ(session_->state().piece_measures.size(), 1u);
   EXPECT_EQ(session_->state().piece_measures[0],
-            measureOf(session_->pieces().listed()->pieces[1], 0.0, 0));
+            measureOf(session_->pieces().listed()->list()[1], 0.0, 0));
 }
 
 }  // namespace

@@ -34,7 +34,7 @@ TEST(ChunkSinkTest, ChunksInTheirPlacesAreTheMeshOfTheSameQuery) {
 
   std::mutex mutex;
   std::vector<SurfaceChunk> chunks;
-  ChunkSink sink({.surface = 3, .isovalue = query.isovalue}, nullptr,
+  ChunkSink sink({.surface = 3, .isovalue = query.isovalue}, {},
                  [&](std::size_t place, SurfaceChunk&& chunk) {
                    const std::lock_guard lock(mutex);
                    if (chunks.size() <= place) chunks.resize(place + 1);

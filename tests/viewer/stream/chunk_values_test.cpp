@@ -31,7 +31,7 @@ class ChunkValuesTest : public ::testing::Test {
     query.focus = FocusSphere{{10.0, 20.0, 20.0}, 12.0};
     std::mutex mutex;
     std::vector<SurfaceChunk> chunks;
-    ChunkSink sink({}, &values, [&](std::size_t, SurfaceChunk&& chunk) {
+    ChunkSink sink({}, {&values}, [&](std::size_t, SurfaceChunk&& chunk) {
       const std::lock_guard lock(mutex);
       chunks.push_back(std::move(chunk));
     });

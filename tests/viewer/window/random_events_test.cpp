@@ -270,7 +270,7 @@ class Play {
         state.slices[axis].position = randomReal(random, -10.0, 60.0);
         break;
       case 2:
-        state.coloring = static_cast<ViewColoring>(randomBelow(random, 5));
+        state.coloring = static_cast<ViewColoring>(randomBelow(random, 6));
         break;
       case 3:
         state.view_pixels = randomBelow(random, 2) == 0
