@@ -1,10 +1,26 @@
 #include "isobrick/viewer/render/occlusion_pass.h"
 
+#include <algorithm>
+#include <cmath>
+
 #include "isobrick/viewer/render/scene_shaders.h"
 
 namespace isobrick {
 namespace {
+
 constexpr float kOcclusionReach = 1.0f / 16;  // of the picture's height
+
+float reachIn(const SceneFrame& frame) {
+  return kOcclusionReach * static_cast<float>(frame.height);
+}
+
+}  // namespace
+
+// The shade of a pixel is a mean over those 2 pixels around, whose planes need a neighbour.
+int OcclusionPass::neighbourhoodOf(const SceneFrame& frame) {
+  constexpr int kMean = 2;
+  if (!frame.ambient_occlusion) return 0;
+  return kMean + std::max(1, static_cast<int>(std::ceil(reachIn(frame))) + 1);
 }
 
 OcclusionPass::OcclusionPass()
@@ -26,10 +42,8 @@ void OcclusionPass::draw(const GlTargets& targets, const SceneView& view) {
   glBindTextureUnit(1, *openness_);
   glBindVertexArray(*empty_array_);
   const auto cover = [&](const GlProgram& program) {
-    glUseProgram(*program);
-    setUniform(program, "projection", view.projection);
-    setUniform(program, "orthographic", static_cast<int>(view.frame.camera.orthographic));
-    setUniform(program, "reach", kOcclusionReach * static_cast<float>(height_));
+    setPlacesOfPixels(program, view);
+    setUniform(program, "reach", reachIn(view.frame));
     glDrawArrays(GL_TRIANGLES, 0, 3);
   };
   glDisable(GL_DEPTH_TEST);

@@ -12,6 +12,8 @@ class OcclusionPass {
  public:
   OcclusionPass();
 
+  // How far it looks around a pixel, in pixels (scene_view.h).
+  static int neighbourhoodOf(const SceneFrame& frame);
   // Shades what the sampled frame shows.
   void draw(const GlTargets& targets, const SceneView& view);
 

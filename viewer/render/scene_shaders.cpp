@@ -19,11 +19,23 @@ uniform vec4 projection;  // x and y scale, depth scale and offset
 uniform bool orthographic;
 uniform vec4 clip_planes[6];
 uniform int clip_count;
+uniform vec2 half_picture;  // pixels
+uniform vec2 port_middle;   // of the viewport, pixels from the middle of the picture
+uniform float half_port;    // pixels, a power of two
 out float gl_ClipDistance[6];
 
+// A card keeps places to 1/256 of a pixel. They are rounded to that here, in the whole picture, so
+// that every tile of it gets the same ones. Behind the eye, or far outside, there are none.
 void project(vec3 place) {
-  gl_Position = vec4(projection.xy * place.xy, projection.z * place.z + projection.w,
-                     orthographic ? 1.0 : -place.z);
+  float w = orthographic ? 1.0 : -place.z;
+  precise vec2 across = projection.xy * place.xy * half_picture;
+  if (w > 0.0 && all(lessThan(abs(across), vec2(1048576.0 * w)))) {
+    precise vec2 pixel = round(across / w * 256.0) / 256.0;
+    gl_Position.xy = (pixel - port_middle) / half_port * w;
+  } else {
+    gl_Position.xy = (across - port_middle * w) / half_port;
+  }
+  gl_Position.zw = vec2(projection.z * place.z + projection.w, w);
   for (int i = 0; i < 6; ++i)
     gl_ClipDistance[i] = i < clip_count ? dot(clip_planes[i].xyz, place) + clip_planes[i].w : 1.0;
 }
@@ -183,21 +195,22 @@ void main() {}
 )";
 
 // One triangle that covers the picture.
-constexpr char kBackgroundVertexShader[] = R"(out float height;
-
+constexpr char kBackgroundVertexShader[] = R"(
 void main() {
   vec2 corner = vec2(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0);
-  height = 0.5 + 0.5 * corner.y;
   gl_Position = vec4(corner, 0.0, 1.0);
 }
 )";
 
-constexpr char kBackgroundFragmentShader[] = R"(in float height;
+constexpr char kBackgroundFragmentShader[] = R"(
 uniform vec3 top;
 uniform vec3 bottom;
+uniform float first_row;  // of those that are drawn, from below
+uniform float picture_height;
 out vec4 color;
 
 void main() {
+  float height = (gl_FragCoord.y + first_row) / picture_height;
   vec3 root = mix(sqrt(bottom), sqrt(top), height);  // close to steps that look even
   color = vec4(root * root, 1.0);
 }
@@ -291,9 +304,12 @@ void main() {
 }
 )";
 
-// For depths: the places of pixels in eye coordinates.
+// For depths: the places of pixels in eye coordinates. A pixel counts from the lower left corner of
+// what is drawn, which may be a tile of the picture.
 constexpr char kPlacesOfPixels[] = R"(
 layout(binding = 0) uniform sampler2D depths;
+uniform ivec2 first_pixel;   // that is drawn, from the lower left corner of the picture
+uniform vec2 picture_size;  // pixels
 uniform vec4 projection;
 uniform bool orthographic;
 uniform float reach;
@@ -309,14 +325,13 @@ float distanceAt(ivec2 pixel) {
 }
 
 vec3 placeAt(ivec2 pixel, float distance) {
-  vec2 place = 2.0 * (vec2(pixel) + 0.5) / vec2(textureSize(depths, 0)) - 1.0;
+  vec2 place = 2.0 * (vec2(pixel + first_pixel) + 0.5) / picture_size - 1.0;
   return vec3(place / projection.xy * (orthographic ? 1.0 : distance), -distance);
 }
 
 // `reach` at this distance, in eye coordinates.
 float radiusAt(float distance) {
-  return 2.0 * reach / (projection.y * float(textureSize(depths, 0).y)) *
-         (orthographic ? 1.0 : distance);
+  return 2.0 * reach / (projection.y * picture_size.y) * (orthographic ? 1.0 : distance);
 }
 )";
 
@@ -344,7 +359,8 @@ void main() {
   vec3 normal = normalize(cross(stepAlong(pixel, place, ivec2(1, 0)),
                                 stepAlong(pixel, place, ivec2(0, 1))));
   float radius = radiusAt(distance);
-  float turn = 6.28318530718 / 16.0 * float((pixel.x & 3) * 4 + (((pixel.y & 3) + pixel.x) & 3));
+  ivec2 seen = pixel + first_pixel;
+  float turn = 6.28318530718 / 16.0 * float((seen.x & 3) * 4 + (((seen.y & 3) + seen.x) & 3));
   float sum = 0.0;
   for (int i = 0; i < kPlaces; ++i) {
     float away = max(1.0, reach * sqrt((float(i) + 0.5) / float(kPlaces)));
@@ -536,6 +552,9 @@ void setUniform(const GlProgram& program, const char* name, float value) {
 }
 void setUniform(const GlProgram& program, const char* name, int value) {
   glProgramUniform1i(*program, place(program, name), value);
+}
+void setUniform(const GlProgram& program, const char* name, const glm::ivec2& value) {
+  glProgramUniform2iv(*program, place(program, name), 1, &value[0]);
 }
 void setUniform(const GlProgram& program, const char* name, unsigned value) {
   glProgramUniform1ui(*program, place(program, name), value);

@@ -34,6 +34,8 @@ ShadowPass::ShadowPass(bool is_software) : program_(makeDepthProgram()), draws_(
 
 void ShadowPass::draw(const GlChunks& chunks, const SceneView& view) {
   const SceneFrame& frame = view.frame;
+  if (drawn_ == frame) return;
+  drawn_.reset();
   // As fine as the picture itself.
   const int size = std::clamp(2 * std::max(frame.width, frame.height), 512, kMostPixels);
   if (size != size_) {
@@ -60,7 +62,6 @@ void ShadowPass::draw(const GlChunks& chunks, const SceneView& view) {
   seen_.projection = light.projection;
   seen_.texel = static_cast<float>(2.0 * lit.camera.half_width / size);
   glBindFramebuffer(GL_FRAMEBUFFER, *frame_);
-  glViewport(0, 0, size, size);
   glClear(GL_DEPTH_BUFFER_BIT);
   glEnable(GL_DEPTH_TEST);
   glDisable(GL_BLEND);
@@ -68,9 +69,10 @@ void ShadowPass::draw(const GlChunks& chunks, const SceneView& view) {
   setUniform(program_, "lattice_to_eye", glm::mat3(light.to_eye * frame.lattice.matrix));
   setUniform(program_, "world_to_eye", glm::mat3(light.to_eye));
   setUniform(program_, "eye_rest", glm::vec3(light.snapped.rest));
-  draws_.collect(chunks, light, light.planesOfPicture());
+  draws_.collect(chunks, light, light.planesDrawn());
   for (std::size_t s = 0; s < frame.surfaces.size(); ++s)
     if (frame.isOpaque(s)) draws_.draw(chunks, static_cast<int>(s), false);
+  drawn_ = frame;
 }
 
 }  // namespace isobrick

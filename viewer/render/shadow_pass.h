@@ -28,7 +28,8 @@ class ShadowPass {
   // Throws Error if the driver refuses the shader.
   explicit ShadowPass(bool is_software);
 
-  // Draws the depths of the frame's opaque surfaces; binds the frame of them.
+  // Draws the depths of the frame's opaque surfaces, unless they are still those of this very
+  // frame: all tiles of a picture have the same. Binds another frame buffer.
   void draw(const GlChunks& chunks, const SceneView& view);
   // Of the last draw().
   const ShadowView& seen() const { return seen_; }
@@ -41,6 +42,7 @@ class ShadowPass {
   GlTexture depths_;
   GlFramebuffer frame_;
   ShadowView seen_;
+  std::optional<SceneFrame> drawn_;
 };
 
 }  // namespace isobrick
