@@ -81,6 +81,8 @@ void GlSceneRenderer::paint(const SceneView& view, Buffers& buffers) {
   cut(frame.clip_planes.size());
   const bool with_shadow = frame.shadow && !frame.headlight && !frame.normals;
   if (with_shadow) shadow.draw(chunks_, view);
+  const bool with_occlusion = frame.ambient_occlusion && !frame.normals;
+  if (with_occlusion) occlusion.drawAround(chunks_, view);
   cut(0);
   surfaces_.begin(chunks_, view, with_shadow ? &shadow : nullptr);
   glBindFramebuffer(GL_FRAMEBUFFER, targets.sampledFrame());
@@ -88,7 +90,7 @@ void GlSceneRenderer::paint(const SceneView& view, Buffers& buffers) {
   drawBackground(view);
   cut(frame.clip_planes.size());
   surfaces_.drawOpaque(chunks_, view);
-  if (frame.ambient_occlusion && !frame.normals) {
+  if (with_occlusion) {
     cut(0);
     occlusion.draw(targets, view);
     cut(frame.clip_planes.size());

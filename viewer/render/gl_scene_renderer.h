@@ -79,7 +79,8 @@ class GlSceneRenderer : public SceneRenderer {
  private:
   // The memory of a picture, or of a tile, and what is drawn in memory of its size.
   struct Buffers {
-    explicit Buffers(GlDevice& device) : targets(device), shadow(device.isSoftware()) {}
+    explicit Buffers(GlDevice& device)
+        : targets(device), shadow(device.isSoftware()), occlusion(device.isSoftware()) {}
     GlTargets targets;
     ShadowPass shadow;
     OcclusionPass occlusion;

@@ -314,14 +314,19 @@ uniform vec4 projection;
 uniform bool orthographic;
 uniform float reach;
 
-// Along the view; below 0: there is nothing but background.
+// Along the view.
+float distanceOf(float depth) {
+  return orthographic ? (projection.w - depth) / projection.z
+                      : projection.w / (depth + projection.z);
+}
+
+// Below 0: there is nothing but background.
 float distanceAt(ivec2 pixel) {
   if (any(lessThan(pixel, ivec2(0))) || any(greaterThanEqual(pixel, textureSize(depths, 0))))
     return -1.0;
   float depth = texelFetch(depths, pixel, 0).r;
   if (depth <= 0.0) return -1.0;
-  return orthographic ? (projection.w - depth) / projection.z
-                      : projection.w / (depth + projection.z);
+  return distanceOf(depth);
 }
 
 vec3 placeAt(ivec2 pixel, float distance) {
@@ -338,7 +343,31 @@ float radiusAt(float distance) {
 // Surfaces that rise over the plane of a pixel shade it, the more the nearer it is. The sampled
 // places turn from pixel to pixel, so that 4 x 4 pixels cover as much as 256 places.
 constexpr char kOcclusionFragmentShader[] = R"(
+layout(binding = 2) uniform sampler2D coarse_depths;
+uniform bool has_coarse;
+uniform ivec2 first_coarse;
+uniform vec2 coarse_size;  // of the picture, in its pixels
 out float open;
+
+// What is seen around a pixel; false: there is nothing but background.
+bool surfaceAt(ivec2 pixel, out vec3 place) {
+  if (!has_coarse) {
+    float distance = distanceAt(pixel);
+    place = placeAt(pixel, distance);
+    return distance >= 0.0;
+  }
+  ivec2 whole = ivec2(floor((vec2(pixel + first_pixel) + 0.5) * coarse_size / picture_size));
+  ivec2 coarse = whole - first_coarse;
+  if (any(lessThan(coarse, ivec2(0))) ||
+      any(greaterThanEqual(coarse, textureSize(coarse_depths, 0))))
+    return false;
+  float depth = texelFetch(coarse_depths, coarse, 0).r;
+  if (depth <= 0.0) return false;
+  float distance = distanceOf(depth);
+  vec2 at = 2.0 * (vec2(whole) + 0.5) / coarse_size - 1.0;
+  place = vec3(at / projection.xy * (orthographic ? 1.0 : distance), -distance);
+  return true;
+}
 
 // To the neighbour that is on the same surface, more likely than the one on the other side.
 vec3 stepAlong(ivec2 pixel, vec3 place, ivec2 along) {
@@ -366,9 +395,9 @@ void main() {
     float away = max(1.0, reach * sqrt((float(i) + 0.5) / float(kPlaces)));
     float angle = turn + 2.39996323 * float(i);
     ivec2 other = pixel + ivec2(round(away * vec2(cos(angle), sin(angle))));
-    float there = distanceAt(other);
-    if (there < 0.0) continue;
-    vec3 arm = (placeAt(other, there) - place) / radius;
+    vec3 there;
+    if (!surfaceAt(other, there)) continue;
+    vec3 arm = (there - place) / radius;
     float square = dot(arm, arm);
     float near = max(0.0, 1.0 - square);
     sum += near * near * near * max(0.0, dot(arm, normal) - kRise) / (square + 0.01);

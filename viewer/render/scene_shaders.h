@@ -67,7 +67,9 @@ constexpr GLsizei kSphereVertices = 6 * 32 * 64;
 
 // The share of the light from all around that reaches the surface at a pixel, by the depths around
 // it: 1 is all. Draw 3 vertices. Uniforms: sampler2D depths at unit 0; those of
-// setPlacesOfPixels(); float reach (pixels around each, within which things shade each other).
+// setPlacesOfPixels(); float reach (pixels around each, within which things shade each other); bool
+// has_coarse, and if so coarser depths in place of those around: sampler2D coarse_depths at unit 2,
+// ivec2 first_coarse (its first pixel), vec2 coarse_size (of the picture of them).
 GlProgram makeOcclusionProgram();
 
 // The same without its grain, as colours to be multiplied with the picture's, at depth 0. Draw 3
