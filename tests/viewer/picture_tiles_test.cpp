@@ -175,7 +175,7 @@ TEST_F(PictureTilesTest, LargePicturesShadeThemselvesAcrossTilesToo) {
   state.camera.distance = 40.0;
   for (const bool orthographic : {false, true}) {
     state.camera.orthographic = orthographic;
-    const SceneWithNotes scene = sceneOf(state, 101, 4243);
+    const SceneWithNotes scene = sceneOf(state, 151, 2143);
     EXPECT_LT(renderer_->neighbourhoodOf(scene.frame), 8);
     expectTheSame(orthographic ? "high-parallel" : "high", scene);
   }

@@ -17,7 +17,7 @@ float reachIn(const SceneFrame& frame) {
 
 // How many pixels of the picture one of the coarser depths is; 1: there are none.
 int stepIn(const SceneFrame& frame) {
-  constexpr float kReach = 128.0f;  // in coarser pixels, at least
+  constexpr float kReach = 64.0f;  // in coarser pixels, at least
   return std::max(1, static_cast<int>(reachIn(frame) / kReach));
 }
 
