@@ -128,7 +128,7 @@ PixelSize parsePixelSize(const std::string& text) {
 
 PixelSize PrintSize::pixels(double per_inch) const {
   const double scale = in_millimetres ? per_inch / 25.4 : 1.0;
-  // Beyond what any card draws, which then names its own limit.
+  // Beyond what is drawn, which then says so.
   const auto whole = [&](double length) {
     return static_cast<int>(std::lround(std::clamp(scale * length, 1.0, 1e6)));
   };

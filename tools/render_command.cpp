@@ -11,7 +11,6 @@
 #include <vector>
 
 #include "isobrick/storage/abandonable.h"
-#include "isobrick/storage/atomic_file.h"
 #include "isobrick/viewer/background.h"
 #include "isobrick/viewer/image.h"
 #include "isobrick/viewer/offscreen_renderer.h"
@@ -24,9 +23,8 @@
 #include "tools/output_check.h"
 #include "tools/parse_text.h"
 #include "tools/parsed_option.h"
-#include "tools/progress_bar.h"
 #include "tools/query_options.h"
-#include "tools/render/picture_sequence.h"
+#include "tools/render/picture_output.h"
 #include "tools/render/picture_surface.h"
 #include "tools/render/picture_turntable.h"
 #include "tools/shared_options.h"
@@ -105,28 +103,16 @@ RenderOptions makeRenderOptions(const RenderArguments& arguments, const PictureS
   return options;
 }
 
-std::unique_ptr<PictureSequence> sequenceOf(const RenderArguments& arguments) {
-  return makePictureSequence(arguments.output, arguments.pictures_per_second, inputsOf(arguments),
-                             arguments.force);
-}
-
-// The place of one picture, which is published when it is complete.
-ImageFormat checkSingleOutput(const RenderArguments& arguments) {
-  const ImageFormat format = imageFormatOf(arguments.output);
-  refuseReplacing({arguments.output}, inputsOf(arguments), arguments.force);
-  { const AtomicFile probe(arguments.output); }
-  return format;
-}
-
-std::vector<char> encodePrint(const RenderArguments& arguments, ImageFormat format, Image image) {
-  image.pixels_per_inch = arguments.pixels_per_inch.value_or(0.0);
-  return encodeImage(format, image);
-}
-
-void writePicture(const RenderArguments& arguments, const std::vector<char>& picture) {
-  AtomicFile file(arguments.output);
-  file.write(picture.data(), picture.size());
-  file.commit(&interruptFlag());
+std::shared_ptr<PictureOutput> outputOf(const RenderArguments& arguments) {
+  PicturePlan plan;
+  plan.output = arguments.output;
+  plan.pictures = arguments.pictures;
+  plan.pictures_per_second = arguments.pictures_per_second;
+  plan.pixels_per_inch = arguments.pixels_per_inch.value_or(0.0);
+  plan.megapixels = 1e-6 * arguments.size.width * arguments.size.height;
+  plan.inputs = inputsOf(arguments);
+  plan.force = arguments.force;
+  return std::make_shared<PictureOutput>(std::move(plan));
 }
 
 std::string sizeText(const RenderArguments& arguments) {
@@ -137,38 +123,29 @@ std::string sizeText(const RenderArguments& arguments) {
 
 // Draws saved views as `isobrick view` shows them.
 int renderStates(RenderArguments& arguments) {
-  const bool is_sequence = arguments.pictures > 1;
-  const auto sequence = is_sequence ? sequenceOf(arguments) : nullptr;
-  const ImageFormat format = is_sequence ? sequence->format() : checkSingleOutput(arguments);
+  const std::shared_ptr<PictureOutput> output = outputOf(arguments);
   findPyramid(arguments.query);
   std::vector<ViewState> views;
   for (const std::string& path : arguments.states) views.push_back(readView(path).state);
-  if (is_sequence)
+  if (arguments.pictures > 1)
     views = views.size() == 1 ? turntable(views.front(), arguments.pictures)
                               : viewsAlong(views, arguments.pictures);
   const Stopwatch watch;
   std::uint64_t triangles = 0;
   std::string device;
-  ProgressBar progress(arguments.pictures, "pictures");
-  int drawn = 0;
   runWithThreads(arguments.query.threads, [&] {
     const auto pyramid =
         openPyramidFile(arguments.query.input.pyramid, arguments.query.memory_bytes,
                         fileAccess(arguments.query.no_map), remoteOptions(arguments.query.input));
     const ViewDrawing drawing{arguments.size.width, arguments.size.height, arguments.query.threads,
-                              format == ImageFormat::kExr};
-    drawViews(pyramid, views, drawing, interruptFlag(), [&](ViewPicture view) {
-      const std::vector<char> picture = encodePrint(arguments, format, std::move(view.image));
-      if (is_sequence)
-        sequence->add(picture);
-      else
-        writePicture(arguments, picture);
-      triangles = view.triangles;
-      device = view.device;
-      if (is_sequence) progress.show("draw", ++drawn / static_cast<double>(arguments.pictures));
+                              output->format() == ImageFormat::kExr};
+    drawViews(pyramid, views, drawing, interruptFlag(), [&](ViewRows rows) {
+      triangles = rows.triangles;
+      device = rows.device;
+      output->add(rows.picture, rows.shape, std::move(rows.rows), rows.share);
     });
   });
-  if (is_sequence) sequence->finish();
+  output->finish();
   fmt::print("{}: {}, {} triangles; {:.2f} s ({})\n", arguments.output, sizeText(arguments),
              countText(triangles), watch.seconds(), device);
   return 0;
@@ -177,15 +154,8 @@ int renderStates(RenderArguments& arguments) {
 // One picture, or those of a turntable.
 int runRender(RenderArguments arguments) {
   // A mistyped name, or a machine that cannot draw, must not cost an extraction.
-  const bool is_sequence = arguments.pictures > 1;
-  const std::shared_ptr<PictureSequence> sequence = is_sequence ? sequenceOf(arguments) : nullptr;
-  const ImageFormat format = is_sequence ? sequence->format() : checkSingleOutput(arguments);
+  const std::shared_ptr<PictureOutput> output = outputOf(arguments);
   const auto renderer = std::make_shared<OffscreenRenderer>();
-  if (arguments.size.width > renderer->greatestSize() ||
-      arguments.size.height > renderer->greatestSize())
-    throw UsageError(fmt::format("--size gives {} x {} pixels, which is too large; at most {} each",
-                                 arguments.size.width, arguments.size.height,
-                                 renderer->greatestSize()));
   findPyramid(arguments.query);
   placeEye(arguments);
   const Stopwatch extract_watch;
@@ -196,28 +166,24 @@ int runRender(RenderArguments arguments) {
 
   const Stopwatch draw_watch;
   std::vector<RenderOptions> options{makeRenderOptions(arguments, surface)};
-  if (is_sequence) options = turntable(options.front(), surface, arguments.pictures);
-  // Neither OpenGL nor the libraries that pack pictures stop before their end.
+  if (arguments.pictures > 1) options = turntable(options.front(), surface, arguments.pictures);
+  const PictureShape shape{arguments.size.width, arguments.size.height};
   const auto chunks = std::make_shared<std::vector<SurfaceChunk>>(std::move(surface.chunks));
-  const auto progress = std::make_shared<ProgressBar>(arguments.pictures, "pictures");
-  const std::vector<char> picture = runAbandonable(
-      &interruptFlag(), [renderer, chunks, sequence, progress, lattice = surface.lattice, arguments,
-                         format, options = std::move(options)] {
-        std::vector<char> last;
-        double drawn = 0.0;
-        renderer->renderEach(std::move(*chunks), lattice, options, [&](Image image) {
-          interruptFlag().check();
-          last = encodePrint(arguments, format, std::move(image));
-          if (!sequence) return;
-          sequence->add(last);
-          progress->show("draw", ++drawn / arguments.pictures);
-        });
-        return last;
-      });
-  if (is_sequence)
-    sequence->finish();
-  else
-    writePicture(arguments, picture);
+  try {
+    // OpenGL does not stop before its end.
+    runAbandonable(&interruptFlag(), [renderer, chunks, output, shape, lattice = surface.lattice,
+                                      options = std::move(options)] {
+      renderer->renderRows(std::move(*chunks), lattice, options,
+                           [&](std::size_t picture, Image rows, double share) {
+                             output->add(picture, shape, std::move(rows), share);
+                           });
+      return true;
+    });
+    output->finish();
+  } catch (const Cancelled&) {
+    output->giveUp();
+    throw;
+  }
   fmt::print("{}: {}, {} triangles; extract {:.2f} s, draw {:.2f} s ({})\n", arguments.output,
              sizeText(arguments), countText(surface.triangles), extract_seconds,
              draw_watch.seconds(), renderer->deviceName());
@@ -237,6 +203,10 @@ void checkArguments(RenderArguments& arguments, bool has_isovalue) {
   if (arguments.print_size.in_millimetres && !arguments.pixels_per_inch)
     arguments.pixels_per_inch = 300.0;
   arguments.size = arguments.print_size.pixels(arguments.pixels_per_inch.value_or(300.0));
+  const auto [width, height] = arguments.size;
+  if (width > kMostPictureSide || height > kMostPictureSide)
+    throw UsageError(fmt::format("--size gives {} x {} pixels, which is too large; at most {} each",
+                                 width, height, kMostPictureSide));
 }
 
 // "dark", "light", "white", or a colour.

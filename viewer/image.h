@@ -67,6 +67,10 @@ inline Image imageFromSrgb8(int width, int height, std::span<const std::uint8_t>
   return image;
 }
 
+// Greatest width and height of a picture that is drawn, pixels. It is drawn in tiles and written in
+// bands, so memory does not bound it.
+inline constexpr int kMostPictureSide = 500'000;
+
 // By the extension of the name.
 enum class ImageFormat {
   kPng,  // .png
@@ -83,7 +87,7 @@ ImageFormat imageFormatOf(const std::filesystem::path& path);
 
 // Writes `image` in the format of the extension. The file appears under its name only when it is
 // complete, and replaces an older one. If writing fails, nothing is left behind and Error names the
-// path. Holds the encoded file in memory (at most the size of the pixels). Safe to call from
+// path. Safe to call from
 // several threads for different paths.
 void writeImage(const std::filesystem::path& path, const Image& image);
 

@@ -9,7 +9,7 @@
 #include "isobrick/storage/error.h"
 #include "isobrick/viewer/egl_context.h"
 #include "isobrick/viewer/mesh_chunks.h"
-#include "isobrick/viewer/notes/draw_notes.h"
+#include "isobrick/viewer/picture_tiles.h"
 #include "isobrick/viewer/render/gl_scene_renderer.h"
 #include "isobrick/viewer/render_camera.h"
 
@@ -37,6 +37,7 @@ SceneFrame frameOf(const RenderOptions& options, const SceneLattice& lattice,
   frame.back_color = options.back_color;
   frame.background_top = options.background_top;
   frame.background_bottom = options.background_bottom;
+  frame.pixel_scale = lineScaleOf(frame.width, frame.height);
   return frame;
 }
 
@@ -56,6 +57,26 @@ double targetDistance(const RenderOptions& options, const SceneFrame& frame) {
   return glm::dot(middle - frame.camera.eye, frame.camera.forward);
 }
 
+SceneWithNotes withNotes(const RenderOptions& options, const SceneFrame& frame) {
+  return {frame, false, options.notes, targetDistance(options, frame)};
+}
+
+void checkOptions(const RenderOptions& options) {
+  checkPictureSize(options.width, options.height);
+  if (!(options.vertical_fov >= 1.0 && options.vertical_fov <= 150.0)) {
+    throw Error("cannot render with a vertical field of view of " +
+                std::to_string(options.vertical_fov) + " degrees: choose 1 to 150");
+  }
+}
+
+// Takes the rows of pictures without layers, and passes on each picture that is complete.
+std::function<void(Image rows, double share)> wholePictures(std::function<void(Image)> take) {
+  return [take = std::move(take), whole = Image{}](Image rows, double share) mutable {
+    appendRows(rows, whole);
+    if (share >= 1.0) take(std::exchange(whole, Image{}));
+  };
+}
+
 }  // namespace
 
 // ---------------------------------------------------------------------------------------- context
@@ -71,11 +92,10 @@ class OffscreenRenderer::Context {
     scene_.reset();
   }
 
-  void checkOptions(const RenderOptions& options) const;
-  void renderEach(std::vector<SurfaceChunk> chunks, std::vector<SceneFrame> frames,
-                  const std::function<void(std::size_t, Image)>& take);
+  using TakeRows = std::function<void(std::size_t picture, Image rows, double share)>;
+  void renderEach(std::vector<SurfaceChunk> chunks, std::vector<SceneWithNotes> scenes,
+                  const TakeRows& take);
 
-  int greatestSize() const { return scene_->greatestSize(); }
   const std::string& deviceName() const { return scene_->deviceName(); }
 
  private:
@@ -83,23 +103,9 @@ class OffscreenRenderer::Context {
   std::unique_ptr<GlSceneRenderer> scene_;
 };
 
-void OffscreenRenderer::Context::checkOptions(const RenderOptions& options) const {
-  const int greatest = greatestSize();
-  if (options.width < 1 || options.height < 1 || options.width > greatest ||
-      options.height > greatest) {
-    throw Error("cannot render a picture of " + std::to_string(options.width) + " x " +
-                std::to_string(options.height) + " pixels: width and height are 1 to " +
-                std::to_string(greatest));
-  }
-  if (!(options.vertical_fov >= 1.0 && options.vertical_fov <= 150.0)) {
-    throw Error("cannot render with a vertical field of view of " +
-                std::to_string(options.vertical_fov) + " degrees: choose 1 to 150");
-  }
-}
-
 void OffscreenRenderer::Context::renderEach(std::vector<SurfaceChunk> chunks,
-                                            std::vector<SceneFrame> frames,
-                                            const std::function<void(std::size_t, Image)>& take) {
+                                            std::vector<SceneWithNotes> scenes,
+                                            const TakeRows& take) {
   const EglContext::CurrentScope current(egl_);
   std::vector<ChunkId> kept;
   const auto forget = [&] {
@@ -107,10 +113,11 @@ void OffscreenRenderer::Context::renderEach(std::vector<SurfaceChunk> chunks,
   };
   try {
     for (SurfaceChunk& chunk : chunks) kept.push_back(scene_->upload(std::exchange(chunk, {})));
-    for (std::size_t i = 0; i < frames.size(); ++i) {
-      frames[i].chunks = kept;
-      scene_->draw(frames[i]);
-      take(i, scene_->picture());
+    for (std::size_t i = 0; i < scenes.size(); ++i) {
+      scenes[i].frame.chunks = kept;
+      PictureTiles tiles(*scene_, std::move(scenes[i]));
+      while (!tiles.done())
+        if (std::optional<Image> rows = tiles.drawNext()) take(i, std::move(*rows), tiles.share());
     }
     forget();
   } catch (...) {
@@ -128,16 +135,18 @@ Image OffscreenRenderer::render(const RenderMesh& mesh, const RenderOptions& opt
   assert(mesh.triangles.size() % 3 == 0);
   assert(mesh.normals.empty() || mesh.normals.size() == mesh.positions.size());
   assert(mesh.triangle_levels.empty() || mesh.triangle_levels.size() == mesh.triangles.size() / 3);
-  context_->checkOptions(options);
+  checkOptions(options);
   const auto forEachPoint = [&](auto&& f) {
     for (const glm::vec3& position : mesh.positions) f(glm::dvec3(position));
   };
   const SceneFrame frame =
       frameOf(options, SceneLattice{}, boxOfPoints(forEachPoint), forEachPoint);
   Image picture;
-  context_->renderEach(chunksOf(mesh, options.color_by_level), {frame},
-                       [&](std::size_t, Image drawn) { picture = std::move(drawn); });
-  drawNotes(options.notes, frame.camera, targetDistance(options, frame), picture);
+  const auto takeWhole = wholePictures([&](Image whole) { picture = std::move(whole); });
+  context_->renderEach(chunksOf(mesh, options.color_by_level), {withNotes(options, frame)},
+                       [&](std::size_t, Image rows, double share) {
+                         takeWhole(std::move(rows), share);
+                       });
   return picture;
 }
 
@@ -152,30 +161,29 @@ Image OffscreenRenderer::render(std::vector<SurfaceChunk> chunks, const SceneLat
 void OffscreenRenderer::renderEach(std::vector<SurfaceChunk> chunks, const SceneLattice& lattice,
                                    std::span<const RenderOptions> options,
                                    const std::function<void(Image picture)>& take) {
+  const auto takeWhole = wholePictures(take);
+  renderRows(std::move(chunks), lattice, options,
+             [&](std::size_t, Image rows, double share) { takeWhole(std::move(rows), share); });
+}
+
+void OffscreenRenderer::renderRows(
+    std::vector<SurfaceChunk> chunks, const SceneLattice& lattice,
+    std::span<const RenderOptions> options,
+    const std::function<void(std::size_t picture, Image rows, double share)>& take) {
   const auto forEachPoint = [&](auto&& f) {
     for (const SurfaceChunk& chunk : chunks)
       for (const SurfaceVertex& vertex : chunk.vertices)
         f(lattice.toWorld(chunk.origin + glm::dvec3(vertex.position)));
   };
   const WorldBox bounds = boxOfPoints(forEachPoint);
-  std::vector<SceneFrame> frames;
+  std::vector<SceneWithNotes> scenes;
   for (const RenderOptions& each : options) {
-    context_->checkOptions(each);
-    frames.push_back(frameOf(each, lattice, bounds, forEachPoint));
+    checkOptions(each);
+    scenes.push_back(withNotes(each, frameOf(each, lattice, bounds, forEachPoint)));
   }
-  std::vector<PlacedCamera> cameras;
-  std::vector<double> distances;
-  for (std::size_t i = 0; i < frames.size(); ++i) {
-    cameras.push_back(frames[i].camera);
-    distances.push_back(targetDistance(options[i], frames[i]));
-  }
-  context_->renderEach(std::move(chunks), std::move(frames), [&](std::size_t i, Image picture) {
-    drawNotes(options[i].notes, cameras[i], distances[i], picture);
-    take(std::move(picture));
-  });
+  context_->renderEach(std::move(chunks), std::move(scenes), take);
 }
 
-int OffscreenRenderer::greatestSize() const { return context_->greatestSize(); }
 const std::string& OffscreenRenderer::deviceName() const { return context_->deviceName(); }
 
 }  // namespace isobrick

@@ -6,6 +6,7 @@
 //   writeImage("bone.png", renderer.render({positions, normals, triangles, levels}, options));
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <glm/vec3.hpp>
@@ -67,7 +68,7 @@ struct LookAtCamera {
 
 // Colours are sRGB values 0..1, as a colour picker shows them.
 struct RenderOptions {
-  int width = 1024;            // pixels, 1 .. OffscreenRenderer::greatestSize()
+  int width = 1024;            // pixels, 1 .. kMostPictureSide
   int height = 1024;           // pixels, likewise
   double vertical_fov = 30.0;  // degrees, 1 .. 150
 
@@ -107,7 +108,8 @@ struct RenderOptions {
 //
 // Threads: one call at a time per renderer, from any thread; different renderers are independent.
 // A call leaves the calling thread without a current EGL context.
-// Memory: about 80 bytes a pixel, and the surface's chunks (20 bytes a vertex and 12 a triangle)
+// Memory: pictures are drawn in tiles, about 80 bytes a pixel of one (at most 0.4 GB), and 12 bytes
+// a pixel of what is returned. The surface's chunks (20 bytes a vertex and 12 a triangle) are kept
 // while they are drawn.
 class OffscreenRenderer {
  public:
@@ -131,8 +133,16 @@ class OffscreenRenderer {
                   std::span<const RenderOptions> options,
                   const std::function<void(Image picture)>& take);
 
+  // Pictures that need not fit into memory, from top to bottom: `take` is called with a few rows
+  // after the other of the picture of options[picture], whose width they have, and with the part of
+  // it that they complete, 0 .. 1.
+  void renderRows(
+      std::vector<SurfaceChunk> chunks, const SceneLattice& lattice,
+      std::span<const RenderOptions> options,
+      const std::function<void(std::size_t picture, Image rows, double share)>& take);
+
   // Greatest width and height of a picture in pixels.
-  int greatestSize() const;
+  int greatestSize() const { return kMostPictureSide; }
   // The device that draws, for logs: for instance "llvmpipe (LLVM 15.0.6, 256 bits)".
   const std::string& deviceName() const;
 

@@ -84,6 +84,14 @@ class NullRenderer : public SceneRenderer {
     frame_ = frame;
     ++draws_;
   }
+  Image drawTile(const SceneFrame& frame, const PixelBox& tile, bool) override {
+    draw(frame);
+    return {tile.width, tile.height,
+            std::vector<float>(3 * static_cast<std::size_t>(tile.width) *
+                               static_cast<std::size_t>(tile.height))};
+  }
+  void endTiles() override {}
+  int neighbourhoodOf(const SceneFrame&) const override { return 0; }
   // What tests want to be hit.
   std::optional<double> distanceAt(const glm::dvec2&) override {
     ++distances_read_;

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <glm/common.hpp>
+#include <utility>
 
 #include "isobrick/viewer/notes/picture_canvas.h"
 #include "isobrick/viewer/state/scene_handles.h"
@@ -15,13 +16,22 @@ namespace {
 constexpr double kTextOfHeight = 1.0 / 36.0;  // of the picture
 constexpr glm::vec3 kWhite{1.0f}, kBlack{0.05f};
 
-// Draws text and marks in white, or in black on a light ground.
+// Draws text and marks in white, or in black on a light ground: that of the picture so far, or by
+// inks that are given.
 class Notes {
  public:
-  Notes(Image& image, double text_pixels)
-      : image_(image), canvas_(image, text_pixels), unit_(canvas_.textPixels()) {}
+  Notes(const PictureRows& rows, const NoteInks* given)
+      : rows_(rows),
+        canvas_(rows, kTextOfHeight * std::min(rows.height, rows.image.width)),
+        unit_(canvas_.textPixels()),
+        given_(given) {}
 
   double unit() const { return unit_; }
+  // Of the whole picture, pixels.
+  int width() const { return rows_.image.width; }
+  int height() const { return rows_.height; }
+  // Those that were used.
+  NoteInks takeInks() { return std::move(used_); }
   PictureCanvas& canvas() { return canvas_; }
 
   void text(const glm::dvec2& left, const std::string& text) {
@@ -29,33 +39,42 @@ class Notes {
     canvas_.text(left, text, ink, ink == kWhite ? kBlack : kWhite);
   }
   // The colour of a mark between two corners.
-  glm::vec3 inkAt(const glm::dvec2& a, const glm::dvec2& b) const {
+  glm::vec3 inkAt(const glm::dvec2& a, const glm::dvec2& b) {
+    used_.push_back(given_ != nullptr ? used_.size() >= given_->size() || (*given_)[used_.size()]
+                                      : isDarkAt(a, b));
+    return used_.back() ? kWhite : kBlack;
+  }
+
+ private:
+  bool isDarkAt(const glm::dvec2& a, const glm::dvec2& b) const {
+    const Image& image = rows_.image;
     double light = 0.0, count = 0.0;
     const glm::dvec2 lower = glm::min(a, b), upper = glm::max(a, b);
-    const PixelRange columns = pixelsBetween(lower.x, upper.x, image_.width);
-    const PixelRange rows = pixelsBetween(lower.y, upper.y, image_.height);
+    const PixelRange columns = pixelsBetween(lower.x, upper.x, image.width);
+    const PixelRange rows = pixelsBetween(lower.y, upper.y, image.height);
     for (int y = rows.first; y < rows.end; ++y)
       for (int x = columns.first; x < columns.end; ++x) {
-        const float* const rgb = image_.rgb.data() + image_.offsetOf(x, y);
+        const float* const rgb = image.rgb.data() + image.offsetOf(x, y);
         light += 0.2126 * static_cast<double>(rgb[0]) + 0.7152 * static_cast<double>(rgb[1]) +
                  0.0722 * static_cast<double>(rgb[2]);
         count += 1.0;
       }
     // Equal contrast to black and to white: (L + 0.05)^2 = 0.05 * 1.05 (WCAG 2.2).
-    return light <= 0.18 * count ? kWhite : kBlack;
+    return light <= 0.18 * count;
   }
 
- private:
-  Image& image_;
+  const PictureRows rows_;
   PictureCanvas canvas_;
   double unit_;
+  const NoteInks* const given_;
+  NoteInks used_;
 };
 
-void scaleBar(Notes& notes, const Image& image, double per_pixel, LengthUnit unit) {
+void scaleBar(Notes& notes, double per_pixel, LengthUnit unit) {
   const double m = notes.unit();
-  const ScaleBar bar = scaleBarOf(per_pixel, 0.25 * image.width);
+  const ScaleBar bar = scaleBarOf(per_pixel, 0.25 * notes.width());
   if (bar.length == 0.0) return;
-  const glm::dvec2 end(image.width - m, image.height - m), begin(end.x - bar.pixels, end.y);
+  const glm::dvec2 end(notes.width() - m, notes.height() - m), begin(end.x - bar.pixels, end.y);
   const std::string label = lengthText(bar.length, unit);
   const glm::vec3 ink = notes.inkAt({begin.x, begin.y - m}, end);
   const auto mark = [&](const glm::dvec2& a, const glm::dvec2& b) {
@@ -70,9 +89,9 @@ void scaleBar(Notes& notes, const Image& image, double per_pixel, LengthUnit uni
 }
 
 // The axes that point away from the eye first.
-void axes(Notes& notes, const Image& image, const PlacedCamera& camera) {
+void axes(Notes& notes, const PlacedCamera& camera) {
   const double m = notes.unit(), length = 2.6 * m;
-  const glm::dvec2 foot(3.6 * m, image.height - 3.6 * m);
+  const glm::dvec2 foot(3.6 * m, notes.height() - 3.6 * m);
   struct Axis {
     glm::dvec3 seen;  // right, up, away
     glm::vec3 color;
@@ -120,10 +139,10 @@ void legendOf(Notes& notes, const PictureLegend& legend) {
   notes.text({left + width - notes.canvas().widthOf(most), top + 1.9 * m}, most);
 }
 
-void mark(Notes& notes, const Image& image, const PlacedCamera& camera, const PictureMark& mark) {
+void mark(Notes& notes, const PlacedCamera& camera, const PictureMark& mark) {
   const double m = notes.unit();
   const glm::vec3 color{1.0f, 0.84f, 0.40f};
-  const glm::dvec2 size(image.width, image.height);
+  const glm::dvec2 size(notes.width(), notes.height());
   const PixelPath path = pathOf(camera, size, mark.points);
   const SeenPath way = seenPathOf(camera, size, mark.path, mark.outwards);
   for (const auto& [from, to] : way.away) notes.canvas().line(from, to, 0.06 * m, color);
@@ -135,6 +154,15 @@ void mark(Notes& notes, const Image& image, const PlacedCamera& camera, const Pi
   }
   if (!path.points.empty())
     notes.text(path.points.back() + glm::dvec2(0.5 * m, -0.4 * m), mark.text);
+}
+
+void drawAll(const PictureNotes& notes, const PlacedCamera& camera, double target_distance,
+             Notes& drawn) {
+  const double height = 2.0 * camera.half_height * (camera.orthographic ? 1.0 : target_distance);
+  for (const PictureMark& of_scene : notes.marks) mark(drawn, camera, of_scene);
+  if (notes.scale_bar) scaleBar(drawn, height / drawn.height(), notes.unit);
+  if (notes.axes) axes(drawn, camera);
+  if (notes.legend) legendOf(drawn, notes.meaning);
 }
 
 }  // namespace
@@ -156,15 +184,19 @@ std::string lengthText(double length, LengthUnit unit) {
   return shortNumber(length) + " mm";
 }
 
+NoteInks drawNotes(const PictureNotes& notes, const PlacedCamera& camera, double target_distance,
+                   Image& image) {
+  if (!notes.any() || image.width < 1 || image.height < 1) return {};
+  Notes drawn({image, 0, image.height}, nullptr);
+  drawAll(notes, camera, target_distance, drawn);
+  return drawn.takeInks();
+}
+
 void drawNotes(const PictureNotes& notes, const PlacedCamera& camera, double target_distance,
-               Image& image) {
-  if (!notes.any() || image.width < 1 || image.height < 1) return;
-  Notes drawn(image, kTextOfHeight * std::min(image.height, image.width));
-  const double height = 2.0 * camera.half_height * (camera.orthographic ? 1.0 : target_distance);
-  for (const PictureMark& of_scene : notes.marks) mark(drawn, image, camera, of_scene);
-  if (notes.scale_bar) scaleBar(drawn, image, height / image.height, notes.unit);
-  if (notes.axes) axes(drawn, image, camera);
-  if (notes.legend) legendOf(drawn, notes.meaning);
+               const NoteInks& inks, const PictureRows& rows) {
+  if (!notes.any() || rows.image.width < 1 || rows.image.height < 1) return;
+  Notes drawn(rows, &inks);
+  drawAll(notes, camera, target_distance, drawn);
 }
 
 }  // namespace isobrick

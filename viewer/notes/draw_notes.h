@@ -2,8 +2,10 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "isobrick/viewer/image.h"
+#include "isobrick/viewer/notes/picture_canvas.h"
 #include "isobrick/viewer/picture_notes.h"
 #include "isobrick/viewer/placed_camera.h"
 
@@ -19,9 +21,16 @@ ScaleBar scaleBarOf(double per_pixel, double most_pixels);
 // "50 mm", "20 µm"; without a unit if the world's is not known.
 std::string lengthText(double length, LengthUnit unit);
 
+// For each text and mark in the order in which they are drawn, if it is white: on a dark ground.
+using NoteInks = std::vector<bool>;
+
 // `camera` drew the picture; `target_distance` is from its eye to what the scale bar measures, in
 // world units. Throws Error if there is something to draw, and isobrick was built without a font.
+NoteInks drawNotes(const PictureNotes& notes, const PlacedCamera& camera, double target_distance,
+                   Image& image);
+// The same into some rows of a picture, whose other rows may not be there, with the inks of the
+// same picture, whatever its size.
 void drawNotes(const PictureNotes& notes, const PlacedCamera& camera, double target_distance,
-               Image& image);
+               const NoteInks& inks, const PictureRows& rows);
 
 }  // namespace isobrick

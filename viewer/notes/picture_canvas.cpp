@@ -127,8 +127,8 @@ struct PictureCanvas::Font {
   }
 };
 
-PictureCanvas::PictureCanvas(Image& image, double text_pixels)
-    : image_(image), text_pixels_(std::max(6.0, text_pixels)), font_(std::make_unique<Font>()) {
+PictureCanvas::PictureCanvas(const PictureRows& rows, double text_pixels)
+    : rows_(rows), text_pixels_(std::max(6.0, text_pixels)), font_(std::make_unique<Font>()) {
   if (kInterfaceFontBytes == 0 || stbtt_InitFont(&font_->info, kInterfaceFont, 0) == 0)
     throw Error(
         "cannot write into pictures: isobrick was built without a font; build it with "
@@ -139,25 +139,36 @@ PictureCanvas::PictureCanvas(Image& image, double text_pixels)
 PictureCanvas::~PictureCanvas() = default;
 
 void PictureCanvas::blend(int x, int y, double coverage, const glm::vec3& linear) {
-  if (x < 0 || y < 0 || x >= image_.width || y >= image_.height || !(coverage > 0.0)) return;
+  Image& image = rows_.image;
+  if (x < 0 || y < rows_.first || x >= image.width || y >= rows_.end() || !(coverage > 0.0)) return;
   const auto cover = static_cast<float>(std::min(coverage, 1.0));
-  float* const rgb = image_.rgb.data() + image_.offsetOf(x, y);
+  const std::size_t at = image.offsetOf(x, y - rows_.first);
+  float* const rgb = image.rgb.data() + at;
   for (int c = 0; c < 3; ++c) rgb[c] += cover * (linear[c] - rgb[c]);
-  if (image_.alpha.empty()) return;
-  float& alpha = image_.alpha[image_.offsetOf(x, y) / 3];
+  if (image.alpha.empty()) return;
+  float& alpha = image.alpha[at / 3];
   alpha += cover * (1.0f - alpha);
+}
+
+// The rows of the picture that [lower, upper] touches, as far as they are at most `margin` from
+// those that are drawn.
+PixelRange PictureCanvas::rowsBetween(double lower, double upper, int margin) const {
+  PixelRange rows = pixelsBetween(lower, upper, rows_.height);
+  rows.first = std::max(rows.first, rows_.first - margin);
+  rows.end = std::min(rows.end, rows_.end() + margin);
+  return rows.first < rows.end ? rows : PixelRange{};
 }
 
 void PictureCanvas::line(const glm::dvec2& from, const glm::dvec2& to, double width,
                          const glm::vec3& color) {
-  const auto seen = lineInPicture(from, to, {image_.width, image_.height}, 2.0 * width + 1.0);
+  const auto seen = lineInPicture(from, to, {rows_.image.width, rows_.height}, 2.0 * width + 1.0);
   if (!seen) return;
   const glm::vec3 linear = linearOf(color);
   const auto& [begin, end] = *seen;
   const glm::dvec2 lower = glm::min(begin, end) - width, upper = glm::max(begin, end) + width;
   const glm::dvec2 along = end - begin;
   const double squared = std::max(glm::dot(along, along), 1e-12);
-  const PixelRange rows = pixelsBetween(lower.y, upper.y, image_.height);
+  const PixelRange rows = rowsBetween(lower.y, upper.y);
   for (int y = rows.first; y < rows.end; ++y) {
     // The part of the line that is near this row.
     double first = 0.0, last = 1.0;
@@ -169,7 +180,8 @@ void PictureCanvas::line(const glm::dvec2& from, const glm::dvec2& to, double wi
     }
     if (first > last) continue;
     const auto [left, right] = std::minmax({begin.x + first * along.x, begin.x + last * along.x});
-    const PixelRange columns = pixelsBetween(left - width - 1.0, right + width + 1.0, image_.width);
+    const PixelRange columns =
+        pixelsBetween(left - width - 1.0, right + width + 1.0, rows_.image.width);
     for (int x = columns.first; x < columns.end; ++x) {
       const glm::dvec2 arm = glm::dvec2(x + 0.5, y + 0.5) - begin;
       const double share = glm::clamp(glm::dot(arm, along) / squared, 0.0, 1.0);
@@ -185,8 +197,8 @@ void PictureCanvas::box(const glm::dvec2& upper_left, const glm::dvec2& lower_ri
     return std::clamp(std::min(to, pixel + 1.0) - std::max(from, static_cast<double>(pixel)), 0.0,
                       1.0);
   };
-  const PixelRange columns = pixelsBetween(upper_left.x, lower_right.x, image_.width);
-  const PixelRange rows = pixelsBetween(upper_left.y, lower_right.y, image_.height);
+  const PixelRange columns = pixelsBetween(upper_left.x, lower_right.x, rows_.image.width);
+  const PixelRange rows = rowsBetween(upper_left.y, lower_right.y);
   for (int y = rows.first; y < rows.end; ++y)
     for (int x = columns.first; x < columns.end; ++x)
       blend(x, y, covered(x, upper_left.x, lower_right.x) * covered(y, upper_left.y, lower_right.y),
@@ -206,8 +218,8 @@ void PictureCanvas::text(const glm::dvec2& left, const std::string& text, const 
   const int radius = std::max(1, static_cast<int>(std::lround(text_pixels_ / 10.0)));
   const double top = left.y - 0.8 * text_pixels_;
   const PixelRange columns =
-      pixelsBetween(left.x - radius, left.x + widthOf(text) + radius + 2.0, image_.width);
-  const PixelRange rows = pixelsBetween(top - radius, top + text_pixels_ + radius, image_.height);
+      pixelsBetween(left.x - radius, left.x + widthOf(text) + radius + 2.0, rows_.image.width);
+  const PixelRange rows = rowsBetween(top - radius, top + text_pixels_ + radius, radius);
   if (columns.first == columns.end || rows.first == rows.end) return;
   Mask mask(columns, rows);
   const int base = static_cast<int>(std::lround(left.y)) - mask.top;

@@ -18,13 +18,24 @@ struct PixelRange {
 };
 PixelRange pixelsBetween(double lower, double upper, int size);
 
+// Rows of a picture of `height` rows: `image` has those from `first` on.
+struct PictureRows {
+  Image& image;
+  int first = 0;
+  int height = 0;
+
+  int end() const { return first + image.height; }
+};
+
 // Colours are sRGB values 0..1; places are pixels from the upper left corner of the picture. Marks
-// outside of it are cut off, however far they reach. Layers beside the colours and alpha stay as
+// outside of it are cut off, however far they reach, and so are those outside of its rows. Layers beside the colours and alpha stay as
 // they are.
 class PictureCanvas {
  public:
-  // `image` outlives it. Throws Error if isobrick was built without a font.
-  PictureCanvas(Image& image, double text_pixels);
+  // The image outlives it. Throws Error if isobrick was built without a font.
+  PictureCanvas(const PictureRows& rows, double text_pixels);
+  PictureCanvas(Image& image, double text_pixels)
+      : PictureCanvas(PictureRows{image, 0, image.height}, text_pixels) {}
   ~PictureCanvas();
   PictureCanvas(const PictureCanvas&) = delete;
   PictureCanvas& operator=(const PictureCanvas&) = delete;
@@ -41,8 +52,9 @@ class PictureCanvas {
  private:
   struct Font;
   void blend(int x, int y, double coverage, const glm::vec3& linear);
+  PixelRange rowsBetween(double lower, double upper, int margin = 0) const;
 
-  Image& image_;
+  const PictureRows rows_;
   const double text_pixels_;
   std::unique_ptr<Font> font_;
 };

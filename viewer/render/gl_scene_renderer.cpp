@@ -1,5 +1,6 @@
 #include "isobrick/viewer/render/gl_scene_renderer.h"
 
+#include <algorithm>
 #include <cassert>
 #include <glm/vec2.hpp>
 
@@ -8,23 +9,64 @@
 
 namespace isobrick {
 
+namespace {
+
+// Tiles begin at multiples of so many pixels of the picture: derivatives are taken in blocks of 2.
+constexpr int kTileStep = 4;
+
+// What is drawn for a tile: its pixels and those that count for them.
+PixelBox drawnFor(const PixelBox& tile, int around, const SceneFrame& frame) {
+  const auto downTo = [](int pixel) { return std::max(0, pixel) / kTileStep * kTileStep; };
+  const int left = downTo(tile.left - around);
+  const int right = std::min(frame.width, tile.right() + around);
+  const int from_below = downTo(frame.height - tile.bottom() - around);
+  const int top = std::max(0, tile.top - around);
+  return {left, top, right - left, frame.height - from_below - top};
+}
+
+}  // namespace
+
 GlSceneRenderer::GlSceneRenderer(Uploads uploads)
-    : targets_(device_),
+    : frame_(device_),
       chunks_(device_, uploads == Uploads::kStaged || !device_.isSoftware()),
       slices_(device_),
       surfaces_(device_.isSoftware()),
-      shadow_(device_.isSoftware()),
       background_program_(makeBackgroundProgram()),
       screen_program_(makeScreenProgram()),
       empty_array_(GlVertexArray::make()) {}
 
 void GlSceneRenderer::draw(const SceneFrame& frame) {
-  assert(frame.width > 0 && frame.height > 0 && frame.clip_planes.size() <= 6);
-  targets_.resize(frame.width, frame.height);
-  device_.forgetErrors();
   const SceneView view(frame);
   depth_ = view.depth;
   transparent_ = frame.transparent;
+  paint(view, frame_);
+}
+
+int GlSceneRenderer::neighbourhoodOf(const SceneFrame& frame) const {
+  if (frame.normals) return 0;
+  return std::max(OcclusionPass::neighbourhoodOf(frame), OutlinePass::neighbourhoodOf(frame));
+}
+
+Image GlSceneRenderer::drawTile(const SceneFrame& frame, const PixelBox& tile, bool depth) {
+  assert(tile.width > 0 && tile.height > 0 && tile.left >= 0 && tile.top >= 0);
+  assert(tile.right() <= frame.width && tile.bottom() <= frame.height);
+  if (!tile_) tile_.emplace(device_);
+  const SceneView view(frame, drawnFor(tile, neighbourhoodOf(frame), frame));
+  paint(view, *tile_);
+  const GlTargets& targets = tile_->targets;
+  const PixelBox part{tile.left - view.drawn.left, tile.top - view.drawn.top, tile.width,
+                      tile.height};
+  Image image = targets.picture(part, frame.transparent);
+  if (depth) image.depth = targets.distances(part, view.depth);
+  return image;
+}
+
+void GlSceneRenderer::paint(const SceneView& view, Buffers& buffers) {
+  const SceneFrame& frame = view.frame;
+  assert(frame.width > 0 && frame.height > 0 && frame.clip_planes.size() <= 6);
+  auto& [targets, shadow, occlusion] = buffers;
+  targets.resize(view.drawn.width, view.drawn.height);
+  device_.forgetErrors();
   glDisable(GL_SCISSOR_TEST);
   glDisable(GL_CULL_FACE);
   glDisable(GL_FRAMEBUFFER_SRGB);
@@ -38,23 +80,24 @@ void GlSceneRenderer::draw(const SceneFrame& frame) {
   };
   cut(frame.clip_planes.size());
   const bool with_shadow = frame.shadow && !frame.headlight && !frame.normals;
-  if (with_shadow) shadow_.draw(chunks_, view);
+  if (with_shadow) shadow.draw(chunks_, view);
+  const bool with_occlusion = frame.ambient_occlusion && !frame.normals;
+  if (with_occlusion) occlusion.drawAround(chunks_, view);
   cut(0);
-  surfaces_.begin(chunks_, view, with_shadow ? &shadow_ : nullptr);
-  glBindFramebuffer(GL_FRAMEBUFFER, targets_.sampledFrame());
-  glViewport(0, 0, frame.width, frame.height);
+  surfaces_.begin(chunks_, view, with_shadow ? &shadow : nullptr);
+  glBindFramebuffer(GL_FRAMEBUFFER, targets.sampledFrame());
   glClear(GL_DEPTH_BUFFER_BIT);
-  drawBackground(frame);
+  drawBackground(view);
   cut(frame.clip_planes.size());
   surfaces_.drawOpaque(chunks_, view);
-  if (frame.ambient_occlusion && !frame.normals) {
+  if (with_occlusion) {
     cut(0);
-    occlusion_.draw(targets_, view);
+    occlusion.draw(targets, view);
     cut(frame.clip_planes.size());
   }
   if (frame.outlines && !frame.normals) {
     cut(0);
-    outlines_.draw(targets_, view);
+    outlines_.draw(targets, view);
     cut(frame.clip_planes.size());
   }
   // Translucent surfaces write depth, so opaque slices behind them come first.
@@ -66,7 +109,7 @@ void GlSceneRenderer::draw(const SceneFrame& frame) {
     lines_.drawSegments(view);
     lines_.drawSphere(view);
   }
-  targets_.resolve(GL_COLOR_BUFFER_BIT);
+  targets.resolve(GL_COLOR_BUFFER_BIT);
   // Code that draws next to it (a panel) does not expect these.
   glClipControl(GL_LOWER_LEFT, GL_NEGATIVE_ONE_TO_ONE);
   glDisable(GL_DEPTH_TEST);
@@ -75,7 +118,8 @@ void GlSceneRenderer::draw(const SceneFrame& frame) {
                       " has no memory left; choose a smaller width or height");
 }
 
-void GlSceneRenderer::drawBackground(const SceneFrame& frame) {
+void GlSceneRenderer::drawBackground(const SceneView& view) {
+  const SceneFrame& frame = view.frame;
   glDisable(GL_DEPTH_TEST);
   glDisable(GL_BLEND);
   if (frame.transparent || frame.normals) {
@@ -85,6 +129,9 @@ void GlSceneRenderer::drawBackground(const SceneFrame& frame) {
   glUseProgram(*background_program_);
   setUniform(background_program_, "top", linearColor(frame.background_top));
   setUniform(background_program_, "bottom", linearColor(frame.background_bottom));
+  setUniform(background_program_, "first_row", static_cast<float>(view.firstPixel().y));
+  setUniform(background_program_, "picture_height", static_cast<float>(frame.height));
+  glViewport(0, 0, view.drawn.width, view.drawn.height);
   glBindVertexArray(*empty_array_);
   glDrawArrays(GL_TRIANGLES, 0, 3);
 }
@@ -100,13 +147,13 @@ void GlSceneRenderer::presentNothing(GLuint framebuffer, int width, int height) 
 
 void GlSceneRenderer::present(GLuint framebuffer, int left, int bottom) {
   glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
-  glViewport(left, bottom, targets_.width(), targets_.height());
+  glViewport(left, bottom, frame_.targets.width(), frame_.targets.height());
   glDisable(GL_DEPTH_TEST);
   glDisable(GL_BLEND);
   glDisable(GL_SCISSOR_TEST);
   glUseProgram(*screen_program_);
   setUniform(screen_program_, "corner", glm::vec2(left, bottom));
-  glBindTextureUnit(0, targets_.resolvedColor());
+  glBindTextureUnit(0, frame_.targets.resolvedColor());
   glBindVertexArray(*empty_array_);
   glDrawArrays(GL_TRIANGLES, 0, 3);
   glBindVertexArray(0);

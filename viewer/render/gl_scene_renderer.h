@@ -47,10 +47,17 @@ class GlSceneRenderer : public SceneRenderer {
   std::uint64_t bytesKept() const override { return chunks_.bytesKept() + slices_.bytesKept(); }
   void draw(const SceneFrame& frame) override;
   std::optional<double> distanceAt(const glm::dvec2& pixel) override {
-    return targets_.distanceAt(pixel, depth_);
+    return frame_.targets.distanceAt(pixel, depth_);
   }
-  Image picture() override { return targets_.picture(transparent_); }
-  std::vector<float> distances() override { return targets_.distances(depth_); }
+  Image picture() override {
+    return frame_.targets.picture(frame_.targets.all(), transparent_);
+  }
+  std::vector<float> distances() override {
+    return frame_.targets.distances(frame_.targets.all(), depth_);
+  }
+  Image drawTile(const SceneFrame& frame, const PixelBox& tile, bool depth) override;
+  void endTiles() override { tile_.reset(); }
+  int neighbourhoodOf(const SceneFrame& frame) const override;
 
   // The frame drawn last, as sRGB, into a framebuffer of the context (0: its window): a part of the
   // frame's size, with its lower left corner at this pixel from the left and from below.
@@ -61,7 +68,7 @@ class GlSceneRenderer : public SceneRenderer {
 
   bool isLost() override { return device_.isLost(); }
   bool isSoftware() const override { return device_.isSoftware(); }
-  int greatestSize() const override { return targets_.greatestSize(); }
+  int greatestSize() const override { return frame_.targets.greatestSize(); }
   const std::string& deviceName() const override { return device_.name(); }
 
   // Of the frame drawn last.
@@ -70,15 +77,23 @@ class GlSceneRenderer : public SceneRenderer {
   const GlArenas& arenas() const { return chunks_.arenas(); }
 
  private:
-  void drawBackground(const SceneFrame& frame);
+  // The memory of a picture, or of a tile, and what is drawn in memory of its size.
+  struct Buffers {
+    explicit Buffers(GlDevice& device)
+        : targets(device), shadow(device.isSoftware()), occlusion(device.isSoftware()) {}
+    GlTargets targets;
+    ShadowPass shadow;
+    OcclusionPass occlusion;
+  };
+  void paint(const SceneView& view, Buffers& buffers);
+  void drawBackground(const SceneView& view);
 
   GlDevice device_;
-  GlTargets targets_;
+  Buffers frame_;
+  std::optional<Buffers> tile_;  // while tiles are drawn
   GlChunks chunks_;
   GlSlices slices_;
   SurfacePass surfaces_;
-  ShadowPass shadow_;
-  OcclusionPass occlusion_;
   OutlinePass outlines_;
   LinePass lines_;
   GlProgram background_program_, screen_program_;

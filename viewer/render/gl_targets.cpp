@@ -81,34 +81,30 @@ std::optional<double> GlTargets::distanceAt(const glm::dvec2& pixel,
   return projection.distanceAt(depth);
 }
 
-Image GlTargets::picture(bool with_alpha) const {
-  const std::size_t row_floats = 3 * static_cast<std::size_t>(width_);
-  const std::size_t pixels = static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_);
-  Image image{width_, height_, std::vector<float>(3 * pixels)};
-  if (with_alpha) image.alpha.resize(pixels);
+// Row by row, because OpenGL counts them from the bottom.
+void GlTargets::readRows(const PixelBox& part, GLenum what, std::size_t values_a_pixel,
+                         std::vector<float>& values) const {
   glBindFramebuffer(GL_READ_FRAMEBUFFER, *resolved_frame_);
   glPixelStorei(GL_PACK_ALIGNMENT, 1);
-  // Row by row, because OpenGL counts them from the bottom.
-  for (int y = 0; y < height_; ++y) {
-    glReadPixels(0, height_ - 1 - y, width_, 1, GL_RGB, GL_FLOAT,
-                 image.rgb.data() + static_cast<std::size_t>(y) * row_floats);
-    if (with_alpha)
-      glReadPixels(0, height_ - 1 - y, width_, 1, GL_ALPHA, GL_FLOAT,
-                   image.alpha.data() + static_cast<std::size_t>(y) * row_floats / 3);
-  }
+  const std::size_t row = values_a_pixel * static_cast<std::size_t>(part.width);
+  values.resize(row * static_cast<std::size_t>(part.height));
+  for (int y = 0; y < part.height; ++y)
+    glReadPixels(part.left, height_ - 1 - (part.top + y), part.width, 1, what, GL_FLOAT,
+                 values.data() + static_cast<std::size_t>(y) * row);
   if (device_.isLost()) throw RendererLost();  // nothing was read
+}
+
+Image GlTargets::picture(const PixelBox& part, bool with_alpha) const {
+  Image image{part.width, part.height, {}};
+  readRows(part, GL_RGB, 3, image.rgb);
+  if (with_alpha) readRows(part, GL_ALPHA, 1, image.alpha);
   return image;
 }
 
-std::vector<float> GlTargets::distances(const DepthProjection& depth) const {
+std::vector<float> GlTargets::distances(const PixelBox& part, const DepthProjection& depth) const {
   resolve(GL_DEPTH_BUFFER_BIT);
-  glBindFramebuffer(GL_READ_FRAMEBUFFER, *resolved_frame_);
-  const auto row = static_cast<std::size_t>(width_);
-  std::vector<float> distances(row * static_cast<std::size_t>(height_));
-  for (int y = 0; y < height_; ++y)
-    glReadPixels(0, height_ - 1 - y, width_, 1, GL_DEPTH_COMPONENT, GL_FLOAT,
-                 distances.data() + static_cast<std::size_t>(y) * row);
-  if (device_.isLost()) throw RendererLost();
+  std::vector<float> distances;
+  readRows(part, GL_DEPTH_COMPONENT, 1, distances);
   for (float& value : distances)
     value = value > 0.0f ? static_cast<float>(depth.distanceAt(value))
                          : std::numeric_limits<float>::infinity();

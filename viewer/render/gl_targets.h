@@ -1,11 +1,13 @@
 // The memory that frames are drawn into, and reading it back.
 #pragma once
 
+#include <cstddef>
 #include <glm/vec2.hpp>
 #include <optional>
 #include <vector>
 
 #include "isobrick/viewer/image.h"
+#include "isobrick/viewer/pixel_box.h"
 #include "isobrick/viewer/placed_camera.h"
 #include "isobrick/viewer/render/gl_device.h"
 #include "isobrick/viewer/render/gl_handle.h"
@@ -36,10 +38,15 @@ class GlTargets {
 
   // SceneRenderer's functions of these names, for a frame of this depth.
   std::optional<double> distanceAt(const glm::dvec2& pixel, const DepthProjection& depth) const;
-  Image picture(bool with_alpha) const;
-  std::vector<float> distances(const DepthProjection& depth) const;
+  // The same for a part.
+  PixelBox all() const { return {0, 0, width_, height_}; }
+  Image picture(const PixelBox& part, bool with_alpha) const;
+  std::vector<float> distances(const PixelBox& part, const DepthProjection& depth) const;
 
  private:
+  void readRows(const PixelBox& part, GLenum what, std::size_t values_a_pixel,
+                std::vector<float>& values) const;
+
   GlDevice& device_;
   int greatest_size_ = 0;
   int samples_ = 1;

@@ -16,10 +16,11 @@ constexpr glm::vec3 kSegmentColor{0.62f, 0.66f, 0.72f};
 constexpr float kSegmentHalfWidth = 0.5f;
 constexpr double kLeastDistance = 1e-6;  // of segments from the eye, in units of `far`
 
-// A segment as a ribbon: normalised device coordinates, pixels from its middle, and depth. Empty if
+// A segment as a ribbon: coordinates of the viewport, pixels from its middle, and depth. Empty if
 // it is not ahead of the near plane.
-void addRibbon(const SceneFrame& frame, const DepthProjection& depth, const DepthRange& range,
-               const SceneSegment& segment, std::vector<glm::vec4>& ribbon) {
+void addRibbon(const SceneView& view, const SceneSegment& segment, std::vector<glm::vec4>& ribbon) {
+  const SceneFrame& frame = view.frame;
+  const DepthRange& range = view.range;
   const PlacedCamera& camera = frame.camera;
   struct End {
     glm::dvec3 arm;
@@ -53,8 +54,8 @@ void addRibbon(const SceneFrame& frame, const DepthProjection& depth, const Dept
   const double reach = kSegmentHalfWidth * frame.pixel_scale + kLineReach;
   const glm::dvec2 across = glm::dvec2(p.y - q.y, q.x - p.x) / length * reach;
   const auto corner = [&](const glm::dvec2& pixel, const End& end, double side) {
-    const glm::dvec2 place = (pixel + side * across) / half_size;
-    return glm::vec4(glm::dvec4(place, side * reach, depth.depthAt(end.distance)));
+    const glm::dvec2 place = view.inPort(pixel + side * across);
+    return glm::vec4(glm::dvec4(place, side * reach, view.depth.depthAt(end.distance)));
   };
   for (const glm::vec4& place : {corner(p, a, -1), corner(q, b, -1), corner(q, b, 1),
                                  corner(p, a, -1), corner(q, b, 1), corner(p, a, 1)})
@@ -78,7 +79,8 @@ LinePass::LinePass()
 void LinePass::drawSegments(const SceneView& view) const {
   std::vector<glm::vec4> ribbon;
   for (const SceneSegment& segment : view.frame.segments)
-    addRibbon(view.frame, view.depth, view.range, segment, ribbon);
+    addRibbon(view, segment, ribbon);
+  view.useViewport();
   glEnable(GL_DEPTH_TEST);
   glDepthMask(GL_FALSE);
   drawRibbon(ribbon, kSegmentColor, kSegmentHalfWidth * static_cast<float>(view.frame.pixel_scale),
@@ -104,9 +106,11 @@ void LinePass::drawSphere(const SceneView& view) const {
   }
   std::vector<glm::vec4> ribbon;
   const float half_width = kFocusLineHalfWidth * static_cast<float>(frame.pixel_scale);
+  const glm::dvec2 half_size(0.5 * frame.width, 0.5 * frame.height);
   for (const glm::vec3& place : outlineRibbon(*frame.sphere, frame.camera, frame.width,
                                               frame.height, half_width + kLineReach))
-    ribbon.emplace_back(place, 0.0f);
+    ribbon.emplace_back(view.inPort(half_size * glm::dvec2(place)), place.z, 0.0f);
+  view.useViewport();
   glDisable(GL_DEPTH_TEST);
   drawRibbon(ribbon, kFocusColor, half_width, 0.5f);
 }

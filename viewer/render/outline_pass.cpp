@@ -7,10 +7,20 @@
 
 namespace isobrick {
 namespace {
+
 constexpr double kLineWidth = 1.0;  // pixels to each side
+
+int widthIn(const SceneFrame& frame) {
+  return std::max(1, static_cast<int>(std::lround(kLineWidth * frame.pixel_scale)));
 }
 
+}  // namespace
+
 OutlinePass::OutlinePass() : program_(makeOutlineProgram()), empty_array_(GlVertexArray::make()) {}
+
+int OutlinePass::neighbourhoodOf(const SceneFrame& frame) {
+  return frame.outlines ? widthIn(frame) : 0;
+}
 
 // The background stays as it is, so a line lies on the surface that it ends.
 void OutlinePass::draw(const GlTargets& targets, const SceneView& view) const {
@@ -23,12 +33,9 @@ void OutlinePass::draw(const GlTargets& targets, const SceneView& view) const {
   glDepthFunc(GL_LESS);  // passes everything that is not background
   glEnable(GL_BLEND);
   glBlendFuncSeparate(GL_ZERO, GL_SRC_COLOR, GL_ZERO, GL_ONE);
-  glUseProgram(*program_);
-  setUniform(program_, "projection", view.projection);
-  setUniform(program_, "orthographic", static_cast<int>(view.frame.camera.orthographic));
+  setPlacesOfPixels(program_, view);
   setUniform(program_, "reach", 1.0f);
-  setUniform(program_, "width",
-             std::max(1, static_cast<int>(std::lround(kLineWidth * view.frame.pixel_scale))));
+  setUniform(program_, "width", widthIn(view.frame));
   glDrawArrays(GL_TRIANGLES, 0, 3);
   glDisable(GL_BLEND);
   glDepthFunc(GL_GREATER);

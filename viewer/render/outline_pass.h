@@ -14,6 +14,8 @@ class OutlinePass {
   // Throws Error if the driver refuses the shader.
   OutlinePass();
 
+  // How far it looks around a pixel, in pixels (scene_view.h).
+  static int neighbourhoodOf(const SceneFrame& frame);
   // Over what was drawn into the sampled frame of the targets so far.
   void draw(const GlTargets& targets, const SceneView& view) const;
 

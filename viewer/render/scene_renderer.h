@@ -4,6 +4,8 @@
 #include <cstdint>
 #include <string>
 
+#include "isobrick/viewer/image.h"
+#include "isobrick/viewer/pixel_box.h"
 #include "isobrick/viewer/render/scene_frame.h"
 #include "isobrick/viewer/render/scene_readback.h"
 #include "isobrick/viewer/stream/chunk_store.h"
@@ -23,6 +25,16 @@ class SceneRenderer : public ChunkStore, public SliceStore, public SceneReadback
   // Draws a frame of at least one pixel. Everything that it names is kept here. Throws
   // NoGraphicsMemory if there is none for a picture of its size.
   virtual void draw(const SceneFrame& frame) = 0;
+
+  // The pixels of a tile of a frame, which may be of any size: those that draw() and picture()
+  // give, or would, if they could draw so much (but for the last bit of a few). With `depth`, the
+  // picture has the layer, too. The frame drawn last, and reading it back, stay as they are. Throws
+  // as draw() and picture() do.
+  virtual Image drawTile(const SceneFrame& frame, const PixelBox& tile, bool depth) = 0;
+  // Frees the memory that tiles are drawn in.
+  virtual void endTiles() = 0;
+  // So many pixels around a tile are drawn with it, as they count for its pixels.
+  virtual int neighbourhoodOf(const SceneFrame& frame) const = 0;
 
   // The driver was reset: nothing is kept or drawn any longer. Stays true.
   virtual bool isLost() = 0;

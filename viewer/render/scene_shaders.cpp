@@ -19,11 +19,23 @@ uniform vec4 projection;  // x and y scale, depth scale and offset
 uniform bool orthographic;
 uniform vec4 clip_planes[6];
 uniform int clip_count;
+uniform vec2 half_picture;  // pixels
+uniform vec2 port_middle;   // of the viewport, pixels from the middle of the picture
+uniform float half_port;    // pixels, a power of two
 out float gl_ClipDistance[6];
 
+// A card keeps places to 1/256 of a pixel. They are rounded to that here, in the whole picture, so
+// that every tile of it gets the same ones. Behind the eye, or far outside, there are none.
 void project(vec3 place) {
-  gl_Position = vec4(projection.xy * place.xy, projection.z * place.z + projection.w,
-                     orthographic ? 1.0 : -place.z);
+  float w = orthographic ? 1.0 : -place.z;
+  precise vec2 across = projection.xy * place.xy * half_picture;
+  if (w > 0.0 && all(lessThan(abs(across), vec2(1048576.0 * w)))) {
+    precise vec2 pixel = round(across / w * 256.0) / 256.0;
+    gl_Position.xy = (pixel - port_middle) / half_port * w;
+  } else {
+    gl_Position.xy = (across - port_middle * w) / half_port;
+  }
+  gl_Position.zw = vec2(projection.z * place.z + projection.w, w);
   for (int i = 0; i < 6; ++i)
     gl_ClipDistance[i] = i < clip_count ? dot(clip_planes[i].xyz, place) + clip_planes[i].w : 1.0;
 }
@@ -190,21 +202,22 @@ void main() {}
 )";
 
 // One triangle that covers the picture.
-constexpr char kBackgroundVertexShader[] = R"(out float height;
-
+constexpr char kBackgroundVertexShader[] = R"(
 void main() {
   vec2 corner = vec2(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0);
-  height = 0.5 + 0.5 * corner.y;
   gl_Position = vec4(corner, 0.0, 1.0);
 }
 )";
 
-constexpr char kBackgroundFragmentShader[] = R"(in float height;
+constexpr char kBackgroundFragmentShader[] = R"(
 uniform vec3 top;
 uniform vec3 bottom;
+uniform float first_row;  // of those that are drawn, from below
+uniform float picture_height;
 out vec4 color;
 
 void main() {
+  float height = (gl_FragCoord.y + first_row) / picture_height;
   vec3 root = mix(sqrt(bottom), sqrt(top), height);  // close to steps that look even
   color = vec4(root * root, 1.0);
 }
@@ -298,39 +311,70 @@ void main() {
 }
 )";
 
-// For depths: the places of pixels in eye coordinates.
+// For depths: the places of pixels in eye coordinates. A pixel counts from the lower left corner of
+// what is drawn, which may be a tile of the picture.
 constexpr char kPlacesOfPixels[] = R"(
 layout(binding = 0) uniform sampler2D depths;
+uniform ivec2 first_pixel;   // that is drawn, from the lower left corner of the picture
+uniform vec2 picture_size;  // pixels
 uniform vec4 projection;
 uniform bool orthographic;
 uniform float reach;
 
-// Along the view; below 0: there is nothing but background.
+// Along the view.
+float distanceOf(float depth) {
+  return orthographic ? (projection.w - depth) / projection.z
+                      : projection.w / (depth + projection.z);
+}
+
+// Below 0: there is nothing but background.
 float distanceAt(ivec2 pixel) {
   if (any(lessThan(pixel, ivec2(0))) || any(greaterThanEqual(pixel, textureSize(depths, 0))))
     return -1.0;
   float depth = texelFetch(depths, pixel, 0).r;
   if (depth <= 0.0) return -1.0;
-  return orthographic ? (projection.w - depth) / projection.z
-                      : projection.w / (depth + projection.z);
+  return distanceOf(depth);
 }
 
 vec3 placeAt(ivec2 pixel, float distance) {
-  vec2 place = 2.0 * (vec2(pixel) + 0.5) / vec2(textureSize(depths, 0)) - 1.0;
+  vec2 place = 2.0 * (vec2(pixel + first_pixel) + 0.5) / picture_size - 1.0;
   return vec3(place / projection.xy * (orthographic ? 1.0 : distance), -distance);
 }
 
 // `reach` at this distance, in eye coordinates.
 float radiusAt(float distance) {
-  return 2.0 * reach / (projection.y * float(textureSize(depths, 0).y)) *
-         (orthographic ? 1.0 : distance);
+  return 2.0 * reach / (projection.y * picture_size.y) * (orthographic ? 1.0 : distance);
 }
 )";
 
 // Surfaces that rise over the plane of a pixel shade it, the more the nearer it is. The sampled
 // places turn from pixel to pixel, so that 4 x 4 pixels cover as much as 256 places.
 constexpr char kOcclusionFragmentShader[] = R"(
+layout(binding = 2) uniform sampler2D coarse_depths;
+uniform bool has_coarse;
+uniform ivec2 first_coarse;
+uniform vec2 coarse_size;  // of the picture, in its pixels
 out float open;
+
+// What is seen around a pixel; false: there is nothing but background.
+bool surfaceAt(ivec2 pixel, out vec3 place) {
+  if (!has_coarse) {
+    float distance = distanceAt(pixel);
+    place = placeAt(pixel, distance);
+    return distance >= 0.0;
+  }
+  ivec2 whole = ivec2(floor((vec2(pixel + first_pixel) + 0.5) * coarse_size / picture_size));
+  ivec2 coarse = whole - first_coarse;
+  if (any(lessThan(coarse, ivec2(0))) ||
+      any(greaterThanEqual(coarse, textureSize(coarse_depths, 0))))
+    return false;
+  float depth = texelFetch(coarse_depths, coarse, 0).r;
+  if (depth <= 0.0) return false;
+  float distance = distanceOf(depth);
+  vec2 at = 2.0 * (vec2(whole) + 0.5) / coarse_size - 1.0;
+  place = vec3(at / projection.xy * (orthographic ? 1.0 : distance), -distance);
+  return true;
+}
 
 // To the neighbour that is on the same surface, more likely than the one on the other side.
 vec3 stepAlong(ivec2 pixel, vec3 place, ivec2 along) {
@@ -351,15 +395,16 @@ void main() {
   vec3 normal = normalize(cross(stepAlong(pixel, place, ivec2(1, 0)),
                                 stepAlong(pixel, place, ivec2(0, 1))));
   float radius = radiusAt(distance);
-  float turn = 6.28318530718 / 16.0 * float((pixel.x & 3) * 4 + (((pixel.y & 3) + pixel.x) & 3));
+  ivec2 seen = pixel + first_pixel;
+  float turn = 6.28318530718 / 16.0 * float((seen.x & 3) * 4 + (((seen.y & 3) + seen.x) & 3));
   float sum = 0.0;
   for (int i = 0; i < kPlaces; ++i) {
     float away = max(1.0, reach * sqrt((float(i) + 0.5) / float(kPlaces)));
     float angle = turn + 2.39996323 * float(i);
     ivec2 other = pixel + ivec2(round(away * vec2(cos(angle), sin(angle))));
-    float there = distanceAt(other);
-    if (there < 0.0) continue;
-    vec3 arm = (placeAt(other, there) - place) / radius;
+    vec3 there;
+    if (!surfaceAt(other, there)) continue;
+    vec3 arm = (there - place) / radius;
     float square = dot(arm, arm);
     float near = max(0.0, 1.0 - square);
     sum += near * near * near * max(0.0, dot(arm, normal) - kRise) / (square + 0.01);
@@ -543,6 +588,9 @@ void setUniform(const GlProgram& program, const char* name, float value) {
 }
 void setUniform(const GlProgram& program, const char* name, int value) {
   glProgramUniform1i(*program, place(program, name), value);
+}
+void setUniform(const GlProgram& program, const char* name, const glm::ivec2& value) {
+  glProgramUniform2iv(*program, place(program, name), 1, &value[0]);
 }
 void setUniform(const GlProgram& program, const char* name, unsigned value) {
   glProgramUniform1ui(*program, place(program, name), value);

@@ -39,18 +39,18 @@ GlProgram makeDepthProgram();
 glm::vec3 keyLightDirection();
 
 // Where a surface ends before another one or the background, as colours to be multiplied with the
-// picture's, at depth 0. Draw 3 vertices. Uniforms: sampler2D depths at unit 0; vec4 projection;
-// bool orthographic; float reach (1); int width (pixels).
+// picture's, at depth 0. Draw 3 vertices. Uniforms: sampler2D depths at unit 0; those of
+// setPlacesOfPixels(); float reach (1); int width (pixels).
 GlProgram makeOutlineProgram();
 
 // The ground of the picture, from top to bottom. Draw 3 vertices without attributes.
-// Uniforms: vec3 top, bottom.
+// Uniforms: vec3 top, bottom; float first_row (of those drawn, from below), picture_height.
 GlProgram makeBackgroundProgram();
 
 // Anti-aliased lines with a dark casing, to be blended as premultiplied colours. A line is drawn as
 // triangles that reach kLineReach pixels past its half width.
-// Attribute: 0 vec4, x and y in normalised device coordinates, z in pixels from the middle, w
-// depth. Uniforms: vec3 line_color; float half_width (pixels), casing (0 .. 1).
+// Attribute: 0 vec4, x and y in the viewport's coordinates (-1 .. 1), z in pixels from the middle,
+// w depth. Uniforms: vec3 line_color; float half_width (pixels), casing (0 .. 1).
 GlProgram makeLineProgram();
 constexpr double kLineReach = 2.0;
 
@@ -67,8 +67,10 @@ GlProgram makeSphereProgram();
 constexpr GLsizei kSphereVertices = 6 * 32 * 64;
 
 // The share of the light from all around that reaches the surface at a pixel, by the depths around
-// it: 1 is all. Draw 3 vertices. Uniforms: sampler2D depths at unit 0; vec4 projection; bool
-// orthographic; float reach (pixels around each, within which things shade each other).
+// it: 1 is all. Draw 3 vertices. Uniforms: sampler2D depths at unit 0; those of
+// setPlacesOfPixels(); float reach (pixels around each, within which things shade each other); bool
+// has_coarse, and if so coarser depths in place of those around: sampler2D coarse_depths at unit 2,
+// ivec2 first_coarse (its first pixel), vec2 coarse_size (of the picture of them).
 GlProgram makeOcclusionProgram();
 
 // The same without its grain, as colours to be multiplied with the picture's, at depth 0. Draw 3
@@ -87,6 +89,7 @@ void setUniform(const GlProgram& program, const char* name,
                 const std::array<glm::vec3, kColorMapPlaces>& values);
 void setUniform(const GlProgram& program, const char* name, float value);
 void setUniform(const GlProgram& program, const char* name, int value);
+void setUniform(const GlProgram& program, const char* name, const glm::ivec2& value);
 void setUniform(const GlProgram& program, const char* name, unsigned value);
 
 }  // namespace isobrick

@@ -1,6 +1,8 @@
 #include "isobrick/viewer/render/scene_view.h"
 
 #include <algorithm>
+#include <bit>
+#include <glm/common.hpp>
 #include <glm/geometric.hpp>
 #include <glm/matrix.hpp>
 #include <string>
@@ -24,8 +26,24 @@ bool mayBeInside(const LatticePlanes& planes, const glm::dvec3& lower, const glm
   return true;
 }
 
-SceneView::SceneView(const SceneFrame& f)
+namespace {
+
+// Triangles are cut at a viewport, and their new corners rounded, so it is far larger than a tile.
+constexpr unsigned kLeastPort = 8192;  // pixels
+
+}  // namespace
+
+SceneView::SceneView(const SceneFrame& f) : SceneView(f, PixelBox{0, 0, f.width, f.height}) {}
+
+SceneView::SceneView(const SceneFrame& f, const PixelBox& box)
     : frame(f),
+      drawn(box),
+      port_middle(box.left + box.width / 2 - 0.5 * f.width,
+                  firstPixel().y + box.height / 2 - 0.5 * f.height),
+      half_port(static_cast<int>(
+          std::max(kLeastPort,
+                   std::bit_ceil(static_cast<unsigned>(std::max(box.width, box.height)))) /
+          2)),
       range(depthRangeOf(f.bounds, f.camera)),
       depth(reversedDepth(range, f.camera.orthographic)),
       to_eye(glm::transpose(glm::dmat3(f.camera.right, f.camera.up, -f.camera.forward))),
@@ -49,25 +67,46 @@ glm::dvec4 SceneView::inLattice(const SceneClipPlane& plane) const {
           glm::dot(plane.normal, frame.lattice.origin) - plane.offset};
 }
 
-LatticePlanes SceneView::planesOfPicture() const {
+glm::ivec2 SceneView::firstPixel() const { return {drawn.left, frame.height - drawn.bottom()}; }
+
+glm::dvec2 SceneView::inPort(const glm::dvec2& pixel) const {
+  return (glm::round(pixel * 256.0) / 256.0 - port_middle) / static_cast<double>(half_port);
+}
+
+void SceneView::useViewport() const {
+  glViewport(drawn.width / 2 - half_port, drawn.height / 2 - half_port, 2 * half_port,
+             2 * half_port);
+}
+
+LatticePlanes SceneView::planesDrawn() const {
   const PlacedCamera& camera = frame.camera;
   LatticePlanes planes;
   for (const SceneClipPlane& plane : frame.clip_planes) planes.push_back(inLattice(plane));
-  // Perspective: half_width * ahead >= to the side. Orthographic: half_width >= to the side.
+  // Perspective: half * ahead >= to the side. Orthographic: half >= to the side.
   const auto addSide = [&](const glm::dvec3& side, double half) {
     const glm::dvec3 normal = camera.orthographic ? -side : half * camera.forward - side;
     const double through_eye = glm::dot(normal, camera.eye);
     planes.push_back(inLattice({normal, through_eye - (camera.orthographic ? half : 0.0)}));
   };
-  addSide(camera.right, camera.half_width);
-  addSide(-camera.right, camera.half_width);
-  addSide(camera.up, camera.half_height);
-  addSide(-camera.up, camera.half_height);
+  // A pixel more, as places are rounded.
+  const glm::dvec2 size(frame.width, frame.height), half(camera.half_width, camera.half_height);
+  const glm::dvec2 first(firstPixel());
+  const glm::dvec2 lower = half * (2.0 * (first - 1.0) / size - 1.0);
+  const glm::dvec2 upper =
+      half * (2.0 * (first + glm::dvec2(drawn.width, drawn.height) + 1.0) / size - 1.0);
+  addSide(camera.right, upper.x);
+  addSide(-camera.right, -lower.x);
+  addSide(camera.up, upper.y);
+  addSide(-camera.up, -lower.y);
   return planes;
 }
 
 void useProgram(const GlProgram& program, const SceneView& view, int uncut_plane) {
   glUseProgram(*program);
+  view.useViewport();
+  setUniform(program, "half_picture", 0.5f * glm::vec2(view.frame.width, view.frame.height));
+  setUniform(program, "port_middle", glm::vec2(view.port_middle));
+  setUniform(program, "half_port", static_cast<float>(view.half_port));
   setUniform(program, "projection", view.projection);
   setUniform(program, "orthographic", static_cast<int>(view.frame.camera.orthographic));
   setUniform(program, "clip_count", static_cast<int>(view.clip_planes.size()));
@@ -76,6 +115,15 @@ void useProgram(const GlProgram& program, const SceneView& view, int uncut_plane
     const bool cuts = static_cast<int>(i) != uncut_plane;
     setUniform(program, name.c_str(), cuts ? view.clip_planes[i] : glm::vec4(0, 0, 0, 1));
   }
+}
+
+void setPlacesOfPixels(const GlProgram& program, const SceneView& view) {
+  glUseProgram(*program);
+  glViewport(0, 0, view.drawn.width, view.drawn.height);
+  setUniform(program, "projection", view.projection);
+  setUniform(program, "orthographic", static_cast<int>(view.frame.camera.orthographic));
+  setUniform(program, "first_pixel", view.firstPixel());
+  setUniform(program, "picture_size", glm::vec2(view.frame.width, view.frame.height));
 }
 
 glm::vec3 linearColor(const glm::vec3& srgb) {

@@ -30,26 +30,14 @@ PlacedCamera lightCamera(const SceneView& view) {
 
 }  // namespace
 
-ShadowPass::ShadowPass(bool is_software) : program_(makeDepthProgram()), draws_(is_software) {}
+ShadowPass::ShadowPass(bool is_software) : depths_(is_software) {}
 
 void ShadowPass::draw(const GlChunks& chunks, const SceneView& view) {
   const SceneFrame& frame = view.frame;
+  if (drawn_ == frame) return;
+  drawn_.reset();
   // As fine as the picture itself.
   const int size = std::clamp(2 * std::max(frame.width, frame.height), 512, kMostPixels);
-  if (size != size_) {
-    depths_ = GlTexture::make(GLenum{GL_TEXTURE_2D});
-    glTextureStorage2D(*depths_, 1, GL_DEPTH_COMPONENT32F, size, size);
-    glTextureParameteri(*depths_, GL_TEXTURE_COMPARE_MODE, GL_COMPARE_REF_TO_TEXTURE);
-    glTextureParameteri(*depths_, GL_TEXTURE_COMPARE_FUNC, GL_GEQUAL);  // 1 is near
-    for (const GLenum filter : {GL_TEXTURE_MIN_FILTER, GL_TEXTURE_MAG_FILTER})
-      glTextureParameteri(*depths_, filter, GL_LINEAR);
-    for (const GLenum side : {GL_TEXTURE_WRAP_S, GL_TEXTURE_WRAP_T})
-      glTextureParameteri(*depths_, side, GL_CLAMP_TO_EDGE);
-    frame_ = GlFramebuffer::make();
-    glNamedFramebufferTexture(*frame_, GL_DEPTH_ATTACHMENT, *depths_, 0);
-    glNamedFramebufferDrawBuffer(*frame_, GL_NONE);
-    size_ = size;
-  }
   SceneFrame lit = frame;
   lit.camera = lightCamera(view);
   lit.width = lit.height = size;
@@ -59,18 +47,15 @@ void ShadowPass::draw(const GlChunks& chunks, const SceneView& view) {
   seen_.offset = glm::vec3(light.to_eye * (frame.camera.eye - lit.camera.eye));
   seen_.projection = light.projection;
   seen_.texel = static_cast<float>(2.0 * lit.camera.half_width / size);
-  glBindFramebuffer(GL_FRAMEBUFFER, *frame_);
-  glViewport(0, 0, size, size);
-  glClear(GL_DEPTH_BUFFER_BIT);
-  glEnable(GL_DEPTH_TEST);
-  glDisable(GL_BLEND);
-  useProgram(program_, light);
-  setUniform(program_, "lattice_to_eye", glm::mat3(light.to_eye * frame.lattice.matrix));
-  setUniform(program_, "world_to_eye", glm::mat3(light.to_eye));
-  setUniform(program_, "eye_rest", glm::vec3(light.snapped.rest));
-  draws_.collect(chunks, light, light.planesOfPicture());
-  for (std::size_t s = 0; s < frame.surfaces.size(); ++s)
-    if (frame.isOpaque(s)) draws_.draw(chunks, static_cast<int>(s), false);
+  depths_.draw(chunks, light);
+  const GLuint depths = depths_.depths();
+  glTextureParameteri(depths, GL_TEXTURE_COMPARE_MODE, GL_COMPARE_REF_TO_TEXTURE);
+  glTextureParameteri(depths, GL_TEXTURE_COMPARE_FUNC, GL_GEQUAL);  // 1 is near
+  for (const GLenum filter : {GL_TEXTURE_MIN_FILTER, GL_TEXTURE_MAG_FILTER})
+    glTextureParameteri(depths, filter, GL_LINEAR);
+  for (const GLenum side : {GL_TEXTURE_WRAP_S, GL_TEXTURE_WRAP_T})
+    glTextureParameteri(depths, side, GL_CLAMP_TO_EDGE);
+  drawn_ = frame;
 }
 
 }  // namespace isobrick

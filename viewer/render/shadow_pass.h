@@ -6,9 +6,8 @@
 #include <glm/vec4.hpp>
 #include <optional>
 
-#include "isobrick/viewer/render/chunk_draws.h"
 #include "isobrick/viewer/render/gl_chunks.h"
-#include "isobrick/viewer/render/gl_handle.h"
+#include "isobrick/viewer/render/depth_pass.h"
 #include "isobrick/viewer/render/scene_view.h"
 
 namespace isobrick {
@@ -28,19 +27,18 @@ class ShadowPass {
   // Throws Error if the driver refuses the shader.
   explicit ShadowPass(bool is_software);
 
-  // Draws the depths of the frame's opaque surfaces; binds the frame of them.
+  // Draws the depths of the frame's opaque surfaces, unless they are still those of this very
+  // frame: all tiles of a picture have the same. Binds another frame buffer.
   void draw(const GlChunks& chunks, const SceneView& view);
   // Of the last draw().
   const ShadowView& seen() const { return seen_; }
-  GLuint depths() const { return *depths_; }
+  // With filters that compare.
+  GLuint depths() const { return depths_.depths(); }
 
  private:
-  GlProgram program_;
-  ChunkDraws draws_;
-  int size_ = 0;  // pixels
-  GlTexture depths_;
-  GlFramebuffer frame_;
+  DepthPass depths_;
   ShadowView seen_;
+  std::optional<SceneFrame> drawn_;
 };
 
 }  // namespace isobrick

@@ -17,7 +17,7 @@ SurfacePass::SurfacePass(bool is_software)
 void SurfacePass::begin(const GlChunks& chunks, const SceneView& view, const ShadowPass* shadow) {
   shadow_ = shadow;
   draws_.resetCounts();
-  draws_.collect(chunks, view, view.planesOfPicture());
+  draws_.collect(chunks, view, view.planesDrawn());
 }
 
 void SurfacePass::use(const SceneView& view) const {

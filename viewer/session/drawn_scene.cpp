@@ -1,8 +1,5 @@
 #include "isobrick/viewer/session/drawn_scene.h"
 
-#include <glm/geometric.hpp>
-#include <utility>
-
 namespace isobrick {
 
 bool DrawnScene::draw(SceneRenderer& renderer, const SceneFrame& frame, bool anew) {
@@ -11,26 +8,6 @@ bool DrawnScene::draw(SceneRenderer& renderer, const SceneFrame& frame, bool ane
   renderer.draw(frame);
   frame_ = frame;
   return true;
-}
-
-Image DrawnScene::picture(SceneRenderer& renderer, SceneFrame frame, bool layers) {
-  forget();
-  renderer.draw(frame);
-  Image image = renderer.picture();
-  if (!layers) return image;
-  frame.normals = true;
-  frame.transparent = false;
-  renderer.draw(frame);
-  image.normals = renderer.picture().rgb;
-  // Samples of a pixel were averaged.
-  for (std::size_t i = 0; i + 2 < image.normals.size(); i += 3) {
-    glm::vec3 normal(image.normals[i], image.normals[i + 1], image.normals[i + 2]);
-    const float length = glm::length(normal);
-    for (glm::length_t c = 0; c < 3; ++c)
-      image.normals[i + static_cast<std::size_t>(c)] = length > 1e-3f ? normal[c] / length : 0.0f;
-  }
-  image.depth = renderer.distances();
-  return image;
 }
 
 void DrawnScene::forget() {

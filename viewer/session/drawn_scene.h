@@ -6,7 +6,6 @@
 #include <glm/vec3.hpp>
 #include <optional>
 
-#include "isobrick/viewer/image.h"
 #include "isobrick/viewer/render/scene_renderer.h"
 
 namespace isobrick {
@@ -18,9 +17,6 @@ class DrawnScene {
  public:
   // True if it was drawn; `anew`: in any case. Throws as SceneRenderer::draw().
   bool draw(SceneRenderer& renderer, const SceneFrame& frame, bool anew);
-  // Draws another frame as a picture; with `layers`, depth and normals too. The next draw() makes
-  // its own anew.
-  Image picture(SceneRenderer& renderer, SceneFrame frame, bool layers);
   // The renderer's picture is none of these any longer.
   void forget();
 
@@ -36,7 +32,7 @@ class DrawnScene {
     glm::dvec2 cursor{0.0};
     std::optional<glm::dvec3> point;
   };
-  std::optional<SceneFrame> frame_;  // none: none was drawn, or another picture after it
+  std::optional<SceneFrame> frame_;  // none: none was drawn
   std::optional<Hit> hit_;           // of that frame
 };
 

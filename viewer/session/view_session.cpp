@@ -195,14 +195,21 @@ bool ViewSession::draw() {
   return drew_;
 }
 
-Image ViewSession::picture(const glm::dvec2& size, int times, bool layers) {
-  const int width = std::max(1, static_cast<int>(size.x));
-  const int height = std::max(1, static_cast<int>(size.y));
-  const int factor = std::clamp(renderer_->greatestSize() / std::max(width, height), 1, times);
-  SceneFrame frame = sceneNow(factor * width, factor * height);
-  frame.pixel_scale = interaction_.scale * factor;
+SceneFrame ViewSession::pictureFrame(int width, int height) const {
+  SceneFrame frame = sceneNow(width, height);
   frame.transparent = state_.pictures.transparent;
-  return scene_.picture(*renderer_, std::move(frame), layers);
+  return frame;
+}
+
+bool ViewSession::showsTheSameAt(int height) const {
+  if (state_.view_pixels && height != interaction_.size.y) return false;
+  const auto mostValues = [&](double of_height) {
+    std::vector<int> values;
+    for (const WantedPlane& plane : planesOf(state_, volume(), of_height))
+      values.push_back(plane.most_values);
+    return values;
+  };
+  return mostValues(height) == mostValues(interaction_.size.y);
 }
 
 PictureNotes ViewSession::notes() const {

@@ -92,10 +92,11 @@ class ViewSession {
   // renderer still has this very picture.
   bool draw();
 
-  // The scene as a picture of `size` pixels, `times` as large along both sides, or as much as the
-  // renderer can; with `layers`, depth and normals too. Without notes. Draws, so the next draw()
-  // makes the screen's anew. Throws Error if there is no memory for it.
-  Image picture(const glm::dvec2& size, int times, bool layers);
+  // The scene of a picture of this size, of which all is kept until the next update(). Surfaces and
+  // slices are those of the window.
+  SceneFrame pictureFrame(int width, int height) const;
+  // A picture of this height has the surfaces and slices that the window has.
+  bool showsTheSameAt(int height) const;
   // The notes that pictures of the scene have.
   PictureNotes notes() const;
 

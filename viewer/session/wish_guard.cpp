@@ -19,7 +19,7 @@ std::string stampOf(const std::string& path) {
 
 Wishes WishGuard::pass(Wishes wishes, const Stakes& stakes) {
   const bool is_safe = held_ == Held::kSave ? stakes.other_view.empty()
-                                            : held_ == Held::kClose && stakes.unwritten_meshes == 0;
+                                            : held_ == Held::kClose && stakes.unwritten() == 0;
   const bool agrees =
       is_safe || wishes.answer.value_or(false) || (held_ == Held::kClose && wishes.close);
   if (held_ != Held::kNothing && (agrees || wishes.answer)) {
@@ -30,11 +30,15 @@ Wishes WishGuard::pass(Wishes wishes, const Stakes& stakes) {
       return wishes;
     }
   }
-  if (wishes.close && stakes.unwritten_meshes > 0) {
+  if (wishes.close && stakes.unwritten() > 0) {
     wishes.close = false;
-    const bool several = stakes.unwritten_meshes > 1;
-    hold(Held::kClose, {(several ? std::to_string(stakes.unwritten_meshes) + " meshes are"
-                                 : std::string("A mesh is")) +
+    const bool several = stakes.unwritten() > 1;
+    const std::string kind = stakes.unwritten_pictures == 0 ? "mesh"
+                             : stakes.unwritten_meshes == 0 ? "picture"
+                                                            : "file";
+    hold(Held::kClose, {(several ? std::to_string(stakes.unwritten()) + " " + kind +
+                                       (kind == "mesh" ? "es are" : "s are")
+                                 : "A " + kind + " is") +
                             " not written yet. Leave without " + (several ? "them?" : "it?"),
                         "leave", "stay"});
   }

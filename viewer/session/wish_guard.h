@@ -11,9 +11,12 @@ namespace isobrick {
 
 // What the user would lose.
 struct Stakes {
-  std::size_t unwritten_meshes = 0;  // by leaving
+  std::size_t unwritten_meshes = 0;    // by leaving
+  std::size_t unwritten_pictures = 0;  // likewise
   // By saving the view: this file, which the window has not written itself; empty: nothing.
   std::string other_view = {};
+
+  std::size_t unwritten() const { return unwritten_meshes + unwritten_pictures; }
 };
 
 struct UserQuestion {

@@ -18,23 +18,16 @@ SavedView viewOf(const OutputFiles::Sight& sight) {
   return {sight.opened != nullptr ? sight.opened->source : std::string(), sight.state};
 }
 
-// The scene with nothing over it, as large as a thumbnail. It is drawn anew, so the screen's is,
-// too.
-Image thumbnailOf(ViewSession& session) {
+// The scene with nothing over it, as large as a thumbnail.
+Image thumbnailOf(ViewSession& session, SceneRenderer& renderer) {
   const glm::dvec2 size = session.interaction().size;
   constexpr double kWidth = NamedViews::kThumbnailWidth;
   const double height = std::clamp(kWidth * size.y / std::max(1.0, size.x), 1.0, kWidth);
-  ViewState& state = session.state();
-  const ViewPictures pictures = std::exchange(state.pictures, {});
-  try {
-    Image image = pictureOf(session, {kWidth, height}, 1, false);
-    state.pictures = pictures;
-    session.draw();
-    return image;
-  } catch (...) {
-    state.pictures = pictures;
-    throw;
-  }
+  SceneWithNotes scene =
+      pictureSceneOf(session, static_cast<int>(kWidth), static_cast<int>(height), false);
+  scene.frame.transparent = false;
+  scene.notes = {};
+  return drawWhole(renderer, std::move(scene));
 }
 
 }  // namespace
@@ -42,7 +35,8 @@ Image thumbnailOf(ViewSession& session) {
 OutputFiles::OutputFiles(std::string state_path, std::string frames_folder, int threads)
     : first_state_path_(std::move(state_path)),
       frames_folder_(std::move(frames_folder)),
-      meshes_(threads) {}
+      meshes_(threads),
+      pictures_(threads) {}
 
 void OutputFiles::nameAfter(const std::string& source) {
   stem_ = stemOf(source);
@@ -57,8 +51,20 @@ void OutputFiles::nameAfter(const std::string& source) {
 
 Stakes OutputFiles::stakes(const Wishes& wishes, bool is_open) const {
   const bool matters = wishes.save_state || is_open;
-  return {meshes_.unwritten(),
+  return {meshes_.unwritten(), pictures_.unwritten(),
           matters && own_view_.isOther(state_path_) ? state_path_ : std::string()};
+}
+
+void OutputFiles::goOn(double seconds, SceneRenderer& renderer, UploadAllowance& allowance) {
+  if (pictures_.unwritten() == 0) return;
+  const auto ended = pictures_.update(seconds, renderer, allowance);
+  if (!ended) {
+    message_ = "drawing " + pictures_.underWay() + ": " +
+               std::to_string(static_cast<int>(100.0 * pictures_.share())) + " %";
+    return;
+  }
+  if (ended->must_be && !ended->error.empty()) throw Error(ended->error);
+  message_ = ended->error.empty() ? "wrote " + ended->path : ended->error;
 }
 
 void OutputFiles::takeDone() {
@@ -71,8 +77,9 @@ void OutputFiles::takeDone() {
 
 void OutputFiles::grant(const Wishes& wishes, const Sight& sight) {
   try {
-    if (wishes.screenshot) writePicture(freeName(stem_, ".png"), sight);
-    if (wishes.screenshot_exr) writePicture(freeName(stem_, ".exr"), sight);
+    const auto isOrdered = [&](const std::string& name) { return pictures_.willWrite(name); };
+    if (wishes.screenshot) writePicture(freeName(stem_, ".png", isOrdered), sight, false);
+    if (wishes.screenshot_exr) writePicture(freeName(stem_, ".exr", isOrdered), sight, false);
     if (sight.session == nullptr) return;
     if (wishes.export_mesh) {
       const auto isTaken = [&](const std::string& name) { return meshes_.willWrite(name); };
@@ -97,7 +104,7 @@ void OutputFiles::write(const ScriptFile& file, const Sight& sight) {
       if (sight.drawn) writeImage(path, sight.target.screen(sight.width, sight.height));
       break;
     case ScriptFile::What::kPicture:
-      if (sight.drawn) writePicture(path, sight);
+      if (sight.drawn) writePicture(path, sight, true);
       break;
     case ScriptFile::What::kMesh:
       if (sight.session != nullptr) orderMesh(path, *sight.session);
@@ -114,15 +121,19 @@ void OutputFiles::write(const ScriptFile& file, const Sight& sight) {
   }
 }
 
-// The scene without panels. It is drawn anew, so the screen's is, too, before it is shown.
-void OutputFiles::writePicture(const std::string& path, const Sight& sight) {
-  const bool layers = imageFormatOf(path) == ImageFormat::kExr;
-  if (sight.session != nullptr) {
-    writeImage(path, pictureOf(*sight.session, {sight.width, sight.height},
-                               sight.state.pictures.times, layers));
-    sight.session->draw();
-  } else {
+// The scene without panels: at once if it is small and shows what the window shows.
+void OutputFiles::writePicture(const std::string& path, const Sight& sight, bool must_be) {
+  constexpr std::int64_t kMostAtOnce = 4'000'000;  // pixels
+  if (sight.session == nullptr) {
     writeImage(path, sight.target.renderer().picture());
+  } else {
+    const int width = std::min(sight.state.pictures.times * sight.width, kMostPictureSide);
+    const int height = std::min(sight.state.pictures.times * sight.height, kMostPictureSide);
+    if (std::int64_t{width} * height > kMostAtOnce || !sight.session->showsTheSameAt(height))
+      return pictures_.add({*sight.opened, sight.state, width, height, path, must_be});
+    const bool layers = imageFormatOf(path) == ImageFormat::kExr;
+    writeImage(path, drawWhole(sight.target.renderer(),
+                               pictureSceneOf(*sight.session, width, height, layers)));
   }
   message_ = "wrote " + path;
 }
@@ -161,7 +172,7 @@ void OutputFiles::grantViews(const Wishes& wishes, const Sight& sight) {
   if (wishes.save_named_view) {
     const std::string name =
         wishes.save_named_view->empty() ? views_.freeName() : *wishes.save_named_view;
-    views_.save(name, viewOf(sight), thumbnailOf(*sight.session));
+    views_.save(name, viewOf(sight), thumbnailOf(*sight.session, sight.target.renderer()));
     message_ = "wrote " + shortPath(views_.pathOf(name));
   }
   if (wishes.remove_named_view) {

@@ -11,6 +11,7 @@
 #include "isobrick/viewer/session/volume_opener.h"
 #include "isobrick/viewer/session/wish_guard.h"
 #include "isobrick/viewer/window/named_views.h"
+#include "isobrick/viewer/window/picture_queue.h"
 #include "isobrick/viewer/window/view_target.h"
 
 namespace isobrick {
@@ -43,6 +44,13 @@ class OutputFiles {
   // Throws Error.
   void write(const ScriptFile& file, const Sight& sight);
 
+  // For each frame: goes on with the pictures that are drawn beside the window. Throws
+  // RendererLost, and Error if a script's cannot be written.
+  void goOn(double seconds, SceneRenderer& renderer, UploadAllowance& allowance);
+  // Gives back all that the renderer keeps of them, which may end then; they begin again.
+  void suspend() { pictures_.suspend(); }
+  std::size_t unwrittenPictures() const { return pictures_.unwritten(); }
+
   // Takes the meshes that were written since, and the list of views.
   void takeDone();
   std::size_t unwrittenMeshes() const { return meshes_.unwritten(); }
@@ -59,7 +67,8 @@ class OutputFiles {
   void say(std::string message) { message_ = std::move(message); }
 
  private:
-  void writePicture(const std::string& path, const Sight& sight);
+  // `must_be`: the program ends if it cannot be written.
+  void writePicture(const std::string& path, const Sight& sight, bool must_be);
   void orderMesh(const std::string& path, const ViewSession& session);
   void writeMeasurements(const std::string& path, const ViewSession& session);
   void writeOwnView(const Sight& sight);
@@ -74,6 +83,7 @@ class OutputFiles {
   NamedViews views_;
   std::string shown_view_;  // of these, the last one
   MeshQueue meshes_;
+  PictureQueue pictures_;
   std::string message_, mesh_error_;
 };
 

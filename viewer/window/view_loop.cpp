@@ -78,7 +78,7 @@ class ViewLoop {
     while (!closing_) {
       if (options_.cancel != nullptr) options_.cancel->check();
       takeEvents();
-      const bool works = volumes_.busy() || files_.unwrittenMeshes() > 0;
+      const bool works = volumes_.busy() || unwritten() > 0;
       if (!closing_ && (awake() || works || !input_.empty())) frame();
     }
     log_.writeReport(target_->renderer().deviceName(), status());
@@ -87,11 +87,12 @@ class ViewLoop {
  private:
   ViewSession* session() const { return volumes_.session(); }
   bool awake() const {
-    return player_ || clockSeconds() < awake_until_ || !volumes_.shown().settled() ||
+    return player_ || clockSeconds() < awake_until_ || files_.unwrittenPictures() > 0 || !volumes_.shown().settled() ||
            (session() != nullptr && session()->interaction().flying);
   }
   // True if everything requested is shown.
-  bool settled() const { return volumes_.settled() && files_.unwrittenMeshes() == 0; }
+  bool settled() const { return volumes_.settled() && unwritten() == 0; }
+  std::size_t unwritten() const { return files_.unwrittenMeshes() + files_.unwrittenPictures(); }
   ScriptSight whatIsThere() const {
     return {settled(), volumes_.showsPreview() && volumes_.shown().settled()};
   }
@@ -117,6 +118,7 @@ class ViewLoop {
       throw Error("the graphics driver was reset " + std::to_string(kMostLosses) +
                   " times without drawing a frame; 'isobrick render' draws pictures");
     volumes_.shown().suspend();
+    files_.suspend();
     panel_.reset();
     constexpr int kMostTries = 20;
     for (int tries = 1;; ++tries) {
@@ -156,7 +158,7 @@ class ViewLoop {
       renewContext();
       file_again_ = scripted.file;
     }
-    const bool ends = player_ && scripted.finished && !file_again_ && files_.unwrittenMeshes() == 0;
+    const bool ends = player_ && scripted.finished && !file_again_ && unwritten() == 0;
     closing_ = closing_ || ends;
   }
 
@@ -165,6 +167,7 @@ class ViewLoop {
     ReportedFrame report;
     UploadAllowance allowance;
     volumes_.shown().update(begin, allowance);
+    files_.goOn(begin, target_->renderer(), allowance);
     const double idle = waitForSurface(allowance, report.waits);
     const double drawing = clockSeconds();
     drawn_ = draw();

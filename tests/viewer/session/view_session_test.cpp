@@ -675,7 +675,7 @@ TEST_F(ViewSessionTest, AFrameThatIsTheSameIsNotDrawnAgain) {
               state.clip_planes.push_back({{1.0, 0.0, 0.0}, 30.0, true, false});
             }),
             1u);
-  EXPECT_EQ(drawsOf([&] { session_->picture({50, 50}, 1, false); }), 2u);  // and the screen's
+  EXPECT_EQ(drawsOf([&] { session_->pictureFrame(50, 50); }), 0u);  // a tile is another memory's
   EXPECT_EQ(drawsOf([&] { session_->suspend(), session_->resume(renderer_); }) > 0, true);
   settle();
   EXPECT_EQ(drawsOf([&] { moveTo(6.0); }), 0u);
