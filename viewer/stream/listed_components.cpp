@@ -166,7 +166,7 @@ ChosenComponents ListedComponents::chosen(Extractor& extractor, const PieceChoic
 }
 
 void ListedNumbers::find(const MeshBatch& batch, std::vector<std::uint32_t>& numbers) const {
-  constexpr std::size_t kMostVotes = 32;  // of a component of the batch
+  constexpr std::size_t kMostVotes = 16;  // of a component of the batch
   const std::size_t count = labelComponents(batch, numbers);
   std::vector<std::uint32_t> of_label(count, kNoComponent);
   const auto places = listed_.components_.ofBatch(batch);
