@@ -150,6 +150,30 @@ TEST_F(ComponentsCommandTest, NumbersAreTheSameBytesForAnyThreadsAndMemory) {
   EXPECT_NE(text.find("\n       0 "), std::string::npos) << text;
 }
 
+// Pictures wait for the pieces: they are the same bytes whatever the threads do meanwhile.
+TEST_F(ComponentsCommandTest, PicturesAreColouredByPieces) {
+  writeBytes(path("view.json"), R"({"version": 1, "coloring": "component", "surfaces": [
+      {"isovalue": 900}], "focus": {"everywhere": true}, "camera": {"pivot": [31.5, 31.5, 31.5],
+      "distance": 150}})");
+  const auto pictureOf = [&](const Words& more) {
+    Words words = {"render", "head.isb", "--size", "96x96", "-o", "picture.png", "--force"};
+    words.insert(words.end(), more.begin(), more.end());
+    runWell(words);
+    return readBytes(path("picture.png"));
+  };
+  const std::string by_view = pictureOf({"--state", "view.json", "--threads", "1"});
+  for (const char* threads : {"2", "4"})
+    EXPECT_TRUE(pictureOf({"--state", "view.json", "--threads", threads}) == by_view) << threads;
+  const std::string plain = pictureOf({"--iso", "900"});
+  const std::string colored = pictureOf({"--iso", "900", "--color-by-component"});
+  EXPECT_TRUE(plain != colored);
+  EXPECT_TRUE(pictureOf({"--iso", "900", "--color-by-component", "--threads", "1"}) == colored);
+  EXPECT_TRUE(pictureOf({"--iso", "900", "--color-by-component", "--legend"}) != colored);
+  const Outcome both = run({"render", "head.isb", "--iso", "900", "--color-by-component",
+                            "--color-by-level", "-o", "both.png"});
+  EXPECT_EQ(both.status, 2) << both.err;
+}
+
 TEST_F(ComponentsCommandTest, WrongUseIsRefused) {
   expectFailure(1,
                 {"extract", "head.isb", "--iso", "900", "--attribute", "component", "-o", "a.obj"},

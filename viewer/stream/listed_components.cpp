@@ -1,6 +1,7 @@
 #include "isobrick/viewer/stream/listed_components.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
@@ -166,7 +167,7 @@ ChosenComponents ListedComponents::chosen(Extractor& extractor, const PieceChoic
 }
 
 void ListedNumbers::find(const MeshBatch& batch, std::vector<std::uint32_t>& numbers) const {
-  constexpr std::size_t kMostVotes = 32;  // of a component of the batch
+  constexpr std::size_t kMostVotes = 16;  // of a component of the batch
   const std::size_t count = labelComponents(batch, numbers);
   std::vector<std::uint32_t> of_label(count, kNoComponent);
   const auto places = listed_.components_.ofBatch(batch);
@@ -201,8 +202,13 @@ void ListedNumbers::find(const MeshBatch& batch, std::vector<std::uint32_t>& num
 
 std::shared_ptr<const ListedComponents> KnownComponents::find(double isovalue, int level) {
   const std::lock_guard lock(mutex_);
+  return known({isovalue, level});
+}
+
+// With the lock.
+std::shared_ptr<const ListedComponents> KnownComponents::known(const Surface& surface) {
   const auto found = std::ranges::find_if(lists_, [&](const auto& listed) {
-    return listed->isovalue() == isovalue && listed->level() == level;
+    return Surface(listed->isovalue(), listed->level()) == surface;
   });
   if (found == lists_.end()) return nullptr;
   lists_.splice(lists_.begin(), lists_, found);
@@ -212,21 +218,46 @@ std::shared_ptr<const ListedComponents> KnownComponents::find(double isovalue, i
 std::shared_ptr<const ListedComponents> KnownComponents::findOrList(Extractor& extractor,
                                                                     const Pyramid& pyramid,
                                                                     const ListingQuery& query) {
-  if (auto known = find(query.isovalue, query.level)) return known;
-  auto listed = std::make_shared<const ListedComponents>(extractor, pyramid, query);
-  ++listings_;
-  add(listed);
-  return listed;
+  if (auto known = begin(query)) return known;
+  const Surface surface(query.isovalue, query.level);
+  try {
+    auto listed = std::make_shared<const ListedComponents>(extractor, pyramid, query);
+    ++listings_;
+    end(surface, listed);
+    return listed;
+  } catch (...) {
+    end(surface, nullptr);
+    throw;
+  }
 }
 
-void KnownComponents::add(const std::shared_ptr<const ListedComponents>& listed) {
-  const std::lock_guard lock(mutex_);
-  lists_.push_front(listed);
-  std::uint64_t bytes = 0;
-  for (auto kept = lists_.begin(); kept != lists_.end();) {
-    bytes += (*kept)->bytes();
-    kept = kept != lists_.begin() && bytes > most_bytes_ ? lists_.erase(kept) : std::next(kept);
+// Null: the caller makes the list, and calls end().
+std::shared_ptr<const ListedComponents> KnownComponents::begin(const ListingQuery& query) {
+  constexpr std::chrono::milliseconds kLookForCancel(5);
+  const Surface surface(query.isovalue, query.level);
+  std::unique_lock lock(mutex_);
+  while (true) {
+    if (auto found = known(surface)) return found;
+    if (under_way_.insert(surface).second) return nullptr;
+    ended_.wait_for(lock, kLookForCancel);
+    if (query.cancel != nullptr) query.cancel->check();
   }
+}
+
+// `listed`: null if there is none.
+void KnownComponents::end(const Surface& surface,
+                          const std::shared_ptr<const ListedComponents>& listed) {
+  {
+    const std::lock_guard lock(mutex_);
+    under_way_.erase(surface);
+    if (listed) lists_.push_front(listed);
+    std::uint64_t bytes = 0;
+    for (auto kept = lists_.begin(); kept != lists_.end();) {
+      bytes += (*kept)->bytes();
+      kept = kept != lists_.begin() && bytes > most_bytes_ ? lists_.erase(kept) : std::next(kept);
+    }
+  }
+  ended_.notify_all();
 }
 
 }  // namespace isobrick

@@ -2,11 +2,14 @@
 #pragma once
 
 #include <atomic>
+#include <condition_variable>
 #include <cstdint>
 #include <list>
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <set>
+#include <utility>
 #include <vector>
 
 #include "isobrick/extract/extractor.h"
@@ -93,18 +96,25 @@ class KnownComponents {
 
   // Null: that surface was not listed, or the list had to go.
   std::shared_ptr<const ListedComponents> find(double isovalue, int level);
-  // The list of `query`: the one that is known, or a new one, which is known then.
+  // The list of `query`: the one that is known, or a new one, which is known then. Waits for one
+  // that another thread makes of the same surface. Throws as ListedComponents().
   std::shared_ptr<const ListedComponents> findOrList(Extractor& extractor, const Pyramid& pyramid,
                                                      const ListingQuery& query);
   // How often a surface was listed.
   std::uint64_t listings() const { return listings_; }
 
  private:
-  void add(const std::shared_ptr<const ListedComponents>& listed);
+  using Surface = std::pair<double, int>;  // isovalue and level
+
+  std::shared_ptr<const ListedComponents> known(const Surface& surface);
+  std::shared_ptr<const ListedComponents> begin(const ListingQuery& query);
+  void end(const Surface& surface, const std::shared_ptr<const ListedComponents>& listed);
 
   const std::uint64_t most_bytes_;
   std::atomic<std::uint64_t> listings_{0};
-  std::mutex mutex_;
+  std::mutex mutex_;  // guards the rest
+  std::condition_variable ended_;
+  std::set<Surface> under_way_;
   std::list<std::shared_ptr<const ListedComponents>> lists_;  // the one used last comes first
 };
 

@@ -87,6 +87,7 @@ TEST_F(SessionColorsTest, BallsHaveTheColoursOfTheirPlaces) {
   frame(0.001);
   EXPECT_TRUE(session_->waitsForPieces());
   EXPECT_FALSE(session_->settled());
+  EXPECT_EQ(session_->status().doing, "finding the pieces");
   EXPECT_EQ(session_->notes().meaning.patches.size(), 1u);  // that of the isovalue
   settle();
   EXPECT_FALSE(session_->waitsForPieces());

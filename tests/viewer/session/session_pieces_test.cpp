@@ -138,6 +138,31 @@ TEST_F(SessionPiecesTest, ThePickedOneIsKeptOrHidden) {
   EXPECT_EQ(shown(), trianglesOf(0));
 }
 
+// All that is asked of one isovalue uses one list, and what is left is not shown coarser meanwhile.
+TEST_F(SessionPiecesTest, AreListedOnceAndTheRestStaysFine) {
+  listAt(kLarge);
+  listAt(kSmall);
+  ASSERT_EQ(session_->pieces().selected(), 1u);
+  const std::uint64_t all = shown();
+  session_->hideSelectedPiece();
+  while (shown() == all) {
+    frame(0.001);
+    std::this_thread::yield();
+  }
+  EXPECT_EQ(shown(), trianglesOf(0));
+  settle();
+  EXPECT_EQ(shown(), trianglesOf(0));
+  listAt(kLarge);
+  session_->keepSelectedPiece();
+  settle();
+  session_->state().coloring = ViewColoring::kComponent;
+  settle();
+  EXPECT_EQ(session_->known().listings(), 1u);
+  session_->state().surfaces[0].isovalue = 0.5;
+  settle();
+  EXPECT_EQ(session_->known().listings(), 2u);
+}
+
 TEST_F(SessionPiecesTest, AChoiceHoldsWhenFocusAndIsovalueChange) {
   listAt(kLarge);
   session_->keepSelectedPiece();

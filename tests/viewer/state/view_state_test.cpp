@@ -98,6 +98,19 @@ TEST(ViewStateTest, MissingFieldsKeepTheirDefaults) {
   EXPECT_EQ(viewStateFromJson(R"({"wireframe": true, "focus": {"radius": 12}})"), expected);
 }
 
+TEST(ViewStateTest, ColoursByPieceComeBackFromTheirName) {
+  const ViewState state = viewStateFromJson(R"({"coloring": "component"})");
+  EXPECT_EQ(state.coloring, ViewColoring::kComponent);
+  EXPECT_NE(viewStateToJson(state).find(R"("coloring": "component")"), std::string::npos);
+  EXPECT_EQ(viewStateFromJson(viewStateToJson(state)), state);
+  // The triangles are those without colours; another kind of value is another request.
+  ViewState other = state;
+  other.coloring = ViewColoring::kPlain;
+  EXPECT_TRUE(asksForTheSame(state, other));
+  other.coloring = ViewColoring::kGradient;
+  EXPECT_FALSE(asksForTheSame(state, other));
+}
+
 TEST(ViewStateTest, WrongTextIsRefusedByTheNameOfTheField) {
   const auto refusal = [](const std::string& text) -> std::string {
     try {

@@ -8,6 +8,8 @@
 #include <glm/geometric.hpp>
 #include <mutex>
 #include <set>
+#include <thread>
+#include <vector>
 
 #include "isobrick/extract/sinks/vertex_numbering.h"
 #include "isobrick/viewer/stream/surface_set.h"
@@ -226,6 +228,35 @@ TEST(KnownComponents, ListsASurfaceOnceAndForgetsWhatWasNotUsed) {
   EXPECT_EQ(small.find(0.0, 0), only);
   EXPECT_THROW(small.findOrList(extractor, *pyramid, {0.3, 0, nullptr, nullptr, 10}),
                TooManyTriangles);
+}
+
+// However many ask for it at the same time; one that gives up does not keep the others from it.
+TEST(KnownComponents, ASurfaceThatSeveralThreadsAskForIsListedOnce) {
+  const TemporaryFolder folder;
+  const auto pyramid = openTwoBalls(folder);
+  for (int round = 0; round < 20; ++round) {
+    KnownComponents known;
+    std::vector<std::shared_ptr<const ListedComponents>> lists(4);
+    std::vector<std::thread> threads;
+    for (auto& list : lists)
+      threads.emplace_back([&] {
+        Extractor extractor(*pyramid);
+        list = known.findOrList(extractor, *pyramid, {0.0, 0});
+      });
+    CancelFlag cancel;
+    std::thread gives_up([&] {
+      Extractor extractor(*pyramid);
+      try {
+        known.findOrList(extractor, *pyramid, {0.0, 0, &cancel});
+      } catch (const Cancelled&) {
+      }
+    });
+    cancel.request();
+    gives_up.join();
+    for (std::thread& thread : threads) thread.join();
+    EXPECT_EQ(known.listings(), 1u);
+    for (const auto& list : lists) EXPECT_EQ(list, known.find(0.0, 0));
+  }
 }
 
 // A brick that was coloured by one list is not that of another.
