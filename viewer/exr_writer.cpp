@@ -101,8 +101,7 @@ class ExrEncoder : public BandEncoder {
       }
       // Only reads, although the library's signature is not const.
       if (shape_.depth)
-        frame.insert("Z",
-                     rowsOf(Imf::FLOAT, const_cast<float*>(rows.depth.data()), sizeof(float)));
+        frame.insert("Z", rowsOf(Imf::FLOAT, const_cast<float*>(rows.depth.data()), sizeof(float)));
       file_->setFrameBuffer(frame);
       file_->writePixels(rows.height);
       rows_ += rows.height;

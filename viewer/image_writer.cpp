@@ -39,11 +39,10 @@ void MemoryFile::write(const void* data, std::size_t bytes, std::uint64_t offset
 std::vector<char> encodeImage(ImageFormat format, const Image& image) {
   assert(image.width > 0 && image.height > 0);
   MemoryFile file;
-  const auto encoder =
-      makeBandEncoder(format, shapeOf(image),
-                      [&](const void* data, std::size_t bytes, std::uint64_t offset) {
-                        file.write(data, bytes, offset);
-                      });
+  const auto encoder = makeBandEncoder(
+      format, shapeOf(image), [&](const void* data, std::size_t bytes, std::uint64_t offset) {
+        file.write(data, bytes, offset);
+      });
   encoder->add(image);
   encoder->finish();
   return file.take();
@@ -55,11 +54,10 @@ std::vector<char> encodeExr(const Image& image) { return encodeImage(ImageFormat
 void writeImage(const std::filesystem::path& path, const Image& image) {
   const ImageFormat format = imageFormatOf(path);
   AtomicFile file(path.string());
-  const auto encoder =
-      makeBandEncoder(format, shapeOf(image),
-                      [&](const void* data, std::size_t bytes, std::uint64_t offset) {
-                        file.pwrite(data, bytes, offset);
-                      });
+  const auto encoder = makeBandEncoder(
+      format, shapeOf(image), [&](const void* data, std::size_t bytes, std::uint64_t offset) {
+        file.pwrite(data, bytes, offset);
+      });
   encoder->add(image);
   encoder->finish();
   file.commit();

@@ -143,10 +143,9 @@ Image OffscreenRenderer::render(const RenderMesh& mesh, const RenderOptions& opt
       frameOf(options, SceneLattice{}, boxOfPoints(forEachPoint), forEachPoint);
   Image picture;
   const auto takeWhole = wholePictures([&](Image whole) { picture = std::move(whole); });
-  context_->renderEach(chunksOf(mesh, options.color_by_level), {withNotes(options, frame)},
-                       [&](std::size_t, Image rows, double share) {
-                         takeWhole(std::move(rows), share);
-                       });
+  context_->renderEach(
+      chunksOf(mesh, options.color_by_level), {withNotes(options, frame)},
+      [&](std::size_t, Image rows, double share) { takeWhole(std::move(rows), share); });
   return picture;
 }
 

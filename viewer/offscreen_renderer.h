@@ -136,10 +136,9 @@ class OffscreenRenderer {
   // Pictures that need not fit into memory, from top to bottom: `take` is called with a few rows
   // after the other of the picture of options[picture], whose width they have, and with the part of
   // it that they complete, 0 .. 1.
-  void renderRows(
-      std::vector<SurfaceChunk> chunks, const SceneLattice& lattice,
-      std::span<const RenderOptions> options,
-      const std::function<void(std::size_t picture, Image rows, double share)>& take);
+  void renderRows(std::vector<SurfaceChunk> chunks, const SceneLattice& lattice,
+                  std::span<const RenderOptions> options,
+                  const std::function<void(std::size_t picture, Image rows, double share)>& take);
 
   // Greatest width and height of a picture in pixels.
   int greatestSize() const { return kMostPictureSide; }

@@ -41,10 +41,10 @@ void copyTile(const Image& tile, int left, Image& band) {
     if (from.empty()) return;
     const std::size_t row = values * static_cast<std::size_t>(tile.width);
     for (int y = 0; y < tile.height; ++y)
-      std::copy_n(from.begin() + static_cast<std::ptrdiff_t>(row) * y, row,
-                  to.begin() + static_cast<std::ptrdiff_t>(
-                                   values * (pixelsOf(band.width, y) +
-                                             static_cast<std::size_t>(left))));
+      std::copy_n(
+          from.begin() + static_cast<std::ptrdiff_t>(row) * y, row,
+          to.begin() + static_cast<std::ptrdiff_t>(
+                           values * (pixelsOf(band.width, y) + static_cast<std::size_t>(left))));
   };
   copy(tile.rgb, band.rgb, 3);
   copy(tile.alpha, band.alpha, 1);

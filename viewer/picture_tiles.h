@@ -22,13 +22,13 @@ struct TileLimits {
 
 // A scene, and what is written over it.
 struct SceneWithNotes {
-  SceneFrame frame;              // of all of the picture
-  bool layers = false;           // with depth and normals
+  SceneFrame frame;     // of all of the picture
+  bool layers = false;  // with depth and normals
   PictureNotes notes;
   double target_distance = 1.0;  // from the eye to what a scale bar measures
 };
 
-// The width of lines in a picture, in those of the window: larger pictures have wider ones.
+// The width of lines in a picture, in those of a small one: larger pictures have wider ones.
 double lineScaleOf(int width, int height);
 
 // Throws Error if a picture has no pixels, or more than kMostPictureSide to a side.

@@ -12,8 +12,7 @@ class PictureWriter::Output {
   Output(const std::string& path, const PictureShape& shape)
       : file_(path),
         encoder_(makeBandEncoder(imageFormatOf(path), shape,
-                                 [this](const void* data, std::size_t bytes,
-                                        std::uint64_t offset) {
+                                 [this](const void* data, std::size_t bytes, std::uint64_t offset) {
                                    file_.pwrite(data, bytes, offset);
                                  })) {}
   void add(const Image& rows) { encoder_->add(rows); }

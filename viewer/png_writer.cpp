@@ -26,7 +26,8 @@ using Bytes = std::vector<std::uint8_t>;
 
 constexpr std::size_t kStripBytes = std::size_t{1} << 20;  // of rows, about
 
-// ------------------------------------------------------------------------------------------ colours
+// ------------------------------------------------------------------------------------------
+// colours
 
 // toSrgb8() by a table: the last of the greatest values below each bucket of floats, then the next.
 class Srgb8Table {
@@ -80,7 +81,8 @@ void appendPixels(const Image& image, std::size_t first, std::size_t count, Byte
   }
 }
 
-// ------------------------------------------------------------------------------------------- strips
+// -------------------------------------------------------------------------------------------
+// strips
 
 int paeth(int left, int above, int corner) {
   const int p = left + above - corner;
@@ -209,8 +211,8 @@ class PngEncoder : public BandEncoder {
 
  private:
   void begin() {
-    static constexpr std::array<std::uint8_t, 8> kSignature{0x89, 'P', 'N', 'G', '\r', '\n', 0x1a,
-                                                            '\n'};
+    static constexpr std::array<std::uint8_t, 8> kSignature{0x89, 'P',  'N',  'G',
+                                                            '\r', '\n', 0x1a, '\n'};
     write(kSignature.data(), kSignature.size());
     Bytes header;
     appendBigEndian(static_cast<std::uint32_t>(shape_.width), header);
@@ -238,16 +240,15 @@ class PngEncoder : public BandEncoder {
     Bytes strip = std::exchange(strip_, {}), above(row_bytes_);
     std::copy(strip.end() - static_cast<std::ptrdiff_t>(row_bytes_), strip.end(), above.begin());
     above.swap(above_);
-    strips_.push_back(std::async(
-        std::launch::async,
-        [strip = std::move(strip), above = std::move(above), row_bytes = row_bytes_,
-         pixel_bytes = pixel_bytes_, last] {
+    strips_.push_back(
+        std::async(std::launch::async, [strip = std::move(strip), above = std::move(above),
+                                        row_bytes = row_bytes_, pixel_bytes = pixel_bytes_, last] {
           RowFilter filter(row_bytes, pixel_bytes);
           Bytes filtered;
           filtered.reserve(strip.size() + strip.size() / row_bytes);
           for (std::size_t at = 0; at < strip.size(); at += row_bytes)
-            filter.append(strip.data() + at,
-                          at == 0 ? above.data() : strip.data() + at - row_bytes, filtered);
+            filter.append(strip.data() + at, at == 0 ? above.data() : strip.data() + at - row_bytes,
+                          filtered);
           return packed(filtered, last);
         }));
   }

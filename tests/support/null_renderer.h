@@ -1,6 +1,7 @@
 // A renderer that draws nothing and remembers what it was asked for, of frames the last: for tests.
 #pragma once
 
+#include <deque>
 #include <limits>
 #include <map>
 #include <stdexcept>
@@ -93,18 +94,24 @@ class NullRenderer : public SceneRenderer {
   void endTiles() override {}
   int neighbourhoodOf(const SceneFrame&) const override { return 0; }
   // What tests want to be hit.
-  std::optional<double> distanceAt(const glm::dvec2&) override {
-    ++distances_read_;
-    return distance;
+  std::uint64_t askDistance(const glm::dvec2&) override {
+    answers_.push_back({++distances_read_, distance});
+    return distances_read_;
+  }
+  std::optional<DistanceAnswer> takeDistance() override {
+    if (answers_.empty() || answers_late) return std::nullopt;
+    const DistanceAnswer answer = answers_.front();
+    answers_.pop_front();
+    return answer;
   }
   Image picture() override { return {}; }
-  std::vector<float> distances() override { return {}; }
   bool isLost() override { return false; }
   const std::string& deviceName() const override { return device_name_; }
   bool isSoftware() const override { return is_software; }
   int greatestSize() const override { return 16384; }
 
   std::optional<double> distance;
+  bool answers_late = false;  // while it is set, no distance comes
   // That it takes before it wants to be asked in a later frame.
   std::uint64_t pieces_left = std::numeric_limits<std::uint64_t>::max();
 
@@ -132,6 +139,7 @@ class NullRenderer : public SceneRenderer {
   SliceId last_slice_ = 0;
   std::uint64_t bytes_ = 0, uploaded_bytes_ = 0, ended_uploads_ = 0, draws_ = 0;
   std::uint64_t distances_read_ = 0;
+  std::deque<DistanceAnswer> answers_;
 };
 
 }  // namespace isobrick

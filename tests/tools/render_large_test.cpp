@@ -83,8 +83,8 @@ TEST_F(LargeRenderTest, APictureOfTheWindowIsTheOneOfItsState) {
       {"wait": "settled"},
       {"set": {"pictures": {"times": 1}}}, {"wait": "settled"}, {"picture": "small.png"}]})");
   runWell({"view", "sphere.isb", "--offscreen", "--script", "pictures.json", "--frames", "frames"});
-  const std::string fine = runWell({"render", "sphere.isb", "--state", "frames/view.json",
-                                    "--size", "640x480", "-o", "same.png"});
+  const std::string fine = runWell({"render", "sphere.isb", "--state", "frames/view.json", "--size",
+                                    "640x480", "-o", "same.png"});
   runWell({"render", "sphere.isb", "--state", "frames/view.json", "--size", "640x480", "-o",
            "same.exr"});
   ASSERT_FALSE(readBytes(path("same.png")).empty());

@@ -14,8 +14,8 @@ PictureOutput::PictureOutput(PicturePlan plan)
       progress_(plan_.pictures > 1 ? plan_.pictures : plan_.megapixels,
                 plan_.pictures > 1 ? "pictures" : "megapixels") {
   if (plan_.pictures > 1) {
-    sequence_ = makePictureSequence(plan_.output, plan_.pictures_per_second, plan_.inputs,
-                                    plan_.force);
+    sequence_ =
+        makePictureSequence(plan_.output, plan_.pictures_per_second, plan_.inputs, plan_.force);
     return;
   }
   imageFormatOf(plan_.output);

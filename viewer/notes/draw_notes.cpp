@@ -14,6 +14,7 @@ namespace isobrick {
 namespace {
 
 constexpr double kTextOfHeight = 1.0 / 36.0;  // of the picture
+constexpr double kMostTextPixels = 1024.0;    // the halo around a letter takes time
 constexpr glm::vec3 kWhite{1.0f}, kBlack{0.05f};
 
 // Draws text and marks in white, or in black on a light ground: that of the picture so far, or by
@@ -22,7 +23,8 @@ class Notes {
  public:
   Notes(const PictureRows& rows, const NoteInks* given)
       : rows_(rows),
-        canvas_(rows, kTextOfHeight * std::min(rows.height, rows.image.width)),
+        canvas_(rows,
+                std::min(kTextOfHeight * std::min(rows.height, rows.image.width), kMostTextPixels)),
         unit_(canvas_.textPixels()),
         given_(given) {}
 

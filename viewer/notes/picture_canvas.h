@@ -28,8 +28,8 @@ struct PictureRows {
 };
 
 // Colours are sRGB values 0..1; places are pixels from the upper left corner of the picture. Marks
-// outside of it are cut off, however far they reach, and so are those outside of its rows. Layers beside the colours and alpha stay as
-// they are.
+// outside of it, and of the rows, are cut off, however far they reach. Layers beside the colours
+// and alpha stay as they are.
 class PictureCanvas {
  public:
   // The image outlives it. Throws Error if isobrick was built without a font.

@@ -114,8 +114,13 @@ void GlSceneRenderer::paint(const SceneView& view, Buffers& buffers) {
   glClipControl(GL_LOWER_LEFT, GL_NEGATIVE_ONE_TO_ONE);
   glDisable(GL_DEPTH_TEST);
   glBindVertexArray(0);
-  device_.checkErrors("cannot render: " + device_.name() +
-                      " has no memory left; choose a smaller width or height");
+  try {
+    device_.checkErrors("cannot render: " + device_.name() +
+                        " has no memory left; choose a smaller width or height");
+  } catch (...) {
+    shadow.forget();
+    throw;
+  }
 }
 
 void GlSceneRenderer::drawBackground(const SceneView& view) {

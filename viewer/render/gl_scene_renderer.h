@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "isobrick/viewer/render/gl_chunks.h"
+#include "isobrick/viewer/render/gl_depth_reads.h"
 #include "isobrick/viewer/render/gl_device.h"
 #include "isobrick/viewer/render/gl_handle.h"
 #include "isobrick/viewer/render/gl_slices.h"
@@ -46,15 +47,11 @@ class GlSceneRenderer : public SceneRenderer {
   void releaseSlice(SliceId slice) override { slices_.release(slice); }
   std::uint64_t bytesKept() const override { return chunks_.bytesKept() + slices_.bytesKept(); }
   void draw(const SceneFrame& frame) override;
-  std::optional<double> distanceAt(const glm::dvec2& pixel) override {
-    return frame_.targets.distanceAt(pixel, depth_);
+  std::uint64_t askDistance(const glm::dvec2& pixel) override {
+    return depth_reads_.ask(frame_.targets, pixel, depth_);
   }
-  Image picture() override {
-    return frame_.targets.picture(frame_.targets.all(), transparent_);
-  }
-  std::vector<float> distances() override {
-    return frame_.targets.distances(frame_.targets.all(), depth_);
-  }
+  std::optional<DistanceAnswer> takeDistance() override { return depth_reads_.take(); }
+  Image picture() override { return frame_.targets.picture(frame_.targets.all(), transparent_); }
   Image drawTile(const SceneFrame& frame, const PixelBox& tile, bool depth) override;
   void endTiles() override { tile_.reset(); }
   int neighbourhoodOf(const SceneFrame& frame) const override;
@@ -96,6 +93,7 @@ class GlSceneRenderer : public SceneRenderer {
   SurfacePass surfaces_;
   OutlinePass outlines_;
   LinePass lines_;
+  GlDepthReads depth_reads_;
   GlProgram background_program_, screen_program_;
   GlVertexArray empty_array_;
   DepthProjection depth_;     // of the frame drawn last

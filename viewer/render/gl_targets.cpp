@@ -67,18 +67,19 @@ void GlTargets::resolve(GLbitfield what) const {
                          height_, what, GL_NEAREST);
 }
 
-std::optional<double> GlTargets::distanceAt(const glm::dvec2& pixel,
-                                            const DepthProjection& projection) const {
+bool GlTargets::holds(const glm::dvec2& pixel) const {
+  return pixel.x >= 0.0 && pixel.y >= 0.0 && pixel.x < width_ && pixel.y < height_;
+}
+
+void GlTargets::copyDepth(const glm::dvec2& pixel, GLuint buffer) const {
   const int x = static_cast<int>(pixel.x), y = height_ - 1 - static_cast<int>(pixel.y);
-  if (pixel.x < 0.0 || pixel.y < 0.0 || x >= width_ || y < 0) return std::nullopt;
   // Samples may be resolved only if both rectangles are the same.
   glBlitNamedFramebuffer(*sampled_frame_, *resolved_frame_, x, y, x + 1, y + 1, x, y, x + 1, y + 1,
                          GL_DEPTH_BUFFER_BIT, GL_NEAREST);
   glBindFramebuffer(GL_READ_FRAMEBUFFER, *resolved_frame_);
-  float depth = 0.0f;
-  glReadPixels(x, y, 1, 1, GL_DEPTH_COMPONENT, GL_FLOAT, &depth);
-  if (!(depth > 0.0f)) return std::nullopt;
-  return projection.distanceAt(depth);
+  glBindBuffer(GL_PIXEL_PACK_BUFFER, buffer);
+  glReadPixels(x, y, 1, 1, GL_DEPTH_COMPONENT, GL_FLOAT, nullptr);
+  glBindBuffer(GL_PIXEL_PACK_BUFFER, 0);
 }
 
 // Row by row, because OpenGL counts them from the bottom.

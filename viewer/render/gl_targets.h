@@ -3,7 +3,6 @@
 
 #include <cstddef>
 #include <glm/vec2.hpp>
-#include <optional>
 #include <vector>
 
 #include "isobrick/viewer/image.h"
@@ -36,9 +35,13 @@ class GlTargets {
   // `what`: GL_COLOR_BUFFER_BIT or GL_DEPTH_BUFFER_BIT. Depth is that of one sample of a pixel.
   void resolve(GLbitfield what) const;
 
-  // SceneRenderer's functions of these names, for a frame of this depth.
-  std::optional<double> distanceAt(const glm::dvec2& pixel, const DepthProjection& depth) const;
-  // The same for a part.
+  // Pixels count from the top left.
+  bool holds(const glm::dvec2& pixel) const;
+  // The depth of one that it holds into a buffer, as a float; does not wait.
+  void copyDepth(const glm::dvec2& pixel, GLuint buffer) const;
+
+  // Reading back, which waits: SceneReadback::picture(), and the distances along the camera's
+  // forward axis, infinity for background; rows from top to bottom.
   PixelBox all() const { return {0, 0, width_, height_}; }
   Image picture(const PixelBox& part, bool with_alpha) const;
   std::vector<float> distances(const PixelBox& part, const DepthProjection& depth) const;

@@ -78,8 +78,7 @@ LinePass::LinePass()
 
 void LinePass::drawSegments(const SceneView& view) const {
   std::vector<glm::vec4> ribbon;
-  for (const SceneSegment& segment : view.frame.segments)
-    addRibbon(view, segment, ribbon);
+  for (const SceneSegment& segment : view.frame.segments) addRibbon(view, segment, ribbon);
   view.useViewport();
   glEnable(GL_DEPTH_TEST);
   glDepthMask(GL_FALSE);

@@ -47,8 +47,8 @@ void OcclusionPass::drawAround(const GlChunks& chunks, const SceneView& view) {
   coarse_.wireframe = false;
   coarse_.width = std::max(1, frame.width / step);
   coarse_.height = std::max(1, frame.height / step);
-  const auto [left, right] = coarseRange(view.drawn.left, view.drawn.right(), reachIn(frame),
-                                         frame.width, coarse_.width);
+  const auto [left, right] =
+      coarseRange(view.drawn.left, view.drawn.right(), reachIn(frame), frame.width, coarse_.width);
   const auto [top, bottom] = coarseRange(view.drawn.top, view.drawn.bottom(), reachIn(frame),
                                          frame.height, coarse_.height);
   around_drawn_ = {left, top, right - left, bottom - top};

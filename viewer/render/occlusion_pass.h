@@ -27,8 +27,8 @@ class OcclusionPass {
  private:
   GlProgram occlusion_program_, shade_program_;
   DepthPass around_;
-  SceneFrame coarse_;           // the picture of these depths
-  PixelBox around_drawn_;       // and what of it was drawn
+  SceneFrame coarse_;      // the picture of these depths
+  PixelBox around_drawn_;  // and what of it was drawn
   GlVertexArray empty_array_;
   GlTexture openness_;
   GlFramebuffer openness_frame_;

@@ -6,6 +6,7 @@
 
 #include "isobrick/viewer/image.h"
 #include "isobrick/viewer/pixel_box.h"
+#include "isobrick/viewer/render/depth_readback.h"
 #include "isobrick/viewer/render/scene_frame.h"
 #include "isobrick/viewer/render/scene_readback.h"
 #include "isobrick/viewer/stream/chunk_store.h"
@@ -15,7 +16,10 @@ namespace isobrick {
 
 // Keeps chunks and slices until they are released, draws frames of them, and reads these back. Used
 // by one thread.
-class SceneRenderer : public ChunkStore, public SliceStore, public SceneReadback {
+class SceneRenderer : public ChunkStore,
+                      public SliceStore,
+                      public SceneReadback,
+                      public DepthReadback {
  public:
   // All of a chunk at once. Throws as reserve().
   virtual ChunkId upload(const SurfaceChunk& chunk) = 0;

@@ -40,10 +40,9 @@ SceneView::SceneView(const SceneFrame& f, const PixelBox& box)
       drawn(box),
       port_middle(box.left + box.width / 2 - 0.5 * f.width,
                   firstPixel().y + box.height / 2 - 0.5 * f.height),
-      half_port(static_cast<int>(
-          std::max(kLeastPort,
-                   std::bit_ceil(static_cast<unsigned>(std::max(box.width, box.height)))) /
-          2)),
+      half_port(static_cast<int>(std::max(kLeastPort, std::bit_ceil(static_cast<unsigned>(
+                                                          std::max(box.width, box.height)))) /
+                                 2)),
       range(depthRangeOf(f.bounds, f.camera)),
       depth(reversedDepth(range, f.camera.orthographic)),
       to_eye(glm::transpose(glm::dmat3(f.camera.right, f.camera.up, -f.camera.forward))),

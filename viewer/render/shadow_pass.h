@@ -6,8 +6,8 @@
 #include <glm/vec4.hpp>
 #include <optional>
 
-#include "isobrick/viewer/render/gl_chunks.h"
 #include "isobrick/viewer/render/depth_pass.h"
+#include "isobrick/viewer/render/gl_chunks.h"
 #include "isobrick/viewer/render/scene_view.h"
 
 namespace isobrick {
@@ -30,6 +30,8 @@ class ShadowPass {
   // Draws the depths of the frame's opaque surfaces, unless they are still those of this very
   // frame: all tiles of a picture have the same. Binds another frame buffer.
   void draw(const GlChunks& chunks, const SceneView& view);
+  // The memory of these depths may be lacking.
+  void forget() { drawn_.reset(); }
   // Of the last draw().
   const ShadowView& seen() const { return seen_; }
   // With filters that compare.

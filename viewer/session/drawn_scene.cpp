@@ -10,24 +10,30 @@ bool DrawnScene::draw(SceneRenderer& renderer, const SceneFrame& frame, bool ane
   return true;
 }
 
-void DrawnScene::forget() {
-  frame_.reset();
-  hit_.reset();
-}
+void DrawnScene::forget() { frame_.reset(); }
 
-std::optional<glm::dvec3> DrawnScene::surfaceAt(SceneReadback& readback,
-                                                const glm::dvec2& pixel) const {
-  if (!frame_) return std::nullopt;
-  const std::optional<double> distance = readback.distanceAt(pixel);
-  if (!distance) return std::nullopt;
+std::uint64_t DrawnScene::ask(DepthReadback& readback, const glm::dvec2& pixel) {
+  if (!frame_) return 0;
   const glm::dvec2 place = 2.0 * (pixel + 0.5) / glm::dvec2(frame_->width, frame_->height) - 1.0;
-  return rayThrough(frame_->camera, {place.x, -place.y}).at(*distance);
+  asked_.push_back({readback.askDistance(pixel), frame_->camera, {place.x, -place.y}});
+  return asked_.back().question;
 }
 
-std::optional<glm::dvec3> DrawnScene::surfaceUnder(SceneReadback& readback,
-                                                   const glm::dvec2& cursor) {
-  if (!hit_ || hit_->cursor != cursor) hit_ = Hit{cursor, surfaceAt(readback, cursor)};
-  return hit_->point;
+std::optional<DrawnScene::Answer> DrawnScene::take(DepthReadback& readback) {
+  while (!asked_.empty()) {
+    const std::optional<DistanceAnswer> distance = readback.takeDistance();
+    if (!distance) return std::nullopt;
+    while (!asked_.empty() && asked_.front().question < distance->question) asked_.pop_front();
+    // Others may have asked before.
+    if (asked_.empty() || asked_.front().question != distance->question) continue;
+    const Asked asked = asked_.front();
+    asked_.pop_front();
+    Answer answer{asked.question, std::nullopt};
+    if (distance->distance)
+      answer.point = rayThrough(asked.camera, asked.place).at(*distance->distance);
+    return answer;
+  }
+  return std::nullopt;
 }
 
 }  // namespace isobrick

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <glm/vec2.hpp>
 #include <glm/vec3.hpp>
 #include <optional>
@@ -20,20 +21,28 @@ class DrawnScene {
   // The renderer's picture is none of these any longer.
   void forget();
 
-  // The surface under a pixel (from the top left) of the frame drawn last; none if there is
-  // background, or no frame. The depths are those of the camera that drew them, and not of one that
-  // has moved since.
-  std::optional<glm::dvec3> surfaceAt(SceneReadback& readback, const glm::dvec2& pixel) const;
-  // The same, read back once for a place and a frame that stay the same.
-  std::optional<glm::dvec3> surfaceUnder(SceneReadback& readback, const glm::dvec2& cursor);
+  // Asks for the surface under a pixel (from the top left) of the frame drawn last; returns the
+  // question's number, or 0 if there is no frame. Never waits: the answer comes by take(), by the
+  // camera that drew the frame, whatever was drawn since.
+  std::uint64_t ask(DepthReadback& readback, const glm::dvec2& pixel);
+  struct Answer {
+    std::uint64_t question = 0;
+    std::optional<glm::dvec3> point;  // none: there is background
+  };
+  // The answers that have come; one a call.
+  std::optional<Answer> take(DepthReadback& readback);
+  bool isAsking() const { return !asked_.empty(); }
+  // The renderer of these questions is gone: they are not answered.
+  void forgetQuestions() { asked_.clear(); }
 
  private:
-  struct Hit {
-    glm::dvec2 cursor{0.0};
-    std::optional<glm::dvec3> point;
+  struct Asked {
+    std::uint64_t question = 0;
+    PlacedCamera camera;
+    glm::dvec2 place{0.0};  // normalised device coordinates
   };
   std::optional<SceneFrame> frame_;  // none: none was drawn
-  std::optional<Hit> hit_;           // of that frame
+  std::deque<Asked> asked_;
 };
 
 }  // namespace isobrick

@@ -47,6 +47,9 @@ void ViewSession::suspend() {
   planes_.release(*renderer_);
   requests_.suspend();
   scene_.forget();
+  scene_.forgetQuestions();
+  clicks_.clear();
+  under_cursor_.reset();
 }
 
 void ViewSession::resume(SceneRenderer& renderer) {
@@ -87,12 +90,10 @@ Wishes ViewSession::apply(const InputEvent& event, double seconds, bool on_panel
 }
 
 void ViewSession::grantView(const Wishes& wishes) {
-  if (wishes.focus_at)
-    if (const auto point = surfaceAt(*wishes.focus_at)) focusOn(*point, volume(), state_);
-  if (wishes.measure_at)
-    if (const auto point = surfaceAt(*wishes.measure_at)) measureAt(*point, interaction_, state_);
-  if (wishes.piece_at)
-    if (const auto point = surfaceAt(*wishes.piece_at)) listPieces(point);
+  if (wishes.focus_at) ask(ClickedFor::kFocus, *wishes.focus_at);
+  if (wishes.measure_at) ask(ClickedFor::kMeasure, *wishes.measure_at);
+  if (wishes.piece_at) ask(ClickedFor::kPiece, *wishes.piece_at);
+  takePoints();
   if (wishes.keep_piece) keepSelectedPiece();
   if (wishes.hide_piece) hideSelectedPiece();
   if (wishes.first_view) {
@@ -106,7 +107,34 @@ void ViewSession::grantView(const Wishes& wishes) {
   if (wishes.redo) state_ = history_.redo(state_).value_or(state_);
 }
 
+void ViewSession::ask(ClickedFor what, const glm::dvec2& pixel) {
+  if (const std::uint64_t question = scene_.ask(*renderer_, pixel)) clicks_[question] = what;
+}
+
+void ViewSession::takePoints() {
+  while (const auto answer = scene_.take(*renderer_)) {
+    if (under_cursor_ && under_cursor_->question == answer->question) {
+      under_cursor_->question = 0;
+      under_cursor_->point = answer->point;
+    }
+    const auto click = clicks_.extract(answer->question);
+    if (click && answer->point) grant(click.mapped(), *answer->point);
+  }
+}
+
+void ViewSession::grant(ClickedFor what, const glm::dvec3& point) {
+  switch (what) {
+    case ClickedFor::kFocus:
+      return focusOn(point, volume(), state_);
+    case ClickedFor::kMeasure:
+      return measureAt(point, interaction_, state_);
+    case ClickedFor::kPiece:
+      return listPieces(point);
+  }
+}
+
 void ViewSession::update(double seconds, UploadAllowance& allowance) {
+  takePoints();
   advanceFlight(std::clamp(seconds - last_update_, 0.0, 0.1), volume(), interaction_, state_);
   last_update_ = seconds;
   state_ = bounded(state_, volume());
@@ -191,6 +219,7 @@ bool ViewSession::draw() {
   frame.pixel_scale = interaction_.scale;
   // How long its pictures take decides about the view that a volume opens with.
   drew_ = scene_.draw(*renderer_, frame, !opening_.isOver());
+  if (drew_) under_cursor_.reset();
   drawn_state_ = state_;
   return drew_;
 }
@@ -218,8 +247,9 @@ PictureNotes ViewSession::notes() const {
 }
 
 bool ViewSession::settled() const {
-  return isFine() && !pieces_.busy() && !waitsForPieces() && !slice_views_.busy() &&
-         !paths_.busy() && (previewOf() || opening_.isOver() || !(interaction_.size.y > 0.0));
+  return isFine() && clicks_.empty() && !pieces_.busy() && !waitsForPieces() &&
+         !slice_views_.busy() && !paths_.busy() &&
+         (previewOf() || opening_.isOver() || !(interaction_.size.y > 0.0));
 }
 
 bool ViewSession::isFine() const { return requests_.isFine(askedView()) && !planes_.busy(); }
@@ -242,15 +272,17 @@ SessionStatus ViewSession::status() const {
   return status;
 }
 
-std::optional<glm::dvec3> ViewSession::surfaceAt(const glm::dvec2& pixel) {
-  return scene_.surfaceAt(*renderer_, pixel);
-}
-
 std::optional<glm::dvec3> ViewSession::surfaceUnderCursor() {
   const bool rests = isFine() && interaction_.drag == Interaction::Drag::kNone &&
                      !interaction_.flying && drawn_state_ == state_;
   if (!rests) return std::nullopt;
-  return scene_.surfaceUnder(*renderer_, interaction_.cursor);
+  const glm::dvec2 cursor = interaction_.cursor;
+  if (!under_cursor_)
+    under_cursor_ = UnderCursor{cursor, scene_.ask(*renderer_, cursor), std::nullopt};
+  else if (under_cursor_->question == 0 && under_cursor_->cursor != cursor)
+    under_cursor_ = UnderCursor{cursor, scene_.ask(*renderer_, cursor), under_cursor_->point};
+  takePoints();
+  return under_cursor_ ? under_cursor_->point : std::nullopt;
 }
 
 MeshOrder ViewSession::meshOrder(const std::string& path) const {

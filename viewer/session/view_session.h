@@ -2,6 +2,8 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -149,10 +151,9 @@ class ViewSession {
   // The paths of measurements over the surface.
   const PathFinder& paths() const { return paths_; }
 
-  // The surface under a pixel of the frame drawn last; none if there is background.
-  std::optional<glm::dvec3> surfaceAt(const glm::dvec2& pixel);
-  // The same under the cursor, for the line at the foot, if the view is at rest. Reading depth back
-  // waits for the card, so it is read once for a place and a frame that stay the same.
+  // The surface under the cursor, for the line at the foot, if the view is at rest; none if there
+  // is background. It is read back, for which no frame waits, once for a place and a frame that
+  // stay the same; until then it is what was read last of that frame.
   std::optional<glm::dvec3> surfaceUnderCursor();
 
   // The active surface, as fine as the view's settings, for a MeshQueue.
@@ -163,6 +164,11 @@ class ViewSession {
 
  private:
   void grantView(const Wishes& wishes);
+  // Clicks on a surface, which are granted when its place is read back.
+  enum class ClickedFor { kFocus, kMeasure, kPiece };
+  void ask(ClickedFor what, const glm::dvec2& pixel);
+  void takePoints();
+  void grant(ClickedFor what, const glm::dvec3& point);
   void updateOpening();
   void updatePieces(double seconds);
   AskedView askedView() const { return {state_, interaction_.size.y, colored_by_}; }
@@ -179,8 +185,16 @@ class ViewSession {
   Interaction interaction_;
   double last_update_ = 0.0;
   DrawnScene scene_;
-  std::optional<ViewState> drawn_state_;  // of the last draw()
-  bool drew_ = false;                     // the renderer, in the last draw()
+  std::optional<ViewState> drawn_state_;        // of the last draw()
+  bool drew_ = false;                           // the renderer, in the last draw()
+  std::map<std::uint64_t, ClickedFor> clicks_;  // by question, until its answer
+  // What was read last under the cursor, of the frame drawn last.
+  struct UnderCursor {
+    glm::dvec2 cursor{0.0};
+    std::uint64_t question = 0;  // the latest; it has its answer if 0
+    std::optional<glm::dvec3> point;
+  };
+  std::optional<UnderCursor> under_cursor_;
   // By surface; one of another isovalue until the right one is there. Empty: no colours of pieces.
   std::vector<std::shared_ptr<const ListedComponents>> colored_by_;
   bool hides_no_more_ = false;  // the last piece to be hidden was one too many

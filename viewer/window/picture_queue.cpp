@@ -49,8 +49,8 @@ bool PictureQueue::goOn(double seconds, SceneRenderer& renderer, UploadAllowance
   if (!session_) {
     SessionOptions options{threads_, std::numeric_limits<std::uint64_t>::max()};
     options.preview_of = order.opened.preview_of;
-    session_ = std::make_unique<ViewSession>(order.opened.file, order.opened.histogram, renderer,
-                                             options);
+    session_ =
+        std::make_unique<ViewSession>(order.opened.file, order.opened.histogram, renderer, options);
     session_->apply(InputEvent::resized(order.width, order.height), seconds, false);
     session_->show(order.state);
   }

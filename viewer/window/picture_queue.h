@@ -62,7 +62,7 @@ class PictureQueue {
   const int threads_;
   std::deque<PictureOrder> waiting_;  // the first one is under way
   std::unique_ptr<ViewSession> session_;
-  std::optional<PictureTiles> tiles_;      // goes before what it draws
+  std::optional<PictureTiles> tiles_;  // goes before what it draws
   std::unique_ptr<PictureWriter> writer_;
 };
 

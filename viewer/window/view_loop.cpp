@@ -87,8 +87,8 @@ class ViewLoop {
  private:
   ViewSession* session() const { return volumes_.session(); }
   bool awake() const {
-    return player_ || clockSeconds() < awake_until_ || files_.unwrittenPictures() > 0 || !volumes_.shown().settled() ||
-           (session() != nullptr && session()->interaction().flying);
+    return player_ || clockSeconds() < awake_until_ || files_.unwrittenPictures() > 0 ||
+           !volumes_.shown().settled() || (session() != nullptr && session()->interaction().flying);
   }
   // True if everything requested is shown.
   bool settled() const { return volumes_.settled() && unwritten() == 0; }

@@ -59,6 +59,14 @@ class SceneRendererTest : public ::testing::Test {
     const std::size_t at = image.offsetOf(x, y);
     return {image.rgb[at], image.rgb[at + 1], image.rgb[at + 2]};
   }
+  std::optional<double> distanceAt(const glm::dvec2& pixel) {
+    const std::uint64_t question = renderer_->askDistance(pixel);
+    for (;;)
+      if (const auto answer = renderer_->takeDistance()) {
+        EXPECT_EQ(answer->question, question);
+        return answer->distance;
+      }
+  }
   static bool isRed(const glm::vec3& c) { return c.r > 0.2f && c.b < 0.5f * c.r; }
   static bool isBlue(const glm::vec3& c) { return c.b > 0.2f && c.r < 0.5f * c.b; }
   static bool isBlack(const glm::vec3& c) { return c.r + c.g + c.b < 1e-3f; }
@@ -79,11 +87,11 @@ TEST_F(SceneRendererTest, WhatIsNearerHidesWhatIsBehindAndIsHit) {
     EXPECT_TRUE(isBlue(seen(32, 32)));
     EXPECT_TRUE(isRed(seen(32, 16)));
     EXPECT_TRUE(isBlack(seen(2, 2)));
-    EXPECT_NEAR(renderer_->distanceAt({32.0, 32.0}).value(), 8.0, 1e-4);
-    EXPECT_NEAR(renderer_->distanceAt({32.0, 16.0}).value(), 13.0, 1e-4);
-    EXPECT_FALSE(renderer_->distanceAt({2.0, 2.0}));
-    EXPECT_FALSE(renderer_->distanceAt({-1.0, 2.0}));
-    EXPECT_FALSE(renderer_->distanceAt({32.0, 64.0}));
+    EXPECT_NEAR(distanceAt({32.0, 32.0}).value(), 8.0, 1e-4);
+    EXPECT_NEAR(distanceAt({32.0, 16.0}).value(), 13.0, 1e-4);
+    EXPECT_FALSE(distanceAt({2.0, 2.0}));
+    EXPECT_FALSE(distanceAt({-1.0, 2.0}));
+    EXPECT_FALSE(distanceAt({32.0, 64.0}));
     frame_.chunks = {far};
     EXPECT_TRUE(isRed(seen(32, 32)));
   }
@@ -437,7 +445,7 @@ TEST_F(SceneRendererTest, TranslucentSlicesAreSeenThrough) {
   frame_.normals = true;
   const glm::vec3 normal = seen(32, 32);
   EXPECT_NEAR(normal.y, -1.0f, 0.01f);
-  EXPECT_NEAR(*renderer_->distanceAt({32.0, 32.0}), 12.0, 1e-3);
+  EXPECT_NEAR(*distanceAt({32.0, 32.0}), 12.0, 1e-3);
 }
 
 TEST_F(SceneRendererTest, SegmentsAreHiddenByWhatIsInFrontOfThem) {
@@ -507,9 +515,9 @@ TEST_F(SceneRendererTest, NormalsAndDistancesAreThoseOfTheSurface) {
     EXPECT_NEAR(normal.y, -1.0f, 1e-3f);
     EXPECT_NEAR(normal.z, 0.0f, 1e-3f);
     EXPECT_TRUE(isBlack(seen(2, 2)));
-    const std::vector<float> distances = renderer_->distances();
+    const std::vector<float> distances = renderer_->drawTile(frame_, {0, 0, 64, 64}, true).depth;
     ASSERT_EQ(distances.size(), 64u * 64u);
-    EXPECT_NEAR(distances[64 * 30 + 32], renderer_->distanceAt({32.0, 30.0}).value(), 1e-4);
+    EXPECT_NEAR(distances[64 * 30 + 32], distanceAt({32.0, 30.0}).value(), 1e-4);
     EXPECT_EQ(distances[64 * 2 + 2], std::numeric_limits<float>::infinity());
   }
 }

@@ -612,15 +612,60 @@ TEST_F(ViewSessionTest, DepthIsReadAtRestOnceForAPlace) {
   EXPECT_EQ(renderer_.distancesRead(), read + 1);
 }
 
-// A press that comes with a move hits what the user saw, by the camera that drew it.
-TEST_F(ViewSessionTest, APlaceIsThatOfTheFrameThatWasDrawn) {
+// No frame waits for a depth. A press hits what the user saw, by the camera that drew it, even if
+// the answer comes when another frame is there.
+TEST_F(ViewSessionTest, APlaceIsThatOfTheFrameThatWasDrawnAndMayComeLater) {
   settle();
   renderer_.distance = 20.0;
-  const auto before = session_->surfaceAt({100.0, 50.0});
-  session_->state().camera = orbited(session_->state().camera, 40.0, 10.0);
-  EXPECT_EQ(session_->surfaceAt({100.0, 50.0}), before);
+  const ViewCamera first = session_->state().camera;
+  const glm::dvec3 hit = rayThrough(placeCamera(first, 2.0), {0.005, -0.01}).at(20.0);
+  InputEvent event;
+  event.x = 100.0;
+  event.y = 50.0;
+  event.kind = Kind::kMove;
+  session_->apply(event, clock_, false);
+  renderer_.answers_late = true;
+  for (int i = 0; i < 2; ++i)
+    for (const Kind kind : {Kind::kPress, Kind::kRelease}) {
+      event.kind = kind;
+      session_->apply(event, clock_, false);
+    }
+  for (int i = 0; i < 5; ++i) {
+    session_->state().camera = orbited(session_->state().camera, 5.0, 1.0);
+    frame(0.1);
+  }
+  EXPECT_EQ(session_->state().camera.pivot, first.pivot);
+  EXPECT_FALSE(session_->settled());  // scripts wait for it
+  renderer_.answers_late = false;
   frame(0.1);
-  EXPECT_NE(session_->surfaceAt({100.0, 50.0}), before);
+  EXPECT_LT(glm::distance(session_->state().camera.pivot, hit), 1e-9);
+  settle();
+}
+
+// Until a depth is there the line at the foot has the last one of the same frame.
+TEST_F(ViewSessionTest, UnderTheCursorIsWhatWasReadLast) {
+  settle();
+  renderer_.distance = 20.0;
+  const auto before = session_->surfaceUnderCursor();
+  ASSERT_TRUE(before);
+  renderer_.answers_late = true;
+  const std::uint64_t read = renderer_.distancesRead();
+  InputEvent move;
+  move.kind = Kind::kMove;
+  for (int i = 0; i < 5; ++i) {
+    move.x = 60.0 + i;
+    move.y = 40.0;
+    session_->apply(move, clock_, false);
+    EXPECT_EQ(session_->surfaceUnderCursor(), before);
+  }
+  EXPECT_EQ(renderer_.distancesRead(), read + 1);  // one at a time
+  renderer_.answers_late = false;
+  session_->surfaceUnderCursor();
+  session_->surfaceUnderCursor();
+  const auto after = session_->surfaceUnderCursor();
+  ASSERT_TRUE(after);
+  EXPECT_NE(*after, *before);
+  EXPECT_EQ(renderer_.distancesRead(), read + 2);
 }
 
 // As fine as a picture can show: another picture shows more.

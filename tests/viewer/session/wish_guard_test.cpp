@@ -46,6 +46,18 @@ TEST_F(WishGuardTest, AnotherViewIsReplacedAfterAYesAlone) {
   }
 }
 
+TEST_F(WishGuardTest, LeavingWaitsForPicturesToo) {
+  stakes_.unwritten_pictures = 1;
+  EXPECT_FALSE(pass(false, true).close);
+  ASSERT_TRUE(guard_.question());
+  EXPECT_EQ(guard_.question()->text, "A picture is not written yet. Leave without it?");
+  stakes_.unwritten_pictures = 0;  // it is there
+  EXPECT_TRUE(pass(false, false).close);
+  stakes_ = {2, 1};
+  EXPECT_FALSE(pass(false, true).close);
+  EXPECT_EQ(guard_.question()->text, "3 files are not written yet. Leave without them?");
+}
+
 TEST_F(WishGuardTest, LeavingWaitsForMeshes) {
   stakes_.unwritten_meshes = 2;
   EXPECT_FALSE(pass(false, true).close);

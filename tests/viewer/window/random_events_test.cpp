@@ -209,6 +209,7 @@ class Play {
 
   // For a frame of `target`.
   std::vector<InputEvent> events(EglTarget& target) {
+    target_ = &target;
     if (phase_ != Phase::kRandom) {
       if (orders_.empty()) return {};
       std::vector<InputEvent> events = std::move(orders_.front());
@@ -344,12 +345,15 @@ class Play {
     const SessionStatus status = session->status();
     if (!status.error.empty()) throw Error("Home shows an error: " + status.error);
     if (status.triangles == 0) throw Error("Home shows no surface");
-    if (!session->surfaceAt(0.5 * session->interaction().size))
-      throw Error("Home shows no surface in its middle");
+    const glm::ivec2 size(session->interaction().size);
+    const SceneFrame frame = session->pictureFrame(size.x, size.y);
+    const Image middle = target_->renderer().drawTile(frame, {size.x / 2, size.y / 2, 1, 1}, true);
+    if (!std::isfinite(middle.depth[0])) throw Error("Home shows no surface in its middle");
   }
 
   Hand hand_;
   test::DriverFaults& driver_;
+  EglTarget* target_ = nullptr;
   int left_, in_round_ = 0, checks_ = 0, still_frames_ = 0;
   Phase phase_ = Phase::kRandom;
   double since_ = 0.0;
