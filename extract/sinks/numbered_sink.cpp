@@ -14,6 +14,11 @@ void NumberedSink::begin(const MeshFrame& frame) {
 }
 
 void NumberedSink::place(PlacedBatch& placed) {
+  if (options_.components && placed.components.size() != placed.batch.positions.size())
+    throw Error("'" + file_.path() +
+                    "': the vertices have no numbers of components; put a ComponentFilter or a "
+                    "ComponentNumbering before the file",
+                {.path = file_.path()});
   numbering_.place(placed);
   if (numbering_.count() > std::numeric_limits<std::uint32_t>::max())
     throw Error("'" + file_.path() +

@@ -10,6 +10,7 @@
 
 #include "isobrick/extract/extractor.h"
 #include "isobrick/extract/sinks/indexed_mesh.h"
+#include "isobrick/extract/sinks/mesh_file_sink.h"
 #include "tests/extract/random_case.h"
 #include "tests/support/field_pyramid.h"
 #include "tests/support/hashing_sink.h"
@@ -116,6 +117,25 @@ TEST(SurfaceComponents, AreThoseOfTheWholeMesh) {
     ASSERT_EQ(all.positions, whole.mesh().positions);
   }
   EXPECT_GT(components_seen, 200u);
+}
+
+TEST(SurfaceComponents, AFileOfNumbersWantsThemFromAStageBeforeIt) {
+  const TemporaryFolder folder;
+  const Pyramid pyramid(buildField(folder, Index3(20),
+                                   [](const glm::dvec3& p) { return 6 - glm::length(p - 10.0); }));
+  Query query;
+  query.isovalue = 0;
+  for (const char* name : {"a.ply", "a.vtp", "a.glb"}) {
+    EXPECT_THROW(extractIsosurface(pyramid, query,
+                                   *makeMeshFileSink(folder.file(name), {.components = true})),
+                 Error)
+        << name;
+    const SurfaceComponents components = componentsOf(pyramid, query);
+    const auto file = makeMeshFileSink(folder.file(name), {.components = true});
+    ComponentFilter filter(components, 1, *file);
+    extractIsosurface(pyramid, query, filter);
+    EXPECT_GT(file->vertices(), 100u);
+  }
 }
 
 TEST(SurfaceComponents, ThreadsDoNotChangeAByte) {
