@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 """Meshes that isobrick wrote, read by others: each format must hold what the PLY of its query holds.
 
-    mesh_interchange_test.py ISOBRICK numpy|vtk|assimp|meshio
+    mesh_formats.py ISOBRICK numpy|vtk|assimp|meshio
 
 $CHECK_MESH is the mesh checker's program.
 
@@ -23,7 +23,7 @@ import zlib
 import numpy as np
 
 sys.dont_write_bytecode = True  # beside the sources
-from interchange_common import ISOBRICK, rotation, run, write_nrrd
+from common import ISOBRICK, rotation, run, write_nrrd
 
 
 def grid(shape):
