@@ -60,7 +60,7 @@ struct BuildOptions {
   std::optional<float> nan_as;
   std::string tool_version;  // goes into the provenance; does not change the identity
 
-  // Of a divided pyramid (divided_pyramid.h): cells of level 0 along an edge of a super-brick, a
+  // For a divided pyramid (divided_pyramid.h): cells of level 0 along an edge of a super-brick, a
   // power of two, at least those of a brick. buildPyramid() wants 0.
   std::int64_t super_cells = 0;
 

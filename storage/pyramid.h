@@ -116,7 +116,7 @@ class Pyramid {
   std::size_t brickCount() const;
   // The bytes of the file by kind: passes over the whole brick table.
   PyramidSums sums() const;
-  // What was asked of the server so far; all zero for a local file.
+  // The work of the network so far; all zero for a local file.
   RemoteCounters remoteCounters() const;
   // As it was opened with.
   std::uint64_t budgetBytes() const { return budget_bytes_; }

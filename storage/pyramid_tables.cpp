@@ -16,7 +16,7 @@
 namespace isobrick {
 namespace {
 
-// Rows of a remote brick table that are asked for together where all of it is passed over.
+// Rows of a remote brick table that are asked for together when all of it is passed over.
 constexpr std::size_t kRowsInAStride = std::size_t{1} << 15;
 
 bool isPowerOfTwoWithin(std::uint32_t value, std::uint32_t least, std::uint32_t greatest) {

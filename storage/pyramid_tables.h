@@ -27,7 +27,7 @@ class PyramidTables {
   PyramidTables(const std::string& path, FileAccess access, const RemoteOptions& remote);
   ~PyramidTables();
 
-  // As it was opened; of a URL without what nobody else should see.
+  // As it was opened; a URL without its secrets.
   const std::string& path() const { return path_; }
   const PagedFile& bytes() const { return file_; }
   const format::Header& header() const { return header_; }

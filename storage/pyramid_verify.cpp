@@ -325,7 +325,7 @@ void addTables(const format::Header& header, std::uint64_t base, std::vector<Ext
     add(part.offset, part.stored_bytes);
 }
 
-// Of bytes of a file that begins at `base` and has `file_bytes`.
+// Whether a range of the file that begins at `base` and has `file_bytes` has this checksum.
 bool isUndamaged(const PagedFile& file, std::uint64_t base, std::uint64_t file_bytes,
                  const ByteRange& range, std::uint64_t checksum) {
   if (range.offset > file_bytes || range.bytes > file_bytes - range.offset) return false;

@@ -52,7 +52,7 @@ void refuseBoxOutside(const QueryBox& box, const Pyramid& pyramid, const std::st
                   {.path = path});
 }
 
-// Of "500,1200" and "auto", given once or more.
+// From "500,1200" and "auto", given once or more.
 void readIsovalues(QueryOptions& options, const std::vector<std::string>& texts, bool several) {
   try {
     options.isovalues.clear();
@@ -137,7 +137,7 @@ void addNoMapFlag(CLI::App& app, bool& no_map) {
 
 namespace {
 
-// An open remote pyramid, of which Ctrl-C ends every read, also one that nobody can cancel.
+// An open remote pyramid. Ctrl-C ends every read of it, also one without a cancel flag.
 class InterruptiblePyramid {
  public:
   explicit InterruptiblePyramid(std::shared_ptr<const Pyramid> pyramid)

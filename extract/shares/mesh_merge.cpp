@@ -70,7 +70,7 @@ class ShareFile {
 
   const std::string& path() const { return path_; }
   const ShareHeader& header() const { return header_; }
-  // Where the batches end.
+  // The offset at which the batches end.
   std::uint64_t batchesEnd() const { return size_ - header_.identity_bytes; }
 
   std::string identity() const {

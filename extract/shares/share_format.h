@@ -59,7 +59,7 @@ static_assert(sizeof(SharedRecord) == 16);
 
 inline constexpr std::uint64_t kVectorBytes = 12;  // a position or a normal: three f32
 
-// Of a record with these counts.
+// The bytes of a record with these counts.
 constexpr std::uint64_t recordBytes(std::uint64_t positions, std::uint64_t indices,
                                     std::uint64_t shared) {
   return sizeof(BatchRecord) + 2 * kVectorBytes * positions + sizeof(std::uint32_t) * indices +

@@ -1,4 +1,4 @@
-// What it costs to collapse edges, some at a time.
+// The costs of collapsing edges, some at a time.
 #pragma once
 
 #include <array>

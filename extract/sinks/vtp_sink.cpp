@@ -202,7 +202,7 @@ class VtpSink : public NumberedSink {
     levels_.pwrite(placed.bytes.data(), placed.bytes.size(), placed.first_triangle);
   }
 
-  // Connectivity, and where the cells end in it.
+  // Connectivity, and the end of each cell in it.
   template <typename Append>
   void appendCells(Offsets& offsets, const Append& append) {
     if (!hasWideIndices()) {
