@@ -1,4 +1,4 @@
-// Which parts of a file the process holds, and for how long.
+// The parts of a file that the process holds, and for how long.
 #pragma once
 
 #include <array>

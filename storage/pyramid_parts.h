@@ -131,7 +131,7 @@ class PyramidParts {
   // Cancelled.
   void require(PartKind kind, int level, const Index3& brick,
                const CancelFlag* cancel = nullptr) const;
-  // A hold on a part that is resident, for as long as it shall stay that; nothing if it is not.
+  // A hold on a part that is resident, which stays so as long as the hold lives; none if it is not.
   // For a part that is not stored the hold is empty.
   std::optional<BrickPart> holdIfResident(PartKind kind, int level, const Index3& brick) const;
   // Takes back what was fetched of the brick, for a query that was cancelled: see

@@ -142,7 +142,7 @@ class InterruptiblePyramid {
  public:
   explicit InterruptiblePyramid(std::shared_ptr<const Pyramid> pyramid)
       : pyramid_(std::move(pyramid)), watcher_([this](const std::stop_token& ended) {
-          // Those who look at the flag themselves come first, and say how far they were.
+          // Calls that look at the flag themselves come first, and say how far they were.
           constexpr auto kBetweenLooks = std::chrono::milliseconds(50);
           constexpr int kPatience = 6;
           int looks = 0;

@@ -1,4 +1,4 @@
-// Which parts of a brick a query takes.
+// The parts of a brick that a query takes.
 #pragma once
 
 #include <algorithm>
@@ -104,7 +104,7 @@ class QueryNeeds {
   }
 
  private:
-  // If they decide.
+  // Whether the ranges are there, unless the row alone decides.
   template <typename Answers>
   bool hasRanges(int level, const Index3& brick, const Answers& has) const {
     return !culls_ || (has.row(level, brick) &&

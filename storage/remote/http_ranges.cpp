@@ -122,7 +122,7 @@ RangeQueue::Wanted HttpRanges::want(const ByteRange& range) {
   return wanted;
 }
 
-// By one of its readers, who is none any more.
+// Called by one of its readers, which leaves.
 RangeReader::Failure HttpRanges::await(std::unique_lock<std::mutex>& lock, const Wanted& wanted,
                                        std::byte* out) {
   using enum WantedRange::State;

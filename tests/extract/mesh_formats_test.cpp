@@ -1,4 +1,4 @@
-// What mesh files refuse, and what a failure leaves of them. That each format holds what the PLY of
+// Queries that mesh files refuse, and files after a failure. That each format holds what the PLY of
 // the same query holds is compared by tests/tools/interchange/mesh_formats.py.
 #include "isobrick/extract/sinks/mesh_formats.h"
 

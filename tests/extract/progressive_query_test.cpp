@@ -40,7 +40,7 @@ namespace {
 
 using std::chrono::milliseconds;
 
-// What the random states really exercised.
+// Counts of what the random states really exercised.
 struct ProgressiveCoverage {
   int answers = 0, partial = 0, complete = 0, with_levels = 0, with_transitions = 0, rounds = 0;
 };
@@ -401,7 +401,7 @@ TEST_P(ProgressiveQueryOfAHead, TheFirstAnswerReadsOnlyLevelsOfOneBrick) {
             2u * 4);  // ranges and samples of the levels from 4 on
 }
 
-// What came in for the brick at the focus is used before what is far has come in.
+// Parts of the brick at the focus are used before those of far bricks have come in.
 TEST_P(ProgressiveQueryOfAHead, RefinesNearTheFocusFirst) {
   const Pyramid whole(path_);
   const std::uint64_t triangles = trianglesOf(whole, query_);
@@ -435,7 +435,7 @@ TEST_P(ProgressiveQueryOfAHead, WhatIsFetchedFitsIntoTheBudget) {
     }
 }
 
-// What came in and went again before it was used is not waited for anew for ever.
+// A part that came in and went again before it was used is not waited for anew for ever.
 TEST_P(ProgressiveQueryOfAHead, EndsForAnyBudget) {
   const Pyramid whole(path_);
   const std::uint64_t triangles = trianglesOf(whole, query_);
@@ -455,7 +455,7 @@ TEST_P(ProgressiveQueryOfAHead, EndsForAnyBudget) {
   }
 }
 
-// What another extractor on the pyramid brought in since the query looked has come.
+// Parts that another extractor on the pyramid brought in since the query looked have come.
 TEST_P(ProgressiveQueryOfAHead, WhatOthersBringInIsWaitedFor) {
   const Pyramid pyramid(path_);
   const QueryNeeds needs(pyramid, query_);
@@ -474,7 +474,7 @@ TEST_P(ProgressiveQueryOfAHead, WhatOthersBringInIsWaitedFor) {
   fetcher.announce(needs, missing, 0);
   EXPECT_TRUE(fetcher.wait(std::chrono::seconds(10)));
   EXPECT_EQ(pyramid.parts().counters().parts_fetched, fetched);
-  // What was there before has not.
+  // Parts that were there before have not.
   fetcher.beginQuery();
   std::vector<MissingBrick> there = missing;
   for (MissingBrick& brick : there) brick.lacks_parts = brick.needs_samples = false;

@@ -16,9 +16,9 @@
 #include "isobrick/storage/pyramid.h"
 #include "isobrick/storage/pyramid_writer.h"
 #include "tests/support/build_message.h"
-#include "tests/support/disk_folder.h"
 #include "tests/support/noise_pyramid.h"
 #include "tests/support/plain_reader.h"
+#include "tests/support/temporary_folder.h"
 
 namespace isobrick::test {
 namespace {
@@ -45,7 +45,7 @@ TEST(FailedBuild, WriterWithoutFinishLeavesNoFile) {
 
 TEST(FailedBuild, LeavesTheOlderFileUntouched) {
   const DiskFolder folder;
-  const std::string path = buildGoodFile(folder.path());
+  const std::string path = buildGoodFile(folder);
   const std::vector<std::uint8_t> before = readWholeFile(path);
   NoiseSource source(Index3(19, 9, 40), VoxelType::kUint16);
   source.fail_at_row = 33 * 9;
@@ -63,7 +63,7 @@ TEST(FailedBuild, LeavesTheOlderFileUntouched) {
     };
     EXPECT_THROW(buildPyramid(again, path, options), Cancelled) << stop_at;
     EXPECT_TRUE(readWholeFile(path) == before) << "stopped at " << stop_at;
-    // What is left for --resume is no pyramid.
+    // The files that are left for --resume are no pyramids.
     for (const std::string& name : folder.names())
       if (name != "good.isb") {
         EXPECT_TRUE(name.starts_with("good.isb.partial")) << name;

@@ -20,12 +20,12 @@
 #include "isobrick/storage/checksum.h"
 #include "isobrick/storage/pyramid.h"
 #include "isobrick/storage/pyramid_parts.h"
-#include "tests/support/disk_folder.h"
 #include "tests/support/file_edits.h"
 #include "tests/support/noise_pyramid.h"
 #include "tests/support/plain_bricks.h"
 #include "tests/support/plain_reader.h"
 #include "tests/support/random_numbers.h"
+#include "tests/support/temporary_folder.h"
 
 namespace isobrick::test {
 namespace {
@@ -166,9 +166,9 @@ TEST(BrickPager, KeepsTheBudget) {
 }
 
 // At a fault the kernel maps whatever of the aligned 64 KiB around lies in the page cache, and
-// tile ranges and curvature share their first and last pages with neighbours. What a part brought
-// in must go with it, or the process ends up holding the whole file: a 2048^3 volume has 10^5
-// parts.
+// tile ranges and curvature share their first and last pages with neighbours. All that a part
+// brought in must go with it, or the process ends up holding the whole file: a 2048^3 volume has
+// 10^5 parts.
 TEST(BrickPager, KeepsTheBudgetAmongCachedNeighbours) {
   const DiskFolder folder;
   const std::uint64_t bytes = 8200;
@@ -262,7 +262,7 @@ TEST(BrickPager, DamageIsSaidEveryTime) {
 // The same through Pyramid: several readers, a budget of a few bricks, every value checked.
 void readWithinABudget(format::Codec codec) {
   const DiskFolder folder;
-  const std::string path = buildPagedFile(folder.path(), codec);
+  const std::string path = buildPagedFile(folder, codec);
   const PlainPyramid plain = readPlainPyramid(path);
   const Pyramid pyramid(path, 64 * 1024);
   std::atomic<int> wrong{0};

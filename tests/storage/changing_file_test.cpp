@@ -17,13 +17,13 @@
 #include "isobrick/storage/pyramid_parts.h"
 #include "isobrick/storage/pyramid_verify.h"
 #include "tests/support/child_process.h"
-#include "tests/support/disk_folder.h"
 #include "tests/support/every_brick.h"
 #include "tests/support/file_edits.h"
 #include "tests/support/noise_pyramid.h"
 #include "tests/support/plain_bricks.h"
 #include "tests/support/plain_reader.h"
 #include "tests/support/random_numbers.h"
+#include "tests/support/temporary_folder.h"
 
 namespace isobrick::test {
 namespace {
@@ -48,7 +48,7 @@ int readBrick(const Pyramid& pyramid, int level, const Index3& brick) {
 
 void checkBricksNotYetReadThrow(format::Codec codec) {
   const DiskFolder folder;
-  const std::string path = buildPagedFile(folder.path(), codec);
+  const std::string path = buildPagedFile(folder, codec);
   // Between the parts of two bricks.
   const PlainPyramid plain = readPlainPyramid(path);
   const PlainPart& first_lost = plain.bricks[plain.bricks.size() / 2].parts[0];
@@ -74,7 +74,7 @@ TEST(TruncatedWhileMapped, BricksNotYetReadThrow) {
 // The pager knows the brick as resident; the pages behind it are gone all the same.
 void checkBricksReadBeforeThrow(format::Codec codec) {
   const DiskFolder folder;
-  const std::string path = buildPagedFile(folder.path(), codec);
+  const std::string path = buildPagedFile(folder, codec);
   expectChildLeavesWith(0, [&] {
     const Pyramid pyramid(path);
     forAllBricks(pyramid,
@@ -95,7 +95,7 @@ TEST(TruncatedWhileMapped, BricksReadBeforeThrow) {
 // A brick that is held at that moment reads as zeros, and its user is told.
 TEST(TruncatedWhileMapped, HeldBricksAreErrorsAfterTheirUse) {
   const DiskFolder folder;
-  const std::string path = buildPagedFile(folder.path());
+  const std::string path = buildPagedFile(folder);
   expectChildLeavesWith(0, [&] {
     const Pyramid pyramid(path);
     const Index3 last = pyramid.layout().bricks(0) - Index3(1);
@@ -115,7 +115,7 @@ TEST(TruncatedWhileMapped, HeldBricksAreErrorsAfterTheirUse) {
 // Unpacked samples do not change with the file.
 TEST(TruncatedWhileMapped, HeldPackedBricksStay) {
   const DiskFolder folder;
-  const std::string path = buildPagedFile(folder.path(), format::Codec::kZstd);
+  const std::string path = buildPagedFile(folder, format::Codec::kZstd);
   const PlainPyramid plain = readPlainPyramid(path);
   expectChildLeavesWith(0, [&] {
     const Pyramid pyramid(path);
@@ -161,7 +161,7 @@ TEST(TruncatedWhileMapped, BricksAreRightOrErrorsWheneverTheFileIsCut) {
   const DiskFolder folder;
   for (const format::Codec codec : kCodecs) {
     SCOPED_TRACE(codecName(codec));
-    const std::string path = buildPagedFile(folder.path(), codec);
+    const std::string path = buildPagedFile(folder, codec);
     const Bytes good = readWholeFile(path);
     const PlainPyramid plain = readPlainPyramid(path);
     expectChildLeavesWith(0, [&] {
@@ -182,7 +182,7 @@ TEST(TruncatedWhileMapped, BricksAreRightOrErrorsWheneverTheFileIsCut) {
 // bytes after their checksum would see others.
 void readWhileWritten(format::Codec codec) {
   const DiskFolder folder;
-  const std::string path = buildPagedFile(folder.path(), codec);
+  const std::string path = buildPagedFile(folder, codec);
   const PlainPyramid plain = readPlainPyramid(path);
   const PlainBrick& brick = plain.bricks.front();
   const PlainPart& part = brick.parts[0];

@@ -28,7 +28,7 @@ TEST(DamagedFile, TheGoodFileIsGood) {
   const TemporaryFolder folder;
   for (const format::Codec codec : kCodecs)
     for (int type = 0; type < 5; ++type) {
-      const std::string path = buildGoodFile(folder.path(), static_cast<VoxelType>(type), codec);
+      const std::string path = buildGoodFile(folder, static_cast<VoxelType>(type), codec);
       EXPECT_TRUE(judge(path).isGood());
       bool has[3][5] = {};
       const PlainPyramid plain = readPlainPyramid(path);
@@ -46,7 +46,7 @@ TEST(DamagedFile, TheGoodFileIsGood) {
 
 TEST(DamagedFile, EveryFlippedBitOfATinyFileIsFound) {
   const TemporaryFolder folder;
-  const std::string path = buildTinyFile(folder.path());
+  const std::string path = buildTinyFile(folder);
   const Bytes good = readWholeFile(path);
   const std::vector<bool> covered = readPlainPyramid(path).covered;
   const std::string bad = folder.file("bad.isb");
@@ -67,7 +67,7 @@ TEST(DamagedFile, EveryFlippedBitOfATinyFileIsFound) {
 
 TEST(DamagedFile, EveryPrefixOfATinyFileIsRefused) {
   const TemporaryFolder folder;
-  const Bytes good = readWholeFile(buildTinyFile(folder.path()));
+  const Bytes good = readWholeFile(buildTinyFile(folder));
   const std::string bad = folder.file("bad.isb");
   for (std::size_t length = 0; length < good.size(); ++length) {
     writeBytes(bad, Bytes(good.begin(), good.begin() + static_cast<std::ptrdiff_t>(length)));
@@ -81,7 +81,7 @@ TEST(DamagedFile, EveryPrefixOfATinyFileIsRefused) {
 
 TEST(DamagedFile, TruncatedFilesAreRefused) {
   const TemporaryFolder folder;
-  const Bytes good = readWholeFile(buildGoodFile(folder.path()));
+  const Bytes good = readWholeFile(buildGoodFile(folder));
   const std::string bad = folder.file("bad.isb");
   for (std::size_t length = 0; length < good.size(); length += 1 + length / 40) {
     writeBytes(bad, Bytes(good.begin(), good.begin() + static_cast<std::ptrdiff_t>(length)));
@@ -91,7 +91,7 @@ TEST(DamagedFile, TruncatedFilesAreRefused) {
 
 TEST(DamagedFile, EveryFlippedByteOfHeaderAndTablesIsFound) {
   const TemporaryFolder folder;
-  const std::string path = buildGoodFile(folder.path());
+  const std::string path = buildGoodFile(folder);
   const Bytes good = readWholeFile(path);
   const PlainPyramid plain = readPlainPyramid(path);
   const std::string bad = folder.file("bad.isb");
@@ -131,7 +131,7 @@ TEST(DamagedFile, EveryFlippedByteOfHeaderAndTablesIsFound) {
 // and asking for the part is an Error that names brick and level.
 void flipEveryByteOfBricks(format::Codec codec) {
   const TemporaryFolder folder;
-  const std::string path = buildGoodFile(folder.path(), VoxelType::kUint16, codec);
+  const std::string path = buildGoodFile(folder, VoxelType::kUint16, codec);
   const Bytes good = readWholeFile(path);
   const PlainPyramid plain = readPlainPyramid(path);
   const std::string bad = folder.file("bad.isb");
@@ -196,8 +196,7 @@ TEST(DamagedFile, RandomFlipsAnywhere) {
   Bytes good;
   for (int round = 0; round < 3000; ++round) {
     if (round % 1000 == 0)
-      good =
-          readWholeFile(buildGoodFile(folder.path(), VoxelType::kFloat32, kCodecs[round / 1000]));
+      good = readWholeFile(buildGoodFile(folder, VoxelType::kFloat32, kCodecs[round / 1000]));
     Bytes bytes = good;
     for (std::uint64_t flips = 1 + randomBelow(random, 4); flips > 0; --flips) {
       const std::uint64_t at = randomBelow(random, bytes.size());
@@ -220,7 +219,7 @@ TEST(DamagedFile, ThingsThatAreNotPyramids) {
     writeBytes(bad, Bytes(bytes, 0));
     EXPECT_NE(judge(bad).open_error, "");
   }
-  Bytes other = readWholeFile(buildTinyFile(folder.path()));
+  Bytes other = readWholeFile(buildTinyFile(folder));
   for (const std::uint32_t version : {1, 2, 4}) {
     putU32(other, 8, version);
     sealHeader(other);

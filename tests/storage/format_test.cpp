@@ -1,4 +1,4 @@
-// What buildPyramid writes is what docs/FORMAT.md says: a reader made from that page alone
+// buildPyramid writes the format of docs/FORMAT.md: a reader made from that page alone
 // (plain_reader) gets every value back, and it is the value that the slow reference computes.
 
 #include <gtest/gtest.h>

@@ -14,13 +14,13 @@
 #include "isobrick/storage/format.h"
 #include "isobrick/storage/pyramid.h"
 #include "tests/support/child_process.h"
-#include "tests/support/disk_folder.h"
 #include "tests/support/every_brick.h"
 #include "tests/support/file_edits.h"
 #include "tests/support/noise_pyramid.h"
 #include "tests/support/plain_reader.h"
 #include "tests/support/pyramid_verdict.h"
 #include "tests/support/requirement.h"
+#include "tests/support/temporary_folder.h"
 
 namespace isobrick::test {
 namespace {
@@ -104,7 +104,7 @@ TEST(HollowFile, ATableOfATerabyteInAFileOfHolesCostsNothingAndIsRefusedRowByRow
 
 TEST(HollowFile, AProvenanceOfAGigabyteIsRefused) {
   const DiskFolder folder;
-  Bytes bytes = readWholeFile(buildTinyFile(folder.path()));
+  Bytes bytes = readWholeFile(buildTinyFile(folder));
   const std::string path = folder.file("long.isb");
   constexpr std::uint64_t kLong = std::uint64_t{1} << 30;
   putU64(bytes, kFileBytesAt, bytes.size() + kLong);

@@ -33,7 +33,7 @@ namespace {
 // Prefixes with a file_bytes that fits: the tables are then outside the file.
 TEST(HostileFile, EveryPrefixWithACorrectedHeaderIsRefused) {
   const TemporaryFolder folder;
-  const Bytes good = readWholeFile(buildTinyFile(folder.path()));
+  const Bytes good = readWholeFile(buildTinyFile(folder));
   const std::string bad = folder.file("bad.isb");
   for (std::size_t length = 512; length < good.size(); ++length) {
     Bytes bytes(good.begin(), good.begin() + static_cast<std::ptrdiff_t>(length));
@@ -51,7 +51,7 @@ TEST(HostileFile, SealedEditsOfPackedBytes) {
   const std::string bad = folder.file("bad.isb");
   Random random(15);
   for (const format::Codec codec : {format::Codec::kLz4, format::Codec::kZstd}) {
-    const std::string path = buildGoodFile(folder.path(), VoxelType::kUint16, codec);
+    const std::string path = buildGoodFile(folder, VoxelType::kUint16, codec);
     const Bytes good = readWholeFile(path);
     const PlainPyramid plain = readPlainPyramid(path);
     int refused = 0;
@@ -94,7 +94,7 @@ constexpr std::uint64_t kNastyNumbers[] = {
 // opens can be read to its end.
 TEST(HostileFile, NastyNumbersInASealedHeader) {
   const TemporaryFolder folder;
-  const std::string path = buildGoodFile(folder.path());
+  const std::string path = buildGoodFile(folder);
   const Bytes good = readWholeFile(path);
   const std::string bad = folder.file("bad.isb");
   // Fields whose every other value contradicts the rest of the file: magic .. voxel_type,
@@ -125,7 +125,7 @@ TEST(HostileFile, NastyNumbersInASealedHeader) {
 
 TEST(HostileFile, NumbersThatAreNotFiniteInASealedHeader) {
   const TemporaryFolder folder;
-  const Bytes good = readWholeFile(buildGoodFile(folder.path()));
+  const Bytes good = readWholeFile(buildGoodFile(folder));
   const std::string bad = folder.file("bad.isb");
   for (std::uint64_t at = 72; at < 216; at += 8)
     for (const double number :
@@ -144,7 +144,7 @@ TEST(HostileFile, ValuesThatNoVoxelHasAreRefused) {
   constexpr double kTooSmall = 1e-60, kBeyondFloat = 1e300, kHalf = 50.5, kNotSingle = 0.1;
   for (std::uint32_t type = 0; type < kVoxelTypeCount; ++type) {
     const TemporaryFolder folder;
-    const Bytes good = readWholeFile(buildGoodFile(folder.path(), static_cast<VoxelType>(type)));
+    const Bytes good = readWholeFile(buildGoodFile(folder, static_cast<VoxelType>(type)));
     const std::string bad = folder.file("bad.isb");
     const auto openError = [&](const std::function<void(format::Header&)>& edit) {
       PyramidDraft draft(good);
@@ -185,7 +185,7 @@ TEST(HostileFile, ValuesThatNoVoxelHasAreRefused) {
 
 TEST(HostileFile, DimensionsThatPromiseMoreThanTheFileHolds) {
   const TemporaryFolder folder;
-  const Bytes good = readWholeFile(buildTinyFile(folder.path()));
+  const Bytes good = readWholeFile(buildTinyFile(folder));
   const std::string bad = folder.file("bad.isb");
   for (const std::uint64_t n : {std::uint64_t{4}, std::uint64_t{1000}, std::uint64_t{1} << 20})
     for (std::uint64_t axes = 1; axes < 8; ++axes) {
@@ -210,7 +210,7 @@ TEST(HostileFile, NastyNumbersInSealedTables) {
   const TemporaryFolder folder;
   for (const auto& [type, codec] : {std::pair{VoxelType::kUint8, format::Codec::kStored},
                                     {VoxelType::kFloat32, format::Codec::kZstd}}) {
-    const std::string path = buildGoodFile(folder.path(), type, codec);
+    const std::string path = buildGoodFile(folder, type, codec);
     const Bytes good = readWholeFile(path);
     const PlainPyramid plain = readPlainPyramid(path);
     const std::string bad = folder.file("bad.isb");
@@ -236,7 +236,7 @@ TEST(HostileFile, NastyNumbersInSealedTables) {
 TEST(HostileFile, SealedBrickRowsThatContradictThemselvesAreFound) {
   const TemporaryFolder folder;
   for (const VoxelType type : {VoxelType::kUint8, VoxelType::kInt16, VoxelType::kFloat32}) {
-    const std::string path = buildGoodFile(folder.path(), type, format::Codec::kStored);
+    const std::string path = buildGoodFile(folder, type, format::Codec::kStored);
     const Bytes good = readWholeFile(path);
     const PlainPyramid plain = readPlainPyramid(path);
     const std::string bad = folder.file("bad.isb");
@@ -308,7 +308,7 @@ TEST(HostileFile, SealedRowsOfPackedPartsThatContradictThemselvesAreFound) {
   const TemporaryFolder folder;
   const std::string bad = folder.file("bad.isb");
   for (const format::Codec codec : {format::Codec::kLz4, format::Codec::kZstd}) {
-    const std::string path = buildGoodFile(folder.path(), VoxelType::kUint16, codec);
+    const std::string path = buildGoodFile(folder, VoxelType::kUint16, codec);
     const Bytes good = readWholeFile(path);
     const PlainPyramid plain = readPlainPyramid(path);
     std::size_t row = 0;
@@ -361,7 +361,7 @@ TEST(HostileFile, SealedRowsOfPackedPartsThatContradictThemselvesAreFound) {
 // Directions and spacings that overflow are no placement.
 TEST(HostileFile, PlacementsWithoutUsablePositionsAreRefused) {
   const TemporaryFolder folder;
-  const Bytes good = readWholeFile(buildTinyFile(folder.path()));
+  const Bytes good = readWholeFile(buildTinyFile(folder));
   const std::string bad = folder.file("bad.isb");
   for (const auto& [at, number] :
        {std::pair<std::uint64_t, double>{72, 1e300}, {72, 1e-300}, {96, -1e300}, {120, 1e300}}) {

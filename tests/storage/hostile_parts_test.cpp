@@ -51,7 +51,7 @@ void setElement(std::vector<std::byte>& elements, std::size_t i, T value) {
 TEST(HostileParts, ADraftThatWasNotChangedIsGood) {
   const TemporaryFolder folder;
   for (const format::Codec codec : kCodecs) {
-    const std::string path = buildGoodFile(folder.path(), VoxelType::kInt16, codec);
+    const std::string path = buildGoodFile(folder, VoxelType::kInt16, codec);
     PyramidDraft draft(readWholeFile(path));
     for (PyramidDraft::Brick& brick : draft.bricks)
       draft.setElements(brick, draft.elementsOf(brick), format::Codec::kStored);
@@ -79,7 +79,7 @@ bool moveOneEnd(Random& random, bool narrower, const BrickRow& brick, Elements& 
 TEST(HostileParts, TileRangesThatAreNotThoseOfTheirSamplesAreFound) {
   const TemporaryFolder folder;
   const PyramidDraft good(
-      readWholeFile(buildGoodFile(folder.path(), VoxelType::kUint16, format::Codec::kStored)));
+      readWholeFile(buildGoodFile(folder, VoxelType::kUint16, format::Codec::kStored)));
   Random random(21);
   std::size_t narrow = 0, wide = 0, named = 0;
   for (std::size_t row = 0; row < good.bricks.size(); ++row)
@@ -104,7 +104,7 @@ TEST(HostileParts, TileRangesThatAreNotThoseOfTheirSamplesAreFound) {
 TEST(HostileParts, SamplesThatAreNotFiniteAreFound) {
   const TemporaryFolder folder;
   const PyramidDraft good(
-      readWholeFile(buildGoodFile(folder.path(), VoxelType::kFloat32, format::Codec::kStored)));
+      readWholeFile(buildGoodFile(folder, VoxelType::kFloat32, format::Codec::kStored)));
   Random random(22);
   using Limits = std::numeric_limits<float>;
   for (const float value : {Limits::quiet_NaN(), Limits::infinity(), -Limits::infinity()})
@@ -120,7 +120,7 @@ TEST(HostileParts, SamplesThatAreNotFiniteAreFound) {
 
 TEST(HostileParts, ReservedFieldsAndValueRangesThatLieAreFound) {
   const TemporaryFolder folder;
-  const Bytes good = readWholeFile(buildGoodFile(folder.path()));
+  const Bytes good = readWholeFile(buildGoodFile(folder));
   const std::string bad = folder.file("bad.isb");
   const auto judgeDraft = [&](const std::function<void(PyramidDraft&)>& edit) {
     PyramidDraft draft(good);
@@ -144,7 +144,7 @@ TEST(HostileParts, ReservedFieldsAndValueRangesThatLieAreFound) {
 // A later version may add parts of a kind that this one does not know.
 TEST(HostileParts, PartsOfUnknownKindsArePassedOver) {
   const TemporaryFolder folder;
-  const std::string path = buildGoodFile(folder.path());
+  const std::string path = buildGoodFile(folder);
   PyramidDraft draft(readWholeFile(path));
   ASSERT_EQ(draft.header.kind_count, 3u);
   draft.header.kinds[draft.header.kind_count++] = 77;

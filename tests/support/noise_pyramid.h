@@ -10,6 +10,7 @@
 #include "isobrick/storage/error.h"
 #include "tests/support/array_source.h"
 #include "tests/support/random_numbers.h"
+#include "tests/support/temporary_folder.h"
 
 namespace isobrick::test {
 
@@ -49,30 +50,30 @@ inline BuildOptions smallBricks(format::Codec codec = format::Codec::kLz4) {
 }
 
 // Several levels, several bricks in each, constant parts and, but for kStored, packed ones.
-inline std::string buildGoodFile(const std::string& folder, VoxelType type = VoxelType::kUint16,
+inline std::string buildGoodFile(const TemporaryFolder& folder, VoxelType type = VoxelType::kUint16,
                                  format::Codec codec = format::Codec::kLz4) {
   NoiseSource source(Index3(19, 9, 11), type);
   source.constant_from_x = 8;
-  const std::string path = folder + "/good.isb";
+  const std::string path = folder.file("good.isb");
   buildPyramid(source, path, smallBricks(codec));
   return path;
 }
 
-inline std::string buildTinyFile(const std::string& folder) {
+inline std::string buildTinyFile(const TemporaryFolder& folder) {
   NoiseSource source(Index3(3, 2, 2), VoxelType::kUint8);
-  const std::string path = folder + "/tiny.isb";
+  const std::string path = folder.file("tiny.isb");
   buildPyramid(source, path, smallBricks());
   return path;
 }
 
 // Bricks of several pages.
-inline std::string buildPagedFile(const std::string& folder,
+inline std::string buildPagedFile(const TemporaryFolder& folder,
                                   format::Codec codec = format::Codec::kStored) {
   NoiseSource source(Index3(70, 40, 40), VoxelType::kUint16);
   BuildOptions options;
   options.brick_cells = 16;
   options.codec = codec;
-  const std::string path = folder + "/paged.isb";
+  const std::string path = folder.file("paged.isb");
   buildPyramid(source, path, options);
   return path;
 }
