@@ -16,6 +16,7 @@
 #include "isobrick/storage/checksum.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_io.h"
+#include "isobrick/storage/stored_grid.h"
 #include "isobrick/storage/usable_geometry.h"
 
 namespace isobrick {
@@ -34,14 +35,7 @@ format::Header formatHeaderOf(const PyramidSpec& spec) {
   header.level_count = static_cast<std::uint32_t>(Lattice(spec.voxels).levels());
   header.brick_cells = static_cast<std::uint32_t>(spec.brick_cells);
   header.tile_cells = static_cast<std::uint32_t>(spec.tile_cells);
-  for (int axis = 0; axis < 3; ++axis) {
-    header.dims[axis] = static_cast<std::uint64_t>(spec.voxels[axis]);
-    header.spacing[axis] = spec.geometry.spacing[axis];
-    header.origin[axis] = spec.geometry.origin[axis];
-    for (int row = 0; row < 3; ++row)
-      header.direction[3 * axis + row] = spec.geometry.direction[axis][row];
-  }
-  header.length_unit = static_cast<std::uint32_t>(spec.geometry.unit);
+  storeGrid(spec.voxels, spec.geometry, header);
   header.curvature_epsilon = spec.curvature_epsilon;
   return header;
 }

@@ -27,7 +27,7 @@ struct Header {
   std::uint64_t all_bricks;
   std::uint64_t batches;    // records
   std::uint64_t triangles;  // of all batches
-  std::uint64_t voxels[3];
+  std::uint64_t dims[3];    // voxels
   double spacing[3];
   double origin[3];
   double direction[9];  // column-major, as in a pyramid

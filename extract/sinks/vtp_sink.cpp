@@ -141,9 +141,7 @@ class VtpSink : public NumberedSink {
     append(offsets.levels, triangles_, from(levels_));
     constexpr std::string_view kEnd = "\n</AppendedData>\n</VTKFile>\n";
     file_.write(kEnd.data(), kEnd.size());
-    const std::string header = makeHeader(offsets);
-    file_.pwrite(header.data(), header.size(), 0);
-    file_.commit(options_.cancel);
+    publish(makeHeader(offsets));
   }
 
  private:
