@@ -32,6 +32,7 @@
 #include "tests/extract/read_faults.h"
 #include "tests/extract/same_mesh.h"
 #include "tests/support/array_source.h"
+#include "tests/support/every_brick.h"
 #include "tests/support/mesh_checker.h"
 #include "tests/support/temporary_folder.h"
 
@@ -45,14 +46,6 @@ struct ProgressiveCoverage {
   int answers = 0, partial = 0, complete = 0, with_levels = 0, with_transitions = 0, rounds = 0;
 };
 
-template <typename F>
-void forEachBrickOf(const Pyramid& pyramid, F&& f) {
-  for (std::size_t row = 0; row < pyramid.brickCount(); ++row) {
-    const BrickAddress at = pyramid.parts().brickAt(row);
-    f(at.level, at.brick);
-  }
-}
-
 bool isOneBrick(const Pyramid& pyramid, int level) {
   return elementCount(pyramid.layout().bricks(level)) == 1;
 }
@@ -63,7 +56,7 @@ void bringIn(const Pyramid& pyramid, RandomCase& random) {
   std::vector<double> chances;
   for (int level = 0; level < pyramid.lattice().levels(); ++level)
     chances.push_back(isOneBrick(pyramid, level) || random.chance(0.4) ? 1 : random.real(0.3, 1));
-  forEachBrickOf(pyramid, [&](int level, const Index3& brick) {
+  forAllBricks(pyramid, [&](int level, const Index3& brick) {
     for (const PartKind kind : kPartKinds)
       if (random.chance(chances[static_cast<std::size_t>(level)])) {
         EXPECT_NE(pyramid.parts().fetch(kind, level, brick), BrickPager::Fetched::kNever);
@@ -72,7 +65,7 @@ void bringIn(const Pyramid& pyramid, RandomCase& random) {
 }
 
 void bringAllIn(const Pyramid& pyramid) {
-  forEachBrickOf(pyramid, [&](int level, const Index3& brick) {
+  forAllBricks(pyramid, [&](int level, const Index3& brick) {
     for (const PartKind kind : kPartKinds)
       static_cast<void>(pyramid.parts().fetch(kind, level, brick));
   });

@@ -42,7 +42,7 @@ int readBrick(const Pyramid& pyramid, int level, const Index3& brick) {
     g_sink = sum;
     return 0;
   } catch (const Error& error) {
-    return std::string(error.what()).find(brickText(level, brick)) != std::string::npos ? 1 : 2;
+    return std::string(error.what()).find(brickName(level, brick)) != std::string::npos ? 1 : 2;
   }
 }
 
@@ -106,7 +106,7 @@ TEST(TruncatedWhileMapped, HeldBricksAreErrorsAfterTheirUse) {
     try {
       pyramid.throwIfReadsFailed(0, last);
     } catch (const Error& error) {
-      return std::string(error.what()).find(brickText(0, last)) != std::string::npos ? 0 : 4;
+      return std::string(error.what()).find(brickName(0, last)) != std::string::npos ? 0 : 4;
     }
     return 3;
   });

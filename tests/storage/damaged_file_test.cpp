@@ -169,8 +169,8 @@ void flipEveryByteOfBricks(format::Codec codec) {
         } catch (const Error& error) {
           message = error.what();
         }
-        ASSERT_NE(message.find(brickText(brick.level, index)), std::string::npos)
-            << "'" << message << "' lacks " << brickText(brick.level, index);
+        ASSERT_NE(message.find(brickName(brick.level, index)), std::string::npos)
+            << "'" << message << "' lacks " << brickName(brick.level, index);
         ASSERT_NE(message.find(bad), std::string::npos) << message;
       }
     }

@@ -94,7 +94,7 @@ TEST(HollowFile, ATableOfATerabyteInAFileOfHolesCostsNothingAndIsRefusedRowByRow
         pyramid.brickRange(0, brick);
         return 3;
       } catch (const Error& error) {
-        if (std::string(error.what()).find(brickText(0, brick)) == std::string::npos) return 4;
+        if (std::string(error.what()).find(brickName(0, brick)) == std::string::npos) return 4;
       }
     }
     getrusage(RUSAGE_SELF, &after);

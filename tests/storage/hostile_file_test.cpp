@@ -295,7 +295,7 @@ TEST(HostileFile, SealedBrickRowsThatContradictThemselvesAreFound) {
       EXPECT_FALSE(verdict.isGood()) << voxelTypeName(type) << ": " << edit.what;
       const PlainBrick& brick = plain.bricks[edit.row];
       if (!verdict.open_error.empty())
-        EXPECT_NE(verdict.open_error.find(brickText(brick.level, indexOf(brick))),
+        EXPECT_NE(verdict.open_error.find(brickName(brick.level, indexOf(brick))),
                   std::string::npos)
             << edit.what << ": " << verdict.open_error;
       else

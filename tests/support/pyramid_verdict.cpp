@@ -22,7 +22,7 @@ Verdict judge(const std::string& path) {
       EXPECT_EQ(damage->brick, brick);
       EXPECT_FALSE(damage->what.empty());
       // The caller adds the brick and the file.
-      EXPECT_EQ(damage->what.find(brickText(level, brick)), std::string::npos) << damage->what;
+      EXPECT_EQ(damage->what.find(brickName(level, brick)), std::string::npos) << damage->what;
       EXPECT_EQ(damage->what.find(path), std::string::npos) << damage->what;
     });
     verdict.rest = verifyRest(pyramid);
