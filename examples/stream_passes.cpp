@@ -9,7 +9,7 @@
 
 using namespace isobrick;
 
-// Of a little-endian machine.
+// For a little-endian machine.
 static void writePly(const char* path, const MergedSurface& mesh) {
   std::ofstream file(path, std::ios::binary);
   file << "ply\nformat binary_little_endian 1.0\nelement vertex " << mesh.vertices.size()

@@ -78,9 +78,10 @@ ExtractionReport extractIsosurface(const Pyramid& pyramid, const Query& query, T
 ExtractionReport extractIsosurface(const Pyramid& pyramid, const Query& query, SurfaceMesh& mesh);
 
 // The distance in voxels at which the query's simplified surface has at most `triangles` triangles,
-// and not many fewer; none if the surface has no more without simplification. Only drop_small of
-// query.simplify counts. The surface is extracted some ten times. Throws as Extractor::extract()
-// does, and Error if no distance leaves so few: vertices that bricks share always stay.
+// above 0, and not many fewer; none if the surface has no more without simplification. Only
+// drop_small of query.simplify counts. The surface is extracted some ten times. Throws as
+// Extractor::extract() does, and Error if no distance leaves so few: vertices that bricks share
+// always stay.
 std::optional<SimplifyOptions> findSimplification(Extractor& extractor, Query query,
                                                   std::uint64_t triangles);
 

@@ -1,4 +1,4 @@
-// A query: one isosurface, and how fine it shall be at each place; the plan made from it, and the
+// A query: one isosurface, and how fine it is to be at each place; the plan made from it, and the
 // report.
 #pragma once
 
@@ -54,7 +54,7 @@ struct ViewPoint {
   bool operator==(const ViewPoint&) const = default;
 };
 
-// How fine the surface shall be at each place. Each member that is given leaves cells coarse; a
+// How fine the surface is to be at each place. Each member that is given leaves cells coarse; a
 // cell is refined if all of them refine it. With none of them the finest level is extracted
 // everywhere.
 struct DetailChoice {

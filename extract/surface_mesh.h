@@ -16,7 +16,8 @@ namespace isobrick {
 // a part's origin as an offset, and worldPosition() gives doubles.
 //
 // The object keeps the memory of the largest mesh it held, so a query into it writes to warm
-// memory. Extracting into it throws Error if the system grants no address space or no memory.
+// memory. Extracting into it throws Error if the system grants no address space or no memory. Const
+// members are thread-safe; spans are valid until the next query into the mesh, and while it lives.
 class SurfaceMesh {
  public:
   // The part that one brick added: vertices and triangles [first, first + count). Its triangles may

@@ -17,7 +17,7 @@ namespace isobrick {
 // are made. Thread-safe for different bricks of one level.
 class BrickClosures {
  public:
-  // Of these bricks, empty ranges at first.
+  // For these bricks, with empty ranges at first.
   BrickClosures(const BrickLayout& layout, const TableRows& rows)
       : BrickClosures(layout, rows, std::vector<ValueRange>(rows.count())) {}
   // With ranges that are known.

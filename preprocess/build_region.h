@@ -29,7 +29,7 @@ class BuildRegion {
   // The bricks that windows are cut from: its own, and those that pass samples on to them.
   const IndexBox& windowBricks(int level) const { return read_[place(level)]; }
   // Samples of level + 1, and tiles of `level`, that it passes on. Empty at the top of the pyramid.
-  // Of the level below its first one, what it takes: all of them.
+  // For the level below its first one all that it takes.
   IndexBox passedSamples(int level) const;
   IndexBox passedTiles(int level) const;
 

@@ -1,4 +1,4 @@
-// What the file of a super-brick tells the join of all of them (join_pyramid.h).
+// The part of a super-brick's file that the join of all of them reads (join_pyramid.h).
 #pragma once
 
 #include <cstddef>

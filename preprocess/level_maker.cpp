@@ -71,7 +71,7 @@ bool LevelMaker<T>::hasToBeRead(int level, const IndexBox& bricks) const {
   return own.size() < bricks.size() || !isResumed(level, own.end() - Index3(1));
 }
 
-// Of all windows of the window's slab, which may come in any order of their first slices.
+// The first of all windows of the window's slab, which may come in any order of their first slices.
 template <typename T>
 std::int64_t LevelMaker<T>::firstSliceOf(const IndexBox& window) const {
   IndexBox slab = region_.windowBricks(0);

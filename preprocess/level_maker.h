@@ -69,7 +69,7 @@ class LevelMaker {
   // samples of its first level else. Returns what the last one passes on; null at the top.
   std::unique_ptr<LevelStore> run(LevelInput<T>* input, std::unique_ptr<LevelStore> store);
 
-  // Of the voxels in the region's bricks; after run().
+  // The range of the voxels in the region's bricks; after run().
   const ValueRange& voxelRange() const { return voxel_range_; }
 
  private:

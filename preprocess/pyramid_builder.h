@@ -54,13 +54,13 @@ struct BuildOptions {
   // kStored (no compression), kLz4 or kZstd.
   format::Codec codec = format::Codec::kLz4;
   bool with_curvature = true;  // stores bounds, so that queries may have a curvature_tolerance
-  // See PyramidSpec::curvature_epsilon; at least kLeastCurvatureEpsilon (curvature_fit.h).
+  // See PyramidSpec::curvature_epsilon; at least 2^-16.
   double curvature_epsilon = 1.0 / 64;
   // Value that takes the place of NaN and infinite voxels; without it they are refused.
   std::optional<float> nan_as;
   std::string tool_version;  // goes into the provenance; does not change the identity
 
-  // Of a divided pyramid (divided_pyramid.h): cells of level 0 along an edge of a super-brick, a
+  // For a divided pyramid (divided_pyramid.h): cells of level 0 along an edge of a super-brick, a
   // power of two, at least those of a brick. buildPyramid() wants 0.
   std::int64_t super_cells = 0;
 

@@ -59,7 +59,7 @@ auto runAbandonable(const CancelFlag* cancel, Work work) {
     throw Cancelled();
   }
   lock.unlock();
-  // What a library keeps for the thread is gone before the caller uses the library on, or ends the
+  // The thread's own data of a library is gone before the caller uses the library on, or ends the
   // process.
   thread.join();
   if (shared->failure) std::rethrow_exception(shared->failure);

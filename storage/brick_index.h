@@ -17,7 +17,7 @@
 
 namespace isobrick {
 
-// What to do about damaged bytes.
+// Advice about damaged bytes.
 inline constexpr char kDamageAdvice[] = "build it again or restore a copy";
 inline constexpr char kDividedDamageAdvice[] =
     "restore a copy of that file, or delete it, build its super-brick again and join";
@@ -45,8 +45,8 @@ class BrickIndex {
   BrickIndex(const PagedFile& file, const PyramidSpec& spec, const format::Header& header,
              const TableRows& own, const PyramidDivision* division);
 
-  // What the constructor reads of a table, in the ranges in which it does. Where they lie, and how
-  // many there are, was not checked.
+  // The ranges that the constructor reads of a table. Their places and their number were not
+  // checked.
   static std::vector<ByteRange> rangesReadAtOnce(const format::Header& header);
 
   std::size_t count() const { return rows_.count(); }
@@ -70,11 +70,11 @@ class BrickIndex {
   // True if row() has to read it first.
   bool isAbsent(std::size_t number) const;
 
-  // Whose table has the row: the number of a super-brick, or kOwn.
+  // The file whose table has the row: the number of a super-brick, or kOwn.
   static constexpr std::size_t kOwn = ~std::size_t{0};
   std::size_t fileOf(std::size_t number) const { return placeOf(number).file; }
 
-  // For the table, so far.
+  // Bytes of the table so far.
   std::uint64_t bytesRead() const { return bytes_read_; }
 
   // The row as it lies in the file, the parts of unknown kinds with it. Throws as row() does.
@@ -97,7 +97,7 @@ class BrickIndex {
     static_assert(kRowsAtATime == 32);
   };
 
-  // Where the row of a brick lies.
+  // The place of a brick's row: a file, and the number in its table.
   struct Place {
     std::size_t file = kOwn, row = 0;
   };

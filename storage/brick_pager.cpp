@@ -178,10 +178,10 @@ void BrickPager::announce(std::span<const std::size_t> ids) try {
 } catch (const std::exception&) {  // such as of part_of_: acquire() says so
 }
 
-// For what is being loaded; the caller is among its users, and not any more where it throws.
+// For a part that is being loaded. The caller is among its users, but not after an exception.
 const std::byte* BrickPager::wait(Shard& shard, std::unique_lock<std::mutex>& lock, Entry& entry,
                                   const char** why, const CancelFlag* cancel) {
-  // A signal handler can set the flag and nothing more, so nobody wakes this thread.
+  // A signal handler can set the flag and nothing more, so nothing wakes this thread.
   constexpr auto kBetweenLooks = std::chrono::milliseconds(1);
   const auto is_done = [&] { return entry.state != State::kLoading; };
   if (cancel == nullptr) shard.loaded.wait(lock, is_done);
@@ -197,7 +197,7 @@ const std::byte* BrickPager::wait(Shard& shard, std::unique_lock<std::mutex>& lo
   return nullptr;
 }
 
-// Loads the caller's part; where the caller may be cancelled, on another thread.
+// Loads the caller's part; on another thread if the caller may be cancelled.
 const std::byte* BrickPager::loadOrLeave(Shard& shard, const std::shared_ptr<Entry>& entry,
                                          const char** why, const CancelFlag* cancel,
                                          const std::shared_ptr<Room>& room) {
@@ -217,7 +217,7 @@ const std::byte* BrickPager::loadOrLeave(Shard& shard, const std::shared_ptr<Ent
 void BrickPager::loadForOthers(Shard& shard, const std::shared_ptr<Entry>& entry, Room* room) {
   {
     const std::lock_guard lock(shard.mutex);
-    if (entry->users == 0) {  // nobody waits any more
+    if (entry->users == 0) {  // no thread waits any more
       entry->state = State::kFailed;
       shard.entries.erase(entry->id);
       return;
@@ -228,7 +228,7 @@ void BrickPager::loadForOthers(Shard& shard, const std::shared_ptr<Entry>& entry
   if (load(shard, entry, &why, room) != nullptr) release(entry->id);
 }
 
-// Throws nothing: whoever joins the load waits for its end.
+// Throws nothing: threads that joined the load wait for its end.
 const std::byte* BrickPager::load(Shard& shard, const std::shared_ptr<Entry>& entry,
                                   const char** why, Room* room) {
   bool is_good = tryBringIn(*entry, why, room);
@@ -241,7 +241,7 @@ const std::byte* BrickPager::load(Shard& shard, const std::shared_ptr<Entry>& en
   }
   {
     const std::lock_guard lock(shard.mutex);
-    // Somebody has joined who needs it, and does not ask for room.
+    // A thread has joined that needs the part, and does not ask for room.
     const bool is_needed = !is_good && *why == kNoRoom && !entry->is_ahead;
     if (!is_needed) {
       entry->state = is_good ? State::kResident : State::kFailed;
@@ -265,7 +265,7 @@ bool BrickPager::tryBringIn(Entry& entry, const char** why, Room* room) noexcept
   return false;
 }
 
-// A resident part of the caller, who holds it no more where it is not what it was.
+// For a resident part that the caller holds. If its bytes have changed, releases it.
 const std::byte* BrickPager::checkAnew(Shard& shard, Entry& entry, const char** why) {
   const std::uint64_t edition = edition_;
   if (!checkInPlace(entry.part, why)) {
@@ -287,9 +287,8 @@ std::uint64_t BrickPager::copyBytes(const Part& part) {
   return isPacked(part) ? BufferSlab::runBytes(part.bytes) : 0;
 }
 
-// What it costs is counted where it succeeds, or was set aside in `room`. For what is used in place
-// the pages of others go after it has come, as with it the kernel may map pages around it that they
-// had.
+// The cost is counted if it succeeds, or was set aside in `room`. The pages of other parts go after
+// one that is used in place has come: with it, the kernel may map pages around it that they had.
 bool BrickPager::bringIn(Entry& entry, const char** why, Room* room) {
   const Part& part = entry.part = part_of_(entry.id);
   entry.bytes = costOf(part);
@@ -345,8 +344,8 @@ bool BrickPager::readPart(const Part& part, std::byte* out, const char** why) co
   return true;
 }
 
-// Everything is done with a copy: what the checksum and the checks of the Blosc buffer have seen is
-// what the decoder gets, even while somebody writes to the file.
+// Everything is done with a copy: the decoder gets the bytes that the checksum and the checks of
+// the Blosc buffer have seen, even while the file is written to.
 bool BrickPager::unpackPart(const Part& part, std::byte* out, const char** why, bool may_displace) {
   const PartBuffer packed = takeBuffer(part.bytes, may_displace);
   if (!readPart(part, packed.get(), why)) return false;
@@ -434,8 +433,8 @@ const std::byte* BrickPager::dataOf(const Entry& entry) const {
   return entry.buffer ? entry.buffer.get() : file_.data() + entry.part.offset;
 }
 
-// Whose bytes are counted already. The slab is never shorter than the budget but where it is capped
-// or was refused: so where no run of it is free, that is for parts that may go, or are in use.
+// The bytes are counted already. The slab is as long as the budget unless it is capped or was
+// refused: so if no run of it is free, it is full of parts that may go, or are in use.
 PartBuffer BrickPager::takeBuffer(std::uint64_t bytes, bool may_displace) {
   while (true) {
     if (std::byte* const run = slab_.take(bytes)) return PartBuffer(run, {&slab_});
@@ -450,7 +449,7 @@ PartBuffer BrickPager::takeBuffer(std::uint64_t bytes, bool may_displace) {
   return buffer;
 }
 
-// What the slab keeps for later is within the budget only as far as that is not held elsewhere.
+// The slab may keep for later as much of the budget as is not held elsewhere.
 void BrickPager::trimSlab() {
   const std::uint64_t kept = held_bytes_.load() + slab_.idleBytes();
   const std::uint64_t most = budget_bytes_ + BufferSlab::kHugePageBytes;
@@ -460,7 +459,7 @@ void BrickPager::trimSlab() {
 // Counts `bytes` more, and gives back what exceeds the budget then.
 void BrickPager::makeRoom(std::uint64_t bytes) { letGo(takeVictims(bytes)); }
 
-// Those and all that follow; false where there is none.
+// Gives back the pages of this entry and of all that follow; false if there is none.
 bool BrickPager::letGo(std::shared_ptr<Entry> leaving) const {
   const bool is_any = leaving != nullptr;
   for (; leaving != nullptr; leaving = std::move(leaving->next_leaving))
@@ -491,7 +490,7 @@ bool BrickPager::takeFreeRoom(std::uint64_t bytes, std::uint64_t since) {
   return is_room;
 }
 
-// All that go, each with the next.
+// The entries that go, each with a pointer to the next.
 std::shared_ptr<BrickPager::Entry> BrickPager::takeVictims(std::uint64_t bytes) {
   std::shared_ptr<Entry> leaving;
   const std::lock_guard lock(policy_mutex_);
@@ -525,7 +524,7 @@ std::shared_ptr<BrickPager::Entry> BrickPager::takeVictim() {
   return taken;
 }
 
-// A part that nobody uses and of which `may_go` says so: then nobody can get it any more.
+// Takes a part out of its shard if it is not in use and `may_go` agrees; then no thread can get it.
 template <typename MayGo>
 std::shared_ptr<BrickPager::Entry> BrickPager::takeOut(const ResidencePolicy::Member& member,
                                                        MayGo&& may_go) {

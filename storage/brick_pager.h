@@ -1,4 +1,4 @@
-// Which parts of a file the process holds, and for how long.
+// The parts of a file that the process holds, and for how long.
 #pragma once
 
 #include <array>
@@ -29,19 +29,19 @@ namespace isobrick {
 // Parts in use never go, so a budget smaller than what is in use at one moment is exceeded by just
 // that, and nothing waits for room.
 //
-// A part is absent, loading, or resident, and a resident one may be in use. Whoever wants a part
-// that another thread is loading waits for it: nothing is read or unpacked twice at once. The
-// loading thread never waits for anybody. Who may be cancelled leaves loading to threads of the
-// pager, so that it need not end with the part.
+// A part is absent, loading, or resident, and a resident one may be in use. A thread that wants a
+// part which another one is loading waits for it: nothing is read or unpacked twice at once. The
+// loading thread never waits for another. A thread that may be cancelled leaves loading to threads
+// of the pager, so that it need not stay until the part has come.
 //
 // A stored part of a mapped file is used in place: what it costs is its pages of the map, which are
 // given back to the system. Any other is read, past the map, into a buffer, a packed one unpacked
 // on the way: what it costs is that buffer (rounded up by 3 % at most), and, while it is
 // being unpacked, one for a copy of its packed bytes, on which alone checksum and decoder work.
-// Buffers lie in a slab as large as the budget (buffer_slab.h). Where what is free of it is in
-// pieces that are too short, more parts go; where all are in use, the heap serves. What parts
-// beside the slab need of the budget, the slab gives back to the system. So what was touched is at
-// most the budget, rounded up to a huge page, and a granule of the slab for each free run.
+// Buffers lie in a slab as large as the budget (buffer_slab.h). If its free pieces are too short,
+// more parts go; if all are in use, the heap serves. The slab gives back to the system as much as
+// parts beside it need of the budget. So the memory that was touched is at most the budget, rounded
+// up to a huge page, and a granule of the slab for each free run.
 // Unpacking itself takes up to 3 MiB for each thread in it. A part that has left the sum may be on
 // its way out for a moment yet: one for each thread that makes room.
 //
@@ -56,8 +56,8 @@ class BrickPager {
     std::uint32_t unpacked_bytes = 0;  // of a packed part
     format::Codec codec = format::Codec::kStored;
   };
-  // Where part `id` is: asked, by any thread, when it comes in. The same each time.
-  // May throw Error; then the part cannot be acquired.
+  // The place of part `id` in the file: called by any thread when the part comes in, with the same
+  // result each time. May throw Error; then the part cannot be acquired.
   using PartOf = std::function<Part(std::size_t id)>;
 
   struct Counters {
@@ -71,7 +71,7 @@ class BrickPager {
     std::uint64_t buffers_beside = 0;    // how often a buffer was of the heap
     std::uint64_t wait_nanoseconds = 0;  // of all threads, in acquire() for misses and joined loads
     std::uint64_t parts_fetched = 0;     // how often one came in ahead of need
-    std::uint64_t fetched_unused = 0;    // and went before anybody acquired it
+    std::uint64_t fetched_unused = 0;    // and went before it was acquired
   };
 
   BrickPager(const PagedFile& file, PartOf part_of, std::uint64_t budget_bytes);
@@ -81,13 +81,13 @@ class BrickPager {
   BrickPager& operator=(const BrickPager&) = delete;
 
   // Makes part `id` resident and keeps it so until release(id); counts nest. The memory, aligned
-  // to 64 bytes where the part is, stays valid that long; in a buffer also unchanged, in place as
-  // long as nobody writes to the file. Returns nullptr where the bytes are damaged or cannot be
-  // read: `*why` says which. Another try may succeed. Throws Cancelled where that is requested
-  // while it waits, within some milliseconds; the part comes in all the same if it is being read.
+  // to 64 bytes if the part is, stays valid that long; in a buffer it does not change, in place it
+  // changes if the file is written to. Returns nullptr if the bytes are damaged or cannot be read:
+  // `*why` says which. Another try may succeed. Throws Cancelled some milliseconds after that was
+  // requested; a part that is being read comes in all the same.
   [[nodiscard]] const std::byte* acquire(std::size_t id, const char** why,
                                          const CancelFlag* cancel = nullptr);
-  // The same of a part that is resident now: nullptr where that takes a read.
+  // The same if the part is resident now; nullptr if it would have to be read.
   [[nodiscard]] const std::byte* acquireIfResident(std::size_t id);
   void release(std::size_t id) noexcept;
 
@@ -118,16 +118,16 @@ class BrickPager {
     std::uint64_t since_;
     std::uint64_t bytes_ = 0;
   };
-  // Sets aside the room that these parts need to come in, those that are resident apart. Only parts
-  // go for it that nobody holds and that no query from number `since` on (beginQuery()) took or
-  // fetched. Nothing is set aside if that is too little. Any number of threads that reserve at once
-  // never have more than the budget together. Throws Error from `part_of`.
+  // Sets aside the room that these parts need to come in, but for those that are resident. The only
+  // parts that go for it are not in use, and no query from number `since` on (beginQuery()) took or
+  // fetched them. Nothing is set aside if that is too little. Any number of threads that reserve at
+  // once never have more than the budget together. Throws Error from `part_of`.
   std::optional<Room> reserve(std::span<const std::size_t> ids, std::uint64_t since);
   // fetch() into `room`, which grows as by reserve() if it is too small. Waits for a part that
   // another thread loads.
   Fetched fetch(std::size_t id, Room& room);
-  // The same for somebody who may stop waiting: throws Cancelled like acquire(). Then the part
-  // comes in all the same if it is being read, and the room lives so long.
+  // The same for a thread that may stop waiting: throws Cancelled like acquire(). Then the part
+  // comes in all the same if it is being read, and the room lives until it is there.
   Fetched fetch(std::size_t id, const std::shared_ptr<Room>& room, const CancelFlag* cancel);
 
   // Says that these parts will be fetched or acquired soon: the system begins to read those that
@@ -153,17 +153,17 @@ class BrickPager {
 
   Counters counters() const;
   std::uint64_t missCount() const { return misses_.load(std::memory_order_relaxed); }
-  // What a part counts against the budget while it is resident.
+  // The bytes that a part counts against the budget while it is resident.
   std::uint64_t costOf(const Part& part) const;
-  // What counts against the budget now.
+  // The bytes that count against the budget now.
   std::uint64_t heldBytes() const { return held_bytes_.load(); }
 
  private:
   static constexpr std::size_t kShards = 64;
   enum class State : std::uint8_t { kLoading, kResident, kFailed };
   // A part that is loading or resident. The lock of its shard guards state, users, is_used,
-  // is_ahead, query, edition and why; what is loaded is the loader's until the part is resident,
-  // and then does not change.
+  // is_ahead, query, edition and why; `part` and `buffer` are the loader's until the part is
+  // resident, and then do not change.
   struct Entry : ResidencePolicy::Member {
     Part part;
     State state = State::kLoading;
@@ -187,7 +187,7 @@ class BrickPager {
   Shard& shardOf(std::size_t id) { return shards_[id * 0x9E3779B97F4A7C15u >> 58]; }
   const std::byte* dataOf(const Entry& entry) const;
   bool isReachable(std::size_t id) const;
-  // Of a resident one.
+  // For a resident part.
   bool isToBeChecked(const Entry& entry) const {
     return isInPlace(entry.part) && entry.edition != edition_.load(std::memory_order_relaxed);
   }

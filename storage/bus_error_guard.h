@@ -11,7 +11,7 @@ namespace isobrick {
 // disk failed) raises SIGBUS. The handler puts a page of zeros there, notes the place, and the
 // instruction that touched it goes on. So a caller that used guarded memory calls failedOffset()
 // before it uses the result. The zeros stay until the memory is mapped anew. The notes take a bit
-// for each page, of which only those pages are in memory that have a note.
+// for each page; only pages of this memory that have a note are resident.
 //
 // The handler belongs to the process. The first guard() installs it and it stays to the end. Other
 // signals go to the action that was installed before it, as the kernel would deliver them: to a

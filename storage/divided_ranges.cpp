@@ -65,7 +65,7 @@ class DividedRanges::SuperBrickFile : public std::enable_shared_from_this<SuperB
         --openers.count;
         openers.ended.notify_all();
       }).detach();
-    } catch (const std::system_error&) {  // who reads will wait a little longer
+    } catch (const std::system_error&) {  // a reader will wait a little longer
       is_opening_ = false;
       const std::lock_guard lock(openers_.mutex);
       --openers_.count;
@@ -76,7 +76,7 @@ class DividedRanges::SuperBrickFile : public std::enable_shared_from_this<SuperB
   void announceNow(const std::vector<ByteRange>& ranges) noexcept {
     try {
       reader().announce(ranges);
-    } catch (const std::exception&) {  // who reads will learn of it
+    } catch (const std::exception&) {  // a reader will meet it
     }
   }
 
@@ -104,7 +104,7 @@ class DividedRanges::SuperBrickFile : public std::enable_shared_from_this<SuperB
   const format::FileEntry entry_;
   std::mutex mutex_;  // guards the reader's coming
   std::unique_ptr<RangeReader> reader_;
-  std::atomic<RangeReader*> now_ = nullptr;  // the same, for those who do not wait
+  std::atomic<RangeReader*> now_ = nullptr;  // the same, for calls that do not wait
   std::atomic<bool> is_opening_ = false;     // a thread does it
 };
 

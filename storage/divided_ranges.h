@@ -54,7 +54,7 @@ class DividedRanges final : public RangeReader {
   std::shared_ptr<SuperBrickFile> takeLeastUsed();
   Failure interned(const std::string& text);
 
-  // What files that are being opened use.
+  // Shared by files that are being opened.
   struct Openers {
     CancelFlag abandoned;
     std::mutex mutex;  // guards all below

@@ -76,7 +76,7 @@ struct Header {
   std::uint32_t length_unit;         // LengthUnit, of spacing and origin
   std::uint8_t reserved_between[4];  // zero
   PartEntry gradients;               // see gradient_spectrum.h; all zero if there are none
-  // Of a file of a divided pyramid; all zero of a pyramid in one file.
+  // For a file of a divided pyramid; all zero for a pyramid in one file.
   std::uint32_t super_cells;   // cells of level 0 along an edge of a super-brick
   std::uint32_t super_levels;  // levels 0 .. super_levels - 1 lie in files of super-bricks
   std::uint64_t super_brick;   // 0: this is the index; else the number of the super-brick, plus 1
@@ -96,7 +96,7 @@ struct LevelRow {
 static_assert(sizeof(LevelRow) == 56);
 inline constexpr std::uint64_t kNoRow = ~std::uint64_t{0};
 
-// What the index of a divided pyramid says of the file of a super-brick.
+// A super-brick's file as the index of a divided pyramid has it.
 struct FileEntry {
   std::uint64_t file_bytes;
   std::uint64_t header_checksum;     // as in the file's header

@@ -21,7 +21,7 @@ inline IndexBox unionOf(const IndexBox& a, const IndexBox& b) {
   return {first, glm::max(a.end(), b.end()) - first};
 }
 
-// What both have; a box of no size if that is nothing.
+// The part that both have; a box of no size if there is none.
 inline IndexBox intersectionOf(const IndexBox& a, const IndexBox& b) {
   const Index3 first = glm::max(a.first, b.first);
   const Index3 count = glm::min(a.end(), b.end()) - first;

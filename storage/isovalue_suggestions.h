@@ -45,6 +45,9 @@ struct IsovalueSuggestions {
 //
 // Without a spectrum (files of earlier programs), or if it shows no material, the suggestion is the
 // value that divides the voxels into two groups of least spread (Otsu), padding left out.
+//
+// `range` and `noise` are those of the voxels, as Pyramid::valueRange() and Pyramid::noise(); both,
+// like the values that come out, are in the units of the voxels.
 IsovalueSuggestions suggestIsovalues(const VoxelHistogram& histogram, const ValueRange& range,
                                      const std::optional<GradientSpectrum>& spectrum, double noise);
 

@@ -45,7 +45,7 @@ bool areCached(std::byte* begin, std::uint64_t bytes) {
 // its other pages.
 class FileTail {
  public:
-  // As PagedFile::PagedFile(); false from isGuarded() where it has no page to look at.
+  // As PagedFile::PagedFile(); isGuarded() is false if it has no page to look at.
   FileTail(int fd, std::uint64_t file_bytes) : bytes_((file_bytes - 1) % kPageBytes + 1) {
     void* const map =
         mmap(nullptr, bytes_, PROT_READ, MAP_SHARED, fd, static_cast<off_t>(file_bytes - bytes_));

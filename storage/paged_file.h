@@ -26,16 +26,16 @@ class PartCache;
 class PyramidDivision;
 
 // Opens a whole file for reading and, with kMap, maps it; a file behind a URL is never mapped. All
-// const members are thread-safe, none is safe in a signal handler; nobody may use the object while
-// it is made or destroyed.
+// const members are thread-safe, none is safe in a signal handler; no thread may use the object
+// while it is made or destroyed.
 //
 // A page that cannot be read when it is touched (the file was cut, its disk failed) reads as zeros
-// from then on (see BusErrorGuard, also for what becomes of other handlers of SIGBUS). So whoever
-// used mapped bytes asks failedOffset() of them before the result is believed. Bytes that are read
-// are a copy, and it is known at once whether it could be had.
+// from then on (see BusErrorGuard, also for other handlers of SIGBUS). So code that used mapped
+// bytes asks failedOffset() of them before it believes the result. Bytes that are read are a copy,
+// and a failure to read them is known at once.
 class PagedFile {
  public:
-  // Throws Error where the file cannot be opened or mapped, is empty, or too many are mapped at
+  // Throws Error if the file cannot be opened or mapped, is empty, or too many are mapped at
   // once (kMostFiles).
   explicit PagedFile(const std::string& path, FileAccess access = FileAccess::kMap,
                      const RemoteOptions& remote = {});
@@ -50,27 +50,27 @@ class PagedFile {
   void divide(std::shared_ptr<const PyramidDivision> division, const RemoteOptions& remote);
 
   const std::string& path() const { return path_; }
-  // Of all files together where it was divided.
+  // The sum over all files if it was divided.
   std::uint64_t size() const { return size_; }
   bool isRemote() const { return is_remote_; }
   // The file, of a divided pyramid, with this offset, and the offset in it.
   ErrorPlace place(std::uint64_t offset) const;
   // "offset 17", or "offset 17 of 'scan.isbs/0-0-1.isb'".
   std::string offsetText(std::uint64_t offset) const;
-  // True where [offset, offset + bytes) lies in the file; safe against overflow.
+  // True if [offset, offset + bytes) lies in the file; safe against overflow.
   bool holds(std::uint64_t offset, std::uint64_t bytes) const {
     return offset <= size_ && bytes <= size_ - offset;
   }
   bool isMapped() const { return data_ != nullptr; }
 
-  // Copies `bytes` bytes from `offset` to `out`, past the map: what was copied is the caller's
-  // alone and stays as it is, whatever happens to the file. False where they cannot be read: then
-  // `*why`, if it is asked for, says more where there is more to say, and is left alone elsewhere.
+  // Copies `bytes` bytes from `offset` to `out`, past the map: the copy is the caller's alone and
+  // stays as it is, whatever happens to the file. False if they cannot be read. Then `*why`, unless
+  // it is null, is set if there is more to say, and left alone otherwise.
   [[nodiscard]] bool read(std::uint64_t offset, std::uint64_t bytes, std::byte* out,
                           RangeReader::Failure* why = nullptr) const;
 
   // Copies a part, bytes with a checksum, from the folder of RemoteOptions to `out`; false if it is
-  // not there, as for a local file. What came from the server instead is kept there.
+  // not there, as for a local file. keep() puts a part there that came from the server instead.
   [[nodiscard]] bool readKept(std::uint64_t checksum, std::uint64_t bytes, std::byte* out) const;
   void keep(std::uint64_t checksum, std::uint64_t bytes, const std::byte* data) const;
   bool isKept(std::uint64_t checksum, std::uint64_t bytes) const;
@@ -89,7 +89,7 @@ class PagedFile {
 
   const std::byte* data() const { return data_; }
 
-  // Where the page begins that was the first that could not be read; nothing while all could be.
+  // The offset of the page that was the first that could not be read; none while all could be.
   std::optional<std::uint64_t> failedOffset() const { return guard_.failedOffset(); }
   // The same of the lowest such page with any of these bytes, at least 1, which lie in the file.
   std::optional<std::uint64_t> failedOffset(std::uint64_t offset, std::uint64_t bytes) const {
@@ -97,7 +97,7 @@ class PagedFile {
   }
 
   // XXH3-64 of `bytes` bytes from `offset`, asked from the disk in one go; leaves the pages
-  // resident. False where a page cannot be read.
+  // resident. False if a page cannot be read.
   [[nodiscard]] bool checksum(std::uint64_t offset, std::uint64_t bytes,
                               std::uint64_t* result) const;
 
@@ -109,15 +109,15 @@ class PagedFile {
 
   // True while no page has failed and the file was not cut: without a system call, for it looks at
   // the last byte of the file that is not zero, which a cut takes away or makes zero. A cut behind
-  // it changes no byte of the map. Where this is false, reaches() says what is still there.
+  // it changes no byte of the map. If this is false, reaches() says which bytes are still there.
   bool isWhole() const;
 
   // True while the file is still long enough to hold these bytes, and none of their pages failed.
   bool reaches(std::uint64_t offset, std::uint64_t bytes) const;
 
-  // How often the file was found written to by this: what is in the map may then be other bytes
-  // than were checked. Asks the system for the file's size and the time of its last change, which a
-  // program that writes through a map of its own may change late or never.
+  // How often this function found the file written to: the map may then have other bytes than were
+  // checked. Asks the system for the file's size and the time of its last change, which a program
+  // that writes through a map of its own may change late or never.
   std::uint64_t edition() const;
 
  private:

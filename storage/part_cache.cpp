@@ -146,7 +146,7 @@ KeptParts trimParts(const std::string& folder, std::uint64_t most_bytes) {
   const std::time_t now = std::time(nullptr);
   forEachPart(folder, [&](PartFile part) {
     bytes += part.bytes;
-    // Nobody takes those any more.
+    // No process uses those any more.
     if (part.is_unnamed) part.used.first = now - part.used.first > kOldSeconds ? 0 : now;
     parts.push_back(std::move(part));
   });

@@ -57,7 +57,7 @@ struct BrickSamples {
   IndexBox box;    // in samples of the level
   BrickPart part;  // box.size() samples of the pyramid's voxel type, x fastest
 
-  // The first of them. T: the pyramid's voxel type (visitVoxelType() leads to it).
+  // The first of the samples. T: the pyramid's voxel type (visitVoxelType() leads to it).
   template <typename T>
   const T* data() const {
     return reinterpret_cast<const T*>(part.data());
@@ -71,6 +71,10 @@ struct BrickSamples {
 // Error, and nothing crashes; other bricks stay what they were. An extraction from a file that is
 // written to meanwhile ends with Error. If another file takes this one's name, this one stays as it
 // was.
+//
+// Members that take a brick: `level` is 0 .. lattice().levels() - 1, and `brick` lies in
+// layout().bricks(level); neither is checked. They throw Error, which names the brick, if its entry
+// in the brick table is damaged or cannot be read.
 class Pyramid {
  public:
   // The budget of a pyramid that is opened without one: 1 GiB.
@@ -79,20 +83,20 @@ class Pyramid {
   // Opens and validates header, level table and provenance: sizes, offsets and checksums. Reads no
   // brick. So opening takes as long for any number of bricks; a brick is checked when it is first
   // asked for. `budget_bytes` bounds the memory of bricks, mapped and unpacked. Bricks in use stay
-  // even if they exceed it. With FileAccess::kRead nothing
-  // is mapped: all bytes are read, which suits network file systems, and a change of the file does
-  // not touch the bytes that were read. Results are the same. Throws Error if the file is not a
-  // pyramid, was truncated, is damaged or of a newer version.
+  // even if they exceed it. With FileAccess::kRead nothing is mapped: all bytes are read, which
+  // suits network file systems, and a change of the file does not touch the bytes that were read.
+  // Results are the same. Throws Error if the file is not a pyramid, was truncated, is damaged or
+  // of a newer version.
   //
   // `path` may be a URL: http://, https://, or s3://bucket/key. Then every part is asked of the
   // server as a range of bytes when it is needed, many at once, and repeated if a failure may pass;
   // on top of the budget come at most 64 MiB that are on their way. A server that does not serve
-  // ranges is refused, and if the file changes while it is open, what needs it ends with Error.
+  // ranges is refused, and if the file changes while it is open, calls that need it throw Error.
   explicit Pyramid(const std::string& path, std::uint64_t budget_bytes = kDefaultBudgetBytes,
                    FileAccess access = FileAccess::kMap, const RemoteOptions& remote = {});
   ~Pyramid();
 
-  // The name that it was opened by; of a URL without password and query.
+  // The name that it was opened by; a URL without password and query.
   const std::string& path() const;
   // Voxels, their type, geometry, and how the file is cut into bricks.
   const PyramidSpec& spec() const { return spec_; }
@@ -110,15 +114,16 @@ class Pyramid {
   // How often which values occur among the voxels of level 0. Reads and unpacks it, at most
   // VoxelHistogram::kMostBins counts. Throws Error if it is damaged.
   VoxelHistogram histogram() const;
-  // Bytes of the file.
+  // Bytes of the file; of a divided pyramid, those of all its files.
   std::uint64_t fileBytes() const;
   // Bricks of all levels.
   std::size_t brickCount() const;
-  // The bytes of the file by kind: passes over the whole brick table.
+  // The bytes of the file by kind: passes over the whole brick table. Throws Error if any entry is
+  // damaged.
   PyramidSums sums() const;
-  // What was asked of the server so far; all zero for a local file.
+  // The work of the network so far; all zero for a local file.
   RemoteCounters remoteCounters() const;
-  // As it was opened with.
+  // The budget that it was opened with.
   std::uint64_t budgetBytes() const { return budget_bytes_; }
 
   // Closure of the values in the brick's cells: it takes in every value that a surface in them can

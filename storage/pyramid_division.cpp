@@ -7,7 +7,8 @@
 namespace isobrick {
 namespace {
 
-// Of one file: far more than any disk has, and of 2^20 of them the sum is still a number.
+// Bounds of one file and of all: far more than any disk has, and 2^20 times the first is no
+// overflow.
 constexpr std::uint64_t kMostSuperBrickBytes = std::uint64_t{1} << 52;
 constexpr std::uint64_t kMostPyramidBytes = std::uint64_t{1} << 62;
 

@@ -32,8 +32,8 @@ class PyramidDivision {
   static std::vector<std::byte> table(std::span<const format::FileEntry> files,
                                       std::span<const ValueRange> ranges);
 
-  // Of tableBytes() bytes; `row_bytes` and `index_bytes` are of the index. Nothing if they cannot
-  // be: then the table is damaged.
+  // From a table of tableBytes() bytes; `row_bytes` and `index_bytes` are those of the index. None
+  // if that is impossible: then the table is damaged.
   static std::optional<PyramidDivision> of(const BrickLayout& layout,
                                            const SuperBricks& super_bricks,
                                            std::span<const std::byte> table,

@@ -29,7 +29,7 @@ std::string withoutSlashes(std::string path) {
   return path;
 }
 
-// Of a URL, what comes before its query, and the query.
+// A URL without its query, and the query.
 std::pair<std::string, std::string> splitQuery(const std::string& path) {
   const bool has_query = isRemotePath(path) && !lowercase(path.substr(0, 5)).starts_with("s3://");
   const std::size_t end = has_query ? path.find_first_of("?#") : std::string::npos;

@@ -30,9 +30,9 @@ struct BrickRanges {
   }
 };
 
-// All const members are thread-safe. All that asks for a brick throws Error, which names it, if its
-// row of the brick table is damaged. A member that reads a part throws Error that names the brick
-// if its bytes are damaged or cannot be read, and Cancelled if that is requested while it waits.
+// All const members are thread-safe. A member that takes a brick throws Error, which names it, if
+// its row of the brick table is damaged. One that reads a part throws Error that names the brick if
+// its bytes are damaged or cannot be read, and Cancelled if that is requested while it waits.
 class PyramidParts {
  public:
   // `tables` outlive this object. `budget_bytes`: see BrickPager.
@@ -95,8 +95,8 @@ class PyramidParts {
   void throwIfReadsFailed(int level, const Index3& brick) const;
   // True if that may throw for any brick. Costs next to nothing.
   bool hasFailedReads() const { return tables_.bytes().failedOffset().has_value(); }
-  // How often the file was found written to: if this number is the same before and after, nobody
-  // wrote to what was used in between. Asks the system for the time of the file's last change.
+  // How often the file was found written to: if this number is the same before and after, the parts
+  // used in between did not change. Asks the system for the time of the file's last change.
   std::uint64_t edition() const { return pager_.noticeChanges(); }
   // After another edition was found: throws Error if the part of the brick, used in place, is not
   // what it was when the pyramid was opened.
@@ -104,8 +104,8 @@ class PyramidParts {
 
   // ---- which are resident: paging
 
-  // Says that parts are asked for by another query from here on: what queries do not ask for any
-  // more is the first to go. Returns the query's number: see BrickPager::reserve().
+  // Another query asks for parts from here on: parts that queries ask for no more are the first to
+  // go. Returns the query's number: see BrickPager::reserve().
   std::uint64_t beginQuery() const { return pager_.beginQuery(); }
   // Brings a part in ahead of its use, if one is stored: see BrickPager::fetch().
   BrickPager::Fetched fetch(PartKind kind, int level, const Index3& brick,
@@ -118,7 +118,7 @@ class PyramidParts {
                             const std::shared_ptr<BrickPager::Room>& room,
                             const CancelFlag* cancel) const;
   // Has the system, or the server, begin with those of these parts that are stored: see
-  // BrickPager::announce(). What is announced together may come in fewer requests.
+  // BrickPager::announce(). Parts that are announced together may come in fewer requests.
   struct PartAddress {
     PartKind kind;
     int level;
@@ -131,7 +131,7 @@ class PyramidParts {
   // Cancelled.
   void require(PartKind kind, int level, const Index3& brick,
                const CancelFlag* cancel = nullptr) const;
-  // A hold on a part that is resident, for as long as it shall stay that; nothing if it is not.
+  // A hold on a part that is resident, which stays so as long as the hold lives; none if it is not.
   // For a part that is not stored the hold is empty.
   std::optional<BrickPart> holdIfResident(PartKind kind, int level, const Index3& brick) const;
   // Takes back what was fetched of the brick, for a query that was cancelled: see

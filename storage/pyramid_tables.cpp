@@ -11,12 +11,13 @@
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/pyramid_file.h"
 #include "isobrick/storage/remote/remote_address.h"
+#include "isobrick/storage/stored_grid.h"
 #include "isobrick/storage/usable_geometry.h"
 
 namespace isobrick {
 namespace {
 
-// Rows of a remote brick table that are asked for together where all of it is passed over.
+// Rows of a remote brick table that are asked for together when all of it is passed over.
 constexpr std::size_t kRowsInAStride = std::size_t{1} << 15;
 
 bool isPowerOfTwoWithin(std::uint32_t value, std::uint32_t least, std::uint32_t greatest) {
@@ -91,29 +92,14 @@ void PyramidTables::readHeader() {
     fail("has " + std::to_string(file_.size()) + " bytes where its header says " +
          std::to_string(header.file_bytes) + ": it was cut or changed; build it again");
 
-  bool sane = header.voxel_type < kVoxelTypeCount && header.filter <= 1 && areKindsSane(header) &&
-              isPowerOfTwoWithin(header.brick_cells, 4, 256) &&
-              isPowerOfTwoWithin(header.tile_cells, 2, header.brick_cells) &&
-              areValuesSane(header) && std::isfinite(header.curvature_epsilon) &&
-              header.curvature_epsilon >= 0 &&
-              header.length_unit <= static_cast<std::uint32_t>(LengthUnit::kMillimetre);
-  for (int axis = 0; axis < 3; ++axis) {
-    sane = sane && header.dims[axis] >= 2 &&
-           header.dims[axis] <= static_cast<std::uint64_t>(kMaxVoxelsPerAxis) &&
-           std::isfinite(header.spacing[axis]) && header.spacing[axis] > 0 &&
-           std::isfinite(header.origin[axis]);
-  }
-  for (const double d : header.direction) sane = sane && std::isfinite(d);
+  const bool sane = header.voxel_type < kVoxelTypeCount && header.filter <= 1 &&
+                    areKindsSane(header) && isPowerOfTwoWithin(header.brick_cells, 4, 256) &&
+                    isPowerOfTwoWithin(header.tile_cells, 2, header.brick_cells) &&
+                    areValuesSane(header) && std::isfinite(header.curvature_epsilon) &&
+                    header.curvature_epsilon >= 0 && isStoredGridSane(header);
   if (!sane) fail("has impossible numbers in its header; build it again");
 
-  for (int axis = 0; axis < 3; ++axis) {
-    spec_.voxels[axis] = static_cast<std::int64_t>(header.dims[axis]);
-    spec_.geometry.spacing[axis] = header.spacing[axis];
-    spec_.geometry.origin[axis] = header.origin[axis];
-    for (int row = 0; row < 3; ++row)
-      spec_.geometry.direction[axis][row] = header.direction[3 * axis + row];
-  }
-  spec_.geometry.unit = static_cast<LengthUnit>(header.length_unit);
+  readGrid(header, spec_.voxels, spec_.geometry);
   if (!isUsableGeometry(spec_.geometry))
     fail("has a spacing, an origin or directions that give no usable positions; build it again");
   spec_.voxel_type = static_cast<VoxelType>(header.voxel_type);

@@ -1,6 +1,7 @@
 // Header and tables of an open `.isb` file, checked.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <memory>
 #include <optional>
@@ -27,10 +28,15 @@ class PyramidTables {
   PyramidTables(const std::string& path, FileAccess access, const RemoteOptions& remote);
   ~PyramidTables();
 
-  // As it was opened; of a URL without what nobody else should see.
+  // As it was opened; a URL without its secrets.
   const std::string& path() const { return path_; }
   const PagedFile& bytes() const { return file_; }
   const format::Header& header() const { return header_; }
+  // True for files of earlier programs that have bounds of the error (docs/FORMAT.md section 9).
+  bool hasErrorKind() const {
+    return std::find(header_.kinds, header_.kinds + header_.kind_count, format::kErrorKind) !=
+           header_.kinds + header_.kind_count;
+  }
   const PyramidSpec& spec() const { return spec_; }
   const BrickLayout& layout() const { return layout_; }
   const Lattice& lattice() const { return layout_.lattice(); }

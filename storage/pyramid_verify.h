@@ -44,7 +44,8 @@ struct PyramidFaults {
   bool empty() const { return bricks.empty() && rest.empty(); }
 };
 
-// Checks every brick and the rest of the file. Throws Cancelled.
+// Checks every brick and the rest of the file; a fault is a result and no exception. Throws
+// Cancelled.
 PyramidFaults verifyPyramid(const Pyramid& pyramid, const VerifyOptions& options = {});
 
 }  // namespace isobrick

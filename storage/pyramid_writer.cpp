@@ -16,12 +16,29 @@
 #include "isobrick/storage/checksum.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_io.h"
+#include "isobrick/storage/stored_grid.h"
 #include "isobrick/storage/usable_geometry.h"
 
 namespace isobrick {
 namespace {
 
 std::string journalPath(const AtomicFile& file) { return file.temporaryPath() + ".journal"; }
+
+// The fields that are known before the first brick.
+format::Header formatHeaderOf(const PyramidSpec& spec) {
+  format::Header header = {};
+  std::memcpy(header.magic, format::kMagic, sizeof header.magic);
+  header.version = format::kVersion;
+  header.header_bytes = sizeof header;
+  header.voxel_type = static_cast<std::uint32_t>(spec.voxel_type);
+  header.filter = static_cast<std::uint32_t>(spec.filter);
+  header.level_count = static_cast<std::uint32_t>(Lattice(spec.voxels).levels());
+  header.brick_cells = static_cast<std::uint32_t>(spec.brick_cells);
+  header.tile_cells = static_cast<std::uint32_t>(spec.tile_cells);
+  storeGrid(spec.voxels, spec.geometry, header);
+  header.curvature_epsilon = spec.curvature_epsilon;
+  return header;
+}
 
 std::vector<format::LevelRow> levelTable(const BrickLayout& layout, const TableRows& rows) {
   std::vector<format::LevelRow> table;
@@ -322,30 +339,12 @@ std::uint64_t PyramidWriter::finish(const Summary& summary, format::Codec codec)
     brick_table_[row].range_min = summary.brick_ranges[row].min;
     brick_table_[row].range_max = summary.brick_ranges[row].max;
   }
-  format::Header header = {};
-  std::memcpy(header.magic, format::kMagic, sizeof header.magic);
-  header.version = format::kVersion;
-  header.header_bytes = sizeof header;
-  header.voxel_type = static_cast<std::uint32_t>(spec_.voxel_type);
-  header.filter = static_cast<std::uint32_t>(spec_.filter);
-  header.level_count = static_cast<std::uint32_t>(layout_.lattice().levels());
-  header.brick_cells = static_cast<std::uint32_t>(spec_.brick_cells);
-  header.tile_cells = static_cast<std::uint32_t>(spec_.tile_cells);
+  format::Header header = formatHeaderOf(spec_);
   for (const PartKind kind : kinds())
     header.kinds[header.kind_count++] = static_cast<std::uint32_t>(kind);
-  for (int axis = 0; axis < 3; ++axis) {
-    header.dims[axis] = static_cast<std::uint64_t>(spec_.voxels[axis]);
-    header.spacing[axis] = spec_.geometry.spacing[axis];
-    header.origin[axis] = spec_.geometry.origin[axis];
-    for (int row = 0; row < 3; ++row)
-      header.direction[3 * axis + row] = spec_.geometry.direction[axis][row];
-  }
-  header.length_unit = static_cast<std::uint32_t>(spec_.geometry.unit);
   header.value_min = static_cast<double>(summary.voxel_range.min);
   header.value_max = static_cast<double>(summary.voxel_range.max);
-  header.curvature_epsilon = spec_.curvature_epsilon;
   header.noise = summary.noise;
-
   if (divided_) {
     header.super_cells = static_cast<std::uint32_t>(divided_->super_bricks.cells());
     header.super_levels = static_cast<std::uint32_t>(divided_->super_bricks.levels());

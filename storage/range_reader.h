@@ -1,4 +1,4 @@
-// Where the bytes of a pyramid come from: one seam, with a local file or a server behind it.
+// The source of a pyramid's bytes: one seam, with a local file or a server behind it.
 #pragma once
 
 #include <cstddef>
@@ -16,8 +16,8 @@ struct ByteRange {
   std::uint64_t bytes = 0;
 };
 
-// Reads ranges of one file, whose size does not change. All members are thread-safe; nobody may use
-// the object while it is made or destroyed.
+// Reads ranges of one file, whose size does not change. All members are thread-safe; no thread may
+// use the object while it is made or destroyed.
 class RangeReader {
  public:
   // The outcome of a read: null if it succeeded. Otherwise what is wrong ("cannot be read: ...")
@@ -39,7 +39,7 @@ class RangeReader {
   // for nothing. May do less, or nothing.
   virtual void announce(std::span<const ByteRange> ranges) = 0;
 
-  // Reads that wait end at once, as failed, and so do all later ones: nobody wants them any more.
+  // Reads that wait end at once, as failed, and so do all later ones: their results are not wanted.
   virtual void abandon() {}
 
   // A text that no other file behind a URL has, and no other edition of this one; "" for a file of
@@ -48,7 +48,7 @@ class RangeReader {
   virtual RemoteCounters counters() const { return {}; }
 };
 
-// What is wrong, and what to do: `advice`, unless `failure` says that itself.
+// The failure and what to do: `advice`, unless `failure` says that itself.
 inline std::string withAdvice(const std::string& failure, const char* advice) {
   return failure.find(';') == std::string::npos ? failure + "; " + advice : failure;
 }

@@ -12,7 +12,7 @@ namespace isobrick {
 // Choices for a file behind a URL; without effect on a local file.
 struct RemoteOptions {
   // Folder in which parts of remote pyramids stay on disk; empty: none stay. It is made if it is
-  // not there, and may be shared by any number of processes. What is in it is checked against the
+  // not there, and may be shared by any number of processes. A part in it is checked against the
   // pyramid's checksums each time it is used.
   std::string cache_folder = {};
   // Bound on the bytes in that folder. The parts that were used least recently go.
@@ -28,7 +28,7 @@ struct RemoteOptions {
   const CancelFlag* cancel = nullptr;
 };
 
-// What the network had to do for an open pyramid so far; all zero for a local file.
+// The work of the network for an open pyramid so far; all zero for a local file.
 struct RemoteCounters {
   std::uint64_t requests = 0;      // sent, those that were repeated among them
   std::uint64_t repeated = 0;      // of these, sent again

@@ -14,9 +14,9 @@ namespace isobrick {
 // which lie in a file of its own. The coarser levels lie in the index. Pure arithmetic.
 class SuperBricks {
  public:
-  // Of so many levels at the most. A file's bricks are made from samples around the super-brick,
-  // which reach twice as far with every level: 31 voxels with tiles of 4 cells, which are 9 % more
-  // to read around 2048 cells.
+  // The most levels of a file. Its bricks are made from samples around the super-brick, which reach
+  // twice as far with every level: 31 voxels with tiles of 4 cells, which are 9 % more to read
+  // around 2048 cells.
   static constexpr int kMostLevels = 4;
   // Along an edge: bounds what is kept for each file in memory.
   static constexpr std::int64_t kMostBricksAlong = 64;

@@ -29,18 +29,18 @@ class TableRows {
   std::size_t count() const { return count_; }
   int firstLevel() const { return first_level_; }
   int endLevel() const { return first_level_ + static_cast<int>(boxes_.size()); }
-  // Of a level within these.
+  // For a level within these.
   const IndexBox& bricks(int level) const { return boxes_[place(level)]; }
   std::size_t firstOfLevel(int level) const { return first_[place(level)]; }
   bool hasLevel(int level) const { return level >= first_level_ && level < endLevel(); }
 
-  // Of a brick that is among them.
+  // For a brick that is among them.
   std::size_t row(int level, const Index3& brick) const {
     const IndexBox& box = bricks(level);
     return firstOfLevel(level) +
            static_cast<std::size_t>(linearIndex(brick - box.first, box.count));
   }
-  // Of a row below count().
+  // For a row below count().
   BrickAddress address(std::size_t row) const {
     const auto after = std::upper_bound(first_.begin(), first_.end(), row);
     const auto at = static_cast<std::size_t>(after - first_.begin()) - 1;

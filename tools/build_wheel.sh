@@ -34,7 +34,7 @@ tree=$(echo "$work"/isobrick-*)
 programs=$tree/isobrick/_programs
 strip "$programs/bin/isobrick" "$programs/libexec/isobrick"/*
 
-# What the viewer loads by name, and what manylinux takes for granted though a bare system lacks it.
+# Libraries that the viewer loads by name, and those that manylinux takes for granted though a bare system lacks them.
 # isobrick/_command.py leads the command here where the system has none.
 drawing=$programs/drawing
 mkdir -p "$drawing"

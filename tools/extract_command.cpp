@@ -20,7 +20,7 @@
 #include "isobrick/storage/remote/remote_address.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
-#include "tools/component_list.h"
+#include "tools/extract_report.h"
 #include "tools/interrupt.h"
 #include "tools/json_output.h"
 #include "tools/line_words.h"
@@ -57,32 +57,6 @@ struct ExtractArguments {
   int repeat = 1;
   bool force = false;
   bool json = false;
-};
-
-// In place of another pyramid: the number of the component that a vertex belongs to.
-constexpr const char* kComponentAttribute = "component";
-
-// One surface.
-struct ExtractResult {
-  std::string output;  // empty: counted only
-  double isovalue = 0;
-  std::optional<SimplifyOptions> simplify;
-  std::optional<SurfaceComponents> components;
-  std::size_t components_kept = 0;
-  double components_seconds = 0;  // to find them
-  ExtractionReport report;        // of the last repeat
-  std::uint64_t vertices = 0;
-  std::vector<double> extract_seconds;  // one for every repeat, without the time in a file's sink
-  std::uint64_t vertices_outside = 0;   // of the other pyramid
-  double write_seconds = 0;             // inside the file's sink: writing, and waiting for the disk
-};
-
-struct ExtractResults {
-  std::vector<ExtractResult> surfaces;
-  double open_seconds = 0;
-  BrickPager::Counters pager;            // of all of them
-  std::optional<RemoteCounters> remote;  // of all since the beginning; of a URL
-  RemoteCounters opening;
 };
 
 // The file of each isovalue: that of -o, or of several isovalues with the value behind its stem,
@@ -201,6 +175,10 @@ ExtractResult extractOne(const ExtractArguments& arguments, const Pyramid& pyram
 
 ExtractResults extract(ExtractArguments& arguments) {
   ExtractResults results;
+  results.attribute = arguments.attribute.path;
+  results.numbers_components = arguments.number_components;
+  results.part = arguments.part;
+  results.threads = arguments.query.threads;
   const Stopwatch open_watch;
   // Two pyramids share the memory.
   const bool has_attribute = !arguments.attribute.path.empty();
@@ -232,121 +210,6 @@ ExtractResults extract(ExtractArguments& arguments) {
   return results;
 }
 
-// Over all repeats.
-Json jsonOfPager(const BrickPager::Counters& counters) {
-  return {{"hits", counters.hits},
-          {"misses", counters.misses},
-          {"loads_joined", counters.loads_joined},
-          {"bytes_read", counters.bytes_read},
-          {"bytes_unpacked", counters.bytes_unpacked},
-          {"evictions", counters.parts_released},
-          {"fetched", counters.parts_fetched},
-          {"fetched_unused", counters.fetched_unused},
-          {"seconds_waited", 1e-9 * static_cast<double>(counters.wait_nanoseconds)}};
-}
-
-Json jsonOfRemote(const RemoteCounters& all, const RemoteCounters& opening) {
-  return {{"requests", all.requests},
-          {"repeated", all.repeated},
-          {"bytes", all.bytes},
-          {"open_requests", opening.requests},
-          {"open_bytes", opening.bytes},
-          {"cached_parts", all.cached_parts},
-          {"cached_bytes", all.cached_bytes}};
-}
-
-Json jsonOfSurface(const ExtractArguments& arguments, const ExtractResult& result) {
-  const ExtractionReport& report = result.report;
-  Json json = Json::object();
-  json["output"] = result.output.empty() ? Json() : Json(result.output);
-  if (!arguments.attribute.path.empty())
-    json["attribute"] = {{"path", withoutSecrets(arguments.attribute.path)},
-                         {"vertices_outside", result.vertices_outside}};
-  if (arguments.number_components) json["attribute"] = {{"name", kComponentAttribute}};
-  json["isovalue"] = result.isovalue;
-  if (arguments.part)
-    json["part"] = {{"number", arguments.part->number}, {"of", arguments.part->of}};
-  if (result.simplify) json["simplify"] = result.simplify->distance;
-  if (result.components) {
-    json["components"] = jsonOfComponents(*result.components);
-    json["components_kept"] = result.components_kept;
-  }
-  json["triangles"] = report.triangles;
-  json["vertices"] = result.vertices;
-  json["seconds"] = {{"extract", result.extract_seconds}, {"write", result.write_seconds}};
-  if (result.components) json["seconds"]["components"] = result.components_seconds;
-  json["levels"] = Json::array();
-  for (const LevelCounts& counts : report.levels)
-    json["levels"].push_back({{"level", counts.level},
-                              {"cells", counts.cells},
-                              {"triangles", counts.triangles},
-                              {"transition_cells", counts.transition_cells}});
-  json["bricks"] = {{"active", report.bricks_active}, {"read", report.bricks_read}};
-  json["bytes_read"] = report.bytes_read;
-  json["bytes_active"] = report.bytes_active;
-  return json;
-}
-
-// For one isovalue its own facts; of several a list of these.
-Json jsonOfResults(const ExtractArguments& arguments, const ExtractResults& results) {
-  Json json = Json::object();
-  if (results.surfaces.size() == 1) {
-    json = jsonOfSurface(arguments, results.surfaces.front());
-    Json seconds = {{"open", results.open_seconds}};
-    seconds.update(json["seconds"]);
-    json["seconds"] = std::move(seconds);
-  } else {
-    json["surfaces"] = Json::array();
-    for (const ExtractResult& surface : results.surfaces)
-      json["surfaces"].push_back(jsonOfSurface(arguments, surface));
-    json["seconds"] = {{"open", results.open_seconds}};
-  }
-  json["pager"] = jsonOfPager(results.pager);
-  if (results.remote) json["remote"] = jsonOfRemote(*results.remote, results.opening);
-  json["peak_rss_bytes"] = peakResidentBytes();
-  json["threads"] = arguments.query.threads;
-  return json;
-}
-
-void printSummary(const ExtractResult& result) {
-  if (result.components) printComponents(*result.components, result.components_kept);
-  const ExtractionReport& report = result.report;
-  fmt::print("{}{} triangles, {} vertices\n", result.output.empty() ? "" : result.output + ": ",
-             countText(report.triangles), countText(result.vertices));
-  if (result.simplify)
-    fmt::print("  within {:.4g} {} of the finest surface\n", result.simplify->distance,
-               result.simplify->in_world ? "units of the world" : "voxels");
-  for (const LevelCounts& counts : report.levels)
-    fmt::print("  level {:<2} {:>14} triangles in {} cells, {} of them in transition\n",
-               counts.level, countText(counts.triangles), countText(counts.cells),
-               countText(counts.transition_cells));
-  fmt::print("bricks: {} active of {}, {} read of {}\n", countText(report.bricks_active),
-             byteSizeText(report.bytes_active), countText(report.bricks_read),
-             byteSizeText(report.bytes_read));
-}
-
-void printSummaries(const ExtractArguments& arguments, const ExtractResults& results) {
-  std::string extract_text;
-  double write_seconds = 0;
-  for (const ExtractResult& result : results.surfaces) {
-    if (result.components) extract_text += fmt::format(" {:.4f} +", result.components_seconds);
-    if (results.surfaces.size() > 1) fmt::print("isovalue {}: ", result.isovalue);
-    printSummary(result);
-    for (const double seconds : result.extract_seconds)
-      extract_text += fmt::format(" {:.4f}", seconds);
-    write_seconds += result.write_seconds;
-  }
-  if (results.remote)
-    fmt::print("network: {} requests, {}{}\n", countText(results.remote->requests),
-               byteSizeText(results.remote->bytes),
-               results.remote->cached_bytes > 0
-                   ? fmt::format("; {} from the cache", byteSizeText(results.remote->cached_bytes))
-                   : "");
-  fmt::print("seconds: open {:.4f}, extract{}, write {:.4f}; {} threads; peak memory {}\n",
-             results.open_seconds, extract_text, write_seconds, arguments.query.threads,
-             byteSizeText(peakResidentBytes()));
-}
-
 int runExtract(const CLI::App& command, ExtractArguments arguments) {
   if (arguments.drop_small && !arguments.query.simplify && !arguments.most_triangles)
     throw UsageError("--drop-small goes with --simplify or --triangles; give one of them");
@@ -376,10 +239,78 @@ int runExtract(const CLI::App& command, ExtractArguments arguments) {
   const ExtractResults results =
       runWithThreads(arguments.query.threads, [&] { return extract(arguments); });
   if (arguments.json)
-    printJson(jsonOfResults(arguments, results));
+    printJson(jsonOfResults(results));
   else
-    printSummaries(arguments, results);
+    printResults(results);
   return 0;
+}
+
+// Returns those that look at the whole surface.
+std::vector<CLI::Option*> addDetailOptions(CLI::App& app, ExtractArguments& arguments) {
+  beginGroup(app, kDetailGroup);
+  addSimplifyOption(app, arguments.query);
+  CLI::Option* const triangles = addParsedOption(
+      app, "--triangles", arguments.most_triangles, parseAtLeastOne, "N",
+      "At most N triangles: finds the distance of --simplify for that, by extracting the surface "
+      "some ten times");
+  triangles->excludes(findOption(app, "--simplify"));
+  app.add_flag("--drop-small", arguments.drop_small,
+               "With --simplify or --triangles: leave out pieces of the surface that lie in one "
+               "brick and whose box has a diagonal below the distance");
+  CLI::Option* const components =
+      app.add_flag("--components", arguments.list_components,
+                   "List the connected pieces of the surface by their area, with the volume that "
+                   "each encloses, in world units");
+  CLI::Option* const largest =
+      addParsedOption(app, "--keep-largest", arguments.keep_largest, parseAtLeastOne, "N",
+                      "Only the N connected pieces of the largest area; they are listed, too");
+  CLI::Option* const drop_below = addParsedOption(
+      app, "--drop-below", arguments.drop_below,
+      [](const std::string& text) {
+        const double area = parseNumber(text);
+        if (!(area >= 0)) throw std::invalid_argument("an area is wanted, 0 or more");
+        return area;
+      },
+      "AREA", "Only connected pieces of at least this area, in squares of the world's unit");
+  return {triangles, components, largest, drop_below};
+}
+
+void addMeshOptions(CLI::App& app, ExtractArguments& arguments,
+                    const std::vector<CLI::Option*>& of_whole_surface) {
+  beginGroup(app, kOutputGroup);
+  CLI::Option* const output =
+      app.add_option("-o,--output", arguments.output,
+                     "Output; a mesh, .ply, .stl, .obj, .glb or .vtp, in world units; "
+                     ".precomputed: a folder for Neuroglancer with all levels; or .isbm: a share "
+                     "for 'isobrick merge'. "
+                     "Without it the mesh is only counted. Each of several isovalues gets a file: "
+                     "mesh-500.ply")
+          ->type_name("MESH");
+  addForceFlag(app, arguments.force)->needs(output);
+  CLI::Option* const part = addParsedOption(
+      app, "--part", arguments.part, parseShare, "I/N",
+      "Do share I of N shares, I from 1: some of the surface's bricks. 'isobrick merge' joins the "
+      "shares, as .isbm, to the mesh that one run gives; another format is open where "
+      "other shares begin");
+  for (CLI::Option* const option : of_whole_surface) part->excludes(option);
+  app.add_option("--attribute", arguments.attribute.path,
+                 "Another pyramid or volume, whose value at every vertex goes into .ply and .vtp "
+                 "(value) or "
+                 ".glb (_VALUE): level 0, interpolated trilinearly where the vertex is in the "
+                 "world. Both pyramids share --memory. Or 'component': the number of the "
+                 "connected piece, 0 the one of the largest area, as --components lists them "
+                 "(component, _COMPONENT)")
+      ->type_name("OTHER|component")
+      ->needs(output);
+  app.add_flag("--zlib", arguments.zlib, "Pack .vtp with zlib")->needs(output);
+  app.add_flag("--meshopt", arguments.meshopt,
+               "Pack .glb with EXT_meshopt_compression: positions to 1/8192 of the least spacing, "
+               "normals to 10 bits")
+      ->needs(output);
+  addParsedOption(
+      app, "--repeat", arguments.repeat,
+      [](const std::string& text) { return parseInteger(text, 1, 1000000); }, "N",
+      "Extract N times; the last one is written");
 }
 
 }  // namespace
@@ -389,69 +320,7 @@ Command addExtractCommand(CLI::App& app) {
       app.add_subcommand("extract", "Extract an isosurface of a pyramid or a volume");
   const auto arguments = std::make_shared<ExtractArguments>();
   addQueryOptions(*sub, arguments->query, true);
-  beginGroup(*sub, kDetailGroup);
-  addSimplifyOption(*sub, arguments->query);
-  CLI::Option* const triangles = addParsedOption(
-      *sub, "--triangles", arguments->most_triangles, parseAtLeastOne, "N",
-      "At most N triangles: finds the distance of --simplify for that, by extracting the surface "
-      "some ten times");
-  triangles->excludes(findOption(*sub, "--simplify"));
-  sub->add_flag("--drop-small", arguments->drop_small,
-                "With --simplify or --triangles: leave out pieces of the surface that lie in one "
-                "brick and whose box has a diagonal below the distance");
-  CLI::Option* const components =
-      sub->add_flag("--components", arguments->list_components,
-                    "List the connected pieces of the surface by their area, with the volume that "
-                    "each encloses, in world units");
-  CLI::Option* const largest =
-      addParsedOption(*sub, "--keep-largest", arguments->keep_largest, parseAtLeastOne, "N",
-                      "Only the N connected pieces of the largest area; they are listed, too");
-  CLI::Option* const drop_below = addParsedOption(
-      *sub, "--drop-below", arguments->drop_below,
-      [](const std::string& text) {
-        const double area = parseNumber(text);
-        if (!(area >= 0)) throw std::invalid_argument("an area is wanted, 0 or more");
-        return area;
-      },
-      "AREA", "Only connected pieces of at least this area, in squares of the world's unit");
-  beginGroup(*sub, kOutputGroup);
-  CLI::Option* const output =
-      sub->add_option("-o,--output", arguments->output,
-                      "Output; a mesh, .ply, .stl, .obj, .glb or .vtp, in world units; "
-                      ".precomputed: a folder for Neuroglancer with all levels; or .isbm: a share "
-                      "for 'isobrick merge'. "
-                      "Without it the mesh is only counted. Each of several isovalues gets a file: "
-                      "mesh-500.ply")
-          ->type_name("MESH");
-  addForceFlag(*sub, arguments->force)->needs(output);
-  addParsedOption(
-      *sub, "--part", arguments->part, parseShare, "I/N",
-      "Do share I of N shares, I from 1: some of the surface's bricks. 'isobrick merge' joins the "
-      "shares, as .isbm, to the mesh that one run gives; another format is open where "
-      "other shares begin")
-      // These look at the whole surface.
-      ->excludes(triangles)
-      ->excludes(components)
-      ->excludes(largest)
-      ->excludes(drop_below);
-  sub->add_option("--attribute", arguments->attribute.path,
-                  "Another pyramid or volume, whose value at every vertex goes into .ply and .vtp "
-                  "(value) or "
-                  ".glb (_VALUE): level 0, interpolated trilinearly where the vertex is in the "
-                  "world. Both pyramids share --memory. Or 'component': the number of the "
-                  "connected piece, 0 the one of the largest area, as --components lists them "
-                  "(component, _COMPONENT)")
-      ->type_name("OTHER|component")
-      ->needs(output);
-  sub->add_flag("--zlib", arguments->zlib, "Pack .vtp with zlib")->needs(output);
-  sub->add_flag("--meshopt", arguments->meshopt,
-                "Pack .glb with EXT_meshopt_compression: positions to 1/8192 of the least spacing, "
-                "normals to 10 bits")
-      ->needs(output);
-  addParsedOption(
-      *sub, "--repeat", arguments->repeat,
-      [](const std::string& text) { return parseInteger(text, 1, 1000000); }, "N",
-      "Extract N times; the last one is written");
+  addMeshOptions(*sub, *arguments, addDetailOptions(*sub, *arguments));
   addJsonFlag(*sub, arguments->json);
   sub->footer(R"(
 Example:

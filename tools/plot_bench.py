@@ -120,7 +120,7 @@ def save(figure, output):
 
 
 def option_of(bench, name):
-    """The value of an option of the query, as a number; None where it was not given."""
+    """The value of an option of the query, as a number; None if it was not given."""
     words = bench.get("query", [])
     return float(words[words.index(name) + 1]) if name in words[:-1] else None
 
@@ -130,7 +130,7 @@ def voxels_of(bench):
     return x * y * z
 
 
-# What a curve may run over: title, value of a run and its row, and whether the axis is logarithmic.
+# The variables of a curve: title, value of a run and its row, and whether the axis is logarithmic.
 ABSCISSAS = {
     "triangles": ("triangles", lambda bench, row: row["triangles"], True),
     "voxels": ("voxels of the volume", lambda bench, row: voxels_of(bench), True),

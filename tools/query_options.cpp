@@ -52,7 +52,7 @@ void refuseBoxOutside(const QueryBox& box, const Pyramid& pyramid, const std::st
                   {.path = path});
 }
 
-// Of "500,1200" and "auto", given once or more.
+// From "500,1200" and "auto", given once or more.
 void readIsovalues(QueryOptions& options, const std::vector<std::string>& texts, bool several) {
   try {
     options.isovalues.clear();
@@ -137,12 +137,12 @@ void addNoMapFlag(CLI::App& app, bool& no_map) {
 
 namespace {
 
-// An open remote pyramid, of which Ctrl-C ends every read, also one that nobody can cancel.
+// An open remote pyramid. Ctrl-C ends every read of it, also one without a cancel flag.
 class InterruptiblePyramid {
  public:
   explicit InterruptiblePyramid(std::shared_ptr<const Pyramid> pyramid)
       : pyramid_(std::move(pyramid)), watcher_([this](const std::stop_token& ended) {
-          // Those who look at the flag themselves come first, and say how far they were.
+          // Calls that look at the flag themselves come first, and say how far they were.
           constexpr auto kBetweenLooks = std::chrono::milliseconds(50);
           constexpr int kPatience = 6;
           int looks = 0;

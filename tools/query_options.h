@@ -29,8 +29,8 @@ struct QueryOptions {
   int threads = 0;
 };
 
-// FILE, --iso and all that narrow the query down. Where `several` isovalues are no use, more than
-// one is refused.
+// FILE, --iso and all that narrow the query down. More than one isovalue is refused unless
+// `several`.
 void addQueryOptions(CLI::App& app, QueryOptions& options, bool several = false);
 
 // --simplify.
@@ -50,7 +50,7 @@ std::shared_ptr<const Pyramid> openPyramidFile(const std::string& path, std::uin
 inline FileAccess fileAccess(bool no_map) { return no_map ? FileAccess::kRead : FileAccess::kMap; }
 
 // For --iso auto, takes the first isovalue that is suggested for the pyramid, and says on stderr
-// which one that is. Throws Error where all voxels are equal.
+// which one that is. Throws Error if all voxels are equal.
 void chooseIsovalues(QueryOptions& options, const Pyramid& pyramid);
 
 // Throws UsageError if an isovalue is given twice.
@@ -59,7 +59,7 @@ void refuseTwinIsovalues(std::vector<std::optional<double>> isovalues);
 // The query in voxel indices, whatever the user's units are; stopped by Ctrl-C.
 Query makeQuery(const QueryOptions& options, const Pyramid& pyramid);
 
-// One line on stderr where the isovalue separates no voxels, so that the mesh will be empty.
+// One line on stderr if the isovalue separates no voxels, so that the mesh will be empty.
 void warnOfEmptySurface(const QueryOptions& options, const Pyramid& pyramid);
 
 }  // namespace isobrick

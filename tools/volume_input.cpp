@@ -31,7 +31,7 @@ namespace fs = std::filesystem;
 constexpr int kTidyEndMilliseconds = 3000;
 constexpr std::string_view kOwnName = "isobrick: ";
 
-// What `isobrick build` is told of a volume. It checks the values.
+// An option of `isobrick build` about a volume, which checks the value.
 struct VolumeWord {
   const char *option, *type, *description;
 };

@@ -32,7 +32,7 @@ inline constexpr char kRemoteGroup[] = "If FILE is a URL";
 
 // FILE.
 CLI::Option* addVolumeInput(CLI::App& app, VolumeInput& input);
-// How to read it where it is a volume.
+// Options for reading it if it is a volume.
 void addVolumeOptions(CLI::App& app, VolumeInput& input);
 
 // --cache-folder.
@@ -50,12 +50,12 @@ inline RemoteOptions remoteOptions(const VolumeInput& input) {
 // opened as a pyramid, and that says what is wrong.
 bool isVolume(const std::string& path);
 
-// Throws UsageError where words for volumes were given.
+// Throws UsageError if words for volumes were given.
 void refuseWordsForPyramid(const VolumeInput& input);
 
 // Sets input.pyramid: the path itself, or for a volume the pyramid in the cache, which stays there
 // until this process ends. Builds with `threads` and `memory_bytes` (nothing: the default), with a
-// progress bar. Throws Error, Cancelled, and UsageError where words for volumes come with a
+// progress bar. Throws Error, Cancelled, and UsageError if words for volumes come with a
 // pyramid.
 void findPyramid(VolumeInput& input, int threads, std::optional<std::uint64_t> memory_bytes);
 

@@ -128,8 +128,8 @@ class WindowSearch {
   }
 
  private:
-  // Of the edge that a corner faces: from the next corner's vertex at (0, 0) along x; the corner's
-  // triangle, into which the lines go, lies above it.
+  // A window of the edge that a corner faces. The edge runs from the next corner's vertex at (0, 0)
+  // along x; the corner's triangle, into which the lines go, lies above it.
   struct Window {
     double begin = 0.0, end = 0.0;  // along the edge
     glm::dvec2 source{0.0};         // the lines' common point, below
@@ -152,7 +152,8 @@ class WindowSearch {
     std::uint32_t window = kNoNumber,
                   vertex = kNoNumber;  // that it came from; none: the first point
   };
-  // Of the windows that face a corner: the one by which its vertex is reached first, and where.
+  // The window facing a corner by which its vertex is reached first: how long the way is, and where
+  // it crosses the edge.
   struct Split {
     double length = kNeverReached, along = 0.0;
   };
@@ -339,7 +340,7 @@ class WindowSearch {
     bool to_left = along > window.begin, to_right = along < window.end;
     if (sees_tip) {
       const double length = window.before + glm::distance(window.source, frame.tip);
-      // Of several windows that see the vertex only the nearest one needs both sides: the lines of
+      // If several windows see the vertex, only the nearest one needs both sides: the lines of
       // another one to one of the sides cross its path to the vertex, or come out beside it.
       Split& nearest =
           splits_[3 * std::size_t{CornerTable::triangleOf(window.corner)} + (window.corner & 3)];

@@ -20,7 +20,7 @@ namespace {
 constexpr double kEndReachCells = 4.0;
 // The first ellipsoid, in straight distances between the ends.
 constexpr double kFirstDetour = 1.5;
-// Of a mesh in memory, with what the search keeps of it.
+// Bytes that a mesh in memory and the search on it take.
 constexpr std::uint64_t kBytesPerTriangle = 40;
 
 // One search on one level.

@@ -25,7 +25,7 @@ struct SurfacePath {
 };
 
 struct SurfacePathBounds {
-  // Of triangles and search. If level 0 takes more, coarser levels are tried.
+  // The most bytes of triangles and search. If level 0 takes more, coarser levels are tried.
   std::uint64_t most_bytes = std::uint64_t{1} << 30;
   const CancelFlag* cancel = nullptr;           // may be null
   std::atomic<float>* fraction_done = nullptr;  // of what is under way; may be null

@@ -90,7 +90,7 @@ struct BrickRows {
 
   // Sizes everything for a brick, of which no cell is wanted yet.
   void resize(const Index3& brick_cells);
-  // The cells of row (j, k), j < cells.y and k < cells.z, that shall be meshed: words_per_row
+  // The cells of row (j, k), j < cells.y and k < cells.z, that are to be meshed: words_per_row
   // words, cell i in bit i % 64. Every cell with a crossing of which any corner's other cells are
   // wanted must be wanted itself, or the mesh is open there.
   std::uint64_t* wantedCells(std::int64_t j, std::int64_t k) { return wanted(row(j, k)); }

@@ -1,5 +1,5 @@
-// Where the isosurface cuts the faces of one cell: pieces from point to point, and the loops that
-// they close (rules 9 and 10).
+// The lines in which the isosurface cuts the faces of one cell: pieces from point to point, and the
+// loops that they close (rules 9 and 10).
 #pragma once
 
 #include <array>

@@ -25,7 +25,7 @@ inline constexpr int kCrossingBits = 15;
 // Adding this to a number in [0, 1] leaves kCrossingBits behind the point.
 inline constexpr float kCrossingRounder = 1.5f * (1 << (23 - kCrossingBits));
 
-// Where the isosurface crosses an edge with the values `low` and `high` at its ends, as a part of
+// The place of the crossing on an edge with the values `low` and `high` at its ends, as a part of
 // the edge from its lower end. Exactly one of the values is >= isovalue. The result is within its
 // bounds for any values, also for infinite, NaN or equal ones, which no sound pyramid holds.
 inline float crossingParameter(float isovalue, float low, float high) {

@@ -49,7 +49,8 @@ class BrickFamily {
     last_finer_ = &*slot.held;
     return slot.held->view;
   }
-  // Up to where the brick of finer() holds the samples of the finer level from `fine` on along x.
+  // The end of the samples of the finer level from `fine` on along x that the brick of finer()
+  // holds.
   std::int64_t endOfFiner(const Index3& fine) const {
     const std::int64_t past = fine.x & (edge_ - 1);
     return context_.residency != nullptr || past == 0 ? fine.x + 1 : fine.x - past + edge_;

@@ -11,8 +11,8 @@
 
 namespace isobrick {
 
-// Where leaves lie on a brick's rows of cells. Only rows with a crossed tile are examined, and only
-// cells that the query's box overlaps count. Keeps its memory from brick to brick.
+// The places of leaves on a brick's rows of cells. Only rows with a crossed tile are examined, and
+// only cells that the query's box overlaps count. Keeps its memory from brick to brick.
 class BrickSplit {
  public:
   // One row of cells that has leaves of the transition zone.

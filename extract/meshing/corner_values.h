@@ -34,7 +34,7 @@ inline std::array<std::int64_t, 2> endsAround(const Lattice& lattice, int level,
   return {i - step, i + step};
 }
 
-// Where sample `i` of `level`, one that is not on the coarser lattice, lies between its neighbours:
+// The place of sample `i` of `level`, which is not on the coarser lattice, between its neighbours:
 // 1/2, but for a thin last cell.
 inline double hangingWeight(const Lattice& lattice, int level, int axis, std::int64_t i) {
   if ((i + 1) << level <= lattice.voxels()[axis] - 1) return 0.5;  // most: divisions are slow

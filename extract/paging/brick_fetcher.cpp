@@ -116,7 +116,7 @@ void BrickFetcher::announceNext(std::unique_lock<std::mutex>& lock) {
     for (const MissingBrick& missing : next)
       static_cast<void>(needs->areMet(missing.level, missing.brick, answers));
     parts.announce(lacking);
-  } catch (const std::exception&) {  // whoever fetches the brick meets the same
+  } catch (const std::exception&) {  // the thread that fetches the brick meets the same
   }
   lock.lock();
 }

@@ -24,8 +24,8 @@ namespace isobrick {
 // brick after the other, in their order, before it is begun, so that a brick never takes the room
 // of one that was announced before it. The first brick without room ends the announcement.
 //
-// Of a pyramid behind a URL the parts of the next bricks are asked of the server before a thread is
-// at them, as far as it is known by then what they need.
+// Behind a URL the parts of the next bricks are announced to the server before a thread is at them,
+// as far as it is known by then which parts these are.
 class BrickFetcher {
  public:
   BrickFetcher() = default;

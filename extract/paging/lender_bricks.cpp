@@ -69,8 +69,8 @@ bool LenderBricks::mayBeCrossed(const Index3& finer_tile) {
   return found->second.isCrossed((first - own.first) / layout_.tileCells());
 }
 
-// Of the leaves in a tile. If all of them lie in one brick that was found already, there is nothing
-// to find.
+// Adds those of the leaves in a tile. If all of them lie in one brick that was found already, there
+// is nothing to find.
 void LenderBricks::addLenders(const IndexBox& coarse) {
   const Index3 first = glm::max(coarse.first * std::int64_t{2} - Index3(1), Index3(0));
   const Index3 last = glm::min(coarse.end() * std::int64_t{2}, all_finer_ - Index3(1));

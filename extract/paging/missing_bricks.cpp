@@ -71,7 +71,7 @@ class MissingBricks {
     forEachIndex({first, end - first}, [&](const Index3& child) { visit(level - 1, child); });
   }
 
-  // The nearest first, and of these the finest. Where no place is nearer than others, the coarsest.
+  // The nearest first, and of these the finest. If there are no places, the coarsest first.
   std::pair<double, int> keyOf(int level, const IndexBox& cells) const {
     if (places_.empty()) return {0, -level};
     const glm::dvec3 low(context_.lattice().position(level, cells.first));

@@ -1,4 +1,4 @@
-// Which parts of a brick a query takes.
+// The parts of a brick that a query takes.
 #pragma once
 
 #include <algorithm>
@@ -13,8 +13,8 @@
 
 namespace isobrick {
 
-// How somebody answers QueryNeeds: whether a brick's row of the brick table is at hand, and whether
-// a part of it is. Either may see to it that it is.
+// The answers that QueryNeeds asks for: whether a brick's row of the brick table is at hand, and
+// whether a part of it is. Either function may see to it that it is.
 template <typename Row, typename Part>
 struct BrickAnswers {
   Row row;    // bool row(int level, const Index3& brick)
@@ -88,7 +88,7 @@ class QueryNeeds {
     return has_all;
   }
 
-  // True where no leaf of the brick's level or of the next coarser one, within the brick, holds a
+  // True if no leaf of the brick's level or of the next coarser one, within the brick, holds a
   // part of the surface: the tiles hold all corners of the coarser leaf that a corner of it can
   // hang on if they have at least four cells (rule 7). Unknown, so false, without the brick's
   // row and ranges, which are asked for if they decide.
@@ -104,7 +104,7 @@ class QueryNeeds {
   }
 
  private:
-  // If they decide.
+  // Whether the ranges are there, unless the row alone decides.
   template <typename Answers>
   bool hasRanges(int level, const Index3& brick, const Answers& has) const {
     return !culls_ || (has.row(level, brick) &&

@@ -89,7 +89,7 @@ void ReadAhead::run() try {
       return;
   }
 } catch (const std::exception&) {
-  // Whoever meshes the brick meets the same, and says so.
+  // The thread that meshes the brick meets the same, and says so.
 }
 
 // Gives the lock back meanwhile.
@@ -133,7 +133,7 @@ void ReadAhead::load(std::unique_lock<std::mutex>& lock) {
   lock.lock();
 }
 
-// Of a local file they are left to the mesher.
+// Only behind a URL: those of a local file are left to the mesher.
 void ReadAhead::addLenders(const BrickWork& work,
                            std::vector<PyramidParts::PartAddress>& samples) const {
   CrossedTiles tiles;

@@ -23,19 +23,18 @@ namespace isobrick {
 // mesher does not find, so that a query whose parts are all resident starts no thread.
 //
 // Each brick is looked at: its ranges, which were announced to the system some bricks before, are
-// fetched, and its samples announced where they are needed. Announced samples are fetched by
-// whoever finds nothing to look at, so there is always as much for the disk to do at once as may
-// be.
+// fetched, and its samples announced if they are needed. Announced samples are fetched by the
+// threads that find nothing to look at, so the disk always has as much to do at once as may be.
 //
 // A server answers many requests in the time of one, and none before a round trip. So of a pyramid
 // behind a URL the threads begin with the query, whose parts come in two round trips, all ranges
 // and then all samples, as far as the bound allows.
 //
 // Parts announced or fetched and not yet reached by the meshers are at most a thirty-second of
-// the budget, half of what the pager has for arrivals, and no more than kMostBytes; where that is
-// less than a brick nothing is read ahead. A request to cancel the query, or the end of this
-// object, ends the threads: each ends the part that it is at. What they fetched and nobody reached
-// is then withdrawn.
+// the budget, half of what the pager has for arrivals, and no more than kMostBytes; if that is less
+// than a brick, nothing is read ahead. A request to cancel the query, or the end of this object,
+// ends the threads: each ends the part that it is at. Parts that they fetched and no mesher reached
+// are then withdrawn.
 //
 // reached() may be called by any threads at once; the rest by one. Changes nothing of the mesh and
 // nothing of the report.

@@ -40,7 +40,7 @@ class ReadLog {
       f(notes.entries[notes.looked_at].brick_row);
   }
 
-  // Every brick that was noted once, by rows. While nobody notes.
+  // Every brick that was noted once, by rows. While no thread notes.
   std::vector<Entry> entries() const {
     std::vector<Entry> all;
     for (const Notes& notes : notes_)

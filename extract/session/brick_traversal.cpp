@@ -21,7 +21,7 @@ class Traversal {
 
  private:
   // A server is asked for all rows of the brick table together that the traversal may come to: a
-  // range that is not known yet prunes nothing. Then once more, where that were too many at once.
+  // range that is not known yet prunes nothing. Then once more, if those were too many at once.
   void bringInRows(int top) {
     constexpr int kMostRounds = 64;  // a longer table has more rows than stay
     for (int round = 0; round < kMostRounds; ++round) {

@@ -37,7 +37,7 @@ struct MeshContext {
     read_log.note(pyramid.parts().brickRow(level, brick), ReadLog::kRanges);
     pyramid.tileRanges(level, brick, out, query.cancel);
   }
-  // Which tiles of the brick the isosurface may cross.
+  // The tiles of the brick that the isosurface may cross: PyramidParts::crossedTiles().
   void crossedTiles(int level, const Index3& brick, std::vector<std::uint8_t>& out) const {
     read_log.note(pyramid.parts().brickRow(level, brick), ReadLog::kRanges);
     pyramid.parts().crossedTiles(level, brick, isovalue, out, query.cancel);

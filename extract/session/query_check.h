@@ -1,4 +1,4 @@
-// Whether a query makes sense for a pyramid.
+// The check that a query makes sense for a pyramid.
 #pragma once
 
 #include "isobrick/extract/query.h"

@@ -8,7 +8,7 @@
 
 namespace isobrick {
 
-// Address space for the most elements there may be, of which a part from the beginning is open.
+// Address space for the most elements there may be; a part of it, from the beginning, is open.
 // Addresses alone cost nothing, not even if the system promises no more than it has
 // (vm.overcommit_memory=2) or bounds the memory of a process (RLIMIT_DATA). Memory comes with the
 // first write to an open page, in huge pages if the system grants them, and stays.

@@ -28,8 +28,7 @@ struct SurfaceWriterMemory {
 //   1. count: the bits of its rows, how many crossings and triangles are its own
 //   2. its place: behind the brick before it, which has counted by then or soon will
 //   3. numbers of crossings on its low sides, from the bricks there, which come earlier in the
-//   work;
-//      numbers on its high sides, for those that come later
+//      work; numbers on its high sides, for those that come later
 //   4. positions, normals and triangles, straight to their place
 //
 // A crossing on a side between bricks is that of the brick that comes first, so nothing is joined

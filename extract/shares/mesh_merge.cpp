@@ -16,6 +16,7 @@
 #include "isobrick/storage/checksum.h"
 #include "isobrick/storage/file_io.h"
 #include "isobrick/storage/open_descriptor.h"
+#include "isobrick/storage/stored_grid.h"
 #include "isobrick/storage/usable_geometry.h"
 
 namespace isobrick {
@@ -70,7 +71,7 @@ class ShareFile {
 
   const std::string& path() const { return path_; }
   const ShareHeader& header() const { return header_; }
-  // Where the batches end.
+  // The offset at which the batches end.
   std::uint64_t batchesEnd() const { return size_ - header_.identity_bytes; }
 
   std::string identity() const {
@@ -83,14 +84,7 @@ class ShareFile {
 
   MeshFrame frame() const {
     MeshFrame frame;
-    for (int axis = 0; axis < 3; ++axis) {
-      frame.voxels[axis] = static_cast<std::int64_t>(header_.voxels[axis]);
-      frame.geometry.spacing[axis] = header_.spacing[axis];
-      frame.geometry.origin[axis] = header_.origin[axis];
-      for (int row = 0; row < 3; ++row)
-        frame.geometry.direction[axis][row] = header_.direction[3 * axis + row];
-    }
-    frame.geometry.unit = static_cast<LengthUnit>(header_.length_unit);
+    readGrid(header_, frame.voxels, frame.geometry);
     return frame;
   }
 
@@ -105,20 +99,12 @@ class ShareFile {
 
  private:
   bool isSane() const {
-    bool sane = header_.of >= 1 && header_.of <= kMostShares && header_.number >= 1 &&
-                header_.number <= header_.of && header_.first_brick <= header_.all_bricks &&
-                header_.brick_count <= header_.all_bricks - header_.first_brick &&
-                header_.batches <= header_.brick_count &&
-                header_.identity_bytes <= kMostIdentityBytes &&
-                header_.identity_bytes <= size_ - sizeof header_ &&
-                header_.length_unit <= static_cast<std::uint32_t>(LengthUnit::kMillimetre);
-    for (int axis = 0; axis < 3; ++axis)
-      sane = sane && header_.voxels[axis] >= 2 &&
-             header_.voxels[axis] <= static_cast<std::uint64_t>(kMaxVoxelsPerAxis) &&
-             std::isfinite(header_.spacing[axis]) && header_.spacing[axis] > 0 &&
-             std::isfinite(header_.origin[axis]);
-    for (const double d : header_.direction) sane = sane && std::isfinite(d);
-    return sane && isUsableGeometry(frame().geometry);
+    return header_.of >= 1 && header_.of <= kMostShares && header_.number >= 1 &&
+           header_.number <= header_.of && header_.first_brick <= header_.all_bricks &&
+           header_.brick_count <= header_.all_bricks - header_.first_brick &&
+           header_.batches <= header_.brick_count && header_.identity_bytes <= kMostIdentityBytes &&
+           header_.identity_bytes <= size_ - sizeof header_ && isStoredGridSane(header_) &&
+           isUsableGeometry(frame().geometry);
   }
 
   std::string path_;

@@ -9,6 +9,7 @@
 #include "isobrick/extract/sinks/vertex_numbering.h"
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/checksum.h"
+#include "isobrick/storage/stored_grid.h"
 
 namespace isobrick {
 namespace {
@@ -26,16 +27,7 @@ class MeshShareSink : public MeshFileSink {
     header_.all_bricks = plan.bricks().size();
   }
 
-  void begin(const MeshFrame& frame) override {
-    for (int axis = 0; axis < 3; ++axis) {
-      header_.voxels[axis] = static_cast<std::uint64_t>(frame.voxels[axis]);
-      header_.spacing[axis] = frame.geometry.spacing[axis];
-      header_.origin[axis] = frame.geometry.origin[axis];
-      for (int row = 0; row < 3; ++row)
-        header_.direction[3 * axis + row] = frame.geometry.direction[axis][row];
-    }
-    header_.length_unit = static_cast<std::uint32_t>(frame.geometry.unit);
-  }
+  void begin(const MeshFrame& frame) override { storeGrid(frame.voxels, frame.geometry, header_); }
 
   void place(PlacedBatch& placed) override {
     numbering_.place(placed);

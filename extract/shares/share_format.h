@@ -27,7 +27,7 @@ struct Header {
   std::uint64_t all_bricks;
   std::uint64_t batches;    // records
   std::uint64_t triangles;  // of all batches
-  std::uint64_t voxels[3];
+  std::uint64_t dims[3];    // voxels
   double spacing[3];
   double origin[3];
   double direction[9];  // column-major, as in a pyramid
@@ -59,7 +59,7 @@ static_assert(sizeof(SharedRecord) == 16);
 
 inline constexpr std::uint64_t kVectorBytes = 12;  // a position or a normal: three f32
 
-// Of a record with these counts.
+// The bytes of a record with these counts.
 constexpr std::uint64_t recordBytes(std::uint64_t positions, std::uint64_t indices,
                                     std::uint64_t shared) {
   return sizeof(BatchRecord) + 2 * kVectorBytes * positions + sizeof(std::uint32_t) * indices +

@@ -229,8 +229,8 @@ bool BatchSimplifier::findRegion(std::uint32_t corner, const glm::vec3& place) {
   return true;
 }
 
-// Of a uniform brick, others have both vertices of a side only if they lie in one of its faces;
-// leaves of other levels may have any two.
+// Other bricks may have a side of a uniform brick only if both its vertices lie in one face of the
+// brick; leaves of other levels may have any side.
 bool BatchSimplifier::mayBeElsewhere(const MeshBatch& batch, std::uint32_t a,
                                      std::uint32_t b) const {
   if (is_shared_[a] == 0 || is_shared_[b] == 0) return false;

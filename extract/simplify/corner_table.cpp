@@ -66,7 +66,7 @@ void CornerTable::join(std::uint32_t corner, std::uint32_t other) {
   if (other != kNone) facing(other) = corner;
 }
 
-// Of the two sides that have the corner, one becomes the other.
+// The two sides that have the corner become one.
 void CornerTable::removeTriangle(std::uint32_t corner) {
   join(opposite(next(corner)), opposite(previous(corner)));
 }

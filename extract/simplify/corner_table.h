@@ -16,7 +16,7 @@ class CornerTable {
 
   static std::uint32_t triangleOf(std::uint32_t corner) { return corner / 4; }
   static std::uint32_t firstCorner(std::uint32_t triangle) { return 4 * triangle; }
-  // Of the same triangle, counter-clockwise and clockwise.
+  // The next corner of the same triangle, counter-clockwise and clockwise.
   static std::uint32_t next(std::uint32_t corner) {
     return (corner & ~3u) | ((0b001001u >> (2 * (corner & 3))) & 3u);
   }
@@ -30,7 +30,7 @@ class CornerTable {
   std::uint32_t vertex(std::uint32_t corner) const {
     return triangles_[corner / 4].vertices[corner & 3];
   }
-  // kNone at a border, and where a side has more than two triangles, or two in one direction.
+  // kNone at a border, and if the side has more than two triangles, or two in one direction.
   std::uint32_t opposite(std::uint32_t corner) const {
     return triangles_[corner / 4].opposites[corner & 3];
   }
@@ -45,7 +45,7 @@ class CornerTable {
     return facing == kNone ? kNone : previous(facing);
   }
 
-  // What triangles around a vertex make of it.
+  // The shape of the triangles around a vertex.
   enum class Ring : std::uint8_t {
     kClosed,  // one ring
     kOpen,    // part of a ring, as at a border
@@ -65,7 +65,7 @@ class CornerTable {
   std::uint32_t triangles() const { return static_cast<std::uint32_t>(triangles_.size()); }
 
  private:
-  // Together, since whoever asks for one asks for the other.
+  // Together, since both are needed at the same time.
   struct Triangle {
     std::array<std::uint32_t, 4> vertices, opposites;  // of corners; the last ones are unused
   };

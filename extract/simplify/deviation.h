@@ -1,4 +1,4 @@
-// How far a surface moves where an edge of it collapses.
+// The distance that a surface moves when an edge of it collapses.
 #pragma once
 
 #include <algorithm>
@@ -69,7 +69,7 @@ class DeviationBound {
   // The deviations of the new triangles, from those of all old ones; false if there is no such
   // direction, or if one of them might be longer than `most`.
   bool follow(const CollapseRegion& region, std::span<const Deviation> deviations, float most);
-  // Of new triangle i, after follow() was true.
+  // The deviation of new triangle i, after follow() was true.
   const Deviation& deviation(int i) const { return new_[static_cast<std::size_t>(i)]; }
 
  private:

@@ -1,4 +1,4 @@
-// What it costs to collapse edges, some at a time.
+// The costs of collapsing edges, some at a time.
 #pragma once
 
 #include <array>
@@ -12,8 +12,8 @@ namespace isobrick {
 // How much a vertex is drawn to the middle of its edge, in weights of its triangles.
 inline constexpr float kPull = 1e-3f;
 
-// Where the sum of squared distances is least for what remains of an edge. `sum`: about the end
-// that stays; `to_gone`: from there to the other one. The place is relative to the end that stays.
+// The place at which the sum of squared distances is least for the vertex that remains of an edge,
+// relative to the end that stays. `sum`: about that end; `to_gone`: from there to the other one.
 inline glm::vec3 bestPlace(const Quadric& sum, const glm::vec3& to_gone) {
   return sum.leastNear(0.5f * to_gone, kPull * sum.weight);
 }

@@ -47,8 +47,8 @@ struct Quadric {
     weight += other.weight;
     return *this;
   }
-  // Where the sum is least if each squared distance to `near` counts as well, with `pull`, above 0:
-  // along a plane, and on one, any place is as good as any other.
+  // The place of the least sum if the squared distance to `near` counts as well, times `pull`,
+  // above 0: without it any place on a line or a plane may be as good as any other.
   glm::vec3 leastNear(const glm::vec3& near, float pull) const {
     const float ax = xx + pull, ay = yy + pull, az = zz + pull;
     const glm::vec3 right = pull * near - b;

@@ -47,9 +47,7 @@ class GlbSink : public NumberedSink {
       file_.continueFrom(kBinOffset - 8);
       file_.cutAfterPosition();
     }
-    const std::string header = makeHeader();
-    file_.pwrite(header.data(), header.size(), 0);
-    file_.commit(options_.cancel);
+    publish(makeHeader());
   }
 
  private:

@@ -9,7 +9,7 @@ namespace isobrick {
 struct IndexedMesh {
   std::vector<glm::dvec3> positions;          // world units
   std::vector<glm::vec3> normals;             // unit, towards lower values
-  std::vector<std::uint32_t> triangles;       // three indices each
+  std::vector<std::uint32_t> triangles;       // three indices each, winding as in MeshBatch
   std::vector<std::uint8_t> triangle_levels;  // pyramid level of each triangle
 };
 

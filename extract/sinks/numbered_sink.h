@@ -39,6 +39,12 @@ class NumberedSink : public MeshFileSink {
     });
   }
 
+  // Writes the header to the beginning, and gives the file its name.
+  void publish(const std::string& header) {
+    file_.pwrite(header.data(), header.size(), 0);
+    file_.commit(options_.cancel);
+  }
+
   const MeshFileOptions options_;
   AtomicFile file_;
   MeshFrame frame_;

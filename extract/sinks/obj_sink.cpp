@@ -101,9 +101,7 @@ class ObjSink : public NumberedSink {
   }
   void finish() override {
     file_.continueFrom(next_byte_);
-    const std::string header = makeHeader();
-    file_.pwrite(header.data(), header.size(), 0);
-    file_.commit(options_.cancel);
+    publish(makeHeader());
   }
 
  private:

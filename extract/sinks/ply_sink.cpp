@@ -20,9 +20,7 @@ class PlySink : public NumberedSink {
   void finish() override {
     file_.continueFrom(kHeaderBytes + vertices() * vertexBytes());
     faces_.appendTo(file_, triangles_ * kFaceBytes, options_.cancel);
-    const std::string header = makeHeader();
-    file_.pwrite(header.data(), header.size(), 0);
-    file_.commit(options_.cancel);
+    publish(makeHeader());
   }
 
  private:

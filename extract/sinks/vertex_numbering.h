@@ -13,7 +13,8 @@ class SharedVertexMap;
 
 // Numbers vertices in the order in which they first appear; a shared vertex keeps its first number.
 // Remembers only vertices that a later batch may have too: a vertex whose batches are known is
-// forgotten with the last of them, so that only the front of a large mesh is held.
+// forgotten with the last of them, so that only the front of a large mesh is held. By one thread at
+// a time.
 class VertexNumbering {
  public:
   VertexNumbering();

@@ -140,9 +140,7 @@ class VtpSink : public NumberedSink {
     append(offsets.levels, triangles_, from(levels_));
     constexpr std::string_view kEnd = "\n</AppendedData>\n</VTKFile>\n";
     file_.write(kEnd.data(), kEnd.size());
-    const std::string header = makeHeader(offsets);
-    file_.pwrite(header.data(), header.size(), 0);
-    file_.commit(options_.cancel);
+    publish(makeHeader(offsets));
   }
 
  private:
@@ -211,7 +209,7 @@ class VtpSink : public NumberedSink {
     levels_.pwrite(placed.bytes.data(), placed.bytes.size(), placed.first_triangle);
   }
 
-  // Connectivity, and where the cells end in it.
+  // Connectivity, and the end of each cell in it.
   template <typename Append>
   void appendCells(Offsets& offsets, const Append& append) {
     if (!hasWideIndices()) {

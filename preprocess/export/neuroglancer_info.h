@@ -1,4 +1,4 @@
-// What a folder holds for Neuroglancer, and what its formats lose.
+// The kind of a folder for Neuroglancer, and the facts that its formats lose.
 #pragma once
 
 #include <filesystem>
@@ -23,7 +23,7 @@ bool holdsNothingBut(
 // True if nothing is in the folder but the info and the chunks of a precomputed volume.
 bool holdsPrecomputedVolume(const std::string& folder);
 
-// What Neuroglancer's formats have no place for, a line each.
+// The facts that Neuroglancer's formats have no place for, a line each.
 std::vector<std::string> neuroglancerLosses(const GridGeometry& geometry);
 
 // The member "isobrick" of a file info, which keeps the place in the world.

@@ -52,14 +52,22 @@ void writeVoxels(VolumeSource& source, AtomicFile& file, const VolumeWriteOption
   });
 }
 
+// One file: a header, the voxels, and an end.
+void writeWhole(VolumeSource& source, const std::string& path, std::string_view header,
+                std::string_view end, const VolumeWriteOptions& options,
+                VolumeWriteReport& report) {
+  AtomicFile file(path);
+  writeText(file, header);
+  writeVoxels(source, file, options);
+  writeText(file, end);
+  publish(file, options, report);
+}
+
 VolumeWriteReport writeNrrd(VolumeSource& source, const std::string& path,
                             const VolumeWriteOptions& options) {
   VolumeWriteReport report;
   report.space = "LPS";
-  AtomicFile file(path);
-  writeText(file, nrrdHeader(source.info()));
-  writeVoxels(source, file, options);
-  publish(file, options, report);
+  writeWhole(source, path, nrrdHeader(source.info()), "", options, report);
   return report;
 }
 
@@ -68,10 +76,7 @@ VolumeWriteReport writeMetaImage(VolumeSource& source, const std::string& path,
   VolumeWriteReport report;
   report.space = "LPS";
   if (path.ends_with(".mha")) {
-    AtomicFile file(path);
-    writeText(file, metaImageHeader(source.info(), "LOCAL"));
-    writeVoxels(source, file, options);
-    publish(file, options, report);
+    writeWhole(source, path, metaImageHeader(source.info(), "LOCAL"), "", options, report);
     return report;
   }
   const std::string data_path = std::filesystem::path(path).replace_extension(".raw").string();
@@ -115,11 +120,7 @@ VolumeWriteReport writeVti(VolumeSource& source, const std::string& path,
   report.space = "LPS";
   if (source.info().geometry.unit != LengthUnit::kUnknown)
     report.lost.push_back("VTK ImageData has no unit of length; its numbers are millimetres");
-  AtomicFile file(path);
-  writeText(file, vtiHeader(source.info()));
-  writeVoxels(source, file, options);
-  writeText(file, kVtiEnd);
-  publish(file, options, report);
+  writeWhole(source, path, vtiHeader(source.info()), kVtiEnd, options, report);
   return report;
 }
 
@@ -138,9 +139,7 @@ VolumeWriteReport writeRaw(VolumeSource& source, const std::string& path,
       numberText(info.geometry.spacing.y) + "," + numberText(info.geometry.spacing.z) + " from " +
       numberText(info.geometry.origin.x) + "," + numberText(info.geometry.origin.y) + "," +
       numberText(info.geometry.origin.z));
-  AtomicFile file(path);
-  writeVoxels(source, file, options);
-  publish(file, options, report);
+  writeWhole(source, path, "", "", options, report);
   return report;
 }
 

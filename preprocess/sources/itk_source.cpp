@@ -397,7 +397,7 @@ VolumeInfo describeVolume(const std::string& path, const itk::ImageIOBase& image
   info.notes = std::move(notes);
   info.source = path;
   info.format = formatName(image);
-  // NIfTI's fourth axis is time, of which one step is taken.
+  // NIfTI's fourth axis is time; one step of it is taken.
   info.voxels = imageVoxels(path, image, info.format == "NIfTI" ? 4 : 3);
   if (info.voxels.z == 1)
     throw unusable(path, "it is a single 2-D image; name the folder that holds all slices");

@@ -1,4 +1,4 @@
-"""What Python costs: extraction into arrays beside the command, building from an array beside a raw file, in turns;
+"""The cost of Python: extraction into arrays beside the command, building from an array beside a raw file, in turns;
 and marching cubes of other packages on the same volume.
 
     python python/benchmarks/rates.py [VOXELS] [TURNS]

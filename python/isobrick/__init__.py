@@ -12,11 +12,11 @@ that take points take voxel indices, (x, y, z) too, with ``indices=True``.
 from ._build import BuildReport, JoinReport, RawLayout, build, join
 from ._core import Cancel
 from ._errors import Cancelled, Error
+from ._level import Level
 from ._mesh import Mesh
 from ._pyramid import (
     Damage,
     Histogram,
-    Level,
     MergeReport,
     Pyramid,
     RemoteCounters,

@@ -29,7 +29,7 @@ _TO_MILLIMETRES = {
 
 @dataclass
 class Place:
-    """Where voxels are in the world: (x, y, z), and the direction by rows."""
+    """The place of voxels in the world: (x, y, z), and the direction by rows."""
 
     spacing: tuple[float, float, float] = (1.0, 1.0, 1.0)
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -50,7 +50,7 @@ class ArrayVolume:
     memory: NDArray[Any] | None = None
     #: Reads a box; by several threads at once.
     fetch: Callable[[Box], Any] | None = None
-    #: Where chunks begin and end, along z, y, x.
+    #: The begins and ends of chunks, along z, y, x.
     edges: tuple[NDArray[np.int64], ...] = ()
     notes: list[str] = field(default_factory=list)
 
@@ -190,7 +190,7 @@ def _of_chunked(source: Any) -> ArrayVolume:
     kind = f"{_module_of(source)} {type(source).__name__}"
     dtype = np.dtype(source.dtype)
     shape = _checked(source.shape, dtype, kind)
-    # Of a sharded zarr the chunks within shards are what can be read alone.
+    # The chunks within the shards of a sharded zarr can be read alone.
     chunks = getattr(source, "chunks", None)
     if not (isinstance(chunks, tuple) and len(chunks) == 3 and all(isinstance(c, int) for c in chunks)):
         chunks = (64, 256, 256)

@@ -30,10 +30,10 @@ class RawLayout:
 
 @dataclass(frozen=True)
 class BuildReport:
-    """What a build did."""
+    """The result of a build."""
 
     seconds: float
-    #: What all threads spent in a phase, by its name; phases overlap.
+    #: The time that all threads spent in a phase, by its name; phases overlap.
     busy_seconds: dict[str, float]
     file_bytes: int
     bricks: int
@@ -41,20 +41,20 @@ class BuildReport:
     replaced_voxels: int
     #: Every conversion on the way in, a line each.
     notes: list[str]
-    #: Of a pyramid of many files (``.isbs``): files of super-bricks that were built, and that were there.
+    #: For a pyramid of many files (``.isbs``): files of super-bricks that were built, and that were there.
     super_bricks_built: int = 0
     super_bricks_up_to_date: int = 0
 
 
 @dataclass(frozen=True)
 class JoinReport:
-    """What a join did."""
+    """The result of a join."""
 
     super_bricks: int
-    #: Of all levels, in all files.
+    #: In all levels and all files.
     bricks: int
     index_bytes: int
-    #: Of all files, the index among them.
+    #: The sum over all files, the index among them.
     file_bytes: int
     seconds: float
 
@@ -290,7 +290,7 @@ def _sum_of(reports: list[tuple[bool, BuildReport]]) -> BuildReport:
 def _describe_array(
     volume: ArrayVolume, chosen: _FileInput, direction: Any
 ) -> tuple[_ArrayDescription, np.dtype[Any]]:
-    """What the library is told of an array, and the type in which its voxels come."""
+    """The facts of an array for the library, and the type in which its voxels come."""
     place = replace(volume.place)
     if chosen.spacing is not None:
         place.spacing = chosen.spacing

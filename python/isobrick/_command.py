@@ -9,7 +9,7 @@ from pathlib import Path
 
 PROGRAMS = Path(__file__).parent / "_programs"
 EXECUTABLE = PROGRAMS / "bin" / "isobrick"
-#: Of a wheel: a software OpenGL, and what it takes.
+#: In a wheel: a software OpenGL, and all that it needs.
 DRAWING = PROGRAMS / "drawing"
 
 _DRAWING_LIBRARIES = ("libEGL.so.1", "libOpenGL.so.0", "libGL.so.1", "libX11.so.6")

@@ -60,7 +60,7 @@ class Mesh:
 
     @property
     def report(self) -> ExtractReport:
-        """What the extraction did."""
+        """The report of the extraction."""
         return make_report(self._handle.report())
 
     @property
@@ -70,14 +70,14 @@ class Mesh:
 
     @property
     def unit(self) -> str:
-        """Of the points: 'millimetres' or 'unknown'."""
+        """The unit of the points: 'millimetres' or 'unknown'."""
         return self._handle.unit()
 
     def __repr__(self) -> str:
         return f"<isobrick.Mesh: {len(self.faces):,} triangles, {len(self.normals):,} points>"
 
     def area(self) -> float:
-        """Of the surface, in world units squared."""
+        """The area of the surface, in world units squared."""
         a, b, c = (self.points[self.faces[:, i]].astype(np.float64) for i in range(3))
         return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
 

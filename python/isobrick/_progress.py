@@ -14,7 +14,7 @@ Progress = None | bool | Callable[[str, float], object] | Any
 
 @contextmanager
 def told_progress(progress: Progress, title: str) -> Iterator[Callable[[str, float], object] | None]:
-    """What a call of the library takes for a ``progress`` that a user gave."""
+    """The argument of a call of the library for a ``progress`` that a user gave."""
     if progress is None or progress is False:
         yield None
         return

@@ -1,4 +1,4 @@
-"""Open pyramids, their levels, and queries."""
+"""Open pyramids and queries."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from . import _core
 from ._errors import Error
+from ._level import Level
 from ._mesh import Mesh
 from ._progress import Progress, told_progress
 from ._query import Detail, ExtractReport, View, _QuerySettings, make_report
@@ -47,7 +48,7 @@ def _default_cache_folder() -> str:
 
 @dataclass(frozen=True)
 class RemoteCounters:
-    """What was asked of a server for an open pyramid."""
+    """The work of the network for an open pyramid."""
 
     requests: int
     #: Of these, those that were sent again.
@@ -82,7 +83,7 @@ class Suggestion:
 
 @dataclass(frozen=True)
 class Damage:
-    """What is wrong with a pyramid; ``level`` and ``brick``, (x, y, z), are None outside of bricks."""
+    """A fault of a pyramid; ``level`` and ``brick``, (x, y, z), are None outside of bricks."""
 
     level: int | None
     brick: tuple[int, int, int] | None
@@ -91,7 +92,7 @@ class Damage:
 
 @dataclass(frozen=True)
 class MergeReport:
-    """What a merge of shares did."""
+    """The result of a merge of shares."""
 
     shares: int
     triangles: int
@@ -112,113 +113,6 @@ def merge(
     of one ``extract_to``. A missing or foreign share is an Error that names it."""
     paths = [os.fspath(share) for share in shares]
     return MergeReport(**_core.merge_shares(paths, os.fspath(out), zlib, meshopt, force, threads, cancel))
-
-
-class Level:
-    """One level of a pyramid as an array [z, y, x]: ``shape``, ``dtype``, ``chunks``, slicing, ``numpy.asarray``.
-    Sample [k, j, i] of level l sits at voxel index (i, j, k) * 2^l; ``affine`` leads from (i, j, k) to (x, y, z)
-    in world units. ``dask.array.from_array`` takes it as it is.
-    """
-
-    ndim = 3
-
-    def __init__(self, pyramid: Pyramid, level: int) -> None:
-        self._pyramid = pyramid
-        self.level = level
-        x, y, z = pyramid._handle.samples(level)
-        self.shape: tuple[int, int, int] = (z, y, x)
-        self.dtype: np.dtype[Any] = pyramid.dtype
-        edge = pyramid._handle.brick_cells()
-        self.chunks: tuple[int, int, int] = (min(z, edge), min(y, edge), min(x, edge))
-
-    @property
-    def size(self) -> int:
-        return self.shape[0] * self.shape[1] * self.shape[2]
-
-    @property
-    def nbytes(self) -> int:
-        return self.size * self.dtype.itemsize
-
-    @property
-    def affine(self) -> NDArray[np.float64]:
-        """4 x 4: from (i, j, k) of this level to (x, y, z) in world units."""
-        scale = float(1 << self.level)
-        scaled: NDArray[np.float64] = self._pyramid.affine * np.array([scale, scale, scale, 1.0])
-        return scaled
-
-    @property
-    def bricks(self) -> tuple[int, int, int]:
-        """How many there are along z, y, x."""
-        x, y, z = self._pyramid._handle.bricks(self.level)
-        return z, y, x
-
-    def __len__(self) -> int:
-        return self.shape[0]
-
-    def __repr__(self) -> str:
-        return f"<isobrick.Level {self.level}: {self.shape} {self.dtype}>"
-
-    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
-        if copy is False:
-            raise ValueError("the samples of a level are not in memory as one array: they have to be copied")
-        array: NDArray[Any] = self[...]
-        return array if dtype is None else array.astype(dtype)
-
-    def __getitem__(self, key: Any) -> Any:
-        keys = list(key) if isinstance(key, tuple) else [key]
-        if Ellipsis in [k for k in keys if k is Ellipsis]:
-            at = next(i for i, k in enumerate(keys) if k is Ellipsis)
-            keys[at : at + 1] = [slice(None)] * (4 - len(keys))
-        if len(keys) > 3:
-            raise IndexError(f"a level has three axes, and {len(keys)} indices were given")
-        keys += [slice(None)] * (3 - len(keys))
-        first: list[int] = []
-        count: list[int] = []
-        after: list[Any] = []  # picks from the box what the keys want
-        for k, length in zip(keys, self.shape):
-            if isinstance(k, slice):
-                picked = range(*k.indices(length))
-                low, high = (min(picked[0], picked[-1]), max(picked[0], picked[-1])) if picked else (0, -1)
-                start = picked.start - low if picked else 0
-                stop = start + len(picked) * picked.step
-                after.append(slice(start, stop if stop >= 0 else None, picked.step) if picked else slice(0, 0))
-            elif isinstance(k, (int, np.integer)):
-                low = int(k) + (length if k < 0 else 0)
-                if not 0 <= low < length:
-                    raise IndexError(f"index {k} is out of range for an axis of {length} samples")
-                high = low
-                after.append(0)
-            else:
-                indices = np.asarray(k)
-                if indices.dtype == bool:
-                    indices = np.flatnonzero(indices)
-                if indices.ndim != 1 or (indices.size and indices.dtype.kind not in "iu"):
-                    raise IndexError("a level takes integers, slices and lists of integers as indices")
-                indices = np.where(indices < 0, indices + length, indices).astype(np.int64)
-                if indices.size and not (0 <= indices.min() and indices.max() < length):
-                    raise IndexError(f"an index is out of range for an axis of {length} samples")
-                low, high = (int(indices.min()), int(indices.max())) if indices.size else (0, -1)
-                after.append(indices - low)
-            first.append(low)
-            count.append(high - low + 1)
-        if min(count) <= 0:
-            box: NDArray[Any] = np.empty([max(n, 0) for n in count], self.dtype)
-        else:
-            z, y, x = first
-            nz, ny, nx = count
-            box = self._pyramid._handle.read_box(self.level, x, y, z, nx, ny, nz)
-        # One axis after the other, from the last, so that lists on several axes pick an outer product.
-        for axis in (2, 1, 0):
-            box = box[(slice(None),) * axis + (after[axis],)]
-        return box if box.ndim else box[()]
-
-    def brick(self, z: int, y: int, x: int) -> tuple[tuple[int, int, int], NDArray[Any]]:
-        """The samples of one brick with its apron, and the index [z, y, x] of the first of them. Read-only, and
-        the file's own memory where bricks are stored as they are (codec 'none')."""
-        if not all(0 <= i < n for i, n in zip((z, y, x), self.bricks)):
-            raise IndexError(f"brick [{z}, {y}, {x}] is not one of {self.bricks}")
-        (fx, fy, fz), array = self._pyramid._handle.read_brick(self.level, x, y, z)
-        return (fz, fy, fx), array
 
 
 class Pyramid:
@@ -289,12 +183,12 @@ class Pyramid:
 
     @property
     def path(self) -> str:
-        """Of the file, absolute; or the URL."""
+        """The absolute path of the file; or the URL."""
         return self._path
 
     @property
     def remote_counters(self) -> RemoteCounters:
-        """What was asked of the server so far; all zero for a local file."""
+        """The work of the network so far; all zero for a local file."""
         return RemoteCounters(*self._handle.remote_counters())
 
     @property
@@ -314,7 +208,7 @@ class Pyramid:
 
     @property
     def origin(self) -> Triple:
-        """Of voxel (0, 0, 0), (x, y, z), in world units."""
+        """The place of voxel (0, 0, 0), (x, y, z), in world units."""
         return self._handle.origin()
 
     @property
@@ -324,7 +218,7 @@ class Pyramid:
 
     @property
     def unit(self) -> str:
-        """Of the world: 'millimetres' or 'unknown'."""
+        """The unit of the world: 'millimetres' or 'unknown'."""
         return self._handle.unit()
 
     @property
@@ -365,7 +259,7 @@ class Pyramid:
         return Level(self, level)
 
     def histogram(self) -> Histogram:
-        """Of the voxels of level 0."""
+        """The range of the voxels of level 0."""
         least, greatest, counts = self._handle.histogram()
         return Histogram(
             np.array(least, np.float32), np.array(greatest, np.float32), np.array(counts, np.uint64)
@@ -511,7 +405,7 @@ class Pyramid:
 
 
 class Session:
-    """Queries on one pyramid, one at a time, that share memory: a mesh that nobody holds is written over by the
+    """Queries on one pyramid, one at a time, that share memory: a mesh that is not held any more is written over by the
     next query, so a loop touches no fresh memory. A mesh, or an array of one, that is held stays what it is.
 
     focus, radius and box are (x, y, z) in world units, or voxel indices with ``indices=True``.

@@ -1,4 +1,4 @@
-"""What a query asks for."""
+"""The choices of a query, and its report."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class _QuerySettings:
 
 @dataclass(frozen=True)
 class LevelCounts:
-    """What an extraction made of one level."""
+    """The result of an extraction for one level."""
 
     level: int
     cells: int
@@ -84,7 +84,7 @@ class LevelCounts:
 
 @dataclass(frozen=True)
 class ExtractReport:
-    """What an extraction did."""
+    """The result of an extraction."""
 
     #: False: coarser than asked for, since the query took what was in memory.
     is_complete: bool
@@ -94,7 +94,7 @@ class ExtractReport:
     bricks_read: int
     bytes_active: int
     bytes_read: int
-    #: Of a mesh that was written to a file.
+    #: For a mesh that was written to a file.
     vertices: int | None = field(default=None)
 
 

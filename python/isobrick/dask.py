@@ -107,7 +107,7 @@ def build(
 
 @dataclass(frozen=True)
 class MeshPart:
-    """A share of a surface, open where others begin: what a delayed part becomes."""
+    """A share of a surface, open where others begin: the result of a delayed part."""
 
     #: (n, 3), world units, (x, y, z).
     points: NDArray[Any]
@@ -239,7 +239,7 @@ class _DaskPart:
 
 
 def _part_of(source: Any, brick: SuperBrick) -> Any:
-    """What a task gets of the source: of a dask array some chunks, for its graph may be large."""
+    """The part of the source that a task gets: some chunks of a dask array, whose graph may be large."""
     import dask.base
 
     if isinstance(source, (str, os.PathLike)):
@@ -272,7 +272,7 @@ def _is_persisted(array: Any) -> bool:
 
 @contextmanager
 def _opened(source: Any) -> Iterator[Any]:
-    """What a task reads. Chunks that lie on workers come from there; all else is computed by this one."""
+    """The voxels that a task reads. Chunks that lie on workers come from there; all else is computed by this one."""
     if not isinstance(source, _DaskPart):
         yield source
         return

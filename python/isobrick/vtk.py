@@ -35,7 +35,7 @@ def _vtk_array(array: Any, name: str | None = None, copy: bool = False) -> Any:
 
 
 def _index_array(array: Any, copy: bool) -> Any:
-    """Of the very type that cells store: of another one they would share the memory and not what keeps it."""
+    """Of the very type that cells store: they would share the memory of another one, and not its owner."""
     result: Any = (vtkTypeInt32Array if array.itemsize == 4 else vtkTypeInt64Array)()
     result.SetVoidArray(array, array.size, 1)
     if copy:
@@ -162,7 +162,7 @@ class Source(VTKPythonAlgorithmBase):
         self._set("_radius", float(radius))
 
     def SetLevel(self, level: int) -> None:
-        """Of the whole surface, if there is no radius; 0 is the finest."""
+        """The level of the whole surface, if there is no radius; 0 is the finest."""
         self._set("_level", int(level))
 
     def SetSimplify(self, distance: float) -> None:
@@ -170,7 +170,7 @@ class Source(VTKPythonAlgorithmBase):
         self._set("_simplify", float(distance))
 
     def SetMemory(self, memory: int | str) -> None:
-        """What stays of the file in memory, as ``isobrick.open`` takes it."""
+        """The bound of the file's memory, as ``isobrick.open`` takes it."""
         self._session = None
         self._set("_memory", memory)
 
@@ -241,7 +241,7 @@ class ImageSource(VTKPythonAlgorithmBase):
         return self._pyramid
 
     def _chosen(self) -> int:
-        """The coarsest level where there is none so coarse."""
+        """The coarsest level if there is none so coarse."""
         return min(self._level, len(self.pyramid().levels) - 1)
 
     def RequestInformation(self, request: Any, in_info: Any, out_info: Any) -> int:

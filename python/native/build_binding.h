@@ -12,7 +12,7 @@
 
 namespace isobrick::python {
 
-// What `build` of both modules takes, as Python hands it over.
+// The arguments of `build` in both modules, as Python hands them over.
 struct BuildRequest {
   std::string out;
   bool force = false;

@@ -11,7 +11,7 @@ namespace nb = nanobind;
 namespace isobrick::python {
 namespace {
 
-// What the parameter is called in Python that would help; null: none would.
+// The name in Python of the parameter that would help; null: none would.
 const char* adviceOf(Remedy remedy) {
   switch (remedy) {
     case Remedy::kAllowMoreMemory:

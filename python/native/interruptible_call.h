@@ -17,7 +17,7 @@ struct CancelRequest {
   CancelFlag flag;
 };
 
-// What a call that is under way is asked, and tells.
+// The link to a call that is under way: requests go in, progress comes out.
 class CallState {
  public:
   // To be handed to the library.

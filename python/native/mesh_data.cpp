@@ -65,7 +65,7 @@ class PartBatches {
     return mesh_.triangles().subspan(3 * part.first_triangle, 3 * part.triangles);
   }
 
-  // Of a vertex that an earlier part brought: behind the part's own.
+  // A vertex that an earlier part brought goes behind the part's own.
   std::uint32_t placeOf(std::uint32_t v, const SurfaceMesh::Part& part,
                         std::unordered_map<std::uint32_t, std::uint32_t>& place,
                         MeshBatch& batch) const {
@@ -97,7 +97,7 @@ std::byte* RoomyBytes::room(std::size_t bytes) {
   void* const at =
       ::mmap(nullptr, wanted, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
   if (at == MAP_FAILED) throw std::bad_alloc();
-  ::madvise(at, wanted, MADV_HUGEPAGE);  // where it is refused, small pages do
+  ::madvise(at, wanted, MADV_HUGEPAGE);  // if it is refused, small pages do
   if (data_ != nullptr) ::munmap(data_, bytes_);
   data_ = static_cast<std::byte*>(at);
   bytes_ = wanted;

@@ -13,7 +13,7 @@
 namespace isobrick::python {
 
 // Memory that grows, keeps its pages and has no initial values. Large pieces lie in huge pages
-// where the system grants them.
+// if the system grants them.
 class RoomyBytes {
  public:
   RoomyBytes() = default;
@@ -33,7 +33,7 @@ class RoomyBytes {
 // it; afterwards any number may read.
 class MeshData {
  public:
-  // What extractions fill, before anything else is asked for.
+  // For extractions to fill, before anything else is asked for.
   SurfaceMesh& surface() { return surface_; }
   // To be called after every extraction. `values` may be null; a mesh that has one holds on to it.
   void filled(const MeshFrame& frame, const ExtractionReport& report,
@@ -45,7 +45,7 @@ class MeshData {
   std::uint64_t triangles() const { return surface_.triangles().size() / 3; }
   const MeshFrame& frame() const { return frame_; }
 
-  // Whether points are doubles: where floats do not separate neighbouring crossings.
+  // Whether points are doubles: if floats do not separate neighbouring crossings.
   bool hasDoubles() const { return frame_.coordinateMagnitudeInVoxels() > 2048; }
   // Three coordinates a vertex in world units, floats or doubles.
   const void* points();
@@ -54,7 +54,7 @@ class MeshData {
   // The pyramid level of every triangle.
   const std::uint8_t* levels();
   bool hasValues() const { return values_ != nullptr; }
-  // Of the field that the mesh was extracted with, one a vertex.
+  // The values of the field that the mesh was extracted with, one a vertex.
   const float* values();
 
   // Writes the file that an extraction straight into it writes, to the byte.

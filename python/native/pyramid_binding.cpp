@@ -77,7 +77,7 @@ nb::object arrayOf(VoxelType type, const void* data, const Index3& count, nb::ha
   });
 }
 
-// The samples of one brick, used in place where the file allows it, and the pyramid that has them.
+// The samples of one brick, used in place if the file allows it, and the pyramid that has them.
 struct HeldBrick {
   std::shared_ptr<const Pyramid> pyramid;
   BrickSamples samples;

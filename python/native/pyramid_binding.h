@@ -20,8 +20,8 @@ class PyramidHandle {
   const std::shared_ptr<const Pyramid>& pyramid() const;
   // Gives this handle's share up.
   void close() { pyramid_.reset(); }
-  // The same in a child of fork(), where threads and locks of the pyramid are not what they were:
-  // its memory is not given back.
+  // The same in a child of fork(): threads and locks of the pyramid are not what they were there,
+  // so its memory is not given back.
   void abandon();
 
  private:

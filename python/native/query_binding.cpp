@@ -177,7 +177,7 @@ struct MeshHandle {
   }
 
  private:
-  // What is made late is made for everybody who shares the mesh.
+  // Held while arrays are made late, for all objects that share the mesh.
   static std::mutex& mutex() {
     static auto* const mutex = new std::mutex;
     return *mutex;
@@ -226,7 +226,7 @@ void saveMesh(const MeshHandle& mesh, const std::string& path, bool zlib, bool m
       {}, [&](CallState& state) { mesh.data->save(path, zlib, meshopt, &state.cancel()); });
 }
 
-// Queries one after the other on a pyramid, into memory that nobody holds any more.
+// Queries one after the other on a pyramid, into memory that no array holds any more.
 class Session {
  public:
   explicit Session(const PyramidHandle& handle)

@@ -1,4 +1,4 @@
-"""What the tests share. Volumes are made here; the command is the one of the package."""
+"""Shared by the tests. Volumes are made here; the command is the one of the package."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What `convert` writes for Neuroglancer, read by other people's readers of the format."""
+"""Output of `convert` for Neuroglancer, read by other programs' readers of the format."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ struct ContentRange {
 // Nothing for all other texts, an unknown total among them.
 std::optional<ContentRange> parseContentRange(std::string_view text);
 
-// What to do after the head of an answer.
+// The step that follows the head of an answer.
 struct HttpVerdict {
   enum class Kind {
     kGood,     // the bytes that were asked for follow
@@ -34,7 +34,7 @@ struct HttpVerdict {
   };
   Kind kind = Kind::kGood;
   std::string text = {};           // of what is wrong, and behind a semicolon what to do
-  double wait_seconds = 0;         // that the server asks for, where it may pass
+  double wait_seconds = 0;         // that the server asks for, of kMayPass
   std::string bucket_region = {};  // of kRegion
 };
 

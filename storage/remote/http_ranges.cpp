@@ -57,7 +57,7 @@ void HttpRanges::open(const CancelFlag* cancel) {
   beginning_->is_awaited = true;
   queue_.push(beginning_);
   transfers_->wake();
-  // A signal handler can set the flag and nothing more, so nobody wakes this thread.
+  // A signal handler can set the flag and nothing more, so nothing wakes this thread.
   constexpr auto kBetweenLooks = std::chrono::milliseconds(5);
   while (beginning_->state != WantedRange::State::kHere &&
          beginning_->state != WantedRange::State::kFailed) {
@@ -122,7 +122,7 @@ RangeQueue::Wanted HttpRanges::want(const ByteRange& range) {
   return wanted;
 }
 
-// By one of its readers, who is none any more.
+// Called by one of its readers, which leaves.
 RangeReader::Failure HttpRanges::await(std::unique_lock<std::mutex>& lock, const Wanted& wanted,
                                        std::byte* out) {
   using enum WantedRange::State;
@@ -150,8 +150,8 @@ void HttpRanges::forget(const Wanted& wanted) {
   wanted_.erase({wanted->range.offset, wanted->range.bytes});
 }
 
-// For announced ranges: those that came in and that nobody has read for longest go. False if the
-// others take too much already.
+// For announced ranges: those that came in longest ago and were not read go. False if the others
+// take too much already.
 bool HttpRanges::makeRoom(std::uint64_t bytes) {
   for (auto at = ahead_.begin(); at != ahead_.end() && ahead_bytes_ + bytes > kMostAheadBytes;) {
     const Wanted oldest = at->second;
@@ -325,7 +325,7 @@ bool HttpRanges::isToRepeat(Joined& joined, const HttpEnd& end) {
     signer_->useRegion(joined.verdict.bucket_region);
     return true;
   }
-  // What an earlier request was redirected to may serve for a while only.
+  // The address that an earlier request was redirected to may serve for a while only.
   if (joined.is_shortcut && !joined.had_detour && (end.was_refused || end.is_unreached)) {
     joined.had_detour = true;
     redirected_url_.clear();
@@ -355,7 +355,7 @@ void HttpRanges::fail(const Joined& joined, const std::string& text) {
   for (const Wanted& wanted : joined.wanted) {
     wanted->state = WantedRange::State::kFailed;
     wanted->failure = failure;
-    if (wanted->readers == 0) forget(wanted);  // whoever reads it later asks again
+    if (wanted->readers == 0) forget(wanted);  // a later read asks again
   }
 }
 

@@ -24,10 +24,10 @@ namespace isobrick {
 
 // Readers and announcements put ranges into a queue, of which a thread of its own makes requests:
 // neighbours joined (range_queue.h), many underway at once (http_transfers.h), repeated with
-// back-off if the failure may pass. What is announced alone waits for kLinger for others that lie
-// beside it. A range that is announced stays here until it is read, or until
-// announced ranges have more than kMostAheadBytes together: then the oldest goes. Two that read the
-// same range wait for the same request.
+// back-off if the failure may pass. A range that is only announced waits kLinger for others that
+// lie beside it. It stays here until it is read, or until announced ranges have more than
+// kMostAheadBytes together: then the oldest goes. Threads that read the same range wait for the
+// same request.
 //
 // The first answer says how long the file is and how it is known again (ETag, time of change). A
 // later one of another file ends the read with an error, whether the server heeds conditions or
@@ -60,7 +60,7 @@ class HttpRanges final : public RangeReader, private HttpClient {
     int tries = 0;
     Clock::time_point not_before{};
     HttpVerdict verdict;
-    bool is_shortcut = false;  // sent to where an earlier one was redirected
+    bool is_shortcut = false;  // sent to the address that an earlier one was redirected to
     bool had_other_region = false, had_detour = false;
   };
 
@@ -96,7 +96,7 @@ class HttpRanges final : public RangeReader, private HttpClient {
   RangeQueue queue_;
   Clock::time_point last_announced_{};
   std::map<std::pair<std::uint64_t, std::uint64_t>, Wanted> wanted_;  // by offset and bytes
-  std::map<std::uint64_t, Wanted> ahead_;  // announced and read by nobody yet, the oldest first
+  std::map<std::uint64_t, Wanted> ahead_;  // announced and not read yet, the oldest first
   std::uint64_t ahead_bytes_ = 0;
   std::map<std::uint64_t, Joined> underway_;
   std::vector<Joined> delayed_;  // that are to be sent again

@@ -66,7 +66,7 @@ class Exchange {
     set(CURLOPT_PATH_AS_IS, 1L);  // "a/../b" may be the name of an object
     set(CURLOPT_PROTOCOLS_STR, "http,https");
     set(CURLOPT_HTTP_VERSION, static_cast<long>(CURL_HTTP_VERSION_2TLS));
-    set(CURLOPT_PIPEWAIT, 1L);  // a second connection only where the first cannot carry more
+    set(CURLOPT_PIPEWAIT, 1L);  // a second connection only if the first cannot carry more
     const bool is_secure = lowercase(request.url.substr(0, 6)) == "https:";
     set(CURLOPT_FOLLOWLOCATION, follows_ ? 1L : 0L);
     set(CURLOPT_MAXREDIRS, static_cast<long>(HttpTransfers::kMostRedirects));
@@ -78,7 +78,7 @@ class Exchange {
     set(CURLOPT_LOW_SPEED_LIMIT, kLeastRate);
     set(CURLOPT_LOW_SPEED_TIME, std::max(1L, static_cast<long>(stall_seconds + 0.5)));
     set(CURLOPT_NOSIGNAL, 1L);
-    set(CURLOPT_QUICK_EXIT, 1L);  // a name that does not resolve holds nobody up
+    set(CURLOPT_QUICK_EXIT, 1L);  // a name that does not resolve delays no exit
     set(CURLOPT_ERRORBUFFER, error_.data());
     if (const char* const file = certificateFile()) set(CURLOPT_CAINFO, file);
     set(CURLOPT_PRIVATE, this);
@@ -204,8 +204,8 @@ class Exchange {
     return true;
   }
 
-  // Of one answer; that of a redirect which is followed, and a note that the answer is to come, are
-  // none. Trailers end like this too.
+  // The head of an answer; not that of a redirect which is followed, or of a note that the answer
+  // is to come. Trailers end like this too.
   bool endHead() {
     if (head_.status < 200 || is_judged_) return true;
     if (follows_ && has_location_ && head_.status >= 300 && head_.status < 400) return true;

@@ -42,13 +42,13 @@ struct HttpEnd {
   std::string url;            // that answered, after redirects
 };
 
-// What is asked for, and what becomes of the answers. All members are called by the thread of
+// Gives HttpTransfers its requests, and takes the answers. All members are called by the thread of
 // HttpTransfers.
 class HttpClient {
  public:
   virtual ~HttpClient() = default;
   // The request to begin now. If there is none: nothing, and `*wait` may be made shorter if one is
-  // due before somebody calls HttpTransfers::wake().
+  // due before the next call of HttpTransfers::wake().
   virtual std::optional<HttpRequest> nextRequest(std::chrono::milliseconds* wait) = 0;
   // False ends the request.
   virtual bool onHead(std::uint64_t id, const HttpHead& head) = 0;
@@ -57,8 +57,8 @@ class HttpClient {
   virtual void onEnd(std::uint64_t id, const HttpEnd& end) = 0;
 };
 
-// Sends the requests of a client over as few connections as serve: all streams of one where the
-// server speaks HTTP/2, else kMostConnections. Proxies are those of the usual variables
+// Sends the requests of a client over as few connections as serve: as streams of a single one if
+// the server speaks HTTP/2, else over kMostConnections. Proxies are those of the usual variables
 // (https_proxy, no_proxy, ...), passwords those of ~/.netrc. Certificates are checked against the
 // system's, or against the file that CURL_CA_BUNDLE, AWS_CA_BUNDLE or SSL_CERT_FILE names.
 class HttpTransfers {

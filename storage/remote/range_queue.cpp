@@ -6,12 +6,12 @@
 namespace isobrick {
 namespace {
 
-// What one request would bring, and what of it nobody wants.
+// The bytes that one request would bring, and those of them that are not wanted.
 struct JoinedSpan {
   std::uint64_t begin = 0, end = 0, gap_bytes = 0;
 
-  // True if the range, which begins no earlier than all that are in the span where it goes behind
-  // them and ends no later where it goes in front, is worth joining.
+  // True if the range is worth joining. If it goes behind those in the span, it begins no earlier
+  // than they; if it goes in front, it ends no later.
   bool mayTake(const ByteRange& range) const {
     const JoinedSpan joined = with(range);
     const std::uint64_t bytes = joined.end - joined.begin;

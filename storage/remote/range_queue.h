@@ -12,7 +12,7 @@
 
 namespace isobrick {
 
-// A range that somebody wants, with its bytes as far as they are here.
+// A range that is wanted, with its bytes as far as they are here.
 struct WantedRange {
   enum class State : std::uint8_t { kQueued, kUnderway, kHere, kFailed };
 
@@ -20,21 +20,21 @@ struct WantedRange {
   State state = State::kQueued;
   bool is_awaited = false;  // rather than announced alone
   int readers = 0;          // that wait for it
-  std::uint64_t ahead = 0;  // its number among those that nobody reads yet; 0: it is not
+  std::uint64_t ahead = 0;  // its number among those that are not read yet; 0: it is none of them
   std::unique_ptr<std::byte[]> data;
   const char* failure = "";  // of a failed one
 
   std::uint64_t end() const { return range.offset + range.bytes; }
 };
 
-// A queue of ranges, without a lock. What is awaited goes before what is announced, else the first
-// that came; and with it its neighbours, as far as one request for all of them is cheaper.
+// A queue of ranges, without a lock. Awaited ranges go before announced ones, else the first that
+// came; and with it its neighbours, as far as one request for all of them is cheaper.
 //
 // A request costs a round trip of one of a few dozens underway, and some hundred bytes of headers;
 // in most networks that is as long as some ten thousand bytes take. So a gap of kMostGapBytes is
-// read over. All gaps of a request together are at most an eighth of what is wanted of it, but for
-// those that are smaller than the headers: so of many small ranges with gaps between them little is
-// read that nobody wants.
+// read over. All gaps of a request together are at most an eighth of its wanted bytes, but for
+// those that are smaller than the headers: so many small ranges with gaps between them cause few
+// unwanted bytes.
 class RangeQueue {
  public:
   static constexpr std::uint64_t kMostGapBytes = std::uint64_t{32} << 10;

@@ -10,13 +10,13 @@
 
 namespace isobrick {
 
-// Where a request goes, and headers, a whole line each.
+// The address of a request, and its headers, a whole line each.
 struct AddressedRequest {
   std::string url;
   std::vector<std::string> headers;
 };
 
-// Makes requests for one file that prove who asks. Thread-safe.
+// Makes signed requests for one file. Thread-safe.
 class RequestSigner {
  public:
   virtual ~RequestSigner() = default;
@@ -26,8 +26,7 @@ class RequestSigner {
   virtual void useRegion(const std::string& region) = 0;
 };
 
-// A name without what nobody else should see: user and password, and the query, in which signatures
-// stand.
+// A name without its secrets: user and password, and the query, in which signatures stand.
 std::string withoutSecrets(const std::string& url);
 
 }  // namespace isobrick

@@ -1,4 +1,4 @@
-// Who asks for objects in S3, and where: the usual variables and profiles.
+// The account and the server of objects in S3, by the usual variables and profiles.
 #pragma once
 
 #include <functional>
@@ -15,7 +15,7 @@ struct S3Account {
   std::string endpoint;        // "https://host:port" without a slash at the end; empty: Amazon's
 };
 
-// What a variable says, and what a file has; both "" for none. For tests others than the system's.
+// The value of a variable, and the text of a file; both "" for none. Tests bring their own.
 struct S3Surroundings {
   std::function<std::string(const std::string& name)> variable;
   std::function<std::string(const std::string& path)> file;
@@ -26,7 +26,7 @@ S3Surroundings systemSurroundings();
 //
 //   keys      AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY and AWS_SESSION_TOKEN; the profile in the
 //             credentials file (AWS_SHARED_CREDENTIALS_FILE, ~/.aws/credentials), then in the
-//             configuration (AWS_CONFIG_FILE, ~/.aws/config); else anonymous, and also where
+//             configuration (AWS_CONFIG_FILE, ~/.aws/config); else anonymous, and also if
 //             AWS_NO_SIGN_REQUEST is YES, TRUE or 1
 //   region    AWS_REGION, AWS_DEFAULT_REGION, the profile; else us-east-1
 //   endpoint  AWS_ENDPOINT_URL_S3, AWS_ENDPOINT_URL, the profile (endpoint_url); else Amazon's

@@ -1,4 +1,4 @@
-// SHA-256 (FIPS 180-4) and HMAC (RFC 2104): for signatures, and for names that nobody can forge.
+// SHA-256 (FIPS 180-4) and HMAC (RFC 2104): for signatures, and for names that cannot be forged.
 #pragma once
 
 #include <array>

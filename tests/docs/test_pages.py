@@ -18,7 +18,7 @@ HOW_TO = [page for page in sorted((DOCS / "how-to").glob("*.md")) if "```sh\n" i
 
 
 def environment(folder: Path) -> dict[str, str]:
-    """What a reader has: the command, this Python, and the library installed (tools/test.sh)."""
+    """A reader's environment: the command, this Python, and the library installed (tools/test.sh)."""
     programs = f"{EXECUTABLE.parent}:{Path(sys.executable).parent}"
     prefix = os.environ.get("CMAKE_PREFIX_PATH", str(Path(sys.prefix).parent / "prefix"))
     return {

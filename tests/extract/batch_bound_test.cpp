@@ -1,4 +1,4 @@
-// Where batches are large and the sink is slow, the meshers wait rather than fill the memory.
+// If batches are large and the sink is slow, the meshers wait rather than fill the memory.
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 #include <tbb/task_arena.h>
@@ -71,7 +71,7 @@ TEST_F(BatchBound, WhatIsUnderWayIsBounded) {
   run([&] { extractIsosurface(pyramid, query_, sink); });
   ASSERT_GT(sink.triangles, 1000000u);
   ASSERT_GT(sink.largest, JobBoard::kMostBytes / 2) << "small batches";
-  // What may be meshed without being written, what each thread may be at, and the next in order.
+  // Batches that are meshed and not written, one for each thread, and the next in order.
   // Without the bound it would be four for each thread.
   EXPECT_LE(sink.batches.size(), JobBoard::kMostBytes / sink.largest + 1 + kThreads + 1);
 }
@@ -102,7 +102,7 @@ TEST_F(BatchBound, NobodyWaitsForever) {
   });
 }
 
-// A batch that is ready waits as a task of the thread that placed the one before. Where that thread
+// A batch that is ready waits as a task of the thread that placed the one before. If that thread
 // takes another job and waits for room, and so do all others, nobody is left to place it.
 TEST(BatchBoundOfUnequalBatches, SomebodyAlwaysGoesOn) {
   const TemporaryFolder folder;

@@ -1,5 +1,5 @@
-// What a triangle costs, by phase of the uniform kernel, over the bricks of a volume in memory that
-// is warm. ISOBRICK_BENCHMARK_SIZE: voxels per axis, 256 by default.
+// The cost of a triangle, by phase of the uniform kernel, over the bricks of a volume in memory
+// that is warm. ISOBRICK_BENCHMARK_SIZE: voxels per axis, 256 by default.
 #include <benchmark/benchmark.h>
 
 #include <algorithm>

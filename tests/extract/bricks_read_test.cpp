@@ -61,7 +61,7 @@ TEST(BricksRead, HardlyAnyIsReadOfWhichTheSurfaceCrossesNoTile) {
   EXPECT_LT(not_crossed, read / 100) << read;
 }
 
-// What coarser leaves take of the samples on the border is in the brick that has leaves there.
+// Samples on the border that coarser leaves take are in the brick that has leaves there.
 TEST(BricksRead, NoneIsReadBeyondABorderWhereTheSphereEnds) {
   const TemporaryFolder folder;
   BuildOptions options;

@@ -1,4 +1,4 @@
-// What a query costs whose bytes are on the disk, beside reading the same bytes by large preads in
+// The cost of a query whose bytes are on the disk, beside reading the same bytes by large preads in
 // the order of the file (same), as many from its begin in one run (run), and beside the same query
 // where the file is in the page cache (first: of a new pyramid, which unpacks) and where the
 // pyramid holds it all (warm). In turn, the file dropped from the page cache before the query and
@@ -49,7 +49,7 @@ void readRuns(const std::string& path, const std::vector<FileRun>& runs) {
   close(fd);
 }
 
-// What the pyramid holds of its file, neighbouring parts as one.
+// The runs of its file that the pyramid holds, neighbouring parts as one.
 std::vector<FileRun> residentRuns(const Pyramid& pyramid) {
   std::vector<FileRun> parts, runs;
   for (std::size_t row = 0; row < pyramid.brickCount(); ++row) {

@@ -1,4 +1,4 @@
-// What it takes to have the samples of a plan's bricks read from the disk, by itself: by threads
+// The time to read the samples of a plan's bricks from the disk, by itself: by threads
 // that populate the map, by threads with pread, and by one thread with io_uring. In the order of
 // the plan, the file dropped from the page cache before each. Argument 1: map (0), pread (1) or
 // io_uring (2); argument 2: how many threads, or requests at once.

@@ -1,5 +1,5 @@
-// What a collapse is said to move against samples of both surfaces: random rings of triangles, each
-// old one with a deviation of its own.
+// The bound of a collapse's deviation against samples of both surfaces: random rings of triangles,
+// each old one with a deviation of its own.
 #include "isobrick/extract/simplify/deviation.h"
 
 #include <gtest/gtest.h>

@@ -32,8 +32,8 @@ namespace {
 
 constexpr int kQueriesPerVolume = 6;
 
-// What the random queries really exercised; a generator that drifts to empty meshes is a test that
-// cannot fail.
+// Counts of what the random queries exercised; a generator that drifts to empty meshes is a test
+// that cannot fail.
 struct Coverage {
   int queries = 0, with_triangles = 0, with_transitions = 0, with_two_levels = 0, flattened = 0,
       seen = 0, combined = 0;

@@ -288,7 +288,7 @@ TEST_P(FailingFile, AFileThatIsReplacedUnderItsNameStaysWhatItWas) {
   EXPECT_TRUE(isSame(meshOf(pyramid, frontQuery()), front_));
 }
 
-// Also where all parts are resident: what is used in place has changed with the file.
+// Also if all parts are resident: what is used in place has changed with the file.
 TEST_P(FailingFile, WhatIsWrittenOverIsNoticed) {
   for (const std::uint64_t budget : {std::uint64_t{0}, Pyramid::kDefaultBudgetBytes}) {
     const Pyramid pyramid(path_, budget, GetParam().access);
@@ -336,7 +336,7 @@ TEST_P(FailingFileInPlace, WhatIsWrittenOverWhileItIsMeshedIsNoticed) {
   EXPECT_TRUE(isSame(meshOf(pyramid, wholeQuery()), all_));
 }
 
-// Also where it takes no read to have it.
+// Also if it takes no read to have it.
 TEST_P(FailingFileInPlace, WhatIsWrittenOverFailsAProgressiveQuery) {
   const Pyramid pyramid(path_);
   Extractor extractor(pyramid);

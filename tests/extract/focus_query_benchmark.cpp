@@ -1,4 +1,4 @@
-// What a query around a focus costs in a session that is warm: many random focus points and
+// The cost of a query around a focus in a session that is warm: many random focus points and
 // isovalues, one after the other. ISOBRICK_BENCHMARK_PYRAMID: the file (needed);
 // ISOBRICK_BENCHMARK_ISOVALUES: "least greatest" ("600 1200"); ISOBRICK_BENCHMARK_RADIUS: in voxels
 // (38); ISOBRICK_BENCHMARK_TRIANGLES: in place of the radius, every query has the one that gives
@@ -28,7 +28,7 @@ double quantile(const std::vector<double>& sorted, double part) {
   return sorted[static_cast<std::size_t>(part * static_cast<double>(sorted.size() - 1))];
 }
 
-// Of a sphere around the query's focus, such that its surface has about `triangles` of them.
+// The radius around the query's focus at which the surface has about `triangles` of them.
 double radiusOf(Extractor& extractor, Query query, std::uint64_t triangles) {
   double low = 0, high = 512;
   while (high - low > 0.25) {

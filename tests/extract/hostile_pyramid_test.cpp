@@ -156,7 +156,7 @@ Query anyQuery(const Pyramid& pyramid, Random& random) {
   return query;
 }
 
-// What became of the files.
+// How many files came to which end.
 struct Tally {
   std::uint64_t files = 0, opened = 0, faulty = 0, meshes = 0, empty = 0, errors = 0, pictures = 0;
   std::uint64_t meshed_files = 0, files_with_errors = 0;

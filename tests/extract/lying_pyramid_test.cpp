@@ -22,7 +22,7 @@
 namespace isobrick::test {
 namespace {
 
-// Bytes of a pyramid with one brick of `dims` voxels a level where it fits, of values 0 .. 99.
+// Bytes of a pyramid with one brick of `dims` voxels a level if it fits, of values 0 .. 99.
 Bytes buildNoise(const TemporaryFolder& folder, const Index3& dims, std::int64_t brick_cells,
                  std::int64_t tile_cells) {
   Random random(3);
@@ -43,7 +43,7 @@ void writeFile(const std::string& path, const Bytes& bytes) {
              static_cast<std::streamsize>(bytes.size()));
 }
 
-// Fails the test where a batch cannot be used. What it does not see, a sanitizer does.
+// Fails the test if a batch cannot be used. A sanitizer sees the rest.
 class CheckingSink : public TriangleSink {
  public:
   void accept(const MeshBatch& batch) override {

@@ -1,5 +1,5 @@
-// What mesh files refuse, and what a failure leaves of them. That each format holds what the PLY of
-// the same query holds is compared by tests/tools/mesh_interchange_test.py.
+// Queries that mesh files refuse, and files after a failure. That each format holds what the PLY of
+// the same query holds is compared by tests/tools/interchange/mesh_formats.py.
 #include "isobrick/extract/sinks/mesh_formats.h"
 
 #include <gtest/gtest.h>

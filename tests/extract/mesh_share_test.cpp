@@ -74,15 +74,8 @@ TEST_F(MeshShareTest, AnySurfaceComesOutByteByByte) {
     SCOPED_TRACE("mesh " + std::to_string(seed));
     RandomCase random(static_cast<std::uint32_t>(seed));
     const TemporaryFolder folder;
-    const Index3 dims = random.dims();
-    BuildOptions build;
-    build.brick_cells = std::int64_t{8} << random.uniform(0, 2);
-    ArraySource<float> source(dims, random.field<float>(dims));
-    buildPyramid(source, folder.file("case.isb"), build);
-    const Pyramid pyramid(folder.file("case.isb"));
-    Query query;
-    static_cast<DetailChoice&>(query) = randomChoice(random, pyramid, 0.6);
-    query.isovalue = random.real(20, 180);
+    const Pyramid pyramid(buildRandomPyramid(random, folder, 2));
+    Query query = randomQuery(random, pyramid);
     if (seed % 4 == 0) query.simplify = SimplifyOptions{random.real(0.1, 1)};
 
     const std::string ending = formats[seed % 5];
@@ -142,7 +135,7 @@ TEST_F(MeshShareTest, SharesThatAreNoWholeAreRefused) {
   EXPECT_NE(twins.find("the same share, 3/4"), std::string::npos) << twins;
   EXPECT_NE(messageOf({}).find("no shares"), std::string::npos);
 
-  // Of another isovalue, of another division, of another pyramid.
+  // A share of another isovalue, of another division, of another pyramid.
   const std::string other = messageOf({paths[0], shares(4, 1.5, "other")[1], paths[2], paths[3]});
   EXPECT_NE(other.find("isovalue=1.5 (and isovalue=0 in the other)"), std::string::npos) << other;
   const std::string divided = messageOf({paths[0], shares(3, 0, "third")[1], paths[2], paths[3]});

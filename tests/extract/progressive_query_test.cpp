@@ -32,6 +32,7 @@
 #include "tests/extract/read_faults.h"
 #include "tests/extract/same_mesh.h"
 #include "tests/support/array_source.h"
+#include "tests/support/every_brick.h"
 #include "tests/support/mesh_checker.h"
 #include "tests/support/temporary_folder.h"
 
@@ -40,18 +41,10 @@ namespace {
 
 using std::chrono::milliseconds;
 
-// What the random states really exercised.
+// Counts of what the random states really exercised.
 struct ProgressiveCoverage {
   int answers = 0, partial = 0, complete = 0, with_levels = 0, with_transitions = 0, rounds = 0;
 };
-
-template <typename F>
-void forEachBrickOf(const Pyramid& pyramid, F&& f) {
-  for (std::size_t row = 0; row < pyramid.brickCount(); ++row) {
-    const BrickAddress at = pyramid.parts().brickAt(row);
-    f(at.level, at.brick);
-  }
-}
 
 bool isOneBrick(const Pyramid& pyramid, int level) {
   return elementCount(pyramid.layout().bricks(level)) == 1;
@@ -63,7 +56,7 @@ void bringIn(const Pyramid& pyramid, RandomCase& random) {
   std::vector<double> chances;
   for (int level = 0; level < pyramid.lattice().levels(); ++level)
     chances.push_back(isOneBrick(pyramid, level) || random.chance(0.4) ? 1 : random.real(0.3, 1));
-  forEachBrickOf(pyramid, [&](int level, const Index3& brick) {
+  forAllBricks(pyramid, [&](int level, const Index3& brick) {
     for (const PartKind kind : kPartKinds)
       if (random.chance(chances[static_cast<std::size_t>(level)])) {
         EXPECT_NE(pyramid.parts().fetch(kind, level, brick), BrickPager::Fetched::kNever);
@@ -72,7 +65,7 @@ void bringIn(const Pyramid& pyramid, RandomCase& random) {
 }
 
 void bringAllIn(const Pyramid& pyramid) {
-  forEachBrickOf(pyramid, [&](int level, const Index3& brick) {
+  forAllBricks(pyramid, [&](int level, const Index3& brick) {
     for (const PartKind kind : kPartKinds)
       static_cast<void>(pyramid.parts().fetch(kind, level, brick));
   });
@@ -401,7 +394,7 @@ TEST_P(ProgressiveQueryOfAHead, TheFirstAnswerReadsOnlyLevelsOfOneBrick) {
             2u * 4);  // ranges and samples of the levels from 4 on
 }
 
-// What came in for the brick at the focus is used before what is far has come in.
+// Parts of the brick at the focus are used before those of far bricks have come in.
 TEST_P(ProgressiveQueryOfAHead, RefinesNearTheFocusFirst) {
   const Pyramid whole(path_);
   const std::uint64_t triangles = trianglesOf(whole, query_);
@@ -435,7 +428,7 @@ TEST_P(ProgressiveQueryOfAHead, WhatIsFetchedFitsIntoTheBudget) {
     }
 }
 
-// What came in and went again before it was used is not waited for anew for ever.
+// A part that came in and went again before it was used is not waited for anew for ever.
 TEST_P(ProgressiveQueryOfAHead, EndsForAnyBudget) {
   const Pyramid whole(path_);
   const std::uint64_t triangles = trianglesOf(whole, query_);
@@ -455,7 +448,7 @@ TEST_P(ProgressiveQueryOfAHead, EndsForAnyBudget) {
   }
 }
 
-// What another extractor on the pyramid brought in since the query looked has come.
+// Parts that another extractor on the pyramid brought in since the query looked have come.
 TEST_P(ProgressiveQueryOfAHead, WhatOthersBringInIsWaitedFor) {
   const Pyramid pyramid(path_);
   const QueryNeeds needs(pyramid, query_);
@@ -474,7 +467,7 @@ TEST_P(ProgressiveQueryOfAHead, WhatOthersBringInIsWaitedFor) {
   fetcher.announce(needs, missing, 0);
   EXPECT_TRUE(fetcher.wait(std::chrono::seconds(10)));
   EXPECT_EQ(pyramid.parts().counters().parts_fetched, fetched);
-  // What was there before has not.
+  // Parts that were there before have not.
   fetcher.beginQuery();
   std::vector<MissingBrick> there = missing;
   for (MissingBrick& brick : there) brick.lacks_parts = brick.needs_samples = false;

@@ -5,12 +5,16 @@
 #include <cmath>
 #include <cstdint>
 #include <random>
+#include <string>
 #include <type_traits>
 #include <vector>
 
 #include "isobrick/extract/query.h"
+#include "isobrick/preprocess/pyramid_builder.h"
 #include "isobrick/storage/pyramid.h"
+#include "tests/support/array_source.h"
 #include "tests/support/requirement.h"
+#include "tests/support/temporary_folder.h"
 
 namespace isobrick::test {
 
@@ -86,6 +90,19 @@ class RandomCase {
   std::mt19937 random_;
 };
 
+// Builds "case.isb" in the folder, of a random field in bricks of 8 to 8 * 2^most_doublings cells;
+// returns its path.
+inline std::string buildRandomPyramid(RandomCase& random, const TemporaryFolder& folder,
+                                      int most_doublings) {
+  const Index3 dims = random.dims();
+  BuildOptions options;
+  options.brick_cells = std::int64_t{8} << random.uniform(0, most_doublings);
+  ArraySource<float> source(dims, random.field<float>(dims));
+  const std::string path = folder.file("case.isb");
+  buildPyramid(source, path, options);
+  return path;
+}
+
 // `focused`: the part of the choices without a view that have a focus.
 inline DetailChoice randomChoice(RandomCase& random, const Pyramid& pyramid, double focused) {
   const Index3& dims = pyramid.spec().voxels;
@@ -123,6 +140,14 @@ inline DetailChoice randomChoice(RandomCase& random, const Pyramid& pyramid, dou
   if (choice.uniform_level.value_or(0) == 0 && random.chance(0.6))
     choice.curvature_tolerance = random.chance(0.15) ? 0.0 : std::exp(random.real(-9, 5));
   return choice;
+}
+
+// With an isovalue that random fields have.
+inline Query randomQuery(RandomCase& random, const Pyramid& pyramid) {
+  Query query;
+  static_cast<DetailChoice&>(query) = randomChoice(random, pyramid, 0.6);
+  query.isovalue = random.real(20, 180);
+  return query;
 }
 
 }  // namespace isobrick::test

@@ -11,7 +11,7 @@
 namespace isobrick::test {
 namespace {
 
-// Of the file with this number, in this range; empty: none.
+// Reads of this file in this range fail; empty: none.
 std::atomic<std::uint64_t> g_begin{0}, g_end{0};
 std::atomic<ino_t> g_file{0};
 std::atomic<ReadFault> g_fault{ReadFault::kIoError};

@@ -60,15 +60,9 @@ TEST(Simplify, RandomMeshesStayClosedAndNear) {
     SCOPED_TRACE("mesh " + std::to_string(seed));
     RandomCase random(static_cast<std::uint32_t>(seed));
     const TemporaryFolder folder;
-    const Index3 dims = random.dims();
-    BuildOptions build;
-    build.brick_cells = std::int64_t{8} << random.uniform(0, 3);
-    ArraySource<float> source(dims, random.field<float>(dims));
-    buildPyramid(source, folder.file("case.isb"), build);
-    const Pyramid pyramid(folder.file("case.isb"));
-    Query query;
-    static_cast<DetailChoice&>(query) = randomChoice(random, pyramid, 0.6);
-    query.isovalue = random.real(20, 180);
+    const Pyramid pyramid(buildRandomPyramid(random, folder, 3));
+    const Index3& dims = pyramid.spec().voxels;
+    Query query = randomQuery(random, pyramid);
     const IndexedMesh finest = meshOf(pyramid, query);
     query.simplify = SimplifyOptions{random.real(0.05, 1.5)};
     const IndexedMesh mesh = meshOf(pyramid, query);

@@ -130,8 +130,8 @@ TEST(SurfaceMesh, IsTheMeshOfTheSinkForAnyNumberOfThreads) {
 // Sanitizers hold memory and addresses of their own.
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
 
-// What is reserved and not used counts nowhere: RLIMIT_DATA bounds what a process may write to, as
-// vm.overcommit_memory=2 does for all of them together.
+// Memory that is reserved and not used counts nowhere: RLIMIT_DATA bounds what a process may write
+// to, as vm.overcommit_memory=2 does for all of them together.
 TEST(SurfaceMesh, CountsAsUsedOnlyWhatItHolds) {
   const TemporaryFolder folder;
   Random random(8);

@@ -1,4 +1,4 @@
-// What a sweep over isovalues reads where the budget is half of what it takes.
+// The reads of a sweep over isovalues, if the budget is half of its parts.
 #include <gtest/gtest.h>
 
 #include "isobrick/preprocess/phantoms/phantom.h"
@@ -9,7 +9,7 @@
 namespace isobrick::test {
 namespace {
 
-// The optimum knows what will be asked for. What settled in the file's order was read once.
+// The optimum knows the parts to come. Parts that settled in the file's order were read once.
 TEST(IsovalueSweep, ReadsLittleMoreThanTheOptimumAtHalfTheWorkingSet) {
   const TemporaryFolder folder;
   BuildOptions options;
@@ -42,7 +42,7 @@ TEST(ResidencePolicy, OfACycleMostOfTheBudgetStays) {
   EXPECT_LE(bytesReadByPolicy(trace, budget), 100000u + 9 * (50000 + 50000 / 16 + 200));
 }
 
-// What queries took long ago leaves, though it was taken often.
+// A part that queries took long ago leaves, though it was taken often.
 TEST(ResidencePolicy, WhatQueriesLeaveBehindGoesFirst) {
   TakeTrace trace(12);
   for (std::size_t query = 0; query < trace.size(); ++query)
@@ -51,7 +51,7 @@ TEST(ResidencePolicy, WhatQueriesLeaveBehindGoesFirst) {
   EXPECT_LE(bytesReadByPolicy(trace, 12000), 3u * 10000);
 }
 
-// What is taken twice within a query stays that long.
+// A part that is taken twice within a query stays that long.
 TEST(ResidencePolicy, ArrivalsStayForAWhile) {
   TakeTrace trace(5);
   for (auto& query : trace)

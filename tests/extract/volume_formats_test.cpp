@@ -108,7 +108,7 @@ class VolumeFormats : public VolumeFilesTest {
     return surface;
   }
 
-  // Of values as a raw NRRD file: what every other file has to give.
+  // The surface of values in a raw NRRD file, which every other file has to give.
   template <typename T>
   Surface expected(const std::vector<T>& values, double isovalue = kBone) const {
     return surfaceOf(*openItkSource(write("expected.nrrd", nrrdHeader<T>("raw", "little") + "\n" +

@@ -73,9 +73,9 @@ bool isOwn(const void* caller) {
   return g_own.holds(caller) || (g_strings_too.load() && g_strings.holds(caller));
 }
 
-// The destructor of nlohmann's JSON asks for memory, and ends the process where there is none.
+// The destructor of nlohmann's JSON asks for memory, and ends the process if there is none.
 bool isInAForeignDestructor() {
-  void* frames[40];  // many, where nothing is inlined
+  void* frames[40];  // many, if nothing is inlined
   const int count = backtrace(frames, 40);
   for (int i = 0; i < count; ++i) {
     Dl_info info{};

@@ -1,4 +1,4 @@
-// Calls to the system that fail where a test wants them to: the n-th from a moment on, once.
+// Calls to the system that fail when a test wants them to: the n-th from a moment on, once.
 //
 // Linked into an executable, whose own code it leads here: the linker's --wrap names the calls
 // (tests/CMakeLists.txt), operator new is replaced, and so is pthread_create(), which std::thread

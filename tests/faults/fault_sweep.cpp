@@ -20,7 +20,7 @@ namespace {
 
 constexpr unsigned kMostSeconds = 60;  // for one fault; more is a hang
 
-// What a child tells, also one that dies.
+// The notes of a child, also of one that dies.
 struct Notes {
   std::uint64_t counts[std::size(kFaultKinds)];
   std::uint64_t at;  // the place in the list of numbers
@@ -56,7 +56,7 @@ std::string endOfChild(const std::function<void()>& work) {
   return WEXITSTATUS(status) == 0 ? "" : "leaves with " + std::to_string(WEXITSTATUS(status));
 }
 
-// What the subject says of the fault: "" nothing.
+// The subject's message about the fault; "": none.
 std::string attemptUnder(FaultKind kind, std::uint64_t number, FaultSubject& subject) {
   std::string said;
   armFault(kind, number);
@@ -92,7 +92,7 @@ void tryOne(const std::function<std::unique_ptr<FaultSubject>()>& make, FaultKin
   }
 }
 
-// What is kept from run to run grows once; what grows each time is lost.
+// Memory that is kept from run to run grows once; memory that grows each time is lost.
 void tryOneForLeaks(const std::function<std::unique_ptr<FaultSubject>()>& make, FaultKind kind,
                     std::uint64_t number, Notes& notes) {
   constexpr int kMostTimes = 6;

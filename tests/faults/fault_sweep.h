@@ -11,11 +11,11 @@
 
 namespace isobrick::test {
 
-// What meets a fault. It is made, and asked afterwards, without one.
+// The code that meets a fault. It is made, and asked afterwards, without one.
 class FaultSubject {
  public:
   virtual ~FaultSubject() = default;
-  // Throws what there is to say of the fault; nothing where the fault hit what is only a help.
+  // Throws what there is to say of the fault; nothing if the fault hit what is only a help.
   virtual void attempt() = 0;
   // The same again, on the same objects: what is wrong with it, or "".
   virtual std::string afterwards() = 0;

@@ -130,7 +130,7 @@ class ProgressiveSubject : public FaultSubject {
     if (!refine()) return "the next progressive queries do not end complete";
     return hashOf(mesh_) == expected_ ? "" : "the next query gives another mesh";
   }
-  // True where the mesh is complete.
+  // True if the mesh is complete.
   bool refine() {
     Query query = queryOf(true);
     query.is_progressive = true;
@@ -154,7 +154,7 @@ class OpenSubject : public FaultSubject {
   explicit OpenSubject(std::string path) : path_(std::move(path)) {}
   void attempt() override { lookAtAll(); }
   std::string afterwards() override { return lookAtAll() ? "" : "the file is said to be damaged"; }
-  // True where the file is good.
+  // True if the file is good.
   bool lookAtAll() const {
     const Pyramid pyramid(path_);
     bool is_good = pyramid.histogram().bins() > 0;

@@ -34,6 +34,19 @@ forbid(preprocess "openvdb/" "^sources/vdb_|^export/formats/vdb_|^openvdb_librar
 forbid(preprocess "expat" "^sources/vti_header")
 forbid(extract "isobrick/preprocess/|isobrick/viewer/|tools/|tests/|epoxy/|GL/|GLFW/|Imf|OpenEXR|openvdb/|itk" "")
 forbid(extract "meshoptimizer" "^sinks/meshopt_chunk")
+# Rooms of extract that know nothing of the others named here.
+foreach(rooms "kernels:geodesic|meshing|oracles|paging|session|shares|simplify|sinks"
+    "sinks:geodesic|kernels|meshing|oracles|paging|session|shares|simplify"
+    "shares:geodesic|kernels|meshing|oracles|paging|session|simplify"
+    "simplify:geodesic|kernels|meshing|oracles|paging|session|shares"
+    "geodesic:kernels|meshing|oracles|paging|session|shares"
+    "oracles:geodesic|meshing|shares|simplify|sinks" "meshing:geodesic|paging|shares|simplify")
+  string(REPLACE ":" ";" rooms ${rooms})
+  list(GET rooms 0 room)
+  list(GET rooms 1 others)
+  forbid(extract/${room} "isobrick/extract/(${others})/" "")
+endforeach()
+forbid(preprocess/kernels "isobrick/preprocess/[a-jl-z]" "")
 forbid(viewer "isobrick/preprocess/|tools/|tests/|openvdb/|itk" "")
 # The library isobrick_view: Python or another front end takes chunks without a renderer, and drives a session
 # by the interfaces of one.

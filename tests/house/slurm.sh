@@ -94,7 +94,7 @@ inode=$(stat -c %i out.isbs/0-0-0.isb)
 cmp mesh.ply one.ply || wrong "the mesh is not that of one run"
 [ ! -e mesh.ply.shares ] || wrong "shares are left"
 
-# What is missing is said before anything is submitted.
+# A missing argument or file is said before anything is submitted.
 for words in "nothing.nrrd x.isbs 2" "phantom:head:20 x.isb 2" "phantom:head:20 x.isbs 0"; do
   "$tools/build.sh" $words 2>bad.log && wrong "'$words' is taken"
   [ "$(wc -l <bad.log)" = 1 ] || wrong "'$words': $(cat bad.log)"

@@ -96,7 +96,7 @@ inline Field headLike(double size) {
   };
 }
 
-// What one volume's pyramid says, with the voxels beside it.
+// One volume's pyramid, with the voxels beside it.
 struct BoundedVolume {
   PlainPyramid pyramid;
   PlainIndex dims{};

@@ -1,4 +1,4 @@
-// What a super-brick's build reads and passes on is what the whole pyramid's does there, and little
+// A super-brick's build reads and passes on what the whole pyramid's does there, and little
 // more than itself.
 #include "isobrick/preprocess/build_region.h"
 
@@ -23,7 +23,7 @@ void expectEnough(const PyramidSpec& spec, const BuildRegion& region) {
     const IndexBox all = region.samples(level, region.windowBricks(level));
     EXPECT_TRUE(holds(region.windowBricks(level), own));
     EXPECT_TRUE(holds(all, needs.samples(level, own)));
-    // What the level below passes on is all that the windows of this one take.
+    // The level below passes on all that the windows of this one take.
     if (level > region.firstLevel()) {
       EXPECT_TRUE(holds(region.passedSamples(level - 1), all));
     }

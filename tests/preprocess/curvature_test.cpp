@@ -212,7 +212,7 @@ TEST(CurvatureCode, BoundIsTheBernsteinPolynomial) {
 
 // ---- the SIMD fit and a plain one ----
 
-// What fitCurvature does, cell by cell and sample by sample as the definition has it: the same
+// fitCurvature once more, cell by cell and sample by sample as the definition has it: the same
 // operations in the same order, so the same bits.
 class PlainFit {
  public:
@@ -281,7 +281,7 @@ class PlainFit {
     }
     return jet;
   }
-  // Of all six faces.
+  // The sum over all six faces.
   float slack(const Point& cell) const {
     float sum = 0;
     for (std::size_t axis = 0; axis < 3; ++axis) {

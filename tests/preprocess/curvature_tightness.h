@@ -55,7 +55,7 @@ inline void fitOverOwnRange(const BoundedVolume& volume, const NodeBound& node, 
 
 struct Tightness {
   std::vector<double> tile, own, constant;  // bound / curvature of every sample
-  // Of all samples: how many may stay coarse at 1/(2 rho^2), by each bound and by the truth.
+  // How many of all samples may stay coarse at 1/(2 rho^2), by each bound and by the truth.
   static constexpr std::array<double, 3> kRadii = {2, 4, 8};
   std::array<std::array<std::int64_t, 4>, 3> accepted{};
   std::int64_t samples = 0, infinite = 0;

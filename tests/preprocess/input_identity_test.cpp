@@ -1,4 +1,4 @@
-// What a build knows its input by: every file, all of a phantom's parameters, whole reads.
+// The identity of a build's input: every file, all of a phantom's parameters, whole reads.
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
@@ -20,10 +20,10 @@
 
 namespace {
 
-// What every pread() of this program does meanwhile: no file system gives short reads when asked.
+// The behaviour of every pread() of this program: no file system gives short reads when asked.
 struct ReadFault {
   std::atomic<std::size_t> most_bytes = SIZE_MAX;  // a call
-  std::atomic<off_t> file_end = 0;                 // of the watched file, where not 0
+  std::atomic<off_t> file_end = 0;                 // of the watched file, if not 0
   std::atomic<bool> fails = false;                 // in the watched file
   std::atomic<ino_t> watched = 0;
   std::atomic<int> reads_at_zero = 0;  // in the watched file

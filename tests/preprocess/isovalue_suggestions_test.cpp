@@ -167,7 +167,8 @@ TEST(IsovalueSuggestions, ALevelSetIsSeenAtZero) {
 }
 
 // With noise of half the difference of two materials, no gradient tells them apart; their
-// frequencies do. Of one material there is nothing to tell apart, and its middle is as good as any.
+// frequencies do. With one material there is nothing to tell apart, and its middle is as good as
+// any.
 TEST(IsovalueSuggestions, HeavyNoiseLeavesTheFrequencies) {
   const IsovalueSuggestions found = suggestedFor<std::int16_t>(
       [](const Index3& at) { return 1000 + 200 * insideBall(at, 24); }, 50);
@@ -201,7 +202,7 @@ TEST(IsovalueSuggestions, DoWithoutASpectrum) {
   EXPECT_LT(found.values[0].value, 30);
 }
 
-// Of a small volume all edges are in the sample.
+// All edges of a small volume are in the sample.
 TEST(GradientSpectrum, SumsTheEdgesThatAnIsovalueCrosses) {
   const TemporaryFolder folder;
   // Large blocks, so that edges with different ends are few.

@@ -181,7 +181,7 @@ TEST(StreamingBuildPlan, TooLittleMemoryIsRefusedWithWhatIsNeeded) {
   EXPECT_NE(message.find("too small"), std::string::npos) << message;
   EXPECT_NE(message.find("<more memory>"), std::string::npos) << message;
   EXPECT_TRUE(fs::is_empty(folder.path()));
-  // What it asks for is enough.
+  // The memory that it asks for is enough.
   const std::size_t number = message.rfind("allow ") + 6;
   options.memory_bytes = std::stoull(message.substr(number)) << 20;
   EXPECT_EQ(messageOfBuild(source, folder.file("a.isb"), options), "");
@@ -259,7 +259,7 @@ class ResumeDamaged : public testing::Test {
     journal_ = readBytes(path_ + ".partial.journal");
     ASSERT_GT(WriteJournal::read(path_ + ".partial.journal")->entries.size(), 20u);
   }
-  // True where a resumed build gives the reference's bytes.
+  // True if a resumed build gives the reference's bytes.
   bool resumes(std::uint64_t* resumed = nullptr) {
     ArraySource<std::uint8_t> source(dims_, values_);
     BuildOptions options = options_;
@@ -313,7 +313,7 @@ TEST_F(ResumeDamaged, FlippedCutAndTornFilesStillGiveTheSameBytes) {
   }
 }
 
-// What lies between parts has no checksum; it must be zero all the same.
+// Bytes between parts have no checksum; they must be zero all the same.
 TEST_F(ResumeDamaged, FlippedPaddingStillGivesTheSameBytes) {
   const auto journal = WriteJournal::read(path_ + ".partial.journal");
   std::uint64_t end = 512;

@@ -1,4 +1,4 @@
-// What is counted of the voxels: the noise of fields whose noise is known, and every voxel once.
+// Statistics of the voxels: the noise of fields whose noise is known, and every voxel counted once.
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-// What the readers make of the files of real scans.
+// The files of real scans as the readers deliver them.
 #include <gtest/gtest.h>
 #include <zlib.h>
 

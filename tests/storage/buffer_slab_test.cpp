@@ -56,7 +56,7 @@ TEST(BufferSlab, RunsAreLittleLongerThanTheirBuffers) {
 }
 
 // Beside a model that knows just which bytes are taken: no two buffers share any, and a buffer is
-// refused only where no gap between the others is long enough.
+// refused only if no gap between the others is long enough.
 TEST(BufferSlab, RandomBuffersNeitherOverlapNorAreRefusedWhereThereIsRoom) {
   for (std::uint64_t seed = 0; seed < 8; ++seed) {
     Random random(seed);
@@ -147,7 +147,7 @@ TEST(BufferSlab, WhatIsIdleGoesBackToTheSystem) {
     !defined(__SANITIZE_THREAD__)  // they hold memory of their own
   EXPECT_LE(residentBytes(), full - 50 * kHugePage);
 #endif
-  // What was taken is as it was, and what was not can be had again.
+  // Runs that were taken are as they were, and the others can be taken again.
   for (std::size_t n = 9; n < 60; n += 10)
     for (std::uint64_t at = 0; at < fits(kHugePage); at += 4096)
       ASSERT_EQ(buffers[n][at], static_cast<std::byte>(n));
@@ -157,7 +157,7 @@ TEST(BufferSlab, WhatIsIdleGoesBackToTheSystem) {
   std::memset(again, 1, 20 * kHugePage / 3);
 }
 
-// Counted as touched, and given back, in pieces of a huge page where a run has no whole one.
+// Counted as touched, and given back, in pieces of a huge page if a run has no whole one.
 TEST(BufferSlab, ShortRunsGoBackInPieces) {
   BufferSlab slab(4 * kHugePage);
   slab.giveBack(slab.take(1000));
@@ -292,7 +292,7 @@ bool holdsPart(const PlainParts& made, std::size_t id, const std::byte* data) {
          data[made.parts[id].bytes - 1] == data[0];
 }
 
-// Sizes that leave gaps: where none is long enough more parts go, and none of the heap is wanted.
+// Sizes that leave gaps: if none is long enough more parts go, and none of the heap is wanted.
 TEST(PagerSlab, GapsThatAreTooShortAreMadeLonger) {
   const TemporaryFolder folder;
   const PlainParts made = makeParts(folder, 60, {300000, 40000, 700000, 1000, 500000});
@@ -313,7 +313,7 @@ TEST(PagerSlab, GapsThatAreTooShortAreMadeLonger) {
   EXPECT_GT(pager.heldBytes(), budget / 2);
 }
 
-// What is in use does not go: what has no room beside it is of the heap.
+// Buffers in use do not go: others that have no room beside them are of the heap.
 TEST(PagerSlab, WhatIsInUseMayExceedTheSlab) {
   const TemporaryFolder folder;
   const PlainParts made = makeParts(folder, 12, {700000});
@@ -349,7 +349,7 @@ TEST(PagerSlab, APartLongerThanTheSlabIsOfTheHeap) {
 // Sanitizers hold memory and addresses of their own.
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
 
-// Where there are no addresses for a slab, all is as before but for the huge pages.
+// If there are no addresses for a slab, all is as before but for the huge pages.
 TEST(PagerSlab, WithoutAddressesTheHeapServes) {
   const TemporaryFolder folder;
   const PlainParts made = makeParts(folder, 4, {300000});
@@ -368,7 +368,7 @@ TEST(PagerSlab, WithoutAddressesTheHeapServes) {
   });
 }
 
-// What parts in place take the slab gives back.
+// The slab gives back as much as parts in place take.
 TEST(PagerSlab, PartsInPlaceAndBuffersShareTheBudget) {
   constexpr std::size_t kOfEach = 60;
   const TemporaryFolder folder;

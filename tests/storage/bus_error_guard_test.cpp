@@ -1,4 +1,4 @@
-// SIGBUS: pages of ours that cannot be had become zeros and a note, and whatever else there is of
+// SIGBUS: pages of ours that cannot be read become zeros and a note, and whatever else there is of
 // that signal goes to whom it belongs. A test that may die does so in a child.
 
 #include "isobrick/storage/bus_error_guard.h"
@@ -29,7 +29,7 @@ constexpr std::size_t kPage = 4096;
 
 void touch(const void* address) { (void)*static_cast<const volatile unsigned char*>(address); }
 
-// What handlers saw; in memory that a child shares with its parent.
+// Calls of handlers; in memory that a child shares with its parent.
 struct Seen {
   volatile std::sig_atomic_t calls = 0, signal = 0, code = 0, usr1_blocked = 0, bus_blocked = 0;
   const void* volatile address = nullptr;
@@ -62,7 +62,7 @@ class BusErrorGuardTest : public testing::Test {
     if (page == MAP_FAILED) throw std::runtime_error("cannot map a page");
     return static_cast<unsigned char*>(page);
   }
-  // True where a file of ours that was cut ends in a note rather than in a signal for somebody
+  // True if a file of ours that was cut ends in a note rather than in a signal for somebody
   // else.
   bool isGuarded(const std::string& name = "ours") const {
     const std::string path = makeFile(name, 3 * kPage);

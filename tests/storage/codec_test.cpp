@@ -32,7 +32,7 @@ using Bytes = std::vector<std::byte>;
 using format::Codec;
 
 // Memory that ends where reading and writing ends: what goes past it is a crash in every build,
-// also in libraries that no sanitizer has seen. What is written before it shows in intact().
+// also in libraries that no sanitizer has seen. A write before it shows in intact().
 class GuardedBytes {
  public:
   explicit GuardedBytes(std::size_t bytes) : bytes_(bytes) {
@@ -236,7 +236,7 @@ TEST(Codec, TheBytesDependOnTheElementsAlone) {
     }
 }
 
-// What docs/FORMAT.md promises of the 16 bytes that a Blosc buffer begins with.
+// The 16 bytes that a Blosc buffer begins with are those of docs/FORMAT.md.
 TEST(Codec, BloscHeadersAreThoseOfTheFormat) {
   for (const Codec codec : {Codec::kLz4, Codec::kZstd})
     for (int type = 0; type < 5; ++type) {
@@ -272,7 +272,7 @@ TEST(Codec, BloscHeadersAreThoseOfTheFormat) {
 
 // ---- hostile bytes ----
 
-// Some bytes that decodePart() must survive; true where it took them.
+// Some bytes that decodePart() must survive; true if it took them.
 bool survives(Codec codec, const Bytes& stored_bytes, std::size_t bytes) {
   const GuardedBytes stored(stored_bytes);
   const GuardedBytes out(bytes);

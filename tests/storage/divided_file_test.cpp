@@ -164,7 +164,8 @@ TEST_F(DividedFileTest, NoLieInASuperBrickTakesMemory) {
   }
 }
 
-// What a super-brick hands over to the join is held against its type and the other files.
+// The ranges that a super-brick hands over to the join are held against its type and the other
+// files.
 TEST_F(DividedFileTest, TheJoinBelievesNoRange) {
   const std::string name = "0-0-0.isb", good = readBytes(file(name));
   for (const auto& [least, greatest] :

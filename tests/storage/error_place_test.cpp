@@ -1,4 +1,4 @@
-// What an Error says to a program: where, and what would help.
+// An Error tells a program its place and its remedies.
 #include <gtest/gtest.h>
 
 #include <algorithm>

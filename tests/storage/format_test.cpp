@@ -1,4 +1,4 @@
-// What buildPyramid writes is what docs/FORMAT.md says: a reader made from that page alone
+// buildPyramid writes the format of docs/FORMAT.md: a reader made from that page alone
 // (plain_reader) gets every value back, and it is the value that the slow reference computes.
 
 #include <gtest/gtest.h>
@@ -21,6 +21,7 @@
 #include "isobrick/storage/pyramid_verify.h"
 #include "tests/support/array_source.h"
 #include "tests/support/build_message.h"
+#include "tests/support/plain_bricks.h"
 #include "tests/support/plain_reader.h"
 #include "tests/support/random_numbers.h"
 #include "tests/support/reference_pyramid.h"
@@ -147,7 +148,7 @@ bool brickIsRight(const PlainPyramid& p, const PlainBrick& brick, const Referenc
 
 // The project's own reader says the same as the plain one.
 bool readersAgree(const Pyramid& pyramid, const PlainBrick& brick) {
-  const Index3 index{brick.index[0], brick.index[1], brick.index[2]};
+  const Index3 index = indexOf(brick);
   const BrickSamples samples = pyramid.samples(brick.level, index);
   bool same =
       plain(samples.box.first) == brick.first_sample && plain(samples.box.count) == brick.count;

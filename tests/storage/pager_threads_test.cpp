@@ -122,7 +122,7 @@ std::uint64_t bytesAskedFor() {
   return value;
 }
 
-// What is asked of the file says how often a packed part is read and unpacked.
+// The bytes that are asked of the file tell how often a packed part is read and unpacked.
 TEST_P(PagerThreads, APartIsLoadedOnceForAllWhoWantIt) {
   if (GetParam().codecs == std::vector{Codec::kStored}) return;  // nothing is unpacked
   constexpr int kThreads = 4;
@@ -180,7 +180,7 @@ TEST_P(PagerThreads, AllWhoWaitHearOfDamage) {
   EXPECT_EQ(pager.counters().parts_read, 0u);
 }
 
-// What was fetched stays for its query, and the next may want it; what was taken back goes first.
+// A fetched part stays for its query, and the next may want it; one that was taken back goes first.
 // Some file systems keep all in memory; there nothing is to be seen but that nothing is counted.
 TEST_P(PagerThreads, WhatIsAnnouncedIsReadByTheSystemAndCountsNowhere) {
   dropFromPageCache(path_);

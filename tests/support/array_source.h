@@ -12,7 +12,7 @@
 
 namespace isobrick::test {
 
-// What the tests' sources share: their info(), and a check that the builder keeps the contract of
+// The base of the tests' sources: their info(), and a check that the builder keeps the contract of
 // VolumeSource::readRows (ascending rows, none twice, none past the last). So a source serves one
 // build.
 class CheckedSource : public VolumeSource {

@@ -1,4 +1,4 @@
-// What a build that is refused says.
+// The message of a build that is refused.
 #pragma once
 
 #include <string>
@@ -9,7 +9,7 @@
 
 namespace isobrick::test {
 
-// Builds `path`; the message and remedies of the Error that this throws, or "" where it throws
+// Builds `path`; the message and remedies of the Error that this throws, or "" if it throws
 // none.
 inline std::string messageOfBuild(VolumeSource& source, const std::string& path,
                                   const BuildOptions& options) {

@@ -1,4 +1,4 @@
-// What a public function does when the TBB task that it is called in belongs to a cancelled group.
+// Calls of public functions in a TBB task whose group is cancelled.
 #pragma once
 
 #include <tbb/task_group.h>

@@ -1,4 +1,4 @@
-// What a test does that may kill its process.
+// Work of a test that may kill its process, in a child.
 #pragma once
 
 #include <fcntl.h>

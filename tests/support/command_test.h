@@ -35,7 +35,7 @@ struct Outcome {
 
 class CommandTest : public testing::Test {
  protected:
-  // What commands build of volumes stays in this test.
+  // Pyramids that commands build of volumes stay in this test.
   CommandTest() { setenv("XDG_CACHE_HOME", log_.file("cache").c_str(), 1); }
 
   // Starts a program in the work folder.

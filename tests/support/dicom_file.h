@@ -23,7 +23,7 @@ struct DicomSliceFile {
   std::string series_uid = "1.2.826.0.1.3680043.2.1125.1.1";
 };
 
-// Throws std::runtime_error where the file cannot be written.
+// Throws std::runtime_error if the file cannot be written.
 void writeDicomSlice(const std::string& path, const DicomSliceFile& slice);
 
 // The volume as one series: slice k goes to FOLDER/slice.K.dcm, K = 1001, 1002, ..., at

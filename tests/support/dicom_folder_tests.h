@@ -1,4 +1,4 @@
-// What holds for every folder of DICOM slices, whoever wrote them: each test takes a few slices of
+// Tests of any folder of DICOM slices: each test takes a few slices of
 // a series and spoils them. Instantiated for slices of our own and for those of a real scanner.
 #pragma once
 

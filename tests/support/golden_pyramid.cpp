@@ -58,7 +58,7 @@ std::string elements(const char* what, const Values& values) {
   return out.str();
 }
 
-// What both readers know of a brick.
+// The facts of a brick that both readers know.
 struct BrickValues {
   int level = 0;
   std::array<std::int64_t, 3> index{}, first_sample{}, count{};

@@ -120,7 +120,7 @@ class Mutation {
     }
     return "header";
   }
-  // What a file may say without contradicting itself.
+  // Changes that leave the file without contradiction.
   const char* changePlacement() {
     format::Header& header = draft_.header;
     double* const numbers[] = {

@@ -26,7 +26,7 @@ struct IsovalueSweep {
   }
 };
 
-// Of a pyramid without packed parts, whose parts cost what they have in the file.
+// For a pyramid without packed parts: each costs the bytes that it has in the file.
 inline TakeTrace traceOf(const std::string& path, const IsovalueSweep& sweep) {
   const Pyramid pyramid(path);
   const Extractor extractor(pyramid);

@@ -5,7 +5,7 @@ namespace {
 
 constexpr int kSquare = 8;
 
-// Of one channel in the square whose upper left corner is at `left`, `top`.
+// The similarity of one channel in the square with its upper left corner at `left`, `top`.
 double similarityAt(const PictureBytes& a, const PictureBytes& b, int left, int top,
                     std::size_t channel) {
   constexpr double kSteady1 = 6.5025, kSteady2 = 58.5225;  // (0.01 * 255)^2, (0.03 * 255)^2

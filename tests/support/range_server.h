@@ -21,7 +21,7 @@ class RangeServer {
   // "http://127.0.0.1:PORT/good/scan.isb" for "good/scan.isb".
   std::string url(const std::string& path) const;
 
-  // What was asked for so far; of a server without a certificate.
+  // The requests so far; for a server without a certificate.
   nlohmann::json stats() const;
   std::size_t requests() const { return stats()["requests"].size(); }
   // The round trips one after the other, of a server with --waves.

@@ -136,7 +136,7 @@ std::size_t hubOf(const Loop& loop) {
   for (std::size_t hub = 0; hub < loop.size(); ++hub) {
     std::size_t others = 0;
     for (const LoopPoint& point : loop) others += (point.faces & loop[hub].faces) == 0;
-    // What is left are the point itself and the two beside it, which are on its faces.
+    // The others are the point itself and the two beside it, which are on its faces.
     if (others + 3 == loop.size()) return hub;
   }
   return loop.size();
@@ -185,7 +185,7 @@ class Mesher {
 
   std::vector<std::optional<float>> values_;  // by position, once computed
   std::unordered_map<std::int64_t, std::uint32_t> crossing_of_edge_;
-  // Of the cell at hand: each crossing's successor along its loop, and the faces it is on.
+  // In the cell at hand: each crossing's successor along its loop, and the faces it is on.
   std::map<std::uint32_t, std::uint32_t> next_;
   std::map<std::uint32_t, unsigned> faces_;
 

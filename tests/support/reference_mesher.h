@@ -124,7 +124,7 @@ struct ReferenceMesh {
   std::vector<ReferenceLevelCounts> level_counts;  // per level
 
   std::int64_t triangleCount() const { return static_cast<std::int64_t>(triangles.size() / 3); }
-  // Of fans around no vertex on an edge.
+  // Centres of fans, which lie on no edge.
   std::int64_t centreCount() const {
     return static_cast<std::int64_t>(positions.size() - crossings.size());
   }

@@ -1,4 +1,4 @@
-// What an Error says to a person and to a program, as one text that tests can search.
+// The message, place and remedies of an Error as one text that tests can search.
 #pragma once
 
 #include <string>

@@ -1,4 +1,4 @@
-// What a cache reads for a recorded sequence of parts.
+// The reads of a cache for a recorded sequence of parts.
 #pragma once
 
 #include <cstdint>

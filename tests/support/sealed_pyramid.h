@@ -40,7 +40,7 @@ class PyramidDraft {
   const PyramidSpec& spec() const { return spec_; }
   const BrickLayout& layout() const { return layout_; }
 
-  // What the parts of a brick hold, unpacked; constant ones written out.
+  // The contents of a brick's parts, unpacked; constant ones written out.
   Elements elementsOf(const Brick& brick) const;
   // Packs them again, as the builder does; codecs, sizes and the constant follow.
   void setElements(Brick& brick, const Elements& elements, format::Codec codec) const;

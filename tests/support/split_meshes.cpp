@@ -123,7 +123,7 @@ class PolyhedronMesher {
   const float iso_;
   std::vector<Point> points_;
   std::unordered_map<std::uint64_t, std::uint32_t> vertex_of_edge_;
-  // Of the polyhedron at hand: each vertex' successor along its loop, and the faces it is on.
+  // In the polyhedron at hand: each vertex' successor along its loop, and the faces it is on.
   std::map<std::uint32_t, std::uint32_t> next_;
   std::map<std::uint32_t, std::uint64_t> faces_of_;
   SplitMesh mesh_;

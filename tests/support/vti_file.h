@@ -53,7 +53,7 @@ inline std::string vtiText(const VtiEncoded& encoded, const VtiVariant& v) {
   return base64(encoded.header + encoded.data);
 }
 
-// What stands around the arrays; hostile tests replace parts of it.
+// The text around the arrays; hostile tests replace parts of it.
 struct VtiFrame {
   std::string file_type = "ImageData";
   std::string image = R"(WholeExtent="0 6 0 4 0 5" Origin="1 2 3" Spacing="0.5 0.25 2")";

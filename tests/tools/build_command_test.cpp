@@ -344,7 +344,7 @@ TEST_F(BuildCommandTest, OneVolumeAsTextAndAsJson) {
   }
   EXPECT_GT(json["megabytes_per_second"], 0);
   EXPECT_GT(json["peak_rss_bytes"], 0);
-  // What was skipped has the same keys.
+  // A build that was skipped has the same keys.
   const Json skipped = runForJson({"build", "a.nrrd"});
   for (const auto& [key, value] : json.items()) EXPECT_TRUE(skipped.contains(key)) << key;
   EXPECT_EQ(skipped["bytes"], json["bytes"]);

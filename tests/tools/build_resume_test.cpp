@@ -47,7 +47,7 @@ class BuildResumeTest : public CommandTest {
   }
 };
 
-// What a killed build leaves can differ only by what it last did to the file system: so one kill
+// The files of a killed build differ only by its last call to the file system: so one kill
 // before each such call is every moment.
 TEST_F(BuildResumeTest, KilledAtAnyMomentItGoesOn) {
   makeVolume("g.nrrd", 24);
@@ -120,7 +120,7 @@ TEST_F(BuildResumeTest, ResumeWithNothingThereIsABuild) {
   EXPECT_EQ(runForJson(buildWords({"--resume"}))["bricks_resumed"], 0);
 }
 
-// What a kill leaves after the pyramid got its name: the journal alone.
+// A kill after the pyramid got its name leaves the journal alone.
 TEST_F(BuildResumeTest, AJournalWithoutAnUnfinishedPyramidMeansNothing) {
   makeVolume();
   const std::string expected = undisturbed();
@@ -217,7 +217,7 @@ TEST_F(BuildResumeTest, AFullDiskKeepsWhatIsDone) {
   EXPECT_EQ(outcome.status, 0) << outcome.err;
   EXPECT_GT(Json::parse(outcome.out)["bricks_resumed"], 0);
   EXPECT_EQ(readBytes(path("g.isb")), expected);
-  // What cannot fit is refused before the work.
+  // A pyramid that cannot fit is refused before the work.
   fs::remove(path("g.isb"));
   const std::set<std::string> before = files();
   checkFailure(runWithFault("disk:6000000", buildWords({"--codec", "none"})), 1,

@@ -1,5 +1,5 @@
-// The `isobrick` command from outside: whole runs and every kind of bad input. What is special to
-// build is in build_command_test.cpp.
+// The `isobrick` command from outside: whole runs and every kind of bad input. All that is special
+// to build is in build_command_test.cpp.
 #include <sys/stat.h>
 
 #include <algorithm>
@@ -38,22 +38,18 @@ class CliTest : public CommandTest {
   }
 };
 
-TEST_F(CliTest, FromPhantomToPicture) {
-  const std::string made =
-      runWell({"phantom", "head", "--size", "64", "--type", "i16", "-o", "head.nrrd"});
-  EXPECT_NE(made.find("--iso 1324"), std::string::npos) << made;
-
-  const Json built = runForJson({"build", "head.nrrd", "--brick", "16", "--threads", "2"});
+void expectBuildOfHead(const Json& built, std::uint64_t file_bytes) {
   EXPECT_EQ(built["output"], "head.isb");
   EXPECT_EQ(built["dimensions"], Json({64, 64, 64}));
   EXPECT_EQ(built["voxel_type"], "int16");
   EXPECT_EQ(built["threads"], 2);
-  EXPECT_EQ(built["bytes"]["total"], fs::file_size(path("head.isb")));
+  EXPECT_EQ(built["bytes"]["total"], file_bytes);
   for (const char* key : {"notes", "peak_rss_bytes", "megabytes_per_second"})
     EXPECT_TRUE(built.contains(key)) << key;
   EXPECT_TRUE(built["seconds"].contains("total"));
+}
 
-  const Json info = runForJson({"info", "head.isb"});
+void expectInfoOfHead(const Json& info) {
   EXPECT_EQ(info["dimensions"], Json({64, 64, 64}));
   EXPECT_EQ(info["voxel_type"], "int16");
   EXPECT_EQ(info["spacing"], Json({1.0, 1.0, 1.0}));
@@ -76,19 +72,9 @@ TEST_F(CliTest, FromPhantomToPicture) {
   EXPECT_EQ(info["curvature_epsilon"], 1.0 / 64);
   EXPECT_EQ(info["filter"], "average");
   EXPECT_EQ(info["provenance"]["source"], "head.nrrd");
-  EXPECT_NE(runWell({"info", "head.isb"}).find("64 x 64 x 64"), std::string::npos);
+}
 
-  EXPECT_NE(runWell({"verify", "head.isb"}).find("whole"), std::string::npos);
-
-  const Words query = {
-      "extract", "head.isb",           "--iso", "1324",     "--focus", "32,10,32", "--radius",
-      "8",       "--curvature-radius", "4",     "--memory", "1M"};
-  const auto with = [&](Words more) {
-    more.insert(more.begin(), query.begin(), query.end());
-    return more;
-  };
-  const Json mesh = runForJson(with({"-o", "bone.ply", "--repeat", "2", "--threads", "2"}));
-  const test::PlyMesh ply = test::readPly(path("bone.ply"));
+void expectMeshOfHead(const Json& mesh, const test::PlyMesh& ply) {
   EXPECT_GT(ply.triangles.size(), 3000u);
   EXPECT_EQ(mesh["triangles"], ply.triangles.size() / 3);
   EXPECT_EQ(mesh["vertices"], ply.positions.size());
@@ -109,6 +95,42 @@ TEST_F(CliTest, FromPhantomToPicture) {
   EXPECT_GE(mesh["bricks"]["read"], mesh["bricks"]["active"]);
   EXPECT_GE(mesh["bytes_read"], mesh["bytes_active"]);
   EXPECT_GT(mesh["peak_rss_bytes"], 0);
+}
+
+std::uint32_t trianglesOfStl(const std::string& stl) {
+  std::uint32_t triangles = 0;
+  if (stl.size() >= 84) std::memcpy(&triangles, stl.data() + 80, sizeof triangles);
+  EXPECT_EQ(stl.size(), 84 + 50 * std::size_t{triangles});
+  return triangles;
+}
+
+TEST_F(CliTest, FromPhantomToPicture) {
+  const std::string made =
+      runWell({"phantom", "head", "--size", "64", "--type", "i16", "-o", "head.nrrd"});
+  EXPECT_NE(made.find("--iso 1324"), std::string::npos) << made;
+  const Json built = runForJson({"build", "head.nrrd", "--brick", "16", "--threads", "2"});
+  expectBuildOfHead(built, fs::file_size(path("head.isb")));
+  expectInfoOfHead(runForJson({"info", "head.isb"}));
+  EXPECT_NE(runWell({"info", "head.isb"}).find("64 x 64 x 64"), std::string::npos);
+  EXPECT_NE(runWell({"verify", "head.isb"}).find("whole"), std::string::npos);
+
+  const Words query = {
+      "extract", "head.isb",           "--iso", "1324",     "--focus", "32,10,32", "--radius",
+      "8",       "--curvature-radius", "4",     "--memory", "1M"};
+  const auto with = [&](Words more) {
+    more.insert(more.begin(), query.begin(), query.end());
+    return more;
+  };
+  const Json mesh = runForJson(with({"-o", "bone.ply", "--repeat", "2", "--threads", "2"}));
+  expectMeshOfHead(mesh, test::readPly(path("bone.ply")));
+
+  // Counted only, and as STL: the same mesh.
+  const Json counted = runForJson(with({}));
+  EXPECT_EQ(counted["triangles"], mesh["triangles"]);
+  EXPECT_EQ(counted["vertices"], mesh["vertices"]);
+  EXPECT_TRUE(counted["output"].is_null());
+  EXPECT_EQ(runForJson(with({"-o", "bone.stl"}))["triangles"], mesh["triangles"]);
+  EXPECT_EQ(mesh["triangles"], trianglesOfStl(readBytes(path("bone.stl"))));
 
   // Fewer triangles: by a distance, and by their number.
   const Json near = runForJson({"extract", "head.isb", "--iso", "1324", "--simplify", "0.5"});
@@ -121,19 +143,6 @@ TEST_F(CliTest, FromPhantomToPicture) {
   EXPECT_EQ(again["triangles"], few["triangles"]);
   EXPECT_EQ(run({"extract", "head.isb", "--iso", "1324", "--triangles", "9"}).status, 1);
   fs::remove(path("few.ply"));
-
-  // Counted only, and as STL: the same mesh.
-  const Json counted = runForJson(with({}));
-  EXPECT_EQ(counted["triangles"], mesh["triangles"]);
-  EXPECT_EQ(counted["vertices"], mesh["vertices"]);
-  EXPECT_TRUE(counted["output"].is_null());
-  EXPECT_EQ(runForJson(with({"-o", "bone.stl"}))["triangles"], mesh["triangles"]);
-  const std::string stl = readBytes(path("bone.stl"));
-  std::uint32_t stl_triangles = 0;
-  ASSERT_GE(stl.size(), 84u);
-  std::memcpy(&stl_triangles, stl.data() + 80, sizeof stl_triangles);
-  EXPECT_EQ(mesh["triangles"], stl_triangles);
-  EXPECT_EQ(stl.size(), 84 + 50 * std::size_t{stl_triangles});
 
   runWell({"render", "head.isb", "--iso", "1324", "--focus", "32,10,32", "--radius", "8",
            "--show-focus", "--color-by-level", "--wireframe", "--size", "96x64", "-o", "bone.png"});
@@ -550,7 +559,7 @@ TEST_F(CliTest, NoSpaceLeavesNothing) {
   checkFailure(runLimited({"phantom", "sphere", "--size", "32", "-o", "new.mhd"}), 1, "new");
   EXPECT_EQ(files(), before);
   EXPECT_EQ(run({"verify", "sphere.isb"}).status, 0);
-  // What is printed counts too.
+  // A failure to print counts too.
   const Outcome full = wait(start(
       {"/bin/sh", "-c", "exec \"$0\" info sphere.isb --json > /dev/full", isobrickCommand()}));
   checkFailure(full, 1, "standard output");
@@ -622,7 +631,7 @@ TEST_F(CliTest, SpacingAndOriginAreGivenByHand) {
   EXPECT_TRUE(
       build({"--spacing", "0.5,2,4", "--any-options", "--codec", "none"})["skipped"].get<bool>());
 
-  // Of what has a place of its own, with a note; of a level of a pyramid; of a phantom.
+  // For a file with a place of its own, with a note; a level of a pyramid; a phantom.
   runWell({"convert", "plain.isb", "-o", "own.nrrd"});
   const Json converted = runForJson(
       {"convert", "own.nrrd", "-o", "other.nrrd", "--spacing", "1,1,7", "--box", "1,0,0,4,3,2"});

@@ -25,7 +25,7 @@ memory=$((limit_mib - 64))M
 bytes=$((size * size * size))
 RANDOM=${RANDOM_SEED:-$(date +%s)}
 
-# What a file or folder takes of the page cache goes, so that it is read from the disk.
+# A file or folder leaves the page cache, so that it is read from the disk.
 make_cold() {
   find "$1" -type f -exec dd if={} iflag=nocache count=0 status=none \;
 }

@@ -194,7 +194,7 @@ TEST_F(ConvertCommandTest, ATimeStepOfNiftiIsTaken) {
   }
 }
 
-// Of a folder no component can be chosen: the line that refuses it must not advise that.
+// A folder has no choice of a component: the line that refuses it must not advise that.
 TEST_F(ConvertCommandTest, SlicesOfColoursAreRefusedWithoutACircle) {
   fs::create_directories(path("slices"));
   for (const char* name : {"slices/1.tif", "slices/2.tif"})

@@ -162,7 +162,7 @@ TEST_F(DividedBuildTest, DamagedFilesAreBuiltAgain) {
     writeBytes(inFolder(name), "");
     expectMended(name);
   }
-  // What it hands over to the join.
+  // The part of it that the join reads.
   format::Header header{};
   std::memcpy(&header, file.data(), sizeof header);
   std::string bad = file;
@@ -170,7 +170,7 @@ TEST_F(DividedBuildTest, DamagedFilesAreBuiltAgain) {
   writeBytes(inFolder("1-0-2.isb"), bad);
   expectFailure(1, {"build", "head.isbs", "--join"}, "damaged table for the join");
   expectMended("1-0-2.isb");
-  // What is not isobrick's stays.
+  // Files that are not isobrick's stay.
   writeBytes(inFolder("1-0-2.isb"), "notes");
   expectFailure(1, build({}), "replace it with --force");
   runWell(build({"--force"}));

@@ -1,4 +1,4 @@
-// What a command advises, it can do: every remedy and every text against the options of the
+// A command gives advice that it can follow: every remedy and every text against the options of the
 // command.
 #include "tools/failure_text.h"
 

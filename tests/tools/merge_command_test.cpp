@@ -44,7 +44,7 @@ TEST_F(MergeCommandTest, SharesBecomeTheMeshOfOneRun) {
     EXPECT_EQ(written["shares"], 3);
     EXPECT_GT(written["triangles"], 1000);
 
-    // What exists stays, and a share is no place for the mesh.
+    // A file that exists stays, and a share is no place for the mesh.
     expectFailure(1, merge, "'merged.ply' exists already; replace it with --force");
     merge.emplace_back("--force");
     runWell(merge);

@@ -22,7 +22,7 @@ import numpy as np
 
 
 class Files(http.server.SimpleHTTPRequestHandler):
-    """What Neuroglancer asks of a server: ranges, and that other pages may read."""
+    """A server as Neuroglancer needs it: ranges, and other pages may read."""
 
     def end_headers(self):
         self.send_header("Access-Control-Allow-Origin", "*")

@@ -1,4 +1,4 @@
-// What exists is not replaced without --force, and with it the named output alone: every command.
+// No command replaces a file without --force, and with it the named output alone.
 #include <fcntl.h>
 #include <sys/file.h>
 #include <sys/stat.h>

@@ -1,4 +1,4 @@
-// What docs/PAPER.md shows and the command cannot make, as one JSON object, with pictures if
+// Figures of docs/PAPER.md that the command cannot make, as one JSON object, with pictures if
 // wanted:
 //
 //   paper_figures meshes FILE.isb --iso V ...  triangles of marching cubes on level 0, of fans, of
@@ -251,7 +251,7 @@ double quantile(std::vector<double> values, double part) {
   return values.at(static_cast<std::size_t>(part * static_cast<double>(values.size() - 1)));
 }
 
-// Of a sphere around the query's focus with about so many triangles.
+// The radius around the query's focus at which the surface has about so many triangles.
 double radiusFor(Extractor& extractor, Query query, std::uint64_t triangles) {
   double low = 0, high = 512;
   while (high - low > 0.25) {

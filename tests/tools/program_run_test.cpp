@@ -97,7 +97,7 @@ TEST(RunProgram, LinesOfItsStderrComeAsTheyAreWritten) {
   EXPECT_EQ(lines[3], "last");
 }
 
-// Whoever is cancelled may clean up, and whoever does not end is killed.
+// A program that is cancelled may clean up, and one that does not end is killed.
 TEST(RunProgram, ACancelledProgramEndsTidily) {
   const test::TemporaryFolder folder;
   for (const bool obeys : {true, false}) {

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# What a pyramid behind HTTP costs: nginx in a network namespace, with 1 ms and with 50 ms of delay there and
+# The costs of a pyramid behind HTTP: nginx in a network namespace, with 1 ms and with 50 ms of delay there and
 # back (tc netem), beside the local file and the same server without delay.
 #
 #   remote_pyramid.sh PYRAMID.isb ISOVALUE X,Y,Z RADIUS COARSE_LEVEL

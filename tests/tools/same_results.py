@@ -42,7 +42,7 @@ def volumes(old, data, folder):
 
 
 def hash_without_version(path):
-    """Of all bytes but the program's version in the provenance and the checksums over it."""
+    """The hash of all bytes but the program's version in the provenance and the checksums over it."""
     data = bytearray(re.sub(rb"isobrick \d\.\d\.\d", b"isobrick -.-.-", path.read_bytes()))
     data[264:272] = data[504:512] = bytes(8)
     return hashlib.sha256(data).hexdigest()

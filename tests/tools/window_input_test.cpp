@@ -80,7 +80,7 @@ TEST_F(WindowInputTest, MouseKeyboardAndClipboardReachTheView) {
         Json{{"key_press", "S"}, {"control", true}, {"shift", true}}})
     EXPECT_TRUE(seen.contains(step.dump())) << step;
   EXPECT_FALSE(seen.contains(Json{{"key_press", "Q"}}.dump()));
-  // What was copied is the isovalue before, and what was pasted the one after it.
+  // The isovalue before was copied, and the one after it was pasted.
   EXPECT_EQ(Json::parse(readBytes(path("sphere.view.json")))["wireframe"], true);
   EXPECT_NEAR(std::stod(readBytes(path("copied.txt"))), isovalueOf("sphere.view.json"), 0.01);
   EXPECT_EQ(isovalueOf("sphere.views/view 1.view.json"), 2.5);

@@ -13,7 +13,7 @@ TIME = (1.10, 0.002)
 MEMORY = (1.10, 4 << 20)
 BYTES = (1.02, 64 << 10)
 INSTRUCTIONS = (1.03, 1_000_000)
-# Of the rounds in which the job took longer than the other commit's in the same round.
+# The share of rounds in which the job took longer than the other commit's in the same round.
 SHARE_OF_ROUNDS = 2 / 3
 # The least times must differ too, by this: others on the machine make times longer, never shorter.
 LEAST_TIME = 1.05

@@ -44,7 +44,7 @@ class Side:
 
 
 class Job:
-    """What a side runs. Before each run, which is not measured, `before` may lay things out."""
+    """The job of a side. Before each run, which is not measured, `before` may lay things out."""
 
     def __init__(self, name, command, before=None, environment=None, counts_instructions=True):
         self.name, self.command, self.before, self.environment = name, command, before, environment
@@ -164,7 +164,7 @@ def run_once(job, side):
 
 
 def instructions(job, side):
-    """Of one thread, under callgrind; None if the job does not end well there."""
+    """Instructions of one thread, under callgrind; None if the job does not end well there."""
     if job.before:
         job.before(side)
     # Once is enough, as the number hardly changes.

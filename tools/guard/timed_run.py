@@ -17,7 +17,7 @@ def drop_from_page_cache(path):
 
 
 def bytes_by_calls(pid, kind="rchar"):
-    """What a process has read (or written: wchar) by system calls; also after its end, until somebody has waited for it."""
+    """Bytes that a process has read (or written: wchar) by system calls; after its end too, until it was waited for."""
     with open(f"/proc/{pid}/io", encoding="ascii") as file:
         return next(int(line.split()[1]) for line in file if line.startswith(kind))
 

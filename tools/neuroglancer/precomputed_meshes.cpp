@@ -140,7 +140,7 @@ std::vector<PrecomputedMesh> writePrecomputedMeshes(
       if (level > 0) addMissingParents(levels[levels.size() - 2], levels.back());
       mesh.fragments += levels.back().size();
     }
-    // Where the coarsest levels have lost the surface, finer ones are shown from afar.
+    // If the coarsest levels have lost the surface, finer ones are shown from afar.
     while (mesh.fragments > 0 && mesh.triangles[levels.size() - 1] == 0) {
       mesh.fragments -= levels.back().size();
       levels.pop_back();

@@ -15,7 +15,7 @@ from urllib.parse import unquote, urlsplit
 
 
 class Page(HTMLParser):
-    """The places of a page, and where it leads."""
+    """The places of a page, and the targets of its links."""
 
     def __init__(self, path: Path) -> None:
         super().__init__()

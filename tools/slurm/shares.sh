@@ -5,7 +5,7 @@ fail() {
   exit 1
 }
 
-# What both need before anything is submitted.
+# The checks of both before anything is submitted.
 checkPrerequisites() {
   local program
   for program in sbatch squeue scancel; do

@@ -23,7 +23,7 @@ def napari_affine(pyramid: isobrick.Pyramid) -> NDArray[np.float64]:
 
 
 def get_reader(path: str | list[str]) -> Callable[[str | list[str]], list[LayerData]] | None:
-    """What npe2 asks for: a function that reads `path`, or None."""
+    """The entry point for npe2: a function that reads `path`, or None."""
     paths = [path] if isinstance(path, str) else path
     if not all(p.lower().endswith(".isb") for p in paths):
         return None
@@ -47,7 +47,7 @@ def _without_last_samples(level: isobrick.Level, voxels: tuple[int, int, int]) -
 
 def layer_of(pyramid: isobrick.Pyramid) -> LayerData:
     """The layer of an open pyramid."""
-    # Coarser than some 32 voxels helps nobody.
+    # A level of fewer than some 32 voxels shows nothing.
     levels = [
         _without_last_samples(level, pyramid.shape)
         for level in pyramid.levels

@@ -44,7 +44,7 @@ class HostileFormats : public VolumeFilesTest, public testing::WithParamInterfac
     return files;
   }
 
-  // The voxels as numbers, or nothing where they are refused as they should be.
+  // The voxels as numbers, or nothing if they are refused as they should be.
   std::vector<std::uint8_t> readOrRefuse(const std::string& what) const {
     std::vector<std::uint8_t> voxels;
     try {

@@ -64,7 +64,7 @@ bool areSame(const GridGeometry& a, const GridGeometry& b, const char* part) {
   return true;
 }
 
-// What is written to `name` is read at `opened`.
+// A volume that is written to `name` is read at `opened`.
 struct UnitFormat {
   const char* name;
   const char* opened;

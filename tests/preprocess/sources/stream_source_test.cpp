@@ -89,7 +89,7 @@ TEST_F(PackedFilesTest, AreReadByAnyNumberOfRows) {
       const auto source = openItkSource(path);
       ASSERT_EQ(source->info().voxel_type, VoxelType::kInt16) << path;
       ASSERT_EQ(source->info().voxels, kVoxels) << path;
-      // The header counts too, where it is a file of its own.
+      // The header counts too, if it is a file of its own.
       std::string header;
       for (const char* ending : {".nhdr", ".mhd", ".hdr"})
         if (path.ends_with(ending)) header = path;
@@ -189,7 +189,8 @@ TEST_F(PackedFilesTest, AReadThatFailsIsNoDamage) {
 
 // ---- NIfTI --------------------------------------------------------------------------------------
 
-// What ITK 5.2 makes of stored numbers: integers become float, then slope and intercept in double.
+// Stored numbers as ITK 5.2 delivers them: integers become float, then slope and intercept in
+// double.
 template <typename T>
 void checkNiftiScaling(const std::function<std::string(const std::string&)>& write,
                        std::int16_t data_type) {

@@ -70,7 +70,7 @@ class VdbSourceTest : public VolumeFilesTest {
   }
 };
 
-// What the source must say and deliver, voxel by voxel.
+// The source has the grid's facts and delivers its values, voxel by voxel.
 template <typename Grid>
 void checkVoxels(VolumeSource& source, const Grid& grid, const openvdb::Coord& first) {
   const Index3 n = source.info().voxels;

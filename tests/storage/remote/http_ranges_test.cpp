@@ -38,7 +38,7 @@ class HttpRangesTest : public testing::Test {
   std::unique_ptr<RangeReader> open(const std::string& path) const {
     return openRemoteRanges(server_.url(path), options_);
   }
-  // "" where the bytes are those of the file.
+  // "" if the bytes are those of the file.
   std::string read(RangeReader& reader, std::uint64_t offset, std::uint64_t bytes) const {
     std::string out(bytes, '\0');
     const char* const failure =

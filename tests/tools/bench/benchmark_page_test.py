@@ -43,7 +43,7 @@ os.makedirs(work)
 with open(committed, encoding="utf-8") as file:
     run = json.load(file)
 
-# What is committed is what is made.
+# The committed files are those that are made.
 done = make(committed, f"{source}/docs", "--check")
 assert done.returncode == 0, done.stderr
 

@@ -477,7 +477,7 @@ def copy_seconds(source, target):
 
 
 def last_run(path):
-    """What the page shows of the run that was published before."""
+    """The figures of the run that was published before."""
     if not path or not os.path.exists(path):
         return None
     before = read_json(path)

@@ -1,4 +1,4 @@
-"""What the tests share that compare files with other programs': ISOBRICK is the first argument."""
+"""Runs isobrick, the first argument of each program here, and writes a volume for it."""
 import json
 import os
 import subprocess

@@ -1,0 +1,174 @@
+// Parts that do not say what the samples say, in files whose checksums are right: verify finds
+// them.
+
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <functional>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "isobrick/storage/pyramid.h"
+#include "tests/support/every_brick.h"
+#include "tests/support/file_edits.h"
+#include "tests/support/noise_pyramid.h"
+#include "tests/support/plain_reader.h"
+#include "tests/support/pyramid_verdict.h"
+#include "tests/support/random_numbers.h"
+#include "tests/support/sealed_pyramid.h"
+#include "tests/support/temporary_folder.h"
+
+namespace isobrick::test {
+namespace {
+
+using Elements = PyramidDraft::Elements;
+
+// Rewrites the elements of one brick, seals the file and returns what verify says of it.
+Verdict judgeWithEdit(const TemporaryFolder& folder, PyramidDraft draft, std::size_t row,
+                      const std::function<void(Elements&)>& edit) {
+  PyramidDraft::Brick& brick = draft.bricks[row];
+  Elements elements = draft.elementsOf(brick);
+  edit(elements);
+  draft.setElements(brick, elements, format::Codec::kStored);
+  const std::string bad = folder.file("bad.isb");
+  writeBytes(bad, draft.seal());
+  return judge(bad);
+}
+
+template <typename T>
+T elementAt(const std::vector<std::byte>& elements, std::size_t i) {
+  T value;
+  std::memcpy(&value, elements.data() + i * sizeof value, sizeof value);
+  return value;
+}
+
+template <typename T>
+void setElement(std::vector<std::byte>& elements, std::size_t i, T value) {
+  std::memcpy(elements.data() + i * sizeof value, &value, sizeof value);
+}
+
+TEST(HostileParts, ADraftThatWasNotChangedIsGood) {
+  const TemporaryFolder folder;
+  for (const format::Codec codec : kCodecs) {
+    const std::string path = buildGoodFile(folder, VoxelType::kInt16, codec);
+    PyramidDraft draft(readWholeFile(path));
+    for (PyramidDraft::Brick& brick : draft.bricks)
+      draft.setElements(brick, draft.elementsOf(brick), format::Codec::kStored);
+    writeBytes(path, draft.seal());
+    EXPECT_TRUE(judge(path).isGood());
+  }
+}
+
+// Moves one end of one tile's range by one. False if the range would be empty, or would leave that
+// of the brick, which is another error.
+bool moveOneEnd(Random& random, bool narrower, const BrickRow& brick, Elements& elements) {
+  std::vector<std::byte>& ranges = elements[1];
+  const std::size_t end = randomBelow(random, ranges.size() / 2);
+  const auto value = elementAt<std::uint16_t>(ranges, end);
+  const auto other_end = elementAt<std::uint16_t>(ranges, end ^ 1);
+  const bool is_low = end % 2 == 0;
+  const int moved = value + (narrower == is_low ? 1 : -1);
+  if (narrower && value == other_end) return false;
+  if (static_cast<float>(moved) < brick.range_min || static_cast<float>(moved) > brick.range_max)
+    return false;
+  setElement(ranges, end, static_cast<std::uint16_t>(moved));
+  return true;
+}
+
+TEST(HostileParts, TileRangesThatAreNotThoseOfTheirSamplesAreFound) {
+  const TemporaryFolder folder;
+  const PyramidDraft good(
+      readWholeFile(buildGoodFile(folder, VoxelType::kUint16, format::Codec::kStored)));
+  Random random(21);
+  std::size_t narrow = 0, wide = 0, named = 0;
+  for (std::size_t row = 0; row < good.bricks.size(); ++row)
+    for (int round = 0; round < 8; ++round) {
+      const bool narrower = round % 2 == 0;
+      bool is_moved = false;
+      const Verdict verdict = judgeWithEdit(folder, good, row, [&](Elements& elements) {
+        is_moved = moveOneEnd(random, narrower, good.bricks[row].row, elements);
+      });
+      if (!is_moved) continue;
+      ++(narrower ? narrow : wide);
+      ASSERT_EQ(verdict.open_error, "");
+      ASSERT_FALSE(verdict.isGood()) << "row " << row << " round " << round;
+      named += verdict.damaged == std::vector<std::size_t>{row};
+    }
+  EXPECT_GT(narrow, 20u);
+  EXPECT_GT(wide, 20u);
+  // If only a coarser sample is left outside, it is that sample's brick that is named.
+  EXPECT_GT(10 * named, 9 * (narrow + wide));
+}
+
+TEST(HostileParts, SamplesThatAreNotFiniteAreFound) {
+  const TemporaryFolder folder;
+  const PyramidDraft good(
+      readWholeFile(buildGoodFile(folder, VoxelType::kFloat32, format::Codec::kStored)));
+  Random random(22);
+  using Limits = std::numeric_limits<float>;
+  for (const float value : {Limits::quiet_NaN(), Limits::infinity(), -Limits::infinity()})
+    for (int round = 0; round < 10; ++round) {
+      const std::size_t row = randomBelow(random, 3);
+      const Verdict verdict = judgeWithEdit(folder, good, row, [&](Elements& elements) {
+        // In an apron too.
+        setElement(elements[0], randomBelow(random, elements[0].size() / 4), value);
+      });
+      ASSERT_EQ(verdict.damaged, (std::vector<std::size_t>{row})) << value;
+    }
+}
+
+TEST(HostileParts, ReservedFieldsAndValueRangesThatLieAreFound) {
+  const TemporaryFolder folder;
+  const Bytes good = readWholeFile(buildGoodFile(folder));
+  const std::string bad = folder.file("bad.isb");
+  const auto judgeDraft = [&](const std::function<void(PyramidDraft&)>& edit) {
+    PyramidDraft draft(good);
+    edit(draft);
+    writeBytes(bad, draft.seal());
+    return judge(bad);
+  };
+  EXPECT_TRUE(judgeDraft([](PyramidDraft&) {}).isGood());
+  EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.header.reserved[41] = 1; }).rest.size(), 1u);
+  // Another range is not that of the voxels, and the histogram is of another size.
+  EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.header.value_max += 1; }).rest.size(), 2u);
+  EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.header.kinds[7] = 1; }).rest.size(), 1u);
+  EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.header.reserved_between[3] = 1; }).rest.size(), 1u);
+  EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.header.error_bins[5] = 1; }).rest.size(), 1u);
+  EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.bricks[2].row.unused = 1; }).damaged,
+            (std::vector<std::size_t>{2}));
+  EXPECT_EQ(judgeDraft([](PyramidDraft& d) { d.bricks[0].row.range_max += 1; }).damaged,
+            (std::vector<std::size_t>{0}));
+}
+
+// A later version may add parts of a kind that this one does not know.
+TEST(HostileParts, PartsOfUnknownKindsArePassedOver) {
+  const TemporaryFolder folder;
+  const std::string path = buildGoodFile(folder);
+  PyramidDraft draft(readWholeFile(path));
+  ASSERT_EQ(draft.header.kind_count, 3u);
+  draft.header.kinds[draft.header.kind_count++] = 77;
+  draft.header.kinds[draft.header.kind_count++] = 0xffffffff;
+  const std::string later = folder.file("later.isb");
+  writeBytes(later, draft.seal());
+  EXPECT_TRUE(judge(later).isGood());
+  const Pyramid pyramid(path), newer(later);
+  forAllBricks(pyramid, [&](int level, const Index3& brick) {
+    const BrickSamples a = pyramid.samples(level, brick), b = newer.samples(level, brick);
+    ASSERT_EQ(
+        std::memcmp(a.part.data(), b.part.data(),
+                    partBytes(pyramid.spec(), pyramid.layout(), PartKind::kSamples, level, brick)),
+        0);
+    EXPECT_EQ(pyramid.brickRange(level, brick), newer.brickRange(level, brick));
+  });
+  // Kinds are listed once, in ascending order, samples and ranges first.
+  for (const auto& [at, kind] : {std::pair<std::size_t, std::uint32_t>{0, 1}, {1, 5}, {3, 2}}) {
+    PyramidDraft wrong(draft);
+    wrong.header.kinds[at] = kind;
+    writeBytes(later, wrong.seal());
+    EXPECT_NE(judge(later).open_error.find("impossible numbers"), std::string::npos) << at;
+  }
+}
+
+}  // namespace
+}  // namespace isobrick::test

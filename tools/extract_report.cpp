@@ -1,0 +1,128 @@
+#include "tools/extract_report.h"
+
+#include <fmt/format.h>
+
+#include <utility>
+
+#include "isobrick/storage/remote/remote_address.h"
+#include "tools/byte_size.h"
+#include "tools/component_list.h"
+
+namespace isobrick {
+namespace {
+
+Json jsonOfPager(const BrickPager::Counters& counters) {
+  return {{"hits", counters.hits},
+          {"misses", counters.misses},
+          {"loads_joined", counters.loads_joined},
+          {"bytes_read", counters.bytes_read},
+          {"bytes_unpacked", counters.bytes_unpacked},
+          {"evictions", counters.parts_released},
+          {"fetched", counters.parts_fetched},
+          {"fetched_unused", counters.fetched_unused},
+          {"seconds_waited", 1e-9 * static_cast<double>(counters.wait_nanoseconds)}};
+}
+
+Json jsonOfRemote(const RemoteCounters& all, const RemoteCounters& opening) {
+  return {{"requests", all.requests},
+          {"repeated", all.repeated},
+          {"bytes", all.bytes},
+          {"open_requests", opening.requests},
+          {"open_bytes", opening.bytes},
+          {"cached_parts", all.cached_parts},
+          {"cached_bytes", all.cached_bytes}};
+}
+
+Json jsonOfSurface(const ExtractResults& results, const ExtractResult& result) {
+  const ExtractionReport& report = result.report;
+  Json json = Json::object();
+  json["output"] = result.output.empty() ? Json() : Json(result.output);
+  if (!results.attribute.empty())
+    json["attribute"] = {{"path", withoutSecrets(results.attribute)},
+                         {"vertices_outside", result.vertices_outside}};
+  if (results.numbers_components) json["attribute"] = {{"name", kComponentAttribute}};
+  json["isovalue"] = result.isovalue;
+  if (results.part) json["part"] = {{"number", results.part->number}, {"of", results.part->of}};
+  if (result.simplify) json["simplify"] = result.simplify->distance;
+  if (result.components) {
+    json["components"] = jsonOfComponents(*result.components);
+    json["components_kept"] = result.components_kept;
+  }
+  json["triangles"] = report.triangles;
+  json["vertices"] = result.vertices;
+  json["seconds"] = {{"extract", result.extract_seconds}, {"write", result.write_seconds}};
+  if (result.components) json["seconds"]["components"] = result.components_seconds;
+  json["levels"] = Json::array();
+  for (const LevelCounts& counts : report.levels)
+    json["levels"].push_back({{"level", counts.level},
+                              {"cells", counts.cells},
+                              {"triangles", counts.triangles},
+                              {"transition_cells", counts.transition_cells}});
+  json["bricks"] = {{"active", report.bricks_active}, {"read", report.bricks_read}};
+  json["bytes_read"] = report.bytes_read;
+  json["bytes_active"] = report.bytes_active;
+  return json;
+}
+
+void printSummary(const ExtractResult& result) {
+  if (result.components) printComponents(*result.components, result.components_kept);
+  const ExtractionReport& report = result.report;
+  fmt::print("{}{} triangles, {} vertices\n", result.output.empty() ? "" : result.output + ": ",
+             countText(report.triangles), countText(result.vertices));
+  if (result.simplify)
+    fmt::print("  within {:.4g} {} of the finest surface\n", result.simplify->distance,
+               result.simplify->in_world ? "units of the world" : "voxels");
+  for (const LevelCounts& counts : report.levels)
+    fmt::print("  level {:<2} {:>14} triangles in {} cells, {} of them in transition\n",
+               counts.level, countText(counts.triangles), countText(counts.cells),
+               countText(counts.transition_cells));
+  fmt::print("bricks: {} active of {}, {} read of {}\n", countText(report.bricks_active),
+             byteSizeText(report.bytes_active), countText(report.bricks_read),
+             byteSizeText(report.bytes_read));
+}
+
+}  // namespace
+
+Json jsonOfResults(const ExtractResults& results) {
+  Json json = Json::object();
+  if (results.surfaces.size() == 1) {
+    json = jsonOfSurface(results, results.surfaces.front());
+    Json seconds = {{"open", results.open_seconds}};
+    seconds.update(json["seconds"]);
+    json["seconds"] = std::move(seconds);
+  } else {
+    json["surfaces"] = Json::array();
+    for (const ExtractResult& surface : results.surfaces)
+      json["surfaces"].push_back(jsonOfSurface(results, surface));
+    json["seconds"] = {{"open", results.open_seconds}};
+  }
+  json["pager"] = jsonOfPager(results.pager);
+  if (results.remote) json["remote"] = jsonOfRemote(*results.remote, results.opening);
+  json["peak_rss_bytes"] = peakResidentBytes();
+  json["threads"] = results.threads;
+  return json;
+}
+
+void printResults(const ExtractResults& results) {
+  std::string extract_text;
+  double write_seconds = 0;
+  for (const ExtractResult& result : results.surfaces) {
+    if (result.components) extract_text += fmt::format(" {:.4f} +", result.components_seconds);
+    if (results.surfaces.size() > 1) fmt::print("isovalue {}: ", result.isovalue);
+    printSummary(result);
+    for (const double seconds : result.extract_seconds)
+      extract_text += fmt::format(" {:.4f}", seconds);
+    write_seconds += result.write_seconds;
+  }
+  if (results.remote)
+    fmt::print("network: {} requests, {}{}\n", countText(results.remote->requests),
+               byteSizeText(results.remote->bytes),
+               results.remote->cached_bytes > 0
+                   ? fmt::format("; {} from the cache", byteSizeText(results.remote->cached_bytes))
+                   : "");
+  fmt::print("seconds: open {:.4f}, extract{}, write {:.4f}; {} threads; peak memory {}\n",
+             results.open_seconds, extract_text, write_seconds, results.threads,
+             byteSizeText(peakResidentBytes()));
+}
+
+}  // namespace isobrick

@@ -1,0 +1,54 @@
+// The report of `isobrick extract`: an object of JSON, or lines to read.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "isobrick/extract/query.h"
+#include "isobrick/extract/sinks/surface_components.h"
+#include "isobrick/storage/brick_pager.h"
+#include "isobrick/storage/remote_options.h"
+#include "isobrick/storage/share_number.h"
+#include "tools/json_output.h"
+
+namespace isobrick {
+
+// In place of another pyramid: the number of the component that a vertex belongs to.
+inline constexpr const char* kComponentAttribute = "component";
+
+// The extraction of one surface.
+struct ExtractResult {
+  std::string output;  // empty: counted only
+  double isovalue = 0;
+  std::optional<SimplifyOptions> simplify;
+  std::optional<SurfaceComponents> components;
+  std::size_t components_kept = 0;
+  double components_seconds = 0;  // to find them
+  ExtractionReport report;        // of the last repeat
+  std::uint64_t vertices = 0;
+  std::vector<double> extract_seconds;  // one for every repeat, without the time in a file's sink
+  std::uint64_t vertices_outside = 0;   // of the other pyramid
+  double write_seconds = 0;             // inside the file's sink: writing, and waiting for the disk
+};
+
+struct ExtractResults {
+  std::vector<ExtractResult> surfaces;
+  std::string attribute;            // the pyramid whose values vertices got; empty: none
+  bool numbers_components = false;  // vertices got the numbers of their components instead
+  std::optional<ShareNumber> part;
+  int threads = 0;
+  double open_seconds = 0;
+  BrickPager::Counters pager;            // of all surfaces and repeats
+  std::optional<RemoteCounters> remote;  // of all since the beginning; of a URL
+  RemoteCounters opening;
+};
+
+// For one isovalue its own facts; for several a list of these.
+Json jsonOfResults(const ExtractResults& results);
+// On stdout.
+void printResults(const ExtractResults& results);
+
+}  // namespace isobrick
