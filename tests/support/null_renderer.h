@@ -68,6 +68,7 @@ class NullRenderer : public SceneRenderer {
     kept.rows += count;
     uploaded_bytes_ += sizeof(float) * static_cast<std::uint64_t>(image.width * count);
   }
+  int greatestSlice() const override { return greatest_slice; }
   void releaseSlice(SliceId slice) override {
     if (slices_.erase(slice) == 0) throw std::logic_error("a slice that is not kept");
     released_slices_.push_back(slice);
@@ -97,6 +98,7 @@ class NullRenderer : public SceneRenderer {
   int greatestSize() const override { return 16384; }
 
   std::optional<double> distance;
+  int greatest_slice = 16384;
   // That it takes before it wants to be asked in a later frame.
   std::uint64_t pieces_left = std::numeric_limits<std::uint64_t>::max();
 

@@ -8,17 +8,23 @@
 
 namespace isobrick {
 
-GlSceneRenderer::GlSceneRenderer(Uploads uploads)
-    : targets_(device_),
+GlSceneRenderer::GlSceneRenderer(Uploads uploads, const std::optional<GlLimits>& limits)
+    : device_(limits),
+      targets_(device_),
       chunks_(device_, uploads == Uploads::kStaged || !device_.isSoftware()),
       slices_(device_),
-      surfaces_(device_.isSoftware()),
-      shadow_(device_.isSoftware()),
+      surfaces_(device_),
+      shadow_(device_),
       background_program_(makeBackgroundProgram()),
       screen_program_(makeScreenProgram()),
       empty_array_(GlVertexArray::make()) {}
 
 void GlSceneRenderer::draw(const SceneFrame& frame) {
+  if (frame.wireframe && !device_.limits().drawsEdges(chunks_.arenas().greatestBytes())) {
+    SceneFrame without_edges = frame;
+    without_edges.wireframe = false;
+    return draw(without_edges);
+  }
   assert(frame.width > 0 && frame.height > 0 && frame.clip_planes.size() <= 6);
   targets_.resize(frame.width, frame.height);
   device_.forgetErrors();

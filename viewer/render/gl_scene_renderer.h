@@ -27,8 +27,10 @@ class GlSceneRenderer : public SceneRenderer {
   // How pieces of chunks come to the card: through a ring that stays mapped, or by a copy of the
   // driver's; the copy alone is faster if the card is the processor itself.
   enum class Uploads { kAsSuits, kStaged };
-  // Throws Error if the driver refuses the shaders.
-  explicit GlSceneRenderer(Uploads uploads = Uploads::kAsSuits);
+  // With the limits of the card, or with others, which narrow what it uses of the card. Throws
+  // Error if the driver refuses the shaders, or if a limit does not suffice.
+  explicit GlSceneRenderer(Uploads uploads = Uploads::kAsSuits,
+                           const std::optional<GlLimits>& limits = std::nullopt);
 
   ChunkId reserve(const SurfaceChunk& chunk) override { return chunks_.reserve(chunk); }
   bool uploadPiece(ChunkId id, const SurfaceChunk& chunk, std::size_t begin,
@@ -43,6 +45,7 @@ class GlSceneRenderer : public SceneRenderer {
   void uploadRows(SliceId slice, const SliceImage& image, int first, int count) override {
     slices_.uploadRows(slice, image, first, count);
   }
+  int greatestSlice() const override { return device_.limits().sliceSize(); }
   void releaseSlice(SliceId slice) override { slices_.release(slice); }
   std::uint64_t bytesKept() const override { return chunks_.bytesKept() + slices_.bytesKept(); }
   void draw(const SceneFrame& frame) override;
@@ -63,6 +66,8 @@ class GlSceneRenderer : public SceneRenderer {
   bool isSoftware() const override { return device_.isSoftware(); }
   int greatestSize() const override { return targets_.greatestSize(); }
   const std::string& deviceName() const override { return device_.name(); }
+
+  const GlDevice& device() const { return device_; }
 
   // Of the frame drawn last.
   const DrawCounts& counts() const { return surfaces_.counts(); }

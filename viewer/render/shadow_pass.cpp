@@ -30,12 +30,14 @@ PlacedCamera lightCamera(const SceneView& view) {
 
 }  // namespace
 
-ShadowPass::ShadowPass(bool is_software) : program_(makeDepthProgram()), draws_(is_software) {}
+ShadowPass::ShadowPass(const GlDevice& device)
+    : device_(device), program_(makeDepthProgram()), draws_(device.isSoftware()) {}
 
 void ShadowPass::draw(const GlChunks& chunks, const SceneView& view) {
   const SceneFrame& frame = view.frame;
   // As fine as the picture itself.
-  const int size = std::clamp(2 * std::max(frame.width, frame.height), 512, kMostPixels);
+  const int size = device_.limits().shadowSize(
+      std::clamp(2 * std::max(frame.width, frame.height), 512, kMostPixels));
   if (size != size_) {
     depths_ = GlTexture::make(GLenum{GL_TEXTURE_2D});
     glTextureStorage2D(*depths_, 1, GL_DEPTH_COMPONENT32F, size, size);

@@ -8,6 +8,7 @@
 
 #include "isobrick/viewer/render/chunk_draws.h"
 #include "isobrick/viewer/render/gl_chunks.h"
+#include "isobrick/viewer/render/gl_device.h"
 #include "isobrick/viewer/render/gl_handle.h"
 #include "isobrick/viewer/render/scene_view.h"
 
@@ -26,7 +27,7 @@ struct ShadowView {
 class ShadowPass {
  public:
   // Throws Error if the driver refuses the shader.
-  explicit ShadowPass(bool is_software);
+  explicit ShadowPass(const GlDevice& device);
 
   // Draws the depths of the frame's opaque surfaces; binds the frame of them.
   void draw(const GlChunks& chunks, const SceneView& view);
@@ -35,6 +36,7 @@ class ShadowPass {
   GLuint depths() const { return *depths_; }
 
  private:
+  const GlDevice& device_;
   GlProgram program_;
   ChunkDraws draws_;
   int size_ = 0;  // pixels

@@ -8,10 +8,10 @@
 
 namespace isobrick {
 
-SurfacePass::SurfacePass(bool is_software)
-    : program_(makeSurfaceProgram(false)),
-      wire_program_(makeSurfaceProgram(true)),
-      draws_(is_software) {}
+SurfacePass::SurfacePass(const GlDevice& device)
+    : program_(makeSurfaceProgram(false)), draws_(device.isSoftware()) {
+  if (device.limits().drawsEdges(0)) wire_program_ = makeSurfaceProgram(true);
+}
 
 void SurfacePass::begin(const GlChunks& chunks, const SceneView& view, const ShadowPass* shadow) {
   shadow_ = shadow;

@@ -3,6 +3,7 @@
 
 #include "isobrick/viewer/render/chunk_draws.h"
 #include "isobrick/viewer/render/gl_chunks.h"
+#include "isobrick/viewer/render/gl_device.h"
 #include "isobrick/viewer/render/gl_handle.h"
 #include "isobrick/viewer/render/scene_view.h"
 #include "isobrick/viewer/render/shadow_pass.h"
@@ -13,7 +14,7 @@ namespace isobrick {
 class SurfacePass {
  public:
   // Throws Error if the driver refuses the shaders.
-  explicit SurfacePass(bool is_software);
+  explicit SurfacePass(const GlDevice& device);
 
   // Finds what may be seen; comes first. `shadow`: that of the frame; null: there is none.
   void begin(const GlChunks& chunks, const SceneView& view, const ShadowPass* shadow);
@@ -26,7 +27,7 @@ class SurfacePass {
  private:
   void use(const SceneView& view) const;
 
-  GlProgram program_, wire_program_;
+  GlProgram program_, wire_program_;  // none, if the card draws no edges
   ChunkDraws draws_;
   const ShadowPass* shadow_ = nullptr;  // of this frame
 };

@@ -9,6 +9,7 @@
 #include "isobrick/storage/error.h"
 #include "isobrick/viewer/egl_context.h"
 #include "isobrick/viewer/render/gl_scene_renderer.h"
+#include "tests/support/driver_complaints.h"
 #include "tests/support/driver_faults.h"
 #include "tests/support/requirement.h"
 
@@ -516,6 +517,7 @@ TEST_F(SceneRendererTest, NormalsAndDistancesAreThoseOfTheSurface) {
 
 // An error that a panel left behind is none of the surface's.
 TEST_F(SceneRendererTest, AStaleErrorIsNoWantOfMemory) {
+  const test::ExpectedComplaints complaints;
   glEnable(GL_TRIANGLES);  // no capability
   const ChunkId square = renderer_->upload(squareAt(0.0, 1.0, 0));
   frame_.chunks = {square};
@@ -536,6 +538,7 @@ TEST_F(SceneRendererTest, FaultsOfTheDriverAreToldApart) {
   // Beyond what the card draws, which is another error than want of memory.
   const int most = renderer_->greatestSize();
   test::DriverFaults faults;
+  const test::ExpectedComplaints complaints;
   EXPECT_THROW(
       try { renderer_->reserveSlice(most * 4, most * 4); } catch (const NoGraphicsMemory&) {
         FAIL() << "a size that is too large is no want of memory";
