@@ -339,6 +339,7 @@ TEST_F(ViewSessionTest, WhatIsShownOfAPreviewIsFramed) {
   session_->state().surfaces[0].isovalue = 15.0;  // a sphere of 10 samples around (30, 30, 30)
   settle();
   EXPECT_LT(glm::distance(session_->state().camera.pivot, session_->volume().box().center()), 1e-9);
+  InputEvent event;
   event.kind = Kind::kKeyPress;
   event.key = Key::kF;
   session_->apply(event, clock_, false);
