@@ -115,6 +115,11 @@ void ChunkDraws::add(const KeptChunk& chunk, std::uint32_t begin, std::uint32_t 
   }
 }
 
+bool ChunkDraws::has(int surface) const {
+  return std::any_of(calls_.begin(), calls_.end(),
+                     [&](const Call& call) { return call.surface == surface; });
+}
+
 void ChunkDraws::draw(const GlChunks& chunks, int surface, bool wireframe) {
   glBindVertexArray(wireframe ? *wire_array_ : *array_);
   glBindBuffer(GL_DRAW_INDIRECT_BUFFER, wireframe ? *wire_buffer_ : *command_buffer_);

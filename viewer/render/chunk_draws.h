@@ -32,6 +32,9 @@ class ChunkDraws {
   // indices itself. Adds to the counts.
   void draw(const GlChunks& chunks, int surface, bool wireframe);
 
+  // Something of the surface may be seen.
+  bool has(int surface) const;
+
   const DrawCounts& counts() const { return counts_; }
   void resetCounts() { counts_ = {}; }
 

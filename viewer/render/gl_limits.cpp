@@ -16,8 +16,10 @@ constexpr int kWantedPlanes = 6;       // clip planes of a view
 constexpr int kWantedUnits = 4;        // the shadow's texture is at the last one
 constexpr int kWantedPicture = 16384;  // beyond this a picture takes several GiB
 constexpr int kWantedSlice = 2048;     // of the finest slice of a window
-constexpr std::int64_t kWantedStorage = std::int64_t{32} << 20;  // the largest buffer of chunks
-constexpr int kLeastPicture = 64;  // to a side; with less nothing can be shown
+constexpr std::int64_t kWantedStorage = std::int64_t{64} << 20;  // of lists; of chunks half of it
+constexpr int kWantedLists = 2;                                  // buffers of what is seen through
+constexpr int kLeastStorage = 1 << 16;  // with less not even a few rows have room
+constexpr int kLeastPicture = 64;       // to a side; with less nothing can be shown
 
 int limitOf(GLenum name) {
   GLint value = 0;
@@ -39,6 +41,8 @@ GlLimits GlLimits::read() {
   limits.clip_distances = limitOf(GL_MAX_CLIP_DISTANCES);
   limits.texture_units = limitOf(GL_MAX_TEXTURE_IMAGE_UNITS);
   limits.draw_buffers = limitOf(GL_MAX_DRAW_BUFFERS);
+  limits.depth_samples = limitOf(GL_MAX_DEPTH_TEXTURE_SAMPLES);
+  limits.fragment_storage_blocks = limitOf(GL_MAX_FRAGMENT_SHADER_STORAGE_BLOCKS);
   limits.vertex_storage_blocks = limitOf(GL_MAX_VERTEX_SHADER_STORAGE_BLOCKS);
   GLint64 bytes = 0;
   glGetInteger64v(GL_MAX_SHADER_STORAGE_BLOCK_SIZE, &bytes);
@@ -57,6 +61,11 @@ void GlLimits::require(const std::string& device) const {
     refuse("GL_MAX_CLIP_DISTANCES", clip_distances, kWantedPlanes);
   if (texture_units < kWantedUnits)
     refuse("GL_MAX_TEXTURE_IMAGE_UNITS", texture_units, kWantedUnits);
+  if (fragment_storage_blocks < kWantedLists)
+    refuse("GL_MAX_FRAGMENT_SHADER_STORAGE_BLOCKS", fragment_storage_blocks, kWantedLists);
+  if (storage_block_bytes < kLeastStorage)
+    refuse("GL_MAX_SHADER_STORAGE_BLOCK_SIZE", static_cast<int>(storage_block_bytes),
+           kLeastStorage);
   if (draw_buffers < 1) refuse("GL_MAX_DRAW_BUFFERS", draw_buffers, 1);
   if (pictureSize() < kLeastPicture)
     refuse("GL_MAX_TEXTURE_SIZE, GL_MAX_RENDERBUFFER_SIZE or GL_MAX_VIEWPORT_DIMS", pictureSize(),
@@ -67,7 +76,9 @@ int GlLimits::pictureSize() const {
   return std::min({texture_size, renderbuffer_size, viewport_width, viewport_height});
 }
 
-int GlLimits::pictureSamples() const { return std::clamp(samples, 1, kWantedSamples); }
+int GlLimits::pictureSamples() const {
+  return std::clamp(std::min(samples, depth_samples), 1, kWantedSamples);
+}
 
 int GlLimits::shadowSize(int wanted) const { return std::min(wanted, pictureSize()); }
 
@@ -89,13 +100,16 @@ std::vector<GlLimits::Row> GlLimits::rows() const {
       {"GL_MAX_RENDERBUFFER_SIZE", renderbuffer_size, kWantedPicture, smaller},
       {"GL_MAX_VIEWPORT_DIMS", std::min(viewport_width, viewport_height), kWantedPicture, smaller},
       {"GL_MAX_SAMPLES", samples, kWantedSamples, "edges are less smooth"},
+      {"GL_MAX_DEPTH_TEXTURE_SAMPLES", depth_samples, kWantedSamples, "edges are less smooth"},
       {"GL_MAX_CLIP_DISTANCES", clip_distances, kWantedPlanes, "nothing is drawn"},
       {"GL_MAX_TEXTURE_IMAGE_UNITS", texture_units, kWantedUnits, "nothing is drawn"},
       {"GL_MAX_DRAW_BUFFERS", draw_buffers, 1, "nothing is drawn"},
+      {"GL_MAX_FRAGMENT_SHADER_STORAGE_BLOCKS", fragment_storage_blocks, kWantedLists,
+       "nothing is drawn"},
       {"GL_MAX_VERTEX_SHADER_STORAGE_BLOCKS", vertex_storage_blocks, 1,
        "edges of triangles are not drawn"},
       {"GL_MAX_SHADER_STORAGE_BLOCK_SIZE", storage_block_bytes, kWantedStorage,
-       "edges of large surfaces are not drawn"},
+       "edges of large surfaces are not drawn, and what is seen through takes longer"},
       {"GL_MAX_COMPUTE_WORK_GROUP_INVOCATIONS", work_group_invocations, 0, "not used"},
   };
 }

@@ -11,15 +11,17 @@ namespace isobrick {
 // The defaults are what OpenGL 4.5 promises at least; of texture, picture and samples they are what
 // today's cards have.
 struct GlLimits {
-  int texture_size = 16384;       // GL_MAX_TEXTURE_SIZE: values or pixels to a side
-  int renderbuffer_size = 16384;  // GL_MAX_RENDERBUFFER_SIZE
-  int viewport_width = 16384;     // GL_MAX_VIEWPORT_DIMS
-  int viewport_height = 16384;    // likewise
-  int samples = 4;                // GL_MAX_SAMPLES: of a pixel
-  int clip_distances = 8;         // GL_MAX_CLIP_DISTANCES: planes that cut a triangle
-  int texture_units = 16;         // GL_MAX_TEXTURE_IMAGE_UNITS: of a fragment shader
-  int draw_buffers = 8;           // GL_MAX_DRAW_BUFFERS
-  int vertex_storage_blocks = 0;  // GL_MAX_VERTEX_SHADER_STORAGE_BLOCKS
+  int texture_size = 16384;         // GL_MAX_TEXTURE_SIZE: values or pixels to a side
+  int renderbuffer_size = 16384;    // GL_MAX_RENDERBUFFER_SIZE
+  int viewport_width = 16384;       // GL_MAX_VIEWPORT_DIMS
+  int viewport_height = 16384;      // likewise
+  int samples = 4;                  // GL_MAX_SAMPLES: of a pixel
+  int clip_distances = 8;           // GL_MAX_CLIP_DISTANCES: planes that cut a triangle
+  int texture_units = 16;           // GL_MAX_TEXTURE_IMAGE_UNITS: of a fragment shader
+  int draw_buffers = 8;             // GL_MAX_DRAW_BUFFERS
+  int depth_samples = 4;            // GL_MAX_DEPTH_TEXTURE_SAMPLES
+  int fragment_storage_blocks = 8;  // GL_MAX_FRAGMENT_SHADER_STORAGE_BLOCKS
+  int vertex_storage_blocks = 0;    // GL_MAX_VERTEX_SHADER_STORAGE_BLOCKS
   std::int64_t storage_block_bytes = std::int64_t{1} << 27;  // GL_MAX_SHADER_STORAGE_BLOCK_SIZE
   int work_group_invocations = 1024;  // GL_MAX_COMPUTE_WORK_GROUP_INVOCATIONS
 

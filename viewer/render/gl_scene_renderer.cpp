@@ -15,6 +15,7 @@ GlSceneRenderer::GlSceneRenderer(Uploads uploads, const std::optional<GlLimits>&
       slices_(device_),
       surfaces_(device_),
       shadow_(device_),
+      layers_(device_),
       background_program_(makeBackgroundProgram()),
       screen_program_(makeScreenProgram()),
       empty_array_(GlVertexArray::make()) {}
@@ -63,10 +64,8 @@ void GlSceneRenderer::draw(const SceneFrame& frame) {
     outlines_.draw(targets_, view);
     cut(frame.clip_planes.size());
   }
-  // Translucent surfaces write depth, so opaque slices behind them come first.
-  slices_.draw(view, false);
-  surfaces_.drawTranslucent(chunks_, view);
-  if (!frame.normals) slices_.draw(view, true);
+  slices_.drawOpaque(view);
+  drawLayers(view);
   cut(0);
   if (!frame.normals) {
     lines_.drawSegments(view);
@@ -79,6 +78,17 @@ void GlSceneRenderer::draw(const SceneFrame& frame) {
   glBindVertexArray(0);
   device_.checkErrors("cannot render: " + device_.name() +
                       " has no memory left; choose a smaller width or height");
+}
+
+// Of normals, those of the nearest surface that is not clear.
+void GlSceneRenderer::drawLayers(const SceneView& view) {
+  const bool of_surfaces = surfaces_.hasLayers(view);
+  const bool of_slices = GlSlices::hasLayers(view.frame) && !view.frame.normals;
+  if (!of_surfaces && !of_slices) return layers_.release();
+  layers_.draw(targets_, [&](const LayerPass::Rows& rows) {
+    if (of_surfaces) surfaces_.drawLayers(chunks_, view, layers_, rows);
+    if (of_slices) slices_.drawLayers(view, layers_);
+  });
 }
 
 void GlSceneRenderer::drawBackground(const SceneFrame& frame) {

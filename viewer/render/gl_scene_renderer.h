@@ -10,6 +10,7 @@
 #include "isobrick/viewer/render/gl_handle.h"
 #include "isobrick/viewer/render/gl_slices.h"
 #include "isobrick/viewer/render/gl_targets.h"
+#include "isobrick/viewer/render/layer_pass.h"
 #include "isobrick/viewer/render/line_pass.h"
 #include "isobrick/viewer/render/occlusion_pass.h"
 #include "isobrick/viewer/render/outline_pass.h"
@@ -68,6 +69,7 @@ class GlSceneRenderer : public SceneRenderer {
   const std::string& deviceName() const override { return device_.name(); }
 
   const GlDevice& device() const { return device_; }
+  const LayerPass& layers() const { return layers_; }
 
   // Of the frame drawn last.
   const DrawCounts& counts() const { return surfaces_.counts(); }
@@ -75,6 +77,7 @@ class GlSceneRenderer : public SceneRenderer {
   const GlArenas& arenas() const { return chunks_.arenas(); }
 
  private:
+  void drawLayers(const SceneView& view);
   void drawBackground(const SceneFrame& frame);
 
   GlDevice device_;
@@ -84,6 +87,7 @@ class GlSceneRenderer : public SceneRenderer {
   SurfacePass surfaces_;
   ShadowPass shadow_;
   OcclusionPass occlusion_;
+  LayerPass layers_;
   OutlinePass outlines_;
   LinePass lines_;
   GlProgram background_program_, screen_program_;

@@ -49,7 +49,7 @@ glm::dvec4 SceneView::inLattice(const SceneClipPlane& plane) const {
           glm::dot(plane.normal, frame.lattice.origin) - plane.offset};
 }
 
-LatticePlanes SceneView::planesOfPicture() const {
+LatticePlanes SceneView::planesOfRows(int begin, int end) const {
   const PlacedCamera& camera = frame.camera;
   LatticePlanes planes;
   for (const SceneClipPlane& plane : frame.clip_planes) planes.push_back(inLattice(plane));
@@ -61,8 +61,11 @@ LatticePlanes SceneView::planesOfPicture() const {
   };
   addSide(camera.right, camera.half_width);
   addSide(-camera.right, camera.half_width);
-  addSide(camera.up, camera.half_height);
-  addSide(-camera.up, camera.half_height);
+  const auto heightAt = [&](int row) {
+    return camera.half_height * (2.0 * row / frame.height - 1.0);
+  };
+  addSide(camera.up, heightAt(end));
+  addSide(-camera.up, -heightAt(begin));
   return planes;
 }
 

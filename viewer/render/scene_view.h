@@ -32,7 +32,9 @@ struct SceneView {
   // In the lattice: dot(normal, world) - offset.
   glm::dvec4 inLattice(const SceneClipPlane& plane) const;
   // The sides of the picture, and the clip planes.
-  LatticePlanes planesOfPicture() const;
+  LatticePlanes planesOfPicture() const { return planesOfRows(0, frame.height); }
+  // The same of some rows of it, from below, the last one left out.
+  LatticePlanes planesOfRows(int begin, int end) const;
 
   const SceneFrame& frame;
   DepthRange range;

@@ -5,6 +5,7 @@
 #include "isobrick/viewer/render/gl_chunks.h"
 #include "isobrick/viewer/render/gl_device.h"
 #include "isobrick/viewer/render/gl_handle.h"
+#include "isobrick/viewer/render/layer_pass.h"
 #include "isobrick/viewer/render/scene_view.h"
 #include "isobrick/viewer/render/shadow_pass.h"
 
@@ -19,15 +20,21 @@ class SurfacePass {
   // Finds what may be seen; comes first. `shadow`: that of the frame; null: there is none.
   void begin(const GlChunks& chunks, const SceneView& view, const ShadowPass* shadow);
   void drawOpaque(const GlChunks& chunks, const SceneView& view);
-  void drawTranslucent(const GlChunks& chunks, const SceneView& view);
+  // One of those that may be seen is seen through.
+  bool hasLayers(const SceneView& view) const;
+  // The fragments of these, for LayerPass, of some rows of the picture.
+  void drawLayers(const GlChunks& chunks, const SceneView& view, const LayerPass& layers,
+                  const LayerPass::Rows& rows);
 
   // Of the frame since begin().
   const DrawCounts& counts() const { return draws_.counts(); }
 
  private:
-  void use(const SceneView& view) const;
+  void use(const GlProgram& program, const SceneView& view) const;
+  GlProgram& layersProgram(bool wireframe);
 
-  GlProgram program_, wire_program_;  // none, if the card draws no edges
+  GlProgram program_, wire_program_;                // none, if the card draws no edges
+  GlProgram layers_program_, wire_layers_program_;  // made when they are first needed
   ChunkDraws draws_;
   const ShadowPass* shadow_ = nullptr;  // of this frame
 };

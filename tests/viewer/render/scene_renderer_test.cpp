@@ -380,7 +380,6 @@ TEST_F(SceneRendererTest, OpacityFollowsTheValues) {
   const glm::vec3 opaque_left = seen(16, 32), opaque_right = seen(47, 32);
   EXPECT_FALSE(isBlue(opaque_left));
   frame_.value_opacity = {0.0, 1.0};
-  frame_.surfaces[1].order = -1.0;  // it lies behind
   EXPECT_TRUE(isBlue(seen(10, 32)));
   EXPECT_NEAR(seen(47, 32).r, 0.79f * opaque_right.r, 0.02f);  // at 0.79 of the square
   frame_.value_opacity = {1.0, 1.0};
