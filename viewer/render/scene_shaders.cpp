@@ -482,8 +482,10 @@ void main() {
 }
 )";
 
-// Fragments of a sample from front to back. Those of one depth are in the order of their colours,
-// so that the picture does not depend on the order in which they came.
+// Fragments of a sample from front to back, four with every walk through the list. Those of one
+// depth are in the order of their colours, so that the picture does not depend on the order in
+// which they came. Branches cost as much as both their sides on a processor, so there are few
+// loads.
 constexpr char kLayersFragmentShader[] = R"(
 layout(binding = 0) uniform sampler2DMS depths;  // of what is opaque
 uniform vec2 sample_places[4];                   // from the middle of a pixel
@@ -491,17 +493,34 @@ out vec4 light;                                  // premultiplied
 
 struct Layer {
   float depth;
+  uint key;     // of its colour
   uint number;  // 0: none
 };
 
 bool isBehind(Layer a, Layer b) {
-  if (a.depth != b.depth) return a.depth < b.depth;
-  if (a.number == 0u || b.number == 0u) return a.number < b.number;
-  uvec2 color_a = uvec2(layers[6u * a.number - 2u], layers[6u * a.number - 1u]);
-  uvec2 color_b = uvec2(layers[6u * b.number - 2u], layers[6u * b.number - 1u]);
-  if (color_a.x != color_b.x) return color_a.x < color_b.x;
-  if (color_a.y != color_b.y) return color_a.y < color_b.y;
-  return a.number < b.number;
+  return a.depth < b.depth ||
+         (a.depth == b.depth && (a.key < b.key || (a.key == b.key && a.number < b.number)));
+}
+
+void sortTwo(inout Layer front, inout Layer back) {
+  if (isBehind(front, back)) {
+    Layer nearer = back;
+    back = front;
+    front = nearer;
+  }
+}
+
+const float kLeastThrough = 1.0 / 1024.0;
+float through = 1.0, front = 0.0;
+vec3 sum = vec3(0.0);
+
+void add(Layer layer) {
+  if (layer.number == 0u || through <= kLeastThrough) return;
+  uint at = 6u * (layer.number - 1u);
+  vec4 color = vec4(unpackHalf2x16(layers[at + 4u]), unpackHalf2x16(layers[at + 5u]));
+  sum += through * color.a * color.rgb;
+  through *= 1.0 - color.a;
+  if (front == 0.0 && (layers[at] & kMeasuredBit) != 0u) front = layer.depth;
 }
 
 void main() {
@@ -510,30 +529,34 @@ void main() {
   float opaque = texelFetch(depths, ivec2(gl_FragCoord.xy), gl_SampleID).r;
   vec2 place = sample_places[gl_SampleID];
   uint sample_bit = 1u << uint(gl_SampleID);
-  float through = 1.0, front = 0.0;
-  vec3 sum = vec3(0.0);
-  Layer last = Layer(2.0, 0u);  // before everything
-  while (through > 1.0 / 1024.0) {
-    Layer next = Layer(opaque, 0u);
+  Layer none = Layer(opaque, 0u, 0u);
+  Layer last = Layer(2.0, 0u, 0u);  // before everything
+  bool has_more = head != 0u;
+  while (has_more && through > kLeastThrough) {
+    Layer a = none, b = none, c = none, d = none;
     for (uint number = head; number != 0u;) {
       uint at = 6u * (number - 1u);
       uint word = layers[at];
-      if ((word & sample_bit) != 0u) {
-        vec3 plane = uintBitsToFloat(uvec3(layers[at + 1u], layers[at + 2u], layers[at + 3u]));
-        Layer layer = Layer(plane.x + dot(plane.yz, place), number);
-        if (layer.depth > opaque && isBehind(layer, last) && isBehind(next, layer)) next = layer;
+      vec3 plane = uintBitsToFloat(uvec3(layers[at + 1u], layers[at + 2u], layers[at + 3u]));
+      Layer layer = Layer(plane.x + dot(plane.yz, place),
+                          layers[at + 4u] * 2654435761u + layers[at + 5u], number);
+      if ((word & sample_bit) != 0u && layer.depth > opaque && isBehind(layer, last) &&
+          isBehind(d, layer)) {
+        d = layer;
+        sortTwo(c, d);
+        sortTwo(b, c);
+        sortTwo(a, b);
       }
       number = word >> 5;
     }
-    if (next.number == 0u) break;
-    uint at = 6u * (next.number - 1u);
-    vec4 color = vec4(unpackHalf2x16(layers[at + 4u]), unpackHalf2x16(layers[at + 5u]));
-    sum += through * color.a * color.rgb;
-    through *= 1.0 - color.a;
-    if (front == 0.0 && (layers[at] & kMeasuredBit) != 0u) front = next.depth;
-    last = next;
+    add(a);
+    add(b);
+    add(c);
+    add(d);
+    last = d;
+    has_more = d.number != 0u;
   }
-  if (last.number == 0u) discard;
+  if (through == 1.0) discard;
   light = vec4(sum, 1.0 - through);
   gl_FragDepth = max(opaque, front);
 }
