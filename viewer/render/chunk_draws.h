@@ -32,8 +32,8 @@ class ChunkDraws {
   // indices itself. Adds to the counts.
   void draw(const GlChunks& chunks, int surface, bool wireframe);
 
-  // Something of the surface may be seen.
-  bool has(int surface) const;
+  // Where the surface may be seen in the picture.
+  PixelBox pixelsOf(const SceneView& view, int surface) const;
 
   const DrawCounts& counts() const { return counts_; }
   void resetCounts() { counts_ = {}; }

@@ -82,12 +82,14 @@ void GlSceneRenderer::draw(const SceneFrame& frame) {
 
 // Of normals, those of the nearest surface that is not clear.
 void GlSceneRenderer::drawLayers(const SceneView& view) {
-  const bool of_surfaces = surfaces_.hasLayers(view);
-  const bool of_slices = GlSlices::hasLayers(view.frame) && !view.frame.normals;
-  if (!of_surfaces && !of_slices) return layers_.release();
-  layers_.draw(targets_, [&](const LayerPass::Rows& rows) {
-    if (of_surfaces) surfaces_.drawLayers(chunks_, view, layers_, rows);
-    if (of_slices) slices_.drawLayers(view, layers_);
+  const PixelBox of_surfaces = surfaces_.layerPixels(view);
+  const PixelBox of_slices = view.frame.normals ? PixelBox{} : GlSlices::layerPixels(view);
+  PixelBox pixels = of_surfaces;
+  pixels.include(of_slices);
+  if (pixels.isEmpty()) return layers_.release();
+  layers_.draw(targets_, pixels, [&](const PixelBox& band) {
+    if (!of_surfaces.isEmpty()) surfaces_.drawLayers(chunks_, view, layers_, band);
+    if (!of_slices.isEmpty()) slices_.drawLayers(view, layers_);
   });
 }
 

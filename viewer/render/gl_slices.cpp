@@ -1,6 +1,7 @@
 #include "isobrick/viewer/render/gl_slices.h"
 
 #include <algorithm>
+#include <array>
 #include <cassert>
 #include <limits>
 #include <string>
@@ -54,9 +55,15 @@ void GlSlices::drawOpaque(const SceneView& view) const {
   glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
 }
 
-bool GlSlices::hasLayers(const SceneFrame& frame) {
-  return std::any_of(frame.slices.begin(), frame.slices.end(),
-                     [](const SceneSlice& slice) { return slice.opacity < 1.0; });
+PixelBox GlSlices::layerPixels(const SceneView& view) {
+  PixelBox pixels;
+  for (const SceneSlice& slice : view.frame.slices) {
+    if (slice.opacity >= 1.0) continue;
+    const glm::dvec3 end = slice.corner + slice.across;
+    pixels.include(view.pixelsOf(
+        std::array{slice.corner, end, slice.corner + slice.along, end + slice.along}));
+  }
+  return pixels;
 }
 
 void GlSlices::drawLayers(const SceneView& view, const LayerPass& layers) {

@@ -24,8 +24,8 @@ class GlSlices {
 
   // Those of the frame that are opaque. They only hide the normals of surfaces.
   void drawOpaque(const SceneView& view) const;
-  // One of the frame is seen through.
-  static bool hasLayers(const SceneFrame& frame);
+  // Where those that are seen through may be in the picture; nowhere: there are none.
+  static PixelBox layerPixels(const SceneView& view);
   // The fragments of these, for LayerPass.
   void drawLayers(const SceneView& view, const LayerPass& layers);
 

@@ -40,38 +40,41 @@ void LayerPass::release() {
   width_ = height_ = 0;
 }
 
-void LayerPass::draw(const GlTargets& targets,
-                     const std::function<void(const Rows&)>& drawFragments) {
+void LayerPass::draw(const GlTargets& targets, const PixelBox& pixels,
+                     const std::function<void(const PixelBox&)>& drawFragments) {
   if (*program_ == 0) program_ = makeLayersProgram();
   keepOpaqueDepth(targets);
   bands_ = 0;
   glEnable(GL_SCISSOR_TEST);
   int rows = static_cast<int>(std::clamp<std::int64_t>(
-      std::min(kMostHeads, most_bytes_ / kHeadBytes) / targets.width(), 1, targets.height()));
-  for (int begin = 0; begin < targets.height();) {
-    const Rows band{begin, std::min(begin + rows, targets.height())};
-    const std::int64_t layers = fillLists(targets, band, drawFragments);
+      std::min(kMostHeads, most_bytes_ / kHeadBytes) / (pixels.right - pixels.left), 1,
+      pixels.top - pixels.bottom));
+  for (band_ = pixels; band_.bottom < pixels.top;) {
+    band_.top = std::min(band_.bottom + rows, pixels.top);
+    const int height = band_.top - band_.bottom;
+    in_bands_ = height < pixels.top - pixels.bottom;
+    const std::int64_t layers = fillLists(targets, drawFragments);
     if (layers > kept_layers_ && kept_layers_ < most_layers_) {
       reserve(layers + layers / 4, 0);  // the next frame has about as many
       continue;
     }
     // In one row they are given up: the picture lacks what was drawn last.
-    if (layers > kept_layers_ && band.end - band.begin > 1) {
-      const std::int64_t fitting = (band.end - band.begin) * kept_layers_ / layers;
-      rows = static_cast<int>(
-          std::max<std::int64_t>(1, std::min<std::int64_t>(fitting, (band.end - band.begin) / 2)));
+    if (layers > kept_layers_ && height > 1) {
+      rows =
+          static_cast<int>(std::clamp<std::int64_t>(height * kept_layers_ / layers, 1, height / 2));
       continue;
     }
-    composite(targets, band);
+    composite(targets);
     ++bands_;
-    begin = band.end;
+    band_.bottom = band_.top;
   }
   glDisable(GL_SCISSOR_TEST);
 }
 
 void LayerPass::use(const GlProgram& program) const {
-  setUniform(program, "list_width", width_);
-  setUniform(program, "list_first_row", first_row_);
+  setUniform(program, "list_left", band_.left);
+  setUniform(program, "list_bottom", band_.bottom);
+  setUniform(program, "list_width", band_.right - band_.left);
   setUniform(program, "list_capacity", static_cast<unsigned>(kept_layers_));
 }
 
@@ -122,9 +125,10 @@ void LayerPass::checkMemory() {
 }
 
 // Returns how many there would be, if the lists had room for all.
-std::uint32_t LayerPass::fillLists(const GlTargets& targets, const Rows& rows,
-                                   const std::function<void(const Rows&)>& drawFragments) {
-  const std::int64_t pixels = std::int64_t{width_} * (rows.end - rows.begin);
+std::uint32_t LayerPass::fillLists(const GlTargets& targets,
+                                   const std::function<void(const PixelBox&)>& drawFragments) {
+  const int width = band_.right - band_.left, height = band_.top - band_.bottom;
+  const std::int64_t pixels = std::int64_t{width} * height;
   // The lists are cleared while those of before may still be read; Mesa 22 does not wait by itself.
   composited_.wait();
   reserve(pixels, pixels);
@@ -136,14 +140,13 @@ std::uint32_t LayerPass::fillLists(const GlTargets& targets, const Rows& rows,
   clear(layers_, kLayerHeadBytes);
   glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kHeadsBinding, *heads_);
   glBindBufferBase(GL_SHADER_STORAGE_BUFFER, kLayersBinding, *layers_);
-  first_row_ = rows.begin;
   glBindFramebuffer(GL_FRAMEBUFFER, targets.sampledFrame());
-  glScissor(0, rows.begin, width_, rows.end - rows.begin);
+  glScissor(band_.left, band_.bottom, width, height);
   glEnable(GL_DEPTH_TEST);
   glDisable(GL_BLEND);
   glDepthMask(GL_FALSE);
   glColorMask(GL_FALSE, GL_FALSE, GL_FALSE, GL_FALSE);
-  drawFragments(rows);
+  drawFragments(band_);
   glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
   glDepthMask(GL_TRUE);
   glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT | GL_BUFFER_UPDATE_BARRIER_BIT);
@@ -152,9 +155,8 @@ std::uint32_t LayerPass::fillLists(const GlTargets& targets, const Rows& rows,
   return layers;
 }
 
-void LayerPass::composite(const GlTargets& targets, const Rows& rows) {
+void LayerPass::composite(const GlTargets& targets) {
   glBindFramebuffer(GL_FRAMEBUFFER, targets.sampledFrame());
-  glScissor(0, rows.begin, width_, rows.end - rows.begin);
   glDepthFunc(GL_GEQUAL);  // a sample without a surface keeps its depth
   glEnable(GL_BLEND);
   glBlendFunc(GL_ONE, GL_ONE_MINUS_SRC_ALPHA);

@@ -8,6 +8,7 @@
 #include "isobrick/viewer/render/gl_device.h"
 #include "isobrick/viewer/render/gl_handle.h"
 #include "isobrick/viewer/render/gl_targets.h"
+#include "isobrick/viewer/render/scene_view.h"
 
 namespace isobrick {
 
@@ -25,17 +26,16 @@ class LayerPass {
 
   explicit LayerPass(GlDevice& device);
 
-  // Rows of the picture from below, the last one left out.
-  struct Rows {
-    int begin = 0, end = 0;
-  };
-  // Draws over what the sampled frame of the targets shows. `drawFragments` draws all fragments of
-  // these rows by programs that use() was called for; it may be called several times for the same
-  // rows. Writes depth too: that of the nearest surface in a sample. Throws NoGraphicsMemory, and
-  // keeps nothing then, and the other errors of the device.
-  void draw(const GlTargets& targets, const std::function<void(const Rows&)>& drawFragments);
+  // Draws over these pixels of what the sampled frame of the targets shows. `drawFragments` draws
+  // all fragments of a band of them by programs that use() was called for; it may be called several
+  // times for the same rows. Writes depth too: that of the nearest surface in a sample. Throws
+  // NoGraphicsMemory, and keeps nothing then, and the other errors of the device.
+  void draw(const GlTargets& targets, const PixelBox& pixels,
+            const std::function<void(const PixelBox&)>& drawFragments);
   // For a program of scene_shaders.h that keeps layers: where, within draw().
   void use(const GlProgram& program) const;
+  // Within draw(): the pixels come in more than one band.
+  bool isInBands() const { return in_bands_; }
   // Gives the memory back.
   void release();
 
@@ -48,9 +48,9 @@ class LayerPass {
   void keepOpaqueDepth(const GlTargets& targets);
   void reserve(std::int64_t layers, std::int64_t heads);
   void checkMemory();
-  std::uint32_t fillLists(const GlTargets& targets, const Rows& rows,
-                          const std::function<void(const Rows&)>& drawFragments);
-  void composite(const GlTargets& targets, const Rows& rows);
+  std::uint32_t fillLists(const GlTargets& targets,
+                          const std::function<void(const PixelBox&)>& drawFragments);
+  void composite(const GlTargets& targets);
 
   GlDevice& device_;
   const std::int64_t most_bytes_, most_layers_;
@@ -62,7 +62,8 @@ class LayerPass {
   GlFramebuffer depth_frame_;
   int width_ = 0, height_ = 0, samples_ = 0;  // of depths_
   GlFence composited_;                        // the last band
-  int first_row_ = 0;                         // of the lists
+  PixelBox band_;                             // of the lists
+  bool in_bands_ = false;
   int bands_ = 0;
 };
 

@@ -40,15 +40,16 @@ layout(std430, binding = 2) buffer Layers {
   uint padding;
   uint layers[];
 };
+uniform int list_left;
+uniform int list_bottom;
 uniform int list_width;
-uniform int list_first_row;
 uniform uint list_capacity;
 const uint kMeasuredBit = 16u;  // it has a depth for those who ask; the bits below it are samples
 const float kLeastOpacity = 1.0 / 512.0;
 
 uint headOfPixel() {
   ivec2 pixel = ivec2(gl_FragCoord.xy);
-  return uint((pixel.y - list_first_row) * list_width + pixel.x);
+  return uint((pixel.y - list_bottom) * list_width + pixel.x - list_left);
 }
 )";
 

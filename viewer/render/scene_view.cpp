@@ -1,8 +1,11 @@
 #include "isobrick/viewer/render/scene_view.h"
 
 #include <algorithm>
+#include <glm/common.hpp>
 #include <glm/geometric.hpp>
 #include <glm/matrix.hpp>
+#include <glm/vec2.hpp>
+#include <limits>
 #include <string>
 
 #include "isobrick/viewer/image.h"
@@ -67,6 +70,41 @@ LatticePlanes SceneView::planesOfRows(int begin, int end) const {
   addSide(camera.up, heightAt(end));
   addSide(-camera.up, -heightAt(begin));
   return planes;
+}
+
+void PixelBox::include(const PixelBox& other) {
+  if (other.isEmpty()) return;
+  if (isEmpty()) {
+    *this = other;
+    return;
+  }
+  left = std::min(left, other.left);
+  bottom = std::min(bottom, other.bottom);
+  right = std::max(right, other.right);
+  top = std::max(top, other.top);
+}
+
+PixelBox SceneView::pixelsOf(std::span<const glm::dvec3> hull) const {
+  constexpr double kMargin = 1.0;  // shaders round
+  const PlacedCamera& camera = frame.camera;
+  glm::dvec2 lower(std::numeric_limits<double>::infinity()), upper = -lower;
+  for (const glm::dvec3& point : hull) {
+    const glm::dvec3 arm = point - camera.eye;
+    const double distance = camera.orthographic ? 1.0 : glm::dot(arm, camera.forward);
+    // Beside or behind the eye a point is anywhere.
+    if (!(distance > 1e-6 * range.far)) return {0, 0, frame.width, frame.height};
+    const glm::dvec2 place = glm::dvec2(glm::dot(arm, camera.right) / camera.half_width,
+                                        glm::dot(arm, camera.up) / camera.half_height) /
+                             distance;
+    lower = glm::min(lower, place);
+    upper = glm::max(upper, place);
+  }
+  const auto pixel = [](double place, int size, double margin) {
+    return static_cast<int>(
+        std::clamp(0.5 * (place + 1.0) * size + margin, 0.0, static_cast<double>(size)));
+  };
+  return {pixel(lower.x, frame.width, -kMargin), pixel(lower.y, frame.height, -kMargin),
+          pixel(upper.x, frame.width, 1.0 + kMargin), pixel(upper.y, frame.height, 1.0 + kMargin)};
 }
 
 void useProgram(const GlProgram& program, const SceneView& view, int uncut_plane) {

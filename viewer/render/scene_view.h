@@ -4,6 +4,7 @@
 #include <glm/mat3x3.hpp>
 #include <glm/vec3.hpp>
 #include <glm/vec4.hpp>
+#include <span>
 #include <vector>
 
 #include "isobrick/viewer/placed_camera.h"
@@ -12,6 +13,14 @@
 #include "isobrick/viewer/stream/surface_chunk.h"
 
 namespace isobrick {
+
+// Pixels of a picture from its lower left corner; empty if an end is not behind its begin.
+struct PixelBox {
+  int left = 0, bottom = 0, right = 0, top = 0;  // the last two are left out
+
+  bool isEmpty() const { return right <= left || top <= bottom; }
+  void include(const PixelBox& other);
+};
 
 // Points in the lattice with dot(plane, (point, 1)) >= 0 for all of these planes.
 using LatticePlanes = std::vector<glm::dvec4>;
@@ -35,6 +44,8 @@ struct SceneView {
   LatticePlanes planesOfPicture() const { return planesOfRows(0, frame.height); }
   // The same of some rows of it, from below, the last one left out.
   LatticePlanes planesOfRows(int begin, int end) const;
+  // All pixels that the convex hull of points may touch, in world units.
+  PixelBox pixelsOf(std::span<const glm::dvec3> hull) const;
 
   const SceneFrame& frame;
   DepthRange range;

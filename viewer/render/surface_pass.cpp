@@ -58,11 +58,11 @@ void SurfacePass::drawOpaque(const GlChunks& chunks, const SceneView& view) {
     if (frame.isOpaque(s)) draws_.draw(chunks, static_cast<int>(s), frame.wireframe);
 }
 
-bool SurfacePass::hasLayers(const SceneView& view) const {
-  const SceneFrame& frame = view.frame;
-  for (std::size_t s = 0; s < frame.surfaces.size(); ++s)
-    if (!frame.isOpaque(s) && draws_.has(static_cast<int>(s))) return true;
-  return false;
+PixelBox SurfacePass::layerPixels(const SceneView& view) const {
+  PixelBox pixels;
+  for (std::size_t s = 0; s < view.frame.surfaces.size(); ++s)
+    if (!view.frame.isOpaque(s)) pixels.include(draws_.pixelsOf(view, static_cast<int>(s)));
+  return pixels;
 }
 
 GlProgram& SurfacePass::layersProgram(bool wireframe) {
@@ -72,11 +72,9 @@ GlProgram& SurfacePass::layersProgram(bool wireframe) {
 }
 
 void SurfacePass::drawLayers(const GlChunks& chunks, const SceneView& view, const LayerPass& layers,
-                             const LayerPass::Rows& rows) {
+                             const PixelBox& band) {
   const SceneFrame& frame = view.frame;
-  if (rows.end - rows.begin < frame.height)
-    draws_.collect(chunks, view, view.planesOfRows(rows.begin, rows.end));
-  if (!hasLayers(view)) return;
+  if (layers.isInBands()) draws_.collect(chunks, view, view.planesOfRows(band.bottom, band.top));
   const GlProgram& program = layersProgram(frame.wireframe);
   use(program, view);
   layers.use(program);

@@ -20,11 +20,11 @@ class SurfacePass {
   // Finds what may be seen; comes first. `shadow`: that of the frame; null: there is none.
   void begin(const GlChunks& chunks, const SceneView& view, const ShadowPass* shadow);
   void drawOpaque(const GlChunks& chunks, const SceneView& view);
-  // One of those that may be seen is seen through.
-  bool hasLayers(const SceneView& view) const;
-  // The fragments of these, for LayerPass, of some rows of the picture.
+  // Where those that are seen through may be in the picture; nowhere: there are none.
+  PixelBox layerPixels(const SceneView& view) const;
+  // The fragments of these, for LayerPass, within some pixels.
   void drawLayers(const GlChunks& chunks, const SceneView& view, const LayerPass& layers,
-                  const LayerPass::Rows& rows);
+                  const PixelBox& band);
 
   // Of the frame since begin().
   const DrawCounts& counts() const { return draws_.counts(); }

@@ -335,6 +335,32 @@ TEST_F(LayerPassTest, OpaqueFramesHaveNone) {
   EXPECT_EQ(renderer_->layers().bands(), 0);
 }
 
+// The part of the picture that may have layers is found by boxes: from beside, near and within.
+TEST_F(LayerPassTest, EveryPixelThatIsCoveredHasItsLayer) {
+  frame_.transparent = true;
+  frame_.camera.orthographic = false;
+  for (int part = 0; part < 8; ++part)
+    frame_.chunks.push_back(renderer_->upload(sphereSector(1.0, 0, part, 8)));
+  for (const glm::dvec3& eye :
+       {glm::dvec3(0.0, -10.0, 0.0), glm::dvec3(1.8, -4.0, -1.5), glm::dvec3(0.4, -1.2, 0.3),
+        glm::dvec3(0.3, 0.2, -0.1), glm::dvec3(-6.0, -3.0, 0.0)}) {
+    frame_.camera.eye = eye;
+    frame_.camera.half_width = frame_.camera.half_height = 0.5;
+    frame_.surfaces = {{{1.0f, 0.0f, 0.0f}, 1.0}};
+    const Image opaque = drawn();
+    frame_.surfaces[0].opacity = 0.5;
+    const Image through = drawn();
+    int covered = 0;
+    for (std::size_t i = 0; i < opaque.alpha.size(); ++i) {
+      ASSERT_EQ(opaque.alpha[i] > 0.0f, through.alpha[i] > 0.0f) << i % kSize << " " << i / kSize;
+      covered += opaque.alpha[i] > 0.0f ? 1 : 0;
+    }
+    if (eye.x > -1.0) {
+      EXPECT_GT(covered, 100);
+    }
+  }
+}
+
 // A card without room for the lists says so, and the next frame has them again.
 TEST_F(LayerPassTest, WantOfMemoryIsSaid) {
   frame_.surfaces = {{{1.0f, 0.0f, 0.0f}, 0.5}};
