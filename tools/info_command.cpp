@@ -18,6 +18,9 @@
 #include "tools/json_output.h"
 #include "tools/line_words.h"
 #include "tools/query_options.h"
+#if ISOBRICK_WITH_VIEWER
+#include "tools/render/graphics_text.h"
+#endif
 #include "tools/shared_options.h"
 #include "tools/thread_count.h"
 #include "tools/volume_input.h"
@@ -29,6 +32,7 @@ struct InfoArguments {
   VolumeInput input;
   bool no_map = false;
   bool json = false;
+  bool graphics = false;
 };
 
 // The provenance as an object. The file may be hostile: text that is no JSON, or nested too deep,
@@ -184,6 +188,13 @@ void printInfoText(const Pyramid& pyramid, const std::string& path,
 }
 
 int runInfo(InfoArguments& arguments) {
+#if ISOBRICK_WITH_VIEWER
+  if (arguments.graphics) {
+    printGraphics(arguments.json);
+    return 0;
+  }
+#endif
+  if (arguments.input.path.empty()) throw UsageError("FILE is required");
   findPyramid(arguments.input, allCores(), std::nullopt);
   const auto file = openPyramidFile(arguments.input.pyramid, Pyramid::kDefaultBudgetBytes,
                                     fileAccess(arguments.no_map), remoteOptions(arguments.input));
@@ -210,13 +221,26 @@ int runInfo(InfoArguments& arguments) {
 Command addInfoCommand(CLI::App& app) {
   CLI::App* const sub = app.add_subcommand("info", "Say what a pyramid or a volume holds");
   const auto arguments = std::make_shared<InfoArguments>();
-  addVolumeInput(*sub, arguments->input)->required();
+  CLI::Option* const file = addVolumeInput(*sub, arguments->input);
   addVolumeOptions(*sub, arguments->input);
   addNoMapFlag(*sub, arguments->no_map);
   addJsonFlag(*sub, arguments->json);
+#if ISOBRICK_WITH_VIEWER
+  sub->add_flag("--graphics", arguments->graphics,
+                "Say what draws pictures on this machine, and its limits, in place of a FILE's "
+                "facts")
+      ->excludes(file);
+  sub->footer(R"(
+Examples:
+  isobrick info head.isb --json
+  isobrick info --graphics
+  ISOBRICK_GRAPHICS=software isobrick info --graphics    another device of those it lists)");
+#else
+  file->required();
   sub->footer(R"(
 Example:
   isobrick info head.isb --json)");
+#endif
   return {sub, [arguments] { return runInfo(*arguments); }};
 }
 

@@ -69,6 +69,7 @@ class NullRenderer : public SceneRenderer {
     kept.rows += count;
     uploaded_bytes_ += sizeof(float) * static_cast<std::uint64_t>(image.width * count);
   }
+  int greatestSlice() const override { return greatest_slice; }
   void releaseSlice(SliceId slice) override {
     if (slices_.erase(slice) == 0) throw std::logic_error("a slice that is not kept");
     released_slices_.push_back(slice);
@@ -112,6 +113,7 @@ class NullRenderer : public SceneRenderer {
 
   std::optional<double> distance;
   bool answers_late = false;  // while it is set, no distance comes
+  int greatest_slice = 16384;
   // That it takes before it wants to be asked in a later frame.
   std::uint64_t pieces_left = std::numeric_limits<std::uint64_t>::max();
 

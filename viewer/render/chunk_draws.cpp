@@ -1,6 +1,7 @@
 #include "isobrick/viewer/render/chunk_draws.h"
 
 #include <algorithm>
+#include <array>
 #include <limits>
 #include <tuple>
 #include <utility>
@@ -113,6 +114,20 @@ void ChunkDraws::add(const KeptChunk& chunk, std::uint32_t begin, std::uint32_t 
     ++calls_.back().count;
     calls_.back().indices += count;
   }
+}
+
+BufferBox ChunkDraws::pixelsOf(const SceneView& view, int surface) const {
+  BufferBox pixels;
+  for (const KeptChunk* chunk : seen_) {
+    if (chunk->surface != surface) continue;
+    std::array<glm::dvec3, 8> corners;
+    for (std::size_t i = 0; i < corners.size(); ++i)
+      corners[i] = view.frame.lattice.toWorld({((i & 1) != 0 ? chunk->upper : chunk->lower).x,
+                                               ((i & 2) != 0 ? chunk->upper : chunk->lower).y,
+                                               ((i & 4) != 0 ? chunk->upper : chunk->lower).z});
+    pixels.include(view.pixelsOf(corners));
+  }
+  return pixels;
 }
 
 void ChunkDraws::draw(const GlChunks& chunks, int surface, bool wireframe) {

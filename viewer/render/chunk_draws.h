@@ -32,6 +32,9 @@ class ChunkDraws {
   // indices itself. Adds to the counts.
   void draw(const GlChunks& chunks, int surface, bool wireframe);
 
+  // Where the surface may be seen in the picture.
+  BufferBox pixelsOf(const SceneView& view, int surface) const;
+
   const DrawCounts& counts() const { return counts_; }
   void resetCounts() { counts_ = {}; }
 

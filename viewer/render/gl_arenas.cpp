@@ -24,8 +24,9 @@ GlArenas::Place GlArenas::take(std::size_t bytes, GlDevice& device) {
   };
   for (std::size_t arena = 0; arena < arenas_.size(); ++arena)
     if (const auto place = takeFrom(arena)) return *place;
-  const std::size_t wanted =
-      std::max(units, std::clamp(this->bytes(), kLeastBytes, kMostBytes) / kUnitBytes);
+  const std::size_t wanted = std::max(
+      units,
+      device.limits().arenaBytes(std::clamp(this->bytes(), kLeastBytes, kMostBytes)) / kUnitBytes);
   // A card that is nearly full may have room for this one chunk.
   std::size_t arena = 0;
   try {
@@ -64,6 +65,13 @@ void GlArenas::give(const Place& place) {
   units_ -= units;
   free_ -= units;
   arenas_[place.arena].reset();
+}
+
+std::size_t GlArenas::greatestBytes() const {
+  std::size_t greatest = 0;
+  for (const auto& arena : arenas_)
+    if (arena) greatest = std::max(greatest, arena->runs.units() * kUnitBytes);
+  return greatest;
 }
 
 std::size_t GlArenas::count() const {

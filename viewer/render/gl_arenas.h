@@ -13,8 +13,9 @@
 namespace isobrick {
 
 // Places are multiples of a vertex, so that the first vertex of a chunk has a number in its buffer,
-// and the first index too. A buffer is as large as all before it together, from 4 to 32 MiB, or as
-// one chunk needs. One that is empty goes if the others have as much room.
+// and the first index too. A buffer is as large as all before it together, from 4 to 32 MiB
+// (less on a card with a low limit), or as one chunk needs. One that is empty goes if the others
+// have as much room.
 class GlArenas {
  public:
   static constexpr std::size_t kUnitBytes = sizeof(SurfaceVertex);
@@ -38,6 +39,8 @@ class GlArenas {
   // Of all of them, and of their free parts.
   std::size_t bytes() const { return units_ * kUnitBytes; }
   std::size_t freeBytes() const { return free_ * kUnitBytes; }
+  // Of the largest one.
+  std::size_t greatestBytes() const;
 
  private:
   struct Arena {

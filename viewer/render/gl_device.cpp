@@ -3,14 +3,26 @@
 #include <epoxy/gl.h>
 
 #include "isobrick/storage/error.h"
+#include "isobrick/viewer/render/gl_debug_output.h"
 #include "isobrick/viewer/stream/chunk_store.h"
 
 namespace isobrick {
 namespace {
 constexpr GLenum kContextLost = 0x0507;  // GL_CONTEXT_LOST
-}
 
-GlDevice::GlDevice() : name_(reinterpret_cast<const char*>(glGetString(GL_RENDERER))) {
+std::string driverWord(GLenum name) {
+  const GLubyte* const text = glGetString(name);
+  return text == nullptr ? "" : reinterpret_cast<const char*>(text);
+}
+}  // namespace
+
+GlDevice::GlDevice(const std::optional<GlLimits>& limits)
+    : name_(driverWord(GL_RENDERER)),
+      version_(driverWord(GL_VERSION)),
+      vendor_(driverWord(GL_VENDOR)),
+      limits_(limits ? *limits : GlLimits::read()) {
+  hearCurrentDriver();
+  limits_.require(name_);
   for (const char* rasteriser : {"llvmpipe", "softpipe"})  // also below Vulkan
     is_software_ = is_software_ || name_.find(rasteriser) != std::string::npos;
 }

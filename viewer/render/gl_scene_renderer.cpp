@@ -24,22 +24,34 @@ PixelBox drawnFor(const PixelBox& tile, int around, const SceneFrame& frame) {
   return {left, top, right - left, frame.height - from_below - top};
 }
 
+SceneFrame withoutEdges(SceneFrame frame) {
+  frame.wireframe = false;
+  return frame;
+}
+
 }  // namespace
 
-GlSceneRenderer::GlSceneRenderer(Uploads uploads)
-    : frame_(device_),
+GlSceneRenderer::GlSceneRenderer(Uploads uploads, const std::optional<GlLimits>& limits)
+    : device_(limits),
+      frame_(device_),
       chunks_(device_, uploads == Uploads::kStaged || !device_.isSoftware()),
       slices_(device_),
-      surfaces_(device_.isSoftware()),
+      surfaces_(device_),
+      layers_(device_),
       background_program_(makeBackgroundProgram()),
       screen_program_(makeScreenProgram()),
       empty_array_(GlVertexArray::make()) {}
 
 void GlSceneRenderer::draw(const SceneFrame& frame) {
+  if (frame.wireframe && !drawsEdges()) return draw(withoutEdges(frame));
   const SceneView view(frame);
   depth_ = view.depth;
   transparent_ = frame.transparent;
   paint(view, frame_);
+}
+
+bool GlSceneRenderer::drawsEdges() const {
+  return device_.limits().drawsEdges(chunks_.arenas().greatestBytes());
 }
 
 int GlSceneRenderer::neighbourhoodOf(const SceneFrame& frame) const {
@@ -48,6 +60,7 @@ int GlSceneRenderer::neighbourhoodOf(const SceneFrame& frame) const {
 }
 
 Image GlSceneRenderer::drawTile(const SceneFrame& frame, const PixelBox& tile, bool depth) {
+  if (frame.wireframe && !drawsEdges()) return drawTile(withoutEdges(frame), tile, depth);
   assert(tile.width > 0 && tile.height > 0 && tile.left >= 0 && tile.top >= 0);
   assert(tile.right() <= frame.width && tile.bottom() <= frame.height);
   if (!tile_) tile_.emplace(device_);
@@ -100,10 +113,8 @@ void GlSceneRenderer::paint(const SceneView& view, Buffers& buffers) {
     outlines_.draw(targets, view);
     cut(frame.clip_planes.size());
   }
-  // Translucent surfaces write depth, so opaque slices behind them come first.
-  slices_.draw(view, false);
-  surfaces_.drawTranslucent(chunks_, view);
-  if (!frame.normals) slices_.draw(view, true);
+  slices_.drawOpaque(view);
+  drawLayers(view, targets);
   cut(0);
   if (!frame.normals) {
     lines_.drawSegments(view);
@@ -121,6 +132,19 @@ void GlSceneRenderer::paint(const SceneView& view, Buffers& buffers) {
     shadow.forget();
     throw;
   }
+}
+
+// Of normals, those of the nearest surface that is not clear.
+void GlSceneRenderer::drawLayers(const SceneView& view, const GlTargets& targets) {
+  const BufferBox of_surfaces = surfaces_.layerPixels(view);
+  const BufferBox of_slices = view.frame.normals ? BufferBox{} : GlSlices::layerPixels(view);
+  BufferBox pixels = of_surfaces;
+  pixels.include(of_slices);
+  if (pixels.isEmpty()) return layers_.release();
+  layers_.draw(targets, pixels, [&](const BufferBox& band) {
+    if (!of_surfaces.isEmpty()) surfaces_.drawLayers(chunks_, view, layers_, band);
+    if (!of_slices.isEmpty()) slices_.drawLayers(view, layers_);
+  });
 }
 
 void GlSceneRenderer::drawBackground(const SceneView& view) {

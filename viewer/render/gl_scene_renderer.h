@@ -11,6 +11,7 @@
 #include "isobrick/viewer/render/gl_handle.h"
 #include "isobrick/viewer/render/gl_slices.h"
 #include "isobrick/viewer/render/gl_targets.h"
+#include "isobrick/viewer/render/layer_pass.h"
 #include "isobrick/viewer/render/line_pass.h"
 #include "isobrick/viewer/render/occlusion_pass.h"
 #include "isobrick/viewer/render/outline_pass.h"
@@ -28,8 +29,10 @@ class GlSceneRenderer : public SceneRenderer {
   // How pieces of chunks come to the card: through a ring that stays mapped, or by a copy of the
   // driver's; the copy alone is faster if the card is the processor itself.
   enum class Uploads { kAsSuits, kStaged };
-  // Throws Error if the driver refuses the shaders.
-  explicit GlSceneRenderer(Uploads uploads = Uploads::kAsSuits);
+  // With the limits of the card, or with others, which narrow what it uses of the card. Throws
+  // Error if the driver refuses the shaders, or if a limit does not suffice.
+  explicit GlSceneRenderer(Uploads uploads = Uploads::kAsSuits,
+                           const std::optional<GlLimits>& limits = std::nullopt);
 
   ChunkId reserve(const SurfaceChunk& chunk) override { return chunks_.reserve(chunk); }
   bool uploadPiece(ChunkId id, const SurfaceChunk& chunk, std::size_t begin,
@@ -44,6 +47,7 @@ class GlSceneRenderer : public SceneRenderer {
   void uploadRows(SliceId slice, const SliceImage& image, int first, int count) override {
     slices_.uploadRows(slice, image, first, count);
   }
+  int greatestSlice() const override { return device_.limits().sliceSize(); }
   void releaseSlice(SliceId slice) override { slices_.release(slice); }
   std::uint64_t bytesKept() const override { return chunks_.bytesKept() + slices_.bytesKept(); }
   void draw(const SceneFrame& frame) override;
@@ -68,6 +72,9 @@ class GlSceneRenderer : public SceneRenderer {
   int greatestSize() const override { return frame_.targets.greatestSize(); }
   const std::string& deviceName() const override { return device_.name(); }
 
+  const GlDevice& device() const { return device_; }
+  const LayerPass& layers() const { return layers_; }
+
   // Of the frame drawn last.
   const DrawCounts& counts() const { return surfaces_.counts(); }
   // The buffers of all chunks.
@@ -77,13 +84,15 @@ class GlSceneRenderer : public SceneRenderer {
   // The memory of a picture, or of a tile, and what is drawn in memory of its size.
   struct Buffers {
     explicit Buffers(GlDevice& device)
-        : targets(device), shadow(device.isSoftware()), occlusion(device.isSoftware()) {}
+        : targets(device), shadow(device), occlusion(device.isSoftware()) {}
     GlTargets targets;
     ShadowPass shadow;
     OcclusionPass occlusion;
   };
+  bool drawsEdges() const;
   void paint(const SceneView& view, Buffers& buffers);
   void drawBackground(const SceneView& view);
+  void drawLayers(const SceneView& view, const GlTargets& targets);
 
   GlDevice device_;
   Buffers frame_;
@@ -91,6 +100,7 @@ class GlSceneRenderer : public SceneRenderer {
   GlChunks chunks_;
   GlSlices slices_;
   SurfacePass surfaces_;
+  LayerPass layers_;
   OutlinePass outlines_;
   LinePass lines_;
   GlDepthReads depth_reads_;

@@ -1,11 +1,10 @@
 #include "isobrick/viewer/render/gl_slices.h"
 
 #include <algorithm>
+#include <array>
 #include <cassert>
-#include <glm/geometric.hpp>
 #include <limits>
 #include <string>
-#include <vector>
 
 #include "isobrick/viewer/render/gl_targets.h"
 #include "isobrick/viewer/render/scene_shaders.h"
@@ -13,7 +12,7 @@
 namespace isobrick {
 
 GlSlices::GlSlices(GlDevice& device)
-    : device_(device), program_(makeSliceProgram()), empty_array_(GlVertexArray::make()) {}
+    : device_(device), program_(makeSliceProgram(false)), empty_array_(GlVertexArray::make()) {}
 
 SliceId GlSlices::reserve(int width, int height) {
   Slice kept;
@@ -47,38 +46,47 @@ void GlSlices::release(SliceId slice) {
   slices_.erase(found);
 }
 
-void GlSlices::draw(const SceneView& view, bool translucent) const {
-  std::vector<SceneSlice> slices;
-  for (const SceneSlice& slice : view.frame.slices)
-    if ((slice.opacity < 1.0) == translucent) slices.push_back(slice);
-  const auto away = [&](const SceneSlice& slice) {
-    const glm::dvec3 middle = slice.corner + 0.5 * (slice.across + slice.along);
-    return glm::dot(middle - view.frame.camera.eye, view.frame.camera.forward);
-  };
-  std::stable_sort(slices.begin(), slices.end(),
-                   [&](const SceneSlice& a, const SceneSlice& b) { return away(a) > away(b); });
+void GlSlices::drawOpaque(const SceneView& view) const {
   glEnable(GL_DEPTH_TEST);
-  if (view.frame.normals) glColorMask(GL_FALSE, GL_FALSE, GL_FALSE, GL_FALSE);
-  glBlendFuncSeparate(GL_SRC_ALPHA, GL_ONE_MINUS_SRC_ALPHA, GL_ONE, GL_ONE_MINUS_SRC_ALPHA);
-  glBindVertexArray(*empty_array_);
-  (translucent ? glEnable : glDisable)(GL_BLEND);
-  glDepthMask(translucent ? GL_FALSE : GL_TRUE);
-  for (const SceneSlice& slice : slices) {
-    useProgram(program_, view, slice.cap_of);
-    setUniform(program_, "corner", view.eyePosition(slice.corner));
-    setUniform(program_, "across", glm::vec3(view.to_eye * slice.across));
-    setUniform(program_, "along", glm::vec3(view.to_eye * slice.along));
-    setUniform(program_, "window", glm::vec2(glm::dvec2(slice.black, slice.white)));
-    setUniform(program_, "least_value",
-               slice.least_value ? static_cast<float>(*slice.least_value)
-                                 : std::numeric_limits<float>::lowest());
-    setUniform(program_, "opacity", static_cast<float>(translucent ? slice.opacity : 1.0));
-    glBindTextureUnit(0, *slices_.at(slice.image).texture);
-    glDrawArrays(GL_TRIANGLE_STRIP, 0, 4);
-  }
   glDisable(GL_BLEND);
-  glDepthMask(GL_TRUE);
+  if (view.frame.normals) glColorMask(GL_FALSE, GL_FALSE, GL_FALSE, GL_FALSE);
+  for (const SceneSlice& slice : view.frame.slices)
+    if (slice.opacity >= 1.0) draw(program_, view, slice);
   glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
+}
+
+BufferBox GlSlices::layerPixels(const SceneView& view) {
+  BufferBox pixels;
+  for (const SceneSlice& slice : view.frame.slices) {
+    if (slice.opacity >= 1.0) continue;
+    const glm::dvec3 end = slice.corner + slice.across;
+    pixels.include(view.pixelsOf(
+        std::array{slice.corner, end, slice.corner + slice.along, end + slice.along}));
+  }
+  return pixels;
+}
+
+void GlSlices::drawLayers(const SceneView& view, const LayerPass& layers) {
+  if (*layers_program_ == 0) layers_program_ = makeSliceProgram(true);
+  layers.use(layers_program_);
+  for (const SceneSlice& slice : view.frame.slices)
+    if (slice.opacity < 1.0) draw(layers_program_, view, slice);
+}
+
+void GlSlices::draw(const GlProgram& program, const SceneView& view,
+                    const SceneSlice& slice) const {
+  useProgram(program, view, slice.cap_of);
+  setUniform(program, "corner", view.eyePosition(slice.corner));
+  setUniform(program, "across", glm::vec3(view.to_eye * slice.across));
+  setUniform(program, "along", glm::vec3(view.to_eye * slice.along));
+  setUniform(program, "window", glm::vec2(glm::dvec2(slice.black, slice.white)));
+  setUniform(program, "least_value",
+             slice.least_value ? static_cast<float>(*slice.least_value)
+                               : std::numeric_limits<float>::lowest());
+  setUniform(program, "opacity", static_cast<float>(slice.opacity));
+  glBindTextureUnit(0, *slices_.at(slice.image).texture);
+  glBindVertexArray(*empty_array_);
+  glDrawArrays(GL_TRIANGLE_STRIP, 0, 4);
 }
 
 }  // namespace isobrick

@@ -6,6 +6,7 @@
 
 #include "isobrick/viewer/render/gl_device.h"
 #include "isobrick/viewer/render/gl_handle.h"
+#include "isobrick/viewer/render/layer_pass.h"
 #include "isobrick/viewer/render/scene_view.h"
 #include "isobrick/viewer/stream/slice_image.h"
 
@@ -21,17 +22,22 @@ class GlSlices {
   void release(SliceId slice);
   std::uint64_t bytesKept() const { return bytes_kept_; }
 
-  // Those of the frame that are opaque, or those that are not; the farthest first. Opaque ones only
-  // hide the normals of surfaces.
-  void draw(const SceneView& view, bool translucent) const;
+  // Those of the frame that are opaque. They only hide the normals of surfaces.
+  void drawOpaque(const SceneView& view) const;
+  // Where those that are seen through may be in the picture; nowhere: there are none.
+  static BufferBox layerPixels(const SceneView& view);
+  // The fragments of these, for LayerPass.
+  void drawLayers(const SceneView& view, const LayerPass& layers);
 
  private:
   struct Slice {
     GlTexture texture;
     std::uint64_t bytes = 0;
   };
+  void draw(const GlProgram& program, const SceneView& view, const SceneSlice& slice) const;
+
   GlDevice& device_;
-  GlProgram program_;
+  GlProgram program_, layers_program_;  // the latter made when it is first needed
   GlVertexArray empty_array_;
   std::unordered_map<SliceId, Slice> slices_;
   SliceId last_ = 0;

@@ -1,7 +1,5 @@
 #include "isobrick/viewer/render/gl_targets.h"
 
-#include <algorithm>
-#include <array>
 #include <limits>
 #include <string>
 
@@ -15,15 +13,8 @@ GlTexture makeTexture(GLenum format, int width, int height) {
   return texture;
 }
 
-GlTargets::GlTargets(GlDevice& device) : device_(device) {
-  GLint renderbuffer_size = 0, most_samples = 1;
-  std::array<GLint, 2> viewport_size{};
-  glGetIntegerv(GL_MAX_RENDERBUFFER_SIZE, &renderbuffer_size);
-  glGetIntegerv(GL_MAX_VIEWPORT_DIMS, viewport_size.data());
-  glGetIntegerv(GL_MAX_SAMPLES, &most_samples);
-  greatest_size_ = std::min({renderbuffer_size, viewport_size[0], viewport_size[1]});
-  samples_ = std::min(4, most_samples);
-}
+GlTargets::GlTargets(GlDevice& device)
+    : device_(device), samples_(device.limits().pictureSamples()) {}
 
 void GlTargets::resize(int width, int height) {
   if (width == width_ && height == height_) return;

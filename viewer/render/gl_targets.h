@@ -25,7 +25,7 @@ class GlTargets {
   void resize(int width, int height);
   int width() const { return width_; }
   int height() const { return height_; }
-  int greatestSize() const { return greatest_size_; }
+  int greatestSize() const { return device_.limits().pictureSize(); }
   int samples() const { return samples_; }
 
   GLuint sampledFrame() const { return *sampled_frame_; }
@@ -51,7 +51,6 @@ class GlTargets {
                 std::vector<float>& values) const;
 
   GlDevice& device_;
-  int greatest_size_ = 0;
   int samples_ = 1;
   int width_ = 0, height_ = 0;
   GlRenderbuffer sampled_color_, sampled_depth_;

@@ -33,7 +33,6 @@ struct SceneSlice {
 struct SurfaceLook {
   glm::vec3 color{0.90f, 0.86f, 0.79f};  // sRGB
   double opacity = 1.0;
-  double order = 0.0;  // of translucent ones, ascending: an inner one comes first
 
   bool operator==(const SurfaceLook&) const = default;
 };

@@ -12,6 +12,7 @@ namespace {
 
 constexpr char kVersion[] = "#version 450 core\n";
 constexpr char kWithWireframe[] = "#define WIREFRAME\n";
+constexpr char kAsLayers[] = "#define AS_LAYERS\n";
 
 // Eye coordinates: the eye at the origin, +x right, +y up, -z ahead. All light is linear.
 constexpr char kProjection[] = R"(
@@ -38,6 +39,48 @@ void project(vec3 place) {
   gl_Position.zw = vec2(projection.z * place.z + projection.w, w);
   for (int i = 0; i < 6; ++i)
     gl_ClipDistance[i] = i < clip_count ? dot(clip_planes[i].xyz, place) + clip_planes[i].w : 1.0;
+}
+)";
+
+// For fragments that go into lists (LayerPass) instead of into the picture. A layer is 6 words:
+// the next one of the pixel and 5 bits, depth in the middle of the pixel, its steps to the next
+// pixel in x and in y, colour and opacity as half floats.
+constexpr char kLayerLists[] = R"(
+layout(std430, binding = 1) buffer Heads { uint heads[]; };
+layout(std430, binding = 2) buffer Layers {
+  uint layer_count;
+  uint padding;
+  uint layers[];
+};
+uniform int list_left;
+uniform int list_bottom;
+uniform int list_width;
+uniform uint list_capacity;
+const uint kMeasuredBit = 16u;  // it has a depth for those who ask; the bits below it are samples
+const float kLeastOpacity = 1.0 / 512.0;
+
+uint headOfPixel() {
+  ivec2 pixel = ivec2(gl_FragCoord.xy);
+  return uint((pixel.y - list_bottom) * list_width + pixel.x - list_left);
+}
+)";
+
+constexpr char kKeepLayer[] = R"(
+layout(early_fragment_tests) in;
+
+void keepLayer(vec4 light, float opacity, bool is_measured) {
+  vec3 plane = vec3(gl_FragCoord.z, dFdx(gl_FragCoord.z), dFdy(gl_FragCoord.z));
+  if (gl_HelperInvocation || !(opacity >= kLeastOpacity)) return;
+  uint layer = atomicAdd(layer_count, 1u);
+  if (layer >= list_capacity) return;
+  uint bits = (uint(gl_SampleMaskIn[0]) & 15u) | (is_measured ? kMeasuredBit : 0u);
+  uint at = 6u * layer;
+  layers[at + 1u] = floatBitsToUint(plane.x);
+  layers[at + 2u] = floatBitsToUint(plane.y);
+  layers[at + 3u] = floatBitsToUint(plane.z);
+  layers[at + 4u] = packHalf2x16(light.rg);
+  layers[at + 5u] = packHalf2x16(light.ba);
+  layers[at] = (atomicExchange(heads[headOfPixel()], layer + 1u) << 5) | bits;
 }
 )";
 
@@ -114,7 +157,9 @@ uniform bool by_plane;
 uniform vec4 value_plane;
 uniform bool by_component;
 uniform vec3 component_colors[7];
+#ifndef AS_LAYERS
 out vec4 color;
+#endif
 
 uniform vec3 key_direction;
 const vec3 kSkyLight = vec3(0.20, 0.22, 0.25);
@@ -163,14 +208,12 @@ float edgeCoverage() {
 }
 #endif
 
-void main() {
+// Light, and opacity.
+vec4 shade() {
   vec3 to_eye = orthographic ? vec3(0.0, 0.0, 1.0) : normalize(-eye_position);
   float length_of_normal = length(eye_normal);
   vec3 normal = length_of_normal > 1e-6 ? eye_normal / length_of_normal : to_eye;
-  if (as_normals) {
-    color = vec4(transpose(world_to_eye) * normal, 1.0);
-    return;
-  }
+  if (as_normals) return vec4(transpose(world_to_eye) * normal, 1.0);
   // Back faces are lit as seen, whichever way their normals point; front faces with inward normals
   // stay dark, and are found out.
   if (!gl_FrontFacing && dot(normal, to_eye) < 0.0) normal = -normal;
@@ -193,7 +236,15 @@ void main() {
 #ifdef WIREFRAME
   shaded = mix(shaded, 0.10 * surface, 0.85 * edgeCoverage());
 #endif
-  color = vec4(shaded, front.a);
+  return vec4(shaded, front.a);
+}
+
+void main() {
+#ifdef AS_LAYERS
+  keepLayer(shade(), frontColor().a, true);
+#else
+  color = shade();
+#endif
 }
 )";
 
@@ -267,14 +318,22 @@ layout(binding = 0) uniform sampler2D values;
 uniform vec2 window;
 uniform float least_value;
 uniform float opacity;
+#ifndef AS_LAYERS
 out vec4 color;
+#endif
 
 void main() {
   vec2 size = vec2(textureSize(values, 0));
   float value = texture(values, (place * (size - 1.0) + 0.5) / size).r;
-  if (!(value >= least_value)) discard;  // nor where there is no value
+  bool is_shown = value >= least_value;  // nor where there is no value
   float grey = clamp((value - window.x) / max(window.y - window.x, 1e-30), 0.0, 1.0);
-  color = vec4(pow(vec3(grey), vec3(2.0, 2.1, 2.3)), opacity);  // warm, unlike every surface
+  vec4 shown = vec4(pow(vec3(grey), vec3(2.0, 2.1, 2.3)), opacity);  // warm, unlike every surface
+#ifdef AS_LAYERS
+  keepLayer(shown, is_shown ? opacity : 0.0, false);
+#else
+  if (!is_shown) discard;
+  color = shown;
+#endif
 }
 )";
 
@@ -476,11 +535,92 @@ void main() {
 }
 )";
 
-using Sources = std::array<const char*, 4>;
+// Fragments of a sample from front to back, four with every walk through the list. Those of one
+// depth are in the order of their colours, so that the picture does not depend on the order in
+// which they came. Branches cost as much as both their sides on a processor, so there are few
+// loads.
+constexpr char kLayersFragmentShader[] = R"(
+layout(binding = 0) uniform sampler2DMS depths;  // of what is opaque
+uniform vec2 sample_places[4];                   // from the middle of a pixel
+out vec4 light;                                  // premultiplied
+
+struct Layer {
+  float depth;
+  uint key;     // of its colour
+  uint number;  // 0: none
+};
+
+bool isBehind(Layer a, Layer b) {
+  return a.depth < b.depth ||
+         (a.depth == b.depth && (a.key < b.key || (a.key == b.key && a.number < b.number)));
+}
+
+void sortTwo(inout Layer front, inout Layer back) {
+  if (isBehind(front, back)) {
+    Layer nearer = back;
+    back = front;
+    front = nearer;
+  }
+}
+
+const float kLeastThrough = 1.0 / 1024.0;
+float through = 1.0, front = 0.0;
+vec3 sum = vec3(0.0);
+
+void add(Layer layer) {
+  if (layer.number == 0u || through <= kLeastThrough) return;
+  uint at = 6u * (layer.number - 1u);
+  vec4 color = vec4(unpackHalf2x16(layers[at + 4u]), unpackHalf2x16(layers[at + 5u]));
+  sum += through * color.a * color.rgb;
+  through *= 1.0 - color.a;
+  if (front == 0.0 && (layers[at] & kMeasuredBit) != 0u) front = layer.depth;
+}
+
+void main() {
+  uint head = heads[headOfPixel()];
+  if (head == 0u) discard;
+  float opaque = texelFetch(depths, ivec2(gl_FragCoord.xy), gl_SampleID).r;
+  vec2 place = sample_places[gl_SampleID];
+  uint sample_bit = 1u << uint(gl_SampleID);
+  Layer none = Layer(opaque, 0u, 0u);
+  Layer last = Layer(2.0, 0u, 0u);  // before everything
+  bool has_more = head != 0u;
+  while (has_more && through > kLeastThrough) {
+    Layer a = none, b = none, c = none, d = none;
+    for (uint number = head; number != 0u;) {
+      uint at = 6u * (number - 1u);
+      uint word = layers[at];
+      vec3 plane = uintBitsToFloat(uvec3(layers[at + 1u], layers[at + 2u], layers[at + 3u]));
+      Layer layer = Layer(plane.x + dot(plane.yz, place),
+                          layers[at + 4u] * 2654435761u + layers[at + 5u], number);
+      if ((word & sample_bit) != 0u && layer.depth > opaque && isBehind(layer, last) &&
+          isBehind(d, layer)) {
+        d = layer;
+        sortTwo(c, d);
+        sortTwo(b, c);
+        sortTwo(a, b);
+      }
+      number = word >> 5;
+    }
+    add(a);
+    add(b);
+    add(c);
+    add(d);
+    last = d;
+    has_more = d.number != 0u;
+  }
+  if (through == 1.0) discard;
+  light = vec4(sum, 1.0 - through);
+  gl_FragDepth = max(opaque, front);
+}
+)";
+
+using Sources = std::array<const char*, 6>;
 
 GLuint compileShader(GLenum stage, const Sources& sources) {
   const GLuint shader = glCreateShader(stage);
-  glShaderSource(shader, static_cast<GLsizei>(sources.size()), sources.data(), nullptr);
+  const auto end = std::find(sources.begin(), sources.end(), nullptr);
+  glShaderSource(shader, static_cast<GLsizei>(end - sources.begin()), sources.data(), nullptr);
   glCompileShader(shader);
   return shader;
 }
@@ -506,21 +646,32 @@ GlProgram linkProgram(const Sources& vertex_sources, const Sources& fragment_sou
   return program;
 }
 
+// A fragment shader that draws, or one that keeps layers.
+Sources withFragments(bool as_layers, const char* define, const char* shader) {
+  if (!as_layers) return {kVersion, define, shader};
+  return {kVersion, define, kAsLayers, kLayerLists, kKeepLayer, shader};
+}
+
 GLint place(const GlProgram& program, const char* name) {
   return glGetUniformLocation(*program, name);
 }
 
 }  // namespace
 
-GlProgram makeSurfaceProgram(bool wireframe) {
+GlProgram makeSurfaceProgram(bool wireframe, bool as_layers) {
   const char* const define = wireframe ? kWithWireframe : "";
   return linkProgram({kVersion, define, kProjection, kSurfaceVertexShader},
-                     {kVersion, define, "", kSurfaceFragmentShader});
+                     withFragments(as_layers, define, kSurfaceFragmentShader));
 }
 
 GlProgram makeDepthProgram() {
   return linkProgram({kVersion, "", kProjection, kSurfaceVertexShader},
                      {kVersion, "", "", kDepthFragmentShader});
+}
+
+GlProgram makeLayersProgram() {
+  return linkProgram({kVersion, kBackgroundVertexShader},
+                     {kVersion, kLayerLists, kLayersFragmentShader});
 }
 
 GlProgram makeOutlineProgram() {
@@ -541,9 +692,9 @@ GlProgram makeLineProgram() {
                      {kVersion, "", "", kLineFragmentShader});
 }
 
-GlProgram makeSliceProgram() {
+GlProgram makeSliceProgram(bool as_layers) {
   return linkProgram({kVersion, "", kProjection, kSliceVertexShader},
-                     {kVersion, "", "", kSliceFragmentShader});
+                     withFragments(as_layers, "", kSliceFragmentShader));
 }
 
 GlProgram makeSphereProgram() {

@@ -30,7 +30,10 @@ namespace isobrick {
 // bool by_component, and if so vec3 component_colors[7], which values are the places of;
 // vec3 key_direction; bool in_shadow, and if so mat3 shadow_rotation, vec3 shadow_offset, vec4
 // shadow_projection, float shadow_texel (ShadowView), sampler2DShadow at unit 3.
-GlProgram makeSurfaceProgram(bool wireframe);
+//
+// `as_layers`: the fragments go into lists instead of into the picture, for makeLayersProgram();
+// that takes the buffers of it, and its uniforms of the lists.
+GlProgram makeSurfaceProgram(bool wireframe, bool as_layers);
 
 // The depths of surfaces alone, without colours. Attributes and uniforms of places as above.
 GlProgram makeDepthProgram();
@@ -47,6 +50,15 @@ GlProgram makeOutlineProgram();
 // Uniforms: vec3 top, bottom; float first_row (of those drawn, from below), picture_height.
 GlProgram makeBackgroundProgram();
 
+// What is seen through, over what is opaque: the layers of each sample from front to back, to be
+// blended as premultiplied colours. Writes the depth of the nearest surface. Draw 3 vertices.
+// Buffers: at binding 1 a word for each pixel of the rows, the number of its last layer (0: none);
+// at binding 2 kLayerHeadBytes, of which the first word counts the layers, then kLayerBytes each.
+// Uniforms: int list_left, list_bottom, list_width (pixels); uint list_capacity (layers);
+// sampler2DMS depths at unit 0, of what is opaque; vec2 sample_places[4] (from a pixel's middle).
+GlProgram makeLayersProgram();
+constexpr GLsizeiptr kLayerHeadBytes = 8, kLayerBytes = 24;
+
 // Anti-aliased lines with a dark casing, to be blended as premultiplied colours. A line is drawn as
 // triangles that reach kLineReach pixels past its half width.
 // Attribute: 0 vec4, x and y in the viewport's coordinates (-1 .. 1), z in pixels from the middle,
@@ -57,8 +69,9 @@ constexpr double kLineReach = 2.0;
 // A parallelogram of values, as grey from black to white. Draw 4 vertices as a strip.
 // Uniforms: vec3 corner, across, along (eye coordinates); vec4 projection; bool orthographic;
 // vec4 clip_planes[6]; int clip_count; sampler2D values at unit 0; vec2 window (black, white);
-// float least_value (below it nothing is drawn).
-GlProgram makeSliceProgram();
+// float least_value (below it nothing is drawn), opacity. `as_layers`: as of surfaces; a slice has
+// no depth there.
+GlProgram makeSliceProgram(bool as_layers);
 
 // A translucent sphere, to be blended as premultiplied colours. Draw kSphereVertices vertices
 // without attributes. Uniforms: vec3 center (eye coordinates); float radius; vec4 projection; bool

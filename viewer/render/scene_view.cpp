@@ -5,6 +5,8 @@
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
 #include <glm/matrix.hpp>
+#include <glm/vec2.hpp>
+#include <limits>
 #include <string>
 
 #include "isobrick/viewer/image.h"
@@ -77,7 +79,7 @@ void SceneView::useViewport() const {
              2 * half_port);
 }
 
-LatticePlanes SceneView::planesDrawn() const {
+LatticePlanes SceneView::planesOfRows(int begin, int end) const {
   const PlacedCamera& camera = frame.camera;
   LatticePlanes planes;
   for (const SceneClipPlane& plane : frame.clip_planes) planes.push_back(inLattice(plane));
@@ -89,15 +91,52 @@ LatticePlanes SceneView::planesDrawn() const {
   };
   // A pixel more, as places are rounded.
   const glm::dvec2 size(frame.width, frame.height), half(camera.half_width, camera.half_height);
-  const glm::dvec2 first(firstPixel());
+  const glm::dvec2 first = firstPixel() + glm::ivec2(0, begin);
   const glm::dvec2 lower = half * (2.0 * (first - 1.0) / size - 1.0);
   const glm::dvec2 upper =
-      half * (2.0 * (first + glm::dvec2(drawn.width, drawn.height) + 1.0) / size - 1.0);
+      half * (2.0 * (first + glm::dvec2(drawn.width, end - begin) + 1.0) / size - 1.0);
   addSide(camera.right, upper.x);
   addSide(-camera.right, -lower.x);
   addSide(camera.up, upper.y);
   addSide(-camera.up, -lower.y);
   return planes;
+}
+
+void BufferBox::include(const BufferBox& other) {
+  if (other.isEmpty()) return;
+  if (isEmpty()) {
+    *this = other;
+    return;
+  }
+  left = std::min(left, other.left);
+  bottom = std::min(bottom, other.bottom);
+  right = std::max(right, other.right);
+  top = std::max(top, other.top);
+}
+
+BufferBox SceneView::pixelsOf(std::span<const glm::dvec3> hull) const {
+  constexpr double kMargin = 1.0;  // shaders round
+  const PlacedCamera& camera = frame.camera;
+  glm::dvec2 lower(std::numeric_limits<double>::infinity()), upper = -lower;
+  for (const glm::dvec3& point : hull) {
+    const glm::dvec3 arm = point - camera.eye;
+    const double distance = camera.orthographic ? 1.0 : glm::dot(arm, camera.forward);
+    // Beside or behind the eye a point is anywhere.
+    if (!(distance > 1e-6 * range.far)) return {0, 0, drawn.width, drawn.height};
+    const glm::dvec2 place = glm::dvec2(glm::dot(arm, camera.right) / camera.half_width,
+                                        glm::dot(arm, camera.up) / camera.half_height) /
+                             distance;
+    lower = glm::min(lower, place);
+    upper = glm::max(upper, place);
+  }
+  const glm::dvec2 size(frame.width, frame.height), first(firstPixel());
+  const glm::dvec2 begin = 0.5 * (lower + 1.0) * size - first - kMargin;
+  const glm::dvec2 end = 0.5 * (upper + 1.0) * size - first + 1.0 + kMargin;
+  const auto pixel = [](double place, int most) {
+    return static_cast<int>(std::clamp(place, 0.0, static_cast<double>(most)));
+  };
+  return {pixel(begin.x, drawn.width), pixel(begin.y, drawn.height), pixel(end.x, drawn.width),
+          pixel(end.y, drawn.height)};
 }
 
 void useProgram(const GlProgram& program, const SceneView& view, int uncut_plane) {

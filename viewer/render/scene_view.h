@@ -13,6 +13,7 @@
 #include <glm/vec2.hpp>
 #include <glm/vec3.hpp>
 #include <glm/vec4.hpp>
+#include <span>
 #include <vector>
 
 #include "isobrick/viewer/pixel_box.h"
@@ -22,6 +23,14 @@
 #include "isobrick/viewer/stream/surface_chunk.h"
 
 namespace isobrick {
+
+// Pixels of the frame buffer from its lower left corner; empty if an end is not behind its begin.
+struct BufferBox {
+  int left = 0, bottom = 0, right = 0, top = 0;  // the last two are left out
+
+  bool isEmpty() const { return right <= left || top <= bottom; }
+  void include(const BufferBox& other);
+};
 
 // Points in the lattice with dot(plane, (point, 1)) >= 0 for all of these planes.
 using LatticePlanes = std::vector<glm::dvec4>;
@@ -44,7 +53,11 @@ struct SceneView {
   // In the lattice: dot(normal, world) - offset.
   glm::dvec4 inLattice(const SceneClipPlane& plane) const;
   // The sides of what is drawn, and the clip planes.
-  LatticePlanes planesDrawn() const;
+  LatticePlanes planesDrawn() const { return planesOfRows(0, drawn.height); }
+  // The same of some rows of what is drawn, from below, the last one left out.
+  LatticePlanes planesOfRows(int begin, int end) const;
+  // All that is drawn and that the convex hull of points, in world units, may touch.
+  BufferBox pixelsOf(std::span<const glm::dvec3> hull) const;
   // In the coordinates of the viewport that useViewport() sets: a place in pixels from the middle
   // of the picture, to the right and up, as a card keeps it.
   glm::dvec2 inPort(const glm::dvec2& pixel) const;

@@ -30,14 +30,15 @@ PlacedCamera lightCamera(const SceneView& view) {
 
 }  // namespace
 
-ShadowPass::ShadowPass(bool is_software) : depths_(is_software) {}
+ShadowPass::ShadowPass(const GlDevice& device) : device_(device), depths_(device.isSoftware()) {}
 
 void ShadowPass::draw(const GlChunks& chunks, const SceneView& view) {
   const SceneFrame& frame = view.frame;
   if (drawn_ == frame) return;
   drawn_.reset();
   // As fine as the picture itself.
-  const int size = std::clamp(2 * std::max(frame.width, frame.height), 512, kMostPixels);
+  const int size = device_.limits().shadowSize(
+      std::clamp(2 * std::max(frame.width, frame.height), 512, kMostPixels));
   SceneFrame lit = frame;
   lit.camera = lightCamera(view);
   lit.width = lit.height = size;

@@ -8,6 +8,7 @@
 
 #include "isobrick/viewer/render/depth_pass.h"
 #include "isobrick/viewer/render/gl_chunks.h"
+#include "isobrick/viewer/render/gl_device.h"
 #include "isobrick/viewer/render/scene_view.h"
 
 namespace isobrick {
@@ -25,7 +26,7 @@ struct ShadowView {
 class ShadowPass {
  public:
   // Throws Error if the driver refuses the shader.
-  explicit ShadowPass(bool is_software);
+  explicit ShadowPass(const GlDevice& device);
 
   // Draws the depths of the frame's opaque surfaces, unless they are still those of this very
   // frame: all tiles of a picture have the same. Binds another frame buffer.
@@ -38,6 +39,7 @@ class ShadowPass {
   GLuint depths() const { return depths_.depths(); }
 
  private:
+  const GlDevice& device_;
   DepthPass depths_;
   ShadowView seen_;
   std::optional<SceneFrame> drawn_;

@@ -1,6 +1,5 @@
 #include "isobrick/viewer/render/surface_pass.h"
 
-#include <algorithm>
 #include <glm/vec2.hpp>
 #include <string>
 #include <vector>
@@ -9,10 +8,10 @@
 
 namespace isobrick {
 
-SurfacePass::SurfacePass(bool is_software)
-    : program_(makeSurfaceProgram(false)),
-      wire_program_(makeSurfaceProgram(true)),
-      draws_(is_software) {}
+SurfacePass::SurfacePass(const GlDevice& device)
+    : program_(makeSurfaceProgram(false, false)), draws_(device.isSoftware()) {
+  if (device.limits().drawsEdges(0)) wire_program_ = makeSurfaceProgram(true, false);
+}
 
 void SurfacePass::begin(const GlChunks& chunks, const SceneView& view, const ShadowPass* shadow) {
   shadow_ = shadow;
@@ -20,9 +19,8 @@ void SurfacePass::begin(const GlChunks& chunks, const SceneView& view, const Sha
   draws_.collect(chunks, view, view.planesDrawn());
 }
 
-void SurfacePass::use(const SceneView& view) const {
+void SurfacePass::use(const GlProgram& program, const SceneView& view) const {
   const SceneFrame& frame = view.frame;
-  const GlProgram& program = frame.wireframe ? wire_program_ : program_;
   useProgram(program, view);
   setUniform(program, "lattice_to_eye", glm::mat3(view.to_eye * frame.lattice.matrix));
   setUniform(program, "world_to_eye", glm::mat3(view.to_eye));
@@ -63,35 +61,33 @@ void SurfacePass::use(const SceneView& view) const {
 void SurfacePass::drawOpaque(const GlChunks& chunks, const SceneView& view) {
   const SceneFrame& frame = view.frame;
   if (frame.chunks.empty()) return;
-  use(view);
+  use(frame.wireframe ? wire_program_ : program_, view);
   for (std::size_t s = 0; s < frame.surfaces.size(); ++s)
     if (frame.isOpaque(s)) draws_.draw(chunks, static_cast<int>(s), frame.wireframe);
 }
 
-// Only the nearest part of one is seen, so its depth goes first.
-void SurfacePass::drawTranslucent(const GlChunks& chunks, const SceneView& view) {
+BufferBox SurfacePass::layerPixels(const SceneView& view) const {
+  BufferBox pixels;
+  for (std::size_t s = 0; s < view.frame.surfaces.size(); ++s)
+    if (!view.frame.isOpaque(s)) pixels.include(draws_.pixelsOf(view, static_cast<int>(s)));
+  return pixels;
+}
+
+GlProgram& SurfacePass::layersProgram(bool wireframe) {
+  GlProgram& program = wireframe ? wire_layers_program_ : layers_program_;
+  if (*program == 0) program = makeSurfaceProgram(wireframe, true);
+  return program;
+}
+
+void SurfacePass::drawLayers(const GlChunks& chunks, const SceneView& view, const LayerPass& layers,
+                             const BufferBox& band) {
   const SceneFrame& frame = view.frame;
-  std::vector<int> translucent;
+  if (layers.isInBands()) draws_.collect(chunks, view, view.planesOfRows(band.bottom, band.top));
+  const GlProgram& program = layersProgram(frame.wireframe);
+  use(program, view);
+  layers.use(program);
   for (std::size_t s = 0; s < frame.surfaces.size(); ++s)
-    if (frame.surfaces[s].opacity > 0.0 && !frame.isOpaque(s))
-      translucent.push_back(static_cast<int>(s));
-  if (translucent.empty() || frame.chunks.empty()) return;
-  use(view);
-  std::stable_sort(translucent.begin(), translucent.end(), [&](int a, int b) {
-    return frame.surfaces[static_cast<std::size_t>(a)].order <
-           frame.surfaces[static_cast<std::size_t>(b)].order;
-  });
-  for (const int surface : translucent) {
-    glColorMask(GL_FALSE, GL_FALSE, GL_FALSE, GL_FALSE);
-    draws_.draw(chunks, surface, frame.wireframe);
-    glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
-    glDepthFunc(GL_EQUAL);
-    if (!frame.normals) glEnable(GL_BLEND);
-    glBlendFuncSeparate(GL_SRC_ALPHA, GL_ONE_MINUS_SRC_ALPHA, GL_ONE, GL_ONE_MINUS_SRC_ALPHA);
-    draws_.draw(chunks, surface, frame.wireframe);
-    glDisable(GL_BLEND);
-    glDepthFunc(GL_GREATER);
-  }
+    if (!frame.isOpaque(s)) draws_.draw(chunks, static_cast<int>(s), frame.wireframe);
 }
 
 }  // namespace isobrick

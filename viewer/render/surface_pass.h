@@ -3,7 +3,9 @@
 
 #include "isobrick/viewer/render/chunk_draws.h"
 #include "isobrick/viewer/render/gl_chunks.h"
+#include "isobrick/viewer/render/gl_device.h"
 #include "isobrick/viewer/render/gl_handle.h"
+#include "isobrick/viewer/render/layer_pass.h"
 #include "isobrick/viewer/render/scene_view.h"
 #include "isobrick/viewer/render/shadow_pass.h"
 
@@ -13,20 +15,26 @@ namespace isobrick {
 class SurfacePass {
  public:
   // Throws Error if the driver refuses the shaders.
-  explicit SurfacePass(bool is_software);
+  explicit SurfacePass(const GlDevice& device);
 
   // Finds what may be seen; comes first. `shadow`: that of the frame; null: there is none.
   void begin(const GlChunks& chunks, const SceneView& view, const ShadowPass* shadow);
   void drawOpaque(const GlChunks& chunks, const SceneView& view);
-  void drawTranslucent(const GlChunks& chunks, const SceneView& view);
+  // Where those that are seen through may be in the picture; nowhere: there are none.
+  BufferBox layerPixels(const SceneView& view) const;
+  // The fragments of these, for LayerPass, within some pixels.
+  void drawLayers(const GlChunks& chunks, const SceneView& view, const LayerPass& layers,
+                  const BufferBox& band);
 
   // Of the frame since begin().
   const DrawCounts& counts() const { return draws_.counts(); }
 
  private:
-  void use(const SceneView& view) const;
+  void use(const GlProgram& program, const SceneView& view) const;
+  GlProgram& layersProgram(bool wireframe);
 
-  GlProgram program_, wire_program_;
+  GlProgram program_, wire_program_;                // none, if the card draws no edges
+  GlProgram layers_program_, wire_layers_program_;  // made when they are first needed
   ChunkDraws draws_;
   const ShadowPass* shadow_ = nullptr;  // of this frame
 };

@@ -30,6 +30,8 @@ PlaneSet::PlaneSet(std::shared_ptr<const Pyramid> pyramid, double step)
 void PlaneSet::update(SliceStore& store, const std::vector<WantedPlane>& wanted,
                       UploadAllowance& allowance) {
   wanted_ = wanted;
+  for (WantedPlane& plane : wanted_)
+    plane.most_values = std::min(plane.most_values, store.greatestSlice());
   dropOthers(store);
   if (auto outcome = worker_.poll()) {
     under_way_.reset();

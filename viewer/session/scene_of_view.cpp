@@ -53,8 +53,7 @@ SceneFrame sceneOf(const ViewState& state, const ViewVolume& volume, int width, 
   frame.surfaces.clear();
   for (const ViewSurface& surface : state.surfaces) {
     // The surface of a greater value lies within that of a smaller one.
-    frame.surfaces.push_back(
-        {surface.color, surface.visible ? surface.opacity : 0.0, -surface.isovalue});
+    frame.surfaces.push_back({surface.color, surface.visible ? surface.opacity : 0.0});
   }
   frame.color_by_level = state.coloring == ViewColoring::kLevel;
   frame.color_map = state.values.map;

@@ -22,6 +22,8 @@ class SliceStore {
   // Copies `count` rows from `first` on of the image that the slice was reserved for.
   virtual void uploadRows(SliceId slice, const SliceImage& image, int first, int count) = 0;
   virtual void releaseSlice(SliceId slice) = 0;
+  // The most values to a side that a slice can have.
+  virtual int greatestSlice() const = 0;
   // All of a slice at once.
   SliceId uploadSlice(const SliceImage& image) {
     const SliceId id = reserveSlice(image.width, image.height);

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "isobrick/storage/error.h"
+#include "isobrick/viewer/render/gl_debug_output.h"
 #include "isobrick/viewer/state/interaction.h"
 #define GLFW_INCLUDE_NONE
 #include <GLFW/glfw3.h>
@@ -152,6 +153,7 @@ void GlWindow::open(int width, int height) {
   glfwWindowHint(GLFW_CONTEXT_VERSION_MINOR, 5);
   glfwWindowHint(GLFW_OPENGL_PROFILE, GLFW_OPENGL_CORE_PROFILE);
   glfwWindowHint(GLFW_CONTEXT_ROBUSTNESS, GLFW_LOSE_CONTEXT_ON_RESET);  // and reports it
+  glfwWindowHint(GLFW_OPENGL_DEBUG_CONTEXT, driversAreHeard() ? GLFW_TRUE : GLFW_FALSE);
   glfwWindowHint(GLFW_DEPTH_BITS, 0);  // frames have buffers of their own
   glfwWindowHint(GLFW_STENCIL_BITS, 0);
   window_ = glfwCreateWindow(width, height, title_.c_str(), nullptr, nullptr);

@@ -9,6 +9,7 @@
 #include "isobrick/storage/error.h"
 #include "isobrick/viewer/egl_context.h"
 #include "isobrick/viewer/render/gl_scene_renderer.h"
+#include "tests/support/driver_complaints.h"
 #include "tests/support/driver_faults.h"
 #include "tests/support/requirement.h"
 
@@ -387,7 +388,6 @@ TEST_F(SceneRendererTest, OpacityFollowsTheValues) {
   const glm::vec3 opaque_left = seen(16, 32), opaque_right = seen(47, 32);
   EXPECT_FALSE(isBlue(opaque_left));
   frame_.value_opacity = {0.0, 1.0};
-  frame_.surfaces[1].order = -1.0;  // it lies behind
   EXPECT_TRUE(isBlue(seen(10, 32)));
   EXPECT_NEAR(seen(47, 32).r, 0.79f * opaque_right.r, 0.02f);  // at 0.79 of the square
   frame_.value_opacity = {1.0, 1.0};
@@ -524,6 +524,7 @@ TEST_F(SceneRendererTest, NormalsAndDistancesAreThoseOfTheSurface) {
 
 // An error that a panel left behind is none of the surface's.
 TEST_F(SceneRendererTest, AStaleErrorIsNoWantOfMemory) {
+  const test::ExpectedComplaints complaints;
   glEnable(GL_TRIANGLES);  // no capability
   const ChunkId square = renderer_->upload(squareAt(0.0, 1.0, 0));
   frame_.chunks = {square};
@@ -544,6 +545,7 @@ TEST_F(SceneRendererTest, FaultsOfTheDriverAreToldApart) {
   // Beyond what the card draws, which is another error than want of memory.
   const int most = renderer_->greatestSize();
   test::DriverFaults faults;
+  const test::ExpectedComplaints complaints;
   EXPECT_THROW(
       try { renderer_->reserveSlice(most * 4, most * 4); } catch (const NoGraphicsMemory&) {
         FAIL() << "a size that is too large is no want of memory";

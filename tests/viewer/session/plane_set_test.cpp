@@ -62,6 +62,12 @@ TEST_F(PlaneSetTest, EveryVoxelIsSampledIfAPictureCanShowIt) {
   EXPECT_EQ(widthOf(sliceAt(1.0, 512)), kSide);
 }
 
+TEST_F(PlaneSetTest, ASliceIsNoLargerThanTheCardTakes) {
+  renderer_.greatest_slice = 256;
+  settle(sliceAt(1.0, 2048));
+  EXPECT_EQ(widthOf(sliceAt(1.0, 2048)), 151);  // level 3
+}
+
 // Quick ones come while it moves, and the fine one at rest.
 TEST_F(PlaneSetTest, AMovingSliceIsSampledQuickly) {
   std::set<SliceId> images;
