@@ -7,6 +7,14 @@
 #include "isobrick/viewer/render/scene_view.h"
 
 namespace isobrick {
+namespace {
+
+// Programs that know no clip planes are drawn with 0 of them.
+void cutBy(std::size_t planes) {
+  for (GLenum i = 0; i < 6; ++i) (i < planes ? glEnable : glDisable)(GL_CLIP_DISTANCE0 + i);
+}
+
+}  // namespace
 
 GlSceneRenderer::GlSceneRenderer(Uploads uploads, const std::optional<GlLimits>& limits)
     : device_(limits),
@@ -40,33 +48,30 @@ void GlSceneRenderer::draw(const SceneFrame& frame) {
   glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
   glClearDepth(0.0);
   glDepthFunc(GL_GREATER);
-  const auto cut = [&](std::size_t planes) {
-    for (GLenum i = 0; i < 6; ++i) (i < planes ? glEnable : glDisable)(GL_CLIP_DISTANCE0 + i);
-  };
-  cut(frame.clip_planes.size());
+  cutBy(frame.clip_planes.size());
   const bool with_shadow = frame.shadow && !frame.headlight && !frame.normals;
   if (with_shadow) shadow_.draw(chunks_, view);
-  cut(0);
+  cutBy(0);
   surfaces_.begin(chunks_, view, with_shadow ? &shadow_ : nullptr);
   glBindFramebuffer(GL_FRAMEBUFFER, targets_.sampledFrame());
   glViewport(0, 0, frame.width, frame.height);
   glClear(GL_DEPTH_BUFFER_BIT);
   drawBackground(frame);
-  cut(frame.clip_planes.size());
+  cutBy(frame.clip_planes.size());
   surfaces_.drawOpaque(chunks_, view);
   if (frame.ambient_occlusion && !frame.normals) {
-    cut(0);
+    cutBy(0);
     occlusion_.draw(targets_, view);
-    cut(frame.clip_planes.size());
+    cutBy(frame.clip_planes.size());
   }
   if (frame.outlines && !frame.normals) {
-    cut(0);
+    cutBy(0);
     outlines_.draw(targets_, view);
-    cut(frame.clip_planes.size());
+    cutBy(frame.clip_planes.size());
   }
   slices_.drawOpaque(view);
+  cutBy(0);
   drawLayers(view);
-  cut(0);
   if (!frame.normals) {
     lines_.drawSegments(view);
     lines_.drawSphere(view);
@@ -88,8 +93,10 @@ void GlSceneRenderer::drawLayers(const SceneView& view) {
   pixels.include(of_slices);
   if (pixels.isEmpty()) return layers_.release();
   layers_.draw(targets_, pixels, [&](const PixelBox& band) {
+    cutBy(view.frame.clip_planes.size());
     if (!of_surfaces.isEmpty()) surfaces_.drawLayers(chunks_, view, layers_, band);
     if (!of_slices.isEmpty()) slices_.drawLayers(view, layers_);
+    cutBy(0);
   });
 }
 
