@@ -8,8 +8,12 @@
 #include "isobrick/viewer/render/scene_view.h"
 
 namespace isobrick {
-
 namespace {
+
+// Programs that know no clip planes are drawn with 0 of them.
+void cutBy(std::size_t planes) {
+  for (GLenum i = 0; i < 6; ++i) (i < planes ? glEnable : glDisable)(GL_CLIP_DISTANCE0 + i);
+}
 
 // Tiles begin at multiples of so many pixels of the picture: derivatives are taken in blocks of 2.
 constexpr int kTileStep = 4;
@@ -88,34 +92,31 @@ void GlSceneRenderer::paint(const SceneView& view, Buffers& buffers) {
   glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
   glClearDepth(0.0);
   glDepthFunc(GL_GREATER);
-  const auto cut = [&](std::size_t planes) {
-    for (GLenum i = 0; i < 6; ++i) (i < planes ? glEnable : glDisable)(GL_CLIP_DISTANCE0 + i);
-  };
-  cut(frame.clip_planes.size());
+  cutBy(frame.clip_planes.size());
   const bool with_shadow = frame.shadow && !frame.headlight && !frame.normals;
   if (with_shadow) shadow.draw(chunks_, view);
   const bool with_occlusion = frame.ambient_occlusion && !frame.normals;
   if (with_occlusion) occlusion.drawAround(chunks_, view);
-  cut(0);
+  cutBy(0);
   surfaces_.begin(chunks_, view, with_shadow ? &shadow : nullptr);
   glBindFramebuffer(GL_FRAMEBUFFER, targets.sampledFrame());
   glClear(GL_DEPTH_BUFFER_BIT);
   drawBackground(view);
-  cut(frame.clip_planes.size());
+  cutBy(frame.clip_planes.size());
   surfaces_.drawOpaque(chunks_, view);
   if (with_occlusion) {
-    cut(0);
+    cutBy(0);
     occlusion.draw(targets, view);
-    cut(frame.clip_planes.size());
+    cutBy(frame.clip_planes.size());
   }
   if (frame.outlines && !frame.normals) {
-    cut(0);
+    cutBy(0);
     outlines_.draw(targets, view);
-    cut(frame.clip_planes.size());
+    cutBy(frame.clip_planes.size());
   }
   slices_.drawOpaque(view);
+  cutBy(0);
   drawLayers(view, targets);
-  cut(0);
   if (!frame.normals) {
     lines_.drawSegments(view);
     lines_.drawSphere(view);
@@ -142,8 +143,10 @@ void GlSceneRenderer::drawLayers(const SceneView& view, const GlTargets& targets
   pixels.include(of_slices);
   if (pixels.isEmpty()) return layers_.release();
   layers_.draw(targets, pixels, [&](const BufferBox& band) {
+    cutBy(view.frame.clip_planes.size());
     if (!of_surfaces.isEmpty()) surfaces_.drawLayers(chunks_, view, layers_, band);
     if (!of_slices.isEmpty()) slices_.drawLayers(view, layers_);
+    cutBy(0);
   });
 }
 

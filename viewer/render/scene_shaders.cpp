@@ -208,12 +208,20 @@ float edgeCoverage() {
 }
 #endif
 
-// Light, and opacity.
-vec4 shade() {
+#ifdef AS_LAYERS
+void give(vec4 light, float opacity) { keepLayer(light, opacity, true); }
+#else
+void give(vec4 light, float opacity) { color = light; }
+#endif
+
+void main() {
   vec3 to_eye = orthographic ? vec3(0.0, 0.0, 1.0) : normalize(-eye_position);
   float length_of_normal = length(eye_normal);
   vec3 normal = length_of_normal > 1e-6 ? eye_normal / length_of_normal : to_eye;
-  if (as_normals) return vec4(transpose(world_to_eye) * normal, 1.0);
+  if (as_normals) {
+    give(vec4(transpose(world_to_eye) * normal, 1.0), frontColor().a);
+    return;
+  }
   // Back faces are lit as seen, whichever way their normals point; front faces with inward normals
   // stay dark, and are found out.
   if (!gl_FrontFacing && dot(normal, to_eye) < 0.0) normal = -normal;
@@ -236,15 +244,7 @@ vec4 shade() {
 #ifdef WIREFRAME
   shaded = mix(shaded, 0.10 * surface, 0.85 * edgeCoverage());
 #endif
-  return vec4(shaded, front.a);
-}
-
-void main() {
-#ifdef AS_LAYERS
-  keepLayer(shade(), frontColor().a, true);
-#else
-  color = shade();
-#endif
+  give(vec4(shaded, front.a), front.a);
 }
 )";
 
