@@ -90,7 +90,11 @@ void LinePass::drawSegments(const SceneView& view) const {
 void LinePass::drawSphere(const SceneView& view) const {
   const SceneFrame& frame = view.frame;
   if (!frame.sphere || !(frame.sphere->radius > 0.0)) return;
-  if (frame.fill_sphere) {
+  // Seen from within it would tint all of the picture and show nothing.
+  const bool is_within =
+      !frame.camera.orthographic &&
+      glm::distance(frame.camera.eye, frame.sphere->center) <= frame.sphere->radius;
+  if (frame.fill_sphere && !is_within) {
     useProgram(sphere_program_, view);
     setUniform(sphere_program_, "center", view.eyePosition(frame.sphere->center));
     setUniform(sphere_program_, "radius", static_cast<float>(frame.sphere->radius));

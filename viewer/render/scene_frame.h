@@ -86,7 +86,7 @@ struct SceneFrame {
   std::vector<SceneSlice> slices;
   std::vector<SceneSegment> segments;   // thin lines, hidden by surfaces in front of them
   std::optional<SphereOutline> sphere;  // its outline, over everything
-  bool fill_sphere = false;             // and its inside, translucent
+  bool fill_sphere = false;             // and its inside, translucent, seen from outside
 
   double pixel_scale = 1.0;  // of the width of lines
   bool transparent = false;  // there is no background: colours are premultiplied with alpha

@@ -20,6 +20,7 @@
 #include "isobrick/viewer/render/scene_shaders.h"
 #include "isobrick/viewer/render/scene_view.h"
 #include "isobrick/viewer/stream/chunk_store.h"
+#include "tests/support/asked_distance.h"
 #include "tests/support/requirement.h"
 
 namespace isobrick {
@@ -244,7 +245,7 @@ TEST_F(LayerPassTest, ManyLayersAndAnOpaqueOneBetween) {
   const float one = lit(glm::vec3(1.0f), {0.0f, 0.0f, 1.0f}, true).r;
   const auto share = [](int layers) { return static_cast<float>(1.0 - std::pow(0.9, layers)); };
   EXPECT_NEAR(seen(64, 64).r, share(24) * one, 2e-3f);
-  EXPECT_NEAR(*renderer_->distanceAt({64.0, 64.0}), 7.0, 1e-3);  // the nearest of them
+  EXPECT_NEAR(*test::distanceAt(*renderer_, {64.0, 64.0}), 7.0, 1e-3);  // the nearest of them
   frame_.chunks.push_back(renderer_->upload(squareAcross(-0.1, 1.0, 1)));
   const float black = lit(glm::vec3(0.0f), {0.0f, 0.0f, 1.0f}, true).r;
   EXPECT_NEAR(seen(64, 64).r, share(12) * one + (1.0f - share(12)) * black, 2e-3f);
@@ -253,7 +254,7 @@ TEST_F(LayerPassTest, ManyLayersAndAnOpaqueOneBetween) {
   EXPECT_GT(outside, inside);
   frame_.clip_planes = {{{0.0, 1.0, 0.0}, -1.6}};  // the first six are cut away
   EXPECT_NEAR(seen(64, 40).r, share(18) * one, 2e-3f);
-  EXPECT_NEAR(*renderer_->distanceAt({64.0, 40.0}), 8.5, 1e-3);
+  EXPECT_NEAR(*test::distanceAt(*renderer_, {64.0, 40.0}), 8.5, 1e-3);
 }
 
 // A slice that is seen through stands at its place among surfaces that are.
@@ -274,12 +275,12 @@ TEST_F(LayerPassTest, SlicesAreLayersToo) {
   frame_.chunks = {before};
   glm::vec3 expected = 0.5f * red + 0.25f * glm::vec3(1.0f) + 0.25f * ground;
   EXPECT_LT(glm::distance(seen(64, 64), expected), 2e-3f);
-  EXPECT_NEAR(*renderer_->distanceAt({64.0, 64.0}), 9.0, 1e-3);
+  EXPECT_NEAR(*test::distanceAt(*renderer_, {64.0, 64.0}), 9.0, 1e-3);
   frame_.chunks = {behind};
   expected = 0.5f * glm::vec3(1.0f) + 0.25f * red + 0.25f * ground;
   EXPECT_LT(glm::distance(seen(64, 64), expected), 2e-3f);
-  EXPECT_NEAR(*renderer_->distanceAt({64.0, 64.0}), 11.0, 1e-3);  // a slice has no depth
-  EXPECT_FALSE(renderer_->distanceAt({64.0, 36.0}));              // beside the square
+  EXPECT_NEAR(*test::distanceAt(*renderer_, {64.0, 64.0}), 11.0, 1e-3);  // a slice has no depth
+  EXPECT_FALSE(test::distanceAt(*renderer_, {64.0, 36.0}));              // beside the square
 }
 
 // Where values make a surface clear, it has neither a colour nor a depth.
@@ -291,10 +292,10 @@ TEST_F(LayerPassTest, WhatIsClearIsNotHit) {
   frame_.value_window = {{0.0, 1.0}};
   frame_.value_opacity = {0.0, 1.0};
   drawn();
-  EXPECT_NEAR(*renderer_->distanceAt({64.0, 64.0}), 11.0, 1e-3);
+  EXPECT_NEAR(*test::distanceAt(*renderer_, {64.0, 64.0}), 11.0, 1e-3);
   frame_.value_opacity = {0.25, 1.0};
   drawn();
-  EXPECT_NEAR(*renderer_->distanceAt({64.0, 64.0}), 9.0, 1e-3);
+  EXPECT_NEAR(*test::distanceAt(*renderer_, {64.0, 64.0}), 9.0, 1e-3);
 }
 
 // Lists have an end: a picture with more fragments is drawn in bands, and is the same one.

@@ -9,6 +9,7 @@
 #include "isobrick/storage/error.h"
 #include "isobrick/viewer/egl_context.h"
 #include "isobrick/viewer/render/gl_scene_renderer.h"
+#include "tests/support/asked_distance.h"
 #include "tests/support/driver_complaints.h"
 #include "tests/support/driver_faults.h"
 #include "tests/support/requirement.h"
@@ -61,12 +62,7 @@ class SceneRendererTest : public ::testing::Test {
     return {image.rgb[at], image.rgb[at + 1], image.rgb[at + 2]};
   }
   std::optional<double> distanceAt(const glm::dvec2& pixel) {
-    const std::uint64_t question = renderer_->askDistance(pixel);
-    for (;;)
-      if (const auto answer = renderer_->takeDistance()) {
-        EXPECT_EQ(answer->question, question);
-        return answer->distance;
-      }
+    return test::distanceAt(*renderer_, pixel);
   }
   static bool isRed(const glm::vec3& c) { return c.r > 0.2f && c.b < 0.5f * c.r; }
   static bool isBlue(const glm::vec3& c) { return c.b > 0.2f && c.r < 0.5f * c.b; }
@@ -469,6 +465,9 @@ TEST_F(SceneRendererTest, TheSphereIsATranslucentBall) {
   EXPECT_FALSE(isBlack(inside));
   EXPECT_LT(inside.r, 0.3f);
   EXPECT_TRUE(isBlack(seen(4, 4)));
+  // From within it tints nothing.
+  frame_.sphere->radius = 2.0 * glm::distance(frame_.camera.eye, glm::dvec3(0.0));
+  EXPECT_TRUE(isBlack(seen(32, 38)));
 }
 
 // What is over nothing has the colour that it has over black, premultiplied.
