@@ -72,9 +72,8 @@ void LayerPass::draw(const GlTargets& targets, const BufferBox& pixels,
 }
 
 void LayerPass::use(const GlProgram& program) const {
-  setUniform(program, "list_left", band_.left);
-  setUniform(program, "list_bottom", band_.bottom);
-  setUniform(program, "list_width", band_.right - band_.left);
+  setUniform(program, "list_corner", glm::ivec2(band_.left, band_.bottom));
+  setUniform(program, "list_size", glm::ivec2(band_.right - band_.left, band_.top - band_.bottom));
   setUniform(program, "list_capacity", static_cast<unsigned>(kept_layers_));
 }
 

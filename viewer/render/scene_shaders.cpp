@@ -52,16 +52,21 @@ layout(std430, binding = 2) buffer Layers {
   uint padding;
   uint layers[];
 };
-uniform int list_left;
-uniform int list_bottom;
-uniform int list_width;
+uniform ivec2 list_corner;  // lower left
+uniform ivec2 list_size;    // pixels
 uniform uint list_capacity;
 const uint kMeasuredBit = 16u;  // it has a depth for those who ask; the bits below it are samples
 const float kLeastOpacity = 1.0 / 512.0;
 
+// With several samples, llvmpipe also shades pixels beside the scissor box.
+bool hasList() {
+  ivec2 place = ivec2(gl_FragCoord.xy) - list_corner;
+  return all(greaterThanEqual(place, ivec2(0))) && all(lessThan(place, list_size));
+}
+
 uint headOfPixel() {
-  ivec2 pixel = ivec2(gl_FragCoord.xy);
-  return uint((pixel.y - list_bottom) * list_width + pixel.x - list_left);
+  ivec2 place = ivec2(gl_FragCoord.xy) - list_corner;
+  return uint(place.y * list_size.x + place.x);
 }
 )";
 
@@ -70,7 +75,7 @@ layout(early_fragment_tests) in;
 
 void keepLayer(vec4 light, float opacity, bool is_measured) {
   vec3 plane = vec3(gl_FragCoord.z, dFdx(gl_FragCoord.z), dFdy(gl_FragCoord.z));
-  if (gl_HelperInvocation || !(opacity >= kLeastOpacity)) return;
+  if (gl_HelperInvocation || !(opacity >= kLeastOpacity) || !hasList()) return;
   uint layer = atomicAdd(layer_count, 1u);
   if (layer >= list_capacity) return;
   uint bits = (uint(gl_SampleMaskIn[0]) & 15u) | (is_measured ? kMeasuredBit : 0u);
@@ -577,6 +582,7 @@ void add(Layer layer) {
 }
 
 void main() {
+  if (!hasList()) discard;
   uint head = heads[headOfPixel()];
   if (head == 0u) discard;
   float opaque = texelFetch(depths, ivec2(gl_FragCoord.xy), gl_SampleID).r;

@@ -54,7 +54,7 @@ GlProgram makeBackgroundProgram();
 // blended as premultiplied colours. Writes the depth of the nearest surface. Draw 3 vertices.
 // Buffers: at binding 1 a word for each pixel of the rows, the number of its last layer (0: none);
 // at binding 2 kLayerHeadBytes, of which the first word counts the layers, then kLayerBytes each.
-// Uniforms: int list_left, list_bottom, list_width (pixels); uint list_capacity (layers);
+// Uniforms: ivec2 list_corner, list_size (pixels); uint list_capacity (layers);
 // sampler2DMS depths at unit 0, of what is opaque; vec2 sample_places[4] (from a pixel's middle).
 GlProgram makeLayersProgram();
 constexpr GLsizeiptr kLayerHeadBytes = 8, kLayerBytes = 24;
