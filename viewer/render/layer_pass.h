@@ -62,7 +62,7 @@ class LayerPass {
   GlFramebuffer depth_frame_;
   int width_ = 0, height_ = 0, samples_ = 0;  // of depths_
   GlFence composited_;                        // the last band
-  BufferBox band_;                             // of the lists
+  BufferBox band_;                            // of the lists
   bool in_bands_ = false;
   int bands_ = 0;
 };
