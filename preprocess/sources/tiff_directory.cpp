@@ -58,17 +58,13 @@ bool isWholeNumber(std::uint64_t type) {
 
 }  // namespace
 
-bool beginsAsTiff(const std::string& path) {
-  std::array<char, 4> bytes = {};
-  static_cast<void>(InputFile(path).readAt(0, bytes.data(), bytes.size()));
-  const std::string_view begin(bytes.data(), bytes.size());
-  using namespace std::string_view_literals;
-  return begin == "II*\0"sv || begin == "MM\0*"sv || begin == "II+\0"sv || begin == "MM\0+"sv;
-}
-
 TiffDirectory::TiffDirectory(const std::string& path) : file_(path) {
-  big_endian_ = text(0, 2) == "MM";
-  is_big_tiff_ = number(2, 2) == 43;
+  using namespace std::string_view_literals;
+  const std::string begin = text(0, 4);
+  if (begin != "II*\0"sv && begin != "MM\0*"sv && begin != "II+\0"sv && begin != "MM\0+"sv)
+    throw unreadable(path, "it does not begin as a TIFF; check the path");
+  big_endian_ = begin.starts_with("MM");
+  is_big_tiff_ = begin.find('+') != std::string::npos;
 }
 
 std::uint64_t TiffDirectory::firstPage() const { return number(wordBytes(), wordBytes()); }

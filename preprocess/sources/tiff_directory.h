@@ -11,9 +11,6 @@
 
 namespace isobrick {
 
-// By its first bytes. Throws Error if it cannot be opened.
-bool beginsAsTiff(const std::string& path);
-
 // A tag of a page: `count` values of one type.
 struct TiffEntry {
   std::uint64_t tag = 0, type = 0, count = 0;
@@ -24,6 +21,7 @@ struct TiffEntry {
 // file's size; all members throw Error that names the file if it ends too early.
 class TiffDirectory {
  public:
+  // Throws Error that names the file too if its first bytes are not those of a TIFF.
   explicit TiffDirectory(const std::string& path);
 
   const InputFile& file() const { return file_; }

@@ -1,7 +1,6 @@
 #include "isobrick/preprocess/sources/tiff_source.h"
 
 #include <algorithm>
-#include <array>
 #include <cstring>
 #include <map>
 #include <mutex>
@@ -240,8 +239,7 @@ std::optional<TiffSlices> findTiffSlices(const std::vector<std::string>& paths,
     options.checkCancel();
     options.report("scanning slices", static_cast<double>(i) / static_cast<double>(paths.size()));
     try {
-      if (!beginsAsTiff(paths[i]) ||
-          !addSlices(TiffDirectory(paths[i]), static_cast<std::uint32_t>(i), slices))
+      if (!addSlices(TiffDirectory(paths[i]), static_cast<std::uint32_t>(i), slices))
         return std::nullopt;
     } catch (const ResumableError&) {
       throw;
