@@ -372,6 +372,14 @@ class Pyramid:
             facts = _core.SessionHandle(self._handle).extract_to(settings, os.fspath(path), zlib, meshopt, force)
             return make_report(facts)
 
+    def _isovalue(self, isovalue: Isovalue) -> float:
+        if isovalue != "auto":
+            return float(isovalue)
+        suggestions = self.isovalues()
+        if not suggestions:
+            raise Error(f"all voxels of '{self._shown}' are equal: no isovalue has a surface", path=self._path)
+        return suggestions[0].value
+
     def _settings(
         self,
         isovalue: Isovalue,
@@ -387,11 +395,6 @@ class Pyramid:
         cancel: _core.Cancel | None,
         part: tuple[int, int] | None = None,
     ) -> _QuerySettings:
-        if isovalue == "auto":
-            suggestions = self.isovalues()
-            if not suggestions:
-                raise Error(f"all voxels of '{self._shown}' are equal: no isovalue has a surface", path=self._path)
-            isovalue = suggestions[0].value
         if drop_small and simplify is None:
             raise Error("drop_small goes with simplify, the distance below which a piece is small; give both")
         corners = None
@@ -399,7 +402,7 @@ class Pyramid:
             (ax, ay, az), (bx, by, bz) = box
             corners = (float(ax), float(ay), float(az)), (float(bx), float(by), float(bz))
         return _QuerySettings(
-            float(isovalue), detail, indices, or_finer, corners, simplify, drop_small,
+            self._isovalue(isovalue), detail, indices, or_finer, corners, simplify, drop_small,
             None if values is None else values._handle, threads, tell, cancel, part,
         )  # fmt: skip
 

@@ -17,7 +17,7 @@ import os
 import threading
 import uuid
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -137,7 +137,7 @@ def extract(
 ) -> MergeReport:
     """The isosurface as one closed mesh file, that of ``Pyramid.extract_to`` byte by byte: a task for each of
     ``parts`` shares (None: four for each thread of the cluster), and one that merges them. The shares lie in the folder
-    ``out + '.shares'``, which goes at the end unless ``keep_shares``; those that are there from an earlier call stay.
+    ``out + '.shares'``, which goes at the end unless ``keep_shares``; those of another call that are there stay.
 
     focus, radius, level, view, curvature, or_finer, box, simplify, drop_small, indices
                 of ``query``, as of ``Pyramid.extract_to``
@@ -168,7 +168,8 @@ def extract(
     if not keep_shares:
         for share in shares:
             os.remove(share)
-        os.rmdir(folder)
+        with suppress(OSError):  # another call's are there
+            os.rmdir(folder)
     return report
 
 
@@ -200,13 +201,10 @@ def _client_or_current(client: Any) -> Any:
 
 
 def _path_and_isovalue(pyramid: Any, isovalue: Isovalue) -> tuple[str, float]:
-    opened = pyramid if isinstance(pyramid, isobrick.Pyramid) else isobrick.open(pyramid, mmap=False)
-    if isovalue != "auto":
-        return opened.path, float(isovalue)
-    suggestions = opened.isovalues()
-    if not suggestions:
-        raise Error("all voxels are equal: no isovalue has a surface", path=opened.path)
-    return opened.path, suggestions[0].value
+    if isinstance(pyramid, isobrick.Pyramid):
+        return pyramid.path, pyramid._isovalue(isovalue)
+    with isobrick.open(pyramid, mmap=False) as opened:
+        return opened.path, opened._isovalue(isovalue)
 
 
 def _wait_for(client: Any, futures: Sequence[Any]) -> list[Any]:

@@ -194,7 +194,7 @@ class Source(VTKPythonAlgorithmBase):
         if self._simplify > 0:
             choice.update(simplify=self._simplify)
         surfaces = []
-        for isovalue in self._isovalues or [session.pyramid.isovalues()[0].value]:
+        for isovalue in self._isovalues or [session.pyramid._isovalue("auto")]:
             surface = poly_data_of(session.extract(isovalue, **choice), copy=True)
             values = np.full(surface.GetNumberOfPolys(), isovalue, np.float32)
             surface.GetCellData().AddArray(_vtk_array(values, "isovalue", copy=True))

@@ -74,7 +74,6 @@ BuildRequest readBuildRequest(const nb::object& settings) {
   options.nan_as = nb::cast<std::optional<float>>(settings.attr("nan_as"));
   options.memory_bytes = nb::cast<std::uint64_t>(settings.attr("memory_bytes"));
   options.tool_version = nb::cast<std::string>(settings.attr("tool_version"));
-  options.keep_unfinished = false;
   options.super_cells = nb::cast<std::int64_t>(settings.attr("super_cells"));
   request.super_brick = nb::cast<std::optional<std::size_t>>(settings.attr("super_brick"));
   options.keep_unfinished = request.super_brick.has_value();

@@ -101,13 +101,19 @@ def test_build_and_extract(client, tmp_path: Path, kind: str) -> None:
     )
     assert report.super_bricks == 64
     same_values(out, whole)
+    of_another_call = tmp_path / "mesh.ply.shares" / "1-of-9.isbm"
+    of_another_call.parent.mkdir()
+    of_another_call.touch()
     merged = isobrick.dask.extract(out, 110, tmp_path / "mesh.ply", client=client, parts=5)
     with isobrick.open(whole) as pyramid:
         pyramid.extract_to(tmp_path / "one.ply", 110)
         mesh = pyramid.extract(110)
     assert filecmp.cmp(tmp_path / "mesh.ply", tmp_path / "one.ply", shallow=False)
     assert merged.triangles == len(mesh.faces)
-    assert not (tmp_path / "mesh.ply.shares").exists()
+    assert list(of_another_call.parent.iterdir()) == [of_another_call]
+    of_another_call.unlink()
+    isobrick.dask.extract(out, 110, tmp_path / "mesh.ply", client=client, parts=5, force=True)
+    assert not of_another_call.parent.exists()
     parts = dask.compute(*isobrick.dask.delayed_parts(out, 110, 4))
     assert sum(len(part.faces) for part in parts) == merged.triangles
     assert all(part.faces.max() < len(part.points) for part in parts if len(part.faces))
