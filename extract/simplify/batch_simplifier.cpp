@@ -55,19 +55,17 @@ void BatchSimplifier::begin(const SimplifySpace& space, const MeshBatch& batch) 
     upper_ = glm::max(upper_, position);
   }
   center_ = glm::round((lower_ + upper_) / 2.0f);
-  const std::size_t vertices = batch.positions.size();
-  positions_.resize(vertices);
-  for (std::size_t v = 0; v < vertices; ++v)
-    positions_[v] = space_.to_space * (batch.positions[v] - center_);
-  table_.set(batch.triangles, vertices);
-  is_shared_.assign(vertices, 0);
-  for (const MeshBatch::SharedVertex& shared : batch.shared) is_shared_[shared.vertex] = 1;
-  is_fixed_.resize(vertices);
-  for (std::uint32_t v = 0; v < vertices; ++v)
-    is_fixed_[v] = is_shared_[v] != 0 || table_.ring(v) != CornerTable::Ring::kClosed;
+  table_.set(batch.triangles, batch.positions.size());
+  vertices_.assign(batch.positions.size(), Vertex());
+  for (const MeshBatch::SharedVertex& shared : batch.shared)
+    vertices_[shared.vertex].is_shared = true;
+  for (std::uint32_t v = 0; v < vertices_.size(); ++v) {
+    Vertex& vertex = vertices_[v];
+    vertex.position = space_.to_space * (batch.positions[v] - center_);
+    vertex.is_fixed = vertex.is_shared || table_.ring(v) != CornerTable::Ring::kClosed;
+    vertex.is_broken = table_.ring(v) == CornerTable::Ring::kBroken;
+  }
   normals_.assign(batch.normals.begin(), batch.normals.end());
-  touched_.assign(vertices, 0);
-  is_refused_.assign(std::size_t{4} * table_.triangles(), 0);
   deviations_.assign(table_.triangles(), Deviation());
   alive_.resize(table_.triangles());
   for (std::uint32_t t = 0; t < table_.triangles(); ++t) alive_[t] = t;
@@ -75,27 +73,26 @@ void BatchSimplifier::begin(const SimplifySpace& space, const MeshBatch& batch) 
 
 // Each triangle counts a third at each of its vertices.
 void BatchSimplifier::addPlanes() {
-  quadrics_.assign(positions_.size(), Quadric());
   for (std::uint32_t t = 0; t < table_.triangles(); ++t) {
     const std::uint32_t c = CornerTable::firstCorner(t);
     const std::uint32_t corners[] = {table_.vertex(c), table_.vertex(c + 1), table_.vertex(c + 2)};
-    const glm::vec3& a = positions_[corners[0]];
-    const glm::vec3 across = glm::cross(positions_[corners[1]] - a, positions_[corners[2]] - a);
+    const glm::vec3& a = vertices_[corners[0]].position;
+    const glm::vec3 across =
+        glm::cross(vertices_[corners[1]].position - a, vertices_[corners[2]].position - a);
     const float length = std::sqrt(glm::dot(across, across));
     if (!(length > 0)) continue;
-    for (const std::uint32_t v : corners) quadrics_[v].addPlane(across / length, length / 6);
+    for (const std::uint32_t v : corners)
+      vertices_[v].quadric.addPlane(across / length, length / 6);
   }
-  for (std::size_t v = 0; v < normals_.size(); ++v) normals_[v] *= quadrics_[v].weight;
+  for (std::size_t v = 0; v < normals_.size(); ++v) normals_[v] *= vertices_[v].quadric.weight;
 }
 
 std::uint32_t BatchSimplifier::cornerThatGoes(std::uint32_t corner) const {
-  const auto isBroken = [&](std::uint32_t c) {
-    return table_.ring(table_.vertex(c)) == CornerTable::Ring::kBroken;
-  };
-  const std::uint32_t other = CornerTable::next(corner);
-  if (isBroken(corner) || isBroken(other)) return kNone;
-  if (is_fixed_[table_.vertex(corner)] == 0) return corner;
-  if (is_fixed_[table_.vertex(other)] != 0) return kNone;
+  const Vertex& first = vertices_[table_.vertex(corner)];
+  const Vertex& second = vertices_[table_.vertex(CornerTable::next(corner))];
+  if (first.is_broken || second.is_broken) return kNone;
+  if (!first.is_fixed) return corner;
+  if (second.is_fixed) return kNone;
   return CornerTable::next(table_.opposite(CornerTable::previous(corner)));
 }
 
@@ -115,13 +112,12 @@ void BatchSimplifier::findCandidates() {
   for (const std::uint32_t t : alive_)
     for (std::uint32_t c = CornerTable::firstCorner(t), end = c + 3; c < end; ++c) {
       const std::uint32_t facing = table_.opposite(c);
-      if (facing == kNone || facing < c || is_refused_[c] != 0) continue;
+      if (facing == kNone || facing < c || table_.isMarked(c)) continue;
       const std::uint32_t corner = cornerThatGoes(CornerTable::next(c));
       if (corner == kNone) continue;
-      const std::uint32_t gone = table_.vertex(corner);
-      const std::uint32_t kept = table_.vertex(CornerTable::next(corner));
-      edges_.set(count, quadrics_[gone], quadrics_[kept], positions_[gone] - positions_[kept],
-                 is_fixed_[kept] != 0);
+      const Vertex& gone = vertices_[table_.vertex(corner)];
+      const Vertex& kept = vertices_[table_.vertex(CornerTable::next(corner))];
+      edges_.set(count, gone.quadric, kept.quadric, gone.position - kept.position, kept.is_fixed);
       corners[count++] = corner;
       if (count == EdgeBlock::kEdges) evaluate();
     }
@@ -148,12 +144,12 @@ void BatchSimplifier::collapseCandidates(const CancelFlag* cancel, const MeshBat
     if (cancel != nullptr && i % kBetweenLooks == 0) cancel->check();
     const std::uint32_t corner = sorted_[i].corner;
     if (!table_.isAlive(CornerTable::triangleOf(corner))) continue;
-    if (touched_[table_.vertex(corner)] == round_ ||
-        touched_[table_.vertex(CornerTable::next(corner))] == round_)
+    if (vertices_[table_.vertex(corner)].touched == round_ ||
+        vertices_[table_.vertex(CornerTable::next(corner))].touched == round_)
       continue;
     if (collapse(corner, batch)) continue;
     const std::uint32_t facing = CornerTable::previous(corner);
-    is_refused_[std::min(facing, table_.opposite(facing))] = 1;
+    table_.mark(std::min(facing, table_.opposite(facing)), true);
   }
 }
 
@@ -162,30 +158,32 @@ glm::vec3 BatchSimplifier::voxelsOf(const glm::vec3& position) const {
 }
 
 bool BatchSimplifier::collapse(std::uint32_t corner, const MeshBatch& batch) {
-  const std::uint32_t gone = table_.vertex(corner);
-  const std::uint32_t kept = table_.vertex(CornerTable::next(corner));
-  const glm::vec3 to_gone = positions_[gone] - positions_[kept];
-  Quadric quadric = quadrics_[gone];
+  const std::uint32_t gone_vertex = table_.vertex(corner);
+  const std::uint32_t kept_vertex = table_.vertex(CornerTable::next(corner));
+  const Vertex& gone = vertices_[gone_vertex];
+  Vertex& kept = vertices_[kept_vertex];
+  const glm::vec3 to_gone = gone.position - kept.position;
+  Quadric quadric = gone.quadric;
   quadric.moveCenter(-to_gone);
-  quadric += quadrics_[kept];
+  quadric += kept.quadric;
   const glm::vec3 place =
-      is_fixed_[kept] != 0
-          ? positions_[kept]
-          : space_.to_space * (voxelsOf(positions_[kept] + bestPlace(quadric, to_gone)) - center_);
+      kept.is_fixed
+          ? kept.position
+          : space_.to_space * (voxelsOf(kept.position + bestPlace(quadric, to_gone)) - center_);
   if (!findRegion(corner, place)) return false;
   if (region_.is_open && !keepsOthersApart(corner, batch)) return false;
   if (!bound_.follow(region_, deviations_, space_.distance)) return false;
   table_.collapse(corner);
-  quadric.moveCenter(place - positions_[kept]);
-  quadrics_[kept] = quadric;
-  positions_[kept] = place;
-  if (is_fixed_[kept] == 0) normals_[kept] += normals_[gone];
-  touched_[kept] = round_;
+  quadric.moveCenter(place - kept.position);
+  kept.quadric = quadric;
+  kept.position = place;
+  if (!kept.is_fixed) normals_[kept_vertex] += normals_[gone_vertex];
+  kept.touched = round_;
   for (int i = 0; i < region_.sides(); ++i) {
     const std::uint32_t t = region_.old_triangles[i];
     deviations_[t] = bound_.deviation(i);
     for (std::uint32_t c = CornerTable::firstCorner(t), end = c + 3; c < end; ++c)
-      is_refused_[std::min(c, table_.opposite(c))] = 0;
+      table_.mark(std::min(c, table_.opposite(c)), false);
   }
   return true;
 }
@@ -195,13 +193,14 @@ bool BatchSimplifier::findRegion(std::uint32_t corner, const glm::vec3& place) {
   const std::uint32_t beyond = table_.opposite(CornerTable::previous(corner));
   const std::uint32_t left = CornerTable::triangleOf(corner),
                       right = CornerTable::triangleOf(beyond);
-  region_.is_open = is_fixed_[table_.vertex(at_kept)] != 0;
-  region_.gone = positions_[table_.vertex(corner)] - place;
-  region_.kept = positions_[table_.vertex(at_kept)] - place;
+  const Vertex& kept = vertices_[table_.vertex(at_kept)];
+  region_.is_open = kept.is_fixed;
+  region_.gone = vertices_[table_.vertex(corner)].position - place;
+  region_.kept = kept.position - place;
   int count = 0;
   const auto add = [&](std::uint32_t at) {
     ring_[count] = table_.vertex(at);
-    region_.ring[count] = positions_[ring_[count]] - place;
+    region_.ring[count] = vertices_[ring_[count]].position - place;
     ++count;
   };
   add(CornerTable::previous(corner));
@@ -233,7 +232,7 @@ bool BatchSimplifier::findRegion(std::uint32_t corner, const glm::vec3& place) {
 // brick; leaves of other levels may have any side.
 bool BatchSimplifier::mayBeElsewhere(const MeshBatch& batch, std::uint32_t a,
                                      std::uint32_t b) const {
-  if (is_shared_[a] == 0 || is_shared_[b] == 0) return false;
+  if (!vertices_[a].is_shared || !vertices_[b].is_shared) return false;
   return !batch.is_uniform || (sidesOf(batch.positions[a], lower_, upper_) &
                                sidesOf(batch.positions[b], lower_, upper_)) != 0;
 }
@@ -269,9 +268,9 @@ void BatchSimplifier::write(MeshBatch& batch) {
     for (std::uint32_t c = CornerTable::firstCorner(t), end = c + 3; c < end; ++c)
       batch.triangles[corners++] = table_.vertex(c);
   batch.triangles.resize(corners);
-  for (std::uint32_t v = 0; v < touched_.size(); ++v) {
-    if (touched_[v] == 0 || is_fixed_[v] != 0) continue;
-    batch.positions[v] = voxelsOf(positions_[v]);
+  for (std::uint32_t v = 0; v < vertices_.size(); ++v) {
+    if (vertices_[v].touched == 0 || vertices_[v].is_fixed) continue;
+    batch.positions[v] = voxelsOf(vertices_[v].position);
     const float length = std::sqrt(glm::dot(normals_[v], normals_[v]));
     if (length > 0) batch.normals[v] = normals_[v] / length;
   }

@@ -46,6 +46,16 @@ class BatchSimplifier {
     float cost;
     std::uint32_t corner;  // of the vertex that goes; the next one is that of the one that stays
   };
+  // What is needed together lies in one line of the cache.
+  struct alignas(64) Vertex {
+    Quadric quadric;            // about the position
+    glm::vec3 position{0.0f};   // in space, from the center
+    std::uint32_t touched = 0;  // the round in which it last changed
+    bool is_shared = false;
+    bool is_fixed = false;
+    bool is_broken = false;  // no surface there
+  };
+  static_assert(sizeof(Vertex) == 64);
 
   void begin(const SimplifySpace& space, const MeshBatch& batch);
   void addPlanes();
@@ -65,14 +75,9 @@ class BatchSimplifier {
   SimplifySpace space_;
   glm::vec3 lower_{0.0f}, upper_{0.0f}, center_{0.0f};  // of the batch, in voxels
   CornerTable table_;
-  std::vector<glm::vec3> positions_;     // in space, from the center
-  std::vector<Quadric> quadrics_;        // of vertices, about their positions
-  std::vector<glm::vec3> normals_;       // sums, by area
-  std::vector<std::uint8_t> is_shared_;  // of vertices
-  std::vector<std::uint8_t> is_fixed_;
-  std::vector<std::uint32_t> touched_;    // the round in which a vertex last changed
-  std::vector<std::uint8_t> is_refused_;  // of corners that stand for edges
-  std::vector<Deviation> deviations_;     // of triangles
+  std::vector<Vertex> vertices_;
+  std::vector<glm::vec3> normals_;     // of vertices: sums, by area
+  std::vector<Deviation> deviations_;  // of triangles
   std::vector<Candidate> candidates_, sorted_;
   std::vector<std::uint32_t> alive_, numbers_;
   std::uint32_t round_ = 0;

@@ -6,8 +6,8 @@ void CornerTable::set(std::span<const std::uint32_t> triangles, std::size_t vert
   triangles_.resize(triangles.size() / 3);
   first_.assign(vertices + 1, 0);
   for (std::size_t t = 0; t < triangles_.size(); ++t) {
-    triangles_[t] = {{triangles[3 * t], triangles[3 * t + 1], triangles[3 * t + 2], kNone},
-                     {kNone, kNone, kNone, kNone}};
+    triangles_[t] = {{triangles[3 * t], triangles[3 * t + 1], triangles[3 * t + 2]},
+                     {kNone, kNone, kNone}};
     for (int c = 0; c < 3; ++c) ++first_[triangles[3 * t + static_cast<std::size_t>(c)]];
   }
   std::uint32_t sum = 0;
@@ -22,23 +22,27 @@ void CornerTable::set(std::span<const std::uint32_t> triangles, std::size_t vert
 
 void CornerTable::findOpposites() {
   rings_.assign(first_.size() - 1, Ring::kClosed);
+  struct Side {
+    std::uint32_t to, back;  // the next vertex after the one in the middle, and the one before it
+  };
+  std::vector<Side> sides;
   for (std::uint32_t from = 0; from < rings_.size(); ++from) {
     const std::span around =
         std::span(around_).subspan(first_[from], first_[from + 1] - first_[from]);
-    for (const std::uint32_t at : around) {
-      const std::uint32_t to = vertex(next(at));
+    sides.clear();
+    for (const std::uint32_t at : around) sides.push_back({vertex(next(at)), vertex(previous(at))});
+    for (std::size_t i = 0; i < sides.size(); ++i) {
       // The side goes from `from` to `to` here, so in the other triangle `to` comes first.
-      std::uint32_t facing = kNone;
+      const std::uint32_t to = sides[i].to;
+      std::size_t other = 0;
       int same = 0, opposed = 0;
-      for (const std::uint32_t other : around) {
-        if (vertex(previous(other)) == to) {
-          facing = next(other);
-          ++opposed;
-        }
-        if (vertex(next(other)) == to) ++same;
+      for (std::size_t j = 0; j < sides.size(); ++j) {
+        if (sides[j].back == to) other = j;
+        opposed += sides[j].back == to;
+        same += sides[j].to == to;
       }
       if (opposed == 1 && same == 1)
-        join(previous(at), facing);
+        join(previous(around[i]), next(around[other]));
       else if (opposed + same > 1)
         rings_[from] = rings_[to] = Ring::kBroken;
     }

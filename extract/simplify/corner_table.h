@@ -62,12 +62,22 @@ class CornerTable {
   // is a surface.
   void collapse(std::uint32_t corner);
   bool isAlive(std::uint32_t triangle) const { return triangles_[triangle].vertices[0] != kNone; }
+
+  // A mark for each corner, which means what the caller likes; none has one at the beginning.
+  bool isMarked(std::uint32_t corner) const {
+    return (triangles_[corner / 4].marks >> (corner & 3) & 1) != 0;
+  }
+  void mark(std::uint32_t corner, bool is_marked) {
+    std::uint32_t& marks = triangles_[corner / 4].marks;
+    marks = (marks & ~(1u << (corner & 3))) | (std::uint32_t{is_marked} << (corner & 3));
+  }
   std::uint32_t triangles() const { return static_cast<std::uint32_t>(triangles_.size()); }
 
  private:
-  // Together, since both are needed at the same time.
-  struct Triangle {
-    std::array<std::uint32_t, 4> vertices, opposites;  // of corners; the last ones are unused
+  // Together, since all are needed at the same time.
+  struct alignas(32) Triangle {
+    std::array<std::uint32_t, 3> vertices, opposites;  // of corners
+    std::uint32_t marks = 0;                           // a bit for each corner
   };
 
   std::uint32_t& facing(std::uint32_t corner) {
