@@ -11,6 +11,7 @@
 #include "isobrick/extract/sinks/vertex_numbering.h"
 #include "tests/support/field_pyramid.h"
 #include "tests/support/random_numbers.h"
+#include "tests/support/repetitions.h"
 
 namespace isobrick::test {
 namespace {
@@ -65,7 +66,7 @@ TEST_F(SurfacePathTest, OnASphereItIsTheGreatCircle) {
   const glm::dvec3 center(45.3, 46.1, 44.7);
   build(Index3(92), [&](const glm::dvec3& p) { return kRadius - glm::distance(p, center); });
   Random random(5);
-  for (int i = 0; i < 12; ++i) {
+  for (int i = 0; i < repetitions(12); ++i) {
     const glm::dvec3 a = randomDirection(random);
     const glm::dvec3 b = i == 0   ? -a
                          : i == 1 ? glm::normalize(a + 0.01 * randomDirection(random))

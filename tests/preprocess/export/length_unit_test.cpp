@@ -18,6 +18,7 @@
 #include "tests/support/array_source.h"
 #include "tests/support/nifti_file.h"
 #include "tests/support/plain_reader.h"
+#include "tests/support/repetitions.h"
 #include "tests/support/sealed_pyramid.h"
 #include "tests/support/volume_files.h"
 
@@ -156,9 +157,9 @@ class LengthUnitTest : public VolumeFilesTest {
 };
 
 TEST_F(LengthUnitTest, EveryPairOfFormatsKeepsLengthsAndTheirUnitOrSaysWhatIsLost) {
-  for (const GridGeometry& geometry :
-       {smallObliqueGeometry(LengthUnit::kUnknown), smallObliqueGeometry(LengthUnit::kMillimetre),
-        tinyGeometry()})
+  const GridGeometry geometries[] = {smallObliqueGeometry(LengthUnit::kUnknown),
+                                     smallObliqueGeometry(LengthUnit::kMillimetre), tinyGeometry()};
+  for (const GridGeometry& geometry : someOf(geometries))
     for (const UnitFormat& first : kUnitFormats) {
       SCOPED_TRACE(first.name + std::string(", ") + std::string(lengthUnitName(geometry.unit)) +
                    ", " + std::to_string(1e9 * geometry.spacing.x));
