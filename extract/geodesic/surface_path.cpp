@@ -10,8 +10,8 @@
 
 #include "isobrick/extract/geodesic/geodesic_search.h"
 #include "isobrick/extract/geodesic/near_surface.h"
-#include "isobrick/extract/geodesic/nearest_on_triangle.h"
 #include "isobrick/extract/sinks/indexed_mesh.h"
+#include "isobrick/extract/sinks/nearest_on_triangle.h"
 #include "isobrick/extract/sinks/surface_components.h"
 
 namespace isobrick {

@@ -3,6 +3,8 @@
 #include <stdexcept>
 #include <vector>
 
+#include "isobrick/extract/kernels/contour.h"
+
 namespace isobrick {
 namespace {
 
@@ -22,26 +24,14 @@ bool shareFace(int a, int b) {
 }
 
 // The closed contours of a pattern.
-std::vector<Loop> traceLoops(int pattern) {
+std::vector<Loop> traceLoops(unsigned pattern) {
   std::array<int, kCellEdges> next;
   next.fill(-1);
-  for (int axis = 0; axis < 3; ++axis)
-    for (int side = 0; side < 2; ++side) {
-      int corners[4];
-      bool inside[4];
-      for (int i = 0; i < 4; ++i) {
-        const FaceCorner at = kFaceLoop[side][i];
-        corners[i] = side << axis | at.b << (axis + 1) % 3 | at.c << (axis + 2) % 3;
-        inside[i] = (pattern >> corners[i] & 1) != 0;
-      }
-      const auto edgeBetween = [&](int i, int j) {
-        const int low = corners[i] & corners[j], along = corners[i] ^ corners[j];
-        return edgeNumber(along >> 1, low & 1, low >> 1 & 1, low >> 2);
-      };
-      forEachFaceSegment(inside, [&](int i, int j) {
-        next[static_cast<std::size_t>(edgeBetween((i + 3) % 4, i))] = edgeBetween(j, (j + 1) % 4);
-      });
-    }
+  for (int face = 0; face < 6; ++face) {
+    const FaceContour contour = makePlainFace(face, pattern);
+    for (std::size_t n = 0; n < contour.size; ++n)
+      next[contour.pieces[n].from] = contour.pieces[n].to;
+  }
   std::vector<Loop> loops;
   for (int start = 0; start < kCellEdges; ++start) {
     Loop loop;
@@ -73,7 +63,7 @@ bool triangulate(const Loop& loop, std::size_t first, std::size_t last, std::vec
   return false;
 }
 
-MarchingCubesCase makeCase(int pattern) {
+MarchingCubesCase makeCase(unsigned pattern) {
   MarchingCubesCase result;
   std::vector<int> edges;
   for (const Loop& loop : traceLoops(pattern)) {
@@ -92,8 +82,7 @@ MarchingCubesCase makeCase(int pattern) {
 const std::array<MarchingCubesCase, 256>& marchingCubesTable() {
   static const std::array<MarchingCubesCase, 256> table = [] {
     std::array<MarchingCubesCase, 256> cases;
-    for (int pattern = 0; pattern < 256; ++pattern)
-      cases[static_cast<std::size_t>(pattern)] = makeCase(pattern);
+    for (unsigned pattern = 0; pattern < 256; ++pattern) cases[pattern] = makeCase(pattern);
     return cases;
   }();
   return table;

@@ -20,7 +20,6 @@ class BrickCells {
     rows_.foreign_sides = 0;
   }
   BrickRows& rows() { return rows_; }
-  const BrickRows& rows() const { return rows_; }
 
   // Compares the rows that rows() marks. False, without comparing, if no voxel of the type is
   // inside. T: the voxel type.

@@ -35,8 +35,6 @@ class SampleView {
     }
   }
 
-  const IndexBox& box() const { return box_; }
-
   std::int64_t offset(const Index3& sample) const {
     return linearIndex(sample - box_.first, box_.count);
   }
@@ -44,25 +42,13 @@ class SampleView {
   const T* at(std::int64_t offset) const { return data_ + offset; }
   float value(const Index3& sample) const { return static_cast<float>(data_[offset(sample)]); }
 
-  // Central differences at a sample, in values per voxel of level 0 (rule 12).
-  glm::vec3 gradient(const Index3& sample) const {
-    const Index3 local = sample - box_.first;
-    return gradientAtLocal(local, linearIndex(local, box_.count));
-  }
-  // Value and gradient to `out`.
+  // Value and gradient to `out`: central differences, in values per voxel of level 0 (rule 12).
   void end(const Index3& sample, EdgeEnd& out) const {
     const Index3 local = sample - box_.first;
     const T* at = data_ + linearIndex(local, box_.count);
     out.value = static_cast<float>(*at);
     for (int axis = 0; axis < 3; ++axis)
       (&out.gradient.x)[axis] = difference(at, taps_[axis][static_cast<std::size_t>(local[axis])]);
-  }
-  glm::vec3 gradientAtLocal(const Index3& local, std::int64_t offset) const {
-    const T* at = data_ + offset;
-    glm::vec3 g;
-    for (int axis = 0; axis < 3; ++axis)
-      g[axis] = difference(at, taps_[axis][static_cast<std::size_t>(local[axis])]);
-    return g;
   }
 
  private:

@@ -66,9 +66,8 @@ class MissingBricks {
     if (!is_refined && !classifier_.mayHoldLeaf(level, cells)) return;
     wanted_.push_back({keyOf(level, cells), level, brick});
     if (!is_refined || !context_.pyramid.parts().isRowAtHand(level, brick)) return;
-    const Index3 first = 2L * brick;
-    const Index3 end = glm::min(first + Index3(2), layout.bricks(level - 1));
-    forEachIndex({first, end - first}, [&](const Index3& child) { visit(level - 1, child); });
+    forEachIndex(context_.finerBricks(level, brick),
+                 [&](const Index3& child) { visit(level - 1, child); });
   }
 
   // The nearest first, and of these the finest. If there are no places, the coarsest first.

@@ -42,23 +42,17 @@ class Traversal {
     const std::size_t row = parts.brickRow(level, brick);
     if (parts.isRowAbsent(row))
       absent_rows_.push_back(row);
-    else if (context_.query.cull_by_ranges &&
-             !context_.pyramid.brickRange(level, brick).crosses(context_.isovalue))
+    else if (!context_.mayCross(level, brick))
       return;
     if (!classifier_.mayRefine(level, cells)) return;
-    const Index3 first = 2L * brick;
-    const Index3 end = glm::min(first + Index3(2), layout_.bricks(level - 1));
-    forEachIndex({first, end - first},
+    forEachIndex(context_.finerBricks(level, brick),
                  [&](const Index3& child) { findAbsentRows(level - 1, child); });
   }
 
   void visit(int level, const Index3& brick) {
     context_.checkCancel();
     const IndexBox cells = layout_.brickCellBox(level, brick);
-    if (!overlapsQueryBox(context_, level, cells)) return;
-    if (context_.query.cull_by_ranges &&
-        !context_.pyramid.brickRange(level, brick).crosses(context_.isovalue))
-      return;
+    if (!overlapsQueryBox(context_, level, cells) || !context_.mayCross(level, brick)) return;
     if (classifier_.mayHoldLeaf(level, cells)) {
       const bool is_uniform = isUniform(level, cells);
       if (!is_uniform || !context_.query.has_brick || !context_.query.has_brick(level, brick))
@@ -66,9 +60,8 @@ class Traversal {
     }
     // Without a refined cell there is nothing finer inside.
     if (!classifier_.mayRefine(level, cells)) return;
-    const Index3 first = 2L * brick;
-    const Index3 end = glm::min(first + Index3(2), layout_.bricks(level - 1));
-    forEachIndex({first, end - first}, [&](const Index3& child) { visit(level - 1, child); });
+    forEachIndex(context_.finerBricks(level, brick),
+                 [&](const Index3& child) { visit(level - 1, child); });
   }
 
   // True if all cells of the brick and all that touch it are leaves of `level`, and are wanted.

@@ -1,6 +1,8 @@
 // The inputs that all workers of one extraction share.
 #pragma once
 
+#include <glm/common.hpp>
+
 #include "isobrick/extract/kernels/crossing.h"
 #include "isobrick/extract/oracles/query_oracles.h"
 #include "isobrick/extract/paging/read_log.h"
@@ -24,6 +26,17 @@ struct MeshContext {
   ResidencyOracle* residency = nullptr;  // of a progressive query
 
   const Lattice& lattice() const { return pyramid.lattice(); }
+
+  // False if the isosurface does not reach the brick (rule 7).
+  bool mayCross(int level, const Index3& brick) const {
+    return !query.cull_by_ranges || pyramid.brickRange(level, brick).crosses(isovalue);
+  }
+
+  // The bricks of the next finer level that cover the same cells.
+  IndexBox finerBricks(int level, const Index3& brick) const {
+    const Index3 first = std::int64_t{2} * brick;
+    return {first, glm::min(first + Index3(2), pyramid.layout().bricks(level - 1)) - first};
+  }
 
   BrickSamples samples(int level, const Index3& brick) const {
     read_log.note(pyramid.parts().brickRow(level, brick), ReadLog::kSamples);

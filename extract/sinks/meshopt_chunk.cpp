@@ -77,12 +77,10 @@ class ChunkPacker {
 PositionLattice PositionLattice::of(const MeshFrame& frame) {
   PositionLattice lattice;
   const GridGeometry& geometry = frame.geometry;
-  const glm::dvec3 last(frame.voxels - Index3(1));
   lattice.center = gltfCenter(frame);
   double reach = 0;
-  for (int corner = 0; corner < 8; ++corner) {
-    const glm::dvec3 at(corner & 1, corner >> 1 & 1, corner >> 2);
-    const glm::dvec3 away = glm::abs(geometry.indexToWorld(at * last) - lattice.center);
+  for (const glm::dvec3& corner : worldCorners(geometry, frame.voxels)) {
+    const glm::dvec3 away = glm::abs(corner - lattice.center);
     reach = std::max({reach, away.x, away.y, away.z});
   }
   const glm::dvec3& spacing = geometry.spacing;

@@ -6,34 +6,14 @@
 #include <glm/geometric.hpp>
 #include <utility>
 
+#include "isobrick/extract/sinks/nearest_on_triangle.h"
+
 namespace isobrick {
 namespace {
 
 double squaredLength(const glm::dvec3& v) { return glm::dot(v, v); }
 
-double squaredToSegment(const glm::dvec3& point, const glm::dvec3& a, const glm::dvec3& b) {
-  const glm::dvec3 along = b - a;
-  const double length = squaredLength(along);
-  const double share = length > 0.0 ? std::clamp(glm::dot(point - a, along) / length, 0.0, 1.0) : 0;
-  return squaredLength(point - (a + share * along));
-}
-
 }  // namespace
-
-double squaredDistance(const glm::dvec3& point, const glm::dvec3& a, const glm::dvec3& b,
-                       const glm::dvec3& c) {
-  const glm::dvec3 normal = glm::cross(b - a, c - a);
-  const double area = squaredLength(normal);
-  const auto isLeftOf = [&](const glm::dvec3& from, const glm::dvec3& to) {
-    return glm::dot(glm::cross(to - from, point - from), normal) >= 0.0;
-  };
-  if (area > 0.0 && isLeftOf(a, b) && isLeftOf(b, c) && isLeftOf(c, a)) {
-    const double height = glm::dot(point - a, normal);
-    return height * height / area;
-  }
-  return std::min({squaredToSegment(point, a, b), squaredToSegment(point, b, c),
-                   squaredToSegment(point, c, a)});
-}
 
 NearestParts::NearestParts(std::vector<glm::dvec3> points, double reach, double cell_edge)
     : points_(std::move(points)), reach_(reach * cell_edge), nearest_(points_.size()) {}

@@ -10,10 +10,6 @@
 
 namespace isobrick {
 
-// The square of the distance from a point to a triangle.
-double squaredDistance(const glm::dvec3& point, const glm::dvec3& a, const glm::dvec3& b,
-                       const glm::dvec3& c);
-
 // Thread-safe. The result does not depend on the order of the batches.
 class NearestParts {
  public:

@@ -20,11 +20,6 @@ struct SurfacePoint {
   float area;  // 0: a vertex
 };
 
-glm::dvec3 positionOf(const PlainMesh& mesh, std::uint32_t vertex) {
-  const auto& p = mesh.positions[vertex];
-  return {p[0], p[1], p[2]};
-}
-
 struct TriangleCorners {
   glm::dvec3 a, b, c;
 
@@ -51,7 +46,7 @@ class PointPicker {
   }
 
   std::vector<SurfacePoint> points() {
-    for (std::uint32_t v = 0; v < mesh_.positions.size(); ++v) take(positionOf(mesh_, v), 0);
+    for (std::uint32_t v = 0; v < mesh_.positions.size(); ++v) take(cornerOf(mesh_, v), 0);
     for (std::uint32_t t = 0; t < mesh_.triangles.size(); ++t) takePieces(triangle(t));
     return std::move(points_);
   }
@@ -59,7 +54,7 @@ class PointPicker {
  private:
   TriangleCorners triangle(std::uint32_t number) const {
     const auto& [a, b, c] = mesh_.triangles[number];
-    return {positionOf(mesh_, a), positionOf(mesh_, b), positionOf(mesh_, c)};
+    return {cornerOf(mesh_, a), cornerOf(mesh_, b), cornerOf(mesh_, c)};
   }
 
   void take(const glm::dvec3& point, double area) {

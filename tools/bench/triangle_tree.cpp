@@ -11,15 +11,10 @@
 #include <limits>
 #include <utility>
 
-#include "isobrick/extract/geodesic/nearest_on_triangle.h"
+#include "isobrick/extract/sinks/nearest_on_triangle.h"
 
 namespace isobrick {
 namespace {
-
-glm::vec3 cornerOf(const PlainMesh& mesh, std::uint32_t vertex) {
-  const auto& p = mesh.positions[vertex];
-  return {p[0], p[1], p[2]};
-}
 
 double squaredLength(const glm::dvec3& v) { return glm::dot(v, v); }
 
@@ -58,11 +53,6 @@ std::vector<std::uint32_t> orderAlongCurve(const PlainMesh& mesh) {
 
 }  // namespace
 
-double squaredDistanceToTriangle(const glm::dvec3& point, const glm::dvec3& a, const glm::dvec3& b,
-                                 const glm::dvec3& c) {
-  return squaredLength(point - nearestOnTriangle(point, a, b, c));
-}
-
 TriangleTree::TriangleTree(const PlainMesh& mesh) : mesh_(mesh), order_(orderAlongCurve(mesh)) {
   if (order_.empty()) return;
   const auto groups = [](std::size_t count) { return (count + kFanout - 1) / kFanout; };
@@ -95,8 +85,7 @@ TriangleTree::TriangleTree(const PlainMesh& mesh) : mesh_(mesh), order_(orderAlo
 
 double TriangleTree::squaredTo(const glm::dvec3& point, std::uint32_t triangle) const {
   const auto& [a, b, c] = mesh_.triangles[triangle];
-  return squaredDistanceToTriangle(point, cornerOf(mesh_, a), cornerOf(mesh_, b),
-                                   cornerOf(mesh_, c));
+  return squaredDistance(point, cornerOf(mesh_, a), cornerOf(mesh_, b), cornerOf(mesh_, c));
 }
 
 double TriangleTree::distance(const glm::dvec3& point, Hint& hint) const {

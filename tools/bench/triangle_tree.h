@@ -8,6 +8,11 @@
 
 namespace isobrick {
 
+inline glm::vec3 cornerOf(const PlainMesh& mesh, std::uint32_t vertex) {
+  const auto& p = mesh.positions[vertex];
+  return {p[0], p[1], p[2]};
+}
+
 // A hierarchy of boxes over the triangles of a mesh, for millions of them: the triangles in the
 // order of a space-filling curve, a box for each kFanout neighbours, a box for each kFanout of
 // those boxes, and so on. There are no pointers, so it is built in one pass for each level. (CGAL
@@ -37,9 +42,5 @@ class TriangleTree {
   std::vector<std::uint32_t> order_;     // triangles along the curve
   std::vector<std::vector<Box>> boxes_;  // of kFanout triangles, of kFanout^2, ...; one in the last
 };
-
-// Squared distance between a point and a triangle, which may be a line or a point.
-double squaredDistanceToTriangle(const glm::dvec3& point, const glm::dvec3& a, const glm::dvec3& b,
-                                 const glm::dvec3& c);
 
 }  // namespace isobrick

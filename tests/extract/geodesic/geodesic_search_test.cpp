@@ -11,7 +11,7 @@
 
 #include "isobrick/extract/extractor.h"
 #include "isobrick/extract/sinks/indexed_mesh.h"
-#include "isobrick/extract/sinks/nearest_parts.h"
+#include "isobrick/extract/sinks/nearest_on_triangle.h"
 #include "tests/support/field_pyramid.h"
 #include "tests/support/random_numbers.h"
 #include "tests/support/repetitions.h"

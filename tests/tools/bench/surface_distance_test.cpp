@@ -8,6 +8,7 @@
 #include <limits>
 #include <random>
 
+#include "isobrick/extract/sinks/nearest_on_triangle.h"
 #include "isobrick/storage/error.h"
 #include "tests/support/file_bytes.h"
 #include "tests/support/temporary_folder.h"
@@ -148,7 +149,7 @@ TEST(TriangleTree, PointToTriangleIsThatToTheNearestOfManyOfItsPoints) {
   for (int i = 0; i < 60; ++i) {
     const glm::dvec3 a = point(), b = i % 5 == 0 ? a : point(), c = i % 10 == 0 ? a : point();
     const glm::dvec3 p = 2.0 * point();
-    const double exact = std::sqrt(squaredDistanceToTriangle(p, a, b, c));
+    const double exact = std::sqrt(squaredDistance(p, a, b, c));
     const double sampled = sampledDistance(p, a, b, c);
     EXPECT_LE(exact, sampled + 1e-12) << i;
     EXPECT_GT(exact, sampled - 0.01) << i;
@@ -177,7 +178,7 @@ TEST(TriangleTree, FindsWhatLookingAtAllOfThemFinds) {
           const auto& v = soup.positions[triangle[n]];
           return glm::dvec3(v[0], v[1], v[2]);
         };
-        all = std::min(all, squaredDistanceToTriangle(p, corner(0), corner(1), corner(2)));
+        all = std::min(all, squaredDistance(p, corner(0), corner(1), corner(2)));
       }
       ASSERT_DOUBLE_EQ(tree.distance(p, hint), std::sqrt(all)) << count << " triangles, " << i;
     }

@@ -1,4 +1,4 @@
-#include "isobrick/extract/geodesic/nearest_on_triangle.h"
+#include "isobrick/extract/sinks/nearest_on_triangle.h"
 
 #include <algorithm>
 #include <array>
@@ -31,6 +31,12 @@ glm::dvec3 nearestOnTriangle(const glm::dvec3& point, const glm::dvec3& a, const
     return glm::dot(place - point, place - point);
   };
   return *std::ranges::min_element(on_sides, {}, squareTo);
+}
+
+double squaredDistance(const glm::dvec3& point, const glm::dvec3& a, const glm::dvec3& b,
+                       const glm::dvec3& c) {
+  const glm::dvec3 away = point - nearestOnTriangle(point, a, b, c);
+  return glm::dot(away, away);
 }
 
 }  // namespace isobrick

@@ -10,4 +10,8 @@ namespace isobrick {
 glm::dvec3 nearestOnTriangle(const glm::dvec3& point, const glm::dvec3& a, const glm::dvec3& b,
                              const glm::dvec3& c);
 
+// The square of its distance.
+double squaredDistance(const glm::dvec3& point, const glm::dvec3& a, const glm::dvec3& b,
+                       const glm::dvec3& c);
+
 }  // namespace isobrick
