@@ -14,13 +14,19 @@ WorldBox ViewVolume::box() const {
 
 WorldBox ViewVolume::boxAround(const glm::dvec3& lower, const glm::dvec3& upper) const {
   WorldBox box = emptyWorldBox();
-  for (unsigned i = 0; i < 8; ++i)
-    box.include(geometry.indexToWorld(
-        {i & 1u ? upper.x : lower.x, i & 2u ? upper.y : lower.y, i & 4u ? upper.z : lower.z}));
+  for (const glm::dvec3& corner : cornersOf({lower, upper}))
+    box.include(geometry.indexToWorld(corner));
   return box;
 }
 
 double ViewVolume::diagonal() const { return glm::length(glm::dvec3(voxels - Index3(1))); }
+
+void removeSurface(std::size_t surface, ViewState& state) {
+  state.surfaces.erase(state.surfaces.begin() + static_cast<std::ptrdiff_t>(surface));
+  const int last = static_cast<int>(state.surfaces.size()) - 1;
+  if (static_cast<int>(surface) < state.active_surface || state.active_surface > last)
+    --state.active_surface;
+}
 
 ViewState firstView(const ViewVolume& volume, double aspect) {
   ViewState state;

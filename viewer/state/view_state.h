@@ -147,6 +147,9 @@ inline const ViewSurface& activeSurface(const ViewState& state) {
   return state.surfaces[static_cast<std::size_t>(state.active_surface)];
 }
 
+// Not the last one. The active one stays active, unless it goes itself.
+void removeSurface(std::size_t surface, ViewState& state);
+
 // The facts of the volume that the viewer shows.
 struct ViewVolume {
   Index3 voxels{2, 2, 2};

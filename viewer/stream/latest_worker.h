@@ -54,6 +54,7 @@ class LatestWorker {
     const std::lock_guard lock(mutex_);
     waiting_ = std::move(request);
     waiting_cancel_ = std::move(cancel);
+    outcome_.reset();
     if (cancel_ != nullptr) cancel_->request();
     wake_.notify_all();
   }

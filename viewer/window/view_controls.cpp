@@ -43,16 +43,12 @@ void surfaces(ViewSession& session, float scale) {
   }
   constexpr std::size_t kMostSurfaces = 8;
   if (state.surfaces.size() < kMostSurfaces && ImGui::Button("add surface")) {
-    ViewSurface surface = state.surfaces[static_cast<std::size_t>(state.active_surface)];
+    ViewSurface surface = activeSurface(state);
     surface.color = {0.85f, 0.45f, 0.35f};
     state.surfaces.push_back(surface);
     state.active_surface = static_cast<int>(state.surfaces.size()) - 1;
   }
-  if (removed) {
-    state.surfaces.erase(state.surfaces.begin() + static_cast<std::ptrdiff_t>(*removed));
-    state.active_surface =
-        std::min(state.active_surface, static_cast<int>(state.surfaces.size()) - 1);
-  }
+  if (removed) removeSurface(*removed, state);
 }
 
 void focus(ViewSession& session) {
@@ -129,9 +125,7 @@ void slices(ViewSession& session) {
   bool has_threshold = state.slice_threshold.has_value();
   if (ImGui::Checkbox("leave out values below", &has_threshold)) {
     state.slice_threshold.reset();
-    if (has_threshold)
-      state.slice_threshold =
-          state.surfaces[static_cast<std::size_t>(state.active_surface)].isovalue;
+    if (has_threshold) state.slice_threshold = activeSurface(state).isovalue;
   }
   explain("So that air does not hide the surface.");
   if (state.slice_threshold)

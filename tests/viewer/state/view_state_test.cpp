@@ -149,6 +149,19 @@ TEST(ViewStateTest, WrongTextIsRefusedByTheNameOfTheField) {
   }
 }
 
+TEST(ViewStateTest, TheActiveSurfaceStaysSoWhenAnotherOneGoes) {
+  ViewState state;
+  state.surfaces.resize(4);
+  for (int i = 0; i < 4; ++i) state.surfaces[static_cast<std::size_t>(i)].isovalue = i;
+  state.active_surface = 2;
+  removeSurface(0, state);
+  EXPECT_EQ(activeSurface(state).isovalue, 2.0);
+  removeSurface(2, state);
+  EXPECT_EQ(activeSurface(state).isovalue, 2.0);
+  removeSurface(1, state);
+  EXPECT_EQ(activeSurface(state).isovalue, 1.0);
+}
+
 // Development builds saved one.
 TEST(ViewStateTest, AToleranceIsIgnored) {
   EXPECT_EQ(viewStateFromJson(R"({"wireframe": true, "tolerance": 3})"),

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <atomic>
+#include <chrono>
 #include <deque>
 #include <glm/geometric.hpp>
 #include <set>
@@ -387,6 +389,21 @@ TEST_F(SurfaceStreamTest, EndsInTheMiddleOfWork) {
     if (i % 2 == 0) stream.cancel();
     if (i % 3 == 0) stream.poll();
   }
+}
+
+TEST(LatestWorkerTest, AnOutcomeIsNotGivenAfterANewerRequest) {
+  std::atomic<bool> is_done{false};
+  LatestWorker<int, int> worker([&](const int& request, const CancelFlag&) {
+    is_done = true;
+    return request;
+  });
+  worker.request(1);
+  while (!is_done) std::this_thread::yield();
+  std::this_thread::sleep_for(std::chrono::milliseconds(20));  // the outcome is there
+  worker.request(2);
+  auto outcome = worker.poll();
+  for (; !outcome; outcome = worker.poll()) std::this_thread::yield();
+  EXPECT_EQ(outcome->request, 2);
 }
 
 TEST(LatestWorkerTest, OnlyTheLastRequestHasAnOutcome) {
