@@ -14,16 +14,15 @@
 #include <thread>
 
 #include "isobrick/storage/error.h"
-#include "isobrick/viewer/egl_context.h"
 #include "isobrick/viewer/picture_writer.h"
 #include "isobrick/viewer/png_reader.h"
 #include "isobrick/viewer/render/gl_scene_renderer.h"
 #include "isobrick/viewer/view_picture.h"
 #include "tests/support/field_pyramid.h"
 #include "tests/support/file_bytes.h"
+#include "tests/support/gl_test.h"
 #include "tests/support/null_renderer.h"
 #include "tests/support/picture_similarity.h"
-#include "tests/support/requirement.h"
 
 namespace isobrick {
 namespace {
@@ -37,15 +36,9 @@ double wavyBall(const glm::dvec3& p) {
                     0.0, 255.0);
 }
 
-class PictureTilesTest : public ::testing::Test {
+class PictureTilesTest : public test::GlTest {
  protected:
-  void SetUp() override {
-    try {
-      egl_ = std::make_unique<EglContext>();
-    } catch (const Error& error) {
-      SKIP_UNLESS_REQUIRED(error.what());
-    }
-    current_ = std::make_unique<EglContext::CurrentScope>(*egl_);
+  void setUp() override {
     renderer_ = std::make_unique<GlSceneRenderer>();
     BuildOptions build;
     build.brick_cells = 16;
@@ -56,11 +49,6 @@ class PictureTilesTest : public ::testing::Test {
     plain_.focus = {{10.0, 10.0, 30.0}, 12.0, true, false};
     plain_.surfaces[0].isovalue = 128.0;
     plain_.value_window = {60.0, 255.0};
-  }
-  void TearDown() override {
-    session_.reset();
-    renderer_.reset();
-    current_.reset();
   }
 
   SceneWithNotes sceneOf(const ViewState& state, int width, int height) {
@@ -108,8 +96,6 @@ class PictureTilesTest : public ::testing::Test {
   }
 
   test::TemporaryFolder folder_;
-  std::unique_ptr<EglContext> egl_;
-  std::unique_ptr<EglContext::CurrentScope> current_;
   std::unique_ptr<GlSceneRenderer> renderer_;
   std::shared_ptr<const Pyramid> pyramid_;
   std::unique_ptr<ViewSession> session_;

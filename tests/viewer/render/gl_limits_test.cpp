@@ -7,25 +7,15 @@
 #include <string>
 
 #include "isobrick/storage/error.h"
-#include "isobrick/viewer/egl_context.h"
 #include "isobrick/viewer/render/gl_scene_renderer.h"
-#include "tests/support/requirement.h"
+#include "tests/support/gl_test.h"
 
 namespace isobrick {
 namespace {
 
-class GlLimitsTest : public ::testing::Test {
+class GlLimitsTest : public test::GlTest {
  protected:
-  void SetUp() override {
-    try {
-      egl_ = std::make_unique<EglContext>();
-    } catch (const Error& error) {
-      SKIP_UNLESS_REQUIRED(error.what());
-    }
-    current_ = std::make_unique<EglContext::CurrentScope>(*egl_);
-    limits_ = GlLimits::read();
-  }
-  void TearDown() override { current_.reset(); }
+  void setUp() override { limits_ = GlLimits::read(); }
 
   std::unique_ptr<GlSceneRenderer> rendererWithin(const GlLimits& limits) {
     return std::make_unique<GlSceneRenderer>(GlSceneRenderer::Uploads::kAsSuits, limits);
@@ -47,8 +37,6 @@ class GlLimitsTest : public ::testing::Test {
     return frame;
   }
 
-  std::unique_ptr<EglContext> egl_;
-  std::unique_ptr<EglContext::CurrentScope> current_;
   GlLimits limits_;
 };
 

@@ -13,15 +13,13 @@
 #include <random>
 #include <vector>
 
-#include "isobrick/storage/error.h"
-#include "isobrick/viewer/egl_context.h"
 #include "isobrick/viewer/image.h"
 #include "isobrick/viewer/render/gl_scene_renderer.h"
 #include "isobrick/viewer/render/scene_shaders.h"
 #include "isobrick/viewer/render/scene_view.h"
 #include "isobrick/viewer/stream/chunk_store.h"
 #include "tests/support/asked_distance.h"
-#include "tests/support/requirement.h"
+#include "tests/support/gl_test.h"
 
 namespace isobrick {
 namespace {
@@ -102,15 +100,9 @@ class FailingStorage {
   bool is_due_ = false;
 };
 
-class LayerPassTest : public ::testing::Test {
+class LayerPassTest : public test::GlTest {
  protected:
-  void SetUp() override {
-    try {
-      egl_ = std::make_unique<EglContext>();
-    } catch (const Error& error) {
-      SKIP_UNLESS_REQUIRED(error.what());
-    }
-    current_ = std::make_unique<EglContext::CurrentScope>(*egl_);
+  void setUp() override {
     renderer_ = std::make_unique<GlSceneRenderer>();
     frame_.width = frame_.height = kSize;
     frame_.camera.eye = {0.0, -10.0, 0.0};
@@ -119,10 +111,6 @@ class LayerPassTest : public ::testing::Test {
     frame_.bounds = {glm::dvec3(-kHalf), glm::dvec3(kHalf)};
     frame_.headlight = true;
     frame_.background_top = frame_.background_bottom = glm::vec3(0.5f);
-  }
-  void TearDown() override {
-    renderer_.reset();
-    current_.reset();
   }
 
   Image drawn() {
@@ -146,8 +134,6 @@ class LayerPassTest : public ::testing::Test {
     return shaded + 0.10f * gloss * std::max(glm::dot(normal, key), 0.0f);
   }
 
-  std::unique_ptr<EglContext> egl_;
-  std::unique_ptr<EglContext::CurrentScope> current_;
   std::unique_ptr<GlSceneRenderer> renderer_;
   SceneFrame frame_;
 };

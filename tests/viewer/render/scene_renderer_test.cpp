@@ -7,12 +7,11 @@
 #include <memory>
 
 #include "isobrick/storage/error.h"
-#include "isobrick/viewer/egl_context.h"
 #include "isobrick/viewer/render/gl_scene_renderer.h"
 #include "tests/support/asked_distance.h"
 #include "tests/support/driver_complaints.h"
 #include "tests/support/driver_faults.h"
-#include "tests/support/requirement.h"
+#include "tests/support/gl_test.h"
 
 namespace isobrick {
 namespace {
@@ -32,15 +31,9 @@ SurfaceChunk squareAt(double y, double half, int surface, int level = 0) {
   return chunk;
 }
 
-class SceneRendererTest : public ::testing::Test {
+class SceneRendererTest : public test::GlTest {
  protected:
-  void SetUp() override {
-    try {
-      egl_ = std::make_unique<EglContext>();
-    } catch (const Error& error) {
-      SKIP_UNLESS_REQUIRED(error.what());
-    }
-    current_ = std::make_unique<EglContext::CurrentScope>(*egl_);
+  void setUp() override {
     renderer_ = std::make_unique<GlSceneRenderer>();
     frame_.width = frame_.height = 64;
     frame_.camera.eye = {0.0, -10.0, 0.0};
@@ -48,10 +41,6 @@ class SceneRendererTest : public ::testing::Test {
     frame_.bounds = {glm::dvec3(-4.0), glm::dvec3(4.0)};
     frame_.surfaces = {SurfaceLook{{1.0f, 0.0f, 0.0f}, 1.0}, SurfaceLook{{0.0f, 0.0f, 1.0f}, 1.0}};
     frame_.background_top = frame_.background_bottom = glm::vec3(0.0f);
-  }
-  void TearDown() override {
-    renderer_.reset();
-    current_.reset();
   }
 
   // What is seen at pixel x, y of the frame.
@@ -68,8 +57,6 @@ class SceneRendererTest : public ::testing::Test {
   static bool isBlue(const glm::vec3& c) { return c.b > 0.2f && c.r < 0.5f * c.b; }
   static bool isBlack(const glm::vec3& c) { return c.r + c.g + c.b < 1e-3f; }
 
-  std::unique_ptr<EglContext> egl_;
-  std::unique_ptr<EglContext::CurrentScope> current_;
   std::unique_ptr<GlSceneRenderer> renderer_;
   SceneFrame frame_;
 };

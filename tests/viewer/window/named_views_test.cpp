@@ -8,6 +8,7 @@
 #include <thread>
 
 #include "isobrick/storage/error.h"
+#include "tests/support/temporary_folder.h"
 
 namespace isobrick {
 namespace {
@@ -16,11 +17,6 @@ namespace fs = std::filesystem;
 
 class NamedViewsTest : public testing::Test {
  protected:
-  void SetUp() override {
-    folder_ = fs::path(testing::TempDir()) /
-              testing::UnitTest::GetInstance()->current_test_info()->name();
-    fs::remove_all(folder_);
-  }
   std::string views() const { return (folder_ / "scan.views").string(); }
 
   // A picture that is red on the left and blue on the right.
@@ -43,7 +39,8 @@ class NamedViewsTest : public testing::Test {
     ASSERT_EQ(views.views().size(), count);
   }
 
-  fs::path folder_;
+  const test::TemporaryFolder temporary_;
+  const fs::path folder_ = temporary_.path();
 };
 
 TEST_F(NamedViewsTest, LieBesideTheVolume) {
