@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "isobrick/extract/query.h"
@@ -25,7 +26,6 @@ namespace isobrick {
 namespace {
 
 struct BenchArguments {
-  const CLI::App* parser = nullptr;
   std::vector<const CLI::Option*> query_options;  // the options that extract has too
   QueryOptions query;
   BenchSettings settings;
@@ -40,11 +40,8 @@ void splitQueryWords(BenchArguments& arguments) {
   settings.own_words = {settings.path};
   for (const CLI::Option* const option : arguments.query_options) {
     const std::string name = option->get_name();
-    if (option->count() == 0 || option->get_positional() || option->get_group() == kVolumeGroup ||
-        option->get_group() == kRemoteGroup || option->get_group().empty())
-      continue;
+    if (option->count() == 0) continue;
     if (name == "--box") throw UsageError("bench compares whole surfaces; leave out --box");
-    if (name == "--threads") continue;
     if (name == "--iso") {  // chosen by now
       settings.own_words.insert(settings.own_words.end(),
                                 {name, fmt::format("{}", settings.isovalue)});
@@ -58,10 +55,6 @@ void splitQueryWords(BenchArguments& arguments) {
   }
   settings.own_words.insert(settings.own_words.end(),
                             {"--threads", std::to_string(arguments.query.threads)});
-}
-
-std::optional<std::string> findPeers(const std::string& given) {
-  return given.empty() ? findOwnExecutable("bench_peers") : given;
 }
 
 // "on", "off" or "both", with the user's words for them.
@@ -88,7 +81,8 @@ int runBench(BenchArguments& arguments) {
   if (isRemotePath(settings.path) && arguments.cache != "warm")
     throw UsageError("a pyramid behind a URL has no page cache; leave out --page-cache");
   settings.own_executable = ownExecutable().string();
-  settings.peers_executable = findPeers(arguments.peers);
+  settings.peers_executable =
+      arguments.peers.empty() ? findOwnExecutable("bench_peers") : arguments.peers;
 
   BenchScene scene;
   {
@@ -156,17 +150,13 @@ Command addBenchCommand(CLI::App& app) {
       "bench", "Measure extraction into memory, beside VTK and OpenVDB where bench_peers is");
   const auto arguments = std::make_shared<BenchArguments>();
   addQueryOptions(*sub, arguments->query);
-  const CLI::App* const parser = sub;
-  arguments->query_options = parser->get_options();
+  arguments->query_options = optionsBeside(std::as_const(*sub), {"FILE", "--threads"});
   BenchSettings& settings = arguments->settings;
   beginGroup(*sub, kMeasuringGroup);
+  addParsedOption(*sub, "--rounds", settings.rounds, integerWithin(1, 1000000), "N",
+                  "Rounds; in each, every row runs once in a process of its own; default: 5");
   addParsedOption(
-      *sub, "--rounds", settings.rounds,
-      [](const std::string& text) { return parseInteger(text, 1, 1000000); }, "N",
-      "Rounds; in each, every row runs once in a process of its own; default: 5");
-  addParsedOption(
-      *sub, "--repeat", settings.repeats,
-      [](const std::string& text) { return parseInteger(text, 1, 1000000); }, "N",
+      *sub, "--repeat", settings.repeats, integerWithin(1, 1000000), "N",
       "Extract N times; in each process, after a time that is not measured; default: 3");
   sub->add_option(
          "--page-cache", arguments->cache,

@@ -15,17 +15,24 @@
 #include <vector>
 
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/open_descriptor.h"
 
 namespace isobrick {
 namespace {
 
-// The value, in KiB, of a line such as "VmHWM:     1234 kB"; 0 if there is none.
+// The bytes of a line such as "VmHWM:     1234 kB"; 0 if there is none.
 std::uint64_t bytesInLine(const char* path, const std::string& name) {
   std::ifstream file(path);
   for (std::string line; std::getline(file, line);)
     if (line.rfind(name + ":", 0) == 0)
       return 1024 * std::strtoull(line.c_str() + name.size() + 1, nullptr, 10);
   return 0;
+}
+
+OpenDescriptor openedForReading(const std::string& path) {
+  const int fd = open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  if (fd < 0) throw Error(fmt::format("cannot open '{}': {}", path, std::strerror(errno)));
+  return OpenDescriptor(fd);
 }
 
 }  // namespace
@@ -42,39 +49,19 @@ void refuseHugePages() {
                             std::strerror(errno)));
 }
 
-namespace {
-
-class OpenFile {
- public:
-  explicit OpenFile(const std::string& path)
-      : descriptor_(open(path.c_str(), O_RDONLY | O_CLOEXEC)) {
-    if (descriptor_ < 0)
-      throw Error(fmt::format("cannot open '{}': {}", path, std::strerror(errno)));
-  }
-  OpenFile(const OpenFile&) = delete;
-  OpenFile& operator=(const OpenFile&) = delete;
-  ~OpenFile() { close(descriptor_); }
-  int descriptor() const { return descriptor_; }
-
- private:
-  int descriptor_;
-};
-
-}  // namespace
-
 void dropFromPageCache(const std::string& path) {
-  const OpenFile file(path);
-  fdatasync(file.descriptor());  // a page that waits for the disk is not dropped
-  posix_fadvise(file.descriptor(), 0, 0, POSIX_FADV_DONTNEED);
+  const OpenDescriptor file = openedForReading(path);
+  fdatasync(file.get());  // a page that waits for the disk is not dropped
+  posix_fadvise(file.get(), 0, 0, POSIX_FADV_DONTNEED);
 }
 
 double cachedShare(const std::string& path) {
-  const OpenFile file(path);
+  const OpenDescriptor file = openedForReading(path);
   struct stat status {};
-  fstat(file.descriptor(), &status);
+  fstat(file.get(), &status);
   const auto bytes = static_cast<std::size_t>(status.st_size);
   if (bytes == 0) return 0;
-  void* const map = mmap(nullptr, bytes, PROT_READ, MAP_SHARED, file.descriptor(), 0);
+  void* const map = mmap(nullptr, bytes, PROT_READ, MAP_SHARED, file.get(), 0);
   if (map == MAP_FAILED)
     throw Error(fmt::format("cannot map '{}': {}", path, std::strerror(errno)));
   const auto page_bytes = static_cast<std::size_t>(sysconf(_SC_PAGESIZE));

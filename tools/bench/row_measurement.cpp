@@ -29,6 +29,22 @@ double secondsOf(Work work) {
   return watch.seconds();
 }
 
+template <typename Measurement, typename F>
+void forEachField(Measurement& m, F&& f) {
+  f("triangles", m.size.triangles);
+  f("vertices", m.size.vertices);
+  f("output_bytes", m.size.bytes);
+  f("load_seconds", m.load_seconds);
+  f("prepare_seconds", m.prepare_seconds);
+  f("first_seconds", m.first_seconds);
+  f("seconds", m.seconds);
+  f("processor_seconds", m.processor_seconds);
+  f("loaded_rss_bytes", m.loaded_rss_bytes);
+  f("peak_rss_bytes", m.peak_rss_bytes);
+  f("huge_page_bytes", m.huge_page_bytes);
+  f("note", m.note);
+}
+
 }  // namespace
 
 RowMeasurement measureRow(const RowTask& task, SurfaceEngine& engine) {
@@ -59,39 +75,17 @@ RowMeasurement measureRow(const RowTask& task, SurfaceEngine& engine) {
   return result;
 }
 
-std::string textOf(const RowMeasurement& m) {
-  return Json{{"triangles", m.size.triangles},
-              {"vertices", m.size.vertices},
-              {"output_bytes", m.size.bytes},
-              {"load_seconds", m.load_seconds},
-              {"prepare_seconds", m.prepare_seconds},
-              {"first_seconds", m.first_seconds},
-              {"seconds", m.seconds},
-              {"processor_seconds", m.processor_seconds},
-              {"loaded_rss_bytes", m.loaded_rss_bytes},
-              {"peak_rss_bytes", m.peak_rss_bytes},
-              {"huge_page_bytes", m.huge_page_bytes},
-              {"note", m.note}}
-             .dump() +
-         "\n";
+std::string textOf(const RowMeasurement& measurement) {
+  Json json = Json::object();
+  forEachField(measurement, [&](const char* name, const auto& value) { json[name] = value; });
+  return json.dump() + "\n";
 }
 
 RowMeasurement rowMeasurementOf(const std::string& text) {
   try {
     const Json json = Json::parse(text);
     RowMeasurement m;
-    json.at("triangles").get_to(m.size.triangles);
-    json.at("vertices").get_to(m.size.vertices);
-    json.at("output_bytes").get_to(m.size.bytes);
-    json.at("load_seconds").get_to(m.load_seconds);
-    json.at("prepare_seconds").get_to(m.prepare_seconds);
-    json.at("first_seconds").get_to(m.first_seconds);
-    json.at("seconds").get_to(m.seconds);
-    json.at("processor_seconds").get_to(m.processor_seconds);
-    json.at("loaded_rss_bytes").get_to(m.loaded_rss_bytes);
-    json.at("peak_rss_bytes").get_to(m.peak_rss_bytes);
-    json.at("huge_page_bytes").get_to(m.huge_page_bytes);
-    json.at("note").get_to(m.note);
+    forEachField(m, [&](const char* name, auto& value) { json.at(name).get_to(value); });
     if (!m.seconds.empty()) return m;
   } catch (const Json::exception&) {
     // reported below
