@@ -88,11 +88,6 @@ void refuseOutputs(const ExtractArguments& arguments) {
 
 bool isShareName(const std::string& output) { return lowerExtension(output) == kMeshShareEnding; }
 
-std::uint64_t parseAtLeastOne(const std::string& text) {
-  return static_cast<std::uint64_t>(
-      parseInteger(text, 1, std::numeric_limits<std::int64_t>::max()));
-}
-
 void findComponents(const ExtractArguments& arguments, Extractor& extractor, const Query& query,
                     ProgressBar& bar, ExtractResult& result) {
   if (!arguments.list_components && !arguments.keep_largest && !arguments.drop_below &&
@@ -193,6 +188,7 @@ ExtractResults extract(ExtractArguments& arguments) {
     other = openPyramidFile(arguments.attribute.pyramid, memory_bytes, access, remote);
     values.emplace(*other);
   }
+  results.unit = pyramid.spec().geometry.unit;
   results.open_seconds = open_watch.seconds();
   results.opening = pyramid.remoteCounters();
   chooseIsovalues(arguments.query, pyramid);
@@ -248,9 +244,10 @@ int runExtract(const CLI::App& command, ExtractArguments arguments) {
 // Returns those that look at the whole surface.
 std::vector<CLI::Option*> addDetailOptions(CLI::App& app, ExtractArguments& arguments) {
   beginGroup(app, kDetailGroup);
+  const auto atLeastOne = integerWithin(1, std::numeric_limits<std::int64_t>::max());
   addSimplifyOption(app, arguments.query);
   CLI::Option* const triangles = addParsedOption(
-      app, "--triangles", arguments.most_triangles, parseAtLeastOne, "N",
+      app, "--triangles", arguments.most_triangles, atLeastOne, "N",
       "At most N triangles: finds the distance of --simplify for that, by extracting the surface "
       "some ten times");
   triangles->excludes(findOption(app, "--simplify"));
@@ -262,16 +259,11 @@ std::vector<CLI::Option*> addDetailOptions(CLI::App& app, ExtractArguments& argu
                    "List the connected pieces of the surface by their area, with the volume that "
                    "each encloses, in world units");
   CLI::Option* const largest =
-      addParsedOption(app, "--keep-largest", arguments.keep_largest, parseAtLeastOne, "N",
+      addParsedOption(app, "--keep-largest", arguments.keep_largest, atLeastOne, "N",
                       "Only the N connected pieces of the largest area; they are listed, too");
   CLI::Option* const drop_below = addParsedOption(
-      app, "--drop-below", arguments.drop_below,
-      [](const std::string& text) {
-        const double area = parseNumber(text);
-        if (!(area >= 0)) throw std::invalid_argument("an area is wanted, 0 or more");
-        return area;
-      },
-      "AREA", "Only connected pieces of at least this area, in squares of the world's unit");
+      app, "--drop-below", arguments.drop_below, numberFrom(0), "AREA",
+      "Only connected pieces of at least this area, in squares of the world's unit");
   return {triangles, components, largest, drop_below};
 }
 
@@ -282,9 +274,8 @@ void addMeshOptions(CLI::App& app, ExtractArguments& arguments,
       app.add_option("-o,--output", arguments.output,
                      "Output; a mesh, .ply, .stl, .obj, .glb or .vtp, in world units; "
                      ".precomputed: a folder for Neuroglancer with all levels; or .isbm: a share "
-                     "for 'isobrick merge'. "
-                     "Without it the mesh is only counted. Each of several isovalues gets a file: "
-                     "mesh-500.ply")
+                     "for 'isobrick merge'. Without it the mesh is only counted. Each of several "
+                     "isovalues gets a file: mesh-500.ply")
           ->type_name("MESH");
   addForceFlag(app, arguments.force)->needs(output);
   CLI::Option* const part = addParsedOption(
@@ -295,9 +286,8 @@ void addMeshOptions(CLI::App& app, ExtractArguments& arguments,
   for (CLI::Option* const option : of_whole_surface) part->excludes(option);
   app.add_option("--attribute", arguments.attribute.path,
                  "Another pyramid or volume, whose value at every vertex goes into .ply and .vtp "
-                 "(value) or "
-                 ".glb (_VALUE): level 0, interpolated trilinearly where the vertex is in the "
-                 "world. Both pyramids share --memory. Or 'component': the number of the "
+                 "(value) or .glb (_VALUE): level 0, interpolated trilinearly where the vertex is "
+                 "in the world. Both pyramids share --memory. Or 'component': the number of the "
                  "connected piece, 0 the one of the largest area, as --components lists them "
                  "(component, _COMPONENT)")
       ->type_name("OTHER|component")
@@ -307,10 +297,8 @@ void addMeshOptions(CLI::App& app, ExtractArguments& arguments,
                "Pack .glb with EXT_meshopt_compression: positions to 1/8192 of the least spacing, "
                "normals to 10 bits")
       ->needs(output);
-  addParsedOption(
-      app, "--repeat", arguments.repeat,
-      [](const std::string& text) { return parseInteger(text, 1, 1000000); }, "N",
-      "Extract N times; the last one is written");
+  addParsedOption(app, "--repeat", arguments.repeat, integerWithin(1, 1000000), "N",
+                  "Extract N times; the last one is written");
 }
 
 }  // namespace

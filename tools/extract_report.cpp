@@ -64,14 +64,16 @@ Json jsonOfSurface(const ExtractResults& results, const ExtractResult& result) {
   return json;
 }
 
-void printSummary(const ExtractResult& result) {
+void printSummary(const ExtractResult& result, LengthUnit unit) {
   if (result.components) printComponents(*result.components, result.components_kept);
   const ExtractionReport& report = result.report;
   fmt::print("{}{} triangles, {} vertices\n", result.output.empty() ? "" : result.output + ": ",
              countText(report.triangles), countText(result.vertices));
   if (result.simplify)
     fmt::print("  within {:.4g} {} of the finest surface\n", result.simplify->distance,
-               result.simplify->in_world ? "units of the world" : "voxels");
+               !result.simplify->in_world        ? "voxels"
+               : unit == LengthUnit::kMillimetre ? "mm"
+                                                 : "units of the world");
   for (const LevelCounts& counts : report.levels)
     fmt::print("  level {:<2} {:>14} triangles in {} cells, {} of them in transition\n",
                counts.level, countText(counts.triangles), countText(counts.cells),
@@ -109,7 +111,7 @@ void printResults(const ExtractResults& results) {
   for (const ExtractResult& result : results.surfaces) {
     if (result.components) extract_text += fmt::format(" {:.4f} +", result.components_seconds);
     if (results.surfaces.size() > 1) fmt::print("isovalue {}: ", result.isovalue);
-    printSummary(result);
+    printSummary(result, results.unit);
     for (const double seconds : result.extract_seconds)
       extract_text += fmt::format(" {:.4f}", seconds);
     write_seconds += result.write_seconds;

@@ -39,6 +39,7 @@ struct ExtractResults {
   std::string attribute;            // the pyramid whose values vertices got; empty: none
   bool numbers_components = false;  // vertices got the numbers of their components instead
   std::optional<ShareNumber> part;
+  LengthUnit unit = LengthUnit::kUnknown;  // of the world
   int threads = 0;
   double open_seconds = 0;
   BrickPager::Counters pager;            // of all surfaces and repeats

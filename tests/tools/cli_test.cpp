@@ -104,6 +104,21 @@ std::uint32_t trianglesOfStl(const std::string& stl) {
   return triangles;
 }
 
+TEST_F(CliTest, ADistanceIsSaidInItsUnit) {
+  runWell({"phantom", "sphere", "--voxels", "16", "-o", "unknown.nrrd"});
+  std::string header = readBytes(path("unknown.nrrd"));
+  header.replace(header.find("\"\" \"\" \"\""), 8, "\"mm\" \"mm\" \"mm\"");
+  writeBytes(path("known.nrrd"), header);
+  const auto told = [&](const char* volume, const char* distance) {
+    return runWell(
+        {"extract", volume, "--iso", "0", "--simplify", distance, "--cache-folder", "."});
+  };
+  EXPECT_NE(told("known.nrrd", "0.3mm").find("within 0.3 mm of"), std::string::npos);
+  EXPECT_NE(told("known.nrrd", "0.3").find("within 0.3 voxels of"), std::string::npos);
+  EXPECT_NE(told("unknown.nrrd", "0.3mm").find("within 0.3 units of the world of"),
+            std::string::npos);
+}
+
 TEST_F(CliTest, FromPhantomToPicture) {
   const std::string made =
       runWell({"phantom", "head", "--size", "64", "--type", "i16", "-o", "head.nrrd"});
