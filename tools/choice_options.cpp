@@ -80,14 +80,13 @@ void addChoiceOptions(CLI::App& app, ChoiceOptions& options) {
   CLI::Option* const focus = addParsedOption(
       app, "--focus", options.focus, parsePoint, "X,Y,Z",
       "Centre of interest in voxel indices: finest around it, coarser with distance");
-  CLI::Option* const radius = addParsedOption(
-      app, "--radius", options.radius, [](const std::string& t) { return parseNumberFrom(t, 0); },
-      "R", "Radius of interest in voxels: everything within is of the finest level");
+  CLI::Option* const radius =
+      addParsedOption(app, "--radius", options.radius, numberFrom(0), "R",
+                      "Radius of interest in voxels: everything within is of the finest level");
   focus->needs(radius);
   radius->needs(focus);
   CLI::Option* const curvature = addParsedOption(
-      app, "--curvature", options.curvature_tolerance,
-      [](const std::string& t) { return parseNumberFrom(t, 0); }, "T",
+      app, "--curvature", options.curvature_tolerance, numberFrom(0), "T",
       "Leave parts at level 1 where the total curvature is at most T, in 1/voxel^2");
   CLI::Option* const rho =
       addParsedOption(app, "--curvature-radius", options.curvature_radius, parseAboveZero, "RHO",

@@ -45,6 +45,12 @@ void refuseInput(const std::string& file, const PlannedOutput& output,
       throw Error(fmt::format("'{}' is the input; {}", file, output.way_out), {.path = file});
 }
 
+[[noreturn]] void refuseExisting(const PlannedOutput& output) {
+  throw Error(fmt::format("'{}' exists already; replace it with --force, or {}", output.path,
+                          output.way_out),
+              {.path = output.path});
+}
+
 }  // namespace
 
 CLI::Option* addForceFlag(CLI::App& app, bool& force) {
@@ -65,10 +71,7 @@ void refuseReplacing(const PlannedOutput& output, const std::vector<std::string>
                             fs::is_directory(path, ignored) ? "a folder" : "not a regular file",
                             output.way_out),
                 {.path = path});
-  if (!force && isThere(path))
-    throw Error(
-        fmt::format("'{}' exists already; replace it with --force, or {}", path, output.way_out),
-        {.path = path});
+  if (!force && isThere(path)) refuseExisting(output);
 }
 
 void refuseReplacingFolder(const PlannedOutput& output, const std::vector<std::string>& inputs,
@@ -91,10 +94,7 @@ void refuseReplacingFolder(const PlannedOutput& output, const std::vector<std::s
     throw Error(
         fmt::format("'{}' is a folder with something else in it; {}", folder, output.way_out),
         {.path = folder});
-  if (!force)
-    throw Error(
-        fmt::format("'{}' exists already; replace it with --force, or {}", folder, output.way_out),
-        {.path = folder});
+  if (!force) refuseExisting(output);
 }
 
 void refuseReplacingVolume(const PlannedOutput& output, const std::vector<std::string>& inputs,

@@ -1,6 +1,5 @@
 // Numbers as users write them on a command line: the same in every locale, and the whole word
-// counts
-// ("12x", "nan" and "" are refused).
+// counts ("12x", "nan" and "" are refused).
 #pragma once
 
 #include <cstdint>
@@ -21,6 +20,13 @@ double parseNumberFrom(const std::string& text, double least);
 double parseSingle(const std::string& text);
 // A whole number within [least, most].
 std::int64_t parseInteger(const std::string& text, std::int64_t least, std::int64_t most);
+// Parsers with these bounds.
+inline auto numberFrom(double least) {
+  return [least](const std::string& text) { return parseNumberFrom(text, least); };
+}
+inline auto integerWithin(std::int64_t least, std::int64_t most) {
+  return [least, most](const std::string& text) { return parseInteger(text, least, most); };
+}
 // "X,Y,Z"
 glm::dvec3 parsePoint(const std::string& text);
 Index3 parseIndex3(const std::string& text);

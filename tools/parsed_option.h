@@ -25,6 +25,23 @@ CLI::Option* addParsedOption(CLI::App& app, const std::string& names, Target& ta
   return app.add_option_function<std::string>(names, set, description)->type_name(value_name);
 }
 
+// Adds an option that may be given again: calls `take(word)` for each of its words.
+template <typename Take>
+CLI::Option* addRepeatedOption(CLI::App& app, const std::string& name, Take take,
+                               const std::string& value_name, const std::string& description) {
+  const auto take_all = [take, name](const std::vector<std::string>& words) {
+    try {
+      for (const std::string& word : words) take(word);
+    } catch (const std::invalid_argument& failure) {
+      throw CLI::ValidationError(name, failure.what());
+    }
+  };
+  return app.add_option_function<std::vector<std::string>>(name, take_all, description)
+      ->type_name(value_name)
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+}
+
 // The values of an option, in the order of --help.
 template <typename T>
 using Choices = std::vector<std::pair<std::string, T>>;

@@ -60,9 +60,7 @@ Command addPhantomCommand(CLI::App& app) {
   sub->add_option("NAME", arguments->spec.name, "Which one")
       ->required()
       ->check(CLI::IsMember(phantomNames()));
-  const auto parseVoxels = [](const std::string& text) {
-    return parseInteger(text, 2, kMaxVoxelsPerAxis);
-  };
+  const auto parseVoxels = integerWithin(2, kMaxVoxelsPerAxis);
   CLI::Option* const voxels =
       addParsedOption(*sub, "--voxels", arguments->spec.size, parseVoxels, "N", "Voxels per axis");
   CLI::Option* const size =

@@ -52,22 +52,15 @@ void refuseBoxOutside(const QueryBox& box, const Pyramid& pyramid, const std::st
                   {.path = path});
 }
 
-// From "500,1200" and "auto", given once or more.
-void readIsovalues(QueryOptions& options, const std::vector<std::string>& texts, bool several) {
-  try {
-    options.isovalues.clear();
-    for (const std::string& text : texts)
-      for (std::size_t begin = 0, end = 0; end != std::string::npos; begin = end + 1) {
-        end = text.find(',', begin);
-        const std::string word = text.substr(begin, end - begin);
-        options.isovalues.push_back(word == "auto" ? std::nullopt
-                                                   : std::optional(parseSingle(word)));
-      }
-  } catch (const std::invalid_argument& failure) {
-    throw CLI::ValidationError("--iso", failure.what());
+// Takes "500,1200" or "auto".
+void readIsovalues(QueryOptions& options, const std::string& text, bool several) {
+  for (std::size_t begin = 0, end = 0; end != std::string::npos; begin = end + 1) {
+    end = text.find(',', begin);
+    const std::string word = text.substr(begin, end - begin);
+    options.isovalues.push_back(word == "auto" ? std::nullopt : std::optional(parseSingle(word)));
   }
   if (options.isovalues.size() > 1 && !several)
-    throw CLI::ValidationError("--iso", "one isovalue is wanted; 'isobrick extract' takes several");
+    throw std::invalid_argument("one isovalue is wanted; 'isobrick extract' takes several");
   options.isovalue = options.isovalues.front().value_or(0);
 }
 
@@ -84,38 +77,22 @@ void addQueryOptions(CLI::App& app, QueryOptions& options, bool several) {
   options.threads = allCores();
   addVolumeInput(app, options.input)->required();
   beginGroup(app, kSurfaceGroup);
-  app.add_option_function<std::vector<std::string>>(
-         "--iso",
-         [&options, several](const std::vector<std::string>& texts) {
-           readIsovalues(options, texts, several);
-         },
-         "Isovalue; values of at least V are inside. 'auto' is the first one that `isobrick info` "
-         "suggests" +
-             std::string(several ? ". With several, 500,1200, each is a surface of its own" : ""))
-      ->type_name(several ? "V,..." : "V")
-      ->expected(1)
-      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll)
+  addRepeatedOption(
+      app, "--iso",
+      [&options, several](const std::string& text) { readIsovalues(options, text, several); },
+      several ? "V,..." : "V",
+      "Isovalue; values of at least V are inside. 'auto' is the first one that `isobrick info` "
+      "suggests" +
+          std::string(several ? ". With several, 500,1200, each is a surface of its own" : ""))
       ->required();
   beginGroup(app, kDetailGroup);
   addChoiceOptions(app, options.choice);
-  const auto addFiner = [&options](const std::vector<std::string>& texts) {
-    for (const std::string& text : texts) {
-      try {
-        options.or_finer.push_back(parseChoice(text));
-      } catch (const std::invalid_argument& failure) {
-        throw CLI::ValidationError("--or-finer", failure.what());
-      }
-    }
-  };
-  app.add_option_function<std::vector<std::string>>(
-         "--or-finer", addFiner,
-         "Refine the cells of another choice too, such as 'focus=10,20,30 radius=5'; may be given "
-         "again. "
-         "Focus, curvature, eye and level that are given together leave cells "
-         "coarse together")
-      ->type_name("CHOICE")
-      ->expected(1)
-      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  addRepeatedOption(
+      app, "--or-finer",
+      [&options](const std::string& text) { options.or_finer.push_back(parseChoice(text)); },
+      "CHOICE",
+      "Refine the cells of another choice too, such as 'focus=10,20,30 radius=5'; may be given "
+      "again. Focus, curvature, eye and level that are given together leave cells coarse together");
   beginGroup(app, kSurfaceGroup);
   addBoxOption(app, options.box);
   app.add_flag("--world", options.world,

@@ -219,13 +219,58 @@ glm::vec3 parseBackground(RenderOptions& picture, const std::string& text) {
   return picture.background_bottom = parseColor(text);
 }
 
+void addPictureOptions(CLI::App& app, RenderArguments& arguments) {
+  RenderOptions& picture = arguments.picture;
+  beginGroup(app, kPictureGroup);
+  addParsedOption(app, "--size", arguments.print_size, parsePrintSize, "WxH",
+                  "Pixels, or, with --dpi, millimetres such as 85x60mm; default: 1024x1024");
+  addParsedOption(
+      app, "--dpi", arguments.pixels_per_inch, numberFrom(1.0), "N",
+      "Pixels per inch of a print, which the picture keeps; default for millimetres: 300");
+  addParsedOption(app, "--pictures", arguments.pictures, integerWithin(2, 100000), "N",
+                  "So many pictures: all around the surface, or along the path of several --state");
+  addParsedOption(app, "--pictures-per-second", arguments.pictures_per_second, numberFrom(0.1), "N",
+                  "Of a movie; default: 25")
+      ->needs(findOption(app, "--pictures"));
+  addParsedOption(app, "--azimuth", picture.orbit.azimuth, parseNumber, "DEGREES",
+                  "Walk around the surface, to the right; 0 looks along +y; default: 25");
+  addParsedOption(app, "--elevation", picture.orbit.elevation, parseNumber, "DEGREES",
+                  "Look from above, up to 90, or from below; default: 15");
+  app.add_flag("--color-by-level", picture.color_by_level,
+               "Colour triangles by their level: red for 0, then yellow, green, blue");
+  app.add_flag("--color-by-component", picture.color_by_component,
+               "Colour the connected pieces by their area: orange for the largest, then sky blue, "
+               "green, yellow, blue, red, purple, and again")
+      ->excludes(findOption(app, "--color-by-level"));
+  app.add_flag("--wireframe", picture.wireframe, "Draw the edges of the triangles");
+  app.add_flag("--ambient-occlusion", picture.ambient_occlusion, "Darken the surface in hollows");
+  app.add_flag("--shadow", picture.shadow, "The surface throws a soft shadow on itself");
+  app.add_flag("--outlines", picture.outlines, "Dark lines where the surface ends");
+  app.add_flag("--scale-bar", picture.notes.scale_bar,
+               "Draw a scale bar; it measures in the middle of what is framed");
+  app.add_flag("--axes", picture.notes.axes, "Draw the directions of the world's x, y and z");
+  app.add_flag("--legend", picture.notes.legend, "Draw what the colours mean");
+  app.add_flag("--show-focus", arguments.show_focus, "Draw the outline of the sphere of interest")
+      ->needs(findOption(app, "--focus"));
+  addParsedOption(app, "--color", picture.surface_color, parseColor, "R,G,B",
+                  "Colour of the surface, sRGB from 0 to 1");
+  addParsedOption(app, "--background-top", picture.background_top, parseColor, "R,G,B",
+                  "Colour at the upper edge of the picture");
+  addParsedOption(app, "--background-bottom", picture.background_bottom, parseColor, "R,G,B",
+                  "Colour at the lower edge");
+  addParsedOption(
+      app, "--background", picture.background_top,
+      [&picture](const std::string& text) { return parseBackground(picture, text); },
+      "dark|light|white|R,G,B",
+      "Both of them: for screens (default), slides or print; or a colour");
+}
+
 }  // namespace
 
 Command addRenderCommand(CLI::App& app) {
   CLI::App* const sub =
       app.add_subcommand("render", "Draw an isosurface of a pyramid or a volume to a file");
   const auto arguments = std::make_shared<RenderArguments>();
-  RenderOptions& picture = arguments->picture;
   addQueryOptions(*sub, arguments->query);
   beginGroup(*sub, kOutputGroup);
   sub->add_option("-o,--output", arguments->output,
@@ -234,53 +279,7 @@ Command addRenderCommand(CLI::App& app) {
       ->type_name("IMAGE")
       ->required();
   addForceFlag(*sub, arguments->force);
-  beginGroup(*sub, kPictureGroup);
-  addParsedOption(*sub, "--size", arguments->print_size, parsePrintSize, "WxH",
-                  "Pixels, or, with --dpi, millimetres such as 85x60mm; default: 1024x1024");
-  addParsedOption(
-      *sub, "--dpi", arguments->pixels_per_inch,
-      [](const std::string& text) { return parseNumberFrom(text, 1.0); }, "N",
-      "Pixels per inch of a print, which the picture keeps; default for millimetres: 300");
-  addParsedOption(
-      *sub, "--pictures", arguments->pictures,
-      [](const std::string& text) { return static_cast<int>(parseInteger(text, 2, 100000)); }, "N",
-      "So many pictures: all around the surface, or along the path of several --state");
-  addParsedOption(
-      *sub, "--pictures-per-second", arguments->pictures_per_second,
-      [](const std::string& text) { return parseNumberFrom(text, 0.1); }, "N",
-      "Of a movie; default: 25")
-      ->needs(findOption(*sub, "--pictures"));
-  addParsedOption(*sub, "--azimuth", picture.orbit.azimuth, parseNumber, "DEGREES",
-                  "Walk around the surface, to the right; 0 looks along +y; default: 25");
-  addParsedOption(*sub, "--elevation", picture.orbit.elevation, parseNumber, "DEGREES",
-                  "Look from above, up to 90, or from below; default: 15");
-  sub->add_flag("--color-by-level", picture.color_by_level,
-                "Colour triangles by their level: red for 0, then yellow, green, blue");
-  sub->add_flag("--color-by-component", picture.color_by_component,
-                "Colour the connected pieces by their area: orange for the largest, then sky blue, "
-                "green, yellow, blue, red, purple, and again")
-      ->excludes(findOption(*sub, "--color-by-level"));
-  sub->add_flag("--wireframe", picture.wireframe, "Draw the edges of the triangles");
-  sub->add_flag("--ambient-occlusion", picture.ambient_occlusion, "Darken the surface in hollows");
-  sub->add_flag("--shadow", picture.shadow, "The surface throws a soft shadow on itself");
-  sub->add_flag("--outlines", picture.outlines, "Dark lines where the surface ends");
-  sub->add_flag("--scale-bar", picture.notes.scale_bar,
-                "Draw a scale bar; it measures in the middle of what is framed");
-  sub->add_flag("--axes", picture.notes.axes, "Draw the directions of the world's x, y and z");
-  sub->add_flag("--legend", picture.notes.legend, "Draw what the colours mean");
-  sub->add_flag("--show-focus", arguments->show_focus, "Draw the outline of the sphere of interest")
-      ->needs(findOption(*sub, "--focus"));
-  addParsedOption(*sub, "--color", picture.surface_color, parseColor, "R,G,B",
-                  "Colour of the surface, sRGB from 0 to 1");
-  addParsedOption(*sub, "--background-top", picture.background_top, parseColor, "R,G,B",
-                  "Colour at the upper edge of the picture");
-  addParsedOption(*sub, "--background-bottom", picture.background_bottom, parseColor, "R,G,B",
-                  "Colour at the lower edge");
-  addParsedOption(
-      *sub, "--background", picture.background_top,
-      [&picture](const std::string& text) { return parseBackground(picture, text); },
-      "dark|light|white|R,G,B",
-      "Both of them: for screens (default), slides or print; or a colour");
+  addPictureOptions(*sub, *arguments);
   CLI::Option* const state =
       sub->add_option(
              "--state", arguments->states,
@@ -289,15 +288,10 @@ Command addRenderCommand(CLI::App& app) {
           ->type_name("VIEW.json")
           ->allow_extra_args(false);
   CLI::Option* const isovalue = findOption(*sub, "--iso")->required(false);
-  const std::set<std::string> together{
-      "FILE",     "--output", "--size",    "--dpi",   "--pictures", "--pictures-per-second",
-      "--memory", "--help",   "--threads", "--state", "--force",    "--no-map"};
-  for (CLI::Option* const option : sub->get_options())
-    if (option->get_group() != kVolumeGroup && option->get_group() != kRemoteGroup &&
-        !option->get_group().empty() && together.count(option->get_name(false, true)) == 0 &&
-        together.count(option->get_single_name()) == 0 &&
-        together.count("--" + option->get_single_name()) == 0)
-      state->excludes(option);
+  for (CLI::Option* const option : optionsBeside(
+           *sub, {"FILE", "--output", "--size", "--dpi", "--pictures", "--pictures-per-second",
+                  "--memory", "--help", "--threads", "--state", "--force", "--no-map"}))
+    state->excludes(option);
   sub->footer(R"(
 Example:
   isobrick render head.isb --iso 500 --size 800x600 --azimuth 40 -o skin.png)");

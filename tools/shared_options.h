@@ -41,36 +41,20 @@ inline CLI::Option* addJsonFlag(CLI::App& app, bool& json) {
   return app.add_flag("--json", json, "Print one JSON object in place of text");
 }
 
-// --select, which calls `select` with one word KEY=VALUE at a time; it throws std::invalid_argument
-// for a word that is wrong.
-inline CLI::Option* addSelectOption(CLI::App& app,
-                                    std::function<void(const std::string& word)> select) {
-  const auto each = [select = std::move(select)](const std::vector<std::string>& words) {
-    for (const std::string& word : words) {
-      try {
-        select(word);
-      } catch (const std::invalid_argument& failure) {
-        throw CLI::ValidationError("--select", failure.what());
-      }
-    }
-  };
-  return app
-      .add_option_function<std::vector<std::string>>(
-          "--select", each,
-          "Which volume of several in the input; KEY is array or grid (the array, grid, stack or "
-          "layer of this name), series (number or UID), time, channel (from 0), or component (from "
-          "0, or magnitude, the root of the sum of all squares); may be given again")
-      ->type_name("KEY=VALUE")
-      ->expected(1)
-      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+// --select, which calls `select` with one word KEY=VALUE at a time.
+template <typename Select>
+CLI::Option* addSelectOption(CLI::App& app, Select select) {
+  return addRepeatedOption(
+      app, "--select", select, "KEY=VALUE",
+      "Which volume of several in the input; KEY is array or grid (the array, grid, stack or layer "
+      "of this name), series (number or UID), time, channel (from 0), or component (from 0, or "
+      "magnitude, the root of the sum of all squares); may be given again");
 }
 
 template <typename Level>
 CLI::Option* addLevelOption(CLI::App& app, Level& level, int coarsest) {
-  return addParsedOption(
-      app, "--level", level,
-      [coarsest](const std::string& text) { return parseInteger(text, 0, coarsest); }, "L",
-      "This level of the pyramid everywhere; 0 is the finest");
+  return addParsedOption(app, "--level", level, integerWithin(0, coarsest), "L",
+                         "This level of the pyramid everywhere; 0 is the finest");
 }
 
 inline CLI::Option* addBoxOption(CLI::App& app, std::optional<Corners>& box) {

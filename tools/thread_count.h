@@ -16,9 +16,8 @@ namespace isobrick {
 inline int allCores() { return tbb::this_task_arena::max_concurrency(); }
 
 inline void addThreadsOption(CLI::App& app, int& threads) {
-  addParsedOption(
-      app, "--threads", threads, [](const std::string& t) { return parseInteger(t, 1, 1024); }, "N",
-      "Threads to use; default: all cores");
+  addParsedOption(app, "--threads", threads, integerWithin(1, 1024), "N",
+                  "Threads to use; default: all cores");
 }
 
 // Calls `work()` with TBB limited to `threads` threads, the calling one included.

@@ -3,8 +3,10 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdint>
 #include <functional>
+#include <initializer_list>
 #include <map>
 #include <optional>
 #include <string>
@@ -29,6 +31,17 @@ struct VolumeInput {
 inline constexpr char kVolumeGroup[] = "If FILE is a volume";
 // The same of those for a pyramid behind a URL.
 inline constexpr char kRemoteGroup[] = "If FILE is a URL";
+
+// The options of a command but for those of these names, those of reading FILE, and hidden ones.
+template <typename App>
+auto optionsBeside(App& app, std::initializer_list<const char*> names) {
+  return app.get_options([&](const CLI::Option* option) {
+    const std::string& group = option->get_group();
+    return !group.empty() && group != kVolumeGroup && group != kRemoteGroup &&
+           std::none_of(names.begin(), names.end(),
+                        [&](const char* name) { return option->check_name(name); });
+  });
+}
 
 // FILE.
 CLI::Option* addVolumeInput(CLI::App& app, VolumeInput& input);

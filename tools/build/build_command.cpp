@@ -217,8 +217,7 @@ void addOutputOptions(CLI::App& sub, BuildArguments& arguments) {
       "preview STEP X Y Z PATH (every STEP-th of X x Y x Z voxels); all go in the end")
       ->needs(lines);
   addParsedOption(
-      sub, "--preview-share", preview.most_share,
-      [](const std::string& text) { return parseNumberFrom(text, 0); }, "S",
+      sub, "--preview-share", preview.most_share, numberFrom(0), "S",
       fmt::format("Share of a build's time that previews may take; 0: none are made; 1: one after "
                   "every slab of bricks; default: {}",
                   preview.most_share));
@@ -251,14 +250,11 @@ void addPyramidOptions(CLI::App& sub, BuildArguments& arguments) {
   addParsedOption(sub, "--tile", options.tile_cells, powerOfTwo(2, 256), "N",
                   "Cells per tile (smallest block with a value range), a power of two; default: 4");
   addParsedOption(
-      sub, "--curvature-epsilon", options.curvature_epsilon,
-      [](const std::string& text) { return parseNumberFrom(text, 0); }, "E",
+      sub, "--curvature-epsilon", options.curvature_epsilon, numberFrom(0), "E",
       "Samples with a gradient below E x the range of their tile do not count for the curvature; "
       "default: 1/64");
-  addParsedOption(
-      sub, "--nan-as", options.nan_as,
-      [](const std::string& text) { return static_cast<float>(parseSingle(text)); }, "V",
-      "Value to put where voxels are NaN or infinite; without it they are refused");
+  addParsedOption(sub, "--nan-as", options.nan_as, parseSingle, "V",
+                  "Value to put where voxels are NaN or infinite; without it they are refused");
 }
 
 }  // namespace

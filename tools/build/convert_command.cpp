@@ -252,6 +252,23 @@ ValueWindow parseWindow(const std::string& text) {
   return window;
 }
 
+void addVdbOptions(CLI::App& app, ExportOptions& options) {
+  addParsedOption(
+      app, "--vdb-background", options.vdb_background, parseSingle, "V",
+      "Value of what a .vdb does not store; default: that of the .vdb it came from, or 0");
+  const auto parseTolerance = [](const std::string& text) {
+    parseSingle(text);
+    return parseNumberFrom(text, 0);
+  };
+  addParsedOption(
+      app, "--vdb-tolerance", options.vdb_tolerance, parseTolerance, "T",
+      "Voxels no further than T from the background are not stored in a .vdb; default: 0");
+  // Their names until 0.1.
+  addParsedOption(app, "--background", options.vdb_background, parseSingle, "V", "")->group("");
+  addParsedOption(app, "--tolerance", options.vdb_tolerance, parseTolerance, "T", "")->group("");
+  app.add_flag("--half", options.vdb_half, "Half floats in a .vdb");
+}
+
 }  // namespace
 
 Command addConvertCommand(CLI::App& app) {
@@ -285,25 +302,7 @@ Command addConvertCommand(CLI::App& app) {
                   "Voxels to write; u8, i8, u16 or i16 of a --window, or f32; default: as they are")
       ->type_name("T")
       ->check(CLI::IsMember({"u8", "i8", "u16", "i16", "f32"}));
-  const auto parseBackground = [](const std::string& text) {
-    return static_cast<float>(parseSingle(text));
-  };
-  addParsedOption(
-      *sub, "--vdb-background", arguments->write.vdb_background, parseBackground, "V",
-      "Value of what a .vdb does not store; default: that of the .vdb it came from, or 0");
-  const auto parseTolerance = [](const std::string& text) {
-    parseSingle(text);
-    return parseNumberFrom(text, 0);
-  };
-  addParsedOption(
-      *sub, "--vdb-tolerance", arguments->write.vdb_tolerance, parseTolerance, "T",
-      "Voxels no further than T from the background are not stored in a .vdb; default: 0");
-  // Their names until 0.1.
-  addParsedOption(*sub, "--background", arguments->write.vdb_background, parseBackground, "V", "")
-      ->group("");
-  addParsedOption(*sub, "--tolerance", arguments->write.vdb_tolerance, parseTolerance, "T", "")
-      ->group("");
-  sub->add_flag("--half", arguments->write.vdb_half, "Half floats in a .vdb");
+  addVdbOptions(*sub, arguments->write);
   beginGroup(*sub, kPyramidGroup);
   addStoredOptions(*sub, arguments->build);
   beginGroup(*sub, kOutputGroup);

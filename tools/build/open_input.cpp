@@ -22,9 +22,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
+const auto parseCount = integerWithin(0, std::numeric_limits<std::int64_t>::max());
+
 ComponentChoice parseComponent(const std::string& text) {
   if (text == "magnitude") return {.magnitude = true};
-  return {.index = parseInteger(text, 0, std::numeric_limits<std::int64_t>::max())};
+  return {.index = parseCount(text)};
 }
 
 glm::dvec3 parseSpacing(const std::string& text) {
@@ -32,10 +34,6 @@ glm::dvec3 parseSpacing(const std::string& text) {
   if (!(spacing.x > 0 && spacing.y > 0 && spacing.z > 0))
     throw std::invalid_argument(fmt::format("'{}': all three are to be above 0", text));
   return spacing;
-}
-
-std::int64_t parseCount(const std::string& text) {
-  return parseInteger(text, 0, std::numeric_limits<std::int64_t>::max());
 }
 
 // The keys of --select, and the former options of the same meaning.

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <set>
 #include <vector>
 
 #include "isobrick/preprocess/export/neuroglancer_info.h"
@@ -52,18 +51,14 @@ void printMeshes(const std::string& output, const std::vector<PrecomputedMesh>& 
 
 void refuseForMeshes(const CLI::App& command, const QueryOptions& options,
                      const std::string& output, bool force) {
-  const std::set<std::string> fitting{"FILE",      "--iso",    "--output", "--force", "--json",
-                                      "--threads", "--memory", "--no-map", "--help"};
-  for (const CLI::Option* const option : command.get_options()) {
-    const std::string name =
-        option->get_positional() ? option->get_single_name() : "--" + option->get_single_name();
-    if (option->count() > 0 && option->get_group() != kVolumeGroup &&
-        option->get_group() != kRemoteGroup && fitting.count(name) == 0)
+  for (const CLI::Option* const option : optionsBeside(
+           command,
+           {"FILE", "--iso", "--output", "--force", "--json", "--threads", "--memory", "--no-map"}))
+    if (option->count() > 0)
       throw UsageError(fmt::format(
           "{} does not go with a .precomputed output, which holds all levels of the pyramid; leave "
           "it out, or write another format",
-          name));
-  }
+          option->get_name()));
   refuseReplacingFolder({output}, {options.input.path, options.input.pyramid}, force,
                         holdsPrecomputedMeshes);
 }

@@ -24,6 +24,14 @@
 namespace isobrick {
 namespace {
 
+struct ViewArguments {
+  ViewOptions options;
+  PixelSize size{options.width, options.height};
+  VolumeInput input;
+  std::optional<double> preview_share;
+  bool force = false;
+};
+
 // All outputs of the words and the script; later outputs of the user get names of their own.
 void refuseReplacingOutputs(const ViewOptions& options, bool force) {
   const std::vector<std::string> inputs{options.path, options.script_path, options.state_path};
@@ -39,84 +47,82 @@ void refuseReplacingOutputs(const ViewOptions& options, bool force) {
                       inputs, force);
 }
 
+int runViewCommand(ViewArguments& arguments) {
+  ViewOptions& options = arguments.options;
+  options.path = arguments.input.path;
+  options.remote = remoteOptions(arguments.input);
+  refuseReplacingOutputs(options, arguments.force);
+  if (!isVolume(options.path)) refuseWordsForPyramid(arguments.input);
+  options.build = volumeBuilder({arguments.input, options.threads + 1, arguments.preview_share});
+  // A file that a script opens was not chosen by the user.
+  if (options.script_path.empty()) options.recent_path = recentFilesPath();
+  options.width = arguments.size.width;
+  options.height = arguments.size.height;
+  // The interface is beside them.
+  const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
+                                  static_cast<std::size_t>(options.threads) + 1);
+  runView(options);
+  return 0;
+}
+
+void addScriptOptions(CLI::App& app, ViewArguments& arguments) {
+  ViewOptions& options = arguments.options;
+  beginGroup(app, kScriptGroup);
+  CLI::Option* const script =
+      app.add_option("--script", options.script_path,
+                     "Timed inputs in place of a user; leaves at their end (docs/VIEWER.md)")
+          ->type_name("EVENTS.json");
+  app.add_option("--frames", options.frames_folder,
+                 "Folder for the files that the script writes; default: this one")
+      ->type_name("DIR")
+      ->needs(script);
+  app.add_option("--report", options.report_path, "Times of the script's frames, as JSON")
+      ->type_name("R.json")
+      ->needs(script);
+  app.add_option("--record", options.record_path,
+                 "Write what the user does as such a script, complete after every event")
+      ->type_name("EVENTS.json");
+  addForceFlag(app, arguments.force);
+  app.add_flag("--offscreen", options.offscreen, "Run the script without a window")->needs(script);
+}
+
 }  // namespace
 
 Command addViewCommand(CLI::App& app) {
   CLI::App* const sub = app.add_subcommand("view", kViewDescription);
-  const auto options = std::make_shared<ViewOptions>();
-  options->memory_bytes = kDefaultMemoryBytes;
-  options->gpu_budget_bytes = std::uint64_t{1} << 30;
+  const auto arguments = std::make_shared<ViewArguments>();
+  ViewOptions& options = arguments->options;
+  options.memory_bytes = kDefaultMemoryBytes;
+  options.gpu_budget_bytes = std::uint64_t{1} << 30;
   // One core is for the interface.
-  options->threads = std::max(1, allCores() - 1);
-  options->cancel = &interruptFlag();
-  const auto size = std::make_shared<PixelSize>(PixelSize{options->width, options->height});
-  const auto input = std::make_shared<VolumeInput>();
-  addVolumeInput(*sub, *input)
-      ->description(
-          "Pyramid (.isb), also behind http://, https:// or s3://; or a volume as 'isobrick build' "
-          "reads it, a DICOM folder, or "
-          "phantom:NAME:SIZE, of which a pyramid is built into the cache first; default: chosen in "
-          "the "
-          "window");
-  sub->add_option("--cache", input->cache_folder)->group("");  // its name in earlier versions
-  addVolumeOptions(*sub, *input);
-  const auto force = std::make_shared<bool>(false);
-  const auto preview_share = std::make_shared<std::optional<double>>();
+  options.threads = std::max(1, allCores() - 1);
+  options.cancel = &interruptFlag();
+  CLI::Option* const file = addVolumeInput(*sub, arguments->input);
+  file->description(file->get_description() + "; default: chosen in the window");
+  sub->add_option("--cache", arguments->input.cache_folder)->group("");  // in earlier versions
+  addVolumeOptions(*sub, arguments->input);
   addParsedOption(
-      *sub, "--preview-share", *preview_share,
-      [](const std::string& text) { return parseNumberFrom(text, 0); }, "S",
+      *sub, "--preview-share", arguments->preview_share, numberFrom(0), "S",
       "Share of a build's time that previews may take; 0: none are made; default: that of "
-      "'isobrick "
-      "build'");
+      "'isobrick build'");
   beginGroup(*sub, kResourceGroup);
-  addMemoryOption(*sub, options->memory_bytes);
-  addParsedOption(*sub, "--gpu-memory", options->gpu_budget_bytes, parseByteSize, "SIZE",
+  addMemoryOption(*sub, options.memory_bytes);
+  addParsedOption(*sub, "--gpu-memory", options.gpu_budget_bytes, parseByteSize, "SIZE",
                   "Bytes of triangles to keep on the graphics card; default: 1G");
-  addThreadsOption(*sub, options->threads);
+  addThreadsOption(*sub, options.threads);
   beginGroup(*sub, kWindowGroup);
-  addParsedOption(*sub, "--size", *size, parsePixelSize, "WxH", "Pixels; default: 1280x800");
+  addParsedOption(*sub, "--size", arguments->size, parsePixelSize, "WxH",
+                  "Pixels; default: 1280x800");
   sub->add_option(
-         "--state", options->state_path,
+         "--state", options.state_path,
          "Saved view; to begin with, as Ctrl+S writes it; read and written by Ctrl+O and Ctrl+S")
       ->type_name("VIEW.json");
-  beginGroup(*sub, kScriptGroup);
-  CLI::Option* const script =
-      sub->add_option("--script", options->script_path,
-                      "Timed inputs in place of a user; leaves at their end (docs/VIEWER.md)")
-          ->type_name("EVENTS.json");
-  sub->add_option("--frames", options->frames_folder,
-                  "Folder for the files that the script writes; default: this one")
-      ->type_name("DIR")
-      ->needs(script);
-  sub->add_option("--report", options->report_path, "Times of the script's frames, as JSON")
-      ->type_name("R.json")
-      ->needs(script);
-  sub->add_option("--record", options->record_path,
-                  "Write what the user does as such a script, complete after every event")
-      ->type_name("EVENTS.json");
-  addForceFlag(*sub, *force);
-  sub->add_flag("--offscreen", options->offscreen, "Run the script without a window")
-      ->needs(script);
+  addScriptOptions(*sub, *arguments);
   sub->footer(R"(
 Example:
   isobrick view head.isb --memory 512M --size 1600x1000
 H lists the keys.)");
-  return {sub, [options, size, input, preview_share, force] {
-            options->path = input->path;
-            options->remote = remoteOptions(*input);
-            refuseReplacingOutputs(*options, *force);
-            if (!isVolume(options->path)) refuseWordsForPyramid(*input);
-            options->build = volumeBuilder({*input, options->threads + 1, *preview_share});
-            // A file that a script opens was not chosen by the user.
-            if (options->script_path.empty()) options->recent_path = recentFilesPath();
-            options->width = size->width;
-            options->height = size->height;
-            // The interface is beside them.
-            const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
-                                            static_cast<std::size_t>(options->threads) + 1);
-            runView(*options);
-            return 0;
-          }};
+  return {sub, [arguments] { return runViewCommand(*arguments); }};
 }
 
 }  // namespace isobrick
