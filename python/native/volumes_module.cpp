@@ -7,6 +7,7 @@
 #include <nanobind/stl/string.h>
 
 #include <array>
+#include <charconv>
 #include <optional>
 
 #include "build_binding.h"
@@ -58,7 +59,12 @@ std::unique_ptr<VolumeSource> openInput(const std::string& path, OpenOptions opt
   if (const std::size_t colon = path.find("phantom:"); colon == 0) {
     const std::size_t size_at = path.find(':', 8);
     PhantomSpec spec{.name = path.substr(8, size_at - 8)};
-    if (size_at != std::string::npos) spec.size = std::stoll(path.substr(size_at + 1));
+    if (size_at != std::string::npos) {
+      const char* const end = path.data() + path.size();
+      const auto read = std::from_chars(path.data() + size_at + 1, end, spec.size);
+      if (read.ec != std::errc() || read.ptr != end)
+        throw Error("'" + path + "' is not phantom:NAME:SIZE, with a number of voxels");
+    }
     return placedAsGiven(makePhantomSource(spec), options);
   }
   return openVolume(path, options);

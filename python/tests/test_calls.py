@@ -214,6 +214,9 @@ def test_errors_say_where(tmp_path: Path) -> None:
     assert damaged.value.brick == damage[0].brick
     again = pickle.loads(pickle.dumps(damaged.value))
     assert (str(again), again.brick) == (str(damaged.value), damaged.value.brick)
+    for name in ("phantom:head:many", "phantom:head:64:u8"):
+        with pytest.raises(isobrick.Error, match="NAME:SIZE"):
+            isobrick.build(name, tmp_path / "p.isb")
 
 
 LEAKS = """
