@@ -7,6 +7,7 @@ namespace isobrick {
 void OpeningView::follow(const OpeningView& preview) {
   frames_ = frames_ && preview.frames_;
   chooses_focus_ = chooses_focus_ && preview.chooses_focus_;
+  framed_ = preview.framed_;
 }
 
 void OpeningView::update(const Sight& sight, const ViewVolume& volume, double aspect,
@@ -24,12 +25,15 @@ void OpeningView::update(const Sight& sight, const ViewVolume& volume, double as
       chooses_focus_ = false;  // there is no surface
     state.focus = view_.focus;
   }
+  if (framed_ && state.camera != *framed_) framed_.reset();  // the user's
+  if (!frames_ && !framed_) return;
+  state.camera = framed(state.camera, sight.box.value_or(volume.box()), aspect);
   if (frames_) {
-    view_.camera = framed(view_.camera, sight.box.value_or(volume.box()), aspect);
-    state.camera = view_.camera;
+    view_.camera = state.camera;
     has_framed_ = true;
     frames_ = !sight.is_whole;
   }
+  if (framed_) framed_ = sight.is_whole ? std::nullopt : std::optional(state.camera);
 }
 
 void OpeningView::chooseFocus(const Sight& sight) {

@@ -37,6 +37,8 @@ class OpeningView {
   void follow(const OpeningView& preview);
   // Frames and decides again.
   void restart() { frames_ = chooses_focus_ = true; }
+  // Frames the surface of another view by this camera.
+  void frame(const ViewCamera& camera) { framed_ = camera; }
 
   // Changes camera and focus of `state`, in a picture of `aspect`, and of view().
   void update(const Sight& sight, const ViewVolume& volume, double aspect, ViewState& state);
@@ -44,8 +46,11 @@ class OpeningView {
   void noteDrawing(std::optional<double> seconds);
 
   void keepFocus() { chooses_focus_ = false; }
-  void end() { frames_ = chooses_focus_ = false; }
-  bool isOver() const { return !frames_ && !chooses_focus_; }
+  void end() {
+    frames_ = chooses_focus_ = false;
+    framed_.reset();
+  }
+  bool isOver() const { return !frames_ && !chooses_focus_ && !framed_; }
   bool hasFramed() const { return has_framed_; }
   const ViewState& view() const { return view_; }
   // Why `state` shows a region of interest, one line; empty: it does not, or the user chose it.
@@ -57,6 +62,7 @@ class OpeningView {
   ViewState view_;
   bool frames_ = true, chooses_focus_ = true;
   bool has_framed_ = false;
+  std::optional<ViewCamera> framed_;  // of another view, while it is framed
   std::string limit_;
   double radius_ = 0.0;                            // of the surface in the pictures below
   std::array<std::optional<double>, 2> drawings_;  // seconds of the last two, the last one second

@@ -78,6 +78,9 @@ void ViewSession::follow(const ViewSession& other) {
 void ViewSession::show(const ViewState& state) {
   state_ = state;
   opening_.end();
+  if (isPlaced(state.camera)) return;
+  state_.camera = framed(state.camera, volume().box(), interaction_.aspect());
+  opening_.frame(state_.camera);
 }
 
 Wishes ViewSession::apply(const InputEvent& event, double seconds, bool on_panel) {
@@ -170,10 +173,10 @@ void ViewSession::updateOpening() {
   sight.waited = requests_.sinceNews();
   sight.over_budget = requests_.isOverBudget();
   sight.is_whole = !sight.is_preview && isFine();
-  const ViewState before = opening_.view();
+  const ViewState before = state_;
   opening_.update(sight, volume(), interaction_.aspect(), state_);
   // It is no step of the user's.
-  history_.amend([&](ViewState& view) { adoptOpening(before, opening_.view(), view); });
+  history_.amend([&](ViewState& view) { adoptOpening(before, state_, view); });
 }
 
 void ViewSession::noteDrawing(std::optional<double> seconds) {

@@ -12,7 +12,7 @@ namespace isobrick {
 // azimuth 0 and elevation 0 look along +y, as OrbitCamera of `render` does.
 struct ViewCamera {
   glm::dvec3 pivot{0.0};       // world; in the middle of the picture
-  double distance = 1.0;       // from the eye to the pivot, world units, > 0
+  double distance = 1.0;       // from the eye to the pivot, world units; 0: see isPlaced()
   double azimuth = 25.0;       // degrees, -180 .. 180
   double elevation = 15.0;     // degrees, -90 .. 90
   double vertical_fov = 30.0;  // degrees, 1 .. 150
@@ -20,6 +20,9 @@ struct ViewCamera {
 
   bool operator==(const ViewCamera&) const = default;
 };
+
+// False for a camera of a saved view that says no distance: ViewSession::show() frames it.
+inline bool isPlaced(const ViewCamera& camera) { return camera.distance > 0.0; }
 
 // `aspect` is width / height of the picture.
 PlacedCamera placeCamera(const ViewCamera& camera, double aspect);

@@ -15,7 +15,8 @@ double turnOf(double degrees) { return std::remainder(degrees, 360.0); }
 ViewCamera cameraBetween(const ViewCamera& a, const ViewCamera& b, double share) {
   ViewCamera camera = a;
   camera.pivot = glm::mix(a.pivot, b.pivot, share);
-  camera.distance = a.distance * std::pow(b.distance / a.distance, share);
+  camera.distance =
+      isPlaced(a) && isPlaced(b) ? a.distance * std::pow(b.distance / a.distance, share) : 0.0;
   camera.azimuth = turnOf(a.azimuth + share * turnOf(b.azimuth - a.azimuth));
   camera.elevation = std::lerp(a.elevation, b.elevation, share);
   camera.vertical_fov = std::lerp(a.vertical_fov, b.vertical_fov, share);

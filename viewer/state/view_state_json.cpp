@@ -190,7 +190,7 @@ void fromJson(const Json& json, const std::string& where, T& value) {
 }
 
 void checkRanges(const ViewState& state) {
-  if (!(state.camera.distance > 0.0)) refuse("camera.distance", "is not above 0");
+  if (state.camera.distance < 0.0) refuse("camera.distance", "is below 0");
   if (!(state.camera.vertical_fov >= 1.0 && state.camera.vertical_fov <= 150.0))
     refuse("camera.vertical_fov", "is not from 1 to 150");
   if (state.surfaces.empty()) refuse("surfaces", "is empty");
@@ -229,6 +229,7 @@ ViewState viewStateFromJson(const std::string& text) {
   if (json.is_discarded()) throw Error("the view is not JSON");
   if (json.is_object()) json.erase("tolerance");  // of development builds; ignored
   ViewState state;
+  state.camera.distance = 0.0;
   fromJson(json, "", state);
   checkRanges(state);
   return state;

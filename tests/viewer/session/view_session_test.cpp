@@ -12,6 +12,7 @@
 
 #include "isobrick/extract/extractor.h"
 #include "isobrick/extract/sinks/vertex_numbering.h"
+#include "isobrick/viewer/state/view_state_json.h"
 #include "tests/support/field_pyramid.h"
 #include "tests/support/null_renderer.h"
 
@@ -240,6 +241,27 @@ TEST_F(ViewSessionTest, HomeAfterASavedViewIsTheViewOfTheVolume) {
   session_->show(saved);
   settle();
   EXPECT_EQ(session_->state(), saved);
+  InputEvent home;
+  home.kind = Kind::kKeyPress;
+  home.key = Key::kHome;
+  session_->apply(home, clock_, false);
+  settle();
+  EXPECT_EQ(session_->state(), first);
+}
+
+// From its direction, if it says one.
+TEST_F(ViewSessionTest, ASavedViewThatSaysNoDistanceIsFramedOnItsSurface) {
+  settle();
+  const ViewState first = session_->state();
+  session_->show(viewStateFromJson(R"({"camera": {"azimuth": 70}, "surfaces": [{"isovalue": 20}],
+                                      "focus": {"everywhere": true}})"));
+  settle();
+  ViewCamera wanted = first.camera;
+  wanted.azimuth = 70.0;
+  wanted = framed(wanted, WorldBox{glm::dvec3(25.0), glm::dvec3(35.0)}, 2.0);
+  EXPECT_NEAR(session_->state().camera.distance, wanted.distance, 0.1 * wanted.distance);
+  EXPECT_EQ(session_->state().camera.azimuth, 70.0);
+  EXPECT_LT(glm::distance(session_->state().camera.pivot, wanted.pivot), 1.0);
   InputEvent home;
   home.kind = Kind::kKeyPress;
   home.key = Key::kHome;

@@ -95,6 +95,7 @@ TEST(ViewStateTest, MissingFieldsKeepTheirDefaults) {
   ViewState expected;
   expected.wireframe = true;
   expected.focus.radius = 12.0;
+  expected.camera.distance = 0.0;  // no place: the surface is framed
   EXPECT_EQ(viewStateFromJson(R"({"wireframe": true, "focus": {"radius": 12}})"), expected);
 }
 
@@ -127,7 +128,7 @@ TEST(ViewStateTest, WrongTextIsRefusedByTheNameOfTheField) {
       {R"({"measurements": [{"points": [[0, 0, 0], [1, 0, 0], [2, 0, 0]], "surface_isovalue": 1}]})",
        "measurements"},
       {R"({"camera": {"distance": "far"}})", "camera.distance"},
-      {R"({"camera": {"distance": 0}})", "camera.distance"},
+      {R"({"camera": {"distance": -1}})", "camera.distance"},
       {R"({"camera": {"vertical_fov": 400}})", "camera.vertical_fov"},
       {R"({"camera": {"pivot": [1, 2]}})", "camera.pivot"},
       {R"({"camera": {"pivot": [1, 2, 1e300]}})", "camera.pivot[2]"},
