@@ -26,8 +26,7 @@ using Bytes = std::vector<std::uint8_t>;
 
 constexpr std::size_t kStripBytes = std::size_t{1} << 20;  // of rows, about
 
-// ------------------------------------------------------------------------------------------
-// colours
+// ---------------------------------------------------------------------------------------- colours
 
 // toSrgb8() by a table: the last of the greatest values below each bucket of floats, then the next.
 class Srgb8Table {
@@ -81,8 +80,7 @@ void appendPixels(const Image& image, std::size_t first, std::size_t count, Byte
   }
 }
 
-// -------------------------------------------------------------------------------------------
-// strips
+// ----------------------------------------------------------------------------------------- strips
 
 int paeth(int left, int above, int corner) {
   const int p = left + above - corner;

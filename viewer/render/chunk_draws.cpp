@@ -1,7 +1,6 @@
 #include "isobrick/viewer/render/chunk_draws.h"
 
 #include <algorithm>
-#include <array>
 #include <limits>
 #include <tuple>
 #include <utility>
@@ -120,11 +119,8 @@ BufferBox ChunkDraws::pixelsOf(const SceneView& view, int surface) const {
   BufferBox pixels;
   for (const KeptChunk* chunk : seen_) {
     if (chunk->surface != surface) continue;
-    std::array<glm::dvec3, 8> corners;
-    for (std::size_t i = 0; i < corners.size(); ++i)
-      corners[i] = view.frame.lattice.toWorld({((i & 1) != 0 ? chunk->upper : chunk->lower).x,
-                                               ((i & 2) != 0 ? chunk->upper : chunk->lower).y,
-                                               ((i & 4) != 0 ? chunk->upper : chunk->lower).z});
+    auto corners = cornersOf({chunk->lower, chunk->upper});
+    for (glm::dvec3& corner : corners) corner = view.frame.lattice.toWorld(corner);
     pixels.include(view.pixelsOf(corners));
   }
   return pixels;

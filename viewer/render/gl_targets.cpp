@@ -58,6 +58,19 @@ void GlTargets::resolve(GLbitfield what) const {
                          height_, what, GL_NEAREST);
 }
 
+void GlTargets::multiply(const std::function<void()>& draw) const {
+  glBindFramebuffer(GL_FRAMEBUFFER, *sampled_frame_);
+  glEnable(GL_DEPTH_TEST);
+  glDepthMask(GL_FALSE);
+  glDepthFunc(GL_LESS);  // passes everything that is not background
+  glEnable(GL_BLEND);
+  glBlendFuncSeparate(GL_ZERO, GL_SRC_COLOR, GL_ZERO, GL_ONE);
+  draw();
+  glDisable(GL_BLEND);
+  glDepthFunc(GL_GREATER);
+  glDepthMask(GL_TRUE);
+}
+
 bool GlTargets::holds(const glm::dvec2& pixel) const {
   return pixel.x >= 0.0 && pixel.y >= 0.0 && pixel.x < width_ && pixel.y < height_;
 }

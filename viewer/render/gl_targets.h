@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <glm/vec2.hpp>
 #include <vector>
 
@@ -29,12 +30,13 @@ class GlTargets {
   int samples() const { return samples_; }
 
   GLuint sampledFrame() const { return *sampled_frame_; }
-  GLuint resolvedFrame() const { return *resolved_frame_; }
   GLuint resolvedColor() const { return *resolved_color_; }
   GLuint resolvedDepth() const { return *resolved_depth_; }
   // `what`: GL_COLOR_BUFFER_BIT or GL_DEPTH_BUFFER_BIT. Depth is that of one sample of a pixel.
   void resolve(GLbitfield what) const;
 
+  // Multiplies the colours of what is not background with those that `draw` draws at depth 0.
+  void multiply(const std::function<void()>& draw) const;
   // Pixels count from the top left.
   bool holds(const glm::dvec2& pixel) const;
   // The depth of one that it holds into a buffer, as a float; does not wait.

@@ -91,16 +91,7 @@ void OcclusionPass::draw(const GlTargets& targets, const SceneView& view) {
   glDisable(GL_BLEND);
   glBindFramebuffer(GL_FRAMEBUFFER, *openness_frame_);
   cover(occlusion_program_);
-  glBindFramebuffer(GL_FRAMEBUFFER, targets.sampledFrame());
-  glEnable(GL_DEPTH_TEST);
-  glDepthMask(GL_FALSE);
-  glDepthFunc(GL_LESS);  // passes everything that is not background
-  glEnable(GL_BLEND);
-  glBlendFuncSeparate(GL_ZERO, GL_SRC_COLOR, GL_ZERO, GL_ONE);
-  cover(shade_program_);
-  glDisable(GL_BLEND);
-  glDepthFunc(GL_GREATER);
-  glDepthMask(GL_TRUE);
+  targets.multiply([&] { cover(shade_program_); });
 }
 
 }  // namespace isobrick

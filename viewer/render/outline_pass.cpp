@@ -25,21 +25,12 @@ int OutlinePass::neighbourhoodOf(const SceneFrame& frame) {
 // The background stays as it is, so a line lies on the surface that it ends.
 void OutlinePass::draw(const GlTargets& targets, const SceneView& view) const {
   targets.resolve(GL_DEPTH_BUFFER_BIT);
-  glBindFramebuffer(GL_FRAMEBUFFER, targets.sampledFrame());
   glBindTextureUnit(0, targets.resolvedDepth());
   glBindVertexArray(*empty_array_);
-  glEnable(GL_DEPTH_TEST);
-  glDepthMask(GL_FALSE);
-  glDepthFunc(GL_LESS);  // passes everything that is not background
-  glEnable(GL_BLEND);
-  glBlendFuncSeparate(GL_ZERO, GL_SRC_COLOR, GL_ZERO, GL_ONE);
   setPlacesOfPixels(program_, view);
   setUniform(program_, "reach", 1.0f);
   setUniform(program_, "width", widthIn(view.frame));
-  glDrawArrays(GL_TRIANGLES, 0, 3);
-  glDisable(GL_BLEND);
-  glDepthFunc(GL_GREATER);
-  glDepthMask(GL_TRUE);
+  targets.multiply([] { glDrawArrays(GL_TRIANGLES, 0, 3); });
 }
 
 }  // namespace isobrick

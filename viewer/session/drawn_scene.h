@@ -31,7 +31,6 @@ class DrawnScene {
   };
   // The answers that have come; one a call.
   std::optional<Answer> take(DepthReadback& readback);
-  bool isAsking() const { return !asked_.empty(); }
   // The renderer of these questions is gone: they are not answered.
   void forgetQuestions() { asked_.clear(); }
 

@@ -53,7 +53,7 @@ bool ScriptPlayer::play(const ScriptStep& step, double elapsed, const ScriptSigh
     const double value = sweep->from + share * (sweep->to - sweep->from);
     frame.state = state;
     if (sweep->what == ScriptSweep::What::kIsovalue) {
-      frame.state->surfaces[static_cast<std::size_t>(state.active_surface)].isovalue = value;
+      activeSurface(*frame.state).isovalue = value;
     } else if (sweep->what == ScriptSweep::What::kRadius) {
       frame.state->focus.radius = value;
       frame.state->focus.everywhere = false;

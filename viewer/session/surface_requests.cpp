@@ -51,8 +51,7 @@ void SurfaceRequests::noteDrawing(double seconds) {
   waits_.noteDrawing(now - seconds, now);
 }
 
-// ------------------------------------------------------------------------------------ what has
-// come
+// ----------------------------------------------------------------------------------- what has come
 
 // Drops messages of passes that began before suspend(), as a part of these is gone.
 std::optional<StreamMessage> SurfaceRequests::nextMessage() {
@@ -95,8 +94,7 @@ void SurfaceRequests::shrinkToBudget() {
     requestPasses({std::max(1.0, 0.5 * first_radius_)}, false);
 }
 
-// -------------------------------------------------------------------------------- what is asked
-// for
+// ------------------------------------------------------------------------------- what is asked for
 
 void SurfaceRequests::request(const AskedView& view, double seconds) {
   now_ = seconds;

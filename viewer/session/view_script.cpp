@@ -207,6 +207,29 @@ class StepReader {
     keyEvent(value, InputEvent::Kind::kKeyRelease);
   }
 
+  void wheel(const Json& value, const std::string& where) {
+    InputEvent turned = event(InputEvent::Kind::kWheel);
+    if (value.is_array()) {
+      const auto both = pairOf(value, where);
+      turned.amount = both[0];
+      turned.across = both[1];
+    } else {
+      turned.amount = numberOf(value, where);
+    }
+    steps_.emplace_back(ScriptEvent{turned});
+  }
+
+  void wait(const Json& value, const std::string& where) {
+    ScriptWait wait;
+    if (value == "preview") {
+      wait.what = ScriptWait::What::kPreview;
+    } else if (value != "settled") {
+      wait.what = ScriptWait::What::kSeconds;
+      wait.seconds = secondsOf(value, where);
+    }
+    steps_.emplace_back(wait);
+  }
+
   void readOne(const std::string& name, const Json& value) {
     const std::string where = where_ + " '" + name + "'";
     if (name == "move") {
@@ -220,15 +243,7 @@ class StepReader {
     } else if (name == "double_click") {
       clicks(pairOf(value, where), 2);
     } else if (name == "wheel") {
-      InputEvent turned = event(InputEvent::Kind::kWheel);
-      if (value.is_array()) {
-        const auto both = pairOf(value, where);
-        turned.amount = both[0];
-        turned.across = both[1];
-      } else {
-        turned.amount = numberOf(value, where);
-      }
-      steps_.emplace_back(ScriptEvent{turned});
+      wheel(value, where);
     } else if (name == "key") {
       key(value);
     } else if (name == "key_press") {
@@ -251,14 +266,7 @@ class StepReader {
       if (opened.path.empty()) refuse(where + " is empty");
       steps_.emplace_back(ScriptEvent{opened});
     } else if (name == "wait") {
-      ScriptWait wait;
-      if (value == "preview") {
-        wait.what = ScriptWait::What::kPreview;
-      } else if (value != "settled") {
-        wait.what = ScriptWait::What::kSeconds;
-        wait.seconds = secondsOf(value, where);
-      }
-      steps_.emplace_back(wait);
+      wait(value, where);
     } else if (name == "lose_context" && value == true) {
       steps_.emplace_back(ScriptLoss{});
     } else if (name == "resize") {

@@ -203,8 +203,7 @@ void measureAt(const glm::dvec3& world, Interaction& interaction, ViewState& sta
   if (interaction.picked.size() < wanted) return;
   ViewMeasurement measurement{std::move(interaction.picked)};
   if (interaction.tool == Interaction::Tool::kSurfaceDistance)
-    measurement.surface_isovalue =
-        state.surfaces[static_cast<std::size_t>(state.active_surface)].isovalue;
+    measurement.surface_isovalue = activeSurface(state).isovalue;
   state.measurements.push_back(std::move(measurement));
   interaction.picked.clear();
 }
@@ -215,6 +214,14 @@ void focusOn(const glm::dvec3& world, const ViewVolume& volume, ViewState& state
   state = bounded(state, volume);
 }
 
+void addClipPlane(int axis, const ViewVolume& volume, ViewState& state) {
+  if (state.clip_planes.size() == kMostClipPlanes) return;
+  ViewClipPlane& plane = state.clip_planes.emplace_back();
+  plane.normal = glm::dvec3(0.0);
+  plane.normal[axis] = 1.0;
+  plane.offset = volume.geometry.indexToWorld(state.focus.center)[axis];
+}
+
 void toggleClipPlane(int axis, const ViewVolume& volume, ViewState& state) {
   for (ViewClipPlane& plane : state.clip_planes) {
     if (std::abs(plane.normal[axis]) == 1.0) {
@@ -222,12 +229,7 @@ void toggleClipPlane(int axis, const ViewVolume& volume, ViewState& state) {
       return;
     }
   }
-  if (state.clip_planes.size() == kMostClipPlanes) return;
-  ViewClipPlane plane;
-  plane.normal = glm::dvec3(0.0);
-  plane.normal[axis] = 1.0;
-  plane.offset = volume.geometry.indexToWorld(state.focus.center)[axis];
-  state.clip_planes.push_back(plane);
+  addClipPlane(axis, volume, state);
 }
 
 }  // namespace isobrick

@@ -68,8 +68,9 @@ void measureAt(const glm::dvec3& world, Interaction& interaction, ViewState& sta
 // Focus and pivot at a point of the world.
 void focusOn(const glm::dvec3& world, const ViewVolume& volume, ViewState& state);
 
-// Adds a plane across a world axis through the focus, or turns an existing one of that axis on or
-// off. A seventh plane is not added.
+// Adds a plane across a world axis through the focus, but no seventh one.
+void addClipPlane(int axis, const ViewVolume& volume, ViewState& state);
+// The same, or turns an existing one of that axis on or off.
 void toggleClipPlane(int axis, const ViewVolume& volume, ViewState& state);
 
 }  // namespace isobrick

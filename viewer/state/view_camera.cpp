@@ -1,6 +1,7 @@
 #include "isobrick/viewer/state/view_camera.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
@@ -112,30 +113,13 @@ ViewCamera turningAbout(const ViewCamera& camera, const glm::dvec3& pivot) {
 }
 
 ViewCamera alongAxis(const ViewCamera& camera, AxisView view) {
+  // Azimuth and elevation, in the order of AxisView.
+  constexpr std::array<std::array<double, 2>, 6> kDirections{
+      {{0.0, 0.0}, {180.0, 0.0}, {90.0, 0.0}, {-90.0, 0.0}, {0.0, 90.0}, {0.0, -90.0}}};
   ViewCamera result = camera;
-  result.elevation = 0.0;
-  switch (view) {
-    case AxisView::kFront:
-      result.azimuth = 0.0;
-      break;
-    case AxisView::kBack:
-      result.azimuth = 180.0;
-      break;
-    case AxisView::kRight:
-      result.azimuth = 90.0;
-      break;
-    case AxisView::kLeft:
-      result.azimuth = -90.0;
-      break;
-    case AxisView::kTop:
-      result.azimuth = 0.0;
-      result.elevation = 90.0;
-      break;
-    case AxisView::kBottom:
-      result.azimuth = 0.0;
-      result.elevation = -90.0;
-      break;
-  }
+  const auto [azimuth, elevation] = kDirections[static_cast<std::size_t>(view)];
+  result.azimuth = azimuth;
+  result.elevation = elevation;
   return result;
 }
 

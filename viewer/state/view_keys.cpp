@@ -11,7 +11,7 @@ namespace isobrick {
 namespace {
 
 void moveIsovalue(double step, const ViewVolume& volume, ViewState& state) {
-  state.surfaces[static_cast<std::size_t>(state.active_surface)].isovalue += step;
+  activeSurface(state).isovalue += step;
   state = bounded(state, volume);
 }
 
@@ -62,8 +62,8 @@ bool lookFrom(Key key, bool control, ViewState& state) {
   return false;
 }
 
-// The keys that switch something on and off.
-void toggle(Key key, Interaction& interaction, ViewState& state) {
+// The keys that switch something on and off, or wish for it.
+void toggle(Key key, Interaction& interaction, ViewState& state, Wishes& wishes) {
   const std::pair<Key, bool*> toggles[] = {{Key::kPad5, &state.camera.orthographic},
                                            {Key::kO, &state.camera.orthographic},
                                            {Key::kG, &interaction.flying},
@@ -77,41 +77,19 @@ void toggle(Key key, Interaction& interaction, ViewState& state) {
                                            {Key::kH, &interaction.show_help}};
   for (const auto& [toggle_key, flag] : toggles)
     if (key == toggle_key) *flag = !*flag;
+  const std::pair<Key, bool*> plain_wishes[] = {
+      {Key::kHome, &wishes.first_view}, {Key::kM, &wishes.export_mesh}, {Key::kN, &wishes.browse}};
+  for (const auto& [wish_key, wish] : plain_wishes)
+    if (key == wish_key) *wish = true;
 }
 
 void switchTool(Interaction::Tool tool, Interaction& interaction) {
   chooseTool(interaction.tool == tool ? Interaction::Tool::kNone : tool, interaction);
 }
 
-// Around the sphere of interest, as far as it is in the volume.
-WorldBox boxOfFocus(const ViewVolume& volume, const ViewState& state) {
-  const glm::dvec3 last(volume.voxels - Index3(1));
-  const glm::dvec3 lower = glm::max(state.focus.center - state.focus.radius, glm::dvec3(0.0));
-  const glm::dvec3 upper = glm::min(state.focus.center + state.focus.radius, last);
-  return volume.boxAround(lower, upper);
-}
-
-void plainKey(const InputEvent& event, const ViewVolume& volume, Interaction& interaction,
-              ViewState& state, Wishes& wishes) {
-  const double step = (event.shift ? 10.0 : 1.0) * isovalueStep(volume);
-  if (event.key == Key::kLeft) return moveIsovalue(-step, volume, state);
-  if (event.key == Key::kRight) return moveIsovalue(step, volume, state);
-  if (event.repeated || (interaction.flying && fliesWith(event.key))) return;
-  if (lookFrom(event.key, false, state)) return;
-  toggle(event.key, interaction, state);
+// The keys of the tools.
+void toolKey(const InputEvent& event, Interaction& interaction, ViewState& state, Wishes& wishes) {
   switch (event.key) {
-    case Key::kF:
-      if (event.shift)
-        state.camera = framed(state.camera, boxOfFocus(volume, state), interaction.aspect());
-      else
-        wishes.frame_surfaces = true;
-      break;
-    case Key::kHome:
-      wishes.first_view = true;
-      break;
-    case Key::kR:
-      stepIsovalue(volume, state);
-      break;
     case Key::kEscape:
       interaction.flying = interaction.show_help = false;
       chooseTool(Interaction::Tool::kNone, interaction);
@@ -138,6 +116,38 @@ void plainKey(const InputEvent& event, const ViewVolume& volume, Interaction& in
       else if (!state.measurements.empty())
         state.measurements.pop_back();
       break;
+    default:
+      break;
+  }
+}
+
+// Around the sphere of interest, as far as it is in the volume.
+WorldBox boxOfFocus(const ViewVolume& volume, const ViewState& state) {
+  const glm::dvec3 last(volume.voxels - Index3(1));
+  const glm::dvec3 lower = glm::max(state.focus.center - state.focus.radius, glm::dvec3(0.0));
+  const glm::dvec3 upper = glm::min(state.focus.center + state.focus.radius, last);
+  return volume.boxAround(lower, upper);
+}
+
+void plainKey(const InputEvent& event, const ViewVolume& volume, Interaction& interaction,
+              ViewState& state, Wishes& wishes) {
+  const double step = (event.shift ? 10.0 : 1.0) * isovalueStep(volume);
+  if (event.key == Key::kLeft) return moveIsovalue(-step, volume, state);
+  if (event.key == Key::kRight) return moveIsovalue(step, volume, state);
+  if (event.repeated || (interaction.flying && fliesWith(event.key))) return;
+  if (lookFrom(event.key, false, state)) return;
+  toggle(event.key, interaction, state, wishes);
+  toolKey(event, interaction, state, wishes);
+  switch (event.key) {
+    case Key::kF:
+      if (event.shift)
+        state.camera = framed(state.camera, boxOfFocus(volume, state), interaction.aspect());
+      else
+        wishes.frame_surfaces = true;
+      break;
+    case Key::kR:
+      stepIsovalue(volume, state);
+      break;
     case Key::kC:
       state.coloring =
           state.coloring == ViewColoring::kPlain ? ViewColoring::kLevel : ViewColoring::kPlain;
@@ -160,12 +170,6 @@ void plainKey(const InputEvent& event, const ViewVolume& volume, Interaction& in
     case Key::kP:
     case Key::kF12:
       (event.shift ? wishes.screenshot_exr : wishes.screenshot) = true;
-      break;
-    case Key::kM:
-      wishes.export_mesh = true;
-      break;
-    case Key::kN:
-      wishes.browse = true;
       break;
     default:
       break;
@@ -190,7 +194,7 @@ double isovalueStep(const ViewVolume& volume) {
 
 void stepIsovalue(const ViewVolume& volume, ViewState& state) {
   if (volume.isovalues.empty()) return;
-  double& isovalue = state.surfaces[static_cast<std::size_t>(state.active_surface)].isovalue;
+  double& isovalue = activeSurface(state).isovalue;
   std::optional<double> next;
   for (const double value : volume.isovalues)
     if (value > isovalue && (!next || value < *next)) next = value;

@@ -60,15 +60,7 @@ void cutControls(ViewSession& session, float scale) {
     ImGui::SameLine();
     const bool is_wanted = ImGui::Button(axis);
     explain("Through the focus. The keys X, Y and Z turn it on and off.");
-    if (is_wanted) {
-      ViewClipPlane plane;
-      const int number = *axis - 'x';
-      plane.normal = glm::dvec3(0.0);
-      plane.normal[number] = 1.0;
-      plane.offset = session.volume().geometry.indexToWorld(state.focus.center)[number];
-      state.clip_planes.push_back(plane);
-      break;
-    }
+    if (is_wanted) return addClipPlane(*axis - 'x', session.volume(), state);
   }
 }
 

@@ -32,7 +32,7 @@ void bars(const ValueHistogram& histogram, const ImVec2& at, const ImVec2& size)
 void histogram(ViewSession& session, float scale) {
   ViewState& state = session.state();
   const ValueHistogram& histogram = session.histogram();
-  ViewSurface& active = state.surfaces[static_cast<std::size_t>(state.active_surface)];
+  ViewSurface& active = activeSurface(state);
   const ImVec2 at = ImGui::GetCursorScreenPos();
   const ImVec2 size{std::max(1.0f, ImGui::GetContentRegionAvail().x), 90.0f * scale};
   ImGui::InvisibleButton("histogram", size);
@@ -69,7 +69,7 @@ void histogram(ViewSession& session, float scale) {
 void suggestions(ViewSession& session) {
   if (session.volume().isovalues.empty()) return;
   ViewState& state = session.state();
-  double& isovalue = state.surfaces[static_cast<std::size_t>(state.active_surface)].isovalue;
+  double& isovalue = activeSurface(state).isovalue;
   ImGui::AlignTextToFramePadding();
   ImGui::TextDisabled("suggested");
   int number = 0;
@@ -87,7 +87,7 @@ void suggestions(ViewSession& session) {
 void isovalueControls(ViewSession& session, float scale) {
   histogram(session, scale);
   ViewState& state = session.state();
-  double& isovalue = state.surfaces[static_cast<std::size_t>(state.active_surface)].isovalue;
+  double& isovalue = activeSurface(state).isovalue;
   const double step = isovalueStep(session.volume());
   ImGui::InputDouble("isovalue", &isovalue, step, 10.0 * step, "%.6g");
   explain("Of the active surface. The left and right arrows move it, with Shift faster.");

@@ -32,32 +32,23 @@ Wishes measureControls(ViewSession& session) {
   }
   const LengthUnit unit = session.pyramid().spec().geometry.unit;
   const PathOf path_of = session.paths().asked();
-  std::optional<std::size_t> removed;
-  for (std::size_t i = 0; i < state.measurements.size(); ++i) {
-    ImGui::PushID(static_cast<int>(i));
-    if (ImGui::Button("x")) removed = i;
-    explain("Removes this measurement.");
-    ImGui::SameLine();
-    ImGui::AlignTextToFramePadding();
-    ImGui::Text("%zu   %s", i + 1, measurementText(state.measurements[i], unit, path_of).c_str());
-    ImGui::PopID();
-  }
-  if (removed)
-    state.measurements.erase(state.measurements.begin() + static_cast<std::ptrdiff_t>(*removed));
-  std::optional<std::size_t> removed_piece;
-  for (std::size_t i = 0; i < state.piece_measures.size(); ++i) {
-    ImGui::PushID(static_cast<int>(state.measurements.size() + i));
-    if (ImGui::Button("x")) removed_piece = i;
-    explain("Removes this measurement.");
-    ImGui::SameLine();
-    ImGui::AlignTextToFramePadding();
-    ImGui::Text("%zu   %s", state.measurements.size() + i + 1,
-                pieceText(state.piece_measures[i], unit).c_str());
-    ImGui::PopID();
-  }
-  if (removed_piece)
-    state.piece_measures.erase(state.piece_measures.begin() +
-                               static_cast<std::ptrdiff_t>(*removed_piece));
+  // They count on from one list to the next.
+  auto rows = [number = 0](auto& list, const auto& textOf) mutable {
+    std::optional<std::size_t> removed;
+    for (std::size_t i = 0; i < list.size(); ++i) {
+      ImGui::PushID(number++);
+      if (ImGui::Button("x")) removed = i;
+      explain("Removes this measurement.");
+      ImGui::SameLine();
+      ImGui::AlignTextToFramePadding();
+      ImGui::Text("%d   %s", number, textOf(list[i]).c_str());
+      ImGui::PopID();
+    }
+    if (removed) list.erase(list.begin() + static_cast<std::ptrdiff_t>(*removed));
+  };
+  rows(state.measurements,
+       [&](const ViewMeasurement& of) { return measurementText(of, unit, path_of); });
+  rows(state.piece_measures, [&](const ViewPieceMeasure& of) { return pieceText(of, unit); });
   if (!state.measurements.empty() || !state.piece_measures.empty()) {
     wishes.export_measurements = ImGui::Button("write CSV");
     explain("All of them as a table, with the points in world units.");

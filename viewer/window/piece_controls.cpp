@@ -36,7 +36,7 @@ void pickAndList(ViewSession& session) {
 
 void chosenPieces(ViewSession& session, float scale) {
   ViewState& state = session.state();
-  PieceChoice& choice = state.surfaces[static_cast<std::size_t>(state.active_surface)].pieces;
+  PieceChoice& choice = activeSurface(state).pieces;
   bool drops = choice.least_area > 0.0;
   if (ImGui::Checkbox("without small pieces", &drops)) choice.least_area = drops ? 10.0 : 0.0;
   explain("Leaves out the pieces that have less area than this.");
