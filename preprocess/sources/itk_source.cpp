@@ -2,14 +2,12 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstring>
 #include <filesystem>
 #include <limits>
 #include <new>
 
-#include "isobrick/preprocess/byte_order.h"
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/path_error.h"
@@ -20,6 +18,7 @@
 #include "isobrick/preprocess/sources/header_text.h"
 #include "isobrick/preprocess/sources/itk_common.h"
 #include "isobrick/preprocess/sources/length_units.h"
+#include "isobrick/preprocess/sources/mrc_header.h"
 #include "isobrick/preprocess/sources/nifti_run.h"
 #include "isobrick/preprocess/sources/raw_run.h"
 #include "isobrick/preprocess/sources/source_checks.h"
@@ -33,31 +32,6 @@ namespace isobrick {
 namespace itk_detail {
 namespace {
 
-// ITK does not notice if an MRC file ends before its voxels do. In front of them are 1024 bytes and
-// an extension, whose length is in the byte order of the machine stamp.
-void checkMrcBytes(const std::string& path, std::uint64_t voxel_bytes) {
-  constexpr std::size_t kHeaderBytes = 1024, kExtensionAt = 92, kStampAt = 212;
-  const InputFile file(path);
-  std::array<char, kHeaderBytes> header = {};
-  static_cast<void>(file.readAt(0, header.data(), header.size()));
-  const std::uint64_t before =
-      kHeaderBytes + loadNumber<std::uint32_t>(&header[kExtensionAt], header[kStampAt] == 0x11);
-  if (file.size() < before || file.size() - before < voxel_bytes)
-    throw unreadable(path, "it has " + std::to_string(file.size()) +
-                               " bytes, and its header takes " + std::to_string(before) +
-                               " and its voxels " + std::to_string(voxel_bytes) +
-                               "; get the whole file again");
-}
-
-// MRC's lengths are ångströms; without any ITK makes them 1.
-std::string mrcUnit(const std::string& path) {
-  constexpr std::size_t kCellAt = 40, kCellBytes = 12;
-  std::array<char, kCellBytes> cell = {};
-  const InputFile file(path);
-  static_cast<void>(file.readAt(kCellAt, cell.data(), cell.size()));
-  return cell == std::array<char, kCellBytes>{} ? "" : "angstrom";
-}
-
 // The units of the lengths that ITK gives.
 void takeUnits(const std::string& path, VolumeInfo& info) {
   const auto take = [&](const std::string& unit) {
@@ -67,7 +41,7 @@ void takeUnits(const std::string& path, VolumeInfo& info) {
   if (info.format == "MetaImage") take(metaImageUnit(path));
   if (info.format == "TIFF") takeTiffLengths(path, info.geometry, info.notes);
   if (info.format == "DICOM") take("millimeter");
-  if (info.format == "MRC") take(mrcUnit(path));
+  if (info.format == "MRC") take(MrcHeader(path).unit());
 }
 
 // The frames of a dose grid, in mm along its normal.
@@ -95,6 +69,7 @@ VolumeInfo describeVolume(const std::string& path, const itk::ImageIOBase& image
     throw unusable(path, "it is a single 2-D image; name the folder that holds all slices");
   checkVoxelCounts(path, info.voxels);
   info.geometry = imageGeometry(image);
+  if (info.format == "MRC") MrcHeader(path).turnAxes(info.geometry);
   takeUnits(path, info);
   tidyGeometry(path, info.geometry, info.notes);
   const Component component = image.GetComponentType();
@@ -212,6 +187,11 @@ std::unique_ptr<VolumeSource> openImageFile(const std::string& path, std::vector
                                                 : std::nullopt;
   StoredVoxels stored;
   stored.type = storedTypeOf(image->GetComponentType());
+  if (info.format == "MRC" && components == 1 && stored.type == StoredType::kUint8 &&
+      MrcHeader(path).hasSignedBytes()) {
+    stored.type = StoredType::kInt8;
+    info.voxel_type = stored.delivered();
+  }
   takeComponent(components, options, stored, info);
   if (run && axes == 3) {
     stored.big_endian = run->big_endian;
@@ -219,7 +199,7 @@ std::unique_ptr<VolumeSource> openImageFile(const std::string& path, std::vector
   }
   auto source = std::make_unique<WholeImageSource>(std::move(info), std::move(files),
                                                    std::move(image), stored, options.cancel);
-  if (source->info().format == "MRC") checkMrcBytes(path, source->bufferBytes());
+  if (source->info().format == "MRC") MrcHeader(path).checkBytes(source->bufferBytes());
   return source;
 }
 
