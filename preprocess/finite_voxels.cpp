@@ -1,7 +1,6 @@
 #include "isobrick/preprocess/finite_voxels.h"
 
 #include <cmath>
-#include <string>
 
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/storage/error.h"

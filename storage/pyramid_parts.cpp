@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cstring>
 
-#include "isobrick/storage/index_loop.h"
-
 namespace isobrick {
 
 PyramidParts::PyramidParts(const PyramidTables& tables, std::uint64_t budget_bytes)

@@ -1,6 +1,5 @@
 #include "isobrick/preprocess/export/neuroglancer_info.h"
 
-#include <algorithm>
 #include <fstream>
 #include <iterator>
 

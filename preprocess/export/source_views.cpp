@@ -7,7 +7,6 @@
 #include <utility>
 #include <vector>
 
-#include "isobrick/preprocess/export/volume_headers.h"
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/usable_geometry.h"

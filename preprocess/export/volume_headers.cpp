@@ -7,7 +7,6 @@
 #include "isobrick/preprocess/export/volume_rows.h"
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/path_error.h"
-#include "isobrick/storage/error.h"
 
 namespace isobrick {
 namespace {

@@ -2,7 +2,6 @@
 #include <itkGDCMImageIO.h>
 
 #include <algorithm>
-#include <cmath>
 #include <cstring>
 #include <filesystem>
 #include <glm/geometric.hpp>

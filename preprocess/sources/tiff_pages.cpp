@@ -11,7 +11,6 @@
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/length_units.h"
 #include "isobrick/preprocess/sources/tiff_directory.h"
-#include "isobrick/storage/error.h"
 
 namespace isobrick {
 namespace {

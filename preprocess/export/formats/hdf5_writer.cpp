@@ -2,7 +2,6 @@
 #include <array>
 #include <filesystem>
 #include <optional>
-#include <utility>
 #include <vector>
 
 #include "isobrick/preprocess/export/formats/format_writers.h"

@@ -15,7 +15,6 @@
 #include <utility>
 
 #include "isobrick/preprocess/bounded_queue.h"
-#include "isobrick/preprocess/export/volume_headers.h"
 #include "isobrick/preprocess/export/volume_rows.h"
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/path_error.h"

@@ -14,7 +14,6 @@
 #include "isobrick/preprocess/export/volume_rows.h"
 #include "isobrick/preprocess/kernels/sample_block.h"
 #include "isobrick/storage/atomic_file.h"
-#include "isobrick/storage/error.h"
 #include "isobrick/storage/isolated_loop.h"
 
 namespace isobrick {
