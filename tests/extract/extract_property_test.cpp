@@ -1,7 +1,6 @@
 // The extractor against the reference mesher over random volumes and random queries (rule 11 in
-// every case, the same crossings to the bit, the same triangle counts). ISOBRICK_PROPERTY_VOLUMES
-// sets the number of volumes (six queries each), ISOBRICK_PROPERTY_WIDE_VOLUMES that of volumes in
-// bricks with rows of several words, ISOBRICK_PROPERTY_SEED the first seed.
+// every case, the same crossings to the bit, the same triangle counts): six queries a volume, some
+// volumes in bricks with rows of several words. ISOBRICK_PROPERTY_SEED is the first seed.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -25,6 +24,7 @@
 #include "tests/support/array_source.h"
 #include "tests/support/mesh_checker.h"
 #include "tests/support/reference_mesher.h"
+#include "tests/support/repetitions.h"
 #include "tests/support/temporary_folder.h"
 
 namespace isobrick::test {
@@ -195,8 +195,7 @@ Coverage runVolumes(int volumes, Rows rows) {
 }
 
 TEST(ExtractProperty, MatchesTheReferenceOnRandomQueries) {
-  const Coverage coverage =
-      runVolumes(environmentOr("ISOBRICK_PROPERTY_VOLUMES", 350), Rows::kOneWord);
+  const Coverage coverage = runVolumes(repetitions(350), Rows::kOneWord);
   if (HasFatalFailure()) return;
   EXPECT_GT(coverage.with_triangles, coverage.queries * 7 / 10);
   EXPECT_GT(coverage.with_transitions, coverage.queries / 4);
@@ -206,8 +205,7 @@ TEST(ExtractProperty, MatchesTheReferenceOnRandomQueries) {
 }
 
 TEST(ExtractProperty, MatchesTheReferenceOnRowsOfSeveralWords) {
-  const Coverage coverage =
-      runVolumes(environmentOr("ISOBRICK_PROPERTY_WIDE_VOLUMES", 200), Rows::kSeveralWords);
+  const Coverage coverage = runVolumes(repetitions(200), Rows::kSeveralWords);
   if (HasFatalFailure()) return;
   EXPECT_GT(coverage.with_triangles, coverage.queries * 7 / 10);
   EXPECT_GT(coverage.with_transitions, coverage.queries / 4);

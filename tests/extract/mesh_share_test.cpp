@@ -17,6 +17,7 @@
 #include "tests/support/field_pyramid.h"
 #include "tests/support/file_bytes.h"
 #include "tests/support/hashing_sink.h"
+#include "tests/support/repetitions.h"
 
 namespace isobrick::test {
 namespace {
@@ -70,7 +71,7 @@ class MeshShareTest : public testing::Test {
 TEST_F(MeshShareTest, AnySurfaceComesOutByteByByte) {
   const char* const formats[] = {".ply", ".stl", ".obj", ".glb", ".vtp"};
   std::size_t bytes_compared = 0;
-  for (int seed = 1; seed <= 240; ++seed) {
+  for (int seed = 1; seed <= repetitions(240); ++seed) {
     SCOPED_TRACE("mesh " + std::to_string(seed));
     RandomCase random(static_cast<std::uint32_t>(seed));
     const TemporaryFolder folder;
@@ -171,7 +172,7 @@ TEST_F(MeshShareTest, ThereIsNoShareZero) {
 TEST_F(MeshShareTest, NoChangedOrMissingByteIsBelieved) {
   const std::vector<std::string> paths = shares(2);
   const std::string good = readBytes(paths[1]);
-  const std::size_t step = std::max<std::size_t>(1, good.size() / 3000);
+  const std::size_t step = std::max<std::size_t>(1, good.size() / repetitions(3000));
   for (std::size_t at = 0; at < good.size(); at += at < 400 ? 1 : step) {
     std::string bad = good;
     bad[at] = static_cast<char>(bad[at] ^ 0x10);
@@ -212,8 +213,9 @@ TEST_F(MeshShareTest, NoLieLeadsASinkAstray) {
   BatchRecord first;
   std::memcpy(&first, &good[sizeof(share_format::Header)], sizeof first);
   const std::size_t reach = sizeof(share_format::Header) + first.bytes;
+  const int rounds = repetitions(3000);
   int refused = 0;
-  for (int round = 0; round < 3000; ++round) {
+  for (int round = 0; round < rounds; ++round) {
     std::string bad = good;
     const std::size_t within = round % 2 == 0 ? sizeof(share_format::Header) + sizeof first : reach;
     const std::size_t at = random() % (within - 7);
@@ -229,7 +231,7 @@ TEST_F(MeshShareTest, NoLieLeadsASinkAstray) {
     } catch (const Error&) {
     }
   }
-  EXPECT_GT(refused, 1500);
+  EXPECT_GT(refused, rounds / 2);
 }
 
 TEST_F(MeshShareTest, AFailureAndARequestToStopReachTheCaller) {

@@ -1,7 +1,6 @@
 // Progressive queries: from any state of what is resident a closed, balanced surface without a
 // read, which grows to what the query gives. ISOBRICK_PROPERTY_SEED as in
-// extract_property_test.cpp, and of ISOBRICK_PROPERTY_VOLUMES a third; three queries a volume, each
-// in several states.
+// extract_property_test.cpp; three queries a volume, each in several states.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -34,6 +33,7 @@
 #include "tests/support/array_source.h"
 #include "tests/support/every_brick.h"
 #include "tests/support/mesh_checker.h"
+#include "tests/support/repetitions.h"
 #include "tests/support/temporary_folder.h"
 
 namespace isobrick::test {
@@ -198,8 +198,7 @@ void runVolume(std::uint32_t seed, const TemporaryFolder& folder, ProgressiveCov
 }
 
 TEST(ProgressiveQuery, AnyStateGivesAClosedSurfaceAndGrowsToTheWholeAnswer) {
-  // A volume takes longer here than there.
-  const int volumes = (environmentOr("ISOBRICK_PROPERTY_VOLUMES", 180) + 2) / 3;
+  const int volumes = repetitions(60);
   const int first = environmentOr("ISOBRICK_PROPERTY_SEED", 1);
   const TemporaryFolder folder;
   ProgressiveCoverage coverage;
@@ -327,7 +326,7 @@ class AnyBudget {
 };
 
 TEST(ProgressiveQuery, AnyBudgetAndCallerEndsAndNothingGoesThatWasFetched) {
-  const int volumes = (environmentOr("ISOBRICK_PROPERTY_VOLUMES", 180) + 11) / 12;
+  const int volumes = repetitions(15);
   const int first = environmentOr("ISOBRICK_PROPERTY_SEED", 1);
   const TemporaryFolder folder;
   int answers = 0;

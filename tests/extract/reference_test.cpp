@@ -23,15 +23,11 @@
 #include "tests/support/random_numbers.h"
 #include "tests/support/reference_mesher.h"
 #include "tests/support/reference_pyramid.h"
+#include "tests/support/repetitions.h"
 #include "tests/support/temporary_folder.h"
 
 namespace isobrick::test {
 namespace {
-
-std::uint64_t environmentNumber(const char* name, std::uint64_t fallback) {
-  const char* text = std::getenv(name);
-  return text != nullptr ? std::strtoull(text, nullptr, 10) : fallback;
-}
 
 template <typename F>
 std::vector<float> sampleField(const Index3& dims, F&& field) {
@@ -257,13 +253,13 @@ void expectConsistent(const ReferenceMesh& mesh) {
 }
 
 TEST(ReferenceMesher, RandomMeshesAreClosedOrientedManifolds) {
-  const std::uint64_t cases = environmentNumber("ISOBRICK_REFERENCE_CASES", 2000);
-  const std::uint64_t first = environmentNumber("ISOBRICK_REFERENCE_SEED", 1);
+  const int cases = repetitions(2000);
+  const int first = environmentOr("ISOBRICK_REFERENCE_SEED", 1);
   std::int64_t transition_cells = 0, centres = 0, triangles = 0, duplicates = 0;
   double smallest_area = 1;
   int failures = 0;
-  for (std::uint64_t seed = first; seed < first + cases && failures < 5; ++seed) {
-    const RandomCase c = randomCase(seed);
+  for (int seed = first; seed < first + cases && failures < 5; ++seed) {
+    const RandomCase c = randomCase(static_cast<std::uint64_t>(seed));
     SCOPED_TRACE(c.description);
     try {
       EXPECT_TRUE(auditLeafLevels(c.leaves).empty());

@@ -17,6 +17,7 @@
 #include "tests/support/hashing_sink.h"
 #include "tests/support/mesh_checker.h"
 #include "tests/support/mesh_components.h"
+#include "tests/support/repetitions.h"
 #include "tools/bench/surface_distance.h"
 
 namespace isobrick::test {
@@ -47,14 +48,10 @@ double greatestDistance(const PlainMesh& from, const PlainMesh& to, const Index3
   return distanceFrom(from, to, options).max;
 }
 
-int meshes() {
-  const char* const text = std::getenv("ISOBRICK_SIMPLIFY_MESHES");
-  return text != nullptr ? std::atoi(text) : 120;
-}
-
 TEST(Simplify, RandomMeshesStayClosedAndNear) {
+  const int meshes = repetitions(120);
   std::size_t triangles = 0, simplified_triangles = 0;
-  for (int n = 0; n < meshes(); ++n) {
+  for (int n = 0; n < meshes; ++n) {
     // In 658 a neighbour had the triangle that a collapse on the border would have made.
     const int seed = n == 0 ? 658 : n;
     SCOPED_TRACE("mesh " + std::to_string(seed));
@@ -78,7 +75,7 @@ TEST(Simplify, RandomMeshesStayClosedAndNear) {
     ASSERT_LE(greatestDistance(from, to, dims), most);
     ASSERT_LE(greatestDistance(to, from, dims), most);
   }
-  EXPECT_GT(triangles, 10'000u * static_cast<unsigned>(meshes()) / 120);
+  EXPECT_GT(triangles, 10'000u * static_cast<unsigned>(meshes) / 120);
   EXPECT_LT(simplified_triangles, triangles * 9 / 10);
 }
 

@@ -80,6 +80,9 @@ words = page_of({**run, "last": faster}, f"{work}/regression")
 assert f"1 of isobrick's rows are slower by more than 25 %: building, {name} (2.00)." in words, words
 machine = {**last, "figures": {key: value / 2 for key, value in last["figures"].items()}}
 assert "No row of isobrick is slower" in page_of({**run, "last": machine}, f"{work}/machine")
+# Another processor's figures show neither.
+elsewhere = {**faster, "machine": "another processor"}
+assert "on another processor (another processor)" in page_of({**run, "last": elsewhere}, f"{work}/elsewhere")
 assert "There is no earlier run" in page_of({**run, "last": None}, f"{work}/first")
 
 # A peer that could not be had, and one that failed, are named.
