@@ -31,7 +31,6 @@ void MrcHeader::checkBytes(std::uint64_t voxel_bytes) const {
 void MrcHeader::turnAxes(GridGeometry& geometry) const {
   constexpr std::size_t kAxesAt = 64;
   const Index3 axes(number(kAxesAt), number(kAxesAt + 4), number(kAxesAt + 8));
-  if (axes == Index3(0)) return;  // an old file
   const GridGeometry before = geometry;
   Index3 uses(0);
   for (int axis = 0; axis < 3; ++axis) {
