@@ -20,14 +20,7 @@ class HeartSource : public VolumeSource {
   }
   const VolumeInfo& info() const override { return info_; }
 
-  // Rows along x, in order: for files that can only be read so.
-  void readRows(std::int64_t first, std::int64_t count, void* out) override {
-    for (std::int64_t row = first; row < first + count; ++row) {
-      const IndexBox box{{0, row % info_.voxels.y, row / info_.voxels.y}, {info_.voxels.x, 1, 1}};
-      readBox(box, static_cast<float*>(out) + (row - first) * info_.voxels.x);
-    }
-  }
-  // Any box, by several threads at once.
+  // Any box, by several threads at once. A file that can only be read in order has readRows().
   bool readsBoxes() const override { return true; }
   void readBox(const IndexBox& box, void* out) const override {
     auto* voxel = static_cast<float*>(out);

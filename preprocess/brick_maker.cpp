@@ -172,7 +172,7 @@ void BrickMaker<T>::includeFinerTiles(int level, const Index3& brick,
   const Index3 first = tiles.first * std::int64_t{2};
   const Index3 count = glm::min(tiles.end() * std::int64_t{2}, needs_.allTiles(level - 1)) - first;
   s.finer_pairs.resize(static_cast<std::size_t>(2 * elementCount(count)));
-  finer_tiles.read({first * Index3(2, 1, 1), count * Index3(2, 1, 1)}, s.finer_pairs.data());
+  finer_tiles.read(tilePairs({first, count}), s.finer_pairs.data());
   std::size_t pair = 0;
   forEachIndex({Index3(0), count}, [&](const Index3& at) {
     const auto tile = static_cast<std::size_t>(linearIndex(at / std::int64_t{2}, s.tiles.dims));
@@ -185,10 +185,8 @@ void BrickMaker<T>::includeFinerTiles(int level, const Index3& brick,
 template <typename T>
 void BrickMaker<T>::handOnTiles(int level, const Index3& brick, const HandedOn<T>& handed_on,
                                 const std::vector<T>& pairs) const {
-  if (handed_on.tiles == nullptr) return;
-  const IndexBox tiles = needs_.tiles(level, {brick, Index3(1)});
-  handed_on.tiles->write({tiles.first * Index3(2, 1, 1), tiles.count * Index3(2, 1, 1)},
-                         pairs.data());
+  if (handed_on.tiles != nullptr)
+    handed_on.tiles->write(tilePairs(needs_.tiles(level, {brick, Index3(1)})), pairs.data());
 }
 
 #define ISOBRICK_INSTANTIATE(T) template class BrickMaker<T>;

@@ -7,6 +7,7 @@
 #include "isobrick/storage/index_loop.h"
 
 namespace isobrick {
+
 BrickNeeds::BrickNeeds(const PyramidSpec& spec)
     : spec_(spec),
       layout_(spec.layout()),
@@ -52,6 +53,12 @@ IndexBox BrickNeeds::handedOn(int level, const IndexBox& bricks) const {
     if (bricks.end()[axis] == layout_.bricks(level)[axis])
       end[axis] = layout_.lattice().samples(level + 1)[axis];
   return {first, end - first};
+}
+
+// A brick's first samples are the last ones of its neighbour.
+IndexBox BrickNeeds::ownVoxels(const IndexBox& bricks) const {
+  const Index3 first = bricks.first * spec_.brick_cells + glm::min(bricks.first, Index3(1));
+  return {first, glm::min(bricks.end() * spec_.brick_cells + Index3(1), spec_.voxels) - first};
 }
 
 // Axes do not depend on each other. Along one, windows differ only near the volume's ends: the part

@@ -27,6 +27,8 @@ class BrickNeeds {
   IndexBox samplesAbove(int level, const IndexBox& bricks, int above) const;
   // The samples of level + 1 that these bricks, and no others, pass on to the next level.
   IndexBox handedOn(int level, const IndexBox& bricks) const;
+  // The voxels of these bricks, of level 0, that no others count.
+  IndexBox ownVoxels(const IndexBox& bricks) const;
   // The most samples along each axis that samples() gives for a window of `all` bricks, and that
   // handedOn() gives. `per_window` are those of BrickWindows, and 1 along z. Buffers are so large.
   Index3 greatestSamples(int level, const IndexBox& all, const Index3& per_window) const;
@@ -43,6 +45,12 @@ class BrickNeeds {
   BrickLayout layout_;
   int tile_levels_;
 };
+
+// The (min, max) of tiles as elements of a volume, which is twice as wide.
+inline IndexBox tilePairs(const IndexBox& tiles) {
+  const Index3 pair(2, 1, 1);
+  return {tiles.first * pair, tiles.count * pair};
+}
 
 // A box of bricks of a level in the order of the brick table, a window at a time: some neighbours
 // along x, or whole rows of bricks of one slab.

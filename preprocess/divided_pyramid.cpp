@@ -45,9 +45,7 @@ std::string pathIn(const std::string& folder, const std::string& name) {
 
 // Of a pyramid or a file of one; "" if its provenance is of no build.
 std::string identityIn(const PyramidTables& tables) {
-  const nlohmann::json json = parseShallowJson(tables.provenance());
-  if (!json.is_object() || !json.contains("identity") || !json["identity"].is_string()) return "";
-  return json["identity"].get<std::string>();
+  return textOf(member(parseShallowJson(tables.provenance()), "identity"));
 }
 
 }  // namespace
@@ -57,13 +55,9 @@ std::vector<SuperBrickFile> superBrickFiles(const VolumeInfo& info, const BuildO
   const PyramidSpec spec = pyramidSpecOf(info, options);
   std::vector<SuperBrickFile> files;
   for (std::size_t number = 0; number < super_bricks.count(); ++number) {
-    const IndexBox bricks = super_bricks.bricks(super_bricks.at(number), 0);
-    // A brick's first samples are the last ones of its neighbour.
-    const Index3 first = bricks.first * options.brick_cells + glm::min(bricks.first, Index3(1));
-    const Index3 end = glm::min(bricks.end() * options.brick_cells + Index3(1), info.voxels);
     const BuildRegion region(spec, DividedFile{super_bricks, number});
     files.push_back({super_bricks.fileName(number),
-                     {first, end - first},
+                     region.needs().ownVoxels(region.rows().bricks(0)),
                      region.samples(0, region.windowBricks(0))});
   }
   return files;
@@ -158,7 +152,6 @@ class Join {
         super_bricks_(super_bricks),
         index_{super_bricks, std::nullopt},
         region_(spec_, index_),
-        join_options_(options),
         identity_(identityIn(any)),
         provenance_(any.provenance()),
         plan_(makeBuildPlan(spec_, region_, nullptr, options.memory_bytes,
@@ -214,8 +207,7 @@ class Join {
         identityIn(tables) != identity_)
       tables.fail(
           "was built of another input, or with other options, than other files of its folder; "
-          "build "
-          "it again");
+          "build it again");
     return opened;
   }
 
@@ -314,7 +306,6 @@ class Join {
   const SuperBricks super_bricks_;
   const DividedFile index_;
   const BuildRegion region_;
-  const JoinOptions& join_options_;
   const std::string identity_, provenance_;
   const BuildPlan plan_;
   BuildOptions options_;

@@ -5,8 +5,6 @@
 #include <cmath>
 #include <tuple>
 
-#include "isobrick/storage/index_loop.h"
-
 namespace isobrick {
 namespace {
 

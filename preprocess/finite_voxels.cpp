@@ -1,8 +1,8 @@
 #include "isobrick/preprocess/finite_voxels.h"
 
 #include <cmath>
-#include <string>
 
+#include "isobrick/preprocess/number_text.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/index_loop.h"
 
@@ -18,8 +18,7 @@ std::uint64_t makeFinite(float* voxels, const IndexBox& box, const IndexBox& cou
       throw Error(
           "'" + info.source + "' has a voxel that is " +
               (std::isnan(voxels[i]) ? "not a number" : "infinite, or too large for float32,") +
-              " at (" + std::to_string(at.x) + "," + std::to_string(at.y) + "," +
-              std::to_string(at.z) + "), and there is no value to put there",
+              " at (" + indexText(at) + "), and there is no value to put there",
           {.path = info.source}, {Remedy::kReplaceNotFinite});
     voxels[i] = *nan_as;
     if (contains(counted, at)) ++replaced;

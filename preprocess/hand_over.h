@@ -1,4 +1,4 @@
-// The part of a super-brick's file that the join of all of them reads (join_pyramid.h).
+// The part of a super-brick's file that the join of all of them reads (divided_pyramid.h).
 #pragma once
 
 #include <cstddef>

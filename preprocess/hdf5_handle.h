@@ -9,8 +9,8 @@
 namespace isobrick {
 
 // The library has one state for the whole process: no call to it is made without this.
-inline std::mutex& hdf5Mutex() {
-  static std::mutex mutex;
+inline std::recursive_mutex& hdf5Mutex() {
+  static std::recursive_mutex mutex;
   return mutex;
 }
 
@@ -31,7 +31,11 @@ class Hdf5Handle {
   hid_t id() const { return id_; }
   bool isValid() const { return id_ >= 0; }
   // False if that failed: of a file, if its last bytes could not be written.
-  bool close() { return id_ < 0 || close_(std::exchange(id_, H5I_INVALID_HID)) >= 0; }
+  bool close() {
+    if (id_ < 0) return true;
+    const std::lock_guard lock(hdf5Mutex());
+    return close_(std::exchange(id_, H5I_INVALID_HID)) >= 0;
+  }
 
  private:
   void swap(Hdf5Handle& other) noexcept {

@@ -2,7 +2,6 @@
 
 #include <fcntl.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
 #include <cerrno>
 #include <cstring>
@@ -60,27 +59,23 @@ bool inputIsThere(const std::string& path) {
   refuseToOpen(path, "'" + path + "'", reason);
 }
 
-InputFile::InputFile(const std::string& path, const std::string& named_by) : path_(path) {
-  // Without O_NONBLOCK the call would wait for a pipe; it has no effect on regular files.
-  fd_ = ::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+// Without O_NONBLOCK the call would wait for a pipe; it has no effect on regular files.
+InputFile::InputFile(const std::string& path, const std::string& named_by)
+    : path_(path), file_(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK)) {
   const std::string name =
       "'" + path + "'" + (named_by.empty() ? "" : ", which '" + named_by + "' names");
-  if (fd_ < 0) refuseToOpen(path, name, errno);
+  if (file_.get() < 0) refuseToOpen(path, name, errno);
   struct stat status = {};
-  if (fstat(fd_, &status) != 0 || !S_ISREG(status.st_mode)) {
-    close(fd_);
+  if (fstat(file_.get(), &status) != 0 || !S_ISREG(status.st_mode))
     throw Error("cannot read " + name + ": it is not a regular file; copy it to one",
                 {.path = path});
-  }
   size_ = static_cast<std::uint64_t>(status.st_size);
   changed_at_ = status.st_mtim;
-  posix_fadvise(fd_, 0, 0, POSIX_FADV_SEQUENTIAL);
+  posix_fadvise(file_.get(), 0, 0, POSIX_FADV_SEQUENTIAL);
 }
 
-InputFile::~InputFile() { close(fd_); }
-
 std::size_t InputFile::readAt(std::uint64_t offset, void* out, std::size_t bytes) const {
-  const IoResult result = readBytesAt(fd_, offset, out, bytes);
+  const IoResult result = readBytesAt(file_.get(), offset, out, bytes);
   if (result.error != 0)
     throw ResumableError("cannot read '" + path_ + "' " + ioFailureText(offset, result) +
                              "; check the disk, then run again",

@@ -6,6 +6,8 @@
 #include <ctime>
 #include <string>
 
+#include "isobrick/storage/open_descriptor.h"
+
 namespace isobrick {
 
 // False only if nothing has that name, neither a file nor a link, and no folder on the way is a
@@ -19,9 +21,6 @@ class InputFile {
   // `named_by` is the header that names the file, or empty. Throws Error if the path cannot be
   // opened or is no regular file.
   explicit InputFile(const std::string& path, const std::string& named_by = "");
-  ~InputFile();
-  InputFile(const InputFile&) = delete;
-  InputFile& operator=(const InputFile&) = delete;
 
   const std::string& path() const { return path_; }
   // When it was opened: its bytes, and the time of its last change.
@@ -34,7 +33,7 @@ class InputFile {
 
  private:
   std::string path_;
-  int fd_ = -1;
+  OpenDescriptor file_;
   std::uint64_t size_ = 0;
   std::timespec changed_at_ = {};
 };

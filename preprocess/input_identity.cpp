@@ -9,6 +9,7 @@
 #include <stdexcept>
 
 #include "isobrick/preprocess/input_file.h"
+#include "isobrick/preprocess/number_text.h"
 #include "isobrick/storage/checksum.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/format.h"
@@ -168,9 +169,7 @@ std::string buildIdentity(const VolumeInfo& info, const std::string& input_ident
   const auto line = [&](const char* name, const std::string& value) {
     text += std::string(name) + "=" + value + "\n";
   };
-  line("voxels", std::to_string(info.voxels.x) + "x" + std::to_string(info.voxels.y) + "x" +
-                     std::to_string(info.voxels.z) + " " +
-                     std::string(voxelTypeName(info.voxel_type)));
+  line("voxels", indexText(info.voxels, "x") + " " + std::string(voxelTypeName(info.voxel_type)));
   line("format", info.format + (info.encoding.empty() ? "" : ", ") + info.encoding);
   line("geometry", std::to_string(hash));
   line("length unit", std::string(lengthUnitName(info.geometry.unit)));

@@ -109,7 +109,10 @@ void LevelMaker<T>::readWindow(int level, LevelInput<T>* input, const LevelStore
       store->samples.read(slices, to);
     to += bytesOf(slices);
   }
-  if (input != nullptr) input->check(window.sample_box, samples, ownVoxels(window));
+  if (input == nullptr) return;
+  const IndexBox own = intersectionOf(window.bricks, region_.rows().bricks(0));
+  input->check(window.sample_box, samples,
+               own.size() > 0 ? region_.needs().ownVoxels(own) : IndexBox{});
 }
 
 // The box as some slices at a time, of some MiB together.
@@ -123,17 +126,6 @@ std::vector<IndexBox> LevelMaker<T>::piecesOf(const IndexBox& box) {
     pieces.push_back(
         {box.first + Index3(0, 0, z), {box.count.x, box.count.y, std::min(most, box.count.z - z)}});
   return pieces;
-}
-
-// The voxels of a window that no other window counts.
-template <typename T>
-IndexBox LevelMaker<T>::ownVoxels(const BrickWindow& window) const {
-  const IndexBox bricks = intersectionOf(window.bricks, region_.rows().bricks(0));
-  if (bricks.size() == 0) return {};
-  const Index3 first = bricks.first * spec_.brick_cells + glm::min(bricks.first, Index3(1));
-  const Index3 end =
-      glm::min(bricks.end() * spec_.brick_cells + Index3(1), region_.layout().lattice().samples(0));
-  return {first, end - first};
 }
 
 template <typename T>

@@ -36,10 +36,6 @@ class LevelInput {
 struct LevelStore {
   ScratchVolume samples, finer_tiles;  // the latter with two elements for each tile, along x
 };
-inline IndexBox tilePairs(const IndexBox& tiles) {
-  const Index3 pair(2, 1, 1);
-  return {tiles.first * pair, tiles.count * pair};
-}
 
 // A store for the samples of `level`, which the level below passes on, as far as the region has or
 // takes them; null at the top of the pyramid. T is the voxel type.
@@ -56,8 +52,7 @@ class LevelMaker {
   LevelMaker(const PyramidSpec& spec, const BuildRegion& region, const BuildPlan& plan,
              const BuildOptions& options, const std::string& folder, PyramidWriter& writer,
              BrickClosures& closures, VoxelStatistics& statistics, PhaseTimes& times)
-      : spec_(spec),
-        region_(region),
+      : region_(region),
         plan_(plan),
         options_(options),
         folder_(folder),
@@ -81,7 +76,6 @@ class LevelMaker {
   std::int64_t firstSliceOf(const IndexBox& window) const;
   void readWindow(int level, LevelInput<T>* input, const LevelStore* store, BrickWindow& window);
   static std::vector<IndexBox> piecesOf(const IndexBox& box);
-  IndexBox ownVoxels(const BrickWindow& window) const;
   void makeBricks(int level, const BrickWindow& window, const LevelStore* store,
                   const HandedOn<T>& handed_on, BrickBatch& batch);
   void writeBatch(const BrickBatch& batch);
@@ -90,7 +84,6 @@ class LevelMaker {
     return static_cast<std::size_t>(box.size()) * sizeof(T);
   }
 
-  const PyramidSpec& spec_;
   const BuildRegion& region_;
   const BuildPlan& plan_;
   const BuildOptions& options_;

@@ -6,6 +6,24 @@
 
 namespace isobrick {
 
+std::string numberText(double number) {
+  char text[40];
+  char* end = text;
+  for (const int digits : {15, 16, 17}) {
+    end = std::to_chars(text, text + sizeof text, number, std::chars_format::general, digits).ptr;
+    if (numberIn<double>({text, end}) == number) break;
+  }
+  return {text, end};
+}
+
+std::string indexText(const Index3& v, const char* separator) {
+  return std::to_string(v.x) + separator + std::to_string(v.y) + separator + std::to_string(v.z);
+}
+
+std::string pointText(const glm::dvec3& v, const char* separator) {
+  return numberText(v.x) + separator + numberText(v.y) + separator + numberText(v.z);
+}
+
 std::string NumberedName::of(std::int64_t number) const {
   const std::string digits = std::to_string(std::abs(number));
   const std::string sign = number < 0 ? "-" : "";

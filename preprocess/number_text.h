@@ -8,6 +8,8 @@
 #include <string>
 #include <string_view>
 
+#include "isobrick/storage/grid.h"
+
 namespace isobrick {
 
 // The number that all of the text is.
@@ -26,6 +28,13 @@ inline std::string shortText(double number) {
   return {digits,
           std::to_chars(digits, digits + sizeof digits, number, std::chars_format::general, 6).ptr};
 }
+
+// Shortest text that reads back as the same double.
+std::string numberText(double number);
+
+// "1,2,3", or with another separator.
+std::string indexText(const Index3& v, const char* separator = ",");
+std::string pointText(const glm::dvec3& v, const char* separator = ",");
 
 struct NumberedName {
   std::string before, after;

@@ -26,10 +26,6 @@ class PreviewSource final : public VolumeSource {
   const VolumeInfo& info() const override { return info_; }
   std::string identity() const override { return info_.source; }
   bool readsBoxes() const override { return true; }
-  void readRows(std::int64_t first, std::int64_t count, void* out) override {
-    const std::int64_t row = info_.voxels.x * bytes();
-    std::copy_n(samples_ + first * row, count * row, static_cast<std::byte*>(out));
-  }
   void readBox(const IndexBox& box, void* out) const override {
     auto* to = static_cast<std::byte*>(out);
     const std::int64_t row = box.count.x * bytes();

@@ -82,7 +82,7 @@ struct BuildOptions {
 // Phases overlap: `busy_seconds` adds up the time that all threads spent in one, computing or
 // waiting for the disk.
 struct BuildPhase {
-  std::string name;         // "read", "low-pass", "ranges", "curvature", "pack", "write", "publish"
+  std::string name;         // "read", "low-pass", "ranges", "count", "curvature", "pack", ...
   double busy_seconds = 0;  // of all threads
 };
 

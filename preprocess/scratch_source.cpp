@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "isobrick/preprocess/rows_as_boxes.h"
 #include "isobrick/preprocess/slice_spool.h"
 
 namespace isobrick {
@@ -19,10 +18,6 @@ void ScratchSource::writeRows(std::int64_t first, std::int64_t count, const std:
   const std::int64_t y = first % info_.voxels.y, z = first / info_.voxels.y;
   const std::int64_t slices = std::max(std::int64_t{1}, count / info_.voxels.y);
   voxels_.write({{0, y, z}, {info_.voxels.x, count / slices, slices}}, rows);
-}
-
-void ScratchSource::readRows(std::int64_t first, std::int64_t count, void* out) {
-  readRowsAsBoxes(*this, first, count, out);
 }
 
 std::unique_ptr<ScratchSource> readIntoScratch(VolumeSource& source, std::int64_t first,

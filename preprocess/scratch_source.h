@@ -32,7 +32,6 @@ class ScratchSource final : public VolumeSource {
   std::string identity() const override { return identity_; }
   std::vector<std::string> notesOfReading() const override { return notes_of_reading_; }
   void readBox(const IndexBox& box, void* out) const override { voxels_.read(box, out); }
-  void readRows(std::int64_t first, std::int64_t count, void* out) override;
 
   std::int64_t firstSlice() const { return voxels_.box().first.z; }
   std::int64_t endSlice() const { return voxels_.box().end().z; }

@@ -21,4 +21,17 @@ Json parseShallowJson(const std::string& text) {
   return is_deep ? Json(Json::value_t::discarded) : json;
 }
 
+// The member, or null.
+inline const nlohmann::json& member(const nlohmann::json& json, const char* key) {
+  static const nlohmann::json kNull;
+  if (!json.is_object()) return kNull;
+  const auto found = json.find(key);
+  return found == json.end() ? kNull : *found;
+}
+
+// The string, or "".
+inline std::string textOf(const nlohmann::json& json) {
+  return json.is_string() ? json.get<std::string>() : std::string();
+}
+
 }  // namespace isobrick

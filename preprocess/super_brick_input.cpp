@@ -1,6 +1,5 @@
 #include "isobrick/preprocess/super_brick_input.h"
 
-#include <algorithm>
 #include <filesystem>
 #include <system_error>
 #include <utility>

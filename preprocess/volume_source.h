@@ -37,7 +37,9 @@ class VolumeSource {
   // Writes rows [first, first + count) into `out`: count * voxels.x voxels of info().voxel_type,
   // native byte order. Row r is row r % voxels.y of slice r / voxels.y. Rows ascend from call to
   // call; rows that were skipped between two calls are never read later. By one thread at a time.
-  virtual void readRows(std::int64_t first, std::int64_t count, void* out) = 0;
+  // If readsBoxes(), a source need not override it: then it is as many whole slices as there are,
+  // by readBox(), so that every brick or chunk of them is read once.
+  virtual void readRows(std::int64_t first, std::int64_t count, void* out);
 
   // True if readBox() may be used instead of readRows().
   virtual bool readsBoxes() const { return false; }
@@ -57,7 +59,7 @@ class VolumeSource {
   // For a source without files: one line with all its parameters in full precision, which differs
   // for any two sources whose voxels may differ. Empty if there are files. A source with neither
   // cannot be built.
-  virtual std::string identity() const = 0;
+  virtual std::string identity() const { return {}; }
 
   // The most bytes that the source itself holds at a time while it is read: a slice that its
   // library decodes as a whole, or the whole image of a format that cannot be streamed.

@@ -46,15 +46,6 @@ const char* adviceFor(int error) {
   }
 }
 
-[[noreturn]] void failWriting(const std::string& path, int error,
-                              std::optional<std::uint64_t> offset = {}) {
-  const std::string line =
-      "cannot write '" + path + "': " + std::strerror(error) + "; " + adviceFor(error);
-  if (error == ENOSPC || error == EDQUOT || error == EFBIG || error == EIO)
-    throw ResumableError(line, {.path = path, .offset = offset});
-  throw Error(line, {.path = path, .offset = offset});
-}
-
 // True if `path` still names the file that is open as `fd`.
 bool namesOpenFile(const std::string& path, int fd) {
   struct stat named = {}, opened = {};
@@ -97,6 +88,14 @@ int openTemporary(const std::string& path, const std::string& temporary_path, bo
 }
 
 }  // namespace
+
+void failWriting(const std::string& path, int error, std::optional<std::uint64_t> offset) {
+  const std::string line =
+      "cannot write '" + path + "': " + std::strerror(error) + "; " + adviceFor(error);
+  if (error == ENOSPC || error == EDQUOT || error == EFBIG || error == EIO)
+    throw ResumableError(line, {.path = path, .offset = offset});
+  throw Error(line, {.path = path, .offset = offset});
+}
 
 std::string folderOf(const std::string& path) {
   const std::size_t slash = path.find_last_of('/');

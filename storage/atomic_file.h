@@ -18,6 +18,11 @@ namespace isobrick {
 // whose build can be resumed, has one of its own, "<path>.partial" (pyramid_writer.h).
 inline constexpr char kTemporaryEnding[] = ".isobrick.partial";
 
+// Throws the error of a failed write, with what to do: ResumableError if the failure can pass, else
+// Error. `error` is the errno.
+[[noreturn]] void failWriting(const std::string& path, int error,
+                              std::optional<std::uint64_t> offset = {});
+
 // The folder of the file: "." for a name alone.
 std::string folderOf(const std::string& path);
 

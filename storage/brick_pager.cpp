@@ -114,21 +114,8 @@ const std::byte* BrickPager::take(Shard& shard, std::unique_lock<std::mutex>& lo
   return checkAnew(shard, *entry, why);
 }
 
-BrickPager::Fetched BrickPager::fetch(std::size_t id, const CancelFlag* cancel) {
-  return fetch(id, nullptr, cancel, nullptr);
-}
-
-BrickPager::Fetched BrickPager::fetch(std::size_t id, Room& room) {
-  return fetch(id, &room, nullptr, nullptr);
-}
-
-BrickPager::Fetched BrickPager::fetch(std::size_t id, const std::shared_ptr<Room>& room,
-                                      const CancelFlag* cancel) {
-  return fetch(id, room.get(), cancel, room);
-}
-
-BrickPager::Fetched BrickPager::fetch(std::size_t id, Room* room, const CancelFlag* cancel,
-                                      const std::shared_ptr<Room>& shared_room) {
+BrickPager::Fetched BrickPager::fetch(std::size_t id, const CancelFlag* cancel,
+                                      const std::shared_ptr<Room>& room) {
   if (!isReachable(id)) return Fetched::kNever;
   const auto entry = std::make_shared<Entry>();
   entry->id = id;
@@ -158,10 +145,8 @@ BrickPager::Fetched BrickPager::fetch(std::size_t id, Room* room, const CancelFl
     }
   }
   const char* why = "";
-  const std::byte* const data = room != nullptr && cancel == nullptr
-                                    ? load(shard, entry, &why, room)
-                                    : loadOrLeave(shard, entry, &why, cancel, shared_room);
-  if (data == nullptr) return why == kNoRoom ? Fetched::kNoRoom : Fetched::kNever;
+  if (loadOrLeave(shard, entry, &why, cancel, room) == nullptr)
+    return why == kNoRoom ? Fetched::kNoRoom : Fetched::kNever;
   ++parts_fetched_;
   release(id);
   return Fetched::kNow;
@@ -390,8 +375,8 @@ bool BrickPager::isAbsent(std::size_t id) {
   return !shard.entries.contains(id);
 }
 
-std::optional<BrickPager::Room> BrickPager::reserve(std::span<const std::size_t> ids,
-                                                    std::uint64_t since) {
+std::shared_ptr<BrickPager::Room> BrickPager::reserve(std::span<const std::size_t> ids,
+                                                      std::uint64_t since) {
   std::uint64_t kept_bytes = 0, copy_bytes = 0;  // they come one after the other
   for (const std::size_t id : ids) {
     if (!isAbsent(id)) continue;
@@ -399,9 +384,8 @@ std::optional<BrickPager::Room> BrickPager::reserve(std::span<const std::size_t>
     kept_bytes += costOf(part);
     copy_bytes = std::max(copy_bytes, copyBytes(part));
   }
-  std::optional<Room> room = Room(*this, since);
-  if (!room->grow(kept_bytes + copy_bytes)) room.reset();
-  return room;
+  std::shared_ptr<Room> room(new Room(*this, since));
+  return room->grow(kept_bytes + copy_bytes) ? room : nullptr;
 }
 
 bool BrickPager::Room::grow(std::uint64_t bytes) {

@@ -9,7 +9,6 @@
 #include <functional>
 #include <memory>
 #include <mutex>
-#include <optional>
 #include <span>
 #include <unordered_map>
 #include <utility>
@@ -94,18 +93,12 @@ class BrickPager {
   // The result of fetch(): the part cannot be read, has no room, was resident or is being loaded,
   // or came in.
   enum class Fetched : std::uint8_t { kNever, kNoRoom, kBefore, kNow };
-  // Makes part `id` resident ahead of need, and waits for that unless another thread does it. It
-  // stays until it is acquired or another query begins, as far as room can be made elsewhere.
-  // acquire() says why a part cannot be read. Throws Cancelled like acquire(), and std::bad_alloc.
-  Fetched fetch(std::size_t id, const CancelFlag* cancel = nullptr);
-
   // Bytes of the budget that are set aside for parts to come; what is left of them is free again
   // when this object goes. Used by one thread at a time; the pager outlives it.
   class Room {
    public:
-    Room(Room&& other) noexcept
-        : pager_(other.pager_), since_(other.since_), bytes_(std::exchange(other.bytes_, 0)) {}
-    Room& operator=(Room&&) = delete;
+    Room(const Room&) = delete;
+    Room& operator=(const Room&) = delete;
     ~Room() { pager_.held_bytes_ -= bytes_; }
 
    private:
@@ -120,15 +113,18 @@ class BrickPager {
   };
   // Sets aside the room that these parts need to come in, but for those that are resident. The only
   // parts that go for it are not in use, and no query from number `since` on (beginQuery()) took or
-  // fetched them. Nothing is set aside if that is too little. Any number of threads that reserve at
-  // once never have more than the budget together. Throws Error from `part_of`.
-  std::optional<Room> reserve(std::span<const std::size_t> ids, std::uint64_t since);
-  // fetch() into `room`, which grows as by reserve() if it is too small. Waits for a part that
-  // another thread loads.
-  Fetched fetch(std::size_t id, Room& room);
-  // The same for a thread that may stop waiting: throws Cancelled like acquire(). Then the part
-  // comes in all the same if it is being read, and the room lives until it is there.
-  Fetched fetch(std::size_t id, const std::shared_ptr<Room>& room, const CancelFlag* cancel);
+  // fetched them. Null, and nothing is set aside, if that is too little. Any number of threads that
+  // reserve at once never have more than the budget together. Throws Error from `part_of`.
+  std::shared_ptr<Room> reserve(std::span<const std::size_t> ids, std::uint64_t since);
+  // Makes part `id` resident ahead of need, and waits for that unless another thread does it. It
+  // stays until it is acquired or another query begins, as far as room can be made elsewhere.
+  // acquire() says why a part cannot be read. Throws std::bad_alloc, and Cancelled like acquire().
+  //
+  // With `room` the part comes into that, which grows as by reserve() if it is too small; a part
+  // that another thread loads is waited for. After Cancelled a part that is being read comes in all
+  // the same, and the room lives until it is there.
+  Fetched fetch(std::size_t id, const CancelFlag* cancel = nullptr,
+                const std::shared_ptr<Room>& room = nullptr);
 
   // Says that these parts will be fetched or acquired soon: the system begins to read those that
   // are absent, or the server to send them. Waits for nothing, and counts nowhere.
@@ -195,8 +191,6 @@ class BrickPager {
                         const std::shared_ptr<Entry>& slot, const char** why);
   const std::byte* wait(Shard& shard, std::unique_lock<std::mutex>& lock, Entry& entry,
                         const char** why, const CancelFlag* cancel);
-  Fetched fetch(std::size_t id, Room* room, const CancelFlag* cancel,
-                const std::shared_ptr<Room>& shared_room);
   const std::byte* loadOrLeave(Shard& shard, const std::shared_ptr<Entry>& entry, const char** why,
                                const CancelFlag* cancel,
                                const std::shared_ptr<Room>& room = nullptr);

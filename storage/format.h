@@ -69,7 +69,7 @@ struct Header {
   std::uint64_t provenance_offset;
   std::uint64_t provenance_bytes;
   std::uint64_t provenance_checksum;
-  PartEntry histogram;               // see value_histogram.h
+  PartEntry histogram;               // see voxel_histogram.h
   double noise;                      // sigma of the voxels' noise, in their units; finite, >= 0
   std::uint32_t kinds[kMostKinds];   // kinds of the parts of a row, ascending: PartKind, or newer
   std::uint8_t error_bins[24];       // of kErrorKind; zero without it

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstddef>
 #include <numeric>
+#include <span>
 #include <utility>
 
 #include "isobrick/storage/gradient_spectrum.h"
@@ -56,15 +57,17 @@ struct PaddingEnds {
   bool least = false, greatest = false;
 };
 
+double sumOf(std::span<const double> numbers) {
+  return std::accumulate(numbers.begin(), numbers.end(), 0.0);
+}
+
 // The mean of three neighbours.
-std::vector<double> smoothed(const std::vector<double>& numbers) {
-  if (numbers.size() < 64) return numbers;
-  std::vector<double> result(numbers.size());
+std::vector<double> smoothed(std::span<const double> numbers) {
+  std::vector<double> result(numbers.begin(), numbers.end());
+  if (numbers.size() < 64) return result;
   for (std::size_t i = 0; i < numbers.size(); ++i) {
     const std::size_t begin = i == 0 ? 0 : i - 1, end = std::min(i + 2, numbers.size());
-    result[i] = std::accumulate(numbers.begin() + static_cast<std::ptrdiff_t>(begin),
-                                numbers.begin() + static_cast<std::ptrdiff_t>(end), 0.0) /
-                static_cast<double>(end - begin);
+    result[i] = sumOf(numbers.subspan(begin, end - begin)) / static_cast<double>(end - begin);
   }
   return result;
 }
@@ -127,7 +130,7 @@ Curves curvesOf(VoxelHistogram histogram, const ValueRange& range, const Gradien
   const std::vector<double> over = smoothed(curves.gradient), under = smoothed(all);
   curves.steepness.resize(parts);
   // Values that hardly occur are as their neighbours: few edges are in a sample by chance.
-  const double enough = kEnough * std::accumulate(all.begin(), all.end(), 0.0);
+  const double enough = kEnough * sumOf(all);
   std::size_t begin = 0;
   while (begin < parts && !(all[begin] > enough)) ++begin;
   for (std::size_t i = begin; i < parts; ++i)
@@ -159,10 +162,8 @@ std::vector<Material> valleysOf(const Curves& curves) {
         most = i;
     const double here = kMaterialVoxels * voxels[most];
     if ((!has_peak_before || voxels[begin] <= here) && (!has_peak_after || voxels[end] <= here))
-      materials.push_back(
-          {curves.valueOf(most), steepness[lowest] / kBiased,
-           std::accumulate(curves.voxels.begin() + static_cast<std::ptrdiff_t>(begin),
-                           curves.voxels.begin() + static_cast<std::ptrdiff_t>(end), 0.0)});
+      materials.push_back({curves.valueOf(most), steepness[lowest] / kBiased,
+                           sumOf(std::span(curves.voxels).subspan(begin, end - begin))});
     begin = end;
     has_peak_before = has_peak_after;
   };
@@ -186,10 +187,6 @@ std::vector<Material> valleysOf(const Curves& curves) {
   return materials;
 }
 
-double wholeOf(const std::vector<double>& numbers) {
-  return std::accumulate(numbers.begin(), numbers.end(), 0.0);
-}
-
 // Whether the material at an end of the range is only values that a scanner cut off there: then
 // there are many voxels between it and the next one.
 bool isCutOff(const Curves& curves, const Material& material, const Material& next) {
@@ -206,7 +203,7 @@ bool isCutOff(const Curves& curves, const Material& material, const Material& ne
 
 std::vector<Material> materialsOf(const Curves& curves) {
   std::vector<Material> materials = valleysOf(curves);
-  const double all = wholeOf(curves.voxels) + curves.voxels_below + curves.voxels_above;
+  const double all = sumOf(curves.voxels) + curves.voxels_below + curves.voxels_above;
   if (curves.below) materials.insert(materials.begin(), {*curves.below, 0, curves.voxels_below});
   if (curves.above) materials.push_back({*curves.above, 0, curves.voxels_above});
   std::erase_if(materials, [&](const Material& m) { return m.voxels < kLeastMaterialShare * all; });

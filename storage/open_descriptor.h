@@ -14,8 +14,7 @@ class OpenDescriptor {
   ~OpenDescriptor() {
     if (fd_ >= 0) ::close(fd_);
   }
-  OpenDescriptor(const OpenDescriptor&) = delete;
-  OpenDescriptor& operator=(const OpenDescriptor&) = delete;
+  OpenDescriptor(OpenDescriptor&& other) noexcept : fd_(other.release()) {}
   int get() const { return fd_; }
   // The caller closes it.
   int release() { return std::exchange(fd_, -1); }

@@ -11,7 +11,6 @@
 #include <cstdio>
 #include <exception>
 #include <filesystem>
-#include <tuple>
 #include <utility>
 
 #include "isobrick/storage/checksum.h"

@@ -4,10 +4,8 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
-#include <ctime>
 #include <mutex>
 #include <string>
-#include <vector>
 
 namespace isobrick {
 

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cstring>
 
-#include "isobrick/storage/index_loop.h"
-
 namespace isobrick {
 
 PyramidParts::PyramidParts(const PyramidTables& tables, std::uint64_t budget_bytes)
@@ -54,26 +52,20 @@ BrickPart PyramidParts::acquire(PartKind kind, int level, const Index3& brick,
 }
 
 BrickPager::Fetched PyramidParts::fetch(PartKind kind, int level, const Index3& brick,
-                                        const CancelFlag* cancel) const {
+                                        const CancelFlag* cancel,
+                                        const std::shared_ptr<BrickPager::Room>& room) const {
   if (storedBytes(kind, level, brick) == 0) return BrickPager::Fetched::kBefore;
-  return pager_.fetch(partId(kind, brickRow(level, brick)), cancel);
+  return pager_.fetch(partId(kind, brickRow(level, brick)), cancel, room);
 }
 
-std::optional<BrickPager::Room> PyramidParts::reserve(std::span<const PartKind> kinds, int level,
-                                                      const Index3& brick,
-                                                      std::uint64_t since) const {
+std::shared_ptr<BrickPager::Room> PyramidParts::reserve(std::span<const PartKind> kinds, int level,
+                                                        const Index3& brick,
+                                                        std::uint64_t since) const {
   const BrickRow row = brickRowOf(level, brick);
   std::vector<std::size_t> ids;
   for (const PartKind kind : kinds)
     if (row.part(kind).stored_bytes > 0) ids.push_back(partId(kind, brickRow(level, brick)));
   return pager_.reserve(ids, since);
-}
-
-BrickPager::Fetched PyramidParts::fetch(PartKind kind, int level, const Index3& brick,
-                                        const std::shared_ptr<BrickPager::Room>& room,
-                                        const CancelFlag* cancel) const {
-  if (storedBytes(kind, level, brick) == 0) return BrickPager::Fetched::kBefore;
-  return pager_.fetch(partId(kind, brickRow(level, brick)), room, cancel);
 }
 
 void PyramidParts::announce(std::span<const PartAddress> parts) const {

@@ -109,14 +109,11 @@ class PyramidParts {
   std::uint64_t beginQuery() const { return pager_.beginQuery(); }
   // Brings a part in ahead of its use, if one is stored: see BrickPager::fetch().
   BrickPager::Fetched fetch(PartKind kind, int level, const Index3& brick,
-                            const CancelFlag* cancel = nullptr) const;
+                            const CancelFlag* cancel = nullptr,
+                            const std::shared_ptr<BrickPager::Room>& room = nullptr) const;
   // Sets aside the room that these parts of a brick need to come in: see BrickPager::reserve().
-  std::optional<BrickPager::Room> reserve(std::span<const PartKind> kinds, int level,
-                                          const Index3& brick, std::uint64_t since) const;
-  // Brings a part into such room: see BrickPager::fetch().
-  BrickPager::Fetched fetch(PartKind kind, int level, const Index3& brick,
-                            const std::shared_ptr<BrickPager::Room>& room,
-                            const CancelFlag* cancel) const;
+  std::shared_ptr<BrickPager::Room> reserve(std::span<const PartKind> kinds, int level,
+                                            const Index3& brick, std::uint64_t since) const;
   // Has the system, or the server, begin with those of these parts that are stored: see
   // BrickPager::announce(). Parts that are announced together may come in fewer requests.
   struct PartAddress {

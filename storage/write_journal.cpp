@@ -39,47 +39,27 @@ std::string headerOf(const std::string& identity) {
   return text;
 }
 
-// Opened without waiting (a pipe of that name would wait for ever) and without following links.
-class RegularFile {
- public:
-  explicit RegularFile(const std::string& path)
-      : fd_(open(path.c_str(), O_RDONLY | O_NONBLOCK | O_NOFOLLOW | O_CLOEXEC)) {
-    struct stat status = {};
-    is_regular_ = fd_ >= 0 && fstat(fd_, &status) == 0 && S_ISREG(status.st_mode);
-  }
-  ~RegularFile() {
-    if (fd_ >= 0) close(fd_);
-  }
-  RegularFile(const RegularFile&) = delete;
-  RegularFile& operator=(const RegularFile&) = delete;
-
-  bool isOpen() const { return is_regular_; }
-  // False if the file has fewer bytes, or cannot be read.
-  bool read(void* to, std::size_t bytes, std::uint64_t offset) const {
-    return readBytesAt(fd_, offset, to, bytes).bytes == bytes;
-  }
-
- private:
-  int fd_;
-  bool is_regular_ = false;
-};
-
 }  // namespace
 
 std::optional<WriteJournal::Content> WriteJournal::read(const std::string& path) {
-  const RegularFile file(path);
+  // Without waiting (a pipe of that name would wait for ever) and without following links.
+  const OpenDescriptor file(open(path.c_str(), O_RDONLY | O_NONBLOCK | O_NOFOLLOW | O_CLOEXEC));
+  struct stat status = {};
+  if (file.get() < 0 || fstat(file.get(), &status) != 0 || !S_ISREG(status.st_mode))
+    return std::nullopt;
+  const auto readAt = [&](std::uint64_t offset, void* to, std::size_t bytes) {
+    return readBytesAt(file.get(), offset, to, bytes).bytes == bytes;
+  };
   JournalHeader header = {};
-  char magic[sizeof header.magic];
-  if (!file.isOpen() || !file.read(magic, sizeof magic, 0) ||
-      std::memcmp(magic, kJournalMagic, sizeof magic) != 0 ||
-      !file.read(&header.identity_bytes, sizeof header.identity_bytes, sizeof magic) ||
+  if (!readAt(0, &header, sizeof header) ||
+      std::memcmp(header.magic, kJournalMagic, sizeof header.magic) != 0 ||
       header.identity_bytes > kMostIdentityBytes)
     return std::nullopt;
   Content content;
   content.identity.resize(header.identity_bytes);
   std::uint64_t at = sizeof header, checksum = 0;
-  if (!file.read(content.identity.data(), header.identity_bytes, at) ||
-      !file.read(&checksum, sizeof checksum, at + header.identity_bytes))
+  if (!readAt(at, content.identity.data(), header.identity_bytes) ||
+      !readAt(at + header.identity_bytes, &checksum, sizeof checksum))
     return std::nullopt;
   const std::string expected = headerOf(content.identity);
   if (std::memcmp(expected.data() + expected.size() - sizeof checksum, &checksum,
@@ -87,19 +67,19 @@ std::optional<WriteJournal::Content> WriteJournal::read(const std::string& path)
     return std::nullopt;
   JournalEntry entry;
   for (at = expected.size();
-       file.read(&entry, sizeof entry, at) && entry.checksum == checksumOf(entry);
-       at += sizeof entry)
+       readAt(at, &entry, sizeof entry) && entry.checksum == checksumOf(entry); at += sizeof entry)
     content.entries.push_back(entry);
   return content;
 }
 
 WriteJournal::WriteJournal(const std::string& path, const std::string& identity,
                            const std::vector<JournalEntry>& entries)
-    : path_(path) {
+    : path_(path),
+      file_(open((path + ".new").c_str(), O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOFOLLOW,
+                 0666)) {
   // A new file takes the place of the old one in one step: a kill between leaves one of them.
   const std::string fresh = path + ".new";
-  fd_ = open(fresh.c_str(), O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOFOLLOW, 0666);
-  if (fd_ < 0)
+  if (file_.get() < 0)
     throw ResumableError("cannot write '" + fresh + "': " + std::strerror(errno) +
                              "; choose a folder that you may write to",
                          {.path = fresh});
@@ -113,12 +93,9 @@ WriteJournal::WriteJournal(const std::string& path, const std::string& identity,
           {.path = path});
   } catch (...) {
     unlink(fresh.c_str());
-    close(fd_);
     throw;
   }
 }
-
-WriteJournal::~WriteJournal() { close(fd_); }
 
 void WriteJournal::add(const BrickRow& row, std::uint64_t end) {
   JournalEntry entry;
@@ -135,13 +112,13 @@ void WriteJournal::flush() {
 
 void WriteJournal::remove() noexcept {
   struct stat named = {}, opened = {};
-  if (stat(path_.c_str(), &named) == 0 && fstat(fd_, &opened) == 0 &&
+  if (stat(path_.c_str(), &named) == 0 && fstat(file_.get(), &opened) == 0 &&
       named.st_dev == opened.st_dev && named.st_ino == opened.st_ino)
     unlink(path_.c_str());
 }
 
 void WriteJournal::writeAll(const void* data, std::size_t bytes) {
-  const IoResult result = writeNextBytes(fd_, data, bytes);
+  const IoResult result = writeNextBytes(file_.get(), data, bytes);
   if (result.error != 0)
     throw ResumableError("cannot write '" + path_ + "': " + std::strerror(result.error) +
                              "; free some space or choose another folder",

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "isobrick/storage/brick_parts.h"
+#include "isobrick/storage/open_descriptor.h"
 
 namespace isobrick {
 
@@ -22,7 +23,8 @@ struct JournalEntry {
 static_assert(sizeof(JournalEntry) == 104);
 
 // A file beside the temporary file: an identity text, then entries in the order of the brick table.
-// It is only ever appended to. Used by one thread at a time. Failures throw ResumableError.
+// It is only ever appended to, and stays when this object goes. Used by one thread at a time.
+// Failures throw ResumableError.
 class WriteJournal {
  public:
   struct Content {
@@ -35,10 +37,6 @@ class WriteJournal {
   // Begins a journal with `entries`, replacing an older one.
   WriteJournal(const std::string& path, const std::string& identity,
                const std::vector<JournalEntry>& entries);
-  // Leaves the file in place.
-  ~WriteJournal();
-  WriteJournal(const WriteJournal&) = delete;
-  WriteJournal& operator=(const WriteJournal&) = delete;
 
   // Adds the entry of a brick; flush() writes the entries. Call it after the brick's bytes were
   // written, so that no entry names bytes that are not there.
@@ -52,7 +50,7 @@ class WriteJournal {
   void writeAll(const void* data, std::size_t bytes);
 
   std::string path_;
-  int fd_ = -1;
+  OpenDescriptor file_;
   std::vector<JournalEntry> pending_;
 };
 

@@ -134,10 +134,8 @@ void BrickFetcher::noteOutcome(const Job& job, Outcome outcome) {
 BrickFetcher::Outcome BrickFetcher::admit(const Job& job,
                                           std::shared_ptr<BrickPager::Room>& room) const try {
   const auto& [level, brick, needs_samples, lacks_parts] = job.brick;
-  auto found = job.needs->pyramid().parts().reserve(job.needs->kinds(), level, brick, job.since);
-  if (!found) return Outcome::kNoRoom;
-  room = std::make_shared<BrickPager::Room>(*std::move(found));
-  return Outcome::kDone;
+  room = job.needs->pyramid().parts().reserve(job.needs->kinds(), level, brick, job.since);
+  return room ? Outcome::kDone : Outcome::kNoRoom;
 } catch (const std::exception&) {  // such as a damaged row
   return Outcome::kFailed;
 }
@@ -153,7 +151,7 @@ BrickFetcher::Outcome BrickFetcher::fetch(const Job& job,
   const auto bring = [&](PartKind kind, int level, const Index3& of) {
     if (isEnded(job.announcement)) return false;
     const BrickPager::Fetched fetched =
-        pyramid.parts().fetch(kind, level, of, room, is_far ? &stop_ : nullptr);
+        pyramid.parts().fetch(kind, level, of, is_far ? &stop_ : nullptr, room);
     if (fetched == kNow) noteCome();
     if (fetched == kNoRoom) outcome = Outcome::kNoRoom;
     if (fetched == kNever) outcome = Outcome::kFailed;

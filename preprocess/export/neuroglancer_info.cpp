@@ -1,6 +1,5 @@
 #include "isobrick/preprocess/export/neuroglancer_info.h"
 
-#include <algorithm>
 #include <fstream>
 #include <iterator>
 
@@ -25,9 +24,7 @@ std::string neuroglancerTypeOf(const std::string& folder) {
   if (!fs::is_regular_file(path, error) || fs::file_size(path, error) > kMostInfoBytes) return "";
   std::ifstream in(path, std::ios::binary);
   const std::string text{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
-  const auto info = parseShallowJson(text);
-  const auto type = info.is_object() ? info.find("@type") : info.end();
-  return type != info.end() && type->is_string() ? type->get<std::string>() : "";
+  return textOf(member(parseShallowJson(text), "@type"));
 }
 
 bool holdsNothingBut(const std::string& folder,

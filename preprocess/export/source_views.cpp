@@ -7,8 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "isobrick/preprocess/export/volume_headers.h"
-#include "isobrick/preprocess/rows_as_boxes.h"
+#include "isobrick/preprocess/number_text.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/usable_geometry.h"
 
@@ -42,10 +41,6 @@ class SourceView : public VolumeSource {
   VolumeInfo info_;
 };
 
-std::string indexText(const Index3& v) {
-  return std::to_string(v.x) + "," + std::to_string(v.y) + "," + std::to_string(v.z);
-}
-
 class CroppedSource final : public SourceView {
  public:
   CroppedSource(std::unique_ptr<VolumeSource> source, const IndexBox& box)
@@ -64,10 +59,10 @@ class CroppedSource final : public SourceView {
   }
 
   void readRows(std::int64_t first, std::int64_t count, void* out) override {
+    if (readsBoxes()) return VolumeSource::readRows(first, count, out);
     auto* to = static_cast<std::byte*>(out);
     const std::size_t bytes = voxelBytes(info_.voxel_type);
     const std::size_t row_bytes = static_cast<std::size_t>(box_.count.x) * bytes;
-    if (readsBoxes()) return readRowsAsBoxes(*this, first, count, out);
     row_.resize(wholeRowBytes());
     for (std::int64_t row = first; row < first + count; ++row, to += row_bytes) {
       const std::int64_t y = box_.first.y + row % box_.count.y;
@@ -89,10 +84,6 @@ class CroppedSource final : public SourceView {
   IndexBox box_;
   std::vector<std::byte> row_;  // of the source, if it is read by rows
 };
-
-std::string pointText(const glm::dvec3& v) {
-  return numberText(v.x) + "," + numberText(v.y) + "," + numberText(v.z);
-}
 
 class PlacedSource final : public SourceView {
  public:

@@ -1,24 +1,15 @@
 #include "isobrick/preprocess/export/volume_headers.h"
 
 #include <cmath>
-#include <cstdio>
 #include <cstring>
 #include <limits>
 
 #include "isobrick/preprocess/export/volume_rows.h"
+#include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/path_error.h"
-#include "isobrick/storage/error.h"
 
 namespace isobrick {
 namespace {
-
-std::string vectorText(const glm::dvec3& v, const char* separator) {
-  return numberText(v.x) + separator + numberText(v.y) + separator + numberText(v.z);
-}
-
-std::string countsText(const Index3& v) {
-  return std::to_string(v.x) + " " + std::to_string(v.y) + " " + std::to_string(v.z);
-}
 
 // The name of the voxel type in a format: in the order of VoxelType.
 using TypeNames = const char* [kVoxelTypeCount];
@@ -60,30 +51,55 @@ glm::dvec3 quaternionOf(const glm::dmat3& r) {
   return a < 0 ? glm::dvec3(-b, -c, -d) : glm::dvec3(b, c, d);
 }
 
-}  // namespace
-
-std::string numberText(double value) {
-  char text[40];
-  for (const int digits : {15, 16, 17}) {
-    std::snprintf(text, sizeof text, "%.*g", digits, value);
-    if (std::stod(text) == value) break;
+// The place in the world, as a matrix and as a rotation. False if single precision changes it.
+bool putNiftiGeometry(const GridGeometry& geometry, std::array<std::byte, kNiftiBytes>& header) {
+  bool is_exact = true;
+  const auto putSingle = [&](std::size_t at, double value) {
+    const auto single = static_cast<float>(value);
+    is_exact = is_exact && static_cast<double>(single) == value;
+    put(header, at, single);
+  };
+  // From LPS, in which the source counts, to the format's RAS.
+  glm::dmat3 direction = geometry.direction;
+  glm::dvec3 origin = geometry.origin;
+  for (int row = 0; row < 2; ++row) {
+    origin[row] = 0.0 - origin[row];
+    for (int axis = 0; axis < 3; ++axis) direction[axis][row] = 0.0 - direction[axis][row];
   }
-  return text;
+  for (std::size_t row = 0; row < 3; ++row) {
+    const int r = static_cast<int>(row);
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const int a = static_cast<int>(axis);
+      putSingle(280 + 16 * row + 4 * axis, direction[a][r] * geometry.spacing[a]);
+    }
+    putSingle(280 + 16 * row + 12, origin[r]);
+    putSingle(80 + 4 * row, geometry.spacing[r]);
+    putSingle(268 + 4 * row, origin[r]);
+  }
+  const double handedness = glm::determinant(direction) < 0 ? -1 : 1;
+  put(header, 76, static_cast<float>(handedness));
+  direction[2] *= handedness;
+  const glm::dvec3 quaternion = quaternionOf(direction);
+  for (std::size_t i = 0; i < 3; ++i)
+    put(header, 256 + 4 * i, static_cast<float>(quaternion[static_cast<int>(i)]));
+  return is_exact;
 }
+
+}  // namespace
 
 std::string nrrdHeader(const VolumeInfo& info) {
   static constexpr TypeNames kTypes = {"uint8", "int8", "uint16", "int16", "float"};
   const glm::dmat3 steps = info.geometry.indexToWorldMatrix();
   std::string header = "NRRD0004\n# written by isobrick\ntype: ";
   header += typeName(kTypes, info);
-  header += "\ndimension: 3\nspace: left-posterior-superior\nsizes: " + countsText(info.voxels);
+  header += "\ndimension: 3\nspace: left-posterior-superior\nsizes: " + indexText(info.voxels, " ");
   header += "\nspace directions:";
-  for (int axis = 0; axis < 3; ++axis) header += " (" + vectorText(steps[axis], ",") + ")";
+  for (int axis = 0; axis < 3; ++axis) header += " (" + pointText(steps[axis], ",") + ")";
   // No text is no unit: without the field patients' spaces count as millimetres.
   const std::string unit = info.geometry.unit == LengthUnit::kMillimetre ? "\"mm\"" : "\"\"";
   header += "\nspace units: " + unit + " " + unit + " " + unit;
   header += "\nkinds: domain domain domain\nendian: little\nencoding: raw\nspace origin: (" +
-            vectorText(info.geometry.origin, ",") + ")\n\n";
+            pointText(info.geometry.origin, ",") + ")\n\n";
   return header;
 }
 
@@ -94,13 +110,13 @@ std::string metaImageHeader(const VolumeInfo& info, const std::string& data_name
   std::string header =
       "ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = False\n"
       "CompressedData = False\n";
-  header += "TransformMatrix = " + vectorText(geometry.direction[0], " ") + " " +
-            vectorText(geometry.direction[1], " ") + " " + vectorText(geometry.direction[2], " ");
-  header += "\nOffset = " + vectorText(geometry.origin, " ");
+  header += "TransformMatrix = " + pointText(geometry.direction[0], " ") + " " +
+            pointText(geometry.direction[1], " ") + " " + pointText(geometry.direction[2], " ");
+  header += "\nOffset = " + pointText(geometry.origin, " ");
   header +=
       std::string("\nDistanceUnits = ") + (geometry.unit == LengthUnit::kMillimetre ? "mm" : "?");
-  header += "\nCenterOfRotation = 0 0 0\nElementSpacing = " + vectorText(geometry.spacing, " ");
-  header += "\nDimSize = " + countsText(info.voxels) + "\nElementType = ";
+  header += "\nCenterOfRotation = 0 0 0\nElementSpacing = " + pointText(geometry.spacing, " ");
+  header += "\nDimSize = " + indexText(info.voxels, " ") + "\nElementType = ";
   header += typeName(kTypes, info);
   // The last line of the format.
   return header + "\nElementDataFile = " + data_name + "\n";
@@ -109,8 +125,7 @@ std::string metaImageHeader(const VolumeInfo& info, const std::string& data_name
 std::string vtiHeader(const VolumeInfo& info) {
   static constexpr TypeNames kTypes = {"UInt8", "Int8", "UInt16", "Int16", "Float32"};
   const Index3 last = info.voxels - Index3(1);
-  const std::string extent = "0 " + std::to_string(last.x) + " 0 " + std::to_string(last.y) +
-                             " 0 " + std::to_string(last.z);
+  const std::string extent = "0 " + indexText(last, " 0 ");
   const glm::dmat3 rows = glm::transpose(info.geometry.direction);
   std::string header =
       "<?xml version=\"1.0\"?>\n<!-- written by isobrick; world coordinates are LPS, their unit "
@@ -118,9 +133,9 @@ std::string vtiHeader(const VolumeInfo& info) {
       std::string(lengthUnitName(info.geometry.unit)) +
       " -->\n<VTKFile type=\"ImageData\" version=\"1.0\" byte_order=\"LittleEndian\" "
       "header_type=\"UInt64\">\n  <ImageData WholeExtent=\"";
-  header += extent + "\" Origin=\"" + vectorText(info.geometry.origin, " ") + "\" Spacing=\"" +
-            vectorText(info.geometry.spacing, " ") + "\" Direction=\"" + vectorText(rows[0], " ") +
-            " " + vectorText(rows[1], " ") + " " + vectorText(rows[2], " ") + "\">\n";
+  header += extent + "\" Origin=\"" + pointText(info.geometry.origin, " ") + "\" Spacing=\"" +
+            pointText(info.geometry.spacing, " ") + "\" Direction=\"" + pointText(rows[0], " ") +
+            " " + pointText(rows[1], " ") + " " + pointText(rows[2], " ") + "\">\n";
   header += "    <Piece Extent=\"" + extent +
             "\">\n      <PointData Scalars=\"values\">\n        <DataArray type=\"" +
             typeName(kTypes, info) +
@@ -153,36 +168,8 @@ std::array<std::byte, kNiftiBytes> niftiHeader(const VolumeInfo& info, const std
   const Type type = kTypes[static_cast<std::size_t>(info.voxel_type)];
   put(header, 70, type.code);
   put(header, 72, type.bits);
-
-  bool is_exact = true;
-  const auto putSingle = [&](std::size_t at, double value) {
-    const auto single = static_cast<float>(value);
-    is_exact = is_exact && static_cast<double>(single) == value;
-    put(header, at, single);
-  };
-  // From LPS, in which the source counts, to the format's RAS.
-  glm::dmat3 direction = info.geometry.direction;
-  glm::dvec3 origin = info.geometry.origin;
-  for (int row = 0; row < 2; ++row) {
-    origin[row] = 0.0 - origin[row];
-    for (int axis = 0; axis < 3; ++axis) direction[axis][row] = 0.0 - direction[axis][row];
-  }
-  for (std::size_t row = 0; row < 3; ++row) {
-    const int r = static_cast<int>(row);
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      const int a = static_cast<int>(axis);
-      putSingle(280 + 16 * row + 4 * axis, direction[a][r] * info.geometry.spacing[a]);
-    }
-    putSingle(280 + 16 * row + 12, origin[r]);
-    putSingle(80 + 4 * row, info.geometry.spacing[r]);
-    putSingle(268 + 4 * row, origin[r]);
-  }
-  const double handedness = glm::determinant(direction) < 0 ? -1 : 1;
-  put(header, 76, static_cast<float>(handedness));
-  direction[2] *= handedness;
-  const glm::dvec3 quaternion = quaternionOf(direction);
-  for (std::size_t i = 0; i < 3; ++i)
-    put(header, 256 + 4 * i, static_cast<float>(quaternion[static_cast<int>(i)]));
+  if (!putNiftiGeometry(info.geometry, header))
+    lost.push_back("spacing, origin and direction were rounded to single precision");
   for (std::size_t axis = 3; axis < 7; ++axis) put(header, 80 + 4 * axis, 1.0f);
   put(header, 108, static_cast<float>(kNiftiBytes));
   put(header, 112, 1.0f);  // slope
@@ -191,7 +178,6 @@ std::array<std::byte, kNiftiBytes> niftiHeader(const VolumeInfo& info, const std
   put(header, 254, std::int16_t{1});
   std::memcpy(header.data() + 148, "written by isobrick", 19);
   std::memcpy(header.data() + 344, "n+1", 4);
-  if (!is_exact) lost.push_back("spacing, origin and direction were rounded to single precision");
   return header;
 }
 

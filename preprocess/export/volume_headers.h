@@ -10,9 +10,6 @@
 
 namespace isobrick {
 
-// Shortest text that reads back as the same double.
-std::string numberText(double value);
-
 std::string nrrdHeader(const VolumeInfo& info);
 // `data_name`: the file with the voxels, or "LOCAL" if they follow.
 std::string metaImageHeader(const VolumeInfo& info, const std::string& data_name);

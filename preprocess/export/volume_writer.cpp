@@ -8,6 +8,7 @@
 #include "isobrick/preprocess/export/gzip_file.h"
 #include "isobrick/preprocess/export/volume_headers.h"
 #include "isobrick/preprocess/export/volume_rows.h"
+#include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"
@@ -132,13 +133,10 @@ VolumeWriteReport writeRaw(VolumeSource& source, const std::string& path,
   report.lost.push_back(
       "dimensions, type, spacing, origin, direction and unit of length are not in the file, which "
       "has voxels " +
-      std::to_string(info.voxels.x) + "," + std::to_string(info.voxels.y) + "," +
-      std::to_string(info.voxels.z) + " of type " +
+      indexText(info.voxels) + " of type " +
       std::string(kVoxelTypes[static_cast<std::size_t>(info.voxel_type)].short_name) +
-      " at distances " + numberText(info.geometry.spacing.x) + "," +
-      numberText(info.geometry.spacing.y) + "," + numberText(info.geometry.spacing.z) + " from " +
-      numberText(info.geometry.origin.x) + "," + numberText(info.geometry.origin.y) + "," +
-      numberText(info.geometry.origin.z));
+      " at distances " + pointText(info.geometry.spacing) + " from " +
+      pointText(info.geometry.origin));
   writeWhole(source, path, "", "", options, report);
   return report;
 }

@@ -262,6 +262,16 @@ void setSlack(NodeBlocks& n) {
       }
 }
 
+void setDerivatives(const Block& voxels, NodeBlocks& n) {
+  setDifferences<0>(voxels, n.edge[0]);
+  setDifferences<1>(voxels, n.edge[1]);
+  setDifferences<2>(voxels, n.edge[2]);
+  setMixedDifferences<0, 2>(n.edge[1], n.mixed[0]);
+  setMixedDifferences<1, 2>(n.edge[0], n.mixed[1]);
+  setMixedDifferences<2, 1>(n.edge[0], n.mixed[2]);
+  setSlack(n);
+}
+
 // Reads the voxels of the nodes from `first` on.
 void loadVoxels(const CurvatureRow& row, std::size_t first, Block& voxels) {
   for (std::size_t i = 0; i < 9; ++i) {
@@ -322,13 +332,7 @@ void fitNodes(const FitConstants& constants, std::size_t first, CurvatureRow& ro
 
   Polynomial p = {hn::Zero(kFloats), hn::Zero(kFloats), hn::Zero(kFloats)};
   if (!hn::AllFalse(kFloats, counts)) {
-    setDifferences<0>(voxels, n.edge[0]);
-    setDifferences<1>(voxels, n.edge[1]);
-    setDifferences<2>(voxels, n.edge[2]);
-    setMixedDifferences<0, 2>(n.edge[1], n.mixed[0]);
-    setMixedDifferences<1, 2>(n.edge[0], n.mixed[1]);
-    setMixedDifferences<2, 1>(n.edge[0], n.mixed[2]);
-    setSlack(n);
+    setDerivatives(voxels, n);
     raiseAtAllPlaces(n, least, p);
   }
 

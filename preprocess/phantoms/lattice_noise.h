@@ -8,7 +8,7 @@ namespace isobrick {
 
 // A row of 3-D value noise: random values in [-1, 1] on a cubic lattice of `frequency` cells per
 // unit length, interpolated with smoothsteps. The share of y and z is worked out once per row,
-// so a sample costs one interpolation. value() depends on (seed, position) alone, not on the row.
+// so a sample costs one interpolation. at() depends on (seed, position) alone, not on the row.
 class NoiseRow {
  public:
   // Covers x in [x_first, x_last], in the same units as y and z.

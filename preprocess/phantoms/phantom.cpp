@@ -10,7 +10,6 @@
 #include <stdexcept>
 
 #include "isobrick/preprocess/phantoms/head_phantom.h"
-#include "isobrick/preprocess/rows_as_boxes.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/isolated_loop.h"
 
@@ -70,9 +69,6 @@ class PhantomSource final : public VolumeSource {
   }
 
   bool readsBoxes() const override { return true; }
-  void readRows(std::int64_t first, std::int64_t count, void* out) override {
-    readRowsAsBoxes(*this, first, count, out);
-  }
   void readBox(const IndexBox& box, void* out) const override {
     const std::size_t row_bytes =
         static_cast<std::size_t>(box.count.x) * voxelBytes(info_.voxel_type);

@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "isobrick/preprocess/path_error.h"
-#include "isobrick/storage/error.h"
 
 namespace isobrick {
 namespace {

@@ -157,16 +157,9 @@ class Walker {
           walkGroups(item, inner, header.shared);
         });
       } else if (element.tag == dicom::kFrameGroups) {
-        const std::uint64_t most = numberOf(values, dicom::kNumberOfFrames, 1);
-        walkItems(element, encoding, [&](const Element& item, const Encoding& inner) {
-          if (header.frames.size() >= most) throw Damaged();
-          walkGroups(item, inner, header.frames.emplace_back());
-        });
+        walkList(element, encoding, numberOf(values, dicom::kNumberOfFrames, 1), header.frames);
       } else if (element.tag == dicom::kDimensionIndices) {
-        walkItems(element, encoding, [&](const Element& item, const Encoding& inner) {
-          if (header.dimensions.size() >= kMostDimensions) throw Damaged();
-          walkGroups(item, inner, header.dimensions.emplace_back());
-        });
+        walkList(element, encoding, kMostDimensions, header.dimensions);
       } else if (element.length == kUndefinedLength || element.length > mostBytes(element.tag)) {
         skipValue(element, encoding, 0);
       } else {
@@ -191,11 +184,7 @@ class Walker {
   }
 
   static bool hasSize(const DicomValues& values) {
-    const auto isPositive = [&](std::uint32_t tag) {
-      const auto found = values.find(tag);
-      return found != values.end() && std::strtoull(found->second.c_str(), nullptr, 10) > 0;
-    };
-    return isPositive(dicom::kRows) && isPositive(dicom::kColumns);
+    return numberOf(values, dicom::kRows, 0) > 0 && numberOf(values, dicom::kColumns, 0) > 0;
   }
 
   static std::uint64_t numberOf(const DicomValues& values, std::uint32_t tag,
@@ -252,6 +241,15 @@ class Walker {
     forEachElement(sequence.length, dicom::kSequenceEnd, encoding, [&](const Element& item) {
       if (item.tag != dicom::kItem) throw Damaged();
       f(item, encoding);
+    });
+  }
+
+  // A sequence of at most so many items, each with elements of interest.
+  void walkList(const Element& sequence, const Encoding& encoding, std::uint64_t most,
+                std::vector<DicomValues>& list) {
+    walkItems(sequence, encoding, [&](const Element& item, const Encoding& inner) {
+      if (list.size() >= most) throw Damaged();
+      walkGroups(item, inner, list.emplace_back());
     });
   }
 
@@ -313,11 +311,8 @@ class Walker {
         dicom::kImagePosition,  dicom::kImageOrientation,     dicom::kPixelSpacing,
         dicom::kWindowCenter,   dicom::kRescaleIntercept,     dicom::kRescaleSlope};
     const std::string& type = element.representation;
-    const auto isIn = [&](const auto& tags) {
-      return std::find(tags.begin(), tags.end(), element.tag) != tags.end();
-    };
     if (isOneOf(kNumbers, element.tag) && (type != "US" || element.length != 2)) throw Damaged();
-    if (isIn(kDecimals) && type != "DS") throw Damaged();
+    if (isOneOf(kDecimals, element.tag) && type != "DS") throw Damaged();
     if (element.tag == dicom::kNumberOfFrames && type != "IS") throw Damaged();
     if (element.tag == dicom::kPhotometricInterpretation && type != "CS") throw Damaged();
     if (element.tag == dicom::kPixelData && type != "OW" && type != "OB") throw Damaged();

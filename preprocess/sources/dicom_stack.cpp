@@ -109,14 +109,14 @@ void chooseDicomVolume(const DicomStackWords& words,
               areSomeAtOnePosition(places, normal(places.front())), options.channel, places, info);
 }
 
-std::optional<glm::dvec3> sortDicomSlices(const DicomStackWords& words, const glm::dvec3& normal,
-                                          std::vector<DicomPlace>& places,
-                                          std::vector<std::string>& notes) {
+bool sortDicomSlices(const DicomStackWords& words, std::vector<DicomPlace>& places,
+                     GridGeometry& geometry, std::vector<std::string>& notes) {
   if (!haveAllPositions(places)) {
     std::stable_sort(places.begin(), places.end(),
                      [](const DicomPlace& a, const DicomPlace& b) { return a.number < b.number; });
-    return std::nullopt;
+    return false;
   }
+  const glm::dvec3 normal = glm::cross(geometry.direction[0], geometry.direction[1]);
   const auto height = [&](const DicomPlace& place) { return glm::dot(*place.position, normal); };
   std::stable_sort(places.begin(), places.end(),
                    [&](const DicomPlace& a, const DicomPlace& b) { return height(a) < height(b); });
@@ -145,7 +145,10 @@ std::optional<glm::dvec3> sortDicomSlices(const DicomStackWords& words, const gl
   if (greatest_deviation > kNotedUneven * mean_gap)
     notes.push_back("slice distances differ by up to " + std::to_string(greatest_deviation) +
                     " mm; their mean was used");
-  return step;
+  geometry.origin = *places.front().position;
+  geometry.spacing.z = glm::length(step);
+  geometry.direction[2] = step / geometry.spacing.z;
+  return true;
 }
 
 std::optional<glm::dvec3> dicomPosition(const std::string& text) {
@@ -233,10 +236,7 @@ std::vector<double> sharedNumbers(const std::string& path, const DicomHeader& he
   const std::vector<double> first = decimalStrings(header.value(tag, frames.front()), count);
   for (const std::size_t frame : frames) {
     const std::vector<double> other = decimalStrings(header.value(tag, frame), count);
-    bool same = other.size() == first.size();
-    for (std::size_t i = 0; same && i < first.size(); ++i)
-      same = std::abs(first[i] - other[i]) < 1e-3;
-    if (!same)
+    if (!areNear(first, other))
       throw unusable(path, "frame " + std::to_string(frame + 1) + " has another " + what +
                                " than frame " + std::to_string(frames.front() + 1) +
                                "; take its frames apart into volumes of one " + what);
@@ -271,6 +271,44 @@ void noteValueMaps(const std::vector<DicomValueMap>& maps, std::vector<std::stri
     notes.push_back("rescale slope and intercept were applied to the stored values");
 }
 
+// The number of frames, of which the header states the places of all or none.
+std::size_t countFrames(const std::string& path, const DicomHeader& header) {
+  const auto count = static_cast<std::size_t>(integer(header.value(dicom::kNumberOfFrames), 1));
+  if (count > kMaxVoxelsPerAxis)
+    throw unusable(path, "it has " + std::to_string(count) +
+                             " frames, and isobrick takes at most " +
+                             std::to_string(kMaxVoxelsPerAxis));
+  if (!header.frames.empty() && header.frames.size() != count)
+    throw unusable(path, "it says of " + std::to_string(header.frames.size()) +
+                             " frames where they are, and has " + std::to_string(count));
+  return count;
+}
+
+// Sorts the frames of one volume, and takes the geometry from them.
+void placeFrames(const DicomStackWords& words, const DicomHeader& header,
+                 const OpenOptions& options, std::vector<DicomPlace>& places, VolumeInfo& info) {
+  const std::vector<std::size_t> frames = framesOf(places);
+  sharedNumbers(words.path, header, frames, dicom::kImageOrientation, 6, "orientation");
+  const std::vector<double> pixel_spacing =
+      sharedNumbers(words.path, header, frames, dicom::kPixelSpacing, 2, "pixel spacing");
+  const ImagePlane plane = planeOf(header.value(dicom::kImageOrientation, frames.front()));
+  GridGeometry& geometry = info.geometry;
+  geometry.unit = LengthUnit::kMillimetre;
+  geometry.direction = glm::dmat3(plane.row, plane.column, plane.normal());
+  if (!pixel_spacing.empty())  // between rows first
+    geometry.spacing = {pixel_spacing[1], pixel_spacing[0], 1};
+  else if (!options.spacing)
+    info.notes.push_back("the file has no pixel spacing: 1 mm is an assumption");
+  if (sortDicomSlices(words, places, geometry, info.notes)) return;
+  for (const std::uint32_t tag : {dicom::kSliceThickness, dicom::kSpacingBetweenSlices}) {
+    const std::vector<double> distance = decimalStrings(header.value(tag, frames.front()), 1);
+    if (!distance.empty() && distance[0] > 0) geometry.spacing.z = distance[0];
+  }
+  if (!options.spacing)
+    info.notes.push_back("frames have no positions: their order and their distance, " +
+                         shortText(geometry.spacing.z) + " mm, are assumptions");
+}
+
 }  // namespace
 
 bool hasDicomFrames(const DicomHeader& header) {
@@ -280,16 +318,8 @@ bool hasDicomFrames(const DicomHeader& header) {
 DicomFrames arrangeDicomFrames(const std::string& path, const DicomHeader& header,
                                const OpenOptions& options) {
   refuseOtherImages(path, header);
-  const auto count = static_cast<std::size_t>(integer(header.value(dicom::kNumberOfFrames), 1));
-  if (count > kMaxVoxelsPerAxis)
-    throw unusable(path, "it has " + std::to_string(count) +
-                             " frames, and isobrick takes at most " +
-                             std::to_string(kMaxVoxelsPerAxis));
-  if (!header.frames.empty() && header.frames.size() != count)
-    throw unusable(path, "it says of " + std::to_string(header.frames.size()) +
-                             " frames where they are, and has " + std::to_string(count));
   DicomFrames volume;
-  volume.frames_in_file = count;
+  volume.frames_in_file = countFrames(path, header);
   VolumeInfo& info = volume.info;
   info.source = path;
   info.format = "DICOM";
@@ -298,45 +328,18 @@ DicomFrames arrangeDicomFrames(const std::string& path, const DicomHeader& heade
       "find the missing frames or resample the volume"};
 
   bool times_differ = false;
-  std::vector<DicomPlace> places = placesOf(header, count, times_differ);
-  const auto planeOfPlace = [&](const DicomPlace& place) {
-    return planeOf(header.value(dicom::kImageOrientation, place.index));
+  std::vector<DicomPlace> places = placesOf(header, volume.frames_in_file, times_differ);
+  const auto normalOf = [&](const DicomPlace& place) {
+    return planeOf(header.value(dicom::kImageOrientation, place.index)).normal();
   };
-  chooseDicomVolume(
-      words, [&](const DicomPlace& place) { return planeOfPlace(place).normal(); }, times_differ,
-      options, places, info);
+  chooseDicomVolume(words, normalOf, times_differ, options, places, info);
   if (places.size() < 2)
     throw unusable(path, "the volume is a single slice; choose one of several slices");
-
-  const std::vector<std::size_t> chosen = framesOf(places);
-  sharedNumbers(path, header, chosen, dicom::kImageOrientation, 6, "orientation");
-  const std::vector<double> pixel_spacing =
-      sharedNumbers(path, header, chosen, dicom::kPixelSpacing, 2, "pixel spacing");
-  const ImagePlane plane = planeOfPlace(places.front());
-  GridGeometry& geometry = info.geometry;
-  geometry.unit = LengthUnit::kMillimetre;
-  geometry.direction = glm::dmat3(plane.row, plane.column, plane.normal());
-  if (!pixel_spacing.empty())  // between rows first
-    geometry.spacing = {pixel_spacing[1], pixel_spacing[0], 1};
-  else if (!options.spacing)
-    info.notes.push_back("the file has no pixel spacing: 1 mm is an assumption");
-  if (const auto step = sortDicomSlices(words, plane.normal(), places, info.notes)) {
-    geometry.origin = *places.front().position;
-    geometry.spacing.z = glm::length(*step);
-    geometry.direction[2] = *step / geometry.spacing.z;
-  } else {
-    for (const std::uint32_t tag : {dicom::kSliceThickness, dicom::kSpacingBetweenSlices}) {
-      const std::vector<double> distance = decimalStrings(header.value(tag, chosen.front()), 1);
-      if (!distance.empty() && distance[0] > 0) geometry.spacing.z = distance[0];
-    }
-    if (!options.spacing)
-      info.notes.push_back("frames have no positions: their order and their distance, " +
-                           shortText(geometry.spacing.z) + " mm, are assumptions");
-  }
+  placeFrames(words, header, options, places, info);
   info.voxels = {integer(header.value(dicom::kColumns), 0), integer(header.value(dicom::kRows), 0),
                  static_cast<std::int64_t>(places.size())};
   checkVoxelCounts(path, info.voxels);
-  tidyGeometry(path, geometry, info.notes);
+  tidyGeometry(path, info.geometry, info.notes);
 
   volume.frames = framesOf(places);
   for (const std::size_t frame : volume.frames) volume.maps.push_back(dicomValueMap(header, frame));

@@ -45,12 +45,12 @@ void chooseDicomVolume(const DicomStackWords& words,
                        bool times_differ, const OpenOptions& options,
                        std::vector<DicomPlace>& places, VolumeInfo& info);
 
-// Sorts at least two slices by position along the normal of the image plane and gives the step from
-// one to the next, in mm. Throws Error if two are at the same position, and if the steps differ by
-// more than a tenth. If positions are missing, sorts by number, and gives no step.
-std::optional<glm::dvec3> sortDicomSlices(const DicomStackWords& words, const glm::dvec3& normal,
-                                          std::vector<DicomPlace>& places,
-                                          std::vector<std::string>& notes);
+// Sorts at least two slices by position along the normal of the image plane, which `geometry` has,
+// and gives it the origin and the step from one to the next, in mm. Throws Error if two are at the
+// same position, and if the steps differ by more than a tenth. If positions are missing, sorts by
+// number, leaves the geometry alone, and returns false.
+bool sortDicomSlices(const DicomStackWords& words, std::vector<DicomPlace>& places,
+                     GridGeometry& geometry, std::vector<std::string>& notes);
 
 // "1\2\3" as a position.
 std::optional<glm::dvec3> dicomPosition(const std::string& text);

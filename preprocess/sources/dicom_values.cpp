@@ -116,6 +116,11 @@ std::vector<double> decimalStrings(const std::string& text, std::size_t count) {
   return values;
 }
 
+bool areNear(const std::vector<double>& a, const std::vector<double>& b) {
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(),
+                    [](double x, double y) { return std::abs(x - y) < 1e-3; });
+}
+
 void noteMonochrome1(const std::string& photometric, std::vector<std::string>& notes) {
   if (photometric == "MONOCHROME1")
     notes.push_back(

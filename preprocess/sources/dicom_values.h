@@ -31,6 +31,8 @@ DicomValueMap dicomValueMap(const DicomHeader& header, std::size_t frame = 0);
 
 // "1\2\3" -> {1, 2, 3}; empty if it is something else.
 std::vector<double> decimalStrings(const std::string& text, std::size_t count);
+// Whether both have as many numbers, and as written carelessly the same.
+bool areNear(const std::vector<double>& a, const std::vector<double>& b);
 
 struct DicomVoxelType {
   VoxelType type = VoxelType::kFloat32;

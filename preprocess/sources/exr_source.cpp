@@ -183,7 +183,6 @@ class ExrSlices final : public VolumeSource {
 
   const VolumeInfo& info() const override { return info_; }
   std::vector<std::string> files() const override { return files_; }
-  std::string identity() const override { return {}; }
   // OpenEXR holds some lines more, or all tiles of a row.
   std::uint64_t bufferBytes() const override {
     return 2 * static_cast<std::uint64_t>(info_.voxels.x * info_.voxels.y) * sizeof(float);

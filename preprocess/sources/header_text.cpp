@@ -7,8 +7,8 @@
 
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/path_error.h"
-#include "isobrick/storage/brick_layout.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/grid.h"
 #include "isobrick/storage/lowercase.h"
 
 namespace isobrick {

@@ -1,5 +1,5 @@
-// The common part of the two ITK sources. Private to itk_source.cpp and itk_series_source.cpp: ITK
-// headers go no further.
+// The common part of the ITK sources. Private to the files that bear its name: ITK headers go no
+// further.
 #pragma once
 
 #include <itkImageIOBase.h>
@@ -10,6 +10,7 @@
 
 #include "isobrick/preprocess/sources/dicom_header.h"
 #include "isobrick/preprocess/sources/open_volume.h"
+#include "isobrick/preprocess/sources/stored_voxels.h"
 #include "isobrick/preprocess/volume_source.h"
 #include "isobrick/storage/error.h"
 
@@ -40,16 +41,21 @@ Index3 imageVoxels(const std::string& path, const itk::ImageIOBase& image, unsig
 // Spacing, origin and direction as ITK gives them (LPS for medical formats), not yet tidied.
 GridGeometry imageGeometry(const itk::ImageIOBase& image);
 
-// The voxel type with exactly this component's values, if it is one of the five.
+// "NRRD", "MetaImage", ...
+std::string formatName(const itk::ImageIOBase& image);
+
+// The header of a DICOM image; nothing of files that are no DICOM. Throws Error for DICOM files
+// that are damaged or hold no image.
+std::optional<DicomHeader> dicomImageHeader(const std::string& path);
+
+// The stored type, and the voxel type if it is one of the five, with exactly the values of a
+// component of an image that was opened.
+StoredType storedTypeOf(Component component);
 std::optional<VoxelType> exactVoxelType(Component component);
 
 // Reads slices [first, first + count) as the image's component type.
 void readImageSlices(const std::string& path, itk::ImageIOBase& image, std::int64_t first,
                      std::int64_t count, void* out);
-
-// Element by element from `component` to `type`; values must fit.
-void convertComponents(Component component, const void* in, std::size_t count, VoxelType type,
-                       void* out);
 
 // A single file with a 3-D image.
 std::unique_ptr<VolumeSource> openItkFile(const std::string& path, const OpenOptions& options);

@@ -12,6 +12,7 @@
 #include "isobrick/preprocess/sources/dicom_stack.h"
 #include "isobrick/preprocess/sources/dicom_tags.h"
 #include "isobrick/preprocess/sources/itk_common.h"
+#include "isobrick/preprocess/sources/stored_file.h"
 #include "isobrick/storage/abandonable.h"
 
 namespace isobrick::itk_detail {
@@ -107,7 +108,6 @@ class DicomFramesSource final : public VolumeSource {
   }
 
   std::vector<std::string> files() const override { return {info().source}; }
-  std::string identity() const override { return {}; }
   // GDCM has the packed pixels too.
   std::uint64_t bufferBytes() const override {
     return is_packed_ ? allBytes() + stamp_.bytes : frame_bytes_;
@@ -136,9 +136,7 @@ class DicomFramesSource final : public VolumeSource {
     if (cancel_ != nullptr) cancel_->check();
     rows_.resize(pixels * pixel_.bytes);
     if (file_->readAt(pixels_at_ + at, rows_.data(), rows_.size()) < rows_.size())
-      throw Error("cannot read slice " + std::to_string(slice) + " of '" + info().source +
-                      "': the file became shorter meanwhile; check the file, then run again",
-                  {.path = info().source});
+      throw becameShorter(*file_, slice, pixels_at_ + at);
     return rows_.data();
   }
 

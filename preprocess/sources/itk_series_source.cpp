@@ -2,7 +2,7 @@
 #include <itkGDCMImageIO.h>
 
 #include <algorithm>
-#include <cmath>
+#include <cstring>
 #include <filesystem>
 #include <glm/geometric.hpp>
 #include <map>
@@ -150,21 +150,16 @@ void requireOneGrid(const std::vector<DicomSlice>& slices) {
   const DicomSlice& reference = slices.front();
   const std::vector<double> axes = decimalStrings(reference.orientation, 6);
   for (const DicomSlice& slice : slices) {
-    const std::vector<double> other = decimalStrings(slice.orientation, 6);
-    bool same = slice.grid == reference.grid && axes.size() == other.size();
-    for (std::size_t i = 0; same && i < axes.size(); ++i)
-      same = std::abs(axes[i] - other[i]) < 1e-3;
-    if (!same)
+    if (slice.grid != reference.grid || !areNear(axes, decimalStrings(slice.orientation, 6)))
       throw unusable(slice.path, "its size or orientation differs from '" + reference.path +
                                      "' in the same series (a localizer?); move it elsewhere");
   }
 }
 
-// Sorts the slices of the one volume, those at the time of the options, and gives the step from one
-// to the next, in mm; no step if they have no positions.
-std::optional<glm::dvec3> sortSlices(const std::string& folder, std::vector<DicomSlice>& slices,
-                                     const glm::dvec3& normal, const OpenOptions& options,
-                                     VolumeInfo& info) {
+// Sorts the slices of the one volume, those at the time of the options, and takes their places into
+// the geometry; false if they have no positions.
+bool sortSlices(const std::string& folder, std::vector<DicomSlice>& slices,
+                const OpenOptions& options, VolumeInfo& info) {
   std::vector<DicomPlace> places;
   for (const DicomSlice& slice : slices) {
     DicomPlace place;
@@ -186,13 +181,13 @@ std::optional<glm::dvec3> sortSlices(const std::string& folder, std::vector<Dico
   const DicomStackWords words = {folder,
                                  "(several time steps, or copies); keep one volume in the folder",
                                  "find the missing slices or resample the series"};
-  chooseDicomVolume(
-      words, [&](const DicomPlace&) { return normal; }, false, options, places, info);
-  const auto step = sortDicomSlices(words, normal, places, info.notes);
+  const auto normalOf = [&](const DicomPlace&) { return glm::dvec3(info.geometry.direction[2]); };
+  chooseDicomVolume(words, normalOf, false, options, places, info);
+  const bool have_positions = sortDicomSlices(words, places, info.geometry, info.notes);
   std::vector<DicomSlice> sorted;
   for (const DicomPlace& place : places) sorted.push_back(std::move(slices[place.index]));
   slices = std::move(sorted);
-  return step;
+  return have_positions;
 }
 
 // A file of a stack. Those of a DICOM series were walked before, and are still to be the same.
@@ -243,6 +238,24 @@ bool isInteger(Component component) {
   return component != Component::FLOAT && component != Component::DOUBLE;
 }
 
+// Element by element from `component` to `type`; values must fit.
+void convertComponents(Component component, const void* in, std::size_t count, VoxelType type,
+                       void* out) {
+  visitComponent(component, [&](auto in_tag) {
+    using In = typename decltype(in_tag)::Type;
+    visitVoxelType(type, [&](auto out_tag) {
+      using Out = typename decltype(out_tag)::Type;
+      if constexpr (std::is_same_v<In, Out>) {
+        std::memcpy(out, in, count * sizeof(Out));
+      } else {
+        const In* const from = static_cast<const In*>(in);
+        Out* const to = static_cast<Out*>(out);
+        for (std::size_t i = 0; i < count; ++i) to[i] = static_cast<Out>(from[i]);
+      }
+    });
+  });
+}
+
 // One slice is held as its file stores it; rows are converted as they are read.
 class SliceStackSource final : public VolumeSource {
  public:
@@ -277,7 +290,6 @@ class SliceStackSource final : public VolumeSource {
     for (const SliceFile& file : files_) paths.push_back(file.path);
     return paths;
   }
-  std::string identity() const override { return {}; }
   // ITK's libraries hold the slice too while they decode it, and once more if they rescale it.
   std::uint64_t bufferBytes() const override { return 3 * slice_bytes_; }
 
@@ -410,13 +422,9 @@ std::unique_ptr<VolumeSource> openDicomSeries(const std::string& folder,
   info.voxels = imageVoxels(folder, *any.image);
   info.geometry = imageGeometry(*any.image);
   info.geometry.unit = LengthUnit::kMillimetre;
-  const glm::dvec3 normal = glm::cross(info.geometry.direction[0], info.geometry.direction[1]);
-  if (const auto step = sortSlices(folder, slices, normal, options, info)) {
-    info.geometry.origin = *dicomPosition(slices.front().position);
-    info.geometry.spacing.z = glm::length(*step);
-    info.geometry.direction[2] = *step / info.geometry.spacing.z;
-  } else {
-    info.geometry.direction[2] = normal;
+  glm::dmat3& direction = info.geometry.direction;
+  direction[2] = glm::cross(direction[0], direction[1]);
+  if (!sortSlices(folder, slices, options, info)) {
     // The distance is the one that ITK took for the slice thickness.
     info.notes.emplace_back("slices without positions were sorted by instance number");
     if (!options.spacing)

@@ -11,7 +11,6 @@
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/inflate_stream.h"
-#include "isobrick/storage/error.h"
 #include "isobrick/storage/lowercase.h"
 
 namespace isobrick {

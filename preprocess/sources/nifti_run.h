@@ -4,8 +4,11 @@
 // fields of the header that matter here are read by hand. Private to preprocess/sources/.
 #pragma once
 
+#include <cstdint>
+#include <memory>
 #include <string>
 
+#include "isobrick/preprocess/sources/open_volume.h"
 #include "isobrick/preprocess/sources/raw_run.h"
 #include "isobrick/preprocess/sources/stored_voxels.h"
 
@@ -23,6 +26,12 @@ struct NiftiRun {
 // `path` is a file that ITK took for NIfTI: .nii, or .hdr or .img of a pair; gzipped or not. Throws
 // Error if the header is damaged or unusual, or the other file of the pair is missing.
 NiftiRun findNiftiRun(const std::string& path);
+
+// Opens info.source, such a file, which ITK has described in `info`. Its numbers are those of ITK,
+// and the options choose among them. Throws Error that names the file if there is no such choice,
+// and if the header contradicts itself.
+std::unique_ptr<VolumeSource> openNiftiVolume(VolumeInfo info, std::uint64_t components,
+                                              std::uint64_t time_steps, const OpenOptions& options);
 
 // If `path` ends in .nii or .nii.gz, throws Error for a header that the NIfTI library would refuse
 // with a line of its own on the standard error.

@@ -8,7 +8,6 @@
 #include "isobrick/preprocess/export/source_views.h"
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/format_sources.h"
-#include "isobrick/preprocess/sources/header_text.h"
 #include "isobrick/preprocess/sources/voxel_components.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/lowercase.h"

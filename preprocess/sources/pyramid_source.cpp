@@ -1,8 +1,6 @@
-#include <algorithm>
 #include <utility>
 
 #include "isobrick/preprocess/kernels/sample_block.h"
-#include "isobrick/preprocess/rows_as_boxes.h"
 #include "isobrick/preprocess/shallow_json.h"
 #include "isobrick/preprocess/sources/open_volume.h"
 #include "isobrick/storage/error.h"
@@ -15,14 +13,12 @@ namespace {
 
 // The volume by the provenance; text of unknown origin, so nothing relies on it.
 void takeProvenance(const Pyramid& pyramid, VolumeInfo& info) {
-  using Json = nlohmann::json;
-  const Json json = parseShallowJson(pyramid.provenance());
-  if (!json.is_object()) return;
-  if (const auto notes = json.find("notes"); notes != json.end() && notes->is_array())
-    for (const Json& note : *notes)
+  const nlohmann::json json = parseShallowJson(pyramid.provenance());
+  if (const auto& notes = member(json, "notes"); notes.is_array())
+    for (const auto& note : notes)
       if (note.is_string()) info.notes.push_back(note.get<std::string>());
-  if (const auto kept = json.find("properties"); kept != json.end() && kept->is_object())
-    for (const auto& [key, value] : kept->items())
+  if (const auto& kept = member(json, "properties"); kept.is_object())
+    for (const auto& [key, value] : kept.items())
       if (value.is_string()) info.properties[key] = value.get<std::string>();
 }
 
@@ -61,10 +57,6 @@ class PyramidSource final : public VolumeSource {
   std::uint64_t bufferBytes() const override { return budget_bytes_; }
   bool readsBoxes() const override { return true; }
 
-  void readRows(std::int64_t first, std::int64_t count, void* out) override {
-    readRowsAsBoxes(*this, first, count, out);
-  }
-
   void readBox(const IndexBox& box, void* out) const override {
     const std::int64_t cells = pyramid_->layout().brickCells();
     const Index3 last = pyramid_->layout().bricks(level_) - Index3(1);
@@ -90,14 +82,13 @@ class PyramidSource final : public VolumeSource {
   }
 
   void copyBrick(const Index3& brick, const IndexBox& box, void* out) const {
-    const IndexBox own = pyramid_->layout().brickOwnSamples(level_, brick);
-    const Index3 first = glm::max(own.first, box.first), end = glm::min(own.end(), box.end());
-    if (first.x >= end.x || first.y >= end.y || first.z >= end.z) return;
+    const IndexBox own = intersectionOf(pyramid_->layout().brickOwnSamples(level_, brick), box);
+    if (own.size() == 0) return;
     const BrickSamples samples = pyramid_->samples(level_, brick);
     visitVoxelType(info_.voxel_type, [&](auto tag) {
       using T = typename decltype(tag)::Type;
-      copyBox(SampleBlock<T>::dense(samples.data<T>(), samples.box), {first, end - first},
-              static_cast<T*>(out), box);
+      copyBox(SampleBlock<T>::dense(samples.data<T>(), samples.box), own, static_cast<T*>(out),
+              box);
     });
     pyramid_->throwIfReadsFailed(level_, brick);
   }

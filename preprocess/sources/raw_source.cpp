@@ -2,12 +2,13 @@
 #include <utility>
 
 #include "isobrick/preprocess/input_file.h"
+#include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/preprocess/sources/inflate_stream.h"
 #include "isobrick/preprocess/sources/raw_run.h"
 #include "isobrick/preprocess/sources/source_checks.h"
-#include "isobrick/preprocess/sources/stored_voxels.h"
+#include "isobrick/preprocess/sources/stored_file.h"
 #include "isobrick/preprocess/volume_source.h"
 #include "isobrick/storage/error.h"
 
@@ -42,32 +43,13 @@ class RawSource final : public VolumeSource {
 
   const VolumeInfo& info() const override { return info_; }
 
-  void readRows(std::int64_t first, std::int64_t count, void* out) override {
-    readVoxels(first * info_.voxels.x, count * info_.voxels.x, out);
-  }
-
   bool readsBoxes() const override { return true; }
-
   void readBox(const IndexBox& box, void* out) const override {
-    const Index3& voxels = info_.voxels;
-    // As few reads as the file allows: rows that adjoin are one.
-    const bool whole_rows = box.count.x == voxels.x;
-    const bool whole_slices = whole_rows && box.count.y == voxels.y;
-    const std::int64_t slices = whole_slices ? 1 : box.count.z;
-    const std::int64_t rows = whole_rows ? 1 : box.count.y;
-    const std::int64_t count = box.size() / (slices * rows);
-    auto* to = static_cast<std::byte*>(out);
-    for (std::int64_t z = 0; z < slices; ++z)
-      for (std::int64_t y = 0; y < rows; ++y) {
-        readVoxels(linearIndex(box.first + Index3(0, y, z), voxels), count, to);
-        to += static_cast<std::size_t>(count) * voxelBytes(info_.voxel_type);
-      }
+    StoredBlock{file_, offset_bytes_, stored_, info_.voxels}.read(box, out);
   }
-
   std::vector<std::string> files() const override {
     return headerAndData(header_path_, file_.path());
   }
-  std::string identity() const override { return {}; }
   std::uint64_t bufferBytes() const override {
     return stored_.keepsType() ? 0 : kDecodeBufferBytes;
   }
@@ -85,7 +67,7 @@ class RawSource final : public VolumeSource {
     const std::string needed = overflow ? "more than 2^64" : std::to_string(need);
     const std::string sizes = "cannot read '" + file_.path() + "': it has " + std::to_string(have) +
                               " bytes, but an offset of " + std::to_string(offset_bytes_) +
-                              " and " + voxelCountsText(info_.voxels) + " voxels of " +
+                              " and " + indexText(info_.voxels, " x ") + " voxels of " +
                               std::to_string(stored_.bytes()) +
                               (stored_.bytes() == 1 ? " byte make " : " bytes make ") + needed;
     if (!header_path_.empty())
@@ -94,26 +76,6 @@ class RawSource final : public VolumeSource {
     throw Error(
         sizes + "; correct the layout" + (overflow || have < need ? ", or get the whole file" : ""),
         {.path = file_.path()}, {Remedy::kCorrectRawLayout});
-  }
-
-  // `count` voxels that adjoin in the file.
-  void readVoxels(std::int64_t first, std::int64_t count, void* out) const {
-    std::uint64_t at = offset_bytes_ + static_cast<std::uint64_t>(first) * stored_.bytes();
-    decodeVoxels(stored_, static_cast<std::size_t>(count), out,
-                 [&](std::byte* to, std::size_t bytes) {
-                   const std::size_t got = file_.readAt(at, to, bytes);
-                   at += got;
-                   if (got < bytes) throw becameShorter(at);
-                 });
-  }
-
-  Error becameShorter(std::uint64_t at) const {
-    const auto slice_bytes =
-        static_cast<std::uint64_t>(info_.voxels.x * info_.voxels.y) * stored_.bytes();
-    return Error("cannot read slice " + std::to_string((at - offset_bytes_) / slice_bytes) +
-                     " of '" + file_.path() + "' at byte " + std::to_string(at) +
-                     ": the file became shorter meanwhile; check the file, then run again",
-                 {.path = file_.path()});
   }
 
   VolumeInfo info_;

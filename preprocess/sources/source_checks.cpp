@@ -5,6 +5,7 @@
 #include <glm/geometric.hpp>
 #include <numbers>
 
+#include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/storage/error.h"
 
@@ -27,21 +28,13 @@ std::string quotedText(const std::string& text, std::size_t most_characters) {
   return result;
 }
 
-std::string voxelCountsText(const Index3& voxels) {
-  return std::to_string(voxels.x) + " x " + std::to_string(voxels.y) + " x " +
-         std::to_string(voxels.z);
-}
-
 void checkVoxelCounts(const std::string& path, const Index3& voxels) {
+  const std::string counts = "it has " + indexText(voxels, " x ") + " voxels, and isobrick ";
   for (int axis = 0; axis < 3; ++axis) {
     if (voxels[axis] < 2)
-      throw unusable(
-          path, "it has " + voxelCountsText(voxels) +
-                    " voxels, and isobrick needs at least 2 voxels per axis; choose a 3-D volume");
+      throw unusable(path, counts + "needs at least 2 voxels per axis; choose a 3-D volume");
     if (voxels[axis] > kMaxVoxelsPerAxis)
-      throw unusable(path, "it has " + voxelCountsText(voxels) +
-                               " voxels, and isobrick takes at most " +
-                               std::to_string(kMaxVoxelsPerAxis) +
+      throw unusable(path, counts + "takes at most " + std::to_string(kMaxVoxelsPerAxis) +
                                " per axis; check the dimensions or cut the volume");
   }
 }

@@ -13,9 +13,6 @@ namespace isobrick {
 // characters, and no more than `most_characters` of it.
 std::string quotedText(const std::string& text, std::size_t most_characters);
 
-// "512 x 512 x 234"
-std::string voxelCountsText(const Index3& voxels);
-
 // Throws Error unless every axis has 2 .. kMaxVoxelsPerAxis voxels. Afterwards the products of
 // `voxels` with a voxel's size fit 64 bits.
 void checkVoxelCounts(const std::string& path, const Index3& voxels);

@@ -52,6 +52,13 @@ constexpr std::optional<StoredType> storedTypeOf(char kind, std::size_t bytes) {
   return std::nullopt;
 }
 
+// The type of that long name, if it is one of them.
+constexpr std::optional<StoredType> storedTypeNamed(std::string_view name) {
+  for (std::size_t type = 0; type < std::size(kStoredTypes); ++type)
+    if (kStoredTypes[type].name == name) return static_cast<StoredType>(type);
+  return std::nullopt;
+}
+
 // Numbers in a file. Those of the five voxel types are delivered as they are; others, and all that
 // are mapped, become float32.
 struct StoredVoxels {

@@ -40,7 +40,6 @@ class StreamSource final : public VolumeSource {
   }
 
   std::vector<std::string> files() const override { return headerAndData(header_path_, path_); }
-  std::string identity() const override { return {}; }
   std::uint64_t bufferBytes() const override {
     return stream_->bufferBytes() + (stored_.keepsType() ? 0 : kDecodeBufferBytes);
   }

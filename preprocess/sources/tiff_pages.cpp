@@ -5,12 +5,12 @@
 #include <charconv>
 #include <cmath>
 #include <cstdint>
+#include <glm/vec3.hpp>
 #include <optional>
 
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/length_units.h"
 #include "isobrick/preprocess/sources/tiff_directory.h"
-#include "isobrick/storage/error.h"
 
 namespace isobrick {
 namespace {
@@ -60,7 +60,7 @@ void checkTiffPages(const std::string& path) {
   }
 }
 
-void refuseMisreadTiff(const std::string& path, std::optional<StoredType> type) {
+void refuseMisreadTiff(const std::string& path, StoredType type) {
   const TiffDirectory tiff(path);
   std::uint64_t bits = 1, kind = 1;
   for (const TiffEntry& entry : tiff.entries(tiff.firstPage())) {
@@ -69,14 +69,24 @@ void refuseMisreadTiff(const std::string& path, std::optional<StoredType> type) 
   }
   constexpr std::uint64_t kFloat = 3;
   const bool is_float = type == StoredType::kFloat32 || type == StoredType::kFloat64;
-  if (type && (bits <= 8 || (bits == 8 * storedBytes(*type) && is_float == (kind == kFloat) &&
-                             (is_float || bits == 16))))
+  if (bits <= 8 ||
+      (bits == 8 * storedBytes(type) && is_float == (kind == kFloat) && (is_float || bits == 16)))
     return;
   throw unusable(path,
                  "its pictures of numbers of " + std::to_string(bits) +
                      " bits have a form that is not read (a palette, another corner first, or "
                      "pages that differ); save them as grey ones of one size");
 }
+
+namespace {
+
+// The statements of the first page about lengths.
+struct TiffResolution {
+  int unit = 2;             // 1: none, 2: inch, 3: centimetre
+  double x = 0, y = 0;      // pixels a unit; 0: not stated
+  glm::dvec3 lsm_voxel{0};  // Zeiss LSM: its edges in metres; 0: not stated
+  std::string description;  // no longer than descriptions usually are
+};
 
 TiffResolution tiffResolutionOf(const std::string& path) {
   const TiffDirectory tiff(path);
@@ -96,8 +106,6 @@ TiffResolution tiffResolutionOf(const std::string& path) {
   }
   return result;
 }
-
-namespace {
 
 // The lengths that the file states; 0 if it states none.
 struct TiffLengths {

@@ -2,8 +2,6 @@
 // preprocess/sources/.
 #pragma once
 
-#include <glm/vec3.hpp>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -21,17 +19,7 @@ void checkTiffPages(const std::string& path);
 // ITK leaves 32-bit integers at zero, and takes halves and some planes for other numbers. Throws
 // Error that names the file unless `type`, which ITK finds, is that of the first page's numbers and
 // one that it reads.
-void refuseMisreadTiff(const std::string& path, std::optional<StoredType> type);
-
-// The lengths that the first page states.
-struct TiffResolution {
-  int unit = 2;             // 1: none, 2: inch, 3: centimetre
-  double x = 0, y = 0;      // pixels a unit; 0: not stated
-  glm::dvec3 lsm_voxel{0};  // Zeiss LSM: its edges in metres; 0: not stated
-  std::string description;  // no longer than descriptions usually are
-};
-// Throws Error that names the file if it ends within the page.
-TiffResolution tiffResolutionOf(const std::string& path);
+void refuseMisreadTiff(const std::string& path, StoredType type);
 
 // The note on a stack of slices that have no distance.
 inline constexpr char kNoSliceDistance[] =

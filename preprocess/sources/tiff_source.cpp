@@ -7,8 +7,8 @@
 #include <utility>
 
 #include "isobrick/preprocess/path_error.h"
-#include "isobrick/preprocess/rows_as_boxes.h"
 #include "isobrick/preprocess/sources/source_checks.h"
+#include "isobrick/preprocess/sources/stored_file.h"
 #include "isobrick/preprocess/sources/tiff_directory.h"
 #include "isobrick/preprocess/sources/tiff_pages.h"
 #include "isobrick/preprocess/sources/tiff_unpacking.h"
@@ -97,14 +97,16 @@ std::optional<std::uint64_t> pixelsAt(const PageTags& tags, const TiffSlices::Fo
 
 // Appends the slices of a file. False: it has a picture of another form.
 bool addSlices(const TiffDirectory& tiff, std::uint32_t file, TiffSlices& slices) {
+  std::int64_t pages = 0;
   for (std::uint64_t page = tiff.firstPage(); page != 0; page = tiff.pageAfter(page)) {
+    // More than there can be: they lead in a circle.
+    if (++pages > kMaxVoxelsPerAxis) return false;
     const std::optional<PageTags> tags = tagsOf(tiff, page);
     if (!tags) return false;
     if (tags->is_smaller != 0) continue;
     const std::optional<TiffSlices::Form> form = formOf(*tags);
     if (!form) return false;
     if (slices.slices.empty()) slices.form = *form;
-    // More slices than there can be: the pages lead in a circle.
     if (*form != slices.form || std::ssize(slices.slices) == kMaxVoxelsPerAxis) return false;
     slices.slices.push_back(
         {file, page, tiff.isBigEndian(), pixelsAt(*tags, *form, tiff.file().size())});
@@ -125,7 +127,6 @@ class TiffSource final : public VolumeSource {
 
   const VolumeInfo& info() const override { return info_; }
   std::vector<std::string> files() const override { return paths_; }
-  std::string identity() const override { return {}; }
   std::uint64_t bufferBytes() const override {
     if (is_plain_) return stored_.keepsType() ? 0 : kDecodeBufferBytes;
     // The picture, and a strip or a tile of the library's.
@@ -133,7 +134,7 @@ class TiffSource final : public VolumeSource {
   }
 
   void readRows(std::int64_t first, std::int64_t count, void* out) override {
-    if (is_plain_) return readRowsAsBoxes(*this, first, count, out);
+    if (is_plain_) return VolumeSource::readRows(first, count, out);
     auto* to = static_cast<std::byte*>(out);
     for (std::int64_t row = first; row < first + count;) {
       const std::int64_t z = row / info_.voxels.y, y = row % info_.voxels.y;
@@ -154,14 +155,15 @@ class TiffSource final : public VolumeSource {
   bool readsBoxes() const override { return is_plain_; }
   void readBox(const IndexBox& box, void* out) const override {
     auto* to = static_cast<std::byte*>(out);
-    // Rows that adjoin are read at once.
-    const std::int64_t runs = box.count.x == info_.voxels.x ? 1 : box.count.y;
-    const std::int64_t run = box.count.x * box.count.y / runs;
-    for (std::int64_t z = box.first.z; z < box.end().z; ++z)
-      for (std::int64_t i = 0; i < runs; ++i) {
-        readPlain(z, (box.first.y + i) * info_.voxels.x + box.first.x, run, to);
-        to += static_cast<std::size_t>(run) * voxelBytes(info_.voxel_type);
-      }
+    const IndexBox part{{box.first.x, box.first.y, 0}, {box.count.x, box.count.y, 1}};
+    for (std::int64_t z = box.first.z; z < box.end().z; ++z) {
+      const File file = open(slice(z).file);
+      StoredBlock block{
+          *file, *slice(z).pixels_at, stored_, {info_.voxels.x, info_.voxels.y, 1}, z};
+      block.stored.big_endian = slice(z).big_endian;
+      block.read(part, to);
+      to += static_cast<std::size_t>(part.size()) * voxelBytes(info_.voxel_type);
+    }
   }
 
  private:
@@ -180,25 +182,6 @@ class TiffSource final : public VolumeSource {
       return std::move(page);
     });
     unpacked_ = z;
-  }
-
-  // `count` pixels of slice `z` that adjoin in the file.
-  void readPlain(std::int64_t z, std::int64_t first, std::int64_t count, void* out) const {
-    const File file = open(slice(z).file);
-    StoredVoxels stored = stored_;
-    stored.big_endian = slice(z).big_endian;
-    std::uint64_t at = *slice(z).pixels_at + static_cast<std::uint64_t>(first) * stored.bytes();
-    decodeVoxels(stored, static_cast<std::size_t>(count), out,
-                 [&](std::byte* to, std::size_t bytes) {
-                   const std::size_t got = file->readAt(at, to, bytes);
-                   at += got;
-                   if (got < bytes)
-                     throw Error("cannot read slice " + std::to_string(z) + " of '" + file->path() +
-                                     "' at byte " + std::to_string(at) +
-                                     ": the file became shorter meanwhile; check the file, then "
-                                     "run again",
-                                 {.path = file->path()});
-                 });
   }
 
   // Some files stay open: a build reads the same slices for one row of bricks after the other.

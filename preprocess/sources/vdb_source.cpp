@@ -1,5 +1,5 @@
 // OpenVDB grids (.vdb), as Houdini, Blender and ParaView write them: the box of a grid's active
-// voxels as a dense volume. The only file that includes OpenVDB.
+// voxels as a dense volume.
 #include <malloc.h>
 #include <openvdb/io/Archive.h>
 #include <openvdb/io/GridDescriptor.h>
@@ -20,9 +20,9 @@
 #include <vector>
 
 #include "isobrick/preprocess/input_file.h"
+#include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/openvdb_library.h"
 #include "isobrick/preprocess/path_error.h"
-#include "isobrick/preprocess/rows_as_boxes.h"
 #include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/preprocess/sources/length_units.h"
 #include "isobrick/preprocess/sources/source_checks.h"
@@ -478,7 +478,6 @@ class VdbSourceBase : public VolumeSource {
  public:
   const VolumeInfo& info() const final { return info_; }
   std::vector<std::string> files() const final { return {info_.source}; }
-  std::string identity() const final { return {}; }
 
  protected:
   VdbSourceBase(VolumeInfo info, const Index3& first) : info_(std::move(info)), first_(first) {}
@@ -496,10 +495,6 @@ class VdbSource final : public VdbSourceBase {
 
   bool readsBoxes() const override { return true; }
   std::uint64_t bufferBytes() const override { return grid_->memUsage(); }
-
-  void readRows(std::int64_t first, std::int64_t count, void* out) override {
-    readRowsAsBoxes(*this, first, count, out);
-  }
 
   // Only reads the tree, all of which is in memory: any number of threads.
   void readBox(const IndexBox& box, void* out) const override {
@@ -578,8 +573,7 @@ class VdbSlabSource final : public VdbSourceBase {
 void takeProperties(VolumeInfo& info, const GridBase::Ptr& grid, const Index3& first) {
   info.properties["vdb.name"] = grid->getName();
   info.properties["vdb.class"] = GridBase::gridClassToString(grid->getGridClass());
-  info.properties["vdb.first"] =
-      std::to_string(first.x) + "," + std::to_string(first.y) + "," + std::to_string(first.z);
+  info.properties["vdb.first"] = indexText(first);
   visitScalar(grid, [&](const auto& typed) {
     std::array<char, 32> text;
     const auto background = static_cast<float>(static_cast<double>(typed->background()));

@@ -29,7 +29,6 @@ class MagnitudeSource final : public VolumeSource {
   }
 
   std::vector<std::string> files() const override { return components_.front()->files(); }
-  std::string identity() const override { return {}; }
   std::uint64_t bufferBytes() const override {
     std::uint64_t bytes = row_.size() + squares_.size() * sizeof(double);
     for (const auto& component : components_) bytes += component->bufferBytes();

@@ -18,12 +18,13 @@
 #include "isobrick/preprocess/sources/vti_header.h"
 #include "isobrick/preprocess/volume_source.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/lowercase.h"
 
 namespace isobrick {
 namespace {
 
 // Text of a file, fit for a line of a message.
-std::string quoted(const std::string& text) { return quotedText(text, 60); }
+std::string inQuotes(const std::string& text) { return quotedText(text, 60); }
 
 Error cannotUse(const std::string& path, const std::string& reason) {
   return unusable(path, reason + "; save it again with ParaView, or convert it to .nrrd or .mhd");
@@ -50,15 +51,8 @@ std::optional<std::array<T, N>> numbers(const std::string& text) {
 }
 
 StoredType storedType(const std::string& path, const std::string& name) {
-  static constexpr std::pair<const char*, StoredType> kNames[] = {
-      {"UInt8", StoredType::kUint8},     {"Int8", StoredType::kInt8},
-      {"UInt16", StoredType::kUint16},   {"Int16", StoredType::kInt16},
-      {"UInt32", StoredType::kUint32},   {"Int32", StoredType::kInt32},
-      {"UInt64", StoredType::kUint64},   {"Int64", StoredType::kInt64},
-      {"Float32", StoredType::kFloat32}, {"Float64", StoredType::kFloat64}};
-  for (const auto& [known, type] : kNames)
-    if (name == known) return type;
-  throw cannotUse(path, "its voxels are of the type " + quoted(name) + ", which is no number");
+  if (const auto type = storedTypeNamed(lowercase(name))) return *type;  // "UInt8"
+  throw cannotUse(path, "its voxels are of the type " + inQuotes(name) + ", which is no number");
 }
 
 // Opening, step by step; each refuses files that it cannot use.
@@ -91,15 +85,15 @@ class VtiOpener {
  private:
   void checkFileKind() const {
     if (header_.file_type != "ImageData")
-      throw cannotUse(path_, "it holds VTK's " + quoted(header_.file_type) + ", not ImageData");
+      throw cannotUse(path_, "it holds VTK's " + inQuotes(header_.file_type) + ", not ImageData");
     const std::string& order = header_.byte_order;
     if (!order.empty() && order != "LittleEndian" && order != "BigEndian")
-      throw cannotUse(path_, "its byte order " + quoted(order) + " is unknown");
+      throw cannotUse(path_, "its byte order " + inQuotes(order) + " is unknown");
     const std::string& type = header_.header_type;
     if (!type.empty() && type != "UInt32" && type != "UInt64")
-      throw cannotUse(path_, "its header type " + quoted(type) + " is unknown");
+      throw cannotUse(path_, "its header type " + inQuotes(type) + " is unknown");
     if (!header_.compressor.empty() && header_.compressor != "vtkZLibDataCompressor")
-      throw cannotUse(path_, "it is compressed by " + quoted(header_.compressor) +
+      throw cannotUse(path_, "it is compressed by " + inQuotes(header_.compressor) +
                                  ", and only vtkZLibDataCompressor or none is read");
     if (header_.piece_extents.size() != 1)
       throw cannotUse(path_, "it has " + std::to_string(header_.piece_extents.size()) +
@@ -113,10 +107,10 @@ class VtiOpener {
     if (!extent || std::any_of(extent->begin(), extent->end(),
                                [](std::int64_t v) { return v < -kMost || v > kMost; }))
       throw cannotUse(
-          path_, "its WholeExtent " + quoted(header_.whole_extent) + " is not six whole numbers");
+          path_, "its WholeExtent " + inQuotes(header_.whole_extent) + " is not six whole numbers");
     if (numbers<std::int64_t, 6>(header_.piece_extents[0]) != extent)
-      throw cannotUse(path_, "its piece covers " + quoted(header_.piece_extents[0]) +
-                                 " and not the whole extent " + quoted(header_.whole_extent));
+      throw cannotUse(path_, "its piece covers " + inQuotes(header_.piece_extents[0]) +
+                                 " and not the whole extent " + inQuotes(header_.whole_extent));
     const glm::dvec3 origin = vector(header_.origin, glm::dvec3(0), "Origin");
     GridGeometry& geometry = info_.geometry;
     geometry.spacing = vector(header_.spacing, glm::dvec3(1), "Spacing");
@@ -138,7 +132,7 @@ class VtiOpener {
     const auto values = numbers<double, 3>(text);
     if (!values)
       throw cannotUse(path_,
-                      "its " + std::string(name) + " " + quoted(text) + " is not three numbers");
+                      "its " + std::string(name) + " " + inQuotes(text) + " is not three numbers");
     return {(*values)[0], (*values)[1], (*values)[2]};
   }
 
@@ -146,7 +140,8 @@ class VtiOpener {
     if (header_.direction.empty()) return;
     const auto rows = numbers<double, 9>(header_.direction);
     if (!rows)
-      throw cannotUse(path_, "its Direction " + quoted(header_.direction) + " is not nine numbers");
+      throw cannotUse(path_,
+                      "its Direction " + inQuotes(header_.direction) + " is not nine numbers");
     for (int axis = 0; axis < 3; ++axis)
       for (int row = 0; row < 3; ++row)
         info_.geometry.direction[axis][row] = (*rows)[static_cast<std::size_t>(3 * row + axis)];
@@ -173,7 +168,7 @@ class VtiOpener {
                       "it has values of cells and none of points (ParaView's filter Cell "
                       "Data to Point Data makes them)");
     if (chosen == arrays.end() && !options_.grid.empty())
-      throw cannotUse(path_, "it has no array of points named " + quoted(options_.grid));
+      throw cannotUse(path_, "it has no array of points named " + inQuotes(options_.grid));
     if (chosen == arrays.end())
       throw cannotUse(path_, wants_several
                                  ? "it has no array of points with several values per voxel"
@@ -181,7 +176,7 @@ class VtiOpener {
     array_ = *chosen;
     array_.components = std::max<std::uint64_t>(array_.components, 1);
     if (array_.components > 1 && !wants_several)
-      throw Error(cannotUse(path_, "its array " + quoted(array_.name) + " has " +
+      throw Error(cannotUse(path_, "its array " + inQuotes(array_.name) + " has " +
                                        std::to_string(array_.components) +
                                        " values per voxel (ParaView's filter Calculator takes one "
                                        "out)")
@@ -190,7 +185,7 @@ class VtiOpener {
     checkComponentChoice(path_, array_.components, options_);
     if (arrays.size() > 1)
       info_.notes.push_back("of " + std::to_string(arrays.size()) + " arrays, " +
-                            quoted(array_.name) + " was taken");
+                            inQuotes(array_.name) + " was taken");
   }
 
   // ---- where the voxels are --------------------------------------------------------------------
@@ -213,7 +208,7 @@ class VtiOpener {
       if (header_.appended_encoding != "raw" && header_.appended_encoding != "base64")
         throw cannotUse(path_, header_.appended_encoding.empty()
                                    ? "it has no appended data, which its array needs"
-                                   : "the encoding " + quoted(header_.appended_encoding) +
+                                   : "the encoding " + inQuotes(header_.appended_encoding) +
                                          " of its appended data is unknown");
       is_base64_ = header_.appended_encoding == "base64";
       if (array_.offset > file_->size() - header_.appended_at)
@@ -221,7 +216,7 @@ class VtiOpener {
                                    " of its array lies behind the end of the file");
       at_ = header_.appended_at + array_.offset;
     } else if (array_.format != "binary") {
-      throw cannotUse(path_, "its voxels are in the format " + quoted(array_.format) +
+      throw cannotUse(path_, "its voxels are in the format " + inQuotes(array_.format) +
                                  ", and only appended and binary are read");
     }
     stream_ = is_base64_ ? makeBase64Stream(file_, at_) : makeFileStream(file_, at_);
@@ -270,7 +265,7 @@ class VtiOpener {
   }
 
   Error wrongSize(const std::string& have) const {
-    return cannotUse(path_, "its array " + quoted(array_.name) + " has " + have +
+    return cannotUse(path_, "its array " + inQuotes(array_.name) + " has " + have +
                                 " bytes and its " + "extent needs " + std::to_string(need_bytes_));
   }
 

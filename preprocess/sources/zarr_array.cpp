@@ -2,11 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <filesystem>
 #include <limits>
+#include <numeric>
+#include <optional>
 #include <utility>
 
+#include "isobrick/preprocess/byte_order.h"
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/shallow_json.h"
@@ -34,10 +36,25 @@ std::int64_t product(const ZarrArray::Indices& v) {
   return result;
 }
 
-std::uint64_t littleEndian64(const std::byte* at) {
-  std::uint64_t value;
-  std::memcpy(&value, at, sizeof value);
-  return value;
+// 0, 1, ..., count - 1
+ZarrArray::Indices allAxes(std::size_t count) {
+  ZarrArray::Indices axes(count);
+  std::iota(axes.begin(), axes.end(), 0);
+  return axes;
+}
+
+// Removes the last four bytes; true if they are the checksum of the others.
+bool takeChecksum(std::vector<std::byte>& bytes) {
+  const auto stated = loadNumber<std::uint32_t>(bytes.data() + bytes.size() - 4, false);
+  bytes.resize(bytes.size() - 4);
+  return crc32c(bytes) == stated;
+}
+
+std::optional<ZarrCodec> codecNamed(const std::string& name) {
+  if (name == "blosc") return ZarrCodec::kBlosc;
+  if (name == "gzip") return ZarrCodec::kGzip;
+  if (name == "zstd") return ZarrCodec::kZstd;
+  return std::nullopt;
 }
 
 }  // namespace
@@ -86,18 +103,14 @@ void ZarrArray::takeShape(const Json& json, const char* key, Indices& out) {
 }
 
 void ZarrArray::setType(const std::string& name) {
-  if (name == "bool" || name == "b1") {
-    stored_.type = StoredType::kUint8;
-    return;
-  }
-  for (std::size_t type = 0; type < std::size(kStoredTypes); ++type) {
-    const StoredTypeInfo& info = kStoredTypes[type];
-    if (name != info.name && name != info.name[0] + std::to_string(info.bytes)) continue;
-    stored_.type = static_cast<StoredType>(type);
-    return;
-  }
-  refuse("its voxels are of the type " + quotedText(name, 40) + ", which is none of the integers " +
-         "and floats that are read");
+  auto type = storedTypeNamed(name);
+  if (name == "bool" || name == "b1") type = StoredType::kUint8;
+  if (name.size() == 2 && !type)  // "i4"
+    type = storedTypeOf(name[0], static_cast<std::size_t>(name[1] - '0'));
+  if (!type)
+    refuse("its voxels are of the type " + quotedText(name, 40) +
+           ", which is none of the integers and floats that are read");
+  stored_.type = *type;
 }
 
 void ZarrArray::setOrder(const Indices& slowest_first) {
@@ -127,6 +140,14 @@ void ZarrArray::setFill(const Json& json) {
     refuse("its fill_value " + quotedJson(json) + " is no number");
 }
 
+void ZarrArray::takeSeparator(const Json& json, const char* key) {
+  const Json& separator = member(json, key);
+  if (separator.is_null()) return;
+  const std::string text = textOf(separator);
+  if (text != "." && text != "/") refuse(std::string("its ") + key + " is neither . nor /");
+  separator_ = text[0];
+}
+
 void ZarrArray::readVersion2(const Json& json) {
   if (member(json, "zarr_format") != 2) refuse("its zarr_format is not 2");
   takeShape(json, "shape", shape_);
@@ -143,39 +164,27 @@ void ZarrArray::readVersion2(const Json& json) {
   const Json& compressor = member(json, "compressor");
   if (!compressor.is_null()) {
     const std::string id = textOf(member(compressor, "id"));
-    if (id == "blosc")
-      pipeline_.codec = ZarrCodec::kBlosc;
-    else if (id == "zlib")
-      pipeline_.codec = ZarrCodec::kZlib;
-    else if (id == "gzip")
-      pipeline_.codec = ZarrCodec::kGzip;
-    else if (id == "zstd")
-      pipeline_.codec = ZarrCodec::kZstd;
-    else
+    const auto codec = id == "zlib" ? ZarrCodec::kZlib : codecNamed(id);
+    if (!codec)
       refuse("its compressor " + quotedText(id, 40) + " is not read (blosc, zlib, gzip, zstd are)");
+    pipeline_.codec = *codec;
   }
   const std::string order = textOf(member(json, "order"));
   if (order != "C" && order != "F") refuse("its order is neither C nor F");
-  Indices axes;
-  for (std::size_t i = 0; i < shape_.size(); ++i) axes.push_back(static_cast<std::int64_t>(i));
+  Indices axes = allAxes(shape_.size());
   if (order == "F") std::reverse(axes.begin(), axes.end());
   if (chunk_.size() != shape_.size())
     refuse("its shape and its chunks have different numbers of axes");
   setOrder(axes);
   setFill(member(json, "fill_value"));
-  if (const Json& separator = member(json, "dimension_separator"); !separator.is_null()) {
-    const std::string text = textOf(separator);
-    if (text != "." && text != "/") refuse("its dimension_separator is neither . nor /");
-    separator_ = text[0];
-  }
+  takeSeparator(json, "dimension_separator");
 }
 
 ZarrArray::Pipeline ZarrArray::readCodecs(const Json& codecs, bool in_shard) {
   if (!codecs.is_array() || codecs.empty()) refuse("it has no list of codecs");
   Pipeline pipeline;
   bool has_bytes = false;
-  Indices axes;
-  for (std::size_t i = 0; i < chunk_.size(); ++i) axes.push_back(static_cast<std::int64_t>(i));
+  Indices axes = allAxes(chunk_.size());
   for (const Json& codec : codecs) {
     const std::string name = textOf(member(codec, "name"));
     const Json& configuration = member(codec, "configuration");
@@ -200,11 +209,8 @@ ZarrArray::Pipeline ZarrArray::readCodecs(const Json& codecs, bool in_shard) {
       stored_.big_endian = endian == "big" && stored_.bytes() > 1;
     } else if (name == "crc32c" && has_bytes) {
       ++(pipeline.codec == ZarrCodec::kNone ? pipeline.checksums_before : pipeline.checksums_after);
-    } else if ((name == "blosc" || name == "gzip" || name == "zstd") && has_bytes &&
-               pipeline.codec == ZarrCodec::kNone) {
-      pipeline.codec = name == "blosc"  ? ZarrCodec::kBlosc
-                       : name == "gzip" ? ZarrCodec::kGzip
-                                        : ZarrCodec::kZstd;
+    } else if (codecNamed(name) && has_bytes && pipeline.codec == ZarrCodec::kNone) {
+      pipeline.codec = *codecNamed(name);
     } else {
       refuse("its codec " + quotedText(name, 40) + " is not read" + (in_shard ? " in shards" : ""));
     }
@@ -231,12 +237,7 @@ void ZarrArray::readVersion3(const Json& json) {
   const std::string encoding = textOf(member(keys, "name"));
   if (encoding != "default" && encoding != "v2") refuse("its chunk_key_encoding is not read");
   separator_ = encoding == "default" ? '/' : '.';
-  if (const Json& separator = member(member(keys, "configuration"), "separator");
-      !separator.is_null()) {
-    const std::string text = textOf(separator);
-    if (text != "." && text != "/") refuse("its separator is neither . nor /");
-    separator_ = text[0];
-  }
+  takeSeparator(member(keys, "configuration"), "separator");
   if (encoding == "default") key_prefix_ = std::string("c") + separator_;
   if (const Json& names = member(json, "dimension_names"); names.is_array())
     for (const Json& name : names) axis_names_.push_back(textOf(name));
@@ -338,14 +339,10 @@ bool ZarrArray::readPacked(const std::string& path, const Indices& index,
     if (file.readAt(index_at_start_ ? 0 : file.size() - index_bytes, table.data(), table.size()) !=
         table.size())
       throw damaged("it became shorter meanwhile");
-    if (index_has_checksum_) {
-      std::uint32_t checksum;
-      std::memcpy(&checksum, table.data() + table.size() - 4, 4);
-      if (crc32c({table.data(), table.size() - 4}) != checksum)
-        throw damaged("the index of the shard fails its checksum");
-    }
-    offset = littleEndian64(table.data() + 16 * row);
-    bytes = littleEndian64(table.data() + 16 * row + 8);
+    if (index_has_checksum_ && !takeChecksum(table))
+      throw damaged("the index of the shard fails its checksum");
+    offset = loadNumber<std::uint64_t>(table.data() + 16 * row, false);
+    bytes = loadNumber<std::uint64_t>(table.data() + 16 * row + 8, false);
     if (offset == ~std::uint64_t{0} && bytes == ~std::uint64_t{0}) return false;
     if (offset > file.size() || bytes > file.size() - offset)
       throw damaged("its index names bytes behind its end");
@@ -366,12 +363,8 @@ void ZarrArray::unpack(const std::string& path, std::vector<std::byte> packed,
   };
   const auto takeChecksums = [&](std::vector<std::byte>& bytes, int count) {
     for (int i = 0; i < count; ++i) {
-      std::uint32_t checksum = 0;
-      if (bytes.size() < sizeof checksum) fail("it is cut short");
-      const std::size_t rest = bytes.size() - sizeof checksum;
-      std::memcpy(&checksum, bytes.data() + rest, sizeof checksum);
-      if (crc32c({bytes.data(), rest}) != checksum) fail("it fails its checksum");
-      bytes.resize(rest);
+      if (bytes.size() < 4) fail("it is cut short");
+      if (!takeChecksum(bytes)) fail("it fails its checksum");
     }
   };
   takeChecksums(packed, pipeline_.checksums_after);

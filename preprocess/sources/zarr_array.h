@@ -3,7 +3,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <nlohmann/json.hpp>
 #include <nlohmann/json_fwd.hpp>
 #include <span>
 #include <string>
@@ -25,19 +24,6 @@ std::uint64_t mostPackedBytes(std::uint64_t bytes);
 
 // CRC-32C (Castagnoli), as Zarr's index of a shard has it.
 std::uint32_t crc32c(std::span<const std::byte> bytes);
-
-// The member, or null.
-inline const nlohmann::json& member(const nlohmann::json& json, const char* key) {
-  static const nlohmann::json kNull;
-  if (!json.is_object()) return kNull;
-  const auto found = json.find(key);
-  return found == json.end() ? kNull : *found;
-}
-
-// The string, or "".
-inline std::string textOf(const nlohmann::json& json) {
-  return json.is_string() ? json.get<std::string>() : std::string();
-}
 
 // A JSON file of a store, which may be hostile: at most 16 MiB, not nested deeper than 32. Throws
 // Error for text that is no JSON object.
@@ -88,6 +74,7 @@ class ZarrArray {
   void setType(const std::string& name);
   void setOrder(const Indices& slowest_first);
   void setFill(const nlohmann::json& json);
+  void takeSeparator(const nlohmann::json& json, const char* key);
   void checkSizes();
   std::string pathOf(const Indices& outer) const;
   std::size_t storedChunkBytes() const;

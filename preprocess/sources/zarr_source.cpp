@@ -10,7 +10,7 @@
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/recent_cache.h"
-#include "isobrick/preprocess/rows_as_boxes.h"
+#include "isobrick/preprocess/shallow_json.h"
 #include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/preprocess/sources/length_units.h"
 #include "isobrick/preprocess/sources/source_checks.h"
@@ -148,7 +148,6 @@ class ZarrSource final : public VolumeSource {
         tally_((info_.voxels - Index3(1)) / chunkVoxels() + Index3(1)) {}
 
   const VolumeInfo& info() const override { return info_; }
-  std::string identity() const override { return {}; }
   bool readsBoxes() const override { return true; }
   std::uint64_t bufferBytes() const override {
     return cache_bytes_ + 4 * array_.chunkBytes() + tally_.bytes();
@@ -159,10 +158,6 @@ class ZarrSource final : public VolumeSource {
     std::vector<std::string> files = group_files_;
     for (std::string& file : array_.files(fixed_)) files.push_back(std::move(file));
     return files;
-  }
-
-  void readRows(std::int64_t first, std::int64_t count, void* out) override {
-    readRowsAsBoxes(*this, first, count, out);
   }
 
   void readBox(const IndexBox& box, void* out) const override {

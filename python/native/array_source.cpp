@@ -58,7 +58,7 @@ Stored load(const std::byte* from, bool is_swapped) {
   return std::bit_cast<Stored>(bytes);
 }
 
-// Rows by boxes, for both kinds.
+// The common part of both kinds.
 class BoxSource : public VolumeSource {
  public:
   BoxSource(VolumeInfo info, std::string identity)
@@ -66,13 +66,6 @@ class BoxSource : public VolumeSource {
   const VolumeInfo& info() const override { return info_; }
   std::string identity() const override { return identity_; }
   bool readsBoxes() const override { return true; }
-  void readRows(std::int64_t first, std::int64_t count, void* out) override {
-    const std::size_t row_bytes =
-        static_cast<std::size_t>(info_.voxels.x) * voxelBytes(info_.voxel_type);
-    for (std::int64_t row = first; row < first + count; ++row)
-      readBox({{0, row % info_.voxels.y, row / info_.voxels.y}, {info_.voxels.x, 1, 1}},
-              static_cast<std::byte*>(out) + static_cast<std::size_t>(row - first) * row_bytes);
-  }
 
  private:
   VolumeInfo info_;

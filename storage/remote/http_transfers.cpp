@@ -10,7 +10,6 @@
 #include <cstdlib>
 #include <list>
 #include <string_view>
-#include <utility>
 
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/lowercase.h"

@@ -5,7 +5,6 @@
 #include <deque>
 #include <map>
 #include <memory>
-#include <utility>
 #include <vector>
 
 #include "isobrick/storage/range_reader.h"

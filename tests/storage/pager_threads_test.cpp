@@ -247,11 +247,11 @@ TEST_P(PagerThreads, WhatIsFetchedIntoRoomPushesNothingOutThatIsUsed) {
       for (int round = 0; round < GetParam().rounds; ++round) {
         const std::size_t ids[] = {randomBelow(random, parts_.size()),
                                    randomBelow(random, parts_.size())};
-        auto room = pager.reserve(ids, since);
+        const auto room = pager.reserve(ids, since);
         if (!room) ++refused;
         if (!room) continue;
         for (const std::size_t id : ids)
-          if (pager.fetch(id, *room) == BrickPager::Fetched::kNow) ++came;
+          if (pager.fetch(id, nullptr, room) == BrickPager::Fetched::kNow) ++came;
         std::uint64_t seen = most;
         const std::uint64_t held = pager.heldBytes();
         while (seen < held && !most.compare_exchange_weak(seen, held)) {
@@ -290,13 +290,14 @@ TEST_P(PagerThreads, APartWithoutRoomIsRefusedAndComesInForWhoNeedsIt) {
   const std::size_t first[] = {0};
   const std::size_t second[] = {3};  // stored as well
   {
-    auto room = pager.reserve(first, since);
+    const auto room = pager.reserve(first, since);
     ASSERT_TRUE(room);
     EXPECT_EQ(pager.heldBytes(), cost);
     EXPECT_FALSE(pager.reserve(second, since));
-    EXPECT_EQ(pager.fetch(3, *room), BrickPager::Fetched::kNow);  // in the room of the other
-    EXPECT_EQ(pager.fetch(0, *room), BrickPager::Fetched::kNoRoom);
-    EXPECT_EQ(pager.fetch(3, *room), BrickPager::Fetched::kBefore);
+    EXPECT_EQ(pager.fetch(3, nullptr, room),
+              BrickPager::Fetched::kNow);  // in the room of the other
+    EXPECT_EQ(pager.fetch(0, nullptr, room), BrickPager::Fetched::kNoRoom);
+    EXPECT_EQ(pager.fetch(3, nullptr, room), BrickPager::Fetched::kBefore);
     EXPECT_EQ(pager.heldBytes(), cost);
   }
   EXPECT_EQ(pager.heldBytes(), cost);
@@ -306,9 +307,9 @@ TEST_P(PagerThreads, APartWithoutRoomIsRefusedAndComesInForWhoNeedsIt) {
   pager.release(0);
   EXPECT_EQ(pager.counters().parts_released, 1u);
   // Another query that asks for another surface may push out what this one took.
-  auto room = pager.reserve(second, pager.beginQuery());
+  const auto room = pager.reserve(second, pager.beginQuery());
   ASSERT_TRUE(room);
-  EXPECT_EQ(pager.fetch(3, *room), BrickPager::Fetched::kNow);
+  EXPECT_EQ(pager.fetch(3, nullptr, room), BrickPager::Fetched::kNow);
   EXPECT_EQ(pager.counters().parts_released, 2u);
 }
 

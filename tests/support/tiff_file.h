@@ -52,6 +52,7 @@ struct TiffForm {
   std::uint32_t rows_per_strip = 7;  // of a picture
   std::uint32_t tile = 0;            // edge of tiles, a multiple of 16; 0: strips
   bool is_separate = false;          // planes of numbers
+  bool is_preview = false;           // of a larger picture
 };
 
 // The pixels of a picture.
@@ -93,11 +94,13 @@ class TiffBuilder {
     using Entry = std::pair<std::uint32_t, std::vector<std::uint64_t>>;
     const std::vector<std::uint64_t> bits(pixels.samples, 8 * pixels.bytes);
     const std::vector<std::uint64_t> kinds(pixels.samples, pixels.kind);
-    std::vector<Entry> entries = {{256, {pixels.width}},
-                                  {257, {pixels.height}},
-                                  {258, bits},
-                                  {259, {form_.is_packed ? 32773u : 1u}},
-                                  {262, {pixels.samples == 3 ? 2u : 1u}}};
+    std::vector<Entry> entries;
+    if (form_.is_preview) entries.push_back({254, {1}});
+    entries.insert(entries.end(), {{256, {pixels.width}},
+                                   {257, {pixels.height}},
+                                   {258, bits},
+                                   {259, {form_.is_packed ? 32773u : 1u}},
+                                   {262, {pixels.samples == 3 ? 2u : 1u}}});
     if (form_.tile == 0) entries.push_back({273, parts});
     entries.push_back({277, {pixels.samples}});
     if (form_.tile == 0) entries.push_back({278, {form_.rows_per_strip}});

@@ -5,6 +5,7 @@
 #include "isobrick/preprocess/export/formats/format_writers.h"
 #include "isobrick/preprocess/export/volume_writer.h"
 #include "isobrick/preprocess/path_error.h"
+#include "isobrick/preprocess/scratch_source.h"
 #include "isobrick/storage/error.h"
 
 namespace isobrick {
@@ -53,6 +54,12 @@ const ExportFormat* formatOf(const std::string& name) {
 }
 
 }  // namespace
+
+void makeReadBoxes(std::unique_ptr<VolumeSource>& source, const std::string& folder,
+                   const VolumeWriteOptions& options) {
+  if (!source->readsBoxes())
+    source = readIntoScratch(*source, 0, source->info().voxels.z, folder, options.cancel, nullptr);
+}
 
 std::vector<WritableFormat> writableFormats() {
   std::vector<WritableFormat> formats;

@@ -3,11 +3,18 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <string>
 
 #include "isobrick/preprocess/export/formats/export_volume.h"
 
 namespace isobrick {
+
+// If `source` is read in order, reads all of it into a temporary file in `folder`, which takes its
+// place, is as long as the volume, and is removed with it. Throws ResumableError if there is no
+// room for it, Cancelled, and what the source throws.
+void makeReadBoxes(std::unique_ptr<VolumeSource>& source, const std::string& folder,
+                   const VolumeWriteOptions& options);
 
 // "folder/slice%04d.exr": whether the name of the file has a place for the number of a slice.
 bool isSlicePattern(const std::string& path);

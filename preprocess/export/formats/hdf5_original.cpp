@@ -10,7 +10,6 @@
 #include <cerrno>
 #include <cstddef>
 #include <cstring>
-#include <utility>
 #include <vector>
 
 #include "isobrick/preprocess/path_error.h"
@@ -33,20 +32,11 @@ std::optional<Hdf5Original> Hdf5Original::open(const std::string& path) {
   return Hdf5Original(path, fd);
 }
 
-Hdf5Original::Hdf5Original(std::string path, int fd) : path_(std::move(path)), fd_(fd) {
-  const bool is_busy = flock(fd_, LOCK_SH | LOCK_NB) != 0 && errno == EWOULDBLOCK;
-  const int error = fstat(fd_, &status_) != 0 ? errno : S_ISREG(status_.st_mode) ? 0 : EINVAL;
-  if (!is_busy && error == 0) return;
-  ::close(fd_);
+Hdf5Original::Hdf5Original(const std::string& path, int fd) : path_(path), file_(fd) {
+  const bool is_busy = flock(fd, LOCK_SH | LOCK_NB) != 0 && errno == EWOULDBLOCK;
+  const int error = fstat(fd, &status_) != 0 ? errno : S_ISREG(status_.st_mode) ? 0 : EINVAL;
   if (error != 0) throw failed(path_, error);
-  throw unwritable(path_, "another program has it open for writing; close it there");
-}
-
-Hdf5Original::Hdf5Original(Hdf5Original&& other) noexcept
-    : path_(std::move(other.path_)), fd_(std::exchange(other.fd_, -1)), status_(other.status_) {}
-
-Hdf5Original::~Hdf5Original() {
-  if (fd_ >= 0) ::close(fd_);
+  if (is_busy) throw unwritable(path_, "another program has it open for writing; close it there");
 }
 
 void Hdf5Original::refuseTooLittleSpace(const AtomicFile& copy) const {
@@ -66,7 +56,7 @@ void Hdf5Original::copyTo(AtomicFile& copy, const CancelFlag* cancel,
   if (fchown(copy.fd(), status_.st_uid, status_.st_gid) != 0 && errno != EPERM)
     throw failed(path_, errno);
   if (fchmod(copy.fd(), status_.st_mode & 07777) != 0) throw failed(path_, errno);
-  if (ioctl(copy.fd(), FICLONE, fd_) == 0) return;
+  if (ioctl(copy.fd(), FICLONE, file_.get()) == 0) return;
   refuseTooLittleSpace(copy);
   constexpr std::uint64_t kStepBytes = std::uint64_t{4} << 20;
   std::vector<std::byte> buffer(static_cast<std::size_t>(std::min(bytes(), kStepBytes)));
@@ -74,7 +64,7 @@ void Hdf5Original::copyTo(AtomicFile& copy, const CancelFlag* cancel,
     if (cancel != nullptr) cancel->check();
     const auto step =
         static_cast<std::size_t>(std::min<std::uint64_t>(bytes() - at, buffer.size()));
-    const IoResult read = readBytesAt(fd_, at, buffer.data(), step);
+    const IoResult read = readBytesAt(file_.get(), at, buffer.data(), step);
     if (read.bytes != step) throw failed(path_, read.error != 0 ? read.error : EIO);
     copy.pwrite(buffer.data(), step, at);
     progress(at + step);
@@ -87,7 +77,7 @@ void Hdf5Original::refuseChanged() const {
     return a.st_dev == b.st_dev && a.st_ino == b.st_ino && a.st_size == b.st_size &&
            a.st_mtim.tv_sec == b.st_mtim.tv_sec && a.st_mtim.tv_nsec == b.st_mtim.tv_nsec;
   };
-  if (fstat(fd_, &now) == 0 && stat(path_.c_str(), &named) == 0 && isSame(now, status_) &&
+  if (fstat(file_.get(), &now) == 0 && stat(path_.c_str(), &named) == 0 && isSame(now, status_) &&
       isSame(named, status_))
     return;
   throw Error("'" + path_ + "' changed while a dataset was added, and stays as it is; try again " +

@@ -10,6 +10,7 @@
 
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/open_descriptor.h"
 
 namespace isobrick {
 
@@ -20,9 +21,6 @@ class Hdf5Original {
  public:
   // Nothing if there is no file of that name.
   static std::optional<Hdf5Original> open(const std::string& path);
-  Hdf5Original(Hdf5Original&& other) noexcept;
-  Hdf5Original& operator=(Hdf5Original&&) = delete;
-  ~Hdf5Original();
 
   std::uint64_t bytes() const { return static_cast<std::uint64_t>(status_.st_size); }
   // All bytes, owner and mode, and progress(bytes so far). If the file system shares blocks, it
@@ -33,11 +31,11 @@ class Hdf5Original {
   void refuseChanged() const;
 
  private:
-  Hdf5Original(std::string path, int fd);
+  Hdf5Original(const std::string& path, int fd);
   void refuseTooLittleSpace(const AtomicFile& copy) const;
 
   std::string path_;
-  int fd_ = -1;
+  OpenDescriptor file_;
   struct stat status_ = {};
 };
 

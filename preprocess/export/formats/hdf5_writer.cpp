@@ -2,12 +2,10 @@
 #include <array>
 #include <filesystem>
 #include <optional>
-#include <utility>
 #include <vector>
 
 #include "isobrick/preprocess/export/formats/format_writers.h"
 #include "isobrick/preprocess/export/formats/hdf5_original.h"
-#include "isobrick/preprocess/export/formats/spooled_source.h"
 #include "isobrick/preprocess/export/volume_rows.h"
 #include "isobrick/preprocess/hdf5_handle.h"
 #include "isobrick/preprocess/path_error.h"
@@ -59,13 +57,6 @@ class Hdf5Writer {
     putText("space", "LPS");
     putText("source", info.source);
   }
-  ~Hdf5Writer() {
-    const std::lock_guard lock(hdf5Mutex());
-    dataset_.close();
-    file_.close();
-  }
-  Hdf5Writer(const Hdf5Writer&) = delete;
-  Hdf5Writer& operator=(const Hdf5Writer&) = delete;
 
   void write(const IndexBox& box, const void* voxels) {
     const std::lock_guard lock(hdf5Mutex());
@@ -179,6 +170,35 @@ class Hdf5Writer {
   Hdf5Handle file_, dataset_;
 };
 
+// Whole chunks: none is packed twice. As many of a layer at a time as memory allows. Calls `tick`
+// with the share that is done.
+void writeChunks(const VolumeSource& source, const ExportOptions& options, Hdf5Writer& writer,
+                 const std::function<void(double)>& tick) {
+  const Index3& voxels = source.info().voxels;
+  const std::size_t voxel_bytes = voxelBytes(source.info().voxel_type);
+  const std::uint64_t column_bytes = kChunkVoxels * kChunkVoxels * kChunkVoxels * voxel_bytes;
+  const std::int64_t columns =
+      std::max(std::int64_t{1}, static_cast<std::int64_t>(options.memory_bytes / 4 / column_bytes));
+  const std::int64_t width = std::min(columns * kChunkVoxels, voxels.x);
+  std::vector<std::byte> part;
+  for (std::int64_t z = 0; z < voxels.z; z += kChunkVoxels)
+    for (std::int64_t y = 0; y < voxels.y; y += kChunkVoxels) {
+      for (std::int64_t x = 0; x < voxels.x; x += width) {
+        checkCancel(options);
+        const Index3 first(x, y, z);
+        const IndexBox box{first,
+                           glm::min(Index3(width, kChunkVoxels, kChunkVoxels), voxels - first)};
+        part.resize(static_cast<std::size_t>(box.size()) * voxel_bytes);
+        source.readBox(box, part.data());
+        writer.write(box, part.data());
+      }
+      const double rows =
+          static_cast<double>(std::min(y + kChunkVoxels, voxels.y)) / static_cast<double>(voxels.y);
+      const double slices = static_cast<double>(std::min(kChunkVoxels, voxels.z - z));
+      tick((static_cast<double>(z) + slices * rows) / static_cast<double>(voxels.z));
+    }
+}
+
 // "/a/b" for "//a/./b/": as the library reads it.
 std::string plainName(const std::string& dataset) {
   std::string plain;
@@ -206,10 +226,8 @@ VolumeWriteReport writeHdf5(VolumeLevels& levels, const std::string& path,
                                : named;
   const std::optional<Hdf5Original> original = Hdf5Original::open(name);
   AtomicFile file(name);
-  if (!levels.front()->readsBoxes())
-    levels.front() = makeSpooledSource(std::move(levels.front()), folderOf(name), options);
+  makeReadBoxes(levels.front(), folderOf(name), options);
   const VolumeSource& source = *levels.front();
-  const Index3& voxels = source.info().voxels;
   const double copied = original ? static_cast<double>(original->bytes()) : 0;
   const double total = copied + static_cast<double>(volumeBytes(source.info()));
   if (original)
@@ -218,32 +236,9 @@ VolumeWriteReport writeHdf5(VolumeLevels& levels, const std::string& path,
     });
   Hdf5Writer writer(file.temporaryPath(), original.has_value(), path, dataset,
                     options.replace_dataset, source.info());
-  // Whole chunks: none is packed twice. As many of a layer at a time as memory allows.
-  const std::uint64_t column_bytes = static_cast<std::uint64_t>(kChunkVoxels * kChunkVoxels) *
-                                     voxelBytes(source.info().voxel_type) *
-                                     static_cast<std::uint64_t>(kChunkVoxels);
-  const std::int64_t columns =
-      std::max(std::int64_t{1}, static_cast<std::int64_t>(options.memory_bytes / 4 / column_bytes));
-  const std::int64_t width = std::min(columns * kChunkVoxels, voxels.x);
-  std::vector<std::byte> part;
-  for (std::int64_t z = 0; z < voxels.z; z += kChunkVoxels)
-    for (std::int64_t y = 0; y < voxels.y; y += kChunkVoxels) {
-      for (std::int64_t x = 0; x < voxels.x; x += width) {
-        checkCancel(options);
-        const Index3 first(x, y, z);
-        const IndexBox box{first,
-                           glm::min(Index3(width, kChunkVoxels, kChunkVoxels), voxels - first)};
-        part.resize(static_cast<std::size_t>(box.size()) * voxelBytes(source.info().voxel_type));
-        source.readBox(box, part.data());
-        writer.write(box, part.data());
-      }
-      const double share =
-          (static_cast<double>(z) + static_cast<double>(std::min(kChunkVoxels, voxels.z - z)) *
-                                        static_cast<double>(std::min(y + kChunkVoxels, voxels.y)) /
-                                        static_cast<double>(voxels.y)) /
-          static_cast<double>(voxels.z);
-      if (options.progress) options.progress((copied + share * (total - copied)) / total);
-    }
+  writeChunks(source, options, writer, [&](double share) {
+    if (options.progress) options.progress((copied + share * (total - copied)) / total);
+  });
   writer.finish();
   report.bytes = std::filesystem::file_size(file.temporaryPath());
   if (options.before_publishing) options.before_publishing();

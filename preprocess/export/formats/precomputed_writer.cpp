@@ -11,7 +11,6 @@
 
 #include "isobrick/preprocess/export/atomic_folder.h"
 #include "isobrick/preprocess/export/formats/format_writers.h"
-#include "isobrick/preprocess/export/formats/spooled_source.h"
 #include "isobrick/preprocess/export/neuroglancer_info.h"
 #include "isobrick/preprocess/export/volume_rows.h"
 #include "isobrick/preprocess/input_file.h"
@@ -225,8 +224,7 @@ VolumeWriteReport writePrecomputed(VolumeLevels& levels, const std::string& path
   report.space = "index axes";
   report.lost = neuroglancerLosses(source->info().geometry);
   AtomicFolder folder(path);
-  if (!source->readsBoxes())
-    source = makeSpooledSource(std::move(source), folderOf(folder.temporaryPath()), options);
+  makeReadBoxes(source, folderOf(folder.temporaryPath()), options);
   report.bytes = PrecomputedWriter(*source, scalesOf(source->info()), folder, options).write();
   if (options.before_publishing) options.before_publishing();
   folder.commit(options.cancel);

@@ -14,8 +14,9 @@
 #include <streambuf>
 #include <utility>
 
-#include "isobrick/preprocess/export/volume_headers.h"
+#include "isobrick/preprocess/bounded_queue.h"
 #include "isobrick/preprocess/export/volume_rows.h"
+#include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/index_loop.h"
@@ -260,6 +261,22 @@ Error tooManyLeaves(const VolumeSource& source, const std::string& path) {
                     {Remedy::kAllowMoreMemory});
 }
 
+// What the memory is for: so many rows of nodes at once, and leaves of the tree.
+struct TreeBudget {
+  std::uint64_t rows = 1, leaves = 0;
+};
+TreeBudget budgetFor(const VolumeInfo& info, std::uint64_t memory_bytes) {
+  const auto threads =
+      static_cast<std::uint64_t>(std::max(1, tbb::this_task_arena::max_concurrency()));
+  // More threads only if that leaves room for all nodes.
+  const std::uint64_t left = memory_bytes - std::min(memory_bytes, mostNodeBytes(info));
+  TreeBudget budget;
+  budget.rows = std::clamp(left / kThreadBytes, std::uint64_t{1}, threads);
+  const std::uint64_t taken = budget.rows * kThreadBytes;
+  budget.leaves = (memory_bytes - std::min(memory_bytes, taken)) / kBytesPerLeaf * 7 / 8;
+  return budget;  // an eighth is for the nodes above leaves
+}
+
 // Bytes one after the other, as far as any file goes.
 constexpr std::int64_t kMostFileBytes = std::int64_t{1} << 62;
 
@@ -326,29 +343,17 @@ void makeVdbTree(const VolumeSource& source, const VdbGridPlan& plan, std::uint3
   const std::int64_t nodes_per_read =
       kReadBytes / (kNodeVoxels * kNodeVoxels * kNodeVoxels *
                     static_cast<std::int64_t>(voxelBytes(info.voxel_type)));
-  const auto threads =
-      static_cast<std::uint64_t>(std::max(1, tbb::this_task_arena::max_concurrency()));
-  // More threads only if that leaves room for all nodes.
-  const std::uint64_t nodes_bytes = mostNodeBytes(info);
-  const std::uint64_t left =
-      options.memory_bytes > nodes_bytes ? options.memory_bytes - nodes_bytes : 0;
-  const std::uint64_t at_once = std::clamp(left / kThreadBytes, std::uint64_t{1}, threads);
-  std::uint64_t leaf_budget =
-      options.memory_bytes > at_once * kThreadBytes
-          ? (options.memory_bytes - at_once * kThreadBytes) / kBytesPerLeaf * 7 / 8  // nodes above
-          : 0;
-
+  TreeBudget budget = budgetFor(info, options.memory_bytes);
   const Index3 low = floorEach(plan.first);
   const Index3 nodes = BrickLayout::ceilDivide(plan.first + info.voxels - low, kNodeVoxels);
   const Index3 reads((nodes.x + nodes_per_read - 1) / nodes_per_read, nodes.y, nodes.z);
   const std::int64_t read_count = elementCount(reads);
   std::vector<std::unique_ptr<NodeRow>> rows;
-  std::vector<NodeRow*> idle;
-  for (std::uint64_t i = 0; i < at_once; ++i) {
+  BoundedQueue<NodeRow*> idle(budget.rows);
+  while (rows.size() < budget.rows) {
     rows.push_back(std::make_unique<NodeRow>(source, plan, compression, path));
-    idle.push_back(rows.back().get());
+    idle.push(rows.back().get());
   }
-  std::mutex mutex;  // guards `idle`
 
   std::int64_t next = 0, done = 0;
   using tbb::filter_mode;
@@ -358,28 +363,22 @@ void makeVdbTree(const VolumeSource& source, const VdbGridPlan& plan, std::uint3
   };
   const auto make = [&](std::int64_t read) {
     checkCancel(options);
-    NodeRow* row = nullptr;
-    {
-      const std::lock_guard lock(mutex);
-      row = idle.back();
-      idle.pop_back();
-    }
+    NodeRow* const row = *idle.pop();
     const Index3 at = indexAt(read, reads) * Index3(nodes_per_read, 1, 1);
     row->make(low + at * kNodeVoxels, std::min(nodes_per_read, nodes.x - at.x), leaves);
     return row;
   };
   const auto take = [&](NodeRow* row) {
-    if (row->leafCount() > leaf_budget) throw tooManyLeaves(source, path);
-    leaf_budget -= row->leafCount();
+    if (row->leafCount() > budget.leaves) throw tooManyLeaves(source, path);
+    budget.leaves -= row->leafCount();
     row->moveInto(grid.tree());
     tick(static_cast<double>(++done) / static_cast<double>(read_count));
-    const std::lock_guard lock(mutex);
-    idle.push_back(row);
+    idle.push(row);
   };
   tbb::parallel_pipeline(
-      at_once, tbb::make_filter<void, std::int64_t>(filter_mode::serial_in_order, number) &
-                   tbb::make_filter<std::int64_t, NodeRow*>(filter_mode::parallel, make) &
-                   tbb::make_filter<NodeRow*, void>(filter_mode::serial_out_of_order, take));
+      budget.rows, tbb::make_filter<void, std::int64_t>(filter_mode::serial_in_order, number) &
+                       tbb::make_filter<std::int64_t, NodeRow*>(filter_mode::parallel, make) &
+                       tbb::make_filter<NodeRow*, void>(filter_mode::serial_out_of_order, take));
 }
 
 }  // namespace isobrick

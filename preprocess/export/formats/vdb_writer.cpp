@@ -12,7 +12,6 @@
 #include <utility>
 
 #include "isobrick/preprocess/export/formats/format_writers.h"
-#include "isobrick/preprocess/export/formats/spooled_source.h"
 #include "isobrick/preprocess/export/formats/vdb_tree.h"
 #include "isobrick/preprocess/export/volume_rows.h"
 #include "isobrick/preprocess/number_text.h"
@@ -182,6 +181,21 @@ class VdbArchive : private openvdb::io::Archive {
   std::ostream& out_;
 };
 
+// What becomes of values, a line each.
+std::vector<std::string> lostValues(VoxelType type, const ExportOptions& options) {
+  std::vector<std::string> lost;
+  if (type != VoxelType::kFloat32)
+    lost.push_back(std::string(voxelTypeName(type)) + " voxels became floats of the same values" +
+                   (options.vdb_half && voxelBytes(type) == 2
+                        ? ", and those beyond 2048 were rounded to half precision"
+                        : ""));
+  else if (options.vdb_half)
+    lost.push_back("values were rounded to half precision");
+  if (options.vdb_tolerance > 0)
+    lost.push_back("values within the tolerance of the background became the background");
+  return lost;
+}
+
 }  // namespace
 
 VolumeWriteReport writeVdb(VolumeLevels& levels, const std::string& path,
@@ -189,17 +203,7 @@ VolumeWriteReport writeVdb(VolumeLevels& levels, const std::string& path,
   initializeOpenVdb();
   VolumeWriteReport report;
   report.space = "LPS";
-  const VoxelType type = levels.front()->info().voxel_type;
-  if (type != VoxelType::kFloat32)
-    report.lost.push_back(std::string(voxelTypeName(type)) +
-                          " voxels became floats of the same values" +
-                          (options.vdb_half && voxelBytes(type) == 2
-                               ? ", and those beyond 2048 were rounded to half precision"
-                               : ""));
-  else if (options.vdb_half)
-    report.lost.push_back("values were rounded to half precision");
-  if (options.vdb_tolerance > 0)
-    report.lost.push_back("values within the tolerance of the background became the background");
+  report.lost = lostValues(levels.front()->info().voxel_type, options);
   for (std::size_t i = 0; i < levels.size(); ++i)
     if (const VdbGridPlan plan = planGrid(levels[i]->info(), i, options); plan.saves_half)
       plan.refuseBeyondHalf(plan.background, path);
@@ -213,7 +217,7 @@ VolumeWriteReport writeVdb(VolumeLevels& levels, const std::string& path,
   constexpr double kPacking = 0.9;
   double total = 0, before = 0;
   for (auto& level : levels) {
-    if (!level->readsBoxes()) level = makeSpooledSource(std::move(level), folderOf(path), options);
+    makeReadBoxes(level, folderOf(path), options);
     total += static_cast<double>(volumeBytes(level->info()));
   }
 

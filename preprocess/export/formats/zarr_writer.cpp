@@ -11,11 +11,9 @@
 
 #include "isobrick/preprocess/export/atomic_folder.h"
 #include "isobrick/preprocess/export/formats/format_writers.h"
-#include "isobrick/preprocess/export/formats/spooled_source.h"
 #include "isobrick/preprocess/export/volume_rows.h"
 #include "isobrick/preprocess/kernels/sample_block.h"
 #include "isobrick/storage/atomic_file.h"
-#include "isobrick/storage/error.h"
 #include "isobrick/storage/isolated_loop.h"
 
 namespace isobrick {
@@ -36,7 +34,7 @@ std::string typeName(VoxelType type) {
   return std::array{"|u1", "|i1", "<u2", "<i2", "<f4"}[static_cast<std::size_t>(type)];
 }
 
-std::string textOf(const Json& json) {
+std::string jsonText(const Json& json) {
   return json.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
@@ -111,7 +109,7 @@ class LevelWriter {
     const VolumeInfo& info = source_.info();
     const Index3 chunks = BrickLayout::ceilDivide(info.voxels, kChunkVoxels);
     folder_.makeFolder(name_);
-    writeText(".zarray", textOf(arrayMetadata(info)));
+    writeText(".zarray", jsonText(arrayMetadata(info)));
     std::mutex mutex;
     std::int64_t rows_done = 0;
     // A row of chunks at a time: they are neighbours in the source, and in one folder.
@@ -176,15 +174,13 @@ VolumeWriteReport writeOmeZarr(VolumeLevels& levels, const std::string& path,
     folder.writeFile(name, text.data(), text.size());
     report.bytes += text.size();
   };
-  writeText(".zgroup", textOf({{"zarr_format", 2}}));
-  writeText(".zattrs", textOf(imageMetadata(levels)));
+  writeText(".zgroup", jsonText({{"zarr_format", 2}}));
+  writeText(".zattrs", jsonText(imageMetadata(levels)));
   double total = 0, before = 0;
   for (const auto& level : levels) total += static_cast<double>(volumeBytes(level->info()));
   for (std::size_t i = 0; i < levels.size(); ++i) {
     const double share = static_cast<double>(volumeBytes(levels[i]->info()));
-    if (!levels[i]->readsBoxes())
-      levels[i] =
-          makeSpooledSource(std::move(levels[i]), folderOf(folder.temporaryPath()), options);
+    makeReadBoxes(levels[i], folderOf(folder.temporaryPath()), options);
     report.bytes +=
         LevelWriter(*levels[i], folder, std::to_string(i), options).write([&](double d) {
           if (options.progress) options.progress((before + share * d) / total);

@@ -233,6 +233,21 @@ TEST(TiffSourceTest, FormsThatItkMisreadsAreRefused) {
   }
 }
 
+// The search for slices went round such a circle for ever, as previews are no slices.
+TEST(TiffSourceTest, PagesInACircleAreRefused) {
+  const TemporaryFolder folder;
+  for (const bool is_preview : {false, true}) {
+    TiffForm form;
+    form.is_preview = is_preview;
+    TiffBuilder tiff(form);
+    tiff.addPage({4, 4, 1, 1, 1, std::string(16, 'x')});
+    std::string bytes = tiff.bytes();
+    bytes.replace(bytes.size() - 4, 4, bytes, 4, 4);  // behind the page comes the page
+    writeBytes(folder.file("scan.tif"), bytes);
+    EXPECT_CONTAINS(errorOf([&] { openItkSource(folder.file("scan.tif")); }), "scan.tif");
+  }
+}
+
 TEST(TiffSourceTest, AFileThatBecomesShorterIsNamed) {
   const TemporaryFolder folder;
   TiffBuilder tiff({});

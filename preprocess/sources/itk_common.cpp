@@ -1,0 +1,276 @@
+// The common part of single files and folders: ITK itself, its errors, and the headers of images.
+#include "isobrick/preprocess/sources/itk_common.h"
+
+#include <dlfcn.h>
+#include <itkGDCMImageIO.h>
+#include <itkImageIOFactory.h>
+#include <itkMRCImageIOFactory.h>
+#include <itkMetaImageIOFactory.h>
+#include <itkNiftiImageIOFactory.h>
+#include <itkNrrdImageIOFactory.h>
+#include <itkPNGImageIOFactory.h>
+#include <itkTIFFImageIO.h>
+#include <itkTIFFImageIOFactory.h>
+
+#include <algorithm>
+#include <cstdarg>
+#include <filesystem>
+#include <iostream>
+#include <map>
+#include <mutex>
+#include <new>
+#include <sstream>
+
+#include "isobrick/preprocess/path_error.h"
+#include "isobrick/preprocess/sources/nifti_run.h"
+#include "isobrick/preprocess/sources/tiff_pages.h"
+#include "isobrick/preprocess/sources/voxel_components.h"
+#include "isobrick/storage/lowercase.h"
+
+namespace isobrick::itk_detail {
+namespace {
+
+// Without ITK's CMake "use file" nothing is registered; and a factory that was registered twice
+// would only be called twice.
+template <typename... Factories>
+void registerFactories() {
+  (itk::ObjectFactoryBase::RegisterFactory(Factories::New()), ...);
+}
+
+// ITK's messages carry addresses, class names and line breaks.
+std::string plainMessage(std::string text) {
+  for (char& c : text)
+    if (c == '\n' || c == '\r' || c == '\t') c = ' ';
+  // NRRD's are a chain of callers; the last one gives the reason: "... [nrrd] function: reason"
+  if (const std::size_t last = text.rfind("[nrrd] "); last != std::string::npos) {
+    text.erase(0, last + 7);
+    if (const std::size_t end = text.find(": "); end != std::string::npos) text.erase(0, end + 2);
+  }
+  // "ITK ERROR: NrrdImageIO(0x55d0c0): reason"
+  if (const std::size_t end = text.find("): ");
+      end != std::string::npos && text.find("ERROR") < end)
+    text.erase(0, end + 3);
+  std::string line;
+  for (const char c : text)
+    if (c != ' ' || (!line.empty() && line.back() != ' ')) line += c;
+  while (!line.empty() && (line.back() == ' ' || line.back() == '.' || line.back() == '!'))
+    line.pop_back();
+  constexpr std::size_t kMostCharacters = 300;
+  if (line.size() > kMostCharacters) line = line.substr(0, kMostCharacters) + "...";
+  return line;
+}
+
+// Catches the output of a library on std::cerr while it lives: MetaIO reports some errors only
+// there, and the user gets one line for an error. One at a time in the process; another thread's
+// std::cerr meanwhile is caught too.
+class CerrCapture {
+ public:
+  CerrCapture() : lock_(mutex()), previous_(std::cerr.rdbuf(text_.rdbuf())) {}
+  ~CerrCapture() { std::cerr.rdbuf(previous_); }
+  CerrCapture(const CerrCapture&) = delete;
+  CerrCapture& operator=(const CerrCapture&) = delete;
+  std::string text() const { return text_.str(); }
+
+ private:
+  static std::mutex& mutex() {
+    static std::mutex the_mutex;
+    return the_mutex;
+  }
+  std::lock_guard<std::mutex> lock_;
+  std::ostringstream text_;
+  std::streambuf* previous_;
+};
+
+// libtiff prints on the C stream. ITK's copy of it has renamed functions and no header.
+void silenceTiff() {
+  using Handler = void (*)(const char*, const char*, std::va_list);
+  using SetHandler = Handler (*)(Handler);
+  for (const char* name : {"itk_TIFFSetErrorHandler", "itk_TIFFSetWarningHandler",
+                           "TIFFSetErrorHandler", "TIFFSetWarningHandler"})
+    if (void* const function = dlsym(RTLD_DEFAULT, name))
+      reinterpret_cast<SetHandler>(function)(nullptr);
+}
+
+Error unknownFormat(const std::string& path) {
+  static constexpr std::pair<const char*, const char*> kConverters[] = {
+      {".vtk", "save it as .vti with ParaView"},
+      {".gipl", "save it as .nrrd with 3D Slicer"},
+      {".gipl.gz", "save it as .nrrd with 3D Slicer"},
+      {".pic", "save it as .tif with Fiji"}};
+  for (const auto& [ending, advice] : kConverters)
+    if (lowercase(path).ends_with(ending))
+      return unusable(path, std::string("this format is not read; ") + advice);
+  return unreadable(path,
+                    "it is unreadable or in no known format (NRRD, MetaImage, NIfTI, TIFF, DICOM, "
+                    "MRC, VTI, ...); say its layout if it has no header",
+                    {Remedy::kDescribeRawFile});
+}
+
+// The image of a reader, which may be null: no known format. `options` decide about several values
+// per voxel.
+template <typename MakeReader>
+itk::ImageIOBase::Pointer openBy(const std::string& path, const OpenOptions& options,
+                                 MakeReader&& makeReader) {
+  itk::ImageIOBase::Pointer image;
+  try {
+    const CerrCapture silence;
+    image = makeReader();
+    if (image.IsNotNull()) {
+      image->SetFileName(path);
+      image->ReadImageInformation();
+    }
+  } catch (const Error&) {
+    throw;
+  } catch (const std::exception& exception) {
+    throw itkError(path, exception);
+  }
+  if (image.IsNull()) throw unknownFormat(path);
+  const Component component = image->GetComponentType();
+  if (component == Component::UNKNOWNCOMPONENTTYPE || component == Component::LDOUBLE)
+    throw unusable(path, "this kind of voxel is not supported; convert it to a scalar type first");
+  if (dynamic_cast<const itk::TIFFImageIO*>(image.GetPointer()) != nullptr)
+    refuseMisreadTiff(path, storedTypeOf(component));
+  checkComponentChoice(path, image->GetNumberOfComponents(), options);
+  return image;
+}
+
+itk::ImageIOBase::Pointer dicomReader() { return itk::GDCMImageIO::New().GetPointer(); }
+
+}  // namespace
+
+void prepareItk() {
+  static std::once_flag once;
+  std::call_once(once, [] {
+    itk::Object::GlobalWarningDisplayOff();
+    silenceTiff();
+    // DICOM is not among them: openImage() reads such files itself (dicom_header.h).
+    registerFactories<itk::NrrdImageIOFactory, itk::MetaImageIOFactory, itk::NiftiImageIOFactory,
+                      itk::TIFFImageIOFactory, itk::PNGImageIOFactory, itk::MRCImageIOFactory>();
+  });
+}
+
+Error itkError(const std::string& path, const std::exception& exception) {
+  if (dynamic_cast<const std::bad_alloc*>(&exception) != nullptr)
+    return unreadable(path,
+                      "not enough memory for its voxels; check the dimensions in its header, or "
+                      "convert it to .mhd or .nrrd, which are read piece by piece");
+  const auto* itk_exception = dynamic_cast<const itk::ExceptionObject*>(&exception);
+  return unreadable(path, plainMessage(itk_exception != nullptr ? itk_exception->GetDescription()
+                                                                : exception.what()) +
+                              "; check that the file is whole and not damaged");
+}
+
+std::string formatName(const itk::ImageIOBase& image) {
+  static const std::map<std::string, std::string> kNames = {{"NrrdImageIO", "NRRD"},
+                                                            {"MetaImageIO", "MetaImage"},
+                                                            {"NiftiImageIO", "NIfTI"},
+                                                            {"GDCMImageIO", "DICOM"}};
+  const std::string name = image.GetNameOfClass();
+  if (const auto known = kNames.find(name); known != kNames.end()) return known->second;
+  return name.substr(0, name.find("ImageIO"));
+}
+
+std::optional<DicomHeader> dicomImageHeader(const std::string& path) {
+  if (!std::filesystem::is_regular_file(path)) return std::nullopt;
+  DicomHeader header = readDicomHeader(path);
+  switch (header.state) {
+    case DicomHeader::State::kNotDicom:
+      return std::nullopt;
+    case DicomHeader::State::kNoImage:
+      throw unusable(path, "it is a DICOM file without an image; name the folder of the series");
+    case DicomHeader::State::kDamaged:
+      throw unreadable(path, "the DICOM file is cut short or damaged; get the whole file again");
+    case DicomHeader::State::kImage:
+      break;
+  }
+  return header;
+}
+
+itk::ImageIOBase::Pointer openImage(const std::string& path, const OpenOptions& options) {
+  prepareItk();
+  std::error_code error;
+  const auto status = std::filesystem::status(path, error);
+  if (!std::filesystem::exists(status))
+    throw Error("cannot open '" + path + "': " +
+                    (error ? error.message() : "No such file or directory") + "; check the path",
+                {.path = path});
+  checkNiftiHeader(path);
+  return openBy(path, options, [&] {
+    return dicomImageHeader(path)
+               ? dicomReader()
+               : itk::ImageIOFactory::CreateImageIO(path.c_str(), itk::IOFileModeEnum::ReadMode);
+  });
+}
+
+itk::ImageIOBase::Pointer openDicomImage(const std::string& path, const FileStamp& stamp,
+                                         const OpenOptions& options) {
+  prepareItk();
+  if (fileStamp(path) != stamp)
+    throw unreadable(path,
+                     "it changed since its header was read; run again when nobody writes to it");
+  return openBy(path, options, dicomReader);
+}
+
+Index3 imageVoxels(const std::string& path, const itk::ImageIOBase& image, unsigned axes) {
+  Index3 voxels(1);
+  for (unsigned axis = 0; axis < image.GetNumberOfDimensions(); ++axis) {
+    const auto count = image.GetDimensions(axis);
+    if (axis >= axes && count != 1)
+      throw unusable(path, "it has " + std::to_string(count) +
+                               " time steps or channels; extract one 3-D volume first");
+    // Hostile headers: more than 63 bits would look negative, which checkVoxelCounts refuses too.
+    if (axis < 3) voxels[static_cast<int>(axis)] = static_cast<std::int64_t>(count);
+  }
+  return voxels;
+}
+
+GridGeometry imageGeometry(const itk::ImageIOBase& image) {
+  GridGeometry geometry;
+  const unsigned axes = std::min(image.GetNumberOfDimensions(), 3u);
+  for (unsigned axis = 0; axis < axes; ++axis) {
+    const int i = static_cast<int>(axis);
+    geometry.spacing[i] = image.GetSpacing(axis);
+    geometry.origin[i] = image.GetOrigin(axis);
+    const std::vector<double> direction = image.GetDirection(axis);
+    for (unsigned row = 0; row < std::min<std::size_t>(direction.size(), 3); ++row)
+      geometry.direction[i][static_cast<int>(row)] = direction[row];
+  }
+  return geometry;
+}
+
+StoredType storedTypeOf(Component component) {
+  return visitComponent(component, [](auto tag) {
+    using T = typename decltype(tag)::Type;
+    return *isobrick::storedTypeOf(std::is_floating_point_v<T> ? 'f'
+                                   : std::is_signed_v<T>       ? 'i'
+                                                               : 'u',
+                                   sizeof(T));
+  });
+}
+
+std::optional<VoxelType> exactVoxelType(Component component) {
+  return voxelTypeNamed(infoOf(storedTypeOf(component)).name);
+}
+
+void readImageSlices(const std::string& path, itk::ImageIOBase& image, std::int64_t first,
+                     std::int64_t count, void* out) {
+  const unsigned axes = image.GetNumberOfDimensions();
+  itk::ImageIORegion region(axes);
+  for (unsigned axis = 0; axis < axes; ++axis) {
+    region.SetIndex(axis, axis == 2 ? first : 0);
+    region.SetSize(axis,
+                   axis == 2 ? static_cast<itk::SizeValueType>(count) : image.GetDimensions(axis));
+  }
+  try {
+    const CerrCapture printed;
+    image.SetIORegion(region);
+    image.Read(out);
+    // Data that are cut short or do not inflate are only printed.
+    if (formatName(image) == "MetaImage" && !printed.text().empty())
+      throw std::runtime_error(printed.text());
+  } catch (const std::exception& exception) {
+    throw itkError(path, exception);
+  }
+}
+
+}  // namespace isobrick::itk_detail

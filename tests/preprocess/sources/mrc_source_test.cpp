@@ -1,0 +1,145 @@
+// What MRC headers say beyond what ITK takes from them.
+#include <gtest/gtest.h>
+
+#include <array>
+#include <string>
+
+#include "isobrick/preprocess/sources/format_sources.h"
+#include "isobrick/preprocess/sources/open_volume.h"
+#include "tests/support/volume_files.h"
+
+namespace isobrick {
+namespace {
+
+using namespace test;  // NOLINT: the helpers of volume_files.h
+
+struct MrcFile {
+  std::int32_t mode = 2;
+  Index3 counts{2, 3, 4};                        // of columns, rows, sections
+  std::array<std::int32_t, 3> axes{1, 2, 3};     // of the world: along a column, a row, a section
+  std::array<float, 3> cell{20, 60, 120};        // in ångströms along x, y and z
+  std::array<std::int32_t, 3> samples{2, 3, 4};  // of the cell along x, y and z
+  std::int32_t version = 0, imod_stamp = 0, imod_flags = 0;
+  bool big_endian = false;
+
+  std::string header() const {
+    std::string bytes(1024, '\0');
+    const auto put = [&](std::size_t at, auto value) {
+      bytes.replace(at, sizeof value, bytesOfValues(std::vector{value}, big_endian));
+    };
+    put(12, mode);
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      put(4 * axis, static_cast<std::int32_t>(counts[static_cast<int>(axis)]));
+      put(28 + 4 * axis, samples[axis]);
+      put(40 + 4 * axis, cell[axis]);
+      put(64 + 4 * axis, axes[axis]);
+    }
+    put(108, version);
+    put(152, imod_stamp);
+    put(156, imod_flags);
+    bytes.replace(208, 4, "MAP ");
+    bytes.replace(212, 2, 2, big_endian ? '\x11' : '\x44');
+    return bytes;
+  }
+};
+
+class MrcSourceTest : public VolumeFilesTest {
+ protected:
+  template <typename T>
+  std::string writeMrc(const MrcFile& file, const std::vector<T>& values) const {
+    return write("map.mrc", file.header() + bytesOfValues(values, file.big_endian));
+  }
+};
+
+TEST_F(MrcSourceTest, FloatsOfBothByteOrdersAreRead) {
+  std::vector<float> values(24);
+  for (std::size_t i = 0; i < 24; ++i) values[i] = static_cast<float>(i) - 7.5f;
+  MrcFile file;
+  for (const bool big_endian : {false, true}) {
+    file.big_endian = big_endian;
+    const auto source = openVolume(writeMrc(file, values));
+    EXPECT_EQ(readVoxels<float>(*source), values);
+    for (int axis = 0; axis < 3; ++axis)
+      EXPECT_NEAR(source->info().geometry.spacing[axis], (axis + 1) * 1e-6, 1e-12);
+  }
+}
+
+// Crystallographers' maps have any axis first. ITK takes the columns for x all the same, so that
+// three of the six orders gave mirror images.
+TEST_F(MrcSourceTest, AxesLieWhereTheHeaderSays) {
+  MrcFile file;
+  file.axes = {3, 1, 2};
+  file.counts = {4, 2, 3};
+  const auto source = openVolume(writeMrc(file, std::vector<float>(24, 1.5f)));
+  const GridGeometry& geometry = source->info().geometry;
+  EXPECT_EQ(source->info().voxels, Index3(4, 2, 3));
+  EXPECT_EQ(geometry.direction[0], glm::dvec3(0, 0, 1));
+  EXPECT_EQ(geometry.direction[1], glm::dvec3(1, 0, 0));
+  EXPECT_EQ(geometry.direction[2], glm::dvec3(0, 1, 0));
+  EXPECT_NEAR(geometry.spacing.x, 3e-6, 1e-12);
+  EXPECT_NEAR(geometry.spacing.y, 1e-6, 1e-12);
+  EXPECT_NEAR(geometry.spacing.z, 2e-6, 1e-12);
+  file.axes = {1, 1, 2};
+  EXPECT_CONTAINS(errorOf([&] { openVolume(writeMrc(file, std::vector<float>(24, 1.5f))); }),
+                  "map.mrc");
+}
+
+TEST_F(MrcSourceTest, BytesHaveASignIfTheHeaderSaysSo) {
+  std::vector<std::int8_t> values(24);
+  for (std::size_t i = 0; i < 24; ++i) values[i] = static_cast<std::int8_t>(10 * i - 128);
+  constexpr std::int32_t kImod = 1146047817;
+  struct {
+    std::int32_t version, stamp, flags;
+    bool is_signed;
+  } const cases[] = {{0, 0, 0, false},           {0, kImod, 0, false}, {0, kImod, 1, true},
+                     {20140, 0, 0, true},        {20141, 0, 0, true},  {20140, kImod, 0, false},
+                     {20141, kImod, 1 | 4, true}};
+  for (const auto& [version, stamp, flags, is_signed] : cases) {
+    MrcFile file;
+    file.mode = 0;
+    file.version = version;
+    file.imod_stamp = stamp;
+    file.imod_flags = flags;
+    const auto source = openVolume(writeMrc(file, values));
+    if (!is_signed) {
+      EXPECT_EQ(source->info().voxel_type, VoxelType::kUint8) << version << " " << flags;
+      continue;
+    }
+    ASSERT_EQ(source->info().voxel_type, VoxelType::kInt8) << version << " " << flags;
+    EXPECT_EQ(readVoxels<std::int8_t>(*source), values);
+  }
+}
+
+TEST_F(MrcSourceTest, ComplexNumbersAreTwoComponents) {
+  std::vector<float> floats(48);
+  std::vector<std::int16_t> shorts(48);
+  for (std::size_t i = 0; i < 48; ++i)
+    floats[i] = shorts[i] = static_cast<std::int16_t>(i % 2 == 0 ? 3 * i : 4 * (i - 1));
+  MrcFile file;
+  for (const std::int32_t mode : {3, 4}) {
+    file.mode = mode;
+    const std::string path = mode == 3 ? writeMrc(file, shorts) : writeMrc(file, floats);
+    EXPECT_CONTAINS(errorOf([&] { openVolume(path); }), "2 values per voxel");
+    OpenOptions options;
+    options.component = {.magnitude = true};
+    const auto source = openVolume(path, options);
+    const auto magnitudes = readVoxels<float>(*source);
+    for (std::size_t i = 0; i < 24; ++i)
+      EXPECT_FLOAT_EQ(magnitudes[i], 10 * static_cast<float>(i)) << mode;
+  }
+}
+
+TEST_F(MrcSourceTest, ModesOfOtherNumbersAndShortFilesAreRefused) {
+  MrcFile file;
+  for (const std::int32_t mode : {-1, 5, 7, 12, 101, 1 << 20}) {
+    file.mode = mode;
+    EXPECT_CONTAINS(errorOf([&] { openVolume(writeMrc(file, std::vector<float>(24, 1))); }),
+                    "map.mrc");
+  }
+  file.mode = 2;
+  EXPECT_CONTAINS(errorOf([&] { openVolume(writeMrc(file, std::vector<float>(23, 1))); }),
+                  "map.mrc': it has 1116 bytes");
+}
+
+}  // namespace
+}  // namespace isobrick
