@@ -3,6 +3,7 @@
 #include <array>
 #include <bit>
 #include <string_view>
+#include <unordered_set>
 
 #include "isobrick/preprocess/byte_order.h"
 #include "isobrick/preprocess/path_error.h"
@@ -68,6 +69,17 @@ TiffDirectory::TiffDirectory(const std::string& path) : file_(path) {
 }
 
 std::uint64_t TiffDirectory::firstPage() const { return number(wordBytes(), wordBytes()); }
+
+std::vector<std::uint64_t> TiffDirectory::pages() const {
+  constexpr std::size_t kMostPages = std::size_t{1} << 20;
+  std::vector<std::uint64_t> pages;
+  std::unordered_set<std::uint64_t> seen;
+  for (std::uint64_t page = firstPage(); page != 0; page = pageAfter(page)) {
+    if (pages.size() == kMostPages || !seen.insert(page).second) throw cutShort();
+    pages.push_back(page);
+  }
+  return pages;
+}
 
 std::uint64_t TiffDirectory::pageAfter(std::uint64_t page) const {
   return number(page + countBytes() + entryCount(page) * entryBytes(), wordBytes());

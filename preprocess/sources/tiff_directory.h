@@ -27,9 +27,10 @@ class TiffDirectory {
   const InputFile& file() const { return file_; }
   bool isBigEndian() const { return big_endian_; }
 
-  // The offset of the first page, and of the one behind `page`; 0: there is none.
+  // The offset of the first page; 0: there is none.
   std::uint64_t firstPage() const;
-  std::uint64_t pageAfter(std::uint64_t page) const;
+  // Those of all pages, in their order, at most 2^20. Throws Error if they lead in a circle.
+  std::vector<std::uint64_t> pages() const;
   // Of the page.
   std::vector<TiffEntry> entries(std::uint64_t page) const;
 
@@ -48,6 +49,7 @@ class TiffDirectory {
   Error cutShort() const;
 
  private:
+  std::uint64_t pageAfter(std::uint64_t page) const;
   std::uint64_t entryCount(std::uint64_t page) const;
   std::uint64_t wordBytes() const { return is_big_tiff_ ? 8 : 4; }
   std::uint64_t countBytes() const { return is_big_tiff_ ? 8 : 2; }

@@ -95,12 +95,21 @@ std::optional<std::uint64_t> pixelsAt(const PageTags& tags, const TiffSlices::Fo
   return tags.strips.front();
 }
 
+// None: it is no TIFF.
+std::optional<TiffDirectory> tiffAt(const std::string& path) {
+  try {
+    return std::optional<TiffDirectory>(std::in_place, path);
+  } catch (const ResumableError&) {
+    throw;
+  } catch (const Error&) {
+    return std::nullopt;
+  }
+}
+
 // Appends the slices of a file. False: it has a picture of another form.
-bool addSlices(const TiffDirectory& tiff, std::uint32_t file, TiffSlices& slices) {
-  std::int64_t pages = 0;
-  for (std::uint64_t page = tiff.firstPage(); page != 0; page = tiff.pageAfter(page)) {
-    // More than there can be: they lead in a circle.
-    if (++pages > kMaxVoxelsPerAxis) return false;
+bool addSlices(const TiffDirectory& tiff, std::span<const std::uint64_t> pages, std::uint32_t file,
+               TiffSlices& slices) {
+  for (const std::uint64_t page : pages) {
     const std::optional<PageTags> tags = tagsOf(tiff, page);
     if (!tags) return false;
     if (tags->is_smaller != 0) continue;
@@ -221,9 +230,12 @@ std::optional<TiffSlices> findTiffSlices(const std::vector<std::string>& paths,
   for (std::size_t i = 0; i < paths.size(); ++i) {
     options.checkCancel();
     options.report("scanning slices", static_cast<double>(i) / static_cast<double>(paths.size()));
+    const std::optional<TiffDirectory> tiff = tiffAt(paths[i]);
+    if (!tiff) return std::nullopt;
+    // Its error counts: ITK, which would look next, follows pages in a circle for ever.
+    const std::vector<std::uint64_t> pages = tiff->pages();
     try {
-      if (!addSlices(TiffDirectory(paths[i]), static_cast<std::uint32_t>(i), slices))
-        return std::nullopt;
+      if (!addSlices(*tiff, pages, static_cast<std::uint32_t>(i), slices)) return std::nullopt;
     } catch (const ResumableError&) {
       throw;
     } catch (const Error&) {

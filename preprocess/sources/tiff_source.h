@@ -42,7 +42,8 @@ struct TiffSlices {
 // Grey pictures, and those of several numbers, whole ones or floating ones of 8 to 64 bits, of one
 // form. None: some have another form (palettes, fewer bits, other corners, ...) or a fault, which
 // is left to another reader to name. Smaller pictures beside the pages are left out. Reads the tags
-// of every page but no pixels, and tells options.progress. Throws ResumableError if the disk fails.
+// of every page but no pixels, and tells options.progress. Throws Error if the list of pages has no
+// end, and ResumableError if the disk fails.
 std::optional<TiffSlices> findTiffSlices(const std::vector<std::string>& paths,
                                          const OpenOptions& options);
 

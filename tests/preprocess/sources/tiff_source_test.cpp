@@ -279,19 +279,18 @@ TEST(TiffSourceTest, ChangedBytesAreNotBelieved) {
     if (random.chance(0.1)) bytes.resize(at);
     const std::string path = folder.file("scan.tif");
     writeBytes(path, bytes);
-    const auto slices = findTiffSlices({path}, {});
-    ++(slices ? whole : others);
-    if (!slices || slices->form.width * slices->form.height > 1000000) continue;
-    VolumeInfo info;
-    info.source = path;
-    info.voxels = Index3(slices->form.width, slices->form.height, std::ssize(slices->slices));
-    StoredVoxels stored;
-    stored.type = slices->form.type;
-    stored.components = slices->form.samples;
-    info.voxel_type = stored.delivered();
-    const auto source = openTiffSlices(info, {path}, *slices, stored, {});
     try {
-      allVoxels(*source);
+      const auto slices = findTiffSlices({path}, {});
+      ++(slices ? whole : others);
+      if (!slices || slices->form.width * slices->form.height > 1000000) continue;
+      VolumeInfo info;
+      info.source = path;
+      info.voxels = Index3(slices->form.width, slices->form.height, std::ssize(slices->slices));
+      StoredVoxels stored;
+      stored.type = slices->form.type;
+      stored.components = slices->form.samples;
+      info.voxel_type = stored.delivered();
+      allVoxels(*openTiffSlices(info, {path}, *slices, stored, {}));
     } catch (const Error& error) {
       EXPECT_CONTAINS(std::string(error.what()), "scan.tif");
       ++damaged;
