@@ -48,6 +48,14 @@ class ViewSessionTest : public ::testing::Test {
     } while (!session_->settled());
     frame(0.0);
   }
+  // The Home key, and all that it asks for.
+  void goHome() {
+    InputEvent home;
+    home.kind = InputEvent::Kind::kKeyPress;
+    home.key = Key::kHome;
+    session_->apply(home, clock_, false);
+    settle();
+  }
   std::uint64_t trianglesOfAll() const {
     CountingSink sink;
     const ViewState& state = session_->state();
@@ -241,11 +249,7 @@ TEST_F(ViewSessionTest, HomeAfterASavedViewIsTheViewOfTheVolume) {
   session_->show(saved);
   settle();
   EXPECT_EQ(session_->state(), saved);
-  InputEvent home;
-  home.kind = Kind::kKeyPress;
-  home.key = Key::kHome;
-  session_->apply(home, clock_, false);
-  settle();
+  goHome();
   EXPECT_EQ(session_->state(), first);
 }
 
@@ -262,11 +266,7 @@ TEST_F(ViewSessionTest, ASavedViewThatSaysNoDistanceIsFramedOnItsSurface) {
   EXPECT_NEAR(session_->state().camera.distance, wanted.distance, 0.1 * wanted.distance);
   EXPECT_EQ(session_->state().camera.azimuth, 70.0);
   EXPECT_LT(glm::distance(session_->state().camera.pivot, wanted.pivot), 1.0);
-  InputEvent home;
-  home.kind = Kind::kKeyPress;
-  home.key = Key::kHome;
-  session_->apply(home, clock_, false);
-  settle();
+  goHome();
   EXPECT_EQ(session_->state(), first);
 }
 
