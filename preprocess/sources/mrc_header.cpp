@@ -51,7 +51,8 @@ std::string MrcHeader::unit() const {
 
 bool MrcHeader::hasSignedBytes() const {
   constexpr std::size_t kVersionAt = 108, kImodStampAt = 152, kImodFlagsAt = 156;
-  if (number(kImodStampAt) == 1146047817) return (number(kImodFlagsAt) & 1) != 0;
+  constexpr std::int32_t kImodStamp = 1146047817;  // "IMOD" in the file's byte order
+  if (number(kImodStampAt) == kImodStamp) return (number(kImodFlagsAt) & 1) != 0;
   return number(kVersionAt) / 10 == 2014;
 }
 

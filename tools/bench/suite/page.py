@@ -113,9 +113,10 @@ class Page:
         if not last:
             return "There is no earlier run of this page to compare with; the columns *last* are empty."
         origin = f"commit {last['commit']}" if last["commit"] else "of the page before this one"
+        begin = f"*The last run* is that of {last['date']}, {origin}"
         processor = self.run["machine"]["processor"]
         if last["machine"] and last["machine"] != processor:
-            return (f"*The last run* is that of {last['date']}, {origin}, on another processor ({last['machine']}): the columns *last* "
+            return (f"{begin}, on another processor ({last['machine']}): the columns *last* "
                     "show the two machines as much as the two commits. `tools/bench_guard.sh` compares commits on one machine.")
         now, ours, peers = figures.flat(self.run), {}, []
         for key, value in now.items():
@@ -136,7 +137,7 @@ class Page:
             return f"The last run ({last['date']}) has no figure of this one."
         machine = statistics.median(peers) if peers else 1.0
         worse = {name: ratio / machine for name, ratio in ours.items() if ratio / machine > WORSE}
-        words = (f"*The last run* is that of {last['date']}, {origin}. Since then the times of OpenVDB and Flying Edges changed to "
+        words = (f"{begin}. Since then the times of OpenVDB and Flying Edges changed to "
                  f"{machine:.2f} of what they were, as the machine did, and those of isobrick to {statistics.median(ours.values()):.2f} "
                  f"(medians of {len(peers)} and {len(ours)} rows). ")
         if not worse:
