@@ -93,7 +93,7 @@ TrianglePoint randomPoint(const PlainMesh& mesh, Random& random) {
 // are joined by straight lines: an upper bound that comes near.
 class ManyPointSearch {
  public:
-  explicit ManyPointSearch(const PlainMesh& mesh) : mesh_(mesh), places_(mesh.positions) {
+  explicit ManyPointSearch(const PlainMesh& mesh) : places_(mesh.positions) {
     std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t> edges;
     of_triangle_.resize(mesh.count());
     for (std::uint32_t t = 0; t < mesh.count(); ++t)
@@ -145,7 +145,6 @@ class ManyPointSearch {
 
  private:
   static constexpr std::uint32_t kPoints = 10;
-  const PlainMesh& mesh_;
   std::vector<glm::dvec3> places_;
   std::vector<std::vector<std::uint32_t>> of_triangle_, triangles_of_;
   std::vector<double> lengths_;
