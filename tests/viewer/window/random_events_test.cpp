@@ -211,7 +211,8 @@ class Play {
   std::vector<InputEvent> events(EglTarget& target) {
     target_ = &target;
     if (phase_ != Phase::kRandom) {
-      if (orders_.empty()) return {};
+      // The loop sleeps when all is shown and nothing comes, however few frames that took.
+      if (orders_.empty()) return {restingMove()};
       std::vector<InputEvent> events = std::move(orders_.front());
       orders_.pop_front();
       return events;
@@ -302,6 +303,13 @@ class Play {
     since_ = clockSeconds();
     still_frames_ = 0;
   }
+  // To a corner of the window, where nothing is.
+  static InputEvent restingMove() {
+    InputEvent move;
+    move.x = 599.0;
+    move.y = 5.0;
+    return move;
+  }
   static InputEvent keyPress(Key key) {
     InputEvent event;
     event.kind = Kind::kKeyPress;
@@ -320,10 +328,7 @@ class Play {
     in_round_ = 0;
     target.resize(600, 400);
     for (const InputEvent& event : hand_.letGo()) orders_.push_back({event});
-    InputEvent move;
-    move.x = 599.0;
-    move.y = 5.0;
-    orders_.push_back({move});
+    orders_.push_back({restingMove()});
     for (int i = 0; i < 4; ++i) press(Key::kEscape);
   }
   void advance(ViewSession* session) {
