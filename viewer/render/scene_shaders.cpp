@@ -330,7 +330,9 @@ out vec4 color;
 void main() {
   vec2 size = vec2(textureSize(values, 0));
   float value = texture(values, (place * (size - 1.0) + 0.5) / size).r;
-  bool is_shown = value >= least_value;  // nor where there is no value
+  // Nor where there is no value, by the bits of NaN: a driver may compare as if there were none.
+  bool is_known = (floatBitsToUint(value) & 0x7fffffffu) <= 0x7f800000u;
+  bool is_shown = is_known && value >= least_value;
   float grey = clamp((value - window.x) / max(window.y - window.x, 1e-30), 0.0, 1.0);
   vec4 shown = vec4(pow(vec3(grey), vec3(2.0, 2.1, 2.3)), opacity);  // warm, unlike every surface
 #ifdef AS_LAYERS
