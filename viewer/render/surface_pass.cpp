@@ -9,7 +9,9 @@
 namespace isobrick {
 
 SurfacePass::SurfacePass(const GlDevice& device)
-    : program_(makeSurfaceProgram(false, false)), draws_(device.isSoftware()) {
+    : program_(makeSurfaceProgram(false, false)),
+      no_shadow_(ShadowPass::makeNone()),
+      draws_(device.isSoftware()) {
   if (device.limits().drawsEdges(0)) wire_program_ = makeSurfaceProgram(true, false);
 }
 
@@ -21,6 +23,8 @@ void SurfacePass::begin(const GlChunks& chunks, const SceneView& view, const Sha
 
 void SurfacePass::use(const GlProgram& program, const SceneView& view) const {
   const SceneFrame& frame = view.frame;
+  const bool shadow = shadow_ != nullptr;
+  glBindTextureUnit(3, shadow ? shadow_->depths() : *no_shadow_);
   useProgram(program, view);
   setUniform(program, "lattice_to_eye", glm::mat3(view.to_eye * frame.lattice.matrix));
   setUniform(program, "world_to_eye", glm::mat3(view.to_eye));
@@ -45,14 +49,12 @@ void SurfacePass::use(const GlProgram& program, const SceneView& view) const {
   setUniform(program, "key_direction", keyLightDirection());
   setUniform(program, "headlight", static_cast<int>(frame.headlight));
   setUniform(program, "back_color", linearColor(frame.back_color));
-  const bool shadow = shadow_ != nullptr;
   setUniform(program, "in_shadow", static_cast<int>(shadow));
   if (shadow) {
     setUniform(program, "shadow_rotation", shadow_->seen().rotation);
     setUniform(program, "shadow_offset", shadow_->seen().offset);
     setUniform(program, "shadow_projection", shadow_->seen().projection);
     setUniform(program, "shadow_texel", shadow_->seen().texel);
-    glBindTextureUnit(3, shadow_->depths());
   }
   glEnable(GL_DEPTH_TEST);
   glDisable(GL_BLEND);

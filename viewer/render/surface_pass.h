@@ -35,6 +35,7 @@ class SurfacePass {
 
   GlProgram program_, wire_program_;                // none, if the card draws no edges
   GlProgram layers_program_, wire_layers_program_;  // made when they are first needed
+  GlTexture no_shadow_;
   ChunkDraws draws_;
   const ShadowPass* shadow_ = nullptr;  // of this frame
 };
