@@ -108,6 +108,7 @@ void OffscreenRenderer::Context::renderEach(std::vector<SurfaceChunk> chunks,
                                             const TakeRows& take) {
   const EglContext::CurrentScope current(egl_);
   std::vector<ChunkId> kept;
+  kept.reserve(chunks.size());
   const auto forget = [&] {
     for (const ChunkId chunk : kept) scene_->release(chunk);
   };
@@ -119,11 +120,11 @@ void OffscreenRenderer::Context::renderEach(std::vector<SurfaceChunk> chunks,
       while (!tiles.done())
         if (std::optional<Image> rows = tiles.drawNext()) take(i, std::move(*rows), tiles.share());
     }
-    forget();
   } catch (...) {
     forget();
     throw;
   }
+  forget();
 }
 
 // --------------------------------------------------------------------------------------- renderer

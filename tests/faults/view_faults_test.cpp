@@ -2,9 +2,12 @@
 // or out of the call, and it goes on.
 #include <gtest/gtest.h>
 
+#include <random>
 #include <stdexcept>
 #include <thread>
+#include <vector>
 
+#include "isobrick/viewer/render/free_runs.h"
 #include "isobrick/viewer/session/view_session.h"
 #include "tests/faults/fault_sweep.h"
 #include "tests/support/child_process.h"
@@ -71,6 +74,26 @@ TEST(ViewFaults, ASessionSaysSoAndGoesOn) {
     return 0;
   });
   sweepFaults("session", [&] { return std::make_unique<ViewSubject>(path); });
+}
+
+// Chunks are released in destructors and after other failures.
+TEST(ViewFaults, GivingBackNeedsNoMemory) {
+  FreeRuns runs(2000);
+  std::vector<std::size_t> held;
+  std::mt19937 random(5);
+  for (int step = 0; step < 4000; ++step) {
+    if (held.empty() || random() % 2 == 0) {
+      if (const auto begin = runs.take(3)) held.push_back(*begin);
+      continue;
+    }
+    std::swap(held[random() % held.size()], held.back());
+    armFault(FaultKind::kAllocation, 0);
+    runs.give(held.back(), 3);
+    const std::uint64_t calls = countedCalls(FaultKind::kAllocation);
+    disarmFaults();
+    ASSERT_EQ(calls, 0u) << "step " << step;
+    held.pop_back();
+  }
 }
 
 }  // namespace

@@ -15,7 +15,7 @@ class KeepingRenderer : public NullRenderer {
     chunks_[id] = chunk;
     return id;
   }
-  void release(ChunkId id) override {
+  void release(ChunkId id) noexcept override {
     NullRenderer::release(id);
     chunks_.erase(id);
   }

@@ -46,7 +46,7 @@ class NullRenderer : public SceneRenderer {
     uploaded_bytes_ += chunk.bytes();
     return id;
   }
-  void release(ChunkId chunk) override {
+  void release(ChunkId chunk) noexcept override {
     bytes_ -= kept_.at(chunk).bytes;
     kept_.erase(chunk);
   }

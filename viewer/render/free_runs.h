@@ -2,36 +2,35 @@
 #pragma once
 
 #include <cstddef>
-#include <map>
 #include <optional>
-#include <set>
-#include <utility>
+#include <vector>
 
 namespace isobrick {
 
-// Uses no memory and no OpenGL: it handles only places. Units are of any size. A run comes from the
-// smallest free one that holds it; neighbours that are free are one again.
+// Uses no OpenGL: it handles only places. Units are of any size. A run comes from the smallest free
+// one that holds it; neighbours that are free are one again.
 class FreeRuns {
  public:
   explicit FreeRuns(std::size_t units);
 
   // The first unit of so many, at least 1, that are free no longer; nothing if no run holds them.
   std::optional<std::size_t> take(std::size_t units);
-  // Gives back what take() handed out.
-  void give(std::size_t begin, std::size_t units);
+  // Gives back what take() handed out. Needs no memory.
+  void give(std::size_t begin, std::size_t units) noexcept;
 
   std::size_t units() const { return units_; }
   std::size_t freeUnits() const { return free_; }
   bool isAllFree() const { return free_ == units_; }
 
  private:
-  void add(std::size_t begin, std::size_t units);
-  void remove(std::map<std::size_t, std::size_t>::iterator run);
+  struct Run {
+    std::size_t begin, units;
+    std::size_t end() const { return begin + units; }
+  };
 
   const std::size_t units_;
-  std::size_t free_ = 0;
-  std::map<std::size_t, std::size_t> runs_;                // length by place
-  std::set<std::pair<std::size_t, std::size_t>> lengths_;  // with their places
+  std::size_t free_ = 0, handed_out_ = 0;  // units, and how often
+  std::vector<Run> runs_;                  // by place, with room for one before each handed out
 };
 
 }  // namespace isobrick

@@ -55,7 +55,7 @@ std::size_t GlArenas::addArena(std::size_t units, GlDevice& device) {
   return at;
 }
 
-void GlArenas::give(const Place& place) {
+void GlArenas::give(const Place& place) noexcept {
   if (place.units == 0) return;
   Arena& arena = *arenas_[place.arena];
   arena.runs.give(place.begin, place.units);

@@ -29,7 +29,7 @@ class GlArenas {
 
   // Throws NoGraphicsMemory, and the other errors of the device.
   Place take(std::size_t bytes, GlDevice& device);
-  void give(const Place& place);
+  void give(const Place& place) noexcept;
   // 0 if there is none of this number (any longer).
   GLuint buffer(std::size_t arena) const {
     return arena < arenas_.size() && arenas_[arena] ? *arenas_[arena]->buffer : 0;

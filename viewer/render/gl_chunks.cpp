@@ -87,7 +87,7 @@ ChunkId GlChunks::upload(const SurfaceChunk& chunk) {
   return id;
 }
 
-void GlChunks::release(ChunkId chunk) {
+void GlChunks::release(ChunkId chunk) noexcept {
   const auto found = chunks_.find(chunk);
   assert(found != chunks_.end());
   bytes_kept_ -= found->second.bytes;

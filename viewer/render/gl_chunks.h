@@ -40,7 +40,7 @@ class GlChunks {
   bool uploadPiece(ChunkId id, const SurfaceChunk& chunk, std::size_t begin, std::size_t bytes);
   void endUploads();
   ChunkId upload(const SurfaceChunk& chunk);
-  void release(ChunkId chunk);
+  void release(ChunkId chunk) noexcept;
   SurfaceChunk download(ChunkId chunk) const;
 
   const KeptChunk& at(ChunkId chunk) const { return chunks_.at(chunk); }

@@ -41,7 +41,7 @@ class GlSceneRenderer : public SceneRenderer {
   }
   void endUploads() override { chunks_.endUploads(); }
   ChunkId upload(const SurfaceChunk& chunk) override { return chunks_.upload(chunk); }
-  void release(ChunkId chunk) override { chunks_.release(chunk); }
+  void release(ChunkId chunk) noexcept override { chunks_.release(chunk); }
   SurfaceChunk download(ChunkId chunk) const override { return chunks_.download(chunk); }
   SliceId reserveSlice(int width, int height) override { return slices_.reserve(width, height); }
   void uploadRows(SliceId slice, const SliceImage& image, int first, int count) override {

@@ -41,7 +41,8 @@ class ChunkStore {
                            std::size_t bytes) = 0;
   // After the last piece of a frame.
   virtual void endUploads() = 0;
-  virtual void release(ChunkId chunk) = 0;
+  // A chunk that was reserved and not released yet.
+  virtual void release(ChunkId chunk) noexcept = 0;
 };
 
 }  // namespace isobrick

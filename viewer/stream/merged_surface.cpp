@@ -24,7 +24,7 @@ class ChunksInMemory : public ChunkStore {
   }
   bool uploadPiece(ChunkId, const SurfaceChunk&, std::size_t, std::size_t) override { return true; }
   void endUploads() override {}
-  void release(ChunkId chunk) override { chunks_.erase(chunk); }
+  void release(ChunkId chunk) noexcept override { chunks_.erase(chunk); }
 
   const SurfaceChunk& at(ChunkId chunk) const { return chunks_.at(chunk); }
 

@@ -145,7 +145,7 @@ TEST_F(SurfaceSetTest, OfWhatIsGivenUpNothingStays) {
 class SlowRenderer : public NullRenderer {
  public:
   explicit SlowRenderer(double& clock) : clock_(clock) {}
-  void release(ChunkId chunk) override {
+  void release(ChunkId chunk) noexcept override {
     NullRenderer::release(chunk);
     clock_ += 2e-6;
   }
