@@ -4,7 +4,6 @@
 #include <glm/geometric.hpp>
 #include <glm/matrix.hpp>
 
-#include "isobrick/viewer/render/gl_targets.h"
 #include "isobrick/viewer/render/scene_shaders.h"
 
 namespace isobrick {
@@ -29,16 +28,6 @@ PlacedCamera lightCamera(const SceneView& view) {
   return camera;
 }
 
-// So that a shader asks a sampler whether a place is nearer.
-void compareDepthsOf(GLuint depths) {
-  glTextureParameteri(depths, GL_TEXTURE_COMPARE_MODE, GL_COMPARE_REF_TO_TEXTURE);
-  glTextureParameteri(depths, GL_TEXTURE_COMPARE_FUNC, GL_GEQUAL);  // 1 is near
-  for (const GLenum filter : {GL_TEXTURE_MIN_FILTER, GL_TEXTURE_MAG_FILTER})
-    glTextureParameteri(depths, filter, GL_LINEAR);
-  for (const GLenum side : {GL_TEXTURE_WRAP_S, GL_TEXTURE_WRAP_T})
-    glTextureParameteri(depths, side, GL_CLAMP_TO_EDGE);
-}
-
 }  // namespace
 
 ShadowPass::ShadowPass(const GlDevice& device) : device_(device), depths_(device.isSoftware()) {}
@@ -60,14 +49,14 @@ void ShadowPass::draw(const GlChunks& chunks, const SceneView& view) {
   seen_.projection = light.projection;
   seen_.texel = static_cast<float>(2.0 * lit.camera.half_width / size);
   depths_.draw(chunks, light);
-  compareDepthsOf(depths_.depths());
+  const GLuint depths = depths_.depths();
+  glTextureParameteri(depths, GL_TEXTURE_COMPARE_MODE, GL_COMPARE_REF_TO_TEXTURE);
+  glTextureParameteri(depths, GL_TEXTURE_COMPARE_FUNC, GL_GEQUAL);  // 1 is near
+  for (const GLenum filter : {GL_TEXTURE_MIN_FILTER, GL_TEXTURE_MAG_FILTER})
+    glTextureParameteri(depths, filter, GL_LINEAR);
+  for (const GLenum side : {GL_TEXTURE_WRAP_S, GL_TEXTURE_WRAP_T})
+    glTextureParameteri(depths, side, GL_CLAMP_TO_EDGE);
   drawn_ = frame;
-}
-
-GlTexture ShadowPass::makeNone() {
-  GlTexture none = makeTexture(GL_DEPTH_COMPONENT32F, 1, 1);
-  compareDepthsOf(*none);
-  return none;
 }
 
 }  // namespace isobrick

@@ -9,7 +9,6 @@
 #include "isobrick/viewer/render/depth_pass.h"
 #include "isobrick/viewer/render/gl_chunks.h"
 #include "isobrick/viewer/render/gl_device.h"
-#include "isobrick/viewer/render/gl_handle.h"
 #include "isobrick/viewer/render/scene_view.h"
 
 namespace isobrick {
@@ -38,9 +37,6 @@ class ShadowPass {
   const ShadowView& seen() const { return seen_; }
   // With filters that compare.
   GLuint depths() const { return depths_.depths(); }
-  // Depths to bind if there is no shadow: a shader that may ask them must find some that can be
-  // compared, even if it does not ask; drivers of cards call all else undefined.
-  static GlTexture makeNone();
 
  private:
   const GlDevice& device_;
