@@ -14,6 +14,8 @@ constexpr std::uint64_t kMebibyte = std::uint64_t{1} << 20;
 // Larger windows than these gain nothing: their reading is long amortised, and they leave the
 // cache.
 constexpr std::uint64_t kPipelineBytes = 48 * kMebibyte;
+// But all threads wait for the last brick of a window, so it has some for each of them.
+constexpr std::int64_t kBricksPerThread = 2;
 // Tables and small things that do not grow with the volume; and the memory that Blosc, the kernels
 // and the allocator hold for every thread beside copies of a brick.
 constexpr std::uint64_t kSmallThings = 4 * kMebibyte;
@@ -36,8 +38,7 @@ class Planner {
     const std::uint64_t least = fixed + pipelineBytes(first(), {1, 1});
     if (memory_bytes < least) refuse(memory_bytes, least);
     const std::uint64_t available = memory_bytes - fixed;
-    chooseWindows(
-        std::max(pipelineBytes(first(), {1, 1}), std::min(available / 2, kPipelineBytes)));
+    chooseWindows(available / 2, threads);
     std::uint64_t rest =
         available -
         std::min(available,
@@ -118,13 +119,15 @@ class Planner {
         {.path = name}, {Remedy::kAllowMoreMemory});
   }
 
-  void chooseWindows(std::uint64_t pipeline_bytes) {
+  void chooseWindows(std::uint64_t most_bytes, int threads) {
     plan_.windows.resize(static_cast<std::size_t>(first()));
     for (int level = first(); level < levels(); ++level) {
       const Index3 bricks = region_.windowBricks(level).count;
       BuildPlan::WindowShape shape;
       const auto fits = [&](const BuildPlan::WindowShape& s) {
-        return pipelineBytes(level, s) <= pipeline_bytes;
+        const bool is_for_all = s.x * s.y <= kBricksPerThread * threads;
+        return pipelineBytes(level, s) <=
+               (is_for_all ? most_bytes : std::min(most_bytes, kPipelineBytes));
       };
       while (shape.x < bricks.x && fits({shape.x + 1, 1})) ++shape.x;
       if (shape.x == bricks.x)

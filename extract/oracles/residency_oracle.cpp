@@ -26,10 +26,9 @@ bool ResidencyOracle::refines(int level, const Index3& cell) {
 Coverage ResidencyOracle::refinedCoverage(int level, const IndexBox& cells) {
   if (level - 1 >= first_whole_level_) return Coverage::kAll;
   if (level == 0) return Coverage::kNone;
-  const std::lock_guard lock(mutex_);
   bool any = false, all = true;
   forEachIndex(bricksOfChildren(level, cells), [&](const Index3& brick) {
-    const bool is_usable = isUsable(level - 1, brick);
+    const bool is_usable = isUsableOrFindOut(level - 1, brick);
     any = any || is_usable;
     all = all && is_usable;
   });
@@ -51,6 +50,14 @@ void ResidencyOracle::keepRefined(int level, const Index3& first, std::int64_t c
 }
 
 bool ResidencyOracle::isUsableNow(int level, const Index3& brick) {
+  return isUsableOrFindOut(level, brick);
+}
+
+// Asked for every row of cells, by all threads.
+bool ResidencyOracle::isUsableOrFindOut(int level, const Index3& brick) {
+  if (level >= first_whole_level_) return true;
+  const std::uint64_t facts = known_.of(rowOf(level, brick));
+  if (facts != KnownBricks::kNothing) return (facts & KnownBricks::kUsable) != 0;
   const std::lock_guard lock(mutex_);
   return isUsable(level, brick);
 }
@@ -72,10 +79,14 @@ bool ResidencyOracle::holdsSamples(int level, const Index3& brick) {
 }
 
 void ResidencyOracle::noteRefused(int level, const IndexBox& cells) {
-  const std::lock_guard lock(mutex_);
-  has_refused_ = true;
-  forEachIndex(bricksOfChildren(level, cells),
-               [&](const Index3& brick) { refuse(level - 1, brick); });
+  forEachIndex(bricksOfChildren(level, cells), [&](const Index3& brick) {
+    if (level - 1 < first_whole_level_ &&
+        (known_.of(rowOf(level - 1, brick)) & KnownBricks::kRefused) != 0)
+      return;
+    const std::lock_guard lock(mutex_);
+    has_refused_ = true;
+    refuse(level - 1, brick);
+  });
 }
 
 IndexBox ResidencyOracle::bricksOfChildren(int level, const IndexBox& cells) const {
@@ -96,7 +107,12 @@ bool ResidencyOracle::isUsable(int level, const Index3& brick) {
     is_usable = is_usable && hasOwnParts(level, brick) && !lacksBorder(level, brick);
     known.usable = is_usable ? Usable::kYes : Usable::kNo;
   }
-  return known.usable == Usable::kYes;
+  const bool is_usable = known.usable == Usable::kYes;
+  known_.note(rowOf(level, brick),
+              is_usable          ? KnownBricks::kUsable
+              : known.is_refused ? std::uint64_t{KnownBricks::kUnusable} | KnownBricks::kRefused
+                                 : std::uint64_t{KnownBricks::kUnusable});
+  return is_usable;
 }
 
 bool ResidencyOracle::hasOwnParts(int level, const Index3& brick) {
@@ -128,6 +144,7 @@ void ResidencyOracle::refuse(int level, const Index3& brick) {
   Brick& known = at(level, brick);
   if (known.is_refused) return;
   known.is_refused = true;
+  known_.note(rowOf(level, brick), KnownBricks::kUnusable | KnownBricks::kRefused);
   const bool has_own = hasOwnParts(level, brick);
   if (!has_own || lacksBorder(level, brick)) missing_.push_back({level, brick, has_own, !has_own});
   forEachParentAround(level, brick, [&](const Index3& parent) { refuse(level + 1, parent); });

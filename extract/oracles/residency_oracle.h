@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "isobrick/extract/oracles/coverage.h"
+#include "isobrick/extract/oracles/known_bricks.h"
 #include "isobrick/extract/paging/query_needs.h"
 #include "isobrick/storage/pyramid_parts.h"
 
@@ -86,6 +87,11 @@ class ResidencyOracle {
     Usable usable = Usable::kUnknown;
   };
 
+  std::size_t rowOf(int level, const Index3& brick) const {
+    return needs_.pyramid().parts().brickRow(level, brick);
+  }
+  bool isUsableOrFindOut(int level, const Index3& brick);
+
   // All with the lock.
   bool isUsable(int level, const Index3& brick);
   bool hasOwnParts(int level, const Index3& brick);
@@ -99,15 +105,14 @@ class ResidencyOracle {
         [this](PartKind kind, int level, const Index3& brick) { return has(kind, level, brick); }};
   }
   void refuse(int level, const Index3& brick);
-  Brick& at(int level, const Index3& brick) {
-    return bricks_[needs_.pyramid().parts().brickRow(level, brick)];
-  }
+  Brick& at(int level, const Index3& brick) { return bricks_[rowOf(level, brick)]; }
   // For the level below that hold the cells' children.
   IndexBox bricksOfChildren(int level, const IndexBox& cells) const;
 
   const QueryNeeds needs_;
   const BrickLayout& layout_;
   int first_whole_level_ = 0;                      // from here on levels are one brick
+  KnownBricks known_;                              // of those below, without the lock
   std::mutex mutex_;                               // guards all below
   std::unordered_map<std::size_t, Brick> bricks_;  // by row of the brick table
   std::vector<BrickPart> whole_levels_;            // held

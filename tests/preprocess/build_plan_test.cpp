@@ -76,6 +76,24 @@ TEST(BuildPlan, BuffersAreAsLargeAsTheGreatestWindow) {
   EXPECT_GT(windows_of_several_shapes, 20);
 }
 
+// The threads wait for each other at the end of a window, so it has bricks for all of them, as far
+// as the memory goes.
+TEST(BuildPlan, WindowsHaveBricksForAllThreads) {
+  PyramidSpec spec;
+  spec.voxels = Index3(512);
+  spec.voxel_type = VoxelType::kUint16;
+  ArraySource<std::uint16_t> source(spec.voxels, {});
+  const auto bricksFor = [&](std::uint64_t memory, int threads) {
+    const auto plan = makeBuildPlan(spec, BuildRegion(spec), &source, memory, threads);
+    return plan.windows[0].x * plan.windows[0].y;
+  };
+  constexpr std::uint64_t kGibibyte = std::uint64_t{1} << 30;
+  EXPECT_EQ(bricksFor(kGibibyte, 2), 8);
+  EXPECT_EQ(bricksFor(kGibibyte, 8), 16);
+  EXPECT_EQ(bricksFor(kGibibyte, 16), 32);
+  EXPECT_LE(bricksFor(kGibibyte / 8, 16), 16);
+}
+
 TEST(BuildPlan, ABufferRefusesMoreThanItHolds) {
   const LargeBuffer buffer(100);
   EXPECT_EQ(buffer.dataFor(100), buffer.data());

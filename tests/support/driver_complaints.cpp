@@ -18,6 +18,8 @@ struct HarmlessMessage {
 };
 constexpr HarmlessMessage kHarmless[] = {
     {"Buffer performance warning", "a hint on where a buffer should lie, from drivers of cards"},
+    {"Program/shader state performance warning",
+     "NVIDIA's driver compiles a shader again for other planes, samples or targets"},
 };
 
 struct Heard {

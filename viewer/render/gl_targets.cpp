@@ -1,11 +1,15 @@
 #include "isobrick/viewer/render/gl_targets.h"
 
+#include <algorithm>
 #include <limits>
 #include <string>
 
 #include "isobrick/viewer/stream/chunk_store.h"
 
 namespace isobrick {
+namespace {
+constexpr std::size_t kReadBytes = std::size_t{1} << 20;  // at a time
+}
 
 GlTexture makeTexture(GLenum format, int width, int height) {
   GlTexture texture = GlTexture::make(GLenum{GL_TEXTURE_2D});
@@ -86,16 +90,25 @@ void GlTargets::copyDepth(const glm::dvec2& pixel, GLuint buffer) const {
   glBindBuffer(GL_PIXEL_PACK_BUFFER, 0);
 }
 
-// Row by row, because OpenGL counts them from the bottom.
+// OpenGL counts rows from the bottom, so they are turned round here. Some at a time: a card takes
+// as long for one row as for many of them.
 void GlTargets::readRows(const PixelBox& part, GLenum what, std::size_t values_a_pixel,
                          std::vector<float>& values) const {
   glBindFramebuffer(GL_READ_FRAMEBUFFER, *resolved_frame_);
   glPixelStorei(GL_PACK_ALIGNMENT, 1);
   const std::size_t row = values_a_pixel * static_cast<std::size_t>(part.width);
   values.resize(row * static_cast<std::size_t>(part.height));
-  for (int y = 0; y < part.height; ++y)
-    glReadPixels(part.left, height_ - 1 - (part.top + y), part.width, 1, what, GL_FLOAT,
-                 values.data() + static_cast<std::size_t>(y) * row);
+  const int most =
+      static_cast<int>(std::clamp<std::size_t>(kReadBytes / (row * sizeof(float)), 1, 1024));
+  std::vector<float> rows(row * static_cast<std::size_t>(std::min(most, part.height)));
+  for (int y = 0; y < part.height; y += most) {
+    const int count = std::min(most, part.height - y);
+    glReadPixels(part.left, height_ - (part.top + y + count), part.width, count, what, GL_FLOAT,
+                 rows.data());
+    for (int i = 0; i < count; ++i)
+      std::copy_n(rows.data() + static_cast<std::size_t>(count - 1 - i) * row, row,
+                  values.data() + static_cast<std::size_t>(y + i) * row);
+  }
   if (device_.isLost()) throw RendererLost();  // nothing was read
 }
 

@@ -34,6 +34,7 @@ void LayerPass::release() {
   if (width_ == 0 && kept_layers_ == 0) return;
   heads_ = {};
   layers_ = {};
+  count_ = {};
   depths_ = {};
   depth_frame_ = {};
   kept_heads_ = kept_layers_ = 0;
@@ -96,17 +97,20 @@ void LayerPass::keepOpaqueDepth(const GlTargets& targets) {
 }
 
 void LayerPass::reserve(std::int64_t layers, std::int64_t heads) {
-  const auto make = [&](GlBuffer& buffer, std::int64_t bytes) {
+  const auto make = [&](GlBuffer& buffer, std::int64_t bytes, GLbitfield flags) {
     buffer = GlBuffer::make();
-    glNamedBufferStorage(*buffer, static_cast<GLsizeiptr>(bytes), nullptr, GL_DYNAMIC_STORAGE_BIT);
+    glNamedBufferStorage(*buffer, static_cast<GLsizeiptr>(bytes), nullptr, flags);
   };
+  // A driver may move a buffer that is read back to the processor's memory, so the length of the
+  // lists is read from a buffer of its own.
+  if (*count_ == 0) make(count_, kHeadBytes, GL_CLIENT_STORAGE_BIT);
   if (heads > kept_heads_) {
-    make(heads_, heads * kHeadBytes);
+    make(heads_, heads * kHeadBytes, 0);
     kept_heads_ = heads;
   }
   layers = std::min(layers, most_layers_);
   if (layers > kept_layers_) {
-    make(layers_, kLayerHeadBytes + layers * kLayerBytes);
+    make(layers_, kLayerHeadBytes + layers * kLayerBytes, 0);
     kept_layers_ = layers;
   }
   checkMemory();
@@ -150,7 +154,8 @@ std::uint32_t LayerPass::fillLists(const GlTargets& targets,
   glDepthMask(GL_TRUE);
   glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT | GL_BUFFER_UPDATE_BARRIER_BIT);
   std::uint32_t layers = 0;
-  glGetNamedBufferSubData(*layers_, 0, sizeof layers, &layers);
+  glCopyNamedBufferSubData(*layers_, *count_, 0, 0, sizeof layers);
+  glGetNamedBufferSubData(*count_, 0, sizeof layers, &layers);
   return layers;
 }
 

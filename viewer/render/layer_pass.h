@@ -57,6 +57,7 @@ class LayerPass {
   GlProgram program_;
   GlVertexArray empty_array_;
   GlBuffer heads_, layers_;
+  GlBuffer count_;                                 // of the layers, to be read back
   std::int64_t kept_heads_ = 0, kept_layers_ = 0;  // that the buffers have room for
   GlTexture depths_;
   GlFramebuffer depth_frame_;

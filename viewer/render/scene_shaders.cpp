@@ -12,6 +12,7 @@ namespace {
 
 constexpr char kVersion[] = "#version 450 core\n";
 constexpr char kWithWireframe[] = "#define WIREFRAME\n";
+constexpr char kInShadow[] = "#define IN_SHADOW\n";
 constexpr char kAsLayers[] = "#define AS_LAYERS\n";
 
 // Eye coordinates: the eye at the origin, +x right, +y up, -z ahead. All light is linear.
@@ -152,12 +153,13 @@ uniform bool by_value;
 uniform vec2 value_window;
 uniform vec3 value_colors[17];
 uniform vec2 value_opacity;
-uniform bool in_shadow;
+#ifdef IN_SHADOW
 uniform mat3 shadow_rotation;
 uniform vec3 shadow_offset;
 uniform vec4 shadow_projection;
 uniform float shadow_texel;
 layout(binding = 3) uniform sampler2DShadow shadow_depths;
+#endif
 uniform bool by_plane;
 uniform vec4 value_plane;
 uniform bool by_component;
@@ -183,6 +185,7 @@ vec4 frontColor() {
               surface_color.a * mix(value_opacity.x, value_opacity.y, place / 16.0));
 }
 
+#ifdef IN_SHADOW
 // The share of the key light that reaches the point. It is asked for a little in front of the
 // surface, so that no facet shades itself.
 float keyLightAt(vec3 normal) {
@@ -197,6 +200,7 @@ float keyLightAt(vec3 normal) {
     for (int x = -2; x <= 2; ++x) open += texture(shadow_depths, there + vec3(vec2(x, y) * step, 0));
   return open / 25.0;
 }
+#endif
 
 #ifdef WIREFRAME
 // 1 on an edge of the triangle and 0 away from it, with a soft flank of one pixel.
@@ -235,7 +239,9 @@ void main() {
   vec3 surface = gl_FrontFacing ? front.rgb : back_color;
   float head = max(dot(normal, to_eye), 0.0);
   float key = max(dot(normal, key_direction), 0.0);
-  if (in_shadow && key > 0.0) key *= keyLightAt(normal);
+#ifdef IN_SHADOW
+  if (key > 0.0) key *= keyLightAt(normal);
+#endif
   vec3 light = headlight ? vec3(0.08 + 0.92 * head)
                          : mix(kGroundLight, kSkyLight, 0.5 + 0.5 * normal.y) + 0.24 * head +
                                vec3(0.70, 0.68, 0.64) * key;
@@ -330,7 +336,9 @@ out vec4 color;
 void main() {
   vec2 size = vec2(textureSize(values, 0));
   float value = texture(values, (place * (size - 1.0) + 0.5) / size).r;
-  bool is_shown = value >= least_value;  // nor where there is no value
+  // Nor where there is no value, by the bits of NaN: a driver may compare as if there were none.
+  bool is_known = (floatBitsToUint(value) & 0x7fffffffu) <= 0x7f800000u;
+  bool is_shown = is_known && value >= least_value;
   float grey = clamp((value - window.x) / max(window.y - window.x, 1e-30), 0.0, 1.0);
   vec4 shown = vec4(pow(vec3(grey), vec3(2.0, 2.1, 2.3)), opacity);  // warm, unlike every surface
 #ifdef AS_LAYERS
@@ -664,10 +672,11 @@ GLint place(const GlProgram& program, const char* name) {
 
 }  // namespace
 
-GlProgram makeSurfaceProgram(bool wireframe, bool as_layers) {
-  const char* const define = wireframe ? kWithWireframe : "";
-  return linkProgram({kVersion, define, kProjection, kSurfaceVertexShader},
-                     withFragments(as_layers, define, kSurfaceFragmentShader));
+GlProgram makeSurfaceProgram(const SurfaceProgramKind& kind) {
+  const std::string defines =
+      std::string(kind.wireframe ? kWithWireframe : "") + (kind.in_shadow ? kInShadow : "");
+  return linkProgram({kVersion, defines.c_str(), kProjection, kSurfaceVertexShader},
+                     withFragments(kind.as_layers, defines.c_str(), kSurfaceFragmentShader));
 }
 
 GlProgram makeDepthProgram() {

@@ -16,6 +16,11 @@
 
 namespace isobrick {
 
+// See makeSurfaceProgram().
+struct SurfaceProgramKind {
+  bool wireframe = false, as_layers = false, in_shadow = false;
+};
+
 // Lit triangles, with front and back in different colours.
 // Attributes: 0 vec3 position from the chunk's origin, 1 vec4 outward normal in world axes and
 // SurfaceVertex::value; of a chunk 2 vec4 its origin's place and 1 if values colour it, 3 vec4 its
@@ -28,12 +33,13 @@ namespace isobrick {
 // vec2 value_window (shares of the range, or distances `by_plane`, for the ends of value_colors, 17
 // of them); vec2 value_opacity (of those ends); bool by_plane; vec4 value_plane (eye coordinates);
 // bool by_component, and if so vec3 component_colors[7], which values are the places of;
-// vec3 key_direction; bool in_shadow, and if so mat3 shadow_rotation, vec3 shadow_offset, vec4
-// shadow_projection, float shadow_texel (ShadowView), sampler2DShadow at unit 3.
+// vec3 key_direction; `in_shadow` mat3 shadow_rotation, vec3 shadow_offset, vec4 shadow_projection,
+// float shadow_texel (ShadowView), sampler2DShadow at unit 3. A frame without a shadow has a
+// program without that sampler: one that finds no depths is undefined, even if it is never asked.
 //
 // `as_layers`: the fragments go into lists instead of into the picture, for makeLayersProgram();
 // that takes the buffers of it, and its uniforms of the lists.
-GlProgram makeSurfaceProgram(bool wireframe, bool as_layers);
+GlProgram makeSurfaceProgram(const SurfaceProgramKind& kind);
 
 // The depths of surfaces alone, without colours. Attributes and uniforms of places as above.
 GlProgram makeDepthProgram();

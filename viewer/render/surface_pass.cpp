@@ -8,9 +8,10 @@
 
 namespace isobrick {
 
-SurfacePass::SurfacePass(const GlDevice& device)
-    : program_(makeSurfaceProgram(false, false)), draws_(device.isSoftware()) {
-  if (device.limits().drawsEdges(0)) wire_program_ = makeSurfaceProgram(true, false);
+SurfacePass::SurfacePass(const GlDevice& device) : draws_(device.isSoftware()) {
+  // The others follow when they are first needed.
+  programOf({});
+  if (device.limits().drawsEdges(0)) programOf({.wireframe = true});
 }
 
 void SurfacePass::begin(const GlChunks& chunks, const SceneView& view, const ShadowPass* shadow) {
@@ -21,6 +22,7 @@ void SurfacePass::begin(const GlChunks& chunks, const SceneView& view, const Sha
 
 void SurfacePass::use(const GlProgram& program, const SceneView& view) const {
   const SceneFrame& frame = view.frame;
+  if (shadow_ != nullptr) glBindTextureUnit(3, shadow_->depths());
   useProgram(program, view);
   setUniform(program, "lattice_to_eye", glm::mat3(view.to_eye * frame.lattice.matrix));
   setUniform(program, "world_to_eye", glm::mat3(view.to_eye));
@@ -45,14 +47,11 @@ void SurfacePass::use(const GlProgram& program, const SceneView& view) const {
   setUniform(program, "key_direction", keyLightDirection());
   setUniform(program, "headlight", static_cast<int>(frame.headlight));
   setUniform(program, "back_color", linearColor(frame.back_color));
-  const bool shadow = shadow_ != nullptr;
-  setUniform(program, "in_shadow", static_cast<int>(shadow));
-  if (shadow) {
+  if (shadow_ != nullptr) {
     setUniform(program, "shadow_rotation", shadow_->seen().rotation);
     setUniform(program, "shadow_offset", shadow_->seen().offset);
     setUniform(program, "shadow_projection", shadow_->seen().projection);
     setUniform(program, "shadow_texel", shadow_->seen().texel);
-    glBindTextureUnit(3, shadow_->depths());
   }
   glEnable(GL_DEPTH_TEST);
   glDisable(GL_BLEND);
@@ -61,7 +60,7 @@ void SurfacePass::use(const GlProgram& program, const SceneView& view) const {
 void SurfacePass::drawOpaque(const GlChunks& chunks, const SceneView& view) {
   const SceneFrame& frame = view.frame;
   if (frame.chunks.empty()) return;
-  use(frame.wireframe ? wire_program_ : program_, view);
+  use(programOf({.wireframe = frame.wireframe, .in_shadow = shadow_ != nullptr}), view);
   for (std::size_t s = 0; s < frame.surfaces.size(); ++s)
     if (frame.isOpaque(s)) draws_.draw(chunks, static_cast<int>(s), frame.wireframe);
 }
@@ -73,9 +72,11 @@ BufferBox SurfacePass::layerPixels(const SceneView& view) const {
   return pixels;
 }
 
-GlProgram& SurfacePass::layersProgram(bool wireframe) {
-  GlProgram& program = wireframe ? wire_layers_program_ : layers_program_;
-  if (*program == 0) program = makeSurfaceProgram(wireframe, true);
+GlProgram& SurfacePass::programOf(const SurfaceProgramKind& kind) {
+  const unsigned place =
+      (kind.wireframe ? 1u : 0u) + (kind.as_layers ? 2u : 0u) + (kind.in_shadow ? 4u : 0u);
+  GlProgram& program = programs_[place];
+  if (*program == 0) program = makeSurfaceProgram(kind);
   return program;
 }
 
@@ -83,7 +84,8 @@ void SurfacePass::drawLayers(const GlChunks& chunks, const SceneView& view, cons
                              const BufferBox& band) {
   const SceneFrame& frame = view.frame;
   if (layers.isInBands()) draws_.collect(chunks, view, view.planesOfRows(band.bottom, band.top));
-  const GlProgram& program = layersProgram(frame.wireframe);
+  const GlProgram& program =
+      programOf({.wireframe = frame.wireframe, .as_layers = true, .in_shadow = shadow_ != nullptr});
   use(program, view);
   layers.use(program);
   for (std::size_t s = 0; s < frame.surfaces.size(); ++s)

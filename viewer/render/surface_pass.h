@@ -1,11 +1,14 @@
 // Surfaces: opaque ones, and those that are seen through.
 #pragma once
 
+#include <array>
+
 #include "isobrick/viewer/render/chunk_draws.h"
 #include "isobrick/viewer/render/gl_chunks.h"
 #include "isobrick/viewer/render/gl_device.h"
 #include "isobrick/viewer/render/gl_handle.h"
 #include "isobrick/viewer/render/layer_pass.h"
+#include "isobrick/viewer/render/scene_shaders.h"
 #include "isobrick/viewer/render/scene_view.h"
 #include "isobrick/viewer/render/shadow_pass.h"
 
@@ -31,10 +34,9 @@ class SurfacePass {
 
  private:
   void use(const GlProgram& program, const SceneView& view) const;
-  GlProgram& layersProgram(bool wireframe);
+  GlProgram& programOf(const SurfaceProgramKind& kind);
 
-  GlProgram program_, wire_program_;                // none, if the card draws no edges
-  GlProgram layers_program_, wire_layers_program_;  // made when they are first needed
+  std::array<GlProgram, 8> programs_;  // of each kind, made when it is first needed
   ChunkDraws draws_;
   const ShadowPass* shadow_ = nullptr;  // of this frame
 };

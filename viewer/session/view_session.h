@@ -116,6 +116,12 @@ class ViewSession {
   // And the pieces are known, and the view is found that the volume opens with, for which frames
   // are drawn and noted.
   bool settled() const;
+  // A click waits for the place that it hit, which the card says some moments later. Other events
+  // come after its effect.
+  bool awaitsClick() {
+    takePoints();
+    return !clicks_.empty();
+  }
   SessionStatus status() const;
   // The values of the first and the last colour, if the shown surface is coloured by values.
   std::optional<std::array<double, 2>> valueWindow() const {

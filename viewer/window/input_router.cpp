@@ -65,7 +65,8 @@ void InputRouter::feed(const InputEvent& event, ViewPanel& panel, double seconds
 }
 
 Wishes InputRouter::pass(ViewPanel& panel, ViewSession* session, double seconds) {
-  const std::vector<InputEvent> events = eventsOfFrame();
+  std::vector<InputEvent> events;
+  if (session == nullptr || !session->awaitsClick()) events = eventsOfFrame();
   for (const InputEvent& event : events) feed(event, panel, seconds);
   panel.begin(width_, height_, seconds - last_frame_);
   last_frame_ = seconds;

@@ -31,7 +31,8 @@ class InputRouter {
   bool empty() const { return events_.empty(); }
 
   // A frame's events go to the panel and to the session (null: none is there), at most one of a
-  // button or of the same key, so that none is lost in a frame. The panel's frame is begun.
+  // button or of the same key, so that none is lost in a frame, and none while a click waits for
+  // its place. The panel's frame is begun.
   Wishes pass(ViewPanel& panel, ViewSession* session, double seconds);
 
   // The window's size, and the parts of it.

@@ -86,6 +86,7 @@ class ViewLoop {
 
  private:
   ViewSession* session() const { return volumes_.session(); }
+  bool awaitsClick() const { return session() != nullptr && session()->awaitsClick(); }
   bool awake() const {
     return player_ || clockSeconds() < awake_until_ || files_.unwrittenPictures() > 0 ||
            !volumes_.shown().settled() || (session() != nullptr && session()->interaction().flying);
@@ -142,7 +143,7 @@ class ViewLoop {
     ScriptFrame scripted;
     if (file_again_ && settled())
       scripted.file = std::exchange(file_again_, std::nullopt);
-    else if (player_ && !file_again_)
+    else if (player_ && !file_again_ && !awaitsClick())
       scripted = player_->next(begin - begin_, whatIsThere(), state());
     if (scripted.state) {
       state() = *scripted.state;

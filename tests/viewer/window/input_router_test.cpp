@@ -10,7 +10,10 @@
 
 #include "isobrick/storage/error.h"
 #include "isobrick/viewer/window/egl_target.h"
+#include "tests/support/field_pyramid.h"
+#include "tests/support/null_renderer.h"
 #include "tests/support/requirement.h"
+#include "tests/support/temporary_folder.h"
 
 namespace isobrick {
 namespace {
@@ -104,6 +107,51 @@ TEST_F(InputRouterTest, TypingTakesFewFrames) {
     router_->add({textEvent(letter)});
   }
   EXPECT_LE(framesUntilAllWasTaken(), 2);
+}
+
+// A card says some frames later what a click hit. Two clicks make a distance, also if the tool for
+// angles is chosen before that.
+TEST_F(InputRouterTest, EventsComeAfterTheEffectOfAClick) {
+  using Kind = InputEvent::Kind;
+  const test::TemporaryFolder folder;
+  const auto pyramid =
+      test::openField(folder, Index3(16), [](const glm::dvec3& p) { return 10.0 * p.x; });
+  NullRenderer renderer;
+  renderer.distance = 20.0;
+  ViewSession session(pyramid, renderer, {2, std::uint64_t{1} << 30});
+  session.interaction().show_panel = false;
+  session.apply(InputEvent::resized(300, 200), 0.0, false);
+  router_->add({InputEvent::resized(300, 200)});
+  const auto frames = [&](int count) {
+    for (int i = 0; i < count; ++i) {
+      router_->take(0.0);
+      router_->pass(*panel_, &session, seconds_ += 0.1);
+      session.update(seconds_);
+      session.draw();
+      panel_->draw();
+    }
+  };
+  frames(3);
+  type(Key::kD);
+  for (const double x : {100.0, 200.0}) {
+    InputEvent event;
+    event.x = x;
+    event.y = 100.0;
+    for (const Kind kind : {Kind::kMove, Kind::kPress, Kind::kRelease}) {
+      event.kind = kind;
+      router_->add({event});
+    }
+  }
+  type(Key::kA);
+  renderer.answers_late = true;
+  frames(20);
+  EXPECT_EQ(session.interaction().tool, Interaction::Tool::kDistance);
+  EXPECT_TRUE(session.awaitsClick());
+  renderer.answers_late = false;
+  frames(20);
+  EXPECT_EQ(session.state().measurements.size(), 1u);
+  EXPECT_EQ(session.interaction().tool, Interaction::Tool::kAngle);
+  EXPECT_TRUE(router_->empty());
 }
 
 }  // namespace
