@@ -12,11 +12,17 @@
 namespace isobrick {
 namespace {
 
+// The vertices of a star become one only if its triangles would lie closer to the finest ones than
+// this part of the distance, in the mean of squares, and all points closer than this part: so the
+// edges that are left are as good as they would be without stars.
+constexpr float kMostMeanSquareOfStar = 0.03f, kMostOfStar = 0.5f;
 // The cheapest of so many candidates get their turn in a round; if there are few, all do.
 constexpr std::size_t kCandidatesForEach = 2, kFewCandidates = 256;
 // An edge is not tried if its triangles would lie further from the finest ones than this part of
 // the distance, in the mean of squares: it would hardly ever be let through.
 constexpr float kMostMeanSquare = 0.05f;
+// So many steps lie between looks whether the query was cancelled.
+constexpr std::size_t kBetweenLooks = 1024;
 constexpr std::uint32_t kNone = CornerTable::kNone;
 
 // Sides of the batch's box that a vertex lies in: two bits an axis.
@@ -37,13 +43,8 @@ void BatchSimplifier::simplify(const SimplifySpace& space, const CancelFlag* can
   if (batch.triangles.empty()) return;
   begin(space, batch);
   addPlanes();
-  for (round_ = 1;; ++round_) {
-    if (cancel != nullptr) cancel->check();
-    findCandidates();
-    if (candidates_.empty()) break;
-    sortCandidates();
-    collapseCandidates(cancel, batch);
-  }
+  collapseStars(cancel);
+  collapseEdges(cancel, batch);
   write(batch);
 }
 
@@ -57,18 +58,18 @@ void BatchSimplifier::begin(const SimplifySpace& space, const MeshBatch& batch) 
   center_ = glm::round((lower_ + upper_) / 2.0f);
   table_.set(batch.triangles, batch.positions.size());
   vertices_.assign(batch.positions.size(), Vertex());
+  touched_.assign(batch.positions.size(), 0);
   for (const MeshBatch::SharedVertex& shared : batch.shared)
     vertices_[shared.vertex].is_shared = true;
   for (std::uint32_t v = 0; v < vertices_.size(); ++v) {
     Vertex& vertex = vertices_[v];
-    vertex.position = space_.to_space * (batch.positions[v] - center_);
+    vertex.position = positionOf(batch.positions[v]);
     vertex.is_fixed = vertex.is_shared || table_.ring(v) != CornerTable::Ring::kClosed;
     vertex.is_broken = table_.ring(v) == CornerTable::Ring::kBroken;
   }
   normals_.assign(batch.normals.begin(), batch.normals.end());
   deviations_.assign(table_.triangles(), Deviation());
-  alive_.resize(table_.triangles());
-  for (std::uint32_t t = 0; t < table_.triangles(); ++t) alive_[t] = t;
+  round_ = 1;
 }
 
 // Each triangle counts a third at each of its vertices.
@@ -87,6 +88,74 @@ void BatchSimplifier::addPlanes() {
   for (std::size_t v = 0; v < normals_.size(); ++v) normals_[v] *= vertices_[v].quadric.weight;
 }
 
+void BatchSimplifier::collapseStars(const CancelFlag* cancel) {
+  for (std::uint32_t t = 0; t < table_.triangles(); ++t) {
+    if (cancel != nullptr && t % kBetweenLooks == 0) cancel->check();
+    for (std::uint32_t c = CornerTable::firstCorner(t), end = c + 3; c < end && table_.isAlive(t);
+         ++c) {
+      Vertex& center = vertices_[table_.vertex(c)];
+      if (center.was_tried || center.is_fixed || touched_[table_.vertex(c)] == round_) continue;
+      center.was_tried = true;
+      collapseStar(c);
+    }
+  }
+}
+
+void BatchSimplifier::collapseStar(std::uint32_t corner) {
+  if (!region_.findStar(table_, corner)) return;
+  const std::span inner =
+      std::span(region_.vertices)
+          .subspan(CollapseRegion::kFirstInner, static_cast<std::size_t>(region_.inner));
+  for (const std::uint32_t v : inner)
+    if (vertices_[v].is_fixed || touched_[v] == round_) return;
+  Vertex& center = vertices_[inner[0]];
+  Quadric sum;
+  glm::vec3 mean(0.0f);
+  for (const std::uint32_t v : inner) {
+    const glm::vec3 to = vertices_[v].position - center.position;
+    Quadric quadric = vertices_[v].quadric;
+    quadric.moveCenter(-to);
+    sum += quadric;
+    mean += to / static_cast<float>(inner.size());
+  }
+  const glm::vec3 best = sum.leastNear(mean, kPull * sum.weight);
+  if (!(sum.valueAt(best) <=
+        kMostMeanSquareOfStar * space_.distance * space_.distance * sum.weight))
+    return;
+  const glm::vec3 place = positionOf(voxelsOf(center.position + best));
+  if (!region_.findAroundStar(table_) || !mayCollapse(place, {}, kMostOfStar)) return;
+  for (const std::uint32_t arm : inner.subspan(1)) {
+    normals_[inner[0]] += normals_[arm];
+    touched_[arm] = round_;
+  }
+  sum.moveCenter(place - center.position);
+  center.quadric = sum;
+  collapseRegion(inner[0], place);
+}
+
+void BatchSimplifier::collapseEdges(const CancelFlag* cancel, const MeshBatch& batch) {
+  findEdges();
+  for (;;) {
+    ++round_;
+    if (cancel != nullptr) cancel->check();
+    addCandidates();
+    if (candidates_.empty()) break;
+    sortCandidates();
+    collapseCheapest(cancel, batch);
+    keepUntouched();
+  }
+}
+
+void BatchSimplifier::findEdges() {
+  candidates_.clear();
+  to_cost_.clear();
+  for (std::uint32_t t = 0; t < table_.triangles(); ++t) {
+    if (!table_.isAlive(t)) continue;
+    for (std::uint32_t c = CornerTable::firstCorner(t), end = c + 3; c < end; ++c)
+      if (c < table_.opposite(c)) costAgain(c);
+  }
+}
+
 std::uint32_t BatchSimplifier::cornerThatGoes(std::uint32_t corner) const {
   const Vertex& first = vertices_[table_.vertex(corner)];
   const Vertex& second = vertices_[table_.vertex(CornerTable::next(corner))];
@@ -96,35 +165,38 @@ std::uint32_t BatchSimplifier::cornerThatGoes(std::uint32_t corner) const {
   return CornerTable::next(table_.opposite(CornerTable::previous(corner)));
 }
 
-void BatchSimplifier::findCandidates() {
-  candidates_.clear();
-  std::erase_if(alive_, [&](std::uint32_t t) { return !table_.isAlive(t); });
+// Adds the edges that have no cost yet.
+void BatchSimplifier::addCandidates() {
   const float most = kMostMeanSquare * space_.distance * space_.distance;
-  std::array<std::uint32_t, EdgeBlock::kEdges> corners;
+  std::array<Candidate, EdgeBlock::kEdges> edges;
   std::size_t count = 0;
   const auto evaluate = [&] {
     edges_.compute();
     for (std::size_t i = 0; i < count; ++i)
-      if (edges_.cost(i) <= most * edges_.weight(i))
-        candidates_.push_back({edges_.cost(i), corners[i]});
+      if (edges_.cost(i) <= most * edges_.weight(i)) {
+        edges[i].cost = edges_.cost(i);
+        candidates_.push_back(edges[i]);
+      }
     count = 0;
   };
-  for (const std::uint32_t t : alive_)
-    for (std::uint32_t c = CornerTable::firstCorner(t), end = c + 3; c < end; ++c) {
-      const std::uint32_t facing = table_.opposite(c);
-      if (facing == kNone || facing < c || table_.isMarked(c)) continue;
-      const std::uint32_t corner = cornerThatGoes(CornerTable::next(c));
-      if (corner == kNone) continue;
-      const Vertex& gone = vertices_[table_.vertex(corner)];
-      const Vertex& kept = vertices_[table_.vertex(CornerTable::next(corner))];
-      edges_.set(count, gone.quadric, kept.quadric, gone.position - kept.position, kept.is_fixed);
-      corners[count++] = corner;
-      if (count == EdgeBlock::kEdges) evaluate();
-    }
+  for (const std::uint32_t c : to_cost_) {
+    table_.mark(c, CornerTable::Mark::kWaits, false);
+    if (!table_.isAlive(CornerTable::triangleOf(c))) continue;
+    const std::uint32_t facing = table_.opposite(c);
+    if (facing == kNone || table_.isMarked(facing, CornerTable::Mark::kWaits)) continue;
+    const std::uint32_t corner = cornerThatGoes(CornerTable::next(c));
+    if (corner == kNone) continue;
+    Candidate& edge = edges[count];
+    edge = {0, table_.vertex(corner), table_.vertex(CornerTable::next(corner)), corner};
+    const Vertex &gone = vertices_[edge.gone], &kept = vertices_[edge.kept];
+    edges_.set(count++, gone.quadric, kept.quadric, gone.position - kept.position, kept.is_fixed);
+    if (count == EdgeBlock::kEdges) evaluate();
+  }
   evaluate();
+  to_cost_.clear();
 }
 
-// The cheapest part of them, roughly in order: by the highest bits of their costs.
+// Roughly in order: by the highest bits of their costs.
 void BatchSimplifier::sortCandidates() {
   constexpr int kBits = 12;
   std::array<std::uint32_t, (1u << kBits) + 1> first{};
@@ -135,29 +207,28 @@ void BatchSimplifier::sortCandidates() {
   for (std::size_t i = 1; i < first.size(); ++i) first[i] += first[i - 1];
   sorted_.resize(candidates_.size());
   for (const Candidate& candidate : candidates_) sorted_[first[keyOf(candidate)]++] = candidate;
-  if (sorted_.size() > kFewCandidates) sorted_.resize(sorted_.size() / kCandidatesForEach);
+  candidates_.swap(sorted_);
 }
 
-void BatchSimplifier::collapseCandidates(const CancelFlag* cancel, const MeshBatch& batch) {
-  constexpr std::size_t kBetweenLooks = 1024;
-  for (std::size_t i = 0; i < sorted_.size(); ++i) {
+void BatchSimplifier::collapseCheapest(const CancelFlag* cancel, const MeshBatch& batch) {
+  std::size_t turns = candidates_.size();
+  if (turns > kFewCandidates) turns /= kCandidatesForEach;
+  for (std::size_t i = 0; i < turns; ++i) {
     if (cancel != nullptr && i % kBetweenLooks == 0) cancel->check();
-    const std::uint32_t corner = sorted_[i].corner;
-    if (!table_.isAlive(CornerTable::triangleOf(corner))) continue;
-    if (vertices_[table_.vertex(corner)].touched == round_ ||
-        vertices_[table_.vertex(CornerTable::next(corner))].touched == round_)
-      continue;
-    if (collapse(corner, batch)) continue;
+    const std::uint32_t corner = candidates_[i].corner;
+    if (!isUntouched(candidates_[i]) || collapseEdge(corner, batch)) continue;
     const std::uint32_t facing = CornerTable::previous(corner);
-    table_.mark(std::min(facing, table_.opposite(facing)), true);
+    table_.mark(std::min(facing, table_.opposite(facing)), CornerTable::Mark::kFailed, true);
   }
+  candidates_.erase(candidates_.begin(), candidates_.begin() + static_cast<std::ptrdiff_t>(turns));
 }
 
-glm::vec3 BatchSimplifier::voxelsOf(const glm::vec3& position) const {
-  return glm::clamp(space_.to_voxels * position + center_, lower_, upper_);
+// Edges at vertices that this round changed have no cost that counts.
+void BatchSimplifier::keepUntouched() {
+  std::erase_if(candidates_, [&](const Candidate& candidate) { return !isUntouched(candidate); });
 }
 
-bool BatchSimplifier::collapse(std::uint32_t corner, const MeshBatch& batch) {
+bool BatchSimplifier::collapseEdge(std::uint32_t corner, const MeshBatch& batch) {
   const std::uint32_t gone_vertex = table_.vertex(corner);
   const std::uint32_t kept_vertex = table_.vertex(CornerTable::next(corner));
   const Vertex& gone = vertices_[gone_vertex];
@@ -166,66 +237,67 @@ bool BatchSimplifier::collapse(std::uint32_t corner, const MeshBatch& batch) {
   Quadric quadric = gone.quadric;
   quadric.moveCenter(-to_gone);
   quadric += kept.quadric;
-  const glm::vec3 place =
-      kept.is_fixed
-          ? kept.position
-          : space_.to_space * (voxelsOf(kept.position + bestPlace(quadric, to_gone)) - center_);
-  if (!findRegion(corner, place)) return false;
-  if (region_.is_open && !keepsOthersApart(corner, batch)) return false;
-  if (!bound_.follow(region_, deviations_, space_.distance)) return false;
-  table_.collapse(corner);
+  const glm::vec3 place = kept.is_fixed
+                              ? kept.position
+                              : positionOf(voxelsOf(kept.position + bestPlace(quadric, to_gone)));
+  if (!region_.findEdge(table_, corner, kept.is_fixed)) return false;
+  if (kept.is_fixed && !keepsOthersApart(corner, batch)) return false;
+  if (!mayCollapse(place, deviations_, 1)) return false;
+  touched_[gone_vertex] = round_;
+  if (!kept.is_fixed) normals_[kept_vertex] += normals_[gone_vertex];
   quadric.moveCenter(place - kept.position);
   kept.quadric = quadric;
-  kept.position = place;
-  if (!kept.is_fixed) normals_[kept_vertex] += normals_[gone_vertex];
-  kept.touched = round_;
-  for (int i = 0; i < region_.sides(); ++i) {
-    const std::uint32_t t = region_.old_triangles[i];
-    deviations_[t] = bound_.deviation(i);
-    for (std::uint32_t c = CornerTable::firstCorner(t), end = c + 3; c < end; ++c)
-      table_.mark(std::min(c, table_.opposite(c)), false);
-  }
+  collapseRegion(kept_vertex, place);
+  costAgainAround();
   return true;
 }
 
-bool BatchSimplifier::findRegion(std::uint32_t corner, const glm::vec3& place) {
-  const std::uint32_t at_kept = CornerTable::next(corner);
-  const std::uint32_t beyond = table_.opposite(CornerTable::previous(corner));
-  const std::uint32_t left = CornerTable::triangleOf(corner),
-                      right = CornerTable::triangleOf(beyond);
-  const Vertex& kept = vertices_[table_.vertex(at_kept)];
-  region_.is_open = kept.is_fixed;
-  region_.gone = vertices_[table_.vertex(corner)].position - place;
-  region_.kept = kept.position - place;
-  int count = 0;
-  const auto add = [&](std::uint32_t at) {
-    ring_[count] = table_.vertex(at);
-    region_.ring[count] = vertices_[ring_[count]].position - place;
-    ++count;
+// The costs of all edges at the vertex have changed; those around it may be tried once more.
+void BatchSimplifier::costAgainAround() {
+  const auto corners = std::span(region_.corners).first(static_cast<std::size_t>(region_.sides()));
+  for (const std::uint32_t at : corners) {
+    const std::uint32_t across = std::min(at, table_.opposite(at));
+    if (table_.isMarked(across, CornerTable::Mark::kFailed)) costAgain(across);
+    costAgain(CornerTable::next(at));
+    costAgain(CornerTable::previous(at));
+  }
+  if (!region_.is_open) return;
+  std::uint32_t at = table_.left(corners.back());
+  for (; at != kNone && at != corners.front(); at = table_.left(at))
+    costAgain(CornerTable::previous(at));
+  if (at != kNone) return;
+  for (at = table_.right(corners.front()); at != kNone; at = table_.right(at))
+    costAgain(CornerTable::next(at));
+}
+
+void BatchSimplifier::costAgain(std::uint32_t facing) {
+  const std::uint32_t edge = std::min(facing, table_.opposite(facing));
+  table_.mark(edge, CornerTable::Mark::kFailed, false);
+  if (table_.isMarked(edge, CornerTable::Mark::kWaits)) return;
+  table_.mark(edge, CornerTable::Mark::kWaits, true);
+  to_cost_.push_back(edge);
+}
+
+bool BatchSimplifier::mayCollapse(const glm::vec3& place, std::span<const Deviation> deviations,
+                                  float part) {
+  const auto set = [&](int point) {
+    region_.setPlace(point, vertices_[region_.vertices[point]].position - place);
   };
-  add(CornerTable::previous(corner));
-  for (std::uint32_t at = table_.left(corner); CornerTable::triangleOf(at) != right;
-       at = table_.left(at)) {
-    if (count == CollapseRegion::kMostRing) return false;
-    region_.old_triangles[count - 1] = CornerTable::triangleOf(at);
-    add(CornerTable::previous(at));
-  }
-  region_.last_of_gone = count - 1;
-  if (count < 2) return false;
-  if (!region_.is_open) {
-    std::uint32_t at = table_.left(CornerTable::next(beyond));
-    if (CornerTable::triangleOf(at) == left) return false;
-    for (;; add(CornerTable::previous(at)), at = table_.left(at)) {
-      region_.old_triangles[count - 1] = CornerTable::triangleOf(at);
-      if (CornerTable::triangleOf(table_.left(at)) == left) break;
-      if (count == CollapseRegion::kMostRing) return false;
-    }
-    if (count < 3) return false;
-  }
-  region_.count = count;
-  region_.old_triangles[region_.sides()] = left;
-  region_.old_triangles[region_.sides() + 1] = right;
-  return true;
+  for (int i = 0; i < region_.ring; ++i) set(i);
+  for (int i = 0; i < region_.inner; ++i) set(CollapseRegion::kFirstInner + i);
+  return bound_.follow(region_, deviations, part * space_.distance);
+}
+
+void BatchSimplifier::collapseRegion(std::uint32_t vertex, const glm::vec3& place) {
+  region_.replace(table_, vertex);
+  vertices_[vertex].position = place;
+  touched_[vertex] = round_;
+  for (int i = 0; i < region_.sides(); ++i)
+    deviations_[CornerTable::triangleOf(region_.corners[i])] = bound_.deviation(i);
+}
+
+glm::vec3 BatchSimplifier::voxelsOf(const glm::vec3& position) const {
+  return glm::clamp(space_.to_voxels * position + center_, lower_, upper_);
 }
 
 // Other bricks may have a side of a uniform brick only if both its vertices lie in one face of the
@@ -243,12 +315,13 @@ bool BatchSimplifier::keepsOthersApart(std::uint32_t corner, const MeshBatch& ba
   const std::uint32_t at_kept = CornerTable::next(corner);
   const std::uint32_t kept = table_.vertex(at_kept);
   const std::span new_neighbours =
-      std::span(ring_).subspan(1, static_cast<std::size_t>(region_.last_of_gone) - 1);
+      std::span(region_.vertices).subspan(1, static_cast<std::size_t>(region_.ring) - 2);
   if (new_neighbours.empty()) {
     const std::uint32_t facing = table_.opposite(table_.left(corner));
     if (facing != kNone) return table_.vertex(facing) != kept;
-    return !(mayBeElsewhere(batch, kept, ring_[0]) && mayBeElsewhere(batch, kept, ring_[1]) &&
-             mayBeElsewhere(batch, ring_[0], ring_[1]));
+    return !(mayBeElsewhere(batch, kept, region_.vertices[0]) &&
+             mayBeElsewhere(batch, kept, region_.vertices[1]) &&
+             mayBeElsewhere(batch, region_.vertices[0], region_.vertices[1]));
   }
   const auto isNew = [&](std::uint32_t vertex) {
     return std::ranges::find(new_neighbours, vertex) == new_neighbours.end();
@@ -264,12 +337,13 @@ bool BatchSimplifier::keepsOthersApart(std::uint32_t corner, const MeshBatch& ba
 
 void BatchSimplifier::write(MeshBatch& batch) {
   std::size_t corners = 0;
-  for (const std::uint32_t t : alive_)
-    for (std::uint32_t c = CornerTable::firstCorner(t), end = c + 3; c < end; ++c)
+  for (std::uint32_t t = 0; t < table_.triangles(); ++t)
+    for (std::uint32_t c = CornerTable::firstCorner(t), end = c + 3; c < end && table_.isAlive(t);
+         ++c)
       batch.triangles[corners++] = table_.vertex(c);
   batch.triangles.resize(corners);
   for (std::uint32_t v = 0; v < vertices_.size(); ++v) {
-    if (vertices_[v].touched == 0 || vertices_[v].is_fixed) continue;
+    if (touched_[v] == 0 || vertices_[v].is_fixed) continue;
     batch.positions[v] = voxelsOf(vertices_[v].position);
     const float length = std::sqrt(glm::dot(normals_[v], normals_[v]));
     if (length > 0) batch.normals[v] = normals_[v] / length;

@@ -1,12 +1,13 @@
 // Fewer triangles for what one brick adds to a mesh, within a distance of it.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <glm/mat3x3.hpp>
 #include <glm/vec3.hpp>
+#include <span>
 #include <vector>
 
+#include "isobrick/extract/simplify/collapse_region.h"
 #include "isobrick/extract/simplify/corner_table.h"
 #include "isobrick/extract/simplify/deviation.h"
 #include "isobrick/extract/simplify/edge_costs.h"
@@ -29,10 +30,12 @@ struct SimplifySpace {
 // Simplifies batches one after the other, with memory that goes round. The result depends on the
 // batch alone.
 //
-// Edges collapse, those first that change the sum of squared distances to the finest triangles
-// least, to the place where it is least (Garland and Heckbert 1997). An edge that might bring
-// a point further from where it was than the distance does not collapse (DeviationBound). Vertices
-// that other batches have among them, and those at borders, never move, so batches fit each other.
+// Vertices become one at the place where the sum of squared distances to the finest triangles is
+// least, if it is small (Garland and Heckbert 1997): at first a vertex and its neighbours where the
+// surface is nearly flat, then both ends of an edge, those of the least sum before others. They
+// stay apart if a point might come further from where it was than the distance (DeviationBound).
+// Vertices that other batches have among them, and those at borders, never move, so batches fit
+// each other.
 class BatchSimplifier {
  public:
   // Afterwards no point of the batch is further than the distance from what it was, and no point of
@@ -44,30 +47,54 @@ class BatchSimplifier {
  private:
   struct Candidate {
     float cost;
+    std::uint32_t gone, kept;  // vertices
     std::uint32_t corner;  // of the vertex that goes; the next one is that of the one that stays
   };
   // What is needed together lies in one line of the cache.
   struct alignas(64) Vertex {
-    Quadric quadric;            // about the position
-    glm::vec3 position{0.0f};   // in space, from the center
-    std::uint32_t touched = 0;  // the round in which it last changed
+    Quadric quadric;           // about the position
+    glm::vec3 position{0.0f};  // in space, from the center
     bool is_shared = false;
     bool is_fixed = false;
     bool is_broken = false;  // no surface there
+    bool was_tried = false;  // as the center of a star
   };
   static_assert(sizeof(Vertex) == 64);
 
   void begin(const SimplifySpace& space, const MeshBatch& batch);
   void addPlanes();
-  void findCandidates();
+
+  // Those of vertices that no other star has changed, in the order of the triangles.
+  void collapseStars(const CancelFlag* cancel);
+  void collapseStar(std::uint32_t corner);
+
+  // In rounds. A candidate keeps its cost as long as nothing changes at its ends.
+  void collapseEdges(const CancelFlag* cancel, const MeshBatch& batch);
+  void findEdges();
+  void addCandidates();
   void sortCandidates();
-  void collapseCandidates(const CancelFlag* cancel, const MeshBatch& batch);
-  bool collapse(std::uint32_t corner, const MeshBatch& batch);
+  void collapseCheapest(const CancelFlag* cancel, const MeshBatch& batch);
+  bool collapseEdge(std::uint32_t corner, const MeshBatch& batch);
+  void keepUntouched();
+  // Whether the edge is there and this round has not changed its ends.
+  bool isUntouched(const Candidate& edge) const {
+    return touched_[edge.gone] != round_ && touched_[edge.kept] != round_;
+  }
   // The corner whose vertex goes: the corner itself, or that at the other end of its edge.
   std::uint32_t cornerThatGoes(std::uint32_t corner) const;
+  // The edge that the corner faces; all that the collapse of the region changes.
+  void costAgain(std::uint32_t facing);
+  void costAgainAround();
+
+  // The region, with that place for the vertex that remains, comes no further than `part` of the
+  // distance. `deviations`: of triangles so far; empty if these are the finest.
+  bool mayCollapse(const glm::vec3& place, std::span<const Deviation> deviations, float part);
+  void collapseRegion(std::uint32_t vertex, const glm::vec3& place);
+  glm::vec3 positionOf(const glm::vec3& voxels) const {
+    return space_.to_space * (voxels - center_);
+  }
   // A position in voxels, in the box of the batch.
   glm::vec3 voxelsOf(const glm::vec3& position) const;
-  bool findRegion(std::uint32_t corner, const glm::vec3& place);
   bool mayBeElsewhere(const MeshBatch& batch, std::uint32_t a, std::uint32_t b) const;
   bool keepsOthersApart(std::uint32_t corner, const MeshBatch& batch) const;
   void write(MeshBatch& batch);
@@ -76,14 +103,15 @@ class BatchSimplifier {
   glm::vec3 lower_{0.0f}, upper_{0.0f}, center_{0.0f};  // of the batch, in voxels
   CornerTable table_;
   std::vector<Vertex> vertices_;
-  std::vector<glm::vec3> normals_;     // of vertices: sums, by area
-  std::vector<Deviation> deviations_;  // of triangles
+  std::vector<std::uint32_t> touched_;  // of vertices: the round in which it last changed or went
+  std::vector<glm::vec3> normals_;      // of vertices: sums, by area
+  std::vector<Deviation> deviations_;   // of triangles
   std::vector<Candidate> candidates_, sorted_;
-  std::vector<std::uint32_t> alive_, numbers_;
+  std::vector<std::uint32_t> to_cost_;  // edges without a cost: a corner that faces each
+  std::vector<std::uint32_t> numbers_;
   std::uint32_t round_ = 0;
   EdgeBlock edges_;
   CollapseRegion region_;
-  std::array<std::uint32_t, CollapseRegion::kMostRing> ring_;  // vertices
   DeviationBound bound_;
   SmallComponents small_;
 };

@@ -1,5 +1,7 @@
 #include "isobrick/extract/simplify/corner_table.h"
 
+#include <algorithm>
+
 namespace isobrick {
 
 void CornerTable::set(std::span<const std::uint32_t> triangles, std::size_t vertices) {
@@ -16,74 +18,58 @@ void CornerTable::set(std::span<const std::uint32_t> triangles, std::size_t vert
   for (std::uint32_t t = this->triangles(); t-- > 0;)
     for (std::uint32_t c = firstCorner(t) + 3; c-- > firstCorner(t);)
       around_[--first_[vertex(c)]] = c;
-  findOpposites();
-  findRings();
+  rings_.resize(vertices);
+  for (std::uint32_t v = 0; v < vertices; ++v) rings_[v] = joinAround(v);
 }
 
-void CornerTable::findOpposites() {
-  rings_.assign(first_.size() - 1, Ring::kClosed);
-  struct Side {
-    std::uint32_t to, back;  // the next vertex after the one in the middle, and the one before it
+// Each triangle has a side from the vertex in the middle to its next one, and a side back from the
+// one before. The next triangle clockwise comes back where this one goes.
+CornerTable::Ring CornerTable::joinAround(std::uint32_t middle) {
+  const std::span around = cornersOf(middle);
+  const auto count = static_cast<std::uint32_t>(around.size());
+  if (count == 0) return Ring::kClosed;
+  around_one_.resize(count);
+  for (std::uint32_t i = 0; i < count; ++i)
+    around_one_[i] = {vertex(next(around[i])), vertex(previous(around[i]))};
+  bool is_ring = true;
+  for (Around& one : around_one_) {
+    std::uint32_t opposed = 0;
+    for (std::uint32_t j = 0; j < count; ++j) {
+      const bool is_opposed = around_one_[j].back == one.to;
+      opposed += std::uint32_t{is_opposed};
+      one.clockwise = is_opposed ? j : one.clockwise;
+    }
+    is_ring = is_ring && opposed == 1;
+  }
+  // As a rule all are one ring, and then no side is there twice.
+  std::uint32_t at = 0, seen = 0;
+  for (; is_ring && seen < count && (seen == 0 || at != 0); ++seen) at = around_one_[at].clockwise;
+  const Ring ring = seen == count && at == 0 ? Ring::kClosed : joinStrip();
+  for (std::uint32_t i = 0; i < count; ++i)
+    if (const std::uint32_t other = around_one_[i].clockwise; other != kNone)
+      facing(previous(around[i])) = next(around[other]);
+  return ring;
+}
+
+// Leaves only what may be joined.
+CornerTable::Ring CornerTable::joinStrip() {
+  const auto countOf = [&](std::uint32_t Around::*side, std::uint32_t vertex) {
+    return std::ranges::count(around_one_, vertex, side);
   };
-  std::vector<Side> sides;
-  for (std::uint32_t from = 0; from < rings_.size(); ++from) {
-    const std::span around =
-        std::span(around_).subspan(first_[from], first_[from + 1] - first_[from]);
-    sides.clear();
-    for (const std::uint32_t at : around) sides.push_back({vertex(next(at)), vertex(previous(at))});
-    for (std::size_t i = 0; i < sides.size(); ++i) {
-      // The side goes from `from` to `to` here, so in the other triangle `to` comes first.
-      const std::uint32_t to = sides[i].to;
-      std::size_t other = 0;
-      int same = 0, opposed = 0;
-      for (std::size_t j = 0; j < sides.size(); ++j) {
-        if (sides[j].back == to) other = j;
-        opposed += sides[j].back == to;
-        same += sides[j].to == to;
-      }
-      if (opposed == 1 && same == 1)
-        join(previous(around[i]), next(around[other]));
-      else if (opposed + same > 1)
-        rings_[from] = rings_[to] = Ring::kBroken;
-    }
+  bool is_broken = false;
+  for (Around& one : around_one_) {
+    const auto along = countOf(&Around::to, one.to), opposed = countOf(&Around::back, one.to);
+    is_broken = is_broken || along > 1 || opposed > 1 || countOf(&Around::back, one.back) > 1;
+    if (along != 1 || opposed != 1) one.clockwise = kNone;
   }
-}
-
-void CornerTable::findRings() {
-  for (std::uint32_t vertex = 0; vertex < rings_.size(); ++vertex) {
-    const std::uint32_t count = first_[vertex + 1] - first_[vertex];
-    if (count == 0 || rings_[vertex] == Ring::kBroken) continue;
-    const std::uint32_t start = around_[first_[vertex]];
-    std::uint32_t seen = 1;
-    std::uint32_t at = left(start);
-    for (; at != kNone && at != start && seen <= count; at = left(at)) ++seen;
-    if (at == kNone) {
-      rings_[vertex] = Ring::kOpen;
-      for (at = right(start); at != kNone && seen <= count; at = right(at)) ++seen;
-    }
-    if (seen != count) rings_[vertex] = Ring::kBroken;
-  }
-}
-
-void CornerTable::join(std::uint32_t corner, std::uint32_t other) {
-  if (corner != kNone) facing(corner) = other;
-  if (other != kNone) facing(other) = corner;
-}
-
-// The two sides that have the corner become one.
-void CornerTable::removeTriangle(std::uint32_t corner) {
-  join(opposite(next(corner)), opposite(previous(corner)));
-}
-
-void CornerTable::collapse(std::uint32_t corner) {
-  const std::uint32_t beyond = opposite(previous(corner));
-  const std::uint32_t target = vertex(next(corner));
-  for (std::uint32_t at = left(corner); at != corner; at = left(at))
-    triangles_[at / 4].vertices[at & 3] = target;
-  // At the corners that face the edge both triangles fold together.
-  removeTriangle(previous(corner));
-  removeTriangle(beyond);
-  for (const std::uint32_t of : {corner, beyond}) triangles_[triangleOf(of)].vertices[0] = kNone;
+  if (is_broken) return Ring::kBroken;
+  // A strip begins with the one whose side back no other goes. What does not follow is apart.
+  const auto first = std::ranges::find_if(
+      around_one_, [&](const Around& one) { return countOf(&Around::to, one.back) == 0; });
+  if (first == around_one_.end()) return Ring::kBroken;
+  std::size_t seen = 1;
+  for (std::uint32_t at = first->clockwise; at != kNone; at = around_one_[at].clockwise) ++seen;
+  return seen == around_one_.size() ? Ring::kOpen : Ring::kBroken;
 }
 
 }  // namespace isobrick

@@ -57,19 +57,27 @@ class CornerTable {
     return std::span(around_).subspan(first_[vertex], first_[vertex + 1] - first_[vertex]);
   }
 
-  // Collapses the edge from the corner's vertex to that of the next corner: all that remains has
-  // the latter. Both triangles at the edge are then no more; the caller has seen that what remains
-  // is a surface.
-  void collapse(std::uint32_t corner);
+  // What makes other triangles of these. The caller sees to it that the table stays consistent.
+  void setVertex(std::uint32_t corner, std::uint32_t vertex) {
+    triangles_[corner / 4].vertices[corner & 3] = vertex;
+  }
+  // The corners face each other from now on. One may be kNone.
+  void join(std::uint32_t corner, std::uint32_t other) {
+    if (corner != kNone) facing(corner) = other;
+    if (other != kNone) facing(other) = corner;
+  }
+  void remove(std::uint32_t triangle) { triangles_[triangle].vertices[0] = kNone; }
   bool isAlive(std::uint32_t triangle) const { return triangles_[triangle].vertices[0] != kNone; }
 
-  // A mark for each corner, which means what the caller likes; none has one at the beginning.
-  bool isMarked(std::uint32_t corner) const {
-    return (triangles_[corner / 4].marks >> (corner & 3) & 1) != 0;
+  // Marks of corners mean what the caller likes; none has one at the beginning.
+  enum class Mark : std::uint8_t { kFailed = 0, kWaits = 4 };
+  bool isMarked(std::uint32_t corner, Mark mark) const {
+    return (triangles_[corner / 4].marks >> bitOf(corner, mark) & 1) != 0;
   }
-  void mark(std::uint32_t corner, bool is_marked) {
+  void mark(std::uint32_t corner, Mark mark, bool is_marked) {
     std::uint32_t& marks = triangles_[corner / 4].marks;
-    marks = (marks & ~(1u << (corner & 3))) | (std::uint32_t{is_marked} << (corner & 3));
+    marks =
+        (marks & ~(1u << bitOf(corner, mark))) | (std::uint32_t{is_marked} << bitOf(corner, mark));
   }
   std::uint32_t triangles() const { return static_cast<std::uint32_t>(triangles_.size()); }
 
@@ -77,20 +85,27 @@ class CornerTable {
   // Together, since all are needed at the same time.
   struct alignas(32) Triangle {
     std::array<std::uint32_t, 3> vertices, opposites;  // of corners
-    std::uint32_t marks = 0;                           // a bit for each corner
+    std::uint32_t marks = 0;                           // bits by mark and corner
   };
 
+  static std::uint32_t bitOf(std::uint32_t corner, Mark mark) {
+    return (corner & 3) + static_cast<std::uint32_t>(mark);
+  }
   std::uint32_t& facing(std::uint32_t corner) {
     return triangles_[corner / 4].opposites[corner & 3];
   }
-  void findOpposites();
-  void findRings();
-  void join(std::uint32_t corner, std::uint32_t other);
-  void removeTriangle(std::uint32_t corner);
+  // A triangle around a vertex: its two other vertices, and the next triangle clockwise.
+  struct Around {
+    std::uint32_t to, back, clockwise = kNone;
+  };
+  // Joins the triangles around a vertex, and says what they make.
+  Ring joinAround(std::uint32_t middle);
+  Ring joinStrip();
 
   std::vector<Triangle> triangles_;
   std::vector<std::uint32_t> first_, around_;  // of each vertex: its corners at the beginning
   std::vector<Ring> rings_;                    // of vertices, at the beginning
+  std::vector<Around> around_one_;
 };
 
 }  // namespace isobrick

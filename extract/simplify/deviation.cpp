@@ -4,6 +4,7 @@
 #include <bit>
 #include <cmath>
 #include <glm/geometric.hpp>
+#include <utility>
 
 namespace isobrick {
 namespace {
@@ -12,178 +13,181 @@ namespace {
 constexpr float kLeastCosineSquared = 0.01f;
 // So much of the ring's extent, squared, is no area: slivers of the finest surface are rounded.
 constexpr float kNoArea = 1e-7f;
-// An end within this of the new place, as a part of the ring's extent, lies there.
+// An inner vertex within this of the new place, as a part of the ring's extent, lies there.
 constexpr float kNoLength = 1e-5f;
 
-float turn(const glm::vec2& a, const glm::vec2& b) { return a.x * b.y - a.y * b.x; }
+// Calls it with `count` numbers from `first` on and as many more as make blocks of four, which the
+// compiler computes at once.
+template <typename Function>
+void inFours(int first, int count, Function function) {
+  for (int i = first; i < first + count; i += 4)
+    for (int k = i; k < i + 4; ++k) function(k);
+}
 
 }  // namespace
 
 bool DeviationBound::follow(const CollapseRegion& region, std::span<const Deviation> deviations,
                             float most) {
   if (!project(region) || !areRightWayRound(region)) return false;
-  const int sides = region.sides();
-  std::fill_n(least_.begin(), sides, 0.0f);
-  std::fill_n(most_.begin(), sides, 0.0f);
-  for (int i = 0; i < sides; ++i) overlap_[i] = 1u << i;
-  if (!place(region, gone_)) return false;
-  moveAtEnd(region, gone_);
-  kept_.is_center = region.is_open;
-  if (!region.is_open) {
-    if (!place(region, kept_)) return false;
-    moveAtEnd(region, kept_);
-    moveAtCenter(region);
+  std::fill_n(least_.begin(), region.sides(), 0.0f);
+  std::fill_n(most_.begin(), region.sides(), 0.0f);
+  for (int i = 0; i < region.sides(); ++i) overlap_[i] = std::uint64_t{1} << i;
+  for (int i = 0; i < region.inner; ++i) {
+    if (!locate(region, kFirstInner + i, inner_[i])) return false;
+    moveAtInner(region, kFirstInner + i, inner_[i]);
   }
-  if (!moveAlongEdges(region)) return false;
-  for (int i = 0; i < sides; ++i) {
-    Deviation& all = new_[i];
-    std::uint32_t old = overlap_[i];
-    all = deviations[region.old_triangles[std::countr_zero(old)]];
-    for (old &= old - 1; old != 0; old &= old - 1)
-      all.join(deviations[region.old_triangles[std::countr_zero(old)]]);
-    all.extend(normal_, least_[i], most_[i]);
-    if (!(all.squaredLength() <= most * most)) return false;
-  }
-  return true;
+  if (!region.is_open && !moveAtCenter(region)) return false;
+  for (int i = 0; i < region.edges; ++i)
+    if (!moveAlong(region, region.between[i])) return false;
+  return findDeviations(region, deviations, most);
 }
 
 bool DeviationBound::project(const CollapseRegion& region) {
+  const auto& [px, py, pz] = region.places;
   glm::vec3 area(0.0f);
-  for (int i = 0; i < region.sides(); ++i)
-    area += glm::cross(region.ring[i], region.ring[region.after(i)]);
+  for (int i = 0; i < region.sides(); ++i) {
+    const int j = i + 1 == region.ring ? 0 : i + 1;
+    area.x += py[i] * pz[j] - pz[i] * py[j];
+    area.y += pz[i] * px[j] - px[i] * pz[j];
+    area.z += px[i] * py[j] - py[i] * px[j];
+  }
   const float squared = glm::dot(area, area);
   if (!(squared > 0)) return false;
   normal_ = area / std::sqrt(squared);
   // An orthonormal basis without branches (Duff et al. 2017).
-  const float sign = std::copysign(1.0f, normal_.z);
-  const float a = -1.0f / (sign + normal_.z), b = normal_.x * normal_.y * a;
-  const glm::vec3 x(1.0f + sign * normal_.x * normal_.x * a, sign * b, -sign * normal_.x);
-  const glm::vec3 y(b, sign + normal_.y * normal_.y * a, -normal_.y);
-  const auto put = [&](const glm::vec3& p, glm::vec2& at, float& height) {
-    at = {glm::dot(p, x), glm::dot(p, y)};
-    height = glm::dot(p, normal_);
+  const glm::vec3 z = normal_;
+  const float sign = std::copysign(1.0f, z.z);
+  const float a = -1.0f / (sign + z.z), b = z.x * z.y * a;
+  const glm::vec3 x(1.0f + sign * z.x * z.x * a, sign * b, -sign * z.x);
+  const glm::vec3 y(b, sign + z.y * z.y * a, -z.y);
+  const auto put = [&](int i) {
+    x_[i] = px[i] * x.x + py[i] * x.y + pz[i] * x.z;
+    y_[i] = px[i] * y.x + py[i] * y.y + pz[i] * y.z;
+    heights_[i] = px[i] * z.x + py[i] * z.y + pz[i] * z.z;
   };
-  squared_extent_ = 0;
-  for (int i = 0; i < region.count; ++i) {
-    put(region.ring[i], at_[i], heights_[i]);
-    squared_extent_ = std::max(squared_extent_, glm::dot(at_[i], at_[i]));
-  }
-  put(region.gone, gone_.at, gone_.height);
-  put(region.kept, kept_.at, kept_.height);
+  inFours(0, region.ring, put);
+  inFours(kFirstInner, region.inner, put);
+  // The first one again behind the last.
+  x_[region.ring] = x_[0];
+  y_[region.ring] = y_[0];
+  heights_[region.ring] = heights_[0];
+  inFours(0, region.ring, [&](int i) { squares_[i] = x_[i] * x_[i] + y_[i] * y_[i]; });
+  squared_extent_ = *std::max_element(squares_.begin(), squares_.begin() + region.ring);
   return true;
 }
 
 bool DeviationBound::areRightWayRound(const CollapseRegion& region) {
-  const float least = -kNoArea * squared_extent_;
-  for (int i = 0; i < region.sides(); ++i) {
-    const int j = region.after(i);
-    turns_[i] = turn(at_[i], at_[j]);
-    if (!(turns_[i] > -least)) return false;
-    const float tilt_x = at_[i].y * heights_[j] - heights_[i] * at_[j].y;
-    const float tilt_y = heights_[i] * at_[j].x - at_[i].x * heights_[j];
-    if (turns_[i] * turns_[i] * (1 - kLeastCosineSquared) <
-        kLeastCosineSquared * (tilt_x * tilt_x + tilt_y * tilt_y))
-      return false;
-    const glm::vec2& old = i < region.last_of_gone ? gone_.at : kept_.at;
-    if (turn(at_[i] - old, at_[j] - old) < least) return false;
+  const float least = kNoArea * squared_extent_;
+  OfPoints<std::uint32_t> is_wrong;
+  inFours(0, region.sides(), [&](int i) {
+    const float area = x_[i] * y_[i + 1] - y_[i] * x_[i + 1];
+    const float tilt_x = y_[i] * heights_[i + 1] - heights_[i] * y_[i + 1];
+    const float tilt_y = heights_[i] * x_[i + 1] - x_[i] * heights_[i + 1];
+    const bool is_flat = area * area * (1 - kLeastCosineSquared) >=
+                         kLeastCosineSquared * (tilt_x * tilt_x + tilt_y * tilt_y);
+    turns_[i] = area;
+    is_wrong[i] = std::uint32_t{!(area > least)} | std::uint32_t{!is_flat};
+  });
+  std::uint32_t wrong = 0;
+  for (int i = 0; i < region.sides(); ++i) wrong |= is_wrong[i];
+  if (wrong != 0) return false;
+  for (int i = 0; i < region.triangles; ++i) {
+    const auto [a, b, c] = region.old[i];
+    const float area = (x_[b] - x_[a]) * (y_[c] - y_[a]) - (y_[b] - y_[a]) * (x_[c] - x_[a]);
+    wrong |= std::uint32_t{!(area >= -least)};
   }
-  const glm::vec2 along = kept_.at - gone_.at;
-  return turn(along, at_[0] - gone_.at) >= least &&
-         turn(at_[region.last_of_gone] - gone_.at, along) >= least;
+  return wrong == 0;
 }
 
-// Finds the sector with the end. If there is another one, the ring goes round more than once.
-bool DeviationBound::place(const CollapseRegion& region, End& end) const {
-  for (int i = 0; i < region.count; ++i) end.turns[i] = turn(at_[i], end.at);
-  end.is_center = glm::dot(end.at, end.at) <= kNoLength * kNoLength * squared_extent_;
-  if (end.is_center) return true;
+// Finds the sector with the vertex. If there is another one, the ring goes round more than once.
+bool DeviationBound::locate(const CollapseRegion& region, int point, Inner& inner) const {
+  const float x = x_[point], y = y_[point];
+  inFours(0, region.ring, [&](int i) { inner.turns[i] = x_[i] * y - y_[i] * x; });
+  inner.turns[region.ring] = inner.turns[0];
+  inner.is_center = x * x + y * y <= kNoLength * kNoLength * squared_extent_;
+  if (inner.is_center) return true;
   int found = 0;
-  for (int i = 0; i < region.sides(); ++i)
-    if (end.turns[i] >= 0 && end.turns[region.after(i)] < 0) {
-      end.sector = i;
-      ++found;
-    }
+  inner.sector = 0;
+  for (int i = 0; i < region.sides(); ++i) {
+    const int is_here = int{inner.turns[i] >= 0} & int{inner.turns[i + 1] < 0};
+    found += is_here;
+    inner.sector += is_here * i;
+  }
   return found == 1;
 }
 
-void DeviationBound::moveAtEnd(const CollapseRegion& region, const End& end) {
-  if (end.is_center) {
-    for (int i = 0; i < region.sides(); ++i) move(i, -end.height);
+void DeviationBound::moveAtInner(const CollapseRegion& region, int point, const Inner& inner) {
+  if (inner.is_center) {
+    for (int i = 0; i < region.sides(); ++i) move(i, -heights_[point]);
     return;
   }
-  const int i = end.sector, j = region.after(i);
-  move(i, (end.turns[i] * heights_[j] - end.turns[j] * heights_[i]) / turns_[i] - end.height);
+  const int i = inner.sector;
+  const float height =
+      (inner.turns[i] * heights_[i + 1] - inner.turns[i + 1] * heights_[i]) / turns_[i];
+  move(i, height - heights_[point]);
 }
 
 // The height of the old triangle below the new place: the one of whose sides it lies on the left.
-void DeviationBound::moveAtCenter(const CollapseRegion& region) {
-  const auto heightOf = [](const glm::vec2& a, float a_height, const glm::vec2& b, float b_height,
-                           const glm::vec2& c, float c_height) {
+bool DeviationBound::moveAtCenter(const CollapseRegion& region) {
+  // Those that vanish lie in the middle, so they come first.
+  for (int n = 0; n < region.triangles; ++n) {
+    const auto [a, b, c] = region.old[(region.sides() + n) % region.triangles];
     const float at_a = turn(b, c), at_b = turn(c, a), at_c = turn(a, b);
-    return (at_a * a_height + at_b * b_height + at_c * c_height) / (at_a + at_b + at_c);
-  };
-  float height = 0;
-  bool is_found = false;
-  for (int i = 0; i < region.sides() && !is_found; ++i) {
-    const End& end = i < region.last_of_gone ? gone_ : kept_;
-    const int j = region.after(i);
-    if (end.turns[i] > 0 || end.turns[j] <= 0) continue;
-    height = heightOf(end.at, end.height, at_[i], heights_[i], at_[j], heights_[j]);
-    is_found = true;
+    if (at_a < 0 || at_b < 0 || at_c < 0 || !(at_a + at_b + at_c > 0)) continue;
+    const float height =
+        (at_a * heights_[a] + at_b * heights_[b] + at_c * heights_[c]) / (at_a + at_b + at_c);
+    for (int side = 0; side < region.sides(); ++side) move(side, -height);
+    return true;
   }
-  if (!is_found) {
-    const int third = turn(gone_.at, kept_.at) >= 0 ? 0 : region.last_of_gone;
-    height = heightOf(gone_.at, gone_.height, kept_.at, kept_.height, at_[third], heights_[third]);
-  }
-  for (int i = 0; i < region.sides(); ++i) move(i, -height);
+  return false;
 }
 
-bool DeviationBound::moveAlongEdges(const CollapseRegion& region) {
-  const std::uint32_t left = 1u << region.sides(), right = left << 1;  // the two at the edge
-  const auto bit = [](int i) { return 1u << i; };
-  const auto target = [&](int i) { return Target{at_[i], heights_[i], i, region.before(i)}; };
-  const int last = region.last_of_gone;
-  bool is_good = true;
-  if (!gone_.is_center)
-    for (int i = 0; i <= last; ++i)
-      is_good = is_good && moveAlong(region, gone_, target(i),
-                                     (i == 0 ? left : bit(i - 1)) | (i == last ? right : bit(i)));
-  if (!kept_.is_center) {
-    for (int i = last; i < region.count; ++i)
-      is_good =
-          is_good && moveAlong(region, kept_, target(i), (i == last ? right : bit(i - 1)) | bit(i));
-    is_good = is_good && moveAlong(region, kept_, target(0), bit(region.count - 1) | left);
-  }
-  if (!gone_.is_center && !kept_.is_center)
-    return is_good && moveAlong(region, gone_, {kept_.at, kept_.height, kept_.sector, kept_.sector},
-                                left | right);
-  // From the new place on it stays in one sector.
-  overlap_[(gone_.is_center ? kept_ : gone_).sector] |= left | right;
-  return is_good;
-}
-
-// Along an old edge, sector by sector. `beside`: the old triangles at it.
-bool DeviationBound::moveAlong(const CollapseRegion& region, const End& from, const Target& to,
-                               std::uint32_t beside) {
-  const bool is_left = turn(from.at, to.at) > 0;
-  int sector = from.sector;
+// Along an old edge, sector by sector.
+bool DeviationBound::moveAlong(const CollapseRegion& region, const CollapseRegion::Edge& edge) {
+  int from = edge.from, to = edge.to;
+  if (to >= kFirstInner && innerOf(from).is_center) std::swap(from, to);
+  if (innerOf(from).is_center) return true;
+  // A ring point lies between two sectors. To the new place the edge stays in one.
+  int last = to, other_last = region.before(to);
+  if (to >= kFirstInner) last = other_last = innerOf(innerOf(to).is_center ? from : to).sector;
+  const std::uint64_t beside = std::uint64_t{1} << edge.triangle | std::uint64_t{1} << edge.other;
+  const std::array<float, kMostRing + 4>& turns = innerOf(from).turns;
+  const bool is_left = turn(from, to) > 0;
+  int sector = innerOf(from).sector;
   overlap_[sector] |= beside;
-  for (int steps = 0; sector != to.sector && sector != to.other_sector; ++steps) {
-    const int ray = is_left ? region.after(sector) : sector;
-    const int next = is_left ? ray : region.before(sector);
-    if (next >= region.sides() || steps == region.count) return false;  // by rounding
-    const float before = from.turns[ray], after = turn(at_[ray], to.at);
-    if (before != after) {
-      const float part = before / (before - after);
-      const glm::vec2 at = from.at + part * (to.at - from.at);
-      const float height = from.height + part * (to.height - from.height);
-      const float along = glm::dot(at, at_[ray]) / glm::dot(at_[ray], at_[ray]);
+  for (int steps = 0; sector != last && sector != other_last; ++steps) {
+    const int after = sector + 1 == region.ring ? 0 : sector + 1;
+    const int ray = is_left ? after : sector;
+    const int next = is_left ? after : region.before(sector);
+    if (next >= region.sides() || steps == region.ring) return false;  // by rounding
+    const float begin = turns[ray], end = turn(ray, to);
+    if (begin != end) {
+      const float part = begin / (begin - end);
+      const float x = x_[from] + part * (x_[to] - x_[from]);
+      const float y = y_[from] + part * (y_[to] - y_[from]);
+      const float height = heights_[from] + part * (heights_[to] - heights_[from]);
+      const float along = (x * x_[ray] + y * y_[ray]) / squares_[ray];
       const float way = along * heights_[ray] - height;
       move(sector, way);
       move(next, way);
     }
     sector = next;
     overlap_[sector] |= beside;
+  }
+  return true;
+}
+
+bool DeviationBound::findDeviations(const CollapseRegion& region,
+                                    std::span<const Deviation> deviations, float most) {
+  const Direction direction(normal_);
+  for (int i = 0; i < region.sides(); ++i) {
+    Deviation all;
+    if (!deviations.empty())
+      for (std::uint64_t old = overlap_[i]; old != 0; old &= old - 1)
+        all.join(deviations[CornerTable::triangleOf(region.corners[std::countr_zero(old)])]);
+    all.extend(direction, least_[i], most_[i]);
+    if (!(all.squaredLength() <= most * most)) return false;
+    new_[i] = all;
   }
   return true;
 }

@@ -1,61 +1,55 @@
-// The distance that a surface moves when an edge of it collapses.
+// The distance that a surface moves when vertices of it become one.
 #pragma once
 
 #include <algorithm>
 #include <array>
 #include <cstdint>
-#include <glm/common.hpp>
-#include <glm/vec2.hpp>
 #include <glm/vec3.hpp>
 #include <span>
 
+#include "isobrick/extract/simplify/collapse_region.h"
+
 namespace isobrick {
 
-// All ways that points of a triangle may have come from the finest surface, as a box of vectors.
-struct Deviation {
-  glm::vec3 lower{0.0f}, upper{0.0f};
-
-  void join(const Deviation& other) {
-    lower = glm::min(lower, other.lower);
-    upper = glm::max(upper, other.upper);
+// A direction, and the one back: how far down and up each axis, in the order of Deviation::most.
+struct Direction {
+  explicit Direction(const glm::vec3& direction) {
+    for (int axis = 0; axis < 3; ++axis) {
+      along[axis] = back[4 + axis] = std::max(-direction[axis], 0.0f);
+      along[4 + axis] = back[axis] = std::max(direction[axis], 0.0f);
+    }
   }
-  // Goes on from each of them by `least` to `most` times the direction; least <= 0 <= most.
-  void extend(const glm::vec3& direction, float least, float most) {
-    lower += glm::min(least * direction, most * direction);
-    upper += glm::max(least * direction, most * direction);
+  alignas(16) std::array<float, 8> along{}, back{};
+};
+
+// All ways that points of a triangle may have come from the finest surface: a box of vectors.
+struct Deviation {
+  // How far down and up each axis: x, y and z down, nothing, x, y and z up, nothing. None is below
+  // 0.
+  alignas(16) std::array<float, 8> most{};
+
+  float lower(int axis) const { return -most[axis]; }
+  float upper(int axis) const { return most[4 + axis]; }
+  void join(const Deviation& other) {
+    for (int i = 0; i < 8; ++i) most[i] = std::max(most[i], other.most[i]);
+  }
+  // Goes on from each of them by `least` to `most_way` times the direction; least <= 0 <= most_way.
+  void extend(const Direction& direction, float least, float most_way) {
+    for (int i = 0; i < 8; ++i)
+      most[i] += most_way * direction.along[i] - least * direction.back[i];
   }
   // At least the square of the longest.
   float squaredLength() const {
-    const glm::vec3 most = glm::max(-lower, upper);
-    return most.x * most.x + most.y * most.y + most.z * most.z;
+    float sum = 0;
+    for (int axis = 0; axis < 3; ++axis) {
+      const float longest = std::max(most[axis], most[4 + axis]);
+      sum += longest * longest;
+    }
+    return sum;
   }
 };
 
-// The triangles around an edge that collapses, and those that take their place.
-//
-// The ring is the border of the old triangles, counter-clockwise: the third corner of the triangle
-// on the left of the edge first, then what is around the vertex that goes, to the third corner of
-// the triangle on the right, then what is around the vertex that stays. If the latter is fixed, the
-// ring is open: it ends with that third corner, and what is around the fixed vertex stays.
-//
-// Old triangle i lies between ring vertices i and i + 1, for i below sides(); then come the two at
-// the edge, the left one first. New triangle i has ring vertices i and i + 1 as well.
-struct CollapseRegion {
-  static constexpr int kMostRing = 28;
-
-  int count = 0;         // of the ring
-  int last_of_gone = 0;  // index in the ring of the third corner on the right
-  bool is_open = false;
-  std::array<glm::vec3, kMostRing> ring;  // relative to the new place of the vertex that stays
-  glm::vec3 gone{0.0f}, kept{0.0f};       // old places of both ends, likewise; kept is 0 if open
-  std::array<std::uint32_t, kMostRing + 2> old_triangles;  // numbers of the caller
-
-  int sides() const { return is_open ? count - 1 : count; }
-  int after(int i) const { return i + 1 == count ? 0 : i + 1; }
-  int before(int i) const { return i == 0 ? count - 1 : i - 1; }
-};
-
-// Follows old triangles to new ones.
+// Follows the old triangles of a region to the new ones.
 //
 // Along one direction, the mean normal, both lie over the same polygon of a plane, each once, if
 // all of them are the right way round; that is refused otherwise. Then this direction carries each
@@ -66,50 +60,50 @@ struct CollapseRegion {
 // and Olano 1997: successive mappings).
 class DeviationBound {
  public:
-  // The deviations of the new triangles, from those of all old ones; false if there is no such
-  // direction, or if one of them might be longer than `most`.
+  // Finds the deviations of the new triangles from those of the old ones, which are those of the
+  // triangles with the corners of the region; if there are none, old triangles are the finest ones.
+  // Returns false if there is no such direction, or if a deviation might be longer than `most`.
   bool follow(const CollapseRegion& region, std::span<const Deviation> deviations, float most);
   // The deviation of new triangle i, after follow() was true.
-  const Deviation& deviation(int i) const { return new_[static_cast<std::size_t>(i)]; }
+  const Deviation& deviation(int i) const { return new_[i]; }
 
  private:
   static constexpr int kMostRing = CollapseRegion::kMostRing;
-  // An end of the edge, seen from the new place.
-  struct End {
-    glm::vec2 at{0.0f};
-    float height = 0;
+  static constexpr int kMostInner = CollapseRegion::kMostInner;
+  static constexpr int kFirstInner = CollapseRegion::kFirstInner;
+  template <typename Value>
+  using OfPoints = std::array<Value, CollapseRegion::kMostPoints>;
+  // An inner vertex, seen from the new place.
+  struct Inner {
     int sector = 0;  // of the new triangle that it lies over
     bool is_center = false;
-    std::array<float, kMostRing> turns;  // from ring vertex i to it: above 0 counter-clockwise
-  };
-  // The other end of an old edge, in either of two sectors: those beside a ring vertex.
-  struct Target {
-    glm::vec2 at;
-    float height;
-    int sector, other_sector;
+    std::array<float, kMostRing + 4> turns;  // from ring point i to it: above 0 counter-clockwise
   };
 
   bool project(const CollapseRegion& region);
   bool areRightWayRound(const CollapseRegion& region);
-  bool place(const CollapseRegion& region, End& end) const;
+  bool locate(const CollapseRegion& region, int point, Inner& inner) const;
   // The ways at the vertices that only one of both has, and where edges cross.
-  void moveAtEnd(const CollapseRegion& region, const End& end);
-  void moveAtCenter(const CollapseRegion& region);
-  bool moveAlongEdges(const CollapseRegion& region);
-  bool moveAlong(const CollapseRegion& region, const End& from, const Target& to,
-                 std::uint32_t beside);
+  void moveAtInner(const CollapseRegion& region, int point, const Inner& inner);
+  bool moveAtCenter(const CollapseRegion& region);
+  bool moveAlong(const CollapseRegion& region, const CollapseRegion::Edge& edge);
+  bool findDeviations(const CollapseRegion& region, std::span<const Deviation> deviations,
+                      float most);
+  // The area, doubled, of the triangle with the new place; above 0 counter-clockwise.
+  float turn(int a, int b) const { return x_[a] * y_[b] - y_[a] * x_[b]; }
+  const Inner& innerOf(int point) const { return inner_[point - kFirstInner]; }
   void move(int sector, float way) {
     least_[sector] = std::min(least_[sector], way);
     most_[sector] = std::max(most_[sector], way);
   }
 
   glm::vec3 normal_{0.0f};
-  float squared_extent_ = 0;  // of the ring
-  std::array<glm::vec2, kMostRing> at_;
-  std::array<float, kMostRing> heights_, turns_;  // turns_[i]: from ring vertex i to the next
-  End gone_, kept_;
+  float squared_extent_ = 0;               // of the ring
+  OfPoints<float> x_{}, y_{}, heights_{};  // in the plane, and above it
+  OfPoints<float> squares_, turns_;        // of ring points: to the place, and to the next one
+  std::array<Inner, kMostInner> inner_;
   std::array<float, kMostRing> least_, most_;     // ways of each new triangle
-  std::array<std::uint32_t, kMostRing> overlap_;  // bit i: of each new one, old triangle i
+  std::array<std::uint64_t, kMostRing> overlap_;  // bit i: of each new one, old triangle i
   std::array<Deviation, kMostRing> new_;
 };
 

@@ -1,5 +1,5 @@
-// The bound of a collapse's deviation against samples of both surfaces: random rings of triangles,
-// each old one with a deviation of its own.
+// The bound of a collapse's deviation against samples of both surfaces: random edges and stars of
+// triangles, each old one with a deviation of its own.
 #include "isobrick/extract/simplify/deviation.h"
 
 #include <gtest/gtest.h>
@@ -25,44 +25,104 @@ struct Frame {
   }
 };
 
+// Triangles around what collapses, and what comes of them.
 struct Case {
-  CollapseRegion region;
+  std::vector<glm::vec3> places;           // of vertices; the new one is at the origin
+  std::vector<std::uint32_t> corners;      // three vertices a triangle
+  std::vector<Deviation> deviations;       // of triangles
+  std::vector<std::uint32_t> old_numbers;  // of triangles in the region
   std::vector<Triangle> old_triangles, new_triangles;
-  std::vector<Deviation> deviations;
+  CollapseRegion region;
+
+  void addTriangle(std::size_t a, std::size_t b, std::size_t c) {
+    for (const std::size_t v : {a, b, c}) corners.push_back(static_cast<std::uint32_t>(v));
+  }
 };
 
-class RandomRings {
+class RandomRegions {
  public:
-  explicit RandomRings(unsigned seed) : random_(seed) {}
+  explicit RandomRegions(unsigned seed) : random_(seed) {}
 
   float real(float low, float high) {
     return std::uniform_real_distribution<float>(low, high)(random_);
   }
   Case make() {
+    frame_ = randomFrame();
+    rough_ = real(0, 0.3f);
+    return real(0, 1) < 0.5f ? edge() : star();
+  }
+  // From a corner of the first vertex to the next one, which may stay where it is.
+  Case edge() {
     Case made;
-    CollapseRegion& region = made.region;
-    region.is_open = real(0, 1) < 0.4f;
-    region.count = static_cast<int>(real(3, 9.99f)) + (region.is_open ? 0 : 2);
-    region.last_of_gone = region.is_open ? region.count - 1 : region.count / 2;
-    const Frame frame = randomFrame();
-    const float rough = real(0, 0.3f);
-    // The edge runs to the left, so the ring begins below it. An open one is above its center.
-    const float begin = region.is_open ? 0.1f : -0.5f, around = region.is_open ? 0.9f : 2.0f;
-    for (int i = 0; i < region.count; ++i) {
-      const float part =
-          (static_cast<float>(i) + real(-0.3f, 0.3f)) / static_cast<float>(region.count);
-      const float angle = (begin + around * part) * std::numbers::pi_v<float>;
-      const float radius = real(0.7f, 1.3f);
-      region.ring[i] =
-          frame.point(radius * std::cos(angle), radius * std::sin(angle), real(-rough, rough));
-    }
-    if (region.is_open) {
-      region.gone = frame.point(real(-0.1f, 0.1f), real(0.2f, 0.4f), real(-rough, rough));
+    const bool is_open = real(0, 1) < 0.4f;
+    const int ring = static_cast<int>(real(3, 9.99f)) + (is_open ? 0 : 2);
+    const std::size_t gone = 0, kept = 1, first = 2;
+    if (is_open) {
+      made.places = {point(real(-0.1f, 0.1f), real(0.2f, 0.4f)), glm::vec3(0.0f)};
     } else {
-      region.gone = frame.point(real(0, 0.3f), real(-0.2f, 0.2f), real(-rough, rough));
-      region.kept = frame.point(real(-0.3f, 0), real(-0.2f, 0.2f), real(-rough, rough));
+      made.places = {point(real(0, 0.3f), real(-0.2f, 0.2f)),
+                     point(real(-0.3f, 0), real(-0.2f, 0.2f))};
     }
-    addTriangles(made);
+    // The edge runs to the left, so the ring begins below it. An open one is above its center.
+    const float begin = is_open ? 0.1f : -0.5f, around = is_open ? 0.9f : 2.0f;
+    for (int i = 0; i < ring; ++i) {
+      const float part = (static_cast<float>(i) + real(-0.3f, 0.3f)) / static_cast<float>(ring);
+      made.places.push_back(at(begin + around * part, real(0.7f, 1.3f)));
+    }
+    const auto count = static_cast<std::size_t>(ring);
+    const std::size_t last_of_gone = is_open ? count - 1 : count / 2;
+    made.addTriangle(gone, kept, first);
+    made.addTriangle(kept, gone, first + last_of_gone);
+    for (std::size_t i = 0; i < (is_open ? count - 1 : count); ++i)
+      made.addTriangle(i < last_of_gone ? gone : kept, first + i, first + (i + 1) % count);
+    const CornerTable table = tableOf(made);
+    EXPECT_TRUE(made.region.findEdge(table, 0, is_open));
+    finish(made);
+    return made;
+  }
+  // A vertex and 4 to 8 neighbours, around each of which the ring has up to two points of its own.
+  Case star() {
+    Case made;
+    const auto arms = static_cast<std::size_t>(real(4, 8.99f));
+    const auto after = [&](std::size_t arm) { return (arm + 1) % arms; };
+    made.places.push_back(point(real(-0.1f, 0.1f), real(-0.1f, 0.1f)));
+    const auto angleOf = [&](float arm) { return 2 * arm / static_cast<float>(arms); };
+    for (std::size_t arm = 0; arm < arms; ++arm)
+      made.places.push_back(
+          at(angleOf(static_cast<float>(arm) + real(-0.1f, 0.1f)), real(0.5f, 0.7f)));
+    // The ring point across the side before each arm; a neighbour of four has one for both sides.
+    std::vector<std::size_t> across(arms);
+    std::vector<bool> has_four(arms, false);
+    for (std::size_t arm = 1; arm + 1 < arms; ++arm)
+      has_four[arm] = arms > 5 && !has_four[arm - 1] && real(0, 1) < 0.2f;
+    for (std::size_t arm = 0; arm < arms; ++arm) {
+      const std::size_t before = (arm + arms - 1) % arms;
+      if (has_four[before]) {
+        across[arm] = across[before];
+        continue;
+      }
+      across[arm] = made.places.size();
+      const float place = static_cast<float>(arm) - (has_four[arm] ? 0.0f : 0.5f);
+      made.places.push_back(at(angleOf(place + real(-0.05f, 0.05f)), real(1.1f, 1.4f)));
+    }
+    for (std::size_t arm = 0; arm < arms; ++arm) {
+      const std::size_t v = 1 + arm, next = 1 + after(arm);
+      made.addTriangle(0, v, next);
+      made.addTriangle(next, v, across[after(arm)]);
+      const int own = has_four[arm] ? 0 : static_cast<int>(real(0, 2.99f));
+      std::size_t last = across[arm];
+      for (int i = 1; i <= own; ++i) {
+        const float part = static_cast<float>(i) / static_cast<float>(own + 1) - 0.5f;
+        made.places.push_back(at(angleOf(static_cast<float>(arm) + 0.8f * part), real(1.1f, 1.4f)));
+        made.addTriangle(v, last, made.places.size() - 1);
+        last = made.places.size() - 1;
+      }
+      if (!has_four[arm]) made.addTriangle(v, last, across[after(arm)]);
+    }
+    const CornerTable table = tableOf(made);
+    EXPECT_TRUE(made.region.findStar(table, 0));
+    EXPECT_TRUE(made.region.findAroundStar(table));
+    finish(made);
     return made;
   }
 
@@ -73,25 +133,40 @@ class RandomRings {
         glm::cross(up, std::abs(up.x) < 0.5f ? glm::vec3(1, 0, 0) : glm::vec3(0, 1, 0)));
     return {right, glm::cross(up, right), up};
   }
-  void addTriangles(Case& made) {
+  glm::vec3 point(float x, float y) { return frame_.point(x, y, real(-rough_, rough_)); }
+  // The angle is in half turns.
+  glm::vec3 at(float angle, float radius) {
+    angle *= std::numbers::pi_v<float>;
+    return point(radius * std::cos(angle), radius * std::sin(angle));
+  }
+  static CornerTable tableOf(const Case& made) {
+    CornerTable table;
+    table.set(made.corners, made.places.size());
+    return table;
+  }
+  void finish(Case& made) {
     CollapseRegion& region = made.region;
-    for (int i = 0; i < region.sides(); ++i) {
-      const glm::vec3 &a = region.ring[i], &b = region.ring[region.after(i)];
-      made.old_triangles.push_back({i < region.last_of_gone ? region.gone : region.kept, a, b});
-      made.new_triangles.push_back({glm::vec3(0.0f), a, b});
+    const auto placeOf = [&](int p) { return made.places[region.vertices[p]]; };
+    for (int i = 0; i < region.ring; ++i) region.setPlace(i, placeOf(i));
+    for (int i = 0; i < region.inner; ++i)
+      region.setPlace(CollapseRegion::kFirstInner + i, placeOf(CollapseRegion::kFirstInner + i));
+    for (int i = 0; i < region.triangles; ++i) {
+      const auto [a, b, c] = region.old[i];
+      made.old_triangles.push_back({placeOf(a), placeOf(b), placeOf(c)});
+      made.old_numbers.push_back(CornerTable::triangleOf(region.corners[i]));
     }
-    made.old_triangles.push_back({region.gone, region.kept, region.ring[0]});
-    made.old_triangles.push_back({region.kept, region.gone, region.ring[region.last_of_gone]});
-    for (std::uint32_t i = 0; i < made.old_triangles.size(); ++i) {
-      region.old_triangles[i] = i;
+    for (int i = 0; i < region.sides(); ++i)
+      made.new_triangles.push_back({glm::vec3(0.0f), placeOf(i), placeOf((i + 1) % region.ring)});
+    for (std::size_t t = 0; t < made.corners.size() / 3; ++t) {
       Deviation deviation;
-      deviation.lower = -glm::vec3(real(0, 0.1f), real(0, 0.1f), real(0, 0.1f));
-      deviation.upper = glm::vec3(real(0, 0.1f), real(0, 0.1f), real(0, 0.1f));
+      for (const std::size_t axis : {0, 1, 2, 4, 5, 6}) deviation.most[axis] = real(0, 0.1f);
       made.deviations.push_back(deviation);
     }
   }
 
   std::mt19937 random_;
+  Frame frame_{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+  float rough_ = 0;
 };
 
 // Where a line along `up` through the point meets the triangle; nothing if that is beside it, or
@@ -114,9 +189,9 @@ glm::vec3 meanNormal(const Case& made) {
 }
 
 TEST(DeviationBound, HoldsForAllPointsOfBothSurfacesAndIsReached) {
-  RandomRings random(7);
+  RandomRegions random(7);
   DeviationBound bound;
-  int followed = 0, open = 0;
+  int followed = 0, open = 0, stars = 0;
   double said = 0, seen = 0;
   for (int n = 0; n < 1200; ++n) {
     Case made = random.make();
@@ -125,6 +200,7 @@ TEST(DeviationBound, HoldsForAllPointsOfBothSurfacesAndIsReached) {
     if (!bound.follow(made.region, made.deviations, 100)) continue;
     ++followed;
     open += made.region.is_open ? 1 : 0;
+    stars += made.region.inner > 2 ? 1 : 0;
     const glm::vec3 up = meanNormal(made);
     float longest = 0, longest_said = 0;
     for (std::size_t j = 0; j < made.new_triangles.size(); ++j) {
@@ -138,12 +214,12 @@ TEST(DeviationBound, HoldsForAllPointsOfBothSurfacesAndIsReached) {
           const std::optional<glm::vec3> old = meet(made.old_triangles[i], point, up);
           if (!old) continue;
           longest = std::max(longest, glm::length(point - *old));
-          for (const glm::vec3& before : {made.deviations[i].lower, made.deviations[i].upper})
-            for (int axis = 0; axis < 3; ++axis) {
-              const float way = before[axis] + (point - *old)[axis];
-              ASSERT_GE(way, all.lower[axis] - 1e-4f) << "case " << n;
-              ASSERT_LE(way, all.upper[axis] + 1e-4f) << "case " << n;
-            }
+          const Deviation& before = made.deviations[made.old_numbers[i]];
+          for (int axis = 0; axis < 3; ++axis) {
+            const float way = (point - *old)[axis];
+            ASSERT_GE(before.lower(axis) + way, all.lower(axis) - 1e-4f) << "case " << n;
+            ASSERT_LE(before.upper(axis) + way, all.upper(axis) + 1e-4f) << "case " << n;
+          }
         }
       }
     }
@@ -153,12 +229,13 @@ TEST(DeviationBound, HoldsForAllPointsOfBothSurfacesAndIsReached) {
   }
   EXPECT_GT(followed, 500);
   EXPECT_GT(open, 100);
+  EXPECT_GT(stars, 200);
   // Boxes are larger than what is in them, samples seldom meet the worst point.
   EXPECT_LT(said, 1.6 * seen);
 }
 
 TEST(DeviationBound, RefusesWhatIsLongerThanTheMost) {
-  RandomRings random(11);
+  RandomRegions random(11);
   DeviationBound bound;
   int tried = 0;
   for (int n = 0; n < 300; ++n) {
@@ -176,26 +253,26 @@ TEST(DeviationBound, RefusesWhatIsLongerThanTheMost) {
 
 // A ring that goes round twice, and one with a triangle upside down, have no direction.
 TEST(DeviationBound, RefusesRingsThatFold) {
+  RandomRegions random(3);
+  Case made = random.edge();
+  while (made.region.is_open || made.region.ring < 9) made = random.edge();
+  CollapseRegion& region = made.region;
   DeviationBound bound;
-  CollapseRegion region;
-  region.count = 10;
-  region.last_of_gone = 4;
-  for (int i = 0; i < region.count; ++i) {
-    const float angle = 4 * std::numbers::pi_v<float> * static_cast<float>(i) / 10;
-    region.ring[i] = {std::cos(angle), std::sin(angle), 0.1f * static_cast<float>(i)};
-  }
-  region.gone = {0.05f, 0, 0};
-  region.kept = {-0.05f, 0, 0};
-  for (std::uint32_t i = 0; i < 12; ++i) region.old_triangles[i] = i;
-  const std::vector<Deviation> none(12);
-  EXPECT_FALSE(bound.follow(region, none, 100));
-  for (int i = 0; i < region.count; ++i) {
-    const float angle = 2 * std::numbers::pi_v<float> * static_cast<float>(i) / 10;
-    region.ring[i] = {std::cos(angle), std::sin(angle), 0};
-  }
-  EXPECT_TRUE(bound.follow(region, none, 100));
-  region.ring[3] = -region.ring[3];
-  EXPECT_FALSE(bound.follow(region, none, 100));
+  const auto putRing = [&](float turns, float rise) {
+    for (int i = 0; i < region.ring; ++i) {
+      const auto part = static_cast<float>(i) / static_cast<float>(region.ring);
+      const float angle = 2 * turns * std::numbers::pi_v<float> * part;
+      region.setPlace(i, {std::cos(angle), std::sin(angle), rise * part});
+    }
+  };
+  region.setPlace(CollapseRegion::kFirstInner, {0.05f, 0, 0});
+  region.setPlace(CollapseRegion::kFirstInner + 1, {-0.05f, 0, 0});
+  putRing(2, 1);
+  EXPECT_FALSE(bound.follow(region, {}, 100));
+  putRing(1, 0);
+  EXPECT_TRUE(bound.follow(region, {}, 100));
+  region.setPlace(3, {-region.places[0][3], -region.places[1][3], 0});
+  EXPECT_FALSE(bound.follow(region, {}, 100));
 }
 
 }  // namespace

@@ -5,7 +5,6 @@
 #include <cstddef>
 #include <span>
 
-#include "tests/support/repetitions.h"
 #include "tests/support/requirement.h"
 
 namespace isobrick::test {
