@@ -123,14 +123,18 @@ struct Contour {
     std::uint8_t from, to;
     std::uint8_t face;  // that it lies in, of the cell: bit f is face f
   };
+  static_assert(kContourPoints <= 64);
   std::array<Piece, kMostPieces> pieces;
   std::size_t size = 0;
   std::array<std::uint8_t, kContourPoints> next;      // the piece that begins at a point
-  std::array<std::uint32_t, kContourPoints> numbers;  // of their vertices, as far as known
+  std::array<std::uint32_t, kContourPoints> numbers;  // of the vertices of points that are known
+  std::uint64_t known = 0;                            // points, a bit each
 
-  Contour() {
-    next.fill(kNoPiece);
-    numbers.fill(kNoVertex);
+  Contour() { next.fill(kNoPiece); }
+  bool isKnown(std::uint8_t point) const { return (known >> point & 1) != 0; }
+  void setNumber(std::uint8_t point, std::uint32_t vertex) {
+    numbers[point] = vertex;
+    known |= std::uint64_t{1} << point;
   }
   void add(std::uint8_t from, std::uint8_t to, int in_face) {
     pieces[size] = {from, to, static_cast<std::uint8_t>(1u << in_face)};

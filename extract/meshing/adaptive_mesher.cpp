@@ -51,9 +51,9 @@ class AdaptiveMesher::Brick {
         .list(corners_, [this](std::uint32_t vertex, int axis, const Index3& at) {
           makeZoneVertex(vertex, axis, at);
         });
-    vertices_.flush();
     const std::size_t plain_indices = batch_.triangles.size();
     for (const FanCell& fan : memory_.fan_cells_) meshFans(fan);
+    vertices_.flush();
     batch_.transition_indices = batch_.triangles.size() - plain_indices;
   }
 
@@ -62,6 +62,7 @@ class AdaptiveMesher::Brick {
   // their triangles.
   void takeFans(BrickRows& rows) {
     memory_.fan_cells_.clear();
+    if (level_ == 0) return;
     for (const auto& [j, k] : split_.zoneRows()) {
       const std::int64_t r = rows.row(j, k);
       for (std::int64_t word = 0; word < rows.words_per_row; ++word) {
@@ -93,12 +94,12 @@ class AdaptiveMesher::Brick {
 
   // Corners of leaves of the zone, counted from the brick's first.
   float cornerValueAt(const Index3& at) {
-    return cornerValue(lattice_, level_, cells_.first + at, corners_.touchesFiner(at),
-                       corners_.touchesCoarser(at), family_);
+    const auto [finer, coarser] = corners_.touching(at);
+    return cornerValue(lattice_, level_, cells_.first + at, finer, coarser, family_);
   }
   void takeCorner(const Index3& at, EdgeEnd& out) {
-    cornerEnd(lattice_, level_, cells_.first + at, corners_.touchesFiner(at),
-              corners_.touchesCoarser(at), family_, out);
+    const auto [finer, coarser] = corners_.touching(at);
+    cornerEnd(lattice_, level_, cells_.first + at, finer, coarser, family_, out);
   }
 
   // On the edge along `axis` from corner `at`, of which leaves of another level touch an end. Half
@@ -106,8 +107,8 @@ class AdaptiveMesher::Brick {
   void makeZoneVertex(std::uint32_t vertex, int axis, const Index3& at) {
     const LeafRows::EdgeBits around = zone_edges_.around(leaves_, axis, at);
     const int b = (axis + 1) % 3, c = (axis + 2) % 3;
-    const bool is_shared = around.among_leaves == 0 || at[b] == 0 || at[b] == cells_.count[b] ||
-                           at[c] == 0 || at[c] == cells_.count[c];
+    const bool is_shared = (around.beside_finer | around.beside_coarser) != 0 || at[b] == 0 ||
+                           at[b] == cells_.count[b] || at[c] == 0 || at[c] == cells_.count[c];
     Index3 low = cells_.first + at, high = low;
     if (around.beside_coarser != 0 && isOnCoarserLattice(lattice_, level_, b, low[b]) &&
         isOnCoarserLattice(lattice_, level_, c, low[c])) {
@@ -152,7 +153,7 @@ class AdaptiveMesher::Brick {
         for (std::size_t n = 0; n < pieces.size; ++n) {
           const auto [from, to] = pieces.pieces[n];
           for (const std::uint8_t point : {from, to})
-            if (contour.numbers[point] == kNoVertex) contour.numbers[point] = numberOf(point);
+            if (!contour.isKnown(point)) contour.setNumber(point, numberOf(point));
           contour.add(from, to, face);
         }
         continue;
@@ -165,13 +166,22 @@ class AdaptiveMesher::Brick {
       addTransitionFace(makeTransitionFace(lattice_, level_, cell, face, values), context_.isovalue,
                         numberOf, makeVertex, contour);
     }
+    const bool is_closed = forEachLoop(contour, [&](const ContourLoop& loop) {
+      if (const auto hub = hubOf(loop)) {
+        addFan(context_.frame, loop, *hub, batch_);
+      } else {
+        vertices_.flush();
+        addCenteredFan(context_.frame, centerOf(fan.cell), loop, batch_);
+      }
+    });
+    if (!is_closed) failMissingVertex(context_, work_);
+  }
+
+  // Of a cell, counted like positions.
+  glm::dvec3 centerOf(const Index3& cell) const {
     const glm::dvec3 low(lattice_.position(level_, cell));
     const glm::dvec3 high(lattice_.position(level_, cell + Index3(1)));
-    const glm::dvec3 center = 0.5 * (low + high) - glm::dvec3(batch_.origin);
-    vertices_.flush();
-    const bool is_closed = forEachLoop(
-        contour, [&](const ContourLoop& loop) { addFan(context_.frame, center, loop, batch_); });
-    if (!is_closed) failMissingVertex(context_, work_);
+    return 0.5 * (low + high) - glm::dvec3(batch_.origin);
   }
 
   // The leaves that touch the edges of one word; edges are looked up in order.
@@ -188,7 +198,7 @@ class AdaptiveMesher::Brick {
         word_ = word;
         bits_ = leaves.edgesAround(axis, j_, k_, word);
       }
-      return {bits_.among_leaves >> bit % 64 & 1, bits_.beside_coarser >> bit % 64 & 1};
+      return {bits_.beside_finer >> bit % 64 & 1, bits_.beside_coarser >> bit % 64 & 1};
     }
 
    private:

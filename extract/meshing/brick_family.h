@@ -31,7 +31,9 @@ class BrickFamily {
         level_(level),
         brick_(brick),
         edge_(context.pyramid.layout().brickCells()),
-        shift_(std::countr_zero(static_cast<std::uint64_t>(edge_))) {}
+        shift_(std::countr_zero(static_cast<std::uint64_t>(edge_))),
+        tile_edge_(context.pyramid.layout().tileCells()),
+        tile_shift_(std::countr_zero(static_cast<std::uint64_t>(tile_edge_))) {}
 
   const SampleView<T>& own() {
     if (!own_) hold(level_, brick_, own_);
@@ -67,16 +69,16 @@ class BrickFamily {
     if (!slot.is_crossed)
       slot.is_crossed =
           context_.pyramid.brickRange(level_ - 1, slot.brick).crosses(context_.isovalue);
-    const BrickLayout& layout = context_.pyramid.layout();
-    const IndexBox cells = layout.brickCellBox(level_ - 1, slot.brick);
+    const IndexBox& cells = slot.cells;
     if (!*slot.is_crossed) return cells.end().x + 1;
     if (!slot.ranges) slot.ranges = context_.ranges(level_ - 1, slot.brick);
-    const Index3 cell = glm::min(fine, cells.end() - Index3(1)) - cells.first;
-    const Index3 tile = cell / layout.tileCells();
-    const std::int64_t number = linearIndex(tile, layout.brickTiles(level_ - 1, slot.brick));
+    const auto tileOf = [&](int axis) {
+      return std::min(fine[axis] - cells.first[axis], cells.count[axis] - 1) >> tile_shift_;
+    };
+    const std::int64_t number = tileOf(0) + slot.tiles.x * (tileOf(1) + slot.tiles.y * tileOf(2));
     if (slot.ranges->template tile<T>(static_cast<std::size_t>(number)).crosses(context_.isovalue))
       return fine.x;
-    return cells.first.x + (tile.x + 1) * layout.tileCells() + 1;
+    return cells.first.x + (tileOf(0) + 1) * tile_edge_ + 1;
   }
   // The brick that holds sample `sample` of `level`: this level or the next finer one.
   const SampleView<T>& at(int level, const Index3& sample) {
@@ -99,6 +101,8 @@ class BrickFamily {
   };
   struct FinerBrick {
     Index3 brick{0};
+    IndexBox cells;  // of its level
+    Index3 tiles{0};
     std::optional<HeldBrick> held;
     std::optional<bool> is_crossed;  // by the surface, as far as is known without its ranges
     std::optional<BrickRanges> ranges;
@@ -113,6 +117,8 @@ class BrickFamily {
     if (!slot) {
       slot = std::make_unique<FinerBrick>();
       slot->brick = brick;
+      slot->cells = context_.pyramid.layout().brickCellBox(level_ - 1, brick);
+      slot->tiles = context_.pyramid.layout().brickTiles(level_ - 1, brick);
     }
     return *slot;
   }
@@ -166,6 +172,8 @@ class BrickFamily {
   const Index3 brick_;
   const std::int64_t edge_;  // of a brick, in cells; a power of two
   const int shift_;          // its logarithm
+  const std::int64_t tile_edge_;
+  const int tile_shift_;
   std::optional<HeldBrick> own_;
   const HeldBrick* last_finer_ = nullptr;              // used last
   std::array<std::unique_ptr<FinerBrick>, 64> finer_;  // and those around, x fastest

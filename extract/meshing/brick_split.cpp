@@ -9,14 +9,16 @@ namespace isobrick {
 void BrickSplit::split(const MeshContext& context, LeafClassifier& classifier,
                        const CrossedTiles& tiles, int level, const IndexBox& cells,
                        BrickRows& rows) {
+  clearZone();
   level_ = level;
   cells_ = cells;
   words_ = wordsOf(cells.count.x);
   has_plain_ = false;
-  zone_rows_.clear();
   crossed_cells_.resize(static_cast<std::size_t>(words_));
+  row_leaves_.resize(static_cast<std::size_t>(words_));
+  others_.resize(static_cast<std::size_t>(words_));
   leaves_.reset(classifier, context.lattice(), level, cells);
-  zone_.clear();
+  zone_.resize(static_cast<std::size_t>((cells.count.y + 2) * (cells.count.z + 2) * words_));
   const std::int64_t edge = context.pyramid.layout().tileCells();
   for (std::int64_t z = 0; z < tiles.dims().z; ++z) {
     const Index3 first(0, 0, z * edge);
@@ -25,6 +27,15 @@ void BrickSplit::split(const MeshContext& context, LeafClassifier& classifier,
     for (std::int64_t y = 0; y < tiles.dims().y; ++y)
       splitTileRow(context, classifier, tiles, y, z, rows);
   }
+}
+
+// Of the brick before: all other words are zeros anyway.
+void BrickSplit::clearZone() {
+  for (const auto& [j, k] : zone_rows_) {
+    std::uint64_t* const row = zoneAt(j, k);
+    std::fill(row, row + words_, 0);
+  }
+  zone_rows_.clear();
 }
 
 void BrickSplit::splitTileRow(const MeshContext& context, const LeafClassifier& classifier,
@@ -38,10 +49,11 @@ void BrickSplit::splitTileRow(const MeshContext& context, const LeafClassifier& 
     return;
   std::fill(crossed_cells_.begin(), crossed_cells_.end(), 0);
   for (std::int64_t x = span.begin; x < span.end; ++x) {
-    if (!tiles.isCrossed({x, y, z})) continue;
-    const std::int64_t end = std::min((x + 1) * edge, cells_.count.x);
-    for (std::int64_t word = x * edge / 64; 64 * word < end; ++word)
-      crossed_cells_[static_cast<std::size_t>(word)] |= bitsBetween(x * edge, end, word);
+    const std::int64_t begin = x;
+    while (x < span.end && tiles.isCrossed({x, y, z})) ++x;
+    const std::int64_t end = std::min(x * edge, cells_.count.x);
+    for (std::int64_t word = begin * edge / 64; 64 * word < end; ++word)
+      crossed_cells_[static_cast<std::size_t>(word)] |= bitsBetween(begin * edge, end, word);
   }
   const bool are_plain = !context.query.box && classifier.areAllLeaves(level_, crossed);
   has_plain_ = has_plain_ || are_plain;
@@ -58,30 +70,26 @@ void BrickSplit::splitTileRow(const MeshContext& context, const LeafClassifier& 
 // The cells of crossed tiles in one row.
 void BrickSplit::splitRow(const MeshContext& context, std::int64_t j, std::int64_t k,
                           BrickRows& rows) {
-  if (zone_.empty())
-    zone_.resize(static_cast<std::size_t>((cells_.count.y + 2) * (cells_.count.z + 2) * words_));
-  std::uint64_t* rest = zone_.data() + index(j, k) * words_;
   leaves_.find(j, k);
-  leaves_.leaves(j, k, rest);
-  for (std::int64_t word = 0; word < words_; ++word)
-    rest[word] &= crossed_cells_[static_cast<std::size_t>(word)];
-  if (context.query.box) keepOverlapping(context, j, k, rest);
+  leaves_.leaves(j, k, row_leaves_.data());
+  const auto words = static_cast<std::size_t>(words_);
+  for (std::size_t word = 0; word < words; ++word) row_leaves_[word] &= crossed_cells_[word];
+  if (context.query.box) keepOverlapping(context, j, k, row_leaves_.data());
   std::uint64_t any = 0;
-  for (std::int64_t word = 0; word < words_; ++word) any |= rest[word];
+  for (std::size_t word = 0; word < words; ++word) any |= row_leaves_[word];
   if (any == 0) return;
   leaves_.findAround(j, k);
-  std::uint64_t* wanted = rows.wantedCells(j, k);
-  leaves_.leavesAmongLeaves(j, k, wanted);
+  leaves_.besideOthers(j, k, others_.data());
+  zone_rows_.push_back({j, k});  // nothing throws between this and the row's words
+  std::uint64_t *const wanted = rows.wantedCells(j, k), *const zone = zoneAt(j, k);
   any = 0;
-  for (std::int64_t word = 0; word < words_; ++word) {
-    const std::uint64_t plain = rest[word] & wanted[word];
-    has_plain_ = has_plain_ || plain != 0;
-    wanted[word] = rest[word];
-    rest[word] &= ~plain;
-    any |= rest[word];
+  for (std::size_t word = 0; word < words; ++word) {
+    wanted[word] = row_leaves_[word];
+    zone[word] = row_leaves_[word] & others_[word];
+    has_plain_ = has_plain_ || zone[word] != wanted[word];
+    any |= zone[word];
   }
-  if (any == 0) return;
-  zone_rows_.push_back({j, k});
+  if (any == 0) zone_rows_.pop_back();
 }
 
 // Keeps the cells in a row that the query's box overlaps.

@@ -39,6 +39,10 @@ class BrickSplit {
   std::int64_t index(std::int64_t j, std::int64_t k) const {
     return (k + 1) * (cells_.count.y + 2) + j + 1;
   }
+  std::uint64_t* zoneAt(std::int64_t j, std::int64_t k) {
+    return zone_.data() + index(j, k) * words_;
+  }
+  void clearZone();
   void splitTileRow(const MeshContext& context, const LeafClassifier& classifier,
                     const CrossedTiles& tiles, std::int64_t y, std::int64_t z, BrickRows& plain);
   void splitRow(const MeshContext& context, std::int64_t j, std::int64_t k, BrickRows& plain);
@@ -52,7 +56,8 @@ class BrickSplit {
   LeafRows leaves_;
   std::vector<std::uint64_t> zone_;
   std::vector<ZoneRow> zone_rows_;
-  std::vector<std::uint64_t> crossed_cells_;  // in crossed tiles of the current row of tiles
+  std::vector<std::uint64_t> row_leaves_, others_;  // of the current row
+  std::vector<std::uint64_t> crossed_cells_;        // in crossed tiles of the current row of tiles
 };
 
 }  // namespace isobrick

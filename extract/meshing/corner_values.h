@@ -26,14 +26,6 @@ inline bool isOnCoarserLattice(const Lattice& lattice, int level, int axis, std:
   return i % 2 == 0 || i << level >= lattice.voxels()[axis] - 1;
 }
 
-// Sample `i` of `level` along `axis`, twice, or if it is not on the coarser lattice the two between
-// which it hangs.
-inline std::array<std::int64_t, 2> endsAround(const Lattice& lattice, int level, int axis,
-                                              std::int64_t i) {
-  const std::int64_t step = isOnCoarserLattice(lattice, level, axis, i) ? 0 : 1;
-  return {i - step, i + step};
-}
-
 // The place of sample `i` of `level`, which is not on the coarser lattice, between its neighbours:
 // 1/2, but for a thin last cell.
 inline double hangingWeight(const Lattice& lattice, int level, int axis, std::int64_t i) {
@@ -126,16 +118,18 @@ float ownValueOnCoarserLeaf(const Lattice& lattice, int level, const Index3& sam
                             const SampleView<T>& view) {
   // The mean of integers of 16 bits is exact in any order, also that of one of them four times.
   if constexpr (sizeof(T) <= 2) {
-    std::int64_t steps[3] = {0, 0, 0};
+    // No branches: which axes are odd changes from corner to corner.
+    std::int64_t steps[3];
     bool is_between = true;  // the middle of its neighbours along each odd axis
-    for (int axis = 0, odd = 0; axis < 3; ++axis)
-      if (sample[axis] % 2 != 0) {
-        is_between = is_between && (sample[axis] + 1) << level < lattice.voxels()[axis];
-        steps[odd++] = view.stride(axis);
-      }
+    for (int axis = 0; axis < 3; ++axis) {
+      const std::int64_t odd = sample[axis] & 1;
+      steps[axis] = odd * view.stride(axis);
+      is_between &= (odd == 0) | ((sample[axis] + 1) << level < lattice.voxels()[axis]);
+    }
     if (is_between) {
       const T* at = view.at(view.offset(sample));
-      const auto [a, b, unused] = steps;
+      const std::int64_t a = steps[0] != 0 ? steps[0] : steps[1];
+      const std::int64_t b = steps[2] + (steps[0] != 0 ? steps[1] : 0);
       return static_cast<float>(int{at[-a - b]} + at[a - b] + at[b - a] + at[a + b]) * 0.25f;
     }
   }

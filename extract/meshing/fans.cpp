@@ -41,13 +41,6 @@ bool seesAll(std::span<const std::uint8_t> faces, std::size_t vertex) {
   return true;
 }
 
-// The number of such a vertex, or how many there are.
-std::size_t hubOf(std::span<const std::uint8_t> faces) {
-  std::size_t vertex = 0;
-  while (vertex < faces.size() && !seesAll(faces, vertex)) ++vertex;
-  return vertex;
-}
-
 // Appends the centre of gravity to the vertices.
 std::uint32_t addCenter(const glm::dvec3& cell_center, std::span<const std::uint32_t> loop,
                         MeshBatch& batch) {
@@ -67,19 +60,26 @@ std::uint32_t addCenter(const glm::dvec3& cell_center, std::span<const std::uint
 
 }  // namespace
 
-void addFan(const WorldFrame& frame, const glm::dvec3& cell_center, const ContourLoop& loop,
-            MeshBatch& batch) {
+std::optional<std::size_t> hubOf(const ContourLoop& loop) {
+  for (std::size_t vertex = 0; vertex < loop.faces.size(); ++vertex)
+    if (seesAll(loop.faces, vertex)) return vertex;
+  return std::nullopt;
+}
+
+void addFan(const WorldFrame& frame, const ContourLoop& loop, std::size_t hub, MeshBatch& batch) {
   const std::span<const std::uint32_t> vertices = loop.vertices;
-  const std::size_t size = vertices.size(), hub = hubOf(loop.faces);
-  if (hub < size) {
-    for (std::size_t step = 1; step + 1 < size; ++step)
-      addTriangle(frame, vertices[hub], vertices[(hub + step) % size],
-                  vertices[(hub + step + 1) % size], batch);
-    return;
-  }
+  const std::size_t size = vertices.size();
+  for (std::size_t step = 1; step + 1 < size; ++step)
+    addTriangle(frame, vertices[hub], vertices[(hub + step) % size],
+                vertices[(hub + step + 1) % size], batch);
+}
+
+void addCenteredFan(const WorldFrame& frame, const glm::dvec3& cell_center, const ContourLoop& loop,
+                    MeshBatch& batch) {
+  const std::span<const std::uint32_t> vertices = loop.vertices;
   const std::uint32_t center = addCenter(cell_center, vertices, batch);
-  for (std::size_t i = 0; i < size; ++i)
-    addTriangle(frame, center, vertices[i], vertices[(i + 1) % size], batch);
+  for (std::size_t i = 0; i < vertices.size(); ++i)
+    addTriangle(frame, center, vertices[i], vertices[(i + 1) % vertices.size()], batch);
 }
 
 }  // namespace isobrick

@@ -1,8 +1,7 @@
 // The samples of one brick, with gradients.
 #pragma once
 
-#include <bit>
-#include <vector>
+#include <algorithm>
 
 #include "isobrick/extract/kernels/edge_crossings.h"
 #include "isobrick/storage/brick_layout.h"
@@ -14,25 +13,16 @@ namespace isobrick {
 template <typename T>
 class SampleView {
  public:
-  SampleView() = default;
   SampleView(const Lattice& lattice, int level, const IndexBox& box, const T* data)
-      : data_(data), box_(box), stride_{1, box.count.x, box.count.x * box.count.y} {
-    for (int axis = 0; axis < 3; ++axis) {
-      auto& taps = taps_[axis];
-      taps.resize(static_cast<std::size_t>(box.count[axis]));
-      for (std::int64_t i = 0; i < box.count[axis]; ++i) {
-        // At the border of the volume the difference is one-sided. Elsewhere a brick's own corners
-        // always have both neighbours in the apron; no gradient is taken in the apron itself.
-        const std::int64_t low = i > 0 ? i - 1 : i;
-        const std::int64_t high = i + 1 < box.count[axis] ? i + 1 : i;
-        const auto distance =
-            static_cast<float>(lattice.position(level, axis, box.first[axis] + high) -
-                               lattice.position(level, axis, box.first[axis] + low));
-        const bool is_power = std::has_single_bit(static_cast<std::uint64_t>(distance));
-        taps[static_cast<std::size_t>(i)] = {(low - i) * stride_[axis], (high - i) * stride_[axis],
-                                             distance, is_power ? 1.0f / distance : 0.0f};
-      }
-    }
+      : data_(data),
+        box_(box),
+        lattice_(&lattice),
+        level_(level),
+        stride_{1, box.count.x, box.count.x * box.count.y},
+        inverse_(1.0f / static_cast<float>(std::int64_t{2} << level)) {
+    for (int axis = 0; axis < 3; ++axis)
+      regular_end_[axis] =
+          std::min(box.count[axis] - 1, ((lattice.voxels()[axis] - 1) >> level) - box.first[axis]);
   }
 
   std::int64_t offset(const Index3& sample) const {
@@ -47,24 +37,38 @@ class SampleView {
     const Index3 local = sample - box_.first;
     const T* at = data_ + linearIndex(local, box_.count);
     out.value = static_cast<float>(*at);
-    for (int axis = 0; axis < 3; ++axis)
-      (&out.gradient.x)[axis] = difference(at, taps_[axis][static_cast<std::size_t>(local[axis])]);
+    for (int axis = 0; axis < 3; ++axis) {
+      const std::int64_t i = local[axis], step = stride_[axis];
+      (&out.gradient.x)[axis] =
+          i > 0 && i < regular_end_[axis]
+              ? (static_cast<float>(at[step]) - static_cast<float>(at[-step])) * inverse_
+              : borderDifference(at, axis, i);
+    }
   }
 
  private:
-  struct Tap {
-    std::int64_t low = 0, high = 0;  // offsets from the sample
-    float distance = 1;              // in voxels
-    float inverse = 1;               // of the distance if that is exact, else 0
-  };
-  static float difference(const T* at, const Tap& tap) {
-    const float values = static_cast<float>(at[tap.high]) - static_cast<float>(at[tap.low]);
-    return tap.inverse != 0 ? values * tap.inverse : values / tap.distance;
+  // At the border of the volume the difference is one-sided, or over a thin cell. Elsewhere a
+  // brick's own corners always have both neighbours in the apron; no gradient is taken in the apron
+  // itself.
+  float borderDifference(const T* at, int axis, std::int64_t i) const {
+    const std::int64_t low = i > 0 ? i - 1 : i;
+    const std::int64_t high = i + 1 < box_.count[axis] ? i + 1 : i;
+    const auto distance =
+        static_cast<float>(lattice_->position(level_, axis, box_.first[axis] + high) -
+                           lattice_->position(level_, axis, box_.first[axis] + low));
+    return (static_cast<float>(at[(high - i) * stride_[axis]]) -
+            static_cast<float>(at[(low - i) * stride_[axis]])) /
+           distance;
   }
-  const T* data_ = nullptr;
+
+  const T* data_;
   IndexBox box_;
-  std::int64_t stride_[3] = {0, 0, 0};
-  std::vector<Tap> taps_[3];
+  const Lattice* lattice_;
+  int level_;
+  std::int64_t stride_[3];
+  // Samples 1 .. regular_end_ - 1 of the box have neighbours on both sides, 2^level voxels away.
+  std::int64_t regular_end_[3];
+  float inverse_;  // of the distance between these
 };
 
 }  // namespace isobrick

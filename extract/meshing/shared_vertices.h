@@ -34,9 +34,11 @@ class SharedVertices {
   template <typename Zone, typename Visit>
   void list(const Zone& zone, Visit&& visit) {
     const std::int64_t ny = cells_.count.y, nz = cells_.count.z;
+    const std::int64_t words = rows_.words_per_row, last = cells_.count.x - 1;
     for (int axis = 0; axis < 3; ++axis) {
+      const auto a = static_cast<std::size_t>(axis);
       std::int64_t k = 0, slice_first = 0;  // of the slice of the row, which ascend
-      for (const std::uint32_t r : rows_.crossed_rows[static_cast<std::size_t>(axis)].list()) {
+      for (const std::uint32_t r : rows_.crossed_rows[a].list()) {
         while (r >= slice_first + rows_.rowsPerSlice()) {
           slice_first += rows_.rowsPerSlice();
           ++k;
@@ -44,24 +46,32 @@ class SharedVertices {
         const std::int64_t j = r - slice_first;
         const bool in_side =
             (axis != 1 && (j == 0 || j == ny)) || (axis != 2 && (k == 0 || k == nz));
-        if (zone.hasEdges(axis, r))
-          listRow(axis, j, k, in_side, zone, visit);
-        else if (axis != 0 || in_side)
-          listRow(axis, j, k, in_side, NoZone(), visit);
+        if (const auto edges = zone.edges(axis, r); edges.hasAny()) {
+          listRow(axis, j, k, in_side, edges, visit);
+        } else if (in_side) {
+          listRow(axis, j, k, true, NoEdges(), visit);
+        } else if (axis != 0) {  // only its ends are in sides
+          const std::uint64_t last_word = rows_.crossed[a][r * words + last / 64];
+          if (rows_.crossed_first[a - 1][r] != 0 || (last_word >> last % 64 & 1) != 0)
+            listRow(axis, j, k, false, NoEdges(), visit);
+        }
       }
     }
   }
 
  private:
+  struct NoEdges {
+    static bool hasAny() { return false; }
+    static bool atFirst() { return false; }
+    static std::uint64_t word(std::int64_t) { return 0; }
+  };
   struct NoZone {
-    bool hasEdges(int, std::int64_t) const { return false; }
-    bool hasFirstEdge(int, std::int64_t) const { return false; }
-    std::uint64_t edges(int, std::int64_t, std::int64_t) const { return 0; }
+    static NoEdges edges(int, std::int64_t) { return {}; }
   };
 
-  // `all`: the row lies in a side; otherwise only its ends do.
-  template <typename Zone, typename Visit>
-  void listRow(int axis, std::int64_t j, std::int64_t k, bool all, const Zone& zone,
+  // `all`: the row lies in a side; otherwise only its ends do. `zone`: those edges of it.
+  template <typename Edges, typename Visit>
+  void listRow(int axis, std::int64_t j, std::int64_t k, bool all, const Edges& zone,
                Visit&& visit) {
     const auto a = static_cast<std::size_t>(axis);
     const std::int64_t words = rows_.words_per_row;
@@ -71,13 +81,13 @@ class SharedVertices {
     std::uint32_t number = rows_.numbers[a][row];
     for (std::size_t before = 0; before < a; ++before) number += rows_.crossings[before];
     if (axis != 0 && rows_.crossed_first[a - 1][row] != 0) {
-      if (zone.hasFirstEdge(axis, r))
+      if (zone.atFirst())
         visit(number - 1, axis, Index3(0, j, k));
       else
         add(number - 1, axis, {0, j, k});
     }
     for (std::int64_t w = 0; w < words; ++w) {
-      const std::uint64_t others = zone.edges(axis, r, w);
+      const std::uint64_t others = zone.word(w);
       std::uint64_t own = ~std::uint64_t{0};  // in the brick's sides
       if (!all) own = axis == 0 ? 0 : bitsBetween(cells_.count.x - 1, cells_.count.x, w);
       for (std::uint64_t rest = crossed[w] & (others | own); rest != 0; rest &= rest - 1) {

@@ -29,26 +29,17 @@ class TransitionCorners {
     slice_ = rows.rowsPerSlice();
     const auto count = static_cast<std::size_t>((cells.count.y + 1) * (cells.count.z + 1));
     found_.assign(count, 0);
-    for (auto* rows_of : {&finer_, &coarser_})
-      rows_of->resize(count * static_cast<std::size_t>(words_));
+    touching_.resize(2 * count * static_cast<std::size_t>(words_));
     for (auto* row : {&inside_, &finer_here_, &hanging_, &all_, &any_})
       row->resize(static_cast<std::size_t>(words_));
-    for (const int axis : {1, 2}) {
-      ends_[axis - 1].resize(static_cast<std::size_t>(cells.count[axis]) + 1);
-      for (std::int64_t i = 0; i <= cells.count[axis]; ++i) {
-        const auto [low, high] = endsAround(lattice, level_, axis, cells.first[axis] + i);
-        ends_[axis - 1][static_cast<std::size_t>(i)] = {low - cells.first[axis],
-                                                        high - cells.first[axis]};
-      }
-    }
+    // A corner hangs between ends in rows of even indices, which are the brick's too.
     std::uint8_t* const compare_too = rows.compare_too.data();
-    for (const BrickSplit::ZoneRow& row : split.zoneRows())
-      for (const std::int64_t k : {row.k, row.k + 1})
-        for (const std::int64_t j : {row.j, row.j + 1}) {
-          compare_too[rows.row(j, k)] = 1;
-          for (const std::int64_t z : endsOf(2, k))
-            for (const std::int64_t y : endsOf(1, j)) compare_too[rows.row(y, z)] = 1;
-        }
+    for (const BrickSplit::ZoneRow& row : split.zoneRows()) {
+      const std::int64_t j = row.j / 2 * 2, last_j = std::min(j + 2, cells.count.y);
+      const std::int64_t k = row.k / 2 * 2, last_k = std::min(k + 2, cells.count.z);
+      for (const std::int64_t z : {k, k + 1, last_k})
+        for (const std::int64_t y : {j, j + 1, last_j}) compare_too[rows.row(y, z)] = 1;
+    }
   }
 
   // Gives the corners of the zone's cells in `rows`, which are compared, their bits.
@@ -61,9 +52,11 @@ class TransitionCorners {
           const auto r = static_cast<std::size_t>(rows.row(j, k));
           if (found_[r] != 0) continue;
           found_[r] = 1;
-          split.leaves().cornersTouching(j, k, wordsAt(finer_, r), wordsAt(coarser_, r));
+          std::uint64_t* const finer = touching_.data() + 2 * words_ * rows.row(j, k);
+          std::uint64_t* const coarser = finer + words_;
+          split.leaves().cornersTouching(j, k, finer, coarser);
           if ((cells_.first.y + j) % 2 == 0 && (cells_.first.z + k) % 2 == 0)
-            for (std::int64_t word = 0; word < words_; ++word) wordsAt(coarser_, r)[word] &= kOdd;
+            for (std::int64_t word = 0; word < words_; ++word) coarser[word] &= kOdd;
           resolveRow(lattice, isovalue, split, j, k, family, rows);
         }
   }
@@ -71,49 +64,63 @@ class TransitionCorners {
   // After resolve(): whether a finer, and a coarser, leaf touches a corner of a cell of the zone,
   // counted from the brick's first. A corner that is one of the coarser leaf too, all of its
   // indices being even, counts as not touched: it has its own sample's value either way.
-  bool touchesFiner(const Index3& corner) const { return isSet(finer_, corner); }
-  bool touchesCoarser(const Index3& corner) const { return isSet(coarser_, corner); }
+  struct Touching {
+    bool finer, coarser;
+  };
+  Touching touching(const Index3& corner) const {
+    const std::uint64_t* row = touching_.data() + 2 * words_ * (corner.z * slice_ + corner.y);
+    const std::int64_t word = corner.x / 64;
+    return {(row[word] >> corner.x % 64 & 1) != 0, (row[words_ + word] >> corner.x % 64 & 1) != 0};
+  }
 
-  // After resolve(): edges along `axis` from row r of corners, of which a leaf of another level
+  // After resolve(): the edges along `axis` from row r of corners, of which a leaf of another level
   // touches an end, in that sense. In the words of BrickRows::crossed, and at corner 0. (An edge
   // that a coarser leaf touches has an end of odd index that it touches.)
-  bool hasEdges(int axis, std::int64_t r) const { return isFound(r) || isFound(r + stepOf(axis)); }
-  bool hasFirstEdge(int axis, std::int64_t r) const {
-    return ((touched(r, 0) | touched(r + stepOf(axis), 0)) & 1) != 0;
-  }
-  std::uint64_t edges(int axis, std::int64_t r, std::int64_t word) const {
-    if (axis == 0) {
-      const std::uint64_t here = touched(r, word);
-      return here | here >> 1 | touched(r, word + 1) << 63;
+  class RowEdges {
+   public:
+    bool hasAny() const { return low_ != nullptr || high_ != nullptr; }
+    bool atFirst() const { return (touched(0) & 1) != 0; }
+    std::uint64_t word(std::int64_t n) const {
+      const std::uint64_t here = touched(n), next = n + 1 < words_ ? touched(n + 1) : 0;
+      const std::uint64_t behind = here >> 1 | next << 63;
+      return high_ == low_ ? here | behind : behind;
     }
-    const std::int64_t to = r + stepOf(axis);
-    return (touched(r, word) | touched(to, word)) >> 1 |
-           (touched(r, word + 1) | touched(to, word + 1)) << 63;
+
+   private:
+    friend class TransitionCorners;
+    std::uint64_t touched(std::int64_t n) const {
+      std::uint64_t any = 0;
+      if (low_ != nullptr) any = low_[n] | low_[words_ + n];
+      if (high_ != nullptr) any |= high_[n] | high_[words_ + n];
+      return any;
+    }
+    // Of the rows that have the edges' ends, if they touch the zone: the same for axis 0.
+    const std::uint64_t *low_, *high_;
+    std::int64_t words_;
+  };
+  RowEdges edges(int axis, std::int64_t r) const {
+    RowEdges of;
+    of.words_ = words_;
+    of.low_ = foundRow(r);
+    of.high_ = axis == 0 ? of.low_ : foundRow(r + (axis == 1 ? 1 : slice_));
+    return of;
   }
 
  private:
   using Words = std::vector<std::uint64_t>;
 
-  std::uint64_t* wordsAt(Words& rows, std::size_t r) {
-    return rows.data() + r * static_cast<std::size_t>(words_);
-  }
-  bool isSet(const Words& rows, const Index3& corner) const {
-    const std::int64_t r = corner.z * slice_ + corner.y;
-    return (rows[static_cast<std::size_t>(r * words_ + corner.x / 64)] >> corner.x % 64 & 1) != 0;
-  }
-  std::int64_t stepOf(int axis) const { return axis == 0 ? 0 : axis == 1 ? 1 : slice_; }
-  bool isFound(std::int64_t r) const {
-    return static_cast<std::size_t>(r) < found_.size() && found_[static_cast<std::size_t>(r)] != 0;
-  }
-  std::uint64_t touched(std::int64_t r, std::int64_t word) const {
-    if (word >= words_ || !isFound(r)) return 0;
-    const auto at = static_cast<std::size_t>(r * words_ + word);
-    return finer_[at] | coarser_[at];
+  // Null if row r of corners touches no cell of the zone.
+  const std::uint64_t* foundRow(std::int64_t r) const {
+    if (static_cast<std::size_t>(r) >= found_.size() || found_[static_cast<std::size_t>(r)] == 0)
+      return nullptr;
+    return touching_.data() + 2 * words_ * r;
   }
 
-  // endsAround() of corner `i` of the brick along y or z.
-  const std::array<std::int64_t, 2>& endsOf(int axis, std::int64_t i) const {
-    return ends_[axis - 1][static_cast<std::size_t>(i)];
+  // Corner `i` of the brick along y or z, twice, or if it is not on the coarser lattice the two
+  // between which it hangs.
+  std::array<std::int64_t, 2> endsOf(int axis, std::int64_t i) const {
+    const std::int64_t step = i % 2 == 0 || cells_.first[axis] + i == last_[axis] ? 0 : 1;
+    return {i - step, i + step};
   }
   void takeOwn(const BrickRows& rows, std::int64_t r, std::uint64_t* out) const {
     const std::uint64_t* own = rows.inside.data() + r * rows.words_per_row;
@@ -181,8 +188,8 @@ class TransitionCorners {
                   std::int64_t k, BrickFamily<T>& family, BrickRows& rows) {
     const int level = split.leaves().level();
     const std::int64_t r = rows.row(j, k);
-    const std::uint64_t* touches_finer = wordsAt(finer_, static_cast<std::size_t>(r));
-    const std::uint64_t* touches_coarser = wordsAt(coarser_, static_cast<std::size_t>(r));
+    const std::uint64_t* const touches_finer = touching_.data() + 2 * words_ * r;
+    const std::uint64_t* const touches_coarser = touches_finer + words_;
     std::uint64_t carry = 0, any_hanging = 0, any_finer = 0;
     for (std::int64_t word = 0; word < words_; ++word) {
       const std::uint64_t cells = zoneCells(split, j, k, word);
@@ -258,9 +265,9 @@ class TransitionCorners {
   std::int64_t words_ = 0;           // of a row of corners, corner i in bit i % 64 of word i / 64
   std::int64_t slice_ = 0;           // rows
   std::vector<std::uint8_t> found_;  // rows beside the zone
-  Words finer_, coarser_;            // of rows that were found: corners that such a leaf touches
-  Index3 last_{0};                   // sample of the level
-  std::vector<std::array<std::int64_t, 2>> ends_[2];
+  // Of rows that were found: the corners that a finer leaf touches, then those that a coarser does.
+  Words touching_;
+  Index3 last_{0};                                   // sample of the level
   Words inside_, finer_here_, hanging_, all_, any_;  // of the current row
 };
 

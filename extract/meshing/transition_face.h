@@ -63,15 +63,14 @@ void addTransitionFace(const TransitionFace& face, float isovalue, Find&& number
   const auto& points = kHalvedFacePoints[static_cast<std::size_t>(number)];
   const auto pointOf = [&](std::uint8_t edge) {
     const std::uint8_t point = points[edge];
-    std::uint32_t& vertex = contour.numbers[point];
-    if (vertex != kNoVertex) return point;
+    if (contour.isKnown(point)) return point;
     if (point < kCellEdges) {
-      vertex = numberOf(point);
+      contour.setNumber(point, numberOf(point));
     } else {
       const bool along_b = edge < 6;
       const int part = edge % 2, i = along_b ? part : 1, j = along_b ? 1 : part;
-      vertex = makeVertex(along_b ? face.b : face.c, face.point(i, j),
-                          along_b ? face.point(i + 1, j) : face.point(i, j + 1));
+      contour.setNumber(point, makeVertex(along_b ? face.b : face.c, face.point(i, j),
+                                          along_b ? face.point(i + 1, j) : face.point(i, j + 1)));
     }
     return point;
   };

@@ -1,6 +1,6 @@
 #include "isobrick/extract/oracles/cell_distance.h"
 
-#include <cmath>
+#include <algorithm>
 
 namespace isobrick {
 
@@ -10,8 +10,9 @@ DistanceBounds squaredDistanceBounds(const glm::dvec3& point, int level, const I
   for (int axis = 0; axis < 3; ++axis) {
     const double low = (static_cast<double>(cells.first[axis]) + 0.5) * edge - point[axis];
     const double high = (static_cast<double>(cells.end()[axis]) - 0.5) * edge - point[axis];
-    const double near = low > 0 ? low : high < 0 ? high : 0.0;
-    const double far = std::max(std::abs(low), std::abs(high));
+    // No branches: which side the point is on changes from call to call.
+    const double near = std::max(std::max(low, -high), 0.0);
+    const double far = std::max(-low, high);
     bounds.least += near * near;
     bounds.greatest += far * far;
   }

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "isobrick/extract/kernels/row_bits.h"
 
@@ -24,7 +23,6 @@ double refinedWithin(int level, double radius) {
 
 FocusOracle::FocusOracle(const Lattice& lattice, const DetailChoice& choice)
     : last_level_(lattice.levels() - 1) {
-  constexpr double kEverywhere = std::numeric_limits<double>::infinity();
   if (choice.focus) focus_ = choice.focus->center;
   refined_within_squared_.push_back(0.0);
   for (int level = 1; level <= last_level_; ++level) {
@@ -49,45 +47,56 @@ Coverage FocusOracle::refinedCoverage(int level, const IndexBox& cells) const {
 
 void FocusOracle::keepRefined(int level, const Index3& first, std::int64_t count,
                               std::uint64_t* bits) const {
-  if (level > last_level_) return;
+  const CellSpan refined = refinedSpan(level, first, count);
+  keepBits(bits, count, refined.begin, refined.end);
+}
+
+CellSpan FocusOracle::refinedSpan(int level, const Index3& first, std::int64_t count) const {
+  if (refinesAll(level)) return {0, count};
   // A row cuts the sphere in one piece, in rounded arithmetic too: going away from the focus no
-  // term of the squared distance falls. So the search for its ends begins at their computed places.
+  // term of the squared distance falls. So the search for its ends begins at their computed places,
+  // which are less than a cell away unless the sphere is too large for that.
   const double within = refined_within_squared_[static_cast<std::size_t>(level)];
-  if (within == std::numeric_limits<double>::infinity()) return;
   const RowDistance distance(focus_, level, first);
   const auto isRefined = [&](std::int64_t i) { return distance.squared(i) < within; };
   const double beside = distance.squaredBesideX();
-  if (beside >= within) {
-    keepBits(bits, count, 0, 0);
+  if (beside >= within) return {0, 0};
+  constexpr double kMostReach = 0x1p20;        // in cells
+  const double cells = 1.0 / distance.edge();  // in a voxel
+  CellSpan span{0, count - 1};
+  if (within * (cells * cells) <= kMostReach * kMostReach) {
+    const double at = focus_.x * cells - 0.5 - static_cast<double>(first.x);  // of the focus
+    const double half = std::sqrt(within - beside) * cells;
+    const auto last = static_cast<double>(count - 1);
+    span = {static_cast<std::int64_t>(std::clamp(at - half, 0.0, last)),
+            static_cast<std::int64_t>(std::clamp(at + half, 0.0, last))};
+  }
+  // Most often this is it: the cells in which the sphere ends belong to it or not.
+  span.begin += isRefined(span.begin) ? 0 : 1;
+  span.end += isRefined(span.end) ? 1 : 0;
+  while (span.begin > 0 && isRefined(span.begin - 1)) --span.begin;
+  while (span.end < count && isRefined(span.end)) ++span.end;
+  while (span.begin < span.end && !isRefined(span.begin)) ++span.begin;
+  while (span.begin < span.end && !isRefined(span.end - 1)) --span.end;
+  return span;
+}
+
+void FocusOracle::refinedSpans(int level, const Index3& first, std::int64_t count, std::size_t rows,
+                               CellSpan* out) const {
+  if (refinesAll(level)) {
+    std::fill(out, out + rows, CellSpan{0, count});
     return;
   }
-  if (isRefined(0) && isRefined(count - 1)) return;
-  const double cells = 1.0 / distance.edge();  // in a voxel; exact, and faster than a division
-  const double at = focus_.x * cells - 0.5 - static_cast<double>(first.x);  // of the focus
-  const auto last = static_cast<double>(count - 1);
-  const auto nearest = static_cast<std::int64_t>(std::clamp(at, 0.0, last) + 0.5);
-  // The cell whose centre is nearest, or the one beside it if that is a tie by rounding.
-  std::int64_t from = nearest;
-  if (!isRefined(from)) {
-    if (from + 1 < count && isRefined(from + 1))
-      ++from;
-    else if (from > 0 && isRefined(from - 1))
-      --from;
-    else {
-      keepBits(bits, count, 0, 0);
-      return;
-    }
-  }
-  const double half = std::sqrt(within - beside) * cells;
-  std::int64_t low = static_cast<std::int64_t>(std::clamp(at - half, 0.0, last));
-  std::int64_t high = static_cast<std::int64_t>(std::clamp(at + half, 0.0, last));
-  low = std::min(low, from);
-  high = std::max(high, from);
-  while (low < from && !isRefined(low)) ++low;
-  while (low > 0 && isRefined(low - 1)) --low;
-  while (high > from && !isRefined(high)) --high;
-  while (high + 1 < count && isRefined(high + 1)) ++high;
-  keepBits(bits, count, low, high + 1);
+  SphereRows cut;
+  cut.center = focus_;
+  cut.within_squared = refined_within_squared_[static_cast<std::size_t>(level)];
+  cut.edge = static_cast<double>(std::int64_t{1} << level);
+  cut.first = first;
+  cut.count = count;
+  cut.cut();
+  for (std::size_t row = 0; row < rows; ++row)
+    out[row] = cut.is_certain[row] != 0 ? cut.span(row)
+                                        : refinedSpan(level, first + Index3(0, row, 0), count);
 }
 
 }  // namespace isobrick

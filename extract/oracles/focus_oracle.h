@@ -2,8 +2,10 @@
 // 3).
 #pragma once
 
+#include <limits>
 #include <vector>
 
+#include "isobrick/extract/kernels/sphere_rows.h"
 #include "isobrick/extract/oracles/cell_distance.h"
 #include "isobrick/extract/oracles/coverage.h"
 #include "isobrick/extract/query.h"
@@ -31,8 +33,20 @@ class FocusOracle {
   Coverage refinedCoverage(int level, const IndexBox& cells) const;
   // Among the `count` cells from `first` on along x, bit i being first.x + i, keeps those refined.
   void keepRefined(int level, const Index3& first, std::int64_t count, std::uint64_t* bits) const;
+  // The same cells of the row as one run, and for `rows` rows at once, at most SphereRows::kMost,
+  // that follow each other along y.
+  CellSpan refinedSpan(int level, const Index3& first, std::int64_t count) const;
+  void refinedSpans(int level, const Index3& first, std::int64_t count, std::size_t rows,
+                    CellSpan* out) const;
 
  private:
+  static constexpr double kEverywhere = std::numeric_limits<double>::infinity();
+
+  bool refinesAll(int level) const {
+    return level > last_level_ ||
+           refined_within_squared_[static_cast<std::size_t>(level)] == kEverywhere;
+  }
+
   int last_level_;
   glm::dvec3 focus_{0.0};
   std::vector<double> refined_within_squared_;  // per level

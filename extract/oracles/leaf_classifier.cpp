@@ -39,6 +39,8 @@ LeafClassifier::LeafClassifier(const MeshContext& context)
   choices_.reserve(context.oracles.size());
   for (const ChoiceOracles& shared : context.oracles)
     choices_.push_back({shared, CurvatureOracle(context, *shared.choice)});
+  has_runs_ = residency_ == nullptr && choices_.size() == 1 && !choices_[0].shared.view &&
+              !choices_[0].shared.choice->curvature_tolerance;
 }
 
 bool LeafClassifier::refines(int level, const Index3& cell) {
@@ -141,6 +143,25 @@ const std::uint64_t* LeafClassifier::classifyRow(int level, const Index3& first,
     refined[word] = level > 0 ? exists[word] : 0;
   if (level > 0) keepRefined(level, first, count, refined);
   return exists;
+}
+
+void LeafClassifier::classifyRows(int level, const Index3& first, std::int64_t count,
+                                  std::size_t rows, CellSpan* existing, CellSpan* refined) const {
+  const FocusOracle& focus = choices_[0].shared.focus;
+  const IndexBox parents = parentsOf({first, Index3(count, rows, 1)});
+  CellSpan of_parents[SphereRows::kMost];
+  focus.refinedSpans(level + 1, parents.first, parents.count.x,
+                     static_cast<std::size_t>(parents.count.y), of_parents);
+  for (std::size_t row = 0; row < rows; ++row) {
+    const auto of = (first.y + static_cast<std::int64_t>(row)) / 2 - parents.first.y;
+    const auto [begin, end] = of_parents[of];
+    existing[row] = {std::max<std::int64_t>(2 * begin - first.x % 2, 0),
+                     std::min(2 * end - first.x % 2, count)};
+  }
+  if (level > 0)
+    focus.refinedSpans(level, first, count, rows, refined);
+  else
+    std::fill(refined, refined + rows, CellSpan{0, 0});
 }
 
 bool LeafClassifier::mayHoldLeaf(int level, const IndexBox& cells) const {

@@ -29,6 +29,15 @@ class LeafClassifier {
   const std::uint64_t* classifyRow(int level, const Index3& first, std::int64_t count,
                                    std::uint64_t* refined);
 
+  // True if in every row the cells that exist, and those that are refined, are one run each, which
+  // classifyRows() finds: the focus alone decides.
+  bool hasRuns() const { return has_runs_; }
+  // The runs of classifyRow() in `rows` rows at once, at most SphereRows::kMost, that follow each
+  // other along y. They may be empty, and a row's refined cells may seem to reach beyond its
+  // existing ones, by rounding.
+  void classifyRows(int level, const Index3& first, std::int64_t count, std::size_t rows,
+                    CellSpan* existing, CellSpan* refined) const;
+
   // False if the oracles rule out that a cell of the box is a leaf of `level`.
   bool mayHoldLeaf(int level, const IndexBox& cells) const;
   // False if they rule out that a cell of the box is refined.
@@ -58,6 +67,7 @@ class LeafClassifier {
   const Lattice& lattice_;
   ResidencyOracle* const residency_;  // null: every needed part is read
   std::vector<Choice> choices_;
+  bool has_runs_ = false;
   std::vector<std::uint64_t> asked_, kept_;  // of a row, if there are several choices
   // Rows of cells of which the parents are refined, as four rows have the same parents: the latest
   // ones, as many as the rows of a tile and around it have along y and z.

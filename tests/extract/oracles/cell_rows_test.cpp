@@ -143,10 +143,45 @@ TEST(FocusOracle, KeepsInRowsTheCellsThatItRefines) {
   EXPECT_GT(rows_with_both, 300);
 }
 
+TEST(FocusOracle, CutsEightRowsAsItCutsOne) {
+  Random random(8);
+  std::int64_t rows_with_both = 0;
+  for (int round = 0; round < 40000; ++round) {
+    Index3 dims;
+    for (int axis = 0; axis < 3; ++axis)
+      dims[axis] = randomInt(random, 2, axis == 0 && round % 4 == 0 ? 5000 : 300);
+    const Lattice lattice(dims);
+    Query query;
+    if (randomInt(random, 0, 9) > 0) query.focus = randomFocus(random, dims);
+    const FocusOracle oracle(lattice, query);
+    const int level = static_cast<int>(randomInt(random, 1, lattice.levels()));
+    const Index3 cells = lattice.cells(level);
+    Index3 first;
+    for (int axis = 0; axis < 3; ++axis) first[axis] = randomInt(random, 0, cells[axis] - 1);
+    const std::int64_t count = randomInt(random, 1, std::min<std::int64_t>(cells.x - first.x, 258));
+    const auto rows = static_cast<std::size_t>(
+        randomInt(random, 1, std::min<std::int64_t>(cells.y - first.y, SphereRows::kMost)));
+    CellSpan spans[SphereRows::kMost];
+    oracle.refinedSpans(level, first, count, rows, spans);
+    for (std::size_t row = 0; row < rows; ++row) {
+      const Index3 at = first + Index3(0, row, 0);
+      const CellSpan one = oracle.refinedSpan(level, at, count);
+      for (std::int64_t i = 0; i < count; ++i) {
+        const bool refined = oracle.refines(level, at + Index3(i, 0, 0));
+        ASSERT_EQ(i >= spans[row].begin && i < spans[row].end, refined)
+            << "round " << round << " level " << level << " cell " << i << " of " << count;
+        ASSERT_EQ(i >= one.begin && i < one.end, refined);
+      }
+      rows_with_both += one.begin < one.end && one.end - one.begin < count ? 1 : 0;
+    }
+  }
+  EXPECT_GT(rows_with_both, 1000);
+}
+
 TEST(LeafClassifier, ClassifiesRowsAsItClassifiesCells) {
   const TemporaryFolder folder;
   Random random(6);
-  std::int64_t leaves = 0, finer = 0, coarser = 0;
+  std::int64_t leaves = 0, finer = 0, coarser = 0, rows_with_runs = 0;
   for (int volume = 0; volume < 12; ++volume) {
     Index3 dims;
     for (int axis = 0; axis < 3; ++axis)
@@ -189,6 +224,16 @@ TEST(LeafClassifier, ClassifiesRowsAsItClassifiesCells) {
           std::vector<std::uint64_t> refined = randomWords(random, count);
           const std::uint64_t* row_exists = rows.classifyRow(level, first, count, refined.data());
           const std::vector<std::uint64_t> exists(row_exists, row_exists + wordsOf(count));
+          if (rows.hasRuns()) {
+            CellSpan existing, run;
+            rows.classifyRows(level, first, count, 1, &existing, &run);
+            for (std::int64_t i = 0; i < count; ++i) {
+              const bool is_there = i >= existing.begin && i < existing.end;
+              ASSERT_EQ(is_there, bitOf(exists, i));
+              ASSERT_EQ(is_there && i >= run.begin && i < run.end, bitOf(refined, i));
+            }
+            ++rows_with_runs;
+          }
           for (std::int64_t i = 0; i < 64 * wordsOf(count); ++i) {
             CellState expected = CellState::kCoarser;
             if (i < count) expected = cells.state(level, {first.x + i, first.y, first.z});
@@ -205,6 +250,7 @@ TEST(LeafClassifier, ClassifiesRowsAsItClassifiesCells) {
   EXPECT_GT(leaves, 5000);
   EXPECT_GT(finer, 5000);
   EXPECT_GT(coarser, 5000);
+  EXPECT_GT(rows_with_runs, 500);
 }
 
 }  // namespace
