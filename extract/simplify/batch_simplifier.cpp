@@ -6,6 +6,7 @@
 #include <cmath>
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
+#include <span>
 
 #include "isobrick/extract/sinks/batch_components.h"
 
@@ -13,9 +14,9 @@ namespace isobrick {
 namespace {
 
 // The vertices of a star become one only if its triangles would lie closer to the finest ones than
-// this part of the distance, in the mean of squares, and all points closer than this part: so the
-// edges that are left are as good as they would be without stars.
-constexpr float kMostMeanSquareOfStar = 0.03f, kMostOfStar = 0.5f;
+// this part of the distance, in the mean of squares: so the edges that are left are nearly as good
+// as they would be without stars.
+constexpr float kMostMeanSquareOfStar = 0.02f;
 // The cheapest of so many candidates get their turn in a round; if there are few, all do.
 constexpr std::size_t kCandidatesForEach = 2, kFewCandidates = 256;
 // An edge is not tried if its triangles would lie further from the finest ones than this part of
@@ -123,7 +124,7 @@ void BatchSimplifier::collapseStar(std::uint32_t corner) {
         kMostMeanSquareOfStar * space_.distance * space_.distance * sum.weight))
     return;
   const glm::vec3 place = positionOf(voxelsOf(center.position + best));
-  if (!region_.findAroundStar(table_) || !mayCollapse(place, {}, kMostOfStar)) return;
+  if (!region_.findAroundStar(table_) || !mayCollapse(place)) return;
   for (const std::uint32_t arm : inner.subspan(1)) {
     normals_[inner[0]] += normals_[arm];
     touched_[arm] = round_;
@@ -242,7 +243,7 @@ bool BatchSimplifier::collapseEdge(std::uint32_t corner, const MeshBatch& batch)
                               : positionOf(voxelsOf(kept.position + bestPlace(quadric, to_gone)));
   if (!region_.findEdge(table_, corner, kept.is_fixed)) return false;
   if (kept.is_fixed && !keepsOthersApart(corner, batch)) return false;
-  if (!mayCollapse(place, deviations_, 1)) return false;
+  if (!mayCollapse(place)) return false;
   touched_[gone_vertex] = round_;
   if (!kept.is_fixed) normals_[kept_vertex] += normals_[gone_vertex];
   quadric.moveCenter(place - kept.position);
@@ -278,14 +279,13 @@ void BatchSimplifier::costAgain(std::uint32_t facing) {
   to_cost_.push_back(edge);
 }
 
-bool BatchSimplifier::mayCollapse(const glm::vec3& place, std::span<const Deviation> deviations,
-                                  float part) {
+bool BatchSimplifier::mayCollapse(const glm::vec3& place) {
   const auto set = [&](int point) {
     region_.setPlace(point, vertices_[region_.vertices[point]].position - place);
   };
   for (int i = 0; i < region_.ring; ++i) set(i);
   for (int i = 0; i < region_.inner; ++i) set(CollapseRegion::kFirstInner + i);
-  return bound_.follow(region_, deviations, part * space_.distance);
+  return bound_.follow(region_, deviations_, space_.distance);
 }
 
 void BatchSimplifier::collapseRegion(std::uint32_t vertex, const glm::vec3& place) {

@@ -4,7 +4,6 @@
 #include <cstdint>
 #include <glm/mat3x3.hpp>
 #include <glm/vec3.hpp>
-#include <span>
 #include <vector>
 
 #include "isobrick/extract/simplify/collapse_region.h"
@@ -86,9 +85,8 @@ class BatchSimplifier {
   void costAgain(std::uint32_t facing);
   void costAgainAround();
 
-  // The region, with that place for the vertex that remains, comes no further than `part` of the
-  // distance. `deviations`: of triangles so far; empty if these are the finest.
-  bool mayCollapse(const glm::vec3& place, std::span<const Deviation> deviations, float part);
+  // With that place for the vertex that remains.
+  bool mayCollapse(const glm::vec3& place);
   void collapseRegion(std::uint32_t vertex, const glm::vec3& place);
   glm::vec3 positionOf(const glm::vec3& voxels) const {
     return space_.to_space * (voxels - center_);

@@ -182,9 +182,8 @@ bool DeviationBound::findDeviations(const CollapseRegion& region,
   const Direction direction(normal_);
   for (int i = 0; i < region.sides(); ++i) {
     Deviation all;
-    if (!deviations.empty())
-      for (std::uint64_t old = overlap_[i]; old != 0; old &= old - 1)
-        all.join(deviations[CornerTable::triangleOf(region.corners[std::countr_zero(old)])]);
+    for (std::uint64_t old = overlap_[i]; old != 0; old &= old - 1)
+      all.join(deviations[CornerTable::triangleOf(region.corners[std::countr_zero(old)])]);
     all.extend(direction, least_[i], most_[i]);
     if (!(all.squaredLength() <= most * most)) return false;
     new_[i] = all;

@@ -60,9 +60,9 @@ struct Deviation {
 // and Olano 1997: successive mappings).
 class DeviationBound {
  public:
-  // Finds the deviations of the new triangles from those of the old ones, which are those of the
-  // triangles with the corners of the region; if there are none, old triangles are the finest ones.
-  // Returns false if there is no such direction, or if a deviation might be longer than `most`.
+  // Finds the deviations of the new triangles from those of the old ones, to which the corners of
+  // the region belong. Returns false if there is no such direction, or if a deviation might be
+  // longer than `most`.
   bool follow(const CollapseRegion& region, std::span<const Deviation> deviations, float most);
   // The deviation of new triangle i, after follow() was true.
   const Deviation& deviation(int i) const { return new_[i]; }

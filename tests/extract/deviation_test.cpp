@@ -268,11 +268,11 @@ TEST(DeviationBound, RefusesRingsThatFold) {
   region.setPlace(CollapseRegion::kFirstInner, {0.05f, 0, 0});
   region.setPlace(CollapseRegion::kFirstInner + 1, {-0.05f, 0, 0});
   putRing(2, 1);
-  EXPECT_FALSE(bound.follow(region, {}, 100));
+  EXPECT_FALSE(bound.follow(region, made.deviations, 100));
   putRing(1, 0);
-  EXPECT_TRUE(bound.follow(region, {}, 100));
+  EXPECT_TRUE(bound.follow(region, made.deviations, 100));
   region.setPlace(3, {-region.places[0][3], -region.places[1][3], 0});
-  EXPECT_FALSE(bound.follow(region, {}, 100));
+  EXPECT_FALSE(bound.follow(region, made.deviations, 100));
 }
 
 }  // namespace
