@@ -43,7 +43,7 @@ bool DeviationBound::follow(const CollapseRegion& region, std::span<const Deviat
 }
 
 bool DeviationBound::project(const CollapseRegion& region) {
-  const auto& [px, py, pz] = region.places;
+  const auto &px = region.places[0], &py = region.places[1], &pz = region.places[2];
   glm::vec3 area(0.0f);
   for (int i = 0; i < region.sides(); ++i) {
     const int j = i + 1 == region.ring ? 0 : i + 1;
