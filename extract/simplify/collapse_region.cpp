@@ -107,8 +107,8 @@ bool CollapseRegion::findAroundStar(const CornerTable& table) {
     if (!addSides(table, kFirstInner + 1 + after(arm), table.left(from), end)) return false;
   }
   across[arms] = ring - 1;
+  if (ring < 4) return false;
   closeRing();
-  if (ring < 3) return false;
   const auto inside = std::span(vertices).subspan(kFirstInner, static_cast<std::size_t>(inner));
   for (int i = 0; i < ring; ++i)
     if (std::ranges::find(inside, vertices[i]) != inside.end()) return false;
