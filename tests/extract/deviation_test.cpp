@@ -275,5 +275,19 @@ TEST(DeviationBound, RefusesRingsThatFold) {
   EXPECT_FALSE(bound.follow(region, made.deviations, 100));
 }
 
+// All of an octahedron is one star: nothing is left to be a ring.
+TEST(CollapseRegion, AStarWithNothingAroundItIsRefused) {
+  std::vector<std::uint32_t> corners;
+  for (std::uint32_t i = 0; i < 4; ++i) {
+    const std::uint32_t next = (i + 1) % 4;
+    corners.insert(corners.end(), {0, 2 + i, 2 + next, 1, 2 + next, 2 + i});
+  }
+  CornerTable table;
+  table.set(corners, 6);
+  CollapseRegion region;
+  EXPECT_TRUE(region.findStar(table, 0));
+  EXPECT_FALSE(region.findAroundStar(table));
+}
+
 }  // namespace
 }  // namespace isobrick::test
