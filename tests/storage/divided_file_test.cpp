@@ -20,6 +20,7 @@
 #include "tests/support/hashing_sink.h"
 #include "tests/support/random_numbers.h"
 #include "tests/support/range_server.h"
+#include "tests/support/repetitions.h"
 #include "tests/support/temporary_folder.h"
 
 namespace isobrick::test {
@@ -73,11 +74,12 @@ class DividedFileTest : public testing::Test {
 TEST_F(DividedFileTest, NoChangedOrMissingByteIsBelieved) {
   ASSERT_FALSE(isFound());
   Random random(5);
+  const int rounds = repetitions(500);
   for (const std::string& name : {std::string(kIndexName), std::string("1-0-1.isb")}) {
     const std::string good = readBytes(file(name));
-    for (int round = 0; round < 500; ++round) {
-      const auto at = round < 200 ? randomBelow(random, sizeof(format::Header))
-                                  : randomBelow(random, good.size());
+    for (int round = 0; round < rounds; ++round) {
+      const auto at = 5 * round < 2 * rounds ? randomBelow(random, sizeof(format::Header))
+                                             : randomBelow(random, good.size());
       std::string bad = good;
       bad[at] = static_cast<char>(bad[at] ^ (1 << randomBelow(random, 8)));
       writeBytes(file(name), bad);

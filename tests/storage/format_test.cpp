@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <filesystem>
@@ -25,6 +26,7 @@
 #include "tests/support/plain_reader.h"
 #include "tests/support/random_numbers.h"
 #include "tests/support/reference_pyramid.h"
+#include "tests/support/repetitions.h"
 #include "tests/support/temporary_folder.h"
 
 namespace isobrick::test {
@@ -257,8 +259,10 @@ TEST(Format, EveryValueReadsBackAllSmallDimensions) {
   const TemporaryFolder folder;
   Random random(1);
   int type = 0;
+  const int step = std::max(1, 5 / repetitions(5));  // of rounds: each n has some of them
   for (std::int64_t n = 2; n <= 21; ++n)
-    for (int round = 0; round < 5 && !HasFailure(); ++round, ++type) {
+    for (int round = static_cast<int>(n) % step; round < 5 && !HasFailure();
+         round += step, ++type) {
       // Once as a cube, else with two other axes at random: thin last cells of every kind.
       const Index3 dims =
           round == 0   ? Index3(n)
