@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <string>
 #include <utility>
 
 #include "isobrick/storage/remote/remote_address.h"
@@ -64,16 +65,21 @@ Json jsonOfSurface(const ExtractResults& results, const ExtractResult& result) {
   return json;
 }
 
+std::string distanceText(const SimplifyOptions& simplify, LengthUnit unit) {
+  const std::string number = fmt::format("{:.4g}", simplify.distance);
+  const bool is_one = number == "1";
+  if (!simplify.in_world) return number + (is_one ? " voxel" : " voxels");
+  if (unit == LengthUnit::kMillimetre) return number + " mm";
+  return number + (is_one ? " unit of the world" : " units of the world");
+}
+
 void printSummary(const ExtractResult& result, LengthUnit unit) {
   if (result.components) printComponents(*result.components, result.components_kept);
   const ExtractionReport& report = result.report;
   fmt::print("{}{} triangles, {} vertices\n", result.output.empty() ? "" : result.output + ": ",
              countText(report.triangles), countText(result.vertices));
   if (result.simplify)
-    fmt::print("  within {:.4g} {} of the finest surface\n", result.simplify->distance,
-               !result.simplify->in_world        ? "voxels"
-               : unit == LengthUnit::kMillimetre ? "mm"
-                                                 : "units of the world");
+    fmt::print("  within {} of the finest surface\n", distanceText(*result.simplify, unit));
   for (const LevelCounts& counts : report.levels)
     fmt::print("  level {:<2} {:>14} triangles in {} cells, {} of them in transition\n",
                counts.level, countText(counts.triangles), countText(counts.cells),
