@@ -31,9 +31,10 @@ function(isobrick_compile_options target)
   set_target_properties(${target} PROPERTIES CXX_EXTENSIONS OFF)
   target_compile_options(${target} PRIVATE ${isobrick_compile_options})
   target_link_options(${target} PRIVATE ${isobrick_link_options})
-  if(ISOBRICK_SANITIZE)
-    # Half of the time to compile. A class of one source file may have members of types of that file.
-    set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 8)
+  # A few files are compiled together, since most of the time goes into headers. So names in anonymous namespaces differ
+  # within a library; a class of one source file may have members of types of that file.
+  if(ISOBRICK_BATCH)
+    set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE ${ISOBRICK_BATCH})
     target_compile_options(${target} PRIVATE -Wno-subobject-linkage)
   endif()
 endfunction()
@@ -53,11 +54,9 @@ function(isobrick_library name folder)
   set_target_properties(isobrick_${name} PROPERTIES
     EXPORT_NAME ${name} POSITION_INDEPENDENT_CODE ON
     VERSION ${PROJECT_VERSION} SOVERSION ${PROJECT_VERSION_MAJOR}.${PROJECT_VERSION_MINOR})
-  if(ISOBRICK_SANITIZE)
-    # Files of kernels include themselves, once for each kind of processor.
-    list(FILTER sources INCLUDE REGEX "/kernels/")
-    set_source_files_properties(${sources} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
-  endif()
+  # Files of kernels include themselves, once for each kind of processor.
+  list(FILTER sources INCLUDE REGEX "/kernels/")
+  set_source_files_properties(${sources} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
   target_include_directories(isobrick_${name} PUBLIC
     $<BUILD_INTERFACE:${PROJECT_BINARY_DIR}/include> $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>)
 endfunction()

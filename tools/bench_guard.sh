@@ -15,11 +15,6 @@ folder=$PWD/build/guard
 preset=release
 [ "${CI:-}" != true ] || preset=ci-release
 mkdir -p "$folder"
-if command -v ccache >/dev/null; then
-  export CMAKE_C_COMPILER_LAUNCHER=ccache CMAKE_CXX_COMPILER_LAUNCHER=ccache
-else
-  echo "bench_guard.sh: ccache is missing, so both builds take their full time; 'apt-get install ccache'" >&2
-fi
 
 # commitOf NAME: its full hash.
 commitOf() { git rev-parse --verify --quiet "$1^{commit}" || fail "'$1' is no commit of this repository"; }
@@ -47,6 +42,8 @@ head=$(commitOf "${2:-HEAD}")
 if [ -z "${2:-}" ] && ! git diff --quiet HEAD; then
   echo "bench_guard.sh: changes that are not committed are not measured" >&2
 fi
+command -v ccache >/dev/null ||
+  echo "bench_guard.sh: ccache is missing, so both builds take their full time; 'apt-get install ccache'" >&2
 for commit in "$base" "$head"; do
   echo "bench_guard.sh: building ${commit:0:7}" >&2
   built "$commit"

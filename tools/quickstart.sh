@@ -1,14 +1,15 @@
 #!/usr/bin/env bash
-# From a fresh Debian 12 machine to a mesh and a picture of it: installs what is needed, builds a
-# release, writes a CT-like head of 256^3 voxels, builds its pyramid, extracts the bone around a
-# focus point and renders it. Safe to run again.
+# From a fresh Debian machine to a mesh and a picture of it: installs what is needed, builds a release, writes a
+# CT-like head of 256^3 voxels, builds its pyramid, draws the whole skull, and extracts the bone around a focus
+# point, coarser with distance. Safe to run again.
 #   tools/quickstart.sh [FOLDER]        default: quickstart-out
 set -euo pipefail
 cd "$(dirname "$0")/.."
 out=${1:-quickstart-out}
-tools/install_packages.sh
+tools/install_packages.sh build
 mkdir -p build
-cmake --preset release >build/quickstart-configure.log 2>&1 || { cat build/quickstart-configure.log; exit 1; }
+cmake --preset release -DISOBRICK_TESTS=OFF >build/quickstart-configure.log 2>&1 ||
+  { cat build/quickstart-configure.log; exit 1; }
 cmake --build --preset release --parallel "$(nproc)" --target isobrick
 isobrick=build/release/isobrick
 mkdir -p "$out"
@@ -17,10 +18,11 @@ echo; echo "== a volume"
 "$isobrick" phantom head --voxels 256 -o "$out/head.nrrd" --force
 echo; echo "== its pyramid"
 "$isobrick" build "$out/head.nrrd" -o "$out/head.isb" --force
-echo; echo "== the bone around a focus point, coarser with distance"
+echo; echo "== a picture of the skull"
+"$isobrick" render "$out/head.isb" --iso 1324 --ambient-occlusion --shadow --background white --azimuth 30 -o "$out/skull.png" --force
+echo; echo "== the bone around a focus point, coarser with distance, and its levels in colours"
 "$isobrick" extract "$out/head.isb" --iso 1324 --focus 150,60,150 --radius 40 -o "$out/bone.ply" --force
-echo; echo "== a picture"
-"$isobrick" render "$out/head.isb" --iso 1324 --focus 150,60,150 --radius 40 --color-by-level -o "$out/bone.png" --force
+"$isobrick" render "$out/head.isb" --iso 1324 --focus 150,60,150 --radius 40 --color-by-level -o "$out/levels.png" --force
 echo
-echo "mesh:    $out/bone.ply"
-echo "picture: $out/bone.png"
+echo "mesh:     $out/bone.ply"
+echo "pictures: $out/skull.png, $out/levels.png"

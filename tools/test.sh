@@ -1,45 +1,93 @@
 #!/usr/bin/env bash
-# Builds isobrick and runs all tests, the check of the format among them: a release, and then again
-# under AddressSanitizer and UndefinedBehaviorSanitizer. Safe to run again. Or only the presets of
-# CMakePresets.json that are named:
-#   tools/test.sh [release|dev|asan-ubsan|tsan|clang|python]...
-# `python` builds the Python module on the release, in a venv under build/python, and runs its tests and those
-# of the documents (tests/docs: all commands of the pages, and the site); it comes after the release by default.
+# Builds isobrick and runs its tests; ends with a table of what took how long. Safe to run again.
+#   tools/test.sh                  the first ring: a release and all tests of behaviour
+#   tools/test.sh house            the second ring, after the first: everything else that is built, and the tests that
+#                                  guard the house (label `house`: nested builds, other programs, drivers, the .deb);
+#                                  the Python module with its tests and those of the documents; the sanitizers
+#   tools/test.sh STEP...          single steps: behaviour, house-tests, python, or a preset of CMakePresets.json
+#                                  (dev, asan-ubsan, tsan, clang), of which all tests run
 # With CI=true the presets are those of CI, which take warnings as errors.
-# Further tests run where the real volumes are (../shared/data); ISOBRICK_REQUIRE_DATA=1 makes it a
-# failure that they are not, ISOBRICK_REQUIRE_ALL=1 that anything else is skipped.
+# Tests on scans run where the real volumes are (../shared/data); ISOBRICK_REQUIRE_DATA=1 makes it a failure
+# that they are not, ISOBRICK_REQUIRE_ALL=1 that anything else is skipped. ISOBRICK_REPETITIONS=N: random tests try
+# N percent of what they usually do (tools/nightly.sh).
 set -euo pipefail
 cd "$(dirname "$0")/.."
+ci=
+[ "${CI:-}" != true ] || ci=ci-
+release=${ci}release
 if [ $# -eq 0 ]; then
-  set -- release python asan-ubsan
-  [ "${CI:-}" != true ] || set -- ci-release python ci-asan-ubsan
+  set -- behaviour
+elif [ "$*" = house ]; then
+  set -- house-tests python asan-ubsan
 fi
+results=$PWD/build/results
+mkdir -p "$results"
+trap 'python3 -B tests/house/results.py "$results" "$@"' EXIT
+
+configure() { cmake --preset "$1" >build/configure.log 2>&1 || { cat build/configure.log; exit 1; }; }
+build() { cmake --build --preset "$1" --parallel "$(nproc)" "${@:2}"; }
+# tests STEP PRESET WORDS...: those that ctest chooses by the words.
+tests() {
+  local status=0
+  rm -rf "build/$2/results"
+  mkdir -p "build/$2/results"
+  ctest --preset "$2" --parallel "$(nproc)" --output-junit "$results/$1.xml" --no-tests=error "${@:3}" || status=$?
+  mv "build/$2/results" "$results/$1.shards"
+  return "$status"
+}
+# timed STEP PART COMMAND...: its seconds, for the table.
+timed() {
+  local begin=$SECONDS status=0
+  "${@:3}" || status=$?
+  printf '%s\t%s\t%s\t%s\n' "$1" "$2" "$((SECONDS - begin))" "$status" >>"$results/$1.tsv"
+  return "$status"
+}
 
 # The module on an installed release, in a venv of Debian's Python with packages from PyPI.
-testPython() {
-  local release=release werror=OFF
-  [ "${CI:-}" != true ] || { release=ci-release werror=ON; }
-  cmake --preset "$release" >build/configure.log 2>&1 || { cat build/configure.log; exit 1; }
-  cmake --build --preset "$release" --parallel "$(nproc)" --target isobrick isobrick-build isobrick-view \
-    isobrick_storage isobrick_extract isobrick_preprocess isobrick_sources isobrick_export isobrick_view isobrick_viewer
+buildPython() {
+  local werror=OFF venv=build/python/venv
+  [ -z "$ci" ] || werror=ON
+  configure "$release"
+  build "$release" --target all
   cmake --install "build/$release" --prefix build/python/prefix >build/python-install.log
-  local venv=build/python/venv
   [ -x $venv/bin/pip ] || /usr/bin/python3 -m venv $venv
   $venv/bin/pip install -q -r python/requirements-test.txt
   CMAKE_PREFIX_PATH=$PWD/build/python/prefix CMAKE_BUILD_PARALLEL_LEVEL=$(nproc) $venv/bin/pip install -q \
     --no-deps --no-build-isolation --config-settings cmake.define.ISOBRICK_PYTHON_WERROR=$werror .
-  $venv/bin/python -m pytest -q
 }
-tools/install_packages.sh
-mkdir -p build
-for preset; do
-  echo "== $preset"
-  if [ "$preset" = python ]; then
-    testPython
-    continue
-  fi
-  cmake --preset "$preset" >build/configure.log 2>&1 || { cat build/configure.log; exit 1; }
-  grep '^-- isobrick: ' build/configure.log || true
-  cmake --build --preset "$preset" --parallel "$(nproc)"
-  ctest --preset "$preset" --parallel "$(nproc)"
+testPython() { build/python/venv/bin/python -m pytest -q --durations=15 --junitxml="$results/python.xml"; }
+
+for step; do
+  rm -rf "$results/$step".*
+done
+for step; do
+  echo "== $step"
+  case $step in
+    behaviour)
+      tools/install_packages.sh build test
+      timed $step configure configure "$release"
+      timed $step build build "$release" --target behaviour_tests
+      timed $step tests tests $step "$release" --label-exclude house
+      ;;
+    house-tests)
+      tools/install_packages.sh build test release
+      timed $step configure configure "$release"
+      timed $step build build "$release"
+      timed $step tests tests $step "$release" --label-regex house
+      ;;
+    python)
+      tools/install_packages.sh build test release
+      timed $step build buildPython
+      timed $step tests testPython
+      ;;
+    *)
+      preset=$step
+      [ "$step" != asan-ubsan ] || preset=$ci$step
+      case $step in *san*) export ISOBRICK_REPETITIONS=${ISOBRICK_REPETITIONS:-10} ;; esac  # ten times as slow
+      tools/install_packages.sh build test release
+      timed "$step" configure configure "$preset"
+      timed "$step" build build "$preset"
+      timed "$step" tests tests "$step" "$preset"
+      ;;
+  esac
 done

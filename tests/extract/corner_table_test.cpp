@@ -12,16 +12,16 @@
 namespace isobrick::test {
 namespace {
 
-using Triangle = std::array<std::uint32_t, 3>;
+using IndexTriple = std::array<std::uint32_t, 3>;
 
 // Few vertices, so that sides meet in all ways; or most of a closed surface.
-std::vector<Triangle> randomTriangles(Random& random, std::uint32_t vertices) {
-  std::vector<Triangle> triangles;
+std::vector<IndexTriple> randomTriangles(Random& random, std::uint32_t vertices) {
+  std::vector<IndexTriple> triangles;
   if (randomBelow(random, 2) == 0) {
     // A double pyramid over a ring, of which some triangles are left out or are there twice.
     for (std::uint32_t i = 2; i < vertices; ++i) {
       const std::uint32_t next = i + 1 == vertices ? 2 : i + 1;
-      for (const Triangle& t : {Triangle{0, i, next}, Triangle{1, next, i}})
+      for (const IndexTriple& t : {IndexTriple{0, i, next}, IndexTriple{1, next, i}})
         for (std::uint64_t copies = 1 + (randomBelow(random, 30) == 0 ? 1u : 0u) -
                                     (randomBelow(random, 10) == 0 ? 1u : 0u);
              copies > 0; --copies)
@@ -30,7 +30,7 @@ std::vector<Triangle> randomTriangles(Random& random, std::uint32_t vertices) {
     return triangles;
   }
   for (std::uint64_t i = 1 + randomBelow(random, 12); i > 0; --i) {
-    Triangle t{};
+    IndexTriple t{};
     do
       for (std::uint32_t& v : t) v = static_cast<std::uint32_t>(randomBelow(random, vertices));
     while (t[0] == t[1] || t[1] == t[2] || t[2] == t[0]);
@@ -44,10 +44,10 @@ TEST(CornerTable, SaysOfRandomTrianglesWhatASearchFinds) {
   int closed = 0, open = 0, broken = 0;
   for (int n = repetitions(3000); n > 0; --n) {
     const auto vertices = static_cast<std::uint32_t>(5 + randomBelow(random, 6));
-    const std::vector<Triangle> triangles = randomTriangles(random, vertices);
+    const std::vector<IndexTriple> triangles = randomTriangles(random, vertices);
     if (triangles.empty()) continue;
     std::vector<std::uint32_t> corners;
-    for (const Triangle& t : triangles) corners.insert(corners.end(), t.begin(), t.end());
+    for (const IndexTriple& t : triangles) corners.insert(corners.end(), t.begin(), t.end());
     CornerTable table;
     table.set(corners, vertices);
     // By both ends: corners that face the side from one to the other.

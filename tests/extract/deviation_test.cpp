@@ -15,7 +15,7 @@
 namespace isobrick::test {
 namespace {
 
-using Triangle = std::array<glm::vec3, 3>;
+using CornerPoints = std::array<glm::vec3, 3>;
 
 // The surfaces lie over a plane whose normal is `up`; what it takes is height over the plane.
 struct Frame {
@@ -31,7 +31,7 @@ struct Case {
   std::vector<std::uint32_t> corners;      // three vertices a triangle
   std::vector<Deviation> deviations;       // of triangles
   std::vector<std::uint32_t> old_numbers;  // of triangles in the region
-  std::vector<Triangle> old_triangles, new_triangles;
+  std::vector<CornerPoints> old_triangles, new_triangles;
   CollapseRegion region;
 
   void addTriangle(std::size_t a, std::size_t b, std::size_t c) {
@@ -171,7 +171,7 @@ class RandomRegions {
 
 // Where a line along `up` through the point meets the triangle; nothing if that is beside it, or
 // nearly so.
-std::optional<glm::vec3> meet(const Triangle& t, const glm::vec3& point, const glm::vec3& up) {
+std::optional<glm::vec3> meet(const CornerPoints& t, const glm::vec3& point, const glm::vec3& up) {
   const glm::vec3 normal = glm::cross(t[1] - t[0], t[2] - t[0]);
   const glm::vec3 at = point + up * (glm::dot(t[0] - point, normal) / glm::dot(up, normal));
   for (std::size_t side = 0; side < 3; ++side) {
@@ -184,7 +184,7 @@ std::optional<glm::vec3> meet(const Triangle& t, const glm::vec3& point, const g
 
 glm::vec3 meanNormal(const Case& made) {
   glm::vec3 sum(0.0f);
-  for (const Triangle& t : made.new_triangles) sum += glm::cross(t[1] - t[0], t[2] - t[0]);
+  for (const CornerPoints& t : made.new_triangles) sum += glm::cross(t[1] - t[0], t[2] - t[0]);
   return glm::normalize(sum);
 }
 
@@ -208,7 +208,7 @@ TEST(DeviationBound, HoldsForAllPointsOfBothSurfacesAndIsReached) {
       longest_said = std::max(longest_said, std::sqrt(all.squaredLength()));
       for (int sample = 0; sample < 60; ++sample) {
         const float a = std::sqrt(random.real(0, 1)), b = random.real(0, 1);
-        const Triangle& t = made.new_triangles[j];
+        const CornerPoints& t = made.new_triangles[j];
         const glm::vec3 point = (1 - a) * t[0] + a * ((1 - b) * t[1] + b * t[2]);
         for (std::size_t i = 0; i < made.old_triangles.size(); ++i) {
           const std::optional<glm::vec3> old = meet(made.old_triangles[i], point, up);

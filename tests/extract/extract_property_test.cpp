@@ -34,7 +34,7 @@ constexpr int kQueriesPerVolume = 6;
 
 // Counts of what the random queries exercised; a generator that drifts to empty meshes is a test
 // that cannot fail.
-struct Coverage {
+struct SeenCases {
   int queries = 0, with_triangles = 0, with_transitions = 0, with_two_levels = 0, flattened = 0,
       seen = 0, combined = 0;
 };
@@ -114,7 +114,7 @@ LeafLevels referenceLeaves(const Pyramid& pyramid, double isovalue, const Detail
 enum class Rows { kOneWord, kSeveralWords };
 
 template <typename T>
-void runVolume(std::uint32_t seed, Rows rows, const TemporaryFolder& folder, Coverage& coverage) {
+void runVolume(std::uint32_t seed, Rows rows, const TemporaryFolder& folder, SeenCases& coverage) {
   RandomCase random(seed);
   const bool is_wide = rows == Rows::kSeveralWords;
   const Index3 dims = is_wide ? random.wideDims() : random.dims();
@@ -176,10 +176,10 @@ void runVolume(std::uint32_t seed, Rows rows, const TemporaryFolder& folder, Cov
   }
 }
 
-Coverage runVolumes(int volumes, Rows rows) {
+SeenCases runVolumes(int volumes, Rows rows) {
   const TemporaryFolder folder;
   const int first = environmentOr("ISOBRICK_PROPERTY_SEED", 1);
-  Coverage coverage;
+  SeenCases coverage;
   for (int v = 0; v < volumes && !testing::Test::HasFatalFailure(); ++v) {
     const auto seed = static_cast<std::uint32_t>(first + v);
     visitVoxelType(static_cast<VoxelType>(seed % kVoxelTypeCount), [&](auto tag) {
@@ -195,7 +195,7 @@ Coverage runVolumes(int volumes, Rows rows) {
 }
 
 TEST(ExtractProperty, MatchesTheReferenceOnRandomQueries) {
-  const Coverage coverage = runVolumes(repetitions(350), Rows::kOneWord);
+  const SeenCases coverage = runVolumes(repetitions(350), Rows::kOneWord);
   if (HasFatalFailure()) return;
   EXPECT_GT(coverage.with_triangles, coverage.queries * 7 / 10);
   EXPECT_GT(coverage.with_transitions, coverage.queries / 4);
@@ -205,7 +205,7 @@ TEST(ExtractProperty, MatchesTheReferenceOnRandomQueries) {
 }
 
 TEST(ExtractProperty, MatchesTheReferenceOnRowsOfSeveralWords) {
-  const Coverage coverage = runVolumes(repetitions(200), Rows::kSeveralWords);
+  const SeenCases coverage = runVolumes(repetitions(200), Rows::kSeveralWords);
   if (HasFatalFailure()) return;
   EXPECT_GT(coverage.with_triangles, coverage.queries * 7 / 10);
   EXPECT_GT(coverage.with_transitions, coverage.queries / 4);

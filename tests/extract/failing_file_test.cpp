@@ -304,9 +304,9 @@ TEST_P(FailingFile, WhatIsWrittenOverIsNoticed) {
 }
 
 // Does something when the fifth brick was meshed, and something else when the eighth was.
-class ActingSink : public IndexedMeshSink {
+class InterruptingSink : public IndexedMeshSink {
  public:
-  ActingSink(std::function<void()> fifth, std::function<void()> eighth)
+  InterruptingSink(std::function<void()> fifth, std::function<void()> eighth)
       : fifth_(std::move(fifth)), eighth_(std::move(eighth)) {}
   void place(PlacedBatch& placed) override {
     if (++batches_ == 5) fifth_();
@@ -324,7 +324,7 @@ class ActingSink : public IndexedMeshSink {
 TEST_P(FailingFileInPlace, WhatIsWrittenOverWhileItIsMeshedIsNoticed) {
   const Pyramid pyramid(path_);
   meshOf(pyramid, wholeQuery());
-  ActingSink sink([&] { writeBack(otherBack()); }, [] {});
+  InterruptingSink sink([&] { writeBack(otherBack()); }, [] {});
   try {
     extractIsosurface(pyramid, wholeQuery(), sink);
     ADD_FAILURE() << "samples that somebody wrote over were taken for those of the file";
@@ -366,7 +366,7 @@ TEST_P(FailingFileInPlace, WhatIsWrittenOverFailsAProgressiveQuery) {
 TEST_P(FailingFileInPlace, WhatIsWrittenOverForAMomentIsNoticed) {
   const Pyramid pyramid(path_);
   meshOf(pyramid, wholeQuery());
-  ActingSink sink([&] { writeBack(otherBack()); }, [&] { writeBack(goodBack()); });
+  InterruptingSink sink([&] { writeBack(otherBack()); }, [&] { writeBack(goodBack()); });
   EXPECT_THROW(extractIsosurface(pyramid, wholeQuery(), sink), Error);
   EXPECT_FALSE(sink.is_finished);
   EXPECT_TRUE(isSame(meshOf(pyramid, wholeQuery()), all_));

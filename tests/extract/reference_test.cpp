@@ -44,7 +44,7 @@ std::vector<float> sampleField(const Index3& dims, F&& field) {
 
 // ---- Random cases -------------------------------------------------------------------------------
 
-struct RandomCase {
+struct ReferenceCase {
   ReferencePyramid pyramid;
   ReferenceQuery query;
   LeafLevels leaves;  // of the query, or random ones
@@ -170,7 +170,7 @@ LeafLevels randomBalancedLeaves(Random& random, const Lattice& lattice) {
   return leaves;
 }
 
-RandomCase randomCase(std::uint64_t seed) {
+ReferenceCase referenceCase(std::uint64_t seed) {
   Random random(seed);
   std::ostringstream description;
   const std::int64_t most_dim = randomInt(random, 0, 9) == 0 ? 33 : randomInt(random, 3, 20);
@@ -178,7 +178,7 @@ RandomCase randomCase(std::uint64_t seed) {
   for (int axis = 0; axis < 3; ++axis) dims[axis] = randomInt(random, 2, most_dim);
   description << "seed " << seed << " dims " << dims.x << "x" << dims.y << "x" << dims.z;
 
-  RandomCase result;
+  ReferenceCase result;
   result.pyramid = randomPyramid(random, dims, description);
   const Lattice& lattice = result.pyramid.lattice;
 
@@ -259,7 +259,7 @@ TEST(ReferenceMesher, RandomMeshesAreClosedOrientedManifolds) {
   double smallest_area = 1;
   int failures = 0;
   for (int seed = first; seed < first + cases && failures < 5; ++seed) {
-    const RandomCase c = randomCase(static_cast<std::uint64_t>(seed));
+    const ReferenceCase c = referenceCase(static_cast<std::uint64_t>(seed));
     SCOPED_TRACE(c.description);
     try {
       EXPECT_TRUE(auditLeafLevels(c.leaves).empty());
@@ -599,7 +599,7 @@ TEST(ReferenceMesher, ValuesDependOnThePointAlone) {
 // A segment inside the volume is walked once each way.
 TEST(ReferenceMesher, SegmentsMatchAcrossCells) {
   for (std::uint64_t seed = 1; seed < 60; ++seed) {
-    const RandomCase c = randomCase(seed);
+    const ReferenceCase c = referenceCase(seed);
     const ReferenceMesh mesh = referenceMesh(c.pyramid, c.leaves, c.query.iso);
     const Index3 last = c.pyramid.lattice.voxels() - Index3(1);
     const std::set<std::array<std::uint32_t, 2>> segments(mesh.segments.begin(),
@@ -620,7 +620,7 @@ TEST(ReferenceMesher, SegmentsMatchAcrossCells) {
 
 // ---- The checker finds planted faults -----------------------------------------------------------
 
-struct PlainMesh {
+struct VertexList {
   std::vector<glm::dvec3> positions;
   std::vector<std::uint32_t> triangles;
 
@@ -629,8 +629,8 @@ struct PlainMesh {
   }
 };
 
-PlainMesh octahedron(const glm::dvec3& centre = glm::dvec3(0)) {
-  PlainMesh mesh;
+VertexList octahedron(const glm::dvec3& centre = glm::dvec3(0)) {
+  VertexList mesh;
   for (const glm::dvec3 p : {glm::dvec3(1, 0, 0), glm::dvec3(-1, 0, 0), glm::dvec3(0, 1, 0),
                              glm::dvec3(0, -1, 0), glm::dvec3(0, 0, 1), glm::dvec3(0, 0, -1)}) {
     mesh.positions.push_back(p + centre);
@@ -639,14 +639,14 @@ PlainMesh octahedron(const glm::dvec3& centre = glm::dvec3(0)) {
   return mesh;
 }
 
-void append(PlainMesh& mesh, const PlainMesh& other) {
+void append(VertexList& mesh, const VertexList& other) {
   const auto offset = static_cast<std::uint32_t>(mesh.positions.size());
   mesh.positions.insert(mesh.positions.end(), other.positions.begin(), other.positions.end());
   for (const std::uint32_t index : other.triangles) mesh.triangles.push_back(index + offset);
 }
 
 TEST(MeshChecker, PassesAClosedMesh) {
-  PlainMesh mesh = octahedron();
+  VertexList mesh = octahedron();
   append(mesh, octahedron({5, 0, 0}));
   const MeshReport report = mesh.check();
   EXPECT_TRUE(report.ok()) << report.summary();
@@ -661,14 +661,14 @@ TEST(MeshChecker, PassesAClosedMesh) {
 }
 
 TEST(MeshChecker, FindsAHole) {
-  PlainMesh mesh = octahedron();
+  VertexList mesh = octahedron();
   mesh.triangles.resize(mesh.triangles.size() - 3);
   EXPECT_EQ(mesh.check().open_edges, 3);
   EXPECT_FALSE(mesh.check().ok());
 }
 
 TEST(MeshChecker, AllowsAnOpeningOnlyInOneBorderPlane) {
-  PlainMesh mesh = octahedron();
+  VertexList mesh = octahedron();
   mesh.triangles.resize(12);  // the upper half, open in z = 0
   mesh.positions.pop_back();
   EXPECT_EQ(mesh.check().open_edges, 4);
@@ -690,7 +690,7 @@ TEST(MeshChecker, MapsObliqueVolumesToTheirBox) {
   geometry.origin = {10, -4, 2};
   geometry.direction = glm::dmat3(glm::dvec3(0.8, 0.6, 0), glm::dvec3(0.6, -0.8, 0),
                                   glm::dvec3(0, 0, 1));  // a flip too
-  PlainMesh mesh = octahedron({2, 2, 0});
+  VertexList mesh = octahedron({2, 2, 0});
   mesh.triangles.resize(12);
   mesh.positions.pop_back();
   for (glm::dvec3& p : mesh.positions) p = geometry.indexToWorld(p);
@@ -700,26 +700,26 @@ TEST(MeshChecker, MapsObliqueVolumesToTheirBox) {
 }
 
 TEST(MeshChecker, FindsAFlippedTriangle) {
-  PlainMesh mesh = octahedron();
+  VertexList mesh = octahedron();
   std::swap(mesh.triangles[0], mesh.triangles[1]);
   EXPECT_EQ(mesh.check().misoriented_edges, 3);
   EXPECT_FALSE(mesh.check().ok());
 }
 
 TEST(MeshChecker, FindsADuplicateTriangleEitherWayRound) {
-  PlainMesh mesh = octahedron();
+  VertexList mesh = octahedron();
   for (const std::size_t i : {1u, 2u, 0u}) mesh.triangles.push_back(mesh.triangles[i]);
   EXPECT_EQ(mesh.check().duplicate_triangles, 1);
   EXPECT_EQ(mesh.check().nonmanifold_edges, 3);
 
-  const PlainMesh pillow{{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}, {0, 1, 2, 0, 2, 1}};
+  const VertexList pillow{{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}, {0, 1, 2, 0, 2, 1}};
   EXPECT_EQ(pillow.check().duplicate_triangles, 1);
   EXPECT_EQ(pillow.check().open_edges, 0);
   EXPECT_FALSE(pillow.check().ok());
 }
 
 TEST(MeshChecker, FindsZeroAreaAndNonFinitePositions) {
-  PlainMesh mesh = octahedron();
+  VertexList mesh = octahedron();
   mesh.positions[4] = {0.5, 0.5, 0};  // between vertices 0 and 2
   EXPECT_EQ(mesh.check().zero_area_triangles, 1);
   EXPECT_EQ(mesh.check().smallest_area, 0);
@@ -732,7 +732,7 @@ TEST(MeshChecker, FindsZeroAreaAndNonFinitePositions) {
 TEST(MeshChecker, FindsAnEdgeUsedFourTimes) {
   // Two tetrahedra that share the edge 0 - 1: closed and consistently oriented, but not a manifold.
   const std::vector<std::uint32_t> tetrahedron = {0, 2, 1, 0, 1, 3, 1, 2, 3, 2, 0, 3};
-  PlainMesh mesh;
+  VertexList mesh;
   mesh.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {0, -1, 0}, {0, 0, -1}};
   mesh.triangles = tetrahedron;
   for (const std::uint32_t v : tetrahedron) mesh.triangles.push_back(v < 2 ? v : v + 2);
@@ -744,7 +744,7 @@ TEST(MeshChecker, FindsAnEdgeUsedFourTimes) {
 }
 
 TEST(MeshChecker, FindsAPinchedVertex) {
-  PlainMesh mesh = octahedron();
+  VertexList mesh = octahedron();
   append(mesh, octahedron({2, 0, 0}));
   EXPECT_EQ(mesh.check().duplicate_positions, 1);  // (1,0,0) twice: allowed
   EXPECT_TRUE(mesh.check().ok());
@@ -755,7 +755,7 @@ TEST(MeshChecker, FindsAPinchedVertex) {
 }
 
 TEST(MeshChecker, FindsBadIndices) {
-  PlainMesh mesh = octahedron();
+  VertexList mesh = octahedron();
   mesh.triangles[5] = 6;
   EXPECT_EQ(mesh.check().bad_indices, 1);
   EXPECT_FALSE(mesh.check().ok());

@@ -23,10 +23,10 @@
 namespace isobrick::test {
 namespace {
 
-using Corner = std::array<double, 3>;
-using Triangle = std::array<Corner, 3>;
+using CornerPlace = std::array<double, 3>;
+using Triangle = std::array<CornerPlace, 3>;
 
-Corner cornerOf(const glm::dvec3& p) { return {p.x, p.y, p.z}; }
+CornerPlace cornerOf(const glm::dvec3& p) { return {p.x, p.y, p.z}; }
 
 // Every triangle from its least corner on; sorted.
 template <typename Position>

@@ -32,7 +32,8 @@ endif()
 # The examples, as a stranger builds them.
 run(${configure} -S ${SOURCE}/examples -B examples -DCMAKE_BUILD_TYPE=Release)
 run(${CMAKE_COMMAND} --build examples)
-run(examples/own_source)
+run(${CMAKE_COMMAND} -DSOURCE=${SOURCE} -DBIN=${WORK}/examples -DCHECK_MESH=${CHECK_MESH} -DWORK=${WORK}/examples_run
+    -P ${CMAKE_CURRENT_LIST_DIR}/examples_test.cmake)
 
 # One component: what it does not need is hidden from it.
 run(${configure} -S ${SOURCE}/tests/house/extract_only -B extract_only -DCMAKE_BUILD_TYPE=Release

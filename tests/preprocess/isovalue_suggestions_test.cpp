@@ -21,7 +21,7 @@ namespace {
 
 using Field = std::function<double(const Index3&)>;
 
-const Index3 kVoxels(64, 60, 56);
+const Index3 kTissueVoxels(64, 60, 56);
 
 double distanceFromCenter(const Index3& at) {
   return std::hypot(static_cast<double>(at.x) - 31.3, static_cast<double>(at.y) - 29.6,
@@ -42,7 +42,7 @@ Pyramid built(const TemporaryFolder& folder, const Field& field, double sigma,
               std::int64_t brick_cells = 32) {
   std::mt19937 random(5);
   std::normal_distribution<double> normal(0, 1);
-  ArraySource<T> source(kVoxels, arrayOfField<T>(kVoxels, [&](const Index3& at) {
+  ArraySource<T> source(kTissueVoxels, arrayOfField<T>(kTissueVoxels, [&](const Index3& at) {
                           const double value = field(at) + (sigma > 0 ? sigma * normal(random) : 0);
                           return static_cast<T>(std::is_integral_v<T> ? std::round(value) : value);
                         }));
@@ -216,12 +216,12 @@ TEST(GradientSpectrum, SumsTheEdgesThatAnIsovalueCrosses) {
   for (std::size_t part = 0; part < spectrum->parts(); ++part) {
     const double first = static_cast<double>(spectrum->first) + static_cast<double>(part) * width;
     double area = 0, gradient = 0;
-    for (std::int64_t z = 0; z < kVoxels.z; ++z)
-      for (std::int64_t y = 0; y < kVoxels.y; ++y)
-        for (std::int64_t x = 0; x < kVoxels.x; ++x)
+    for (std::int64_t z = 0; z < kTissueVoxels.z; ++z)
+      for (std::int64_t y = 0; y < kTissueVoxels.y; ++y)
+        for (std::int64_t x = 0; x < kTissueVoxels.x; ++x)
           for (int axis = 0; axis < 3; ++axis) {
             Index3 next(x, y, z);
-            if (++next[axis] == kVoxels[axis]) continue;
+            if (++next[axis] == kTissueVoxels[axis]) continue;
             const double a = value(Index3(x, y, z)), b = value(next);
             const double share =
                 (std::min(std::max(a, b), first + width) - std::max(std::min(a, b), first)) / width;

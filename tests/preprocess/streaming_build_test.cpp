@@ -25,9 +25,9 @@ namespace fs = std::filesystem;
 
 // The same voxels, read box by box.
 template <typename T>
-class BoxSource final : public VolumeSource {
+class BoxwiseSource final : public VolumeSource {
  public:
-  BoxSource(const Index3& voxels, const std::vector<T>& values) : values_(values) {
+  BoxwiseSource(const Index3& voxels, const std::vector<T>& values) : values_(values) {
     info_.voxels = voxels;
     info_.voxel_type = voxelTypeOf<T>();
     info_.source = "memory";
@@ -108,7 +108,7 @@ template <typename T>
 std::string build(const Index3& dims, const std::vector<T>& values, const std::string& path,
                   const BuildOptions& options, bool boxes) {
   if (boxes) {
-    BoxSource<T> source(dims, values);
+    BoxwiseSource<T> source(dims, values);
     buildPyramid(source, path, options);
   } else {
     ArraySource<T> source(dims, values);

@@ -25,7 +25,7 @@
 namespace isobrick::test {
 namespace {
 
-constexpr std::size_t kPage = 4096;
+constexpr std::size_t kPageBytes = 4096;
 
 void touch(const void* address) { (void)*static_cast<const volatile unsigned char*>(address); }
 
@@ -54,9 +54,9 @@ class BusErrorGuardTest : public testing::Test {
   }
   // A page that faults and is not ours.
   unsigned char* makeForeignPage(const std::string& name = "foreign") const {
-    const std::string path = makeFile(name, kPage);
+    const std::string path = makeFile(name, kPageBytes);
     const int fd = open(path.c_str(), O_RDWR | O_CLOEXEC);
-    void* const page = mmap(nullptr, kPage, PROT_READ | PROT_WRITE, MAP_SHARED, fd, 0);
+    void* const page = mmap(nullptr, kPageBytes, PROT_READ | PROT_WRITE, MAP_SHARED, fd, 0);
     close(fd);
     cut(path);
     if (page == MAP_FAILED) throw std::runtime_error("cannot map a page");
@@ -65,11 +65,11 @@ class BusErrorGuardTest : public testing::Test {
   // True if a file of ours that was cut ends in a note rather than in a signal for somebody
   // else.
   bool isGuarded(const std::string& name = "ours") const {
-    const std::string path = makeFile(name, 3 * kPage);
+    const std::string path = makeFile(name, 3 * kPageBytes);
     const PagedFile file(path);
     cut(path);
-    touch(file.data() + kPage + 7);
-    return file.failedOffset() == kPage;
+    touch(file.data() + kPageBytes + 7);
+    return file.failedOffset() == kPageBytes;
   }
 
   TemporaryFolder folder_;
@@ -92,8 +92,8 @@ void noteCall(int signal, const siginfo_t* info) {
 
 // Puts a page there, so that the instruction goes on.
 void mendPage(const void* address) {
-  const auto page = reinterpret_cast<std::uintptr_t>(address) / kPage * kPage;
-  mmap(reinterpret_cast<void*>(page), kPage, PROT_READ | PROT_WRITE,
+  const auto page = reinterpret_cast<std::uintptr_t>(address) / kPageBytes * kPageBytes;
+  mmap(reinterpret_cast<void*>(page), kPageBytes, PROT_READ | PROT_WRITE,
        MAP_PRIVATE | MAP_ANONYMOUS | MAP_FIXED, -1, 0);
 }
 
@@ -162,22 +162,22 @@ class PlacedMapping {
 
 TEST_F(BusErrorGuardTest, MappingsThatTouchReportTheirOwnOffsets) {
   expectChildLeavesWith(0, [&] {
-    const std::size_t bytes = 3 * kPage + 100;  // a mapping ends with its last page
+    const std::size_t bytes = 3 * kPageBytes + 100;  // a mapping ends with its last page
     const std::string lower_path = makeFile("lower", bytes), upper_path = makeFile("upper", bytes);
-    void* const place = mmap(nullptr, 8 * kPage, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    void* const place = mmap(nullptr, 8 * kPageBytes, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
     if (place == MAP_FAILED) return 1;
     auto* const first = static_cast<std::byte*>(place);
     {
       const PlacedMapping lower(lower_path, first, bytes);
-      const PlacedMapping upper(upper_path, first + 4 * kPage, bytes);
+      const PlacedMapping upper(upper_path, first + 4 * kPageBytes, bytes);
       cut(lower_path);
-      touch(lower.data + 3 * kPage + 50);
-      if (lower.guard.failedOffset() != 3 * kPage || upper.guard.failedOffset()) return 2;
+      touch(lower.data + 3 * kPageBytes + 50);
+      if (lower.guard.failedOffset() != 3 * kPageBytes || upper.guard.failedOffset()) return 2;
       touch(upper.data);  // still whole
       cut(upper_path);
       touch(upper.data + 1);
-      touch(upper.data + 2 * kPage);  // the first counts
-      if (lower.guard.failedOffset() != 3 * kPage || upper.guard.failedOffset() != 0) return 3;
+      touch(upper.data + 2 * kPageBytes);  // the first counts
+      if (lower.guard.failedOffset() != 3 * kPageBytes || upper.guard.failedOffset() != 0) return 3;
     }
     // A slot that is taken again has forgotten.
     return isGuarded() ? 0 : 4;
@@ -213,7 +213,7 @@ TEST_F(BusErrorGuardTest, ASignalThatSomebodySendsIsNoFault) {
 TEST_F(BusErrorGuardTest, AForeignFaultGoesToTheEarlierHandlerAndOursStays) {
   expectChildLeavesWith(0, [&] {
     install(onSignalMending);
-    const std::string path = makeFile("open", 4 * kPage);
+    const std::string path = makeFile("open", 4 * kPageBytes);
     const PagedFile open_all_the_while(path);
     for (int round = 1; round <= 3; ++round) {
       if (seen().calls != round - 1) return 10 * round + 1;
@@ -227,8 +227,8 @@ TEST_F(BusErrorGuardTest, AForeignFaultGoesToTheEarlierHandlerAndOursStays) {
       if (sigismember(&blocked, SIGUSR1) || sigismember(&blocked, SIGBUS)) return 10 * round + 5;
     }
     cut(path);
-    touch(open_all_the_while.data() + kPage);
-    return open_all_the_while.failedOffset() == kPage ? 0 : 1;
+    touch(open_all_the_while.data() + kPageBytes);
+    return open_all_the_while.failedOffset() == kPageBytes ? 0 : 1;
   });
 }
 
@@ -280,7 +280,7 @@ TEST_F(BusErrorGuardTest, HandlersMayJumpOut) {
 TEST_F(BusErrorGuardTest, AHandlerThatCameLaterIsPutBehindOurs) {
   expectChildLeavesWith(0, [&] {
     std::signal(SIGBUS, SIG_DFL);
-    const std::string path = makeFile("early", 4 * kPage);
+    const std::string path = makeFile("early", 4 * kPageBytes);
     const PagedFile early(path);
     installPlain(onSignalRaisingAgain, SA_NODEFER);
     // A new mapping and the use of an old one put ours in front.
@@ -288,8 +288,8 @@ TEST_F(BusErrorGuardTest, AHandlerThatCameLaterIsPutBehindOurs) {
     installPlain(onSignalRaisingAgain, SA_NODEFER);
     if (!early.reaches(0, 1)) return 2;
     cut(path);
-    touch(early.data() + 2 * kPage);
-    return early.failedOffset() == 2 * kPage && seen().calls == 0 ? 0 : 3;
+    touch(early.data() + 2 * kPageBytes);
+    return early.failedOffset() == 2 * kPageBytes && seen().calls == 0 ? 0 : 3;
   });
   seen() = Seen();
 }
@@ -377,18 +377,18 @@ TEST(RangeSlot, IsReadWholeOrNotAtAll) {
 TEST_F(BusErrorGuardTest, FaultsWhileOthersOpenAndClose) {
   expectChildLeavesWith(0, [&] {
     constexpr int kFaulting = 2, kOpening = 3, kRounds = 300;
-    for (int t = 0; t < kOpening; ++t) makeFile("whole" + std::to_string(t), 2 * kPage);
+    for (int t = 0; t < kOpening; ++t) makeFile("whole" + std::to_string(t), 2 * kPageBytes);
     std::atomic<int> wrong{0}, running{kFaulting};
     std::vector<std::thread> threads;
     for (int t = 0; t < kFaulting; ++t)
       threads.emplace_back([&, t] {
         for (std::size_t round = 0; round < kRounds; ++round) {
-          const std::string path = makeFile("cut" + std::to_string(t), 5 * kPage);
+          const std::string path = makeFile("cut" + std::to_string(t), 5 * kPageBytes);
           const PagedFile file(path);
           cut(path);
           const std::size_t page = round % 5;
-          touch(file.data() + page * kPage + round % kPage);
-          if (file.failedOffset() != page * kPage) ++wrong;
+          touch(file.data() + page * kPageBytes + round % kPageBytes);
+          if (file.failedOffset() != page * kPageBytes) ++wrong;
         }
         --running;
       });
@@ -396,7 +396,7 @@ TEST_F(BusErrorGuardTest, FaultsWhileOthersOpenAndClose) {
       threads.emplace_back([&, t] {
         while (running > 0) {
           const PagedFile file(folder_.file("whole" + std::to_string(t)));
-          touch(file.data() + kPage);
+          touch(file.data() + kPageBytes);
           if (file.failedOffset()) ++wrong;
         }
       });

@@ -28,7 +28,7 @@
 namespace isobrick::test {
 namespace {
 
-volatile std::uint64_t g_sink;  // keeps reads from being optimised away
+volatile std::uint64_t g_changing_sink;  // keeps reads from being optimised away
 
 // Reads all samples of the brick; 0: read, 1: an Error that names it, 2: another Error.
 int readBrick(const Pyramid& pyramid, int level, const Index3& brick) {
@@ -39,7 +39,7 @@ int readBrick(const Pyramid& pyramid, int level, const Index3& brick) {
     std::uint64_t sum = 0;
     for (std::size_t i = 0; i < bytes; ++i)
       sum += static_cast<std::uint8_t>(samples.part.data()[i]);
-    g_sink = sum;
+    g_changing_sink = sum;
     return 0;
   } catch (const Error& error) {
     return std::string(error.what()).find(brickName(level, brick)) != std::string::npos ? 1 : 2;
@@ -102,7 +102,7 @@ TEST(TruncatedWhileMapped, HeldBricksAreErrorsAfterTheirUse) {
     const BrickSamples samples = pyramid.samples(0, last);
     pyramid.throwIfReadsFailed(0, last);  // all is well so far
     std::filesystem::resize_file(path, 512);
-    g_sink = static_cast<std::uint8_t>(samples.part.data()[0]);
+    g_changing_sink = static_cast<std::uint8_t>(samples.part.data()[0]);
     try {
       pyramid.throwIfReadsFailed(0, last);
     } catch (const Error& error) {
@@ -136,7 +136,7 @@ int readWhileCut(const PlainPyramid& plain, const std::string& path, std::uint64
   const Pyramid pyramid(path, 64 * 1024);
   std::atomic<bool> is_cut{false};
   std::thread cutter([&] {
-    for (std::uint64_t i = 0; i < spins; ++i) g_sink = i;
+    for (std::uint64_t i = 0; i < spins; ++i) g_changing_sink = i;
     std::filesystem::resize_file(path, 4096);
     is_cut = true;
   });
@@ -201,9 +201,9 @@ void readWhileWritten(format::Codec codec) {
           random() % 2 == 0 ? randomBelow(random, 24) : randomBelow(random, part.stored_bytes);
       const std::uint8_t good = bytes[at];
       bytes[at] = static_cast<std::uint8_t>(good ^ (1 << random() % 8));
-      for (std::uint64_t spins = randomBelow(random, 8000); spins > 0; --spins) g_sink = spins;
+      for (std::uint64_t spins = randomBelow(random, 8000); spins > 0; --spins) g_changing_sink = spins;
       bytes[at] = good;
-      for (std::uint64_t spins = randomBelow(random, 8000); spins > 0; --spins) g_sink = spins;
+      for (std::uint64_t spins = randomBelow(random, 8000); spins > 0; --spins) g_changing_sink = spins;
     }
   });
   int right = 0, errors = 0, wrong = 0;

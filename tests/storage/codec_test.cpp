@@ -28,7 +28,7 @@
 namespace isobrick::test {
 namespace {
 
-using Bytes = std::vector<std::byte>;
+using RawBytes = std::vector<std::byte>;
 using format::Codec;
 
 // Memory that ends where reading and writing ends: what goes past it is a crash in every build,
@@ -47,7 +47,7 @@ class GuardedBytes {
     data_ = map_ + body - bytes;
     std::memset(data_ - kBefore, 0x5a, kBefore);
   }
-  explicit GuardedBytes(const Bytes& content) : GuardedBytes(content.size()) {
+  explicit GuardedBytes(const RawBytes& content) : GuardedBytes(content.size()) {
     if (!content.empty()) std::memcpy(data_, content.data(), content.size());
   }
   ~GuardedBytes() { munmap(map_, map_bytes_); }
@@ -75,9 +75,9 @@ constexpr Content kContents[] = {Content::kConstant, Content::kSmooth, Content::
                                  Content::kNoise};
 
 template <typename T>
-Bytes valuesOf(Content content, std::size_t count, std::uint64_t seed) {
+RawBytes valuesOf(Content content, std::size_t count, std::uint64_t seed) {
   Random random(seed);
-  Bytes bytes(count * sizeof(T));
+  RawBytes bytes(count * sizeof(T));
   T* to = reinterpret_cast<T*>(bytes.data());
   const auto edge = static_cast<std::size_t>(std::cbrt(static_cast<double>(count))) + 1;
   for (std::size_t i = 0; i < count; ++i) {
@@ -103,7 +103,7 @@ Bytes valuesOf(Content content, std::size_t count, std::uint64_t seed) {
   return bytes;
 }
 
-Bytes valuesOf(VoxelType type, Content content, std::size_t count, std::uint64_t seed = 1) {
+RawBytes valuesOf(VoxelType type, Content content, std::size_t count, std::uint64_t seed = 1) {
   return visitVoxelType(
       type, [&](auto tag) { return valuesOf<typename decltype(tag)::Type>(content, count, seed); });
 }
@@ -118,15 +118,15 @@ EncodedBrick brickOf(VoxelType type, Content content, std::size_t samples) {
 }
 
 // One part of elements of `type`, packed by `codec` if that is possible.
-EncodedPart packedSamples(VoxelType type, Codec codec, const Bytes& elements) {
+EncodedPart packedSamples(VoxelType type, Codec codec, const RawBytes& elements) {
   EncodedBrick brick;
   brick.samples.bytes = elements;
-  brick.ranges.bytes = Bytes(2 * voxelBytes(type));
+  brick.ranges.bytes = RawBytes(2 * voxelBytes(type));
   encodeBrick(type, codec, brick);
   return brick.samples;
 }
 
-void expectDecodes(const EncodedPart& part, const Bytes& elements, const std::string& what) {
+void expectDecodes(const EncodedPart& part, const RawBytes& elements, const std::string& what) {
   ASSERT_EQ(part.checksum, checksum64(part.bytes.data(), part.bytes.size())) << what;
   const GuardedBytes stored(part.bytes);
   const GuardedBytes out(elements.size());
@@ -182,7 +182,7 @@ TEST(Codec, EveryElementOfTheGreatestBrickComesBack) {
 
 // Every difference of two bytes, and the wrap-around at both ends of every type.
 TEST(Codec, EveryDifferenceComesBack) {
-  Bytes bytes;
+  RawBytes bytes;
   for (int a = 0; a < 256; ++a)
     for (int b = 0; b < 256; ++b) {
       bytes.push_back(static_cast<std::byte>(a));
@@ -273,7 +273,7 @@ TEST(Codec, BloscHeadersAreThoseOfTheFormat) {
 // ---- hostile bytes ----
 
 // Some bytes that decodePart() must survive; true if it took them.
-bool survives(Codec codec, const Bytes& stored_bytes, std::size_t bytes) {
+bool survives(Codec codec, const RawBytes& stored_bytes, std::size_t bytes) {
   const GuardedBytes stored(stored_bytes);
   const GuardedBytes out(bytes);
   const bool decoded = decodePart(codec, stored.span(), bytes, out.data());
@@ -281,14 +281,14 @@ bool survives(Codec codec, const Bytes& stored_bytes, std::size_t bytes) {
   return decoded;
 }
 
-void putNumber(Bytes& bytes, std::size_t at, std::uint32_t number) {
+void putNumber(RawBytes& bytes, std::size_t at, std::uint32_t number) {
   std::memcpy(bytes.data() + at, &number, sizeof number);
 }
 
 // A packed part of several blocks, its codec and the bytes of its elements.
 struct PackedExample {
   Codec codec;
-  Bytes stored;
+  RawBytes stored;
   std::size_t bytes;
 };
 
@@ -300,7 +300,7 @@ std::vector<PackedExample> packedExamples() {
                                                {VoxelType::kInt16, Content::kSmooth, 343},
                                                {VoxelType::kUint16, Content::kRuns, 150000},
                                                {VoxelType::kFloat32, Content::kSmooth, 1331}}) {
-      const Bytes elements = valuesOf(type, content, static_cast<std::size_t>(count));
+      const RawBytes elements = valuesOf(type, content, static_cast<std::size_t>(count));
       const EncodedPart part = packedSamples(type, codec, elements);
       EXPECT_EQ(part.codec, codec);
       examples.push_back({codec, part.bytes, elements.size()});
@@ -311,7 +311,7 @@ std::vector<PackedExample> packedExamples() {
 TEST(HostilePart, EveryPrefixIsRefused) {
   for (const PackedExample& example : packedExamples())
     for (std::size_t length = 0; length < example.stored.size(); length += 1 + length / 50) {
-      Bytes prefix(example.stored.begin(),
+      RawBytes prefix(example.stored.begin(),
                    example.stored.begin() + static_cast<std::ptrdiff_t>(length));
       ASSERT_FALSE(survives(example.codec, prefix, example.bytes)) << length;
       if (length < 16) continue;
@@ -326,7 +326,7 @@ TEST(HostilePart, OtherSizesAreRefused) {
     for (const std::size_t bytes : {std::size_t{0}, std::size_t{1}, example.bytes / 2,
                                     example.bytes - 1, example.bytes + 1, 2 * example.bytes})
       EXPECT_FALSE(survives(example.codec, example.stored, bytes)) << bytes;
-    Bytes longer = example.stored;
+    RawBytes longer = example.stored;
     longer.push_back(std::byte{0});
     EXPECT_FALSE(survives(example.codec, longer, example.bytes));
     putNumber(longer, 12, static_cast<std::uint32_t>(longer.size()));
@@ -345,7 +345,7 @@ TEST(HostilePart, HeadersAreReadOnlyIfTheFormatHasThem) {
   for (const PackedExample& example : packedExamples()) {
     for (std::size_t at = 0; at < 4; ++at)
       for (int value = 0; value < 256; ++value) {
-        Bytes bytes = example.stored;
+        RawBytes bytes = example.stored;
         if (bytes[at] == static_cast<std::byte>(value)) continue;
         bytes[at] = static_cast<std::byte>(value);
         const bool decoded = survives(example.codec, bytes, example.bytes);
@@ -358,7 +358,7 @@ TEST(HostilePart, HeadersAreReadOnlyIfTheFormatHasThem) {
       for (const std::uint32_t number :
            {0u, 1u, 2u, 7u, 15u, 16u, 127u, 128u, 255u, 1u << 20, (1u << 20) + 8, 0x7fffffffu,
             0x80000000u, 0xfffffff0u, 0xffffffffu}) {
-        Bytes bytes = example.stored;
+        RawBytes bytes = example.stored;
         if (at + 4 > bytes.size()) continue;
         putNumber(bytes, at, number);
         if (bytes != example.stored) {
@@ -369,12 +369,12 @@ TEST(HostilePart, HeadersAreReadOnlyIfTheFormatHasThem) {
 }
 
 TEST(HostilePart, WhatOtherBloscSettingsMakeIsRefused) {
-  const Bytes elements = valuesOf(VoxelType::kUint16, Content::kRuns, 50000);
-  Bytes packed(elements.size() + BLOSC_MAX_OVERHEAD);
+  const RawBytes elements = valuesOf(VoxelType::kUint16, Content::kRuns, 50000);
+  RawBytes packed(elements.size() + BLOSC_MAX_OVERHEAD);
   const auto pack = [&](int level, int shuffle, const char* compressor, std::size_t width = 2) {
     const int size = blosc_compress_ctx(level, shuffle, width, elements.size(), elements.data(),
                                         packed.data(), packed.size(), compressor, 0, 1);
-    return Bytes(packed.begin(), packed.begin() + std::max(size, 0));
+    return RawBytes(packed.begin(), packed.begin() + std::max(size, 0));
   };
   for (const Codec codec : {Codec::kLz4, Codec::kZstd}) {
     const char* own = codec == Codec::kLz4 ? BLOSC_LZ4_COMPNAME : BLOSC_ZSTD_COMPNAME;
@@ -383,7 +383,7 @@ TEST(HostilePart, WhatOtherBloscSettingsMakeIsRefused) {
           codec == Codec::kLz4 ? BLOSC_ZSTD_COMPNAME : BLOSC_LZ4_COMPNAME}) {
       EXPECT_FALSE(survives(codec, pack(5, BLOSC_SHUFFLE, compressor), elements.size()));
       // Somebody may change the name as well.
-      Bytes renamed = pack(5, BLOSC_SHUFFLE, compressor);
+      RawBytes renamed = pack(5, BLOSC_SHUFFLE, compressor);
       if (renamed.empty()) continue;  // Blosc was made without it
       renamed[2] = static_cast<std::byte>((static_cast<int>(renamed[2]) & 0x1f) |
                                           (codec == Codec::kLz4 ? 0x20 : 0x80));
@@ -406,7 +406,7 @@ TEST(HostilePart, BlocksInAnotherOrderAreRefused) {
     std::uint32_t first, second;
     std::memcpy(&first, example.stored.data() + 16, 4);
     std::memcpy(&second, example.stored.data() + 20, 4);
-    Bytes bytes = example.stored;
+    RawBytes bytes = example.stored;
     putNumber(bytes, 20, first);
     EXPECT_FALSE(survives(example.codec, bytes, example.bytes));
     putNumber(bytes, 16, second);
@@ -418,8 +418,8 @@ TEST(HostilePart, BlocksInAnotherOrderAreRefused) {
 }
 
 // A brief fuzzer: flips, random runs, copied runs, numbers put where Blosc has its own.
-Bytes mutated(Random& random, const PackedExample& example) {
-  Bytes bytes = example.stored;
+RawBytes mutated(Random& random, const PackedExample& example) {
+  RawBytes bytes = example.stored;
   for (std::uint64_t edits = 1 + randomBelow(random, 4); edits > 0; --edits) {
     // Half of them where the offsets and sizes are.
     const std::uint64_t reach =
@@ -459,16 +459,16 @@ TEST(HostilePart, MutatedPartsDoNoHarm) {
 struct PackedFile {
   std::string path;
   std::vector<BrickPager::Part> parts;
-  std::vector<Bytes> elements;
+  std::vector<RawBytes> elements;
 };
 
 // Every third part is stored, the others are packed; a few sizes.
 PackedFile makePackedFile(const TemporaryFolder& folder, std::size_t count) {
   PackedFile result;
   result.path = folder.file("packed");
-  Bytes all(64);
+  RawBytes all(64);
   for (std::size_t i = 0; i < count; ++i) {
-    const Bytes elements = valuesOf(VoxelType::kUint16, Content::kRuns, 20000 - 50 * (i % 7), i);
+    const RawBytes elements = valuesOf(VoxelType::kUint16, Content::kRuns, 20000 - 50 * (i % 7), i);
     const Codec codec = i % 3 == 0 ? Codec::kStored : i % 3 == 1 ? Codec::kLz4 : Codec::kZstd;
     const EncodedPart part = packedSamples(VoxelType::kUint16, codec, elements);
     EXPECT_EQ(part.codec, codec);

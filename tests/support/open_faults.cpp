@@ -14,7 +14,7 @@ std::string g_path;
 int g_error = 0;
 
 // 0: none.
-int errorOf(const char* path) {
+int failureOf(const char* path) {
   const std::lock_guard lock(g_mutex);
   return g_error != 0 && g_path == path ? g_error : 0;
 }
@@ -41,7 +41,7 @@ int __wrap_open(const char* path, int flags, ...) {
   va_start(rest, flags);
   const unsigned mode = va_arg(rest, unsigned);  // read by the system for new files alone
   va_end(rest);
-  const int error = isobrick::test::errorOf(path);
+  const int error = isobrick::test::failureOf(path);
   if (error == 0) return __real_open(path, flags, mode);
   errno = error;
   return -1;
@@ -49,7 +49,7 @@ int __wrap_open(const char* path, int flags, ...) {
 
 int __real_stat(const char* path, struct stat* out);
 int __wrap_stat(const char* path, struct stat* out) {
-  const int error = isobrick::test::errorOf(path);
+  const int error = isobrick::test::failureOf(path);
   if (error == 0) return __real_stat(path, out);
   errno = error;
   return -1;

@@ -9,7 +9,7 @@ namespace isobrick::test {
 
 namespace {
 
-std::size_t offsetOf(const Index3& dims, const Index3& index) {
+std::size_t sampleOffset(const Index3& dims, const Index3& index) {
   return static_cast<std::size_t>((index.z * dims.y + index.y) * dims.x + index.x);
 }
 
@@ -44,7 +44,7 @@ Sum weightedSum(const std::vector<float>& fine, const Index3& fine_dims, const T
     for (int j = 0; j < ty.count; ++j) {
       Sum sum_x = 0;
       for (int i = 0; i < tx.count; ++i) {
-        const float v = fine[offsetOf(fine_dims, {tx.first + i, ty.first + j, tz.first + k})];
+        const float v = fine[sampleOffset(fine_dims, {tx.first + i, ty.first + j, tz.first + k})];
         sum_x += static_cast<Sum>(tx.weight(i)) * static_cast<Sum>(v);
       }
       sum_y += static_cast<Sum>(ty.weight(j)) * sum_x;
@@ -96,7 +96,7 @@ Index3 sampleIndex(const Lattice& lattice, int level, const Index3& position) {
 }
 
 float ReferencePyramid::sampleAt(int level, const Index3& sample) const {
-  return levels.at(static_cast<std::size_t>(level)).at(offsetOf(lattice.samples(level), sample));
+  return levels.at(static_cast<std::size_t>(level)).at(sampleOffset(lattice.samples(level), sample));
 }
 
 float ReferencePyramid::sampleAtPosition(int level, const Index3& position) const {

@@ -16,7 +16,7 @@ using PointId = std::uint32_t;
 using Polygon = std::vector<PointId>;  // counter-clockwise seen from outside of its polyhedron
 
 // A point of a loop: a vertex of the mesh, and a bit for each face of the polyhedron that it is on.
-struct LoopPoint {
+struct SplitPoint {
   std::uint32_t vertex = 0;
   std::uint64_t faces = 0;
 };
@@ -82,8 +82,8 @@ class PolyhedronMesher {
     }
   }
 
-  std::vector<LoopPoint> takeLoop() {
-    std::vector<LoopPoint> loop;
+  std::vector<SplitPoint> takeLoop() {
+    std::vector<SplitPoint> loop;
     for (auto step = next_.begin(); step != next_.end();) {
       loop.push_back({step->first, faces_of_.at(step->first)});
       const std::uint32_t to = step->second;
@@ -95,7 +95,7 @@ class PolyhedronMesher {
 
   // Triangles of the points i .. j of a loop, with no diagonal between two points of one face
   // (rule 10), by trying all.
-  static bool cut(const std::vector<LoopPoint>& loop, std::size_t i, std::size_t j,
+  static bool cut(const std::vector<SplitPoint>& loop, std::size_t i, std::size_t j,
                   std::vector<std::size_t>& corners) {
     if (j - i < 2) return true;
     const auto may_join = [&](std::size_t a, std::size_t b) {
@@ -111,7 +111,7 @@ class PolyhedronMesher {
     return false;
   }
 
-  void triangulate(const std::vector<LoopPoint>& loop, int level) {
+  void triangulate(const std::vector<SplitPoint>& loop, int level) {
     std::vector<std::size_t> corners;
     if (loop.size() < 3 || !cut(loop, 0, loop.size() - 1, corners))
       throw std::logic_error("split mesh: a loop without a triangulation");
@@ -130,7 +130,7 @@ class PolyhedronMesher {
 };
 
 // The closed box of a leaf, in voxel indices.
-struct LeafBox {
+struct SplitLeaf {
   int level = 0;
   Index3 lower{0}, upper{0};
 
@@ -147,14 +147,14 @@ void forEachLeaf(const Lattice& lattice, const LeafLevels& leaves, F&& f) {
       for (cell.x = 0; cell.x < leaves.cells.x; ++cell.x) {
         const int level = leaves.leafLevelAt(cell);
         const Index3 index = cell >> Index3(level);
-        LeafBox leaf{level, lattice.position(level, index),
+        SplitLeaf leaf{level, lattice.position(level, index),
                      lattice.position(level, index + Index3(1))};
         if (leaf.lower == cell) f(leaf);
       }
 }
 
 // The corners of a face, counter-clockwise seen from outside of the leaf.
-std::array<Index3, 4> faceCorners(const LeafBox& leaf, int axis, int side) {
+std::array<Index3, 4> faceCorners(const SplitLeaf& leaf, int axis, int side) {
   const int u = (axis + 1) % 3, v = (axis + 2) % 3;
   const int base = side << axis;
   std::array<Index3, 4> corners = {leaf.corner(base), leaf.corner(base | 1 << u),
@@ -170,12 +170,12 @@ class LeafMesher {
 
   SplitMesh withCracks() {
     addCornersByRule6();
-    forEachLeaf(pyramid_.lattice, leaves_, [&](const LeafBox& leaf) { meshWhole(leaf); });
+    forEachLeaf(pyramid_.lattice, leaves_, [&](const SplitLeaf& leaf) { meshWhole(leaf); });
     return std::move(mesher_.mesh());
   }
 
   SplitMesh withConformingSplit() {
-    forEachLeaf(pyramid_.lattice, leaves_, [&](const LeafBox& leaf) {
+    forEachLeaf(pyramid_.lattice, leaves_, [&](const SplitLeaf& leaf) {
       const std::int64_t before = mesher_.mesh().triangleCount();
       if (!hasHangingPoint(leaf)) {
         meshWhole(leaf);
@@ -195,7 +195,7 @@ class LeafMesher {
 
   void addCornersByRule6() {
     std::vector<Index3> corners;
-    forEachLeaf(pyramid_.lattice, leaves_, [&](const LeafBox& leaf) {
+    forEachLeaf(pyramid_.lattice, leaves_, [&](const SplitLeaf& leaf) {
       for (int i = 0; i < 8; ++i) corners.push_back(leaf.corner(i));
     });
     const std::vector<float> values = referenceValues(pyramid_, leaves_, corners);
@@ -224,7 +224,7 @@ class LeafMesher {
   }
 
   // Where an edge of a leaf is halved by a finer leaf that touches it.
-  std::optional<Index3> hangingPoint(const LeafBox& leaf, const Index3& a, const Index3& b) const {
+  std::optional<Index3> hangingPoint(const SplitLeaf& leaf, const Index3& a, const Index3& b) const {
     const int axis = a.x != b.x ? 0 : a.y != b.y ? 1 : 2;
     const Index3 low = glm::min(a, b);
     Index3 middle = low;
@@ -239,7 +239,7 @@ class LeafMesher {
     return std::nullopt;
   }
 
-  bool hasHangingPoint(const LeafBox& leaf) const {
+  bool hasHangingPoint(const SplitLeaf& leaf) const {
     for (int axis = 0; axis < 3; ++axis)
       for (int side = 0; side < 2; ++side) {
         const auto corners = faceCorners(leaf, axis, side);
@@ -249,7 +249,7 @@ class LeafMesher {
     return false;
   }
 
-  void meshWhole(const LeafBox& leaf) {
+  void meshWhole(const SplitLeaf& leaf) {
     std::vector<Polygon> faces;
     for (int axis = 0; axis < 3; ++axis)
       for (int side = 0; side < 2; ++side) {
@@ -259,7 +259,7 @@ class LeafMesher {
     mesher_.meshPolyhedron(faces, leaf.level);
   }
 
-  void meshSplit(const LeafBox& leaf) {
+  void meshSplit(const SplitLeaf& leaf) {
     glm::dvec3 place(0);
     double value = 0;
     for (int i = 0; i < 8; ++i) {
@@ -280,7 +280,7 @@ class LeafMesher {
 
   // A face cut along its hanging points; what both sides see is the same, since nothing but the
   // pattern of hanging points decides, and each pattern is cut symmetrically.
-  std::vector<Polygon> cutFace(const LeafBox& leaf, int axis, int side) {
+  std::vector<Polygon> cutFace(const SplitLeaf& leaf, int axis, int side) {
     const std::array<Index3, 4> corners = faceCorners(leaf, axis, side);
     std::array<PointId, 4> c{};
     std::array<std::optional<PointId>, 4> m;  // m[i] halves the side from c[i] to c[i + 1]
@@ -342,7 +342,7 @@ class LeafMesher {
             {c[i], a, opposite}};
   }
 
-  bool isFaceHalved(const LeafBox& leaf, int axis, int side) const {
+  bool isFaceHalved(const SplitLeaf& leaf, int axis, int side) const {
     Index3 cell = leaf.lower;
     cell[axis] = side == 0 ? leaf.lower[axis] - 1 : leaf.upper[axis];
     return levelAt(cell).value_or(leaf.level) < leaf.level;

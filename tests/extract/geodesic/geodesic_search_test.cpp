@@ -19,7 +19,7 @@
 namespace isobrick::test {
 namespace {
 
-struct PlainMesh {
+struct SearchMesh {
   std::vector<glm::dvec3> positions;
   std::vector<std::uint32_t> triangles;
 
@@ -31,7 +31,7 @@ struct PlainMesh {
 };
 
 // Some balls in a small volume: closed, or cut by its border, in one piece or several.
-PlainMesh randomSurface(Random& random) {
+SearchMesh randomSurface(Random& random) {
   const TemporaryFolder folder;
   std::vector<std::pair<glm::dvec3, double>> balls(5);
   for (auto& [center, radius] : balls) {
@@ -59,9 +59,9 @@ PlainMesh randomSurface(Random& random) {
 }
 
 // Hills and pits over a square, of triangles of all forms.
-PlainMesh randomHills(Random& random) {
+SearchMesh randomHills(Random& random) {
   constexpr std::uint32_t kSide = 12;
-  PlainMesh mesh;
+  SearchMesh mesh;
   for (std::uint32_t y = 0; y < kSide; ++y)
     for (std::uint32_t x = 0; x < kSide; ++x)
       mesh.positions.emplace_back(x + randomReal(random, -0.3, 0.3),
@@ -74,7 +74,7 @@ PlainMesh randomHills(Random& random) {
   return mesh;
 }
 
-TrianglePoint randomPoint(const PlainMesh& mesh, Random& random) {
+TrianglePoint randomPoint(const SearchMesh& mesh, Random& random) {
   const auto triangle = static_cast<std::uint32_t>(randomBelow(random, mesh.count()));
   double s = randomReal(random, 0.0, 1.0), t = randomReal(random, 0.0, 1.0);
   if (s + t > 1.0) s = 1.0 - s, t = 1.0 - t;
@@ -93,7 +93,7 @@ TrianglePoint randomPoint(const PlainMesh& mesh, Random& random) {
 // are joined by straight lines: an upper bound that comes near.
 class ManyPointSearch {
  public:
-  explicit ManyPointSearch(const PlainMesh& mesh) : places_(mesh.positions) {
+  explicit ManyPointSearch(const SearchMesh& mesh) : places_(mesh.positions) {
     std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t> edges;
     of_triangle_.resize(mesh.count());
     for (std::uint32_t t = 0; t < mesh.count(); ++t)
@@ -152,7 +152,7 @@ class ManyPointSearch {
 };
 
 // Each step of the path lies in one triangle: both of its ends, and so all of it, do.
-void expectOnSurface(const PlainMesh& mesh, const GeodesicPath& path) {
+void expectOnSurface(const SearchMesh& mesh, const GeodesicPath& path) {
   double sum = 0.0;
   for (std::size_t i = 1; i < path.points.size(); ++i) {
     const glm::dvec3 &a = path.points[i - 1], &b = path.points[i];
@@ -173,7 +173,7 @@ TEST(GeodesicSearchTest, RandomPairsAreThoseOfASlowSearch) {
   int pairs = 0, apart = 0;
   double slow_sum = 0.0, sum = 0.0;
   for (int round = 0; pairs < most; ++round) {
-    const PlainMesh mesh = round % 2 == 0 ? randomSurface(random) : randomHills(random);
+    const SearchMesh mesh = round % 2 == 0 ? randomSurface(random) : randomHills(random);
     if (mesh.count() == 0) continue;
     const GeodesicSearch search(mesh.positions, mesh.triangles);
     ManyPointSearch slow(mesh);
@@ -217,7 +217,7 @@ TEST(GeodesicSearchTest, RandomPairsAreThoseOfASlowSearch) {
 // A flat square, with vertices in rows through which lines go exactly.
 TEST(GeodesicSearchTest, APlaneHasStraightPaths) {
   constexpr std::uint32_t kSide = 30;
-  PlainMesh mesh;
+  SearchMesh mesh;
   for (std::uint32_t y = 0; y < kSide; ++y)
     for (std::uint32_t x = 0; x < kSide; ++x) mesh.positions.emplace_back(x, y, 0.5 * x);
   for (std::uint32_t y = 0; y + 1 < kSide; ++y)
@@ -237,7 +237,7 @@ TEST(GeodesicSearchTest, APlaneHasStraightPaths) {
 // A cube's surface: the shortest way between the middles of two opposite sides is straight over a
 // third one, and that from corner to corner is the diagonal of two sides in a plane.
 TEST(GeodesicSearchTest, ACubeUnfolds) {
-  PlainMesh mesh;
+  SearchMesh mesh;
   for (std::uint32_t i = 0; i < 8; ++i) mesh.positions.emplace_back(i & 1, i >> 1 & 1, i >> 2);
   mesh.triangles = {0, 2, 1, 1, 2, 3, 4, 5, 6, 5, 7, 6, 0, 1, 4, 1, 5, 4,
                     2, 6, 3, 3, 6, 7, 0, 4, 2, 2, 4, 6, 1, 3, 5, 3, 7, 5};
@@ -250,7 +250,7 @@ TEST(GeodesicSearchTest, ACubeUnfolds) {
 
 TEST(GeodesicSearchTest, EndsWhenItMay) {
   Random random(3);
-  const PlainMesh mesh = randomHills(random);
+  const SearchMesh mesh = randomHills(random);
   const GeodesicSearch search(mesh.positions, mesh.triangles);
   const TrianglePoint from{0, mesh.positions[0]},
       to{mesh.count() - 1, mesh.positions[mesh.triangles.back()]};

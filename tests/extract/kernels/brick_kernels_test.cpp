@@ -91,7 +91,7 @@ struct RandomBrick {
 };
 
 template <typename F>
-void forEachIndex(const Index3& count, F&& f) {
+void forEachPlace(const Index3& count, F&& f) {
   Index3 i;
   for (i.z = 0; i.z < count.z; ++i.z)
     for (i.y = 0; i.y < count.y; ++i.y)
@@ -115,7 +115,7 @@ TYPED_TEST(BrickKernels, AreThoseOfThePlainTwins) {
       rows.foreign_sides =
           randomInt(random, 0, 1) == 0 ? 0 : static_cast<unsigned>(randomInt(random, 0, 7));
       // Rows of cells without a crossing may be left out, and now and then are not.
-      forEachIndex(Index3(cells.y, cells.z, 1), [&](const Index3& row) {
+      forEachPlace(Index3(cells.y, cells.z, 1), [&](const Index3& row) {
         bool crossed = randomInt(random, 0, 9) == 0;
         for (std::int64_t i = 0; i < cells.x; ++i) {
           const unsigned pattern = brick.patternOf(Index3(i, row.x, row.y));
@@ -137,7 +137,7 @@ TYPED_TEST(BrickKernels, AreThoseOfThePlainTwins) {
       std::vector<std::pair<int, Index3>> own;
       for (int axis = 0; axis < 3; ++axis) {
         const std::uint32_t before = next;
-        forEachIndex(corners, [&](const Index3& c) {
+        forEachPlace(corners, [&](const Index3& c) {
           if (!brick.isCrossed(axis, c)) return;
           for (int a = 0; a < 3; ++a)
             if (a != axis && c[a] == 0 && (rows.foreign_sides >> a & 1) != 0) return;
@@ -149,7 +149,7 @@ TYPED_TEST(BrickKernels, AreThoseOfThePlainTwins) {
       std::uint32_t foreign = 5000000;
       for (int axis = 0; axis < 3; ++axis) {
         const auto a = static_cast<std::size_t>(axis);
-        forEachIndex(Index3(1, corners.y, corners.z), [&](const Index3& row) {
+        forEachPlace(Index3(1, corners.y, corners.z), [&](const Index3& row) {
           const auto r = static_cast<std::size_t>(rows.row(row.y, row.z));
           const bool foreign_row = (axis != 1 && row.y == 0 && (rows.foreign_sides & 2) != 0) ||
                                    (axis != 2 && row.z == 0 && (rows.foreign_sides & 4) != 0);
@@ -171,7 +171,7 @@ TYPED_TEST(BrickKernels, AreThoseOfThePlainTwins) {
       for (const bool mirrored : {false, true}) {
         expected.clear();
         std::uint32_t crossed_cell_count = 0;
-        forEachIndex(cells, [&](const Index3& cell) {
+        forEachPlace(cells, [&](const Index3& cell) {
           const MarchingCubesCase& mc = marchingCubesTable()[brick.patternOf(cell)];
           crossed_cell_count += mc.triangle_count > 0 ? 1 : 0;
           for (std::size_t t = 0; t < mc.triangle_count; ++t)

@@ -14,13 +14,13 @@
 namespace isobrick::test {
 namespace {
 
-struct Case {
+struct ViewCase {
   Lattice lattice;
   GridGeometry geometry;
   ViewPoint view;
 };
 
-glm::dvec3 randomDirection(Random& random) {
+glm::dvec3 randomViewDirection(Random& random) {
   for (;;) {
     const glm::dvec3 v(randomReal(random, -1, 1), randomReal(random, -1, 1),
                        randomReal(random, -1, 1));
@@ -28,8 +28,8 @@ glm::dvec3 randomDirection(Random& random) {
   }
 }
 
-Case randomCase(Random& random) {
-  Case c;
+ViewCase randomViewCase(Random& random) {
+  ViewCase c;
   Index3 dims;
   for (int axis = 0; axis < 3; ++axis) dims[axis] = randomInt(random, 2, 40);
   c.lattice = Lattice(dims);
@@ -38,7 +38,7 @@ Case randomCase(Random& random) {
     c.geometry.origin[axis] = randomReal(random, -100, 100);
   }
   c.geometry.direction =
-      glm::dmat3(glm::rotate(glm::dmat4(1), randomReal(random, 0, 6), randomDirection(random)));
+      glm::dmat3(glm::rotate(glm::dmat4(1), randomReal(random, 0, 6), randomViewDirection(random)));
   if (randomInt(random, 0, 1) == 0) c.geometry.direction[1] = -c.geometry.direction[1];
   glm::dvec3 eye;
   for (int axis = 0; axis < 3; ++axis)
@@ -49,7 +49,7 @@ Case randomCase(Random& random) {
   if (randomInt(random, 0, 4) == 0)
     c.view.pixels_per_unit = c.view.pixels * std::exp2(randomReal(random, -5, 1));
   if (randomInt(random, 0, 1) == 0)
-    c.view.field = ViewPoint::Field{randomDirection(random), randomReal(random, 0.05, 1.55),
+    c.view.field = ViewPoint::Field{randomViewDirection(random), randomReal(random, 0.05, 1.55),
                                     randomReal(random, 0.5, 30)};
   return c;
 }
@@ -59,7 +59,7 @@ struct Seen {
   bool any = false;
   double nearest = 0;
 };
-Seen seenOf(const Case& c, int level, const Index3& cell) {
+Seen seenOf(const ViewCase& c, int level, const Index3& cell) {
   Seen seen;
   const double edge = std::ldexp(1.0, level);
   const glm::dvec3 eye = c.geometry.worldToIndex(c.view.eye);
@@ -92,7 +92,7 @@ TEST(ViewOracle, NoLeafThatIsSeenCoversMorePixelsThanAskedFor) {
   Random random(21);
   std::int64_t seen_leaves = 0, refined_away = 0;
   for (int round = 0; round < 150; ++round) {
-    const Case c = randomCase(random);
+    const ViewCase c = randomViewCase(random);
     const ViewOracle oracle(c.lattice, c.geometry, c.view);
     const double longest =
         std::max({c.geometry.spacing.x, c.geometry.spacing.y, c.geometry.spacing.z});
@@ -120,7 +120,7 @@ TEST(ViewOracle, TouchingLeavesDifferByOneLevelAndParentsOfRefinedCellsAreRefine
   Random random(22);
   std::int64_t pairs = 0;
   for (int round = 0; round < 120; ++round) {
-    const Case c = randomCase(random);
+    const ViewCase c = randomViewCase(random);
     const ViewOracle oracle(c.lattice, c.geometry, c.view);
     const int levels = c.lattice.levels();
     for (int level = 0; level + 1 < levels; ++level)
@@ -148,7 +148,7 @@ TEST(ViewOracle, RowsAndBoxesAgreeWithCells) {
   Random random(23);
   std::int64_t of_coverages[3] = {};
   for (int round = 0; round < 400; ++round) {
-    const Case c = randomCase(random);
+    const ViewCase c = randomViewCase(random);
     const ViewOracle oracle(c.lattice, c.geometry, c.view);
     for (int n = 0; n < 10; ++n) {
       const int level = static_cast<int>(randomInt(random, 0, c.lattice.levels()));

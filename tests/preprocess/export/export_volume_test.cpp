@@ -28,7 +28,7 @@ namespace {
 using namespace test;  // NOLINT: the helpers of volume_files.h
 
 // Odd and different along every axis.
-constexpr Index3 kVoxels(19, 7, 13);
+constexpr Index3 kWildVoxels(19, 7, 13);
 constexpr std::uint64_t kBudget = 1 << 20;
 
 // A rotation about no axis of the grid, numbers that no decimal has, and with `flips` the other
@@ -45,7 +45,7 @@ GridGeometry obliqueGeometry(bool flips = false) {
 
 // All over the type's numbers, its least and greatest among them.
 template <typename T>
-std::vector<T> wildValues(const Index3& voxels = kVoxels) {
+std::vector<T> wildValues(const Index3& voxels = kWildVoxels) {
   std::vector<T> values;
   std::uint64_t state = 1;
   for (std::int64_t i = 0; i < elementCount(voxels); ++i) {
@@ -86,7 +86,7 @@ class ExportVolumeTest : public VolumeFilesTest {
   VolumeWriteReport write(const std::string& name, const std::vector<T>& values,
                           const GridGeometry& geometry, const ExportOptions& options = {}) {
     VolumeLevels levels;
-    levels.push_back(std::make_unique<ArraySource<T>>(kVoxels, values, geometry));
+    levels.push_back(std::make_unique<ArraySource<T>>(kWildVoxels, values, geometry));
     return exportVolume(levels, pathOf(name), options);
   }
 
@@ -98,7 +98,7 @@ class ExportVolumeTest : public VolumeFilesTest {
     options.memory_bytes = memory;
     write(format.name, values, geometry, options);
     const auto source = openVolume(pathOf(format.name));
-    ASSERT_EQ(source->info().voxels, kVoxels);
+    ASSERT_EQ(source->info().voxels, kWildVoxels);
     ASSERT_EQ(source->info().voxel_type, voxelTypeOf<T>());
     expectGeometry(source->info().geometry, geometry, format.geometry_tolerance);
     EXPECT_EQ(readVoxels<T>(*source), values);
@@ -292,7 +292,7 @@ void checkVdb(const std::string& path, VolumeWriteReport report, const std::vect
               const GridGeometry& geometry) {
   EXPECT_EQ(report.lost.empty(), (std::is_same_v<T, float>));
   const auto source = openVolume(path);
-  ASSERT_EQ(source->info().voxels, kVoxels);
+  ASSERT_EQ(source->info().voxels, kWildVoxels);
   expectGeometry(source->info().geometry, geometry, 1e-12);
   EXPECT_EQ(readVoxels<float>(*source), std::vector<float>(values.begin(), values.end()));
 }
@@ -317,7 +317,7 @@ TEST_F(ExportVolumeTest, OpenVdbKeepsValuesAsFloatsAndTheInactiveRim) {
 }
 
 TEST_F(ExportVolumeTest, OpenVdbStoresWhatDiffersFromTheBackground) {
-  std::vector<float> values(static_cast<std::size_t>(elementCount(kVoxels)), 100.0f);
+  std::vector<float> values(static_cast<std::size_t>(elementCount(kWildVoxels)), 100.0f);
   values[7] = 100.5f;
   values[500] = 103;
   ExportOptions options;
@@ -384,7 +384,7 @@ TEST_F(ExportVolumeTest, ExrSlicesKeepVoxelsTypeAndGeometry) {
     EXPECT_EQ(write("exr/slice%03d.exr", values, obliqueGeometry()).lost.size(), 1u);
     EXPECT_TRUE(fs::exists(pathOf("exr/slice012.exr")));
     const auto source = openVolume(pathOf("exr"));
-    ASSERT_EQ(source->info().voxels, kVoxels);
+    ASSERT_EQ(source->info().voxels, kWildVoxels);
     ASSERT_EQ(source->info().voxel_type, voxelTypeOf<T>());
     expectGeometry(source->info().geometry, obliqueGeometry(), 1e-12);
     EXPECT_EQ(readVoxels<T>(*source), values);
@@ -421,7 +421,7 @@ TEST_F(ExportVolumeTest, TiffSlicesAndPagesKeepVoxels) {
     for (const char* name : {"tiff", "pages.tif"}) {
       SCOPED_TRACE(name + std::string(voxelTypeName(voxelTypeOf<T>())));
       const auto source = openVolume(pathOf(name));
-      ASSERT_EQ(source->info().voxels, kVoxels);
+      ASSERT_EQ(source->info().voxels, kWildVoxels);
       ASSERT_EQ(source->info().voxel_type, voxelTypeOf<T>());
       EXPECT_NEAR(source->info().geometry.spacing.x, 0.5, 1e-6);
       EXPECT_NEAR(source->info().geometry.spacing.y, 0.25, 1e-6);
@@ -508,7 +508,7 @@ TEST_F(ExportVolumeTest, ALevelOfAPyramidIsWhatItsBricksHold) {
 // A view of a source that is read by rows, or of one that is read by boxes.
 std::unique_ptr<VolumeSource> arrayOrBoxes(const std::vector<std::uint16_t>& values,
                                            const std::string& path, bool boxes) {
-  auto array = std::make_unique<ArraySource<std::uint16_t>>(kVoxels, values, obliqueGeometry());
+  auto array = std::make_unique<ArraySource<std::uint16_t>>(kWildVoxels, values, obliqueGeometry());
   if (!boxes) return array;
   writeVolume(*array, path);
   return openVolume(path);
@@ -530,11 +530,11 @@ TEST_F(ExportVolumeTest, ABoxIsCutWhereItLies) {
         for (std::int64_t x = 0; x < 11; ++x)
           ASSERT_EQ(
               found[at++],
-              values[static_cast<std::size_t>(linearIndex(box.first + Index3(x, y, z), kVoxels))]);
+              values[static_cast<std::size_t>(linearIndex(box.first + Index3(x, y, z), kWildVoxels))]);
   }
   const auto refused = [&](const IndexBox& box) {
     return errorOf([&] {
-      makeCroppedSource(std::make_unique<ArraySource<std::uint16_t>>(kVoxels, values), box);
+      makeCroppedSource(std::make_unique<ArraySource<std::uint16_t>>(kWildVoxels, values), box);
     });
   };
   EXPECT_CONTAINS(refused({Index3(0), Index3(20, 7, 13)}), "0,0,0 to 18,6,12");
@@ -555,13 +555,13 @@ TEST_F(ExportVolumeTest, AWindowSpreadsValuesOverATypeAndSaysWhatItCosts) {
     ASSERT_FALSE(window->info().notes.empty());
     EXPECT_CONTAINS(window->info().notes.back(), "steps of 2:");
   }
-  const std::vector<float> wild(static_cast<std::size_t>(elementCount(kVoxels)),
+  const std::vector<float> wild(static_cast<std::size_t>(elementCount(kWildVoxels)),
                                 std::numeric_limits<float>::quiet_NaN());
-  const auto least = makeWindowedSource(std::make_unique<ArraySource<float>>(kVoxels, wild), {0, 1},
+  const auto least = makeWindowedSource(std::make_unique<ArraySource<float>>(kWildVoxels, wild), {0, 1},
                                         VoxelType::kInt16);
   EXPECT_EQ(readVoxels<std::int16_t>(*least).front(), -32768);
   const auto floats = makeFloatSource(
-      std::make_unique<ArraySource<std::uint16_t>>(kVoxels, wildValues<std::uint16_t>()));
+      std::make_unique<ArraySource<std::uint16_t>>(kWildVoxels, wildValues<std::uint16_t>()));
   EXPECT_EQ(readVoxels<float>(*floats)[2], 65535.0f);
 }
 

@@ -15,7 +15,7 @@
 namespace isobrick::test {
 namespace {
 
-constexpr Index3 kVoxels(9, 8, 7);
+constexpr Index3 kHostileVoxels(9, 8, 7);
 
 struct HostileFormat {
   const char* output;  // what is written
@@ -28,13 +28,13 @@ class HostileFormats : public VolumeFilesTest, public testing::WithParamInterfac
  protected:
   static std::vector<std::uint8_t> values() {
     return arrayOfField<std::uint8_t>(
-        kVoxels, [](const Index3& p) { return p.x * 31 + p.y * 57 + p.z * 101 + p.x * p.y; });
+        kHostileVoxels, [](const Index3& p) { return p.x * 31 + p.y * 57 + p.z * 101 + p.x * p.y; });
   }
 
   // Every file of the format, by its path.
   std::map<std::string, std::string> writeGood() const {
     VolumeLevels levels;
-    levels.push_back(std::make_unique<ArraySource<std::uint8_t>>(kVoxels, values()));
+    levels.push_back(std::make_unique<ArraySource<std::uint8_t>>(kHostileVoxels, values()));
     ExportOptions options;
     options.memory_bytes = std::uint64_t{64} << 20;
     exportVolume(levels, pathOf(GetParam().output), options);

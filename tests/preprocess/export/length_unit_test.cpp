@@ -27,7 +27,7 @@ namespace {
 
 using namespace test;  // NOLINT: the helpers of volume_files.h
 
-constexpr Index3 kVoxels(9, 6, 7);
+constexpr Index3 kUnitVoxels(9, 6, 7);
 
 // In millimetres: of a microscope.
 GridGeometry smallObliqueGeometry(LengthUnit unit) {
@@ -113,8 +113,8 @@ class LengthUnitTest : public VolumeFilesTest {
 
   static std::unique_ptr<ArraySource<std::uint8_t>> smallVolume(const GridGeometry& geometry) {
     const auto values = arrayOfField<std::uint8_t>(
-        kVoxels, [](const Index3& at) { return 20 * at.x + 3 * at.y + at.z; });
-    return std::make_unique<ArraySource<std::uint8_t>>(kVoxels, values, geometry);
+        kUnitVoxels, [](const Index3& at) { return 20 * at.x + 3 * at.y + at.z; });
+    return std::make_unique<ArraySource<std::uint8_t>>(kUnitVoxels, values, geometry);
   }
   GridGeometry geometryOf(const std::string& name) const {
     return openVolume(pathOf(name))->info().geometry;
@@ -221,13 +221,13 @@ TEST_F(LengthUnitTest, NiftiScalesTheOriginToo) {
   for (const Unit unit : {Unit{1, 1e3}, {2, 1}, {3, 1e-3}, {0, 0}, {8 + 3, 1e-3}}) {
     NiftiFields fields;
     fields.spacing = {0.5f, 0.25f, 2.0f};
-    std::string header = test::niftiHeader(kVoxels, fields, false);
+    std::string header = test::niftiHeader(kUnitVoxels, fields, false);
     header[123] = unit.code;
     const std::int16_t scanner = 1;
     std::memcpy(header.data() + 252, &scanner, sizeof scanner);  // a qform without rotation
     const float origin[] = {-1000, 2000, 3000.5f};               // RAS
     std::memcpy(header.data() + 268, origin, sizeof origin);
-    write("a.nii", header + std::string(static_cast<std::size_t>(2 * elementCount(kVoxels)), '\0'));
+    write("a.nii", header + std::string(static_cast<std::size_t>(2 * elementCount(kUnitVoxels)), '\0'));
     const GridGeometry found = geometryOf("a.nii");
     const double scale = unit.millimetres == 0 ? 1 : unit.millimetres;
     EXPECT_EQ(found.unit == LengthUnit::kMillimetre, unit.millimetres != 0);

@@ -15,7 +15,7 @@
 namespace isobrick::test {
 namespace {
 
-constexpr Index3 kVoxels(37, 21, 3);
+constexpr Index3 kSliceVoxels(37, 21, 3);
 
 // One channel of one part.
 struct ExrPart {
@@ -59,12 +59,12 @@ class ExrSourceTest : public VolumeFilesTest {
     OpenOptions options;
     options.grid = wanted;
     const auto source = openExrSlices(pathOf("exr"), options);
-    ASSERT_EQ(source->info().voxels, kVoxels);
+    ASSERT_EQ(source->info().voxels, kSliceVoxels);
     const auto found = readVoxels<float>(*source, 1);
     std::size_t at = 0;
-    for (std::int64_t z = 0; z < kVoxels.z; ++z)
-      for (std::int64_t y = 0; y < kVoxels.y; ++y)
-        for (std::int64_t x = 0; x < kVoxels.x; ++x)
+    for (std::int64_t z = 0; z < kSliceVoxels.z; ++z)
+      for (std::int64_t y = 0; y < kSliceVoxels.y; ++y)
+        for (std::int64_t x = 0; x < kSliceVoxels.x; ++x)
           ASSERT_EQ(found[at++], valueAt({x, y, z}, offset)) << wanted << x << " " << y << " " << z;
   }
 
@@ -72,17 +72,17 @@ class ExrSourceTest : public VolumeFilesTest {
   static void writePart(Imf::MultiPartOutputFile& file, int number, std::int64_t z,
                         const ExrPart& part) {
     std::vector<float> pixels;
-    for (std::int64_t y = 0; y < kVoxels.y; ++y)
-      for (std::int64_t x = 0; x < kVoxels.x; ++x)
+    for (std::int64_t y = 0; y < kSliceVoxels.y; ++y)
+      for (std::int64_t x = 0; x < kSliceVoxels.x; ++x)
         pixels.push_back(valueAt({x, y, z}, part.offset));
     Imf::FrameBuffer buffer;
     buffer.insert(part.channel,
                   Imf::Slice::Make(Imf::FLOAT, pixels.data(), file.header(number).dataWindow(),
-                                   sizeof(float), kVoxels.x * sizeof(float)));
+                                   sizeof(float), kSliceVoxels.x * sizeof(float)));
     if (!part.is_tiled) {
       Imf::OutputPart out(file, number);
       out.setFrameBuffer(buffer);
-      out.writePixels(static_cast<int>(kVoxels.y));
+      out.writePixels(static_cast<int>(kSliceVoxels.y));
       return;
     }
     Imf::TiledOutputPart out(file, number);
@@ -94,7 +94,7 @@ class ExrSourceTest : public VolumeFilesTest {
 };
 
 TEST_F(ExrSourceTest, TilesOfSeveralLevelsAreReadAsLinesAre) {
-  for (std::int64_t z = 0; z < kVoxels.z; ++z) writeSlice(z, {{.name = "a", .is_tiled = true}});
+  for (std::int64_t z = 0; z < kSliceVoxels.z; ++z) writeSlice(z, {{.name = "a", .is_tiled = true}});
   expectChannel("", 0);
 }
 
@@ -102,7 +102,7 @@ TEST_F(ExrSourceTest, AChannelIsFoundInWhicheverPartHasIt) {
   const std::vector<ExrPart> parts = {{.name = "first", .channel = "depth", .offset = 1000},
                                       {.name = "second", .is_tiled = true, .offset = 2000},
                                       {.name = "third", .channel = "mask", .offset = 3000}};
-  for (std::int64_t z = 0; z < kVoxels.z; ++z) writeSlice(z, parts);
+  for (std::int64_t z = 0; z < kSliceVoxels.z; ++z) writeSlice(z, parts);
   expectChannel("", 2000);  // Y before others
   expectChannel("depth", 1000);
   expectChannel("mask", 3000);

@@ -25,13 +25,13 @@ namespace {
 
 using namespace test;  // NOLINT: the helpers of volume_files.h
 
-constexpr Index3 kVoxels(7, 5, 6);
+constexpr Index3 kStreamVoxels(7, 5, 6);
 constexpr std::int64_t kRows = 30;
 
 class StreamSourceTest : public VolumeFilesTest {};
 
 std::vector<std::int16_t> sampleVoxels() {
-  std::vector<std::int16_t> values(static_cast<std::size_t>(elementCount(kVoxels)));
+  std::vector<std::int16_t> values(static_cast<std::size_t>(elementCount(kStreamVoxels)));
   for (std::size_t i = 0; i < values.size(); ++i)
     values[i] = static_cast<std::int16_t>(static_cast<int>(i * i * 131) % 60000 - 30000);
   return values;
@@ -67,16 +67,16 @@ class PackedFilesTest : public VolumeFilesTest {
           add(".mha", kMeta + msb + "ElementDataFile = LOCAL\n" + deflated(bytes, false)));
       add("data.zraw", deflated(bytes, false));
       paths.push_back(add(".mhd", kMeta + msb + "ElementDataFile = " + order + "data.zraw\n"));
-      const std::string nifti = niftiHeader(kVoxels, {}, big) + bytes;
+      const std::string nifti = niftiHeader(kStreamVoxels, {}, big) + bytes;
       paths.push_back(add(".nii.gz", deflated(nifti, true)));
       paths.push_back(add(".nii", nifti));
       NiftiFields pair;
       pair.magic = "ni1";
       pair.offset = 0;
-      paths.push_back(add("pair.hdr", niftiHeader(kVoxels, pair, big).substr(0, 348)));
+      paths.push_back(add("pair.hdr", niftiHeader(kStreamVoxels, pair, big).substr(0, 348)));
       add("pair.img", bytes);
       add("packed.img.gz", packed);
-      paths.push_back(add("packed.hdr", niftiHeader(kVoxels, pair, big).substr(0, 348)));
+      paths.push_back(add("packed.hdr", niftiHeader(kStreamVoxels, pair, big).substr(0, 348)));
     }
     return paths;
   }
@@ -88,7 +88,7 @@ TEST_F(PackedFilesTest, AreReadByAnyNumberOfRows) {
     for (const std::int64_t count : {1, 2, 3, 7, 29, 30}) {
       const auto source = openItkSource(path);
       ASSERT_EQ(source->info().voxel_type, VoxelType::kInt16) << path;
-      ASSERT_EQ(source->info().voxels, kVoxels) << path;
+      ASSERT_EQ(source->info().voxels, kStreamVoxels) << path;
       // The header counts too, if it is a file of its own.
       std::string header;
       for (const char* ending : {".nhdr", ".mhd", ".hdr"})
@@ -124,8 +124,8 @@ TEST_F(PackedFilesTest, EveryPrefixIsAnErrorThatNamesTheFile) {
   const std::vector<std::pair<std::string, std::string>> files = {
       {"cut.nrrd", kNrrd + "endian: little\n\n" + deflated(bytes, true)},
       {"cut.mha", kMeta + "ElementDataFile = LOCAL\n" + deflated(bytes, false)},
-      {"cut.nii.gz", deflated(niftiHeader(kVoxels, {}, false) + bytes, true)},
-      {"cut.nii", niftiHeader(kVoxels, {}, false) + bytes}};
+      {"cut.nii.gz", deflated(niftiHeader(kStreamVoxels, {}, false) + bytes, true)},
+      {"cut.nii", niftiHeader(kStreamVoxels, {}, false) + bytes}};
   for (const auto& [name, whole] : files) {
     EXPECT_NO_THROW(openAndRead(write(name, whole)));
     for (std::size_t size = 0; size < whole.size(); ++size) {
@@ -194,7 +194,7 @@ TEST_F(PackedFilesTest, AReadThatFailsIsNoDamage) {
 template <typename T>
 void checkNiftiScaling(const std::function<std::string(const std::string&)>& write,
                        std::int16_t data_type) {
-  std::vector<T> stored(static_cast<std::size_t>(elementCount(kVoxels)));
+  std::vector<T> stored(static_cast<std::size_t>(elementCount(kStreamVoxels)));
   for (std::size_t i = 0; i < stored.size(); ++i)
     stored[i] = static_cast<T>(static_cast<double>(i) * 0.6 + (i % 3 == 0 ? 0 : 0.25));
   stored[1] = static_cast<T>(std::numeric_limits<T>::max() / 3);
@@ -204,7 +204,7 @@ void checkNiftiScaling(const std::function<std::string(const std::string&)>& wri
       for (const float intercept : {0.0f, -3.3f}) {
         NiftiFields fields{data_type, static_cast<std::int16_t>(8 * sizeof(T)), slope, intercept};
         const auto source =
-            openItkSource(write(niftiHeader(kVoxels, fields, big) + bytesOfValues(stored, big)));
+            openItkSource(write(niftiHeader(kStreamVoxels, fields, big) + bytesOfValues(stored, big)));
         const double s = std::isnan(slope) || slope == 0 ? 1 : static_cast<double>(slope);
         const auto b = static_cast<double>(intercept);
         const bool scaled = s != 1 || b != 0;
@@ -247,7 +247,7 @@ TEST_F(PackedFilesTest, NiftiNumbersThatAreNotFiniteAreZeroBeforeTheyAreScaled) 
   for (const float intercept : {0.0f, 3.5f}) {
     const NiftiFields fields{16, 32, 1, intercept};
     const auto source = openItkSource(
-        write("nan.nii", niftiHeader(kVoxels, fields, false) + bytesOfValues(stored)));
+        write("nan.nii", niftiHeader(kStreamVoxels, fields, false) + bytesOfValues(stored)));
     const auto read = readVoxels<float>(*source);
     EXPECT_EQ(read[3], intercept);
     EXPECT_EQ(read[4], intercept);
@@ -259,17 +259,17 @@ TEST_F(PackedFilesTest, DamagedNiftiHeadersAreErrors) {
   const std::string bytes = bytesOfValues(sampleVoxels());
   NiftiFields fields;
   fields.offset = std::numeric_limits<float>::quiet_NaN();
-  EXPECT_THROW(openAndRead(write("x.nii", niftiHeader(kVoxels, fields, false) + bytes)), Error);
+  EXPECT_THROW(openAndRead(write("x.nii", niftiHeader(kStreamVoxels, fields, false) + bytes)), Error);
   fields.offset = 1e30f;
-  EXPECT_THROW(openAndRead(write("x.nii", niftiHeader(kVoxels, fields, false) + bytes)), Error);
+  EXPECT_THROW(openAndRead(write("x.nii", niftiHeader(kStreamVoxels, fields, false) + bytes)), Error);
   fields.offset = 0;
   fields.magic = "ni1";
   EXPECT_CONTAINS(
       errorOf([&] {
-        openAndRead(write("alone.hdr", niftiHeader(kVoxels, fields, false).substr(0, 348)));
+        openAndRead(write("alone.hdr", niftiHeader(kStreamVoxels, fields, false).substr(0, 348)));
       }),
       "alone.");
-  const std::string whole = niftiHeader(kVoxels, {}, false) + bytes;
+  const std::string whole = niftiHeader(kStreamVoxels, {}, false) + bytes;
   for (std::size_t i = 0; i < 352; ++i)
     for (const int bits : {0x01, 0x80, 0xff}) {
       std::string damaged = whole;

@@ -148,7 +148,7 @@ TEST_F(VolumeSourceTest, RawFileThatShrinksMeanwhileIsAnErrorThatNamesTheSlice) 
 
 // ---- written and read back ----------------------------------------------------------------------
 
-GridGeometry obliqueGeometry() {
+GridGeometry tiltedGeometry() {
   GridGeometry geometry;
   geometry.spacing = {0.5, 0.7, 1.0 / 3};
   geometry.origin = {-10.25, 1e-7, 333.125};
@@ -164,7 +164,7 @@ class BytesSource final : public VolumeSource {
   BytesSource(const Index3& voxels, VoxelType type, std::string bytes) : bytes_(std::move(bytes)) {
     info_.voxels = voxels;
     info_.voxel_type = type;
-    info_.geometry = obliqueGeometry();
+    info_.geometry = tiltedGeometry();
   }
   const VolumeInfo& info() const override { return info_; }
   std::string identity() const override { return bytes_; }
@@ -199,7 +199,7 @@ void checkFileRoundTrip(const std::string& path, VoxelType type) {
   EXPECT_EQ(info.voxels, voxels);
   EXPECT_EQ(info.voxel_type, type);
   EXPECT_TRUE(info.notes.empty());
-  const GridGeometry expected = obliqueGeometry();
+  const GridGeometry expected = tiltedGeometry();
   for (int axis = 0; axis < 3; ++axis) {
     EXPECT_NEAR(info.geometry.spacing[axis], expected.spacing[axis], 1e-12) << path;
     EXPECT_NEAR(info.geometry.origin[axis], expected.origin[axis], 1e-12) << path;

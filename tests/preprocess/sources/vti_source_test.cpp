@@ -17,13 +17,13 @@ namespace {
 
 using namespace test;  // NOLINT: the helpers of volume_files.h
 
-constexpr Index3 kVoxels(7, 5, 6);
+constexpr Index3 kVtiVoxels(7, 5, 6);
 
 class VtiSourceTest : public VolumeFilesTest {};
 
 template <typename T>
 std::vector<T> sampleVoxels() {
-  std::vector<T> values(static_cast<std::size_t>(elementCount(kVoxels)));
+  std::vector<T> values(static_cast<std::size_t>(elementCount(kVtiVoxels)));
   for (std::size_t i = 0; i < values.size(); ++i) values[i] = static_cast<T>(i * i % 251);
   values[0] = std::numeric_limits<T>::max();
   values[1] = std::numeric_limits<T>::lowest();
@@ -44,7 +44,7 @@ void checkVariants(const std::string& path, const std::string& type) {
             for (const std::int64_t slab : {1, 4}) {
               const auto source = openVtiSource(path);
               const VolumeInfo& info = source->info();
-              EXPECT_EQ(info.voxels, kVoxels);
+              EXPECT_EQ(info.voxels, kVtiVoxels);
               EXPECT_EQ(info.geometry.origin, glm::dvec3(1, 2, 3));
               EXPECT_EQ(info.geometry.spacing, glm::dvec3(0.5, 0.25, 2));
               EXPECT_EQ(source->readsBoxes(), format == "raw" && !zlib);
@@ -88,7 +88,7 @@ TEST_F(VtiSourceTest, AppliesExtentsAndDirection) {
       "Direction='0 -1 0 1 0 0 0 0 1'";
   frame.piece = "Extent='10 16 -2 2 0 5'";
   const auto source = openVtiSource(write("turned.vti", fileWith(frame)));
-  EXPECT_EQ(source->info().voxels, kVoxels);
+  EXPECT_EQ(source->info().voxels, kVtiVoxels);
   const GridGeometry& geometry = source->info().geometry;
   EXPECT_EQ(geometry.direction[0], glm::dvec3(0, 1, 0));
   EXPECT_EQ(geometry.direction[1], glm::dvec3(-1, 0, 0));

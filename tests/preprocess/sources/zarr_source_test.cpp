@@ -21,14 +21,14 @@ namespace {
 using namespace test;  // NOLINT: the helpers of volume_files.h
 
 // Chunks of 64: three along x, two along y and z.
-constexpr Index3 kVoxels(130, 65, 65);
+constexpr Index3 kZarrVoxels(130, 65, 65);
 
 class ZarrSourceTest : public VolumeFilesTest {
  protected:
   void SetUp() override {
     VolumeLevels levels;
     levels.push_back(std::make_unique<ArraySource<std::uint8_t>>(
-        kVoxels, std::vector<std::uint8_t>(static_cast<std::size_t>(elementCount(kVoxels)), 9)));
+        kZarrVoxels, std::vector<std::uint8_t>(static_cast<std::size_t>(elementCount(kZarrVoxels)), 9)));
     exportVolume(levels, store_, {});
   }
 

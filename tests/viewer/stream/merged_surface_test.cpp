@@ -19,7 +19,7 @@
 namespace isobrick {
 namespace {
 
-using Kind = StreamMessage::Kind;
+using MessageKind = StreamMessage::Kind;
 
 class MergedSurfaceTest : public ::testing::Test {
  protected:
@@ -76,7 +76,7 @@ TEST_F(MergedSurfaceTest, EveryPassIsAMeshAndNewsIsAllThatAFrontEndWaitsFor) {
   for (std::size_t i = 0; i < 3; ++i) {
     const auto end = wait(stream, merger);
     ASSERT_TRUE(end);
-    ASSERT_EQ(end->kind, Kind::kPassDone) << end->error;
+    ASSERT_EQ(end->kind, MessageKind::kPassDone) << end->error;
     EXPECT_EQ(end->pass, i);
     const MergedSurface merged = merger.merged();
     expectIs(merged, request.passes[i].queries[0].query);
@@ -106,8 +106,8 @@ TEST_F(MergedSurfaceTest, TheLatestRequestIsTheOneThatStays) {
   for (bool is_last = false; !is_last;) {
     const auto end = wait(stream, merger);
     ASSERT_TRUE(end);
-    ASSERT_NE(end->kind, Kind::kFailed) << end->error;
-    is_last = end->kind == Kind::kPassDone && end->request == last && end->last_pass;
+    ASSERT_NE(end->kind, MessageKind::kFailed) << end->error;
+    is_last = end->kind == MessageKind::kPassDone && end->request == last && end->last_pass;
   }
   expectIs(merger.merged(), pass(60.0, 0.1 * 29).queries[0].query);
 }
@@ -119,7 +119,7 @@ TEST_F(MergedSurfaceTest, SurfacesStayApart) {
   both.queries.push_back({7, pass(30.0, -6.5).queries[0].query});
   stream.request({{both}, false});
   const auto end = wait(stream, merger);
-  ASSERT_TRUE(end && end->kind == Kind::kPassDone);
+  ASSERT_TRUE(end && end->kind == MessageKind::kPassDone);
   expectIs(merger.merged(), both.queries[0].query);
   expectIs(merger.merged(7), both.queries[1].query);
   EXPECT_TRUE(merger.merged(1).vertices.empty());
@@ -135,7 +135,7 @@ TEST_F(MergedSurfaceTest, AQueryIsOneRequest) {
   int passes = 0;
   for (bool is_last = false; !is_last; ++passes) {
     const auto end = wait(stream, merger);
-    ASSERT_TRUE(end && end->kind == Kind::kPassDone);
+    ASSERT_TRUE(end && end->kind == MessageKind::kPassDone);
     EXPECT_EQ(end->last_pass, end->is_complete);
     const test::MeshReport report =
         test::checkMesh(merger.merged().vertices, merger.merged().triangles,
@@ -156,7 +156,7 @@ TEST_F(MergedSurfaceTest, AnErrorIsNewsToo) {
   ASSERT_TRUE(wait(stream, merger));
   stream.request({{wrong}, false});
   const auto end = wait(stream, merger);
-  ASSERT_TRUE(end && end->kind == Kind::kFailed);
+  ASSERT_TRUE(end && end->kind == MessageKind::kFailed);
   EXPECT_FALSE(end->error.empty());
   expectIs(merger.merged(), pass(10.0).queries[0].query);  // stays
   stream.request({{pass(12.0)}, false});

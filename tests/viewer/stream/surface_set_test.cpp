@@ -13,18 +13,18 @@
 namespace isobrick {
 namespace {
 
-using Kind = StreamMessage::Kind;
+using MessageKind = StreamMessage::Kind;
 
 class SurfaceSetTest : public ::testing::Test {
  protected:
   void addChunk(std::uint64_t request, std::size_t bytes) {
     StreamMessage message;
-    message.kind = Kind::kChunk;
+    message.kind = MessageKind::kChunk;
     message.request = request;
     message.chunk.triangles.resize(bytes / sizeof(std::uint32_t));
     messages_.push_back(std::move(message));
   }
-  void add(Kind kind, std::uint64_t request) {
+  void add(MessageKind kind, std::uint64_t request) {
     StreamMessage message;
     message.kind = kind;
     message.request = request;
@@ -64,7 +64,7 @@ class SurfaceSetTest : public ::testing::Test {
 TEST_F(SurfaceSetTest, AChunkThatIsTooMuchForAFrameComesInSeveral) {
   const std::size_t bytes = 5 * kPieceBytes + 400;
   addChunk(1, bytes);
-  add(Kind::kPassDone, 1);
+  add(MessageKind::kPassDone, 1);
   int frames = 0;
   for (bool shown = false; !shown; ++frames) {
     const SurfaceSet::News news = frame(0.0009);  // three steps
@@ -119,7 +119,7 @@ TEST_F(SurfaceSetTest, AFrameTakesOnePieceHoweverSlowItIs) {
 
 TEST_F(SurfaceSetTest, WhereTheRingIsFullTheRestWaitsForTheNextFrame) {
   addChunk(1, 4 * kPieceBytes);
-  add(Kind::kPassDone, 1);
+  add(MessageKind::kPassDone, 1);
   renderer_.pieces_left = 3;
   EXPECT_EQ(uploadedBy(0.0), 3 * kPieceBytes);
   EXPECT_EQ(uploadedBy(0.0), 0u);
@@ -131,9 +131,9 @@ TEST_F(SurfaceSetTest, WhereTheRingIsFullTheRestWaitsForTheNextFrame) {
 
 TEST_F(SurfaceSetTest, OfWhatIsGivenUpNothingStays) {
   addChunk(1, 4 * kPieceBytes);
-  add(Kind::kDropped, 1);
+  add(MessageKind::kDropped, 1);
   addChunk(2, kPieceBytes / 2);
-  add(Kind::kPassDone, 2);
+  add(MessageKind::kPassDone, 2);
   renderer_.pieces_left = 2;
   frame(0.0);
   renderer_.pieces_left = 100;
@@ -159,10 +159,10 @@ TEST_F(SurfaceSetTest, ChunksGoAFramesShareAtATime) {
   set_.emplace(slow, std::uint64_t{64} << 20);
   constexpr std::size_t kChunks = 15'000;
   for (std::size_t i = 0; i < kChunks; ++i) addChunk(1, 4);
-  add(Kind::kPassDone, 1);
+  add(MessageKind::kPassDone, 1);
   while (set_->shown().empty()) frame(0.0);
   addChunk(2, 4);
-  add(Kind::kPassDone, 2);
+  add(MessageKind::kPassDone, 2);
   std::size_t frames = 0;
   do {
     const double begin = clock_;
@@ -186,7 +186,7 @@ TEST_F(SurfaceSetTest, AFailureOfTheCardIsShown) {
   } failing;
   set_.emplace(failing, std::uint64_t{64} << 20);
   for (int i = 0; i < 3; ++i) addChunk(1, 400);
-  add(Kind::kPassDone, 1);
+  add(MessageKind::kPassDone, 1);
   const SurfaceSet::News news = frame(0.0);
   EXPECT_TRUE(news.failed);
   EXPECT_FALSE(news.over_budget);

@@ -24,7 +24,7 @@
 namespace isobrick {
 namespace {
 
-using Kind = StreamMessage::Kind;
+using MessageMessageKind = StreamMessage::Kind;
 
 class SurfaceStreamTest : public ::testing::Test {
  protected:
@@ -78,8 +78,8 @@ TEST_F(SurfaceStreamTest, AHandThatNeverRestsSeesSurfacesOnASlowMachineToo) {
   for (int dropped = 0; done < 3 && dropped < 1000;) {
     stream.request({{pass(40.0)}});
     while (const auto message = stream.poll()) {
-      dropped += message->kind == Kind::kDropped;
-      done += message->kind == Kind::kPassDone;
+      dropped += message->kind == MessageKind::kDropped;
+      done += message->kind == MessageKind::kPassDone;
     }
   }
   EXPECT_GE(done, 3);

@@ -33,7 +33,7 @@ namespace {
 
 // Odd dimensions cut from the head phantom, its outermost voxels 0: an OpenVDB grid reads as one
 // voxel of background around what is active.
-constexpr Index3 kVoxels(45, 40, 37);
+constexpr Index3 kHeadVoxels(45, 40, 37);
 constexpr std::int64_t kHeadSize = 48;
 constexpr double kBone = 1324;
 
@@ -46,12 +46,12 @@ const std::vector<std::int16_t>& headVoxels() {
     const auto source = makePhantomSource(spec);
     const auto whole = readVoxels<std::int16_t>(*source);
     std::vector<std::int16_t> result;
-    for (std::int64_t z = 0; z < kVoxels.z; ++z)
-      for (std::int64_t y = 0; y < kVoxels.y; ++y)
-        for (std::int64_t x = 0; x < kVoxels.x; ++x) {
+    for (std::int64_t z = 0; z < kHeadVoxels.z; ++z)
+      for (std::int64_t y = 0; y < kHeadVoxels.y; ++y)
+        for (std::int64_t x = 0; x < kHeadVoxels.x; ++x) {
           const Index3 at(x, y, z);
           const bool is_border =
-              glm::any(glm::equal(at, Index3(0))) || glm::any(glm::equal(at, kVoxels - Index3(1)));
+              glm::any(glm::equal(at, Index3(0))) || glm::any(glm::equal(at, kHeadVoxels - Index3(1)));
           result.push_back(
               is_border ? std::int16_t{0}
                         : whole[static_cast<std::size_t>(linearIndex(at, Index3(kHeadSize)))]);
@@ -162,7 +162,7 @@ TEST_F(VolumeFormats, NrrdAndMetaImageOfEveryKindGiveTheSameSurface) {
     check(".mhd", meta + msb + "ElementDataFile = " + order + ".raw\n");
     check("packed.mha", packed_meta + "ElementDataFile = LOCAL\n" + deflated(bytes, false));
     check("packed.mhd", packed_meta + "ElementDataFile = " + order + ".zraw\n");
-    const auto raw = openRawSource(pathOf(order + ".raw"), {kVoxels, "i16", big});
+    const auto raw = openRawSource(pathOf(order + ".raw"), {kHeadVoxels, "i16", big});
     expectSame(surfaceOf(*raw), surface, order + " raw");
   }
 }
@@ -176,14 +176,14 @@ TEST_F(VolumeFormats, NiftiGivesTheSameSurfaceItsSlopeApplied) {
     const Surface surface = slope == 0 ? expected(headAs<std::int16_t>(), isovalue)
                                        : expected(headAs<float>(factor, intercept), isovalue);
     const std::string bytes = bytesOfValues(headVoxels());
-    const std::string whole = niftiHeader(kVoxels, fields, false) + bytes;
+    const std::string whole = niftiHeader(kHeadVoxels, fields, false) + bytes;
     NiftiFields pair = fields;
     pair.magic = "ni1";
     pair.offset = 0;
     write("pair.img", bytes);
     for (const std::string& path :
          {write("one.nii", whole), write("one.nii.gz", deflated(whole, true)),
-          write("pair.hdr", niftiHeader(kVoxels, pair, false).substr(0, 348))})
+          write("pair.hdr", niftiHeader(kHeadVoxels, pair, false).substr(0, 348))})
       expectSame(surfaceOf(*openItkSource(path), isovalue), surface, path);
   }
 }
@@ -207,10 +207,10 @@ TEST_F(VolumeFormats, VtiOfEveryKindGivesTheSameSurface) {
 
 TEST_F(VolumeFormats, TiffSlicesGiveTheSameSurface) {
   const auto values = headAs<std::uint16_t>();
-  const auto slice = static_cast<std::ptrdiff_t>(kVoxels.x * kVoxels.y);
+  const auto slice = static_cast<std::ptrdiff_t>(kHeadVoxels.x * kHeadVoxels.y);
   const Surface surface = expected(values);
   fs::create_directory(pathOf("slices"));
-  for (std::int64_t k = 0; k < kVoxels.z; ++k)
+  for (std::int64_t k = 0; k < kHeadVoxels.z; ++k)
     write("slices/s" + std::to_string(k) + ".tif",
           tiffBytes(45, 40, 16,
                     bytesOfValues(std::vector<std::uint16_t>(values.begin() + k * slice,
@@ -224,7 +224,7 @@ TEST_F(VolumeFormats, DicomSeriesGivesTheSurfaceOfTheNrrd) {
   const Surface surface = expected(headAs<std::int16_t>());
   fs::create_directory(pathOf("series"));
   const glm::dvec3 spacing(0.5, 0.75, 2), origin(-10, 20, 1500);
-  writeDicomSeries(pathOf("series"), kVoxels, values, spacing, origin);
+  writeDicomSeries(pathOf("series"), kHeadVoxels, values, spacing, origin);
   const auto source = openItkSource(pathOf("series"));
   EXPECT_EQ(source->info().format, "DICOM series");
   EXPECT_EQ(source->info().geometry.spacing, spacing);
@@ -237,12 +237,12 @@ TEST_F(VolumeFormats, DicomSeriesGivesTheSurfaceOfTheNrrd) {
 }
 
 TEST_F(VolumeFormats, VdbFogGivesTheSameSurface) {
-  const Index3 inner = kVoxels - Index3(2);
+  const Index3 inner = kHeadVoxels - Index3(2);
   std::vector<float> active;
   for (std::int64_t z = 1; z <= inner.z; ++z)
     for (std::int64_t y = 1; y <= inner.y; ++y)
       for (std::int64_t x = 1; x <= inner.x; ++x)
-        active.push_back(headVoxels()[static_cast<std::size_t>(linearIndex({x, y, z}, kVoxels))]);
+        active.push_back(headVoxels()[static_cast<std::size_t>(linearIndex({x, y, z}, kHeadVoxels))]);
   writeVdbFog(pathOf("head.vdb"), inner, active, 1, glm::dvec3(1));
   expectSame(surfaceOf(*openVdbSource(pathOf("head.vdb"))), expected(headAs<float>()), "VDB");
 }
@@ -281,11 +281,11 @@ TEST_F(VolumeFormats, AnObliqueScanHasItsSurfaceAtTheSamePlacesInEightFormats) {
   const glm::dvec3 column = glm::normalize(glm::cross(glm::dvec3(1, -2, 5), row));
   geometry.direction = glm::dmat3(row, column, glm::cross(row, column));
   fs::create_directory(pathOf("series"));
-  const auto slice = static_cast<std::ptrdiff_t>(kVoxels.x * kVoxels.y);
-  for (std::int64_t k = 0; k < kVoxels.z; ++k) {
+  const auto slice = static_cast<std::ptrdiff_t>(kHeadVoxels.x * kHeadVoxels.y);
+  for (std::int64_t k = 0; k < kHeadVoxels.z; ++k) {
     DicomSliceFile file;
-    file.columns = kVoxels.x;
-    file.rows = kVoxels.y;
+    file.columns = kHeadVoxels.x;
+    file.rows = kHeadVoxels.y;
     file.pixels.assign(headVoxels().begin() + k * slice, headVoxels().begin() + (k + 1) * slice);
     file.position = geometry.indexToWorld(glm::dvec3(0, 0, static_cast<double>(k)));
     file.row_axis = row;
@@ -322,7 +322,7 @@ TEST_F(VolumeFormats, HeadersGiveTheirGeometry) {
   const glm::dvec3 spacing(3.25, 3.25, 1.5), origin(1, -2, 30);
   const std::string bytes = bytesOfValues(headVoxels());
   const auto expectGeometry = [&](const VolumeSource& source) {
-    EXPECT_EQ(source.info().voxels, kVoxels);
+    EXPECT_EQ(source.info().voxels, kHeadVoxels);
     EXPECT_EQ(source.info().geometry.spacing, spacing) << source.info().format;
     EXPECT_EQ(source.info().geometry.origin, origin) << source.info().format;
   };
@@ -346,12 +346,12 @@ TEST_F(VolumeFormats, HeadersGiveTheirGeometry) {
             vtiBytes("Int16", vtiText(vtiEncoded(bytes, variant), variant), variant, frame))));
   NiftiFields fields;
   fields.spacing = spacing;
-  const auto nifti = openItkSource(write("head.nii", niftiHeader(kVoxels, fields, false) + bytes));
+  const auto nifti = openItkSource(write("head.nii", niftiHeader(kHeadVoxels, fields, false) + bytes));
   EXPECT_EQ(nifti->info().geometry.spacing, spacing);
 }
 
 TEST_F(VolumeFormats, PackedNrrdIsStreamedAndEqualsTheDicomSeriesInOddPieces) {
-  writeDicomSeries(pathOf("."), kVoxels, headAs<std::int16_t>(1, -1024));
+  writeDicomSeries(pathOf("."), kHeadVoxels, headAs<std::int16_t>(1, -1024));
   const auto dicom = openItkSource(folder_.string());
   const TemporaryFolder elsewhere;
   std::ofstream(elsewhere.file("head.nrrd"), std::ios::binary)
@@ -359,7 +359,7 @@ TEST_F(VolumeFormats, PackedNrrdIsStreamedAndEqualsTheDicomSeriesInOddPieces) {
       << deflated(bytesOfValues(headVoxels()), true);
   const auto nrrd = openItkSource(elsewhere.file("head.nrrd"));
   EXPECT_LE(nrrd->bufferBytes(), 400u << 10);
-  const std::int64_t rows = kVoxels.y * kVoxels.z, x = kVoxels.x;
+  const std::int64_t rows = kHeadVoxels.y * kHeadVoxels.z, x = kHeadVoxels.x;
   std::vector<std::int16_t> a(static_cast<std::size_t>(77 * x)), b(a.size());
   for (std::int64_t row = 0; row < rows; row += 150) {
     const std::int64_t count = std::min<std::int64_t>(77, rows - row);
@@ -372,7 +372,7 @@ TEST_F(VolumeFormats, PackedNrrdIsStreamedAndEqualsTheDicomSeriesInOddPieces) {
 
 TEST_F(VolumeFormats, PackedNiftiThatIsCutOrDamagedIsAnError) {
   const NiftiFields fields{4, 16, 2.00784f, 0};
-  const std::string whole = niftiHeader(kVoxels, fields, false) + bytesOfValues(headVoxels());
+  const std::string whole = niftiHeader(kHeadVoxels, fields, false) + bytesOfValues(headVoxels());
   const std::string packed = deflated(whole, true);
   const auto plain = openItkSource(write("head.nii", whole));
   const auto source = openItkSource(write("head.nii.gz", packed));

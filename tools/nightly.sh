@@ -1,0 +1,24 @@
+#!/usr/bin/env bash
+# All that takes a night: both rings with all random tries and every fault, the sanitizer for threads, fresh machines of
+# both suites of Debian, and arm64. Goes on after a failure, and ends with a line for each.
+#   tools/nightly.sh
+# Needs root and debootstrap for the fresh machines.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+export ISOBRICK_REPETITIONS=${ISOBRICK_REPETITIONS:-400} ISOBRICK_ALL_FAULTS=1
+mkdir -p build/nightly
+said=()
+part() {
+  local name=$1 begin=$SECONDS how=works
+  shift
+  "$@" >"build/nightly/$name.log" 2>&1 || how="FAILS, see build/nightly/$name.log"
+  said+=("$name: $how, $((SECONDS - begin)) s")
+  echo "${said[-1]}"
+}
+part rings tools/test.sh behaviour house-tests python asan-ubsan
+part threads tools/test.sh tsan
+part bookworm tests/house/debian.sh bookworm --deb
+part trixie tests/house/debian.sh trixie --deb
+part arm64 tests/house/arm64.sh
+printf '%s\n' "${said[@]}" | grep -q FAILS && exit 1
+echo "nightly: all works"
