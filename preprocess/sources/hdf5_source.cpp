@@ -56,7 +56,9 @@ constexpr std::size_t kMostDatasets = 12;  // that are listed
 
 // Datasets of three axes or more below a group.
 using DatasetNames = std::vector<std::string>;
-herr_t noteDataset(hid_t group, const char* name, const H5O_info_t* info, void* found) {
+// `Info` is what H5Ovisit2 wants: H5O_info_t until HDF5 1.10, H5O_info1_t later.
+template <typename Info>
+herr_t noteDataset(hid_t group, const char* name, const Info* info, void* found) {
   if (info->type != H5O_TYPE_DATASET) return 0;
   const Hdf5Handle dataset(H5Dopen2(group, name, H5P_DEFAULT), H5Dclose);
   if (!dataset.isValid()) return 0;

@@ -1,4 +1,5 @@
 // Single files that ITK reads.
+#include <itkConfigure.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -31,6 +32,10 @@
 namespace isobrick {
 namespace itk_detail {
 namespace {
+
+// Until 5.3, ITK makes millimetres of the spacing alone in a NIfTI file of other units.
+constexpr bool kItkScalesNiftiOrigins = ITK_VERSION_MAJOR > 5 ||
+                                        (ITK_VERSION_MAJOR == 5 && ITK_VERSION_MINOR >= 4);
 
 // The units of the lengths that ITK gives.
 void takeUnits(const std::string& path, VolumeInfo& info) {
@@ -180,8 +185,8 @@ std::unique_ptr<VolumeSource> openImageFile(const std::string& path, std::vector
   const unsigned axes = image->GetNumberOfDimensions();
   if (info.format == "TIFF") checkTiffPages(path);
   if (info.format == "NIfTI")
-    return openNiftiVolume(std::move(info), components, axes > 3 ? image->GetDimensions(3) : 1,
-                           options);
+    return openNiftiVolume(std::move(info), kItkScalesNiftiOrigins, components,
+                           axes > 3 ? image->GetDimensions(3) : 1, options);
   const auto run = info.format == "NRRD"        ? findNrrdRun(path, components, info.voxels)
                    : info.format == "MetaImage" ? findMetaImageRun(path)
                                                 : std::nullopt;

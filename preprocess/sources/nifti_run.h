@@ -27,11 +27,13 @@ struct NiftiRun {
 // Error if the header is damaged or unusual, or the other file of the pair is missing.
 NiftiRun findNiftiRun(const std::string& path);
 
-// Opens info.source, such a file, which ITK has described in `info`. Its numbers are those of ITK,
-// and the options choose among them. Throws Error that names the file if there is no such choice,
-// and if the header contradicts itself.
-std::unique_ptr<VolumeSource> openNiftiVolume(VolumeInfo info, std::uint64_t components,
-                                              std::uint64_t time_steps, const OpenOptions& options);
+// Opens info.source, such a file, which ITK has described in `info`: the spacing in millimetres,
+// and the origin too if `is_origin_scaled`. Its numbers are those of ITK, and the options choose
+// among them. Throws Error that names the file if there is no such choice, and if the header
+// contradicts itself.
+std::unique_ptr<VolumeSource> openNiftiVolume(VolumeInfo info, bool is_origin_scaled,
+                                              std::uint64_t components, std::uint64_t time_steps,
+                                              const OpenOptions& options);
 
 // If `path` ends in .nii or .nii.gz, throws Error for a header that the NIfTI library would refuse
 // with a line of its own on the standard error.

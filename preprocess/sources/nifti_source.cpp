@@ -25,17 +25,17 @@ std::uint64_t chooseTimeStep(const std::string& path, std::uint64_t count,
 
 }  // namespace
 
-std::unique_ptr<VolumeSource> openNiftiVolume(VolumeInfo info, std::uint64_t components,
-                                              std::uint64_t time_steps,
+std::unique_ptr<VolumeSource> openNiftiVolume(VolumeInfo info, bool is_origin_scaled,
+                                              std::uint64_t components, std::uint64_t time_steps,
                                               const OpenOptions& options) {
   const std::uint64_t step = chooseTimeStep(info.source, time_steps, options, info.notes);
   NiftiRun nifti = findNiftiRun(info.source);
   StoredVoxels& stored = nifti.stored;
-  // ITK makes millimetres of the spacing, and not of the origin.
-  const glm::dvec3 spacing = info.geometry.spacing;
+  const glm::dvec3 spacing = info.geometry.spacing, origin = info.geometry.origin;
   takeLengthUnits({nifti.length_unit, nifti.length_unit, nifti.length_unit}, info.geometry,
                   info.notes);
   info.geometry.spacing = spacing;
+  if (is_origin_scaled) info.geometry.origin = origin;
   const auto contradiction = [&] {
     return unreadable(info.source, "its header is contradictory; check that it is not damaged");
   };

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstdint>
 #include <memory>
 #include <optional>
 #include <string_view>
@@ -35,6 +36,23 @@ class Attributes {
  private:
   const XML_Char** pairs_;
 };
+
+// Where the current tag begins, below zero if nowhere, and its length, in bytes. Expat 2.9 has them
+// in 64 bits on every machine, and warns of those before.
+std::int64_t tagAt(XML_Parser parser) {
+#if XML_MAJOR_VERSION > 2 || XML_MINOR_VERSION >= 9
+  return XML_GetCurrentByteIndex64(parser);
+#else
+  return XML_GetCurrentByteIndex(parser);
+#endif
+}
+std::uint64_t tagBytes(XML_Parser parser) {
+#if XML_MAJOR_VERSION > 2 || XML_MINOR_VERSION >= 9
+  return XML_GetCurrentByteCount64(parser);
+#else
+  return static_cast<std::uint64_t>(XML_GetCurrentByteCount(parser));
+#endif
+}
 
 // Expat calls back from C, which no exception may cross: an exception in a handler is kept, ends
 // the parsing, and is thrown afterwards.
@@ -167,12 +185,9 @@ class VtiReader {
 
   // The bytes of the file at which the current tag begins and ends.
   std::uint64_t at() const {
-    return static_cast<std::uint64_t>(
-        std::max<XML_Index>(0, XML_GetCurrentByteIndex(parser_.get())));
+    return static_cast<std::uint64_t>(std::max<std::int64_t>(0, tagAt(parser_.get())));
   }
-  std::uint64_t tagEnd() const {
-    return at() + static_cast<std::uint64_t>(XML_GetCurrentByteCount(parser_.get()));
-  }
+  std::uint64_t tagEnd() const { return at() + tagBytes(parser_.get()); }
 
   void stop() {
     is_done_ = true;

@@ -1,6 +1,7 @@
 // Signatures of requests, version 4, as Amazon S3 and those that speak its protocol want them.
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <string_view>
 #include <utility>

@@ -1,6 +1,7 @@
 // Builds that are killed, interrupted or out of space, and what follows them.
 #include <chrono>
 #include <csignal>
+#include <cstdint>
 
 #include "tests/support/command_test.h"
 #include "tests/support/test_paths.h"

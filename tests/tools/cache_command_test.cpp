@@ -2,6 +2,7 @@
 // built.
 #include <sys/file.h>
 
+#include <cstdint>
 #include <fstream>
 
 #include "tests/support/command_test.h"

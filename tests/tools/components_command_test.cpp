@@ -1,5 +1,6 @@
 // `isobrick extract` of some of a surface's connected pieces.
 #include <array>
+#include <cstdint>
 #include <cstring>
 #include <glm/geometric.hpp>
 #include <glm/vec3.hpp>

@@ -1,4 +1,5 @@
 // `isobrick render --pictures`: turntables, paths from view to view, movies, and sizes of prints.
+#include <cstdint>
 #include <cstdlib>
 #include <fstream>
 

@@ -1,5 +1,6 @@
 #include <imgui.h>
 
+#include "isobrick/viewer/window/panel_keys.h"
 #include "isobrick/viewer/window/view_panel.h"
 
 namespace isobrick {
@@ -16,12 +17,9 @@ Wishes buildQuestion(const std::optional<UserQuestion>& question) {
     ImGui::PushTextWrapPos(0.8f * screen.x);
     ImGui::TextUnformatted(question->text.c_str());
     ImGui::PopTextWrapPos();
-    const auto pressed = [](ImGuiKey key) {
-      return ImGui::IsKeyPressed(ImGui::GetKeyIndex(key), false);
-    };
-    if (ImGui::Button(question->yes) || pressed(ImGuiKey_Enter)) wishes.answer = true;
+    if (ImGui::Button(question->yes) || isPanelKeyPressed(ImGuiKey_Enter)) wishes.answer = true;
     ImGui::SameLine();
-    if (ImGui::Button(question->no) || pressed(ImGuiKey_Escape)) wishes.answer = false;
+    if (ImGui::Button(question->no) || isPanelKeyPressed(ImGuiKey_Escape)) wishes.answer = false;
   }
   ImGui::End();
   return wishes;

@@ -6,16 +6,12 @@
 #include <algorithm>
 
 #include "isobrick/storage/error.h"
+#include "isobrick/viewer/window/panel_keys.h"
 #include "isobrick/viewer/window/panel_style.h"
 #include "isobrick/viewer/window/panel_tools.h"
 #include "isobrick/viewer/window/window_layout.h"
 
 namespace isobrick {
-namespace {
-
-int indexOf(Key key) { return static_cast<int>(key); }
-
-}  // namespace
 
 ViewPanel::ViewPanel(double scale, Clipboard& clipboard) : scale_(scale), clipboard_(clipboard) {
   ImGui::CreateContext();
@@ -32,23 +28,7 @@ ViewPanel::ViewPanel(double scale, Clipboard& clipboard) : scale_(scale), clipbo
   io.IniFilename = nullptr;  // nothing is left in the user's folder
   io.UserData = &still_seconds_;
   setPanelStyle(scale);
-  io.KeyMap[ImGuiKey_Tab] = indexOf(Key::kTab);
-  io.KeyMap[ImGuiKey_LeftArrow] = indexOf(Key::kLeft);
-  io.KeyMap[ImGuiKey_RightArrow] = indexOf(Key::kRight);
-  io.KeyMap[ImGuiKey_UpArrow] = indexOf(Key::kUp);
-  io.KeyMap[ImGuiKey_DownArrow] = indexOf(Key::kDown);
-  io.KeyMap[ImGuiKey_Home] = indexOf(Key::kHome);
-  io.KeyMap[ImGuiKey_End] = indexOf(Key::kEnd);
-  io.KeyMap[ImGuiKey_Delete] = indexOf(Key::kDelete);
-  io.KeyMap[ImGuiKey_Backspace] = indexOf(Key::kBackspace);
-  io.KeyMap[ImGuiKey_Enter] = indexOf(Key::kEnter);
-  io.KeyMap[ImGuiKey_Escape] = indexOf(Key::kEscape);
-  io.KeyMap[ImGuiKey_A] = indexOf(Key::kA);
-  io.KeyMap[ImGuiKey_C] = indexOf(Key::kC);
-  io.KeyMap[ImGuiKey_V] = indexOf(Key::kV);
-  io.KeyMap[ImGuiKey_X] = indexOf(Key::kX);
-  io.KeyMap[ImGuiKey_Y] = indexOf(Key::kY);
-  io.KeyMap[ImGuiKey_Z] = indexOf(Key::kZ);
+  setUpPanelKeys();
   if (!ImGui_ImplOpenGL3_Init("#version 450")) {
     ImGui::DestroyContext();
     throw Error(
@@ -65,10 +45,8 @@ ViewPanel::~ViewPanel() {
 void ViewPanel::feed(const InputEvent& event) {
   ImGuiIO& io = ImGui::GetIO();
   // Those of a key, until the panel has seen it.
-  if (pressed_.empty() || event.kind == InputEvent::Kind::kKeyPress) {
-    io.KeyShift = event.shift;
-    io.KeyCtrl = event.control;
-  }
+  if (pressed_.empty() || event.kind == InputEvent::Kind::kKeyPress)
+    setPanelModifiers(event.shift, event.control);
   const auto button = [&] {
     return event.button == MouseButton::kLeft ? 0 : event.button == MouseButton::kRight ? 1 : 2;
   };
@@ -87,14 +65,14 @@ void ViewPanel::feed(const InputEvent& event) {
       io.MouseWheelH -= static_cast<float>(event.across);  // it counts to the left
       break;
     case InputEvent::Kind::kKeyPress:
-      io.KeysDown[indexOf(event.key)] = true;
+      setPanelKey(event.key, true);
       pressed_.push_back(event.key);
       break;
     case InputEvent::Kind::kKeyRelease:
       if (std::find(pressed_.begin(), pressed_.end(), event.key) != pressed_.end())
         released_.push_back(event.key);
       else
-        io.KeysDown[indexOf(event.key)] = false;
+        setPanelKey(event.key, false);
       break;
     case InputEvent::Kind::kText:
       io.AddInputCharacter(event.character);
@@ -113,7 +91,7 @@ void ViewPanel::begin(int width, int height, double seconds) {
   io.DeltaTime = static_cast<float>(std::clamp(seconds, 1e-4, 1.0));
   ImGui_ImplOpenGL3_NewFrame();
   ImGui::NewFrame();
-  for (const Key key : released_) io.KeysDown[indexOf(key)] = false;
+  for (const Key key : released_) setPanelKey(key, false);
   pressed_.clear();
   released_.clear();
   const bool moves = io.MouseDelta.x != 0.0f || io.MouseDelta.y != 0.0f || ImGui::IsAnyMouseDown();

@@ -1,6 +1,7 @@
 // isobrick bench as a whole; the rows of real peers are in bench_peers_test.cpp.
 #include <sys/stat.h>
 
+#include <cstdint>
 #include <fstream>
 
 #include "tests/support/command_test.h"

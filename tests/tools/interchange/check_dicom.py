@@ -42,7 +42,7 @@ def test_turned_and_rescaled_series_in_any_order_of_names_are_read():
                 slice.compress(RLELossless)
             slice.save_as(f"series{number}/{(z * 3) % 5}.dcm", write_like_original=False)
         found, about = raw_of(f"series{number}")
-        np.testing.assert_array_equal(found, values * slope + intercept)
+        np.testing.assert_array_equal(found, values * float(slope) + intercept)
         assert about["voxel_type"] == ["int16", "int16", "uint8", "float32"][number], about
         expect_placed(about, direction, tolerance=1e-8)
         # The same voxels at the same places in every other format.

@@ -12,13 +12,22 @@ from common import ORIGIN, SPACING, rotation, run, write_nrrd
 from volumes import (SHAPE, TYPES, expect_placed, expect_same, pyramid_levels, raw_of, read_bytes,
                      voxels, write_bytes)
 
+# From 3 on, zarr writes Zarr 3 unless it is told; before, it does not know the word.
+ZARR2 = {} if zarr.__version__.startswith("2.") else {"zarr_format": 2}
+
+
+def write_zarr(path, values, **how):
+    array = zarr.open_array(path, mode="w", shape=values.shape, dtype=values.dtype, **ZARR2, **how)
+    array[...] = values
+    return array
+
 
 def test_every_level_of_every_type_is_the_same_for_zarr_and_for_us():
     for kind in TYPES:
         values = voxels(kind)
         levels = pyramid_levels(values)
         run("convert", "levels.isb", "-o", "out.ome.zarr", "--levels", "all", "--force")
-        image = zarr.open("out.ome.zarr", "r")
+        image = zarr.open("out.ome.zarr", mode="r")
         (scales,) = image.attrs["multiscales"]
         assert scales["version"] == "0.4" and len(scales["datasets"]) == len(levels)
         assert [axis["name"] for axis in scales["axes"]] == ["z", "y", "x"]
@@ -62,12 +71,10 @@ def test_their_compressors_orders_separators_byte_orders_and_missing_chunks_are_
         values = (voxels("i16") % 127).astype(kind)
         values[:7, :20, :30] = 9
         shutil.rmtree("theirs.zarr", ignore_errors=True)
-        array = zarr.open(
-            zarr.DirectoryStore("theirs.zarr", dimension_separator=separator),
-            mode="w", shape=values.shape, chunks=(7, 20, 30), dtype=kind, order=order,
-            compressor=compressor, fill_value=9, write_empty_chunks=False,
+        array = write_zarr(
+            "theirs.zarr", values, chunks=(7, 20, 30), order=order, compressor=compressor,
+            dimension_separator=separator, fill_value=9, write_empty_chunks=False,
         )
-        array[...] = values
         assert array.nchunks_initialized < array.nchunks
         found, about = raw_of("theirs.zarr")
         expect_same(found, values.astype(values.dtype.newbyteorder("<")))
@@ -77,7 +84,7 @@ def test_their_compressors_orders_separators_byte_orders_and_missing_chunks_are_
 def test_wide_types_are_read_as_float():
     for kind in ("<u4", "<i8", "<f8", "|b1"):
         values = voxels("u8").astype(kind)
-        zarr.save_array("wide.zarr", values)
+        write_zarr("wide.zarr", values)
         found, _ = raw_of("wide.zarr")
         np.testing.assert_array_equal(found, values.astype("f4" if kind != "|b1" else "u1"))
 
@@ -85,8 +92,8 @@ def test_wide_types_are_read_as_float():
 def write_five_axes(path):
     """An image of two time steps and three channels, whose level is said to be at `path`."""
     values = np.stack([np.stack([voxels("u8", (5, 6, 7), 10 * t + c) for c in range(3)]) for t in range(2)])
-    group = zarr.open_group("five.zarr", "w")
-    group.create_dataset("s0", data=values, chunks=(1, 2, 3, 4, 5))
+    group = zarr.open_group("five.zarr", mode="w", **ZARR2)
+    write_zarr("five.zarr/s0", values, chunks=(1, 2, 3, 4, 5))
     names = ["t", "c", "z", "y", "x"]
     group.attrs["multiscales"] = [{
         "version": "0.4",
@@ -116,14 +123,14 @@ def test_time_steps_and_channels_are_chosen():
 
 
 def test_names_that_lead_out_of_the_store_are_refused():
-    zarr.save_array("wide.zarr", voxels("u8"))
+    write_zarr("wide.zarr", voxels("u8"))
     for path in ("../wide.zarr", "/etc", "s0/../../wide.zarr", "", "."):
         write_five_axes(path)
         run("convert", "five.zarr", "-o", "x.raw", fails_with="leads out of the store")
 
 
 def test_metadata_that_is_not_possible_is_refused():
-    zarr.open("good.zarr", mode="w", shape=SHAPE, chunks=(7, 20, 30), dtype=">u2", fill_value=9)
+    write_zarr("good.zarr", np.zeros(SHAPE, ">u2"), chunks=(7, 20, 30), fill_value=9)
     with open("good.zarr/.zarray") as file:
         good = json.load(file)
     os.makedirs("bad.zarr")
@@ -155,7 +162,7 @@ def test_metadata_that_is_not_possible_is_refused():
 
 
 def test_chunks_that_are_cut_short_are_refused():
-    zarr.save_array("cut.zarr", voxels("u8", (4, 4, 4)), compressor=numcodecs.Blosc("lz4"))
+    write_zarr("cut.zarr", voxels("u8", (4, 4, 4)), compressor=numcodecs.Blosc("lz4"))
     chunk = read_bytes("cut.zarr/0.0.0")
     for length in range(len(chunk)):
         write_bytes("cut.zarr/0.0.0", chunk[:length])
@@ -163,5 +170,5 @@ def test_chunks_that_are_cut_short_are_refused():
 
 
 def test_blosclz_is_refused():
-    zarr.save_array("lz.zarr", np.zeros((40, 40, 40), "u2") + 7, compressor=numcodecs.Blosc("blosclz"))
+    write_zarr("lz.zarr", np.zeros((40, 40, 40), "u2") + 7, compressor=numcodecs.Blosc("blosclz"))
     run("convert", "lz.zarr", "-o", "x.raw", fails_with="BloscLZ")
