@@ -1,4 +1,4 @@
-# What isobrick is built on; all of it in Debian 12 (tools/packages.txt), under names that upstream gives.
+# What isobrick is built on; all of it in Debian 12 (tools/packages), under names that upstream gives.
 # What only one room needs is looked for only if that room is built.
 find_package(TBB REQUIRED)
 find_package(glm REQUIRED)

@@ -76,7 +76,7 @@ PROGRAM = """
 
 
 def test_the_widget_follows_in_a_window(head: Path, tmp_path: Path) -> None:
-    assert shutil.which("xvfb-run"), "tools/packages.txt has xvfb"
+    assert shutil.which("xvfb-run"), "tools/packages has xvfb"
     program = tmp_path / "program.py"
     program.write_text(textwrap.dedent(PROGRAM))
     words = ["xvfb-run", "-a", "-s", "-screen 0 1280x900x24", sys.executable, program, head, tmp_path / "picture.png"]

@@ -1,7 +1,7 @@
 // Whatever a sealed file says, it is refused, or meshed, or drawn: never more. Sanitizers see the
 // rest, so the long run belongs into the asan-ubsan build:
 //
-//   ISOBRICK_HOSTILE_PYRAMIDS=100000 isobrick_tests --gtest_filter='HostilePyramid.*'
+//   ISOBRICK_HOSTILE_PYRAMIDS=100000 isobrick_viewer_tests --gtest_filter='HostilePyramid.*'
 //
 // ISOBRICK_HOSTILE_SEED is the first seed (1), and the next are counted from there; a failure names
 // its seed.
