@@ -1,18 +1,18 @@
 #!/usr/bin/env bash
 # Installs the Debian packages of the named lists in tools/packages that are missing, and says how much that
 # downloads. Asks for root only then.
-#   tools/install_packages.sh [build|test|release]...        default: build
+#   tools/install_packages.sh [build|test|release|PACKAGE]...        default: build
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 [ $# -gt 0 ] || set -- build
-missing=()
-for list; do
-  [ -f "$here/packages/$list.txt" ] || { echo "install_packages.sh: '$list' is none of build, test and release" >&2; exit 2; }
-  while read -r package; do
-    case "$package" in '' | '#'*) continue ;; esac
-    dpkg-query -W -f='${Status}' "$package" 2>/dev/null | grep -q 'install ok installed' || missing+=("$package")
-  done <"$here/packages/$list.txt"
-done
+list=$(mktemp)
+for name; do
+  if [ -f "$here/packages/$name.txt" ]; then sed '/^#/d' "$here/packages/$name.txt"; else echo "$name"; fi
+done | while read -r package; do
+  dpkg-query -W -f='${Status}' "$package" 2>/dev/null | grep -q 'install ok installed' || echo "$package"
+done >"$list"
+mapfile -t missing <"$list"
+rm "$list"
 [ ${#missing[@]} -eq 0 ] && exit 0
 as_root=()
 [ "$(id -u)" -eq 0 ] || as_root=(sudo)

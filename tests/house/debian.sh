@@ -76,7 +76,7 @@ timed() {
 }
 
 makeRoot "$root"
-inRoot "$root" root apt-get install -y -qq --no-install-recommends sudo >/dev/null
+inRoot "$root" root apt-get install -y -qq --no-install-recommends sudo git ca-certificates >/dev/null 2>&1
 inRoot "$root" root useradd --create-home --shell /bin/bash newcomer
 echo 'newcomer ALL=(ALL) NOPASSWD: ALL' >"$root/etc/sudoers.d/newcomer"
 git clone --quiet --no-hardlinks "$source" "$root/home/newcomer/isobrick"
@@ -90,12 +90,11 @@ timed test asNewcomer "tools/test.sh"
 [ $house = 0 ] || timed house asNewcomer "tools/test.sh house-tests"
 
 if [ $deb = 1 ]; then
-  timed deb-packages inRoot "$root" root apt-get install -y -qq --no-install-recommends debhelper dpkg-dev
-  timed deb asNewcomer "rm -rf ../pack && git archive --prefix pack/ HEAD 2>/dev/null | tar -x -C .. ||
-    cp -r --no-target-directory . ../pack; cd ../pack && dpkg-buildpackage -b -us -uc"
+  # The steps of tools/container.
+  timed deb asNewcomer "mkdir -p ../pack && git archive HEAD | tar -x -C ../pack && ../pack/tools/container/pack.sh"
   bare=$work/$suite-bare
   makeRoot "$bare"
-  cp "$root"/home/newcomer/isobrick_*.deb "$bare/tmp/isobrick.deb"
+  cp "$root/home/newcomer/isobrick.deb" "$bare/tmp/"
   timed deb-install inRoot "$bare" root apt-get install -y -qq --no-install-recommends /tmp/isobrick.deb
   timed deb-use inRoot "$bare" root sh -c 'cd /tmp && isobrick --version &&
     isobrick phantom head --size 64 -o head.nrrd && isobrick build head.nrrd && isobrick info head.isb &&
