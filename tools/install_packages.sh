@@ -20,5 +20,5 @@ export DEBIAN_FRONTEND=noninteractive
 "${as_root[@]}" apt-get update -qq
 echo "isobrick: installing ${missing[*]}"
 words=(install --no-install-recommends "${missing[@]}")
-LC_ALL=C apt-get --assume-no "${words[@]}" | sed -n 's/^Need to get \(.*\) of archives.*/isobrick: \1 to download/p' || true
+"${as_root[@]}" env LC_ALL=C apt-get --assume-no "${words[@]}" | sed -n 's/^Need to get \(.*\) of archives.*/isobrick: \1 to download/p' || true
 "${as_root[@]}" apt-get -y -qq "${words[@]}" >/dev/null
