@@ -62,7 +62,7 @@ NodeName=$(hostname -s) NodeAddr=127.0.0.1 CPUs=2 State=UNKNOWN
 PartitionName=main Nodes=ALL Default=YES MaxTime=INFINITE State=UP
 END
 # Neither systemd nor control groups of its own: a container or a bare root has none.
-echo CgroupPlugin=disabled >cgroup.conf
+echo CgroupPlugin=cgroup/v1 >cgroup.conf
 export SLURM_CONF=$folder/slurm.conf
 slurmctld >>begin.log 2>&1 || wrong "slurmctld does not start"
 slurmd -N "$(hostname -s)" >>begin.log 2>&1 || wrong "slurmd does not start"
