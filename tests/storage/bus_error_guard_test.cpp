@@ -164,7 +164,8 @@ TEST_F(BusErrorGuardTest, MappingsThatTouchReportTheirOwnOffsets) {
   expectChildLeavesWith(0, [&] {
     const std::size_t bytes = 3 * kPageBytes + 100;  // a mapping ends with its last page
     const std::string lower_path = makeFile("lower", bytes), upper_path = makeFile("upper", bytes);
-    void* const place = mmap(nullptr, 8 * kPageBytes, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    void* const place =
+        mmap(nullptr, 8 * kPageBytes, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
     if (place == MAP_FAILED) return 1;
     auto* const first = static_cast<std::byte*>(place);
     {

@@ -201,9 +201,11 @@ void readWhileWritten(format::Codec codec) {
           random() % 2 == 0 ? randomBelow(random, 24) : randomBelow(random, part.stored_bytes);
       const std::uint8_t good = bytes[at];
       bytes[at] = static_cast<std::uint8_t>(good ^ (1 << random() % 8));
-      for (std::uint64_t spins = randomBelow(random, 8000); spins > 0; --spins) g_changing_sink = spins;
+      for (std::uint64_t spins = randomBelow(random, 8000); spins > 0; --spins)
+        g_changing_sink = spins;
       bytes[at] = good;
-      for (std::uint64_t spins = randomBelow(random, 8000); spins > 0; --spins) g_changing_sink = spins;
+      for (std::uint64_t spins = randomBelow(random, 8000); spins > 0; --spins)
+        g_changing_sink = spins;
     }
   });
   int right = 0, errors = 0, wrong = 0;

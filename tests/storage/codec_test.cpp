@@ -312,7 +312,7 @@ TEST(HostilePart, EveryPrefixIsRefused) {
   for (const PackedExample& example : packedExamples())
     for (std::size_t length = 0; length < example.stored.size(); length += 1 + length / 50) {
       RawBytes prefix(example.stored.begin(),
-                   example.stored.begin() + static_cast<std::ptrdiff_t>(length));
+                      example.stored.begin() + static_cast<std::ptrdiff_t>(length));
       ASSERT_FALSE(survives(example.codec, prefix, example.bytes)) << length;
       if (length < 16) continue;
       putNumber(prefix, 12, static_cast<std::uint32_t>(length));  // as if it were whole

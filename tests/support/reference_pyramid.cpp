@@ -96,7 +96,8 @@ Index3 sampleIndex(const Lattice& lattice, int level, const Index3& position) {
 }
 
 float ReferencePyramid::sampleAt(int level, const Index3& sample) const {
-  return levels.at(static_cast<std::size_t>(level)).at(sampleOffset(lattice.samples(level), sample));
+  return levels.at(static_cast<std::size_t>(level))
+      .at(sampleOffset(lattice.samples(level), sample));
 }
 
 float ReferencePyramid::sampleAtPosition(int level, const Index3& position) const {

@@ -148,7 +148,7 @@ void forEachLeaf(const Lattice& lattice, const LeafLevels& leaves, F&& f) {
         const int level = leaves.leafLevelAt(cell);
         const Index3 index = cell >> Index3(level);
         SplitLeaf leaf{level, lattice.position(level, index),
-                     lattice.position(level, index + Index3(1))};
+                       lattice.position(level, index + Index3(1))};
         if (leaf.lower == cell) f(leaf);
       }
 }
@@ -224,7 +224,8 @@ class LeafMesher {
   }
 
   // Where an edge of a leaf is halved by a finer leaf that touches it.
-  std::optional<Index3> hangingPoint(const SplitLeaf& leaf, const Index3& a, const Index3& b) const {
+  std::optional<Index3> hangingPoint(const SplitLeaf& leaf, const Index3& a,
+                                     const Index3& b) const {
     const int axis = a.x != b.x ? 0 : a.y != b.y ? 1 : 2;
     const Index3 low = glm::min(a, b);
     Index3 middle = low;

@@ -1,5 +1,5 @@
-// What nearly every test includes, precompiled (tests/CMakeLists.txt). No test includes this file: each names
-// what it uses.
+// What nearly every test includes, precompiled (tests/CMakeLists.txt). No test includes this file:
+// each names what it uses.
 #pragma once
 
 #include <gtest/gtest.h>

@@ -528,9 +528,8 @@ TEST_F(ExportVolumeTest, ABoxIsCutWhereItLies) {
     for (std::int64_t z = 0; z < 8; ++z)
       for (std::int64_t y = 0; y < 5; ++y)
         for (std::int64_t x = 0; x < 11; ++x)
-          ASSERT_EQ(
-              found[at++],
-              values[static_cast<std::size_t>(linearIndex(box.first + Index3(x, y, z), kWildVoxels))]);
+          ASSERT_EQ(found[at++], values[static_cast<std::size_t>(
+                                     linearIndex(box.first + Index3(x, y, z), kWildVoxels))]);
   }
   const auto refused = [&](const IndexBox& box) {
     return errorOf([&] {
@@ -557,8 +556,8 @@ TEST_F(ExportVolumeTest, AWindowSpreadsValuesOverATypeAndSaysWhatItCosts) {
   }
   const std::vector<float> wild(static_cast<std::size_t>(elementCount(kWildVoxels)),
                                 std::numeric_limits<float>::quiet_NaN());
-  const auto least = makeWindowedSource(std::make_unique<ArraySource<float>>(kWildVoxels, wild), {0, 1},
-                                        VoxelType::kInt16);
+  const auto least = makeWindowedSource(std::make_unique<ArraySource<float>>(kWildVoxels, wild),
+                                        {0, 1}, VoxelType::kInt16);
   EXPECT_EQ(readVoxels<std::int16_t>(*least).front(), -32768);
   const auto floats = makeFloatSource(
       std::make_unique<ArraySource<std::uint16_t>>(kWildVoxels, wildValues<std::uint16_t>()));

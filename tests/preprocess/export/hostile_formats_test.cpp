@@ -27,8 +27,9 @@ struct HostileFormat {
 class HostileFormats : public VolumeFilesTest, public testing::WithParamInterface<HostileFormat> {
  protected:
   static std::vector<std::uint8_t> values() {
-    return arrayOfField<std::uint8_t>(
-        kHostileVoxels, [](const Index3& p) { return p.x * 31 + p.y * 57 + p.z * 101 + p.x * p.y; });
+    return arrayOfField<std::uint8_t>(kHostileVoxels, [](const Index3& p) {
+      return p.x * 31 + p.y * 57 + p.z * 101 + p.x * p.y;
+    });
   }
 
   // Every file of the format, by its path.

@@ -227,7 +227,8 @@ TEST_F(LengthUnitTest, NiftiScalesTheOriginToo) {
     std::memcpy(header.data() + 252, &scanner, sizeof scanner);  // a qform without rotation
     const float origin[] = {-1000, 2000, 3000.5f};               // RAS
     std::memcpy(header.data() + 268, origin, sizeof origin);
-    write("a.nii", header + std::string(static_cast<std::size_t>(2 * elementCount(kUnitVoxels)), '\0'));
+    write("a.nii",
+          header + std::string(static_cast<std::size_t>(2 * elementCount(kUnitVoxels)), '\0'));
     const GridGeometry found = geometryOf("a.nii");
     const double scale = unit.millimetres == 0 ? 1 : unit.millimetres;
     EXPECT_EQ(found.unit == LengthUnit::kMillimetre, unit.millimetres != 0);

@@ -94,7 +94,8 @@ class ExrSourceTest : public VolumeFilesTest {
 };
 
 TEST_F(ExrSourceTest, TilesOfSeveralLevelsAreReadAsLinesAre) {
-  for (std::int64_t z = 0; z < kSliceVoxels.z; ++z) writeSlice(z, {{.name = "a", .is_tiled = true}});
+  for (std::int64_t z = 0; z < kSliceVoxels.z; ++z)
+    writeSlice(z, {{.name = "a", .is_tiled = true}});
   expectChannel("", 0);
 }
 

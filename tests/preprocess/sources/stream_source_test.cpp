@@ -203,8 +203,8 @@ void checkNiftiScaling(const std::function<std::string(const std::string&)>& wri
     for (const float slope : {0.0f, 1.0f, 2.0078f, std::numeric_limits<float>::quiet_NaN()})
       for (const float intercept : {0.0f, -3.3f}) {
         NiftiFields fields{data_type, static_cast<std::int16_t>(8 * sizeof(T)), slope, intercept};
-        const auto source =
-            openItkSource(write(niftiHeader(kStreamVoxels, fields, big) + bytesOfValues(stored, big)));
+        const auto source = openItkSource(
+            write(niftiHeader(kStreamVoxels, fields, big) + bytesOfValues(stored, big)));
         const double s = std::isnan(slope) || slope == 0 ? 1 : static_cast<double>(slope);
         const auto b = static_cast<double>(intercept);
         const bool scaled = s != 1 || b != 0;
@@ -259,9 +259,11 @@ TEST_F(PackedFilesTest, DamagedNiftiHeadersAreErrors) {
   const std::string bytes = bytesOfValues(sampleVoxels());
   NiftiFields fields;
   fields.offset = std::numeric_limits<float>::quiet_NaN();
-  EXPECT_THROW(openAndRead(write("x.nii", niftiHeader(kStreamVoxels, fields, false) + bytes)), Error);
+  EXPECT_THROW(openAndRead(write("x.nii", niftiHeader(kStreamVoxels, fields, false) + bytes)),
+               Error);
   fields.offset = 1e30f;
-  EXPECT_THROW(openAndRead(write("x.nii", niftiHeader(kStreamVoxels, fields, false) + bytes)), Error);
+  EXPECT_THROW(openAndRead(write("x.nii", niftiHeader(kStreamVoxels, fields, false) + bytes)),
+               Error);
   fields.offset = 0;
   fields.magic = "ni1";
   EXPECT_CONTAINS(

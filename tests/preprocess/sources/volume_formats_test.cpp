@@ -50,8 +50,8 @@ const std::vector<std::int16_t>& headVoxels() {
       for (std::int64_t y = 0; y < kHeadVoxels.y; ++y)
         for (std::int64_t x = 0; x < kHeadVoxels.x; ++x) {
           const Index3 at(x, y, z);
-          const bool is_border =
-              glm::any(glm::equal(at, Index3(0))) || glm::any(glm::equal(at, kHeadVoxels - Index3(1)));
+          const bool is_border = glm::any(glm::equal(at, Index3(0))) ||
+                                 glm::any(glm::equal(at, kHeadVoxels - Index3(1)));
           result.push_back(
               is_border ? std::int16_t{0}
                         : whole[static_cast<std::size_t>(linearIndex(at, Index3(kHeadSize)))]);
@@ -242,7 +242,8 @@ TEST_F(VolumeFormats, VdbFogGivesTheSameSurface) {
   for (std::int64_t z = 1; z <= inner.z; ++z)
     for (std::int64_t y = 1; y <= inner.y; ++y)
       for (std::int64_t x = 1; x <= inner.x; ++x)
-        active.push_back(headVoxels()[static_cast<std::size_t>(linearIndex({x, y, z}, kHeadVoxels))]);
+        active.push_back(
+            headVoxels()[static_cast<std::size_t>(linearIndex({x, y, z}, kHeadVoxels))]);
   writeVdbFog(pathOf("head.vdb"), inner, active, 1, glm::dvec3(1));
   expectSame(surfaceOf(*openVdbSource(pathOf("head.vdb"))), expected(headAs<float>()), "VDB");
 }
@@ -346,7 +347,8 @@ TEST_F(VolumeFormats, HeadersGiveTheirGeometry) {
             vtiBytes("Int16", vtiText(vtiEncoded(bytes, variant), variant), variant, frame))));
   NiftiFields fields;
   fields.spacing = spacing;
-  const auto nifti = openItkSource(write("head.nii", niftiHeader(kHeadVoxels, fields, false) + bytes));
+  const auto nifti =
+      openItkSource(write("head.nii", niftiHeader(kHeadVoxels, fields, false) + bytes));
   EXPECT_EQ(nifti->info().geometry.spacing, spacing);
 }
 

@@ -28,7 +28,8 @@ class ZarrSourceTest : public VolumeFilesTest {
   void SetUp() override {
     VolumeLevels levels;
     levels.push_back(std::make_unique<ArraySource<std::uint8_t>>(
-        kZarrVoxels, std::vector<std::uint8_t>(static_cast<std::size_t>(elementCount(kZarrVoxels)), 9)));
+        kZarrVoxels,
+        std::vector<std::uint8_t>(static_cast<std::size_t>(elementCount(kZarrVoxels)), 9)));
     exportVolume(levels, store_, {});
   }
 

@@ -23,13 +23,13 @@ namespace {
 
 using Seconds = std::chrono::duration<double>;
 
-constexpr std::size_t kBytes = 3'000'000;
+constexpr std::size_t kObjectBytes = 3'000'000;
 
 class HttpRangesTest : public testing::Test {
  protected:
   HttpRangesTest() {
     Random random(1);
-    data_.resize(kBytes);
+    data_.resize(kObjectBytes);
     for (char& byte : data_) byte = static_cast<char>(randomBelow(random, 256));
     writeBytes(folder_.file("data"), data_);
     writeBytes(folder_.file("short"), data_.substr(0, 100));
@@ -55,16 +55,16 @@ class HttpRangesTest : public testing::Test {
 
 TEST_F(HttpRangesTest, ReadsAnyRange) {
   const auto reader = open("good/data");
-  ASSERT_EQ(reader->size(), kBytes);
+  ASSERT_EQ(reader->size(), kObjectBytes);
   EXPECT_NE(reader->identity(), "");
   Random random(2);
   for (int i = 0; i < 100; ++i) {
-    const std::uint64_t offset = randomBelow(random, kBytes);
+    const std::uint64_t offset = randomBelow(random, kObjectBytes);
     const std::uint64_t bytes = 1 + randomBelow(random, i < 90 ? 1000 : 2'500'000);
-    EXPECT_EQ(read(*reader, offset, std::min(bytes, kBytes - offset)), "");
+    EXPECT_EQ(read(*reader, offset, std::min(bytes, kObjectBytes - offset)), "");
   }
-  EXPECT_EQ(read(*reader, 0, kBytes), "");
-  EXPECT_EQ(read(*reader, kBytes - 1, 1), "");
+  EXPECT_EQ(read(*reader, 0, kObjectBytes), "");
+  EXPECT_EQ(read(*reader, kObjectBytes - 1, 1), "");
   EXPECT_EQ(reader->counters().repeated, 0u);
 }
 
