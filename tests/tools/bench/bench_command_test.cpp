@@ -26,10 +26,10 @@ class BenchCommandTest : public CommandTest {
     chmod(file.c_str(), 0700);
     return file;
   }
-  static const Json& rowOf(const Json& bench, const std::string& name) {
+  static const Json& rowOf(const Json& bench, const char* name) {
     for (const Json& row : bench["rows"])
       if (row["name"] == name) return row;
-    throw std::runtime_error("no row " + name);
+    throw std::runtime_error(std::string("no row ") + name);
   }
 };
 
