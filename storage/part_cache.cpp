@@ -50,8 +50,10 @@ void forEachPart(const std::string& folder, F&& f) {
       continue;
     const std::pair accessed(status.st_atim.tv_sec, status.st_atim.tv_nsec);
     const std::pair written(status.st_mtim.tv_sec, status.st_mtim.tv_nsec);
-    f(PartFile{std::max(accessed, written), static_cast<std::uint64_t>(status.st_size),
-               at->path().string(), at->path().filename().string().rfind(kUnnamedPart, 0) == 0});
+    const bool is_unnamed = at->path().filename().string().rfind(kUnnamedPart, 0) == 0;
+    // Nobody uses an unnamed one: whoever reads all files, as a backup does, makes it no younger.
+    f(PartFile{is_unnamed ? written : std::max(accessed, written),
+               static_cast<std::uint64_t>(status.st_size), at->path().string(), is_unnamed});
   }
 }
 
