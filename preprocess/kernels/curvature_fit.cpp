@@ -40,10 +40,6 @@
 
 #include "isobrick/storage/curvature_code.h"
 
-// Vectors are kept in structs, which those of a size unknown to the compiler cannot.
-#ifndef HWY_DISABLED_TARGETS  // sanitized builds on x86 leave out others
-#define HWY_DISABLED_TARGETS (HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV)
-#endif
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "isobrick/preprocess/kernels/curvature_fit.cpp"
 #include <hwy/foreach_target.h>

@@ -1,0 +1,21 @@
+# Compiles for arm64 on another Debian: cmake --toolchain cmake/arm64.cmake -D ISOBRICK_ARM64_SYSROOT=FOLDER
+# FOLDER comes from tools/arm64_sysroot.sh. Tests run under qemu.
+set(CMAKE_SYSTEM_NAME Linux)
+set(CMAKE_SYSTEM_PROCESSOR aarch64)
+set(CMAKE_C_COMPILER aarch64-linux-gnu-gcc)
+set(CMAKE_CXX_COMPILER aarch64-linux-gnu-g++)
+
+set(ISOBRICK_ARM64_SYSROOT "" CACHE PATH "The root that tools/arm64_sysroot.sh made")
+list(APPEND CMAKE_TRY_COMPILE_PLATFORM_VARIABLES ISOBRICK_ARM64_SYSROOT)
+if(NOT IS_DIRECTORY "${ISOBRICK_ARM64_SYSROOT}/usr/lib/aarch64-linux-gnu")
+  message(FATAL_ERROR "ISOBRICK_ARM64_SYSROOT is '${ISOBRICK_ARM64_SYSROOT}', and not a root that tools/arm64_sysroot.sh made")
+endif()
+set(CMAKE_SYSROOT "${ISOBRICK_ARM64_SYSROOT}")
+set(CMAKE_FIND_ROOT_PATH "${CMAKE_SYSROOT}")
+set(CMAKE_FIND_ROOT_PATH_MODE_PROGRAM NEVER)
+set(CMAKE_FIND_ROOT_PATH_MODE_LIBRARY ONLY)
+set(CMAKE_FIND_ROOT_PATH_MODE_INCLUDE ONLY)
+set(CMAKE_FIND_ROOT_PATH_MODE_PACKAGE ONLY)
+set(ENV{PKG_CONFIG_SYSROOT_DIR} "${CMAKE_SYSROOT}")
+set(ENV{PKG_CONFIG_LIBDIR} "${CMAKE_SYSROOT}/usr/lib/aarch64-linux-gnu/pkgconfig:${CMAKE_SYSROOT}/usr/share/pkgconfig")
+set(CMAKE_CROSSCOMPILING_EMULATOR "qemu-aarch64-static;-L;${CMAKE_SYSROOT}")
