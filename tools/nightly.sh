@@ -19,6 +19,6 @@ part rings tools/test.sh behaviour house-tests python asan-ubsan
 part threads tools/test.sh tsan
 part bookworm tests/house/debian.sh bookworm --deb
 part trixie tests/house/debian.sh trixie --deb
-part arm64 tests/house/arm64.sh
+part arm64 tests/house/arm64.sh build/nightly/arm64 build/release
 printf '%s\n' "${said[@]}" | grep -q FAILS && exit 1
 echo "nightly: all works"
