@@ -43,7 +43,7 @@ function(isobrick_compile_options target)
   # within a library; a class of one source file may have members of types of that file.
   if(ISOBRICK_BATCH)
     set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE ${ISOBRICK_BATCH})
-    target_compile_options(${target} PRIVATE -Wno-subobject-linkage)
+    target_compile_options(${target} PRIVATE $<$<CXX_COMPILER_ID:GNU>:-Wno-subobject-linkage>)
   endif()
 endfunction()
 
