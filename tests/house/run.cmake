@@ -10,5 +10,5 @@ endfunction()
 
 # How the libraries are built anew where the matter is what is linked: a file each, without optimisation,
 # kernels for one processor. A class of one source file may have members of types of that file.
-set(quick_build -DCMAKE_BUILD_TYPE=None -DCMAKE_UNITY_BUILD=ON -DCMAKE_UNITY_BUILD_BATCH_SIZE=0
+set(quick_build -DCMAKE_BUILD_TYPE=None -DISOBRICK_BATCH=1000
     "-DCMAKE_CXX_FLAGS=-O0 -DHWY_COMPILE_ONLY_STATIC -Wno-subobject-linkage")
