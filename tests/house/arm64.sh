@@ -2,7 +2,7 @@
 # Compiles isobrick for arm64, runs the tests of storage, extract and preprocess under qemu, and compares pyramids and
 # meshes, byte by byte, with those of x86-64:
 #   tests/house/arm64.sh [WORK_FOLDER [FOLDER_OF_THE_COMMAND]]
-# Needs what tools/arm64_sysroot.sh needs, and two hours of a core. FOLDER_OF_THE_COMMAND has `isobrick` and
+# Needs what tools/arm64_sysroot.sh needs, and hours of a core. It has not run to its end yet. FOLDER_OF_THE_COMMAND has `isobrick` and
 # `isobrick-build` of this machine; without it they are compiled, too. A root and builds of an earlier run that lie in
 # WORK_FOLDER are used again. Prints what is compared; ends with "arm64: works".
 set -euo pipefail
