@@ -21,50 +21,14 @@ while [ $# -gt 0 ]; do
   esac
   shift
 done
-[ "$(id -u)" -eq 0 ] || { echo "debian.sh: only root may make a root folder; use sudo" >&2; exit 2; }
-command -v debootstrap >/dev/null || { echo "debian.sh: debootstrap is missing; apt-get install debootstrap" >&2; exit 2; }
+source "$source/tests/house/bare_root.sh"
 work=${kept:-$(mktemp -d /tmp/isobrick_debian_XXXXXX)}
-mkdir -p "$work/archives"
-mirror=$(apt-get indextargets --format '$(SITE)' 2>/dev/null | grep -v security | grep debian | head -n 1)
 root=$work/$suite
-
-mounts=()
-mountInto() { mkdir -p "$2"; mount "${@:3}" "$1" "$2"; mounts=("$2" "${mounts[@]}"); }
 cleanUp() {
-  local folder
-  for folder in "${mounts[@]}"; do umount -l "$folder" 2>/dev/null || true; done
-  mounts=()
+  unmountAll
   [ -n "$kept" ] || rm -rf --one-file-system "$work"
 }
 trap cleanUp EXIT
-
-# makeRoot FOLDER: as debootstrap leaves it.
-makeRoot() {
-  local tar=$work/$suite.tar
-  if [ ! -e "$tar" ]; then
-    rm -rf --one-file-system "$work/making"
-    debootstrap --variant=minbase "$suite" "$work/making" "$mirror" >"$work/debootstrap.log"
-    tar -C "$work/making" -cf "$tar.part" . && mv "$tar.part" "$tar"
-    rm -rf --one-file-system "$work/making"
-  fi
-  rm -rf --one-file-system "$1"
-  mkdir -p "$1"
-  tar -C "$1" -xf "$tar"
-  cp /etc/resolv.conf /etc/hosts "$1/etc/"
-  mountInto proc "$1/proc" -t proc
-  mountInto /sys "$1/sys" --rbind
-  mountInto /dev "$1/dev" --bind
-  mountInto devpts "$1/dev/pts" -t devpts -o gid=5,mode=620,ptmxmode=666
-  mountInto "$work/archives" "$1/var/cache/apt/archives" --bind  # what was downloaded once
-  inRoot "$1" root apt-get update -qq
-}
-# inRoot FOLDER USER COMMAND...
-inRoot() {
-  local home=/root
-  [ "$2" = root ] || home=/home/$2
-  chroot --userspec="$2" "$1" env -i PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin HOME=$home \
-    DEBIAN_FRONTEND=noninteractive "${@:3}"
-}
 asNewcomer() { inRoot "$root" newcomer bash -c "cd ~/isobrick && $1"; }
 # timed NAME COMMAND...
 timed() {
@@ -75,7 +39,7 @@ timed() {
   tail -n 40 "$work/$suite-$name.log" | sed -n '/^step /,$p'
 }
 
-makeRoot "$root"
+makeRoot "$suite" "$work" "$root"
 inRoot "$root" root apt-get install -y -qq --no-install-recommends sudo git ca-certificates >/dev/null 2>&1
 inRoot "$root" root useradd --create-home --shell /bin/bash newcomer
 echo 'newcomer ALL=(ALL) NOPASSWD: ALL' >"$root/etc/sudoers.d/newcomer"
@@ -93,7 +57,7 @@ if [ $deb = 1 ]; then
   # The steps of tools/container.
   timed deb asNewcomer "mkdir -p ../pack && git archive HEAD | tar -x -C ../pack && ../pack/tools/container/pack.sh"
   bare=$work/$suite-bare
-  makeRoot "$bare"
+  makeRoot "$suite" "$work" "$bare"
   cp "$root/home/newcomer/isobrick.deb" "$bare/tmp/"
   timed deb-install inRoot "$bare" root apt-get install -y -qq --no-install-recommends /tmp/isobrick.deb
   timed deb-use inRoot "$bare" root sh -c 'cd /tmp && isobrick --version &&

@@ -3,7 +3,7 @@
 #   tests/house/wheel_in_bare_root.sh [WHEEL] [DICOM_FOLDER] [WORK_FOLDER]
 # Needs root (chroot), debootstrap, the Debian mirror that apt is set up for, and PyPI for numpy and pip. Builds a
 # pyramid of the folder of DICOM, by the module and by the command; extracts, renders, and runs the viewer
-# off screen. Ends with "wheel: works". A root of an earlier run that lies in WORK_FOLDER is used again.
+# off screen. Ends with "wheel: works". The root as debootstrap made it lies in WORK_FOLDER and is used again.
 set -euo pipefail
 source=$(cd "$(dirname "$0")/../.." && pwd)
 wheel=${1:-}
@@ -11,28 +11,24 @@ wheel=${1:-}
 dicom=${2:-}
 [ -n "$dicom" ] || dicom=$source/../shared/data/vhf_head_ct/dicom
 given=${3:-}
+source "$source/tests/house/bare_root.sh"
 work=${given:-$(mktemp -d /tmp/isobrick_wheel_XXXXXX)}
 root=$work/root
-mkdir -p "$work"
-mirror=$(apt-get indextargets --format '$(SITE)' 2>/dev/null | grep -v security | head -n 1)
-
 cleanUp() {
-  umount "$root/proc" 2>/dev/null || true
-  [ -n "$given" ] || rm -rf "$work"
+  unmountAll
+  [ -n "$given" ] || rm -rf --one-file-system "$work"
 }
 trap cleanUp EXIT
 
-[ -x "$root/usr/bin/python3" ] ||
-  debootstrap --variant=minbase --include=python3 bookworm "$root" "$mirror" >"$work/debootstrap.log"
-mount --bind /proc "$root/proc"
-rm -rf "$root/tmp/try"
+makeRoot bookworm "$work" "$root"
+inRoot "$root" root apt-get install -y -qq --no-install-recommends python3 >/dev/null
 mkdir -p "$root/tmp/try/wheels"
 /usr/bin/python3 -m pip download -q --no-deps -d "$root/tmp/try/wheels" numpy pip
 cp "$wheel" "$root/tmp/try/wheels/"
 cp -r "$dicom" "$root/tmp/try/dicom"
 
-inRoot() { chroot "$root" env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin HOME=/root sh -c "cd /tmp/try && $1"; }
-inRoot 'python3 "$(echo wheels/pip-*.whl)/pip" install -q --break-system-packages --no-index --find-links wheels \
+inTry() { inRoot "$root" root sh -c "cd /tmp/try && $1"; }
+inTry 'python3 "$(echo wheels/pip-*.whl)/pip" install -q --break-system-packages --no-index --find-links wheels \
   --root-user-action ignore --target module isobrick'
 cat >"$root/tmp/try/use.py" <<'PYTHON'
 import isobrick
@@ -45,11 +41,11 @@ with isobrick.open("module.isb") as pyramid:
     assert len(mesh.faces) > 100_000
     mesh.save("module.ply")
 PYTHON
-inRoot 'PYTHONPATH=module python3 use.py'
+inTry 'PYTHONPATH=module python3 use.py'
 cat >"$root/tmp/try/view.json" <<'JSON'
 {"steps": [{"wait": "settled"}, {"picture": "view.png"}]}
 JSON
-inRoot 'export PYTHONPATH=module; isobrick="python3 module/bin/isobrick" &&
+inTry 'export PYTHONPATH=module; isobrick="python3 module/bin/isobrick" &&
   $isobrick --version && $isobrick build dicom -o command.isb && $isobrick verify command.isb &&
   $isobrick extract command.isb --iso auto -o command.ply && cmp module.ply command.ply &&
   $isobrick render command.isb --iso auto --size 200x200 -o bone.png &&
