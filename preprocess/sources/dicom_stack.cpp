@@ -11,6 +11,7 @@
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/dicom_tags.h"
 #include "isobrick/preprocess/sources/dicom_values.h"
+#include "isobrick/preprocess/sources/one_grid.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/storage/error.h"
 
@@ -339,7 +340,7 @@ DicomFrames arrangeDicomFrames(const std::string& path, const DicomHeader& heade
   info.voxels = {integer(header.value(dicom::kColumns), 0), integer(header.value(dicom::kRows), 0),
                  static_cast<std::int64_t>(places.size())};
   checkVoxelCounts(path, info.voxels);
-  tidyGeometry(path, info.geometry, info.notes);
+  tidyGeometry(path, info.geometry, info.voxels, info.notes);
 
   volume.frames = framesOf(places);
   for (const std::size_t frame : volume.frames) volume.maps.push_back(dicomValueMap(header, frame));

@@ -24,6 +24,7 @@
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/format_sources.h"
+#include "isobrick/preprocess/sources/one_grid.h"
 #include "isobrick/preprocess/sources/slice_names.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/storage/error.h"
@@ -178,7 +179,7 @@ class ExrSlices final : public VolumeSource {
     if (!has_geometry) info_.notes.push_back("the slices say no distances; 1 was used");
     if (channel_.type == Imf::UINT && info_.voxel_type == VoxelType::kFloat32)
       info_.notes.push_back("uint32 voxels were converted to float32");
-    tidyGeometry(folder, info_.geometry, info_.notes);
+    tidyGeometry(folder, info_.geometry, info_.voxels, info_.notes);
   }
 
   const VolumeInfo& info() const override { return info_; }

@@ -11,6 +11,7 @@
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/format_sources.h"
+#include "isobrick/preprocess/sources/one_grid.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/stored_voxels.h"
 #include "isobrick/storage/error.h"
@@ -386,7 +387,7 @@ class Hdf5Source final : public VolumeSource {
       geometry.unit = LengthUnit::kMillimetre;
     if (is_in_micrometres)
       info_.notes.push_back("lengths were scaled from micrometres to millimetres");
-    tidyGeometry(path_, geometry, info_.notes);
+    tidyGeometry(path_, geometry, info_.voxels, info_.notes);
   }
 
   // The library's cache holds 1 MiB unless told otherwise: each chunk would be unpacked for every

@@ -15,6 +15,7 @@
 #include "isobrick/preprocess/sources/dicom_tags.h"
 #include "isobrick/preprocess/sources/dicom_values.h"
 #include "isobrick/preprocess/sources/itk_common.h"
+#include "isobrick/preprocess/sources/one_grid.h"
 #include "isobrick/preprocess/sources/slice_names.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/tiff_pages.h"
@@ -435,7 +436,7 @@ std::unique_ptr<VolumeSource> openDicomSeries(const std::string& folder,
     info.notes.push_back("the files have no pixel spacing: 1 mm is an assumption");
   info.voxels.z = static_cast<std::int64_t>(slices.size());
   checkVoxelCounts(folder, info.voxels);
-  tidyGeometry(folder, info.geometry, info.notes);
+  tidyGeometry(folder, info.geometry, info.voxels, info.notes);
 
   info.voxel_type = chooseVoxelType(slices, exactVoxelType(any.component()), options, info.notes);
   if (dicom.GetRescaleSlope() != 1 || dicom.GetRescaleIntercept() != 0)
@@ -483,7 +484,7 @@ std::unique_ptr<VolumeSource> openImageStack(const std::string& folder,
     info.geometry.spacing.z = info.geometry.spacing.x;
     distance_notes.emplace_back(kNoSliceDistance);
   }
-  tidyGeometry(folder, info.geometry, info.notes);
+  tidyGeometry(folder, info.geometry, info.voxels, info.notes);
   const auto exact = exactVoxelType(first.component());
   info.voxel_type = exact ? *exact : VoxelType::kFloat32;
   if (!exact)

@@ -21,6 +21,7 @@
 #include "isobrick/preprocess/sources/length_units.h"
 #include "isobrick/preprocess/sources/mrc_header.h"
 #include "isobrick/preprocess/sources/nifti_run.h"
+#include "isobrick/preprocess/sources/one_grid.h"
 #include "isobrick/preprocess/sources/raw_run.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/tiff_pages.h"
@@ -76,7 +77,7 @@ VolumeInfo describeVolume(const std::string& path, const itk::ImageIOBase& image
   info.geometry = imageGeometry(image);
   if (info.format == "MRC") MrcHeader(path).turnAxes(info.geometry);
   takeUnits(path, info);
-  tidyGeometry(path, info.geometry, info.notes);
+  tidyGeometry(path, info.geometry, info.voxels, info.notes);
   const Component component = image.GetComponentType();
   const auto exact = exactVoxelType(component);
   info.voxel_type = exact.value_or(VoxelType::kFloat32);

@@ -6,6 +6,7 @@
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/preprocess/sources/inflate_stream.h"
+#include "isobrick/preprocess/sources/one_grid.h"
 #include "isobrick/preprocess/sources/raw_run.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/stored_file.h"
@@ -104,7 +105,7 @@ std::unique_ptr<VolumeSource> openRawSource(const std::string& path, const RawLa
   info.encoding = layout.type + (layout.big_endian ? " big-endian" : " little-endian") +
                   " at byte " + std::to_string(layout.offset_bytes);
   if (!stored.keepsType()) info.notes.push_back(layout.type + " voxels were converted to float32");
-  tidyGeometry(path, info.geometry, info.notes);
+  tidyGeometry(path, info.geometry, info.voxels, info.notes);
   RawRun run;
   run.path = path;
   run.offset_bytes = layout.offset_bytes;

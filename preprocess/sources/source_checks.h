@@ -17,10 +17,4 @@ std::string quotedText(const std::string& text, std::size_t most_characters);
 // `voxels` with a voxel's size fit 64 bits.
 void checkVoxelCounts(const std::string& path, const Index3& voxels);
 
-// Makes `geometry` fulfil the contract of GridGeometry: positive spacing and an orthonormal
-// direction. Negative spacings flip their axis; rounding errors of the file's numbers are
-// straightened out (with a note if they are larger than single precision explains). Throws Error
-// for spacings that are zero or not finite and for axes that are not at right angles.
-void tidyGeometry(const std::string& path, GridGeometry& geometry, std::vector<std::string>& notes);
-
 }  // namespace isobrick

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "isobrick/preprocess/path_error.h"
+#include "isobrick/preprocess/sources/one_grid.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/stored_file.h"
 #include "isobrick/preprocess/sources/tiff_directory.h"
@@ -264,7 +265,7 @@ void describe(const std::string& first_path, const TiffSlices& slices, const Ope
   checkVoxelCounts(info.source, info.voxels);
   std::vector<std::string> unsaid;  // of distances that are given
   takeTiffLengths(first_path, info.geometry, options.spacing ? unsaid : info.notes);
-  tidyGeometry(info.source, info.geometry, info.notes);
+  tidyGeometry(info.source, info.geometry, info.voxels, info.notes);
   stored.type = form.type;
   info.voxel_type = stored.delivered();
   if (!stored.keepsType() || form.is_half)

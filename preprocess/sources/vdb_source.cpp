@@ -25,6 +25,7 @@
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/preprocess/sources/length_units.h"
+#include "isobrick/preprocess/sources/one_grid.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/vdb_slabs.h"
 #include "isobrick/preprocess/volume_source.h"
@@ -447,7 +448,7 @@ VoxelBox grownActiveBox(const std::string& path, const GridBase& grid) {
   return result;
 }
 
-GridGeometry geometryOf(const std::string& path, const GridBase& grid, const Index3& first,
+GridGeometry geometryOf(const std::string& path, const GridBase& grid, const VoxelBox& box,
                         std::vector<std::string>& notes) {
   if (!grid.transform().isLinear())
     throw cannotUse(path, "its grid " + quoted(grid.getName()) +
@@ -463,13 +464,13 @@ GridGeometry geometryOf(const std::string& path, const GridBase& grid, const Ind
     geometry.spacing[axis] = glm::length(column);
     if (geometry.spacing[axis] > 0) geometry.direction[axis] = column / geometry.spacing[axis];
   }
-  const glm::dvec3 index(first);
+  const glm::dvec3 index(box.first);
   geometry.origin = toGlm(map->applyMap({index.x, index.y, index.z}));
   // The format has no unit; this is isobrick's own.
   const auto unit = grid.getMetadata<openvdb::StringMetadata>("isobrick:length_unit");
   if (unit && unit->value() != lengthUnitName(LengthUnit::kUnknown))
     takeLengthUnits({unit->value(), unit->value(), unit->value()}, geometry, notes);
-  tidyGeometry(path, geometry, notes);
+  tidyGeometry(path, geometry, box.count, notes);
   return geometry;
 }
 
@@ -594,7 +595,7 @@ std::unique_ptr<VolumeSource> openVdbSource(const std::string& path, const OpenO
   const GridBase::Ptr grid = loaded.grid;
   const VoxelBox box = grownActiveBox(path, *grid);
   info.voxels = box.count;
-  info.geometry = geometryOf(path, *grid, box.first, info.notes);
+  info.geometry = geometryOf(path, *grid, box, info.notes);
   if (!options.grid.empty()) info.encoding = "grid " + quoted(options.grid);
   info.voxel_type = isMask(*grid) ? VoxelType::kUint8 : VoxelType::kFloat32;
   if (isMask(*grid))

@@ -11,6 +11,7 @@
 #include "isobrick/preprocess/sources/byte_stream.h"
 #include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/preprocess/sources/inflate_stream.h"
+#include "isobrick/preprocess/sources/one_grid.h"
 #include "isobrick/preprocess/sources/raw_run.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/stored_voxels.h"
@@ -124,7 +125,7 @@ class VtiOpener {
           geometry.direction[axis] * (geometry.spacing[axis] * static_cast<double>((*extent)[i]));
     }
     checkVoxelCounts(path_, info_.voxels);
-    tidyGeometry(path_, geometry, info_.notes);
+    tidyGeometry(path_, geometry, info_.voxels, info_.notes);
   }
 
   glm::dvec3 vector(const std::string& text, const glm::dvec3& otherwise, const char* name) const {

@@ -13,6 +13,7 @@
 #include "isobrick/preprocess/shallow_json.h"
 #include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/preprocess/sources/length_units.h"
+#include "isobrick/preprocess/sources/one_grid.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/zarr_array.h"
 #include "isobrick/storage/error.h"
@@ -250,7 +251,7 @@ class ZarrOpener {
     place(info, axes);
     info.voxel_type = array.stored().delivered();
     if (!array.stored().keepsType()) info.notes.push_back("voxels were converted to float32");
-    tidyGeometry(path_, info.geometry, info.notes);
+    tidyGeometry(path_, info.geometry, info.voxels, info.notes);
     return std::make_unique<ZarrSource>(std::move(info), std::move(array), axes, fixed,
                                         group_files_, options_);
   }
