@@ -14,6 +14,7 @@
 #include "isobrick/preprocess/input_identity.h"
 #include "isobrick/preprocess/pyramid_file_builder.h"
 #include "isobrick/preprocess/shallow_json.h"
+#include "isobrick/storage/file_system.h"
 #include "isobrick/storage/pyramid_file.h"
 #include "isobrick/storage/pyramid_tables.h"
 
@@ -76,9 +77,8 @@ BuildReport buildSuperBrick(VolumeSource& source, InputWatch& input, const std::
 }
 
 DividedFileState stateOfDividedFile(const std::string& path, const std::string& identity) {
-  std::error_code ignored;
-  if (!fs::exists(fs::symlink_status(path, ignored))) return DividedFileState::kMissing;
-  if (!fs::is_regular_file(path, ignored)) return DividedFileState::kOfAnotherBuild;
+  if (!isNameTaken(path)) return DividedFileState::kMissing;
+  if (!isRegularFile(path)) return DividedFileState::kOfAnotherBuild;
   try {
     const PyramidTables tables(path, FileAccess::kRead, {});
     if (!tables.dividedFile() || identityIn(tables) != identity)
@@ -87,7 +87,7 @@ DividedFileState stateOfDividedFile(const std::string& path, const std::string& 
     return tables.dividedFile()->name() == fs::path(path).filename() ? DividedFileState::kBuilt
                                                                      : DividedFileState::kDamaged;
   } catch (const Error&) {
-    const bool is_ours = fs::file_size(path, ignored) == 0 || beginsAsPyramid(path);
+    const bool is_ours = fileBytes(path) == 0 || beginsAsPyramid(path);
     return is_ours ? DividedFileState::kDamaged : DividedFileState::kOfAnotherBuild;
   }
 }
@@ -107,18 +107,18 @@ std::string someOf(const std::vector<std::string>& names) {
 // The names in a folder that files of super-bricks may have: "0-2-1.isb".
 std::set<std::string> superBrickNamesIn(const std::string& folder) {
   std::set<std::string> names;
-  std::error_code error;
-  for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
-    const std::string name = entry.path().filename().string();
-    const std::string stem = entry.path().stem().string();
-    if (entry.path().extension() == ".isb" && !stem.empty() &&
+  const std::error_code error = visitFolder(folder, [&](const FolderMember& file) {
+    const std::string stem = file.path().stem().string();
+    if (file.path().extension() == ".isb" && !stem.empty() &&
         stem.find_first_not_of("0123456789-") == std::string::npos)
-      names.insert(name);
-  }
+      names.insert(file.name());
+    return true;
+  });
+  if (error)
+    throw Error("'" + folder + "' cannot be read: " + error.message() + "; check the path",
+                {.path = folder});
   if (names.empty())
-    throw Error("'" + folder + "' " +
-                    (error ? "cannot be read: " + error.message() + "; check the path"
-                           : std::string("has no files of super-bricks; build them first")),
+    throw Error("'" + folder + "' has no files of super-bricks; build them first",
                 {.path = folder});
   return names;
 }

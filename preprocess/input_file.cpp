@@ -10,6 +10,7 @@
 
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_io.h"
+#include "isobrick/storage/file_system.h"
 
 namespace isobrick {
 namespace {
@@ -32,8 +33,7 @@ std::optional<std::filesystem::path> linkToNowhere(std::filesystem::path path) {
   const std::string cannot = "cannot open " + name + ": ";
   if (reason == ENOENT)
     if (const auto link = linkToNowhere(path)) {
-      std::error_code ignored;
-      const std::string target = std::filesystem::read_symlink(*link, ignored).string();
+      const std::string target = linkTarget(*link).string();
       throw Error(cannot + (*link == path ? "it" : "'" + link->string() + "'") + " is a link to '" +
                       target +
                       "', which is not there; fetch the file (git annex get, datalad get)" +

@@ -7,6 +7,8 @@
 #include <filesystem>
 #include <glm/common.hpp>
 
+#include "isobrick/storage/file_system.h"
+
 namespace isobrick {
 namespace {
 
@@ -67,8 +69,7 @@ PreviewMaker<T>::PreviewMaker(const VolumeInfo& info, const PreviewGrid& grid,
 
 template <typename T>
 PreviewMaker<T>::~PreviewMaker() {
-  std::error_code ignored;
-  if (!path_.empty()) std::filesystem::remove(path_, ignored);
+  if (!path_.empty()) removeName(path_);
 }
 
 template <typename T>
@@ -135,8 +136,7 @@ void PreviewMaker<T>::publish(std::int64_t slices) {
   tbb::task_arena arena(std::min(tbb::this_task_arena::max_concurrency(), kMostThreads));
   arena.execute([&] { buildPyramid(source, path, options); });
   // A viewer that got the path of the previous one has opened it by now, or takes this one.
-  std::error_code ignored;
-  if (!path_.empty()) std::filesystem::remove(path_, ignored);
+  if (!path_.empty()) removeName(path_);
   path_ = path;
   published_slices_ = slices;
   if (options_.preview.published) options_.preview.published({path, grid_.step, info_.voxels});

@@ -5,7 +5,6 @@
 #include <bit>
 #include <chrono>
 #include <cmath>
-#include <filesystem>
 
 #include "isobrick/preprocess/finite_voxels.h"
 #include "isobrick/preprocess/hand_over.h"
@@ -16,6 +15,7 @@
 #include "isobrick/preprocess/pyramid_file_builder.h"
 #include "isobrick/preprocess/slice_spool.h"
 #include "isobrick/preprocess/unfinished_build.h"
+#include "isobrick/storage/file_system.h"
 
 namespace isobrick {
 namespace {
@@ -186,8 +186,7 @@ class Build : LevelInput<T> {
 void refuseInputAsTemporary(const VolumeSource& source, const std::string& path) {
   for (const std::string& file : source.files())
     for (const char* ending : {"", ".partial", ".partial.journal", ".partial.journal.new"}) {
-      std::error_code ignored;
-      if (std::filesystem::equivalent(file, path + ending, ignored))
+      if (isSameFile(file, path + ending))
         throw Error("'" + file + "' is an input, and building '" + path +
                         "' would overwrite it; choose another output",
                     {.path = file});

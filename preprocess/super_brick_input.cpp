@@ -1,8 +1,8 @@
 #include "isobrick/preprocess/super_brick_input.h"
 
-#include <filesystem>
-#include <system_error>
 #include <utility>
+
+#include "isobrick/storage/file_system.h"
 
 namespace isobrick {
 
@@ -38,9 +38,7 @@ bool SuperBrickInput::hasRoomFor(std::int64_t slices) const {
   const VolumeInfo& info = source_->info();
   const auto bytes = static_cast<std::uint64_t>(info.voxels.x * info.voxels.y * slices) *
                      voxelBytes(info.voxel_type);
-  std::error_code error;
-  const std::filesystem::space_info space = std::filesystem::space(folder_, error);
-  return !error && space.available / 3 >= bytes;
+  return freeBytesAt(folder_).value_or(0) / 3 >= bytes;
 }
 
 }  // namespace isobrick

@@ -16,6 +16,7 @@
 #include "isobrick/storage/checksum.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_io.h"
+#include "isobrick/storage/file_system.h"
 #include "isobrick/storage/open_descriptor.h"
 #include "isobrick/storage/remote/sha256.h"
 
@@ -42,19 +43,21 @@ struct PartFile {
 // Calls `f(PartFile)` for every one, in any order; others may remove them meanwhile.
 template <typename F>
 void forEachPart(const std::string& folder, F&& f) {
-  std::error_code failure;
-  fs::recursive_directory_iterator at(partsFolder(folder), failure), end;
-  for (; !failure && at != end; at.increment(failure)) {
+  const auto visitPart = [&](const FolderMember& part) {
     struct stat status = {};
-    if (at.depth() != 1 || lstat(at->path().c_str(), &status) != 0 || !S_ISREG(status.st_mode))
-      continue;
+    if (lstat(part.path().c_str(), &status) != 0 || !S_ISREG(status.st_mode)) return true;
     const std::pair accessed(status.st_atim.tv_sec, status.st_atim.tv_nsec);
     const std::pair written(status.st_mtim.tv_sec, status.st_mtim.tv_nsec);
-    const bool is_unnamed = at->path().filename().string().rfind(kUnnamedPart, 0) == 0;
+    const bool is_unnamed = part.name().rfind(kUnnamedPart, 0) == 0;
     // Nobody uses an unnamed one: whoever reads all files, as a backup does, makes it no younger.
     f(PartFile{is_unnamed ? written : std::max(accessed, written),
-               static_cast<std::uint64_t>(status.st_size), at->path().string(), is_unnamed});
-  }
+               static_cast<std::uint64_t>(status.st_size), part.path().string(), is_unnamed});
+    return true;
+  };
+  visitFolder(partsFolder(folder), [&](const FolderMember& pyramid) {
+    if (pyramid.isFolder() && !pyramid.isLink()) visitFolder(pyramid.path(), visitPart);
+    return true;
+  });
 }
 
 }  // namespace
@@ -65,9 +68,7 @@ PartCache::PartCache(const std::string& folder, std::uint64_t most_bytes,
       folder_(fs::path(partsFolder(folder)) / hexText(sha256(identity)).substr(0, 32)),
       most_bytes_(most_bytes),
       written_(most_bytes) {
-  std::error_code failure;
-  fs::create_directories(folder_, failure);
-  if (failure)
+  if (const std::error_code failure = makeFolders(folder_))
     throw Error("cannot make the folder '" + folder_ + "' for parts of remote pyramids: " +
                     failure.message() + "; choose another folder for the cache",
                 {.path = folder_});

@@ -1,11 +1,11 @@
 #include "isobrick/storage/pyramid_file.h"
 
 #include <algorithm>
-#include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <utility>
 
+#include "isobrick/storage/file_system.h"
 #include "isobrick/storage/format.h"
 #include "isobrick/storage/lowercase.h"
 #include "isobrick/storage/remote_options.h"
@@ -13,16 +13,6 @@
 
 namespace isobrick {
 namespace {
-
-bool isRegularFile(const std::string& path) {
-  std::error_code ignored;
-  return std::filesystem::is_regular_file(path, ignored);
-}
-
-bool isFolder(const std::string& path) {
-  std::error_code ignored;
-  return std::filesystem::is_directory(path, ignored);
-}
 
 std::string withoutSlashes(std::string path) {
   while (path.size() > 1 && path.ends_with('/')) path.pop_back();

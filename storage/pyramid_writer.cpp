@@ -9,13 +9,13 @@
 #include <cassert>
 #include <cstddef>
 #include <cstring>
-#include <filesystem>
 #include <fstream>
 #include <limits>
 
 #include "isobrick/storage/checksum.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_io.h"
+#include "isobrick/storage/file_system.h"
 #include "isobrick/storage/stored_grid.h"
 #include "isobrick/storage/usable_geometry.h"
 
@@ -104,8 +104,7 @@ bool isUndamaged(int fd, const JournalEntry& entry, std::uint64_t begin,
 // `magic`.
 template <std::size_t bytes>
 bool isForeign(const std::string& path, const char (&magic)[bytes]) {
-  std::error_code ignored;
-  if (!std::filesystem::is_regular_file(path, ignored)) return false;
+  if (!isRegularFile(path)) return false;
   std::ifstream file(path, std::ios::binary);
   char begin[bytes] = {};
   file.read(begin, bytes);
@@ -117,7 +116,7 @@ bool isForeign(const std::string& path, const char (&magic)[bytes]) {
 // is foreign: an unfinished pyramid begins with zeros, and for a moment at the end with its header.
 const std::string& refuseForeignTemporary(const std::string& path) {
   const std::string temporary = path + kUnfinishedEnding;
-  const bool is_there = std::filesystem::exists(temporary);
+  const bool is_there = isPresent(temporary);
   const std::string file = is_there ? temporary : temporary + ".journal";
   if (is_there ? isForeign(file, format::kMagic) : isForeign(file, kJournalMagic))
     throw Error("'" + file +
@@ -131,7 +130,7 @@ const std::string& refuseForeignTemporary(const std::string& path) {
 
 void removeStrayJournal(const std::string& path) noexcept try {
   const std::string temporary = path + kUnfinishedEnding;
-  if (!std::filesystem::exists(temporary + ".journal") || std::filesystem::exists(temporary) ||
+  if (!isPresent(temporary + ".journal") || isPresent(temporary) ||
       isForeign(temporary + ".journal", kJournalMagic))
     return;
   // With the exclusive right to write: no other process begins meanwhile.

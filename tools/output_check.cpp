@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/file_system.h"
 #include "isobrick/storage/remote_options.h"
 
 namespace isobrick {
@@ -14,16 +15,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// A link that leads nowhere is there, too.
-bool isThere(const fs::path& path) {
-  std::error_code ignored;
-  return fs::exists(fs::symlink_status(path, ignored));
-}
-
 // The file with a MetaImage's voxels, if the header can be read.
 std::optional<fs::path> dataFileOf(const fs::path& header) {
-  std::error_code ignored;
-  if (!fs::is_regular_file(header, ignored)) return std::nullopt;
+  if (!isRegularFile(header)) return std::nullopt;
   constexpr int kMostLines = 100;
   std::ifstream file(header);
   std::string line;
@@ -39,9 +33,8 @@ std::optional<fs::path> dataFileOf(const fs::path& header) {
 
 void refuseInput(const std::string& file, const PlannedOutput& output,
                  const std::vector<std::string>& inputs) {
-  std::error_code ignored;
   for (const std::string& input : inputs)
-    if (fs::equivalent(input, file, ignored))
+    if (isSameFile(input, file))
       throw Error(fmt::format("'{}' is the input; {}", file, output.way_out), {.path = file});
 }
 
@@ -65,32 +58,29 @@ void refuseReplacing(const PlannedOutput& output, const std::vector<std::string>
         fmt::format("'{}' is a URL, and isobrick writes files alone; {}", path, output.way_out),
         {.path = path});
   refuseInput(path, output, inputs);
-  std::error_code ignored;
-  if (fs::exists(path, ignored) && !fs::is_regular_file(path, ignored))
+  if (isPresent(path) && !isRegularFile(path))
     throw Error(fmt::format("'{}' is {}; {}", path,
-                            fs::is_directory(path, ignored) ? "a folder" : "not a regular file",
-                            output.way_out),
+                            isFolder(path) ? "a folder" : "not a regular file", output.way_out),
                 {.path = path});
-  if (!force && isThere(path)) refuseExisting(output);
+  if (!force && isNameTaken(path)) refuseExisting(output);
 }
 
 void refuseReplacingFolder(const PlannedOutput& output, const std::vector<std::string>& inputs,
                            bool force,
                            const std::function<bool(const std::string& folder)>& holds_own) {
   const std::string& folder = output.path;
-  std::error_code ignored;
-  if (isThere(folder) && !fs::is_directory(folder, ignored))
+  if (isNameTaken(folder) && !isFolder(folder))
     throw Error(fmt::format("'{}' exists and is no folder; {}", folder, output.way_out),
                 {.path = folder});
-  if (!isThere(folder)) return refuseReplacing(output, inputs, force);
-  const fs::path whole = fs::weakly_canonical(folder, ignored);
+  if (!isNameTaken(folder)) return refuseReplacing(output, inputs, force);
+  const fs::path whole = canonicalPath(folder);
   for (const std::string& input : inputs) {
-    const fs::path inside = fs::weakly_canonical(input, ignored).lexically_relative(whole);
+    const fs::path inside = canonicalPath(input).lexically_relative(whole);
     if (!inside.empty() && *inside.begin() != "..")
       throw Error(fmt::format("'{}' holds the input; {}", folder, output.way_out),
                   {.path = folder});
   }
-  if (!fs::is_empty(folder, ignored) && !holds_own(folder))
+  if (!holdsNothingBut(folder, [](const FolderMember&) { return false; }) && !holds_own(folder))
     throw Error(
         fmt::format("'{}' is a folder with something else in it; {}", folder, output.way_out),
         {.path = folder});
@@ -103,11 +93,10 @@ void refuseReplacingVolume(const PlannedOutput& output, const std::vector<std::s
   const std::string& path = output.path;
   if (fs::path(path).extension() != ".mhd") return;
   const fs::path voxels = fs::path(path).replace_extension(".raw");
-  if (!isThere(voxels)) return;
+  if (!isNameTaken(voxels)) return;
   refuseInput(voxels.string(), output, inputs);
   const std::optional<fs::path> named = dataFileOf(path);
-  std::error_code ignored;
-  if (named && fs::equivalent(*named, voxels, ignored)) return;
+  if (named && isSameFile(*named, voxels)) return;
   throw Error(fmt::format("'{}' exists and is not the data of '{}', which would have its voxels "
                           "there; {}",
                           voxels.string(), path, output.way_out),

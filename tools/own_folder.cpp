@@ -3,16 +3,12 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <system_error>
-
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/file_system.h"
 
 namespace isobrick {
 
-std::filesystem::path ownExecutable() {
-  std::error_code unknown;
-  return std::filesystem::read_symlink("/proc/self/exe", unknown);
-}
+std::filesystem::path ownExecutable() { return linkTarget("/proc/self/exe"); }
 
 std::filesystem::path ownFolder() { return ownExecutable().parent_path(); }
 

@@ -12,6 +12,7 @@
 
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/file_system.h"
 #include "tools/command.h"
 #include "tools/interrupt.h"
 #include "tools/json_output.h"
@@ -238,7 +239,8 @@ std::string fishCompletion(const Json& all) {
 }
 
 void writeText(const fs::path& path, const std::string& text) {
-  fs::create_directories(path.parent_path());
+  if (const std::error_code failure = makeFolders(path.parent_path()))
+    failWriting(path.string(), failure.value());
   AtomicFile file(path.string());
   file.write(text.data(), text.size());
   file.commit();

@@ -20,6 +20,7 @@
 
 #include "isobrick/storage/checksum.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/file_system.h"
 #include "isobrick/storage/open_descriptor.h"
 #include "isobrick/storage/pyramid_writer.h"
 #include "tools/parse_text.h"
@@ -133,9 +134,7 @@ std::uint64_t cacheBound() {
 }
 
 std::string pathInCache(const std::string& folder, const std::string& identity) {
-  std::error_code failure;
-  fs::create_directories(folder, failure);
-  if (failure)
+  if (const std::error_code failure = makeFolders(folder))
     throw Error(fmt::format("cannot make the folder '{}' of the cache: {}; choose another with "
                             "XDG_CACHE_HOME",
                             folder, failure.message()),
@@ -172,21 +171,20 @@ bool usePyramid(const std::string& path) {
 
 std::vector<CachedPyramid> listCache(const std::string& folder) {
   std::map<std::string, CachedPyramid> by_name;
-  std::error_code failure;
-  for (fs::directory_iterator file(folder, failure), end; !failure && file != end;
-       file.increment(failure)) {
-    const std::string name = pyramidNameOf(file->path().filename().string());
+  visitFolder(folder, [&](const FolderMember& file) {
+    const std::string name = pyramidNameOf(file.name());
     struct stat status = {};
-    if (name.empty() || lstat(file->path().c_str(), &status) != 0 || !S_ISREG(status.st_mode))
-      continue;
+    if (name.empty() || lstat(file.path().c_str(), &status) != 0 || !S_ISREG(status.st_mode))
+      return true;
     CachedPyramid& entry = by_name[name];
     entry.path = (fs::path(folder) / name).string();
     entry.bytes += static_cast<std::uint64_t>(status.st_size);
-    if (file->path() == entry.path) entry.is_whole = true;
+    if (file.path() == entry.path) entry.is_whole = true;
     const std::timespec& used =
         isLater(status.st_atim, status.st_mtim) ? status.st_atim : status.st_mtim;
     if (isLater(used, entry.last_used)) entry.last_used = used;
-  }
+    return true;
+  });
   std::vector<CachedPyramid> entries;
   for (auto& [name, entry] : by_name) entries.push_back(std::move(entry));
   std::stable_sort(entries.begin(), entries.end(),

@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/file_system.h"
 #include "isobrick/storage/pyramid_file.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
@@ -62,7 +63,7 @@ bool isPhantomName(const std::string& input) { return input.rfind("phantom:", 0)
 // Whole, so that no path is taken for an option, and a pyramid says of what it was made.
 std::string wholePath(const std::string& volume) {
   if (isPhantomName(volume)) return volume;
-  const fs::path whole = fs::absolute(volume).lexically_normal();
+  const fs::path whole = absolutePath(volume);
   return (whole.has_filename() ? whole : whole.parent_path()).string();
 }
 
@@ -107,7 +108,7 @@ BuiltPyramid buildIntoCache(const std::string& volume, const VolumeBuild& build,
       "build",
       wholePath(volume),
       "--into-cache",
-      build.cache_folder.empty() ? defaultCacheFolder() : fs::absolute(build.cache_folder).string(),
+      build.cache_folder.empty() ? defaultCacheFolder() : absolutePath(build.cache_folder).string(),
       "--progress-lines",
       "--json"};
   call.words.insert(call.words.end(), build.words.begin(), build.words.end());
@@ -175,10 +176,7 @@ RemoteOptions remoteOptions(const std::string& cache_folder, std::uint64_t cache
 }
 
 bool isVolume(const std::string& path) {
-  std::error_code ignored;
-  const fs::file_status status = fs::status(path, ignored);
-  return isPhantomName(path) ||
-         ((fs::is_directory(status) || fs::is_regular_file(status)) && !isPyramidFile(path));
+  return isPhantomName(path) || ((isFolder(path) || isRegularFile(path)) && !isPyramidFile(path));
 }
 
 std::vector<std::string> wordsForBuild(const VolumeInput& input) {
@@ -222,7 +220,7 @@ void findPyramid(VolumeInput& input, int threads, std::optional<std::uint64_t> m
     fmt::print(stderr,
                "isobrick: the pyramid of '{}' ({}) is in the cache: {}; 'isobrick cache' lists "
                "and clears it\n",
-               oneLine(input.path), byteSizeText(fs::file_size(built.path)), oneLine(built.path));
+               oneLine(input.path), byteSizeText(fileBytes(built.path)), oneLine(built.path));
 }
 
 }  // namespace isobrick

@@ -13,6 +13,7 @@
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_io.h"
+#include "isobrick/storage/file_system.h"
 
 namespace isobrick {
 namespace {
@@ -33,9 +34,7 @@ AtomicFolder::AtomicFolder(const std::string& path, const std::string& temporary
 // folder if anything fails from here on.
 AtomicFolder::AtomicFolder(const std::string& path)
     : AtomicFolder(withoutSlash(path), withoutSlash(path) + kTemporaryEnding) {
-  std::error_code ignored;
-  const auto status = fs::symlink_status(path_, ignored);
-  if (fs::exists(status) && !fs::is_directory(status))
+  if (isNameTaken(path_) && (isLink(path_) || !isFolder(path_)))
     throw unwritable(path_, "it exists and is no folder; choose another name");
   const bool is_new = mkdir(temporary_path_.c_str(), 0777) == 0;
   if (!is_new && errno != EEXIST) failWriting(path_, errno);
@@ -51,20 +50,20 @@ AtomicFolder::AtomicFolder(const std::string& path)
     throw unwritable(path_, "another process is writing '" + temporary_path_ +
                                 "'; wait for it or choose another name");
   }
-  for (const auto& entry : fs::directory_iterator(temporary_path_, ignored))
-    fs::remove_all(entry.path(), ignored);
+  visitFolder(temporary_path_, [](const FolderMember& left) {
+    removeTree(left.path());
+    return true;
+  });
 }
 
 AtomicFolder::~AtomicFolder() {
   if (fd_ < 0) return;
-  std::error_code ignored;
-  fs::remove_all(temporary_path_, ignored);
+  removeTree(temporary_path_);
   ::close(fd_);
 }
 
 void AtomicFolder::makeFolder(const std::string& name) {
-  std::error_code error;
-  fs::create_directories(fs::path(temporary_path_) / name, error);
+  const std::error_code error = makeFolders(fs::path(temporary_path_) / name);
   if (error) failWriting(path_, error.value());
 }
 
@@ -90,8 +89,7 @@ void AtomicFolder::commit(const CancelFlag* cancel) {
     if (!is_exchanged) failWriting(path_, errno);
   }
   if (is_exchanged) {
-    std::error_code ignored;
-    fs::remove_all(temporary_path_, ignored);
+    removeTree(temporary_path_);
   }
   syncfs(fd_);  // the name
   ::close(fd_);

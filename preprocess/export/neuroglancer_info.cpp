@@ -4,6 +4,7 @@
 #include <iterator>
 
 #include "isobrick/preprocess/shallow_json.h"
+#include "isobrick/storage/file_system.h"
 
 namespace isobrick {
 namespace {
@@ -20,32 +21,21 @@ bool isOf(const std::string& name, const char* characters) {
 
 std::string neuroglancerTypeOf(const std::string& folder) {
   const fs::path path = fs::path(folder) / "info";
-  std::error_code error;
-  if (!fs::is_regular_file(path, error) || fs::file_size(path, error) > kMostInfoBytes) return "";
+  if (!isRegularFile(path) || fileBytes(path) > kMostInfoBytes) return "";
   std::ifstream in(path, std::ios::binary);
   const std::string text{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
   return textOf(member(parseShallowJson(text), "@type"));
 }
 
-bool holdsNothingBut(const std::string& folder,
-                     const std::function<bool(const fs::directory_entry& entry)>& is_own) {
-  std::error_code error;
-  fs::directory_iterator entries(folder, error);
-  for (; !error && entries != fs::directory_iterator(); entries.increment(error))
-    if (!is_own(*entries)) return false;
-  return !error;
-}
-
 bool holdsPrecomputedVolume(const std::string& folder) {
   if (neuroglancerTypeOf(folder) != "neuroglancer_multiscale_volume") return false;
-  const auto isChunk = [](const fs::directory_entry& entry) {
-    return entry.is_regular_file() && isOf(entry.path().filename().string(), "0123456789-_");
+  const auto isChunk = [](const FolderMember& member) {
+    return member.isRegularFile() && isOf(member.name(), "0123456789-_");
   };
-  return holdsNothingBut(folder, [&](const fs::directory_entry& entry) {
-    const std::string name = entry.path().filename().string();
-    if (name == "info") return entry.is_regular_file();
-    return isOf(name, "0123456789") && entry.is_directory() && !entry.is_symlink() &&
-           holdsNothingBut(entry.path().string(), isChunk);
+  return holdsNothingBut(folder, [&](const FolderMember& member) {
+    if (member.name() == "info") return member.isRegularFile();
+    return isOf(member.name(), "0123456789") && member.isFolder() && !member.isLink() &&
+           holdsNothingBut(member.path().string(), isChunk);
   });
 }
 

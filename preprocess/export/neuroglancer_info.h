@@ -1,8 +1,6 @@
 // The kind of a folder for Neuroglancer, and the facts that its formats lose.
 #pragma once
 
-#include <filesystem>
-#include <functional>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
@@ -14,11 +12,6 @@ namespace isobrick {
 // The "@type" of the file info in the folder, such as "neuroglancer_multiscale_volume"; empty if it
 // has none.
 std::string neuroglancerTypeOf(const std::string& folder);
-
-// True if every entry of the folder is of these; false if it cannot be listed.
-bool holdsNothingBut(
-    const std::string& folder,
-    const std::function<bool(const std::filesystem::directory_entry& entry)>& is_own);
 
 // True if nothing is in the folder but the info and the chunks of a precomputed volume.
 bool holdsPrecomputedVolume(const std::string& folder);

@@ -6,13 +6,13 @@
 #include <array>
 #include <atomic>
 #include <cstdlib>
-#include <filesystem>
 #include <fstream>
 #include <string_view>
 
 #include "isobrick/preprocess/byte_order.h"
 #include "isobrick/preprocess/sources/dicom_tags.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/file_system.h"
 
 namespace isobrick {
 namespace {
@@ -73,10 +73,9 @@ struct Element {
 class Walker {
  public:
   explicit Walker(const std::string& path) : in_(path, std::ios::binary) {
-    std::error_code error;
-    size_ = std::filesystem::file_size(path, error);
-    if (!in_ || error)
+    if (!in_)
       throw Error("cannot open '" + path + "'; check the path and its permissions", {.path = path});
+    size_ = fileBytes(path);
   }
 
   DicomHeader walk() {

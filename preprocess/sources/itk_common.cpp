@@ -14,7 +14,6 @@
 
 #include <algorithm>
 #include <cstdarg>
-#include <filesystem>
 #include <iostream>
 #include <map>
 #include <mutex>
@@ -25,6 +24,7 @@
 #include "isobrick/preprocess/sources/nifti_run.h"
 #include "isobrick/preprocess/sources/tiff_pages.h"
 #include "isobrick/preprocess/sources/voxel_components.h"
+#include "isobrick/storage/file_system.h"
 #include "isobrick/storage/lowercase.h"
 
 namespace isobrick::itk_detail {
@@ -171,7 +171,7 @@ std::string formatName(const itk::ImageIOBase& image) {
 }
 
 std::optional<DicomHeader> dicomImageHeader(const std::string& path) {
-  if (!std::filesystem::is_regular_file(path)) return std::nullopt;
+  if (!isRegularFile(path)) return std::nullopt;
   DicomHeader header = readDicomHeader(path);
   switch (header.state) {
     case DicomHeader::State::kNotDicom:
@@ -188,12 +188,7 @@ std::optional<DicomHeader> dicomImageHeader(const std::string& path) {
 
 itk::ImageIOBase::Pointer openImage(const std::string& path, const OpenOptions& options) {
   prepareItk();
-  std::error_code error;
-  const auto status = std::filesystem::status(path, error);
-  if (!std::filesystem::exists(status))
-    throw Error("cannot open '" + path + "': " +
-                    (error ? error.message() : "No such file or directory") + "; check the path",
-                {.path = path});
+  static_cast<void>(InputFile(path));  // says why it cannot be opened
   checkNiftiHeader(path);
   return openBy(path, options, [&] {
     return dicomImageHeader(path)

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <filesystem>
 #include <limits>
 #include <new>
 
@@ -28,6 +27,7 @@
 #include "isobrick/preprocess/sources/tiff_source.h"
 #include "isobrick/preprocess/sources/voxel_components.h"
 #include "isobrick/storage/abandonable.h"
+#include "isobrick/storage/file_system.h"
 #include "isobrick/storage/lowercase.h"
 
 namespace isobrick {
@@ -171,8 +171,7 @@ class WholeImageSource final : public VolumeSource {
 
 // The file, and those that it names. ITK tells MetaImage by its ending and NRRD by its first bytes.
 std::vector<std::string> filesOf(const std::string& path) {
-  std::error_code ignored;
-  if (!std::filesystem::is_regular_file(path, ignored)) return {path};
+  if (!isRegularFile(path)) return {path};
   const std::string ending = lowerExtension(path);
   return ending == ".mhd" || ending == ".mha" ? metaImageFiles(path) : nrrdFiles(path);
 }
@@ -216,12 +215,8 @@ std::unique_ptr<VolumeSource> openItkFile(const std::string& path, const OpenOpt
   // First: ITK must not get a header with bad names.
   std::vector<std::string> files = filesOf(path);
   // ITK opens the files that a header names, to find their lengths.
-  for (const std::string& file : files) {
-    std::error_code ignored;
-    const auto status = std::filesystem::status(file, ignored);
-    if (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status))
-      static_cast<void>(InputFile(file, path));
-  }
+  for (const std::string& file : files)
+    if (isPresent(file) && !isRegularFile(file)) static_cast<void>(InputFile(file, path));
   if (const auto header = dicomImageHeader(path)) return openDicomFile(path, *header, options);
   if (auto pages = openTiffFile(path, options)) return pages;
   return openImageFile(path, std::move(files), openImage(path, options), options);
@@ -244,8 +239,7 @@ std::unique_ptr<VolumeSource> openDicomFile(const std::string& path, const Dicom
 }  // namespace itk_detail
 
 std::unique_ptr<VolumeSource> openItkSource(const std::string& path, const OpenOptions& options) {
-  std::error_code ignored;
-  if (!std::filesystem::is_directory(path, ignored)) return itk_detail::openItkFile(path, options);
+  if (!isFolder(path)) return itk_detail::openItkFile(path, options);
   refuseComponentChoice(path, options);
   try {
     return itk_detail::openItkFolder(path, options);

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <filesystem>
 #include <string_view>
 
 #include "isobrick/preprocess/export/source_views.h"
@@ -10,14 +9,13 @@
 #include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/preprocess/sources/voxel_components.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/file_system.h"
 #include "isobrick/storage/lowercase.h"
 #include "isobrick/storage/pyramid_file.h"
 #include "isobrick/storage/remote_options.h"
 
 namespace isobrick {
 namespace {
-
-namespace fs = std::filesystem;
 
 // Endings of files that have no header.
 constexpr std::array<std::string_view, 8> kRawEndings = {".raw", ".bin", ".dat", ".vol",
@@ -67,10 +65,9 @@ std::unique_ptr<VolumeSource> openItk(const std::string& path,
 
 // False for the formats of which every voxel has one value, or which are read no further.
 bool mayHaveComponents(const std::string& path, const OpenOptions& options) {
-  std::error_code ignored;
   const std::string ending = lowerExtension(path);
-  return !options.raw && !fs::is_directory(path, ignored) && !isHdf5Name(path) &&
-         ending != ".isb" && ending != ".vdb" && !isRemotePath(path);
+  return !options.raw && !isFolder(path) && !isHdf5Name(path) && ending != ".isb" &&
+         ending != ".vdb" && !isRemotePath(path);
 }
 
 // `knows` checks the name and the kind alone; ITK recognises formats without it by their content.
@@ -116,8 +113,7 @@ constexpr Reader kReaders[] = {
 // From a path that refuseUnusablePath() let pass.
 std::unique_ptr<VolumeSource> openFormat(const std::string& path, const OpenOptions& options) {
   if (options.raw) return openRawSource(path, *options.raw);
-  std::error_code ignored;
-  const bool is_folder = fs::is_directory(path, ignored);
+  const bool is_folder = isFolder(path);
   if (options.pyramid_level &&
       (isPyramidFile(path) || (!is_folder && lowerExtension(path) == ".isb")))
     return makePyramidSource(std::make_shared<const Pyramid>(path, options.memory_bytes),
@@ -147,20 +143,18 @@ std::vector<ReadableFormat> readableFormats() {
 void refuseUnusablePath(const std::string& path, const OpenOptions& options) {
   if (isRemotePath(path) && (options.raw || !options.pyramid_level))
     throw unreadable(path, "behind a URL isobrick reads pyramids alone; copy the volume to a file");
-  std::error_code ignored;
-  const fs::file_status status = fs::status(path, ignored);
   // Opening a pipe would wait for its other end, for ever.
-  if (fs::exists(status) && !fs::is_regular_file(status) && !fs::is_directory(status))
+  if (isSpecialFile(path))
     throw unreadable(path, "it is neither a file nor a folder; copy it to a file");
   if (!mayHaveComponents(path, options)) refuseComponentChoice(path, options);
-  if (!options.series.empty() && (!fs::is_directory(status) || isZarrFolder(path)))
+  if (!options.series.empty() && (!isFolder(path) || isZarrFolder(path)))
     throw unreadable(
         path,
         "it is no folder of DICOM series to choose from; name the folder, or leave out the series");
   if (options.raw || isRemotePath(path)) return;
-  if (!fs::is_regular_file(status) && !isPyramidFile(path)) return;
+  if (!isRegularFile(path) && !isPyramidFile(path)) return;
   const std::string ending = lowerExtension(path);
-  if ((ending == ".isb" || fs::is_directory(status)) && !options.pyramid_level)
+  if ((ending == ".isb" || isFolder(path)) && !options.pyramid_level)
     throw Error("'" + path + "' is a pyramid already; give the volume that it was made of",
                 {.path = path});
   if (std::find(kRawEndings.begin(), kRawEndings.end(), ending) != kRawEndings.end())

@@ -10,6 +10,7 @@
 #include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/file_system.h"
 #include "isobrick/storage/lowercase.h"
 
 namespace isobrick {
@@ -30,17 +31,17 @@ bool beginsAsDicom(const fs::path& path) {
 
 std::vector<std::string> filesInFolder(const std::string& folder) {
   std::vector<std::string> files;
-  try {
-    for (const fs::directory_entry& entry : fs::directory_iterator(folder))
-      if (entry.is_regular_file())
-        files.push_back(entry.path().string());
-      else if (!entry.is_directory() && !entry.path().filename().string().starts_with('.'))
-        static_cast<void>(InputFile(entry.path().string()));  // refuses: a slice would be missing
-  } catch (const fs::filesystem_error& error) {
-    throw Error("cannot read the folder '" + folder + "': " + error.code().message() +
-                    "; check its permissions",
-                {.path = folder});
-  }
+  const std::error_code failure = visitFolder(folder, [&](const FolderMember& member) {
+    if (member.isRegularFile())
+      files.push_back(member.path().string());
+    else if (!member.isFolder() && !member.name().starts_with('.'))
+      static_cast<void>(InputFile(member.path().string()));  // refuses: a slice would be missing
+    return true;
+  });
+  if (failure)
+    throw Error(
+        "cannot read the folder '" + folder + "': " + failure.message() + "; check its permissions",
+        {.path = folder});
   std::sort(files.begin(), files.end());
   return files;
 }
@@ -69,17 +70,19 @@ bool numericNameLess(const std::string& a, const std::string& b) {
 }
 
 bool hasExrSlices(const std::string& folder) {
-  std::error_code ignored;
   std::int64_t exr = 0, others = 0;
-  for (const auto& entry : fs::directory_iterator(folder, ignored)) {
-    const std::string ending = lowerExtension(entry.path());
+  visitFolder(folder, [&](const FolderMember& member) {
+    const std::string ending = lowerExtension(member.path());
     if (ending == ".exr") ++exr;
     if (ending == ".tif" || ending == ".tiff" || ending == ".png") ++others;
-  }
+    return true;
+  });
   if (exr == 0) return false;
   // A stray picture does not decide the kind of a folder.
-  for (const auto& entry : fs::directory_iterator(folder, ignored))
-    if (entry.is_regular_file(ignored) && beginsAsDicom(entry.path())) ++others;
+  visitFolder(folder, [&](const FolderMember& member) {
+    if (member.isRegularFile() && beginsAsDicom(member.path())) ++others;
+    return true;
+  });
   return exr > others;
 }
 

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <limits>
 #include <numeric>
 #include <optional>
@@ -14,11 +13,11 @@
 #include "isobrick/preprocess/shallow_json.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/file_system.h"
 
 namespace isobrick {
 namespace {
 
-namespace fs = std::filesystem;
 using Json = nlohmann::json;
 
 constexpr std::size_t kMostAxes = 5;
@@ -419,7 +418,6 @@ std::vector<std::string> ZarrArray::files(const Indices& fixed) const {
     if (__builtin_mul_overflow(all, count[i], &all)) return files;  // no such store can be
   }
   const std::int64_t step = (all + kMostFiles - 1) / kMostFiles;
-  std::error_code ignored;
   for (std::int64_t at = 0; at < all; at += step) {
     Indices outer = first;
     std::int64_t rest = at;
@@ -428,7 +426,7 @@ std::vector<std::string> ZarrArray::files(const Indices& fixed) const {
       rest /= count[i];
     }
     std::string path = pathOf(outer);
-    if (fs::exists(path, ignored)) files.push_back(std::move(path));
+    if (isPresent(path)) files.push_back(std::move(path));
   }
   return files;
 }

@@ -17,6 +17,7 @@
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/zarr_array.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/file_system.h"
 #include "isobrick/storage/index_loop.h"
 
 namespace isobrick {
@@ -259,7 +260,6 @@ class ZarrOpener {
  private:
   // The array, and the image that it is a level of.
   void findArray() {
-    std::error_code ignored;
     const Json attributes = attributesOf(path_);
     multiscale_ = multiscaleOf(attributes);
     array_path_ = path_;
@@ -407,9 +407,8 @@ class ZarrOpener {
 }  // namespace
 
 bool isZarrFolder(const std::string& path) {
-  std::error_code ignored;
   for (const char* name : {"/zarr.json", "/.zarray", "/.zgroup", "/.zattrs"})
-    if (fs::is_regular_file(path + name, ignored) || fs::is_symlink(path + name, ignored))
+    if (isRegularFile(path + name) || isLink(path + name))
       return true;  // a link to nowhere too: opening it then fails
   return false;
 }

@@ -26,12 +26,6 @@ format::Filter filterNamed(const std::string& name) {
   throw Error("the filter '" + name + "' is not known; choose 'average' or 'subsample'");
 }
 
-void refuseReplacing(const BuildRequest& request) {
-  if (!request.force && std::filesystem::exists(request.out))
-    throw Error("'" + request.out + "' exists; give force=True to replace it",
-                {.path = request.out});
-}
-
 void refuseReplacingInput(const VolumeSource& source, const std::string& out) {
   for (const std::string& file : source.files()) {
     std::error_code ignored;
@@ -83,9 +77,15 @@ BuildRequest readBuildRequest(const nb::object& settings) {
   return request;
 }
 
+void refuseReplacing(const std::string& out, bool force) {
+  std::error_code ignored;
+  if (!force && std::filesystem::exists(out, ignored))
+    throw Error("'" + out + "' exists; give force=True to replace it", {.path = out});
+}
+
 nb::object buildFrom(const std::function<std::unique_ptr<VolumeSource>(CallState&)>& open,
                      const BuildRequest& request) {
-  if (!request.super_brick) refuseReplacing(request);
+  if (!request.super_brick) refuseReplacing(request.out, request.force);
   BuildReport report;
   bool was_built = false;
   std::vector<std::string> notes;

@@ -24,6 +24,9 @@ struct BuildRequest {
 // A `_BuildSettings` of Python (isobrick/_build.py).
 BuildRequest readBuildRequest(const nanobind::object& settings);
 
+// Throws Error if something has the name of the output, unless by `force`.
+void refuseReplacing(const std::string& out, bool force);
+
 // The files of super-bricks, a tuple each: name, first voxel and voxels, (x, y, z).
 nanobind::list superBricks(const VolumeInfo& info, const BuildRequest& request);
 

@@ -17,6 +17,7 @@
 #include <utility>
 #include <vector>
 
+#include "build_binding.h"
 #include "interruptible_call.h"
 #include "mesh_data.h"
 #include "pyramid_binding.h"
@@ -113,8 +114,7 @@ std::optional<ShareNumber> readPart(const nb::object& from) {
 // Writes the mesh of all shares, which are files, to `out`.
 nb::object mergeShares(const std::vector<std::string>& paths, const std::string& out, bool zlib,
                        bool meshopt, bool force, int threads, const CancelRequest* cancel) {
-  if (!force && std::filesystem::exists(out))
-    throw Error("'" + out + "' exists; give force=True to replace it", {.path = out});
+  refuseReplacing(out, force);
   MergeReport report;
   std::uint64_t vertices = 0;
   runInterruptibly({nb::none(), threads, cancel}, [&](CallState& state) {
@@ -255,8 +255,7 @@ class Session {
 
   nb::object extractTo(const nb::object& settings, const std::string& path, bool zlib, bool meshopt,
                        bool force) {
-    if (!force && std::filesystem::exists(path))
-      throw Error("'" + path + "' exists; give force=True to replace it", {.path = path});
+    refuseReplacing(path, force);
     std::error_code ignored;
     if (std::filesystem::equivalent(path, pyramid_->path(), ignored))
       throw Error("'" + path + "' is the pyramid itself; choose another name", {.path = path});

@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <map>
 
+#include "isobrick/storage/file_system.h"
 #include "tools/bench/process_memory.h"
 #include "tools/program_run.h"
 
@@ -20,17 +21,14 @@ namespace fs = std::filesystem;
 class ScratchFolder {
  public:
   ScratchFolder() {
-    std::string name = (fs::temp_directory_path() / "isobrick_bench_XXXXXX").string();
+    std::string name = (temporaryFolder() / "isobrick_bench_XXXXXX").string();
     if (mkdtemp(name.data()) == nullptr)
       throw Error(fmt::format("cannot make a folder '{}': {}", name, std::strerror(errno)));
     path_ = name;
   }
   ScratchFolder(const ScratchFolder&) = delete;
   ScratchFolder& operator=(const ScratchFolder&) = delete;
-  ~ScratchFolder() {
-    std::error_code ignored;
-    fs::remove_all(path_, ignored);
-  }
+  ~ScratchFolder() { removeTree(path_); }
   std::string file(const std::string& name) const { return (path_ / name).string(); }
 
  private:
@@ -66,7 +64,7 @@ PlainMesh meshOf(const BenchRow& row, const ScratchFolder& folder, const CancelF
   task.mesh_path = folder.file("mesh");
   runRow(row, task, cancel);
   PlainMesh mesh = readPlainMesh(task.mesh_path);
-  fs::remove(task.mesh_path);
+  removeName(task.mesh_path);
   return mesh;
 }
 

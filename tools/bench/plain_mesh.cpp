@@ -4,10 +4,10 @@
 
 #include <cerrno>
 #include <cstring>
-#include <filesystem>
 #include <fstream>
 
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/file_system.h"
 
 namespace isobrick {
 namespace {
@@ -51,10 +51,9 @@ PlainMesh readPlainMesh(const std::string& path) {
   PlainMeshHeader header;
   file.read(reinterpret_cast<char*>(&header), sizeof header);
   if (!file) fail("it is not there, or shorter than its header");
-  const std::uint64_t most = std::filesystem::file_size(path) / kBytesEach;
+  const std::uint64_t most = fileBytes(path) / kBytesEach;
   if (header.vertices > most || header.triangles > most ||
-      sizeof header + kBytesEach * (header.vertices + header.triangles) !=
-          std::filesystem::file_size(path))
+      sizeof header + kBytesEach * (header.vertices + header.triangles) != fileBytes(path))
     fail("its size is not that of what it says to hold");
   PlainMesh mesh;
   mesh.positions.resize(header.vertices);

@@ -12,6 +12,7 @@
 #include <string>
 
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/file_system.h"
 #include "tools/build/build_report.h"
 #include "tools/byte_size.h"
 #include "tools/command.h"
@@ -206,9 +207,7 @@ class GlobMatches {
 }  // namespace
 
 bool isInputPattern(const std::string& word) {
-  std::error_code ignored;
-  return word.find_first_of("*?[") != std::string::npos &&
-         !std::filesystem::exists(std::filesystem::symlink_status(word, ignored));
+  return word.find_first_of("*?[") != std::string::npos && !isNameTaken(word);
 }
 
 std::vector<std::string> expandInputs(const std::vector<std::string>& words) {

@@ -1,18 +1,21 @@
 // isobrick build: volumes in, pyramids out.
 #include <fmt/format.h>
+#include <sys/stat.h>
 
+#include <cerrno>
+#include <cstring>
 #include <filesystem>
 #include <map>
 #include <memory>
 #include <optional>
 #include <stdexcept>
 #include <string>
-#include <system_error>
 #include <utility>
 #include <vector>
 
 #include "isobrick/preprocess/divided_pyramid.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/file_system.h"
 #include "isobrick/storage/lowercase.h"
 #include "isobrick/storage/share_number.h"
 #include "isobrick/storage/super_bricks.h"
@@ -54,19 +57,18 @@ class OutputFolder {
  public:
   explicit OutputFolder(const std::string& path) : path_(path) {
     if (path.empty()) return;
-    std::error_code error;
-    if (fs::exists(path, error) && !fs::is_directory(path, error))
+    if (isFolder(path)) return;
+    if (isPresent(path))
       throw Error(fmt::format("'{}' is not a folder; choose another --out-dir", path));
-    is_ours_ = fs::create_directory(path, error);
-    if (error)
+    is_ours_ = mkdir(path.c_str(), 0777) == 0;
+    if (!is_ours_)
       throw Error(
           fmt::format("cannot make the folder '{}': {}; create the folder above it, or "
                       "choose another --out-dir",
-                      path, error.message()));
+                      path, std::strerror(errno)));
   }
   ~OutputFolder() {
-    std::error_code ignored;
-    if (is_ours_) fs::remove(path_, ignored);
+    if (is_ours_) removeName(path_);
   }
   OutputFolder(const OutputFolder&) = delete;
   OutputFolder& operator=(const OutputFolder&) = delete;

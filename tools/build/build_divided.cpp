@@ -1,13 +1,14 @@
 #include "tools/build/build_divided.h"
 
 #include <fmt/format.h>
+#include <sys/stat.h>
 
 #include <filesystem>
-#include <system_error>
 
 #include "isobrick/preprocess/divided_pyramid.h"
 #include "isobrick/preprocess/super_brick_input.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/file_system.h"
 #include "isobrick/storage/pyramid_writer.h"
 #include "isobrick/storage/super_bricks.h"
 #include "tools/build/build_report.h"
@@ -34,15 +35,14 @@ struct DividedResult {
 
 // Any process may make the folder first.
 void makeFolder(const std::string& folder) {
-  std::error_code error;
-  fs::create_directory(folder, error);
-  if (fs::exists(folder, error) && !fs::is_directory(folder, error))
+  mkdir(folder.c_str(), 0777);
+  if (isPresent(folder) && !isFolder(folder))
     throw Error(
         fmt::format("'{}' is a file, and a pyramid of many files is a folder; choose another "
                     "output with -o",
                     folder),
         {.path = folder});
-  if (!fs::is_directory(folder, error))
+  if (!isFolder(folder))
     throw Error(fmt::format("cannot make the folder '{}'; create the folder above it, or choose "
                             "another output with -o",
                             folder),

@@ -13,6 +13,7 @@
 #include "isobrick/preprocess/shallow_json.h"
 #include "isobrick/preprocess/sources/open_volume.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/file_system.h"
 #include "isobrick/storage/format.h"
 #include "isobrick/storage/pyramid.h"
 #include "isobrick/storage/pyramid_file.h"
@@ -43,7 +44,7 @@ PyramidBytes bytesOfPyramid(const BuiltVolume& built) {
     return Pyramid(built.output).sums().bytes;
   } catch (const std::bad_alloc&) {
     PyramidBytes bytes;
-    bytes.total = std::filesystem::file_size(built.output);
+    bytes.total = fileBytes(built.output);
     bytes.raw = volumeBytes(built.volume);
     return bytes;
   }
@@ -222,9 +223,8 @@ std::string volumeLines(const std::string& identity) {
 // here.
 bool meansTheSameFile(const std::string& source, const std::string& output) {
   if (fs::path(source).is_absolute()) return true;
-  std::error_code error;
-  const fs::path from_here = fs::proximate(output, error);
-  return !error && from_here.is_relative() && *from_here.begin() != "..";
+  const fs::path from_here = canonicalPath(output).lexically_relative(canonicalPath("."));
+  return !from_here.empty() && *from_here.begin() != "..";
 }
 
 }  // namespace
@@ -232,8 +232,7 @@ bool meansTheSameFile(const std::string& source, const std::string& output) {
 bool isUpToDate(const std::string& output, const VolumeInfo& info,
                 const std::string& input_identity, const BuildOptions& options, bool any_options,
                 bool force) {
-  std::error_code ignored;
-  if (!fs::is_regular_file(output, ignored)) return false;
+  if (!isRegularFile(output)) return false;
   const auto inTheWay = [&](const std::string& why) {
     if (!force)
       throw Error(fmt::format("'{}' exists and {}; replace it with --force, or choose another "

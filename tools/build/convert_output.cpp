@@ -6,6 +6,7 @@
 #include "isobrick/preprocess/export/neuroglancer_info.h"
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/sources/format_sources.h"
+#include "isobrick/storage/file_system.h"
 #include "tools/output_check.h"
 
 namespace isobrick {
@@ -17,8 +18,8 @@ namespace fs = std::filesystem;
 bool holdsNothingElse(const std::string& folder, const std::string& pattern) {
   if (pattern.empty()) return isZarrFolder(folder) || holdsPrecomputedVolume(folder);
   const auto slices = parseNumberedName(pattern);
-  return slices && holdsNothingBut(folder, [&](const fs::directory_entry& entry) {
-           return entry.is_regular_file() && slices->matches(entry.path().filename().string());
+  return slices && holdsNothingBut(folder, [&](const FolderMember& entry) {
+           return entry.isRegularFile() && slices->matches(entry.name());
          });
 }
 
@@ -38,8 +39,7 @@ void refuseConvertOutput(const std::string& output, const std::vector<std::strin
   const std::string name = path.filename().string();
   const bool has_slices = name.find('%') != std::string::npos && path.has_parent_path();
   const std::string place = has_slices ? path.parent_path().string() : output;
-  std::error_code ignored;
-  if (fs::is_directory(place, ignored))
+  if (isFolder(place))
     refuseReplacingFolder({place}, files, force, [&](const std::string& folder) {
       return holdsNothingElse(folder, has_slices ? name : "");
     });

@@ -10,6 +10,7 @@
 
 #include "isobrick/preprocess/sources/open_volume.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/file_system.h"
 #include "isobrick/storage/lowercase.h"
 #include "tools/command.h"
 #include "tools/failure_text.h"
@@ -183,11 +184,10 @@ std::optional<PhantomSpec> phantomOf(const std::string& input) {
 std::string defaultOutputName(const std::string& input_path) {
   if (const auto phantom = phantomOf(input_path))
     return fmt::format("{}-{}.isb", phantom->name, phantom->size);
-  std::error_code error;
   fs::path path = fs::path(input_path);
-  if (fs::is_directory(path, error)) {
+  if (isFolder(path)) {
     // "." and "scans/" have a name too.
-    const fs::path whole = fs::weakly_canonical(path, error);
+    const fs::path whole = canonicalPath(path);
     return (whole.has_filename() ? whole.filename().string() : "volume") + ".isb";
   }
   if (lowerExtension(path) == ".gz") path = path.stem();

@@ -10,6 +10,7 @@
 #include "isobrick/preprocess/export/atomic_folder.h"
 #include "isobrick/preprocess/export/neuroglancer_info.h"
 #include "isobrick/storage/atomic_file.h"
+#include "isobrick/storage/file_system.h"
 #include "isobrick/storage/lowercase.h"
 #include "tools/neuroglancer/fragment_sink.h"
 
@@ -166,17 +167,17 @@ bool isPrecomputedName(const std::string& path) { return lowerExtension(path) ==
 
 bool holdsPrecomputedMeshes(const std::string& folder) {
   if (neuroglancerTypeOf(folder) != kMeshType) return false;
-  return holdsNothingBut(folder, [](const fs::directory_entry& entry) {
+  return holdsNothingBut(folder, [](const FolderMember& entry) {
     const fs::path name = entry.path().filename();
     if (name == kPropertiesFolder)
-      return entry.is_directory() && !entry.is_symlink() &&
-             holdsNothingBut(entry.path().string(), [](const fs::directory_entry& inner) {
-               return inner.path().filename() == "info" && inner.is_regular_file();
+      return entry.isFolder() && !entry.isLink() &&
+             holdsNothingBut(entry.path().string(), [](const FolderMember& inner) {
+               return inner.name() == "info" && inner.isRegularFile();
              });
     const bool is_numbered =
         name.stem().string().find_first_not_of("0123456789") == std::string::npos &&
         (!name.has_extension() || name.extension() == ".index");
-    return entry.is_regular_file() && (name == "info" || is_numbered);
+    return entry.isRegularFile() && (name == "info" || is_numbered);
   });
 }
 

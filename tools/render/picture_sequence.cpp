@@ -13,6 +13,7 @@
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/file_system.h"
 #include "isobrick/storage/lowercase.h"
 #include "tools/interrupt.h"
 #include "tools/output_check.h"
@@ -45,7 +46,7 @@ std::optional<std::string> findInPath(const std::string& program) {
   std::istringstream folders(path != nullptr ? path : "");
   for (std::string folder; std::getline(folders, folder, ':');) {
     const fs::path file = fs::path(folder.empty() ? "." : folder) / program;
-    if (access(file.c_str(), X_OK) == 0 && fs::is_regular_file(file)) return file.string();
+    if (access(file.c_str(), X_OK) == 0 && isRegularFile(file)) return file.string();
   }
   return std::nullopt;
 }
@@ -131,8 +132,8 @@ std::unique_ptr<PictureSequence> makePictureSequence(const std::string& output,
                 "': they go into a folder of their own, and their name has one place for the "
                 "number; write -o folder/%04d.png, or a movie with -o NAME.mp4");
   refuseReplacingFolder({files->folder}, inputs, force, [&](const std::string& folder) {
-    return holdsNothingBut(folder, [&](const fs::directory_entry& entry) {
-      return entry.is_regular_file() && files->name.matches(entry.path().filename().string());
+    return holdsNothingBut(folder, [&](const FolderMember& entry) {
+      return entry.isRegularFile() && files->name.matches(entry.name());
     });
   });
   return std::make_unique<NumberedPictures>(imageFormatOf(output), *files);

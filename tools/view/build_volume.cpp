@@ -12,6 +12,7 @@
 #include <system_error>
 #include <utility>
 
+#include "isobrick/storage/file_system.h"
 #include "tools/line_words.h"
 
 namespace isobrick {
@@ -62,8 +63,7 @@ fs::path placeForPreviews() {
   const char* const of_session = std::getenv("XDG_RUNTIME_DIR");
   for (const char* const place : {of_session, "/dev/shm"})
     if (place != nullptr && place[0] == '/' && access(place, W_OK | X_OK) == 0) return place;
-  std::error_code ignored;
-  return fs::temp_directory_path(ignored);
+  return temporaryFolder();
 }
 
 bool isOfLivingProcess(std::string_view name) {
@@ -75,14 +75,12 @@ bool isOfLivingProcess(std::string_view name) {
 
 // A file of another user cannot be removed.
 void removeLeftPreviews(const fs::path& place) {
-  std::error_code ignored;
-  for (fs::directory_iterator entry(place, ignored), end; !ignored && entry != end;
-       entry.increment(ignored)) {
-    const std::string name = entry->path().filename().string();
-    if (name.rfind(kPreviewFolderName, 0) != 0 || isOfLivingProcess(name)) continue;
-    std::error_code not_ours;
-    fs::remove_all(entry->path(), not_ours);
-  }
+  visitFolder(place, [](const FolderMember& member) {
+    const std::string name = member.name();
+    if (name.rfind(kPreviewFolderName, 0) == 0 && !isOfLivingProcess(name))
+      removeTree(member.path());
+    return true;
+  });
 }
 
 }  // namespace
@@ -95,8 +93,7 @@ PreviewFolder::PreviewFolder() {
 }
 
 PreviewFolder::~PreviewFolder() {
-  std::error_code ignored;
-  if (!path_.empty()) fs::remove_all(path_, ignored);
+  if (!path_.empty()) removeTree(path_);
 }
 
 }  // namespace isobrick

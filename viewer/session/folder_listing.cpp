@@ -10,6 +10,7 @@
 
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/file_system.h"
 #include "isobrick/storage/pyramid_file.h"
 
 namespace isobrick {
@@ -41,31 +42,25 @@ std::size_t characterBytes(const std::string& text, std::size_t at) {
 }  // namespace
 
 FolderListing listFolder(const std::string& folder, const CancelFlag& cancel) {
-  std::error_code failure;
   FolderListing listing;
-  const fs::path whole = fs::absolute(folder.empty() ? "." : folder, failure).lexically_normal();
+  const fs::path whole = absolutePath(folder.empty() ? "." : folder);
   listing.folder = whole.has_filename() || whole == whole.root_path()
                        ? whole.string()
                        : whole.parent_path().string();
-  fs::directory_iterator entry(listing.folder, failure);
+  const std::error_code failure = visitFolder(listing.folder, [&](const FolderMember& member) {
+    cancel.check();
+    const std::string name = member.name();
+    const bool is_folder = member.isFolder();
+    if (name.front() == '.' || (!is_folder && !member.isRegularFile())) return true;
+    listing.cut = listing.entries.size() == kMostFolderEntries;
+    if (!listing.cut)
+      listing.entries.push_back({name, is_folder && !isPyramidFile(member.path().string())});
+    return !listing.cut;
+  });
   if (failure)
     throw Error(
         "cannot list '" + listing.folder + "': " + failure.message() + "; choose another folder",
         {.path = listing.folder});
-  for (; entry != fs::directory_iterator(); entry.increment(failure)) {
-    cancel.check();
-    std::string name = entry->path().filename().string();
-    if (name.empty() || name.front() == '.') continue;
-    std::error_code gone;
-    const fs::file_status status = entry->status(gone);
-    if (!fs::is_directory(status) && !fs::is_regular_file(status)) continue;
-    if (listing.entries.size() == kMostFolderEntries) {
-      listing.cut = true;
-      break;
-    }
-    const bool is_folder = fs::is_directory(status) && !isPyramidFile(entry->path().string());
-    listing.entries.push_back({std::move(name), is_folder});
-  }
   std::sort(listing.entries.begin(), listing.entries.end(),
             [](const FolderEntry& a, const FolderEntry& b) {
               return std::forward_as_tuple(!a.is_folder, a.name) <
@@ -143,8 +138,7 @@ std::string recentFilesPath() {
 }
 
 std::vector<std::string> readRecentFiles(const std::string& path) {
-  std::error_code ignored;
-  if (!fs::is_regular_file(path, ignored)) return {};
+  if (!isRegularFile(path)) return {};
   std::string text(std::size_t{1} << 16, '\0');
   std::ifstream file(path, std::ios::binary);
   file.read(text.data(), static_cast<std::streamsize>(text.size()));
@@ -154,7 +148,7 @@ std::vector<std::string> readRecentFiles(const std::string& path) {
 
 void writeRecentFiles(const std::string& path, const std::vector<std::string>& recent) try {
   if (path.empty()) return;
-  fs::create_directories(fs::path(path).parent_path());
+  if (makeFolders(fs::path(path).parent_path())) return;
   const std::string text = recentToText(recent);
   AtomicFile file(path);
   file.write(text.data(), text.size());

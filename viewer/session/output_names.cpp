@@ -7,6 +7,7 @@
 #include <filesystem>
 
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/file_system.h"
 #include "isobrick/storage/remote_options.h"
 
 namespace isobrick {
@@ -43,7 +44,7 @@ std::string freeName(const std::string& stem, const char* extension,
     std::array<char, 16> digits{};
     std::snprintf(digits.data(), digits.size(), "-%04d", number);
     const std::string name = stem + digits.data() + extension;
-    if (!std::filesystem::exists(name) && !(isTaken && isTaken(name))) return name;
+    if (!isPresent(name) && !(isTaken && isTaken(name))) return name;
   }
   throw Error("all names from '" + stem + "-0001" + extension + "' on are taken; move some away");
 }

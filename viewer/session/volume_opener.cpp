@@ -1,16 +1,14 @@
 #include "isobrick/viewer/session/volume_opener.h"
 
 #include <algorithm>
-#include <filesystem>
 #include <utility>
 
 #include "isobrick/storage/abandonable.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/file_system.h"
 #include "isobrick/storage/pyramid_file.h"
 
 namespace isobrick {
-
-namespace fs = std::filesystem;
 
 namespace {
 constexpr std::uint64_t kPreviewMemory = std::uint64_t{64} << 20;  // more than it takes
@@ -89,8 +87,7 @@ void VolumeOpener::takeIn(const std::string& path, const PreviewOf& preview_of,
     preview.pyramid.clear();
     preview.preview_of = preview_of;
     // It is open: its name is not needed any more.
-    std::error_code ignored;
-    fs::remove(path, ignored);
+    removeName(path);
     const std::lock_guard lock(mutex_);
     if (!cancel.requested()) preview_ = std::move(preview);
   } catch (const Error&) {  // the next one, or the volume itself, will do

@@ -1,18 +1,19 @@
 #include "isobrick/viewer/session/wish_guard.h"
 
-#include <filesystem>
-#include <system_error>
+#include <sys/stat.h>
+
 #include <utility>
+
+#include "isobrick/storage/file_system.h"
 
 namespace isobrick {
 namespace {
 
 std::string stampOf(const std::string& path) {
-  std::error_code failed;
-  const auto time = std::filesystem::last_write_time(path, failed).time_since_epoch().count();
-  if (failed) return {};
-  const auto bytes = std::filesystem::file_size(path, failed);
-  return path + '\n' + std::to_string(time) + '\n' + std::to_string(failed ? 0 : bytes);
+  struct stat status = {};
+  if (stat(path.c_str(), &status) != 0) return {};
+  return path + '\n' + std::to_string(status.st_mtim.tv_sec) + '.' +
+         std::to_string(status.st_mtim.tv_nsec) + '\n' + std::to_string(status.st_size);
 }
 
 }  // namespace
@@ -58,8 +59,7 @@ void WishGuard::hold(Held held, UserQuestion question) {
 void OwnViewFile::noteWritten(const std::string& path) { stamp_ = stampOf(path); }
 
 bool OwnViewFile::isOther(const std::string& path) const {
-  std::error_code ignored;
-  return std::filesystem::exists(path, ignored) && (stamp_.empty() || stamp_ != stampOf(path));
+  return isPresent(path) && (stamp_.empty() || stamp_ != stampOf(path));
 }
 
 }  // namespace isobrick

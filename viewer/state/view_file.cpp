@@ -5,6 +5,7 @@
 
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/file_system.h"
 #include "isobrick/storage/remote_options.h"
 #include "isobrick/viewer/state/text_file.h"
 #include "isobrick/viewer/state/view_state_json.h"
@@ -19,13 +20,13 @@ bool isPathOfFile(const std::string& name) {
 }
 
 std::filesystem::path folderOfView(const std::string& path) {
-  return std::filesystem::absolute(path).lexically_normal().parent_path();
+  return absolutePath(path).parent_path();
 }
 
 // As it stands in a view that lies in `folder`.
 std::string writtenPath(const std::string& name, const std::filesystem::path& folder) {
   if (!isPathOfFile(name)) return name;
-  const std::filesystem::path whole = std::filesystem::absolute(name).lexically_normal();
+  const std::filesystem::path whole = absolutePath(name);
   const std::filesystem::path part = whole.lexically_relative(folder);
   return part.empty() || *part.begin() == ".." ? whole.string() : part.string();
 }
@@ -35,7 +36,7 @@ std::string readPath(const std::string& name, const std::filesystem::path& folde
 }
 
 std::string wholeName(const std::string& name) {
-  return isPathOfFile(name) ? std::filesystem::absolute(name).lexically_normal().string() : name;
+  return isPathOfFile(name) ? absolutePath(name).string() : name;
 }
 
 // Takes the fields that are not the state's.

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/file_system.h"
 #include "isobrick/storage/remote_options.h"
 #include "isobrick/viewer/png_reader.h"
 #include "isobrick/viewer/session/output_names.h"
@@ -32,14 +33,18 @@ PictureBytes thumbnailOf(const std::string& path) {
 
 std::vector<NamedView> viewsIn(const std::string& folder, const CancelFlag& cancel) {
   std::vector<std::string> names;
-  std::error_code failed;
-  if (!fs::exists(folder, failed)) return {};
-  for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
+  if (!isPresent(folder)) return {};
+  const std::error_code failure = visitFolder(folder, [&](const FolderMember& member) {
     cancel.check();
-    const std::string file = entry.path().filename().string();
+    const std::string file = member.name();
     if (file.size() > kViewEnding.size() && file.ends_with(kViewEnding))
       names.push_back(file.substr(0, file.size() - kViewEnding.size()));
-  }
+    return true;
+  });
+  if (failure)
+    throw Error("cannot list the views in '" + folder + "': " + failure.message() +
+                    "; check its permissions",
+                {.path = folder});
   std::sort(names.begin(), names.end());
   if (names.size() > NamedViews::kMostViews) names.resize(NamedViews::kMostViews);
   std::vector<NamedView> views;
@@ -55,9 +60,8 @@ std::vector<NamedView> viewsIn(const std::string& folder, const CancelFlag& canc
 
 std::string viewsFolderOf(const std::string& source) {
   const std::string folder = stemOf(source) + ".views";
-  std::error_code failed;
-  if (isRemotePath(source) || !fs::exists(source, failed)) return folder;
-  fs::path volume = fs::absolute(source).lexically_normal();
+  if (isRemotePath(source) || !isPresent(source)) return folder;
+  fs::path volume = absolutePath(source);
   if (!volume.has_filename()) volume = volume.parent_path();
   return (volume.parent_path() / folder).string();
 }
@@ -114,9 +118,7 @@ std::string NamedViews::nextTo(const std::string& name) const {
 
 void NamedViews::save(const std::string& name, const SavedView& view, const Image& thumbnail) {
   if (const std::string bad = badViewName(name); !bad.empty()) throw Error(bad);
-  std::error_code failed;
-  fs::create_directories(folder_, failed);
-  if (failed)
+  if (const std::error_code failed = makeFolders(folder_))
     throw Error("cannot make the folder '" + folder_ + "' for views: " + failed.message() +
                     "; Ctrl+S writes the view into the current folder",
                 {folder_});
@@ -129,11 +131,9 @@ void NamedViews::save(const std::string& name, const SavedView& view, const Imag
 SavedView NamedViews::read(const std::string& name) const { return readView(pathOf(name)); }
 
 void NamedViews::remove(const std::string& name) {
-  std::error_code failed, ignored;
-  fs::remove(pathOf(name), failed);
-  if (failed)
+  if (const std::error_code failed = removeName(pathOf(name)))
     throw Error("cannot remove '" + pathOf(name) + "': " + failed.message(), {pathOf(name)});
-  fs::remove(thumbnailPath(folder_, name), ignored);
+  removeName(thumbnailPath(folder_, name));
   drop(name);
 }
 

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/file_system.h"
 #include "isobrick/storage/pyramid_file.h"
 #include "isobrick/viewer/session/folder_listing.h"
 #include "isobrick/viewer/session/output_names.h"
@@ -14,9 +15,7 @@ namespace fs = std::filesystem;
 
 bool isOpenedBeside(const std::string& source) {
   if (isRemotePath(source)) return true;
-  std::error_code ignored;
-  return source.rfind("phantom:", 0) == 0 ||
-         (fs::exists(source, ignored) && !isPyramidFile(source));
+  return source.rfind("phantom:", 0) == 0 || (isPresent(source) && !isPyramidFile(source));
 }
 
 OpenVolumes::OpenVolumes(const ViewOptions& options, ViewTarget& target, OutputFiles& files)
@@ -34,11 +33,8 @@ void OpenVolumes::show(OpenedVolume opened, const glm::dvec2& size) {
   nameAfter(source, is_preview ? " (preview)" : "");
   if (is_preview) return;
   files_.say(source == pyramid ? "" : "the pyramid is " + shortPath(pyramid));
-  std::error_code ignored;
-  const bool is_file = fs::exists(source, ignored);  // no phantom
-  recent_ =
-      withRecent(std::move(recent_),
-                 is_file ? fs::absolute(source, ignored).lexically_normal().string() : source);
+  const bool is_file = isPresent(source);  // no phantom
+  recent_ = withRecent(std::move(recent_), is_file ? absolutePath(source).string() : source);
   writeRecentFiles(recent_path_, recent_);
 }
 

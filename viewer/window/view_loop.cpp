@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <filesystem>
 #include <memory>
 #include <optional>
 #include <thread>
@@ -10,6 +9,7 @@
 #include <vector>
 
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/file_system.h"
 #include "isobrick/viewer/clock_seconds.h"
 #include "isobrick/viewer/session/view_script.h"
 #include "isobrick/viewer/session/view_session.h"
@@ -42,7 +42,10 @@ std::unique_ptr<ViewTarget> makeTarget(const ViewOptions& options,
 std::optional<ScriptPlayer> readScript(const ViewOptions& options) {
   if (options.script_path.empty()) return std::nullopt;
   ScriptPlayer player(readViewScript(options.script_path));
-  std::filesystem::create_directories(options.frames_folder);
+  if (const std::error_code failure = makeFolders(options.frames_folder))
+    throw Error("cannot make the folder '" + options.frames_folder + "': " + failure.message() +
+                    "; choose another one for the script's pictures",
+                {.path = options.frames_folder});
   return player;
 }
 

@@ -11,6 +11,7 @@
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/file_system.h"
 
 namespace isobrick {
 namespace {
@@ -220,10 +221,7 @@ VolumeWriteReport writeHdf5(VolumeLevels& levels, const std::string& path,
   const std::string dataset =
       colon == std::string::npos ? "/volume" : plainName(path.substr(colon + 1));
   if (dataset.empty()) throw unwritable(path, "it names no dataset; write file.h5:/name");
-  std::error_code ignored;
-  const std::string name = std::filesystem::is_symlink(named, ignored)
-                               ? std::filesystem::weakly_canonical(named, ignored).string()
-                               : named;
+  const std::string name = isLink(named) ? canonicalPath(named).string() : named;
   const std::optional<Hdf5Original> original = Hdf5Original::open(name);
   AtomicFile file(name);
   makeReadBoxes(levels.front(), folderOf(name), options);
@@ -240,7 +238,7 @@ VolumeWriteReport writeHdf5(VolumeLevels& levels, const std::string& path,
     if (options.progress) options.progress((copied + share * (total - copied)) / total);
   });
   writer.finish();
-  report.bytes = std::filesystem::file_size(file.temporaryPath());
+  report.bytes = fileBytes(file.temporaryPath());
   if (options.before_publishing) options.before_publishing();
   if (original) original->refuseChanged();
   file.commit(options.cancel);

@@ -6,6 +6,7 @@
 #include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/file_system.h"
 
 namespace isobrick {
 
@@ -50,7 +51,7 @@ VolumeWriteReport writeSlices(
   forEachSlice(*levels.front(), options, [&](std::int64_t slice, const std::byte* data) {
     const std::string file = folder.temporaryPath() + "/" + files->name.of(slice);
     write(file, data);
-    report.bytes += fs::file_size(file);
+    report.bytes += fileBytes(file);
   });
   if (options.before_publishing) options.before_publishing();
   folder.commit(options.cancel);

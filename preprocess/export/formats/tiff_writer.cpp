@@ -2,7 +2,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <filesystem>
 #include <glm/vec2.hpp>
 #include <memory>
 #include <optional>
@@ -11,6 +10,7 @@
 #include "isobrick/preprocess/export/volume_rows.h"
 #include "isobrick/storage/atomic_file.h"
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/file_system.h"
 
 namespace isobrick {
 namespace {
@@ -95,7 +95,7 @@ VolumeWriteReport writePages(VolumeLevels& levels, const std::string& path,
     if (!writePage(file.get(), info, slice)) throw failed(path);
   });
   if (TIFFFlush(file.get()) == 0) throw failed(path);
-  report.bytes = std::filesystem::file_size(atomic.temporaryPath());
+  report.bytes = fileBytes(atomic.temporaryPath());
   if (options.before_publishing) options.before_publishing();
   atomic.commit(options.cancel);
   return report;
