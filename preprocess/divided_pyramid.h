@@ -52,7 +52,7 @@ DividedFileState stateOfDividedFile(const std::string& path, const std::string& 
 
 // How joinPyramid() works.
 struct JoinOptions {
-  std::uint64_t memory_bytes = std::uint64_t{512} << 20;  // as of BuildOptions
+  std::uint64_t memory_bytes = std::uint64_t{1} << 30;  // as of BuildOptions
   const CancelFlag* cancel = nullptr;                     // may be null
   BuildProgress progress;                                 // may be empty
 };

@@ -66,7 +66,7 @@ struct BuildOptions {
 
   // Bounds all buffers of the build together, those of the source included. The rest lies
   // in temporary files in the folder of the output. Does not change the result.
-  std::uint64_t memory_bytes = std::uint64_t{512} << 20;
+  std::uint64_t memory_bytes = std::uint64_t{1} << 30;
   // Resumes from the files that an interrupted or killed build of the same input with the same
   // options left beside the output; without such files, begins at the beginning. Does not change
   // the result.

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from . import _core
-from ._arrays import ArrayVolume, ChunkReader, describe
+from ._arrays import ArrayVolume, ChunkReader, content_sample, describe
 from ._errors import Error
 from ._progress import Progress, told_progress
-from ._sizes import byte_size
+from ._sizes import DEFAULT_MEMORY, byte_size
 from ._version import __version__
 
 Triple = tuple[float, float, float]
@@ -126,7 +126,7 @@ def build(
     curvature: bool = True,
     brick_cells: int = 64,
     nan_as: float | None = None,
-    memory: int | str = "512M",
+    memory: int | str = DEFAULT_MEMORY,
     threads: int = 0,
     progress: Progress = None,
     cancel: _core.Cancel | None = None,
@@ -160,7 +160,8 @@ def build(
     memory      what the build holds at most, with what it reads: bytes, or a text such as '256M'
     threads     0: all cores
     progress    True for a bar of tqdm, a bar, or a callable of (phase, fraction)
-    force       replaces ``out`` if it exists
+    force       replaces ``out`` if it exists; of ``.isbs``: builds files again that are there. Without it those of
+                the same source stay: an array is known by its name and some of its voxels
     raw, series, grid, time, channel, component
                 of files: a layout without a header, and what to take from a file with several volumes
     super_brick of ``.isbs``: cells along an edge of what one file holds, a power of two
@@ -193,7 +194,7 @@ def build(
 def join(
     folder: str | os.PathLike[str],
     *,
-    memory: int | str = "512M",
+    memory: int | str = DEFAULT_MEMORY,
     threads: int = 0,
     progress: Progress = None,
     cancel: _core.Cancel | None = None,
@@ -311,7 +312,7 @@ def _describe_array(
     )  # fmt: skip
     description.identity = (
         f"{volume.format} {volume.dtype.str} {volume.shape} {place.spacing} {place.origin} "
-        f"{place.direction} {volume.name}"
+        f"{place.direction} {volume.name} {content_sample(volume)}"
     )
     return description, delivered
 

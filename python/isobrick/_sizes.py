@@ -6,6 +6,9 @@ import re
 
 from ._errors import Error
 
+#: As of every command.
+DEFAULT_MEMORY = "1G"
+
 _UNITS = {"": 1, "K": 1 << 10, "M": 1 << 20, "G": 1 << 30, "T": 1 << 40}
 
 

@@ -31,7 +31,7 @@ from ._arrays import ArrayVolume, describe
 from ._build import JoinReport, SuperBrick, _Builder, _BuildSettings, _FileInput
 from ._errors import Error
 from ._pyramid import Isovalue, MergeReport
-from ._sizes import byte_size
+from ._sizes import DEFAULT_MEMORY, byte_size
 
 #: Voxels around a super-brick that its coarser levels are made from, and more.
 _RIM = 64
@@ -83,7 +83,7 @@ def build(
     if place:
         raise TypeError(f"build() got unexpected arguments: {', '.join(place)}")
     settings = _BuildSettings(
-        name, force, codec, filter, curvature, brick_cells, nan_as, byte_size(memory or "512M"), threads, None, None,
+        name, force, codec, filter, curvature, brick_cells, nan_as, byte_size(memory or DEFAULT_MEMORY), threads, None, None,
         super_brick,
     )  # fmt: skip
     source = os.path.abspath(os.fspath(source)) if _is_local_path(source) else source
@@ -299,7 +299,7 @@ def _memory_of_task(memory: int | str | None) -> int:
     worker = get_worker()
     limit = worker.memory_manager.memory_limit
     if not limit:
-        return byte_size("512M")
+        return byte_size(DEFAULT_MEMORY)
     return max(byte_size("128M"), int(limit / worker.state.nthreads / 2))
 
 

@@ -1,9 +1,10 @@
 """A plugin for ParaView 5.11 and later: surfaces and levels of pyramids.
 
 Load it with Tools > Manage Plugins > Load New, or ``LoadPlugin(isobrick.paraview_plugin.__file__)`` in pvpython
-and pvbatch; ParaView's Python has to find isobrick. An ``.isb`` opens as "Isobrick Surface", with isovalues,
-focus, radius, simplification and level in the properties panel, or as "Isobrick Level": an image of a chosen level
-in its place in the world. Coordinates are (x, y, z) in world units.
+and pvbatch; ParaView's Python has to find isobrick. An ``.isb`` or ``.isbs`` (in a file dialog: the ``index.isb``
+in that folder) opens as "Isobrick Surface", with isovalues, focus, radius, simplification and level in the
+properties panel, or as "Isobrick Level": an image of a chosen level in its place in the world. Coordinates are
+(x, y, z) in world units.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ if "isobrick" not in sys.modules:
 
 from isobrick.vtk import ImageSource, Source  # noqa: E402
 
-EXTENSIONS = "isb"
+EXTENSIONS = "isb isbs"
 DESCRIPTION = "isobrick pyramids"
 
 

@@ -44,7 +44,7 @@ bool buildMissingSuperBrick(VolumeSource& source, const BuildRequest& request,
                 std::to_string(files.size()));
   const std::string path = (std::filesystem::path(request.out) / files[number].name).string();
   const DividedFileState state = stateOfDividedFile(path, buildIdentity(source, options));
-  if (state == DividedFileState::kBuilt) return false;
+  if (state == DividedFileState::kBuilt && !request.force) return false;
   if (!request.force && state == DividedFileState::kOfAnotherBuild)
     throw Error("'" + path +
                     "' exists and was built of another input, or with other options; "

@@ -286,6 +286,28 @@ def test_an_output_that_exists_is_replaced_with_force_only(tmp_path: Path) -> No
     assert isobrick.open(out).shape == (30, 30, 30)
 
 
+def test_an_array_that_was_written_again_is_another(tmp_path: Path) -> None:
+    import zarr
+
+    def build(**more: Any) -> tuple[int, int]:
+        report = isobrick.build(array, tmp_path / "a.isbs", super_brick=16, brick_cells=8, **more)
+        return report.super_bricks_built, report.super_bricks_up_to_date
+
+    array = zarr.create_array(store=str(tmp_path / "a.zarr"), shape=(40, 40, 40), chunks=(16, 16, 16), dtype="u2")
+    array[:] = ball(40, "uint16")
+    assert build() == (27, 0)
+    assert build() == (0, 27)
+    array[:] = 5
+    with pytest.raises(isobrick.Error, match="force=True"):
+        build()
+    assert build(force=True) == (27, 0)
+    # Also where the sample is the same.
+    array[12, 12, 12] = 7
+    assert build(force=True) == (27, 0)
+    with isobrick.open(tmp_path / "a.isbs") as pyramid:
+        assert pyramid.value_range == (5, 7)
+
+
 def test_an_exception_of_the_array_comes_out_and_leaves_nothing(tmp_path: Path) -> None:
     class Broken:
         shape, dtype, chunks = (90, 90, 90), np.dtype("u2"), (30, 30, 30)

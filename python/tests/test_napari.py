@@ -116,3 +116,26 @@ def test_levels_lie_over_each_other(tmp_path: Path) -> None:
             z, y, x = level.shape
             assert np.array_equal(np.asarray(level), whole[:z, :y, :x])
             assert np.array_equal(level[-1], whole[z - 1, :y, :x])
+
+
+def test_a_pyramid_of_many_files_is_a_layer(tmp_path: Path) -> None:
+    from isobrick.napari_plugin.reader import get_reader
+
+    path = str(tmp_path / "ball.isbs")
+    isobrick.build(ball(70), path, super_brick=64, brick_cells=16)
+    for name in (path, path + "/"):
+        reader = get_reader(name)
+        assert reader is not None
+        ((levels, options, kind),) = reader(name)
+        assert kind == "image" and options["name"] == "ball" and len(levels) == 2
+    manifest = (Path(isobrick.__file__).parent / "napari_plugin" / "napari.yaml").read_text()
+    assert '"*.isbs"' in manifest and "accepts_directories: true" in manifest
+
+
+def test_boxes_have_decimals_for_their_steps() -> None:
+    from isobrick.napari_plugin.widget import _decimals
+
+    assert _decimals(20.0) == 2  # CT: 4000 values
+    assert _decimals(1e-5) == 8  # values within 0.002
+    assert _decimals(0.005) == 6
+    assert _decimals(1e-30) == 15

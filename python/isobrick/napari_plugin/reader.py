@@ -25,7 +25,7 @@ def napari_affine(pyramid: isobrick.Pyramid) -> NDArray[np.float64]:
 def get_reader(path: str | list[str]) -> Callable[[str | list[str]], list[LayerData]] | None:
     """The entry point for npe2: a function that reads `path`, or None."""
     paths = [path] if isinstance(path, str) else path
-    if not all(p.lower().endswith(".isb") for p in paths):
+    if not all(p.lower().rstrip("/").endswith((".isb", ".isbs")) for p in paths):
         return None
     return read
 
@@ -55,7 +55,7 @@ def layer_of(pyramid: isobrick.Pyramid) -> LayerData:
     ]
     low, high = pyramid.value_range
     options = {
-        "name": pyramid.path.rsplit("/", 1)[-1].removesuffix(".isb"),
+        "name": pyramid.path.rstrip("/").rsplit("/", 1)[-1].removesuffix(".isbs").removesuffix(".isb"),
         "multiscale": len(levels) > 1,
         "affine": napari_affine(pyramid),
         "contrast_limits": (low, max(high, low + 1e-6)),

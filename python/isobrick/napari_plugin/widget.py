@@ -70,6 +70,11 @@ class HistogramView(QWidget):  # type: ignore[misc]
             self._pick(event)
 
 
+def _decimals(step: float) -> int:
+    """Enough for a thousandth of the step."""
+    return min(max(2, 3 - math.floor(math.log10(step))), 15)
+
+
 def _number(low: float, high: float, decimals: int = 2) -> QDoubleSpinBox:
     box = QDoubleSpinBox()
     box.setRange(low, high)
@@ -160,8 +165,14 @@ class SurfaceWidget(QWidget):  # type: ignore[misc]
             return
         self._histogram.show_pyramid(pyramid)
         low, high = pyramid.value_range
+        step = (high - low) / 200 or 1.0
+        self._isovalue.setDecimals(_decimals(step))
         self._isovalue.setRange(low, high)
-        self._isovalue.setSingleStep(max((high - low) / 200, 1e-6))
+        self._isovalue.setSingleStep(step)
+        spacing = min(np.linalg.norm(pyramid.affine[:3, :3], axis=0))
+        for box in (self._radius, self._simplify):
+            box.setDecimals(_decimals(spacing))
+            box.setSingleStep(spacing)
         self._level.setRange(0, len(pyramid.levels) - 1)
         suggestions = pyramid.isovalues()
         self._isovalue.setValue(suggestions[0].value if suggestions else (low + high) / 2)
