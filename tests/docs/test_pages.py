@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -40,6 +41,19 @@ def test_the_readme(tmp_path: Path) -> None:
         subprocess.run([EXECUTABLE, *words], cwd=tmp_path, check=True, capture_output=True)
     assert run_page(readme, tmp_path, environment(tmp_path)) >= 6
     assert len(readme.read_text().split()) <= 900
+
+
+def test_links_lead_somewhere_in_the_repository() -> None:
+    """Also for readers who have no site."""
+    root = DOCS.parent
+    pages = [*root.glob("*.md"), *DOCS.rglob("*.md"), *root.glob("python/**/*.md"), *root.glob("tools/*.md")]
+    dead = []
+    for page in pages:
+        text = re.sub(r"```.*?```", "", page.read_text(), flags=re.S)
+        for link in re.findall(r"\]\(([^)\s#]+)[^)]*\)", text):
+            if not re.match("[a-z]+:", link) and not (page.parent / link).exists():
+                dead.append(f"{page.relative_to(root)}: {link}")
+    assert not dead
 
 
 def test_there_are_tutorials() -> None:

@@ -11,6 +11,7 @@ from typing import Any
 
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
+from mkdocs.structure.pages import Page
 
 ROOT = Path(__file__).parents[2]
 
@@ -73,6 +74,13 @@ def from_the_root(name: str) -> str:
     """A page of the root, its links as from docs/explanation/."""
     page = (ROOT / name).read_text()
     return page.replace("](docs/", "](../")
+
+
+def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Links of docs/*/ to pages of the root lead to their copies."""
+    for name, copy in (("CONTRIBUTING.md", "contributing.md"), ("CHANGELOG.md", "changes.md")):
+        markdown = markdown.replace(f"](../../{name})", f"](../explanation/{copy})")
+    return markdown
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
