@@ -118,7 +118,7 @@ struct Extractor::Memory {
   // `writer`: of the mesh.
   ExtractionReport meshInto(const MeshContext& context, std::span<const BrickWork> bricks,
                             SurfaceMesh& into, SurfaceWriter& writer) {
-    if (!context.query.simplify && SurfaceWriter::canWrite(bricks)) {
+    if (!context.query.simplify && !context.query.has_brick && SurfaceWriter::canWrite(bricks)) {
       const LevelCounts counts = writer.run(context, bricks);
       return makeReport(context.pyramid, log, {counts});
     }

@@ -75,7 +75,7 @@ struct DetailChoice {
 // result is further from that surface, and no point of that surface is further from the result.
 // Each brick is simplified on its own; vertices that bricks share stay where they are.
 struct SimplifyOptions {
-  double distance = 0;    // above 0; in voxels of level 0
+  double distance = 0;    // above 0; in voxels of the least spacing, one length along all axes
   bool in_world = false;  // in world units instead
   // Leaves out connected components whose bounding box has a diagonal below the distance: specks
   // of noise. Those that lie in more than one brick stay.

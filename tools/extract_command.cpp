@@ -2,7 +2,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
+#include <glm/common.hpp>
 #include <limits>
 #include <memory>
 #include <optional>
@@ -24,6 +26,7 @@
 #include "tools/interrupt.h"
 #include "tools/json_output.h"
 #include "tools/line_words.h"
+#include "tools/loss_warnings.h"
 #include "tools/measured_sink.h"
 #include "tools/neuroglancer/extract_meshes.h"
 #include "tools/neuroglancer/precomputed_meshes.h"
@@ -41,6 +44,14 @@ namespace {
 
 namespace fs = std::filesystem;
 
+struct MeshShift {
+  std::optional<glm::dvec3> by;  // world units; none: to the origin
+};
+
+MeshShift parseShift(const std::string& text) {
+  return text == "auto" ? MeshShift() : MeshShift{parsePoint(text)};
+}
+
 struct ExtractArguments {
   QueryOptions query;
   std::string output;              // empty: the mesh is counted only
@@ -52,6 +63,7 @@ struct ExtractArguments {
   std::optional<std::uint64_t> keep_largest;
   std::optional<double> drop_below;  // area, world units^2
   std::optional<ShareNumber> part;
+  std::optional<MeshShift> shift;
   bool zlib = false;
   bool meshopt = false;
   int repeat = 1;
@@ -84,6 +96,23 @@ void refuseOutputs(const ExtractArguments& arguments) {
                       {arguments.query.input.path, arguments.query.input.pyramid,
                        arguments.attribute.path, arguments.attribute.pyramid},
                       arguments.force);
+}
+
+// The middle of the volume to the origin, in steps of the decimal places that its extent has: the
+// numbers stay short.
+glm::dvec3 shiftToOrigin(const Pyramid& pyramid) {
+  const PyramidSpec& spec = pyramid.spec();
+  const auto corners = worldCorners(spec.geometry, spec.voxels);
+  glm::dvec3 lower = corners[0], upper = lower;
+  for (const glm::dvec3& corner : corners) {
+    lower = glm::min(lower, corner);
+    upper = glm::max(upper, corner);
+  }
+  const glm::dvec3 extent = upper - lower;
+  const double step =
+      std::pow(10, std::floor(std::log10(std::max({extent.x, extent.y, extent.z}))));
+  // Not -0.
+  return -step * glm::round((lower + upper) / (2 * step)) + 0.0;
 }
 
 bool isShareName(const std::string& output) { return lowerExtension(output) == kMeshShareEnding; }
@@ -120,15 +149,21 @@ ExtractResult extractOne(const ExtractArguments& arguments, const Pyramid& pyram
   if (arguments.most_triangles)
     query.simplify = findSimplification(extractor, query, *arguments.most_triangles);
   result.simplify = query.simplify;
+  DetailChoice finest;
+  finest.uniform_level = query.uniform_level;
+  result.is_finest =
+      query.uniform_level.value_or(0) == 0 && static_cast<const DetailChoice&>(query) == finest;
   const ShareNumber share = arguments.part.value_or(ShareNumber());
   const auto extractShare = [&](TriangleSink& sink) {
     const ExtractionPlan plan = extractor.plan(query);
     const NumberRun run = bricksOf(plan, share);
     return extractor.execute(plan, run.first, run.count, sink);
   };
+  if (arguments.shift) result.shift = arguments.shift->by.value_or(shiftToOrigin(pyramid));
   const MeshFileOptions options{.cancel = &interruptFlag(),
                                 .values = values,
                                 .components = arguments.number_components,
+                                .shift = result.shift,
                                 .zlib = arguments.zlib,
                                 .meshopt = arguments.meshopt};
   std::unique_ptr<MeshFileSink> file_sink;
@@ -157,6 +192,9 @@ ExtractResult extractOne(const ExtractArguments& arguments, const Pyramid& pyram
     result.extract_seconds.push_back(seconds - result.write_seconds);
     result.vertices = to_file ? file_sink->vertices() : counting_sink.vertices();
   }
+  if (file_sink != nullptr)
+    if (const std::string loss = file_sink->loss(); !loss.empty())
+      warnOfLosses(output, {loss + "; give --shift auto, or write .ply"});
   if (values != nullptr) result.vertices_outside = values->outside() - outside_before;
   warnOfEmptySurface(arguments.query, pyramid);
   if (result.vertices_outside > 0)
@@ -217,7 +255,7 @@ int runExtract(const CLI::App& command, ExtractArguments arguments) {
         "--attribute component looks at the whole surface; leave out --part, or name a file "
         "'./component'");
   if (isShareName(arguments.output))
-    for (const char* const option : {"--attribute", "--zlib", "--meshopt"})
+    for (const char* const option : {"--attribute", "--shift", "--zlib", "--meshopt"})
       if (findOption(command, option)->count() > 0)
         throw UsageError(fmt::format(
             "{} does not go with a share of a mesh, {}; leave it out, or write another format",
@@ -291,6 +329,11 @@ void addMeshOptions(CLI::App& app, ExtractArguments& arguments,
                  "connected piece, 0 the one of the largest area, as --components lists them "
                  "(component, _COMPONENT)")
       ->type_name("OTHER|component")
+      ->needs(output);
+  addParsedOption(app, "--shift", arguments.shift, parseShift, "X,Y,Z|auto",
+                  "Add this to all positions, in world units, for programs that compute in single "
+                  "precision; 'auto' moves the middle of the volume near the origin. Report and "
+                  "header of the file say it")
       ->needs(output);
   app.add_flag("--zlib", arguments.zlib, "Pack .vtp with zlib")->needs(output);
   app.add_flag("--meshopt", arguments.meshopt,

@@ -45,6 +45,8 @@ Json jsonOfSurface(const ExtractResults& results, const ExtractResult& result) {
   json["isovalue"] = result.isovalue;
   if (results.part) json["part"] = {{"number", results.part->number}, {"of", results.part->of}};
   if (result.simplify) json["simplify"] = result.simplify->distance;
+  if (result.shift != glm::dvec3(0.0))
+    json["shift"] = {result.shift.x, result.shift.y, result.shift.z};
   if (result.components) {
     json["components"] = jsonOfComponents(*result.components);
     json["components_kept"] = result.components_kept;
@@ -79,7 +81,10 @@ void printSummary(const ExtractResult& result, LengthUnit unit) {
   fmt::print("{}{} triangles, {} vertices\n", result.output.empty() ? "" : result.output + ": ",
              countText(report.triangles), countText(result.vertices));
   if (result.simplify)
-    fmt::print("  within {} of the finest surface\n", distanceText(*result.simplify, unit));
+    fmt::print("  within {} of {}\n", distanceText(*result.simplify, unit),
+               result.is_finest ? "the finest surface" : "this surface without --simplify");
+  if (result.shift != glm::dvec3(0.0))
+    fmt::print("  shifted by {},{},{}\n", result.shift.x, result.shift.y, result.shift.z);
   for (const LevelCounts& counts : report.levels)
     fmt::print("  level {:<2} {:>14} triangles in {} cells, {} of them in transition\n",
                counts.level, countText(counts.triangles), countText(counts.cells),

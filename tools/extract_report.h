@@ -24,6 +24,8 @@ struct ExtractResult {
   std::string output;  // empty: counted only
   double isovalue = 0;
   std::optional<SimplifyOptions> simplify;
+  bool is_finest = true;  // level 0 everywhere
+  glm::dvec3 shift{0.0};  // of the file, world units
   std::optional<SurfaceComponents> components;
   std::size_t components_kept = 0;
   double components_seconds = 0;  // to find them

@@ -151,8 +151,8 @@ std::shared_ptr<const Pyramid> openPyramidFile(const std::string& path, std::uin
 
 void addSimplifyOption(CLI::App& app, QueryOptions& options) {
   addParsedOption(app, "--simplify", options.simplify, parseSimplify, "D",
-                  "Fewer triangles: of each brick, within D voxels of level 0 of the surface as it "
-                  "is without this, either way; 0.2mm: in world units");
+                  "Fewer triangles: of each brick, within D voxels of the least spacing of the "
+                  "surface as it is without this, either way; 0.2mm: in world units");
 }
 
 void findPyramid(QueryOptions& options) {
@@ -187,6 +187,14 @@ Query makeQuery(const QueryOptions& options, const Pyramid& pyramid) {
     query.box = options.world ? indexBoxAround(*options.box, geometry)
                               : QueryBox{options.box->lower, options.box->upper};
     refuseBoxOutside(*query.box, pyramid, withoutSecrets(options.input.path));
+  }
+  if (options.simplify && options.simplify->in_world && geometry.unit == LengthUnit::kUnknown) {
+    const glm::dvec3& spacing = geometry.spacing;
+    throw Error(fmt::format(
+        "--simplify {}mm: the unit of '{}' is unknown; give the distance in voxels, whose least "
+        "spacing is {}",
+        options.simplify->distance, withoutSecrets(options.input.path),
+        std::min({spacing.x, spacing.y, spacing.z})));
   }
   query.simplify = options.simplify;
   query.cancel = &interruptFlag();

@@ -46,18 +46,29 @@ std::vector<Loop> traceLoops(unsigned pattern) {
   return loops;
 }
 
+// With the first tips that leave no side in a face, the triangles of these patterns cross each
+// other for some places of the crossings, and with the last ones they do not; those of the others
+// never cross. marching_cubes_table_test.cpp proves it.
+constexpr bool takesLastTips(unsigned pattern) {
+  return pattern == 0b11100101 || pattern == 0b11100110;
+}
+
 // Triangulates loop[first .. last] against the side (first, last): the first choice of a tip, in
-// order, that leaves no side inside a cell face.
-bool triangulate(const Loop& loop, std::size_t first, std::size_t last, std::vector<int>& out) {
+// order or from the last one on, that leaves no side inside a cell face.
+bool triangulate(const Loop& loop, std::size_t first, std::size_t last, bool last_tips,
+                 std::vector<int>& out) {
   if (last - first < 2) return true;
   const auto sideIsAllowed = [&](std::size_t a, std::size_t b) {
     return b - a == 1 || !shareFace(loop[a], loop[b]);
   };
-  for (std::size_t tip = first + 1; tip < last; ++tip) {
+  for (std::size_t n = first + 1; n < last; ++n) {
+    const std::size_t tip = last_tips ? first + last - n : n;
     if (!sideIsAllowed(first, tip) || !sideIsAllowed(tip, last)) continue;
     const std::size_t mark = out.size();
     out.insert(out.end(), {loop[first], loop[tip], loop[last]});
-    if (triangulate(loop, first, tip, out) && triangulate(loop, tip, last, out)) return true;
+    if (triangulate(loop, first, tip, last_tips, out) &&
+        triangulate(loop, tip, last, last_tips, out))
+      return true;
     out.resize(mark);
   }
   return false;
@@ -68,7 +79,7 @@ MarchingCubesCase makeCase(unsigned pattern) {
   std::vector<int> edges;
   for (const Loop& loop : traceLoops(pattern)) {
     // The closing side of the loop is part of the contour, so it needs no check.
-    if (!triangulate(loop, 0, loop.size() - 1, edges))
+    if (!triangulate(loop, 0, loop.size() - 1, takesLastTips(pattern), edges))
       throw std::logic_error("marching cubes: a loop has no triangulation off the cell's faces");
   }
   result.triangle_count = static_cast<std::uint8_t>(edges.size() / 3);

@@ -17,7 +17,8 @@ struct MarchingCubesCase {
 // Made by the generator in marching_cubes_table.cpp at the first call. Every loop of n points gives
 // n - 2 triangles, and no triangle side joins two points of one cell face unless it is part of the
 // contour on that face (rule 10): a neighbour could have the same side, and the edge would be used
-// four times.
+// four times. No two triangles of a pattern cross, wherever the crossings lie on their edges (rule
+// 11).
 const std::array<MarchingCubesCase, 256>& marchingCubesTable();
 
 }  // namespace isobrick

@@ -61,10 +61,10 @@ struct MeshContext {
   void checkCancel() const {
     if (query.cancel != nullptr) query.cancel->check();
   }
-  // The brick `number` of `count` is meshed. They are begun in order, and done in nearly the same.
-  void noteDone(std::size_t number, std::size_t count) const {
+  // So many of `count` bricks are meshed.
+  void noteDone(std::size_t meshed, std::size_t count) const {
     if (query.fraction_done == nullptr) return;
-    const float done = static_cast<float>(number + 1) / static_cast<float>(count);
+    const float done = static_cast<float>(meshed) / static_cast<float>(count);
     float told = query.fraction_done->load(std::memory_order_relaxed);
     while (told < done && !query.fraction_done->compare_exchange_weak(told, done)) {
     }

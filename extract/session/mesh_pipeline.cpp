@@ -3,6 +3,7 @@
 #include <tbb/task_arena.h>
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <glm/matrix.hpp>
 
@@ -22,20 +23,22 @@ std::uint64_t keptBytes(const PlacedBatch& placed) {
   const auto of = [](const auto& elements) { return elements.capacity() * sizeof elements[0]; };
   return of(placed.batch.positions) + of(placed.batch.normals) + of(placed.batch.triangles) +
          of(placed.batch.shared) + of(placed.known) + of(placed.numbers) + of(placed.bytes) +
-         of(placed.world) + of(placed.values);
+         of(placed.world) + of(placed.values) + of(placed.components);
 }
 
 std::optional<SimplifySpace> simplifySpace(const MeshContext& context) {
   const std::optional<SimplifyOptions>& options = context.query.simplify;
   if (!options) return std::nullopt;
-  SimplifySpace space{.distance = static_cast<float>(options->distance),
+  // The world in units of the least spacing: squares of squares of its own might leave the floats.
+  const glm::dvec3& spacing = context.pyramid.spec().geometry.spacing;
+  const double unit = std::min({spacing.x, spacing.y, spacing.z});
+  SimplifySpace space{.distance = static_cast<float>(options->in_world ? options->distance / unit
+                                                                       : options->distance),
                       .drops_small = options->drop_small};
-  if (!options->in_world) return space;
-  // In units of the least spacing: squares of squares of the world's own might leave the floats.
-  const GridGeometry& geometry = context.pyramid.spec().geometry;
-  const double unit = std::min({geometry.spacing.x, geometry.spacing.y, geometry.spacing.z});
-  const glm::dmat3 to_space = geometry.indexToWorldMatrix() / unit;
-  space.distance = static_cast<float>(options->distance / unit);
+  if (spacing == glm::dvec3(unit)) return space;
+  // Turned as the index axes are.
+  const glm::dmat3 to_space(glm::dvec3(spacing.x / unit, 0, 0), glm::dvec3(0, spacing.y / unit, 0),
+                            glm::dvec3(0, 0, spacing.z / unit));
   space.to_space = to_space;
   space.to_voxels = glm::inverse(to_space);
   return space;
@@ -152,6 +155,9 @@ void meshInOrder(const MeshContext& context, std::span<const BrickWork> work, Me
   ReadAhead ahead(context, work);
   const std::optional<SimplifySpace> space = simplifySpace(context);
 
+  // A sink that waits for tasks of its own must not begin one that waits for this sink.
+  const auto give = [](const auto& call) { tbb::this_task_arena::isolate(call); };
+  std::atomic<std::size_t> meshed{0};
   const auto mesh = [&](JobBoard::Job& job) {
     MeshBatch& batch = job.batch->batch;
     batch.clear();
@@ -160,7 +166,6 @@ void meshInOrder(const MeshContext& context, std::span<const BrickWork> work, Me
     batch.brick = work[job.work].brick;
     batch.is_uniform = !work[job.work].adaptive;
     batch.fraction_done = static_cast<double>(job.work + 1) / static_cast<double>(work.size());
-    context.noteDone(job.work, work.size());
     MeshWorker& worker = memory.workers.local();
     try {
       if (work[job.work].adaptive)
@@ -168,11 +173,12 @@ void meshInOrder(const MeshContext& context, std::span<const BrickWork> work, Me
       else
         worker.uniform.mesh(context, work[job.work], batch);
       if (space) worker.simplifier.simplify(*space, context.query.cancel, batch);
-      if (!batch.triangles.empty()) sink.prepare(*job.batch);
+      if (!batch.triangles.empty()) give([&] { sink.prepare(*job.batch); });
     } catch (const Cancelled&) {
       batch.clear();
     }
     context.throwIfReadsFailed();
+    context.noteDone(++meshed, work.size());
     job.bytes = batch.bytes();
   };
   const auto place = [&](const JobBoard::Job& job) {
@@ -185,10 +191,11 @@ void meshInOrder(const MeshContext& context, std::span<const BrickWork> work, Me
     level.cells += batch.cells;
     level.transition_cells += batch.transition_cells;
     level.triangles += batch.triangles.size() / 3;
-    sink.place(*job.batch);
+    give([&] { sink.place(*job.batch); });
   };
   const auto write = [&](const JobBoard::Job& job) {
-    if (!job.batch->batch.triangles.empty() && !context.isCancelled()) sink.write(*job.batch);
+    if (!job.batch->batch.triangles.empty() && !context.isCancelled())
+      give([&] { sink.write(*job.batch); });
   };
   const auto workOn = [&](int) {
     try {

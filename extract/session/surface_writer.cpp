@@ -178,7 +178,7 @@ class SurfaceWriter::Run {
         context_.checkCancel();
         ahead.reached(job);
         writeBrick(job, worker);
-        context_.noteDone(job, work_.size());
+        context_.noteDone(++written_, work_.size());
       }
     } catch (...) {
       has_failed_ = true;
@@ -335,7 +335,7 @@ class SurfaceWriter::Run {
   const std::optional<T> threshold_;
   std::unordered_map<std::size_t, std::size_t> job_of_brick_;  // by row of the brick table
   std::vector<BrickJob> jobs_;                                 // and one for the end
-  std::atomic<std::size_t> next_{0};
+  std::atomic<std::size_t> next_{0}, written_{0};
   std::atomic<bool> has_failed_{false};
 };
 

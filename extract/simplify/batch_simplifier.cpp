@@ -8,6 +8,7 @@
 #include <glm/geometric.hpp>
 #include <span>
 
+#include "isobrick/extract/kernels/crossing.h"
 #include "isobrick/extract/sinks/batch_components.h"
 
 namespace isobrick {
@@ -42,10 +43,16 @@ void BatchSimplifier::simplify(const SimplifySpace& space, const CancelFlag* can
                                MeshBatch& batch) {
   if (space.drops_small) small_.drop(space.to_space, space.distance, batch);
   if (batch.triangles.empty()) return;
-  begin(space, batch);
-  addPlanes();
-  collapseStars(cancel);
-  collapseEdges(cancel, batch);
+  is_kept_.assign(batch.positions.size(), 0);
+  // What crosses moved less than the distance; less is kept if less is enough.
+  float reach = space.distance / 4;
+  do {
+    begin(space, batch);
+    addPlanes();
+    collapseStars(cancel);
+    collapseEdges(cancel, batch);
+    reach *= 2;
+  } while (keepAroundCrossings(batch, reach));
   write(batch);
 }
 
@@ -57,6 +64,8 @@ void BatchSimplifier::begin(const SimplifySpace& space, const MeshBatch& batch) 
     upper_ = glm::max(upper_, position);
   }
   center_ = glm::round((lower_ + upper_) / 2.0f);
+  grid_steps_ = std::ldexp(1.0f, kCrossingBits - batch.level);
+  voxels_.assign(batch.positions.begin(), batch.positions.end());
   table_.set(batch.triangles, batch.positions.size());
   vertices_.assign(batch.positions.size(), Vertex());
   touched_.assign(batch.positions.size(), 0);
@@ -65,7 +74,8 @@ void BatchSimplifier::begin(const SimplifySpace& space, const MeshBatch& batch) 
   for (std::uint32_t v = 0; v < vertices_.size(); ++v) {
     Vertex& vertex = vertices_[v];
     vertex.position = positionOf(batch.positions[v]);
-    vertex.is_fixed = vertex.is_shared || table_.ring(v) != CornerTable::Ring::kClosed;
+    vertex.is_fixed =
+        vertex.is_shared || table_.ring(v) != CornerTable::Ring::kClosed || is_kept_[v] != 0;
     vertex.is_broken = table_.ring(v) == CornerTable::Ring::kBroken;
   }
   normals_.assign(batch.normals.begin(), batch.normals.end());
@@ -123,7 +133,7 @@ void BatchSimplifier::collapseStar(std::uint32_t corner) {
   if (!(sum.valueAt(best) <=
         kMostMeanSquareOfStar * space_.distance * space_.distance * sum.weight))
     return;
-  const glm::vec3 place = positionOf(voxelsOf(center.position + best));
+  const glm::vec3 voxels = voxelsOf(center.position + best), place = positionOf(voxels);
   if (!region_.findAroundStar(table_) || !mayCollapse(place)) return;
   for (const std::uint32_t arm : inner.subspan(1)) {
     normals_[inner[0]] += normals_[arm];
@@ -131,7 +141,7 @@ void BatchSimplifier::collapseStar(std::uint32_t corner) {
   }
   sum.moveCenter(place - center.position);
   center.quadric = sum;
-  collapseRegion(inner[0], place);
+  collapseRegion(inner[0], voxels);
 }
 
 void BatchSimplifier::collapseEdges(const CancelFlag* cancel, const MeshBatch& batch) {
@@ -238,9 +248,9 @@ bool BatchSimplifier::collapseEdge(std::uint32_t corner, const MeshBatch& batch)
   Quadric quadric = gone.quadric;
   quadric.moveCenter(-to_gone);
   quadric += kept.quadric;
-  const glm::vec3 place = kept.is_fixed
-                              ? kept.position
-                              : positionOf(voxelsOf(kept.position + bestPlace(quadric, to_gone)));
+  const glm::vec3 voxels =
+      kept.is_fixed ? voxels_[kept_vertex] : voxelsOf(kept.position + bestPlace(quadric, to_gone));
+  const glm::vec3 place = positionOf(voxels);
   if (!region_.findEdge(table_, corner, kept.is_fixed)) return false;
   if (kept.is_fixed && !keepsOthersApart(corner, batch)) return false;
   if (!mayCollapse(place)) return false;
@@ -248,7 +258,7 @@ bool BatchSimplifier::collapseEdge(std::uint32_t corner, const MeshBatch& batch)
   if (!kept.is_fixed) normals_[kept_vertex] += normals_[gone_vertex];
   quadric.moveCenter(place - kept.position);
   kept.quadric = quadric;
-  collapseRegion(kept_vertex, place);
+  collapseRegion(kept_vertex, voxels);
   costAgainAround();
   return true;
 }
@@ -288,16 +298,18 @@ bool BatchSimplifier::mayCollapse(const glm::vec3& place) {
   return bound_.follow(region_, deviations_, space_.distance);
 }
 
-void BatchSimplifier::collapseRegion(std::uint32_t vertex, const glm::vec3& place) {
+void BatchSimplifier::collapseRegion(std::uint32_t vertex, const glm::vec3& voxels) {
   region_.replace(table_, vertex);
-  vertices_[vertex].position = place;
+  voxels_[vertex] = voxels;
+  vertices_[vertex].position = positionOf(voxels);
   touched_[vertex] = round_;
   for (int i = 0; i < region_.sides(); ++i)
     deviations_[CornerTable::triangleOf(region_.corners[i])] = bound_.deviation(i);
 }
 
 glm::vec3 BatchSimplifier::voxelsOf(const glm::vec3& position) const {
-  return glm::clamp(space_.to_voxels * position + center_, lower_, upper_);
+  const glm::vec3 voxels = space_.to_voxels * position + center_;
+  return glm::clamp(glm::floor(voxels * grid_steps_ + 0.5f) / grid_steps_, lower_, upper_);
 }
 
 // Other bricks may have a side of a uniform brick only if both its vertices lie in one face of the
@@ -335,6 +347,32 @@ bool BatchSimplifier::keepsOthersApart(std::uint32_t corner, const MeshBatch& ba
       new_neighbours, [&](std::uint32_t vertex) { return mayBeElsewhere(batch, kept, vertex); });
 }
 
+bool BatchSimplifier::keepAroundCrossings(const MeshBatch& batch, float reach) {
+  left_.clear();
+  for (std::uint32_t t = 0; t < table_.triangles(); ++t)
+    if (const std::uint32_t c = CornerTable::firstCorner(t); table_.isAlive(t))
+      left_.push_back({table_.vertex(c), table_.vertex(c + 1), table_.vertex(c + 2)});
+  grid_positions_.resize(voxels_.size());
+  std::ranges::transform(voxels_, grid_positions_.begin(),
+                         [this](const glm::vec3& voxels) { return onGrid(voxels); });
+  bool keeps_more = false;
+  for (const std::uint32_t t : crossings_.find(grid_positions_, left_)) {
+    glm::vec3 lower = vertices_[left_[t][0]].position, upper = lower;
+    for (const std::uint32_t v : left_[t]) {
+      lower = glm::min(lower, vertices_[v].position - reach);
+      upper = glm::max(upper, vertices_[v].position + reach);
+    }
+    for (std::uint32_t v = 0; v < is_kept_.size(); ++v) {
+      if (vertices_[v].is_fixed || is_kept_[v] != 0) continue;
+      const glm::vec3 was = positionOf(batch.positions[v]);
+      if (glm::clamp(was, lower, upper) != was) continue;
+      is_kept_[v] = 1;
+      keeps_more = true;
+    }
+  }
+  return keeps_more;
+}
+
 void BatchSimplifier::write(MeshBatch& batch) {
   std::size_t corners = 0;
   for (std::uint32_t t = 0; t < table_.triangles(); ++t)
@@ -344,7 +382,7 @@ void BatchSimplifier::write(MeshBatch& batch) {
   batch.triangles.resize(corners);
   for (std::uint32_t v = 0; v < vertices_.size(); ++v) {
     if (touched_[v] == 0 || vertices_[v].is_fixed) continue;
-    batch.positions[v] = voxelsOf(vertices_[v].position);
+    batch.positions[v] = voxels_[v];
     const float length = std::sqrt(glm::dot(normals_[v], normals_[v]));
     if (length > 0) batch.normals[v] = normals_[v] / length;
   }

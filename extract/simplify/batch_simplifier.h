@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <glm/common.hpp>
 #include <glm/mat3x3.hpp>
 #include <glm/vec3.hpp>
 #include <vector>
@@ -11,18 +12,19 @@
 #include "isobrick/extract/simplify/deviation.h"
 #include "isobrick/extract/simplify/edge_costs.h"
 #include "isobrick/extract/simplify/quadric.h"
+#include "isobrick/extract/simplify/self_crossings.h"
 #include "isobrick/extract/simplify/small_components.h"
 #include "isobrick/extract/sinks/triangle_sink.h"
 #include "isobrick/storage/error.h"
 
 namespace isobrick {
 
-// How far simplification may go, in the space in which distances count: voxels, or the world in
-// units of the least spacing.
+// How far simplification may go, in the space in which distances count: the world in units of the
+// least spacing, turned as the voxels are.
 struct SimplifySpace {
   float distance = 0;         // above 0
   bool drops_small = false;   // components below the distance: see SmallComponents
-  glm::mat3 to_space{1.0f};   // from voxels; identity for a distance in voxels
+  glm::mat3 to_space{1.0f};   // from voxels
   glm::mat3 to_voxels{1.0f};  // back
 };
 
@@ -34,7 +36,8 @@ struct SimplifySpace {
 // surface is nearly flat, then both ends of an edge, those of the least sum before others. They
 // stay apart if a point might come further from where it was than the distance (DeviationBound).
 // Vertices that other batches have among them, and those at borders, never move, so batches fit
-// each other.
+// each other. If triangles of what is left cross, the batch is simplified again, and what was
+// around them stays as it was.
 class BatchSimplifier {
  public:
   // Afterwards no point of the batch is further than the distance from what it was, and no point of
@@ -62,6 +65,9 @@ class BatchSimplifier {
 
   void begin(const SimplifySpace& space, const MeshBatch& batch);
   void addPlanes();
+  // Finds triangles that cross each other or have no area, and keeps what was within `reach` of
+  // them, in the space, as it was from now on. False if there was nothing more to keep.
+  bool keepAroundCrossings(const MeshBatch& batch, float reach);
 
   // Those of vertices that no other star has changed, in the order of the triangles.
   void collapseStars(const CancelFlag* cancel);
@@ -87,20 +93,26 @@ class BatchSimplifier {
 
   // With that place for the vertex that remains.
   bool mayCollapse(const glm::vec3& place);
-  void collapseRegion(std::uint32_t vertex, const glm::vec3& place);
+  void collapseRegion(std::uint32_t vertex, const glm::vec3& voxels);
   glm::vec3 positionOf(const glm::vec3& voxels) const {
     return space_.to_space * (voxels - center_);
   }
-  // A position in voxels, in the box of the batch.
+  // A position in voxels, in the box of the batch and on the grid of crossings.
   glm::vec3 voxelsOf(const glm::vec3& position) const;
+  glm::ivec3 onGrid(const glm::vec3& voxels) const {
+    return glm::ivec3(glm::floor(voxels * grid_steps_ + 0.5f));
+  }
   bool mayBeElsewhere(const MeshBatch& batch, std::uint32_t a, std::uint32_t b) const;
   bool keepsOthersApart(std::uint32_t corner, const MeshBatch& batch) const;
   void write(MeshBatch& batch);
 
   SimplifySpace space_;
   glm::vec3 lower_{0.0f}, upper_{0.0f}, center_{0.0f};  // of the batch, in voxels
+  float grid_steps_ = 1;                                // of the grid of crossings, a voxel
   CornerTable table_;
   std::vector<Vertex> vertices_;
+  std::vector<glm::vec3> voxels_;       // of vertices: their places
+  std::vector<std::uint8_t> is_kept_;   // of vertices: as they were
   std::vector<std::uint32_t> touched_;  // of vertices: the round in which it last changed or went
   std::vector<glm::vec3> normals_;      // of vertices: sums, by area
   std::vector<Deviation> deviations_;   // of triangles
@@ -112,6 +124,9 @@ class BatchSimplifier {
   CollapseRegion region_;
   DeviationBound bound_;
   SmallComponents small_;
+  SelfCrossings crossings_;
+  std::vector<glm::ivec3> grid_positions_;
+  std::vector<SelfCrossings::Triangle> left_;  // triangles
 };
 
 }  // namespace isobrick

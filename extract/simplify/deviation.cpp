@@ -13,6 +13,8 @@ namespace {
 constexpr float kLeastCosineSquared = 0.01f;
 // So much of the ring's extent, squared, is no area: slivers of the finest surface are rounded.
 constexpr float kNoArea = 1e-7f;
+// A new triangle less high than this over its longest side is refused: files round positions.
+constexpr float kLeastHeight = 1.0f / 16384;
 // An inner vertex within this of the new place, as a part of the ring's extent, lies there.
 constexpr float kNoLength = 1e-5f;
 
@@ -67,11 +69,14 @@ bool DeviationBound::project(const CollapseRegion& region) {
   };
   inFours(0, region.ring, put);
   inFours(kFirstInner, region.inner, put);
-  // The first one again behind the last.
-  x_[region.ring] = x_[0];
-  y_[region.ring] = y_[0];
-  heights_[region.ring] = heights_[0];
+  // The first one again behind the last. An open ring needs none, and may leave no place for it.
+  if (!region.is_open) {
+    x_[region.ring] = x_[0];
+    y_[region.ring] = y_[0];
+    heights_[region.ring] = heights_[0];
+  }
   inFours(0, region.ring, [&](int i) { squares_[i] = x_[i] * x_[i] + y_[i] * y_[i]; });
+  if (!region.is_open) squares_[region.ring] = squares_[0];
   squared_extent_ = *std::max_element(squares_.begin(), squares_.begin() + region.ring);
   return true;
 }
@@ -85,8 +90,13 @@ bool DeviationBound::areRightWayRound(const CollapseRegion& region) {
     const float tilt_y = heights_[i] * x_[i + 1] - x_[i] * heights_[i + 1];
     const bool is_flat = area * area * (1 - kLeastCosineSquared) >=
                          kLeastCosineSquared * (tilt_x * tilt_x + tilt_y * tilt_y);
+    const float side_x = x_[i + 1] - x_[i], side_y = y_[i + 1] - y_[i];
+    const float longest =
+        std::max({squares_[i], squares_[i + 1], side_x * side_x + side_y * side_y});
+    const bool is_high = area * area >= kLeastHeight * kLeastHeight * longest;
     turns_[i] = area;
-    is_wrong[i] = std::uint32_t{!(area > least)} | std::uint32_t{!is_flat};
+    is_wrong[i] =
+        std::uint32_t{!(area > least)} | std::uint32_t{!is_flat} | std::uint32_t{!is_high};
   });
   std::uint32_t wrong = 0;
   for (int i = 0; i < region.sides(); ++i) wrong |= is_wrong[i];

@@ -8,9 +8,11 @@
 namespace isobrick {
 namespace {
 
-// Distances are tried in this range, in voxels: below it nothing collapses, above it nothing more.
-constexpr double kLeast = 1e-3, kMost = 1024;
-constexpr int kMostTrials = 12;
+// Distances are tried from the least on, each so many times the one before, in voxels: below the
+// first nothing collapses, above the last nothing more.
+constexpr double kLeast = 1e-3, kMost = 1024, kStep = 4;
+// Between the last distance that is too small and the first that is not.
+constexpr int kMostHalvings = 6;
 // As near as this below the number that is asked for is near enough.
 constexpr double kEnough = 0.97;
 
@@ -21,6 +23,7 @@ std::optional<SimplifyOptions> findSimplification(Extractor& extractor, Query qu
   TriangleSink nowhere;
   SimplifyOptions options;
   options.drop_small = query.simplify && query.simplify->drop_small;
+  query.is_progressive = false;
   const auto countAt = [&](std::optional<double> distance) {
     query.simplify.reset();
     if (distance) {
@@ -30,32 +33,31 @@ std::optional<SimplifyOptions> findSimplification(Extractor& extractor, Query qu
     return extractor.extract(query, nowhere).triangles;
   };
   if (countAt(std::nullopt) <= triangles) return std::nullopt;
-  // More distance, fewer triangles, or nearly so: the best one so far is kept.
-  double low = kLeast, high = kMost, distance = 1;
-  std::optional<double> best;
-  std::uint64_t best_count = 0;
-  for (int trial = 0; trial < kMostTrials; ++trial) {
-    const std::uint64_t count = countAt(distance);
-    if (count > triangles) {
-      low = distance;
-    } else {
-      high = distance;
-      if (count >= best_count) {
-        best = distance;
-        best_count = count;
-      }
-      if (static_cast<double>(count) >= kEnough * static_cast<double>(triangles)) break;
-    }
-    distance = std::sqrt(low * high);
-    // Until both ends are known, not further than to four times or a quarter.
-    if (high == kMost) distance = std::min(distance, 4 * low);
-    if (low == kLeast) distance = std::max(distance, high / 4);
+  // More distance may bring more triangles: on flat faces, say, where the least is enough. So the
+  // search comes from below, and the least distance that is enough is the best.
+  double low = 0, high = kLeast;
+  std::uint64_t count = countAt(high);
+  while (count > triangles && high < kMost) {
+    low = high;
+    high *= kStep;
+    count = countAt(high);
   }
-  if (!best)
+  if (count > triangles)
     throw Error(
         "simplification leaves more triangles than that; ask for more triangles, or for a "
         "coarser level");
-  options.distance = *best;
+  const double enough = kEnough * static_cast<double>(triangles);
+  for (int n = 0; n < kMostHalvings && low > 0 && static_cast<double>(count) < enough; ++n) {
+    const double middle = std::sqrt(low * high);
+    const std::uint64_t at_middle = countAt(middle);
+    if (at_middle > triangles) {
+      low = middle;
+    } else {
+      high = middle;
+      count = at_middle;
+    }
+  }
+  options.distance = high;
   return options;
 }
 

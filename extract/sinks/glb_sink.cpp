@@ -25,7 +25,7 @@ class GlbSink : public NumberedSink {
 
   void begin(const MeshFrame& frame) override {
     NumberedSink::begin(frame);
-    if (double_precision_) center_ = gltfCenter(frame);
+    if (double_precision_) center_ = gltfCenter(frame_);
   }
   void place(PlacedBatch& placed) override {
     NumberedSink::place(placed);
@@ -87,7 +87,8 @@ class GlbSink : public NumberedSink {
   std::string makeHeader() const { return glbHeader(makeJson(), kJsonBytes, binBytes()); }
 
   std::string makeJson() const {
-    const std::string head = joined("{", gltfAsset(frame_), R"(,"scene":0,"scenes":[)");
+    const std::string head =
+        joined("{", gltfAsset(frame_, options_.shift), R"(,"scene":0,"scenes":[)");
     if (triangles_ == 0) return joined(head, "{}]}");
 
     const std::string vertex_bytes = std::to_string(vertices() * vertexBytes());

@@ -34,9 +34,11 @@ glm::dvec3 gltfCenter(const MeshFrame& frame) {
   return center;
 }
 
-std::string gltfAsset(const MeshFrame& frame) {
+std::string gltfAsset(const MeshFrame& frame, const glm::dvec3& shift) {
+  const bool is_shifted = shift != glm::dvec3(0.0);
   return joined(R"("asset":{"version":"2.0","generator":"isobrick","extras":{"units":")",
-                lengthUnitName(frame.geometry.unit), R"(","space":")", kMeshSpace, R"("}})");
+                lengthUnitName(frame.geometry.unit), R"(","space":")", kMeshSpace, "\"",
+                is_shifted ? joined(R"(,"shift":)", arrayText(shift)) : "", "}}");
 }
 
 std::string gltfNode(const glm::dvec3& center) {

@@ -1,5 +1,7 @@
 #include "isobrick/extract/sinks/mesh_file_sink.h"
 
+#include <charconv>
+
 #include "isobrick/extract/sinks/mesh_formats.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/lowercase.h"
@@ -28,6 +30,16 @@ std::vector<MeshFormatInfo> meshFormats() {
   for (const MeshFormat& format : kMeshFormats)
     formats.push_back({format.extension, format.has_values, format.has_zlib, format.has_meshopt});
   return formats;
+}
+
+std::string shiftText(const glm::dvec3& shift) {
+  std::string text;
+  for (int axis = 0; axis < 3; ++axis) {
+    char digits[32];
+    text.append(axis == 0 ? "" : " ")
+        .append(digits, std::to_chars(digits, digits + sizeof digits, shift[axis]).ptr);
+  }
+  return text;
 }
 
 std::unique_ptr<MeshFileSink> makeMeshFileSink(const std::string& path,

@@ -17,6 +17,9 @@ class MeshFileSink : public TriangleSink {
  public:
   // Distinct vertices written; for STL, which has none, three a triangle.
   virtual std::uint64_t vertices() const = 0;
+  // After finish(): words on what the format did not keep of the mesh, with figures. Empty:
+  // nothing.
+  virtual std::string loss() const { return {}; }
 };
 
 // Options of a mesh file. All pointers may be null; their targets outlive the sink.
@@ -30,6 +33,9 @@ struct MeshFileOptions {
   // whole number; `_COMPONENT` of .glb, which has floats: exact up to 16,777,216. Error for the
   // other formats.
   bool components = false;
+  // Added to all positions, in world units; headers say it if it is not 0. Values are those of the
+  // places without it.
+  glm::dvec3 shift{0.0};
   // Packs .vtp with zlib. Error for the other formats.
   bool zlib = false;
   // Packs .glb with EXT_meshopt_compression. Error for the other formats.
@@ -49,7 +55,8 @@ std::vector<MeshFormatInfo> meshFormats();
 // Makes a sink for `path`; its extension decides:
 //   .ply  binary little-endian: x y z (float, or double if MeshFrame says that single precision
 //         does not separate crossings), nx ny nz, faces with the pyramid level as `level`
-//   .stl  binary: triangles without shared vertices, at most 2^32 - 1
+//   .stl  binary: triangles without shared vertices, at most 2^32 - 1. Positions are floats: see
+//         MeshFileSink::loss()
 //   .obj  text: v (digits enough to read the same float or double as in .ply), vn, f
 //   .glb  glTF 2.0, binary: POSITION and NORMAL as float, indices of 32 bits; at most 4 GiB. If
 //         .ply takes doubles, positions count from the middle of the volume, and the node's

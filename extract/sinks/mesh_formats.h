@@ -30,4 +30,7 @@ std::unique_ptr<MeshFileSink> makeVtpSink(const std::string& path, const MeshFil
 // The text of headers on coordinates, beside their unit.
 inline constexpr std::string_view kMeshSpace = "LPS";
 
+// "X Y Z", with digits that read back as the same numbers.
+std::string shiftText(const glm::dvec3& shift);
+
 }  // namespace isobrick

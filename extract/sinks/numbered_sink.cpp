@@ -9,8 +9,9 @@ namespace isobrick {
 
 void NumberedSink::begin(const MeshFrame& frame) {
   frame_ = frame;
-  double_precision_ = frame.coordinateMagnitudeInVoxels() >= 2048;
-  placement_ = WorldPlacement(frame.geometry);
+  frame_.geometry.origin += options_.shift;
+  double_precision_ = frame_.coordinateMagnitudeInVoxels() >= 2048;
+  placement_ = WorldPlacement(frame_.geometry);
 }
 
 void NumberedSink::place(PlacedBatch& placed) {
@@ -55,7 +56,13 @@ void NumberedSink::findAllVertices(PlacedBatch& placed) const {
 void NumberedSink::findValues(PlacedBatch& placed) const {
   if (options_.values == nullptr) return;
   placed.values.resize(placed.world.size());
-  options_.values->evaluate(placed.world, placed.values);
+  if (options_.shift == glm::dvec3(0.0)) {
+    options_.values->evaluate(placed.world, placed.values);
+    return;
+  }
+  std::vector<glm::dvec3> unshifted = placed.world;
+  for (glm::dvec3& place : unshifted) place -= options_.shift;
+  options_.values->evaluate(unshifted, placed.values);
 }
 
 }  // namespace isobrick

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "isobrick/extract/sinks/mesh_file_sink.h"
+#include "isobrick/extract/sinks/mesh_formats.h"
 #include "isobrick/extract/sinks/vertex_numbering.h"
 #include "isobrick/storage/atomic_file.h"
 
@@ -45,9 +46,14 @@ class NumberedSink : public MeshFileSink {
     file_.commit(options_.cancel);
   }
 
+  // The shift between two texts, for a header; empty if there is none.
+  std::string shiftLine(const std::string& before, const std::string& after) const {
+    return options_.shift == glm::dvec3(0.0) ? "" : before + shiftText(options_.shift) + after;
+  }
+
   const MeshFileOptions options_;
   AtomicFile file_;
-  MeshFrame frame_;
+  MeshFrame frame_;                // shifted
   bool double_precision_ = false;  // floats would not separate crossings
   std::uint64_t triangles_ = 0;
 

@@ -112,7 +112,7 @@ class ObjSink : public NumberedSink {
       return std::string(20 - text.size(), ' ') + text;
     };
     return "# isobrick\n# units: " + std::string(lengthUnitName(frame_.geometry.unit)) +
-           "\n# space: " + std::string(kMeshSpace) +
+           "\n# space: " + std::string(kMeshSpace) + shiftLine("\n# shift: ", "") +
            "\n# normals: towards lower values\n# vertices:  " + padded(vertices()) +
            "\n# triangles: " + padded(triangles_) + "\n";
   }

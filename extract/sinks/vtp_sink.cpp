@@ -250,7 +250,7 @@ class VtpSink : public NumberedSink {
     std::string head =
         "<?xml version=\"1.0\"?>\n<!-- written by isobrick; world coordinates are " +
         std::string(kMeshSpace) + ", their unit is " +
-        std::string(lengthUnitName(frame_.geometry.unit)) +
+        std::string(lengthUnitName(frame_.geometry.unit)) + shiftLine(", shifted by ", "") +
         " -->\n<VTKFile type=\"PolyData\" version=\"1.0\" byte_order=\"LittleEndian\" "
         "header_type=\"UInt64\"" +
         (options_.zlib ? " compressor=\"vtkZLibDataCompressor\"" : "") +

@@ -102,6 +102,15 @@ TEST_F(BatchBound, NobodyWaitsForever) {
   });
 }
 
+TEST(BatchRing, LargeIdleBatchesGiveTheirMemoryBack) {
+  BatchRing ring(1);
+  ring.begin();
+  PlacedBatch* const batch = ring.take();
+  batch->components.resize(BatchRing::kMostIdleBytes / sizeof(std::uint32_t) + 1);
+  ring.giveBack(batch);
+  EXPECT_EQ(ring.take()->components.capacity(), 0u);
+}
+
 // A batch that is ready waits as a task of the thread that placed the one before. If that thread
 // takes another job and waits for room, and so do all others, nobody is left to place it.
 TEST(BatchBoundOfUnequalBatches, SomebodyAlwaysGoesOn) {

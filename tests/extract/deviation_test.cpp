@@ -251,6 +251,32 @@ TEST(DeviationBound, RefusesWhatIsLongerThanTheMost) {
   EXPECT_GT(tried, 100);
 }
 
+TEST(DeviationBound, HoldsForTheLargestOpenRing) {
+  constexpr std::uint32_t kGone = 0, kKept = 1, kFirst = 2, kRing = CollapseRegion::kMostRing;
+  constexpr float kHeight = 0.2f;
+  std::vector<glm::vec3> places = {{0, 0.3f, kHeight}, glm::vec3(0.0f)};
+  std::vector<std::uint32_t> corners = {kGone, kKept, kFirst, kKept, kGone, kFirst + kRing - 1};
+  for (std::uint32_t i = 0; i < kRing; ++i) {
+    const float angle = std::numbers::pi_v<float> * (0.1f + 0.8f * static_cast<float>(i) / kRing);
+    places.emplace_back(std::cos(angle), std::sin(angle), 0);
+    if (i > 0) corners.insert(corners.end(), {kGone, kFirst + i - 1, kFirst + i});
+  }
+  CornerTable table;
+  table.set(corners, places.size());
+  CollapseRegion region;
+  ASSERT_TRUE(region.findEdge(table, 0, true));
+  ASSERT_EQ(region.ring, CollapseRegion::kMostRing);
+  for (int i = 0; i < region.ring; ++i) region.setPlace(i, places[region.vertices[i]]);
+  for (const int i : {CollapseRegion::kFirstInner, CollapseRegion::kFirstInner + 1})
+    region.setPlace(i, places[region.vertices[i]]);
+  DeviationBound bound;
+  ASSERT_TRUE(bound.follow(region, std::vector<Deviation>(corners.size() / 3), 100));
+  float longest = 0;
+  for (int i = 0; i < region.sides(); ++i)
+    longest = std::max(longest, std::sqrt(bound.deviation(i).squaredLength()));
+  EXPECT_NEAR(longest, kHeight, 1e-5f);
+}
+
 // A ring that goes round twice, and one with a triangle upside down, have no direction.
 TEST(DeviationBound, RefusesRingsThatFold) {
   RandomRegions random(3);

@@ -1,14 +1,19 @@
 // One Extractor and one mesh for many queries, also after some that failed; plans in ranges.
 #include <gtest/gtest.h>
+#include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 #include <tbb/task_group.h>
 
+#include <algorithm>
+#include <atomic>
+#include <chrono>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <functional>
 #include <limits>
 #include <stdexcept>
+#include <thread>
 
 #include "isobrick/extract/extractor.h"
 #include "isobrick/extract/sinks/indexed_mesh.h"
@@ -131,6 +136,47 @@ TEST_F(ExtractorSession, RangesOfAPlanJoinedByTheirEdgesAreTheWhole) {
     expectSame(sink.mesh(), whole);
     EXPECT_EQ(extractor.execute(plan, plan.bricks().size() + 1, 9, sink).triangles, 0u);
   }
+}
+
+// A sink that waits for a loop of its own could begin one of the pipeline's loops meanwhile, which
+// waits for the sink.
+TEST_F(ExtractorSession, ASinkMayUseThreadsOfItsOwn) {
+  class ParallelSink : public TriangleSink {
+   public:
+    void accept(const MeshBatch& batch) override {
+      tbb::parallel_for(0, 200,
+                        [](int) { std::this_thread::sleep_for(std::chrono::microseconds(20)); });
+      triangles += batch.triangles.size() / 3;
+    }
+    std::uint64_t triangles = 0;
+  };
+  const Pyramid pyramid(path_);
+  for (const Query& query : {uniformQuery(), focusQuery()}) {
+    ParallelSink sink;
+    ExtractionReport report;
+    tbb::task_arena(8).execute([&] { report = extractIsosurface(pyramid, query, sink); });
+    EXPECT_EQ(sink.triangles, report.triangles);
+  }
+}
+
+TEST_F(ExtractorSession, IsDoneWhenTheLastBrickIsMeshed) {
+  class Watcher : public TriangleSink {
+   public:
+    explicit Watcher(const std::atomic<float>& done) : done_(done) {}
+    void prepare(PlacedBatch&) override { greatest = std::max(greatest, done_.load()); }
+    float greatest = 0;
+
+   private:
+    const std::atomic<float>& done_;
+  };
+  const Pyramid pyramid(path_);
+  Query query = uniformQuery();
+  std::atomic<float> done{0};
+  query.fraction_done = &done;
+  Watcher watcher(done);
+  tbb::task_arena(1).execute([&] { extractIsosurface(pyramid, query, watcher); });
+  EXPECT_LT(watcher.greatest, 1.0F);
+  EXPECT_EQ(done, 1.0F);
 }
 
 TEST_F(ExtractorSession, WorksOnAfterASinkThatFailed) {

@@ -13,6 +13,7 @@
 #include "isobrick/extract/sinks/indexed_mesh.h"
 #include "isobrick/storage/error.h"
 #include "tests/extract/random_case.h"
+#include "tests/support/crossing_triangles.h"
 #include "tests/support/field_pyramid.h"
 #include "tests/support/hashing_sink.h"
 #include "tests/support/mesh_checker.h"
@@ -86,6 +87,91 @@ Query sphereQuery(double distance) {
   return query;
 }
 
+// Of one brick, so that all pieces are of one, with values that make thin walls and flat faces.
+std::string fewValues(const TemporaryFolder& folder, RandomCase& random, std::int64_t brick_cells) {
+  BuildOptions options;
+  options.brick_cells = brick_cells;
+  return buildField(
+      folder, Index3(random.uniform(6, 17), random.uniform(6, 17), random.uniform(6, 17)),
+      [&](const glm::dvec3&) { return random.uniform(-1, 1); }, options);
+}
+
+TEST(Simplify, LeavesNoTriangleWithoutArea) {
+  for (unsigned seed = 0; seed < 60; ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    RandomCase random(seed);
+    const TemporaryFolder folder;
+    const Pyramid pyramid(fewValues(folder, random, 8));
+    const IndexedMesh mesh = meshOf(pyramid, sphereQuery(random.real(0.05, 1)));
+    const MeshReport report =
+        checkMesh(mesh.positions, mesh.triangles, indexOptions(pyramid.spec().voxels));
+    ASSERT_TRUE(report.ok()) << report.summary();
+    // Nor one that single precision makes such.
+    EXPECT_GT(report.smallest_area, 1e-9);
+  }
+}
+
+TEST(Simplify, PiecesOfABrickStayApart) {
+  std::size_t simplified = 0, finest = 0;
+  for (unsigned seed = 0; seed < 60; ++seed) {
+    SCOPED_TRACE("seed " + std::to_string(seed));
+    RandomCase random(seed);
+    const TemporaryFolder folder;
+    const Pyramid pyramid(seed % 2 == 0 ? fewValues(folder, random, 32)
+                                        : buildRandomPyramid(random, folder, 5));
+    Query query = sphereQuery(random.real(0.1, 2));
+    if (seed % 2 != 0) query.isovalue = random.real(20, 180);
+    if (pyramid.layout().bricks(0) != Index3(1)) continue;
+    const IndexedMesh mesh = meshOf(pyramid, query);
+    ASSERT_TRUE(crossingTriangles(mesh.positions, mesh.triangles).empty());
+    simplified += mesh.triangles.size();
+    query.simplify.reset();
+    finest += meshOf(pyramid, query).triangles.size();
+  }
+  EXPECT_GT(finest, 100'000u);
+  EXPECT_LT(simplified, finest * 9 / 10);
+}
+
+// Whose distance is more than it is thick.
+TEST(Simplify, BothSidesOfAWallStayApart) {
+  const TemporaryFolder folder;
+  BuildOptions options;
+  options.brick_cells = 64;
+  const Pyramid pyramid(buildField(
+      folder, Index3(49),
+      [](const glm::dvec3& p) { return 1.0 - std::abs(glm::length(p - 24.3) - 15); }, options));
+  for (const double distance : {0.5, 1.0, 2.0, 4.0}) {
+    const IndexedMesh mesh = meshOf(pyramid, sphereQuery(distance));
+    EXPECT_TRUE(crossingTriangles(mesh.positions, mesh.triangles).empty()) << distance;
+    const MeshReport report = checkMesh(mesh.positions, mesh.triangles, {});
+    EXPECT_TRUE(report.ok()) << report.summary();
+    EXPECT_EQ(report.components, 2);
+    EXPECT_EQ(report.euler, 4);
+  }
+}
+
+// One number is one length, whatever the spacing: voxels are those of the least one.
+TEST(Simplify, ADistanceInVoxelsIsOneOfTheLeastSpacing) {
+  const TemporaryFolder folder;
+  GridGeometry geometry;
+  geometry.spacing = {0.4, 0.4, 3.1};
+  const Index3 dims(49, 49, 13);
+  const Pyramid pyramid(buildField(
+      folder, dims,
+      [](const glm::dvec3& p) {
+        return 8 - glm::length((p - glm::dvec3(24, 24, 6)) * glm::dvec3(0.4, 0.4, 3.1));
+      },
+      {}, geometry));
+  const IndexedMesh finest = meshOf(pyramid, sphereQuery(0)),
+                    mesh = meshOf(pyramid, sphereQuery(1));
+  const Index3 box(40);  // millimetres
+  EXPECT_LE(greatestDistance(plainMesh(mesh), plainMesh(finest), box), 0.4 + 1e-3);
+  EXPECT_LE(greatestDistance(plainMesh(finest), plainMesh(mesh), box), 0.4 + 1e-3);
+  Query query = sphereQuery(0);
+  query.simplify = SimplifyOptions{.distance = 0.4, .in_world = true};
+  EXPECT_EQ(meshOf(pyramid, query).triangles, mesh.triangles);
+}
+
 // A sphere of radius 40 voxels in bricks of 32 cells.
 std::string sphere(const TemporaryFolder& folder, const GridGeometry& geometry = {}) {
   BuildOptions options;
@@ -153,6 +239,39 @@ TEST(Simplify, FindsTheDistanceForANumberOfTriangles) {
     EXPECT_GT(count, most * 9 / 10);
   }
   EXPECT_THROW(findSimplification(extractor, sphereQuery(0), 10), Error);
+}
+
+// Flat faces need next to no distance, and with more of it there may be more triangles again.
+TEST(Simplify, FindsTheLeastDistanceThatIsEnough) {
+  const TemporaryFolder folder;
+  const Pyramid pyramid(buildField(folder, Index3(41), [](const glm::dvec3& p) {
+    const glm::dvec3 d = glm::abs(p - glm::dvec3(20.1, 19.7, 20.4));
+    return 12.25 - std::max({d.x, d.y, d.z, (d.x + d.y + d.z) / 1.7});
+  }));
+  Extractor extractor(pyramid);
+  const std::size_t finest = meshOf(pyramid, sphereQuery(0)).triangles.size() / 3;
+  for (const std::size_t most : {finest / 2, finest / 4, finest / 8}) {
+    double least = 0;
+    for (double distance = 1e-3; distance < 8 && least == 0; distance *= 2)
+      if (meshOf(pyramid, sphereQuery(distance)).triangles.size() / 3 <= most) least = distance;
+    const auto found = findSimplification(extractor, sphereQuery(0), most);
+    ASSERT_TRUE(found);
+    EXPECT_LE(found->distance, 4 * least) << most << " triangles";
+    EXPECT_LE(meshOf(pyramid, sphereQuery(found->distance)).triangles.size() / 3, most);
+  }
+}
+
+// The counts of a surface that is not there yet would find another distance.
+TEST(Simplify, FindsTheDistanceForAProgressiveQueryToo) {
+  const TemporaryFolder folder;
+  const Pyramid pyramid(sphere(folder));
+  const std::size_t most = meshOf(pyramid, sphereQuery(0)).triangles.size() / 15;
+  Query progressive = sphereQuery(0);
+  progressive.is_progressive = true;
+  Extractor first(pyramid);
+  const auto found = findSimplification(first, progressive, most);
+  ASSERT_TRUE(found);
+  EXPECT_LE(meshOf(pyramid, sphereQuery(found->distance)).triangles.size() / 3, most);
 }
 
 TEST(Simplify, SmallPiecesGoIfThatIsAsked) {

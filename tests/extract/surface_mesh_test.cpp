@@ -127,6 +127,28 @@ TEST(SurfaceMesh, IsTheMeshOfTheSinkForAnyNumberOfThreads) {
   EXPECT_GT(triangles, uniform);
 }
 
+// If the caller has the two bricks between them, others meet in a line alone.
+TEST(SurfaceMesh, BricksThatMeetInALineShareItsVertices) {
+  const TemporaryFolder folder;
+  const Index3 dims(17, 17, 9);
+  ArraySource<float> source(dims, arrayOfField<float>(dims, [](const Index3& i) {
+                              return static_cast<double>(i.z) - 4.5;
+                            }));
+  BuildOptions options;
+  options.brick_cells = 8;
+  const std::string path = folder.file("plane.isb");
+  buildPyramid(source, path, options);
+  const Pyramid pyramid(path);
+  Query query;
+  query.has_brick = [](int, const Index3& brick) { return brick.x != brick.y; };
+  SurfaceMesh mesh;
+  IndexedMeshSink sink;
+  extractIsosurface(pyramid, query, mesh);
+  extractIsosurface(pyramid, query, sink);
+  EXPECT_EQ(mesh.triangles().size(), sink.mesh().triangles.size());
+  EXPECT_EQ(mesh.positions().size(), sink.mesh().positions.size());
+}
+
 // Sanitizers hold memory and addresses of their own.
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
 

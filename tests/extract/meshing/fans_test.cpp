@@ -1,0 +1,131 @@
+// The fans of cells beside finer ones, in exact arithmetic: random values at the corners of a cell,
+// and any faces of it finer.
+#include "isobrick/extract/meshing/fans.h"
+
+#include <gtest/gtest.h>
+
+#include <map>
+#include <tuple>
+#include <vector>
+
+#include "isobrick/extract/meshing/transition_face.h"
+#include "tests/support/crossing_triangles.h"
+#include "tests/support/random_numbers.h"
+
+namespace isobrick::test {
+namespace {
+
+// Cell 0 of level 1, two voxels wide, and the triangles of each of its loops.
+class CellFans {
+ public:
+  explicit CellFans(Random& random) : lattice_(Index3(5)) {
+    // Anything, values near the isovalue, and few ones.
+    const std::int64_t kind = randomInt(random, 0, 3);
+    for (float& value : values_) {
+      value = static_cast<float>(randomReal(random, -1, 1));
+      if (kind == 1) value = static_cast<float>(randomInt(random, -3, 2)) + 0.5F;
+      if (kind == 2 && randomInt(random, 0, 1) == 0) value *= 1e-3F;
+      if (kind == 3 && randomInt(random, 0, 1) == 0) value *= 1e-4F;
+    }
+    batch_.level = 1;
+    meshLoops(static_cast<unsigned>(randomInt(random, 1, 63)));
+  }
+
+  std::size_t fans() const { return fans_.size(); }
+  const std::vector<std::uint32_t>& fan(std::size_t n) const { return fans_[n]; }
+  std::vector<glm::dvec3> positions() const {
+    return {batch_.positions.begin(), batch_.positions.end()};
+  }
+
+ private:
+  void meshLoops(unsigned finer) {
+    constexpr float kIsovalue = 0;
+    unsigned pattern = 0;
+    for (unsigned corner = 0; corner < 8; ++corner)
+      pattern |= static_cast<unsigned>(values_[corner] >= kIsovalue) << corner;
+    const auto numberOf = [&](int edge) {
+      const CellEdge& e = kCellEdgeTable[static_cast<std::size_t>(edge)];
+      return vertexOn(e.axis, Index3(2) * Index3(e.x, e.y, e.z), 2, values_[e.low],
+                      values_[e.high]);
+    };
+    const auto makeVertex = [&](int axis, const LatticePoint& low, const LatticePoint& high) {
+      return vertexOn(axis, low.sample, 1, low.value, high.value);
+    };
+    Contour contour;
+    for (int face = 0; face < 6; ++face) {
+      const unsigned mask = faceCorners(face), inside = pattern & mask;
+      if (inside == 0 || inside == mask) continue;
+      if ((finer >> face & 1) != 0) {
+        addTransitionFace(makeTransitionFace(lattice_, 1, Index3(0), face, values_), kIsovalue,
+                          numberOf, makeVertex, contour);
+        continue;
+      }
+      const FaceContour& pieces = plainFace(face, pattern);
+      for (std::size_t n = 0; n < pieces.size; ++n) {
+        const auto [from, to] = pieces.pieces[n];
+        for (const std::uint8_t point : {from, to})
+          if (!contour.isKnown(point)) contour.setNumber(point, numberOf(point));
+        contour.add(from, to, face);
+      }
+    }
+    const WorldFrame frame{GridGeometry()};
+    EXPECT_TRUE(forEachLoop(contour, [&](const ContourLoop& loop) {
+      batch_.triangles.clear();
+      if (const auto hub = hubOf(loop))
+        addFan(frame, loop, *hub, batch_);
+      else
+        addCenteredFan(frame, glm::dvec3(1), loop, batch_);
+      fans_.emplace_back(batch_.triangles.begin(), batch_.triangles.end());
+    }));
+  }
+  std::uint32_t vertexOn(int axis, const Index3& low, int length, float at_low, float at_high) {
+    const auto [found, is_new] =
+        vertices_.try_emplace(std::tuple(axis, low.x, low.y, low.z), batch_.positions.size());
+    if (is_new) {
+      glm::vec3 at(low);
+      const float t = crossingParameter(0, at_low, at_high);
+      at[axis] =
+          crossingCoordinate(at[axis] + static_cast<float>(length), static_cast<float>(length), t);
+      batch_.positions.push_back(at);
+      batch_.normals.emplace_back(0, 0, 1);
+    }
+    return found->second;
+  }
+
+  Lattice lattice_;
+  float values_[8];
+  MeshBatch batch_;
+  std::map<std::tuple<int, std::int64_t, std::int64_t, std::int64_t>, std::uint32_t> vertices_;
+  std::vector<std::vector<std::uint32_t>> fans_;
+};
+
+// Seen from its centre, or its hub, no two points of a loop on a convex cell are in one direction.
+TEST(TransitionFans, NoFanCrossesItself) {
+  Random random(1);
+  std::size_t fans = 0;
+  for (int n = 0; n < 20'000; ++n) {
+    const CellFans cell(random);
+    for (std::size_t i = 0; i < cell.fans(); ++i, ++fans)
+      ASSERT_TRUE(crossingTriangles(cell.positions(), cell.fan(i)).empty()) << "cell " << n;
+  }
+  EXPECT_GT(fans, 20'000u);
+}
+
+TEST(TransitionFans, TwoFansOfACellHardlyEverCross) {
+  Random random(2);
+  std::size_t cells = 0, crossed = 0;
+  for (int n = 0; n < 20'000; ++n) {
+    const CellFans cell(random);
+    if (cell.fans() < 2) continue;
+    ++cells;
+    std::vector<std::uint32_t> all;
+    for (std::size_t i = 0; i < cell.fans(); ++i)
+      all.insert(all.end(), cell.fan(i).begin(), cell.fan(i).end());
+    crossed += crossingTriangles(cell.positions(), all).empty() ? 0 : 1;
+  }
+  EXPECT_GT(cells, 5'000u);
+  EXPECT_LT(crossed, cells / 300);
+}
+
+}  // namespace
+}  // namespace isobrick::test
