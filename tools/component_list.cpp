@@ -14,15 +14,19 @@ Json jsonOfComponents(const SurfaceComponents& components) {
     json.push_back({{"triangles", one.triangles},
                     {"area", one.area},
                     {"volume", one.volume ? Json(*one.volume) : Json()},
+                    {"enclosed", one.enclosed ? Json(*one.enclosed) : Json()},
                     {"lower", {one.lower.x, one.lower.y, one.lower.z}},
                     {"upper", {one.upper.x, one.upper.y, one.upper.z}}});
   return json;
 }
 
-void printComponents(const SurfaceComponents& components, std::size_t kept) {
+void printComponents(const SurfaceComponents& components, const std::vector<std::uint8_t>& is_kept,
+                     const std::string& ranked_by) {
   constexpr std::size_t kMostLines = 20;
   const std::vector<SurfaceComponent>& list = components.list();
-  fmt::print("{} components, {} of them kept\n", countText(list.size()), countText(kept));
+  const auto kept = static_cast<std::uint64_t>(std::ranges::count(is_kept, 1));
+  fmt::print("{} components, {} of them kept{}\n", countText(list.size()), countText(kept),
+             ranked_by.empty() ? "" : ", the largest by " + ranked_by);
   if (list.empty()) return;
   fmt::print("  {:>6} {:>14} {:>14} {:>14}  box\n", "number", "triangles", "area", "volume");
   for (std::size_t i = 0; i < std::min(list.size(), kMostLines); ++i) {

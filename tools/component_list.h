@@ -1,7 +1,9 @@
 // The connected components of a surface, for people and for programs.
 #pragma once
 
-#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
 
 #include "isobrick/extract/sinks/surface_components.h"
 #include "tools/json_output.h"
@@ -11,8 +13,9 @@ namespace isobrick {
 // All of them, the largest area first.
 Json jsonOfComponents(const SurfaceComponents& components);
 
-// The largest ones on stdout, numbered from 0 on, how many more there are, and that the first
-// `kept` are kept.
-void printComponents(const SurfaceComponents& components, std::size_t kept);
+// The ones of the largest area on stdout, numbered from 0 on, how many more there are, and how many
+// are kept, with the measure by which they were chosen; empty: none.
+void printComponents(const SurfaceComponents& components, const std::vector<std::uint8_t>& is_kept,
+                     const std::string& ranked_by);
 
 }  // namespace isobrick

@@ -127,12 +127,31 @@ void findComponents(const ExtractArguments& arguments, Extractor& extractor, con
   MeasuredSink measured(finder, bar);
   extractor.extract(query, measured);
   result.components = finder.take();
-  result.components_kept = result.components->list().size();
-  if (arguments.drop_below)
-    result.components_kept = result.components->countFrom(*arguments.drop_below);
-  if (arguments.keep_largest)
-    result.components_kept = std::min<std::size_t>(result.components_kept, *arguments.keep_largest);
+  const SurfaceComponents& all = *result.components;
+  if (arguments.keep_largest) {
+    result.is_kept = all.largest(*arguments.keep_largest, arguments.drop_below.value_or(0));
+    result.ranked_by = query.box ? "area" : "volume";
+  } else {
+    result.is_kept.assign(all.list().size(), 0);
+    std::fill_n(result.is_kept.begin(), all.countFrom(arguments.drop_below.value_or(0)),
+                std::uint8_t{1});
+  }
   result.components_seconds = watch.seconds();
+}
+
+// The surface is there, and nothing of it is asked for.
+void warnOfEmptyChoice(const ExtractArguments& arguments, const ExtractResult& result) {
+  std::string why = "at the level and places that are asked for; ask for a finer level";
+  if (result.components && !result.components->list().empty())
+    why = fmt::format("left: the largest area of its {} pieces, {:.6g}, is below --drop-below",
+                      countText(result.components->list().size()),
+                      result.components->list().front().area);
+  else if (arguments.query.box)
+    why = "in --box";
+  else if (arguments.drop_small)
+    why = "left by --drop-small";
+  fmt::print(stderr, "isobrick: warning: the mesh is empty: nothing of the surface at {} is {}\n",
+             arguments.query.isovalue, why);
 }
 
 ExtractResult extractOne(const ExtractArguments& arguments, const Pyramid& pyramid,
@@ -182,7 +201,7 @@ ExtractResult extractOne(const ExtractArguments& arguments, const Pyramid& pyram
     MeasuredSink measured(sink, bar);
     const Stopwatch watch;
     if (result.components) {
-      ComponentFilter filter(*result.components, result.components_kept, measured);
+      ComponentFilter filter(*result.components, result.is_kept, measured);
       result.report = extractShare(filter);
     } else {
       result.report = extractShare(measured);
@@ -196,7 +215,9 @@ ExtractResult extractOne(const ExtractArguments& arguments, const Pyramid& pyram
     if (const std::string loss = file_sink->loss(); !loss.empty())
       warnOfLosses(output, {loss + "; give --shift auto, or write .ply"});
   if (values != nullptr) result.vertices_outside = values->outside() - outside_before;
-  warnOfEmptySurface(arguments.query, pyramid);
+  if (!warnOfEmptySurface(arguments.query, pyramid) && result.report.triangles == 0 &&
+      !arguments.part)
+    warnOfEmptyChoice(arguments, result);
   if (result.vertices_outside > 0)
     fmt::print(stderr,
                "isobrick: warning: {} of {} vertices lie outside of '{}' and have no value ({})\n",
@@ -298,7 +319,9 @@ std::vector<CLI::Option*> addDetailOptions(CLI::App& app, ExtractArguments& argu
                    "each encloses, in world units");
   CLI::Option* const largest =
       addParsedOption(app, "--keep-largest", arguments.keep_largest, atLeastOne, "N",
-                      "Only the N connected pieces of the largest area; they are listed, too");
+                      "Only the N connected pieces that enclose the most, with their cavities; the "
+                      "border of the volume counts as a wall. With --box, those of the largest "
+                      "area. They are listed, too");
   CLI::Option* const drop_below = addParsedOption(
       app, "--drop-below", arguments.drop_below, numberFrom(0), "AREA",
       "Only connected pieces of at least this area, in squares of the world's unit");

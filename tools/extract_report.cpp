@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <string>
 #include <utility>
 
@@ -49,7 +50,8 @@ Json jsonOfSurface(const ExtractResults& results, const ExtractResult& result) {
     json["shift"] = {result.shift.x, result.shift.y, result.shift.z};
   if (result.components) {
     json["components"] = jsonOfComponents(*result.components);
-    json["components_kept"] = result.components_kept;
+    json["components_kept"] = std::ranges::count(result.is_kept, 1);
+    if (!result.ranked_by.empty()) json["ranked_by"] = result.ranked_by;
   }
   json["triangles"] = report.triangles;
   json["vertices"] = result.vertices;
@@ -76,7 +78,7 @@ std::string distanceText(const SimplifyOptions& simplify, LengthUnit unit) {
 }
 
 void printSummary(const ExtractResult& result, LengthUnit unit) {
-  if (result.components) printComponents(*result.components, result.components_kept);
+  if (result.components) printComponents(*result.components, result.is_kept, result.ranked_by);
   const ExtractionReport& report = result.report;
   fmt::print("{}{} triangles, {} vertices\n", result.output.empty() ? "" : result.output + ": ",
              countText(report.triangles), countText(result.vertices));

@@ -27,9 +27,10 @@ struct ExtractResult {
   bool is_finest = true;  // level 0 everywhere
   glm::dvec3 shift{0.0};  // of the file, world units
   std::optional<SurfaceComponents> components;
-  std::size_t components_kept = 0;
-  double components_seconds = 0;  // to find them
-  ExtractionReport report;        // of the last repeat
+  std::vector<std::uint8_t> is_kept;  // of each of the components, 0 or 1
+  std::string ranked_by;              // of --keep-largest: "volume" or "area"
+  double components_seconds = 0;      // to find them
+  ExtractionReport report;            // of the last repeat
   std::uint64_t vertices = 0;
   std::vector<double> extract_seconds;  // one for every repeat, without the time in a file's sink
   std::uint64_t vertices_outside = 0;   // of the other pyramid

@@ -201,13 +201,14 @@ Query makeQuery(const QueryOptions& options, const Pyramid& pyramid) {
   return query;
 }
 
-void warnOfEmptySurface(const QueryOptions& options, const Pyramid& pyramid) {
+bool warnOfEmptySurface(const QueryOptions& options, const Pyramid& pyramid) {
   const ValueRange& range = pyramid.valueRange();
-  if (range.crosses(static_cast<float>(options.isovalue))) return;
+  if (range.crosses(static_cast<float>(options.isovalue))) return false;
   fmt::print(stderr,
              "isobrick: warning: the mesh is empty: no surface at the isovalue {}, since the "
              "values of '{}' are {} to {}\n",
              options.isovalue, oneLine(withoutSecrets(options.input.path)), range.min, range.max);
+  return true;
 }
 
 void refuseTwinIsovalues(std::vector<std::optional<double>> isovalues) {

@@ -59,7 +59,8 @@ void refuseTwinIsovalues(std::vector<std::optional<double>> isovalues);
 // The query in voxel indices, whatever the user's units are; stopped by Ctrl-C.
 Query makeQuery(const QueryOptions& options, const Pyramid& pyramid);
 
-// One line on stderr if the isovalue separates no voxels, so that the mesh will be empty.
-void warnOfEmptySurface(const QueryOptions& options, const Pyramid& pyramid);
+// One line on stderr, and true, if the isovalue separates no voxels, so that the mesh will be
+// empty.
+bool warnOfEmptySurface(const QueryOptions& options, const Pyramid& pyramid);
 
 }  // namespace isobrick

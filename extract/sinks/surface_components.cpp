@@ -1,9 +1,13 @@
 #include "isobrick/extract/sinks/surface_components.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <functional>
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
+#include <glm/matrix.hpp>
+#include <glm/vector_relational.hpp>
 #include <limits>
 #include <mutex>
 #include <numeric>
@@ -18,6 +22,40 @@
 namespace isobrick {
 namespace {
 
+// The volume between a surface and the border of a box that begins at the origin, in voxels: the
+// flux of (x, 0, 0), to which the sides of the box add that of the last x alone. The area inside
+// there is that between the surface's border and the line of the last y, by Green's theorem, and
+// the length inside on that line goes from end to end.
+struct CappedVolume {
+  double flux = 0, area = 0, length = 0;
+  std::int64_t begins = 0;  // on the line; one more than ends if its last point is inside
+
+  void addTriangle(const std::array<glm::dvec3, 3>& at, const glm::dvec3& last) {
+    const glm::dvec3 ab = at[1] - at[0], ac = at[2] - at[0];
+    flux += (at[0].x + at[1].x + at[2].x) * (ab.y * ac.z - ab.z * ac.y) / 6;
+    for (std::size_t i = 0; i < 3; ++i) {
+      const glm::dvec3 &a = at[i], &b = at[(i + 1) % 3];
+      // A side in the box's side is the surface's border, or is there twice, both ways.
+      if (a.x != last.x || b.x != last.x) continue;
+      area += (a.y + b.y) * (a.z - b.z) / 2;
+      if (a.y == last.y) length -= a.z, ++begins;
+      if (b.y == last.y) length += b.z, --begins;
+    }
+  }
+  void add(const CappedVolume& other) {
+    flux += other.flux;
+    area += other.area;
+    length += other.length;
+    begins += other.begins;
+  }
+  // A surface around nothing is as good as one around all.
+  double volume(const glm::dvec3& last) const {
+    const double to_end = length + static_cast<double>(begins) * last.z;
+    const double sum = flux + last.x * (area + last.y * to_end);
+    return sum < 0 ? sum + last.x * last.y * last.z : sum;
+  }
+};
+
 // A component of a batch, or of the surface.
 struct ComponentPart {
   std::uint64_t triangles = 0;
@@ -28,6 +66,7 @@ struct ComponentPart {
   glm::dvec3 moment{0.0};  // of the area, about the world's origin of the placement
   glm::dvec3 point{0.0};   // its first vertex
   bool has_border = false;
+  CappedVolume capped;
 
   void add(const ComponentPart& other) {
     triangles += other.triangles;
@@ -38,6 +77,7 @@ struct ComponentPart {
     lower = glm::min(lower, other.lower);
     upper = glm::max(upper, other.upper);
     has_border = has_border || other.has_border;
+    capped.add(other.capped);
   }
 };
 
@@ -52,6 +92,49 @@ std::size_t SurfaceComponents::countFrom(double area) const {
   return static_cast<std::size_t>(
       std::find_if(list_.begin(), list_.end(), [&](const auto& c) { return c.area < area; }) -
       list_.begin());
+}
+
+namespace {
+
+constexpr std::size_t kNoBody = ~std::size_t{0};
+
+bool isCavity(const SurfaceComponent& one) { return one.volume && *one.volume < 0; }
+
+// The body of the least box that holds that of the cavity.
+std::size_t bodyAround(const std::vector<SurfaceComponent>& list, const SurfaceComponent& cavity) {
+  std::size_t found = kNoBody;
+  double least = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < list.size(); ++i) {
+    const glm::dvec3 extent = list[i].upper - list[i].lower;
+    const double box = extent.x * extent.y * extent.z;
+    if (isCavity(list[i]) || !(box < least) ||
+        glm::any(glm::greaterThan(list[i].lower, cavity.lower)) ||
+        glm::any(glm::lessThan(list[i].upper, cavity.upper)))
+      continue;
+    found = i;
+    least = box;
+  }
+  return found;
+}
+
+}  // namespace
+
+std::vector<std::uint8_t> SurfaceComponents::largest(std::size_t count, double least_area) const {
+  std::vector<std::size_t> body_of(list_.size()), bodies;
+  std::vector<double> sizes(list_.size(), 0.0);
+  for (std::size_t i = 0; i < list_.size(); ++i) {
+    const SurfaceComponent& one = list_[i];
+    body_of[i] = isCavity(one) ? bodyAround(list_, one) : i;
+    if (body_of[i] == i && one.area >= least_area) bodies.push_back(i);
+    if (body_of[i] != kNoBody) sizes[body_of[i]] += one.enclosed.value_or(one.area);
+  }
+  std::ranges::stable_sort(bodies, std::greater(), [&](std::size_t i) { return sizes[i]; });
+  bodies.resize(std::min(bodies.size(), count));
+  std::vector<std::uint8_t> is_kept(list_.size(), 0);
+  for (const std::size_t body : bodies) is_kept[body] = 1;
+  for (std::size_t i = 0; i < list_.size(); ++i)
+    if (body_of[i] != kNoBody && is_kept[body_of[i]] != 0) is_kept[i] = 1;
+  return is_kept;
 }
 
 std::span<const std::uint32_t> SurfaceComponents::ofBatch(const MeshBatch& batch) const {
@@ -127,9 +210,13 @@ void ComponentFinder::write(PlacedBatch& placed) {
   const MeshBatch& batch = placed.batch;
   std::vector<ComponentPart> parts(placed.numbers.back());
   const glm::dvec3 last(frame_.voxels - Index3(1));
+  const auto voxelOf = [&](std::uint32_t v) {
+    return glm::dvec3(batch.origin) + glm::dvec3(batch.positions[v]);
+  };
+  const bool is_mirrored = glm::determinant(frame_.geometry.direction) < 0;
   placed.world.resize(batch.positions.size());
   for (std::uint32_t v = 0; v < batch.positions.size(); ++v) {
-    const glm::dvec3 voxel = glm::dvec3(batch.origin) + glm::dvec3(batch.positions[v]);
+    const glm::dvec3 voxel = voxelOf(v);
     placed.world[v] = placement_.worldPosition(batch, v);
     ComponentPart& part = parts[placed.numbers[v]];
     part.lower = glm::min(part.lower, placed.world[v]);
@@ -149,6 +236,10 @@ void ComponentFinder::write(PlacedBatch& placed) {
     part.area += area;
     part.moment += area / 3 * (a + b + c);
     part.volume += glm::dot(a, across) / 6;
+    std::array<glm::dvec3, 3> at = {voxelOf(batch.triangles[i]), voxelOf(batch.triangles[i + 1]),
+                                    voxelOf(batch.triangles[i + 2])};
+    if (is_mirrored) std::swap(at[1], at[2]);
+    part.capped.addTriangle(at, last);
   }
   joined_->nearest->add(batch, placed.world, placed.numbers, placed.first_vertex);
   const std::lock_guard lock(joined_->mutex);
@@ -172,6 +263,9 @@ void ComponentFinder::finish() {
   }
   std::vector<std::uint32_t> order(sums.size()), places(sums.size());
   std::iota(order.begin(), order.end(), 0u);
+  const glm::dvec3 last(frame_.voxels - Index3(1));
+  const glm::dvec3& spacing = frame_.geometry.spacing;
+  const double voxel = spacing.x * spacing.y * spacing.z;
   std::ranges::stable_sort(order, [&](auto a, auto b) { return sums[a].area > sums[b].area; });
   for (std::uint32_t place = 0; place < order.size(); ++place) {
     const ComponentPart& sum = sums[order[place]];
@@ -180,6 +274,7 @@ void ComponentFinder::finish() {
     listed.triangles = sum.triangles;
     listed.area = sum.area;
     if (!sum.has_border && !has_box_) listed.volume = sum.volume;
+    if (!has_box_) listed.enclosed = sum.has_border ? sum.capped.volume(last) * voxel : sum.volume;
     listed.lower = sum.lower + frame_.geometry.origin;
     listed.upper = sum.upper + frame_.geometry.origin;
     listed.center = (sum.area > 0 ? sum.moment / sum.area : sum.point) + frame_.geometry.origin;

@@ -22,6 +22,9 @@ struct SurfaceComponent {
   // Enclosed, world units^3: below 0 for the wall of a hollow. None if the component has a border,
   // as it reaches the border of the volume or of the query's box.
   std::optional<double> volume;
+  // The same with the border of the volume as a wall where it is open there. None if a box cuts the
+  // surface.
+  std::optional<double> enclosed;
   glm::dvec3 lower{0.0};  // of the least box around it, world units
   glm::dvec3 upper{0.0};  // likewise
   // The centre of gravity of the surface, as a thin shell; world units.
@@ -45,6 +48,10 @@ class SurfaceComponents {
   const std::vector<SurfaceComponent>& list() const { return list_; }
   // How many of the list have at least this area.
   std::size_t countFrom(double area) const;
+  // An entry for each of the list, 1 for the largest `count` bodies of at least an area, with their
+  // cavities: walls of hollows that lie in the box of no smaller body. The largest are those that
+  // enclose the most, cavities left out; if a box cuts the surface, those of the largest area.
+  std::vector<std::uint8_t> largest(std::size_t count, double least_area = 0) const;
   // For every point that the finder was given, the component that is nearest to it, as its place in
   // the list; none: there is none within reach.
   const std::vector<std::optional<std::size_t>>& atPoints() const { return at_points_; }

@@ -16,6 +16,7 @@
 #include "tests/support/hashing_sink.h"
 #include "tests/support/mesh_checker.h"
 #include "tests/support/mesh_components.h"
+#include "tests/support/random_numbers.h"
 
 namespace isobrick::test {
 namespace {
@@ -70,6 +71,11 @@ TEST(SurfaceComponents, AreaAndVolumeOfBallsAndHollows) {
     EXPECT_NEAR(list[2].lower[axis], middle[axis] - 4, 0.1);
     EXPECT_NEAR(list[2].upper[axis], middle[axis] + 4, 0.1);
   }
+  // The shell's outer wall comes with the inner one; the half ball is the smallest body.
+  EXPECT_NEAR(list[3].enclosed.value(), ball(9) / 2, 0.03 * ball(9));
+  EXPECT_EQ(components.largest(1), (std::vector<std::uint8_t>{1, 1, 0, 0}));
+  EXPECT_EQ(components.largest(2), (std::vector<std::uint8_t>{1, 1, 1, 0}));
+  EXPECT_EQ(components.largest(9, sphere(29)), (std::vector<std::uint8_t>{1, 1, 0, 0}));
   EXPECT_EQ(components.countFrom(sphere(17)), 2u);
   EXPECT_EQ(components.countFrom(0), 4u);
   EXPECT_EQ(components.countFrom(1e9), 0u);
@@ -77,7 +83,49 @@ TEST(SurfaceComponents, AreaAndVolumeOfBallsAndHollows) {
   query.box = QueryBox{glm::dvec3(0.0), glm::dvec3(96.0)};
   const SurfaceComponents in_box = componentsOf(pyramid, query);
   EXPECT_EQ(in_box.list().size(), 4u);
-  for (const SurfaceComponent& one : in_box.list()) EXPECT_FALSE(one.volume);
+  for (const SurfaceComponent& one : in_box.list()) EXPECT_FALSE(one.volume || one.enclosed);
+  EXPECT_EQ(in_box.largest(2), (std::vector<std::uint8_t>{1, 1, 0, 0}));  // of the largest area
+}
+
+// Balls and slabs that leave the volume on every side, against sums over fine samples.
+TEST(SurfaceComponents, EncloseWithTheBorderOfTheVolume) {
+  const TemporaryFolder folder;
+  const Index3 dims(21, 18, 16);
+  const glm::dvec3 last(dims - Index3(1));
+  Random random(3);
+  int open = 0;
+  for (int n = 0; n < 60; ++n) {
+    const glm::dvec3 way(randomReal(random, -1, 1), randomReal(random, -1, 1),
+                         randomReal(random, -1, 1));
+    const glm::dvec3 middle = last * glm::dvec3(randomReal(random, 0, 1), randomReal(random, 0, 1),
+                                                randomReal(random, 0, 1));
+    const double size = randomReal(random, 3, 9);
+    const double sign = n % 4 == 3 ? -1 : 1;
+    const auto field = [&](const glm::dvec3& p) {
+      if (n % 2 == 0) return sign * (size - glm::length(p - middle));
+      return sign * (size / 2 - std::abs(glm::dot(p - middle, glm::normalize(way))));
+    };
+    GridGeometry geometry;
+    geometry.spacing = {0.5, 1, 2};
+    if (n % 3 == 0) geometry.direction = glm::dmat3(-1, 0, 0, 0, 1, 0, 0, 0, 1);
+    BuildOptions build;
+    build.brick_cells = 8;
+    const Pyramid pyramid(buildField(folder, dims, field, build, geometry));
+    Query query;
+    query.isovalue = 0;
+    const SurfaceComponents components = componentsOf(pyramid, query);
+    if (components.list().size() != 1) continue;
+    constexpr int kParts = 4;
+    double inside = 0, all = 0;
+    for (double z = 0.5 / kParts; z < last.z; z += 1.0 / kParts)
+      for (double y = 0.5 / kParts; y < last.y; y += 1.0 / kParts)
+        for (double x = 0.5 / kParts; x < last.x; x += 1.0 / kParts, ++all)
+          inside += field({x, y, z}) >= 0 ? 1 : 0;
+    const double expected = inside / all * last.x * last.y * last.z;
+    EXPECT_NEAR(components.list()[0].enclosed.value(), expected, 0.03 * expected + 20) << n;
+    open += components.list()[0].volume ? 0 : 1;
+  }
+  EXPECT_GT(open, 20);
 }
 
 TEST(SurfaceComponents, AreThoseOfTheWholeMesh) {

@@ -1,7 +1,8 @@
-// check_mesh FILE.ply [--box x0 y0 z0 x1 y1 z1] [--tolerance T]
+// check_mesh FILE.ply [--box x0 y0 z0 x1 y1 z1] [--tolerance T] [--embedded]
 //
 // Prints what the mesh checker says about a mesh. With --box the mesh may be open at the border of
-// that box (in the coordinates of the file) and must be inside it.
+// that box (in the coordinates of the file) and must be inside it. With --embedded no two triangles
+// may cross.
 // Exit: 0 the mesh is ok, 1 it is not or cannot be read, 2 wrong usage.
 
 #include <cstdlib>
@@ -11,16 +12,18 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/crossing_triangles.h"
 #include "tests/support/mesh_checker.h"
 #include "tests/support/ply_reader.h"
 
 namespace {
 
 constexpr const char* kUsage =
-    "usage: check_mesh FILE.ply [--box x0 y0 z0 x1 y1 z1] [--tolerance T]\n";
+    "usage: check_mesh FILE.ply [--box x0 y0 z0 x1 y1 z1] [--tolerance T] [--embedded]\n";
 
 struct Arguments {
   std::string file;
+  bool is_embedded = false;
   isobrick::test::MeshCheckOptions options;
 };
 
@@ -36,6 +39,10 @@ std::optional<Arguments> parseArguments(const std::vector<std::string>& words) {
   for (std::size_t i = 0; i < words.size(); ++i) {
     const bool is_box = words[i] == "--box";
     const bool is_tolerance = words[i] == "--tolerance";
+    if (words[i] == "--embedded") {
+      arguments.is_embedded = true;
+      continue;
+    }
     if (!is_box && !is_tolerance) {
       if (words[i].starts_with("--") || !arguments.file.empty()) return std::nullopt;
       arguments.file = words[i];
@@ -72,7 +79,12 @@ int main(int argc, char** argv) {
     const isobrick::test::MeshReport report =
         isobrick::test::checkMesh(mesh.positions, mesh.triangles, arguments->options);
     std::cout << report.summary();
-    return report.ok() ? 0 : 1;
+    std::size_t crossing = 0;
+    if (arguments->is_embedded) {
+      crossing = isobrick::test::crossingTriangles(mesh.positions, mesh.triangles).size();
+      std::cout << "crossing pairs of triangles: " << crossing << "\n";
+    }
+    return report.ok() && crossing == 0 ? 0 : 1;
   } catch (const std::exception& e) {
     std::cerr << "check_mesh: " << e.what() << "\n";
     return 1;

@@ -115,8 +115,46 @@ TEST_F(CliTest, ADistanceIsSaidInItsUnit) {
   };
   EXPECT_NE(told("known.nrrd", "0.3mm").find("within 0.3 mm of"), std::string::npos);
   EXPECT_NE(told("known.nrrd", "0.3").find("within 0.3 voxels of"), std::string::npos);
-  EXPECT_NE(told("unknown.nrrd", "0.3mm").find("within 0.3 units of the world of"),
-            std::string::npos);
+  EXPECT_NE(told("unknown.nrrd", "0.3").find("within 0.3 voxels of the finest"), std::string::npos);
+  expectFailure(
+      1, {"extract", "unknown.nrrd", "--iso", "0", "--simplify", "0.3mm", "--cache-folder", "."},
+      "the unit of 'unknown.nrrd' is unknown");
+  // The promise is about the surface of the same query.
+  const std::string coarse = runWell({"extract", "known.nrrd", "--iso", "0", "--simplify", "0.3",
+                                      "--level", "1", "--cache-folder", "."});
+  EXPECT_NE(coarse.find("voxels of this surface without --simplify"), std::string::npos) << coarse;
+}
+
+// Voxels of 0.1 at the coordinates of a map.
+TEST_F(CliTest, AMeshFarFromTheOriginIsMovedOrSaysItsLoss) {
+  runWell({"phantom", "sphere", "--voxels", "20", "-o", "here.nrrd"});
+  runWell({"build", "here.nrrd", "-o", "far.isb", "--spacing", "0.1,0.1,0.1", "--origin",
+           "499999.3,4200001.7,12.4"});
+  const auto extracted = [&](const Words& more) {
+    Words words = {"extract", "far.isb", "--iso", "0", "--force", "-o"};
+    words.insert(words.end(), more.begin(), more.end());
+    const Outcome outcome = run(words);
+    EXPECT_EQ(outcome.status, 0) << outcome.err;
+    return outcome;
+  };
+  const Outcome far = extracted({"far.stl"});
+  EXPECT_NE(far.err.find("single precision moves vertices by up to 2."), std::string::npos)
+      << far.err;
+  EXPECT_NE(far.err.find("--shift auto"), std::string::npos) << far.err;
+  EXPECT_EQ(extracted({"far.ply"}).err, "");
+  const Outcome near = extracted({"near.stl", "--shift", "auto"});
+  EXPECT_EQ(near.err, "");
+  EXPECT_NE(near.out.find("shifted by -500000,-4200003,-13"), std::string::npos) << near.out;
+  for (const char* name : {"near.ply", "near.obj", "near.vtp", "near.stl"}) {
+    extracted({name, "--shift", "-500000,-4200000,0"});
+    EXPECT_NE(readBytes(path(name)).find("-500000 -4200000 0"), std::string::npos) << name;
+  }
+  extracted({"near.glb", "--shift", "-500000,-4200000,0"});
+  EXPECT_NE(readBytes(path("near.glb")).find("\"shift\":[-500000,-4200000,0]"), std::string::npos);
+  for (const glm::dvec3& at : test::readPly(path("near.ply")).positions) {
+    EXPECT_LT(std::abs(at.x), 3);
+    EXPECT_LT(std::abs(at.y - 2.65), 3);
+  }
 }
 
 TEST_F(CliTest, FromPhantomToPicture) {
