@@ -18,7 +18,7 @@ set(switched_off_sources "")
 # ITK reads the medical formats. Only preprocess/sources/itk_*.cpp include it.
 if(ISOBRICK_WITH_ITK)
   set(isobrick_itk_components
-    ITKIOImageBase ITKIONRRD ITKIOMeta ITKIONIFTI ITKIOTIFF ITKIOGDCM ITKIOPNG ITKIOMRC)
+    ITKIOImageBase ITKIONRRD ITKIOMeta ITKIONIFTI ITKIOGDCM ITKIOPNG ITKIOMRC)
   find_package(ITK 5 REQUIRED COMPONENTS ${isobrick_itk_components})
   # GDCM is a part of ITK or a library beside it, whose own package asks for more than its libraries.
   find_path(GDCM_INCLUDE_DIR gdcmImageReader.h HINTS ${ITK_INCLUDE_DIRS} PATH_SUFFIXES gdcm-3.0 gdcm REQUIRED)

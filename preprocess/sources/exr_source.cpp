@@ -158,6 +158,7 @@ class ExrSlices final : public VolumeSource {
     info_.source = folder;
     info_.format = "OpenEXR stack";
     info_.voxel_type = VoxelType::kFloat32;
+    files_ = chooseSlices(files_, options, info_);
     const ExrFile first(files_.front());
     std::vector<std::string> all;
     const auto channel = first.findChannel(options.grid, all);
@@ -170,7 +171,9 @@ class ExrSlices final : public VolumeSource {
     if (all.size() > 1 && options.grid.empty())
       info_.notes.push_back("of the channels " + list + ", " + quotedText(channel_.name, 40) +
                             " was taken");
-    if (!options.grid.empty()) info_.encoding = "channel " + quotedText(options.grid, 40);
+    if (!options.grid.empty())
+      info_.encoding +=
+          (info_.encoding.empty() ? "" : "; ") + ("channel " + quotedText(options.grid, 40));
     info_.voxels = first.pixels(channel_.part);
     info_.voxels.z = static_cast<std::int64_t>(files_.size());
     checkVoxelCounts(folder, info_.voxels);

@@ -1,7 +1,6 @@
 // The common part of single files and folders: ITK itself, its errors, and the headers of images.
 #include "isobrick/preprocess/sources/itk_common.h"
 
-#include <dlfcn.h>
 #include <itkGDCMImageIO.h>
 #include <itkImageIOFactory.h>
 #include <itkMRCImageIOFactory.h>
@@ -9,11 +8,8 @@
 #include <itkNiftiImageIOFactory.h>
 #include <itkNrrdImageIOFactory.h>
 #include <itkPNGImageIOFactory.h>
-#include <itkTIFFImageIO.h>
-#include <itkTIFFImageIOFactory.h>
 
 #include <algorithm>
-#include <cstdarg>
 #include <iostream>
 #include <map>
 #include <mutex>
@@ -22,7 +18,6 @@
 
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/nifti_run.h"
-#include "isobrick/preprocess/sources/tiff_pages.h"
 #include "isobrick/preprocess/sources/voxel_components.h"
 #include "isobrick/storage/file_system.h"
 #include "isobrick/storage/lowercase.h"
@@ -81,16 +76,6 @@ class CerrCapture {
   std::streambuf* previous_;
 };
 
-// libtiff prints on the C stream. ITK's copy of it has renamed functions and no header.
-void silenceTiff() {
-  using Handler = void (*)(const char*, const char*, std::va_list);
-  using SetHandler = Handler (*)(Handler);
-  for (const char* name : {"itk_TIFFSetErrorHandler", "itk_TIFFSetWarningHandler",
-                           "TIFFSetErrorHandler", "TIFFSetWarningHandler"})
-    if (void* const function = dlsym(RTLD_DEFAULT, name))
-      reinterpret_cast<SetHandler>(function)(nullptr);
-}
-
 Error unknownFormat(const std::string& path) {
   static constexpr std::pair<const char*, const char*> kConverters[] = {
       {".vtk", "save it as .vti with ParaView"},
@@ -128,8 +113,6 @@ itk::ImageIOBase::Pointer openBy(const std::string& path, const OpenOptions& opt
   const Component component = image->GetComponentType();
   if (component == Component::UNKNOWNCOMPONENTTYPE || component == Component::LDOUBLE)
     throw unusable(path, "this kind of voxel is not supported; convert it to a scalar type first");
-  if (dynamic_cast<const itk::TIFFImageIO*>(image.GetPointer()) != nullptr)
-    refuseMisreadTiff(path, storedTypeOf(component));
   checkComponentChoice(path, image->GetNumberOfComponents(), options);
   return image;
 }
@@ -142,10 +125,9 @@ void prepareItk() {
   static std::once_flag once;
   std::call_once(once, [] {
     itk::Object::GlobalWarningDisplayOff();
-    silenceTiff();
     // DICOM is not among them: openImage() reads such files itself (dicom_header.h).
     registerFactories<itk::NrrdImageIOFactory, itk::MetaImageIOFactory, itk::NiftiImageIOFactory,
-                      itk::TIFFImageIOFactory, itk::PNGImageIOFactory, itk::MRCImageIOFactory>();
+                      itk::PNGImageIOFactory, itk::MRCImageIOFactory>();
   });
 }
 

@@ -18,7 +18,6 @@
 #include "isobrick/preprocess/sources/one_grid.h"
 #include "isobrick/preprocess/sources/slice_names.h"
 #include "isobrick/preprocess/sources/source_checks.h"
-#include "isobrick/preprocess/sources/tiff_pages.h"
 #include "isobrick/preprocess/sources/tiff_source.h"
 #include "isobrick/storage/abandonable.h"
 #include "isobrick/storage/lowercase.h"
@@ -458,41 +457,38 @@ std::vector<std::string> withExtension(const std::vector<std::string>& files,
 }
 
 std::unique_ptr<VolumeSource> openImageStack(const std::string& folder,
-                                             const std::vector<std::string>& paths,
+                                             const std::vector<std::string>& files,
                                              const OpenOptions& options,
                                              std::vector<std::string> notes) {
   if (!options.series.empty())
     throw Error("cannot use the folder '" + folder + "': it holds no DICOM series to choose from",
                 {.path = folder});
-  if (paths.size() == 1) return openItkFile(paths.front(), options);
+  if (files.size() == 1) return openItkFile(files.front(), options);
   VolumeInfo info;
   info.source = folder;
   info.notes = std::move(notes);
-  if (auto stack = openTiffStack(info, paths, options)) return stack;
+  if (lowerExtension(files.front()) != ".png")
+    return openTiffStack(std::move(info), files, options);
+  const std::vector<std::string> paths = chooseSlices(files, options, info);
   const SliceImage first = openSlice({paths.front(), std::nullopt}, Index3(0));
-  const std::string io_name = first.image->GetNameOfClass();
-  info.format = io_name.substr(0, io_name.find("ImageIO")) + " stack";
+  info.format = "PNG stack";
   info.voxels = imageVoxels(folder, *first.image);
   info.voxels.z = static_cast<std::int64_t>(paths.size());
   checkVoxelCounts(folder, info.voxels);
   info.geometry.spacing = imageGeometry(*first.image).spacing;
   std::vector<std::string> unsaid;  // of a distance that is given
   std::vector<std::string>& distance_notes = options.spacing ? unsaid : info.notes;
-  if (io_name.starts_with("TIFF")) {
-    takeTiffLengths(paths.front(), info.geometry, distance_notes);
-  } else {
-    info.geometry.spacing.z = info.geometry.spacing.x;
-    distance_notes.emplace_back(kNoSliceDistance);
-  }
+  info.geometry.spacing.z = info.geometry.spacing.x;
+  distance_notes.emplace_back(kNoSliceDistance);
   tidyGeometry(folder, info.geometry, info.voxels, info.notes);
   const auto exact = exactVoxelType(first.component());
   info.voxel_type = exact ? *exact : VoxelType::kFloat32;
   if (!exact)
     info.notes.push_back(itk::ImageIOBase::GetComponentTypeAsString(first.component()) +
                          " voxels were converted to float32");
-  std::vector<SliceFile> files;
-  for (const std::string& path : paths) files.push_back({path, std::nullopt});
-  return std::make_unique<SliceStackSource>(std::move(info), std::move(files),
+  std::vector<SliceFile> slices;
+  for (const std::string& path : paths) slices.push_back({path, std::nullopt});
+  return std::make_unique<SliceStackSource>(std::move(info), std::move(slices),
                                             first.image->GetImageSizeInBytes(), options.cancel);
 }
 

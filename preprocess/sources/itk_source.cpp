@@ -23,7 +23,6 @@
 #include "isobrick/preprocess/sources/one_grid.h"
 #include "isobrick/preprocess/sources/raw_run.h"
 #include "isobrick/preprocess/sources/source_checks.h"
-#include "isobrick/preprocess/sources/tiff_pages.h"
 #include "isobrick/preprocess/sources/tiff_source.h"
 #include "isobrick/preprocess/sources/voxel_components.h"
 #include "isobrick/storage/abandonable.h"
@@ -45,7 +44,6 @@ void takeUnits(const std::string& path, VolumeInfo& info) {
   };
   if (info.format == "NRRD") takeLengthUnits(nrrdUnits(path), info.geometry, info.notes);
   if (info.format == "MetaImage") take(metaImageUnit(path));
-  if (info.format == "TIFF") takeTiffLengths(path, info.geometry, info.notes);
   if (info.format == "DICOM") take("millimeter");
   if (info.format == "MRC") take(MrcHeader(path).unit());
 }
@@ -183,7 +181,6 @@ std::unique_ptr<VolumeSource> openImageFile(const std::string& path, std::vector
   VolumeInfo info = describeVolume(path, *image, std::move(notes));
   const auto components = static_cast<std::uint64_t>(image->GetNumberOfComponents());
   const unsigned axes = image->GetNumberOfDimensions();
-  if (info.format == "TIFF") checkTiffPages(path);
   if (info.format == "NIfTI")
     return openNiftiVolume(std::move(info), kItkScalesNiftiOrigins, components,
                            axes > 3 ? image->GetDimensions(3) : 1, options);

@@ -15,6 +15,20 @@ std::string quotedText(const std::string& text, std::size_t most_characters) {
   return result;
 }
 
+std::int64_t takeOne(const std::string& path, const std::string& kind,
+                     std::optional<std::int64_t> wanted, std::int64_t count, VolumeInfo& info) {
+  const std::int64_t taken = wanted.value_or(0);
+  if (taken < 0 || taken >= count)
+    throw Error("'" + path + "' has the " + kind + "s 0 to " + std::to_string(count - 1) +
+                    ", and not " + std::to_string(taken) + "; choose one of these",
+                {.path = path});
+  if (count == 1) return 0;
+  info.encoding += (info.encoding.empty() ? "" : "; ") + kind + " " + std::to_string(taken);
+  if (!wanted)
+    info.notes.push_back("of " + std::to_string(count) + " " + kind + "s, the first was taken");
+  return taken;
+}
+
 void checkVoxelCounts(const std::string& path, const Index3& voxels) {
   const std::string counts = "it has " + indexText(voxels, " x ") + " voxels, and isobrick ";
   for (int axis = 0; axis < 3; ++axis) {

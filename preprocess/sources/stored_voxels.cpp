@@ -1,5 +1,6 @@
 #include "isobrick/preprocess/sources/stored_voxels.h"
 
+#include <bit>
 #include <cmath>
 #include <cstring>
 
@@ -32,6 +33,34 @@ void swapElements(void* data, std::size_t count, std::size_t element_bytes) {
   }
 }
 
+// A floating-point number of 16 bits.
+struct Half {
+  std::uint16_t bits;
+};
+
+float plainNumber(Half half) {
+  const std::uint32_t sign = (half.bits & 0x8000u) << 16, exponent = half.bits >> 10 & 31u,
+                      fraction = half.bits & 0x3ffu;
+  if (exponent == 0) {
+    const float value = std::ldexp(static_cast<float>(fraction), -24);
+    return sign != 0 ? -value : value;
+  }
+  return std::bit_cast<float>(sign | (exponent == 31 ? 255u : exponent + 112u) << 23 |
+                              fraction << 13);
+}
+template <typename T>
+T plainNumber(T number) {
+  return number;
+}
+
+// The number of type T at `from`.
+template <typename T>
+auto numberAt(const std::byte* from) {
+  T value;
+  std::memcpy(&value, from, sizeof(T));
+  return plainNumber(value);
+}
+
 void zeroNotFinite(float* values, std::size_t count) {
   for (std::size_t i = 0; i < count; ++i)
     if (!std::isfinite(values[i])) values[i] = 0;
@@ -42,9 +71,8 @@ void convert(const StoredVoxels& stored, const std::byte* in, std::size_t count,
   const StoredVoxels::Map map = stored.map.value_or(StoredVoxels::Map{});
   const bool maps = stored.map.has_value();
   for (std::size_t i = 0; i < count; ++i) {
-    T value;
-    std::memcpy(&value, in + i * sizeof(T), sizeof(T));
-    if constexpr (std::is_floating_point_v<T>)
+    auto value = numberAt<T>(in + i * sizeof(T));
+    if constexpr (std::is_floating_point_v<decltype(value)>)
       if (stored.not_finite_is_zero && !std::isfinite(value)) value = 0;
     if (!maps) {
       out[i] = static_cast<float>(value);
@@ -64,9 +92,8 @@ void findMagnitudes(const std::byte* in, std::size_t count, std::size_t componen
   for (std::size_t i = 0; i < count; ++i) {
     double squares = 0;
     for (std::size_t c = 0; c < components; ++c) {
-      T value;
-      std::memcpy(&value, in + (i * components + c) * sizeof(T), sizeof(T));
-      squares += static_cast<double>(value) * static_cast<double>(value);
+      const auto value = static_cast<double>(numberAt<T>(in + (i * components + c) * sizeof(T)));
+      squares += value * value;
     }
     out[i] = static_cast<float>(std::sqrt(squares));
   }
@@ -96,6 +123,8 @@ void visitStoredType(StoredType type, F&& f) {
       return f(StoredTag<std::uint64_t>{});
     case StoredType::kInt64:
       return f(StoredTag<std::int64_t>{});
+    case StoredType::kFloat16:
+      return f(StoredTag<Half>{});
     case StoredType::kFloat32:
       return f(StoredTag<float>{});
     case StoredType::kFloat64:

@@ -22,6 +22,7 @@ enum class StoredType {
   kInt32,
   kUint64,
   kInt64,
+  kFloat16,
   kFloat32,
   kFloat64
 };
@@ -34,10 +35,10 @@ struct StoredTypeInfo {
   std::size_t bytes;                  // of one number
 };
 inline constexpr StoredTypeInfo kStoredTypes[] = {
-    {"uint8", "u8", "uchar", 1},    {"int8", "i8", "char", 1},    {"uint16", "u16", "ushort", 2},
-    {"int16", "i16", "short", 2},   {"uint32", "u32", "uint", 4}, {"int32", "i32", "int", 4},
-    {"uint64", "u64", "", 8},       {"int64", "i64", "", 8},      {"float32", "f32", "float", 4},
-    {"float64", "f64", "double", 8}};
+    {"uint8", "u8", "uchar", 1},    {"int8", "i8", "char", 1},      {"uint16", "u16", "ushort", 2},
+    {"int16", "i16", "short", 2},   {"uint32", "u32", "uint", 4},   {"int32", "i32", "int", 4},
+    {"uint64", "u64", "", 8},       {"int64", "i64", "", 8},        {"float16", "f16", "half", 2},
+    {"float32", "f32", "float", 4}, {"float64", "f64", "double", 8}};
 
 constexpr const StoredTypeInfo& infoOf(StoredType type) {
   return kStoredTypes[static_cast<std::size_t>(type)];

@@ -4,134 +4,32 @@
 #include <cstring>
 #include <map>
 #include <mutex>
+#include <optional>
 #include <utility>
 
 #include "isobrick/preprocess/path_error.h"
+#include "isobrick/preprocess/sources/length_units.h"
 #include "isobrick/preprocess/sources/one_grid.h"
+#include "isobrick/preprocess/sources/slice_names.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/stored_file.h"
-#include "isobrick/preprocess/sources/tiff_directory.h"
-#include "isobrick/preprocess/sources/tiff_pages.h"
-#include "isobrick/preprocess/sources/tiff_unpacking.h"
+#include "isobrick/preprocess/sources/tiff_file.h"
+#include "isobrick/preprocess/sources/tiff_images.h"
 #include "isobrick/preprocess/sources/voxel_components.h"
 #include "isobrick/storage/abandonable.h"
 
 namespace isobrick {
 namespace {
 
-// The tags of a page that decide how its numbers lie in the file, with the standard's defaults.
-struct PageTags {
-  std::uint64_t is_smaller = 0, width = 0, height = 0, bits = 1, packing = 1, colours = 0;
-  std::uint64_t bit_order = 1, corner = 1, samples = 1, planes = 1, prediction = 1, kind = 1;
-  std::uint64_t rows_per_strip = ~std::uint64_t{0};
-  bool has_tiles = false;
-  std::vector<std::uint64_t> strips, strip_bytes;
-};
-
-// None: a tag has no value that could be, or differs between the numbers of a pixel.
-std::optional<PageTags> tagsOf(const TiffDirectory& tiff, std::uint64_t page) {
-  PageTags tags;
-  const std::map<std::uint64_t, std::uint64_t*> numbers = {
-      {254, &tags.is_smaller}, {256, &tags.width},      {257, &tags.height},
-      {258, &tags.bits},       {259, &tags.packing},    {262, &tags.colours},
-      {266, &tags.bit_order},  {274, &tags.corner},     {277, &tags.samples},
-      {284, &tags.planes},     {317, &tags.prediction}, {278, &tags.rows_per_strip},
-      {339, &tags.kind}};
-  for (const TiffEntry& entry : tiff.entries(page)) {
-    if (entry.tag >= 322 && entry.tag <= 325) tags.has_tiles = true;
-    if (entry.tag == 273) tags.strips = tiff.wholeNumbers(entry);
-    if (entry.tag == 279) tags.strip_bytes = tiff.wholeNumbers(entry);
-    const auto found = numbers.find(entry.tag);
-    if (found == numbers.end()) continue;
-    const std::vector<std::uint64_t> values =
-        entry.count <= kMostComponents ? tiff.wholeNumbers(entry) : std::vector<std::uint64_t>();
-    if (values.empty() || std::ranges::count(values, values.front()) != std::ssize(values))
-      return std::nullopt;
-    *found->second = values.front();
-  }
-  return tags;
-}
-
-std::optional<TiffSlices::Form> formOf(const PageTags& tags) {
-  constexpr std::uint64_t kSigned = 2, kFloat = 3, kRgb = 2, kSeparate = 2;
-  const bool is_known = tags.colours <= kRgb && tags.bit_order == 1 && tags.corner == 1 &&
-                        tags.kind >= 1 && tags.kind <= kFloat && tags.bits % 8 == 0 &&
-                        tags.samples >= 1 && tags.samples <= kMostComponents;
-  if (!is_known || tags.width == 0 || tags.height == 0) return std::nullopt;
-  TiffSlices::Form form{tags.width, tags.height, tags.samples};
-  form.is_half = tags.kind == kFloat && tags.bits == 16;
-  form.is_separate = tags.planes == kSeparate && tags.samples > 1;
-  const auto type = storedTypeOf(tags.kind == kFloat    ? 'f'
-                                 : tags.kind == kSigned ? 'i'
-                                                        : 'u',
-                                 form.is_half ? 4 : tags.bits / 8);
-  // Sizes below fit 64 bits with these, and no page has them.
-  constexpr std::uint64_t kMostNumbers = std::uint64_t{1} << 48;
-  const auto most = static_cast<std::uint64_t>(kMaxVoxelsPerAxis);
-  if (!type || tags.width > most || tags.height > most ||
-      tags.width * tags.height > kMostNumbers / tags.samples)
-    return std::nullopt;
-  form.type = *type;
-  return form;
-}
-
-// Where the rows begin, if they lie one behind the other as they are.
-std::optional<std::uint64_t> pixelsAt(const PageTags& tags, const TiffSlices::Form& form,
-                                      std::uint64_t file_bytes) {
-  if (tags.packing != 1 || tags.prediction != 1 || tags.has_tiles || form.is_half ||
-      form.is_separate || tags.rows_per_strip == 0)
-    return std::nullopt;
-  const std::uint64_t row_bytes = form.width * form.samples * storedBytes(form.type);
-  const std::uint64_t rows = std::min(tags.rows_per_strip, form.height);
-  const std::uint64_t strips = (form.height - 1) / rows + 1;
-  if (tags.strips.size() != strips || tags.strip_bytes.size() != strips) return std::nullopt;
-  std::uint64_t end = tags.strips.front();
-  for (std::uint64_t i = 0; i < strips; ++i) {
-    const std::uint64_t bytes = std::min(rows, form.height - i * rows) * row_bytes;
-    if (tags.strips[i] != end || tags.strip_bytes[i] != bytes || end > file_bytes)
-      return std::nullopt;
-    end += bytes;
-  }
-  if (end > file_bytes) return std::nullopt;
-  return tags.strips.front();
-}
-
-// None: it is no TIFF.
-std::optional<TiffDirectory> tiffAt(const std::string& path) {
-  try {
-    return std::optional<TiffDirectory>(std::in_place, path);
-  } catch (const ResumableError&) {
-    throw;
-  } catch (const Error&) {
-    return std::nullopt;
-  }
-}
-
-// Appends the slices of a file. False: it has a picture of another form.
-bool addSlices(const TiffDirectory& tiff, std::span<const std::uint64_t> pages, std::uint32_t file,
-               TiffSlices& slices) {
-  for (const std::uint64_t page : pages) {
-    const std::optional<PageTags> tags = tagsOf(tiff, page);
-    if (!tags) return false;
-    if (tags->is_smaller != 0) continue;
-    const std::optional<TiffSlices::Form> form = formOf(*tags);
-    if (!form) return false;
-    if (slices.slices.empty()) slices.form = *form;
-    if (*form != slices.form || std::ssize(slices.slices) == kMaxVoxelsPerAxis) return false;
-    slices.slices.push_back(
-        {file, page, tiff.isBigEndian(), pixelsAt(*tags, *form, tiff.file().size())});
-  }
-  return true;
-}
-
 class TiffSource final : public VolumeSource {
  public:
-  TiffSource(VolumeInfo info, std::vector<std::string> paths, const TiffSlices& slices,
+  TiffSource(VolumeInfo info, std::vector<std::string> paths, std::vector<TiffPage> slices,
              const StoredVoxels& stored, const CancelFlag* cancel)
       : info_(std::move(info)),
         paths_(std::move(paths)),
-        slices_(slices),
-        is_plain_(slices.arePlain()),
+        slices_(std::move(slices)),
+        is_plain_(std::ranges::all_of(slices_,
+                                      [](const TiffPage& page) { return bool{page.pixels_at}; })),
         stored_(stored),
         cancel_(cancel) {}
 
@@ -151,7 +49,7 @@ class TiffSource final : public VolumeSource {
       const std::int64_t rows = std::min(info_.voxels.y - y, first + count - row);
       if (z != unpacked_) unpack(z);
       const std::byte* from =
-          page_.data() + static_cast<std::size_t>(y * info_.voxels.x) * stored_.bytes();
+          pixels_.data() + static_cast<std::size_t>(y * info_.voxels.x) * stored_.bytes();
       const auto voxels = static_cast<std::size_t>(rows * info_.voxels.x);
       decodeVoxels(stored_, voxels, to, [&](std::byte* stored, std::size_t bytes) {
         std::memcpy(stored, from, bytes);
@@ -179,17 +77,15 @@ class TiffSource final : public VolumeSource {
  private:
   using File = std::shared_ptr<const InputFile>;
 
-  const TiffSlices::Slice& slice(std::int64_t z) const {
-    return slices_.slices[static_cast<std::size_t>(z)];
-  }
+  const TiffPage& slice(std::int64_t z) const { return slices_[static_cast<std::size_t>(z)]; }
 
   void unpack(std::int64_t z) {
     unpacked_ = -1;
     // A large picture takes seconds, and the library does not stop before its end.
-    page_ = runAbandonable(cancel_, [path = paths_[slice(z).file], page_at = slice(z).page_at,
-                                     form = slices_.form, page = std::move(page_)]() mutable {
-      unpackTiffPage(path, page_at, form, page);
-      return std::move(page);
+    pixels_ = runAbandonable(cancel_, [path = paths_[slice(z).file], page = slice(z),
+                                       pixels = std::move(pixels_)]() mutable {
+      TiffFile(path).unpack(page, pixels);
+      return std::move(pixels);
     });
     unpacked_ = z;
   }
@@ -209,98 +105,219 @@ class TiffSource final : public VolumeSource {
 
   const VolumeInfo info_;
   const std::vector<std::string> paths_;
-  const TiffSlices slices_;
+  const std::vector<TiffPage> slices_;
   const bool is_plain_;
   const StoredVoxels stored_;
   const CancelFlag* const cancel_;
-  std::int64_t unpacked_ = -1;   // the slice in page_; -1: none
-  std::vector<std::byte> page_;  // of a packed picture
-  mutable std::mutex mutex_;     // guards the files
+  std::int64_t unpacked_ = -1;     // the slice in pixels_; -1: none
+  std::vector<std::byte> pixels_;  // of a packed picture
+  mutable std::mutex mutex_;       // guards the files
   mutable std::map<std::uint32_t, File> open_;
 };
 
-}  // namespace
-
-bool TiffSlices::arePlain() const {
-  return std::ranges::all_of(slices, [](const Slice& slice) { return bool{slice.pixels_at}; });
-}
-
-std::optional<TiffSlices> findTiffSlices(const std::vector<std::string>& paths,
-                                         const OpenOptions& options) {
-  TiffSlices slices;
-  for (std::size_t i = 0; i < paths.size(); ++i) {
-    options.checkCancel();
-    options.report("scanning slices", static_cast<double>(i) / static_cast<double>(paths.size()));
-    const std::optional<TiffDirectory> tiff = tiffAt(paths[i]);
-    if (!tiff) return std::nullopt;
-    // Its error counts: ITK, which would look next, follows pages in a circle for ever.
-    const std::vector<std::uint64_t> pages = tiff->pages();
-    try {
-      if (!addSlices(*tiff, pages, static_cast<std::uint32_t>(i), slices)) return std::nullopt;
-    } catch (const ResumableError&) {
-      throw;
-    } catch (const Error&) {
-      return std::nullopt;
-    }
+// The axis of slices: the named one, or the fastest one that could be; none: it is no volume.
+std::optional<std::size_t> sliceAxis(const TiffImage& image) {
+  std::optional<std::size_t> found;
+  for (std::size_t i = 0; i < image.axes.size(); ++i) {
+    const TiffAxis& axis = image.axes[i];
+    if (axis.count == 1 || axis.name == 'C' || axis.name == 'T') continue;
+    if (axis.name == 'Z') return i;
+    found = i;
   }
-  if (slices.slices.empty()) return std::nullopt;
-  return slices;
+  return found;
 }
 
-std::unique_ptr<VolumeSource> openTiffSlices(VolumeInfo info, std::vector<std::string> paths,
-                                             const TiffSlices& slices, const StoredVoxels& stored,
-                                             const OpenOptions& options) {
-  return std::make_unique<TiffSource>(std::move(info), std::move(paths), slices, stored,
+// "'cells' of 400 x 300 x 20 x 2 channels"
+std::string imageText(const TiffImage& image) {
+  std::string text = image.name.empty() ? "" : quotedText(image.name, 40) + " of ";
+  if (!image.planes.empty())
+    text += std::to_string(image.planes.front().form.width) + " x " +
+            std::to_string(image.planes.front().form.height);
+  for (const TiffAxis& axis : image.axes)
+    if (axis.count > 1)
+      text += " x " + std::to_string(axis.count) +
+              (axis.name == 'C'   ? " channels"
+               : axis.name == 'T' ? " times"
+                                  : "");
+  return text;
+}
+
+// The chosen image, or the only one that is a volume.
+const TiffImage& chooseImage(const std::string& path, const std::vector<TiffImage>& images,
+                             const OpenOptions& options, VolumeInfo& info) {
+  std::string list;
+  std::vector<std::size_t> volumes;
+  for (std::size_t i = 0; i < images.size(); ++i) {
+    constexpr std::size_t kMostListed = 20;
+    if (i < kMostListed)
+      list += (i > 0 ? "; " : "") + std::to_string(i) + ": " + imageText(images[i]);
+    if (i == kMostListed) list += "; ...";
+    if (sliceAxis(images[i])) volumes.push_back(i);
+  }
+  if (options.image) volumes = {static_cast<std::size_t>(*options.image)};
+  if (images.size() == 1 && !options.image) volumes = {0};
+  if (volumes.size() != 1 || volumes.front() >= images.size())
+    throw unusable(path, (volumes.size() == 1 ? "it has no image " + std::to_string(volumes.front())
+                          : volumes.empty()   ? "none of its images is a volume"
+                                              : "it has several images") +
+                             " (" + list + "); choose an image by its number");
+  if (images.size() > 1) {
+    info.notes.push_back("of the images " + list + ", number " + std::to_string(volumes.front()) +
+                         " was taken");
+    info.encoding = "image " + std::to_string(volumes.front());
+  }
+  return images[volumes.front()];
+}
+
+// The planes of one channel at one time, which become the slices. `options` lose what was taken.
+std::vector<TiffPage> choosePlanes(const std::string& path, const TiffImage& image,
+                                   OpenOptions& options, VolumeInfo& info) {
+  if (!image.unread.empty()) throw unusable(path, image.unread);
+  const auto slices = sliceAxis(image);
+  if (!slices)
+    throw unusable(path, image.planes.size() == 1
+                             ? "it is a single 2-D image; name the folder that holds all slices"
+                             : "its planes (" + imageText(image) +
+                                   ") are no slices of a volume; if they are, say so in its "
+                                   "description (in Fiji: Image > Properties)");
+  std::int64_t first = 0, step = 1;
+  for (std::size_t i = 0; i < image.axes.size(); ++i) {
+    const TiffAxis& axis = image.axes[i];
+    first *= axis.count;
+    step = i == *slices ? 1 : step * axis.count;
+    if (i == *slices || axis.count == 1) continue;
+    const bool has_meaning = axis.name == 'T' || axis.name == 'C';
+    const bool is_time = axis.name == 'T' || (!has_meaning && options.time);
+    auto& wanted = is_time ? options.time : options.channel;
+    if (!has_meaning && !wanted)
+      throw unusable(path, "its planes (" + imageText(image) + ") have a further axis",
+                     {Remedy::kChooseVariant});
+    first += takeOne(path, is_time ? "time step" : "channel", wanted, axis.count, info);
+    wanted.reset();
+  }
+  takeOne(path, "time step", options.time, 1, info);
+  std::vector<TiffPage> planes;
+  for (std::int64_t z = 0; z < image.axes[*slices].count; ++z) {
+    planes.push_back(image.planes[static_cast<std::size_t>(first + z * step)]);
+    if (planes.back().form.width == 0)
+      throw unusable(
+          path, "slice " + std::to_string(z) + " of this channel and time is in " +
+                    (image.lacks.empty()
+                         ? "no page; get the whole file again"
+                         : quotedText(image.lacks, 80) + ", which is not beside it; put it there"));
+  }
+  return planes;
+}
+
+// The numbers of a pixel may be channels.
+void chooseComponent(const std::string& path, const TiffImage& image, const TiffForm& form,
+                     OpenOptions& options, VolumeInfo& info) {
+  if (form.samples == 1) {
+    takeOne(path, "channel", options.channel, 1, info);
+  } else if (!options.component && (options.channel || (image.has_channels && !form.is_colour))) {
+    const std::string before = std::exchange(info.encoding, {});
+    const auto channel = takeOne(path, "channel", options.channel, form.samples, info);
+    info.encoding = before;
+    options.component = ComponentChoice{false, channel};
+  }
+  checkComponentChoice(path, form.samples, options);
+}
+
+// Spacing and unit. Without a distance of slices, that of pixels along x is taken.
+void takeLengths(const TiffLengths& lengths, GridGeometry& geometry,
+                 std::vector<std::string>& notes) {
+  geometry.spacing = lengths.spacing;
+  if (lengths.spacing.x == 0) {
+    geometry.spacing.x = geometry.spacing.y = 1;
+    notes.emplace_back("the pixels have no distance; 1 was used");
+  }
+  if (lengths.spacing.z == 0) {
+    geometry.spacing.z = geometry.spacing.x;
+    notes.emplace_back(kNoSliceDistance);
+  }
+  takeLengthUnits(lengths.units, geometry, notes);
+}
+
+// The volume of some slices.
+std::unique_ptr<VolumeSource> openSlices(VolumeInfo info, std::vector<std::string> paths,
+                                         std::vector<TiffPage> slices, const TiffLengths& lengths,
+                                         const OpenOptions& options) {
+  const TiffPage& first = slices.front();
+  for (const TiffPage& slice : slices) {
+    const std::string& path = paths[slice.file];
+    if (!slice.unread.empty()) throw unusable(path, slice.unread);
+    if (slice.form != first.form)
+      throw unusable(
+          path,
+          "the size or the type of its pixels is not that of the first slice; keep only the "
+          "slices of one volume");
+  }
+  info.voxels = Index3(first.form.width, first.form.height, std::ssize(slices));
+  checkVoxelCounts(info.source, info.voxels);
+  std::vector<std::string> unsaid;  // of distances that are given
+  takeLengths(lengths, info.geometry, options.spacing ? unsaid : info.notes);
+  tidyGeometry(info.source, info.geometry, info.voxels, info.notes);
+  StoredVoxels stored;
+  stored.type = *first.form.type();
+  info.voxel_type = stored.delivered();
+  if (!stored.keepsType())
+    info.notes.push_back(std::string(infoOf(stored.type).name) +
+                         " voxels were converted to float32");
+  const std::string encoding = std::exchange(info.encoding, {});
+  takeComponent(first.form.samples, options, stored, info);
+  if (!encoding.empty())
+    info.encoding = encoding + (info.encoding.empty() ? "" : "; ") + info.encoding;
+  return std::make_unique<TiffSource>(std::move(info), std::move(paths), std::move(slices), stored,
                                       options.cancel);
 }
 
-namespace {
-
-// What all kinds of volumes share.
-void describe(const std::string& first_path, const TiffSlices& slices, const OpenOptions& options,
-              VolumeInfo& info, StoredVoxels& stored) {
-  const TiffSlices::Form& form = slices.form;
-  info.voxels = Index3(static_cast<std::int64_t>(form.width),
-                       static_cast<std::int64_t>(form.height), std::ssize(slices.slices));
-  checkVoxelCounts(info.source, info.voxels);
-  std::vector<std::string> unsaid;  // of distances that are given
-  takeTiffLengths(first_path, info.geometry, options.spacing ? unsaid : info.notes);
-  tidyGeometry(info.source, info.geometry, info.voxels, info.notes);
-  stored.type = form.type;
-  info.voxel_type = stored.delivered();
-  if (!stored.keepsType() || form.is_half)
-    info.notes.push_back((form.is_half ? "float16" : std::string(infoOf(form.type).name)) +
-                         " voxels were converted to float32");
+// The chosen volume of a file.
+std::unique_ptr<VolumeSource> openTiffImage(VolumeInfo info, const std::string& path,
+                                            OpenOptions options) {
+  info.format = "TIFF";
+  TiffImages found = findTiffImages(path, options);
+  const TiffImage& image = chooseImage(path, found.images, options, info);
+  std::vector<TiffPage> slices = choosePlanes(path, image, options, info);
+  chooseComponent(path, image, slices.front().form, options, info);
+  return openSlices(std::move(info), found.paths, std::move(slices), image.lengths, options);
 }
 
 }  // namespace
 
 std::unique_ptr<VolumeSource> openTiffFile(const std::string& path, const OpenOptions& options) {
-  const std::optional<TiffSlices> slices = findTiffSlices({path}, options);
-  if (!slices) return nullptr;
-  if (slices->slices.size() == 1)
-    throw unusable(path, "it is a single 2-D image; name the folder that holds all slices");
-  checkComponentChoice(path, slices->form.samples, options);
+  if (!TiffFile::isAt(path)) return nullptr;
   VolumeInfo info;
   info.source = path;
-  info.format = "TIFF";
-  StoredVoxels stored;
-  describe(path, *slices, options, info, stored);
-  takeComponent(slices->form.samples, options, stored, info);
-  return openTiffSlices(std::move(info), {path}, *slices, stored, options);
+  return openTiffImage(std::move(info), path, options);
 }
 
-std::unique_ptr<VolumeSource> openTiffStack(VolumeInfo info, const std::vector<std::string>& paths,
+std::unique_ptr<VolumeSource> openTiffStack(VolumeInfo info, const std::vector<std::string>& files,
                                             const OpenOptions& options) {
-  const std::optional<TiffSlices> slices = findTiffSlices(paths, options);
-  // A file of several pages is no slice.
-  if (!slices || slices->form.samples != 1 || slices->slices.size() != paths.size() ||
-      slices->slices.back().file + 1 != paths.size())
-    return nullptr;
+  TiffFile first(files.front());
+  const TiffResolution resolution = first.resolution();
+  const std::string description = first.pages(options, 1).front().description;
+  if (namesOtherFiles(description)) return openTiffImage(std::move(info), files.front(), options);
   info.format = "TIFF stack";
-  StoredVoxels stored;
-  describe(paths.front(), *slices, options, info, stored);
-  return openTiffSlices(std::move(info), paths, *slices, stored, options);
+  const std::vector<std::string> paths = chooseSlices(files, options, info);
+  std::vector<TiffPage> slices;
+  for (const std::string& path : paths) {
+    const std::size_t number = slices.size();
+    options.checkCancel();
+    options.report("scanning slices",
+                   static_cast<double>(number) / static_cast<double>(paths.size()));
+    std::vector<TiffPage> pages = TiffFile(path).pages(options);
+    std::erase_if(pages, [](const TiffPage& page) { return page.is_smaller; });
+    if (pages.size() != 1)
+      throw unusable(path, "it holds " + std::to_string(pages.size()) +
+                               " slices, but the folder is read as a stack of single ones; name "
+                               "that file");
+    slices.push_back(std::move(pages.front()));
+    slices.back().description.clear();
+    slices.back().file = static_cast<std::uint32_t>(number);
+  }
+  checkComponentChoice(info.source, slices.front().form.samples, options);
+  return openSlices(std::move(info), paths, std::move(slices), tiffLengths(resolution, description),
+                    options);
 }
 
 }  // namespace isobrick

@@ -97,6 +97,7 @@ class _FileInput:
     grid: str
     time: int | None
     channel: int | None
+    image: int | None
     component: int | None
 
 
@@ -136,6 +137,7 @@ def build(
     grid: str = "",
     time: int | None = None,
     channel: int | None = None,
+    image: int | None = None,
     component: int | None = None,
     super_brick: int = 2048,
     part: tuple[int, int] | None = None,
@@ -162,7 +164,7 @@ def build(
     progress    True for a bar of tqdm, a bar, or a callable of (phase, fraction)
     force       replaces ``out`` if it exists; of ``.isbs``: builds files again that are there. Without it those of
                 the same source stay: an array is known by its name and some of its voxels
-    raw, series, grid, time, channel, component
+    raw, series, grid, time, channel, image, component
                 of files: a layout without a header, and what to take from a file with several volumes
     super_brick of ``.isbs``: cells along an edge of what one file holds, a power of two
     part        of ``.isbs``: (i, n), only share i of n shares of the files, i from 1, in any order and on any
@@ -177,7 +179,7 @@ def build(
     with told_progress(progress, f"building {os.path.basename(name.rstrip('/'))}") as tell:
         builder = _Builder(
             source, direction,
-            _FileInput(raw, spacing, origin, series, grid, time, channel, component),
+            _FileInput(raw, spacing, origin, series, grid, time, channel, image, component),
             _BuildSettings(
                 name, force, codec, filter, curvature, brick_cells, nan_as, byte_size(memory), threads, tell, cancel,
                 super_brick if is_divided else 0,

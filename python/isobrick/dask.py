@@ -65,7 +65,7 @@ def build(
     retries     how often Dask repeats a task that failed; one whose worker died does not count
     memory      of a task; None: half of the worker's limit over its threads
     threads     of a task
-    spacing, origin, raw, series, grid, time, channel, component, and all others
+    spacing, origin, raw, series, grid, time, channel, image, component, and all others
                 as of ``isobrick.build``
 
     Raises what the first failed task raised; then, and at Ctrl-C, the tasks that are left are cancelled.
@@ -77,7 +77,7 @@ def build(
     chosen = _FileInput(
         *(place.pop(key, default) for key, default in (
             ("raw", None), ("spacing", None), ("origin", None), ("series", ""), ("grid", ""), ("time", None),
-            ("channel", None), ("component", None),
+            ("channel", None), ("image", None), ("component", None),
         ))
     )  # fmt: skip
     if place:

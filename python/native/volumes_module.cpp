@@ -46,6 +46,7 @@ OpenOptions readInput(const nb::object& input) {
   options.grid = nb::cast<std::string>(input.attr("grid"));
   options.time = nb::cast<std::optional<std::int64_t>>(input.attr("time"));
   options.channel = nb::cast<std::optional<std::int64_t>>(input.attr("channel"));
+  options.image = nb::cast<std::optional<std::int64_t>>(input.attr("image"));
   if (const auto component = nb::cast<std::optional<std::int64_t>>(input.attr("component")))
     options.component = ComponentChoice{false, *component};
   return options;

@@ -162,7 +162,7 @@ def test_failures_and_cancel(client, tmp_path: Path) -> None:
         isobrick.dask.build(volume, tmp_path / "x.isbs", client=client, colour=1)
     # A task that is cancelled ends soon, long before its work would.
     future = client.submit(
-        isobrick.dask._build_task, "phantom:head:1200", None, isobrick.dask._FileInput(*[None] * 3, "", "", *[None] * 3),
+        isobrick.dask._build_task, "phantom:head:1200", None, isobrick.dask._FileInput(*[None] * 3, "", "", *[None] * 4),
         isobrick.dask._BuildSettings(
             str(tmp_path), False, "lz4", "average", True, 64, None, 1 << 28, 1, None, None, 2048
         ), 0, "256M", pure=False,

@@ -52,7 +52,10 @@ struct TiffForm {
   std::uint32_t rows_per_strip = 7;  // of a picture
   std::uint32_t tile = 0;            // edge of tiles, a multiple of 16; 0: strips
   bool is_separate = false;          // planes of numbers
-  bool is_preview = false;           // of a larger picture
+  std::uint32_t subfile = 0;         // 1: a smaller picture of another page, 2: a page
+  std::uint32_t packing = 0;         // said in place of what the numbers are
+  std::uint32_t corner = 1;          // where the first row and column are
+  std::uint32_t planes = 1;          // that a picture is, one below the other; it is said to be one
 };
 
 // The pixels of a picture.
@@ -60,7 +63,9 @@ struct TiffPixels {
   std::uint32_t width = 0, height = 0, bytes = 1;  // of a number
   std::uint32_t kind = 1;                          // 1 unsigned, 2 signed, 3 floating
   std::uint32_t samples = 1;                       // numbers of a pixel
-  std::string numbers;  // in this machine's order; those of a pixel lie side by side
+  std::string numbers;     // in this machine's order; those of a pixel lie side by side
+  std::uint32_t bits = 0;  // of a number, if not all of its bytes: `numbers` are packed rows then
+  std::string description = "";
 };
 
 // A file of any number of pictures.
@@ -91,17 +96,29 @@ class TiffBuilder {
           part_bytes.push_back(part.size());
           bytes_ += part;
         }
+    const std::uint32_t height = pixels.height / form_.planes;
+    if (form_.planes > 1) parts.resize((height - 1) / down + 1);
+    part_bytes.resize(parts.size());
     using Entry = std::pair<std::uint32_t, std::vector<std::uint64_t>>;
-    const std::vector<std::uint64_t> bits(pixels.samples, 8 * pixels.bytes);
+    const std::vector<std::uint64_t> bits(pixels.samples,
+                                          pixels.bits > 0 ? pixels.bits : 8 * pixels.bytes);
     const std::vector<std::uint64_t> kinds(pixels.samples, pixels.kind);
     std::vector<Entry> entries;
-    if (form_.is_preview) entries.push_back({254, {1}});
+    if (form_.subfile > 0) entries.push_back({254, {form_.subfile}});
     entries.insert(entries.end(), {{256, {pixels.width}},
-                                   {257, {pixels.height}},
+                                   {257, {height}},
                                    {258, bits},
-                                   {259, {form_.is_packed ? 32773u : 1u}},
+                                   {259,
+                                    {form_.packing > 0 ? form_.packing
+                                     : form_.is_packed ? 32773u
+                                                       : 1u}},
                                    {262, {pixels.samples == 3 ? 2u : 1u}}});
+    if (!pixels.description.empty()) {
+      const std::string text = pixels.description + std::string(9, '\0');
+      entries.push_back({kDescription, {text.begin(), text.end()}});
+    }
     if (form_.tile == 0) entries.push_back({273, parts});
+    entries.push_back({274, {form_.corner}});
     entries.push_back({277, {pixels.samples}});
     if (form_.tile == 0) entries.push_back({278, {form_.rows_per_strip}});
     if (form_.tile == 0) entries.push_back({279, part_bytes});
@@ -119,22 +136,24 @@ class TiffBuilder {
   const std::string& bytes() const { return bytes_; }
 
  private:
+  static constexpr std::uint32_t kDescription = 270;
   std::size_t word() const { return form_.is_big_tiff ? 8 : 4; }
   template <typename Entries>
   void addDirectory(const Entries& entries) {
-    constexpr std::uint64_t kLong = 4, kLong8 = 16;
+    constexpr std::uint64_t kText = 2, kLong = 4, kLong8 = 16;
     std::vector<std::uint64_t> places;  // of lists
     for (const auto& entry : entries) {
       places.push_back(bytes_.size());
       if (entry.second.size() > 1)
-        for (const std::uint64_t value : entry.second) add(value, word());
+        for (const std::uint64_t value : entry.second)
+          add(value, entry.first == kDescription ? 1 : word());
     }
     put(link_at_, bytes_.size(), word());
     add(entries.size(), form_.is_big_tiff ? 8 : 2);
     for (std::size_t i = 0; i < entries.size(); ++i) {
       const auto& values = entries[i].second;
       add(entries[i].first, 2);
-      add(form_.is_big_tiff ? kLong8 : kLong, 2);
+      add(entries[i].first == kDescription ? kText : form_.is_big_tiff ? kLong8 : kLong, 2);
       add(values.size(), word());
       add(values.size() > 1 ? places[i] : values.front(), word());
     }
@@ -145,6 +164,8 @@ class TiffBuilder {
   std::string rowOf(const TiffPixels& pixels, std::uint32_t x, std::uint32_t y, std::uint32_t count,
                     std::uint32_t plane) const {
     const std::size_t pixel_bytes = std::size_t{pixels.samples} * pixels.bytes;
+    const std::size_t packed_bytes = (std::size_t{count} * pixels.samples * pixels.bits + 7) / 8;
+    if (pixels.bits > 0) return pixels.numbers.substr(y * packed_bytes, packed_bytes);
     std::string row;
     for (std::uint32_t i = x; i < x + count; ++i) {
       std::string pixel(pixel_bytes, '\0');

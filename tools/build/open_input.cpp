@@ -51,6 +51,8 @@ constexpr SelectKey kSelectKeys[] = {
      [](InputOptions& o, const std::string& value) { o.time = parseCount(value); }},
     {"channel", "--channel",
      [](InputOptions& o, const std::string& value) { o.channel = parseCount(value); }},
+    {"image", nullptr,
+     [](InputOptions& o, const std::string& value) { o.image = parseCount(value); }},
     {"component", "--component",
      [](InputOptions& o, const std::string& value) { o.component = parseComponent(value); }},
 };
@@ -133,6 +135,7 @@ OpenOptions openOptionsOf(const InputOptions& input) {
   options.grid = input.grid;
   options.time = input.time;
   options.channel = input.channel;
+  options.image = input.image;
   options.component = input.component;
   options.series = input.series;
   options.spacing = input.spacing;

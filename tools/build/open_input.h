@@ -19,7 +19,7 @@ struct InputOptions {
   std::string raw_endian = "little";
   bool dicom_float32 = false;
   std::string grid;
-  std::optional<std::int64_t> time, channel;
+  std::optional<std::int64_t> time, channel, image;
   std::optional<ComponentChoice> component;
   std::string series;
   std::optional<glm::dvec3> spacing, origin;

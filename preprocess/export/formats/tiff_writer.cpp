@@ -2,8 +2,10 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cstdarg>
 #include <glm/vec2.hpp>
 #include <memory>
+#include <new>
 #include <optional>
 
 #include "isobrick/preprocess/export/formats/format_writers.h"
@@ -26,10 +28,18 @@ ResumableError failed(const std::string& path) {
                         {.path = path});
 }
 
-// It prints on the C stream otherwise.
-void silenceTiff() {
-  TIFFSetErrorHandler(nullptr);
-  TIFFSetWarningHandler(nullptr);
+int keepQuiet(TIFF*, void*, const char*, const char*, va_list) { return 1; }
+
+// The library prints on the C stream otherwise. Its handlers for all files are the host's.
+TiffFile openToWrite(const std::string& path, const char* mode) {
+  struct Free {
+    void operator()(TIFFOpenOptions* options) const { TIFFOpenOptionsFree(options); }
+  };
+  const std::unique_ptr<TIFFOpenOptions, Free> options(TIFFOpenOptionsAlloc());
+  if (!options) throw std::bad_alloc();
+  TIFFOpenOptionsSetErrorHandlerExtR(options.get(), keepQuiet, nullptr);
+  TIFFOpenOptionsSetWarningHandlerExtR(options.get(), keepQuiet, nullptr);
+  return TiffFile(TIFFOpenExt(path.c_str(), mode, options.get()));
 }
 
 // Pixels along x and y a centimetre, or of an unknown unit a unit. None if the quotients of a TIFF
@@ -89,7 +99,7 @@ VolumeWriteReport writePages(VolumeLevels& levels, const std::string& path,
   VolumeWriteReport report;
   AtomicFile atomic(path);
   const bool is_big = volumeBytes(info) > std::uint64_t{2} << 30;
-  const TiffFile file(TIFFOpen(atomic.temporaryPath().c_str(), is_big ? "w8" : "w"));
+  const TiffFile file = openToWrite(atomic.temporaryPath(), is_big ? "w8" : "w");
   if (!file) throw failed(path);
   forEachSlice(source, options, [&](std::int64_t, const std::byte* slice) {
     if (!writePage(file.get(), info, slice)) throw failed(path);
@@ -105,13 +115,12 @@ VolumeWriteReport writePages(VolumeLevels& levels, const std::string& path,
 
 VolumeWriteReport writeTiff(VolumeLevels& levels, const std::string& path,
                             const ExportOptions& options) {
-  silenceTiff();
   const VolumeInfo& info = levels.front()->info();
   VolumeWriteReport report;
   if (isSlicePattern(path))
     report =
         writeSlices(levels, path, options, [&](const std::string& file, const std::byte* slice) {
-          const TiffFile tiff(TIFFOpen(file.c_str(), "w"));
+          const TiffFile tiff = openToWrite(file, "w");
           if (!tiff || !writePage(tiff.get(), info, slice)) throw failed(path);
         });
   else

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 #include <tbb/task_arena.h>
+#include <tiffio.h>
 
 #include <cinttypes>
 #include <cmath>
@@ -433,6 +434,16 @@ TEST_F(ExportVolumeTest, TiffSlicesAndPagesKeepVoxels) {
   check(wildValues<std::uint16_t>());
   check(wildValues<std::int16_t>());
   check(wildValues<float>());
+}
+
+TEST_F(ExportVolumeTest, TiffLeavesTheHandlersOfTheHostAlone) {
+  const TIFFErrorHandler own = [](const char*, const char*, va_list) {};
+  const TIFFErrorHandler errors = TIFFSetErrorHandler(own), warnings = TIFFSetWarningHandler(own);
+  write("pages.tif", wildValues<std::uint8_t>(), {});
+  write("tiff/%02d.tif", wildValues<std::uint8_t>(), {});
+  readAll(*openVolume(pathOf("pages.tif")));
+  EXPECT_EQ(TIFFSetErrorHandler(errors), own);
+  EXPECT_EQ(TIFFSetWarningHandler(warnings), own);
 }
 
 TEST_F(ExportVolumeTest, SlicesNeedAFolderAndAPlaceForTheirNumber) {

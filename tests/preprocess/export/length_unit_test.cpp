@@ -361,10 +361,12 @@ TEST_F(LengthUnitTest, TiffsSayTheirUnitsInFourWays) {
   EXPECT_CONTAINS(notesOf("tif"), "to millimetres");
   EXPECT_EQ(notesOf("tif").find("distance"), std::string::npos);
   expectLengths(lengthsOf("ImageJ=1.53t\nunit=pixel\nspacing=3\n", 1, 1, 1), {1, 1, 3}, kNone);
-  expectLengths(lengthsOf("<?xml version=\"1.0\"?><OME><Image><Pixels PhysicalSizeX=\"0.65\" "
-                          "PhysicalSizeY=\"1300\" PhysicalSizeYUnit=\"nm\" PhysicalSizeZ=\"2\"/>",
-                          72, 1, 2),
-                {0.00065, 0.0013, 0.002}, kMm);
+  expectLengths(
+      lengthsOf(
+          "<?xml version=\"1.0\"?><OME><Image><Pixels PhysicalSizeX=\"0.65\" "
+          "PhysicalSizeY=\"1300\" PhysicalSizeYUnit=\"nm\" PhysicalSizeZ=\"2\"/></Image></OME>",
+          72, 1, 2),
+      {0.00065, 0.0013, 0.002}, kMm);
 }
 
 TEST_F(LengthUnitTest, TheNamesOfLengthsAreKnownHoweverTheyAreSpelt) {

@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <cstring>
+#include <optional>
 
 #include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/storage/index_loop.h"
@@ -172,9 +173,7 @@ void expectNumbersOfARandomVolume(std::uint32_t seed) {
   EXPECT_EQ(source->info().voxels, Index3(pixels.width, pixels.height, std::ssize(pages)));
   EXPECT_EQ(source->info().voxel_type, number.delivered);
   EXPECT_EQ(source->files().size(), is_one_file ? 1 : pages.size());
-  const bool is_half = number.kind == 3 && number.bytes == 2;
-  EXPECT_EQ(source->readsBoxes(),
-            !form.is_packed && form.tile == 0 && !form.is_separate && !is_half);
+  EXPECT_EQ(source->readsBoxes(), !form.is_packed && form.tile == 0 && !form.is_separate);
   const std::string all = allVoxels(*source);
   ASSERT_TRUE(all == expectedVoxels(number, pages, component));
   if (source->readsBoxes()) expectBoxes(random, *source, all);
@@ -187,7 +186,7 @@ TEST(TiffSourceTest, HasTheNumbersOfAnyForm) {
   }
 }
 
-// One packed picture among plain ones is unpacked; one of another type makes it no volume.
+// One packed picture among plain ones is unpacked; one of another type is no slice of them.
 TEST(TiffSourceTest, SlicesOfAStackMayDifferInHowTheyAreStored) {
   const TemporaryFolder folder;
   const auto slice = [&](int z, const TiffForm& form, std::uint32_t kind = 1) {
@@ -206,31 +205,269 @@ TEST(TiffSourceTest, SlicesOfAStackMayDifferInHowTheyAreStored) {
   EXPECT_FALSE(source->readsBoxes());
   EXPECT_TRUE(allVoxels(*source) == all);
   slice(2, {}, 2);
-  const auto other = openItkSource(folder.path());
-  EXPECT_FALSE(other->readsBoxes());
+  EXPECT_CONTAINS(errorOf([&] { openItkSource(folder.path()); }), "2.tif': the size or the type");
 }
 
-// ITK, which reads pictures of other forms, leaves 32-bit integers at zero and halves as integers.
-TEST(TiffSourceTest, FormsThatItkMisreadsAreRefused) {
-  const TemporaryFolder folder;
-  for (const NumberKind& number : kKinds) {
-    const bool is_misread = number.bytes > 2 ? number.kind != 3 || number.bytes == 8
-                                             : number.bytes == 2 && number.kind == 3;
-    if (!is_misread) continue;
-    SCOPED_TRACE(testing::Message() << "kind " << number.kind << " of " << number.bytes);
-    TiffBuilder tiff({});
-    for (int z = 0; z < 3; ++z)
-      tiff.addPage({4, 4, number.bytes, number.kind, 1, std::string(16 * number.bytes, '\1')});
-    std::string bytes = tiff.bytes();
-    // Another corner comes first: tag 284, whose value means nothing for one number, becomes 274.
-    for (std::size_t at = 0; (at = bytes.find("\x1c\x01\x04", at)) != std::string::npos;) {
-      bytes[at] = '\x12';
-      bytes[at + 8] = '\4';
-    }
-    writeBytes(folder.file("scan.tif"), bytes);
-    const std::string message = errorOf([&] { openItkSource(folder.file("scan.tif")); });
-    EXPECT_CONTAINS(message, "scan.tif");
+// Pictures of one byte a pixel, a page for each of `values`.
+std::string pagesOf(const std::string& values, const std::string& description, TiffForm form = {}) {
+  TiffBuilder tiff(form);
+  for (const char& value : values) {
+    const bool is_first = &value == values.data();
+    tiff.addPage({.width = 3,
+                  .height = 2,
+                  .numbers = std::string(6, value),
+                  .description = is_first ? description : ""});
   }
+  return tiff.bytes();
+}
+
+class TiffAxesTest : public testing::Test {
+ protected:
+  std::string path(const std::string& name = "scan.tif") const { return folder_.file(name); }
+  // The value of each slice, or the error.
+  std::string slices(const OpenOptions& options = {}) const {
+    try {
+      const auto source = openItkSource(path(), options);
+      notes_ = joined(source->info().notes);
+      encoding_ = source->info().encoding;
+      std::string values;
+      const std::string all = allVoxels(*source);
+      for (std::size_t at = 0; at < all.size(); at += 6) values += all[at];
+      return values;
+    } catch (const Error& error) {
+      return error.what();
+    }
+  }
+  static std::string joined(const std::vector<std::string>& lines) {
+    std::string text;
+    for (const std::string& line : lines) text += line + "\n";
+    return text;
+  }
+  static OpenOptions chosen(std::optional<std::int64_t> channel, std::optional<std::int64_t> time,
+                            std::optional<std::int64_t> image = {}) {
+    OpenOptions options;
+    options.channel = channel;
+    options.time = time;
+    options.image = image;
+    return options;
+  }
+  TemporaryFolder folder_;
+  mutable std::string notes_, encoding_;
+};
+
+TEST_F(TiffAxesTest, HyperstacksOfImageJAreChannelsSlicesAndFrames) {
+  const std::string said = "ImageJ=1.53t\nimages=12\nchannels=2\nslices=3\nframes=2\n";
+  writeBytes(path(), pagesOf("aAbBcCdDeEfF", said));
+  EXPECT_EQ(slices(), "abc");
+  EXPECT_CONTAINS(notes_, "of 2 channels, the first was taken");
+  EXPECT_CONTAINS(notes_, "of 2 time steps, the first was taken");
+  EXPECT_EQ(slices(chosen(1, {})), "ABC");
+  EXPECT_EQ(slices(chosen(1, 1)), "DEF");
+  EXPECT_EQ(encoding_, "time step 1; channel 1");
+  EXPECT_CONTAINS(slices(chosen(2, {})), "has the channels 0 to 1, and not 2");
+  EXPECT_CONTAINS(slices(chosen({}, 2)), "has the time steps 0 to 1, and not 2");
+  writeBytes(path(), pagesOf("abcABCdefDEF", said + "order=zct\n"));
+  EXPECT_EQ(slices(chosen(1, 1)), "DEF");
+  // Planes behind a single page, as in files above 4 GB.
+  TiffForm form;
+  form.rows_per_strip = 2;
+  form.planes = 12;
+  form.big_endian = true;
+  TiffBuilder one(form);
+  std::string pixels;
+  for (const char value : std::string("aAbBcCdDeEfF")) pixels += std::string(6, value);
+  one.addPage({.width = 3, .height = 24, .numbers = pixels, .description = said});
+  writeBytes(path(), one.bytes());
+  EXPECT_EQ(slices(chosen(1, 1)), "DEF");
+  writeBytes(path(), pagesOf("aAbBcCdDeE", said));
+  EXPECT_CONTAINS(slices(), "says 2 x 3 x 2 planes, and it has 10");
+  writeBytes(path(), pagesOf("abc", "ImageJ=1.53t\nimages=3\nframes=3\n"));
+  EXPECT_CONTAINS(slices(), "x 3 times) are no slices");
+  // Other programs copy the description of a stack of which they take a part.
+  writeBytes(path(), pagesOf("ab", "ImageJ=1.53t\nimages=3\nslices=3\n"));
+  EXPECT_EQ(slices(), "ab");
+}
+
+std::string omeText(const std::string& order, const std::string& sizes, const std::string& data) {
+  return "<?xml version=\"1.0\"?><OME UUID=\"urn:uuid:1\"><Image Name=\"cells\"><Pixels "
+         "DimensionOrder=\"" +
+         order + "\" SizeX=\"3\" SizeY=\"2\" " + sizes +
+         " PhysicalSizeX=\"0.5\" PhysicalSizeY=\"0.5\" PhysicalSizeZ=\"2\">" + data +
+         "</Pixels></Image></OME>";
+}
+
+TEST_F(TiffAxesTest, OmeSaysWhereItsPlanesAre) {
+  const std::string sizes = "SizeZ=\"3\" SizeC=\"2\" SizeT=\"1\"";
+  writeBytes(path(), pagesOf("aAbBcC", omeText("XYCZT", sizes, "<TiffData/>")));
+  EXPECT_EQ(slices(), "abc");
+  EXPECT_EQ(openItkSource(path())->info().geometry.spacing, glm::dvec3(0.0005, 0.0005, 0.002));
+  EXPECT_EQ(slices(chosen(1, {})), "ABC");
+  writeBytes(path(), pagesOf("abcABC", omeText("XYZCT", sizes, "")));
+  EXPECT_EQ(slices(chosen(1, {})), "ABC");
+  // One by one, and out of order.
+  std::string data;
+  const std::string places = "cCbBaA";
+  for (int i = 0; i < 6; ++i)
+    data += "<TiffData IFD=\"" + std::to_string(i) + "\" FirstC=\"" + std::to_string(i % 2) +
+            "\" FirstZ=\"" + std::to_string(2 - i / 2) + "\"/>";
+  writeBytes(path(), pagesOf(places, omeText("XYZCT", sizes, data)));
+  EXPECT_EQ(slices(), "abc");
+  EXPECT_EQ(slices(chosen(1, {})), "ABC");
+  // Planes that are in no page.
+  writeBytes(path(),
+             pagesOf("ab", omeText("XYZCT", sizes, "<TiffData IFD=\"0\" PlaneCount=\"2\"/>")));
+  EXPECT_CONTAINS(slices(), "slice 2 of this channel and time is in no page");
+  // The second channel lies in another file.
+  const std::string files =
+      "<TiffData IFD=\"0\" PlaneCount=\"3\"><UUID FileName=\"old.tif\">urn:uuid:1</UUID></TiffData>"
+      "<TiffData IFD=\"0\" FirstC=\"1\" PlaneCount=\"3\"><UUID FileName=\"other.tif\">urn:uuid:2"
+      "</UUID></TiffData>";
+  writeBytes(path(), pagesOf("abc", omeText("XYZCT", sizes, files)));
+  EXPECT_EQ(slices(), "abc");
+  EXPECT_CONTAINS(slices(chosen(1, {})), "is in 'other.tif', which is not beside it");
+  writeBytes(path("other.tif"), pagesOf("ABC", ""));
+  EXPECT_EQ(slices(chosen(1, {})), "ABC");
+  EXPECT_EQ(openItkSource(path())->files().size(), 2u);
+}
+
+TEST_F(TiffAxesTest, SeveralImagesAreListedUntilOneIsChosen) {
+  std::string text = omeText("XYZCT", "SizeZ=\"2\" SizeC=\"1\" SizeT=\"1\"",
+                             "<TiffData IFD=\"0\" PlaneCount=\"2\"/>");
+  const std::string second =
+      "<Image Name=\"dishes\"><Pixels DimensionOrder=\"XYZCT\" SizeX=\"3\" SizeY=\"2\" SizeZ=\"3\" "
+      "SizeC=\"1\" SizeT=\"1\"><TiffData IFD=\"2\" PlaneCount=\"3\"/></Pixels></Image></OME>";
+  text.replace(text.size() - 6, 6, second);
+  writeBytes(path(), pagesOf("abABC", text));
+  EXPECT_CONTAINS(slices(), "0: 'cells' of 3 x 2 x 2; 1: 'dishes' of 3 x 2 x 3");
+  EXPECT_EQ(slices(chosen({}, {}, 1)), "ABC");
+  EXPECT_EQ(encoding_, "image 1");
+  EXPECT_CONTAINS(slices(chosen({}, {}, 2)), "has no image 2");
+  // A picture beside a volume is none.
+  TiffBuilder tiff({});
+  for (const char value : std::string("abc"))
+    tiff.addPage({.width = 3, .height = 2, .numbers = std::string(6, value)});
+  tiff.addPage({.width = 2, .height = 3, .numbers = std::string(6, 'x')});
+  writeBytes(path(), tiff.bytes());
+  EXPECT_EQ(slices(), "abc");
+  EXPECT_CONTAINS(notes_, "number 0 was taken");
+}
+
+TEST_F(TiffAxesTest, SeriesOfTifffileHaveAShape) {
+  writeBytes(path(), pagesOf("abcABC", R"({"shape": [2, 3, 2, 3], "axes": "CZYX"})"));
+  EXPECT_EQ(slices(), "abc");
+  EXPECT_EQ(slices(chosen(1, {})), "ABC");
+  writeBytes(path(), pagesOf("abcABC", R"({"shape": [2, 3, 2, 3]})"));
+  EXPECT_CONTAINS(slices(), "3 x 2 x 2 x 3) have a further axis");
+  EXPECT_EQ(slices(chosen({}, 1)), "ABC");
+  writeBytes(path(), pagesOf("abc", R"({"shape": [3, 2, 3], "axes": "TYX"})"));
+  EXPECT_CONTAINS(slices(), "are no slices");
+  TiffForm form;
+  form.rows_per_strip = 2;
+  form.planes = 3;
+  TiffBuilder one(form);
+  one.addPage({.width = 3,
+               .height = 6,
+               .numbers = "aaaaaabbbbbbcccccc",
+               .description = R"({"shape": [3, 2, 3], "truncated": true})"});
+  writeBytes(path(), one.bytes());
+  EXPECT_EQ(slices(), "abc");
+  TiffBuilder two({});
+  for (const char value : std::string("abABC"))
+    two.addPage({.width = 3,
+                 .height = 2,
+                 .numbers = std::string(6, value),
+                 .description = value == 'a'   ? R"({"shape": [2, 2, 3]})"
+                                : value == 'A' ? R"({"shape": [3, 2, 3]})"
+                                               : ""});
+  writeBytes(path(), two.bytes());
+  EXPECT_EQ(slices(chosen({}, {}, 1)), "ABC");
+}
+
+// They were left out, as smaller pictures are.
+TEST_F(TiffAxesTest, PagesThatCallThemselvesPagesAreRead) {
+  TiffForm form;
+  form.subfile = 2;
+  writeBytes(path(), pagesOf("abc", "", form));
+  EXPECT_EQ(slices(), "abc");
+}
+
+TEST_F(TiffAxesTest, TheFirstRowMayBeTheLowest) {
+  for (const std::uint32_t corner : {1u, 2u, 3u, 4u}) {
+    TiffForm form;
+    form.corner = corner;
+    TiffBuilder tiff(form);
+    for (int z = 0; z < 2; ++z) tiff.addPage({.width = 3, .height = 2, .numbers = "abcdef"});
+    writeBytes(path(), tiff.bytes());
+    EXPECT_EQ(allVoxels(*openItkSource(path())).substr(0, 6),
+              (std::vector<std::string>{"abcdef", "cbafed", "fedcba", "defabc"})[corner - 1]);
+  }
+}
+
+TEST_F(TiffAxesTest, NumbersOfOneToFifteenBitsAreWidened) {
+  RandomCase random(3);
+  for (std::uint32_t bits = 1; bits < 16; ++bits) {
+    if (bits == 8) continue;
+    std::string rows, expected;
+    for (int row = 0; row < 4; ++row) {
+      std::string row_bits;
+      for (int x = 0; x < 5; ++x) {
+        const auto value = static_cast<std::uint16_t>(random.uniform(0, (1 << bits) - 1));
+        for (std::uint32_t bit = bits; bit-- > 0;) row_bits += (value >> bit & 1) != 0 ? '1' : '0';
+        expected += bits < 8 ? bytesOf(static_cast<std::uint8_t>(value)) : bytesOf(value);
+      }
+      row_bits.resize((row_bits.size() + 7) / 8 * 8, '0');
+      for (std::size_t at = 0; at < row_bits.size(); at += 8)
+        rows += static_cast<char>(std::stoi(row_bits.substr(at, 8), nullptr, 2));
+    }
+    TiffForm form;
+    form.is_packed = bits % 2 == 0;
+    form.rows_per_strip = 3;
+    TiffBuilder tiff(form);
+    for (int z = 0; z < 2; ++z)
+      tiff.addPage(
+          {.width = 5,
+           .height = 2,
+           .numbers = rows.substr(rows.size() / 2 * static_cast<std::size_t>(z), rows.size() / 2),
+           .bits = bits});
+    writeBytes(path(), tiff.bytes());
+    EXPECT_TRUE(allVoxels(*openItkSource(path())) == expected) << bits;
+  }
+}
+
+// Sound files are not called damaged.
+TEST_F(TiffAxesTest, WhatIsNotReadIsNamed) {
+  const auto refusal = [&](const TiffForm& form, const TiffPixels& pixels) {
+    TiffBuilder tiff(form);
+    for (int z = 0; z < 2; ++z) tiff.addPage(pixels);
+    writeBytes(path(), tiff.bytes());
+    const std::string error = slices();
+    EXPECT_EQ(error.find("damaged"), std::string::npos) << error;
+    EXPECT_CONTAINS(error, "save it");
+    return error;
+  };
+  const TiffPixels plain{.width = 4, .height = 4, .numbers = std::string(16, 'x')};
+  TiffForm form;
+  form.packing = 34712;
+  EXPECT_CONTAINS(refusal(form, plain), "JPEG 2000");
+  form.packing = 50002;
+  EXPECT_CONTAINS(refusal(form, plain), "JPEG XL");
+  form.packing = 54321;
+  EXPECT_CONTAINS(refusal(form, plain), "number 54321");
+  form = {};
+  form.corner = 6;
+  EXPECT_CONTAINS(refusal(form, plain), "orientation");
+  TiffPixels other = plain;
+  other.bits = 24;
+  other.numbers = std::string(48, 'x');
+  EXPECT_CONTAINS(refusal({}, other), "24 bits");
+  other.bits = 12;
+  other.kind = 2;
+  EXPECT_CONTAINS(refusal({}, other), "12 bits");
+  other = plain;
+  other.bytes = 8;
+  other.kind = 6;
+  other.numbers = std::string(128, 'x');
+  EXPECT_CONTAINS(refusal({}, other), "complex");
 }
 
 // The search for slices went round such a circle for ever, as previews are no slices.
@@ -238,7 +475,7 @@ TEST(TiffSourceTest, PagesInACircleAreRefused) {
   const TemporaryFolder folder;
   for (const bool is_preview : {false, true}) {
     TiffForm form;
-    form.is_preview = is_preview;
+    form.subfile = is_preview ? 1 : 0;
     TiffBuilder tiff(form);
     tiff.addPage({4, 4, 1, 1, 1, std::string(16, 'x')});
     std::string bytes = tiff.bytes();
@@ -259,12 +496,11 @@ TEST(TiffSourceTest, AFileThatBecomesShorterIsNamed) {
   EXPECT_CONTAINS(errorOf([&] { allVoxels(*source); }), "scan.tif' at byte 3000: the file became");
 }
 
-// Tags that lie lead to another reader, to one error, or to voxels of the file. (ITK, which would
-// look next, takes seconds for some of these files.)
+// Tags that lie lead to one error, or to voxels of the file.
 TEST(TiffSourceTest, ChangedBytesAreNotBelieved) {
   const TemporaryFolder folder;
   RandomCase random(7);
-  int whole = 0, damaged = 0, others = 0;
+  int whole = 0, refused = 0;
   for (int i = 0; i < 4000; ++i) {
     TiffForm form;
     form.rows_per_strip = 4;
@@ -280,25 +516,16 @@ TEST(TiffSourceTest, ChangedBytesAreNotBelieved) {
     const std::string path = folder.file("scan.tif");
     writeBytes(path, bytes);
     try {
-      const auto slices = findTiffSlices({path}, {});
-      ++(slices ? whole : others);
-      if (!slices || slices->form.width * slices->form.height > 1000000) continue;
-      VolumeInfo info;
-      info.source = path;
-      info.voxels = Index3(slices->form.width, slices->form.height, std::ssize(slices->slices));
-      StoredVoxels stored;
-      stored.type = slices->form.type;
-      stored.components = slices->form.samples;
-      info.voxel_type = stored.delivered();
-      allVoxels(*openTiffSlices(info, {path}, *slices, stored, {}));
+      const auto source = openTiffFile(path, {});
+      if (source && elementCount(source->info().voxels) < 10'000'000) allVoxels(*source);
+      ++whole;
     } catch (const Error& error) {
       EXPECT_CONTAINS(std::string(error.what()), "scan.tif");
-      ++damaged;
+      ++refused;
     }
   }
   EXPECT_GT(whole, 500);
-  EXPECT_GT(damaged, 100);
-  EXPECT_GT(others, 300);
+  EXPECT_GT(refused, 300);
 }
 
 }  // namespace

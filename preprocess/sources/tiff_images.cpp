@@ -1,0 +1,362 @@
+#include "isobrick/preprocess/sources/tiff_images.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <set>
+#include <span>
+#include <string_view>
+#include <utility>
+
+#include "isobrick/preprocess/byte_order.h"
+#include "isobrick/preprocess/number_text.h"
+#include "isobrick/preprocess/path_error.h"
+#include "isobrick/preprocess/sources/source_checks.h"
+#include "isobrick/preprocess/sources/tiff_ome.h"
+
+namespace isobrick {
+namespace {
+
+namespace fs = std::filesystem;
+
+double positiveNumber(const std::string& text) {
+  const auto number = numberIn<double>(text);
+  return number && *number > 0 && std::isfinite(*number) ? *number : 0;
+}
+
+// The value of a line "key=value", or "".
+std::string imageJValue(const std::string& description, const std::string& key) {
+  const std::size_t at = description.find("\n" + key + "=");
+  if (at == std::string::npos) return "";
+  const std::size_t first = at + key.size() + 2;
+  std::string value = description.substr(first, description.find('\n', first) - first);
+  if (value.ends_with('\r')) value.pop_back();
+  return value;
+}
+std::int64_t imageJCount(const std::string& description, const std::string& key) {
+  return numberIn<std::int64_t>(imageJValue(description, key)).value_or(1);
+}
+
+// Of the header of a Zeiss LSM.
+template <typename T>
+T lsmNumber(const TiffResolution& said, std::size_t at) {
+  return said.lsm.size() < at + sizeof(T) ? T{} : loadNumber<T>(said.lsm.data() + at, false);
+}
+
+// The schema's unit is the micrometre if none is stated.
+TiffLengths omeLengths(const OmeImage& image) {
+  TiffLengths lengths;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    lengths.spacing[static_cast<int>(axis)] = positiveNumber(image.spacing[axis]);
+    lengths.units[axis] = image.units[axis].empty() ? "micrometer" : image.units[axis];
+  }
+  if (lengths.spacing.z == 0) lengths.units[2] = lengths.units[0];
+  if (lengths.spacing.x == 0 || lengths.spacing.y == 0) return {};
+  return lengths;
+}
+
+// None: more than any file has.
+std::optional<std::int64_t> productOf(std::span<const TiffAxis> axes) {
+  constexpr std::int64_t kMost = std::int64_t{1} << 50;
+  std::int64_t count = 1;
+  for (const TiffAxis& axis : axes) {
+    if (axis.count < 1 || axis.count > kMost / count) return std::nullopt;
+    count *= axis.count;
+  }
+  return count;
+}
+
+// Of a page that has the pixels of all planes, one behind the other: the planes. None: it has not.
+std::vector<TiffPage> planesWithin(const TiffPage& page, std::int64_t count,
+                                   std::uint64_t file_bytes) {
+  if (!page.pixels_at) return {};
+  const std::uint64_t bytes = std::uint64_t{page.form.width} * page.form.height *
+                              page.form.samples * storedBytes(*page.form.type());
+  if (static_cast<std::uint64_t>(count) > (file_bytes - *page.pixels_at) / bytes) return {};
+  std::vector<TiffPage> planes(static_cast<std::size_t>(count), page);
+  for (std::size_t i = 0; i < planes.size(); ++i) *planes[i].pixels_at += i * bytes;
+  return planes;
+}
+
+class ImageFinder {
+ public:
+  ImageFinder(const std::string& path, const OpenOptions& options) : options_(options) {
+    TiffFile file(path);
+    said_ = file.resolution();
+    pages_ = file.pages(options);
+    description_ = std::exchange(pages_.front().description, {});
+    file_bytes_ = InputFile(path).size();
+    found_.paths = {path};
+  }
+
+  TiffImages find() {
+    if (const auto ome = readOme(description_))
+      findOme(*ome);
+    else if (!said_.lsm.empty())
+      findLsm();
+    else if (description_.starts_with("ImageJ="))
+      findImageJ();
+    else if (isShape(description_))
+      findShapes();
+    // Some write each slice as an image of its own.
+    if (std::ranges::all_of(found_.images,
+                            [](const TiffImage& image) { return image.planes.size() == 1; })) {
+      found_.images.clear();
+      findForms();
+    }
+    for (TiffImage& image : found_.images)
+      if (image.lengths.spacing.x == 0) image.lengths = tiffLengths(said_, description_);
+    return std::move(found_);
+  }
+
+  static bool isShape(const std::string& description) {
+    return description.starts_with("{\"shape\"");
+  }
+
+ private:
+  const std::string& path() const { return found_.paths.front(); }
+
+  std::vector<TiffPage> wholePages() const {
+    std::vector<TiffPage> pages;
+    std::ranges::copy_if(pages_, std::back_inserter(pages),
+                         [](const TiffPage& page) { return !page.is_smaller; });
+    return pages;
+  }
+
+  Error contradiction(const std::vector<TiffAxis>& said, std::int64_t pages) const {
+    if (!pages_.front().unread.empty()) return unusable(path(), pages_.front().unread);
+    std::string counts;
+    for (const TiffAxis& axis : said)
+      counts += (counts.empty() ? "" : " x ") + std::to_string(axis.count);
+    return unusable(path(), "its description says " + counts + " planes, and it has " +
+                                std::to_string(pages) +
+                                "; get the whole file again, or save it anew");
+  }
+
+  void findImageJ() {
+    static const std::map<std::string, std::string> kOrders = {
+        {"ctz", "ZTC"}, {"zct", "TCZ"}, {"ztc", "CTZ"}, {"tcz", "ZCT"}, {"tzc", "CZT"}};
+    const auto order = kOrders.find(imageJValue(description_, "order"));
+    std::map<char, std::int64_t> counts = {{'C', imageJCount(description_, "channels")},
+                                           {'Z', imageJCount(description_, "slices")},
+                                           {'T', imageJCount(description_, "frames")}};
+    TiffImage image;
+    image.planes = wholePages();
+    if (image.planes.empty()) return;
+    const TiffPage first = image.planes.front();
+    // Bio-Formats calls the numbers of a pixel channels.
+    if (first.form.samples > 1 && counts['C'] == first.form.samples) {
+      image.has_channels = first.form.is_separate;
+      counts['C'] = 1;
+    }
+    const bool is_plain = counts['C'] == 1 && counts['T'] == 1;
+    if (is_plain && counts['Z'] == 1) counts['Z'] = imageJCount(description_, "images");
+    for (const char axis : order == kOrders.end() ? "TZC" : order->second)
+      image.axes.push_back({axis, counts[axis]});
+    const auto said = productOf(image.axes);
+    if (said && *said > 1 && image.planes.size() == 1)
+      if (auto planes = planesWithin(first, *said, file_bytes_); !planes.empty())
+        image.planes = std::move(planes);
+    // A plain stack that lost slices, or got some, is one still.
+    const std::int64_t planes = std::ssize(image.planes);
+    if (is_plain && (planes > 1 || counts['Z'] == 1))
+      image.axes = {{'Z', planes}};
+    else if (said != planes)
+      throw contradiction(image.axes, planes);
+    found_.images.push_back(std::move(image));
+  }
+
+  // The first page of a series of tifffile says the shape of all of it.
+  void findShapes() {
+    pages_.front().description = description_;
+    for (std::size_t at = 0; at < pages_.size();) {
+      const TiffPage first = pages_[at];
+      TiffImage image = shapedImage(first);
+      const auto said = productOf(image.axes);
+      std::size_t pages = 1;  // of the series, up to the next one's description
+      while (at + pages < pages_.size() && pages_[at + pages].description.empty()) ++pages;
+      if (said && *said > 1 && pages == 1)
+        image.planes = planesWithin(first, *said, file_bytes_);
+      else if (said && *said == static_cast<std::int64_t>(pages))
+        image.planes.assign(pages_.begin() + static_cast<std::ptrdiff_t>(at),
+                            pages_.begin() + static_cast<std::ptrdiff_t>(at + pages));
+      if (image.planes.empty()) throw contradiction(image.axes, static_cast<std::int64_t>(pages));
+      if (!first.is_smaller) found_.images.push_back(std::move(image));
+      at += pages;
+    }
+  }
+
+  // Name and axes by a description of tifffile.
+  TiffImage shapedImage(const TiffPage& page) const {
+    TiffImage image;
+    image.has_channels = page.form.is_separate;
+    const auto json = nlohmann::json::parse(page.description, nullptr, false);
+    const auto member = [&](const char* key) {
+      return json.is_object() && json.contains(key) ? json[key] : nlohmann::json();
+    };
+    if (member("name").is_string()) image.name = member("name").get<std::string>();
+    const std::string names = member("axes").is_string() ? member("axes").get<std::string>() : "";
+    for (const auto& count : member("shape"))
+      image.axes.push_back({'Q', count.is_number_integer() ? count.get<std::int64_t>() : 0});
+    for (std::size_t i = 0; names.size() == image.axes.size() && i < names.size(); ++i)
+      image.axes[i].name = names[i];
+    // The last axes are those of a page.
+    const std::int64_t numbers =
+        std::int64_t{page.form.width} * page.form.height * page.form.samples;
+    std::size_t outside = image.axes.size();
+    while (outside > 0 && productOf(std::span(image.axes).subspan(outside)) != numbers) --outside;
+    image.axes.resize(outside);
+    return image;
+  }
+
+  void findOme(OmeDocument ome) {
+    files_[fs::path(path()).filename().string()] = 0;
+    file_pages_.push_back(pages_);
+    if (ome.images.empty() && !ome.metadata_file.empty()) {
+      const InputFile companion(besidePath(ome.metadata_file), path());
+      std::string text(std::min(companion.size(), kMostCompanionBytes), '\0');
+      text.resize(companion.readAt(0, text.data(), text.size()));
+      ome = readOme(text).value_or(OmeDocument{});
+      ome.uuid.clear();  // the companion's own
+      found_.paths.push_back(companion.path());
+      file_pages_.emplace_back();
+    }
+    for (const OmeImage& said : ome.images) {
+      TiffImage image = omeImage(said, ome);
+      if (!image.planes.empty()) found_.images.push_back(std::move(image));
+    }
+  }
+
+  TiffImage omeImage(const OmeImage& said, const OmeDocument& ome) {
+    TiffImage image;
+    image.name = said.name;
+    image.lengths = omeLengths(said);
+    image.has_channels = true;
+    // Without a list of planes, or with sizes that are missing, the pages are what they are.
+    const std::int64_t channels = said.sizes[1] / said.samples;
+    if (said.order.size() != 5 || channels < 1) return image;
+    for (const char name : {said.order[4], said.order[3], said.order[2]})
+      image.axes.push_back({name, name == 'C' ? channels : said.sizes[name == 'Z' ? 0 : 2]});
+    const auto count = productOf(image.axes);
+    if (!count || *count > kMostPlanes) return image;
+    if (said.has_mixed_axis)
+      image.unread = "one of its axes holds another one (ModuloAlong); save each as an image";
+    image.planes.resize(static_cast<std::size_t>(*count));
+    static const OmeRun kAll;
+    for (const OmeRun& run : said.runs.empty() ? std::span(&kAll, 1) : std::span(said.runs)) {
+      const auto file = fileOf(run, ome);
+      if (!file) {
+        image.lacks = run.file;
+        continue;
+      }
+      const std::vector<TiffPage>& pages = file_pages_[*file];
+      std::int64_t plane = 0;
+      for (const TiffAxis& axis : image.axes)
+        plane = plane * axis.count + run.first[axis.name == 'Z' ? 0 : axis.name == 'C' ? 1 : 2];
+      const std::int64_t from = run.ifd.value_or(0);
+      std::int64_t planes = run.count.value_or(run.ifd ? 1 : std::ssize(pages));
+      planes = std::min({planes, *count - plane, std::ssize(pages) - from});
+      for (std::int64_t i = 0; i < planes; ++i) {
+        TiffPage& to = image.planes[static_cast<std::size_t>(plane + i)];
+        to = pages[static_cast<std::size_t>(from + i)];
+        to.file = *file;
+        if (said.pixels[0] != to.form.width || said.pixels[1] != to.form.height)
+          image.unread = "its description and its pages have two sizes; save it anew";
+      }
+    }
+    return image;
+  }
+
+  // The number of the file that has the planes, and its pages; none if it is not beside.
+  std::optional<std::uint32_t> fileOf(const OmeRun& run, const OmeDocument& ome) {
+    const bool is_own = run.file.empty() || (!run.uuid.empty() && run.uuid == ome.uuid);
+    const std::string name = fs::path(is_own ? path() : run.file).filename().string();
+    if (const auto known = files_.find(name); known != files_.end()) return known->second;
+    auto& file = files_[name];
+    const std::string beside = besidePath(name);
+    if (!inputIsThere(beside)) return file;
+    file = static_cast<std::uint32_t>(found_.paths.size());
+    found_.paths.push_back(beside);
+    file_pages_.push_back(TiffFile(beside).pages(options_));
+    return file;
+  }
+
+  std::string besidePath(const std::string& name) const {
+    return (fs::path(path()).parent_path() / fs::path(name).filename()).string();
+  }
+
+  void findLsm() {
+    TiffImage image;
+    image.planes = wholePages();
+    image.has_channels = true;
+    image.axes = {{'T', lsmNumber<std::int32_t>(said_, 24)},
+                  {'Z', lsmNumber<std::int32_t>(said_, 16)}};
+    if (productOf(image.axes) == std::ssize(image.planes))
+      found_.images.push_back(std::move(image));
+  }
+
+  // Each form of pages is an image.
+  void findForms() {
+    for (TiffPage& page : wholePages()) {
+      auto image = std::ranges::find_if(found_.images, [&](const TiffImage& other) {
+        return other.planes.front().form == page.form;
+      });
+      if (image == found_.images.end()) image = found_.images.emplace(image);
+      image->planes.push_back(std::move(page));
+      image->axes = {{'Z', std::ssize(image->planes)}};
+    }
+  }
+
+  static constexpr std::int64_t kMostPlanes = std::int64_t{1} << 24;
+  static constexpr std::uint64_t kMostCompanionBytes = std::uint64_t{1} << 28;
+
+  const OpenOptions& options_;
+  std::vector<TiffPage> pages_;
+  std::string description_;
+  TiffResolution said_;
+  std::uint64_t file_bytes_ = 0;
+  TiffImages found_;
+  // Of OME-TIFF: the numbers of files by their names, and their pages.
+  std::map<std::string, std::optional<std::uint32_t>> files_;
+  std::vector<std::vector<TiffPage>> file_pages_;
+};
+
+}  // namespace
+
+TiffImages findTiffImages(const std::string& path, const OpenOptions& options) {
+  return ImageFinder(path, options).find();
+}
+
+bool namesOtherFiles(const std::string& description) {
+  const auto ome = readOme(description);
+  std::set<std::string> files;
+  for (const OmeImage& image : ome ? ome->images : std::vector<OmeImage>())
+    for (const OmeRun& run : image.runs) files.insert(run.file);
+  return files.size() > 1;
+}
+
+TiffLengths tiffLengths(const TiffResolution& said, const std::string& description) {
+  if (const auto ome = readOme(description); ome && !ome->images.empty())
+    if (TiffLengths lengths = omeLengths(ome->images.front()); lengths.spacing.x > 0)
+      return lengths;
+  constexpr std::size_t kVoxelAt = 40;
+  const glm::dvec3 voxel(lsmNumber<double>(said, kVoxelAt), lsmNumber<double>(said, kVoxelAt + 8),
+                         lsmNumber<double>(said, kVoxelAt + 16));
+  if (voxel.x > 0 && voxel.y > 0 && voxel.z > 0 && std::isfinite(voxel.x + voxel.y + voxel.z))
+    return {voxel, {"meter", "meter", "meter"}};
+  TiffLengths lengths;
+  if (said.x > 0 && said.y > 0) lengths.spacing = {1 / said.x, 1 / said.y, 0};
+  std::string unit = said.unit == 2 ? "inch" : said.unit == 3 ? "centimeter" : "";
+  if (description.starts_with("ImageJ=")) {
+    unit = imageJValue(description, "unit");
+    if (unit == "pixel" || unit == "pixels") unit.clear();
+    lengths.spacing.z = positiveNumber(imageJValue(description, "spacing"));
+  }
+  if (lengths.spacing.x > 0) lengths.units = {unit, unit, unit};
+  return lengths;
+}
+
+}  // namespace isobrick
