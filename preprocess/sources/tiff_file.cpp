@@ -52,7 +52,7 @@ std::string packingName(std::uint16_t packing) {
 
 // Numbers of fewer than 16 bits, the highest bit first, as whole ones.
 template <typename T>
-void widen(const std::byte* from, std::size_t count, unsigned bits, std::byte* to) {
+void widenTo(const std::byte* from, std::size_t count, unsigned bits, std::byte* to) {
   std::uint32_t window = 0;
   unsigned held = 0;
   for (std::size_t i = 0; i < count; ++i) {
@@ -265,11 +265,9 @@ void TiffFile::unpackPlane(const TiffForm& form, std::uint16_t plane, std::byte*
     throw unreadable(file_.path(),
                      "its tiles have no size that could be; get the whole file again");
   const std::size_t number_bytes = storedBytes(*form.type());
-  const bool is_whole = form.bits == 8 * number_bytes;
   const std::size_t page_row_bytes = form.width * form.samples * number_bytes;
-  const bool is_in_place = !has_tiles && is_whole && !form.is_separate;
+  const bool is_in_place = !has_tiles && form.bits == 8 * number_bytes && !form.is_separate;
   if (!is_in_place) part_.resize(row_bytes * height);
-  std::vector<std::byte> wide(is_whole ? 0 : width * numbers * number_bytes);
   for (std::uint64_t y = 0; y < form.height; y += height)
     for (std::uint64_t x = 0; x < form.width; x += width) {
       const std::uint64_t rows = std::min(height, form.height - y);
@@ -285,25 +283,29 @@ void TiffFile::unpackPlane(const TiffForm& form, std::uint16_t plane, std::byte*
               : TIFFReadEncodedStrip(tiff_.get(), TIFFComputeStrip(tiff_.get(), row, plane), part,
                                      bytes);
       if (read != bytes) throw failed();
-      if (is_in_place) continue;
-      for (std::uint64_t i = 0; i < rows; ++i) {
-        const std::byte* from = part + i * row_bytes;
-        if (!is_whole) {
-          if (number_bytes == 1)
-            widen<std::uint8_t>(from, columns * numbers, form.bits, wide.data());
-          else
-            widen<std::uint16_t>(from, columns * numbers, form.bits, wide.data());
-          from = wide.data();
-        }
-        std::byte* const to_row = to + i * page_row_bytes;
-        if (!form.is_separate)
-          std::memcpy(to_row, from, columns * numbers * number_bytes);
-        else
-          for (std::uint64_t pixel = 0; pixel < columns; ++pixel)
-            std::memcpy(to_row + pixel * form.samples * number_bytes, from + pixel * number_bytes,
-                        number_bytes);
-      }
+      for (std::uint64_t i = 0; !is_in_place && i < rows; ++i)
+        placeRow(form, part + i * row_bytes, columns, to + i * page_row_bytes);
     }
+}
+
+// `columns` pixels of a tile or a strip to their place in a page.
+void TiffFile::placeRow(const TiffForm& form, const std::byte* from, std::uint64_t columns,
+                        std::byte* to) {
+  const std::size_t number_bytes = storedBytes(*form.type());
+  const std::uint64_t numbers = columns * (form.is_separate ? 1 : form.samples);
+  if (form.bits < 8 * number_bytes) {
+    wide_.resize(numbers * number_bytes);
+    const auto widen = number_bytes == 1 ? widenTo<std::uint8_t> : widenTo<std::uint16_t>;
+    widen(from, numbers, form.bits, wide_.data());
+    from = wide_.data();
+  }
+  if (!form.is_separate) {
+    std::memcpy(to, from, numbers * number_bytes);
+    return;
+  }
+  for (std::uint64_t pixel = 0; pixel < columns; ++pixel)
+    std::memcpy(to + pixel * form.samples * number_bytes, from + pixel * number_bytes,
+                number_bytes);
 }
 
 }  // namespace isobrick

@@ -82,12 +82,14 @@ class TiffFile {
   std::string whyUnread(const TiffForm& form) const;
   std::optional<std::uint64_t> plainPixels(const TiffForm& form) const;
   void unpackPlane(const TiffForm& form, std::uint16_t plane, std::byte* out);
+  void placeRow(const TiffForm& form, const std::byte* from, std::uint64_t columns, std::byte* to);
   Error failed() const;
 
   const InputFile file_;
   std::string message_;  // the library's last one
   std::unique_ptr<tiff, Close> tiff_;
   std::vector<std::byte> part_;  // a tile or a strip
+  std::vector<std::byte> wide_;  // a row of it
 };
 
 }  // namespace isobrick

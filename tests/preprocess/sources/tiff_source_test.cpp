@@ -2,7 +2,9 @@
 #include "isobrick/preprocess/sources/tiff_source.h"
 
 #include <gtest/gtest.h>
+#include <tiffio.h>
 
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <optional>
@@ -431,6 +433,37 @@ TEST_F(TiffAxesTest, NumbersOfOneToFifteenBitsAreWidened) {
            .bits = bits});
     writeBytes(path(), tiff.bytes());
     EXPECT_TRUE(allVoxels(*openItkSource(path())) == expected) << bits;
+  }
+}
+
+// JPEG stores colours as brightness and two differences of half the resolution.
+TEST_F(TiffAxesTest, ColoursOfJpegAreRedGreenAndBlue) {
+  constexpr std::uint32_t kEdge = 32;
+  TIFF* const file = TIFFOpen(path().c_str(), "w");
+  ASSERT_NE(file, nullptr);
+  std::string pixels;
+  for (std::uint32_t i = 0; i < kEdge * kEdge; ++i) pixels += "\xC8\x32\x5A";
+  for (int z = 0; z < 2; ++z) {
+    TIFFSetField(file, TIFFTAG_IMAGEWIDTH, kEdge);
+    TIFFSetField(file, TIFFTAG_IMAGELENGTH, kEdge);
+    TIFFSetField(file, TIFFTAG_BITSPERSAMPLE, 8);
+    TIFFSetField(file, TIFFTAG_SAMPLESPERPIXEL, 3);
+    TIFFSetField(file, TIFFTAG_ROWSPERSTRIP, 16);
+    TIFFSetField(file, TIFFTAG_PLANARCONFIG, PLANARCONFIG_CONTIG);
+    TIFFSetField(file, TIFFTAG_COMPRESSION, COMPRESSION_JPEG);
+    TIFFSetField(file, TIFFTAG_PHOTOMETRIC, PHOTOMETRIC_YCBCR);
+    TIFFSetField(file, TIFFTAG_JPEGCOLORMODE, JPEGCOLORMODE_RGB);
+    for (std::uint32_t strip = 0; strip < 2; ++strip)
+      ASSERT_GE(TIFFWriteEncodedStrip(file, strip, pixels.data(), kEdge * 16 * 3), 0);
+    TIFFWriteDirectory(file);
+  }
+  TIFFClose(file);
+  EXPECT_CONTAINS(slices(), "3 values per voxel");
+  for (const int component : {0, 1, 2}) {
+    OpenOptions options;
+    options.component = ComponentChoice{false, component};
+    for (const char voxel : allVoxels(*openItkSource(path(), options)))
+      ASSERT_NEAR(static_cast<unsigned char>(voxel), (std::array{0xC8, 0x32, 0x5A})[component], 4);
   }
 }
 
