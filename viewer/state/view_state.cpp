@@ -5,6 +5,7 @@
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
 #include <glm/trigonometric.hpp>
+#include <limits>
 
 namespace isobrick {
 
@@ -46,6 +47,21 @@ ViewState firstView(const ViewVolume& volume, double aspect) {
   return state;
 }
 
+namespace {
+
+// A unit vector keeps its bits: divided once more it would be another one, and its cut made anew
+// with every frame.
+glm::dvec3 unitNormal(glm::dvec3 normal) {
+  constexpr double kRounding = 8.0 * std::numeric_limits<double>::epsilon();
+  if (std::abs(glm::length(normal) - 1.0) <= kRounding) return normal;
+  const double most = std::max({std::abs(normal.x), std::abs(normal.y), std::abs(normal.z)});
+  if (!(most > 0.0)) return {1.0, 0.0, 0.0};
+  normal /= most;  // its squares stay finite and above 0
+  return normal / glm::length(normal);
+}
+
+}  // namespace
+
 ViewState bounded(const ViewState& state, const ViewVolume& volume) {
   ViewState result = state;
   const glm::dvec3 last(volume.voxels - Index3(1));
@@ -66,12 +82,8 @@ ViewState bounded(const ViewState& state, const ViewVolume& volume) {
   if (result.mesh_distance) result.mesh_distance = std::clamp(*result.mesh_distance, 0.01, 1000.0);
   if (result.view_pixels) result.view_pixels = std::clamp(*result.view_pixels, 0.1, 1000.0);
   if (result.clip_planes.size() > kMostClipPlanes) result.clip_planes.resize(kMostClipPlanes);
-  const auto normalize = [](glm::dvec3& normal) {
-    const double length = glm::length(normal);
-    normal = length > 0.0 ? normal / length : glm::dvec3(1.0, 0.0, 0.0);
-  };
-  for (ViewClipPlane& plane : result.clip_planes) normalize(plane.normal);
-  normalize(result.values.plane.normal);
+  for (ViewClipPlane& plane : result.clip_planes) plane.normal = unitNormal(plane.normal);
+  result.values.plane.normal = unitNormal(result.values.plane.normal);
   for (double& opacity : result.values.opacity) opacity = std::clamp(opacity, 0.0, 1.0);
   result.slice_opacity = std::clamp(result.slice_opacity, 0.0, 1.0);
   for (int axis = 0; axis < 3; ++axis) {

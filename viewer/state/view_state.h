@@ -172,7 +172,7 @@ struct ViewVolume {
 ViewState firstView(const ViewVolume& volume, double aspect);
 
 // `state`, from the user or a file, with every number in its range, and the focus on the pivot if
-// it follows the view.
+// it follows the view. Bounds once more change nothing.
 ViewState bounded(const ViewState& state, const ViewVolume& volume);
 
 // Surfaces with isovalue `isovalue` within the radius `radius`; beyond the volume's diagonal, or if

@@ -15,6 +15,7 @@
 #include "isobrick/viewer/state/view_state_json.h"
 #include "tests/support/field_pyramid.h"
 #include "tests/support/null_renderer.h"
+#include "tests/support/random_numbers.h"
 
 namespace isobrick {
 namespace {
@@ -587,6 +588,24 @@ TEST_F(ViewSessionTest, SlicesFollowWhileTheyAreDragged) {
   settle();
   EXPECT_EQ(imageOf(1), still);
   EXPECT_EQ(renderer_.slices().size(), 3u);
+}
+
+// Divided by its length once more, such a normal is another one.
+TEST_F(ViewSessionTest, AnyClipPlaneComesToRest) {
+  test::Random random(7);
+  for (int i = 0; i < 30; ++i) {
+    ViewClipPlane plane;
+    for (int axis = 0; axis < 3; ++axis)
+      plane.normal[axis] = static_cast<double>(test::randomInt(random, -9, 9));
+    if (i == 0) plane.normal = {7.0, 7.0, 8.0};
+    plane.offset = glm::dot(plane.normal, glm::dvec3(30.0)) / glm::length(plane.normal);
+    session_->state().clip_planes = {plane};
+    for (int frames = 0; frames < 4000 && (frames < 3 || !session_->settled()); ++frames) {
+      frame(0.05);
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    ASSERT_TRUE(session_->settled()) << "normal " << plane.normal.x << " " << plane.normal.y;
+  }
 }
 
 TEST_F(ViewSessionTest, ACapNeverLiesBesideItsCut) {

@@ -1,12 +1,15 @@
 // Views as JSON, in their bounds, and as queries.
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <glm/geometric.hpp>
 #include <nlohmann/json.hpp>
 #include <numbers>
 #include <string>
 
 #include "isobrick/storage/error.h"
 #include "isobrick/viewer/state/view_state_json.h"
+#include "tests/support/random_numbers.h"
 #include "tests/support/temporary_folder.h"
 
 namespace isobrick {
@@ -192,6 +195,45 @@ TEST(ViewStateTest, BoundsPutEverythingIntoTheVolume) {
   EXPECT_EQ(bounded(tame, volume), tame);
   const ViewState first = firstView(volume, 1.5);
   EXPECT_EQ(bounded(first, volume), first);
+}
+
+// A view whose bounds move it with every frame is never at rest, and never drawn.
+TEST(ViewStateTest, BoundsOnceMoreChangeNothing) {
+  const ViewVolume volume = someVolume();
+  test::Random random(3);
+  const auto number = [&] {
+    const double digits = test::randomReal(random, -1.0, 1.0);
+    switch (test::randomBelow(random, 4)) {
+      case 0:
+        return std::round(10.0 * digits);
+      case 1:
+        return digits * std::pow(10.0, test::randomReal(random, -320.0, 30.0));
+      default:
+        return digits;
+    }
+  };
+  const auto vector = [&] { return glm::dvec3(number(), number(), number()); };
+  const auto check = [&](const glm::dvec3& normal) {
+    ViewState state = fullState();
+    state.clip_planes[0].normal = state.values.plane.normal = normal;
+    state.focus.center = vector();
+    state.focus.radius = number();
+    state.focus.follow_view = test::randomBelow(random, 2) == 0;
+    state.camera.pivot = vector();
+    state.camera.distance = number();
+    state.surfaces[0].isovalue = number();
+    state.slices[1].position = number();
+    state.slice_views.center = vector();
+    const ViewState once = bounded(state, volume);
+    EXPECT_EQ(bounded(once, volume), once) << normal.x << " " << normal.y << " " << normal.z;
+    EXPECT_NEAR(glm::length(once.clip_planes[0].normal), 1.0, 1e-15);
+    if (normal != glm::dvec3(0.0)) EXPECT_GT(glm::dot(once.clip_planes[0].normal, normal), 0.0);
+  };
+  check({7.0, 7.0, 8.0});
+  check({0.0, 0.0, 0.0});
+  check({1e-300, 1e-300, 0.0});
+  check({0.0, 5e-324, 0.0});
+  for (int i = 0; i < 20000; ++i) check(vector());
 }
 
 TEST(ViewStateTest, QueriesFollowTheFocusUpToAllOfTheVolume) {
