@@ -62,6 +62,13 @@ bool lookFrom(Key key, bool control, ViewState& state) {
   return false;
 }
 
+// A key that is held goes on with these alone: leaving twice is a yes, and no file is written
+// twice.
+bool isStep(const InputEvent& event) {
+  return event.control ? event.key == Key::kZ || event.key == Key::kY
+                       : event.key == Key::kLeft || event.key == Key::kRight;
+}
+
 // The keys that switch something on and off, or wish for it.
 void toggle(Key key, Interaction& interaction, ViewState& state, Wishes& wishes) {
   const std::pair<Key, bool*> toggles[] = {{Key::kPad5, &state.camera.orthographic},
@@ -134,7 +141,7 @@ void plainKey(const InputEvent& event, const ViewVolume& volume, Interaction& in
   const double step = (event.shift ? 10.0 : 1.0) * isovalueStep(volume);
   if (event.key == Key::kLeft) return moveIsovalue(-step, volume, state);
   if (event.key == Key::kRight) return moveIsovalue(step, volume, state);
-  if (event.repeated || (interaction.flying && fliesWith(event.key))) return;
+  if (interaction.flying && fliesWith(event.key)) return;
   if (lookFrom(event.key, false, state)) return;
   toggle(event.key, interaction, state, wishes);
   toolKey(event, interaction, state, wishes);
@@ -180,6 +187,7 @@ void plainKey(const InputEvent& event, const ViewVolume& volume, Interaction& in
 
 void pressKey(const InputEvent& event, const ViewVolume& volume, Interaction& interaction,
               ViewState& state, Wishes& wishes) {
+  if (event.repeated && !isStep(event)) return;
   if (!event.control)
     plainKey(event, volume, interaction, state, wishes);
   else if (!lookFrom(event.key, true, state))

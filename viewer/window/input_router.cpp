@@ -75,7 +75,7 @@ Wishes InputRouter::pass(ViewPanel& panel, ViewSession* session, double seconds)
     const bool of_keyboard = event.kind == InputEvent::Kind::kKeyPress ||
                              event.kind == InputEvent::Kind::kKeyRelease ||
                              event.kind == InputEvent::Kind::kText;
-    const bool on_panel = of_keyboard ? panel.wantsKeyboard() : panel.wantsMouse();
+    const bool on_panel = of_keyboard ? panel.wants(event) : panel.wantsMouse();
     if (event.kind == InputEvent::Kind::kMove) cursor_ = {event.x, event.y};
     addWishes(session != nullptr
                   ? session->apply(inScene(event, session), seconds, on_panel)

@@ -17,9 +17,12 @@ Wishes buildQuestion(const std::optional<UserQuestion>& question) {
     ImGui::PushTextWrapPos(0.8f * screen.x);
     ImGui::TextUnformatted(question->text.c_str());
     ImGui::PopTextWrapPos();
-    if (ImGui::Button(question->yes) || isPanelKeyPressed(ImGuiKey_Enter)) wishes.answer = true;
+    // Keys that were pressed before it was shown are no answer.
+    const bool listens = !ImGui::IsWindowAppearing();
+    const auto hears = [&](ImGuiKey key) { return listens && isPanelKeyPressed(key); };
+    if (ImGui::Button(question->yes) || hears(ImGuiKey_Enter)) wishes.answer = true;
     ImGui::SameLine();
-    if (ImGui::Button(question->no) || isPanelKeyPressed(ImGuiKey_Escape)) wishes.answer = false;
+    if (ImGui::Button(question->no) || hears(ImGuiKey_Escape)) wishes.answer = false;
   }
   ImGui::End();
   return wishes;

@@ -99,7 +99,12 @@ void ViewPanel::begin(int width, int height, double seconds) {
 }
 
 bool ViewPanel::wantsMouse() const { return ImGui::GetIO().WantCaptureMouse; }
-bool ViewPanel::wantsKeyboard() const { return ImGui::GetIO().WantTextInput; }
+bool ViewPanel::wants(const InputEvent& key) const {
+  // Leaving once more is a yes.
+  if (asks_) return key.key != Key::kQ || !key.control;
+  // ImGui says so for one frame more than there is a field.
+  return ImGui::GetIO().WantTextInput && ImGui::IsAnyItemActive();
+}
 
 void ViewPanel::draw() {
   ImGui::Render();
@@ -141,6 +146,7 @@ Wishes ViewPanel::build(ViewSession* session, const PanelFacts& facts, const Win
   addWishes(status_.build(session, facts, scale, hovers), wishes);
   addWishes(open_panel_.build(scale_, facts.recent), wishes);
   addWishes(buildQuestion(facts.question), wishes);
+  asks_ = facts.question.has_value();
   if (session != nullptr) buildOverlay(*session, scale, hovers, areas.scene);
   return wishes;
 }

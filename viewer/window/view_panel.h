@@ -144,9 +144,10 @@ class ViewPanel {
 
   void feed(const InputEvent& event);
   void begin(int width, int height, double seconds);
-  // Whether events of the mouse, and of the keyboard, are the panel's in this frame.
+  // Whether events of the mouse, and this one of the keyboard, are the panel's in this frame: a
+  // field has its keys, and a question that is shown all of them.
   bool wantsMouse() const;
-  bool wantsKeyboard() const;
+  bool wants(const InputEvent& key) const;
   // Applies the user's changes to the session's state; null if no volume is open.
   Wishes build(ViewSession* session, const PanelFacts& facts, const WindowAreas& areas);
   // The list of volumes to open, on and off.
@@ -161,6 +162,7 @@ class ViewPanel {
 
   double scale_;
   double still_seconds_ = 0.0;  // of the mouse (panel_tools.h)
+  bool asks_ = false;           // a question, in the last frame
   Clipboard& clipboard_;
   std::string pasted_;  // for ImGui, until the next call
   // Of this frame: ImGui looks at keys once in a frame, so a tap is shown to it in two of them.

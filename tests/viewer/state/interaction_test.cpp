@@ -243,6 +243,29 @@ TEST_F(InteractionTest, KeysToggleAndAsk) {
   EXPECT_TRUE(state_.wireframe);  // a held key is one press
 }
 
+TEST_F(InteractionTest, AKeyThatIsHeldGoesOnWithStepsAlone) {
+  const auto hold = [&](Key which, bool control) {
+    InputEvent event = key(which);
+    event.control = control;
+    event.repeated = true;
+    return send(event);
+  };
+  const double before = activeSurface(state_).isovalue;
+  hold(Key::kRight, false);
+  EXPECT_GT(activeSurface(state_).isovalue, before);
+  EXPECT_TRUE(hold(Key::kZ, true).undo);
+  EXPECT_TRUE(hold(Key::kY, true).redo);
+  const ViewState state = state_;
+  EXPECT_FALSE(hold(Key::kQ, true).close);
+  EXPECT_FALSE(hold(Key::kS, true).save_state);
+  EXPECT_FALSE(hold(Key::kO, true).load_state);
+  EXPECT_FALSE(hold(Key::kR, true).show_named_view);
+  EXPECT_FALSE(hold(Key::kP, false).screenshot);
+  EXPECT_FALSE(hold(Key::kM, false).export_mesh);
+  hold(Key::kW, false);
+  EXPECT_EQ(state_, state);
+}
+
 TEST_F(InteractionTest, ClipPlanesGoThroughTheFocusAndTurnRound) {
   send(key(Key::kX));
   ASSERT_EQ(state_.clip_planes.size(), 1u);

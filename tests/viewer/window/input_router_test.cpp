@@ -5,8 +5,11 @@
 #include <imgui.h>
 
 #include <array>
+#include <deque>
 #include <memory>
+#include <optional>
 #include <string>
+#include <vector>
 
 #include "isobrick/storage/error.h"
 #include "isobrick/viewer/window/egl_target.h"
@@ -23,6 +26,12 @@ InputEvent keyEvent(InputEvent::Kind kind, Key key, bool control) {
   event.kind = kind;
   event.key = key;
   event.control = control;
+  return event;
+}
+
+InputEvent held(Key key, bool control) {
+  InputEvent event = keyEvent(InputEvent::Kind::kKeyPress, key, control);
+  event.repeated = true;
   return event;
 }
 
@@ -52,11 +61,20 @@ class InputRouterTest : public testing::Test {
   // A frame with a field that has the keyboard.
   void frame() {
     router_->take(0.0);
-    router_->pass(*panel_, nullptr, seconds_ += 1.0);
+    addWishes(router_->pass(*panel_, nullptr, seconds_ += 1.0), wishes_);
     ImGui::Begin("field");
     if (seconds_ == 1.0) ImGui::SetKeyboardFocusHere();
     ImGui::InputText("##text", text_.data(), text_.size());
     ImGui::End();
+    panel_->draw();
+  }
+  // One with the question.
+  void questionFrame() {
+    router_->take(0.0);
+    addWishes(router_->pass(*panel_, nullptr, seconds_ += 1.0), wishes_);
+    addWishes(panel_->build(nullptr, {frames_, "", "", {}, "", recent_, "", "", question_, views_},
+                            router_->areas(nullptr)),
+              wishes_);
     panel_->draw();
   }
   int framesUntilAllWasTaken() {
@@ -72,6 +90,11 @@ class InputRouterTest : public testing::Test {
   std::unique_ptr<InputRouter> router_;
   std::array<char, 64> text_{"old"};
   double seconds_ = 0.0;
+  Wishes wishes_;
+  std::optional<UserQuestion> question_;
+  const std::deque<FrameTimes> frames_;
+  const std::vector<std::string> recent_;
+  NamedViews views_;
 };
 
 // In a frame of a second somebody types all of this.
@@ -107,6 +130,45 @@ TEST_F(InputRouterTest, TypingTakesFewFrames) {
     router_->add({textEvent(letter)});
   }
   EXPECT_LE(framesUntilAllWasTaken(), 2);
+}
+
+// A slow frame has both keys: the first one ends the field, so the next one is no text.
+TEST_F(InputRouterTest, AKeyAfterAFieldIsTheScenes) {
+  for (int i = 0; i < 3; ++i) frame();
+  type(Key::kEnter);
+  type(Key::kS, true);
+  framesUntilAllWasTaken();
+  EXPECT_TRUE(wishes_.save_state);
+  EXPECT_EQ(text(), "old");
+}
+
+// Enter would keep the picked piece, Esc end the tool, Ctrl+S save.
+TEST_F(InputRouterTest, AQuestionHasAllKeys) {
+  question_ = UserQuestion{"Leave?", "leave", "stay"};
+  for (int i = 0; i < 2; ++i) questionFrame();
+  for (const Key key : {Key::kEnter, Key::kEscape, Key::kM, Key::kHome, Key::kN}) type(key);
+  type(Key::kS, true);
+  type(Key::kQ, true);
+  while (!router_->empty()) questionFrame();
+  EXPECT_EQ(wishes_.answer, false);  // the later one
+  EXPECT_TRUE(wishes_.close);        // in earnest
+  EXPECT_FALSE(wishes_.save_state || wishes_.export_mesh || wishes_.first_view || wishes_.browse);
+}
+
+// The key that brought it, or came before it, is no answer, and Ctrl+Q that stays down no second
+// one.
+TEST_F(InputRouterTest, AKeyThatIsHeldAnswersNoQuestion) {
+  router_->add({keyEvent(InputEvent::Kind::kKeyPress, Key::kEnter, false)});
+  questionFrame();
+  question_ = UserQuestion{"Leave?", "leave", "stay"};
+  router_->add({keyEvent(InputEvent::Kind::kKeyPress, Key::kEscape, false)});
+  questionFrame();
+  for (int i = 0; i < 5; ++i) {
+    router_->add({held(Key::kEnter, false), held(Key::kEscape, false), held(Key::kQ, true)});
+    while (!router_->empty()) questionFrame();
+  }
+  EXPECT_FALSE(wishes_.answer);
+  EXPECT_FALSE(wishes_.close);
 }
 
 // A card says some frames later what a click hit. Two clicks make a distance, also if the tool for
