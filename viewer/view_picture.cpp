@@ -53,6 +53,10 @@ void drawViews(std::shared_ptr<const Pyramid> pyramid, std::span<const ViewState
     } while (!session.settled());
     const SessionStatus status = session.status();
     if (!status.error.empty()) throw Error(status.error);
+    if (session.isOverBudget())
+      throw Error(
+          "the graphics card has no memory for surfaces as fine as the view asks for; set a "
+          "region of interest, or draw with ISOBRICK_GRAPHICS=software");
     PictureTiles tiles(renderer, pictureSceneOf(session, width, height, layers));
     while (!tiles.done()) {
       cancel.check();

@@ -8,13 +8,12 @@
 
 namespace isobrick {
 
-SurfaceRequests::SurfaceRequests(const ShownVolume& volume, ChunkStore& store,
-                                 std::uint64_t budget_bytes, int threads,
-                                 std::shared_ptr<KnownComponents> known)
+SurfaceRequests::SurfaceRequests(const ShownVolume& volume, ChunkStore& store, ChunkBudget budget,
+                                 int threads, std::shared_ptr<KnownComponents> known)
     : volume_(volume),
-      budget_bytes_(budget_bytes),
+      budget_(std::move(budget)),
       known_(std::move(known)),
-      surfaces_(std::in_place, store, budget_bytes),
+      surfaces_(std::in_place, store, budget_),
       stream_(volume.pyramid(), threads, {}, SurfaceStream::kPatienceSeconds, known_) {}
 
 void SurfaceRequests::suspend() {
@@ -27,7 +26,7 @@ void SurfaceRequests::suspend() {
   shows_less_ = true;
 }
 
-void SurfaceRequests::resume(ChunkStore& store) { surfaces_.emplace(store, budget_bytes_); }
+void SurfaceRequests::resume(ChunkStore& store) { surfaces_.emplace(store, budget_); }
 
 bool SurfaceRequests::hasShown() const {
   return shown_.passes() > 0 || over_budget_ || !surfaces_->error().empty();
@@ -100,6 +99,10 @@ void SurfaceRequests::request(const AskedView& view, double seconds) {
   now_ = seconds;
   const double wanted = volume_.radiusAtRest(view.state);
   const bool first = !requested_;
+  if (over_budget_ && surfaces_->hasMoreRoom()) {  // it becomes finer, after a rest
+    over_budget_ = asked_for_all_ = false;
+    last_change_ = seconds;
+  }
   if (!first && !ask_again_ && changesAtRest(view)) {
     requestAtRest(view, !asksForTheSameTriangles(*requested_, view));
   } else if (first || ask_again_ || !asksForTheSame(*requested_, view)) {

@@ -24,10 +24,10 @@ namespace isobrick {
 // thread. Time is the caller's: seconds that run on.
 class SurfaceRequests {
  public:
-  // `volume` outlives it. `budget_bytes`: of chunks in the store; `threads`: of the extraction;
-  // `known`: the lists of components that it uses and adds to.
-  SurfaceRequests(const ShownVolume& volume, ChunkStore& store, std::uint64_t budget_bytes,
-                  int threads, std::shared_ptr<KnownComponents> known);
+  // `volume` outlives it. `budget`: of chunks in the store; `threads`: of the extraction; `known`:
+  // the lists of components that it uses and adds to.
+  SurfaceRequests(const ShownVolume& volume, ChunkStore& store, ChunkBudget budget, int threads,
+                  std::shared_ptr<KnownComponents> known);
 
   // For each frame, in this order: takes what has come, within `allowance`, and asks for the
   // surfaces of the view.
@@ -83,7 +83,7 @@ class SurfaceRequests {
   void send(StreamRequest request, const std::optional<double>& waiting_since);
 
   const ShownVolume& volume_;
-  const std::uint64_t budget_bytes_;
+  const ChunkBudget budget_;
   const std::shared_ptr<KnownComponents> known_;
   SurfacePace pace_;
   SurfaceWaits waits_;

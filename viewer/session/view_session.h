@@ -33,8 +33,8 @@
 namespace isobrick {
 
 struct SessionOptions {
-  int threads = 1;                                          // of the extraction
-  std::uint64_t gpu_budget_bytes = std::uint64_t{1} << 30;  // of chunks in the renderer
+  int threads = 1;                                 // of the extraction
+  ChunkBudget gpu_budget{std::uint64_t{1} << 30};  // of the renderer
   // Given if the pyramid is a preview. It is then shown as fine as it is, whatever the view's
   // settings; view and volume() are those of the volume, but for the range of its values.
   std::optional<PreviewOf> preview_of = {};
@@ -113,6 +113,8 @@ class ViewSession {
   bool isFine() const;
   // Surfaces are coloured by their pieces, which are not all known yet.
   bool waitsForPieces() const { return pieces_.waits(); }
+  // The card, or the budget, has no room for surfaces as fine as the view asks for.
+  bool isOverBudget() const { return requests_.isOverBudget(); }
   // And the pieces are known, and the view is found that the volume opens with, for which frames
   // are drawn and noted.
   bool settled() const;

@@ -16,19 +16,16 @@ void VolumeShow::close() {
   shown_.reset();
 }
 
-void VolumeShow::open(OpenedVolume opened, SceneRenderer& renderer, const glm::dvec2& size,
-                      double scale) {
+void VolumeShow::open(OpenedVolume opened, SceneRenderer& renderer, const glm::dvec2& size) {
   const bool with_panel = !shown_ || session()->interaction().show_panel;
   close();
   shown_ = showingOf(std::move(opened), renderer);
   session()->interaction().show_panel = with_panel;
-  session()->interaction().scale = scale;
   if (!(size.y > 0.0)) return;
   session()->apply(InputEvent::resized(size.x, size.y), 0.0, false);
 }
 
-void VolumeShow::take(OpenedVolume opened, SceneRenderer& renderer, const glm::dvec2& size,
-                      double scale) {
+void VolumeShow::take(OpenedVolume opened, SceneRenderer& renderer, const glm::dvec2& size) {
   if (showsPreview() && opened.source == shown_->opened.source) {
     next_ = showingOf(std::move(opened), renderer);
     return;
@@ -37,14 +34,14 @@ void VolumeShow::take(OpenedVolume opened, SceneRenderer& renderer, const glm::d
     aside_.reset();
   else if (shown_ && !showsPreview())
     aside_ = Aside{shown_->opened, session()->state()};
-  open(std::move(opened), renderer, size, scale);
+  open(std::move(opened), renderer, size);
 }
 
-void VolumeShow::giveUpPreview(SceneRenderer& renderer, const glm::dvec2& size, double scale) {
+void VolumeShow::giveUpPreview(SceneRenderer& renderer, const glm::dvec2& size) {
   if (!showsPreview()) return;
   if (!aside_) return close();
   Aside before = *std::exchange(aside_, std::nullopt);
-  open(std::move(before.opened), renderer, size, scale);
+  open(std::move(before.opened), renderer, size);
   session()->show(before.state);
 }
 

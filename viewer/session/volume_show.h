@@ -21,11 +21,11 @@ class VolumeShow {
   const OpenedVolume* opened() const { return shown_ ? &shown_->opened : nullptr; }
   bool showsPreview() const { return shown_ && shown_->opened.preview_of; }
 
-  // A window of `size` pixels, of `scale`, or 0 while there is none, shows it: at once, or, after a
-  // preview of the same volume, once it is as fine as it gets, or the user changes the surface.
-  void take(OpenedVolume opened, SceneRenderer& renderer, const glm::dvec2& size, double scale);
+  // A window of `size` pixels, or 0 while there is none, shows it: at once, or, after a preview of
+  // the same volume, once it is as fine as it gets, or the user changes the surface.
+  void take(OpenedVolume opened, SceneRenderer& renderer, const glm::dvec2& size);
   // No volume will follow the previews: shows again the volume before them.
-  void giveUpPreview(SceneRenderer& renderer, const glm::dvec2& size, double scale);
+  void giveUpPreview(SceneRenderer& renderer, const glm::dvec2& size);
 
   // As those of ViewSession; the shown session and the next one share `allowance`.
   void update(double seconds, UploadAllowance& allowance);
@@ -45,7 +45,7 @@ class VolumeShow {
   };
   Showing showingOf(OpenedVolume opened, SceneRenderer& renderer) const;
   void close();
-  void open(OpenedVolume opened, SceneRenderer& renderer, const glm::dvec2& size, double scale);
+  void open(OpenedVolume opened, SceneRenderer& renderer, const glm::dvec2& size);
 
   const SessionOptions options_;
   std::optional<Showing> shown_, next_;

@@ -9,12 +9,14 @@
 
 namespace isobrick {
 
-SurfaceSet::SurfaceSet(ChunkStore& store, std::uint64_t budget_bytes)
-    : store_(store), budget_bytes_(budget_bytes) {}
+SurfaceSet::SurfaceSet(ChunkStore& store, ChunkBudget budget)
+    : store_(store), budget_(std::move(budget)) {}
 
 SurfaceSet::~SurfaceSet() {
-  for (const Chunks* chunks : {&shown_, &incoming_, &leaving_})
+  for (const Chunks* chunks : {&shown_, &incoming_, &leaving_}) {
     for (const Chunk& chunk : chunks->chunks) store_.release(chunk.id);
+    budget_.giveBack(chunks->bytes);
+  }
 }
 
 // If it fails, no part of its request is shown.
@@ -62,7 +64,7 @@ void SurfaceSet::take(StreamMessage message, News& news) {
 void SurfaceSet::acceptChunk(StreamMessage message, News& news) {
   SurfaceChunk& chunk = message.chunk;
   const std::uint64_t bytes = chunk.bytes();
-  if (shown_.bytes + incoming_.bytes + bytes > budget_bytes_) return refuse(message.request, news);
+  if (!budget_.hasRoomFor(bytes)) return refuse(message.request, news);
   Chunks made;
   made.chunks.push_back({0, chunk.surface, bytes, chunk.key, chunk.origin + glm::dvec3(chunk.lower),
                          chunk.origin + glm::dvec3(chunk.upper)});
@@ -80,6 +82,7 @@ void SurfaceSet::acceptChunk(StreamMessage message, News& news) {
     return fail(message.request, error.what(), news);
   }
   made.chunks.front().id = id;
+  budget_.take(bytes);
   incoming_.takeAll(made);
   if (bytes > 0) pending_ = Pending{id, std::move(chunk)};
 }
@@ -145,6 +148,7 @@ std::uint64_t SurfaceSet::contentOf(int surface) const {
 void SurfaceSet::refuse(std::uint64_t request, News& news) {
   dropIncoming();
   refused_request_ = request;
+  used_by_others_ = usedByOthers();
   news.over_budget = true;
 }
 
@@ -166,6 +170,7 @@ void SurfaceSet::releaseSome() {
   for (std::size_t i = 0; i < kAtOnce && !leaving_.chunks.empty(); ++i) {
     store_.release(leaving_.chunks.back().id);
     leaving_.bytes -= leaving_.chunks.back().bytes;
+    budget_.giveBack(leaving_.chunks.back().bytes);
     leaving_.chunks.pop_back();
   }
 }

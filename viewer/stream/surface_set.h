@@ -7,6 +7,7 @@
 #include <iterator>
 #include <list>
 #include <map>
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
@@ -37,13 +38,28 @@ struct UploadAllowance {
   }
 };
 
+// The bytes of chunks that several sets may hold together: copies count as one. For the renderer's
+// thread.
+class ChunkBudget {
+ public:
+  ChunkBudget(std::uint64_t most) : most_(most) {}
+
+  std::uint64_t used() const { return *used_; }
+  bool hasRoomFor(std::uint64_t bytes) const { return *used_ + bytes <= most_; }
+  void take(std::uint64_t bytes) noexcept { *used_ += bytes; }
+  void giveBack(std::uint64_t bytes) noexcept { *used_ -= bytes; }
+
+ private:
+  std::uint64_t most_;
+  std::shared_ptr<std::uint64_t> used_ = std::make_shared<std::uint64_t>(0);
+};
+
 // Uploads the chunks of a pass as they come, and shows them when all of them are there; the chunks
 // shown before go then, a frame's share at a time. Used by the renderer's thread, which outlives
 // it.
 class SurfaceSet {
  public:
-  // `budget_bytes`: of shown and incoming chunks together.
-  SurfaceSet(ChunkStore& store, std::uint64_t budget_bytes);
+  SurfaceSet(ChunkStore& store, ChunkBudget budget);
   ~SurfaceSet();
   SurfaceSet(const SurfaceSet&) = delete;
   SurfaceSet& operator=(const SurfaceSet&) = delete;
@@ -93,6 +109,8 @@ class SurfaceSet {
   std::uint64_t incomingBytes() const { return incoming_.bytes; }
   // True while chunks that are shown no longer have not been released.
   bool isReleasing() const { return !leaving_.chunks.empty(); }
+  // Others gave back bytes of the budget since a pass did not fit into it.
+  bool hasMoreRoom() const { return usedByOthers() < used_by_others_; }
   const std::string& error() const { return error_; }
 
  private:
@@ -138,9 +156,13 @@ class SurfaceSet {
   void fail(std::uint64_t request, std::string error, News& news);
   void dropIncoming() noexcept;
   void releaseSome();
+  std::uint64_t usedByOthers() const {
+    return budget_.used() - shown_.bytes - incoming_.bytes - leaving_.bytes;
+  }
 
   ChunkStore& store_;
-  const std::uint64_t budget_bytes_;
+  ChunkBudget budget_;
+  std::uint64_t used_by_others_ = 0;  // when a pass last did not fit
   Chunks shown_, incoming_, leaving_;
   std::optional<Pending> pending_;         // it is the last one of incoming_
   std::map<int, std::uint64_t> contents_;  // by surface, of the shown chunks

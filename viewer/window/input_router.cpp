@@ -99,6 +99,7 @@ InputEvent InputRouter::inScene(InputEvent event, const ViewSession* session) co
 
 // Gives the session the size of its area, and the cursor in it.
 void InputRouter::layOut(ViewSession& session) {
+  session.interaction().scale = target_.scale();
   const SceneArea now = areas(&session).scene;
   const Interaction& interaction = session.interaction();
   if (interaction.size != glm::dvec2(now.width, now.height))

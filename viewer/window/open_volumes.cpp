@@ -18,18 +18,19 @@ bool isOpenedBeside(const std::string& source) {
   return source.rfind("phantom:", 0) == 0 || (isPresent(source) && !isPyramidFile(source));
 }
 
-OpenVolumes::OpenVolumes(const ViewOptions& options, ViewTarget& target, OutputFiles& files)
+OpenVolumes::OpenVolumes(const ViewOptions& options, const SessionOptions& sessions,
+                         ViewTarget& target, OutputFiles& files)
     : recent_path_(options.recent_path),
       target_(target),
       files_(files),
       recent_(readRecentFiles(options.recent_path)),
-      show_({options.threads, options.gpu_budget_bytes}),
+      show_(sessions),
       opener_(options.build, options.memory_bytes, options.remote) {}
 
 void OpenVolumes::show(OpenedVolume opened, const glm::dvec2& size) {
   const bool is_preview = opened.preview_of.has_value();
   const std::string source = opened.source, pyramid = opened.pyramid;
-  show_.take(std::move(opened), target_.renderer(), size, target_.scale());
+  show_.take(std::move(opened), target_.renderer(), size);
   nameAfter(source, is_preview ? " (preview)" : "");
   if (is_preview) return;
   files_.say(source == pyramid ? "" : "the pyramid is " + shortPath(pyramid));
@@ -46,7 +47,7 @@ void OpenVolumes::nameAfter(const std::string& source, const char* what) {
 // The volume under way will not come.
 void OpenVolumes::giveUpPreview(const glm::dvec2& size) {
   if (!show_.showsPreview()) return;
-  show_.giveUpPreview(target_.renderer(), size, target_.scale());
+  show_.giveUpPreview(target_.renderer(), size);
   if (show_.opened() != nullptr)
     nameAfter(show_.opened()->source, "");
   else

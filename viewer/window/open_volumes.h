@@ -21,7 +21,8 @@ bool isOpenedBeside(const std::string& source);
 class OpenVolumes {
  public:
   // All of them outlive it. `files` and the title of `target` are named after what is shown.
-  OpenVolumes(const ViewOptions& options, ViewTarget& target, OutputFiles& files);
+  OpenVolumes(const ViewOptions& options, const SessionOptions& sessions, ViewTarget& target,
+              OutputFiles& files);
 
   void open(const std::string& source) { opener_.open(source); }
   // Replaces the volume shown before, in a window of `size` pixels.

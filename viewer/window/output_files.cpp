@@ -32,11 +32,12 @@ Image thumbnailOf(ViewSession& session, SceneRenderer& renderer) {
 
 }  // namespace
 
-OutputFiles::OutputFiles(std::string state_path, std::string frames_folder, int threads)
+OutputFiles::OutputFiles(std::string state_path, std::string frames_folder,
+                         const SessionOptions& options)
     : first_state_path_(std::move(state_path)),
       frames_folder_(std::move(frames_folder)),
-      meshes_(threads),
-      pictures_(threads) {}
+      meshes_(options.threads),
+      pictures_(options) {}
 
 void OutputFiles::nameAfter(const std::string& source) {
   stem_ = stemOf(source);

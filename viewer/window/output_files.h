@@ -21,8 +21,8 @@ namespace isobrick {
 class OutputFiles {
  public:
   // `state_path`: of the view of the volume that comes first; empty: named after it. Scripts write
-  // into `frames_folder`. `threads`: of a mesh's extraction.
-  OutputFiles(std::string state_path, std::string frames_folder, int threads);
+  // into `frames_folder`. `options`: of the window's sessions.
+  OutputFiles(std::string state_path, std::string frames_folder, const SessionOptions& options);
 
   // The content of a frame.
   struct Sight {

@@ -1,7 +1,6 @@
 #include "isobrick/viewer/window/picture_queue.h"
 
 #include <algorithm>
-#include <limits>
 #include <utility>
 
 #include "isobrick/viewer/view_picture.h"
@@ -47,7 +46,7 @@ bool PictureQueue::goOn(double seconds, SceneRenderer& renderer, UploadAllowance
     return true;
   }
   if (!session_) {
-    SessionOptions options{threads_, std::numeric_limits<std::uint64_t>::max()};
+    SessionOptions options = options_;
     options.preview_of = order.opened.preview_of;
     session_ =
         std::make_unique<ViewSession>(order.opened.file, order.opened.histogram, renderer, options);
@@ -58,6 +57,11 @@ bool PictureQueue::goOn(double seconds, SceneRenderer& renderer, UploadAllowance
   if (!session_->settled()) return false;
   const SessionStatus status = session_->status();
   if (!status.error.empty()) throw Error(status.error);
+  if (session_->isOverBudget())
+    throw Error(order.path +
+                " is not written: its surfaces need more of the graphics card than those of the "
+                "window leave; allow more ('isobrick view --gpu-memory SIZE'), or draw it alone "
+                "('isobrick render --state')");
   const bool layers = imageFormatOf(order.path) == ImageFormat::kExr;
   tiles_.emplace(renderer, pictureSceneOf(*session_, order.width, order.height, layers));
   writer_ = std::make_unique<PictureWriter>(order.path, tiles_->shape());

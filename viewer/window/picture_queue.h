@@ -34,8 +34,8 @@ class PictureQueue {
     bool must_be = false;
   };
 
-  // `threads`: of an extraction.
-  explicit PictureQueue(int threads) : threads_(threads) {}
+  // `options`: of the window's sessions too, with which the pictures share the budget.
+  explicit PictureQueue(const SessionOptions& options) : options_(options) {}
 
   void add(PictureOrder order) { waiting_.push_back(std::move(order)); }
   // For each frame, with its time and what it leaves of its allowance. Returns an order that ended.
@@ -59,7 +59,7 @@ class PictureQueue {
   bool goOn(double seconds, SceneRenderer& renderer, UploadAllowance& allowance);
   void end();
 
-  const int threads_;
+  const SessionOptions options_;
   std::deque<PictureOrder> waiting_;  // the first one is under way
   std::unique_ptr<ViewSession> session_;
   std::optional<PictureTiles> tiles_;  // goes before what it draws

@@ -63,8 +63,9 @@ class ViewLoop {
         player_(readScript(options)),
         target_(host.target ? std::move(host.target) : makeTarget(options, player_)),
         panel_(std::make_unique<ViewPanel>(target_->scale(), *target_)),
-        files_(options.state_path, options.frames_folder, options.threads),
-        volumes_(options, *target_, files_),
+        sessions_{options.threads, options.gpu_budget_bytes},
+        files_(options.state_path, options.frames_folder, sessions_),
+        volumes_(options, sessions_, *target_, files_),
         input_(*target_, options.record_path),
         log_(options.report_path),
         after_frame_(std::move(host.after_frame)) {
@@ -300,6 +301,7 @@ class ViewLoop {
   // In this order: the context goes last.
   std::unique_ptr<ViewTarget> target_;
   std::unique_ptr<ViewPanel> panel_;
+  const SessionOptions sessions_;  // with one budget
   OutputFiles files_;
   OpenVolumes volumes_;
   InputRouter input_;

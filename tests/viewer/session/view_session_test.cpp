@@ -381,6 +381,27 @@ TEST_F(ViewSessionTest, WhatTheBudgetHoldsIsShownAndSaid) {
   EXPECT_GT(trianglesShown(), 0u);
 }
 
+// Two sessions with one budget: what the first one gives back makes the other one finer.
+TEST_F(ViewSessionTest, ABudgetIsSharedAndRoomThatComesBackIsUsed) {
+  settle();
+  const std::uint64_t whole = renderer_.bytesKept();
+  const SessionOptions shared{2, 2 * whole - 1};
+  session_ = std::make_unique<ViewSession>(pyramid_, renderer_, shared);
+  session_->apply(InputEvent::resized(200, 100), 0.0, false);
+  settle();
+  const auto first = std::move(session_);
+  session_ = std::make_unique<ViewSession>(pyramid_, renderer_, shared);
+  session_->apply(InputEvent::resized(200, 100), 0.0, false);
+  session_->keepFocus();
+  settle();
+  EXPECT_TRUE(session_->isOverBudget());
+  EXPECT_LT(renderer_.bytesKept(), 2 * whole);
+  first->suspend();
+  settle();
+  EXPECT_FALSE(session_->isOverBudget());
+  EXPECT_EQ(trianglesShown(), trianglesOfAll());
+}
+
 TEST_F(ViewSessionTest, WhereThePassForAHandDoesNotFitACoarserOneIsShown) {
   open(std::uint64_t{1} << 30);
   session_->state().focus.everywhere = false;

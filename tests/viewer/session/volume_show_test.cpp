@@ -61,7 +61,7 @@ class VolumeShowTest : public ::testing::Test {
         if (outcome->volume)
           take(std::move(*outcome->volume));
         else
-          show_.giveUpPreview(renderer_, kSize, 1.0);
+          show_.giveUpPreview(renderer_, kSize);
       }
       UploadAllowance allowance;
       show_.update(clock_ += 0.05, allowance);
@@ -70,7 +70,7 @@ class VolumeShowTest : public ::testing::Test {
       std::this_thread::yield();
     } while (!done());
   }
-  void take(OpenedVolume opened) { show_.take(std::move(opened), renderer_, kSize, 1.0); }
+  void take(OpenedVolume opened) { show_.take(std::move(opened), renderer_, kSize); }
   bool isWhole() const { return ended_ && show_.settled(); }
 
   // Of what is on the screen, in world units.
@@ -175,7 +175,7 @@ TEST_F(VolumeShowTest, WhatWasShownBeforeComesBackWhereABuildEndsWithout) {
   framesUntil([&] { return show_.showsPreview() && show_.settled(); });
   EXPECT_EQ(show_.session()->volume().voxels, kVoxels);
   opener_.cancel();  // as 'stop' does
-  show_.giveUpPreview(renderer_, kSize, 1.0);
+  show_.giveUpPreview(renderer_, kSize);
   framesUntil([&] { return show_.settled() && !opener_.status().busy; });
   EXPECT_EQ(show_.opened()->pyramid, other);
   EXPECT_EQ(show_.session()->state(), before);
@@ -191,7 +191,7 @@ TEST_F(VolumeShowTest, NothingIsLeftWhereNothingWasShownBefore) {
   opener_.open("scan");
   framesUntil([&] { return show_.showsPreview() && show_.settled(); });
   opener_.cancel();
-  show_.giveUpPreview(renderer_, kSize, 1.0);
+  show_.giveUpPreview(renderer_, kSize);
   EXPECT_EQ(show_.session(), nullptr);
   EXPECT_TRUE(renderer_.kept().empty());
   while (opener_.status().busy) std::this_thread::yield();
