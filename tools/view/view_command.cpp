@@ -68,10 +68,10 @@ int runViewCommand(ViewArguments& arguments) {
 void addScriptOptions(CLI::App& app, ViewArguments& arguments) {
   ViewOptions& options = arguments.options;
   beginGroup(app, kScriptGroup);
-  CLI::Option* const script =
-      app.add_option("--script", options.script_path,
-                     "Timed inputs in place of a user; leaves at their end (docs/VIEWER.md)")
-          ->type_name("EVENTS.json");
+  CLI::Option* const script = app.add_option("--script", options.script_path,
+                                             "Timed inputs in place of a user; leaves at their end "
+                                             "(docs/reference/viewer-scripts.md)")
+                                  ->type_name("EVENTS.json");
   app.add_option("--frames", options.frames_folder,
                  "Folder for the files that the script writes; default: this one")
       ->type_name("DIR")

@@ -1,5 +1,7 @@
 #include "isobrick/viewer/session/drawn_scene.h"
 
+#include <glm/common.hpp>
+
 namespace isobrick {
 
 bool DrawnScene::draw(SceneRenderer& renderer, const SceneFrame& frame, bool anew) {
@@ -14,7 +16,9 @@ void DrawnScene::forget() { frame_.reset(); }
 
 std::uint64_t DrawnScene::ask(DepthReadback& readback, const glm::dvec2& pixel) {
   if (!frame_) return 0;
-  const glm::dvec2 place = 2.0 * (pixel + 0.5) / glm::dvec2(frame_->width, frame_->height) - 1.0;
+  // A depth is that of the middle of a pixel, wherever in it the cursor is.
+  const glm::dvec2 middle = glm::floor(pixel) + 0.5;
+  const glm::dvec2 place = 2.0 * middle / glm::dvec2(frame_->width, frame_->height) - 1.0;
   asked_.push_back({readback.askDistance(pixel), frame_->camera, {place.x, -place.y}});
   return asked_.back().question;
 }

@@ -29,7 +29,8 @@ struct ReportedFrame {
   std::vector<SurfaceWait> waits;
 };
 
-// docs/VIEWER.md has the fields. `device`: that drew; `status`: after the last frame.
+// docs/reference/viewer-scripts.md has the fields. `device`: that drew; `status`: after the last
+// frame.
 std::string reportOf(const std::vector<ReportedFrame>& frames, const std::string& device,
                      const SessionStatus& status);
 

@@ -319,7 +319,9 @@ ViewScript readViewScript(const std::string& path) {
   try {
     return viewScriptFromJson(text);
   } catch (const Error& error) {
-    throw Error("'" + path + "': " + error.what() + "; docs/VIEWER.md has the steps", {path});
+    throw Error(
+        "'" + path + "': " + error.what() + "; docs/reference/viewer-scripts.md has the steps",
+        {path});
   }
 }
 

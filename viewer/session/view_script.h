@@ -12,7 +12,7 @@
 
 namespace isobrick {
 
-// docs/VIEWER.md has the steps as JSON. Each takes a frame at least.
+// docs/reference/viewer-scripts.md has the steps as JSON. Each takes a frame at least.
 struct ScriptEvent {
   InputEvent event;
 };

@@ -291,7 +291,8 @@ std::optional<glm::dvec3> ViewSession::surfaceUnderCursor() {
 MeshOrder ViewSession::meshOrder(const std::string& path) const {
   const auto surface = static_cast<std::size_t>(state_.active_surface);
   Query query = shown_.queryOf({state_, interaction_.size.y}, surface, shown_.radiusAtRest(state_));
-  if (state_.mesh_distance) query.simplify = SimplifyOptions{*state_.mesh_distance};
+  // A query counts in samples, of which a preview has fewer.
+  if (state_.mesh_distance) query.simplify = SimplifyOptions{*state_.mesh_distance / shown_.step()};
   return {shown_.pyramid(), query, path, state_.surfaces[surface].pieces};
 }
 

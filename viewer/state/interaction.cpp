@@ -94,7 +94,7 @@ void press(const InputEvent& event, double seconds, bool on_panel, const ViewVol
   const double at = event.seconds.value_or(seconds);
   const bool quick =
       at - event.waited - interaction.last_click_seconds <= kDoubleClickSeconds &&
-      glm::distance(interaction.cursor, interaction.last_click) <= kDoubleClickPixels;
+      glm::distance(interaction.cursor, interaction.last_click) <= interaction.clickPixels();
   // A tool takes single clicks.
   const bool again = (quick || event.clicks == 2) && interaction.tool == Interaction::Tool::kNone;
   if (again) wishes.focus_at = interaction.cursor;
@@ -106,7 +106,7 @@ void release(const InputEvent& event, Interaction& interaction, ViewState& state
   if (event.button != interaction.drag_button) return;
   const Interaction::Drag drag = std::exchange(interaction.drag, Interaction::Drag::kNone);
   const bool is_click =
-      glm::distance(interaction.cursor, interaction.pressed_at) <= kDoubleClickPixels;
+      glm::distance(interaction.cursor, interaction.pressed_at) <= interaction.clickPixels();
   if (is_click && interaction.pressed_face)
     state.camera = alongAxis(state.camera, *interaction.pressed_face);
   else if (is_click && drag == Interaction::Drag::kTurn &&

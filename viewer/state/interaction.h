@@ -41,13 +41,14 @@ struct Interaction {
 
   double aspect() const { return size.x > 0.0 && size.y > 0.0 ? size.x / size.y : 1.0; }
   PictureSize picture() const { return {size, scale}; }
+  // A hand that moves less than this clicks.
+  double clickPixels() const { return 5.0 * scale; }
   // Pixels to normalised device coordinates.
   glm::dvec2 toPicture(const glm::dvec2& pixel) const;
 };
 
-// A press within this time and distance of the last click is a double click.
+// A press within this time of the last click, and as near, is a double click.
 inline constexpr double kDoubleClickSeconds = 0.35;
-inline constexpr double kDoubleClickPixels = 5.0;
 
 // Applies the event to `interaction` and `state`. `seconds` is any clock that runs on; `on_panel`:
 // the cursor, or the keyboard, is on a panel; a drag that begins there stays there.

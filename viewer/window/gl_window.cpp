@@ -124,6 +124,7 @@ struct GlWindow::Callbacks {
       push(window, dropped);
     }
   }
+  static void onScale(GLFWwindow* window, float, float) { onRefresh(window); }
   static void onRefresh(GLFWwindow* window) {
     push(window, event(window, InputEvent::Kind::kRefresh));
   }
@@ -170,6 +171,7 @@ void GlWindow::open(int width, int height) {
   glfwSetDropCallback(window_, Callbacks::onDrop);
   glfwSetWindowRefreshCallback(window_, Callbacks::onRefresh);
   glfwSetFramebufferSizeCallback(window_, Callbacks::onSize);
+  glfwSetWindowContentScaleCallback(window_, Callbacks::onScale);
   glfwSetWindowCloseCallback(window_, Callbacks::onClose);
   pushSize();
 }

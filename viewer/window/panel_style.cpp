@@ -12,6 +12,7 @@ constexpr double kFontPixels = 16.0;  // of an ordinary screen
 
 void setFont(double scale) {
   ImGuiIO& io = ImGui::GetIO();
+  io.Fonts->Clear();
   if (kInterfaceFontBytes == 0) {
     io.FontGlobalScale = static_cast<float>(scale);
     return;
@@ -58,8 +59,9 @@ void setColors() {
 
 void setPanelStyle(double scale) {
   setFont(scale);
-  setColors();
   ImGuiStyle& style = ImGui::GetStyle();
+  style = ImGuiStyle();  // that of another scale may have been there
+  setColors();
   style.WindowRounding = 0.0f;
   style.FrameRounding = style.GrabRounding = 3.0f;
   style.PopupRounding = 4.0f;

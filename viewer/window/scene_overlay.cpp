@@ -1,5 +1,6 @@
 #include <imgui.h>
 
+#include <algorithm>
 #include <array>
 
 #include "isobrick/viewer/notes/draw_notes.h"
@@ -37,6 +38,14 @@ struct Place {
   }
 };
 
+// Dark enough for light text, whatever is behind it: 7 : 1 on white (WCAG 2.2).
+constexpr ImU32 kPlate = IM_COL32(0, 0, 0, 200);
+void plate(ImDrawList& list, const ImVec2& upper_left, const ImVec2& lower_right, float scale) {
+  const float margin = 4.0f * scale;
+  list.AddRectFilled({upper_left.x - margin, upper_left.y - 1.0f * scale},
+                     {lower_right.x + margin, lower_right.y + 1.0f * scale}, kPlate, 3.0f * scale);
+}
+
 // As long at the pivot as its text says, in world units.
 void scaleBar(const ViewSession& session, float scale, const Place& place) {
   const ImVec2 size = place.size;
@@ -45,18 +54,22 @@ void scaleBar(const ViewSession& session, float scale, const Place& place) {
   const PlacedCamera placed = placeCamera(camera, 1.0);
   const double height = 2.0 * placed.half_height * (camera.orthographic ? 1.0 : camera.distance);
   const double per_pixel = height / static_cast<double>(size.y);
-  const ScaleBar bar = scaleBarOf(per_pixel, 150.0 * static_cast<double>(scale));
+  const ScaleBar bar =
+      scaleBarOf(per_pixel, static_cast<double>(std::min(150.0f * scale, 0.6f * size.x)));
   if (bar.length == 0.0) return;
   const auto pixels = static_cast<float>(bar.pixels);
   const ImVec2 end{place.corner.x + size.x - 24.0f * scale,
                    place.corner.y + size.y - 20.0f * scale};
+  const std::string label = lengthText(bar.length, session.pyramid().spec().geometry.unit);
+  const float wide = std::max(pixels, ImGui::CalcTextSize(label.c_str()).x);
+  const ImVec2 begin{end.x - wide, end.y};
   ImDrawList& list = *ImGui::GetBackgroundDrawList();
-  const ImU32 white = IM_COL32(235, 235, 235, 220);
-  list.AddLine({end.x - pixels, end.y}, end, white, 2.0f * scale);
+  constexpr ImU32 kInk = IM_COL32(235, 235, 235, 255);
+  plate(list, {begin.x, end.y - 20.0f * scale}, {end.x, end.y + 5.0f * scale}, scale);
+  list.AddLine({end.x - pixels, end.y}, end, kInk, 2.0f * scale);
   for (const float x : {end.x - pixels, end.x})
-    list.AddLine({x, end.y - 4.0f * scale}, {x, end.y + 4.0f * scale}, white, 2.0f * scale);
-  list.AddText({end.x - pixels, end.y - 20.0f * scale}, white,
-               lengthText(bar.length, session.pyramid().spec().geometry.unit).c_str());
+    list.AddLine({x, end.y - 4.0f * scale}, {x, end.y + 4.0f * scale}, kInk, 2.0f * scale);
+  list.AddText({begin.x, end.y - 20.0f * scale}, kInk, label.c_str());
 }
 
 // Sides of the world's axes; a click looks from there.
@@ -116,7 +129,7 @@ void measurements(const ViewSession& session, float scale, const Place& place) {
   const Interaction& interaction = session.interaction();
   const PlacedCamera camera = placeCamera(session.state().camera, interaction.aspect());
   ImDrawList& list = *ImGui::GetBackgroundDrawList();
-  constexpr ImU32 kInk = IM_COL32(255, 214, 102, 255), kEdge = IM_COL32(0, 0, 0, 200);
+  constexpr ImU32 kInk = IM_COL32(255, 214, 102, 255);
   const auto draw = [&](const std::vector<glm::dvec3>& points, const std::string& text,
                         const std::optional<glm::dvec2>& next, const FoundPath* found) {
     PixelPath path = pathOf(camera, interaction.size, points);
@@ -129,7 +142,7 @@ void measurements(const ViewSession& session, float scale, const Place& place) {
         list.AddLine(place(from), place(to), kInk, 1.0f * scale);
     }
     if (next) path.lines.push_back({path.points.back(), *next});
-    for (const auto& [width, ink] : {std::pair{4.0f, kEdge}, std::pair{2.0f, kInk}}) {
+    for (const auto& [width, ink] : {std::pair{4.0f, kPlate}, std::pair{2.0f, kInk}}) {
       for (const auto& [from, to] : path.lines)
         list.AddLine(place(from), place(to), ink, width * scale);
       for (const glm::dvec2& pixel : path.points)
@@ -139,9 +152,7 @@ void measurements(const ViewSession& session, float scale, const Place& place) {
     const ImVec2 last = place(path.points.back());
     const ImVec2 at{last.x + 8.0f * scale, last.y - 22.0f * scale};
     const ImVec2 size = ImGui::CalcTextSize(text.c_str());
-    list.AddRectFilled({at.x - 4.0f * scale, at.y - 1.0f * scale},
-                       {at.x + size.x + 4.0f * scale, at.y + size.y + 1.0f * scale}, kEdge,
-                       3.0f * scale);
+    plate(list, at, {at.x + size.x, at.y + size.y}, scale);
     list.AddText(at, kInk, text.c_str());
   };
   const LengthUnit unit = session.pyramid().spec().geometry.unit;

@@ -196,6 +196,7 @@ class ViewLoop {
   }
 
   Wishes takeInput(double seconds) {
+    panel_->setScale(target_->scale());  // the window may have moved to another screen
     Wishes wishes = input_.pass(*panel_, session(), seconds);
     if (first_view_ && session() != nullptr && input_.height() > 0) {
       session()->show(first_view_->state);

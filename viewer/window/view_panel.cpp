@@ -42,6 +42,14 @@ ViewPanel::~ViewPanel() {
   ImGui::DestroyContext();
 }
 
+void ViewPanel::setScale(double scale) {
+  if (scale == scale_) return;
+  scale_ = scale;
+  ImGui_ImplOpenGL3_DestroyFontsTexture();
+  setPanelStyle(scale);
+  ImGui_ImplOpenGL3_CreateFontsTexture();
+}
+
 void ViewPanel::feed(const InputEvent& event) {
   ImGuiIO& io = ImGui::GetIO();
   // Those of a key, until the panel has seen it.

@@ -142,6 +142,8 @@ class ViewPanel {
   ViewPanel(const ViewPanel&) = delete;
   ViewPanel& operator=(const ViewPanel&) = delete;
 
+  // Of the screen that the window is on now. Between two frames.
+  void setScale(double scale);
   void feed(const InputEvent& event);
   void begin(int width, int height, double seconds);
   // Whether events of the mouse, and this one of the keyboard, are the panel's in this frame: a

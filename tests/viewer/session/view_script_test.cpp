@@ -3,10 +3,14 @@
 
 #include <gtest/gtest.h>
 
+#include <fstream>
 #include <string>
 #include <vector>
 
 #include "isobrick/storage/error.h"
+#include "tests/support/file_bytes.h"
+#include "tests/support/temporary_folder.h"
+#include "tests/support/test_paths.h"
 
 namespace isobrick {
 namespace {
@@ -20,6 +24,24 @@ std::string refusal(const std::string& text) {
     return error.what();
   }
   return "accepted";
+}
+
+TEST(ViewScriptTest, TheRefusalNamesThePageThatHasTheSteps) {
+  const test::TemporaryFolder folder;
+  const std::string path = folder.file("bad.json");
+  std::ofstream(path) << R"({"steps": [{"jump": 1}]})";
+  std::string said;
+  try {
+    readViewScript(path);
+  } catch (const Error& error) {
+    said = error.what();
+  }
+  const std::size_t begin = said.find("docs/"), end = said.find(' ', begin);
+  ASSERT_NE(begin, std::string::npos) << said;
+  const std::string page =
+      test::readBytes(test::goldenFolder() + "/../../" + said.substr(begin, end - begin));
+  for (const char* step : {"\"double_click\"", "\"sweep\"", "\"turntable\"", "\"resize\""})
+    EXPECT_NE(page.find(step), std::string::npos) << said;
 }
 
 TEST(ViewScriptTest, WhatIsNoScriptIsRefusedByItsStep) {

@@ -570,6 +570,15 @@ TEST_F(ViewSessionTest, TheMeshOfWhatIsShownIsWritten) {
 }
 
 // Neither a further order nor the end of the session that gave it ends one.
+TEST_F(ViewSessionTest, AMeshOfAPreviewKeepsTheDistanceInVoxelsOfTheVolume) {
+  session_->state().mesh_distance = 1.5;
+  EXPECT_EQ(session_->meshOrder("a.ply").query.simplify->distance, 1.5);
+  session_ = std::make_unique<ViewSession>(
+      pyramid_, renderer_, SessionOptions{2, std::uint64_t{1} << 30, PreviewOf{4, Index3(237)}});
+  session_->state().mesh_distance = 1.5;
+  EXPECT_EQ(session_->meshOrder("a.ply").query.simplify->distance, 1.5 / 4.0);
+}
+
 TEST_F(ViewSessionTest, EveryOrderedMeshIsWritten) {
   MeshQueue queue(2);
   std::vector<std::string> paths;
@@ -702,6 +711,23 @@ TEST_F(ViewSessionTest, APlaceIsThatOfTheFrameThatWasDrawnAndMayComeLater) {
   frame(0.1);
   EXPECT_LT(glm::distance(session_->state().camera.pivot, hit), 1e-9);
   settle();
+}
+
+// A screen of another scale has cursors between its pixels, and depths in their middles.
+TEST_F(ViewSessionTest, APlaceBetweenTwoPixelsIsThatOfItsPixel) {
+  settle();
+  renderer_.distance = 20.0;
+  const glm::dvec3 hit =
+      rayThrough(placeCamera(session_->state().camera, 2.0), {0.005, -0.01}).at(20.0);
+  InputEvent event;
+  event.x = 100.75;
+  event.y = 50.9;
+  event.kind = Kind::kMove;
+  session_->apply(event, clock_, false);
+  frame(0.1);
+  const auto point = session_->surfaceUnderCursor();
+  ASSERT_TRUE(point);
+  EXPECT_LT(glm::distance(*point, hit), 1e-9);
 }
 
 // Until a depth is there the line at the foot has the last one of the same frame.

@@ -36,7 +36,9 @@ class PictureQueueTest : public ::testing::Test {
     return session;
   }
   ViewState state() const {
-    ViewState state = firstView(ViewVolume{.voxels = Index3(60)}, 2.0);
+    ViewVolume volume;
+    volume.voxels = Index3(60);
+    ViewState state = firstView(volume, 2.0);
     state.surfaces[0].isovalue = 5.0;
     return state;
   }
@@ -74,7 +76,7 @@ TEST_F(PictureQueueTest, PicturesAndTheWindowShareTheBudget) {
   EXPECT_EQ(renderer_.bytesKept(), whole);  // the window has lost nothing
   with_less->suspend();
 
-  const SessionOptions enough{2, 2 * whole};
+  const SessionOptions enough{2, 4 * whole};  // with what is shown until it is there
   const auto with_more = window(enough);
   PictureQueue drawing(enough);
   EXPECT_EQ(draw(drawing, most).error, "");

@@ -5,9 +5,11 @@
 
 #include <filesystem>
 #include <fstream>
+#include <memory>
 #include <nlohmann/json.hpp>
 
 #include "isobrick/viewer/egl_context.h"
+#include "isobrick/viewer/window/egl_target.h"
 #include "tests/support/driver_faults.h"
 #include "tests/support/file_bytes.h"
 #include "tests/support/offscreen_view.h"
@@ -95,6 +97,37 @@ TEST_F(ViewLoopTest, TabInADragMovesNothing) {
   };
   EXPECT_NEAR(azimuth("after.json"), azimuth("before.json"), 1.0);
   EXPECT_NE(azimuth("after.json"), azimuth("before.json"));
+}
+
+// A window that moves from one screen to another.
+class MovedTarget : public EglTarget {
+ public:
+  MovedTarget(int width, int height, double first, double then)
+      : EglTarget(width, height, first), first_(first), then_(then) {}
+  double scale() const override { return has_moved ? then_ : first_; }
+
+  bool has_moved = false;
+
+ private:
+  double first_, then_;
+};
+
+TEST_F(ViewLoopTest, OnAnotherScreenItLooksAsIfItHadBeenOpenedThere) {
+  std::string screens[2];
+  for (const double first : {2.0, 1.0}) {
+    auto target = std::make_unique<MovedTarget>(900, 700, first, 2.0);
+    MovedTarget& moved = *target;
+    int frames = 0;
+    std::ofstream(options_.script_path) << R"({"size": [900, 700], "steps": [
+            {"set": {"ambient_occlusion": false, "camera": {"pivot": [20, 20, 20], "distance": 90}}},
+            {"wait": "settled"}, {"key": "Z"}, {"wait": "settled"}, {"move": [700, 60]},
+            {"wait": 1.0}, {"frame": "moved.png"}]})";
+    runView(options_, {std::move(target), [&](ViewSession*, bool) {
+                         moved.has_moved = moved.has_moved || ++frames > 3;
+                       }});
+    screens[first == 1.0 ? 1 : 0] = file("moved.png");
+  }
+  EXPECT_TRUE(screens[0] == screens[1]);
 }
 
 // Without a surface there is nothing to wait for, and undo works.
