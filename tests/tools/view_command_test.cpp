@@ -81,23 +81,6 @@ TEST_F(ViewCommandTest, AScriptRunsWithoutAWindow) {
   EXPECT_EQ(readBytes(path("frames/again.json")), readBytes(path("frames/end.json")));
 }
 
-// The drag and the keys come again as they were; the recording leaves out what the script set
-// itself.
-TEST_F(ViewCommandTest, WhatWasRecordedRunsAgain) {
-  write("hands.json", R"({"size": [300, 200], "steps": [
-      {"key": "TAB"}, {"drag": {"from": [100, 100], "to": [160, 90], "seconds": 0.05}},
-      {"key": "W"}, {"resize": [320, 240]}, {"wheel": 1}, {"state": "first.json"}]})");
-  runWell(
-      {"view", "sphere.isb", "--offscreen", "--script", "hands.json", "--record", "again.json"});
-  Json again = Json::parse(readBytes(path("again.json")));
-  again["steps"].push_back({{"state", "second.json"}});
-  write("again.json", again.dump());
-  runWell({"view", "sphere.isb", "--offscreen", "--script", "again.json"});
-  const Json first = Json::parse(readBytes(path("first.json")));
-  EXPECT_EQ(first["wireframe"], true);
-  EXPECT_EQ(Json::parse(readBytes(path("second.json"))), first);
-}
-
 TEST_F(ViewCommandTest, TheSameScriptRunsInAWindow) {
   if (!fs::exists(kXvfbRun)) SKIP_UNLESS_REQUIRED("xvfb is not installed");
   // The driver of X11 is unloaded with two small blocks of its own.
@@ -453,21 +436,6 @@ TEST_F(ViewCommandTest, NoMeshIsLostInSilence) {
   EXPECT_GT(mesh.size(), 1000u);
   EXPECT_EQ(readBytes(path("sphere-0001.ply")), mesh);
   EXPECT_EQ(readBytes(path("sphere-0002.ply")), mesh);
-}
-
-TEST_F(ViewCommandTest, ARecordingOutlivesAKilledWindow) {
-  write("hands.json", R"({"size": [300, 200], "steps": [
-      {"key": "TAB"}, {"key": "W"}, {"state": "now.json"}, {"wait": 1000}]})");
-  const pid_t viewer = start({isobrickCommand(), "view", "sphere.isb", "--offscreen", "--script",
-                              "hands.json", "--record", "events.json"});
-  while (!fs::exists(path("now.json"))) std::this_thread::sleep_for(std::chrono::milliseconds(5));
-  kill(viewer, SIGKILL);
-  EXPECT_EQ(wait(viewer).status, -SIGKILL);
-  const Json events = Json::parse(readBytes(path("events.json")));
-  EXPECT_EQ(events["size"], (Json{300, 200}));
-  int keys = 0;
-  for (const Json& step : events["steps"]) keys += step.contains("key_press") ? 1 : 0;
-  EXPECT_EQ(keys, 2);
 }
 
 // Minimised, and something always moves.

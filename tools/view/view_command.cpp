@@ -37,8 +37,6 @@ void refuseReplacingOutputs(const ViewOptions& options, bool force) {
   const std::vector<std::string> inputs{options.path, options.script_path, options.state_path};
   if (!options.report_path.empty())
     refuseReplacing({options.report_path, "choose another --report"}, inputs, force);
-  if (!options.record_path.empty())
-    refuseReplacing({options.record_path, "choose another --record"}, inputs, force);
   if (options.script_path.empty()) return;
   for (const ScriptStep& step : readViewScript(options.script_path).steps)
     if (const auto* const file = std::get_if<ScriptFile>(&step))
@@ -79,9 +77,6 @@ void addScriptOptions(CLI::App& app, ViewArguments& arguments) {
   app.add_option("--report", options.report_path, "Times of the script's frames, as JSON")
       ->type_name("R.json")
       ->needs(script);
-  app.add_option("--record", options.record_path,
-                 "Write what the user does as such a script, complete after every event")
-      ->type_name("EVENTS.json");
   addForceFlag(app, arguments.force);
   app.add_flag("--offscreen", options.offscreen, "Run the script without a window")->needs(script);
 }

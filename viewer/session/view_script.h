@@ -62,21 +62,6 @@ ViewScript viewScriptFromJson(const std::string& text);
 // The same for a file; Error names the path.
 ViewScript readViewScript(const std::string& path);
 
-// The user's input as the text of a script that repeats it: the head, the steps, the tail. Time is
-// the caller's.
-class ScriptRecorder {
- public:
-  // For a window that has this size at first, and an interface of this scale.
-  static std::string head(int width, int height, double scale);
-  // The steps of the event, with commas before them; often none.
-  std::string add(double seconds, const InputEvent& event);
-  static constexpr const char* kTail = "\n]}\n";
-
- private:
-  bool is_empty_ = true;
-  std::optional<double> last_;  // seconds of the last event
-};
-
 // The task of one frame.
 struct ScriptFrame {
   std::vector<InputEvent> events;

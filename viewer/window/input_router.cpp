@@ -7,8 +7,7 @@
 
 namespace isobrick {
 
-InputRouter::InputRouter(ViewTarget& target, std::string record_path)
-    : target_(target), record_path_(std::move(record_path)), last_frame_(clockSeconds()) {}
+InputRouter::InputRouter(ViewTarget& target) : target_(target), last_frame_(clockSeconds()) {}
 
 bool InputRouter::take(double wait_seconds) {
   const double looked_last = std::exchange(looked_, clockSeconds());
@@ -54,20 +53,17 @@ std::vector<InputEvent> InputRouter::eventsOfFrame() {
   return events;
 }
 
-void InputRouter::feed(const InputEvent& event, ViewPanel& panel, double seconds) {
+void InputRouter::feed(const InputEvent& event, ViewPanel& panel) {
   panel.feed(event);
-  if (recording_) recording_->add(event.seconds.value_or(seconds), event);
   if (event.kind != InputEvent::Kind::kResize) return;
   width_ = static_cast<int>(event.x);
   height_ = static_cast<int>(event.y);
-  if (!record_path_.empty() && !recording_ && width_ > 0 && height_ > 0)
-    recording_.emplace(record_path_, width_, height_, target_.scale());
 }
 
 Wishes InputRouter::pass(ViewPanel& panel, ViewSession* session, double seconds) {
   std::vector<InputEvent> events;
   if (session == nullptr || !session->awaitsClick()) events = eventsOfFrame();
-  for (const InputEvent& event : events) feed(event, panel, seconds);
+  for (const InputEvent& event : events) feed(event, panel);
   panel.begin(width_, height_, seconds - last_frame_);
   last_frame_ = seconds;
   Wishes wishes;

@@ -3,11 +3,8 @@
 
 #include <deque>
 #include <glm/vec2.hpp>
-#include <optional>
-#include <string>
 #include <vector>
 
-#include "isobrick/viewer/session/script_recording.h"
 #include "isobrick/viewer/session/view_session.h"
 #include "isobrick/viewer/window/view_panel.h"
 #include "isobrick/viewer/window/view_target.h"
@@ -19,8 +16,8 @@ namespace isobrick {
 // which they report.
 class InputRouter {
  public:
-  // `target` outlives it. `record_path`: of a script of the input; empty: none is written.
-  InputRouter(ViewTarget& target, std::string record_path);
+  // `target` outlives it.
+  explicit InputRouter(ViewTarget& target);
 
   // Waits for events of the target for at most so long; true if some came. They get the times
   // between which they came: events that nobody looked for in a slow frame are reported at its end.
@@ -46,14 +43,12 @@ class InputRouter {
 
  private:
   std::vector<InputEvent> eventsOfFrame();
-  void feed(const InputEvent& event, ViewPanel& panel, double seconds);
+  void feed(const InputEvent& event, ViewPanel& panel);
   InputEvent inScene(InputEvent event, const ViewSession* session) const;
   void layOut(ViewSession& session);
 
   ViewTarget& target_;
-  const std::string record_path_;
   std::deque<InputEvent> events_;
-  std::optional<ScriptRecording> recording_;  // from the first size on
   int width_ = 0, height_ = 0;
   int left_ = 0;            // of the scene's area in the window
   glm::dvec2 cursor_{0.0};  // in the window

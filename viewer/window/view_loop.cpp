@@ -66,7 +66,7 @@ class ViewLoop {
         sessions_{options.threads, options.gpu_budget_bytes},
         files_(options.state_path, options.frames_folder, sessions_),
         volumes_(options, sessions_, *target_, files_),
-        input_(*target_, options.record_path),
+        input_(*target_),
         log_(options.report_path),
         after_frame_(std::move(host.after_frame)) {
     if (first_)

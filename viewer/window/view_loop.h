@@ -25,7 +25,6 @@ struct ViewOptions {
   std::string frames_folder = ".";     // where a script's files go
   std::string report_path;             // JSON of a script's timings; empty: none
   std::string recent_path;             // list of the volumes opened last; empty: none
-  std::string record_path;             // script of the user's input, as it comes; empty: none
   bool offscreen = false;              // without a window; scripts only
   int width = 1280, height = 800;      // of the window, pixels
   const CancelFlag* cancel = nullptr;

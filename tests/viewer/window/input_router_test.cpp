@@ -51,7 +51,7 @@ class InputRouterTest : public testing::Test {
       SKIP_UNLESS_REQUIRED(error.what());
     }
     panel_ = std::make_unique<ViewPanel>(1.0, *target_);
-    router_ = std::make_unique<InputRouter>(*target_, "");
+    router_ = std::make_unique<InputRouter>(*target_);
   }
 
   void type(Key key, bool control = false, bool control_after = false) {
