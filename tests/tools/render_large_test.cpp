@@ -8,8 +8,8 @@
 #include <thread>
 
 #include "isobrick/viewer/picture_bytes.h"
-#include "isobrick/viewer/png_reader.h"
 #include "tests/support/command_test.h"
+#include "tests/support/png_reader.h"
 #include "tests/support/requirement.h"
 
 namespace isobrick::test {

@@ -372,7 +372,7 @@ TEST_F(ViewCommandTest, ASavedViewIsReplacedAfterAYesAlone) {
   EXPECT_EQ(Json::parse(readBytes(path("named.view.json")))["wireframe"], true);
 }
 
-// Views with names lie beside the volume, with pictures, and come back one after the other.
+// Views with names lie beside the volume, and come back one after the other.
 TEST_F(ViewCommandTest, ViewsWithNamesComeBackOneAfterTheOther) {
   write("names.json", R"({"size": [300, 200], "steps": [{"wait": "settled"},
       {"key": "S", "control": true, "shift": true}, {"key": "W"}, {"wait": 0.05},
@@ -382,8 +382,7 @@ TEST_F(ViewCommandTest, ViewsWithNamesComeBackOneAfterTheOther) {
   runWell({"view", "sphere.isb", "--offscreen", "--script", "names.json"});
   EXPECT_EQ(Json::parse(readBytes(path("one.json")))["wireframe"], false);
   EXPECT_EQ(Json::parse(readBytes(path("two.json")))["wireframe"], true);
-  for (const char* name : {"view 1.png", "view 2.png", "view 2.view.json"})
-    EXPECT_GT(fs::file_size(path(std::string("sphere.views/") + name)), 100u) << name;
+  EXPECT_GT(fs::file_size(path("sphere.views/view 2.view.json")), 100u);
   EXPECT_EQ(Json::parse(readBytes(path("sphere.views/view 1.view.json")))["volume"],
             path("sphere.isb"));
   runWell({"render", "sphere.isb", "--state", "sphere.views/view 2.view.json", "--size", "90x60",

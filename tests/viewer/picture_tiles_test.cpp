@@ -15,7 +15,6 @@
 
 #include "isobrick/storage/error.h"
 #include "isobrick/viewer/picture_writer.h"
-#include "isobrick/viewer/png_reader.h"
 #include "isobrick/viewer/render/gl_scene_renderer.h"
 #include "isobrick/viewer/view_picture.h"
 #include "tests/support/field_pyramid.h"
@@ -23,6 +22,7 @@
 #include "tests/support/gl_test.h"
 #include "tests/support/null_renderer.h"
 #include "tests/support/picture_similarity.h"
+#include "tests/support/png_reader.h"
 
 namespace isobrick {
 namespace {
@@ -301,7 +301,7 @@ TEST(LargePictureTest, PngOfManyStripsHoldsTheScreenValues) {
   const test::TemporaryFolder folder;
   const Image image = colorful(900, 1700, false);
   writeImage(folder.file("a.png"), image);
-  EXPECT_TRUE(readPng(folder.file("a.png"), 2000).rgba == test::bytesOf(image).rgba);
+  EXPECT_TRUE(test::readPng(folder.file("a.png"), 2000).rgba == test::bytesOf(image).rgba);
 }
 
 TEST(LargePictureTest, EveryFloatHasTheScreenValueOfTheCurve) {
@@ -315,7 +315,7 @@ TEST(LargePictureTest, EveryFloatHasTheScreenValueOfTheCurve) {
   }
   const test::TemporaryFolder folder;
   writeImage(folder.file("a.png"), image);
-  const PictureBytes read = readPng(folder.file("a.png"), 4096);
+  const PictureBytes read = test::readPng(folder.file("a.png"), 4096);
   for (std::size_t i = 0; i < image.rgb.size(); ++i)
     ASSERT_EQ(read.rgba[4 * (i / 3) + i % 3], toSrgb8(image.rgb[i])) << image.rgb[i];
 }

@@ -3,12 +3,10 @@
 #include <algorithm>
 #include <filesystem>
 #include <system_error>
-#include <utility>
 
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_system.h"
 #include "isobrick/storage/remote_options.h"
-#include "isobrick/viewer/png_reader.h"
 #include "isobrick/viewer/session/output_names.h"
 
 namespace isobrick {
@@ -18,20 +16,7 @@ namespace fs = std::filesystem;
 
 constexpr std::string_view kViewEnding = ".view.json";
 
-std::string thumbnailPath(const std::string& folder, const std::string& name) {
-  return (fs::path(folder) / (name + ".png")).string();
-}
-
-PictureBytes thumbnailOf(const std::string& path) {
-  constexpr int kMostSide = 1024;
-  try {
-    return readPng(path, kMostSide);
-  } catch (const Error&) {
-    return {};  // the view counts without it
-  }
-}
-
-std::vector<NamedView> viewsIn(const std::string& folder, const CancelFlag& cancel) {
+std::vector<std::string> viewsIn(const std::string& folder, const CancelFlag& cancel) {
   std::vector<std::string> names;
   if (!isPresent(folder)) return {};
   const std::error_code failure = visitFolder(folder, [&](const FolderMember& member) {
@@ -47,13 +32,7 @@ std::vector<NamedView> viewsIn(const std::string& folder, const CancelFlag& canc
                 {.path = folder});
   std::sort(names.begin(), names.end());
   if (names.size() > NamedViews::kMostViews) names.resize(NamedViews::kMostViews);
-  std::vector<NamedView> views;
-  for (std::string& name : names) {
-    cancel.check();
-    PictureBytes thumbnail = thumbnailOf(thumbnailPath(folder, name));
-    views.push_back({std::move(name), std::move(thumbnail), 0});
-  }
-  return views;
+  return names;
 }
 
 }  // namespace
@@ -82,7 +61,7 @@ NamedViews::NamedViews() : lister_(viewsIn) {}
 void NamedViews::open(const std::string& folder) {
   if (folder == folder_) return;
   folder_ = folder;
-  views_.clear();
+  names_.clear();
   error_.clear();
   lister_.request(folder);
 }
@@ -92,14 +71,12 @@ void NamedViews::update() {
   if (!outcome) return;
   error_ = outcome->error;
   if (!outcome->result) return;
-  // What was saved while the folder was read is newer than what was read.
-  for (NamedView& view : *outcome->result)
-    if (!has(view.name)) add(std::move(view));
+  // Some may have been saved while the folder was read.
+  for (const std::string& name : *outcome->result) add(name);
 }
 
 bool NamedViews::has(const std::string& name) const {
-  return std::any_of(views_.begin(), views_.end(),
-                     [&](const NamedView& view) { return view.name == name; });
+  return std::binary_search(names_.begin(), names_.end(), name);
 }
 
 std::string NamedViews::freeName() const {
@@ -110,22 +87,19 @@ std::string NamedViews::freeName() const {
 }
 
 std::string NamedViews::nextTo(const std::string& name) const {
-  if (views_.empty()) return {};
-  const auto next = std::find_if(views_.begin(), views_.end(),
-                                 [&](const NamedView& view) { return view.name > name; });
-  return (next == views_.end() ? views_.front() : *next).name;
+  if (names_.empty()) return {};
+  const auto next = std::upper_bound(names_.begin(), names_.end(), name);
+  return next == names_.end() ? names_.front() : *next;
 }
 
-void NamedViews::save(const std::string& name, const SavedView& view, const Image& thumbnail) {
+void NamedViews::save(const std::string& name, const SavedView& view) {
   if (const std::string bad = badViewName(name); !bad.empty()) throw Error(bad);
   if (const std::error_code failed = makeFolders(folder_))
     throw Error("cannot make the folder '" + folder_ + "' for views: " + failed.message() +
                     "; Ctrl+S writes the view into the current folder",
                 {folder_});
-  writeImage(thumbnailPath(folder_, name), thumbnail);
   writeView(pathOf(name), view);
-  drop(name);
-  add({name, thumbnailOf(thumbnailPath(folder_, name)), 0});
+  add(name);
 }
 
 SavedView NamedViews::read(const std::string& name) const { return readView(pathOf(name)); }
@@ -133,23 +107,16 @@ SavedView NamedViews::read(const std::string& name) const { return readView(path
 void NamedViews::remove(const std::string& name) {
   if (const std::error_code failed = removeName(pathOf(name)))
     throw Error("cannot remove '" + pathOf(name) + "': " + failed.message(), {pathOf(name)});
-  removeName(thumbnailPath(folder_, name));
-  drop(name);
+  std::erase(names_, name);
 }
 
 std::string NamedViews::pathOf(const std::string& name) const {
   return (fs::path(folder_) / (name + std::string(kViewEnding))).string();
 }
 
-void NamedViews::add(NamedView view) {
-  view.number = ++last_number_;
-  const auto after = std::find_if(views_.begin(), views_.end(),
-                                  [&](const NamedView& other) { return other.name > view.name; });
-  views_.insert(after, std::move(view));
-}
-
-void NamedViews::drop(const std::string& name) {
-  std::erase_if(views_, [&](const NamedView& view) { return view.name == name; });
+void NamedViews::add(const std::string& name) {
+  const auto at = std::lower_bound(names_.begin(), names_.end(), name);
+  if (at == names_.end() || *at != name) names_.insert(at, name);
 }
 
 }  // namespace isobrick

@@ -1,12 +1,9 @@
 // The views of a volume that the user gave names to: files in a folder beside it.
 #pragma once
 
-#include <cstdint>
 #include <string>
 #include <vector>
 
-#include "isobrick/viewer/image.h"
-#include "isobrick/viewer/picture_bytes.h"
 #include "isobrick/viewer/state/view_file.h"
 #include "isobrick/viewer/stream/latest_worker.h"
 
@@ -19,20 +16,12 @@ std::string viewsFolderOf(const std::string& source);
 // As the name of a view, `name` names a file. Empty: it can; else why not, and what to do.
 std::string badViewName(const std::string& name);
 
-struct NamedView {
-  std::string name;
-  PictureBytes thumbnail;    // no pixels: there is none that can be read
-  std::uint64_t number = 0;  // of this thumbnail; none is given twice
-};
-
-// The views NAME.view.json of one folder, each with a thumbnail NAME.png: files as those of Ctrl+S,
-// which `isobrick view` and `isobrick render` open with --state. The folder is made for the first
-// view. It is read in the background, since it may be far away; files are written and removed at
-// once. Used by one thread.
+// The views NAME.view.json of one folder: files as those of Ctrl+S, which `isobrick view` and
+// `isobrick render` open with --state. The folder is made for the first view. It is read in the
+// background, since it may be far away; files are written and removed at once. Used by one thread.
 class NamedViews {
  public:
   static constexpr std::size_t kMostViews = 200;  // more in a folder are not shown
-  static constexpr int kThumbnailWidth = 192;     // pixels
 
   NamedViews();
 
@@ -41,8 +30,8 @@ class NamedViews {
   // Takes the list when it is there.
   void update();
 
-  // In the order of their names.
-  const std::vector<NamedView>& views() const { return views_; }
+  // In order.
+  const std::vector<std::string>& names() const { return names_; }
   bool has(const std::string& name) const;
   // The first of "view 1", "view 2", ... that no view has.
   std::string freeName() const;
@@ -51,23 +40,21 @@ class NamedViews {
   // Of the last reading of the folder; empty: it went well.
   const std::string& error() const { return error_; }
 
-  // Replaces the view of that name. Both files appear when they are complete. Throws Error.
-  void save(const std::string& name, const SavedView& view, const Image& thumbnail);
+  // Replaces the view of that name. Throws Error.
+  void save(const std::string& name, const SavedView& view);
   SavedView read(const std::string& name) const;
-  // Removes both files of the view. Throws Error.
+  // Throws Error.
   void remove(const std::string& name);
 
   std::string pathOf(const std::string& name) const;
 
  private:
-  void add(NamedView view);
-  void drop(const std::string& name);
+  void add(const std::string& name);
 
   std::string folder_;
-  std::vector<NamedView> views_;
+  std::vector<std::string> names_;
   std::string error_;
-  std::uint64_t last_number_ = 0;
-  LatestWorker<std::string, std::vector<NamedView>> lister_;
+  LatestWorker<std::string, std::vector<std::string>> lister_;
 };
 
 }  // namespace isobrick

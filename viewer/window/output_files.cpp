@@ -18,18 +18,6 @@ SavedView viewOf(const OutputFiles::Sight& sight) {
   return {sight.opened != nullptr ? sight.opened->source : std::string(), sight.state};
 }
 
-// The scene with nothing over it, as large as a thumbnail.
-Image thumbnailOf(ViewSession& session, SceneRenderer& renderer) {
-  const glm::dvec2 size = session.interaction().size;
-  constexpr double kWidth = NamedViews::kThumbnailWidth;
-  const double height = std::clamp(kWidth * size.y / std::max(1.0, size.x), 1.0, kWidth);
-  SceneWithNotes scene =
-      pictureSceneOf(session, static_cast<int>(kWidth), static_cast<int>(height), false);
-  scene.frame.transparent = false;
-  scene.notes = {};
-  return drawWhole(renderer, std::move(scene));
-}
-
 }  // namespace
 
 OutputFiles::OutputFiles(std::string state_path, std::string frames_folder,
@@ -173,7 +161,7 @@ void OutputFiles::grantViews(const Wishes& wishes, const Sight& sight) {
   if (wishes.save_named_view) {
     const std::string name =
         wishes.save_named_view->empty() ? views_.freeName() : *wishes.save_named_view;
-    views_.save(name, viewOf(sight), thumbnailOf(*sight.session, sight.target.renderer()));
+    views_.save(name, viewOf(sight));
     message_ = "wrote " + shortPath(views_.pathOf(name));
   }
   if (wishes.remove_named_view) {

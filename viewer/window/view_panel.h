@@ -4,7 +4,6 @@
 #include <array>
 #include <cstdint>
 #include <deque>
-#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -61,12 +60,10 @@ class ViewsPanel {
   Wishes build(const NamedViews& views, float scale);
 
  private:
-  Wishes line(const NamedView& view, float scale);
-  const PanelTexture& textureOf(const NamedView& view);
+  Wishes line(const std::string& view);
 
-  std::map<std::uint64_t, PanelTexture> textures_;  // by the numbers of the views
-  std::array<char, 128> typed_{};                   // the name of the next one
-  std::string removing_;                            // the view that the user was asked about
+  std::array<char, 128> typed_{};  // the name of the next one
+  std::string removing_;           // the view that the user was asked about
 };
 
 // Builds the flat views of the slices beside the scene, each a window of Dear ImGui.

@@ -1,7 +1,6 @@
 #include <imgui.h>
 
 #include <algorithm>
-#include <cmath>
 
 #include "isobrick/viewer/session/folder_listing.h"
 #include "isobrick/viewer/window/panel_style.h"
@@ -10,44 +9,29 @@
 
 namespace isobrick {
 
-const PanelTexture& ViewsPanel::textureOf(const NamedView& view) {
-  PanelTexture& texture = textures_[view.number];
-  if (texture.isEmpty()) texture.set(view.thumbnail);
-  return texture;
-}
-
-// One view: its picture and name, which show it, and a button that removes it after a question.
-Wishes ViewsPanel::line(const NamedView& view, float scale) {
+// One view: its name, which shows it, and a button that removes it after a question.
+Wishes ViewsPanel::line(const std::string& view) {
   Wishes wishes;
-  const float height = 48.0f * scale;
-  const float width = 1.5f * height;
+  const float line = ImGui::GetFrameHeight();
   const ImVec2 begin = ImGui::GetCursorPos();
-  if (ImGui::Selectable("##show", false, 0, {0.0f, height})) wishes.show_named_view = view.name;
+  if (ImGui::Selectable("##show", false, 0, {0.0f, line})) wishes.show_named_view = view;
   ImGui::SetItemAllowOverlap();
   explain("Shows this view. Ctrl+Z goes back.");
   const ImVec2 end = ImGui::GetCursorPos();
   ImGui::SetCursorPos(begin);
-  if (view.thumbnail.width > 0) {
-    const float shrink = std::min(width / static_cast<float>(view.thumbnail.width),
-                                  height / static_cast<float>(view.thumbnail.height));
-    ImGui::Image(textureOf(view).id(), {shrink * static_cast<float>(view.thumbnail.width),
-                                        shrink * static_cast<float>(view.thumbnail.height)});
-  }
-  ImGui::SetCursorPos(
-      {begin.x + width + 8.0f * scale, begin.y + 0.5f * (height - ImGui::GetFrameHeight())});
   ImGui::AlignTextToFramePadding();
-  if (removing_ == view.name) {
+  if (removing_ == view) {
     ImGui::TextUnformatted("remove it?");
     ImGui::SameLine();
-    if (ImGui::Button("yes")) wishes.remove_named_view = view.name;
+    if (ImGui::Button("yes")) wishes.remove_named_view = view;
     ImGui::SameLine();
     if (ImGui::Button("no") || wishes.remove_named_view) removing_.clear();
   } else {
-    const std::string name = shownName(view.name);
+    const std::string name = shownName(view);
     ImGui::TextUnformatted(name.c_str(), name.c_str() + name.size());
-    ImGui::SameLine(std::max(0.0f, ImGui::GetContentRegionMax().x - ImGui::GetFrameHeight()));
-    if (ImGui::Button("x")) removing_ = view.name;
-    explain("Removes this view and its files.");
+    ImGui::SameLine(std::max(0.0f, ImGui::GetContentRegionMax().x - line));
+    if (ImGui::Button("x")) removing_ = view;
+    explain("Removes this view and its file.");
   }
   ImGui::SetCursorPos(end);
   return wishes;
@@ -55,14 +39,10 @@ Wishes ViewsPanel::line(const NamedView& view, float scale) {
 
 Wishes ViewsPanel::build(const NamedViews& views, float scale) {
   Wishes wishes;
-  std::erase_if(textures_, [&](const auto& entry) {
-    return std::none_of(views.views().begin(), views.views().end(),
-                        [&](const NamedView& view) { return view.number == entry.first; });
-  });
   if (!ImGui::CollapsingHeader("views")) return wishes;
-  for (const NamedView& view : views.views()) {
-    ImGui::PushID(static_cast<int>(view.number));
-    addWishes(line(view, scale), wishes);
+  for (const std::string& view : views.names()) {
+    ImGui::PushID(view.c_str());
+    addWishes(line(view), wishes);
     ImGui::PopID();
   }
   if (!views.error().empty())

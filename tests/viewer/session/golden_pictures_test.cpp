@@ -11,10 +11,10 @@
 
 #include "isobrick/storage/error.h"
 #include "isobrick/viewer/image.h"
-#include "isobrick/viewer/png_reader.h"
 #include "isobrick/viewer/view_picture.h"
 #include "tests/support/field_pyramid.h"
 #include "tests/support/picture_similarity.h"
+#include "tests/support/png_reader.h"
 #include "tests/support/requirement.h"
 #include "tests/support/test_paths.h"
 #include "tests/support/two_balls.h"
@@ -105,7 +105,7 @@ TEST(GoldenPicturesTest, ViewsLookAsTheyDid) {
     }
     if (test::environmentSays("ISOBRICK_WRITE_GOLDEN")) writeImage(golden + name + ".png", image);
     drawn.push_back(test::bytesOf(image));
-    const PictureBytes expected = readPng(golden + name + ".png", kWidth);
+    const PictureBytes expected = test::readPng(golden + name + ".png", kWidth);
     EXPECT_GT(test::similarity(drawn.back(), expected), 0.98) << name;
   }
   // The measure tells them apart.

@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "isobrick/viewer/egl_context.h"
-#include "isobrick/viewer/png_reader.h"
 #include "tests/support/offscreen_view.h"
 #include "tests/support/picture_similarity.h"
+#include "tests/support/png_reader.h"
 #include "tests/support/requirement.h"
 #include "tests/support/test_paths.h"
 
@@ -45,8 +45,8 @@ TEST(GoldenPanelsTest, TheWindowLooksAsItDid) {
     if (test::environmentSays("ISOBRICK_WRITE_GOLDEN"))
       std::filesystem::copy_file(folder.file(name), golden + name,
                                  std::filesystem::copy_options::overwrite_existing);
-    seen.push_back(readPng(folder.file(name), 640));
-    EXPECT_GT(test::similarity(seen.back(), readPng(golden + name, 640)), 0.97) << name;
+    seen.push_back(test::readPng(folder.file(name), 640));
+    EXPECT_GT(test::similarity(seen.back(), test::readPng(golden + name, 640)), 0.97) << name;
   }
   // The measure tells them apart.
   for (std::size_t i = 1; i < seen.size(); ++i)

@@ -1,10 +1,10 @@
-#include "isobrick/viewer/png_reader.h"
+#include "tests/support/png_reader.h"
 
 #include <png.h>
 
 #include "isobrick/storage/error.h"
 
-namespace isobrick {
+namespace isobrick::test {
 namespace {
 
 // Frees what libpng keeps for a picture that is read.
@@ -41,4 +41,4 @@ PictureBytes readPng(const std::string& path, int most_side) {
   return picture;
 }
 
-}  // namespace isobrick
+}  // namespace isobrick::test

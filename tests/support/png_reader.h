@@ -5,10 +5,10 @@
 
 #include "isobrick/viewer/picture_bytes.h"
 
-namespace isobrick {
+namespace isobrick::test {
 
 // The picture of a PNG file with at most `most_side` pixels to each side. Throws Error, which names
 // the file, for a larger one and for all that is no PNG.
 PictureBytes readPng(const std::string& path, int most_side);
 
-}  // namespace isobrick
+}  // namespace isobrick::test
