@@ -35,6 +35,6 @@ view '"surfaces": [{"isovalue": 520, "color": [0.8, 0.84, 0.9], "opacity": 0.3},
       "camera": {"pivot": [51, 47, 80], "azimuth": 40, "elevation": 10, "distance": 340}'
 picture tooth "$data/tooth_u16be/tooth.nhdr" --state "$cache/view.json"
 picture enamel "$data/tooth_u16be/tooth.nhdr" --iso 1000 --shadow --ambient-occlusion --scale-bar --background light --azimuth 40
-picture mr "$data/mr_nifti/MR.nii.gz" --iso 130 --ambient-occlusion --outlines --background white --azimuth 50
+picture mr "$data/mr_nifti/MR.nii.gz" --iso 130 --ambient-occlusion --background white --azimuth 50
 picture gyroid phantom:gyroid:128 --iso auto --shadow --ambient-occlusion --background white
-picture phantom phantom:head:256 --iso 1324 --outlines --shadow --axes --background light
+picture phantom phantom:head:256 --iso 1324 --shadow --axes --background light

@@ -245,7 +245,6 @@ void addPictureOptions(CLI::App& app, RenderArguments& arguments) {
   app.add_flag("--wireframe", picture.wireframe, "Draw the edges of the triangles");
   app.add_flag("--ambient-occlusion", picture.ambient_occlusion, "Darken the surface in hollows");
   app.add_flag("--shadow", picture.shadow, "The surface throws a soft shadow on itself");
-  app.add_flag("--outlines", picture.outlines, "Dark lines where the surface ends");
   app.add_flag("--scale-bar", picture.notes.scale_bar,
                "Draw a scale bar; it measures in the middle of what is framed");
   app.add_flag("--axes", picture.notes.axes, "Draw the directions of the world's x, y and z");

@@ -32,7 +32,6 @@ SceneFrame frameOf(const RenderOptions& options, const SceneLattice& lattice,
   frame.wireframe = options.wireframe;
   frame.ambient_occlusion = options.ambient_occlusion;
   frame.shadow = options.shadow;
-  frame.outlines = options.outlines;
   frame.sphere = options.focus_sphere;
   frame.back_color = options.back_color;
   frame.background_top = options.background_top;

@@ -84,8 +84,7 @@ struct RenderOptions {
   bool wireframe = false;
   // Surfaces shade each other by their depths in the picture: darker in hollows.
   bool ambient_occlusion = false;
-  bool shadow = false;    // opaque surfaces keep the key light from each other
-  bool outlines = false;  // dark lines where a surface ends before another one
+  bool shadow = false;  // opaque surfaces keep the key light from each other
   // The outline of this sphere is drawn over the picture as a thin circle, hidden by nothing.
   std::optional<SphereOutline> focus_sphere;
 

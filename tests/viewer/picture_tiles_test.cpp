@@ -117,7 +117,6 @@ TEST_F(PictureTilesTest, ATiledPictureIsTheOneDrawnInOnePiece) {
   occlusion.ambient_occlusion = true;
   occlusion.camera.distance = 50.0;
   add("shadow").shadow = true;
-  add("outlines").outlines = true;
   ViewState& levels = add("levels");
   levels.focus.everywhere = false;
   levels.focus.show_sphere = true;
@@ -138,7 +137,7 @@ TEST_F(PictureTilesTest, ATiledPictureIsTheOneDrawnInOnePiece) {
   values.values.opacity = {0.2, 0.9};
   values.surfaces.push_back({180.0, {0.8f, 0.3f, 0.2f}, 1.0, true});
   ViewState& all = add("all");
-  all.ambient_occlusion = all.shadow = all.outlines = true;
+  all.ambient_occlusion = all.shadow = true;
   all.clip_planes = {{{-0.6, 0.8, 0.0}, 6.0, true, true}};
   all.slices[2] = {true, 12.0};
   all.coloring = ViewColoring::kPlaneDistance;
@@ -169,10 +168,6 @@ TEST_F(PictureTilesTest, WhatIsDrawnAroundATileFollowsFromThePasses) {
   frame.width = 4000;
   frame.height = 1600;
   EXPECT_EQ(renderer_->neighbourhoodOf(frame), 0);
-  frame.outlines = true;
-  EXPECT_EQ(renderer_->neighbourhoodOf(frame), 1);
-  frame.pixel_scale = 3.0;
-  EXPECT_EQ(renderer_->neighbourhoodOf(frame), 3);
   frame.ambient_occlusion = true;
   EXPECT_GE(renderer_->neighbourhoodOf(frame), 1600 / 16 + 2);
   frame.normals = true;

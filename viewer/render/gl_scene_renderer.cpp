@@ -59,8 +59,7 @@ bool GlSceneRenderer::drawsEdges() const {
 }
 
 int GlSceneRenderer::neighbourhoodOf(const SceneFrame& frame) const {
-  if (frame.normals) return 0;
-  return std::max(OcclusionPass::neighbourhoodOf(frame), OutlinePass::neighbourhoodOf(frame));
+  return frame.normals ? 0 : OcclusionPass::neighbourhoodOf(frame);
 }
 
 Image GlSceneRenderer::drawTile(const SceneFrame& frame, const PixelBox& tile, bool depth) {
@@ -107,11 +106,6 @@ void GlSceneRenderer::paint(const SceneView& view, Buffers& buffers) {
   if (with_occlusion) {
     cutBy(0);
     occlusion.draw(targets, view);
-    cutBy(frame.clip_planes.size());
-  }
-  if (frame.outlines && !frame.normals) {
-    cutBy(0);
-    outlines_.draw(targets, view);
     cutBy(frame.clip_planes.size());
   }
   slices_.drawOpaque(view);

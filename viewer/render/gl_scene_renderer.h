@@ -14,7 +14,6 @@
 #include "isobrick/viewer/render/layer_pass.h"
 #include "isobrick/viewer/render/line_pass.h"
 #include "isobrick/viewer/render/occlusion_pass.h"
-#include "isobrick/viewer/render/outline_pass.h"
 #include "isobrick/viewer/render/scene_renderer.h"
 #include "isobrick/viewer/render/shadow_pass.h"
 #include "isobrick/viewer/render/surface_pass.h"
@@ -101,7 +100,6 @@ class GlSceneRenderer : public SceneRenderer {
   GlSlices slices_;
   SurfacePass surfaces_;
   LayerPass layers_;
-  OutlinePass outlines_;
   LinePass lines_;
   GlDepthReads depth_reads_;
   GlProgram background_program_, screen_program_;

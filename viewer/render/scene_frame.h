@@ -79,7 +79,6 @@ struct SceneFrame {
   // Of colours by value: that of the first and of the last one, which opacities between them
   // follow. Comes beside that of a surface.
   std::array<double, 2> value_opacity{1.0, 1.0};
-  bool outlines = false;  // dark lines where a surface ends before another one
   bool shadow = false;  // opaque surfaces keep the key light from each other; not with a headlight
   bool ambient_occlusion = false;  // surfaces shade each other, as if light came from all around
   std::vector<SceneClipPlane> clip_planes;  // at most 6

@@ -508,34 +508,6 @@ void main() {
 }
 )";
 
-// An edge bends the depths: the neighbours on both sides are not where the plane through the pixel
-// has them. A smooth surface bends by less than the width of the neighbourhood.
-constexpr char kOutlineFragmentShader[] = R"(
-uniform int width;
-out vec4 color;
-
-float bendAlong(ivec2 pixel, float distance, ivec2 along) {
-  float before = distanceAt(pixel - along), after = distanceAt(pixel + along);
-  if (before < 0.0 || after < 0.0) return 1e9;  // the background
-  // The nearer one has the line.
-  return max(0.0, before + after - 2.0 * distance);
-}
-
-void main() {
-  ivec2 pixel = ivec2(gl_FragCoord.xy);
-  float distance = distanceAt(pixel);
-  float bend = 0.0;
-  if (distance >= 0.0)
-    for (int i = 0; i < 4; ++i) {
-      const ivec2 kAlong[4] = ivec2[](ivec2(1, 0), ivec2(0, 1), ivec2(1, 1), ivec2(1, -1));
-      bend = max(bend, bendAlong(pixel, distance, width * kAlong[i]));
-    }
-  // In units of the width of a line there.
-  float edge = smoothstep(4.0, 9.0, bend / (float(width) * radiusAt(max(distance, 0.0))));
-  color = vec4(vec3(1.0 - 0.9 * edge), 1.0);
-}
-)";
-
 constexpr char kScreenFragmentShader[] = R"(
 layout(binding = 0) uniform sampler2D picture;
 uniform vec2 corner;  // of the picture in the window
@@ -687,11 +659,6 @@ GlProgram makeDepthProgram() {
 GlProgram makeLayersProgram() {
   return linkProgram({kVersion, kBackgroundVertexShader},
                      {kVersion, kLayerLists, kLayersFragmentShader});
-}
-
-GlProgram makeOutlineProgram() {
-  return linkProgram({kVersion, "", "", kBackgroundVertexShader},
-                     {kVersion, "", kPlacesOfPixels, kOutlineFragmentShader});
 }
 
 // Over the viewer's left shoulder.

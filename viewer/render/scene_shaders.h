@@ -47,11 +47,6 @@ GlProgram makeDepthProgram();
 // To the key light of the surface program, in eye coordinates, unit.
 glm::vec3 keyLightDirection();
 
-// Where a surface ends before another one or the background, as colours to be multiplied with the
-// picture's, at depth 0. Draw 3 vertices. Uniforms: sampler2D depths at unit 0; those of
-// setPlacesOfPixels(); float reach (1); int width (pixels).
-GlProgram makeOutlineProgram();
-
 // The ground of the picture, from top to bottom. Draw 3 vertices without attributes.
 // Uniforms: vec3 top, bottom; float first_row (of those drawn, from below), picture_height.
 GlProgram makeBackgroundProgram();

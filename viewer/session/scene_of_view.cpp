@@ -62,7 +62,6 @@ SceneFrame sceneOf(const ViewState& state, const ViewVolume& volume, int width, 
   frame.headlight = state.lighting == ViewLighting::kHeadlight;
   frame.ambient_occlusion = state.ambient_occlusion;
   frame.shadow = state.shadow;
-  frame.outlines = state.outlines;
   frame.value_opacity = state.values.opacity;
   for (const ViewClipPlane& plane : state.clip_planes)
     if (plane.enabled) frame.clip_planes.push_back({plane.normal, plane.offset});

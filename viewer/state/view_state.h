@@ -122,8 +122,7 @@ struct ViewState {
   ViewValues values;
   ViewLighting lighting = ViewLighting::kThreeLights;
   bool ambient_occlusion = false;  // surfaces shade each other, by their depths in the picture
-  bool shadow = false;    // surfaces keep the key light from each other; not with the headlight
-  bool outlines = false;  // dark lines where a surface ends before another one
+  bool shadow = false;  // surfaces keep the key light from each other; not with the headlight
   ViewPictures pictures;
   std::vector<ViewMeasurement> measurements;     // at most kMostMeasurements, shown in the scene
   std::vector<ViewPieceMeasure> piece_measures;  // at most kMostPieceMeasures

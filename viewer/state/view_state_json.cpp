@@ -51,9 +51,9 @@ ISOBRICK_FIELDS(ViewValues, map, gradient_window, other, other_window, plane, pl
 ISOBRICK_FIELDS(ViewMeasurement, points, surface_isovalue)
 ISOBRICK_FIELDS(ViewState, camera, surfaces, active_surface, focus, curvature_tolerance,
                 view_pixels, clip_planes, slices, slice_views, slice_opacity, slice_threshold,
-                value_window, coloring, values, lighting, ambient_occlusion, shadow, outlines,
-                pictures, measurements, piece_measures, mesh_distance, wireframe, show_transitions,
-                show_box, show_handles, background_top, background_bottom)
+                value_window, coloring, values, lighting, ambient_occlusion, shadow, pictures,
+                measurements, piece_measures, mesh_distance, wireframe, show_transitions, show_box,
+                show_handles, background_top, background_bottom)
 
 constexpr std::array<std::string_view, 6> namesOf(ViewColoring) {
   return {"plain", "level", "gradient", "other", "plane_distance", "component"};
@@ -227,7 +227,9 @@ std::string viewStateToJson(const ViewState& state) {
 ViewState viewStateFromJson(const std::string& text) {
   Json json = Json::parse(text, nullptr, false);
   if (json.is_discarded()) throw Error("the view is not JSON");
-  if (json.is_object()) json.erase("tolerance");  // of development builds; ignored
+  // Of development builds; ignored.
+  if (json.is_object())
+    for (const char* name : {"tolerance", "outlines"}) json.erase(name);
   ViewState state;
   state.camera.distance = 0.0;
   fromJson(json, "", state);

@@ -137,9 +137,6 @@ void appearanceControls(ViewSession& session, float scale) {
       "card.");
   ImGui::Checkbox("shadow", &state.shadow);
   explain("Surfaces that nothing is seen through keep the light from what is behind them.");
-  ImGui::SameLine();
-  ImGui::Checkbox("outlines", &state.outlines);
-  explain("Dark lines where a surface ends before another one.");
   ImGui::Checkbox("box", &state.show_box);
   explain("The edges of the volume (B).");
   ImGui::SameLine();

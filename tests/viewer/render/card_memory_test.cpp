@@ -46,7 +46,7 @@ class CardMemoryTest : public test::GlTest {
 TEST_F(CardMemoryTest, SamplersThatCompareFindDepths) {
   for (const bool shadow : {false, true, false}) {
     frame_.shadow = shadow;
-    frame_.outlines = frame_.ambient_occlusion = shadow;
+    frame_.ambient_occlusion = shadow;
     const test::SamplersOfDraws samplers;
     renderer_->draw(frame_);
     EXPECT_EQ(samplers.seen(), shadow ? 2 : 0);  // opaque, and seen through

@@ -85,7 +85,7 @@ TEST_F(Driver, FramesChangeTheirSize) {
   frame.bounds = {glm::dvec3(-1.0), glm::dvec3(1.0)};
   frame.camera.eye = {0.0, -10.0, 0.0};
   frame.sphere = SphereOutline{{0.0, 0.0, 0.0}, 1.0};
-  frame.ambient_occlusion = frame.outlines = frame.shadow = true;
+  frame.ambient_occlusion = frame.shadow = true;
   for (const auto& [width, height] : {std::pair(1, 1), std::pair(640, 400), std::pair(3, 700),
                                       std::pair(1000, 2), std::pair(640, 400)}) {
     frame.width = width;
@@ -113,9 +113,8 @@ TEST_F(Driver, SoftpipeIsRefusedInOneLine) {
 TEST_F(Driver, LlvmpipeDrawsThePicturesOfTheCommandAndComplainsOfNothing) {
   if (!hasMesa()) SKIP_UNLESS_REQUIRED(kNoMesa);
   setenv("ISOBRICK_GL_DEBUG", "1", 1);
-  const Outcome outcome =
-      runBy("llvmpipe", {"render", "phantom:sphere:32", "--iso", "100", "--shadow", "--outlines",
-                         "--ambient-occlusion", "-o", "x.png"});
+  const Outcome outcome = runBy("llvmpipe", {"render", "phantom:sphere:32", "--iso", "100",
+                                             "--shadow", "--ambient-occlusion", "-o", "x.png"});
   unsetenv("ISOBRICK_GL_DEBUG");
   EXPECT_EQ(outcome.status, 0) << outcome.err;
   EXPECT_NE(outcome.out.find("llvmpipe"), std::string::npos) << outcome.out;

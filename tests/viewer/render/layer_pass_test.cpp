@@ -365,7 +365,7 @@ TEST_F(LayerPassTest, WantOfMemoryIsSaid) {
   EXPECT_EQ(drawn().rgb, before.rgb);
 }
 
-// Edges of triangles, and what is around: lines before and behind, alpha, outlines.
+// Edges of triangles, and what is around: lines before and behind, alpha.
 TEST_F(LayerPassTest, EdgesAndAlphaAreKept) {
   frame_.surfaces = {{{1.0f, 0.0f, 0.0f}, 0.5}};
   frame_.chunks = {renderer_->upload(squareAcross(0.0, 2.0, 0)),

@@ -317,49 +317,6 @@ TEST_F(SceneRendererTest, ASquareThrowsAShadowOnTheOneBehind) {
   EXPECT_NEAR(seen(47, 52).r, seen(12, 12).r, 1e-3f);
 }
 
-// Lines lie on what is nearer, at its ends alone, and are as wide as the frame says.
-TEST_F(SceneRendererTest, OutlinesAreWhereASurfaceEnds) {
-  frame_.camera.orthographic = true;
-  frame_.camera.half_width = frame_.camera.half_height = 2.0;
-  const ChunkId wall = renderer_->upload(squareAt(1.0, 1.5, 0));
-  const ChunkId plate = renderer_->upload(squareAt(0.0, 0.5, 1));
-  frame_.chunks = {wall, plate};
-  renderer_->draw(frame_);
-  const Image before = renderer_->picture();
-  for (const double scale : {1.0, 3.0}) {
-    frame_.outlines = true;
-    frame_.pixel_scale = scale;
-    renderer_->draw(frame_);
-    const Image after = renderer_->picture();
-    int dark = 0;
-    for (int y = 0; y < 64; ++y) {
-      for (int x = 0; x < 64; ++x) {
-        const std::size_t at = after.offsetOf(x, y);
-        const float change =
-            before.rgb[at] + before.rgb[at + 2] - after.rgb[at] - after.rgb[at + 2];
-        const double away = std::max(std::abs(x + 0.5 - 32.0), std::abs(y + 0.5 - 32.0));
-        const bool is_end =
-            (away < 8.0 && away > 8.0 - scale - 0.6) || (away < 24.0 && away > 24.0 - scale - 0.6);
-        if (change > 0.05f) {
-          ++dark;
-          EXPECT_TRUE(is_end) << x << " " << y;
-        }
-      }
-    }
-    // Both borders, 64 and 192 pixels long.
-    EXPECT_NEAR(dark, 256.0 * scale, 40.0 * scale) << scale;
-  }
-  // A plane that is seen from the side has no line within it.
-  frame_.pixel_scale = 1.0;
-  frame_.chunks = {wall};
-  frame_.camera.forward = glm::normalize(glm::dvec3(0.9, 0.43, 0.0));
-  frame_.camera.right = glm::normalize(glm::dvec3(0.43, -0.9, 0.0));
-  frame_.camera.eye = glm::dvec3(0.0, 1.0, 0.0) - 10.0 * frame_.camera.forward;
-  const glm::vec3 outlined = seen(32, 32);
-  frame_.outlines = false;
-  EXPECT_EQ(seen(32, 32), outlined);
-}
-
 // What has the first colour is clear, and what has the last is not.
 TEST_F(SceneRendererTest, OpacityFollowsTheValues) {
   SurfaceChunk front = squareAt(-1.0, 1.5, 0);

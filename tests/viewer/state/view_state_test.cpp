@@ -37,7 +37,7 @@ ViewState fullState() {
   state.show_transitions = true;
   state.lighting = ViewLighting::kHeadlight;
   state.ambient_occlusion = true;
-  state.shadow = state.outlines = true;
+  state.shadow = true;
   state.pictures = {true, 3, true, true, true};
   for (ViewSurface& surface : state.surfaces)
     surface.pieces = {{{{1.0, 2.0, 3.0}, 4.0}}, {{{5.0, 6.0, 7.0}, 8.0}}, 9.0};
@@ -166,9 +166,9 @@ TEST(ViewStateTest, TheActiveSurfaceStaysSoWhenAnotherOneGoes) {
   EXPECT_EQ(activeSurface(state).isovalue, 1.0);
 }
 
-// Development builds saved one.
-TEST(ViewStateTest, AToleranceIsIgnored) {
-  EXPECT_EQ(viewStateFromJson(R"({"wireframe": true, "tolerance": 3})"),
+// Development builds saved them.
+TEST(ViewStateTest, AToleranceAndOutlinesAreIgnored) {
+  EXPECT_EQ(viewStateFromJson(R"({"wireframe": true, "tolerance": 3, "outlines": true})"),
             viewStateFromJson(R"({"wireframe": true})"));
 }
 
