@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <atomic>
 #include <cstddef>
-#include <system_error>
-#include <thread>
 #include <utility>
 #include <vector>
 
@@ -46,30 +44,17 @@ class DividedRanges::SuperBrickFile : public std::enable_shared_from_this<SuperB
   // The reader if it is open now.
   RangeReader* readerNow() const { return now_; }
 
-  // announce() of the reader. If a server is to be asked for the file first, a thread waits for it.
+  // announce() of the reader. If a server is to be asked for the file first, a thread waits for it,
+  // and holds on to the file, which so counts as being in use.
   void announce(std::vector<ByteRange> ranges, bool is_remote) {
     if (!is_remote || readerNow() != nullptr) return announceNow(ranges);
     if (is_opening_.exchange(true)) return;
-    {
-      const std::lock_guard lock(openers_.mutex);
-      ++openers_.count;
-    }
-    try {
-      // It holds on to the file, which so counts as being in use.
-      std::thread([self = shared_from_this(), ranges = std::move(ranges)]() mutable {
-        self->announceNow(ranges);
-        self->is_opening_ = false;
-        Openers& openers = self->openers_;
-        self.reset();
-        const std::lock_guard lock(openers.mutex);
-        --openers.count;
-        openers.ended.notify_all();
-      }).detach();
-    } catch (const std::system_error&) {  // a reader will wait a little longer
-      is_opening_ = false;
-      const std::lock_guard lock(openers_.mutex);
-      --openers_.count;
-    }
+    const bool is_begun =
+        openers_.threads.run([self = shared_from_this(), ranges = std::move(ranges)] {
+          self->announceNow(ranges);
+          self->is_opening_ = false;
+        });
+    if (!is_begun) is_opening_ = false;  // a reader will wait a little longer
   }
 
  private:
@@ -110,11 +95,7 @@ class DividedRanges::SuperBrickFile : public std::enable_shared_from_this<SuperB
 
 DividedRanges::DividedRanges(std::unique_ptr<RangeReader> index, Files files)
     : index_(std::move(index)), files_(std::move(files)) {}
-DividedRanges::~DividedRanges() {
-  openers_.abandoned.request();
-  std::unique_lock lock(openers_.mutex);
-  openers_.ended.wait(lock, [&] { return openers_.count == 0; });
-}
+DividedRanges::~DividedRanges() { openers_.abandoned.request(); }
 
 std::shared_ptr<DividedRanges::SuperBrickFile> DividedRanges::fileOf(std::size_t number) {
   std::shared_ptr<SuperBrickFile> closed;  // outside of the lock

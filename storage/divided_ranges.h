@@ -1,7 +1,6 @@
 // Ranges of all files of a divided pyramid, as if they were one file.
 #pragma once
 
-#include <condition_variable>
 #include <cstdint>
 #include <functional>
 #include <map>
@@ -11,6 +10,7 @@
 #include <string>
 
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/load_threads.h"
 #include "isobrick/storage/pyramid_division.h"
 #include "isobrick/storage/range_reader.h"
 
@@ -21,6 +21,8 @@ namespace isobrick {
 class DividedRanges final : public RangeReader {
  public:
   static constexpr std::size_t kMostOpen = 256, kMostOpenRemote = 128;
+  // Threads that wait for a server to open a file that was only announced.
+  static constexpr std::size_t kMostOpeners = 16;
 
   // Opens a file of this name, or throws Error. A request to `cancel` ends that.
   using Open = std::function<std::unique_ptr<RangeReader>(const std::string& path,
@@ -57,19 +59,17 @@ class DividedRanges final : public RangeReader {
   // Shared by files that are being opened.
   struct Openers {
     CancelFlag abandoned;
-    std::mutex mutex;  // guards all below
-    std::condition_variable ended;
-    int count = 0;  // threads that wait for a server
+    LoadThreads threads{kMostOpeners};
   };
 
   const std::unique_ptr<RangeReader> index_;
   const Files files_;
-  Openers openers_;
   mutable std::mutex mutex_;                                     // guards all below
   std::map<std::size_t, std::shared_ptr<SuperBrickFile>> open_;  // by number
   std::uint64_t uses_ = 0;
   RemoteCounters of_closed_;
   std::set<std::string> texts_;  // of failures, which readers point to
+  Openers openers_;              // last: its threads use all of the above
 };
 
 }  // namespace isobrick

@@ -17,7 +17,7 @@ LoadThreads::~LoadThreads() {
 bool LoadThreads::run(std::function<void()> job) noexcept try {
   {
     const std::lock_guard lock(mutex_);
-    if (jobs_.size() >= idle_ && threads_.size() < kMostThreads) {
+    if (jobs_.size() >= idle_ && threads_.size() < most_threads_) {
       try {
         threads_.emplace_back([this] { work(); });
       } catch (const std::exception&) {  // the existing threads do the work
@@ -39,10 +39,11 @@ void LoadThreads::work() {
     wake_.wait(lock, [&] { return stops_ || !jobs_.empty(); });
     --idle_;
     if (stops_) return;
-    const std::function<void()> job = std::move(jobs_.front());
+    std::function<void()> job = std::move(jobs_.front());
     jobs_.pop_front();
     lock.unlock();
     job();
+    job = nullptr;  // what it holds on to may take its time to go
     lock.lock();
   }
 }

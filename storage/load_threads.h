@@ -1,6 +1,7 @@
 // Threads for work that a caller may stop waiting for.
 #pragma once
 
+#include <algorithm>
 #include <condition_variable>
 #include <cstddef>
 #include <deque>
@@ -15,9 +16,10 @@ namespace isobrick {
 // begun and waits for the others. All members are thread-safe.
 class LoadThreads {
  public:
-  static constexpr std::size_t kMostThreads = 16;
-
-  LoadThreads() = default;
+  // Enough for reads that wait for a disk, and for unpacking on all cores.
+  explicit LoadThreads(std::size_t most_threads = std::max(16u,
+                                                           std::thread::hardware_concurrency()))
+      : most_threads_(most_threads) {}
   ~LoadThreads();
   LoadThreads(const LoadThreads&) = delete;
   LoadThreads& operator=(const LoadThreads&) = delete;
@@ -28,6 +30,7 @@ class LoadThreads {
  private:
   void work();
 
+  const std::size_t most_threads_;
   std::mutex mutex_;  // guards all below
   std::condition_variable wake_;
   std::deque<std::function<void()>> jobs_;

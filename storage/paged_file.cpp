@@ -84,7 +84,8 @@ PagedFile::PagedFile(const std::string& path, FileAccess access, const RemoteOpt
     is_remote_ = true;
     url_ = path;
     path_ = withoutSecrets(path);
-    reader_ = openRemoteRanges(path, remote);
+    connections_ = makeHttpConnections(remote);
+    reader_ = openRemoteRanges(path, remote, connections_);
     if (!remote.cache_folder.empty() && remote.cache_bytes > 0)
       kept_ =
           std::make_unique<PartCache>(remote.cache_folder, remote.cache_bytes, reader_->identity());
@@ -136,10 +137,11 @@ void PagedFile::divide(std::shared_ptr<const PyramidDivision> division,
     return besidePath(url, name);
   };
   if (is_remote_)
-    files.open = [remote](const std::string& path, const CancelFlag& cancel) {
+    files.open = [remote, connections = connections_](const std::string& path,
+                                                      const CancelFlag& cancel) {
       RemoteOptions options = remote;
       options.cancel = &cancel;
-      return openRemoteRanges(path, options);
+      return openRemoteRanges(path, options, connections);
     };
   else
     files.open = [](const std::string& path, const CancelFlag&) -> std::unique_ptr<RangeReader> {

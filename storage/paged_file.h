@@ -24,6 +24,7 @@ class FileRanges;
 class FileTail;
 class PartCache;
 class PyramidDivision;
+struct HttpConnections;
 
 // Opens a whole file for reading and, with kMap, maps it; a file behind a URL is never mapped. All
 // const members are thread-safe, none is safe in a signal handler; no thread may use the object
@@ -135,6 +136,7 @@ class PagedFile {
   bool is_remote_ = false;
   std::string url_;  // with what path_ leaves out
   const std::byte* data_ = nullptr;
+  std::shared_ptr<HttpConnections> connections_;  // of a remote one and its files
   std::unique_ptr<RangeReader> reader_;
   const FileRanges* local_ = nullptr;       // the reader of a local file, unless it is divided
   const DividedRanges* divided_ = nullptr;  // the reader of a divided one

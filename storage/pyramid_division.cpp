@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 
 namespace isobrick {
 namespace {
@@ -40,17 +39,14 @@ std::vector<std::byte> PyramidDivision::table(std::span<const format::FileEntry>
 
 std::optional<PyramidDivision> PyramidDivision::of(const BrickLayout& layout,
                                                    const SuperBricks& super_bricks,
-                                                   std::span<const std::byte> table,
-                                                   std::uint64_t row_bytes,
+                                                   const NextBytes& next, std::uint64_t row_bytes,
                                                    std::uint64_t index_bytes) {
   PyramidDivision division(layout, super_bricks);
   division.index_bytes_ = index_bytes;
   division.end_ = index_bytes;
-  division.files_.resize(super_bricks.count());
-  const std::size_t entry_bytes = division.files_.size() * sizeof(format::FileEntry);
-  std::memcpy(division.files_.data(), table.data(), entry_bytes);
-  for (std::size_t number = 0; number < division.files_.size(); ++number) {
-    const format::FileEntry& file = division.files_[number];
+  for (std::size_t number = 0; number < super_bricks.count(); ++number) {
+    format::FileEntry file;
+    next(std::as_writable_bytes(std::span(&file, 1)));
     const std::uint64_t rows = super_bricks.rowCount(number);
     if (file.file_bytes < sizeof(format::Header) || file.file_bytes > kMostSuperBrickBytes ||
         !lies(file.brick_table_offset, rows * row_bytes, file.file_bytes) ||
@@ -61,11 +57,11 @@ std::optional<PyramidDivision> PyramidDivision::of(const BrickLayout& layout,
     division.bases_.push_back(alignedUp(division.end_));
     division.end_ = division.bases_.back() + file.file_bytes;
     if (division.end_ > kMostPyramidBytes) return std::nullopt;
+    division.files_.push_back(file);
   }
-  table = table.subspan(entry_bytes);
-  for (; !table.empty(); table = table.subspan(sizeof(format::Range))) {
+  for (std::int64_t brick = 0; brick < elementCount(division.border_bricks_); ++brick) {
     format::Range range;
-    std::memcpy(&range, table.data(), sizeof range);
+    next(std::as_writable_bytes(std::span(&range, 1)));
     if (!(range.min <= range.max) || !std::isfinite(range.min) || !std::isfinite(range.max))
       return std::nullopt;
     division.ranges_.push_back({range.min, range.max});

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <span>
 #include <vector>
@@ -32,11 +33,12 @@ class PyramidDivision {
   static std::vector<std::byte> table(std::span<const format::FileEntry> files,
                                       std::span<const ValueRange> ranges);
 
-  // From a table of tableBytes() bytes; `row_bytes` and `index_bytes` are those of the index. None
-  // if that is impossible: then the table is damaged.
+  // From a table of tableBytes() bytes, of which `next` brings some more: an entry is checked
+  // before there is memory for another. `row_bytes` and `index_bytes` are those of the index. None
+  // if an entry is impossible: then the table is damaged.
+  using NextBytes = std::function<void(std::span<std::byte> out)>;
   static std::optional<PyramidDivision> of(const BrickLayout& layout,
-                                           const SuperBricks& super_bricks,
-                                           std::span<const std::byte> table,
+                                           const SuperBricks& super_bricks, const NextBytes& next,
                                            std::uint64_t row_bytes, std::uint64_t index_bytes);
 
   const SuperBricks& superBricks() const { return super_bricks_; }

@@ -58,6 +58,48 @@ bool hasKind(const format::Header& header, PartKind kind) {
   return std::find(header.kinds, end, static_cast<std::uint32_t>(kind)) != end;
 }
 
+// A table of hostile length, in pieces as they were announced.
+class TableRun {
+ public:
+  TableRun(const PagedFile& file, const ByteRange& range) : file_(file), left_(range) {
+    if (!file.holds(range.offset, range.bytes)) left_.bytes = 0;
+  }
+  // Fills `out` with the next bytes; a reason, maybe "", if there are none.
+  RangeReader::Failure next(std::span<std::byte> out) {
+    while (!out.empty()) {
+      if (at_ == piece_.size()) {
+        if (const RangeReader::Failure why = nextPiece()) return why;
+      }
+      const std::size_t some = std::min(out.size(), piece_.size() - at_);
+      std::memcpy(out.data(), piece_.data() + at_, some);
+      at_ += some;
+      out = out.subspan(some);
+    }
+    return nullptr;
+  }
+  // Of all bytes that came.
+  std::uint64_t checksum() const { return checksum_.value(); }
+
+ private:
+  RangeReader::Failure nextPiece() {
+    constexpr std::uint64_t kPieceBytes = std::uint64_t{1} << 20;
+    RangeReader::Failure why = "";
+    piece_.resize(std::min(left_.bytes, kPieceBytes));
+    at_ = 0;
+    if (piece_.empty() || !file_.read(left_.offset, piece_.size(), piece_.data(), &why)) return why;
+    checksum_.add(piece_.data(), piece_.size());
+    left_.offset += piece_.size();
+    left_.bytes -= piece_.size();
+    return nullptr;
+  }
+
+  const PagedFile& file_;
+  ByteRange left_;
+  std::vector<std::byte> piece_;
+  std::size_t at_ = 0;
+  RunningChecksum checksum_;
+};
+
 }  // namespace
 
 PyramidTables::PyramidTables(const std::string& path, FileAccess access,
@@ -141,10 +183,18 @@ void PyramidTables::readDivision() {
   }
   if (PyramidDivision::tableBytes(layout_, super_bricks) != header.division.stored_bytes)
     fail("has a damaged table of files; join them again");
-  const auto division = PyramidDivision::of(layout_, super_bricks, divisionBytes(),
-                                            format::rowBytes(header.kind_count), header.file_bytes);
-  if (!division) fail("has a damaged table of files; join them again");
-  division_ = std::make_shared<PyramidDivision>(*division);
+  TableRun run(file_, {header.division.offset, header.division.stored_bytes});
+  auto division = PyramidDivision::of(
+      layout_, super_bricks,
+      [&](std::span<std::byte> out) {
+        if (const RangeReader::Failure why = run.next(out))
+          fail(*why == '\0' ? "has a damaged table of files; join them again"
+                            : std::string("has a table of files that ") + why);
+      },
+      format::rowBytes(header.kind_count), header.file_bytes);
+  if (!division || run.checksum() != header.division.checksum)
+    fail("has a damaged table of files; join them again");
+  division_ = std::make_shared<PyramidDivision>(std::move(*division));
   file_.divide(division_, remote_);
 }
 

@@ -185,12 +185,22 @@ void PyramidWriter::keepForResume() {
   file_.keepTemporary(true);
 }
 
+void PyramidWriter::refuseToBeginAnew() const {
+  throw Error("cannot continue '" + file_.temporaryPath() + "': its journal '" +
+                  journalPath(file_) + "' is missing or damaged; put it back, or begin anew",
+              {.path = file_.temporaryPath()}, {Remedy::kBeginAnew});
+}
+
 std::vector<JournalEntry> PyramidWriter::takeOver(const std::string& identity,
                                                   const CancelFlag* cancel) {
   struct stat status = {};
-  if (fstat(file_.fd(), &status) == 0 && status.st_size == 0) return {};  // made just now
+  if (fstat(file_.fd(), &status) != 0 || status.st_size == 0) return {};  // made just now
   auto journal = WriteJournal::read(journalPath(file_));
-  if (!journal) return {};
+  if (!journal) {
+    // The journal comes right after the blank header: a file of that length holds no work yet.
+    if (static_cast<std::uint64_t>(status.st_size) > sizeof(format::Header)) refuseToBeginAnew();
+    return {};
+  }
   if (journal->identity != identity)
     throw Error("cannot continue '" + file_.temporaryPath() + "': it was begun differently: " +
                     firstDifference(identity, journal->identity) + "; do as then, or begin anew",
@@ -208,6 +218,7 @@ std::vector<JournalEntry> PyramidWriter::takeOver(const std::string& identity,
     brick_table_[good] = entries[good].row;
     end_ = entries[good].end;
   }
+  if (good == 0 && journal->has_more) refuseToBeginAnew();
   entries.resize(good);
   bricks_written_ = bricks_resumed_ = good;
   return std::move(entries);

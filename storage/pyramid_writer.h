@@ -88,6 +88,7 @@ class PyramidWriter {
  private:
   format::PartEntry appendBytes(std::span<const std::byte> bytes);
   std::vector<JournalEntry> takeOver(const std::string& identity, const CancelFlag* cancel);
+  [[noreturn]] void refuseToBeginAnew() const;
   std::vector<PartKind> kinds() const;
   // Appends bytes at a multiple of kPartAlignment; returns their offset.
   std::uint64_t append(const void* data, std::size_t bytes);

@@ -69,6 +69,7 @@ std::optional<WriteJournal::Content> WriteJournal::read(const std::string& path)
   for (at = expected.size();
        readAt(at, &entry, sizeof entry) && entry.checksum == checksumOf(entry); at += sizeof entry)
     content.entries.push_back(entry);
+  content.has_more = readAt(at, &entry, sizeof entry);
   return content;
 }
 

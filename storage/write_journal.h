@@ -30,6 +30,7 @@ class WriteJournal {
   struct Content {
     std::string identity;
     std::vector<JournalEntry> entries;  // up to the first that is damaged
+    bool has_more = false;              // whole ones follow, that one among them
   };
   // Nothing if there is no journal, or none that can be read. Never throws for its content.
   static std::optional<Content> read(const std::string& path);

@@ -36,18 +36,32 @@ void forEachPiece(const ByteRange& range, F&& f) {
 
 }  // namespace
 
+HttpConnections::HttpConnections(const RemoteOptions& options)
+    : transfers(stallSecondsOf(options)) {}
+
 HttpRanges::HttpRanges(std::string name, const std::string& url,
-                       std::unique_ptr<RequestSigner> signer, const RemoteOptions& options)
+                       std::unique_ptr<RequestSigner> signer, const RemoteOptions& options,
+                       std::shared_ptr<HttpConnections> connections)
     : name_(std::move(name)),
       url_(url),
       most_tries_(std::max(options.tries, 1)),
       signer_(std::move(signer)),
-      transfers_(std::make_unique<HttpTransfers>(static_cast<HttpClient&>(*this),
-                                                 stallSecondsOf(options))) {
-  open(options.cancel);
+      shared_(std::move(connections)),
+      mutex_(shared_->mutex) {
+  shared_->transfers.enter(*this);
+  try {
+    open(options.cancel);
+  } catch (...) {
+    shared_->transfers.leave(*this);
+    throw;
+  }
 }
 
-HttpRanges::~HttpRanges() { abandon(); }
+HttpRanges::~HttpRanges() {
+  shared_->transfers.leave(*this);
+  const std::lock_guard lock(mutex_);
+  for (const auto& [range, wanted] : wanted_) takeFromAhead(*wanted);
+}
 
 void HttpRanges::open(const CancelFlag* cancel) {
   std::unique_lock lock(mutex_);
@@ -55,7 +69,7 @@ void HttpRanges::open(const CancelFlag* cancel) {
   beginning_->range = {0, kFirstBytes};
   beginning_->is_awaited = true;
   queue_.push(beginning_);
-  transfers_->wake();
+  shared_->transfers.wake();
   // A signal handler can set the flag and nothing more, so nothing wakes this thread.
   constexpr auto kBetweenLooks = std::chrono::milliseconds(5);
   while (beginning_->state != WantedRange::State::kHere &&
@@ -101,7 +115,7 @@ RangeReader::Failure HttpRanges::read(const ByteRange& range, std::byte* out) {
     if (wanted->state == WantedRange::State::kQueued && !wanted->is_awaited) queue_.hurry(wanted);
     pieces.push_back(wanted);
   });
-  transfers_->wake();
+  shared_->transfers.wake();
   Failure failure = nullptr;
   for (const Wanted& wanted : pieces) {
     const Failure why = await(lock, wanted, out + (wanted->range.offset - range.offset));
@@ -138,8 +152,8 @@ RangeReader::Failure HttpRanges::await(std::unique_lock<std::mutex>& lock, const
 
 void HttpRanges::takeFromAhead(WantedRange& wanted) {
   if (wanted.ahead == 0) return;
-  ahead_bytes_ -= wanted.range.bytes;
-  ahead_.erase(wanted.ahead);
+  shared_->ahead_bytes -= wanted.range.bytes;
+  shared_->ahead.erase(wanted.ahead);
   wanted.ahead = 0;
 }
 
@@ -152,12 +166,13 @@ void HttpRanges::forget(const Wanted& wanted) {
 // For announced ranges: those that came in longest ago and were not read go. False if the others
 // take too much already.
 bool HttpRanges::makeRoom(std::uint64_t bytes) {
-  for (auto at = ahead_.begin(); at != ahead_.end() && ahead_bytes_ + bytes > kMostAheadBytes;) {
-    const Wanted oldest = at->second;
+  const auto isFull = [&] { return shared_->ahead_bytes + bytes > kMostAheadBytes; };
+  for (auto at = shared_->ahead.begin(); at != shared_->ahead.end() && isFull();) {
+    const HttpConnections::Ahead oldest = at->second;
     ++at;
-    if (oldest->state == WantedRange::State::kHere) forget(oldest);
+    if (oldest.wanted->state == WantedRange::State::kHere) oldest.owner->forget(oldest.wanted);
   }
-  return ahead_bytes_ + bytes <= kMostAheadBytes;
+  return !isFull();
 }
 
 void HttpRanges::announce(std::span<const ByteRange> ranges) {
@@ -168,14 +183,14 @@ void HttpRanges::announce(std::span<const ByteRange> ranges) {
       forEachPiece(range, [&](const ByteRange& piece) {
         if (wanted_.contains({piece.offset, piece.bytes}) || !makeRoom(piece.bytes)) return;
         const Wanted wanted = want(piece);
-        wanted->ahead = ++next_id_;
-        ahead_bytes_ += piece.bytes;
-        ahead_.emplace(wanted->ahead, wanted);
+        wanted->ahead = ++shared_->next_id;
+        shared_->ahead_bytes += piece.bytes;
+        shared_->ahead.emplace(wanted->ahead, HttpConnections::Ahead{this, wanted});
       });
     }
     last_announced_ = Clock::now();
   }
-  transfers_->wake();
+  shared_->transfers.wake();
 }
 
 // Readers keep pointers to it.
@@ -223,7 +238,7 @@ HttpRequest HttpRanges::requestFor(Joined& joined) {
   joined.verdict = {};
   joined.is_shortcut = !redirected_url_.empty();
   HttpRequest request;
-  request.id = ++next_id_;
+  request.id = ++shared_->next_id;
   request.url = joined.is_shortcut ? redirected_url_ : url_;
   request.first = joined.first;
   request.last = joined.last;

@@ -22,12 +22,31 @@
 
 namespace isobrick {
 
-// Readers and announcements put ranges into a queue, of which a thread of its own makes requests:
-// neighbours joined (range_queue.h), many underway at once (http_transfers.h), repeated with
+class HttpRanges;
+
+// The files of one pyramid share a thread, its connections, and the bound on ranges that are
+// announced and not read yet. Outlives them.
+struct HttpConnections {
+  // Throws Error as HttpTransfers.
+  explicit HttpConnections(const RemoteOptions& options);
+
+  struct Ahead {
+    HttpRanges* owner;
+    RangeQueue::Wanted wanted;
+  };
+  std::mutex mutex;                      // guards the three below, and all files
+  std::map<std::uint64_t, Ahead> ahead;  // announced and not read yet, the oldest first
+  std::uint64_t ahead_bytes = 0;
+  std::uint64_t next_id = 0;
+  HttpTransfers transfers;
+};
+
+// Readers and announcements put ranges into a queue, of which a thread makes requests: neighbours
+// joined (range_queue.h), many underway at once (http_transfers.h), repeated with
 // back-off if the failure may pass. A range that is only announced waits kLinger for others that
-// lie beside it. It stays here until it is read, or until announced ranges have more than
-// kMostAheadBytes together: then the oldest goes. Threads that read the same range wait for the
-// same request.
+// lie beside it. It stays here until it is read, or until announced ranges of all files have more
+// than kMostAheadBytes together: then the oldest goes. Threads that read the same range wait for
+// the same request.
 //
 // The first answer says how long the file is and how it is known again (ETag, time of change). A
 // later one of another file ends the read with an error, whether the server heeds conditions or
@@ -39,7 +58,7 @@ class HttpRanges final : public RangeReader, private HttpClient {
 
   // `name` is for messages. Waits for the file's first bytes. `signer` may be null. Throws Error.
   HttpRanges(std::string name, const std::string& url, std::unique_ptr<RequestSigner> signer,
-             const RemoteOptions& options);
+             const RemoteOptions& options, std::shared_ptr<HttpConnections> connections);
   ~HttpRanges() override;
 
   std::uint64_t size() const override { return file_.bytes; }
@@ -86,7 +105,8 @@ class HttpRanges final : public RangeReader, private HttpClient {
   const int most_tries_;
   const std::unique_ptr<RequestSigner> signer_;
 
-  mutable std::mutex mutex_;  // guards all below
+  const std::shared_ptr<HttpConnections> shared_;
+  std::mutex& mutex_;  // that of all; guards all below
   std::condition_variable changed_;
   RemoteFile file_;   // does not change once it is open
   Wanted beginning_;  // what the first request brings
@@ -96,16 +116,11 @@ class HttpRanges final : public RangeReader, private HttpClient {
   RangeQueue queue_;
   Clock::time_point last_announced_{};
   std::map<std::pair<std::uint64_t, std::uint64_t>, Wanted> wanted_;  // by offset and bytes
-  std::map<std::uint64_t, Wanted> ahead_;  // announced and not read yet, the oldest first
-  std::uint64_t ahead_bytes_ = 0;
   std::map<std::uint64_t, Joined> underway_;
   std::vector<Joined> delayed_;  // that are to be sent again
-  std::uint64_t next_id_ = 0;
   std::set<std::string> texts_;  // of failures, which readers point to
   RemoteCounters counters_;
   std::minstd_rand random_{std::random_device{}()};
-
-  std::unique_ptr<HttpTransfers> transfers_;  // last: its thread uses all of the above
 };
 
 }  // namespace isobrick

@@ -7,8 +7,10 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <condition_variable>
 #include <cstdlib>
 #include <list>
+#include <mutex>
 #include <string_view>
 
 #include "isobrick/storage/error.h"
@@ -90,6 +92,7 @@ class Exchange {
   Exchange(const Exchange&) = delete;
 
   CURL* easy() const { return easy_; }
+  HttpClient& client() const { return client_; }
   std::uint64_t id() const { return id_; }
 
   HttpEnd end(CURLcode code) const {
@@ -248,7 +251,7 @@ class Exchange {
 
 class HttpTransfers::Loop {
  public:
-  Loop(HttpClient& client, double stall_seconds) : client_(client), stall_seconds_(stall_seconds) {
+  explicit Loop(double stall_seconds) : stall_seconds_(stall_seconds) {
     if (initCurl()) multi_ = curl_multi_init();
     if (multi_ == nullptr)
       throw Error("the network cannot be used: libcurl does not start; free some memory");
@@ -266,12 +269,22 @@ class HttpTransfers::Loop {
     stops_ = true;
     wake();
     thread_.join();
-    for (const auto& exchange : exchanges_) curl_multi_remove_handle(multi_, exchange->easy());
-    exchanges_.clear();
     curl_multi_cleanup(multi_);
   }
   Loop(const Loop&) = delete;
 
+  void enter(HttpClient& client) {
+    const std::lock_guard lock(mutex_);
+    clients_.push_back(&client);
+  }
+  void leave(HttpClient& client) {
+    std::unique_lock lock(mutex_);
+    leaving_.push_back(&client);
+    wake();
+    left_.wait(lock, [&] {
+      return std::find(leaving_.begin(), leaving_.end(), &client) == leaving_.end();
+    });
+  }
   void wake() { curl_multi_wakeup(multi_); }
 
  private:
@@ -282,6 +295,7 @@ class HttpTransfers::Loop {
     pthread_sigmask(SIG_BLOCK, &all, nullptr);
     while (!stops_) {
       std::chrono::milliseconds wait(1000);
+      dropLeaving();
       begin(wait);
       int running = 0;
       curl_multi_perform(multi_, &running);
@@ -290,19 +304,56 @@ class HttpTransfers::Loop {
     }
   }
 
-  void begin(std::chrono::milliseconds& wait) {
-    while (exchanges_.size() < kMostRequests) {
-      const std::optional<HttpRequest> request = client_.nextRequest(&wait);
-      if (!request) return;
-      try {
-        exchanges_.push_back(std::make_unique<Exchange>(client_, *request, stall_seconds_));
-        curl_multi_add_handle(multi_, exchanges_.back()->easy());
-      } catch (const std::bad_alloc&) {
-        HttpEnd end;
-        end.text = "no memory is left; free some";
-        client_.onEnd(request->id, end);
-      }
+  void dropLeaving() {
+    const std::lock_guard lock(mutex_);
+    if (leaving_.empty()) return;
+    for (const HttpClient* const client : leaving_) {
+      std::erase(clients_, client);
+      std::erase_if(exchanges_, [&](const auto& exchange) {
+        if (&exchange->client() != client) return false;
+        curl_multi_remove_handle(multi_, exchange->easy());
+        return true;
+      });
     }
+    leaving_.clear();
+    left_.notify_all();
+  }
+
+  // One request of each client in turn, until none has more. A client that leaves meanwhile waits
+  // for dropLeaving().
+  void begin(std::chrono::milliseconds& wait) {
+    std::vector<HttpClient*> asked;
+    {
+      const std::lock_guard lock(mutex_);
+      asked = clients_;
+    }
+    if (!asked.empty())
+      std::rotate(asked.begin(), asked.begin() + turn_++ % asked.size(), asked.end());
+    while (!asked.empty())
+      std::erase_if(asked, [&](HttpClient* client) {
+        return exchanges_.size() >= kMostRequests || !beginOne(*client, wait);
+      });
+  }
+
+  // False if the client has no request now.
+  bool beginOne(HttpClient& client, std::chrono::milliseconds& wait) {
+    const std::optional<HttpRequest> request = client.nextRequest(&wait);
+    if (!request) return false;
+    HttpEnd end;
+    try {
+      auto exchange = std::make_unique<Exchange>(client, *request, stall_seconds_);
+      const CURLMcode code = curl_multi_add_handle(multi_, exchange->easy());
+      if (code == CURLM_OK) {
+        exchanges_.push_back(std::move(exchange));
+        return true;
+      }
+      end.text = "the request cannot be sent (" + std::string(curl_multi_strerror(code)) +
+                 "); free some memory";
+    } catch (const std::bad_alloc&) {
+      end.text = "no memory is left; free some";
+    }
+    client.onEnd(request->id, end);
+    return true;
   }
 
   // True if any has ended.
@@ -319,24 +370,29 @@ class HttpTransfers::Loop {
                        [&](const auto& exchange) { return exchange->easy() == easy; });
       const HttpEnd end = (*found)->end(code);
       const std::uint64_t id = (*found)->id();
+      HttpClient& client = (*found)->client();
       curl_multi_remove_handle(multi_, easy);
       exchanges_.erase(found);
-      client_.onEnd(id, end);
+      client.onEnd(id, end);
     }
     return has_ended;
   }
 
-  HttpClient& client_;
   const double stall_seconds_;
   CURLM* multi_ = nullptr;
   std::list<std::unique_ptr<Exchange>> exchanges_;
+  std::size_t turn_ = 0;  // of the client that is asked first
+  std::mutex mutex_;      // guards the three below
+  std::vector<HttpClient*> clients_, leaving_;
+  std::condition_variable left_;
   std::atomic<bool> stops_{false};
   std::thread thread_;
 };
 
-HttpTransfers::HttpTransfers(HttpClient& client, double stall_seconds)
-    : loop_(std::make_unique<Loop>(client, stall_seconds)) {}
+HttpTransfers::HttpTransfers(double stall_seconds) : loop_(std::make_unique<Loop>(stall_seconds)) {}
 HttpTransfers::~HttpTransfers() = default;
+void HttpTransfers::enter(HttpClient& client) { loop_->enter(client); }
+void HttpTransfers::leave(HttpClient& client) { loop_->leave(client); }
 void HttpTransfers::wake() { loop_->wake(); }
 
 }  // namespace isobrick

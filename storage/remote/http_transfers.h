@@ -42,8 +42,8 @@ struct HttpEnd {
   std::string url;            // that answered, after redirects
 };
 
-// Gives HttpTransfers its requests, and takes the answers. All members are called by the thread of
-// HttpTransfers.
+// Gives HttpTransfers its requests, and takes the answers: one for each file. All members are
+// called by the thread of HttpTransfers.
 class HttpClient {
  public:
   virtual ~HttpClient() = default;
@@ -57,7 +57,7 @@ class HttpClient {
   virtual void onEnd(std::uint64_t id, const HttpEnd& end) = 0;
 };
 
-// Sends the requests of a client over as few connections as serve: as streams of a single one if
+// Sends the requests of its clients over as few connections as serve: as streams of a single one if
 // the server speaks HTTP/2, else over kMostConnections. Proxies are those of the usual variables
 // (https_proxy, no_proxy, ...), passwords those of ~/.netrc. Certificates are checked against the
 // system's, or against the file that CURL_CA_BUNDLE, AWS_CA_BUNDLE or SSL_CERT_FILE names.
@@ -71,14 +71,19 @@ class HttpTransfers {
   // However slowly it goes on, a request has ended then.
   static constexpr double kMostSeconds = 600;
 
-  // `client` outlives this object. Throws Error if there is no thread, or no memory.
-  HttpTransfers(HttpClient& client, double stall_seconds);
-  // Ends all requests at once; nothing of the client is called any more.
+  // Throws Error if there is no thread, or no memory.
+  explicit HttpTransfers(double stall_seconds);
+  // No client is left.
   ~HttpTransfers();
   HttpTransfers(const HttpTransfers&) = delete;
   HttpTransfers& operator=(const HttpTransfers&) = delete;
 
-  // Has the client asked for its next request. By any thread.
+  // From now on the client is asked for requests, in turn with the others. By any thread, as all
+  // below.
+  void enter(HttpClient& client);
+  // Ends the requests of the client at once; when this returns, nothing of it is called any more.
+  void leave(HttpClient& client);
+  // Has the clients asked for their next requests.
   void wake();
 
  private:

@@ -12,15 +12,23 @@
 namespace isobrick {
 
 #if ISOBRICK_WITH_HTTP
-std::unique_ptr<RangeReader> openRemoteRanges(const std::string& url,
-                                              const RemoteOptions& options) {
+std::shared_ptr<HttpConnections> makeHttpConnections(const RemoteOptions& options) {
+  return std::make_shared<HttpConnections>(options);
+}
+
+std::unique_ptr<RangeReader> openRemoteRanges(const std::string& url, const RemoteOptions& options,
+                                              std::shared_ptr<HttpConnections> connections) {
   std::unique_ptr<RequestSigner> signer;
   if (lowercase(url.substr(0, 5)) == "s3://")
     signer = std::make_unique<S3Object>(url, findS3Account(systemSurroundings()));
-  return std::make_unique<HttpRanges>(withoutSecrets(url), url, std::move(signer), options);
+  return std::make_unique<HttpRanges>(withoutSecrets(url), url, std::move(signer), options,
+                                      std::move(connections));
 }
 #else
-std::unique_ptr<RangeReader> openRemoteRanges(const std::string& url, const RemoteOptions&) {
+std::shared_ptr<HttpConnections> makeHttpConnections(const RemoteOptions&) { return nullptr; }
+
+std::unique_ptr<RangeReader> openRemoteRanges(const std::string& url, const RemoteOptions&,
+                                              std::shared_ptr<HttpConnections>) {
   const std::string name = withoutSecrets(url);
   throw Error("cannot open '" + name +
                   "': isobrick was built without HTTP; copy the file, or build isobrick with "

@@ -9,8 +9,14 @@
 
 namespace isobrick {
 
+struct HttpConnections;
+
+// For the files of one pyramid. Null if isobrick was built without HTTP.
+std::shared_ptr<HttpConnections> makeHttpConnections(const RemoteOptions& options);
+
 // `url` as isRemotePath() has it. Throws Error if the server cannot be reached, has no such file or
 // does not serve ranges of it, and if isobrick was built without HTTP.
-std::unique_ptr<RangeReader> openRemoteRanges(const std::string& url, const RemoteOptions& options);
+std::unique_ptr<RangeReader> openRemoteRanges(const std::string& url, const RemoteOptions& options,
+                                              std::shared_ptr<HttpConnections> connections);
 
 }  // namespace isobrick

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "isobrick/storage/error.h"
+#include "isobrick/storage/lowercase.h"
 
 namespace isobrick {
 namespace {
@@ -24,6 +25,13 @@ bool isRegionName(const std::string& name) {
   return !name.empty() && name.size() <= 64 && std::all_of(name.begin(), name.end(), [](char c) {
     return (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '-';
   });
+}
+
+// The header Host as libcurl sends it: without the port that the scheme has anyway.
+std::string hostHeader(const std::string& scheme, std::string host) {
+  const std::string port = lowercase(scheme) == "https" ? ":443" : ":80";
+  if (host.ends_with(port)) host.resize(host.size() - port.size());
+  return host;
 }
 
 }  // namespace
@@ -65,9 +73,10 @@ AddressedRequest S3Object::requestNow() {
   request.path = base.substr(host_end) + path;
   request.payload_hash = kUnsignedPayload;
   const std::string time = amzTime(std::time(nullptr));
-  request.headers = {{"host", base.substr(host, host_end - host)},
-                     {"x-amz-content-sha256", kUnsignedPayload},
-                     {"x-amz-date", time}};
+  request.headers = {
+      {"host", hostHeader(base.substr(0, host - 3), base.substr(host, host_end - host))},
+      {"x-amz-content-sha256", kUnsignedPayload},
+      {"x-amz-date", time}};
   if (!account_.keys->token.empty())
     request.headers.emplace_back("x-amz-security-token", account_.keys->token);
   for (const auto& [name, value] : request.headers)

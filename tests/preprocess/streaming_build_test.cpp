@@ -261,6 +261,19 @@ class ResumeDamaged : public testing::Test {
     journal_ = readBytes(path_ + ".partial.journal");
     ASSERT_GT(WriteJournal::read(path_ + ".partial.journal")->entries.size(), 20u);
   }
+  // A resumed build says that the journal is damaged, and leaves all as it was.
+  void expectRefusal() {
+    const std::string partial = readBytes(path_ + ".partial");
+    ArraySource<std::uint8_t> source(dims_, values_);
+    BuildOptions options = options_;
+    options.resume = true;
+    const std::string message = messageOfBuild(source, path_, options);
+    EXPECT_NE(message.find("'" + path_ + ".partial.journal' is missing or damaged"),
+              std::string::npos)
+        << message;
+    EXPECT_NE(message.find("<begin anew>"), std::string::npos) << message;
+    EXPECT_TRUE(readBytes(path_ + ".partial") == partial);
+  }
   // True if a resumed build gives the reference's bytes.
   bool resumes(std::uint64_t* resumed = nullptr) {
     ArraySource<std::uint8_t> source(dims_, values_);
@@ -311,7 +324,11 @@ TEST_F(ResumeDamaged, FlippedCutAndTornFilesStillGiveTheSameBytes) {
     writeBytes(path_ + ".partial", partial);
     writeBytes(path_ + ".partial.journal", journal);
     // A flip in the identity makes it another build's journal: damaged, not different.
-    EXPECT_TRUE(resumes()) << round;
+    const auto left = WriteJournal::read(path_ + ".partial.journal");
+    if (partial.size() <= 512 || (left && (!left->entries.empty() || !left->has_more)))
+      EXPECT_TRUE(resumes()) << round;
+    else
+      expectRefusal();
   }
 }
 
@@ -394,6 +411,23 @@ TEST_F(ResumeDamaged, ImpossibleEntriesAreNotBelieved) {
 TEST_F(ResumeDamaged, APipeInPlaceOfTheJournalDoesNotHang) {
   fs::remove(path_ + ".partial.journal");
   ASSERT_EQ(mkfifo((path_ + ".partial.journal").c_str(), 0600), 0);
+  expectRefusal();
+}
+
+// The bricks are worth hours: they are not cut off because their list is gone.
+TEST_F(ResumeDamaged, NothingIsCutOffWhenTheJournalIsGone) {
+  const std::string path = path_ + ".partial.journal";
+  const std::size_t first_entry =
+      journal_.size() - WriteJournal::read(path)->entries.size() * sizeof(JournalEntry);
+  std::string damaged = journal_;
+  damaged[first_entry] ^= 1;
+  for (const std::string& torn : {std::string(), journal_.substr(0, 20), damaged}) {
+    writeBytes(path, torn);
+    expectRefusal();
+  }
+  fs::remove(path);
+  expectRefusal();
+  writeBytes(path, journal_);
   EXPECT_TRUE(resumes());
 }
 

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <cstring>
 #include <filesystem>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -26,8 +27,10 @@ namespace isobrick::test {
 namespace {
 
 // A file of `bytes` bytes, all zero but for the header and the level table of a volume of n^3
-// voxels in bricks of four cells.
-void writeHollowFile(const std::string& path, std::int64_t n, std::uint64_t bytes) {
+// voxels in bricks of four cells; `edit` changes the header.
+void writeHollowFile(
+    const std::string& path, std::int64_t n, std::uint64_t bytes,
+    const std::function<void(format::Header&)>& edit = [](format::Header&) {}) {
   PyramidSpec spec;
   spec.voxels = Index3(n);
   spec.brick_cells = 4;
@@ -66,7 +69,8 @@ void writeHollowFile(const std::string& path, std::int64_t n, std::uint64_t byte
   header.kind_count = 2;
   header.kinds[1] = 1;
   header.provenance_checksum = checksum64(nullptr, 0);
-  ASSERT_LE(8192 + rows * format::rowBytes(header.kind_count), bytes);
+  edit(header);
+  ASSERT_LE(8192 + header.brick_count * format::rowBytes(header.kind_count), bytes);
   Bytes start(sizeof header + level_bytes);
   std::memcpy(start.data() + sizeof header, levels.data(), level_bytes);
   std::memcpy(start.data(), &header, sizeof header);
@@ -99,6 +103,33 @@ TEST(HollowFile, ATableOfATerabyteInAFileOfHolesCostsNothingAndIsRefusedRowByRow
     }
     getrusage(RUSAGE_SELF, &after);
     return after.ru_maxrss - before.ru_maxrss < 16 * 1024 ? 0 : 5;
+  });
+}
+
+// An index of super-bricks whose table of files has 3.7 GB of zeros: the first entry is none.
+TEST(HollowFile, ATableOfManyFilesIsRefusedByItsFirstEntry) {
+  const DiskFolder folder;
+  const std::string path = folder.file("index.isb");
+  constexpr std::uint64_t kAlong = 405, kFiles = kAlong * kAlong * kAlong;
+  constexpr std::uint64_t kTableBytes =
+      kFiles * (sizeof(format::FileEntry) + sizeof(format::Range));
+  try {
+    writeHollowFile(path, 4 * kAlong + 1, 8192 + 2 * kTableBytes, [&](format::Header& header) {
+      header.brick_count = 0;
+      header.super_cells = 4;
+      header.super_levels = 1;
+      header.division = {8192, 0, static_cast<std::uint32_t>(kTableBytes), 0};
+    });
+  } catch (const std::filesystem::filesystem_error&) {
+    SKIP_UNLESS_REQUIRED("no file of 9 GB with holes on this file system");
+  }
+  expectChildLeavesWith(0, [&] {
+    rusage before = {}, after = {};
+    getrusage(RUSAGE_SELF, &before);
+    const std::string refusal = judge(path).open_error;
+    getrusage(RUSAGE_SELF, &after);
+    if (refusal.find("has a damaged table of files") == std::string::npos) return 3;
+    return after.ru_maxrss - before.ru_maxrss < 16 * 1024 ? 0 : 4;
   });
 }
 

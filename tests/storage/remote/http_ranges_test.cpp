@@ -1,9 +1,14 @@
 // Ranges over HTTP: from a server that is as it should be, and from those that are not.
+#include "isobrick/storage/remote/http_ranges.h"
+
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
+#include <array>
 #include <chrono>
 #include <cstdlib>
+#include <filesystem>
+#include <iterator>
 #include <memory>
 #include <string>
 #include <thread>
@@ -25,6 +30,15 @@ using Seconds = std::chrono::duration<double>;
 
 constexpr std::size_t kObjectBytes = 3'000'000;
 
+std::unique_ptr<RangeReader> openAlone(const std::string& url, const RemoteOptions& options) {
+  return openRemoteRanges(url, options, makeHttpConnections(options));
+}
+
+std::size_t threadCount() {
+  const std::filesystem::directory_iterator tasks("/proc/self/task");
+  return static_cast<std::size_t>(std::distance(begin(tasks), end(tasks)));
+}
+
 class HttpRangesTest : public testing::Test {
  protected:
   HttpRangesTest() {
@@ -36,7 +50,7 @@ class HttpRangesTest : public testing::Test {
   }
 
   std::unique_ptr<RangeReader> open(const std::string& path) const {
-    return openRemoteRanges(server_.url(path), options_);
+    return openAlone(server_.url(path), options_);
   }
   // "" if the bytes are those of the file.
   std::string read(RangeReader& reader, std::uint64_t offset, std::uint64_t bytes) const {
@@ -52,6 +66,32 @@ class HttpRangesTest : public testing::Test {
   const RangeServer server_{folder_.path()};
   RemoteOptions options_{.cache_folder = {}, .stall_seconds = 1, .tries = 3};
 };
+
+// As those of a pyramid of many files.
+TEST_F(HttpRangesTest, FilesShareOneThreadAndOneWindow) {
+  const std::size_t threads_before = threadCount();
+  const auto connections = makeHttpConnections(options_);
+  std::vector<std::unique_ptr<RangeReader>> readers;
+  for (int i = 0; i < 40; ++i)
+    readers.push_back(openRemoteRanges(server_.url("good/data"), options_, connections));
+  EXPECT_LE(threadCount(), threads_before + 1);
+  // 120 MB are announced.
+  for (const auto& reader : readers) {
+    const std::array<ByteRange, 1> all{{{5000, kObjectBytes - 5000}}};
+    reader->announce(all);
+  }
+  const auto aheadBytes = [&] {
+    const std::lock_guard lock(connections->mutex);
+    return connections->ahead_bytes;
+  };
+  EXPECT_LE(aheadBytes(), HttpRanges::kMostAheadBytes);
+  EXPECT_GT(aheadBytes(), HttpRanges::kMostAheadBytes / 2);
+  for (std::size_t i = 0; i < readers.size(); i += 2) readers[i].reset();
+  for (std::size_t i = 1; i < readers.size(); i += 2)
+    EXPECT_EQ(read(*readers[i], 5000, kObjectBytes - 5000), "");
+  readers.clear();
+  EXPECT_EQ(aheadBytes(), 0u);
+}
 
 TEST_F(HttpRangesTest, ReadsAnyRange) {
   const auto reader = open("good/data");
@@ -113,7 +153,7 @@ TEST_F(HttpRangesTest, WhatIsAnnouncedAndNeverReadIsBounded) {
   const TemporaryFolder folder;
   writeBytes(folder.file("long"), std::string(std::size_t{100} << 20, 'x'));
   const RangeServer server(folder.path());
-  const auto reader = openRemoteRanges(server.url("good/long"), options_);
+  const auto reader = openAlone(server.url("good/long"), options_);
   for (std::uint64_t i = 0; i < 99; ++i) {
     const ByteRange range{(i << 20) + 5000, std::uint64_t{1} << 20};
     reader->announce({&range, 1});
@@ -124,7 +164,7 @@ TEST_F(HttpRangesTest, WhatIsAnnouncedAndNeverReadIsBounded) {
 
 TEST_F(HttpRangesTest, RoundTripsAreSideBySide) {
   const RangeServer server(folder_.path(), {"--waves", "150"});
-  const auto reader = openRemoteRanges(server.url("good/data"), {.cache_folder = {}});
+  const auto reader = openAlone(server.url("good/data"), {.cache_folder = {}});
   std::vector<ByteRange> ranges;
   for (std::uint64_t i = 0; i < 12; ++i) ranges.push_back({100'000 + 200'000 * i, 10'000});
   reader->announce(ranges);
@@ -191,7 +231,7 @@ INSTANTIATE_TEST_SUITE_P(
 TEST_F(HttpRangesTest, AServerThatIsNotThereIsSaidAtOnce) {
   const auto begin = std::chrono::steady_clock::now();
   for (const std::string url : {"http://127.0.0.1:1/data", "https://127.0.0.1:1/data"}) try {
-      openRemoteRanges(url, options_);
+      openAlone(url, options_);
       FAIL() << url;
     } catch (const Error& error) {
       EXPECT_NE(std::string(error.what()).find("cannot be reached"), std::string::npos)
@@ -290,9 +330,9 @@ TEST_F(HttpRangesTest, ReadersOfAnAbandonedFileWaitForNothing) {
 
 TEST_F(HttpRangesTest, PasswordsAreSentAndNotShown) {
   const std::string url = "http://ann:pass@127.0.0.1:" + std::to_string(server_.port());
-  EXPECT_EQ(read(*openRemoteRanges(url + "/secret/data?token=hidden", options_), 5000, 1000), "");
+  EXPECT_EQ(read(*openAlone(url + "/secret/data?token=hidden", options_), 5000, 1000), "");
   try {
-    openRemoteRanges(url + "/fails/404/first/data?token=hidden", options_);
+    openAlone(url + "/fails/404/first/data?token=hidden", options_);
     FAIL();
   } catch (const Error& error) {
     const std::string what = error.what();
@@ -304,7 +344,7 @@ TEST_F(HttpRangesTest, PasswordsAreSentAndNotShown) {
 TEST_F(HttpRangesTest, ProxiesAreThoseOfTheVariables) {
   setenv("http_proxy", ("http://127.0.0.1:" + std::to_string(server_.port())).c_str(), 1);
   // The server knows no such path: what a proxy is asked for is the whole URL.
-  EXPECT_THROW(openRemoteRanges("http://isobrick.invalid/good/data", options_), Error);
+  EXPECT_THROW(openAlone("http://isobrick.invalid/good/data", options_), Error);
   EXPECT_EQ(server_.stats()["requests"][0]["path"], "http://isobrick.invalid/good/data");
   unsetenv("http_proxy");
 }
@@ -319,13 +359,13 @@ TEST_F(HttpRangesTest, CertificatesAreChecked) {
   ASSERT_EQ(std::system(make.c_str()), 0);
   const RangeServer server(folder_.path(), {"--certificate", pem});
   try {
-    openRemoteRanges(server.url("good/data"), options_);
+    openAlone(server.url("good/data"), options_);
     FAIL() << "nobody vouches for it";
   } catch (const Error& error) {
     EXPECT_NE(std::string(error.what()).find("certificate"), std::string::npos) << error.what();
   }
   setenv("CURL_CA_BUNDLE", folder_.file("certificate").c_str(), 1);
-  EXPECT_EQ(read(*openRemoteRanges(server.url("good/data"), options_), 5000, 100'000), "");
+  EXPECT_EQ(read(*openAlone(server.url("good/data"), options_), 5000, 100'000), "");
   unsetenv("CURL_CA_BUNDLE");
 }
 
