@@ -3,12 +3,14 @@
 #include <tiffio.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdarg>
 #include <cstdio>
 #include <cstring>
 #include <string_view>
 
+#include "isobrick/preprocess/byte_order.h"
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 
@@ -125,7 +127,20 @@ std::vector<TiffPage> TiffFile::pages(const OpenOptions& options, std::size_t mo
     pages.push_back(page());
     if (!pages.back().description.starts_with("{\"shape\"")) pages.back().description.clear();
   }
+  if (pages.size() < most) checkLastPage(pages.back().at);
   return pages;
+}
+
+// To libtiff, a file that ends before the place of the next page has no next one.
+void TiffFile::checkLastPage(std::uint64_t at) const {
+  const bool is_big = TIFFIsBigTIFF(tiff_.get()) != 0;
+  const std::size_t count_bytes = is_big ? 8 : 2, entry_bytes = is_big ? 20 : 12;
+  std::array<std::byte, 8> count{};
+  file_.readAt(at, count.data(), count_bytes);
+  const std::uint64_t entries =
+      loadUnsigned(count.data(), count_bytes, TIFFIsBigEndian(tiff_.get()) != 0);
+  if (at + count_bytes + entries * entry_bytes + (is_big ? 8 : 4) > file_.size())
+    throw unreadable(file_.path(), "it ends within its list of pages; get the whole file again");
 }
 
 TiffPage TiffFile::page() const {

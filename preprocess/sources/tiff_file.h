@@ -78,6 +78,7 @@ class TiffFile {
   T tag(std::uint32_t number) const;
   void goTo(std::uint64_t page_at);
   TiffPage page() const;
+  void checkLastPage(std::uint64_t at) const;
   TiffForm form() const;
   std::string whyUnread(const TiffForm& form) const;
   std::optional<std::uint64_t> plainPixels(const TiffForm& form) const;

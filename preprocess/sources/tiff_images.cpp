@@ -236,7 +236,11 @@ class ImageFinder {
     image.lengths = omeLengths(said);
     image.has_channels = true;
     // Without a list of planes, or with sizes that are missing, the pages are what they are.
-    const std::int64_t channels = said.sizes[1] / said.samples;
+    // Some do not say that channels are the numbers of a pixel.
+    const std::int64_t samples = said.samples == 1 && said.sizes[1] == pages_.front().form.samples
+                                     ? said.sizes[1]
+                                     : said.samples;
+    const std::int64_t channels = said.sizes[1] / samples;
     if (said.order.size() != 5 || channels < 1) return image;
     for (const char name : {said.order[4], said.order[3], said.order[2]})
       image.axes.push_back({name, name == 'C' ? channels : said.sizes[name == 'Z' ? 0 : 2]});
@@ -254,8 +258,10 @@ class ImageFinder {
       }
       const std::vector<TiffPage>& pages = file_pages_[*file];
       std::int64_t plane = 0;
-      for (const TiffAxis& axis : image.axes)
-        plane = plane * axis.count + run.first[axis.name == 'Z' ? 0 : axis.name == 'C' ? 1 : 2];
+      for (const TiffAxis& axis : image.axes) {
+        const std::int64_t first = run.first[axis.name == 'Z' ? 0 : axis.name == 'C' ? 1 : 2];
+        plane = first < axis.count ? plane * axis.count + first : *count;
+      }
       const std::int64_t from = run.ifd.value_or(0);
       std::int64_t planes = run.count.value_or(run.ifd ? 1 : std::ssize(pages));
       planes = std::min({planes, *count - plane, std::ssize(pages) - from});
