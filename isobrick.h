@@ -22,6 +22,7 @@
 #include "isobrick/preprocess/phantoms/phantom.h"
 #include "isobrick/preprocess/pyramid_builder.h"
 #include "isobrick/preprocess/sources/open_volume.h"
+#include "isobrick/preprocess/value_fit.h"
 #include "isobrick/storage/isovalue_suggestions.h"
 #include "isobrick/storage/pyramid_verify.h"
 #include "isobrick/viewer/stream/merged_surface.h"

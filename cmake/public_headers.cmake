@@ -13,6 +13,7 @@ set(isobrick_public_headers
   storage/pyramid_verify.h
   storage/remote_options.h
   storage/share_number.h
+  storage/value_transform.h
   storage/voxel_histogram.h
   storage/voxel_type.h
   # a pyramid in, triangles out
@@ -38,6 +39,7 @@ set(isobrick_public_headers
   preprocess/phantoms/phantom.h
   preprocess/pyramid_builder.h
   preprocess/sources/open_volume.h
+  preprocess/value_fit.h
   preprocess/volume_source.h)
 if(ISOBRICK_WITH_VIEWER)
   list(APPEND isobrick_public_headers

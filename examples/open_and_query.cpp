@@ -32,9 +32,8 @@ int main(int argc, char** argv) try {
   const Index3 voxels = pyramid.lattice().voxels();
   std::printf("%lld x %lld x %lld voxels of %g to %g, noise %.3g, %d levels\n",
               static_cast<long long>(voxels.x), static_cast<long long>(voxels.y),
-              static_cast<long long>(voxels.z), static_cast<double>(pyramid.valueRange().min),
-              static_cast<double>(pyramid.valueRange().max), pyramid.noise(),
-              pyramid.lattice().levels());
+              static_cast<long long>(voxels.z), pyramid.realRange().min, pyramid.realRange().max,
+              pyramid.noise(), pyramid.lattice().levels());
   const IsovalueSuggestions suggestions = suggestIsovalues(pyramid);
   for (const IsovalueSuggestion& suggestion : suggestions.values)
     std::printf("there is something at isovalue %g\n", suggestion.value);

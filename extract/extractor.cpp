@@ -57,7 +57,7 @@ class QueryContext {
                  query,
                  oracles_,
                  frame_,
-                 static_cast<float>(query.isovalue),
+                 pyramid.storedIsovalue(query.isovalue),
                  log,
                  pyramid.parts().edition(),
                  residency} {

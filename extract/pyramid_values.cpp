@@ -74,8 +74,8 @@ void PyramidValues::evaluate(std::span<const glm::dvec3> world, std::span<float>
       const std::size_t row = places[begin].brick_row;
       const Index3 brick = places[begin].brick;
       for (; begin < places.size() && places[begin].brick_row == row; ++begin)
-        values[places[begin].position] =
-            static_cast<float>(interpolate(data, samples.box, places[begin]));
+        values[places[begin].position] = static_cast<float>(
+            pyramid_.spec().values.real(interpolate(data, samples.box, places[begin])));
       pyramid_.throwIfReadsFailed(0, brick);
     }
   });

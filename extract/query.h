@@ -85,7 +85,8 @@ struct SimplifyOptions {
 
 // Which surface it is, and how fine. Two queries with the same choice give the same surface.
 struct SurfaceChoice : DetailChoice {
-  // The surface separates value >= isovalue (inside) from value < isovalue. Compared as float.
+  // The surface separates value >= isovalue (inside) from value < isovalue. In the values of the
+  // input; compared in single precision as it would be stored (Pyramid::storedIsovalue()).
   double isovalue = 0;
   // Further choices: a cell is refined if any one of them, or the query's own, refines it.
   std::vector<DetailChoice> or_finer;

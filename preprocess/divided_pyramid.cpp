@@ -203,6 +203,7 @@ class Join {
       tables.fail("is the file of another super-brick; build it again");
     if (!file || file->super_bricks.cells() != super_bricks_.cells() ||
         tables.spec().voxels != spec_.voxels || tables.spec().voxel_type != spec_.voxel_type ||
+        tables.spec().values != spec_.values ||
         tables.layout().brickCells() != region_.layout().brickCells() ||
         identityIn(tables) != identity_)
       tables.fail(

@@ -143,7 +143,7 @@ std::string jsonOfNumber(double number) { return nlohmann::json(number).dump(); 
 }  // namespace
 
 std::string provenanceText(const VolumeSource& source, const BuildOptions& options,
-                           const std::string& identity) {
+                           const std::string& identity, std::uint64_t replaced_voxels) {
   const VolumeInfo& info = source.info();
   nlohmann::json json = {{"tool", "isobrick " + options.tool_version},
                          {"source", info.source},
@@ -153,10 +153,11 @@ std::string provenanceText(const VolumeSource& source, const BuildOptions& optio
                          {"notes", info.notes}};
   for (const std::string& note : source.notesOfReading()) json["notes"].push_back(note);
   if (!info.properties.empty()) json["properties"] = info.properties;
-  // It does not tell whether there were any: a resumed build does not read all voxels.
-  if (options.nan_as && info.voxel_type == VoxelType::kFloat32)
-    json["notes"].push_back("voxels that were not finite became " +
-                            jsonOfNumber(static_cast<double>(*options.nan_as)));
+  // A file of a divided pyramid has a part of them.
+  if (replaced_voxels > 0)
+    json["notes"].push_back(
+        (options.super_cells > 0 ? std::string() : std::to_string(replaced_voxels) + " ") +
+        "voxels that were not finite became " + jsonOfNumber(static_cast<double>(*options.nan_as)));
   // A path need not be UTF-8; a provenance that cannot be written would lose the whole build.
   return json.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace);
 }
@@ -169,7 +170,8 @@ std::string buildIdentity(const VolumeInfo& info, const std::string& input_ident
   const auto line = [&](const char* name, const std::string& value) {
     text += std::string(name) + "=" + value + "\n";
   };
-  line("voxels", indexText(info.voxels, "x") + " " + std::string(voxelTypeName(info.voxel_type)));
+  line("voxels", indexText(info.voxels, "x") + " " +
+                     std::string(voxelTypeName(info.numbers.value_or(info.voxel_type))));
   line("format", info.format + (info.encoding.empty() ? "" : ", ") + info.encoding);
   line("geometry", std::to_string(hash));
   line("length unit", std::string(lengthUnitName(info.geometry.unit)));

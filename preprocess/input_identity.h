@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -45,8 +46,9 @@ class InputWatch {
   std::string identity_;
 };
 
-// JSON, valid UTF-8 whatever the names are. `identity` is that of the source and the options.
+// JSON, valid UTF-8 whatever the names are. `identity` is that of the source and the options,
+// `replaced_voxels` how many became options.nan_as.
 std::string provenanceText(const VolumeSource& source, const BuildOptions& options,
-                           const std::string& identity);
+                           const std::string& identity, std::uint64_t replaced_voxels);
 
 }  // namespace isobrick

@@ -118,6 +118,7 @@ void PreviewMaker<T>::publish(std::int64_t slices) {
   VolumeInfo info;
   info.voxels = {grid_.samples.x, grid_.samples.y, slices};
   info.voxel_type = info_.voxel_type;
+  info.values = info_.values;
   info.geometry = info_.geometry;
   info.geometry.spacing *= static_cast<double>(grid_.step);
   info.source = "preview " + std::to_string(++number_) + " of " + info_.source;

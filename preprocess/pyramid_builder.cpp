@@ -36,6 +36,7 @@ class Build : LevelInput<T> {
         options_(options),
         folder_(folderOf(path)),
         spec_(pyramidSpecOf(source.info(), options)),
+        nan_as_(storedNanAs(options, spec_.values)),
         file_(file),
         region_(spec_, file_),
         previews_(makePreviews(source.info(), options)),
@@ -63,6 +64,12 @@ class Build : LevelInput<T> {
   }
 
  private:
+  static std::optional<float> storedNanAs(const BuildOptions& options,
+                                          const ValueTransform& values) {
+    if (!options.nan_as) return std::nullopt;
+    return static_cast<float>(values.stored(static_cast<double>(*options.nan_as)));
+  }
+
   static std::unique_ptr<PreviewMaker<T>> makePreviews(const VolumeInfo& info,
                                                        const BuildOptions& options) {
     constexpr std::uint64_t kLeastShare = 4;  // of the memory is for the build itself
@@ -131,7 +138,7 @@ class Build : LevelInput<T> {
     input_.check();
     if constexpr (std::is_same_v<T, float>)
       report_.replaced_voxels +=
-          makeFinite(reinterpret_cast<float*>(voxels), box, own, options_.nan_as, source_.info());
+          makeFinite(reinterpret_cast<float*>(voxels), box, own, nan_as_, source_.info());
   }
   // The calling thread.
   void passedOn(const IndexBox& bricks, const HandedOn<T>& handed_on) override {
@@ -151,7 +158,7 @@ class Build : LevelInput<T> {
     PyramidWriter::Summary summary;
     summary.voxel_range = levels_.voxelRange();
     summary.brick_ranges = closures_.all();
-    summary.provenance_json = provenanceText(source_, options_, identity_);
+    summary.provenance_json = provenanceText(source_, options_, identity_, report_.replaced_voxels);
     if (file_) {
       summary.division = handOverOf({options_.codec, summary.voxel_range}, *passed_on, statistics_);
     } else {
@@ -168,6 +175,7 @@ class Build : LevelInput<T> {
   const BuildOptions& options_;
   std::string folder_;  // of the output
   const PyramidSpec spec_;
+  const std::optional<float> nan_as_;      // of the options, as it is stored
   const std::optional<DividedFile> file_;  // of a divided pyramid
   const BuildRegion region_;
   std::unique_ptr<PreviewMaker<T>> previews_;  // null: none are made
@@ -227,6 +235,9 @@ BuildReport buildPyramidFile(VolumeSource& source, InputWatch& input, const std:
                              const BuildOptions& options, const std::optional<DividedFile>& file) {
   checkOptions(options);
   refuseInputAsTemporary(source, path);
+  source.chooseVoxels(options.cancel, [&](double fraction) {
+    if (options.progress) options.progress("values", fraction);
+  });
   return visitVoxelType(source.info().voxel_type, [&](auto tag) {
     return Build<typename decltype(tag)::Type>(source, input, path, options, file).run();
   });
@@ -237,6 +248,7 @@ PyramidSpec pyramidSpecOf(const VolumeInfo& info, const BuildOptions& options) {
   spec.voxels = info.voxels;
   spec.voxel_type = info.voxel_type;
   spec.geometry = info.geometry;
+  spec.values = info.values;
   spec.filter = options.filter;
   spec.brick_cells = options.brick_cells;
   spec.tile_cells = options.tile_cells;

@@ -93,7 +93,7 @@ struct BuildReport {
   std::uint64_t file_bytes = 0;       // of the pyramid
   std::uint64_t bricks = 0;           // of all levels
   std::uint64_t bricks_resumed = 0;   // taken over from an earlier build
-  std::uint64_t replaced_voxels = 0;  // by nan_as, in this run
+  std::uint64_t replaced_voxels = 0;  // by nan_as
 };
 
 // Reads `source` to its end and writes a pyramid to `path`, which appears only when it is complete

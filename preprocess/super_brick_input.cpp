@@ -24,6 +24,9 @@ VolumeSource& SuperBrickInput::sourceOf(std::span<const SuperBrickFile> next,
   scratch_.reset();
   // What is read in order is read once.
   if (source_ == nullptr || (is_read_ && !source_->readsBoxes())) source_ = open_();
+  if (chosen_) source_->chooseVoxelsAs(*chosen_);
+  source_->chooseVoxels(cancel, progress);
+  chosen_ = source_->info();
   is_read_ = true;
   const bool has_neighbours =
       next.size() > 1 && next[1].voxels.first.z == next.front().voxels.first.z;

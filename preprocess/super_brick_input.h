@@ -3,6 +3,7 @@
 
 #include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 
@@ -38,6 +39,7 @@ class SuperBrickInput {
   std::unique_ptr<VolumeSource> source_;    // null: all that is needed now is in scratch_
   std::unique_ptr<ScratchSource> scratch_;  // may be null
   bool is_read_ = false;                    // source_ was
+  std::optional<VolumeInfo> chosen_;        // how numbers become voxels, once that is known
 };
 
 }  // namespace isobrick

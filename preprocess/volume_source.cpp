@@ -22,6 +22,9 @@ void VolumeSource::readRows(std::int64_t first, std::int64_t count, void* out) {
   }
 }
 
+void VolumeSource::chooseVoxels(const CancelFlag*, const std::function<void(double)>&) {}
+void VolumeSource::chooseVoxelsAs(const VolumeInfo&) {}
+
 void VolumeSource::readBox(const IndexBox&, void*) const {
   throw std::logic_error("this volume source is read by rows; ask readsBoxes() first");
 }

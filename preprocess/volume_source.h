@@ -2,11 +2,15 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "isobrick/storage/brick_layout.h"
+#include "isobrick/storage/error.h"
+#include "isobrick/storage/value_transform.h"
 #include "isobrick/storage/voxel_type.h"
 
 namespace isobrick {
@@ -23,6 +27,11 @@ struct VolumeInfo {
   // Facts of the file beside its voxels that a writer of its format needs again, such as the
   // background of an OpenVDB grid: "vdb.background" and its value as text.
   std::map<std::string, std::string> properties = {};
+  // From what is delivered to the values of the input, and their range if that is no identity.
+  ValueTransform values = {};
+  RealRange range = {};
+  // The type of the input's numbers, if no pyramid holds it and others are delivered.
+  std::optional<VoxelType> numbers = {};
 };
 
 // A volume that is read once, in order, a few rows at a time; or box by box, if readsBoxes().
@@ -46,6 +55,14 @@ class VolumeSource {
   // Writes the voxels of `box`, x fastest, box.count.x * y * z of them, into `out`. Any box, in any
   // order, by any number of threads at once. Only if readsBoxes().
   virtual void readBox(const IndexBox& box, void* out) const;
+
+  // If no pyramid holds the input's numbers: reads them all once, and chooses what is delivered
+  // (VolumeInfo: voxel_type, values, range; a note says what changes); float32 without it. Before
+  // the first voxel is read; the second call does nothing. `cancel` may be null, `progress` empty.
+  virtual void chooseVoxels(const CancelFlag* cancel,
+                            const std::function<void(double fraction)>& progress);
+  // The same choice as that of another source of the same volume, whose info() this is.
+  virtual void chooseVoxelsAs(const VolumeInfo& chosen);
 
   // Notes on the voxels that were read so far, a line each, beside those of info(). Not while
   // another thread reads.

@@ -302,6 +302,9 @@ void BrickIndex::check(std::size_t number, const std::byte* bytes) const {
   const BrickRow row = decode(bytes);
   const auto [level, brick] = address(number);
   for (const PartKind kind : kPartKinds)
+    if (row.part(kind).codec == format::kFurtherCodec)
+      fail(number, "is packed by a later program, which has to read it");
+  for (const PartKind kind : kPartKinds)
     if (!isPossiblePart(row, spec_, layout_, kind, level, brick))
       fail(number, "has an impossible entry");
   if (!(row.range_min <= row.range_max) || !std::isfinite(row.range_min) ||

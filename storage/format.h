@@ -1,4 +1,5 @@
-// The `.isb` file, version 3, as it lies on disk; docs/FORMAT.md is its specification in words.
+// The `.isb` file, versions 3 and 4, as it lies on disk; docs/FORMAT.md is its specification in
+// words.
 //
 //   header (512 bytes)
 //   parts of bricks, in the order of the brick table: those of the kinds that the header lists
@@ -24,7 +25,12 @@ namespace isobrick::format {
 static_assert(std::endian::native == std::endian::little, "isobrick needs a little-endian host");
 
 inline constexpr char kMagic[8] = {'I', 'S', 'O', 'B', 'R', 'I', 'C', 'K'};
+// The least version that holds a file is written: 3, and 4 if values are transformed.
 inline constexpr std::uint32_t kVersion = 3;
+inline constexpr std::uint32_t kVersionOfTransforms = 4;
+// Numbers of version 4 that no program writes yet: voxels that are labels, u64; a codec.
+inline constexpr std::uint32_t kLabelVoxels = 5;
+inline constexpr std::uint32_t kFurtherCodec = 5;
 
 // Stored samples of at least this many bytes begin at multiples of it, so that a brick can be paged
 // and used in place; fewer begin at kPartAlignment.
@@ -82,7 +88,9 @@ struct Header {
   std::uint64_t super_brick;   // 0: this is the index; else the number of the super-brick, plus 1
   PartEntry division;  // stored as it is; of the index: FileEntry for every super-brick, then
                        // a Range for every brick of level super_levels - 1
-  std::uint8_t reserved[72];      // zero
+  double value_scale;  // of ValueTransform; both zero in version 3, which has none
+  double value_offset;
+  std::uint8_t reserved[56];      // zero
   std::uint64_t header_checksum;  // XXH3-64 of all the bytes before it
 };
 static_assert(sizeof(Header) == 512 && std::is_trivially_copyable_v<Header>);

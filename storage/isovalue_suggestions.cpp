@@ -1,6 +1,8 @@
 #include "isobrick/storage/isovalue_suggestions.h"
 
 #include <algorithm>
+#include <array>
+#include <charconv>
 #include <cmath>
 #include <cstddef>
 #include <numeric>
@@ -489,9 +491,33 @@ IsovalueSuggestions suggestIsovalues(const VoxelHistogram& histogram, const Valu
   return result;
 }
 
+namespace {
+
+// 101324.995 rather than 101324.99499999999.
+double withoutRounding(double value) {
+  constexpr int kDigits = 15;
+  std::array<char, 32> digits;
+  const auto written = std::to_chars(digits.data(), digits.data() + digits.size(), value,
+                                     std::chars_format::general, kDigits);
+  std::from_chars(digits.data(), written.ptr, value);
+  return value;
+}
+
+}  // namespace
+
 IsovalueSuggestions suggestIsovalues(const Pyramid& pyramid) {
-  return suggestIsovalues(pyramid.histogram(), pyramid.valueRange(),
-                          pyramid.parts().tables().gradients(), pyramid.noise());
+  IsovalueSuggestions found =
+      suggestIsovalues(pyramid.histogram(), pyramid.valueRange(),
+                       pyramid.parts().tables().gradients(), pyramid.noise());
+  const ValueTransform& values = pyramid.spec().values;
+  if (values.isIdentity()) return found;
+  for (IsovalueSuggestion& one : found.values) {
+    one.value = withoutRounding(values.real(one.value));
+    one.gradient *= values.scale;
+  }
+  for (auto* const padding : {&found.padding_least, &found.padding_greatest})
+    if (*padding) *padding = values.real(**padding);
+  return found;
 }
 
 }  // namespace isobrick

@@ -104,14 +104,23 @@ class Pyramid {
   const BrickLayout& layout() const { return layout_; }
   // The places of samples, and the number of levels.
   const Lattice& lattice() const { return layout_.lattice(); }
-  // Least and greatest voxel of level 0.
+  // Least and greatest voxel of level 0, as they are stored.
   const ValueRange& valueRange() const { return value_range_; }
+  // The same in the values of the input.
+  RealRange realRange() const {
+    return {spec_.values.real(static_cast<double>(value_range_.min)),
+            spec_.values.real(static_cast<double>(value_range_.max))};
+  }
   // JSON text: source, filter, tool version, notes.
   const std::string& provenance() const;
-  // The standard deviation of the voxels' noise, in their units, as the build estimated it from
+  // An isovalue as queries compare it with samples.
+  float storedIsovalue(double isovalue) const {
+    return static_cast<float>(spec_.values.stored(isovalue));
+  }
+  // The standard deviation of the voxels' noise, in stored numbers, as the build estimated it from
   // second differences along x; 0 if there is none.
   double noise() const;
-  // How often which values occur among the voxels of level 0. Reads and unpacks it, at most
+  // How often which stored numbers occur among the voxels of level 0. Reads and unpacks it, at most
   // VoxelHistogram::kMostBins counts. Throws Error if it is damaged.
   VoxelHistogram histogram() const;
   // Bytes of the file; of a divided pyramid, those of all its files.

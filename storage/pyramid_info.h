@@ -6,6 +6,7 @@
 #include <string_view>
 
 #include "isobrick/storage/brick_layout.h"
+#include "isobrick/storage/value_transform.h"
 #include "isobrick/storage/voxel_type.h"
 
 namespace isobrick {
@@ -39,6 +40,9 @@ struct PyramidSpec {
   Index3 voxels{0};                          // per axis 2 .. kMaxVoxelsPerAxis
   VoxelType voxel_type = VoxelType::kUint8;  // of the samples of all levels
   GridGeometry geometry;                     // the voxels' place in the world
+  // From stored samples to the values of the input. Samples, ranges, histogram and noise of a
+  // pyramid are stored numbers; isovalues of queries, and all that users see, are the input's.
+  ValueTransform values;
   // From a level to the next coarser one.
   format::Filter filter = format::Filter::kAverage;
   std::int64_t brick_cells = 64;  // power of two, 4 .. 256

@@ -124,9 +124,10 @@ void PyramidTables::readHeader() {
     fail(why);
   if (std::memcmp(header.magic, format::kMagic, sizeof header.magic) != 0)
     fail("is not an isobrick pyramid; make one with 'isobrick build'");
-  if (header.version != format::kVersion)
-    fail("has format version " + std::to_string(header.version) + ", this program reads version " +
-         std::to_string(format::kVersion) + "; build it again or use the program that wrote it");
+  if (header.version < format::kVersion || header.version > format::kVersionOfTransforms)
+    fail("has format version " + std::to_string(header.version) + ", this program reads versions " +
+         std::to_string(format::kVersion) + " and " + std::to_string(format::kVersionOfTransforms) +
+         "; build it again or use the program that wrote it");
   if (header.header_bytes != kSize ||
       header.header_checksum != checksum64(&header, offsetof(format::Header, header_checksum)))
     fail("has a damaged header; build it again");
@@ -134,8 +135,13 @@ void PyramidTables::readHeader() {
     fail("has " + std::to_string(file_.size()) + " bytes where its header says " +
          std::to_string(header.file_bytes) + ": it was cut or changed; build it again");
 
-  const bool sane = header.voxel_type < kVoxelTypeCount && header.filter <= 1 &&
-                    areKindsSane(header) && isPowerOfTwoWithin(header.brick_cells, 4, 256) &&
+  const bool has_transform = header.version == format::kVersionOfTransforms;
+  if (has_transform && header.voxel_type == format::kLabelVoxels)
+    fail("holds labels, which this program does not read; use the program that wrote it");
+  if (has_transform) spec_.values = {header.value_scale, header.value_offset};
+  const bool sane = spec_.values.isSane() && header.voxel_type < kVoxelTypeCount &&
+                    header.filter <= 1 && areKindsSane(header) &&
+                    isPowerOfTwoWithin(header.brick_cells, 4, 256) &&
                     isPowerOfTwoWithin(header.tile_cells, 2, header.brick_cells) &&
                     areValuesSane(header) && std::isfinite(header.curvature_epsilon) &&
                     header.curvature_epsilon >= 0 && isStoredGridSane(header);

@@ -29,6 +29,11 @@ format::Header formatHeaderOf(const PyramidSpec& spec) {
   format::Header header = {};
   std::memcpy(header.magic, format::kMagic, sizeof header.magic);
   header.version = format::kVersion;
+  if (!spec.values.isIdentity()) {
+    header.version = format::kVersionOfTransforms;
+    header.value_scale = spec.values.scale;
+    header.value_offset = spec.values.offset;
+  }
   header.header_bytes = sizeof header;
   header.voxel_type = static_cast<std::uint32_t>(spec.voxel_type);
   header.filter = static_cast<std::uint32_t>(spec.filter);

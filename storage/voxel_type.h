@@ -1,4 +1,5 @@
-// The five voxel types that a pyramid can hold, and dispatch from the run-time tag to the C++ type.
+// The five voxel types that a pyramid can hold, those of other volumes, and dispatch from the
+// run-time tag to the C++ type.
 #pragma once
 
 #include <algorithm>
@@ -11,6 +12,7 @@
 #include <stdexcept>
 #include <string_view>
 #include <type_traits>
+#include <utility>
 
 namespace isobrick {
 
@@ -20,7 +22,13 @@ enum class VoxelType : std::uint32_t {
   kInt8 = 1,
   kUint16 = 2,
   kInt16 = 3,
-  kFloat32 = 4
+  kFloat32 = 4,
+  // Of volumes on their way into a pyramid and out of it: no pyramid stores these.
+  kUint64 = 5,
+  kInt64 = 6,
+  kUint32 = 7,
+  kInt32 = 8,
+  kFloat64 = 9
 };
 
 // Name and size of each, in the order of the numbers. Other names belong to one format each and
@@ -31,15 +39,19 @@ struct VoxelTypeInfo {
   std::size_t bytes;            // of one voxel
 };
 // By the number of the type.
-inline constexpr VoxelTypeInfo kVoxelTypes[] = {{"uint8", "u8", 1},
-                                                {"int8", "i8", 1},
-                                                {"uint16", "u16", 2},
-                                                {"int16", "i16", 2},
-                                                {"float32", "f32", 4}};
-// Number of voxel types.
-inline constexpr std::uint32_t kVoxelTypeCount = std::size(kVoxelTypes);
+inline constexpr VoxelTypeInfo kVoxelTypes[] = {
+    {"uint8", "u8", 1},    {"int8", "i8", 1},    {"uint16", "u16", 2}, {"int16", "i16", 2},
+    {"float32", "f32", 4}, {"uint64", "u64", 8}, {"int64", "i64", 8},  {"uint32", "u32", 4},
+    {"int32", "i32", 4},   {"float64", "f64", 8}};
+// Number of voxel types that a pyramid can hold: the first ones.
+inline constexpr std::uint32_t kVoxelTypeCount = 5;
 
-// Bytes of a voxel. `type`: one of the five; code that reads it from a file checks that.
+// True for a type that a pyramid can hold.
+constexpr bool isStorable(VoxelType type) {
+  return static_cast<std::uint32_t>(type) < kVoxelTypeCount;
+}
+
+// Bytes of a voxel. `type`: one of these; code that reads it from a file checks that.
 constexpr std::size_t voxelBytes(VoxelType type) {
   return kVoxelTypes[static_cast<std::uint32_t>(type)].bytes;
 }
@@ -48,7 +60,7 @@ constexpr std::string_view voxelTypeName(VoxelType type) {
   return kVoxelTypes[static_cast<std::uint32_t>(type)].name;
 }
 
-// The type of a name, long or short.
+// The type of a name, long or short, that a pyramid can hold.
 constexpr std::optional<VoxelType> voxelTypeNamed(std::string_view name) {
   for (std::uint32_t type = 0; type < kVoxelTypeCount; ++type)
     if (name == kVoxelTypes[type].name || name == kVoxelTypes[type].short_name)
@@ -77,13 +89,38 @@ decltype(auto) visitVoxelType(VoxelType type, F&& f) {
       return f(VoxelTag<std::int16_t>{});
     case VoxelType::kFloat32:
       return f(VoxelTag<float>{});
+    default:
+      throw std::logic_error("voxel type out of range");
   }
-  throw std::logic_error("voxel type out of range");
 }
 
-// The voxel type of a C++ type, which is one of the five.
+// The same for all types that volumes may have.
+template <typename F>
+decltype(auto) visitNumberType(VoxelType type, F&& f) {
+  switch (type) {
+    case VoxelType::kUint64:
+      return f(VoxelTag<std::uint64_t>{});
+    case VoxelType::kInt64:
+      return f(VoxelTag<std::int64_t>{});
+    case VoxelType::kUint32:
+      return f(VoxelTag<std::uint32_t>{});
+    case VoxelType::kInt32:
+      return f(VoxelTag<std::int32_t>{});
+    case VoxelType::kFloat64:
+      return f(VoxelTag<double>{});
+    default:
+      return visitVoxelType(type, std::forward<F>(f));
+  }
+}
+
+// The voxel type of a C++ type, which is one of these.
 template <typename T>
 constexpr VoxelType voxelTypeOf() {
+  if constexpr (std::is_same_v<T, std::uint64_t>) return VoxelType::kUint64;
+  if constexpr (std::is_same_v<T, std::int64_t>) return VoxelType::kInt64;
+  if constexpr (std::is_same_v<T, std::uint32_t>) return VoxelType::kUint32;
+  if constexpr (std::is_same_v<T, std::int32_t>) return VoxelType::kInt32;
+  if constexpr (std::is_same_v<T, double>) return VoxelType::kFloat64;
   if constexpr (std::is_same_v<T, std::uint8_t>) return VoxelType::kUint8;
   if constexpr (std::is_same_v<T, std::int8_t>) return VoxelType::kInt8;
   if constexpr (std::is_same_v<T, std::uint16_t>) return VoxelType::kUint16;

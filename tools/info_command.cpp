@@ -113,8 +113,10 @@ void printInfoJson(const Pyramid& pyramid, const std::optional<PyramidSums>& sum
   // The world directions of the index axes x, y and z.
   json["direction"] = {jsonOf(spec.geometry.direction[0]), jsonOf(spec.geometry.direction[1]),
                        jsonOf(spec.geometry.direction[2])};
-  json["value_range"] = {pyramid.valueRange().min, pyramid.valueRange().max};
-  json["noise"] = pyramid.noise();
+  json["value_range"] = {pyramid.realRange().min, pyramid.realRange().max};
+  // Value = offset + scale * the number that is stored as voxel_type.
+  json["stored_values"] = {{"scale", spec.values.scale}, {"offset", spec.values.offset}};
+  json["noise"] = spec.values.scale * pyramid.noise();
   json["isovalues"] = jsonOfSuggestions(suggestions);
   json["padding"] = paddingOf(suggestions);
   json["levels"] = jsonOfLevels(pyramid);
@@ -156,11 +158,14 @@ void printInfoText(const Pyramid& pyramid, const std::string& path,
                    const std::optional<PyramidSums>& sums) {
   const PyramidSpec& spec = pyramid.spec();
   const GridGeometry& geometry = spec.geometry;
+  const RealRange range = pyramid.realRange();
   fmt::print("{}: {} x {} x {} {}, values {} to {}\n", path, spec.voxels.x, spec.voxels.y,
-             spec.voxels.z, voxelTypeName(spec.voxel_type), pyramid.valueRange().min,
-             pyramid.valueRange().max);
+             spec.voxels.z, voxelTypeName(spec.voxel_type), valueText(pyramid, range.min),
+             valueText(pyramid, range.max));
   if (path != pyramid.path()) fmt::print("pyramid    {} (in the cache)\n", pyramid.path());
-  fmt::print("noise      {:.3g} (sigma, estimated)\n", pyramid.noise());
+  if (!spec.values.isIdentity())
+    fmt::print("stored     as {} + {} x number\n", spec.values.offset, spec.values.scale);
+  fmt::print("noise      {:.3g} (sigma, estimated)\n", spec.values.scale * pyramid.noise());
   fmt::print("isovalues  {}\n", suggestionsText(suggestIsovalues(pyramid)));
   const char* const unit =
       geometry.unit == LengthUnit::kMillimetre ? " mm" : " (of an unknown unit)";

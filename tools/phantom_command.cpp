@@ -27,7 +27,8 @@ struct PhantomArguments {
 
 std::vector<std::string> voxelTypeShortNames() {
   std::vector<std::string> names;
-  for (const VoxelTypeInfo& type : kVoxelTypes) names.emplace_back(type.short_name);
+  for (std::uint32_t type = 0; type < kVoxelTypeCount; ++type)
+    names.emplace_back(kVoxelTypes[type].short_name);
   return names;
 }
 

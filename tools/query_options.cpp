@@ -19,6 +19,7 @@
 #include "tools/command.h"
 #include "tools/interrupt.h"
 #include "tools/line_words.h"
+#include "tools/parse_text.h"
 #include "tools/parsed_option.h"
 #include "tools/shared_options.h"
 #include "tools/thread_count.h"
@@ -57,7 +58,7 @@ void readIsovalues(QueryOptions& options, const std::string& text, bool several)
   for (std::size_t begin = 0, end = 0; end != std::string::npos; begin = end + 1) {
     end = text.find(',', begin);
     const std::string word = text.substr(begin, end - begin);
-    options.isovalues.push_back(word == "auto" ? std::nullopt : std::optional(parseSingle(word)));
+    options.isovalues.push_back(word == "auto" ? std::nullopt : std::optional(parseNumber(word)));
   }
   if (options.isovalues.size() > 1 && !several)
     throw std::invalid_argument("one isovalue is wanted; 'isobrick extract' takes several");
@@ -159,6 +160,11 @@ void findPyramid(QueryOptions& options) {
   findPyramid(options.input, options.threads, options.memory_bytes);
 }
 
+std::string valueText(const Pyramid& pyramid, double value) {
+  return pyramid.spec().values.isIdentity() ? fmt::format("{}", static_cast<float>(value))
+                                            : fmt::format("{}", value);
+}
+
 void chooseIsovalues(QueryOptions& options, const Pyramid& pyramid) {
   std::optional<double> best;
   for (std::optional<double>& isovalue : options.isovalues) {
@@ -167,7 +173,8 @@ void chooseIsovalues(QueryOptions& options, const Pyramid& pyramid) {
       const IsovalueSuggestions suggestions = suggestIsovalues(pyramid);
       if (suggestions.values.empty())
         throw Error(fmt::format("all voxels of '{}' are {}: no isovalue has a surface",
-                                withoutSecrets(options.input.path), pyramid.valueRange().min));
+                                withoutSecrets(options.input.path),
+                                valueText(pyramid, pyramid.realRange().min)));
       best = suggestions.values.front().value;
       fmt::print(stderr, "isobrick: isovalue {}\n", *best);
     }
@@ -202,12 +209,13 @@ Query makeQuery(const QueryOptions& options, const Pyramid& pyramid) {
 }
 
 bool warnOfEmptySurface(const QueryOptions& options, const Pyramid& pyramid) {
-  const ValueRange& range = pyramid.valueRange();
-  if (range.crosses(static_cast<float>(options.isovalue))) return false;
+  if (pyramid.valueRange().crosses(pyramid.storedIsovalue(options.isovalue))) return false;
+  const RealRange range = pyramid.realRange();
   fmt::print(stderr,
              "isobrick: warning: the mesh is empty: no surface at the isovalue {}, since the "
              "values of '{}' are {} to {}\n",
-             options.isovalue, oneLine(withoutSecrets(options.input.path)), range.min, range.max);
+             options.isovalue, oneLine(withoutSecrets(options.input.path)),
+             valueText(pyramid, range.min), valueText(pyramid, range.max));
   return true;
 }
 

@@ -49,6 +49,9 @@ std::shared_ptr<const Pyramid> openPyramidFile(const std::string& path, std::uin
 
 inline FileAccess fileAccess(bool no_map) { return no_map ? FileAccess::kRead : FileAccess::kMap; }
 
+// A value of the pyramid's voxels, with as few digits as tell them apart.
+std::string valueText(const Pyramid& pyramid, double value);
+
 // For --iso auto, takes the first isovalue that is suggested for the pyramid, and says on stderr
 // which one that is. Throws Error if all voxels are equal.
 void chooseIsovalues(QueryOptions& options, const Pyramid& pyramid);

@@ -363,7 +363,10 @@ class CrossingMaker {
     // crossingParameter()
     const Floats a = VoxelLanes<T>::toFloat(low), b = VoxelLanes<T>::toFloat(high);
     const auto one = hn::Set(df, 1.0f);
-    Floats t = hn::Div(hn::Sub(hn::Set(df, isovalue_), a), hn::Sub(b, a));
+    const Floats across = hn::Sub(b, a);
+    Floats t = hn::Div(hn::Sub(hn::Set(df, isovalue_), a), across);
+    if constexpr (std::is_floating_point_v<T>)  // crossingParameter() halves the values
+      bad = hn::Or(bad, hn::Gt(hn::Abs(across), hn::Set(df, std::numeric_limits<float>::max())));
     const auto least = hn::Set(df, kLeastCrossing), most = hn::Set(df, 1.0f - kLeastCrossing);
     t = hn::IfThenElse(hn::Gt(t, least), t, least);
     t = hn::IfThenElse(hn::Lt(t, most), t, most);

@@ -25,11 +25,19 @@ inline constexpr int kCrossingBits = 15;
 // Adding this to a number in [0, 1] leaves kCrossingBits behind the point.
 inline constexpr float kCrossingRounder = 1.5f * (1 << (23 - kCrossingBits));
 
+// False for the difference of values that are too far apart for float.
+inline bool isFiniteDifference(float difference) {
+  return std::abs(difference) <= std::numeric_limits<float>::max();
+}
+
 // The place of the crossing on an edge with the values `low` and `high` at its ends, as a part of
 // the edge from its lower end. Exactly one of the values is >= isovalue. The result is within its
 // bounds for any values, also for infinite, NaN or equal ones, which no sound pyramid holds.
 inline float crossingParameter(float isovalue, float low, float high) {
   float t = (isovalue - low) / (high - low);
+  // Values such as 3.4e38 and -3.4e38: half of them differ by a finite number.
+  if (!isFiniteDifference(high - low))
+    t = (0.5f * isovalue - 0.5f * low) / (0.5f * high - 0.5f * low);
   t = t > kLeastCrossing ? t : kLeastCrossing;  // not std::clamp, which lets NaN through
   t = t < 1.0f - kLeastCrossing ? t : 1.0f - kLeastCrossing;
   return (t + kCrossingRounder) - kCrossingRounder;

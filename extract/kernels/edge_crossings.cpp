@@ -23,7 +23,8 @@ void makeQueuedEdges(const EdgeQueue& queue, const WorldFrame& frame, float isov
     hn::LoadInterleaved4(df, &queue.low[i].value, low, low_x, low_y, low_z);
     hn::LoadInterleaved4(df, &queue.high[i].value, high, high_x, high_y, high_z);
     // crossingParameter()
-    auto t = hn::Div(hn::Sub(hn::Set(df, isovalue), low), hn::Sub(high, low));
+    const auto across = hn::Sub(high, low);
+    auto t = hn::Div(hn::Sub(hn::Set(df, isovalue), low), across);
     const auto least = hn::Set(df, kLeastCrossing), most = hn::Set(df, 1.0f - kLeastCrossing);
     t = hn::IfThenElse(hn::Gt(t, least), t, least);
     t = hn::IfThenElse(hn::Lt(t, most), t, most);
@@ -49,7 +50,9 @@ void makeQueuedEdges(const EdgeQueue& queue, const WorldFrame& frame, float isov
     hn::Store(hn::Mul(x, factor), df, out[1] + i);
     hn::Store(hn::Mul(y, factor), df, out[2] + i);
     hn::Store(hn::Mul(z, factor), df, out[3] + i);
-    hn::Store(square, df, out[4] + i);
+    // crossingParameter() halves values that are too far apart.
+    const auto infinity = hn::Set(df, std::numeric_limits<float>::infinity());
+    hn::Store(hn::IfThenElse(hn::Lt(hn::Abs(across), infinity), square, infinity), df, out[4] + i);
   }
 }
 
@@ -77,7 +80,9 @@ void EdgeQueue::make(const WorldFrame& frame, float isovalue, glm::vec3* positio
       float* const normal = &normals[edge.vertex].x;
       for (std::size_t axis = 0; axis < 3; ++axis) normal[axis] = made[1 + axis][i];
     } else {
-      normals[edge.vertex] = makeEdgeCrossing(frame, isovalue, edge, low[i], high[i]).normal;
+      const EdgeCrossing one = makeEdgeCrossing(frame, isovalue, edge, low[i], high[i]);
+      positions[edge.vertex] = one.position;
+      normals[edge.vertex] = one.normal;
     }
   }
   count = 0;

@@ -39,7 +39,7 @@ class QueryNeeds {
  public:
   QueryNeeds(const Pyramid& pyramid, const Query& query)
       : pyramid_(&pyramid),
-        isovalue_(static_cast<float>(query.isovalue)),
+        isovalue_(pyramid.storedIsovalue(query.isovalue)),
         culls_(query.cull_by_ranges) {
     const auto any = [&](auto has) {
       return has(query) || std::any_of(query.or_finer.begin(), query.or_finer.end(), has);

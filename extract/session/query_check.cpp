@@ -2,7 +2,6 @@
 
 #include <cmath>
 #include <glm/geometric.hpp>
-#include <limits>
 #include <numbers>
 #include <string>
 
@@ -86,8 +85,7 @@ void checkChoice(const Pyramid& pyramid, const DetailChoice& choice) {
 }  // namespace
 
 void checkQuery(const Pyramid& pyramid, const Query& query) {
-  // Compared as float.
-  if (!(std::abs(query.isovalue) <= static_cast<double>(std::numeric_limits<float>::max())))
+  if (!std::isfinite(pyramid.storedIsovalue(query.isovalue)))
     throw Error("the isovalue is not a finite number; choose one within the volume's value range");
   checkChoice(pyramid, query);
   for (const DetailChoice& choice : query.or_finer) checkChoice(pyramid, choice);

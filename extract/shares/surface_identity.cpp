@@ -67,7 +67,7 @@ std::string surfaceIdentity(const Pyramid& pyramid, const SurfaceChoice& choice)
   const format::Header& header = pyramid.parts().tables().header();
   lines.addWhole("pyramid", header.header_checksum);
   lines.addWhole("pyramid_bytes", header.file_bytes);
-  lines.add("isovalue", {static_cast<double>(static_cast<float>(choice.isovalue))});
+  lines.add("isovalue", {static_cast<double>(pyramid.storedIsovalue(choice.isovalue))});
   lines.addDetail(choice);
   for (const DetailChoice& finer : choice.or_finer) {
     lines.add("or_finer", {});

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <string>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -20,7 +21,7 @@ class SourceView : public VolumeSource {
   const VolumeInfo& info() const final { return info_; }
   bool readsBoxes() const final { return source_->readsBoxes(); }
   std::vector<std::string> files() const final { return source_->files(); }
-  std::vector<std::string> notesOfReading() const final { return source_->notesOfReading(); }
+  std::vector<std::string> notesOfReading() const override { return source_->notesOfReading(); }
   std::string identity() const final {
     const std::string identity = source_->identity();
     return identity.empty() ? identity : identity + "; " + info_.encoding;
@@ -30,6 +31,17 @@ class SourceView : public VolumeSource {
     source_->readRows(first, count, out);
   }
   void readBox(const IndexBox& box, void* out) const override { source_->readBox(box, out); }
+  void chooseVoxels(const CancelFlag* cancel,
+                    const std::function<void(double)>& progress) override {
+    const std::size_t notes = source_->info().notes.size();
+    source_->chooseVoxels(cancel, progress);
+    takeChoice(notes);
+  }
+  void chooseVoxelsAs(const VolumeInfo& chosen) override {
+    const std::size_t notes = source_->info().notes.size();
+    source_->chooseVoxelsAs(chosen);
+    takeChoice(notes);
+  }
 
  protected:
   SourceView(std::unique_ptr<VolumeSource> source, const std::string& what)
@@ -39,6 +51,18 @@ class SourceView : public VolumeSource {
 
   std::unique_ptr<VolumeSource> source_;
   VolumeInfo info_;
+
+ private:
+  // With the notes of the source from number `first_note` on.
+  void takeChoice(std::size_t first_note) {
+    const VolumeInfo& chosen = source_->info();
+    info_.voxel_type = chosen.voxel_type;
+    info_.values = chosen.values;
+    info_.range = chosen.range;
+    info_.notes.insert(info_.notes.end(),
+                       chosen.notes.begin() + static_cast<std::ptrdiff_t>(first_note),
+                       chosen.notes.end());
+  }
 };
 
 class CroppedSource final : public SourceView {
@@ -150,23 +174,91 @@ class MappedSource : public SourceView {
   std::vector<std::byte> block_;
 };
 
-class FloatSource final : public MappedSource {
+// Values of the input in another type.
+class RealSource final : public MappedSource {
  public:
-  explicit FloatSource(std::unique_ptr<VolumeSource> source)
-      : MappedSource(std::move(source), "as float32") {
-    info_.voxel_type = VoxelType::kFloat32;
+  RealSource(std::unique_ptr<VolumeSource> source, VoxelType type, std::shared_ptr<ValueLoss> loss)
+      : MappedSource(std::move(source), "as " + std::string(voxelTypeName(type))),
+        is_asked_for_(loss == nullptr),
+        loss_(loss != nullptr ? std::move(loss) : std::make_shared<ValueLoss>()) {
+    info_.voxel_type = type;
+    info_.values = {};
+    info_.numbers.reset();
+  }
+
+  std::vector<std::string> notesOfReading() const override {
+    std::vector<std::string> notes = MappedSource::notesOfReading();
+    if (is_asked_for_ && loss_->changed() > 0) notes.push_back(loss_->text());
+    return notes;
   }
 
  private:
   void mapValues(const std::byte* from, std::size_t count, void* to) const override {
-    visitVoxelType(source_->info().voxel_type, [&](auto tag) {
-      using In = typename decltype(tag)::Type;
-      const In* const in = reinterpret_cast<const In*>(from);
-      std::transform(in, in + count, static_cast<float*>(to),
-                     [](In value) { return static_cast<float>(value); });
+    const ValueTransform& values = source_->info().values;
+    std::uint64_t changed = 0;
+    double most_change = 0;
+    RealRange range{std::numeric_limits<double>::infinity(),
+                    -std::numeric_limits<double>::infinity()};
+    visitNumberType(source_->info().voxel_type, [&](auto in_tag) {
+      visitNumberType(info_.voxel_type, [&](auto out_tag) {
+        using In = typename decltype(in_tag)::Type;
+        using Out = typename decltype(out_tag)::Type;
+        const In* const in = reinterpret_cast<const In*>(from);
+        Out* const out = static_cast<Out*>(to);
+        for (std::size_t i = 0; i < count; ++i) {
+          if constexpr (std::is_integral_v<In> && std::is_integral_v<Out>) {
+            // Modulo 2^64, which is exact, also beyond the whole numbers of doubles.
+            const auto offset =
+                values.offset < 0
+                    ? static_cast<std::uint64_t>(static_cast<std::int64_t>(values.offset))
+                    : static_cast<std::uint64_t>(values.offset);
+            out[i] = static_cast<Out>(static_cast<std::uint64_t>(in[i]) + offset);
+          } else {
+            const double value = values.real(static_cast<double>(in[i]));
+            out[i] = static_cast<Out>(value);
+            if (!std::isfinite(value)) continue;
+            const auto written = static_cast<double>(out[i]);
+            const double change = std::abs((std::isfinite(written) ? written : 0) - value);
+            changed += change > 0 ? 1 : 0;
+            most_change = std::max(most_change, change);
+            range.min = std::min(range.min, value);
+            range.max = std::max(range.max, value);
+          }
+        }
+      });
     });
+    loss_->add(changed, most_change, range);
   }
+
+  const bool is_asked_for_;  // the type, whatever is lost
+  const std::shared_ptr<ValueLoss> loss_;
 };
+
+// True if all values of the input are whole numbers between the two bounds of T.
+template <typename T>
+bool holdsWhole(const VolumeInfo& info) {
+  return info.range.min >= static_cast<double>(std::numeric_limits<T>::lowest()) &&
+         info.range.max <= static_cast<double>(std::numeric_limits<T>::max());
+}
+
+VoxelType realTypeOf(const VolumeInfo& info, bool has_all_types) {
+  if (info.values.isIdentity())
+    return isStorable(info.voxel_type) || has_all_types ? info.voxel_type : VoxelType::kFloat32;
+  const bool are_whole = info.voxel_type != VoxelType::kFloat32 && info.values.scale == 1 &&
+                         info.values.offset == std::floor(info.values.offset);
+  if (are_whole) {
+    if (holdsWhole<std::int16_t>(info)) return VoxelType::kInt16;
+    if (holdsWhole<std::uint16_t>(info)) return VoxelType::kUint16;
+    if (has_all_types) {
+      if (holdsWhole<std::int32_t>(info)) return VoxelType::kInt32;
+      if (holdsWhole<std::uint32_t>(info)) return VoxelType::kUint32;
+      constexpr double kWholeDoubles = 0x1p53;
+      if (std::max(-info.range.min, info.range.max) <= kWholeDoubles) return VoxelType::kFloat64;
+      return info.range.min < 0 ? VoxelType::kInt64 : VoxelType::kUint64;
+    }
+  }
+  return has_all_types ? VoxelType::kFloat64 : VoxelType::kFloat32;
+}
 
 class WindowedSource final : public MappedSource {
  public:
@@ -176,6 +268,8 @@ class WindowedSource final : public MappedSource {
                                             std::string(voxelTypeName(type))),
         window_(window) {
     info_.voxel_type = type;
+    info_.values = {};
+    info_.numbers.reset();
     // Backgrounds and classes are about the values as they were.
     std::erase_if(info_.properties, [](const auto& p) { return p.first.starts_with("vdb."); });
     visitVoxelType(type, [&](auto tag) {
@@ -197,14 +291,16 @@ class WindowedSource final : public MappedSource {
     const double steps = most_ - least_;
     const double low = window_.low, scale = steps / (window_.high - window_.low);
     const auto least = static_cast<std::int32_t>(least_);
-    visitVoxelType(source_->info().voxel_type, [&](auto in_tag) {
+    const ValueTransform& values = source_->info().values;
+    visitNumberType(source_->info().voxel_type, [&](auto in_tag) {
       visitVoxelType(info_.voxel_type, [&](auto out_tag) {
         using In = typename decltype(in_tag)::Type;
         using Out = typename decltype(out_tag)::Type;
         const In* const in = reinterpret_cast<const In*>(from);
         Out* const out = static_cast<Out*>(to);
         for (std::size_t i = 0; i < count; ++i) {
-          const double step = std::min((static_cast<double>(in[i]) - low) * scale, steps);
+          const double value = values.real(static_cast<double>(in[i]));
+          const double step = std::min((value - low) * scale, steps);
           // NaN becomes the least: it compares with nothing.
           out[i] = static_cast<Out>(least + static_cast<std::int32_t>(step > 0 ? step + 0.5 : 0.0));
         }
@@ -234,7 +330,27 @@ std::unique_ptr<VolumeSource> makeCroppedSource(std::unique_ptr<VolumeSource> so
 }
 
 std::unique_ptr<VolumeSource> makeFloatSource(std::unique_ptr<VolumeSource> source) {
-  return std::make_unique<FloatSource>(std::move(source));
+  return std::make_unique<RealSource>(std::move(source), VoxelType::kFloat32, nullptr);
+}
+
+void ValueLoss::add(std::uint64_t changed, double most_change, const RealRange& range) {
+  const std::lock_guard lock(mutex_);
+  changed_ += changed;
+  most_change_ = std::max(most_change_, most_change);
+  least_ = std::min(least_, range.min);
+  greatest_ = std::max(greatest_, range.max);
+}
+
+std::string ValueLoss::text() const {
+  return std::to_string(changed_) + " values changed as float32, by at most " +
+         shortText(most_change_) + " of a range of " + shortText(range());
+}
+
+std::unique_ptr<VolumeSource> makeRealSource(std::unique_ptr<VolumeSource> source,
+                                             bool has_all_types, std::shared_ptr<ValueLoss> loss) {
+  const VoxelType type = realTypeOf(source->info(), has_all_types);
+  if (source->info().values.isIdentity() && type == source->info().voxel_type) return source;
+  return std::make_unique<RealSource>(std::move(source), type, std::move(loss));
 }
 
 std::unique_ptr<VolumeSource> makeWindowedSource(std::unique_ptr<VolumeSource> source,

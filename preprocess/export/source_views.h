@@ -2,8 +2,12 @@
 // another type.
 #pragma once
 
+#include <cstdint>
+#include <limits>
 #include <memory>
+#include <mutex>
 #include <optional>
+#include <string>
 
 #include "isobrick/preprocess/volume_source.h"
 
@@ -16,6 +20,31 @@ std::unique_ptr<VolumeSource> makeCroppedSource(std::unique_ptr<VolumeSource> so
 
 // Values as float32, which holds those of every voxel type without loss.
 std::unique_ptr<VolumeSource> makeFloatSource(std::unique_ptr<VolumeSource> source);
+
+// What becomes of values that are written in a type which does not hold them all. Any number of
+// threads adds to it.
+class ValueLoss {
+ public:
+  void add(std::uint64_t changed, double most_change, const RealRange& range);
+  std::uint64_t changed() const { return changed_; }
+  double mostChange() const { return most_change_; }
+  // "12 values changed as float32, by at most 0.004 of a range of 12".
+  std::string text() const;
+  // Of the values that were written.
+  double range() const { return greatest_ - least_; }
+
+ private:
+  mutable std::mutex mutex_;
+  std::uint64_t changed_ = 0;
+  double most_change_ = 0;
+  double least_ = std::numeric_limits<double>::infinity();
+  double greatest_ = -std::numeric_limits<double>::infinity();
+};
+
+// The input's values (VolumeInfo::values), in a type that holds them: of all types, or of those
+// that pyramids hold, which may lose something; `loss` counts that.
+std::unique_ptr<VolumeSource> makeRealSource(std::unique_ptr<VolumeSource> source,
+                                             bool has_all_types, std::shared_ptr<ValueLoss> loss);
 
 // Values from `low` to `high` spread over all of an integer type: `low` becomes its least number,
 // `high` its greatest, values outside become the nearer of the two; rounded to the nearest. A note

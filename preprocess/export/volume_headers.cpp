@@ -12,7 +12,7 @@ namespace isobrick {
 namespace {
 
 // The name of the voxel type in a format: in the order of VoxelType.
-using TypeNames = const char* [kVoxelTypeCount];
+using TypeNames = const char * [std::size(kVoxelTypes)];
 const char* typeName(const TypeNames& names, const VolumeInfo& info) {
   return names[static_cast<std::size_t>(info.voxel_type)];
 }
@@ -88,7 +88,8 @@ bool putNiftiGeometry(const GridGeometry& geometry, std::array<std::byte, kNifti
 }  // namespace
 
 std::string nrrdHeader(const VolumeInfo& info) {
-  static constexpr TypeNames kTypes = {"uint8", "int8", "uint16", "int16", "float"};
+  static constexpr TypeNames kTypes = {"uint8",  "int8",  "uint16", "int16", "float",
+                                       "uint64", "int64", "uint32", "int32", "double"};
   const glm::dmat3 steps = info.geometry.indexToWorldMatrix();
   std::string header = "NRRD0004\n# written by isobrick\ntype: ";
   header += typeName(kTypes, info);
@@ -104,8 +105,9 @@ std::string nrrdHeader(const VolumeInfo& info) {
 }
 
 std::string metaImageHeader(const VolumeInfo& info, const std::string& data_name) {
-  static constexpr TypeNames kTypes = {"MET_UCHAR", "MET_CHAR", "MET_USHORT", "MET_SHORT",
-                                       "MET_FLOAT"};
+  static constexpr TypeNames kTypes = {"MET_UCHAR", "MET_CHAR",       "MET_USHORT",    "MET_SHORT",
+                                       "MET_FLOAT", "MET_ULONG_LONG", "MET_LONG_LONG", "MET_UINT",
+                                       "MET_INT",   "MET_DOUBLE"};
   const GridGeometry& geometry = info.geometry;
   std::string header =
       "ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = False\n"
@@ -123,7 +125,8 @@ std::string metaImageHeader(const VolumeInfo& info, const std::string& data_name
 }
 
 std::string vtiHeader(const VolumeInfo& info) {
-  static constexpr TypeNames kTypes = {"UInt8", "Int8", "UInt16", "Int16", "Float32"};
+  static constexpr TypeNames kTypes = {"UInt8",  "Int8",  "UInt16", "Int16", "Float32",
+                                       "UInt64", "Int64", "UInt32", "Int32", "Float64"};
   const Index3 last = info.voxels - Index3(1);
   const std::string extent = "0 " + indexText(last, " 0 ");
   const glm::dmat3 rows = glm::transpose(info.geometry.direction);
@@ -152,7 +155,9 @@ std::array<std::byte, kNiftiBytes> niftiHeader(const VolumeInfo& info, const std
   struct Type {
     std::int16_t code, bits;
   };
-  static constexpr Type kTypes[kVoxelTypeCount] = {{2, 8}, {256, 8}, {512, 16}, {4, 16}, {16, 32}};
+  static constexpr Type kTypes[std::size(kVoxelTypes)] = {
+      {2, 8},     {256, 8},   {512, 16}, {4, 16}, {16, 32},
+      {1280, 64}, {1024, 64}, {768, 32}, {8, 32}, {64, 64}};
   for (int axis = 0; axis < 3; ++axis)
     if (info.voxels[axis] > std::numeric_limits<std::int16_t>::max())
       throw unwritable(path, "NIfTI-1 has at most 32767 voxels along an axis, and this volume " +

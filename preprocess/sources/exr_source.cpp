@@ -181,7 +181,7 @@ class ExrSlices final : public VolumeSource {
     takeOwnAttributes(first.header(channel_.part), info_, has_geometry);
     if (!has_geometry) info_.notes.push_back("the slices say no distances; 1 was used");
     if (channel_.type == Imf::UINT && info_.voxel_type == VoxelType::kFloat32)
-      info_.notes.push_back("uint32 voxels were converted to float32");
+      info_.voxel_type = VoxelType::kUint32;
     tidyGeometry(folder, info_.geometry, info_.voxels, info_.notes);
   }
 
@@ -193,7 +193,7 @@ class ExrSlices final : public VolumeSource {
   }
 
   void readRows(std::int64_t first, std::int64_t count, void* out) override {
-    visitVoxelType(info_.voxel_type, [&](auto tag) {
+    visitNumberType(info_.voxel_type, [&](auto tag) {
       using T = typename decltype(tag)::Type;
       auto* to = static_cast<T*>(out);
       for (std::int64_t row = first; row < first + count; ++row, to += info_.voxels.x) {
@@ -227,9 +227,10 @@ class ExrSlices final : public VolumeSource {
   T voxelOf(std::uint32_t bits) const {
     const double value =
         channel_.type == Imf::UINT ? bits : static_cast<double>(std::bit_cast<float>(bits));
-    if constexpr (std::is_same_v<T, float>) return static_cast<float>(value);
+    if constexpr (std::is_floating_point_v<T>) return static_cast<T>(value);
     // Isobrick wrote whole numbers of the type; pixels that were edited since become the nearest.
-    const double low = std::numeric_limits<T>::min(), high = std::numeric_limits<T>::max();
+    const auto low = static_cast<double>(std::numeric_limits<T>::min());
+    const auto high = static_cast<double>(std::numeric_limits<T>::max());
     return value > low ? static_cast<T>(std::min(std::round(value), high)) : static_cast<T>(low);
   }
 

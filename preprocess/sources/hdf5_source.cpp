@@ -37,16 +37,28 @@ hid_t memoryType(StoredType type) {
       return H5T_NATIVE_UINT16;
     case StoredType::kInt16:
       return H5T_NATIVE_INT16;
-    // All others become float32: by the library, as it reads.
-    default:
+    case StoredType::kUint32:
+      return H5T_NATIVE_UINT32;
+    case StoredType::kInt32:
+      return H5T_NATIVE_INT32;
+    case StoredType::kUint64:
+      return H5T_NATIVE_UINT64;
+    case StoredType::kInt64:
+      return H5T_NATIVE_INT64;
+    case StoredType::kFloat16:
+    case StoredType::kFloat32:
       return H5T_NATIVE_FLOAT;
+    case StoredType::kFloat64:
+      return H5T_NATIVE_DOUBLE;
   }
+  return H5T_NATIVE_FLOAT;
 }
 
 std::optional<StoredType> storedTypeOf(hid_t type) {
   const std::size_t bytes = H5Tget_size(type);
-  // A half is converted like a double, and h5py's bool is an enum.
-  if (H5Tget_class(type) == H5T_FLOAT) return isobrick::storedTypeOf('f', bytes == 2 ? 8 : bytes);
+  // A half becomes a float, and h5py's bool is an enum.
+  if (H5Tget_class(type) == H5T_FLOAT)
+    return isobrick::storedTypeOf('f', std::max(bytes, std::size_t{4}));
   if (H5Tget_class(type) == H5T_ENUM && bytes == 1) return StoredType::kUint8;
   if (H5Tget_class(type) != H5T_INTEGER) return std::nullopt;
   return isobrick::storedTypeOf(H5Tget_sign(type) != H5T_SGN_NONE ? 'i' : 'u', bytes);
@@ -253,11 +265,11 @@ class Hdf5Source final : public VolumeSource {
     const auto stored = type_.isValid() ? storedTypeOf(type_.id()) : std::nullopt;
     if (!stored)
       throw refused("its voxels are no integers or floats of up to 8 bytes; convert them first");
-    const StoredVoxels voxels{*stored, false, {}, false};
+    StoredVoxels voxels;
+    voxels.type = *stored;
     info_.voxel_type = voxels.delivered();
     // h5py's bools are named numbers of 8 bits: read in their own type.
     memory_type_ = H5Tget_class(type_.id()) == H5T_ENUM ? type_.id() : memoryType(*stored);
-    if (!voxels.keepsType()) info_.notes.push_back("voxels were converted to float32");
   }
 
   void checkFilters() const {

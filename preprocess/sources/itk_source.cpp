@@ -76,12 +76,9 @@ VolumeInfo describeVolume(const std::string& path, const itk::ImageIOBase& image
   if (info.format == "MRC") MrcHeader(path).turnAxes(info.geometry);
   takeUnits(path, info);
   tidyGeometry(path, info.geometry, info.voxels, info.notes);
-  const Component component = image.GetComponentType();
-  const auto exact = exactVoxelType(component);
-  info.voxel_type = exact.value_or(VoxelType::kFloat32);
-  if (!exact)
-    info.notes.push_back(itk::ImageIOBase::GetComponentTypeAsString(component) +
-                         " voxels were converted to float32");
+  StoredVoxels stored;
+  stored.type = storedTypeOf(image.GetComponentType());
+  info.voxel_type = stored.delivered();
   return info;
 }
 

@@ -168,7 +168,6 @@ NiftiRun findNiftiRun(const std::string& path) {
   result.stored.type = storedType(path, header.dataType());
   result.stored.big_endian = header.bigEndian();
   result.stored.map = valueMap(header);
-  result.stored.not_finite_is_zero = true;
   return result;
 }
 

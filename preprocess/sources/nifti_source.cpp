@@ -40,7 +40,8 @@ std::unique_ptr<VolumeSource> openNiftiVolume(VolumeInfo info, bool is_origin_sc
     return unreadable(info.source, "its header is contradictory; check that it is not damaged");
   };
   if (nifti.numbers_together > 1) stored.map.reset();  // it is of plain numbers
-  if (stored.delivered() != info.voxel_type) throw contradiction();
+  if (!stored.map && stored.delivered() != info.voxel_type) throw contradiction();
+  info.voxel_type = stored.delivered();
   if (nifti.numbers_together != 1 && nifti.numbers_together != components) throw contradiction();
   if (stored.map)
     info.notes.push_back("slope " + shortText(stored.map->slope) + " and intercept " +

@@ -8,6 +8,7 @@
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/sources/format_sources.h"
 #include "isobrick/preprocess/sources/voxel_components.h"
+#include "isobrick/preprocess/value_fit.h"
 #include "isobrick/storage/error.h"
 #include "isobrick/storage/file_system.h"
 #include "isobrick/storage/lowercase.h"
@@ -172,7 +173,14 @@ std::unique_ptr<VolumeSource> placedAsGiven(std::unique_ptr<VolumeSource> source
 
 std::unique_ptr<VolumeSource> openVolume(const std::string& path, const OpenOptions& options) {
   refuseUnusablePath(path, options);
-  return placedAsGiven(openFormat(path, options), options, options.pyramid_level.value_or(0));
+  // It is opened again to be read again, when nobody waits for the first of it.
+  OpenOptions quiet = options;
+  quiet.progress = nullptr;
+  auto source = options.keep_numbers ? openFormat(path, options)
+                                     : withVoxels(openFormat(path, options), [path, quiet] {
+                                         return openFormat(path, quiet);
+                                       });
+  return placedAsGiven(std::move(source), options, options.pyramid_level.value_or(0));
 }
 
 }  // namespace isobrick

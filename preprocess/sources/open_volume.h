@@ -16,8 +16,7 @@
 
 namespace isobrick {
 
-// The names that RawLayout::type takes: "u8", "i8", "u16", "i16", "f32", and "u32", "i32" and
-// "f64", which become float32 with a note.
+// The names that RawLayout::type takes: "u8", "i8", "u16", "i16", "f32", "u32", "i32" and "f64".
 std::vector<std::string> rawTypeNames();
 
 // How to read a file that has no header.
@@ -73,6 +72,9 @@ struct OpenOptions {
   // The component to take from NRRD, MetaImage, NIfTI and VTI with several values per voxel.
   // Without it such volumes are refused; with it all others are.
   std::optional<ComponentChoice> component;
+  // Delivers numbers that no pyramid holds (float64, integers of 32 and 64 bits) as they are, for
+  // writing them elsewhere. Without it VolumeSource::chooseVoxels() makes voxels of them.
+  bool keep_numbers = false;
   // The most bytes that the source should hold, if it has a choice: the pager of a pyramid, the
   // part of a grid that is in memory at a time. VolumeSource::bufferBytes() says how many it takes.
   std::uint64_t memory_bytes = std::uint64_t{256} << 20;

@@ -30,6 +30,8 @@ class PyramidSource final : public VolumeSource {
     const Lattice& lattice = pyramid_->lattice();
     info_.voxels = lattice.samples(level);
     info_.voxel_type = pyramid_->spec().voxel_type;
+    info_.values = pyramid_->spec().values;
+    info_.range = pyramid_->realRange();
     info_.geometry = pyramid_->spec().geometry;
     info_.geometry.spacing *= static_cast<double>(std::int64_t{1} << level);
     info_.source = pyramid_->path();

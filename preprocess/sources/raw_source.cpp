@@ -95,7 +95,9 @@ std::vector<std::string> rawTypeNames() {
 }
 
 std::unique_ptr<VolumeSource> openRawSource(const std::string& path, const RawLayout& layout) {
-  const StoredVoxels stored{storedType(path, layout.type), layout.big_endian, {}, false};
+  StoredVoxels stored;
+  stored.type = storedType(path, layout.type);
+  stored.big_endian = layout.big_endian;
   checkVoxelCounts(path, layout.voxels);
   VolumeInfo info;
   info.voxels = layout.voxels;
@@ -104,7 +106,6 @@ std::unique_ptr<VolumeSource> openRawSource(const std::string& path, const RawLa
   info.format = "raw";
   info.encoding = layout.type + (layout.big_endian ? " big-endian" : " little-endian") +
                   " at byte " + std::to_string(layout.offset_bytes);
-  if (!stored.keepsType()) info.notes.push_back(layout.type + " voxels were converted to float32");
   tidyGeometry(path, info.geometry, info.voxels, info.notes);
   RawRun run;
   run.path = path;

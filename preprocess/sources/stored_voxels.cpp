@@ -61,29 +61,11 @@ auto numberAt(const std::byte* from) {
   return plainNumber(value);
 }
 
-void zeroNotFinite(float* values, std::size_t count) {
-  for (std::size_t i = 0; i < count; ++i)
-    if (!std::isfinite(values[i])) values[i] = 0;
-}
-
-template <typename T>
-void convert(const StoredVoxels& stored, const std::byte* in, std::size_t count, float* out) {
-  const StoredVoxels::Map map = stored.map.value_or(StoredVoxels::Map{});
-  const bool maps = stored.map.has_value();
+template <typename T, typename Out>
+void mapNumbers(const StoredVoxels::Map& map, const std::byte* in, std::size_t count, Out* out) {
   for (std::size_t i = 0; i < count; ++i) {
-    auto value = numberAt<T>(in + i * sizeof(T));
-    if constexpr (std::is_floating_point_v<decltype(value)>)
-      if (stored.not_finite_is_zero && !std::isfinite(value)) value = 0;
-    if (!maps) {
-      out[i] = static_cast<float>(value);
-    } else {
-      double number;
-      if constexpr (std::is_same_v<T, double>)
-        number = value;
-      else
-        number = static_cast<double>(static_cast<float>(value));
-      out[i] = static_cast<float>(number * map.slope + map.intercept);
-    }
+    const auto number = static_cast<double>(numberAt<T>(in + i * sizeof(T)));
+    out[i] = static_cast<Out>(number * map.slope + map.intercept);
   }
 }
 
@@ -135,31 +117,42 @@ void visitStoredType(StoredType type, F&& f) {
 }  // namespace
 
 VoxelType StoredVoxels::delivered() const {
-  if (map || magnitude) return VoxelType::kFloat32;
-  return voxelTypeNamed(infoOf(type).name).value_or(VoxelType::kFloat32);
+  if (magnitude) return VoxelType::kFloat32;
+  if (map) {
+    // Single precision holds 24 bits, also of what follows a large intercept.
+    constexpr double kMostSteps = 0x1p24;
+    const bool fits = bytes() / components <= 2 || type == StoredType::kFloat32;
+    return fits && std::abs(map->intercept) <= kMostSteps * std::abs(map->slope)
+               ? VoxelType::kFloat32
+               : VoxelType::kFloat64;
+  }
+  for (std::uint32_t i = 0; i < std::size(kVoxelTypes); ++i)
+    if (kVoxelTypes[i].name == infoOf(type).name) return static_cast<VoxelType>(i);
+  return VoxelType::kFloat32;
 }
 
 bool StoredVoxels::keepsType() const {
-  return components == 1 && !map &&
-         (delivered() != VoxelType::kFloat32 || type == StoredType::kFloat32);
+  return components == 1 && !map && type != StoredType::kFloat16;
 }
 
 bool StoredVoxels::isVerbatim() const {
   // The byte order of the machine is little-endian (storage/format.h).
-  return keepsType() && (!big_endian || bytes() == 1) &&
-         !(not_finite_is_zero && type == StoredType::kFloat32);
+  return keepsType() && (!big_endian || bytes() == 1);
 }
 
 void StoredVoxels::decodeInPlace(void* data, std::size_t count) const {
   if (big_endian) swapElements(data, count, bytes());
-  if (not_finite_is_zero && type == StoredType::kFloat32)
-    zeroNotFinite(static_cast<float*>(data), count);
 }
 
-void StoredVoxels::decode(std::byte* stored, std::size_t count, float* out) const {
+void StoredVoxels::decode(std::byte* stored, std::size_t count, void* out) const {
   if (big_endian) swapElements(stored, count, bytes());
-  visitStoredType(
-      type, [&](auto tag) { convert<typename decltype(tag)::Type>(*this, stored, count, out); });
+  visitStoredType(type, [&](auto tag) {
+    using T = typename decltype(tag)::Type;
+    if (delivered() == VoxelType::kFloat64)
+      mapNumbers<T>(map.value_or(Map{}), stored, count, static_cast<double*>(out));
+    else
+      mapNumbers<T>(map.value_or(Map{}), stored, count, static_cast<float*>(out));
+  });
 }
 
 void StoredVoxels::decodeComponents(std::byte* stored, std::size_t count, void* out) const {
@@ -181,7 +174,7 @@ void StoredVoxels::decodeComponents(std::byte* stored, std::size_t count, void* 
     one.decodeInPlace(stored, count);
     std::memcpy(out, stored, count * number_bytes);
   } else {
-    one.decode(stored, count, static_cast<float*>(out));
+    one.decode(stored, count, out);
   }
 }
 

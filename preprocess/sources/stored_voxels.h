@@ -60,18 +60,16 @@ constexpr std::optional<StoredType> storedTypeNamed(std::string_view name) {
   return std::nullopt;
 }
 
-// Numbers in a file. Those of the five voxel types are delivered as they are; others, and all that
-// are mapped, become float32.
+// Numbers in a file, delivered as they are (value_fit.h makes voxels of types that no pyramid has);
+// those that are mapped become float32, or float64 if that would lose what tells them apart.
 struct StoredVoxels {
   StoredType type = StoredType::kUint8;
   bool big_endian = false;
-  // value = stored * slope + intercept, in double, after integers became float32, as ITK does it.
+  // value = stored * slope + intercept, in double.
   struct Map {
     double slope = 1, intercept = 0;
   };
   std::optional<Map> map;
-  // Floating-point numbers that are not finite count as 0, before the map, as in the NIfTI library.
-  bool not_finite_is_zero = false;
   // Numbers of a voxel, one behind the other, at most kMostComponents: one of them becomes its
   // value, or, with no map, the magnitude of all of them.
   std::size_t components = 1;
@@ -96,7 +94,7 @@ struct StoredVoxels {
   // If keepsType(): turns `count` stored numbers at `data` into delivered ones.
   void decodeInPlace(void* data, std::size_t count) const;
   // Otherwise: `stored`, aligned for its type, is overwritten on the way.
-  void decode(std::byte* stored, std::size_t count, float* out) const;
+  void decode(std::byte* stored, std::size_t count, void* out) const;
   // For voxels with several numbers: likewise, to voxels of the type delivered().
   void decodeComponents(std::byte* stored, std::size_t count, void* out) const;
 };
@@ -136,8 +134,8 @@ void decodeVoxels(const StoredVoxels& stored, std::size_t count, void* out, Read
     while (count > 0) {
       const std::size_t voxels = std::min(count, kDecodeBufferBytes / stored.bytes());
       read(buffer.data(), voxels * stored.bytes());
-      stored.decode(buffer.data(), voxels, reinterpret_cast<float*>(to));
-      to += voxels * sizeof(float);
+      stored.decode(buffer.data(), voxels, to);
+      to += voxels * voxelBytes(stored.delivered());
       count -= voxels;
     }
   }

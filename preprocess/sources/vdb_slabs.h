@@ -43,6 +43,8 @@ class MemoryStreamBuffer final : public std::streambuf {
 // tenth of the tree itself without its voxels.
 template <typename Tree>
 class VdbSlabs {
+  using Value = typename Tree::ValueType;
+
  public:
   using Leaf = typename Tree::LeafNodeType;
   using LowerNode = typename Tree::RootNodeType::ChildNodeType::ChildNodeType;
@@ -71,10 +73,10 @@ class VdbSlabs {
   // The values of `box`, in coordinates of the grid, x fastest, on all threads. Throws what OpenVDB
   // and the stream throw for leaves that are damaged; `checkCancel` may throw too.
   template <typename CheckCancel>
-  void read(const IndexBox& box, float* out, const CheckCancel& checkCancel) const {
+  void read(const IndexBox& box, Value* out, const CheckCancel& checkCancel) const {
     isolatedFor(std::int64_t{0}, box.count.z, [&](std::int64_t z) {
       const std::int64_t slice = box.count.x * box.count.y;
-      std::fill_n(out + z * slice, slice, static_cast<float>(background_));
+      std::fill_n(out + z * slice, slice, background_);
     });
     for (const Box& tile : coarse_tiles_) fill(box, out, tile.box, tile.value);
     isolatedFor(std::size_t{0}, nodes_.size(), [&](std::size_t i) {
@@ -89,12 +91,11 @@ class VdbSlabs {
   }
 
  private:
-  using Value = typename Tree::ValueType;
   static constexpr std::int64_t kNodeLeaves = kNodeVoxels / kLeafVoxels;  // along an axis
 
   struct Tile {
     std::uint16_t child;
-    float value;
+    Value value;
   };
   struct Node {
     Index3 first;                             // its lowest corner
@@ -104,7 +105,7 @@ class VdbSlabs {
   };
   struct Box {
     IndexBox box;
-    float value;
+    Value value;
   };
 
   static Index3 indexOf(const openvdb::Coord& at) { return {at.x(), at.y(), at.z()}; }
@@ -127,7 +128,7 @@ class VdbSlabs {
       at.getBoundingBox(box);
       coarse_tiles_.push_back(
           {{indexOf(box.min()), indexOf(box.max()) + Index3(1) - indexOf(box.min())},
-           static_cast<float>(at.getValue())});
+           at.getValue()});
     }
   }
 
@@ -143,14 +144,13 @@ class VdbSlabs {
       leaf += node.leaves.countOn();
       for (auto tile = found->cbeginValueAll(); tile; ++tile)
         if (tile.getValue() != background_)
-          node.tiles.push_back(
-              {static_cast<std::uint16_t>(tile.pos()), static_cast<float>(tile.getValue())});
+          node.tiles.push_back({static_cast<std::uint16_t>(tile.pos()), tile.getValue()});
       nodes_.push_back(std::move(node));
     }
   }
 
   // The part of `region` in the box becomes `value`.
-  static void fill(const IndexBox& box, float* out, const IndexBox& region, float value) {
+  static void fill(const IndexBox& box, Value* out, const IndexBox& region, Value value) {
     const Index3 begin = glm::max(box.first, region.first) - box.first;
     const Index3 end = glm::min(box.end(), region.end()) - box.first;
     if (begin.x >= end.x) return;
@@ -160,7 +160,7 @@ class VdbSlabs {
   }
 
   // A plane of leaves at a time: one read, from the first to the last that the box needs.
-  void readLeaves(const Node& node, const IndexBox& box, float* out) const {
+  void readLeaves(const Node& node, const IndexBox& box, Value* out) const {
     MemoryStreamBuffer memory;
     std::istream in(&memory);
     in.exceptions(std::ios::failbit | std::ios::badbit | std::ios::eofbit);
@@ -195,15 +195,15 @@ class VdbSlabs {
     }
   }
 
-  static void copyLeaf(const Value* values, const Index3& first, const IndexBox& box, float* out) {
+  static void copyLeaf(const Value* values, const Index3& first, const IndexBox& box, Value* out) {
     const Index3 begin = glm::max(first, box.first);
     const Index3 end = glm::min(first + Index3(kLeafVoxels), box.end());
     for (std::int64_t z = begin.z; z < end.z; ++z)
       for (std::int64_t y = begin.y; y < end.y; ++y) {
-        float* const row = out + linearIndex(Index3(begin.x, y, z) - box.first, box.count);
+        Value* const row = out + linearIndex(Index3(begin.x, y, z) - box.first, box.count);
         const Value* const from = values + (y - first.y) * kLeafVoxels + (z - first.z);
         for (std::int64_t x = begin.x; x < end.x; ++x)
-          row[x - begin.x] = static_cast<float>(from[(x - first.x) * kLeafVoxels * kLeafVoxels]);
+          row[x - begin.x] = from[(x - first.x) * kLeafVoxels * kLeafVoxels];
       }
   }
 

@@ -89,10 +89,10 @@ void copyBox(const Grid& grid, const IndexBox& box, T* out) {
 }
 template <typename Grid>
 void copyVoxels(const Grid& grid, const IndexBox& box, void* out) {
-  if (isMask(grid))
+  if constexpr (kHasBits<Grid>)
     copyBox(grid, box, static_cast<std::uint8_t*>(out));
   else
-    copyBox(grid, box, static_cast<float*>(out));
+    copyBox(grid, box, static_cast<typename Grid::ValueType*>(out));
 }
 
 // A file that reports its progress, and throws after a request to stop: the exception comes out of
@@ -237,7 +237,7 @@ class VdbFile : private openvdb::io::Archive {
   }
   // The values of `box`, in coordinates of the grid.
   template <typename Tree>
-  void readSlab(const VdbSlabs<Tree>& slabs, const IndexBox& box, float* out) {
+  void readSlab(const VdbSlabs<Tree>& slabs, const IndexBox& box, typename Tree::ValueType* out) {
     guarded([&] { slabs.read(box, out, [&] { options_.checkCancel(); }); });
   }
 
@@ -510,13 +510,15 @@ class VdbSource final : public VdbSourceBase {
 // slices.
 template <typename Tree>
 class VdbSlabSource final : public VdbSourceBase {
+  using Value = typename Tree::ValueType;
+
  public:
   VdbSlabSource(VolumeInfo info, std::unique_ptr<VdbFile> file,
                 std::unique_ptr<VdbSlabs<Tree>> slabs, const Index3& first,
                 std::uint64_t node_bytes, std::uint64_t memory_bytes)
       : VdbSourceBase(std::move(info), first), file_(std::move(file)), slabs_(std::move(slabs)) {
     const auto slice_bytes =
-        static_cast<std::uint64_t>(info_.voxels.x * info_.voxels.y) * sizeof(float);
+        static_cast<std::uint64_t>(info_.voxels.x * info_.voxels.y) * sizeof(Value);
     // A thread's leaves.
     constexpr std::uint64_t kThreadBytes = std::uint64_t{1} << 20;
     const auto threads =
@@ -535,7 +537,7 @@ class VdbSlabSource final : public VdbSourceBase {
 
   void readRows(std::int64_t first, std::int64_t count, void* out) override {
     const Index3& voxels = info_.voxels;
-    auto* to = static_cast<float*>(out);
+    auto* to = static_cast<Value*>(out);
     while (count > 0) {
       const std::int64_t y = first % voxels.y, z = first / voxels.y;
       if (z >= slab_begin_ + slab_slices_) loadSlab(z);
@@ -566,7 +568,7 @@ class VdbSlabSource final : public VdbSourceBase {
   std::unique_ptr<VdbSlabs<Tree>> slabs_;
   std::int64_t slices_ = 0;  // of a slab
   std::uint64_t buffer_bytes_ = 0;
-  std::vector<float> slab_;
+  std::vector<Value> slab_;
   std::int64_t slab_begin_ = 0, slab_slices_ = 0;  // its contents
 };
 
@@ -597,11 +599,12 @@ std::unique_ptr<VolumeSource> openVdbSource(const std::string& path, const OpenO
   info.voxels = box.count;
   info.geometry = geometryOf(path, *grid, box, info.notes);
   if (!options.grid.empty()) info.encoding = "grid " + quoted(options.grid);
-  info.voxel_type = isMask(*grid) ? VoxelType::kUint8 : VoxelType::kFloat32;
-  if (isMask(*grid))
-    info.notes.push_back(grid->valueType() + " voxels became 0 and 1");
-  else if (!grid->isType<openvdb::FloatGrid>())
-    info.notes.push_back(grid->valueType() + " voxels were converted to float32");
+  info.voxel_type = VoxelType::kUint8;
+  if (isMask(*grid)) info.notes.push_back(grid->valueType() + " voxels became 0 and 1");
+  visitScalar(grid, [&](const auto& typed) {
+    using Grid = std::decay_t<decltype(*typed)>;
+    if constexpr (!kHasBits<Grid>) info.voxel_type = voxelTypeOf<typename Grid::ValueType>();
+  });
   if (grid->getGridClass() == openvdb::GRID_LEVEL_SET)
     info.notes.push_back("a level set: its distances are negative inside; the surface is at 0");
   takeProperties(info, grid, box.first);

@@ -38,7 +38,7 @@ class MagnitudeSource final : public VolumeSource {
  private:
   void addRow(VolumeSource& component, std::int64_t row) {
     component.readRows(row, 1, row_.data());
-    visitVoxelType(component.info().voxel_type, [&](auto tag) {
+    visitNumberType(component.info().voxel_type, [&](auto tag) {
       using T = typename decltype(tag)::Type;
       const T* const values = reinterpret_cast<const T*>(row_.data());
       for (std::size_t i = 0; i < squares_.size(); ++i)

@@ -74,8 +74,6 @@ class VtiOpener {
     stored_.type = storedType(path_, array_.type);
     stored_.big_endian = header_.byte_order == "BigEndian";
     info_.voxel_type = stored_.delivered();
-    if (!stored_.keepsType())
-      info_.notes.push_back(array_.type + " voxels were converted to float32");
     takeComponent(array_.components, options_, stored_, info_);
     const auto bytes = stored_.bytesOf(elementCount(info_.voxels));
     if (!bytes) throw wrongSize("less than 2^64");

@@ -381,12 +381,12 @@ bool ZarrArray::readChunk(const Indices& index, std::vector<std::byte>& out) con
   std::vector<std::byte> packed;
   if (!readPacked(path, index, packed)) {
     out.resize(static_cast<std::size_t>(chunkBytes()));
-    visitVoxelType(stored_.delivered(), [&](auto tag) {
+    visitNumberType(stored_.delivered(), [&](auto tag) {
       using T = typename decltype(tag)::Type;
       const double low = static_cast<double>(std::numeric_limits<T>::lowest());
       const double high = static_cast<double>(std::numeric_limits<T>::max());
-      const bool fits =
-          std::is_same_v<T, float> || (fill_ >= low && fill_ <= high && fill_ == std::floor(fill_));
+      const bool fits = std::is_floating_point_v<T> ||
+                        (fill_ >= low && fill_ <= high && fill_ == std::floor(fill_));
       // Only if it is needed: other programs write any value.
       if (!fits) refuse("chunks are missing, and its fill_value is none of its numbers");
       std::fill_n(reinterpret_cast<T*>(out.data()), voxels, static_cast<T>(fill_));
@@ -400,7 +400,7 @@ bool ZarrArray::readChunk(const Indices& index, std::vector<std::byte>& out) con
     std::vector<std::byte> unpacked;
     unpack(path, std::move(packed), unpacked);
     out.resize(static_cast<std::size_t>(chunkBytes()));
-    stored_.decode(unpacked.data(), voxels, reinterpret_cast<float*>(out.data()));
+    stored_.decode(unpacked.data(), voxels, out.data());
   }
   return true;
 }

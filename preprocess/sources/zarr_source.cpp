@@ -168,7 +168,7 @@ class ZarrSource final : public VolumeSource {
     forEachIndex({begin, end - begin}, [&](const Index3& at) {
       if (cancel_ != nullptr) cancel_->check();
       const ChunkCache::Value chunk = chunkAt(at);
-      visitVoxelType(info_.voxel_type, [&](auto tag) {
+      visitNumberType(info_.voxel_type, [&](auto tag) {
         using T = typename decltype(tag)::Type;
         copyChunk(reinterpret_cast<const T*>(chunk->data()), at * size, size, box,
                   static_cast<T*>(out));
@@ -251,7 +251,6 @@ class ZarrOpener {
     const Indices fixed = fixOthers(array, axes, info);
     place(info, axes);
     info.voxel_type = array.stored().delivered();
-    if (!array.stored().keepsType()) info.notes.push_back("voxels were converted to float32");
     tidyGeometry(path_, info.geometry, info.voxels, info.notes);
     return std::make_unique<ZarrSource>(std::move(info), std::move(array), axes, fixed,
                                         group_files_, options_);

@@ -153,7 +153,9 @@ def build(
     tensorstore; xarray, whose evenly spaced coordinates become geometry; images of SimpleITK and ITK with
     theirs. numpy's memory is read where it lies. Everything else is read by whole chunks, several at once.
 
-    uint8, int8, uint16, int16 and float32 stay what they are, bool becomes uint8, all other numbers float32.
+    uint8, int8, uint16, int16 and float32 stay what they are, bool becomes uint8. Other integers whose range fits
+    16 bits are stored so, less an offset, and all other numbers as float32 around an offset: they are read once
+    more for that, and a note says how many values change, and by how much at most.
     Voxels that are not finite are an error, unless ``nan_as`` is the value that takes their place.
 
     codec       'none', 'lz4' or 'zstd': how bricks are packed

@@ -111,7 +111,7 @@ class Level:
         else:
             z, y, x = (pick.first for pick in picks)
             nz, ny, nx = count
-            box = self._pyramid._handle.read_box(self.level, x, y, z, nx, ny, nz)
+            box = self._pyramid._values_of(self._pyramid._handle.read_box(self.level, x, y, z, nx, ny, nz))
         # One axis after the other, from the last, so that lists on several axes pick an outer product.
         for axis in (2, 1, 0):
             box = box[(slice(None),) * axis + (picks[axis].of_box,)]
@@ -123,4 +123,4 @@ class Level:
         if not all(0 <= i < n for i, n in zip((z, y, x), self.bricks)):
             raise IndexError(f"brick [{z}, {y}, {x}] is not one of {self.bricks}")
         (fx, fy, fz), array = self._pyramid._handle.read_brick(self.level, x, y, z)
-        return (fz, fy, fx), array
+        return (fz, fy, fx), self._pyramid._values_of(array)

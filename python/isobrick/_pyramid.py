@@ -65,8 +65,8 @@ class Histogram:
     """How often which values occur among the voxels of level 0: bins that have any, in ascending order."""
 
     #: Least and greatest value of each bin; of integer types one value.
-    least: NDArray[np.float32]
-    greatest: NDArray[np.float32]
+    least: NDArray[np.floating[Any]]
+    greatest: NDArray[np.floating[Any]]
     counts: NDArray[np.uint64]
 
 
@@ -199,7 +199,28 @@ class Pyramid:
 
     @property
     def dtype(self) -> np.dtype[Any]:
-        return np.dtype(self._handle.voxel_type())
+        """Of the values in arrays: one that holds them, if bricks store them in another one with an offset."""
+        scale, offset = self._handle.stored_values()
+        stored = np.dtype(self._handle.voxel_type())
+        if (scale, offset) == (1, 0):
+            return stored
+        if scale != 1 or offset != int(offset) or stored.kind == "f":
+            return np.dtype(np.float64)
+        least, greatest = self.value_range
+        for name in ("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64"):
+            if np.iinfo(name).min <= least and greatest <= np.iinfo(name).max:
+                return np.dtype(name)
+        return np.dtype(np.float64)
+
+    def _values_of(self, stored: NDArray[Any]) -> NDArray[Any]:
+        """The values of samples as bricks store them."""
+        scale, offset = self._handle.stored_values()
+        if (scale, offset) == (1, 0):
+            return stored
+        if self.dtype.kind == "f":
+            return stored.astype(np.float64) * scale + offset
+        # Through all 64 bits, which wrap as the type does.
+        return (stored.astype(np.int64) + np.int64((int(offset) + 2**63) % 2**64 - 2**63)).astype(self.dtype)
 
     @property
     def spacing(self) -> Triple:
@@ -261,9 +282,8 @@ class Pyramid:
     def histogram(self) -> Histogram:
         """The range of the voxels of level 0."""
         least, greatest, counts = self._handle.histogram()
-        return Histogram(
-            np.array(least, np.float32), np.array(greatest, np.float32), np.array(counts, np.uint64)
-        )
+        real = np.float32 if self._handle.stored_values() == (1, 0) else np.float64
+        return Histogram(np.array(least, real), np.array(greatest, real), np.array(counts, np.uint64))
 
     def isovalues(self) -> list[Suggestion]:
         """Isovalues that show something, at most four, the best first; none if all voxels are equal."""

@@ -44,9 +44,9 @@ void visitStored(const std::string& type, F&& f) {
               "' are no real numbers that a pyramid can hold; convert the array with astype()");
 }
 
+// Halves become floats.
 template <typename Stored>
-using Delivered =
-    std::conditional_t<sizeof(Stored) <= 2 && std::is_integral_v<Stored>, Stored, float>;
+using Delivered = std::conditional_t<std::is_same_v<Stored, Half>, float, Stored>;
 
 template <typename Stored>
 Stored load(const std::byte* from, bool is_swapped) {
@@ -137,12 +137,14 @@ std::unique_ptr<VolumeSource> makeStridedSource(VolumeInfo info, const StridedAr
     source = std::make_unique<StridedSource<typename decltype(tag)::Type>>(std::move(info), array,
                                                                            std::move(identity));
   });
-  return source;
+  return withVoxels(std::move(source), nullptr);  // boxes are read: it is never opened again
 }
 
 std::unique_ptr<VolumeSource> makeReaderSource(VolumeInfo info, nb::handle read,
                                                std::uint64_t buffer_bytes, std::string identity) {
-  return std::make_unique<ReaderSource>(std::move(info), read, buffer_bytes, std::move(identity));
+  return withVoxels(
+      std::make_unique<ReaderSource>(std::move(info), read, buffer_bytes, std::move(identity)),
+      nullptr);
 }
 
 }  // namespace isobrick::python

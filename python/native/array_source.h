@@ -18,8 +18,8 @@ struct StridedArray {
   bool is_swapped = false;     // of the other byte order
 };
 
-// The voxel type for a numpy type: its own if there is one, float32 otherwise. Throws Error for a
-// type that is no number.
+// The type of the numbers that a numpy type gives: its own, and float32 for halves. Throws Error
+// for a type that is no number.
 VoxelType deliveredType(const std::string& type);
 
 // Reads straight from the array's memory, which outlives the source. `info` has all but the voxel

@@ -122,12 +122,13 @@ nb::object boxArray(const PyramidHandle& handle, int level, const Triple& first,
 
 nb::object histogram(const PyramidHandle& handle) {
   const VoxelHistogram all = handle.pyramid()->histogram();
+  const ValueTransform& values = handle.pyramid()->spec().values;
   nb::list least, greatest, counts;
   for (std::size_t i = 0; i < all.bins(); ++i) {
     if (all.counts()[i] == 0) continue;
     const ValueRange bin = all.bin(i);
-    least.append(bin.min);
-    greatest.append(bin.max);
+    least.append(values.real(static_cast<double>(bin.min)));
+    greatest.append(values.real(static_cast<double>(bin.max)));
     counts.append(all.counts()[i]);
   }
   return nb::make_tuple(least, greatest, counts);
@@ -226,9 +227,17 @@ void bindPyramid(nb::module_& module) {
       .def(
           "value_range",
           [](const PyramidHandle& h) {
-            return nb::make_tuple(h.pyramid()->valueRange().min, h.pyramid()->valueRange().max);
+            const RealRange range = h.pyramid()->realRange();
+            return nb::make_tuple(range.min, range.max);
           },
           nb::sig("def value_range(self) -> tuple[float, float]"))
+      .def(
+          "stored_values",
+          [](const PyramidHandle& h) {
+            const ValueTransform& values = h.pyramid()->spec().values;
+            return nb::make_tuple(values.scale, values.offset);
+          },
+          nb::sig("def stored_values(self) -> tuple[float, float]"))
       .def("has_curvature",
            [](const PyramidHandle& h) { return h.pyramid()->spec().has_curvature; })
       .def("brick_cells", [](const PyramidHandle& h) { return h.pyramid()->spec().brick_cells; })
@@ -245,7 +254,10 @@ void bindPyramid(nb::module_& module) {
             return tupleOf(h.pyramid()->layout().bricks(level));
           },
           nb::arg("level"), nb::sig("def bricks(self, level: int) -> tuple[int, int, int]"))
-      .def("noise", [](const PyramidHandle& h) { return h.pyramid()->noise(); })
+      .def("noise",
+           [](const PyramidHandle& h) {
+             return h.pyramid()->spec().values.scale * h.pyramid()->noise();
+           })
       .def("provenance", [](const PyramidHandle& h) { return h.pyramid()->provenance(); })
       .def("file_bytes", [](const PyramidHandle& h) { return h.pyramid()->fileBytes(); })
       .def("histogram", &histogram,

@@ -23,13 +23,19 @@ def built(source: Any, out: Path, **options: Any) -> isobrick.Pyramid:
     return isobrick.open(out)
 
 
-def expected(array: Any) -> Any:
-    """As a pyramid has the voxels."""
+def assert_has(pyramid: isobrick.Pyramid, array: Any) -> None:
+    """The pyramid has the voxels of the array: to the bit in their own type; numbers of 32 and 64 bits to single
+    precision of their range."""
     array = np.asarray(array)
+    found = np.asarray(pyramid.level(0))
     if array.dtype.kind == "b":
-        return array.astype(np.uint8)
-    keeps = array.dtype.newbyteorder("=").str[1:] in ("u1", "i1", "u2", "i2", "f4")
-    return array.astype(array.dtype.newbyteorder("=") if keeps else np.float32)
+        array = array.astype(np.uint8)
+    if array.dtype.newbyteorder("=").str[1:] in ("u1", "i1", "u2", "i2", "f4"):
+        assert found.dtype == array.dtype.newbyteorder("=")
+        assert np.array_equal(found, array)
+    else:
+        reals = array.astype(np.float64)
+        assert np.abs(found.astype(np.float64) - reals).max() <= 1e-7 * np.ptp(reals)
 
 
 @st.composite
@@ -52,9 +58,8 @@ def strided_arrays(draw: st.DrawFn) -> Any:
 @given(strided_arrays())
 def test_any_strides_and_byte_order(tmp_path: Path, array: Any) -> None:
     with built(array, tmp_path / "a.isb") as pyramid:
-        wanted = expected(array)
-        assert pyramid.dtype == wanted.dtype and pyramid.shape == array.shape
-        assert np.array_equal(np.asarray(pyramid.level(0)), wanted)
+        assert pyramid.shape == array.shape
+        assert_has(pyramid, array)
 
 
 def test_memmap_is_read_in_place(tmp_path: Path) -> None:
@@ -135,7 +140,26 @@ def _list_like(array: Any, folder: Path) -> Any:
 def test_chunked_arrays(make: Any, dtype: str, tmp_path: Path) -> None:
     array = ball(40, dtype)
     with built(make(array, tmp_path), tmp_path / "c.isb", memory="64M") as pyramid:
-        assert np.array_equal(np.asarray(pyramid.level(0)), expected(array))
+        assert_has(pyramid, array)
+
+
+def test_numbers_that_no_voxel_type_holds(tmp_path: Path) -> None:
+    distance = ball(40, "float64")
+    cases = [
+        (101325 + 0.001 * distance, 101325.0, np.float64),
+        (1_700_000_000 + np.rint(100 * distance).astype(np.int32), 1.7e9, np.int32),
+        (np.rint(100 * distance).astype(np.int64), 0.5, np.int16),
+        (np.uint64(2**63) + np.rint(100 * distance + 9000).astype(np.uint64), 2.0**63 + 10240, np.uint64),
+    ]
+    for array, isovalue, dtype in cases:
+        with built(array, tmp_path / "v.isb") as pyramid:
+            assert pyramid.dtype == dtype
+            assert_has(pyramid, array)
+            low, high = pyramid.value_range
+            assert abs(low - float(array.min())) <= 1e-6 * (high - low)
+            mesh = pyramid.extract(isovalue)
+            assert len(mesh.points) > 500
+            assert all(low <= one.value <= high for one in pyramid.isovalues())
 
 
 def test_the_kind_of_array_makes_no_difference(tmp_path: Path) -> None:

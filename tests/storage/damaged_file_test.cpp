@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <bit>
 #include <cstdint>
 #include <numeric>
 #include <string>
@@ -220,13 +221,33 @@ TEST(DamagedFile, ThingsThatAreNotPyramids) {
     EXPECT_NE(judge(bad).open_error, "");
   }
   Bytes other = readWholeFile(buildTinyFile(folder));
-  for (const std::uint32_t version : {1, 2, 4}) {
+  for (const std::uint32_t version : {1, 2, 5}) {
     putU32(other, 8, version);
     sealHeader(other);
     writeBytes(bad, other);
     EXPECT_NE(judge(bad).open_error.find("format version " + std::to_string(version)),
               std::string::npos);
   }
+}
+
+// What version 4 has room for is refused as that, and not as damaged.
+TEST(DamagedFile, WhatALaterProgramMayWrite) {
+  const TemporaryFolder folder;
+  const std::string path = folder.file("later.isb");
+  Bytes bytes = readWholeFile(buildTinyFile(folder));
+  const auto openError = [&] {
+    sealHeader(bytes);
+    writeBytes(path, bytes);
+    return judge(path).open_error;
+  };
+  putU32(bytes, 8, 4);
+  EXPECT_NE(openError().find("impossible numbers"), std::string::npos);  // a scale of 0
+  putU64(bytes, 432, std::bit_cast<std::uint64_t>(0.5));
+  putU64(bytes, 440, std::bit_cast<std::uint64_t>(-1000.0));
+  EXPECT_EQ(openError(), "");
+  EXPECT_EQ(Pyramid(path).spec().values, (ValueTransform{0.5, -1000}));
+  putU32(bytes, 24, 5);
+  EXPECT_NE(openError().find("holds labels"), std::string::npos) << openError();
 }
 
 }  // namespace

@@ -84,6 +84,7 @@ struct HeaderValues {
   std::array<double, 9> direction{};
   std::uint32_t length_unit = 0;
   double value_min = 0, value_max = 0, curvature_epsilon = 0, noise = 0;
+  ValueTransform values;
   std::vector<std::uint32_t> histogram;
   std::vector<float> gradients;
 };
@@ -96,8 +97,10 @@ std::string dumpOfHeader(const HeaderValues& header) {
       << texts(header.spacing) << "\norigin" << texts(header.origin) << "\ndirection"
       << texts(header.direction) << "\nlength_unit " << header.length_unit << "\nvalues "
       << text(header.value_min) << ' ' << text(header.value_max) << "\ncurvature_epsilon "
-      << text(header.curvature_epsilon) << "\nnoise " << text(header.noise) << '\n'
-      << elements("histogram", header.histogram) << elements("gradients", header.gradients);
+      << text(header.curvature_epsilon) << "\nnoise " << text(header.noise) << '\n';
+  if (!header.values.isIdentity())
+    out << "transform " << text(header.values.scale) << ' ' << text(header.values.offset) << '\n';
+  out << elements("histogram", header.histogram) << elements("gradients", header.gradients);
   return out.str();
 }
 
@@ -143,6 +146,14 @@ std::vector<GoldenPyramid> goldenPyramids() {
       golden.name = std::string(grid.name) + "-" + codec_name;
       result.push_back(golden);
     }
+  const std::size_t u8_none = 0, f32_zstd = 14;
+  for (const auto& [of, values] : {std::pair{u8_none, ValueTransform{1, -1000}},
+                                   std::pair{f32_zstd, ValueTransform{0.5, 101325}}}) {
+    GoldenPyramid golden = result[of];
+    golden.name = "around-" + golden.name;
+    golden.values = values;
+    result.push_back(golden);
+  }
   return result;
 }
 
@@ -165,6 +176,7 @@ void buildGoldenPyramid(const GoldenPyramid& golden, const std::string& path) {
       return static_cast<T>(v);
     };
     ArraySource<T> source(golden.voxels, arrayOfField<T>(golden.voxels, voxel), geometry);
+    source.editInfo().values = golden.values;
     buildPyramid(source, path, golden.options);
   });
 }
@@ -184,6 +196,7 @@ std::string dumpOf(const PlainPyramid& pyramid) {
                                      pyramid.value_max,
                                      pyramid.curvature_epsilon,
                                      pyramid.noise,
+                                     {pyramid.value_scale, pyramid.value_offset},
                                      {pyramid.histogram.begin(), pyramid.histogram.end()},
                                      pyramid.gradients});
   for (std::size_t l = 0; l < pyramid.levels.size(); ++l)
@@ -236,6 +249,7 @@ std::string dumpOf(const Pyramid& pyramid) {
   header.value_max = static_cast<double>(pyramid.valueRange().max);
   header.curvature_epsilon = spec.curvature_epsilon;
   header.noise = pyramid.noise();
+  header.values = spec.values;
   const VoxelHistogram histogram = pyramid.histogram();
   header.histogram.assign(histogram.counts().begin(), histogram.counts().end());
   if (const auto gradients = pyramid.parts().tables().gradients())

@@ -16,9 +16,11 @@ struct GoldenPyramid {
   VoxelType voxel_type{};
   Index3 voxels{0};
   BuildOptions options;
+  ValueTransform values;  // else the file is of version 3
 };
 
-// Every voxel type with every codec; odd sizes, both filters, with curvature and without.
+// Every voxel type with every codec; odd sizes, both filters, with curvature and without; of
+// version 3, and two with transforms of version 4.
 std::vector<GoldenPyramid> goldenPyramids();
 
 // Writes it as the library does now. Its voxels are made with whole numbers alone, so that they are

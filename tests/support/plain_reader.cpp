@@ -111,7 +111,7 @@ constexpr std::uint32_t kVoxelSizes[5] = {1, 1, 2, 2, 4};
 PlainPyramid readHeader(FileBytes& file) {
   PlainPyramid p;
   require(file.size() >= 512 && std::memcmp(file.at(0, 8), "ISOBRICK", 8) == 0, "no pyramid");
-  require(file.u32(8) == 3, "unknown version");
+  require(file.u32(8) == 3 || file.u32(8) == 4, "unknown version");
   require(file.u32(12) == 512, "header_bytes");
   file.checkHash(0, 504, file.u64(504), "the header");
   file.cover(504, 8, "the header's checksum");
@@ -176,8 +176,17 @@ PlainPyramid readHeader(FileBytes& file) {
       require(file.number(i, 1) == 0, "bins without errors");
   p.length_unit = file.u32(360);
   require(p.length_unit <= 1, "length_unit");
+  const bool has_transform = file.u32(8) == 4;
+  if (has_transform) {
+    p.value_scale = file.f64(432);
+    p.value_offset = file.f64(440);
+    require(std::isfinite(p.value_scale) && p.value_scale > 0, "value_scale");
+    require(std::isfinite(p.value_offset), "value_offset");
+  }
   for (std::uint64_t i = 364; i < 504; ++i)
-    require((i >= 368 && i < 392) || file.number(i, 1) == 0, "reserved bytes");
+    require(
+        (i >= 368 && i < 392) || (has_transform && i >= 432 && i < 448) || file.number(i, 1) == 0,
+        "reserved bytes");
   return p;
 }
 

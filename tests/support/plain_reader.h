@@ -60,9 +60,10 @@ struct PlainPyramid {
   std::array<double, 9> direction{};
   std::uint32_t length_unit = 0;
   double value_min = 0, value_max = 0, curvature_epsilon = 0, noise = 0;
-  std::vector<std::uint32_t> kinds;      // of the parts of a row
-  std::vector<std::uint64_t> histogram;  // section 10
-  std::vector<float> gradients;          // section 10; empty where there are none
+  double value_scale = 1, value_offset = 0;  // of version 4
+  std::vector<std::uint32_t> kinds;          // of the parts of a row
+  std::vector<std::uint64_t> histogram;      // section 10
+  std::vector<float> gradients;              // section 10; empty where there are none
   std::vector<PlainLevel> levels;
   std::vector<PlainBrick> bricks;
   std::string provenance;

@@ -3,7 +3,9 @@
 #include <chrono>
 #include <cmath>
 #include <cstring>
+#include <string>
 #include <thread>
+#include <vector>
 
 #include "tests/support/command_test.h"
 #include "tests/support/nifti_file.h"
@@ -34,6 +36,63 @@ TEST_F(ConvertCommandTest, APyramidGivesBackTheVoxelsThatItWasBuiltOf) {
     EXPECT_EQ(outcome.status, 0) << outcome.err;
     run({"convert", "head.nrrd", "-o", "first.raw", "--force"});
     EXPECT_EQ(readBytes(path("again.raw")), readBytes(path("first.raw"))) << name;
+  }
+}
+
+template <typename T>
+std::string nrrdOf(const std::string& type, const std::vector<T>& values) {
+  const std::string edge = std::to_string(std::lround(std::cbrt(values.size())));
+  return "NRRD0004\ntype: " + type + "\ndimension: 3\nsizes: " + edge + " " + edge + " " + edge +
+         "\nendian: little\nencoding: raw\n\n" +
+         std::string(reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T));
+}
+
+// The numbers at the end of a file.
+template <typename T>
+std::vector<T> lastNumbers(const std::string& bytes, std::size_t count) {
+  std::vector<T> values(count);
+  std::memcpy(values.data(), bytes.data() + (bytes.size() - count * sizeof(T)), count * sizeof(T));
+  return values;
+}
+
+TEST_F(ConvertCommandTest, NumbersThatNoPyramidHoldsComeOutAsTheyWere) {
+  std::vector<double> reals(1000);
+  std::vector<std::int32_t> times(1000), scan(1000);
+  for (std::size_t i = 0; i < reals.size(); ++i) {
+    reals[i] = 101325 + 1e-5 * static_cast<double>(i * i % 997);
+    times[i] = 1700000000 + static_cast<std::int32_t>(i * i % 997);
+    scan[i] = -1024 + static_cast<std::int32_t>(i * i % 997);
+  }
+  writeBytes(path("p.nrrd"), nrrdOf("double", reals));
+  writeBytes(path("t.nrrd"), nrrdOf("int", times));
+  writeBytes(path("s.nrrd"), nrrdOf("int", scan));
+  EXPECT_EQ(runForJson({"build", "p.nrrd"})["voxel_type"], "float32");
+  EXPECT_EQ(runForJson({"build", "t.nrrd"})["voxel_type"], "uint16");
+  EXPECT_EQ(runForJson({"build", "s.nrrd"})["voxel_type"], "int16");
+  EXPECT_EQ(runForJson({"convert", "p.isb", "-o", "q.nrrd"})["voxel_type"], "float64");
+  EXPECT_EQ(runForJson({"convert", "t.isb", "-o", "u.nrrd"})["voxel_type"], "int32");
+  EXPECT_EQ(runForJson({"convert", "s.isb", "-o", "v.nrrd"})["voxel_type"], "int16");
+  const auto back = lastNumbers<double>(readBytes(path("q.nrrd")), reals.size());
+  for (std::size_t i = 0; i < reals.size(); ++i) ASSERT_NEAR(back[i], reals[i], 1e-9);
+  EXPECT_EQ(lastNumbers<std::int32_t>(readBytes(path("u.nrrd")), times.size()), times);
+  const Json info = runForJson({"info", "t.isb"});
+  EXPECT_EQ(info["value_range"], Json({1700000000.0, 1700000996.0}));
+  EXPECT_EQ(info["stored_values"]["offset"], 1700000000.0);
+
+  // Without a pyramid between, in every format that has the type.
+  for (const std::string name :
+       {"a.nrrd", "a.mha", "a.nii", "a.vti", "a.h5", "a.ome.zarr", "a.tif"}) {
+    runWell({"convert", "p.nrrd", "-o", name});
+    const Json json = runForJson({"convert", name, "-o", "again.raw", "--force"});
+    EXPECT_EQ(json["voxel_type"], "float64") << name;
+    EXPECT_EQ(lastNumbers<double>(readBytes(path("again.raw")), reals.size()), reals) << name;
+  }
+  for (const std::string input : {"p.isb", "p.nrrd"}) {
+    expectFailure(1, {"convert", input, "-o", "p.vdb"}, "allow the loss");
+    EXPECT_NE(
+        runForJson({"convert", input, "-o", "p.vdb", "--lossy", "--force"})["lost"].dump().find(
+            "values changed as float32"),
+        std::string::npos);
   }
 }
 

@@ -38,10 +38,12 @@ std::uint64_t freshBytes(const BrickLayout& layout, std::uint64_t raw, std::uint
 }
 
 // The pyramid has its name by now: if there is no memory left to open it, returns the facts known
-// without it, and the build has not failed.
-PyramidBytes bytesOfPyramid(const BuiltVolume& built) {
+// without it, and the build has not failed. Numbers of an input that was not read have its type.
+PyramidBytes bytesOfPyramid(BuiltVolume& built) {
   try {
-    return Pyramid(built.output).sums().bytes;
+    const Pyramid pyramid(built.output);
+    built.volume.voxel_type = pyramid.spec().voxel_type;
+    return pyramid.sums().bytes;
   } catch (const std::bad_alloc&) {
     PyramidBytes bytes;
     bytes.total = fileBytes(built.output);

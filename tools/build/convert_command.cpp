@@ -98,7 +98,9 @@ std::unique_ptr<VolumeSource> withViews(std::unique_ptr<VolumeSource> source,
   if (arguments.window)
     return makeWindowedSource(std::move(source), *arguments.window,
                               *voxelTypeNamed(arguments.type));
-  if (arguments.type == "f32" && source->info().voxel_type != VoxelType::kFloat32)
+  const VolumeInfo& info = source->info();
+  if (arguments.type == "f32" &&
+      !(info.voxel_type == VoxelType::kFloat32 && info.values.isIdentity()))
     return makeFloatSource(std::move(source));
   return source;
 }
@@ -156,6 +158,7 @@ Converted convert(const ConvertArguments& arguments) {
   if (isPyramid(arguments.output)) {
     converted.report.bytes =
         buildShowingProgress(source, input, arguments.output, arguments.build).file_bytes;
+    converted.volume = source.info();
     converted.report.space = "LPS";
   } else {
     ProgressBar bar(static_cast<double>(volumeBytes(source.info())) / 1e6, "MB");
@@ -173,6 +176,7 @@ Converted convert(const ConvertArguments& arguments) {
                   {.path = arguments.input.path}, {Remedy::kAllowMoreMemory});
     options.memory_bytes -= held;
     converted.report = exportVolume(levels, arguments.output, options);
+    converted.volume.voxel_type = levels.front()->info().voxel_type;
   }
   // A writer may have put another source in its place.
   for (std::string& note : levels.front()->notesOfReading())
@@ -303,6 +307,9 @@ Command addConvertCommand(CLI::App& app) {
       ->type_name("T")
       ->check(CLI::IsMember({"u8", "i8", "u16", "i16", "f32"}));
   addVdbOptions(*sub, arguments->write);
+  sub->add_flag(
+      "--lossy", arguments->write.is_lossy,
+      "Write values in a type that changes them by more than a thousandth of their range");
   beginGroup(*sub, kPyramidGroup);
   addStoredOptions(*sub, arguments->build);
   beginGroup(*sub, kOutputGroup);
@@ -329,6 +336,7 @@ Example:
   isobrick convert head.isb --level 1 -o half.nii.gz)");
   return {sub, [arguments] {
             if (isPyramid(arguments->input.path)) arguments->input.pyramid_level = arguments->level;
+            arguments->input.keep_numbers = !isPyramid(arguments->output);
             return runConvert(*arguments);
           }};
 }

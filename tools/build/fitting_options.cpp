@@ -47,6 +47,10 @@ const OptionFit kFits[] = {
      {"--half", "--vdb-background", "--vdb-tolerance", "--background", "--tolerance"},
      ".vdb",
      {".vdb"}},
+    {Side::kOutput,
+     {"--lossy"},
+     ".vdb, .precomputed and slices of .exr",
+     {".vdb", ".precomputed", ".exr"}},
     {Side::kOutput, {"--levels"}, ".vdb and .ome.zarr", {".vdb", ".zarr"}},
     {Side::kOutput, {"--codec", "--no-curvature"}, ".isb", {".isb"}},
 };

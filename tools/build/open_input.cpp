@@ -132,6 +132,7 @@ OpenOptions openOptionsOf(const InputOptions& input) {
   OpenOptions options;
   options.dicom_float32 = input.dicom_float32;
   options.pyramid_level = input.pyramid_level;
+  options.keep_numbers = input.keep_numbers;
   options.grid = input.grid;
   options.time = input.time;
   options.channel = input.channel;

@@ -23,6 +23,7 @@ struct InputOptions {
   std::optional<ComponentChoice> component;
   std::string series;
   std::optional<glm::dvec3> spacing, origin;
+  bool keep_numbers = false;         // of types that pyramids do not hold
   std::optional<int> pyramid_level;  // given: pyramids are inputs too
 };
 

@@ -126,16 +126,17 @@ SceneSlice sliceOf(const WantedPlane& wanted, SliceId image, const ViewState& st
   slice.across = matrix * wanted.plane.across;
   slice.along = matrix * wanted.plane.along;
   slice.cap_of = wanted.cap_of;
-  slice.black = state.value_window[0];
-  slice.white = state.value_window[1];
-  slice.least_value = state.slice_threshold;
+  slice.black = volume.stored_values.stored(state.value_window[0]);
+  slice.white = volume.stored_values.stored(state.value_window[1]);
+  if (state.slice_threshold)
+    slice.least_value = volume.stored_values.stored(*state.slice_threshold);
   slice.opacity = state.slice_opacity;
   if (wanted.cap_of >= 0) {
     slice.opacity = 1.0;
     double least = std::numeric_limits<double>::infinity();
     for (const ViewSurface& surface : state.surfaces)
       if (surface.visible) least = std::min(least, surface.isovalue);
-    slice.least_value = least;
+    slice.least_value = volume.stored_values.stored(least);
   }
   return slice;
 }

@@ -21,8 +21,9 @@ ShownVolume::ShownVolume(std::shared_ptr<const Pyramid> pyramid,
     : pyramid_(std::move(pyramid)), preview_of_(preview_of) {
   volume_.voxels = pyramid_->spec().voxels;
   volume_.geometry = pyramid_->spec().geometry;
-  volume_.least_value = static_cast<double>(pyramid_->valueRange().min);
-  volume_.greatest_value = static_cast<double>(pyramid_->valueRange().max);
+  volume_.least_value = pyramid_->realRange().min;
+  volume_.greatest_value = pyramid_->realRange().max;
+  volume_.stored_values = pyramid_->spec().values;
   volume_.isovalues = std::move(isovalues);
   if (!preview_of_) return;
   volume_.voxels = preview_of_->voxels;

@@ -40,7 +40,7 @@ std::optional<double> SliceViews::Shown::valueAt(const glm::dvec2& pixel) const 
       values.values[static_cast<std::size_t>(y) * static_cast<std::size_t>(values.width) +
                     static_cast<std::size_t>(x)];
   if (std::isnan(value)) return std::nullopt;
-  return static_cast<double>(value);
+  return values.transform.real(static_cast<double>(value));
 }
 
 SliceViews::SliceViews(std::shared_ptr<const Pyramid> pyramid, double step)

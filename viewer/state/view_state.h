@@ -9,6 +9,7 @@
 
 #include "isobrick/extract/query.h"
 #include "isobrick/storage/grid.h"
+#include "isobrick/storage/value_transform.h"
 #include "isobrick/viewer/color_map.h"
 #include "isobrick/viewer/state/measurement.h"
 #include "isobrick/viewer/state/view_camera.h"
@@ -155,6 +156,7 @@ struct ViewVolume {
   GridGeometry geometry;
   double least_value = 0.0;
   double greatest_value = 1.0;
+  ValueTransform stored_values;   // from the numbers of slices to values
   bool has_all_values = true;     // false: there may be others than from the least to the greatest
   std::vector<double> isovalues;  // that are suggested, the best one first; none of equal voxels
 

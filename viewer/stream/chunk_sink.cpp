@@ -114,7 +114,7 @@ class GradientValues : public ChunkValues {
   explicit GradientValues(const Pyramid& pyramid)
       : pyramid_(pyramid),
         to_world_(glm::transpose(glm::inverse(pyramid.spec().geometry.indexToWorldMatrix()))) {
-    const ValueRange& values = pyramid.valueRange();
+    const RealRange values = pyramid.realRange();
     const glm::dvec3& spacing = pyramid.spec().geometry.spacing;
     greatest_ = (values.max - values.min) / std::min({spacing.x, spacing.y, spacing.z});
   }
@@ -131,7 +131,8 @@ class GradientValues : public ChunkValues {
                                                             batch.level);
       for (std::size_t v = 0; v < batch.positions.size(); ++v) {
         const glm::dvec3 index = glm::dvec3(batch.origin) + glm::dvec3(batch.positions[v]);
-        const double steepness = glm::length(to_world_ * field.gradient(index));
+        const double steepness =
+            pyramid_.spec().values.scale * glm::length(to_world_ * field.gradient(index));
         shares[v] = static_cast<float>(greatest_ > 0.0 ? steepness / greatest_ : 0.0);
       }
     });
@@ -162,7 +163,7 @@ class OtherValues : public ChunkValues {
       : placement_(shown.spec().geometry), other_(path, shown.budgetBytes()), values_(other_) {}
 
   std::array<double, 2> range() const override {
-    return {other_.valueRange().min, other_.valueRange().max};
+    return {other_.realRange().min, other_.realRange().max};
   }
 
   void evaluate(PlacedBatch& placed, std::span<float> shares) const override {

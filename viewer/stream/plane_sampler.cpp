@@ -90,7 +90,7 @@ PlaneSampling samplingOf(const Lattice& lattice, const IndexPlane& plane, int mo
 
 SliceImage samplePlane(const Pyramid& pyramid, const IndexPlane& plane,
                        const PlaneSampling& sampling, const CancelFlag& cancel) {
-  SliceImage image{sampling.width, sampling.height, {}};
+  SliceImage image{sampling.width, sampling.height, {}, pyramid.spec().values};
   image.values.resize(static_cast<std::size_t>(sampling.width) *
                       static_cast<std::size_t>(sampling.height));
   LevelReader reader(pyramid, sampling.level);

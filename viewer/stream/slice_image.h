@@ -4,6 +4,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "isobrick/storage/value_transform.h"
+
 namespace isobrick {
 
 // Values of the volume on a parallelogram: `width` x `height` of them, the first at `corner`, the
@@ -11,7 +13,8 @@ namespace isobrick {
 struct SliceImage {
   int width = 0;
   int height = 0;
-  std::vector<float> values;  // data units; NaN: nothing there
+  std::vector<float> values;      // as they are stored; NaN: nothing there
+  ValueTransform transform = {};  // from them to data units
 
   std::uint64_t bytes() const { return values.size() * sizeof(float); }
 };

@@ -48,8 +48,9 @@ PictureBytes drawSlice(const SliceImage& values, const std::array<double, 2>& wi
   PictureBytes picture{values.width, values.height};
   picture.rgba.resize(4 * values.values.size());
   constexpr float kNothing = 0.07f;
-  const float black = static_cast<float>(window[0]);
-  const float span = std::max(static_cast<float>(window[1] - window[0]), 1e-30f);
+  const float black = static_cast<float>(values.transform.stored(window[0]));
+  const float span =
+      std::max(static_cast<float>((window[1] - window[0]) / values.transform.scale), 1e-30f);
   const auto at = [&](int x, int y) {
     return values.values[static_cast<std::size_t>(y) * static_cast<std::size_t>(values.width) +
                          static_cast<std::size_t>(x)];
@@ -72,7 +73,8 @@ PictureBytes drawSlice(const SliceImage& values, const std::array<double, 2>& wi
           // A dark edge, so that a line of any colour is seen on any grey.
           constexpr float kEdge = 0.6f;
           const Coverage cover =
-              coverage(around, static_cast<float>(contour.isovalue), static_cast<float>(width));
+              coverage(around, static_cast<float>(values.transform.stored(contour.isovalue)),
+                       static_cast<float>(width));
           color *= 1.0f - kEdge * cover.rim;
           color += cover.line * (contour.color - color);
         }

@@ -10,11 +10,11 @@ double ValueHistogram::total() const { return std::accumulate(counts.begin(), co
 
 ValueHistogram histogramOf(const Pyramid& pyramid, std::size_t bins) {
   ValueHistogram histogram;
-  histogram.least = pyramid.valueRange().min;
-  histogram.greatest = pyramid.valueRange().max;
-  const bool is_one_value = !(histogram.greatest > histogram.least);
-  histogram.counts = pyramid.histogram().inEqualParts(
-      histogram.least, is_one_value ? histogram.least + 1.0 : histogram.greatest, bins);
+  histogram.least = pyramid.realRange().min;
+  histogram.greatest = pyramid.realRange().max;
+  const double least = pyramid.valueRange().min, greatest = pyramid.valueRange().max;
+  histogram.counts =
+      pyramid.histogram().inEqualParts(least, greatest > least ? greatest : least + 1.0, bins);
   for (const IsovalueSuggestion& suggestion : suggestIsovalues(pyramid).values)
     histogram.isovalues.push_back(suggestion.value);
   return histogram;

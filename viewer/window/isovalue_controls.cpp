@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string>
 
 #include "isobrick/viewer/state/view_keys.h"
 #include "isobrick/viewer/window/panel_controls.h"
@@ -65,6 +66,14 @@ void histogram(ViewSession& session, float scale) {
   list.PopClipRect();
 }
 
+// Digits of values: six of their range, however far that is from 0.
+int digitsOf(const ViewVolume& volume) {
+  const double most = std::max(std::abs(volume.least_value), std::abs(volume.greatest_value));
+  const double span = volume.greatest_value - volume.least_value;
+  const double more = span > 0 ? std::ceil(std::log10(most / span)) : 0.0;
+  return 6 + static_cast<int>(std::clamp(more, 0.0, 11.0));
+}
+
 // A button for each.
 void suggestions(ViewSession& session) {
   if (session.volume().isovalues.empty()) return;
@@ -76,7 +85,8 @@ void suggestions(ViewSession& session) {
   for (const double suggested : session.volume().isovalues) {
     ImGui::SameLine();
     ImGui::PushID(number++);
-    if (ImGui::Button(text("%.6g", suggested).c_str())) isovalue = suggested;
+    if (ImGui::Button(text("%.*g", digitsOf(session.volume()), suggested).c_str()))
+      isovalue = suggested;
     explain("This isovalue. R steps through those that are suggested.");
     ImGui::PopID();
   }
@@ -89,7 +99,8 @@ void isovalueControls(ViewSession& session, float scale) {
   ViewState& state = session.state();
   double& isovalue = activeSurface(state).isovalue;
   const double step = isovalueStep(session.volume());
-  ImGui::InputDouble("isovalue", &isovalue, step, 10.0 * step, "%.6g");
+  const std::string format = text("%%.%dg", digitsOf(session.volume()));
+  ImGui::InputDouble("isovalue", &isovalue, step, 10.0 * step, format.c_str());
   explain("Of the active surface. The left and right arrows move it, with Shift faster.");
   suggestions(session);
 }

@@ -1,9 +1,12 @@
 #include "isobrick/preprocess/export/formats/export_volume.h"
 
+#include <memory>
 #include <string_view>
 
 #include "isobrick/preprocess/export/formats/format_writers.h"
+#include "isobrick/preprocess/export/source_views.h"
 #include "isobrick/preprocess/export/volume_writer.h"
+#include "isobrick/preprocess/number_text.h"
 #include "isobrick/preprocess/path_error.h"
 #include "isobrick/preprocess/scratch_source.h"
 #include "isobrick/storage/error.h"
@@ -17,31 +20,32 @@ using Writer = VolumeWriteReport (*)(VolumeLevels&, const std::string&, const Ex
 struct ExportFormat {
   std::string_view ending;
   bool has_levels;
+  bool has_all_types;  // false: those that a pyramid holds
   const char* library;
   Writer write;
 };
 
 constexpr ExportFormat kFormats[] = {
 #if ISOBRICK_WITH_OPENVDB
-    {".vdb", true, "OpenVDB", writeVdb},
+    {".vdb", true, false, "OpenVDB", writeVdb},
 #else
-    {".vdb", true, "OpenVDB", nullptr},
+    {".vdb", true, false, "OpenVDB", nullptr},
 #endif
 #if ISOBRICK_WITH_HDF5
-    {".h5", false, "HDF5", writeHdf5},
+    {".h5", false, true, "HDF5", writeHdf5},
 #else
-    {".h5", false, "HDF5", nullptr},
+    {".h5", false, true, "HDF5", nullptr},
 #endif
 #if ISOBRICK_WITH_OPENEXR
-    {".exr", false, "OpenEXR", writeExrSlices},
+    {".exr", false, false, "OpenEXR", writeExrSlices},
 #else
-    {".exr", false, "OpenEXR", nullptr},
+    {".exr", false, false, "OpenEXR", nullptr},
 #endif
-    {".tif", false, "libtiff", writeTiff},
-    {".tiff", false, "libtiff", writeTiff},
-    {".ome.zarr", true, "Blosc", writeOmeZarr},
-    {".zarr", true, "Blosc", writeOmeZarr},
-    {".precomputed", false, "", writePrecomputed},
+    {".tif", false, true, "libtiff", writeTiff},
+    {".tiff", false, true, "libtiff", writeTiff},
+    {".ome.zarr", true, true, "Blosc", writeOmeZarr},
+    {".zarr", true, true, "Blosc", writeOmeZarr},
+    {".precomputed", false, false, "", writePrecomputed},
 };
 
 // "file.h5:/path" names a dataset of a file.
@@ -51,6 +55,15 @@ const ExportFormat* formatOf(const std::string& name) {
   for (const ExportFormat& format : kFormats)
     if (path.ends_with(format.ending)) return &format;
   return nullptr;
+}
+
+void refuseLoss(const ValueLoss& loss, const std::string& path, const ExportOptions& options) {
+  constexpr double kMostLoss = 1e-3;  // of the range
+  if (options.is_lossy || loss.changed() == 0 || loss.mostChange() <= kMostLoss * loss.range())
+    return;
+  throw Error("cannot write '" + path + "': " + loss.text() +
+                  "; choose a format that has float64, such as .nrrd, or allow the loss",
+              {.path = path});
 }
 
 }  // namespace
@@ -88,9 +101,19 @@ void refuseUnknownExport(const std::string& path, bool has_levels) {
 VolumeWriteReport exportVolume(VolumeLevels& levels, const std::string& path,
                                const ExportOptions& options) {
   refuseUnknownExport(path, levels.size() > 1);
-  if (const ExportFormat* const format = formatOf(path))
-    return format->write(levels, path, options);
-  return writeVolume(*levels.front(), path, options);
+  const ExportFormat* const format = formatOf(path);
+  const auto loss = std::make_shared<ValueLoss>();
+  for (auto& level : levels)
+    level = makeRealSource(std::move(level), format == nullptr || format->has_all_types, loss);
+  ExportOptions checked = options;
+  checked.before_publishing = [&] {
+    refuseLoss(*loss, path, options);
+    if (options.before_publishing) options.before_publishing();
+  };
+  VolumeWriteReport report = format != nullptr ? format->write(levels, path, checked)
+                                               : writeVolume(*levels.front(), path, checked);
+  if (loss->changed() > 0) report.lost.push_back(loss->text());
+  return report;
 }
 
 }  // namespace isobrick

@@ -26,6 +26,9 @@ struct ExportOptions : VolumeWriteOptions {
   // Half floats in place of floats; values that they cannot hold are refused. 8-bit voxels, which
   // lose nothing, are always written so.
   bool vdb_half = false;
+  // Values may change by more than a thousandth of their range if the format's types do not hold
+  // them; without it that is refused, once all are known.
+  bool is_lossy = false;
 };
 
 // Writes `levels` to `path`, whose ending decides: all endings of writeVolume(), and

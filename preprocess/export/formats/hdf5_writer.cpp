@@ -30,6 +30,16 @@ hid_t fileType(VoxelType type) {
       return H5T_STD_I16LE;
     case VoxelType::kFloat32:
       return H5T_IEEE_F32LE;
+    case VoxelType::kUint64:
+      return H5T_STD_U64LE;
+    case VoxelType::kInt64:
+      return H5T_STD_I64LE;
+    case VoxelType::kUint32:
+      return H5T_STD_U32LE;
+    case VoxelType::kInt32:
+      return H5T_STD_I32LE;
+    case VoxelType::kFloat64:
+      return H5T_IEEE_F64LE;
   }
   return H5I_INVALID_HID;
 }

@@ -58,10 +58,12 @@ bool writePage(TIFF* file, const VolumeInfo& info, const std::byte* slice) {
   const auto width = static_cast<std::uint32_t>(info.voxels.x);
   const auto height = static_cast<std::uint32_t>(info.voxels.y);
   const VoxelType type = info.voxel_type;
-  const bool has_sign = type == VoxelType::kInt8 || type == VoxelType::kInt16;
-  const int format = type == VoxelType::kFloat32 ? SAMPLEFORMAT_IEEEFP
-                     : has_sign                  ? SAMPLEFORMAT_INT
-                                                 : SAMPLEFORMAT_UINT;
+  const int format = visitNumberType(type, [](auto tag) {
+    using T = typename decltype(tag)::Type;
+    return std::is_floating_point_v<T> ? SAMPLEFORMAT_IEEEFP
+           : std::is_signed_v<T>       ? SAMPLEFORMAT_INT
+                                       : SAMPLEFORMAT_UINT;
+  });
   constexpr std::uint64_t kStripBytes = std::uint64_t{64} << 10;
   const auto rows = static_cast<std::uint32_t>(std::clamp<std::uint64_t>(
       kStripBytes / rowBytes(info), 1, static_cast<std::uint64_t>(height)));

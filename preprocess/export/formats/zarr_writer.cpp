@@ -31,7 +31,8 @@ Json slowestFirst(const V& v) {
 }
 
 std::string typeName(VoxelType type) {
-  return std::array{"|u1", "|i1", "<u2", "<i2", "<f4"}[static_cast<std::size_t>(type)];
+  return std::array{"|u1", "|i1", "<u2", "<i2", "<f4", "<u8", "<i8", "<u4", "<i4", "<f8"}
+      [static_cast<std::size_t>(type)];
 }
 
 std::string jsonText(const Json& json) {
@@ -117,7 +118,7 @@ class LevelWriter {
       const std::int64_t y = row % chunks.y, z = row / chunks.y;
       const std::string folder = std::to_string(z) + "/" + std::to_string(y);
       bool has_folder = false;
-      visitVoxelType(info.voxel_type, [&](auto tag) {
+      visitNumberType(info.voxel_type, [&](auto tag) {
         using T = typename decltype(tag)::Type;
         std::vector<T> chunk, inside;
         for (std::int64_t x = 0; x < chunks.x; ++x) {

@@ -56,7 +56,7 @@ class HostileFormats : public VolumeFilesTest, public testing::WithParamInterfac
         source->readRows(0, 1, row.data());
         return {};
       }
-      visitVoxelType(source->info().voxel_type, [&](auto tag) {
+      visitNumberType(source->info().voxel_type, [&](auto tag) {
         for (const auto value : readVoxels<typename decltype(tag)::Type>(*source))
           voxels.push_back(static_cast<std::uint8_t>(static_cast<int>(value)));
       });

@@ -25,10 +25,10 @@ struct NumberKind {
   VoxelType delivered;
 };
 constexpr NumberKind kKinds[] = {
-    {1, 1, VoxelType::kUint8},   {2, 1, VoxelType::kInt8},    {1, 2, VoxelType::kUint16},
-    {2, 2, VoxelType::kInt16},   {3, 2, VoxelType::kFloat32}, {1, 4, VoxelType::kFloat32},
-    {2, 4, VoxelType::kFloat32}, {3, 4, VoxelType::kFloat32}, {1, 8, VoxelType::kFloat32},
-    {2, 8, VoxelType::kFloat32}, {3, 8, VoxelType::kFloat32}};
+    {1, 1, VoxelType::kUint8}, {2, 1, VoxelType::kInt8},    {1, 2, VoxelType::kUint16},
+    {2, 2, VoxelType::kInt16}, {3, 2, VoxelType::kFloat32}, {1, 4, VoxelType::kUint32},
+    {2, 4, VoxelType::kInt32}, {3, 4, VoxelType::kFloat32}, {1, 8, VoxelType::kUint64},
+    {2, 8, VoxelType::kInt64}, {3, 8, VoxelType::kFloat64}};
 
 template <typename T>
 std::string bytesOf(T value) {
@@ -41,21 +41,11 @@ T numberIn(const std::string& bytes) {
   return value;
 }
 
-// The number that the bytes of one of a kind stand for.
+// The float that the bytes of one of a kind stand for.
 float floatOf(const NumberKind& number, const std::string& bytes) {
-  switch (10 * number.kind + number.bytes) {
-    case 14:
-      return static_cast<float>(numberIn<std::uint32_t>(bytes));
-    case 24:
-      return static_cast<float>(numberIn<std::int32_t>(bytes));
-    case 34:
+  switch (number.bytes) {
+    case 4:
       return numberIn<float>(bytes);
-    case 18:
-      return static_cast<float>(numberIn<std::uint64_t>(bytes));
-    case 28:
-      return static_cast<float>(numberIn<std::int64_t>(bytes));
-    case 38:
-      return static_cast<float>(numberIn<double>(bytes));
     default: {  // a half, by its definition
       const auto half = numberIn<std::uint16_t>(bytes);
       const int exponent = half >> 10 & 31;

@@ -74,10 +74,10 @@ class VdbSourceTest : public VolumeFilesTest {
 template <typename Grid>
 void checkVoxels(VolumeSource& source, const Grid& grid, const openvdb::Coord& first) {
   const Index3 n = source.info().voxels;
-  const auto rows = readVoxels<float>(source);
+  const auto rows = readVoxels<typename Grid::ValueType>(source);
   ASSERT_TRUE(source.readsBoxes());
   const IndexBox box{Index3(1, 2, 3), n - Index3(2, 3, 3)};
-  std::vector<float> boxed(static_cast<std::size_t>(box.size()));
+  std::vector<typename Grid::ValueType> boxed(static_cast<std::size_t>(box.size()));
   source.readBox(box, boxed.data());
   auto from = grid.getConstAccessor();
   std::size_t at = 0, at_box = 0;
@@ -86,7 +86,7 @@ void checkVoxels(VolumeSource& source, const Grid& grid, const openvdb::Coord& f
       for (std::int64_t x = 0; x < n.x; ++x) {
         const openvdb::Coord xyz =
             first.offsetBy(static_cast<int>(x), static_cast<int>(y), static_cast<int>(z));
-        const auto expected = static_cast<float>(from.getValue(xyz));
+        const auto expected = from.getValue(xyz);
         ASSERT_EQ(rows[at++], expected) << xyz;
         const Index3 index(x, y, z);
         if (glm::all(glm::greaterThanEqual(index, box.first)) &&
@@ -101,7 +101,7 @@ void checkFog(const std::string& path, const Grid& grid, std::size_t notes) {
   const auto source = openVdbSource(path);
   const VolumeInfo& info = source->info();
   EXPECT_EQ(info.voxels, Index3(14, 9, 20));
-  EXPECT_EQ(info.voxel_type, VoxelType::kFloat32);
+  EXPECT_EQ(info.voxel_type, voxelTypeOf<typename Grid::ValueType>());
   EXPECT_EQ(info.notes.size(), notes);
   EXPECT_EQ(source->files(), std::vector<std::string>{path});
   EXPECT_GT(source->bufferBytes(), 12u * 7 * 18 * 4);
@@ -113,9 +113,9 @@ TEST_F(VdbSourceTest, ReadsFogOfAllTypesWithTheBackgroundAroundIt) {
     checkFog(writeGrids({grid}), *grid, notes);
   };
   check(fogGrid<openvdb::FloatGrid>(), 0);
-  check(fogGrid<openvdb::DoubleGrid>(), 1);
-  check(fogGrid<openvdb::Int32Grid>(), 1);
-  check(fogGrid<openvdb::Int64Grid>(), 1);
+  check(fogGrid<openvdb::DoubleGrid>(), 0);
+  check(fogGrid<openvdb::Int32Grid>(), 0);
+  check(fogGrid<openvdb::Int64Grid>(), 0);
   auto half = fogGrid<openvdb::FloatGrid>();
   half->setSaveFloatAsHalf(true);
   check(half, 0);
@@ -200,7 +200,7 @@ TEST_F(VdbSourceTest, TakesTheFirstFloatGridAndNamesIt) {
   checkFog(path, *grid, 1);
   EXPECT_CONTAINS(openVdbSource(path)->info().notes[0], "of 4 grids, 'smoke 1' was taken");
   const auto source = openVdbSource(writeGrids({vectors, counts}));
-  ASSERT_EQ(source->info().notes.size(), 2u);
+  ASSERT_EQ(source->info().notes.size(), 1u);
   EXPECT_CONTAINS(source->info().notes[0], "'counts'");
 }
 
@@ -266,7 +266,8 @@ TEST_F(VdbSourceTest, AGridLargerThanMemoryIsReadSlabBySlab) {
     EXPECT_TRUE(whole->readsBoxes());
     EXPECT_FALSE(slabs->readsBoxes());
     EXPECT_EQ(slabs->info().voxels, whole->info().voxels);
-    EXPECT_EQ(readVoxels<float>(*slabs), readVoxels<float>(*whole));
+    using Value = typename std::decay_t<decltype(*grid)>::ValueType;
+    EXPECT_EQ(readVoxels<Value>(*slabs), readVoxels<Value>(*whole));
   };
   check(fogGrid<openvdb::DoubleGrid>());
   using namespace openvdb::io;

@@ -49,9 +49,10 @@ void checkVariants(const std::string& path, const std::string& type) {
               EXPECT_EQ(info.geometry.spacing, glm::dvec3(0.5, 0.25, 2));
               EXPECT_EQ(source->readsBoxes(), format == "raw" && !zlib);
               EXPECT_EQ(source->files(), std::vector<std::string>{path});
-              visitVoxelType(info.voxel_type, [&](auto tag) {
+              visitNumberType(info.voxel_type, [&](auto tag) {
                 using Out = typename decltype(tag)::Type;
-                EXPECT_EQ((std::is_same_v<Out, T>), info.notes.size() == 1);
+                EXPECT_TRUE((std::is_same_v<Out, T>));
+                EXPECT_EQ(info.notes.size(), 1u);
                 const auto read = readVoxels<Out>(*source, slab);
                 for (std::size_t i = 0; i < values.size(); ++i)
                   ASSERT_EQ(read[i], static_cast<Out>(values[i])) << format << zlib << wide << big;
