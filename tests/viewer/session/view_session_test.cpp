@@ -634,7 +634,10 @@ TEST_F(ViewSessionTest, AnyClipPlaneComesToRest) {
       frame(0.05);
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
     }
-    ASSERT_TRUE(session_->settled()) << "normal " << plane.normal.x << " " << plane.normal.y;
+    for (int more = 0; more < 3; ++more) {
+      ASSERT_TRUE(session_->settled()) << "normal " << plane.normal.x << " " << plane.normal.y;
+      frame(0.05);
+    }
   }
 }
 
