@@ -26,6 +26,8 @@ constexpr float kMostMeanSquare = 0.05f;
 // So many steps lie between looks whether the query was cancelled.
 constexpr std::size_t kBetweenLooks = 1024;
 constexpr std::uint32_t kNone = CornerTable::kNone;
+// Where triangles cross, the distance becomes a quarter so often, and then 0.
+constexpr std::uint8_t kMostNarrowings = 3;
 
 // Sides of the batch's box that a vertex lies in: two bits an axis.
 unsigned sidesOf(const glm::vec3& position, const glm::vec3& lower, const glm::vec3& upper) {
@@ -43,7 +45,7 @@ void BatchSimplifier::simplify(const SimplifySpace& space, const CancelFlag* can
                                MeshBatch& batch) {
   if (space.drops_small) small_.drop(space.to_space, space.distance, batch);
   if (batch.triangles.empty()) return;
-  is_kept_.assign(batch.positions.size(), 0);
+  narrowings_.assign(batch.positions.size(), 0);
   // What crosses moved less than the distance; less is kept if less is enough.
   float reach = space.distance / 4;
   do {
@@ -52,7 +54,7 @@ void BatchSimplifier::simplify(const SimplifySpace& space, const CancelFlag* can
     collapseStars(cancel);
     collapseEdges(cancel, batch);
     reach *= 2;
-  } while (keepAroundCrossings(batch, reach));
+  } while (narrowAroundCrossings(batch, reach));
   write(batch);
 }
 
@@ -74,8 +76,8 @@ void BatchSimplifier::begin(const SimplifySpace& space, const MeshBatch& batch) 
   for (std::uint32_t v = 0; v < vertices_.size(); ++v) {
     Vertex& vertex = vertices_[v];
     vertex.position = positionOf(batch.positions[v]);
-    vertex.is_fixed =
-        vertex.is_shared || table_.ring(v) != CornerTable::Ring::kClosed || is_kept_[v] != 0;
+    vertex.is_fixed = vertex.is_shared || table_.ring(v) != CornerTable::Ring::kClosed ||
+                      narrowings_[v] == kMostNarrowings;
     vertex.is_broken = table_.ring(v) == CornerTable::Ring::kBroken;
   }
   normals_.assign(batch.normals.begin(), batch.normals.end());
@@ -295,7 +297,11 @@ bool BatchSimplifier::mayCollapse(const glm::vec3& place) {
   };
   for (int i = 0; i < region_.ring; ++i) set(i);
   for (int i = 0; i < region_.inner; ++i) set(CollapseRegion::kFirstInner + i);
-  return bound_.follow(region_, deviations_, space_.distance);
+  int narrowings = 0;
+  for (int i = 0; i < region_.inner; ++i)
+    narrowings =
+        std::max<int>(narrowings, narrowings_[region_.vertices[CollapseRegion::kFirstInner + i]]);
+  return bound_.follow(region_, deviations_, std::ldexp(space_.distance, -2 * narrowings));
 }
 
 void BatchSimplifier::collapseRegion(std::uint32_t vertex, const glm::vec3& voxels) {
@@ -347,7 +353,7 @@ bool BatchSimplifier::keepsOthersApart(std::uint32_t corner, const MeshBatch& ba
       new_neighbours, [&](std::uint32_t vertex) { return mayBeElsewhere(batch, kept, vertex); });
 }
 
-bool BatchSimplifier::keepAroundCrossings(const MeshBatch& batch, float reach) {
+bool BatchSimplifier::narrowAroundCrossings(const MeshBatch& batch, float reach) {
   left_.clear();
   for (std::uint32_t t = 0; t < table_.triangles(); ++t)
     if (const std::uint32_t c = CornerTable::firstCorner(t); table_.isAlive(t))
@@ -355,22 +361,21 @@ bool BatchSimplifier::keepAroundCrossings(const MeshBatch& batch, float reach) {
   grid_positions_.resize(voxels_.size());
   std::ranges::transform(voxels_, grid_positions_.begin(),
                          [this](const glm::vec3& voxels) { return onGrid(voxels); });
-  bool keeps_more = false;
+  next_narrowings_ = narrowings_;
   for (const std::uint32_t t : crossings_.find(grid_positions_, left_)) {
     glm::vec3 lower = vertices_[left_[t][0]].position, upper = lower;
     for (const std::uint32_t v : left_[t]) {
       lower = glm::min(lower, vertices_[v].position - reach);
       upper = glm::max(upper, vertices_[v].position + reach);
     }
-    for (std::uint32_t v = 0; v < is_kept_.size(); ++v) {
-      if (vertices_[v].is_fixed || is_kept_[v] != 0) continue;
+    for (std::uint32_t v = 0; v < narrowings_.size(); ++v) {
+      if (vertices_[v].is_fixed || next_narrowings_[v] > narrowings_[v]) continue;
       const glm::vec3 was = positionOf(batch.positions[v]);
-      if (glm::clamp(was, lower, upper) != was) continue;
-      is_kept_[v] = 1;
-      keeps_more = true;
+      if (glm::clamp(was, lower, upper) == was) ++next_narrowings_[v];
     }
   }
-  return keeps_more;
+  narrowings_.swap(next_narrowings_);
+  return narrowings_ != next_narrowings_;
 }
 
 void BatchSimplifier::write(MeshBatch& batch) {

@@ -36,8 +36,8 @@ struct SimplifySpace {
 // surface is nearly flat, then both ends of an edge, those of the least sum before others. They
 // stay apart if a point might come further from where it was than the distance (DeviationBound).
 // Vertices that other batches have among them, and those at borders, never move, so batches fit
-// each other. If triangles of what is left cross, the batch is simplified again, and what was
-// around them stays as it was.
+// each other. If triangles of what is left cross, the batch is simplified again, within less
+// distance around them, and in the end as it was there.
 class BatchSimplifier {
  public:
   // Afterwards no point of the batch is further than the distance from what it was, and no point of
@@ -65,9 +65,9 @@ class BatchSimplifier {
 
   void begin(const SimplifySpace& space, const MeshBatch& batch);
   void addPlanes();
-  // Finds triangles that cross each other or have no area, and keeps what was within `reach` of
-  // them, in the space, as it was from now on. False if there was nothing more to keep.
-  bool keepAroundCrossings(const MeshBatch& batch, float reach);
+  // Finds triangles that cross each other or have no area, and halves the distance twice for what
+  // was within `reach` of them, in the space. False if there was nothing to halve.
+  bool narrowAroundCrossings(const MeshBatch& batch, float reach);
 
   // Those of vertices that no other star has changed, in the order of the triangles.
   void collapseStars(const CancelFlag* cancel);
@@ -111,8 +111,9 @@ class BatchSimplifier {
   float grid_steps_ = 1;                                // of the grid of crossings, a voxel
   CornerTable table_;
   std::vector<Vertex> vertices_;
-  std::vector<glm::vec3> voxels_;       // of vertices: their places
-  std::vector<std::uint8_t> is_kept_;   // of vertices: as they were
+  std::vector<glm::vec3> voxels_;  // of vertices: their places
+  // Of vertices: how often the distance was divided there. At kMostNarrowings they stay.
+  std::vector<std::uint8_t> narrowings_, next_narrowings_;
   std::vector<std::uint32_t> touched_;  // of vertices: the round in which it last changed or went
   std::vector<glm::vec3> normals_;      // of vertices: sums, by area
   std::vector<Deviation> deviations_;   // of triangles

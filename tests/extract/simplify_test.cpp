@@ -113,7 +113,7 @@ TEST(Simplify, LeavesNoTriangleWithoutArea) {
 
 TEST(Simplify, PiecesOfABrickStayApart) {
   std::size_t simplified = 0, finest = 0;
-  for (unsigned seed = 0; seed < 60; ++seed) {
+  for (unsigned seed = 0; seed < 24; ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     RandomCase random(seed);
     const TemporaryFolder folder;
@@ -121,14 +121,15 @@ TEST(Simplify, PiecesOfABrickStayApart) {
                                         : buildRandomPyramid(random, folder, 5));
     Query query = sphereQuery(random.real(0.1, 2));
     if (seed % 2 != 0) query.isovalue = random.real(20, 180);
-    if (pyramid.layout().bricks(0) != Index3(1)) continue;
+    if (pyramid.layout().bricks(0) != Index3(1) || elementCount(pyramid.spec().voxels) > 6000)
+      continue;
     const IndexedMesh mesh = meshOf(pyramid, query);
     ASSERT_TRUE(crossingTriangles(mesh.positions, mesh.triangles).empty());
     simplified += mesh.triangles.size();
     query.simplify.reset();
     finest += meshOf(pyramid, query).triangles.size();
   }
-  EXPECT_GT(finest, 100'000u);
+  EXPECT_GT(finest, 20'000u);
   EXPECT_LT(simplified, finest * 9 / 10);
 }
 
