@@ -18,6 +18,11 @@ if(ISOBRICK_SANITIZE)
   list(APPEND isobrick_compile_options
     -fsanitize=${ISOBRICK_SANITIZE} -fno-sanitize-recover=all -fno-omit-frame-pointer -g1)  # reports need lines only
   list(APPEND isobrick_link_options -fsanitize=${ISOBRICK_SANITIZE})
+  if(ISOBRICK_SANITIZE MATCHES "address.*undefined")
+    # AddressSanitizer stops at a null pointer anyhow; these checks take a quarter of the time to compile.
+    list(APPEND isobrick_compile_options -fno-sanitize=null,vptr,object-size)
+    list(APPEND isobrick_link_options -fno-sanitize=vptr)
+  endif()
 endif()
 # Kernels are compiled once for each instruction set, which takes a tenth of the time to compile all. SSSE3 without SSE4 is
 # left out: no processor since 2009 is like that. Sanitized kernels take minutes, so SSE4 and AVX3 (without the later
