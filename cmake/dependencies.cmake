@@ -12,13 +12,16 @@ pkg_check_modules(ZSTD REQUIRED IMPORTED_TARGET libzstd)
 pkg_check_modules(TIFF REQUIRED IMPORTED_TARGET libtiff-4>=4.5)
 pkg_check_modules(HWY REQUIRED libhwy>=1.0.3)
 find_path(XXHASH_INCLUDE_DIR xxhash.h REQUIRED)  # all in line
+# Its own package asks for programs that Debian has elsewhere. Only preprocess/sources/nifti_source.cpp includes it.
+find_path(NIFTI_INCLUDE_DIR nifti2_io.h PATH_SUFFIXES nifti REQUIRED)
+find_library(NIFTI2_LIBRARY nifti2 REQUIRED)
 
 set(switched_off_sources "")
 
-# ITK reads the medical formats. Only preprocess/sources/itk_*.cpp include it.
+# ITK reads DICOM and PNG. Only preprocess/sources/itk_*.cpp include it.
 if(ISOBRICK_WITH_ITK)
   set(isobrick_itk_components
-    ITKIOImageBase ITKIONRRD ITKIOMeta ITKIONIFTI ITKIOGDCM ITKIOPNG ITKIOMRC)
+    ITKIOImageBase ITKIOGDCM ITKIOPNG)
   find_package(ITK 5 REQUIRED COMPONENTS ${isobrick_itk_components})
   # GDCM is a part of ITK or a library beside it, whose own package asks for more than its libraries.
   find_path(GDCM_INCLUDE_DIR gdcmImageReader.h HINTS ${ITK_INCLUDE_DIRS} PATH_SUFFIXES gdcm-3.0 gdcm REQUIRED)

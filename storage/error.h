@@ -42,6 +42,7 @@ enum class Remedy {
   kChooseTime,          // OpenOptions::time
   kChooseVariant,       // OpenOptions::channel
   kChooseSeries,        // OpenOptions::series
+  kChooseImage,         // OpenOptions::image
 };
 
 // A failed run. `what()` is one line that says what went wrong, at which place (path,

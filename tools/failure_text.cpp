@@ -62,6 +62,8 @@ Texts advicesOf(Remedy remedy) {
     case Remedy::kChooseVariant:
       return {"take one with --select channel=C",
               "'isobrick build' takes one with --select channel=C"};
+    case Remedy::kChooseImage:
+      return {"take one with --select image=N", "'isobrick build' takes one with --select image=N"};
     case Remedy::kChooseSeries:
       return {"take one with --select series=NUMBER or --select series=UID",
               "'isobrick build' takes one with --select series=NUMBER or --select series=UID"};

@@ -23,6 +23,25 @@ std::unique_ptr<VolumeSource> openRawSource(const std::string& path, const RawLa
 std::unique_ptr<VolumeSource> openVtiSource(const std::string& path,
                                             const OpenOptions& options = {});
 
+// NRRD, MetaImage, NIfTI-1 and -2, Analyze 7.5 and MRC: whether a file is one, by its first bytes
+// or its name, and its volume. Numbers of all types are read, packed with gzip or not, in one file
+// or several, and as text where the format has it, a few rows at a time. Of several values a voxel,
+// time steps and images the options choose one. The places of voxels follow the rules of the
+// format, whatever a library makes of them; NIfTI's world is turned to that of DICOM. Throw Error
+// that names the file.
+bool isNrrdFile(const std::string& path);
+std::unique_ptr<VolumeSource> openNrrdSource(const std::string& path,
+                                             const OpenOptions& options = {});
+bool isMetaImageFile(const std::string& path);
+std::unique_ptr<VolumeSource> openMetaImageSource(const std::string& path,
+                                                  const OpenOptions& options = {});
+bool isNiftiFile(const std::string& path);
+std::unique_ptr<VolumeSource> openNiftiSource(const std::string& path,
+                                              const OpenOptions& options = {});
+bool isMrcFile(const std::string& path);
+std::unique_ptr<VolumeSource> openMrcSource(const std::string& path,
+                                            const OpenOptions& options = {});
+
 // Whether the folder is a Zarr store, by the names of the files in it.
 bool isZarrFolder(const std::string& path);
 
@@ -39,7 +58,7 @@ bool isZarrFolder(const std::string& path);
 std::unique_ptr<VolumeSource> openZarrSource(const std::string& path,
                                              const OpenOptions& options = {});
 
-// Opens anything that ITK reads: NRRD, MetaImage, NIfTI, TIFF, ...; a folder is a DICOM series (it
+// Opens anything that ITK reads: DICOM, TIFF, PNG; a folder is a DICOM series (it
 // must hold exactly one) or a stack of TIFF slices. Slope and intercept, spacing, origin and
 // direction are applied. No pixels are decoded: the voxel type of a series follows from its headers
 // (dicom_values.h), each of which is read once.

@@ -58,25 +58,6 @@ std::vector<std::string> linesLeft(std::istream& in) {
   return lines;
 }
 
-std::vector<std::string> words(const std::string& text) {
-  std::istringstream in(text);
-  std::vector<std::string> result;
-  for (std::string word; in >> word;) result.push_back(word);
-  return result;
-}
-
-// The texts between quotes.
-std::vector<std::string> quotedTexts(const std::string& text) {
-  std::vector<std::string> result;
-  for (std::size_t first = text.find('"'); first != std::string::npos;) {
-    const std::size_t end = text.find('"', first + 1);
-    if (end == std::string::npos) break;
-    result.push_back(text.substr(first + 1, end - first - 1));
-    first = text.find('"', end + 1);
-  }
-  return result;
-}
-
 // As large as the libraries', which is an int.
 std::optional<std::int64_t> wholeNumber(const std::string& text) {
   return numberIn<std::int32_t>(text);
@@ -103,23 +84,15 @@ Error badPattern(const std::string& header_path, const std::string& pattern) {
           "' are not a name with one number, as in 'slice%03d.raw 1 9 1'; correct its header");
 }
 
-// The last of the volume's dimensions, multiplied with `more` of those before it.
-std::size_t piecesOf(const std::string& dimensions, std::size_t more) {
-  const std::vector<std::string> sizes = words(dimensions);
-  std::int64_t pieces = 1;
-  for (std::size_t i = 0; i <= more && i < sizes.size(); ++i)
-    pieces = std::min(
-        kMaxVoxelsPerAxis,
-        pieces * std::clamp<std::int64_t>(wholeNumber(sizes[sizes.size() - 1 - i]).value_or(1), 1,
-                                          kMaxVoxelsPerAxis));
-  return static_cast<std::size_t>(pieces);
-}
-
-std::vector<std::string> headerAndNamed(const std::string& header_path,
-                                        const std::vector<std::string>& names) {
-  std::vector<std::string> files = {header_path};
-  for (const std::string& name : names) files.push_back(besideHeader(header_path, name));
-  return files;
+// Relative to the header; as many as there are to be.
+std::vector<std::string> besideHeaderAll(const std::string& header_path,
+                                         std::vector<std::string> names, std::int64_t pieces) {
+  if (std::ssize(names) != pieces)
+    throw unusable(header_path, "it names " + std::to_string(names.size()) +
+                                    " data files, and its sizes need " + std::to_string(pieces) +
+                                    "; correct its header");
+  for (std::string& name : names) name = besideHeader(header_path, name);
+  return names;
 }
 
 }  // namespace
@@ -135,8 +108,8 @@ std::string besideHeader(const std::string& header_path, const std::string& name
 
 std::optional<HeaderText> readNrrdHeader(const std::string& path) {
   std::ifstream in(path, std::ios::binary);
-  const auto magic = readLine(in);
-  if (!magic || !magic->starts_with("NRRD000")) return std::nullopt;
+  std::string magic(7, '\0');
+  if (!in.read(magic.data(), 7) || magic != "NRRD000" || !readLine(in)) return std::nullopt;
   HeaderText header;
   for (std::size_t lines = 0; lines < kMostLines; ++lines) {
     const auto line = readLine(in);
@@ -176,83 +149,102 @@ std::optional<HeaderText> readMetaImageHeader(const std::string& path) {
   return std::nullopt;
 }
 
-std::vector<std::string> nrrdFiles(const std::string& header_path) {
-  const auto header = readNrrdHeader(header_path);
-  const std::string named = header ? header->value("datafile") : "";
+std::vector<std::string> nrrdDataFiles(const std::string& header_path, const HeaderText& header,
+                                       std::int64_t axes, const PiecesOf& pieces) {
+  const std::string named = header.value("datafile");
   if (named.empty()) return {header_path};
-  if (isList(named)) return headerAndNamed(header_path, header->listed);
-  const std::vector<std::string> parts = words(named);
-  // Teem requires all three numbers; without them it is one file with a strange name.
+  const std::vector<std::string> parts = wordsOf(named);
+  // The number of axes behind it says how much of the array is in each file.
+  const auto piecesBy = [&](std::size_t part) {
+    const std::int64_t whole =
+        part < parts.size() ? wholeNumber(parts[part]).value_or(0) : axes - 1;
+    if (whole < 1 || whole > axes) throw badPattern(header_path, named);
+    return pieces(whole);
+  };
+  if (isList(named)) return besideHeaderAll(header_path, header.listed, piecesBy(1));
+  // All three numbers are required; without them it is one file with a strange name.
   if (named.find('%') == std::string::npos || parts.size() < 4)
-    return headerAndNamed(header_path, {named});
+    return {besideHeader(header_path, named)};
   const auto pattern = parseNumberedName(parts[0]);
   const auto first = wholeNumber(parts[1]), last = wholeNumber(parts[2]),
              step = wholeNumber(parts[3]);
   if (!pattern || !first || !last || !step || *step == 0 || isEndless(*first, *last, *step))
     throw badPattern(header_path, named);
-  return headerAndNamed(header_path, numberedNames(*pattern, *first, *last, *step,
-                                                   static_cast<std::size_t>(kMaxVoxelsPerAxis)));
+  return besideHeaderAll(
+      header_path,
+      numberedNames(*pattern, *first, *last, *step, static_cast<std::size_t>(kMaxVoxelsPerAxis)),
+      piecesBy(4));
 }
 
-std::vector<std::string> metaImageFiles(const std::string& header_path) {
-  const auto header = readMetaImageHeader(header_path);
-  const std::string named = header ? header->value("elementdatafile") : "";
-  if (named.empty() || lowercase(named) == "local") return {header_path};
-  const std::vector<std::string> parts = words(named);
-  const std::string sizes = header->value("dimsize");
+std::vector<std::string> metaImageDataFiles(const std::string& header_path,
+                                            const HeaderText& header, std::int64_t axes,
+                                            const PiecesOf& pieces) {
+  const std::string named = header.value("elementdatafile");
+  if (lowercase(named) == "local") return {header_path};
+  const std::vector<std::string> parts = wordsOf(named);
+  if (parts.empty())
+    throw unusable(header_path, "its ElementDataFile names no file; correct its header");
   if (isList(named)) {
-    // "LIST 2": pieces of two dimensions, which is the rule for a volume.
-    const auto dimensions = static_cast<std::int64_t>(words(sizes).size());
+    // "LIST 2": pieces of two axes, which is the rule for a volume.
     const std::int64_t whole =
-        parts.size() > 1 ? wholeNumber(parts[1]).value_or(dimensions - 1) : dimensions - 1;
-    std::vector<std::string> names = header->listed;
-    const std::size_t most = piecesOf(sizes, static_cast<std::size_t>(std::clamp<std::int64_t>(
-                                                 dimensions - whole - 1, 0, dimensions)));
-    if (names.size() > most) names.resize(most);
-    return headerAndNamed(header_path, names);
+        parts.size() > 1 ? wholeNumber(parts[1]).value_or(axes - 1) : axes - 1;
+    const std::int64_t count = pieces(std::clamp<std::int64_t>(whole, 1, axes));
+    std::vector<std::string> names = header.listed;
+    if (std::ssize(names) > count) names.resize(static_cast<std::size_t>(count));
+    return besideHeaderAll(header_path, std::move(names), count);
   }
-  if (named.find('%') == std::string::npos) return headerAndNamed(header_path, {named});
+  if (named.find('%') == std::string::npos) return {besideHeader(header_path, named)};
   const auto pattern = parseNumberedName(parts[0]);
   const auto number = [&](std::size_t i, std::int64_t otherwise) {
     return i < parts.size() ? wholeNumber(parts[i]) : std::optional<std::int64_t>(otherwise);
   };
-  const std::size_t slices = piecesOf(sizes, 0);
+  const std::int64_t slices = std::clamp<std::int64_t>(pieces(axes - 1), 1, kMaxVoxelsPerAxis);
   const auto first = number(1, 1);
-  const auto last = number(2, first.value_or(1) + static_cast<std::int64_t>(slices) - 1);
-  const auto step = number(3, parts.size() == 3 && first && last
-                                  ? (*last - *first) / static_cast<std::int64_t>(slices)
-                                  : 1);
+  const auto last = number(2, first.value_or(1) + slices - 1);
+  const auto step = number(3, parts.size() == 3 && first && last ? (*last - *first) / slices : 1);
   if (!pattern || !first || !last || !step || *step <= 0 || isEndless(*first, *last, *step))
     throw badPattern(header_path, named);
-  return headerAndNamed(header_path, numberedNames(*pattern, *first, *last, *step, slices));
+  return besideHeaderAll(
+      header_path, numberedNames(*pattern, *first, *last, *step, static_cast<std::size_t>(slices)),
+      slices);
 }
 
-std::array<std::string, 3> nrrdUnits(const std::string& header_path) {
-  const auto header = readNrrdHeader(header_path);
-  if (!header) return {};
-  const auto axesOf = [](std::vector<std::string> units) -> std::array<std::string, 3> {
-    // An axis of several values a voxel has no length.
-    if (units.size() > 3)
-      std::erase_if(units, [](const std::string& unit) {
-        return unit.empty() || unit == "none" || unit == "???";
-      });
-    if (units.size() != 3) return {};
-    return {units[0], units[1], units[2]};
-  };
-  if (header->fields.contains("spaceunits"))
-    return axesOf(quotedTexts(header->value("spaceunits")));
-  const std::string space = lowercase(header->value("space"));
-  for (const char* known : {"left-posterior-superior", "right-anterior-superior",
-                            "left-anterior-superior", "scanner-xyz", "lps", "ras", "las"})
-    if (space == known) return {"mm", "mm", "mm"};
-  return axesOf(quotedTexts(header->value("units")));
+std::vector<std::string> wordsOf(const std::string& text) {
+  std::istringstream in(text);
+  std::vector<std::string> result;
+  for (std::string word; in >> word;) result.push_back(word);
+  return result;
 }
 
-std::string metaImageUnit(const std::string& header_path) {
-  const auto header = readMetaImageHeader(header_path);
-  if (!header || !header->fields.contains("distanceunits")) return "mm";
-  const std::string unit = header->value("distanceunits");
-  return unit == "?" ? "" : unit;
+std::vector<std::string> quotedTexts(const std::string& text) {
+  std::vector<std::string> result;
+  for (std::size_t first = text.find('"'); first != std::string::npos;) {
+    const std::size_t end = text.find('"', first + 1);
+    if (end == std::string::npos) break;
+    result.push_back(text.substr(first + 1, end - first - 1));
+    first = text.find('"', end + 1);
+  }
+  return result;
+}
+
+std::optional<std::vector<double>> numbersOf(const std::string& text) {
+  std::vector<double> numbers;
+  for (const std::string& word : wordsOf(text)) {
+    const auto number = numberIn<double>(word.starts_with('+') ? word.substr(1) : word);
+    if (!number) return std::nullopt;
+    numbers.push_back(*number);
+  }
+  return numbers;
+}
+
+std::optional<std::vector<std::int64_t>> wholeNumbersOf(const std::string& text) {
+  std::vector<std::int64_t> numbers;
+  for (const std::string& word : wordsOf(text)) {
+    const auto number = numberIn<std::int64_t>(word);
+    if (!number) return std::nullopt;
+    numbers.push_back(*number);
+  }
+  return numbers;
 }
 
 }  // namespace isobrick

@@ -1,11 +1,10 @@
-// Headers of NRRD and MetaImage files as text: their fields, and the files that they name. ITK's
-// own readers of both give geometry and voxel type, but neither the names of all data files nor the
-// first byte of the voxels, so these fields are read here a second time. Private to
-// preprocess/sources/.
+// Headers of NRRD and MetaImage files as text: their fields, and the files that they name. The
+// libraries of these formats open every data file to read a header, pass its patterns on to printf
+// and hold the whole volume, so they are not used. Private to preprocess/sources/.
 #pragma once
 
-#include <array>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <optional>
 #include <string>
@@ -27,20 +26,24 @@ struct HeaderText {
 std::optional<HeaderText> readNrrdHeader(const std::string& path);
 std::optional<HeaderText> readMetaImageHeader(const std::string& path);
 
-// The header itself, and then every file that it names, LIST and patterns ("slice%03d.raw 1 9 1")
-// included, in the order of their slices; the header alone if the voxels are in it or if it is no
-// such header. At most as many as the volume has slices. Throw Error for patterns that are not one
-// whole number in a name: the libraries that read these files would pass them on to printf, or
-// count for minutes if there are more numbers than a volume can have slices.
-std::vector<std::string> nrrdFiles(const std::string& header_path);
-std::vector<std::string> metaImageFiles(const std::string& header_path);
+// The files that a header names for its voxels, LIST and patterns ("slice%03d.raw 1 9 1") included,
+// in the order of their numbers; the header itself if they are in it. `pieces` says how many there
+// are to be for a number of whole axes in each. Throw Error for another count, and for patterns
+// that are not one whole number in a name.
+using PiecesOf = std::function<std::int64_t(std::int64_t whole_axes)>;
+std::vector<std::string> nrrdDataFiles(const std::string& header_path, const HeaderText& header,
+                                       std::int64_t axes, const PiecesOf& pieces);
+std::vector<std::string> metaImageDataFiles(const std::string& header_path,
+                                            const HeaderText& header, std::int64_t axes,
+                                            const PiecesOf& pieces);
 
-// The units of length of the world's axes (length_units.h), "" if none is stated. An NRRD in a
-// space of patients or scanners, such as left-posterior-superior, is in millimetres unless it says
-// otherwise: the format takes those spaces from DICOM and NIfTI. A MetaImage is in millimetres
-// unless it says otherwise.
-std::array<std::string, 3> nrrdUnits(const std::string& header_path);
-std::string metaImageUnit(const std::string& header_path);
+// Between blanks.
+std::vector<std::string> wordsOf(const std::string& text);
+// The texts between quotes.
+std::vector<std::string> quotedTexts(const std::string& text);
+// The numbers of a field, or nothing if a word is none. 'nan' is one.
+std::optional<std::vector<double>> numbersOf(const std::string& text);
+std::optional<std::vector<std::int64_t>> wholeNumbersOf(const std::string& text);
 
 // A name in a header is relative to the header's folder.
 std::string besideHeader(const std::string& header_path, const std::string& name);

@@ -3,10 +3,6 @@
 
 #include <itkGDCMImageIO.h>
 #include <itkImageIOFactory.h>
-#include <itkMRCImageIOFactory.h>
-#include <itkMetaImageIOFactory.h>
-#include <itkNiftiImageIOFactory.h>
-#include <itkNrrdImageIOFactory.h>
 #include <itkPNGImageIOFactory.h>
 
 #include <algorithm>
@@ -16,8 +12,8 @@
 #include <new>
 #include <sstream>
 
+#include "isobrick/preprocess/input_file.h"
 #include "isobrick/preprocess/path_error.h"
-#include "isobrick/preprocess/sources/nifti_run.h"
 #include "isobrick/preprocess/sources/voxel_components.h"
 #include "isobrick/storage/file_system.h"
 #include "isobrick/storage/lowercase.h"
@@ -36,11 +32,6 @@ void registerFactories() {
 std::string plainMessage(std::string text) {
   for (char& c : text)
     if (c == '\n' || c == '\r' || c == '\t') c = ' ';
-  // NRRD's are a chain of callers; the last one gives the reason: "... [nrrd] function: reason"
-  if (const std::size_t last = text.rfind("[nrrd] "); last != std::string::npos) {
-    text.erase(0, last + 7);
-    if (const std::size_t end = text.find(": "); end != std::string::npos) text.erase(0, end + 2);
-  }
   // "ITK ERROR: NrrdImageIO(0x55d0c0): reason"
   if (const std::size_t end = text.find("): ");
       end != std::string::npos && text.find("ERROR") < end)
@@ -126,8 +117,7 @@ void prepareItk() {
   std::call_once(once, [] {
     itk::Object::GlobalWarningDisplayOff();
     // DICOM is not among them: openImage() reads such files itself (dicom_header.h).
-    registerFactories<itk::NrrdImageIOFactory, itk::MetaImageIOFactory, itk::NiftiImageIOFactory,
-                      itk::PNGImageIOFactory, itk::MRCImageIOFactory>();
+    registerFactories<itk::PNGImageIOFactory>();
   });
 }
 
@@ -143,13 +133,8 @@ Error itkError(const std::string& path, const std::exception& exception) {
 }
 
 std::string formatName(const itk::ImageIOBase& image) {
-  static const std::map<std::string, std::string> kNames = {{"NrrdImageIO", "NRRD"},
-                                                            {"MetaImageIO", "MetaImage"},
-                                                            {"NiftiImageIO", "NIfTI"},
-                                                            {"GDCMImageIO", "DICOM"}};
   const std::string name = image.GetNameOfClass();
-  if (const auto known = kNames.find(name); known != kNames.end()) return known->second;
-  return name.substr(0, name.find("ImageIO"));
+  return name == "GDCMImageIO" ? "DICOM" : name.substr(0, name.find("ImageIO"));
 }
 
 std::optional<DicomHeader> dicomImageHeader(const std::string& path) {
@@ -171,7 +156,6 @@ std::optional<DicomHeader> dicomImageHeader(const std::string& path) {
 itk::ImageIOBase::Pointer openImage(const std::string& path, const OpenOptions& options) {
   prepareItk();
   static_cast<void>(InputFile(path));  // says why it cannot be opened
-  checkNiftiHeader(path);
   return openBy(path, options, [&] {
     return dicomImageHeader(path)
                ? dicomReader()
@@ -242,9 +226,6 @@ void readImageSlices(const std::string& path, itk::ImageIOBase& image, std::int6
     const CerrCapture printed;
     image.SetIORegion(region);
     image.Read(out);
-    // Data that are cut short or do not inflate are only printed.
-    if (formatName(image) == "MetaImage" && !printed.text().empty())
-      throw std::runtime_error(printed.text());
   } catch (const std::exception& exception) {
     throw itkError(path, exception);
   }

@@ -1,5 +1,4 @@
 // Single files that ITK reads.
-#include <itkConfigure.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -15,38 +14,17 @@
 #include "isobrick/preprocess/sources/dicom_tags.h"
 #include "isobrick/preprocess/sources/dicom_values.h"
 #include "isobrick/preprocess/sources/format_sources.h"
-#include "isobrick/preprocess/sources/header_text.h"
 #include "isobrick/preprocess/sources/itk_common.h"
-#include "isobrick/preprocess/sources/length_units.h"
-#include "isobrick/preprocess/sources/mrc_header.h"
-#include "isobrick/preprocess/sources/nifti_run.h"
 #include "isobrick/preprocess/sources/one_grid.h"
-#include "isobrick/preprocess/sources/raw_run.h"
 #include "isobrick/preprocess/sources/source_checks.h"
 #include "isobrick/preprocess/sources/tiff_source.h"
 #include "isobrick/preprocess/sources/voxel_components.h"
 #include "isobrick/storage/abandonable.h"
 #include "isobrick/storage/file_system.h"
-#include "isobrick/storage/lowercase.h"
 
 namespace isobrick {
 namespace itk_detail {
 namespace {
-
-// Until 5.3, ITK makes millimetres of the spacing alone in a NIfTI file of other units.
-constexpr bool kItkScalesNiftiOrigins = ITK_VERSION_MAJOR > 5 ||
-                                        (ITK_VERSION_MAJOR == 5 && ITK_VERSION_MINOR >= 4);
-
-// The units of the lengths that ITK gives.
-void takeUnits(const std::string& path, VolumeInfo& info) {
-  const auto take = [&](const std::string& unit) {
-    takeLengthUnits({unit, unit, unit}, info.geometry, info.notes);
-  };
-  if (info.format == "NRRD") takeLengthUnits(nrrdUnits(path), info.geometry, info.notes);
-  if (info.format == "MetaImage") take(metaImageUnit(path));
-  if (info.format == "DICOM") take("millimeter");
-  if (info.format == "MRC") take(MrcHeader(path).unit());
-}
 
 // The frames of a dose grid, in mm along its normal.
 void checkFrameOffsets(const std::string& path, const std::string& text) {
@@ -67,14 +45,12 @@ VolumeInfo describeVolume(const std::string& path, const itk::ImageIOBase& image
   info.notes = std::move(notes);
   info.source = path;
   info.format = formatName(image);
-  // NIfTI's fourth axis is time; one step of it is taken.
-  info.voxels = imageVoxels(path, image, info.format == "NIfTI" ? 4 : 3);
+  info.voxels = imageVoxels(path, image);
   if (info.voxels.z == 1)
     throw unusable(path, "it is a single 2-D image; name the folder that holds all slices");
   checkVoxelCounts(path, info.voxels);
   info.geometry = imageGeometry(image);
-  if (info.format == "MRC") MrcHeader(path).turnAxes(info.geometry);
-  takeUnits(path, info);
+  if (info.format == "DICOM") info.geometry.unit = LengthUnit::kMillimetre;
   tidyGeometry(path, info.geometry, info.voxels, info.notes);
   StoredVoxels stored;
   stored.type = storedTypeOf(image.GetComponentType());
@@ -164,56 +140,26 @@ class WholeImageSource final : public VolumeSource {
   std::shared_ptr<std::byte[]> buffer_;
 };
 
-// The file, and those that it names. ITK tells MetaImage by its ending and NRRD by its first bytes.
-std::vector<std::string> filesOf(const std::string& path) {
-  if (!isRegularFile(path)) return {path};
-  const std::string ending = lowerExtension(path);
-  return ending == ".mhd" || ending == ".mha" ? metaImageFiles(path) : nrrdFiles(path);
-}
-
 std::unique_ptr<VolumeSource> openImageFile(const std::string& path, std::vector<std::string> files,
                                             itk::ImageIOBase::Pointer image,
                                             const OpenOptions& options,
                                             std::vector<std::string> notes = {}) {
   VolumeInfo info = describeVolume(path, *image, std::move(notes));
   const auto components = static_cast<std::uint64_t>(image->GetNumberOfComponents());
-  const unsigned axes = image->GetNumberOfDimensions();
-  if (info.format == "NIfTI")
-    return openNiftiVolume(std::move(info), kItkScalesNiftiOrigins, components,
-                           axes > 3 ? image->GetDimensions(3) : 1, options);
-  const auto run = info.format == "NRRD"        ? findNrrdRun(path, components, info.voxels)
-                   : info.format == "MetaImage" ? findMetaImageRun(path)
-                                                : std::nullopt;
   StoredVoxels stored;
   stored.type = storedTypeOf(image->GetComponentType());
-  if (info.format == "MRC" && components == 1 && stored.type == StoredType::kUint8 &&
-      MrcHeader(path).hasSignedBytes()) {
-    stored.type = StoredType::kInt8;
-    info.voxel_type = stored.delivered();
-  }
   takeComponent(components, options, stored, info);
-  if (run && axes == 3) {
-    stored.big_endian = run->big_endian;
-    return openRawRun(std::move(info), *run, stored, options.cancel);
-  }
-  auto source = std::make_unique<WholeImageSource>(std::move(info), std::move(files),
-                                                   std::move(image), stored, options.cancel);
-  if (source->info().format == "MRC") MrcHeader(path).checkBytes(source->bufferBytes());
-  return source;
+  return std::make_unique<WholeImageSource>(std::move(info), std::move(files), std::move(image),
+                                            stored, options.cancel);
 }
 
 }  // namespace
 
 std::unique_ptr<VolumeSource> openItkFile(const std::string& path, const OpenOptions& options) {
   static_cast<void>(InputFile(path));  // refuses a pipe, which ITK would wait for
-  // First: ITK must not get a header with bad names.
-  std::vector<std::string> files = filesOf(path);
-  // ITK opens the files that a header names, to find their lengths.
-  for (const std::string& file : files)
-    if (isPresent(file) && !isRegularFile(file)) static_cast<void>(InputFile(file, path));
   if (const auto header = dicomImageHeader(path)) return openDicomFile(path, *header, options);
   if (auto pages = openTiffFile(path, options)) return pages;
-  return openImageFile(path, std::move(files), openImage(path, options), options);
+  return openImageFile(path, {path}, openImage(path, options), options);
 }
 
 std::unique_ptr<VolumeSource> openDicomFile(const std::string& path, const DicomHeader& header,

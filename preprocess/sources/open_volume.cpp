@@ -71,13 +71,21 @@ bool mayHaveComponents(const std::string& path, const OpenOptions& options) {
          ending != ".vdb" && !isRemotePath(path);
 }
 
-// `knows` checks the name and the kind alone; ITK recognises formats without it by their content.
-// The first reader that recognises a path reads it.
+// `knows` checks the name, the kind or the first bytes. The first reader that recognises a path
+// reads it; what is left is for ITK, which recognises formats by their content.
 struct Reader {
   ReadableFormat format;
   bool (*knows)(const std::string& path, bool is_folder);
   std::unique_ptr<VolumeSource> (*open)(const std::string& path, const OpenOptions& options);
 };
+template <bool (*isOne)(const std::string& path)>
+bool isFile(const std::string& path, bool is_folder) {
+  return !is_folder && isRegularFile(path) && isOne(path);
+}
+template <std::unique_ptr<VolumeSource> (*openOne)(const std::string&, const OpenOptions&)>
+std::unique_ptr<VolumeSource> openWith(const std::string& path, const OpenOptions& options) {
+  return openOne(path, options);
+}
 constexpr Reader kReaders[] = {
     {{"OME-Zarr", ".ome.zarr .zarr", true},
      [](const std::string& path, bool is_folder) { return is_folder && isZarrFolder(path); },
@@ -102,13 +110,15 @@ constexpr Reader kReaders[] = {
        return !is_folder && lowerExtension(path) == ".vdb";
      },
      openVdb},
-    {{"NRRD", ".nrrd .nhdr", ISOBRICK_WITH_ITK}, nullptr, openItk},
-    {{"MetaImage", ".mhd .mha", ISOBRICK_WITH_ITK}, nullptr, openItk},
-    {{"NIfTI-1, Analyze", ".nii .nii.gz .hdr", ISOBRICK_WITH_ITK}, nullptr, openItk},
+    {{"NRRD", ".nrrd .nhdr", true}, isFile<isNrrdFile>, openWith<openNrrdSource>},
+    {{"MetaImage", ".mhd .mha", true}, isFile<isMetaImageFile>, openWith<openMetaImageSource>},
+    {{"NIfTI-1, NIfTI-2, Analyze", ".nii .nii.gz .hdr", true},
+     isFile<isNiftiFile>,
+     openWith<openNiftiSource>},
+    {{"MRC", ".mrc .map .map.gz", true}, isFile<isMrcFile>, openWith<openMrcSource>},
     {{"DICOM", "file, or folder of a series", ISOBRICK_WITH_ITK}, nullptr, openItk},
     {{"TIFF", ".tif .tiff, or folder of slices", ISOBRICK_WITH_ITK}, nullptr, openItk},
     {{"PNG", "folder of slices", ISOBRICK_WITH_ITK}, nullptr, openItk},
-    {{"MRC", ".mrc", ISOBRICK_WITH_ITK}, nullptr, openItk},
 };
 
 // From a path that refuseUnusablePath() let pass.

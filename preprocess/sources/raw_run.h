@@ -6,7 +6,6 @@
 
 #include <cstdint>
 #include <memory>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -24,19 +23,11 @@ struct RawRun {
   bool is_deflated = false;
   // The first voxel's byte in the inflated content; 0 for runs that are not deflated.
   std::uint64_t content_offset_bytes = 0;
-  bool big_endian = false;
 };
 
 // The result of VolumeSource::files() for a run. `header_path` may be empty, or that of the data.
 std::vector<std::string> headerAndData(const std::string& header_path,
                                        const std::string& data_path);
-
-// Nothing if the header is not that of a volume in one run: other encodings, several data files,
-// skipped lines, or anything unusual. Never throws. `components` and `voxels` are those that ITK
-// read from the header: if voxels have several values, these lie together.
-std::optional<RawRun> findNrrdRun(const std::string& header_path, std::uint64_t components,
-                                  const Index3& voxels);
-std::optional<RawRun> findMetaImageRun(const std::string& header_path);
 
 // The voxels of `info`, which the source returns as it is; `stored.delivered()` is its type. Throws
 // Error, naming the header's file, if the data end early: at once, or for deflated ones when the
@@ -47,12 +38,17 @@ std::optional<RawRun> findMetaImageRun(const std::string& header_path);
 std::unique_ptr<VolumeSource> openRawRun(VolumeInfo info, const RawRun& run,
                                          const StoredVoxels& stored, const CancelFlag* cancel);
 
-// The same out of any stream, in which the first voxel is at `content_offset_bytes`. `path` is the
-// file's for messages, `header_path` that of the file that states the number of voxels.
+// Bytes of a stream from a row to the next, and from a slice to the next; 0 if they adjoin.
+struct RowStrides {
+  std::uint64_t row_bytes = 0, slice_bytes = 0;
+};
+
+// The same out of any stream, in which the first voxel is at `content_offset_bytes`. `files` are
+// those of the source: the first states the number of voxels, the last is named if it is too short.
 std::unique_ptr<VolumeSource> openStream(VolumeInfo info, const StoredVoxels& stored,
                                          std::unique_ptr<ByteStream> stream,
                                          std::uint64_t content_offset_bytes,
-                                         const std::string& path, const std::string& header_path,
+                                         std::vector<std::string> files, const RowStrides& strides,
                                          const CancelFlag* cancel);
 
 }  // namespace isobrick

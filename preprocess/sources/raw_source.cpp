@@ -120,7 +120,13 @@ std::unique_ptr<VolumeSource> openRawRun(VolumeInfo info, const RawRun& run,
                                                 run.header_path == run.path ? "" : run.header_path);
   return openStream(std::move(info), stored,
                     makeInflateStream(run.path, makeFileStream(std::move(file), run.offset_bytes)),
-                    run.content_offset_bytes, run.path, run.header_path, cancel);
+                    run.content_offset_bytes, headerAndData(run.header_path, run.path), {}, cancel);
+}
+
+std::vector<std::string> headerAndData(const std::string& header_path,
+                                       const std::string& data_path) {
+  if (header_path.empty() || header_path == data_path) return {data_path};
+  return {header_path, data_path};
 }
 
 }  // namespace isobrick

@@ -16,30 +16,38 @@ namespace {
 class StreamSource final : public VolumeSource {
  public:
   StreamSource(VolumeInfo info, const StoredVoxels& stored, std::unique_ptr<ByteStream> stream,
-               std::uint64_t content_offset_bytes, std::string path, std::string header_path,
-               const CancelFlag* cancel)
+               std::uint64_t content_offset_bytes, std::vector<std::string> files,
+               const RowStrides& strides, const CancelFlag* cancel)
       : info_(std::move(info)),
         stored_(stored),
         stream_(std::move(stream)),
         content_offset_bytes_(content_offset_bytes),
-        path_(std::move(path)),
-        header_path_(std::move(header_path)),
-        cancel_(cancel) {}
+        files_(std::move(files)),
+        strides_(strides),
+        cancel_(cancel) {
+    const std::uint64_t row = static_cast<std::uint64_t>(info_.voxels.x) * stored_.bytes();
+    if (strides_.row_bytes == 0) strides_.row_bytes = row;
+    const std::uint64_t slice = strides_.row_bytes * static_cast<std::uint64_t>(info_.voxels.y);
+    if (strides_.slice_bytes == 0) strides_.slice_bytes = slice;
+    is_dense_ = strides_.row_bytes == row && strides_.slice_bytes == slice;
+  }
 
   const VolumeInfo& info() const override { return info_; }
 
   void readRows(std::int64_t first, std::int64_t count, void* out) override {
-    const auto row_voxels = static_cast<std::size_t>(info_.voxels.x);
-    const std::uint64_t at =
-        content_offset_bytes_ + static_cast<std::uint64_t>(first) * row_voxels * stored_.bytes();
-    if (at < position_) throw std::logic_error("rows of a stream are asked for in ascending order");
-    skipTo(at);
-    decodeVoxels(stored_, static_cast<std::size_t>(count) * row_voxels, out,
-                 [&](std::byte* to, std::size_t bytes) { readBytes(to, bytes); });
+    const std::int64_t rows_together = is_dense_ ? count : 1;
+    auto* to = static_cast<std::byte*>(out);
+    for (std::int64_t row = first; row < first + count; row += rows_together) {
+      skipTo(rowAt(row));
+      const auto voxels = static_cast<std::size_t>(rows_together * info_.voxels.x);
+      decodeVoxels(stored_, voxels, to,
+                   [&](std::byte* part, std::size_t bytes) { readBytes(part, bytes); });
+      to += voxels * voxelBytes(stored_.delivered());
+    }
     if (first + count == info_.voxels.y * info_.voxels.z) stream_->finish();
   }
 
-  std::vector<std::string> files() const override { return headerAndData(header_path_, path_); }
+  std::vector<std::string> files() const override { return files_; }
   std::uint64_t bufferBytes() const override {
     return stream_->bufferBytes() + (stored_.keepsType() ? 0 : kDecodeBufferBytes);
   }
@@ -52,7 +60,14 @@ class StreamSource final : public VolumeSource {
     if (cancel_ != nullptr) cancel_->check();
   }
 
+  std::uint64_t rowAt(std::int64_t row) const {
+    const auto y = static_cast<std::uint64_t>(row % info_.voxels.y);
+    const auto z = static_cast<std::uint64_t>(row / info_.voxels.y);
+    return content_offset_bytes_ + z * strides_.slice_bytes + y * strides_.row_bytes;
+  }
+
   void skipTo(std::uint64_t at) {
+    if (at < position_) throw std::logic_error("rows of a stream are asked for in ascending order");
     while (position_ < at) {
       checkCancel();
       const std::uint64_t part = std::min<std::uint64_t>(at - position_, kBytesPerLook);
@@ -75,20 +90,22 @@ class StreamSource final : public VolumeSource {
   }
 
   Error tooShort() const {
-    const std::uint64_t needed =
-        content_offset_bytes_ +
-        static_cast<std::uint64_t>(elementCount(info_.voxels)) * stored_.bytes();
-    return unreadable(path_, "its content ends after " + std::to_string(position_) +
-                                 " bytes and the header" +
-                                 (header_path_ == path_ ? "" : " '" + header_path_ + "'") +
-                                 " needs " + std::to_string(needed) + "; get the whole file again");
+    const std::uint64_t needed = rowAt(info_.voxels.y * info_.voxels.z - 1) +
+                                 static_cast<std::uint64_t>(info_.voxels.x) * stored_.bytes();
+    return unreadable(files_.back(), "its content ends after " + std::to_string(position_) +
+                                         " bytes and the header" +
+                                         (files_.size() == 1 ? "" : " '" + files_.front() + "'") +
+                                         " needs " + std::to_string(needed) +
+                                         "; get the whole file again");
   }
 
   VolumeInfo info_;
   StoredVoxels stored_;
   std::unique_ptr<ByteStream> stream_;
   std::uint64_t content_offset_bytes_;
-  std::string path_, header_path_;
+  std::vector<std::string> files_;
+  RowStrides strides_;
+  bool is_dense_ = true;
   const CancelFlag* cancel_;
   std::uint64_t position_ = 0;  // bytes of content that were read
 };
@@ -98,16 +115,16 @@ class StreamSource final : public VolumeSource {
 std::unique_ptr<VolumeSource> openStream(VolumeInfo info, const StoredVoxels& stored,
                                          std::unique_ptr<ByteStream> stream,
                                          std::uint64_t content_offset_bytes,
-                                         const std::string& path, const std::string& header_path,
+                                         std::vector<std::string> files, const RowStrides& strides,
                                          const CancelFlag* cancel) {
   const auto bytes = stored.bytesOf(elementCount(info.voxels));
   if (!bytes || content_offset_bytes > UINT64_MAX - *bytes)
-    throw unreadable(header_path, "it says that the voxels begin at byte " +
-                                      std::to_string(content_offset_bytes) + " and have " +
-                                      std::to_string(stored.bytes()) +
-                                      " bytes each; correct its header");
+    throw unreadable(files.front(), "it says that the voxels begin at byte " +
+                                        std::to_string(content_offset_bytes) + " and have " +
+                                        std::to_string(stored.bytes()) +
+                                        " bytes each; correct its header");
   return std::make_unique<StreamSource>(std::move(info), stored, std::move(stream),
-                                        content_offset_bytes, path, header_path, cancel);
+                                        content_offset_bytes, std::move(files), strides, cancel);
 }
 
 }  // namespace isobrick

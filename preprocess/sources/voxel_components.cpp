@@ -15,7 +15,7 @@ class MagnitudeSource final : public VolumeSource {
       : info_(std::move(info)),
         components_(std::move(components)),
         squares_(static_cast<std::size_t>(info_.voxels.x)),
-        row_(squares_.size() * sizeof(float)) {}
+        row_(squares_.size() * sizeof(double)) {}  // of any number
 
   const VolumeInfo& info() const override { return info_; }
 
@@ -81,10 +81,11 @@ void checkComponentChoice(const std::string& path, std::uint64_t components,
 
 void refuseComponentChoice(const std::string& path, const OpenOptions& options) {
   if (options.component)
-    throw Error("cannot take a component of '" + path +
-                    "': only single files of NRRD, MetaImage, NIfTI, VTI and TIFF have several "
-                    "values per voxel, where they say so; leave the choice out",
-                {.path = path});
+    throw Error(
+        "cannot take a component of '" + path +
+            "': only single files of NRRD, MetaImage, NIfTI, MRC, VTI and TIFF have several "
+            "values per voxel, where they say so; leave the choice out",
+        {.path = path});
 }
 
 void takeComponent(std::uint64_t components, const OpenOptions& options, StoredVoxels& stored,

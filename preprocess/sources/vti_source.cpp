@@ -234,7 +234,7 @@ class VtiOpener {
 
   std::unique_ptr<VolumeSource> openPlain() {
     if (is_base64_)
-      return openStream(std::move(info_), stored_, std::move(stream_), 0, path_, path_,
+      return openStream(std::move(info_), stored_, std::move(stream_), 0, {path_}, {},
                         options_.cancel);
     RawRun run;
     run.path = run.header_path = path_;
@@ -260,7 +260,7 @@ class VtiOpener {
       throw cannotUse(path_, "its list of " + std::to_string(blocks) + " blocks is cut short");
     return openStream(std::move(info_), stored_,
                       makeInflateBlocksStream(path_, std::move(stream_), block_bytes, need_bytes_),
-                      0, path_, path_, options_.cancel);
+                      0, {path_}, {}, options_.cancel);
   }
 
   Error wrongSize(const std::string& have) const {

@@ -41,6 +41,8 @@ const char* adviceOf(Remedy remedy) {
       return "give grid";
     case Remedy::kChooseSeries:
       return "give series";
+    case Remedy::kChooseImage:
+      return "give image";
     case Remedy::kPackMesh:
       return "give meshopt=True";
     case Remedy::kResume:

@@ -11,6 +11,7 @@
 #include "isobrick/preprocess/phantoms/phantom.h"
 #include "isobrick/preprocess/pyramid_builder.h"
 #include "isobrick/preprocess/sources/format_sources.h"
+#include "isobrick/preprocess/sources/open_volume.h"
 #include "tests/support/array_source.h"
 #include "tests/support/build_message.h"
 #include "tests/support/file_bytes.h"
@@ -108,12 +109,12 @@ class InputIdentityTest : public VolumeFilesTest {
     fs::last_write_time(path, time);
   }
   static std::string identityOf(const std::string& path) {
-    return buildIdentity(*openItkSource(path), {});
+    return buildIdentity(*openVolume(path), {});
   }
   // The source names just these files, reads their voxels, and a change in any of them shows.
   void checkFiles(const std::string& header, const std::vector<std::string>& names) {
     SCOPED_TRACE(header);
-    const auto source = openItkSource(pathOf(header));
+    const auto source = openVolume(pathOf(header));
     EXPECT_EQ(source->files(), paths(names));
     const auto read = readVoxels<std::int16_t>(*source);
     EXPECT_EQ(bytesOfValues(read, true), voxels());
@@ -168,7 +169,7 @@ TEST_F(InputIdentityTest, NrrdThatOnlyItkReadsNamesItsData) {
             "\n";
   write("a.txt", text);
   write("a.nhdr", nrrd("a.txt", "text"));
-  const auto source = openItkSource(pathOf("a.nhdr"));
+  const auto source = openVolume(pathOf("a.nhdr"));
   EXPECT_EQ(source->files(), paths({"a.nhdr", "a.txt"}));
   EXPECT_EQ(bytesOfValues(readVoxels<std::int16_t>(*source), true), voxels());
 }
@@ -199,7 +200,7 @@ TEST_F(InputIdentityTest, HostilePatternsAreErrorsOrHarmless) {
       const std::string header = is_nrrd ? "h.nhdr" : "h.mhd";
       write(header, is_nrrd ? nrrd(name) : metaImage(name));
       try {
-        const auto source = openItkSource(pathOf(header));
+        const auto source = openVolume(pathOf(header));
         EXPECT_LE(source->files().size(), 5u) << name;
         buildIdentity(*source, {});
       } catch (const Error&) {
@@ -225,7 +226,7 @@ TEST_F(InputIdentityTest, ASliceMoreOrLessIsAChange) {
   for (const int k : {1, 2, 3}) write("stack/s" + std::to_string(k) + ".tif", tiff(k));
   const std::string three = identityOf(pathOf("stack"));
   write("stack/s4.tif", tiff(4));
-  const auto four = openItkSource(pathOf("stack"));
+  const auto four = openVolume(pathOf("stack"));
   EXPECT_EQ(four->files(), paths({"stack/s1.tif", "stack/s2.tif", "stack/s3.tif", "stack/s4.tif"}));
   EXPECT_NE(buildIdentity(*four, {}), three);
   fs::remove(pathOf("stack/s4.tif"));
@@ -313,7 +314,7 @@ TEST_F(InputIdentityTest, AHeaderIsNotTakenForATemporary) {
   for (const char* name : {"a.isb", "a.isb.partial", "a.isb.partial.journal"}) {
     const std::string header = write(name, nrrd("a.raw"));
     fs::create_symlink(header, pathOf("a.nhdr"));
-    const auto source = openItkSource(pathOf("a.nhdr"));
+    const auto source = openVolume(pathOf("a.nhdr"));
     const std::string message = messageOfBuild(*source, pathOf("a.isb"), {});
     EXPECT_CONTAINS(message, "is an input");
     EXPECT_EQ(readBytes(header), nrrd("a.raw"));

@@ -13,6 +13,7 @@
 #include "isobrick/preprocess/export/volume_writer.h"
 #include "isobrick/preprocess/pyramid_builder.h"
 #include "isobrick/preprocess/sources/format_sources.h"
+#include "isobrick/preprocess/sources/open_volume.h"
 #include "isobrick/storage/abandonable.h"
 #include "isobrick/storage/atomic_file.h"
 #include "tests/support/file_bytes.h"
@@ -140,7 +141,7 @@ TEST_F(InterruptionTest, SkippedRowsOfAStreamAreNotInflated) {
   packed[packed.size() / 2] = static_cast<char>(packed[packed.size() / 2] ^ 0x55);
   OpenOptions options;
   options.cancel = &cancel_;
-  const auto source = openItkSource(write("a.nrrd", header + packed), options);
+  const auto source = openVolume(write("a.nrrd", header + packed), options);
   cancel_.request();
   std::vector<std::uint8_t> row(64);
   EXPECT_THROW(source->readRows(64 * 64 - 1, 1, row.data()), Cancelled);
@@ -155,11 +156,11 @@ TEST_F(InterruptionTest, AWholeImageIsNotBegunAfterARequest) {
   options.cancel = &cancel_;
   std::vector<std::uint8_t> voxels(8);
   {
-    const auto source = openItkSource(path, options);
+    const auto source = openVolume(path, options);
     source->readRows(0, 4, voxels.data());
     EXPECT_EQ(voxels[7], 8);
   }
-  const auto source = openItkSource(path, options);
+  const auto source = openVolume(path, options);
   cancel_.request();
   EXPECT_THROW(source->readRows(0, 4, voxels.data()), Cancelled);
 }

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "isobrick/preprocess/sources/format_sources.h"
+#include "isobrick/preprocess/sources/open_volume.h"
 #include "tests/support/dicom_folder_tests.h"
 #include "tests/support/test_paths.h"
 #include "tests/support/volume_files.h"
@@ -35,8 +36,8 @@ class RealFiles : public VolumeFilesTest {};
 
 TEST_F(RealFiles, HeadCtIsTheSameAsNrrdAndAsDicom) {
   const fs::path folder = kSharedData / "vhf_head_ct";
-  const auto nrrd = openItkSource((folder / "vhf_head.nrrd").string());
-  const auto dicom = openItkSource((folder / "dicom").string());
+  const auto nrrd = openVolume((folder / "vhf_head.nrrd").string());
+  const auto dicom = openVolume((folder / "dicom").string());
   for (const VolumeSource* source : {nrrd.get(), dicom.get()}) {
     EXPECT_EQ(source->info().voxels, Index3(512, 512, 234));
     EXPECT_EQ(source->info().voxel_type, VoxelType::kInt16);
@@ -57,7 +58,7 @@ TEST_F(RealFiles, HeadCtIsTheSameAsNrrdAndAsDicom) {
 
 TEST_F(RealFiles, ToothIsBigEndian) {
   const fs::path path = kSharedData / "tooth_u16be" / "tooth.nhdr";
-  const auto source = openItkSource(path.string());
+  const auto source = openVolume(path.string());
   EXPECT_EQ(source->info().voxels, Index3(103, 94, 161));
   ASSERT_EQ(source->info().voxel_type, VoxelType::kUint16);
   const auto values = readVoxels<std::uint16_t>(*source, 10);
@@ -69,7 +70,7 @@ TEST_F(RealFiles, ToothIsBigEndian) {
 
 TEST_F(RealFiles, HeadsqHasItsSpacing) {
   const fs::path path = kSharedData / "headsq_quarter" / "headsq_quarter.mhd";
-  const auto source = openItkSource(path.string());
+  const auto source = openVolume(path.string());
   EXPECT_EQ(source->info().voxels, Index3(64, 64, 93));
   EXPECT_EQ(source->info().geometry.spacing, glm::dvec3(3.2, 3.2, 1.5));
   ASSERT_EQ(source->info().voxel_type, VoxelType::kUint16);
@@ -79,7 +80,7 @@ TEST_F(RealFiles, HeadsqHasItsSpacing) {
 
 TEST_F(RealFiles, NiftiSlopeIsAppliedAndTruncationIsFound) {
   const fs::path path = kSharedData / "mr_nifti" / "MR.nii.gz";
-  const auto source = openItkSource(path.string());
+  const auto source = openVolume(path.string());
   EXPECT_EQ(source->info().voxels, Index3(160, 232, 160));
   EXPECT_NEAR(source->info().geometry.spacing.x, 1, 1e-6);
   EXPECT_NEAR(source->info().geometry.spacing.y, 0.898437, 1e-6);
@@ -109,8 +110,8 @@ TEST_F(RealFiles, NiftiSlopeIsAppliedAndTruncationIsFound) {
 
 TEST_F(RealFiles, HeadCtIsStreamedAndEqualsTheSeriesInOddPieces) {
   const fs::path folder = kSharedData / "vhf_head_ct";
-  const auto nrrd = openItkSource((folder / "vhf_head.nrrd").string());
-  const auto dicom = openItkSource((folder / "dicom").string());
+  const auto nrrd = openVolume((folder / "vhf_head.nrrd").string());
+  const auto dicom = openVolume((folder / "dicom").string());
   EXPECT_LE(nrrd->bufferBytes(), 400u << 10);
   std::vector<std::int16_t> a(512 * 777), b(a.size());
   constexpr std::int64_t kAll = 512 * 234;
@@ -133,8 +134,8 @@ TEST_F(RealFiles, PackedNiftiEqualsTheUnpackedOne) {
   EXPECT_EQ(gzread(in, bytes.data(), static_cast<unsigned>(bytes.size())),
             static_cast<int>(bytes.size()));
   gzclose(in);
-  const auto plain = openItkSource(write("MR.nii", bytes));
-  const auto packed = openItkSource(path.string());
+  const auto plain = openVolume(write("MR.nii", bytes));
+  const auto packed = openVolume(path.string());
   EXPECT_EQ(packed->info().notes, plain->info().notes);
   EXPECT_EQ(packed->info().geometry.origin, plain->info().geometry.origin);
   const auto values = readVoxels<float>(*packed, 7);

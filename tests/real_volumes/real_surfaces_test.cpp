@@ -8,6 +8,7 @@
 #include "isobrick/extract/sinks/vertex_numbering.h"
 #include "isobrick/preprocess/pyramid_builder.h"
 #include "isobrick/preprocess/sources/format_sources.h"
+#include "isobrick/preprocess/sources/open_volume.h"
 #include "tests/support/mesh_checker.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/support/test_paths.h"
@@ -40,7 +41,7 @@ class RealVolume : public testing::TestWithParam<Scan> {};
 
 TEST_P(RealVolume, GivesClosedSurfacesWithAndWithoutCurvature) {
   const TemporaryFolder folder;
-  const auto source = openItkSource(scanPath(GetParam().path));
+  const auto source = openVolume(scanPath(GetParam().path));
   buildPyramid(*source, folder.file("scan.isb"), BuildOptions{});
   const Pyramid pyramid(folder.file("scan.isb"));
   const MeshCheckOptions options = volumeOptions(pyramid.spec().geometry, pyramid.spec().voxels);
@@ -86,7 +87,7 @@ TEST(RealVolumes, DicomFolderGivesTheMeshOfTheNrrd) {
   std::vector<GridGeometry> geometries;
   for (const auto& [name, isovalue] : std::map<std::string, double>{
            {"vhf_head_ct/vhf_head.nrrd", 1250}, {"vhf_head_ct/dicom", 226}}) {
-    const auto source = openItkSource(scanPath(name));
+    const auto source = openVolume(scanPath(name));
     buildPyramid(*source, folder.file("scan.isb"), options);
     const Pyramid pyramid(folder.file("scan.isb"));
     Query query;

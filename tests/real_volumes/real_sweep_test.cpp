@@ -3,6 +3,7 @@
 
 #include "isobrick/preprocess/pyramid_builder.h"
 #include "isobrick/preprocess/sources/format_sources.h"
+#include "isobrick/preprocess/sources/open_volume.h"
 #include "tests/support/isovalue_sweep.h"
 #include "tests/support/temporary_folder.h"
 #include "tests/support/test_paths.h"
@@ -16,7 +17,7 @@ TEST(RealSweep, ReadsLittleMoreThanTheOptimumAtHalfTheWorkingSet) {
   const std::string path = folder.file("head.isb");
   BuildOptions options;
   options.codec = format::Codec::kStored;
-  buildPyramid(*openItkSource(sharedData() + "/vhf_head_ct/vhf_head.nrrd"), path, options);
+  buildPyramid(*openVolume(sharedData() + "/vhf_head_ct/vhf_head.nrrd"), path, options);
   const IsovalueSweep sweep{300, 2000};
   const TakeTrace trace = traceOf(path, sweep);
   const std::uint64_t all = workingSetBytes(trace);

@@ -15,7 +15,7 @@ inline std::string textWithRemedies(const Error& error) {
                                            "dicom float",  "with curvature",  "component",
                                            "whole floats", "replace dataset", "channel",
                                            "pack mesh",    "stack",           "time",
-                                           "variant",      "series"};
+                                           "variant",      "series",          "image"};
   std::string text = error.what();
   for (const Remedy remedy : error.remedies())
     text += std::string(" <") + kNames[static_cast<int>(remedy)] + ">";

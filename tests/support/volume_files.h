@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "isobrick/preprocess/sources/format_sources.h"
+#include "isobrick/preprocess/sources/open_volume.h"
 #include "isobrick/preprocess/volume_source.h"
 #include "isobrick/storage/error.h"
 #include "tests/support/file_bytes.h"
@@ -88,6 +89,6 @@ inline void readAll(VolumeSource& source) {
   for (std::int64_t k = 0; k < info.voxels.z; ++k)
     source.readRows(k * info.voxels.y, info.voxels.y, slice.data());
 }
-inline void openAndRead(const std::string& path) { readAll(*openItkSource(path)); }
+inline void openAndRead(const std::string& path) { readAll(*openVolume(path)); }
 
 }  // namespace isobrick::test

@@ -12,6 +12,7 @@
 
 #include "isobrick/preprocess/phantoms/phantom.h"
 #include "isobrick/preprocess/sources/format_sources.h"
+#include "isobrick/preprocess/sources/open_volume.h"
 #include "isobrick/preprocess/volume_source.h"
 #include "isobrick/storage/index_loop.h"
 #include "tests/support/array_source.h"
@@ -86,7 +87,7 @@ TEST_F(PackedFilesTest, AreReadByAnyNumberOfRows) {
   const auto values = sampleVoxels();
   for (const std::string& path : writeFiles())
     for (const std::int64_t count : {1, 2, 3, 7, 29, 30}) {
-      const auto source = openItkSource(path);
+      const auto source = openVolume(path);
       ASSERT_EQ(source->info().voxel_type, VoxelType::kInt16) << path;
       ASSERT_EQ(source->info().voxels, kStreamVoxels) << path;
       // The header counts too, if it is a file of its own.
@@ -107,7 +108,7 @@ TEST_F(PackedFilesTest, AreReadByAnyNumberOfRows) {
 TEST_F(PackedFilesTest, SkipForwardAndRefuseToGoBack) {
   const auto values = sampleVoxels();
   for (const std::string& path : writeFiles()) {
-    const auto source = openItkSource(path);
+    const auto source = openVolume(path);
     std::vector<std::int16_t> rows(7 * 4);
     for (const std::int64_t first : {3, 8, 19, 26}) {
       source->readRows(first, 4, rows.data());
@@ -144,7 +145,7 @@ TEST_F(PackedFilesTest, DamageIsAnErrorAndNeverACrash) {
     std::string damaged = packed;
     damaged[i] = static_cast<char>(damaged[i] ^ 0x24);
     try {
-      const auto source = openItkSource(write("damaged.nrrd", start + damaged));
+      const auto source = openVolume(write("damaged.nrrd", start + damaged));
       EXPECT_NE(readVoxels<std::int16_t>(*source), std::vector<std::int16_t>());
       ++silent;
     } catch (const Error& error) {
@@ -190,6 +191,7 @@ TEST_F(PackedFilesTest, AReadThatFailsIsNoDamage) {
 // ---- NIfTI --------------------------------------------------------------------------------------
 
 // Stored numbers as they are, or scaled in double: float32 of what float32 holds, else float64.
+// A slope of 0 or NaN is none, and then the intercept means nothing.
 template <typename T>
 void checkNiftiScaling(const std::function<std::string(const std::string&)>& write,
                        std::int16_t data_type) {
@@ -202,10 +204,10 @@ void checkNiftiScaling(const std::function<std::string(const std::string&)>& wri
     for (const float slope : {0.0f, 1.0f, 2.0078f, std::numeric_limits<float>::quiet_NaN()})
       for (const float intercept : {0.0f, -3.3f}) {
         NiftiFields fields{data_type, static_cast<std::int16_t>(8 * sizeof(T)), slope, intercept};
-        const auto source = openItkSource(
-            write(niftiHeader(kStreamVoxels, fields, big) + bytesOfValues(stored, big)));
+        const auto source =
+            openVolume(write(niftiHeader(kStreamVoxels, fields, big) + bytesOfValues(stored, big)));
         const double s = std::isnan(slope) || slope == 0 ? 1 : static_cast<double>(slope);
-        const auto b = static_cast<double>(intercept);
+        const double b = std::isnan(slope) || slope == 0 ? 0 : static_cast<double>(intercept);
         const bool scaled = s != 1 || b != 0;
         EXPECT_TRUE(source->readsBoxes());
         const bool is_small = sizeof(T) < 4 || std::is_same_v<T, float>;
@@ -245,7 +247,7 @@ TEST_F(PackedFilesTest, NiftiNumbersThatAreNotFiniteStayWhatTheyAre) {
   stored[4] = std::numeric_limits<float>::infinity();
   for (const float intercept : {0.0f, 3.5f}) {
     const NiftiFields fields{16, 32, 1, intercept};
-    const auto source = openItkSource(
+    const auto source = openVolume(
         write("nan.nii", niftiHeader(kStreamVoxels, fields, false) + bytesOfValues(stored)));
     const auto read = readVoxels<float>(*source);
     EXPECT_TRUE(std::isnan(read[3]));

@@ -111,7 +111,7 @@ class VolumeFormats : public VolumeFilesTest {
   // The surface of values in a raw NRRD file, which every other file has to give.
   template <typename T>
   Surface expected(const std::vector<T>& values, double isovalue = kBone) const {
-    return surfaceOf(*openItkSource(write("expected.nrrd", nrrdHeader<T>("raw", "little") + "\n" +
+    return surfaceOf(*openVolume(write("expected.nrrd", nrrdHeader<T>("raw", "little") + "\n" +
                                                                bytesOfValues(values))),
                      isovalue);
   }
@@ -146,7 +146,7 @@ TEST_F(VolumeFormats, NrrdAndMetaImageOfEveryKindGiveTheSameSurface) {
     const std::string msb = std::string("BinaryDataByteOrderMSB = ") + (big ? "True\n" : "False\n");
     const std::string packed_meta = meta + msb + "CompressedData = True\n";
     const auto check = [&](const std::string& name, const std::string& content) {
-      expectSame(surfaceOf(*openItkSource(write(order + name, content))), surface, order + name);
+      expectSame(surfaceOf(*openVolume(write(order + name, content))), surface, order + name);
     };
     write(order + ".raw", bytes);
     write(order + ".gz", deflated(bytes, true));
@@ -184,7 +184,7 @@ TEST_F(VolumeFormats, NiftiGivesTheSameSurfaceItsSlopeApplied) {
     for (const std::string& path :
          {write("one.nii", whole), write("one.nii.gz", deflated(whole, true)),
           write("pair.hdr", niftiHeader(kHeadVoxels, pair, false).substr(0, 348))})
-      expectSame(surfaceOf(*openItkSource(path), isovalue), surface, path);
+      expectSame(surfaceOf(*openVolume(path), isovalue), surface, path);
   }
 }
 
@@ -215,7 +215,7 @@ TEST_F(VolumeFormats, TiffSlicesGiveTheSameSurface) {
           tiffBytes(45, 40, 16,
                     bytesOfValues(std::vector<std::uint16_t>(values.begin() + k * slice,
                                                              values.begin() + (k + 1) * slice))));
-  expectSame(surfaceOf(*openItkSource(pathOf("slices"))), surface, "TIFF");
+  expectSame(surfaceOf(*openVolume(pathOf("slices"))), surface, "TIFF");
 }
 
 // In Hounsfield units, 1024 lower.
@@ -225,12 +225,12 @@ TEST_F(VolumeFormats, DicomSeriesGivesTheSurfaceOfTheNrrd) {
   fs::create_directory(pathOf("series"));
   const glm::dvec3 spacing(0.5, 0.75, 2), origin(-10, 20, 1500);
   writeDicomSeries(pathOf("series"), kHeadVoxels, values, spacing, origin);
-  const auto source = openItkSource(pathOf("series"));
+  const auto source = openVolume(pathOf("series"));
   EXPECT_EQ(source->info().format, "DICOM series");
   EXPECT_EQ(source->info().geometry.spacing, spacing);
   EXPECT_EQ(source->info().geometry.origin, origin);
   EXPECT_EQ(readVoxels<std::int16_t>(*source), values);
-  const auto again = openItkSource(pathOf("series"));
+  const auto again = openVolume(pathOf("series"));
   Surface found = surfaceOf(*again, kBone - 1024);
   // A focus is a ball of voxels, so that the spacing does not change what is refined.
   expectSame(found, surface, "DICOM");
@@ -296,13 +296,13 @@ TEST_F(VolumeFormats, AnObliqueScanHasItsSurfaceAtTheSamePlacesInEightFormats) {
     file.instance = static_cast<int>(k) + 1;
     writeDicomSlice(pathOf("series/" + std::to_string(100 + k) + ".dcm"), file);
   }
-  const Surface as_stored = surfaceOf(*openItkSource(pathOf("series")));
+  const Surface as_stored = surfaceOf(*openVolume(pathOf("series")));
   EXPECT_LT(glm::length(as_stored.geometry.origin - geometry.origin), 1e-6);
   // The voxels of a VDB are floats, so that coarser levels are not rounded.
-  const Surface as_floats = surfaceOf(*makeFloatSource(openItkSource(pathOf("series"))));
+  const Surface as_floats = surfaceOf(*makeFloatSource(openVolume(pathOf("series"))));
   for (const char* name : {"a.nrrd", "a.nii.gz", "a.mha", "a.vti", "a.vdb", "a.ome.zarr", "a.h5"}) {
     VolumeLevels levels;
-    levels.push_back(openItkSource(pathOf("series")));
+    levels.push_back(openVolume(pathOf("series")));
     ExportOptions options;
     options.memory_bytes = std::uint64_t{64} << 20;
     exportVolume(levels, pathOf(name), options);
@@ -327,13 +327,13 @@ TEST_F(VolumeFormats, HeadersGiveTheirGeometry) {
     EXPECT_EQ(source.info().geometry.spacing, spacing) << source.info().format;
     EXPECT_EQ(source.info().geometry.origin, origin) << source.info().format;
   };
-  expectGeometry(*openItkSource(
+  expectGeometry(*openVolume(
       write("head.mha",
             "ObjectType = Image\nNDims = 3\nBinaryData = True\nElementSpacing = 3.25 3.25 1.5\n"
             "Offset = 1 -2 30\nDimSize = 45 40 37\nElementType = MET_SHORT\n"
             "ElementDataFile = LOCAL\n" +
                 bytes)));
-  expectGeometry(*openItkSource(
+  expectGeometry(*openVolume(
       write("head.nrrd", nrrdHeader<std::int16_t>("raw", "little") +
                              "space: left-posterior-superior\nspace directions: (3.25,0,0) "
                              "(0,3.25,0) (0,0,1.5)\nspace origin: (1,-2,30)\n\n" +
@@ -348,18 +348,18 @@ TEST_F(VolumeFormats, HeadersGiveTheirGeometry) {
   NiftiFields fields;
   fields.spacing = spacing;
   const auto nifti =
-      openItkSource(write("head.nii", niftiHeader(kHeadVoxels, fields, false) + bytes));
+      openVolume(write("head.nii", niftiHeader(kHeadVoxels, fields, false) + bytes));
   EXPECT_EQ(nifti->info().geometry.spacing, spacing);
 }
 
 TEST_F(VolumeFormats, PackedNrrdIsStreamedAndEqualsTheDicomSeriesInOddPieces) {
   writeDicomSeries(pathOf("."), kHeadVoxels, headAs<std::int16_t>(1, -1024));
-  const auto dicom = openItkSource(folder_.string());
+  const auto dicom = openVolume(folder_.string());
   const TemporaryFolder elsewhere;
   std::ofstream(elsewhere.file("head.nrrd"), std::ios::binary)
       << nrrdHeader<std::int16_t>("gzip", "little") << "\n"
       << deflated(bytesOfValues(headVoxels()), true);
-  const auto nrrd = openItkSource(elsewhere.file("head.nrrd"));
+  const auto nrrd = openVolume(elsewhere.file("head.nrrd"));
   EXPECT_LE(nrrd->bufferBytes(), 400u << 10);
   const std::int64_t rows = kHeadVoxels.y * kHeadVoxels.z, x = kHeadVoxels.x;
   std::vector<std::int16_t> a(static_cast<std::size_t>(77 * x)), b(a.size());
@@ -376,8 +376,8 @@ TEST_F(VolumeFormats, PackedNiftiThatIsCutOrDamagedIsAnError) {
   const NiftiFields fields{4, 16, 2.00784f, 0};
   const std::string whole = niftiHeader(kHeadVoxels, fields, false) + bytesOfValues(headVoxels());
   const std::string packed = deflated(whole, true);
-  const auto plain = openItkSource(write("head.nii", whole));
-  const auto source = openItkSource(write("head.nii.gz", packed));
+  const auto plain = openVolume(write("head.nii", whole));
+  const auto source = openVolume(write("head.nii.gz", packed));
   EXPECT_EQ(source->info().notes, plain->info().notes);
   EXPECT_FALSE(source->info().notes.empty());
   EXPECT_EQ(source->info().geometry.origin, plain->info().geometry.origin);

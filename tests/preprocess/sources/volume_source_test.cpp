@@ -208,7 +208,7 @@ void checkFileRoundTrip(const std::string& path, VoxelType type) {
   EXPECT_EQ(fractions.size(), 4u);
   EXPECT_EQ(fractions.back(), 1.0);
 
-  const auto source = openItkSource(path);
+  const auto source = openVolume(path);
   const VolumeInfo& info = source->info();
   EXPECT_EQ(info.voxels, voxels);
   EXPECT_EQ(info.voxel_type, type);
@@ -364,7 +364,7 @@ TEST_F(VolumeSourceTest, UnusualButValidHeadersAreRead) {
   write("slice0.bin", little.substr(0, 24));
   write("slice1.bin", little.substr(24));
   for (const std::string& path : paths) {
-    const auto source = openItkSource(path);
+    const auto source = openVolume(path);
     EXPECT_EQ(source->info().voxels, Index3(4, 3, 2)) << path;
     ASSERT_EQ(source->info().voxel_type, VoxelType::kInt16) << path;
     EXPECT_EQ(readVoxels<std::int16_t>(*source, 1), values) << path;
@@ -391,7 +391,7 @@ TEST_F(VolumeSourceTest, ImagesThatAreNoScalarVolumeAreRefused) {
   };
   EXPECT_CONTAINS(nrrd("dimension: 4\nsizes: 3 4 4 4\nkinds: RGB-color domain domain domain\n"),
                   "3 values per voxel");
-  EXPECT_CONTAINS(nrrd("dimension: 4\nsizes: 4 4 4 3\n"), "3 time steps");
+  EXPECT_CONTAINS(nrrd("dimension: 4\nsizes: 4 4 4 3\n"), "3 values per voxel");
   EXPECT_CONTAINS(nrrd("dimension: 2\nsizes: 4 4\n"), "2-D");
   EXPECT_CONTAINS(nrrd("dimension: 3\nsizes: 4 1 4\n"), "at least 2 voxels per axis");
   EXPECT_CONTAINS(nrrd("dimension: 3\nsizes: 2000000 2 2\n"), "at most");
@@ -437,9 +437,9 @@ TEST_F(VolumeSourceTest, DamagedAndUnknownFilesAreOneLineErrors) {
     EXPECT_EQ(testing::internal::GetCapturedStderr(), "") << name;
     EXPECT_CONTAINS(message, folder_.string());
   }
-  EXPECT_CONTAINS(errorOf([&] { openItkSource(pathOf("none.nrrd")); }), "No such file");
+  EXPECT_CONTAINS(errorOf([&] { openVolume(pathOf("none.nrrd")); }), "No such file");
   fs::create_directory(folder_ / "nothing");
-  EXPECT_CONTAINS(errorOf([&] { openItkSource(pathOf("nothing")); }), "neither DICOM");
+  EXPECT_CONTAINS(errorOf([&] { openVolume(pathOf("nothing")); }), "neither DICOM");
 }
 
 TEST_F(VolumeSourceTest, TiffStackIsReadInNumericOrder) {
@@ -459,7 +459,7 @@ TEST_F(VolumeSourceTest, TiffStackIsReadInNumericOrder) {
   }
   write("notes.txt", "not a slice");
   {
-    const auto source = openItkSource(folder_.string());
+    const auto source = openVolume(folder_.string());
     EXPECT_EQ(source->info().voxels, Index3(5, 4, 12));
     EXPECT_EQ(source->info().format, "TIFF stack");
     ASSERT_EQ(source->info().voxel_type, VoxelType::kUint16);
@@ -471,7 +471,7 @@ TEST_F(VolumeSourceTest, TiffStackIsReadInNumericOrder) {
   testing::internal::CaptureStderr();
   EXPECT_CONTAINS(errorOf([&] { openAndRead(folder_.string()); }), "s11.tif");
   EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
-  EXPECT_CONTAINS(errorOf([&] { openItkSource(pathOf("s3.tif")); }), "2-D");
+  EXPECT_CONTAINS(errorOf([&] { openVolume(pathOf("s3.tif")); }), "2-D");
 }
 
 }  // namespace
