@@ -22,7 +22,6 @@
 #include "tools/render/graphics_text.h"
 #endif
 #include "tools/shared_options.h"
-#include "tools/thread_count.h"
 #include "tools/volume_input.h"
 
 namespace isobrick {
@@ -192,6 +191,33 @@ void printInfoText(const Pyramid& pyramid, const std::string& path,
   fmt::print("made from  {}\n", oneLine(pyramid.provenance()));
 }
 
+// Of a volume without a pyramid: see tools/build/volume_facts.h.
+void printFactsText(const Json& facts, const std::string& path) {
+  const auto numbers = [&](const Json& list) {
+    std::string text;
+    for (const Json& number : list)
+      text += fmt::format("{}{}", text.empty() ? "" : " ", number.dump());
+    return text;
+  };
+  const Json& dimensions = facts["dimensions"];
+  fmt::print("{}: {} x {} x {} {}, {}\n", path, dimensions[0].dump(), dimensions[1].dump(),
+             dimensions[2].dump(), facts["voxel_type"].get<std::string>(),
+             facts["format"].get<std::string>());
+  if (!facts["value_range"].is_null())
+    fmt::print("values     {} to {}, in a sample of {} voxels\n", facts["value_range"][0].dump(),
+               facts["value_range"][1].dump(),
+               countText(facts["sampled_voxels"].get<std::uint64_t>()));
+  const std::string unit = facts["length_unit"] == "millimetres" ? " mm" : " (of an unknown unit)";
+  fmt::print("spacing    {}{}\norigin     {}{}\n", numbers(facts["spacing"]), unit,
+             numbers(facts["origin"]), unit);
+  for (std::size_t axis = 0; axis < 3; ++axis)
+    fmt::print("axis {}     {}\n", "xyz"[axis], numbers(facts["direction"][axis]));
+  fmt::print("bytes      {} of voxels\n", byteSizeText(facts["bytes"]["raw"].get<std::uint64_t>()));
+  for (const Json& note : facts["notes"])
+    fmt::print("note       {}\n", oneLine(note.get<std::string>()));
+  fmt::print("pyramid    none yet; 'isobrick build' makes one, and says more\n");
+}
+
 int runInfo(InfoArguments& arguments) {
 #if ISOBRICK_WITH_VIEWER
   if (arguments.graphics) {
@@ -200,7 +226,14 @@ int runInfo(InfoArguments& arguments) {
   }
 #endif
   if (arguments.input.path.empty()) throw UsageError("FILE is required");
-  findPyramid(arguments.input, allCores(), std::nullopt);
+  if (const std::string text = findPyramidOrFacts(arguments.input); !text.empty()) {
+    const Json facts = Json::parse(text);
+    if (arguments.json)
+      printJson(facts);
+    else
+      printFactsText(facts, arguments.input.path);
+    return 0;
+  }
   const auto file = openPyramidFile(arguments.input.pyramid, Pyramid::kDefaultBudgetBytes,
                                     fileAccess(arguments.no_map), remoteOptions(arguments.input));
   const Pyramid& pyramid = *file;

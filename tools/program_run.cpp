@@ -117,7 +117,7 @@ void throwIfFailed(const ProgramCall& call, int status, const std::string& error
     const int signal = WTERMSIG(status);
     throw Error(fmt::format("'{}' was killed by signal {} ({}){}", name, signal, strsignal(signal),
                             signal == SIGKILL ? ": perhaps it needed more memory than there is; "
-                                                "leave its row out, or use a smaller volume"
+                                                "give less --memory, or use a smaller volume"
                                               : ""));
   }
   if (WEXITSTATUS(status) == 0) return;

@@ -133,12 +133,15 @@ std::uint64_t cacheBound() {
   }
 }
 
-std::string pathInCache(const std::string& folder, const std::string& identity) {
+void makeCacheFolder(const std::string& folder) {
   if (const std::error_code failure = makeFolders(folder))
     throw Error(fmt::format("cannot make the folder '{}' of the cache: {}; choose another with "
                             "XDG_CACHE_HOME",
                             folder, failure.message()),
                 {.path = folder});
+}
+
+std::string pathInCache(const std::string& folder, const std::string& identity) {
   const std::string name = fmt::format("{:0{}x}{}", checksum64(identity.data(), identity.size()),
                                        kHashDigits, kPyramidEnding);
   return (fs::path(folder) / name).string();

@@ -27,8 +27,10 @@ std::string defaultCacheFolder();
 // ISOBRICK_CACHE_SIZE ("64G"), else kDefaultCacheBytes. Throws Error for text that is no size.
 std::uint64_t cacheBound();
 
-// The path of the pyramid of this identity (preprocess/pyramid_builder.h) in the cache `folder`,
-// which is made if it is missing. Throws Error if that fails.
+// Makes it if it is missing. Throws Error if that fails.
+void makeCacheFolder(const std::string& folder);
+
+// The path of the pyramid of this identity (preprocess/pyramid_builder.h) in the cache `folder`.
 std::string pathInCache(const std::string& folder, const std::string& identity);
 
 // One process at a time has the lock of a pyramid in the cache.

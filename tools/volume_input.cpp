@@ -31,6 +31,8 @@ namespace fs = std::filesystem;
 // A build takes an arena of memory for its buffers, and libraries of formats may be slow to stop.
 constexpr int kTidyEndMilliseconds = 3000;
 constexpr std::string_view kOwnName = "isobrick: ";
+// Larger volumes have pyramids in the cache only if its folder is named: the home folder is small.
+constexpr std::uint64_t kMostBytesUnasked = 8'000'000'000;
 
 // An option of `isobrick build` about a volume, which checks the value.
 struct VolumeWord {
@@ -48,11 +50,11 @@ constexpr VolumeWord kVolumeWords[] = {
     {"--raw-offset", "BYTES", "Bytes in front of its first voxel"},
 };
 
-// Whether all options that the text names are among those.
+// Whether all options that the text names are among those, or are this command's too.
 bool namesVolumeWordsOnly(const std::string& text) {
   const std::vector<std::string> options = optionsNamedIn(text);
   return std::all_of(options.begin(), options.end(), [](const std::string& option) {
-    return option == "--select" ||
+    return option == "--select" || option == "--cache-folder" ||
            std::any_of(std::begin(kVolumeWords), std::end(kVolumeWords),
                        [&](const VolumeWord& word) { return option == word.option; });
   });
@@ -72,24 +74,11 @@ struct BuiltPyramid {
   bool is_new = false;
 };
 
-BuiltPyramid builtBy(const ProgramCall& call, const CancelFlag& cancel) {
-  const nlohmann::json json = nlohmann::json::parse(runProgram(call, &cancel), nullptr, false);
-  if (!json.is_object() || !json.contains("output") || !json["output"].is_string())
-    throw Error("'isobrick-build' does not say what it built; install isobrick again");
-  return {json["output"].get<std::string>(), !json.value("skipped", false)};
-}
-
-// A build that was begun of another content, or differently, cannot be continued.
-BuiltPyramid goOnOrBegin(const ProgramCall& call, const CancelFlag& cancel) {
-  ProgramCall going_on = call;
-  going_on.words.emplace_back("--resume");
+nlohmann::ordered_json outputOf(const ProgramCall& call, const CancelFlag& cancel) {
   try {
-    try {
-      return builtBy(going_on, cancel);
-    } catch (const ProgramFailure& failure) {
-      if (failure.said.find("leave out --resume") == std::string::npos) throw;
-      return builtBy(call, cancel);
-    }
+    auto json = nlohmann::ordered_json::parse(runProgram(call, &cancel), nullptr, false);
+    if (json.is_object() && json.contains("output")) return json;
+    throw Error("'isobrick-build' does not say what it built; install isobrick again");
   } catch (const ProgramFailure& failure) {
     std::string said = failure.said;
     if (said.rfind(kOwnName, 0) == 0) said.erase(0, kOwnName.size());
@@ -100,8 +89,8 @@ BuiltPyramid goOnOrBegin(const ProgramCall& call, const CancelFlag& cancel) {
   }
 }
 
-BuiltPyramid buildIntoCache(const std::string& volume, const VolumeBuild& build,
-                            const CancelFlag& cancel) {
+// `isobrick build` of a volume into the cache.
+ProgramCall callOfBuild(const std::string& volume, const VolumeBuild& build) {
   ProgramCall call;
   call.words = {
       requiredExecutable("isobrick-build"),
@@ -114,10 +103,19 @@ BuiltPyramid buildIntoCache(const std::string& volume, const VolumeBuild& build,
   call.words.insert(call.words.end(), build.words.begin(), build.words.end());
   call.on_error_line = build.tell_line;
   call.tidy_end_milliseconds = kTidyEndMilliseconds;
+  return call;
+}
+
+BuiltPyramid buildIntoCache(const std::string& volume, const VolumeBuild& build,
+                            const CancelFlag& cancel) {
+  ProgramCall call = callOfBuild(volume, build);
+  if (build.cache_folder.empty())
+    call.words.insert(call.words.end(), {"--cache-most", std::to_string(kMostBytesUnasked)});
   // Another process may remove a pyramid before this one has it.
   constexpr int kMostTimes = 10;
   for (int time = 0; time < kMostTimes; ++time) {
-    BuiltPyramid built = goOnOrBegin(call, cancel);
+    const nlohmann::ordered_json json = outputOf(call, cancel);
+    const BuiltPyramid built{json["output"].get<std::string>(), !json.value("skipped", false)};
     if (usePyramid(built.path)) return built;
   }
   throw Error(fmt::format("the pyramid of '{}' was removed from the cache again and again before "
@@ -188,15 +186,42 @@ std::vector<std::string> wordsForBuild(const VolumeInput& input) {
 
 void refuseWordsForPyramid(const VolumeInput& input) {
   const std::vector<std::string> words = wordsForBuild(input);
+  if (!words.empty() && !isRemotePath(input.path) && !isNameTaken(input.path))
+    throw Error(
+        fmt::format("cannot open '{}': No such file or directory; check the path", input.path),
+        {.path = input.path});
   if (!words.empty())
     throw UsageError(words.front() +
                      " says how to read a volume; give it with the volume, or to "
                      "'isobrick build', and leave it out of a pyramid");
 }
 
+Error tooLargeForCache(const std::string& volume, std::uint64_t bytes) {
+  return Error(fmt::format("'{}' has {} of voxels, and so much goes into the cache only if its "
+                           "folder is named with --cache-folder; or build its pyramid where it is "
+                           "to stay, with 'isobrick build'",
+                           volume, byteSizeText(bytes)),
+               {.path = volume});
+}
+
 std::string pyramidOfVolume(const std::string& volume, const VolumeBuild& build,
                             const CancelFlag& cancel) {
   return buildIntoCache(volume, build, cancel).path;
+}
+
+std::string findPyramidOrFacts(VolumeInput& input) {
+  input.pyramid = input.path;
+  if (!isVolume(input.path)) {
+    refuseWordsForPyramid(input);
+    return {};
+  }
+  ProgramCall call = callOfBuild(input.path, {input.cache_folder, wordsForBuild(input), {}});
+  call.words.emplace_back("--only-facts");
+  const nlohmann::ordered_json json = outputOf(call, interruptFlag());
+  if (!json["output"].is_string()) return json.value("facts", nlohmann::ordered_json()).dump();
+  input.pyramid = json["output"].get<std::string>();
+  usePyramid(input.pyramid);
+  return {};
 }
 
 void findPyramid(VolumeInput& input, int threads, std::optional<std::uint64_t> memory_bytes) {

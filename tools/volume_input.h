@@ -66,11 +66,18 @@ bool isVolume(const std::string& path);
 // Throws UsageError if words for volumes were given.
 void refuseWordsForPyramid(const VolumeInput& input);
 
+// What `isobrick build` says to its caller, which has these options.
+Error tooLargeForCache(const std::string& volume, std::uint64_t bytes);
+
 // Sets input.pyramid: the path itself, or for a volume the pyramid in the cache, which stays there
 // until this process ends. Builds with `threads` and `memory_bytes` (nothing: the default), with a
 // progress bar. Throws Error, Cancelled, and UsageError if words for volumes come with a
 // pyramid.
 void findPyramid(VolumeInput& input, int threads, std::optional<std::uint64_t> memory_bytes);
+
+// For `isobrick info`: sets input.pyramid likewise if the pyramid is there, and returns nothing;
+// else the facts of the volume, JSON of tools/build/volume_facts.h. Builds nothing.
+std::string findPyramidOrFacts(VolumeInput& input);
 
 // For a program that shows the progress itself.
 struct VolumeBuild {

@@ -31,6 +31,7 @@ class CacheCommandTest : public CommandTest {
   }
   // The pyramid of the volume; it is built if it is not there.
   std::string pyramidOf(const std::string& volume) {
+    runWell({"extract", volume, "--iso", "0"});
     return runForJson({"info", volume})["pyramid"].get<std::string>();
   }
 };
@@ -76,8 +77,7 @@ TEST_F(CacheCommandTest, AVolumeIsFoundAgainUntilItChanges) {
   EXPECT_NE(pyramidOf("moved/ball.nrrd"), first);
   EXPECT_NE(pyramidOf("phantom:sphere:40"), first);
   // Another place in the world is another pyramid.
-  EXPECT_EQ(runForJson({"info", "moved/ball.nrrd", "--spacing", "2,3,4"})["spacing"],
-            (Json{2.0, 3.0, 4.0}));
+  runWell({"extract", "moved/ball.nrrd", "--spacing", "2,3,4", "--iso", "0"});
   EXPECT_EQ(cached().size(), 4u);
 }
 
@@ -104,6 +104,55 @@ TEST_F(CacheCommandTest, WordsSayHowToReadAVolume) {
   std::ofstream(path("rubbish.nrrd")) << "rubbish";
   expectFailure(1, {"extract", "rubbish.nrrd", "--iso", "0"}, "rubbish.nrrd");
   expectFailure(1, {"extract", "missing.nrrd", "--iso", "0"}, "missing.nrrd");
+  expectFailure(1, {"extract", "typo.raw", "--raw-dims", "3,4,5", "--raw-type", "u8", "--iso", "1"},
+                "cannot open 'typo.raw': No such file or directory");
+  EXPECT_EQ(cached().size(), 0u);
+}
+
+// 512^3 voxels were 205 MB in the home folder, for a look at the header.
+TEST_F(CacheCommandTest, InfoReadsHeadersAndBuildsNothing) {
+  const Json facts = runForJson({"info", "sphere.nrrd"});
+  EXPECT_EQ(cached(), std::set<std::string>{});
+  EXPECT_FALSE(fs::exists(path("sphere.isb")));
+  EXPECT_EQ(facts["pyramid"], Json());
+  EXPECT_EQ(facts["format"], "NRRD");
+  EXPECT_EQ(facts["sampled_voxels"], 40 * 40 * 40);
+  EXPECT_EQ(facts["bytes"]["total"], Json());
+  const std::string text = runWell({"info", "sphere.nrrd"});
+  EXPECT_NE(text.find("sphere.nrrd: 40 x 40 x 40 "), std::string::npos) << text;
+  EXPECT_NE(text.find("pyramid    none yet"), std::string::npos) << text;
+  // What both have is the same once there is a pyramid.
+  const std::string pyramid = pyramidOf("sphere.nrrd");
+  const Json info = runForJson({"info", "sphere.nrrd"});
+  EXPECT_EQ(info["pyramid"], pyramid);
+  for (const char* key : {"dimensions", "voxel_type", "spacing", "origin", "length_unit",
+                          "direction", "value_range", "levels"})
+    EXPECT_EQ(info[key], facts[key]) << key;
+  EXPECT_EQ(info["bytes"]["raw"], facts["bytes"]["raw"]);
+}
+
+// A tenth of the home folder goes there only if the user says so.
+TEST_F(CacheCommandTest, LargeVolumesWantAFolderByName) {
+  const auto failure = [&](const std::string& most) {
+    return run({"build", "sphere.nrrd", "--into-cache", folder(), "--cache-most", most});
+  };
+  const Outcome refused = failure("1000");
+  EXPECT_EQ(refused.status, 1);
+  EXPECT_NE(refused.err.find("--cache-folder"), std::string::npos) << refused.err;
+  EXPECT_EQ(cached(), std::set<std::string>{});
+  EXPECT_EQ(failure("1M").status, 0);
+  EXPECT_EQ(failure("1000").status, 0);  // it is there
+  // 8.6 GB; nothing of it is read.
+  expectFailure(1, {"extract", "phantom:sphere:2048", "--iso", "0", "-o", "a.ply"},
+                "'phantom:sphere:2048' has ");
+}
+
+// What cannot be continued there is begun anew, as nobody says how to go on.
+TEST_F(CacheCommandTest, ALeftBuildThatCannotBeContinuedIsBegunAnew) {
+  const std::string pyramid = pyramidOf("sphere.nrrd");
+  fs::remove(pyramid);
+  std::ofstream(pyramid + ".partial") << std::string(5000, '\0');
+  EXPECT_EQ(pyramidOf("sphere.nrrd"), pyramid);
   EXPECT_EQ(cached().size(), 1u);
 }
 
@@ -179,7 +228,7 @@ TEST_F(CacheCommandTest, WhatIsDamagedIsBuiltAgain) {
   EXPECT_EQ(pyramidOf("sphere.nrrd"), pyramid);
   EXPECT_EQ(fs::file_size(pyramid), whole.size());
   setenv("XDG_CACHE_HOME", path("sphere.nrrd").c_str(), 1);
-  expectFailure(1, {"info", "sphere.nrrd"}, "XDG_CACHE_HOME");
+  expectFailure(1, {"extract", "sphere.nrrd", "--iso", "0", "-o", "a.ply"}, "XDG_CACHE_HOME");
 }
 
 TEST_F(CacheCommandTest, AFileAloneIsOpenedInTheViewer) {

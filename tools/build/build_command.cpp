@@ -196,6 +196,10 @@ void addOutputOptions(CLI::App& sub, BuildArguments& arguments) {
   addParsedOption(sub, "--into-cache", arguments.settings.cache_folder, notEmpty, "DIR", "")
       ->group("")
       ->excludes(output);
+  addParsedOption(sub, "--cache-most", arguments.settings.most_cached_bytes, parseByteSize, "SIZE",
+                  "")
+      ->group("");
+  sub.add_flag("--only-facts", arguments.settings.only_facts, "")->group("");
   sub.add_flag("--rebuild", arguments.settings.rebuild, "Build also what is up to date");
   addForceFlag(sub, arguments.settings.force)
       ->description(

@@ -20,12 +20,14 @@
 #include "isobrick/storage/pyramid_tables.h"
 #include "isobrick/storage/pyramid_writer.h"
 #include "tools/build/fitting_options.h"
+#include "tools/build/volume_facts.h"
 #include "tools/byte_size.h"
 #include "tools/interrupt.h"
 #include "tools/output_check.h"
 #include "tools/pyramid_cache.h"
 #include "tools/stopwatch.h"
 #include "tools/thread_count.h"
+#include "tools/volume_input.h"
 
 namespace isobrick {
 namespace {
@@ -69,12 +71,41 @@ std::unique_ptr<CacheBuildLock> placeInCache(BuildJob& job, const BuildSettings&
                                              const VolumeInfo& info,
                                              const std::string& input_identity) {
   const std::filesystem::path folder = std::filesystem::path(job.input.path).parent_path();
+  const auto isThere = [&] {
+    return isUpToDate(job.output, info, input_identity, settings.options, settings.any_options,
+                      true);
+  };
   job.output = (folder / defaultOutputName(job.input.path)).string();
-  if (isUpToDate(job.output, info, input_identity, settings.options, settings.any_options, true))
-    return nullptr;
+  if (isThere()) return nullptr;
   job.output =
       pathInCache(settings.cache_folder, buildIdentity(info, input_identity, settings.options));
-  return std::make_unique<CacheBuildLock>(job.output, interruptFlag());
+  if (settings.only_facts) return nullptr;
+  makeCacheFolder(settings.cache_folder);
+  auto lock = std::make_unique<CacheBuildLock>(job.output, interruptFlag());
+  if (settings.most_cached_bytes > 0 && volumeBytes(info) > settings.most_cached_bytes &&
+      !isThere())
+    throw tooLargeForCache(job.input.path, volumeBytes(info));
+  return lock;
+}
+
+// In the cache nobody says whether to go on: a build that was begun of another content, or
+// differently, cannot be.
+BuildReport buildOrBeginAnew(VolumeSource& source, InputWatch& input, const BuildJob& job,
+                             const BuildSettings& settings, const ShownAs& shown) {
+  BuildOptions options = settings.options;
+  if (!settings.cache_folder.empty()) {
+    try {
+      options.resume = true;
+      return buildShowingProgress(source, input, job.output, options, shown);
+    } catch (const ResumableError&) {
+      throw;
+    } catch (const Error& failure) {
+      const auto& remedies = failure.remedies();
+      if (std::find(remedies.begin(), remedies.end(), Remedy::kBeginAnew) == remedies.end()) throw;
+      options.resume = false;
+    }
+  }
+  return buildShowingProgress(source, input, job.output, options, shown);
 }
 
 // An existing file is in the way, unless it is a pyramid, whose origin isUpToDate() checks.
@@ -102,11 +133,16 @@ BuiltVolume openAndBuild(BuildJob job, const BuildSettings& settings) {
   const bool is_up_to_date =
       isUpToDate(job.output, source->info(), input.identity(), settings.options,
                  settings.any_options, settings.force || into_cache);
+  if (settings.only_facts && !is_up_to_date) {
+    built.output.clear();
+    built.facts = factsOfVolume(*source, settings.options);
+    return built;
+  }
   built.skipped = is_up_to_date && !settings.rebuild;
   if (built.skipped)
     removeStrayJournal(job.output);
   else
-    built.report = buildShowingProgress(*source, input, job.output, settings.options, shown);
+    built.report = buildOrBeginAnew(*source, input, job, settings, shown);
   if (lock && !built.skipped) trimCache(settings.cache_folder, cache_bytes, job.output);
   built.volume = source->info();
   for (std::string& note : source->notesOfReading()) built.volume.notes.push_back(std::move(note));

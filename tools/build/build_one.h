@@ -9,6 +9,7 @@
 #include "isobrick/preprocess/input_identity.h"
 #include "isobrick/preprocess/pyramid_builder.h"
 #include "tools/build/open_input.h"
+#include "tools/json_output.h"
 #include "tools/progress_bar.h"
 
 namespace isobrick {
@@ -39,7 +40,9 @@ struct BuildSettings {
   // Not empty: in place of the job's output, a pyramid in this folder (tools/pyramid_cache.h), or
   // the one beside the input if that is up to date.
   std::string cache_folder = {};
-  bool verbose = false;      // the summary has a line for each phase
+  std::uint64_t most_cached_bytes = 0;  // volumes of more are not put there; 0: no bound
+  bool only_facts = false;              // a pyramid that is not in the cache is not built
+  bool verbose = false;                 // the summary has a line for each phase
   bool any_options = false;  // a pyramid of the same input is up to date, whatever its options
   ProgressStyle progress = ProgressStyle::kBar;
 };
@@ -53,6 +56,7 @@ struct BuildJob {
 struct BuiltVolume {
   std::string output;
   bool skipped = false;  // it was up to date; then `report` is empty
+  Json facts = nullptr;  // of the volume, in place of a pyramid that was not built
   VolumeInfo volume;     // its notes name replaced voxels too
   BuildReport report;
   PyramidBytes bytes;

@@ -52,6 +52,11 @@ std::string codecOptionName(format::Codec codec) {
 Json jsonOfBuilt(const BuildJob& job, const BuiltVolume& built, const BuildSettings& settings) {
   Json json = Json::object();
   json["input"] = job.input.path;
+  if (!built.facts.is_null()) {
+    json["output"] = nullptr;
+    json["facts"] = built.facts;
+    return json;
+  }
   json["output"] = built.output;
   json["skipped"] = built.skipped;
   json["dimensions"] = jsonOf(built.volume.voxels);
