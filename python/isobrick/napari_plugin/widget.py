@@ -169,7 +169,7 @@ class SurfaceWidget(QWidget):  # type: ignore[misc]
         self._isovalue.setDecimals(_decimals(step))
         self._isovalue.setRange(low, high)
         self._isovalue.setSingleStep(step)
-        spacing = min(np.linalg.norm(pyramid.affine[:3, :3], axis=0))
+        spacing = float(np.linalg.norm(pyramid.affine[:3, :3], axis=0).min())
         for box in (self._radius, self._simplify):
             box.setDecimals(_decimals(spacing))
             box.setSingleStep(spacing)
