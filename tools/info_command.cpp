@@ -193,10 +193,10 @@ void printInfoText(const Pyramid& pyramid, const std::string& path,
 
 // Of a volume without a pyramid: see tools/build/volume_facts.h.
 void printFactsText(const Json& facts, const std::string& path) {
-  const auto numbers = [&](const Json& list) {
+  const auto numbers = [](const Json& list) {
     std::string text;
     for (const Json& number : list)
-      text += fmt::format("{}{}", text.empty() ? "" : " ", number.dump());
+      text += fmt::format("{}{}", text.empty() ? "" : " ", number.get<double>());
     return text;
   };
   const Json& dimensions = facts["dimensions"];
@@ -204,8 +204,8 @@ void printFactsText(const Json& facts, const std::string& path) {
              dimensions[2].dump(), facts["voxel_type"].get<std::string>(),
              facts["format"].get<std::string>());
   if (!facts["value_range"].is_null())
-    fmt::print("values     {} to {}, in a sample of {} voxels\n", facts["value_range"][0].dump(),
-               facts["value_range"][1].dump(),
+    fmt::print("values     {} to {}, in a sample of {} voxels\n",
+               facts["value_range"][0].get<float>(), facts["value_range"][1].get<float>(),
                countText(facts["sampled_voxels"].get<std::uint64_t>()));
   const std::string unit = facts["length_unit"] == "millimetres" ? " mm" : " (of an unknown unit)";
   fmt::print("spacing    {}{}\norigin     {}{}\n", numbers(facts["spacing"]), unit,
