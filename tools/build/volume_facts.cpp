@@ -71,7 +71,11 @@ Json factsOfVolume(VolumeSource& source, const BuildOptions& options) {
   json["direction"] = {jsonOf(geometry.direction[0]), jsonOf(geometry.direction[1]),
                        jsonOf(geometry.direction[2])};
   json["value_range"] = nullptr;
-  if (sample.voxels > 0) json["value_range"] = {sample.least, sample.greatest};
+  const auto valueOf = [&](double stored) {
+    return info.values.offset + info.values.scale * stored;
+  };
+  if (sample.voxels > 0) json["value_range"] = {valueOf(sample.least), valueOf(sample.greatest)};
+  json["stored_values"] = {{"scale", info.values.scale}, {"offset", info.values.offset}};
   json["sampled_voxels"] = sample.voxels;
   json["levels"] = levels;
   json["bytes"] = {{"total", nullptr}, {"raw", volumeBytes(info)}};
