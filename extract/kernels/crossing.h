@@ -11,6 +11,7 @@
 #include <glm/vec3.hpp>
 #include <limits>
 
+#include "isobrick/extract/crossing_grid.h"
 #include "isobrick/storage/brick_layout.h"
 #include "isobrick/storage/voxel_type.h"
 
@@ -19,9 +20,6 @@ namespace isobrick {
 // Crossings keep this part of the edge away from its ends (rule 8).
 inline constexpr float kLeastCrossing = 1.0f / 4096;
 
-// Crossings sit at multiples of 1/32768 of their edge. So a coordinate counted from a brick's
-// origin needs 24 bits at the most (512 half cells and 15 bits), and float holds it exactly.
-inline constexpr int kCrossingBits = 15;
 // Adding this to a number in [0, 1] leaves kCrossingBits behind the point.
 inline constexpr float kCrossingRounder = 1.5f * (1 << (23 - kCrossingBits));
 

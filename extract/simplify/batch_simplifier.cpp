@@ -8,7 +8,7 @@
 #include <glm/geometric.hpp>
 #include <span>
 
-#include "isobrick/extract/kernels/crossing.h"
+#include "isobrick/extract/crossing_grid.h"
 #include "isobrick/extract/sinks/batch_components.h"
 
 namespace isobrick {
